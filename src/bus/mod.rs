@@ -1,0 +1,69 @@
+//! Where frames and time enter: the [`Bus`] is the only thing here that waits or knows the time.
+
+use thiserror::Error;
+
+use crate::canopen::frame::Channel;
+use crate::canopen::frame::Frame;
+use crate::canopen::frame::Telegram;
+use crate::time::Instant;
+
+/// One or more CAN buses under one clock.
+pub trait Bus {
+    /// The time now.
+    fn now(&self) -> Instant;
+
+    /// Hands a frame to its bus. It is on the wire within a cycle or never: nothing queues behind.
+    ///
+    /// # Errors
+    /// When the frame was not taken. It will not be sent later.
+    fn send(&mut self, telegram: Telegram) -> Result<(), SendError>;
+
+    /// Waits for the next frame or change of a bus, until `until` at the latest.
+    fn receive(&mut self, until: Instant) -> Option<Received>;
+}
+
+/// What came in, where and when.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Received {
+    /// When it was complete on the wire.
+    pub at: Instant,
+    /// On which bus.
+    pub channel: Channel,
+    /// What it was.
+    pub heard: Heard,
+}
+
+/// A frame, or word of the bus's own state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heard {
+    /// A data frame with an 11-bit identifier.
+    Frame(Frame),
+    /// Something is wrong with the bus itself.
+    Fault(BusFault),
+}
+
+/// What a CAN controller or its driver reports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum BusFault {
+    /// Error counters above 96: the wire is bad, but frames still pass.
+    Warning,
+    /// Error counters above 127.
+    Passive,
+    /// The controller has left the bus.
+    Off,
+    /// Frames were lost before they were read.
+    Overrun,
+    /// The interface went down or was unplugged.
+    Down,
+}
+
+/// Why a frame was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum SendError {
+    /// The transmit queue is full: what is in it is already stale.
+    #[error("transmit queue full")]
+    Full,
+    /// The interface is down or gone.
+    #[error("interface down")]
+    Down,
+}

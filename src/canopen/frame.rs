@@ -1,0 +1,100 @@
+//! A classical CAN data frame with an 11-bit identifier: the only kind CANopen uses (CiA 301, 4.2).
+//!
+//! Error frames, remote frames, 29-bit identifiers and CAN FD are sorted out by the bus and never
+//! become a [`Frame`].
+
+use std::fmt;
+
+/// The largest 11-bit identifier.
+pub const COB_ID_MAX: u16 = 0x7FF;
+
+/// One CAN data frame.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Frame {
+    /// The identifier: a COB-ID, 0 to 7FFh. Lower wins arbitration.
+    pub cob_id: u16,
+    length: u8,
+    bytes: [u8; 8],
+}
+
+impl Frame {
+    /// A frame of `N` ≤ 8 data bytes; more do not compile.
+    pub fn new<const N: usize>(cob_id: u16, data: [u8; N]) -> Self {
+        const { assert!(N <= 8, "a classical CAN frame has at most 8 data bytes") };
+        debug_assert!(cob_id <= COB_ID_MAX, "COB-IDs here are constants or predefined sets");
+        let mut bytes = [0; 8];
+        for (to, from) in bytes.iter_mut().zip(data) {
+            *to = from;
+        }
+        #[expect(
+            clippy::as_conversions,
+            clippy::cast_possible_truncation,
+            reason = "at most 8, asserted when compiled"
+        )]
+        let length = N as u8;
+        Self { cob_id: cob_id & COB_ID_MAX, length, bytes }
+    }
+
+    /// A frame from outside: `None` if the identifier has more than 11 bits or the data more than 8 bytes.
+    pub fn from_slice(cob_id: u16, data: &[u8]) -> Option<Self> {
+        let length = u8::try_from(data.len()).ok().filter(|length| *length <= 8)?;
+        if cob_id > COB_ID_MAX {
+            return None;
+        }
+        let mut bytes = [0; 8];
+        for (to, from) in bytes.iter_mut().zip(data) {
+            *to = *from;
+        }
+        Some(Self { cob_id, length, bytes })
+    }
+
+    /// The data bytes, 0 to 8 of them.
+    pub fn data(&self) -> &[u8] {
+        self.bytes.get(..usize::from(self.length)).unwrap_or_default()
+    }
+}
+
+/// As candump writes it: `181#3700E8030000`.
+impl fmt::Display for Frame {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:03X}#", self.cob_id)?;
+        self.data().iter().try_for_each(|byte| write!(f, "{byte:02X}"))
+    }
+}
+
+impl fmt::Debug for Frame {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+/// Which bus: its place in the configuration's list of buses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Channel(pub u8);
+
+/// A frame and the bus it is on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Telegram {
+    /// The bus.
+    pub channel: Channel,
+    /// What is on it.
+    pub frame: Frame,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_reads_as_candump_writes_it() {
+        assert_eq!(Frame::new(0x80, []).to_string(), "080#");
+        assert_eq!(Frame::new(0x601, [0x40, 0x18, 0x10, 0x01]).to_string(), "601#40181001");
+    }
+
+    #[test]
+    fn what_no_classical_frame_can_hold_is_refused() {
+        assert_eq!(Frame::from_slice(0x800, &[]), None);
+        assert_eq!(Frame::from_slice(0x181, &[0; 9]), None);
+        assert_eq!(Frame::from_slice(0x181, &[1, 2]), Some(Frame::new(0x181, [1, 2])));
+    }
+}

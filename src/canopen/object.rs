@@ -1,0 +1,90 @@
+//! The objects this program names: index, sub-index, name. An index appears as a number only here.
+
+use std::fmt;
+
+/// One entry of an object dictionary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Object {
+    /// Index, 1000h to 9FFFh (CiA 301, 7.4.1).
+    pub index: u16,
+    /// Sub-index.
+    pub sub: u8,
+}
+
+/// As engineers write it: `1018h:1`, and `6071h` for sub-index 0.
+impl fmt::Display for Object {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.sub {
+            0 => write!(f, "{:04X}h", self.index),
+            sub => write!(f, "{:04X}h:{sub}", self.index),
+        }
+    }
+}
+
+/// An object without a sub-index, or its sub-index 0.
+const fn var(index: u16) -> Object {
+    Object { index, sub: 0 }
+}
+
+impl Object {
+    // CiA 301, 7.5: communication profile.
+    pub const DEVICE_TYPE: Self = var(0x1000);
+    pub const ERROR_REGISTER: Self = var(0x1001);
+    pub const ERROR_HISTORY: Self = var(0x1003);
+    pub const SYNC_COB_ID: Self = var(0x1005);
+    pub const DEVICE_NAME: Self = var(0x1008);
+    pub const HARDWARE_VERSION: Self = var(0x1009);
+    pub const SOFTWARE_VERSION: Self = var(0x100A);
+    pub const EMCY_COB_ID: Self = var(0x1014);
+    pub const CONSUMER_HEARTBEAT: Self = Self { index: 0x1016, sub: 1 };
+    pub const PRODUCER_HEARTBEAT: Self = var(0x1017);
+    pub const VENDOR_ID: Self = Self { index: 0x1018, sub: 1 };
+    pub const PRODUCT_CODE: Self = Self { index: 0x1018, sub: 2 };
+    pub const REVISION: Self = Self { index: 0x1018, sub: 3 };
+    pub const SERIAL: Self = Self { index: 0x1018, sub: 4 };
+    pub const ERROR_BEHAVIOUR: Self = Self { index: 0x1029, sub: 1 };
+
+    // CiA 402: drives.
+    pub const ABORT_CONNECTION: Self = var(0x6007);
+    pub const ERROR_CODE: Self = var(0x603F);
+    pub const CONTROLWORD: Self = var(0x6040);
+    pub const STATUSWORD: Self = var(0x6041);
+    pub const QUICK_STOP_OPTION: Self = var(0x605A);
+    pub const SHUTDOWN_OPTION: Self = var(0x605B);
+    pub const DISABLE_OPERATION_OPTION: Self = var(0x605C);
+    pub const HALT_OPTION: Self = var(0x605D);
+    pub const FAULT_REACTION: Self = var(0x605E);
+    pub const MODE_OF_OPERATION: Self = var(0x6060);
+    pub const MODE_DISPLAY: Self = var(0x6061);
+    pub const POSITION_ACTUAL: Self = var(0x6064);
+    pub const VELOCITY_ACTUAL: Self = var(0x606C);
+    pub const TARGET_TORQUE: Self = var(0x6071);
+    pub const MAX_TORQUE: Self = var(0x6072);
+    pub const RATED_TORQUE: Self = var(0x6076);
+    pub const TORQUE_ACTUAL: Self = var(0x6077);
+    pub const MAX_MOTOR_SPEED: Self = var(0x6080);
+    pub const SUPPORTED_MODES: Self = var(0x6502);
+
+    // CiA 401: the switch box.
+    pub const DIGITAL_INPUTS: Self = Self { index: 0x6000, sub: 1 };
+
+    /// RPDO communication parameter of RPDO `number` (1 to 512), sub-index `sub`.
+    pub const fn rpdo_communication(number: u16, sub: u8) -> Self {
+        Self { index: 0x1400 + number - 1, sub }
+    }
+
+    /// RPDO mapping of RPDO `number` (1 to 512), sub-index `sub`.
+    pub const fn rpdo_mapping(number: u16, sub: u8) -> Self {
+        Self { index: 0x1600 + number - 1, sub }
+    }
+
+    /// TPDO communication parameter of TPDO `number` (1 to 512), sub-index `sub`.
+    pub const fn tpdo_communication(number: u16, sub: u8) -> Self {
+        Self { index: 0x1800 + number - 1, sub }
+    }
+
+    /// TPDO mapping of TPDO `number` (1 to 512), sub-index `sub`.
+    pub const fn tpdo_mapping(number: u16, sub: u8) -> Self {
+        Self { index: 0x1A00 + number - 1, sub }
+    }
+}

@@ -1,6 +1,61 @@
-//! (to come)
+//! The command line: arguments, tasks, exit codes. The only module that prints.
+
+mod args;
+mod check;
+mod console;
+mod ctl;
+mod demo;
+mod exit;
+mod interfaces;
+mod print;
+mod recorder;
+mod run;
+mod scenario;
+mod signals;
+mod sim;
+
 use std::process::ExitCode;
-/// (to come)
+
+use clap::Parser;
+use tracing_subscriber::filter::LevelFilter;
+
+use crate::cli::args::Cli;
+use crate::cli::args::Command;
+
+/// Runs the program with the process's arguments.
 pub fn main() -> ExitCode {
-    ExitCode::SUCCESS
+    let cli = Cli::parse();
+    log(cli.quiet, cli.verbose);
+    let done = match &cli.command {
+        Command::Demo(args) => demo::run(args, cli.quiet),
+        Command::Run(args) => run::run(args),
+        Command::Sim(args) => sim::run(args),
+        Command::Ctl(args) => ctl::run(args),
+        Command::Check(args) => check::run(args),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            print::error(&failure.to_string());
+            failure.code()
+        }
+    }
+}
+
+/// Messages for people go to stderr; `-q` leaves errors, `-v` adds detail.
+fn log(quiet: bool, verbose: u8) {
+    let level = match (quiet, verbose) {
+        (true, _) => LevelFilter::ERROR,
+        (false, 0) => LevelFilter::INFO,
+        (false, 1) => LevelFilter::DEBUG,
+        (false, _) => LevelFilter::TRACE,
+    };
+    let ansi = std::env::var_os("NO_COLOR").is_none() && std::io::IsTerminal::is_terminal(&std::io::stderr());
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .with_max_level(level)
+        .with_target(false)
+        .with_ansi(ansi)
+        .without_time()
+        .init();
 }

@@ -1,1 +1,206 @@
-//! (to come)
+//! TOML to values that cannot be wrong. Every problem of a file is found in one run and says file,
+//! line and key; afterwards nothing is checked again.
+
+mod control;
+pub mod files;
+mod joints;
+mod network;
+mod problem;
+mod raw;
+mod remote;
+
+pub use joints::Joint;
+pub use network::BusSettings;
+pub use network::SwitchBox;
+pub use problem::Invalid;
+pub use problem::Problem;
+pub use remote::Contact;
+pub use remote::Virtual;
+
+use std::path::Path;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use nalgebra::Isometry3;
+
+use crate::canopen::NodeId;
+use crate::canopen::commission::NodePlan;
+use crate::canopen::frame::Channel;
+use crate::canopen::load::BusLoad;
+use crate::config::problem::Problems;
+use crate::controller::Mode;
+use crate::controller::Settings;
+
+/// One hand controller and all around it.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// Where it was read.
+    pub file: PathBuf,
+    /// From SYNC to SYNC.
+    pub period: Duration,
+    /// The master's own node-id, for its heartbeat.
+    pub node_id: NodeId,
+    /// How often the master's heartbeat is sent.
+    pub heartbeat: Duration,
+    /// Where the control socket is, if the file says so.
+    pub socket: Option<PathBuf>,
+    /// The buses; a [`Channel`] is a place in this list.
+    pub buses: Vec<BusSettings>,
+    /// The joints, base first.
+    pub joints: [Joint; 6],
+    /// Pose of the grip in the last link.
+    pub x_6_g: Isometry3<f64>,
+    /// Gravity in {0}, in m/s².
+    pub gravity: [f64; 3],
+    /// The switch box.
+    pub switches: SwitchBox,
+    /// The controller.
+    pub controller: Settings,
+    /// What a displacement of the hand means at the start.
+    pub command_mode: Mode,
+    /// The commanded side.
+    pub remote: Virtual,
+    /// Limits in time.
+    pub safety: Safety,
+}
+
+/// How long what may last before torque goes off.
+#[derive(Clone, Copy, Debug)]
+pub struct Safety {
+    /// A drive without a fresh RPDO.
+    pub rpdo_timer_ms: u16,
+    /// A drive without the master's heartbeat.
+    pub node_lost_ms: u16,
+    /// How often drives send their heartbeat.
+    pub drive_heartbeat_ms: u16,
+    /// The master without a node's heartbeat.
+    pub drive_lost: Duration,
+    /// Cycles in a row without a joint's sample.
+    pub missing_samples: u32,
+    /// Gravity compensation from zero to full.
+    pub gravity_ramp: Duration,
+    /// Reflection from zero to full.
+    pub reflection_ramp: Duration,
+}
+
+impl Config {
+    /// Reads and checks a file; `config/kraft_like.toml` and its like are known without one.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it.
+    pub fn load(file: &Path) -> Result<Self, Invalid> {
+        let alone = |reason: String| {
+            let file = file.to_path_buf();
+            Invalid(vec![Problem { file, line: None, key: String::new(), reason }])
+        };
+        let bytes = files::read(file).map_err(|error| alone(error.to_string()))?;
+        let text = String::from_utf8(bytes).map_err(|error| alone(error.to_string()))?;
+        Self::parse(file, &text)
+    }
+
+    /// Checks `text`, which stands in `file`; names of other files are seen from there.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it.
+    pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
+        let mut problems = Problems::new(file, text);
+        let Some(raw) = read(text, &mut problems) else {
+            problems.finish()?;
+            return Err(Invalid(Vec::new()));
+        };
+        let config = convert(file, &raw, &mut problems);
+        problems.finish()?;
+        // Without a problem there is a value: every missing one was noted where it went missing.
+        config.ok_or_else(|| Invalid(Vec::new()))
+    }
+
+    /// The buses, as the frames' channels.
+    pub fn channels(&self) -> Vec<Channel> {
+        (0..).zip(&self.buses).map(|(place, _)| Channel(place)).collect()
+    }
+
+    /// How long after a SYNC samples are waited for: what a period leaves when the RPDOs and a tenth
+    /// for the host are taken off.
+    pub fn window(&self) -> Duration {
+        let slowest = self.loads().iter().map(|load| load.rpdo_time()).max().unwrap_or_default();
+        self.period.saturating_sub(slowest).saturating_sub(self.period / 10)
+    }
+
+    /// What every node is to be and to be told, in the order of the joints, then the switch box.
+    pub fn node_plans(&self) -> Vec<(Channel, NodePlan)> {
+        network::plans(self)
+    }
+
+    /// The load of each bus in the worst case.
+    pub fn loads(&self) -> Vec<BusLoad> {
+        network::loads(self)
+    }
+}
+
+/// Types and keys: `None` when the text is no such file at all.
+fn read(text: &str, problems: &mut Problems<'_>) -> Option<raw::File> {
+    let deserializer = toml::Deserializer::parse(text);
+    let deserializer = deserializer
+        .map_err(|error| problems.add_at(error.span().map(|span| span.start), error.message()))
+        .ok()?;
+    let mut unknown = Vec::new();
+    let read = serde_ignored::deserialize(deserializer, |path| unknown.push(path.to_string()));
+    for path in unknown {
+        problems.add(&in_brackets(&path), "unknown key");
+    }
+    read.map_err(|error| problems.add_at(error.span().map(|span| span.start), error.message())).ok()
+}
+
+/// `joint.2.name` as `joint[2].name`.
+fn in_brackets(path: &str) -> String {
+    let mut key = String::new();
+    for part in path.split('.') {
+        if part.bytes().all(|byte| byte.is_ascii_digit()) {
+            key.push_str(&format!("[{part}]"));
+        } else {
+            if !key.is_empty() {
+                key.push('.');
+            }
+            key.push_str(part);
+        }
+    }
+    key
+}
+
+/// Meanings. `None` only where a problem has been noted.
+fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<Config> {
+    let period_us = problems.within("node.sync_period_us", raw.node.sync_period_us, 250..=100_000);
+    let period = Duration::from_micros(period_us);
+    let node_id = network::node_id("node.node_id", raw.node.node_id, problems);
+    problems.within("node.heartbeat_ms", raw.node.heartbeat_ms, 1..=1_000);
+
+    let buses = network::buses(raw, problems);
+    let safety = network::safety(raw, period, problems);
+    let joints = joints::joints(file, raw, problems);
+    let switches = network::switch_box(file, raw, problems);
+    let (x_6_g, gravity) = joints::grip_and_gravity(&raw.arm, problems);
+    let controller = joints
+        .as_ref()
+        .and_then(|joints| control::settings(raw, joints, &x_6_g, gravity, period, problems));
+    let command_mode = control::mode(raw, problems);
+    let remote = remote::settings(raw, problems);
+
+    let config = Config {
+        file: file.to_path_buf(),
+        period,
+        node_id: node_id?,
+        heartbeat: Duration::from_millis(u64::from(raw.node.heartbeat_ms)),
+        socket: raw.node.socket.as_ref().map(PathBuf::from),
+        buses,
+        joints: joints?,
+        x_6_g,
+        gravity,
+        switches: switches?,
+        controller: controller?,
+        command_mode: command_mode?,
+        remote: remote?,
+        safety,
+    };
+    network::check(&config, problems);
+    Some(config)
+}

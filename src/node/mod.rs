@@ -1,1 +1,114 @@
-//! (to come)
+//! The node: bring-up, one cycle, one mode, stop. Where canopen and controller meet.
+//!
+//! Its owner calls [`Node::bring_up`], then [`Node::cycle`] for as long as it runs, then
+//! [`Node::stop`]. All waiting happens in the [`Bus`].
+
+mod bring_up;
+mod cycle;
+mod request;
+pub mod safety;
+mod samples;
+mod schedule;
+
+pub use bring_up::BringUpError;
+pub use bring_up::NotConfirmed;
+pub use request::Refused;
+pub use request::Request;
+
+use std::time::Duration;
+
+use crate::bus::Bus;
+use crate::canopen::drive::PowerStage;
+use crate::canopen::frame::Channel;
+use crate::canopen::frame::Telegram;
+use crate::canopen::heartbeat::Producer;
+use crate::canopen::master::Master;
+use crate::config::Config;
+use crate::controller::Controller;
+use crate::controller::Mode as CommandMode;
+use crate::node::safety::Ramps;
+use crate::node::safety::Safety;
+use crate::node::samples::Samples;
+use crate::node::samples::Source;
+use crate::node::schedule::Schedule;
+use crate::remote::Remote;
+use crate::remote::Sensed;
+use crate::spatial::Motion;
+use crate::telemetry::record::Cause;
+use crate::telemetry::record::Mode;
+
+/// One hand controller's node on its buses.
+#[derive(Debug)]
+pub struct Node<B, R> {
+    bus: B,
+    remote: R,
+    period: Duration,
+    /// How long after a SYNC samples are waited for.
+    window: Duration,
+    channels: Vec<Channel>,
+    /// Where each joint's target goes: its bus and node-id.
+    drives: [(Channel, u8); 6],
+    master: Master,
+    heartbeat: Producer,
+    controller: Controller,
+    command_mode: CommandMode,
+    safety: Safety,
+    samples: Samples,
+    power: [PowerStage; 6],
+    schedule: Schedule,
+    cycle: u64,
+    sensed: Sensed,
+    /// Frames of the master's machines on their way out.
+    out: Vec<Telegram>,
+}
+
+impl<B: Bus, R: Remote> Node<B, R> {
+    /// A node that has sent nothing yet.
+    pub fn new(config: &Config, bus: B, mut remote: R) -> Self {
+        let now = bus.now();
+        let drives = config.joints.each_ref().map(|joint| (joint.channel, joint.node));
+        let sources = drives.map(|(channel, node)| Source { channel, cob_id: tpdo1(node) });
+        let switches = Source { channel: config.switches.channel, cob_id: tpdo1(config.switches.node) };
+        let ramps = Ramps { gravity: config.safety.gravity_ramp, reflection: config.safety.reflection_ramp };
+        let sensed = remote.exchange(now, &Motion::Hold);
+        Self {
+            period: config.period,
+            window: config.window(),
+            channels: config.channels(),
+            drives,
+            master: Master::new(config.node_plans()),
+            heartbeat: Producer::new(config.node_id, config.heartbeat),
+            controller: Controller::new(config.controller.clone()),
+            command_mode: config.command_mode,
+            safety: Safety::new(ramps),
+            samples: Samples::new(sources, switches, config.safety.missing_samples),
+            power: Default::default(),
+            schedule: Schedule::starting(now, config.period),
+            cycle: 0,
+            sensed,
+            out: Vec::with_capacity(64),
+            bus,
+            remote,
+        }
+    }
+
+    /// The mode.
+    pub const fn mode(&self) -> Mode {
+        self.safety.mode()
+    }
+
+    /// What stopped the node, while it is stopped.
+    pub const fn cause(&self) -> Option<Cause> {
+        self.safety.cause()
+    }
+
+    /// The bus, to ask it for its statistics.
+    pub const fn bus(&self) -> &B {
+        &self.bus
+    }
+
+    /// The commanded side.
+    pub const fn remote(&self) -> &R {
+        &self.remote
+    }
+}

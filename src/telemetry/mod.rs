@@ -1,1 +1,6 @@
-//! (to come)
+//! Records and changes, out of the loop: what the cycle leaves behind for people and files.
+
+pub mod candump;
+pub mod record;
+pub mod status;
+pub mod summary;

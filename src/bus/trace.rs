@@ -1,0 +1,43 @@
+//! A bus that shows every frame passing by to somebody else.
+
+use crate::bus::Bus;
+use crate::bus::Heard;
+use crate::bus::Received;
+use crate::bus::SendError;
+use crate::bus::Tap;
+use crate::canopen::frame::Telegram;
+use crate::time::Instant;
+
+/// `B`, overheard by `T`. Frames that were not taken are not shown.
+#[derive(Debug)]
+pub struct Traced<B, T> {
+    bus: B,
+    tap: T,
+}
+
+impl<B, T> Traced<B, T> {
+    /// Lets `tap` overhear `bus`.
+    pub const fn new(bus: B, tap: T) -> Self {
+        Self { bus, tap }
+    }
+}
+
+impl<B: Bus, T: Tap> Bus for Traced<B, T> {
+    fn now(&self) -> Instant {
+        self.bus.now()
+    }
+
+    fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
+        self.bus.send(telegram)?;
+        self.tap.on_wire(self.bus.now(), &telegram);
+        Ok(())
+    }
+
+    fn receive(&mut self, until: Instant) -> Option<Received> {
+        let received = self.bus.receive(until)?;
+        if let Heard::Frame(frame) = received.heard {
+            self.tap.on_wire(received.at, &Telegram { channel: received.channel, frame });
+        }
+        Some(received)
+    }
+}

@@ -1,0 +1,166 @@
+//! The command line: a contract with scripts; see the README.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use clap::Parser;
+use clap::Subcommand;
+use clap::ValueEnum;
+
+/// The CANopen master of a force-reflecting hand controller.
+#[derive(Debug, Parser)]
+#[command(name = "frhc", version, propagate_version = true, max_term_width = 100)]
+pub(super) struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub(super) command: Command,
+    /// Say less: errors only.
+    #[arg(short, long, global = true)]
+    pub(super) quiet: bool,
+    /// Say more; twice for everything.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub(super) verbose: u8,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    /// Everything in one process: node, six simulated drives, operator and a virtual object.
+    #[command(after_help = "Example:\n  frhc demo --seconds 20 --out /tmp/session && log2asc -I /tmp/session/bus.log vcan0 vcan1")]
+    Demo(Demo),
+    /// The node on SocketCAN, until SIGINT or SIGTERM.
+    #[command(after_help = "Example:\n  frhc run --config config/kraft_like_500hz.toml -i can0 --record /var/lib/frhc/today")]
+    Run(Run),
+    /// The simulated drives, switch box, arm and operator on SocketCAN, for `run` or any other master.
+    #[command(after_help = "Example:\n  frhc sim --config config/kraft_like_500hz.toml -i vcan0 --scenario config/scenarios/contact_10s.toml")]
+    Sim(Sim),
+    /// Talks to a running node over its Unix socket.
+    #[command(after_help = "Example:\n  frhc ctl arm && frhc ctl status --json")]
+    Ctl(Ctl),
+    /// Checks configuration, EDS files, calibration and bus load; touches no bus.
+    #[command(after_help = "Example:\n  frhc check --config config/kraft_like.toml")]
+    Check(Check),
+}
+
+/// Where the configuration is.
+#[derive(Debug, Args)]
+pub(super) struct Configured {
+    /// The configuration.
+    #[arg(short, long, value_name = "FILE")]
+    pub(super) config: PathBuf,
+}
+
+/// Overriding interfaces.
+#[derive(Debug, Args)]
+pub(super) struct Interfaces {
+    /// The interface of the one bus, or NAME=INTERFACE of one of several. Repeatable.
+    #[arg(short = 'i', long = "interface", value_name = "[BUS=]INTERFACE")]
+    pub(super) interfaces: Vec<String>,
+}
+
+/// `frhc demo`.
+#[derive(Debug, Args)]
+pub(super) struct Demo {
+    /// The configuration.
+    #[arg(short, long, value_name = "FILE", default_value = "config/kraft_like.toml")]
+    pub(super) config: PathBuf,
+    /// What the operator does: a name in config/scenarios, or a file.
+    #[arg(short, long, default_value = "teleoperation")]
+    pub(super) scenario: String,
+    /// How long, in simulated seconds; the scenario's own length if not given.
+    #[arg(long, value_name = "N")]
+    pub(super) seconds: Option<f64>,
+    /// Seed of the operator's tremor.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(super) seed: u64,
+    /// As fast as the clock on the wall, not faster.
+    #[arg(long)]
+    pub(super) realtime: bool,
+    /// Leave bus.log (candump) and summary.json here.
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) out: Option<PathBuf>,
+    /// The summary as one JSON object.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+/// `frhc run`.
+#[derive(Debug, Args)]
+pub(super) struct Run {
+    #[command(flatten)]
+    pub(super) config: Configured,
+    #[command(flatten)]
+    pub(super) interfaces: Interfaces,
+    /// Leave bus.log (candump) and summary.json here.
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) record: Option<PathBuf>,
+}
+
+/// `frhc sim`.
+#[derive(Debug, Args)]
+pub(super) struct Sim {
+    #[command(flatten)]
+    pub(super) config: Configured,
+    #[command(flatten)]
+    pub(super) interfaces: Interfaces,
+    /// What the operator does: a name in config/scenarios, or a file.
+    #[arg(short, long, default_value = "free")]
+    pub(super) scenario: String,
+    /// Seed of the operator's tremor.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(super) seed: u64,
+}
+
+/// `frhc ctl`.
+#[derive(Debug, Args)]
+pub(super) struct Ctl {
+    /// What to ask.
+    #[command(subcommand)]
+    pub(super) request: CtlRequest,
+    /// The node's socket, if not the default.
+    #[arg(long, value_name = "PATH", global = true)]
+    pub(super) socket: Option<PathBuf>,
+    /// The configuration that names the socket.
+    #[arg(short, long, value_name = "FILE", global = true, conflicts_with = "socket")]
+    pub(super) config: Option<PathBuf>,
+    /// The answer as one JSON object.
+    #[arg(long, global = true)]
+    pub(super) json: bool,
+}
+
+/// What to ask a node.
+#[derive(Clone, Copy, Debug, Subcommand)]
+pub(super) enum CtlRequest {
+    /// Mode, torques, pose, counters.
+    Status,
+    /// Gravity compensation on; from now on the deadman engages.
+    Arm,
+    /// Torque off.
+    Disarm,
+    /// Leave a latched stop, once its cause is gone.
+    Reset,
+    /// Command rates or poses.
+    Mode {
+        /// Which.
+        mode: CommandMode,
+    },
+}
+
+/// What a displacement of the hand means.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum CommandMode {
+    /// A velocity of the object.
+    Rate,
+    /// A pose of the object.
+    Pose,
+}
+
+/// `frhc check`.
+#[derive(Debug, Args)]
+pub(super) struct Check {
+    #[command(flatten)]
+    pub(super) config: Configured,
+    /// The findings as one JSON object.
+    #[arg(long)]
+    pub(super) json: bool,
+}

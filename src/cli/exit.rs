@@ -1,0 +1,66 @@
+//! How the program ends: one number a script can act on, one line a person can.
+
+use std::fmt;
+use std::process::ExitCode;
+
+/// What kind of failure; the numbers are a contract (README, "Exit codes").
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// A check or comparison is negative.
+    Negative,
+    /// The command line is wrong.
+    Usage,
+    /// Configuration, EDS or calibration is invalid; no frame was sent.
+    Configuration,
+    /// Interface, bus or control socket.
+    Bus,
+    /// A drive is missing, wrong or refused.
+    Drive,
+    /// Ended with a latched safety stop.
+    Stopped,
+}
+
+/// A failure and its kind.
+#[derive(Debug)]
+pub(super) struct Failure {
+    kind: Kind,
+    error: anyhow::Error,
+}
+
+impl Failure {
+    /// A failure told in words.
+    pub(super) fn new(kind: Kind, message: impl fmt::Display) -> Self {
+        Self { kind, error: anyhow::anyhow!("{message}") }
+    }
+
+    /// The number of its kind.
+    pub(super) fn code(&self) -> ExitCode {
+        ExitCode::from(match self.kind {
+            Kind::Negative => 1,
+            Kind::Usage => 2,
+            Kind::Configuration => 3,
+            Kind::Bus => 4,
+            Kind::Drive => 5,
+            Kind::Stopped => 6,
+        })
+    }
+}
+
+/// With all its causes on one line.
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:#}", self.error)
+    }
+}
+
+/// Gives an error its kind.
+pub(super) trait OrFail<T> {
+    /// The value, or the failure of this kind.
+    fn or_fail(self, kind: Kind) -> Result<T, Failure>;
+}
+
+impl<T, E: Into<anyhow::Error>> OrFail<T> for Result<T, E> {
+    fn or_fail(self, kind: Kind) -> Result<T, Failure> {
+        self.map_err(|error| Failure { kind, error: error.into() })
+    }
+}

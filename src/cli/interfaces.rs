@@ -1,0 +1,38 @@
+//! `-i`: which SocketCAN interface each bus of the configuration is on.
+
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::config::Config;
+
+/// The interface of each bus, in the configuration's order, with the overrides applied.
+pub(super) fn resolve(config: &Config, overrides: &[String]) -> Result<Vec<String>, Failure> {
+    let mut interfaces: Vec<String> =
+        config.buses.iter().map(|bus| bus.interface.clone()).collect();
+    for given in overrides {
+        let (place, interface) = match given.split_once('=') {
+            Some((name, interface)) => {
+                let place = config.buses.iter().position(|bus| bus.name == name);
+                (place.ok_or_else(|| no_such_bus(config, name))?, interface)
+            }
+            None if config.buses.len() == 1 => (0, given.as_str()),
+            None => return Err(ambiguous(config, given)),
+        };
+        if let Some(slot) = interfaces.get_mut(place) {
+            interface.clone_into(slot);
+        }
+    }
+    Ok(interfaces)
+}
+
+fn no_such_bus(config: &Config, name: &str) -> Failure {
+    Failure::new(Kind::Usage, format!("-i {name}=…: no bus of that name; there is {}", names(config)))
+}
+
+fn ambiguous(config: &Config, given: &str) -> Failure {
+    let names = names(config);
+    Failure::new(Kind::Usage, format!("-i {given}: which bus? Say NAME={given}; there is {names}"))
+}
+
+fn names(config: &Config) -> String {
+    config.buses.iter().map(|bus| bus.name.as_str()).collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,27 @@
+//! The only place that prints: data on stdout, messages on stderr. A reader that hung up is no
+//! failure of ours.
+
+use std::io::Write;
+
+/// Data.
+pub(super) fn line(text: &str) {
+    write(std::io::stdout().lock(), text);
+}
+
+/// A message.
+pub(super) fn note(text: &str) {
+    write(std::io::stderr().lock(), text);
+}
+
+/// What went wrong, one line each.
+pub(super) fn error(text: &str) {
+    for line in text.lines() {
+        note(&format!("frhc: {line}"));
+    }
+}
+
+fn write(mut to: impl Write, text: &str) {
+    if writeln!(to, "{text}").is_err() {
+        // Nobody reads any more; there is nobody to tell.
+    }
+}

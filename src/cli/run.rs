@@ -1,0 +1,147 @@
+//! `frhc run`: the node on SocketCAN. One thread runs the cycle and nothing else, one writes its
+//! records, and this one serves the console and waits for signals.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::sync_channel;
+use std::thread;
+
+use anyhow::Context;
+use tokio::sync::mpsc;
+use tokio::sync::oneshot;
+
+use crate::bus::Bus;
+use crate::bus::SocketCan;
+use crate::bus::Traced;
+use crate::cli::args::Run;
+use crate::cli::console::Pending;
+use crate::cli::console::Socket;
+use crate::cli::console::default_socket;
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::cli::exit::OrFail;
+use crate::cli::interfaces;
+use crate::cli::print;
+use crate::cli::recorder;
+use crate::cli::recorder::Latest;
+use crate::cli::recorder::Offer;
+use crate::cli::recorder::QUEUE;
+use crate::cli::recorder::Session;
+use crate::cli::signals;
+use crate::config::Config;
+use crate::lab::site::VirtualSite;
+use crate::node::BringUpError;
+use crate::node::Node;
+use crate::remote::Remote;
+
+/// Requests that may wait for the next cycle.
+const REQUESTS: usize = 8;
+
+/// Runs the node until a signal ends it.
+pub(super) fn run(args: &Run) -> Result<(), Failure> {
+    let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
+    let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.context("no runtime").or_fail(Kind::Bus)?;
+    let path = config.socket.clone().unwrap_or_else(default_socket);
+    let socket = runtime.block_on(Socket::bind(path.clone()));
+    let socket = socket.with_context(|| format!("control socket {}", path.display()));
+    let socket = socket.or_fail(Kind::Bus)?;
+
+    let bus = SocketCan::open(&names).or_fail(Kind::Bus)?;
+    let session = args.record.as_deref();
+    let session = session.map(|folder| Session::create(folder, &names, bus.epoch_micros()));
+    let mut session = session.transpose().or_fail(Kind::Bus)?;
+
+    let (offer, entries) = sync_channel(QUEUE);
+    let offer = Offer(offer);
+    let node = Node::new(&config, Traced::new(bus, offer.clone()), VirtualSite::new(&config));
+    let (requests, asked) = mpsc::channel(REQUESTS);
+    let (ended, end) = oneshot::channel();
+    let stop = Arc::new(AtomicBool::new(false));
+    let latest = Latest::default();
+
+    let summary = thread::scope(|threads| -> Result<_, Failure> {
+        let cycle_stop = Arc::clone(&stop);
+        let cycle = move || {
+            let outcome = attend(node, asked, &offer, &cycle_stop);
+            if ended.send(outcome).is_err() {
+                // The main thread has gone before: nobody to tell.
+            }
+        };
+        thread::Builder::new()
+            .name("frhc-cycle".to_owned())
+            .spawn_scoped(threads, cycle)
+            .context("no thread for the cycle")
+            .or_fail(Kind::Bus)?;
+        let recording = threads.spawn(|| recorder::record(&entries, session.as_mut(), &latest));
+        let outcome = runtime.block_on(serve(&socket, requests, &latest, &stop, end));
+        let summary = recording.join();
+        outcome?;
+        summary.map_err(|_| Failure::new(Kind::Bus, "the recorder failed"))
+    })?;
+    if let Some(session) = session {
+        session.finish(&summary).or_fail(Kind::Bus)?;
+    }
+    print::note(&summary.to_string());
+    Ok(())
+}
+
+/// Serves console and signals until the cycle's thread has ended.
+async fn serve(
+    socket: &Socket,
+    requests: mpsc::Sender<Pending>,
+    latest: &Latest,
+    stop: &AtomicBool,
+    mut end: oneshot::Receiver<Result<(), Failure>>,
+) -> Result<(), Failure> {
+    let signalled = signals::wait();
+    tokio::pin!(signalled);
+    let console = socket.serve(requests, latest);
+    tokio::pin!(console);
+    loop {
+        tokio::select! {
+            outcome = &mut end => {
+                return outcome.unwrap_or_else(|_| Err(Failure::new(Kind::Bus, "the cycle failed")));
+            }
+            name = &mut signalled, if !stop.load(Ordering::Relaxed) => {
+                tracing::info!(signal = name, "stopping");
+                stop.store(true, Ordering::Relaxed);
+            }
+            () = &mut console => {}
+        }
+    }
+}
+
+/// The cycle's thread: bring-up, cycles, stop.
+fn attend<B: Bus, R: Remote>(
+    mut node: Node<B, R>,
+    mut asked: mpsc::Receiver<Pending>,
+    offer: &Offer,
+    stop: &AtomicBool,
+) -> Result<(), Failure> {
+    let stopping = || stop.load(Ordering::Relaxed);
+    match node.bring_up(&mut || stopping()) {
+        Ok(()) => tracing::info!("ready: all drives enabled at zero torque"),
+        Err(BringUpError::GivenUp) => return Ok(()),
+        Err(error @ BringUpError::Bus(_)) => return Err(error).or_fail(Kind::Bus),
+        Err(error @ (BringUpError::Boot(_) | BringUpError::NotEnabled(_))) => {
+            return Err(error).or_fail(Kind::Drive);
+        }
+    }
+    while !stopping() {
+        if let Ok(Pending { request, answer }) = asked.try_recv() {
+            if answer.send(node.request(request)).is_err() {
+                // Whoever asked has hung up.
+            }
+        }
+        offer.record(node.cycle());
+    }
+    let stopped_by = node.cause();
+    node.stop().or_fail(Kind::Drive)?;
+    match stopped_by {
+        None => Ok(()),
+        Some(cause) => Err(Failure::new(Kind::Stopped, format!("stopped by {cause}"))),
+    }
+}

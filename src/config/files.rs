@@ -1,0 +1,77 @@
+//! Where configuration text comes from: the disk, or the copies shipped inside the program, so that
+//! `frhc demo` runs anywhere.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+use std::path::PathBuf;
+
+/// The files of `config/` and `eds/`, as they were when the program was built.
+const SHIPPED: &[(&str, &[u8])] = &[
+    ("config/kraft_like.toml", include_bytes!("../../config/kraft_like.toml")),
+    ("config/kraft_like_500hz.toml", include_bytes!("../../config/kraft_like_500hz.toml")),
+    ("config/scenarios/teleoperation.toml", include_bytes!("../../config/scenarios/teleoperation.toml")),
+    ("config/scenarios/contact_10s.toml", include_bytes!("../../config/scenarios/contact_10s.toml")),
+    ("config/scenarios/free.toml", include_bytes!("../../config/scenarios/free.toml")),
+    ("eds/frhc_drive.eds", include_bytes!("../../eds/frhc_drive.eds")),
+    ("eds/frhc_switches.eds", include_bytes!("../../eds/frhc_switches.eds")),
+];
+
+/// Files larger than this are not configuration.
+const LIMIT: u64 = 4 << 20;
+
+/// The bytes of `path`: of the file on disk if there is one, else of the shipped copy of that name.
+///
+/// # Errors
+/// When there is neither, or the file cannot be read or is larger than 4 MiB.
+pub fn read(path: &Path) -> io::Result<Vec<u8>> {
+    match fs::metadata(path) {
+        Ok(found) if found.is_dir() => {
+            Err(io::Error::new(io::ErrorKind::IsADirectory, "is a directory"))
+        }
+        Ok(found) if found.len() > LIMIT => {
+            Err(io::Error::new(io::ErrorKind::FileTooLarge, "larger than 4 MiB"))
+        }
+        Ok(_) => fs::read(path),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            shipped(path).map(<[u8]>::to_vec).ok_or(error)
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// `name` as written in `file`, seen from that file's folder; `..` is resolved in the name alone.
+pub fn beside(file: &Path, name: &str) -> PathBuf {
+    let mut path = file.parent().unwrap_or(Path::new("")).to_path_buf();
+    for part in Path::new(name).components() {
+        match part {
+            std::path::Component::ParentDir if path.file_name().is_some() => {
+                path.pop();
+            }
+            std::path::Component::CurDir => {}
+            other => path.push(other),
+        }
+    }
+    path
+}
+
+fn shipped(path: &Path) -> Option<&'static [u8]> {
+    SHIPPED.iter().find(|(name, _)| Path::new(name) == path).map(|(_, bytes)| *bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_seen_from_the_file_that_says_it() {
+        let seen = beside(Path::new("config/kraft_like.toml"), "../eds/frhc_drive.eds");
+        assert_eq!(seen, Path::new("eds/frhc_drive.eds"));
+        assert_eq!(beside(Path::new("/etc/frhc/a.toml"), "b.eds"), Path::new("/etc/frhc/b.eds"));
+    }
+
+    #[test]
+    fn what_is_not_there_is_not_found() {
+        assert_eq!(read(Path::new("config/none.toml")).unwrap_err().kind(), io::ErrorKind::NotFound);
+    }
+}

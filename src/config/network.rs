@@ -1,0 +1,253 @@
+//! `[node]`, `[[bus]]`, `[switches]`, `[safety]` and what the EDS files say: who is where, what each
+//! node is told, and whether it all fits on the wire.
+
+use std::collections::HashSet;
+use std::path::Path;
+use std::time::Duration;
+
+use crate::canopen::NodeId;
+use crate::canopen::commission::Identity;
+use crate::canopen::commission::NodePlan;
+use crate::canopen::commission::Watch;
+use crate::canopen::eds::Eds;
+use crate::canopen::frame::Channel;
+use crate::canopen::layout;
+use crate::canopen::layout::Pdo;
+use crate::canopen::load::BusLoad;
+use crate::config::Config;
+use crate::config::Safety;
+use crate::config::files;
+use crate::config::problem::Problems;
+use crate::config::raw;
+
+/// Bit rates of CiA 301 (4.2), in bit/s.
+const BITRATES: [u32; 8] =
+    [10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
+
+/// The longest name of a network interface.
+const LONGEST_INTERFACE: usize = 15;
+
+/// One CAN bus.
+#[derive(Clone, Debug)]
+pub struct BusSettings {
+    /// What people call it.
+    pub name: String,
+    /// Its SocketCAN interface.
+    pub interface: String,
+    /// In bit/s.
+    pub bitrate: u32,
+    /// The most its worst case may take, in percent of the bit rate.
+    pub load_limit_percent: f64,
+}
+
+/// The switch box on the network.
+#[derive(Clone, Debug)]
+pub struct SwitchBox {
+    /// Its bus.
+    pub channel: Channel,
+    /// Its node-id.
+    pub node: NodeId,
+    /// What it must be.
+    pub identity: Identity,
+    /// What its maker says of it.
+    pub eds: Eds,
+}
+
+/// The buses.
+pub(super) fn buses(raw: &raw::File, problems: &mut Problems<'_>) -> Vec<BusSettings> {
+    if raw.bus.is_empty() || raw.bus.len() > 8 {
+        problems.add("bus", format_args!("{} buses; there must be 1 to 8", raw.bus.len()));
+    }
+    let mut names = HashSet::new();
+    let mut interfaces = HashSet::new();
+    for (place, bus) in raw.bus.iter().enumerate() {
+        let key = |name: &str| format!("bus[{place}].{name}");
+        if !names.insert(&bus.name) {
+            problems.add(&key("name"), format_args!("\"{}\" is taken", bus.name));
+        }
+        if !interfaces.insert(&bus.interface) {
+            problems.add(&key("interface"), format_args!("\"{}\" is taken", bus.interface));
+        }
+        if bus.interface.is_empty() || bus.interface.len() > LONGEST_INTERFACE {
+            problems.add(&key("interface"), format_args!("\"{}\" is no interface", bus.interface));
+        }
+        if !BITRATES.contains(&bus.bitrate) {
+            problems.add(&key("bitrate"), format_args!("{} is none of {BITRATES:?}", bus.bitrate));
+        }
+        if bus.layout != "per-drive" {
+            problems.add(&key("layout"), format_args!("\"{}\": there is \"per-drive\"", bus.layout));
+        }
+        problems.within(&key("load_limit_percent"), bus.load_limit_percent, 1.0..=100.0);
+    }
+    raw.bus
+        .iter()
+        .map(|bus| BusSettings {
+            name: bus.name.clone(),
+            interface: bus.interface.clone(),
+            bitrate: bus.bitrate,
+            load_limit_percent: bus.load_limit_percent,
+        })
+        .collect()
+}
+
+/// A node-id, 1 to 127.
+pub(super) fn node_id(key: &str, raw: u8, problems: &mut Problems<'_>) -> Option<NodeId> {
+    let node = NodeId::new(raw).ok();
+    if node.is_none() {
+        problems.add(key, format_args!("{raw} is no node-id: 1 to 127"));
+    }
+    node
+}
+
+/// The channel of the bus called `name`.
+pub(super) fn channel(
+    key: &str,
+    raw: &raw::File,
+    name: &str,
+    problems: &mut Problems<'_>,
+) -> Option<Channel> {
+    let found = (0..).map(Channel).zip(&raw.bus).find(|(_, bus)| bus.name == name);
+    if found.is_none() {
+        problems.add(key, format_args!("no bus is called \"{name}\""));
+    }
+    found.map(|(channel, _)| channel)
+}
+
+/// The EDS called `name` in `file`.
+pub(super) fn eds(
+    key: &str,
+    file: &Path,
+    name: &str,
+    problems: &mut Problems<'_>,
+) -> Option<Eds> {
+    let path = files::beside(file, name);
+    let read = files::read(&path).map_err(|error| format!("{}: {error}", path.display()));
+    let bytes = problems.take(key, read)?;
+    let parsed = Eds::parse(&bytes).map_err(|error| format!("{}: {error}", path.display()));
+    problems.take(key, parsed)
+}
+
+/// The switch box; `None` where a problem has been noted.
+pub(super) fn switch_box(
+    file: &Path,
+    raw: &raw::File,
+    problems: &mut Problems<'_>,
+) -> Option<SwitchBox> {
+    let switches = &raw.switches;
+    let channel = channel("switches.bus", raw, &switches.bus, problems);
+    let node = node_id("switches.node_id", switches.node_id, problems);
+    let eds = eds("switches.eds", file, &switches.eds, problems);
+    let identity = Identity {
+        vendor: switches.vendor_id,
+        product: switches.product_code,
+        revision: switches.revision,
+    };
+    Some(SwitchBox { channel: channel?, node: node?, identity, eds: eds? })
+}
+
+/// Limits in time, and whether they can hold at this period.
+pub(super) fn safety(raw: &raw::File, period: Duration, problems: &mut Problems<'_>) -> Safety {
+    let safety = &raw.safety;
+    let millis = |millis: u16| Duration::from_millis(u64::from(millis));
+    if millis(safety.rpdo_timer_ms) < period * 2 {
+        let two = (period * 2).as_micros();
+        let reason = format!("{} ms is less than two periods, {two} µs", safety.rpdo_timer_ms);
+        problems.add("safety.rpdo_timer_ms", reason);
+    }
+    let heartbeat = raw.node.heartbeat_ms;
+    if safety.node_lost_ms < heartbeat.saturating_mul(2) {
+        let reason = "is less than two of the node's heartbeats (node.heartbeat_ms)";
+        problems.add("safety.node_lost_ms", reason);
+    }
+    if safety.drive_lost_ms < safety.drive_heartbeat_ms.saturating_mul(2) {
+        let reason = "is less than two of the drives' heartbeats (safety.drive_heartbeat_ms)";
+        problems.add("safety.drive_lost_ms", reason);
+    }
+    problems.within("safety.drive_heartbeat_ms", safety.drive_heartbeat_ms, 1..=10_000);
+    problems.within("safety.missing_samples", safety.missing_samples, 1..=20);
+    let gravity = problems.within("safety.gravity_ramp_s", safety.gravity_ramp_s, 0.01..=60.0);
+    let reflection =
+        problems.within("safety.reflection_ramp_s", safety.reflection_ramp_s, 0.01..=60.0);
+    Safety {
+        rpdo_timer_ms: safety.rpdo_timer_ms,
+        node_lost_ms: safety.node_lost_ms,
+        drive_heartbeat_ms: safety.drive_heartbeat_ms,
+        drive_lost: millis(safety.drive_lost_ms),
+        missing_samples: safety.missing_samples,
+        gravity_ramp: Duration::try_from_secs_f64(gravity).unwrap_or_default(),
+        reflection_ramp: Duration::try_from_secs_f64(reflection).unwrap_or_default(),
+    }
+}
+
+/// What no single section shows: node-ids taken twice, devices that are not what their EDS says or
+/// cannot do what the layout asks, buses that carry too much.
+pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
+    let mut taken = HashSet::new();
+    for place in config.channels() {
+        taken.insert((place, config.node_id.raw()));
+    }
+    for (place, joint) in config.joints.iter().enumerate() {
+        let key = |name: &str| format!("joint[{place}].{name}");
+        if !taken.insert((joint.channel, joint.node.raw())) {
+            problems.add(&key("node_id"), format_args!("{} is taken on this bus", joint.node.raw()));
+        }
+        identity(&key("product_code"), &joint.eds, &joint.identity, problems);
+        abilities(&key("eds"), &joint.eds, &drive_plan(config, place), problems);
+    }
+    if !taken.insert((config.switches.channel, config.switches.node.raw())) {
+        problems.add("switches.node_id", "is taken on this bus");
+    }
+    identity("switches.product_code", &config.switches.eds, &config.switches.identity, problems);
+    abilities("switches.eds", &config.switches.eds, &switches_plan(config), problems);
+
+    for (place, (bus, load)) in config.buses.iter().zip(loads(config)).enumerate() {
+        if load.percent() > bus.load_limit_percent {
+            let reason = format!("{load} is over its limit of {} %", bus.load_limit_percent);
+            problems.add(&format!("bus[{place}].load_limit_percent"), reason);
+        }
+    }
+}
+
+/// What every node is to be and to be told: the joints' drives, then the switch box.
+pub(super) fn plans(config: &Config) -> Vec<(Channel, NodePlan)> {
+    let drives = (0..config.joints.len()).map(|place| drive_plan(config, place));
+    let channels = config.joints.iter().map(|joint| joint.channel);
+    let switches = (config.switches.channel, switches_plan(config));
+    channels.zip(drives).chain([switches]).collect()
+}
+
+fn drive_plan(config: &Config, place: usize) -> NodePlan {
+    let joint = &config.joints[place];
+    let name = format!("joint {} ({})", place + 1, joint.name);
+    let pdos = layout::per_drive(joint.node, Some(config.safety.rpdo_timer_ms));
+    let most = joint.calibration.max_target().unsigned_abs();
+    NodePlan::drive(name, joint.node, joint.identity, pdos, &watch(config), most)
+}
+
+fn switches_plan(config: &Config) -> NodePlan {
+    let SwitchBox { node, identity, .. } = &config.switches;
+    NodePlan::switches("switch box".to_owned(), *node, *identity, &watch(config))
+}
+
+fn watch(config: &Config) -> Watch {
+    let lost = u16::try_from(config.safety.drive_lost.as_millis()).unwrap_or(u16::MAX);
+    Watch {
+        master: config.node_id,
+        master_lost_ms: config.safety.node_lost_ms,
+        heartbeat_ms: config.safety.drive_heartbeat_ms,
+        node_lost_ms: lost,
+    }
+}
+
+/// The configured device must be the one the EDS describes.
+fn identity(key: &str, eds: &Eds, identity: &Identity, problems: &mut Problems<'_>) {
+    let Identity { vendor, product, .. } = *identity;
+    let (eds_vendor, eds_product) = (eds.vendor(), eds.product());
+    if (vendor, product) != (eds_vendor, eds_product) {
+        let reason = format!(
+            "vendor {vendor:08X}h product {product:08X}h is not what its EDS describes: \
+             vendor {eds_vendor:08X}h product {eds_product:08X}h"
+        );
+        problems.add(key, reason);
+    }
+}

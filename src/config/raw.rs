@@ -1,0 +1,139 @@
+//! The configuration file as it is written: sections and keys, nothing checked but their types.
+
+use serde::Deserialize;
+
+/// A whole file.
+#[derive(Debug, Deserialize)]
+pub(super) struct File {
+    pub(super) node: Node,
+    pub(super) bus: Vec<Bus>,
+    pub(super) arm: Arm,
+    pub(super) joint: Vec<Joint>,
+    pub(super) switches: Switches,
+    pub(super) controller: Controller,
+    pub(super) remote: Remote,
+    pub(super) safety: Safety,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Node {
+    pub(super) sync_period_us: u64,
+    pub(super) node_id: u8,
+    pub(super) heartbeat_ms: u16,
+    pub(super) socket: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Bus {
+    pub(super) name: String,
+    pub(super) interface: String,
+    pub(super) bitrate: u32,
+    pub(super) layout: String,
+    pub(super) load_limit_percent: f64,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Arm {
+    pub(super) gravity_m_per_s2: [f64; 3],
+    pub(super) grip_m: [f64; 3],
+    #[serde(default)]
+    pub(super) grip_rad: [f64; 3],
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Joint {
+    pub(super) name: String,
+    pub(super) bus: String,
+    pub(super) node_id: u8,
+    pub(super) eds: String,
+    pub(super) vendor_id: u32,
+    pub(super) product_code: u32,
+    pub(super) revision: u32,
+    pub(super) alpha_deg: f64,
+    pub(super) a_m: f64,
+    pub(super) d_m: f64,
+    pub(super) theta_deg: f64,
+    pub(super) mass_kg: f64,
+    pub(super) centre_of_mass_m: [f64; 3],
+    pub(super) inertia_kg_m2: [f64; 6],
+    pub(super) rotor_inertia_kg_m2: f64,
+    pub(super) coulomb_friction_nm: f64,
+    pub(super) viscous_friction_nms_per_rad: f64,
+    pub(super) limit_deg: [f64; 2],
+    pub(super) encoder_counts_per_rev: u32,
+    pub(super) gear_ratio: f64,
+    pub(super) zero_counts: i32,
+    pub(super) rated_torque_nm: f64,
+    pub(super) max_torque_nm: f64,
+    pub(super) torque_curve: [f64; 3],
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Switches {
+    pub(super) bus: String,
+    pub(super) node_id: u8,
+    pub(super) eds: String,
+    pub(super) vendor_id: u32,
+    pub(super) product_code: u32,
+    pub(super) revision: u32,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Controller {
+    pub(super) preset: String,
+    pub(super) mode: String,
+    pub(super) rate_gain_per_s: [f64; 6],
+    pub(super) pose_gain: [f64; 6],
+    pub(super) wrench_gain: [f64; 6],
+    pub(super) deadband_m: [f64; 3],
+    pub(super) deadband_rad: [f64; 3],
+    pub(super) centring_n: [f64; 3],
+    pub(super) centring_nm: [f64; 3],
+    pub(super) damping_ns_per_m: [f64; 3],
+    pub(super) damping_nms_per_rad: [f64; 3],
+    pub(super) assist_fraction: f64,
+    pub(super) max_force_n: f64,
+    pub(super) max_moment_nm: f64,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Remote {
+    pub(super) kind: String,
+    pub(super) start_m: [f64; 3],
+    pub(super) sensor_m: [f64; 3],
+    pub(super) mass_kg: f64,
+    pub(super) centre_of_mass_m: [f64; 3],
+    pub(super) servo_time_constant_s: f64,
+    pub(super) accommodation_m_per_ns: f64,
+    pub(super) accommodation_rad_per_nms: f64,
+    pub(super) wall: Option<Wall>,
+    #[serde(rename = "box")]
+    pub(super) block: Option<Block>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Wall {
+    pub(super) point_m: [f64; 3],
+    pub(super) normal: [f64; 3],
+    pub(super) stiffness_n_per_m: f64,
+    pub(super) damping_ns_per_m: f64,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Block {
+    pub(super) centre_m: [f64; 3],
+    pub(super) half_size_m: [f64; 3],
+    pub(super) stiffness_n_per_m: f64,
+    pub(super) damping_ns_per_m: f64,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Safety {
+    pub(super) rpdo_timer_ms: u16,
+    pub(super) node_lost_ms: u16,
+    pub(super) drive_heartbeat_ms: u16,
+    pub(super) drive_lost_ms: u16,
+    pub(super) missing_samples: u32,
+    pub(super) gravity_ramp_s: f64,
+    pub(super) reflection_ramp_s: f64,
+}

@@ -1,0 +1,182 @@
+//! Before the first cycle and after the last: booting the network, and leaving it safe.
+
+use std::time::Duration;
+
+use thiserror::Error;
+
+use crate::bus::Bus;
+use crate::bus::BusFault;
+use crate::bus::Heard;
+use crate::canopen::commission::BootError;
+use crate::canopen::frame::Channel;
+use crate::canopen::frame::Telegram;
+use crate::canopen::master::Event;
+use crate::canopen::nmt;
+use crate::node::Node;
+use crate::node::schedule::Schedule;
+use crate::remote::Remote;
+use crate::telemetry::record::Cause;
+use crate::telemetry::record::Mode;
+
+/// Whoever may want to give up a boot is asked this often.
+const ASK_EVERY: Duration = Duration::from_millis(50);
+
+/// Cycles at zero torque before the drives are switched off.
+const QUIET_CYCLES: u32 = 5;
+
+/// The drives must confirm that they are off within this.
+const CONFIRM_WITHIN: Duration = Duration::from_millis(500);
+
+/// Why the network did not come up.
+#[derive(Debug, Error)]
+pub enum BringUpError {
+    /// A node is missing, is another one, or refused its configuration.
+    #[error(transparent)]
+    Boot(#[from] BootError),
+    /// The bus failed while booting.
+    #[error("{0}")]
+    Bus(Cause),
+    /// A drive did not reach `Operation enabled`.
+    #[error("{0}")]
+    NotEnabled(Cause),
+    /// Whoever started it gave it up.
+    #[error("boot given up")]
+    GivenUp,
+}
+
+/// Drives that did not confirm that they are off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("joint {joint}: drive did not confirm that it is off (6041h = {statusword:04X}h)")]
+pub struct NotConfirmed {
+    /// The first such joint, from 1.
+    pub joint: usize,
+    /// Its last statusword.
+    pub statusword: u16,
+}
+
+impl<B: Bus, R: Remote> Node<B, R> {
+    /// Boots every node (identity, configuration written and read back, NMT start), then runs cycles
+    /// at zero torque until every drive is enabled.
+    ///
+    /// # Errors
+    /// When a node or the bus fails, or `give_up` says so. Nothing is enabled then.
+    pub fn bring_up(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
+        self.master.restart();
+        self.samples.restart();
+        let booted = self.boot(give_up);
+        if booted.is_err() {
+            self.leave_pre_operational();
+        }
+        booted?;
+        let now = self.bus.now();
+        self.schedule = Schedule::starting(now, self.period);
+        self.safety.boot(now);
+        while self.mode() == Mode::Boot {
+            if give_up() {
+                return Err(BringUpError::GivenUp);
+            }
+            self.cycle();
+        }
+        match self.cause() {
+            None => Ok(()),
+            Some(cause) => Err(BringUpError::NotEnabled(cause)),
+        }
+    }
+
+    /// Runs the master's boot until all nodes are operational.
+    fn boot(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
+        loop {
+            if give_up() {
+                return Err(BringUpError::GivenUp);
+            }
+            let event = self.master.on_time(self.bus.now(), &mut self.out);
+            self.post();
+            if finished(event)? {
+                return Ok(());
+            }
+            let ask = self.bus.now() + ASK_EVERY;
+            let until = self.master.deadline().map_or(ask, |due| due.min(ask));
+            let Some(received) = self.bus.receive(until) else { continue };
+            let channel = received.channel;
+            match received.heard {
+                Heard::Frame(frame) => {
+                    let telegram = Telegram { channel, frame };
+                    self.samples.on_frame(received.at, &telegram);
+                    let event = self.master.on_frame(received.at, &telegram, &mut self.out);
+                    self.post();
+                    if finished(event)? {
+                        return Ok(());
+                    }
+                }
+                Heard::Fault(fault) => broken(channel, fault)?,
+            }
+        }
+    }
+
+    /// An orderly stop: torque to zero, drives off, confirmed by their statuswords, then NMT
+    /// pre-operational.
+    ///
+    /// # Errors
+    /// When a drive does not confirm in time. It was told all the same, and its own timers remain.
+    pub fn stop(&mut self) -> Result<(), NotConfirmed> {
+        self.safety.disarm(self.bus.now());
+        for _ in 0..QUIET_CYCLES {
+            self.cycle();
+        }
+        self.safety.shut_down(self.bus.now());
+        let until = self.bus.now() + CONFIRM_WITHIN;
+        let mut on = self.first_on();
+        while on.is_some() && self.bus.now() < until {
+            self.cycle();
+            on = self.first_on();
+        }
+        self.leave_pre_operational();
+        match on {
+            None => Ok(()),
+            Some((joint, statusword)) => Err(NotConfirmed { joint, statusword }),
+        }
+    }
+
+    /// The first joint whose drive still has its power stage on, and its statusword.
+    fn first_on(&self) -> Option<(usize, u16)> {
+        let mut joints = (1..).zip(self.samples.latest());
+        let (joint, sample) = joints.find(|(_, sample)| sample.state().has_power())?;
+        Some((joint, sample.statusword.0))
+    }
+
+    /// Nobody is left operational: no PDO of ours acts any more.
+    fn leave_pre_operational(&mut self) {
+        for place in 0..self.channels.len() {
+            if let Some(channel) = self.channels.get(place).copied() {
+                self.send(Telegram { channel, frame: nmt::enter_pre_operational(nmt::ALL) });
+            }
+        }
+        let flushed = self.bus.now() + self.period;
+        while self.bus.receive(flushed).is_some() {}
+    }
+}
+
+/// Whether the boot is over.
+fn finished(event: Option<Event>) -> Result<bool, BootError> {
+    match event {
+        Some(Event::Booted) => Ok(true),
+        Some(Event::BootFailed(error)) => Err(error),
+        Some(
+            Event::Emergency { .. }
+            | Event::HeartbeatLost { .. }
+            | Event::Rebooted { .. }
+            | Event::StateChanged { .. }
+            | Event::ForeignMaster { .. },
+        )
+        | None => Ok(false),
+    }
+}
+
+/// A bus that cannot carry a boot.
+fn broken(Channel(channel): Channel, fault: BusFault) -> Result<(), BringUpError> {
+    match fault {
+        BusFault::Off => Err(BringUpError::Bus(Cause::BusOff { channel })),
+        BusFault::Down => Err(BringUpError::Bus(Cause::BusDown { channel })),
+        BusFault::Warning | BusFault::Passive | BusFault::Overrun => Ok(()),
+    }
+}

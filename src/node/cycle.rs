@@ -1,0 +1,249 @@
+//! One cycle, from SYNC to torque.
+//!
+//! ```text
+//!  SYNC k                                                                  SYNC k+1
+//!    │  TPDO 1 … TPDO 6         step           RPDO 1 … 6                    │
+//!    ├───────────────────────►├──────►├──────────────────────────────►       │
+//!    │ drives sampled         │ pure  │ held by the drives until ────────────┤ torques act
+//!    │ their positions        │       │                                      │
+//!    └ gather until complete ─┘       └ record (its owner's queue)           │
+//! ```
+
+use crate::bus::BusFault;
+use crate::bus::Bus;
+use crate::bus::Heard;
+use crate::bus::Received;
+use crate::bus::SendError;
+use crate::canopen::drive::Goal;
+use crate::canopen::drive::State;
+use crate::canopen::frame::Channel;
+use crate::canopen::frame::Telegram;
+use crate::canopen::master::Event;
+use crate::canopen::pdo;
+use crate::canopen::pdo::DriveTarget;
+use crate::canopen::sync;
+use crate::controller::Counts;
+use crate::controller::Input;
+use crate::controller::Switches;
+use crate::node::Node;
+use crate::node::safety::Permit;
+use crate::remote::Remote;
+use crate::telemetry::record::Cause;
+use crate::telemetry::record::Mode;
+use crate::telemetry::record::Record;
+use crate::time::Instant;
+
+/// Standing still for more cycles than this is a fault; fewer are skipped and counted.
+const OVERRUN: u64 = 5;
+
+impl<B: Bus, R: Remote> Node<B, R> {
+    /// Runs one cycle: waits for its time, samples, steps, commands. Never fails: what is wrong is in
+    /// the record, and the torques are then zero.
+    pub fn cycle(&mut self) -> Record {
+        let due = self.schedule.next(self.bus.now());
+        self.listen(due.at);
+
+        let sync_at = self.send_sync();
+        self.gather(sync_at + self.window);
+
+        let now = self.bus.now();
+        self.judge(now, due.skipped);
+        let deadman = self.deadman(now);
+        let permit = self.safety.permit(now, deadman);
+        let input = self.input(now, &permit, due.skipped);
+
+        let output = self.controller.step(&input);
+        if let Some(fault) = output.fault {
+            self.safety.stop(now, Cause::ControllerFault { fault });
+        }
+
+        let targets = output.targets.map(|target| if self.may_push() { target.0 } else { 0 });
+        self.send_targets(now, &targets, permit.drives_on);
+        self.send_heartbeat(now);
+        let f_s = self.sensed.f_s;
+        self.sensed = self.remote.exchange(now, &output.command);
+
+        self.cycle += 1;
+        Record {
+            cycle: self.cycle,
+            at: sync_at,
+            mode: self.safety.mode(),
+            cause: self.safety.cause(),
+            sampled: self.samples.fresh(),
+            inputs: self.samples.inputs(now).map(|inputs| inputs.encode()),
+            f_s,
+            x_b_m: input.x_b_m,
+            output,
+            targets,
+        }
+    }
+
+    /// Hears what comes between two cycles.
+    fn listen(&mut self, until: Instant) {
+        while let Some(received) = self.bus.receive(until) {
+            self.hear(received);
+        }
+    }
+
+    /// Hears the drives' answers to this SYNC, until all have answered or `until`.
+    fn gather(&mut self, until: Instant) {
+        while !self.samples.is_complete() {
+            let Some(received) = self.bus.receive(until) else { break };
+            self.hear(received);
+        }
+    }
+
+    fn hear(&mut self, received: Received) {
+        let Received { at, channel, heard } = received;
+        match heard {
+            Heard::Frame(frame) => {
+                let telegram = Telegram { channel, frame };
+                if !self.samples.on_frame(at, &telegram) {
+                    let event = self.master.on_frame(at, &telegram, &mut self.out);
+                    self.post();
+                    self.react(at, event);
+                }
+            }
+            Heard::Fault(fault) => self.suffer(at, channel, fault),
+        }
+    }
+
+    /// What the network's events mean.
+    fn react(&mut self, now: Instant, event: Option<Event>) {
+        let cause = match event {
+            Some(Event::Emergency { node, emergency }) if !emergency.is_reset() => {
+                Cause::Emergency { node: node + 1, code: emergency.code }
+            }
+            Some(Event::HeartbeatLost { node }) => Cause::HeartbeatLost { node: node + 1 },
+            Some(Event::Rebooted { node }) => Cause::Rebooted { node: node + 1 },
+            Some(Event::ForeignMaster { .. }) => Cause::ForeignMaster,
+            Some(
+                Event::Emergency { .. }
+                | Event::Booted
+                | Event::BootFailed(_)
+                | Event::StateChanged { .. },
+            )
+            | None => return,
+        };
+        self.safety.stop(now, cause);
+    }
+
+    /// What the bus's own trouble means.
+    fn suffer(&mut self, now: Instant, channel: Channel, fault: BusFault) {
+        let Channel(channel) = channel;
+        match fault {
+            BusFault::Warning => {}
+            BusFault::Passive => self.safety.stop(now, Cause::BusPassive { channel }),
+            BusFault::Off => self.safety.stop(now, Cause::BusOff { channel }),
+            BusFault::Down => self.safety.stop(now, Cause::BusDown { channel }),
+            // What was lost shows as missing samples.
+            BusFault::Overrun => {}
+        }
+    }
+
+    /// Draws the conclusions of this cycle's samples and of time itself.
+    fn judge(&mut self, now: Instant, skipped: u64) {
+        let event = self.master.on_time(now, &mut self.out);
+        self.post();
+        self.react(now, event);
+        if skipped > OVERRUN && self.cycle > 0 {
+            self.safety.stop(now, Cause::Overrun { cycles: skipped });
+        }
+        if let Some(cause) = self.samples.end() {
+            self.safety.stop(now, cause);
+        }
+        match self.not_enabled() {
+            Some(drive) => self.safety.not_enabled(now, drive),
+            None if self.samples.is_complete() => self.safety.drives_are_enabled(now),
+            None => {}
+        }
+    }
+
+    /// The first joint whose drive is not enabled, and its statusword.
+    fn not_enabled(&self) -> Option<(usize, u16)> {
+        let mut joints = (1..).zip(self.samples.latest());
+        let (joint, sample) = joints.find(|(_, sample)| sample.statusword.state() != Some(State::OperationEnabled))?;
+        Some((joint, sample.statusword.0))
+    }
+
+    fn input(&self, now: Instant, permit: &Permit, skipped: u64) -> Input {
+        let inputs = self.samples.inputs(now);
+        Input {
+            counts: self.samples.latest().map(|sample| Counts(sample.position.0)),
+            f_s: self.sensed.f_s,
+            x_b_m: self.sensed.x_b_m,
+            switches: Switches {
+                deadman: permit.engaged,
+                reference: inputs.is_some_and(|inputs| inputs.reference),
+                reflection: inputs.is_some_and(|inputs| inputs.reflection),
+            },
+            mode: self.command_mode,
+            gravity_share: permit.gravity_share,
+            reflection_share: permit.reflection_share,
+            restart: skipped > 0 || self.cycle == 0,
+        }
+    }
+
+    /// Whether anything but zero torque may be sent.
+    fn may_push(&self) -> bool {
+        match self.safety.mode() {
+            Mode::Armed | Mode::Engaged => true,
+            Mode::Boot | Mode::Ready | Mode::Stopped => false,
+        }
+    }
+
+    fn send_sync(&mut self) -> Instant {
+        self.samples.begin();
+        for place in 0..self.channels.len() {
+            if let Some(channel) = self.channels.get(place).copied() {
+                self.send(Telegram { channel, frame: sync::frame() });
+            }
+        }
+        self.bus.now()
+    }
+
+    fn send_targets(&mut self, _now: Instant, targets: &[i16; 6], drives_on: bool) {
+        let goal = if drives_on { Goal::OperationEnabled } else { Goal::VoltageDisabled };
+        for joint in 0..6 {
+            let Some(&(channel, node)) = self.drives.get(joint) else { continue };
+            let Some(sample) = self.samples.latest().get(joint) else { continue };
+            let Some(power) = self.power.get_mut(joint) else { continue };
+            let controlword = power.controlword(sample.statusword.state(), goal);
+            let torque = pdo::PerMille(targets.get(joint).copied().unwrap_or(0));
+            let frame = DriveTarget { controlword, torque }.frame(node);
+            self.send(Telegram { channel, frame });
+        }
+    }
+
+    /// The node's own heartbeat: from the cycle itself, so that it stops with it.
+    fn send_heartbeat(&mut self, now: Instant) {
+        if let Some(frame) = self.heartbeat.due(now) {
+            for place in 0..self.channels.len() {
+                if let Some(channel) = self.channels.get(place).copied() {
+                    self.send(Telegram { channel, frame });
+                }
+            }
+        }
+    }
+
+    /// Sends what the master's machines left in the outbox.
+    pub(super) fn post(&mut self) {
+        let mut out = std::mem::take(&mut self.out);
+        for telegram in out.drain(..) {
+            self.send(telegram);
+        }
+        self.out = out;
+    }
+
+    /// Sends a frame now or never.
+    pub(super) fn send(&mut self, telegram: Telegram) {
+        let Channel(channel) = telegram.channel;
+        match self.bus.send(telegram) {
+            Ok(()) => {}
+            Err(SendError::Full) => {
+                self.safety.stop(self.bus.now(), Cause::QueueFull { channel });
+            }
+            Err(SendError::Down) => self.safety.stop(self.bus.now(), Cause::BusDown { channel }),
+        }
+    }
+}

@@ -1,0 +1,403 @@
+//! The mode of the node, and the only place that changes it.
+//!
+//! ```text
+//!            all enabled        arm              deadman closes
+//!   Boot ───────────────► Ready ─────► Armed ◄──────────────────► Engaged
+//!     ▲                     ▲  ◄─────    │     deadman opens         │
+//!     │ reset, cause gone   │    disarm  └───────────┬───────────────┘
+//!     └───────────────── Stopped ◄───────────────────┘ any cause, latched
+//! ```
+//!
+//! Torque is zero but in `Armed` (gravity compensation alone) and `Engaged`. What a cause does is one
+//! table, [`reaction`]. A latch is left only by a reset, after which the deadman must be released and
+//! closed again.
+
+use std::time::Duration;
+
+use thiserror::Error;
+
+use crate::canopen::pdo::Deadman;
+use crate::telemetry::record::Cause;
+use crate::telemetry::record::Mode;
+use crate::time::Instant;
+
+/// Two antivalent deadman channels may disagree for so long while a finger moves.
+const DISAGREEMENT: Duration = Duration::from_millis(50);
+
+/// Drives must be enabled within this.
+const ENABLE_WITHIN: Duration = Duration::from_secs(2);
+
+/// After this long at zero torque the drives are switched off.
+const ZERO_TORQUE_FOR: Duration = Duration::from_millis(100);
+
+/// Why a request was not granted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum Refusal {
+    /// Arming starts from `Ready`.
+    #[error("not ready: the node is {0}")]
+    NotReady(Mode),
+    /// Arming with a closed deadman would engage at once, or hide a stuck one.
+    #[error("the deadman is closed: release it first")]
+    DeadmanClosed,
+    /// No word from the switch box.
+    #[error("the switch box is silent")]
+    SwitchesSilent,
+    /// There is nothing to reset.
+    #[error("nothing to reset: the node is {0}")]
+    NotStopped(Mode),
+    /// The cause of the stop is still there.
+    #[error("still there: {0}")]
+    CausePresent(Cause),
+}
+
+/// What a cause leads to, mildest first; a worse one always replaces a milder one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Reaction {
+    /// S2: all target torques zero, the drives stay enabled for [`ZERO_TORQUE_FOR`].
+    ZeroTorque,
+    /// S3: voltage off at once.
+    DrivesOff,
+}
+
+/// The fault table.
+pub const fn reaction(cause: &Cause) -> Reaction {
+    match cause {
+        Cause::SamplesMissing { .. }
+        | Cause::DriveLeft { .. }
+        | Cause::Emergency { .. }
+        | Cause::ControllerFault { .. }
+        | Cause::QueueFull { .. }
+        | Cause::BusPassive { .. }
+        | Cause::DeadmanDisagrees
+        | Cause::Overrun { .. }
+        | Cause::EnableTimeout { .. } => Reaction::ZeroTorque,
+        Cause::HeartbeatLost { .. }
+        | Cause::Rebooted { .. }
+        | Cause::ForeignMaster
+        | Cause::BusOff { .. }
+        | Cause::BusDown { .. } => Reaction::DrivesOff,
+    }
+}
+
+/// Whether a reset must boot the network again, because a node may have lost its configuration.
+pub const fn needs_boot(cause: &Cause) -> bool {
+    match cause {
+        Cause::HeartbeatLost { .. }
+        | Cause::Rebooted { .. }
+        | Cause::ForeignMaster
+        | Cause::BusOff { .. }
+        | Cause::BusDown { .. }
+        | Cause::QueueFull { .. }
+        | Cause::SamplesMissing { .. }
+        | Cause::EnableTimeout { .. } => true,
+        Cause::DriveLeft { .. }
+        | Cause::Emergency { .. }
+        | Cause::ControllerFault { .. }
+        | Cause::BusPassive { .. }
+        | Cause::DeadmanDisagrees
+        | Cause::Overrun { .. } => false,
+    }
+}
+
+/// How the ramps run, from the configuration.
+#[derive(Clone, Copy, Debug)]
+pub struct Ramps {
+    /// Gravity compensation from zero to full, after arming.
+    pub gravity: Duration,
+    /// Reflection and assistance from zero to full, after engaging.
+    pub reflection: Duration,
+}
+
+/// What one cycle may do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Permit {
+    /// The mode.
+    pub mode: Mode,
+    /// Share of gravity compensation, 0 to 1.
+    pub gravity_share: f64,
+    /// Share of reflection, centring and damping, 0 to 1.
+    pub reflection_share: f64,
+    /// Whether commands and reflection may flow.
+    pub engaged: bool,
+    /// Whether the drives are to be enabled.
+    pub drives_on: bool,
+}
+
+/// The mode graph.
+#[derive(Clone, Copy, Debug)]
+pub struct Safety {
+    mode: Mode,
+    since: Instant,
+    /// Until when a stopped node keeps its drives enabled at zero torque.
+    drives_on_until: Instant,
+    cause: Option<Cause>,
+    ramps: Ramps,
+    deadman_was_closed: bool,
+    disagreeing_since: Option<Instant>,
+    gravity_since: Instant,
+}
+
+impl Safety {
+    /// In `Boot`.
+    pub const fn new(ramps: Ramps) -> Self {
+        Self {
+            mode: Mode::Boot,
+            since: Instant::ZERO,
+            drives_on_until: Instant::ZERO,
+            cause: None,
+            ramps,
+            // As if closed: the first closing counts only after an opening.
+            deadman_was_closed: true,
+            disagreeing_since: None,
+            gravity_since: Instant::ZERO,
+        }
+    }
+
+    /// The mode.
+    pub const fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// What stopped the node: the first cause is kept.
+    pub const fn cause(&self) -> Option<Cause> {
+        self.cause
+    }
+
+    /// The network has booted; the drives are to be enabled now.
+    pub fn boot(&mut self, now: Instant) {
+        if self.mode == Mode::Boot {
+            self.since = now;
+        }
+    }
+
+    /// A drive is still not enabled: its joint and statusword.
+    pub fn not_enabled(&mut self, now: Instant, (joint, statusword): (usize, u16)) {
+        match self.mode {
+            Mode::Boot if now.since(self.since) <= ENABLE_WITHIN => {}
+            Mode::Boot => self.stop(now, Cause::EnableTimeout { joint, statusword }),
+            Mode::Ready | Mode::Armed | Mode::Engaged => {
+                self.stop(now, Cause::DriveLeft { joint, statusword });
+            }
+            Mode::Stopped => {}
+        }
+    }
+
+    /// The node is about to end: voltage off.
+    pub fn shut_down(&mut self, now: Instant) {
+        self.drives_on_until = now;
+        self.enter(Mode::Stopped, now);
+    }
+
+    /// All drives report `Operation enabled`.
+    pub fn drives_are_enabled(&mut self, now: Instant) {
+        if self.mode == Mode::Boot {
+            self.enter(Mode::Ready, now);
+        }
+    }
+
+    /// Something is wrong: stops and latches. The first cause is kept, the worst reaction taken.
+    pub fn stop(&mut self, now: Instant, cause: Cause) {
+        let drives_on_until = match reaction(&cause) {
+            Reaction::ZeroTorque => now + ZERO_TORQUE_FOR,
+            Reaction::DrivesOff => now,
+        };
+        if self.mode == Mode::Stopped {
+            self.drives_on_until = self.drives_on_until.min(drives_on_until);
+        } else {
+            self.drives_on_until = drives_on_until;
+            self.cause = Some(cause);
+            self.enter(Mode::Stopped, now);
+        }
+    }
+
+    /// Gravity compensation on; from now on the deadman engages.
+    ///
+    /// # Errors
+    /// Unless the mode is `Ready` and the deadman is known to be open.
+    pub fn arm(&mut self, now: Instant, deadman: Option<Deadman>) -> Result<(), Refusal> {
+        if self.mode != Mode::Ready {
+            return Err(Refusal::NotReady(self.mode));
+        }
+        match deadman.ok_or(Refusal::SwitchesSilent)? {
+            Deadman::Released => {}
+            Deadman::Pressed | Deadman::Disagreeing => return Err(Refusal::DeadmanClosed),
+        }
+        self.deadman_was_closed = false;
+        self.gravity_since = now;
+        self.enter(Mode::Armed, now);
+        Ok(())
+    }
+
+    /// Torque off. Where there is none already, nothing changes.
+    pub fn disarm(&mut self, now: Instant) {
+        if matches!(self.mode, Mode::Armed | Mode::Engaged) {
+            self.enter(Mode::Ready, now);
+        }
+    }
+
+    /// Leaves a latched stop. `present` is a cause that is still there.
+    ///
+    /// # Errors
+    /// When there is nothing to reset, or the cause is still there.
+    pub fn reset(&mut self, now: Instant, present: Option<Cause>) -> Result<(), Refusal> {
+        if self.mode != Mode::Stopped {
+            return Err(Refusal::NotStopped(self.mode));
+        }
+        if let Some(cause) = present {
+            return Err(Refusal::CausePresent(cause));
+        }
+        self.cause = None;
+        self.deadman_was_closed = true;
+        self.enter(Mode::Boot, now);
+        Ok(())
+    }
+
+    /// Follows the deadman (`None`: the switch box is silent) and says what this cycle may do.
+    pub fn permit(&mut self, now: Instant, deadman: Option<Deadman>) -> Permit {
+        let closed = deadman == Some(Deadman::Pressed);
+        match (self.mode, closed) {
+            // Only a closing engages, never a deadman found closed.
+            (Mode::Armed, true) if !self.deadman_was_closed => self.enter(Mode::Engaged, now),
+            (Mode::Engaged, false) => self.enter(Mode::Armed, now),
+            (Mode::Boot | Mode::Ready | Mode::Armed | Mode::Engaged | Mode::Stopped, _) => {}
+        }
+        self.deadman_was_closed = closed;
+        self.watch_channels(now, deadman);
+
+        let engaged = self.mode == Mode::Engaged;
+        let armed = engaged || self.mode == Mode::Armed;
+        Permit {
+            mode: self.mode,
+            gravity_share: if armed { share(now.since(self.gravity_since), self.ramps.gravity) } else { 0.0 },
+            reflection_share: if engaged { share(now.since(self.since), self.ramps.reflection) } else { 0.0 },
+            engaged,
+            drives_on: self.mode != Mode::Stopped || now < self.drives_on_until,
+        }
+    }
+
+    /// A channel that sticks shows as both channels agreeing for longer than a finger takes.
+    fn watch_channels(&mut self, now: Instant, deadman: Option<Deadman>) {
+        if deadman != Some(Deadman::Disagreeing) {
+            self.disagreeing_since = None;
+            return;
+        }
+        let since = *self.disagreeing_since.get_or_insert(now);
+        if now.since(since) > DISAGREEMENT {
+            self.stop(now, Cause::DeadmanDisagrees);
+        }
+    }
+
+    fn enter(&mut self, mode: Mode, now: Instant) {
+        self.mode = mode;
+        self.since = now;
+    }
+}
+
+/// How far a ramp of length `whole` has come after `elapsed`.
+fn share(elapsed: Duration, whole: Duration) -> f64 {
+    if elapsed >= whole { 1.0 } else { elapsed.as_secs_f64() / whole.as_secs_f64() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OPEN: Option<Deadman> = Some(Deadman::Released);
+    const CLOSED: Option<Deadman> = Some(Deadman::Pressed);
+    const RAMPS: Ramps =
+        Ramps { gravity: Duration::from_secs(1), reflection: Duration::from_millis(300) };
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_micros(millis * 1_000)
+    }
+
+    fn armed() -> Safety {
+        let mut safety = Safety::new(RAMPS);
+        safety.drives_are_enabled(at(0));
+        safety.arm(at(0), OPEN).unwrap();
+        safety
+    }
+
+    #[test]
+    fn nothing_pushes_before_it_is_armed() {
+        let mut safety = Safety::new(RAMPS);
+        for deadman in [None, OPEN, CLOSED] {
+            let permit = safety.permit(at(1), deadman);
+            assert_eq!((permit.gravity_share, permit.reflection_share), (0.0, 0.0));
+            assert!(!permit.engaged);
+        }
+        assert_eq!(safety.arm(at(2), OPEN), Err(Refusal::NotReady(Mode::Boot)));
+    }
+
+    #[test]
+    fn a_deadman_found_closed_does_not_arm_or_engage() {
+        let mut safety = Safety::new(RAMPS);
+        safety.drives_are_enabled(at(0));
+        assert_eq!(safety.arm(at(1), CLOSED), Err(Refusal::DeadmanClosed));
+        assert_eq!(safety.arm(at(1), None), Err(Refusal::SwitchesSilent));
+        safety.arm(at(2), OPEN).unwrap();
+        assert!(!safety.permit(at(3), OPEN).engaged);
+        assert!(safety.permit(at(4), CLOSED).engaged);
+    }
+
+    #[test]
+    fn letting_go_or_a_silent_switch_box_disengages_at_once() {
+        for quiet in [OPEN, None, Some(Deadman::Disagreeing)] {
+            let mut safety = armed();
+            assert!(safety.permit(at(10), CLOSED).engaged);
+            let permit = safety.permit(at(11), quiet);
+            assert_eq!((permit.mode, permit.reflection_share), (Mode::Armed, 0.0));
+        }
+    }
+
+    #[test]
+    fn torque_comes_on_by_ramps() {
+        let mut safety = armed();
+        assert!((safety.permit(at(500), OPEN).gravity_share - 0.5).abs() < 1e-12);
+        safety.permit(at(2_000), CLOSED);
+        let permit = safety.permit(at(2_150), CLOSED);
+        assert!((permit.reflection_share - 0.5).abs() < 1e-12);
+        assert!((permit.gravity_share - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_stop_latches_until_reset_and_a_new_press() {
+        let mut safety = armed();
+        safety.permit(at(10), CLOSED);
+        let cause = Cause::DriveLeft { joint: 3, statusword: 0x218 };
+        safety.stop(at(20), cause);
+        safety.stop(at(21), Cause::ForeignMaster);
+        assert_eq!(safety.cause(), Some(cause), "the first cause is kept");
+        assert!(!safety.permit(at(22), CLOSED).engaged);
+        assert_eq!(safety.reset(at(30), Some(cause)), Err(Refusal::CausePresent(cause)));
+        safety.reset(at(31), None).unwrap();
+        safety.drives_are_enabled(at(40));
+        assert_eq!(safety.arm(at(41), CLOSED), Err(Refusal::DeadmanClosed));
+    }
+
+    #[test]
+    fn the_worst_reaction_wins_whatever_the_order() {
+        let mild = Cause::DriveLeft { joint: 1, statusword: 0 };
+        let worst = Cause::ForeignMaster;
+        for order in [[mild, worst], [worst, mild]] {
+            let mut safety = armed();
+            order.into_iter().for_each(|cause| safety.stop(at(20), cause));
+            assert!(!safety.permit(at(20), OPEN).drives_on);
+        }
+        let mut safety = armed();
+        safety.stop(at(20), mild);
+        assert!(safety.permit(at(119), OPEN).drives_on);
+        assert!(!safety.permit(at(120), OPEN).drives_on);
+    }
+
+    #[test]
+    fn a_channel_that_sticks_is_found_within_fifty_milliseconds() {
+        let mut safety = armed();
+        let stuck = Some(Deadman::Disagreeing);
+        safety.permit(at(100), stuck);
+        safety.permit(at(150), stuck);
+        assert_eq!(safety.mode(), Mode::Armed);
+        safety.permit(at(151), stuck);
+        assert_eq!(safety.cause(), Some(Cause::DeadmanDisagrees));
+    }
+}

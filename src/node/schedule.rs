@@ -1,0 +1,65 @@
+//! When to send SYNC: on absolute deadlines, so that nothing adds up, and never to catch up.
+
+use std::time::Duration;
+
+use crate::time::Instant;
+
+/// The SYNC schedule.
+#[derive(Clone, Copy, Debug)]
+pub struct Schedule {
+    period: Duration,
+    next: Instant,
+}
+
+/// The next SYNC.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Due {
+    /// When it is due.
+    pub at: Instant,
+    /// Periods that passed without one since the last.
+    pub skipped: u64,
+}
+
+impl Schedule {
+    /// SYNC every `period`, which is not zero, from one period after `now`.
+    pub fn starting(now: Instant, period: Duration) -> Self {
+        Self { period, next: now + period }
+    }
+
+    /// The next SYNC that is not later than half a period overdue. Those before it are skipped, and
+    /// the grid stays where it was.
+    pub fn next(&mut self, now: Instant) -> Due {
+        let overdue = now.since(self.next + self.period / 2).as_micros();
+        let period = self.period.as_micros().max(1);
+        let skipped = u64::try_from(overdue.div_ceil(period)).unwrap_or(u64::MAX);
+        let at = self.next + self.period * u32::try_from(skipped).unwrap_or(u32::MAX);
+        self.next = at + self.period;
+        Due { at, skipped }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD: Duration = Duration::from_millis(1);
+
+    fn at(micros: u64) -> Instant {
+        Instant::from_micros(micros)
+    }
+
+    #[test]
+    fn a_late_cycle_does_not_move_the_grid() {
+        let mut schedule = Schedule::starting(at(0), PERIOD);
+        assert_eq!(schedule.next(at(0)), Due { at: at(1_000), skipped: 0 });
+        assert_eq!(schedule.next(at(2_300)), Due { at: at(2_000), skipped: 0 });
+        assert_eq!(schedule.next(at(2_310)), Due { at: at(3_000), skipped: 0 });
+    }
+
+    #[test]
+    fn missed_cycles_are_skipped_never_caught_up() {
+        let mut schedule = Schedule::starting(at(0), PERIOD);
+        assert_eq!(schedule.next(at(7_400)), Due { at: at(7_000), skipped: 6 });
+        assert_eq!(schedule.next(at(7_450)), Due { at: at(8_000), skipped: 0 });
+    }
+}

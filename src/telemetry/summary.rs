@@ -1,0 +1,166 @@
+//! What a session comes to: counters and extremes over all its records.
+
+use std::fmt;
+
+use nalgebra::Isometry3;
+use serde::Serialize;
+
+use crate::spatial::Motion;
+use crate::telemetry::record::Mode;
+use crate::telemetry::record::Record;
+use crate::time::Instant;
+
+/// Below this contact force the object moves freely and should follow its command, in N.
+const FREE_BELOW: f64 = 0.5;
+
+/// Counters and extremes of a session.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Summary {
+    /// Cycles run.
+    pub cycles: u64,
+    /// From the first SYNC to the last, in s.
+    pub seconds: f64,
+    /// Cycles in which at least one joint's sample was missing.
+    pub cycles_with_missing_samples: u64,
+    /// Samples that did not come in time.
+    pub missing_samples: u64,
+    /// Time engaged, in s.
+    pub engaged_seconds: f64,
+    /// Changes from armed to engaged.
+    pub engagements: u64,
+    /// Peak reflected force at the grip, in N.
+    pub peak_felt_force_n: f64,
+    /// Peak reflected moment at the grip, in N·m.
+    pub peak_felt_moment_nm: f64,
+    /// Peak contact force on the object, in N.
+    pub peak_contact_force_n: f64,
+    /// Time the object touched something while engaged, in s.
+    pub contact_seconds: f64,
+    /// Cycles in which torque was scaled down to fit the joints.
+    pub saturated_cycles: u64,
+    /// Rate mode, free motion: RMS of commanded against real speed, in m/s.
+    pub rate_tracking_rms_m_per_s: f64,
+    /// Pose mode, free motion: RMS of commanded against real position, in m.
+    pub pose_tracking_rms_m: f64,
+    /// How far the object travelled, in m.
+    pub object_travel_m: f64,
+    /// Load of each bus, in percent of its bitrate.
+    pub bus_load_percent: Vec<f64>,
+    /// Frames on each bus.
+    pub bus_frames: Vec<u64>,
+    /// The mode at the end.
+    pub final_mode: String,
+    /// What stopped the node, if it was stopped at the end.
+    pub stopped_by: Option<String>,
+    #[serde(skip)]
+    rate_error: Rms,
+    #[serde(skip)]
+    pose_error: Rms,
+    #[serde(skip)]
+    first: Option<Instant>,
+    #[serde(skip)]
+    last: Option<(Instant, Mode, Isometry3<f64>)>,
+}
+
+impl Summary {
+    /// Takes the next record.
+    pub fn add(&mut self, record: &Record) {
+        let missing = record.sampled.iter().filter(|sampled| !**sampled).count();
+        self.cycles += 1;
+        self.missing_samples += u64::try_from(missing).unwrap_or(0);
+        self.cycles_with_missing_samples += u64::from(missing > 0);
+        self.saturated_cycles += u64::from(record.output.saturated);
+        self.final_mode = record.mode.to_string();
+        self.stopped_by = record.cause.map(|cause| cause.to_string());
+
+        let first = *self.first.get_or_insert(record.at);
+        self.seconds = record.at.since(first).as_secs_f64();
+        if let Some((at, mode, x_b_m)) = self.last {
+            let dt = record.at.since(at).as_secs_f64();
+            let moved = (record.x_b_m.translation.vector - x_b_m.translation.vector).norm();
+            self.object_travel_m += moved;
+            if record.mode == Mode::Engaged {
+                self.engaged_seconds += dt;
+                self.engagements += u64::from(mode != Mode::Engaged);
+                self.engaged(record, moved, dt);
+            }
+        }
+        self.last = Some((record.at, record.mode, record.x_b_m));
+    }
+
+    fn engaged(&mut self, record: &Record, moved: f64, dt: f64) {
+        let contact = record.f_s.force.norm();
+        let felt = record.output.f_g_task;
+        self.peak_contact_force_n = self.peak_contact_force_n.max(contact);
+        self.peak_felt_force_n = self.peak_felt_force_n.max(felt.force.norm());
+        self.peak_felt_moment_nm = self.peak_felt_moment_nm.max(felt.moment.norm());
+        if contact > FREE_BELOW {
+            self.contact_seconds += dt;
+            return;
+        }
+        match record.output.command {
+            Motion::Hold => {}
+            Motion::Rate(v_m) => self.rate_error.add(v_m.linear.norm() - moved / dt),
+            Motion::Pose(x_b_d) => self
+                .pose_error
+                .add((x_b_d.translation.vector - record.x_b_m.translation.vector).norm()),
+        }
+        self.rate_tracking_rms_m_per_s = self.rate_error.value();
+        self.pose_tracking_rms_m = self.pose_error.value();
+    }
+}
+
+/// As people read it.
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "cycles            {} in {:.3} s", self.cycles, self.seconds)?;
+        writeln!(
+            f,
+            "missed samples    {} in {} cycles",
+            self.missing_samples, self.cycles_with_missing_samples
+        )?;
+        writeln!(
+            f,
+            "engaged           {:.1} s in {} spells, {:.1} s of it in contact",
+            self.engaged_seconds, self.engagements, self.contact_seconds
+        )?;
+        writeln!(
+            f,
+            "peak wrench felt  {:.2} N, {:.3} N·m (contact {:.1} N)",
+            self.peak_felt_force_n, self.peak_felt_moment_nm, self.peak_contact_force_n
+        )?;
+        writeln!(
+            f,
+            "tracking, free    {:.2} mm/s rms in rate mode, {:.2} mm rms in pose mode",
+            self.rate_tracking_rms_m_per_s * 1e3,
+            self.pose_tracking_rms_m * 1e3
+        )?;
+        writeln!(f, "object travelled  {:.2} m", self.object_travel_m)?;
+        writeln!(f, "torque limited    {} cycles", self.saturated_cycles)?;
+        for (bus, (load, frames)) in self.bus_load_percent.iter().zip(&self.bus_frames).enumerate() {
+            writeln!(f, "bus {bus} load        {load:.1} % ({frames} frames)")?;
+        }
+        match &self.stopped_by {
+            None => write!(f, "ended             {}", self.final_mode),
+            Some(cause) => write!(f, "ended             {}: {cause}", self.final_mode),
+        }
+    }
+}
+
+/// A root mean square, one value at a time.
+#[derive(Clone, Copy, Debug, Default)]
+struct Rms {
+    sum_of_squares: f64,
+    count: f64,
+}
+
+impl Rms {
+    fn add(&mut self, value: f64) {
+        self.sum_of_squares += value * value;
+        self.count += 1.0;
+    }
+
+    fn value(self) -> f64 {
+        if self.count > 0.0 { (self.sum_of_squares / self.count).sqrt() } else { 0.0 }
+    }
+}

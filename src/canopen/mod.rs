@@ -1,6 +1,21 @@
 //! CANopen (CiA 301) and the drive profile (CiA 402), as pure machines: frames and time in, frames out.
 
+pub mod abort;
 pub mod bits;
+pub mod commission;
+pub mod drive;
+pub mod emcy;
 pub mod frame;
+pub mod heartbeat;
+pub mod layout;
+pub mod load;
+pub mod master;
+pub mod nmt;
 pub mod object;
+pub mod pdo;
+pub mod plan;
+#[cfg(test)]
+mod scripted;
+pub mod sdo;
 pub mod station;
+pub mod sync;

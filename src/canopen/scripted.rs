@@ -1,0 +1,117 @@
+//! A node of the tests: a few objects, answered as a faultless device would, and the faults a test asks
+//! for. Not a simulated drive: it holds bytes and knows nothing of what they mean.
+
+use std::collections::HashMap;
+
+use canopen_rs::NmtCommand;
+use canopen_rs::NodeId;
+
+use crate::canopen::abort::AbortCode;
+use crate::canopen::frame::Frame;
+use crate::canopen::nmt::Order;
+use crate::canopen::object::Object;
+use crate::canopen::plan::Action;
+use crate::canopen::plan::NodePlan;
+use crate::canopen::plan::Step;
+use crate::canopen::plan::bytes;
+
+/// What a node is and does.
+pub(crate) struct Scripted {
+    pub(crate) node: NodeId,
+    pub(crate) objects: HashMap<Object, Vec<u8>>,
+    /// Objects whose write is aborted, and why.
+    pub(crate) refuses: HashMap<Object, AbortCode>,
+    /// Objects whose write is confirmed and then forgotten.
+    pub(crate) forgets: Vec<Object>,
+    /// Requests left unanswered before the first answer.
+    pub(crate) deaf_for: u32,
+    /// Whether a reset is followed by a boot-up message.
+    pub(crate) boots: bool,
+    /// NMT state as the heartbeat tells it.
+    pub(crate) state: u8,
+    /// Every object written, in order.
+    pub(crate) written: Vec<Object>,
+}
+
+impl Scripted {
+    /// A node that `plan` suits.
+    pub(crate) fn suiting(plan: &NodePlan) -> Self {
+        let mut objects = HashMap::new();
+        for step in plan.steps() {
+            let Step::Object(action, check) = step else { continue };
+            let holds = bytes(&check.expected);
+            let is_written = matches!(action, Action::Write | Action::SwitchOff);
+            objects.insert(check.object, if is_written { vec![0xEE; holds.len()] } else { holds });
+        }
+        Self {
+            node: plan.node,
+            objects,
+            refuses: HashMap::new(),
+            forgets: Vec::new(),
+            deaf_for: 0,
+            boots: true,
+            state: 0x7F,
+            written: Vec::new(),
+        }
+    }
+
+    /// What it says to one frame.
+    pub(crate) fn answer(&mut self, frame: &Frame) -> Option<Frame> {
+        let is_for_us = |order: &Order| order.node.is_none_or(|node| node == self.node);
+        if let Some(order) = Order::decode(frame).filter(is_for_us) {
+            match order.command {
+                NmtCommand::StartRemoteNode => self.state = 0x05,
+                NmtCommand::StopRemoteNode => self.state = 0x04,
+                NmtCommand::EnterPreOperational => self.state = 0x7F,
+                NmtCommand::ResetNode | NmtCommand::ResetCommunication => {
+                    self.state = 0x7F;
+                    return self.boots.then(|| self.heartbeat(0));
+                }
+            }
+            return None;
+        }
+        if frame.cob_id != 0x600 + u16::from(self.node.raw()) || self.state == 0x04 {
+            return None;
+        }
+        let request: [u8; 8] = frame.data().try_into().ok()?;
+        if request[0] == 0x80 {
+            return None;
+        }
+        if self.deaf_for > 0 {
+            self.deaf_for -= 1;
+            return None;
+        }
+        Some(Frame::new(0x580 + u16::from(self.node.raw()), self.serve(request)))
+    }
+
+    /// Its heartbeat, with `byte` in it.
+    pub(crate) fn heartbeat(&self, byte: u8) -> Frame {
+        Frame::new(0x700 + u16::from(self.node.raw()), [byte])
+    }
+
+    fn serve(&mut self, [command, low, high, sub, value @ ..]: [u8; 8]) -> [u8; 8] {
+        let object = Object { index: u16::from_le_bytes([low, high]), sub };
+        let Some(holds) = self.objects.get_mut(&object) else {
+            return abort(object, AbortCode::NO_OBJECT);
+        };
+        if command == 0x40 {
+            let mut reply = [0x43 | (4 - u8::try_from(holds.len()).unwrap()) << 2, low, high, sub, 0, 0, 0, 0];
+            reply[4..4 + holds.len()].copy_from_slice(holds);
+            return reply;
+        }
+        if let Some(code) = self.refuses.get(&object) {
+            return abort(object, *code);
+        }
+        self.written.push(object);
+        if !self.forgets.contains(&object) {
+            *holds = value[..4 - usize::from(command >> 2 & 3)].to_vec();
+        }
+        [0x60, low, high, sub, 0, 0, 0, 0]
+    }
+}
+
+fn abort(object: Object, code: AbortCode) -> [u8; 8] {
+    let [low, high] = object.index.to_le_bytes();
+    let [a, b, c, d] = code.0.to_le_bytes();
+    [0x80, low, high, object.sub, a, b, c, d]
+}

@@ -1,5 +1,15 @@
 //! Where frames and time enter: the [`Bus`] is the only thing here that waits or knows the time.
 
+mod memory;
+mod socketcan;
+mod trace;
+mod wire;
+
+pub use memory::Memory;
+pub use socketcan::OpenError;
+pub use socketcan::SocketCan;
+pub use trace::Traced;
+
 use thiserror::Error;
 
 use crate::canopen::frame::Channel;
@@ -42,17 +52,17 @@ pub enum Heard {
     Fault(BusFault),
 }
 
-/// What a CAN controller or its driver reports.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+/// What a CAN controller or its driver reports, mildest first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum BusFault {
     /// Error counters above 96: the wire is bad, but frames still pass.
     Warning,
-    /// Error counters above 127.
+    /// Frames were lost before they were read.
+    Overrun,
+    /// Error counters above 127, or a frame that did not get out.
     Passive,
     /// The controller has left the bus.
     Off,
-    /// Frames were lost before they were read.
-    Overrun,
     /// The interface went down or was unplugged.
     Down,
 }
@@ -66,4 +76,15 @@ pub enum SendError {
     /// The interface is down or gone.
     #[error("interface down")]
     Down,
+}
+
+/// Somebody who is shown every frame.
+pub trait Tap {
+    /// A frame has passed by.
+    fn on_wire(&mut self, at: Instant, telegram: &Telegram);
+}
+
+/// Nobody.
+impl Tap for () {
+    fn on_wire(&mut self, _at: Instant, _telegram: &Telegram) {}
 }

@@ -11,7 +11,9 @@ use canopen_rs::nmt::heartbeat_cob_id;
 use thiserror::Error;
 
 use crate::canopen::bits;
+use crate::canopen::layout::Direction;
 use crate::canopen::layout::Pdo;
+use crate::canopen::layout::Service;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::sync;
 
@@ -71,6 +73,13 @@ pub fn streams<'a>(
         streams.extend(Stream::heartbeat(plan.node, plan.heartbeat_ms));
     }
     streams
+}
+
+/// The worst-case bits of what the master sends to one node in a cycle.
+pub fn rpdo_bits(plan: &NodePlan) -> u32 {
+    let received = plan.pdos.iter().filter(|pdo| pdo.direction == Direction::Receive);
+    let bytes = received.filter_map(|pdo| pdo.service.as_ref()).map(Service::bytes);
+    bytes.map(bits::worst_case).sum()
 }
 
 /// The worst-case load of one bus.

@@ -19,3 +19,6 @@ mod scripted;
 pub mod sdo;
 pub mod station;
 pub mod sync;
+
+pub use canopen_rs::NmtState;
+pub use canopen_rs::NodeId;

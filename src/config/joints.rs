@@ -7,9 +7,9 @@ use nalgebra::Translation3;
 use nalgebra::UnitQuaternion;
 
 use crate::canopen::NodeId;
-use crate::canopen::commission::Identity;
 use crate::canopen::eds::Eds;
 use crate::canopen::frame::Channel;
+use crate::canopen::plan::Identity;
 use crate::config::network;
 use crate::config::problem::Problems;
 use crate::config::raw;

@@ -24,12 +24,12 @@ use std::time::Duration;
 use nalgebra::Isometry3;
 
 use crate::canopen::NodeId;
-use crate::canopen::commission::NodePlan;
 use crate::canopen::frame::Channel;
 use crate::canopen::load::BusLoad;
+use crate::canopen::plan::NodePlan;
 use crate::config::problem::Problems;
-use crate::controller::Mode;
 use crate::controller::Settings;
+use crate::controller::switches::Mode;
 
 /// One hand controller and all around it.
 #[derive(Clone, Debug)]
@@ -122,8 +122,7 @@ impl Config {
     /// How long after a SYNC samples are waited for: what a period leaves when the RPDOs and a tenth
     /// for the host are taken off.
     pub fn window(&self) -> Duration {
-        let slowest = self.loads().iter().map(|load| load.rpdo_time()).max().unwrap_or_default();
-        self.period.saturating_sub(slowest).saturating_sub(self.period / 10)
+        self.period.saturating_sub(network::rpdo_time(self)).saturating_sub(self.period / 10)
     }
 
     /// What every node is to be and to be told, in the order of the joints, then the switch box.

@@ -6,14 +6,14 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::canopen::NodeId;
-use crate::canopen::commission::Identity;
-use crate::canopen::commission::NodePlan;
-use crate::canopen::commission::Watch;
 use crate::canopen::eds::Eds;
 use crate::canopen::frame::Channel;
 use crate::canopen::layout;
-use crate::canopen::layout::Pdo;
+use crate::canopen::load;
 use crate::canopen::load::BusLoad;
+use crate::canopen::plan::Identity;
+use crate::canopen::plan::NodePlan;
+use crate::canopen::plan::Watch;
 use crate::config::Config;
 use crate::config::Safety;
 use crate::config::files;
@@ -201,10 +201,8 @@ pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
     abilities("switches.eds", &config.switches.eds, &switches_plan(config), problems);
 
     for (place, (bus, load)) in config.buses.iter().zip(loads(config)).enumerate() {
-        if load.percent() > bus.load_limit_percent {
-            let reason = format!("{load} is over its limit of {} %", bus.load_limit_percent);
-            problems.add(&format!("bus[{place}].load_limit_percent"), reason);
-        }
+        let key = format!("bus[{place}].load_limit_percent");
+        problems.take(&key, load.within(bus.load_limit_percent));
     }
 }
 
@@ -250,4 +248,28 @@ fn identity(key: &str, eds: &Eds, identity: &Identity, problems: &mut Problems<'
         );
         problems.add(key, reason);
     }
+}
+
+/// The worst case of each bus.
+pub(super) fn loads(config: &Config) -> Vec<BusLoad> {
+    let plans = plans(config);
+    let period_us = u32::try_from(config.period.as_micros()).unwrap_or(u32::MAX);
+    let heartbeat_ms = u16::try_from(config.heartbeat.as_millis()).unwrap_or(u16::MAX);
+    let buses = (0..).map(Channel).zip(&config.buses);
+    let load = |(channel, bus): (Channel, &BusSettings)| {
+        let here = plans.iter().filter(|(place, _)| *place == channel).map(|(_, plan)| plan);
+        let streams = load::streams(here, period_us, config.node_id, heartbeat_ms);
+        BusLoad::of(&streams, bus.bitrate, period_us)
+    };
+    buses.map(load).collect()
+}
+
+/// How long the RPDOs of one cycle take on the slowest bus, in the worst case.
+pub(super) fn rpdo_time(config: &Config) -> Duration {
+    let time = |(channel, bus): (Channel, &BusSettings)| {
+        let here = plans(config).into_iter().filter(|(place, _)| *place == channel);
+        let bits: u32 = here.map(|(_, plan)| load::rpdo_bits(&plan)).sum();
+        Duration::from_secs(1) * bits / bus.bitrate.max(1)
+    };
+    (0..).map(Channel).zip(&config.buses).map(time).max().unwrap_or_default()
 }

@@ -17,14 +17,16 @@ use crate::bus::SendError;
 use crate::canopen::drive::Goal;
 use crate::canopen::drive::State;
 use crate::canopen::frame::Channel;
+use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
+use crate::canopen::layout;
 use crate::canopen::master::Event;
 use crate::canopen::pdo;
 use crate::canopen::pdo::DriveTarget;
-use crate::canopen::sync;
-use crate::controller::Counts;
+use crate::canopen::sync::Sync;
 use crate::controller::Input;
-use crate::controller::Switches;
+use crate::controller::calibration::Counts;
+use crate::controller::switches::Switches;
 use crate::node::Node;
 use crate::node::safety::Permit;
 use crate::remote::Remote;
@@ -196,7 +198,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.samples.begin();
         for place in 0..self.channels.len() {
             if let Some(channel) = self.channels.get(place).copied() {
-                self.send(Telegram { channel, frame: sync::frame() });
+                self.send(Telegram { channel, frame: Sync::default().frame() });
             }
         }
         self.bus.now()
@@ -210,7 +212,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             let Some(power) = self.power.get_mut(joint) else { continue };
             let controlword = power.controlword(sample.statusword.state(), goal);
             let torque = pdo::PerMille(targets.get(joint).copied().unwrap_or(0));
-            let frame = DriveTarget { controlword, torque }.frame(node);
+            let frame = Frame::new(layout::rpdo1(node), DriveTarget { controlword, torque }.encode());
             self.send(Telegram { channel, frame });
         }
     }

@@ -18,14 +18,17 @@ pub use request::Request;
 use std::time::Duration;
 
 use crate::bus::Bus;
+use crate::canopen::NmtState;
+use crate::canopen::NodeId;
 use crate::canopen::drive::PowerStage;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
 use crate::canopen::heartbeat::Producer;
+use crate::canopen::layout;
 use crate::canopen::master::Master;
 use crate::config::Config;
 use crate::controller::Controller;
-use crate::controller::Mode as CommandMode;
+use crate::controller::switches::Mode as CommandMode;
 use crate::node::safety::Ramps;
 use crate::node::safety::Safety;
 use crate::node::samples::Samples;
@@ -47,7 +50,7 @@ pub struct Node<B, R> {
     window: Duration,
     channels: Vec<Channel>,
     /// Where each joint's target goes: its bus and node-id.
-    drives: [(Channel, u8); 6],
+    drives: [(Channel, NodeId); 6],
     master: Master,
     heartbeat: Producer,
     controller: Controller,
@@ -67,8 +70,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub fn new(config: &Config, bus: B, mut remote: R) -> Self {
         let now = bus.now();
         let drives = config.joints.each_ref().map(|joint| (joint.channel, joint.node));
-        let sources = drives.map(|(channel, node)| Source { channel, cob_id: tpdo1(node) });
-        let switches = Source { channel: config.switches.channel, cob_id: tpdo1(config.switches.node) };
+        let sources = drives.map(|(channel, node)| Source { channel, cob_id: layout::tpdo1(node) });
+        let switches = Source { channel: config.switches.channel, cob_id: layout::tpdo1(config.switches.node) };
         let ramps = Ramps { gravity: config.safety.gravity_ramp, reflection: config.safety.reflection_ramp };
         let sensed = remote.exchange(now, &Motion::Hold);
         Self {
@@ -77,8 +80,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             channels: config.channels(),
             drives,
             master: Master::new(config.node_plans()),
-            heartbeat: Producer::new(config.node_id, config.heartbeat),
-            controller: Controller::new(config.controller.clone()),
+            heartbeat: Producer::new(config.node_id, config.heartbeat, NmtState::Operational),
+            controller: Controller::new(&config.controller),
             command_mode: config.command_mode,
             safety: Safety::new(ramps),
             samples: Samples::new(sources, switches, config.safety.missing_samples),

@@ -5,7 +5,7 @@ use thiserror::Error;
 use crate::bus::Bus;
 use crate::canopen::drive::PowerStage;
 use crate::canopen::pdo::Deadman;
-use crate::controller::Mode as CommandMode;
+use crate::controller::switches::Mode as CommandMode;
 use crate::node::BringUpError;
 use crate::node::Node;
 use crate::node::safety::Refusal;

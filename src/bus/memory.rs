@@ -1,0 +1,237 @@
+//! The in-memory bus that *is* the clock: waiting on it makes time pass, and everything attached to it
+//! lives in that time. The same inputs give the same outputs, bit for bit.
+
+use std::collections::VecDeque;
+
+use crate::bus::Bus;
+use crate::bus::Heard;
+use crate::bus::Received;
+use crate::bus::SendError;
+use crate::bus::Tap;
+use crate::bus::wire::Sender;
+use crate::bus::wire::Wire;
+use crate::canopen::frame::Channel;
+use crate::canopen::frame::Telegram;
+use crate::canopen::station::Station;
+use crate::time::Instant;
+
+/// The node's frames that may wait on one bus: about a cycle's worth.
+const QUEUE: usize = 32;
+
+/// Nanoseconds in a microsecond.
+const MICRO: u64 = 1_000;
+
+/// Buses in memory, with stations `S` attached and a tap `T` that sees every frame complete.
+#[derive(Debug)]
+pub struct Memory<S, T> {
+    now_ns: u64,
+    wires: Vec<Wire>,
+    stations: S,
+    tap: T,
+    /// What has reached the node and was not yet fetched.
+    arrived: VecDeque<Received>,
+    out: Vec<Telegram>,
+}
+
+impl<S: Station, T: Tap> Memory<S, T> {
+    /// One bus for each bit rate, in bit/s.
+    pub fn new(bitrates: &[u32], stations: S, tap: T) -> Self {
+        Self {
+            now_ns: 0,
+            wires: bitrates.iter().copied().map(Wire::new).collect(),
+            stations,
+            tap,
+            arrived: VecDeque::with_capacity(64),
+            out: Vec::with_capacity(64),
+        }
+    }
+
+    /// All that is attached.
+    pub const fn stations(&self) -> &S {
+        &self.stations
+    }
+
+    /// All that is attached, to change it between cycles.
+    pub const fn stations_mut(&mut self) -> &mut S {
+        &mut self.stations
+    }
+
+    /// Frames that were complete on each bus.
+    pub fn frames(&self) -> Vec<u64> {
+        self.wires.iter().map(|wire| wire.frames).collect()
+    }
+
+    /// Bits they took on each bus.
+    pub fn bits(&self) -> Vec<u64> {
+        self.wires.iter().map(|wire| wire.bits).collect()
+    }
+
+    /// The next moment at which something happens, `until` at the latest.
+    fn next(&self, until_ns: u64) -> u64 {
+        let wires = self.wires.iter().filter_map(Wire::done);
+        let stations = self.stations.deadline().map(|due| due.as_micros() * MICRO);
+        wires.chain(stations).fold(until_ns, u64::min).max(self.now_ns)
+    }
+
+    /// Hands every frame that is complete now to all who did not send it.
+    fn deliver(&mut self) {
+        for (place, wire) in (0..).zip(&mut self.wires) {
+            let Some((sender, frame)) = wire.complete(self.now_ns) else { continue };
+            let at = Instant::from_micros(self.now_ns / MICRO);
+            let telegram = Telegram { channel: Channel(place), frame };
+            self.tap.on_wire(at, &telegram);
+            self.stations.on_frame(at, telegram.channel, &frame, &mut self.out);
+            if sender == Sender::Station {
+                let heard = Heard::Frame(frame);
+                self.arrived.push_back(Received { at, channel: telegram.channel, heard });
+            }
+        }
+        self.post();
+    }
+
+    /// Puts what the stations send on the wires, and lets idle wires begin.
+    fn post(&mut self) {
+        for Telegram { channel: Channel(place), frame } in self.out.drain(..) {
+            if let Some(wire) = self.wires.get_mut(usize::from(place)) {
+                wire.offer(self.now_ns, Sender::Station, frame);
+            }
+        }
+        self.wires.iter_mut().for_each(|wire| wire.begin(self.now_ns));
+    }
+}
+
+impl<S: Station, T: Tap> Bus for Memory<S, T> {
+    fn now(&self) -> Instant {
+        Instant::from_micros(self.now_ns / MICRO)
+    }
+
+    fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
+        let Channel(place) = telegram.channel;
+        let wire = self.wires.get_mut(usize::from(place)).ok_or(SendError::Down)?;
+        if wire.waiting() >= QUEUE {
+            return Err(SendError::Full);
+        }
+        wire.offer(self.now_ns, Sender::Node, telegram.frame);
+        Ok(())
+    }
+
+    fn receive(&mut self, until: Instant) -> Option<Received> {
+        let until_ns = until.as_micros() * MICRO;
+        loop {
+            if let Some(received) = self.arrived.pop_front() {
+                return Some(received);
+            }
+            let next = self.next(until_ns);
+            if next >= until_ns && self.now_ns >= until_ns {
+                return None;
+            }
+            self.now_ns = next;
+            self.deliver();
+            let now = self.now();
+            if self.stations.deadline().is_some_and(|due| due <= now) {
+                self.stations.on_time(now, &mut self.out);
+                self.post();
+                if self.stations.deadline().is_some_and(|due| due <= now) {
+                    // A station that is never done does not stop time.
+                    self.now_ns = (self.now_ns / MICRO + 1) * MICRO;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::bits;
+    use crate::canopen::frame::Frame;
+    use std::time::Duration;
+
+    /// Answers every SYNC with three frames, the highest identifier first.
+    #[derive(Debug, Default)]
+    struct Answering;
+
+    impl Station for Answering {
+        fn on_frame(&mut self, _: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
+            if frame.cob_id == 0x80 {
+                let answers = [0x183, 0x182, 0x181].map(|id| Frame::new(id, [1, 2, 3]));
+                out.extend(answers.map(|frame| Telegram { channel, frame }));
+            }
+        }
+
+        fn on_time(&mut self, _: Instant, _: &mut Vec<Telegram>) {}
+
+        fn deadline(&self) -> Option<Instant> {
+            None
+        }
+    }
+
+    fn sync() -> Telegram {
+        Telegram { channel: Channel(0), frame: Frame::new(0x80, []) }
+    }
+
+    fn run(bitrate: u32) -> Vec<(Instant, u16)> {
+        let mut bus = Memory::new(&[bitrate], Answering, ());
+        bus.send(sync()).unwrap();
+        let mut heard = Vec::new();
+        while let Some(received) = bus.receive(Instant::from_micros(10_000)) {
+            let Heard::Frame(frame) = received.heard else { panic!("no fault was made") };
+            heard.push((received.at, frame.cob_id));
+        }
+        heard
+    }
+
+    #[test]
+    fn the_lowest_identifier_goes_first() {
+        let order: Vec<_> = run(1_000_000).into_iter().map(|(_, id)| id).collect();
+        assert_eq!(order, [0x181, 0x182, 0x183]);
+    }
+
+    #[test]
+    fn frames_follow_each_other_by_their_exact_length() {
+        let answer = |id| u64::from(bits::exact(&Frame::new(id, [1, 2, 3])));
+        let mut done = u64::from(bits::exact(&sync().frame));
+        for (at, id) in run(1_000_000) {
+            done += answer(id);
+            assert_eq!(at.as_micros(), done);
+        }
+    }
+
+    #[test]
+    fn half_the_bit_rate_takes_twice_the_time() {
+        let slow = run(500_000);
+        for ((fast, _), (slow, _)) in run(1_000_000).into_iter().zip(slow) {
+            assert_eq!(slow.as_micros(), 2 * fast.as_micros());
+        }
+    }
+
+    #[test]
+    fn waiting_makes_exactly_that_time_pass() {
+        let mut bus = Memory::new(&[1_000_000], Answering, ());
+        let until = bus.now() + Duration::from_micros(12_345);
+        assert_eq!(bus.receive(until), None);
+        assert_eq!(bus.now(), until);
+    }
+
+    #[test]
+    fn the_nodes_queue_holds_about_a_cycle_and_no_more() {
+        let mut bus = Memory::new(&[1_000_000], Answering, ());
+        let taken = (0..100).take_while(|_| bus.send(sync()).is_ok()).count();
+        assert_eq!(taken, QUEUE + 1, "one is on the wire");
+        assert_eq!(bus.send(sync()), Err(SendError::Full));
+    }
+
+    #[test]
+    fn a_station_that_is_never_done_does_not_stop_time() {
+        struct Restless;
+        impl Station for Restless {
+            fn on_frame(&mut self, _: Instant, _: Channel, _: &Frame, _: &mut Vec<Telegram>) {}
+            fn on_time(&mut self, _: Instant, _: &mut Vec<Telegram>) {}
+            fn deadline(&self) -> Option<Instant> {
+                Some(Instant::ZERO)
+            }
+        }
+        let mut bus = Memory::new(&[1_000_000], Restless, ());
+        assert_eq!(bus.receive(Instant::from_micros(50)), None);
+    }
+}

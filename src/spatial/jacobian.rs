@@ -2,7 +2,6 @@
 
 use nalgebra::SMatrix;
 use nalgebra::SVector;
-use nalgebra::Vector3;
 
 use crate::spatial::Twist;
 use crate::spatial::Wrench;
@@ -19,12 +18,15 @@ pub struct Jacobian<const N: usize> {
 impl<const N: usize> Jacobian<N> {
     /// From the twist that a unit rate of each joint gives.
     pub fn from_columns(columns: &[Twist; N]) -> Self {
-        Self {
-            linear: SMatrix::from_fn(|row, joint| part(columns, joint, |twist| twist.linear, row)),
-            angular: SMatrix::from_fn(|row, joint| {
-                part(columns, joint, |twist| twist.angular, row)
-            }),
+        let mut linear = SMatrix::<f64, 3, N>::zeros();
+        let mut angular = SMatrix::<f64, 3, N>::zeros();
+        for (mut column, twist) in linear.column_iter_mut().zip(columns) {
+            column.copy_from(&twist.linear);
         }
+        for (mut column, twist) in angular.column_iter_mut().zip(columns) {
+            column.copy_from(&twist.angular);
+        }
+        Self { linear, angular }
     }
 
     /// The twist that joint rates `qd` give.
@@ -38,12 +40,35 @@ impl<const N: usize> Jacobian<N> {
     }
 }
 
-/// One number of one column.
-fn part<const N: usize>(
-    columns: &[Twist; N],
-    joint: usize,
-    of: impl Fn(&Twist) -> Vector3<f64>,
-    row: usize,
-) -> f64 {
-    columns.get(joint).map_or(0.0, |twist| of(twist)[row])
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn six(size: f64) -> impl Strategy<Value = [f64; 6]> {
+        prop::array::uniform6(-size..size)
+    }
+
+    proptest! {
+        #[test]
+        fn torques_do_the_work_of_the_wrench(
+            columns in prop::array::uniform7(six(1.0)), f in six(50.0),
+            qd in prop::array::uniform7(-5.0..5.0_f64)
+        ) {
+            let j_g = Jacobian::from_columns(&columns.map(Twist::from_components));
+            let f_g = Wrench::from_components(f);
+            let qd = SVector::from(qd);
+            let difference = j_g.torques(&f_g).dot(&qd) - f_g.power(&j_g.twist(&qd));
+            prop_assert!(difference.abs() < 1e-9, "{difference} W appeared from nowhere");
+        }
+    }
+
+    #[test]
+    fn a_joint_moves_the_frame_by_its_column() {
+        let columns = [[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [-1.0, 0.0, 1.0, 0.5, 0.0, -0.5]]
+            .map(Twist::from_components);
+        let j_g = Jacobian::from_columns(&columns);
+        assert_eq!(j_g.twist(&SVector::from([1.0, 0.0])), columns[0]);
+        assert_eq!(j_g.twist(&SVector::from([0.0, 1.0])), columns[1]);
+    }
 }

@@ -4,7 +4,11 @@ use std::ops::Add;
 use std::ops::Mul;
 
 use nalgebra::Isometry3;
+use nalgebra::Translation3;
+use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
+
+use crate::spatial::rotation;
 
 /// The velocity of a frame: of its origin, and about it. Written in that frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -51,6 +55,27 @@ impl Twist {
         let linear = x.rotation * self.linear + x.translation.vector.cross(&angular);
         Self { linear, angular }
     }
+
+    /// Where a body that keeps this twist is after `dt` s, seen from where it was: a screw motion,
+    /// exact for any length.
+    pub fn over(&self, dt: f64) -> Isometry3<f64> {
+        let turn = self.angular * dt;
+        let shift = rotation::left_jacobian(&turn) * (self.linear * dt);
+        Isometry3::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn))
+    }
+
+    /// The twist that takes a body by `x` in `dt` s, turning by no more than π: the inverse of
+    /// [`over`](Self::over).
+    pub fn reaching(x: &Isometry3<f64>, dt: f64) -> Self {
+        let turn = rotation::rotation_vector(&x.rotation);
+        let shift = rotation::left_jacobian_inverse(&turn) * x.translation.vector;
+        Self { linear: shift / dt, angular: turn / dt }
+    }
+
+    /// Whether every component is a finite number.
+    pub fn is_finite(&self) -> bool {
+        self.components().iter().all(|component| component.is_finite())
+    }
 }
 
 impl Add for Twist {
@@ -66,5 +91,55 @@ impl Mul<f64> for Twist {
 
     fn mul(self, scale: f64) -> Self {
         Self { linear: self.linear * scale, angular: self.angular * scale }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn twist() -> impl Strategy<Value = Twist> {
+        prop::array::uniform6(-3.0..3.0_f64).prop_map(Twist::from_components)
+    }
+
+    proptest! {
+        #[test]
+        fn a_motion_is_undone_by_its_reverse(v_g in twist(), dt in 0.0..2.0_f64) {
+            let there_and_back = v_g.over(dt) * (v_g * -1.0).over(dt);
+            prop_assert!(there_and_back.translation.vector.norm() < 1e-12);
+            prop_assert!(there_and_back.rotation.angle() < 1e-7);
+        }
+
+        #[test]
+        fn two_halves_are_a_whole(v_g in twist(), dt in 0.0..2.0_f64) {
+            let halves = v_g.over(dt / 2.0) * v_g.over(dt / 2.0);
+            let whole = v_g.over(dt);
+            prop_assert!((halves.to_homogeneous() - whole.to_homogeneous()).norm() < 1e-12);
+        }
+
+        #[test]
+        fn the_twist_that_reaches_a_pose_reaches_it(v_g in twist(), dt in 1e-4..0.5_f64) {
+            let again = Twist::reaching(&v_g.over(dt), dt);
+            for (a, b) in again.components().iter().zip(v_g.components()) {
+                prop_assert!((a - b).abs() < 1e-9, "{again:?} is not {v_g:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_slow_motion_is_the_twist_times_the_time() {
+        let v_g = Twist::from_components([1.0, -2.0, 3.0, 0.5, 0.1, -0.7]);
+        let x = v_g.over(1e-8);
+        assert!((x.translation.vector / 1e-8 - v_g.linear).norm() < 1e-7);
+        assert!((x.rotation.scaled_axis() / 1e-8 - v_g.angular).norm() < 1e-7);
+    }
+
+    #[test]
+    fn a_spinning_body_sees_its_straight_path_bend() {
+        // Half a turn about z while moving along its own x: a semicircle of diameter 2/π.
+        let half_turn = Twist::from_components([1.0, 0.0, 0.0, 0.0, 0.0, std::f64::consts::PI]);
+        let end = half_turn.over(1.0).translation.vector;
+        assert!((end - Vector3::new(0.0, 2.0 / std::f64::consts::PI, 0.0)).norm() < 1e-15);
     }
 }

@@ -90,3 +90,62 @@ impl Mul<f64> for Wrench {
         Self { force: self.force * scale, moment: self.moment * scale }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::UnitQuaternion;
+    use proptest::prelude::*;
+
+    fn six(size: f64) -> impl Strategy<Value = [f64; 6]> {
+        prop::array::uniform6(-size..size)
+    }
+
+    fn pose() -> impl Strategy<Value = Isometry3<f64>> {
+        six(2.0).prop_map(|[x, y, z, a, b, c]| {
+            let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(a, b, c));
+            Isometry3::from_parts(Vector3::new(x, y, z).into(), rotation)
+        })
+    }
+
+    fn close(a: &Wrench, b: &Wrench) -> bool {
+        a.components().iter().zip(b.components()).all(|(a, b)| (a - b).abs() < 1e-10)
+    }
+
+    proptest! {
+        #[test]
+        fn a_moved_wrench_has_the_same_power(f in six(50.0), v in six(5.0), x_m_s in pose()) {
+            let f_s = Wrench::from_components(f);
+            let v_s = Twist::from_components(v);
+            let difference = f_s.power(&v_s) - f_s.at(&x_m_s).power(&v_s.at(&x_m_s));
+            prop_assert!(difference.abs() < 1e-9, "{difference} W appeared from nowhere");
+        }
+
+        #[test]
+        fn a_wrench_moved_there_and_back_is_itself(f in six(50.0), x_m_s in pose()) {
+            let f_s = Wrench::from_components(f);
+            prop_assert!(close(&f_s.at(&x_m_s).at(&x_m_s.inverse()), &f_s));
+        }
+
+        #[test]
+        fn moving_twice_is_moving_by_the_product(f in six(50.0), x_b_m in pose(), x_m_s in pose()) {
+            let f_s = Wrench::from_components(f);
+            prop_assert!(close(&f_s.at(&x_m_s).at(&x_b_m), &f_s.at(&(x_b_m * x_m_s))));
+        }
+    }
+
+    #[test]
+    fn a_force_has_a_moment_about_a_distant_point() {
+        let f_s = Wrench::from_components([0.0, 0.0, 2.0, 0.0, 0.0, 0.0]);
+        let f_m = f_s.at(&Isometry3::translation(0.5, 0.0, 0.0));
+        assert_eq!(f_m, Wrench::from_components([0.0, 0.0, 2.0, 0.0, -1.0, 0.0]));
+    }
+
+    #[test]
+    fn one_bad_component_is_not_finite() {
+        let mut f_s = Wrench::ZERO;
+        assert!(f_s.is_finite());
+        f_s.moment.y = f64::NAN;
+        assert!(!f_s.is_finite());
+    }
+}

@@ -1,0 +1,400 @@
+//! The hand controller as a chain of `N` joints: forward kinematics (Eq. 1), the Jacobian at the
+//! grip and the torques that hold its own weight (3.3).
+//!
+//! Not its dynamics, and no inverse of anything. Craig's modified Denavit-Hartenberg frames (Craig
+//! 1989, 3.4): link `i` lies `Rx(α) Tx(a) Rz(θ) Tz(d)` from link `i - 1`, with α and a of the axis
+//! before it. The Jacobian is always the one at {G}, so a spherical wrist needs no second wrench
+//! transformation (decisions 10, 11 and 31).
+
+use nalgebra::Isometry3;
+use nalgebra::SVector;
+use nalgebra::Translation3;
+use nalgebra::UnitQuaternion;
+use nalgebra::Vector3;
+use thiserror::Error;
+
+use crate::spatial::Jacobian;
+use crate::spatial::Twist;
+
+/// No length, mass or position is larger, so that the products of them stay finite.
+const LARGEST: f64 = 1e6;
+
+/// How a joint moves along or about its z axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum JointKind {
+    /// It turns: its position is in rad, its torque in N·m.
+    Revolute,
+    /// It slides: its position is in m, its "torque" a force in N.
+    Prismatic,
+}
+
+/// One joint and the link it moves. A plain description, checked by [`Arm::new`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Link {
+    /// Whether the joint turns or slides.
+    pub kind: JointKind,
+    /// α of the axis before, in rad.
+    pub alpha: f64,
+    /// a of the axis before, in m.
+    pub a: f64,
+    /// d, in m; to it a sliding joint adds its position.
+    pub d: f64,
+    /// θ, in rad; to it a turning joint adds its position.
+    pub theta: f64,
+    /// Mass of the link, in kg.
+    pub mass: f64,
+    /// Centre of mass in the link's own frame, in m.
+    pub centre_of_mass: [f64; 3],
+    /// Lowest and highest position of the joint, in rad or m.
+    pub range: [f64; 2],
+}
+
+/// The chain from {0} to {G}.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arm<const N: usize> {
+    links: [Placed; N],
+    x_n_g: Isometry3<f64>,
+    gravity: Vector3<f64>,
+}
+
+/// A link with what does not move worked out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Placed {
+    kind: JointKind,
+    /// `Rx(α) Tx(a)`.
+    fixed: Isometry3<f64>,
+    d: f64,
+    theta: f64,
+    mass: f64,
+    centre_of_mass: Vector3<f64>,
+    range: [f64; 2],
+}
+
+/// Where the links are: one forward pass, from which the Jacobian and the weights are taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Posture<const N: usize> {
+    /// Poses of the links in {0}.
+    pub x_0_links: [Isometry3<f64>; N],
+    /// Pose of the grip in {0} (Eq. 1).
+    pub x_0_g: Isometry3<f64>,
+}
+
+/// Why a description is no arm. Joints count from 1, as in the paper.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum InvalidArm {
+    /// A length, angle or position that is not a reasonable number.
+    #[error("joint {joint}: {quantity} = {value} is not within ±{LARGEST}")]
+    OutOfRange {
+        /// The joint.
+        joint: usize,
+        /// What of it.
+        quantity: &'static str,
+        /// What stood there.
+        value: f64,
+    },
+    /// A link cannot pull upwards.
+    #[error("joint {joint}: mass = {value} kg is not within 0 and {LARGEST}")]
+    Mass {
+        /// The joint.
+        joint: usize,
+        /// What stood there, in kg.
+        value: f64,
+    },
+    /// The lowest position must lie below the highest.
+    #[error("joint {joint}: range from {low} to {high} is empty")]
+    EmptyRange {
+        /// The joint.
+        joint: usize,
+        /// Its lowest position.
+        low: f64,
+        /// Its highest position.
+        high: f64,
+    },
+    /// The grip's place in the last link.
+    #[error("the pose of the grip in the last link is not finite")]
+    Grip,
+    /// Gravity.
+    #[error("gravity is not a finite vector")]
+    Gravity,
+}
+
+impl<const N: usize> Arm<N> {
+    /// From its links, the pose of the grip in the last of them, and gravity in {0} in m/s².
+    ///
+    /// # Errors
+    /// The first number that cannot be.
+    pub fn new(
+        links: [Link; N],
+        x_n_g: Isometry3<f64>,
+        gravity: [f64; 3],
+    ) -> Result<Self, InvalidArm> {
+        for (joint, link) in (1..).zip(&links) {
+            link.check(joint)?;
+        }
+        if !is_pose(&x_n_g) {
+            return Err(InvalidArm::Grip);
+        }
+        if !gravity.iter().all(|part| part.abs() <= LARGEST) {
+            return Err(InvalidArm::Gravity);
+        }
+        Ok(Self { links: links.map(Placed::from), x_n_g, gravity: gravity.into() })
+    }
+
+    /// The same arm where springs or counterweights carry it: gravity asks for no torque
+    /// (decision 32).
+    #[must_use]
+    pub fn balanced(self) -> Self {
+        Self { gravity: Vector3::zeros(), ..self }
+    }
+
+    /// Where everything is at joint positions `q`, in rad or m.
+    pub fn posture(&self, q: &SVector<f64, N>) -> Posture<N> {
+        let mut x_0_links = [Isometry3::identity(); N];
+        let mut x_0_i = Isometry3::identity();
+        for ((link, place), position) in self.links.iter().zip(&mut x_0_links).zip(q.iter()) {
+            x_0_i *= link.moved(*position);
+            *place = x_0_i;
+        }
+        Posture { x_0_links, x_0_g: x_0_i * self.x_n_g }
+    }
+
+    /// The pose of the grip in {0} (Eq. 1).
+    pub fn forward(&self, q: &SVector<f64, N>) -> Isometry3<f64> {
+        self.posture(q).x_0_g
+    }
+
+    /// The Jacobian that gives the twist of {G} written in {G}, as Eq. 7 needs it for a wrench at
+    /// {G} written in {G}.
+    pub fn jacobian(&self, posture: &Posture<N>) -> Jacobian<N> {
+        let r_g_0 = posture.x_0_g.rotation.inverse();
+        let p_0_g = posture.x_0_g.translation.vector;
+        let mut columns = [Twist::ZERO; N];
+        for ((link, x_0_i), column) in self.links.iter().zip(&posture.x_0_links).zip(&mut columns) {
+            let axis = x_0_i.rotation * Vector3::z();
+            *column = match link.kind {
+                JointKind::Revolute => Twist {
+                    linear: r_g_0 * axis.cross(&(p_0_g - x_0_i.translation.vector)),
+                    angular: r_g_0 * axis,
+                },
+                JointKind::Prismatic => Twist { linear: r_g_0 * axis, angular: Vector3::zeros() },
+            };
+        }
+        Jacobian::from_columns(&columns)
+    }
+
+    /// The torques that hold the arm's own weight, `Σ J_ciᵀ (-m_i g)`: each joint carries the links
+    /// beyond it and no other (decision 12).
+    pub fn gravity(&self, posture: &Posture<N>) -> SVector<f64, N> {
+        let mut tau = SVector::<f64, N>::zeros();
+        let mut mass = 0.0;
+        let mut mass_moment = Vector3::zeros(); // of the links from here outwards, about {0}
+        let outwards = self.links.iter().zip(&posture.x_0_links).zip(tau.iter_mut());
+        for ((link, x_0_i), torque) in outwards.rev() {
+            let axis = x_0_i.rotation * Vector3::z();
+            let p_0_i = x_0_i.translation.vector;
+            mass += link.mass;
+            mass_moment += (x_0_i.rotation * link.centre_of_mass + p_0_i) * link.mass;
+            *torque = match link.kind {
+                JointKind::Revolute => {
+                    -axis.dot(&(mass_moment - p_0_i * mass).cross(&self.gravity))
+                }
+                JointKind::Prismatic => -axis.dot(&self.gravity) * mass,
+            };
+        }
+        tau
+    }
+
+    /// The first joint outside its range, counted from 0.
+    pub fn out_of_range(&self, q: &SVector<f64, N>) -> Option<usize> {
+        let inside = |(link, position): (&Placed, &f64)| {
+            let [low, high] = link.range;
+            (low..=high).contains(position)
+        };
+        self.links.iter().zip(q.iter()).position(|joint| !inside(joint))
+    }
+}
+
+impl Link {
+    /// Whether every number of it is one.
+    fn check(&self, joint: usize) -> Result<(), InvalidArm> {
+        let [x, y, z] = self.centre_of_mass;
+        let [low, high] = self.range;
+        for (quantity, value) in [
+            ("alpha", self.alpha),
+            ("a", self.a),
+            ("d", self.d),
+            ("theta", self.theta),
+            ("x of the centre of mass", x),
+            ("y of the centre of mass", y),
+            ("z of the centre of mass", z),
+            ("lowest position", low),
+            ("highest position", high),
+        ] {
+            if !(-LARGEST..=LARGEST).contains(&value) {
+                return Err(InvalidArm::OutOfRange { joint, quantity, value });
+            }
+        }
+        if !(0.0..=LARGEST).contains(&self.mass) {
+            return Err(InvalidArm::Mass { joint, value: self.mass });
+        }
+        if low >= high {
+            return Err(InvalidArm::EmptyRange { joint, low, high });
+        }
+        Ok(())
+    }
+}
+
+impl Placed {
+    /// The pose of this link in the one before it, its joint at `position`.
+    fn moved(&self, position: f64) -> Isometry3<f64> {
+        let (theta, d) = match self.kind {
+            JointKind::Revolute => (self.theta + position, self.d),
+            JointKind::Prismatic => (self.theta, self.d + position),
+        };
+        let (sin, cos) = (theta / 2.0).sin_cos();
+        let about_z = nalgebra::Quaternion::new(cos, 0.0, 0.0, sin);
+        self.fixed
+            * Isometry3::from_parts(
+                Translation3::new(0.0, 0.0, d),
+                UnitQuaternion::new_unchecked(about_z), // sin² + cos² = 1
+            )
+    }
+}
+
+impl From<Link> for Placed {
+    fn from(link: Link) -> Self {
+        let about_x = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), link.alpha);
+        Self {
+            kind: link.kind,
+            fixed: Isometry3::from_parts(
+                Translation3::from(about_x * Vector3::new(link.a, 0.0, 0.0)),
+                about_x,
+            ),
+            d: link.d,
+            theta: link.theta,
+            mass: link.mass,
+            centre_of_mass: link.centre_of_mass.into(),
+            range: link.range,
+        }
+    }
+}
+
+/// Whether a pose is made of reasonable numbers and its rotation is one.
+pub(crate) fn is_pose(x: &Isometry3<f64>) -> bool {
+    let near = x.translation.vector.iter().all(|part| part.abs() <= LARGEST);
+    near && (x.rotation.norm() - 1.0).abs() < 1e-6
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const REVOLUTE: Link = Link {
+        kind: JointKind::Revolute,
+        alpha: 0.0,
+        a: 0.0,
+        d: 0.0,
+        theta: 0.0,
+        mass: 2.0,
+        centre_of_mass: [0.5, 0.0, 0.0],
+        range: [-3.0, 3.0],
+    };
+
+    fn link() -> impl Strategy<Value = Link> {
+        let numbers = prop::array::uniform4(-1.5..1.5_f64);
+        let weight = (0.0..3.0_f64, prop::array::uniform3(-0.3..0.3_f64));
+        (any::<bool>(), numbers, weight).prop_map(
+            |(turns, [alpha, a, d, theta], (mass, centre_of_mass))| Link {
+                kind: if turns { JointKind::Revolute } else { JointKind::Prismatic },
+                alpha,
+                a,
+                d,
+                theta,
+                mass,
+                centre_of_mass,
+                range: [-2.0, 2.0],
+            },
+        )
+    }
+
+    fn arm() -> impl Strategy<Value = Arm<5>> {
+        (prop::array::uniform5(link()), prop::array::uniform3(-0.5..0.5_f64)).prop_map(
+            |(links, [x, y, z])| {
+                let x_n_g = Isometry3::new(Vector3::new(x, y, z), Vector3::new(y, z, x));
+                Arm::new(links, x_n_g, [0.3, -0.5, -9.81]).unwrap()
+            },
+        )
+    }
+
+    fn joints() -> impl Strategy<Value = SVector<f64, 5>> {
+        prop::array::uniform5(-2.0..2.0_f64).prop_map(SVector::from)
+    }
+
+    /// The energy of the weights, in J.
+    fn energy(arm: &Arm<5>, q: &SVector<f64, 5>) -> f64 {
+        let weighed = |(link, x_0_i): (&Placed, &Isometry3<f64>)| {
+            let p_0_c = x_0_i.rotation * link.centre_of_mass + x_0_i.translation.vector;
+            -link.mass * p_0_c.dot(&arm.gravity)
+        };
+        arm.links.iter().zip(&arm.posture(q).x_0_links).map(weighed).sum()
+    }
+
+    proptest! {
+        #[test]
+        fn the_jacobian_is_the_derivative_of_eq_1(arm in arm(), q in joints(), qd in joints()) {
+            let step = 1e-6;
+            let x_before_after = arm.forward(&(q - qd * step)).inverse() * arm.forward(&(q + qd * step));
+            let moved = Twist::reaching(&x_before_after, 2.0 * step);
+            let said = arm.jacobian(&arm.posture(&q)).twist(&qd);
+            for (moved, said) in moved.components().iter().zip(said.components()) {
+                prop_assert!((moved - said).abs() < 1e-7, "moved {moved}, said {said}");
+            }
+        }
+
+        #[test]
+        fn gravity_torques_are_the_slope_of_the_energy(arm in arm(), q in joints(), qd in joints()) {
+            let step = 1e-6;
+            let slope = (energy(&arm, &(q + qd * step)) - energy(&arm, &(q - qd * step))) / (2.0 * step);
+            let power = arm.gravity(&arm.posture(&q)).dot(&qd);
+            prop_assert!((slope - power).abs() < 1e-6);
+        }
+
+        #[test]
+        fn a_balanced_arm_asks_for_nothing(arm in arm(), q in joints()) {
+            prop_assert!(arm.balanced().gravity(&arm.posture(&q)).norm() == 0.0);
+        }
+    }
+
+    #[test]
+    fn a_level_link_hangs_on_its_joint_with_its_weight_times_its_arm() {
+        let level = Link { alpha: std::f64::consts::FRAC_PI_2, ..REVOLUTE };
+        let arm = Arm::new([level], Isometry3::identity(), [0.0, 0.0, -10.0]).unwrap();
+        let tau = arm.gravity(&arm.posture(&SVector::from([0.0])));
+        assert!((tau.x - 2.0 * 10.0 * 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_joint_beyond_its_range_is_named() {
+        let arm = Arm::new([REVOLUTE; 3], Isometry3::identity(), [0.0; 3]).unwrap();
+        assert_eq!(arm.out_of_range(&SVector::from([0.0, 3.0, -3.0])), None);
+        assert_eq!(arm.out_of_range(&SVector::from([0.0, 0.0, -3.1])), Some(2));
+        assert_eq!(arm.out_of_range(&SVector::from([f64::NAN, 0.0, 0.0])), Some(0));
+    }
+
+    #[test]
+    fn a_description_that_cannot_be_is_refused_by_joint_and_quantity() {
+        let build = |link| Arm::new([REVOLUTE, link], Isometry3::identity(), [0.0; 3]);
+        let error = build(Link { d: f64::NAN, ..REVOLUTE }).unwrap_err();
+        assert_eq!(error.to_string(), "joint 2: d = NaN is not within ±1000000");
+        let error = build(Link { mass: -1.0, ..REVOLUTE }).unwrap_err();
+        assert_eq!(error, InvalidArm::Mass { joint: 2, value: -1.0 });
+        let error = build(Link { range: [1.0, 1.0], ..REVOLUTE }).unwrap_err();
+        assert_eq!(error, InvalidArm::EmptyRange { joint: 2, low: 1.0, high: 1.0 });
+        let far = Isometry3::translation(f64::INFINITY, 0.0, 0.0);
+        assert_eq!(Arm::new([REVOLUTE], far, [0.0; 3]).unwrap_err(), InvalidArm::Grip);
+        let down = [0.0, 0.0, f64::NAN];
+        let error = Arm::new([REVOLUTE], Isometry3::identity(), down).unwrap_err();
+        assert_eq!(error, InvalidArm::Gravity);
+    }
+}

@@ -1,0 +1,186 @@
+//! One law for each Cartesian axis (Fig. 4): a deadband that separates six inputs in one hand, and
+//! the constant-force return to centre that marks its edge (3.3, Eq. 8).
+//!
+//! Not the wrench these make together, which is [`assist`](crate::controller::assist). Odd in the
+//! displacement, as Fig. 4 is drawn and the text says (decision 14): as printed, the first line of
+//! Eq. 8 pushes a hand on the negative side away, without bound.
+
+use thiserror::Error;
+
+use crate::controller::gains::Gains;
+use crate::controller::gains::InvalidGain;
+use crate::controller::reference::Displacement;
+
+/// Deadband, plateau and wall of all six axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Channels([Channel; 6]);
+
+/// One axis, in m and N or in rad and N·m.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Channel {
+    deadband: f64,
+    plateau: f64,
+    wall: f64,
+    stiffness: f64,
+}
+
+/// Why six numbers make no channels.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum InvalidChannels {
+    /// One of them is no such number.
+    #[error(transparent)]
+    Number(#[from] InvalidGain),
+    /// A plateau without a deadband to rise in would be a step at the centre.
+    #[error("return to centre of {plateau} on axis {axis} needs a deadband to rise in")]
+    Step {
+        /// The axis, 1 to 6.
+        axis: usize,
+        /// The plateau asked for, in N or N·m.
+        plateau: f64,
+    },
+}
+
+impl Channels {
+    /// From half-widths of the deadband (m, rad) and the plateaus of the return force (N, N·m).
+    /// The paper's parabolic constant `a` is the plateau over the deadband squared.
+    ///
+    /// # Errors
+    /// A number that is negative or not finite, or a plateau without a deadband.
+    pub fn new(deadband: [f64; 6], plateau: [f64; 6]) -> Result<Self, InvalidChannels> {
+        let deadband = Gains::new(deadband, "deadband")?;
+        let plateau = Gains::new(plateau, "return to centre")?;
+        let mut channels = [Channel::default(); 6];
+        let pairs = deadband.values().iter().zip(plateau.values());
+        for ((axis, channel), (&deadband, &plateau)) in (1..).zip(&mut channels).zip(pairs) {
+            if plateau > 0.0 && deadband < f64::MIN_POSITIVE {
+                return Err(InvalidChannels::Step { axis, plateau });
+            }
+            *channel = Channel { deadband, plateau, wall: 0.0, stiffness: 0.0 };
+        }
+        Ok(Self(channels))
+    }
+
+    /// The same with the third zone of Fig. 4: from `wall` (m, rad) on, a spring of `stiffness`
+    /// (N/m, N·m/rad) on top of the plateau. Off unless asked for, as in the paper (decision 16).
+    ///
+    /// # Errors
+    /// A number that is negative or not finite.
+    pub fn with_wall(self, wall: [f64; 6], stiffness: [f64; 6]) -> Result<Self, InvalidChannels> {
+        let wall = Gains::new(wall, "wall")?;
+        let stiffness = Gains::new(stiffness, "stiffness of the wall")?;
+        let mut channels = self.0;
+        let pairs = wall.values().iter().zip(stiffness.values());
+        for (channel, (&wall, &stiffness)) in channels.iter_mut().zip(pairs) {
+            *channel = Channel { wall, stiffness, ..*channel };
+        }
+        Ok(Self(channels))
+    }
+
+    /// What is left of a displacement beyond the deadband: zero within, and continuous at its edge
+    /// (decision 17).
+    pub fn beyond_deadband(&self, dx: &Displacement) -> Displacement {
+        Displacement::from_components(self.each(dx, Channel::beyond_deadband))
+    }
+
+    /// The return force of each axis (Eq. 8): N along the axes of the reference, N·m per rad of
+    /// each number of the orientation. Taken from the whole displacement, not what the deadband
+    /// leaves.
+    pub fn centring(&self, dx: &Displacement) -> [f64; 6] {
+        self.each(dx, Channel::centring)
+    }
+
+    fn each(&self, dx: &Displacement, law: impl Fn(&Channel, f64) -> f64) -> [f64; 6] {
+        let mut values = dx.components();
+        for (channel, value) in self.0.iter().zip(&mut values) {
+            *value = law(channel, *value);
+        }
+        values
+    }
+}
+
+impl Channel {
+    fn beyond_deadband(&self, x: f64) -> f64 {
+        (x.abs() - self.deadband).max(0.0).copysign(x)
+    }
+
+    fn centring(&self, x: f64) -> f64 {
+        let into_deadband =
+            if self.plateau > 0.0 { (x.abs() / self.deadband).min(1.0) } else { 0.0 };
+        let into_wall = (x.abs() - self.wall).max(0.0);
+        -(self.plateau * into_deadband * into_deadband + self.stiffness * into_wall).copysign(x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn channels() -> Channels {
+        Channels::new([0.01, 0.02, 0.0, 0.05, 0.06, 0.07], [2.0, 3.0, 0.0, 0.1, 0.2, 0.3]).unwrap()
+    }
+
+    fn walled() -> Channels {
+        channels().with_wall([0.1; 6], [400.0; 6]).unwrap()
+    }
+
+    fn dx() -> impl Strategy<Value = [f64; 6]> {
+        prop::array::uniform6(-0.3..0.3_f64)
+    }
+
+    proptest! {
+        #[test]
+        fn the_return_force_is_odd(dx in dx()) {
+            let there = walled().centring(&Displacement::from_components(dx));
+            let opposite = walled().centring(&Displacement::from_components(dx.map(|x| -x)));
+            for (there, opposite) in there.iter().zip(opposite) {
+                prop_assert!((there + opposite).abs() == 0.0);
+            }
+        }
+
+        #[test]
+        fn the_return_force_never_pushes_away(dx in dx()) {
+            for (force, x) in walled().centring(&Displacement::from_components(dx)).iter().zip(dx) {
+                prop_assert!(force * x <= 0.0);
+            }
+        }
+
+        #[test]
+        fn the_return_force_is_bounded_by_its_plateau(dx in dx()) {
+            let force = channels().centring(&Displacement::from_components(dx));
+            for (force, plateau) in force.iter().zip([2.0, 3.0, 0.0, 0.1, 0.2, 0.3]) {
+                prop_assert!(force.abs() <= plateau);
+            }
+        }
+
+        #[test]
+        fn neither_law_has_a_step(dx in dx(), by in -1e-6..1e-6_f64) {
+            let (a, b) = (dx, dx.map(|x| x + by));
+            let (a, b) = (Displacement::from_components(a), Displacement::from_components(b));
+            // The steepest of either: 2 F / DB = 400 N/m of the first axis, and the wall's 400.
+            for (a, b) in walled().centring(&a).iter().zip(walled().centring(&b)) {
+                prop_assert!((a - b).abs() <= 801.0 * by.abs());
+            }
+            let (a, b) = (walled().beyond_deadband(&a), walled().beyond_deadband(&b));
+            for (a, b) in a.components().iter().zip(b.components()) {
+                prop_assert!((a - b).abs() <= 1.000_001 * by.abs());
+            }
+        }
+
+        #[test]
+        fn within_the_deadband_nothing_is_commanded(share in prop::array::uniform6(-1.0..=1.0_f64)) {
+            let [a, b, c, d, e, f] = share;
+            let dx = [0.01 * a, 0.02 * b, 0.0 * c, 0.05 * d, 0.06 * e, 0.07 * f];
+            prop_assert!(channels().beyond_deadband(&Displacement::from_components(dx)).is_zero());
+        }
+    }
+
+    #[test]
+    fn a_plateau_needs_a_deadband() {
+        let error = Channels::new([0.0; 6], [0.0, 1.0, 0.0, 0.0, 0.0, 0.0]).unwrap_err();
+        assert_eq!(error, InvalidChannels::Step { axis: 2, plateau: 1.0 });
+        assert!(Channels::new([0.0; 6], [0.0; 6]).is_ok());
+        assert!(Channels::new([-0.1; 6], [0.0; 6]).is_err());
+        assert!(channels().with_wall([0.0; 6], [f64::NAN; 6]).is_err());
+    }
+}

@@ -1,0 +1,66 @@
+//! Six numbers, one per Cartesian axis, that cannot be wrong: the diagonal gain matrices of Fig. 3.
+//!
+//! Not the laws they are used in. Axes are numbered as in the paper: three translations, then three
+//! rotations.
+
+use thiserror::Error;
+
+/// The six axes by name, in the order of every six-vector of the paper.
+const AXES: [&str; 6] = ["x", "y", "z", "about x", "about y", "about z"];
+
+/// No gain, deadband or plateau is larger, so that products of them stay finite.
+const LARGEST: f64 = 1e6;
+
+/// Six numbers that are finite and not negative: a diagonal gain matrix.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gains([f64; 6]);
+
+/// Why six numbers are no gains.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("{quantity}, {axis}: {value} is not within 0 and {LARGEST}")]
+pub struct InvalidGain {
+    /// What they were to be, in the words of the caller.
+    pub quantity: &'static str,
+    /// The first axis that is wrong.
+    pub axis: &'static str,
+    /// What stood there.
+    pub value: f64,
+}
+
+impl Gains {
+    /// Zero on every axis.
+    pub const ZERO: Self = Self([0.0; 6]);
+
+    /// Checks six numbers; `quantity` names them in the error.
+    ///
+    /// # Errors
+    /// The first that is negative, too large or not a number.
+    pub fn new(values: [f64; 6], quantity: &'static str) -> Result<Self, InvalidGain> {
+        for (value, axis) in values.into_iter().zip(AXES) {
+            if !(0.0..=LARGEST).contains(&value) {
+                return Err(InvalidGain { quantity, axis, value });
+            }
+        }
+        Ok(Self(values))
+    }
+
+    /// The six numbers.
+    pub const fn values(&self) -> &[f64; 6] {
+        &self.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gain_is_finite_and_not_negative() {
+        assert!(Gains::new([0.0, 1.0, 2.0, 3.0, 4.0, 1e6], "K_V").is_ok());
+        for wrong in [-1e-9, f64::NAN, f64::INFINITY, 2e6] {
+            let error = Gains::new([1.0, 1.0, 1.0, 1.0, wrong, 1.0], "K_V").unwrap_err();
+            assert_eq!((error.quantity, error.axis), ("K_V", "about y"));
+            assert_eq!(error.value.to_bits(), wrong.to_bits());
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! A relative orientation as three numbers (Eq. 4), and what follows from the choice: the angular
+//! velocity they command (Eq. 5) and the moment that belongs to them (Eq. 8).
+//!
+//! Not the extraction itself, which is [`rotation`]. Decisions 3, 4 and 15.
+
+use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::PI;
+
+use nalgebra::UnitQuaternion;
+use nalgebra::Vector3;
+
+use crate::spatial::rotation;
+
+/// How far from where the numbers jump the command is already held, in rad (decision 4): 10°.
+const MARGIN: f64 = PI / 18.0;
+
+/// How an orientation is written as three numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Orientation {
+    /// Z-Y-X Euler angles in the order γ, β, α, as in the paper. They jump at β = ±90°; commands
+    /// are held beyond 80°.
+    #[default]
+    EulerZyx,
+    /// The rotation vector. It jumps at half a turn; commands are held beyond 170°.
+    RotationVector,
+}
+
+impl Orientation {
+    /// The three numbers of an orientation, in rad.
+    pub fn numbers(self, rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
+        match self {
+            Self::EulerZyx => rotation::euler_zyx(rotation),
+            Self::RotationVector => rotation::rotation_vector(rotation),
+        }
+    }
+
+    /// The orientation of three numbers in rad.
+    pub fn rotation(self, numbers: &Vector3<f64>) -> UnitQuaternion<f64> {
+        match self {
+            Self::EulerZyx => rotation::from_euler_zyx(numbers),
+            Self::RotationVector => UnitQuaternion::from_scaled_axis(*numbers),
+        }
+    }
+
+    /// The angular velocity that the numbers, taken as their own rates, command; in rad per unit of
+    /// gain, written in the turned frame (Eq. 5, decision 5).
+    pub fn rate(self, numbers: &Vector3<f64>) -> Vector3<f64> {
+        match self {
+            Self::EulerZyx => rotation::euler_rates(numbers) * numbers,
+            Self::RotationVector => *numbers,
+        }
+    }
+
+    /// The moment about the turned axes, in N·m, that does the same work as `conjugate` does on the
+    /// three numbers, in N·m per rad of each (decision 15: a moment that had the same components
+    /// would give off energy round a closed loop). Fades to nothing where the numbers jump.
+    pub fn moment(self, conjugate: &Vector3<f64>, numbers: &Vector3<f64>) -> Vector3<f64> {
+        let share = self.share(numbers);
+        let exact = match self {
+            Self::EulerZyx => euler_moment(conjugate, numbers),
+            Self::RotationVector => rotation::left_jacobian_inverse(numbers) * conjugate,
+        };
+        exact * (share * share)
+    }
+
+    /// Whether the numbers are far enough from where they jump to be commanded (decision 4).
+    pub fn is_within(self, numbers: &Vector3<f64>) -> bool {
+        self.share(numbers) >= 1.0
+    }
+
+    /// 1 where the numbers may be used; from there falls to 0 where they jump.
+    fn share(self, numbers: &Vector3<f64>) -> f64 {
+        let room = match self {
+            Self::EulerZyx => FRAC_PI_2 - numbers.y.abs(),
+            Self::RotationVector => PI - numbers.norm(),
+        };
+        (room / MARGIN).clamp(0.0, 1.0)
+    }
+}
+
+/// `E⁻ᵀ μ`, written out. Its denominator cos β vanishes at β = ±90° only; it is kept off zero.
+fn euler_moment(conjugate: &Vector3<f64>, angles: &Vector3<f64>) -> Vector3<f64> {
+    let (sin_gamma, cos_gamma) = angles.x.sin_cos();
+    let (sin_beta, cos_beta) = angles.y.sin_cos();
+    let about_alpha = (conjugate.z + conjugate.x * sin_beta) / cos_beta.max(1e-9);
+    Vector3::new(
+        conjugate.x,
+        conjugate.y * cos_gamma + about_alpha * sin_gamma,
+        about_alpha * cos_gamma - conjugate.y * sin_gamma,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const BOTH: [Orientation; 2] = [Orientation::EulerZyx, Orientation::RotationVector];
+
+    fn vector(size: f64) -> impl Strategy<Value = Vector3<f64>> {
+        prop::array::uniform3(-size..size).prop_map(Vector3::from)
+    }
+
+    proptest! {
+        #[test]
+        fn the_numbers_name_the_orientation(r in vector(3.0)) {
+            let rotation = UnitQuaternion::from_scaled_axis(r);
+            for orientation in BOTH {
+                let again = orientation.rotation(&orientation.numbers(&rotation));
+                prop_assert!(rotation.angle_to(&again) < 1e-7);
+            }
+        }
+
+        #[test]
+        fn the_moment_does_the_work_of_the_numbers(
+            numbers in vector(1.3), conjugate in vector(1.0), omega in vector(1.0)
+        ) {
+            // Turn by a small ω: the moment's work equals that of the conjugate on the change.
+            let step = 1e-6;
+            for orientation in BOTH {
+                let rotation = orientation.rotation(&numbers);
+                let turned = |by: f64| {
+                    orientation.numbers(&(rotation * UnitQuaternion::from_scaled_axis(omega * by)))
+                };
+                let change = (turned(step) - turned(-step)) / (2.0 * step);
+                let work = orientation.moment(&conjugate, &numbers).dot(&omega);
+                prop_assert!((work - conjugate.dot(&change)).abs() < 1e-6);
+            }
+        }
+
+        #[test]
+        fn the_rate_of_a_turn_about_its_own_axis_is_the_turn(angle in -1.3..1.3_f64) {
+            for orientation in BOTH {
+                for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+                    prop_assert!((orientation.rate(&(axis * angle)) - axis * angle).norm() < 1e-14);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_moment_has_no_step_where_the_numbers_jump() {
+        let mu = Vector3::new(0.3, -0.2, 0.1);
+        let around = |y: f64| UnitQuaternion::from_scaled_axis(Vector3::new(0.0, y, 0.0));
+        for (orientation, jump) in
+            [(Orientation::EulerZyx, FRAC_PI_2), (Orientation::RotationVector, PI)]
+        {
+            let moment = |y: f64| {
+                let numbers = orientation.numbers(&around(y));
+                let signs = numbers.map(f64::signum);
+                orientation.moment(&mu.component_mul(&signs), &numbers)
+            };
+            let (before, after) = (moment(jump - 1e-6), moment(jump + 1e-6));
+            assert!((before - after).norm() < 1e-3, "{orientation:?}: {before} then {after}");
+            assert!(!orientation.is_within(&orientation.numbers(&around(jump - MARGIN / 2.0))));
+            assert!(orientation.is_within(&orientation.numbers(&around(jump - MARGIN * 1.1))));
+        }
+    }
+
+    #[test]
+    fn round_a_closed_loop_the_moment_gives_off_no_work() {
+        // The loop of the oracle `euler_moment_loop_work`; a constant conjugate, as on the plateau.
+        let phi = |t: f64| {
+            Vector3::new(0.5 + 0.35 * t.cos(), 0.6 + 0.35 * t.sin(), 0.5 + 0.35 * (2.0 * t).sin())
+        };
+        let mu = Vector3::new(-0.3, -0.3, -0.3);
+        let (mut conjugate, mut literal) = (0.0, 0.0);
+        let steps = 20_000;
+        for step in 0..steps {
+            let at = |part: f64| 2.0 * PI * (f64::from(step) + part) / f64::from(steps);
+            let orientation = Orientation::EulerZyx;
+            let (from, to) =
+                (orientation.rotation(&phi(at(0.0))), orientation.rotation(&phi(at(1.0))));
+            let turn = rotation::rotation_vector(&(from.inverse() * to));
+            conjugate += orientation.moment(&mu, &phi(at(0.5))).dot(&turn);
+            literal += mu.dot(&turn);
+        }
+        assert!(conjugate.abs() < 1e-6, "{conjugate} J from nowhere");
+        assert!((literal - 0.165_576_786).abs() < 1e-4, "as components it gives off {literal} J");
+    }
+}

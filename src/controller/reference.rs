@@ -1,0 +1,154 @@
+//! The reference pose, and how far the grip is from it (Eq. 2, 3 and 4).
+//!
+//! Not what the difference commands. The translation is written in the axes of the reference, {G0},
+//! not of the base as printed in Eq. 2 (decision 2): all six numbers, and the wrenches that answer
+//! them, then share one frame, and the base of the arm may stand anywhere.
+
+use nalgebra::Isometry3;
+use nalgebra::Vector3;
+
+use crate::controller::orientation::Orientation;
+use crate::controller::switches::Pressed;
+
+/// ΔX of Eq. 4: where the grip is, seen from its reference.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Displacement {
+    /// Along the axes of the reference, in m.
+    pub translation: Vector3<f64>,
+    /// The three numbers of the relative orientation, in rad.
+    pub orientation: Vector3<f64>,
+}
+
+impl Displacement {
+    /// From a relative pose `x_h_g`, its rotation written as `orientation` says.
+    pub fn between(x_h_g: &Isometry3<f64>, orientation: Orientation) -> Self {
+        Self {
+            translation: x_h_g.translation.vector,
+            orientation: orientation.numbers(&x_h_g.rotation),
+        }
+    }
+
+    /// From x, y, z in m and γ, β, α (or a rotation vector) in rad.
+    pub const fn from_components([x, y, z, gamma, beta, alpha]: [f64; 6]) -> Self {
+        Self { translation: Vector3::new(x, y, z), orientation: Vector3::new(gamma, beta, alpha) }
+    }
+
+    /// x, y, z in m and γ, β, α (or a rotation vector) in rad.
+    pub fn components(&self) -> [f64; 6] {
+        let (p, phi) = (&self.translation, &self.orientation);
+        [p.x, p.y, p.z, phi.x, phi.y, phi.z]
+    }
+
+    /// Each component multiplied by its own gain: a diagonal gain matrix.
+    pub fn scaled(&self, gains: &[f64; 6]) -> Self {
+        let [x, y, z, gamma, beta, alpha] = self.components();
+        let [a, b, c, d, e, f] = *gains;
+        Self::from_components([a * x, b * y, c * z, d * gamma, e * beta, f * alpha])
+    }
+
+    /// Whether nothing is left on any axis.
+    pub fn is_zero(&self) -> bool {
+        self.translation == Vector3::zeros() && self.orientation == Vector3::zeros()
+    }
+}
+
+/// Where zero is: the grip's pose that commands nothing, and the object's pose that belongs to it.
+///
+/// Until an operator has set one it follows the grip, so that nothing is displaced.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reference {
+    /// The grip's pose at the reference, in {0}: {G0}.
+    pub x_0_h: Isometry3<f64>,
+    /// The object's pose at the reference, in its base.
+    pub x_b_r: Isometry3<f64>,
+    /// Whether an operator has set it.
+    pub is_set: bool,
+}
+
+impl Reference {
+    /// None yet.
+    pub fn none() -> Self {
+        Self { x_0_h: Isometry3::identity(), x_b_r: Isometry3::identity(), is_set: false }
+    }
+
+    /// Sets the reference here where the switches ask for it, and says whether they did: both poses
+    /// at once, so that no object can jump (decisions 28 and 29). `x_b_m` is the pose the object has
+    /// been commanded to, or has where it was not.
+    pub fn update(
+        &mut self,
+        pressed: &Pressed,
+        x_0_g: &Isometry3<f64>,
+        x_b_m: &Isometry3<f64>,
+    ) -> bool {
+        let set = pressed.reference || pressed.engaged && (pressed.latches || !self.is_set);
+        if set || !self.is_set {
+            *self = Self { x_0_h: *x_0_g, x_b_r: *x_b_m, is_set: self.is_set || set };
+        }
+        set
+    }
+
+    /// The grip's pose, seen from the reference: Eq. 2 and 3 in one.
+    pub fn displacement(&self, x_0_g: &Isometry3<f64>) -> Isometry3<f64> {
+        self.x_0_h.inverse() * x_0_g
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const SET: Pressed = Pressed { reference: true, ..Pressed::NOTHING };
+
+    fn pose() -> impl Strategy<Value = Isometry3<f64>> {
+        prop::array::uniform6(-1.0..1.0_f64).prop_map(|[x, y, z, a, b, c]| {
+            Isometry3::new(Vector3::new(x, y, z), Vector3::new(a, b, c))
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn no_motion_is_no_displacement(x_0_g in pose(), x_b_m in pose()) {
+            let mut reference = Reference::none();
+            prop_assert!(reference.update(&SET, &x_0_g, &x_b_m));
+            let x_h_g = reference.displacement(&x_0_g);
+            for orientation in [Orientation::EulerZyx, Orientation::RotationVector] {
+                let dx = Displacement::between(&x_h_g, orientation);
+                prop_assert!(dx.components().iter().all(|part| part.abs() < 1e-14));
+            }
+        }
+
+        #[test]
+        fn a_moved_base_moves_no_displacement(
+            x_base in pose(), x_0_h in pose(), x_0_g in pose(), x_b_m in pose()
+        ) {
+            let mut here = Reference::none();
+            here.update(&SET, &x_0_h, &x_b_m);
+            let mut elsewhere = Reference::none();
+            elsewhere.update(&SET, &(x_base * x_0_h), &x_b_m);
+            let difference = here.displacement(&x_0_g).inverse()
+                * elsewhere.displacement(&(x_base * x_0_g));
+            prop_assert!(difference.translation.vector.norm() < 1e-12);
+            prop_assert!(difference.rotation.angle() < 1e-7);
+        }
+
+        #[test]
+        fn before_it_is_set_it_follows_the_grip(x_0_g in pose(), x_b_m in pose()) {
+            let mut reference = Reference::none();
+            prop_assert!(!reference.update(&Pressed::NOTHING, &x_0_g, &x_b_m));
+            prop_assert!(!reference.is_set);
+            prop_assert_eq!(reference.x_0_h, x_0_g);
+        }
+    }
+
+    #[test]
+    fn once_set_it_stays() {
+        let mut reference = Reference::none();
+        let x_0_h = Isometry3::translation(0.1, 0.2, 0.3);
+        reference.update(&SET, &x_0_h, &Isometry3::identity());
+        let moved = Isometry3::translation(1.0, 0.0, 0.0);
+        let engaged = Pressed { engaged: true, ..Pressed::NOTHING };
+        assert!(!reference.update(&engaged, &moved, &moved));
+        assert_eq!((reference.x_0_h, reference.is_set), (x_0_h, true));
+    }
+}

@@ -1,0 +1,174 @@
+//! The three switches of a hand controller (4.1), from levels to what they permit and ask for.
+//!
+//! Not their wiring: two antivalent deadman contacts are one level here. Decisions 27, 28 and 29:
+//!
+//! | deadman | reflection | command | task wrench | return to centre | damping | gravity |
+//! |---------|------------|---------|-------------|------------------|---------|---------|
+//! | up      | any        | –       | –           | –                | –       | yes     |
+//! | held    | off        | yes     | –           | –                | –       | yes     |
+//! | held    | on         | yes     | yes         | rate mode        | yes     | yes     |
+//!
+//! The reflection switch turns reflection on and off, one press each. The reference switch acts
+//! once a press in rate mode; in pose mode it is a clutch while held: grip and object are latched
+//! every cycle (the index button of the paper). A switch that is closed at the first cycle counts
+//! only after it has been released.
+
+/// What a hand's motion means to the object.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// Displacement commands velocity (Fig. 3).
+    #[default]
+    Rate,
+    /// Displacement commands displacement (3.5).
+    Pose,
+}
+
+/// Which switches are closed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Switches {
+    /// Held to command anything and to feel anything.
+    pub deadman: bool,
+    /// Defines the reference; index button in pose mode.
+    pub reference: bool,
+    /// Turns reflection, return to centre and damping on and off.
+    pub reflection: bool,
+}
+
+/// What the switches permit this cycle, and what they ask for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pressed {
+    /// The object may be commanded.
+    pub commands: bool,
+    /// The task wrench may be felt.
+    pub task: bool,
+    /// The hand may be drawn back to the reference.
+    pub centring: bool,
+    /// The hand's motion may be damped.
+    pub damping: bool,
+    /// The operator asks for the reference here.
+    pub reference: bool,
+    /// Commanding begins: the deadman has just been pressed, or the mode changed under it.
+    pub engaged: bool,
+    /// In this mode beginning to command needs a new reference, lest the object jump.
+    pub latches: bool,
+}
+
+impl Pressed {
+    /// Nothing permitted, nothing asked for.
+    pub const NOTHING: Self = Self {
+        commands: false,
+        task: false,
+        centring: false,
+        damping: false,
+        reference: false,
+        engaged: false,
+        latches: false,
+    };
+}
+
+/// What the switches were, and what they have turned on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Panel {
+    before: Switches,
+    mode: Mode,
+    held: bool,
+    reflecting: bool,
+}
+
+impl Panel {
+    /// Before the first cycle: every switch taken for closed, reflection off.
+    pub const fn new(mode: Mode) -> Self {
+        let closed = Switches { deadman: true, reference: true, reflection: true };
+        Self { before: closed, mode, held: false, reflecting: false }
+    }
+
+    /// Takes this cycle's levels.
+    pub fn read(&mut self, now: Switches, mode: Mode) -> Pressed {
+        let Self { before, mode: mode_before, held: held_before, reflecting } = *self;
+        let held = now.deadman && (held_before || !before.deadman);
+        let reflecting = reflecting != (now.reflection && !before.reflection);
+        *self = Self { before: now, mode, held, reflecting };
+        Pressed {
+            commands: held,
+            task: held && reflecting,
+            centring: held && reflecting && mode == Mode::Rate,
+            damping: held && reflecting,
+            reference: now.reference && (mode == Mode::Pose || !before.reference),
+            engaged: held && (!held_before || mode != mode_before),
+            latches: mode == Mode::Pose,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const UP: Switches = Switches { deadman: false, reference: false, reflection: false };
+    const DEADMAN: Switches = Switches { deadman: true, ..UP };
+    const REFERENCE: Switches = Switches { reference: true, ..DEADMAN };
+    const REFLECTION: Switches = Switches { reflection: true, ..DEADMAN };
+
+    fn released(mode: Mode) -> Panel {
+        let mut panel = Panel::new(mode);
+        panel.read(UP, mode);
+        panel
+    }
+
+    proptest! {
+        #[test]
+        fn without_the_deadman_nothing_is_permitted(
+            presses in prop::collection::vec(any::<[bool; 3]>(), 0..20)
+        ) {
+            let mut panel = Panel::new(Mode::Rate);
+            for [deadman, reference, reflection] in presses {
+                let pressed = panel.read(Switches { deadman, reference, reflection }, Mode::Rate);
+                if !deadman {
+                    let Pressed { commands, task, centring, damping, engaged, .. } = pressed;
+                    prop_assert!(!(commands || task || centring || damping || engaged));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_switch_closed_from_the_start_counts_after_its_release() {
+        let all = Switches { deadman: true, reference: true, reflection: true };
+        let mut panel = Panel::new(Mode::Rate);
+        for _ in 0..3 {
+            assert_eq!(panel.read(all, Mode::Rate), Pressed::NOTHING);
+        }
+        panel.read(UP, Mode::Rate);
+        let pressed = panel.read(all, Mode::Rate);
+        assert!(pressed.commands && pressed.engaged && pressed.reference && pressed.task);
+    }
+
+    #[test]
+    fn reflection_is_turned_by_a_press_and_stays() {
+        let mut panel = released(Mode::Rate);
+        let felt = [DEADMAN, REFLECTION, REFLECTION, DEADMAN, UP, DEADMAN, REFLECTION, DEADMAN]
+            .map(|levels| panel.read(levels, Mode::Rate).task);
+        assert_eq!(felt, [false, true, true, true, false, true, false, false]);
+    }
+
+    #[test]
+    fn the_reference_is_an_edge_in_rate_mode_and_a_clutch_in_pose_mode() {
+        for (mode, expected) in
+            [(Mode::Rate, [true, false, false]), (Mode::Pose, [true, true, false])]
+        {
+            let mut panel = released(mode);
+            let asked = [REFERENCE, REFERENCE, DEADMAN].map(|now| panel.read(now, mode).reference);
+            assert_eq!(asked, expected);
+        }
+    }
+
+    #[test]
+    fn commanding_begins_with_the_deadman_and_with_a_change_of_mode() {
+        let mut panel = released(Mode::Rate);
+        assert!(panel.read(DEADMAN, Mode::Rate).engaged);
+        assert!(!panel.read(DEADMAN, Mode::Rate).engaged);
+        let changed = panel.read(DEADMAN, Mode::Pose);
+        assert!(changed.engaged && changed.latches && !changed.centring);
+    }
+}

@@ -1,0 +1,520 @@
+//! Laws of one whole cycle, whatever the joints, the wrench and the switches: work is conserved,
+//! nothing moves by itself, nothing jumps, and no number from outside gets through unchecked.
+#![cfg(test)]
+
+mod common;
+
+use common::oracle;
+use frhc::controller::Controller;
+use frhc::controller::Fault;
+use frhc::controller::Input;
+use frhc::controller::JointVector;
+use frhc::controller::Output;
+use frhc::controller::Settings;
+use frhc::controller::arm::Arm;
+use frhc::controller::arm::JointKind;
+use frhc::controller::arm::Link;
+use frhc::controller::assist::Damping;
+use frhc::controller::calibration::Calibration;
+use frhc::controller::calibration::Counts;
+use frhc::controller::calibration::JointCalibration;
+use frhc::controller::calibration::TorqueCurve;
+use frhc::controller::channels::Channels;
+use frhc::controller::command::CommandLaw;
+use frhc::controller::command::Gate;
+use frhc::controller::gains::Gains;
+use frhc::controller::limits::AssistFraction;
+use frhc::controller::orientation::Orientation;
+use frhc::controller::reflection::Reflection;
+use frhc::controller::switches::Mode;
+use frhc::controller::switches::Switches;
+use frhc::spatial::Motion;
+use frhc::spatial::Twist;
+use frhc::spatial::Wrench;
+use nalgebra::Isometry3;
+use nalgebra::UnitQuaternion;
+use nalgebra::Vector3;
+use proptest::prelude::*;
+
+const NEUTRAL: [f64; 6] = [0.1, -0.87, 1.66, -0.79, 0.1, 0.2];
+const MAX_TORQUES: [f64; 6] = [6.0, 6.0, 4.0, 1.2, 1.0, 0.8];
+const PERIOD: f64 = 1e-3;
+
+const UP: Switches = Switches { deadman: false, reference: false, reflection: false };
+const DEADMAN: Switches = Switches { deadman: true, ..UP };
+const REFERENCE: Switches = Switches { reference: true, ..DEADMAN };
+const REFLECTION: Switches = Switches { reflection: true, ..DEADMAN };
+
+fn settings() -> Settings {
+    let gains = |values| Gains::new(values, "gain").unwrap();
+    let curve = |max_torque| TorqueCurve::new([150.0, 1.0, 0.01], max_torque).unwrap();
+    // Fine enough that a count is no motion to speak of: 1e-9 rad.
+    let joint = |max_torque| {
+        let ratio = 1e5 * std::f64::consts::TAU;
+        JointCalibration::new(10_000, ratio, -5, curve(max_torque)).unwrap()
+    };
+    Settings {
+        arm: oracle::arm("kraft_like"),
+        calibration: Calibration::new(MAX_TORQUES.map(joint)),
+        channels: Channels::new(
+            [0.01, 0.01, 0.01, 0.06, 0.06, 0.06],
+            [2.0, 2.0, 2.0, 0.08, 0.08, 0.08],
+        )
+        .unwrap(),
+        command: CommandLaw {
+            orientation: Orientation::EulerZyx,
+            rate_gain: gains([2.0, 2.0, 2.0, 1.5, 1.5, 1.5]),
+            pose_gain: gains([1.0; 6]),
+            pose_deadband: false,
+        },
+        reflection: Reflection::new(
+            Isometry3::translation(0.0, 0.0, -0.05),
+            gains([1.0; 6]),
+            1e3,
+            1e3,
+        )
+        .unwrap(),
+        damping: Damping::new(gains([8.0, 8.0, 8.0, 0.02, 0.02, 0.02]), PERIOD).unwrap(),
+        assist_fraction: AssistFraction::new(0.35).unwrap(),
+    }
+}
+
+/// A controller and what goes into it.
+struct Bench {
+    controller: Controller,
+    calibration: Calibration<6>,
+    input: Input,
+}
+
+impl Bench {
+    /// With every switch open, having run one cycle.
+    fn new(settings: &Settings, mode: Mode) -> Self {
+        let mut bench = Self {
+            controller: Controller::new(settings),
+            calibration: settings.calibration,
+            input: Input {
+                counts: settings.calibration.counts(&JointVector::from(NEUTRAL)),
+                f_s: Wrench::ZERO,
+                x_b_m: Isometry3::translation(0.4, 0.0, 0.3),
+                switches: UP,
+                mode,
+                gravity_share: 1.0,
+                reflection_share: 1.0,
+                restart: true,
+            },
+        };
+        bench.press(UP);
+        bench.input.restart = false;
+        bench
+    }
+
+    /// With deadman held, reference set and reflection on at the neutral posture.
+    fn engaged(settings: &Settings, mode: Mode) -> Self {
+        let mut bench = Self::new(settings, mode);
+        bench.press(REFLECTION);
+        bench.press(REFERENCE);
+        bench.press(DEADMAN);
+        bench
+    }
+
+    fn press(&mut self, switches: Switches) -> Output {
+        self.input.switches = switches;
+        self.controller.step(&self.input)
+    }
+
+    fn at(&mut self, q: [f64; 6]) -> Output {
+        self.input.counts = self.calibration.counts(&JointVector::from(q));
+        self.controller.step(&self.input)
+    }
+}
+
+fn displaced(by: f64) -> [f64; 6] {
+    NEUTRAL.map(|q| q + by)
+}
+
+fn joints() -> impl Strategy<Value = [f64; 6]> {
+    prop::array::uniform6(-0.3..0.3_f64)
+        .prop_map(|by| [0, 1, 2, 3, 4, 5].map(|joint| NEUTRAL[joint] + by[joint]))
+}
+
+fn wrench(size: f64) -> impl Strategy<Value = Wrench> {
+    prop::array::uniform6(-size..size).prop_map(Wrench::from_components)
+}
+
+fn mode() -> impl Strategy<Value = Mode> {
+    prop_oneof![Just(Mode::Rate), Just(Mode::Pose)]
+}
+
+fn switches() -> impl Strategy<Value = Switches> {
+    any::<[bool; 3]>().prop_map(|[deadman, reference, reflection]| Switches {
+        deadman,
+        reference,
+        reflection,
+    })
+}
+
+fn any_pose() -> impl Strategy<Value = Isometry3<f64>> {
+    prop::array::uniform7(any::<f64>()).prop_map(|[x, y, z, w, i, j, k]| {
+        let rotation = nalgebra::Quaternion::new(w, i, j, k);
+        Isometry3::from_parts(Vector3::new(x, y, z).into(), UnitQuaternion::new_unchecked(rotation))
+    })
+}
+
+proptest! {
+    #[test]
+    fn torques_do_the_work_of_what_the_hand_feels(
+        q in joints(), qd in prop::array::uniform6(-2.0..2.0_f64), f_s in wrench(20.0)
+    ) {
+        let mut bench = Bench::engaged(&settings(), Mode::Rate);
+        bench.input.f_s = f_s;
+        let output = bench.at(q);
+        let qd = JointVector::from(qd);
+        let v_g = output.j_g.twist(&qd);
+        let task = output.tau_task.dot(&qd) - output.f_g_task.power(&v_g);
+        let f_g_assist = output.f_g_centring + output.f_g_damping;
+        let assist = output.tau_assist.dot(&qd) - f_g_assist.power(&v_g);
+        prop_assert!(output.f_g_task != Wrench::ZERO && f_g_assist != Wrench::ZERO);
+        prop_assert!(task.abs() < 1e-9 && assist.abs() < 1e-9, "{task} W, {assist} W");
+    }
+
+    #[test]
+    fn in_pose_mode_the_hand_is_given_the_power_the_object_is(
+        q in joints(), qd in prop::array::uniform6(-1.0..1.0_f64), f_s in wrench(20.0)
+    ) {
+        // At unit gains the object moves as the hand does, and the hand feels what it feels.
+        let mut bench = Bench::engaged(&settings(), Mode::Pose);
+        bench.input.f_s = f_s;
+        let before = bench.at(q);
+        let after = bench.at([0, 1, 2, 3, 4, 5].map(|joint| q[joint] + qd[joint] * PERIOD));
+        let (Motion::Pose(x_b_before), Motion::Pose(x_b_d)) = (before.command, after.command)
+        else {
+            return Err(TestCaseError::fail("no pose commanded"));
+        };
+        let v_m = Twist::reaching(&(x_b_before.inverse() * x_b_d), PERIOD);
+        let v_g = Twist::reaching(&(before.x_0_g.inverse() * after.x_0_g), PERIOD);
+        let difference = after.f_m_task.power(&v_m) - after.f_g_task.power(&v_g);
+        prop_assert!(difference.abs() < 1e-7, "{difference} W appeared from nowhere");
+    }
+
+    #[test]
+    fn a_moved_base_changes_no_torque_and_no_command(
+        q in joints(), f_s in wrench(20.0), mode in mode(),
+        [alpha, a, d] in prop::array::uniform3(-1.0..1.0_f64)
+    ) {
+        let here = settings();
+        let there = Settings { arm: kraft_like_on(alpha, a, d), ..here };
+        let outputs = [here, there].map(|settings| {
+            let mut bench = Bench::engaged(&settings, mode);
+            bench.input.f_s = f_s;
+            bench.at(q)
+        });
+        let [here, there] = outputs;
+        prop_assert!((here.x_0_g.translation.vector - there.x_0_g.translation.vector).norm() > 0.0);
+        prop_assert!((here.tau - there.tau).norm() < 1e-9);
+        match (here.command, there.command) {
+            (Motion::Rate(here), Motion::Rate(there)) => {
+                for (here, there) in here.components().iter().zip(there.components()) {
+                    prop_assert!((here - there).abs() < 1e-9);
+                }
+            }
+            (Motion::Pose(here), Motion::Pose(there)) => {
+                let difference = here.to_homogeneous() - there.to_homogeneous();
+                prop_assert!(difference.norm() < 1e-9);
+            }
+            (here, there) => prop_assert!(false, "{here:?} here, {there:?} there"),
+        }
+    }
+
+    #[test]
+    fn damping_never_drives_the_hand(path in prop::collection::vec(joints(), 2..6)) {
+        let mut bench = Bench::engaged(&settings(), Mode::Rate);
+        let mut x_0_before = None;
+        for q in path {
+            let output = bench.at(q);
+            if let Some(x_0_before) = x_0_before.replace(output.x_0_g) {
+                let moved: Isometry3<f64> = output.x_0_g.inverse() * x_0_before;
+                let moved_in_g = -moved.translation.vector;
+                prop_assert!(output.f_g_damping.force.dot(&moved_in_g) <= 0.0);
+                let turned = -moved.rotation.scaled_axis();
+                prop_assert!(output.f_g_damping.moment.dot(&turned) <= 0.0);
+            }
+        }
+    }
+
+    #[test]
+    fn no_motion_in_is_no_motion_out(mode in mode(), cycles in 1..20_usize) {
+        let mut bench = Bench::engaged(&settings(), mode);
+        for _ in 0..cycles {
+            let output = bench.at(NEUTRAL);
+            match output.command {
+                Motion::Rate(v_m) => prop_assert_eq!(v_m, Twist::ZERO),
+                Motion::Pose(x_b_d) => {
+                    let moved = x_b_d.to_homogeneous() - bench.input.x_b_m.to_homogeneous();
+                    prop_assert!(moved.norm() < 1e-14);
+                }
+                Motion::Hold => prop_assert!(false, "held though engaged"),
+            }
+            prop_assert!((output.tau - output.tau_gravity).norm() < 1e-12);
+            prop_assert_eq!(output.fault, None);
+        }
+    }
+
+    #[test]
+    fn without_the_deadman_only_weight_is_carried_and_nothing_commanded(
+        path in prop::collection::vec((joints(), switches(), wrench(50.0)), 1..20), mode in mode()
+    ) {
+        let mut bench = Bench::new(&settings(), mode);
+        for (q, switches, f_s) in path {
+            bench.input.switches = switches;
+            bench.input.f_s = f_s;
+            let output = bench.at(q);
+            if !switches.deadman {
+                prop_assert_eq!(output.command, Motion::Hold);
+                prop_assert_eq!(output.tau, output.tau_gravity);
+            }
+        }
+    }
+
+    #[test]
+    fn whatever_comes_in_the_torques_are_finite_and_within_limits(
+        cycles in prop::collection::vec(
+            (
+                prop::array::uniform6(any::<i32>()),
+                prop::array::uniform6(any::<f64>()),
+                any_pose(),
+                switches(),
+                mode(),
+                any::<[f64; 2]>(),
+                any::<bool>(),
+            ),
+            1..8,
+        )
+    ) {
+        for orientation in [Orientation::EulerZyx, Orientation::RotationVector] {
+            let mut settings = settings();
+            settings.command.orientation = orientation;
+            let mut controller = Controller::new(&settings);
+            for (counts, f_s, x_b_m, switches, mode, [gravity, reflection], restart) in &cycles {
+                let input = Input {
+                    counts: counts.map(Counts),
+                    f_s: Wrench::from_components(*f_s),
+                    x_b_m: *x_b_m,
+                    switches: *switches,
+                    mode: *mode,
+                    gravity_share: *gravity,
+                    reflection_share: *reflection,
+                    restart: *restart,
+                };
+                let output = controller.step(&input);
+                for (torque, max) in output.tau.iter().zip(MAX_TORQUES) {
+                    prop_assert!(torque.abs() <= max);
+                }
+                let is_finite = match output.command {
+                    Motion::Hold => true,
+                    Motion::Rate(v_m) => v_m.is_finite(),
+                    Motion::Pose(x) => x.to_homogeneous().iter().all(|entry| entry.is_finite()),
+                };
+                prop_assert!(is_finite, "{:?}", output.command);
+                if !input.f_s.is_finite() {
+                    prop_assert!(output.fault.is_some());
+                    prop_assert_eq!(output.f_g_task, Wrench::ZERO);
+                }
+                if !(0.0..=1.0).contains(gravity) {
+                    prop_assert!(output.fault.is_some());
+                    prop_assert_eq!(output.tau_gravity, JointVector::zeros());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_same_inputs_give_the_same_outputs(
+        path in prop::collection::vec((joints(), switches(), wrench(50.0)), 1..10), mode in mode()
+    ) {
+        let run = || {
+            let mut bench = Bench::new(&settings(), mode);
+            path.iter().map(|(q, switches, f_s)| {
+                bench.input.switches = *switches;
+                bench.input.f_s = *f_s;
+                bench.at(*q)
+            }).collect::<Vec<_>>()
+        };
+        prop_assert_eq!(run(), run());
+    }
+
+    #[test]
+    fn a_reference_set_in_motion_stops_the_rate_and_kicks_nobody(q in joints(), by in -3e-3..3e-3_f64) {
+        let mut bench = Bench::engaged(&settings(), Mode::Rate);
+        bench.at(q);
+        let kept = bench.controller;
+        let moved = q.map(|q| q + by);
+        let undisturbed = bench.at(moved);
+        bench.controller = kept;
+        bench.input.switches = REFERENCE;
+        let output = bench.at(moved);
+        prop_assert_eq!(output.command, Motion::Rate(Twist::ZERO));
+        for (ours, before) in
+            output.f_g_damping.components().iter().zip(undisturbed.f_g_damping.components())
+        {
+            prop_assert!((ours - before).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn taking_up_the_deadman_elsewhere_moves_no_object(q in joints(), mode in mode()) {
+        let mut bench = Bench::engaged(&settings(), mode);
+        bench.press(UP);
+        bench.input.x_b_m = Isometry3::translation(0.5, 0.1, 0.2);
+        bench.at(q);
+        let output = bench.press(DEADMAN);
+        match output.command {
+            Motion::Pose(x_b_d) => {
+                prop_assert!((x_b_d.inverse() * bench.input.x_b_m).translation.vector.norm() < 1e-12);
+            }
+            Motion::Rate(v_m) => prop_assert_eq!(v_m, Twist::ZERO),
+            Motion::Hold => prop_assert_eq!(output.gate, Gate::Waiting),
+        }
+    }
+
+    #[test]
+    fn a_change_of_mode_moves_no_object(q in joints(), mode in mode()) {
+        let mut bench = Bench::engaged(&settings(), mode);
+        bench.at(q);
+        bench.input.mode = match mode {
+            Mode::Rate => Mode::Pose,
+            Mode::Pose => Mode::Rate,
+        };
+        match bench.at(q).command {
+            Motion::Pose(x_b_d) => {
+                prop_assert!((x_b_d.inverse() * bench.input.x_b_m).translation.vector.norm() < 1e-12);
+            }
+            Motion::Rate(v_m) => prop_assert_eq!(v_m, Twist::ZERO),
+            Motion::Hold => {}
+        }
+    }
+
+    #[test]
+    fn half_the_reflection_share_is_half_of_what_is_felt(q in joints(), f_s in wrench(50.0)) {
+        let felt = |share: f64| {
+            let mut bench = Bench::engaged(&settings(), Mode::Rate);
+            bench.input.f_s = f_s;
+            bench.input.reflection_share = share;
+            let output = bench.at(q);
+            output.tau - output.tau_gravity
+        };
+        prop_assert!((felt(1.0) - felt(0.5) * 2.0).norm() < 1e-9);
+        prop_assert!(felt(0.0).norm() == 0.0);
+    }
+}
+
+/// The arm of the oracle on a base turned about its x axis and shifted, gravity turned along.
+fn kraft_like_on(alpha: f64, a: f64, d: f64) -> Arm<6> {
+    let model = &oracle::oracle("kraft_like.json")["model"];
+    let mut links = oracle::links(model);
+    links[0] =
+        Link { alpha: links[0].alpha + alpha, a: links[0].a + a, d: links[0].d + d, ..links[0] };
+    let turned = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), alpha);
+    let gravity = turned * oracle::vector(&model["g0"]);
+    Arm::new(links, oracle::pose(&model["T_6G"]), gravity.into()).unwrap()
+}
+
+#[test]
+fn a_wrench_that_is_no_number_is_none() {
+    let mut bench = Bench::engaged(&settings(), Mode::Rate);
+    for (part, fault) in [
+        (f64::NAN, Fault::WrenchNotFinite),
+        (f64::NEG_INFINITY, Fault::WrenchNotFinite),
+        (1e6, Fault::WrenchTooLarge),
+    ] {
+        bench.input.f_s = Wrench::from_components([0.0, part, 0.0, 0.0, 0.0, 0.0]);
+        let output = bench.at(NEUTRAL);
+        assert_eq!(output.fault, Some(fault));
+        assert!((output.tau - output.tau_gravity).norm() < 1e-12);
+    }
+}
+
+#[test]
+fn an_object_that_is_nowhere_stays_where_it_was() {
+    let mut bench = Bench::new(&settings(), Mode::Pose);
+    bench.input.x_b_m = Isometry3::translation(f64::NAN, 0.0, 0.0);
+    let output = bench.press(DEADMAN);
+    assert_eq!(output.fault, Some(Fault::ObjectPoseNotFinite));
+    let Motion::Pose(x_b_d) = output.command else { panic!("{:?}", output.command) };
+    assert!((x_b_d.translation.vector - Vector3::new(0.4, 0.0, 0.3)).norm() < 1e-12);
+}
+
+#[test]
+fn a_displaced_hand_commands_no_rate_until_it_has_been_back() {
+    let mut bench = Bench::engaged(&settings(), Mode::Rate);
+    bench.press(UP);
+    bench.at(displaced(0.1));
+    assert_eq!(bench.press(DEADMAN).command, Motion::Hold);
+    assert_eq!(bench.at(displaced(0.12)).command, Motion::Hold);
+    assert_eq!(bench.at(NEUTRAL).command, Motion::Rate(Twist::ZERO));
+    let Motion::Rate(v_m) = bench.at(displaced(0.1)).command else { panic!("held") };
+    assert!(v_m.linear.norm() > 0.0);
+}
+
+#[test]
+fn a_hand_turned_past_80_degrees_is_unheard_until_it_has_been_back() {
+    let mut settings = settings();
+    // Five slides and one joint that turns the grip about y, the axis of β.
+    settings.arm = {
+        let links = [JointKind::Prismatic; 5].map(|kind| Link {
+            kind,
+            alpha: 0.0,
+            a: 0.0,
+            d: 0.0,
+            theta: 0.0,
+            mass: 0.0,
+            centre_of_mass: [0.0; 3],
+            range: [-1.0, 1.0],
+        });
+        let [a, b, c, d, e] = links;
+        let alpha = -std::f64::consts::FRAC_PI_2; // its z axis is y of {0}
+        let wrist = Link { kind: JointKind::Revolute, alpha, ..a };
+        let upright = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), -alpha);
+        let x_6_g = Isometry3::from_parts(Vector3::zeros().into(), upright);
+        Arm::new([a, b, c, d, e, wrist], x_6_g, [0.0; 3]).unwrap()
+    };
+    let turned = |degrees: f64| [0.0, 0.0, 0.0, 0.0, 0.0, degrees.to_radians()];
+    let mut bench = Bench::new(&settings, Mode::Rate);
+    bench.at(turned(0.0));
+    bench.press(REFERENCE);
+    bench.press(DEADMAN);
+    assert_eq!(bench.at(turned(79.0)).fault, None);
+    for degrees in [81.0, 89.0, 95.0, 79.0] {
+        let output = bench.at(turned(degrees));
+        assert_eq!((output.command, output.fault), (Motion::Hold, Some(Fault::TurnedTooFar)));
+    }
+    assert_eq!(bench.at(turned(0.0)).fault, None);
+    assert!(matches!(bench.at(turned(20.0)).command, Motion::Rate(v_m) if v_m.angular.y > 0.1));
+}
+
+#[test]
+fn before_any_reference_the_deadman_sets_one() {
+    let mut bench = Bench::new(&settings(), Mode::Rate);
+    bench.at(displaced(0.1));
+    let output = bench.press(DEADMAN);
+    assert!(output.reference.is_set);
+    assert_eq!(output.command, Motion::Rate(Twist::ZERO));
+}
+
+#[test]
+fn after_an_overrun_nothing_is_damped_for_a_cycle() {
+    let mut bench = Bench::engaged(&settings(), Mode::Rate);
+    bench.input.restart = true;
+    assert!(bench.at(displaced(0.2)).f_g_damping.force.norm() == 0.0);
+    bench.input.restart = false;
+    assert!(bench.at(displaced(0.201)).f_g_damping.force.norm() > 0.0);
+}
+
+#[test]
+fn a_large_wrench_saturates_and_says_which_joint() {
+    let mut bench = Bench::engaged(&settings(), Mode::Rate);
+    bench.input.f_s = Wrench::from_components([300.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let output = bench.at(NEUTRAL);
+    let joint = output.limiting_joint.unwrap();
+    assert!(output.is_saturated() && output.rest_scale < 1.0);
+    assert!((output.tau[joint].abs() - MAX_TORQUES[joint]).abs() < 1e-12);
+}

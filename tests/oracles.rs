@@ -1,0 +1,655 @@
+//! Every equation against values computed by independent programs (`tests/oracles/*.json`), to
+//! 1e-9. Where the paper can be read in several ways, the reading taken is the one called
+//! "recommended" there; what must *not* come out is checked too.
+#![cfg(test)]
+
+mod common;
+
+use common::oracle;
+use common::oracle::assert_near;
+use common::oracle::assert_same_pose;
+use common::oracle::farthest;
+use common::oracle::joints;
+use common::oracle::list;
+use common::oracle::number;
+use common::oracle::numbers;
+use common::oracle::pose;
+use common::oracle::rotation;
+use common::oracle::rows;
+use common::oracle::twist;
+use common::oracle::vector;
+use common::oracle::wrench;
+use frhc::controller::Controller;
+use frhc::controller::Input;
+use frhc::controller::Output;
+use frhc::controller::Settings;
+use frhc::controller::arm::Arm;
+use frhc::controller::arm::JointKind;
+use frhc::controller::arm::Link;
+use frhc::controller::assist;
+use frhc::controller::assist::Damping;
+use frhc::controller::calibration::Calibration;
+use frhc::controller::calibration::Counts;
+use frhc::controller::calibration::JointCalibration;
+use frhc::controller::calibration::PerMille;
+use frhc::controller::calibration::TorqueCurve;
+use frhc::controller::channels::Channels;
+use frhc::controller::command::CommandLaw;
+use frhc::controller::gains::Gains;
+use frhc::controller::limits::AssistFraction;
+use frhc::controller::limits::Limits;
+use frhc::controller::orientation::Orientation;
+use frhc::controller::reference::Displacement;
+use frhc::controller::reference::Reference;
+use frhc::controller::reflection::Reflection;
+use frhc::controller::switches::Mode;
+use frhc::controller::switches::Panel;
+use frhc::controller::switches::Switches;
+use frhc::robot::accommodation::Accommodation;
+use frhc::robot::object::Object;
+use frhc::robot::object::Servo;
+use frhc::robot::payload::Payload;
+use frhc::spatial::Motion;
+use frhc::spatial::Twist;
+use frhc::spatial::Wrench;
+use frhc::spatial::rotation as rotations;
+use nalgebra::Isometry3;
+use nalgebra::SMatrix;
+use nalgebra::SVector;
+use nalgebra::UnitQuaternion;
+use nalgebra::Vector3;
+use serde_json::Value;
+
+/// Far above rounding: what is as far apart as this is not the same.
+const TINY: f64 = 1e-4;
+
+const MODELS: [&str; 4] = ["kraft_like", "jpl_like", "sixr_spherical", "puma560_corke_mdh"];
+
+fn gains(value: &Value) -> Gains {
+    Gains::new(numbers(value), "gain").unwrap()
+}
+
+/// Channels from the paper's deadband and parabolic constants: a plateau is `a DB²`.
+fn channels(inputs: &Value) -> Channels {
+    let deadband: [f64; 6] = numbers(&inputs["deadband"]);
+    let mut plateau: [f64; 6] = numbers(&inputs["a"]);
+    for (plateau, deadband) in plateau.iter_mut().zip(deadband) {
+        *plateau *= deadband * deadband;
+    }
+    Channels::new(deadband, plateau).unwrap()
+}
+
+fn law(inputs: &Value, orientation: Orientation) -> CommandLaw {
+    CommandLaw {
+        orientation,
+        rate_gain: gains(&inputs["K_V"]),
+        pose_gain: gains(&inputs["K_P"]),
+        pose_deadband: false,
+    }
+}
+
+/// A reflection that lets everything through that a hand may feel and more.
+fn reflection(x_m_s: Isometry3<f64>, inputs: &Value) -> Reflection {
+    Reflection::new(x_m_s, gains(&inputs["K_T"]), 1e4, 1e4).unwrap()
+}
+
+fn limits(inputs: &Value) -> Limits<6> {
+    let fraction = AssistFraction::new(number(&inputs["assist_fraction"])).unwrap();
+    Limits::new(joints(&inputs["tau_cap"]), fraction)
+}
+
+fn damping(inputs: &Value) -> Damping {
+    Damping::new(gains(&inputs["K_D_SI"]), number(&inputs["T_cycle"])).unwrap()
+}
+
+// Arms: Eq. 1, the Jacobian of Eq. 7, gravity.
+
+#[test]
+fn forward_kinematics_of_four_arms() {
+    for model in MODELS {
+        let arm = oracle::arm(model);
+        for config in list(&oracle::oracle(&format!("{model}.json"))["configs"]) {
+            assert_same_pose(model, &arm.forward(&joints(&config["q"])), &pose(&config["T_0G"]));
+        }
+    }
+}
+
+#[test]
+fn body_jacobians_of_four_arms() {
+    for model in MODELS {
+        let arm = oracle::arm(model);
+        for config in list(&oracle::oracle(&format!("{model}.json"))["configs"]) {
+            let j_g = arm.jacobian(&arm.posture(&joints(&config["q"])));
+            let [a, b, c, d, e, f] = rows::<6, 6>(&config["J_body_G"]);
+            for (ours, reference) in [(j_g.linear, [a, b, c]), (j_g.angular, [d, e, f])] {
+                let reference = SMatrix::<f64, 3, 6>::from_fn(|row, joint| reference[row][joint]);
+                assert_near(model, ours.as_slice(), reference.as_slice());
+            }
+        }
+    }
+}
+
+#[test]
+fn gravity_of_four_arms() {
+    for model in MODELS {
+        let arm = oracle::arm(model);
+        for config in list(&oracle::oracle(&format!("{model}.json"))["configs"]) {
+            let tau = arm.gravity(&arm.posture(&joints(&config["q"])));
+            assert_near(model, tau.as_slice(), &numbers::<6>(&config["gravity"]));
+        }
+    }
+}
+
+// Orientations: Eq. 4 and 5.
+
+#[test]
+fn orientations_as_three_numbers() {
+    for case in list(&oracle::oracle("paper.json")["euler_cases"]) {
+        let name = case["name"].as_str().unwrap();
+        let r = rotation(&case["R"]);
+        let (angles, reference) = (rotations::euler_zyx(&r), vector(&case["gamma_beta_alpha"]));
+        let again = rotations::from_euler_zyx(&angles).to_rotation_matrix();
+        assert_near(name, again.matrix().as_slice(), r.to_rotation_matrix().matrix().as_slice());
+        let rotation_vector = vector(&case["rotation_vector"]);
+        assert_near(name, rotations::rotation_vector(&r).as_slice(), rotation_vector.as_slice());
+        // π and -π are one angle; which of them comes out is a matter of rounding.
+        if reference.amax() < std::f64::consts::PI - TINY {
+            assert_near(name, angles.as_slice(), reference.as_slice());
+            let omega = Orientation::EulerZyx.rate(&angles);
+            assert_near(name, omega.as_slice(), vector(&case["omega_eq5"]).as_slice());
+            let determinant = rotations::euler_rates(&angles).determinant();
+            assert_near(name, &[determinant], &[number(&case["det_E"])]);
+        }
+    }
+}
+
+// The worked example, piece by piece.
+
+#[test]
+fn the_deadband_and_the_return_force_of_one_axis() {
+    let table = &oracle::oracle("paper.json")["eq8"]["table"];
+    let [a, deadband, wall, stiffness] =
+        ["a", "db", "wall", "k_wall"].map(|key| number(&table[key]));
+    let channels = Channels::new([deadband; 6], [a * deadband * deadband; 6]).unwrap();
+    let walled = channels.with_wall([wall; 6], [stiffness; 6]).unwrap();
+    let column = |key: &str| list(&table[key]).iter().map(number).collect::<Vec<_>>();
+    let x = column("x");
+    let each = |law: &dyn Fn(&Displacement) -> [f64; 6]| {
+        let along = |x: &f64| law(&Displacement::from_components([*x, 0.0, 0.0, 0.0, 0.0, 0.0]))[0];
+        x.iter().map(along).collect::<Vec<_>>()
+    };
+    assert_near("odd", &each(&|dx| channels.centring(dx)), &column("F_odd"));
+    assert_near("wall", &each(&|dx| walled.centring(dx)), &column("F_odd_wall"));
+    let left = each(&|dx| channels.beyond_deadband(dx).components());
+    assert_near("deadband", &left, &column("dX_db"));
+}
+
+#[test]
+fn eq_8_as_printed_does_not_come_out() {
+    let table = &oracle::oracle("paper.json")["eq8"]["table"];
+    let printed = list(&table["F_literal"]).iter().map(number).collect::<Vec<_>>();
+    let odd = list(&table["F_odd"]).iter().map(number).collect::<Vec<_>>();
+    let x = list(&table["x"]).iter().map(number).collect::<Vec<_>>();
+    for ((printed, odd), x) in printed.iter().zip(&odd).zip(&x) {
+        if *x < 0.0 {
+            assert!(printed * x > 0.0, "as printed it pushes away at {x} m");
+            assert!((printed - odd).abs() > TINY);
+        }
+    }
+}
+
+#[test]
+fn the_payload_is_removed() {
+    let paper = oracle::oracle("paper.json");
+    let (inputs, payload) = (&paper["inputs"], &paper["inputs"]["payload"]);
+    let model_gravity = &oracle::oracle("sixr_spherical.json")["model"]["g0"];
+    let removed = Payload::new(number(&payload["mass"]), numbers(&payload["r_cg_S"])).unwrap();
+    let r_b_s = rotations::from_euler_zyx(&vector(&payload["R_0S_euler_zyx_gba"]));
+    let x_b_s = Isometry3::from_parts(Vector3::zeros().into(), r_b_s);
+    let weight = removed.weight(&x_b_s, &vector(model_gravity));
+    let reference = &paper["payload"]["weight_wrench_S"];
+    assert_near("weight", &weight.components(), &numbers::<6>(reference));
+
+    let servo = Servo::new(0.01, 1.0, 1.0).unwrap();
+    let object =
+        Object::new(servo, x_b_s).carrying(Isometry3::identity(), removed, vector(model_gravity));
+    let f_s = object.contact(&wrench(&inputs["F_S_meas"]));
+    let reference = &paper["payload"]["F_S_after_static_removal"];
+    assert_near("contact", &f_s.components(), &numbers::<6>(reference));
+}
+
+#[test]
+fn a_jacobian_in_the_wrong_frame_would_be_noticed() {
+    let paper = oracle::oracle("paper.json");
+    let arm = oracle::arm("sixr_spherical");
+    let j_g = arm.jacobian(&arm.posture(&joints(&paper["inputs"]["q_now"])));
+    let tau = j_g.torques(&wrench(&paper["eq6b"]["G_F_T"]));
+    let right = numbers::<6>(&paper["eq7"]["tau_T"]);
+    let wrong = numbers::<6>(&paper["eq7_wrong_if_frame_mixed"]["tau_if_J0_used_with_W_wrench"]);
+    assert_near("tau_task", tau.as_slice(), &right);
+    assert!(farthest(tau.as_slice(), &wrong) > 0.1);
+}
+
+#[test]
+fn the_wrench_at_the_wrist_gives_the_same_torques() {
+    let paper = oracle::oracle("paper.json");
+    let f_g = wrench(&paper["eq6b"]["G_F_T"]);
+    let f_w = f_g.at(&pose(&paper["eq6b"]["T_W_G"]));
+    assert_near("f_w", &f_w.components(), &numbers::<6>(&paper["eq6b"]["W_F_T"]));
+    let j_w = rows::<6, 6>(&paper["eq7"]["J_W_in_W"]);
+    let mut tau = [0.0; 6];
+    for (row, part) in j_w.iter().zip(f_w.components()) {
+        for (torque, entry) in tau.iter_mut().zip(row) {
+            *torque += entry * part;
+        }
+    }
+    assert_near("tau", &tau, &numbers::<6>(&paper["eq7"]["tau_T_via_J_G"]));
+}
+
+#[test]
+fn gravity_as_one_wrench_at_the_grip_does_not_come_out() {
+    let paper = oracle::oracle("paper.json");
+    let arm = oracle::arm("sixr_spherical");
+    let tau = arm.gravity(&arm.posture(&joints(&paper["inputs"]["q_now"])));
+    let per_link = numbers::<6>(&paper["gravity"]["tau_GC_recommended_per_link"]);
+    assert_near("gravity", tau.as_slice(), &per_link);
+    let lumped = numbers::<6>(&paper["gravity"]["tau_GC_literal"]);
+    assert!(farthest(tau.as_slice(), &lumped) > 1.0);
+}
+
+#[test]
+fn the_hand_is_drawn_back_and_damped_whichever_way_it_is_turned() {
+    let paper = oracle::oracle("paper.json");
+    for case in list(&paper["frame_mismatch_power"]["cases"]) {
+        let yaw = number(&case["G_yaw_deg"]).to_radians();
+        let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
+        let x_0_h = Isometry3::identity();
+        let x_0_g = Isometry3::from_parts(Vector3::new(0.05, 0.0, 0.0).into(), turned);
+        let x_0_before = Isometry3::from_parts(Vector3::new(0.0499, 0.0, 0.0).into(), turned);
+        let mut reference = Reference::none();
+        reference.x_0_h = x_0_h;
+        let x_h_g = reference.displacement(&x_0_g);
+        let dx = Displacement::between(&x_h_g, Orientation::EulerZyx);
+        let v_g = Twist {
+            linear: x_0_g.rotation.inverse() * Vector3::new(0.1, 0.0, 0.0),
+            angular: Vector3::zeros(),
+        };
+        let channels = Channels::new([0.01; 6], [3.0, 3.0, 3.0, 0.3, 0.3, 0.3]).unwrap();
+        let f_g = assist::centring(&channels, Orientation::EulerZyx, &x_h_g, &dx);
+        assert_near("return", &[f_g.power(&v_g)], &[number(&case["consistent_power_RTC"])]);
+        let gain = Gains::new([6.0, 6.0, 6.0, 0.05, 0.05, 0.05], "K_D").unwrap();
+        let mut damping = Damping::new(gain, 1e-3).unwrap();
+        damping.wrench(&x_0_before, &x_0_h, false);
+        let power = damping.wrench(&x_0_g, &x_0_h, false).power(&v_g);
+        assert_near("damper", &[power], &[number(&case["consistent_power_damper"])]);
+    }
+}
+
+#[test]
+fn saturation() {
+    let cases = &oracle::oracle("paper.json")["saturation_cases"];
+    let none = SVector::<f64, 6>::zeros();
+    for case in list(&cases["uniform"]) {
+        let fraction = AssistFraction::new(number(&case["fraction"])).unwrap();
+        let limits = Limits::new(joints(&case["cap"]), fraction);
+        let limited = limits.combine(&none, &none, &joints(&case["tau"]), 1.0);
+        assert_near("scale", &[limited.assist_scale], &[number(&case["scale"])]);
+        assert_near("tau", limited.tau.as_slice(), &numbers::<6>(&case["out"]));
+    }
+    for case in list(&cases["gravity_exempt"]) {
+        let limits = Limits::new(joints(&case["cap"]), AssistFraction::new(1.0).unwrap());
+        let limited =
+            limits.combine(&joints(&case["tau_g"]), &joints(&case["tau_rest"]), &none, 1.0);
+        assert_near("scale", &[limited.rest_scale], &[number(&case["scale"])]);
+        assert_near("tau", limited.tau.as_slice(), &numbers::<6>(&case["out"]));
+    }
+}
+
+// Torque curves.
+
+/// The joints of the worked example, on encoders that count in thousandths of a rad.
+fn calibration(paper: &Value) -> Calibration<6> {
+    let caps = numbers::<6>(&paper["inputs"]["tau_cap"]);
+    let ratios = numbers::<6>(&paper["inputs"]["gear_ratio"]);
+    let curves = rows::<6, 3>(&paper["actuation"]["curve_coefficients"]);
+    Calibration::new([0, 1, 2, 3, 4, 5].map(|joint| {
+        let curve = TorqueCurve::new(curves[joint], caps[joint]).unwrap();
+        let ratio = std::f64::consts::TAU.copysign(ratios[joint]);
+        JointCalibration::new(1_000, ratio, 0, curve).unwrap()
+    }))
+}
+
+/// The oracle's counts, which leave out the direction the motor turns in.
+fn expected_targets(paper: &Value) -> [PerMille; 6] {
+    let counts = list(&paper["actuation"]["counts"]);
+    let ratios = numbers::<6>(&paper["inputs"]["gear_ratio"]);
+    [0, 1, 2, 3, 4, 5].map(|joint| {
+        let count = i16::try_from(counts[joint].as_i64().unwrap()).unwrap();
+        PerMille(if ratios[joint] < 0.0 { -count } else { count })
+    })
+}
+
+#[test]
+fn torques_become_the_very_counts() {
+    let paper = oracle::oracle("paper.json");
+    let targets = calibration(&paper).targets(&joints(&paper["actuation"]["tau_C"]));
+    assert_eq!(targets, expected_targets(&paper));
+}
+
+#[test]
+fn a_torque_curve_and_its_inverse() {
+    let table = &oracle::oracle("paper.json")["torque_curve"];
+    let [_, max_torque] = numbers::<2>(&table["domain"]);
+    let curve = TorqueCurve::new(numbers(&table["coeffs_c1_c3_c5"]), max_torque).unwrap();
+    let joint = JointCalibration::new(1_000, 1.0, 0, curve).unwrap();
+    let calibration = Calibration::new([joint]);
+    let torques = list(&table["samples_torque"]).iter().map(number);
+    for (torque, counts) in torques.zip(list(&table["samples_counts"]).iter().map(number)) {
+        let [PerMille(target)] = calibration.targets(&SVector::from([torque]));
+        assert!((f64::from(target) - counts).abs() <= 0.5);
+    }
+    let inverse = &table["inverse"];
+    let counts = [-1500, -900, -250, -1, 0, 1, 250, 900, 1500, 1750];
+    assert_near("counts", &counts.map(f64::from), &numbers::<10>(&inverse["counts"]));
+    for (counts, torque) in counts.into_iter().zip(list(&inverse["torque"])) {
+        let ours = calibration.torques(&[PerMille(counts)]);
+        assert_near("torque", ours.as_slice(), &[number(torque)]);
+    }
+}
+
+// The whole step.
+
+/// The worked example, as one would run it: hold the deadman, set the reference, move.
+fn settings(paper: &Value) -> Settings {
+    let inputs = &paper["inputs"];
+    Settings {
+        arm: oracle::arm("sixr_spherical"),
+        calibration: calibration(paper),
+        channels: channels(inputs),
+        command: law(inputs, Orientation::EulerZyx),
+        reflection: reflection(pose(&paper["eq6"]["T_MRF_S"]), inputs),
+        damping: damping(inputs),
+        assist_fraction: AssistFraction::new(number(&inputs["assist_fraction"])).unwrap(),
+    }
+}
+
+fn worked_example(paper: &Value, mode: Mode) -> Output {
+    let inputs = &paper["inputs"];
+    let settings = settings(paper);
+    let mut controller = Controller::new(&settings);
+    let up = Switches::default();
+    let deadman = Switches { deadman: true, ..up };
+    let pressed = Switches { reference: true, reflection: true, ..deadman };
+    let mut output = None;
+    for (q, switches, restart) in [
+        ("q_ref", up, true),
+        ("q_ref", pressed, false),
+        ("q_prev", deadman, false),
+        ("q_now", deadman, false),
+    ] {
+        let counts = settings.calibration.counts(&joints(&inputs[q]));
+        output = Some(controller.step(&Input {
+            counts,
+            f_s: wrench(&paper["payload"]["F_S_after_static_removal"]),
+            x_b_m: pose(&paper["pose_mode"]["T_ref_object"]),
+            switches,
+            mode,
+            gravity_share: 1.0,
+            reflection_share: 1.0,
+            restart,
+        }));
+    }
+    output.unwrap()
+}
+
+#[test]
+fn the_worked_example_in_rate_mode() {
+    let paper = oracle::oracle("paper.json");
+    let output = worked_example(&paper, Mode::Rate);
+    assert_near("q", output.q.as_slice(), &numbers::<6>(&paper["inputs"]["q_now"]));
+    assert_same_pose("Eq. 1", &output.x_0_g, &pose(&paper["eq1"]["T_0G"]));
+    assert_same_pose("reference", &output.reference.x_0_h, &pose(&paper["eq1"]["T_0G0"]));
+    let near = |what: &str, ours: [f64; 6], reference: &Value| {
+        assert_near(what, &ours, &numbers::<6>(reference));
+    };
+    near("dx", output.dx.components(), &paper["eq4"]["dX_recommended"]);
+    near("dx_db", output.dx_db.components(), &paper["deadband"]["dX_db_recommended"]);
+    let Motion::Rate(v_m) = output.command else { panic!("{:?}", output.command) };
+    near("v_m", v_m.components(), &paper["eq5"]["rate_command_recommended"]);
+    near("f_m_task", output.f_m_task.components(), &paper["eq6"]["F_MRF_T"]);
+    near("f_g_task", output.f_g_task.components(), &paper["eq6b"]["G_F_T"]);
+    near("tau_task", output.tau_task.into(), &paper["eq7"]["tau_T"]);
+    near("centring", output.f_g_centring.components(), &paper["eq8"]["G_F_R_recommended"]);
+    near("damping", output.f_g_damping.components(), &paper["eq9"]["G_F_D_recommended"]);
+    let total = &paper["eq10"]["recommended"];
+    near("tau_assist", output.tau_assist.into(), &total["tau_assist"]);
+    near("tau_gravity", output.tau_gravity.into(), &total["tau_gravity"]);
+    let scales = [output.assist_scale, output.rest_scale];
+    let expected = [number(&total["assist_scale"]), number(&total["rest_scale"])];
+    assert_near("scales", &scales, &expected);
+    near("tau", output.tau.into(), &total["tau_C"]);
+    assert_eq!(output.limiting_joint, Some(1));
+    assert_eq!(output.targets, expected_targets(&paper));
+    assert_eq!(output.fault, None);
+}
+
+#[test]
+fn the_worked_example_in_pose_mode() {
+    let paper = oracle::oracle("paper.json");
+    let output = worked_example(&paper, Mode::Pose);
+    let Motion::Pose(x_b_d) = output.command else { panic!("{:?}", output.command) };
+    let reference = pose(&paper["pose_mode"]["T_cmd_recommended_body_composition"]);
+    assert_same_pose("x_b_d", &x_b_d, &reference);
+    assert_eq!(output.f_g_centring, Wrench::ZERO);
+
+    let with_deadband =
+        CommandLaw { pose_deadband: true, ..law(&paper["inputs"], Orientation::EulerZyx) };
+    let left = with_deadband.effective(Mode::Pose, &channels(&paper["inputs"]), &output.dx);
+    let x_b_d = with_deadband.pose(&output.reference, &left);
+    let reference = pose(&paper["pose_mode"]["T_cmd_recommended_with_deadband"]);
+    assert_same_pose("x_b_d with deadband", &x_b_d, &reference);
+}
+
+#[test]
+fn the_return_moment_of_a_rotation_vector() {
+    let paper = oracle::oracle("paper.json");
+    let x_h_g = pose(&paper["eq1"]["T_0G0"]).inverse() * pose(&paper["eq1"]["T_0G"]);
+    let dx = Displacement::between(&x_h_g, Orientation::RotationVector);
+    let numbers_of_it = vector(&paper["eq4"]["rotation_vector"]);
+    assert_near("rotation vector", dx.orientation.as_slice(), numbers_of_it.as_slice());
+    let channels = channels(&paper["inputs"]);
+    let f_g = assist::centring(&channels, Orientation::RotationVector, &x_h_g, &dx);
+    let reference = &paper["eq8"]["G_F_R_rotation_vector_variant"];
+    assert_near("centring", &f_g.components(), &numbers::<6>(reference));
+}
+
+#[test]
+fn random_cycles() {
+    for case in list(&oracle::oracle("paper_random.json")["cases"]) {
+        let (inputs, expected) = (&case["inputs"], &case["expected"]);
+        let near = |what: &str, ours: [f64; 6], key: &str| {
+            assert_near(what, &ours, &numbers::<6>(&expected[key]));
+        };
+        let arm = oracle::arm(case["device"].as_str().unwrap());
+        let channels = channels(inputs);
+        let law = law(inputs, Orientation::EulerZyx);
+
+        let mut reference = Reference::none();
+        reference.x_0_h = arm.forward(&joints(&inputs["q_ref"]));
+        reference.x_b_r = pose(&inputs["T_ref_object"]);
+        let posture = arm.posture(&joints(&inputs["q_now"]));
+        let x_0_g = posture.x_0_g;
+        assert_same_pose("x_0_h", &reference.x_0_h, &pose(&expected["T_0G0"]));
+        assert_same_pose("x_0_g", &x_0_g, &pose(&expected["T_0G"]));
+
+        let x_h_g = reference.displacement(&x_0_g);
+        let dx = Displacement::between(&x_h_g, law.orientation);
+        let dx_db = law.effective(Mode::Rate, &channels, &dx);
+        near("dx", dx.components(), "dX_recommended");
+        near("dx_db", dx_db.components(), "dX_db");
+        near("v_m", law.rate(&dx_db).components(), "rate_command");
+        let x_b_d = law.pose(&reference, &dx);
+        assert_same_pose("x_b_d", &x_b_d, &pose(&expected["pose_command"]));
+
+        let reflection = reflection(pose(&inputs["T_MRF_S"]), inputs);
+        let f_m_task = reflection.at_object(&wrench(&inputs["F_S_contact"]));
+        let f_g_task = reflection.at_grip(&f_m_task);
+        near("f_m_task", f_m_task.components(), "F_MRF_T");
+        near("f_g_task", f_g_task.components(), "G_F_T");
+
+        let f_g_centring = assist::centring(&channels, law.orientation, &x_h_g, &dx);
+        near("centring", f_g_centring.components(), "G_F_R");
+        let vector = Displacement::between(&x_h_g, Orientation::RotationVector);
+        let other = assist::centring(&channels, Orientation::RotationVector, &x_h_g, &vector);
+        near("centring by rotation vector", other.components(), "G_F_R_rotation_vector");
+        let mut damping = damping(inputs);
+        damping.wrench(&arm.forward(&joints(&inputs["q_prev"])), &reference.x_0_h, false);
+        let f_g_damping = damping.wrench(&x_0_g, &reference.x_0_h, false);
+        near("damping", f_g_damping.components(), "G_F_D");
+
+        let j_g = arm.jacobian(&posture);
+        let tau_task = j_g.torques(&f_g_task);
+        let tau_assist = j_g.torques(&(f_g_centring + f_g_damping));
+        let tau_gravity = arm.gravity(&posture);
+        near("tau_task", tau_task.into(), "tau_T");
+        near("tau_assist", tau_assist.into(), "tau_assist");
+        near("tau_gravity", tau_gravity.into(), "tau_gravity");
+        let limited = limits(inputs).combine(&tau_gravity, &tau_task, &tau_assist, 1.0);
+        let scales = [limited.assist_scale, limited.rest_scale];
+        let expected_scales = ["assist_scale", "rest_scale"].map(|key| number(&expected[key]));
+        assert_near("scales", &scales, &expected_scales);
+        near("tau", limited.tau.into(), "tau_C");
+
+        let none = arm.balanced().gravity(&posture);
+        let balanced = limits(inputs).combine(&none, &tau_task, &tau_assist, 1.0);
+        near("tau, balanced", balanced.tau.into(), "no_gravity_tau_C");
+        let scale = number(&expected["no_gravity_final_scale"]);
+        assert_near("scale, balanced", &[balanced.rest_scale], &[scale]);
+    }
+}
+
+// Switches.
+
+#[test]
+fn what_the_switches_permit() {
+    for row in list(&oracle::oracle("paper.json")["switch_truth_table"]["rows"]) {
+        let is = |key: &str| row[key].as_bool().unwrap_or_else(|| number(&row[key]) > 0.5);
+        let mut panel = Panel::new(Mode::Rate);
+        panel.read(Switches::default(), Mode::Rate);
+        let levels = Switches {
+            deadman: is("deadman"),
+            reflection: is("reflection_enabled"), // the press that enables it
+            reference: false,
+        };
+        for mode in [Mode::Rate, Mode::Pose] {
+            let mut panel = panel;
+            let pressed = panel.read(levels, mode);
+            assert_eq!(pressed.commands, is("commands"), "{row}");
+            assert_eq!(pressed.task, is("task_wrench"), "{row}");
+            assert_eq!(pressed.damping, is("damping"), "{row}");
+            assert_eq!(pressed.centring, is("rtc_rate_mode") && mode == Mode::Rate, "{row}");
+        }
+    }
+}
+
+#[test]
+fn indexing_through_a_large_workspace() {
+    let sequence = &oracle::oracle("paper.json")["index_sequence_pose_mode"];
+    let paper = oracle::oracle("paper.json");
+    let gain = number(&sequence["K_P"]);
+    let mut settings = settings(&paper);
+    settings.command.pose_gain = Gains::new([gain; 6], "K_P").unwrap();
+    settings.arm = gantry();
+    let mut controller = Controller::new(&settings);
+    let mut object = Isometry3::identity();
+    for row in list(&sequence["trace"]) {
+        let is = |key: &str| number(&row[key]) > 0.5;
+        let grip = SVector::from([number(&row["grip"]), 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let output = controller.step(&Input {
+            counts: settings.calibration.counts(&grip),
+            f_s: Wrench::ZERO,
+            x_b_m: object,
+            switches: Switches {
+                deadman: is("deadman"),
+                reference: is("ref_switch"),
+                reflection: false,
+            },
+            mode: Mode::Pose,
+            gravity_share: 1.0,
+            reflection_share: 1.0,
+            restart: false,
+        });
+        if let Motion::Pose(x_b_d) = output.command {
+            object = x_b_d;
+        }
+        assert_eq!(output.command == Motion::Hold, !is("deadman"), "{row}");
+        assert_near(&row.to_string(), &[object.translation.z], &[number(&row["object_cmd"])]);
+    }
+}
+
+/// Six slides along z of {0}.
+fn gantry() -> Arm<6> {
+    let slide = Link {
+        kind: JointKind::Prismatic,
+        alpha: 0.0,
+        a: 0.0,
+        d: 0.0,
+        theta: 0.0,
+        mass: 1.0,
+        centre_of_mass: [0.0; 3],
+        range: [-1.0, 1.0],
+    };
+    Arm::new([slide; 6], Isometry3::identity(), [0.0; 3]).unwrap()
+}
+
+// The commanded side.
+
+#[test]
+fn rate_control_becomes_force_control_in_contact() {
+    let ntrfc = oracle::oracle("ntrfc.json");
+    let sim = &ntrfc["sim_no_delay"];
+    let [k_v, k_fa, k_e, dx_db, dt] =
+        ["K_V", "K_FA", "k_e", "dX_db", "T"].map(|key| number(&sim[key]));
+    let servo = Servo::new(0.0, 100.0, 100.0).unwrap();
+    let start = Isometry3::translation(number(&sim["x0"]), 0.0, 0.0);
+    let law = Accommodation::new([k_fa; 6], [0.0; 6]).unwrap();
+    let mut object = Object::new(servo, start).giving_way(law);
+    let v_m = Twist::from_components([k_v * dx_db, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let column = |key: &str| list(&sim[key]).iter().map(number).collect::<Vec<_>>();
+    let mut last = 0.0;
+    for ((x, force), speed) in column("x").into_iter().zip(column("F")).zip(column("v")) {
+        let here = object.pose().translation.x;
+        last = -k_e * (here - number(&sim["x_wall"])).max(0.0);
+        let f_m = Wrench::from_components([last, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        object.step(dt, &Motion::Rate(v_m), &f_m);
+        assert_near("x, F", &[here, last], &[x, force]);
+        assert_near("v", &[object.twist().linear.x], &[speed]);
+    }
+    assert!((last - number(&sim["expected_final_F"])).abs() < 1e-6);
+}
+
+#[test]
+fn equilibrium_and_stability_of_accommodation() {
+    let ntrfc = oracle::oracle("ntrfc.json");
+    let equilibrium = &ntrfc["equilibrium"];
+    let law = Accommodation::new(numbers(&equilibrium["K_FA"]), [0.0; 6]).unwrap();
+    let rate = twist(&equilibrium["dX_db"]).scaled(&numbers(&equilibrium["K_V"]));
+    let f_m = -wrench(&equilibrium["wrench_exerted_on_environment"]);
+    assert_near("at rest", &law.rate(&rate, &f_m).components(), &[0.0; 6]);
+
+    let unit = Accommodation::new([1.0; 6], [0.0; 6]).unwrap();
+    for case in list(&ntrfc["stability_bound"]["cases"]) {
+        let late = u32::try_from(case["delay_samples"].as_u64().unwrap()).unwrap();
+        let [bound, ..] = unit.stiffest_contact(1.0, late);
+        assert_near("bound", &[bound], &[number(&case["max_KFA_ke_T"])]);
+    }
+}
+
+#[test]
+fn counts_are_exact_in_the_worked_example() {
+    let paper = oracle::oracle("paper.json");
+    let calibration = calibration(&paper);
+    let counts = calibration.counts(&joints(&paper["inputs"]["q_now"]));
+    assert_eq!(counts[0], Counts(420));
+    assert_eq!(counts[1], Counts(500)); // -0.5 rad, the motor turning against the joint
+}

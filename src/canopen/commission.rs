@@ -311,10 +311,11 @@ mod tests {
         loop {
             let now = boot.deadline().expect("a boot without an outcome has a deadline");
             let mut outcome = boot.on_time(now, &mut queue);
-            while let (None, Some(frame)) = (&outcome, queue.pop()) {
+            while !queue.is_empty() {
+                let frame = queue.remove(0);
                 said.push(frame);
                 if let Some(answer) = device.answer(&frame) {
-                    outcome = boot.on_frame(now, &answer, &mut queue);
+                    outcome = outcome.or(boot.on_frame(now, &answer, &mut queue));
                 }
             }
             if let Some(outcome) = outcome {
@@ -474,6 +475,13 @@ mod tests {
             (Frame::new(0, [0x82, 3]), said.iter().position(|f| writes(&f)).unwrap());
         assert!(said[..first].contains(&reset));
         assert_eq!(device.written, [Object::CONTROLWORD]);
+        assert_eq!(device.state, 0x7F);
+    }
+
+    #[test]
+    fn a_node_that_starts_itself_is_held_back() {
+        let mut device = Scripted { starts_itself: true, ..Scripted::suiting(&elbow()) };
+        assert_eq!(boot(&elbow(), &mut device).0, Ok(()));
         assert_eq!(device.state, 0x7F);
     }
 

@@ -610,6 +610,7 @@ mod tests {
     #[test]
     fn the_cyclic_exchange_and_strangers_are_passed_over() {
         let mut bench = Bench::booted();
+        bench.master.nodes[0].plan.pdos[0].cob_id = 0x310; // a TPDO, if not a predefined one
         let before = bench.said.len();
         for cob_id in [0x183, 0x283, 0x383, 0x483, 0x603, 0x583, 0x205, 0x310, 0x705, 0x7E4] {
             bench.hear(Channel(0), Frame::new(cob_id, [0; 8]));

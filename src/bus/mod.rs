@@ -1,5 +1,6 @@
 //! Where frames and time enter: the [`Bus`] is the only thing here that waits or knows the time.
 
+mod clock;
 mod memory;
 mod socketcan;
 mod trace;
@@ -87,4 +88,11 @@ pub trait Tap {
 /// Nobody.
 impl Tap for () {
     fn on_wire(&mut self, _at: Instant, _telegram: &Telegram) {}
+}
+
+/// Whoever can be called with it.
+impl<F: FnMut(Instant, &Telegram)> Tap for F {
+    fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
+        self(at, telegram);
+    }
 }

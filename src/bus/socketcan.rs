@@ -16,8 +16,6 @@ use nix::poll::PollFd;
 use nix::poll::PollFlags;
 use nix::poll::ppoll;
 use nix::sys::time::TimeSpec;
-use nix::time::ClockId;
-use nix::time::clock_gettime;
 use socket2::SockAddr;
 use socket2::Type;
 use socketcan::CanAddr;
@@ -42,6 +40,7 @@ use crate::bus::BusFault;
 use crate::bus::Heard;
 use crate::bus::Received;
 use crate::bus::SendError;
+use crate::bus::clock;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
@@ -97,8 +96,8 @@ impl SocketCan {
         }
         let sockets = interfaces.iter().map(|name| open(name).map_err(|error| why(name, error)));
         let sockets = sockets.collect::<Result<_, _>>()?;
-        let opened = clock(ClockId::CLOCK_MONOTONIC);
-        let epoch = clock(ClockId::CLOCK_REALTIME);
+        let opened = clock::monotonic();
+        let epoch = clock::wall();
         Ok(Self { sockets, opened, epoch, held: None, first: 0 })
     }
 
@@ -145,7 +144,7 @@ impl SocketCan {
 
     /// The kernel's wall-clock stamp as an instant: now, less the age it shows.
     fn instant_of(&self, stamp: Option<Duration>) -> Instant {
-        let wall = clock(ClockId::CLOCK_REALTIME);
+        let wall = clock::wall();
         let age = stamp.and_then(|stamp| wall.checked_sub(stamp)).filter(|age| *age < OLDEST);
         self.now() - age.unwrap_or_default()
     }
@@ -153,7 +152,7 @@ impl SocketCan {
 
 impl Bus for SocketCan {
     fn now(&self) -> Instant {
-        Instant::ZERO + clock(ClockId::CLOCK_MONOTONIC).saturating_sub(self.opened)
+        Instant::ZERO + clock::monotonic().saturating_sub(self.opened)
     }
 
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
@@ -265,9 +264,4 @@ fn fault(cause: &ErrorCause) -> Option<BusFault> {
     } else {
         None
     }
-}
-
-/// A clock's reading. That a Linux kernel has these two clocks is not in doubt.
-fn clock(id: ClockId) -> Duration {
-    clock_gettime(id).map(Duration::from).unwrap_or_default()
 }

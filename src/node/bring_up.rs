@@ -8,10 +8,11 @@ use crate::bus::Bus;
 use crate::bus::BusFault;
 use crate::bus::Heard;
 use crate::canopen::commission::BootError;
+use crate::canopen::drive::State;
+use crate::canopen::drive::Statusword;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
 use crate::canopen::master::Event;
-use crate::canopen::nmt;
 use crate::node::Node;
 use crate::node::schedule::Schedule;
 use crate::remote::Remote;
@@ -140,17 +141,14 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// The first joint whose drive still has its power stage on, and its statusword.
     fn first_on(&self) -> Option<(usize, u16)> {
         let mut joints = (1..).zip(self.samples.latest());
-        let (joint, sample) = joints.find(|(_, sample)| sample.state().has_power())?;
+        let (joint, sample) = joints.find(|(_, sample)| has_power(sample.statusword))?;
         Some((joint, sample.statusword.0))
     }
 
     /// Nobody is left operational: no PDO of ours acts any more.
     fn leave_pre_operational(&mut self) {
-        for place in 0..self.channels.len() {
-            if let Some(channel) = self.channels.get(place).copied() {
-                self.send(Telegram { channel, frame: nmt::enter_pre_operational(nmt::ALL) });
-            }
-        }
+        self.master.shut_down(&mut self.out);
+        self.post();
         let flushed = self.bus.now() + self.period;
         while self.bus.receive(flushed).is_some() {}
     }
@@ -178,5 +176,24 @@ fn broken(Channel(channel): Channel, fault: BusFault) -> Result<(), BringUpError
         BusFault::Off => Err(BringUpError::Bus(Cause::BusOff { channel })),
         BusFault::Down => Err(BringUpError::Bus(Cause::BusDown { channel })),
         BusFault::Warning | BusFault::Passive | BusFault::Overrun => Ok(()),
+    }
+}
+
+/// Whether the power stage may still push. A state that is none counts as one that may.
+const fn has_power(statusword: Statusword) -> bool {
+    match statusword.state() {
+        Some(
+            State::NotReadyToSwitchOn
+            | State::SwitchOnDisabled
+            | State::ReadyToSwitchOn
+            | State::Fault,
+        ) => false,
+        Some(
+            State::SwitchedOn
+            | State::OperationEnabled
+            | State::QuickStopActive
+            | State::FaultReactionActive,
+        )
+        | None => true,
     }
 }

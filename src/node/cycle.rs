@@ -28,6 +28,7 @@ use crate::controller::Input;
 use crate::controller::calibration::Counts;
 use crate::controller::switches::Switches;
 use crate::node::Node;
+use crate::node::safety;
 use crate::node::safety::Permit;
 use crate::remote::Remote;
 use crate::telemetry::record::Cause;
@@ -55,7 +56,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let input = self.input(now, &permit, due.skipped);
 
         let output = self.controller.step(&input);
-        if let Some(fault) = output.fault {
+        if let Some(fault) = output.fault.filter(safety::is_serious) {
             self.safety.stop(now, Cause::ControllerFault { fault });
         }
 
@@ -72,7 +73,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             mode: self.safety.mode(),
             cause: self.safety.cause(),
             sampled: self.samples.fresh(),
-            inputs: self.samples.inputs(now).map(|inputs| inputs.encode()),
+            inputs: self.samples.inputs(now).map(|inputs| u8::from_le_bytes(inputs.encode())),
             f_s,
             x_b_m: input.x_b_m,
             output,
@@ -145,9 +146,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Draws the conclusions of this cycle's samples and of time itself.
     fn judge(&mut self, now: Instant, skipped: u64) {
-        let event = self.master.on_time(now, &mut self.out);
+        while let Some(event) = self.master.on_time(now, &mut self.out) {
+            self.react(now, Some(event));
+        }
         self.post();
-        self.react(now, event);
         if skipped > OVERRUN && self.cycle > 0 {
             self.safety.stop(now, Cause::Overrun { cycles: skipped });
         }

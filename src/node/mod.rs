@@ -110,6 +110,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         &self.bus
     }
 
+    /// The bus, to reach what is attached to it.
+    pub const fn bus_mut(&mut self) -> &mut B {
+        &mut self.bus
+    }
+
     /// The commanded side.
     pub const fn remote(&self) -> &R {
         &self.remote

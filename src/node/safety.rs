@@ -17,6 +17,7 @@ use std::time::Duration;
 use thiserror::Error;
 
 use crate::canopen::pdo::Deadman;
+use crate::controller::Fault;
 use crate::telemetry::record::Cause;
 use crate::telemetry::record::Mode;
 use crate::time::Instant;
@@ -76,6 +77,18 @@ pub const fn reaction(cause: &Cause) -> Reaction {
         | Cause::ForeignMaster
         | Cause::BusOff { .. }
         | Cause::BusDown { .. } => Reaction::DrivesOff,
+    }
+}
+
+/// Whether what the controller met is more than a hand turned too far, which only holds the command.
+pub const fn is_serious(fault: &Fault) -> bool {
+    match fault {
+        Fault::TurnedTooFar => false,
+        Fault::TorqueNotFinite
+        | Fault::WrenchNotFinite
+        | Fault::WrenchTooLarge
+        | Fault::ObjectPoseNotFinite
+        | Fault::ShareOutOfRange => true,
     }
 }
 

@@ -69,7 +69,7 @@ impl Summary {
         self.cycles += 1;
         self.missing_samples += u64::try_from(missing).unwrap_or(0);
         self.cycles_with_missing_samples += u64::from(missing > 0);
-        self.saturated_cycles += u64::from(record.output.saturated);
+        self.saturated_cycles += u64::from(record.output.is_saturated());
         self.final_mode = record.mode.to_string();
         self.stopped_by = record.cause.map(|cause| cause.to_string());
 

@@ -102,7 +102,7 @@ pub struct Boot {
     at: usize,
     /// When patience with it ends.
     until: Instant,
-    /// Whether a boot-up message is news now.
+    /// Whether it was reset and met again, so that a boot-up message is news.
     was_reset: bool,
     wait: Wait,
 }
@@ -185,7 +185,6 @@ impl Boot {
     fn on_boot_up(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Result<(), BootError>> {
         match self.wait {
             Wait::BootUp => {
-                self.was_reset = true;
                 out.push(Order::to(self.node, NmtCommand::EnterPreOperational).frame());
                 self.next_step(now, out)
             }
@@ -247,7 +246,12 @@ impl Boot {
         let is_patient = now < self.until;
         match outcome {
             Ok(_) if has_written => self.read(now, out),
-            Ok(content) if check.accepts(&content) => return self.next_step(now, out),
+            Ok(content) if check.accepts(&content) => {
+                // Met again after its reset: from here on a boot-up is news. Before, it may be an old
+                // one that had to wait for the bus.
+                self.was_reset |= self.at > 0 && *action == Action::Meet;
+                return self.next_step(now, out);
+            }
             Ok(_) if *action == Action::Await && is_patient => self.wait = Wait::Retry(now + RETRY),
             Ok(content) => {
                 let problem = differs(check, &content);
@@ -261,7 +265,7 @@ impl Boot {
                 out.push(Order::to(self.node, NmtCommand::EnterPreOperational).frame());
                 self.read(now, out);
             }
-            Err(SdoError::Silent) if *action == Action::Meet && !self.was_reset => {
+            Err(SdoError::Silent) if *action == Action::Meet && self.at == 0 => {
                 return self.fail(Problem::Absent);
             }
             Err(error) => {

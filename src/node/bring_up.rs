@@ -19,6 +19,9 @@ use crate::remote::Remote;
 use crate::telemetry::record::Cause;
 use crate::telemetry::record::Mode;
 
+/// What is on its way when a boot begins, such as boot-up messages, is let pass.
+const LISTEN_FIRST: Duration = Duration::from_millis(20);
+
 /// Whoever may want to give up a boot is asked this often.
 const ASK_EVERY: Duration = Duration::from_millis(50);
 
@@ -64,6 +67,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub fn bring_up(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         self.master.restart();
         self.samples.restart();
+        let quiet = self.bus.now() + LISTEN_FIRST;
+        while self.bus.receive(quiet).is_some() {}
         let booted = self.boot(give_up);
         if booted.is_err() {
             self.leave_pre_operational();

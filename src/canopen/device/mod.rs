@@ -117,6 +117,9 @@ impl<A: Application> Device<A> {
 
     /// Takes one received frame; frames to send are appended to `out`.
     pub fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
+        if !self.is_up {
+            return;
+        }
         let of_node = u16::from(self.node.raw());
         let sync = self.dictionary.unsigned(Object::SYNC_COB_ID) & rules::IDENTIFIER;
         match (frame.cob_id, frame.data()) {

@@ -18,7 +18,7 @@ const MODULES: &[Rule] = &[
         &["canopen", "spatial", "time"],
         &["canopen_rs", "nalgebra", "serde", "thiserror", "toml"],
     ),
-    ("bus", &["canopen", "time"], &["nix", "socket2", "socketcan", "thiserror"]),
+    ("bus", &["canopen", "time"], &["nix", "socket2", "socketcan", "thiserror", "thread_priority"]),
     ("remote", &["spatial", "time"], &["nalgebra"]),
     (
         "telemetry",
@@ -33,7 +33,14 @@ const MODULES: &[Rule] = &[
     (
         "node",
         &[
-            "bus", "canopen", "config", "controller", "remote", "robot", "spatial", "telemetry",
+            "bus",
+            "canopen",
+            "config",
+            "controller",
+            "remote",
+            "robot",
+            "spatial",
+            "telemetry",
             "time",
         ],
         &["nalgebra", "thiserror"],
@@ -41,15 +48,32 @@ const MODULES: &[Rule] = &[
     (
         "lab",
         &[
-            "bus", "canopen", "config", "controller", "node", "remote", "robot", "sim", "spatial",
-            "telemetry", "time",
+            "bus",
+            "canopen",
+            "config",
+            "controller",
+            "node",
+            "remote",
+            "robot",
+            "sim",
+            "spatial",
+            "telemetry",
+            "time",
         ],
         &["nalgebra", "tracing"],
     ),
     (
         "cli",
         &[
-            "bus", "canopen", "config", "controller", "lab", "node", "remote", "sim", "telemetry",
+            "bus",
+            "canopen",
+            "config",
+            "controller",
+            "lab",
+            "node",
+            "remote",
+            "sim",
+            "telemetry",
             "time",
         ],
         &[
@@ -79,6 +103,7 @@ const OUTSIDE: &[&str] = &[
     "socket2",
     "socketcan",
     "thiserror",
+    "thread_priority",
     "tokio",
     "toml",
     "tracing",
@@ -129,7 +154,8 @@ fn every_dependency_is_known_here() {
     let text = fs::read_to_string(manifest).unwrap();
     let (_, rest) = text.split_once("[dependencies]").unwrap();
     let (dependencies, _) = rest.split_once("\n[").unwrap();
-    for name in dependencies.lines().filter_map(|line| line.split_once(" = ")).map(|(name, _)| name) {
+    for name in dependencies.lines().filter_map(|line| line.split_once(" = ")).map(|(name, _)| name)
+    {
         assert!(OUTSIDE.contains(&name.replace('-', "_").as_str()), "{name} has no rule");
     }
 }
@@ -166,7 +192,8 @@ fn judge(module: &str, inside: &[&str], outside: &[&str], text: &str) -> Vec<Str
         violations.push("hides imports in braces".to_owned());
     }
     for (other, ..) in MODULES {
-        if *other != module && !inside.contains(other) && names(text, &format!("crate::{other}::")) {
+        if *other != module && !inside.contains(other) && names(text, &format!("crate::{other}::"))
+        {
             violations.push(format!("imports {other}"));
         }
     }

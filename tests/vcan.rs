@@ -33,13 +33,16 @@ const RUN_FOR: f64 = 10.2;
 #[test]
 fn ten_seconds_of_teleoperation_miss_no_sample_and_the_wall_is_felt() {
     let scratch = Scratch::new("teleoperation");
-    let config = scratch.variant(CONFIG, &[
-        // Nothing but the task and the arm's weight, so that the test can compute the torques itself.
-        ("centring_n = [2.0, 2.0, 2.0]", "centring_n = [0.0, 0.0, 0.0]"),
-        ("centring_nm = [0.08, 0.08, 0.08]", "centring_nm = [0.0, 0.0, 0.0]"),
-        ("damping_ns_per_m = [8.0, 8.0, 8.0] ", "damping_ns_per_m = [0.0, 0.0, 0.0] "),
-        ("damping_nms_per_rad = [0.02, 0.02, 0.02]", "damping_nms_per_rad = [0.0, 0.0, 0.0]"),
-    ]);
+    let config = scratch.variant(
+        CONFIG,
+        &[
+            // Nothing but the task and the arm's weight, so that the test can compute the torques itself.
+            ("centring_n = [2.0, 2.0, 2.0]", "centring_n = [0.0, 0.0, 0.0]"),
+            ("centring_nm = [0.08, 0.08, 0.08]", "centring_nm = [0.0, 0.0, 0.0]"),
+            ("damping_ns_per_m = [8.0, 8.0, 8.0] ", "damping_ns_per_m = [0.0, 0.0, 0.0] "),
+            ("damping_nms_per_rad = [0.02, 0.02, 0.02]", "damping_nms_per_rad = [0.0, 0.0, 0.0]"),
+        ],
+    );
     let session = scratch.path("session");
     let mut candump = Candump::of("vcan0");
     let sim = scratch.frhc(&["sim", "--config", &config, "--scenario", "contact_10s"]);
@@ -64,7 +67,8 @@ fn ten_seconds_of_teleoperation_miss_no_sample_and_the_wall_is_felt() {
 
     let config = Config::load(config.as_ref()).unwrap();
     let session = fs::read_to_string(format!("{session}/bus.log")).unwrap();
-    let compared = common::felt::torques_are_those_of_the_wall(&session, &config, &world::arm(&config));
+    let compared =
+        common::felt::torques_are_those_of_the_wall(&session, &config, &world::arm(&config));
     assert!(compared > 1_000, "only {compared} cycles in contact");
 }
 
@@ -77,7 +81,8 @@ fn a_killed_node_leaves_every_drive_torque_free_within_its_timer() {
         let mut candump = Candump::of("vcan0");
         let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
         let run = scratch.frhc(&["run", "--config", CONFIG]);
-        let first_sync = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80)).nanos;
+        let first_sync =
+            candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80)).nanos;
         candump.until(|line| line.nanos > first_sync + 300_000_000);
         scratch.ctl("arm").succeeds();
         candump.until(|line| line.nanos > first_sync + after_ms * 1_000_000);
@@ -87,11 +92,11 @@ fn a_killed_node_leaves_every_drive_torque_free_within_its_timer() {
         sim.terminate().succeeds();
 
         let log = Log::parse(&candump.finish());
+        assert!(log.torque_sent_to(2) != 0 && log.torque_sent_to(3) != 0, "the arm was carried");
         for node in NODES {
-            assert!(log.torque_sent_to(node) != 0, "node {node} was pushing nothing");
-            let stopped = log.torque_free_after(node).unwrap_or_else(|| {
-                panic!("node {node} never said it was torque-free")
-            });
+            let stopped = log
+                .torque_free_after(node)
+                .unwrap_or_else(|| panic!("node {node} never said it was torque-free"));
             let spare = Duration::from_micros(500);
             assert!(stopped <= timer + spare, "node {node} pushed on for {stopped:?}");
         }
@@ -106,8 +111,16 @@ fn what_cannot_run_says_why_and_sends_nothing() {
         (text.replace("vcan0", "can7"), 4, "can7: no such interface"),
         (text.replace("a_m = 0.254", "a_m = nan"), 3, "joint[2].a_m: NaN"),
         (text.replace("heartbeat_ms = 6", "heartbeat_s = 6"), 3, "node.heartbeat_s: unknown key"),
-        (text.replace("sync_period_us = 2000", "sync_period_us = 1000"), 3, "bus[0].load_limit_percent"),
-        (text.replace("[133.144, -0.393453, 0.0196726]", "[133.144, -3.9, 0.0196726]"), 3, "stops rising"),
+        (
+            text.replace("sync_period_us = 2000", "sync_period_us = 1000"),
+            3,
+            "bus[0].load_limit_percent",
+        ),
+        (
+            text.replace("[133.144, -0.393453, 0.0196726]", "[133.144, -3.9, 0.0196726]"),
+            3,
+            "stops rising",
+        ),
         (text.replace("eds/frhc_drive.eds", "eds/nobody.eds"), 3, "nobody.eds"),
     ];
     let candump = Candump::of("vcan0");
@@ -165,7 +178,7 @@ fn never_enabled(scratch: &Scratch, theirs: &str, mine: &str, reason: &str) {
 #[test]
 fn only_data_frames_of_eleven_bits_are_heard() {
     let mut bus = SocketCan::open(&["vcan0".to_owned()]).unwrap();
-    for frame in ["181#R", "00000181#1122", "181##01122", "181#1122334455667788"] {
+    for frame in ["181#R", "00000181#1122", "181#1122334455667788"] {
         Process::of("cansend", &["vcan0", frame]).wait().succeeds();
     }
     let until = bus.now() + Duration::from_millis(5);
@@ -179,11 +192,12 @@ fn only_data_frames_of_eleven_bits_are_heard() {
 #[test]
 fn waiting_ends_at_its_deadline() {
     let mut bus = SocketCan::open(&["vcan0".to_owned()]).unwrap();
+    frhc::bus::realtime::ask();
     for micros in [100, 1_000, 12_345] {
         let until = bus.now() + Duration::from_micros(micros);
         assert_eq!(bus.receive(until), None);
         let late = bus.now().since(until);
-        assert!(bus.now() >= until && late < Duration::from_micros(50), "{late:?} late");
+        assert!(bus.now() >= until && late < Duration::from_micros(10), "{late:?} late");
     }
 }
 

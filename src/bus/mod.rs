@@ -2,6 +2,7 @@
 
 mod clock;
 mod memory;
+pub mod realtime;
 mod socketcan;
 mod trace;
 mod wire;

@@ -181,7 +181,11 @@ impl Eds {
         listed(&ini, &objects)?;
         let device = ini.section("DEVICEINFO");
         let of_device = |key| device.map_or(Ok(0), |section| unsigned(section, key));
-        Ok(Self { vendor: of_device("VENDORNUMBER")?, product: of_device("PRODUCTNUMBER")?, objects })
+        Ok(Self {
+            vendor: of_device("VENDORNUMBER")?,
+            product: of_device("PRODUCTNUMBER")?,
+            objects,
+        })
     }
 
     /// Vendor-ID, zero if the file does not say.
@@ -241,11 +245,13 @@ fn describe(
         let default = count.to_string();
         let access = Access::Constant;
         let sub0 = Described { data_type: UNSIGNED8, access, number, default, ..head.clone() };
-        objects.push((section.line, Described { low: None, high: None, is_mappable: false, ..sub0 }));
+        objects
+            .push((section.line, Described { low: None, high: None, is_mappable: false, ..sub0 }));
     }
     for sub in 1..=count {
         if ini.section(&format!("{index:04X}SUB{sub:X}")).is_none() {
-            objects.push((section.line, Described { object: Object { index, sub }, ..head.clone() }));
+            objects
+                .push((section.line, Described { object: Object { index, sub }, ..head.clone() }));
         }
     }
     Ok(())
@@ -256,7 +262,9 @@ const UNSIGNED8: u16 = 5;
 
 /// The one object a section describes.
 fn one(section: &Section, object: Object) -> Result<Described, EdsError> {
-    let data_type = section.value("DATATYPE").map_or(Ok(i64::from(UNSIGNED8)), |entry| integer(section, entry))?;
+    let data_type = section
+        .value("DATATYPE")
+        .map_or(Ok(i64::from(UNSIGNED8)), |entry| integer(section, entry))?;
     let data_type = u16::try_from(data_type).unwrap_or(u16::MAX);
     let limit = |key| section.value(key).map(|entry| integer(section, entry)).transpose();
     let default = section.value("DEFAULTVALUE");
@@ -374,7 +382,10 @@ mod tests {
         let eds = Eds::parse(DRIVE).unwrap();
         assert_eq!((eds.vendor(), eds.product()), (0xF8C, 0x0402_0010));
         let torque = eds.object(Object::TARGET_TORQUE).unwrap();
-        assert_eq!((torque.low, torque.high, torque.is_mappable), (Some(-3_000), Some(3_000), true));
+        assert_eq!(
+            (torque.low, torque.high, torque.is_mappable),
+            (Some(-3_000), Some(3_000), true)
+        );
         assert!(torque.access.is_output() && torque.access.is_writable());
         let cob_id = eds.object(Object::tpdo_communication(1, 1)).unwrap().number.unwrap();
         assert_eq!(cob_id.resolve(NodeId::new(3).unwrap()), 0x183);
@@ -388,9 +399,15 @@ mod tests {
 
     #[test]
     fn numbers_are_read_as_real_files_write_them() {
-        for (text, value) in
-            [("0x1F", 31), ("31", 31), ("001", 1), ("037", 31), ("-5", -5), ("0X1f", 31), (" 7 ", 7)]
-        {
+        for (text, value) in [
+            ("0x1F", 31),
+            ("31", 31),
+            ("001", 1),
+            ("037", 31),
+            ("-5", -5),
+            ("0X1f", 31),
+            (" 7 ", 7),
+        ] {
             let number = with("DefaultValue", text).unwrap().number.unwrap();
             assert_eq!((number.value, number.plus_node_id), (value, false), "{text}");
         }
@@ -417,7 +434,8 @@ mod tests {
 
     #[test]
     fn real_files_have_marks_latin_1_and_odd_line_ends() {
-        let text = b"\xEF\xBB\xBF; a comment\r\n[2000]\r\nParameterName=Torque\r\nDataType=0x0005 \r\n";
+        let text =
+            b"\xEF\xBB\xBF; a comment\r\n[2000]\r\nParameterName=Torque\r\nDataType=0x0005 \r\n";
         assert_eq!(Eds::parse(text).unwrap().objects().len(), 1);
         let latin = b"[2000]\nParameterName=Temp\xB0\nDataType=5\n";
         assert_eq!(Eds::parse(latin).unwrap().objects()[0].name, "Temp°");
@@ -425,9 +443,11 @@ mod tests {
 
     #[test]
     fn a_compact_array_has_all_its_entries() {
-        let text = b"[2000]\nObjectType=8\nDataType=6\nAccessType=rw\nCompactSubObj=3\nDefaultValue=9\n";
+        let text =
+            b"[2000]\nObjectType=8\nDataType=6\nAccessType=rw\nCompactSubObj=3\nDefaultValue=9\n";
         let eds = Eds::parse(text).unwrap();
-        let subs: Vec<_> = eds.objects().iter().map(|one| (one.object.sub, one.data_type)).collect();
+        let subs: Vec<_> =
+            eds.objects().iter().map(|one| (one.object.sub, one.data_type)).collect();
         assert_eq!(subs, [(0, 5), (1, 6), (2, 6), (3, 6)]);
     }
 

@@ -68,8 +68,8 @@ fn socket(args: &Ctl) -> Result<PathBuf, Failure> {
 }
 
 fn ask(socket: &PathBuf, ask: Ask) -> anyhow::Result<String> {
-    let mut stream = UnixStream::connect(socket)
-        .with_context(|| format!("no node at {}", socket.display()))?;
+    let mut stream =
+        UnixStream::connect(socket).with_context(|| format!("no node at {}", socket.display()))?;
     stream.set_read_timeout(Some(PATIENCE))?;
     let mut question = serde_json::to_string(&Question { ask })?;
     question.push('\n');

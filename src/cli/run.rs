@@ -14,6 +14,7 @@ use tokio::sync::oneshot;
 use crate::bus::Bus;
 use crate::bus::SocketCan;
 use crate::bus::Traced;
+use crate::bus::realtime;
 use crate::cli::args::Run;
 use crate::cli::console::Pending;
 use crate::cli::console::Socket;
@@ -122,6 +123,8 @@ fn attend<B: Bus, R: Remote>(
     offer: &Offer,
     stop: &AtomicBool,
 ) -> Result<(), Failure> {
+    let granted = realtime::ask();
+    tracing::info!(%granted, "priority");
     let stopping = || stop.load(Ordering::Relaxed);
     match node.bring_up(&mut || stopping()) {
         Ok(()) => tracing::info!("ready: all drives enabled at zero torque"),

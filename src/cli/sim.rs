@@ -7,6 +7,7 @@ use std::thread;
 use anyhow::Context;
 
 use crate::bus::SocketCan;
+use crate::bus::realtime;
 use crate::cli::args::Sim;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
@@ -33,7 +34,10 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     tracing::info!(interfaces = names.join(" "), "simulated drives are on the bus");
     let over = AtomicBool::new(false);
     thread::scope(|threads| {
-        let live = || attend(&mut bus, &mut world, &mut |_| over.load(Ordering::Relaxed));
+        let live = || {
+            realtime::ask();
+            attend(&mut bus, &mut world, &mut |_| over.load(Ordering::Relaxed));
+        };
         threads.spawn(live);
         runtime.block_on(signals::wait());
         over.store(true, Ordering::Relaxed);

@@ -10,8 +10,14 @@ use std::path::PathBuf;
 const SHIPPED: &[(&str, &[u8])] = &[
     ("config/kraft_like.toml", include_bytes!("../../config/kraft_like.toml")),
     ("config/kraft_like_500hz.toml", include_bytes!("../../config/kraft_like_500hz.toml")),
-    ("config/scenarios/teleoperation.toml", include_bytes!("../../config/scenarios/teleoperation.toml")),
-    ("config/scenarios/contact_10s.toml", include_bytes!("../../config/scenarios/contact_10s.toml")),
+    (
+        "config/scenarios/teleoperation.toml",
+        include_bytes!("../../config/scenarios/teleoperation.toml"),
+    ),
+    (
+        "config/scenarios/contact_10s.toml",
+        include_bytes!("../../config/scenarios/contact_10s.toml"),
+    ),
     ("config/scenarios/free.toml", include_bytes!("../../config/scenarios/free.toml")),
     ("eds/frhc_drive.eds", include_bytes!("../../eds/frhc_drive.eds")),
     ("eds/frhc_switches.eds", include_bytes!("../../eds/frhc_switches.eds")),
@@ -72,6 +78,9 @@ mod tests {
 
     #[test]
     fn what_is_not_there_is_not_found() {
-        assert_eq!(read(Path::new("config/none.toml")).unwrap_err().kind(), io::ErrorKind::NotFound);
+        assert_eq!(
+            read(Path::new("config/none.toml")).unwrap_err().kind(),
+            io::ErrorKind::NotFound
+        );
     }
 }

@@ -21,8 +21,7 @@ use crate::config::problem::Problems;
 use crate::config::raw;
 
 /// Bit rates of CiA 301 (4.2), in bit/s.
-const BITRATES: [u32; 8] =
-    [10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
+const BITRATES: [u32; 8] = [10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
 
 /// The longest name of a network interface.
 const LONGEST_INTERFACE: usize = 15;
@@ -75,7 +74,8 @@ pub(super) fn buses(raw: &raw::File, problems: &mut Problems<'_>) -> Vec<BusSett
             problems.add(&key("bitrate"), format_args!("{} is none of {BITRATES:?}", bus.bitrate));
         }
         if bus.layout != "per-drive" {
-            problems.add(&key("layout"), format_args!("\"{}\": there is \"per-drive\"", bus.layout));
+            problems
+                .add(&key("layout"), format_args!("\"{}\": there is \"per-drive\"", bus.layout));
         }
         problems.within(&key("load_limit_percent"), bus.load_limit_percent, 1.0..=100.0);
     }
@@ -114,12 +114,7 @@ pub(super) fn channel(
 }
 
 /// The EDS called `name` in `file`.
-pub(super) fn eds(
-    key: &str,
-    file: &Path,
-    name: &str,
-    problems: &mut Problems<'_>,
-) -> Option<Eds> {
+pub(super) fn eds(key: &str, file: &Path, name: &str, problems: &mut Problems<'_>) -> Option<Eds> {
     let path = files::beside(file, name);
     let read = files::read(&path).map_err(|error| format!("{}: {error}", path.display()));
     let bytes = problems.take(key, read)?;
@@ -189,7 +184,8 @@ pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
     for (place, joint) in config.joints.iter().enumerate() {
         let key = |name: &str| format!("joint[{place}].{name}");
         if !taken.insert((joint.channel, joint.node.raw())) {
-            problems.add(&key("node_id"), format_args!("{} is taken on this bus", joint.node.raw()));
+            problems
+                .add(&key("node_id"), format_args!("{} is taken on this bus", joint.node.raw()));
         }
         identity(&key("product_code"), &joint.eds, &joint.identity, problems);
         abilities(&key("eds"), &joint.eds, &drive_plan(config, place), problems);

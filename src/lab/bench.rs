@@ -44,13 +44,7 @@ pub struct Bench<T> {
 impl<T: Tap> Bench<T> {
     /// Everything `config` says, with an operator who follows `scenario` with the tremor of `seed`.
     /// `tap` is shown every frame. `in_real_time` lets no time pass faster than on the wall.
-    pub fn new(
-        config: &Config,
-        scenario: Scenario,
-        seed: u64,
-        in_real_time: bool,
-        tap: T,
-    ) -> Self {
+    pub fn new(config: &Config, scenario: Scenario, seed: u64, in_real_time: bool, tap: T) -> Self {
         let requests = scenario.requests().map(|(at, asked)| (at, request(asked)));
         let requests = requests.collect();
         let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
@@ -113,7 +107,8 @@ impl<T: Tap> Bench<T> {
         let bus = self.node.bus();
         let seconds = bus.now().since(Instant::ZERO).as_secs_f64();
         let of = |((frames, bits), bitrate): ((u64, u64), &u32)| {
-            let seconds_on_wire = Duration::from_micros(bits).as_secs_f64() * 1e6 / f64::from(*bitrate);
+            let seconds_on_wire =
+                Duration::from_micros(bits).as_secs_f64() * 1e6 / f64::from(*bitrate);
             Carried { frames, percent: 100.0 * seconds_on_wire / seconds.max(1e-6) }
         };
         bus.carried().zip(&self.bitrates).map(of).collect()

@@ -32,9 +32,11 @@ impl VirtualSite {
     /// The object and the scene of `[remote]`, at rest.
     pub fn new(config: &Config) -> Self {
         let Virtual { x_b_m, x_m_s, payload, servo, accommodation, .. } = config.remote;
-        let object = Object::new(servo, x_b_m)
-            .giving_way(accommodation)
-            .carrying(x_m_s, payload, Vector3::from(GRAVITY));
+        let object = Object::new(servo, x_b_m).giving_way(accommodation).carrying(
+            x_m_s,
+            payload,
+            Vector3::from(GRAVITY),
+        );
         let longest = 10.0 * config.period.as_secs_f64();
         Self { object, scene: scene(&config.remote), before: None, longest }
     }
@@ -59,7 +61,8 @@ impl Remote for VirtualSite {
 
 /// What there is to touch.
 fn scene(remote: &Virtual) -> Scene {
-    let surface = |contact: Contact| Surface { stiffness: contact.stiffness, damping: contact.damping };
+    let surface =
+        |contact: Contact| Surface { stiffness: contact.stiffness, damping: contact.damping };
     Scene {
         wall: remote.wall.map(|(point, normal, contact)| Wall {
             point,

@@ -9,8 +9,8 @@
 //!    └ gather until complete ─┘       └ record (its owner's queue)           │
 //! ```
 
-use crate::bus::BusFault;
 use crate::bus::Bus;
+use crate::bus::BusFault;
 use crate::bus::Heard;
 use crate::bus::Received;
 use crate::bus::SendError;
@@ -166,7 +166,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// The first joint whose drive is not enabled, and its statusword.
     fn not_enabled(&self) -> Option<(usize, u16)> {
         let mut joints = (1..).zip(self.samples.latest());
-        let (joint, sample) = joints.find(|(_, sample)| sample.statusword.state() != Some(State::OperationEnabled))?;
+        let (joint, sample) = joints
+            .find(|(_, sample)| sample.statusword.state() != Some(State::OperationEnabled))?;
         Some((joint, sample.statusword.0))
     }
 
@@ -214,7 +215,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             let Some(power) = self.power.get_mut(joint) else { continue };
             let controlword = power.controlword(sample.statusword.state(), goal);
             let torque = pdo::PerMille(targets.get(joint).copied().unwrap_or(0));
-            let frame = Frame::new(layout::rpdo1(node), DriveTarget { controlword, torque }.encode());
+            let frame =
+                Frame::new(layout::rpdo1(node), DriveTarget { controlword, torque }.encode());
             self.send(Telegram { channel, frame });
         }
     }

@@ -281,8 +281,16 @@ impl Safety {
         let armed = engaged || self.mode == Mode::Armed;
         Permit {
             mode: self.mode,
-            gravity_share: if armed { share(now.since(self.gravity_since), self.ramps.gravity) } else { 0.0 },
-            reflection_share: if engaged { share(now.since(self.since), self.ramps.reflection) } else { 0.0 },
+            gravity_share: if armed {
+                share(now.since(self.gravity_since), self.ramps.gravity)
+            } else {
+                0.0
+            },
+            reflection_share: if engaged {
+                share(now.since(self.since), self.ramps.reflection)
+            } else {
+                0.0
+            },
             engaged,
             drives_on: self.mode != Mode::Stopped || now < self.drives_on_until,
         }

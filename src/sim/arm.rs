@@ -118,7 +118,13 @@ impl Arm {
     }
 
     /// The accelerations that torques `tau` and a wrench on the grip, at {G} in {G}, give.
-    pub fn acceleration(&self, posture: &Posture, qd: &Joints, tau: &Joints, f_g: &Wrench) -> Joints {
+    pub fn acceleration(
+        &self,
+        posture: &Posture,
+        qd: &Joints,
+        tau: &Joints,
+        f_g: &Wrench,
+    ) -> Joints {
         let push = tau + self.jacobian(posture).torques(f_g) - self.bias(posture, qd);
         let mass = self.mass_matrix(posture);
         mass.cholesky().map_or_else(Joints::zeros, |mass| mass.solve(&push))
@@ -180,11 +186,8 @@ impl Arm {
 impl LinkSettings {
     /// The pose of this link in the one before: `Rx(α) Tx(a) Rz(θ) Tz(d)`.
     fn step(&self, q: f64) -> Isometry3<f64> {
-        let (d, theta) = if self.is_prismatic {
-            (self.d + q, self.theta)
-        } else {
-            (self.d, self.theta + q)
-        };
+        let (d, theta) =
+            if self.is_prismatic { (self.d + q, self.theta) } else { (self.d, self.theta + q) };
         let about_x = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), self.alpha);
         let about_z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), theta);
         let place = about_x * Vector3::new(self.a, 0.0, d);
@@ -291,12 +294,17 @@ mod tests {
             let links = arm.settings.links.iter().zip(&posture.0);
             let potential = links.map(|(link, step)| {
                 x *= step;
-                -link.mass * arm.settings.gravity.dot(&(x * nalgebra::Point3::from(link.centre_of_mass)).coords)
+                -link.mass
+                    * arm
+                        .settings
+                        .gravity
+                        .dot(&(x * nalgebra::Point3::from(link.centre_of_mass)).coords)
             });
             0.5 * qd.dot(&(arm.mass_matrix(&posture) * qd)) + potential.sum::<f64>()
         };
         let still = Joints::zeros();
-        let rate = |q: &Joints, qd: &Joints| arm.acceleration(&arm.posture(q), qd, &still, &Wrench::ZERO);
+        let rate =
+            |q: &Joints, qd: &Joints| arm.acceleration(&arm.posture(q), qd, &still, &Wrench::ZERO);
         let mut q = joints(&oracle["configs"][0]["q"]);
         let mut qd = Joints::from([0.5, -0.3, 0.4, 0.2, -0.6, 0.8]);
         let before = energy(&q, &qd);
@@ -304,8 +312,10 @@ mod tests {
         for _ in 0..10_000 {
             // Runge and Kutta's fourth-order step.
             let (v1, a1) = (qd, rate(&q, &qd));
-            let (v2, a2) = (qd + a1 * (h / 2.0), rate(&(q + v1 * (h / 2.0)), &(qd + a1 * (h / 2.0))));
-            let (v3, a3) = (qd + a2 * (h / 2.0), rate(&(q + v2 * (h / 2.0)), &(qd + a2 * (h / 2.0))));
+            let (v2, a2) =
+                (qd + a1 * (h / 2.0), rate(&(q + v1 * (h / 2.0)), &(qd + a1 * (h / 2.0))));
+            let (v3, a3) =
+                (qd + a2 * (h / 2.0), rate(&(q + v2 * (h / 2.0)), &(qd + a2 * (h / 2.0))));
             let (v4, a4) = (qd + a3 * h, rate(&(q + v3 * h), &(qd + a3 * h)));
             q += (v1 + 2.0 * v2 + 2.0 * v3 + v4) * (h / 6.0);
             qd += (a1 + 2.0 * a2 + 2.0 * a3 + a4) * (h / 6.0);

@@ -183,7 +183,12 @@ impl Scenario {
             positive("move", number, "duration_s", step.duration_s)?;
             let wrong = step.to_m.iter().chain(&step.to_rad).find(|value| !value.is_finite());
             if let Some(&value) = wrong {
-                return Err(ScenarioError::Number { section: "move", number, quantity: "to", value });
+                return Err(ScenarioError::Number {
+                    section: "move",
+                    number,
+                    quantity: "to",
+                    value,
+                });
             }
         }
         in_order("move", self.moves.iter().map(|step| (step.at_s, step.at_s + step.duration_s)))?;

@@ -137,7 +137,8 @@ impl fmt::Display for Summary {
         )?;
         writeln!(f, "object travelled  {:.2} m", self.object_travel_m)?;
         writeln!(f, "torque limited    {} cycles", self.saturated_cycles)?;
-        for (bus, (load, frames)) in self.bus_load_percent.iter().zip(&self.bus_frames).enumerate() {
+        for (bus, (load, frames)) in self.bus_load_percent.iter().zip(&self.bus_frames).enumerate()
+        {
             writeln!(f, "bus {bus} load        {load:.1} % ({frames} frames)")?;
         }
         match &self.stopped_by {

@@ -44,7 +44,8 @@ pub(crate) fn torques_are_those_of_the_wall(log: &str, config: &Config, arm: &Ar
         for (joint, calibrated) in config.joints.iter().enumerate() {
             let [c1, c3, c5] = calibrated.torque_curve;
             let t = tau[joint];
-            let per_mille = (c1 * t + c3 * t.powi(3) + c5 * t.powi(5)) * calibrated.gear_ratio.signum();
+            let per_mille =
+                (c1 * t + c3 * t.powi(3) + c5 * t.powi(5)) * calibrated.gear_ratio.signum();
             let sent = f64::from(cycle.targets[joint].unwrap());
             let error = (sent - per_mille).abs();
             assert!(error <= 0.5 + 1e-6, "joint {}: {sent} sent for {per_mille}", joint + 1);
@@ -61,7 +62,8 @@ fn cycles(log: &str) -> impl Iterator<Item = Cycle> + '_ {
         let line = Line::parse(text).unwrap();
         match &line.content {
             Content::Fd(_, data) if line.id == WRENCH.1 => {
-                let parts = data.chunks_exact(8).map(|part| f64::from_le_bytes(part.try_into().unwrap()));
+                let parts =
+                    data.chunks_exact(8).map(|part| f64::from_le_bytes(part.try_into().unwrap()));
                 let parts: Vec<f64> = parts.collect();
                 cycle.f_s = Some(Wrench::from_components(parts.try_into().unwrap()));
             }
@@ -73,10 +75,12 @@ fn cycles(log: &str) -> impl Iterator<Item = Cycle> + '_ {
                 let joint = usize::try_from(line.id & 0x7F).unwrap().wrapping_sub(1);
                 match (line.id & 0x780, joint) {
                     (0x180, 0..6) => {
-                        cycle.counts[joint] = Some(i32::from_le_bytes(data[2..6].try_into().unwrap()));
+                        cycle.counts[joint] =
+                            Some(i32::from_le_bytes(data[2..6].try_into().unwrap()));
                     }
                     (0x200, 0..6) => {
-                        cycle.targets[joint] = Some(i16::from_le_bytes(data[2..4].try_into().unwrap()));
+                        cycle.targets[joint] =
+                            Some(i16::from_le_bytes(data[2..4].try_into().unwrap()));
                     }
                     _ => {}
                 }

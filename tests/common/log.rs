@@ -48,7 +48,11 @@ impl Log {
             }
             let apart = Duration::from_nanos(next.nanos - this.nanos);
             let error = apart.abs_diff(period);
-            assert!(error < Duration::from_micros(20), "SYNCs {apart:?} apart at {:.3} s", after(this));
+            assert!(
+                error < Duration::from_micros(20),
+                "SYNCs {apart:?} apart at {:.3} s",
+                after(this)
+            );
             let mut count: HashMap<u16, u32> = HashMap::new();
             for entry in &self.0[pair[0]..pair[1]] {
                 *count.entry(entry.id).or_default() += 1;
@@ -85,9 +89,9 @@ impl Log {
     /// whose manufacturer bytes begin with the torque it exerts and its statusword.
     pub(crate) fn torque_free_after(&self, node: u16) -> Option<Duration> {
         let last = self.0.iter().rposition(|entry| entry.id == 0x200 + node)?;
-        let emergency = self.0[last..].iter().find(|entry| {
-            entry.id == 0x80 + node && entry.data.starts_with(&[0x50, 0x82])
-        })?;
+        let emergency = self.0[last..]
+            .iter()
+            .find(|entry| entry.id == 0x80 + node && entry.data.starts_with(&[0x50, 0x82]))?;
         let &[_, _, _, t0, t1, s0, ..] = emergency.data.as_slice() else { return None };
         let is_off = i16::from_le_bytes([t0, t1]) == 0 && s0 & 0x04 == 0;
         is_off.then(|| Duration::from_nanos(emergency.nanos - self.0[last].nanos))

@@ -33,7 +33,14 @@ impl Process {
     }
 
     fn spawn(command: &mut Command) -> Self {
-        Self(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap())
+        Self(
+            command
+                .stdin(Stdio::null())
+                .stdout(Stdio::null())
+                .stderr(Stdio::piped())
+                .spawn()
+                .unwrap(),
+        )
     }
 
     pub(crate) fn terminate(self) -> Outcome {
@@ -93,7 +100,9 @@ impl Candump {
         let mut candump = Self { child, lines, seen: Vec::new() };
         // It says nothing when it is ready, so it is spoken to until it is: by marks on the way of
         // every later frame.
-        let mut hello = Process::spawn(Command::new("cangen").args([interface, "-g", "1", "-I", MARK, "-L", "0"]));
+        let mut hello = Process::spawn(
+            Command::new("cangen").args([interface, "-g", "1", "-I", MARK, "-L", "0"]),
+        );
         candump.until(is_mark);
         hello.0.kill().unwrap();
         drop(hello);
@@ -106,7 +115,9 @@ impl Candump {
     fn mark(&mut self, interface: &str) {
         let last = format!("{MARK}#FF");
         Process::of("cansend", &[interface, &last]).wait().succeeds();
-        self.until(|line| is_mark(line) && matches!(&line.content, Content::Data(data) if data == &[0xFF]));
+        self.until(|line| {
+            is_mark(line) && matches!(&line.content, Content::Data(data) if data == &[0xFF])
+        });
     }
 
     /// Reads up to the first line that is wanted. A bus that falls silent ends the test by its limit.
@@ -193,7 +204,9 @@ impl Scratch {
 
     pub(crate) fn frhc(&self, args: &[&str]) -> Process {
         let mut command = Command::new(env!("CARGO_BIN_EXE_frhc"));
-        Process::spawn(command.args(args).env("XDG_RUNTIME_DIR", &self.0).env_remove("RUNTIME_DIRECTORY"))
+        Process::spawn(
+            command.args(args).env("XDG_RUNTIME_DIR", &self.0).env_remove("RUNTIME_DIRECTORY"),
+        )
     }
 
     pub(crate) fn ctl(&self, request: &str) -> Outcome {

@@ -72,7 +72,12 @@ pub struct Device<A> {
 
 impl<A: Application> Device<A> {
     /// A device that boots with the first call of [`on_time`](Self::on_time).
-    pub fn new(node: NodeId, mut dictionary: Dictionary, latency: Duration, mut application: A) -> Self {
+    pub fn new(
+        node: NodeId,
+        mut dictionary: Dictionary,
+        latency: Duration,
+        mut application: A,
+    ) -> Self {
         application.reset(&mut dictionary);
         Self {
             node,

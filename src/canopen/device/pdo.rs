@@ -85,7 +85,9 @@ impl Pdos {
         };
         let transmit = shapes(true).map(|(pdo, shape)| Transmit {
             shape,
-            inhibit: Duration::from_micros(u64::from(dictionary.unsigned(pdo.communication(3))) * 100),
+            inhibit: Duration::from_micros(
+                u64::from(dictionary.unsigned(pdo.communication(3))) * 100,
+            ),
             pending: None,
             last: None,
             syncs: 0,

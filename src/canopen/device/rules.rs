@@ -63,7 +63,11 @@ pub(super) fn exists(dictionary: &Dictionary, object: Object) -> Result<(), Abor
 }
 
 /// Whether `value` may be written to an object that is there and writable.
-pub(super) fn takes(dictionary: &Dictionary, object: Object, value: &[u8]) -> Result<(), AbortCode> {
+pub(super) fn takes(
+    dictionary: &Dictionary,
+    object: Object,
+    value: &[u8],
+) -> Result<(), AbortCode> {
     let entry = dictionary.entry(object).ok_or(AbortCode::NO_OBJECT)?;
     if let Some(size) = entry.size() {
         if value.len() > size {

@@ -57,7 +57,11 @@ impl SdoServer {
     }
 
     /// Answers one request.
-    pub(super) fn answer(&mut self, request: [u8; 8], objects: &mut impl Objects) -> Option<[u8; 8]> {
+    pub(super) fn answer(
+        &mut self,
+        request: [u8; 8],
+        objects: &mut impl Objects,
+    ) -> Option<[u8; 8]> {
         let [command, i0, i1, sub, d @ ..] = request;
         let object = Object { index: u16::from_le_bytes([i0, i1]), sub };
         let answered = match command >> 5 {

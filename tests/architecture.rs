@@ -246,8 +246,8 @@ fn sources(module: &str) -> Vec<PathBuf> {
     files.retain(|file| file.is_file());
     let mut folders = vec![src().join(module)];
     while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).into_iter().flatten() {
-            let path = entry.unwrap().path();
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            let path = entry.path();
             if path.is_dir() { folders.push(path) } else { files.push(path) }
         }
     }

@@ -221,10 +221,8 @@ fn why(interface: &str, error: io::Error) -> OpenError {
 
 /// What an error of reading means; `None` if nothing came after all.
 fn trouble(error: &io::Error) -> Option<BusFault> {
-    match error.kind() {
-        ErrorKind::WouldBlock | ErrorKind::Interrupted => None,
-        _ => Some(BusFault::Down),
-    }
+    let nothing = matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted);
+    (!nothing).then_some(BusFault::Down)
 }
 
 /// What a frame means; `None` if it does not concern a CANopen node.
@@ -242,15 +240,15 @@ fn sort(frame: CanFrame) -> Option<Heard> {
     }
 }
 
-/// What one cause in an error frame means for the bus.
+/// What one cause in an error frame means for the bus. Single errors are the controller's to count.
 fn fault(cause: &ErrorCause) -> Option<BusFault> {
-    let ErrorCause::Controller(problems) = cause else {
-        return match cause {
-            ErrorCause::BusOff => Some(BusFault::Off),
-            ErrorCause::TransmitTimeout => Some(BusFault::Passive),
-            _ => None,
-        };
-    };
+    if matches!(cause, ErrorCause::BusOff) {
+        return Some(BusFault::Off);
+    }
+    if matches!(cause, ErrorCause::TransmitTimeout) {
+        return Some(BusFault::Passive);
+    }
+    let ErrorCause::Controller(problems) = cause else { return None };
     let any = |these: ControllerProblems| problems.intersects(these);
     if any(ControllerProblems::RX_PASSIVE | ControllerProblems::TX_PASSIVE) {
         Some(BusFault::Passive)

@@ -454,14 +454,14 @@ mod tests {
     proptest! {
         #[test]
         fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
-            let _: Result<Eds, EdsError> = Eds::parse(&bytes);
+            Eds::parse(&bytes).ok();
         }
 
         #[test]
         fn a_spoilt_file_is_read_or_refused(at in 0..DRIVE.len(), byte in any::<u8>()) {
             let mut bytes = DRIVE.to_vec();
             bytes[at] = byte;
-            let _: Result<Eds, EdsError> = Eds::parse(&bytes);
+            Eds::parse(&bytes).ok();
         }
     }
 }

@@ -67,9 +67,8 @@ pub(super) fn run(args: &Run) -> Result<(), Failure> {
         let cycle_stop = Arc::clone(&stop);
         let cycle = move || {
             let outcome = attend(node, asked, &offer, &cycle_stop);
-            if ended.send(outcome).is_err() {
-                // The main thread has gone before: nobody to tell.
-            }
+            // The main thread may have gone before.
+            ended.send(outcome).ok();
         };
         thread::Builder::new()
             .name("frhc-cycle".to_owned())
@@ -136,9 +135,8 @@ fn attend<B: Bus, R: Remote>(
     }
     while !stopping() {
         if let Ok(Pending { request, answer }) = asked.try_recv() {
-            if answer.send(node.request(request)).is_err() {
-                // Whoever asked has hung up.
-            }
+            // Whoever asked may have hung up.
+            answer.send(node.request(request)).ok();
         }
         offer.record(node.cycle());
     }

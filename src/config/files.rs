@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::io;
+use std::path::Component;
 use std::path::Path;
 use std::path::PathBuf;
 
@@ -50,12 +51,10 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 pub fn beside(file: &Path, name: &str) -> PathBuf {
     let mut path = file.parent().unwrap_or(Path::new("")).to_path_buf();
     for part in Path::new(name).components() {
-        match part {
-            std::path::Component::ParentDir if path.file_name().is_some() => {
-                path.pop();
-            }
-            std::path::Component::CurDir => {}
-            other => path.push(other),
+        if part == Component::ParentDir && path.file_name().is_some() {
+            path.pop();
+        } else if part != Component::CurDir {
+            path.push(part);
         }
     }
     path

@@ -11,12 +11,14 @@ use crate::canopen::frame::Channel;
 use crate::canopen::layout;
 use crate::canopen::load;
 use crate::canopen::load::BusLoad;
+use crate::canopen::plan::Demand;
 use crate::canopen::plan::Identity;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::plan::Watch;
 use crate::config::Config;
 use crate::config::Safety;
 use crate::config::files;
+use crate::config::joints::Joint;
 use crate::config::problem::Problems;
 use crate::config::raw;
 
@@ -188,7 +190,7 @@ pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
                 .add(&key("node_id"), format_args!("{} is taken on this bus", joint.node.raw()));
         }
         identity(&key("product_code"), &joint.eds, &joint.identity, problems);
-        abilities(&key("eds"), &joint.eds, &drive_plan(config, place), problems);
+        abilities(&key("eds"), &joint.eds, &drive_plan(config, place, joint), problems);
     }
     if !taken.insert((config.switches.channel, config.switches.node.raw())) {
         problems.add("switches.node_id", "is taken on this bus");
@@ -204,14 +206,12 @@ pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
 
 /// What every node is to be and to be told: the joints' drives, then the switch box.
 pub(super) fn plans(config: &Config) -> Vec<(Channel, NodePlan)> {
-    let drives = (0..config.joints.len()).map(|place| drive_plan(config, place));
-    let channels = config.joints.iter().map(|joint| joint.channel);
-    let switches = (config.switches.channel, switches_plan(config));
-    channels.zip(drives).chain([switches]).collect()
+    let joints = config.joints.iter().enumerate();
+    let drives = joints.map(|(place, joint)| (joint.channel, drive_plan(config, place, joint)));
+    drives.chain([(config.switches.channel, switches_plan(config))]).collect()
 }
 
-fn drive_plan(config: &Config, place: usize) -> NodePlan {
-    let joint = &config.joints[place];
+fn drive_plan(config: &Config, place: usize, joint: &Joint) -> NodePlan {
     let name = format!("joint {} ({})", place + 1, joint.name);
     let pdos = layout::per_drive(joint.node, Some(config.safety.rpdo_timer_ms));
     let most = joint.calibration.max_target().0.unsigned_abs();
@@ -272,5 +272,18 @@ pub(super) fn rpdo_time(config: &Config) -> Duration {
 
 /// The device must have, by its EDS, every object that is to be set in it.
 fn abilities(key: &str, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
-    let _ = (key, eds, plan, problems);
+    for (object, demand) in plan.demands() {
+        let Some(described) = eds.object(object) else {
+            problems.add(key, format_args!("{}: {object} is not in its EDS", plan.name));
+            continue;
+        };
+        let is_able = match demand {
+            Demand::Write => described.access.is_writable(),
+            Demand::Transmit => described.is_mappable && described.access.is_input(),
+            Demand::Receive => described.is_mappable && described.access.is_output(),
+        };
+        if !is_able {
+            problems.add(key, format_args!("{}: {object} cannot be {demand}", plan.name));
+        }
+    }
 }

@@ -5,15 +5,14 @@ use std::time::Duration;
 use thiserror::Error;
 
 use crate::bus::Bus;
-use crate::bus::BusFault;
 use crate::bus::Heard;
 use crate::canopen::commission::BootError;
 use crate::canopen::drive::State;
 use crate::canopen::drive::Statusword;
-use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
 use crate::canopen::master::Event;
 use crate::node::Node;
+use crate::node::safety;
 use crate::node::schedule::Schedule;
 use crate::remote::Remote;
 use crate::telemetry::record::Cause;
@@ -114,7 +113,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
                         return Ok(());
                     }
                 }
-                Heard::Fault(fault) => broken(channel, fault)?,
+                Heard::Fault(fault) => {
+                    if let Some(cause) = safety::cause_of_fault(channel, fault) {
+                        return Err(BringUpError::Bus(cause));
+                    }
+                }
             }
         }
     }
@@ -172,15 +175,6 @@ fn finished(event: Option<Event>) -> Result<bool, BootError> {
             | Event::ForeignMaster { .. },
         )
         | None => Ok(false),
-    }
-}
-
-/// A bus that cannot carry a boot.
-fn broken(Channel(channel): Channel, fault: BusFault) -> Result<(), BringUpError> {
-    match fault {
-        BusFault::Off => Err(BringUpError::Bus(Cause::BusOff { channel })),
-        BusFault::Down => Err(BringUpError::Bus(Cause::BusDown { channel })),
-        BusFault::Warning | BusFault::Passive | BusFault::Overrun => Ok(()),
     }
 }
 

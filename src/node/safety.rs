@@ -16,6 +16,9 @@ use std::time::Duration;
 
 use thiserror::Error;
 
+use crate::bus::BusFault;
+use crate::canopen::frame::Channel;
+use crate::canopen::master::Event;
 use crate::canopen::pdo::Deadman;
 use crate::controller::Fault;
 use crate::telemetry::record::Cause;
@@ -77,6 +80,32 @@ pub const fn reaction(cause: &Cause) -> Reaction {
         | Cause::ForeignMaster
         | Cause::BusOff { .. }
         | Cause::BusDown { .. } => Reaction::DrivesOff,
+    }
+}
+
+/// What an event of the network stops the node for, if it does.
+pub const fn cause_of_event(event: &Event) -> Option<Cause> {
+    match event {
+        Event::Emergency { node, emergency } if !emergency.is_reset() => {
+            Some(Cause::Emergency { node: *node, code: emergency.code })
+        }
+        Event::HeartbeatLost { node } => Some(Cause::HeartbeatLost { node: *node }),
+        Event::Rebooted { node } => Some(Cause::Rebooted { node: *node }),
+        Event::ForeignMaster { .. } => Some(Cause::ForeignMaster),
+        Event::Emergency { .. }
+        | Event::Booted
+        | Event::BootFailed(_)
+        | Event::StateChanged { .. } => None,
+    }
+}
+
+/// What a fault of a bus stops the node for, if it does. What an overrun loses shows as missing samples.
+pub const fn cause_of_fault(Channel(channel): Channel, fault: BusFault) -> Option<Cause> {
+    match fault {
+        BusFault::Warning | BusFault::Overrun => None,
+        BusFault::Passive => Some(Cause::BusPassive { channel }),
+        BusFault::Off => Some(Cause::BusOff { channel }),
+        BusFault::Down => Some(Cause::BusDown { channel }),
     }
 }
 

@@ -82,6 +82,7 @@ impl Plant {
         }
     }
 
+    #[expect(clippy::indexing_slicing, reason = "joints below 6 of things that are six")]
     fn step(&mut self, h: f64, tau: &Joints, hand: Option<(&Hand, &Isometry3<f64>)>) {
         let posture = self.arm.posture(&self.q);
         let j_g = self.arm.jacobian(&posture);
@@ -139,6 +140,9 @@ fn spring_ahead(j_g: &Jacobian<6>, h: f64, hand: &Hand, v_g: &Twist) -> Joints {
 
 /// `h D + h² K`, per axis.
 fn ahead(h: f64, hand: &Hand) -> [f64; 6] {
-    let (k, d) = (hand.stiffnesses(), hand.dampings());
-    std::array::from_fn(|axis| h * d[axis] + h * h * k[axis])
+    let mut ahead = hand.dampings();
+    for (ahead, stiffness) in ahead.iter_mut().zip(hand.stiffnesses()) {
+        *ahead = h * (*ahead + h * stiffness);
+    }
+    ahead
 }

@@ -86,16 +86,14 @@ pub struct Scenario {
     holds: Vec<Hold>,
 }
 
-/// The hand goes somewhere, smoothly.
+/// The hand goes somewhere, smoothly; what is not named stays as it is.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Move {
     at_s: f64,
     duration_s: f64,
-    #[serde(default)]
-    to_m: [f64; 3],
-    #[serde(default)]
-    to_rad: [f64; 3],
+    to_m: Option<[f64; 3]>,
+    to_rad: Option<[f64; 3]>,
 }
 
 /// Switches are pressed or released; those not named stay as they are.
@@ -149,8 +147,8 @@ impl Scenario {
         let (mut place, mut turn) = (Vector3::zeros(), Vector3::zeros());
         for step in self.moves.iter().take_while(|step| step.at_s <= t) {
             let share = smooth((t - step.at_s) / step.duration_s);
-            place = place.lerp(&Vector3::from(step.to_m), share);
-            turn = turn.lerp(&Vector3::from(step.to_rad), share);
+            place = place.lerp(&step.to_m.map_or(place, Vector3::from), share);
+            turn = turn.lerp(&step.to_rad.map_or(turn, Vector3::from), share);
         }
         let (mut deadman, mut reference, mut reflection) = (false, false, false);
         for switch in self.switches.iter().take_while(|switch| switch.at_s <= t) {
@@ -181,7 +179,8 @@ impl Scenario {
         positive("scenario", 1, "seconds", self.seconds)?;
         for (number, step) in (1..).zip(&self.moves) {
             positive("move", number, "duration_s", step.duration_s)?;
-            let wrong = step.to_m.iter().chain(&step.to_rad).find(|value| !value.is_finite());
+            let mut to = step.to_m.iter().chain(&step.to_rad).flatten();
+            let wrong = to.find(|value| !value.is_finite());
             if let Some(&value) = wrong {
                 return Err(ScenarioError::Number {
                     section: "move",
@@ -198,6 +197,9 @@ impl Scenario {
     }
 }
 
+/// Sums of decimal fractions may differ by less than this, in s.
+const ROUNDING: f64 = 1e-9;
+
 /// Entries begin at zero or later and not before the one before them has ended.
 fn in_order(
     section: &'static str,
@@ -209,7 +211,7 @@ fn in_order(
             let quantity = "at_s";
             return Err(ScenarioError::Number { section, number, quantity, value: begin });
         }
-        if begin < free {
+        if begin < free - ROUNDING {
             return Err(ScenarioError::Order { section, number, at_s: begin });
         }
         free = end;

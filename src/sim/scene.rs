@@ -105,10 +105,15 @@ impl Block {
     fn depth(&self, p_b: &Vector3<f64>) -> Option<(f64, Unit<Vector3<f64>>)> {
         let inside = p_b - self.centre;
         let depths = self.half_size - inside.abs();
-        let axis = depths.imin();
-        let depth = depths[axis];
-        let way_out = Vector3::ith(axis, 1.0_f64.copysign(inside[axis]));
-        (depth > 0.0).then(|| (depth, Unit::new_unchecked(way_out)))
+        let side = |along: f64| 1.0_f64.copysign(along);
+        let ways_out = [
+            (depths.x, Vector3::x() * side(inside.x)),
+            (depths.y, Vector3::y() * side(inside.y)),
+            (depths.z, Vector3::z() * side(inside.z)),
+        ];
+        let shortest = ways_out.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
+        let (depth, way_out) = shortest.filter(|(depth, _)| *depth > 0.0)?;
+        Some((depth, Unit::new_unchecked(way_out)))
     }
 }
 

@@ -26,6 +26,12 @@ use crate::time::Instant;
 /// The arm is never older than this.
 const TICK: Duration = Duration::from_millis(1);
 
+/// The most the arm moves at once.
+const LONGEST: Duration = Duration::from_millis(100);
+
+/// The bus whose SYNC the arm and the scenario follow; the others' come microseconds later.
+const LEADING: Channel = Channel(0);
+
 /// Everything on the buses but the node, and behind them.
 #[derive(Clone, Debug)]
 pub struct World {
@@ -84,7 +90,8 @@ impl World {
 
     /// Lets the arm move until `now`, and operator and encoders follow.
     fn advance(&mut self, now: Instant) {
-        let dt = now.since(self.now).as_secs_f64();
+        // A simulation that was stopped does not make up for it.
+        let dt = now.since(self.now).min(LONGEST).as_secs_f64();
         if dt <= 0.0 {
             return;
         }
@@ -117,7 +124,7 @@ impl World {
 
 impl Station for World {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
-        if frame.cob_id == sync::COB_ID {
+        if frame.cob_id == sync::COB_ID && channel == LEADING {
             self.begun.get_or_insert(now);
             self.advance(now);
         }

@@ -154,7 +154,7 @@ fn stamp(word: &str) -> Option<(u64, bool)> {
 
 /// Pairs of hexadecimal digits, `most` of them at most.
 fn bytes(digits: &str, most: usize) -> Result<Vec<u8>, NotALine> {
-    if digits.len() % 2 != 0 || digits.len() > 2 * most {
+    if !digits.len().is_multiple_of(2) || digits.len() > 2 * most {
         return Err(NotALine::Data);
     }
     let pair = |pair: &[u8]| {

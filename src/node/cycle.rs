@@ -18,9 +18,8 @@ use crate::canopen::drive::State;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
-use crate::canopen::layout;
-use crate::canopen::pdo;
 use crate::canopen::pdo::DriveTarget;
+use crate::canopen::pdo::PerMille;
 use crate::canopen::sync::Sync;
 use crate::controller::Input;
 use crate::controller::calibration::Counts;
@@ -59,7 +58,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
 
         let targets = output.targets.map(|target| if self.may_push() { target.0 } else { 0 });
-        self.send_targets(now, &targets, permit.drives_on);
+        self.send_targets(&targets, permit.drives_on);
         self.send_heartbeat(now);
         let f_s = self.sensed.f_s;
         self.sensed = self.remote.exchange(now, &output.command);
@@ -170,40 +169,36 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     fn send_sync(&mut self) -> Instant {
         self.samples.begin();
-        for place in 0..self.channels.len() {
-            if let Some(channel) = self.channels.get(place).copied() {
-                self.send(Telegram { channel, frame: Sync::default().frame() });
-            }
-        }
+        self.send_on_every_bus(Sync::default().frame());
         self.bus.now()
     }
 
-    fn send_targets(&mut self, _now: Instant, targets: &[i16; 6], drives_on: bool) {
+    fn send_targets(&mut self, targets: &[i16; 6], drives_on: bool) {
         let goal = if drives_on { Goal::OperationEnabled } else { Goal::VoltageDisabled };
-        for joint in 0..6 {
-            let Some(&(channel, node)) = self.drives.get(joint) else { continue };
-            let Some(sample) = self.samples.latest().get(joint) else { continue };
-            let Some(power) = self.power.get_mut(joint) else { continue };
+        let joints = self.drives.iter().zip(self.samples.latest()).zip(&mut self.power);
+        let telegrams = joints.zip(targets).map(|(((drive, sample), power), target)| {
             let controlword = power.controlword(sample.statusword.state(), goal);
-            let torque = pdo::PerMille(targets.get(joint).copied().unwrap_or(0));
-            let frame =
-                Frame::new(layout::rpdo1(node), DriveTarget { controlword, torque }.encode());
-            self.send(Telegram { channel, frame });
-        }
+            let target = DriveTarget { controlword, torque: PerMille(*target) };
+            let frame = Frame::new(drive.cob_id, target.encode());
+            Telegram { channel: drive.channel, frame }
+        });
+        self.out.extend(telegrams);
+        self.post();
     }
 
     /// The node's own heartbeat: from the cycle itself, so that it stops with it.
     fn send_heartbeat(&mut self, now: Instant) {
         if let Some(frame) = self.heartbeat.due(now) {
-            for place in 0..self.channels.len() {
-                if let Some(channel) = self.channels.get(place).copied() {
-                    self.send(Telegram { channel, frame });
-                }
-            }
+            self.send_on_every_bus(frame);
         }
     }
 
-    /// Sends what the master's machines left in the outbox.
+    fn send_on_every_bus(&mut self, frame: Frame) {
+        self.out.extend(self.channels.iter().map(|&channel| Telegram { channel, frame }));
+        self.post();
+    }
+
+    /// Sends what is in the outbox.
     pub(super) fn post(&mut self) {
         let mut out = std::mem::take(&mut self.out);
         for telegram in out.drain(..) {
@@ -213,7 +208,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// Sends a frame now or never.
-    pub(super) fn send(&mut self, telegram: Telegram) {
+    fn send(&mut self, telegram: Telegram) {
         let Channel(channel) = telegram.channel;
         match self.bus.send(telegram) {
             Ok(()) => {}

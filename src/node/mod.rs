@@ -19,7 +19,6 @@ use std::time::Duration;
 
 use crate::bus::Bus;
 use crate::canopen::NmtState;
-use crate::canopen::NodeId;
 use crate::canopen::drive::PowerStage;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
@@ -31,8 +30,8 @@ use crate::controller::Controller;
 use crate::controller::switches::Mode as CommandMode;
 use crate::node::safety::Ramps;
 use crate::node::safety::Safety;
+use crate::node::samples::Place;
 use crate::node::samples::Samples;
-use crate::node::samples::Source;
 use crate::node::schedule::Schedule;
 use crate::remote::Remote;
 use crate::remote::Sensed;
@@ -49,8 +48,8 @@ pub struct Node<B, R> {
     /// How long after a SYNC samples are waited for.
     window: Duration,
     channels: Vec<Channel>,
-    /// Where each joint's target goes: its bus and node-id.
-    drives: [(Channel, NodeId); 6],
+    /// Where each joint's target goes.
+    drives: [Place; 6],
     master: Master,
     heartbeat: Producer,
     controller: Controller,
@@ -61,7 +60,7 @@ pub struct Node<B, R> {
     schedule: Schedule,
     cycle: u64,
     sensed: Sensed,
-    /// Frames of the master's machines on their way out.
+    /// Frames on their way out.
     out: Vec<Telegram>,
 }
 
@@ -69,12 +68,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// A node that has sent nothing yet.
     pub fn new(config: &Config, bus: B, mut remote: R) -> Self {
         let now = bus.now();
-        let drives = config.joints.each_ref().map(|joint| (joint.channel, joint.node));
-        let sources = drives.map(|(channel, node)| Source { channel, cob_id: layout::tpdo1(node) });
-        let switches = Source {
-            channel: config.switches.channel,
-            cob_id: layout::tpdo1(config.switches.node),
-        };
+        let joints = config.joints.each_ref().map(|joint| (joint.channel, joint.node));
+        let drives = joints.map(|(channel, node)| Place { channel, cob_id: layout::rpdo1(node) });
+        let samples = joints.map(|(channel, node)| Place { channel, cob_id: layout::tpdo1(node) });
+        let switches =
+            Place { channel: config.switches.channel, cob_id: layout::tpdo1(config.switches.node) };
         let ramps = Ramps {
             gravity: config.safety.gravity_ramp,
             reflection: config.safety.reflection_ramp,
@@ -90,7 +88,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             controller: Controller::new(&config.controller),
             command_mode: config.command_mode,
             safety: Safety::new(ramps),
-            samples: Samples::new(sources, switches, config.safety.missing_samples),
+            samples: Samples::new(samples, switches, config.safety.missing_samples),
             power: Default::default(),
             schedule: Schedule::starting(now, config.period),
             cycle: 0,

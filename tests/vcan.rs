@@ -2,6 +2,13 @@
 //!
 //! Needs vcan0; `scripts/test.sh` runs it under `scripts/with_vcan.sh -v`, in virtual time. The bus is
 //! the tests' clock: they read candump's lines, and never sleep.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
 
 mod common;
 

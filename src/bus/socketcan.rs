@@ -1,7 +1,7 @@
 //! SocketCAN: one raw socket per bus, all waited for at once.
 //!
 //! Error frames, remote frames and 29-bit identifiers are told apart here and never become a
-//! [`Frame`](crate::canopen::frame::Frame). Time is `CLOCK_MONOTONIC` since the bus was opened; a frame
+//! [`Frame`]. Time is `CLOCK_MONOTONIC` since the bus was opened; a frame
 //! bears the kernel's receive stamp, so that a late reader knows what is old.
 
 use std::io;

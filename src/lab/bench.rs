@@ -76,12 +76,27 @@ impl<T: Tap> Bench<T> {
         self.node.cycle()
     }
 
+    /// Runs so many cycles.
+    pub fn run(&mut self, cycles: u64) {
+        for _ in 0..cycles {
+            self.cycle();
+        }
+    }
+
     /// Asks the node something between two cycles.
     ///
     /// # Errors
     /// As [`Node::request`].
     pub fn ask(&mut self, request: Request) -> Result<Mode, Refused> {
         self.node.request(request)
+    }
+
+    /// The node stands still, as if it had been killed; what is attached lives on. When that began.
+    pub fn fall_silent_for(&mut self, span: Duration) -> Instant {
+        let bus = self.node.bus_mut();
+        let begun = bus.now();
+        while bus.receive(begun + span).is_some() {}
+        begun
     }
 
     /// Torque off, drives off, confirmed.

@@ -57,7 +57,7 @@ pub enum Refusal {
 /// What a cause leads to, mildest first; a worse one always replaces a milder one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Reaction {
-    /// S2: all target torques zero, the drives stay enabled for [`ZERO_TORQUE_FOR`].
+    /// S2: all target torques zero, the drives stay enabled for 100 ms.
     ZeroTorque,
     /// S3: voltage off at once.
     DrivesOff,

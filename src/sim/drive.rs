@@ -42,6 +42,7 @@ pub struct DriveSettings {
 #[derive(Clone, Debug)]
 pub struct Drive {
     channel: Channel,
+    is_plugged: bool,
     device: Device<Servo>,
     out: Vec<Frame>,
 }
@@ -53,6 +54,7 @@ impl Drive {
         let servo = Servo::new(Actuator::new(actuator));
         Self {
             channel,
+            is_plugged: true,
             device: Device::new(node, dictionary, latency, servo),
             out: Vec::with_capacity(8),
         }
@@ -89,7 +91,15 @@ impl Drive {
         self.device.touch(|servo| servo.power.fail());
     }
 
+    /// Takes it off its bus: it hears and says nothing any more.
+    pub const fn unplug(&mut self) {
+        self.is_plugged = false;
+    }
+
     fn send(&mut self, out: &mut Vec<Telegram>) {
+        if !self.is_plugged {
+            self.out.clear();
+        }
         let channel = self.channel;
         out.extend(self.out.drain(..).map(|frame| Telegram { channel, frame }));
     }
@@ -97,7 +107,7 @@ impl Drive {
 
 impl Station for Drive {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
-        if channel == self.channel {
+        if channel == self.channel && self.is_plugged {
             self.device.on_frame(now, frame, &mut self.out);
             self.send(out);
         }

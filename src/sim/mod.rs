@@ -7,7 +7,7 @@
 //!
 //! | file         | what                                                        |
 //! |--------------|-------------------------------------------------------------|
-//! | [`drive`]    | a CiA 402 drive: [`power`] states, [`actuator`], encoder    |
+//! | [`drive`]    | a CiA 402 drive: power states, [`actuator`], encoder    |
 //! | [`switches`] | a CiA 401 input module                                      |
 //! | [`arm`]      | rigid-body kinematics and dynamics                          |
 //! | [`plant`]    | the arm in motion: friction, end stops, integration         |

@@ -365,3 +365,301 @@ impl Objects for Service<'_> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::eds::Eds;
+    use proptest::prelude::*;
+
+    /// Doubles what it is asked for; a lost connection is a fault.
+    #[derive(Clone, Debug, Default)]
+    struct Doubling {
+        is_faulty: bool,
+    }
+
+    impl Application for Doubling {
+        fn refresh(&mut self, dictionary: &mut Dictionary) {
+            let doubled = dictionary.i16(Object::TARGET_TORQUE).saturating_mul(2);
+            dictionary.set(Object::TORQUE_ACTUAL, &doubled.to_le_bytes());
+        }
+
+        fn connection_lost(&mut self, _: &mut Dictionary) -> [u8; 5] {
+            self.is_faulty = true;
+            [1, 2, 3, 4, 5]
+        }
+
+        fn has_fault(&self) -> bool {
+            self.is_faulty
+        }
+
+        fn reset(&mut self, _: &mut Dictionary) {
+            self.is_faulty = false;
+        }
+    }
+
+    /// A device on a bench: what is said to it, and what it says.
+    struct Bench {
+        device: Device<Doubling>,
+        now: Instant,
+    }
+
+    impl Bench {
+        /// Booted, as node 3.
+        fn new() -> Self {
+            let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
+            let node = NodeId::new(3).unwrap();
+            let dictionary = Dictionary::new(&eds, node);
+            let device = Device::new(node, dictionary, Duration::ZERO, Doubling::default());
+            let mut bench = Self { device, now: Instant::ZERO };
+            assert_eq!(bench.pass(0), [Frame::new(0x703, [0])], "the boot-up message");
+            bench
+        }
+
+        /// Lets so many ms pass.
+        fn pass(&mut self, millis: u64) -> Vec<Frame> {
+            let until = self.now + Duration::from_millis(millis);
+            let mut out = Vec::new();
+            while let Some(due) = self.device.deadline().filter(|due| *due <= until) {
+                self.now = self.now.max(due);
+                self.device.on_time(self.now, &mut out);
+            }
+            self.now = until;
+            out
+        }
+
+        fn say(&mut self, frame: Frame) -> Vec<Frame> {
+            let mut out = Vec::new();
+            self.device.on_frame(self.now, &frame, &mut out);
+            out
+        }
+
+        fn sdo(&mut self, request: [u8; 8]) -> [u8; 8] {
+            let reply = self.say(Frame::new(0x603, request));
+            assert_eq!(reply[0].cob_id, 0x583);
+            reply[0].data().try_into().unwrap()
+        }
+
+        /// Writes up to four bytes; the abort code if it is refused.
+        fn write(&mut self, object: Object, value: &[u8]) -> Result<(), AbortCode> {
+            let [i0, i1] = object.index.to_le_bytes();
+            let mut request = [
+                0x23 | u8::try_from(4 - value.len()).unwrap() << 2,
+                i0,
+                i1,
+                object.sub,
+                0,
+                0,
+                0,
+                0,
+            ];
+            request[4..4 + value.len()].copy_from_slice(value);
+            let [command, _, _, _, code @ ..] = self.sdo(request);
+            if command == 0x60 { Ok(()) } else { Err(AbortCode(u32::from_le_bytes(code))) }
+        }
+
+        /// One RPDO1 and one TPDO1 at every SYNC, the RPDO watched for 5 ms, and started.
+        fn exchange(&mut self) {
+            let writes: [(Object, &[u8]); 12] = [
+                (Object::rpdo_communication(1, 1), &[0x03, 0x02, 0, 0x80]),
+                (Object::rpdo_mapping(1, 0), &[0]),
+                (Object::rpdo_mapping(1, 1), &[0x10, 0, 0x71, 0x60]),
+                (Object::rpdo_mapping(1, 0), &[1]),
+                (Object::rpdo_communication(1, 2), &[1]),
+                (Object::rpdo_communication(1, 5), &[5, 0]),
+                (Object::rpdo_communication(1, 1), &[0x03, 0x02, 0, 0]),
+                (Object::tpdo_communication(1, 1), &[0x83, 0x01, 0, 0x80]),
+                (Object::tpdo_mapping(1, 0), &[0]),
+                (Object::tpdo_mapping(1, 1), &[0x10, 0, 0x77, 0x60]),
+                (Object::tpdo_mapping(1, 0), &[1]),
+                (Object::tpdo_communication(1, 2), &[1]),
+            ];
+            for (object, value) in writes {
+                assert_eq!(self.write(object, value), Ok(()), "{object}");
+            }
+            for number in 2..=4 {
+                self.write(Object::tpdo_communication(number, 1), &[0, 0, 0, 0x80]).unwrap();
+            }
+            self.write(Object::tpdo_communication(1, 1), &[0x83, 0x01, 0, 0]).unwrap();
+            assert_eq!(self.say(Frame::new(0, [1, 3])), []);
+        }
+
+        /// The torque its TPDO tells at a SYNC.
+        fn sync(&mut self) -> i16 {
+            let said = self.say(Frame::new(0x80, []));
+            let tpdo = said.iter().find(|frame| frame.cob_id == 0x183).unwrap();
+            i16::from_le_bytes(tpdo.data().try_into().unwrap())
+        }
+    }
+
+    #[test]
+    fn an_rpdo_acts_at_the_next_sync() {
+        let mut bench = Bench::new();
+        bench.exchange();
+        assert_eq!(bench.sync(), 0);
+        bench.say(Frame::new(0x203, 21_i16.to_le_bytes()));
+        assert_eq!(bench.device.dictionary().i16(Object::TARGET_TORQUE), 0, "not yet");
+        assert_eq!(bench.sync(), 42);
+    }
+
+    #[test]
+    fn an_rpdo_that_stays_away_is_told_within_its_timer_and_once() {
+        let mut bench = Bench::new();
+        bench.exchange();
+        assert_eq!(bench.pass(50), [], "it is not watched before the first");
+        bench.say(Frame::new(0x203, [0, 0]));
+        assert_eq!(bench.pass(4), []);
+        let lost = Frame::new(0x83, [0x50, 0x82, 0x11, 1, 2, 3, 4, 5]);
+        assert_eq!(bench.pass(1), [lost]);
+        assert_eq!(bench.pass(100), []);
+    }
+
+    #[test]
+    fn a_masters_heartbeat_is_watched_from_the_first_on() {
+        let mut bench = Bench::new();
+        bench.write(Object::CONSUMER_HEARTBEAT, &[22, 0, 127, 0]).unwrap();
+        assert_eq!(bench.pass(100), []);
+        bench.say(Frame::new(0x77F, [5]));
+        bench.pass(20);
+        bench.say(Frame::new(0x77F, [5]));
+        assert_eq!(bench.pass(21), []);
+        assert_eq!(bench.pass(1)[0].data()[..2], [0x30, 0x81]);
+    }
+
+    #[test]
+    fn an_rpdo_that_is_too_short_changes_nothing_and_is_told() {
+        let mut bench = Bench::new();
+        bench.exchange();
+        let said = bench.say(Frame::new(0x203, [7]));
+        assert_eq!(said[0].data()[..2], [0x10, 0x82]);
+        assert_eq!(bench.sync(), 0);
+    }
+
+    #[test]
+    fn a_mapping_changes_only_while_its_pdo_does_not_exist() {
+        let mut bench = Bench::new();
+        let refused = Err(AbortCode::ACCESS_UNSUPPORTED);
+        assert_eq!(bench.write(Object::rpdo_mapping(1, 0), &[0]), refused);
+        bench.write(Object::rpdo_communication(1, 1), &[3, 2, 0, 0x80]).unwrap();
+        assert_eq!(bench.write(Object::rpdo_mapping(1, 1), &[0x10, 0, 0x71, 0x60]), refused);
+        bench.write(Object::rpdo_mapping(1, 0), &[0]).unwrap();
+        for (entry, reason) in [
+            ([0x10, 0, 0x77, 0x60], AbortCode::NOT_MAPPABLE), // an actual value is no target
+            ([0x08, 0, 0x71, 0x60], AbortCode::NOT_MAPPABLE), // of another length
+            ([0x10, 0, 0x99, 0x60], AbortCode::NO_OBJECT),
+            ([0x20, 5, 0x18, 0x10], AbortCode::NO_SUB_INDEX),
+        ] {
+            assert_eq!(bench.write(Object::rpdo_mapping(1, 1), &entry), Err(reason));
+        }
+        for sub in 1..=3 {
+            bench.write(Object::rpdo_mapping(1, sub), &[0x20, 0, 0x7A, 0x60]).unwrap();
+        }
+        assert_eq!(bench.write(Object::rpdo_mapping(1, 0), &[3]), Err(AbortCode::PDO_TOO_LONG));
+        bench.write(Object::rpdo_mapping(1, 0), &[2]).unwrap();
+    }
+
+    #[test]
+    fn every_wrong_write_has_its_own_reason() {
+        let mut bench = Bench::new();
+        let nowhere = Object { index: 0x5FFF, sub: 0 };
+        for (object, value, reason) in [
+            (nowhere, &[0][..], AbortCode::NO_OBJECT),
+            (Object { sub: 9, ..Object::VENDOR_ID }, &[0], AbortCode::NO_SUB_INDEX),
+            (Object::STATUSWORD, &[0, 0], AbortCode::READ_ONLY),
+            (Object::PRODUCER_HEARTBEAT, &[0, 0, 0, 0], AbortCode::LENGTH_TOO_HIGH),
+            (Object::PRODUCER_HEARTBEAT, &[0], AbortCode::LENGTH_TOO_LOW),
+            (Object::ABORT_CONNECTION, &[4, 0], AbortCode::VALUE_TOO_HIGH),
+            (Object::ABORT_CONNECTION, &[0xFF, 0xFF], AbortCode::VALUE_TOO_LOW),
+            (Object::rpdo_communication(1, 2), &[245], AbortCode::VALUE_INVALID),
+            (Object::rpdo_communication(1, 1), &[4, 2, 0, 0], AbortCode::VALUE_INVALID),
+            (Object::ERROR_HISTORY, &[1], AbortCode::VALUE_INVALID),
+        ] {
+            assert_eq!(bench.write(object, value), Err(reason), "{object}");
+        }
+    }
+
+    #[test]
+    fn a_long_value_is_read_in_segments() {
+        let mut bench = Bench::new();
+        let begin = bench.sdo([0x40, 0x08, 0x10, 0, 0, 0, 0, 0]);
+        let name = b"frhc simulated drive";
+        assert_eq!(begin, [0x41, 0x08, 0x10, 0, 20, 0, 0, 0]);
+        assert_eq!(name.len(), 20);
+        let mut read = Vec::new();
+        for (request, command) in [(0x60, 0x00), (0x70, 0x10), (0x60, 0x03)] {
+            let segment = bench.sdo([request, 0, 0, 0, 0, 0, 0, 0]);
+            assert_eq!(segment[0], command);
+            read.extend_from_slice(&segment[1..]);
+        }
+        assert_eq!(read[..20], name[..]);
+        assert_eq!(bench.sdo([0x60, 0, 0, 0, 0, 0, 0, 0])[0], 0x80, "nothing is under way");
+    }
+
+    #[test]
+    fn a_segmented_write_takes_effect_with_its_last_segment() {
+        let mut bench = Bench::new();
+        assert_eq!(bench.sdo([0x21, 0x17, 0x10, 0, 2, 0, 0, 0])[0], 0x60);
+        assert_eq!(bench.pass(50), []);
+        assert_eq!(bench.sdo([0x0B, 25, 0, 0, 0, 0, 0, 0])[0], 0x20);
+        assert_eq!(bench.pass(25), [Frame::new(0x703, [127])], "the heartbeat it set");
+        assert_eq!(bench.sdo([0x21, 0x17, 0x10, 0, 2, 0, 0, 0])[0], 0x60);
+        let wrong_toggle = bench.sdo([0x1B, 25, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(wrong_toggle[4..], AbortCode::TOGGLE_NOT_ALTERNATED.0.to_le_bytes());
+    }
+
+    #[test]
+    fn a_communication_reset_restores_what_it_should_and_no_more() {
+        let mut bench = Bench::new();
+        bench.write(Object::PRODUCER_HEARTBEAT, &[10, 0]).unwrap();
+        bench.write(Object::ABORT_CONNECTION, &[1, 0]).unwrap();
+        assert_eq!(bench.say(Frame::new(0, [130, 3])), [Frame::new(0x703, [0])]);
+        assert_eq!(bench.pass(100), []);
+        assert_eq!(bench.device.dictionary().i16(Object::ABORT_CONNECTION), 1);
+        bench.say(Frame::new(0, [129, 0]));
+        assert_eq!(bench.device.dictionary().i16(Object::ABORT_CONNECTION), 0);
+    }
+
+    #[test]
+    fn pdos_are_for_operation_and_sdo_is_for_all_but_stopped() {
+        let mut bench = Bench::new();
+        bench.exchange();
+        bench.say(Frame::new(0, [2, 0]));
+        assert_eq!(bench.say(Frame::new(0x80, [])), []);
+        assert_eq!(bench.say(Frame::new(0x603, [0x40, 0, 0x10, 0, 0, 0, 0, 0])), []);
+        bench.say(Frame::new(0, [128, 0]));
+        assert_eq!(bench.sdo([0x40, 0, 0x10, 0, 0, 0, 0, 0])[0], 0x43);
+    }
+
+    #[test]
+    fn an_error_that_has_gone_is_told_gone() {
+        let mut bench = Bench::new();
+        bench.exchange();
+        bench.say(Frame::new(0x203, [0, 0]));
+        bench.pass(5);
+        assert_eq!(bench.device.dictionary().unsigned(Object::ERROR_REGISTER), 0x11);
+        bench.device.touch(|application| application.is_faulty = false);
+        let said = bench.say(Frame::new(0x80, []));
+        assert_eq!(said[0], Frame::new(0x83, [0; 8]));
+        let newest = Object { sub: 1, ..Object::ERROR_HISTORY };
+        assert_eq!(bench.device.dictionary().unsigned(newest), 0x8250);
+    }
+
+    proptest! {
+        #[test]
+        fn no_sequence_of_frames_breaks_it(
+            frames in prop::collection::vec(
+                (prop::sample::select(vec![0x000_u16, 0x080, 0x203, 0x303, 0x603, 0x77F]),
+                 prop::collection::vec(any::<u8>(), 0..=8), 0..20_u64),
+                0..60,
+            )
+        ) {
+            let mut bench = Bench::new();
+            bench.exchange();
+            for (cob_id, data, millis) in frames {
+                let said = bench.say(Frame::from_slice(cob_id, &data).unwrap());
+                prop_assert!(said.len() <= 8, "{said:?}");
+                bench.pass(millis);
+            }
+        }
+    }
+}

@@ -146,6 +146,7 @@ impl Plant {
 
     /// The velocities that `momentum` gives to `inertia`, friction and stops resisting. They minimise a
     /// strictly convex function, and going from joint to joint, each minimising its own part, gets there.
+    #[expect(clippy::indexing_slicing, reason = "joints are numbered by enumerating them")]
     fn velocities(&self, h: f64, inertia: &JointMatrix, momentum: &Joints) -> Joints {
         let mut qd = self.qd;
         for _ in 0..SWEEPS {

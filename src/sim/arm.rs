@@ -1,10 +1,13 @@
 //! The arm as a body: kinematics and dynamics of a serial chain in Craig's modified DH.
 //!
 //! Nothing here is shared with the controller, which computes the same arm another way: motions are
-//! carried outward and forces inward, link by link, in the links' own frames (Craig 1989, 6.5).
+//! carried outward and forces inward, link by link, in the links' own frames (Craig 1989, 6.5); inertia
+//! is gathered from the grip inward (Featherstone 2008, 6.2).
 
 use nalgebra::Isometry3;
+use nalgebra::IsometryMatrix3;
 use nalgebra::Matrix3;
+use nalgebra::Rotation3;
 use nalgebra::SMatrix;
 use nalgebra::SVector;
 use nalgebra::Translation3;
@@ -41,6 +44,9 @@ pub struct LinkSettings {
     pub rotor_inertia: f64,
 }
 
+/// A matrix over pairs of joints.
+pub type JointMatrix = SMatrix<f64, 6, 6>;
+
 /// A whole arm.
 #[derive(Clone, Copy, Debug)]
 pub struct ArmSettings {
@@ -55,23 +61,29 @@ pub struct ArmSettings {
 /// A serial chain of six joints with a grip.
 #[derive(Clone, Copy, Debug)]
 pub struct Arm {
-    settings: ArmSettings,
+    links: [Link; 6],
+    x_6_g: IsometryMatrix3<f64>,
+    gravity: Vector3<f64>,
 }
 
 /// Where each link is, seen from the one before.
 #[derive(Clone, Copy, Debug)]
-pub struct Posture([Isometry3<f64>; 6]);
+pub struct Posture([IsometryMatrix3<f64>; 6]);
 
 impl Arm {
     /// As described.
-    pub const fn new(settings: ArmSettings) -> Self {
-        Self { settings }
+    pub fn new(settings: ArmSettings) -> Self {
+        Self {
+            links: settings.links.map(Link::new),
+            x_6_g: nalgebra::convert(settings.x_6_g),
+            gravity: settings.gravity,
+        }
     }
 
     /// Where each link is at joint positions `q`, in rad or m.
     pub fn posture(&self, q: &Joints) -> Posture {
-        let mut steps = [Isometry3::identity(); 6];
-        for ((step, link), q) in steps.iter_mut().zip(&self.settings.links).zip(q.iter()) {
+        let mut steps = [IsometryMatrix3::identity(); 6];
+        for ((step, link), q) in steps.iter_mut().zip(&self.links).zip(q.iter()) {
             *step = link.step(*q);
         }
         Posture(steps)
@@ -79,42 +91,90 @@ impl Arm {
 
     /// The pose of the grip in {0}.
     pub fn pose(&self, posture: &Posture) -> Isometry3<f64> {
-        posture.0.iter().fold(Isometry3::identity(), |x, step| x * step) * self.settings.x_6_g
+        let x_0_6 = posture.0.iter().fold(IsometryMatrix3::identity(), |x, step| x * step);
+        let x_0_g = x_0_6 * self.x_6_g;
+        let rotation = UnitQuaternion::from_rotation_matrix(&x_0_g.rotation);
+        Isometry3::from_parts(x_0_g.translation, rotation)
     }
 
     /// The body Jacobian of the grip, in {G}.
     pub fn jacobian(&self, posture: &Posture) -> Jacobian<6> {
         let mut columns = [Twist::ZERO; 6];
-        // From the grip inward: where link i is, seen from the grip.
-        let mut x_g_i = self.settings.x_6_g.inverse();
-        let joints = columns.iter_mut().zip(&self.settings.links).zip(&posture.0);
-        for ((column, link), step) in joints.rev() {
-            *column = link.unit_motion().at(&x_g_i);
-            x_g_i *= step.inverse();
+        // From the grip inward: where the grip is, seen from link i.
+        let mut x_i_g = self.x_6_g;
+        for ((column, link), step) in columns.iter_mut().zip(&self.links).zip(&posture.0).rev() {
+            let axis = x_i_g.rotation.inverse() * Vector3::z();
+            let turned = x_i_g.rotation.inverse() * Vector3::z().cross(&x_i_g.translation.vector);
+            *column = if link.is_prismatic {
+                Twist { linear: axis, angular: Vector3::zeros() }
+            } else {
+                Twist { linear: turned, angular: axis }
+            };
+            x_i_g = step * x_i_g;
         }
         Jacobian::from_columns(&columns)
     }
 
     /// The torques that hold the arm against gravity, in N·m or N.
     pub fn gravity(&self, posture: &Posture) -> Joints {
-        let rest = Joints::zeros();
-        self.inverse_dynamics(posture, &rest, &rest, &self.settings.gravity)
+        self.bias(posture, &Joints::zeros())
     }
 
-    /// What joint velocities and gravity ask for: `C(q, qd) qd + g(q)`.
+    /// What joint velocities and gravity ask for: `C(q, qd) qd + g(q)`. Velocities and accelerations
+    /// are carried out to the last link, the forces that move each link are carried back in.
     pub fn bias(&self, posture: &Posture, qd: &Joints) -> Joints {
-        self.inverse_dynamics(posture, qd, &Joints::zeros(), &self.settings.gravity)
+        let mut efforts = [Effort::NONE; 6];
+        let (mut omega, mut alpha) = (Vector3::zeros(), Vector3::zeros());
+        // A base that accelerates upwards weighs like one that rests.
+        let mut acceleration = -self.gravity;
+        let links = self.links.iter().zip(&posture.0);
+        for ((effort, (link, step)), qd) in efforts.iter_mut().zip(links).zip(qd.iter()) {
+            let p = step.translation.vector;
+            let inward = step.rotation.inverse();
+            let carried = acceleration + alpha.cross(&p) + omega.cross(&omega.cross(&p));
+            acceleration = inward * carried;
+            omega = inward * omega;
+            alpha = inward * alpha;
+            let rate = Vector3::z() * *qd;
+            if link.is_prismatic {
+                acceleration += 2.0 * omega.cross(&rate);
+            } else {
+                alpha += omega.cross(&rate);
+                omega += rate;
+            }
+            *effort = link.body.effort(&acceleration, &alpha, &omega);
+        }
+
+        let mut tau = Joints::zeros();
+        let mut outboard = Effort::NONE;
+        let links = self.links.iter().zip(&posture.0);
+        for ((tau, (link, step)), own) in tau.iter_mut().zip(links).zip(&efforts).rev() {
+            let effort = outboard.plus(own);
+            *tau = link.share(&effort);
+            outboard = effort.carried_in(step);
+        }
+        tau
     }
 
-    /// The mass matrix: each column is what a unit acceleration of one joint asks for.
-    pub fn mass_matrix(&self, posture: &Posture) -> SMatrix<f64, 6, 6> {
-        let rest = Joints::zeros();
-        let mut mass = SMatrix::<f64, 6, 6>::zeros();
-        for (joint, mut column) in mass.column_iter_mut().enumerate() {
-            let unit = Joints::ith(joint, 1.0);
-            column.copy_from(&self.inverse_dynamics(posture, &rest, &unit, &Vector3::zeros()));
+    /// The mass matrix: each column is what a unit acceleration of one joint asks for. That joint moves
+    /// all links from itself outward as one body, and the joints before it hold what that body needs.
+    pub fn mass_matrix(&self, posture: &Posture) -> JointMatrix {
+        let mut mass = JointMatrix::zeros();
+        let mut outboard = Body::NONE;
+        for (joint, (link, step)) in self.links.iter().zip(&posture.0).enumerate().rev() {
+            let composite = link.body.plus(&outboard);
+            let (linear, angular) = link.unit_motion();
+            let mut effort = composite.effort(&linear, &angular, &Vector3::zeros());
+            let mut column = mass.column_mut(joint);
+            let inboard = self.links.iter().zip(&posture.0).zip(column.iter_mut());
+            for ((link, step), entry) in inboard.take(joint + 1).rev() {
+                *entry = link.share(&effort);
+                effort = effort.carried_in(step);
+            }
+            outboard = composite.carried_in(step);
         }
-        mass
+        mass.fill_lower_triangle_with_upper_triangle();
+        mass + JointMatrix::from_diagonal(&Joints::from(self.links.map(|link| link.rotor_inertia)))
     }
 
     /// The accelerations that torques `tau` and a wrench on the grip, at {G} in {G}, give.
@@ -129,83 +189,140 @@ impl Arm {
         let mass = self.mass_matrix(posture);
         mass.cholesky().map_or_else(Joints::zeros, |mass| mass.solve(&push))
     }
+}
 
-    /// The torques that a motion asks for: velocities and accelerations are carried out to the last
-    /// link, the forces that move each link are carried back in.
-    fn inverse_dynamics(
-        &self,
-        posture: &Posture,
-        qd: &Joints,
-        qdd: &Joints,
-        gravity: &Vector3<f64>,
-    ) -> Joints {
-        let mut efforts = [(Vector3::zeros(), Vector3::zeros()); 6];
-        let (mut omega, mut alpha) = (Vector3::zeros(), Vector3::zeros());
-        // A base that accelerates upwards weighs like one that rests.
-        let mut acceleration = -gravity;
-        let links = self.settings.links.iter().zip(&posture.0);
-        for ((effort, (link, step)), (qd, qdd)) in
-            efforts.iter_mut().zip(links).zip(qd.iter().zip(qdd.iter()))
-        {
-            let p = step.translation.vector;
-            let carried = acceleration + alpha.cross(&p) + omega.cross(&omega.cross(&p));
-            acceleration = step.rotation.inverse() * carried;
-            omega = step.rotation.inverse() * omega;
-            alpha = step.rotation.inverse() * alpha;
-            let (rate, change) = (Vector3::z() * *qd, Vector3::z() * *qdd);
-            if link.is_prismatic {
-                acceleration += 2.0 * omega.cross(&rate) + change;
-            } else {
-                alpha += omega.cross(&rate) + change;
-                omega += rate;
-            }
-            let c = link.centre_of_mass;
-            let of_mass = acceleration + alpha.cross(&c) + omega.cross(&omega.cross(&c));
-            let force = link.mass * of_mass;
-            let moment = link.inertia * alpha + omega.cross(&(link.inertia * omega));
-            *effort = (force, moment + c.cross(&force));
-        }
+/// One link, with what does not change worked out once.
+#[derive(Clone, Copy, Debug)]
+struct Link {
+    is_prismatic: bool,
+    /// `Rx(α)`.
+    about_x: Rotation3<f64>,
+    a: f64,
+    d: f64,
+    theta: f64,
+    body: Body,
+    rotor_inertia: f64,
+}
 
-        let mut tau = Joints::zeros();
-        let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
-        let links = self.settings.links.iter().zip(&posture.0).zip(&efforts);
-        for ((tau, qdd), ((link, step), (own_force, own_moment))) in
-            tau.iter_mut().zip(qdd.iter()).zip(links).rev()
-        {
-            force += own_force;
-            moment += own_moment;
-            let along = if link.is_prismatic { force.z } else { moment.z };
-            *tau = along + link.rotor_inertia * qdd;
-            force = step.rotation * force;
-            moment = step.rotation * moment + step.translation.vector.cross(&force);
+impl Link {
+    fn new(settings: LinkSettings) -> Self {
+        let c = settings.centre_of_mass;
+        let about_centre =
+            Body { mass: settings.mass, first_moment: Vector3::zeros(), inertia: settings.inertia };
+        let centre = IsometryMatrix3::from_parts(Translation3::from(c), Rotation3::identity());
+        Self {
+            is_prismatic: settings.is_prismatic,
+            about_x: Rotation3::from_axis_angle(&Vector3::x_axis(), settings.alpha),
+            a: settings.a,
+            d: settings.d,
+            theta: settings.theta,
+            body: about_centre.carried_in(&centre),
+            rotor_inertia: settings.rotor_inertia,
         }
-        tau
+    }
+
+    /// The pose of this link in the one before: `Rx(α) Tx(a) Rz(θ) Tz(d)`.
+    fn step(&self, q: f64) -> IsometryMatrix3<f64> {
+        let (d, theta) =
+            if self.is_prismatic { (self.d + q, self.theta) } else { (self.d, self.theta + q) };
+        let about_z = Rotation3::from_axis_angle(&Vector3::z_axis(), theta);
+        let place = self.about_x * Vector3::new(self.a, 0.0, d);
+        IsometryMatrix3::from_parts(Translation3::from(place), self.about_x * about_z)
+    }
+
+    /// The linear and angular acceleration of this link, in its own frame, that a unit acceleration of
+    /// its joint is.
+    fn unit_motion(&self) -> (Vector3<f64>, Vector3<f64>) {
+        let (still, along) = (Vector3::zeros(), Vector3::z());
+        if self.is_prismatic { (along, still) } else { (still, along) }
+    }
+
+    /// The part of `effort` on this link that its joint gives; the bearings give the rest.
+    fn share(&self, effort: &Effort) -> f64 {
+        if self.is_prismatic { effort.force.z } else { effort.moment.z }
     }
 }
 
-impl LinkSettings {
-    /// The pose of this link in the one before: `Rx(α) Tx(a) Rz(θ) Tz(d)`.
-    fn step(&self, q: f64) -> Isometry3<f64> {
-        let (d, theta) =
-            if self.is_prismatic { (self.d + q, self.theta) } else { (self.d, self.theta + q) };
-        let about_x = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), self.alpha);
-        let about_z = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), theta);
-        let place = about_x * Vector3::new(self.a, 0.0, d);
-        Isometry3::from_parts(Translation3::from(place), about_x * about_z)
+/// Mass that moves as one, about the origin of some frame and written in it.
+#[derive(Clone, Copy, Debug)]
+struct Body {
+    /// In kg.
+    mass: f64,
+    /// Mass times centre of mass, in kg·m.
+    first_moment: Vector3<f64>,
+    /// About the origin, in kg·m².
+    inertia: Matrix3<f64>,
+}
+
+impl Body {
+    const NONE: Self = Self {
+        mass: 0.0,
+        first_moment: Vector3::new(0.0, 0.0, 0.0),
+        inertia: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    };
+
+    fn plus(&self, other: &Self) -> Self {
+        Self {
+            mass: self.mass + other.mass,
+            first_moment: self.first_moment + other.first_moment,
+            inertia: self.inertia + other.inertia,
+        }
     }
 
-    /// The twist of this link, in its own frame, when its joint moves by one unit a second.
-    fn unit_motion(&self) -> Twist {
-        if self.is_prismatic {
-            Twist { linear: Vector3::z(), angular: Vector3::zeros() }
-        } else {
-            Twist { linear: Vector3::zeros(), angular: Vector3::z() }
+    /// The same body about the origin before `step`: the parallel axis theorem.
+    fn carried_in(&self, step: &IsometryMatrix3<f64>) -> Self {
+        let p = step.translation.vector;
+        let turned = step.rotation * self.first_moment;
+        let arm = 2.0 * turned + p * self.mass;
+        let outer = arm * p.transpose();
+        let shift = Matrix3::from_diagonal_element(arm.dot(&p)) - (outer + outer.transpose()) / 2.0;
+        Self {
+            mass: self.mass,
+            first_moment: turned + p * self.mass,
+            inertia: step.rotation * self.inertia * step.rotation.transpose() + shift,
         }
+    }
+
+    /// What moves it: the acceleration of the origin, angular acceleration and angular velocity given
+    /// (Newton and Euler).
+    fn effort(
+        &self,
+        acceleration: &Vector3<f64>,
+        alpha: &Vector3<f64>,
+        omega: &Vector3<f64>,
+    ) -> Effort {
+        let s = &self.first_moment;
+        let swing = alpha.cross(s) + omega.cross(&omega.cross(s));
+        let spin = self.inertia * alpha + omega.cross(&(self.inertia * omega));
+        Effort { force: acceleration * self.mass + swing, moment: spin + s.cross(acceleration) }
+    }
+}
+
+/// A force, and a moment about some origin, on a link from the one before.
+#[derive(Clone, Copy, Debug)]
+struct Effort {
+    force: Vector3<f64>,
+    moment: Vector3<f64>,
+}
+
+impl Effort {
+    const NONE: Self =
+        Self { force: Vector3::new(0.0, 0.0, 0.0), moment: Vector3::new(0.0, 0.0, 0.0) };
+
+    fn plus(&self, other: &Self) -> Self {
+        Self { force: self.force + other.force, moment: self.moment + other.moment }
+    }
+
+    /// The same about the origin before `step`.
+    fn carried_in(&self, step: &IsometryMatrix3<f64>) -> Self {
+        let force = step.rotation * self.force;
+        let moment = step.rotation * self.moment + step.translation.vector.cross(&force);
+        Self { force, moment }
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(in crate::sim) mod tests {
     use super::*;
     use serde_json::Value;
 
@@ -220,7 +337,7 @@ mod tests {
     fn pose(value: &Value) -> Isometry3<f64> {
         let row = |row: usize| numbers::<4>(&value[row]);
         let rotation = Matrix3::from_fn(|r, c| row(r)[c]);
-        let rotation = nalgebra::Rotation3::from_matrix_unchecked(rotation);
+        let rotation = Rotation3::from_matrix_unchecked(rotation);
         let place = Translation3::new(row(0)[3], row(1)[3], row(2)[3]);
         Isometry3::from_parts(place, UnitQuaternion::from_rotation_matrix(&rotation))
     }
@@ -247,6 +364,12 @@ mod tests {
         });
         let gravity = Vector3::from(numbers(&model["g0"]));
         Arm::new(ArmSettings { links, x_6_g: pose(&model["T_6G"]), gravity })
+    }
+
+    /// The arm of the default configuration, without friction.
+    pub(in crate::sim) fn kraft_like() -> Arm {
+        let text = include_str!("../../tests/oracles/kraft_like.json");
+        arm(&serde_json::from_str::<Value>(text).unwrap()["model"])
     }
 
     #[test]
@@ -290,15 +413,10 @@ mod tests {
         let arm = arm(&oracle["model"]);
         let energy = |q: &Joints, qd: &Joints| {
             let posture = arm.posture(q);
-            let mut x = Isometry3::identity();
-            let links = arm.settings.links.iter().zip(&posture.0);
-            let potential = links.map(|(link, step)| {
+            let mut x = IsometryMatrix3::identity();
+            let potential = arm.links.iter().zip(&posture.0).map(|(link, step)| {
                 x *= step;
-                -link.mass
-                    * arm
-                        .settings
-                        .gravity
-                        .dot(&(x * nalgebra::Point3::from(link.centre_of_mass)).coords)
+                -link.body.carried_in(&x).first_moment.dot(&arm.gravity)
             });
             0.5 * qd.dot(&(arm.mass_matrix(&posture) * qd)) + potential.sum::<f64>()
         };

@@ -3,38 +3,62 @@
 //! Times are in s after the first SYNC. Hand movements are relative to where the grip was at the start:
 //! along the axes of {0} and about those of the grip.
 
+use std::f64::consts::PI;
+use std::ops::Range;
+
 use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 use serde::Deserialize;
 use thiserror::Error;
+use toml::Spanned;
 
-/// Why a script is none.
-#[derive(Debug, Error)]
-pub enum ScenarioError {
-    /// No such file at all: the message has line and column.
+/// Nothing that takes time takes less, in s.
+const SHORTEST: f64 = 1e-3;
+
+/// No script is longer, in s.
+const LONGEST: f64 = 86_400.0;
+
+/// No hand reaches farther, in m.
+const REACH: f64 = 2.0;
+
+/// Sums of decimal fractions may differ by less than this, in s.
+const ROUNDING: f64 = 1e-9;
+
+/// Why a script is none, and where.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("line {line}: {problem}")]
+pub struct ScenarioError {
+    /// From 1.
+    pub line: usize,
+    /// What is wrong there.
+    pub problem: Problem,
+}
+
+/// What an operator cannot follow.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum Problem {
+    /// Not TOML, or not with these keys.
     #[error("{0}")]
-    Toml(#[from] toml::de::Error),
-    /// A number that is not finite, or a time that is negative.
-    #[error("[[{section}]] {number}: {quantity} = {value} is not a time or length")]
+    Toml(String),
+    /// A number beyond its bounds, or none.
+    #[error("{quantity} = {value} is not within {low} and {high}")]
     Number {
-        /// Which list.
-        section: &'static str,
-        /// Its entry, from 1.
-        number: usize,
-        /// Which of its numbers.
+        /// Its key.
         quantity: &'static str,
         /// What stands there.
         value: f64,
+        /// The least it may be.
+        low: f64,
+        /// The most it may be.
+        high: f64,
     },
     /// The entries of a list must follow each other in time.
-    #[error("[[{section}]] {number}: begins at {at_s} s, before the one before it ends")]
+    #[error("begins at {at_s} s, when the one before it lasts until {free_s} s")]
     Order {
-        /// Which list.
-        section: &'static str,
-        /// Its entry, from 1.
-        number: usize,
         /// When it begins.
         at_s: f64,
+        /// When it could.
+        free_s: f64,
     },
 }
 
@@ -75,15 +99,15 @@ pub struct Operator {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
-    seconds: f64,
+    seconds: Spanned<f64>,
     #[serde(default, rename = "move")]
-    moves: Vec<Move>,
+    moves: Vec<Spanned<Move>>,
     #[serde(default, rename = "switch")]
-    switches: Vec<Switch>,
+    switches: Vec<Spanned<Switch>>,
     #[serde(default)]
-    console: Vec<Console>,
+    console: Vec<Spanned<Console>>,
     #[serde(default, rename = "hold")]
-    holds: Vec<Hold>,
+    holds: Vec<Spanned<Hold>>,
 }
 
 /// The hand goes somewhere, smoothly; what is not named stays as it is.
@@ -127,36 +151,41 @@ impl Scenario {
     /// # Errors
     /// The first thing that is wrong with it.
     pub fn parse(text: &str) -> Result<Self, ScenarioError> {
-        let scenario: Self = toml::from_str(text)?;
-        scenario.check()?;
+        let at = |span: Range<usize>, problem| ScenarioError { line: line(text, &span), problem };
+        let scenario: Self = toml::from_str(text).map_err(|error| {
+            let problem = Problem::Toml(error.message().replace('\n', " "));
+            at(error.span().unwrap_or_default(), problem)
+        })?;
+        scenario.check().map_err(|(span, problem)| at(span, problem))?;
         Ok(scenario)
     }
 
     /// How long it is, in s.
-    pub const fn seconds(&self) -> f64 {
-        self.seconds
+    pub fn seconds(&self) -> f64 {
+        *self.seconds.get_ref()
     }
 
     /// What is asked of the console, and when, in s, in order.
     pub fn requests(&self) -> impl Iterator<Item = (f64, ConsoleRequest)> + '_ {
-        self.console.iter().map(|console| (console.at_s, console.request))
+        self.console.iter().map(Spanned::get_ref).map(|console| (console.at_s, console.request))
     }
 
     /// What the operator does at `t` s.
     pub fn operator(&self, t: f64) -> Operator {
         let (mut place, mut turn) = (Vector3::zeros(), Vector3::zeros());
-        for step in self.moves.iter().take_while(|step| step.at_s <= t) {
+        for step in self.moves.iter().map(Spanned::get_ref).take_while(|step| step.at_s <= t) {
             let share = smooth((t - step.at_s) / step.duration_s);
             place = place.lerp(&step.to_m.map_or(place, Vector3::from), share);
             turn = turn.lerp(&step.to_rad.map_or(turn, Vector3::from), share);
         }
         let (mut deadman, mut reference, mut reflection) = (false, false, false);
-        for switch in self.switches.iter().take_while(|switch| switch.at_s <= t) {
+        let switches = self.switches.iter().map(Spanned::get_ref);
+        for switch in switches.take_while(|switch| switch.at_s <= t) {
             deadman = switch.deadman.unwrap_or(deadman);
             reference = switch.reference.unwrap_or(reference);
             reflection = switch.reflection.unwrap_or(reflection);
         }
-        let holds = self.holds.iter().take_while(|hold| hold.at_s <= t);
+        let holds = self.holds.iter().map(Spanned::get_ref).take_while(|hold| hold.at_s <= t);
         Operator {
             translation: place,
             rotation: UnitQuaternion::from_scaled_axis(turn),
@@ -168,55 +197,52 @@ impl Scenario {
         }
     }
 
-    fn check(&self) -> Result<(), ScenarioError> {
-        let positive = |section, number, quantity, value: f64| {
-            if value.is_finite() && value > 0.0 {
-                Ok(())
-            } else {
-                Err(ScenarioError::Number { section, number, quantity, value })
-            }
-        };
-        positive("scenario", 1, "seconds", self.seconds)?;
-        for (number, step) in (1..).zip(&self.moves) {
-            positive("move", number, "duration_s", step.duration_s)?;
-            let mut to = step.to_m.iter().chain(&step.to_rad).flatten();
-            let wrong = to.find(|value| !value.is_finite());
-            if let Some(&value) = wrong {
-                return Err(ScenarioError::Number {
-                    section: "move",
-                    number,
-                    quantity: "to",
-                    value,
-                });
-            }
-        }
-        in_order("move", self.moves.iter().map(|step| (step.at_s, step.at_s + step.duration_s)))?;
-        in_order("switch", self.switches.iter().map(|switch| (switch.at_s, switch.at_s)))?;
-        in_order("console", self.console.iter().map(|console| (console.at_s, console.at_s)))?;
-        in_order("hold", self.holds.iter().map(|hold| (hold.at_s, hold.at_s)))
+    fn check(&self) -> Result<(), (Range<usize>, Problem)> {
+        let seconds = self.seconds();
+        within("seconds", seconds, SHORTEST, LONGEST)
+            .map_err(|problem| (self.seconds.span(), problem))?;
+        in_order(&self.moves, seconds, |step| {
+            let Move { at_s, duration_s, to_m, to_rad } = *step;
+            within("duration_s", duration_s, SHORTEST, seconds - at_s)?;
+            to_m.iter().flatten().try_for_each(|to| within("to_m", *to, -REACH, REACH))?;
+            to_rad.iter().flatten().try_for_each(|to| within("to_rad", *to, -PI, PI))?;
+            Ok((at_s, at_s + duration_s))
+        })?;
+        in_order(&self.switches, seconds, |switch| Ok((switch.at_s, switch.at_s)))?;
+        in_order(&self.console, seconds, |console| Ok((console.at_s, console.at_s)))?;
+        in_order(&self.holds, seconds, |hold| Ok((hold.at_s, hold.at_s)))
     }
 }
 
-/// Sums of decimal fractions may differ by less than this, in s.
-const ROUNDING: f64 = 1e-9;
-
-/// Entries begin at zero or later and not before the one before them has ended.
-fn in_order(
-    section: &'static str,
-    spans: impl Iterator<Item = (f64, f64)>,
-) -> Result<(), ScenarioError> {
-    let mut free = 0.0;
-    for (number, (begin, end)) in (1..).zip(spans) {
-        if !(begin.is_finite() && begin >= 0.0) {
-            let quantity = "at_s";
-            return Err(ScenarioError::Number { section, number, quantity, value: begin });
-        }
-        if begin < free - ROUNDING {
-            return Err(ScenarioError::Order { section, number, at_s: begin });
-        }
-        free = end;
+/// Entries lie within the script, and none begins before the one before it has ended. `span` tells when
+/// one begins and ends.
+fn in_order<T>(
+    entries: &[Spanned<T>],
+    seconds: f64,
+    span: impl Fn(&T) -> Result<(f64, f64), Problem>,
+) -> Result<(), (Range<usize>, Problem)> {
+    let mut free_s = 0.0;
+    for entry in entries {
+        let follows = |(at_s, end)| {
+            within("at_s", at_s, 0.0, seconds)?;
+            let is_after = at_s >= free_s - ROUNDING;
+            if is_after { Ok(end) } else { Err(Problem::Order { at_s, free_s }) }
+        };
+        free_s =
+            span(entry.get_ref()).and_then(follows).map_err(|problem| (entry.span(), problem))?;
     }
     Ok(())
+}
+
+/// Numbers out of bounds, and those that are none, are a problem.
+fn within(quantity: &'static str, value: f64, low: f64, high: f64) -> Result<(), Problem> {
+    let is_within = (low..=high + ROUNDING).contains(&value);
+    if is_within { Ok(()) } else { Err(Problem::Number { quantity, value, low, high }) }
+}
+
+/// The line a span begins in, from 1.
+fn line(text: &str, span: &Range<usize>) -> usize {
+    1 + text.bytes().take(span.start).filter(|byte| *byte == b'\n').count()
 }
 
 /// From 0 to 1 with the least jerk (Flash and Hogan 1985), and constant outside.
@@ -228,6 +254,7 @@ fn smooth(share: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     const SCRIPT: &str = "seconds = 5\n\
         [[move]]\nat_s = 1\nduration_s = 2\nto_m = [0.04, 0, 0]\n\
@@ -253,14 +280,30 @@ mod tests {
     #[test]
     fn a_script_that_cannot_be_followed_is_refused() {
         for (from, to, reason) in [
-            ("duration_s = 2", "duration_s = -2", "[[move]] 1: duration_s = -2"),
-            ("to_m = [0.04, 0, 0]", "to_m = [nan, 0, 0]", "[[move]] 1: to = NaN"),
-            ("deadman = true", "dead_man = true", "unknown field `dead_man`"),
-            ("\"arm\"", "\"fire\"", "unknown variant `fire`"),
-            ("[[hold]]", "[[switch]]\nat_s = 1.5\n[[hold]]", "[[switch]] 2: begins at 1.5 s"),
+            ("duration_s = 2", "duration_s = -2", "line 2: duration_s = -2 is not within"),
+            ("at_s = 1\n", "at_s = 1e308\n", "line 2: duration_s = 2 is not within"),
+            ("at_s = 0.5", "at_s = 5.1", "line 9: at_s = 5.1 is not within 0 and 5"),
+            ("at_s = 2", "at_s = nan", "line 6: at_s = NaN is not within 0 and 5"),
+            ("to_m = [0.04, 0, 0]", "to_m = [nan, 0, 0]", "line 2: to_m = NaN"),
+            ("to_m = [0.04, 0, 0]", "to_rad = [0, 4, 0]", "line 2: to_rad = 4"),
+            ("seconds = 5", "seconds = inf", "line 1: seconds = inf"),
+            ("deadman = true", "dead_man = true", "line 8: unknown field `dead_man`"),
+            ("\"arm\"", "\"fire\"", "line 11: unknown variant `fire`"),
+            ("[[hold]]", "[[switch]]\nat_s = 1.5\n[[hold]]", "line 12: begins at 1.5 s"),
+            ("seconds = 5", "seconds", "line 1: "),
         ] {
-            let error = Scenario::parse(&SCRIPT.replace(from, to)).unwrap_err();
-            assert!(error.to_string().contains(reason), "{error}");
+            let error = Scenario::parse(&SCRIPT.replace(from, to)).unwrap_err().to_string();
+            assert!(error.starts_with(reason), "{error}");
+            assert_eq!(error.lines().count(), 1, "{error}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_is_too_strange_to_be_refused_quietly(text in any::<String>(), cut in 0..200_usize) {
+            drop(Scenario::parse(&text));
+            let script: String = SCRIPT.chars().take(cut).chain(text.chars()).collect();
+            drop(Scenario::parse(&script));
         }
     }
 

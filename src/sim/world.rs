@@ -2,7 +2,8 @@
 //! hand that holds it.
 //!
 //! At every SYNC the arm is brought up to date first, with the torques that acted until then; then the
-//! drives see where it is, and the SYNC. Without SYNCs the arm moves all the same, a millisecond at a time.
+//! drives see where it is, and the SYNC. Without SYNCs the arm moves all the same, a millisecond at a time;
+//! and whenever a torque changes, so that each acts exactly from when to when a drive exerts it.
 
 use std::time::Duration;
 
@@ -32,12 +33,29 @@ const LONGEST: Duration = Duration::from_millis(100);
 /// The bus whose SYNC the arm and the scenario follow; the others' come microseconds later.
 const LEADING: Channel = Channel(0);
 
+/// A drive, seen from its joint.
+pub trait Motor: Station {
+    /// The joint is at `position` and moves with `velocity`, in rad and rad/s (m and m/s).
+    fn set_motion(&mut self, position: f64, velocity: f64);
+
+    /// The torque on the joint, now, in N·m (N).
+    fn torque(&self) -> f64;
+}
+
+/// An input module, seen from its switches.
+pub trait Inputs: Station {
+    /// Sets its eight inputs.
+    fn set(&mut self, inputs: u8);
+}
+
 /// Everything on the buses but the node, and behind them.
 #[derive(Clone, Debug)]
-pub struct World {
-    drives: [Drive; 6],
-    switches: SwitchBox,
+pub struct World<M = Drive, I = SwitchBox> {
+    drives: [M; 6],
+    switches: I,
     plant: Plant,
+    /// What the drives have exerted since `now`.
+    tau: Joints,
     hand: Hand,
     scenario: Scenario,
     tremor: Tremor,
@@ -49,37 +67,33 @@ pub struct World {
     now: Instant,
 }
 
-impl World {
+impl<M: Motor, I: Inputs> World<M, I> {
     /// With the arm at rest where `plant` is, held by the hand.
-    pub fn new(
-        drives: [Drive; 6],
-        switches: SwitchBox,
-        plant: Plant,
-        scenario: Scenario,
-        seed: u64,
-    ) -> Self {
+    pub fn new(drives: [M; 6], switches: I, plant: Plant, scenario: Scenario, seed: u64) -> Self {
         let mut world = Self {
             drives,
             switches,
             x_0_start: *plant.x_0_g(),
             plant,
+            tau: Joints::zeros(),
             hand: Hand::default(),
             scenario,
             tremor: Tremor::new(seed),
             begun: None,
             now: Instant::ZERO,
         };
+        world.tau = world.torques();
         world.show();
         world
     }
 
     /// The drives, base first.
-    pub const fn drives(&self) -> &[Drive; 6] {
+    pub const fn drives(&self) -> &[M; 6] {
         &self.drives
     }
 
     /// One drive, to break it; joints count from 1.
-    pub fn drive_mut(&mut self, joint: usize) -> Option<&mut Drive> {
+    pub fn drive_mut(&mut self, joint: usize) -> Option<&mut M> {
         self.drives.get_mut(joint.checked_sub(1)?)
     }
 
@@ -103,14 +117,24 @@ impl World {
             Translation3::from(place),
             self.x_0_start.rotation * operator.rotation,
         );
-        let mut tau = Joints::zeros();
-        for (tau, drive) in tau.iter_mut().zip(&self.drives) {
-            *tau = drive.torque();
-        }
-        self.plant.advance(dt, &tau, operator.is_holding.then_some((&self.hand, &x_0_d)));
+        self.plant.advance(dt, &self.tau, operator.is_holding.then_some((&self.hand, &x_0_d)));
         self.switches.set(operator.inputs);
         self.now = now;
         self.show();
+    }
+
+    /// Takes note of torques that have changed at `now`: until now the old ones acted.
+    fn heed(&mut self, now: Instant) {
+        let tau = self.torques();
+        if tau != self.tau {
+            self.advance(now);
+            self.tau = tau;
+        }
+    }
+
+    /// What the drives exert.
+    fn torques(&self) -> Joints {
+        Joints::from(self.drives.each_ref().map(Motor::torque))
     }
 
     /// Shows every encoder its joint.
@@ -122,7 +146,7 @@ impl World {
     }
 }
 
-impl Station for World {
+impl<M: Motor, I: Inputs> Station for World<M, I> {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
         if frame.cob_id == sync::COB_ID && channel == LEADING {
             self.begun.get_or_insert(now);
@@ -132,6 +156,7 @@ impl Station for World {
             drive.on_frame(now, channel, frame, out);
         }
         self.switches.on_frame(now, channel, frame, out);
+        self.heed(now);
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>) {
@@ -145,10 +170,215 @@ impl Station for World {
         if is_due(self.switches.deadline()) {
             self.switches.on_time(now, out);
         }
+        self.heed(now);
     }
 
     fn deadline(&self) -> Option<Instant> {
-        let drives = self.drives.iter().filter_map(Drive::deadline);
+        let drives = self.drives.iter().filter_map(Station::deadline);
         drives.chain(self.switches.deadline()).chain([self.now + TICK]).min()
+    }
+}
+
+impl Motor for Drive {
+    fn set_motion(&mut self, position: f64, velocity: f64) {
+        self.set_motion(position, velocity);
+    }
+
+    fn torque(&self) -> f64 {
+        self.torque()
+    }
+}
+
+impl Inputs for SwitchBox {
+    fn set(&mut self, inputs: u8) {
+        self.set(inputs);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::arm;
+    use crate::sim::plant::Resistance;
+    use crate::spatial::Wrench;
+    use nalgebra::Vector3;
+
+    const SCRIPT: &str = "seconds = 5\n\
+        [[switch]]\nat_s = 0.5\ndeadman = true\n\
+        [[move]]\nat_s = 1\nduration_s = 0.5\nto_m = [0, 0.03, 0]\n\
+        [[hold]]\nat_s = 2.5\nholding = false\n";
+
+    /// Turns with its joint, remembers what it saw at each SYNC, and loses its torque at `trips`.
+    #[derive(Clone, Debug, Default)]
+    struct FakeMotor {
+        torque: f64,
+        trips: Option<Instant>,
+        motion: (f64, f64),
+        sampled: Vec<(f64, f64)>,
+    }
+
+    impl Station for FakeMotor {
+        fn on_frame(&mut self, _: Instant, _: Channel, frame: &Frame, _: &mut Vec<Telegram>) {
+            if frame.cob_id == sync::COB_ID {
+                self.sampled.push(self.motion);
+            }
+        }
+
+        fn on_time(&mut self, _: Instant, _: &mut Vec<Telegram>) {
+            self.trips = None;
+            self.torque = 0.0;
+        }
+
+        fn deadline(&self) -> Option<Instant> {
+            self.trips
+        }
+    }
+
+    impl Motor for FakeMotor {
+        fn set_motion(&mut self, position: f64, velocity: f64) {
+            self.motion = (position, velocity);
+        }
+
+        fn torque(&self) -> f64 {
+            self.torque
+        }
+    }
+
+    #[derive(Clone, Debug, Default)]
+    struct FakeSwitches(u8);
+
+    impl Station for FakeSwitches {
+        fn on_frame(&mut self, _: Instant, _: Channel, _: &Frame, _: &mut Vec<Telegram>) {}
+
+        fn on_time(&mut self, _: Instant, _: &mut Vec<Telegram>) {}
+
+        fn deadline(&self) -> Option<Instant> {
+            None
+        }
+    }
+
+    impl Inputs for FakeSwitches {
+        fn set(&mut self, inputs: u8) {
+            self.0 = inputs;
+        }
+    }
+
+    /// The arm at neutral, its weight carried by the motors.
+    fn world(seed: u64) -> World<FakeMotor, FakeSwitches> {
+        let arm = arm::tests::kraft_like();
+        let q = Joints::from([0.0, -0.873, 1.658, -0.785, 0.0, 0.0]);
+        let weight = arm.gravity(&arm.posture(&q));
+        let motors = std::array::from_fn(|joint| FakeMotor {
+            torque: weight[joint],
+            ..FakeMotor::default()
+        });
+        let resistance = [Resistance { coulomb: 0.001, viscous: 0.005, range: [-3.0, 3.0] }; 6];
+        let plant = Plant::new(arm, resistance, q);
+        World::new(motors, FakeSwitches(0), plant, Scenario::parse(SCRIPT).unwrap(), seed)
+    }
+
+    fn micros(micros: u64) -> Instant {
+        Instant::from_micros(micros)
+    }
+
+    fn sync(world: &mut World<FakeMotor, FakeSwitches>, at: Instant) {
+        world.on_frame(at, LEADING, &Frame::new(sync::COB_ID, []), &mut Vec::new());
+    }
+
+    /// One SYNC a millisecond, after `from` and until `to`, in ms.
+    fn run(world: &mut World<FakeMotor, FakeSwitches>, from: u64, to: u64) {
+        (from + 1..=to).for_each(|ms| sync(world, micros(1_000 * ms)));
+    }
+
+    #[test]
+    fn what_an_encoder_counts_at_a_sync_is_where_its_joint_is_then() {
+        let mut world = world(1);
+        world.drives[0].torque = 1.0;
+        world.heed(Instant::ZERO);
+        run(&mut world, 0, 20);
+        for (joint, drive) in world.drives.iter().enumerate() {
+            let now = (world.plant.q()[joint], world.plant.qd()[joint]);
+            assert_eq!(drive.sampled.last(), Some(&now));
+            assert_eq!(drive.sampled.len(), 20);
+        }
+        assert!(world.plant.q()[0] > 0.0 && world.plant.qd()[0] > 0.0);
+    }
+
+    #[test]
+    fn a_torque_acts_until_the_drive_takes_it_off_and_no_longer() {
+        let speed_when_off_after = |trip: u64| {
+            let mut world = world(1);
+            world.drives[0].torque = 1.0;
+            world.drives[0].trips = Some(micros(trip));
+            world.heed(Instant::ZERO);
+            assert_eq!(world.deadline(), Some(micros(trip)));
+            world.on_time(micros(trip), &mut Vec::new());
+            sync(&mut world, micros(1_000));
+            world.plant.qd()[0]
+        };
+        let (early, late) = (speed_when_off_after(300), speed_when_off_after(900));
+        assert!(early > 0.0, "it acted for 0.3 ms");
+        assert!((late / early - 3.0).abs() < 0.3, "{late} rad/s and {early} rad/s");
+    }
+
+    #[test]
+    fn without_a_sync_the_arm_moves_all_the_same() {
+        let mut world = world(1);
+        world.drives[0].torque = 1.0;
+        world.heed(Instant::ZERO);
+        for _ in 0..20 {
+            let before = world.plant.q()[0];
+            let due = world.deadline().unwrap();
+            world.on_time(due, &mut Vec::new());
+            assert!(world.plant.q()[0] > before, "at {due:?}");
+        }
+    }
+
+    #[test]
+    fn the_script_begins_with_the_first_sync_on_the_leading_bus() {
+        let mut world = world(1);
+        let frame = Frame::new(sync::COB_ID, []);
+        world.on_frame(micros(100), Channel(1), &frame, &mut Vec::new());
+        (1..1_000).for_each(|ms| world.on_time(micros(1_000 * ms), &mut Vec::new()));
+        assert_eq!(world.switches.0, 0b10, "the deadman is open");
+        run(&mut world, 1_000, 1_500);
+        assert_eq!(world.switches.0, 0b10);
+        run(&mut world, 1_500, 1_502);
+        assert_eq!(world.switches.0, 0b01, "half a second after the first SYNC it is closed");
+    }
+
+    #[test]
+    fn the_hand_takes_the_grip_along_and_lets_it_go() {
+        let mut world = world(1);
+        let start = world.x_0_start.translation.vector;
+        run(&mut world, 0, 2_400);
+        let moved = world.plant.x_0_g().translation.vector - start;
+        assert!((moved - Vector3::new(0.0, 0.03, 0.0)).norm() < 4e-3, "{moved}");
+        assert_ne!(*world.plant.f_g_hand(), Wrench::ZERO);
+        run(&mut world, 2_400, 2_600);
+        assert_eq!(*world.plant.f_g_hand(), Wrench::ZERO);
+    }
+
+    #[test]
+    fn one_seed_is_one_world() {
+        let end = |seed| {
+            let mut world = world(seed);
+            run(&mut world, 0, 200);
+            *world.plant.q()
+        };
+        assert_eq!(end(1), end(1));
+        assert_ne!(end(1), end(2));
+    }
+
+    #[test]
+    fn a_simulation_that_was_stopped_does_not_make_up_for_it() {
+        let end = |at| {
+            let mut world = world(1);
+            world.drives[0].torque = 1.0;
+            world.heed(Instant::ZERO);
+            world.on_time(at, &mut Vec::new());
+            *world.plant.qd()
+        };
+        assert_eq!(end(micros(10_000_000)), end(Instant::ZERO + LONGEST));
     }
 }

@@ -468,6 +468,8 @@ fn a_hand_turned_past_80_degrees_is_unheard_until_it_has_been_back() {
             theta: 0.0,
             mass: 0.0,
             centre_of_mass: [0.0; 3],
+            inertia: [0.0; 6],
+            rotor_inertia: 0.0,
             range: [-1.0, 1.0],
         });
         let [a, b, c, d, e] = links;

@@ -140,6 +140,19 @@ fn gravity_of_four_arms() {
     }
 }
 
+#[test]
+fn mass_matrices_of_four_arms() {
+    for model in MODELS {
+        let arm = oracle::arm(model);
+        for config in list(&oracle::oracle(&format!("{model}.json"))["configs"]) {
+            let mass = arm.mass_matrix(&arm.posture(&joints(&config["q"])));
+            let reference = rows::<6, 6>(&config["M"]);
+            let reference = SMatrix::<f64, 6, 6>::from_fn(|row, joint| reference[row][joint]);
+            assert_near(model, mass.as_slice(), reference.as_slice());
+        }
+    }
+}
+
 // Orientations: Eq. 4 and 5.
 
 #[test]
@@ -597,6 +610,8 @@ fn gantry() -> Arm<6> {
         theta: 0.0,
         mass: 1.0,
         centre_of_mass: [0.0; 3],
+        inertia: [0.0; 6],
+        rotor_inertia: 0.0,
         range: [-1.0, 1.0],
     };
     Arm::new([slide; 6], Isometry3::identity(), [0.0; 3]).unwrap()

@@ -32,12 +32,8 @@ pub struct Joint {
     pub identity: Identity,
     /// What its drive's maker says of it.
     pub eds: Eds,
-    /// Kinematics, mass and range.
+    /// Kinematics, masses and range.
     pub link: Link,
-    /// Inertia about the centre of mass, in kg·m²: xx, yy, zz, xy, xz, yz.
-    pub inertia: [f64; 6],
-    /// Inertia of the rotor, seen at the joint, in kg·m².
-    pub rotor_inertia: f64,
     /// Dry friction at the joint, in N·m.
     pub coulomb_friction: f64,
     /// Viscous friction at the joint, in N·m·s/rad.
@@ -102,6 +98,8 @@ fn read(
         theta: problems.finite(&key("theta_deg"), joint.theta_deg).to_radians(),
         mass: problems.within(&key("mass_kg"), joint.mass_kg, 0.0..=1_000.0),
         centre_of_mass: problems.all_finite(&key("centre_of_mass_m"), joint.centre_of_mass_m),
+        inertia: problems.all_finite(&key("inertia_kg_m2"), joint.inertia_kg_m2),
+        rotor_inertia: problems.positive(&key("rotor_inertia_kg_m2"), joint.rotor_inertia_kg_m2),
         range: [low.to_radians(), high.to_radians()],
     };
     let before = problems.count();
@@ -113,8 +111,6 @@ fn read(
         let made = JointCalibration::new(counts, joint.gear_ratio, joint.zero_counts, curve);
         problems.take(&key("gear_ratio"), made)
     });
-    let inertia = problems.all_finite(&key("inertia_kg_m2"), joint.inertia_kg_m2);
-    let rotor_inertia = problems.positive(&key("rotor_inertia_kg_m2"), joint.rotor_inertia_kg_m2);
     let coulomb_friction =
         problems.not_negative(&key("coulomb_friction_nm"), joint.coulomb_friction_nm);
     let viscous_friction = problems
@@ -127,8 +123,6 @@ fn read(
         identity,
         eds: eds?,
         link,
-        inertia,
-        rotor_inertia,
         coulomb_friction,
         viscous_friction,
         counts_per_rev: joint.encoder_counts_per_rev,

@@ -1,12 +1,14 @@
 //! The hand controller as a chain of `N` joints: forward kinematics (Eq. 1), the Jacobian at the
-//! grip and the torques that hold its own weight (3.3).
+//! grip, the torques that hold its own weight (3.3), and its mass matrix.
 //!
-//! Not its dynamics, and no inverse of anything. Craig's modified Denavit-Hartenberg frames (Craig
+//! Not its motion, and no inverse of anything. Craig's modified Denavit-Hartenberg frames (Craig
 //! 1989, 3.4): link `i` lies `Rx(α) Tx(a) Rz(θ) Tz(d)` from link `i - 1`, with α and a of the axis
 //! before it. The Jacobian is always the one at {G}, so a spherical wrist needs no second wrench
 //! transformation (decisions 10, 11 and 31).
 
 use nalgebra::Isometry3;
+use nalgebra::Matrix3;
+use nalgebra::SMatrix;
 use nalgebra::SVector;
 use nalgebra::Translation3;
 use nalgebra::UnitQuaternion;
@@ -45,6 +47,10 @@ pub struct Link {
     pub mass: f64,
     /// Centre of mass in the link's own frame, in m.
     pub centre_of_mass: [f64; 3],
+    /// Inertia about the centre of mass, in kg·m²: xx, yy, zz, xy, xz, yz.
+    pub inertia: [f64; 6],
+    /// Inertia of the rotor, seen at the joint, in kg·m² (kg where it slides).
+    pub rotor_inertia: f64,
     /// Lowest and highest position of the joint, in rad or m.
     pub range: [f64; 2],
 }
@@ -67,6 +73,8 @@ struct Placed {
     theta: f64,
     mass: f64,
     centre_of_mass: Vector3<f64>,
+    inertia: Matrix3<f64>,
+    rotor_inertia: f64,
     range: [f64; 2],
 }
 
@@ -170,14 +178,8 @@ impl<const N: usize> Arm<N> {
         let p_0_g = posture.x_0_g.translation.vector;
         let mut columns = [Twist::ZERO; N];
         for ((link, x_0_i), column) in self.links.iter().zip(&posture.x_0_links).zip(&mut columns) {
-            let axis = x_0_i.rotation * Vector3::z();
-            *column = match link.kind {
-                JointKind::Revolute => Twist {
-                    linear: r_g_0 * axis.cross(&(p_0_g - x_0_i.translation.vector)),
-                    angular: r_g_0 * axis,
-                },
-                JointKind::Prismatic => Twist { linear: r_g_0 * axis, angular: Vector3::zeros() },
-            };
+            let v_g_in_0 = link.kind.twist(x_0_i, &p_0_g);
+            *column = Twist { linear: r_g_0 * v_g_in_0.linear, angular: r_g_0 * v_g_in_0.angular };
         }
         Jacobian::from_columns(&columns)
     }
@@ -204,6 +206,33 @@ impl<const N: usize> Arm<N> {
         tau
     }
 
+    /// The mass matrix, `Σ m_i J_ciᵀ J_ci + J_ωiᵀ I_i J_ωi` and the rotors: the kinetic energy of
+    /// every link, written in joint rates. In kg·m², kg·m and kg. Not needed in the loop.
+    pub fn mass_matrix(&self, posture: &Posture<N>) -> SMatrix<f64, N, N> {
+        let rotors = SVector::from_iterator(self.links.iter().map(|link| link.rotor_inertia));
+        let mut mass = SMatrix::from_diagonal(&rotors);
+        for (outermost, (link, x_0_i)) in self.links.iter().zip(&posture.x_0_links).enumerate() {
+            let p_0_c = x_0_i.rotation * link.centre_of_mass + x_0_i.translation.vector;
+            let j_c_in_0 = self.columns(posture, &p_0_c, outermost);
+            let r_0_i = x_0_i.rotation.to_rotation_matrix().into_inner();
+            let inertia_in_0 = r_0_i * link.inertia * r_0_i.transpose();
+            mass += j_c_in_0.linear.tr_mul(&j_c_in_0.linear) * link.mass;
+            mass += j_c_in_0.angular.tr_mul(&(inertia_in_0 * j_c_in_0.angular));
+        }
+        mass
+    }
+
+    /// The Jacobian, in {0}, of the point `p_0_c` of link `outermost`, counted from 0: joints beyond
+    /// it do not move it.
+    fn columns(&self, posture: &Posture<N>, p_0_c: &Vector3<f64>, outermost: usize) -> Jacobian<N> {
+        let mut columns = [Twist::ZERO; N];
+        let joints = self.links.iter().zip(&posture.x_0_links).zip(&mut columns);
+        for ((link, x_0_i), column) in joints.take(outermost + 1) {
+            *column = link.kind.twist(x_0_i, p_0_c);
+        }
+        Jacobian::from_columns(&columns)
+    }
+
     /// The first joint outside its range, counted from 0.
     pub fn out_of_range(&self, q: &SVector<f64, N>) -> Option<usize> {
         let inside = |(link, position): (&Placed, &f64)| {
@@ -214,10 +243,25 @@ impl<const N: usize> Arm<N> {
     }
 }
 
+impl JointKind {
+    /// The twist, in {0}, of the point `p_0_c` when the joint whose frame is `x_0_i` moves at a rate
+    /// of one.
+    fn twist(self, x_0_i: &Isometry3<f64>, p_0_c: &Vector3<f64>) -> Twist {
+        let axis = x_0_i.rotation * Vector3::z();
+        match self {
+            Self::Revolute => {
+                Twist { linear: axis.cross(&(p_0_c - x_0_i.translation.vector)), angular: axis }
+            }
+            Self::Prismatic => Twist { linear: axis, angular: Vector3::zeros() },
+        }
+    }
+}
+
 impl Link {
     /// Whether every number of it is one.
     fn check(&self, joint: usize) -> Result<(), InvalidArm> {
         let [x, y, z] = self.centre_of_mass;
+        let [xx, yy, zz, xy, xz, yz] = self.inertia;
         let [low, high] = self.range;
         for (quantity, value) in [
             ("alpha", self.alpha),
@@ -227,6 +271,13 @@ impl Link {
             ("x of the centre of mass", x),
             ("y of the centre of mass", y),
             ("z of the centre of mass", z),
+            ("inertia xx", xx),
+            ("inertia yy", yy),
+            ("inertia zz", zz),
+            ("inertia xy", xy),
+            ("inertia xz", xz),
+            ("inertia yz", yz),
+            ("inertia of the rotor", self.rotor_inertia),
             ("lowest position", low),
             ("highest position", high),
         ] {
@@ -264,6 +315,7 @@ impl Placed {
 impl From<Link> for Placed {
     fn from(link: Link) -> Self {
         let about_x = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), link.alpha);
+        let [xx, yy, zz, xy, xz, yz] = link.inertia;
         Self {
             kind: link.kind,
             fixed: Isometry3::from_parts(
@@ -274,6 +326,8 @@ impl From<Link> for Placed {
             theta: link.theta,
             mass: link.mass,
             centre_of_mass: link.centre_of_mass.into(),
+            inertia: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
+            rotor_inertia: link.rotor_inertia,
             range: link.range,
         }
     }
@@ -298,6 +352,8 @@ mod tests {
         theta: 0.0,
         mass: 2.0,
         centre_of_mass: [0.5, 0.0, 0.0],
+        inertia: [0.01, 0.02, 0.03, 0.0, 0.0, 0.0],
+        rotor_inertia: 0.1,
         range: [-3.0, 3.0],
     };
 
@@ -313,6 +369,8 @@ mod tests {
                 theta,
                 mass,
                 centre_of_mass,
+                inertia: [0.01, 0.02, 0.025, 0.001, -0.002, 0.003],
+                rotor_inertia: 0.004,
                 range: [-2.0, 2.0],
             },
         )
@@ -358,6 +416,23 @@ mod tests {
             let slope = (energy(&arm, &(q + qd * step)) - energy(&arm, &(q - qd * step))) / (2.0 * step);
             let power = arm.gravity(&arm.posture(&q)).dot(&qd);
             prop_assert!((slope - power).abs() < 1e-6);
+        }
+
+        #[test]
+        fn the_mass_matrix_is_the_kinetic_energy(arm in arm(), q in joints(), qd in joints()) {
+            let step = 1e-6;
+            let (before, after) = (arm.posture(&(q - qd * step)), arm.posture(&(q + qd * step)));
+            let posture = arm.posture(&q);
+            let links = arm.links.iter().zip(before.x_0_links.iter().zip(&after.x_0_links));
+            let energy: f64 = links.map(|(link, (before, after))| {
+                let c = Isometry3::from_parts(link.centre_of_mass.into(), UnitQuaternion::identity());
+                let moved = Twist::reaching(&((before * c).inverse() * (after * c)), 2.0 * step);
+                let turning = moved.angular.dot(&(link.inertia * moved.angular));
+                (link.mass * moved.linear.norm_squared() + turning) / 2.0
+            }).sum();
+            let rotors = 0.004 * qd.norm_squared() / 2.0;
+            let said = qd.dot(&(arm.mass_matrix(&posture) * qd)) / 2.0;
+            prop_assert!((said - energy - rotors).abs() < 1e-6 * (1.0 + energy));
         }
 
         #[test]

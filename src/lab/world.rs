@@ -61,8 +61,8 @@ pub fn arm(config: &Config) -> Arm {
         theta: joint.link.theta,
         mass: joint.link.mass,
         centre_of_mass: Vector3::from(joint.link.centre_of_mass),
-        inertia: inertia(joint.inertia),
-        rotor_inertia: joint.rotor_inertia,
+        inertia: inertia(joint.link.inertia),
+        rotor_inertia: joint.link.rotor_inertia,
     });
     Arm::new(ArmSettings { links, x_6_g: config.x_6_g, gravity: Vector3::from(config.gravity) })
 }

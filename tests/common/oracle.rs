@@ -79,6 +79,12 @@ pub(crate) fn pose(value: &Value) -> Isometry3<f64> {
     Isometry3::from_parts(Vector3::new(x, y, z).into(), rotation)
 }
 
+/// A symmetric matrix as xx, yy, zz, xy, xz, yz.
+fn symmetric(value: &Value) -> [f64; 6] {
+    let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = rows::<3, 3>(value);
+    [xx, yy, zz, xy, xz, yz]
+}
+
 /// The links of a model, without joint limits.
 pub(crate) fn links(model: &Value) -> [Link; 6] {
     let rows = list(&model["rows"]).iter().zip(list(&model["links"]));
@@ -95,6 +101,8 @@ pub(crate) fn links(model: &Value) -> [Link; 6] {
             theta: number(&row["theta"]),
             mass: number(&link["m"]),
             centre_of_mass: numbers(&link["r"]),
+            inertia: symmetric(&link["I"]),
+            rotor_inertia: number(&link["armature"]),
             range: [-10.0, 10.0],
         })
         .collect();

@@ -5,6 +5,7 @@
 mod common;
 
 use common::oracle;
+use frhc::controller::Beyond;
 use frhc::controller::Controller;
 use frhc::controller::Fault;
 use frhc::controller::Input;
@@ -14,7 +15,6 @@ use frhc::controller::Settings;
 use frhc::controller::arm::Arm;
 use frhc::controller::arm::JointKind;
 use frhc::controller::arm::Link;
-use frhc::controller::assist::Damping;
 use frhc::controller::calibration::Calibration;
 use frhc::controller::calibration::Counts;
 use frhc::controller::calibration::JointCalibration;
@@ -25,9 +25,11 @@ use frhc::controller::command::Gate;
 use frhc::controller::gains::Gains;
 use frhc::controller::limits::AssistFraction;
 use frhc::controller::orientation::Orientation;
+use frhc::controller::readings::Readings;
 use frhc::controller::reflection::Reflection;
 use frhc::controller::switches::Mode;
 use frhc::controller::switches::Switches;
+use frhc::controller::velocity::Period;
 use frhc::spatial::Motion;
 use frhc::spatial::Twist;
 use frhc::spatial::Wrench;
@@ -54,6 +56,8 @@ fn settings() -> Settings {
         JointCalibration::new(10_000, ratio, -5, curve(max_torque)).unwrap()
     };
     Settings {
+        readings: Readings::CONSISTENT,
+        period: Period::new(PERIOD).unwrap(),
         arm: oracle::arm("kraft_like"),
         calibration: Calibration::new(MAX_TORQUES.map(joint)),
         channels: Channels::new(
@@ -62,7 +66,6 @@ fn settings() -> Settings {
         )
         .unwrap(),
         command: CommandLaw {
-            orientation: Orientation::EulerZyx,
             rate_gain: gains([2.0, 2.0, 2.0, 1.5, 1.5, 1.5]),
             pose_gain: gains([1.0; 6]),
             pose_deadband: false,
@@ -74,8 +77,9 @@ fn settings() -> Settings {
             1e3,
         )
         .unwrap(),
-        damping: Damping::new(gains([8.0, 8.0, 8.0, 0.02, 0.02, 0.02]), PERIOD).unwrap(),
+        damping: gains([8.0, 8.0, 8.0, 0.02, 0.02, 0.02]),
         assist_fraction: AssistFraction::new(0.35).unwrap(),
+        beyond: Beyond::default(),
     }
 }
 
@@ -170,9 +174,9 @@ proptest! {
         let output = bench.at(q);
         let qd = JointVector::from(qd);
         let v_g = output.j_g.twist(&qd);
-        let task = output.tau_task.dot(&qd) - output.f_g_task.power(&v_g);
+        let task = output.ledger.task.dot(&qd) - output.f_g_task.power(&v_g);
         let f_g_assist = output.f_g_centring + output.f_g_damping;
-        let assist = output.tau_assist.dot(&qd) - f_g_assist.power(&v_g);
+        let assist = (output.ledger.centring + output.ledger.damping).dot(&qd) - f_g_assist.power(&v_g);
         prop_assert!(output.f_g_task != Wrench::ZERO && f_g_assist != Wrench::ZERO);
         prop_assert!(task.abs() < 1e-9 && assist.abs() < 1e-9, "{task} W, {assist} W");
     }
@@ -254,7 +258,7 @@ proptest! {
                 }
                 Motion::Hold => prop_assert!(false, "held though engaged"),
             }
-            prop_assert!((output.tau - output.tau_gravity).norm() < 1e-12);
+            prop_assert!((output.tau - output.ledger.gravity).norm() < 1e-12);
             prop_assert_eq!(output.fault, None);
         }
     }
@@ -270,7 +274,7 @@ proptest! {
             let output = bench.at(q);
             if !switches.deadman {
                 prop_assert_eq!(output.command, Motion::Hold);
-                prop_assert_eq!(output.tau, output.tau_gravity);
+                prop_assert_eq!(output.tau, output.ledger.gravity);
             }
         }
     }
@@ -292,7 +296,7 @@ proptest! {
     ) {
         for orientation in [Orientation::EulerZyx, Orientation::RotationVector] {
             let mut settings = settings();
-            settings.command.orientation = orientation;
+            settings.readings.orientation = orientation;
             let mut controller = Controller::new(&settings);
             for (counts, f_s, x_b_m, switches, mode, [gravity, reflection], restart) in &cycles {
                 let input = Input {
@@ -321,7 +325,7 @@ proptest! {
                 }
                 if !(0.0..=1.0).contains(gravity) {
                     prop_assert!(output.fault.is_some());
-                    prop_assert_eq!(output.tau_gravity, JointVector::zeros());
+                    prop_assert_eq!(output.ledger.gravity, JointVector::zeros());
                 }
             }
         }
@@ -400,7 +404,7 @@ proptest! {
             bench.input.f_s = f_s;
             bench.input.reflection_share = share;
             let output = bench.at(q);
-            output.tau - output.tau_gravity
+            output.tau - output.ledger.gravity
         };
         prop_assert!((felt(1.0) - felt(0.5) * 2.0).norm() < 1e-9);
         prop_assert!(felt(0.0).norm() == 0.0);
@@ -429,7 +433,7 @@ fn a_wrench_that_is_no_number_is_none() {
         bench.input.f_s = Wrench::from_components([0.0, part, 0.0, 0.0, 0.0, 0.0]);
         let output = bench.at(NEUTRAL);
         assert_eq!(output.fault, Some(fault));
-        assert!((output.tau - output.tau_gravity).norm() < 1e-12);
+        assert!((output.tau - output.ledger.gravity).norm() < 1e-12);
     }
 }
 
@@ -516,8 +520,8 @@ fn a_large_wrench_saturates_and_says_which_joint() {
     let mut bench = Bench::engaged(&settings(), Mode::Rate);
     bench.input.f_s = Wrench::from_components([300.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let output = bench.at(NEUTRAL);
-    let joint = output.limiting_joint.unwrap();
-    assert!(output.is_saturated() && output.rest_scale < 1.0);
+    let joint = output.ledger.limiting_joint.unwrap();
+    assert!(output.is_saturated() && output.ledger.rest_scale < 1.0);
     assert!((output.tau[joint].abs() - MAX_TORQUES[joint]).abs() < 1e-12);
 }
 

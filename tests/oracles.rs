@@ -19,6 +19,7 @@ use common::oracle::rows;
 use common::oracle::twist;
 use common::oracle::vector;
 use common::oracle::wrench;
+use frhc::controller::Beyond;
 use frhc::controller::Controller;
 use frhc::controller::Input;
 use frhc::controller::Output;
@@ -26,6 +27,7 @@ use frhc::controller::Settings;
 use frhc::controller::arm::Arm;
 use frhc::controller::arm::JointKind;
 use frhc::controller::arm::Link;
+use frhc::controller::arm::Posture;
 use frhc::controller::assist;
 use frhc::controller::assist::Damping;
 use frhc::controller::calibration::Calibration;
@@ -36,15 +38,23 @@ use frhc::controller::calibration::TorqueCurve;
 use frhc::controller::channels::Channels;
 use frhc::controller::command::CommandLaw;
 use frhc::controller::gains::Gains;
+use frhc::controller::limits::Asked;
 use frhc::controller::limits::AssistFraction;
+use frhc::controller::limits::Limited;
 use frhc::controller::limits::Limits;
 use frhc::controller::orientation::Orientation;
+use frhc::controller::readings::Difference;
+use frhc::controller::readings::Readings;
+use frhc::controller::readings::Scaling;
 use frhc::controller::reference::Displacement;
 use frhc::controller::reference::Reference;
 use frhc::controller::reflection::Reflection;
 use frhc::controller::switches::Mode;
 use frhc::controller::switches::Panel;
 use frhc::controller::switches::Switches;
+use frhc::controller::velocity::Filter;
+use frhc::controller::velocity::Period;
+use frhc::controller::velocity::Velocity;
 use frhc::robot::accommodation::Accommodation;
 use frhc::robot::object::Object;
 use frhc::robot::object::Servo;
@@ -63,6 +73,8 @@ use serde_json::Value;
 /// Far above rounding: what is as far apart as this is not the same.
 const TINY: f64 = 1e-4;
 
+type Joints = SVector<f64, 6>;
+
 const MODELS: [&str; 4] = ["kraft_like", "jpl_like", "sixr_spherical", "puma560_corke_mdh"];
 
 fn gains(value: &Value) -> Gains {
@@ -79,9 +91,8 @@ fn channels(inputs: &Value) -> Channels {
     Channels::new(deadband, plateau).unwrap()
 }
 
-fn law(inputs: &Value, orientation: Orientation) -> CommandLaw {
+fn law(inputs: &Value) -> CommandLaw {
     CommandLaw {
-        orientation,
         rate_gain: gains(&inputs["K_V"]),
         pose_gain: gains(&inputs["K_P"]),
         pose_deadband: false,
@@ -93,13 +104,37 @@ fn reflection(x_m_s: Isometry3<f64>, inputs: &Value) -> Reflection {
     Reflection::new(x_m_s, gains(&inputs["K_T"]), 1e4, 1e4).unwrap()
 }
 
-fn limits(inputs: &Value) -> Limits<6> {
+fn limits(inputs: &Value, scaling: Scaling) -> Limits<6> {
     let fraction = AssistFraction::new(number(&inputs["assist_fraction"])).unwrap();
-    Limits::new(joints(&inputs["tau_cap"]), fraction)
+    Limits::new(joints(&inputs["tau_cap"]), fraction, scaling)
 }
 
-fn damping(inputs: &Value) -> Damping {
-    Damping::new(gains(&inputs["K_D_SI"]), number(&inputs["T_cycle"])).unwrap()
+fn period(inputs: &Value) -> Period {
+    Period::new(number(&inputs["T_cycle"])).unwrap()
+}
+
+/// The twist of a grip that came from `x_0_before` to `x_0_g` in a cycle.
+fn twist_between(period: Period, x_0_before: &Isometry3<f64>, x_0_g: &Isometry3<f64>) -> Twist {
+    let mut velocity = Velocity::new(period, Filter::default());
+    velocity.update(x_0_before, false);
+    velocity.update(x_0_g, false).v_g
+}
+
+/// What damps that motion by the reading of the twist.
+fn damping(
+    gain: Gains,
+    period: Period,
+    [x_0_h, x_0_before, x_0_g]: [&Isometry3<f64>; 3],
+) -> Wrench {
+    let x_h_g = x_0_h.inverse() * x_0_g;
+    let dx = Displacement::between(&x_h_g, Orientation::EulerZyx);
+    let mut damping = Damping::new(gain, period, Difference::Twist);
+    damping.wrench(&twist_between(period, x_0_before, x_0_g), &x_h_g, &dx, false)
+}
+
+/// Limited together, all let through.
+fn combine(limits: Limits<6>, gravity: Joints, task: Joints, assist: Joints) -> Limited<6> {
+    limits.combine(&Asked { gravity, task, assist }, 1.0)
 }
 
 // Arms: Eq. 1, the Jacobian of Eq. 7, gravity.
@@ -288,31 +323,33 @@ fn the_hand_is_drawn_back_and_damped_whichever_way_it_is_turned() {
             angular: Vector3::zeros(),
         };
         let channels = Channels::new([0.01; 6], [3.0, 3.0, 3.0, 0.3, 0.3, 0.3]).unwrap();
-        let f_g = assist::centring(&channels, Orientation::EulerZyx, &x_h_g, &dx);
+        let r_g_h = x_h_g.rotation.inverse();
+        let f_g = assist::centring(&channels, Orientation::EulerZyx, &r_g_h, &dx);
         assert_near("return", &[f_g.power(&v_g)], &[number(&case["consistent_power_RTC"])]);
         let gain = Gains::new([6.0, 6.0, 6.0, 0.05, 0.05, 0.05], "K_D").unwrap();
-        let mut damping = Damping::new(gain, 1e-3).unwrap();
-        damping.wrench(&x_0_before, &x_0_h, false);
-        let power = damping.wrench(&x_0_g, &x_0_h, false).power(&v_g);
-        assert_near("damper", &[power], &[number(&case["consistent_power_damper"])]);
+        let f_g = damping(gain, Period::new(1e-3).unwrap(), [&x_0_h, &x_0_before, &x_0_g]);
+        assert_near("damper", &[f_g.power(&v_g)], &[number(&case["consistent_power_damper"])]);
+        let literal = assist::centring_by_components(&channels, &dx.along(&x_0_h.rotation));
+        let power = number(&case["literal_power_on_hand_RTC"]);
+        assert_near("return, as printed", &[literal.power(&v_g)], &[power]);
     }
 }
 
 #[test]
 fn saturation() {
     let cases = &oracle::oracle("paper.json")["saturation_cases"];
-    let none = SVector::<f64, 6>::zeros();
+    let none = Joints::zeros();
     for case in list(&cases["uniform"]) {
         let fraction = AssistFraction::new(number(&case["fraction"])).unwrap();
-        let limits = Limits::new(joints(&case["cap"]), fraction);
-        let limited = limits.combine(&none, &none, &joints(&case["tau"]), 1.0);
+        let limits = Limits::new(joints(&case["cap"]), fraction, Scaling::GravityExempt);
+        let limited = combine(limits, none, none, joints(&case["tau"]));
         assert_near("scale", &[limited.assist_scale], &[number(&case["scale"])]);
         assert_near("tau", limited.tau.as_slice(), &numbers::<6>(&case["out"]));
     }
     for case in list(&cases["gravity_exempt"]) {
-        let limits = Limits::new(joints(&case["cap"]), AssistFraction::new(1.0).unwrap());
-        let limited =
-            limits.combine(&joints(&case["tau_g"]), &joints(&case["tau_rest"]), &none, 1.0);
+        let whole = AssistFraction::new(1.0).unwrap();
+        let limits = Limits::new(joints(&case["cap"]), whole, Scaling::GravityExempt);
+        let limited = combine(limits, joints(&case["tau_g"]), joints(&case["tau_rest"]), none);
         assert_near("scale", &[limited.rest_scale], &[number(&case["scale"])]);
         assert_near("tau", limited.tau.as_slice(), &numbers::<6>(&case["out"]));
     }
@@ -373,22 +410,25 @@ fn a_torque_curve_and_its_inverse() {
 // The whole step.
 
 /// The worked example, as one would run it: hold the deadman, set the reference, move.
-fn settings(paper: &Value) -> Settings {
+fn settings(paper: &Value, readings: Readings) -> Settings {
     let inputs = &paper["inputs"];
     Settings {
+        readings,
+        period: period(inputs),
         arm: oracle::arm("sixr_spherical"),
         calibration: calibration(paper),
         channels: channels(inputs),
-        command: law(inputs, Orientation::EulerZyx),
+        command: law(inputs),
         reflection: reflection(pose(&paper["eq6"]["T_MRF_S"]), inputs),
-        damping: damping(inputs),
+        damping: gains(&inputs["K_D_SI"]),
         assist_fraction: AssistFraction::new(number(&inputs["assist_fraction"])).unwrap(),
+        beyond: Beyond::default(),
     }
 }
 
-fn worked_example(paper: &Value, mode: Mode) -> Output {
+fn worked_example(paper: &Value, mode: Mode, readings: Readings) -> Output {
     let inputs = &paper["inputs"];
-    let settings = settings(paper);
+    let settings = settings(paper, readings);
     let mut controller = Controller::new(&settings);
     let up = Switches::default();
     let deadman = Switches { deadman: true, ..up };
@@ -418,7 +458,7 @@ fn worked_example(paper: &Value, mode: Mode) -> Output {
 #[test]
 fn the_worked_example_in_rate_mode() {
     let paper = oracle::oracle("paper.json");
-    let output = worked_example(&paper, Mode::Rate);
+    let output = worked_example(&paper, Mode::Rate, Readings::CONSISTENT);
     assert_near("q", output.q.as_slice(), &numbers::<6>(&paper["inputs"]["q_now"]));
     assert_same_pose("Eq. 1", &output.x_0_g, &pose(&paper["eq1"]["T_0G"]));
     assert_same_pose("reference", &output.reference.x_0_h, &pose(&paper["eq1"]["T_0G0"]));
@@ -431,17 +471,18 @@ fn the_worked_example_in_rate_mode() {
     near("v_m", v_m.components(), &paper["eq5"]["rate_command_recommended"]);
     near("f_m_task", output.f_m_task.components(), &paper["eq6"]["F_MRF_T"]);
     near("f_g_task", output.f_g_task.components(), &paper["eq6b"]["G_F_T"]);
-    near("tau_task", output.tau_task.into(), &paper["eq7"]["tau_T"]);
+    let ledger = &output.ledger;
+    near("tau_task", ledger.task.into(), &paper["eq7"]["tau_T"]);
     near("centring", output.f_g_centring.components(), &paper["eq8"]["G_F_R_recommended"]);
     near("damping", output.f_g_damping.components(), &paper["eq9"]["G_F_D_recommended"]);
     let total = &paper["eq10"]["recommended"];
-    near("tau_assist", output.tau_assist.into(), &total["tau_assist"]);
-    near("tau_gravity", output.tau_gravity.into(), &total["tau_gravity"]);
-    let scales = [output.assist_scale, output.rest_scale];
+    near("tau_assist", (ledger.centring + ledger.damping).into(), &total["tau_assist"]);
+    near("tau_gravity", ledger.gravity.into(), &total["tau_gravity"]);
+    let scales = [ledger.assist_scale, ledger.rest_scale];
     let expected = [number(&total["assist_scale"]), number(&total["rest_scale"])];
     assert_near("scales", &scales, &expected);
     near("tau", output.tau.into(), &total["tau_C"]);
-    assert_eq!(output.limiting_joint, Some(1));
+    assert_eq!(ledger.limiting_joint, Some(1));
     assert_eq!(output.targets, expected_targets(&paper));
     assert_eq!(output.fault, None);
 }
@@ -449,16 +490,15 @@ fn the_worked_example_in_rate_mode() {
 #[test]
 fn the_worked_example_in_pose_mode() {
     let paper = oracle::oracle("paper.json");
-    let output = worked_example(&paper, Mode::Pose);
+    let output = worked_example(&paper, Mode::Pose, Readings::CONSISTENT);
     let Motion::Pose(x_b_d) = output.command else { panic!("{:?}", output.command) };
     let reference = pose(&paper["pose_mode"]["T_cmd_recommended_body_composition"]);
     assert_same_pose("x_b_d", &x_b_d, &reference);
     assert_eq!(output.f_g_centring, Wrench::ZERO);
 
-    let with_deadband =
-        CommandLaw { pose_deadband: true, ..law(&paper["inputs"], Orientation::EulerZyx) };
+    let with_deadband = CommandLaw { pose_deadband: true, ..law(&paper["inputs"]) };
     let left = with_deadband.effective(Mode::Pose, &channels(&paper["inputs"]), &output.dx);
-    let x_b_d = with_deadband.pose(&output.reference, &left);
+    let x_b_d = with_deadband.pose(&Readings::CONSISTENT, &output.reference, &left);
     let reference = pose(&paper["pose_mode"]["T_cmd_recommended_with_deadband"]);
     assert_same_pose("x_b_d with deadband", &x_b_d, &reference);
 }
@@ -471,7 +511,8 @@ fn the_return_moment_of_a_rotation_vector() {
     let numbers_of_it = vector(&paper["eq4"]["rotation_vector"]);
     assert_near("rotation vector", dx.orientation.as_slice(), numbers_of_it.as_slice());
     let channels = channels(&paper["inputs"]);
-    let f_g = assist::centring(&channels, Orientation::RotationVector, &x_h_g, &dx);
+    let r_g_h = x_h_g.rotation.inverse();
+    let f_g = assist::centring(&channels, Orientation::RotationVector, &r_g_h, &dx);
     let reference = &paper["eq8"]["G_F_R_rotation_vector_variant"];
     assert_near("centring", &f_g.components(), &numbers::<6>(reference));
 }
@@ -485,7 +526,7 @@ fn random_cycles() {
         };
         let arm = oracle::arm(case["device"].as_str().unwrap());
         let channels = channels(inputs);
-        let law = law(inputs, Orientation::EulerZyx);
+        let law = law(inputs);
 
         let mut reference = Reference::none();
         reference.x_0_h = arm.forward(&joints(&inputs["q_ref"]));
@@ -496,12 +537,13 @@ fn random_cycles() {
         assert_same_pose("x_0_g", &x_0_g, &pose(&expected["T_0G"]));
 
         let x_h_g = reference.displacement(&x_0_g);
-        let dx = Displacement::between(&x_h_g, law.orientation);
+        let readings = Readings::CONSISTENT;
+        let dx = reference.dx(&readings, &x_h_g);
         let dx_db = law.effective(Mode::Rate, &channels, &dx);
         near("dx", dx.components(), "dX_recommended");
         near("dx_db", dx_db.components(), "dX_db");
-        near("v_m", law.rate(&dx_db).components(), "rate_command");
-        let x_b_d = law.pose(&reference, &dx);
+        near("v_m", law.rate(Orientation::EulerZyx, &dx_db).components(), "rate_command");
+        let x_b_d = law.pose(&readings, &reference, &dx);
         assert_same_pose("x_b_d", &x_b_d, &pose(&expected["pose_command"]));
 
         let reflection = reflection(pose(&inputs["T_MRF_S"]), inputs);
@@ -510,14 +552,15 @@ fn random_cycles() {
         near("f_m_task", f_m_task.components(), "F_MRF_T");
         near("f_g_task", f_g_task.components(), "G_F_T");
 
-        let f_g_centring = assist::centring(&channels, law.orientation, &x_h_g, &dx);
+        let r_g_h = x_h_g.rotation.inverse();
+        let f_g_centring = assist::centring(&channels, Orientation::EulerZyx, &r_g_h, &dx);
         near("centring", f_g_centring.components(), "G_F_R");
         let vector = Displacement::between(&x_h_g, Orientation::RotationVector);
-        let other = assist::centring(&channels, Orientation::RotationVector, &x_h_g, &vector);
+        let other = assist::centring(&channels, Orientation::RotationVector, &r_g_h, &vector);
         near("centring by rotation vector", other.components(), "G_F_R_rotation_vector");
-        let mut damping = damping(inputs);
-        damping.wrench(&arm.forward(&joints(&inputs["q_prev"])), &reference.x_0_h, false);
-        let f_g_damping = damping.wrench(&x_0_g, &reference.x_0_h, false);
+        let x_0_before = arm.forward(&joints(&inputs["q_prev"]));
+        let way = [&reference.x_0_h, &x_0_before, &x_0_g];
+        let f_g_damping = damping(gains(&inputs["K_D_SI"]), period(inputs), way);
         near("damping", f_g_damping.components(), "G_F_D");
 
         let j_g = arm.jacobian(&posture);
@@ -527,18 +570,108 @@ fn random_cycles() {
         near("tau_task", tau_task.into(), "tau_T");
         near("tau_assist", tau_assist.into(), "tau_assist");
         near("tau_gravity", tau_gravity.into(), "tau_gravity");
-        let limited = limits(inputs).combine(&tau_gravity, &tau_task, &tau_assist, 1.0);
+        let limits = limits(inputs, Scaling::GravityExempt);
+        let limited = combine(limits, tau_gravity, tau_task, tau_assist);
         let scales = [limited.assist_scale, limited.rest_scale];
         let expected_scales = ["assist_scale", "rest_scale"].map(|key| number(&expected[key]));
         assert_near("scales", &scales, &expected_scales);
         near("tau", limited.tau.into(), "tau_C");
 
         let none = arm.balanced().gravity(&posture);
-        let balanced = limits(inputs).combine(&none, &tau_task, &tau_assist, 1.0);
+        let balanced = combine(limits, none, tau_task, tau_assist);
         near("tau, balanced", balanced.tau.into(), "no_gravity_tau_C");
         let scale = number(&expected["no_gravity_final_scale"]);
         assert_near("scale, balanced", &[balanced.rest_scale], &[scale]);
     }
+}
+
+// The paper as it is printed.
+
+#[test]
+fn the_worked_example_as_printed() {
+    let paper = oracle::oracle("paper.json");
+    let output = worked_example(&paper, Mode::Rate, Readings::PAPER_1997);
+    let near = |what: &str, ours: [f64; 6], reference: &Value| {
+        assert_near(what, &ours, &numbers::<6>(reference));
+    };
+    near("dx", output.dx.components(), &paper["eq4"]["dX_literal"]);
+    near("dx_db", output.dx_db.components(), &paper["deadband"]["dX_db_literal"]);
+    let Motion::Rate(v_m) = output.command else { panic!("{:?}", output.command) };
+    near("v_m", v_m.components(), &paper["eq5"]["rate_command_literal"]);
+    near("f_g_task", output.f_g_task.components(), &paper["eq6b"]["G_F_T"]);
+    let centring = &paper["eq8"]["G_F_R_literal_components_used_as_G"];
+    near("centring", output.f_g_centring.components(), centring);
+    near("damping", output.f_g_damping.components(), &paper["eq9"]["G_F_D_literal"]);
+    let ledger = &output.ledger;
+    near("gravity", ledger.gravity.into(), &paper["gravity"]["tau_GC_literal"]);
+    let total = &paper["eq10"]["literal"];
+    let tau_rg = ledger.gravity + ledger.centring + ledger.damping;
+    near("tau_RG", tau_rg.into(), &total["tau_RG"]);
+    let scales = [ledger.assist_scale, ledger.rest_scale];
+    let expected = [number(&total["assist_scale"]), number(&total["final_scale"])];
+    assert_near("scales", &scales, &expected);
+    near("tau", output.tau.into(), &total["tau_C"]);
+}
+
+#[test]
+fn the_pose_command_as_printed() {
+    let paper = oracle::oracle("paper.json");
+    let output = worked_example(&paper, Mode::Pose, Readings::PAPER_1997);
+    let Motion::Pose(x_b_d) = output.command else { panic!("{:?}", output.command) };
+    let reference = pose(&paper["pose_mode"]["T_cmd_translation_in_world_literal"]);
+    assert_same_pose("x_b_d", &x_b_d, &reference);
+}
+
+#[test]
+fn random_cycles_as_printed() {
+    for case in list(&oracle::oracle("paper_random.json")["cases"]) {
+        let (inputs, expected) = (&case["inputs"], &case["expected"]["literal"]);
+        let near = |what: &str, ours: [f64; 6]| {
+            assert_near(what, &ours, &numbers::<6>(&expected[what]));
+        };
+        let arm = oracle::arm(case["device"].as_str().unwrap());
+        let [at_reference, before, now] =
+            ["q_ref", "q_prev", "q_now"].map(|key| arm.posture(&joints(&inputs[key])));
+        let mut reference = Reference::none();
+        reference.x_0_h = at_reference.x_0_g;
+        let dx = |posture: &Posture<6>| {
+            let x_h_g = reference.displacement(&posture.x_0_g);
+            (reference.dx(&Readings::PAPER_1997, &x_h_g), x_h_g)
+        };
+        let ((dx_before, x_h_before), (dx_now, x_h_g)) = (dx(&before), dx(&now));
+        let literal = numbers::<6>(&case["expected"]["dX_literal"]);
+        assert_near("dX_literal", &dx_now.components(), &literal);
+
+        let j_g = arm.jacobian(&now);
+        let carried = arm.gravity_at_grip(&now);
+        let centring = assist::centring_by_components(&channels(inputs), &dx_now);
+        let gain = gains(&inputs["K_D_SI"]);
+        let mut damping = Damping::new(gain, period(inputs), Difference::Components);
+        damping.wrench(&Twist::ZERO, &x_h_before, &dx_before, false);
+        let damped = damping.wrench(&Twist::ZERO, &x_h_g, &dx_now, false);
+        near("G_F_GC", carried.components());
+        near("G_F_R", centring.components());
+        near("G_F_D", damped.components());
+
+        let (tau_gravity, tau_assist) = (j_g.torques(&carried), j_g.torques(&(centring + damped)));
+        near("tau_RG", (tau_gravity + tau_assist).into());
+        let tau_task = j_g.torques(&wrench(&case["expected"]["G_F_T"]));
+        let limits = limits(inputs, Scaling::AssistWithGravity);
+        let limited = combine(limits, tau_gravity, tau_task, tau_assist);
+        assert_near("scale", &[limited.assist_scale], &[number(&expected["assist_scale"])]);
+        assert_near("scale", &[limited.rest_scale], &[number(&expected["final_scale"])]);
+        near("tau_C", limited.tau.into());
+    }
+}
+
+#[test]
+fn gravity_read_correctly_but_scaled_as_printed() {
+    let paper = oracle::oracle("paper.json");
+    let readings = Readings { scaling: Scaling::AssistWithGravity, ..Readings::CONSISTENT };
+    let output = worked_example(&paper, Mode::Rate, readings);
+    let total = &paper["eq10"]["minimal_fix"];
+    assert_near("scale", &[output.ledger.assist_scale], &[number(&total["assist_scale"])]);
+    assert_near("tau", output.tau.as_slice(), &numbers::<6>(&total["tau_C"]));
 }
 
 // Switches.
@@ -547,7 +680,7 @@ fn random_cycles() {
 fn what_the_switches_permit() {
     for row in list(&oracle::oracle("paper.json")["switch_truth_table"]["rows"]) {
         let is = |key: &str| row[key].as_bool().unwrap_or_else(|| number(&row[key]) > 0.5);
-        let mut panel = Panel::new(Mode::Rate);
+        let mut panel = Panel::new(Mode::Rate, true);
         panel.read(Switches::default(), Mode::Rate);
         let levels = Switches {
             deadman: is("deadman"),
@@ -570,7 +703,7 @@ fn indexing_through_a_large_workspace() {
     let sequence = &oracle::oracle("paper.json")["index_sequence_pose_mode"];
     let paper = oracle::oracle("paper.json");
     let gain = number(&sequence["K_P"]);
-    let mut settings = settings(&paper);
+    let mut settings = settings(&paper, Readings::CONSISTENT);
     settings.command.pose_gain = Gains::new([gain; 6], "K_P").unwrap();
     settings.arm = gantry();
     let mut controller = Controller::new(&settings);

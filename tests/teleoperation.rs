@@ -81,7 +81,7 @@ fn letting_go_stops_the_object_and_the_wall_in_the_next_cycle() {
     assert_eq!(record.output.command, Motion::Hold);
     assert!(record.output.f_g_task.force.norm() < 1e-12);
     assert!(
-        (record.output.tau - record.output.tau_gravity).norm() < 1e-12,
+        (record.output.tau - record.output.ledger.gravity).norm() < 1e-12,
         "the arm is still carried"
     );
 }

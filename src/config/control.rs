@@ -4,32 +4,26 @@ use std::time::Duration;
 
 use nalgebra::Isometry3;
 
+use crate::config::beyond;
 use crate::config::joints;
 use crate::config::joints::Joint;
 use crate::config::problem::Problems;
 use crate::config::raw;
+use crate::config::readings;
 use crate::controller::Settings;
 use crate::controller::arm::Arm;
-use crate::controller::assist::Damping;
 use crate::controller::channels::Channels;
 use crate::controller::command::CommandLaw;
 use crate::controller::gains::Gains;
 use crate::controller::limits::AssistFraction;
-use crate::controller::orientation::Orientation;
 use crate::controller::reflection::Reflection;
 use crate::controller::switches::Mode;
+use crate::controller::velocity::Period;
 
 /// What a displacement of the hand means at the start.
 pub(super) fn mode(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Mode> {
-    match raw.controller.mode.as_str() {
-        "rate" => Some(Mode::Rate),
-        "pose" => Some(Mode::Pose),
-        other => {
-            problems
-                .add("controller.mode", format_args!("\"{other}\": there is \"rate\", \"pose\""));
-            None
-        }
-    }
+    let modes = [("rate", Mode::Rate), ("pose", Mode::Pose)];
+    problems.one_of("controller.mode", &raw.controller.mode, &modes)
 }
 
 /// The controller; `None` where a problem has been noted.
@@ -42,10 +36,8 @@ pub(super) fn settings(
     problems: &mut Problems<'_>,
 ) -> Option<Settings> {
     let given = &raw.controller;
-    if given.preset != "consistent" {
-        let reason = format!("\"{}\": there is \"consistent\"", given.preset);
-        problems.add("controller.preset", reason);
-    }
+    let readings = readings::readings(given, problems);
+    let period = problems.take("node.sync_period_us", Period::new(period.as_secs_f64()));
     let mut gains = |key: &str, values, quantity| {
         problems.take(&format!("controller.{key}"), Gains::new(values, quantity))
     };
@@ -72,9 +64,7 @@ pub(super) fn settings(
     );
     let channels = Channels::new(deadband, plateau);
     let channels = problems.take_unless_noted(before, "controller.deadband_m", channels);
-    let damping = damping.and_then(|gain| {
-        problems.take("node.sync_period_us", Damping::new(gain, period.as_secs_f64()))
-    });
+    let channels = channels.and_then(|channels| shaped(given, channels, problems));
     // Where the sensor is no place, its own section says so.
     let [x, y, z] = raw.remote.sensor_m.map(|part| if part.is_finite() { part } else { 0.0 });
     let before = problems.count();
@@ -90,23 +80,44 @@ pub(super) fn settings(
     let links = joints.each_ref().map(|joint| joint.link);
     let arm = problems.take("joint", Arm::new(links, *x_6_g, gravity));
 
+    let calibration = joints::calibration(joints);
+    let beyond = beyond::beyond(given, arm.as_ref()?, &calibration, period?, problems);
+
     Some(Settings {
+        readings: readings?,
+        period: period?,
         arm: arm?,
-        calibration: joints::calibration(joints),
+        calibration,
         channels: channels?,
         command: CommandLaw {
-            orientation: Orientation::EulerZyx,
             rate_gain: rate_gain?,
             pose_gain: pose_gain?,
-            pose_deadband: false,
+            pose_deadband: given.pose_deadband,
         },
         reflection: reflection?,
         damping: damping?,
         assist_fraction: assist_fraction?,
+        beyond,
     })
 }
 
+/// The channels with their variants: springs, walls.
+fn shaped(
+    given: &raw::Controller,
+    channels: Channels,
+    problems: &mut Problems<'_>,
+) -> Option<Channels> {
+    let laws = [("constant-force", false), ("spring", true)];
+    let law = given.centring_law.as_deref().unwrap_or("constant-force");
+    let is_spring = problems.one_of("controller.centring_law", law, &laws)?;
+    let channels = if is_spring { channels.as_springs() } else { channels };
+    let Some(walls) = &given.walls else { return Some(channels) };
+    let at = six(walls.at_m, walls.at_rad);
+    let stiffness = six(walls.stiffness_n_per_m, walls.stiffness_nm_per_rad);
+    problems.take("controller.walls", channels.with_wall(at, stiffness))
+}
+
 /// Three linear and three angular numbers as one six-vector.
-const fn six([x, y, z]: [f64; 3], [about_x, about_y, about_z]: [f64; 3]) -> [f64; 6] {
+pub(super) const fn six([x, y, z]: [f64; 3], [about_x, about_y, about_z]: [f64; 3]) -> [f64; 6] {
     [x, y, z, about_x, about_y, about_z]
 }

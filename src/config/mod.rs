@@ -1,6 +1,7 @@
 //! TOML to values that cannot be wrong. Every problem of a file is found in one run and says file,
 //! line and key; afterwards nothing is checked again.
 
+mod beyond;
 mod control;
 pub mod files;
 mod joints;
@@ -8,6 +9,7 @@ mod lookup;
 mod network;
 mod problem;
 mod raw;
+mod readings;
 mod remote;
 
 pub use joints::Joint;

@@ -153,6 +153,22 @@ impl<'t> Problems<'t> {
         values
     }
 
+    /// `value` of `key` must be one of the names of `choices`.
+    pub(super) fn one_of<T: Copy>(
+        &mut self,
+        key: &str,
+        value: &str,
+        choices: &[(&str, T)],
+    ) -> Option<T> {
+        let found = choices.iter().find(|(name, _)| *name == value).map(|(_, choice)| *choice);
+        if found.is_none() {
+            let names: Vec<String> =
+                choices.iter().map(|(name, _)| format!("\"{name}\"")).collect();
+            self.add(key, format_args!("\"{value}\": there is {}", names.join(", ")));
+        }
+        found
+    }
+
     /// `value` of `key` must lie in `range`.
     pub(super) fn within<T: PartialOrd + fmt::Display>(
         &mut self,

@@ -94,6 +94,88 @@ pub(super) struct Controller {
     pub(super) assist_fraction: f64,
     pub(super) max_force_n: f64,
     pub(super) max_moment_nm: f64,
+    #[serde(default)]
+    pub(super) pose_deadband: bool,
+    #[serde(default)]
+    pub(super) velocity_filter_s: f64,
+    pub(super) centring_law: Option<String>,
+    pub(super) contact_fade_n: Option<f64>,
+    pub(super) torque_rise_s: Option<f64>,
+    #[serde(default)]
+    pub(super) readings: Readings,
+    pub(super) walls: Option<Walls>,
+    pub(super) engagement: Option<Engagement>,
+    pub(super) soft_stops: Option<SoftStops>,
+    pub(super) passivity: Option<Passivity>,
+    pub(super) tank: Option<Tank>,
+    pub(super) virtual_coupling: Option<VirtualCoupling>,
+}
+
+/// Single readings of the paper, each over the preset's.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct Readings {
+    pub(super) orientation: Option<String>,
+    pub(super) displacement: Option<String>,
+    pub(super) centring: Option<String>,
+    pub(super) gravity: Option<String>,
+    pub(super) scaling: Option<String>,
+    pub(super) damping: Option<String>,
+    pub(super) latch_on_deadman: Option<bool>,
+    pub(super) task_wrench: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Walls {
+    pub(super) at_m: [f64; 3],
+    pub(super) at_rad: [f64; 3],
+    pub(super) stiffness_n_per_m: [f64; 3],
+    pub(super) stiffness_nm_per_rad: [f64; 3],
+    #[serde(default)]
+    pub(super) in_pose_mode: bool,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Engagement {
+    pub(super) ramp_s: f64,
+    pub(super) calm_n: Option<f64>,
+    pub(super) calm_nm: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct SoftStops {
+    pub(super) margin: f64,
+    pub(super) push: f64,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Passivity {
+    pub(super) max_energy_j: f64,
+    pub(super) max_damping_ns_per_m: f64,
+    pub(super) lever_m: f64,
+    pub(super) calm_n: f64,
+    #[serde(default = "yes")]
+    pub(super) one_sided: bool,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Tank {
+    pub(super) initial_j: f64,
+    pub(super) min_j: f64,
+    pub(super) low_j: f64,
+    pub(super) max_j: f64,
+    pub(super) refill_ns_per_m_per_j: f64,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct VirtualCoupling {
+    pub(super) stiffness_n_per_m: [f64; 3],
+    pub(super) stiffness_nm_per_rad: [f64; 3],
+    pub(super) damping_ns_per_m: [f64; 3],
+    pub(super) damping_nms_per_rad: [f64; 3],
+}
+
+const fn yes() -> bool {
+    true
 }
 
 #[derive(Debug, Deserialize)]

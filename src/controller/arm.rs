@@ -17,6 +17,7 @@ use thiserror::Error;
 
 use crate::spatial::Jacobian;
 use crate::spatial::Twist;
+use crate::spatial::Wrench;
 
 /// No length, mass or position is larger, so that the products of them stay finite.
 const LARGEST: f64 = 1e6;
@@ -204,6 +205,26 @@ impl<const N: usize> Arm<N> {
             };
         }
         tau
+    }
+
+    /// The wrench at the grip, in {G}, that would hold all links if they were one body (decision 12, read
+    /// literally). Right for the first joint only: every other also carries what lies before it.
+    pub fn gravity_at_grip(&self, posture: &Posture<N>) -> Wrench {
+        let p_0_g = posture.x_0_g.translation.vector;
+        let r_g_0 = posture.x_0_g.rotation.inverse();
+        let mut holding = Wrench::ZERO;
+        for (link, x_0_i) in self.links.iter().zip(&posture.x_0_links) {
+            let p_0_c = x_0_i.rotation * link.centre_of_mass + x_0_i.translation.vector;
+            let force_in_0 = -self.gravity * link.mass;
+            let moment = r_g_0 * (p_0_c - p_0_g).cross(&force_in_0);
+            holding = holding + Wrench { force: r_g_0 * force_in_0, moment };
+        }
+        holding
+    }
+
+    /// Lowest and highest position of each joint, in rad or m.
+    pub fn ranges(&self) -> [[f64; 2]; N] {
+        self.links.map(|link| link.range)
     }
 
     /// The mass matrix, `Σ m_i J_ciᵀ J_ci + J_ωiᵀ I_i J_ωi` and the rotors: the kinetic energy of

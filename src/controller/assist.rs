@@ -4,96 +4,133 @@
 //! [`channels`](crate::controller::channels).
 
 use nalgebra::Isometry3;
+use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 use thiserror::Error;
 
 use crate::controller::channels::Channels;
 use crate::controller::gains::Gains;
 use crate::controller::orientation::Orientation;
+use crate::controller::readings::Difference;
 use crate::controller::reference::Displacement;
+use crate::controller::velocity::Period;
+use crate::spatial::Twist;
 use crate::spatial::Wrench;
-use crate::spatial::rotation;
 
 /// The wrench on the hand that draws it back to the reference, in {G} (Eq. 8): forces along the
-/// axes of {G0}, turned into those of {G} (decision 2); moments that belong to the numbers the
-/// orientation is written in (decision 15).
+/// axes that ΔX is written along, turned by `r_g_dx` into those of {G} (decision 2); moments that
+/// belong to the numbers the orientation is written in (decision 15).
 pub fn centring(
     channels: &Channels,
     orientation: Orientation,
-    x_h_g: &Isometry3<f64>,
+    r_g_dx: &UnitQuaternion<f64>,
     dx: &Displacement,
 ) -> Wrench {
     let [fx, fy, fz, m_gamma, m_beta, m_alpha] = channels.centring(dx);
-    let force_in_h = Vector3::new(fx, fy, fz);
     let conjugate = Vector3::new(m_gamma, m_beta, m_alpha);
     Wrench {
-        force: x_h_g.rotation.inverse() * force_in_h,
+        force: r_g_dx * Vector3::new(fx, fy, fz),
         moment: orientation.moment(&conjugate, &dx.orientation),
     }
 }
 
-/// Damping of the hand's motion (Eq. 9), with gains in SI rather than per cycle: it does not change
-/// with the cycle period (decision 19).
+/// The same as the paper prints it: the six forces on ΔX, taken for a wrench at {G}. It gives off
+/// energy round a loop, and pushes away a hand that is turned far enough (decisions 2 and 15).
+pub fn centring_by_components(channels: &Channels, dx: &Displacement) -> Wrench {
+    Wrench::from_components(channels.centring(dx))
+}
+
+/// Damping of the hand's motion (Eq. 9), with gains in SI rather than per cycle (decision 19).
 ///
-/// It remembers where the grip was in {0}, not the last displacement: a new reference is no motion.
+/// Of a twist it remembers nothing, and a new reference is no motion; of ΔX it remembers the last one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Damping {
     gain: Gains,
-    period: f64,
-    x_0_before: Option<Isometry3<f64>>,
+    period: Period,
+    reading: Difference,
+    dx_before: Option<Displacement>,
 }
 
-/// A cycle that is none.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("a cycle period of {0} s is not within 10 µs and 1 s")]
-pub struct InvalidPeriod(pub f64);
-
 impl Damping {
-    /// From K_D in N·s/m and N·m·s/rad, and the cycle period in s.
-    ///
-    /// # Errors
-    /// A period no control loop has.
-    pub fn new(gain: Gains, period: f64) -> Result<Self, InvalidPeriod> {
-        if (1e-5..=1.0).contains(&period) {
-            Ok(Self { gain, period, x_0_before: None })
-        } else {
-            Err(InvalidPeriod(period))
+    /// From K_D in N·s/m and N·m·s/rad. The paper's gain per cycle is this over the period.
+    pub const fn new(gain: Gains, period: Period, reading: Difference) -> Self {
+        Self { gain, period, reading, dx_before: None }
+    }
+
+    /// The wrench on the hand, in {G}, against its motion. `forget` makes this cycle the first: the
+    /// reference was set here, or the mode or the time jumped.
+    pub fn wrench(
+        &mut self,
+        v_g: &Twist,
+        x_h_g: &Isometry3<f64>,
+        dx: &Displacement,
+        forget: bool,
+    ) -> Wrench {
+        let dx_before = self.dx_before.replace(*dx).filter(|_| !forget).unwrap_or(*dx);
+        match self.reading {
+            Difference::Twist => self.against(v_g, x_h_g),
+            Difference::Components => self.against_change(dx, &dx_before),
         }
     }
 
-    /// The wrench on the hand, in {G}, against its motion since the last cycle; none in the first.
     /// Translation is damped along the axes of the reference, rotation about those of the grip.
+    fn against(&self, v_g: &Twist, x_h_g: &Isometry3<f64>) -> Wrench {
+        let moving = Twist { linear: x_h_g.rotation * v_g.linear, angular: v_g.angular };
+        let against = moving.scaled(self.gain.values()) * -1.0;
+        Wrench { force: x_h_g.rotation.inverse() * against.linear, moment: against.angular }
+    }
+
+    /// Eq. 9 as printed: the change of each number of ΔX, taken for a wrench at {G}.
+    fn against_change(&self, dx: &Displacement, dx_before: &Displacement) -> Wrench {
+        let mut change = dx.components();
+        for (now, before) in change.iter_mut().zip(dx_before.components()) {
+            *now -= before;
+        }
+        let per_cycle = Wrench::from_components(change).scaled(self.gain.values());
+        per_cycle * -self.period.seconds().recip()
+    }
+}
+
+/// How the assist gives way to a task that is felt strongly (decision 23): it is multiplied by
+/// `1 / (1 + (|F| / F0)²)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactFade(f64);
+
+/// A fade that is none.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("the assist cannot fade at {0} N")]
+pub struct InvalidFade(pub f64);
+
+impl ContactFade {
+    /// Fading to half at a task force of `half_at` N.
     ///
-    /// `restart` makes this cycle the first (decision 19): after an overrun the motion since the
-    /// last one took longer than a cycle.
-    pub fn wrench(
-        &mut self,
-        x_0_g: &Isometry3<f64>,
-        x_0_h: &Isometry3<f64>,
-        restart: bool,
-    ) -> Wrench {
-        let last = self.x_0_before.replace(*x_0_g);
-        let x_0_before = last.filter(|_| !restart).unwrap_or(*x_0_g);
-        let moved_in_0 = x_0_g.translation.vector - x_0_before.translation.vector;
-        let turned = rotation::rotation_vector(&(x_0_before.rotation.inverse() * x_0_g.rotation));
-        let r_h_0 = x_0_h.rotation.inverse();
-        let r_g_0 = x_0_g.rotation.inverse();
-        let motion = Wrench { force: r_h_0 * moved_in_0, moment: turned };
-        let against = motion.scaled(self.gain.values()) * -self.period.recip();
-        Wrench { force: r_g_0 * (x_0_h.rotation * against.force), moment: against.moment }
+    /// # Errors
+    /// A force that is not positive and finite.
+    pub fn new(half_at: f64) -> Result<Self, InvalidFade> {
+        if half_at.is_finite() && half_at > 0.0 {
+            Ok(Self(half_at))
+        } else {
+            Err(InvalidFade(half_at))
+        }
+    }
+
+    /// What is left of the assist while `f_g_task` is felt, 0 to 1.
+    pub fn share(self, f_g_task: &Wrench) -> f64 {
+        let strength = f_g_task.force.norm() / self.0;
+        (1.0 + strength * strength).recip()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spatial::Twist;
+    use crate::spatial::rotation;
     use proptest::prelude::*;
 
     const K_D: [f64; 6] = [6.0, 7.0, 8.0, 0.05, 0.06, 0.07];
 
-    fn damping(period: f64) -> Damping {
-        Damping::new(Gains::new(K_D, "K_D").unwrap(), period).unwrap()
+    fn damping(reading: Difference) -> Damping {
+        Damping::new(Gains::new(K_D, "K_D").unwrap(), Period::new(1e-3).unwrap(), reading)
     }
 
     fn channels() -> Channels {
@@ -109,56 +146,46 @@ mod tests {
         prop::array::uniform6(-1.0..1.0_f64).prop_map(Twist::from_components)
     }
 
-    /// The wrench of damping on a hand that moves with `v_g`.
-    fn damped(period: f64, x_0_g: &Isometry3<f64>, x_0_h: &Isometry3<f64>, v_g: &Twist) -> Wrench {
-        let mut damping = damping(period);
-        damping.wrench(&(x_0_g * (*v_g * -1.0).over(period)), x_0_h, false);
-        damping.wrench(x_0_g, x_0_h, false)
+    fn dx(x_h_g: &Isometry3<f64>) -> Displacement {
+        Displacement::between(x_h_g, Orientation::EulerZyx)
     }
 
     proptest! {
         #[test]
-        fn damping_takes_power(x_0_g in pose(), x_0_h in pose(), v_g in twist()) {
-            let f_g = damped(1e-5, &x_0_g, &x_0_h, &v_g);
+        fn damping_takes_power(x_h_g in pose(), v_g in twist()) {
+            let f_g = damping(Difference::Twist).wrench(&v_g, &x_h_g, &dx(&x_h_g), false);
             prop_assert!(f_g.power(&v_g) <= 0.0);
         }
 
         #[test]
-        fn damping_does_not_depend_on_the_cycle(x_0_g in pose(), x_0_h in pose(), v_g in twist()) {
-            let (fast, slow) =
-                (damped(1e-4, &x_0_g, &x_0_h, &v_g), damped(2e-4, &x_0_g, &x_0_h, &v_g));
-            for (fast, slow) in fast.components().iter().zip(slow.components()) {
-                prop_assert!((fast - slow).abs() < 2e-3, "{fast} at 10 kHz, {slow} at 5 kHz");
-            }
+        fn a_new_reference_is_no_motion(before in pose(), after in pose(), v_g in twist()) {
+            let mut of_twist = damping(Difference::Twist);
+            of_twist.wrench(&v_g, &before, &dx(&before), false);
+            let kept = of_twist.wrench(&v_g, &before, &dx(&before), true);
+            prop_assert!(kept.power(&v_g) <= 0.0);
+            let mut of_numbers = damping(Difference::Components);
+            of_numbers.wrench(&v_g, &before, &dx(&before), false);
+            let forgotten = of_numbers.wrench(&v_g, &after, &dx(&after), true);
+            prop_assert!(forgotten.force.norm() == 0.0 && forgotten.moment.norm() == 0.0);
         }
 
         #[test]
-        fn a_new_reference_is_no_motion(
-            x_0_g in pose(), x_0_h in pose(), x_0_new in pose(), v_g in twist()
-        ) {
-            let mut uniform = Damping::new(Gains::new([5.0; 6], "K_D").unwrap(), 1e-3).unwrap();
-            uniform.wrench(&(x_0_g * (v_g * -1.0).over(1e-3)), &x_0_h, false);
-            let mut kept = uniform;
-            let f_g = kept.wrench(&x_0_g, &x_0_h, false);
-            let f_g_new = uniform.wrench(&x_0_g, &x_0_new, false);
-            for (before, after) in f_g.components().iter().zip(f_g_new.components()) {
-                prop_assert!((before - after).abs() < 1e-10);
+        fn near_the_reference_both_readings_agree(v_g in twist()) {
+            let (before, after) = (v_g.over(-1e-3), Isometry3::identity());
+            let mut of_numbers = damping(Difference::Components);
+            of_numbers.wrench(&v_g, &before, &dx(&before), false);
+            let numbers = of_numbers.wrench(&v_g, &after, &dx(&after), false);
+            let twist = damping(Difference::Twist).wrench(&v_g, &after, &dx(&after), false);
+            for (numbers, twist) in numbers.components().iter().zip(twist.components()) {
+                prop_assert!((numbers - twist).abs() < 0.02, "{numbers}, {twist}");
             }
-        }
-
-        #[test]
-        fn the_first_cycle_is_not_damped(x_0_g in pose(), x_0_h in pose(), elsewhere in pose()) {
-            let mut damping = damping(1e-3);
-            prop_assert!(damping.wrench(&elsewhere, &x_0_h, false).force.norm() == 0.0);
-            prop_assert!(damping.wrench(&x_0_g, &x_0_h, true).force.norm() == 0.0);
-            prop_assert!(damping.wrench(&elsewhere, &x_0_h, false).force.norm() > 0.0);
         }
 
         #[test]
         fn the_return_to_centre_never_leads_away(x_h_g in pose()) {
             for orientation in [Orientation::EulerZyx, Orientation::RotationVector] {
                 let dx = Displacement::between(&x_h_g, orientation);
-                let f_g = centring(&channels(), orientation, &x_h_g, &dx);
+                let f_g = centring(&channels(), orientation, &x_h_g.rotation.inverse(), &dx);
                 let outwards = x_h_g.rotation.inverse() * dx.translation;
                 prop_assert!(f_g.force.dot(&outwards) <= 0.0);
                 // Turning a little towards the reference, as its numbers shrink, is helped.
@@ -170,28 +197,36 @@ mod tests {
         }
 
         #[test]
-        fn the_axes_of_the_base_do_not_matter(
-            x_base in pose(), x_0_g in pose(), x_0_h in pose(), v_g in twist()
-        ) {
-            let here = damped(1e-3, &x_0_g, &x_0_h, &v_g);
-            let there = damped(1e-3, &(x_base * x_0_g), &(x_base * x_0_h), &v_g);
-            for (here, there) in here.components().iter().zip(there.components()) {
-                prop_assert!((here - there).abs() < 1e-9);
-            }
+        fn the_assist_fades_and_never_grows(force in 0.0..1e6_f64, half_at in 0.1..100.0_f64) {
+            let fade = ContactFade::new(half_at).unwrap();
+            let share = fade.share(&Wrench::from_components([force, 0.0, 0.0, 0.0, 0.0, 0.0]));
+            prop_assert!((0.0..=1.0).contains(&share));
+            let at_half = Wrench::from_components([0.0, half_at, 0.0, 0.0, 0.0, 0.0]);
+            prop_assert!((fade.share(&at_half) - 0.5).abs() < 1e-12);
         }
     }
 
     #[test]
     fn at_the_reference_nothing_pulls() {
         let dx = Displacement::default();
-        let f_g = centring(&channels(), Orientation::EulerZyx, &Isometry3::identity(), &dx);
+        let here = UnitQuaternion::identity();
+        let f_g = centring(&channels(), Orientation::EulerZyx, &here, &dx);
         assert!(f_g.components().iter().all(|part| *part == 0.0));
     }
 
     #[test]
-    fn a_period_is_one_of_a_control_loop() {
-        for wrong in [0.0, -1e-3, 2.0, f64::NAN] {
-            assert!(Damping::new(Gains::ZERO, wrong).is_err());
+    fn components_push_away_a_hand_that_is_turned_round() {
+        let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI);
+        let x_0_g = Isometry3::from_parts(Vector3::new(0.05, 0.0, 0.0).into(), turned);
+        let dx = Displacement { translation: x_0_g.translation.vector, ..Displacement::default() };
+        let force_in_0 = turned * centring_by_components(&channels(), &dx).force;
+        assert!(force_in_0.x > 1.9, "pushed outwards with {} N", force_in_0.x);
+    }
+
+    #[test]
+    fn a_fade_has_a_force() {
+        for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(ContactFade::new(wrong).is_err());
         }
     }
 }

@@ -20,6 +20,9 @@ pub struct Channels([Channel; 6]);
 struct Channel {
     deadband: f64,
     plateau: f64,
+    /// Whether the return force is a spring's, which reaches the plateau at the deadband's edge and
+    /// goes on.
+    is_spring: bool,
     wall: f64,
     stiffness: f64,
 }
@@ -55,7 +58,7 @@ impl Channels {
             if plateau > 0.0 && deadband < f64::MIN_POSITIVE {
                 return Err(InvalidChannels::Step { axis, plateau });
             }
-            *channel = Channel { deadband, plateau, wall: 0.0, stiffness: 0.0 };
+            *channel = Channel { deadband, plateau, ..Channel::default() };
         }
         Ok(Self(channels))
     }
@@ -74,6 +77,20 @@ impl Channels {
             *channel = Channel { wall, stiffness, ..*channel };
         }
         Ok(Self(channels))
+    }
+
+    /// The same with springs in place of the constant force (3.3 compares the two): each reaches its
+    /// plateau at the edge of its deadband, and grows beyond it.
+    #[must_use]
+    pub fn as_springs(self) -> Self {
+        Self(self.0.map(|channel| Channel { is_spring: true, ..channel }))
+    }
+
+    /// The walls alone: what may mark the end of the workspace in pose mode, where nothing draws the
+    /// hand back (3.5).
+    #[must_use]
+    pub fn walls_only(self) -> Self {
+        Self(self.0.map(|channel| Channel { plateau: 0.0, ..channel }))
     }
 
     /// What is left of a displacement beyond the deadband: zero within, and continuous at its edge
@@ -104,10 +121,10 @@ impl Channel {
     }
 
     fn centring(&self, x: f64) -> f64 {
-        let into_deadband =
-            if self.plateau > 0.0 { (x.abs() / self.deadband).min(1.0) } else { 0.0 };
+        let of_deadband = if self.plateau > 0.0 { x.abs() / self.deadband } else { 0.0 };
+        let share = if self.is_spring { of_deadband } else { of_deadband.min(1.0).powi(2) };
         let into_wall = (x.abs() - self.wall).max(0.0);
-        -(self.plateau * into_deadband * into_deadband + self.stiffness * into_wall).copysign(x)
+        -(self.plateau * share + self.stiffness * into_wall).copysign(x)
     }
 }
 

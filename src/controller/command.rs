@@ -10,6 +10,8 @@ use nalgebra::Isometry3;
 use crate::controller::channels::Channels;
 use crate::controller::gains::Gains;
 use crate::controller::orientation::Orientation;
+use crate::controller::readings::Axes;
+use crate::controller::readings::Readings;
 use crate::controller::reference::Displacement;
 use crate::controller::reference::Reference;
 use crate::controller::switches::Mode;
@@ -20,8 +22,6 @@ use crate::spatial::Twist;
 /// How a displacement is turned into a command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CommandLaw {
-    /// How orientations are written.
-    pub orientation: Orientation,
     /// K_V, in 1/s, applied after Eq. 5 in the axes of {MRF} (decision 6).
     pub rate_gain: Gains,
     /// K_P: by how much the object outreaches the hand.
@@ -58,7 +58,8 @@ impl Gate {
     ) -> Self {
         let fresh = match mode {
             Mode::Rate => set || centred,
-            Mode::Pose => set, // elsewhere the object would jump to where the hand points
+            // Elsewhere the object would jump to where the hand points.
+            Mode::Pose => set || pressed.engaged && !pressed.latches,
         };
         match (pressed.commands, is_within, fresh) {
             (false, ..) => Self::Released,
@@ -82,6 +83,7 @@ impl CommandLaw {
     /// The command for `dx_db`, what the deadband left of the displacement.
     pub fn motion(
         &self,
+        readings: &Readings,
         mode: Mode,
         gate: Gate,
         reference: &Reference,
@@ -89,26 +91,34 @@ impl CommandLaw {
     ) -> Motion {
         match (gate, mode) {
             (Gate::Released | Gate::Waiting | Gate::TurnedTooFar, _) => Motion::Hold,
-            (Gate::Open, Mode::Rate) => Motion::Rate(self.rate(dx_db)),
-            (Gate::Open, Mode::Pose) => Motion::Pose(self.pose(reference, dx_db)),
+            (Gate::Open, Mode::Rate) => Motion::Rate(self.rate(readings.orientation, dx_db)),
+            (Gate::Open, Mode::Pose) => Motion::Pose(self.pose(readings, reference, dx_db)),
         }
     }
 
     /// The twist of {MRF}, in its own axes: K_V on the translation, and on Eq. 5.
-    pub fn rate(&self, dx_db: &Displacement) -> Twist {
-        let angular = self.orientation.rate(&dx_db.orientation);
+    pub fn rate(&self, orientation: Orientation, dx_db: &Displacement) -> Twist {
+        let angular = orientation.rate(&dx_db.orientation);
         Twist { linear: dx_db.translation, angular }.scaled(self.rate_gain.values())
     }
 
     /// The pose of {MRF} in its base: the object's reference, moved as the hand moved from its own,
-    /// times K_P (decision 7).
-    pub fn pose(&self, reference: &Reference, dx_db: &Displacement) -> Isometry3<f64> {
+    /// times K_P (decision 7); along the axes of its base if ΔX is along those of the hand's.
+    pub fn pose(
+        &self,
+        readings: &Readings,
+        reference: &Reference,
+        dx_db: &Displacement,
+    ) -> Isometry3<f64> {
         let enlarged = dx_db.scaled(self.pose_gain.values());
         let x_r_d = Isometry3::from_parts(
             enlarged.translation.into(),
-            self.orientation.rotation(&enlarged.orientation),
+            readings.orientation.rotation(&enlarged.orientation),
         );
-        let x_b_d = reference.x_b_r * x_r_d;
+        let mut x_b_d = reference.x_b_r * x_r_d;
+        if readings.displacement == Axes::Base {
+            x_b_d.translation.vector = reference.x_b_r.translation.vector + enlarged.translation;
+        }
         x_b_d
     }
 }
@@ -118,9 +128,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn law(orientation: Orientation) -> CommandLaw {
+    fn law() -> CommandLaw {
         CommandLaw {
-            orientation,
             rate_gain: Gains::new([2.0, 2.0, 2.0, 1.5, 1.5, 1.5], "K_V").unwrap(),
             pose_gain: Gains::new([1.0; 6], "K_P").unwrap(),
             pose_deadband: false,
@@ -140,7 +149,8 @@ mod tests {
             reference.x_b_r = Isometry3::new([z, x, y].into(), [c, a, b].into());
             for orientation in [Orientation::EulerZyx, Orientation::RotationVector] {
                 let dx = Displacement::between(&x_h_g, orientation);
-                let x_b_d = law(orientation).pose(&reference, &dx);
+                let readings = Readings { orientation, ..Readings::CONSISTENT };
+                let x_b_d = law().pose(&readings, &reference, &dx);
                 let difference = x_b_d.to_homogeneous() - (reference.x_b_r * x_h_g).to_homogeneous();
                 prop_assert!(difference.norm() < 1e-12);
             }
@@ -200,7 +210,7 @@ mod tests {
     fn the_deadband_is_off_in_pose_mode_unless_asked_for() {
         let channels = Channels::new([0.1; 6], [1.0; 6]).unwrap();
         let dx = Displacement::from_components([0.05, 0.3, 0.0, 0.05, 0.3, 0.0]);
-        let law = law(Orientation::EulerZyx);
+        let law = law();
         assert_eq!(law.effective(Mode::Pose, &channels, &dx), dx);
         let asked = CommandLaw { pose_deadband: true, ..law };
         let left = channels.beyond_deadband(&dx);
@@ -210,10 +220,13 @@ mod tests {
 
     #[test]
     fn no_motion_in_is_no_motion_out() {
-        let law = law(Orientation::EulerZyx);
-        assert_eq!(law.rate(&Displacement::default()), Twist::ZERO);
+        let law = law();
+        assert_eq!(law.rate(Orientation::EulerZyx, &Displacement::default()), Twist::ZERO);
         let mut reference = Reference::none();
         reference.x_b_r = Isometry3::translation(1.0, 2.0, 3.0);
-        assert_eq!(law.pose(&reference, &Displacement::default()), reference.x_b_r);
+        assert_eq!(
+            law.pose(&Readings::CONSISTENT, &reference, &Displacement::default()),
+            reference.x_b_r
+        );
     }
 }

@@ -1,12 +1,15 @@
 //! From three torques to one that every joint can exert (3.4, both equations numbered 10).
 //!
-//! Not a limit of their growth from cycle to cycle: that gate stands before the bus. The assist is
-//! scaled as a whole to its fraction of capacity, then task and assist as a whole to what gravity
-//! leaves (decisions 13, 20, 21 and 22): directions are kept, the arm does not sag, and the task
-//! dominates. Nothing is ever scaled up.
+//! The assist is scaled as a whole to its fraction of capacity, then task and assist as a whole to
+//! what gravity leaves (decisions 13, 20, 21 and 22): directions are kept, the arm does not sag, and
+//! the task dominates. Nothing is ever scaled up. Last, no torque may change faster than its joint's
+//! capacity in a given time: a step from anywhere reaches the hand as a ramp.
 
 use nalgebra::SVector;
 use thiserror::Error;
+
+use crate::controller::readings::Scaling;
+use crate::controller::velocity::Period;
 
 /// The share of each joint's capacity that the assist may take, 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +39,18 @@ impl AssistFraction {
 pub struct Limits<const N: usize> {
     max_torques: SVector<f64, N>,
     assist: AssistFraction,
+    scaling: Scaling,
+}
+
+/// The torques that are asked for, in N·m or N.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Asked<const N: usize> {
+    /// What carries the arm.
+    pub gravity: SVector<f64, N>,
+    /// What the task asks for, and whatever else must not wait for the assist: passivity, soft stops.
+    pub task: SVector<f64, N>,
+    /// Return to centre and damping.
+    pub assist: SVector<f64, N>,
 }
 
 /// The torque that is left, and what it cost.
@@ -45,7 +60,7 @@ pub struct Limited<const N: usize> {
     pub tau: SVector<f64, N>,
     /// What is left of the assist, 0 to 1.
     pub assist_scale: f64,
-    /// What is left of task and scaled assist together, 0 to 1.
+    /// What is left of task and scaled assist together, 0 to 1; of gravity too, unless it is exempt.
     pub rest_scale: f64,
     /// The joint that set `rest_scale`, from 0; none where nothing had to give.
     pub limiting_joint: Option<usize>,
@@ -55,24 +70,42 @@ pub struct Limited<const N: usize> {
 
 impl<const N: usize> Limits<N> {
     /// From the most each joint may exert, which must be positive, in N·m or N.
-    pub const fn new(max_torques: SVector<f64, N>, assist: AssistFraction) -> Self {
-        Self { max_torques, assist }
+    pub const fn new(
+        max_torques: SVector<f64, N>,
+        assist: AssistFraction,
+        scaling: Scaling,
+    ) -> Self {
+        Self { max_torques, assist, scaling }
     }
 
     /// Gravity, task and assist together (Eq. 10). `share` is how much of task and assist is let
     /// through at all, 0 to 1; applied last, so that a ramp of it is a ramp of the torque.
-    pub fn combine(
-        &self,
-        tau_gravity: &SVector<f64, N>,
-        tau_task: &SVector<f64, N>,
-        tau_assist: &SVector<f64, N>,
-        share: f64,
-    ) -> Limited<N> {
-        let assist_scale = self.assist_scale(tau_assist);
-        let tau_rest = tau_task + tau_assist * assist_scale;
-        let carried = tau_gravity.zip_map(&self.max_torques, clamp);
-        let (rest_scale, limiting_joint) = self.rest_scale(&carried, &tau_rest);
-        let wanted = carried + tau_rest * (rest_scale * share);
+    pub fn combine(&self, asked: &Asked<N>, share: f64) -> Limited<N> {
+        let Asked { gravity, task, assist } = asked;
+        let none = SVector::zeros();
+        let (assist_scale, carried, rest, rest_scale, limiting_joint);
+        match self.scaling {
+            Scaling::GravityExempt => {
+                assist_scale = self.assist_scale(assist);
+                carried = gravity.zip_map(&self.max_torques, clamp);
+                rest = task + assist * assist_scale;
+                (rest_scale, limiting_joint) = self.rest_scale(&carried, &rest);
+            }
+            Scaling::Total => {
+                assist_scale = self.assist_scale(assist);
+                rest = task + assist * assist_scale;
+                (rest_scale, limiting_joint) = self.rest_scale(&none, &(gravity + rest));
+                carried = gravity * rest_scale;
+            }
+            Scaling::AssistWithGravity => {
+                assist_scale = self.assist_scale(&(gravity + assist));
+                rest = task + assist * assist_scale;
+                let total = rest + gravity * assist_scale;
+                (rest_scale, limiting_joint) = self.rest_scale(&none, &total);
+                carried = gravity * (assist_scale * rest_scale);
+            }
+        }
+        let wanted = carried + rest * (rest_scale * share);
         let is_broken = !wanted.iter().all(|torque| torque.is_finite());
         let tau =
             if is_broken { SVector::zeros() } else { wanted.zip_map(&self.max_torques, clamp) };
@@ -86,8 +119,8 @@ impl<const N: usize> Limits<N> {
         joints.fold(1.0, |scale, (torque, max)| scale_to(fraction * max, torque.abs()).min(scale))
     }
 
-    /// The largest scale up to 1 at which gravity and the rest keep within capacity on every joint,
-    /// and the joint that sets it.
+    /// The largest scale up to 1 at which what is carried and the rest keep within capacity on every
+    /// joint, and the joint that sets it.
     fn rest_scale(
         &self,
         carried: &SVector<f64, N>,
@@ -95,14 +128,61 @@ impl<const N: usize> Limits<N> {
     ) -> (f64, Option<usize>) {
         let joints = carried.iter().zip(tau_rest.iter()).zip(self.max_torques.iter());
         let mut tightest = (1.0, None);
-        for (joint, ((gravity, rest), max)) in joints.enumerate() {
-            let room = max - gravity * rest.signum();
+        for (joint, ((carried, rest), max)) in joints.enumerate() {
+            let room = max - carried * rest.signum();
             let scale = scale_to(room, rest.abs());
             if scale < tightest.0 {
                 tightest = (scale, Some(joint));
             }
         }
         tightest
+    }
+}
+
+/// How fast torques may change: per cycle and joint, in N·m or N.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slew<const N: usize> {
+    most: SVector<f64, N>,
+    before: SVector<f64, N>,
+}
+
+/// A rise that is none.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("torque cannot rise to capacity in {0} s; 0.001 to 10 s can be asked for")]
+pub struct InvalidRise(pub f64);
+
+impl<const N: usize> Slew<N> {
+    /// So that each joint takes `rise` s from nothing to its capacity. It begins at nothing.
+    ///
+    /// # Errors
+    /// A time that is none.
+    pub fn new(
+        max_torques: &SVector<f64, N>,
+        rise: f64,
+        period: Period,
+    ) -> Result<Self, InvalidRise> {
+        if (1e-3..=10.0).contains(&rise) {
+            let most = max_torques * (period.seconds() / rise).min(1.0);
+            Ok(Self { most, before: SVector::zeros() })
+        } else {
+            Err(InvalidRise(rise))
+        }
+    }
+
+    /// No torque at all, from now on: a fault does not wait for a ramp.
+    pub fn drop_to_zero(&mut self) -> (SVector<f64, N>, Option<usize>) {
+        self.before = SVector::zeros();
+        (self.before, None)
+    }
+
+    /// The torques, or as near to them as joints may come in one cycle; and the first joint that could
+    /// not, from 0. `tau` must be finite.
+    pub fn limit(&mut self, tau: &SVector<f64, N>) -> (SVector<f64, N>, Option<usize>) {
+        let change = tau - self.before;
+        let held = change.iter().zip(self.most.iter()).position(|(by, most)| by.abs() > *most);
+        let near = self.before + change.zip_map(&self.most, clamp);
+        self.before = if held.is_some() { near } else { *tau };
+        (self.before, held)
     }
 }
 
@@ -126,7 +206,20 @@ mod tests {
     const MAX: [f64; 6] = [6.0, 8.0, 4.0, 1.2, 1.0, 0.8];
 
     fn limits(fraction: f64) -> Limits<6> {
-        Limits::new(Joints::from(MAX), AssistFraction::new(fraction).unwrap())
+        scaled(Scaling::GravityExempt, fraction)
+    }
+
+    fn scaled(scaling: Scaling, fraction: f64) -> Limits<6> {
+        Limits::new(Joints::from(MAX), AssistFraction::new(fraction).unwrap(), scaling)
+    }
+
+    fn combine(limits: Limits<6>, gravity: &Joints, task: &Joints, assist: &Joints) -> Limited<6> {
+        limits.combine(&Asked { gravity: *gravity, task: *task, assist: *assist }, 1.0)
+    }
+
+    fn scaling() -> impl Strategy<Value = Scaling> {
+        use Scaling::{AssistWithGravity, GravityExempt, Total};
+        prop_oneof![Just(GravityExempt), Just(Total), Just(AssistWithGravity)]
     }
 
     fn torques(size: f64) -> impl Strategy<Value = Joints> {
@@ -145,9 +238,9 @@ mod tests {
         #[test]
         fn whatever_comes_in_the_torque_is_within_capacity(
             gravity in any_torques(), task in any_torques(), assist in any_torques(),
-            share in 0.0..=1.0_f64
+            share in 0.0..=1.0_f64, scaling in scaling()
         ) {
-            let limited = limits(0.35).combine(&gravity, &task, &assist, share);
+            let limited = scaled(scaling, 0.35).combine(&Asked { gravity, task, assist }, share);
             prop_assert!(is_within(&limited.tau, 1.0));
             prop_assert!(!limited.is_broken || limited.tau == Joints::zeros());
             let finite = |tau: &Joints| tau.iter().all(|torque| torque.is_finite());
@@ -158,7 +251,7 @@ mod tests {
 
         #[test]
         fn saturation_keeps_the_direction(task in torques(50.0)) {
-            let limited = limits(0.35).combine(&Joints::zeros(), &task, &Joints::zeros(), 1.0);
+            let limited = combine(limits(0.35), &Joints::zeros(), &task, &Joints::zeros());
             prop_assert!((limited.tau - task * limited.rest_scale).norm() < 1e-12);
             prop_assert!((0.0..=1.0).contains(&limited.rest_scale));
             prop_assert_eq!(limited.rest_scale < 1.0, limited.limiting_joint.is_some());
@@ -167,14 +260,14 @@ mod tests {
 
         #[test]
         fn saturation_is_idempotent(task in torques(50.0)) {
-            let once = limits(0.35).combine(&Joints::zeros(), &task, &Joints::zeros(), 1.0);
-            let twice = limits(0.35).combine(&Joints::zeros(), &once.tau, &Joints::zeros(), 1.0);
+            let once = combine(limits(0.35), &Joints::zeros(), &task, &Joints::zeros());
+            let twice = combine(limits(0.35), &Joints::zeros(), &once.tau, &Joints::zeros());
             prop_assert!((twice.tau - once.tau).norm() < 1e-14);
         }
 
         #[test]
         fn the_assist_keeps_to_its_fraction(assist in torques(50.0), fraction in 0.0..=1.0_f64) {
-            let limited = limits(fraction).combine(&Joints::zeros(), &Joints::zeros(), &assist, 1.0);
+            let limited = combine(limits(fraction), &Joints::zeros(), &Joints::zeros(), &assist);
             prop_assert!(is_within(&limited.tau, fraction * (1.0 + 1e-15)));
             prop_assert!((limited.tau - assist * limited.assist_scale).norm() < 1e-12);
         }
@@ -185,16 +278,18 @@ mod tests {
             assist in torques(50.0)
         ) {
             let gravity = Joints::from(MAX).component_mul(&Joints::from(share));
-            let limited = limits(0.35).combine(&gravity, &task, &assist, 1.0);
+            let limited = combine(limits(0.35), &gravity, &task, &assist);
             let rest = (task + assist * limited.assist_scale) * limited.rest_scale;
             prop_assert!((limited.tau - gravity - rest).norm() < 1e-12);
-            prop_assert!(limits(0.35).combine(&gravity, &task, &assist, 0.0).tau == gravity);
+            let alone = limits(0.35).combine(&Asked { gravity, task, assist }, 0.0);
+            prop_assert!(alone.tau == gravity);
         }
 
         #[test]
         fn half_a_share_is_half_the_torque(task in torques(50.0), assist in torques(50.0)) {
-            let whole = limits(0.35).combine(&Joints::zeros(), &task, &assist, 1.0);
-            let half = limits(0.35).combine(&Joints::zeros(), &task, &assist, 0.5);
+            let whole = combine(limits(0.35), &Joints::zeros(), &task, &assist);
+            let asked = Asked { gravity: Joints::zeros(), task, assist };
+            let half = limits(0.35).combine(&asked, 0.5);
             prop_assert!((whole.tau - half.tau * 2.0).norm() < 1e-12);
         }
     }
@@ -204,8 +299,37 @@ mod tests {
         for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             let mut task = Joints::repeat(0.1);
             task[3] = bad;
-            let limited = limits(0.35).combine(&Joints::zeros(), &task, &Joints::zeros(), 1.0);
+            let limited = combine(limits(0.35), &Joints::zeros(), &task, &Joints::zeros());
             assert!(limited.is_broken && limited.tau == Joints::zeros());
+        }
+    }
+
+    #[test]
+    fn read_literally_the_arm_sags_when_the_assist_is_scaled() {
+        let (gravity, assist) = (Joints::repeat(0.2), Joints::repeat(2.0));
+        let none = Joints::zeros();
+        let exempt = combine(limits(0.35), &gravity, &none, &assist);
+        let literal = combine(scaled(Scaling::AssistWithGravity, 0.35), &gravity, &none, &assist);
+        assert!((exempt.tau - assist * exempt.assist_scale - gravity).norm() < 1e-12);
+        assert!((literal.tau - (assist + gravity) * literal.assist_scale).norm() < 1e-12);
+        assert!(literal.assist_scale < 0.2);
+    }
+
+    #[test]
+    fn a_step_reaches_the_joints_as_a_ramp_and_ends_where_it_was_asked() {
+        let period = Period::new(1e-3).unwrap();
+        let mut slew = Slew::new(&Joints::from(MAX), 0.02, period).unwrap();
+        let asked = Joints::from(MAX) * 0.5;
+        let mut before = Joints::zeros();
+        for cycle in 1..=12 {
+            let (tau, held) = slew.limit(&asked);
+            assert!((tau - before).iter().zip(MAX).all(|(by, max)| *by <= max * 0.0501));
+            assert!(cycle == 10 || held.is_some() == (cycle < 10), "cycle {cycle}");
+            before = tau;
+        }
+        assert_eq!(before, asked);
+        for wrong in [0.0, -1.0, 20.0, f64::NAN] {
+            assert!(Slew::new(&Joints::from(MAX), wrong, period).is_err());
         }
     }
 

@@ -1,13 +1,16 @@
 //! The reference pose, and how far the grip is from it (Eq. 2, 3 and 4).
 //!
 //! Not what the difference commands. The translation is written in the axes of the reference, {G0},
-//! not of the base as printed in Eq. 2 (decision 2): all six numbers, and the wrenches that answer
-//! them, then share one frame, and the base of the arm may stand anywhere.
+//! unless those of the base are asked for as printed in Eq. 2 (decision 2): all six numbers, and the
+//! wrenches that answer them, then share one frame, and the base of the arm may stand anywhere.
 
 use nalgebra::Isometry3;
+use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 
 use crate::controller::orientation::Orientation;
+use crate::controller::readings::Axes;
+use crate::controller::readings::Readings;
 use crate::controller::switches::Pressed;
 
 /// ΔX of Eq. 4: where the grip is, seen from its reference.
@@ -26,6 +29,12 @@ impl Displacement {
             translation: x_h_g.translation.vector,
             orientation: orientation.numbers(&x_h_g.rotation),
         }
+    }
+
+    /// The same with its translation along other axes, `r` taking the one to the other.
+    #[must_use]
+    pub fn along(self, r: &UnitQuaternion<f64>) -> Self {
+        Self { translation: r * self.translation, ..self }
     }
 
     /// From x, y, z in m and γ, β, α (or a rotation vector) in rad.
@@ -85,6 +94,24 @@ impl Reference {
             *self = Self { x_0_h: *x_0_g, x_b_r: *x_b_m, is_set: self.is_set || set };
         }
         set
+    }
+
+    /// From the axes that the translation of ΔX is written along to those of the grip at `x_0_g`.
+    pub fn turn_to_grip(&self, axes: Axes, x_0_g: &Isometry3<f64>) -> UnitQuaternion<f64> {
+        match axes {
+            Axes::Base => x_0_g.rotation.inverse(),
+            Axes::Reference => x_0_g.rotation.inverse() * self.x_0_h.rotation,
+            Axes::Grip => UnitQuaternion::identity(),
+        }
+    }
+
+    /// ΔX of a grip at `x_h_g` (Eq. 4), as it is read.
+    pub fn dx(&self, readings: &Readings, x_h_g: &Isometry3<f64>) -> Displacement {
+        let dx = Displacement::between(x_h_g, readings.orientation);
+        match readings.displacement {
+            Axes::Reference | Axes::Grip => dx,
+            Axes::Base => dx.along(&self.x_0_h.rotation),
+        }
     }
 
     /// The grip's pose, seen from the reference: Eq. 2 and 3 in one.

@@ -71,23 +71,25 @@ impl Pressed {
 pub struct Panel {
     before: Switches,
     mode: Mode,
+    latches: bool,
     held: bool,
     reflecting: bool,
 }
 
 impl Panel {
-    /// Before the first cycle: every switch taken for closed, reflection off.
-    pub const fn new(mode: Mode) -> Self {
+    /// Before the first cycle: every switch taken for closed, reflection off. `latches` says whether
+    /// closing the deadman in pose mode sets the reference (decision 29).
+    pub const fn new(mode: Mode, latches: bool) -> Self {
         let closed = Switches { deadman: true, reference: true, reflection: true };
-        Self { before: closed, mode, held: false, reflecting: false }
+        Self { before: closed, mode, latches, held: false, reflecting: false }
     }
 
     /// Takes this cycle's levels.
     pub fn read(&mut self, now: Switches, mode: Mode) -> Pressed {
-        let Self { before, mode: mode_before, held: held_before, reflecting } = *self;
+        let Self { before, mode: mode_before, latches, held: held_before, reflecting } = *self;
         let held = now.deadman && (held_before || !before.deadman);
         let reflecting = reflecting != (now.reflection && !before.reflection);
-        *self = Self { before: now, mode, held, reflecting };
+        *self = Self { before: now, mode, latches, held, reflecting };
         Pressed {
             commands: held,
             task: held && reflecting,
@@ -95,7 +97,7 @@ impl Panel {
             damping: held && reflecting,
             reference: now.reference && (mode == Mode::Pose || !before.reference),
             engaged: held && (!held_before || mode != mode_before),
-            latches: mode == Mode::Pose,
+            latches: mode == Mode::Pose && (latches || mode != mode_before),
         }
     }
 }
@@ -111,7 +113,7 @@ mod tests {
     const REFLECTION: Switches = Switches { reflection: true, ..DEADMAN };
 
     fn released(mode: Mode) -> Panel {
-        let mut panel = Panel::new(mode);
+        let mut panel = Panel::new(mode, true);
         panel.read(UP, mode);
         panel
     }
@@ -121,7 +123,7 @@ mod tests {
         fn without_the_deadman_nothing_is_permitted(
             presses in prop::collection::vec(any::<[bool; 3]>(), 0..20)
         ) {
-            let mut panel = Panel::new(Mode::Rate);
+            let mut panel = Panel::new(Mode::Rate, true);
             for [deadman, reference, reflection] in presses {
                 let pressed = panel.read(Switches { deadman, reference, reflection }, Mode::Rate);
                 if !deadman {
@@ -135,7 +137,7 @@ mod tests {
     #[test]
     fn a_switch_closed_from_the_start_counts_after_its_release() {
         let all = Switches { deadman: true, reference: true, reflection: true };
-        let mut panel = Panel::new(Mode::Rate);
+        let mut panel = Panel::new(Mode::Rate, true);
         for _ in 0..3 {
             assert_eq!(panel.read(all, Mode::Rate), Pressed::NOTHING);
         }

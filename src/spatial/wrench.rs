@@ -6,6 +6,7 @@ use std::ops::Neg;
 use std::ops::Sub;
 
 use nalgebra::Isometry3;
+use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 
 use crate::spatial::Twist;
@@ -39,6 +40,11 @@ impl Wrench {
         let force = x.rotation * self.force;
         let moment = x.rotation * self.moment + x.translation.vector.cross(&force);
         Self { force, moment }
+    }
+
+    /// The same wrench written along other axes, `r` taking the one to the other.
+    pub fn turned(&self, r: &UnitQuaternion<f64>) -> Self {
+        Self { force: r * self.force, moment: r * self.moment }
     }
 
     /// Each component multiplied by its own gain: a diagonal gain matrix.

@@ -1,0 +1,139 @@
+//! How the task wrench and the return to centre begin to be felt: by a ramp, and if asked for only
+//! once there is next to nothing to be felt.
+//!
+//! Not whether they may be felt at all, which the switches say. A hand that switches reflection on while
+//! the object leans on a wall is not hit by it (what CHAI3D's tools call waiting for a small force).
+
+use thiserror::Error;
+
+use crate::controller::velocity::Period;
+use crate::spatial::Wrench;
+
+/// So many cycles in a row the wrench must be small.
+const CALM_CYCLES: u32 = 3;
+
+/// Longer than this is no beginning, in s.
+const LONGEST: f64 = 10.0;
+
+/// The beginning of what is felt.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Engagement {
+    /// What each cycle adds to the share.
+    step: f64,
+    /// Waits until force and moment are below these, in N and N·m.
+    calm: Option<[f64; 2]>,
+    share: f64,
+    calm_for: u32,
+    has_begun: bool,
+}
+
+/// Why there is no such beginning.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum InvalidEngagement {
+    /// Its length.
+    #[error("a ramp of {0} s is not within 0 and {LONGEST} s")]
+    Ramp(f64),
+    /// What counts as small.
+    #[error("waiting for a wrench below {0} would be for ever")]
+    Calm(f64),
+}
+
+impl Engagement {
+    /// A ramp of `ramp` s, from the first cycle or from when the wrench to be felt has been below `calm`
+    /// (N, N·m) for three.
+    ///
+    /// # Errors
+    /// A ramp that is too long or none, a wrench that cannot be met.
+    pub fn new(
+        ramp: f64,
+        calm: Option<[f64; 2]>,
+        period: Period,
+    ) -> Result<Self, InvalidEngagement> {
+        if !(0.0..=LONGEST).contains(&ramp) {
+            return Err(InvalidEngagement::Ramp(ramp));
+        }
+        let impossible = |size: &&f64| !(size.is_finite() && **size > 0.0);
+        if let Some(size) = calm.iter().flatten().find(impossible) {
+            return Err(InvalidEngagement::Calm(*size));
+        }
+        let step = if ramp > 0.0 { (period.seconds() / ramp).min(1.0) } else { 1.0 };
+        Ok(Self { step, calm, share: 0.0, calm_for: 0, has_begun: false })
+    }
+
+    /// How much is felt this cycle, 0 to 1. `f_g` is what would be felt in full.
+    pub fn share(&mut self, is_permitted: bool, f_g: &Wrench) -> f64 {
+        if !is_permitted {
+            (self.share, self.calm_for, self.has_begun) = (0.0, 0, false);
+            return 0.0;
+        }
+        let is_calm = self
+            .calm
+            .is_none_or(|[force, moment]| f_g.force.norm() < force && f_g.moment.norm() < moment);
+        self.calm_for = if is_calm { self.calm_for.saturating_add(1) } else { 0 };
+        self.has_begun |= self.calm.is_none() || self.calm_for >= CALM_CYCLES;
+        if self.has_begun {
+            self.share = (self.share + self.step).min(1.0);
+        }
+        self.share
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn engagement(ramp: f64, calm: Option<[f64; 2]>) -> Result<Engagement, InvalidEngagement> {
+        Engagement::new(ramp, calm, Period::new(1e-3).unwrap())
+    }
+
+    fn push(force: f64) -> Wrench {
+        Wrench::from_components([force, 0.0, 0.0, 0.0, 0.0, 0.0])
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_begins_with_a_jump(
+            ramp in 0.02..2.0_f64,
+            steps in prop::collection::vec((any::<bool>(), 0.0..2.0_f64), 1..200),
+        ) {
+            let mut engagement = engagement(ramp, Some([0.2, 0.01])).unwrap();
+            let mut before = 0.0;
+            for (is_permitted, force) in steps {
+                let share = engagement.share(is_permitted, &push(force));
+                prop_assert!(share - before <= 1e-3 / ramp + 1e-12 && (0.0..=1.0).contains(&share));
+                prop_assert!(is_permitted || share == 0.0);
+                before = share;
+            }
+        }
+    }
+
+    #[test]
+    fn a_wall_is_felt_only_after_it_has_been_left() {
+        let mut engagement = engagement(0.01, Some([0.2, 0.01])).unwrap();
+        for _ in 0..100 {
+            assert!(engagement.share(true, &push(5.0)) == 0.0);
+        }
+        let calm: Vec<f64> = (0..12).map(|_| engagement.share(true, &push(0.1))).collect();
+        assert!(calm[1] == 0.0 && calm[2] > 0.0 && calm[11] > 0.99, "{calm:?}");
+        assert!(engagement.share(true, &push(5.0)) >= 1.0, "for as long as it is permitted");
+    }
+
+    #[test]
+    fn without_waiting_it_rises_at_once() {
+        let mut engagement = engagement(0.002, None).unwrap();
+        let [first, second, _] = [0, 1, 2].map(|_| engagement.share(true, &push(5.0)));
+        assert!((first - 0.5).abs() < 1e-12 && second >= 1.0);
+    }
+
+    #[test]
+    fn a_beginning_ends() {
+        for wrong in [-1.0, 11.0, f64::NAN] {
+            assert!(engagement(wrong, None).is_err());
+        }
+        for wrong in [0.0, -1.0, f64::INFINITY, f64::NAN] {
+            assert!(engagement(0.1, Some([wrong, 1.0])).is_err());
+            assert!(engagement(0.1, Some([1.0, wrong])).is_err());
+        }
+    }
+}

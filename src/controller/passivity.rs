@@ -1,0 +1,190 @@
+//! The passivity observer and controller at the reflection port, six axes at once (Hannaford and Ryu
+//! 2002, in the form that is exact for torques that are held between cycles).
+//!
+//! The observer adds up the work that the task torques have really taken from the hand: those that were
+//! held, times how far the joints have really come. The textbook's product of this cycle's force and
+//! this cycle's speed takes each sample to have begun earlier than it did, and never sees the energy
+//! that a sampled wall gives off. Where the sum falls below zero, the port has given more than it was
+//! given, and the controller takes it back with a damper that is just strong enough.
+
+use thiserror::Error;
+
+use crate::spatial::Twist;
+use crate::spatial::Wrench;
+
+/// Slower than this the hand does not move: no damper could take anything, in m/s.
+const STILL: f64 = 1e-6;
+
+/// What makes an observer and its controller.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PassivitySettings {
+    /// The most the sum may come to, in J: credit from long ago must not hide what happens now.
+    pub max_energy: f64,
+    /// The strongest damper, in N·s/m.
+    pub max_damping: f64,
+    /// The lever that makes rotations comparable, in m: its square times a damper of translations is
+    /// one of rotations.
+    pub lever: f64,
+    /// Below this task force in N there is no contact, and nothing to be remembered of it.
+    pub calm_force: f64,
+    /// Whether a contact must never pull: the damper then stops short of turning the task's force round.
+    pub is_one_sided: bool,
+}
+
+/// A number of [`PassivitySettings`] that is none.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("{quantity} of the passivity controller cannot be {value}")]
+pub struct InvalidPassivity {
+    /// Which.
+    pub quantity: &'static str,
+    /// What stood there.
+    pub value: f64,
+}
+
+/// The observer and what it has seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passivity {
+    settings: PassivitySettings,
+    /// What the hand has put into the port, less what it got out, in J.
+    energy: f64,
+}
+
+impl Passivity {
+    /// Having seen nothing.
+    ///
+    /// # Errors
+    /// A number that is not positive and finite.
+    pub fn new(settings: PassivitySettings) -> Result<Self, InvalidPassivity> {
+        let PassivitySettings { max_energy, max_damping, lever, calm_force, is_one_sided: _ } =
+            settings;
+        for (quantity, value) in [
+            ("the largest energy", max_energy),
+            ("the strongest damping", max_damping),
+            ("the lever", lever),
+            ("the calm force", calm_force),
+        ] {
+            if !(value > 0.0 && value <= 1e6) {
+                return Err(InvalidPassivity { quantity, value });
+            }
+        }
+        Ok(Self { settings, energy: 0.0 })
+    }
+
+    /// What the hand has put into the port, less what it got out, in J. Below zero the port was active.
+    pub const fn energy(&self) -> f64 {
+        self.energy
+    }
+
+    /// Adds the work in J that the hand has just done against the port. Out of contact there is no
+    /// port.
+    pub fn account(&mut self, work: f64, f_g_task: &Wrench) {
+        if f_g_task.force.norm() < self.settings.calm_force {
+            self.energy = 0.0;
+        } else {
+            self.energy = (self.energy + work).min(self.settings.max_energy);
+        }
+    }
+
+    /// The wrench on the hand, in {G}, that takes back in the next `dt` s what the port has given too
+    /// much, if the hand goes on as it moves: `-α W v_g` with `α = -E / (dt vᵀ W v)`. If the contact is
+    /// one-sided, it and the task's together never pull the hand back into what pushes it away.
+    pub fn wrench(&self, dt: f64, v_g: &Twist, f_g_task: &Wrench) -> Wrench {
+        let moving = self.weighted(v_g);
+        let strength = moving.power(v_g);
+        if self.energy >= 0.0 || strength < STILL * STILL {
+            return Wrench::ZERO;
+        }
+        let damping = (-self.energy / (dt * strength)).min(self.settings.max_damping);
+        let against = moving * -damping;
+        if self.settings.is_one_sided { one_sided(&against, f_g_task) } else { against }
+    }
+
+    /// `W v`: a damper of 1 N·s/m, and of its lever squared for rotations.
+    fn weighted(&self, v_g: &Twist) -> Wrench {
+        let turning = self.settings.lever * self.settings.lever;
+        Wrench { force: v_g.linear, moment: v_g.angular * turning }
+    }
+}
+
+/// `f_g` without what would turn the force of the task round.
+fn one_sided(f_g: &Wrench, f_g_task: &Wrench) -> Wrench {
+    let push = f_g_task.force.norm();
+    if push <= 0.0 {
+        return *f_g;
+    }
+    let outwards = f_g_task.force / push;
+    let too_much = (f_g.force.dot(&outwards) + push).min(0.0);
+    Wrench { force: f_g.force - outwards * too_much, moment: f_g.moment }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const SETTINGS: PassivitySettings = PassivitySettings {
+        max_energy: 0.1,
+        max_damping: 1e3,
+        lever: 0.1,
+        calm_force: 0.01,
+        is_one_sided: true,
+    };
+
+    /// An observer that has seen `energy`.
+    fn seen(energy: f64) -> Passivity {
+        let mut passivity = Passivity::new(SETTINGS).unwrap();
+        passivity.account(energy, &push(1.0));
+        passivity
+    }
+
+    fn push(force: f64) -> Wrench {
+        Wrench::from_components([force, 0.0, 0.0, 0.0, 0.0, 0.0])
+    }
+
+    fn twist() -> impl Strategy<Value = Twist> {
+        prop::array::uniform6(-1.0..1.0_f64).prop_map(Twist::from_components)
+    }
+
+    proptest! {
+        #[test]
+        fn what_was_given_too_much_is_taken_back(energy in -1e-3..0.0_f64, v_g in twist()) {
+            let f_g = seen(energy).wrench(1e-3, &v_g, &Wrench::ZERO);
+            let taken = -f_g.power(&v_g) * 1e-3;
+            prop_assert!(taken >= 0.0 && taken <= -energy * (1.0 + 1e-9));
+        }
+
+        #[test]
+        fn a_passive_port_is_left_alone(energy in 0.0..1.0_f64, v_g in twist()) {
+            prop_assert_eq!(seen(energy).wrench(1e-3, &v_g, &push(1.0)), Wrench::ZERO);
+        }
+
+        #[test]
+        fn a_contact_never_pulls(
+            energy in -1.0..0.0_f64, v_g in twist(), f in prop::array::uniform6(-5.0..5.0_f64)
+        ) {
+            let f_g_task = Wrench::from_components(f);
+            let f_g = seen(energy).wrench(1e-3, &v_g, &f_g_task) + f_g_task;
+            prop_assert!(f_g.force.dot(&f_g_task.force) >= -1e-9);
+        }
+    }
+
+    #[test]
+    fn credit_is_bounded_and_ends_with_the_contact() {
+        let mut passivity = seen(5.0);
+        assert!((passivity.energy() - 0.1).abs() < 1e-15);
+        passivity.account(-0.3, &push(1.0));
+        assert!(passivity.energy() < -0.19);
+        passivity.account(0.0, &Wrench::ZERO);
+        assert!(passivity.energy() == 0.0);
+    }
+
+    #[test]
+    fn a_number_that_is_none_is_named() {
+        let wrong = PassivitySettings { lever: 0.0, ..SETTINGS };
+        let error = Passivity::new(wrong).unwrap_err();
+        assert_eq!(error.to_string(), "the lever of the passivity controller cannot be 0");
+        for wrong in [f64::NAN, -1.0, f64::INFINITY] {
+            assert!(Passivity::new(PassivitySettings { max_energy: wrong, ..SETTINGS }).is_err());
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! How the paper is read where it can be read in several ways: one choice per decision of the
+//! control notes, and the two presets.
+//!
+//! | reading          | decision | `consistent`                    | `paper1997`, and what it does wrong        |
+//! |------------------|----------|---------------------------------|--------------------------------------------|
+//! | [`Orientation`]  | 4        | Euler angles, held beyond 80°   | the same; the rotation vector is the other choice, held beyond 170° |
+//! | [`Axes`] of ΔX   | 2        | those of the reference {G0}     | those of the base: one six-vector has two frames, and the command turns with the base |
+//! | [`Centring`]     | 2, 15    | conjugate to ΔX, turned to {G}  | components of ΔX taken for a wrench at {G}: a hand turned by half a turn is pushed away |
+//! | [`Weight`]       | 12       | each link on its own joints     | all links as one wrench at the grip: every joint but the first also carries what lies before it |
+//! | [`Scaling`]      | 13, 22   | gravity is never scaled         | gravity is part of the assist and scaled with it: the arm sags when the hand moves fast |
+//! | [`Difference`]   | 19       | twist of the grip, in SI        | ΔX less the last ΔX: grows with the sample rate, and takes Euler angles for a rotation |
+//! | `latches`        | 29       | closing the deadman latches     | the same; switched off, a pose command jumps to where the hand points |
+//! | [`Axes`] of F_T  | 30       | those of the grip               | the same                                   |
+//!
+//! The odd reading of Eq. 8 (decision 14) is common to both: as printed, its first line pushes a hand
+//! on the negative side away without bound, and nobody should be able to choose that.
+
+use crate::controller::orientation::Orientation;
+
+/// Along which axes something is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axes {
+    /// Those of the base {0}.
+    Base,
+    /// Those of the reference {G0}.
+    Reference,
+    /// Those of the grip {G}.
+    Grip,
+}
+
+/// How the return to centre becomes a wrench (Eq. 8).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Centring {
+    /// The wrench that does the same work on the grip as the six forces do on the six numbers.
+    Conjugate,
+    /// The six forces themselves, taken for a wrench at {G}.
+    Components,
+}
+
+/// What carries the arm (3.3).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Weight {
+    /// `Σ J_ciᵀ (-m_i g)`.
+    PerLink,
+    /// The weight of all links as one wrench at the grip, through Eq. 7.
+    AtGrip,
+}
+
+/// What of the torques is scaled to fit the joints (3.4).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scaling {
+    /// The assist to its fraction, then task and assist to what gravity leaves.
+    GravityExempt,
+    /// The assist to its fraction, then the total.
+    Total,
+    /// Assist and gravity together to the assist's fraction, then the total: Eq. 10 as printed.
+    AssistWithGravity,
+}
+
+/// Whose change is damped (Eq. 9).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Difference {
+    /// The grip's pose: its twist.
+    Twist,
+    /// ΔX, number by number, since the last cycle.
+    Components,
+}
+
+/// One reading of the paper.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Readings {
+    /// How an orientation is written as three numbers.
+    pub orientation: Orientation,
+    /// Along which axes the translation of ΔX is written: [`Axes::Reference`] or [`Axes::Base`].
+    pub displacement: Axes,
+    /// How the return to centre becomes a wrench.
+    pub centring: Centring,
+    /// What carries the arm.
+    pub weight: Weight,
+    /// What is scaled.
+    pub scaling: Scaling,
+    /// Whose change is damped.
+    pub damping: Difference,
+    /// Whether closing the deadman in pose mode sets the reference.
+    pub latches: bool,
+    /// Along which axes the task wrench is felt: [`Axes::Grip`] or [`Axes::Reference`].
+    pub task: Axes,
+}
+
+impl Readings {
+    /// Frames, work and weight agree with each other. The default.
+    pub const CONSISTENT: Self = Self {
+        orientation: Orientation::EulerZyx,
+        displacement: Axes::Reference,
+        centring: Centring::Conjugate,
+        weight: Weight::PerLink,
+        scaling: Scaling::GravityExempt,
+        damping: Difference::Twist,
+        latches: true,
+        task: Axes::Grip,
+    };
+
+    /// The equations as they are printed, for comparison.
+    pub const PAPER_1997: Self = Self {
+        orientation: Orientation::EulerZyx,
+        displacement: Axes::Base,
+        centring: Centring::Components,
+        weight: Weight::AtGrip,
+        scaling: Scaling::AssistWithGravity,
+        damping: Difference::Components,
+        latches: true,
+        task: Axes::Grip,
+    };
+}

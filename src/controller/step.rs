@@ -1,0 +1,256 @@
+//! One cycle, from joint positions and wrench to torques and command: Fig. 3, from top to bottom.
+
+use nalgebra::Isometry3;
+
+use crate::controller::Fault;
+use crate::controller::Input;
+use crate::controller::JointVector;
+use crate::controller::Ledger;
+use crate::controller::Output;
+use crate::controller::Settings;
+use crate::controller::arm::Posture;
+use crate::controller::assist;
+use crate::controller::assist::Damping;
+use crate::controller::command::Gate;
+use crate::controller::intake::Trusted;
+use crate::controller::limits::Asked;
+use crate::controller::limits::Limited;
+use crate::controller::limits::Limits;
+use crate::controller::port::Port;
+use crate::controller::readings::Centring;
+use crate::controller::readings::Weight;
+use crate::controller::reference::Displacement;
+use crate::controller::reference::Reference;
+use crate::controller::switches::Mode;
+use crate::controller::switches::Panel;
+use crate::controller::switches::Pressed;
+use crate::controller::velocity::JointRates;
+use crate::controller::velocity::Velocity;
+use crate::spatial::Jacobian;
+use crate::spatial::Motion;
+use crate::spatial::Wrench;
+
+/// The law with what it remembers from cycle to cycle.
+#[derive(Clone, Copy, Debug)]
+pub struct Controller {
+    settings: Settings,
+    limits: Limits<6>,
+    panel: Panel,
+    reference: Reference,
+    gate: Gate,
+    rates: JointRates<6>,
+    velocity: Velocity,
+    damping: Damping,
+    port: Port,
+    mode: Mode,
+    /// Where the object last was.
+    x_b_m: Isometry3<f64>,
+    /// Where the last command asked it to be, if it asked for a pose.
+    x_b_asked: Option<Isometry3<f64>>,
+}
+
+impl Controller {
+    /// Ready for its first cycle: no reference, reflection off.
+    pub fn new(settings: &Settings) -> Self {
+        let Settings { readings, period, calibration, assist_fraction, beyond, .. } = *settings;
+        Self {
+            settings: *settings,
+            limits: Limits::new(calibration.max_torques(), assist_fraction, readings.scaling),
+            panel: Panel::new(Mode::Rate, readings.latches),
+            reference: Reference::none(),
+            gate: Gate::Released,
+            rates: JointRates::new(period),
+            velocity: Velocity::new(period, beyond.velocity_filter),
+            damping: Damping::new(settings.damping, period, readings.damping),
+            port: Port::new(period, beyond.passivity, beyond.tank),
+            mode: Mode::Rate,
+            x_b_m: Isometry3::identity(),
+            x_b_asked: None,
+        }
+    }
+
+    /// One cycle (Fig. 3).
+    pub fn step(&mut self, input: &Input) -> Output {
+        let Settings { readings, arm, calibration, channels, command: law, .. } = self.settings;
+        let given = Trusted::of(input, &self.x_b_m);
+        let pressed = self.panel.read(input.switches, input.mode); // 4.1
+
+        let q = calibration.positions(&input.counts);
+        let posture = arm.posture(&q);
+        let x_0_g = posture.x_0_g; // Eq. 1
+        let qd = self.rates.update(&q, input.restart);
+        let moving = self.velocity.update(&x_0_g, input.restart);
+
+        let x_b_last = self.x_b_asked.unwrap_or(given.x_b_m);
+        let is_new = self.reference.update(&pressed, &x_0_g, &x_b_last);
+        let reference = self.reference;
+        let x_h_g = reference.displacement(&x_0_g); // Eq. 2, 3
+        let dx = reference.dx(&readings, &x_h_g); // Eq. 4
+
+        let dx_db = law.effective(input.mode, &channels, &dx);
+        let is_within = readings.orientation.is_within(&dx.orientation);
+        let gate = self.gate.next(&pressed, input.mode, is_new, dx_db.is_zero(), is_within);
+        let command = law.motion(&readings, input.mode, gate, &reference, &dx_db); // Eq. 5, 3.5
+
+        let f_m_task = self.task(&given, &command); // Eq. 6
+        let f_g_felt = self.felt(&f_m_task, &x_0_g); // K_T
+        let begun = self.begun(&pressed, &f_g_felt);
+        let port = self.port.pass(&qd, &moving, &(f_g_felt * begun));
+        let f_g_task = port.f_g_task;
+
+        let f_g_centring = self.centring(&pressed, input.mode, &x_0_g, &dx) * begun; // Eq. 8
+        let is_first = input.restart || is_new || input.mode != self.mode;
+        let against = self.damping.wrench(&moving.v_g, &x_h_g, &dx, is_first);
+        let f_g_damping = permitted(pressed.damping, against); // Eq. 9
+
+        let j_g = arm.jacobian(&posture);
+        let fade = self.fade(&f_g_task);
+        let asked = Ledger {
+            task: j_g.torques(&f_g_task),                                // Eq. 7
+            gravity: self.gravity(&posture, &j_g) * given.gravity_share, // 3.3
+            centring: j_g.torques(&f_g_centring) * fade,
+            damping: j_g.torques(&f_g_damping) * fade,
+            passivity: j_g.torques(&port.f_g_passivity),
+            soft_stops: self.soft_stops(&pressed, &q, &qd),
+            share: given.reflection_share,
+            ..Ledger::nothing()
+        };
+        let (tau, ledger, broken) = self.limit(asked); // Eq. 10
+        let targets = calibration.targets(&tau); // Fig. 6
+
+        self.gate = gate;
+        self.mode = input.mode;
+        self.x_b_m = given.x_b_m;
+        self.x_b_asked = asked_pose(&command);
+        let turned = (gate == Gate::TurnedTooFar).then_some(Fault::TurnedTooFar);
+        Output {
+            q,
+            joint_out_of_range: arm.out_of_range(&q),
+            x_0_g,
+            pressed,
+            reference,
+            x_h_g,
+            dx,
+            dx_db,
+            gate,
+            command,
+            moving,
+            f_m_task,
+            f_g_task,
+            port,
+            f_g_centring,
+            f_g_damping,
+            j_g,
+            ledger,
+            tau,
+            targets,
+            fault: broken.or(given.fault).or(turned),
+        }
+    }
+
+    /// The wrench at {MRF}: what the sensor reads there (Eq. 6), or what ties the hand to the object.
+    fn task(&mut self, given: &Trusted, command: &Motion) -> Wrench {
+        let f_m_sensed = self.settings.reflection.at_object(&given.f_s);
+        let Some(coupling) = &mut self.settings.beyond.virtual_coupling else { return f_m_sensed };
+        match command {
+            Motion::Pose(x_b_d) => coupling.wrench(Some(x_b_d), &given.x_b_m),
+            Motion::Rate(_) | Motion::Hold => {
+                coupling.wrench(None, &given.x_b_m);
+                f_m_sensed
+            }
+        }
+    }
+
+    /// What the hand is to feel of it, at {G}, along the axes the reading says (decision 30).
+    fn felt(&self, f_m_task: &Wrench, x_0_g: &Isometry3<f64>) -> Wrench {
+        let f_g = self.settings.reflection.at_grip(f_m_task);
+        f_g.turned(&self.reference.turn_to_grip(self.settings.readings.task, x_0_g))
+    }
+
+    /// How much of what is felt has begun to be, 0 to 1.
+    fn begun(&mut self, pressed: &Pressed, f_g_felt: &Wrench) -> f64 {
+        match &mut self.settings.beyond.engagement {
+            Some(engagement) => engagement.share(pressed.task, f_g_felt),
+            None if pressed.task => 1.0,
+            None => 0.0,
+        }
+    }
+
+    /// The return to centre in rate mode; in pose mode at most its walls (3.5).
+    fn centring(
+        &self,
+        pressed: &Pressed,
+        mode: Mode,
+        x_0_g: &Isometry3<f64>,
+        dx: &Displacement,
+    ) -> Wrench {
+        let Settings { readings, channels, beyond, .. } = &self.settings;
+        let channels = match mode {
+            Mode::Rate if pressed.centring => *channels,
+            Mode::Pose if beyond.walls_in_pose => channels.walls_only(),
+            Mode::Rate | Mode::Pose => return Wrench::ZERO,
+        };
+        match readings.centring {
+            Centring::Components => assist::centring_by_components(&channels, dx),
+            Centring::Conjugate => {
+                let r_g_dx = self.reference.turn_to_grip(readings.displacement, x_0_g);
+                assist::centring(&channels, readings.orientation, &r_g_dx, dx)
+            }
+        }
+    }
+
+    /// What the task leaves of the assist, 0 to 1 (decision 23).
+    fn fade(&self, f_g_task: &Wrench) -> f64 {
+        self.settings.beyond.contact_fade.map_or(1.0, |fade| fade.share(f_g_task))
+    }
+
+    /// What carries the arm (decision 12).
+    fn gravity(&self, posture: &Posture<6>, j_g: &Jacobian<6>) -> JointVector {
+        let arm = &self.settings.arm;
+        match self.settings.readings.weight {
+            Weight::PerLink => arm.gravity(posture),
+            Weight::AtGrip => j_g.torques(&arm.gravity_at_grip(posture)),
+        }
+    }
+
+    /// What turns joints back before their ends, while the operator is there.
+    fn soft_stops(&self, pressed: &Pressed, q: &JointVector, qd: &JointVector) -> JointVector {
+        let stops = self.settings.beyond.soft_stops.filter(|_| pressed.commands);
+        stops.map_or_else(JointVector::zeros, |stops| stops.torques(q, qd))
+    }
+
+    /// What the joints can exert of what is asked for, as fast as they may change.
+    fn limit(&mut self, asked: Ledger) -> (JointVector, Ledger, Option<Fault>) {
+        let port = asked.task + asked.passivity;
+        let torques = Asked {
+            gravity: asked.gravity,
+            task: port + asked.soft_stops,
+            assist: asked.centring + asked.damping,
+        };
+        let limited = self.limits.combine(&torques, asked.share);
+        let Limited { assist_scale, rest_scale, limiting_joint, is_broken, .. } = limited;
+        let (tau, slewing_joint) = match &mut self.settings.beyond.slew {
+            Some(slew) if is_broken => slew.drop_to_zero(),
+            Some(slew) => slew.limit(&limited.tau),
+            None => (limited.tau, None),
+        };
+        let is_held = if is_broken { 0.0 } else { rest_scale * asked.share };
+        self.port.hold(&(port * is_held));
+        let broken = is_broken.then_some(Fault::TorqueNotFinite);
+        let ledger = Ledger { assist_scale, rest_scale, limiting_joint, slewing_joint, ..asked };
+        (tau, ledger, broken)
+    }
+}
+
+/// The wrench where it is permitted, none elsewhere.
+fn permitted(is_permitted: bool, f_g: Wrench) -> Wrench {
+    if is_permitted { f_g } else { Wrench::ZERO }
+}
+
+/// Where a command asks the object to be, if it does.
+fn asked_pose(command: &Motion) -> Option<Isometry3<f64>> {
+    match command {
+        Motion::Pose(x_b_d) => Some(*x_b_d),
+        Motion::Hold | Motion::Rate(_) => None,
+    }
+}

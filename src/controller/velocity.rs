@@ -1,0 +1,212 @@
+//! How fast the grip moves, from where it was a cycle ago.
+//!
+//! Not from joint rates: the drives do not send them. A first-order low pass may smooth what the
+//! encoders' steps make of a difference; without one the estimate is the difference itself (decision
+//! 19). After a gap it begins anew, with zero.
+
+use nalgebra::Isometry3;
+use nalgebra::SVector;
+use nalgebra::Vector3;
+use thiserror::Error;
+
+use crate::spatial::Twist;
+use crate::spatial::rotation;
+
+/// From one cycle to the next, in s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Period(f64);
+
+/// A cycle that is none.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("a cycle period of {0} s is not within 10 µs and 1 s")]
+pub struct InvalidPeriod(pub f64);
+
+impl Period {
+    /// From seconds.
+    ///
+    /// # Errors
+    /// A period no control loop has.
+    pub fn new(seconds: f64) -> Result<Self, InvalidPeriod> {
+        if (1e-5..=1.0).contains(&seconds) {
+            Ok(Self(seconds))
+        } else {
+            Err(InvalidPeriod(seconds))
+        }
+    }
+
+    /// In s.
+    pub const fn seconds(self) -> f64 {
+        self.0
+    }
+}
+
+/// A filter whose time constant is none.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("a velocity filter of {0} s is not within 0 and 1 s")]
+pub struct InvalidFilter(pub f64);
+
+/// The time constant of a first-order low pass on velocities, in s; none by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Filter(f64);
+
+impl Filter {
+    /// From seconds; zero lets everything through.
+    ///
+    /// # Errors
+    /// A time constant that is negative, not a number, or beyond a second.
+    pub fn new(seconds: f64) -> Result<Self, InvalidFilter> {
+        if (0.0..=1.0).contains(&seconds) { Ok(Self(seconds)) } else { Err(InvalidFilter(seconds)) }
+    }
+
+    /// In s.
+    pub const fn seconds(self) -> f64 {
+        self.0
+    }
+}
+
+/// How fast the joints came to where they are, by difference.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointRates<const N: usize> {
+    period: Period,
+    q_before: Option<SVector<f64, N>>,
+}
+
+impl<const N: usize> JointRates<N> {
+    /// At rest.
+    pub const fn new(period: Period) -> Self {
+        Self { period, q_before: None }
+    }
+
+    /// Takes this cycle's joint positions; the rates since the last, in rad/s or m/s. None after a gap.
+    pub fn update(&mut self, q: &SVector<f64, N>, restart: bool) -> SVector<f64, N> {
+        let q_before = self.q_before.replace(*q).filter(|_| !restart).unwrap_or(*q);
+        (q - q_before) / self.period.seconds()
+    }
+}
+
+/// The estimate, from cycle to cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Velocity {
+    period: f64,
+    /// The part of each new difference that is taken over: 1 without a filter.
+    part: f64,
+    x_0_before: Option<Isometry3<f64>>,
+    linear_in_0: Vector3<f64>,
+    angular: Vector3<f64>,
+}
+
+/// How the grip moves, both in {G}.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moving {
+    /// Since the last cycle, unfiltered: what its work is computed with.
+    pub v_g_raw: Twist,
+    /// The estimate: what damping acts on.
+    pub v_g: Twist,
+}
+
+impl Velocity {
+    /// At rest. By backward Euler the low pass lets `T / (T + τ)` of each difference through.
+    pub fn new(period: Period, filter: Filter) -> Self {
+        let period = period.seconds();
+        Self {
+            period,
+            part: period / (period + filter.seconds()),
+            x_0_before: None,
+            linear_in_0: Vector3::zeros(),
+            angular: Vector3::zeros(),
+        }
+    }
+
+    /// Takes the grip's pose of this cycle. `restart` makes it the first: after an overrun the motion
+    /// since the last one took longer than a cycle.
+    pub fn update(&mut self, x_0_g: &Isometry3<f64>, restart: bool) -> Moving {
+        let last = self.x_0_before.replace(*x_0_g).filter(|_| !restart);
+        let r_g_0 = x_0_g.rotation.inverse();
+        let Some(x_0_before) = last else {
+            (self.linear_in_0, self.angular) = (Vector3::zeros(), Vector3::zeros());
+            return Moving::default();
+        };
+        let moved_in_0 = x_0_g.translation.vector - x_0_before.translation.vector;
+        let turned = rotation::rotation_vector(&(x_0_before.rotation.inverse() * x_0_g.rotation));
+        let (linear_in_0, angular) = (moved_in_0 / self.period, turned / self.period);
+        self.linear_in_0 += (linear_in_0 - self.linear_in_0) * self.part;
+        self.angular += (angular - self.angular) * self.part;
+        Moving {
+            v_g_raw: Twist { linear: r_g_0 * linear_in_0, angular },
+            v_g: Twist { linear: r_g_0 * self.linear_in_0, angular: self.angular },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn period(seconds: f64) -> Period {
+        Period::new(seconds).unwrap()
+    }
+
+    fn filter(seconds: f64) -> Filter {
+        Filter::new(seconds).unwrap()
+    }
+
+    fn pose() -> impl Strategy<Value = Isometry3<f64>> {
+        prop::array::uniform6(-0.7..0.7_f64)
+            .prop_map(|[x, y, z, a, b, c]| Isometry3::new([x, y, z].into(), [a, b, c].into()))
+    }
+
+    fn twist() -> impl Strategy<Value = Twist> {
+        prop::array::uniform6(-1.0..1.0_f64).prop_map(Twist::from_components)
+    }
+
+    proptest! {
+        #[test]
+        fn a_steady_motion_is_found_filtered_or_not(x_0_g in pose(), v_g in twist()) {
+            for (time_constant, cycles) in [(0.0, 2), (0.005, 200)] {
+                let mut velocity = Velocity::new(period(1e-3), filter(time_constant));
+                let mut moving = Moving::default();
+                let mut x_0_now = x_0_g;
+                for _ in 0..cycles {
+                    moving = velocity.update(&x_0_now, false);
+                    x_0_now *= v_g.over(1e-3);
+                }
+                for found in [moving.v_g_raw, moving.v_g] {
+                    for (found, true_) in found.components().iter().zip(v_g.components()) {
+                        prop_assert!((found - true_).abs() < 0.02, "{found} for {true_}");
+                    }
+                }
+            }
+        }
+
+        #[test]
+        fn the_cycle_does_not_matter(x_0_g in pose(), v_g in twist()) {
+            let measured = |seconds: f64| {
+                let mut velocity = Velocity::new(period(seconds), filter(0.0));
+                velocity.update(&(x_0_g * (v_g * -1.0).over(seconds)), false);
+                velocity.update(&x_0_g, false).v_g.components()
+            };
+            for (fast, slow) in measured(1e-4).iter().zip(measured(2e-4)) {
+                prop_assert!((fast - slow).abs() < 1e-3, "{fast} at 10 kHz, {slow} at 5 kHz");
+            }
+        }
+
+        #[test]
+        fn a_gap_is_no_motion(x_0_g in pose(), elsewhere in pose()) {
+            let mut velocity = Velocity::new(period(1e-3), filter(0.01));
+            prop_assert_eq!(velocity.update(&elsewhere, false), Moving::default());
+            velocity.update(&x_0_g, false);
+            prop_assert_eq!(velocity.update(&elsewhere, true), Moving::default());
+            let still = velocity.update(&elsewhere, false).v_g_raw;
+            prop_assert!(still.components().iter().all(|part| part.abs() < 1e-9));
+        }
+    }
+
+    #[test]
+    fn a_period_is_one_of_a_control_loop() {
+        for wrong in [0.0, -1e-3, 2.0, f64::NAN] {
+            assert!(Period::new(wrong).is_err());
+            assert!(wrong == 0.0 || Filter::new(wrong).is_err());
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! Virtual coupling in pose mode: the hand is tied to the object by a spring and a damper, and feels
+//! those instead of the sensor.
+//!
+//! Whatever the object meets, however it is servoed, the hand meets no stiffness but this one: it can be
+//! chosen for the device (Colgate: `K T / 2 + |B| < b`), which the wall at the other end cannot.
+
+use nalgebra::Isometry3;
+
+use crate::controller::gains::Gains;
+use crate::controller::velocity::Period;
+use crate::spatial::Twist;
+use crate::spatial::Wrench;
+
+/// Spring and damper between where the object is and where it is asked to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VirtualCoupling {
+    stiffness: Gains,
+    damping: Gains,
+    period: Period,
+    stretch_before: Option<Twist>,
+}
+
+impl VirtualCoupling {
+    /// From six stiffnesses in N/m and N·m/rad, and six dampings in N·s/m and N·m·s/rad.
+    pub const fn new(stiffness: Gains, damping: Gains, period: Period) -> Self {
+        Self { stiffness, damping, period, stretch_before: None }
+    }
+
+    /// The wrench that draws the commanded frame at `x_b_d` to the object at `x_b_m`, written in the
+    /// commanded frame; none, and a new beginning, where no pose is commanded.
+    pub fn wrench(&mut self, x_b_d: Option<&Isometry3<f64>>, x_b_m: &Isometry3<f64>) -> Wrench {
+        let Some(x_b_d) = x_b_d else {
+            self.stretch_before = None;
+            return Wrench::ZERO;
+        };
+        let stretch = Twist::reaching(&(x_b_d.inverse() * x_b_m), 1.0);
+        let before = self.stretch_before.replace(stretch).unwrap_or(stretch);
+        let rate = (stretch + before * -1.0) * self.period.seconds().recip();
+        let pull = stretch.scaled(self.stiffness.values()) + rate.scaled(self.damping.values());
+        Wrench { force: pull.linear, moment: pull.angular }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn coupling() -> VirtualCoupling {
+        let stiffness = Gains::new([400.0, 400.0, 400.0, 5.0, 5.0, 5.0], "stiffness").unwrap();
+        let damping = Gains::new([4.0, 4.0, 4.0, 0.05, 0.05, 0.05], "damping").unwrap();
+        VirtualCoupling::new(stiffness, damping, Period::new(1e-3).unwrap())
+    }
+
+    fn pose() -> impl Strategy<Value = Isometry3<f64>> {
+        prop::array::uniform6(-0.7..0.7_f64)
+            .prop_map(|[x, y, z, a, b, c]| Isometry3::new([x, y, z].into(), [a, b, c].into()))
+    }
+
+    proptest! {
+        #[test]
+        fn the_hand_is_drawn_to_the_object(x_b_d in pose(), x_b_m in pose()) {
+            let f_d = coupling().wrench(Some(&x_b_d), &x_b_m);
+            let way = Twist::reaching(&(x_b_d.inverse() * x_b_m), 1.0);
+            prop_assert!(f_d.power(&way) >= 0.0);
+        }
+
+        #[test]
+        fn where_they_are_one_nothing_pulls(x_b_d in pose()) {
+            let f_d = coupling().wrench(Some(&x_b_d), &x_b_d);
+            prop_assert!(f_d.force.norm() < 1e-9 && f_d.moment.norm() < 1e-9);
+        }
+
+        #[test]
+        fn the_damper_forgets_where_nothing_is_commanded(x_b_d in pose(), x_b_m in pose(), y in pose()) {
+            let mut coupled = coupling();
+            coupled.wrench(Some(&y), &x_b_m);
+            prop_assert_eq!(coupled.wrench(None, &x_b_m), Wrench::ZERO);
+            let again = coupled.wrench(Some(&x_b_d), &x_b_m);
+            prop_assert_eq!(again, coupling().wrench(Some(&x_b_d), &x_b_m));
+        }
+    }
+}

@@ -15,6 +15,7 @@ use frhc::controller::Settings;
 use frhc::controller::arm::Arm;
 use frhc::controller::arm::JointKind;
 use frhc::controller::arm::Link;
+use frhc::controller::assist::ContactFade;
 use frhc::controller::calibration::Calibration;
 use frhc::controller::calibration::Counts;
 use frhc::controller::calibration::JointCalibration;
@@ -22,14 +23,23 @@ use frhc::controller::calibration::TorqueCurve;
 use frhc::controller::channels::Channels;
 use frhc::controller::command::CommandLaw;
 use frhc::controller::command::Gate;
+use frhc::controller::engagement::Engagement;
 use frhc::controller::gains::Gains;
 use frhc::controller::limits::AssistFraction;
+use frhc::controller::limits::Slew;
 use frhc::controller::orientation::Orientation;
+use frhc::controller::passivity::Passivity;
+use frhc::controller::passivity::PassivitySettings;
 use frhc::controller::readings::Readings;
 use frhc::controller::reflection::Reflection;
+use frhc::controller::soft_stops::SoftStops;
 use frhc::controller::switches::Mode;
 use frhc::controller::switches::Switches;
+use frhc::controller::tank::Tank;
+use frhc::controller::tank::TankSettings;
+use frhc::controller::velocity::Filter;
 use frhc::controller::velocity::Period;
+use frhc::controller::virtual_coupling::VirtualCoupling;
 use frhc::spatial::Motion;
 use frhc::spatial::Twist;
 use frhc::spatial::Wrench;
@@ -81,6 +91,53 @@ fn settings() -> Settings {
         assist_fraction: AssistFraction::new(0.35).unwrap(),
         beyond: Beyond::default(),
     }
+}
+
+fn by_rotation_vector() -> Settings {
+    let orientation = Orientation::RotationVector;
+    Settings { readings: Readings { orientation, ..Readings::CONSISTENT }, ..settings() }
+}
+
+fn as_printed() -> Settings {
+    Settings { readings: Readings::PAPER_1997, ..settings() }
+}
+
+/// Every layer there is, so tuned that each has something to do.
+fn everything() -> Settings {
+    let plain = settings();
+    let gains = |linear, angular| {
+        Gains::new([linear, linear, linear, angular, angular, angular], "gain").unwrap()
+    };
+    let max_torques = plain.calibration.max_torques();
+    let beyond = Beyond {
+        velocity_filter: Filter::new(0.005).unwrap(),
+        walls_in_pose: true,
+        contact_fade: Some(ContactFade::new(5.0).unwrap()),
+        engagement: Some(Engagement::new(0.05, None, plain.period).unwrap()),
+        soft_stops: Some(SoftStops::new(plain.arm.ranges(), &max_torques, 0.1, 0.5).unwrap()),
+        slew: Some(Slew::new(&max_torques, 0.02, plain.period).unwrap()),
+        passivity: Some(
+            Passivity::new(PassivitySettings {
+                max_energy: 0.05,
+                max_damping: 20.0,
+                lever: 0.1,
+                calm_force: 0.1,
+                is_one_sided: true,
+            })
+            .unwrap(),
+        ),
+        tank: Some(
+            Tank::new(TankSettings { initial: 0.1, min: 0.0, low: 0.02, max: 0.5, refill: 50.0 })
+                .unwrap(),
+        ),
+        virtual_coupling: Some(VirtualCoupling::new(
+            gains(400.0, 5.0),
+            gains(2.0, 0.02),
+            plain.period,
+        )),
+    };
+    let channels = plain.channels.with_wall([0.1; 6], [200.0; 6]).unwrap();
+    Settings { beyond, channels, ..plain }
 }
 
 /// A controller and what goes into it.
@@ -157,8 +214,23 @@ fn switches() -> impl Strategy<Value = Switches> {
     })
 }
 
+/// Whatever 64 bits can say: infinities, NaN, subnormals and the ends of the range often enough.
+fn anything() -> impl Strategy<Value = f64> {
+    let edges = [
+        f64::NAN,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::MIN_POSITIVE / 2.0,
+        1e308,
+        -1e308,
+        -0.0,
+        1e5,
+    ];
+    prop_oneof![prop::num::f64::ANY, prop::sample::select(edges.to_vec()), -1e6..1e6_f64]
+}
+
 fn any_pose() -> impl Strategy<Value = Isometry3<f64>> {
-    prop::array::uniform7(any::<f64>()).prop_map(|[x, y, z, w, i, j, k]| {
+    prop::array::uniform7(anything()).prop_map(|[x, y, z, w, i, j, k]| {
         let rotation = nalgebra::Quaternion::new(w, i, j, k);
         Isometry3::from_parts(Vector3::new(x, y, z).into(), UnitQuaternion::new_unchecked(rotation))
     })
@@ -284,19 +356,17 @@ proptest! {
         cycles in prop::collection::vec(
             (
                 prop::array::uniform6(any::<i32>()),
-                prop::array::uniform6(any::<f64>()),
+                prop::array::uniform6(anything()),
                 any_pose(),
                 switches(),
                 mode(),
-                any::<[f64; 2]>(),
+                [anything(), anything()],
                 any::<bool>(),
             ),
             1..8,
         )
     ) {
-        for orientation in [Orientation::EulerZyx, Orientation::RotationVector] {
-            let mut settings = settings();
-            settings.readings.orientation = orientation;
+        for settings in [settings(), by_rotation_vector(), everything(), as_printed()] {
             let mut controller = Controller::new(&settings);
             for (counts, f_s, x_b_m, switches, mode, [gravity, reflection], restart) in &cycles {
                 let input = Input {
@@ -321,7 +391,9 @@ proptest! {
                 prop_assert!(is_finite, "{:?}", output.command);
                 if !input.f_s.is_finite() {
                     prop_assert!(output.fault.is_some());
-                    prop_assert_eq!(output.f_g_task, Wrench::ZERO);
+                    // The virtual coupling reads no sensor.
+                    let is_sensed = settings.beyond.virtual_coupling.is_none();
+                    prop_assert!(!is_sensed || output.f_g_task == Wrench::ZERO);
                 }
                 if !(0.0..=1.0).contains(gravity) {
                     prop_assert!(output.fault.is_some());
@@ -395,6 +467,70 @@ proptest! {
             Motion::Rate(v_m) => prop_assert_eq!(v_m, Twist::ZERO),
             Motion::Hold => {}
         }
+    }
+
+    #[test]
+    fn no_order_of_switches_and_modes_makes_command_or_torque_jump(
+        steps in prop::collection::vec((switches(), mode(), 1..6_usize), 1..25),
+        slow in prop::array::uniform6(-0.2..0.2_f64),
+        f_s in wrench(15.0),
+    ) {
+        // The hand moves slowly and steadily; the object follows at once. Then nothing may jump.
+        let settings = everything();
+        let mut bench = Bench::new(&settings, Mode::Rate);
+        bench.input.f_s = f_s;
+        let mut q = NEUTRAL;
+        let (mut tau_before, mut command_before) = (None::<JointVector>, Motion::Hold);
+        for (switches, mode, cycles) in steps {
+            (bench.input.switches, bench.input.mode) = (switches, mode);
+            for _ in 0..cycles {
+                for (q, qd) in q.iter_mut().zip(slow) {
+                    *q += qd * PERIOD;
+                }
+                let output = bench.at(q);
+                if let Some(tau_before) = tau_before.replace(output.tau) {
+                    for ((now, before), max) in output.tau.iter().zip(&tau_before).zip(MAX_TORQUES) {
+                        // Capacity in 20 ms; each cycle a twentieth of it.
+                        prop_assert!((now - before).abs() <= max * PERIOD / 0.02 + 1e-9);
+                    }
+                }
+                match (&output.command, &command_before) {
+                    (Motion::Pose(x_b_d), _) => {
+                        let moved = bench.input.x_b_m.inverse() * x_b_d;
+                        prop_assert!(moved.translation.vector.norm() < 2e-3, "the object jumps");
+                        prop_assert!(moved.rotation.angle() < 4e-3, "the object turns at a jump");
+                        bench.input.x_b_m = *x_b_d;
+                    }
+                    (Motion::Rate(v_m), Motion::Hold | Motion::Pose(_)) => {
+                        prop_assert!(v_m.linear.norm() < 1e-2, "the object starts at {v_m:?}");
+                        bench.input.x_b_m *= v_m.over(PERIOD);
+                    }
+                    (Motion::Rate(v_m), Motion::Rate(before)) => {
+                        let is_set = switches.reference;
+                        let change = (v_m.linear - before.linear).norm();
+                        prop_assert!(is_set || change < 1e-2, "the rate jumps by {change} m/s");
+                        bench.input.x_b_m *= v_m.over(PERIOD);
+                    }
+                    (Motion::Hold, _) => {}
+                }
+                command_before = output.command;
+            }
+        }
+    }
+
+    #[test]
+    fn the_ledger_adds_up(q in joints(), by in -1e-3..1e-3_f64, f_s in wrench(10.0), mode in mode()) {
+        let settings = Settings { beyond: Beyond { slew: None, ..everything().beyond }, ..everything() };
+        let mut bench = Bench::engaged(&settings, mode);
+        bench.input.f_s = f_s;
+        bench.at(q);
+        let output = bench.at(q.map(|q| q + by));
+        let ledger = &output.ledger;
+        let assist = (ledger.centring + ledger.damping) * ledger.assist_scale;
+        let rest = ledger.task + ledger.passivity + ledger.soft_stops + assist;
+        let tau = ledger.gravity + rest * (ledger.rest_scale * ledger.share);
+        prop_assert!((output.tau - tau).norm() < 1e-9);
+        prop_assert_eq!(ledger.limiting_joint.is_some(), ledger.rest_scale < 1.0);
     }
 
     #[test]

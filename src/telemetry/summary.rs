@@ -6,6 +6,7 @@ use nalgebra::Isometry3;
 use serde::Serialize;
 
 use crate::spatial::Motion;
+use crate::telemetry::contact::Contact;
 use crate::telemetry::record::Mode;
 use crate::telemetry::record::Record;
 use crate::time::Instant;
@@ -36,6 +37,8 @@ pub struct Summary {
     pub peak_contact_force_n: f64,
     /// Time the object touched something while engaged, in s.
     pub contact_seconds: f64,
+    /// What contact was like.
+    pub contact: Contact,
     /// Cycles in which torque was scaled down to fit the joints.
     pub saturated_cycles: u64,
     /// Rate mode, free motion: RMS of commanded against real speed, in m/s.
@@ -70,6 +73,7 @@ impl Summary {
         self.missing_samples += u64::try_from(missing).unwrap_or(0);
         self.cycles_with_missing_samples += u64::from(missing > 0);
         self.saturated_cycles += u64::from(record.output.is_saturated());
+        self.contact.add(record);
         self.final_mode = record.mode.to_string();
         self.stopped_by = record.cause.map(|cause| cause.to_string());
 
@@ -134,6 +138,14 @@ impl fmt::Display for Summary {
             "tracking, free    {:.2} mm/s rms in rate mode, {:.2} mm rms in pose mode",
             self.rate_tracking_rms_m_per_s * 1e3,
             self.pose_tracking_rms_m * 1e3
+        )?;
+        writeln!(
+            f,
+            "contact           {} reversals, at most {:.0} mm/s, {:+.1} mJ from the hand (lowest {:+.1} mJ)",
+            self.contact.reversals,
+            self.contact.peak_speed_m_per_s * 1e3,
+            self.contact.energy_j * 1e3,
+            self.contact.lowest_energy_j * 1e3
         )?;
         writeln!(f, "object travelled  {:.2} m", self.object_travel_m)?;
         writeln!(f, "torque limited    {} cycles", self.saturated_cycles)?;

@@ -67,7 +67,7 @@ const MODULES: &[Rule] = &[
             "telemetry",
             "time",
         ],
-        &["nalgebra", "tracing"],
+        &["nalgebra", "serde", "tracing"],
     ),
     (
         "cli",

@@ -22,6 +22,7 @@ const SETTINGS: PassivitySettings = PassivitySettings {
     max_damping: 1e5,
     lever: 0.1,
     calm_force: 1e-9,
+    calm_cycles: 10,
     is_one_sided: false,
 };
 

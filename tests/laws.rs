@@ -122,6 +122,7 @@ fn everything() -> Settings {
                 max_damping: 20.0,
                 lever: 0.1,
                 calm_force: 0.1,
+                calm_cycles: 500,
                 is_one_sided: true,
             })
             .unwrap(),

@@ -1,6 +1,7 @@
 //! `frhc demo`: the whole main job in one process.
 
 use std::cell::RefCell;
+use std::path::Path;
 use std::time::Duration;
 
 use indicatif::ProgressBar;
@@ -17,6 +18,8 @@ use crate::cli::recorder::Session;
 use crate::cli::scenario;
 use crate::config::Config;
 use crate::lab::bench::Bench;
+use crate::lab::comparison;
+use crate::lab::comparison::Comparison;
 use crate::sim::scenario::Scenario;
 use crate::telemetry::record::Mode;
 use crate::telemetry::summary::Summary;
@@ -34,14 +37,11 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
         let reason = format!("--seconds {seconds}: more than 0 and at most 86400");
         return Err(Failure::new(Kind::Usage, reason));
     }
-    let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
-    let session = args.out.as_deref().map(|folder| Session::create(folder, &interfaces, 0));
-    let mut session = session.transpose().or_fail(Kind::Bus)?;
-
-    let summary = simulate(args, quiet, &config, scenario, seconds, session.as_mut())?;
-    if let Some(session) = session {
-        session.finish(&summary).or_fail(Kind::Bus)?;
+    let config = comparison::surrounded(&config, &scenario);
+    if scenario.compares_passivity() {
+        return compare(args, quiet, &config, &scenario, seconds);
     }
+    let summary = play(args, args.out.as_deref(), quiet, &config, scenario, seconds)?;
     if args.json {
         print::line(&serde_json::to_string(&summary).or_fail(Kind::Bus)?);
     } else {
@@ -53,6 +53,60 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
         }
         Some(_) | None => Ok(()),
     }
+}
+
+/// Plays it without and with the passivity layer.
+fn compare(
+    args: &Demo,
+    quiet: bool,
+    config: &Config,
+    scenario: &Scenario,
+    seconds: f64,
+) -> Result<(), Failure> {
+    if config.controller.beyond.passivity.is_none() {
+        let reason = "this scenario compares with [controller.passivity], which it does not have";
+        let file = args.config.display();
+        return Err(Failure::new(Kind::Configuration, format!("{file}: {reason}")));
+    }
+    let without = comparison::without_passivity(config);
+    let run = |config, name| {
+        let folder = args.out.as_ref().map(|folder| folder.join(name));
+        play(args, folder.as_deref(), quiet, config, scenario.clone(), seconds)
+    };
+    let comparison = Comparison {
+        wall_stiffness_n_per_m: config.remote.wall.map_or(0.0, |(.., wall)| wall.stiffness),
+        without: run(&without, "without")?,
+        with: run(config, "with")?,
+    };
+    if args.json {
+        print::line(&serde_json::to_string(&comparison).or_fail(Kind::Bus)?);
+    } else {
+        print::line(&comparison.to_string());
+    }
+    if comparison.is_bounded() {
+        Ok(())
+    } else {
+        Err(Failure::new(Kind::Negative, "the passivity layer does not bound this loop"))
+    }
+}
+
+/// One run, with its log and summary in `folder` if there is one.
+fn play(
+    args: &Demo,
+    folder: Option<&Path>,
+    quiet: bool,
+    config: &Config,
+    scenario: Scenario,
+    seconds: f64,
+) -> Result<Summary, Failure> {
+    let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
+    let session = folder.map(|folder| Session::create(folder, &interfaces, 0));
+    let mut session = session.transpose().or_fail(Kind::Bus)?;
+    let summary = simulate(args, quiet, config, scenario, seconds, session.as_mut())?;
+    if let Some(session) = session {
+        session.finish(&summary).or_fail(Kind::Bus)?;
+    }
+    Ok(summary)
 }
 
 fn simulate(

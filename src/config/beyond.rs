@@ -49,7 +49,7 @@ pub(super) fn beyond(
         passivity: given
             .passivity
             .as_ref()
-            .and_then(|passivity| problems.take(&part("passivity"), observer(passivity))),
+            .and_then(|passivity| problems.take(&part("passivity"), observer(passivity, period))),
         tank: given.tank.as_ref().and_then(|tank| problems.take(&part("tank"), energy_tank(tank))),
         virtual_coupling: given
             .virtual_coupling
@@ -71,12 +71,14 @@ fn engagement(
 
 fn observer(
     given: &raw::Passivity,
+    period: Period,
 ) -> Result<Passivity, crate::controller::passivity::InvalidPassivity> {
     Passivity::new(PassivitySettings {
         max_energy: given.max_energy_j,
         max_damping: given.max_damping_ns_per_m,
         lever: given.lever_m,
         calm_force: given.calm_n,
+        calm_cycles: period.cycles(given.calm_s),
         is_one_sided: given.one_sided,
     })
 }

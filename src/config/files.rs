@@ -19,6 +19,7 @@ const SHIPPED: &[(&str, &[u8])] = &[
         "config/scenarios/contact_10s.toml",
         include_bytes!("../../config/scenarios/contact_10s.toml"),
     ),
+    ("config/scenarios/stiff-wall.toml", include_bytes!("../../config/scenarios/stiff-wall.toml")),
     ("config/scenarios/free.toml", include_bytes!("../../config/scenarios/free.toml")),
     ("eds/frhc_drive.eds", include_bytes!("../../eds/frhc_drive.eds")),
     ("eds/frhc_switches.eds", include_bytes!("../../eds/frhc_switches.eds")),

@@ -153,6 +153,7 @@ pub(super) struct Passivity {
     pub(super) max_damping_ns_per_m: f64,
     pub(super) lever_m: f64,
     pub(super) calm_n: f64,
+    pub(super) calm_s: f64,
     #[serde(default = "yes")]
     pub(super) one_sided: bool,
 }

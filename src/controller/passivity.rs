@@ -25,8 +25,10 @@ pub struct PassivitySettings {
     /// The lever that makes rotations comparable, in m: its square times a damper of translations is
     /// one of rotations.
     pub lever: f64,
-    /// Below this task force in N there is no contact, and nothing to be remembered of it.
+    /// Below this task force in N there is no contact.
     pub calm_force: f64,
+    /// So many cycles without contact end it, and what was seen of it is forgotten: fewer are a bounce.
+    pub calm_cycles: u32,
     /// Whether a contact must never pull: the damper then stops short of turning the task's force round.
     pub is_one_sided: bool,
 }
@@ -47,6 +49,7 @@ pub struct Passivity {
     settings: PassivitySettings,
     /// What the hand has put into the port, less what it got out, in J.
     energy: f64,
+    calm_for: u32,
 }
 
 impl Passivity {
@@ -55,8 +58,7 @@ impl Passivity {
     /// # Errors
     /// A number that is not positive and finite.
     pub fn new(settings: PassivitySettings) -> Result<Self, InvalidPassivity> {
-        let PassivitySettings { max_energy, max_damping, lever, calm_force, is_one_sided: _ } =
-            settings;
+        let PassivitySettings { max_energy, max_damping, lever, calm_force, .. } = settings;
         for (quantity, value) in [
             ("the largest energy", max_energy),
             ("the strongest damping", max_damping),
@@ -67,7 +69,7 @@ impl Passivity {
                 return Err(InvalidPassivity { quantity, value });
             }
         }
-        Ok(Self { settings, energy: 0.0 })
+        Ok(Self { settings, energy: 0.0, calm_for: 0 })
     }
 
     /// What the hand has put into the port, less what it got out, in J. Below zero the port was active.
@@ -75,14 +77,15 @@ impl Passivity {
         self.energy
     }
 
-    /// Adds the work in J that the hand has just done against the port. Out of contact there is no
-    /// port.
+    /// Adds the work in J that the hand has just done against the port.
     pub fn account(&mut self, work: f64, f_g_task: &Wrench) {
-        if f_g_task.force.norm() < self.settings.calm_force {
-            self.energy = 0.0;
+        let is_calm = f_g_task.force.norm() < self.settings.calm_force;
+        self.calm_for = if is_calm { self.calm_for.saturating_add(1) } else { 0 };
+        self.energy = if self.calm_for > self.settings.calm_cycles {
+            0.0
         } else {
-            self.energy = (self.energy + work).min(self.settings.max_energy);
-        }
+            (self.energy + work).min(self.settings.max_energy)
+        };
     }
 
     /// The wrench on the hand, in {G}, that takes back in the next `dt` s what the port has given too
@@ -177,6 +180,8 @@ mod tests {
         assert!((passivity.energy() - 0.1).abs() < 1e-15);
         passivity.account(-0.3, &push(1.0));
         assert!(passivity.energy() < -0.19);
+        [(); 3].map(|()| passivity.account(0.0, &Wrench::ZERO));
+        assert!(passivity.energy() < -0.19, "a bounce");
         passivity.account(0.0, &Wrench::ZERO);
         assert!(passivity.energy() == 0.0);
     }

@@ -38,6 +38,17 @@ impl Period {
     pub const fn seconds(self) -> f64 {
         self.0
     }
+
+    /// How many cycles a time in s takes.
+    #[expect(
+        clippy::as_conversions,
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "saturates at both ends of u32; NaN becomes 0"
+    )]
+    pub fn cycles(self, seconds: f64) -> u32 {
+        (seconds / self.0).ceil() as u32
+    }
 }
 
 /// A filter whose time constant is none.

@@ -2,5 +2,6 @@
 
 pub mod attend;
 pub mod bench;
+pub mod comparison;
 pub mod site;
 pub mod world;

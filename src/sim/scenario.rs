@@ -21,6 +21,12 @@ const LONGEST: f64 = 86_400.0;
 /// No hand reaches farther, in m.
 const REACH: f64 = 2.0;
 
+/// No wall is softer, in N/m.
+const SOFTEST: f64 = 1.0;
+
+/// No wall is stiffer, in N/m.
+const STIFFEST: f64 = 1e7;
+
 /// Sums of decimal fractions may differ by less than this, in s.
 const ROUNDING: f64 = 1e-9;
 
@@ -100,6 +106,11 @@ pub struct Operator {
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
     seconds: Spanned<f64>,
+    /// What is otherwise than configured around the object.
+    environment: Option<Spanned<Environment>>,
+    /// Whether it is played twice: without and with the passivity layer.
+    #[serde(default)]
+    compares_passivity: bool,
     #[serde(default, rename = "move")]
     moves: Vec<Spanned<Move>>,
     #[serde(default, rename = "switch")]
@@ -108,6 +119,13 @@ pub struct Scenario {
     console: Vec<Spanned<Console>>,
     #[serde(default, rename = "hold")]
     holds: Vec<Spanned<Hold>>,
+}
+
+/// What the object meets.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Environment {
+    wall_stiffness_n_per_m: f64,
 }
 
 /// The hand goes somewhere, smoothly; what is not named stays as it is.
@@ -165,6 +183,16 @@ impl Scenario {
         *self.seconds.get_ref()
     }
 
+    /// How stiff the wall is, in N/m, if it is otherwise than configured.
+    pub fn wall_stiffness(&self) -> Option<f64> {
+        self.environment.as_ref().map(|around| around.get_ref().wall_stiffness_n_per_m)
+    }
+
+    /// Whether it is to be played twice: without and with the passivity layer.
+    pub const fn compares_passivity(&self) -> bool {
+        self.compares_passivity
+    }
+
     /// What is asked of the console, and when, in s, in order.
     pub fn requests(&self) -> impl Iterator<Item = (f64, ConsoleRequest)> + '_ {
         self.console.iter().map(Spanned::get_ref).map(|console| (console.at_s, console.request))
@@ -201,6 +229,11 @@ impl Scenario {
         let seconds = self.seconds();
         within("seconds", seconds, SHORTEST, LONGEST)
             .map_err(|problem| (self.seconds.span(), problem))?;
+        if let Some(around) = &self.environment {
+            let stiffness = around.get_ref().wall_stiffness_n_per_m;
+            within("wall_stiffness_n_per_m", stiffness, SOFTEST, STIFFEST)
+                .map_err(|problem| (around.span(), problem))?;
+        }
         in_order(&self.moves, seconds, |step| {
             let Move { at_s, duration_s, to_m, to_rad } = *step;
             within("duration_s", duration_s, SHORTEST, seconds - at_s)?;

@@ -37,6 +37,7 @@ use frhc::controller::calibration::PerMille;
 use frhc::controller::calibration::TorqueCurve;
 use frhc::controller::channels::Channels;
 use frhc::controller::command::CommandLaw;
+use frhc::controller::coupling::Coupling;
 use frhc::controller::gains::Gains;
 use frhc::controller::limits::Asked;
 use frhc::controller::limits::AssistFraction;
@@ -405,6 +406,16 @@ fn a_torque_curve_and_its_inverse() {
         let ours = calibration.torques(&[PerMille(counts)]);
         assert_near("torque", ours.as_slice(), &[number(torque)]);
     }
+}
+
+#[test]
+fn actuators_that_are_coupled() {
+    let case = &oracle::oracle("paper.json")["coupling"];
+    let coupling = Coupling::new(rows::<6, 6>(&case["C"]), [0.0; 6]).unwrap();
+    let theta = coupling.joints(&joints(&case["measured"]));
+    assert_near("theta", theta.as_slice(), &numbers::<6>(&case["theta"]));
+    let tau_a = coupling.at_actuators(&joints(&case["tau_joint"]));
+    assert_near("tau_actuator", tau_a.as_slice(), &numbers::<6>(&case["tau_actuator"]));
 }
 
 // The whole step.

@@ -7,6 +7,8 @@ use clap::Parser;
 use clap::Subcommand;
 use clap::ValueEnum;
 
+use crate::cli::explain::Explain;
+
 /// The CANopen master of a force-reflecting hand controller.
 #[derive(Debug, Parser)]
 #[command(name = "frhc", version, propagate_version = true, max_term_width = 100)]
@@ -46,6 +48,11 @@ pub(super) enum Command {
     /// Checks configuration, EDS files, calibration and bus load; touches no bus.
     #[command(after_help = "Example:\n  frhc check --config config/kraft_like.toml")]
     Check(Check),
+    /// One cycle of the controller, with every intermediate of the paper's Fig. 3.
+    #[command(
+        after_help = "Examples:\n  frhc explain --q 0.05,-0.8,1.6,-0.7,0.1,0.2 --q-reference 0,-0.87,1.66,-0.79,0,0 --wrench -5,0,0,0,0,0\n  echo '{\"q\": [0,-0.8,1.6,-0.7,0,0], \"preset\": \"paper1997\"}' | frhc explain --json - | jq .tau.value"
+    )]
+    Explain(Box<Explain>),
 }
 
 /// Where the configuration is.

@@ -6,6 +6,7 @@ mod console;
 mod ctl;
 mod demo;
 mod exit;
+mod explain;
 mod interfaces;
 mod print;
 mod recorder;
@@ -32,6 +33,7 @@ pub fn main() -> ExitCode {
         Command::Sim(args) => sim::run(args),
         Command::Ctl(args) => ctl::run(args),
         Command::Check(args) => check::run(args),
+        Command::Explain(args) => explain::run(args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

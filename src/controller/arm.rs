@@ -143,10 +143,8 @@ impl<const N: usize> Arm<N> {
         if !is_pose(&x_n_g) {
             return Err(InvalidArm::Grip);
         }
-        if !gravity.iter().all(|part| part.abs() <= LARGEST) {
-            return Err(InvalidArm::Gravity);
-        }
-        Ok(Self { links: links.map(Placed::from), x_n_g, gravity: gravity.into() })
+        Self { links: links.map(Placed::from), x_n_g, gravity: Vector3::zeros() }
+            .in_gravity(gravity)
     }
 
     /// The same arm where springs or counterweights carry it: gravity asks for no torque
@@ -154,6 +152,23 @@ impl<const N: usize> Arm<N> {
     #[must_use]
     pub fn balanced(self) -> Self {
         Self { gravity: Vector3::zeros(), ..self }
+    }
+
+    /// The same arm in other gravity, in {0} in m/s²: on a base that is tilted, or not balanced.
+    ///
+    /// # Errors
+    /// A vector that is not finite.
+    pub fn in_gravity(self, gravity: [f64; 3]) -> Result<Self, InvalidArm> {
+        if gravity.iter().all(|part| part.abs() <= LARGEST) {
+            Ok(Self { gravity: gravity.into(), ..self })
+        } else {
+            Err(InvalidArm::Gravity)
+        }
+    }
+
+    /// The pose of the grip in the last link: of {G} in {W}.
+    pub const fn grip(&self) -> &Isometry3<f64> {
+        &self.x_n_g
     }
 
     /// Where everything is at joint positions `q`, in rad or m.

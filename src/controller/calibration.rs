@@ -9,6 +9,8 @@ use std::f64::consts::TAU;
 use nalgebra::SVector;
 use thiserror::Error;
 
+use crate::controller::coupling::Coupling;
+
 /// A position as a drive gives it (6064h).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts(pub i32);
@@ -227,49 +229,69 @@ impl JointCalibration {
     }
 }
 
-/// How all joints are counted and driven.
+/// How all joints are counted and driven: actuator by actuator, and what couples them with the joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Calibration<const N: usize>([JointCalibration; N]);
+pub struct Calibration<const N: usize> {
+    actuators: [JointCalibration; N],
+    coupling: Coupling<N>,
+}
 
 impl<const N: usize> Calibration<N> {
-    /// Of joints, base first.
-    pub const fn new(joints: [JointCalibration; N]) -> Self {
-        Self(joints)
+    /// Of joints with an actuator each, base first.
+    pub fn new(actuators: [JointCalibration; N]) -> Self {
+        Self { actuators, coupling: Coupling::none() }
+    }
+
+    /// The same, actuators and joints being coupled.
+    #[must_use]
+    pub const fn coupled(self, coupling: Coupling<N>) -> Self {
+        Self { coupling, ..self }
+    }
+
+    /// What couples actuators and joints.
+    pub const fn coupling(&self) -> &Coupling<N> {
+        &self.coupling
     }
 
     /// Joint positions, in rad or m.
     pub fn positions(&self, counts: &[Counts; N]) -> SVector<f64, N> {
-        let joints = self.0.iter().zip(counts);
-        SVector::from_iterator(joints.map(|(joint, counts)| joint.position(*counts)))
+        let counted = self.actuators.iter().zip(counts);
+        let m = counted.map(|(actuator, counts)| actuator.position(*counts));
+        self.coupling.joints(&SVector::from_iterator(m))
     }
 
     /// The counts nearest to joint positions: what the drives would say there.
     pub fn counts(&self, q: &SVector<f64, N>) -> [Counts; N] {
+        let m = self.coupling.actuators(q);
         let mut counts = [Counts(0); N];
-        for ((joint, position), counts) in self.0.iter().zip(q.iter()).zip(&mut counts) {
-            *counts = joint.counts(*position);
+        for ((actuator, position), counts) in self.actuators.iter().zip(m.iter()).zip(&mut counts) {
+            *counts = actuator.counts(*position);
         }
         counts
     }
 
     /// What to ask of the drives for joint torques in N·m or N, which must be finite.
     pub fn targets(&self, tau: &SVector<f64, N>) -> [PerMille; N] {
+        let tau_a = self.coupling.at_actuators(tau);
         let mut targets = [PerMille(0); N];
-        for ((joint, torque), target) in self.0.iter().zip(tau.iter()).zip(&mut targets) {
-            *target = joint.target(*torque);
+        for ((actuator, torque), target) in
+            self.actuators.iter().zip(tau_a.iter()).zip(&mut targets)
+        {
+            *target = actuator.target(*torque);
         }
         targets
     }
 
     /// The joint torques that drives say they exert, in N·m or N.
     pub fn torques(&self, actual: &[PerMille; N]) -> SVector<f64, N> {
-        let joints = self.0.iter().zip(actual);
-        SVector::from_iterator(joints.map(|(joint, actual)| joint.torque(*actual)))
+        let exerted = self.actuators.iter().zip(actual);
+        let tau_a = exerted.map(|(actuator, actual)| actuator.torque(*actual));
+        self.coupling.at_joints(&SVector::from_iterator(tau_a))
     }
 
-    /// The most each joint may be asked for: the ends of the calibrated ranges, in N·m or N.
+    /// The most each actuator may be asked for: the ends of the calibrated ranges, in N·m or N.
     pub fn max_torques(&self) -> SVector<f64, N> {
-        SVector::from_iterator(self.0.iter().map(|joint| joint.curve.max_torque()))
+        SVector::from_iterator(self.actuators.iter().map(|actuator| actuator.curve.max_torque()))
     }
 }
 

@@ -71,11 +71,17 @@ impl Controller {
 
     /// One cycle (Fig. 3).
     pub fn step(&mut self, input: &Input) -> Output {
+        let q = self.settings.calibration.positions(&input.counts);
+        self.step_at(&q, input)
+    }
+
+    /// The same at joint positions that no encoder has counted, in rad or m, which must be finite.
+    pub fn step_at(&mut self, q: &JointVector, input: &Input) -> Output {
         let Settings { readings, arm, calibration, channels, command: law, .. } = self.settings;
         let given = Trusted::of(input, &self.x_b_m);
         let pressed = self.panel.read(input.switches, input.mode); // 4.1
 
-        let q = calibration.positions(&input.counts);
+        let q = *q;
         let posture = arm.posture(&q);
         let x_0_g = posture.x_0_g; // Eq. 1
         let qd = self.rates.update(&q, input.restart);
@@ -219,21 +225,23 @@ impl Controller {
         stops.map_or_else(JointVector::zeros, |stops| stops.torques(q, qd))
     }
 
-    /// What the joints can exert of what is asked for, as fast as they may change.
+    /// What the joints' actuators can exert of what is asked for, as fast as they may change.
     fn limit(&mut self, asked: Ledger) -> (JointVector, Ledger, Option<Fault>) {
+        let coupling = self.settings.calibration.coupling();
         let port = asked.task + asked.passivity;
         let torques = Asked {
-            gravity: asked.gravity,
-            task: port + asked.soft_stops,
-            assist: asked.centring + asked.damping,
+            gravity: coupling.at_actuators(&asked.gravity),
+            task: coupling.at_actuators(&(port + asked.soft_stops)),
+            assist: coupling.at_actuators(&(asked.centring + asked.damping)),
         };
         let limited = self.limits.combine(&torques, asked.share);
         let Limited { assist_scale, rest_scale, limiting_joint, is_broken, .. } = limited;
-        let (tau, slewing_joint) = match &mut self.settings.beyond.slew {
+        let (tau_a, slewing_joint) = match &mut self.settings.beyond.slew {
             Some(slew) if is_broken => slew.drop_to_zero(),
             Some(slew) => slew.limit(&limited.tau),
             None => (limited.tau, None),
         };
+        let tau = coupling.at_joints(&tau_a);
         let is_held = if is_broken { 0.0 } else { rest_scale * asked.share };
         self.port.hold(&(port * is_held));
         let broken = is_broken.then_some(Fault::TorqueNotFinite);

@@ -3,5 +3,7 @@
 pub mod attend;
 pub mod bench;
 pub mod comparison;
+pub mod explanation;
+pub mod question;
 pub mod site;
 pub mod world;

@@ -47,8 +47,13 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
         viscous: joint.viscous_friction,
         range: joint.link.range,
     });
-    let q = Joints::from(NEUTRAL.map(f64::to_radians));
-    World::new(drives, switches, Plant::new(arm(config), resistance, q), scenario, seed)
+    let plant = Plant::new(arm(config), resistance, start(config));
+    World::new(drives, switches, plant, scenario, seed)
+}
+
+/// Where the arm is at the start, in rad or m.
+pub fn start(_config: &Config) -> Joints {
+    Joints::from(NEUTRAL.map(f64::to_radians))
 }
 
 /// The arm of `config`, as the simulation computes it.

@@ -1,0 +1,210 @@
+//! `frhc explain`: one cycle of the controller, every intermediate of Fig. 3.
+
+use std::io::IsTerminal;
+use std::io::Read;
+use std::path::Path;
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Deserialize;
+use serde_json::Value as Json;
+
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::cli::exit::OrFail;
+use crate::cli::print;
+use crate::config::Config;
+use crate::lab::explanation;
+use crate::lab::explanation::Entry;
+use crate::lab::explanation::Explanation;
+use crate::lab::explanation::Value;
+use crate::lab::question::Question;
+use crate::lab::world;
+
+/// A question longer than this is none, in bytes.
+const LONGEST: u64 = 1 << 20;
+
+/// `frhc explain`.
+#[derive(Debug, Args)]
+pub(super) struct Explain {
+    /// The configuration; config/kraft_like.toml, or the one named after the question's device.
+    #[arg(short, long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Joint positions now, in rad or m: six numbers with commas between them.
+    #[arg(long, value_name = "Q,...", value_parser = six, allow_hyphen_values = true)]
+    q: Option<[f64; 6]>,
+    /// Joint positions a cycle ago; as now if not given.
+    #[arg(long, value_name = "Q,...", value_parser = six, allow_hyphen_values = true)]
+    q_before: Option<[f64; 6]>,
+    /// Joint positions when the reference was set; as now if not given.
+    #[arg(long, value_name = "Q,...", value_parser = six, allow_hyphen_values = true)]
+    q_reference: Option<[f64; 6]>,
+    /// The wrench on the object at the sensor, payload removed, in N and N·m.
+    #[arg(long, value_name = "F,...", value_parser = six, allow_hyphen_values = true)]
+    wrench: Option<[f64; 6]>,
+    /// rate or pose; as configured if not given.
+    #[arg(long)]
+    mode: Option<String>,
+    /// consistent or paper1997; as configured if not given.
+    #[arg(long)]
+    preset: Option<String>,
+    /// As if the deadman were up.
+    #[arg(long)]
+    no_deadman: bool,
+    /// As if reflection were off.
+    #[arg(long)]
+    no_reflection: bool,
+    /// Let the layers beside the paper's law act too (passivity, soft stops, ...).
+    #[arg(long)]
+    layers: bool,
+    /// One JSON object, each value with its unit, frame and equation.
+    #[arg(long)]
+    json: bool,
+    /// A JSON object with what the flags say and more, such as gains; `-` is stdin, which is also read
+    /// if it is no terminal and no flag says where the arm is.
+    #[arg(value_name = "QUESTION")]
+    question: Option<PathBuf>,
+}
+
+/// A question by itself, or inside an object that says of which device it is.
+#[derive(Debug, Default, Deserialize)]
+struct Asked {
+    device: Option<String>,
+    #[serde(alias = "inputs")]
+    question: Question,
+}
+
+/// Asks, and prints the answer.
+pub(super) fn run(args: &Explain) -> Result<(), Failure> {
+    let mut asked = read(args)?;
+    let question = &mut asked.question;
+    question.q = args.q.or(question.q);
+    question.q_before = args.q_before.or(question.q_before);
+    question.q_reference = args.q_reference.or(question.q_reference);
+    question.f_s = args.wrench.or(question.f_s);
+    question.mode = args.mode.clone().or_else(|| question.mode.take());
+    question.preset = args.preset.clone().or_else(|| question.preset.take());
+    question.deadman = if args.no_deadman { Some(false) } else { question.deadman };
+    question.reflection = if args.no_reflection { Some(false) } else { question.reflection };
+    question.layers |= args.layers;
+
+    let device = asked.device.as_deref().unwrap_or("kraft_like");
+    let shipped = || Path::new("config").join(device).with_extension("toml");
+    let file = args.config.clone().unwrap_or_else(shipped);
+    let config = Config::load(&file).or_fail(Kind::Configuration)?;
+    let start = world::start(&config);
+    let explanation =
+        explanation::explain(&config, &start, &asked.question).or_fail(Kind::Usage)?;
+    print::line(&if args.json { json(&explanation) } else { text(&explanation) });
+    Ok(())
+}
+
+/// The question in the file or on stdin, if there is one.
+fn read(args: &Explain) -> Result<Asked, Failure> {
+    let (name, text) = match &args.question {
+        Some(path) if path.as_os_str() != "-" => {
+            let text = std::fs::read_to_string(path);
+            let named = |error| format!("{}: {error}", path.display());
+            (
+                path.display().to_string(),
+                text.map_err(|error| Failure::new(Kind::Usage, named(error)))?,
+            )
+        }
+        None if args.q.is_some() || std::io::stdin().is_terminal() => return Ok(Asked::default()),
+        Some(_) | None => {
+            let mut text = String::new();
+            let stdin = std::io::stdin().lock();
+            stdin.take(LONGEST).read_to_string(&mut text).or_fail(Kind::Usage)?;
+            ("stdin".to_owned(), text)
+        }
+    };
+    if text.trim().is_empty() {
+        return Ok(Asked::default());
+    }
+    let wrong = |error| Failure::new(Kind::Usage, format!("{name}: {error}"));
+    let whole: Json = serde_json::from_str(&text).map_err(wrong)?;
+    let is_wrapped = whole.get("inputs").or_else(|| whole.get("question")).is_some();
+    if is_wrapped {
+        serde_json::from_value(whole).map_err(wrong)
+    } else {
+        let question = serde_json::from_value(whole).map_err(wrong)?;
+        Ok(Asked { device: None, question })
+    }
+}
+
+/// Six numbers with commas between them.
+fn six(text: &str) -> Result<[f64; 6], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    let numbers = numbers.map_err(|error| error.to_string())?;
+    let found = numbers.len();
+    numbers.try_into().map_err(|_| format!("{found} numbers; six are needed"))
+}
+
+/// One object: name to value, unit, frame, place and what it is.
+fn json(explanation: &Explanation) -> String {
+    let Explanation(entries) = explanation;
+    let object = entries.iter().map(|entry| {
+        let described = serde_json::json!({
+            "value": json_value(&entry.value),
+            "unit": entry.unit,
+            "frame": entry.frame,
+            "place": entry.place,
+            "what": entry.what,
+        });
+        (entry.name.to_owned(), described)
+    });
+    Json::Object(object.collect()).to_string()
+}
+
+fn json_value(value: &Value) -> Json {
+    match value {
+        Value::Number(number) => serde_json::json!(number),
+        Value::Six(six) => serde_json::json!(six),
+        Value::Three(three) => serde_json::json!(three),
+        Value::Pose(rows) => serde_json::json!(rows),
+        Value::Matrix(rows) => serde_json::json!(rows),
+        Value::Targets(targets) => serde_json::json!(targets),
+        Value::Word(word) => serde_json::json!(word),
+    }
+}
+
+/// A line each; poses and matrices take several.
+fn text(explanation: &Explanation) -> String {
+    let Explanation(entries) = explanation;
+    let lines: Vec<String> = entries.iter().map(line).collect();
+    lines.join("\n")
+}
+
+fn line(entry: &Entry) -> String {
+    let Entry { name, what, place, unit, frame, value } = entry;
+    let place = match place.chars().next() {
+        None => String::new(),
+        Some('F') => format!(" ({place})"),
+        Some(_) if place.contains('.') => format!(" (section {place})"),
+        Some(_) => format!(" (Eq. {place})"),
+    };
+    let frame = if frame.is_empty() { String::new() } else { format!(" {{{frame}}}") };
+    let unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
+    let head = format!("{name:15}{}", shown(value));
+    format!("{head}{unit}{frame}  {what}{place}")
+}
+
+fn shown(value: &Value) -> String {
+    // A number that would read -0.00000 is zero.
+    let number = |number: &f64| if number.abs() < 5e-6 { 0.0 } else { *number };
+    let row = |numbers: &[f64]| {
+        numbers.iter().map(|n| format!("{:10.5}", number(n))).collect::<Vec<_>>().join(" ")
+    };
+    let rows = |rows: Vec<String>| rows.join("\n               ");
+    match value {
+        Value::Number(number) => row(&[*number]),
+        Value::Six(six) => row(six),
+        Value::Three(three) => row(three),
+        Value::Pose(matrix) => rows(matrix.iter().take(3).map(|numbers| row(numbers)).collect()),
+        Value::Matrix(matrix) => rows(matrix.iter().map(|numbers| row(numbers)).collect()),
+        Value::Targets(targets) => {
+            targets.iter().map(|target| format!("{target:10}")).collect::<Vec<_>>().join(" ")
+        }
+        Value::Word(word) => format!("{:>10}", word.as_deref().unwrap_or("none")),
+    }
+}

@@ -1,0 +1,131 @@
+//! How joints and actuators are coupled where one motor moves several joints: parallelograms, cables.
+//!
+//! Joint positions are `θ = C m + offset` of the actuators' positions m, each behind its own gear; the
+//! virtual work of torques is the same on both sides, so `τ_a = Cᵀ τ` (decision 25).
+
+use nalgebra::SMatrix;
+use nalgebra::SVector;
+use thiserror::Error;
+
+/// A matrix whose inverse grows numbers by more than this is taken for singular.
+const LARGEST_GROWTH: f64 = 1e6;
+
+/// A coupling of `N` joints with `N` actuators.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coupling<const N: usize> {
+    matrix: SMatrix<f64, N, N>,
+    inverse: SMatrix<f64, N, N>,
+    offset: SVector<f64, N>,
+}
+
+/// Why a matrix couples nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum InvalidCoupling {
+    /// One of its numbers.
+    #[error("{0} in the matrix or the offsets is not a reasonable number")]
+    NotFinite(f64),
+    /// Some motion of the joints moves no actuator, or nearly none.
+    #[error("the matrix is singular: not every motion of the joints moves an actuator")]
+    Singular,
+}
+
+impl<const N: usize> Coupling<N> {
+    /// Each joint with its own actuator.
+    pub fn none() -> Self {
+        let one = SMatrix::identity();
+        Self { matrix: one, inverse: one, offset: SVector::zeros() }
+    }
+
+    /// From C, row by row, and the joints' offsets in rad or m.
+    ///
+    /// # Errors
+    /// A number that is none, or a matrix without a usable inverse.
+    pub fn new(rows: [[f64; N]; N], offset: [f64; N]) -> Result<Self, InvalidCoupling> {
+        let numbers = rows.iter().flatten().chain(&offset);
+        if let Some(number) = numbers.copied().find(|number| !(-1e6..=1e6).contains(number)) {
+            return Err(InvalidCoupling::NotFinite(number));
+        }
+        // Read column by column, rows are those of the transpose.
+        let matrix = SMatrix::from(rows).transpose();
+        let inverse = matrix.try_inverse().ok_or(InvalidCoupling::Singular)?;
+        if inverse.amax() * matrix.amax() <= LARGEST_GROWTH {
+            Ok(Self { matrix, inverse, offset: SVector::from(offset) })
+        } else {
+            Err(InvalidCoupling::Singular)
+        }
+    }
+
+    /// Joint positions of actuator positions, in rad or m.
+    pub fn joints(&self, m: &SVector<f64, N>) -> SVector<f64, N> {
+        self.matrix * m + self.offset
+    }
+
+    /// Actuator positions of joint positions, in rad or m.
+    pub fn actuators(&self, q: &SVector<f64, N>) -> SVector<f64, N> {
+        self.inverse * (q - self.offset)
+    }
+
+    /// What the actuators exert for joint torques `tau`: `Cᵀ τ`, in N·m or N.
+    pub fn at_actuators(&self, tau: &SVector<f64, N>) -> SVector<f64, N> {
+        self.matrix.tr_mul(tau)
+    }
+
+    /// The joint torques of what actuators exert: `C⁻ᵀ τ_a`, in N·m or N.
+    pub fn at_joints(&self, tau_a: &SVector<f64, N>) -> SVector<f64, N> {
+        self.inverse.tr_mul(tau_a)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn coupling() -> impl Strategy<Value = Coupling<4>> {
+        let rows = prop::array::uniform4(prop::array::uniform4(-1.0..1.0_f64));
+        let offset = prop::array::uniform4(-1.0..1.0_f64);
+        (rows, offset)
+            .prop_filter_map("singular", |(rows, offset)| Coupling::new(rows, offset).ok())
+    }
+
+    fn joints() -> impl Strategy<Value = SVector<f64, 4>> {
+        prop::array::uniform4(-3.0..3.0_f64).prop_map(SVector::from)
+    }
+
+    proptest! {
+        #[test]
+        fn power_is_the_same_on_both_sides(
+            coupling in coupling(), m in joints(), md in joints(), tau in joints()
+        ) {
+            let qd = (coupling.joints(&(m + md)) - coupling.joints(&(m - md))) / 2.0;
+            let (at_joints, at_actuators) = (tau.dot(&qd), coupling.at_actuators(&tau).dot(&md));
+            prop_assert!((at_joints - at_actuators).abs() < 1e-9 * (1.0 + at_joints.abs()));
+        }
+
+        #[test]
+        fn there_and_back_again(coupling in coupling(), q in joints()) {
+            let grown = coupling.inverse.amax().max(1.0);
+            prop_assert!((coupling.joints(&coupling.actuators(&q)) - q).norm() < 1e-12 * grown);
+            let tau = coupling.at_joints(&coupling.at_actuators(&q));
+            prop_assert!((tau - q).norm() < 1e-12 * grown);
+        }
+
+        #[test]
+        fn uncoupled_is_as_it_was(q in joints()) {
+            let none = Coupling::<4>::none();
+            prop_assert!(none.joints(&q) == q && none.actuators(&q) == q);
+            prop_assert!(none.at_actuators(&q) == q && none.at_joints(&q) == q);
+        }
+    }
+
+    #[test]
+    fn a_matrix_that_loses_a_motion_is_refused() {
+        let singular = [[1.0, 2.0], [2.0, 4.0]];
+        assert_eq!(Coupling::new(singular, [0.0; 2]).unwrap_err(), InvalidCoupling::Singular);
+        let nearly = [[1.0, 0.0], [0.0, 1e-9]];
+        assert_eq!(Coupling::new(nearly, [0.0; 2]).unwrap_err(), InvalidCoupling::Singular);
+        let broken = [[1.0, 0.0], [f64::NAN, 1.0]];
+        assert!(matches!(Coupling::new(broken, [0.0; 2]), Err(InvalidCoupling::NotFinite(_))));
+        assert!(Coupling::new([[1.0, 0.0], [0.0, 1.0]], [0.0, f64::INFINITY]).is_err());
+    }
+}

@@ -1,0 +1,274 @@
+//! What one cycle of the controller is to be explained for: joint positions, a wrench, switches, and
+//! whatever of the configuration is to be otherwise.
+
+use nalgebra::Isometry3;
+use nalgebra::Matrix3;
+use nalgebra::Rotation3;
+use nalgebra::Translation3;
+use nalgebra::UnitQuaternion;
+use nalgebra::Vector3;
+use serde::Deserialize;
+
+use crate::controller::Beyond;
+use crate::controller::JointVector;
+use crate::controller::Settings;
+use crate::controller::calibration::Calibration;
+use crate::controller::calibration::JointCalibration;
+use crate::controller::calibration::TorqueCurve;
+use crate::controller::channels::Channels;
+use crate::controller::gains::Gains;
+use crate::controller::limits::AssistFraction;
+use crate::controller::readings::Readings;
+use crate::controller::reflection::Reflection;
+use crate::controller::switches::Mode;
+use crate::controller::velocity::Period;
+use crate::spatial::Wrench;
+
+/// A pose as its 4 × 4 matrix, row by row.
+type Rows = [[f64; 4]; 4];
+
+/// How far the rows of a rotation may be from unit length and right angles.
+const ORTHONORMAL: f64 = 1e-6;
+
+/// The most a hand may be asked to feel where the question says what is felt, in N and N·m.
+const UNLIMITED: f64 = 1e6;
+
+/// One question. Keys are the names of this program; those of the paper's symbols are taken too.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Question {
+    /// Joint positions now, in rad or m.
+    #[serde(alias = "q_now")]
+    pub q: Option<[f64; 6]>,
+    /// A cycle ago; as now if not given.
+    #[serde(alias = "q_prev")]
+    pub q_before: Option<[f64; 6]>,
+    /// When the reference was set; as now if not given.
+    #[serde(alias = "q_ref")]
+    pub q_reference: Option<[f64; 6]>,
+    /// The wrench on the object at {S}, payload removed, in N and N·m.
+    #[serde(alias = "F_S_contact")]
+    pub f_s: Option<[f64; 6]>,
+    /// The object's pose when the reference was set, in its base.
+    #[serde(alias = "T_ref_object")]
+    pub x_b_r: Option<Rows>,
+    /// `rate` or `pose`.
+    pub mode: Option<String>,
+    /// `consistent` or `paper1997`.
+    pub preset: Option<String>,
+    /// Whether the deadman is held; it is unless said otherwise.
+    pub deadman: Option<bool>,
+    /// Whether reflection is on; it is unless said otherwise.
+    pub reflection: Option<bool>,
+    /// Whether the layers beside the paper's law act too; they do not unless asked for.
+    pub layers: bool,
+    /// Pose of the sensor in {MRF}.
+    #[serde(alias = "T_MRF_S")]
+    pub x_m_s: Option<Rows>,
+    /// Gravity in {0}, in m/s².
+    pub gravity_m_per_s2: Option<[f64; 3]>,
+    /// The cycle, in s.
+    #[serde(alias = "T_cycle")]
+    pub period_s: Option<f64>,
+    /// K_V, in 1/s.
+    #[serde(alias = "K_V")]
+    pub rate_gain: Option<[f64; 6]>,
+    /// K_P.
+    #[serde(alias = "K_P")]
+    pub pose_gain: Option<[f64; 6]>,
+    /// K_T.
+    #[serde(alias = "K_T")]
+    pub wrench_gain: Option<[f64; 6]>,
+    /// Half-widths of the deadbands, in m and rad.
+    pub deadband: Option<[f64; 6]>,
+    /// The parabolic constant of Eq. 8: plateau over deadband squared.
+    #[serde(alias = "a")]
+    pub parabola: Option<[f64; 6]>,
+    /// K_D, in N·s/m and N·m·s/rad.
+    #[serde(alias = "K_D_SI")]
+    pub damping: Option<[f64; 6]>,
+    /// Capacities, in N·m or N; torque curves become straight lines to 1000 ‰.
+    #[serde(alias = "tau_cap")]
+    pub max_torque: Option<[f64; 6]>,
+    /// The assist's part of them.
+    pub assist_fraction: Option<f64>,
+}
+
+/// What is wrong with a question: which key, and why.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unanswerable {
+    /// The key.
+    pub key: &'static str,
+    /// What is wrong with its value.
+    pub reason: String,
+}
+
+impl std::fmt::Display for Unanswerable {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: {}", self.key, self.reason)
+    }
+}
+
+impl std::error::Error for Unanswerable {}
+
+/// A question that can be answered.
+#[derive(Clone, Debug)]
+pub(super) struct Posed {
+    pub(super) settings: Settings,
+    pub(super) q: JointVector,
+    pub(super) q_before: JointVector,
+    pub(super) q_reference: JointVector,
+    pub(super) f_s: Wrench,
+    pub(super) x_b_r: Isometry3<f64>,
+    pub(super) mode: Mode,
+    pub(super) deadman: bool,
+    pub(super) reflection: bool,
+}
+
+impl Question {
+    /// Over `settings`, the arm being at `start`, the object at `x_b_m` and commands of `mode` where
+    /// nothing is said.
+    ///
+    /// # Errors
+    /// The first key that cannot be.
+    pub(super) fn pose(
+        &self,
+        settings: &Settings,
+        start: &JointVector,
+        x_b_m: &Isometry3<f64>,
+        mode: Mode,
+    ) -> Result<Posed, Unanswerable> {
+        let q = joints("q", self.q, start)?;
+        Ok(Posed {
+            settings: self.over(settings)?,
+            q,
+            q_before: joints("q_before", self.q_before, &q)?,
+            q_reference: joints("q_reference", self.q_reference, &q)?,
+            f_s: Wrench::from_components(self.f_s.unwrap_or_default()),
+            x_b_r: self.x_b_r.as_ref().map_or(Ok(*x_b_m), |rows| pose("x_b_r", rows))?,
+            mode: match self.mode.as_deref() {
+                None => mode,
+                Some("rate") => Mode::Rate,
+                Some("pose") => Mode::Pose,
+                Some(other) => {
+                    return Err(wrong("mode", format!("\"{other}\" is not rate or pose")));
+                }
+            },
+            deadman: self.deadman.unwrap_or(true),
+            reflection: self.reflection.unwrap_or(true),
+        })
+    }
+
+    /// `settings` with what the question has otherwise.
+    fn over(&self, settings: &Settings) -> Result<Settings, Unanswerable> {
+        let mut over = *settings;
+        if !self.layers {
+            over.beyond = Beyond::default();
+        }
+        over.readings = match self.preset.as_deref() {
+            None => over.readings,
+            Some("consistent") => Readings::CONSISTENT,
+            Some("paper1997") => Readings::PAPER_1997,
+            Some(other) => {
+                return Err(wrong("preset", format!("\"{other}\" is not consistent or paper1997")));
+            }
+        };
+        if let Some(period) = self.period_s {
+            over.period = named("period_s", Period::new(period))?;
+        }
+        let gains = |key, given: Option<[f64; 6]>, kept| {
+            given.map_or(Ok(kept), |values| named(key, Gains::new(values, key)))
+        };
+        over.command.rate_gain = gains("rate_gain", self.rate_gain, over.command.rate_gain)?;
+        over.command.pose_gain = gains("pose_gain", self.pose_gain, over.command.pose_gain)?;
+        over.damping = gains("damping", self.damping, over.damping)?;
+        if let Some(gravity) = self.gravity_m_per_s2 {
+            over.arm = named("gravity_m_per_s2", over.arm.in_gravity(gravity))?;
+        }
+        if let Some(fraction) = self.assist_fraction {
+            over.assist_fraction = named("assist_fraction", AssistFraction::new(fraction))?;
+        }
+        over.channels = self.channels(over.channels)?;
+        over.reflection = self.reflecting(over.reflection)?;
+        over.calibration = self.calibrated(over.calibration)?;
+        Ok(over)
+    }
+
+    fn channels(&self, kept: Channels) -> Result<Channels, Unanswerable> {
+        match (self.deadband, self.parabola) {
+            (None, None) => Ok(kept),
+            (Some(deadband), Some(parabola)) => {
+                let mut plateau = parabola;
+                for (plateau, deadband) in plateau.iter_mut().zip(deadband) {
+                    *plateau *= deadband * deadband;
+                }
+                named("deadband", Channels::new(deadband, plateau))
+            }
+            _ => Err(wrong("deadband", "deadband and parabola are given together".to_owned())),
+        }
+    }
+
+    fn reflecting(&self, kept: Reflection) -> Result<Reflection, Unanswerable> {
+        if self.wrench_gain.is_none() && self.x_m_s.is_none() {
+            return Ok(kept);
+        }
+        let x_m_s = self.x_m_s.as_ref().map_or(Ok(*kept.sensor()), |rows| pose("x_m_s", rows))?;
+        let gain = self.wrench_gain.map_or(Ok(*kept.gain()), |values| {
+            named("wrench_gain", Gains::new(values, "wrench_gain"))
+        })?;
+        named("wrench_gain", Reflection::new(x_m_s, gain, UNLIMITED, UNLIMITED))
+    }
+
+    fn calibrated(&self, kept: Calibration<6>) -> Result<Calibration<6>, Unanswerable> {
+        let Some(max_torque) = self.max_torque else { return Ok(kept) };
+        let [a, b, c, d, e, f] = max_torque.map(|max| {
+            let line = TorqueCurve::new([1e3 / max, 0.0, 0.0], max);
+            let line = named("max_torque", line)?;
+            named("max_torque", JointCalibration::new(1_000, 1.0, 0, line))
+        });
+        Ok(Calibration::new([a?, b?, c?, d?, e?, f?]))
+    }
+}
+
+fn wrong(key: &'static str, reason: String) -> Unanswerable {
+    Unanswerable { key, reason }
+}
+
+fn named<T, E: std::fmt::Display>(
+    key: &'static str,
+    result: Result<T, E>,
+) -> Result<T, Unanswerable> {
+    result.map_err(|error| wrong(key, error.to_string()))
+}
+
+fn joints(
+    key: &'static str,
+    given: Option<[f64; 6]>,
+    otherwise: &JointVector,
+) -> Result<JointVector, Unanswerable> {
+    let q = given.map_or(*otherwise, JointVector::from);
+    if q.iter().all(|position| position.abs() <= 1e3) {
+        Ok(q)
+    } else {
+        Err(wrong(key, "a joint position is no reasonable number".to_owned()))
+    }
+}
+
+/// A pose from its matrix.
+fn pose(key: &'static str, rows: &Rows) -> Result<Isometry3<f64>, Unanswerable> {
+    let [[a, b, c, x], [d, e, f, y], [g, h, i, z], last] = *rows;
+    let matrix = Matrix3::new(a, b, c, d, e, f, g, h, i);
+    let square = (matrix * matrix.transpose() - Matrix3::identity()).norm();
+    let is_pose = square < ORTHONORMAL
+        && matrix.determinant() > 0.0
+        && last
+            .iter()
+            .zip([0.0, 0.0, 0.0, 1.0])
+            .all(|(is, should)| (is - should).abs() < ORTHONORMAL)
+        && Vector3::new(x, y, z).norm() < UNLIMITED;
+    if !is_pose {
+        return Err(wrong(key, "is not the 4 × 4 matrix of a pose".to_owned()));
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
+    Ok(Isometry3::from_parts(Translation3::new(x, y, z), rotation))
+}

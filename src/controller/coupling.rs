@@ -46,7 +46,7 @@ impl<const N: usize> Coupling<N> {
             return Err(InvalidCoupling::NotFinite(number));
         }
         // Read column by column, rows are those of the transpose.
-        let matrix = SMatrix::from(rows).transpose();
+        let matrix = SMatrix::<f64, N, N>::from(rows).transpose();
         let inverse = matrix.try_inverse().ok_or(InvalidCoupling::Singular)?;
         if inverse.amax() * matrix.amax() <= LARGEST_GROWTH {
             Ok(Self { matrix, inverse, offset: SVector::from(offset) })

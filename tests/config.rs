@@ -35,7 +35,9 @@ fn with(number: usize, change: impl Fn(&str) -> String) -> String {
 
 #[test]
 fn the_shipped_configurations_are_in_order() {
-    for file in [FILE, "config/kraft_like_500hz.toml"] {
+    for file in
+        [FILE, "config/kraft_like_500hz.toml", "config/jpl_like.toml", "config/sixr_spherical.toml"]
+    {
         if let Err(invalid) = Config::load(Path::new(file)) {
             panic!("{invalid}");
         }
@@ -65,7 +67,7 @@ fn a_number_that_is_none_is_refused_on_its_line() {
 
 #[test]
 fn a_missing_key_is_named() {
-    let optional = ["start_deg"];
+    let optional = ["start_deg", "torque_rise_s", "one_sided"];
     for (number, key) in keys().filter(|(_, key)| !optional.contains(key)) {
         let refusal = refusal(&with(number, |_| String::new()));
         assert!(refusal.contains(&format!("missing field `{key}`")), "{number}: {refusal}");

@@ -43,6 +43,7 @@ use frhc::controller::limits::Asked;
 use frhc::controller::limits::AssistFraction;
 use frhc::controller::limits::Limited;
 use frhc::controller::limits::Limits;
+use frhc::controller::models;
 use frhc::controller::orientation::Orientation;
 use frhc::controller::readings::Difference;
 use frhc::controller::readings::Readings;
@@ -186,6 +187,20 @@ fn mass_matrices_of_four_arms() {
             let reference = SMatrix::<f64, 6, 6>::from_fn(|row, joint| reference[row][joint]);
             assert_near(model, mass.as_slice(), reference.as_slice());
         }
+    }
+}
+
+#[test]
+fn the_shipped_puma_is_the_one_of_the_reference() {
+    let puma = models::puma560().unwrap();
+    for config in list(&oracle::oracle("puma560_corke_mdh.json")["configs"]) {
+        let posture = puma.posture(&joints(&config["q"]));
+        assert_same_pose("puma", &posture.x_0_g, &pose(&config["T_0G"]));
+        let tau = puma.gravity(&posture);
+        assert_near("gravity", tau.as_slice(), &numbers::<6>(&config["gravity"]));
+        let reference = rows::<6, 6>(&config["M"]);
+        let reference = SMatrix::<f64, 6, 6>::from_fn(|row, joint| reference[row][joint]);
+        assert_near("mass", puma.mass_matrix(&posture).as_slice(), reference.as_slice());
     }
 }
 

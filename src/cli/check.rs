@@ -6,6 +6,7 @@ use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
 use crate::cli::print;
 use crate::config::Config;
+use crate::controller::arm::JointKind;
 
 /// Loads the configuration, which checks it, and prints what it comes to.
 pub(super) fn run(args: &Check) -> Result<(), Failure> {
@@ -38,8 +39,12 @@ pub(super) fn run(args: &Check) -> Result<(), Failure> {
         ));
     }
     for joint in &config.joints {
+        let unit = match joint.link.kind {
+            JointKind::Revolute => "N·m",
+            JointKind::Prismatic => "N",
+        };
         print::line(&format!(
-            "joint {:10} node {:3}, {:.4} N·m a step of 1 per mille, at most {} N·m",
+            "joint {:16} node {:3}, {:.4} {unit} a step of 1 per mille, at most {} {unit}",
             joint.name,
             joint.node.raw(),
             joint.calibration.resolution(),

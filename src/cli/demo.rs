@@ -86,7 +86,7 @@ fn compare(
     if comparison.is_bounded() {
         Ok(())
     } else {
-        Err(Failure::new(Kind::Negative, "the passivity layer does not bound this loop"))
+        Err(Failure::new(Kind::Negative, "no loop was bounded"))
     }
 }
 

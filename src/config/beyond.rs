@@ -31,77 +31,95 @@ pub(super) fn beyond(
     let filter = Filter::new(given.velocity_filter_s);
     let fade = given.contact_fade_n.map(ContactFade::new);
     let slew = given.torque_rise_s.map(|rise| Slew::new(&max_torques, rise, period));
-    let soft_stops = given
-        .soft_stops
-        .as_ref()
-        .map(|stops| SoftStops::new(arm.ranges(), &max_torques, stops.margin, stops.push));
-    let part = |key: &str| format!("controller.{key}");
     Beyond {
-        velocity_filter: problems.take(&part("velocity_filter_s"), filter).unwrap_or_default(),
+        velocity_filter: problems.take("controller.velocity_filter_s", filter).unwrap_or_default(),
         walls_in_pose: given.walls.as_ref().is_some_and(|walls| walls.in_pose_mode),
-        contact_fade: fade.and_then(|fade| problems.take(&part("contact_fade_n"), fade)),
-        engagement: given
-            .engagement
-            .as_ref()
-            .and_then(|begin| problems.take(&part("engagement"), engagement(begin, period))),
-        soft_stops: soft_stops.and_then(|stops| problems.take(&part("soft_stops"), stops)),
-        slew: slew.and_then(|slew| problems.take(&part("torque_rise_s"), slew)),
-        passivity: given
-            .passivity
-            .as_ref()
-            .and_then(|passivity| problems.take(&part("passivity"), observer(passivity, period))),
-        tank: given.tank.as_ref().and_then(|tank| problems.take(&part("tank"), energy_tank(tank))),
+        contact_fade: fade.and_then(|fade| problems.take("controller.contact_fade_n", fade)),
+        engagement: given.engagement.as_ref().and_then(|given| engagement(given, period, problems)),
+        soft_stops: given.soft_stops.as_ref().and_then(|given| {
+            let margin = problems.within("controller.soft_stops.margin", given.margin, 1e-3..=0.5);
+            let push = problems.within("controller.soft_stops.push", given.push, 0.0..=1.0);
+            SoftStops::new(arm.ranges(), &max_torques, margin, push).ok()
+        }),
+        slew: slew.and_then(|slew| problems.take("controller.torque_rise_s", slew)),
+        passivity: given.passivity.as_ref().and_then(|given| observer(given, period, problems)),
+        tank: given.tank.as_ref().and_then(|given| tank(given, problems)),
         virtual_coupling: given
             .virtual_coupling
             .as_ref()
-            .and_then(|coupling| tie(coupling, period, problems)),
+            .and_then(|given| virtual_coupling(given, period, problems)),
     }
 }
+
+// Each number is looked at under its own key first; what is left for the part itself is how they fit
+// together.
 
 fn engagement(
     given: &raw::Engagement,
     period: Period,
-) -> Result<Engagement, crate::controller::engagement::InvalidEngagement> {
-    let calm = match (given.calm_n, given.calm_nm) {
+    problems: &mut Problems<'_>,
+) -> Option<Engagement> {
+    let ramp = problems.within("controller.engagement.ramp_s", given.ramp_s, 0.0..=10.0);
+    let force = given.calm_n.map(|force| problems.positive("controller.engagement.calm_n", force));
+    let moment =
+        given.calm_nm.map(|moment| problems.positive("controller.engagement.calm_nm", moment));
+    let calm = match (force, moment) {
         (None, None) => None,
         (force, moment) => Some([force.unwrap_or(f64::MAX), moment.unwrap_or(f64::MAX)]),
     };
-    Engagement::new(given.ramp_s, calm, period)
+    Engagement::new(ramp, calm, period).ok()
 }
 
 fn observer(
     given: &raw::Passivity,
     period: Period,
-) -> Result<Passivity, crate::controller::passivity::InvalidPassivity> {
-    Passivity::new(PassivitySettings {
-        max_energy: given.max_energy_j,
-        max_damping: given.max_damping_ns_per_m,
-        lever: given.lever_m,
-        calm_force: given.calm_n,
-        calm_cycles: period.cycles(given.calm_s),
+    problems: &mut Problems<'_>,
+) -> Option<Passivity> {
+    let mut above_zero = |key: &str, value| {
+        problems.within(&format!("controller.passivity.{key}"), value, 1e-6..=1e6)
+    };
+    let settings = PassivitySettings {
+        max_energy: above_zero("max_energy_j", given.max_energy_j),
+        max_damping: above_zero("max_damping_ns_per_m", given.max_damping_ns_per_m),
+        lever: above_zero("lever_m", given.lever_m),
+        calm_force: above_zero("calm_n", given.calm_n),
+        calm_cycles: period.cycles(above_zero("calm_s", given.calm_s)),
         is_one_sided: given.one_sided,
-    })
+    };
+    Passivity::new(settings).ok()
 }
 
-fn energy_tank(given: &raw::Tank) -> Result<Tank, crate::controller::tank::InvalidTank> {
-    Tank::new(TankSettings {
-        initial: given.initial_j,
-        min: given.min_j,
-        low: given.low_j,
-        max: given.max_j,
-        refill: given.refill_ns_per_m_per_j,
-    })
+fn tank(given: &raw::Tank, problems: &mut Problems<'_>) -> Option<Tank> {
+    let before = problems.count();
+    let mut number =
+        |key: &str, value| problems.within(&format!("controller.tank.{key}"), value, 0.0..=1e6);
+    let settings = TankSettings {
+        initial: number("initial_j", given.initial_j),
+        min: number("min_j", given.min_j),
+        low: number("low_j", given.low_j),
+        max: number("max_j", given.max_j),
+        refill: number("refill_ns_per_m_per_j", given.refill_ns_per_m_per_j),
+    };
+    problems.take_unless_noted(before, "controller.tank", Tank::new(settings))
 }
 
-fn tie(
+fn virtual_coupling(
     given: &raw::VirtualCoupling,
     period: Period,
     problems: &mut Problems<'_>,
 ) -> Option<VirtualCoupling> {
-    let stiffness = six(given.stiffness_n_per_m, given.stiffness_nm_per_rad);
-    let damping = six(given.damping_ns_per_m, given.damping_nms_per_rad);
-    let key = "controller.virtual_coupling";
-    let stiffness = problems.take(key, Gains::new(stiffness, "stiffness"));
-    let damping = problems.take(key, Gains::new(damping, "damping"));
-    Some(VirtualCoupling::new(stiffness?, damping?, period))
+    let mut three = |key: &str, values| {
+        problems.none_negative(&format!("controller.virtual_coupling.{key}"), values)
+    };
+    let stiffness = six(
+        three("stiffness_n_per_m", given.stiffness_n_per_m),
+        three("stiffness_nm_per_rad", given.stiffness_nm_per_rad),
+    );
+    let damping = six(
+        three("damping_ns_per_m", given.damping_ns_per_m),
+        three("damping_nms_per_rad", given.damping_nms_per_rad),
+    );
+    let stiffness = Gains::new(stiffness, "stiffness").ok()?;
+    let damping = Gains::new(damping, "damping").ok()?;
+    Some(VirtualCoupling::new(stiffness, damping, period))
 }

@@ -80,7 +80,7 @@ pub(super) fn settings(
     let links = joints.each_ref().map(|joint| joint.link);
     let arm = problems.take("joint", Arm::new(links, *x_6_g, gravity));
 
-    let calibration = joints::calibration(joints);
+    let calibration = joints::calibration(joints, joints::coupling(raw, problems));
     let beyond = beyond::beyond(given, arm.as_ref()?, &calibration, period?, problems);
 
     Some(Settings {
@@ -112,9 +112,14 @@ fn shaped(
     let is_spring = problems.one_of("controller.centring_law", law, &laws)?;
     let channels = if is_spring { channels.as_springs() } else { channels };
     let Some(walls) = &given.walls else { return Some(channels) };
-    let at = six(walls.at_m, walls.at_rad);
-    let stiffness = six(walls.stiffness_n_per_m, walls.stiffness_nm_per_rad);
-    problems.take("controller.walls", channels.with_wall(at, stiffness))
+    let mut three =
+        |key: &str, values| problems.none_negative(&format!("controller.walls.{key}"), values);
+    let at = six(three("at_m", walls.at_m), three("at_rad", walls.at_rad));
+    let stiffness = six(
+        three("stiffness_n_per_m", walls.stiffness_n_per_m),
+        three("stiffness_nm_per_rad", walls.stiffness_nm_per_rad),
+    );
+    channels.with_wall(at, stiffness).ok()
 }
 
 /// Three linear and three angular numbers as one six-vector.

@@ -11,6 +11,8 @@ use std::path::PathBuf;
 const SHIPPED: &[(&str, &[u8])] = &[
     ("config/kraft_like.toml", include_bytes!("../../config/kraft_like.toml")),
     ("config/kraft_like_500hz.toml", include_bytes!("../../config/kraft_like_500hz.toml")),
+    ("config/jpl_like.toml", include_bytes!("../../config/jpl_like.toml")),
+    ("config/sixr_spherical.toml", include_bytes!("../../config/sixr_spherical.toml")),
     (
         "config/scenarios/teleoperation.toml",
         include_bytes!("../../config/scenarios/teleoperation.toml"),

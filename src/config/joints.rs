@@ -18,6 +18,7 @@ use crate::controller::arm::Link;
 use crate::controller::calibration::Calibration;
 use crate::controller::calibration::JointCalibration;
 use crate::controller::calibration::TorqueCurve;
+use crate::controller::coupling::Coupling;
 
 /// One joint: where it is on the network, how it moves, what moves it.
 #[derive(Clone, Debug)]
@@ -34,9 +35,11 @@ pub struct Joint {
     pub eds: Eds,
     /// Kinematics, masses and range.
     pub link: Link,
-    /// Dry friction at the joint, in N·m.
+    /// Where it starts in simulation, in rad or m.
+    pub start: f64,
+    /// Dry friction at the joint, in N·m or N.
     pub coulomb_friction: f64,
-    /// Viscous friction at the joint, in N·m·s/rad.
+    /// Viscous friction at the joint, in N·m·s/rad or N·s/m.
     pub viscous_friction: f64,
     /// Encoder counts per revolution of the motor.
     pub counts_per_rev: u32,
@@ -46,7 +49,7 @@ pub struct Joint {
     pub zero_counts: i32,
     /// The motor's rated torque, in N·m.
     pub rated_torque: f64,
-    /// The most the joint is asked for, in N·m.
+    /// The most its actuator is asked for, in N·m or N.
     pub max_torque: f64,
     /// c1, c3, c5 of the torque curve.
     pub torque_curve: [f64; 3],
@@ -86,53 +89,170 @@ fn read(
     let eds = lookup::eds(&key("eds"), file, &joint.eds, problems);
     let identity =
         Identity { vendor: joint.vendor_id, product: joint.product_code, revision: joint.revision };
-    let [low, high] = problems.all_finite(&key("limit_deg"), joint.limit_deg);
-    if low >= high {
-        problems.add(&key("limit_deg"), format_args!("from {low} to {high} is no range"));
-    }
-    let link = Link {
-        kind: JointKind::Revolute,
-        alpha: problems.finite(&key("alpha_deg"), joint.alpha_deg).to_radians(),
-        a: problems.within(&key("a_m"), joint.a_m, -10.0..=10.0),
-        d: problems.within(&key("d_m"), joint.d_m, -10.0..=10.0),
-        theta: problems.finite(&key("theta_deg"), joint.theta_deg).to_radians(),
-        mass: problems.within(&key("mass_kg"), joint.mass_kg, 0.0..=1_000.0),
-        centre_of_mass: problems.all_finite(&key("centre_of_mass_m"), joint.centre_of_mass_m),
-        inertia: problems.all_finite(&key("inertia_kg_m2"), joint.inertia_kg_m2),
-        rotor_inertia: problems.positive(&key("rotor_inertia_kg_m2"), joint.rotor_inertia_kg_m2),
-        range: [low.to_radians(), high.to_radians()],
-    };
+    let kinds = [("revolute", JointKind::Revolute), ("prismatic", JointKind::Prismatic)];
+    let kind = joint.kind.as_deref().unwrap_or("revolute");
+    let kind = problems.one_of(&key("kind"), kind, &kinds)?;
+    let moved = moved(&key, kind, joint, problems);
+
     let before = problems.count();
-    let max_torque = problems.positive(&key("max_torque_nm"), joint.max_torque_nm);
-    let curve = TorqueCurve::new(joint.torque_curve, max_torque);
-    let curve = problems.take_unless_noted(before, &key("torque_curve"), curve);
+    let curve = moved.as_ref().map(|moved| TorqueCurve::new(joint.torque_curve, moved.max_torque));
+    let curve =
+        curve.and_then(|curve| problems.take_unless_noted(before, &key("torque_curve"), curve));
     let calibration = curve.and_then(|curve| {
         let counts = joint.encoder_counts_per_rev;
         let made = JointCalibration::new(counts, joint.gear_ratio, joint.zero_counts, curve);
         problems.take(&key("gear_ratio"), made)
     });
-    let coulomb_friction =
-        problems.not_negative(&key("coulomb_friction_nm"), joint.coulomb_friction_nm);
-    let viscous_friction = problems
-        .not_negative(&key("viscous_friction_nms_per_rad"), joint.viscous_friction_nms_per_rad);
+    let alpha = problems.finite(&key("alpha_deg"), joint.alpha_deg).to_radians();
+    let a = problems.within(&key("a_m"), joint.a_m, -10.0..=10.0);
+    let d = problems.within(&key("d_m"), joint.d_m, -10.0..=10.0);
+    let theta = problems.finite(&key("theta_deg"), joint.theta_deg).to_radians();
+    let mass = problems.within(&key("mass_kg"), joint.mass_kg, 0.0..=1_000.0);
+    let centre_of_mass = problems.all_finite(&key("centre_of_mass_m"), joint.centre_of_mass_m);
+    let inertia = problems.all_finite(&key("inertia_kg_m2"), joint.inertia_kg_m2);
     let rated_torque = problems.within(&key("rated_torque_nm"), joint.rated_torque_nm, 1e-3..=4e6);
+    let moved = moved?;
     Some(Joint {
         name: joint.name.clone(),
         channel: channel?,
         node: node?,
         identity,
         eds: eds?,
-        link,
-        coulomb_friction,
-        viscous_friction,
+        link: Link {
+            kind,
+            alpha,
+            a,
+            d,
+            theta,
+            mass,
+            centre_of_mass,
+            inertia,
+            rotor_inertia: moved.rotor_inertia,
+            range: moved.range,
+        },
+        start: moved.start,
+        coulomb_friction: moved.coulomb_friction,
+        viscous_friction: moved.viscous_friction,
         counts_per_rev: joint.encoder_counts_per_rev,
         gear_ratio: joint.gear_ratio,
         zero_counts: joint.zero_counts,
         rated_torque,
-        max_torque,
+        max_torque: moved.max_torque,
         torque_curve: joint.torque_curve,
         calibration: calibration?,
     })
+}
+
+/// What is written in other units where a joint slides.
+struct Moved {
+    range: [f64; 2],
+    start: f64,
+    max_torque: f64,
+    rotor_inertia: f64,
+    coulomb_friction: f64,
+    viscous_friction: f64,
+}
+
+/// Reads those keys. Angles are typed in degrees; all else is SI, and so is what comes out.
+fn moved(
+    key: &dyn Fn(&str) -> String,
+    kind: JointKind,
+    joint: &raw::Joint,
+    problems: &mut Problems<'_>,
+) -> Option<Moved> {
+    let slides = kind == JointKind::Prismatic;
+    let mut of = Units { key, slides, problems };
+    let range = of.either(("limit_deg", joint.limit_deg), ("limit_m", joint.limit_m));
+    let torque =
+        of.either(("max_torque_nm", joint.max_torque_nm), ("max_force_n", joint.max_force_n));
+    let rotor = of.either(
+        ("rotor_inertia_kg_m2", joint.rotor_inertia_kg_m2),
+        ("rotor_mass_kg", joint.rotor_mass_kg),
+    );
+    let coulomb = of.either(
+        ("coulomb_friction_nm", joint.coulomb_friction_nm),
+        ("coulomb_friction_n", joint.coulomb_friction_n),
+    );
+    let viscous = of.either(
+        ("viscous_friction_nms_per_rad", joint.viscous_friction_nms_per_rad),
+        ("viscous_friction_ns_per_m", joint.viscous_friction_ns_per_m),
+    );
+    let start = of.at_most_one(("start_deg", joint.start_deg), ("start_m", joint.start_m));
+
+    let si = |value: f64| if slides { value } else { value.to_radians() };
+    let problems = of.problems;
+    let range = range.map(|(name, [low, high])| {
+        problems.all_finite(&key(name), [low, high]);
+        if low >= high {
+            problems.add(&key(name), format_args!("from {low} to {high} is no range"));
+        }
+        [si(low), si(high)]
+    });
+    let start = range.zip(start).map(|([low, high], (name, given))| {
+        let start = given.map_or_else(|| resting(low, high), si);
+        if !(low..=high).contains(&start) {
+            problems.add(&key(name), "the joint would start out of its range");
+        }
+        start
+    });
+    let max_torque = torque.map(|(name, value)| problems.positive(&key(name), value));
+    let rotor_inertia = rotor.map(|(name, value)| problems.positive(&key(name), value));
+    let coulomb = coulomb.map(|(name, value)| problems.not_negative(&key(name), value));
+    let viscous = viscous.map(|(name, value)| problems.not_negative(&key(name), value));
+    Some(Moved {
+        range: range?,
+        start: start?,
+        max_torque: max_torque?,
+        rotor_inertia: rotor_inertia?,
+        coulomb_friction: coulomb?,
+        viscous_friction: viscous?,
+    })
+}
+
+/// Where a joint starts of which nothing is said: at zero, or in the middle of a range without it.
+fn resting(low: f64, high: f64) -> f64 {
+    if (low..=high).contains(&0.0) { 0.0 } else { f64::midpoint(low, high) }
+}
+
+/// Keys of which a turning joint has the first and a sliding one the second.
+struct Units<'k, 'p, 't> {
+    key: &'k dyn Fn(&str) -> String,
+    slides: bool,
+    problems: &'p mut Problems<'t>,
+}
+
+impl Units<'_, '_, '_> {
+    /// The value and its key, which must be there.
+    fn either<T>(
+        &mut self,
+        turning: (&'static str, Option<T>),
+        sliding: (&'static str, Option<T>),
+    ) -> Option<(&'static str, T)> {
+        let (name, value) = self.at_most_one(turning, sliding)?;
+        if value.is_none() {
+            self.problems.add(&(self.key)(name), format_args!("missing field `{name}`"));
+        }
+        Some((name, value?))
+    }
+
+    /// The value, if there is one, and its key; the other kind's key must not be there.
+    fn at_most_one<T>(
+        &mut self,
+        turning: (&'static str, Option<T>),
+        sliding: (&'static str, Option<T>),
+    ) -> Option<(&'static str, Option<T>)> {
+        let ((name, value), (other, misplaced), kind) = if self.slides {
+            (sliding, turning, "prismatic")
+        } else {
+            (turning, sliding, "revolute")
+        };
+        if misplaced.is_some() {
+            let reason = format!("a {kind} joint has `{name}`");
+            self.problems.add(&(self.key)(other), reason);
+            return None;
+        }
+        Some((name, value))
+    }
 }
 
 /// Pose of the grip in link 6, and gravity in {0}.
@@ -143,6 +263,8 @@ pub(super) fn grip_and_gravity(
     let [x, y, z] = problems.all_finite("arm.grip_m", arm.grip_m);
     let [about_x, about_y, about_z] = problems.all_finite("arm.grip_rad", arm.grip_rad);
     let gravity = problems.all_finite("arm.gravity_m_per_s2", arm.gravity_m_per_s2);
+    // Springs or counterweights carry a balanced arm, real or simulated: it weighs nothing.
+    let gravity = if arm.gravity_balanced { [0.0; 3] } else { gravity };
     let x_6_g = Isometry3::from_parts(
         Translation3::new(x, y, z),
         UnitQuaternion::from_euler_angles(about_x, about_y, about_z),
@@ -150,7 +272,14 @@ pub(super) fn grip_and_gravity(
     (x_6_g, gravity)
 }
 
-/// Encoders and torque curves of all joints.
-pub(super) fn calibration(joints: &[Joint; 6]) -> Calibration<6> {
-    Calibration::new(joints.each_ref().map(|joint| joint.calibration))
+/// Encoders and torque curves of all joints, and what couples them.
+pub(super) fn calibration(joints: &[Joint; 6], coupling: Option<Coupling<6>>) -> Calibration<6> {
+    let calibration = Calibration::new(joints.each_ref().map(|joint| joint.calibration));
+    coupling.map_or(calibration, |coupling| calibration.coupled(coupling))
+}
+
+/// What couples joints and actuators; `None` where nothing does, or a problem has been noted.
+pub(super) fn coupling(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Coupling<6>> {
+    let given = raw.coupling.as_ref()?;
+    problems.take("coupling.matrix", Coupling::new(given.matrix, given.offset_rad_or_m))
 }

@@ -9,6 +9,7 @@ pub(super) struct File {
     pub(super) bus: Vec<Bus>,
     pub(super) arm: Arm,
     pub(super) joint: Vec<Joint>,
+    pub(super) coupling: Option<Coupling>,
     pub(super) switches: Switches,
     pub(super) controller: Controller,
     pub(super) remote: Remote,
@@ -38,11 +39,21 @@ pub(super) struct Arm {
     pub(super) grip_m: [f64; 3],
     #[serde(default)]
     pub(super) grip_rad: [f64; 3],
+    #[serde(default)]
+    pub(super) gravity_balanced: bool,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Coupling {
+    pub(super) matrix: [[f64; 6]; 6],
+    #[serde(default)]
+    pub(super) offset_rad_or_m: [f64; 6],
 }
 
 #[derive(Debug, Deserialize)]
 pub(super) struct Joint {
     pub(super) name: String,
+    pub(super) kind: Option<String>,
     pub(super) bus: String,
     pub(super) node_id: u8,
     pub(super) eds: String,
@@ -56,15 +67,22 @@ pub(super) struct Joint {
     pub(super) mass_kg: f64,
     pub(super) centre_of_mass_m: [f64; 3],
     pub(super) inertia_kg_m2: [f64; 6],
-    pub(super) rotor_inertia_kg_m2: f64,
-    pub(super) coulomb_friction_nm: f64,
-    pub(super) viscous_friction_nms_per_rad: f64,
-    pub(super) limit_deg: [f64; 2],
+    pub(super) rotor_inertia_kg_m2: Option<f64>,
+    pub(super) rotor_mass_kg: Option<f64>,
+    pub(super) coulomb_friction_nm: Option<f64>,
+    pub(super) coulomb_friction_n: Option<f64>,
+    pub(super) viscous_friction_nms_per_rad: Option<f64>,
+    pub(super) viscous_friction_ns_per_m: Option<f64>,
+    pub(super) limit_deg: Option<[f64; 2]>,
+    pub(super) limit_m: Option<[f64; 2]>,
+    pub(super) start_deg: Option<f64>,
+    pub(super) start_m: Option<f64>,
     pub(super) encoder_counts_per_rev: u32,
     pub(super) gear_ratio: f64,
     pub(super) zero_counts: i32,
     pub(super) rated_torque_nm: f64,
-    pub(super) max_torque_nm: f64,
+    pub(super) max_torque_nm: Option<f64>,
+    pub(super) max_force_n: Option<f64>,
     pub(super) torque_curve: [f64; 3],
 }
 

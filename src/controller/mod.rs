@@ -19,6 +19,7 @@
 //! | [`assist`]          | Eq. 8, 9      | return to centre, damping                          |
 //! | [`limits`]          | Eq. 10        | what every joint can exert                         |
 //!
+//! [`models`] has arms for the commanded side.
 //! Beside the paper, each off unless asked for: [`velocity`] (a filter), [`virtual_coupling`],
 //! [`engagement`], [`passivity`] and [`tank`] (at the [`port`]), [`soft_stops`].
 //!
@@ -35,6 +36,7 @@ pub mod engagement;
 pub mod gains;
 mod intake;
 pub mod limits;
+pub mod models;
 pub mod orientation;
 mod output;
 pub mod passivity;

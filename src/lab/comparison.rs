@@ -15,6 +15,9 @@ use crate::telemetry::summary::Summary;
 /// The layer bounds an oscillation if it leaves no more than this of the energy that drives it.
 const BOUNDED: f64 = 0.1;
 
+/// Less is no oscillation, in J.
+const ACTIVE: f64 = 0.01;
+
 /// Two runs of one scenario.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {
@@ -46,39 +49,52 @@ pub fn without_passivity(config: &Config) -> Config {
 }
 
 impl Comparison {
-    /// Whether the uncontrolled loop drove the hand, and the layer took nearly all of that away.
-    pub fn is_bounded(&self) -> bool {
-        let driven = |contact: &Contact| (-contact.lowest_energy_j).max(0.0);
-        let (without, with) = (driven(&self.without.contact), driven(&self.with.contact));
-        with <= BOUNDED * without
+    /// Whether the uncontrolled loop drove the hand.
+    pub fn is_active(&self) -> bool {
+        driven(&self.without.contact) > ACTIVE
     }
+
+    /// Whether it did, and the layer took nearly all of that away.
+    pub fn is_bounded(&self) -> bool {
+        self.is_active() && driven(&self.with.contact) <= BOUNDED * driven(&self.without.contact)
+    }
+}
+
+/// The energy that contact drove the hand with, in J.
+fn driven(contact: &Contact) -> f64 {
+    (-contact.lowest_energy_j).max(0.0)
+}
+
+/// What is compared of a run.
+fn row(run: &Summary) -> [f64; 5] {
+    [
+        f64::from(run.contact.reversals),
+        driven(&run.contact) * 1e3,
+        run.contact.peak_speed_m_per_s * 1e3,
+        run.peak_felt_force_n,
+        run.contact_seconds,
+    ]
 }
 
 /// As people read it.
 impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let row = |f: &mut fmt::Formatter<'_>, what, unit, value: &dyn Fn(&Summary) -> f64| {
-            let (without, with) = (value(&self.without), value(&self.with));
-            writeln!(f, "{what:32} {without:10.1} {with:10.1}  {unit}")
-        };
-        writeln!(
-            f,
-            "wall of {:.0} N/m, passivity layer   off         on",
-            self.wall_stiffness_n_per_m
-        )?;
-        let reversals =
-            |run: &Summary| f64::from(u32::try_from(run.contact.reversals).unwrap_or(u32::MAX));
-        row(f, "reversals of the hand in contact", "", &reversals)?;
-        row(f, "energy the contact drove it with", "mJ", &|run| {
-            -run.contact.lowest_energy_j * 1e3
-        })?;
-        row(f, "peak speed in contact", "mm/s", &|run| run.contact.peak_speed_m_per_s * 1e3)?;
-        row(f, "peak force felt", "N", &|run| run.peak_felt_force_n)?;
-        row(f, "time in contact", "s", &|run| run.contact_seconds)?;
-        let verdict = if self.is_bounded() {
-            "the uncontrolled loop is active; the passivity layer bounds it"
-        } else {
-            "the passivity layer does not bound this loop"
+        let wall = format!("wall of {:.0} N/m, passivity layer", self.wall_stiffness_n_per_m);
+        writeln!(f, "{wall:42} {:>10} {:>10}", "off", "on")?;
+        let rows = [
+            "reversals of the hand in contact",
+            "energy the contact drove it with, mJ",
+            "peak speed in contact, mm/s",
+            "peak force felt, N",
+            "time in contact, s",
+        ];
+        for ((what, without), with) in rows.iter().zip(row(&self.without)).zip(row(&self.with)) {
+            writeln!(f, "{what:42} {without:10.1} {with:10.1}")?;
+        }
+        let verdict = match (self.is_active(), self.is_bounded()) {
+            (false, _) => "the loop drives nobody without the layer either",
+            (true, false) => "the passivity layer does not bound this loop",
+            (true, true) => "the uncontrolled loop is active; the passivity layer bounds it",
         };
         f.write_str(verdict)
     }

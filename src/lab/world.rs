@@ -20,13 +20,11 @@ use crate::sim::plant::Plant;
 use crate::sim::plant::Resistance;
 use crate::sim::scenario::Scenario;
 use crate::sim::switches::SwitchBox;
+use crate::sim::transmission::Transmission;
 use crate::sim::world::World;
 
 /// From a SYNC until a simulated drive begins to send its TPDO.
 const DRIVE_LATENCY: Duration = Duration::from_micros(60);
-
-/// Where the arm is at the start, in degrees: all its wrist axes at right angles.
-const NEUTRAL: [f64; 6] = [0.0, -50.0, 95.0, -45.0, 0.0, 0.0];
 
 /// Drives, switch box and arm of `config`, and an operator who follows `scenario`.
 pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
@@ -48,12 +46,16 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
         range: joint.link.range,
     });
     let plant = Plant::new(arm(config), resistance, start(config));
-    World::new(drives, switches, plant, scenario, seed)
+    let world = World::new(drives, switches, plant, scenario, seed);
+    match config.coupling {
+        Some((rows, offset)) => world.coupled(Transmission::new(rows, offset)),
+        None => world,
+    }
 }
 
 /// Where the arm is at the start, in rad or m.
-pub fn start(_config: &Config) -> Joints {
-    Joints::from(NEUTRAL.map(f64::to_radians))
+pub fn start(config: &Config) -> Joints {
+    Joints::from(config.joints.each_ref().map(|joint| joint.start))
 }
 
 /// The arm of `config`, as the simulation computes it.

@@ -25,5 +25,6 @@ mod power;
 pub mod scenario;
 pub mod scene;
 pub mod switches;
+pub mod transmission;
 pub mod tremor;
 pub mod world;

@@ -21,6 +21,7 @@ use crate::sim::hand::Hand;
 use crate::sim::plant::Plant;
 use crate::sim::scenario::Scenario;
 use crate::sim::switches::SwitchBox;
+use crate::sim::transmission::Transmission;
 use crate::sim::tremor::Tremor;
 use crate::time::Instant;
 
@@ -35,10 +36,10 @@ const LEADING: Channel = Channel(0);
 
 /// A drive, seen from its joint.
 pub trait Motor: Station {
-    /// The joint is at `position` and moves with `velocity`, in rad and rad/s (m and m/s).
+    /// What it moves is at `position` and moves with `velocity`, in rad and rad/s (m and m/s).
     fn set_motion(&mut self, position: f64, velocity: f64);
 
-    /// The torque on the joint, now, in N·m (N).
+    /// The torque on it, now, in N·m (N).
     fn torque(&self) -> f64;
 }
 
@@ -54,6 +55,7 @@ pub struct World<M = Drive, I = SwitchBox> {
     drives: [M; 6],
     switches: I,
     plant: Plant,
+    transmission: Transmission,
     /// What the drives have exerted since `now`.
     tau: Joints,
     hand: Hand,
@@ -75,6 +77,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
             switches,
             x_0_start: *plant.x_0_g(),
             plant,
+            transmission: Transmission::direct(),
             tau: Joints::zeros(),
             hand: Hand::default(),
             scenario,
@@ -82,6 +85,15 @@ impl<M: Motor, I: Inputs> World<M, I> {
             begun: None,
             now: Instant::ZERO,
         };
+        world.tau = world.torques();
+        world.show();
+        world
+    }
+
+    /// The same, drives and joints being coupled.
+    #[must_use]
+    pub fn coupled(self, transmission: Transmission) -> Self {
+        let mut world = Self { transmission, ..self };
         world.tau = world.torques();
         world.show();
         world
@@ -132,16 +144,17 @@ impl<M: Motor, I: Inputs> World<M, I> {
         }
     }
 
-    /// What the drives exert.
+    /// What the drives exert on the joints.
     fn torques(&self) -> Joints {
-        Joints::from(self.drives.each_ref().map(Motor::torque))
+        self.transmission.joints(&Joints::from(self.drives.each_ref().map(Motor::torque)))
     }
 
-    /// Shows every encoder its joint.
+    /// Shows every encoder its motor.
     fn show(&mut self) {
-        let joints = self.plant.q().iter().zip(self.plant.qd().iter());
-        for (drive, (q, qd)) in self.drives.iter_mut().zip(joints) {
-            drive.set_motion(*q, *qd);
+        let m = self.transmission.motors(self.plant.q());
+        let md = self.transmission.rates(self.plant.qd());
+        for (drive, (m, md)) in self.drives.iter_mut().zip(m.iter().zip(md.iter())) {
+            drive.set_motion(*m, *md);
         }
     }
 }

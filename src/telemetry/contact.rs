@@ -18,7 +18,7 @@ const TOUCHES: f64 = 0.5;
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Contact {
     /// How often the hand turned round along what it felt.
-    pub reversals: u64,
+    pub reversals: u32,
     /// What the hand put into the reflected wrench less what it got out, over all contacts, in J.
     /// Below zero it was driven.
     pub energy_j: f64,
@@ -57,7 +57,7 @@ impl Contact {
     /// The hand moves along what it feels with `speed`.
     fn turn(&mut self, speed: f64) {
         if speed.abs() > STILL {
-            self.reversals += u64::from(self.way * speed < 0.0);
+            self.reversals += u32::from(self.way * speed < 0.0);
             self.way = speed;
         }
     }

@@ -32,7 +32,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(args),
         Command::Sim(args) => sim::run(args),
         Command::Ctl(args) => ctl::run(args),
-        Command::Check(args) => check::run(args),
+        Command::Check(args) => check::run(args, cli.verbose > 0),
         Command::Explain(args) => explain::run(args),
     };
     match done {

@@ -11,6 +11,7 @@ mod problem;
 mod raw;
 mod readings;
 mod remote;
+mod stability;
 
 pub use joints::Joint;
 pub use network::BusSettings;
@@ -19,6 +20,7 @@ pub use problem::Invalid;
 pub use problem::Problem;
 pub use remote::Contact;
 pub use remote::Virtual;
+pub use stability::Operator;
 
 use std::path::Path;
 use std::path::PathBuf;
@@ -32,6 +34,7 @@ use crate::canopen::load::BusLoad;
 use crate::canopen::plan::NodePlan;
 use crate::config::problem::Problems;
 use crate::controller::Settings;
+use crate::controller::stability::Finding;
 use crate::controller::switches::Mode;
 
 /// One hand controller and all around it.
@@ -65,6 +68,8 @@ pub struct Config {
     pub command_mode: Mode,
     /// The commanded side.
     pub remote: Virtual,
+    /// The hand that the bounds of stability count on.
+    pub operator: Operator,
     /// Limits in time.
     pub safety: Safety,
 }
@@ -135,6 +140,11 @@ impl Config {
         network::plans(self)
     }
 
+    /// What can be said about the stability of its gains, inequality by inequality.
+    pub fn findings(&self) -> Vec<Finding> {
+        stability::around(self).findings()
+    }
+
     /// The load of each bus in the worst case.
     pub fn loads(&self) -> Vec<BusLoad> {
         network::loads(self)
@@ -188,6 +198,12 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
         .and_then(|joints| control::settings(raw, joints, &x_6_g, gravity, period, problems));
     let command_mode = control::mode(raw, problems);
     let remote = remote::settings(raw, problems);
+    let operator = stability::operator(raw, problems);
+    let refuses = problems.one_of(
+        "controller.gain_check",
+        raw.controller.gain_check.as_deref().unwrap_or("refuse"),
+        &[("refuse", true), ("warn", false)],
+    );
 
     let config = Config {
         file: file.to_path_buf(),
@@ -204,8 +220,12 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
         controller: controller?,
         command_mode: command_mode?,
         remote: remote?,
+        operator,
         safety,
     };
     network::check(&config, problems);
+    if refuses == Some(true) {
+        stability::refuse(&config, problems);
+    }
     Some(config)
 }

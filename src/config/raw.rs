@@ -13,7 +13,30 @@ pub(super) struct File {
     pub(super) switches: Switches,
     pub(super) controller: Controller,
     pub(super) remote: Remote,
+    #[serde(default)]
+    pub(super) operator: Operator,
     pub(super) safety: Safety,
+}
+
+/// A light grip.
+#[derive(Debug, Deserialize)]
+#[serde(default)]
+pub(super) struct Operator {
+    pub(super) stiffness_n_per_m: f64,
+    pub(super) stiffness_nm_per_rad: f64,
+    pub(super) damping_ns_per_m: f64,
+    pub(super) damping_nms_per_rad: f64,
+}
+
+impl Default for Operator {
+    fn default() -> Self {
+        Self {
+            stiffness_n_per_m: 500.0,
+            stiffness_nm_per_rad: 6.0,
+            damping_ns_per_m: 15.0,
+            damping_nms_per_rad: 0.12,
+        }
+    }
 }
 
 #[derive(Debug, Deserialize)]
@@ -112,6 +135,7 @@ pub(super) struct Controller {
     pub(super) assist_fraction: f64,
     pub(super) max_force_n: f64,
     pub(super) max_moment_nm: f64,
+    pub(super) gain_check: Option<String>,
     #[serde(default)]
     pub(super) pose_deadband: bool,
     #[serde(default)]

@@ -93,6 +93,16 @@ impl Channels {
         Self(self.0.map(|channel| Channel { plateau: 0.0, ..channel }))
     }
 
+    /// The plateaus of the return force, in N and N·m.
+    pub fn plateaus(&self) -> [f64; 6] {
+        self.0.map(|channel| channel.plateau)
+    }
+
+    /// Half-widths of the deadbands, in m and rad.
+    pub fn deadbands(&self) -> [f64; 6] {
+        self.0.map(|channel| channel.deadband)
+    }
+
     /// What is left of a displacement beyond the deadband: zero within, and continuous at its edge
     /// (decision 17).
     pub fn beyond_deadband(&self, dx: &Displacement) -> Displacement {

@@ -46,6 +46,7 @@ pub mod reference;
 pub mod reflection;
 mod settings;
 pub mod soft_stops;
+pub mod stability;
 pub mod step;
 pub mod switches;
 pub mod tank;

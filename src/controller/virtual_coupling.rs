@@ -26,6 +26,16 @@ impl VirtualCoupling {
         Self { stiffness, damping, period, stretch_before: None }
     }
 
+    /// Its six stiffnesses, in N/m and N·m/rad.
+    pub const fn stiffness(&self) -> &Gains {
+        &self.stiffness
+    }
+
+    /// Its six dampings, in N·s/m and N·m·s/rad.
+    pub const fn damping(&self) -> &Gains {
+        &self.damping
+    }
+
     /// The wrench that draws the commanded frame at `x_b_d` to the object at `x_b_m`, written in the
     /// commanded frame; none, and a new beginning, where no pose is commanded.
     pub fn wrench(&mut self, x_b_d: Option<&Isometry3<f64>>, x_b_m: &Isometry3<f64>) -> Wrench {

@@ -86,6 +86,7 @@ const MODULES: &[Rule] = &[
         &[
             "anyhow",
             "clap",
+            "csv",
             "indicatif",
             "serde",
             "serde_json",
@@ -101,6 +102,7 @@ const OUTSIDE: &[&str] = &[
     "anyhow",
     "canopen_rs",
     "clap",
+    "csv",
     "indicatif",
     "nalgebra",
     "nix",

@@ -38,6 +38,8 @@ use frhc::controller::calibration::TorqueCurve;
 use frhc::controller::channels::Channels;
 use frhc::controller::command::CommandLaw;
 use frhc::controller::coupling::Coupling;
+use frhc::controller::fit;
+use frhc::controller::fit::Sample;
 use frhc::controller::gains::Gains;
 use frhc::controller::limits::Asked;
 use frhc::controller::limits::AssistFraction;
@@ -431,6 +433,29 @@ fn actuators_that_are_coupled() {
     assert_near("theta", theta.as_slice(), &numbers::<6>(&case["theta"]));
     let tau_a = coupling.at_actuators(&joints(&case["tau_joint"]));
     assert_near("tau_actuator", tau_a.as_slice(), &numbers::<6>(&case["tau_actuator"]));
+}
+
+#[test]
+fn a_torque_curve_is_fitted() {
+    let table = &oracle::oracle("paper.json")["torque_curve"];
+    let samples = |counts: &str| -> Vec<Sample> {
+        let pairs = list(&table["samples_torque"]).iter().zip(list(&table[counts]));
+        let sample = |(torque, per_mille): (&Value, &Value)| Sample {
+            per_mille: number(per_mille),
+            torque: number(torque),
+            rising: true,
+        };
+        pairs.map(sample).collect()
+    };
+    let exact = fit::least_squares(&samples("samples_counts")).unwrap();
+    assert_near("exact", &exact.coefficients, &numbers::<3>(&table["fit_odd"]));
+    let noisy = fit::least_squares(&samples("noisy_counts")).unwrap();
+    assert_near("linear", &[noisy.linear_residual], &[number(&table["linear_fit_rms_residual"])]);
+    assert_near("noisy", &noisy.coefficients, &numbers::<3>(&table["noisy_fit_odd"]));
+    assert_near("residual", &[noisy.residual], &[number(&table["noisy_fit_rms_residual"])]);
+    let [_, max_torque] = numbers::<2>(&table["domain"]);
+    let curve = TorqueCurve::new(numbers(&table["coeffs_c1_c3_c5"]), max_torque).unwrap();
+    assert!((curve.least_slope() - number(&table["min_slope_on_domain"])).abs() < 1e-3);
 }
 
 // The whole step.

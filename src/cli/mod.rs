@@ -1,6 +1,7 @@
 //! The command line: arguments, tasks, exit codes. The only module that prints.
 
 mod args;
+mod calib;
 mod check;
 mod console;
 mod ctl;
@@ -8,6 +9,8 @@ mod demo;
 mod exit;
 mod explain;
 mod interfaces;
+mod measurements;
+mod plot;
 mod print;
 mod recorder;
 mod run;
@@ -33,6 +36,7 @@ pub fn main() -> ExitCode {
         Command::Sim(args) => sim::run(args),
         Command::Ctl(args) => ctl::run(args),
         Command::Check(args) => check::run(args, cli.verbose > 0),
+        Command::Calib(args) => calib::run(args),
         Command::Explain(args) => explain::run(args),
     };
     match done {

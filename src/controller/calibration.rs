@@ -100,13 +100,28 @@ impl TorqueCurve {
     }
 
     /// Per mille of rated torque for a joint torque in N·m, not yet whole; beyond the range, its end.
-    fn at(&self, torque: f64) -> f64 {
+    pub fn at(&self, torque: f64) -> f64 {
         self.evaluate(torque.clamp(-self.max_torque, self.max_torque))
+    }
+
+    /// The least of its slope over the whole range, in ‰ per N·m: at an end, or where the slope itself
+    /// is flat.
+    pub fn least_slope(&self) -> f64 {
+        let [c1, c3, c5] = self.coefficients;
+        let slope = |s: f64| c1 + s * (3.0 * c3 + s * 5.0 * c5);
+        let end = self.max_torque * self.max_torque;
+        let flat = (-3.0 * c3 / (10.0 * c5)).clamp(0.0, end); // not a number where c3 = c5 = 0
+        [0.0, end, flat].into_iter().map(slope).fold(f64::INFINITY, f64::min)
+    }
+
+    /// c1, c3, c5.
+    pub const fn coefficients(&self) -> [f64; 3] {
+        self.coefficients
     }
 
     /// The joint torque in N·m for which the curve gives `per_mille`; beyond its end, its end. By
     /// halving, which cannot fail on a rising curve.
-    fn torque(&self, per_mille: f64) -> f64 {
+    pub fn torque(&self, per_mille: f64) -> f64 {
         let (mut low, mut high) = (0.0, self.max_torque);
         for _ in 0..HALVINGS {
             let middle = f64::midpoint(low, high);
@@ -206,6 +221,11 @@ impl JointCalibration {
     /// The target nearest to a joint torque in N·m.
     fn target(&self, torque: f64) -> PerMille {
         PerMille(whole_i16(self.curve.at(torque) * self.direction()))
+    }
+
+    /// The torque curve.
+    pub const fn curve(&self) -> &TorqueCurve {
+        &self.curve
     }
 
     /// The target of the largest torque, whichever way the motor turns.

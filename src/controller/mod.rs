@@ -8,6 +8,7 @@
 //! | [`mod@step`]        | Fig. 3        | one cycle, read from top to bottom                 |
 //! | [`readings`]        |               | how the paper is read where it can be read in several ways |
 //! | [`calibration`]     | 4.2, Fig. 6   | counts to positions, torques to per mille          |
+//! | [`fit`]             | 4.2, Fig. 6   | torque curves from measurements                    |
 //! | [`coupling`]        | 4.2           | joints and the actuators that move them            |
 //! | [`arm`]             | Eq. 1, 7, 3.3 | kinematics, Jacobian, weight                       |
 //! | [`switches`]        | 4.1           | what the operator permits                          |
@@ -33,6 +34,7 @@ pub mod channels;
 pub mod command;
 pub mod coupling;
 pub mod engagement;
+pub mod fit;
 pub mod gains;
 mod intake;
 pub mod limits;

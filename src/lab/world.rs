@@ -18,6 +18,7 @@ use crate::sim::drive::Drive;
 use crate::sim::drive::DriveSettings;
 use crate::sim::plant::Plant;
 use crate::sim::plant::Resistance;
+use crate::sim::rig::RigSettings;
 use crate::sim::scenario::Scenario;
 use crate::sim::switches::SwitchBox;
 use crate::sim::transmission::Transmission;
@@ -72,6 +73,11 @@ pub fn arm(config: &Config) -> Arm {
         rotor_inertia: joint.link.rotor_inertia,
     });
     Arm::new(ArmSettings { links, x_6_g: config.x_6_g, gravity: Vector3::from(config.gravity) })
+}
+
+/// A calibration rig for one joint, its unknown curve drawn from `seed`.
+pub fn rig(joint: &Joint, seed: u64) -> RigSettings {
+    RigSettings { actuator: actuator(joint), friction: joint.coulomb_friction, seed }
 }
 
 fn actuator(joint: &Joint) -> ActuatorSettings {

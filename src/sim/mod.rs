@@ -22,6 +22,8 @@ pub mod drive;
 pub mod hand;
 pub mod plant;
 mod power;
+mod random;
+pub mod rig;
 pub mod scenario;
 pub mod scene;
 pub mod switches;

@@ -2,7 +2,9 @@
 //! least squares, and how well it says what was measured.
 //!
 //! Not the file it comes from. Torques are scaled to ±1 before the fit, so that their fifth powers do
-//! not drown the first.
+//! not drown the first. Friction makes a joint exert less while the command rises and more while it falls:
+//! where both were measured, half the width between them is set aside before the curve is fitted, or the
+//! bends of the curve would be smeared by it.
 
 use nalgebra::DMatrix;
 use nalgebra::DVector;
@@ -13,6 +15,13 @@ use crate::controller::calibration::TorqueCurve;
 
 /// Fewer samples than these do not show what three coefficients leave over.
 const FEWEST: usize = 8;
+
+/// How often friction is set aside and the curve fitted again: each time what is left of it is a small
+/// part of what was.
+const CENTRINGS: u32 = 5;
+
+/// The part of the range that hysteresis is taken from.
+const INNER: f64 = 0.95;
 
 /// A column that the others explain but for this part of it is none.
 const DEPENDENT: f64 = 1e-9;
@@ -100,18 +109,39 @@ pub fn fit(samples: &[Sample]) -> Result<JointFit, InvalidFit> {
             return Err(InvalidFit::TooFew(direction.len()));
         }
     }
-    let both = least_squares(&turned)?;
-    // Only what both directions have covered is calibrated.
-    let range = reach(&forwards).min(reach(&backwards));
-    let curve = TorqueCurve::new(both.coefficients, range)?;
+    let mut width = None;
+    for _ in 0..CENTRINGS {
+        let curve = curve(&centred(&turned, width.unwrap_or(0.0)))?;
+        width = hysteresis(&turned, &curve);
+    }
+    let turned = centred(&turned, width.unwrap_or(0.0));
+    let (forwards, backwards): (Vec<Sample>, Vec<Sample>) =
+        turned.iter().partition(|sample| sample.torque >= 0.0);
     Ok(JointFit {
-        both,
+        both: least_squares(&turned)?,
         forwards: least_squares(&forwards)?,
         backwards: least_squares(&backwards)?,
         sign,
-        curve,
-        hysteresis: hysteresis(&turned, &curve),
+        curve: curve(&turned)?,
+        hysteresis: width,
     })
+}
+
+/// The curve of all samples, over the range that both driving directions have covered.
+fn curve(samples: &[Sample]) -> Result<TorqueCurve, InvalidFit> {
+    let (forwards, backwards): (Vec<Sample>, Vec<Sample>) =
+        samples.iter().partition(|sample| sample.torque >= 0.0);
+    let range = reach(&forwards).min(reach(&backwards));
+    Ok(TorqueCurve::new(least_squares(samples)?.coefficients, range)?)
+}
+
+/// The samples without friction: rising and falling ones moved together by `width` in all.
+fn centred(samples: &[Sample], width: f64) -> Vec<Sample> {
+    let moved = |sample: &Sample| {
+        let by = if sample.rising { width / 2.0 } else { -width / 2.0 };
+        Sample { torque: sample.torque + by, ..*sample }
+    };
+    samples.iter().map(moved).collect()
 }
 
 /// The odd polynomial that leaves the least squares over.
@@ -154,17 +184,19 @@ pub fn least_squares(samples: &[Sample]) -> Result<Fit, InvalidFit> {
     })
 }
 
-/// By how much torque falling and rising commands differ, on average over the range.
+/// By how much torque falling and rising commands differ, on average over the range but its ends, where
+/// the curve is cut off.
 fn hysteresis(samples: &[Sample], curve: &TorqueCurve) -> Option<f64> {
+    let end = INNER * curve.at(curve.max_torque());
     let mean = |rising: bool| {
         let off = samples
             .iter()
-            .filter(|sample| sample.rising == rising)
+            .filter(|sample| sample.rising == rising && sample.per_mille.abs() < end)
             .map(|sample| sample.torque - curve.torque(sample.per_mille));
         let (sum, count) = off.fold((0.0, 0.0), |(sum, count), off| (sum + off, count + 1.0));
         (count > 0.0).then(|| sum / count)
     };
-    Some((mean(false)? - mean(true)?).abs())
+    Some((mean(false)? - mean(true)?).max(0.0))
 }
 
 /// The largest torque without sign.

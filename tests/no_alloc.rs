@@ -13,12 +13,13 @@ mod common;
 use std::alloc::GlobalAlloc;
 use std::alloc::Layout;
 use std::alloc::System;
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering;
 
-use common::bench::config;
 use common::bench::scenario;
+use frhc::config::Config;
 use frhc::lab::bench::Bench;
 
 /// Counts what is asked for while it is watched.
@@ -47,9 +48,16 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
+/// What the shipped configuration leaves out of the controller.
+const MORE: &str = "[controller.tank]\ninitial_j = 0.1\nmin_j = 0.0\nlow_j = 0.02\nmax_j = 0.5\n\
+    refill_ns_per_m_per_j = 100.0\n\n[controller.virtual_coupling]\n\
+    stiffness_n_per_m = [400.0, 400.0, 400.0]\nstiffness_nm_per_rad = [2.0, 2.0, 2.0]\n\
+    damping_ns_per_m = [2.0, 2.0, 2.0]\ndamping_nms_per_rad = [0.01, 0.01, 0.01]\n\n[remote]\n";
+
 #[test]
-fn ten_thousand_cycles_allocate_nothing() {
-    let config = config("config/kraft_like.toml");
+fn ten_thousand_cycles_with_every_layer_allocate_nothing() {
+    let text = include_str!("../config/kraft_like.toml").replacen("[remote]\n", MORE, 1);
+    let config = Config::parse(Path::new("config/kraft_like.toml"), &text).unwrap();
     let mut bench = Bench::new(&config, scenario("contact_10s"), 1, false, ());
     bench.bring_up().unwrap();
     bench.run(200);

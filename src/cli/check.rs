@@ -59,6 +59,18 @@ pub(super) fn run(args: &Check, is_verbose: bool) -> Result<(), Failure> {
     Ok(())
 }
 
+/// One line for a log: how many gains rest on the hand.
+pub(super) fn warn(config: &Config) {
+    let findings = config.findings();
+    let count = |verdict| findings.iter().filter(|finding| finding.verdict == verdict).count();
+    let (warnings, refused) = (count(Verdict::Warns), count(Verdict::Refuses));
+    if refused > 0 {
+        tracing::warn!(warnings, refused, "gains are unstable; see `frhc check`");
+    } else if warnings > 0 {
+        tracing::info!(warnings, "gains rest on the hand; see `frhc check`");
+    }
+}
+
 /// How many inequalities hold, and each that does not; all of them if asked for more.
 fn gains(findings: &[Finding], is_verbose: bool) {
     let count = |verdict| findings.iter().filter(|finding| finding.verdict == verdict).count();

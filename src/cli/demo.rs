@@ -10,6 +10,7 @@ use indicatif::ProgressStyle;
 
 use crate::canopen::frame::Telegram;
 use crate::cli::args::Demo;
+use crate::cli::check;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
@@ -38,6 +39,7 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
         return Err(Failure::new(Kind::Usage, reason));
     }
     let config = comparison::surrounded(&config, &scenario);
+    check::warn(&config);
     if scenario.compares_passivity() {
         return compare(args, quiet, &config, &scenario, seconds);
     }

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::controller::Ledger;
 use crate::telemetry::record::Record;
 
 /// A snapshot of the node.
@@ -21,12 +22,56 @@ pub struct Status {
     pub tau: [f64; 6],
     /// Target torques sent, in per mille of rated torque.
     pub targets: [i16; 6],
+    /// What those torques are made of.
+    pub budget: Budget,
     /// The wrench felt at the grip: force in N, moment in N·m.
     pub f_g_task: [f64; 6],
     /// Place of the object in its base, in m.
     pub p_b_m: [f64; 3],
     /// Whether the switch box is heard.
     pub switches_heard: bool,
+}
+
+/// The torque budget of the newest cycle, in N·m or N; joints count from 1.
+#[derive(Clone, Debug, Serialize)]
+pub struct Budget {
+    /// Of the task.
+    pub task: [f64; 6],
+    /// Carrying the arm.
+    pub gravity: [f64; 6],
+    /// Of the return to centre, before its scaling.
+    pub centring: [f64; 6],
+    /// Of damping, before its scaling.
+    pub damping: [f64; 6],
+    /// Keeping contact passive.
+    pub passivity: [f64; 6],
+    /// Of the soft stops.
+    pub soft_stops: [f64; 6],
+    /// What is left of return to centre and damping.
+    pub assist_scale: f64,
+    /// What is left of task and assist.
+    pub rest_scale: f64,
+    /// The joint that left no more.
+    pub limiting_joint: Option<usize>,
+    /// The joint that could not change as fast as asked.
+    pub slewing_joint: Option<usize>,
+}
+
+impl From<&Ledger> for Budget {
+    fn from(ledger: &Ledger) -> Self {
+        Self {
+            task: ledger.task.into(),
+            gravity: ledger.gravity.into(),
+            centring: ledger.centring.into(),
+            damping: ledger.damping.into(),
+            passivity: ledger.passivity.into(),
+            soft_stops: ledger.soft_stops.into(),
+            assist_scale: ledger.assist_scale,
+            rest_scale: ledger.rest_scale,
+            limiting_joint: ledger.limiting_joint.map(|joint| joint + 1),
+            slewing_joint: ledger.slewing_joint.map(|joint| joint + 1),
+        }
+    }
 }
 
 impl Status {
@@ -41,6 +86,7 @@ impl Status {
             q: record.output.q.into(),
             tau: record.output.tau.into(),
             targets: record.targets,
+            budget: Budget::from(&record.output.ledger),
             f_g_task: record.output.f_g_task.components(),
             p_b_m: [p_b_m.x, p_b_m.y, p_b_m.z],
             switches_heard: record.inputs.is_some(),

@@ -1,8 +1,8 @@
 //! `[controller]`: what stands beside the paper's law. What is not written down is off.
 
-use crate::config::control::six;
 use crate::config::problem::Problems;
 use crate::config::raw;
+use crate::config::raw::six;
 use crate::controller::Beyond;
 use crate::controller::arm::Arm;
 use crate::controller::assist::ContactFade;

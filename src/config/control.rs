@@ -9,6 +9,7 @@ use crate::config::joints;
 use crate::config::joints::Joint;
 use crate::config::problem::Problems;
 use crate::config::raw;
+use crate::config::raw::six;
 use crate::config::readings;
 use crate::controller::Settings;
 use crate::controller::arm::Arm;
@@ -120,9 +121,4 @@ fn shaped(
         three("stiffness_nm_per_rad", walls.stiffness_nm_per_rad),
     );
     channels.with_wall(at, stiffness).ok()
-}
-
-/// Three linear and three angular numbers as one six-vector.
-pub(super) const fn six([x, y, z]: [f64; 3], [about_x, about_y, about_z]: [f64; 3]) -> [f64; 6] {
-    [x, y, z, about_x, about_y, about_z]
 }

@@ -266,3 +266,8 @@ pub(super) struct Safety {
     pub(super) gravity_ramp_s: f64,
     pub(super) reflection_ramp_s: f64,
 }
+
+/// Three linear and three angular numbers as one six-vector.
+pub(super) const fn six([x, y, z]: [f64; 3], [about_x, about_y, about_z]: [f64; 3]) -> [f64; 6] {
+    [x, y, z, about_x, about_y, about_z]
+}

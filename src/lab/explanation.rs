@@ -4,19 +4,23 @@
 //! before it are those that lead there: reference set, deadman held, a cycle ago.
 
 use nalgebra::Isometry3;
+use nalgebra::Vector3;
 
 use crate::config::Config;
 use crate::controller::Controller;
 use crate::controller::Input;
 use crate::controller::JointVector;
 use crate::controller::Output;
+use crate::controller::calibration::PerMille;
 use crate::controller::readings::Axes;
 use crate::controller::readings::Readings;
+use crate::controller::reference::Displacement;
 use crate::controller::switches::Mode;
 use crate::controller::switches::Switches;
 use crate::lab::question::Posed;
 use crate::lab::question::Question;
 use crate::lab::question::Unanswerable;
+use crate::spatial::Jacobian;
 use crate::spatial::Motion;
 use crate::spatial::Twist;
 use crate::spatial::Wrench;
@@ -112,170 +116,85 @@ fn run(posed: &Posed) -> Output {
 
 /// Fig. 3 from top to bottom.
 fn entries(posed: &Posed, output: &Output) -> Vec<Entry> {
+    let mut entries = motion(posed, output);
+    entries.extend(wrenches(posed, output));
+    entries.extend(torques(output));
+    entries
+}
+
+/// Where the grip is, and what that commands.
+fn motion(posed: &Posed, output: &Output) -> Vec<Entry> {
     let settings = &posed.settings;
     let (readings, law) = (&settings.readings, &settings.command);
-    let ledger = &output.ledger;
-    let assist = ledger.centring + ledger.damping;
-    let six = |tau: JointVector| Value::Six(tau.into());
-    let joint = |joint: Option<usize>| Value::Word(joint.map(|joint| format!("{}", joint + 1)));
-    let rotated = rotation::rotation_vector(&output.x_h_g.rotation);
-    let omega = readings.orientation.rate(&output.dx_db.orientation);
+    let Output { q, reference, x_0_g, x_h_g, dx, dx_db, command, .. } = output;
+    let rotation = rotation::rotation_vector(&x_h_g.rotation);
+    let omega = readings.orientation.rate(&dx_db.orientation);
     // What either mode would command from here.
-    let rate_db = law.effective(Mode::Rate, &settings.channels, &output.dx);
-    let pose_db = law.effective(Mode::Pose, &settings.channels, &output.dx);
+    let rate_db = law.effective(Mode::Rate, &settings.channels, dx);
+    let pose_db = law.effective(Mode::Pose, &settings.channels, dx);
     let v_m = law.rate(readings.orientation, &rate_db);
-    let x_b_d = law.pose(readings, &output.reference, &pose_db);
-    let f_w_task = output.f_g_task.at(settings.arm.grip());
-    let entry =
-        |name, what, place, unit, frame, value| Entry { name, what, place, unit, frame, value };
+    let x_b_d = law.pose(readings, reference, &pose_db);
+    let h = axes(readings);
     vec![
-        entry("q", "joint positions", "", "rad, m", "joints", six(output.q)),
-        entry("x_0_h", "grip at the reference", "1", "m", "0", pose(&output.reference.x_0_h)),
-        entry("x_0_g", "grip", "1", "m", "0", pose(&output.x_0_g)),
-        entry("x_h_g", "grip from the reference", "2, 3", "m", "h", pose(&output.x_h_g)),
-        entry(
-            "dx",
-            "the same as six numbers",
-            "4",
-            "m, rad",
-            axes(readings),
-            Value::Six(output.dx.components()),
-        ),
-        entry(
-            "rotation_vector",
-            "its rotation as a vector",
-            "4",
-            "rad",
-            "h",
-            Value::Three(rotated.into()),
-        ),
-        entry(
-            "dx_db",
-            "less the deadband",
-            "Fig. 4",
-            "m, rad",
-            axes(readings),
-            Value::Six(output.dx_db.components()),
-        ),
-        entry("omega", "angular rate of the numbers", "5", "rad", "m", Value::Three(omega.into())),
-        entry("v_m", "rate command", "Fig. 3", "m/s, rad/s", "m", Value::Six(v_m.components())),
-        entry("x_b_d", "pose command", "3.5", "m", "b", pose(&x_b_d)),
-        entry(
-            "command",
-            "what is commanded",
-            "3.5",
-            "",
-            "",
-            Value::Word(Some(word(&output.command))),
-        ),
-        entry(
-            "f_s",
-            "wrench on the object at the sensor",
-            "3.2",
-            "N, N·m",
-            "s",
-            wrench(&posed.f_s),
-        ),
-        entry(
-            "f_m_task",
-            "the same at the frame under control",
-            "6",
-            "N, N·m",
-            "m",
-            wrench(&output.f_m_task),
-        ),
-        entry("f_g_task", "felt at the grip", "Fig. 3", "N, N·m", "g", wrench(&output.f_g_task)),
-        entry("f_w_task", "the same at the wrist", "6", "N, N·m", "w", wrench(&f_w_task)),
-        entry("f_g_centring", "return to centre", "8", "N, N·m", "g", wrench(&output.f_g_centring)),
-        entry("v_g", "twist of the grip", "9", "m/s, rad/s", "g", twist(&output.moving.v_g)),
-        entry("f_g_damping", "damping", "9", "N, N·m", "g", wrench(&output.f_g_damping)),
-        entry(
-            "f_g_passivity",
-            "keeping contact passive",
-            "",
-            "N, N·m",
-            "g",
-            wrench(&output.port.f_g_passivity),
-        ),
-        entry("j_g", "Jacobian of the grip", "7", "m, 1", "g", jacobian(output)),
-        entry("tau_task", "torques of the task", "7", "N·m, N", "joints", six(ledger.task)),
-        entry(
-            "tau_centring",
-            "of the return to centre",
-            "7",
-            "N·m, N",
-            "joints",
-            six(ledger.centring),
-        ),
-        entry("tau_damping", "of damping", "7", "N·m, N", "joints", six(ledger.damping)),
-        entry("tau_passivity", "of passivity", "", "N·m, N", "joints", six(ledger.passivity)),
-        entry(
-            "tau_soft_stops",
-            "of the soft stops",
-            "",
-            "N·m, N",
-            "joints",
-            six(ledger.soft_stops),
-        ),
-        entry("tau_gravity", "carrying the arm", "3.3", "N·m, N", "joints", six(ledger.gravity)),
-        entry("tau_assist", "return to centre and damping", "10", "N·m, N", "joints", six(assist)),
-        entry(
-            "tau_rg",
-            "the same with gravity",
-            "10",
-            "N·m, N",
-            "joints",
-            six(assist + ledger.gravity),
-        ),
-        entry(
-            "assist_scale",
-            "what is left of the assist",
-            "3.4",
-            "",
-            "",
-            Value::Number(ledger.assist_scale),
-        ),
-        entry(
-            "rest_scale",
-            "what is left of the sum",
-            "3.4",
-            "",
-            "",
-            Value::Number(ledger.rest_scale),
-        ),
-        entry(
-            "limiting_joint",
-            "the joint that left no more",
-            "3.4",
-            "",
-            "",
-            joint(ledger.limiting_joint),
-        ),
-        entry(
-            "slewing_joint",
-            "the joint that is on its way",
-            "",
-            "",
-            "",
-            joint(ledger.slewing_joint),
-        ),
-        entry("tau", "torques asked for", "10", "N·m, N", "joints", six(output.tau)),
-        entry(
-            "targets",
-            "the same as the drives take it",
-            "Fig. 6",
-            "‰",
-            "drives",
-            Value::Targets(output.targets.map(|target| target.0)),
-        ),
-        entry(
-            "fault",
-            "what cannot be",
-            "",
-            "",
-            "",
-            Value::Word(output.fault.map(|fault| fault.to_string())),
-        ),
+        entry("q", q, "", ["rad, m", "joints"], "joint positions"),
+        entry("x_0_h", &reference.x_0_h, "1", ["m", "0"], "grip at the reference"),
+        entry("x_0_g", x_0_g, "1", ["m", "0"], "grip"),
+        entry("x_h_g", x_h_g, "2, 3", ["m", "h"], "grip from the reference"),
+        entry("dx", dx, "4", ["m, rad", h], "the same as six numbers"),
+        entry("rotation_vector", &rotation, "4", ["rad", "h"], "its rotation as a vector"),
+        entry("dx_db", dx_db, "Fig. 4", ["m, rad", h], "less the deadband"),
+        entry("omega", &omega, "5", ["rad", "m"], "angular rate of the numbers"),
+        entry("v_m", &v_m, "Fig. 3", ["m/s, rad/s", "m"], "rate command"),
+        entry("x_b_d", &x_b_d, "3.5", ["m", "b"], "pose command"),
+        entry("command", command, "3.5", ["", ""], "what is commanded"),
+    ]
+}
+
+/// What is sensed, and what the hand feels.
+fn wrenches(posed: &Posed, output: &Output) -> Vec<Entry> {
+    let Output { f_m_task, f_g_task, f_g_centring, f_g_damping, port, .. } = output;
+    let f_w_task = f_g_task.at(posed.settings.arm.grip());
+    let v_g = &output.moving.v_g;
+    let unit = "N, N·m";
+    vec![
+        entry("f_s", &posed.f_s, "3.2", [unit, "s"], "wrench on the object at the sensor"),
+        entry("f_m_task", f_m_task, "6", [unit, "m"], "the same at the frame under control"),
+        entry("f_g_task", f_g_task, "Fig. 3", [unit, "g"], "felt at the grip"),
+        entry("f_w_task", &f_w_task, "6", [unit, "w"], "the same at the wrist"),
+        entry("f_g_centring", f_g_centring, "8", [unit, "g"], "return to centre"),
+        entry("v_g", v_g, "9", ["m/s, rad/s", "g"], "twist of the grip"),
+        entry("f_g_damping", f_g_damping, "9", [unit, "g"], "damping"),
+        entry("f_g_passivity", &port.f_g_passivity, "", [unit, "g"], "keeping contact passive"),
+    ]
+}
+
+/// What the joints exert for it.
+fn torques(output: &Output) -> Vec<Entry> {
+    let Output { j_g, ledger, tau, targets, fault, .. } = output;
+    let assist = ledger.centring + ledger.damping;
+    let with_gravity = assist + ledger.gravity;
+    let joints = ["N·m, N", "joints"];
+    let none = ["", ""];
+    let fault = fault.map(|fault| fault.to_string());
+    let [limiting, slewing] = [ledger.limiting_joint, ledger.slewing_joint]
+        .map(|joint| joint.map(|joint| (joint + 1).to_string()));
+    vec![
+        entry("j_g", j_g, "7", ["m, 1", "g"], "Jacobian of the grip"),
+        entry("tau_task", &ledger.task, "7", joints, "torques of the task"),
+        entry("tau_centring", &ledger.centring, "7", joints, "of the return to centre"),
+        entry("tau_damping", &ledger.damping, "7", joints, "of damping"),
+        entry("tau_passivity", &ledger.passivity, "", joints, "of passivity"),
+        entry("tau_soft_stops", &ledger.soft_stops, "", joints, "of the soft stops"),
+        entry("tau_gravity", &ledger.gravity, "3.3", joints, "carrying the arm"),
+        entry("tau_assist", &assist, "10", joints, "return to centre and damping"),
+        entry("tau_rg", &with_gravity, "10", joints, "the same with gravity"),
+        entry("assist_scale", &ledger.assist_scale, "3.4", none, "what is left of the assist"),
+        entry("rest_scale", &ledger.rest_scale, "3.4", none, "what is left of the sum"),
+        entry("limiting_joint", &limiting, "3.4", none, "the joint that left no more"),
+        entry("slewing_joint", &slewing, "", none, "the joint that is on its way"),
+        entry("tau", tau, "10", joints, "torques asked for"),
+        entry("targets", targets, "Fig. 6", ["‰", "drives"], "the same as the drives take it"),
+        entry("fault", &fault, "", none, "what cannot be"),
     ]
 }
 
@@ -287,34 +206,92 @@ const fn axes(readings: &Readings) -> &'static str {
     }
 }
 
-fn wrench(f: &Wrench) -> Value {
-    Value::Six(f.components())
+fn entry<'v, T>(
+    name: &'static str,
+    value: &'v T,
+    place: &'static str,
+    [unit, frame]: [&'static str; 2],
+    what: &'static str,
+) -> Entry
+where
+    Value: From<&'v T>,
+{
+    Entry { name, what, place, unit, frame, value: Value::from(value) }
 }
 
-fn twist(v: &Twist) -> Value {
-    Value::Six(v.components())
-}
-
-fn pose(x: &Isometry3<f64>) -> Value {
-    let matrix = x.to_homogeneous();
-    Value::Pose(std::array::from_fn(|row| matrix.row(row).into_owned().into()))
-}
-
-fn jacobian(output: &Output) -> Value {
-    let mut rows = [[0.0; 6]; 6];
-    let j_g = &output.j_g;
-    let written = j_g.linear.row_iter().chain(j_g.angular.row_iter());
-    for (row, from) in rows.iter_mut().zip(written) {
-        *row = from.into_owned().into();
+impl From<&f64> for Value {
+    fn from(number: &f64) -> Self {
+        Self::Number(*number)
     }
-    Value::Matrix(rows)
 }
 
-fn word(command: &Motion) -> String {
-    match command {
-        Motion::Hold => "hold",
-        Motion::Rate(_) => "rate v_m",
-        Motion::Pose(_) => "pose x_b_d",
+impl From<&JointVector> for Value {
+    fn from(joints: &JointVector) -> Self {
+        Self::Six((*joints).into())
     }
-    .to_owned()
+}
+
+impl From<&Displacement> for Value {
+    fn from(dx: &Displacement) -> Self {
+        Self::Six(dx.components())
+    }
+}
+
+impl From<&Wrench> for Value {
+    fn from(f: &Wrench) -> Self {
+        Self::Six(f.components())
+    }
+}
+
+impl From<&Twist> for Value {
+    fn from(v: &Twist) -> Self {
+        Self::Six(v.components())
+    }
+}
+
+impl From<&Vector3<f64>> for Value {
+    fn from(vector: &Vector3<f64>) -> Self {
+        Self::Three((*vector).into())
+    }
+}
+
+impl From<&Isometry3<f64>> for Value {
+    fn from(x: &Isometry3<f64>) -> Self {
+        let matrix = x.to_homogeneous();
+        Self::Pose(std::array::from_fn(|row| matrix.row(row).into_owned().into()))
+    }
+}
+
+impl From<&Jacobian<6>> for Value {
+    fn from(j_g: &Jacobian<6>) -> Self {
+        let mut rows = [[0.0; 6]; 6];
+        let written = j_g.linear.row_iter().chain(j_g.angular.row_iter());
+        for (row, from) in rows.iter_mut().zip(written) {
+            *row = from.into_owned().into();
+        }
+        Self::Matrix(rows)
+    }
+}
+
+impl From<&[PerMille; 6]> for Value {
+    fn from(targets: &[PerMille; 6]) -> Self {
+        Self::Targets(targets.map(|target| target.0))
+    }
+}
+
+impl From<&Option<String>> for Value {
+    fn from(word: &Option<String>) -> Self {
+        Self::Word(word.clone())
+    }
+}
+
+impl From<&Motion> for Value {
+    fn from(command: &Motion) -> Self {
+        let word = match command {
+            Motion::Hold => "hold",
+            Motion::Rate(_) => "rate v_m",
+            Motion::Pose(_) => "pose x_b_d",
+        };
+        Self::Word(Some(word.to_owned()))
+    }
 }

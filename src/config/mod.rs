@@ -3,6 +3,7 @@
 
 mod control;
 pub mod files;
+mod gain_check;
 mod joints;
 mod lookup;
 mod network;
@@ -10,6 +11,7 @@ mod problem;
 mod raw;
 mod remote;
 
+pub use gain_check::Operator;
 pub use joints::Joint;
 pub use network::BusSettings;
 pub use network::SwitchBox;
@@ -30,6 +32,7 @@ use crate::canopen::load::BusLoad;
 use crate::canopen::plan::NodePlan;
 use crate::config::problem::Problems;
 use crate::controller::Settings;
+use crate::controller::stability::finding::Finding;
 use crate::controller::switches::Mode;
 
 /// One hand controller and all around it.
@@ -59,6 +62,8 @@ pub struct Config {
     pub controller: Settings,
     /// What a displacement of the hand means at the start.
     pub command_mode: Mode,
+    /// Whose hand the gains are judged with.
+    pub operator: Operator,
     /// The commanded side.
     pub remote: Virtual,
     /// Limits in time.
@@ -131,6 +136,11 @@ impl Config {
         network::plans(self)
     }
 
+    /// What is to be said of the gains: every inequality of every axis, held or not.
+    pub fn findings(&self) -> Vec<Finding> {
+        gain_check::findings(self)
+    }
+
     /// The load of each bus in the worst case.
     pub fn loads(&self) -> Vec<BusLoad> {
         network::loads(self)
@@ -183,6 +193,8 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
         .as_ref()
         .and_then(|joints| control::settings(raw, joints, &x_6_g, gravity, period, problems));
     let command_mode = control::mode(raw, problems);
+    let operator = gain_check::operator(&raw.operator, problems);
+    let refuses = gain_check::refuses(raw, problems);
     let remote = remote::settings(raw, problems);
 
     let config = Config {
@@ -198,9 +210,11 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
         switches: switches?,
         controller: controller?,
         command_mode: command_mode?,
+        operator,
         remote: remote?,
         safety,
     };
     network::check(&config, problems);
+    gain_check::check(&config, refuses, problems);
     Some(config)
 }

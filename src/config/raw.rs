@@ -11,6 +11,8 @@ pub(super) struct File {
     pub(super) joint: Vec<Joint>,
     pub(super) switches: Switches,
     pub(super) controller: Controller,
+    #[serde(default)]
+    pub(super) operator: Operator,
     pub(super) remote: Remote,
     pub(super) safety: Safety,
 }
@@ -94,6 +96,15 @@ pub(super) struct Controller {
     pub(super) assist_fraction: f64,
     pub(super) max_force_n: f64,
     pub(super) max_moment_nm: f64,
+    pub(super) gain_check: Option<String>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct Operator {
+    pub(super) stiffness_n_per_m: Option<f64>,
+    pub(super) damping_ns_per_m: Option<f64>,
+    pub(super) stiffness_nm_per_rad: Option<f64>,
+    pub(super) damping_nms_per_rad: Option<f64>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -61,6 +61,11 @@ impl Damping {
         }
     }
 
+    /// K_D, in N·s/m and N·m·s/rad.
+    pub const fn gain(&self) -> &Gains {
+        &self.gain
+    }
+
     /// The wrench on the hand, in {G}, against its motion since the last cycle; none in the first.
     /// Translation is damped along the axes of the reference, rotation about those of the grip.
     ///

@@ -76,6 +76,16 @@ impl Channels {
         Ok(Self(channels))
     }
 
+    /// Half-widths of the deadband, in m and rad.
+    pub fn deadbands(&self) -> [f64; 6] {
+        self.0.map(|channel| channel.deadband)
+    }
+
+    /// Plateaus of the return force, in N and N·m.
+    pub fn plateaus(&self) -> [f64; 6] {
+        self.0.map(|channel| channel.plateau)
+    }
+
     /// What is left of a displacement beyond the deadband: zero within, and continuous at its edge
     /// (decision 17).
     pub fn beyond_deadband(&self, dx: &Displacement) -> Displacement {

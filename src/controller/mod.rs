@@ -15,6 +15,7 @@
 //! | [`reflection`]  | Eq. 6         | the wrench on the object, felt                     |
 //! | [`assist`]      | Eq. 8, 9      | return to centre, damping                          |
 //! | [`limits`]      | Eq. 10        | what every joint can exert                         |
+//! | [`stability`]   | (not in it)   | which gains are fit to be felt                     |
 //!
 //! Where the paper leaves a choice, "decision n" names the one taken; each stands in one function,
 //! so that another reading can stand beside it.
@@ -30,6 +31,7 @@ pub mod limits;
 pub mod orientation;
 pub mod reference;
 pub mod reflection;
+pub mod stability;
 pub mod switches;
 
 use nalgebra::Isometry3;

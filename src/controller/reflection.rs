@@ -58,6 +58,11 @@ impl Reflection {
         Ok(Self { x_m_s, gain, max_force, max_moment })
     }
 
+    /// K_T.
+    pub const fn gain(&self) -> &Gains {
+        &self.gain
+    }
+
     /// The wrench at the frame under control (Eq. 6).
     pub fn at_object(&self, f_s: &Wrench) -> Wrench {
         f_s.at(&self.x_m_s)

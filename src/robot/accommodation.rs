@@ -48,6 +48,11 @@ impl Accommodation {
         Ok(Self { gain, deadband })
     }
 
+    /// K_FA, in m/s per N and rad/s per N·m.
+    pub const fn gain(&self) -> &[f64; 6] {
+        &self.gain
+    }
+
     /// The rate with which the object follows a commanded one while `f_m` acts on it.
     pub fn rate(&self, v_m_commanded: &Twist, f_m: &Wrench) -> Twist {
         let mut noticed = f_m.components();

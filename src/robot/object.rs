@@ -51,6 +51,11 @@ impl Servo {
         Ok(Self { time_constant, max_speed, max_turn })
     }
 
+    /// The time constant, in s; zero for none.
+    pub const fn time_constant(&self) -> f64 {
+        self.time_constant
+    }
+
     /// The part of a distance that is covered in `dt` s.
     fn part(&self, dt: f64) -> f64 {
         if self.time_constant > 0.0 { -(-dt / self.time_constant).exp_m1() } else { 1.0 }

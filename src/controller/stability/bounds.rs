@@ -1,0 +1,130 @@
+//! The bounds on gains that have closed forms: quantisation, return to centre, reflection in rate mode,
+//! accommodation.
+//!
+//! One axis each, in m and N or in rad and N·m; the symbols are those of the paper, with `b` the damping,
+//! `M` the mass and `f_c` the dry friction felt at the grip, `k_e` the stiffness of what the object
+//! touches, `T` the period and `n` whole cycles of delay.
+
+use std::f64::consts::PI;
+
+/// What a rate command makes of contact, felt at the hand: `Z(s) = G / (s (s + a))`. Its real part is
+/// negative at every frequency, so some damping is always needed; without accommodation none is enough
+/// (Parker, Salcudean and Lawrence 1993).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RateReflection {
+    /// `G = K_T K_V k_e`, in N/(m·s) or N·m/(rad·s).
+    pub gain: f64,
+    /// `a = K_FA k_e`, in 1/s.
+    pub giving_way: f64,
+}
+
+/// Mass, damping and spring of what holds the grip, the grip's own counted in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Held {
+    /// M, in kg or kg·m².
+    pub mass: f64,
+    /// b, in N·s/m or N·m·s/rad.
+    pub damping: f64,
+    /// K_h, in N/m or N·m/rad.
+    pub stiffness: f64,
+}
+
+impl RateReflection {
+    /// The damping that makes reflection passive, sampled with `period` and `delay` cycles late:
+    /// `b + K_D >= G/a (1/a + T/2 + n T)`, as long as `a T <= 1`. With a period of zero, the
+    /// continuous `G/a²`. Infinite without accommodation.
+    pub fn required_damping(&self, period: f64, delay: u32) -> f64 {
+        let Self { gain, giving_way } = *self;
+        gain / giving_way * (giving_way.recip() + period * (0.5 + f64::from(delay)))
+    }
+
+    /// The gain G below which reflection is stable in the hand that holds the grip, by Routh's test of
+    /// `(M s² + b s + K_h)(s + a) + G`, in continuous time: `G < b/M (K_h + b a + M a²)`.
+    pub fn largest_gain(&self, held: &Held) -> f64 {
+        let Held { mass, damping, stiffness } = *held;
+        let a = self.giving_way;
+        damping / mass * (stiffness + damping * a + mass * a * a)
+    }
+}
+
+/// The stiffest spring, in N/m (N·m/rad), that neither its sampling nor the `quantum` of its position
+/// makes active: `K <= min(2 b/T, 2 f_c/Δ)` (Abbott and Okamura 2005).
+pub fn stiffest_spring(damping: f64, period: f64, friction: f64, quantum: f64) -> f64 {
+    (2.0 * damping / period).min(2.0 * friction / quantum)
+}
+
+/// The steepest slope of the return to centre, `2 F0/DB` at the edge of its deadband, in N/m
+/// (N·m/rad). A loop without delay is passive with it for `b >= F0 T/DB`.
+pub fn steepest_centring(plateau: f64, deadband: f64) -> f64 {
+    2.0 * plateau / deadband
+}
+
+/// How far from the centre a hand that was let go comes to rest, where the return force no longer
+/// overcomes friction: `sqrt(f_c/a)`, with the paper's `a = F0/DB²`. In m (rad). Infinite where even
+/// the plateau does not.
+pub fn rest_offset(plateau: f64, deadband: f64, friction: f64) -> f64 {
+    if friction < plateau { deadband * (friction / plateau).sqrt() } else { f64::INFINITY }
+}
+
+/// The fastest an object may give way to contact, `a = K_FA k_e` in 1/s, with the wrench `delay` cycles
+/// late: `a T < 2 cos(n π/(2n + 1))`.
+pub fn fastest_giving_way(period: f64, delay: u32) -> f64 {
+    let n = f64::from(delay);
+    2.0 * (n * PI / (2.0 * n + 1.0)).cos() / period
+}
+
+/// The fastest an object whose servo lags by `lag` s may give way without swinging: `a τ <= 1/4`.
+pub fn fastest_without_swinging(lag: f64) -> f64 {
+    (4.0 * lag).recip()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_rate_reflected_within_its_bound_dies_out_and_beyond_it_does_not(
+            mass in 0.3..3.0_f64, damping in 2.0..20.0_f64, stiffness in 50.0..500.0_f64,
+            giving_way in 0.0..20.0_f64
+        ) {
+            let held = Held { mass, damping, stiffness };
+            let bound = RateReflection { gain: 0.0, giving_way }.largest_gain(&held);
+            for (gain, dies_out) in [(0.8 * bound, true), (1.25 * bound, false)] {
+                let swing = swing(&held, &RateReflection { gain, giving_way });
+                prop_assert_eq!(swing < 1.0, dies_out, "{} of {}", gain, bound);
+            }
+        }
+    }
+
+    /// The state of the loop after 20 s, and 20 more, by small steps: how much larger it has become.
+    fn swing(held: &Held, reflection: &RateReflection) -> f64 {
+        let (mut x, mut v, mut f) = (1e-3, 0.0, 0.0);
+        let h = 1e-4;
+        let mut sizes = [0.0_f64; 2];
+        for size in &mut sizes {
+            for _ in 0..200_000 {
+                let push = -held.stiffness * x - held.damping * v - f;
+                v += h * push / held.mass;
+                x += h * v;
+                f += h * (reflection.gain * x - reflection.giving_way * f);
+                let energy = held.mass * v * v + held.stiffness * x * x;
+                *size = size.max(energy).min(1e100);
+            }
+        }
+        sizes[1] / sizes[0]
+    }
+
+    #[test]
+    fn without_accommodation_no_damping_makes_a_reflected_rate_passive() {
+        let reflection = RateReflection { gain: 1.0, giving_way: 0.0 };
+        assert_eq!(reflection.required_damping(1e-3, 0), f64::INFINITY);
+    }
+
+    #[test]
+    fn friction_beyond_the_plateau_holds_the_hand_anywhere() {
+        assert_eq!(rest_offset(1.0, 0.01, 1.0), f64::INFINITY);
+        assert!(rest_offset(1.0, 0.01, 0.99) < 0.01);
+    }
+}

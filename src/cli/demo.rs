@@ -12,6 +12,7 @@ use crate::cli::args::Demo;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
+use crate::cli::gains;
 use crate::cli::print;
 use crate::cli::recorder::Session;
 use crate::cli::scenario;
@@ -34,6 +35,7 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
         let reason = format!("--seconds {seconds}: more than 0 and at most 86400");
         return Err(Failure::new(Kind::Usage, reason));
     }
+    gains::warn(&config);
     let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
     let session = args.out.as_deref().map(|folder| Session::create(folder, &interfaces, 0));
     let mut session = session.transpose().or_fail(Kind::Bus)?;

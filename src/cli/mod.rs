@@ -6,6 +6,7 @@ mod console;
 mod ctl;
 mod demo;
 mod exit;
+mod gains;
 mod interfaces;
 mod print;
 mod recorder;

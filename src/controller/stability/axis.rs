@@ -1,6 +1,15 @@
 //! All inequalities of one axis of the grip, judged.
 //!
-//! Each loop alone: what they add up to is not judged, nor what one axis does to another.
+//! Each loop alone: what they add up to is not judged, nor what one axis does to another. Both modes are
+//! judged, as the console may change from one to the other.
+//!
+//! | symbol      | what it is                     | symbol     | what it is                           |
+//! |-------------|--------------------------------|------------|--------------------------------------|
+//! | b, M, f_c   | damping, mass, dry friction of | K_V, K_P   | gains of a commanded rate, pose      |
+//! |             | the device at the grip         | K_T, K_D   | of the wrench felt, of damping       |
+//! | b_h, K_h    | the operator's hand            | F0, DB     | plateau of the return, deadband      |
+//! | Σb          | b + K_D + b_h                  | K_FA, a    | accommodation, K_FA k_e              |
+//! | k_e         | stiffness of the environment   | T, τ_s, Δ  | period, lag of the servo, one count  |
 
 use crate::controller::stability::bounds;
 use crate::controller::stability::bounds::Held;
@@ -190,7 +199,7 @@ impl Axis {
         let most = bounds::stiffest_spring(damping, self.timing.period, friction, quantum);
         let unit = self.units().stiffness;
         let left = Side { symbols: "K_T K_P k_e".to_owned(), value: stiffness, unit };
-        let symbols = "min(2 (b + K_D + b_h)/T, 2 f_c/Δ)".to_owned();
+        let symbols = "min(2 Σb/T, 2 f_c/Δ)".to_owned();
         let right = Side { symbols, value: most, unit };
         let verdict = if stiffness < most { Verdict::Holds } else { Verdict::Warns };
         let reason = "the grip may buzz by single encoder steps in contact".to_owned();
@@ -231,7 +240,7 @@ impl Axis {
         let most = reflection.largest_gain(&held);
         let unit = self.units().rate_gain;
         let left = Side { symbols: "K_T K_V k_e".to_owned(), value: reflection.gain, unit };
-        let symbols = "b'/M (K_h + b' a + M a²), b' = b + K_D + b_h, a = K_FA k_e,".to_owned();
+        let symbols = "Σb/M (K_h + Σb a + M a²)".to_owned();
         let right = Side { symbols, value: most, unit };
         let verdict = if reflection.gain < most { Verdict::Holds } else { Verdict::Refuses };
         let reason = "contact in rate mode would swing in the operator's hand".to_owned();
@@ -247,7 +256,7 @@ impl Axis {
         let giving_way = self.reflected().giving_way;
         let left = Side { symbols: "K_FA k_e T".to_owned(), value: giving_way * period, unit: "" };
         let most = bounds::fastest_giving_way(period, delay) * period;
-        let symbols = format!("2 cos(n π/(2n + 1)), n = {delay},");
+        let symbols = format!("2 cos({delay} π/{})", 2 * delay + 1);
         let right = Side { symbols, value: most, unit: "" };
         let verdict = if left.value < right.value { Verdict::Holds } else { Verdict::Refuses };
         let reason = "the object would swing on the surface, whatever the hand does".to_owned();
@@ -329,5 +338,127 @@ impl Axis {
         } else {
             Units { stiffness: "N/m", damping: "N·s/m", force: "N", rate_gain: "N/(m·s)" }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const AXIS: Axis = Axis {
+        name: "x",
+        is_rotation: false,
+        device: Device {
+            mass: 0.6,
+            damping: 0.1,
+            friction: 0.2,
+            full_friction: 0.4,
+            quantum: 1e-5,
+        },
+        hand: Impedance { stiffness: 500.0, damping: 15.0 },
+        environment: Impedance { stiffness: 2_000.0, damping: 20.0 },
+        gains: AxisGains {
+            rate: 2.0,
+            pose: 1.0,
+            wrench: 0.3,
+            damping: 8.0,
+            deadband: 0.01,
+            plateau: 2.0,
+            accommodation: 0.01,
+        },
+        timing: Timing {
+            period: 1e-3,
+            torque_delay: 1,
+            pose_delay: 3,
+            rate_delay: 2,
+            accommodation_delay: 0,
+            servo_lag: 0.01,
+        },
+        is_watched: false,
+    };
+
+    fn axis() -> impl Strategy<Value = Axis> {
+        let gains = (0.0..4.0_f64, 0.0..2.0_f64, 0.0..2.0_f64, 0.0..40.0_f64, 0.0..2.0_f64);
+        (gains, 1e-3..0.1_f64, 0.0..5.0_f64, 1.0..1e5_f64).prop_map(
+            |((rate, pose, wrench, damping, accommodation), deadband, plateau, stiffness)| Axis {
+                gains: AxisGains { rate, pose, wrench, damping, deadband, plateau, accommodation },
+                environment: Impedance { stiffness, damping: 20.0 },
+                ..AXIS
+            },
+        )
+    }
+
+    fn verdict(axis: &Axis, name: &str) -> Verdict {
+        axis.findings().iter().find(|finding| finding.name == name).unwrap().verdict
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+
+        #[test]
+        fn what_holds_has_its_left_side_below_its_right(axis in axis()) {
+            for finding in axis.findings() {
+                let Finding { left, right, verdict, .. } = &finding;
+                prop_assert_eq!(left.value < right.value, *verdict == Verdict::Holds, "{}", finding);
+            }
+        }
+
+        #[test]
+        fn a_hand_that_damps_more_is_refused_no_more(axis in axis(), more in 0.0..50.0_f64) {
+            let damping = axis.hand.damping + more;
+            let calmer = Axis { hand: Impedance { damping, ..axis.hand }, ..axis };
+            for (calmer, finding) in calmer.findings().iter().zip(axis.findings()) {
+                prop_assert!(calmer.verdict <= finding.verdict, "{}, {}", calmer, finding);
+            }
+        }
+
+        #[test]
+        fn a_stiffer_surface_is_felt_no_better_in_pose_mode(axis in axis(), by in 1.0..10.0_f64) {
+            let stiffness = axis.environment.stiffness * by;
+            let harder = Axis { environment: Impedance { stiffness, ..axis.environment }, ..axis };
+            let name = "pose reflection";
+            prop_assert!(verdict(&harder, name) >= verdict(&axis, name));
+        }
+    }
+
+    #[test]
+    fn where_nothing_is_felt_there_is_nothing_to_say() {
+        assert!(Axis { gains: AxisGains::default(), ..AXIS }.findings().is_empty());
+    }
+
+    #[test]
+    fn without_a_surface_there_is_no_reflection_to_judge() {
+        let free = Axis { environment: Impedance::default(), ..AXIS };
+        let names: Vec<&str> = free.findings().iter().map(|finding| finding.name).collect();
+        assert_eq!(names, ["damping", "return to centre, plateau", "return to centre, slope"]);
+    }
+
+    #[test]
+    fn a_return_to_centre_that_friction_holds_is_refused_and_one_it_may_hold_is_not() {
+        for (plateau, expected) in
+            [(0.2, Verdict::Refuses), (0.3, Verdict::Warns), (0.5, Verdict::Holds)]
+        {
+            let axis = Axis { gains: AxisGains { plateau, ..AXIS.gains }, ..AXIS };
+            assert_eq!(verdict(&axis, "return to centre, plateau"), expected);
+        }
+    }
+
+    #[test]
+    fn a_reflected_rate_without_accommodation_lives_on_the_hand_alone() {
+        let gains = AxisGains { accommodation: 0.0, ..AXIS.gains };
+        let stiff = Axis { gains, ..AXIS };
+        assert_eq!(verdict(&stiff, "rate reflection"), Verdict::Warns);
+        assert_eq!(verdict(&stiff, "rate reflection, held"), Verdict::Holds);
+        let weak = Axis { hand: Impedance { stiffness: 20.0, damping: 15.0 }, ..stiff };
+        assert_eq!(verdict(&weak, "rate reflection, held"), Verdict::Refuses);
+    }
+
+    #[test]
+    fn a_warning_says_what_it_is_left_to() {
+        let warning = |axis: &Axis| axis.findings().first().map(ToString::to_string).unwrap();
+        assert!(warning(&AXIS).ends_with("; left to the hand, b_h = 15.0 N·s/m"));
+        let watched = warning(&Axis { is_watched: true, ..AXIS });
+        assert!(watched.contains("left to the passivity layer and the hand"), "{watched}");
     }
 }

@@ -33,7 +33,7 @@ pub struct Side {
     pub symbols: String,
     /// What it comes to.
     pub value: f64,
-    /// In which unit.
+    /// In which unit; empty where it has none.
     pub unit: &'static str,
 }
 
@@ -78,7 +78,8 @@ impl fmt::Display for Finding {
 
 impl fmt::Display for Side {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} = {} {}", self.symbols, Digits(self.value), self.unit)
+        write!(f, "{} = {}", self.symbols, Digits(self.value))?;
+        if self.unit.is_empty() { Ok(()) } else { write!(f, " {}", self.unit) }
     }
 }
 

@@ -176,9 +176,9 @@ fn highest(function: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     for _ in 0..SHRINKINGS {
         let reach = part * (high - low);
         if function(high - reach) > function(low + reach) {
-            high = low + reach
+            high = low + reach;
         } else {
-            low = high - reach
+            low = high - reach;
         }
     }
     function(f64::midpoint(low, high))
@@ -240,7 +240,8 @@ mod tests {
             let wall = SampledLaw { law, period: 1e-3, lag: 0.0, delay };
             let stiffness = largest_stiffness(&wall, b).unwrap();
             let law = Law::Impedance { stiffness, damping: own, filter };
-            prop_assert!(near(SampledLaw { law, ..wall }.required_damping(), b));
+            let required = SampledLaw { law, ..wall }.required_damping();
+            prop_assert!(near(required, b), "{}, not {}", required, b);
         }
     }
 
@@ -252,8 +253,8 @@ mod tests {
             lag: 0.0,
             delay: 0,
         };
-        assert_eq!(law(0.0).required_damping(), f64::INFINITY);
-        assert_eq!(law(2_000.0).required_damping(), f64::INFINITY);
+        assert!(law(0.0).required_damping().is_infinite());
+        assert!(law(2_000.0).required_damping().is_infinite());
         assert!(law(1e-3).required_damping().is_finite());
     }
 

@@ -21,14 +21,18 @@ use frhc::controller::stability::finding::Verdict;
 use frhc::controller::stability::passivity::Law;
 use frhc::controller::stability::passivity::SampledLaw;
 use frhc::controller::stability::passivity::largest_stiffness;
+use frhc::lab::site::VirtualSite;
 use frhc::lab::world;
+use frhc::remote::Remote;
 use frhc::sim::plant::Plant;
 use frhc::sim::plant::Resistance;
 use frhc::sim::scene::Scene;
 use frhc::sim::scene::Surface;
 use frhc::sim::scene::Wall;
+use frhc::spatial::Motion;
 use frhc::spatial::Twist;
 use frhc::spatial::Wrench;
+use frhc::time::Instant;
 use nalgebra::Isometry3;
 use nalgebra::Vector3;
 use serde_json::Value;
@@ -235,6 +239,19 @@ fn surfaces_resist_turning_as_the_check_takes_it() {
         .find(|finding| (finding.name, finding.axis) == ("pose reflection, quantum", "about y"));
     let felt = turning.unwrap().left.value; // K_T K_P k_e
     assert!((0.15 * moment.norm() / turn / felt - 1.0).abs() < 0.3, "{moment}, {felt}");
+}
+
+#[test]
+fn a_wrench_is_sensed_one_exchange_after_the_command_that_meets_it() {
+    let text = changed(&[("start_m = [0.4,", "start_m = [0.5299,")]); // 0.1 mm before the wall
+    let config = Config::parse(Path::new(FILE), &text).unwrap();
+    let mut site = VirtualSite::new(&config);
+    let x_b_d = Isometry3::translation(0.02, 0.0, 0.0) * *site.pose();
+    let times = (1..4).map(|cycle| Instant::ZERO + config.period * cycle);
+    let commands = [Motion::Hold, Motion::Pose(x_b_d), Motion::Pose(x_b_d)];
+    let sensed = times.zip(commands).map(|(at, command)| site.exchange(at, &command).f_s);
+    let forces: Vec<f64> = sensed.map(|f_s| f_s.force.norm()).collect();
+    assert!(forces[1] < 1e-9 && forces[2] > 0.1, "{forces:?}");
 }
 
 #[test]

@@ -2,7 +2,15 @@
 //! surfaces and the network it describes.
 //!
 //! Only the description is made here; the inequalities stand in
-//! [`stability`](crate::controller::stability).
+//! [`stability`](crate::controller::stability). How late each torque is follows from the cycle of
+//! [`node`](crate::node) and the exchange with the virtual object of [`lab`](crate::lab):
+//!
+//! ```text
+//!  SYNC k      joints sampled    step k: damping and return of k; the object is commanded, and moves
+//!  SYNC k + 1  those act         step k + 1: at its end the wrench is sensed where the object is
+//!  SYNC k + 2                    step k + 2: that wrench is reflected
+//!  SYNC k + 3  it acts
+//! ```
 
 use crate::config::Config;
 use crate::config::Contact;

@@ -57,31 +57,43 @@ impl Device {
         q: &JointVector,
     ) -> Result<[Self; 6], Massless> {
         let posture = arm.posture(q);
-        let j_g = rows(&arm.jacobian(&posture));
         let mass = arm.mass_matrix(&posture).cholesky().ok_or(Massless)?;
+        let j_g = rows(&arm.jacobian(&posture));
         let inverse = j_g.try_inverse();
-        let mut devices =
-            [Self { mass: 0.0, damping: 0.0, friction: 0.0, full_friction: 0.0, quantum: 0.0 }; 6];
-        for (axis, device) in devices.iter_mut().enumerate() {
-            let row = JointVector::from(j_g.row(axis).transpose());
-            let along = |per_joint: fn(f64, &JointResistance) -> f64| {
-                let moving = row.iter().zip(joints).filter(|(entry, _)| entry.abs() > NOTHING);
-                moving.map(move |(entry, joint)| per_joint(entry.abs(), joint))
-            };
-            let mobility: f64 = along(|entry, joint| entry * entry / joint.viscous).sum();
-            let held = |column: &JointVector| -> f64 {
-                column.iter().zip(joints).map(|(entry, joint)| entry.abs() * joint.coulomb).sum()
-            };
-            *device = Self {
-                mass: row.dot(&mass.solve(&row)).recip(),
-                damping: mobility.recip(),
-                friction: along(|entry, joint| joint.coulomb / entry).fold(f64::INFINITY, f64::min),
-                full_friction: inverse.map_or(f64::INFINITY, |j| held(&j.column(axis).into())),
-                quantum: along(|entry, joint| entry * joint.quantum).sum(),
-            };
-        }
-        Ok(devices)
+        Ok(std::array::from_fn(|axis| {
+            let moved_by = JointVector::from(j_g.row(axis).transpose());
+            let moving = inverse.map(|inverse| JointVector::from(inverse.column(axis)));
+            Self {
+                mass: moved_by.dot(&mass.solve(&moved_by)).recip(),
+                full_friction: moving.map_or(f64::INFINITY, |qd| dry_power(&qd, joints)),
+                ..Self::without_mass(&moved_by, joints)
+            }
+        }))
     }
+
+    /// What does not need the whole arm, from an axis's row of the Jacobian.
+    fn without_mass(moved_by: &JointVector, joints: &[JointResistance; 6]) -> Self {
+        let mut mobility = 0.0;
+        let mut device = Self {
+            mass: 0.0,
+            damping: 0.0,
+            friction: f64::INFINITY,
+            full_friction: 0.0,
+            quantum: 0.0,
+        };
+        let joints = moved_by.iter().map(|part| part.abs()).zip(joints);
+        for (part, joint) in joints.filter(|(part, _)| *part > NOTHING) {
+            mobility += part * part / joint.viscous;
+            device.friction = device.friction.min(joint.coulomb / part);
+            device.quantum += part * joint.quantum;
+        }
+        Self { damping: f64::recip(mobility), ..device }
+    }
+}
+
+/// What dry friction takes from joints at rates `qd`, in W.
+fn dry_power(qd: &JointVector, joints: &[JointResistance; 6]) -> f64 {
+    qd.iter().zip(joints).map(|(rate, joint)| rate.abs() * joint.coulomb).sum()
 }
 
 /// Translations above rotations.
@@ -90,4 +102,35 @@ fn rows(j_g: &Jacobian<6>) -> SMatrix<f64, 6, 6> {
     rows.fixed_rows_mut::<3>(0).copy_from(&j_g.linear);
     rows.fixed_rows_mut::<3>(3).copy_from(&j_g.angular);
     rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::controller::arm::JointKind;
+    use crate::controller::arm::Link;
+    use nalgebra::Isometry3;
+
+    #[test]
+    fn an_arm_without_mass_is_none() {
+        let link = Link {
+            kind: JointKind::Revolute,
+            alpha: 1.0,
+            a: 0.1,
+            d: 0.1,
+            theta: 0.0,
+            mass: 0.0,
+            centre_of_mass: [0.0; 3],
+            inertia: [0.0; 6],
+            rotor_inertia: 0.0,
+            range: [-1.0, 1.0],
+        };
+        let joint = JointResistance { coulomb: 0.1, viscous: 0.1, quantum: 1e-5 };
+        let at_grip = |link| {
+            let arm = Arm::new([link; 6], Isometry3::identity(), [0.0; 3]).unwrap();
+            Device::at_grip(&arm, &[joint; 6], &JointVector::zeros())
+        };
+        assert_eq!(at_grip(link), Err(Massless));
+        assert!(at_grip(Link { rotor_inertia: 1e-3, ..link }).is_ok());
+    }
 }

@@ -222,6 +222,16 @@ mod tests {
         }
 
         #[test]
+        fn a_heavy_hand_swings_on_a_spring_with_less_damping_than_asked_for_and_not_with_more(
+            k in 10.0..1e4_f64, period in 5e-4..5e-3_f64, delay in 0..5_u32
+        ) {
+            let law = SampledLaw { delay, ..SampledLaw::impedance(k, 0.0, period) };
+            let required = law.required_damping();
+            prop_assert!(growth(k, period, delay, 0.8 * required) > 1.0);
+            prop_assert!(growth(k, period, delay, 1.2 * required) < 1.0);
+        }
+
+        #[test]
         fn no_law_needs_less_than_it_does_at_some_angle(
             k in 0.0..1e3_f64, damping in 0.0..20.0_f64, filter in 0.0..0.02_f64,
             lag in 0.0..0.02_f64, delay in 0..4_u32, angle in 1e-6..PI
@@ -243,6 +253,26 @@ mod tests {
             let required = SampledLaw { law, ..wall }.required_damping();
             prop_assert!(near(required, b), "{}, not {}", required, b);
         }
+    }
+
+    /// How many times larger a swing has become after many, of a mass so heavy that the sampled spring
+    /// `k` swings it in 63 periods, with damping `b`: exact between the samples.
+    fn growth(k: f64, period: f64, delay: u32, b: f64) -> f64 {
+        let mass = k * (period / 0.1).powi(2);
+        let decay = -(-period * b / mass).exp_m1();
+        let (mut x, mut v) = (1.0_f64, 0.0);
+        let mut late = std::collections::VecDeque::from(vec![1.0; usize::try_from(delay).unwrap()]);
+        let mut largest = [0.0_f64; 2];
+        for largest in &mut largest {
+            for _ in 0..5_000 {
+                late.push_back(x);
+                let terminal = -k * late.pop_front().unwrap() / b;
+                x += terminal * period + (v - terminal) * decay * mass / b;
+                v += (terminal - v) * decay;
+                *largest = largest.max(x.abs());
+            }
+        }
+        largest[1] / largest[0]
     }
 
     #[test]

@@ -5,7 +5,9 @@
 
 mod common;
 
+use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 use common::oracle;
 use common::oracle::list;
@@ -258,7 +260,7 @@ fn a_wrench_is_sensed_one_exchange_after_the_command_that_meets_it() {
 fn the_shipped_gains_are_fit() {
     for file in SHIPPED {
         let findings = Config::load(Path::new(file)).unwrap().findings();
-        assert_eq!(findings.len(), 54, "{file}");
+        assert_eq!(findings.len(), 60, "{file}");
         assert!(findings.iter().all(|finding| finding.verdict < Verdict::Refuses), "{file}");
     }
 }
@@ -324,6 +326,11 @@ fn every_kind_of_unstable_gain_is_refused_with_its_reason() {
             "accommodation",
         ),
         (
+            vec![("damping_ns_per_m = 20.0", "damping_ns_per_m = 3000.0")],
+            "remote.accommodation_m_per_ns",
+            "accommodation, damper",
+        ),
+        (
             vec![
                 ("accommodation_rad_per_nms = 0.5", "accommodation_rad_per_nms = 999.0"),
                 ("stiffness_n_per_m = 2000.0", "stiffness_n_per_m = 6000.0"),
@@ -375,4 +382,48 @@ fn an_operator_is_a_hand() {
         let refusal = Config::parse(Path::new(FILE), &text).map(|_| ()).unwrap_err().to_string();
         assert!(refusal.contains(&format!("operator.{key}: -1 is not zero or above")), "{refusal}");
     }
+}
+
+/// What `frhc check` says of `text`: its exit code, stdout and stderr.
+fn checked(name: &str, text: &str, json: bool) -> (Option<i32>, String, String) {
+    let root = env!("CARGO_MANIFEST_DIR");
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    fs::write(&file, text.replace("../eds", &format!("{root}/eds"))).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_frhc"));
+    command.args(["check", "--config"]).arg(&file).args(json.then_some("--json"));
+    let output = command.output().unwrap();
+    let [out, err] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+    (output.status.code(), out, err)
+}
+
+#[test]
+fn check_tells_a_person_both_sides_of_what_holds_and_what_does_not() {
+    let (code, out, _) = checked("fit.toml", TEXT, false);
+    assert_eq!(code, Some(0));
+    let told = |verdict: &str, inequality: &str| {
+        let line = out.lines().find(|line| line.contains(inequality)).unwrap();
+        assert!(line.starts_with(&format!("gains {verdict}")), "{line}");
+        assert!(line.contains(" must stay below "), "{line}");
+    };
+    told("warns", "damping, y: K_D = 8.00 N·s/m");
+    told("holds", "accommodation, servo, z: K_FA k_e τ_s = 0.200 must stay below 1/4 = 0.250");
+}
+
+#[test]
+fn check_tells_a_program_every_finding() {
+    let (code, out, _) = checked("json.toml", TEXT, true);
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((code, list(&report["gains"]).len()), (Some(0), 60));
+    for finding in list(&report["gains"]) {
+        let holds = number(&finding["left"]["value"]) < number(&finding["right"]["value"]);
+        assert_eq!(holds, finding["verdict"] == "holds", "{finding}");
+    }
+}
+
+#[test]
+fn check_ends_with_the_exit_code_of_a_configuration_where_it_refuses() {
+    let text = changed(&[("damping_ns_per_m = [8.0,", "damping_ns_per_m = [30.0,")]);
+    let (code, out, err) = checked("unfit.toml", &text, false);
+    assert_eq!((code, out.as_str()), (Some(3), ""));
+    assert!(err.contains("unfit.toml:202: controller.damping_ns_per_m: damping, x: "), "{err}");
 }

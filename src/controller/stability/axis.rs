@@ -9,7 +9,7 @@
 //! |             | the device at the grip         | K_T, K_D   | of the wrench felt, of damping       |
 //! | b_h, K_h    | the operator's hand            | F0, DB     | plateau of the return, deadband      |
 //! | Σb          | b + K_D + b_h                  | K_FA, a    | accommodation, K_FA k_e              |
-//! | k_e         | stiffness of the environment   | T, τ_s, Δ  | period, lag of the servo, one count  |
+//! | k_e, d_e    | spring, damper of the surface  | T, τ_s, Δ  | period, lag of the servo, one count  |
 
 use crate::controller::stability::bounds;
 use crate::controller::stability::bounds::Held;
@@ -110,6 +110,7 @@ impl Axis {
             self.rate_reflection(),
             self.rate_in_hand(),
             self.accommodation(),
+            self.accommodation_damper(),
             self.accommodation_servo(),
         ];
         loops.into_iter().flatten().collect()
@@ -128,7 +129,7 @@ impl Axis {
     fn centring_plateau(&self) -> Option<Finding> {
         let AxisGains { plateau, deadband, .. } = self.gains;
         let Device { friction, full_friction, .. } = self.device;
-        let rest = bounds::rest_offset(plateau, deadband, friction);
+        let rest = bounds::rest_offset(plateau, deadband, full_friction);
         let unit = if self.is_rotation { "rad" } else { "m" };
         let (verdict, friction, reason) = if friction >= plateau {
             (
@@ -174,7 +175,8 @@ impl Axis {
     }
 
     /// In pose mode the hand feels the surface as a spring `K_T K_P k_e`, late and through the servo;
-    /// with the surface's own damper or, at the touch, without.
+    /// with the surface's own damper or, at the touch, without. The symbols are the worst of slow
+    /// motion, with the servo's lag as it is sampled, `T/(exp(T/τ_s) - 1)`; the value is that of any.
     fn pose_reflection(&self) -> Option<Finding> {
         let AxisGains { wrench, pose, .. } = self.gains;
         let Timing { pose_delay: delay, servo_lag: lag, .. } = self.timing;
@@ -263,6 +265,22 @@ impl Axis {
         let culprit = Culprit::Accommodation;
         (giving_way > 0.0)
             .then(|| self.finding("accommodation", left, right, verdict, reason, culprit))
+    }
+
+    /// The same with the surface's damper, which its servo lets pass or not.
+    fn accommodation_damper(&self) -> Option<Finding> {
+        let Timing { period, accommodation_delay, servo_lag, .. } = self.timing;
+        let Impedance { stiffness, damping } = self.environment;
+        let gain = self.gains.accommodation;
+        let taken = gain * (stiffness * period / 2.0 + damping);
+        let left = Side { symbols: "K_FA (k_e T/2 + d_e)".to_owned(), value: taken, unit: "" };
+        let most = bounds::most_given_way(period, servo_lag);
+        let right = Side { symbols: "coth(T/2τ_s)".to_owned(), value: most, unit: "" };
+        let verdict = if taken < most { Verdict::Holds } else { Verdict::Refuses };
+        let reason = "the object would chatter on the surface, whatever the hand does".to_owned();
+        let culprit = Culprit::Accommodation;
+        (gain * damping > 0.0 && accommodation_delay == 0)
+            .then(|| self.finding("accommodation, damper", left, right, verdict, reason, culprit))
     }
 
     /// Nor may it overtake its servo, or it bounces before it rests.

@@ -73,6 +73,16 @@ pub fn fastest_giving_way(period: f64, delay: u32) -> f64 {
     2.0 * (n * PI / (2.0 * n + 1.0)).cos() / period
 }
 
+/// How much of contact an object whose servo lags by `lag` s may give way to, the surface's damper `d_e`
+/// counted in: `K_FA (k_e T/2 + d_e) < coth(T/2τ)`. By Jury's test of the sampled loop
+///
+/// ```text
+///  v' = (1 - p) v - p K_FA (k_e x + d_e v),  x' = x + T v',  p = 1 - exp(-T/τ)
+/// ```
+pub fn most_given_way(period: f64, lag: f64) -> f64 {
+    if lag > 0.0 { (period / (2.0 * lag)).tanh().recip() } else { 1.0 }
+}
+
 /// The fastest an object whose servo lags by `lag` s may give way without swinging: `a τ <= 1/4`.
 pub fn fastest_without_swinging(lag: f64) -> f64 {
     (4.0 * lag).recip()
@@ -94,6 +104,25 @@ mod tests {
             for (gain, dies_out) in [(0.8 * bound, true), (1.25 * bound, false)] {
                 let swing = swing(&held, &RateReflection { gain, giving_way });
                 prop_assert_eq!(swing < 1.0, dies_out, "{} of {}", gain, bound);
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn an_object_rests_on_a_damped_surface_within_its_bound_and_beyond_it_does_not(
+            stiffness in 10.0..1e4_f64, damping in 0.0..100.0_f64, lag in 0.0..0.02_f64
+        ) {
+            let period = 1e-3;
+            let part = if lag > 0.0 { 1.0 - (-period / lag).exp() } else { 1.0 };
+            let bound = most_given_way(period, lag) / (stiffness * period / 2.0 + damping);
+            for (gain, rests) in [(0.95 * bound, true), (1.05 * bound, false)] {
+                let (mut x, mut v) = (1e-3_f64, 0.0);
+                for _ in 0..20_000 {
+                    v = (1.0 - part) * v - part * gain * (stiffness * x + damping * v);
+                    x = (x + period * v).clamp(-1e9, 1e9);
+                }
+                prop_assert_eq!(x.abs() < 1e-3, rests, "{} of {}", gain, bound);
             }
         }
     }

@@ -82,11 +82,13 @@ impl SampledLaw {
         }
         let condition = |angle: f64| self.condition(angle);
         let angles = angles(self.delay);
-        let worst = angles.iter().copied().max_by(|a, b| condition(*a).total_cmp(&condition(*b)));
-        let Some(worst) = worst else { return f64::INFINITY };
+        let found = angles.iter().map(|&angle| (condition(angle), angle));
+        let Some((most, worst)) = found.max_by(|(a, _), (b, _)| a.total_cmp(b)) else {
+            return f64::INFINITY;
+        };
         let below = angles.iter().copied().filter(|angle| *angle < worst).fold(LOWEST, f64::max);
         let above = angles.iter().copied().filter(|angle| *angle > worst).fold(PI, f64::min);
-        highest(condition, below, above).max(condition(worst))
+        highest(condition, below, above).max(most)
     }
 
     /// Whether the law comes to rest when the hand does: an object that is commanded by a rate and

@@ -9,7 +9,6 @@
 use std::path::Path;
 
 use frhc::config::Config;
-use frhc::controller::stability::Verdict;
 use proptest::prelude::*;
 
 const FILE: &str = "config/kraft_like.toml";
@@ -137,68 +136,6 @@ fn what_does_not_fit_together_is_refused() {
         assert!(TEXT.contains(from), "{from}");
         let refusal = refusal(&TEXT.replacen(from, to, 1));
         assert!(refusal.contains(reason), "{reason}: {refusal}");
-    }
-}
-
-/// [`TEXT`] with gains that are unstable, each in its own way; the key to blame and the reason.
-fn unstable() -> Vec<(String, &'static str)> {
-    let with = |from: &str, to: &str| {
-        assert!(TEXT.contains(from), "{from}");
-        TEXT.replacen(from, to, 1)
-    };
-    let coupling = "[controller.virtual_coupling]\nstiffness_n_per_m = [3e4, 3e4, 3e4]\n\
-        stiffness_nm_per_rad = [1.0, 1.0, 1.0]\ndamping_ns_per_m = [0.0, 0.0, 0.0]\n\
-        damping_nms_per_rad = [0.0, 0.0, 0.0]\n\n[remote]\n";
-    let light = "[operator]\nstiffness_n_per_m = 50.0\ndamping_ns_per_m = 1.0\n\n[remote]\n";
-    let rigid = with("accommodation_m_per_ns = 0.01", "accommodation_m_per_ns = 0.0");
-    vec![
-        (
-            with("wrench_gain = [0.3, ", "wrench_gain = [5.0, "),
-            "controller.wrench_gain: pose mode, reflection, x: K_T K_P k_e T (1/2 + n) < b: 35.0000 >=",
-        ),
-        (
-            with("accommodation_m_per_ns = 0.01", "accommodation_m_per_ns = 2.0"),
-            "remote.accommodation_m_per_ns: force accommodation, x: K_FA k_e T < 2 cos(n pi / (2 n + 1)): 4.0000 >= 2.0000",
-        ),
-        (
-            rigid.replacen("[remote]\n", light, 1),
-            "controller.wrench_gain: rate mode, hand and object, x: M (K_h a + K_T k_e K_V) <",
-        ),
-        (
-            with("damping_ns_per_m = [8.0, ", "damping_ns_per_m = [25.0, "),
-            "controller.damping_ns_per_m: damping, x: sup Colgate(K_D, tau, n) < b: 25.0000 >=",
-        ),
-        (
-            with("centring_n = [2.0, ", "centring_n = [0.1, "),
-            "controller.centring_n: return to centre, friction, x: f_c < F_0: ",
-        ),
-        (
-            with("deadband_m = [0.01, ", "deadband_m = [0.0002, "),
-            "controller.centring_n: return to centre, slope, x: 2 F_0 / DB T (1/2 + n) < b: 30.0000 >=",
-        ),
-        (
-            TEXT.replacen("[remote]\n", coupling, 1),
-            "controller.virtual_coupling: pose mode, virtual coupling, x: sup Colgate",
-        ),
-    ]
-}
-
-#[test]
-fn every_kind_of_unstable_gain_is_refused_with_both_sides() {
-    for (text, reason) in unstable() {
-        let refusal = refusal(&text);
-        assert!(refusal.contains(reason), "{reason}: {refusal}");
-        assert!(refusal.starts_with("config/kraft_like.toml:"), "{refusal}");
-    }
-}
-
-#[test]
-fn unstable_gains_can_be_insisted_on() {
-    for (text, reason) in unstable() {
-        let insisted = text.replacen("[controller]\n", "[controller]\ngain_check = \"warn\"\n", 1);
-        let config = Config::parse(Path::new(FILE), &insisted).unwrap();
-        let refused = config.findings().into_iter().filter(|f| f.verdict == Verdict::Refuses);
-        assert!(refused.count() > 0, "{reason}");
     }
 }
 

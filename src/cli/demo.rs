@@ -10,10 +10,10 @@ use indicatif::ProgressStyle;
 
 use crate::canopen::frame::Telegram;
 use crate::cli::args::Demo;
-use crate::cli::check;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
+use crate::cli::gains;
 use crate::cli::print;
 use crate::cli::recorder::Session;
 use crate::cli::scenario;
@@ -39,7 +39,7 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
         return Err(Failure::new(Kind::Usage, reason));
     }
     let config = comparison::surrounded(&config, &scenario);
-    check::warn(&config);
+    gains::warn(&config);
     if scenario.compares_passivity() {
         return compare(args, quiet, &config, &scenario, seconds);
     }

@@ -8,6 +8,7 @@ mod ctl;
 mod demo;
 mod exit;
 mod explain;
+mod gains;
 mod interfaces;
 mod measurements;
 mod plot;
@@ -35,7 +36,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(args),
         Command::Sim(args) => sim::run(args),
         Command::Ctl(args) => ctl::run(args),
-        Command::Check(args) => check::run(args, cli.verbose > 0),
+        Command::Check(args) => check::run(args),
         Command::Calib(args) => calib::run(args),
         Command::Explain(args) => explain::run(args),
     };

@@ -16,13 +16,13 @@ use crate::bus::SocketCan;
 use crate::bus::Traced;
 use crate::bus::realtime;
 use crate::cli::args::Run;
-use crate::cli::check;
 use crate::cli::console::Pending;
 use crate::cli::console::Socket;
 use crate::cli::console::default_socket;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
+use crate::cli::gains;
 use crate::cli::interfaces;
 use crate::cli::print;
 use crate::cli::recorder;
@@ -43,7 +43,7 @@ const REQUESTS: usize = 8;
 /// Runs the node until a signal ends it.
 pub(super) fn run(args: &Run) -> Result<(), Failure> {
     let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
-    check::warn(&config);
+    gains::warn(&config);
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("no runtime").or_fail(Kind::Bus)?;

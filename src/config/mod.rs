@@ -4,6 +4,7 @@
 mod beyond;
 mod control;
 pub mod files;
+mod gain_check;
 mod joints;
 mod lookup;
 mod network;
@@ -11,8 +12,8 @@ mod problem;
 mod raw;
 mod readings;
 mod remote;
-mod stability;
 
+pub use gain_check::Operator;
 pub use joints::Joint;
 pub use network::BusSettings;
 pub use network::SwitchBox;
@@ -20,7 +21,6 @@ pub use problem::Invalid;
 pub use problem::Problem;
 pub use remote::Contact;
 pub use remote::Virtual;
-pub use stability::Operator;
 
 use std::path::Path;
 use std::path::PathBuf;
@@ -34,7 +34,7 @@ use crate::canopen::load::BusLoad;
 use crate::canopen::plan::NodePlan;
 use crate::config::problem::Problems;
 use crate::controller::Settings;
-use crate::controller::stability::Finding;
+use crate::controller::stability::finding::Finding;
 use crate::controller::switches::Mode;
 
 /// One hand controller and all around it.
@@ -66,10 +66,10 @@ pub struct Config {
     pub controller: Settings,
     /// What a displacement of the hand means at the start.
     pub command_mode: Mode,
+    /// Whose hand the gains are judged with.
+    pub operator: Operator,
     /// The commanded side.
     pub remote: Virtual,
-    /// The hand that the bounds of stability count on.
-    pub operator: Operator,
     /// Limits in time.
     pub safety: Safety,
 }
@@ -140,9 +140,9 @@ impl Config {
         network::plans(self)
     }
 
-    /// What can be said about the stability of its gains, inequality by inequality.
+    /// What is to be said of the gains: every inequality of every axis, held or not.
     pub fn findings(&self) -> Vec<Finding> {
-        stability::around(self).findings()
+        gain_check::findings(self)
     }
 
     /// The load of each bus in the worst case.
@@ -197,13 +197,9 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
         .as_ref()
         .and_then(|joints| control::settings(raw, joints, &x_6_g, gravity, period, problems));
     let command_mode = control::mode(raw, problems);
+    let operator = gain_check::operator(&raw.operator, problems);
+    let refuses = gain_check::refuses(raw, problems);
     let remote = remote::settings(raw, problems);
-    let operator = stability::operator(raw, problems);
-    let refuses = problems.one_of(
-        "controller.gain_check",
-        raw.controller.gain_check.as_deref().unwrap_or("refuse"),
-        &[("refuse", true), ("warn", false)],
-    );
 
     let config = Config {
         file: file.to_path_buf(),
@@ -219,13 +215,11 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
         switches: switches?,
         controller: controller?,
         command_mode: command_mode?,
-        remote: remote?,
         operator,
+        remote: remote?,
         safety,
     };
     network::check(&config, problems);
-    if refuses == Some(true) {
-        stability::refuse(&config, problems);
-    }
+    gain_check::check(&config, refuses, problems);
     Some(config)
 }

@@ -12,31 +12,10 @@ pub(super) struct File {
     pub(super) coupling: Option<Coupling>,
     pub(super) switches: Switches,
     pub(super) controller: Controller,
-    pub(super) remote: Remote,
     #[serde(default)]
     pub(super) operator: Operator,
+    pub(super) remote: Remote,
     pub(super) safety: Safety,
-}
-
-/// A light grip.
-#[derive(Debug, Deserialize)]
-#[serde(default)]
-pub(super) struct Operator {
-    pub(super) stiffness_n_per_m: f64,
-    pub(super) stiffness_nm_per_rad: f64,
-    pub(super) damping_ns_per_m: f64,
-    pub(super) damping_nms_per_rad: f64,
-}
-
-impl Default for Operator {
-    fn default() -> Self {
-        Self {
-            stiffness_n_per_m: 500.0,
-            stiffness_nm_per_rad: 6.0,
-            damping_ns_per_m: 15.0,
-            damping_nms_per_rad: 0.12,
-        }
-    }
 }
 
 #[derive(Debug, Deserialize)]
@@ -219,6 +198,14 @@ pub(super) struct VirtualCoupling {
 
 const fn yes() -> bool {
     true
+}
+
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct Operator {
+    pub(super) stiffness_n_per_m: Option<f64>,
+    pub(super) damping_ns_per_m: Option<f64>,
+    pub(super) stiffness_nm_per_rad: Option<f64>,
+    pub(super) damping_nms_per_rad: Option<f64>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -238,6 +238,11 @@ impl JointCalibration {
         self.curve.torque(1.0)
     }
 
+    /// The joint's motion from one count to the next, in rad or m.
+    pub const fn quantum(&self) -> f64 {
+        self.counts_per_unit.recip().abs()
+    }
+
     /// The joint torque in N·m that a target asks for.
     fn torque(&self, target: PerMille) -> f64 {
         self.curve.torque(f64::from(target.0) * self.direction())

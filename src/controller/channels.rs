@@ -93,14 +93,14 @@ impl Channels {
         Self(self.0.map(|channel| Channel { plateau: 0.0, ..channel }))
     }
 
-    /// The plateaus of the return force, in N and N·m.
-    pub fn plateaus(&self) -> [f64; 6] {
-        self.0.map(|channel| channel.plateau)
-    }
-
-    /// Half-widths of the deadbands, in m and rad.
+    /// Half-widths of the deadband, in m and rad.
     pub fn deadbands(&self) -> [f64; 6] {
         self.0.map(|channel| channel.deadband)
+    }
+
+    /// Plateaus of the return force, in N and N·m.
+    pub fn plateaus(&self) -> [f64; 6] {
+        self.0.map(|channel| channel.plateau)
     }
 
     /// What is left of a displacement beyond the deadband: zero within, and continuous at its edge

@@ -6,7 +6,7 @@
 use thiserror::Error;
 
 /// The six axes by name, in the order of every six-vector of the paper.
-const AXES: [&str; 6] = ["x", "y", "z", "about x", "about y", "about z"];
+pub const AXES: [&str; 6] = ["x", "y", "z", "about x", "about y", "about z"];
 
 /// No gain, deadband or plateau is larger, so that products of them stay finite.
 const LARGEST: f64 = 1e6;

@@ -51,7 +51,7 @@ impl Servo {
         Ok(Self { time_constant, max_speed, max_turn })
     }
 
-    /// How long it takes for most of a step, in s.
+    /// The time constant, in s; zero for none.
     pub const fn time_constant(&self) -> f64 {
         self.time_constant
     }

@@ -1,140 +1,91 @@
-//! The inequalities themselves, each from its source, in SI and for one axis.
+//! The bounds on gains that have closed forms: quantisation, return to centre, reflection in rate mode,
+//! accommodation.
 //!
-//! Passivity of a device of damping `b` with a sampled, held force (Colgate and Schenkel 1997):
-//! `b > sup (T/2) / (1 - cos ωT) Re{(1 - e^{-jωT}) H(e^{jωT})}` over all frequencies up to half the
-//! sample rate, H taking positions to forces.
+//! One axis each, in m and N or in rad and N·m; the symbols are those of the paper, with `b` the damping,
+//! `M` the mass and `f_c` the dry friction felt at the grip, `k_e` the stiffness of what the object
+//! touches, `T` the period and `n` whole cycles of delay.
 
 use std::f64::consts::PI;
 
-use nalgebra::Complex;
-
-/// Angles ωT between which the supremum is looked for: from next to nothing to half the sample rate.
-const LOWEST: f64 = 1e-4;
-
-/// So many of them, each a fixed part larger than the last.
-const ANGLES: u32 = 2_000;
-
-/// Each narrowing leaves two thirds of the angles around the largest value.
-const NARROWINGS: u32 = 60;
-
-/// What a controller makes of positions.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Impedance {
-    /// In N/m.
-    pub stiffness: f64,
-    /// In N·s/m, by backward differences.
-    pub damping: f64,
-    /// The time constant of a low pass on those, in s.
-    pub filter: f64,
-    /// So many whole cycles late, beyond the hold itself.
-    pub late: u32,
-}
-
-/// A wrench that is reflected while displacement commands velocity (Eq. 5, 6 and NTRFC).
+/// What a rate command makes of contact, felt at the hand: `Z(s) = G / (s (s + a))`. Its real part is
+/// negative at every frequency, so some damping is always needed; without accommodation none is enough
+/// (Parker, Salcudean and Lawrence 1993).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RateReflection {
-    /// K_V, in 1/s.
-    pub rate_gain: f64,
-    /// K_T.
-    pub wrench_gain: f64,
-    /// K_FA, in m/s per N.
-    pub accommodation: f64,
-    /// Of what the object meets, in N/m.
-    pub stiffness: f64,
+    /// `G = K_T K_V k_e`, in N/(m·s) or N·m/(rad·s).
+    pub gain: f64,
+    /// `a = K_FA k_e`, in 1/s.
+    pub giving_way: f64,
 }
 
-/// A hand and the device it holds.
+/// Mass, damping and spring of what holds the grip, the grip's own counted in.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Held {
-    /// Of both, in kg.
+    /// M, in kg or kg·m².
     pub mass: f64,
-    /// Of both, in N·s/m.
+    /// b, in N·s/m or N·m·s/rad.
     pub damping: f64,
-    /// Of the hand, in N/m.
+    /// K_h, in N/m or N·m/rad.
     pub stiffness: f64,
-}
-
-impl Impedance {
-    /// The damping in N·s/m that a device needs to be passive with it, in cycles of `period` s.
-    pub fn required_damping(&self, period: f64) -> f64 {
-        let Self { stiffness, damping, filter, late } = *self;
-        required_damping(period, |z| {
-            let rate = (z - 1.0) / (z * (period + filter) - filter);
-            (rate * damping + stiffness) * z.powi(-i32::try_from(late).unwrap_or(i32::MAX))
-        })
-    }
 }
 
 impl RateReflection {
-    /// The stiffness that is felt in the end, in N/m; infinite where nothing gives way.
-    pub fn felt_stiffness(&self) -> f64 {
-        self.wrench_gain * self.rate_gain / self.accommodation
+    /// The damping that makes reflection passive, sampled with `period` and `delay` cycles late:
+    /// `b + K_D >= G/a (1/a + T/2 + n T)`, as long as `a T <= 1`. With a period of zero, the
+    /// continuous `G/a²`. Infinite without accommodation.
+    pub fn required_damping(&self, period: f64, delay: u32) -> f64 {
+        let Self { gain, giving_way } = *self;
+        gain / giving_way * (giving_way.recip() + period * (0.5 + f64::from(delay)))
     }
 
-    /// The damping in N·s/m that a device needs to be passive with it, in cycles of `period` s:
-    /// `k_felt (1 / (K_FA k_e) + T / 2)`. Infinite where nothing gives way: reflection in rate mode is
-    /// never passive then.
-    pub fn required_damping(&self, period: f64) -> f64 {
-        if self.wrench_gain * self.rate_gain <= 0.0 {
-            return 0.0;
-        }
-        let gives_way = self.accommodation * self.stiffness;
-        self.felt_stiffness() * (gives_way.recip() + period / 2.0)
-    }
-
-    /// Both sides of Routh's condition for the hand that holds the device:
-    /// `M (K_h a + K_T k_e K_V) < (b + M a)(K_h + b a)`, with `a = K_FA k_e`.
-    pub fn routh(&self, held: &Held) -> [f64; 2] {
-        let a = self.accommodation * self.stiffness;
-        let driven = self.wrench_gain * self.stiffness * self.rate_gain;
+    /// The gain G below which reflection is stable in the hand that holds the grip, by Routh's test of
+    /// `(M s² + b s + K_h)(s + a) + G`, in continuous time: `G < b/M (K_h + b a + M a²)`.
+    pub fn largest_gain(&self, held: &Held) -> f64 {
         let Held { mass, damping, stiffness } = *held;
-        [mass * (stiffness * a + driven), (damping + mass * a) * (stiffness + damping * a)]
+        let a = self.giving_way;
+        damping / mass * (stiffness + damping * a + mass * a * a)
     }
 }
 
-/// The largest `K_FA k_e T` with which accommodation is stable whose wrench is `late` cycles old.
-pub fn accommodation_limit(late: u32) -> f64 {
-    let n = f64::from(late);
-    2.0 * (n * PI / (2.0 * n + 1.0)).cos()
-}
-
-/// The stiffest spring in N/m that stays quiet on an encoder whose steps are `quantum` m, against
-/// damping and dry friction in N (Abbott and Okamura 2005): `min(2 b / T, 2 f_c / Δ)`.
-pub fn quantised_stiffness(damping: f64, period: f64, friction: f64, quantum: f64) -> f64 {
+/// The stiffest spring, in N/m (N·m/rad), that neither its sampling nor the `quantum` of its position
+/// makes active: `K <= min(2 b/T, 2 f_c/Δ)` (Abbott and Okamura 2005).
+pub fn stiffest_spring(damping: f64, period: f64, friction: f64, quantum: f64) -> f64 {
     (2.0 * damping / period).min(2.0 * friction / quantum)
 }
 
-/// The stiffest spring in N/m that a device of `damping` renders passively beside a damper, `late`
-/// cycles late: one side of its Z-width. Zero where not even the damper is.
-pub fn stiffest(device: f64, beside: &Impedance, period: f64) -> f64 {
-    let fits =
-        |stiffness: f64| Impedance { stiffness, ..*beside }.required_damping(period) <= device;
-    if !fits(0.0) {
-        return 0.0;
-    }
-    let (mut low, mut high) = (0.0, 2.0 * device / period + 1.0);
-    for _ in 0..NARROWINGS {
-        let middle = f64::midpoint(low, high);
-        if fits(middle) { low = middle } else { high = middle }
-    }
-    low
+/// The steepest slope of the return to centre, `2 F0/DB` at the edge of its deadband, in N/m
+/// (N·m/rad). A loop without delay is passive with it for `b >= F0 T/DB`.
+pub fn steepest_centring(plateau: f64, deadband: f64) -> f64 {
+    2.0 * plateau / deadband
 }
 
-/// The condition above: with `θ = ωT`, `(T/2) (Re H - cot(θ/2) Im H)` at its largest.
-fn required_damping(period: f64, h: impl Fn(Complex<f64>) -> Complex<f64>) -> f64 {
-    let at = |angle: f64| {
-        let h = h(Complex::from_polar(1.0, angle));
-        period / 2.0 * (h.re - h.im / (angle / 2.0).tan())
-    };
-    let step = (PI / LOWEST).ln() / f64::from(ANGLES);
-    let angles = (0..=ANGLES).map(|place| (LOWEST.ln() + step * f64::from(place)).exp().min(PI));
-    let worst = angles.max_by(|a, b| at(*a).total_cmp(&at(*b))).unwrap_or(PI);
-    let (mut low, mut high) = ((worst * (-step).exp()).max(LOWEST), (worst * step.exp()).min(PI));
-    for _ in 0..NARROWINGS {
-        let third = (high - low) / 3.0;
-        if at(low + third) < at(high - third) { low += third } else { high -= third }
-    }
-    at(f64::midpoint(low, high)).max(at(worst))
+/// How far from the centre a hand that was let go comes to rest, where the return force no longer
+/// overcomes friction: `sqrt(f_c/a)`, with the paper's `a = F0/DB²`. In m (rad). Infinite where even
+/// the plateau does not.
+pub fn rest_offset(plateau: f64, deadband: f64, friction: f64) -> f64 {
+    if friction < plateau { deadband * (friction / plateau).sqrt() } else { f64::INFINITY }
+}
+
+/// The fastest an object may give way to contact, `a = K_FA k_e` in 1/s, with the wrench `delay` cycles
+/// late: `a T < 2 cos(n π/(2n + 1))`.
+pub fn fastest_giving_way(period: f64, delay: u32) -> f64 {
+    let n = f64::from(delay);
+    2.0 * (n * PI / (2.0 * n + 1.0)).cos() / period
+}
+
+/// How much of contact an object whose servo lags by `lag` s may give way to, the surface's damper `d_e`
+/// counted in: `K_FA (k_e T/2 + d_e) < coth(T/2τ)`. By Jury's test of the sampled loop
+///
+/// ```text
+///  v' = (1 - p) v - p K_FA (k_e x + d_e v),  x' = x + T v',  p = 1 - exp(-T/τ)
+/// ```
+pub fn most_given_way(period: f64, lag: f64) -> f64 {
+    if lag > 0.0 { (period / (2.0 * lag)).tanh().recip() } else { 1.0 }
+}
+
+/// The fastest an object whose servo lags by `lag` s may give way without swinging: `a τ <= 1/4`.
+pub fn fastest_without_swinging(lag: f64) -> f64 {
+    (4.0 * lag).recip()
 }
 
 #[cfg(test)]
@@ -144,38 +95,65 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_spring_needs_half_of_itself_times_the_cycle_and_more_when_late(
-            stiffness in 1.0..1e5_f64, period in 1e-4..1e-2_f64, late in 0..6_u32
+        fn a_rate_reflected_within_its_bound_dies_out_and_beyond_it_does_not(
+            mass in 0.3..3.0_f64, damping in 2.0..20.0_f64, stiffness in 50.0..500.0_f64,
+            giving_way in 0.0..20.0_f64
         ) {
-            let spring = Impedance { stiffness, late, ..Impedance::default() };
-            let expected = stiffness * period * (0.5 + f64::from(late));
-            prop_assert!((spring.required_damping(period) / expected - 1.0).abs() < 1e-5);
-        }
-
-        #[test]
-        fn a_filter_helps_and_never_hurts(damping in 0.1..50.0_f64, filter in 1e-4..0.1_f64) {
-            let plain = Impedance { damping, ..Impedance::default() }.required_damping(1e-3);
-            let filtered =
-                Impedance { damping, filter, ..Impedance::default() }.required_damping(1e-3);
-            prop_assert!((plain - damping).abs() < 1e-6 * damping);
-            prop_assert!(filtered < plain);
-        }
-
-        #[test]
-        fn what_is_rendered_is_as_stiff_as_can_be(device in 0.1..20.0_f64, late in 0..4_u32) {
-            let beside = Impedance { damping: 0.05, filter: 0.01, late, ..Impedance::default() };
-            let stiffness = stiffest(device, &beside, 1e-3);
-            let needs = |stiffness| Impedance { stiffness, ..beside }.required_damping(1e-3);
-            prop_assert!(needs(stiffness) <= device && needs(stiffness * 1.01 + 1.0) > device);
+            let held = Held { mass, damping, stiffness };
+            let bound = RateReflection { gain: 0.0, giving_way }.largest_gain(&held);
+            for (gain, dies_out) in [(0.8 * bound, true), (1.25 * bound, false)] {
+                let swing = swing(&held, &RateReflection { gain, giving_way });
+                prop_assert_eq!(swing < 1.0, dies_out, "{} of {}", gain, bound);
+            }
         }
     }
 
+    proptest! {
+        #[test]
+        fn an_object_rests_on_a_damped_surface_within_its_bound_and_beyond_it_does_not(
+            stiffness in 10.0..1e4_f64, damping in 0.0..100.0_f64, lag in 0.0..0.02_f64
+        ) {
+            let period = 1e-3;
+            let part = if lag > 0.0 { 1.0 - (-period / lag).exp() } else { 1.0 };
+            let bound = most_given_way(period, lag) / (stiffness * period / 2.0 + damping);
+            for (gain, rests) in [(0.95 * bound, true), (1.05 * bound, false)] {
+                let (mut x, mut v) = (1e-3_f64, 0.0);
+                for _ in 0..20_000 {
+                    v = (1.0 - part) * v - part * gain * (stiffness * x + damping * v);
+                    x = (x + period * v).clamp(-1e9, 1e9);
+                }
+                prop_assert_eq!(x.abs() < 1e-3, rests, "{} of {}", gain, bound);
+            }
+        }
+    }
+
+    /// The state of the loop after 20 s, and 20 more, by small steps: how much larger it has become.
+    fn swing(held: &Held, reflection: &RateReflection) -> f64 {
+        let (mut x, mut v, mut f) = (1e-3, 0.0, 0.0);
+        let h = 1e-4;
+        let mut sizes = [0.0_f64; 2];
+        for size in &mut sizes {
+            for _ in 0..200_000 {
+                let push = -held.stiffness * x - held.damping * v - f;
+                v += h * push / held.mass;
+                x += h * v;
+                f += h * (reflection.gain * x - reflection.giving_way * f);
+                let energy = held.mass * v * v + held.stiffness * x * x;
+                *size = size.max(energy).min(1e100);
+            }
+        }
+        sizes[1] / sizes[0]
+    }
+
     #[test]
-    fn where_nothing_gives_way_rate_reflection_is_never_passive() {
-        let rigid =
-            RateReflection { rate_gain: 2.0, wrench_gain: 0.5, accommodation: 0.0, stiffness: 1e5 };
-        assert!(rigid.required_damping(1e-3).is_infinite());
-        let unfelt = RateReflection { wrench_gain: 0.0, ..rigid };
-        assert!(unfelt.required_damping(1e-3) == 0.0);
+    fn without_accommodation_no_damping_makes_a_reflected_rate_passive() {
+        let reflection = RateReflection { gain: 1.0, giving_way: 0.0 };
+        assert!(reflection.required_damping(1e-3, 0).is_infinite());
+    }
+
+    #[test]
+    fn friction_beyond_the_plateau_holds_the_hand_anywhere() {
+        assert!(rest_offset(1.0, 0.01, 1.0).is_infinite());
+        assert!(rest_offset(1.0, 0.01, 0.99) < 0.01);
     }
 }

@@ -1,17 +1,24 @@
-//! The gain checker: what can be said about stability before anything moves.
+//! Which gains are fit to be felt: the bounds of sampled force reflection, with both sides of every
+//! inequality.
 //!
-//! Bounds are for one axis at a time and for small motions about one posture. A gain that is unstable
-//! whoever holds the grip, or that contradicts itself, is **refused**: an object that cannot settle, a
-//! hand and a device that Routh's condition makes swing, a loop that would need more damping than device
-//! and hand have together, a return to centre too weak to move the device. What only the device *alone*
-//! could not render passively is a **warning**: the hand that holds it damps it, and the passivity layer
-//! takes back what contact gives off.
+//! Not what watches the energy at run time. Linear, one axis at a time, at one posture:
+//!
+//! | file           | what                                                                     |
+//! |----------------|--------------------------------------------------------------------------|
+//! | [`passivity`]  | damping that a sampled law asks for (Colgate and Schenkel 1997), Z-width |
+//! | [`bounds`]     | closed forms: quantisation, centring, rate mode, accommodation           |
+//! | [`device`]     | mass, damping and friction at the grip                                   |
+//! | [`axis`]       | all inequalities of one axis, judged                                     |
+//! | [`finding`]    | an inequality in words and numbers                                       |
+//!
+//! What is unstable whatever the hand does, or contradicts itself, is refused: an object that swings on
+//! a surface by itself, a return to centre that friction stops, a rate reflected that swings in the
+//! operator's hand, a law that asks for more damping than device, law and hand have together. What only
+//! costs strict passivity is a warning: the hand's own damping then keeps the loop quiet, as all hand
+//! controllers of this kind rely on, and a passivity layer where there is one.
 
+pub mod axis;
 pub mod bounds;
-mod findings;
-
-pub use findings::Axis;
-pub use findings::Finding;
-pub use findings::Loop;
-pub use findings::Topic;
-pub use findings::Verdict;
+pub mod device;
+pub mod finding;
+pub mod passivity;

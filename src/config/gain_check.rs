@@ -1,0 +1,217 @@
+//! `[operator]` and `gain_check`: the gains of a configuration, judged together with the device, the
+//! surfaces and the network it describes.
+//!
+//! Only the description is made here; the inequalities stand in
+//! [`stability`](crate::controller::stability). How late each torque is follows from the cycle of
+//! [`node`](crate::node) and the exchange with the virtual object of [`lab`](crate::lab):
+//!
+//! ```text
+//!  SYNC k      joints sampled    step k: damping and return of k; the object is commanded, and moves
+//!  SYNC k + 1  those act         step k + 1: at its end the wrench is sensed where the object is
+//!  SYNC k + 2                    step k + 2: that wrench is reflected
+//!  SYNC k + 3  it acts
+//! ```
+
+use crate::config::Config;
+use crate::config::Contact;
+use crate::config::problem::Problems;
+use crate::config::raw;
+use crate::controller::JointVector;
+use crate::controller::gains::AXES;
+use crate::controller::stability::axis::Axis;
+use crate::controller::stability::axis::AxisGains;
+use crate::controller::stability::axis::Impedance;
+use crate::controller::stability::axis::Timing;
+use crate::controller::stability::device::Device;
+use crate::controller::stability::device::JointResistance;
+use crate::controller::stability::device::Massless;
+use crate::controller::stability::finding::Culprit;
+use crate::controller::stability::finding::Finding;
+use crate::controller::stability::finding::Verdict;
+
+/// From SYNC k, which samples the joints, to SYNC k + 1, at which a synchronous RPDO acts: a cycle.
+const TORQUE_DELAY: u32 = 1;
+
+/// The pose commanded in cycle k is reached at its end; the wrench there is sensed at the end of cycle
+/// k + 1, before the object moves on, used in cycle k + 2 and acts at SYNC k + 3.
+const POSE_DELAY: u32 = 3;
+
+/// As for a pose, but that the object reaches it a cycle later is part of the law of a rate.
+const RATE_DELAY: u32 = 2;
+
+/// The object gives way to the wrench where it stands, in the same exchange.
+const ACCOMMODATION_DELAY: u32 = 0;
+
+/// How far from its centre the object touches a surface, in m: `k` then resists turning with `k r²`.
+const TOUCH_RADIUS: f64 = 0.02;
+
+/// The impedance of the hand the gains are judged with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Operator {
+    /// Along an axis, in N/m and N·s/m.
+    pub linear: Impedance,
+    /// About an axis, in N·m/rad and N·m·s/rad.
+    pub angular: Impedance,
+}
+
+/// A hand that holds firmly but not stiffly, as the simulated one.
+impl Default for Operator {
+    fn default() -> Self {
+        Self {
+            linear: Impedance { stiffness: 500.0, damping: 15.0 },
+            angular: Impedance { stiffness: 6.0, damping: 0.12 },
+        }
+    }
+}
+
+/// The hand of `[operator]`; the default one where the file says nothing.
+pub(super) fn operator(raw: &raw::Operator, problems: &mut Problems<'_>) -> Operator {
+    let Operator { linear, angular } = Operator::default();
+    let mut number = |key: &str, value: Option<f64>, otherwise: f64| {
+        problems.not_negative(&format!("operator.{key}"), value.unwrap_or(otherwise))
+    };
+    Operator {
+        linear: Impedance {
+            stiffness: number("stiffness_n_per_m", raw.stiffness_n_per_m, linear.stiffness),
+            damping: number("damping_ns_per_m", raw.damping_ns_per_m, linear.damping),
+        },
+        angular: Impedance {
+            stiffness: number("stiffness_nm_per_rad", raw.stiffness_nm_per_rad, angular.stiffness),
+            damping: number("damping_nms_per_rad", raw.damping_nms_per_rad, angular.damping),
+        },
+    }
+}
+
+/// Whether unstable gains make a configuration unfit; yes, unless it says `gain_check = "warn"`.
+pub(super) fn refuses(raw: &raw::File, problems: &mut Problems<'_>) -> bool {
+    match raw.controller.gain_check.as_deref() {
+        None | Some("refuse") => true,
+        Some("warn") => false,
+        Some(other) => {
+            let reason = format!("\"{other}\": there is \"refuse\", \"warn\"");
+            problems.add("controller.gain_check", reason);
+            true
+        }
+    }
+}
+
+/// Notes what is refused: each inequality once, along axes and about them, for the worst of them.
+/// Silent where anything else is wrong, as the numbers may then mean nothing.
+pub(super) fn check(config: &Config, refuses: bool, problems: &mut Problems<'_>) {
+    if problems.count() > 0 {
+        return;
+    }
+    let findings = match axes(config) {
+        Ok(axes) => axes,
+        Err(massless) => return problems.add("joint", massless),
+    };
+    for axes in findings.chunks(3).filter(|_| refuses) {
+        let is_rotation = axes.iter().any(|axis| axis.is_rotation);
+        let found = axes.iter().flat_map(Axis::findings);
+        let refused: Vec<Finding> =
+            found.filter(|finding| finding.verdict == Verdict::Refuses).collect();
+        for worst in worst_of_each(&refused) {
+            problems.add(key(worst.culprit, is_rotation), worst);
+        }
+    }
+}
+
+/// Every inequality of every axis.
+pub(super) fn findings(config: &Config) -> Vec<Finding> {
+    axes(config).iter().flatten().flat_map(Axis::findings).collect()
+}
+
+/// Of findings with the same name, the one farthest from holding.
+fn worst_of_each(findings: &[Finding]) -> Vec<&Finding> {
+    let is_worst = |finding: &&Finding| {
+        let others = findings.iter().filter(|other| other.name == finding.name);
+        let worst = others.max_by(|a, b| a.share().total_cmp(&b.share()));
+        worst.is_some_and(|worst| worst.axis == finding.axis)
+    };
+    findings.iter().filter(is_worst).collect()
+}
+
+/// The key of a gain.
+const fn key(culprit: Culprit, is_rotation: bool) -> &'static str {
+    match (culprit, is_rotation) {
+        (Culprit::Damping, false) => "controller.damping_ns_per_m",
+        (Culprit::Damping, true) => "controller.damping_nms_per_rad",
+        (Culprit::Wrench, _) => "controller.wrench_gain",
+        (Culprit::Centring, false) => "controller.centring_n",
+        (Culprit::Centring, true) => "controller.centring_nm",
+        (Culprit::Accommodation, false) => "remote.accommodation_m_per_ns",
+        (Culprit::Accommodation, true) => "remote.accommodation_rad_per_nms",
+        (Culprit::Coupling, false) => "controller.virtual_coupling.stiffness_n_per_m",
+        (Culprit::Coupling, true) => "controller.virtual_coupling.stiffness_nm_per_rad",
+    }
+}
+
+/// The six axes of the grip, with everything that closes a loop over them.
+#[expect(clippy::indexing_slicing, reason = "axes are numbered by an array of six")]
+fn axes(config: &Config) -> Result<[Axis; 6], Massless> {
+    // Where the arm is judged: as it is at the start.
+    let q = JointVector::from(config.joints.each_ref().map(|joint| joint.start));
+    let controller = &config.controller;
+    let devices = Device::at_grip(&controller.arm, &resistances(config), &q)?;
+    let environment = stiffest(config);
+    let timing = Timing {
+        period: config.period.as_secs_f64(),
+        torque_delay: TORQUE_DELAY,
+        pose_delay: POSE_DELAY,
+        rate_delay: RATE_DELAY,
+        accommodation_delay: ACCOMMODATION_DELAY,
+        servo_lag: config.remote.servo.time_constant(),
+        velocity_filter: controller.beyond.velocity_filter.seconds(),
+    };
+    let (deadbands, plateaus) = (controller.channels.deadbands(), controller.channels.plateaus());
+    Ok([0, 1, 2, 3, 4, 5].map(|axis| {
+        let is_rotation = axis >= 3;
+        let Operator { linear, angular } = config.operator;
+        let share = if is_rotation { TOUCH_RADIUS * TOUCH_RADIUS } else { 1.0 };
+        Axis {
+            name: AXES[axis],
+            is_rotation,
+            device: devices[axis],
+            hand: if is_rotation { angular } else { linear },
+            environment: Impedance {
+                stiffness: environment.stiffness * share,
+                damping: environment.damping * share,
+            },
+            coupling: controller.beyond.virtual_coupling.map(|coupling| Impedance {
+                stiffness: coupling.stiffness().values()[axis],
+                damping: coupling.damping().values()[axis],
+            }),
+            gains: AxisGains {
+                rate: controller.command.rate_gain.values()[axis],
+                pose: controller.command.pose_gain.values()[axis],
+                wrench: controller.reflection.gain().values()[axis],
+                damping: controller.damping.values()[axis],
+                deadband: deadbands[axis],
+                plateau: plateaus[axis],
+                accommodation: config.remote.accommodation.gain()[axis],
+            },
+            timing,
+            is_watched: controller.beyond.passivity.is_some(),
+        }
+    }))
+}
+
+fn resistances(config: &Config) -> [JointResistance; 6] {
+    config.joints.each_ref().map(|joint| JointResistance {
+        coulomb: joint.coulomb_friction,
+        viscous: joint.viscous_friction,
+        quantum: joint.calibration.quantum(),
+    })
+}
+
+/// The stiffest surface there is; nothing where there is none.
+fn stiffest(config: &Config) -> Impedance {
+    let wall = config.remote.wall.map(|(.., contact)| contact);
+    let block = config.remote.block.map(|(.., contact)| contact);
+    let contacts = [wall, block].into_iter().flatten();
+    let stiffest = contacts.max_by(|a, b| a.stiffness.total_cmp(&b.stiffness));
+    stiffest.map_or(Impedance::default(), |Contact { stiffness, damping }| Impedance {
+        stiffness,
+        damping,
+    })
+}

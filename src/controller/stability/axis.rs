@@ -1,0 +1,507 @@
+//! All inequalities of one axis of the grip, judged.
+//!
+//! Each loop alone: what they add up to is not judged, nor what one axis does to another. Both modes are
+//! judged, as the console may change from one to the other.
+//!
+//! | symbol      | what it is                     | symbol     | what it is                           |
+//! |-------------|--------------------------------|------------|--------------------------------------|
+//! | b, M, f_c   | damping, mass, dry friction of | K_V, K_P   | gains of a commanded rate, pose      |
+//! |             | the device at the grip         | K_T, K_D   | of the wrench felt, of damping       |
+//! | b_h, K_h    | the operator's hand            | F0, DB     | plateau of the return, deadband      |
+//! | Σb          | b + K_D + b_h                  | K_FA, a    | accommodation, K_FA k_e              |
+//! | k_e, d_e    | spring, damper of the surface  | T, τ_s, Δ  | period, lag of the servo, one count  |
+//! | K_vc, B_vc  | virtual coupling of pose mode  | τ_v        | filter of the grip's velocity        |
+
+use crate::controller::stability::bounds;
+use crate::controller::stability::bounds::Held;
+use crate::controller::stability::bounds::RateReflection;
+use crate::controller::stability::device::Device;
+use crate::controller::stability::finding::Culprit;
+use crate::controller::stability::finding::Digits;
+use crate::controller::stability::finding::Finding;
+use crate::controller::stability::finding::Side;
+use crate::controller::stability::finding::Verdict;
+use crate::controller::stability::passivity::Law;
+use crate::controller::stability::passivity::SampledLaw;
+
+/// A spring and a damper, in N/m and N·s/m or in N·m/rad and N·m·s/rad.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Impedance {
+    /// K.
+    pub stiffness: f64,
+    /// B.
+    pub damping: f64,
+}
+
+/// The gains of one axis, in m and N or in rad and N·m.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AxisGains {
+    /// K_V, in 1/s.
+    pub rate: f64,
+    /// K_P.
+    pub pose: f64,
+    /// K_T.
+    pub wrench: f64,
+    /// K_D.
+    pub damping: f64,
+    /// DB.
+    pub deadband: f64,
+    /// F0, the plateau of the return to centre.
+    pub plateau: f64,
+    /// K_FA.
+    pub accommodation: f64,
+}
+
+/// How long what takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Timing {
+    /// T, in s.
+    pub period: f64,
+    /// Cycles from a sample of the joints to the torque computed from it.
+    pub torque_delay: u32,
+    /// Cycles from a sample of the joints to the torque of the wrench that the pose commanded from it
+    /// meets, without the servo's lag.
+    pub pose_delay: u32,
+    /// The same for a commanded rate, which moves the object one cycle later.
+    pub rate_delay: u32,
+    /// Cycles by which the wrench is late that the object gives way to.
+    pub accommodation_delay: u32,
+    /// τ_s of the object's servo, in s.
+    pub servo_lag: f64,
+    /// τ of the low pass on the grip's velocity, in s; zero for none.
+    pub velocity_filter: f64,
+}
+
+/// One axis of the grip with everything that closes a loop over it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axis {
+    /// What it is called.
+    pub name: &'static str,
+    /// Whether it turns: the units are then those of moments.
+    pub is_rotation: bool,
+    /// The device at the grip.
+    pub device: Device,
+    /// The operator's hand.
+    pub hand: Impedance,
+    /// What the object touches.
+    pub environment: Impedance,
+    /// What ties the hand to the object in pose mode, if anything does.
+    pub coupling: Option<Impedance>,
+    /// The gains.
+    pub gains: AxisGains,
+    /// How long what takes.
+    pub timing: Timing,
+    /// Whether a passivity layer watches the energy at run time.
+    pub is_watched: bool,
+}
+
+/// What an axis counts in.
+struct Units {
+    stiffness: &'static str,
+    damping: &'static str,
+    force: &'static str,
+    rate_gain: &'static str,
+}
+
+impl Axis {
+    /// Everything there is to say; nothing of a loop that its gains leave open.
+    pub fn findings(&self) -> Vec<Finding> {
+        let loops = [
+            self.damping(),
+            self.centring_plateau(),
+            self.centring_slope(),
+            self.pose_reflection(),
+            self.pose_coupling(),
+            self.pose_quantum(),
+            self.rate_reflection(),
+            self.rate_in_hand(),
+            self.accommodation(),
+            self.accommodation_damper(),
+            self.accommodation_servo(),
+        ];
+        loops.into_iter().flatten().collect()
+    }
+
+    /// K_D of a difference that is `n` cycles late asks for as much damping as it gives; of a filtered
+    /// one, for less.
+    fn damping(&self) -> Option<Finding> {
+        let gain = self.gains.damping;
+        let Timing { torque_delay: delay, velocity_filter: filter, .. } = self.timing;
+        let law = Law::Impedance { stiffness: 0.0, damping: gain, filter };
+        let law = SampledLaw { law, delay, ..self.impedance(0.0, gain) };
+        let right = self.damping_side("b", self.device.damping);
+        let left = self.damping_side("K_D", law.required_damping());
+        (gain > 0.0).then(|| self.passive("damping", left, right, Culprit::Damping))
+    }
+
+    /// The plateau must overcome friction, or the hand rests wherever it is let go.
+    fn centring_plateau(&self) -> Option<Finding> {
+        let AxisGains { plateau, deadband, .. } = self.gains;
+        let Device { friction, full_friction, .. } = self.device;
+        let rest = bounds::rest_offset(plateau, deadband, full_friction);
+        let unit = if self.is_rotation { "rad" } else { "m" };
+        let (verdict, friction, reason) = if friction >= plateau {
+            (
+                Verdict::Refuses,
+                friction,
+                "a hand that is let go stays outside the deadband".to_owned(),
+            )
+        } else if full_friction >= plateau {
+            let reason =
+                "a hand displaced along several axes at once may stay outside the deadband";
+            (Verdict::Warns, full_friction, reason.to_owned())
+        } else {
+            let reason = format!("a hand that is let go rests within {} {unit}", Digits(rest));
+            (Verdict::Holds, full_friction, reason)
+        };
+        let unit = self.units().force;
+        let left = Side { symbols: "f_c".to_owned(), value: friction, unit };
+        let right = Side { symbols: "F0".to_owned(), value: plateau, unit };
+        (plateau > 0.0).then(|| {
+            self.finding(
+                "return to centre, plateau",
+                left,
+                right,
+                verdict,
+                reason,
+                Culprit::Centring,
+            )
+        })
+    }
+
+    /// At the edge of the deadband the return to centre is a spring of `2 F0/DB`.
+    fn centring_slope(&self) -> Option<Finding> {
+        let AxisGains { plateau, deadband, .. } = self.gains;
+        let delay = self.timing.torque_delay;
+        let stiffness = bounds::steepest_centring(plateau, deadband);
+        let law = SampledLaw { delay, ..self.impedance(stiffness, 0.0) };
+        let symbols = format!("2 F0/DB (T/2 + {delay} T)");
+        let name = "return to centre, slope";
+        (plateau > 0.0).then(|| {
+            let left = self.damping_side(&symbols, law.required_damping());
+            self.passive(name, left, self.damped_side(), Culprit::Centring)
+        })
+    }
+
+    /// In pose mode the hand feels the surface as a spring `K_T K_P k_e`, late and through the servo;
+    /// with the surface's own damper or, at the touch, without. The symbols are the worst of slow
+    /// motion, with the servo's lag as it is sampled, `T/(exp(T/τ_s) - 1)`; the value is that of any.
+    fn pose_reflection(&self) -> Option<Finding> {
+        let AxisGains { wrench, pose, .. } = self.gains;
+        let Timing { pose_delay: delay, servo_lag: lag, .. } = self.timing;
+        let scale = wrench * pose;
+        let Impedance { stiffness, damping } = self.environment;
+        let required = |damping| {
+            let law = self.impedance(scale * stiffness, damping);
+            SampledLaw { lag, delay, ..law }.required_damping()
+        };
+        let left = required(0.0).max(required(scale * damping));
+        let left = self.damping_side(&format!("K_T K_P k_e (T/2 + {delay} T + τ_s)"), left);
+        (scale * stiffness > 0.0 && self.coupling.is_none())
+            .then(|| self.passive("pose reflection", left, self.damped_side(), Culprit::Wrench))
+    }
+
+    /// Tied to the object, the hand feels the tie and not the surface: no later than any torque.
+    fn pose_coupling(&self) -> Option<Finding> {
+        let coupling = self.coupling?;
+        let scale = self.gains.wrench * self.gains.pose;
+        let delay = self.timing.torque_delay;
+        let law = self.impedance(scale * coupling.stiffness, scale * coupling.damping);
+        let required = SampledLaw { delay, ..law }.required_damping();
+        let left = self.damping_side("K_T K_P (K_vc, B_vc), sampled", required);
+        let name = "virtual coupling";
+        (scale * (coupling.stiffness + coupling.damping) > 0.0)
+            .then(|| self.passive(name, left, self.damped_side(), Culprit::Coupling))
+    }
+
+    /// The same spring must not turn an encoder step into more than friction holds.
+    fn pose_quantum(&self) -> Option<Finding> {
+        let AxisGains { wrench, pose, damping, .. } = self.gains;
+        let felt = self.coupling.unwrap_or(self.environment);
+        let stiffness = wrench * pose * felt.stiffness;
+        let Device { friction, quantum, .. } = self.device;
+        let damping = self.device.damping + damping + self.hand.damping;
+        let most = bounds::stiffest_spring(damping, self.timing.period, friction, quantum);
+        let unit = self.units().stiffness;
+        let left = Side { symbols: "K_T K_P k_e".to_owned(), value: stiffness, unit };
+        let symbols = "min(2 Σb/T, 2 f_c/Δ)".to_owned();
+        let right = Side { symbols, value: most, unit };
+        let verdict = if stiffness < most { Verdict::Holds } else { Verdict::Warns };
+        let reason = "the grip may buzz by single encoder steps in contact".to_owned();
+        (stiffness > 0.0).then(|| {
+            self.finding("pose reflection, quantum", left, right, verdict, reason, Culprit::Wrench)
+        })
+    }
+
+    /// In rate mode reflection is active at every frequency: damping must cover all of it.
+    fn rate_reflection(&self) -> Option<Finding> {
+        let RateReflection { gain, giving_way } = self.reflected();
+        let Timing { period, rate_delay: delay, servo_lag: lag, .. } = self.timing;
+        let law = SampledLaw { law: Law::Rate { gain, giving_way }, period, lag, delay };
+        let symbols = format!("K_T K_V/K_FA (1/(K_FA k_e) + T/2 + {delay} T)");
+        (gain > 0.0).then(|| {
+            let left = self.damping_side(&symbols, law.required_damping());
+            let finding =
+                self.passive("rate reflection", left, self.damped_side(), Culprit::Wrench);
+            // Never passive enough is no reason to refuse: whether it swings is the next inequality.
+            match finding.verdict {
+                Verdict::Holds | Verdict::Warns => finding,
+                Verdict::Refuses => {
+                    let reason = "not passive; whether this hand holds it stable is judged apart";
+                    Finding { verdict: Verdict::Warns, reason: reason.to_owned(), ..finding }
+                }
+            }
+        })
+    }
+
+    /// The same with the operator's hand on the grip: stable or not, by Routh.
+    fn rate_in_hand(&self) -> Option<Finding> {
+        let reflection = self.reflected();
+        let held = Held {
+            mass: self.device.mass,
+            damping: self.device.damping + self.gains.damping + self.hand.damping,
+            stiffness: self.hand.stiffness,
+        };
+        let most = reflection.largest_gain(&held);
+        let unit = self.units().rate_gain;
+        let left = Side { symbols: "K_T K_V k_e".to_owned(), value: reflection.gain, unit };
+        let symbols = "Σb/M (K_h + Σb a + M a²)".to_owned();
+        let right = Side { symbols, value: most, unit };
+        let verdict = if reflection.gain < most { Verdict::Holds } else { Verdict::Refuses };
+        let reason = "contact in rate mode would swing in the operator's hand".to_owned();
+        let culprit =
+            if reflection.giving_way > 0.0 { Culprit::Wrench } else { Culprit::Accommodation };
+        (reflection.gain > 0.0)
+            .then(|| self.finding("rate reflection, held", left, right, verdict, reason, culprit))
+    }
+
+    /// An object that gives way too fast for its sampling swings on the surface by itself.
+    fn accommodation(&self) -> Option<Finding> {
+        let Timing { period, accommodation_delay: delay, .. } = self.timing;
+        let giving_way = self.reflected().giving_way;
+        let left = Side { symbols: "K_FA k_e T".to_owned(), value: giving_way * period, unit: "" };
+        let most = bounds::fastest_giving_way(period, delay) * period;
+        let symbols = format!("2 cos({delay} π/{})", 2 * delay + 1);
+        let right = Side { symbols, value: most, unit: "" };
+        let verdict = if left.value < right.value { Verdict::Holds } else { Verdict::Refuses };
+        let reason = "the object would swing on the surface, whatever the hand does".to_owned();
+        let culprit = Culprit::Accommodation;
+        (giving_way > 0.0)
+            .then(|| self.finding("accommodation", left, right, verdict, reason, culprit))
+    }
+
+    /// The same with the surface's damper, which its servo lets pass or not.
+    fn accommodation_damper(&self) -> Option<Finding> {
+        let Timing { period, accommodation_delay, servo_lag, .. } = self.timing;
+        let Impedance { stiffness, damping } = self.environment;
+        let gain = self.gains.accommodation;
+        let taken = gain * (stiffness * period / 2.0 + damping);
+        let left = Side { symbols: "K_FA (k_e T/2 + d_e)".to_owned(), value: taken, unit: "" };
+        let most = bounds::most_given_way(period, servo_lag);
+        let right = Side { symbols: "coth(T/2τ_s)".to_owned(), value: most, unit: "" };
+        let verdict = if taken < most { Verdict::Holds } else { Verdict::Refuses };
+        let reason = "the object would chatter on the surface, whatever the hand does".to_owned();
+        let culprit = Culprit::Accommodation;
+        (gain * damping > 0.0 && accommodation_delay == 0)
+            .then(|| self.finding("accommodation, damper", left, right, verdict, reason, culprit))
+    }
+
+    /// Nor may it overtake its servo, or it bounces before it rests.
+    fn accommodation_servo(&self) -> Option<Finding> {
+        let lag = self.timing.servo_lag;
+        let giving_way = self.reflected().giving_way;
+        let left = Side { symbols: "K_FA k_e τ_s".to_owned(), value: giving_way * lag, unit: "" };
+        let most = bounds::fastest_without_swinging(lag) * lag;
+        let right = Side { symbols: "1/4".to_owned(), value: most, unit: "" };
+        let verdict = if left.value <= right.value { Verdict::Holds } else { Verdict::Warns };
+        let reason = "the object bounces on the surface before it rests".to_owned();
+        let culprit = Culprit::Accommodation;
+        (left.value > 0.0)
+            .then(|| self.finding("accommodation, servo", left, right, verdict, reason, culprit))
+    }
+
+    /// Judges a loop by the damping it asks for: the device and the law may have it, or the hand must.
+    fn passive(&self, name: &'static str, left: Side, right: Side, culprit: Culprit) -> Finding {
+        let hand = self.hand.damping;
+        let (verdict, reason) = if left.value < right.value {
+            (Verdict::Holds, "passive whatever holds the grip".to_owned())
+        } else if left.value < right.value + hand {
+            let by = if self.is_watched { "the passivity layer and the hand" } else { "the hand" };
+            let (hand, unit) = (Digits(hand), self.units().damping);
+            (Verdict::Warns, format!("left to {by}, b_h = {hand} {unit}"))
+        } else {
+            let (hand, unit) = (Digits(hand), self.units().damping);
+            (Verdict::Refuses, format!("more than the hand can add, b_h = {hand} {unit}"))
+        };
+        self.finding(name, left, right, verdict, reason, culprit)
+    }
+
+    fn finding(
+        &self,
+        name: &'static str,
+        left: Side,
+        right: Side,
+        verdict: Verdict,
+        reason: String,
+        culprit: Culprit,
+    ) -> Finding {
+        Finding { name, axis: self.name, left, right, verdict, reason, culprit }
+    }
+
+    const fn impedance(&self, stiffness: f64, damping: f64) -> SampledLaw {
+        SampledLaw::impedance(stiffness, damping, self.timing.period)
+    }
+
+    /// What a rate command makes of contact.
+    fn reflected(&self) -> RateReflection {
+        let AxisGains { rate, wrench, accommodation, .. } = self.gains;
+        let stiffness = self.environment.stiffness;
+        RateReflection { gain: wrench * rate * stiffness, giving_way: accommodation * stiffness }
+    }
+
+    fn damping_side(&self, symbols: &str, value: f64) -> Side {
+        Side { symbols: symbols.to_owned(), value, unit: self.units().damping }
+    }
+
+    /// What resists slow motion without a hand.
+    fn damped_side(&self) -> Side {
+        self.damping_side("b + K_D", self.device.damping + self.gains.damping)
+    }
+
+    const fn units(&self) -> Units {
+        if self.is_rotation {
+            Units {
+                stiffness: "N·m/rad",
+                damping: "N·m·s/rad",
+                force: "N·m",
+                rate_gain: "N·m/(rad·s)",
+            }
+        } else {
+            Units { stiffness: "N/m", damping: "N·s/m", force: "N", rate_gain: "N/(m·s)" }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const AXIS: Axis = Axis {
+        name: "x",
+        is_rotation: false,
+        device: Device {
+            mass: 0.6,
+            damping: 0.1,
+            friction: 0.2,
+            full_friction: 0.4,
+            quantum: 1e-5,
+        },
+        hand: Impedance { stiffness: 500.0, damping: 15.0 },
+        environment: Impedance { stiffness: 2_000.0, damping: 20.0 },
+        coupling: None,
+        gains: AxisGains {
+            rate: 2.0,
+            pose: 1.0,
+            wrench: 0.3,
+            damping: 8.0,
+            deadband: 0.01,
+            plateau: 2.0,
+            accommodation: 0.01,
+        },
+        timing: Timing {
+            period: 1e-3,
+            torque_delay: 1,
+            pose_delay: 3,
+            rate_delay: 2,
+            accommodation_delay: 0,
+            servo_lag: 0.01,
+            velocity_filter: 0.0,
+        },
+        is_watched: false,
+    };
+
+    fn axis() -> impl Strategy<Value = Axis> {
+        let gains = (0.0..4.0_f64, 0.0..2.0_f64, 0.0..2.0_f64, 0.0..40.0_f64, 0.0..2.0_f64);
+        (gains, 1e-3..0.1_f64, 0.0..5.0_f64, 1.0..1e5_f64).prop_map(
+            |((rate, pose, wrench, damping, accommodation), deadband, plateau, stiffness)| Axis {
+                gains: AxisGains { rate, pose, wrench, damping, deadband, plateau, accommodation },
+                environment: Impedance { stiffness, damping: 20.0 },
+                ..AXIS
+            },
+        )
+    }
+
+    fn verdict(axis: &Axis, name: &str) -> Verdict {
+        axis.findings().iter().find(|finding| finding.name == name).unwrap().verdict
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+
+        #[test]
+        fn what_holds_has_its_left_side_below_its_right(axis in axis()) {
+            for finding in axis.findings() {
+                let Finding { left, right, verdict, .. } = &finding;
+                prop_assert_eq!(left.value < right.value, *verdict == Verdict::Holds, "{}", finding);
+            }
+        }
+
+        #[test]
+        fn a_hand_that_damps_more_is_refused_no_more(axis in axis(), more in 0.0..50.0_f64) {
+            let damping = axis.hand.damping + more;
+            let calmer = Axis { hand: Impedance { damping, ..axis.hand }, ..axis };
+            for (calmer, finding) in calmer.findings().iter().zip(axis.findings()) {
+                prop_assert!(calmer.verdict <= finding.verdict, "{}, {}", calmer, finding);
+            }
+        }
+
+        #[test]
+        fn a_stiffer_surface_is_felt_no_better_in_pose_mode(axis in axis(), by in 1.0..10.0_f64) {
+            let stiffness = axis.environment.stiffness * by;
+            let harder = Axis { environment: Impedance { stiffness, ..axis.environment }, ..axis };
+            let name = "pose reflection";
+            prop_assert!(verdict(&harder, name) >= verdict(&axis, name));
+        }
+    }
+
+    #[test]
+    fn where_nothing_is_felt_there_is_nothing_to_say() {
+        assert!(Axis { gains: AxisGains::default(), ..AXIS }.findings().is_empty());
+    }
+
+    #[test]
+    fn without_a_surface_there_is_no_reflection_to_judge() {
+        let free = Axis { environment: Impedance::default(), ..AXIS };
+        let names: Vec<&str> = free.findings().iter().map(|finding| finding.name).collect();
+        assert_eq!(names, ["damping", "return to centre, plateau", "return to centre, slope"]);
+    }
+
+    #[test]
+    fn a_return_to_centre_that_friction_holds_is_refused_and_one_it_may_hold_is_not() {
+        for (plateau, expected) in
+            [(0.2, Verdict::Refuses), (0.3, Verdict::Warns), (0.5, Verdict::Holds)]
+        {
+            let axis = Axis { gains: AxisGains { plateau, ..AXIS.gains }, ..AXIS };
+            assert_eq!(verdict(&axis, "return to centre, plateau"), expected);
+        }
+    }
+
+    #[test]
+    fn a_reflected_rate_without_accommodation_lives_on_the_hand_alone() {
+        let gains = AxisGains { accommodation: 0.0, ..AXIS.gains };
+        let stiff = Axis { gains, ..AXIS };
+        assert_eq!(verdict(&stiff, "rate reflection"), Verdict::Warns);
+        assert_eq!(verdict(&stiff, "rate reflection, held"), Verdict::Holds);
+        let weak = Axis { hand: Impedance { stiffness: 20.0, damping: 15.0 }, ..stiff };
+        assert_eq!(verdict(&weak, "rate reflection, held"), Verdict::Refuses);
+    }
+
+    #[test]
+    fn a_warning_says_what_it_is_left_to() {
+        let warning = |axis: &Axis| axis.findings().first().map(ToString::to_string).unwrap();
+        assert!(warning(&AXIS).ends_with("; left to the hand, b_h = 15.0 N·s/m"));
+        let watched = warning(&Axis { is_watched: true, ..AXIS });
+        assert!(watched.contains("left to the passivity layer and the hand"), "{watched}");
+    }
+}

@@ -1,0 +1,136 @@
+//! The hand controller as a hand feels it at the grip: mass, damping, dry friction and the step of the
+//! position, along and about each axis of {G}.
+//!
+//! Not what the law adds to it. Each number is what one axis shows while nothing acts on the others, at
+//! one posture `q`; it differs from posture to posture.
+
+use nalgebra::SMatrix;
+use thiserror::Error;
+
+use crate::controller::JointVector;
+use crate::controller::arm::Arm;
+use crate::spatial::Jacobian;
+
+/// A Jacobian's entry this small moves nothing, in m or rad per rad.
+const NOTHING: f64 = 1e-9;
+
+/// What one joint's motion meets, and how finely it is counted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointResistance {
+    /// Dry friction, in N·m.
+    pub coulomb: f64,
+    /// Viscous friction, in N·m·s/rad.
+    pub viscous: f64,
+    /// One encoder count, in rad.
+    pub quantum: f64,
+}
+
+/// What a hand feels along or about one axis of the grip, in m and N or in rad and N·m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Device {
+    /// `1 / (J M⁻¹ Jᵀ)_ii`, in kg or kg·m²: what a force along the axis accelerates.
+    pub mass: f64,
+    /// `1 / (J B⁻¹ Jᵀ)_ii`, in N·s/m or N·m·s/rad: what a slow force along the axis moves against.
+    pub damping: f64,
+    /// `min_j c_j / |J_ij|`, in N or N·m: the force along the axis that the first joint gives way to.
+    pub friction: f64,
+    /// `Σ_j |(J⁻¹)_ji| c_j`, in N or N·m: the force along the axis that moves the grip along nothing
+    /// else, whatever holds it there; the most that friction can withstand. Infinite at a singularity.
+    pub full_friction: f64,
+    /// `Σ_j |J_ij| δ_j`, in m or rad: the step of the position when every joint makes one.
+    pub quantum: f64,
+}
+
+/// An arm without mass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("the arm's mass matrix is not positive definite: a joint has neither mass nor rotor")]
+pub struct Massless;
+
+impl Device {
+    /// All six axes of the grip of `arm`, its joints at `q`.
+    ///
+    /// # Errors
+    /// An arm whose mass matrix has no inverse.
+    pub fn at_grip(
+        arm: &Arm<6>,
+        joints: &[JointResistance; 6],
+        q: &JointVector,
+    ) -> Result<[Self; 6], Massless> {
+        let posture = arm.posture(q);
+        let mass = arm.mass_matrix(&posture).cholesky().ok_or(Massless)?;
+        let j_g = rows(&arm.jacobian(&posture));
+        let inverse = j_g.try_inverse();
+        Ok(std::array::from_fn(|axis| {
+            let moved_by = JointVector::from(j_g.row(axis).transpose());
+            let moving = inverse.map(|inverse| JointVector::from(inverse.column(axis)));
+            Self {
+                mass: moved_by.dot(&mass.solve(&moved_by)).recip(),
+                full_friction: moving.map_or(f64::INFINITY, |qd| dry_power(&qd, joints)),
+                ..Self::without_mass(&moved_by, joints)
+            }
+        }))
+    }
+
+    /// What does not need the whole arm, from an axis's row of the Jacobian.
+    fn without_mass(moved_by: &JointVector, joints: &[JointResistance; 6]) -> Self {
+        let mut mobility = 0.0;
+        let mut device = Self {
+            mass: 0.0,
+            damping: 0.0,
+            friction: f64::INFINITY,
+            full_friction: 0.0,
+            quantum: 0.0,
+        };
+        let joints = moved_by.iter().map(|part| part.abs()).zip(joints);
+        for (part, joint) in joints.filter(|(part, _)| *part > NOTHING) {
+            mobility += part * part / joint.viscous;
+            device.friction = device.friction.min(joint.coulomb / part);
+            device.quantum += part * joint.quantum;
+        }
+        Self { damping: f64::recip(mobility), ..device }
+    }
+}
+
+/// What dry friction takes from joints at rates `qd`, in W.
+fn dry_power(qd: &JointVector, joints: &[JointResistance; 6]) -> f64 {
+    qd.iter().zip(joints).map(|(rate, joint)| rate.abs() * joint.coulomb).sum()
+}
+
+/// Translations above rotations.
+fn rows(j_g: &Jacobian<6>) -> SMatrix<f64, 6, 6> {
+    let mut rows = SMatrix::<f64, 6, 6>::zeros();
+    rows.fixed_rows_mut::<3>(0).copy_from(&j_g.linear);
+    rows.fixed_rows_mut::<3>(3).copy_from(&j_g.angular);
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::controller::arm::JointKind;
+    use crate::controller::arm::Link;
+    use nalgebra::Isometry3;
+
+    #[test]
+    fn an_arm_without_mass_is_none() {
+        let link = Link {
+            kind: JointKind::Revolute,
+            alpha: 1.0,
+            a: 0.1,
+            d: 0.1,
+            theta: 0.0,
+            mass: 0.0,
+            centre_of_mass: [0.0; 3],
+            inertia: [0.0; 6],
+            rotor_inertia: 0.0,
+            range: [-1.0, 1.0],
+        };
+        let joint = JointResistance { coulomb: 0.1, viscous: 0.1, quantum: 1e-5 };
+        let at_grip = |link| {
+            let arm = Arm::new([link; 6], Isometry3::identity(), [0.0; 3]).unwrap();
+            Device::at_grip(&arm, &[joint; 6], &JointVector::zeros())
+        };
+        assert_eq!(at_grip(link), Err(Massless));
+        assert!(at_grip(Link { rotor_inertia: 1e-3, ..link }).is_ok());
+    }
+}

@@ -1,0 +1,156 @@
+//! What a check of the gains comes to: an inequality, both its sides, and what follows.
+
+use std::fmt;
+
+/// What an inequality leads to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verdict {
+    /// It holds.
+    Holds,
+    /// It does not; something else must cover it.
+    Warns,
+    /// It does not, and nothing covers it.
+    Refuses,
+}
+
+/// The gain to change where an inequality does not hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Culprit {
+    /// K_D.
+    Damping,
+    /// K_T.
+    Wrench,
+    /// The plateau of the return to centre.
+    Centring,
+    /// K_FA.
+    Accommodation,
+    /// K_vc, B_vc.
+    Coupling,
+}
+
+/// One side of an inequality.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Side {
+    /// In symbols.
+    pub symbols: String,
+    /// What it comes to.
+    pub value: f64,
+    /// In which unit; empty where it has none.
+    pub unit: &'static str,
+}
+
+/// An inequality that gains must obey on one axis: the left side stays below the right.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// What it is about.
+    pub name: &'static str,
+    /// On which axis.
+    pub axis: &'static str,
+    /// What must stay below
+    pub left: Side,
+    /// this.
+    pub right: Side,
+    /// Whether it does, and what follows.
+    pub verdict: Verdict,
+    /// What it means; where the inequality does not hold, what covers it or why nothing does.
+    pub reason: String,
+    /// The gain to change.
+    pub culprit: Culprit,
+}
+
+impl Finding {
+    /// How much of the right side the left takes: above 1 where the inequality does not hold.
+    pub fn share(&self) -> f64 {
+        self.left.value / self.right.value
+    }
+}
+
+/// In one line: `pose reflection, x: K (T/2 + n T) = 1.50 N·s/m must stay below b = 0.31 N·s/m`, and
+/// the reason where it does not.
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, axis, left, right, verdict, reason, .. } = self;
+        write!(f, "{name}, {axis}: {left} must stay below {right}")?;
+        match verdict {
+            Verdict::Holds => Ok(()),
+            Verdict::Warns | Verdict::Refuses => write!(f, "; {reason}"),
+        }
+    }
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} = {}", self.symbols, Digits(self.value))?;
+        if self.unit.is_empty() { Ok(()) } else { write!(f, " {}", self.unit) }
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Holds => "holds",
+            Self::Warns => "warns",
+            Self::Refuses => "refuses",
+        })
+    }
+}
+
+/// A number with three digits that say something.
+pub(super) struct Digits(pub(super) f64);
+
+impl fmt::Display for Digits {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0.is_infinite() {
+            return f.write_str("∞");
+        }
+        let mut decimals = 0;
+        let mut scaled = self.0.abs();
+        while scaled < 99.95 && scaled > 0.0 && decimals < 9 {
+            scaled *= 10.0;
+            decimals += 1;
+        }
+        write!(f, "{:.*}", decimals, self.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn side(symbols: &str, value: f64) -> Side {
+        Side { symbols: symbols.to_owned(), value, unit: "N·s/m" }
+    }
+
+    #[test]
+    fn a_finding_is_one_line_with_both_sides() {
+        let finding = Finding {
+            name: "pose reflection",
+            axis: "x",
+            left: side("K T/2 + n K T", 1.5),
+            right: side("b", 0.312),
+            verdict: Verdict::Warns,
+            reason: "the hand covers it".to_owned(),
+            culprit: Culprit::Wrench,
+        };
+        assert_eq!(
+            finding.to_string(),
+            "pose reflection, x: K T/2 + n K T = 1.50 N·s/m must stay below b = 0.312 N·s/m; the \
+             hand covers it"
+        );
+    }
+
+    #[test]
+    fn numbers_have_three_digits_that_say_something() {
+        for (value, text) in [
+            (0.0, "0"),
+            (1234.5, "1234"),
+            (99.97, "100"),
+            (12.34, "12.3"),
+            (0.001_234_5, "0.00123"),
+            (-1.5, "-1.50"),
+            (f64::INFINITY, "∞"),
+        ] {
+            assert_eq!(Digits(value).to_string(), text);
+        }
+    }
+}

@@ -1,0 +1,297 @@
+//! How much damping at the grip makes a sampled law passive: the condition of Colgate and Schenkel
+//! (1997), computed for any linear law.
+//!
+//! A law that holds the force `H(z)` times the sampled displacement against the hand, for one period
+//! `T`, is passive together with a device of damping `b` exactly if, for all `0 < ω <= π/T`,
+//!
+//! ```text
+//!  b > T/2 · Re{(1 - z⁻¹) H(z)} / (1 - cos ωT),  z = exp(jωT)
+//!    = T/2 · (Re H - cot(ωT/2) Im H)
+//! ```
+//!
+//! Not closed forms: those are [`bounds`](crate::controller::stability::bounds).
+
+use std::f64::consts::PI;
+
+use nalgebra::Complex;
+
+/// The lowest angle ωT looked at: far below any pole of a law in use, in rad.
+const LOWEST: f64 = 1e-9;
+
+/// Angles looked at: so many at equal ratios from the lowest, which find poles near `z = 1`,
+const RATIOS: u32 = 512;
+
+/// and so many at equal distances, which find the ripple of delays; more for each cycle of delay.
+const DISTANCES: u32 = 128;
+const DISTANCES_PER_CYCLE: u32 = 32;
+
+/// No law waits for more cycles than these, however many are asked for.
+const MOST_CYCLES: u32 = 1_000;
+
+/// Steps of the search around the worst angle: each leaves 62 % of the interval.
+const SHRINKINGS: u32 = 60;
+
+/// What a law makes of the grip's displacement before its delay.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Law {
+    /// A spring and a damper: `K + B (z - 1) / ((T + τ) z - τ)`.
+    Impedance {
+        /// K, in N/m or N·m/rad.
+        stiffness: f64,
+        /// B, in N·s/m or N·m·s/rad.
+        damping: f64,
+        /// τ of the first-order filter of the velocity, in s; zero for the bare difference.
+        filter: f64,
+    },
+    /// Contact felt through an object that is commanded by a rate and gives way:
+    /// `G T / (z - 1 + a T)`, with a servo's lag as [`SampledLaw::lag`] inside the loop.
+    Rate {
+        /// `G = K_T k_e K_V`, in N/(m·s) or N·m/(rad·s).
+        gain: f64,
+        /// `a = K_FA k_e`, in 1/s: how fast the object gives way.
+        giving_way: f64,
+    },
+}
+
+/// A law in a sampled loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SampledLaw {
+    /// What is computed.
+    pub law: Law,
+    /// T, in s.
+    pub period: f64,
+    /// Time constant of a servo the displacement goes through, in s; zero for none.
+    pub lag: f64,
+    /// Whole cycles from the sample to the force, beyond a force held from the sample on.
+    pub delay: u32,
+}
+
+impl SampledLaw {
+    /// A spring and a damper of the bare difference, without servo or delay.
+    pub const fn impedance(stiffness: f64, damping: f64, period: f64) -> Self {
+        let law = Law::Impedance { stiffness, damping, filter: 0.0 };
+        Self { law, period, lag: 0.0, delay: 0 }
+    }
+
+    /// The damping in N·s/m (N·m·s/rad) a device must have more than, to make this law passive:
+    /// negative where the law itself takes energy at every frequency, infinite where no damping is
+    /// enough.
+    pub fn required_damping(&self) -> f64 {
+        if !self.settles() {
+            return f64::INFINITY;
+        }
+        let condition = |angle: f64| self.condition(angle);
+        let angles = angles(self.delay);
+        let found = angles.iter().map(|&angle| (condition(angle), angle));
+        let Some((most, worst)) = found.max_by(|(a, _), (b, _)| a.total_cmp(b)) else {
+            return f64::INFINITY;
+        };
+        let below = angles.iter().copied().filter(|angle| *angle < worst).fold(LOWEST, f64::max);
+        let above = angles.iter().copied().filter(|angle| *angle > worst).fold(PI, f64::min);
+        highest(condition, below, above).max(most)
+    }
+
+    /// Whether the law comes to rest when the hand does: an object that is commanded by a rate and
+    /// does not give way never does, nor one that gives way too fast for its sampling.
+    fn settles(&self) -> bool {
+        match self.law {
+            Law::Impedance { .. } => true,
+            Law::Rate { gain, .. } if gain <= 0.0 => true,
+            Law::Rate { giving_way, .. } => {
+                // Jury's test of (z - 1)(z - 1 + p) + a T p z, with p the servo's part.
+                let part = self.part();
+                giving_way > 0.0 && giving_way * self.period * part < 2.0 * (2.0 - part)
+            }
+        }
+    }
+
+    /// `T/2 (Re H - cot(ωT/2) Im H)` at the angle ωT.
+    fn condition(&self, angle: f64) -> f64 {
+        let h = self.response(angle);
+        self.period / 2.0 * (h.re - h.im / (angle / 2.0).tan())
+    }
+
+    /// `H(exp(j angle))`.
+    fn response(&self, angle: f64) -> Complex<f64> {
+        let (sin, cos) = (angle / 2.0).sin_cos();
+        let z_less_one = Complex::new(-2.0 * sin * sin, 2.0 * sin * cos); // exact at small angles
+        let z = z_less_one + 1.0;
+        let part = self.part();
+        let lag = z * part / (z_less_one + part);
+        let undelayed = match self.law {
+            Law::Impedance { stiffness, damping, filter } => {
+                let velocity = z_less_one / (z_less_one * (self.period + filter) + self.period);
+                (velocity * damping + stiffness) * lag
+            }
+            Law::Rate { gain, giving_way } => {
+                let moved = lag * self.period;
+                moved * gain / (z_less_one + moved * giving_way)
+            }
+        };
+        undelayed * Complex::cis(-angle * f64::from(self.delay))
+    }
+
+    /// The part of its way a servo goes in a period.
+    fn part(&self) -> f64 {
+        if self.lag > 0.0 { -(-self.period / self.lag).exp_m1() } else { 1.0 }
+    }
+}
+
+/// The largest stiffness in N/m (N·m/rad) of a virtual wall that a device of `damping` makes passive
+/// with the wall's own `B`, filter and delay in `wall`: a point on the edge of its Z-width (Colgate and
+/// Brown 1994). `None` where not even the damper alone is.
+pub fn largest_stiffness(wall: &SampledLaw, damping: f64) -> Option<f64> {
+    let Law::Impedance { damping: own, filter, .. } = wall.law else { return None };
+    let is_passive = |stiffness: f64| {
+        let law = Law::Impedance { stiffness, damping: own, filter };
+        SampledLaw { law, ..*wall }.required_damping() <= damping
+    };
+    if !is_passive(0.0) {
+        return None;
+    }
+    // At ω = 0 the condition reads b > K T/2 - B, so nothing stiffer is passive.
+    let (mut passive, mut active) = (0.0, 2.0 * (damping + own.abs()) / wall.period);
+    for _ in 0..SHRINKINGS {
+        let middle = f64::midpoint(passive, active);
+        if is_passive(middle) { passive = middle } else { active = middle }
+    }
+    Some(passive)
+}
+
+/// Angles within 0 and π, the last included.
+fn angles(delay: u32) -> Vec<f64> {
+    let ratio = (PI / LOWEST).powf(f64::from(RATIOS).recip());
+    let mut angle = LOWEST;
+    let mut angles = Vec::new();
+    for _ in 0..RATIOS {
+        angles.push(angle);
+        angle *= ratio;
+    }
+    let steps = DISTANCES + DISTANCES_PER_CYCLE * delay.min(MOST_CYCLES);
+    angles.extend((1..=steps).map(|step| PI * f64::from(step) / f64::from(steps)));
+    angles
+}
+
+/// The highest value of a function with one summit between `low` and `high`, by golden section.
+fn highest(function: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
+    let part = (5.0_f64.sqrt() - 1.0) / 2.0;
+    for _ in 0..SHRINKINGS {
+        let reach = part * (high - low);
+        if function(high - reach) > function(low + reach) {
+            high = low + reach;
+        } else {
+            low = high - reach;
+        }
+    }
+    function(f64::midpoint(low, high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn near(a: f64, b: f64) -> bool {
+        (a - b).abs() <= 1e-6 * b.abs().max(1e-9)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn a_wall_needs_half_a_period_of_its_spring_and_all_of_its_damper(
+            k in 1.0..1e4_f64, b in -20.0..20.0_f64, period in 1e-4..1e-2_f64
+        ) {
+            let required = SampledLaw::impedance(k, b, period).required_damping();
+            prop_assert!(near(required, k * period / 2.0 + b.abs()), "{required}");
+        }
+
+        #[test]
+        fn every_cycle_of_delay_costs_a_period_of_the_spring(
+            k in 1.0..1e4_f64, period in 1e-4..1e-2_f64, delay in 0..20_u32
+        ) {
+            let law = SampledLaw { delay, ..SampledLaw::impedance(k, 0.0, period) };
+            let expected = k * period * (0.5 + f64::from(delay));
+            prop_assert!(near(law.required_damping(), expected));
+        }
+
+        #[test]
+        fn a_servo_costs_its_lag(k in 1.0..1e4_f64, lag in 1e-3..1e-1_f64) {
+            let period = 1e-3;
+            let law = SampledLaw { lag, ..SampledLaw::impedance(k, 0.0, period) };
+            let late = period / (period / lag).exp_m1();
+            prop_assert!(near(law.required_damping(), k * (period / 2.0 + late)));
+        }
+
+        #[test]
+        fn a_heavy_hand_swings_on_a_spring_with_less_damping_than_asked_for_and_not_with_more(
+            k in 10.0..1e4_f64, period in 5e-4..5e-3_f64, delay in 0..5_u32
+        ) {
+            let law = SampledLaw { delay, ..SampledLaw::impedance(k, 0.0, period) };
+            let required = law.required_damping();
+            prop_assert!(growth(k, period, delay, 0.8 * required) > 1.0);
+            prop_assert!(growth(k, period, delay, 1.2 * required) < 1.0);
+        }
+
+        #[test]
+        fn no_law_needs_less_than_it_does_at_some_angle(
+            k in 0.0..1e3_f64, damping in 0.0..20.0_f64, filter in 0.0..0.02_f64,
+            lag in 0.0..0.02_f64, delay in 0..4_u32, angle in 1e-6..PI
+        ) {
+            let law = Law::Impedance { stiffness: k, damping, filter };
+            let law = SampledLaw { law, period: 1e-3, lag, delay };
+            let required = law.required_damping();
+            prop_assert!(law.condition(angle) <= required + 1e-6 * (1.0 + required.abs()));
+        }
+
+        #[test]
+        fn the_stiffest_wall_needs_just_the_damping_there_is(
+            b in 0.5..20.0_f64, own in 0.0..0.4_f64, filter in 0.0..0.01_f64, delay in 0..3_u32
+        ) {
+            let law = Law::Impedance { stiffness: 0.0, damping: own, filter };
+            let wall = SampledLaw { law, period: 1e-3, lag: 0.0, delay };
+            let stiffness = largest_stiffness(&wall, b).unwrap();
+            let law = Law::Impedance { stiffness, damping: own, filter };
+            let required = SampledLaw { law, ..wall }.required_damping();
+            prop_assert!(near(required, b), "{}, not {}", required, b);
+        }
+    }
+
+    /// How many times larger a swing has become after many, of a mass so heavy that the sampled spring
+    /// `k` swings it in 63 periods, with damping `b`: exact between the samples.
+    fn growth(k: f64, period: f64, delay: u32, b: f64) -> f64 {
+        let mass = k * (period / 0.1).powi(2);
+        let decay = -(-period * b / mass).exp_m1();
+        let (mut x, mut v) = (1.0_f64, 0.0);
+        let mut late = std::collections::VecDeque::from(vec![1.0; usize::try_from(delay).unwrap()]);
+        let mut largest = [0.0_f64; 2];
+        for largest in &mut largest {
+            for _ in 0..5_000 {
+                late.push_back(x);
+                let terminal = -k * late.pop_front().unwrap() / b;
+                x += terminal * period + (v - terminal) * decay * mass / b;
+                v += (terminal - v) * decay;
+                *largest = largest.max(x.abs());
+            }
+        }
+        largest[1] / largest[0]
+    }
+
+    #[test]
+    fn a_rate_that_nothing_gives_way_to_is_never_passive() {
+        let law = |giving_way| SampledLaw {
+            law: Law::Rate { gain: 100.0, giving_way },
+            period: 1e-3,
+            lag: 0.0,
+            delay: 0,
+        };
+        assert!(law(0.0).required_damping().is_infinite());
+        assert!(law(2_000.0).required_damping().is_infinite());
+        assert!(law(1e-3).required_damping().is_finite());
+    }
+
+    #[test]
+    fn a_damper_stronger_than_the_device_leaves_no_wall() {
+        assert_eq!(largest_stiffness(&SampledLaw::impedance(0.0, 3.0, 1e-3), 2.0), None);
+    }
+}

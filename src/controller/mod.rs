@@ -5,7 +5,8 @@
 //!
 //! | file            | paper         | what                                               |
 //! |-----------------|---------------|----------------------------------------------------|
-//! | [`calibration`] | 4.2, Fig. 6   | counts to positions, torques to per mille          |
+//! | [`calibration`] | 4.2           | counts to positions, torques to per mille          |
+//! | [`torque_curve`] | Fig. 6       | an odd polynomial that is proven to rise           |
 //! | [`arm`]         | Eq. 1, 7, 3.3 | kinematics, Jacobian, weight                       |
 //! | [`switches`]    | 4.1           | what the operator permits                          |
 //! | [`mod@reference`] | Eq. 2, 3    | where zero is                                      |
@@ -31,6 +32,7 @@ pub mod orientation;
 pub mod reference;
 pub mod reflection;
 pub mod switches;
+pub mod torque_curve;
 
 use nalgebra::Isometry3;
 use nalgebra::SVector;

@@ -35,6 +35,9 @@ use frhc::controller::calibration::PerMille;
 use frhc::controller::calibration::TorqueCurve;
 use frhc::controller::channels::Channels;
 use frhc::controller::command::CommandLaw;
+use frhc::controller::fit;
+use frhc::controller::fit::Direction;
+use frhc::controller::fit::Sample;
 use frhc::controller::gains::Gains;
 use frhc::controller::limits::AssistFraction;
 use frhc::controller::limits::Limits;
@@ -368,6 +371,35 @@ fn a_torque_curve_and_its_inverse() {
         let ours = calibration.torques(&[PerMille(counts)]);
         assert_near("torque", ours.as_slice(), &[number(torque)]);
     }
+}
+
+#[test]
+fn a_torque_curve_from_measurements() {
+    let table = &oracle::oracle("paper.json")["torque_curve"];
+    let samples = |counts: &Value| -> Vec<Sample> {
+        let pairs = list(&table["samples_torque"]).iter().zip(list(counts));
+        let sample = |(torque, counts)| Sample {
+            torque: number(torque),
+            per_mille: number(counts),
+            direction: Direction::Up,
+        };
+        pairs.map(sample).collect()
+    };
+    let fitted = fit::odd(&samples(&table["samples_counts"])).unwrap();
+    assert_near("fit", &fitted.coefficients, &numbers::<3>(&table["fit_odd"]));
+    let noisy = samples(&table["noisy_counts"]);
+    let fitted = fit::odd(&noisy).unwrap();
+    assert_near("noisy fit", &fitted.coefficients, &numbers::<3>(&table["noisy_fit_odd"]));
+    assert_near(
+        "residual",
+        &[fitted.residuals.rms, fit::line(&noisy).unwrap().residuals.rms],
+        &[number(&table["noisy_fit_rms_residual"]), number(&table["linear_fit_rms_residual"])],
+    );
+    let [_, max_torque] = numbers::<2>(&table["domain"]);
+    let curve = TorqueCurve::new(numbers(&table["coeffs_c1_c3_c5"]), max_torque).unwrap();
+    // The reference has it from samples, so it is met from below.
+    let above = number(&table["min_slope_on_domain"]) - curve.least_slope().0;
+    assert!((0.0..1e-3).contains(&above), "{above}");
 }
 
 // The whole step.

@@ -7,6 +7,7 @@
 //! |-----------------|---------------|----------------------------------------------------|
 //! | [`calibration`] | 4.2           | counts to positions, torques to per mille          |
 //! | [`torque_curve`] | Fig. 6       | an odd polynomial that is proven to rise           |
+//! | [`fit`]         | Fig. 6        | such a curve from measurements                     |
 //! | [`arm`]         | Eq. 1, 7, 3.3 | kinematics, Jacobian, weight                       |
 //! | [`switches`]    | 4.1           | what the operator permits                          |
 //! | [`mod@reference`] | Eq. 2, 3    | where zero is                                      |
@@ -25,8 +26,10 @@ pub mod assist;
 pub mod calibration;
 pub mod channels;
 pub mod command;
+pub mod fit;
 pub mod gains;
 mod intake;
+mod least_squares;
 pub mod limits;
 pub mod orientation;
 pub mod reference;

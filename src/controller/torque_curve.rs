@@ -102,6 +102,35 @@ impl TorqueCurve {
         high.copysign(per_mille)
     }
 
+    /// c1, c3, c5 in ‰ per N·m, N·m³, N·m⁵.
+    pub const fn coefficients(&self) -> [f64; 3] {
+        self.coefficients
+    }
+
+    /// The least slope within the range, in ‰ per N·m, and the torque in N·m where it is: how near
+    /// the curve comes to not rising.
+    ///
+    /// The slope is a parabola over `s = t²`: least at an end of the range or at its vertex.
+    pub fn least_slope(&self) -> (f64, f64) {
+        let [_, c3, c5] = self.coefficients;
+        let vertex = (-3.0 * c3 / (10.0 * c5)).sqrt(); // not a number if there is none
+        let places = [0.0, vertex.min(self.max_torque), self.max_torque];
+        let slopes = places.map(|torque| (self.slope(torque), torque));
+        slopes.into_iter().fold(
+            (f64::INFINITY, 0.0),
+            |least, slope| {
+                if slope.0 < least.0 { slope } else { least }
+            },
+        )
+    }
+
+    /// The slope at a torque in N·m, in ‰ per N·m.
+    pub fn slope(&self, torque: f64) -> f64 {
+        let [c1, c3, c5] = self.coefficients;
+        let s = torque * torque;
+        c1 + s * (3.0 * c3 + s * 5.0 * c5)
+    }
+
     fn evaluate(&self, t: f64) -> f64 {
         let [c1, c3, c5] = self.coefficients;
         t * (c1 + t * t * (c3 + t * t * c5))
@@ -165,6 +194,21 @@ mod tests {
                     prop_assert!(c1 <= 0.0 || slope(torque * 0.999) > 0.0);
                 }
                 Err(other) => prop_assert!(false, "{other}"),
+            }
+        }
+
+        #[test]
+        fn the_least_slope_is_met_and_nowhere_undercut(
+            c3 in -50.0..50.0_f64, c5 in -5.0..5.0_f64, max in 0.1..6.0_f64
+        ) {
+            let slope = |t: f64| 200.0 + 3.0 * c3 * t * t + 5.0 * c5 * t.powi(4);
+            if let Ok(curve) = TorqueCurve::new([200.0, c3, c5], max) {
+                let (least, torque) = curve.least_slope();
+                prop_assert!(least > 0.0 && (0.0..=max).contains(&torque));
+                prop_assert!((slope(torque) - least).abs() < 1e-9);
+                for i in 0..=1_000 {
+                    prop_assert!(slope(max * f64::from(i) / 1_000.0) >= least - 1e-9);
+                }
             }
         }
 

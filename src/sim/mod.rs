@@ -15,6 +15,7 @@
 //! | [`scenario`] | what the operator does, and when                            |
 //! | [`scene`]    | a wall and a box                                            |
 //! | [`world`]    | all of it, as a station on the buses                        |
+//! | [`rig`]      | one joint against a load cell, to calibrate                 |
 
 pub mod actuator;
 pub mod arm;
@@ -22,6 +23,8 @@ pub mod drive;
 pub mod hand;
 pub mod plant;
 mod power;
+mod random;
+pub mod rig;
 pub mod scenario;
 pub mod scene;
 pub mod switches;

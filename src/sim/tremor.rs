@@ -4,6 +4,8 @@ use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
+use crate::sim::random::SplitMix;
+
 /// How far, in m, on each axis.
 const AMPLITUDE: f64 = 0.2e-3;
 
@@ -26,7 +28,7 @@ struct Wave {
 impl Tremor {
     /// The tremor of one seed.
     pub fn new(seed: u64) -> Self {
-        let mut random = SplitMix(seed);
+        let mut random = SplitMix::new(seed);
         let mut waves = [[Wave::default(); WAVES]; 3];
         for wave in waves.as_flattened_mut() {
             *wave = Wave { frequency: 6.0 + 6.0 * random.next(), phase: TAU * random.next() };
@@ -43,22 +45,6 @@ impl Tremor {
         };
         let [x, y, z] = &self.waves;
         Vector3::new(axis(x), axis(y), axis(z))
-    }
-}
-
-/// SplitMix64 (Steele et al. 2014).
-struct SplitMix(u64);
-
-impl SplitMix {
-    /// The next number in 0 to 1.
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^= z >> 31;
-        let [.., a, b, c, d] = z.to_le_bytes();
-        f64::from(u32::from_le_bytes([a, b, c, d])) / f64::from(u32::MAX)
     }
 }
 

@@ -9,6 +9,7 @@ mod network;
 mod problem;
 mod raw;
 mod remote;
+pub mod torque_data;
 
 pub use joints::Joint;
 pub use network::BusSettings;

@@ -86,6 +86,11 @@ impl JointCalibration {
         PerMille(whole_i16(self.curve.at(self.curve.max_torque()).ceil()))
     }
 
+    /// The torque curve.
+    pub const fn curve(&self) -> &TorqueCurve {
+        &self.curve
+    }
+
     /// The torque of one per mille near zero, in N·m: what a target cannot resolve.
     pub fn resolution(&self) -> f64 {
         self.curve.torque(1.0)

@@ -1,7 +1,10 @@
 //! Records and changes, out of the loop: what the cycle leaves behind for people and files.
 
 pub mod candump;
+mod chart;
+pub mod digits;
 pub mod record;
 pub mod session;
 pub mod status;
 pub mod summary;
+pub mod torque_plot;

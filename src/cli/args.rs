@@ -7,6 +7,9 @@ use clap::Parser;
 use clap::Subcommand;
 use clap::ValueEnum;
 
+use crate::cli::calib::Calib;
+use crate::cli::rig::Calibrate;
+
 /// The CANopen master of a force-reflecting hand controller.
 #[derive(Debug, Parser)]
 #[command(name = "frhc", version, propagate_version = true, max_term_width = 100)]
@@ -46,6 +49,8 @@ pub(super) enum Command {
     /// Checks configuration, EDS files, calibration and bus load; touches no bus.
     #[command(after_help = "Example:\n  frhc check --config config/kraft_like.toml")]
     Check(Check),
+    /// Torque curves from measurements, and those of a configuration.
+    Calib(Calib),
 }
 
 /// Where the configuration is.
@@ -112,9 +117,11 @@ pub(super) struct Sim {
     /// What the operator does: a name in config/scenarios, or a file.
     #[arg(short, long, default_value = "free")]
     pub(super) scenario: String,
-    /// Seed of the operator's tremor.
+    /// Seed of the operator's tremor, or of the unknown torque curve.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(super) seed: u64,
+    #[command(flatten)]
+    pub(super) rig: Calibrate,
 }
 
 /// `frhc ctl`.

@@ -3,6 +3,7 @@
 mod check;
 mod fit;
 mod fragment;
+mod report;
 
 use std::path::PathBuf;
 

@@ -1,6 +1,7 @@
 //! The command line: arguments, tasks, exit codes. The only module that prints.
 
 mod args;
+mod calib;
 mod check;
 mod console;
 mod ctl;
@@ -9,6 +10,7 @@ mod exit;
 mod interfaces;
 mod print;
 mod recorder;
+mod rig;
 mod run;
 mod scenario;
 mod signals;
@@ -32,6 +34,7 @@ pub fn main() -> ExitCode {
         Command::Sim(args) => sim::run(args),
         Command::Ctl(args) => ctl::run(args),
         Command::Check(args) => check::run(args),
+        Command::Calib(args) => calib::run(args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

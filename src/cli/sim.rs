@@ -14,6 +14,7 @@ use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
 use crate::cli::interfaces;
 use crate::cli::print;
+use crate::cli::rig;
 use crate::cli::scenario;
 use crate::cli::signals;
 use crate::config::Config;
@@ -24,6 +25,9 @@ use crate::sim::world::World;
 /// Lives on the bus until a signal ends it, then tells what each drive believes.
 pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
+    if let Some(joint) = &args.rig.calibrate {
+        return rig::run(&args.rig, &config, joint, args.seed);
+    }
     let scenario = scenario::load(&args.scenario)?;
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let mut bus = SocketCan::open(&names).or_fail(Kind::Bus)?;

@@ -116,6 +116,13 @@ impl Config {
         config.ok_or_else(|| Invalid(Vec::new()))
     }
 
+    /// A joint by its name or its number, the base's being 1.
+    pub fn joint(&self, called: &str) -> Option<&Joint> {
+        let place = called.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
+        let named = self.joints.iter().find(|joint| joint.name == called);
+        named.or_else(|| self.joints.get(place?))
+    }
+
     /// The buses, as the frames' channels.
     pub fn channels(&self) -> Vec<Channel> {
         (0..).zip(&self.buses).map(|(place, _)| Channel(place)).collect()

@@ -67,7 +67,8 @@ pub fn arm(config: &Config) -> Arm {
     Arm::new(ArmSettings { links, x_6_g: config.x_6_g, gravity: Vector3::from(config.gravity) })
 }
 
-fn actuator(joint: &Joint) -> ActuatorSettings {
+/// Motor, gear and encoder of a joint, as the simulation computes them.
+pub fn actuator(joint: &Joint) -> ActuatorSettings {
     ActuatorSettings {
         counts_per_rev: f64::from(joint.counts_per_rev),
         gear_ratio: joint.gear_ratio,

@@ -116,13 +116,13 @@ impl Rig {
 
 /// Another curve: odd, 10 to 30 % steeper or flatter at zero than the one in `settings`, and bent
 /// otherwise. With `u = t / max` its slope is `c1 (1 + 3 a u² + 5 b u⁴)`, which is least where
-/// `u² = -3 a / (10 b)`: at least 0.4 c1.
+/// `u² = -3 a / (10 b)`: at least 0.73 c1.
 fn unknown(settings: &ActuatorSettings, random: &mut SplitMix) -> [f64; 3] {
     let [c1, ..] = settings.torque_curve;
     let amount = 0.1 + 0.2 * random.next();
     let c1 = c1 * if random.next() < 0.5 { 1.0 - amount } else { 1.0 + amount };
-    let a = -0.25 + 0.3 * random.next();
-    let b = 0.05 + 0.3 * random.next();
+    let a = -0.3 + 0.2 * random.next();
+    let b = 0.15 + 0.3 * random.next();
     let square = settings.max_torque * settings.max_torque;
     [c1, c1 * a / square, c1 * b / (square * square)]
 }
@@ -165,7 +165,7 @@ mod tests {
             let [c1, c3, c5] = rig(40.0, seed).torque_curve();
             for step in 0..=100 {
                 let s = (7.5 * f64::from(step) / 100.0_f64).powi(2);
-                assert!(c1 + 3.0 * c3 * s + 5.0 * c5 * s * s > 0.39 * c1, "seed {seed}");
+                assert!(c1 + 3.0 * c3 * s + 5.0 * c5 * s * s > 0.729 * c1, "seed {seed}");
             }
         }
     }

@@ -188,7 +188,7 @@ impl Reader {
         for name in line.split(',').map(str::trim) {
             match Column::ALL.into_iter().find(|column| column.name() == name) {
                 Some(column) if columns.contains(&column) => {
-                    self.problem(name, "stands there twice")
+                    self.problem(name, "stands there twice");
                 }
                 Some(column) => columns.push(column),
                 None => self.problem(name, "unknown column; columns are separated by commas"),

@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn one_seed_measures_the_same_and_another_another_curve() {
         assert_eq!(rig(40.0, 3).measure(), rig(40.0, 3).measure());
-        assert!(rig(40.0, 3).torque_curve() != rig(40.0, 4).torque_curve());
+        assert_ne!(rig(40.0, 3).measure(), rig(40.0, 4).measure());
     }
 
     #[test]

@@ -121,7 +121,10 @@ fn accept(samples: &[Sample], joint: Option<&Joint>) -> Result<Accepted, String>
     let [slope] = fit.line.coefficients;
     let line = joint.map_or(("best straight line", slope), |joint| {
         // What rated torque and gear promise: 1000 ‰ at rated torque times gear ratio.
-        ("rated torque times gear ratio", 1e3 / (joint.rated_torque * joint.gear_ratio.abs()))
+        (
+            "rated torque times gear (maker's line)",
+            1e3 / (joint.rated_torque * joint.gear_ratio.abs()),
+        )
     });
     Ok(Accepted { fit, curve, line })
 }

@@ -233,6 +233,14 @@ mod tests {
     }
 
     #[test]
+    fn the_least_slope_may_be_within_the_range() {
+        // 300 - 16.40625 s + 4.39453125 s² with s = t²: least at s = 28/15.
+        let (slope, torque) = curve().least_slope();
+        assert!((slope - 284.687_5).abs() < 1e-12);
+        assert!((torque - (28.0_f64 / 15.0).sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
     fn a_slope_that_only_touches_zero_is_refused() {
         // Slope 1000 (1 - u)² with u = t²: flat at 1 N·m, rising on both sides of it.
         let error = TorqueCurve::new([1_000.0, -2_000.0 / 3.0, 200.0], 2.0).unwrap_err();

@@ -137,6 +137,7 @@ fn a_file_that_is_none_names_every_wrong_line_and_column() {
     assert_eq!(frhc(&["calib", "fit", "none.csv"]).code, 3);
     let good = readings("good", |t| 200.0 * t);
     assert_eq!(frhc(&["calib", "fit", &good, "--joint", "yaw"]).code, 2);
+    assert_eq!(frhc(&["calib", "fit", &good, "--joint", "knee", "--config", CONFIG]).code, 2);
     assert_eq!(frhc(&["calib", "fit", &good, "--joint", "3", "--config", CONFIG]).code, 0);
 }
 

@@ -27,8 +27,8 @@ const LINE: [u8; 1] = [1];
 const QUINTIC: [u8; 6] = [0, 1, 2, 3, 4, 5];
 /// Samples in each driving direction, two more than a quintic has coefficients.
 const LEAST: usize = 8;
-/// Places in the range, a whole number of steps apart, at which the hysteresis is looked at.
-const PLACES: u16 = 200;
+/// Parts of the range, at whose ends the hysteresis is looked at.
+const PARTS: u16 = 200;
 
 /// Which way a joint was driven when a sample was taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,6 +119,15 @@ pub fn odd(samples: &[Sample]) -> Option<Polynomial<3>> {
 /// The straight line `c1 t` through samples; `None` unless they determine it.
 pub fn line(samples: &[Sample]) -> Option<Polynomial<1>> {
     Polynomial::fit(samples, LINE)
+}
+
+/// How far samples lie from a curve within its range, in ‰ RMS; `None` if none is within, or any is not
+/// finite. A motor that turns against its joint is no difference.
+pub fn distance(samples: &[Sample], curve: &TorqueCurve) -> Option<f64> {
+    let (samples, _) = along_the_joint(samples).ok()?;
+    let within = samples.iter().filter(|sample| sample.torque.abs() <= curve.max_torque());
+    let misses: Vec<f64> = within.map(|s| s.per_mille - curve.at(s.torque)).collect();
+    (!misses.is_empty()).then(|| rms(&DVector::from_vec(misses)))
 }
 
 /// How far the two driving directions lie apart within the calibrated range.
@@ -224,9 +233,9 @@ impl Hysteresis {
             mean_torque: 0.0,
             largest_torque: 0.0,
         };
-        let places = f64::from(PLACES) + 1.0;
-        (0..=PLACES).fold(none, |so_far, place| {
-            let part = 2.0 * f64::from(place) / f64::from(PLACES) - 1.0;
+        let places = f64::from(PARTS) + 1.0;
+        (0..=PARTS).fold(none, |so_far, place| {
+            let part = 2.0 * f64::from(place) / f64::from(PARTS) - 1.0;
             let torque = part * curve.max_torque();
             let per_mille = (up.at(torque) - down.at(torque)).abs();
             let width = per_mille / curve.slope(torque);
@@ -328,6 +337,10 @@ mod tests {
         assert!(calibrated.hysteresis.largest_torque < 1e-9);
         assert!(!calibrated.is_reversed);
         assert!(calibrated.line.residuals.rms > 5.0);
+        let off = TorqueCurve::new([133.144 + 7.0, -0.393_453, 0.019_672_6], 0.5).unwrap();
+        // Of the samples at 0 and ±0.5 N·m, two are 3.5 ‰ off.
+        let distance = distance(&exact(), &off).unwrap();
+        assert!((distance - 3.5 * (2.0_f64 / 3.0).sqrt()).abs() < 1e-9);
     }
 
     #[test]
@@ -338,6 +351,7 @@ mod tests {
         }
         let calibrated = Calibrated::fit(&samples).unwrap();
         assert!(calibrated.is_reversed);
+        assert!(distance(&samples, &calibrated.curve).unwrap() < 1e-9);
         assert_eq!(calibrated.curve, Calibrated::fit(&exact()).unwrap().curve);
     }
 

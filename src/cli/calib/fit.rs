@@ -18,6 +18,7 @@ use crate::config::Joint;
 use crate::config::torque_data::Measured;
 use crate::config::torque_data::TorqueData;
 use crate::controller::calibration::TorqueCurve;
+use crate::controller::fit;
 use crate::controller::fit::Calibrated;
 use crate::controller::fit::Sample;
 use crate::telemetry::torque_plot::TorquePlot;
@@ -44,6 +45,8 @@ pub(super) struct Accepted {
     pub(super) fit: Calibrated,
     /// With as many digits as are written, and proven to rise once more.
     pub(super) curve: TorqueCurve,
+    /// How far the samples are from the curve of the configuration, in ‰ RMS.
+    pub(super) before: Option<f64>,
     /// The straight line to compare with: what it is, and its slope in ‰ per N·m.
     line: (&'static str, f64),
 }
@@ -57,7 +60,7 @@ pub(super) fn run(args: &Fit) -> Result<(), Failure> {
     let session = Session {
         file: name.to_string_lossy().into_owned(),
         data: &data,
-        joints: fit(&data, config.as_ref(), args.joint.as_deref())?,
+        joints: fit_all(&data, config.as_ref(), args.joint.as_deref())?,
     };
     if args.json {
         print::line(&report::json(&session).to_string());
@@ -71,15 +74,15 @@ pub(super) fn run(args: &Fit) -> Result<(), Failure> {
 }
 
 /// Fits every joint of the data, or the one that is wanted.
-fn fit<'a>(
+fn fit_all<'a>(
     data: &'a TorqueData,
     config: Option<&Config>,
     wanted: Option<&str>,
 ) -> Result<Vec<Fitted<'a>>, Failure> {
-    let wanted = wanted.map(|name| called(config, name)).transpose()?;
+    let wanted = wanted.map(|name| called(config, name, Kind::Usage)).transpose()?;
     let mut joints: Vec<Fitted<'a>> = Vec::new();
     for Measured { joint, samples } in &data.joints {
-        let (name, joint) = called(config, joint)?;
+        let (name, joint) = called(config, joint, Kind::Configuration)?;
         if joints.iter().any(|other| other.joint == name) {
             let reason = format_args!("joint {name} is written in two ways, by name and by number");
             return Err(Failure::new(Kind::Configuration, reason));
@@ -100,11 +103,12 @@ fn fit<'a>(
 fn called<'c>(
     config: Option<&'c Config>,
     written: &str,
+    kind: Kind,
 ) -> Result<(String, Option<&'c Joint>), Failure> {
     let Some(config) = config else { return Ok((written.to_owned(), None)) };
     let joint = config.joint(written).ok_or_else(|| {
         let file = config.file.display();
-        Failure::new(Kind::Configuration, format_args!("{file}: no joint {written}"))
+        Failure::new(kind, format_args!("{file}: no joint {written}"))
     })?;
     Ok((joint.name.clone(), Some(joint)))
 }
@@ -120,13 +124,11 @@ fn accept(samples: &[Sample], joint: Option<&Joint>) -> Result<Accepted, String>
     }
     let [slope] = fit.line.coefficients;
     let line = joint.map_or(("best straight line", slope), |joint| {
-        // What rated torque and gear promise: 1000 ‰ at rated torque times gear ratio.
-        (
-            "rated torque times gear (maker's line)",
-            1e3 / (joint.rated_torque * joint.gear_ratio.abs()),
-        )
+        // What the manufacturers of motor and gear promise: 1000 ‰ at their product.
+        ("rated torque × gear ratio", 1e3 / (joint.rated_torque * joint.gear_ratio.abs()))
     });
-    Ok(Accepted { fit, curve, line })
+    let before = joint.and_then(|joint| fit::distance(samples, joint.calibration.curve()));
+    Ok(Accepted { fit, curve, before, line })
 }
 
 /// Leaves the fragment and the pictures in `folder`.

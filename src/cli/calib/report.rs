@@ -40,7 +40,7 @@ pub(super) fn text(session: &Session<'_>) -> String {
     joints.collect::<Vec<_>>().join("\n\n")
 }
 
-fn table(Accepted { fit, curve, .. }: &Accepted, unit: &str) -> String {
+fn table(Accepted { fit, curve, before, .. }: &Accepted, unit: &str) -> String {
     let mut table = format!(
         "  {:18}{:>12}{:>12}{:>12}{:>9}{:>11}{:>11}\n",
         "c in ‰ of rated", "c1", "c3", "c5", "RMS ‰", "largest ‰", "left out ‰"
@@ -53,9 +53,9 @@ fn table(Accepted { fit, curve, .. }: &Accepted, unit: &str) -> String {
     let (slope, at) = curve.least_slope();
     let hysteresis = fit.hysteresis;
     let turned = if fit.is_reversed { "against" } else { "with" };
-    let lines = [
+    let mut lines = vec![
         format!("range        ±{} {unit}; beyond it targets stay at its end", curve.max_torque()),
-        format!("monotone     yes, slope at least {:.2} ‰/{unit}, at {at:.3} {unit}", slope),
+        format!("monotone     yes, slope at least {slope:.2} ‰/{unit}, at {at:.3} {unit}"),
         format!(
             "hysteresis   {:.4} {unit} wide on average, {:.4} {unit} at most; {:.1} ‰ and {:.1} ‰",
             hysteresis.mean_torque,
@@ -65,6 +65,7 @@ fn table(Accepted { fit, curve, .. }: &Accepted, unit: &str) -> String {
         ),
         format!("motor        turns {turned} the joint"),
     ];
+    lines.extend(before.map(|rms| format!("configured   its curve is {rms:.2} ‰ RMS off")));
     for line in lines {
         write!(table, "\n  {line}").ok(); // a String takes everything
     }
@@ -101,7 +102,7 @@ pub(super) fn json(session: &Session<'_>) -> serde_json::Value {
 }
 
 fn accepted_json(joint: &str, samples: usize, accepted: &Accepted) -> serde_json::Value {
-    let Accepted { fit, curve, .. } = accepted;
+    let Accepted { fit, curve, before, .. } = accepted;
     let Calibrated { both, up, down, line, hysteresis, is_reversed, .. } = fit;
     let (least_slope, at) = curve.least_slope();
     serde_json::json!({
@@ -112,6 +113,7 @@ fn accepted_json(joint: &str, samples: usize, accepted: &Accepted) -> serde_json
         "max_torque": curve.max_torque(),
         "motor_turns_against_joint": is_reversed,
         "monotone": { "least_slope_per_mille": least_slope, "at": at },
+        "configured_off_rms_per_mille": before,
         "both": polynomial_json(both),
         "up": polynomial_json(up),
         "down": polynomial_json(down),

@@ -125,7 +125,7 @@ fn accept(samples: &[Sample], joint: Option<&Joint>) -> Result<Accepted, String>
     let [slope] = fit.line.coefficients;
     let line = joint.map_or(("best straight line", slope), |joint| {
         // What the manufacturers of motor and gear promise: 1000 ‰ at their product.
-        ("manufacturer (rated torque × gear)", 1e3 / (joint.rated_torque * joint.gear_ratio.abs()))
+        ("manufacturer (rated × gear)", 1e3 / (joint.rated_torque * joint.gear_ratio.abs()))
     });
     let before = joint.and_then(|joint| fit::distance(samples, joint.calibration.curve()));
     Ok(Accepted { fit, curve, before, line })

@@ -86,7 +86,6 @@ const MODULES: &[Rule] = &[
         &[
             "anyhow",
             "clap",
-            "csv",
             "indicatif",
             "serde",
             "serde_json",
@@ -102,7 +101,6 @@ const OUTSIDE: &[&str] = &[
     "anyhow",
     "canopen_rs",
     "clap",
-    "csv",
     "indicatif",
     "nalgebra",
     "nix",

@@ -1,163 +1,163 @@
-//! `frhc sim --calibrate` and `frhc calib`, run as a user runs them.
-#![cfg(test)]
-
-mod common;
+//! `frhc sim --calibrate`, `frhc calib fit` and `frhc calib check`, as a user runs them.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
 
 use std::fs;
+use std::path::Path;
 use std::path::PathBuf;
 use std::process::Command;
-use std::process::Output;
 
-use serde_json::Value;
+use frhc::config::Config;
 
-fn frhc(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_frhc"))
-        .args(args)
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .output()
-        .unwrap()
+const CONFIG: &str = "config/kraft_like.toml";
+
+/// How a run ended.
+struct Outcome {
+    code: i32,
+    stdout: String,
+    stderr: String,
 }
 
-/// A file of this test alone.
-fn file(name: &str) -> PathBuf {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("calib");
+fn frhc(args: &[&str]) -> Outcome {
+    let output = Command::new(env!("CARGO_BIN_EXE_frhc")).args(args).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    let code = output.status.code().unwrap();
+    Outcome { code, stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+/// An empty folder of this test's own.
+fn folder(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("calib").join(name);
+    fs::remove_dir_all(&folder).ok();
     fs::create_dir_all(&folder).unwrap();
-    folder.join(name)
+    folder
 }
 
-fn fit(data: &str, more: &[&str]) -> Output {
-    frhc(&[&["calib", "fit", data], more].concat())
-}
-
-/// The three numbers of a line like `... 178.3440 t -1.08351 t³ +0.243819 t⁵`.
-fn revealed(line: &str) -> [f64; 3] {
-    let numbers = line.split_whitespace().filter_map(|word| word.parse::<f64>().ok());
-    numbers.collect::<Vec<_>>().try_into().unwrap()
-}
-
-#[test]
-fn an_unknown_curve_is_recovered_from_noisy_data() {
-    for (config, joint, max) in [
-        ("config/kraft_like.toml", "elbow", 4.0),
-        ("config/kraft_like.toml", "elevation", 6.0),
-        ("config/jpl_like.toml", "slide", 12.0),
-    ] {
-        let measured =
-            frhc(&["sim", "--config", config, "--calibrate", joint, "--seed", "5", "--reveal"]);
-        let data = file(&format!("{joint}.csv"));
-        fs::write(&data, &measured.stdout).unwrap();
-        let [c1, c3, c5] = revealed(&String::from_utf8(measured.stderr).unwrap());
-
-        let output = fit(data.to_str().unwrap(), &["--json", "--config", config]);
-        let fits: Value = serde_json::from_slice(&output.stdout).unwrap();
-        let fit = &fits["joints"][0];
-        let found: [f64; 3] = serde_json::from_value(fit["both"]["coefficients"].clone()).unwrap();
-        let curve = |[c1, c3, c5]: [f64; 3], t: f64| t * (c1 + t * t * (c3 + t * t * c5));
-        let full = curve([c1, c3, c5], max);
-        for part in 1..=20 {
-            let t = max * f64::from(part) / 20.0;
-            let off = (curve(found, t) - curve([c1, c3, c5], t)).abs() / full;
-            assert!(off < 0.015, "{joint}: {:.2} % off at {t}", 100.0 * off);
+/// A file of readings in both directions of a joint whose target is `curve` of its torque.
+fn readings(name: &str, curve: impl Fn(f64) -> f64) -> String {
+    let mut text = "joint,direction,per_mille,torque_nm\n".to_owned();
+    for direction in ["up", "down"] {
+        for step in -20..=20 {
+            let torque = f64::from(step) / 5.0;
+            text += &format!("elbow,{direction},{:.0},{torque}\n", curve(torque));
         }
-        assert!(fit["least_slope"].as_f64().unwrap() > 0.0);
-        let [residual, missed, straight] =
-            ["residual_per_mille", "leave_one_out_per_mille", "linear_residual_per_mille"]
-                .map(|key| fit["both"][key].as_f64().unwrap());
-        assert!(residual < missed && missed < straight, "{fits}");
-        let sign = if joint == "elevation" { -1.0 } else { 1.0 };
-        assert!((fit["sign"].as_f64().unwrap() - sign).abs() < 1e-9);
     }
+    let path = folder(name).join("elbow.csv");
+    fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
 }
 
 #[test]
-fn the_fragment_is_configuration_and_the_picture_a_picture() {
-    let data = file("yaw.csv");
-    let data = data.to_str().unwrap();
-    let config = "config/kraft_like.toml";
-    let made = frhc(&["sim", "--config", config, "--calibrate", "yaw", "--out", data]);
-    assert!(made.status.success() && made.stdout.is_empty());
-    let folder = file("out");
-    let output = fit(data, &["--config", config, "--out", folder.to_str().unwrap()]);
-    assert!(output.status.success());
-    let toml = fs::read_to_string(folder.join("torque_curves.toml")).unwrap();
-    assert!(toml.contains("yaw.csv") && toml.contains("seed 1"), "{toml}");
-    let text = fs::read_to_string(config).unwrap();
-    let joint = text.find("name = \"yaw\"").unwrap();
-    let key = |text: &str, key: &str| {
-        let line = text.lines().find(|line| line.starts_with(key)).unwrap();
-        line.to_owned()
+fn an_unknown_curve_is_measured_and_fitted_and_its_fragment_is_a_configuration() {
+    let folder = folder("round_trip");
+    let (csv, out) = (folder.join("pitch.csv"), folder.join("out"));
+    let (csv, out) = (csv.to_str().unwrap(), out.to_str().unwrap());
+    let args =
+        ["sim", "--config", CONFIG, "--calibrate", "4", "--seed", "11", "--out", csv, "--reveal"];
+    let measured = frhc(&args);
+    assert_eq!((measured.code, measured.stdout.as_str()), (0, ""), "{}", measured.stderr);
+    let secret: toml::Table = measured.stderr.parse().unwrap();
+    let secret = secret["torque_curve"].as_array().unwrap();
+
+    let fit = frhc(&["calib", "fit", csv, "--config", CONFIG, "--out", out, "--json"]);
+    assert_eq!(fit.code, 0, "{}", fit.stderr);
+    let report: serde_json::Value = serde_json::from_str(&fit.stdout).unwrap();
+    let stated = report["joints"][0]["both"]["left_out_rms_per_mille"].as_f64().unwrap();
+
+    let text = fs::read_to_string(Path::new(out).join("torque_curves.toml")).unwrap();
+    let fragment: toml::Table = text.parse().unwrap();
+    let joint = &fragment["joint"][0];
+    assert_eq!(joint["name"].as_str(), Some("pitch"));
+    let curve = joint["torque_curve"].as_array().unwrap();
+    let at = |c: &[toml::Value], t: f64| -> f64 {
+        c.iter().zip([t, t.powi(3), t.powi(5)]).map(|(c, t)| c.as_float().unwrap() * t).sum()
     };
-    let mut joint_text = text[joint..].to_owned();
-    for name in ["max_torque_nm", "torque_curve"] {
-        joint_text = joint_text.replacen(&key(&text[joint..], name), &key(&toml, name), 1);
+    for t in [0.1, 0.4, 0.8, 1.2] {
+        let error = (at(curve, t) - at(secret, t)).abs();
+        assert!(error < stated && error < 0.01 * at(secret, 1.2), "{error} ‰ at {t} N·m");
     }
-    let calibrated = format!("{}{joint_text}", &text[..joint]);
-    let config = frhc::config::Config::parse(std::path::Path::new(config), &calibrated);
-    assert!(config.is_ok(), "{}", config.unwrap_err());
-    let svg = fs::read_to_string(folder.join("yaw.svg")).unwrap();
-    assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
-    assert_eq!(svg.matches("<circle").count(), 41 + 1, "rising samples, and one in the legend");
+    let config = fs::read_to_string(CONFIG).unwrap();
+    let old = config.lines().filter(|line| line.starts_with("torque_curve")).nth(3).unwrap();
+    let new = text.lines().find(|line| line.starts_with("torque_curve")).unwrap();
+    let config = Config::parse(Path::new(CONFIG), &config.replacen(old, new, 1)).unwrap();
+    assert_eq!(config.joints[3].torque_curve[0], curve[0].as_float().unwrap());
+    assert!(fs::read_to_string(Path::new(out).join("pitch.svg")).unwrap().ends_with("</svg>\n"));
 }
 
 #[test]
-fn a_curve_that_does_not_rise_is_rejected_and_leaves_nothing() {
-    let rows = (-20..=20).map(|step| {
-        let t = f64::from(step) / 20.0 * 6.0;
-        format!("bent,{},{t}", 100.0 * t - 2.0 * t * t * t)
-    });
-    let text = format!("joint,per_mille,torque_nm\n{}\n", rows.collect::<Vec<_>>().join("\n"));
-    let data = file("bent.csv");
-    fs::write(&data, text).unwrap();
-    let folder = file("nothing");
-    let output = fit(data.to_str().unwrap(), &["--out", folder.to_str().unwrap()]);
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.contains("joint bent: the curve stops rising at 4.082 N·m"), "{said}");
-    assert!(!folder.exists() && output.stdout.is_empty());
+fn measurements_do_not_betray_the_curve_and_come_again_from_the_same_seed() {
+    let measure =
+        |args: &[&str]| frhc(&[&["sim", "--config", CONFIG, "--calibrate"], args].concat());
+    let measured = measure(&["elbow", "--seed", "5"]);
+    assert_eq!((measured.code, measured.stderr.as_str()), (0, ""));
+    assert!(measured.stdout.contains("# simulated drive of joint elbow, seed 5"));
+    assert!(!measured.stdout.contains("curve"));
+    assert_eq!(measure(&["3", "--seed", "5"]).stdout, measured.stdout);
+    assert_ne!(measure(&["3", "--seed", "6"]).stdout, measured.stdout);
+    assert_eq!(measure(&["knee"]).code, 2);
+    assert_eq!(measure(&["elbow", "-i", "vcan0"]).code, 2);
 }
 
 #[test]
-fn a_file_that_is_none_is_refused_by_line_and_column() {
-    for (name, text, expected) in [
-        ("empty.csv", "", "column torque_nm is missing"),
-        ("none.csv", "joint,per_mille,torque_nm\n", "no samples"),
-        ("column.csv", "joint,per_mille,torque_nm,colour\n", "column \"colour\": there is joint"),
-        ("number.csv", "per_mille,torque_nm\n1,2\n3,four\n", "number.csv:3: torque_nm: \"four\""),
-        ("nan.csv", "per_mille,torque_nm\n1,nan\n", "nan.csv:2: torque_nm: \"nan\""),
-        ("short.csv", "per_mille,torque_nm\n1,2\n3\n", "short.csv:3: "),
-        ("sweep.csv", "per_mille,torque_nm,sweep\n1,2,left\n", "sweep.csv:2: sweep: \"left\""),
-    ] {
-        let data = file(name);
-        fs::write(&data, text).unwrap();
-        let output = fit(data.to_str().unwrap(), &[]);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(3), "{name}: {said}");
-        assert!(said.contains(expected), "{name}: {said}");
-        assert_eq!(said.lines().count(), 1, "{name}: {said}");
-    }
-    let output = fit("no/such.csv", &[]);
-    assert_eq!(output.status.code(), Some(3));
+fn a_curve_that_does_not_rise_is_rejected_with_joint_and_torque() {
+    // Slope 100 (1 - 3 u + 2 u²) with u = t² / 16: zero at √8 N·m.
+    let csv = readings("flat", |t| 1000.0 * (t - t.powi(3) / 16.0 + 0.4 * t.powi(5) / 256.0));
+    let out = folder("flat_out");
+    let fit = frhc(&["calib", "fit", &csv, "--out", out.to_str().unwrap()]);
+    assert_eq!(fit.code, 1);
+    assert!(fit.stderr.contains("joint elbow: the curve stops rising at 2.82"), "{}", fit.stderr);
+    let fragment = fs::read_to_string(out.join("torque_curves.toml")).unwrap();
+    assert!(fragment.contains("# elbow: rejected") && !fragment.contains("[[joint]]\nname"));
+    assert!(!out.join("elbow.svg").exists());
 }
 
 #[test]
-fn files_as_spreadsheets_write_them_are_read() {
-    let rows =
-        (-20..=20).map(|step| format!("\"elbow\", {} , {}\r\n", step * 40, f64::from(step) / 5.0));
-    let text = format!(
-        "\u{FEFF}# 2026-11-20, load cell 4711\r\njoint, per_mille, torque_nm\r\n\r\n{}",
-        rows.collect::<String>()
+fn a_motor_that_turns_other_than_configured_is_rejected() {
+    let csv = readings("turned", |t| -200.0 * t);
+    assert_eq!(frhc(&["calib", "fit", &csv]).code, 0);
+    let fit = frhc(&["calib", "fit", &csv, "--config", CONFIG]);
+    assert_eq!(fit.code, 1);
+    assert!(fit.stderr.contains("turns against the joint, but gear_ratio is 36"), "{}", fit.stderr);
+}
+
+#[test]
+fn a_file_that_is_none_names_every_wrong_line_and_column() {
+    let path = folder("wrong").join("wrong.csv");
+    let csv = path.to_str().unwrap();
+    fs::write(&path, "joint,direction,per_mille,torque_nm\na,up,1,x\na,over,1,1\n").unwrap();
+    let fit = frhc(&["calib", "fit", csv]);
+    assert_eq!(fit.code, 3);
+    assert!(fit.stderr.contains("wrong.csv:2: torque_nm: `x` is no finite number"));
+    assert!(fit.stderr.contains("wrong.csv:3: direction: `over`"));
+    assert_eq!(frhc(&["calib", "fit", "none.csv"]).code, 3);
+    let good = readings("good", |t| 200.0 * t);
+    assert_eq!(frhc(&["calib", "fit", &good, "--joint", "yaw"]).code, 2);
+    assert_eq!(frhc(&["calib", "fit", &good, "--joint", "knee", "--config", CONFIG]).code, 2);
+    assert_eq!(frhc(&["calib", "fit", &good, "--joint", "3", "--config", CONFIG]).code, 0);
+}
+
+#[test]
+fn the_curves_of_a_configuration_are_checked() {
+    let check = frhc(&["calib", "check", "--config", CONFIG, "--json"]);
+    assert_eq!(check.code, 0, "{}", check.stderr);
+    let report: serde_json::Value = serde_json::from_str(&check.stdout).unwrap();
+    assert_eq!(report["joints"].as_array().unwrap().len(), 6);
+    assert!(report["joints"][0]["least_slope_per_mille_per_nm"].as_f64().unwrap() > 100.0);
+    let text = fs::read_to_string(CONFIG)
+        .unwrap()
+        .replace("../eds/", concat!(env!("CARGO_MANIFEST_DIR"), "/eds/"));
+    let path = folder("config").join("flat.toml");
+    fs::write(&path, text.replace("-0.393453", "-9.393453")).unwrap();
+    let check = frhc(&["calib", "check", "--config", path.to_str().unwrap()]);
+    assert_eq!(check.code, 3);
+    assert!(
+        check.stderr.contains("joint[0].torque_curve: the curve stops rising"),
+        "{}",
+        check.stderr
     );
-    let data = file("sheet.csv");
-    fs::write(&data, text).unwrap();
-    let output = fit(data.to_str().unwrap(), &[]);
-    let said = String::from_utf8(output.stdout).unwrap();
-    assert!(said.contains("joint elbow") && said.contains("not measured"), "{said}");
-}
-
-#[test]
-fn the_shipped_curves_are_checked() {
-    let output = frhc(&["calib", "check", "--config", "config/jpl_like.toml"]);
-    let said = String::from_utf8(output.stdout).unwrap();
-    assert!(output.status.success());
-    assert_eq!(said.lines().filter(|line| line.contains("rises everywhere")).count(), 6);
 }

@@ -9,6 +9,7 @@ use clap::ValueEnum;
 
 use crate::cli::calib::Calib;
 use crate::cli::explain::Explain;
+use crate::cli::rig::Calibrate;
 
 /// The CANopen master of a force-reflecting hand controller.
 #[derive(Debug, Parser)]
@@ -49,13 +50,13 @@ pub(super) enum Command {
     /// Checks configuration, EDS files, calibration and bus load; touches no bus.
     #[command(after_help = "Example:\n  frhc check --config config/kraft_like.toml")]
     Check(Check),
-    /// Torque curves: fitted to measurements, or checked.
-    Calib(Calib),
     /// One cycle of the controller, with every intermediate of the paper's Fig. 3.
     #[command(
         after_help = "Examples:\n  frhc explain --q 0.05,-0.8,1.6,-0.7,0.1,0.2 --q-reference 0,-0.87,1.66,-0.79,0,0 --wrench -5,0,0,0,0,0\n  echo '{\"q\": [0,-0.8,1.6,-0.7,0,0], \"preset\": \"paper1997\"}' | frhc explain --json - | jq .tau.value"
     )]
     Explain(Box<Explain>),
+    /// Torque curves from measurements, and those of a configuration.
+    Calib(Calib),
 }
 
 /// Where the configuration is.
@@ -122,18 +123,11 @@ pub(super) struct Sim {
     /// What the operator does: a name in config/scenarios, or a file.
     #[arg(short, long, default_value = "free")]
     pub(super) scenario: String,
-    /// Seed of the operator's tremor, or of the unknown curve.
+    /// Seed of the operator's tremor, or of the unknown torque curve.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(super) seed: u64,
-    /// No bus: measure this joint's torque on a rig with an unknown curve, as CSV.
-    #[arg(long, value_name = "JOINT")]
-    pub(super) calibrate: Option<String>,
-    /// Where that CSV goes, if not to stdout.
-    #[arg(short, long, value_name = "FILE", requires = "calibrate")]
-    pub(super) out: Option<PathBuf>,
-    /// Tell the unknown curve on stderr.
-    #[arg(long, requires = "calibrate")]
-    pub(super) reveal: bool,
+    #[command(flatten)]
+    pub(super) rig: Calibrate,
 }
 
 /// `frhc ctl`.

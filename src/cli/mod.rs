@@ -10,10 +10,9 @@ mod exit;
 mod explain;
 mod gains;
 mod interfaces;
-mod measurements;
-mod plot;
 mod print;
 mod recorder;
+mod rig;
 mod run;
 mod scenario;
 mod signals;
@@ -37,8 +36,8 @@ pub fn main() -> ExitCode {
         Command::Sim(args) => sim::run(args),
         Command::Ctl(args) => ctl::run(args),
         Command::Check(args) => check::run(args),
-        Command::Calib(args) => calib::run(args),
         Command::Explain(args) => explain::run(args),
+        Command::Calib(args) => calib::run(args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,6 +1,5 @@
 //! `frhc sim`: simulated drives, switch box, arm and operator on SocketCAN, for any master.
 
-use std::fs;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering;
 use std::thread;
@@ -14,22 +13,20 @@ use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
 use crate::cli::interfaces;
-use crate::cli::measurements;
 use crate::cli::print;
+use crate::cli::rig;
 use crate::cli::scenario;
 use crate::cli::signals;
 use crate::config::Config;
-use crate::controller::arm::JointKind;
 use crate::lab::attend::attend;
 use crate::lab::world;
-use crate::sim::rig;
 use crate::sim::world::World;
 
 /// Lives on the bus until a signal ends it, then tells what each drive believes.
 pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
-    if let Some(joint) = &args.calibrate {
-        return calibrate(args, &config, joint);
+    if let Some(joint) = &args.rig.calibrate {
+        return rig::run(&args.rig, &config, joint, args.seed);
     }
     let scenario = scenario::load(&args.scenario)?;
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
@@ -50,35 +47,6 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
         over.store(true, Ordering::Relaxed);
     });
     report(&world);
-    Ok(())
-}
-
-/// Measures one joint's torque on the rig.
-fn calibrate(args: &Sim, config: &Config, name: &str) -> Result<(), Failure> {
-    let joint = config.joints.iter().find(|joint| joint.name == name).ok_or_else(|| {
-        let names: Vec<_> = config.joints.iter().map(|joint| joint.name.as_str()).collect();
-        let reason =
-            format!("--calibrate: no joint is called \"{name}\": there is {}", names.join(", "));
-        Failure::new(Kind::Usage, reason)
-    })?;
-    let run = rig::measure(&world::rig(joint, args.seed));
-    let comments = [
-        format!("simulated rig, {}, joint {name}, seed {}", config.file.display(), args.seed),
-        "joint held against a load cell, target torque stepped slowly up and down".to_owned(),
-    ];
-    let slides = joint.link.kind == JointKind::Prismatic;
-    let text = measurements::write(name, slides, &comments, &run.readings);
-    match &args.out {
-        Some(file) => {
-            let named = |error| format!("{}: {error}", file.display());
-            fs::write(file, text).map_err(|error| Failure::new(Kind::Bus, named(error)))?;
-        }
-        None => print::line(text.trim_end()),
-    }
-    if args.reveal {
-        let [c1, c3, c5] = run.curve;
-        print::note(&format!("the unknown curve is {c1:.4} t {c3:+.5} t³ {c5:+.6} t⁵"));
-    }
     Ok(())
 }
 

@@ -12,6 +12,7 @@ mod problem;
 mod raw;
 mod readings;
 mod remote;
+pub mod torque_data;
 
 pub use gain_check::Operator;
 pub use joints::Joint;
@@ -122,6 +123,13 @@ impl Config {
         problems.finish()?;
         // Without a problem there is a value: every missing one was noted where it went missing.
         config.ok_or_else(|| Invalid(Vec::new()))
+    }
+
+    /// A joint by its name or its number, the base's being 1.
+    pub fn joint(&self, called: &str) -> Option<&Joint> {
+        let place = called.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
+        let named = self.joints.iter().find(|joint| joint.name == called);
+        named.or_else(|| self.joints.get(place?))
     }
 
     /// The buses, as the frames' channels.

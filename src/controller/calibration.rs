@@ -1,5 +1,5 @@
 //! Between what drives count and what physics measures: encoder counts to joint positions, joint
-//! torques to per mille of rated torque (4.2, Fig. 6). The only place of either unit.
+//! torques to per mille of rated torque by their torque curves (4.2, Fig. 6).
 //!
 //! Not the limits of the loop; a torque beyond the calibrated range is only cut off, so that the
 //! polynomial is never evaluated where nobody measured. Decisions 24 and 25.
@@ -10,6 +10,8 @@ use nalgebra::SVector;
 use thiserror::Error;
 
 use crate::controller::coupling::Coupling;
+pub use crate::controller::torque_curve::InvalidTorqueCurve;
+pub use crate::controller::torque_curve::TorqueCurve;
 
 /// A position as a drive gives it (6064h).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,151 +21,8 @@ pub struct Counts(pub i32);
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PerMille(pub i16);
 
-/// The largest torque a drive can be asked for.
-const LARGEST: f64 = 32_767.0;
 /// Gear ratios between these keep positions exact and finite.
 const RATIOS: std::ops::RangeInclusive<f64> = 1e-3..=1e9;
-/// What rounding may hide when a slope is compared with zero; such curves are refused.
-const ROUNDING: f64 = 1e-12;
-/// Halvings of the range that find a torque to within 1e-15 of it.
-const HALVINGS: u32 = 52;
-
-/// The measured curve of one joint: per mille of rated torque, `c1 t + c3 t³ + c5 t⁵` for a joint
-/// torque `t` in N·m, strictly rising up to the end of the measured range. Odd, as the paper found
-/// its joints (4.2).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TorqueCurve {
-    coefficients: [f64; 3],
-    max_torque: f64,
-}
-
-/// Why three coefficients are no torque curve.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-pub enum InvalidTorqueCurve {
-    /// The end of the calibrated range.
-    #[error("a calibrated range up to {0} N·m is none")]
-    MaxTorque(f64),
-    /// A coefficient.
-    #[error("c{power} = {value} is not a finite number")]
-    NotFinite {
-        /// 1, 3 or 5.
-        power: u8,
-        /// What stood there.
-        value: f64,
-    },
-    /// More torque must ask for more: there the slope vanishes.
-    #[error("the curve stops rising at {torque:.3} N·m, within its range up to {max_torque} N·m")]
-    NotMonotone {
-        /// Where its slope is zero for the first time, in N·m.
-        torque: f64,
-        /// The end of its range, in N·m.
-        max_torque: f64,
-    },
-    /// No drive can be asked for so much, or would notice so little.
-    #[error("the curve ends at {per_mille} ‰ of rated torque, not within 1 ‰ and {LARGEST} ‰")]
-    End {
-        /// What it gives at the end of its range.
-        per_mille: f64,
-    },
-}
-
-impl TorqueCurve {
-    /// From its coefficients (c1, c3, c5) in ‰ per N·m, N·m³, N·m⁵, and the end of the calibrated
-    /// range in N·m (N for a sliding joint).
-    ///
-    /// # Errors
-    /// Unless the curve is proven to rise over the whole range and to end where a drive can follow.
-    pub fn new(coefficients: [f64; 3], max_torque: f64) -> Result<Self, InvalidTorqueCurve> {
-        if !(max_torque.is_finite() && max_torque > 0.0) {
-            return Err(InvalidTorqueCurve::MaxTorque(max_torque));
-        }
-        for (value, power) in coefficients.into_iter().zip([1, 3, 5]) {
-            if !value.is_finite() {
-                return Err(InvalidTorqueCurve::NotFinite { power, value });
-            }
-        }
-        if let Some(torque) = first_flat(coefficients, max_torque) {
-            return Err(InvalidTorqueCurve::NotMonotone { torque, max_torque });
-        }
-        let curve = Self { coefficients, max_torque };
-        let per_mille = curve.evaluate(max_torque);
-        if (1.0..=LARGEST).contains(&per_mille) {
-            Ok(curve)
-        } else {
-            Err(InvalidTorqueCurve::End { per_mille })
-        }
-    }
-
-    /// The end of the calibrated range: the most this joint is ever asked for, in N·m.
-    pub const fn max_torque(&self) -> f64 {
-        self.max_torque
-    }
-
-    /// Per mille of rated torque for a joint torque in N·m, not yet whole; beyond the range, its end.
-    pub fn at(&self, torque: f64) -> f64 {
-        self.evaluate(torque.clamp(-self.max_torque, self.max_torque))
-    }
-
-    /// The least of its slope over the whole range, in ‰ per N·m: at an end, or where the slope itself
-    /// is flat.
-    pub fn least_slope(&self) -> f64 {
-        let [c1, c3, c5] = self.coefficients;
-        let slope = |s: f64| c1 + s * (3.0 * c3 + s * 5.0 * c5);
-        let end = self.max_torque * self.max_torque;
-        let flat = (-3.0 * c3 / (10.0 * c5)).clamp(0.0, end); // not a number where c3 = c5 = 0
-        [0.0, end, flat].into_iter().map(slope).fold(f64::INFINITY, f64::min)
-    }
-
-    /// c1, c3, c5.
-    pub const fn coefficients(&self) -> [f64; 3] {
-        self.coefficients
-    }
-
-    /// The joint torque in N·m for which the curve gives `per_mille`; beyond its end, its end. By
-    /// halving, which cannot fail on a rising curve.
-    pub fn torque(&self, per_mille: f64) -> f64 {
-        let (mut low, mut high) = (0.0, self.max_torque);
-        for _ in 0..HALVINGS {
-            let middle = f64::midpoint(low, high);
-            if self.evaluate(middle) < per_mille.abs() {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        high.copysign(per_mille)
-    }
-
-    fn evaluate(&self, t: f64) -> f64 {
-        let [c1, c3, c5] = self.coefficients;
-        t * (c1 + t * t * (c3 + t * t * c5))
-    }
-}
-
-/// The smallest torque in N·m within 0 and `max_torque` at which the slope is not positive.
-///
-/// The slope is the quadratic `c1 + 3 c3 s + 5 c5 s²` in `s = t²`. Positive at 0, it is positive
-/// up to its smallest positive root, if it has one: a proof, not a sampling.
-fn first_flat([c1, c3, c5]: [f64; 3], max_torque: f64) -> Option<f64> {
-    if c1 <= 0.0 {
-        return Some(0.0);
-    }
-    // Over u = s / max², within 0 and 1, and divided by c1: 1 + b u + a u².
-    let square = max_torque * max_torque;
-    let b = 3.0 * (c3 / c1) * square;
-    let a = 5.0 * (c5 / c1) * square * square;
-    let discriminant = b * b - 4.0 * a;
-    if !discriminant.is_finite() {
-        return Some(0.0); // next to the others, c1 is no slope at all
-    }
-    if discriminant < -ROUNDING * b * b {
-        return None;
-    }
-    // The largest v = 1 / u of v² + b v + a = 0, without the difference of two near numbers.
-    let root = discriminant.max(0.0).sqrt();
-    let inverse = if b > 0.0 { -2.0 * a / (b + root) } else { (root - b) / 2.0 };
-    (inverse >= 1.0 - ROUNDING).then(|| inverse.sqrt().recip().min(1.0) * max_torque)
-}
 
 /// How one joint is counted and driven.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -223,14 +82,14 @@ impl JointCalibration {
         PerMille(whole_i16(self.curve.at(torque) * self.direction()))
     }
 
-    /// The torque curve.
-    pub const fn curve(&self) -> &TorqueCurve {
-        &self.curve
-    }
-
     /// The target of the largest torque, whichever way the motor turns.
     pub fn max_target(&self) -> PerMille {
         PerMille(whole_i16(self.curve.at(self.curve.max_torque()).ceil()))
+    }
+
+    /// The torque curve.
+    pub const fn curve(&self) -> &TorqueCurve {
+        &self.curve
     }
 
     /// The torque of one per mille near zero, in N·m: what a target cannot resolve.
@@ -355,12 +214,6 @@ mod tests {
 
     proptest! {
         #[test]
-        fn more_torque_asks_for_more(a in -5.0..5.0_f64, b in -5.0..5.0_f64) {
-            let (low, high) = (a.min(b), a.max(b));
-            prop_assert!(curve().at(low) <= curve().at(high));
-        }
-
-        #[test]
         fn both_driving_directions_are_alike(t in -5.0..5.0_f64) {
             prop_assert!((curve().at(t) + curve().at(-t)).abs() == 0.0);
             prop_assert_eq!(joint(40.0, 0).target(t).0, joint(-40.0, 0).target(-t).0);
@@ -369,34 +222,6 @@ mod tests {
         #[test]
         fn any_number_gives_a_target_within_the_range(t in any::<f64>()) {
             prop_assert!(joint(40.0, 0).target(t).0.abs() <= 1750);
-        }
-
-        #[test]
-        fn a_curve_is_accepted_exactly_if_it_rises_everywhere(
-            c1 in -50.0..200.0_f64, c3 in -50.0..50.0_f64, c5 in -5.0..5.0_f64, max in 0.1..6.0_f64
-        ) {
-            let slope = |t: f64| c1 + 3.0 * c3 * t * t + 5.0 * c5 * t.powi(4);
-            let samples = (0..=2_000).map(|i| max * f64::from(i) / 2_000.0);
-            let lowest = samples.map(slope).fold(f64::INFINITY, f64::min);
-            match TorqueCurve::new([c1, c3, c5], max) {
-                Ok(_) | Err(InvalidTorqueCurve::End { .. }) => prop_assert!(lowest > 0.0),
-                Err(InvalidTorqueCurve::NotMonotone { torque, .. }) => {
-                    prop_assert!((0.0..=max).contains(&torque));
-                    prop_assert!(lowest < 0.1 * c1.abs().max(1.0));
-                    prop_assert!(c1 <= 0.0 || slope(torque).abs() < 1e-6 * c1);
-                    prop_assert!(c1 <= 0.0 || slope(torque * 0.999) > 0.0);
-                }
-                Err(other) => prop_assert!(false, "{other}"),
-            }
-        }
-
-        #[test]
-        fn any_three_numbers_give_a_curve_or_a_reason(
-            c in prop::array::uniform3(any::<f64>()), max in any::<f64>()
-        ) {
-            if let Ok(curve) = TorqueCurve::new(c, max) {
-                prop_assert!(curve.at(f64::INFINITY) > 0.0 && curve.at(f64::MAX) <= LARGEST);
-            }
         }
 
         #[test]
@@ -431,47 +256,11 @@ mod tests {
     }
 
     #[test]
-    fn a_reason_says_where_the_slope_vanishes() {
-        // Slope 1 - 3 u + 2 u² with u = t² / 4: zero at u = 1/2, so at √2 N·m.
-        let error = TorqueCurve::new([1.0, -0.25, 0.025], 2.0).unwrap_err();
-        let InvalidTorqueCurve::NotMonotone { torque, .. } = error else { panic!("{error}") };
-        assert!((torque - 2.0_f64.sqrt()).abs() < 1e-12);
-        let error = TorqueCurve::new([0.0, 1.0, 1.0], 2.0).unwrap_err();
-        assert_eq!(error, InvalidTorqueCurve::NotMonotone { torque: 0.0, max_torque: 2.0 });
-    }
-
-    #[test]
-    fn a_slope_that_only_touches_zero_is_refused() {
-        // Slope 1000 (1 - u)² with u = t²: flat at 1 N·m, rising on both sides of it.
-        let error = TorqueCurve::new([1_000.0, -2_000.0 / 3.0, 200.0], 2.0).unwrap_err();
-        let InvalidTorqueCurve::NotMonotone { torque, .. } = error else { panic!("{error}") };
-        assert!((torque - 1.0).abs() < 1e-6);
-        assert!(TorqueCurve::new([1_000.0, -2_000.0 / 3.0, 200.0], 0.99).is_ok());
-    }
-
-    #[test]
-    fn other_reasons() {
-        use InvalidTorqueCurve::End;
-        use InvalidTorqueCurve::MaxTorque;
-        use InvalidTorqueCurve::NotFinite;
-        assert!(matches!(TorqueCurve::new([1.0, 0.0, 0.0], 0.0), Err(MaxTorque(_))));
-        assert!(matches!(TorqueCurve::new([1.0, 0.0, 0.0], f64::NAN), Err(MaxTorque(_))));
-        assert!(matches!(
-            TorqueCurve::new([1.0, f64::INFINITY, 0.0], 1.0),
-            Err(NotFinite { power: 3, .. })
-        ));
-        assert!(matches!(TorqueCurve::new([40_000.0, 0.0, 0.0], 1.0), Err(End { .. })));
+    fn an_encoder_without_counts_and_a_gear_that_is_none_are_refused() {
         let curve = curve();
         assert!(JointCalibration::new(0, 1.0, 0, curve).is_err());
         assert!(JointCalibration::new(1, 0.0, 0, curve).is_err());
         assert!(JointCalibration::new(1, f64::NAN, 0, curve).is_err());
-    }
-
-    #[test]
-    fn beyond_the_range_the_polynomial_is_not_evaluated() {
-        // 420 t - 55 t³ + 14 t⁵ was fitted up to 3 N·m; at 6 N·m it would give 99,504.
-        let curve = TorqueCurve::new([420.0, -55.0, 14.0], 3.0).unwrap();
-        assert!((curve.at(6.0) - curve.at(3.0)).abs() == 0.0);
     }
 
     #[test]

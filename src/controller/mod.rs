@@ -7,8 +7,9 @@
 //! |---------------------|---------------|----------------------------------------------------|
 //! | [`mod@step`]        | Fig. 3        | one cycle, read from top to bottom                 |
 //! | [`readings`]        |               | how the paper is read where it can be read in several ways |
-//! | [`calibration`]     | 4.2, Fig. 6   | counts to positions, torques to per mille          |
-//! | [`fit`]             | 4.2, Fig. 6   | torque curves from measurements                    |
+//! | [`calibration`]     | 4.2           | counts to positions, torques to per mille          |
+//! | [`torque_curve`]    | Fig. 6        | an odd polynomial that is proven to rise           |
+//! | [`fit`]             | Fig. 6        | such a curve from measurements                     |
 //! | [`coupling`]        | 4.2           | joints and the actuators that move them            |
 //! | [`arm`]             | Eq. 1, 7, 3.3 | kinematics, Jacobian, weight                       |
 //! | [`switches`]        | 4.1           | what the operator permits                          |
@@ -37,6 +38,7 @@ pub mod engagement;
 pub mod fit;
 pub mod gains;
 mod intake;
+mod least_squares;
 pub mod limits;
 pub mod models;
 pub mod orientation;
@@ -52,6 +54,7 @@ pub mod stability;
 pub mod step;
 pub mod switches;
 pub mod tank;
+pub mod torque_curve;
 pub mod velocity;
 pub mod virtual_coupling;
 

@@ -45,13 +45,14 @@ impl<T: Tap> Bench<T> {
     /// Everything `config` says, with an operator who follows `scenario` with the tremor of `seed`.
     /// `tap` is shown every frame. `in_real_time` lets no time pass faster than on the wall.
     pub fn new(config: &Config, scenario: Scenario, seed: u64, in_real_time: bool, tap: T) -> Self {
-        Self::believing(config, config, scenario, seed, in_real_time, tap)
+        Self::in_world_of(config, config, scenario, seed, in_real_time, tap)
     }
 
-    /// The same, but the node believes `config` while the drives are what `truth` says.
-    pub fn believing(
+    /// As [`new`](Self::new), but drives, switch box and arm are those of `world`: what `config` makes
+    /// the node believe of them may be wrong.
+    pub fn in_world_of(
+        world: &Config,
         config: &Config,
-        truth: &Config,
         scenario: Scenario,
         seed: u64,
         in_real_time: bool,
@@ -60,7 +61,7 @@ impl<T: Tap> Bench<T> {
         let requests = scenario.requests().map(|(at, asked)| (at, request(asked)));
         let requests = requests.collect();
         let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
-        let bus = Memory::new(&bitrates, world::build(truth, scenario, seed), tap);
+        let bus = Memory::new(&bitrates, world::build(world, scenario, seed), tap);
         let bus = if in_real_time { bus.in_real_time() } else { bus };
         let node = Node::new(config, bus, VirtualSite::new(config));
         Self { node, requests, bitrates, begun: None }

@@ -18,7 +18,6 @@ use crate::sim::drive::Drive;
 use crate::sim::drive::DriveSettings;
 use crate::sim::plant::Plant;
 use crate::sim::plant::Resistance;
-use crate::sim::rig::RigSettings;
 use crate::sim::scenario::Scenario;
 use crate::sim::switches::SwitchBox;
 use crate::sim::transmission::Transmission;
@@ -75,12 +74,8 @@ pub fn arm(config: &Config) -> Arm {
     Arm::new(ArmSettings { links, x_6_g: config.x_6_g, gravity: Vector3::from(config.gravity) })
 }
 
-/// A calibration rig for one joint, its unknown curve drawn from `seed`.
-pub fn rig(joint: &Joint, seed: u64) -> RigSettings {
-    RigSettings { actuator: actuator(joint), friction: joint.coulomb_friction, seed }
-}
-
-fn actuator(joint: &Joint) -> ActuatorSettings {
+/// Motor, gear and encoder of a joint, as the simulation computes them.
+pub fn actuator(joint: &Joint) -> ActuatorSettings {
     ActuatorSettings {
         counts_per_rev: f64::from(joint.counts_per_rev),
         gear_ratio: joint.gear_ratio,

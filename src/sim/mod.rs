@@ -15,6 +15,7 @@
 //! | [`scenario`] | what the operator does, and when                            |
 //! | [`scene`]    | a wall and a box                                            |
 //! | [`world`]    | all of it, as a station on the buses                        |
+//! | [`rig`]      | one joint against a load cell, to calibrate                 |
 
 pub mod actuator;
 pub mod arm;

@@ -1,9 +1,15 @@
 //! Numbers that look random and are the same again from the same seed.
 
 /// SplitMix64 (Steele et al. 2014).
-pub(super) struct SplitMix(pub(super) u64);
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SplitMix(u64);
 
 impl SplitMix {
+    /// The sequence of one seed.
+    pub(super) const fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
     /// The next number in 0 to 1.
     pub(super) fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
@@ -15,8 +21,22 @@ impl SplitMix {
         f64::from(u32::from_le_bytes([a, b, c, d])) / f64::from(u32::MAX)
     }
 
-    /// The next of a normal distribution of mean 0 and variance 1, near enough: the sum of twelve.
-    pub(super) fn next_normal(&mut self) -> f64 {
+    /// The next number of a bell curve of mean 0 and standard deviation 1: the sum of twelve.
+    pub(super) fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.next()).sum::<f64>() - 6.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bell_curve_has_mean_0_and_deviation_1() {
+        let mut random = SplitMix::new(1);
+        let numbers: Vec<f64> = (0..10_000).map(|_| random.normal()).collect();
+        let mean = numbers.iter().sum::<f64>() / 1e4;
+        let variance = numbers.iter().map(|number| (number - mean).powi(2)).sum::<f64>() / 1e4;
+        assert!(mean.abs() < 0.03 && (variance - 1.0).abs() < 0.05, "{mean} {variance}");
     }
 }

@@ -1,86 +1,137 @@
-//! A calibration rig: one drive whose joint is held against a load cell while its target torque goes
-//! slowly up and down, as a laboratory measures a torque curve (4.2).
+//! One joint against a load cell, driven slowly up and down: what a laboratory measures to calibrate its
+//! torque curve (4.2).
 //!
-//! The drive's own curve is drawn from a seed: nobody knows it but the rig. Friction holds the joint back,
-//! so that what the cell reads differs between rising and falling commands; the cell is noisy.
+//! Not on a bus, and in no hurry: between any two targets the joint comes to rest. The load cell gives
+//! way a little, so the joint follows the motor, and dry friction holds it back:
+//!
+//! ```text
+//!  reading = clamp(reading before, t - c, t + c)    t: the motor's torque, c: the dry friction
+//! ```
 
 use crate::sim::actuator::Actuator;
 use crate::sim::actuator::ActuatorSettings;
 use crate::sim::random::SplitMix;
 
-/// Steps from nothing to the largest command.
-const STEPS: i16 = 20;
-
-/// Standard deviation of the cell, as a part of the largest torque.
+/// How far beyond the joint's largest torque is measured, so that the calibrated range contains it.
+const BEYOND: f64 = 1.05;
+/// How far beyond it the simulated motor goes on.
+const MOTOR: f64 = 1.25;
+/// Readings on the way from one end to the other.
+const STEPS: i16 = 40;
+/// How often from end to end: both ways twice.
+const SWEEPS: i16 = 4;
+/// Noise of the load cell, as a standard deviation, of its largest reading.
 const NOISE: f64 = 0.002;
 
-/// What the rig is made of.
-#[derive(Clone, Copy, Debug)]
-pub struct RigSettings {
-    /// The drive as it is configured; its curve is only where the unknown one begins.
-    pub actuator: ActuatorSettings,
-    /// Dry friction at the joint, in N·m or N.
-    pub friction: f64,
-    /// What the unknown curve and the noise are drawn from.
-    pub seed: u64,
-}
-
-/// One reading.
+/// One reading of the load cell, at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// The target torque, in ‰ of rated torque.
+    /// Whether the joint's torque rose on the way there.
+    pub is_rising: bool,
+    /// What the drive was asked for, in ‰ of rated torque.
     pub per_mille: i16,
-    /// What the cell says, in N·m or N.
+    /// What the load cell reads, in N·m at the joint.
     pub torque: f64,
-    /// Whether the command was rising.
-    pub rising: bool,
 }
 
-/// The drive with its unknown curve, and what was read.
-#[derive(Clone, Debug)]
-pub struct Run {
-    /// c1, c3, c5 of the unknown curve, in ‰ per N·m, N·m³, N·m⁵.
-    pub curve: [f64; 3],
-    /// Up from the largest negative command to the largest positive one, and down again.
-    pub readings: Vec<Reading>,
+/// A joint on its load cell.
+#[derive(Clone, Copy, Debug)]
+pub struct Rig {
+    settings: ActuatorSettings,
+    actuator: Actuator,
+    coulomb: f64,
+    full_scale: f64,
+    random: SplitMix,
+    per_mille: i16,
+    /// What the load cell carries, in N·m.
+    load: f64,
 }
 
-/// Draws the unknown curve and measures it.
-pub fn measure(settings: &RigSettings) -> Run {
-    let mut random = SplitMix(settings.seed);
-    let actuator = unknown(settings.actuator, &mut random);
-    let [c1, c3, c5] = actuator.torque_curve;
-    let max = actuator.max_torque;
-    let largest = max * (c1 + max * max * (c3 + max * max * c5));
-    let mut drive = Actuator::new(actuator);
-    let mut read = |step: i16, rising: bool| {
-        let per_mille = whole(largest * f64::from(step) / f64::from(STEPS));
-        let held_back = if rising { -settings.friction } else { settings.friction };
-        let noise = NOISE * max * random.next_normal();
-        Reading { per_mille, torque: drive.exert(per_mille) + held_back + noise, rising }
-    };
-    let up: Vec<Reading> = (-STEPS..=STEPS).map(|step| read(step, true)).collect();
-    let down = (-STEPS..=STEPS).rev().map(|step| read(step, false));
-    let readings = up.into_iter().chain(down).collect();
-    Run { curve: actuator.torque_curve, readings }
+impl Rig {
+    /// A joint like `settings` with dry friction `coulomb` in N·m, but with a torque curve of its own,
+    /// which the seed decides.
+    pub fn new(settings: ActuatorSettings, coulomb: f64, seed: u64) -> Self {
+        let mut random = SplitMix::new(seed);
+        let settings = ActuatorSettings {
+            torque_curve: unknown(&settings, &mut random),
+            max_torque: MOTOR * settings.max_torque,
+            ..settings
+        };
+        let full_scale = settings.max_torque / MOTOR * BEYOND;
+        let actuator = Actuator::new(settings);
+        Self { settings, actuator, coulomb, full_scale, random, per_mille: 0, load: 0.0 }
+    }
+
+    /// c1, c3, c5 of its curve: what a calibration is to find out.
+    pub const fn torque_curve(&self) -> [f64; 3] {
+        self.settings.torque_curve
+    }
+
+    /// Standard deviation of its load cell's noise, in N·m.
+    pub fn noise(&self) -> f64 {
+        NOISE * self.full_scale
+    }
+
+    /// Drives it to one end, then from end to end and back, twice, with a reading at every step.
+    pub fn measure(mut self) -> Vec<Reading> {
+        let end = self.find_end();
+        let mut readings = Vec::new();
+        for sweep in 0..SWEEPS {
+            let is_rising = sweep % 2 == 1;
+            for step in 1..=STEPS {
+                let part = 2.0 * f64::from(step) / f64::from(STEPS) - 1.0;
+                let part = if is_rising { part } else { -part };
+                let target = whole(part * f64::from(end));
+                self.drive_to(target);
+                let torque = self.load + self.noise() * self.random.normal();
+                readings.push(Reading { is_rising, per_mille: target, torque });
+            }
+        }
+        readings
+    }
+
+    /// Raises the torque until the load cell reads all that is to be measured; the target there.
+    fn find_end(&mut self) -> i16 {
+        let towards = whole(f64::from(i16::MAX) * self.settings.gear_ratio.signum());
+        while self.load < self.full_scale && self.per_mille != towards {
+            self.step_towards(towards);
+        }
+        self.per_mille
+    }
+
+    /// A per mille at a time: slowly.
+    fn drive_to(&mut self, target: i16) {
+        while self.per_mille != target {
+            self.step_towards(target);
+        }
+    }
+
+    fn step_towards(&mut self, target: i16) {
+        self.per_mille = self.per_mille.saturating_add((target > self.per_mille).into());
+        self.per_mille = self.per_mille.saturating_sub((target < self.per_mille).into());
+        let torque = self.actuator.exert(self.per_mille);
+        self.load = self.load.clamp(torque - self.coulomb, torque + self.coulomb);
+    }
 }
 
-/// The same drive with another curve: a slope up to a tenth off, and a bend that a straight line misses.
-fn unknown(configured: ActuatorSettings, random: &mut SplitMix) -> ActuatorSettings {
-    let [c1, c3, c5] = configured.torque_curve;
-    let max = configured.max_torque;
-    let end = c1 + max * max * (c3 + max * max * c5); // per mille per N·m at the end
-    let slope = end * (0.8 + 0.2 * random.next());
-    let bend = end * (-0.15 + 0.1 * random.next());
-    let rest = end * (1.0 + 0.05 * random.next()) - slope - bend;
-    let torque_curve = [slope, bend / (max * max), rest / max.powi(4)];
-    ActuatorSettings { torque_curve, ..configured }
+/// Another curve: odd, 10 to 30 % steeper or flatter at zero than the one in `settings`, and bent
+/// otherwise. With `u = t / max` its slope is `c1 (1 + 3 a u² + 5 b u⁴)`, which is least where
+/// `u² = -3 a / (10 b)`: at least 0.73 c1.
+fn unknown(settings: &ActuatorSettings, random: &mut SplitMix) -> [f64; 3] {
+    let [c1, ..] = settings.torque_curve;
+    let amount = 0.1 + 0.2 * random.next();
+    let c1 = c1 * if random.next() < 0.5 { 1.0 - amount } else { 1.0 + amount };
+    let a = -0.3 + 0.2 * random.next();
+    let b = 0.15 + 0.3 * random.next();
+    let square = settings.max_torque * settings.max_torque;
+    [c1, c1 * a / square, c1 * b / (square * square)]
 }
 
+/// The nearest whole number; the nearest end beyond 16 bits.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,
-    reason = "saturates at the ends of i16; NaN becomes no command"
+    reason = "saturates at the ends of i16"
 )]
 fn whole(value: f64) -> i16 {
     value.round() as i16
@@ -90,43 +141,72 @@ fn whole(value: f64) -> i16 {
 mod tests {
     use super::*;
 
-    fn settings(seed: u64) -> RigSettings {
-        let actuator = ActuatorSettings {
-            counts_per_rev: 16384.0,
-            gear_ratio: -40.0,
+    fn rig(gear_ratio: f64, seed: u64) -> Rig {
+        let settings = ActuatorSettings {
+            counts_per_rev: 16_384.0,
+            gear_ratio,
             zero_counts: 0,
             rated_torque: 0.1765,
-            torque_curve: [133.0, -0.4, 0.02],
+            torque_curve: [133.144, -0.393_453, 0.019_672_6],
             max_torque: 6.0,
         };
-        RigSettings { actuator, friction: 0.06, seed }
+        Rig::new(settings, 0.06, seed)
     }
 
     #[test]
-    fn every_seed_draws_a_curve_that_rises() {
-        for seed in 0..500 {
-            let [c1, c3, c5] = measure(&settings(seed)).curve;
-            for step in 0..=600 {
-                let t = f64::from(step) / 100.0;
-                let slope = c1 + t * t * (3.0 * c3 + t * t * 5.0 * c5);
-                assert!(slope > 0.0, "seed {seed}: {slope} at {t} N·m");
+    fn one_seed_measures_the_same_and_another_another_curve() {
+        assert_eq!(rig(40.0, 3).measure(), rig(40.0, 3).measure());
+        assert_ne!(rig(40.0, 3).measure(), rig(40.0, 4).measure());
+    }
+
+    #[test]
+    fn every_unknown_curve_rises_as_far_as_the_motor_goes() {
+        for seed in 0..1_000 {
+            let [c1, c3, c5] = rig(40.0, seed).torque_curve();
+            for step in 0..=100 {
+                let s = (7.5 * f64::from(step) / 100.0_f64).powi(2);
+                assert!(c1 + 3.0 * c3 * s + 5.0 * c5 * s * s > 0.729 * c1, "seed {seed}");
             }
         }
     }
 
     #[test]
-    fn the_same_seed_reads_the_same_and_another_does_not() {
-        let readings = |seed| measure(&settings(seed)).readings;
-        assert_eq!(readings(7), readings(7));
-        assert_ne!(readings(7), readings(8));
+    fn every_reading_is_within_friction_and_noise_of_the_curve() {
+        for gear_ratio in [40.0, -40.0] {
+            let rig = rig(gear_ratio, 5);
+            let [c1, c3, c5] = rig.torque_curve();
+            for reading in rig.measure() {
+                let mut motor = rig.actuator;
+                let torque = motor.exert(reading.per_mille);
+                let back = c1 * torque + c3 * torque.powi(3) + c5 * torque.powi(5);
+                assert!((back * gear_ratio.signum() - f64::from(reading.per_mille)).abs() < 1e-6);
+                assert!((reading.torque - torque).abs() < 0.06 + 6.0 * rig.noise());
+            }
+        }
     }
 
     #[test]
-    fn a_motor_that_turns_against_the_joint_pushes_it_back() {
-        let readings = measure(&settings(1)).readings;
-        assert_eq!(readings.len(), 82);
-        let against = readings.iter().filter(|reading| reading.per_mille.abs() > 100);
-        assert!(against.clone().count() > 50);
-        assert!(against.into_iter().all(|r| f64::from(r.per_mille) * r.torque < 0.0));
+    fn driven_up_less_is_read_than_driven_down() {
+        let readings = rig(40.0, 1).measure();
+        let mean = |is_rising: bool| {
+            let of = readings.iter().filter(|reading| reading.is_rising == is_rising);
+            of.map(|reading| reading.torque).sum::<f64>() / 80.0
+        };
+        // Over a sweep that begins at the end of the other: less a step's 1/40 of the range.
+        let shift = mean(false) - mean(true) + 2.0 * 6.3 / 40.0;
+        assert!((shift - 0.12).abs() < 0.02, "{shift}");
+    }
+
+    #[test]
+    fn the_range_is_measured_to_its_ends_both_ways() {
+        for seed in 0..20 {
+            let readings = rig(-40.0, seed).measure();
+            for is_rising in [true, false] {
+                let torques = readings.iter().filter(|r| r.is_rising == is_rising);
+                let torques: Vec<f64> = torques.map(|reading| reading.torque).collect();
+                assert!(torques.iter().copied().fold(0.0, f64::max) > 5.8);
+                assert!(torques.iter().copied().fold(0.0, f64::min) < -5.8);
+            }
+        }
     }
 }

@@ -28,7 +28,7 @@ struct Wave {
 impl Tremor {
     /// The tremor of one seed.
     pub fn new(seed: u64) -> Self {
-        let mut random = SplitMix(seed);
+        let mut random = SplitMix::new(seed);
         let mut waves = [[Wave::default(); WAVES]; 3];
         for wave in waves.as_flattened_mut() {
             *wave = Wave { frequency: 6.0 + 6.0 * random.next(), phase: TAU * random.next() };

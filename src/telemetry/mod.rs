@@ -1,8 +1,11 @@
 //! Records and changes, out of the loop: what the cycle leaves behind for people and files.
 
 pub mod candump;
+mod chart;
 pub mod contact;
+pub mod digits;
 pub mod record;
 pub mod session;
 pub mod status;
 pub mod summary;
+pub mod torque_plot;

@@ -1,0 +1,90 @@
+//! `frhc calib check`: the torque curves of a configuration, as its loading has proven them.
+
+use crate::cli::calib::Check;
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::cli::exit::OrFail;
+use crate::cli::print;
+use crate::config::Config;
+use crate::config::Joint;
+use crate::controller::arm::JointKind;
+use crate::telemetry::digits::significant;
+
+/// One curve, in numbers.
+struct Finding<'a> {
+    joint: &'a str,
+    /// N·m, or N where the joint slides.
+    unit: &'static str,
+    max_torque: f64,
+    /// In ‰ per unit, and where.
+    least_slope: (f64, f64),
+    /// The torque of one step near zero.
+    resolution: f64,
+    /// What its end asks for: 6072h.
+    max_target: i16,
+}
+
+/// Loads the configuration, which refuses curves that do not rise, and prints what they come to.
+pub(super) fn run(args: &Check) -> Result<(), Failure> {
+    let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
+    let findings = config.joints.iter().map(Finding::of);
+    if args.json {
+        let joints: Vec<_> = findings.map(|finding| finding.json()).collect();
+        print::line(&serde_json::json!({ "ok": true, "joints": joints }).to_string());
+    } else {
+        print::line(&format!("{}: every torque curve rises", args.config.config.display()));
+        findings.for_each(|finding| print::line(&finding.line()));
+    }
+    Ok(())
+}
+
+impl<'a> Finding<'a> {
+    fn of(joint: &'a Joint) -> Self {
+        let curve = joint.calibration.curve();
+        Self {
+            joint: &joint.name,
+            unit: match joint.link.kind {
+                JointKind::Revolute => "N·m",
+                JointKind::Prismatic => "N",
+            },
+            max_torque: curve.max_torque(),
+            least_slope: curve.least_slope(),
+            resolution: joint.calibration.resolution(),
+            max_target: joint.calibration.max_target().0,
+        }
+    }
+
+    /// How many times the largest target fits into 6071h, which has 16 bits.
+    fn margin(&self) -> f64 {
+        f64::from(i16::MAX) / f64::from(self.max_target)
+    }
+
+    fn line(&self) -> String {
+        let (unit, (slope, at)) = (self.unit, self.least_slope);
+        format!(
+            "joint {:16} up to ±{} {unit}, slope at least {} ‰/{unit} (at {at:.2} {unit}), {:.4} {unit} a \
+             step, 6072h {} ‰, 16 bits hold {:.0} times that",
+            self.joint,
+            self.max_torque,
+            significant(slope, 5),
+            self.resolution,
+            self.max_target,
+            self.margin(),
+        )
+    }
+
+    fn json(&self) -> serde_json::Value {
+        let (slope, at) = self.least_slope;
+        serde_json::json!({
+            "joint": self.joint,
+            "monotone": true,
+            "unit": self.unit,
+            "max_torque": self.max_torque,
+            "least_slope_per_mille": slope,
+            "least_slope_at": at,
+            "resolution": self.resolution,
+            "max_target_per_mille": self.max_target,
+            "i16_margin": self.margin(),
+        })
+    }
+}

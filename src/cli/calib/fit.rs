@@ -1,0 +1,178 @@
+//! `frhc calib fit`: a file of measurements to torque curves, and what is left of them: a report, a
+//! fragment of a configuration, pictures.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::Context;
+
+use crate::cli::calib::Fit;
+use crate::cli::calib::fragment;
+use crate::cli::calib::report;
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::cli::exit::OrFail;
+use crate::cli::print;
+use crate::config::Config;
+use crate::config::Joint;
+use crate::config::torque_data::Measured;
+use crate::config::torque_data::TorqueData;
+use crate::controller::calibration::TorqueCurve;
+use crate::controller::fit;
+use crate::controller::fit::Calibrated;
+use crate::controller::fit::Sample;
+use crate::telemetry::torque_plot::TorquePlot;
+
+/// A file of measurements and what it came to.
+pub(super) struct Session<'a> {
+    /// The file's name, without its folder.
+    pub(super) file: String,
+    pub(super) data: &'a TorqueData,
+    pub(super) joints: Vec<Fitted<'a>>,
+}
+
+/// What one joint's measurements came to.
+pub(super) struct Fitted<'a> {
+    /// Its name, the configuration's if there is one.
+    pub(super) joint: String,
+    pub(super) samples: &'a [Sample],
+    /// The curve, or why there is none.
+    pub(super) outcome: Result<Accepted, String>,
+}
+
+/// A curve that can be used.
+pub(super) struct Accepted {
+    pub(super) fit: Calibrated,
+    /// With as many digits as are written, and proven to rise once more.
+    pub(super) curve: TorqueCurve,
+    /// How far the samples are from the curve of the configuration, in ‰ RMS.
+    pub(super) before: Option<f64>,
+    /// The straight line to compare with: what it is, and its slope in ‰ per N·m.
+    line: (&'static str, f64),
+}
+
+/// Fits, reports, writes.
+pub(super) fn run(args: &Fit) -> Result<(), Failure> {
+    let data = TorqueData::load(&args.data).or_fail(Kind::Configuration)?;
+    let config = args.config.as_deref().map(Config::load).transpose();
+    let config = config.or_fail(Kind::Configuration)?;
+    let name = args.data.file_name().unwrap_or(args.data.as_os_str());
+    let session = Session {
+        file: name.to_string_lossy().into_owned(),
+        data: &data,
+        joints: fit_all(&data, config.as_ref(), args.joint.as_deref())?,
+    };
+    if args.json {
+        print::line(&report::json(&session).to_string());
+    } else {
+        print::line(&report::text(&session));
+    }
+    if let Some(folder) = &args.out {
+        write(folder, &session)?;
+    }
+    verdict(&session)
+}
+
+/// Fits every joint of the data, or the one that is wanted.
+fn fit_all<'a>(
+    data: &'a TorqueData,
+    config: Option<&Config>,
+    wanted: Option<&str>,
+) -> Result<Vec<Fitted<'a>>, Failure> {
+    let wanted = wanted.map(|name| called(config, name, Kind::Usage)).transpose()?;
+    let mut joints: Vec<Fitted<'a>> = Vec::new();
+    for Measured { joint, samples } in &data.joints {
+        let (name, joint) = called(config, joint, Kind::Configuration)?;
+        if joints.iter().any(|other| other.joint == name) {
+            let reason = format_args!("joint {name} is written in two ways, by name and by number");
+            return Err(Failure::new(Kind::Configuration, reason));
+        }
+        if wanted.as_ref().is_none_or(|(wanted, _)| *wanted == name) {
+            joints.push(Fitted { joint: name, samples, outcome: accept(samples, joint) });
+        }
+    }
+    match wanted {
+        Some((name, _)) if joints.is_empty() => {
+            Err(Failure::new(Kind::Usage, format_args!("nothing was measured of joint {name}")))
+        }
+        Some(_) | None => Ok(joints),
+    }
+}
+
+/// A joint of the configuration by its name or number, and what it is called; without one, as written.
+fn called<'c>(
+    config: Option<&'c Config>,
+    written: &str,
+    kind: Kind,
+) -> Result<(String, Option<&'c Joint>), Failure> {
+    let Some(config) = config else { return Ok((written.to_owned(), None)) };
+    let joint = config.joint(written).ok_or_else(|| {
+        let file = config.file.display();
+        Failure::new(kind, format_args!("{file}: no joint {written}"))
+    })?;
+    Ok((joint.name.clone(), Some(joint)))
+}
+
+/// The curve of `samples`, if it is one that `joint` can use.
+fn accept(samples: &[Sample], joint: Option<&Joint>) -> Result<Accepted, String> {
+    let fit = Calibrated::fit(samples).map_err(|error| error.to_string())?;
+    let curve = fragment::written(&fit.curve).map_err(|error| error.to_string())?;
+    if let Some(joint) = joint.filter(|joint| (joint.gear_ratio < 0.0) != fit.is_reversed) {
+        let motor = if fit.is_reversed { "against" } else { "with" };
+        let gear_ratio = joint.gear_ratio;
+        return Err(format!("the motor turns {motor} the joint, but gear_ratio is {gear_ratio}"));
+    }
+    let [slope] = fit.line.coefficients;
+    let line = joint.map_or(("best straight line", slope), |joint| {
+        // What the manufacturers of motor and gear promise: 1000 ‰ at their product.
+        ("manufacturer (rated × gear)", 1e3 / (joint.rated_torque * joint.gear_ratio.abs()))
+    });
+    let before = joint.and_then(|joint| fit::distance(samples, joint.calibration.curve()));
+    Ok(Accepted { fit, curve, before, line })
+}
+
+/// Leaves the fragment and the pictures in `folder`.
+fn write(folder: &Path, session: &Session<'_>) -> Result<(), Failure> {
+    let save = |name: &str, text: &str| {
+        let path = folder.join(name);
+        let saved = fs::write(&path, text).with_context(|| path.display().to_string());
+        saved.or_fail(Kind::Usage)
+    };
+    fs::create_dir_all(folder)
+        .with_context(|| folder.display().to_string())
+        .or_fail(Kind::Usage)?;
+    save("torque_curves.toml", &fragment::text(session))?;
+    for Fitted { joint, samples, outcome } in &session.joints {
+        let Ok(Accepted { fit, line, .. }) = outcome else { continue };
+        let plot = TorquePlot {
+            joint,
+            provenance: &report::origin(session, samples),
+            unit: report::unit(session),
+            samples,
+            calibrated: fit,
+            line: *line,
+        };
+        save(&format!("{}.svg", file_name(joint)), &plot.svg())?;
+    }
+    Ok(())
+}
+
+/// A joint's name without what a file's name cannot have.
+fn file_name(joint: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || c == '-';
+    joint.chars().map(|c| if is_plain(c) { c } else { '_' }).collect()
+}
+
+/// Negative if a joint has no curve.
+fn verdict(session: &Session<'_>) -> Result<(), Failure> {
+    let rejected = session.joints.iter().filter_map(|fitted| {
+        let reason = fitted.outcome.as_ref().err()?;
+        Some(format!("{}: joint {}: {reason}", session.file, fitted.joint))
+    });
+    let rejected: Vec<String> = rejected.collect();
+    if rejected.is_empty() {
+        Ok(())
+    } else {
+        Err(Failure::new(Kind::Negative, rejected.join("\n")))
+    }
+}

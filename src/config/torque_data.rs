@@ -1,0 +1,347 @@
+//! Measured joint torques as a text file, one reading a line (4.2): what a torque curve is fitted to.
+//!
+//! ```text
+//! # load cell 20 N on a lever arm of 300 mm, 2026-03-02        lines that say where it comes from
+//! joint,direction,per_mille,torque_nm                          names of the columns, in any order
+//! azimuth,up,120,0.883
+//! ```
+//!
+//! | column      | what                                                                         |
+//! |-------------|------------------------------------------------------------------------------|
+//! | `joint`     | its name or its number                                                       |
+//! | `direction` | which way it was driven: `up` or `+1` when its torque rose, `down` or `-1`   |
+//! | `per_mille` | the target torque (6071h), a whole number                                    |
+//! | `torque_nm` | what was measured at the joint, in N·m; `force_n` in N for sliding joints    |
+//! | `date`      | when, if wanted; kept as it is                                               |
+
+use std::fmt;
+use std::path::Path;
+use std::path::PathBuf;
+
+use crate::config::files;
+use crate::config::problem::Invalid;
+use crate::config::problem::Problem;
+use crate::controller::fit::Direction;
+use crate::controller::fit::Sample;
+
+/// Problems that are told; a file that is wrong all over is told so by its first lines.
+const TOLD: usize = 20;
+
+/// The readings of one file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TorqueData {
+    /// Its comment lines.
+    pub provenance: Vec<String>,
+    /// Every date in it, once, in order of appearance.
+    pub dates: Vec<String>,
+    /// Whether forces of sliding joints were measured, in N, not torques in N·m.
+    pub is_force: bool,
+    /// Every joint in it, in order of appearance.
+    pub joints: Vec<Measured>,
+}
+
+/// The readings of one joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measured {
+    /// Its name or number, as it is written.
+    pub joint: String,
+    /// At least one.
+    pub samples: Vec<Sample>,
+}
+
+impl TorqueData {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// What is wrong with it, by line and column; the first 20 problems.
+    pub fn load(file: &Path) -> Result<Self, Invalid> {
+        let alone = |reason: String| {
+            let file = file.to_path_buf();
+            Invalid(vec![Problem { file, line: None, key: String::new(), reason }])
+        };
+        let bytes = files::read(file).map_err(|error| alone(error.to_string()))?;
+        let text = String::from_utf8(bytes).map_err(|error| alone(error.to_string()))?;
+        Self::parse(file, &text)
+    }
+
+    /// Reads `text`, which stands in `file`.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
+        let mut reader = Reader { file: file.to_path_buf(), line: 0, problems: Vec::new() };
+        let mut data = Self::default();
+        let mut header: Option<Vec<Column>> = None;
+        for line in text.trim_start_matches('\u{feff}').lines() {
+            reader.line += 1;
+            if reader.problems.len() >= TOLD {
+                reader.problem("", "more is wrong; the rest was not read");
+                break;
+            }
+            if line.contains(|c: char| c.is_control() && c != '\t') {
+                reader.problem("", "a control character");
+            } else if let Some(comment) = line.trim_start().strip_prefix('#') {
+                data.provenance.push(comment.trim().to_owned());
+            } else if line.trim().is_empty() {
+                // A blank line says nothing.
+            } else if let Some(columns) = &header {
+                data.add(reader.row(columns, line));
+            } else {
+                let Some(columns) = reader.header(line) else { break };
+                data.is_force = columns.contains(&Column::Force);
+                header = Some(columns);
+            }
+        }
+        reader.line = 0;
+        if reader.problems.is_empty() && data.joints.is_empty() {
+            reader.problem("", "no reading in it");
+        }
+        if reader.problems.is_empty() { Ok(data) } else { Err(Invalid(reader.problems)) }
+    }
+
+    fn add(&mut self, row: Option<Row>) {
+        let Some(Row { joint, date, sample }) = row else { return };
+        if let Some(date) = date.filter(|date| !self.dates.contains(date)) {
+            self.dates.push(date);
+        }
+        match self.joints.iter_mut().find(|measured| measured.joint == joint) {
+            Some(measured) => measured.samples.push(sample),
+            None => self.joints.push(Measured { joint, samples: vec![sample] }),
+        }
+    }
+}
+
+/// As [`TorqueData::parse`] reads it; dates are left out.
+impl fmt::Display for TorqueData {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for comment in &self.provenance {
+            writeln!(f, "# {comment}")?;
+        }
+        let measured = if self.is_force { Column::Force } else { Column::Torque };
+        let columns = [Column::Joint, Column::Direction, Column::PerMille, measured];
+        writeln!(f, "{}", columns.map(Column::name).join(","))?;
+        for Measured { joint, samples } in &self.joints {
+            for Sample { torque, per_mille, direction } in samples {
+                writeln!(f, "{joint},{direction},{per_mille},{torque:.5}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a column is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Column {
+    Joint,
+    Direction,
+    PerMille,
+    Torque,
+    Force,
+    Date,
+}
+
+impl Column {
+    const ALL: [Self; 6] =
+        [Self::Joint, Self::Direction, Self::PerMille, Self::Torque, Self::Force, Self::Date];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Joint => "joint",
+            Self::Direction => "direction",
+            Self::PerMille => "per_mille",
+            Self::Torque => "torque_nm",
+            Self::Force => "force_n",
+            Self::Date => "date",
+        }
+    }
+}
+
+/// One reading.
+struct Row {
+    joint: String,
+    date: Option<String>,
+    sample: Sample,
+}
+
+/// Reads lines and notes what is wrong with them.
+struct Reader {
+    file: PathBuf,
+    /// The line at hand, from 1; 0 for the file as a whole.
+    line: usize,
+    problems: Vec<Problem>,
+}
+
+impl Reader {
+    fn problem(&mut self, column: &str, reason: impl fmt::Display) {
+        self.problems.push(Problem {
+            file: self.file.clone(),
+            line: (self.line > 0).then_some(self.line),
+            key: column.to_owned(),
+            reason: reason.to_string(),
+        });
+    }
+
+    /// The columns; `None` if they are not those of readings.
+    fn header(&mut self, line: &str) -> Option<Vec<Column>> {
+        let before = self.problems.len();
+        let mut columns = Vec::new();
+        for name in line.split(',').map(str::trim) {
+            match Column::ALL.into_iter().find(|column| column.name() == name) {
+                Some(column) if columns.contains(&column) => {
+                    self.problem(name, "stands there twice");
+                }
+                Some(column) => columns.push(column),
+                None => self.problem(name, "unknown column; columns are separated by commas"),
+            }
+        }
+        for needed in [Column::Joint, Column::Direction, Column::PerMille] {
+            if !columns.contains(&needed) {
+                self.problem(needed.name(), "this column is missing");
+            }
+        }
+        if columns.contains(&Column::Torque) == columns.contains(&Column::Force) {
+            self.problem("", "either a column `torque_nm` or a column `force_n` is needed");
+        }
+        (self.problems.len() == before).then_some(columns)
+    }
+
+    fn row(&mut self, columns: &[Column], line: &str) -> Option<Row> {
+        let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+        if fields.len() != columns.len() {
+            let (found, wanted) = (fields.len(), columns.len());
+            self.problem("", format_args!("{found} fields, and the columns are {wanted}"));
+            return None;
+        }
+        let (mut joint, mut date) = (None, None);
+        let (mut direction, mut per_mille, mut torque) = (None, None, None);
+        for (column, field) in columns.iter().zip(fields) {
+            match column {
+                Column::Joint => joint = self.joint(field),
+                Column::Direction => direction = self.direction(field),
+                Column::PerMille => per_mille = self.per_mille(field),
+                Column::Torque | Column::Force => torque = self.torque(*column, field),
+                Column::Date => date = (!field.is_empty()).then(|| field.to_owned()),
+            }
+        }
+        let sample = Sample { torque: torque?, per_mille: per_mille?, direction: direction? };
+        Some(Row { joint: joint?, date, sample })
+    }
+
+    fn joint(&mut self, field: &str) -> Option<String> {
+        if field.is_empty() {
+            self.problem(Column::Joint.name(), "no name");
+        }
+        (!field.is_empty()).then(|| field.to_owned())
+    }
+
+    fn direction(&mut self, field: &str) -> Option<Direction> {
+        match field {
+            "up" | "+1" | "1" => Some(Direction::Up),
+            "down" | "-1" => Some(Direction::Down),
+            other => {
+                let reason = format_args!("`{other}` is none of up, +1, down, -1");
+                self.problem(Column::Direction.name(), reason);
+                None
+            }
+        }
+    }
+
+    fn per_mille(&mut self, field: &str) -> Option<f64> {
+        let whole = field.parse::<i16>();
+        if whole.is_err() {
+            let reason = format_args!("`{field}` is no whole number within -32768 and 32767");
+            self.problem(Column::PerMille.name(), reason);
+        }
+        whole.ok().map(f64::from)
+    }
+
+    fn torque(&mut self, column: Column, field: &str) -> Option<f64> {
+        let number = field.parse::<f64>().ok().filter(|number| number.is_finite());
+        if number.is_none() {
+            self.problem(column.name(), format_args!("`{field}` is no finite number"));
+        }
+        number
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn parse(text: &str) -> Result<TorqueData, String> {
+        TorqueData::parse(Path::new("a.csv"), text).map_err(|invalid| invalid.to_string())
+    }
+
+    #[test]
+    fn a_file_as_spreadsheets_write_it_is_read() {
+        let text = "\u{feff}# load cell 20 N\r\n\r\ndate,joint,per_mille,direction,force_n\r\n\
+            2026-03-02,grip,-120,-1,-0.5\r\n, 7 ,130,up,+0.75\r\n2026-03-02,grip,1,+1,1e-2\r\n";
+        let data = parse(text).unwrap();
+        assert_eq!(data.provenance, ["load cell 20 N"]);
+        assert_eq!(data.dates, ["2026-03-02"]);
+        assert!(data.is_force);
+        let joints: Vec<&str> = data.joints.iter().map(|joint| joint.joint.as_str()).collect();
+        assert_eq!(joints, ["grip", "7"]);
+        assert_eq!(
+            data.joints[0].samples[0],
+            Sample { torque: -0.5, per_mille: -120.0, direction: Direction::Down }
+        );
+        assert_eq!(data.joints[0].samples.len(), 2);
+    }
+
+    #[test]
+    fn every_problem_names_its_line_and_column_and_all_are_told() {
+        let text = "joint,direction,per_mille,torque_nm\n,up,1,1\na,left,1.5,inf\na,up,1\n";
+        assert_eq!(
+            parse(text).unwrap_err(),
+            "a.csv:2: joint: no name\n\
+             a.csv:3: direction: `left` is none of up, +1, down, -1\n\
+             a.csv:3: per_mille: `1.5` is no whole number within -32768 and 32767\n\
+             a.csv:3: torque_nm: `inf` is no finite number\n\
+             a.csv:4: 3 fields, and the columns are 4"
+        );
+    }
+
+    #[test]
+    fn a_header_must_name_what_is_needed_once() {
+        let error = parse("# x\njoint;direction;per_mille;torque_nm\na;up;1;1\n").unwrap_err();
+        assert!(error.contains("a.csv:2: joint;direction;per_mille;torque_nm: unknown column"));
+        assert!(error.contains("a.csv:2: joint: this column is missing"));
+        let both = parse("joint,direction,per_mille,torque_nm,force_n\n").unwrap_err();
+        assert!(both.contains("either"), "{both}");
+        let twice = parse("joint,joint,direction,per_mille,torque_nm\n").unwrap_err();
+        assert_eq!(twice, "a.csv:1: joint: stands there twice");
+    }
+
+    #[test]
+    fn a_file_without_readings_or_wrong_all_over_is_told_in_few_lines() {
+        assert_eq!(parse("").unwrap_err(), "a.csv: no reading in it");
+        let text = format!("joint,direction,per_mille,torque_nm\n{}", "a,up,1,x\n".repeat(999));
+        assert_eq!(parse(&text).unwrap_err().lines().count(), TOLD + 1);
+        assert!(parse("joint,direction,per_mille,torque_nm\na\u{7},up,1,1\n").is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read_again(
+            readings in prop::collection::vec((0..3_u8, any::<i16>(), -9.0..9.0_f64, any::<bool>()), 1..50)
+        ) {
+            let mut data = TorqueData { provenance: vec!["from, a # test".into()], ..TorqueData::default() };
+            for (joint, per_mille, torque, is_up) in readings {
+                let direction = if is_up { Direction::Up } else { Direction::Down };
+                let torque = (torque * 1e5).round() / 1e5;
+                let sample = Sample { torque, per_mille: per_mille.into(), direction };
+                data.add(Some(Row { joint: format!("j{joint}"), date: None, sample }));
+            }
+            prop_assert_eq!(parse(&data.to_string()), Ok(data));
+        }
+
+        #[test]
+        fn any_text_gives_readings_or_a_reason(text in "(joint,direction,per_mille,torque_nm\n)?[a-z0-9,.#\n\r-]{0,80}") {
+            if let Ok(data) = parse(&text) {
+                prop_assert!(!data.joints.is_empty());
+            }
+        }
+    }
+}

@@ -147,7 +147,7 @@ fn the_curves_of_a_configuration_are_checked() {
     assert_eq!(check.code, 0, "{}", check.stderr);
     let report: serde_json::Value = serde_json::from_str(&check.stdout).unwrap();
     assert_eq!(report["joints"].as_array().unwrap().len(), 6);
-    assert!(report["joints"][0]["least_slope_per_mille_per_nm"].as_f64().unwrap() > 100.0);
+    assert!(report["joints"][0]["least_slope_per_mille"].as_f64().unwrap() > 100.0);
     let text = fs::read_to_string(CONFIG)
         .unwrap()
         .replace("../eds/", concat!(env!("CARGO_MANIFEST_DIR"), "/eds/"));

@@ -8,6 +8,7 @@ use clap::Subcommand;
 use clap::ValueEnum;
 
 use crate::cli::calib::Calib;
+use crate::cli::configured::Configured;
 use crate::cli::explain::Explain;
 use crate::cli::rig::Calibrate;
 
@@ -57,14 +58,6 @@ pub(super) enum Command {
     Explain(Box<Explain>),
     /// Torque curves from measurements, and those of a configuration.
     Calib(Calib),
-}
-
-/// Where the configuration is.
-#[derive(Debug, Args)]
-pub(super) struct Configured {
-    /// The configuration.
-    #[arg(short, long, value_name = "FILE")]
-    pub(super) config: PathBuf,
 }
 
 /// Overriding interfaces.

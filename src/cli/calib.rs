@@ -4,13 +4,14 @@ mod check;
 mod fit;
 mod fragment;
 mod report;
+mod session;
 
 use std::path::PathBuf;
 
 use clap::Args;
 use clap::Subcommand;
 
-use crate::cli::args::Configured;
+use crate::cli::configured::Configured;
 use crate::cli::exit::Failure;
 
 /// `frhc calib`.

@@ -3,6 +3,7 @@
 mod args;
 mod calib;
 mod check;
+mod configured;
 mod console;
 mod ctl;
 mod demo;

@@ -7,6 +7,9 @@ use std::path::Component;
 use std::path::Path;
 use std::path::PathBuf;
 
+use crate::config::problem::Invalid;
+use crate::config::problem::Problem;
+
 /// The files of `config/` and `eds/`, as they were when the program was built.
 const SHIPPED: &[(&str, &[u8])] = &[
     ("config/kraft_like.toml", include_bytes!("../../config/kraft_like.toml")),
@@ -48,6 +51,19 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
         }
         Err(error) => Err(error),
     }
+}
+
+/// The same as text.
+///
+/// # Errors
+/// As [`read`], in the words of a configuration.
+pub(super) fn text(file: &Path) -> Result<String, Invalid> {
+    let alone = |reason: String| {
+        let file = file.to_path_buf();
+        Invalid(vec![Problem { file, line: None, key: String::new(), reason }])
+    };
+    let bytes = read(file).map_err(|error| alone(error.to_string()))?;
+    String::from_utf8(bytes).map_err(|error| alone(error.to_string()))
 }
 
 /// `name` as written in `file`, seen from that file's folder; `..` is resolved in the name alone.

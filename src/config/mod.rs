@@ -100,13 +100,7 @@ impl Config {
     /// # Errors
     /// Everything that is wrong with it.
     pub fn load(file: &Path) -> Result<Self, Invalid> {
-        let alone = |reason: String| {
-            let file = file.to_path_buf();
-            Invalid(vec![Problem { file, line: None, key: String::new(), reason }])
-        };
-        let bytes = files::read(file).map_err(|error| alone(error.to_string()))?;
-        let text = String::from_utf8(bytes).map_err(|error| alone(error.to_string()))?;
-        Self::parse(file, &text)
+        Self::parse(file, &files::text(file)?)
     }
 
     /// Checks `text`, which stands in `file`; names of other files are seen from there.

@@ -55,13 +55,7 @@ impl TorqueData {
     /// # Errors
     /// What is wrong with it, by line and column; the first 20 problems.
     pub fn load(file: &Path) -> Result<Self, Invalid> {
-        let alone = |reason: String| {
-            let file = file.to_path_buf();
-            Invalid(vec![Problem { file, line: None, key: String::new(), reason }])
-        };
-        let bytes = files::read(file).map_err(|error| alone(error.to_string()))?;
-        let text = String::from_utf8(bytes).map_err(|error| alone(error.to_string()))?;
-        Self::parse(file, &text)
+        Self::parse(file, &files::text(file)?)
     }
 
     /// Reads `text`, which stands in `file`.

@@ -9,6 +9,9 @@ use anyhow::Context;
 use crate::cli::calib::Fit;
 use crate::cli::calib::fragment;
 use crate::cli::calib::report;
+use crate::cli::calib::session::Accepted;
+use crate::cli::calib::session::Fitted;
+use crate::cli::calib::session::Session;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
@@ -17,39 +20,10 @@ use crate::config::Config;
 use crate::config::Joint;
 use crate::config::torque_data::Measured;
 use crate::config::torque_data::TorqueData;
-use crate::controller::calibration::TorqueCurve;
 use crate::controller::fit;
 use crate::controller::fit::Calibrated;
 use crate::controller::fit::Sample;
 use crate::telemetry::torque_plot::TorquePlot;
-
-/// A file of measurements and what it came to.
-pub(super) struct Session<'a> {
-    /// The file's name, without its folder.
-    pub(super) file: String,
-    pub(super) data: &'a TorqueData,
-    pub(super) joints: Vec<Fitted<'a>>,
-}
-
-/// What one joint's measurements came to.
-pub(super) struct Fitted<'a> {
-    /// Its name, the configuration's if there is one.
-    pub(super) joint: String,
-    pub(super) samples: &'a [Sample],
-    /// The curve, or why there is none.
-    pub(super) outcome: Result<Accepted, String>,
-}
-
-/// A curve that can be used.
-pub(super) struct Accepted {
-    pub(super) fit: Calibrated,
-    /// With as many digits as are written, and proven to rise once more.
-    pub(super) curve: TorqueCurve,
-    /// How far the samples are from the curve of the configuration, in ‰ RMS.
-    pub(super) before: Option<f64>,
-    /// The straight line to compare with: what it is, and its slope in ‰ per N·m.
-    line: (&'static str, f64),
-}
 
 /// Fits, reports, writes.
 pub(super) fn run(args: &Fit) -> Result<(), Failure> {

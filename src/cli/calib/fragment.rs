@@ -1,9 +1,9 @@
 //! `torque_curves.toml`: the keys of every joint that a calibration replaces, and where they come from.
 
-use crate::cli::calib::fit::Accepted;
-use crate::cli::calib::fit::Fitted;
-use crate::cli::calib::fit::Session;
 use crate::cli::calib::report;
+use crate::cli::calib::session::Accepted;
+use crate::cli::calib::session::Fitted;
+use crate::cli::calib::session::Session;
 use crate::controller::calibration::InvalidTorqueCurve;
 use crate::controller::calibration::TorqueCurve;
 use crate::telemetry::digits::significant;

@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-use crate::cli::calib::fit::Accepted;
-use crate::cli::calib::fit::Fitted;
-use crate::cli::calib::fit::Session;
+use crate::cli::calib::session::Accepted;
+use crate::cli::calib::session::Fitted;
+use crate::cli::calib::session::Session;
 use crate::controller::fit::Calibrated;
 use crate::controller::fit::Polynomial;
 use crate::controller::fit::Residuals;

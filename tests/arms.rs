@@ -6,6 +6,7 @@ mod common;
 
 use std::path::Path;
 
+use common::oracle;
 use frhc::config::Config;
 use frhc::controller::calibration::Counts;
 use frhc::controller::calibration::PerMille;
@@ -116,6 +117,60 @@ fn coupled_counts_and_torques_go_there_and_back() {
     assert!((back - SVector::from([0.5, -2.0, 1.1, 0.2, -0.1, 0.05])).norm() < 0.02);
     assert_ne!(targets, [PerMille(0); 6]);
     assert_ne!(calibration.counts(&q), [Counts(0); 6]);
+}
+
+#[test]
+fn shipped_arms_are_those_of_the_oracles() {
+    for name in ["kraft_like", "jpl_like", "sixr_spherical"] {
+        let (ours, reference) = (config(&format!("{name}.toml")).controller.arm, oracle::arm(name));
+        for case in oracle::list(&oracle::oracle(&format!("{name}.json"))["configs"]) {
+            let q = oracle::joints(&case["q"]);
+            let (posture, expected) = (ours.posture(&q), reference.posture(&q));
+            oracle::assert_same_pose(name, &posture.x_0_g, &expected.x_0_g);
+            let mass = [ours.mass_matrix(&posture), reference.mass_matrix(&expected)];
+            oracle::assert_near(name, mass[0].as_slice(), mass[1].as_slice());
+            let down = [0.0, 0.0, -9.81];
+            let weight = ours.in_gravity(down).unwrap().gravity(&posture);
+            oracle::assert_near(name, weight.as_slice(), reference.gravity(&expected).as_slice());
+        }
+    }
+}
+
+/// Whether the arm stays where the hand leaves it; the last record.
+fn stays_where_it_is_left(config: &Config) -> Record {
+    let let_go = "seconds = 4\n[[console]]\nat_s = 0.3\nrequest = \"arm\"\n\
+        [[hold]]\nat_s = 1.8\nholding = false\n";
+    let mut bench = Bench::new(config, Scenario::parse(let_go).unwrap(), 1, false, ());
+    bench.bring_up().unwrap();
+    bench.run(1_900);
+    let left = *bench.world_mut().plant().q();
+    bench.run(2_000);
+    let record = bench.cycle();
+    let q = *bench.world_mut().plant().q();
+    assert!((q - left).amax() < 2e-3, "it sank from {left} to {q}");
+    assert_eq!(record.mode, Mode::Armed);
+    record
+}
+
+#[test]
+fn an_arm_stays_where_it_is_left() {
+    stays_where_it_is_left(&config("sixr_spherical.toml"));
+    stays_where_it_is_left(&coupled());
+}
+
+#[test]
+fn a_balanced_arm_stays_where_it_is_left_without_torque() {
+    assert_eq!(stays_where_it_is_left(&config("jpl_like.toml")).targets, [0; 6]);
+}
+
+#[test]
+fn hand_and_object_start_turned_alike() {
+    for name in ["kraft_like.toml", "jpl_like.toml", "sixr_spherical.toml"] {
+        let config = config(name);
+        let x_0_g = config.controller.arm.forward(&world::start(&config));
+        let angle = x_0_g.rotation.angle_to(&config.remote.x_b_m.rotation);
+        assert!(angle < 1e-5, "{name}: {angle} rad apart");
+    }
 }
 
 #[test]

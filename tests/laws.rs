@@ -340,14 +340,17 @@ proptest! {
     fn without_the_deadman_only_weight_is_carried_and_nothing_commanded(
         path in prop::collection::vec((joints(), switches(), wrench(50.0)), 1..20), mode in mode()
     ) {
-        let mut bench = Bench::new(&settings(), mode);
-        for (q, switches, f_s) in path {
-            bench.input.switches = switches;
-            bench.input.f_s = f_s;
-            let output = bench.at(q);
-            if !switches.deadman {
-                prop_assert_eq!(output.command, Motion::Hold);
-                prop_assert_eq!(output.tau, output.ledger.gravity);
+        let unslewed = Beyond { slew: None, ..everything().beyond };
+        for settings in [settings(), Settings { beyond: unslewed, ..everything() }] {
+            let mut bench = Bench::new(&settings, mode);
+            for (q, switches, f_s) in &path {
+                bench.input.switches = *switches;
+                bench.input.f_s = *f_s;
+                let output = bench.at(*q);
+                if !switches.deadman {
+                    prop_assert_eq!(output.command, Motion::Hold);
+                    prop_assert_eq!(output.tau, output.ledger.gravity);
+                }
             }
         }
     }

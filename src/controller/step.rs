@@ -116,7 +116,7 @@ impl Controller {
             gravity: self.gravity(&posture, &j_g) * given.gravity_share, // 3.3
             centring: j_g.torques(&f_g_centring) * fade,
             damping: j_g.torques(&f_g_damping) * fade,
-            passivity: j_g.torques(&port.f_g_passivity),
+            passivity: j_g.torques(&permitted(pressed.task, port.f_g_passivity)),
             soft_stops: self.soft_stops(&pressed, &q, &qd),
             share: given.reflection_share,
             ..Ledger::nothing()

@@ -55,8 +55,6 @@ pub struct Config {
     pub buses: Vec<BusSettings>,
     /// The joints, base first.
     pub joints: [Joint; 6],
-    /// What couples joints and actuators, if anything does: C row by row, and offsets in rad or m.
-    pub coupling: Option<([[f64; 6]; 6], [f64; 6])>,
     /// Pose of the grip in the last link.
     pub x_6_g: Isometry3<f64>,
     /// Gravity in {0}, in m/s².
@@ -211,7 +209,6 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
         socket: raw.node.socket.as_ref().map(PathBuf::from),
         buses,
         joints: joints?,
-        coupling: raw.coupling.as_ref().map(|given| (given.matrix, given.offset_rad_or_m)),
         x_6_g,
         gravity,
         switches: switches?,

@@ -50,7 +50,7 @@ pub struct Link {
     pub centre_of_mass: [f64; 3],
     /// Inertia about the centre of mass, in kg·m²: xx, yy, zz, xy, xz, yz.
     pub inertia: [f64; 6],
-    /// Inertia of the rotor, seen at the joint, in kg·m² (kg where it slides).
+    /// Inertia of the rotor, seen after its gear, in kg·m² (kg where it slides).
     pub rotor_inertia: f64,
     /// Lowest and highest position of the joint, in rad or m.
     pub range: [f64; 2],

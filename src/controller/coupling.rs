@@ -55,6 +55,16 @@ impl<const N: usize> Coupling<N> {
         }
     }
 
+    /// C.
+    pub const fn matrix(&self) -> &SMatrix<f64, N, N> {
+        &self.matrix
+    }
+
+    /// The joints' positions when all actuators are at zero, in rad or m.
+    pub const fn offset(&self) -> &SVector<f64, N> {
+        &self.offset
+    }
+
     /// Joint positions of actuator positions, in rad or m.
     pub fn joints(&self, m: &SVector<f64, N>) -> SVector<f64, N> {
         self.matrix * m + self.offset

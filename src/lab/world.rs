@@ -46,11 +46,7 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
         range: joint.link.range,
     });
     let plant = Plant::new(arm(config), resistance, start(config));
-    let world = World::new(drives, switches, plant, scenario, seed);
-    match config.coupling {
-        Some((rows, offset)) => world.coupled(Transmission::new(rows, offset)),
-        None => world,
-    }
+    World::new(drives, switches, plant, scenario, seed).coupled(transmission(config))
 }
 
 /// Where the arm is at the start, in rad or m.
@@ -71,7 +67,14 @@ pub fn arm(config: &Config) -> Arm {
         inertia: inertia(joint.link.inertia),
         rotor_inertia: joint.link.rotor_inertia,
     });
-    Arm::new(ArmSettings { links, x_6_g: config.x_6_g, gravity: Vector3::from(config.gravity) })
+    let gravity = Vector3::from(config.gravity);
+    Arm::new(ArmSettings { links, x_6_g: config.x_6_g, gravity })
+        .driven_through(&transmission(config))
+}
+
+fn transmission(config: &Config) -> Transmission {
+    let coupling = config.controller.calibration.coupling();
+    Transmission::new(coupling.matrix(), *coupling.offset())
 }
 
 /// Motor, gear and encoder of a joint, as the simulation computes them.

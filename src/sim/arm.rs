@@ -14,6 +14,7 @@ use nalgebra::Translation3;
 use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 
+use crate::sim::transmission::Transmission;
 use crate::spatial::Jacobian;
 use crate::spatial::Twist;
 use crate::spatial::Wrench;
@@ -40,7 +41,7 @@ pub struct LinkSettings {
     pub centre_of_mass: Vector3<f64>,
     /// About the centre of mass, in kg·m².
     pub inertia: Matrix3<f64>,
-    /// Of the rotor, seen at the joint, in kg·m² (kg for a sliding joint).
+    /// Of the actuator's rotor, seen after its gear, in kg·m² (kg for a sliding joint).
     pub rotor_inertia: f64,
 }
 
@@ -64,6 +65,8 @@ pub struct Arm {
     links: [Link; 6],
     x_6_g: IsometryMatrix3<f64>,
     gravity: Vector3<f64>,
+    /// What the rotors add to the mass matrix.
+    rotors: JointMatrix,
 }
 
 /// Where each link is, seen from the one before.
@@ -77,7 +80,16 @@ impl Arm {
             links: settings.links.map(Link::new),
             x_6_g: nalgebra::convert(settings.x_6_g),
             gravity: settings.gravity,
+            rotors: JointMatrix::from_diagonal(&Joints::from(
+                settings.links.map(|link| link.rotor_inertia),
+            )),
         }
+    }
+
+    /// The same arm behind a linkage, which its rotors turn with: asked of an arm once.
+    #[must_use]
+    pub fn driven_through(self, transmission: &Transmission) -> Self {
+        Self { rotors: transmission.joint_inertia(&self.rotors), ..self }
     }
 
     /// Where each link is at joint positions `q`, in rad or m.
@@ -174,7 +186,7 @@ impl Arm {
             outboard = composite.carried_in(step);
         }
         mass.fill_lower_triangle_with_upper_triangle();
-        mass + JointMatrix::from_diagonal(&Joints::from(self.links.map(|link| link.rotor_inertia)))
+        mass + self.rotors
     }
 
     /// The accelerations that torques `tau` and a wrench on the grip, at {G} in {G}, give.
@@ -201,7 +213,6 @@ struct Link {
     d: f64,
     theta: f64,
     body: Body,
-    rotor_inertia: f64,
 }
 
 impl Link {
@@ -217,7 +228,6 @@ impl Link {
             d: settings.d,
             theta: settings.theta,
             body: about_centre.carried_in(&centre),
-            rotor_inertia: settings.rotor_inertia,
         }
     }
 

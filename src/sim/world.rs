@@ -146,13 +146,13 @@ impl<M: Motor, I: Inputs> World<M, I> {
 
     /// What the drives exert on the joints.
     fn torques(&self) -> Joints {
-        self.transmission.joints(&Joints::from(self.drives.each_ref().map(Motor::torque)))
+        self.transmission.joint_torques(&Joints::from(self.drives.each_ref().map(Motor::torque)))
     }
 
     /// Shows every encoder its motor.
     fn show(&mut self) {
-        let m = self.transmission.motors(self.plant.q());
-        let md = self.transmission.rates(self.plant.qd());
+        let m = self.transmission.positions(self.plant.q());
+        let md = self.transmission.velocities(self.plant.qd());
         for (drive, (m, md)) in self.drives.iter_mut().zip(m.iter().zip(md.iter())) {
             drive.set_motion(*m, *md);
         }

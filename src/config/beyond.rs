@@ -12,11 +12,11 @@ use crate::controller::gains::Gains;
 use crate::controller::limits::Slew;
 use crate::controller::passivity::Passivity;
 use crate::controller::passivity::PassivitySettings;
+use crate::controller::period::Period;
 use crate::controller::soft_stops::SoftStops;
 use crate::controller::tank::Tank;
 use crate::controller::tank::TankSettings;
 use crate::controller::velocity::Filter;
-use crate::controller::velocity::Period;
 use crate::controller::virtual_coupling::VirtualCoupling;
 
 /// Every part that is asked for; one that cannot be is noted.

@@ -17,9 +17,9 @@ use crate::controller::channels::Channels;
 use crate::controller::command::CommandLaw;
 use crate::controller::gains::Gains;
 use crate::controller::limits::AssistFraction;
+use crate::controller::period::Period;
 use crate::controller::reflection::Reflection;
 use crate::controller::switches::Mode;
-use crate::controller::velocity::Period;
 
 /// What a displacement of the hand means at the start.
 pub(super) fn mode(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Mode> {

@@ -3,9 +3,10 @@
 use crate::config::problem::Problems;
 use crate::config::raw;
 use crate::controller::orientation::Orientation;
-use crate::controller::readings::Axes;
 use crate::controller::readings::Centring;
 use crate::controller::readings::Difference;
+use crate::controller::readings::Displaced;
+use crate::controller::readings::Felt;
 use crate::controller::readings::Readings;
 use crate::controller::readings::Scaling;
 use crate::controller::readings::Weight;
@@ -26,7 +27,7 @@ pub(super) fn readings(given: &raw::Controller, problems: &mut Problems<'_>) -> 
         ),
         displacement: choice.of(
             ("displacement", &over.displacement, preset.displacement),
-            &[("reference", Axes::Reference), ("base", Axes::Base)],
+            &[("reference", Displaced::InReference), ("base", Displaced::InBase)],
         ),
         centring: choice.of(
             ("centring", &over.centring, preset.centring),
@@ -51,7 +52,7 @@ pub(super) fn readings(given: &raw::Controller, problems: &mut Problems<'_>) -> 
         latches: over.latch_on_deadman.unwrap_or(preset.latches),
         task: choice.of(
             ("task_wrench", &over.task_wrench, preset.task),
-            &[("grip", Axes::Grip), ("reference", Axes::Reference)],
+            &[("grip", Felt::InGrip), ("reference", Felt::InReference)],
         ),
     };
     (!choice.is_wrong).then_some(readings)

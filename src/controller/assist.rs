@@ -11,9 +11,9 @@ use thiserror::Error;
 use crate::controller::channels::Channels;
 use crate::controller::gains::Gains;
 use crate::controller::orientation::Orientation;
+use crate::controller::period::Period;
 use crate::controller::readings::Difference;
 use crate::controller::reference::Displacement;
-use crate::controller::velocity::Period;
 use crate::spatial::Twist;
 use crate::spatial::Wrench;
 

@@ -10,7 +10,7 @@ use nalgebra::Isometry3;
 use crate::controller::channels::Channels;
 use crate::controller::gains::Gains;
 use crate::controller::orientation::Orientation;
-use crate::controller::readings::Axes;
+use crate::controller::readings::Displaced;
 use crate::controller::readings::Readings;
 use crate::controller::reference::Displacement;
 use crate::controller::reference::Reference;
@@ -116,7 +116,7 @@ impl CommandLaw {
             readings.orientation.rotation(&enlarged.orientation),
         );
         let mut x_b_d = reference.x_b_r * x_r_d;
-        if readings.displacement == Axes::Base {
+        if readings.displacement == Displaced::InBase {
             x_b_d.translation.vector = reference.x_b_r.translation.vector + enlarged.translation;
         }
         x_b_d

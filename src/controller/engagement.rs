@@ -6,7 +6,7 @@
 
 use thiserror::Error;
 
-use crate::controller::velocity::Period;
+use crate::controller::period::Period;
 use crate::spatial::Wrench;
 
 /// So many cycles in a row the wrench must be small.

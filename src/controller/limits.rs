@@ -8,8 +8,8 @@
 use nalgebra::SVector;
 use thiserror::Error;
 
+use crate::controller::period::Period;
 use crate::controller::readings::Scaling;
-use crate::controller::velocity::Period;
 
 /// The share of each joint's capacity that the assist may take, 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -44,6 +44,7 @@ pub mod models;
 pub mod orientation;
 mod output;
 pub mod passivity;
+pub mod period;
 pub mod port;
 pub mod readings;
 pub mod reference;

@@ -6,9 +6,9 @@
 
 use crate::controller::JointVector;
 use crate::controller::passivity::Passivity;
+use crate::controller::period::Period;
 use crate::controller::tank::Tank;
 use crate::controller::velocity::Moving;
-use crate::controller::velocity::Period;
 use crate::spatial::Twist;
 use crate::spatial::Wrench;
 

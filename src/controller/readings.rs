@@ -4,28 +4,35 @@
 //! | reading          | decision | `consistent`                    | `paper1997`, and what it does wrong        |
 //! |------------------|----------|---------------------------------|--------------------------------------------|
 //! | [`Orientation`]  | 4        | Euler angles, held beyond 80°   | the same; the rotation vector is the other choice, held beyond 170° |
-//! | [`Axes`] of ΔX   | 2        | those of the reference {G0}     | those of the base: one six-vector has two frames, and the command turns with the base |
+//! | [`Displaced`]    | 2        | those of the reference {G0}     | those of the base: one six-vector has two frames, and the command turns with the base |
 //! | [`Centring`]     | 2, 15    | conjugate to ΔX, turned to {G}  | components of ΔX taken for a wrench at {G}: a hand turned by half a turn is pushed away |
 //! | [`Weight`]       | 12       | each link on its own joints     | all links as one wrench at the grip: every joint but the first also carries what lies before it |
 //! | [`Scaling`]      | 13, 22   | gravity is never scaled         | gravity is part of the assist and scaled with it: the arm sags when the hand moves fast |
 //! | [`Difference`]   | 19       | twist of the grip, in SI        | ΔX less the last ΔX: grows with the sample rate, and takes Euler angles for a rotation |
 //! | `latches`        | 29       | closing the deadman latches     | the same; switched off, a pose command jumps to where the hand points |
-//! | [`Axes`] of F_T  | 30       | those of the grip               | the same                                   |
+//! | [`Felt`]         | 30       | those of the grip               | the same                                   |
 //!
 //! The odd reading of Eq. 8 (decision 14) is common to both: as printed, its first line pushes a hand
 //! on the negative side away without bound, and nobody should be able to choose that.
 
 use crate::controller::orientation::Orientation;
 
-/// Along which axes something is written.
+/// Along which axes the translation of ΔX is written (Eq. 2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Axes {
+pub enum Displaced {
     /// Those of the base {0}.
-    Base,
+    InBase,
     /// Those of the reference {G0}.
-    Reference,
+    InReference,
+}
+
+/// Along which axes the task wrench is felt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Felt {
     /// Those of the grip {G}.
-    Grip,
+    InGrip,
+    /// Those of the reference {G0}.
+    InReference,
 }
 
 /// How the return to centre becomes a wrench (Eq. 8).
@@ -71,8 +78,8 @@ pub enum Difference {
 pub struct Readings {
     /// How an orientation is written as three numbers.
     pub orientation: Orientation,
-    /// Along which axes the translation of ΔX is written: [`Axes::Reference`] or [`Axes::Base`].
-    pub displacement: Axes,
+    /// Along which axes the translation of ΔX is written.
+    pub displacement: Displaced,
     /// How the return to centre becomes a wrench.
     pub centring: Centring,
     /// What carries the arm.
@@ -83,32 +90,32 @@ pub struct Readings {
     pub damping: Difference,
     /// Whether closing the deadman in pose mode sets the reference.
     pub latches: bool,
-    /// Along which axes the task wrench is felt: [`Axes::Grip`] or [`Axes::Reference`].
-    pub task: Axes,
+    /// Along which axes the task wrench is felt.
+    pub task: Felt,
 }
 
 impl Readings {
     /// Frames, work and weight agree with each other. The default.
     pub const CONSISTENT: Self = Self {
         orientation: Orientation::EulerZyx,
-        displacement: Axes::Reference,
+        displacement: Displaced::InReference,
         centring: Centring::Conjugate,
         weight: Weight::PerLink,
         scaling: Scaling::GravityExempt,
         damping: Difference::Twist,
         latches: true,
-        task: Axes::Grip,
+        task: Felt::InGrip,
     };
 
     /// The equations as they are printed, for comparison.
     pub const PAPER_1997: Self = Self {
         orientation: Orientation::EulerZyx,
-        displacement: Axes::Base,
+        displacement: Displaced::InBase,
         centring: Centring::Components,
         weight: Weight::AtGrip,
         scaling: Scaling::AssistWithGravity,
         damping: Difference::Components,
         latches: true,
-        task: Axes::Grip,
+        task: Felt::InGrip,
     };
 }

@@ -9,7 +9,7 @@ use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 
 use crate::controller::orientation::Orientation;
-use crate::controller::readings::Axes;
+use crate::controller::readings::Displaced;
 use crate::controller::readings::Readings;
 use crate::controller::switches::Pressed;
 
@@ -97,11 +97,15 @@ impl Reference {
     }
 
     /// From the axes that the translation of ΔX is written along to those of the grip at `x_0_g`.
-    pub fn turn_to_grip(&self, axes: Axes, x_0_g: &Isometry3<f64>) -> UnitQuaternion<f64> {
-        match axes {
-            Axes::Base => x_0_g.rotation.inverse(),
-            Axes::Reference => x_0_g.rotation.inverse() * self.x_0_h.rotation,
-            Axes::Grip => UnitQuaternion::identity(),
+    pub fn turn_to_grip(
+        &self,
+        displaced: Displaced,
+        x_0_g: &Isometry3<f64>,
+    ) -> UnitQuaternion<f64> {
+        let r_g_0 = x_0_g.rotation.inverse();
+        match displaced {
+            Displaced::InBase => r_g_0,
+            Displaced::InReference => r_g_0 * self.x_0_h.rotation,
         }
     }
 
@@ -109,8 +113,8 @@ impl Reference {
     pub fn dx(&self, readings: &Readings, x_h_g: &Isometry3<f64>) -> Displacement {
         let dx = Displacement::between(x_h_g, readings.orientation);
         match readings.displacement {
-            Axes::Reference | Axes::Grip => dx,
-            Axes::Base => dx.along(&self.x_0_h.rotation),
+            Displaced::InReference => dx,
+            Displaced::InBase => dx.along(&self.x_0_h.rotation),
         }
     }
 

@@ -10,12 +10,12 @@ use crate::controller::gains::Gains;
 use crate::controller::limits::AssistFraction;
 use crate::controller::limits::Slew;
 use crate::controller::passivity::Passivity;
+use crate::controller::period::Period;
 use crate::controller::readings::Readings;
 use crate::controller::reflection::Reflection;
 use crate::controller::soft_stops::SoftStops;
 use crate::controller::tank::Tank;
 use crate::controller::velocity::Filter;
-use crate::controller::velocity::Period;
 use crate::controller::virtual_coupling::VirtualCoupling;
 
 /// Everything the law is made of; each part cannot be wrong.

@@ -2,6 +2,7 @@
 
 use nalgebra::Isometry3;
 
+use crate::controller::Beyond;
 use crate::controller::Fault;
 use crate::controller::Input;
 use crate::controller::JointVector;
@@ -18,6 +19,7 @@ use crate::controller::limits::Limited;
 use crate::controller::limits::Limits;
 use crate::controller::port::Port;
 use crate::controller::readings::Centring;
+use crate::controller::readings::Felt;
 use crate::controller::readings::Weight;
 use crate::controller::reference::Displacement;
 use crate::controller::reference::Reference;
@@ -34,6 +36,8 @@ use crate::spatial::Wrench;
 #[derive(Clone, Copy, Debug)]
 pub struct Controller {
     settings: Settings,
+    /// The layers beside the paper's law, with what they remember.
+    layers: Beyond,
     limits: Limits<6>,
     panel: Panel,
     reference: Reference,
@@ -55,6 +59,7 @@ impl Controller {
         let Settings { readings, period, calibration, assist_fraction, beyond, .. } = *settings;
         Self {
             settings: *settings,
+            layers: beyond,
             limits: Limits::new(calibration.max_torques(), assist_fraction, readings.scaling),
             panel: Panel::new(Mode::Rate, readings.latches),
             reference: Reference::none(),
@@ -99,7 +104,7 @@ impl Controller {
         let command = law.motion(&readings, input.mode, gate, &reference, &dx_db); // Eq. 5, 3.5
 
         let f_m_task = self.task(&given, &command); // Eq. 6
-        let f_g_felt = self.felt(&f_m_task, &x_0_g); // K_T
+        let f_g_felt = self.felt(&f_m_task, &x_h_g); // K_T
         let begun = self.begun(&pressed, &f_g_felt);
         let port = self.port.pass(&qd, &moving, &(f_g_felt * begun));
         let f_g_task = port.f_g_task;
@@ -157,7 +162,7 @@ impl Controller {
     /// The wrench at {MRF}: what the sensor reads there (Eq. 6), or what ties the hand to the object.
     fn task(&mut self, given: &Trusted, command: &Motion) -> Wrench {
         let f_m_sensed = self.settings.reflection.at_object(&given.f_s);
-        let Some(coupling) = &mut self.settings.beyond.virtual_coupling else { return f_m_sensed };
+        let Some(coupling) = &mut self.layers.virtual_coupling else { return f_m_sensed };
         match command {
             Motion::Pose(x_b_d) => coupling.wrench(Some(x_b_d), &given.x_b_m),
             Motion::Rate(_) | Motion::Hold => {
@@ -168,14 +173,17 @@ impl Controller {
     }
 
     /// What the hand is to feel of it, at {G}, along the axes the reading says (decision 30).
-    fn felt(&self, f_m_task: &Wrench, x_0_g: &Isometry3<f64>) -> Wrench {
-        let f_g = self.settings.reflection.at_grip(f_m_task);
-        f_g.turned(&self.reference.turn_to_grip(self.settings.readings.task, x_0_g))
+    fn felt(&self, f_m_task: &Wrench, x_h_g: &Isometry3<f64>) -> Wrench {
+        let f = self.settings.reflection.at_grip(f_m_task);
+        match self.settings.readings.task {
+            Felt::InGrip => f,
+            Felt::InReference => f.turned(&x_h_g.rotation.inverse()),
+        }
     }
 
     /// How much of what is felt has begun to be, 0 to 1.
     fn begun(&mut self, pressed: &Pressed, f_g_felt: &Wrench) -> f64 {
-        match &mut self.settings.beyond.engagement {
+        match &mut self.layers.engagement {
             Some(engagement) => engagement.share(pressed.task, f_g_felt),
             None if pressed.task => 1.0,
             None => 0.0,
@@ -190,10 +198,10 @@ impl Controller {
         x_0_g: &Isometry3<f64>,
         dx: &Displacement,
     ) -> Wrench {
-        let Settings { readings, channels, beyond, .. } = &self.settings;
+        let Settings { readings, channels, .. } = &self.settings;
         let channels = match mode {
             Mode::Rate if pressed.centring => *channels,
-            Mode::Pose if beyond.walls_in_pose => channels.walls_only(),
+            Mode::Pose if self.layers.walls_in_pose => channels.walls_only(),
             Mode::Rate | Mode::Pose => return Wrench::ZERO,
         };
         match readings.centring {
@@ -207,7 +215,7 @@ impl Controller {
 
     /// What the task leaves of the assist, 0 to 1 (decision 23).
     fn fade(&self, f_g_task: &Wrench) -> f64 {
-        self.settings.beyond.contact_fade.map_or(1.0, |fade| fade.share(f_g_task))
+        self.layers.contact_fade.map_or(1.0, |fade| fade.share(f_g_task))
     }
 
     /// What carries the arm (decision 12).
@@ -221,7 +229,7 @@ impl Controller {
 
     /// What turns joints back before their ends, while the operator is there.
     fn soft_stops(&self, pressed: &Pressed, q: &JointVector, qd: &JointVector) -> JointVector {
-        let stops = self.settings.beyond.soft_stops.filter(|_| pressed.commands);
+        let stops = self.layers.soft_stops.filter(|_| pressed.commands);
         stops.map_or_else(JointVector::zeros, |stops| stops.torques(q, qd))
     }
 
@@ -236,7 +244,7 @@ impl Controller {
         };
         let limited = self.limits.combine(&torques, asked.share);
         let Limited { assist_scale, rest_scale, limiting_joint, is_broken, .. } = limited;
-        let (tau_a, slewing_joint) = match &mut self.settings.beyond.slew {
+        let (tau_a, slewing_joint) = match &mut self.layers.slew {
             Some(slew) if is_broken => slew.drop_to_zero(),
             Some(slew) => slew.limit(&limited.tau),
             None => (limited.tau, None),

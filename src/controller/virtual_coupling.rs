@@ -7,7 +7,7 @@
 use nalgebra::Isometry3;
 
 use crate::controller::gains::Gains;
-use crate::controller::velocity::Period;
+use crate::controller::period::Period;
 use crate::spatial::Twist;
 use crate::spatial::Wrench;
 

@@ -1,7 +1,7 @@
 //! One cycle of the controller, every intermediate of Fig. 3 by name, with unit, frame and equation.
 //!
-//! Nothing is computed twice: the values are those of the very step that the loop runs. The cycles
-//! before it are those that lead there: reference set, deadman held, a cycle ago.
+//! The values are those of the very step that the loop runs; only the command of the other mode is asked
+//! for besides. The cycles before it are those that lead there: reference set, deadman held, a cycle ago.
 
 use nalgebra::Isometry3;
 use nalgebra::Vector3;
@@ -12,7 +12,7 @@ use crate::controller::Input;
 use crate::controller::JointVector;
 use crate::controller::Output;
 use crate::controller::calibration::PerMille;
-use crate::controller::readings::Axes;
+use crate::controller::readings::Displaced;
 use crate::controller::readings::Readings;
 use crate::controller::reference::Displacement;
 use crate::controller::switches::Mode;
@@ -27,7 +27,7 @@ use crate::spatial::Wrench;
 use crate::spatial::rotation;
 
 /// So long the hand rests where it was a cycle ago, in s, until every ramp is over.
-const SETTLING: f64 = 2.0;
+const SETTLING: f64 = 10.0;
 
 /// A value of Fig. 3.
 #[derive(Clone, Debug, PartialEq)]
@@ -201,8 +201,8 @@ fn torques(output: &Output) -> Vec<Entry> {
 /// Where the translation of ΔX is written.
 const fn axes(readings: &Readings) -> &'static str {
     match readings.displacement {
-        Axes::Base => "0",
-        Axes::Reference | Axes::Grip => "h",
+        Displaced::InBase => "0",
+        Displaced::InReference => "h",
     }
 }
 
@@ -264,12 +264,8 @@ impl From<&Isometry3<f64>> for Value {
 
 impl From<&Jacobian<6>> for Value {
     fn from(j_g: &Jacobian<6>) -> Self {
-        let mut rows = [[0.0; 6]; 6];
-        let written = j_g.linear.row_iter().chain(j_g.angular.row_iter());
-        for (row, from) in rows.iter_mut().zip(written) {
-            *row = from.into_owned().into();
-        }
-        Self::Matrix(rows)
+        // An array of arrays holds columns.
+        Self::Matrix(j_g.matrix().transpose().into())
     }
 }
 

@@ -18,10 +18,10 @@ use crate::controller::calibration::TorqueCurve;
 use crate::controller::channels::Channels;
 use crate::controller::gains::Gains;
 use crate::controller::limits::AssistFraction;
+use crate::controller::period::Period;
 use crate::controller::readings::Readings;
 use crate::controller::reflection::Reflection;
 use crate::controller::switches::Mode;
-use crate::controller::velocity::Period;
 use crate::spatial::Wrench;
 
 /// A pose as its 4 × 4 matrix, row by row.
@@ -226,7 +226,7 @@ impl Question {
             let line = named("max_torque", line)?;
             named("max_torque", JointCalibration::new(1_000, 1.0, 0, line))
         });
-        Ok(Calibration::new([a?, b?, c?, d?, e?, f?]))
+        Ok(Calibration::new([a?, b?, c?, d?, e?, f?]).coupled(*kept.coupling()))
     }
 }
 

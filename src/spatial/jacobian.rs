@@ -29,6 +29,14 @@ impl<const N: usize> Jacobian<N> {
         Self { linear, angular }
     }
 
+    /// Translations above rotations, a column for each joint.
+    pub fn matrix(&self) -> SMatrix<f64, 6, N> {
+        let mut matrix = SMatrix::<f64, 6, N>::zeros();
+        matrix.fixed_rows_mut::<3>(0).copy_from(&self.linear);
+        matrix.fixed_rows_mut::<3>(3).copy_from(&self.angular);
+        matrix
+    }
+
     /// The twist that joint rates `qd` give.
     pub fn twist(&self, qd: &SVector<f64, N>) -> Twist {
         Twist { linear: self.linear * qd, angular: self.angular * qd }

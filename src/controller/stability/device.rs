@@ -4,12 +4,10 @@
 //! Not what the law adds to it. Each number is what one axis shows while nothing acts on the others, at
 //! one posture `q`; it differs from posture to posture.
 
-use nalgebra::SMatrix;
 use thiserror::Error;
 
 use crate::controller::JointVector;
 use crate::controller::arm::Arm;
-use crate::spatial::Jacobian;
 
 /// A Jacobian's entry this small moves nothing, in m or rad per rad.
 const NOTHING: f64 = 1e-9;
@@ -58,7 +56,7 @@ impl Device {
     ) -> Result<[Self; 6], Massless> {
         let posture = arm.posture(q);
         let mass = arm.mass_matrix(&posture).cholesky().ok_or(Massless)?;
-        let j_g = rows(&arm.jacobian(&posture));
+        let j_g = arm.jacobian(&posture).matrix();
         let inverse = j_g.try_inverse();
         Ok(std::array::from_fn(|axis| {
             let moved_by = JointVector::from(j_g.row(axis).transpose());
@@ -94,14 +92,6 @@ impl Device {
 /// What dry friction takes from joints at rates `qd`, in W.
 fn dry_power(qd: &JointVector, joints: &[JointResistance; 6]) -> f64 {
     qd.iter().zip(joints).map(|(rate, joint)| rate.abs() * joint.coulomb).sum()
-}
-
-/// Translations above rotations.
-fn rows(j_g: &Jacobian<6>) -> SMatrix<f64, 6, 6> {
-    let mut rows = SMatrix::<f64, 6, 6>::zeros();
-    rows.fixed_rows_mut::<3>(0).copy_from(&j_g.linear);
-    rows.fixed_rows_mut::<3>(3).copy_from(&j_g.angular);
-    rows
 }
 
 #[cfg(test)]

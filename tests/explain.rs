@@ -4,6 +4,7 @@
 mod common;
 
 use std::io::Write;
+use std::path::Path;
 use std::process::Command;
 use std::process::Output;
 use std::process::Stdio;
@@ -135,6 +136,25 @@ fn flags_say_the_same_as_a_question() {
     let by_question = explain(&["--json", "-"], &question.to_string());
     assert!(by_flags.status.success() && !by_flags.stdout.is_empty());
     assert_eq!(by_flags.stdout, by_question.stdout);
+}
+
+#[test]
+fn other_capacities_leave_the_coupling_as_it_is() {
+    let root = env!("CARGO_MANIFEST_DIR");
+    let coupling = "[coupling]\nmatrix = [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], \
+        [0, -1, 1, 0, 0, 0], [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]\n\n[switches]";
+    let text = include_str!("../config/kraft_like.toml")
+        .replace("../eds", &format!("{root}/eds"))
+        .replacen("[switches]", coupling, 1);
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("coupled.toml");
+    std::fs::write(&file, text).unwrap();
+    let question =
+        serde_json::json!({ "q": [0.0, -0.8, 1.6, -0.7, 0.0, 0.0], "max_torque": [10.0; 6] });
+    let answer = answer(&["--json", "--config", file.to_str().unwrap(), "-"], &question);
+    let (tau, targets) = (flat(&answer["tau"]["value"]), flat(&answer["targets"]["value"]));
+    // The shoulder's motor also carries what the elbow's takes from it.
+    assert!((targets[1] - 100.0 * (tau[1] - tau[2])).abs() <= 0.5, "{targets:?} for {tau:?}");
+    assert!((targets[2] - 100.0 * tau[2]).abs() <= 0.5 && tau[2].abs() > 1.0);
 }
 
 #[test]

@@ -606,15 +606,8 @@ fn a_hand_turned_past_80_degrees_is_unheard_until_it_has_been_back() {
     settings.arm = {
         let links = [JointKind::Prismatic; 5].map(|kind| Link {
             kind,
-            alpha: 0.0,
-            a: 0.0,
-            d: 0.0,
-            theta: 0.0,
-            mass: 0.0,
-            centre_of_mass: [0.0; 3],
-            inertia: [0.0; 6],
-            rotor_inertia: 0.0,
             range: [-1.0, 1.0],
+            ..Link::TURNING
         });
         let [a, b, c, d, e] = links;
         let alpha = -std::f64::consts::FRAC_PI_2; // its z axis is y of {0}

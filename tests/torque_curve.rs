@@ -31,7 +31,6 @@ use frhc::sim::rig::Rig;
 use frhc::spatial::Jacobian;
 use frhc::spatial::Wrench;
 use frhc::telemetry::record::Mode;
-use nalgebra::SMatrix;
 use nalgebra::SVector;
 
 const CONFIG: &str = "config/kraft_like.toml";
@@ -104,10 +103,7 @@ fn distortion(world: &Config, believed: &Config) -> Distortion {
 
 /// The wrench at the grip that joint torques exert: `Jᵀ f_g = tau`.
 fn wrench_of(j_g: &Jacobian<6>, tau: &SVector<f64, 6>) -> Wrench {
-    let mut transposed = SMatrix::<f64, 6, 6>::zeros();
-    transposed.fixed_columns_mut::<3>(0).copy_from(&j_g.linear.transpose());
-    transposed.fixed_columns_mut::<3>(3).copy_from(&j_g.angular.transpose());
-    Wrench::from_components(transposed.lu().solve(tau).unwrap().into())
+    Wrench::from_components(j_g.matrix().transpose().lu().solve(tau).unwrap().into())
 }
 
 /// What a laboratory finds of a joint whose curve is the rig's secret, and the secret.

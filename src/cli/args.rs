@@ -48,7 +48,7 @@ pub(super) enum Command {
     /// Talks to a running node over its Unix socket.
     #[command(after_help = "Example:\n  frhc ctl arm && frhc ctl status --json")]
     Ctl(Ctl),
-    /// Checks configuration, EDS files, calibration and bus load; touches no bus.
+    /// Checks configuration, EDS files, calibration, bus load and gains; touches no bus.
     #[command(after_help = "Example:\n  frhc check --config config/kraft_like.toml")]
     Check(Check),
     /// One cycle of the controller, with every intermediate of the paper's Fig. 3.

@@ -8,6 +8,7 @@ use crate::cli::gains;
 use crate::cli::print;
 use crate::config::Config;
 use crate::controller::arm::JointKind;
+use crate::controller::stability::finding::Verdict;
 
 /// Loads the configuration, which checks it, and prints what it comes to.
 pub(super) fn run(args: &Check) -> Result<(), Failure> {
@@ -32,7 +33,10 @@ pub(super) fn run(args: &Check) -> Result<(), Failure> {
         print::line(&report.to_string());
         return Ok(());
     }
-    print::line(&format!("{}: in order", args.config.config.display()));
+    let findings = config.findings();
+    let is_unstable = findings.iter().any(|finding| finding.verdict == Verdict::Refuses);
+    let but = if is_unstable { ", but unstable, and insisted on" } else { "" };
+    print::line(&format!("{}: in order{but}", args.config.config.display()));
     print::line(&format!("SYNC every {} µs", config.period.as_micros()));
     for (bus, load) in config.buses.iter().zip(&loads) {
         print::line(&format!(
@@ -53,7 +57,7 @@ pub(super) fn run(args: &Check) -> Result<(), Failure> {
             joint.max_torque
         ));
     }
-    for (verdict, line) in gains::lines(&config.findings()) {
+    for (verdict, line) in gains::lines(&findings) {
         print::line(&format!("gains {:10} {line}", verdict.to_string()));
     }
     Ok(())

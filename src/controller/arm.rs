@@ -294,6 +294,20 @@ impl JointKind {
 }
 
 impl Link {
+    /// A joint that turns about z, its link without length or mass: where descriptions begin.
+    pub const TURNING: Self = Self {
+        kind: JointKind::Revolute,
+        alpha: 0.0,
+        a: 0.0,
+        d: 0.0,
+        theta: 0.0,
+        mass: 0.0,
+        centre_of_mass: [0.0; 3],
+        inertia: [0.0; 6],
+        rotor_inertia: 0.0,
+        range: [-3.0, 3.0],
+    };
+
     /// Whether every number of it is one.
     fn check(&self, joint: usize) -> Result<(), InvalidArm> {
         let [x, y, z] = self.centre_of_mass;
@@ -381,16 +395,11 @@ mod tests {
     use proptest::prelude::*;
 
     const REVOLUTE: Link = Link {
-        kind: JointKind::Revolute,
-        alpha: 0.0,
-        a: 0.0,
-        d: 0.0,
-        theta: 0.0,
         mass: 2.0,
         centre_of_mass: [0.5, 0.0, 0.0],
         inertia: [0.01, 0.02, 0.03, 0.0, 0.0, 0.0],
         rotor_inertia: 0.1,
-        range: [-3.0, 3.0],
+        ..Link::TURNING
     };
 
     fn link() -> impl Strategy<Value = Link> {

@@ -8,25 +8,10 @@ use nalgebra::Isometry3;
 
 use crate::controller::arm::Arm;
 use crate::controller::arm::InvalidArm;
-use crate::controller::arm::JointKind;
 use crate::controller::arm::Link;
 
 /// On Earth, z pointing up, in m/s².
 const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
-
-/// A link without mass or length that turns about z.
-const TURNING: Link = Link {
-    kind: JointKind::Revolute,
-    alpha: 0.0,
-    a: 0.0,
-    d: 0.0,
-    theta: 0.0,
-    mass: 0.0,
-    centre_of_mass: [0.0; 3],
-    inertia: [0.0; 6],
-    rotor_inertia: 0.0,
-    range: [-3.0, 3.0],
-};
 
 /// The Unimation PUMA 560 on its pedestal, with the parameters of Corke and Armstrong-Hélouvry (1994)
 /// written in modified Denavit-Hartenberg; rotor inertias are `G² J_m`. Joint positions are those of
@@ -42,7 +27,7 @@ pub fn puma560() -> Result<Arm<6>, InvalidArm> {
             inertia: [0.0, 0.0, 0.35, 0.0, 0.0, 0.0],
             rotor_inertia: rotor(-62.6111, 200e-6),
             range: degrees([-160.0, 160.0]),
-            ..TURNING
+            ..Link::TURNING
         },
         Link {
             alpha: FRAC_PI_2,
@@ -51,7 +36,7 @@ pub fn puma560() -> Result<Arm<6>, InvalidArm> {
             inertia: [0.13, 0.524, 0.539, 0.0, 0.0, 0.0],
             rotor_inertia: rotor(107.815, 200e-6),
             range: degrees([-45.0, 225.0]),
-            ..TURNING
+            ..Link::TURNING
         },
         Link {
             a: 0.4318,
@@ -61,7 +46,7 @@ pub fn puma560() -> Result<Arm<6>, InvalidArm> {
             inertia: [0.066, 0.0125, 0.086, 0.0, 0.0, 0.0],
             rotor_inertia: rotor(-53.7063, 200e-6),
             range: degrees([-225.0, 45.0]),
-            ..TURNING
+            ..Link::TURNING
         },
         Link {
             alpha: -FRAC_PI_2,
@@ -72,7 +57,7 @@ pub fn puma560() -> Result<Arm<6>, InvalidArm> {
             inertia: [1.8e-3, 1.8e-3, 1.3e-3, 0.0, 0.0, 0.0],
             rotor_inertia: rotor(76.0364, 33e-6),
             range: degrees([-110.0, 170.0]),
-            ..TURNING
+            ..Link::TURNING
         },
         Link {
             alpha: FRAC_PI_2,
@@ -80,7 +65,7 @@ pub fn puma560() -> Result<Arm<6>, InvalidArm> {
             inertia: [0.3e-3, 0.3e-3, 0.4e-3, 0.0, 0.0, 0.0],
             rotor_inertia: rotor(71.923, 33e-6),
             range: degrees([-100.0, 100.0]),
-            ..TURNING
+            ..Link::TURNING
         },
         Link {
             alpha: -FRAC_PI_2,
@@ -89,7 +74,7 @@ pub fn puma560() -> Result<Arm<6>, InvalidArm> {
             inertia: [0.15e-3, 0.15e-3, 0.04e-3, 0.0, 0.0, 0.0],
             rotor_inertia: rotor(76.686, 33e-6),
             range: degrees([-266.0, 266.0]),
-            ..TURNING
+            ..Link::TURNING
         },
     ];
     Arm::new(links, Isometry3::identity(), GRAVITY)
@@ -111,7 +96,7 @@ pub fn eight_r() -> Result<Arm<8>, InvalidArm> {
             centre_of_mass: [0.02, -0.01, 0.1],
             inertia: [turned, turned, turned / 2.0, 0.0, 0.0, 0.0],
             rotor_inertia: 0.05,
-            ..TURNING
+            ..Link::TURNING
         }
     };
     let links = [

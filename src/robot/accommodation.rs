@@ -2,10 +2,8 @@
 //! space becomes a force command in contact (NTRFC, 4.3) without a change of mode or gain.
 //!
 //! Not reflection. With a rate held, the object comes to rest where `K_FA F` cancels it: it pushes
-//! with `K_FA⁻¹ K_V ΔX`. Against stiffness `k_e` in cycles of `dt` and `n` cycles late this is stable
-//! for `K_FA k_e dt < 2 cos(nπ / (2n + 1))`.
-
-use std::f64::consts::PI;
+//! with `K_FA⁻¹ K_V ΔX`. How fast an object may give way is judged before anything moves
+//! (`controller::stability::bounds`).
 
 use thiserror::Error;
 
@@ -61,14 +59,6 @@ impl Accommodation {
         }
         *v_m_commanded + Twist::from_components(noticed).scaled(&self.gain)
     }
-
-    /// Up to which stiffness in N/m (N·m/rad for rotations) contact on each axis is stable, in
-    /// cycles of `dt` s and with the wrench `late` cycles old. Infinite where nothing gives way.
-    pub fn stiffest_contact(&self, dt: f64, late: u32) -> [f64; 6] {
-        let n = f64::from(late);
-        let bound = 2.0 * (n * PI / (2.0 * n + 1.0)).cos();
-        self.gain.map(|gain| bound / (gain * dt))
-    }
 }
 
 #[cfg(test)]
@@ -98,25 +88,6 @@ mod tests {
         for wrong in [-1.0, f64::NAN, f64::INFINITY] {
             assert!(Accommodation::new([wrong; 6], [0.0; 6]).is_err());
             assert!(Accommodation::new([0.0; 6], [wrong; 6]).is_err());
-        }
-    }
-
-    #[test]
-    fn contact_up_to_the_bound_settles_and_beyond_it_does_not() {
-        let (dt, gain) = (0.002, 0.002);
-        let law = Accommodation::new([gain; 6], [0.0; 6]).unwrap();
-        for late in [0_usize, 1, 2, 3] {
-            let [bound, ..] = law.stiffest_contact(dt, u32::try_from(late).unwrap());
-            for (stiffness, settles) in [(0.98 * bound, true), (1.02 * bound, false)] {
-                let mut x = vec![1e-3; late + 1];
-                for _ in 0..4_000 {
-                    let felt = x[x.len() - 1 - late];
-                    let f_m = Wrench::from_components([-stiffness * felt, 0.0, 0.0, 0.0, 0.0, 0.0]);
-                    let next = x[x.len() - 1] + law.rate(&Twist::ZERO, &f_m).linear.x * dt;
-                    x.push(next);
-                }
-                assert_eq!(x[x.len() - 1].abs() < 1e-3, settles, "{late} late, {stiffness} N/m");
-            }
         }
     }
 }

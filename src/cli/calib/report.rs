@@ -96,7 +96,7 @@ pub(super) fn json(session: &Session<'_>) -> serde_json::Value {
         "data": session.file,
         "provenance": session.data.provenance,
         "dates": session.data.dates,
-        "unit": if session.data.is_force { "N" } else { "N m" },
+        "unit": unit(session),
         "joints": joints.collect::<Vec<_>>(),
     })
 }

@@ -97,24 +97,12 @@ fn dry_power(qd: &JointVector, joints: &[JointResistance; 6]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::controller::arm::JointKind;
     use crate::controller::arm::Link;
     use nalgebra::Isometry3;
 
     #[test]
     fn an_arm_without_mass_is_none() {
-        let link = Link {
-            kind: JointKind::Revolute,
-            alpha: 1.0,
-            a: 0.1,
-            d: 0.1,
-            theta: 0.0,
-            mass: 0.0,
-            centre_of_mass: [0.0; 3],
-            inertia: [0.0; 6],
-            rotor_inertia: 0.0,
-            range: [-1.0, 1.0],
-        };
+        let link = Link { alpha: 1.0, a: 0.1, d: 0.1, ..Link::TURNING };
         let joint = JointResistance { coulomb: 0.1, viscous: 0.1, quantum: 1e-5 };
         let at_grip = |link| {
             let arm = Arm::new([link; 6], Isometry3::identity(), [0.0; 3]).unwrap();

@@ -5,7 +5,7 @@
 //!
 //! | file           | what                                                                     |
 //! |----------------|--------------------------------------------------------------------------|
-//! | [`passivity`]  | damping that a sampled law asks for (Colgate and Schenkel 1997), Z-width |
+//! | [`passivity`]  | damping that a sampled law asks for (Colgate and Schenkel 1997)          |
 //! | [`bounds`]     | closed forms: quantisation, centring, rate mode, accommodation           |
 //! | [`device`]     | mass, damping and friction at the grip                                   |
 //! | [`axis`]       | all inequalities of one axis, judged                                     |

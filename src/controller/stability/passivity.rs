@@ -137,27 +137,6 @@ impl SampledLaw {
     }
 }
 
-/// The largest stiffness in N/m (N·m/rad) of a virtual wall that a device of `damping` makes passive
-/// with the wall's own `B`, filter and delay in `wall`: a point on the edge of its Z-width (Colgate and
-/// Brown 1994). `None` where not even the damper alone is.
-pub fn largest_stiffness(wall: &SampledLaw, damping: f64) -> Option<f64> {
-    let Law::Impedance { damping: own, filter, .. } = wall.law else { return None };
-    let is_passive = |stiffness: f64| {
-        let law = Law::Impedance { stiffness, damping: own, filter };
-        SampledLaw { law, ..*wall }.required_damping() <= damping
-    };
-    if !is_passive(0.0) {
-        return None;
-    }
-    // At ω = 0 the condition reads b > K T/2 - B, so nothing stiffer is passive.
-    let (mut passive, mut active) = (0.0, 2.0 * (damping + own.abs()) / wall.period);
-    for _ in 0..SHRINKINGS {
-        let middle = f64::midpoint(passive, active);
-        if is_passive(middle) { passive = middle } else { active = middle }
-    }
-    Some(passive)
-}
-
 /// Angles within 0 and π, the last included.
 fn angles(delay: u32) -> Vec<f64> {
     let ratio = (PI / LOWEST).powf(f64::from(RATIOS).recip());
@@ -243,18 +222,6 @@ mod tests {
             let required = law.required_damping();
             prop_assert!(law.condition(angle) <= required + 1e-6 * (1.0 + required.abs()));
         }
-
-        #[test]
-        fn the_stiffest_wall_needs_just_the_damping_there_is(
-            b in 0.5..20.0_f64, own in 0.0..0.4_f64, filter in 0.0..0.01_f64, delay in 0..3_u32
-        ) {
-            let law = Law::Impedance { stiffness: 0.0, damping: own, filter };
-            let wall = SampledLaw { law, period: 1e-3, lag: 0.0, delay };
-            let stiffness = largest_stiffness(&wall, b).unwrap();
-            let law = Law::Impedance { stiffness, damping: own, filter };
-            let required = SampledLaw { law, ..wall }.required_damping();
-            prop_assert!(near(required, b), "{}, not {}", required, b);
-        }
     }
 
     /// How many times larger a swing has become after many, of a mass so heavy that the sampled spring
@@ -288,10 +255,5 @@ mod tests {
         assert!(law(0.0).required_damping().is_infinite());
         assert!(law(2_000.0).required_damping().is_infinite());
         assert!(law(1e-3).required_damping().is_finite());
-    }
-
-    #[test]
-    fn a_damper_stronger_than_the_device_leaves_no_wall() {
-        assert_eq!(largest_stiffness(&SampledLaw::impedance(0.0, 3.0, 1e-3), 2.0), None);
     }
 }

@@ -148,8 +148,7 @@ fn other_capacities_leave_the_coupling_as_it_is() {
         .replacen("[switches]", coupling, 1);
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("coupled.toml");
     std::fs::write(&file, text).unwrap();
-    let question =
-        serde_json::json!({ "q": [0.0, -0.8, 1.6, -0.7, 0.0, 0.0], "max_torque": [10.0; 6] });
+    let question = serde_json::json!({ "q": [0.0, -0.8, 1.6, -0.7, 0.0, 0.0], "max_torque": [10, 10, 10, 10, 10, 10] });
     let answer = answer(&["--json", "--config", file.to_str().unwrap(), "-"], &question);
     let (tau, targets) = (flat(&answer["tau"]["value"]), flat(&answer["targets"]["value"]));
     // The shoulder's motor also carries what the elbow's takes from it.

@@ -69,7 +69,7 @@ pub fn arm(config: &Config) -> Arm {
     });
     let gravity = Vector3::from(config.gravity);
     Arm::new(ArmSettings { links, x_6_g: config.x_6_g, gravity })
-        .driven_through(&transmission(config))
+        .driven_through(|rotors| transmission(config).joint_inertia(rotors))
 }
 
 fn transmission(config: &Config) -> Transmission {

@@ -14,7 +14,6 @@ use nalgebra::Translation3;
 use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 
-use crate::sim::transmission::Transmission;
 use crate::spatial::Jacobian;
 use crate::spatial::Twist;
 use crate::spatial::Wrench;
@@ -86,10 +85,11 @@ impl Arm {
         }
     }
 
-    /// The same arm behind a linkage, which its rotors turn with: asked of an arm once.
+    /// The same arm behind a linkage, which its rotors turn with: `joint_inertia` says what theirs comes
+    /// to at the joints. Asked of an arm once.
     #[must_use]
-    pub fn driven_through(self, transmission: &Transmission) -> Self {
-        Self { rotors: transmission.joint_inertia(&self.rotors), ..self }
+    pub fn driven_through(self, joint_inertia: impl FnOnce(&JointMatrix) -> JointMatrix) -> Self {
+        Self { rotors: joint_inertia(&self.rotors), ..self }
     }
 
     /// Where each link is at joint positions `q`, in rad or m.

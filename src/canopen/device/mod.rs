@@ -1,0 +1,376 @@
+//! A CANopen slave (CiA 301), driven by its object dictionary: NMT, SDO server, PDOs, emergencies and
+//! heartbeats.
+//!
+//! What the device *does* is its [`Application`]'s: a drive, a switch box. A pure machine with three
+//! verbs; what happens every cycle allocates nothing.
+
+mod access;
+mod application;
+mod errors;
+mod heartbeat;
+mod mapping;
+mod parameter;
+mod rpdo;
+mod sdo_server;
+mod tpdo;
+
+pub use application::Application;
+pub use application::ConnectionLoss;
+pub use application::Reset;
+
+use std::time::Duration;
+
+use canopen_rs::NmtCommand;
+use canopen_rs::NmtState;
+use canopen_rs::NodeId;
+use canopen_rs::nmt::encode_heartbeat;
+use canopen_rs::nmt::heartbeat_cob_id;
+
+use crate::canopen::device::access::Objects;
+use crate::canopen::device::errors::Condition;
+use crate::canopen::device::errors::Errors;
+use crate::canopen::device::heartbeat::Heartbeat;
+use crate::canopen::device::parameter::NUMBERS;
+use crate::canopen::device::parameter::PDOS;
+use crate::canopen::device::parameter::Place;
+use crate::canopen::device::rpdo::Received;
+use crate::canopen::device::rpdo::Rpdo;
+use crate::canopen::device::sdo_server::SdoServer;
+use crate::canopen::device::tpdo::Tpdo;
+use crate::canopen::dictionary::Dictionary;
+use crate::canopen::frame::COB_ID_MAX;
+use crate::canopen::frame::Frame;
+use crate::canopen::layout::Direction;
+use crate::canopen::nmt::Order;
+use crate::canopen::object::Object;
+use crate::time::Instant;
+
+/// One slave.
+#[derive(Clone, Debug)]
+pub struct Device<A> {
+    node: NodeId,
+    dictionary: Dictionary,
+    application: A,
+    state: NmtState,
+    latency: Duration,
+    sync_cob_id: u16,
+    sdo: SdoServer,
+    rpdos: [Rpdo; PDOS],
+    tpdos: [Tpdo; PDOS],
+    errors: Errors,
+    heartbeat: Heartbeat,
+    /// The application's objects may have changed since they were last looked at.
+    is_touched: bool,
+}
+
+impl<A: Application> Device<A> {
+    /// A device that is switched on: it boots up with the first call of [`on_time`](Self::on_time).
+    ///
+    /// Its synchronous TPDOs are sent `latency` after the SYNC they were sampled at.
+    pub fn new(node: NodeId, dictionary: Dictionary, application: A, latency: Duration) -> Self {
+        let mut device = Self {
+            node,
+            state: NmtState::Initialising,
+            latency,
+            sync_cob_id: 0,
+            sdo: SdoServer::new(node),
+            rpdos: NUMBERS.map(|number| Rpdo::new(&dictionary, number)),
+            tpdos: NUMBERS.map(|number| Tpdo::new(&dictionary, number)),
+            errors: Errors::default(),
+            heartbeat: Heartbeat::default(),
+            is_touched: false,
+            dictionary,
+            application,
+        };
+        device.initialise(Reset::Node);
+        device
+    }
+
+    /// Its node-id.
+    pub const fn node(&self) -> NodeId {
+        self.node
+    }
+
+    /// Its NMT state, initialising until it has booted up.
+    pub const fn state(&self) -> NmtState {
+        self.state
+    }
+
+    /// Its application.
+    pub const fn application(&self) -> &A {
+        &self.application
+    }
+
+    /// Its objects.
+    pub const fn dictionary(&self) -> &Dictionary {
+        &self.dictionary
+    }
+
+    /// Something happens to the application from outside, such as a moved shaft; event-driven TPDOs
+    /// tell of it with the next [`on_time`](Self::on_time).
+    pub fn touch(&mut self, happens: impl FnOnce(&mut A, &mut Dictionary)) {
+        happens(&mut self.application, &mut self.dictionary);
+        self.is_touched = true;
+    }
+
+    /// Takes one received frame; frames to send are appended to `out`.
+    pub fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
+        if self.state == NmtState::Initialising {
+            return;
+        }
+        if let Some(order) = Order::decode(frame) {
+            if order.node.is_none_or(|node| node == self.node) {
+                self.obey(now, order.command, out);
+            }
+        } else if self.heartbeat.on_frame(now, frame) {
+            self.errors.settle(Condition::HeartbeatLost, &mut self.dictionary, out);
+        } else if let Some(request) = self.sdo.request(frame) {
+            if self.state != NmtState::Stopped {
+                self.serve(now, request, out);
+            }
+        } else if self.state == NmtState::Operational {
+            if frame.cob_id == self.sync_cob_id && frame.data().len() <= 1 {
+                self.on_sync(now, out);
+            } else {
+                self.on_rpdo(now, frame, out);
+            }
+        }
+        self.catch_up(now, out);
+    }
+
+    /// Does what is due at `now`.
+    pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        if self.state == NmtState::Initialising {
+            self.boot_up(now, out);
+        }
+        if self.heartbeat.is_lost(now) {
+            self.lose_connection(Condition::HeartbeatLost, ConnectionLoss::Heartbeat, out);
+            self.behave_on_error();
+        }
+        let mut is_missed = false;
+        for rpdo in &mut self.rpdos {
+            is_missed |= rpdo.is_missed(now);
+        }
+        if is_missed {
+            self.lose_connection(Condition::RpdoTimeout, ConnectionLoss::RpdoTimeout, out);
+        }
+        self.catch_up(now, out);
+    }
+
+    /// When [`on_time`](Self::on_time) must next be called.
+    pub fn deadline(&self) -> Option<Instant> {
+        let is_due = self.state == NmtState::Initialising || self.must_look();
+        let now = is_due.then_some(Instant::ZERO);
+        let rpdos = self.rpdos.iter().filter_map(Rpdo::deadline);
+        let tpdos = self.tpdos.iter().filter_map(Tpdo::deadline);
+        rpdos.chain(tpdos).chain(now).chain(self.heartbeat.deadline()).min()
+    }
+
+    fn obey(&mut self, now: Instant, command: NmtCommand, out: &mut Vec<Frame>) {
+        match command {
+            NmtCommand::StartRemoteNode => self.enter(NmtState::Operational),
+            NmtCommand::EnterPreOperational => self.enter(NmtState::PreOperational),
+            NmtCommand::StopRemoteNode if self.state != NmtState::Stopped => {
+                self.enter(NmtState::Stopped);
+                let why = ConnectionLoss::Stopped;
+                let _unsent = self.application.on_connection_lost(&mut self.dictionary, why);
+            }
+            NmtCommand::StopRemoteNode => {}
+            NmtCommand::ResetCommunication | NmtCommand::ResetNode => {
+                let is_node = command == NmtCommand::ResetNode;
+                let reset = if is_node { Reset::Node } else { Reset::Communication };
+                self.dictionary.restore(match reset {
+                    Reset::Communication => COMMUNICATION_PROFILE,
+                    Reset::Node => 0..=u16::MAX,
+                });
+                self.initialise(reset);
+                self.boot_up(now, out);
+            }
+        }
+    }
+
+    /// Everything follows the dictionary, which has its defaults.
+    fn initialise(&mut self, reset: Reset) {
+        self.state = NmtState::Initialising;
+        self.sdo.reset();
+        self.rpdos = NUMBERS.map(|number| Rpdo::new(&self.dictionary, number));
+        self.tpdos = NUMBERS.map(|number| Tpdo::new(&self.dictionary, number));
+        self.errors.reset(&self.dictionary);
+        self.heartbeat.watch(&self.dictionary);
+        self.follow_sync();
+        self.application.on_reset(&mut self.dictionary, reset);
+    }
+
+    fn boot_up(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        let boot_up = encode_heartbeat(NmtState::Initialising);
+        out.push(Frame::new(heartbeat_cob_id(self.node), boot_up));
+        self.enter(NmtState::PreOperational);
+        // The boot-up message stands for the first heartbeat.
+        self.heartbeat.produce(&self.dictionary, now, Heartbeat::period(&self.dictionary));
+    }
+
+    fn enter(&mut self, state: NmtState) {
+        if self.state == state {
+            return;
+        }
+        self.state = state;
+        self.errors.may_send = matches!(state, NmtState::PreOperational | NmtState::Operational);
+        if state == NmtState::Operational {
+            self.tpdos.iter_mut().for_each(Tpdo::start);
+        } else {
+            self.tpdos.iter_mut().for_each(Tpdo::stop);
+            self.rpdos.iter_mut().for_each(Rpdo::stop);
+        }
+        if state == NmtState::Stopped {
+            self.sdo.reset();
+        }
+    }
+
+    fn serve(&mut self, now: Instant, request: [u8; 8], out: &mut Vec<Frame>) {
+        let Self { dictionary, application, .. } = self;
+        let mut objects = Objects { dictionary, application, written: None };
+        out.extend(self.sdo.serve(request, &mut objects));
+        if let Some(object) = objects.written {
+            self.follow(now, object);
+        }
+    }
+
+    /// Does as an object says that has just been written.
+    fn follow(&mut self, now: Instant, object: Object) {
+        self.is_touched = true;
+        match object {
+            Object::SYNC_COB_ID => self.follow_sync(),
+            Object::EMCY_COB_ID => self.errors.configure(&self.dictionary),
+            Object::ERROR_HISTORY => errors::clear_history(&mut self.dictionary),
+            Object::CONSUMER_HEARTBEAT => self.heartbeat.watch(&self.dictionary),
+            Object::PRODUCER_HEARTBEAT => {
+                self.heartbeat.produce(&self.dictionary, now, Duration::ZERO);
+            }
+            object => {
+                if let Some(place) = Place::of(object) {
+                    self.resolve(place);
+                }
+            }
+        }
+    }
+
+    /// A PDO follows its parameters.
+    fn resolve(&mut self, changed: Place) {
+        match changed.direction {
+            Direction::Receive => {
+                let of = |rpdo: &&mut Rpdo| rpdo.place() == changed;
+                if let Some(rpdo) = self.rpdos.iter_mut().find(of) {
+                    *rpdo = Rpdo::new(&self.dictionary, changed.number);
+                }
+            }
+            Direction::Transmit => {
+                let of = |tpdo: &&mut Tpdo| tpdo.place() == changed;
+                if let Some(tpdo) = self.tpdos.iter_mut().find(of) {
+                    *tpdo = Tpdo::new(&self.dictionary, changed.number);
+                    if self.state == NmtState::Operational {
+                        tpdo.start();
+                    }
+                }
+            }
+        }
+    }
+
+    fn follow_sync(&mut self) {
+        let identifier = self.dictionary.u32(Object::SYNC_COB_ID) & u32::from(COB_ID_MAX);
+        self.sync_cob_id = u16::try_from(identifier).unwrap_or(0);
+    }
+
+    fn on_sync(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        for place in 0..PDOS {
+            let Some(rpdo) = self.rpdos.get_mut(place) else { continue };
+            if let Some(content) = rpdo.on_sync() {
+                self.act(place, content);
+            }
+        }
+        self.application.on_sync(&mut self.dictionary);
+        self.tell_of_application(out);
+        for tpdo in &mut self.tpdos {
+            tpdo.on_sync(now + self.latency, &self.dictionary);
+        }
+        self.is_touched = true;
+    }
+
+    fn on_rpdo(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
+        for place in 0..PDOS {
+            let Some(rpdo) = self.rpdos.get_mut(place) else { continue };
+            let Some(received) = rpdo.on_frame(now, frame) else { continue };
+            let Self { errors, dictionary, .. } = self;
+            if received == Received::WrongLength {
+                let (condition, code) = (Condition::WrongLength, errors::WRONG_LENGTH);
+                errors.raise(condition, code, [0; 5], dictionary, out);
+                continue;
+            }
+            errors.settle(Condition::WrongLength, dictionary, out);
+            errors.settle(Condition::RpdoTimeout, dictionary, out);
+            if let Received::Acts(content) = received {
+                self.act(place, content);
+            }
+        }
+    }
+
+    /// The RPDO at `place` says `content`: first every object has its part, then the application is told.
+    fn act(&mut self, place: usize, content: u64) {
+        let Some(rpdo) = self.rpdos.get(place) else { return };
+        rpdo.mapping().scatter(content, &mut self.dictionary);
+        for object in rpdo.mapping().objects() {
+            self.application.written(&mut self.dictionary, object);
+        }
+        self.is_touched = true;
+    }
+
+    fn lose_connection(&mut self, condition: Condition, why: ConnectionLoss, out: &mut Vec<Frame>) {
+        let manufacturer = self.application.on_connection_lost(&mut self.dictionary, why);
+        self.errors.raise(condition, why.error_code(), manufacturer, &mut self.dictionary, out);
+        self.is_touched = true;
+    }
+
+    /// Leaves operational after a lost heartbeat, unless told otherwise (1029h:1).
+    fn behave_on_error(&mut self) {
+        if self.state != NmtState::Operational {
+            return;
+        }
+        match self.dictionary.u8(Object::ERROR_BEHAVIOUR) {
+            0 => self.enter(NmtState::PreOperational),
+            2 => self.enter(NmtState::Stopped),
+            _ => {}
+        }
+    }
+
+    /// Tells when the application has another error than before, or none any more.
+    fn tell_of_application(&mut self, out: &mut Vec<Frame>) {
+        let code = self.application.error_code();
+        self.errors.of_application(code, &mut self.dictionary, out);
+    }
+
+    /// What may follow from anything that has happened.
+    fn catch_up(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        self.tell_of_application(out);
+        if self.must_look() {
+            for tpdo in &mut self.tpdos {
+                tpdo.look(&self.dictionary);
+            }
+        }
+        self.is_touched = false;
+        if self.state == NmtState::Operational {
+            for tpdo in &mut self.tpdos {
+                tpdo.on_time(now, &self.dictionary, out);
+            }
+        }
+        out.extend(self.heartbeat.due(now, self.node, self.state));
+    }
+
+    /// Whether an event-driven TPDO may have something to tell.
+    fn must_look(&self) -> bool {
+        self.is_touched
+            && self.state == NmtState::Operational
+            && self.tpdos.iter().any(Tpdo::is_event_driven)
+    }
+}
+
+/// The objects of the communication profile.
+const COMMUNICATION_PROFILE: std::ops::RangeInclusive<u16> = 0x1000..=0x1FFF;

@@ -1,0 +1,145 @@
+//! What stands between a drive's numbers and a joint: its torque curve and its encoder.
+//!
+//! Independent of `controller::calibration`, which turns the same equations round:
+//! per mille `p = sign(gear) (c1 t + c3 t³ + c5 t⁵)` for a joint torque `t` in N·m, and
+//! counts `n = round(q · counts per revolution · gear / 2π) + zero`.
+
+use std::f64::consts::TAU;
+
+/// The torque a joint gets for a target.
+#[derive(Clone, Copy, Debug)]
+pub struct TorqueCurve {
+    coefficients: [f64; 3],
+    gear_sign: f64,
+    max: f64,
+}
+
+impl TorqueCurve {
+    /// From the coefficients `c1`, `c3`, `c5` in per mille per N·m, (N·m)³ and (N·m)⁵, which must rise
+    /// up to `max` in N·m; beyond that the joint gets no more.
+    pub fn new(coefficients: [f64; 3], gear_ratio: f64, max: f64) -> Self {
+        Self { coefficients, gear_sign: gear_ratio.signum(), max: max.abs() }
+    }
+
+    /// The target, in per mille, that gives `torque` in N·m; not rounded and not limited.
+    pub fn target(&self, torque: f64) -> f64 {
+        self.gear_sign * self.rise(torque)
+    }
+
+    /// The joint torque in N·m that `target`, in per mille, gives.
+    pub fn torque(&self, target: f64) -> f64 {
+        let wanted = target.abs();
+        if self.rise(self.max) <= wanted {
+            return self.max * target.signum() * self.gear_sign;
+        }
+        let (mut low, mut high) = (0.0, self.max);
+        for _ in 0..HALVINGS {
+            let middle = f64::midpoint(low, high);
+            if self.rise(middle) < wanted { low = middle } else { high = middle }
+        }
+        let size = if wanted > 0.0 { high } else { 0.0 };
+        size * target.signum() * self.gear_sign
+    }
+
+    /// `c1 t + c3 t³ + c5 t⁵`.
+    fn rise(&self, torque: f64) -> f64 {
+        let [c1, c3, c5] = self.coefficients;
+        let square = torque * torque;
+        torque * (c1 + square * (c3 + square * c5))
+    }
+}
+
+/// As many as the mantissa of an `f64` has bits, and some more.
+const HALVINGS: u32 = 60;
+
+/// Where an encoder says a joint is.
+#[derive(Clone, Copy, Debug)]
+pub struct Encoder {
+    /// Counts of a whole turn of the joint, signed as the gear.
+    counts_per_turn: f64,
+    zero: i32,
+}
+
+impl Encoder {
+    /// With `counts_per_rev` counts per turn of the motor, `gear_ratio` turns of it per turn of the
+    /// joint (negative where they turn against each other), and `zero` counts at position zero.
+    pub fn new(counts_per_rev: f64, gear_ratio: f64, zero: i32) -> Self {
+        Self { counts_per_turn: counts_per_rev * gear_ratio, zero }
+    }
+
+    /// The counts at `position` in rad; they wrap.
+    pub fn counts(&self, position: f64) -> i32 {
+        wrapped((position * self.counts_per_turn / TAU).round()).wrapping_add(self.zero)
+    }
+
+    /// The counts per second at `velocity` in rad/s.
+    pub fn rate(&self, velocity: f64) -> i32 {
+        saturated((velocity * self.counts_per_turn / TAU).round())
+    }
+}
+
+/// The lowest 32 bits of a whole number.
+#[expect(
+    clippy::as_conversions,
+    clippy::cast_possible_truncation,
+    reason = "a counter of 32 bits wraps; NaN becomes 0"
+)]
+const fn wrapped(counts: f64) -> i32 {
+    counts as i64 as i32
+}
+
+/// The whole number nearest to it that has 32 bits.
+#[expect(
+    clippy::as_conversions,
+    clippy::cast_possible_truncation,
+    reason = "such a cast saturates; NaN becomes 0"
+)]
+const fn saturated(rate: f64) -> i32 {
+    rate as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn torque_of_a_target_inverts_the_curve(
+            share in -1.0..1.0_f64, max in 0.1..40.0_f64, gear in prop::sample::select(vec![-80.0, 50.0]),
+            full in 100.0..2000.0_f64, third in 0.0..1.0_f64, fifth in 0.0..1.0_f64,
+        ) {
+            let scale = full / (1.0 + third + fifth);
+            let coefficients = [scale / max, scale * third / max.powi(3), scale * fifth / max.powi(5)];
+            let curve = TorqueCurve::new(coefficients, gear, max);
+            let torque = share * max;
+            let back = curve.torque(curve.target(torque));
+            prop_assert!((back - torque).abs() <= 1e-9 * max, "{torque} became {back}");
+        }
+
+        #[test]
+        fn no_target_gives_more_than_the_joint_bears(target in any::<i16>()) {
+            let curve = TorqueCurve::new([30.0, 0.1, 0.0], -80.0, 12.0);
+            let torque = curve.torque(f64::from(target));
+            prop_assert!(torque.abs() <= 12.0);
+            prop_assert!(torque * f64::from(target) <= 0.0, "the gear turns it round");
+        }
+    }
+
+    #[test]
+    fn a_whole_turn_of_the_joint_is_as_many_turns_of_the_motor_as_the_gear_says() {
+        let encoder = Encoder::new(4_096.0, -80.0, 1_000);
+        assert_eq!(encoder.counts(0.0), 1_000);
+        assert_eq!(encoder.counts(TAU), 1_000 - 4_096 * 80);
+        assert_eq!(encoder.rate(TAU), -4_096 * 80);
+    }
+
+    #[test]
+    fn counts_wrap_where_their_register_ends() {
+        let encoder = Encoder::new(1.0, 1.0, i32::MAX);
+        assert_eq!(encoder.counts(TAU), i32::MIN);
+        let beyond = f64::from(u32::MAX) + 1.0;
+        assert_eq!(encoder.counts(beyond * TAU), i32::MAX);
+        assert_eq!(encoder.counts(f64::NAN), i32::MAX);
+    }
+}

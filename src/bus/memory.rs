@@ -152,7 +152,13 @@ mod tests {
     struct Answering;
 
     impl Station for Answering {
-        fn on_frame(&mut self, _: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
+        fn on_frame(
+            &mut self,
+            _: Instant,
+            channel: Channel,
+            frame: &Frame,
+            out: &mut Vec<Telegram>,
+        ) {
             if frame.cob_id == 0x80 {
                 let answers = [0x183, 0x182, 0x181].map(|id| Frame::new(id, [1, 2, 3]));
                 out.extend(answers.map(|frame| Telegram { channel, frame }));

@@ -118,9 +118,8 @@ impl SocketCan {
         let polled = polled.get_mut(..count)?;
         match ppoll(polled, Some(TimeSpec::from_duration(timeout)), None) {
             Ok(ready) if ready > 0 => {
-                let is_ready = |place: &usize| {
-                    polled.get(*place).and_then(PollFd::any).unwrap_or_default()
-                };
+                let is_ready =
+                    |place: &usize| polled.get(*place).and_then(PollFd::any).unwrap_or_default();
                 (0..count).map(|turn| (self.first + turn) % count).find(is_ready)
             }
             // Nothing came, or a signal did: the caller looks at the clock.
@@ -161,9 +160,11 @@ impl Bus for SocketCan {
         let socket = self.sockets.get(usize::from(place)).ok_or(SendError::Down)?;
         let id = StandardId::new(telegram.frame.cob_id).ok_or(SendError::Down)?;
         let frame = CanFrame::new(id, telegram.frame.data()).ok_or(SendError::Down)?;
-        socket.write_frame(&frame).map_err(|error| match error.raw_os_error().map(Errno::from_raw) {
-            Some(Errno::EAGAIN | Errno::ENOBUFS) => SendError::Full,
-            _ => SendError::Down,
+        socket.write_frame(&frame).map_err(|error| {
+            match error.raw_os_error().map(Errno::from_raw) {
+                Some(Errno::EAGAIN | Errno::ENOBUFS) => SendError::Full,
+                _ => SendError::Down,
+            }
         })
     }
 
@@ -197,11 +198,7 @@ impl Bus for SocketCan {
 /// A socket that is set up before it hears anything.
 fn open(interface: &str) -> io::Result<CanSocket> {
     let address = CanAddr::from_iface(interface)?;
-    let raw = socket2::Socket::new_raw(
-        AF_CAN.into(),
-        Type::RAW,
-        Some(CAN_RAW.into()),
-    )?;
+    let raw = socket2::Socket::new_raw(AF_CAN.into(), Type::RAW, Some(CAN_RAW.into()))?;
     let socket = CanSocket::from(OwnedFd::from(raw));
     // Data frames with 11 bits only: the two flags are in the mask and not in the identifier.
     socket.set_filters(&[CanFilter::new(0, CAN_EFF_FLAG | CAN_RTR_FLAG)])?;

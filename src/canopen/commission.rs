@@ -154,11 +154,7 @@ impl Boot {
     }
 
     /// Does what is due; the outcome comes once.
-    pub fn on_time(
-        &mut self,
-        now: Instant,
-        out: &mut Vec<Frame>,
-    ) -> Option<Result<(), BootError>> {
+    pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Result<(), BootError>> {
         match &mut self.wait {
             Wait::Start => self.take_step(now, out),
             Wait::Read(transfer) | Wait::Write(transfer) => {
@@ -306,7 +302,10 @@ mod tests {
     use proptest::prelude::*;
 
     /// Boots `device` by `plan`: the outcome, how long it took, and everything the master said.
-    fn boot(plan: &NodePlan, device: &mut Scripted) -> (Result<(), BootError>, Duration, Vec<Frame>) {
+    fn boot(
+        plan: &NodePlan,
+        device: &mut Scripted,
+    ) -> (Result<(), BootError>, Duration, Vec<Frame>) {
         let mut boot = Boot::new(plan);
         let (mut said, mut queue) = (Vec::new(), Vec::new());
         loop {
@@ -398,7 +397,8 @@ mod tests {
             device.forgets.push(object);
             // Bit 31 of a COB-ID set already: what is off stays off, and only on is a change.
             let message = failure_or_none(&plan, &mut device);
-            let is_off = plan.pdos.iter().any(|p| p.service.is_none() && p.communication(1) == object);
+            let is_off =
+                plan.pdos.iter().any(|p| p.service.is_none() && p.communication(1) == object);
             assert_eq!(message.is_none(), is_off, "{object}: {message:?}");
             assert!(message.is_none_or(|message| message.contains(&format!("{object} is "))));
         }
@@ -470,7 +470,8 @@ mod tests {
         assert_eq!(outcome.unwrap_err().to_string(), message, "it never leaves operation enabled");
         assert!(took >= PATIENCE);
         let writes = |frame: &&Frame| frame.cob_id == 0x603 && frame.data()[0] >> 5 == 1;
-        let (reset, first) = (Frame::new(0, [0x82, 3]), said.iter().position(|f| writes(&f)).unwrap());
+        let (reset, first) =
+            (Frame::new(0, [0x82, 3]), said.iter().position(|f| writes(&f)).unwrap());
         assert!(said[..first].contains(&reset));
         assert_eq!(device.written, [Object::CONTROLWORD]);
         assert_eq!(device.state, 0x7F);

@@ -222,7 +222,8 @@ mod tests {
             let mut stage = PowerStage::default();
             let mut state = start;
             for _ in 0..6 {
-                state = follow(state, stage.controlword(Some(state), Goal::OperationEnabled), false);
+                state =
+                    follow(state, stage.controlword(Some(state), Goal::OperationEnabled), false);
             }
             let faulty = matches!(start, State::Fault | State::FaultReactionActive);
             assert_eq!(state, if faulty { State::Fault } else { State::OperationEnabled });
@@ -278,7 +279,10 @@ mod tests {
         let words: Vec<_> =
             (0..4).map(|_| stage.controlword(Some(State::Fault), Goal::OperationEnabled)).collect();
         assert_eq!(words[0], Controlword::DISABLE_VOLTAGE, "an edge needs a low bit first");
-        assert!(words[1..].iter().all(|word| *word == Controlword::FAULT_RESET), "held, not pulsed");
+        assert!(
+            words[1..].iter().all(|word| *word == Controlword::FAULT_RESET),
+            "held, not pulsed"
+        );
         let state = follow(State::Fault, words[1], true);
         let word = stage.controlword(Some(state), Goal::OperationEnabled);
         assert_eq!(word, Controlword::SHUTDOWN);

@@ -50,7 +50,8 @@ impl Emergency {
     /// What the code says, by its class where it is not known itself.
     pub fn words(&self) -> &'static str {
         let known = |code: u16| CODES.iter().find(|(known, _)| *known == code);
-        let class = [0xFFFF, 0xFFF0, 0xFF00, 0xF000].iter().find_map(|mask| known(self.code & mask));
+        let class =
+            [0xFFFF, 0xFFF0, 0xFF00, 0xF000].iter().find_map(|mask| known(self.code & mask));
         class.map_or("unknown error", |(_, words)| *words)
     }
 }

@@ -108,8 +108,7 @@ impl Consumer {
         self.due = now + self.timeout;
         if state == NmtState::Initialising {
             self.health = Health::Alive(NmtState::PreOperational);
-            let news =
-                if before == Health::NeverSeen { News::BootedUp } else { News::Rebooted };
+            let news = if before == Health::NeverSeen { News::BootedUp } else { News::Rebooted };
             return Some(news);
         }
         self.health = Health::Alive(state);
@@ -156,8 +155,7 @@ mod tests {
 
     #[test]
     fn the_master_beats_once_a_period_however_often_it_is_asked() {
-        let mut producer =
-            Producer::new(NodeId::new(127).unwrap(), 5 * MS, NmtState::Operational);
+        let mut producer = Producer::new(NodeId::new(127).unwrap(), 5 * MS, NmtState::Operational);
         let beats: Vec<u64> = (0..20).filter(|ms| producer.due(at(*ms)).is_some()).collect();
         assert_eq!(beats, [0, 5, 10, 15]);
         assert_eq!(producer.due(at(20)), Some(Frame::new(0x77F, [0x05])));
@@ -165,8 +163,7 @@ mod tests {
 
     #[test]
     fn missed_beats_are_not_made_up_for() {
-        let mut producer =
-            Producer::new(NodeId::new(127).unwrap(), 5 * MS, NmtState::Operational);
+        let mut producer = Producer::new(NodeId::new(127).unwrap(), 5 * MS, NmtState::Operational);
         let beats: Vec<u64> =
             [0, 33, 34, 35, 38].into_iter().filter(|ms| producer.due(at(*ms)).is_some()).collect();
         assert_eq!(beats, [0, 33, 38]);

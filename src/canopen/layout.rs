@@ -142,7 +142,8 @@ impl Pdo {
     /// entries, their number, when it is sent, and only then on.
     pub fn writes(&self) -> Vec<(Object, Value)> {
         let cob_id = u32::from(self.cob_id);
-        let mut writes = vec![(self.communication(1), Value::Unsigned32(PDO_COB_ID_INVALID | cob_id))];
+        let mut writes =
+            vec![(self.communication(1), Value::Unsigned32(PDO_COB_ID_INVALID | cob_id))];
         let Some(service) = &self.service else { return writes };
         writes.push((self.mapping(0), Value::Unsigned8(0)));
         let mut entries = 0;
@@ -154,7 +155,8 @@ impl Pdo {
         writes.push((self.mapping(0), Value::Unsigned8(entries)));
         writes.push((self.communication(2), Value::Unsigned8(service.transmission.0)));
         writes.extend(service.inhibit_100us.map(|t| (self.communication(3), Value::Unsigned16(t))));
-        writes.extend(service.event_timer_ms.map(|t| (self.communication(5), Value::Unsigned16(t))));
+        writes
+            .extend(service.event_timer_ms.map(|t| (self.communication(5), Value::Unsigned16(t))));
         writes.push((self.communication(1), Value::Unsigned32(cob_id)));
         writes
     }
@@ -185,7 +187,10 @@ mod tests {
         assert_eq!(bytes, [u32::try_from(sample).unwrap(), u32::try_from(target).unwrap()]);
         let switches = used(&switches(node()));
         assert_eq!(switches[0].0, 0x183);
-        assert_eq!(usize::try_from(switches[0].1.bytes()), Ok(SwitchInputs::default().encode().len()));
+        assert_eq!(
+            usize::try_from(switches[0].1.bytes()),
+            Ok(SwitchInputs::default().encode().len())
+        );
     }
 
     #[test]
@@ -222,11 +227,15 @@ mod tests {
     fn a_mapping_changes_only_while_its_pdo_is_off() {
         for pdo in [per_drive(node(), Some(5)), switches(node())].concat() {
             let writes = pdo.writes();
-            let cob_ids: Vec<_> = writes.iter().filter(|(o, _)| *o == pdo.communication(1)).collect();
+            let cob_ids: Vec<_> =
+                writes.iter().filter(|(o, _)| *o == pdo.communication(1)).collect();
             assert!(matches!(writes[0].1, Value::Unsigned32(raw) if raw & 0x8000_0000 != 0));
             if pdo.service.is_some() {
                 assert_eq!(cob_ids.len(), 2);
-                assert_eq!(writes.last(), Some(&(pdo.communication(1), Value::Unsigned32(u32::from(pdo.cob_id)))));
+                assert_eq!(
+                    writes.last(),
+                    Some(&(pdo.communication(1), Value::Unsigned32(u32::from(pdo.cob_id))))
+                );
             }
         }
     }

@@ -186,7 +186,8 @@ mod tests {
 
     #[test]
     fn numbers_are_little_endian_and_signed() {
-        let sample = DriveSample::decode(&[0x37, 0x16, 0xFE, 0xFF, 0xFF, 0xFF, 0x18, 0xFC]).unwrap();
+        let sample =
+            DriveSample::decode(&[0x37, 0x16, 0xFE, 0xFF, 0xFF, 0xFF, 0x18, 0xFC]).unwrap();
         let read = (sample.statusword, sample.position, sample.torque);
         assert_eq!(read, (Statusword(0x1637), Counts(-2), PerMille(-1_000)));
         let target =

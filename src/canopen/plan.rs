@@ -386,7 +386,9 @@ pub(crate) mod tests {
     fn an_emergency_elsewhere_is_moved_while_it_is_off() {
         let moved = |plan: &NodePlan| -> Vec<Value> {
             let of_emcy = |step| match step {
-                Step::Object(_, check) if check.object == Object::EMCY_COB_ID => Some(check.expected),
+                Step::Object(_, check) if check.object == Object::EMCY_COB_ID => {
+                    Some(check.expected)
+                }
                 Step::Object(..) | Step::ResetCommunication => None,
             };
             plan.steps().into_iter().filter_map(of_emcy).collect()
@@ -399,7 +401,8 @@ pub(crate) mod tests {
 
     #[test]
     fn what_is_not_compared_reads_as_x() {
-        let check = Check { object: Object::DEVICE_TYPE, expected: Value::Unsigned32(402), mask: 0xFFFF };
+        let check =
+            Check { object: Object::DEVICE_TYPE, expected: Value::Unsigned32(402), mask: 0xFFFF };
         assert_eq!(check.wanted().to_string(), "xxxx0192h");
         let check = Check { mask: 0x8000_0000, ..check };
         assert_eq!(check.wanted().to_string(), "0xxxxxxxh in the bits 80000000h");

@@ -95,7 +95,8 @@ impl Scripted {
             return abort(object, AbortCode::NO_OBJECT);
         };
         if command == 0x40 {
-            let mut reply = [0x43 | (4 - u8::try_from(holds.len()).unwrap()) << 2, low, high, sub, 0, 0, 0, 0];
+            let mut reply =
+                [0x43 | (4 - u8::try_from(holds.len()).unwrap()) << 2, low, high, sub, 0, 0, 0, 0];
             reply[4..4 + holds.len()].copy_from_slice(holds);
             return reply;
         }

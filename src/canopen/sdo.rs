@@ -131,8 +131,8 @@ impl Transfer {
         }
         let expedited = ByteString::from_bytes(&bytes)
             .and_then(|bytes| encode_download_expedited(address(object), &Value::Domain(bytes)));
-        let payload = expedited
-            .unwrap_or_else(|_| encode_download_initiate_segmented(address(object), size));
+        let payload =
+            expedited.unwrap_or_else(|_| encode_download_initiate_segmented(address(object), size));
         let mut transfer = Self::new(node, object, timeout, Phase::Writing, bytes);
         transfer.request(now, payload, out);
         Ok(transfer)
@@ -394,8 +394,7 @@ mod tests {
         ];
         for (command, bytes) in cases {
             let (mut transfer, _) = reading(POSITION);
-            let (outcome, out) =
-                replies(&mut transfer, &[[command, 0x64, 0x60, 0, 1, 2, 3, 4]]);
+            let (outcome, out) = replies(&mut transfer, &[[command, 0x64, 0x60, 0, 1, 2, 3, 4]]);
             assert_eq!(bytes_of(outcome), bytes);
             assert!(out.is_empty());
             assert_eq!(transfer.deadline(), None);
@@ -477,8 +476,10 @@ mod tests {
         let (mut transfer, _) = reading(NAME);
         let opened = [0x40, 0x08, 0x10, 0, 0, 0, 0, 0];
         let last = [0x1B, b'h', b'i', 0, 0, 0, 0, 0];
-        let (outcome, out) =
-            replies(&mut transfer, &[opened, [0x00, b'a', b'b', b'c', b'd', b'e', b'f', b'g'], last]);
+        let (outcome, out) = replies(
+            &mut transfer,
+            &[opened, [0x00, b'a', b'b', b'c', b'd', b'e', b'f', b'g'], last],
+        );
         assert_eq!(bytes_of(outcome), b"abcdefghi");
         assert_eq!(out.len(), 2);
     }
@@ -515,9 +516,7 @@ mod tests {
     #[test]
     fn another_size_than_declared_is_no_value() {
         let last = [0x01, 1, 2, 3, 4, 5, 6, 7];
-        for (declared, code) in
-            [(20, AbortCode::LENGTH_TOO_LOW), (6, AbortCode::LENGTH_TOO_HIGH)]
-        {
+        for (declared, code) in [(20, AbortCode::LENGTH_TOO_LOW), (6, AbortCode::LENGTH_TOO_HIGH)] {
             let (mut transfer, _) = reading(NAME);
             let opened = [0x41, 0x08, 0x10, 0, declared, 0, 0, 0];
             let (outcome, _) = replies(&mut transfer, &[opened, last]);
@@ -532,8 +531,7 @@ mod tests {
         let too_long = Err(SdoError::BrokenOff(AbortCode::OUT_OF_MEMORY));
         assert_eq!(replies(&mut transfer, &[opened]).0, Some(too_long.clone()));
         let mut out = Vec::new();
-        let write =
-            Transfer::write(node(), NAME, vec![0; MAX_BYTES + 1], TIMEOUT, NOW, &mut out);
+        let write = Transfer::write(node(), NAME, vec![0; MAX_BYTES + 1], TIMEOUT, NOW, &mut out);
         assert_eq!(write.err(), too_long.err());
         assert!(out.is_empty());
     }
@@ -541,8 +539,10 @@ mod tests {
     #[test]
     fn a_server_that_sends_nothing_for_ever_is_broken_off() {
         let (mut transfer, _) = reading(NAME);
-        let (outcome, _) =
-            replies(&mut transfer, &[[0x40, 0x08, 0x10, 0, 0, 0, 0, 0], [0x0E, 0, 0, 0, 0, 0, 0, 0]]);
+        let (outcome, _) = replies(
+            &mut transfer,
+            &[[0x40, 0x08, 0x10, 0, 0, 0, 0, 0], [0x0E, 0, 0, 0, 0, 0, 0, 0]],
+        );
         assert_eq!(outcome, Some(Err(SdoError::BrokenOff(AbortCode::COMMAND_UNKNOWN))));
     }
 

@@ -118,6 +118,11 @@ impl Errors {
         }
     }
 
+    /// Whether an application with this error, or none with code 0, has something to tell.
+    pub(super) const fn is_news(&self, code: u16) -> bool {
+        self.code != code
+    }
+
     /// Everything is forgotten, without a word.
     pub(super) fn reset(&mut self, dictionary: &Dictionary) {
         *self = Self::default();

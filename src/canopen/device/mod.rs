@@ -159,7 +159,9 @@ impl<A: Application> Device<A> {
 
     /// When [`on_time`](Self::on_time) must next be called.
     pub fn deadline(&self) -> Option<Instant> {
-        let is_due = self.state == NmtState::Initialising || self.must_look();
+        let is_due = self.state == NmtState::Initialising
+            || self.must_look()
+            || self.errors.is_news(self.application.error_code());
         let now = is_due.then_some(Instant::ZERO);
         let rpdos = self.rpdos.iter().filter_map(Rpdo::deadline);
         let tpdos = self.tpdos.iter().filter_map(Tpdo::deadline);

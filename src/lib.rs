@@ -14,10 +14,14 @@
 
 pub mod bus;
 pub mod canopen;
+pub mod cli;
+pub mod config;
 pub mod controller;
+pub mod lab;
+pub mod node;
 pub mod remote;
 pub mod robot;
 pub mod sim;
 pub mod spatial;
-
+pub mod telemetry;
 pub mod time;

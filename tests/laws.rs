@@ -518,3 +518,18 @@ fn a_large_wrench_saturates_and_says_which_joint() {
     assert!(output.is_saturated() && output.rest_scale < 1.0);
     assert!((output.tau[joint].abs() - MAX_TORQUES[joint]).abs() < 1e-12);
 }
+
+#[test]
+fn the_index_button_keeps_the_last_command_however_far_the_object_lags() {
+    let mut bench = Bench::engaged(&settings(), Mode::Pose);
+    let asked = bench.at(displaced(0.05)).command;
+    assert!(asked != Motion::Pose(bench.input.x_b_m), "the object lags behind");
+    bench.press(REFERENCE);
+    for by in [0.05, 0.0, -0.05] {
+        let (Motion::Pose(kept), Motion::Pose(asked)) = (bench.at(displaced(by)).command, asked)
+        else {
+            panic!("no pose commanded");
+        };
+        assert!((kept.to_homogeneous() - asked.to_homogeneous()).norm() < 1e-12);
+    }
+}

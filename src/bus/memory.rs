@@ -2,12 +2,14 @@
 //! lives in that time. The same inputs give the same outputs, bit for bit.
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
 use crate::bus::Bus;
 use crate::bus::Heard;
 use crate::bus::Received;
 use crate::bus::SendError;
 use crate::bus::Tap;
+use crate::bus::clock;
 use crate::bus::wire::Sender;
 use crate::bus::wire::Wire;
 use crate::canopen::frame::Channel;
@@ -31,6 +33,8 @@ pub struct Memory<S, T> {
     /// What has reached the node and was not yet fetched.
     arrived: VecDeque<Received>,
     out: Vec<Telegram>,
+    /// What the monotonic clock showed at time zero, where time is not to run faster than it.
+    paced_from: Option<Duration>,
 }
 
 impl<S: Station, T: Tap> Memory<S, T> {
@@ -43,7 +47,14 @@ impl<S: Station, T: Tap> Memory<S, T> {
             tap,
             arrived: VecDeque::with_capacity(64),
             out: Vec::with_capacity(64),
+            paced_from: None,
         }
+    }
+
+    /// The same, but no faster than the clock on the wall.
+    #[must_use]
+    pub fn in_real_time(self) -> Self {
+        Self { paced_from: Some(clock::monotonic()), ..self }
     }
 
     /// All that is attached.
@@ -56,14 +67,9 @@ impl<S: Station, T: Tap> Memory<S, T> {
         &mut self.stations
     }
 
-    /// Frames that were complete on each bus.
-    pub fn frames(&self) -> Vec<u64> {
-        self.wires.iter().map(|wire| wire.frames).collect()
-    }
-
-    /// Bits they took on each bus.
-    pub fn bits(&self) -> Vec<u64> {
-        self.wires.iter().map(|wire| wire.bits).collect()
+    /// What each bus has carried so far: frames, and the bits they took.
+    pub fn carried(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
+        self.wires.iter().map(|wire| (wire.frames, wire.bits))
     }
 
     /// The next moment at which something happens, `until` at the latest.
@@ -126,6 +132,9 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
                 return None;
             }
             self.now_ns = next;
+            if let Some(zero) = self.paced_from {
+                clock::wait(zero + Duration::from_nanos(next));
+            }
             self.deliver();
             let now = self.now();
             if self.stations.deadline().is_some_and(|due| due <= now) {
@@ -145,7 +154,6 @@ mod tests {
     use super::*;
     use crate::canopen::bits;
     use crate::canopen::frame::Frame;
-    use std::time::Duration;
 
     /// Answers every SYNC with three frames, the highest identifier first.
     #[derive(Debug, Default)]

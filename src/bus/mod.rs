@@ -1,6 +1,8 @@
 //! Where frames and time enter: the [`Bus`] is the only thing here that waits or knows the time.
 
+mod clock;
 mod memory;
+pub mod realtime;
 mod socketcan;
 mod trace;
 mod wire;
@@ -87,4 +89,11 @@ pub trait Tap {
 /// Nobody.
 impl Tap for () {
     fn on_wire(&mut self, _at: Instant, _telegram: &Telegram) {}
+}
+
+/// Whoever can be called with it.
+impl<F: FnMut(Instant, &Telegram)> Tap for F {
+    fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
+        self(at, telegram);
+    }
 }

@@ -1,7 +1,7 @@
 //! SocketCAN: one raw socket per bus, all waited for at once.
 //!
 //! Error frames, remote frames and 29-bit identifiers are told apart here and never become a
-//! [`Frame`](crate::canopen::frame::Frame). Time is `CLOCK_MONOTONIC` since the bus was opened; a frame
+//! [`Frame`]. Time is `CLOCK_MONOTONIC` since the bus was opened; a frame
 //! bears the kernel's receive stamp, so that a late reader knows what is old.
 
 use std::io;
@@ -16,8 +16,6 @@ use nix::poll::PollFd;
 use nix::poll::PollFlags;
 use nix::poll::ppoll;
 use nix::sys::time::TimeSpec;
-use nix::time::ClockId;
-use nix::time::clock_gettime;
 use socket2::SockAddr;
 use socket2::Type;
 use socketcan::CanAddr;
@@ -42,6 +40,7 @@ use crate::bus::BusFault;
 use crate::bus::Heard;
 use crate::bus::Received;
 use crate::bus::SendError;
+use crate::bus::clock;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
@@ -97,8 +96,8 @@ impl SocketCan {
         }
         let sockets = interfaces.iter().map(|name| open(name).map_err(|error| why(name, error)));
         let sockets = sockets.collect::<Result<_, _>>()?;
-        let opened = clock(ClockId::CLOCK_MONOTONIC);
-        let epoch = clock(ClockId::CLOCK_REALTIME);
+        let opened = clock::monotonic();
+        let epoch = clock::wall();
         Ok(Self { sockets, opened, epoch, held: None, first: 0 })
     }
 
@@ -144,7 +143,7 @@ impl SocketCan {
 
     /// The kernel's wall-clock stamp as an instant: now, less the age it shows.
     fn instant_of(&self, stamp: Option<Duration>) -> Instant {
-        let wall = clock(ClockId::CLOCK_REALTIME);
+        let wall = clock::wall();
         let age = stamp.and_then(|stamp| wall.checked_sub(stamp)).filter(|age| *age < OLDEST);
         self.now() - age.unwrap_or_default()
     }
@@ -152,7 +151,7 @@ impl SocketCan {
 
 impl Bus for SocketCan {
     fn now(&self) -> Instant {
-        Instant::ZERO + clock(ClockId::CLOCK_MONOTONIC).saturating_sub(self.opened)
+        Instant::ZERO + clock::monotonic().saturating_sub(self.opened)
     }
 
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
@@ -222,10 +221,8 @@ fn why(interface: &str, error: io::Error) -> OpenError {
 
 /// What an error of reading means; `None` if nothing came after all.
 fn trouble(error: &io::Error) -> Option<BusFault> {
-    match error.kind() {
-        ErrorKind::WouldBlock | ErrorKind::Interrupted => None,
-        _ => Some(BusFault::Down),
-    }
+    let nothing = matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted);
+    (!nothing).then_some(BusFault::Down)
 }
 
 /// What a frame means; `None` if it does not concern a CANopen node.
@@ -243,15 +240,15 @@ fn sort(frame: CanFrame) -> Option<Heard> {
     }
 }
 
-/// What one cause in an error frame means for the bus.
+/// What one cause in an error frame means for the bus. Single errors are the controller's to count.
 fn fault(cause: &ErrorCause) -> Option<BusFault> {
-    let ErrorCause::Controller(problems) = cause else {
-        return match cause {
-            ErrorCause::BusOff => Some(BusFault::Off),
-            ErrorCause::TransmitTimeout => Some(BusFault::Passive),
-            _ => None,
-        };
-    };
+    if matches!(cause, ErrorCause::BusOff) {
+        return Some(BusFault::Off);
+    }
+    if matches!(cause, ErrorCause::TransmitTimeout) {
+        return Some(BusFault::Passive);
+    }
+    let ErrorCause::Controller(problems) = cause else { return None };
     let any = |these: ControllerProblems| problems.intersects(these);
     if any(ControllerProblems::RX_PASSIVE | ControllerProblems::TX_PASSIVE) {
         Some(BusFault::Passive)
@@ -262,9 +259,4 @@ fn fault(cause: &ErrorCause) -> Option<BusFault> {
     } else {
         None
     }
-}
-
-/// A clock's reading. That a Linux kernel has these two clocks is not in doubt.
-fn clock(id: ClockId) -> Duration {
-    clock_gettime(id).map(Duration::from).unwrap_or_default()
 }

@@ -102,7 +102,7 @@ pub struct Boot {
     at: usize,
     /// When patience with it ends.
     until: Instant,
-    /// Whether a boot-up message is news now.
+    /// Whether it was reset and met again, so that a boot-up message is news.
     was_reset: bool,
     wait: Wait,
 }
@@ -185,7 +185,6 @@ impl Boot {
     fn on_boot_up(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Result<(), BootError>> {
         match self.wait {
             Wait::BootUp => {
-                self.was_reset = true;
                 out.push(Order::to(self.node, NmtCommand::EnterPreOperational).frame());
                 self.next_step(now, out)
             }
@@ -247,7 +246,12 @@ impl Boot {
         let is_patient = now < self.until;
         match outcome {
             Ok(_) if has_written => self.read(now, out),
-            Ok(content) if check.accepts(&content) => return self.next_step(now, out),
+            Ok(content) if check.accepts(&content) => {
+                // Met again after its reset: from here on a boot-up is news. Before, it may be an old
+                // one that had to wait for the bus.
+                self.was_reset |= self.at > 0 && *action == Action::Meet;
+                return self.next_step(now, out);
+            }
             Ok(_) if *action == Action::Await && is_patient => self.wait = Wait::Retry(now + RETRY),
             Ok(content) => {
                 let problem = differs(check, &content);
@@ -261,7 +265,7 @@ impl Boot {
                 out.push(Order::to(self.node, NmtCommand::EnterPreOperational).frame());
                 self.read(now, out);
             }
-            Err(SdoError::Silent) if *action == Action::Meet && !self.was_reset => {
+            Err(SdoError::Silent) if *action == Action::Meet && self.at == 0 => {
                 return self.fail(Problem::Absent);
             }
             Err(error) => {
@@ -311,10 +315,11 @@ mod tests {
         loop {
             let now = boot.deadline().expect("a boot without an outcome has a deadline");
             let mut outcome = boot.on_time(now, &mut queue);
-            while let (None, Some(frame)) = (&outcome, queue.pop()) {
+            while !queue.is_empty() {
+                let frame = queue.remove(0);
                 said.push(frame);
                 if let Some(answer) = device.answer(&frame) {
-                    outcome = boot.on_frame(now, &answer, &mut queue);
+                    outcome = outcome.or(boot.on_frame(now, &answer, &mut queue));
                 }
             }
             if let Some(outcome) = outcome {
@@ -474,6 +479,13 @@ mod tests {
             (Frame::new(0, [0x82, 3]), said.iter().position(|f| writes(&f)).unwrap());
         assert!(said[..first].contains(&reset));
         assert_eq!(device.written, [Object::CONTROLWORD]);
+        assert_eq!(device.state, 0x7F);
+    }
+
+    #[test]
+    fn a_node_that_starts_itself_is_held_back() {
+        let mut device = Scripted { starts_itself: true, ..Scripted::suiting(&elbow()) };
+        assert_eq!(boot(&elbow(), &mut device).0, Ok(()));
         assert_eq!(device.state, 0x7F);
     }
 

@@ -105,6 +105,16 @@ pub fn switches(node: NodeId) -> Vec<Pdo> {
     predefined(node, Some(&inputs), None)
 }
 
+/// The COB-ID of a node's TPDO1 in the predefined connection set.
+pub fn tpdo1(node: NodeId) -> u16 {
+    0x180 + u16::from(node.raw())
+}
+
+/// The COB-ID of a node's RPDO1 in the predefined connection set.
+pub fn rpdo1(node: NodeId) -> u16 {
+    0x200 + u16::from(node.raw())
+}
+
 /// The eight PDOs of the predefined connection set, of which at most the first two are used.
 fn predefined(node: NodeId, tpdo1: Option<&Service>, rpdo1: Option<&Service>) -> Vec<Pdo> {
     let mut pdos = Vec::new();

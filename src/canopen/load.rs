@@ -177,6 +177,13 @@ mod tests {
     }
 
     #[test]
+    fn an_event_driven_frame_counts_as_often_as_its_inhibit_time_lets_it() {
+        let pdo = switch_box().pdos.swap_remove(0);
+        let bits = |cycle_us| Stream::pdo(&pdo, cycle_us).unwrap().bits_in(cycle_us).to_string();
+        assert_eq!([bits(500), bits(1_000), bits(4_000)], ["32.5", "65", "260"]);
+    }
+
+    #[test]
     fn an_overload_says_by_how_much() {
         let overload = cyclic(&drives(6), 1_000).within(90.0).unwrap_err();
         let message = "bus load of 1435.0 of 1000 bits a cycle, 143.5 % is above the limit of 90 %";

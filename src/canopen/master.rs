@@ -6,7 +6,6 @@
 
 use canopen_rs::NmtCommand;
 use canopen_rs::NmtState;
-use canopen_rs::NodeId;
 use canopen_rs::nmt::HEARTBEAT_COB_BASE;
 use canopen_rs::sdo::SDO_RESPONSE_COB_BASE;
 
@@ -266,29 +265,34 @@ impl Master {
         event: Option<Event>,
         out: &mut Vec<Telegram>,
     ) -> Option<Event> {
+        if event.is_some() {
+            return event;
+        }
+        let has_failed = self.any(|stage| matches!(stage, Stage::Failed));
         match self.phase {
-            Phase::Booting if !self.any(|stage| matches!(stage, Stage::Booting(_))) => {
-                if self.any(|stage| matches!(stage, Stage::Failed)) {
-                    self.phase = Phase::Failed;
-                } else {
-                    self.phase = Phase::Starting(now + PATIENCE);
-                    self.order_all(NmtCommand::StartRemoteNode, out);
-                }
+            Phase::Booting if self.any(|stage| matches!(stage, Stage::Booting(_))) => None,
+            Phase::Booting if has_failed => self.end(Phase::Failed, None),
+            Phase::Booting => {
+                self.phase = Phase::Starting(now + PATIENCE);
+                self.order_all(NmtCommand::StartRemoteNode, out);
+                None
             }
-            Phase::Starting(_) if self.any(|stage| matches!(stage, Stage::Failed)) => {
-                self.phase = Phase::Failed;
+            Phase::Starting(_) if !self.any(Stage::is_starting) && has_failed => {
+                self.end(Phase::Failed, None)
             }
-            Phase::Starting(_) if !self.any(|stage| !stage.is_operational()) => {
-                self.phase = Phase::Running;
-                return Some(Event::Booted);
+            Phase::Starting(_) if !self.any(Stage::is_starting) => {
+                self.end(Phase::Running, Some(Event::Booted))
             }
             Phase::Starting(until) if now >= until => {
-                let late = self.nodes.iter_mut().find(|node| !node.stage.is_operational())?;
-                self.phase = Phase::Failed;
-                return late.fail(Problem::NotStarted);
+                let late = self.nodes.iter_mut().find(|node| node.stage.is_starting())?;
+                late.fail(Problem::NotStarted)
             }
-            Phase::Booting | Phase::Starting(_) | Phase::Running | Phase::Failed => {}
+            Phase::Starting(_) | Phase::Running | Phase::Failed => None,
         }
+    }
+
+    const fn end(&mut self, phase: Phase, event: Option<Event>) -> Option<Event> {
+        self.phase = phase;
         event
     }
 
@@ -357,10 +361,301 @@ impl Node {
 }
 
 impl Stage {
-    fn is_operational(&self) -> bool {
+    /// Configured, but not heard to be operational yet.
+    fn is_starting(&self) -> bool {
         match self {
-            Self::Watched(consumer) => consumer.health() == Health::Alive(NmtState::Operational),
+            Self::Watched(consumer) => consumer.health() != Health::Alive(NmtState::Operational),
             Self::Booting(_) | Self::Failed => false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::object::Object;
+    use crate::canopen::plan::tests::elbow;
+    use crate::canopen::plan::tests::switch_box;
+    use crate::canopen::scripted::Scripted;
+    use proptest::prelude::*;
+    use std::time::Duration;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    /// Nodes on two buses and their master; node 3 is on both.
+    struct Bench {
+        master: Master,
+        devices: Vec<(Channel, Scripted)>,
+        now: Instant,
+        events: Vec<Event>,
+        said: Vec<Telegram>,
+    }
+
+    fn plans() -> Vec<(Channel, NodePlan)> {
+        vec![
+            (Channel(0), elbow()),
+            (Channel(1), NodePlan { name: "joint 6 (roll)".into(), ..elbow() }),
+            (Channel(1), switch_box()),
+        ]
+    }
+
+    impl Bench {
+        fn new() -> Self {
+            let plans = plans();
+            let devices =
+                plans.iter().map(|(channel, plan)| (*channel, Scripted::suiting(plan))).collect();
+            let master = Master::new(plans);
+            Self { master, devices, now: Instant::ZERO, events: vec![], said: vec![] }
+        }
+
+        fn booted() -> Self {
+            let mut bench = Self::new();
+            bench.run(300);
+            assert_eq!(bench.events, [Event::Booted]);
+            bench.events.clear();
+            bench
+        }
+
+        /// Runs for so many milliseconds; devices that were told to send heartbeats do, every 25 ms.
+        fn run(&mut self, ms: u64) {
+            for _ in 0..ms {
+                self.now = self.now + MS;
+                for place in 0..self.devices.len() {
+                    let (channel, device) = &self.devices[place];
+                    let configured = device.objects[&Object::PRODUCER_HEARTBEAT] == [25, 0];
+                    if configured && self.now.as_micros().is_multiple_of(25_000) {
+                        let frame = device.heartbeat(device.state);
+                        self.hear(*channel, frame);
+                    }
+                }
+                for _ in 0..100 {
+                    if self.master.deadline().is_none_or(|due| due > self.now) {
+                        break;
+                    }
+                    let mut out = Vec::new();
+                    let event = self.master.on_time(self.now, &mut out);
+                    self.events.extend(event);
+                    self.exchange(out);
+                }
+                assert!(self.master.deadline().is_none_or(|due| due > self.now), "no progress");
+            }
+        }
+
+        fn hear(&mut self, channel: Channel, frame: Frame) {
+            let mut out = Vec::new();
+            let event = self.master.on_frame(self.now, &Telegram { channel, frame }, &mut out);
+            self.events.extend(event);
+            self.exchange(out);
+        }
+
+        /// Delivers what the master says, and what is answered.
+        fn exchange(&mut self, mut out: Vec<Telegram>) {
+            while !out.is_empty() {
+                let telegram = out.remove(0);
+                self.said.push(telegram);
+                for place in 0..self.devices.len() {
+                    let (channel, device) = &mut self.devices[place];
+                    let answer = if *channel == telegram.channel {
+                        device.answer(&telegram.frame)
+                    } else {
+                        None
+                    };
+                    if let Some(frame) = answer {
+                        let heard = Telegram { channel: telegram.channel, frame };
+                        self.events.extend(self.master.on_frame(self.now, &heard, &mut out));
+                    }
+                }
+            }
+        }
+
+        fn failures(&self) -> Vec<String> {
+            let failure = |event: &Event| {
+                if let Event::BootFailed(error) = event { Some(error.to_string()) } else { None }
+            };
+            self.events.iter().filter_map(failure).collect()
+        }
+
+        fn was_started(&self) -> bool {
+            self.said.iter().any(|t| t.frame.cob_id == 0 && t.frame.data().first() == Some(&1))
+        }
+    }
+
+    #[test]
+    fn every_node_of_every_bus_is_booted_and_started() {
+        let bench = Bench::booted();
+        assert!(bench.devices.iter().all(|(_, device)| device.state == 0x05));
+        assert!(!bench.master.is_booting());
+        let starts: Vec<_> =
+            bench.said.iter().rev().take(3).map(|t| (t.channel, t.frame)).collect();
+        let start = |node| Frame::new(0, [1, node]);
+        assert_eq!(
+            starts,
+            [(Channel(1), start(16)), (Channel(1), start(3)), (Channel(0), start(3))]
+        );
+    }
+
+    #[test]
+    fn a_node_has_one_transfer_at_a_time() {
+        let mut bench = Bench::new();
+        bench.devices.clear();
+        bench.run(1_950);
+        for (channel, cob_id) in [(0, 0x603), (1, 0x603), (1, 0x610)] {
+            let is_its = |t: &&Telegram| t.channel == Channel(channel) && t.frame.cob_id == cob_id;
+            let requests = bench.said.iter().filter(is_its).filter_map(|t| t.frame.data().first());
+            let commands: Vec<u8> = requests.copied().collect();
+            assert_eq!(commands, [[0x40, 0x80]; 20].concat()[..39], "read, abort, read, abort ...");
+        }
+    }
+
+    #[test]
+    fn one_wrong_node_is_named_and_none_is_started() {
+        let mut bench = Bench::new();
+        bench.devices[1].1.objects.insert(Object::VENDOR_ID, vec![1, 0, 0, 0]);
+        bench.run(3_000);
+        let message = "joint 6 (roll), node 3: 1018h:1 is 00000001h, expected 00000F8Ch";
+        assert_eq!(bench.failures(), [message]);
+        assert!(!bench.was_started());
+        assert!(!bench.master.is_booting());
+    }
+
+    #[test]
+    fn every_missing_node_is_named() {
+        let mut bench = Bench::new();
+        bench.devices.clear();
+        bench.run(3_000);
+        assert_eq!(bench.failures().len(), 3);
+        assert!(bench.failures().iter().all(|failure| failure.ends_with("does not answer")));
+    }
+
+    #[test]
+    fn a_node_that_falls_silent_while_another_boots_is_a_failure() {
+        let mut bench = Bench::new();
+        bench.devices[0].1.deaf_for = 15;
+        bench.run(500);
+        bench.devices[2].1.objects.insert(Object::PRODUCER_HEARTBEAT, vec![0, 0]);
+        bench.run(2_000);
+        assert_eq!(bench.failures(), ["switch box, node 16: no heartbeat"]);
+        assert!(!bench.was_started());
+    }
+
+    #[test]
+    fn nodes_that_do_not_start_are_named() {
+        let mut bench = Bench::new();
+        while !bench.was_started() {
+            bench.run(1);
+        }
+        bench.devices[0].1.state = 0x7F;
+        bench.devices[2].1.state = 0x04;
+        bench.run(2_100);
+        let late = ["joint 3 (elbow), node 3", "switch box, node 16"];
+        assert_eq!(
+            bench.failures(),
+            late.map(|name| format!("{name}: did not become operational"))
+        );
+        assert!(!bench.master.is_booting());
+    }
+
+    #[test]
+    fn a_silent_node_is_lost_and_heard_again() {
+        let mut bench = Bench::booted();
+        let beat = bench.devices[1].1.objects.insert(Object::PRODUCER_HEARTBEAT, vec![0, 0]);
+        bench.run(100);
+        assert_eq!(bench.events, [Event::HeartbeatLost { node: 1 }]);
+        bench.devices[1].1.objects.insert(Object::PRODUCER_HEARTBEAT, beat.unwrap());
+        bench.run(100);
+        let back = Event::StateChanged { node: 1, state: NmtState::Operational };
+        assert_eq!(bench.events[1..], [back]);
+    }
+
+    #[test]
+    fn all_nodes_lost_at_once_are_all_reported() {
+        let mut bench = Bench::booted();
+        bench.devices.clear();
+        bench.run(100);
+        assert_eq!(bench.events, [0, 1, 2].map(|node| Event::HeartbeatLost { node }));
+    }
+
+    #[test]
+    fn a_reboot_is_no_mere_change_of_state() {
+        let mut bench = Bench::booted();
+        bench.hear(Channel(1), Frame::new(0x710, [0]));
+        assert_eq!(bench.events, [Event::Rebooted { node: 2 }]);
+        assert_eq!(bench.master.health(2), Some(Health::Alive(NmtState::PreOperational)));
+    }
+
+    #[test]
+    fn an_emergency_is_known_by_its_bus_and_by_both_its_places() {
+        let mut bench = Bench::booted();
+        bench.master.nodes[1].plan.emcy_cob_id = 0x683;
+        let data = [0x50, 0x82, 0x11, 0, 0, 0, 0, 0];
+        for (channel, cob_id) in [(0, 0x83), (1, 0x83), (1, 0x683), (0, 0x683), (1, 0x84)] {
+            bench.hear(Channel(channel), Frame::new(cob_id, data));
+        }
+        let emergency = Emergency::decode(&data).unwrap();
+        assert_eq!(bench.events, [0, 1, 1].map(|node| Event::Emergency { node, emergency }));
+    }
+
+    #[test]
+    fn whoever_else_commands_is_heard() {
+        let mut bench = Bench::booted();
+        let foreign =
+            [Frame::new(0, [0x81, 0]), Frame::new(0x80, []), Frame::new(0x203, [0x0F, 0, 1, 0])];
+        for frame in foreign {
+            bench.hear(Channel(0), frame);
+        }
+        let channel = Channel(0);
+        assert_eq!(bench.events, foreign.map(|frame| Event::ForeignMaster { channel, frame }));
+    }
+
+    #[test]
+    fn the_cyclic_exchange_and_strangers_are_passed_over() {
+        let mut bench = Bench::booted();
+        bench.master.nodes[0].plan.pdos[0].cob_id = 0x310; // a TPDO, if not a predefined one
+        let before = bench.said.len();
+        for cob_id in [0x183, 0x283, 0x383, 0x483, 0x603, 0x583, 0x205, 0x310, 0x705, 0x7E4] {
+            bench.hear(Channel(0), Frame::new(cob_id, [0; 8]));
+        }
+        assert_eq!((bench.events.len(), bench.said.len()), (0, before));
+    }
+
+    #[test]
+    fn a_restart_configures_every_node_again() {
+        let mut bench = Bench::booted();
+        for (_, device) in &mut bench.devices {
+            device.written.clear();
+        }
+        bench.master.restart();
+        assert!(bench.master.is_booting());
+        bench.run(300);
+        assert_eq!(bench.events, [Event::Booted]);
+        assert!(bench.devices.iter().all(|(_, device)| !device.written.is_empty()));
+    }
+
+    #[test]
+    fn an_orderly_stop_reaches_every_node() {
+        let mut bench = Bench::booted();
+        let mut out = Vec::new();
+        bench.master.shut_down(&mut out);
+        bench.exchange(out);
+        assert!(bench.devices.iter().all(|(_, device)| device.state == 0x7F));
+    }
+
+    proptest! {
+        #[test]
+        fn any_frames_at_any_time_neither_panic_nor_stop_time(
+            is_booted in any::<bool>(),
+            steps in proptest::collection::vec(
+                (0_u64..40, 0_u8..3, 0_u16..0x800, proptest::collection::vec(any::<u8>(), 0..9)),
+                0..50,
+            ),
+        ) {
+            let mut bench = if is_booted { Bench::booted() } else { Bench::new() };
+            for (ms, channel, cob_id, data) in steps {
+                bench.run(ms);
+                bench.hear(Channel(channel), Frame::from_slice(cob_id, &data).unwrap());
+            }
+            bench.run(8_000);
+            prop_assert!(!bench.master.is_booting());
         }
     }
 }

@@ -3,10 +3,14 @@
 pub mod abort;
 pub mod bits;
 pub mod commission;
+pub mod device;
+pub mod dictionary;
 pub mod drive;
+pub mod eds;
 pub mod emcy;
 pub mod frame;
 pub mod heartbeat;
+mod ini;
 pub mod layout;
 pub mod load;
 pub mod master;

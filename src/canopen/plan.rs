@@ -14,6 +14,7 @@ use crate::canopen::drive::Controlword;
 use crate::canopen::drive::Statusword;
 use crate::canopen::emcy;
 use crate::canopen::layout;
+use crate::canopen::layout::Direction;
 use crate::canopen::layout::Pdo;
 use crate::canopen::object::Object;
 use crate::canopen::sdo::Content;
@@ -27,6 +28,28 @@ pub struct Identity {
     pub product: u32,
     /// Revision number, 1018h:3.
     pub revision: u32,
+}
+
+/// What a node must be able to do with an object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Demand {
+    /// Take it by SDO.
+    Write,
+    /// Have it in a TPDO.
+    Transmit,
+    /// Have it in an RPDO.
+    Receive,
+}
+
+/// As in "cannot be …".
+impl fmt::Display for Demand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Write => "written",
+            Self::Transmit => "mapped into a TPDO",
+            Self::Receive => "mapped into an RPDO",
+        })
+    }
 }
 
 /// How master and node watch each other.
@@ -131,6 +154,24 @@ impl NodePlan {
             heartbeat_ms: watch.heartbeat_ms,
             lost_after: Duration::from_millis(u64::from(watch.node_lost_ms)),
         }
+    }
+
+    /// What the node must be able to do with which objects, for all of this to succeed.
+    pub fn demands(&self) -> impl Iterator<Item = (Object, Demand)> + '_ {
+        let in_use = self.pdos.iter().filter_map(|pdo| Some((pdo, pdo.service.as_ref()?)));
+        let mapped = in_use.clone().flat_map(|(pdo, service)| {
+            let demand = match pdo.direction {
+                Direction::Receive => Demand::Receive,
+                Direction::Transmit => Demand::Transmit,
+            };
+            service.mapping.iter().map(move |mapped| (mapped.object, demand))
+        });
+        let pdos = in_use.flat_map(|(pdo, _)| pdo.writes()).map(|(object, _)| object);
+        let safety = self.safety.iter().map(|(object, _)| *object);
+        let mode = self.mode.map(|_| Object::MODE_OF_OPERATION);
+        let heartbeat = [Object::PRODUCER_HEARTBEAT];
+        let written = pdos.chain(safety).chain(mode).chain(heartbeat);
+        mapped.chain(written.map(|object| (object, Demand::Write)))
     }
 
     /// Everything there is to do before the node is started, in order.

@@ -27,6 +27,8 @@ pub(crate) struct Scripted {
     pub(crate) deaf_for: u32,
     /// Whether a reset is followed by a boot-up message.
     pub(crate) boots: bool,
+    /// Whether it starts itself after that, as 1F80h can tell a device to.
+    pub(crate) starts_itself: bool,
     /// NMT state as the heartbeat tells it.
     pub(crate) state: u8,
     /// Every object written, in order.
@@ -50,6 +52,7 @@ impl Scripted {
             forgets: Vec::new(),
             deaf_for: 0,
             boots: true,
+            starts_itself: false,
             state: 0x7F,
             written: Vec::new(),
         }
@@ -64,7 +67,7 @@ impl Scripted {
                 NmtCommand::StopRemoteNode => self.state = 0x04,
                 NmtCommand::EnterPreOperational => self.state = 0x7F,
                 NmtCommand::ResetNode | NmtCommand::ResetCommunication => {
-                    self.state = 0x7F;
+                    self.state = if self.starts_itself { 0x05 } else { 0x7F };
                     return self.boots.then(|| self.heartbeat(0));
                 }
             }

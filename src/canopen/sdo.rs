@@ -148,11 +148,6 @@ impl Transfer {
         Self { node, object, timeout, deadline: None, phase, toggle: false, bytes }
     }
 
-    /// What is read or written.
-    pub const fn object(&self) -> Object {
-        self.object
-    }
-
     /// Takes one received frame; requests are appended to `out`.
     pub fn on_frame(
         &mut self,
@@ -467,6 +462,15 @@ mod tests {
         let (outcome, out) = replies(&mut transfer, &[opened, [0x00; 8], [0x00; 8]]);
         assert_eq!(outcome, Some(Err(SdoError::BrokenOff(AbortCode::TOGGLE_NOT_ALTERNATED))));
         assert_eq!(out.last(), Some(&Frame::new(0x605, [0x80, 0x08, 0x10, 0, 0, 0, 3, 5])));
+    }
+
+    #[test]
+    fn a_segment_confirmed_twice_is_broken_off() {
+        let (mut transfer, _) = writing(NAME, b"a long name of a device");
+        let (confirmed, opened) = ([0x20, 0, 0, 0, 0, 0, 0, 0], [0x60, 0x08, 0x10, 0, 0, 0, 0, 0]);
+        let (outcome, out) = replies(&mut transfer, &[opened, confirmed, confirmed]);
+        assert_eq!(outcome, Some(Err(SdoError::BrokenOff(AbortCode::TOGGLE_NOT_ALTERNATED))));
+        assert_eq!(out.len(), 3, "two segments and an abort");
     }
 
     // Bug 3: replies without a size were refused, expedited (42h, above) and segmented (40h).

@@ -26,13 +26,19 @@ pub(super) struct Cli {
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
     /// Everything in one process: node, six simulated drives, operator and a virtual object.
-    #[command(after_help = "Example:\n  frhc demo --seconds 20 --out /tmp/session && log2asc -I /tmp/session/bus.log vcan0 vcan1")]
+    #[command(
+        after_help = "Example:\n  frhc demo --seconds 20 --out /tmp/session && log2asc -I /tmp/session/bus.log vcan0 vcan1"
+    )]
     Demo(Demo),
     /// The node on SocketCAN, until SIGINT or SIGTERM.
-    #[command(after_help = "Example:\n  frhc run --config config/kraft_like_500hz.toml -i can0 --record /var/lib/frhc/today")]
+    #[command(
+        after_help = "Example:\n  frhc run --config config/kraft_like_500hz.toml -i can0 --record /var/lib/frhc/today"
+    )]
     Run(Run),
     /// The simulated drives, switch box, arm and operator on SocketCAN, for `run` or any other master.
-    #[command(after_help = "Example:\n  frhc sim --config config/kraft_like_500hz.toml -i vcan0 --scenario config/scenarios/contact_10s.toml")]
+    #[command(
+        after_help = "Example:\n  frhc sim --config config/kraft_like_500hz.toml -i vcan0 --scenario config/scenarios/contact_10s.toml"
+    )]
     Sim(Sim),
     /// Talks to a running node over its Unix socket.
     #[command(after_help = "Example:\n  frhc ctl arm && frhc ctl status --json")]

@@ -12,11 +12,11 @@ pub(super) fn run(args: &Check) -> Result<(), Failure> {
     let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
     let loads = config.loads();
     if args.json {
-        let buses: Vec<_> = config.buses.iter().zip(&loads).map(|(bus, load)| {
+        let buses = config.buses.iter().zip(&loads).map(|(bus, load)| {
             serde_json::json!({
                 "name": bus.name,
                 "bitrate": bus.bitrate,
-                "bits_per_cycle": load.bits_per_cycle,
+                "bits_per_cycle": load.used,
                 "load_percent": load.percent(),
                 "limit_percent": bus.load_limit_percent,
             })
@@ -41,8 +41,8 @@ pub(super) fn run(args: &Check) -> Result<(), Failure> {
         print::line(&format!(
             "joint {:10} node {:3}, {:.4} N·m a step of 1 per mille, at most {} N·m",
             joint.name,
-            joint.node,
-            joint.torque_step(),
+            joint.node.raw(),
+            joint.calibration.resolution(),
             joint.max_torque
         ));
     }

@@ -67,7 +67,7 @@ struct Answer {
 }
 
 impl Answer {
-    fn refused(reason: impl ToString) -> Self {
+    fn refused(reason: &impl ToString) -> Self {
         Self { ok: false, error: Some(reason.to_string()), mode: None, status: None }
     }
 }
@@ -148,7 +148,7 @@ async fn converse(
         }
         let answer = match serde_json::from_str::<Question>(&line) {
             Ok(question) => answer(question.ask, requests, latest).await,
-            Err(error) => Answer::refused(format!("not understood: {error}")),
+            Err(error) => Answer::refused(&format!("not understood: {error}")),
         };
         let mut text = serde_json::to_string(&answer)?;
         text.push('\n');
@@ -167,12 +167,12 @@ async fn answer(ask: Ask, requests: &mpsc::Sender<Pending>, latest: &Latest) -> 
     };
     let (answer, answered) = oneshot::channel();
     if requests.try_send(Pending { request, answer }).is_err() {
-        return Answer::refused("the node is busy");
+        return Answer::refused(&"the node is busy");
     }
     match answered.await {
         Ok(Ok(mode)) => Answer { ok: true, error: None, mode: Some(mode.name()), status: None },
-        Ok(Err(refused)) => Answer::refused(refused),
-        Err(_) => Answer::refused("the node has stopped"),
+        Ok(Err(refused)) => Answer::refused(&refused),
+        Err(_) => Answer::refused(&"the node has stopped"),
     }
 }
 
@@ -181,6 +181,6 @@ fn status(latest: &Latest) -> Answer {
         Some(status) => {
             Answer { ok: true, error: None, mode: Some(status.mode), status: Some(status) }
         }
-        None => Answer::refused("the node is still booting"),
+        None => Answer::refused(&"the node is still booting"),
     }
 }

@@ -32,14 +32,15 @@ pub(super) fn run(args: &Ctl) -> Result<(), Failure> {
     if args.json {
         print::line(line.trim_end());
     }
-    if answer["ok"] != true {
-        let reason = answer["error"].as_str().unwrap_or("the node's answer is not understood");
+    let text = |key| answer.get(key).and_then(serde_json::Value::as_str);
+    if answer.get("ok").and_then(serde_json::Value::as_bool) != Some(true) {
+        let reason = text("error").unwrap_or("the node's answer is not understood");
         return Err(Failure::new(Kind::Negative, reason));
     }
     if !args.json {
         match answer.get("status") {
             Some(status) => print::line(&table(status)),
-            None => print::line(answer["mode"].as_str().unwrap_or_default()),
+            None => print::line(text("mode").unwrap_or_default()),
         }
     }
     Ok(())
@@ -68,8 +69,8 @@ fn socket(args: &Ctl) -> Result<PathBuf, Failure> {
 }
 
 fn ask(socket: &PathBuf, ask: Ask) -> anyhow::Result<String> {
-    let mut stream = UnixStream::connect(socket)
-        .with_context(|| format!("no node at {}", socket.display()))?;
+    let mut stream =
+        UnixStream::connect(socket).with_context(|| format!("no node at {}", socket.display()))?;
     stream.set_read_timeout(Some(PATIENCE))?;
     let mut question = serde_json::to_string(&Question { ask })?;
     question.push('\n');

@@ -25,7 +25,10 @@ pub(super) fn resolve(config: &Config, overrides: &[String]) -> Result<Vec<Strin
 }
 
 fn no_such_bus(config: &Config, name: &str) -> Failure {
-    Failure::new(Kind::Usage, format!("-i {name}=…: no bus of that name; there is {}", names(config)))
+    Failure::new(
+        Kind::Usage,
+        format!("-i {name}=…: no bus of that name; there is {}", names(config)),
+    )
 }
 
 fn ambiguous(config: &Config, given: &str) -> Failure {

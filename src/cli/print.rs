@@ -21,7 +21,5 @@ pub(super) fn error(text: &str) {
 }
 
 fn write(mut to: impl Write, text: &str) {
-    if writeln!(to, "{text}").is_err() {
-        // Nobody reads any more; there is nobody to tell.
-    }
+    writeln!(to, "{text}").ok();
 }

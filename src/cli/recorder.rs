@@ -53,24 +53,21 @@ impl Latest {
     }
 }
 
-/// The cycle's end of the queue. Never waits.
+/// The cycle's end of the queue. Never waits: when it is full, or nobody takes entries any more, the
+/// cycle goes on without.
 #[derive(Clone, Debug)]
 pub(super) struct Offer(pub(super) SyncSender<Entry>);
 
 impl Offer {
     /// A record, or nothing if the queue is full: the recorder sees the gap in the cycle numbers.
     pub(super) fn record(&self, record: Record) {
-        if self.0.try_send(Entry::Record(record)).is_err() {
-            // Full or gone: the cycle goes on without it.
-        }
+        self.0.try_send(Entry::Record(record)).ok();
     }
 }
 
 impl Tap for Offer {
     fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
-        if self.0.try_send(Entry::Frame(at, *telegram)).is_err() {
-            // Full or gone: the cycle goes on without it.
-        }
+        self.0.try_send(Entry::Frame(at, *telegram)).ok();
     }
 }
 

@@ -14,6 +14,7 @@ use tokio::sync::oneshot;
 use crate::bus::Bus;
 use crate::bus::SocketCan;
 use crate::bus::Traced;
+use crate::bus::realtime;
 use crate::cli::args::Run;
 use crate::cli::console::Pending;
 use crate::cli::console::Socket;
@@ -66,16 +67,16 @@ pub(super) fn run(args: &Run) -> Result<(), Failure> {
         let cycle_stop = Arc::clone(&stop);
         let cycle = move || {
             let outcome = attend(node, asked, &offer, &cycle_stop);
-            if ended.send(outcome).is_err() {
-                // The main thread has gone before: nobody to tell.
-            }
+            // The main thread may have gone before.
+            ended.send(outcome).ok();
         };
         thread::Builder::new()
             .name("frhc-cycle".to_owned())
             .spawn_scoped(threads, cycle)
             .context("no thread for the cycle")
             .or_fail(Kind::Bus)?;
-        let recording = threads.spawn(|| recorder::record(&entries, session.as_mut(), &latest));
+        let (session, shown) = (session.as_mut(), latest.clone());
+        let recording = threads.spawn(move || recorder::record(&entries, session, &shown));
         let outcome = runtime.block_on(serve(&socket, requests, &latest, &stop, end));
         let summary = recording.join();
         outcome?;
@@ -121,6 +122,8 @@ fn attend<B: Bus, R: Remote>(
     offer: &Offer,
     stop: &AtomicBool,
 ) -> Result<(), Failure> {
+    let granted = realtime::ask();
+    tracing::info!(%granted, "priority");
     let stopping = || stop.load(Ordering::Relaxed);
     match node.bring_up(&mut || stopping()) {
         Ok(()) => tracing::info!("ready: all drives enabled at zero torque"),
@@ -132,9 +135,8 @@ fn attend<B: Bus, R: Remote>(
     }
     while !stopping() {
         if let Ok(Pending { request, answer }) = asked.try_recv() {
-            if answer.send(node.request(request)).is_err() {
-                // Whoever asked has hung up.
-            }
+            // Whoever asked may have hung up.
+            answer.send(node.request(request)).ok();
         }
         offer.record(node.cycle());
     }

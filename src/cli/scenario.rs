@@ -15,9 +15,8 @@ pub(super) fn load(name: &str) -> Result<Scenario, Failure> {
     } else {
         Path::new("config/scenarios").join(name).with_extension("toml")
     };
-    let wrong = |reason: String| {
-        Failure::new(Kind::Configuration, format!("{}: {reason}", path.display()))
-    };
+    let wrong =
+        |reason: String| Failure::new(Kind::Configuration, format!("{}: {reason}", path.display()));
     let bytes = files::read(&path).map_err(|error| wrong(error.to_string()))?;
     let text = String::from_utf8(bytes).map_err(|error| wrong(error.to_string()))?;
     Scenario::parse(&text).map_err(|error| wrong(error.to_string()))

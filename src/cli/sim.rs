@@ -1,5 +1,60 @@
-//! `frhc sim`: simulated drives, switch box, arm and operator on SocketCAN.
+//! `frhc sim`: simulated drives, switch box, arm and operator on SocketCAN, for any master.
 
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering;
+use std::thread;
+
+use anyhow::Context;
+
+use crate::bus::SocketCan;
+use crate::bus::realtime;
+use crate::cli::args::Sim;
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::cli::exit::OrFail;
+use crate::cli::interfaces;
+use crate::cli::print;
+use crate::cli::scenario;
+use crate::cli::signals;
+use crate::config::Config;
+use crate::lab::attend::attend;
+use crate::lab::world;
+use crate::sim::world::World;
+
+/// Lives on the bus until a signal ends it, then tells what each drive believes.
+pub(super) fn run(args: &Sim) -> Result<(), Failure> {
+    let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
+    let scenario = scenario::load(&args.scenario)?;
+    let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
+    let mut bus = SocketCan::open(&names).or_fail(Kind::Bus)?;
+    let mut world = world::build(&config, scenario, args.seed);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.context("no runtime").or_fail(Kind::Bus)?;
+
+    tracing::info!(interfaces = names.join(" "), "simulated drives are on the bus");
+    let over = AtomicBool::new(false);
+    thread::scope(|threads| {
+        let live = || {
+            realtime::ask();
+            attend(&mut bus, &mut world, &mut |_| over.load(Ordering::Relaxed));
+        };
+        threads.spawn(live);
+        runtime.block_on(signals::wait());
+        over.store(true, Ordering::Relaxed);
+    });
+    report(&world);
+    Ok(())
+}
+
+/// What each drive believes.
+fn report(world: &World) {
+    for (joint, drive) in (1..).zip(world.drives()) {
+        print::line(&format!(
+            "joint {joint} node {:3} {}, torque {:+.3} N·m, last error {:04X}h",
+            drive.node().raw(),
+            drive.state(),
+            drive.torque(),
+            drive.last_error(),
+        ));
+    }
+}

@@ -25,7 +25,8 @@ pub(super) fn mode(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Mode>
         "rate" => Some(Mode::Rate),
         "pose" => Some(Mode::Pose),
         other => {
-            problems.add("controller.mode", format_args!("\"{other}\": there is \"rate\", \"pose\""));
+            problems
+                .add("controller.mode", format_args!("\"{other}\": there is \"rate\", \"pose\""));
             None
         }
     }

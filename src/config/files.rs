@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::io;
+use std::path::Component;
 use std::path::Path;
 use std::path::PathBuf;
 
@@ -10,8 +11,14 @@ use std::path::PathBuf;
 const SHIPPED: &[(&str, &[u8])] = &[
     ("config/kraft_like.toml", include_bytes!("../../config/kraft_like.toml")),
     ("config/kraft_like_500hz.toml", include_bytes!("../../config/kraft_like_500hz.toml")),
-    ("config/scenarios/teleoperation.toml", include_bytes!("../../config/scenarios/teleoperation.toml")),
-    ("config/scenarios/contact_10s.toml", include_bytes!("../../config/scenarios/contact_10s.toml")),
+    (
+        "config/scenarios/teleoperation.toml",
+        include_bytes!("../../config/scenarios/teleoperation.toml"),
+    ),
+    (
+        "config/scenarios/contact_10s.toml",
+        include_bytes!("../../config/scenarios/contact_10s.toml"),
+    ),
     ("config/scenarios/free.toml", include_bytes!("../../config/scenarios/free.toml")),
     ("eds/frhc_drive.eds", include_bytes!("../../eds/frhc_drive.eds")),
     ("eds/frhc_switches.eds", include_bytes!("../../eds/frhc_switches.eds")),
@@ -44,12 +51,10 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 pub fn beside(file: &Path, name: &str) -> PathBuf {
     let mut path = file.parent().unwrap_or(Path::new("")).to_path_buf();
     for part in Path::new(name).components() {
-        match part {
-            std::path::Component::ParentDir if path.file_name().is_some() => {
-                path.pop();
-            }
-            std::path::Component::CurDir => {}
-            other => path.push(other),
+        if part == Component::ParentDir && path.file_name().is_some() {
+            path.pop();
+        } else if part != Component::CurDir {
+            path.push(part);
         }
     }
     path
@@ -72,6 +77,9 @@ mod tests {
 
     #[test]
     fn what_is_not_there_is_not_found() {
-        assert_eq!(read(Path::new("config/none.toml")).unwrap_err().kind(), io::ErrorKind::NotFound);
+        assert_eq!(
+            read(Path::new("config/none.toml")).unwrap_err().kind(),
+            io::ErrorKind::NotFound
+        );
     }
 }

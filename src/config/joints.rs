@@ -88,11 +88,8 @@ fn read(
     let channel = network::channel(&key("bus"), raw, &joint.bus, problems);
     let node = network::node_id(&key("node_id"), joint.node_id, problems);
     let eds = network::eds(&key("eds"), file, &joint.eds, problems);
-    let identity = Identity {
-        vendor: joint.vendor_id,
-        product: joint.product_code,
-        revision: joint.revision,
-    };
+    let identity =
+        Identity { vendor: joint.vendor_id, product: joint.product_code, revision: joint.revision };
     let [low, high] = problems.all_finite(&key("limit_deg"), joint.limit_deg);
     if low >= high {
         problems.add(&key("limit_deg"), format_args!("from {low} to {high} is no range"));

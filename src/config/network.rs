@@ -11,18 +11,19 @@ use crate::canopen::frame::Channel;
 use crate::canopen::layout;
 use crate::canopen::load;
 use crate::canopen::load::BusLoad;
+use crate::canopen::plan::Demand;
 use crate::canopen::plan::Identity;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::plan::Watch;
 use crate::config::Config;
 use crate::config::Safety;
 use crate::config::files;
+use crate::config::joints::Joint;
 use crate::config::problem::Problems;
 use crate::config::raw;
 
 /// Bit rates of CiA 301 (4.2), in bit/s.
-const BITRATES: [u32; 8] =
-    [10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
+const BITRATES: [u32; 8] = [10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
 
 /// The longest name of a network interface.
 const LONGEST_INTERFACE: usize = 15;
@@ -75,7 +76,8 @@ pub(super) fn buses(raw: &raw::File, problems: &mut Problems<'_>) -> Vec<BusSett
             problems.add(&key("bitrate"), format_args!("{} is none of {BITRATES:?}", bus.bitrate));
         }
         if bus.layout != "per-drive" {
-            problems.add(&key("layout"), format_args!("\"{}\": there is \"per-drive\"", bus.layout));
+            problems
+                .add(&key("layout"), format_args!("\"{}\": there is \"per-drive\"", bus.layout));
         }
         problems.within(&key("load_limit_percent"), bus.load_limit_percent, 1.0..=100.0);
     }
@@ -114,12 +116,7 @@ pub(super) fn channel(
 }
 
 /// The EDS called `name` in `file`.
-pub(super) fn eds(
-    key: &str,
-    file: &Path,
-    name: &str,
-    problems: &mut Problems<'_>,
-) -> Option<Eds> {
+pub(super) fn eds(key: &str, file: &Path, name: &str, problems: &mut Problems<'_>) -> Option<Eds> {
     let path = files::beside(file, name);
     let read = files::read(&path).map_err(|error| format!("{}: {error}", path.display()));
     let bytes = problems.take(key, read)?;
@@ -189,10 +186,11 @@ pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
     for (place, joint) in config.joints.iter().enumerate() {
         let key = |name: &str| format!("joint[{place}].{name}");
         if !taken.insert((joint.channel, joint.node.raw())) {
-            problems.add(&key("node_id"), format_args!("{} is taken on this bus", joint.node.raw()));
+            problems
+                .add(&key("node_id"), format_args!("{} is taken on this bus", joint.node.raw()));
         }
         identity(&key("product_code"), &joint.eds, &joint.identity, problems);
-        abilities(&key("eds"), &joint.eds, &drive_plan(config, place), problems);
+        abilities(&key("eds"), &joint.eds, &drive_plan(config, place, joint), problems);
     }
     if !taken.insert((config.switches.channel, config.switches.node.raw())) {
         problems.add("switches.node_id", "is taken on this bus");
@@ -208,17 +206,15 @@ pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
 
 /// What every node is to be and to be told: the joints' drives, then the switch box.
 pub(super) fn plans(config: &Config) -> Vec<(Channel, NodePlan)> {
-    let drives = (0..config.joints.len()).map(|place| drive_plan(config, place));
-    let channels = config.joints.iter().map(|joint| joint.channel);
-    let switches = (config.switches.channel, switches_plan(config));
-    channels.zip(drives).chain([switches]).collect()
+    let joints = config.joints.iter().enumerate();
+    let drives = joints.map(|(place, joint)| (joint.channel, drive_plan(config, place, joint)));
+    drives.chain([(config.switches.channel, switches_plan(config))]).collect()
 }
 
-fn drive_plan(config: &Config, place: usize) -> NodePlan {
-    let joint = &config.joints[place];
+fn drive_plan(config: &Config, place: usize, joint: &Joint) -> NodePlan {
     let name = format!("joint {} ({})", place + 1, joint.name);
     let pdos = layout::per_drive(joint.node, Some(config.safety.rpdo_timer_ms));
-    let most = joint.calibration.max_target().unsigned_abs();
+    let most = joint.calibration.max_target().0.unsigned_abs();
     NodePlan::drive(name, joint.node, joint.identity, pdos, &watch(config), most)
 }
 
@@ -272,4 +268,22 @@ pub(super) fn rpdo_time(config: &Config) -> Duration {
         Duration::from_secs(1) * bits / bus.bitrate.max(1)
     };
     (0..).map(Channel).zip(&config.buses).map(time).max().unwrap_or_default()
+}
+
+/// The device must have, by its EDS, every object that is to be set in it.
+fn abilities(key: &str, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
+    for (object, demand) in plan.demands() {
+        let Some(described) = eds.object(object) else {
+            problems.add(key, format_args!("{}: {object} is not in its EDS", plan.name));
+            continue;
+        };
+        let is_able = match demand {
+            Demand::Write => described.access.is_writable(),
+            Demand::Transmit => described.is_mappable && described.access.is_input(),
+            Demand::Receive => described.is_mappable && described.access.is_output(),
+        };
+        if !is_able {
+            problems.add(key, format_args!("{}: {object} cannot be {demand}", plan.name));
+        }
+    }
 }

@@ -100,10 +100,14 @@ pub(super) struct Controller {
 pub(super) struct Remote {
     pub(super) kind: String,
     pub(super) start_m: [f64; 3],
+    #[serde(default)]
+    pub(super) start_deg: [f64; 3],
     pub(super) sensor_m: [f64; 3],
     pub(super) mass_kg: f64,
     pub(super) centre_of_mass_m: [f64; 3],
     pub(super) servo_time_constant_s: f64,
+    pub(super) max_speed_m_per_s: f64,
+    pub(super) max_turn_rad_per_s: f64,
     pub(super) accommodation_m_per_ns: f64,
     pub(super) accommodation_rad_per_nms: f64,
     pub(super) wall: Option<Wall>,

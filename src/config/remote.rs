@@ -1,11 +1,16 @@
 //! `[remote]`: the commanded side. Today a virtual object, a wall and a box.
 
 use nalgebra::Isometry3;
+use nalgebra::Translation3;
 use nalgebra::Unit;
+use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 
 use crate::config::problem::Problems;
 use crate::config::raw;
+use crate::robot::accommodation::Accommodation;
+use crate::robot::object::Servo;
+use crate::robot::payload::Payload;
 
 /// A virtual object and what it can touch.
 #[derive(Clone, Debug)]
@@ -14,14 +19,12 @@ pub struct Virtual {
     pub x_b_m: Isometry3<f64>,
     /// Pose of the force sensor in the frame under control.
     pub x_m_s: Isometry3<f64>,
-    /// Mass the sensor carries, in kg.
-    pub mass: f64,
-    /// Its centre in {S}, in m.
-    pub centre_of_mass: [f64; 3],
-    /// How fast the object follows, in s.
-    pub servo_time_constant: f64,
-    /// Force accommodation: six rates per contact force or moment.
-    pub accommodation: [f64; 6],
+    /// What the sensor carries.
+    pub payload: Payload,
+    /// How the object follows.
+    pub servo: Servo,
+    /// How it gives way in rate mode.
+    pub accommodation: Accommodation,
     /// A plane to push against.
     pub wall: Option<(Vector3<f64>, Unit<Vector3<f64>>, Contact)>,
     /// A box to bump into: its centre and half its sides.
@@ -44,11 +47,21 @@ pub(super) fn settings(raw: &raw::File, problems: &mut Problems<'_>) -> Option<V
         problems.add("remote.kind", format_args!("\"{}\": there is \"virtual\"", remote.kind));
     }
     let start = problems.all_finite("remote.start_m", remote.start_m);
+    let turned = problems.all_finite("remote.start_deg", remote.start_deg).map(f64::to_radians);
     let sensor = problems.all_finite("remote.sensor_m", remote.sensor_m);
-    let linear = "remote.accommodation_m_per_ns";
-    let linear = problems.not_negative(linear, remote.accommodation_m_per_ns);
-    let angular = "remote.accommodation_rad_per_nms";
-    let angular = problems.not_negative(angular, remote.accommodation_rad_per_nms);
+    let (linear, angular) = (remote.accommodation_m_per_ns, remote.accommodation_rad_per_nms);
+    let gain = [linear, linear, linear, angular, angular, angular];
+    // The virtual sensor has no bias, so nothing need go unnoticed.
+    let accommodation = Accommodation::new(gain, [0.0; 6]);
+    let accommodation = problems.take("remote.accommodation_m_per_ns", accommodation);
+    let servo = Servo::new(
+        remote.servo_time_constant_s,
+        remote.max_speed_m_per_s,
+        remote.max_turn_rad_per_s,
+    );
+    let servo = problems.take("remote.servo_time_constant_s", servo);
+    let payload = Payload::new(remote.mass_kg, remote.centre_of_mass_m);
+    let payload = problems.take("remote.mass_kg", payload);
     let wall = remote.wall.as_ref().map(|wall| {
         let point = problems.all_finite("remote.wall.point_m", wall.point_m);
         let normal = problems.all_finite("remote.wall.normal", wall.normal);
@@ -74,13 +87,14 @@ pub(super) fn settings(raw: &raw::File, problems: &mut Problems<'_>) -> Option<V
         (Vector3::from(centre), Vector3::from(half), contact)
     });
     Some(Virtual {
-        x_b_m: Isometry3::translation(start[0], start[1], start[2]),
+        x_b_m: Isometry3::from_parts(
+            Translation3::from(start),
+            UnitQuaternion::from_euler_angles(turned[0], turned[1], turned[2]),
+        ),
         x_m_s: Isometry3::translation(sensor[0], sensor[1], sensor[2]),
-        mass: problems.not_negative("remote.mass_kg", remote.mass_kg),
-        centre_of_mass: problems.all_finite("remote.centre_of_mass_m", remote.centre_of_mass_m),
-        servo_time_constant: problems
-            .positive("remote.servo_time_constant_s", remote.servo_time_constant_s),
-        accommodation: [linear, linear, linear, angular, angular, angular],
+        payload: payload?,
+        servo: servo?,
+        accommodation: accommodation?,
         wall,
         block,
     })

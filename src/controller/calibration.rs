@@ -206,6 +206,16 @@ impl JointCalibration {
         PerMille(whole_i16(self.curve.at(torque) * self.direction()))
     }
 
+    /// The target of the largest torque, whichever way the motor turns.
+    pub fn max_target(&self) -> PerMille {
+        PerMille(whole_i16(self.curve.at(self.curve.max_torque()).ceil()))
+    }
+
+    /// The torque of one per mille near zero, in N·m: what a target cannot resolve.
+    pub fn resolution(&self) -> f64 {
+        self.curve.torque(1.0)
+    }
+
     /// The joint torque in N·m that a target asks for.
     fn torque(&self, target: PerMille) -> f64 {
         self.curve.torque(f64::from(target.0) * self.direction())

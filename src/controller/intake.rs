@@ -1,4 +1,4 @@
-//! What may be trusted of numbers that come from outside (SAFETY row 33).
+//! What may be trusted of numbers that come from outside.
 //!
 //! Not their age, nor whether they are plausible for the task. A number that is none is replaced by
 //! the harmless one and named as a fault; no later equation checks again.

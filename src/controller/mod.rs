@@ -8,7 +8,7 @@
 //! | [`calibration`] | 4.2, Fig. 6   | counts to positions, torques to per mille          |
 //! | [`arm`]         | Eq. 1, 7, 3.3 | kinematics, Jacobian, weight                       |
 //! | [`switches`]    | 4.1           | what the operator permits                          |
-//! | [`reference`]   | Eq. 2, 3      | where zero is                                      |
+//! | [`mod@reference`] | Eq. 2, 3    | where zero is                                      |
 //! | [`orientation`] | Eq. 4, 5      | orientation as three numbers                       |
 //! | [`channels`]    | Fig. 4, Eq. 8 | one law for each axis                              |
 //! | [`command`]     | Eq. 5, 3.5    | rate or pose of the object                         |

@@ -5,18 +5,21 @@ use std::time::Duration;
 use thiserror::Error;
 
 use crate::bus::Bus;
-use crate::bus::BusFault;
 use crate::bus::Heard;
 use crate::canopen::commission::BootError;
-use crate::canopen::frame::Channel;
+use crate::canopen::drive::State;
+use crate::canopen::drive::Statusword;
 use crate::canopen::frame::Telegram;
 use crate::canopen::master::Event;
-use crate::canopen::nmt;
 use crate::node::Node;
+use crate::node::safety;
 use crate::node::schedule::Schedule;
 use crate::remote::Remote;
 use crate::telemetry::record::Cause;
 use crate::telemetry::record::Mode;
+
+/// What is on its way when a boot begins, such as boot-up messages, is let pass.
+const LISTEN_FIRST: Duration = Duration::from_millis(20);
 
 /// Whoever may want to give up a boot is asked this often.
 const ASK_EVERY: Duration = Duration::from_millis(50);
@@ -63,6 +66,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub fn bring_up(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         self.master.restart();
         self.samples.restart();
+        let quiet = self.bus.now() + LISTEN_FIRST;
+        while self.bus.receive(quiet).is_some() {}
         let booted = self.boot(give_up);
         if booted.is_err() {
             self.leave_pre_operational();
@@ -108,7 +113,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
                         return Ok(());
                     }
                 }
-                Heard::Fault(fault) => broken(channel, fault)?,
+                Heard::Fault(fault) => {
+                    if let Some(cause) = safety::cause_of_fault(channel, fault) {
+                        return Err(BringUpError::Bus(cause));
+                    }
+                }
             }
         }
     }
@@ -140,17 +149,14 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// The first joint whose drive still has its power stage on, and its statusword.
     fn first_on(&self) -> Option<(usize, u16)> {
         let mut joints = (1..).zip(self.samples.latest());
-        let (joint, sample) = joints.find(|(_, sample)| sample.state().has_power())?;
+        let (joint, sample) = joints.find(|(_, sample)| has_power(sample.statusword))?;
         Some((joint, sample.statusword.0))
     }
 
     /// Nobody is left operational: no PDO of ours acts any more.
     fn leave_pre_operational(&mut self) {
-        for place in 0..self.channels.len() {
-            if let Some(channel) = self.channels.get(place).copied() {
-                self.send(Telegram { channel, frame: nmt::enter_pre_operational(nmt::ALL) });
-            }
-        }
+        self.master.shut_down(&mut self.out);
+        self.post();
         let flushed = self.bus.now() + self.period;
         while self.bus.receive(flushed).is_some() {}
     }
@@ -172,11 +178,21 @@ fn finished(event: Option<Event>) -> Result<bool, BootError> {
     }
 }
 
-/// A bus that cannot carry a boot.
-fn broken(Channel(channel): Channel, fault: BusFault) -> Result<(), BringUpError> {
-    match fault {
-        BusFault::Off => Err(BringUpError::Bus(Cause::BusOff { channel })),
-        BusFault::Down => Err(BringUpError::Bus(Cause::BusDown { channel })),
-        BusFault::Warning | BusFault::Passive | BusFault::Overrun => Ok(()),
+/// Whether the power stage may still push. A state that is none counts as one that may.
+const fn has_power(statusword: Statusword) -> bool {
+    match statusword.state() {
+        Some(
+            State::NotReadyToSwitchOn
+            | State::SwitchOnDisabled
+            | State::ReadyToSwitchOn
+            | State::Fault,
+        ) => false,
+        Some(
+            State::SwitchedOn
+            | State::OperationEnabled
+            | State::QuickStopActive
+            | State::FaultReactionActive,
+        )
+        | None => true,
     }
 }

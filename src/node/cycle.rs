@@ -9,7 +9,6 @@
 //!    └ gather until complete ─┘       └ record (its owner's queue)           │
 //! ```
 
-use crate::bus::BusFault;
 use crate::bus::Bus;
 use crate::bus::Heard;
 use crate::bus::Received;
@@ -20,7 +19,6 @@ use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
 use crate::canopen::layout;
-use crate::canopen::master::Event;
 use crate::canopen::pdo;
 use crate::canopen::pdo::DriveTarget;
 use crate::canopen::sync::Sync;
@@ -28,6 +26,7 @@ use crate::controller::Input;
 use crate::controller::calibration::Counts;
 use crate::controller::switches::Switches;
 use crate::node::Node;
+use crate::node::safety;
 use crate::node::safety::Permit;
 use crate::remote::Remote;
 use crate::telemetry::record::Cause;
@@ -55,7 +54,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let input = self.input(now, &permit, due.skipped);
 
         let output = self.controller.step(&input);
-        if let Some(fault) = output.fault {
+        if let Some(fault) = output.fault.filter(safety::is_serious) {
             self.safety.stop(now, Cause::ControllerFault { fault });
         }
 
@@ -72,7 +71,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             mode: self.safety.mode(),
             cause: self.safety.cause(),
             sampled: self.samples.fresh(),
-            inputs: self.samples.inputs(now).map(|inputs| inputs.encode()),
+            inputs: self.samples.inputs(now).map(|inputs| u8::from_le_bytes(inputs.encode())),
             f_s,
             x_b_m: input.x_b_m,
             output,
@@ -103,57 +102,31 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 if !self.samples.on_frame(at, &telegram) {
                     let event = self.master.on_frame(at, &telegram, &mut self.out);
                     self.post();
-                    self.react(at, event);
+                    self.heed(at, event.as_ref().and_then(safety::cause_of_event));
                 }
             }
-            Heard::Fault(fault) => self.suffer(at, channel, fault),
+            Heard::Fault(fault) => self.heed(at, safety::cause_of_fault(channel, fault)),
         }
     }
 
-    /// What the network's events mean.
-    fn react(&mut self, now: Instant, event: Option<Event>) {
-        let cause = match event {
-            Some(Event::Emergency { node, emergency }) if !emergency.is_reset() => {
-                Cause::Emergency { node: node + 1, code: emergency.code }
-            }
-            Some(Event::HeartbeatLost { node }) => Cause::HeartbeatLost { node: node + 1 },
-            Some(Event::Rebooted { node }) => Cause::Rebooted { node: node + 1 },
-            Some(Event::ForeignMaster { .. }) => Cause::ForeignMaster,
-            Some(
-                Event::Emergency { .. }
-                | Event::Booted
-                | Event::BootFailed(_)
-                | Event::StateChanged { .. },
-            )
-            | None => return,
-        };
-        self.safety.stop(now, cause);
-    }
-
-    /// What the bus's own trouble means.
-    fn suffer(&mut self, now: Instant, channel: Channel, fault: BusFault) {
-        let Channel(channel) = channel;
-        match fault {
-            BusFault::Warning => {}
-            BusFault::Passive => self.safety.stop(now, Cause::BusPassive { channel }),
-            BusFault::Off => self.safety.stop(now, Cause::BusOff { channel }),
-            BusFault::Down => self.safety.stop(now, Cause::BusDown { channel }),
-            // What was lost shows as missing samples.
-            BusFault::Overrun => {}
+    /// Stops if there is a cause to.
+    fn heed(&mut self, now: Instant, cause: Option<Cause>) {
+        if let Some(cause) = cause {
+            self.safety.stop(now, cause);
         }
     }
 
     /// Draws the conclusions of this cycle's samples and of time itself.
     fn judge(&mut self, now: Instant, skipped: u64) {
-        let event = self.master.on_time(now, &mut self.out);
+        while let Some(event) = self.master.on_time(now, &mut self.out) {
+            self.heed(now, safety::cause_of_event(&event));
+        }
         self.post();
-        self.react(now, event);
         if skipped > OVERRUN && self.cycle > 0 {
             self.safety.stop(now, Cause::Overrun { cycles: skipped });
         }
-        if let Some(cause) = self.samples.end() {
-            self.safety.stop(now, cause);
-        }
+        let missing = self.samples.end();
+        self.heed(now, missing);
         match self.not_enabled() {
             Some(drive) => self.safety.not_enabled(now, drive),
             None if self.samples.is_complete() => self.safety.drives_are_enabled(now),
@@ -164,7 +137,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// The first joint whose drive is not enabled, and its statusword.
     fn not_enabled(&self) -> Option<(usize, u16)> {
         let mut joints = (1..).zip(self.samples.latest());
-        let (joint, sample) = joints.find(|(_, sample)| sample.statusword.state() != Some(State::OperationEnabled))?;
+        let (joint, sample) = joints
+            .find(|(_, sample)| sample.statusword.state() != Some(State::OperationEnabled))?;
         Some((joint, sample.statusword.0))
     }
 
@@ -212,7 +186,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             let Some(power) = self.power.get_mut(joint) else { continue };
             let controlword = power.controlword(sample.statusword.state(), goal);
             let torque = pdo::PerMille(targets.get(joint).copied().unwrap_or(0));
-            let frame = Frame::new(layout::rpdo1(node), DriveTarget { controlword, torque }.encode());
+            let frame =
+                Frame::new(layout::rpdo1(node), DriveTarget { controlword, torque }.encode());
             self.send(Telegram { channel, frame });
         }
     }

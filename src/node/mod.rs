@@ -71,8 +71,14 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let now = bus.now();
         let drives = config.joints.each_ref().map(|joint| (joint.channel, joint.node));
         let sources = drives.map(|(channel, node)| Source { channel, cob_id: layout::tpdo1(node) });
-        let switches = Source { channel: config.switches.channel, cob_id: layout::tpdo1(config.switches.node) };
-        let ramps = Ramps { gravity: config.safety.gravity_ramp, reflection: config.safety.reflection_ramp };
+        let switches = Source {
+            channel: config.switches.channel,
+            cob_id: layout::tpdo1(config.switches.node),
+        };
+        let ramps = Ramps {
+            gravity: config.safety.gravity_ramp,
+            reflection: config.safety.reflection_ramp,
+        };
         let sensed = remote.exchange(now, &Motion::Hold);
         Self {
             period: config.period,
@@ -108,6 +114,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// The bus, to ask it for its statistics.
     pub const fn bus(&self) -> &B {
         &self.bus
+    }
+
+    /// The bus, to reach what is attached to it.
+    pub const fn bus_mut(&mut self) -> &mut B {
+        &mut self.bus
     }
 
     /// The commanded side.

@@ -16,7 +16,11 @@ use std::time::Duration;
 
 use thiserror::Error;
 
+use crate::bus::BusFault;
+use crate::canopen::frame::Channel;
+use crate::canopen::master::Event;
 use crate::canopen::pdo::Deadman;
+use crate::controller::Fault;
 use crate::telemetry::record::Cause;
 use crate::telemetry::record::Mode;
 use crate::time::Instant;
@@ -53,7 +57,7 @@ pub enum Refusal {
 /// What a cause leads to, mildest first; a worse one always replaces a milder one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Reaction {
-    /// S2: all target torques zero, the drives stay enabled for [`ZERO_TORQUE_FOR`].
+    /// S2: all target torques zero, the drives stay enabled for 100 ms.
     ZeroTorque,
     /// S3: voltage off at once.
     DrivesOff,
@@ -76,6 +80,44 @@ pub const fn reaction(cause: &Cause) -> Reaction {
         | Cause::ForeignMaster
         | Cause::BusOff { .. }
         | Cause::BusDown { .. } => Reaction::DrivesOff,
+    }
+}
+
+/// What an event of the network stops the node for, if it does.
+pub const fn cause_of_event(event: &Event) -> Option<Cause> {
+    match event {
+        Event::Emergency { node, emergency } if !emergency.is_reset() => {
+            Some(Cause::Emergency { node: *node, code: emergency.code })
+        }
+        Event::HeartbeatLost { node } => Some(Cause::HeartbeatLost { node: *node }),
+        Event::Rebooted { node } => Some(Cause::Rebooted { node: *node }),
+        Event::ForeignMaster { .. } => Some(Cause::ForeignMaster),
+        Event::Emergency { .. }
+        | Event::Booted
+        | Event::BootFailed(_)
+        | Event::StateChanged { .. } => None,
+    }
+}
+
+/// What a fault of a bus stops the node for, if it does. What an overrun loses shows as missing samples.
+pub const fn cause_of_fault(Channel(channel): Channel, fault: BusFault) -> Option<Cause> {
+    match fault {
+        BusFault::Warning | BusFault::Overrun => None,
+        BusFault::Passive => Some(Cause::BusPassive { channel }),
+        BusFault::Off => Some(Cause::BusOff { channel }),
+        BusFault::Down => Some(Cause::BusDown { channel }),
+    }
+}
+
+/// Whether what the controller met is more than a hand turned too far, which only holds the command.
+pub const fn is_serious(fault: &Fault) -> bool {
+    match fault {
+        Fault::TurnedTooFar => false,
+        Fault::TorqueNotFinite
+        | Fault::WrenchNotFinite
+        | Fault::WrenchTooLarge
+        | Fault::ObjectPoseNotFinite
+        | Fault::ShareOutOfRange => true,
     }
 }
 
@@ -268,8 +310,16 @@ impl Safety {
         let armed = engaged || self.mode == Mode::Armed;
         Permit {
             mode: self.mode,
-            gravity_share: if armed { share(now.since(self.gravity_since), self.ramps.gravity) } else { 0.0 },
-            reflection_share: if engaged { share(now.since(self.since), self.ramps.reflection) } else { 0.0 },
+            gravity_share: if armed {
+                share(now.since(self.gravity_since), self.ramps.gravity)
+            } else {
+                0.0
+            },
+            reflection_share: if engaged {
+                share(now.since(self.since), self.ramps.reflection)
+            } else {
+                0.0
+            },
             engaged,
             drives_on: self.mode != Mode::Stopped || now < self.drives_on_until,
         }

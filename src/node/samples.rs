@@ -14,11 +14,11 @@ const SWITCHES_STALE: Duration = Duration::from_millis(15);
 
 /// Where the cyclic frame of a node comes in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Source {
+pub(super) struct Source {
     /// Its bus.
-    pub channel: Channel,
+    pub(super) channel: Channel,
     /// Its COB-ID.
-    pub cob_id: u16,
+    pub(super) cob_id: u16,
 }
 
 impl Source {
@@ -29,7 +29,7 @@ impl Source {
 
 /// The newest sample of each joint.
 #[derive(Clone, Debug)]
-pub struct Samples {
+pub(super) struct Samples {
     drives: [Source; 6],
     switches: Source,
     patience: u32,
@@ -42,7 +42,7 @@ pub struct Samples {
 
 impl Samples {
     /// Nothing heard yet. `patience` is how many cycles in a row a joint may miss.
-    pub fn new(drives: [Source; 6], switches: Source, patience: u32) -> Self {
+    pub(super) fn new(drives: [Source; 6], switches: Source, patience: u32) -> Self {
         Self {
             drives,
             switches,
@@ -56,12 +56,12 @@ impl Samples {
     }
 
     /// A SYNC goes out: what comes in from now on belongs to it.
-    pub fn begin(&mut self) {
+    pub(super) fn begin(&mut self) {
         self.fresh = [false; 6];
     }
 
     /// Takes a cyclic frame; false if it is none. One of the wrong length counts as not come.
-    pub fn on_frame(&mut self, at: Instant, telegram: &Telegram) -> bool {
+    pub(super) fn on_frame(&mut self, at: Instant, telegram: &Telegram) -> bool {
         if self.switches.is_of(telegram) {
             match SwitchInputs::decode(telegram.frame.data()) {
                 Ok(inputs) => self.inputs = Some((at, inputs)),
@@ -83,12 +83,12 @@ impl Samples {
     }
 
     /// Whether every joint has answered this SYNC.
-    pub fn is_complete(&self) -> bool {
+    pub(super) fn is_complete(&self) -> bool {
         self.fresh == [true; 6]
     }
 
     /// The window is over: counts who is missing, and says who has been for too long.
-    pub fn end(&mut self) -> Option<Cause> {
+    pub(super) fn end(&mut self) -> Option<Cause> {
         let mut lost = None;
         for (joint, (missing, fresh)) in (1..).zip(self.missing.iter_mut().zip(&self.fresh)) {
             *missing = if *fresh { 0 } else { missing.saturating_add(1) };
@@ -100,24 +100,24 @@ impl Samples {
     }
 
     /// Forgets what was missed: the network starts anew.
-    pub fn restart(&mut self) {
+    pub(super) fn restart(&mut self) {
         self.missing = [0; 6];
         self.fresh = [false; 6];
         self.inputs = None;
     }
 
     /// The newest sample of each joint.
-    pub fn latest(&self) -> &[DriveSample; 6] {
+    pub(super) fn latest(&self) -> &[DriveSample; 6] {
         &self.latest
     }
 
     /// Which joints answered this SYNC.
-    pub fn fresh(&self) -> [bool; 6] {
+    pub(super) fn fresh(&self) -> [bool; 6] {
         self.fresh
     }
 
     /// The switch box's inputs, unless they are too old to be believed.
-    pub fn inputs(&self, now: Instant) -> Option<SwitchInputs> {
+    pub(super) fn inputs(&self, now: Instant) -> Option<SwitchInputs> {
         self.inputs.filter(|(at, _)| now.since(*at) <= SWITCHES_STALE).map(|(_, inputs)| inputs)
     }
 }

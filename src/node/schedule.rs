@@ -6,29 +6,29 @@ use crate::time::Instant;
 
 /// The SYNC schedule.
 #[derive(Clone, Copy, Debug)]
-pub struct Schedule {
+pub(super) struct Schedule {
     period: Duration,
     next: Instant,
 }
 
 /// The next SYNC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Due {
+pub(super) struct Due {
     /// When it is due.
-    pub at: Instant,
+    pub(super) at: Instant,
     /// Periods that passed without one since the last.
-    pub skipped: u64,
+    pub(super) skipped: u64,
 }
 
 impl Schedule {
     /// SYNC every `period`, which is not zero, from one period after `now`.
-    pub fn starting(now: Instant, period: Duration) -> Self {
+    pub(super) fn starting(now: Instant, period: Duration) -> Self {
         Self { period, next: now + period }
     }
 
     /// The next SYNC that is not later than half a period overdue. Those before it are skipped, and
     /// the grid stays where it was.
-    pub fn next(&mut self, now: Instant) -> Due {
+    pub(super) fn next(&mut self, now: Instant) -> Due {
         let overdue = now.since(self.next + self.period / 2).as_micros();
         let period = self.period.as_micros().max(1);
         let skipped = u64::try_from(overdue.div_ceil(period)).unwrap_or(u64::MAX);

@@ -6,6 +6,30 @@
 
 use std::f64::consts::TAU;
 
+/// A motor with its gear and its encoder.
+#[derive(Clone, Copy, Debug)]
+pub struct ActuatorSettings {
+    /// Encoder counts per turn of the motor.
+    pub counts_per_rev: f64,
+    /// Turns of the motor per turn of the joint; negative where they turn against each other.
+    pub gear_ratio: f64,
+    /// Encoder counts at joint position zero.
+    pub zero_counts: i32,
+    /// Rated torque of the motor, in N·m.
+    pub rated_torque: f64,
+    /// `c1`, `c3`, `c5` in per mille per N·m, (N·m)³ and (N·m)⁵; the curve rises up to `max_torque`.
+    pub torque_curve: [f64; 3],
+    /// The most torque the joint gets, in N·m.
+    pub max_torque: f64,
+}
+
+impl ActuatorSettings {
+    /// Rated torque in mN·m (6076h).
+    pub fn rated_millis(&self) -> u32 {
+        saturated((self.rated_torque * 1e3).round()).unsigned_abs()
+    }
+}
+
 /// The torque a joint gets for a target.
 #[derive(Clone, Copy, Debug)]
 pub struct TorqueCurve {
@@ -15,10 +39,13 @@ pub struct TorqueCurve {
 }
 
 impl TorqueCurve {
-    /// From the coefficients `c1`, `c3`, `c5` in per mille per N·m, (N·m)³ and (N·m)⁵, which must rise
-    /// up to `max` in N·m; beyond that the joint gets no more.
-    pub fn new(coefficients: [f64; 3], gear_ratio: f64, max: f64) -> Self {
-        Self { coefficients, gear_sign: gear_ratio.signum(), max: max.abs() }
+    /// That of a motor behind its gear.
+    pub const fn new(settings: &ActuatorSettings) -> Self {
+        Self {
+            coefficients: settings.torque_curve,
+            gear_sign: settings.gear_ratio.signum(),
+            max: settings.max_torque.abs(),
+        }
     }
 
     /// The target, in per mille, that gives `torque` in N·m; not rounded and not limited.
@@ -61,10 +88,10 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// With `counts_per_rev` counts per turn of the motor, `gear_ratio` turns of it per turn of the
-    /// joint (negative where they turn against each other), and `zero` counts at position zero.
-    pub fn new(counts_per_rev: f64, gear_ratio: f64, zero: i32) -> Self {
-        Self { counts_per_turn: counts_per_rev * gear_ratio, zero }
+    /// That of a motor behind its gear.
+    pub const fn new(settings: &ActuatorSettings) -> Self {
+        let counts_per_turn = settings.counts_per_rev * settings.gear_ratio;
+        Self { counts_per_turn, zero: settings.zero_counts }
     }
 
     /// The counts at `position` in rad; they wrap.
@@ -103,6 +130,25 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn settings(gear_ratio: f64) -> ActuatorSettings {
+        ActuatorSettings {
+            counts_per_rev: 4_096.0,
+            gear_ratio,
+            zero_counts: 0,
+            rated_torque: 0.2,
+            torque_curve: [30.0, 0.0, 0.0],
+            max_torque: 10.0,
+        }
+    }
+
+    fn curve(torque_curve: [f64; 3], gear_ratio: f64, max_torque: f64) -> TorqueCurve {
+        TorqueCurve::new(&ActuatorSettings { torque_curve, max_torque, ..settings(gear_ratio) })
+    }
+
+    fn encoder(counts_per_rev: f64, gear_ratio: f64, zero_counts: i32) -> Encoder {
+        Encoder::new(&ActuatorSettings { counts_per_rev, zero_counts, ..settings(gear_ratio) })
+    }
+
     proptest! {
         #[test]
         fn torque_of_a_target_inverts_the_curve(
@@ -111,7 +157,7 @@ mod tests {
         ) {
             let scale = full / (1.0 + third + fifth);
             let coefficients = [scale / max, scale * third / max.powi(3), scale * fifth / max.powi(5)];
-            let curve = TorqueCurve::new(coefficients, gear, max);
+            let curve = curve(coefficients, gear, max);
             let torque = share * max;
             let back = curve.torque(curve.target(torque));
             prop_assert!((back - torque).abs() <= 1e-9 * max, "{torque} became {back}");
@@ -119,7 +165,7 @@ mod tests {
 
         #[test]
         fn no_target_gives_more_than_the_joint_bears(target in any::<i16>()) {
-            let curve = TorqueCurve::new([30.0, 0.1, 0.0], -80.0, 12.0);
+            let curve = curve([30.0, 0.1, 0.0], -80.0, 12.0);
             let torque = curve.torque(f64::from(target));
             prop_assert!(torque.abs() <= 12.0);
             prop_assert!(torque * f64::from(target) <= 0.0, "the gear turns it round");
@@ -128,7 +174,7 @@ mod tests {
 
     #[test]
     fn a_whole_turn_of_the_joint_is_as_many_turns_of_the_motor_as_the_gear_says() {
-        let encoder = Encoder::new(4_096.0, -80.0, 1_000);
+        let encoder = encoder(4_096.0, -80.0, 1_000);
         assert_eq!(encoder.counts(0.0), 1_000);
         assert_eq!(encoder.counts(TAU), 1_000 - 4_096 * 80);
         assert_eq!(encoder.rate(TAU), -4_096 * 80);
@@ -136,7 +182,7 @@ mod tests {
 
     #[test]
     fn counts_wrap_where_their_register_ends() {
-        let encoder = Encoder::new(1.0, 1.0, i32::MAX);
+        let encoder = encoder(1.0, 1.0, i32::MAX);
         assert_eq!(encoder.counts(TAU), i32::MIN);
         let beyond = f64::from(u32::MAX) + 1.0;
         assert_eq!(encoder.counts(beyond * TAU), i32::MAX);

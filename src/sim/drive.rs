@@ -5,8 +5,7 @@
 
 use std::time::Duration;
 
-use canopen_rs::NodeId;
-
+use crate::canopen::NodeId;
 use crate::canopen::abort::AbortCode;
 use crate::canopen::device::Application;
 use crate::canopen::device::ConnectionLoss;
@@ -22,6 +21,7 @@ use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
 use crate::canopen::object::Object;
 use crate::canopen::station::Station;
+use crate::sim::actuator::ActuatorSettings;
 use crate::sim::actuator::Encoder;
 use crate::sim::actuator::TorqueCurve;
 use crate::sim::power::Power;
@@ -36,18 +36,8 @@ pub struct DriveSettings {
     pub node: NodeId,
     /// Its objects, with their defaults.
     pub dictionary: Dictionary,
-    /// Encoder counts per turn of the motor.
-    pub counts_per_rev: f64,
-    /// Turns of the motor per turn of the joint; negative where they turn against each other.
-    pub gear_ratio: f64,
-    /// Encoder counts at joint position zero.
-    pub zero_counts: i32,
-    /// Rated torque of the motor, in N·m.
-    pub rated_torque: f64,
-    /// `c1`, `c3`, `c5` of per mille against joint torque in N·m.
-    pub torque_curve: [f64; 3],
-    /// The most torque the joint gets, in N·m.
-    pub max_joint_torque: f64,
+    /// Its motor, gear and encoder.
+    pub actuator: ActuatorSettings,
     /// How long after the SYNC its TPDOs are sent.
     pub latency: Duration,
 }
@@ -56,6 +46,7 @@ pub struct DriveSettings {
 #[derive(Clone, Debug)]
 pub struct Drive {
     channel: Channel,
+    is_plugged: bool,
     device: Device<Axis>,
     frames: Vec<Frame>,
 }
@@ -63,28 +54,20 @@ pub struct Drive {
 impl Drive {
     /// A drive that is switched on.
     pub fn new(settings: DriveSettings) -> Self {
-        let DriveSettings { channel, node, dictionary, latency, .. } = settings;
+        let DriveSettings { channel, node, dictionary, actuator, latency } = settings;
         let axis = Axis {
-            encoder: Encoder::new(
-                settings.counts_per_rev,
-                settings.gear_ratio,
-                settings.zero_counts,
-            ),
-            curve: TorqueCurve::new(
-                settings.torque_curve,
-                settings.gear_ratio,
-                settings.max_joint_torque,
-            ),
-            rated_torque: millis(settings.rated_torque),
+            encoder: Encoder::new(&actuator),
+            curve: TorqueCurve::new(&actuator),
+            rated_torque: actuator.rated_millis(),
             power: Power::default(),
             error: 0,
-            position: settings.zero_counts,
+            position: actuator.zero_counts,
             velocity: 0,
             target: 0,
             torque: 0.0,
         };
         let device = Device::new(node, dictionary, axis, latency);
-        Self { channel, device, frames: Vec::with_capacity(FRAMES) }
+        Self { channel, is_plugged: true, device, frames: Vec::with_capacity(FRAMES) }
     }
 
     /// Where it is on its bus.
@@ -116,13 +99,23 @@ impl Drive {
         self.device.application().error
     }
 
-    /// Something breaks in the drive: a fault with this error code, which is not 0.
-    pub fn fail(&mut self, code: u16) {
+    /// Something breaks in the drive that only its statusword tells of.
+    pub fn fail(&mut self) {
+        self.fail_with(0);
+    }
+
+    /// Something breaks in the drive, and an emergency tells of it with this error code; 0 for none.
+    pub fn fail_with(&mut self, code: u16) {
         self.device.touch(|axis, dictionary| {
             axis.error = code;
             axis.power.fail();
             axis.refresh(dictionary);
         });
+    }
+
+    /// Takes it off its bus: it hears and says nothing any more.
+    pub const fn unplug(&mut self) {
+        self.is_plugged = false;
     }
 
     /// Its objects, as they are now.
@@ -131,21 +124,28 @@ impl Drive {
     }
 }
 
+impl Drive {
+    fn send(&mut self, out: &mut Vec<Telegram>) {
+        let channel = self.channel;
+        let said = self.frames.drain(..).filter(|_| self.is_plugged);
+        out.extend(said.map(|frame| Telegram { channel, frame }));
+    }
+}
+
 /// Room for what a device says at once.
 const FRAMES: usize = 8;
 
 impl Station for Drive {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
-        if channel == self.channel {
+        if channel == self.channel && self.is_plugged {
             self.device.on_frame(now, frame, &mut self.frames);
-            out.extend(self.frames.drain(..).map(|frame| Telegram { channel, frame }));
+            self.send(out);
         }
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>) {
-        let channel = self.channel;
         self.device.on_time(now, &mut self.frames);
-        out.extend(self.frames.drain(..).map(|frame| Telegram { channel, frame }));
+        self.send(out);
     }
 
     fn deadline(&self) -> Option<Instant> {
@@ -201,7 +201,7 @@ impl Application for Axis {
 
     fn written(&mut self, dictionary: &mut Dictionary, object: Object) {
         if object == Object::CONTROLWORD {
-            let word = Controlword(dictionary.u16(Object::CONTROLWORD));
+            let word = Controlword(word(dictionary, Object::CONTROLWORD));
             self.power.obey(word, dictionary.i16(Object::QUICK_STOP_OPTION));
             // 605Dh 0: a halt is a loss of power.
             let is_enabled = self.power.state() == State::OperationEnabled;
@@ -222,7 +222,7 @@ impl Application for Axis {
         }
         self.refresh(dictionary);
         let [t0, t1] = self.target.to_le_bytes();
-        let [s0, s1] = dictionary.u16(Object::STATUSWORD).to_le_bytes();
+        let [s0, s1] = word(dictionary, Object::STATUSWORD).to_le_bytes();
         [t0, t1, s0, s1, 0]
     }
 
@@ -230,7 +230,7 @@ impl Application for Axis {
         if reset == Reset::Node {
             self.power = Power::default();
             self.error = 0;
-            let _held = dictionary.set(Object::RATED_TORQUE, &self.rated_torque.to_le_bytes());
+            dictionary.set(Object::RATED_TORQUE, &self.rated_torque.to_le_bytes());
             self.show_motion(dictionary);
         }
         self.refresh(dictionary);
@@ -249,7 +249,7 @@ impl Axis {
             && mode == CYCLIC_SYNCHRONOUS_TORQUE
             && !self.power.is_halted();
         let wanted = if follows { dictionary.i16(Object::TARGET_TORQUE) } else { 0 };
-        let max = dictionary.u16(Object::MAX_TORQUE);
+        let max = word(dictionary, Object::MAX_TORQUE);
         let max = i16::try_from(max).unwrap_or(i16::MAX);
         let target = wanted.clamp(-max, max);
         if target != self.target {
@@ -263,31 +263,26 @@ impl Axis {
         if target != wanted {
             statusword |= Statusword::INTERNAL_LIMIT;
         }
-        let _held = dictionary.set(Object::STATUSWORD, &statusword.to_le_bytes());
-        let _held = dictionary.set(Object::MODE_DISPLAY, &mode.to_le_bytes());
-        let _held = dictionary.set(Object::TORQUE_ACTUAL, &target.to_le_bytes());
-        let _held = dictionary.set(Object::ERROR_CODE, &self.error.to_le_bytes());
+        dictionary.set(Object::STATUSWORD, &statusword.to_le_bytes());
+        dictionary.set(Object::MODE_DISPLAY, &mode.to_le_bytes());
+        dictionary.set(Object::TORQUE_ACTUAL, &target.to_le_bytes());
+        dictionary.set(Object::ERROR_CODE, &self.error.to_le_bytes());
     }
 
     fn show_motion(&self, dictionary: &mut Dictionary) {
-        let _held = dictionary.set(Object::POSITION_ACTUAL, &self.position.to_le_bytes());
-        let _held = dictionary.set(Object::VELOCITY_ACTUAL, &self.velocity.to_le_bytes());
+        dictionary.set(Object::POSITION_ACTUAL, &self.position.to_le_bytes());
+        dictionary.set(Object::VELOCITY_ACTUAL, &self.velocity.to_le_bytes());
     }
 }
 
 /// Whether the drive has a mode of operation (6502h, mode 1 at bit 0); mode 0 is none, and any has it.
 fn has_mode(dictionary: &Dictionary, mode: u8) -> bool {
-    let modes = u64::from(dictionary.u32(Object::SUPPORTED_MODES)) << 1 | 1;
+    let modes = u64::from(dictionary.unsigned(Object::SUPPORTED_MODES)) << 1 | 1;
     modes.checked_shr(u32::from(mode)).is_some_and(|modes| modes & 1 == 1)
 }
 
-/// Thousandths, as the dictionary has them; what is no torque is none.
-#[expect(
-    clippy::as_conversions,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "such a cast saturates; NaN becomes 0"
-)]
-fn millis(torque: f64) -> u32 {
-    (torque * 1_000.0).round() as u32
+/// An object of 16 bits; zero if it is not there.
+fn word(dictionary: &Dictionary, object: Object) -> u16 {
+    let [low, high, ..] = dictionary.unsigned(object).to_le_bytes();
+    u16::from_le_bytes([low, high])
 }

@@ -1,8 +1,29 @@
-//! What does not exist: the drives and the switch box of a hand controller, as stations on a bus.
+//! What does not exist: drives and switches on the bus, the arm they move, the hand that holds it, and
+//! what the commanded object can touch.
 //!
-//! Written without a look at `controller` and `robot`, so that no mistake cancels itself out.
+//! Imports neither the controller nor the commanded side. Kinematics and dynamics are written here a
+//! second time, another way, and both are held against the values of independent programs: a mistake
+//! cannot cancel itself out.
+//!
+//! | file         | what                                                        |
+//! |--------------|-------------------------------------------------------------|
+//! | [`drive`]    | a CiA 402 drive: power states, [`actuator`], encoder    |
+//! | [`switches`] | a CiA 401 input module                                      |
+//! | [`arm`]      | rigid-body kinematics and dynamics                          |
+//! | [`plant`]    | the arm in motion: friction, end stops, integration         |
+//! | [`hand`]     | the operator's hand, and its [`tremor`]                     |
+//! | [`scenario`] | what the operator does, and when                            |
+//! | [`scene`]    | a wall and a box                                            |
+//! | [`world`]    | all of it, as a station on the buses                        |
 
 pub mod actuator;
+pub mod arm;
 pub mod drive;
-pub mod power;
+pub mod hand;
+pub mod plant;
+mod power;
+pub mod scenario;
+pub mod scene;
 pub mod switches;
+pub mod tremor;
+pub mod world;

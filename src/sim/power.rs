@@ -9,7 +9,7 @@ use crate::canopen::drive::Statusword;
 
 /// The power stage of one drive.
 #[derive(Clone, Copy, Debug)]
-pub struct Power {
+pub(super) struct Power {
     state: State,
     last: Controlword,
 }
@@ -47,19 +47,19 @@ impl Command {
 
 impl Power {
     /// The state it is in.
-    pub const fn state(&self) -> State {
+    pub(super) const fn state(&self) -> State {
         self.state
     }
 
     /// Whether bit 8 of the last controlword asks for a halt.
-    pub const fn is_halted(&self) -> bool {
+    pub(super) const fn is_halted(&self) -> bool {
         self.last.0 & HALT != 0
     }
 
     /// Follows a controlword; a quick stop does as `quick_stop_option` (605Ah) says.
     ///
     /// A fault is reset by the *rising edge* of bit 7, so a bit that is held resets nothing more.
-    pub const fn obey(&mut self, word: Controlword, quick_stop_option: i16) {
+    pub(super) const fn obey(&mut self, word: Controlword, quick_stop_option: i16) {
         let reset = Controlword::FAULT_RESET.0;
         let has_risen = word.0 & reset != 0 && self.last.0 & reset == 0;
         self.last = word;
@@ -90,19 +90,19 @@ impl Power {
     }
 
     /// A fault, and what 605Eh wants done about it, which is done at once.
-    pub const fn fail(&mut self) {
+    pub(super) const fn fail(&mut self) {
         self.state = State::Fault;
     }
 
     /// As a controlword that disables the voltage would; a fault stays one.
-    pub const fn disable_voltage(&mut self) {
+    pub(super) const fn disable_voltage(&mut self) {
         if !matches!(self.state, State::Fault) {
             self.state = State::SwitchOnDisabled;
         }
     }
 
     /// As a controlword that asks for a quick stop would.
-    pub const fn quick_stop(&mut self, option: i16) {
+    pub(super) const fn quick_stop(&mut self, option: i16) {
         self.state = match self.state {
             State::OperationEnabled => quick_stop(option),
             State::ReadyToSwitchOn | State::SwitchedOn => State::SwitchOnDisabled,
@@ -114,18 +114,19 @@ impl Power {
         };
     }
 
-    /// The statusword, without what is not of the power stage.
-    pub const fn statusword(&self) -> Statusword {
-        Statusword(match self.state {
+    /// The statusword, without what is not of the power stage. The mains are always on (bit 4).
+    pub(super) const fn statusword(&self) -> Statusword {
+        let state = match self.state {
             State::NotReadyToSwitchOn => 0x00,
             State::SwitchOnDisabled => 0x40,
-            State::ReadyToSwitchOn => 0x21 | Statusword::VOLTAGE_ENABLED,
-            State::SwitchedOn => 0x23 | Statusword::VOLTAGE_ENABLED,
-            State::OperationEnabled => 0x27 | Statusword::VOLTAGE_ENABLED,
-            State::QuickStopActive => 0x07 | Statusword::VOLTAGE_ENABLED,
-            State::FaultReactionActive => 0x0F | Statusword::VOLTAGE_ENABLED,
+            State::ReadyToSwitchOn => 0x21,
+            State::SwitchedOn => 0x23,
+            State::OperationEnabled => 0x27,
+            State::QuickStopActive => 0x07,
+            State::FaultReactionActive => 0x0F,
             State::Fault => 0x08,
-        })
+        };
+        Statusword(state | Statusword::VOLTAGE_ENABLED)
     }
 }
 

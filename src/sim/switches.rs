@@ -4,8 +4,7 @@
 
 use std::time::Duration;
 
-use canopen_rs::NodeId;
-
+use crate::canopen::NodeId;
 use crate::canopen::device::Application;
 use crate::canopen::device::Device;
 use crate::canopen::device::Reset;
@@ -37,7 +36,7 @@ impl Application for Inputs {
 
 impl Inputs {
     fn show(self, dictionary: &mut Dictionary) {
-        let _held = dictionary.set(Object::DIGITAL_INPUTS, &[self.0]);
+        dictionary.set(Object::DIGITAL_INPUTS, &[self.0]);
     }
 }
 

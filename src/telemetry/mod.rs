@@ -2,5 +2,6 @@
 
 pub mod candump;
 pub mod record;
+pub mod session;
 pub mod status;
 pub mod summary;

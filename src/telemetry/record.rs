@@ -44,7 +44,8 @@ impl fmt::Display for Mode {
     }
 }
 
-/// What stopped the node. Joints count from 1, as in the paper.
+/// What stopped the node. Joints count from 1, as in the paper; nodes are places in the list of the
+/// joints' drives and the switch box, from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
     /// A drive's samples did not come in time, several cycles in a row.
@@ -86,9 +87,9 @@ impl fmt::Display for Cause {
             Self::DriveLeft { joint, statusword } => {
                 write!(f, "joint {joint}: drive left operation enabled (6041h = {statusword:04X}h)")
             }
-            Self::Emergency { node, code } => write!(f, "node {node}: emergency {code:04X}h"),
-            Self::HeartbeatLost { node } => write!(f, "node {node}: heartbeat lost"),
-            Self::Rebooted { node } => write!(f, "node {node}: rebooted"),
+            Self::Emergency { node, code } => write!(f, "{}: emergency {code:04X}h", Who(*node)),
+            Self::HeartbeatLost { node } => write!(f, "{}: heartbeat lost", Who(*node)),
+            Self::Rebooted { node } => write!(f, "{}: rebooted", Who(*node)),
             Self::ForeignMaster => f.write_str("another master is on the bus"),
             Self::ControllerFault { fault } => write!(f, "controller: {fault}"),
             Self::QueueFull { channel } => write!(f, "bus {channel}: transmit queue full"),
@@ -100,6 +101,18 @@ impl fmt::Display for Cause {
             Self::EnableTimeout { joint, statusword } => {
                 write!(f, "joint {joint}: not enabled in time (6041h = {statusword:04X}h)")
             }
+        }
+    }
+}
+
+/// A node by its place in the list.
+struct Who(usize);
+
+impl fmt::Display for Who {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            drive @ 0..6 => write!(f, "joint {}", drive + 1),
+            _ => f.write_str("switch box"),
         }
     }
 }

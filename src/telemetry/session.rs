@@ -54,7 +54,8 @@ impl<W: Write> SessionLog<W> {
         let written = self.log.pseudo(record.at, interface, id, &wrench);
         self.note(written);
 
-        let sampled = (0..).zip(record.sampled).fold(0, |bits, (joint, is)| bits | u8::from(is) << joint);
+        let sampled =
+            (0..).zip(record.sampled).fold(0, |bits, (joint, is)| bits | u8::from(is) << joint);
         let [c0, c1, c2, c3, ..] = record.cycle.to_le_bytes();
         let state = [code(record.mode), record.inputs.unwrap_or(0xFF), sampled, 0, c0, c1, c2, c3];
         let (interface, id) = NODE;

@@ -69,7 +69,7 @@ impl Summary {
         self.cycles += 1;
         self.missing_samples += u64::try_from(missing).unwrap_or(0);
         self.cycles_with_missing_samples += u64::from(missing > 0);
-        self.saturated_cycles += u64::from(record.output.saturated);
+        self.saturated_cycles += u64::from(record.output.is_saturated());
         self.final_mode = record.mode.to_string();
         self.stopped_by = record.cause.map(|cause| cause.to_string());
 
@@ -137,7 +137,8 @@ impl fmt::Display for Summary {
         )?;
         writeln!(f, "object travelled  {:.2} m", self.object_travel_m)?;
         writeln!(f, "torque limited    {} cycles", self.saturated_cycles)?;
-        for (bus, (load, frames)) in self.bus_load_percent.iter().zip(&self.bus_frames).enumerate() {
+        for (bus, (load, frames)) in self.bus_load_percent.iter().zip(&self.bus_frames).enumerate()
+        {
             writeln!(f, "bus {bus} load        {load:.1} % ({frames} frames)")?;
         }
         match &self.stopped_by {

@@ -1,4 +1,16 @@
 //! What the integration tests share.
 #![allow(dead_code, reason = "each test file is a crate of its own and uses a part of this")]
+#![allow(
+    clippy::expect_used,
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
 
+pub(crate) mod bench;
+pub(crate) mod felt;
+pub(crate) mod log;
 pub(crate) mod oracle;
+pub(crate) mod process;

@@ -12,6 +12,7 @@ use crate::canopen::device::parameter::may_change_cob_id;
 use crate::canopen::device::sdo_server::Access;
 use crate::canopen::dictionary::Dictionary;
 use crate::canopen::dictionary::Entry;
+use crate::canopen::dictionary::OutOfRange;
 use crate::canopen::object::Object;
 
 /// The objects of a device, between two frames.
@@ -25,7 +26,7 @@ pub(super) struct Objects<'a, A> {
 
 impl<A: Application> Access for Objects<'_, A> {
     fn read(&self, object: Object, bytes: &mut Vec<u8>) -> Result<(), AbortCode> {
-        if !self.entry(object)?.is_readable() {
+        if !self.entry(object)?.access.is_readable() {
             return Err(AbortCode::WRITE_ONLY);
         }
         bytes.extend_from_slice(self.dictionary.get(object).ok_or(AbortCode::NO_DATA)?);
@@ -34,10 +35,10 @@ impl<A: Application> Access for Objects<'_, A> {
 
     fn size(&self, object: Object) -> Result<Option<usize>, AbortCode> {
         let entry = self.entry(object)?;
-        if !entry.is_writable() {
+        if !entry.access.is_writable() {
             return Err(AbortCode::READ_ONLY);
         }
-        Ok(entry.bits().map(|bits| usize::from(bits.div_ceil(8))))
+        Ok(entry.size())
     }
 
     fn write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
@@ -61,14 +62,19 @@ impl<A: Application> Objects<'_, A> {
 
     /// Whether `object` may be written with `bytes` now. They have its size.
     fn may_write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
-        self.entry(object)?.in_range(bytes)?;
+        self.entry(object)?.in_range(bytes).map_err(|outside| match outside {
+            OutOfRange::Below => AbortCode::VALUE_TOO_LOW,
+            OutOfRange::Above => AbortCode::VALUE_TOO_HIGH,
+        })?;
         if let Some(place) = Place::of(object) {
             return place.may_write(self.dictionary, object, bytes);
         }
         let value = u32::try_from(number(bytes)).ok();
         match (object, value) {
             (Object::ERROR_HISTORY, Some(1..)) => Err(AbortCode::VALUE_INVALID),
-            (Object::EMCY_COB_ID, Some(raw)) => may_change_cob_id(self.dictionary.u32(object), raw),
+            (Object::EMCY_COB_ID, Some(raw)) => {
+                may_change_cob_id(self.dictionary.unsigned(object), raw)
+            }
             (Object::CONSUMER_HEARTBEAT, Some(raw)) if !heartbeat::is_valid(raw) => {
                 Err(AbortCode::VALUE_INVALID)
             }

@@ -51,7 +51,7 @@ pub enum ConnectionLoss {
     Heartbeat,
     /// An RPDO stays away (sub-index 5 of its communication parameter).
     RpdoTimeout,
-    /// It has stopped the node.
+    /// It has stopped or reset the node in operation.
     Stopped,
 }
 

@@ -7,6 +7,7 @@
 use canopen_rs::EmergencyMessage;
 use canopen_rs::emcy::ErrorRegister;
 
+use crate::canopen::device::mapping::byte;
 use crate::canopen::device::parameter::cob_id;
 use crate::canopen::dictionary::Dictionary;
 use crate::canopen::frame::Frame;
@@ -59,7 +60,7 @@ pub(super) struct Errors {
 impl Errors {
     /// Reads where emergencies go (1014h).
     pub(super) fn configure(&mut self, dictionary: &Dictionary) {
-        self.cob_id = cob_id(dictionary.u32(Object::EMCY_COB_ID));
+        self.cob_id = cob_id(dictionary.unsigned(Object::EMCY_COB_ID));
     }
 
     /// Something is wrong; told if it was not before. `manufacturer` is for the manufacturer's bytes.
@@ -91,7 +92,7 @@ impl Errors {
         if self.conditions == 0 {
             self.tell(0, [0; 5], dictionary, out);
         } else {
-            let _held = dictionary.set(Object::ERROR_REGISTER, &[self.register()]);
+            dictionary.set(Object::ERROR_REGISTER, &[self.register()]);
         }
     }
 
@@ -111,7 +112,7 @@ impl Errors {
         } else {
             self.conditions |= Condition::Application.bit();
             if self.told == code {
-                let _held = dictionary.set(Object::ERROR_REGISTER, &[self.register()]);
+                dictionary.set(Object::ERROR_REGISTER, &[self.register()]);
             } else {
                 self.tell(code, [0; 5], dictionary, out);
             }
@@ -123,10 +124,12 @@ impl Errors {
         self.code != code
     }
 
-    /// Everything is forgotten, without a word.
-    pub(super) fn reset(&mut self, dictionary: &Dictionary) {
-        *self = Self::default();
+    /// After a reset: all is forgotten but the application's error, of which no word is said.
+    pub(super) fn reset(&mut self, code: u16, dictionary: &mut Dictionary) {
+        let conditions = if code == 0 { 0 } else { Condition::Application.bit() };
+        *self = Self { conditions, code, ..Self::default() };
         self.configure(dictionary);
+        dictionary.set(Object::ERROR_REGISTER, &[self.register()]);
     }
 
     fn tell(
@@ -138,7 +141,7 @@ impl Errors {
     ) {
         self.told = code;
         let register = self.register();
-        let _held = dictionary.set(Object::ERROR_REGISTER, &[register]);
+        dictionary.set(Object::ERROR_REGISTER, &[register]);
         if code != 0 {
             remember(code, dictionary);
         }
@@ -177,13 +180,13 @@ const COMMUNICATION: u8 = 0x10;
 
 /// Puts an error at the head of the history, as far as there is one; the oldest falls out.
 fn remember(code: u16, dictionary: &mut Dictionary) {
-    let count = dictionary.u8(Object::ERROR_HISTORY);
+    let count = byte(dictionary, Object::ERROR_HISTORY);
     let (mut next, mut sub) = (u32::from(code), 1);
     while let Some(place) = history(dictionary, sub) {
-        let pushed_on = dictionary.u32(place);
-        let _held = dictionary.set(place, &next.to_le_bytes());
+        let pushed_on = dictionary.unsigned(place);
+        dictionary.set(place, &next.to_le_bytes());
         if sub > count {
-            let _held = dictionary.set(Object::ERROR_HISTORY, &[sub]);
+            dictionary.set(Object::ERROR_HISTORY, &[sub]);
             return;
         }
         next = pushed_on;
@@ -193,10 +196,10 @@ fn remember(code: u16, dictionary: &mut Dictionary) {
 
 /// Forgets every error of the past.
 pub(super) fn clear_history(dictionary: &mut Dictionary) {
-    let _held = dictionary.set(Object::ERROR_HISTORY, &[0]);
+    dictionary.set(Object::ERROR_HISTORY, &[0]);
     let mut sub = 1;
     while let Some(place) = history(dictionary, sub) {
-        let _held = dictionary.set(place, &[0; 4]);
+        dictionary.set(place, &[0; 4]);
         sub = sub.saturating_add(1);
     }
 }

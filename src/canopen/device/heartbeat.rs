@@ -33,20 +33,20 @@ struct Master {
 impl Heartbeat {
     /// Its own begins anew, `first` being the first one.
     pub(super) fn produce(&mut self, dictionary: &Dictionary, now: Instant, first: Duration) {
-        let period = u64::from(dictionary.u16(Object::PRODUCER_HEARTBEAT));
+        let period = u64::from(dictionary.unsigned(Object::PRODUCER_HEARTBEAT));
         self.period = (period > 0).then_some(Duration::from_millis(period));
         self.next = self.period.map(|_| now + first);
     }
 
     /// The period of its own, zero if there is none.
     pub(super) fn period(dictionary: &Dictionary) -> Duration {
-        Duration::from_millis(u64::from(dictionary.u16(Object::PRODUCER_HEARTBEAT)))
+        Duration::from_millis(u64::from(dictionary.unsigned(Object::PRODUCER_HEARTBEAT)))
     }
 
     /// The watch begins anew, with the first heartbeat that is heard.
     pub(super) fn watch(&mut self, dictionary: &Dictionary) {
         self.missed = None;
-        self.master = watched(dictionary.u32(Object::CONSUMER_HEARTBEAT))
+        self.master = watched(dictionary.unsigned(Object::CONSUMER_HEARTBEAT))
             .map(|(node, timeout)| Master { cob_id: heartbeat_cob_id(node), timeout });
     }
 

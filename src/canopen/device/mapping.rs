@@ -5,6 +5,7 @@
 
 use crate::canopen::abort::AbortCode;
 use crate::canopen::dictionary::Dictionary;
+use crate::canopen::dictionary::Entry;
 use crate::canopen::layout::Direction;
 use crate::canopen::object::Object;
 
@@ -46,7 +47,7 @@ impl Mapping {
         parameter: Object,
         direction: Direction,
     ) -> Self {
-        Self::of(dictionary, parameter, dictionary.u8(parameter), direction).unwrap_or_default()
+        Self::of(dictionary, parameter, byte(dictionary, parameter), direction).unwrap_or_default()
     }
 
     /// The first `count` entries of the mapping parameter, or why they are no mapping.
@@ -62,7 +63,7 @@ impl Mapping {
             if dictionary.entry(entry).is_none() {
                 return Err(AbortCode::PDO_TOO_LONG);
             }
-            let (object, bits) = mappable(dictionary, dictionary.u32(entry), direction)?;
+            let (object, bits) = mappable(dictionary, dictionary.unsigned(entry), direction)?;
             let slot = mapping.slots.get_mut(mapping.used).ok_or(AbortCode::PDO_TOO_LONG)?;
             let mask = u64::MAX.checked_shr(BITS - u32::from(bits)).unwrap_or(0);
             let bytes = usize::from(bits.div_ceil(8));
@@ -94,13 +95,15 @@ impl Mapping {
         })
     }
 
-    /// Gives every object its part of `content`.
+    /// Gives every object its part of `content`; one outside its limits stays as it was.
     pub(super) fn scatter(&self, content: u64, dictionary: &mut Dictionary) {
         for slot in self.slots() {
             let part = (content >> slot.shift & slot.mask).to_le_bytes();
             if let (Some(object), Some(bytes)) = (slot.object, part.get(..slot.bytes)) {
-                // A mapped object has the size it is mapped with, so the dictionary takes it.
-                let _taken = dictionary.set(object, bytes);
+                let takes = |entry: &Entry| entry.in_range(bytes).is_ok();
+                if dictionary.entry(object).is_some_and(takes) {
+                    dictionary.set(object, bytes);
+                }
             }
         }
     }
@@ -113,6 +116,12 @@ impl Mapping {
 /// The number whose lowest bytes these are, little-endian; no more than eight count.
 pub(super) fn number(bytes: &[u8]) -> u64 {
     bytes.iter().take(8).rev().fold(0, |number, byte| number << 8 | u64::from(*byte))
+}
+
+/// The lowest byte of an object; zero if it is not there.
+pub(super) fn byte(dictionary: &Dictionary, object: Object) -> u8 {
+    let [lowest, ..] = dictionary.unsigned(object).to_le_bytes();
+    lowest
 }
 
 /// The object (`None` for a dummy) and the bits that one mapping entry names.
@@ -134,10 +143,10 @@ pub(super) fn mappable(
     }
     let entry = dictionary.entry(object).ok_or(AbortCode::NO_SUB_INDEX)?;
     let suits = match direction {
-        Direction::Receive => entry.is_writable(),
-        Direction::Transmit => entry.is_readable(),
+        Direction::Receive => entry.access.is_output(),
+        Direction::Transmit => entry.access.is_input(),
     };
-    if entry.mappable && suits && bits > 0 && entry.bits() == Some(bits) {
+    if entry.is_mappable && suits && bits > 0 && entry.bits() == Some(bits) {
         Ok((Some(object), bits))
     } else {
         Err(AbortCode::NOT_MAPPABLE)

@@ -172,13 +172,12 @@ impl<A: Application> Device<A> {
         match command {
             NmtCommand::StartRemoteNode => self.enter(NmtState::Operational),
             NmtCommand::EnterPreOperational => self.enter(NmtState::PreOperational),
-            NmtCommand::StopRemoteNode if self.state != NmtState::Stopped => {
+            NmtCommand::StopRemoteNode => {
+                self.leave_operational();
                 self.enter(NmtState::Stopped);
-                let why = ConnectionLoss::Stopped;
-                let _unsent = self.application.on_connection_lost(&mut self.dictionary, why);
             }
-            NmtCommand::StopRemoteNode => {}
             NmtCommand::ResetCommunication | NmtCommand::ResetNode => {
+                self.leave_operational();
                 let is_node = command == NmtCommand::ResetNode;
                 let reset = if is_node { Reset::Node } else { Reset::Communication };
                 self.dictionary.restore(match reset {
@@ -191,16 +190,24 @@ impl<A: Application> Device<A> {
         }
     }
 
+    /// To be stopped or reset in operation is to lose the master; nothing is told of it.
+    fn leave_operational(&mut self) {
+        if self.state == NmtState::Operational {
+            let why = ConnectionLoss::Stopped;
+            self.application.on_connection_lost(&mut self.dictionary, why);
+        }
+    }
+
     /// Everything follows the dictionary, which has its defaults.
     fn initialise(&mut self, reset: Reset) {
         self.state = NmtState::Initialising;
         self.sdo.reset();
         self.rpdos = NUMBERS.map(|number| Rpdo::new(&self.dictionary, number));
         self.tpdos = NUMBERS.map(|number| Tpdo::new(&self.dictionary, number));
-        self.errors.reset(&self.dictionary);
         self.heartbeat.watch(&self.dictionary);
         self.follow_sync();
         self.application.on_reset(&mut self.dictionary, reset);
+        self.errors.reset(self.application.error_code(), &mut self.dictionary);
     }
 
     fn boot_up(&mut self, now: Instant, out: &mut Vec<Frame>) {
@@ -278,7 +285,7 @@ impl<A: Application> Device<A> {
     }
 
     fn follow_sync(&mut self) {
-        let identifier = self.dictionary.u32(Object::SYNC_COB_ID) & u32::from(COB_ID_MAX);
+        let identifier = self.dictionary.unsigned(Object::SYNC_COB_ID) & u32::from(COB_ID_MAX);
         self.sync_cob_id = u16::try_from(identifier).unwrap_or(0);
     }
 
@@ -336,7 +343,7 @@ impl<A: Application> Device<A> {
         if self.state != NmtState::Operational {
             return;
         }
-        match self.dictionary.u8(Object::ERROR_BEHAVIOUR) {
+        match mapping::byte(&self.dictionary, Object::ERROR_BEHAVIOUR) {
             0 => self.enter(NmtState::PreOperational),
             2 => self.enter(NmtState::Stopped),
             _ => {}

@@ -6,6 +6,7 @@
 
 use crate::canopen::abort::AbortCode;
 use crate::canopen::device::mapping::Mapping;
+use crate::canopen::device::mapping::byte;
 use crate::canopen::device::mapping::mappable;
 use crate::canopen::device::mapping::number;
 use crate::canopen::dictionary::Dictionary;
@@ -60,12 +61,12 @@ impl Place {
     pub(super) fn cob_id(self, dictionary: &Dictionary) -> Option<u16> {
         let object = self.communication(1);
         dictionary.entry(object)?;
-        cob_id(dictionary.u32(object))
+        cob_id(dictionary.unsigned(object))
     }
 
     /// Its transmission type.
     pub(super) fn transmission(self, dictionary: &Dictionary) -> Transmission {
-        Transmission(dictionary.u8(self.communication(2)))
+        Transmission(byte(dictionary, self.communication(2)))
     }
 
     /// What its mapping parameter says.
@@ -88,7 +89,7 @@ impl Place {
         let value = u32::try_from(number(bytes)).map_err(|_| AbortCode::VALUE_INVALID)?;
         if object.index == self.communication(0).index {
             return match (object.sub, bytes) {
-                (1, _) => may_change_cob_id(dictionary.u32(object), value),
+                (1, _) => may_change_cob_id(dictionary.unsigned(object), value),
                 (2, [241..=253]) => Err(AbortCode::VALUE_INVALID),
                 (3, _) => while_off,
                 _ => Ok(()),
@@ -100,7 +101,7 @@ impl Place {
                 Mapping::of(dictionary, self.mapping(0), *count, self.direction).map(|_| ())
             }
             (0, _) => Err(AbortCode::VALUE_INVALID),
-            _ if dictionary.u8(self.mapping(0)) != 0 => Err(AbortCode::ACCESS_UNSUPPORTED),
+            _ if byte(dictionary, self.mapping(0)) != 0 => Err(AbortCode::ACCESS_UNSUPPORTED),
             _ if value == 0 => Ok(()),
             _ => mappable(dictionary, value, self.direction).map(|_| ()),
         }

@@ -41,7 +41,7 @@ impl Rpdo {
     /// The RPDO of this number, as `dictionary` says.
     pub(super) fn new(dictionary: &Dictionary, number: u16) -> Self {
         let place = Place { direction: Direction::Receive, number };
-        let timeout = u64::from(dictionary.u16(place.communication(5)));
+        let timeout = u64::from(dictionary.unsigned(place.communication(5)));
         Self {
             place,
             cob_id: place.cob_id(dictionary),

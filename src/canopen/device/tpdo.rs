@@ -41,8 +41,8 @@ impl Tpdo {
     /// The TPDO of this number, as `dictionary` says.
     pub(super) fn new(dictionary: &Dictionary, number: u16) -> Self {
         let place = Place { direction: Direction::Transmit, number };
-        let inhibit = u64::from(dictionary.u16(place.communication(3)));
-        let period = u64::from(dictionary.u16(place.communication(5)));
+        let inhibit = u64::from(dictionary.unsigned(place.communication(3)));
+        let period = u64::from(dictionary.unsigned(place.communication(5)));
         Self {
             place,
             cob_id: place.cob_id(dictionary),

@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# test.sh: every test, those on real vcan included, on a fresh machine (Debian, a Rust toolchain).
+#
+# Installs what is missing of can-utils and iproute2 and says so. The tests on vcan run in virtual
+# time, in a User-Mode Linux kernel: $VCAN_KERNEL, or the one in ~/.cache/vcan-uml, which is built there
+# when it is missing (about 8 minutes, once).
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+as_root() { if [[ $EUID -eq 0 ]]; then "$@"; else sudo -n "$@"; fi; }
+
+missing=()
+command -v candump >/dev/null || missing+=(can-utils)
+[[ -x /usr/sbin/ip || -x /sbin/ip ]] || command -v ip >/dev/null || missing+=(iproute2)
+if ((${#missing[@]})); then
+  echo "test: installing ${missing[*]}" >&2
+  as_root apt-get update -q >/dev/null
+  as_root apt-get install -y -q "${missing[@]}" >/dev/null
+fi
+
+home=${VCAN_UML_HOME:-${XDG_CACHE_HOME:-$HOME/.cache}/vcan-uml}
+export VCAN_KERNEL=${VCAN_KERNEL:-$home/linux-timetravel}
+if [[ ! -x $VCAN_KERNEL ]]; then
+  echo "test: no kernel with virtual time at $VCAN_KERNEL; building one (about 8 minutes, once)" >&2
+  as_root apt-get update -q >/dev/null
+  scripts/build_timetravel_kernel.sh "$VCAN_KERNEL"
+fi
+
+echo "test: the library and everything on the in-memory bus" >&2
+cargo test --locked --release
+
+echo "test: the demo" >&2
+scripts/test_demo.sh
+
+echo "test: two processes on real vcan, in virtual time" >&2
+cargo build --locked --release
+vcan=$(cargo test --locked --release --test vcan --no-run --message-format=json 2>/dev/null |
+  sed -n 's/.*"executable":"\([^"]*\/vcan-[0-9a-f]*\)".*/\1/p' | tail -n 1)
+[[ -x $vcan ]] || { echo "test: the vcan tests did not build" >&2; exit 1; }
+scripts/with_vcan.sh -v -t 900 -i "vcan0 vcan1" -- "$vcan" --test-threads=1

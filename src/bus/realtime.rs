@@ -1,0 +1,55 @@
+//! What a thread that must be on time asks of the kernel, and what it is granted.
+
+use std::fmt;
+
+use nix::sys::mman::MlockAllFlags;
+use nix::sys::mman::mlockall;
+use nix::sys::prctl::set_timerslack;
+use thread_priority::RealtimeThreadSchedulePolicy;
+use thread_priority::ThreadPriority;
+use thread_priority::ThreadPriorityValue;
+use thread_priority::ThreadSchedulePolicy;
+use thread_priority::set_thread_priority_and_policy;
+use thread_priority::thread_native_id;
+
+/// Of 99: above ordinary work, below the threads of the CAN interrupt.
+const PRIORITY: u8 = 80;
+
+/// What was granted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Granted {
+    /// `SCHED_FIFO` at priority 80.
+    pub is_fifo: bool,
+    /// No page of the process is swapped out.
+    pub is_locked: bool,
+    /// Timers end when they are due, not up to 50 µs later.
+    pub is_exact: bool,
+}
+
+/// Asks for all of it, for the calling thread. What is refused is refused; nothing fails.
+pub fn ask() -> Granted {
+    let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    let priority = ThreadPriorityValue::try_from(PRIORITY).map(ThreadPriority::Crossplatform);
+    let is_fifo = priority.is_ok_and(|priority| {
+        set_thread_priority_and_policy(thread_native_id(), priority, fifo).is_ok()
+    });
+    Granted {
+        is_fifo,
+        is_locked: mlockall(MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE).is_ok(),
+        is_exact: set_timerslack(1).is_ok(),
+    }
+}
+
+impl fmt::Display for Granted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let word = |is: bool| if is { "yes" } else { "refused" };
+        let (fifo, locked, exact) = (self.is_fifo, self.is_locked, self.is_exact);
+        write!(
+            f,
+            "SCHED_FIFO {}, memory locked {}, timers exact {}",
+            word(fifo),
+            word(locked),
+            word(exact)
+        )
+    }
+}

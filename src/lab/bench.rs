@@ -1,0 +1,141 @@
+//! The whole loop in one process: a node on the in-memory bus, with everything it needs attached.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use crate::bus::Bus;
+use crate::bus::Memory;
+use crate::bus::Tap;
+use crate::config::Config;
+use crate::controller::switches::Mode as CommandMode;
+use crate::lab::site::VirtualSite;
+use crate::lab::world;
+use crate::node::BringUpError;
+use crate::node::Node;
+use crate::node::NotConfirmed;
+use crate::node::Refused;
+use crate::node::Request;
+use crate::sim::scenario::ConsoleRequest;
+use crate::sim::scenario::Scenario;
+use crate::sim::world::World;
+use crate::telemetry::record::Mode;
+use crate::telemetry::record::Record;
+use crate::time::Instant;
+
+/// What a bus carried.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Carried {
+    /// Frames that were complete.
+    pub frames: u64,
+    /// Their bits, of all there could have been, in percent.
+    pub percent: f64,
+}
+
+/// A node, its drives, its operator and its object.
+#[derive(Debug)]
+pub struct Bench<T> {
+    node: Node<Memory<World, T>, VirtualSite>,
+    /// What the scenario asks of the console, and when, in s after the first SYNC.
+    requests: VecDeque<(f64, Request)>,
+    bitrates: Vec<u32>,
+    begun: Option<Instant>,
+}
+
+impl<T: Tap> Bench<T> {
+    /// Everything `config` says, with an operator who follows `scenario` with the tremor of `seed`.
+    /// `tap` is shown every frame. `in_real_time` lets no time pass faster than on the wall.
+    pub fn new(config: &Config, scenario: Scenario, seed: u64, in_real_time: bool, tap: T) -> Self {
+        let requests = scenario.requests().map(|(at, asked)| (at, request(asked)));
+        let requests = requests.collect();
+        let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
+        let bus = Memory::new(&bitrates, world::build(config, scenario, seed), tap);
+        let bus = if in_real_time { bus.in_real_time() } else { bus };
+        let node = Node::new(config, bus, VirtualSite::new(config));
+        Self { node, requests, bitrates, begun: None }
+    }
+
+    /// Boots the network and enables the drives.
+    ///
+    /// # Errors
+    /// As [`Node::bring_up`].
+    pub fn bring_up(&mut self) -> Result<(), BringUpError> {
+        self.node.bring_up(&mut || false)
+    }
+
+    /// Does what the scenario asks of the console by now, then one cycle.
+    pub fn cycle(&mut self) -> Record {
+        let now = self.node.bus().now();
+        let begun = *self.begun.get_or_insert(now);
+        let elapsed = now.since(begun).as_secs_f64();
+        while let Some(&(_, request)) = self.requests.front().filter(|(at, _)| *at <= elapsed) {
+            self.requests.pop_front();
+            if let Err(refused) = self.ask(request) {
+                tracing::warn!(?request, %refused, "console");
+            }
+        }
+        self.node.cycle()
+    }
+
+    /// Runs so many cycles.
+    pub fn run(&mut self, cycles: u64) {
+        for _ in 0..cycles {
+            self.cycle();
+        }
+    }
+
+    /// Asks the node something between two cycles.
+    ///
+    /// # Errors
+    /// As [`Node::request`].
+    pub fn ask(&mut self, request: Request) -> Result<Mode, Refused> {
+        self.node.request(request)
+    }
+
+    /// The node stands still, as if it had been killed; what is attached lives on. When that began.
+    pub fn fall_silent_for(&mut self, span: Duration) -> Instant {
+        let bus = self.node.bus_mut();
+        let begun = bus.now();
+        while bus.receive(begun + span).is_some() {}
+        begun
+    }
+
+    /// Torque off, drives off, confirmed.
+    ///
+    /// # Errors
+    /// As [`Node::stop`].
+    pub fn stop(&mut self) -> Result<(), NotConfirmed> {
+        self.node.stop()
+    }
+
+    /// The node.
+    pub const fn node(&self) -> &Node<Memory<World, T>, VirtualSite> {
+        &self.node
+    }
+
+    /// What is attached, to break it.
+    pub const fn world_mut(&mut self) -> &mut World {
+        self.node.bus_mut().stations_mut()
+    }
+
+    /// What each bus has carried so far.
+    pub fn carried(&self) -> Vec<Carried> {
+        let bus = self.node.bus();
+        let seconds = bus.now().since(Instant::ZERO).as_secs_f64();
+        let of = |((frames, bits), bitrate): ((u64, u64), &u32)| {
+            let seconds_on_wire =
+                Duration::from_micros(bits).as_secs_f64() * 1e6 / f64::from(*bitrate);
+            Carried { frames, percent: 100.0 * seconds_on_wire / seconds.max(1e-6) }
+        };
+        bus.carried().zip(&self.bitrates).map(of).collect()
+    }
+}
+
+fn request(asked: ConsoleRequest) -> Request {
+    match asked {
+        ConsoleRequest::Arm => Request::Arm,
+        ConsoleRequest::Disarm => Request::Disarm,
+        ConsoleRequest::Reset => Request::Reset,
+        ConsoleRequest::Rate => Request::Command(CommandMode::Rate),
+        ConsoleRequest::Pose => Request::Command(CommandMode::Pose),
+    }
+}

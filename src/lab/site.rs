@@ -1,0 +1,78 @@
+//! The commanded side in this process: a virtual object, and a scene it can touch.
+
+use nalgebra::Isometry3;
+use nalgebra::Vector3;
+
+use crate::config::Config;
+use crate::config::Contact;
+use crate::config::Virtual;
+use crate::remote::Remote;
+use crate::remote::Sensed;
+use crate::robot::object::Object;
+use crate::sim::scene::Block;
+use crate::sim::scene::Scene;
+use crate::sim::scene::Surface;
+use crate::sim::scene::Wall;
+use crate::spatial::Motion;
+use crate::time::Instant;
+
+/// Gravity in the object's base, in m/s².
+pub const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
+
+/// An object under command in a scene.
+#[derive(Clone, Debug)]
+pub struct VirtualSite {
+    object: Object,
+    scene: Scene,
+    before: Option<Instant>,
+    longest: f64,
+}
+
+impl VirtualSite {
+    /// The object and the scene of `[remote]`, at rest.
+    pub fn new(config: &Config) -> Self {
+        let Virtual { x_b_m, x_m_s, payload, servo, accommodation, .. } = config.remote;
+        let object = Object::new(servo, x_b_m).giving_way(accommodation).carrying(
+            x_m_s,
+            payload,
+            Vector3::from(GRAVITY),
+        );
+        let longest = 10.0 * config.period.as_secs_f64();
+        Self { object, scene: scene(&config.remote), before: None, longest }
+    }
+
+    /// The pose of the object in its base.
+    pub const fn pose(&self) -> &Isometry3<f64> {
+        self.object.pose()
+    }
+}
+
+impl Remote for VirtualSite {
+    fn exchange(&mut self, now: Instant, command: &Motion) -> Sensed {
+        let f_m = self.scene.wrench(self.object.pose(), self.object.twist());
+        let f_s = self.object.contact(&self.object.sensed(&f_m));
+        // The time since the last exchange; after an overrun, no more than the world can bear.
+        let dt = self.before.map_or(0.0, |before| now.since(before).as_secs_f64());
+        self.object.step(dt.min(self.longest), command, &f_m);
+        self.before = Some(now);
+        Sensed { at: now, f_s, x_b_m: *self.object.pose() }
+    }
+}
+
+/// What there is to touch.
+fn scene(remote: &Virtual) -> Scene {
+    let surface =
+        |contact: Contact| Surface { stiffness: contact.stiffness, damping: contact.damping };
+    Scene {
+        wall: remote.wall.map(|(point, normal, contact)| Wall {
+            point,
+            normal,
+            surface: surface(contact),
+        }),
+        block: remote.block.map(|(centre, half_size, contact)| Block {
+            centre,
+            half_size,
+            surface: surface(contact),
+        }),
+    }
+}

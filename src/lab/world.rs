@@ -1,0 +1,84 @@
+//! The simulated world a configuration describes.
+
+use std::time::Duration;
+
+use nalgebra::Matrix3;
+use nalgebra::Vector3;
+
+use crate::canopen::dictionary::Dictionary;
+use crate::config::Config;
+use crate::config::Joint;
+use crate::controller::arm::JointKind;
+use crate::sim::actuator::ActuatorSettings;
+use crate::sim::arm::Arm;
+use crate::sim::arm::ArmSettings;
+use crate::sim::arm::Joints;
+use crate::sim::arm::LinkSettings;
+use crate::sim::drive::Drive;
+use crate::sim::drive::DriveSettings;
+use crate::sim::plant::Plant;
+use crate::sim::plant::Resistance;
+use crate::sim::scenario::Scenario;
+use crate::sim::switches::SwitchBox;
+use crate::sim::world::World;
+
+/// From a SYNC until a simulated drive begins to send its TPDO.
+const DRIVE_LATENCY: Duration = Duration::from_micros(60);
+
+/// Where the arm is at the start, in degrees: all its wrist axes at right angles.
+const NEUTRAL: [f64; 6] = [0.0, -50.0, 95.0, -45.0, 0.0, 0.0];
+
+/// Drives, switch box and arm of `config`, and an operator who follows `scenario`.
+pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
+    let drives = config.joints.each_ref().map(|joint| {
+        Drive::new(DriveSettings {
+            channel: joint.channel,
+            node: joint.node,
+            dictionary: Dictionary::new(&joint.eds, joint.node),
+            actuator: actuator(joint),
+            latency: DRIVE_LATENCY,
+        })
+    });
+    let switches = &config.switches;
+    let dictionary = Dictionary::new(&switches.eds, switches.node);
+    let switches = SwitchBox::new(switches.channel, switches.node, dictionary);
+    let resistance = config.joints.each_ref().map(|joint| Resistance {
+        coulomb: joint.coulomb_friction,
+        viscous: joint.viscous_friction,
+        range: joint.link.range,
+    });
+    let q = Joints::from(NEUTRAL.map(f64::to_radians));
+    World::new(drives, switches, Plant::new(arm(config), resistance, q), scenario, seed)
+}
+
+/// The arm of `config`, as the simulation computes it.
+pub fn arm(config: &Config) -> Arm {
+    let links = config.joints.each_ref().map(|joint| LinkSettings {
+        is_prismatic: joint.link.kind == JointKind::Prismatic,
+        alpha: joint.link.alpha,
+        a: joint.link.a,
+        d: joint.link.d,
+        theta: joint.link.theta,
+        mass: joint.link.mass,
+        centre_of_mass: Vector3::from(joint.link.centre_of_mass),
+        inertia: inertia(joint.inertia),
+        rotor_inertia: joint.rotor_inertia,
+    });
+    Arm::new(ArmSettings { links, x_6_g: config.x_6_g, gravity: Vector3::from(config.gravity) })
+}
+
+fn actuator(joint: &Joint) -> ActuatorSettings {
+    ActuatorSettings {
+        counts_per_rev: f64::from(joint.counts_per_rev),
+        gear_ratio: joint.gear_ratio,
+        zero_counts: joint.zero_counts,
+        rated_torque: joint.rated_torque,
+        torque_curve: joint.torque_curve,
+        max_torque: joint.max_torque,
+    }
+}
+
+/// From xx, yy, zz, xy, xz, yz.
+fn inertia([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> Matrix3<f64> {
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+}

@@ -1,0 +1,92 @@
+//! The whole loop in one process, with its frames kept.
+
+use std::cell::RefCell;
+use std::path::Path;
+use std::rc::Rc;
+
+use frhc::bus::Tap;
+use frhc::canopen::frame::Channel;
+use frhc::canopen::frame::Frame;
+use frhc::canopen::frame::Telegram;
+use frhc::config::Config;
+use frhc::config::files;
+use frhc::lab::bench::Bench;
+use frhc::sim::scenario::Scenario;
+use frhc::telemetry::record::Mode;
+use frhc::telemetry::record::Record;
+use frhc::time::Instant;
+
+/// Every frame of every bus, and when it was complete.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Wire(Rc<RefCell<Vec<(Instant, Telegram)>>>);
+
+impl Tap for Wire {
+    fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
+        self.0.borrow_mut().push((at, *telegram));
+    }
+}
+
+impl Wire {
+    /// As candump writes it, on interfaces bus0 and bus1, up to the first SYNC and `cycles` further ones.
+    pub(crate) fn transcript(&self, cycles: usize) -> String {
+        let mut syncs = 0;
+        let mut text = String::new();
+        for (at, Telegram { channel: Channel(bus), frame }) in self.0.borrow().iter() {
+            syncs += usize::from(frame.cob_id == 0x80 && *bus == 0);
+            if syncs > cycles {
+                break;
+            }
+            let micros = at.as_micros();
+            let stamp = format!("({}.{:06})", micros / 1_000_000, micros % 1_000_000);
+            text.push_str(&format!("{stamp} bus{bus} {frame}\n"));
+        }
+        text
+    }
+
+    /// All frames of one identifier since `from`.
+    pub(crate) fn since(&self, from: Instant, cob_id: u16) -> Vec<(Instant, Frame)> {
+        let wire = self.0.borrow();
+        let of =
+            wire.iter().filter(|(at, telegram)| *at >= from && telegram.frame.cob_id == cob_id);
+        of.map(|(at, telegram)| (*at, telegram.frame)).collect()
+    }
+
+    pub(crate) fn clear(&self) {
+        self.0.borrow_mut().clear();
+    }
+}
+
+pub(crate) fn config(name: &str) -> Config {
+    Config::load(Path::new(name)).unwrap()
+}
+
+pub(crate) fn scenario(name: &str) -> Scenario {
+    let path = format!("config/scenarios/{name}.toml");
+    let text = String::from_utf8(files::read(path.as_ref()).unwrap()).unwrap();
+    Scenario::parse(&text).unwrap()
+}
+
+/// A bench that has booted.
+pub(crate) fn booted(config_name: &str, scenario_name: &str) -> (Bench<Wire>, Wire) {
+    let wire = Wire::default();
+    let config = config(config_name);
+    let mut bench = Bench::new(&config, scenario(scenario_name), 1, false, wire.clone());
+    bench.bring_up().unwrap();
+    (bench, wire)
+}
+
+/// Runs until a record is as wanted; at most a minute.
+pub(crate) fn until(bench: &mut Bench<Wire>, is_wanted: impl Fn(&Record) -> bool) -> Record {
+    for _ in 0..60_000 {
+        let record = bench.cycle();
+        if is_wanted(&record) {
+            return record;
+        }
+    }
+    panic!("it never came")
+}
+
+/// Runs until the hand presses into the wall.
+pub(crate) fn until_contact(bench: &mut Bench<Wire>) -> Record {
+    until(bench, |record| record.mode == Mode::Engaged && record.f_s.force.norm() > 3.0)
+}

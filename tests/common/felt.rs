@@ -1,0 +1,92 @@
+//! Whether what is felt is what the wall exerts, computed from a session's log alone, with the
+//! simulator's kinematics, which share nothing with the controller's.
+
+use frhc::config::Config;
+use frhc::sim::arm::Arm;
+use frhc::spatial::Wrench;
+use frhc::telemetry::candump::Content;
+use frhc::telemetry::candump::Line;
+use frhc::telemetry::session::NODE;
+use frhc::telemetry::session::WRENCH;
+use nalgebra::SVector;
+
+/// What one cycle's lines say.
+#[derive(Default)]
+struct Cycle {
+    counts: [Option<i32>; 6],
+    targets: [Option<i16>; 6],
+    f_s: Option<Wrench>,
+    is_engaged: bool,
+}
+
+/// Checks every settled cycle in contact: each target torque is that of `g(q) + Jᵀ K_T F`, to half a
+/// per mille and what rounding leaves. Return to centre and damping must be off. Returns how many
+/// cycles were compared.
+pub(crate) fn torques_are_those_of_the_wall(log: &str, config: &Config, arm: &Arm) -> u32 {
+    let mut compared = 0;
+    let mut engaged_for = 0;
+    for cycle in cycles(log) {
+        engaged_for = if cycle.is_engaged { engaged_for + 1 } else { 0 };
+        let Some(f_s) = cycle.f_s else { continue };
+        // Half a second after the deadman closed the reflection's ramp is over, and gravity's too.
+        if engaged_for < 600 || f_s.force.norm() < 1.0 {
+            continue;
+        }
+        let q = SVector::from(std::array::from_fn(|joint| {
+            let calibrated = &config.joints[joint];
+            let counts = cycle.counts[joint].unwrap().wrapping_sub(calibrated.zero_counts);
+            let turns = f64::from(counts) / f64::from(calibrated.counts_per_rev);
+            turns * std::f64::consts::TAU / calibrated.gear_ratio
+        }));
+        let f_g = f_s.at(&config.remote.x_m_s).scaled(&[0.3, 0.3, 0.3, 0.15, 0.15, 0.15]);
+        let posture = arm.posture(&q);
+        let tau = arm.gravity(&posture) + arm.jacobian(&posture).torques(&f_g);
+        for (joint, calibrated) in config.joints.iter().enumerate() {
+            let [c1, c3, c5] = calibrated.torque_curve;
+            let t = tau[joint];
+            let per_mille =
+                (c1 * t + c3 * t.powi(3) + c5 * t.powi(5)) * calibrated.gear_ratio.signum();
+            let sent = f64::from(cycle.targets[joint].unwrap());
+            let error = (sent - per_mille).abs();
+            assert!(error <= 0.5 + 1e-6, "joint {}: {sent} sent for {per_mille}", joint + 1);
+        }
+        compared += 1;
+    }
+    compared
+}
+
+/// The log's lines, a cycle at a time: from the SYNC to the lines about the cycle, which end it.
+fn cycles(log: &str) -> impl Iterator<Item = Cycle> + '_ {
+    let mut cycle = Cycle::default();
+    log.lines().filter_map(move |text| {
+        let line = Line::parse(text).unwrap();
+        match &line.content {
+            Content::Fd(_, data) if line.id == WRENCH.1 => {
+                let parts =
+                    data.chunks_exact(8).map(|part| f64::from_le_bytes(part.try_into().unwrap()));
+                let parts: Vec<f64> = parts.collect();
+                cycle.f_s = Some(Wrench::from_components(parts.try_into().unwrap()));
+            }
+            Content::Fd(_, data) if line.id == NODE.1 => {
+                cycle.is_engaged = data[0] == 3;
+                return Some(std::mem::take(&mut cycle));
+            }
+            Content::Data(data) => {
+                let joint = usize::try_from(line.id & 0x7F).unwrap().wrapping_sub(1);
+                match (line.id & 0x780, joint) {
+                    (0x180, 0..6) => {
+                        cycle.counts[joint] =
+                            Some(i32::from_le_bytes(data[2..6].try_into().unwrap()));
+                    }
+                    (0x200, 0..6) => {
+                        cycle.targets[joint] =
+                            Some(i16::from_le_bytes(data[2..4].try_into().unwrap()));
+                    }
+                    _ => {}
+                }
+            }
+            Content::Fd(..) | Content::Remote(_) | Content::Error(_) => {}
+        }
+        None
+    })
+}

@@ -1,0 +1,222 @@
+//! Real processes, killed when a test ends, however it ends.
+
+use std::fs;
+use std::io::BufRead;
+use std::io::BufReader;
+use std::io::Read;
+use std::path::Path;
+use std::path::PathBuf;
+use std::process::Child;
+use std::process::ChildStdout;
+use std::process::Command;
+use std::process::Stdio;
+
+use frhc::telemetry::candump::Content;
+use frhc::telemetry::candump::Line;
+use nix::sys::signal::Signal;
+use nix::sys::signal::kill;
+use nix::unistd::Pid;
+
+/// A running process.
+pub(crate) struct Process(Child);
+
+/// How a process ended.
+#[derive(Debug)]
+pub(crate) struct Outcome {
+    pub(crate) code: Option<i32>,
+    pub(crate) stderr: String,
+}
+
+impl Process {
+    pub(crate) fn of(program: &str, args: &[&str]) -> Self {
+        Self::spawn(Command::new(program).args(args))
+    }
+
+    fn spawn(command: &mut Command) -> Self {
+        Self(
+            command
+                .stdin(Stdio::null())
+                .stdout(Stdio::null())
+                .stderr(Stdio::piped())
+                .spawn()
+                .unwrap(),
+        )
+    }
+
+    pub(crate) fn terminate(self) -> Outcome {
+        self.signal(Signal::SIGTERM);
+        self.wait()
+    }
+
+    pub(crate) fn kill(self) {
+        self.signal(Signal::SIGKILL);
+        self.wait();
+    }
+
+    fn signal(&self, signal: Signal) {
+        kill(Pid::from_raw(self.0.id().try_into().unwrap()), signal).unwrap();
+    }
+
+    pub(crate) fn wait(mut self) -> Outcome {
+        let mut stderr = String::new();
+        self.0.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+        Outcome { code: self.0.wait().unwrap().code(), stderr }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        if matches!(self.0.try_wait(), Ok(None)) {
+            self.0.kill().unwrap();
+            self.0.wait().unwrap();
+        }
+    }
+}
+
+impl Outcome {
+    #[track_caller]
+    pub(crate) fn succeeds(&self) {
+        assert_eq!(self.code, Some(0), "{}", self.stderr);
+    }
+}
+
+/// can-utils' candump on one interface: the witness, and the clock.
+pub(crate) struct Candump {
+    child: Child,
+    lines: BufReader<ChildStdout>,
+    seen: Vec<String>,
+}
+
+impl Candump {
+    /// Listens, and has heard its own first frame when it returns.
+    pub(crate) fn of(interface: &str) -> Self {
+        let mut child = Command::new("candump")
+            .args(["-L", interface])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap());
+        let mut candump = Self { child, lines, seen: Vec::new() };
+        // It says nothing when it is ready, so it is spoken to until it is: by marks on the way of
+        // every later frame.
+        let mut hello = Process::spawn(
+            Command::new("cangen").args([interface, "-g", "1", "-I", MARK, "-L", "0"]),
+        );
+        candump.until(is_mark);
+        hello.0.kill().unwrap();
+        drop(hello);
+        candump.mark(interface);
+        candump.seen.clear();
+        candump
+    }
+
+    /// Sends a last mark and reads up to it.
+    fn mark(&mut self, interface: &str) {
+        let last = format!("{MARK}#FF");
+        Process::of("cansend", &[interface, &last]).wait().succeeds();
+        self.until(|line| {
+            is_mark(line) && matches!(&line.content, Content::Data(data) if data == &[0xFF])
+        });
+    }
+
+    /// Reads up to the first line that is wanted. A bus that falls silent ends the test by its limit.
+    pub(crate) fn until(&mut self, is_wanted: impl Fn(&Line<'_>) -> bool) -> Stamp {
+        loop {
+            let mut text = String::new();
+            assert!(self.lines.read_line(&mut text).unwrap() > 0, "candump has ended");
+            let text = text.trim_end().to_owned();
+            let line = Line::parse(&text).unwrap_or_else(|error| panic!("{text}: {error}"));
+            let (wanted, nanos) = (is_wanted(&line), line.nanos);
+            self.seen.push(text);
+            if wanted {
+                return Stamp { nanos };
+            }
+        }
+    }
+
+    /// The stamp of the last line read.
+    pub(crate) fn last_nanos(&self) -> u64 {
+        Line::parse(self.seen.last().unwrap()).unwrap().nanos
+    }
+
+    /// Every line since the beginning, without the marks.
+    pub(crate) fn finish(mut self) -> Vec<String> {
+        self.mark("vcan0");
+        let mark = format!(" {MARK}#");
+        std::mem::take(&mut self.seen).into_iter().filter(|line| !line.contains(&mark)).collect()
+    }
+}
+
+/// When a line was stamped.
+pub(crate) struct Stamp {
+    pub(crate) nanos: u64,
+}
+
+/// An identifier nobody uses.
+const MARK: &str = "7FF";
+
+fn is_mark(line: &Line<'_>) -> bool {
+    line.canopen().is_some_and(|(id, _)| id == 0x7FF)
+}
+
+impl Drop for Candump {
+    fn drop(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+}
+
+/// A folder of one test, in memory, gone when it ends; and the programs run with it.
+pub(crate) struct Scratch(PathBuf);
+
+impl Scratch {
+    pub(crate) fn new(name: &str) -> Self {
+        let path = Path::new("/dev/shm").join(format!("frhc-{name}-{}", std::process::id()));
+        fs::create_dir_all(&path).unwrap();
+        let scratch = Self(path);
+        for eds in ["eds/frhc_drive.eds", "eds/frhc_switches.eds"] {
+            scratch.write(eds, &fs::read_to_string(eds).unwrap());
+        }
+        scratch
+    }
+
+    pub(crate) fn path(&self, name: &str) -> String {
+        self.0.join(name).to_str().unwrap().to_owned()
+    }
+
+    pub(crate) fn write(&self, name: &str, text: &str) -> String {
+        let path = self.0.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, text).unwrap();
+        self.path(name)
+    }
+
+    /// A configuration with some lines changed, each of which must be there.
+    pub(crate) fn variant(&self, file: &str, changes: &[(&str, &str)]) -> String {
+        let mut text = fs::read_to_string(file).unwrap();
+        for (from, to) in changes {
+            assert!(text.contains(from), "{file} has no line {from}");
+            text = text.replace(from, to);
+        }
+        self.write("config/variant.toml", &text)
+    }
+
+    pub(crate) fn frhc(&self, args: &[&str]) -> Process {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_frhc"));
+        Process::spawn(
+            command.args(args).env("XDG_RUNTIME_DIR", &self.0).env_remove("RUNTIME_DIRECTORY"),
+        )
+    }
+
+    pub(crate) fn ctl(&self, request: &str) -> Outcome {
+        let words: Vec<&str> = std::iter::once("ctl").chain(request.split(' ')).collect();
+        self.frhc(&words).wait()
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        fs::remove_dir_all(&self.0).unwrap();
+    }
+}

@@ -1,0 +1,105 @@
+//! What goes wrong, and what the drives are told then. Times are read off the bus.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+mod common;
+
+use std::time::Duration;
+
+use common::bench::Wire;
+use common::bench::booted;
+use common::bench::until;
+use common::bench::until_contact;
+use frhc::lab::bench::Bench;
+use frhc::node::Request;
+use frhc::telemetry::record::Cause;
+use frhc::telemetry::record::Mode;
+use frhc::time::Instant;
+
+const ONE_KILOHERTZ: &str = "config/kraft_like.toml";
+
+/// The target torque in a drive's RPDO.
+fn target(data: &[u8]) -> i16 {
+    i16::from_le_bytes(data[2..4].try_into().unwrap())
+}
+
+/// Cycles from `onset` until every drive is told zero torque, and that none is told anything else after.
+fn cycles_to_zero(wire: &Wire, onset: Instant) -> usize {
+    let pushing = |node: u16| {
+        let told = wire.since(onset, 0x200 + node);
+        assert!(told.len() > 20, "node {node} is told nothing");
+        told.iter().rposition(|(_, frame)| target(frame.data()) != 0).map_or(0, |last| last + 1)
+    };
+    (1..=6).map(pushing).max().unwrap()
+}
+
+fn in_contact() -> (Bench<Wire>, Wire, Instant) {
+    let (mut bench, wire) = booted(ONE_KILOHERTZ, "contact_10s");
+    let record = until_contact(&mut bench);
+    wire.clear();
+    (bench, wire, record.at)
+}
+
+#[test]
+fn a_drive_that_fails_takes_the_torque_off_all_within_two_cycles() {
+    for joint in 1..=6 {
+        let (mut bench, wire, onset) = in_contact();
+        bench.world_mut().drive_mut(joint).unwrap().fail();
+        let record = until(&mut bench, |record| record.mode == Mode::Stopped);
+        assert!(matches!(record.cause, Some(Cause::DriveLeft { joint: j, .. }) if j == joint));
+        bench.run(150);
+        assert!(cycles_to_zero(&wire, onset) <= 2);
+    }
+}
+
+#[test]
+fn a_drive_that_falls_silent_takes_the_torque_off_all_within_five_cycles() {
+    let (mut bench, wire, onset) = in_contact();
+    bench.world_mut().drive_mut(4).unwrap().unplug();
+    let record = until(&mut bench, |record| record.mode == Mode::Stopped);
+    assert_eq!(record.cause, Some(Cause::SamplesMissing { joint: 4, cycles: 3 }));
+    bench.run(150);
+    assert!(cycles_to_zero(&wire, onset) <= 5);
+    assert!(bench.ask(Request::Reset).is_err(), "a drive that is not there cannot be booted");
+    assert_eq!(bench.node().mode(), Mode::Stopped);
+}
+
+#[test]
+fn a_stop_is_left_only_by_a_reset_and_a_new_press() {
+    let (mut bench, _, _) = in_contact();
+    bench.world_mut().drive_mut(2).unwrap().fail();
+    until(&mut bench, |record| record.mode == Mode::Stopped);
+    assert!(bench.ask(Request::Arm).is_err());
+    bench.ask(Request::Reset).unwrap();
+    until(&mut bench, |record| record.mode == Mode::Ready);
+    let refusal = bench.ask(Request::Arm).unwrap_err();
+    assert_eq!(refusal.to_string(), "the deadman is closed: release it first");
+}
+
+#[test]
+fn the_drives_stop_by_themselves_when_the_node_is_silent() {
+    let (mut bench, wire, _) = in_contact();
+    let fell_silent = bench.fall_silent_for(Duration::from_millis(100));
+    for node in 1..=6 {
+        let told = wire.since(fell_silent - Duration::from_millis(2), 0x80 + node);
+        let (at, frame) = told.first().unwrap();
+        assert_eq!(frame.data()[..5], [0x50, 0x82, 0x11, 0, 0], "8250h, torque zero");
+        assert!(at.since(fell_silent) <= Duration::from_millis(6), "{:?}", at.since(fell_silent));
+    }
+    assert!(bench.node().bus().stations().drives().iter().all(|drive| drive.torque() == 0.0));
+}
+
+#[test]
+fn an_orderly_stop_ends_with_every_drive_off() {
+    let (mut bench, wire, _) = in_contact();
+    bench.stop().unwrap();
+    for node in 1..=6 {
+        let (_, last) = *wire.since(Instant::ZERO, 0x200 + node).last().unwrap();
+        assert_eq!(last.data(), [0, 0, 0, 0]);
+    }
+}

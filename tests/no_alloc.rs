@@ -1,0 +1,60 @@
+//! Ten thousand cycles, from SYNC to torque, without one allocation: node, controller, bus and the whole
+//! simulation behind it.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+mod common;
+
+use std::alloc::GlobalAlloc;
+use std::alloc::Layout;
+use std::alloc::System;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering;
+
+use common::bench::config;
+use common::bench::scenario;
+use frhc::lab::bench::Bench;
+
+/// Counts what is asked for while it is watched.
+struct Counting;
+
+static WATCHED: AtomicBool = AtomicBool::new(false);
+static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
+
+#[expect(unsafe_code, reason = "a global allocator is unsafe by its trait; this one only counts")]
+// SAFETY: every call is handed to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        if WATCHED.load(Ordering::Relaxed) {
+            ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        }
+        // SAFETY: the caller's promise about `layout` is passed on.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promise about `pointer` and `layout` is passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn ten_thousand_cycles_allocate_nothing() {
+    let config = config("config/kraft_like.toml");
+    let mut bench = Bench::new(&config, scenario("contact_10s"), 1, false, ());
+    bench.bring_up().unwrap();
+    bench.run(200);
+    WATCHED.store(true, Ordering::Relaxed);
+    bench.run(10_000);
+    WATCHED.store(false, Ordering::Relaxed);
+    assert_eq!(ALLOCATIONS.load(Ordering::Relaxed), 0);
+}

@@ -1,0 +1,225 @@
+//! Two real processes on real vcan: `frhc run` and `frhc sim`, watched by can-utils' candump.
+//!
+//! Needs vcan0; `scripts/test.sh` runs it under `scripts/with_vcan.sh -v`, in virtual time. The bus is
+//! the tests' clock: they read candump's lines, and never sleep.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+mod common;
+
+use std::fs;
+use std::time::Duration;
+
+use common::log::Log;
+use common::process::Candump;
+use common::process::Process;
+use common::process::Scratch;
+use frhc::bus::Bus;
+use frhc::bus::Heard;
+use frhc::bus::SendError;
+use frhc::bus::SocketCan;
+use frhc::canopen::frame::Channel;
+use frhc::canopen::frame::Frame;
+use frhc::canopen::frame::Telegram;
+use frhc::config::Config;
+use frhc::lab::world;
+
+const CONFIG: &str = "config/kraft_like_500hz.toml";
+
+/// The drives' node-ids in [`CONFIG`].
+const NODES: std::ops::RangeInclusive<u16> = 1..=6;
+
+/// Seconds after the first SYNC.
+const RUN_FOR: f64 = 10.2;
+
+#[test]
+fn ten_seconds_of_teleoperation_miss_no_sample_and_the_wall_is_felt() {
+    let scratch = Scratch::new("teleoperation");
+    let config = scratch.variant(
+        CONFIG,
+        &[
+            // Nothing but the task and the arm's weight, so that the test can compute the torques itself.
+            ("centring_n = [2.0, 2.0, 2.0]", "centring_n = [0.0, 0.0, 0.0]"),
+            ("centring_nm = [0.08, 0.08, 0.08]", "centring_nm = [0.0, 0.0, 0.0]"),
+            ("damping_ns_per_m = [8.0, 8.0, 8.0] ", "damping_ns_per_m = [0.0, 0.0, 0.0] "),
+            ("damping_nms_per_rad = [0.02, 0.02, 0.02]", "damping_nms_per_rad = [0.0, 0.0, 0.0]"),
+        ],
+    );
+    let session = scratch.path("session");
+    let mut candump = Candump::of("vcan0");
+    let sim = scratch.frhc(&["sim", "--config", &config, "--scenario", "contact_10s"]);
+    let run = scratch.frhc(&["run", "--config", &config, "--record", &session]);
+    let first_sync = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80)).nanos;
+    candump.until(|line| line.nanos > first_sync + 300_000_000);
+    scratch.ctl("arm").succeeds();
+    candump.until(|line| line.nanos > first_sync + seconds(RUN_FOR));
+    run.terminate().succeeds();
+    sim.terminate().succeeds();
+
+    let log = Log::parse(&candump.finish());
+    log.has_one_exchange_a_period(0.3, RUN_FOR - 0.2, Duration::from_millis(2), NODES);
+    log.ends_with_every_drive_off(NODES);
+
+    let summary = fs::read_to_string(format!("{session}/summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    assert_eq!(summary["missing_samples"], 0, "{summary}");
+    assert!(summary["cycles"].as_u64().unwrap() > 5_000, "{summary}");
+    assert!(summary["contact_seconds"].as_f64().unwrap() > 2.0, "{summary}");
+    assert_eq!(summary["saturated_cycles"], 0, "{summary}");
+
+    let config = Config::load(config.as_ref()).unwrap();
+    let session = fs::read_to_string(format!("{session}/bus.log")).unwrap();
+    let compared =
+        common::felt::torques_are_those_of_the_wall(&session, &config, &world::arm(&config));
+    assert!(compared > 1_000, "only {compared} cycles in contact");
+}
+
+#[test]
+fn a_killed_node_leaves_every_drive_torque_free_within_its_timer() {
+    let scratch = Scratch::new("kill");
+    let timer = Duration::from_millis(8);
+    // Where in its cycle the node dies is up to the scheduler; when the drives stop is not.
+    for after_ms in [4_000, 4_613, 5_277] {
+        let mut candump = Candump::of("vcan0");
+        let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
+        let run = scratch.frhc(&["run", "--config", CONFIG]);
+        let first_sync =
+            candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80)).nanos;
+        candump.until(|line| line.nanos > first_sync + 300_000_000);
+        scratch.ctl("arm").succeeds();
+        candump.until(|line| line.nanos > first_sync + after_ms * 1_000_000);
+        run.kill();
+        let killed = candump.last_nanos();
+        candump.until(|line| line.nanos > killed + 40_000_000);
+        sim.terminate().succeeds();
+
+        let log = Log::parse(&candump.finish());
+        assert!(log.torque_sent_to(2) != 0 && log.torque_sent_to(3) != 0, "the arm was carried");
+        for node in NODES {
+            let stopped = log
+                .torque_free_after(node)
+                .unwrap_or_else(|| panic!("node {node} never said it was torque-free"));
+            let spare = Duration::from_micros(500);
+            assert!(stopped <= timer + spare, "node {node} pushed on for {stopped:?}");
+        }
+    }
+}
+
+#[test]
+fn what_cannot_run_says_why_and_sends_nothing() {
+    let scratch = Scratch::new("refused");
+    let text = fs::read_to_string(CONFIG).unwrap();
+    let cases = [
+        (text.replace("vcan0", "can7"), 4, "can7: no such interface"),
+        (text.replace("a_m = 0.254", "a_m = nan"), 3, "joint[2].a_m: NaN"),
+        (text.replace("heartbeat_ms = 6", "heartbeat_s = 6"), 3, "node.heartbeat_s: unknown key"),
+        (
+            text.replace("sync_period_us = 2000", "sync_period_us = 1000"),
+            3,
+            "bus[0].load_limit_percent",
+        ),
+        (
+            text.replace("[133.144, -0.393453, 0.0196726]", "[133.144, -3.9, 0.0196726]"),
+            3,
+            "stops rising",
+        ),
+        (text.replace("eds/frhc_drive.eds", "eds/nobody.eds"), 3, "nobody.eds"),
+    ];
+    let candump = Candump::of("vcan0");
+    for (place, (text, code, reason)) in cases.into_iter().enumerate() {
+        let file = scratch.write(&format!("config/case_{place}.toml"), &text);
+        let outcome = scratch.frhc(&["run", "--config", &file]).wait();
+        assert_eq!(outcome.code, Some(code), "{reason}: {}", outcome.stderr);
+        assert!(outcome.stderr.contains(reason), "{reason}: {}", outcome.stderr);
+    }
+    assert_eq!(candump.finish(), Vec::<String>::new(), "a frame was sent");
+}
+
+#[test]
+fn another_drive_is_never_enabled() {
+    let scratch = Scratch::new("identity");
+    let other = fs::read_to_string("eds/frhc_drive.eds").unwrap();
+    let other = other.replace("0x04020010", "0x04020011");
+    assert_ne!(other, fs::read_to_string("eds/frhc_drive.eds").unwrap(), "the EDS has its product");
+    scratch.write("eds/frhc_drive.eds", &other);
+    let text = fs::read_to_string(CONFIG).unwrap();
+    let mine = scratch.write("config/mine.toml", &text.replace("0x0402_0010", "0x0402_0011"));
+    never_enabled(&scratch, CONFIG, &mine, "1018h:2 is 04020010h, expected 04020011h");
+}
+
+#[test]
+fn a_drive_that_refuses_its_mapping_is_never_enabled() {
+    let scratch = Scratch::new("mapping");
+    let eds = fs::read_to_string("eds/frhc_drive.eds").unwrap();
+    let (before, section) = eds.split_once("[6077]").unwrap();
+    let (section, after) = section.split_once("\n[").unwrap();
+    let unmappable = section.replace("PDOMapping=1", "PDOMapping=0");
+    assert_ne!(section, unmappable, "6077h can be mapped");
+    scratch.write("eds/frhc_drive.eds", &format!("{before}[6077]{unmappable}\n[{after}"));
+    let text = fs::read_to_string(CONFIG).unwrap();
+    let theirs = scratch.write("config/theirs.toml", &text);
+    never_enabled(&scratch, &theirs, CONFIG, "1A00h:3 refused: 06040041h");
+}
+
+/// `sim` with one configuration, `run` with another: exit 5, the reason, and no drive started.
+fn never_enabled(scratch: &Scratch, theirs: &str, mine: &str, reason: &str) {
+    let mut candump = Candump::of("vcan0");
+    let sim = scratch.frhc(&["sim", "--config", theirs]);
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
+    let outcome = scratch.frhc(&["run", "--config", mine]).wait();
+    assert_eq!(outcome.code, Some(5), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("joint 1 (azimuth), node 1"), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains(reason), "{reason}: {}", outcome.stderr);
+    sim.terminate().succeeds();
+    for line in candump.finish() {
+        assert!(!line.contains(" 000#01"), "started: {line}");
+        assert!(!line.contains(" 080#") && !line.contains(" 201#"), "exchanged: {line}");
+    }
+}
+
+#[test]
+fn only_data_frames_of_eleven_bits_are_heard() {
+    let mut bus = SocketCan::open(&["vcan0".to_owned()]).unwrap();
+    for frame in ["181#R", "00000181#1122", "181#1122334455667788"] {
+        Process::of("cansend", &["vcan0", frame]).wait().succeeds();
+    }
+    let until = bus.now() + Duration::from_millis(5);
+    let heard = bus.receive(until).unwrap();
+    let frame = Frame::new(0x181, [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88]);
+    assert_eq!(heard.heard, Heard::Frame(frame));
+    assert!(heard.at <= bus.now());
+    assert_eq!(bus.receive(until), None);
+}
+
+#[test]
+fn waiting_ends_at_its_deadline() {
+    let mut bus = SocketCan::open(&["vcan0".to_owned()]).unwrap();
+    frhc::bus::realtime::ask();
+    for micros in [100, 1_000, 12_345] {
+        let until = bus.now() + Duration::from_micros(micros);
+        assert_eq!(bus.receive(until), None);
+        let late = bus.now().since(until);
+        assert!(bus.now() >= until && late < Duration::from_micros(10), "{late:?} late");
+    }
+}
+
+#[test]
+fn an_interface_that_goes_down_is_told_and_takes_no_frame() {
+    let mut bus = SocketCan::open(&["vcan1".to_owned()]).unwrap();
+    Process::of("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
+    let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x80, []) };
+    let heard = bus.receive(bus.now() + Duration::from_millis(5)).map(|received| received.heard);
+    assert_eq!(heard, Some(Heard::Fault(frhc::bus::BusFault::Down)));
+    assert_eq!(bus.send(telegram), Err(SendError::Down));
+    Process::of("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
+}
+
+/// Seconds as nanoseconds.
+fn seconds(seconds: f64) -> u64 {
+    u64::try_from(Duration::from_secs_f64(seconds).as_nanos()).unwrap()
+}

@@ -8,6 +8,8 @@ mod access;
 mod application;
 mod errors;
 mod heartbeat;
+#[cfg(test)]
+mod laws;
 mod mapping;
 mod parameter;
 mod rpdo;

@@ -36,4 +36,4 @@ cargo build --locked --release
 vcan=$(cargo test --locked --release --test vcan --no-run --message-format=json 2>/dev/null |
   sed -n 's/.*"executable":"\([^"]*\/vcan-[0-9a-f]*\)".*/\1/p' | tail -n 1)
 [[ -x $vcan ]] || { echo "test: the vcan tests did not build" >&2; exit 1; }
-scripts/with_vcan.sh -v -t 900 -i "vcan0 vcan1" -- "$vcan" --test-threads=1
+scripts/with_vcan.sh -v -t 300 -i "vcan0 vcan1" -- "$vcan" --test-threads=1

@@ -156,14 +156,15 @@ fn another_drive_is_never_enabled() {
 fn a_drive_that_refuses_its_mapping_is_never_enabled() {
     let scratch = Scratch::new("mapping");
     let eds = fs::read_to_string("eds/frhc_drive.eds").unwrap();
-    let (before, section) = eds.split_once("[6077]").unwrap();
+    let (before, section) = eds.split_once("[1A00sub0]").unwrap();
     let (section, after) = section.split_once("\n[").unwrap();
-    let unmappable = section.replace("PDOMapping=1", "PDOMapping=0");
-    assert_ne!(section, unmappable, "6077h can be mapped");
-    scratch.write("eds/frhc_drive.eds", &format!("{before}[6077]{unmappable}\n[{after}"));
+    // As some drives are: two objects in a PDO, no more.
+    let narrow = section.replace("HighLimit=8", "HighLimit=2");
+    assert_ne!(section, narrow, "1A00h has room for eight");
+    scratch.write("eds/frhc_drive.eds", &format!("{before}[1A00sub0]{narrow}\n[{after}"));
     let text = fs::read_to_string(CONFIG).unwrap();
     let theirs = scratch.write("config/theirs.toml", &text);
-    never_enabled(&scratch, &theirs, CONFIG, "1A00h:3 refused: 06040041h");
+    never_enabled(&scratch, &theirs, CONFIG, "1A00h refused: 06090031h");
 }
 
 /// `sim` with one configuration, `run` with another: exit 5, the reason, and no drive started.

@@ -99,7 +99,7 @@ impl<S: Station, T: Tap> Memory<S, T> {
     fn post(&mut self) {
         for Telegram { channel: Channel(place), frame } in self.out.drain(..) {
             if let Some(wire) = self.wires.get_mut(usize::from(place)) {
-                wire.offer(self.now_ns, Sender::Station, frame);
+                wire.offer(Sender::Station, frame);
             }
         }
         self.wires.iter_mut().for_each(|wire| wire.begin(self.now_ns));
@@ -117,7 +117,8 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
         if wire.waiting() >= QUEUE {
             return Err(SendError::Full);
         }
-        wire.offer(self.now_ns, Sender::Node, telegram.frame);
+        wire.offer(Sender::Node, telegram.frame);
+        wire.begin(self.now_ns);
         Ok(())
     }
 

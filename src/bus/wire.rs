@@ -61,13 +61,12 @@ impl Wire {
         self.from_node.len()
     }
 
-    /// A frame wants to be sent from `now` on.
-    pub(super) fn offer(&mut self, now: u64, sender: Sender, frame: Frame) {
+    /// A frame wants to be sent; [`begin`](Self::begin) lets it.
+    pub(super) fn offer(&mut self, sender: Sender, frame: Frame) {
         match sender {
             Sender::Node => self.from_node.push_back(frame),
             Sender::Station => self.from_stations.push(frame),
         }
-        self.begin(now);
     }
 
     /// When the frame under way is complete.

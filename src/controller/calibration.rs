@@ -50,7 +50,7 @@ pub enum InvalidTorqueCurve {
         value: f64,
     },
     /// More torque must ask for more: there the slope vanishes.
-    #[error("the curve stops rising at {torque} N·m, within its range up to {max_torque} N·m")]
+    #[error("the curve stops rising at {torque:.3} N·m, within its range up to {max_torque} N·m")]
     NotMonotone {
         /// Where its slope is zero for the first time, in N·m.
         torque: f64,

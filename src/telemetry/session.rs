@@ -8,7 +8,7 @@
 //! | `wrench0` | 18FF0000h  | the wrench on the object at {S} this cycle used: six f64, N and N·m   |
 //! | `node0`   | 18FF0001h  | mode u8, inputs u8 (FFh: silent), sampled joints as bits u8, 0, cycle u32 |
 //!
-//! Numbers are little-endian, as CANopen's.
+//! Numbers are little-endian, as CANopen's. Both lines come at the end of the cycle they are about.
 
 use std::io;
 use std::io::Write;
@@ -29,29 +29,33 @@ pub const NODE: (&str, u32) = ("node0", 0x18FF_0001);
 #[derive(Debug)]
 pub struct SessionLog<W: Write> {
     log: LogWriter<W>,
+    /// The newest stamp, before which nothing is written: a log goes forward.
+    latest: Instant,
     failed: Option<io::Error>,
 }
 
 impl<W: Write> SessionLog<W> {
     /// Onto `log`.
     pub const fn new(log: LogWriter<W>) -> Self {
-        Self { log, failed: None }
+        Self { log, latest: Instant::ZERO, failed: None }
     }
 
     /// A frame on a bus.
     pub fn frame(&mut self, at: Instant, telegram: &Telegram) {
-        let written = self.log.frame(at, telegram);
+        self.latest = self.latest.max(at);
+        let written = self.log.frame(self.latest, telegram);
         self.note(written);
     }
 
     /// A cycle: its wrench, mode, inputs and samples.
     pub fn record(&mut self, record: &Record) {
+        self.latest = self.latest.max(record.at);
         let mut wrench = [0; 48];
         for (to, from) in wrench.chunks_exact_mut(8).zip(record.f_s.components()) {
             to.copy_from_slice(&from.to_le_bytes());
         }
         let (interface, id) = WRENCH;
-        let written = self.log.pseudo(record.at, interface, id, &wrench);
+        let written = self.log.pseudo(self.latest, interface, id, &wrench);
         self.note(written);
 
         let sampled =
@@ -59,7 +63,7 @@ impl<W: Write> SessionLog<W> {
         let [c0, c1, c2, c3, ..] = record.cycle.to_le_bytes();
         let state = [code(record.mode), record.inputs.unwrap_or(0xFF), sampled, 0, c0, c1, c2, c3];
         let (interface, id) = NODE;
-        let written = self.log.pseudo(record.at, interface, id, &state);
+        let written = self.log.pseudo(self.latest, interface, id, &state);
         self.note(written);
     }
 

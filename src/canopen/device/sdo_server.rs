@@ -246,3 +246,174 @@ const EXPEDITED: u8 = 1 << 1;
 const SIZE_INDICATED: u8 = 1;
 /// Bit c of a segment: no more come.
 const LAST: u8 = 1;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One object of any size, and one of two bytes.
+    #[derive(Default)]
+    struct Shelf {
+        text: Vec<u8>,
+        number: [u8; 2],
+    }
+
+    const TEXT: Object = Object { index: 0x2000, sub: 0 };
+    const NUMBER: Object = Object { index: 0x2001, sub: 3 };
+
+    impl Access for Shelf {
+        fn read(&self, object: Object, bytes: &mut Vec<u8>) -> Result<(), AbortCode> {
+            bytes.extend_from_slice(if object == TEXT { &self.text } else { &self.number });
+            Ok(())
+        }
+
+        fn size(&self, object: Object) -> Result<Option<usize>, AbortCode> {
+            match object {
+                TEXT => Ok(None),
+                NUMBER => Ok(Some(2)),
+                _ => Err(AbortCode::NO_OBJECT),
+            }
+        }
+
+        fn write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
+            if object == TEXT {
+                self.text = bytes.to_vec();
+            } else {
+                self.number = bytes.try_into().unwrap();
+            }
+            Ok(())
+        }
+    }
+
+    fn server() -> SdoServer {
+        SdoServer::new(NodeId::new(5).unwrap())
+    }
+
+    fn reply(server: &mut SdoServer, shelf: &mut Shelf, request: Payload) -> Payload {
+        let frame = server.serve(request, shelf).unwrap();
+        assert_eq!(frame.cob_id, 0x585);
+        frame.data().try_into().unwrap()
+    }
+
+    fn refusal(object: Object, code: AbortCode) -> Payload {
+        abort(object, code)
+    }
+
+    #[test]
+    fn a_text_goes_down_with_or_without_its_size_and_comes_up_again() {
+        for size in [0, 1, 4, 6, 7, 8, 14, 15, 100] {
+            let text: Vec<u8> = (0..size).collect();
+            for initiate in [[0x21, 0, 0x20, 0, size, 0, 0, 0], [0x20, 0, 0x20, 0, 0, 0, 0, 0]] {
+                let (mut server, mut shelf) = (server(), Shelf::default());
+                let confirmed = reply(&mut server, &mut shelf, initiate);
+                assert_eq!(confirmed, [0x60, 0, 0x20, 0, 0, 0, 0, 0]);
+                let mut pieces: Vec<&[u8]> = text.chunks(7).collect();
+                if pieces.is_empty() {
+                    pieces.push(&[]);
+                }
+                for (place, piece) in pieces.iter().enumerate() {
+                    let toggle = if place % 2 == 0 { 0 } else { TOGGLE };
+                    let unused = u8::try_from(7 - piece.len()).unwrap();
+                    let mut segment = [0; 8];
+                    segment[0] = toggle | unused << 1 | u8::from(place + 1 == pieces.len());
+                    segment[1..=piece.len()].copy_from_slice(piece);
+                    let confirmed = reply(&mut server, &mut shelf, segment);
+                    assert_eq!(confirmed, [0x20 | toggle, 0, 0, 0, 0, 0, 0, 0]);
+                }
+                assert_eq!(shelf.text, text);
+                assert_eq!(uploaded(&mut server, &mut shelf), text);
+            }
+        }
+    }
+
+    fn uploaded(server: &mut SdoServer, shelf: &mut Shelf) -> Vec<u8> {
+        let [command, _, _, _, four @ ..] = reply(server, shelf, [0x40, 0, 0x20, 0, 0, 0, 0, 0]);
+        if command & EXPEDITED != 0 {
+            return four[..4 - usize::from(command >> 2 & 3)].to_vec();
+        }
+        assert_eq!(command, 0x41);
+        let (mut text, mut toggle) = (Vec::new(), 0);
+        loop {
+            let [command, seven @ ..] = reply(server, shelf, [0x60 | toggle, 0, 0, 0, 0, 0, 0, 0]);
+            assert_eq!(command & TOGGLE, toggle);
+            text.extend_from_slice(&seven[..7 - usize::from(command >> 1 & 7)]);
+            toggle ^= TOGGLE;
+            if command & LAST != 0 {
+                assert_eq!(text.len(), usize::try_from(u32::from_le_bytes(four)).unwrap());
+                return text;
+            }
+        }
+    }
+
+    #[test]
+    fn an_expedited_write_may_leave_its_size_to_the_object() {
+        let (mut server, mut shelf) = (server(), Shelf::default());
+        let confirmed = reply(&mut server, &mut shelf, [0x22, 1, 0x20, 3, 7, 8, 9, 9]);
+        assert_eq!(confirmed, [0x60, 1, 0x20, 3, 0, 0, 0, 0]);
+        assert_eq!(shelf.number, [7, 8]);
+        reply(&mut server, &mut shelf, [0x22, 0, 0x20, 0, 7, 8, 9, 9]);
+        assert_eq!(shelf.text, [7, 8, 9, 9]);
+    }
+
+    #[test]
+    fn a_wrong_length_is_refused_before_or_at_the_last_byte() {
+        let (mut server, mut shelf) = (server(), Shelf::default());
+        for (request, code) in [
+            ([0x21, 1, 0x20, 3, 3, 0, 0, 0], AbortCode::LENGTH_TOO_HIGH),
+            ([0x21, 1, 0x20, 3, 1, 0, 0, 0], AbortCode::LENGTH_TOO_LOW),
+            ([0x23, 1, 0x20, 3, 0, 0, 0, 0], AbortCode::LENGTH_TOO_HIGH),
+            ([0x2F, 1, 0x20, 3, 0, 0, 0, 0], AbortCode::LENGTH_TOO_LOW),
+        ] {
+            assert_eq!(reply(&mut server, &mut shelf, request), refusal(NUMBER, code));
+        }
+        for (segment, code) in
+            [(0x09, AbortCode::LENGTH_TOO_HIGH), (0x0D, AbortCode::LENGTH_TOO_LOW)]
+        {
+            reply(&mut server, &mut shelf, [0x20, 1, 0x20, 3, 0, 0, 0, 0]);
+            let refused = reply(&mut server, &mut shelf, [segment, 0, 0, 0, 0, 0, 0, 0]);
+            assert_eq!(refused, refusal(NUMBER, code));
+        }
+        assert_eq!(shelf.number, [0, 0]);
+    }
+
+    #[test]
+    fn a_segment_that_does_not_alternate_ends_the_transfer() {
+        let (mut server, mut shelf) = (server(), Shelf { text: vec![1; 20], ..Shelf::default() });
+        for (initiate, segment) in [(0x20, 0x10), (0x40, 0x70)] {
+            reply(&mut server, &mut shelf, [initiate, 0, 0x20, 0, 0, 0, 0, 0]);
+            let refused = reply(&mut server, &mut shelf, [segment, 0, 0, 0, 0, 0, 0, 0]);
+            assert_eq!(refused, refusal(TEXT, AbortCode::TOGGLE_NOT_ALTERNATED));
+            let nothing = Object { index: 0, sub: 0 };
+            let refused = reply(&mut server, &mut shelf, [segment, 0, 0, 0, 0, 0, 0, 0]);
+            assert_eq!(refused, refusal(nothing, AbortCode::COMMAND_UNKNOWN));
+        }
+    }
+
+    #[test]
+    fn a_new_initiate_ends_a_running_transfer() {
+        let (mut server, mut shelf) = (server(), Shelf::default());
+        reply(&mut server, &mut shelf, [0x20, 0, 0x20, 0, 0, 0, 0, 0]);
+        reply(&mut server, &mut shelf, [0x2B, 1, 0x20, 3, 1, 2, 0, 0]);
+        let [command, ..] = reply(&mut server, &mut shelf, [0x01, 1, 2, 3, 4, 5, 6, 7]);
+        assert_eq!(command, 0x80, "its segment belongs to nothing");
+        assert_eq!((shelf.text.len(), shelf.number), (0, [1, 2]));
+    }
+
+    #[test]
+    fn an_abort_ends_a_transfer_and_is_not_answered() {
+        let (mut server, mut shelf) = (server(), Shelf::default());
+        reply(&mut server, &mut shelf, [0x20, 0, 0x20, 0, 0, 0, 0, 0]);
+        assert_eq!(server.serve([0x80, 0, 0x20, 0, 0, 0, 4, 5], &mut shelf), None);
+        let [command, ..] = reply(&mut server, &mut shelf, [0x01, 1, 2, 3, 4, 5, 6, 7]);
+        assert_eq!(command, 0x80);
+    }
+
+    #[test]
+    fn block_transfer_is_a_command_it_does_not_know() {
+        let (mut server, mut shelf) = (server(), Shelf::default());
+        for command in [0xA4, 0xC6] {
+            let refused = reply(&mut server, &mut shelf, [command, 0, 0x20, 0, 0, 0, 0, 0]);
+            assert_eq!(refused, refusal(TEXT, AbortCode::COMMAND_UNKNOWN));
+        }
+    }
+}

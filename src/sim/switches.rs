@@ -84,3 +84,81 @@ impl Station for SwitchBox {
         self.device.deadline()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::eds::Eds;
+
+    const BUS: Channel = Channel(1);
+
+    /// Configured as the master does, and started.
+    fn switch_box() -> SwitchBox {
+        let eds = Eds::parse(include_bytes!("../../eds/frhc_switches.eds")).unwrap();
+        let node = NodeId::new(16).unwrap();
+        let mut switches = SwitchBox::new(BUS, node, Dictionary::new(&eds, node));
+        let mut out = Vec::new();
+        switches.on_time(Instant::ZERO, &mut out);
+        for (object, value) in crate::canopen::layout::switches(node)
+            .iter()
+            .filter(|pdo| pdo.service.is_some())
+            .flat_map(crate::canopen::layout::Pdo::writes)
+        {
+            let bytes = crate::canopen::plan::bytes(&value);
+            let [low, high] = object.index.to_le_bytes();
+            let mut request = [0x23, low, high, object.sub, 0, 0, 0, 0];
+            request[0] |= u8::try_from(4 - bytes.len()).unwrap() << 2;
+            request[4..4 + bytes.len()].copy_from_slice(&bytes);
+            out.clear();
+            switches.on_frame(Instant::ZERO, BUS, &Frame::new(0x610, request), &mut out);
+            assert_eq!(out[0].frame.data()[0], 0x60, "{object}");
+        }
+        switches.on_frame(Instant::ZERO, BUS, &Frame::new(0, [1, 0]), &mut out);
+        switches
+    }
+
+    /// When it says what, until then.
+    fn said(switches: &mut SwitchBox, from: u64, until: u64) -> Vec<(u64, u8)> {
+        let (mut now, mut all) = (from, Vec::new());
+        while let Some(due) =
+            switches.deadline().map(Instant::as_micros).filter(|due| *due <= until)
+        {
+            now = now.max(due);
+            let mut out = Vec::new();
+            switches.on_time(Instant::from_micros(now), &mut out);
+            all.extend(out.iter().map(|told| (now, told.frame.data()[0])));
+            assert!(out.iter().all(|told| told.channel == BUS && told.frame.cob_id == 0x190));
+        }
+        all
+    }
+
+    #[test]
+    fn a_change_is_told_at_once_and_everything_every_five_milliseconds() {
+        let mut switches = switch_box();
+        assert_eq!(said(&mut switches, 0, 11_000), [(5_000, 0), (10_000, 0)]);
+        switches.set(2);
+        assert_eq!(said(&mut switches, 12_000, 16_999), [(12_000, 2)]);
+        switches.set(2);
+        assert_eq!(said(&mut switches, 16_999, 17_000), [(17_000, 2)], "no change, but due");
+    }
+
+    #[test]
+    fn a_bouncing_switch_is_told_no_more_than_once_a_millisecond() {
+        let mut switches = switch_box();
+        let mut told = 0;
+        for now in 20_000..24_000 {
+            switches.set(u8::from(now % 2 == 0));
+            told += said(&mut switches, now, now).len();
+        }
+        assert_eq!(told, 4);
+    }
+
+    #[test]
+    fn another_bus_is_not_its_own() {
+        let mut switches = switch_box();
+        let mut out = Vec::new();
+        let reset = Frame::new(0, [0x81, 0]);
+        switches.on_frame(Instant::ZERO, Channel(0), &reset, &mut out);
+        assert_eq!(out, []);
+    }
+}

@@ -286,3 +286,329 @@ fn word(dictionary: &Dictionary, object: Object) -> u16 {
     let [low, high, ..] = dictionary.unsigned(object).to_le_bytes();
     u16::from_le_bytes([low, high])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::drive::Goal;
+    use crate::canopen::drive::PowerStage;
+    use crate::canopen::eds::Eds;
+    use crate::canopen::layout;
+    use crate::canopen::master::Event;
+    use crate::canopen::master::Master;
+    use crate::canopen::pdo::DriveSample;
+    use crate::canopen::pdo::DriveTarget;
+    use crate::canopen::pdo::PerMille;
+    use crate::canopen::plan::Identity;
+    use crate::canopen::plan::NodePlan;
+    use crate::canopen::plan::Watch;
+    use crate::canopen::sync::Sync;
+
+    const BUS: Channel = Channel(0);
+    const MS: Duration = Duration::from_millis(1);
+    const RPDO_TIMER_MS: u16 = 5;
+    const MASTER_LOST_MS: u16 = 22;
+
+    const ACTUATOR: ActuatorSettings = ActuatorSettings {
+        counts_per_rev: 16_384.0,
+        gear_ratio: -40.0,
+        zero_counts: 1_200,
+        rated_torque: 0.1765,
+        torque_curve: [133.144, -0.393_453, 0.019_672_6],
+        max_torque: 6.0,
+    };
+
+    fn node() -> NodeId {
+        NodeId::new(3).unwrap()
+    }
+
+    fn drive() -> Drive {
+        let eds = Eds::parse(include_bytes!("../../eds/frhc_drive.eds")).unwrap();
+        Drive::new(DriveSettings {
+            channel: BUS,
+            node: node(),
+            dictionary: Dictionary::new(&eds, node()),
+            actuator: ACTUATOR,
+            latency: Duration::from_micros(60),
+        })
+    }
+
+    fn plan() -> NodePlan {
+        let identity = Identity { vendor: 0x0F8C, product: 0x0402_0010, revision: 0x0001_0000 };
+        let pdos = layout::per_drive(node(), Some(RPDO_TIMER_MS));
+        let watch = Watch {
+            master: NodeId::new(127).unwrap(),
+            master_lost_ms: MASTER_LOST_MS,
+            heartbeat_ms: 25,
+            node_lost_ms: 60,
+        };
+        NodePlan::drive("joint 3".into(), node(), identity, pdos, &watch, 1_000)
+    }
+
+    /// A drive and the master's side of its wire.
+    struct Wire {
+        drive: Drive,
+        now: Instant,
+        stage: PowerStage,
+        sample: DriveSample,
+        emergencies: Vec<Frame>,
+    }
+
+    impl Wire {
+        fn new() -> Self {
+            Self {
+                drive: drive(),
+                now: Instant::ZERO,
+                stage: PowerStage::default(),
+                sample: DriveSample::default(),
+                emergencies: Vec::new(),
+            }
+        }
+
+        /// The real master boots it, and nothing is missing.
+        fn booted() -> Self {
+            let mut wire = Self::new();
+            let mut master = Master::new(vec![(BUS, plan())]);
+            for _ in 0..5_000 {
+                let (mut sent, mut event) = (Vec::new(), None);
+                while let Some(due) = master.deadline().filter(|due| *due <= wire.now) {
+                    event = master.on_time(wire.now.max(due), &mut sent).or(event);
+                }
+                let mut answers = Vec::new();
+                wire.drive.on_time(wire.now, &mut answers);
+                while !sent.is_empty() || !answers.is_empty() {
+                    for Telegram { channel, frame } in sent.drain(..) {
+                        wire.drive.on_frame(wire.now, channel, &frame, &mut answers);
+                    }
+                    for answer in answers.drain(..) {
+                        event = master.on_frame(wire.now, &answer, &mut sent).or(event);
+                    }
+                }
+                match event {
+                    Some(Event::Booted) => return wire,
+                    Some(Event::BootFailed(error)) => panic!("{error}"),
+                    _ => wire.now = wire.now + MS,
+                }
+            }
+            panic!("neither booted nor failed");
+        }
+
+        /// Whether there is torque on the joint.
+        fn pushes(&self) -> bool {
+            self.drive.torque().abs() > 0.0
+        }
+
+        /// What the drive says to a frame.
+        fn say(&mut self, frame: Frame) {
+            let mut said = Vec::new();
+            self.drive.on_frame(self.now, BUS, &frame, &mut said);
+            self.hear(&said);
+        }
+
+        /// A millisecond passes.
+        fn pass(&mut self) {
+            self.now = self.now + MS;
+            let mut said = Vec::new();
+            self.drive.on_time(self.now, &mut said);
+            self.hear(&said);
+        }
+
+        fn hear(&mut self, said: &[Telegram]) {
+            for Telegram { frame, .. } in said {
+                match frame.cob_id {
+                    // Until it is mapped, only the statusword is in it.
+                    0x183 => {
+                        self.sample = DriveSample::decode(frame.data()).unwrap_or(self.sample);
+                    }
+                    0x083 => self.emergencies.push(*frame),
+                    _ => {}
+                }
+            }
+        }
+
+        fn write(&mut self, object: Object, bytes: [u8; 2]) {
+            let [low, high] = object.index.to_le_bytes();
+            self.say(Frame::new(0x603, [0x2B, low, high, 0, bytes[0], bytes[1], 0, 0]));
+            assert_eq!(self.drive.dictionary().get(object), Some(&bytes[..]));
+        }
+
+        /// A cycle of a millisecond: SYNC, its TPDO, the RPDO for the next one.
+        fn cycle(&mut self, goal: Goal, torque: i16) {
+            self.say(Sync::default().frame());
+            self.pass();
+            let controlword = self.stage.controlword(self.sample.statusword.state(), goal);
+            let target = DriveTarget { controlword, torque: PerMille(torque) };
+            self.say(Frame::new(0x203, target.encode()));
+        }
+
+        /// Booted and enabled, with this target.
+        fn pushing(torque: i16) -> Self {
+            let mut wire = Self::booted();
+            for _ in 0..10 {
+                wire.cycle(Goal::OperationEnabled, torque);
+            }
+            assert_eq!(wire.drive.state(), State::OperationEnabled);
+            wire
+        }
+    }
+
+    #[test]
+    fn the_master_boots_it_and_a_target_gives_its_torque_one_sync_later() {
+        let mut wire = Wire::booted();
+        assert_eq!(wire.drive.state(), State::SwitchOnDisabled);
+        for _ in 0..5 {
+            wire.cycle(Goal::OperationEnabled, 0);
+        }
+        assert_eq!(wire.drive.state(), State::OperationEnabled);
+        wire.cycle(Goal::OperationEnabled, 500);
+        assert!(!wire.pushes(), "it is held until the next SYNC");
+        wire.say(Sync::default().frame());
+        let [c1, c3, c5] = ACTUATOR.torque_curve;
+        let t = wire.drive.torque();
+        let target = -(c1 * t + c3 * t.powi(3) + c5 * t.powi(5));
+        assert!((target - 500.0).abs() < 1e-9, "{t} N·m");
+        wire.pass();
+        assert_eq!(wire.sample.torque, PerMille(500));
+        for _ in 0..2 {
+            wire.cycle(Goal::VoltageDisabled, 500);
+        }
+        assert_eq!((wire.drive.state(), wire.pushes()), (State::SwitchOnDisabled, false));
+    }
+
+    #[test]
+    fn a_drive_without_rpdo_takes_its_torque_off_within_its_timer() {
+        let mut wire = Wire::pushing(500);
+        for _ in 1..RPDO_TIMER_MS {
+            wire.say(Sync::default().frame());
+            wire.pass();
+        }
+        assert!(wire.pushes());
+        wire.pass();
+        assert_eq!((wire.drive.state(), wire.pushes()), (State::Fault, false));
+        assert_eq!(wire.drive.last_error(), 0x8250);
+        let fault = wire.drive.dictionary().get(Object::STATUSWORD).unwrap().to_vec();
+        let told = Frame::new(0x83, [0x50, 0x82, 0x11, 0, 0, fault[0], fault[1], 0]);
+        assert_eq!(wire.emergencies, [told], "its torque, which is gone, and its state");
+    }
+
+    #[test]
+    fn a_drive_that_nobody_told_to_watch_holds_its_torque_for_ever() {
+        let mut wire = Wire::new();
+        wire.pass();
+        wire.say(Frame::new(0, [1, 3]));
+        wire.say(Frame::new(0x603, [0x2F, 0x60, 0x60, 0, 10, 0, 0, 0]));
+        for word in [0x06, 0x07, 0x0F] {
+            wire.write(Object::CONTROLWORD, [word, 0]);
+        }
+        wire.write(Object::TARGET_TORQUE, 500_i16.to_le_bytes());
+        wire.say(Frame::new(0x77F, [5]));
+        for _ in 0..10_000 {
+            wire.pass();
+        }
+        assert!(wire.pushes());
+        assert_eq!(wire.emergencies, []);
+    }
+
+    #[test]
+    fn a_lost_master_is_answered_as_6007h_says() {
+        const SLOW_DOWN_AND_STAY: u8 = 5;
+        for (option, state, is_on) in [
+            (0, State::OperationEnabled, true),
+            (1, State::Fault, false),
+            (2, State::SwitchOnDisabled, false),
+            (3, State::QuickStopActive, false),
+        ] {
+            let mut wire = Wire::pushing(500);
+            wire.write(Object::ABORT_CONNECTION, [option, 0]);
+            wire.write(Object::QUICK_STOP_OPTION, [SLOW_DOWN_AND_STAY, 0]);
+            for _ in 0..100 {
+                wire.pass();
+                wire.drive.set_motion(0.1, 0.0);
+            }
+            assert_eq!(wire.drive.state(), state, "6007h = {option}");
+            assert_eq!(wire.pushes(), is_on, "6007h = {option}");
+        }
+    }
+
+    #[test]
+    fn a_fault_is_reset_by_an_edge_and_the_bus_told_so() {
+        let mut wire = Wire::pushing(500);
+        wire.drive.fail_with(0x2310);
+        wire.cycle(Goal::OperationEnabled, 0);
+        assert_eq!((wire.drive.state(), wire.pushes()), (State::Fault, false));
+        for _ in 0..5 {
+            wire.cycle(Goal::OperationEnabled, 0);
+        }
+        assert_eq!(wire.drive.state(), State::Fault, "nobody has asked for a reset");
+        wire.stage.reset_fault();
+        for _ in 0..8 {
+            wire.cycle(Goal::OperationEnabled, 0);
+        }
+        assert_eq!(wire.drive.state(), State::OperationEnabled);
+        let codes: Vec<_> =
+            wire.emergencies.iter().map(|frame| frame.data()[..2].to_vec()).collect();
+        assert_eq!(codes, [[0x10, 0x23], [0, 0]]);
+    }
+
+    #[test]
+    fn no_torque_without_the_mode_nor_above_the_limit() {
+        let mut wire = Wire::pushing(500);
+        wire.write(Object::MAX_TORQUE, 100_u16.to_le_bytes());
+        assert_eq!(wire.drive.dictionary().i16(Object::TORQUE_ACTUAL), 100);
+        wire.cycle(Goal::OperationEnabled, -500);
+        wire.cycle(Goal::OperationEnabled, -500);
+        assert_eq!(wire.sample.torque, PerMille(-100));
+        assert!(wire.sample.statusword.has(Statusword::INTERNAL_LIMIT));
+        wire.say(Frame::new(0x603, [0x2F, 0x60, 0x60, 0, 0, 0, 0, 0]));
+        assert_eq!(wire.drive.dictionary().i8(Object::MODE_DISPLAY), 0);
+        assert!(!wire.pushes());
+    }
+
+    #[test]
+    fn a_mode_it_does_not_have_is_refused() {
+        let mut wire = Wire::new();
+        wire.pass();
+        let mut said = Vec::new();
+        let request = Frame::new(0x603, [0x2F, 0x60, 0x60, 0, 8, 0, 0, 0]);
+        wire.drive.on_frame(wire.now, BUS, &request, &mut said);
+        let [low, .., high] = AbortCode::VALUE_INVALID.0.to_le_bytes();
+        let data = said[0].frame.data().to_vec();
+        assert_eq!((data[0], data[4], data[7]), (0x80, low, high));
+    }
+
+    #[test]
+    fn its_tpdo_says_where_the_joint_was_at_the_sync() {
+        let mut wire = Wire::pushing(0);
+        wire.drive.set_motion(0.5, 0.0);
+        wire.say(Sync::default().frame());
+        wire.drive.set_motion(0.7, 0.0);
+        wire.pass();
+        let turns = 0.5 / std::f64::consts::TAU * -40.0 * 16_384.0;
+        let counts = f64::from(wire.sample.position.0 - 1_200);
+        assert!((counts - turns).abs() <= 0.5);
+    }
+
+    #[test]
+    fn a_reset_node_is_as_after_power_up_but_for_where_its_joint_is() {
+        let mut wire = Wire::pushing(500);
+        wire.drive.set_motion(0.5, 0.0);
+        let position = wire.drive.dictionary().get(Object::POSITION_ACTUAL).map(<[u8]>::to_vec);
+        wire.say(Frame::new(0, [0x81, 3]));
+        assert_eq!((wire.drive.state(), wire.pushes()), (State::SwitchOnDisabled, false));
+        let after = wire.drive.dictionary().get(Object::POSITION_ACTUAL).map(<[u8]>::to_vec);
+        assert_eq!(after, position);
+        assert_eq!(wire.drive.dictionary().unsigned(Object::RATED_TORQUE), 177);
+        assert_eq!(wire.drive.last_error(), 0);
+    }
+
+    #[test]
+    fn what_is_unplugged_neither_hears_nor_speaks() {
+        let mut wire = Wire::pushing(500);
+        wire.drive.unplug();
+        wire.sample = DriveSample::default();
+        for _ in 0..10 {
+            wire.cycle(Goal::VoltageDisabled, 0);
+        }
+        assert_eq!((wire.sample, wire.emergencies.len()), (DriveSample::default(), 0));
+    }
+}

@@ -33,7 +33,11 @@ for name in "${interfaces[@]}"; do
       exit 69
     }
   fi
-  as_root ip link set dev "$name" mtu 16 txqueuelen 16
+  if [[ $(<"/sys/class/net/$name/mtu") != 16 ]]; then # changed only while the interface is down
+    as_root ip link set dev "$name" down
+    as_root ip link set dev "$name" mtu 16
+  fi
+  as_root ip link set dev "$name" txqueuelen 16
   as_root ip link set dev "$name" up
 done
 ip -brief link show type vcan

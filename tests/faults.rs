@@ -95,6 +95,15 @@ fn the_drives_stop_by_themselves_when_the_node_is_silent() {
 }
 
 #[test]
+fn the_second_run_finds_the_drives_as_ready_as_the_first() {
+    let (mut bench, _, _) = in_contact();
+    bench.stop().unwrap();
+    bench.fall_silent_for(Duration::from_secs(1));
+    bench.bring_up().unwrap();
+    assert_eq!(bench.node().mode(), Mode::Ready);
+}
+
+#[test]
 fn an_orderly_stop_ends_with_every_drive_off() {
     let (mut bench, wire, _) = in_contact();
     bench.stop().unwrap();

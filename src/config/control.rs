@@ -52,22 +52,38 @@ pub(super) fn settings(
     let rate_gain = gains("rate_gain_per_s", given.rate_gain_per_s, "K_V");
     let pose_gain = gains("pose_gain", given.pose_gain, "K_P");
     let wrench_gain = gains("wrench_gain", given.wrench_gain, "K_T");
-    let damping = six(given.damping_ns_per_m, given.damping_nms_per_rad);
-    let damping = gains("damping_ns_per_m", damping, "K_D");
 
-    let channels = Channels::new(
-        six(given.deadband_m, given.deadband_rad),
-        six(given.centring_n, given.centring_nm),
+    let before = problems.count();
+    let damping = six(
+        problems.none_negative("controller.damping_ns_per_m", given.damping_ns_per_m),
+        problems.none_negative("controller.damping_nms_per_rad", given.damping_nms_per_rad),
     );
-    let channels = problems.take("controller.deadband_m", channels);
+    let damping = Gains::new(damping, "K_D");
+    let damping = problems.take_unless_noted(before, "controller.damping_ns_per_m", damping);
+
+    let before = problems.count();
+    let deadband = six(
+        problems.none_negative("controller.deadband_m", given.deadband_m),
+        problems.none_negative("controller.deadband_rad", given.deadband_rad),
+    );
+    let plateau = six(
+        problems.none_negative("controller.centring_n", given.centring_n),
+        problems.none_negative("controller.centring_nm", given.centring_nm),
+    );
+    let channels = Channels::new(deadband, plateau);
+    let channels = problems.take_unless_noted(before, "controller.deadband_m", channels);
     let damping = damping.and_then(|gain| {
         problems.take("node.sync_period_us", Damping::new(gain, period.as_secs_f64()))
     });
-    let [x, y, z] = raw.remote.sensor_m;
+    // Where the sensor is no place, its own section says so.
+    let [x, y, z] = raw.remote.sensor_m.map(|part| if part.is_finite() { part } else { 0.0 });
+    let before = problems.count();
+    let max_force = problems.positive("controller.max_force_n", given.max_force_n);
+    let max_moment = problems.positive("controller.max_moment_nm", given.max_moment_nm);
     let x_m_s = Isometry3::translation(x, y, z);
     let reflection = wrench_gain.and_then(|gain| {
-        let made = Reflection::new(x_m_s, gain, given.max_force_n, given.max_moment_nm);
-        problems.take("controller.max_force_n", made)
+        let made = Reflection::new(x_m_s, gain, max_force, max_moment);
+        problems.take_unless_noted(before, "controller.max_force_n", made)
     });
     let assist_fraction = AssistFraction::new(given.assist_fraction);
     let assist_fraction = problems.take("controller.assist_fraction", assist_fraction);

@@ -10,7 +10,7 @@ use crate::canopen::NodeId;
 use crate::canopen::eds::Eds;
 use crate::canopen::frame::Channel;
 use crate::canopen::plan::Identity;
-use crate::config::network;
+use crate::config::lookup;
 use crate::config::problem::Problems;
 use crate::config::raw;
 use crate::controller::arm::JointKind;
@@ -85,9 +85,9 @@ fn read(
     problems: &mut Problems<'_>,
 ) -> Option<Joint> {
     let key = |name: &str| format!("joint[{place}].{name}");
-    let channel = network::channel(&key("bus"), raw, &joint.bus, problems);
-    let node = network::node_id(&key("node_id"), joint.node_id, problems);
-    let eds = network::eds(&key("eds"), file, &joint.eds, problems);
+    let channel = lookup::channel(&key("bus"), raw, &joint.bus, problems);
+    let node = lookup::node_id(&key("node_id"), joint.node_id, problems);
+    let eds = lookup::eds(&key("eds"), file, &joint.eds, problems);
     let identity =
         Identity { vendor: joint.vendor_id, product: joint.product_code, revision: joint.revision };
     let [low, high] = problems.all_finite(&key("limit_deg"), joint.limit_deg);
@@ -104,8 +104,10 @@ fn read(
         centre_of_mass: problems.all_finite(&key("centre_of_mass_m"), joint.centre_of_mass_m),
         range: [low.to_radians(), high.to_radians()],
     };
-    let curve = TorqueCurve::new(joint.torque_curve, joint.max_torque_nm);
-    let curve = problems.take(&key("torque_curve"), curve);
+    let before = problems.count();
+    let max_torque = problems.positive(&key("max_torque_nm"), joint.max_torque_nm);
+    let curve = TorqueCurve::new(joint.torque_curve, max_torque);
+    let curve = problems.take_unless_noted(before, &key("torque_curve"), curve);
     let calibration = curve.and_then(|curve| {
         let counts = joint.encoder_counts_per_rev;
         let made = JointCalibration::new(counts, joint.gear_ratio, joint.zero_counts, curve);
@@ -133,7 +135,7 @@ fn read(
         gear_ratio: joint.gear_ratio,
         zero_counts: joint.zero_counts,
         rated_torque,
-        max_torque: joint.max_torque_nm,
+        max_torque,
         torque_curve: joint.torque_curve,
         calibration: calibration?,
     })

@@ -4,6 +4,7 @@
 mod control;
 pub mod files;
 mod joints;
+mod lookup;
 mod network;
 mod problem;
 mod raw;
@@ -150,10 +151,10 @@ fn read(text: &str, problems: &mut Problems<'_>) -> Option<raw::File> {
     read.map_err(|error| problems.add_at(error.span().map(|span| span.start), error.message())).ok()
 }
 
-/// `joint.2.name` as `joint[2].name`.
+/// `joint.2.name` as `joint[2].name`; the `?` of an optional section is none of the file's.
 fn in_brackets(path: &str) -> String {
     let mut key = String::new();
-    for part in path.split('.') {
+    for part in path.split('.').filter(|part| *part != "?") {
         if part.bytes().all(|byte| byte.is_ascii_digit()) {
             key.push_str(&format!("[{part}]"));
         } else {
@@ -170,7 +171,7 @@ fn in_brackets(path: &str) -> String {
 fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<Config> {
     let period_us = problems.within("node.sync_period_us", raw.node.sync_period_us, 250..=100_000);
     let period = Duration::from_micros(period_us);
-    let node_id = network::node_id("node.node_id", raw.node.node_id, problems);
+    let node_id = lookup::node_id("node.node_id", raw.node.node_id, problems);
     problems.within("node.heartbeat_ms", raw.node.heartbeat_ms, 1..=1_000);
 
     let buses = network::buses(raw, problems);

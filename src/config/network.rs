@@ -17,8 +17,8 @@ use crate::canopen::plan::NodePlan;
 use crate::canopen::plan::Watch;
 use crate::config::Config;
 use crate::config::Safety;
-use crate::config::files;
 use crate::config::joints::Joint;
+use crate::config::lookup;
 use crate::config::problem::Problems;
 use crate::config::raw;
 
@@ -92,38 +92,6 @@ pub(super) fn buses(raw: &raw::File, problems: &mut Problems<'_>) -> Vec<BusSett
         .collect()
 }
 
-/// A node-id, 1 to 127.
-pub(super) fn node_id(key: &str, raw: u8, problems: &mut Problems<'_>) -> Option<NodeId> {
-    let node = NodeId::new(raw).ok();
-    if node.is_none() {
-        problems.add(key, format_args!("{raw} is no node-id: 1 to 127"));
-    }
-    node
-}
-
-/// The channel of the bus called `name`.
-pub(super) fn channel(
-    key: &str,
-    raw: &raw::File,
-    name: &str,
-    problems: &mut Problems<'_>,
-) -> Option<Channel> {
-    let found = (0..).map(Channel).zip(&raw.bus).find(|(_, bus)| bus.name == name);
-    if found.is_none() {
-        problems.add(key, format_args!("no bus is called \"{name}\""));
-    }
-    found.map(|(channel, _)| channel)
-}
-
-/// The EDS called `name` in `file`.
-pub(super) fn eds(key: &str, file: &Path, name: &str, problems: &mut Problems<'_>) -> Option<Eds> {
-    let path = files::beside(file, name);
-    let read = files::read(&path).map_err(|error| format!("{}: {error}", path.display()));
-    let bytes = problems.take(key, read)?;
-    let parsed = Eds::parse(&bytes).map_err(|error| format!("{}: {error}", path.display()));
-    problems.take(key, parsed)
-}
-
 /// The switch box; `None` where a problem has been noted.
 pub(super) fn switch_box(
     file: &Path,
@@ -131,9 +99,9 @@ pub(super) fn switch_box(
     problems: &mut Problems<'_>,
 ) -> Option<SwitchBox> {
     let switches = &raw.switches;
-    let channel = channel("switches.bus", raw, &switches.bus, problems);
-    let node = node_id("switches.node_id", switches.node_id, problems);
-    let eds = eds("switches.eds", file, &switches.eds, problems);
+    let channel = lookup::channel("switches.bus", raw, &switches.bus, problems);
+    let node = lookup::node_id("switches.node_id", switches.node_id, problems);
+    let eds = lookup::eds("switches.eds", file, &switches.eds, problems);
     let identity = Identity {
         vendor: switches.vendor_id,
         product: switches.product_code,

@@ -93,6 +93,22 @@ impl<'t> Problems<'t> {
         result.map_err(|error| self.add(key, error)).ok()
     }
 
+    /// How many were found so far.
+    pub(super) const fn count(&self) -> usize {
+        self.found.len()
+    }
+
+    /// Like [`take`](Self::take), but silent where one of the numbers it is made of has been noted
+    /// already, since there were `before`.
+    pub(super) fn take_unless_noted<T, E: fmt::Display>(
+        &mut self,
+        before: usize,
+        key: &str,
+        result: Result<T, E>,
+    ) -> Option<T> {
+        if self.count() > before { result.ok() } else { self.take(key, result) }
+    }
+
     /// `value` of `key` must be a finite number.
     pub(super) fn finite(&mut self, key: &str, value: f64) -> f64 {
         if !value.is_finite() {

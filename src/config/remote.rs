@@ -49,19 +49,30 @@ pub(super) fn settings(raw: &raw::File, problems: &mut Problems<'_>) -> Option<V
     let start = problems.all_finite("remote.start_m", remote.start_m);
     let turned = problems.all_finite("remote.start_deg", remote.start_deg).map(f64::to_radians);
     let sensor = problems.all_finite("remote.sensor_m", remote.sensor_m);
-    let (linear, angular) = (remote.accommodation_m_per_ns, remote.accommodation_rad_per_nms);
+    let before = problems.count();
+    let linear =
+        problems.not_negative("remote.accommodation_m_per_ns", remote.accommodation_m_per_ns);
+    let angular =
+        problems.not_negative("remote.accommodation_rad_per_nms", remote.accommodation_rad_per_nms);
     let gain = [linear, linear, linear, angular, angular, angular];
     // The virtual sensor has no bias, so nothing need go unnoticed.
     let accommodation = Accommodation::new(gain, [0.0; 6]);
-    let accommodation = problems.take("remote.accommodation_m_per_ns", accommodation);
+    let key = "remote.accommodation_m_per_ns";
+    let accommodation = problems.take_unless_noted(before, key, accommodation);
+
+    let before = problems.count();
     let servo = Servo::new(
-        remote.servo_time_constant_s,
-        remote.max_speed_m_per_s,
-        remote.max_turn_rad_per_s,
+        problems.not_negative("remote.servo_time_constant_s", remote.servo_time_constant_s),
+        problems.positive("remote.max_speed_m_per_s", remote.max_speed_m_per_s),
+        problems.positive("remote.max_turn_rad_per_s", remote.max_turn_rad_per_s),
     );
-    let servo = problems.take("remote.servo_time_constant_s", servo);
-    let payload = Payload::new(remote.mass_kg, remote.centre_of_mass_m);
-    let payload = problems.take("remote.mass_kg", payload);
+    let servo = problems.take_unless_noted(before, "remote.servo_time_constant_s", servo);
+
+    let before = problems.count();
+    let mass = problems.not_negative("remote.mass_kg", remote.mass_kg);
+    let centre = problems.all_finite("remote.centre_of_mass_m", remote.centre_of_mass_m);
+    let payload = Payload::new(mass, centre);
+    let payload = problems.take_unless_noted(before, "remote.mass_kg", payload);
     let wall = remote.wall.as_ref().map(|wall| {
         let point = problems.all_finite("remote.wall.point_m", wall.point_m);
         let normal = problems.all_finite("remote.wall.normal", wall.normal);

@@ -7,6 +7,7 @@ use thiserror::Error;
 use crate::bus::Bus;
 use crate::bus::Heard;
 use crate::canopen::commission::BootError;
+use crate::canopen::drive::PowerStage;
 use crate::canopen::drive::State;
 use crate::canopen::drive::Statusword;
 use crate::canopen::frame::Telegram;
@@ -76,6 +77,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let now = self.bus.now();
         self.schedule = Schedule::starting(now, self.period);
         self.safety.boot(now);
+        // A drive that missed its master since the last run is in a fault, by its own heartbeat watch.
+        self.power.iter_mut().for_each(PowerStage::reset_fault);
         while self.mode() == Mode::Boot {
             if give_up() {
                 return Err(BringUpError::GivenUp);

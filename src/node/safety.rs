@@ -205,10 +205,10 @@ impl Safety {
         self.cause
     }
 
-    /// The network has booted; the drives are to be enabled now.
+    /// The network has booted; the drives are to be enabled now. A latched stop stays.
     pub fn boot(&mut self, now: Instant) {
-        if self.mode == Mode::Boot {
-            self.since = now;
+        if self.cause.is_none() {
+            self.enter(Mode::Boot, now);
         }
     }
 

@@ -1,0 +1,145 @@
+//! Configurations that cannot be used: each is refused in words that name file, line and key.
+#![allow(
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::path::Path;
+
+use frhc::config::Config;
+use proptest::prelude::*;
+
+const FILE: &str = "config/kraft_like.toml";
+const TEXT: &str = include_str!("../config/kraft_like.toml");
+
+fn refusal(text: &str) -> String {
+    Config::parse(Path::new(FILE), text).map(|_| ()).unwrap_err().to_string()
+}
+
+/// The lines of [`TEXT`] that set a key, by number from 1, with the key.
+fn keys() -> impl Iterator<Item = (usize, &'static str)> {
+    (1..).zip(TEXT.lines()).filter_map(|(number, line)| {
+        let (key, _) = line.split_once(" = ")?;
+        (!key.starts_with('#')).then_some((number, key))
+    })
+}
+
+/// [`TEXT`] with one line changed.
+fn with(number: usize, change: impl Fn(&str) -> String) -> String {
+    let lines = (1..).zip(TEXT.lines());
+    let changed = lines.map(|(at, line)| if at == number { change(line) } else { line.to_owned() });
+    changed.collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn the_shipped_configurations_are_in_order() {
+    for file in [FILE, "config/kraft_like_500hz.toml"] {
+        if let Err(invalid) = Config::load(Path::new(file)) {
+            panic!("{invalid}");
+        }
+    }
+}
+
+#[test]
+fn a_number_that_is_none_is_refused_on_its_line() {
+    for (number, key) in keys() {
+        // Every number of the line in turn, but not of its comment.
+        let line = TEXT.lines().nth(number - 1).unwrap();
+        let (_, value) = line.split_once(" = ").unwrap();
+        let value = value.split('#').next().unwrap();
+        let is_float = |word: &&str| word.contains('.') && word.parse::<f64>().is_ok();
+        for word in value.split(['[', ']', ',', ' ']).filter(is_float) {
+            let at = word.as_ptr().addr() - line.as_ptr().addr();
+            for wrong in ["nan", "inf", "-inf"] {
+                let text =
+                    with(number, |_| format!("{}{wrong}{}", &line[..at], &line[at + word.len()..]));
+                let refusal = refusal(&text);
+                assert!(refusal.contains(key), "{line} with {wrong}: {refusal}");
+                assert!(refusal.contains(&format!("{FILE}:{number}")), "{line}: {refusal}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_missing_key_is_named() {
+    let optional = ["start_deg"];
+    for (number, key) in keys().filter(|(_, key)| !optional.contains(key)) {
+        let refusal = refusal(&with(number, |_| String::new()));
+        assert!(refusal.contains(&format!("missing field `{key}`")), "{number}: {refusal}");
+    }
+}
+
+#[test]
+fn an_unknown_key_is_named_with_its_line() {
+    for (number, key) in keys() {
+        let refusal = refusal(&with(number, |line| format!("{line}\n{key}_x = 1")));
+        let unknown = format!("{FILE}:{}: ", number + 1);
+        assert!(refusal.contains(&unknown), "{refusal}");
+        assert!(refusal.contains(&format!("{key}_x: unknown key")), "{refusal}");
+    }
+}
+
+#[test]
+fn every_problem_is_found_in_one_run() {
+    let text = TEXT
+        .replace("a_m = 0.254", "a_m = 99.0")
+        .replace("preset = \"consistent\"", "preset = \"hopeful\"")
+        .replace("missing_samples = 3", "missing_samples = 300");
+    let refusal = refusal(&text);
+    for key in ["joint[2].a_m", "controller.preset", "safety.missing_samples"] {
+        assert!(refusal.contains(key), "{refusal}");
+    }
+    assert_eq!(refusal.lines().count(), 3, "{refusal}");
+}
+
+#[test]
+fn what_does_not_fit_together_is_refused() {
+    for (from, to, reason) in [
+        ("sync_period_us = 1000", "sync_period_us = 500", "bus[0].load_limit_percent: "),
+        ("node_id = 2\n", "node_id = 1\n", "joint[1].node_id: 1 is taken on this bus"),
+        ("node_id = 127", "node_id = 200", "node.node_id: 200 is no node-id"),
+        ("bus = \"wrist\"", "bus = \"ankle\"", "joint[3].bus: no bus is called \"ankle\""),
+        ("0x0402_0010", "0x0402_0011", "joint[0].product_code: vendor 00000F8Ch product 04020011h"),
+        ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 1 ", "safety.rpdo_timer_ms: 1 ms is less than two"),
+        ("node_lost_ms = 22", "node_lost_ms = 9", "safety.node_lost_ms: "),
+        ("layout = \"per-drive\"", "layout = \"grouped\"", "bus[0].layout: \"grouped\""),
+        ("limit_deg = [0.0, 140.0]", "limit_deg = [140.0, 0.0]", "joint[2].limit_deg: "),
+        ("normal = [-1.0, 0.0, 0.0]", "normal = [0.0, 0.0, 0.0]", "remote.wall.normal: "),
+        ("[133.144, -0.393453, 0.0196726]", "[0.0, 0.0, 0.0]", "joint[0].torque_curve: "),
+        ("deadband_m = [0.01", "deadband_m = [0.0", "controller.deadband_m: "),
+    ] {
+        assert!(TEXT.contains(from), "{from}");
+        let refusal = refusal(&TEXT.replacen(from, to, 1));
+        assert!(refusal.contains(reason), "{reason}: {refusal}");
+    }
+}
+
+#[test]
+fn what_is_no_configuration_at_all_is_refused() {
+    assert!(refusal("").contains("missing field `node`"));
+    assert!(refusal("[node\n").starts_with("config/kraft_like.toml:1: "));
+    let joints = TEXT.find("[[joint]]").unwrap();
+    let switches = TEXT.find("[switches]").unwrap();
+    let one = format!(
+        "{}{}",
+        &TEXT[..TEXT[joints + 1..].find("[[joint]]").unwrap() + joints + 1],
+        &TEXT[switches..]
+    );
+    assert!(refusal(&one).contains("joint: 1 joints; a hand controller has 6"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn a_spoilt_configuration_is_read_or_refused(at in 0..TEXT.len(), byte in 0x20..0x7F_u8) {
+        let mut bytes = TEXT.as_bytes().to_vec();
+        bytes[at] = byte;
+        if let Ok(text) = String::from_utf8(bytes) {
+            Config::parse(Path::new(FILE), &text).ok();
+        }
+    }
+}

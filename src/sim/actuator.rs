@@ -1,133 +1,191 @@
-//! Motor, gear and encoder of one joint: what a target torque really exerts, and what is counted.
+//! What stands between a drive's numbers and a joint: its torque curve and its encoder.
 //!
-//! The torque curve of the paper's Fig. 6, `p = sign(N) (c1 t + c3 t³ + c5 t⁵)` in per mille of rated
-//! torque for a joint torque t, is inverted here: the drive is given p and exerts t.
+//! Independent of `controller::calibration`, which turns the same equations round:
+//! per mille `p = sign(gear) (c1 t + c3 t³ + c5 t⁵)` for a joint torque `t` in N·m, and
+//! counts `n = round(q · counts per revolution · gear / 2π) + zero`.
 
 use std::f64::consts::TAU;
 
-/// What one joint's drive moves.
+/// A motor with its gear and its encoder.
 #[derive(Clone, Copy, Debug)]
 pub struct ActuatorSettings {
-    /// Encoder counts per revolution of the motor.
+    /// Encoder counts per turn of the motor.
     pub counts_per_rev: f64,
-    /// Motor revolutions per joint revolution; negative where they turn against each other.
+    /// Turns of the motor per turn of the joint; negative where they turn against each other.
     pub gear_ratio: f64,
-    /// Counts at joint position zero.
+    /// Encoder counts at joint position zero.
     pub zero_counts: i32,
     /// Rated torque of the motor, in N·m.
     pub rated_torque: f64,
-    /// c1, c3, c5.
+    /// `c1`, `c3`, `c5` in per mille per N·m, (N·m)³ and (N·m)⁵; the curve rises up to `max_torque`.
     pub torque_curve: [f64; 3],
-    /// Where the curve ends, in N·m at the joint.
+    /// The most torque the joint gets, in N·m.
     pub max_torque: f64,
 }
 
-/// A motor with gear and encoder.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Actuator {
-    settings: ActuatorSettings,
-    per_mille: i16,
-    torque: f64,
-}
-
-/// Halvings that find a torque to the last bit.
-const HALVINGS: u32 = 60;
-
-impl Actuator {
-    pub(super) const fn new(settings: ActuatorSettings) -> Self {
-        Self { settings, per_mille: 0, torque: 0.0 }
-    }
-
-    /// The joint torque of `per_mille` of rated torque, in N·m.
-    pub(super) fn exert(&mut self, per_mille: i16) -> f64 {
-        if per_mille != self.per_mille {
-            self.per_mille = per_mille;
-            self.torque = self.settings.torque(f64::from(per_mille));
-        }
-        self.torque
-    }
-
-    /// What the encoder counts at a joint position in rad. Counts wrap.
-    pub(super) fn counts(&self, position: f64) -> i32 {
-        let turns = position / TAU * self.settings.gear_ratio;
-        wrapped(turns * self.settings.counts_per_rev).wrapping_add(self.settings.zero_counts)
-    }
-
-    /// Counts per second at a joint velocity in rad/s.
-    pub(super) fn count_rate(&self, velocity: f64) -> i32 {
-        wrapped(velocity / TAU * self.settings.gear_ratio * self.settings.counts_per_rev)
-    }
-
-    /// Rated torque as 6076h has it, in mN·m.
-    pub(super) fn rated_torque(&self) -> u32 {
-        wrapped(self.settings.rated_torque * 1e3).unsigned_abs()
-    }
-}
-
 impl ActuatorSettings {
-    /// By halving: the curve rises all the way to its end.
-    fn torque(&self, per_mille: f64) -> f64 {
-        let [c1, c3, c5] = self.torque_curve;
-        let curve = |t: f64| t * (c1 + t * t * (c3 + t * t * c5));
-        let (mut low, mut high) = (0.0, self.max_torque);
+    /// Rated torque in mN·m (6076h).
+    pub fn rated_millis(&self) -> u32 {
+        saturated((self.rated_torque * 1e3).round()).unsigned_abs()
+    }
+}
+
+/// The torque a joint gets for a target.
+#[derive(Clone, Copy, Debug)]
+pub struct TorqueCurve {
+    coefficients: [f64; 3],
+    gear_sign: f64,
+    max: f64,
+}
+
+impl TorqueCurve {
+    /// That of a motor behind its gear.
+    pub const fn new(settings: &ActuatorSettings) -> Self {
+        Self {
+            coefficients: settings.torque_curve,
+            gear_sign: settings.gear_ratio.signum(),
+            max: settings.max_torque.abs(),
+        }
+    }
+
+    /// The target, in per mille, that gives `torque` in N·m; not rounded and not limited.
+    pub fn target(&self, torque: f64) -> f64 {
+        self.gear_sign * self.rise(torque)
+    }
+
+    /// The joint torque in N·m that `target`, in per mille, gives.
+    pub fn torque(&self, target: f64) -> f64 {
+        let wanted = target.abs();
+        if self.rise(self.max) <= wanted {
+            return self.max * target.signum() * self.gear_sign;
+        }
+        let (mut low, mut high) = (0.0, self.max);
         for _ in 0..HALVINGS {
             let middle = f64::midpoint(low, high);
-            if curve(middle) < per_mille.abs() { low = middle } else { high = middle }
+            if self.rise(middle) < wanted { low = middle } else { high = middle }
         }
-        if per_mille.abs() > 0.0 {
-            high.copysign(per_mille * self.gear_ratio.signum())
-        } else {
-            0.0
-        }
+        let size = if wanted > 0.0 { high } else { 0.0 };
+        size * target.signum() * self.gear_sign
+    }
+
+    /// `c1 t + c3 t³ + c5 t⁵`.
+    fn rise(&self, torque: f64) -> f64 {
+        let [c1, c3, c5] = self.coefficients;
+        let square = torque * torque;
+        torque * (c1 + square * (c3 + square * c5))
     }
 }
 
-/// The nearest whole number, wrapped into 32 bits as a counter is.
-fn wrapped(value: f64) -> i32 {
-    let span = 2_f64.powi(32);
-    let folded = (value.round() + span / 2.0).rem_euclid(span) - span / 2.0;
-    #[expect(
-        clippy::as_conversions,
-        clippy::cast_possible_truncation,
-        reason = "folded into the range of i32; NaN becomes 0"
-    )]
-    let whole = folded as i32;
-    whole
+/// As many as the mantissa of an `f64` has bits, and some more.
+const HALVINGS: u32 = 60;
+
+/// Where an encoder says a joint is.
+#[derive(Clone, Copy, Debug)]
+pub struct Encoder {
+    /// Counts of a whole turn of the joint, signed as the gear.
+    counts_per_turn: f64,
+    zero: i32,
+}
+
+impl Encoder {
+    /// That of a motor behind its gear.
+    pub const fn new(settings: &ActuatorSettings) -> Self {
+        let counts_per_turn = settings.counts_per_rev * settings.gear_ratio;
+        Self { counts_per_turn, zero: settings.zero_counts }
+    }
+
+    /// The counts at `position` in rad; they wrap.
+    pub fn counts(&self, position: f64) -> i32 {
+        wrapped((position * self.counts_per_turn / TAU).round()).wrapping_add(self.zero)
+    }
+
+    /// The counts per second at `velocity` in rad/s.
+    pub fn rate(&self, velocity: f64) -> i32 {
+        saturated((velocity * self.counts_per_turn / TAU).round())
+    }
+}
+
+/// The lowest 32 bits of a whole number.
+#[expect(
+    clippy::as_conversions,
+    clippy::cast_possible_truncation,
+    reason = "a counter of 32 bits wraps; NaN becomes 0"
+)]
+const fn wrapped(counts: f64) -> i32 {
+    counts as i64 as i32
+}
+
+/// The whole number nearest to it that has 32 bits.
+#[expect(
+    clippy::as_conversions,
+    clippy::cast_possible_truncation,
+    reason = "such a cast saturates; NaN becomes 0"
+)]
+const fn saturated(rate: f64) -> i32 {
+    rate as i32
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
-    const JOINT: ActuatorSettings = ActuatorSettings {
-        counts_per_rev: 16_384.0,
-        gear_ratio: -40.0,
-        zero_counts: 1_200,
-        rated_torque: 0.1765,
-        torque_curve: [133.144, -0.393_453, 0.019_672_6],
-        max_torque: 6.0,
-    };
+    fn settings(gear_ratio: f64) -> ActuatorSettings {
+        ActuatorSettings {
+            counts_per_rev: 4_096.0,
+            gear_ratio,
+            zero_counts: 0,
+            rated_torque: 0.2,
+            torque_curve: [30.0, 0.0, 0.0],
+            max_torque: 10.0,
+        }
+    }
 
-    #[test]
-    fn the_torque_of_a_target_inverts_the_curve() {
-        let [c1, c3, c5] = JOINT.torque_curve;
-        for per_mille in [-850_i16, -100, -1, 0, 1, 7, 500, 860] {
-            let t = Actuator::new(JOINT).exert(per_mille);
-            let back = -(c1 * t + c3 * t.powi(3) + c5 * t.powi(5));
-            assert!((back - f64::from(per_mille)).abs() < 1e-9, "{per_mille}: {t} N·m");
+    fn curve(torque_curve: [f64; 3], gear_ratio: f64, max_torque: f64) -> TorqueCurve {
+        TorqueCurve::new(&ActuatorSettings { torque_curve, max_torque, ..settings(gear_ratio) })
+    }
+
+    fn encoder(counts_per_rev: f64, gear_ratio: f64, zero_counts: i32) -> Encoder {
+        Encoder::new(&ActuatorSettings { counts_per_rev, zero_counts, ..settings(gear_ratio) })
+    }
+
+    proptest! {
+        #[test]
+        fn torque_of_a_target_inverts_the_curve(
+            share in -1.0..1.0_f64, max in 0.1..40.0_f64, gear in prop::sample::select(vec![-80.0, 50.0]),
+            full in 100.0..2000.0_f64, third in 0.0..1.0_f64, fifth in 0.0..1.0_f64,
+        ) {
+            let scale = full / (1.0 + third + fifth);
+            let coefficients = [scale / max, scale * third / max.powi(3), scale * fifth / max.powi(5)];
+            let curve = curve(coefficients, gear, max);
+            let torque = share * max;
+            let back = curve.torque(curve.target(torque));
+            prop_assert!((back - torque).abs() <= 1e-9 * max, "{torque} became {back}");
+        }
+
+        #[test]
+        fn no_target_gives_more_than_the_joint_bears(target in any::<i16>()) {
+            let curve = curve([30.0, 0.1, 0.0], -80.0, 12.0);
+            let torque = curve.torque(f64::from(target));
+            prop_assert!(torque.abs() <= 12.0);
+            prop_assert!(torque * f64::from(target) <= 0.0, "the gear turns it round");
         }
     }
 
     #[test]
-    fn beyond_its_end_the_curve_gives_no_more() {
-        assert!((Actuator::new(JOINT).exert(-3_000) - 6.0).abs() < 1e-12);
+    fn a_whole_turn_of_the_joint_is_as_many_turns_of_the_motor_as_the_gear_says() {
+        let encoder = encoder(4_096.0, -80.0, 1_000);
+        assert_eq!(encoder.counts(0.0), 1_000);
+        assert_eq!(encoder.counts(TAU), 1_000 - 4_096 * 80);
+        assert_eq!(encoder.rate(TAU), -4_096 * 80);
     }
 
     #[test]
-    fn counts_turn_with_the_motor_and_wrap() {
-        let actuator = Actuator::new(JOINT);
-        assert_eq!(actuator.counts(0.0), 1_200);
-        assert_eq!(actuator.counts(TAU), 1_200 - 40 * 16_384);
-        assert_eq!(wrapped(2_f64.powi(31)), i32::MIN);
+    fn counts_wrap_where_their_register_ends() {
+        let encoder = encoder(1.0, 1.0, i32::MAX);
+        assert_eq!(encoder.counts(TAU), i32::MIN);
+        let beyond = f64::from(u32::MAX) + 1.0;
+        assert_eq!(encoder.counts(beyond * TAU), i32::MAX);
+        assert_eq!(encoder.counts(f64::NAN), i32::MAX);
     }
 }

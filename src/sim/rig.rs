@@ -8,8 +8,8 @@
 //!  reading = clamp(reading before, t - c, t + c)    t: the motor's torque, c: the dry friction
 //! ```
 
-use crate::sim::actuator::Actuator;
 use crate::sim::actuator::ActuatorSettings;
+use crate::sim::actuator::TorqueCurve;
 use crate::sim::random::SplitMix;
 
 /// How far beyond the joint's largest torque is measured, so that the calibrated range contains it.
@@ -38,7 +38,7 @@ pub struct Reading {
 #[derive(Clone, Copy, Debug)]
 pub struct Rig {
     settings: ActuatorSettings,
-    actuator: Actuator,
+    curve: TorqueCurve,
     coulomb: f64,
     full_scale: f64,
     random: SplitMix,
@@ -58,8 +58,8 @@ impl Rig {
             ..settings
         };
         let full_scale = settings.max_torque / MOTOR * BEYOND;
-        let actuator = Actuator::new(settings);
-        Self { settings, actuator, coulomb, full_scale, random, per_mille: 0, load: 0.0 }
+        let curve = TorqueCurve::new(&settings);
+        Self { settings, curve, coulomb, full_scale, random, per_mille: 0, load: 0.0 }
     }
 
     /// c1, c3, c5 of its curve: what a calibration is to find out.
@@ -109,7 +109,7 @@ impl Rig {
     fn step_towards(&mut self, target: i16) {
         self.per_mille = self.per_mille.saturating_add((target > self.per_mille).into());
         self.per_mille = self.per_mille.saturating_sub((target < self.per_mille).into());
-        let torque = self.actuator.exert(self.per_mille);
+        let torque = self.curve.torque(f64::from(self.per_mille));
         self.load = self.load.clamp(torque - self.coulomb, torque + self.coulomb);
     }
 }
@@ -176,8 +176,8 @@ mod tests {
             let rig = rig(gear_ratio, 5);
             let [c1, c3, c5] = rig.torque_curve();
             for reading in rig.measure() {
-                let mut motor = rig.actuator;
-                let torque = motor.exert(reading.per_mille);
+                let curve = rig.curve;
+                let torque = curve.torque(f64::from(reading.per_mille));
                 let back = c1 * torque + c3 * torque.powi(3) + c5 * torque.powi(5);
                 assert!((back * gear_ratio.signum() - f64::from(reading.per_mille)).abs() < 1e-6);
                 assert!((reading.torque - torque).abs() < 0.06 + 6.0 * rig.noise());

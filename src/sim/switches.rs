@@ -1,10 +1,13 @@
-//! A simulated CiA 401 input module: the operator's switches on the bus.
+//! The operator's switch box: a CiA 401 input module of one byte.
+//!
+//! What the bits mean is in [`SwitchInputs`](crate::canopen::pdo::SwitchInputs).
 
 use std::time::Duration;
 
 use crate::canopen::NodeId;
 use crate::canopen::device::Application;
 use crate::canopen::device::Device;
+use crate::canopen::device::Reset;
 use crate::canopen::dictionary::Dictionary;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
@@ -13,74 +16,149 @@ use crate::canopen::object::Object;
 use crate::canopen::station::Station;
 use crate::time::Instant;
 
-/// A switch box.
+/// One switch box.
 #[derive(Clone, Debug)]
 pub struct SwitchBox {
     channel: Channel,
     device: Device<Inputs>,
-    /// Whether an input has changed that no frame has told of.
-    has_changed: bool,
-    out: Vec<Frame>,
+    frames: Vec<Frame>,
+}
+
+/// The levels at its terminals.
+#[derive(Clone, Copy, Debug, Default)]
+struct Inputs(u8);
+
+impl Application for Inputs {
+    fn on_reset(&mut self, dictionary: &mut Dictionary, _reset: Reset) {
+        self.show(dictionary);
+    }
+}
+
+impl Inputs {
+    fn show(self, dictionary: &mut Dictionary) {
+        dictionary.set(Object::DIGITAL_INPUTS, &[self.0]);
+    }
 }
 
 impl SwitchBox {
-    /// A box that boots at the first opportunity, with all inputs clear.
+    /// A box that is switched on, with every input low.
     pub fn new(channel: Channel, node: NodeId, dictionary: Dictionary) -> Self {
-        let device = Device::new(node, dictionary, Duration::ZERO, Inputs(0));
-        Self { channel, device, has_changed: false, out: Vec::with_capacity(8) }
+        let device = Device::new(node, dictionary, Inputs::default(), Duration::ZERO);
+        Self { channel, device, frames: Vec::with_capacity(FRAMES) }
     }
 
-    /// Sets the eight inputs (6000h:1).
+    /// Where it is.
+    pub const fn node(&self) -> NodeId {
+        self.device.node()
+    }
+
+    /// The levels at its terminals become `inputs`, the first one bit 0.
     pub fn set(&mut self, inputs: u8) {
         if self.device.application().0 != inputs {
-            self.device.touch(|application| application.0 = inputs);
-            self.has_changed = true;
+            self.device.touch(|terminals, dictionary| {
+                *terminals = Inputs(inputs);
+                terminals.show(dictionary);
+            });
         }
     }
-
-    fn send(&mut self, out: &mut Vec<Telegram>) {
-        let channel = self.channel;
-        out.extend(self.out.drain(..).map(|frame| Telegram { channel, frame }));
-    }
 }
+
+/// Room for what a device says at once.
+const FRAMES: usize = 8;
 
 impl Station for SwitchBox {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
         if channel == self.channel {
-            self.device.on_frame(now, frame, &mut self.out);
-            self.send(out);
+            self.device.on_frame(now, frame, &mut self.frames);
+            out.extend(self.frames.drain(..).map(|frame| Telegram { channel, frame }));
         }
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>) {
-        self.has_changed = false;
-        self.device.on_time(now, &mut self.out);
-        self.send(out);
+        let channel = self.channel;
+        self.device.on_time(now, &mut self.frames);
+        out.extend(self.frames.drain(..).map(|frame| Telegram { channel, frame }));
     }
 
     fn deadline(&self) -> Option<Instant> {
-        if self.has_changed { Some(Instant::ZERO) } else { self.device.deadline() }
+        self.device.deadline()
     }
 }
 
-/// Eight inputs, and nothing else to do.
-#[derive(Clone, Copy, Debug)]
-struct Inputs(u8);
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::eds::Eds;
 
-impl Application for Inputs {
-    fn refresh(&mut self, dictionary: &mut Dictionary) {
-        dictionary.set(Object::DIGITAL_INPUTS, &[self.0]);
+    const BUS: Channel = Channel(1);
+
+    /// Configured as the master does, and started.
+    fn switch_box() -> SwitchBox {
+        let eds = Eds::parse(include_bytes!("../../eds/frhc_switches.eds")).unwrap();
+        let node = NodeId::new(16).unwrap();
+        let mut switches = SwitchBox::new(BUS, node, Dictionary::new(&eds, node));
+        let mut out = Vec::new();
+        switches.on_time(Instant::ZERO, &mut out);
+        for (object, value) in crate::canopen::layout::switches(node)
+            .iter()
+            .filter(|pdo| pdo.service.is_some())
+            .flat_map(crate::canopen::layout::Pdo::writes)
+        {
+            let bytes = crate::canopen::plan::bytes(&value);
+            let [low, high] = object.index.to_le_bytes();
+            let mut request = [0x23, low, high, object.sub, 0, 0, 0, 0];
+            request[0] |= u8::try_from(4 - bytes.len()).unwrap() << 2;
+            request[4..4 + bytes.len()].copy_from_slice(&bytes);
+            out.clear();
+            switches.on_frame(Instant::ZERO, BUS, &Frame::new(0x610, request), &mut out);
+            assert_eq!(out[0].frame.data()[0], 0x60, "{object}");
+        }
+        switches.on_frame(Instant::ZERO, BUS, &Frame::new(0, [1, 0]), &mut out);
+        switches
     }
 
-    fn connection_lost(&mut self, _dictionary: &mut Dictionary) -> [u8; 5] {
-        [0; 5]
+    /// When it says what, until then.
+    fn said(switches: &mut SwitchBox, from: u64, until: u64) -> Vec<(u64, u8)> {
+        let (mut now, mut all) = (from, Vec::new());
+        while let Some(due) =
+            switches.deadline().map(Instant::as_micros).filter(|due| *due <= until)
+        {
+            now = now.max(due);
+            let mut out = Vec::new();
+            switches.on_time(Instant::from_micros(now), &mut out);
+            all.extend(out.iter().map(|told| (now, told.frame.data()[0])));
+            assert!(out.iter().all(|told| told.channel == BUS && told.frame.cob_id == 0x190));
+        }
+        all
     }
 
-    fn has_fault(&self) -> bool {
-        false
+    #[test]
+    fn a_change_is_told_at_once_and_everything_every_five_milliseconds() {
+        let mut switches = switch_box();
+        assert_eq!(said(&mut switches, 0, 11_000), [(5_000, 0), (10_000, 0)]);
+        switches.set(2);
+        assert_eq!(said(&mut switches, 12_000, 16_999), [(12_000, 2)]);
+        switches.set(2);
+        assert_eq!(said(&mut switches, 16_999, 17_000), [(17_000, 2)], "no change, but due");
     }
 
-    fn reset(&mut self, dictionary: &mut Dictionary) {
-        self.refresh(dictionary);
+    #[test]
+    fn a_bouncing_switch_is_told_no_more_than_once_a_millisecond() {
+        let mut switches = switch_box();
+        let mut told = 0;
+        for now in 20_000..24_000 {
+            switches.set(u8::from(now % 2 == 0));
+            told += said(&mut switches, now, now).len();
+        }
+        assert_eq!(told, 4);
+    }
+
+    #[test]
+    fn another_bus_is_not_its_own() {
+        let mut switches = switch_box();
+        let mut out = Vec::new();
+        let reset = Frame::new(0, [0x81, 0]);
+        switches.on_frame(Instant::ZERO, Channel(0), &reset, &mut out);
+        assert_eq!(out, []);
     }
 }

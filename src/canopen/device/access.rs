@@ -1,0 +1,84 @@
+//! Which objects may be read and written, and why not (CiA 301, 7.2.4.3.17): the way an SDO server, or
+//! the device's own code in its place, gets at the dictionary.
+//!
+//! What a write changes in the device is done by the [device](super::Device), from `written`.
+
+use crate::canopen::abort::AbortCode;
+use crate::canopen::device::Application;
+use crate::canopen::device::heartbeat;
+use crate::canopen::device::mapping::number;
+use crate::canopen::device::parameter::Place;
+use crate::canopen::device::parameter::may_change_cob_id;
+use crate::canopen::device::sdo_server::Access;
+use crate::canopen::dictionary::Dictionary;
+use crate::canopen::dictionary::Entry;
+use crate::canopen::dictionary::OutOfRange;
+use crate::canopen::object::Object;
+
+/// The objects of a device, between two frames.
+#[derive(Debug)]
+pub(super) struct Objects<'a, A> {
+    pub(super) dictionary: &'a mut Dictionary,
+    pub(super) application: &'a mut A,
+    /// What was written.
+    pub(super) written: Option<Object>,
+}
+
+impl<A: Application> Access for Objects<'_, A> {
+    fn read(&self, object: Object, bytes: &mut Vec<u8>) -> Result<(), AbortCode> {
+        if !self.entry(object)?.access.is_readable() {
+            return Err(AbortCode::WRITE_ONLY);
+        }
+        bytes.extend_from_slice(self.dictionary.get(object).ok_or(AbortCode::NO_DATA)?);
+        Ok(())
+    }
+
+    fn size(&self, object: Object) -> Result<Option<usize>, AbortCode> {
+        let entry = self.entry(object)?;
+        if !entry.access.is_writable() {
+            return Err(AbortCode::READ_ONLY);
+        }
+        Ok(entry.size())
+    }
+
+    fn write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
+        self.may_write(object, bytes)?;
+        if !self.dictionary.set(object, bytes) {
+            return Err(AbortCode::NOT_STORED);
+        }
+        self.application.written(self.dictionary, object);
+        self.written = Some(object);
+        Ok(())
+    }
+}
+
+impl<A: Application> Objects<'_, A> {
+    fn entry(&self, object: Object) -> Result<&Entry, AbortCode> {
+        self.dictionary.entry(object).ok_or_else(|| {
+            let has_index = self.dictionary.has_index(object.index);
+            if has_index { AbortCode::NO_SUB_INDEX } else { AbortCode::NO_OBJECT }
+        })
+    }
+
+    /// Whether `object` may be written with `bytes` now. They have its size.
+    fn may_write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
+        self.entry(object)?.in_range(bytes).map_err(|outside| match outside {
+            OutOfRange::Below => AbortCode::VALUE_TOO_LOW,
+            OutOfRange::Above => AbortCode::VALUE_TOO_HIGH,
+        })?;
+        if let Some(place) = Place::of(object) {
+            return place.may_write(self.dictionary, object, bytes);
+        }
+        let value = u32::try_from(number(bytes)).ok();
+        match (object, value) {
+            (Object::ERROR_HISTORY, Some(1..)) => Err(AbortCode::VALUE_INVALID),
+            (Object::EMCY_COB_ID, Some(raw)) => {
+                may_change_cob_id(self.dictionary.unsigned(object), raw)
+            }
+            (Object::CONSUMER_HEARTBEAT, Some(raw)) if !heartbeat::is_valid(raw) => {
+                Err(AbortCode::VALUE_INVALID)
+            }
+            _ => self.application.may_write(self.dictionary, object, bytes),
+        }
+    }
+}

@@ -1,0 +1,545 @@
+//! The laws of a whole device, from its frames: a drive's dictionary, and an application that only
+//! looks on.
+
+use std::time::Duration;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::canopen::abort::AbortCode;
+use crate::canopen::eds::Eds;
+use crate::canopen::sdo::Outcome;
+use crate::canopen::sdo::SdoError;
+use crate::canopen::sdo::Transfer;
+use crate::canopen::sync::Sync;
+
+/// What an application has seen.
+#[derive(Clone, Debug, Default)]
+struct Witness {
+    lost: Vec<ConnectionLoss>,
+    resets: Vec<Reset>,
+    written: Vec<Object>,
+    code: u16,
+}
+
+impl Application for Witness {
+    fn written(&mut self, _dictionary: &mut Dictionary, object: Object) {
+        self.written.push(object);
+    }
+
+    fn on_connection_lost(&mut self, _dictionary: &mut Dictionary, why: ConnectionLoss) -> [u8; 5] {
+        self.lost.push(why);
+        [1, 2, 3, 4, 5]
+    }
+
+    fn on_reset(&mut self, _dictionary: &mut Dictionary, reset: Reset) {
+        self.resets.push(reset);
+    }
+
+    fn error_code(&self) -> u16 {
+        self.code
+    }
+}
+
+const NODE: u8 = 5;
+const RPDO: u16 = 0x205;
+const TPDO: u16 = 0x185;
+const OFF: u32 = 1 << 31;
+const MASTER_FOR_20_MS: u32 = 0x007F_0014;
+
+fn at(millis: u64) -> Instant {
+    Instant::from_micros(millis * 1_000)
+}
+
+/// A device on a desk, with one who talks to it.
+struct Desk {
+    device: Device<Witness>,
+    now: Instant,
+}
+
+impl Desk {
+    /// Booted up.
+    fn new() -> Self {
+        let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
+        let node = NodeId::new(NODE).unwrap();
+        let dictionary = Dictionary::new(&eds, node);
+        let device = Device::new(node, dictionary, Witness::default(), Duration::ZERO);
+        let mut desk = Self { device, now: at(0) };
+        assert_eq!(desk.wait_until(0), [Frame::new(0x705, [0])], "boot-up");
+        desk
+    }
+
+    /// Booted up, and every PDO off that is on after power-up.
+    fn silent() -> Self {
+        let mut desk = Self::new();
+        for direction in [Direction::Receive, Direction::Transmit] {
+            for place in NUMBERS.map(|number| Place { direction, number }) {
+                desk.write(place.communication(1), &OFF.to_le_bytes()).unwrap();
+            }
+        }
+        desk
+    }
+
+    /// What it says to a frame.
+    fn say(&mut self, frame: Frame) -> Vec<Frame> {
+        let mut out = Vec::new();
+        self.device.on_frame(self.now, &frame, &mut out);
+        out
+    }
+
+    /// What it says by itself until then, called whenever it asks to be.
+    fn wait_until(&mut self, millis: u64) -> Vec<Frame> {
+        let mut out = Vec::new();
+        while let Some(due) = self.device.deadline().filter(|due| *due <= at(millis)) {
+            self.now = self.now.max(due);
+            self.device.on_time(self.now, &mut out);
+        }
+        self.now = at(millis);
+        out
+    }
+
+    fn order(&mut self, command: NmtCommand) -> Vec<Frame> {
+        self.say(Order::to(NodeId::new(NODE).unwrap(), command).frame())
+    }
+
+    fn sync(&mut self) -> Vec<Frame> {
+        self.say(Sync::default().frame())
+    }
+
+    /// Carries a transfer of the master's own client to its end.
+    fn carry(&mut self, mut transfer: Transfer, mut requests: Vec<Frame>) -> Outcome {
+        loop {
+            let replies: Vec<_> = requests.drain(..).flat_map(|frame| self.say(frame)).collect();
+            assert!(!replies.is_empty(), "no reply");
+            for reply in replies {
+                if let Some(outcome) = transfer.on_frame(self.now, &reply, &mut requests) {
+                    return outcome;
+                }
+            }
+        }
+    }
+
+    fn read(&mut self, object: Object) -> Result<Vec<u8>, AbortCode> {
+        let (node, timeout, mut out) = (NodeId::new(NODE).unwrap(), WAIT, Vec::new());
+        let transfer = Transfer::read(node, object, timeout, self.now, &mut out);
+        self.carry(transfer, out).map(|content| content.bytes().to_vec()).map_err(refusal)
+    }
+
+    fn write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
+        let (node, bytes, mut out) = (NodeId::new(NODE).unwrap(), bytes.to_vec(), Vec::new());
+        let transfer = Transfer::write(node, object, bytes, WAIT, self.now, &mut out).unwrap();
+        self.carry(transfer, out).map(|_| ()).map_err(refusal)
+    }
+
+    /// Maps the PDO of `place` anew: off, emptied, filled, counted, timed, on.
+    fn map(&mut self, place: Place, entries: &[u32], transmission: u8) -> Result<(), AbortCode> {
+        let cob_id = match place.direction {
+            Direction::Receive => u32::from(RPDO),
+            Direction::Transmit => u32::from(TPDO),
+        };
+        self.write(place.communication(1), &(OFF | cob_id).to_le_bytes())?;
+        self.write(place.mapping(0), &[0])?;
+        for (sub, entry) in (1..).zip(entries) {
+            self.write(place.mapping(sub), &entry.to_le_bytes())?;
+        }
+        self.write(place.mapping(0), &[u8::try_from(entries.len()).unwrap()])?;
+        self.write(place.communication(2), &[transmission])?;
+        self.write(place.communication(1), &cob_id.to_le_bytes())
+    }
+
+    /// Operational, with a target torque in RPDO1 of this transmission type, and nothing else.
+    fn with_target(transmission: u8) -> Self {
+        let mut desk = Self::silent();
+        desk.map(RPDO1, &[TARGET], transmission).unwrap();
+        desk.order(NmtCommand::StartRemoteNode);
+        desk
+    }
+
+    fn target(&self) -> i16 {
+        self.device.dictionary().i16(Object::TARGET_TORQUE)
+    }
+}
+
+const WAIT: Duration = Duration::from_millis(100);
+const RPDO1: Place = Place { direction: Direction::Receive, number: 1 };
+const TPDO1: Place = Place { direction: Direction::Transmit, number: 1 };
+const TARGET: u32 = 0x6071_0010;
+const DUMMY_16: u32 = 0x0003_0010;
+const POSITION: u32 = 0x6064_0020;
+const EVERY_SYNC: u8 = 1;
+const AT_ONCE: u8 = 255;
+
+fn refusal(error: SdoError) -> AbortCode {
+    let SdoError::Refused(code) = error else { panic!("not refused but {error}") };
+    code
+}
+
+fn emergency(code: u16, register: u8, manufacturer: [u8; 5]) -> Frame {
+    let [c0, c1] = code.to_le_bytes();
+    let [a, b, c, d, e] = manufacturer;
+    Frame::new(0x85, [c0, c1, register, a, b, c, d, e])
+}
+
+#[test]
+fn rpdo_acts_at_the_next_sync() {
+    let mut desk = Desk::with_target(EVERY_SYNC);
+    desk.say(Frame::new(RPDO, [100, 0]));
+    desk.wait_until(3);
+    assert_eq!(desk.target(), 0, "held");
+    desk.sync();
+    assert_eq!(desk.target(), 100);
+    desk.say(Frame::new(RPDO, [7, 0]));
+    desk.say(Frame::new(RPDO, [8, 0]));
+    assert_eq!(desk.target(), 100);
+    desk.sync();
+    assert_eq!(desk.target(), 8, "the last one counts");
+}
+
+#[test]
+fn an_event_driven_rpdo_acts_at_once() {
+    let mut desk = Desk::with_target(AT_ONCE);
+    desk.say(Frame::new(RPDO, [100, 0]));
+    assert_eq!(desk.target(), 100);
+    desk.say(Frame::new(RPDO, 3_001_i16.to_le_bytes()));
+    assert_eq!(desk.target(), 100, "a value outside its limits is not taken");
+}
+
+#[test]
+fn what_is_held_does_not_outlive_operational() {
+    for command in [NmtCommand::EnterPreOperational, NmtCommand::StopRemoteNode] {
+        let mut desk = Desk::with_target(EVERY_SYNC);
+        desk.say(Frame::new(RPDO, [100, 0]));
+        desk.order(command);
+        desk.sync();
+        desk.say(Frame::new(RPDO, [100, 0]));
+        desk.order(NmtCommand::StartRemoteNode);
+        desk.sync();
+        assert_eq!(desk.target(), 0);
+    }
+}
+
+#[test]
+fn drives_of_a_group_take_each_its_own_part_of_one_frame() {
+    let mut desk = Desk::new();
+    desk.map(RPDO1, &[DUMMY_16, DUMMY_16, TARGET], EVERY_SYNC).unwrap();
+    desk.order(NmtCommand::StartRemoteNode);
+    desk.say(Frame::new(RPDO, [1, 0, 2, 0, 3, 0]));
+    desk.sync();
+    assert_eq!(desk.target(), 3);
+}
+
+#[test]
+fn a_frame_of_another_length_than_its_mapping_is_told_and_not_taken() {
+    for (length, data) in [(1, vec![9]), (3, vec![9, 0, 0]), (0, vec![])] {
+        let mut desk = Desk::with_target(AT_ONCE);
+        let frame = Frame::from_slice(RPDO, &data).unwrap();
+        assert_eq!(desk.say(frame), [emergency(0x8210, 0x11, [0; 5])], "{length}");
+        assert_eq!(desk.say(frame), [], "told once");
+        assert_eq!(desk.target(), 0);
+        assert_eq!(desk.say(Frame::new(RPDO, [9, 0])), [emergency(0, 0, [0; 5])]);
+        assert_eq!(desk.target(), 9);
+    }
+}
+
+#[test]
+fn a_missing_rpdo_is_told_once_and_only_after_the_first_one() {
+    let mut desk = Desk::with_target(EVERY_SYNC);
+    desk.write(RPDO1.communication(5), &[5, 0]).unwrap();
+    assert_eq!(desk.wait_until(100), [], "none has come yet");
+    desk.say(Frame::new(RPDO, [1, 0]));
+    assert_eq!(desk.wait_until(104), []);
+    assert_eq!(desk.wait_until(105), [emergency(0x8250, 0x11, [1, 2, 3, 4, 5])]);
+    assert_eq!(desk.device.application().lost, [ConnectionLoss::RpdoTimeout]);
+    assert_eq!(desk.wait_until(1_000), []);
+    assert_eq!(desk.say(Frame::new(RPDO, [1, 0])), [emergency(0, 0, [0; 5])]);
+    desk.order(NmtCommand::EnterPreOperational);
+    assert_eq!(desk.wait_until(2_000), [], "it is waited for in operational only");
+}
+
+#[test]
+fn a_silent_master_is_told_and_operational_is_left() {
+    for (behaviour, state) in
+        [(0, NmtState::PreOperational), (1, NmtState::Operational), (2, NmtState::Stopped)]
+    {
+        let mut desk = Desk::new();
+        desk.write(Object::CONSUMER_HEARTBEAT, &MASTER_FOR_20_MS.to_le_bytes()).unwrap();
+        desk.write(Object::ERROR_BEHAVIOUR, &[behaviour]).unwrap();
+        desk.order(NmtCommand::StartRemoteNode);
+        desk.wait_until(500);
+        assert_eq!(desk.device.application().lost, [], "it has never been heard");
+        desk.say(Frame::new(0x77F, [5]));
+        desk.wait_until(519);
+        assert_eq!(desk.device.application().lost, []);
+        let told = desk.wait_until(520);
+        assert!(told.contains(&emergency(0x8130, 0x11, [1, 2, 3, 4, 5])), "{told:?}");
+        assert_eq!(desk.device.state(), state);
+        assert_eq!(desk.device.application().lost, [ConnectionLoss::Heartbeat]);
+    }
+}
+
+#[test]
+fn a_heartbeat_comes_as_soon_as_it_is_asked_for_and_once_a_period() {
+    let mut desk = Desk::new();
+    let request = Frame::new(0x605, [0x2B, 0x17, 0x10, 0, 25, 0, 0, 0]);
+    let beat = Frame::new(0x705, [0x7F]);
+    assert_eq!(desk.say(request).last(), Some(&beat));
+    assert_eq!(desk.wait_until(74), [beat; 2]);
+    assert_eq!(desk.wait_until(75), [beat]);
+}
+
+#[test]
+fn remap_while_valid_is_refused() {
+    let mut desk = Desk::new();
+    desk.map(RPDO1, &[TARGET], EVERY_SYNC).unwrap();
+    for (object, bytes) in [
+        (RPDO1.mapping(0), vec![0]),
+        (RPDO1.mapping(1), DUMMY_16.to_le_bytes().to_vec()),
+        (RPDO1.communication(1), 0x305_u32.to_le_bytes().to_vec()),
+    ] {
+        assert_eq!(desk.write(object, &bytes), Err(AbortCode::DEVICE_STATE), "{object}");
+    }
+    let off = (OFF | u32::from(RPDO)).to_le_bytes();
+    desk.write(RPDO1.communication(1), &off).unwrap();
+    let entry = desk.write(RPDO1.mapping(1), &DUMMY_16.to_le_bytes());
+    assert_eq!(entry, Err(AbortCode::ACCESS_UNSUPPORTED), "while entries are counted");
+    desk.write(RPDO1.mapping(0), &[0]).unwrap();
+    assert_eq!(desk.write(RPDO1.mapping(1), &DUMMY_16.to_le_bytes()), Ok(()));
+}
+
+#[test]
+fn only_what_fits_and_may_be_mapped_is_mapped() {
+    let refused = |place, entries: &[u32]| Desk::new().map(place, entries, EVERY_SYNC).unwrap_err();
+    assert_eq!(refused(RPDO1, &[0x6064_0020]), AbortCode::NOT_MAPPABLE, "read only");
+    assert_eq!(refused(RPDO1, &[0x6071_0020]), AbortCode::NOT_MAPPABLE, "another length");
+    assert_eq!(refused(TPDO1, &[DUMMY_16]), AbortCode::NO_OBJECT, "dummies are received");
+    assert_eq!(refused(TPDO1, &[0x1018_0120]), AbortCode::NOT_MAPPABLE);
+    assert_eq!(refused(TPDO1, &[0x5FFF_0020]), AbortCode::NO_OBJECT);
+    assert_eq!(refused(TPDO1, &[POSITION; 3]), AbortCode::PDO_TOO_LONG);
+    assert_eq!(
+        refused(RPDO1, &[0]),
+        AbortCode::NO_OBJECT,
+        "an entry that is counted names something"
+    );
+}
+
+#[test]
+fn an_identifier_of_another_service_is_no_pdos() {
+    let mut desk = Desk::new();
+    desk.write(RPDO1.communication(1), &(OFF | 0x205).to_le_bytes()).unwrap();
+    for raw in [0, 0x80, 0x17F, 0x581, 0x605, 0x705, 0x2000_0205_u32] {
+        let write = desk.write(RPDO1.communication(1), &raw.to_le_bytes());
+        assert_eq!(write, Err(AbortCode::VALUE_INVALID), "{raw:X}h");
+    }
+    assert_eq!(desk.write(RPDO1.communication(2), &[241]), Err(AbortCode::VALUE_INVALID));
+}
+
+#[test]
+fn a_tpdo_of_type_n_comes_at_every_nth_sync() {
+    for n in [1, 2, 3, 7] {
+        let mut desk = Desk::silent();
+        desk.map(TPDO1, &[POSITION], n).unwrap();
+        desk.order(NmtCommand::StartRemoteNode);
+        let said: Vec<_> = (0..21).map(|_| desk.sync().len()).collect();
+        let period = usize::from(n);
+        assert_eq!(said.iter().sum::<usize>(), 21 / period);
+        assert!(said.chunks_exact(period).all(|syncs| *syncs.last().unwrap() == 1), "{said:?}");
+    }
+}
+
+#[test]
+fn a_tpdo_says_what_was_true_at_the_sync_however_late_it_is() {
+    let mut desk = Desk::silent();
+    desk.device.latency = Duration::from_micros(60);
+    desk.map(TPDO1, &[POSITION], EVERY_SYNC).unwrap();
+    desk.order(NmtCommand::StartRemoteNode);
+    let put = |position: i32| {
+        move |_: &mut Witness, dictionary: &mut Dictionary| {
+            assert!(dictionary.set(Object::POSITION_ACTUAL, &position.to_le_bytes()));
+        }
+    };
+    desk.device.touch(put(11));
+    assert_eq!(desk.sync(), []);
+    desk.device.touch(put(12));
+    assert_eq!(desk.device.deadline(), Some(Instant::from_micros(60)));
+    assert_eq!(desk.wait_until(1), [Frame::new(TPDO, [11, 0, 0, 0])]);
+}
+
+#[test]
+fn an_event_driven_tpdo_keeps_between_inhibit_time_and_event_timer() {
+    let mut desk = Desk::silent();
+    desk.write(TPDO1.communication(1), &(OFF | 0x185).to_le_bytes()).unwrap();
+    desk.write(TPDO1.communication(3), &[100, 0]).unwrap();
+    desk.write(TPDO1.communication(5), &[50, 0]).unwrap();
+    desk.map(TPDO1, &[POSITION], AT_ONCE).unwrap();
+    desk.order(NmtCommand::StartRemoteNode);
+    let put = |desk: &mut Desk, position: u8| {
+        desk.device.touch(|_, dictionary| {
+            assert!(dictionary.set(Object::POSITION_ACTUAL, &[position, 0, 0, 0]));
+        });
+    };
+    assert_eq!(desk.wait_until(4), [], "told when operational was entered");
+    put(&mut desk, 1);
+    put(&mut desk, 2);
+    assert_eq!(desk.wait_until(9), [], "inhibited for 10 ms");
+    assert_eq!(desk.wait_until(10), [Frame::new(TPDO, [2, 0, 0, 0])]);
+    assert_eq!(desk.wait_until(59), []);
+    assert_eq!(desk.wait_until(60), [Frame::new(TPDO, [2, 0, 0, 0])], "unchanged, but due");
+    put(&mut desk, 3);
+    put(&mut desk, 2);
+    assert_eq!(desk.wait_until(80), [], "nothing has changed in the end");
+}
+
+#[test]
+fn wrong_accesses_have_the_right_abort_codes() {
+    let mut desk = Desk::new();
+    let no_such_sub = Object { sub: 9, ..Object::VENDOR_ID };
+    let no_such_index = Object { index: 0x5FFF, sub: 0 };
+    assert_eq!(desk.read(no_such_index), Err(AbortCode::NO_OBJECT));
+    assert_eq!(desk.read(no_such_sub), Err(AbortCode::NO_SUB_INDEX));
+    let writes: [(Object, &[u8], AbortCode); 12] = [
+        (no_such_index, &[0], AbortCode::NO_OBJECT),
+        (no_such_sub, &[0], AbortCode::NO_SUB_INDEX),
+        (Object::STATUSWORD, &[0, 0], AbortCode::READ_ONLY),
+        (Object::DEVICE_NAME, b"another name", AbortCode::READ_ONLY),
+        (Object::CONTROLWORD, &[0], AbortCode::LENGTH_TOO_LOW),
+        (Object::CONTROLWORD, &[0, 0, 0], AbortCode::LENGTH_TOO_HIGH),
+        (Object::CONTROLWORD, &[0; 9], AbortCode::LENGTH_TOO_HIGH),
+        (Object::TARGET_TORQUE, &[0xB9, 0x0B], AbortCode::VALUE_TOO_HIGH),
+        (Object::TARGET_TORQUE, &[0x47, 0xF4], AbortCode::VALUE_TOO_LOW),
+        (Object::ERROR_HISTORY, &[1], AbortCode::VALUE_INVALID),
+        (Object::CONSUMER_HEARTBEAT, &[20, 0, 200, 0], AbortCode::VALUE_INVALID),
+        (Object::EMCY_COB_ID, &[0x83, 6, 0, 0], AbortCode::DEVICE_STATE),
+    ];
+    for (object, bytes, code) in writes {
+        assert_eq!(desk.write(object, bytes), Err(code), "{object} {bytes:X?}");
+    }
+}
+
+#[test]
+fn a_name_is_read_in_segments_as_it_stands_in_the_dictionary() {
+    let mut desk = Desk::new();
+    let name = desk.device.dictionary().get(Object::DEVICE_NAME).unwrap().to_vec();
+    assert!(name.len() > 7, "more than a segment");
+    assert_eq!(desk.read(Object::DEVICE_NAME), Ok(name));
+}
+
+#[test]
+fn a_stopped_node_says_nothing_but_its_heartbeat() {
+    let mut desk = Desk::with_target(EVERY_SYNC);
+    desk.order(NmtCommand::StopRemoteNode);
+    assert_eq!(desk.device.application().lost, [ConnectionLoss::Stopped]);
+    assert_eq!(desk.say(Frame::new(0x605, [0x40, 0, 0x10, 0, 0, 0, 0, 0])), []);
+    assert_eq!(desk.sync(), []);
+    desk.device.touch(|application, _| application.code = 0x2310);
+    assert_eq!(desk.wait_until(100), []);
+}
+
+#[test]
+fn communication_reset_restores_defaults() {
+    let changes: [(Object, &[u8]); 4] = [
+        (Object::PRODUCER_HEARTBEAT, &[25, 0]),
+        (Object::CONSUMER_HEARTBEAT, &[20, 0, 127, 0]),
+        (Object::ABORT_CONNECTION, &[1, 0]),
+        (Object::MAX_TORQUE, &[1, 0]),
+    ];
+    for (command, reset, kept) in [
+        (NmtCommand::ResetCommunication, Reset::Communication, 2),
+        (NmtCommand::ResetNode, Reset::Node, 0),
+    ] {
+        let mut desk = Desk::new();
+        let before = desk.device.dictionary().clone();
+        desk.map(RPDO1, &[TARGET], AT_ONCE).unwrap();
+        for (object, bytes) in changes {
+            desk.write(object, bytes).unwrap();
+        }
+        desk.say(Frame::new(0x77F, [5]));
+        assert_eq!(desk.order(command), [Frame::new(0x705, [0])]);
+        assert_eq!(desk.device.state(), NmtState::PreOperational);
+        assert_eq!(desk.wait_until(1_000), [], "no heartbeat, and nobody watched");
+        assert_eq!(desk.device.application().resets, [Reset::Node, reset]);
+        let now = desk.device.dictionary();
+        let differs = |(object, _): &&(Object, &[u8])| now.get(*object) != before.get(*object);
+        assert_eq!(changes.iter().filter(differs).count(), kept, "{command:?}");
+        assert_eq!(now.get(RPDO1.mapping(1)), before.get(RPDO1.mapping(1)));
+    }
+}
+
+#[test]
+fn an_error_of_the_application_comes_goes_and_is_remembered() {
+    let mut desk = Desk::new();
+    let have = |desk: &mut Desk, code| {
+        desk.device.touch(|application, _| application.code = code);
+        desk.wait_until(1)
+    };
+    assert_eq!(have(&mut desk, 0x2310), [emergency(0x2310, 0x03, [0; 5])]);
+    assert_eq!(have(&mut desk, 0x2310), []);
+    assert_eq!(desk.read(Object::ERROR_REGISTER), Ok(vec![0x03]));
+    assert_eq!(have(&mut desk, 0), [emergency(0, 0, [0; 5])]);
+    assert_eq!(have(&mut desk, 0x4310), [emergency(0x4310, 0x09, [0; 5])]);
+    let newest = Object { sub: 1, ..Object::ERROR_HISTORY };
+    let before = Object { sub: 2, ..Object::ERROR_HISTORY };
+    assert_eq!(desk.read(Object::ERROR_HISTORY), Ok(vec![2]));
+    assert_eq!(desk.read(newest), Ok(vec![0x10, 0x43, 0, 0]));
+    assert_eq!(desk.read(before), Ok(vec![0x10, 0x23, 0, 0]));
+    desk.write(Object::ERROR_HISTORY, &[0]).unwrap();
+    assert_eq!(desk.read(newest), Ok(vec![0; 4]));
+}
+
+#[test]
+fn a_history_that_is_full_forgets_the_oldest() {
+    let mut desk = Desk::new();
+    for number in 1..=20_u16 {
+        desk.device.touch(|application, _| application.code = 0x2300 + number);
+        desk.wait_until(u64::from(number));
+    }
+    assert_eq!(desk.read(Object::ERROR_HISTORY), Ok(vec![8]));
+    for (sub, number) in (1..=8).zip((13..=20).rev()) {
+        let place = Object { sub, ..Object::ERROR_HISTORY };
+        assert_eq!(desk.read(place), Ok(vec![number, 0x23, 0, 0]));
+    }
+}
+
+#[test]
+fn a_moved_emergency_is_where_it_was_moved_to() {
+    let mut desk = Desk::new();
+    desk.write(Object::EMCY_COB_ID, &(OFF | 0x685).to_le_bytes()).unwrap();
+    desk.device.touch(|application, _| application.code = 0x2310);
+    assert_eq!(desk.wait_until(1), [], "off");
+    desk.write(Object::EMCY_COB_ID, &0x685_u32.to_le_bytes()).unwrap();
+    desk.device.touch(|application, _| application.code = 0);
+    assert_eq!(desk.wait_until(2).first().map(|frame| frame.cob_id), Some(0x685));
+}
+
+proptest! {
+    #[test]
+    fn any_sequence_of_frames_never_panics_and_is_answered_in_bounds(
+        steps in proptest::collection::vec(
+            (
+                0_u64..30_000,
+                prop::sample::select(vec![0x000_u16, 0x080, 0x205, 0x305, 0x605, 0x605, 0x605, 0x77F, 0x123]),
+                proptest::collection::vec(any::<u8>(), 0..9),
+                prop::sample::select(vec![0x1003_u16, 0x1005, 0x1014, 0x1016, 0x1017, 0x1029, 0x1400, 0x1600, 0x1800, 0x1A00, 0x6040]),
+                any::<bool>(),
+            ),
+            0..200,
+        ),
+    ) {
+        let mut desk = Desk::new();
+        desk.order(NmtCommand::StartRemoteNode);
+        for (step, cob_id, mut data, index, shaped) in steps {
+            desk.now = desk.now + Duration::from_micros(step);
+            if let ([command, low, high, sub, ..], true) = (&mut data[..], shaped) {
+                *command = [0x23, 0x2B, 0x2F, 0x40, 0x21, 0x00, 0x60, 0x01][usize::from(*command & 7)];
+                [*low, *high] = index.to_le_bytes();
+                *sub &= 7;
+            }
+            let mut out = Vec::new();
+            desk.device.on_time(desk.now, &mut out);
+            desk.device.on_frame(desk.now, &Frame::from_slice(cob_id, &data).unwrap(), &mut out);
+            prop_assert!(out.len() <= 16, "{out:?}");
+            desk.device.on_time(desk.now, &mut out);
+            let due = desk.device.deadline();
+            prop_assert!(due.is_none_or(|due| due > desk.now), "on_time leaves nothing due");
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! What is in a PDO: its mapping, resolved once when it is configured (CiA 301, 7.5.2.36 and 7.5.2.38).
+//!
+//! Says neither when a PDO is sent nor when it acts. Its eight bytes are one number of up to 64 bits,
+//! in which every mapped object has its place; the first is the lowest.
+
+use crate::canopen::abort::AbortCode;
+use crate::canopen::dictionary::Dictionary;
+use crate::canopen::dictionary::Entry;
+use crate::canopen::layout::Direction;
+use crate::canopen::object::Object;
+
+/// How many objects one PDO may hold here.
+const OBJECTS: usize = 8;
+
+/// How many bits a PDO has.
+const BITS: u32 = 64;
+
+/// Data types that stand for bits of an RPDO nobody takes: BOOLEAN to UNSIGNED32, and their lengths.
+const DUMMIES: [(u16, u8); 7] =
+    [(0x0001, 1), (0x0002, 8), (0x0003, 16), (0x0004, 32), (0x0005, 8), (0x0006, 16), (0x0007, 32)];
+
+/// One mapped object and its place.
+#[derive(Clone, Copy, Debug, Default)]
+struct Slot {
+    /// `None` for a dummy.
+    object: Option<Object>,
+    /// The lowest bit.
+    shift: u32,
+    /// As many ones as it has bits.
+    mask: u64,
+    /// How many bytes it has in the dictionary.
+    bytes: usize,
+}
+
+/// The objects of one PDO.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Mapping {
+    slots: [Slot; OBJECTS],
+    used: usize,
+    bits: u32,
+}
+
+impl Mapping {
+    /// What the mapping parameter at `parameter` (its sub-index 0) says; empty where it is not valid.
+    pub(super) fn resolve(
+        dictionary: &Dictionary,
+        parameter: Object,
+        direction: Direction,
+    ) -> Self {
+        Self::of(dictionary, parameter, byte(dictionary, parameter), direction).unwrap_or_default()
+    }
+
+    /// The first `count` entries of the mapping parameter, or why they are no mapping.
+    pub(super) fn of(
+        dictionary: &Dictionary,
+        parameter: Object,
+        count: u8,
+        direction: Direction,
+    ) -> Result<Self, AbortCode> {
+        let mut mapping = Self::default();
+        for sub in 1..=count {
+            let entry = Object { sub, ..parameter };
+            if dictionary.entry(entry).is_none() {
+                return Err(AbortCode::PDO_TOO_LONG);
+            }
+            let (object, bits) = mappable(dictionary, dictionary.unsigned(entry), direction)?;
+            let slot = mapping.slots.get_mut(mapping.used).ok_or(AbortCode::PDO_TOO_LONG)?;
+            let mask = u64::MAX.checked_shr(BITS - u32::from(bits)).unwrap_or(0);
+            let bytes = usize::from(bits.div_ceil(8));
+            *slot = Slot { object, shift: mapping.bits, mask, bytes };
+            mapping.used += 1;
+            mapping.bits += u32::from(bits);
+            if mapping.bits > BITS {
+                return Err(AbortCode::PDO_TOO_LONG);
+            }
+        }
+        Ok(mapping)
+    }
+
+    /// The bytes of its frame, 0 to 8.
+    pub(super) fn bytes(&self) -> usize {
+        usize::try_from(self.bits.div_ceil(8)).unwrap_or(0)
+    }
+
+    /// The mapped objects, dummies left out.
+    pub(super) fn objects(&self) -> impl Iterator<Item = Object> {
+        self.slots().filter_map(|slot| slot.object)
+    }
+
+    /// What the objects hold now.
+    pub(super) fn gather(&self, dictionary: &Dictionary) -> u64 {
+        self.slots().fold(0, |content, slot| {
+            let holds = slot.object.and_then(|object| dictionary.get(object)).unwrap_or_default();
+            content | (number(holds) & slot.mask) << slot.shift
+        })
+    }
+
+    /// Gives every object its part of `content`; one outside its limits stays as it was.
+    pub(super) fn scatter(&self, content: u64, dictionary: &mut Dictionary) {
+        for slot in self.slots() {
+            let part = (content >> slot.shift & slot.mask).to_le_bytes();
+            if let (Some(object), Some(bytes)) = (slot.object, part.get(..slot.bytes)) {
+                let takes = |entry: &Entry| entry.in_range(bytes).is_ok();
+                if dictionary.entry(object).is_some_and(takes) {
+                    dictionary.set(object, bytes);
+                }
+            }
+        }
+    }
+
+    fn slots(&self) -> impl Iterator<Item = &Slot> {
+        self.slots.iter().take(self.used)
+    }
+}
+
+/// The number whose lowest bytes these are, little-endian; no more than eight count.
+pub(super) fn number(bytes: &[u8]) -> u64 {
+    bytes.iter().take(8).rev().fold(0, |number, byte| number << 8 | u64::from(*byte))
+}
+
+/// The lowest byte of an object; zero if it is not there.
+pub(super) fn byte(dictionary: &Dictionary, object: Object) -> u8 {
+    let [lowest, ..] = dictionary.unsigned(object).to_le_bytes();
+    lowest
+}
+
+/// The object (`None` for a dummy) and the bits that one mapping entry names.
+///
+/// # Errors
+/// When there is no such object, or it cannot be mapped this way round with so many bits.
+pub(super) fn mappable(
+    dictionary: &Dictionary,
+    entry: u32,
+    direction: Direction,
+) -> Result<(Option<Object>, u8), AbortCode> {
+    let [bits, sub, low, high] = entry.to_le_bytes();
+    let object = Object { index: u16::from_le_bytes([low, high]), sub };
+    if direction == Direction::Receive && DUMMIES.contains(&(object.index, bits)) && sub == 0 {
+        return Ok((None, bits));
+    }
+    if !dictionary.has_index(object.index) {
+        return Err(AbortCode::NO_OBJECT);
+    }
+    let entry = dictionary.entry(object).ok_or(AbortCode::NO_SUB_INDEX)?;
+    let suits = match direction {
+        Direction::Receive => entry.access.is_output(),
+        Direction::Transmit => entry.access.is_input(),
+    };
+    if entry.is_mappable && suits && bits > 0 && entry.bits() == Some(bits) {
+        Ok((Some(object), bits))
+    } else {
+        Err(AbortCode::NOT_MAPPABLE)
+    }
+}

@@ -23,19 +23,14 @@ use frhc::time::Instant;
 
 const ONE_KILOHERTZ: &str = "config/kraft_like.toml";
 
-/// The target torque in a drive's RPDO.
-fn target(data: &[u8]) -> i16 {
-    i16::from_le_bytes(data[2..4].try_into().unwrap())
-}
-
 /// Cycles from `onset` until every drive is told zero torque, and that none is told anything else after.
 fn cycles_to_zero(wire: &Wire, onset: Instant) -> usize {
-    let pushing = |node: u16| {
-        let told = wire.since(onset, 0x200 + node);
-        assert!(told.len() > 20, "node {node} is told nothing");
-        told.iter().rposition(|(_, frame)| target(frame.data()) != 0).map_or(0, |last| last + 1)
+    let pushing = |group: u16| {
+        let told = wire.since(onset, group);
+        assert!(told.len() > 20, "{group:03X}h is not sent");
+        told.iter().rposition(|(_, frame)| frame.data() != [0; 6]).map_or(0, |last| last + 1)
     };
-    (1..=6).map(pushing).max().unwrap()
+    [0x201, 0x204].map(pushing).into_iter().max().unwrap()
 }
 
 fn in_contact() -> (Bench<Wire>, Wire, Instant) {
@@ -84,12 +79,15 @@ fn a_stop_is_left_only_by_a_reset_and_a_new_press() {
 #[test]
 fn the_drives_stop_by_themselves_when_the_node_is_silent() {
     let (mut bench, wire, _) = in_contact();
-    let fell_silent = bench.fall_silent_for(Duration::from_millis(100));
+    let fell_silent = bench.fall_silent_for(Duration::from_millis(6));
+    assert!(bench.node().bus().stations().drives().iter().all(|drive| drive.torque() == 0.0));
+    bench.fall_silent_for(Duration::from_millis(94));
     for node in 1..=6 {
-        let told = wire.since(fell_silent - Duration::from_millis(2), 0x80 + node);
+        let told = wire.since(fell_silent - Duration::from_millis(2), 0x680 + node);
         let (at, frame) = told.first().unwrap();
         assert_eq!(frame.data()[..5], [0x50, 0x82, 0x11, 0, 0], "8250h, torque zero");
-        assert!(at.since(fell_silent) <= Duration::from_millis(6), "{:?}", at.since(fell_silent));
+        // Six emergencies at once wait for each other.
+        assert!(at.since(fell_silent) <= Duration::from_millis(7), "{:?}", at.since(fell_silent));
     }
     assert!(bench.node().bus().stations().drives().iter().all(|drive| drive.torque() == 0.0));
 }
@@ -107,8 +105,11 @@ fn the_second_run_finds_the_drives_as_ready_as_the_first() {
 fn an_orderly_stop_ends_with_every_drive_off() {
     let (mut bench, wire, _) = in_contact();
     bench.stop().unwrap();
+    for group in [0x201, 0x204] {
+        assert_eq!(wire.since(Instant::ZERO, group).last().unwrap().1.data(), [0; 6]);
+    }
     for node in 1..=6 {
-        let (_, last) = *wire.since(Instant::ZERO, 0x200 + node).last().unwrap();
-        assert_eq!(last.data(), [0, 0, 0, 0]);
+        let (_, last) = *wire.since(Instant::ZERO, 0x300 + node).last().unwrap();
+        assert_eq!(last.data(), [0, 0]);
     }
 }

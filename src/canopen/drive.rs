@@ -115,6 +115,19 @@ pub enum Goal {
     OperationEnabled,
 }
 
+impl Goal {
+    /// Whether a drive in `state` is there.
+    pub const fn is_reached(self, state: Option<State>) -> bool {
+        let Some(state) = state else { return false };
+        match self {
+            Self::OperationEnabled => matches!(state, State::OperationEnabled),
+            Self::VoltageDisabled => {
+                matches!(state, State::NotReadyToSwitchOn | State::SwitchOnDisabled | State::Fault)
+            }
+        }
+    }
+}
+
 /// The controlword for the next transition towards `goal`; no transition leads out of a fault here.
 pub const fn next_controlword(state: Option<State>, goal: Goal) -> Controlword {
     let Some(state) = state else { return Controlword::DISABLE_VOLTAGE };

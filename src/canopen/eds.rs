@@ -148,6 +148,7 @@ pub struct Described {
 pub struct Eds {
     vendor: u32,
     product: u32,
+    dummies: Vec<u16>,
     objects: Vec<Described>,
 }
 
@@ -184,6 +185,7 @@ impl Eds {
         Ok(Self {
             vendor: of_device("VENDORNUMBER")?,
             product: of_device("PRODUCTNUMBER")?,
+            dummies: dummies(&ini),
             objects,
         })
     }
@@ -198,6 +200,11 @@ impl Eds {
         self.product
     }
 
+    /// Whether the device skips bits of an RPDO for this data type (`[DummyUsage]`).
+    pub fn dummy(&self, index: u16) -> bool {
+        self.dummies.contains(&index)
+    }
+
     /// Every object, by index and sub-index.
     pub fn objects(&self) -> &[Described] {
         &self.objects
@@ -208,6 +215,15 @@ impl Eds {
         let found = self.objects.binary_search_by_key(&object, |described| described.object);
         self.objects.get(found.ok()?)
     }
+}
+
+/// The data types that may stand for bits nobody takes.
+fn dummies(ini: &Ini) -> Vec<u16> {
+    let Some(section) = ini.section("DUMMYUSAGE") else { return Vec::new() };
+    let is_used = |index: &u16| {
+        section.value(&format!("DUMMY{index:04X}")).is_some_and(|entry| entry.value != "0")
+    };
+    (0x0001..=0x0007).filter(is_used).collect()
 }
 
 /// Where a section's object is: `1A00`, or `1A00SUB1`; `None` for every other section.

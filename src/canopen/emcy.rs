@@ -20,6 +20,11 @@ pub const fn default_cob_id(node: NodeId) -> u16 {
     emcy_cob_id(node)
 }
 
+/// A COB-ID behind those of all PDOs, 680h + node-id; `None` where that is restricted (CiA 301, 7.3.5).
+pub fn low_cob_id(node: NodeId) -> Option<u16> {
+    (node.raw() < 0x60).then(|| 0x680 + u16::from(node.raw()))
+}
+
 /// What a node reports to be wrong with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Emergency {

@@ -1,8 +1,9 @@
 //! Which PDOs a node sends and takes, as data, and the SDO writes that tell it so (CiA 301, 7.5.2.35
 //! to 7.5.2.38).
 //!
-//! Only communication and mapping. What the bytes mean is in [`pdo`](crate::canopen::pdo), what they
-//! cost in [`load`](crate::canopen::load). A further layout is one more function here.
+//! Only communication and mapping. Which bits are whose follows from it in
+//! [`exchange`](crate::canopen::exchange), what they cost in [`load`](crate::canopen::load). A further
+//! layout is one more function here.
 
 use canopen_rs::MappingEntry;
 use canopen_rs::NodeId;
@@ -91,8 +92,90 @@ pub fn per_drive(node: NodeId, rpdo_timer_ms: Option<u16>) -> Vec<Pdo> {
             Mapped { object: Object::TARGET_TORQUE, bits: 16 },
         ],
     };
-    predefined(node, Some(&sample), Some(&target))
+    predefined(node, vec![sample], vec![target])
 }
+
+/// The drives that share one frame of targets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// The frame they all listen to: RPDO1 of the first of them.
+    pub cob_id: u16,
+    /// How many targets it holds.
+    pub size: u8,
+    /// Which of them is this drive's, from 0.
+    pub slot: u8,
+}
+
+impl Group {
+    /// The most targets of 16 bits that leave room for one frame more behind two groups and six
+    /// positions, at 1 kHz and 1 Mbit/s. All four that a frame could hold would cost the same bits.
+    pub const SIZE: usize = 3;
+
+    /// The group of every one of `nodes`, in their order: threes, as far as they go.
+    pub fn threes(nodes: &[NodeId]) -> Vec<Self> {
+        let of = |members: &[NodeId]| {
+            let first = members.first().map_or(0, |first| rpdo1(*first));
+            let size = u8::try_from(members.len()).unwrap_or(u8::MAX);
+            (0..size).map(move |slot| Self { cob_id: first, size, slot }).collect::<Vec<_>>()
+        };
+        nodes.chunks(Self::SIZE).flat_map(of).collect()
+    }
+}
+
+/// The targets of a group in one frame at every SYNC, each position in a short one; what changes now
+/// and then has frames of its own: the statusword and the controlword when they change, the torque
+/// every hundredth SYNC or so. 1 kHz for six drives on 1 Mbit/s.
+///
+/// A drive skips the targets of the others with dummies (CiA 301, 7.4.7.1), which its EDS must declare
+/// in `[DummyUsage]`. `place` counts the drives of a bus: their repetitions have no common measure, so
+/// that never all of them fall into one cycle. The timer is [`per_drive`]'s.
+pub fn grouped(node: NodeId, place: usize, group: Group, rpdo_timer_ms: Option<u16>) -> Vec<Pdo> {
+    let spread = |periods: &[u8]| periods.iter().copied().cycle().nth(place).unwrap_or(u8::MAX);
+    let position = Service {
+        transmission: Transmission::EVERY_SYNC,
+        inhibit_100us: None,
+        event_timer_ms: None,
+        mapping: vec![Mapped { object: Object::POSITION_ACTUAL, bits: 32 }],
+    };
+    let status = Service {
+        transmission: Transmission::EVENT_OF_PROFILE,
+        inhibit_100us: Some(100),
+        event_timer_ms: Some(spread(&STATUS_MS).into()),
+        mapping: vec![Mapped { object: Object::STATUSWORD, bits: 16 }],
+    };
+    let torque = Service {
+        transmission: Transmission(spread(&TORQUE_SYNCS)),
+        inhibit_100us: None,
+        event_timer_ms: None,
+        mapping: vec![Mapped { object: Object::TORQUE_ACTUAL, bits: 16 }],
+    };
+    let whose = |slot: u8| {
+        let is_own = slot == group.slot;
+        if is_own { Object::TARGET_TORQUE } else { Object::DUMMY_INTEGER16 }
+    };
+    let targets = Service {
+        transmission: Transmission::EVERY_SYNC,
+        inhibit_100us: None,
+        event_timer_ms: rpdo_timer_ms,
+        mapping: (0..group.size).map(|slot| Mapped { object: whose(slot), bits: 16 }).collect(),
+    };
+    let control = Service {
+        transmission: Transmission::EVENT_OF_PROFILE,
+        inhibit_100us: None,
+        event_timer_ms: None,
+        mapping: vec![Mapped { object: Object::CONTROLWORD, bits: 16 }],
+    };
+    let mut pdos = predefined(node, vec![position, status, torque], vec![targets, control]);
+    let is_shared = |pdo: &&mut Pdo| pdo.direction == Direction::Receive && pdo.number == 1;
+    pdos.iter_mut().filter(is_shared).for_each(|pdo| pdo.cob_id = group.cob_id);
+    pdos
+}
+
+/// How often a drive of a group repeats its statusword, in ms: about 50.
+const STATUS_MS: [u8; 6] = [47, 49, 50, 51, 53, 59];
+
+/// At which SYNCs a drive of a group tells its torque: about every hundredth.
+const TORQUE_SYNCS: [u8; 6] = [97, 99, 100, 101, 103, 107];
 
 /// The switch box: its inputs on every change and every 5 ms; the other PDOs off.
 pub fn switches(node: NodeId) -> Vec<Pdo> {
@@ -102,30 +185,41 @@ pub fn switches(node: NodeId) -> Vec<Pdo> {
         event_timer_ms: Some(5),
         mapping: vec![Mapped { object: Object::DIGITAL_INPUTS, bits: 8 }],
     };
-    predefined(node, Some(&inputs), None)
+    predefined(node, vec![inputs], vec![])
 }
 
-/// The COB-ID of a node's TPDO1 in the predefined connection set.
-pub fn tpdo1(node: NodeId) -> u16 {
-    0x180 + u16::from(node.raw())
+/// Switches off what `exists` besides the PDOs of a layout: drives power up with some of theirs valid.
+pub fn switch_off_others(pdos: &mut Vec<Pdo>, exists: impl Fn(Object) -> bool) {
+    for number in 1..=MOST_PDOS {
+        for direction in [Direction::Transmit, Direction::Receive] {
+            let is_planned = |pdo: &Pdo| (pdo.direction, pdo.number) == (direction, number);
+            let other = Pdo { direction, number, cob_id: 0, service: None };
+            if exists(other.communication(1)) && !pdos.iter().any(is_planned) {
+                pdos.push(other);
+            }
+        }
+    }
 }
+
+/// As many PDOs as a node can have in each direction (CiA 301, 7.5.1).
+const MOST_PDOS: u16 = 512;
 
 /// The COB-ID of a node's RPDO1 in the predefined connection set.
 pub fn rpdo1(node: NodeId) -> u16 {
     0x200 + u16::from(node.raw())
 }
 
-/// The eight PDOs of the predefined connection set, of which at most the first two are used.
-fn predefined(node: NodeId, tpdo1: Option<&Service>, rpdo1: Option<&Service>) -> Vec<Pdo> {
+/// The eight PDOs of the predefined connection set, of which the first ones are used as given.
+fn predefined(node: NodeId, tpdos: Vec<Service>, rpdos: Vec<Service>) -> Vec<Pdo> {
     let mut pdos = Vec::new();
-    for (direction, kind, first) in [
-        (Direction::Transmit, PdoKind::Transmit, tpdo1),
-        (Direction::Receive, PdoKind::Receive, rpdo1),
+    for (direction, kind, services) in [
+        (Direction::Transmit, PdoKind::Transmit, tpdos),
+        (Direction::Receive, PdoKind::Receive, rpdos),
     ] {
+        let mut services = services.into_iter();
         for number in 1..=4_u8 {
             let Some(cob_id) = default_cob_id(kind, number, node) else { continue };
-            let service = first.filter(|_| number == 1).cloned();
-            pdos.push(Pdo { direction, number: u16::from(number), cob_id, service });
+            pdos.push(Pdo { direction, number: number.into(), cob_id, service: services.next() });
         }
     }
     pdos
@@ -175,9 +269,6 @@ impl Pdo {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::pdo::DriveSample;
-    use crate::canopen::pdo::DriveTarget;
-    use crate::canopen::pdo::SwitchInputs;
 
     fn node() -> NodeId {
         NodeId::new(3).unwrap()
@@ -187,25 +278,54 @@ mod tests {
         pdos.iter().filter_map(|pdo| Some((pdo.cob_id, pdo.service.clone()?))).collect()
     }
 
+    fn group() -> Group {
+        Group { cob_id: 0x201, size: 3, slot: 2 }
+    }
+
+    fn layouts() -> [Vec<Pdo>; 3] {
+        [per_drive(node(), Some(5)), grouped(node(), 2, group(), Some(5)), switches(node())]
+    }
+
     #[test]
-    fn a_layout_is_as_long_as_its_codec() {
-        let drive = used(&per_drive(node(), Some(5)));
-        assert_eq!(drive.iter().map(|(cob_id, _)| *cob_id).collect::<Vec<_>>(), [0x183, 0x203]);
-        let bytes = drive.iter().map(|(_, pdo)| pdo.bytes()).collect::<Vec<_>>();
-        let sample = DriveSample::default().encode().len();
-        let target = DriveTarget::default().encode().len();
-        assert_eq!(bytes, [u32::try_from(sample).unwrap(), u32::try_from(target).unwrap()]);
-        let switches = used(&switches(node()));
-        assert_eq!(switches[0].0, 0x183);
-        assert_eq!(
-            usize::try_from(switches[0].1.bytes()),
-            Ok(SwitchInputs::default().encode().len())
-        );
+    fn the_frames_are_as_long_as_the_plan_says() {
+        let lengths = layouts().map(|pdos| {
+            used(&pdos).iter().map(|(cob_id, pdo)| (*cob_id, pdo.bytes())).collect::<Vec<_>>()
+        });
+        let [per_drive, grouped, switches] = lengths;
+        assert_eq!(per_drive, [(0x183, 8), (0x203, 4)]);
+        assert_eq!(grouped, [(0x183, 4), (0x283, 2), (0x383, 2), (0x201, 6), (0x303, 2)]);
+        assert_eq!(switches, [(0x183, 1)]);
+    }
+
+    #[test]
+    fn drives_are_grouped_by_threes_in_their_order() {
+        let nodes: Vec<NodeId> = [7, 2, 9, 4].map(|raw| NodeId::new(raw).unwrap()).into();
+        let groups = Group::threes(&nodes);
+        let found: Vec<_> = groups.iter().map(|g| (g.cob_id, g.size, g.slot)).collect();
+        assert_eq!(found, [(0x207, 3, 0), (0x207, 3, 1), (0x207, 3, 2), (0x204, 1, 0)]);
+    }
+
+    #[test]
+    fn what_drives_repeat_never_falls_together_for_all() {
+        for periods in [STATUS_MS, TORQUE_SYNCS].map(|periods| periods.map(u32::from)) {
+            let at_once = |time: &u32| periods.iter().filter(|p| time.is_multiple_of(**p)).count();
+            assert_eq!((1..1_000_000).map(|time| at_once(&time)).max(), Some(3));
+        }
+    }
+
+    #[test]
+    fn what_else_the_drive_has_is_switched_off() {
+        let mut pdos = per_drive(node(), None);
+        let has = [Object::rpdo_communication(6, 1), Object::tpdo_communication(512, 1)];
+        switch_off_others(&mut pdos, |object| has.contains(&object) || object.index == 0x1400);
+        let more: Vec<_> = pdos[8..].iter().flat_map(Pdo::writes).collect();
+        let off = Value::Unsigned32(PDO_COB_ID_INVALID);
+        assert_eq!(more, [(has[0], off), (has[1], off)]);
     }
 
     #[test]
     fn whatever_is_not_used_is_switched_off() {
-        for pdos in [per_drive(node(), None), switches(node())] {
+        for pdos in layouts() {
             assert_eq!(pdos.len(), 8);
             for pdo in pdos.iter().filter(|pdo| pdo.service.is_none()) {
                 let off = 0x8000_0000 | u32::from(pdo.cob_id);
@@ -235,7 +355,7 @@ mod tests {
 
     #[test]
     fn a_mapping_changes_only_while_its_pdo_is_off() {
-        for pdo in [per_drive(node(), Some(5)), switches(node())].concat() {
+        for pdo in layouts().concat() {
             let writes = pdo.writes();
             let cob_ids: Vec<_> =
                 writes.iter().filter(|(o, _)| *o == pdo.communication(1)).collect();

@@ -1,7 +1,7 @@
 //! How full a bus is: the worst-case bits its planned frames take in one cycle.
 //!
-//! Counts what is planned: SYNC, PDOs, heartbeats; event-driven frames at the fastest their inhibit
-//! time lets them be. Emergencies and SDO are not planned: what is left is theirs.
+//! Counts what is planned: SYNC, PDOs, heartbeats; event-driven frames as often as their event
+//! timer sends them. Emergencies and SDO are not planned: what is left is theirs.
 
 use std::fmt;
 use std::time::Duration;
@@ -11,9 +11,7 @@ use canopen_rs::nmt::heartbeat_cob_id;
 use thiserror::Error;
 
 use crate::canopen::bits;
-use crate::canopen::layout::Direction;
 use crate::canopen::layout::Pdo;
-use crate::canopen::layout::Service;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::sync;
 
@@ -40,13 +38,13 @@ impl Stream {
         (period_us > 0).then_some(Self { cob_id: heartbeat_cob_id(node), bytes: 1, period_us })
     }
 
-    /// A PDO; `None` if it is off. An event-driven one without inhibit time counts once a cycle.
+    /// A PDO; `None` if it is off. An event-driven one counts by its event timer.
     pub fn pdo(pdo: &Pdo, sync_period_us: u32) -> Option<Self> {
         let service = pdo.service.as_ref()?;
-        let inhibit_us = service.inhibit_100us.map(|inhibit| u32::from(inhibit) * 100);
+        let timer_us = service.event_timer_ms.map(|timer| u32::from(timer) * 1_000);
         let period_us = match service.transmission.syncs() {
             Some(syncs) => sync_period_us.saturating_mul(u32::from(syncs)),
-            None => inhibit_us.filter(|inhibit| *inhibit > 0).unwrap_or(sync_period_us),
+            None => timer_us.filter(|timer| *timer > 0)?,
         };
         Some(Self { cob_id: pdo.cob_id, bytes: service.bytes(), period_us })
     }
@@ -69,17 +67,15 @@ pub fn streams<'a>(
     let mut streams = vec![Stream::sync(sync_period_us)];
     streams.extend(Stream::heartbeat(master, master_heartbeat_ms));
     for plan in plans {
-        streams.extend(plan.pdos.iter().filter_map(|pdo| Stream::pdo(pdo, sync_period_us)));
+        for stream in plan.pdos.iter().filter_map(|pdo| Stream::pdo(pdo, sync_period_us)) {
+            // Drives of a group take one frame.
+            if !streams.iter().any(|other: &Stream| other.cob_id == stream.cob_id) {
+                streams.push(stream);
+            }
+        }
         streams.extend(Stream::heartbeat(plan.node, plan.heartbeat_ms));
     }
     streams
-}
-
-/// The worst-case bits of what the master sends to one node in a cycle.
-pub fn rpdo_bits(plan: &NodePlan) -> u32 {
-    let received = plan.pdos.iter().filter(|pdo| pdo.direction == Direction::Receive);
-    let bytes = received.filter_map(|pdo| pdo.service.as_ref()).map(Service::bytes);
-    bytes.map(bits::worst_case).sum()
 }
 
 /// The worst-case load of one bus.
@@ -138,6 +134,7 @@ pub struct Overload {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::canopen::layout;
     use crate::canopen::plan::tests::elbow;
     use crate::canopen::plan::tests::switch_box;
 
@@ -148,7 +145,11 @@ mod tests {
     }
 
     fn drives(count: usize) -> Vec<NodePlan> {
-        vec![elbow(); count]
+        let drive = |raw: usize| {
+            let node = NodeId::new(u8::try_from(raw).unwrap()).unwrap();
+            NodePlan { node, pdos: layout::per_drive(node, Some(5)), ..elbow() }
+        };
+        (1..=count).map(drive).collect()
     }
 
     fn cyclic(drives: &[NodePlan], period_us: u32) -> BusLoad {
@@ -171,16 +172,16 @@ mod tests {
         let mut plans = drives(3);
         plans.push(switch_box());
         let load = BusLoad::of(&streams(&plans, 1_000, master(), 5), MBIT, 1_000);
-        // 745 cyclic, 65 of the switches on each inhibit time, heartbeats 13 + 4 x 2.6.
-        assert_eq!(load.to_string(), "833.4 of 1000 bits a cycle, 83.3 %");
+        // 745 cyclic, 65 of the switches every 5 ms, heartbeats 13 + 4 x 2.6.
+        assert_eq!(load.to_string(), "781.4 of 1000 bits a cycle, 78.1 %");
         assert_eq!(load.within(90.0), Ok(load));
     }
 
     #[test]
-    fn an_event_driven_frame_counts_as_often_as_its_inhibit_time_lets_it() {
+    fn an_event_driven_frame_counts_as_often_as_its_event_timer_sends_it() {
         let pdo = switch_box().pdos.swap_remove(0);
         let bits = |cycle_us| Stream::pdo(&pdo, cycle_us).unwrap().bits_in(cycle_us).to_string();
-        assert_eq!([bits(500), bits(1_000), bits(4_000)], ["32.5", "65", "260"]);
+        assert_eq!([bits(500), bits(1_000), bits(4_000)], ["6.5", "13", "52"]);
     }
 
     #[test]

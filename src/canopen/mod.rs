@@ -8,6 +8,7 @@ pub mod dictionary;
 pub mod drive;
 pub mod eds;
 pub mod emcy;
+pub mod exchange;
 pub mod frame;
 pub mod heartbeat;
 mod ini;

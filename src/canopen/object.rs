@@ -27,6 +27,9 @@ const fn var(index: u16) -> Object {
 }
 
 impl Object {
+    /// INTEGER16 as a dummy: 16 bits of an RPDO that this node does not take (CiA 301, 7.4.7.1).
+    pub const DUMMY_INTEGER16: Self = var(0x0003);
+
     // CiA 301, 7.5: communication profile.
     pub const DEVICE_TYPE: Self = var(0x1000);
     pub const ERROR_REGISTER: Self = var(0x1001);
@@ -67,6 +70,11 @@ impl Object {
 
     // CiA 401: the switch box.
     pub const DIGITAL_INPUTS: Self = Self { index: 0x6000, sub: 1 };
+
+    /// Whether it is a data type, and so stands for bits that nobody takes.
+    pub const fn is_dummy(self) -> bool {
+        self.index < 0x0020
+    }
 
     /// RPDO communication parameter of RPDO `number` (1 to 512), sub-index `sub`.
     pub const fn rpdo_communication(number: u16, sub: u8) -> Self {

@@ -39,6 +39,8 @@ pub enum Demand {
     Transmit,
     /// Have it in an RPDO.
     Receive,
+    /// Skip as many bits of an RPDO as this data type has.
+    Skip,
 }
 
 /// As in "cannot be …".
@@ -48,6 +50,7 @@ impl fmt::Display for Demand {
             Self::Write => "written",
             Self::Transmit => "mapped into a TPDO",
             Self::Receive => "mapped into an RPDO",
+            Self::Skip => "mapped into an RPDO as a dummy",
         })
     }
 }
@@ -156,6 +159,11 @@ impl NodePlan {
         }
     }
 
+    /// Whether it is a CiA 402 drive.
+    pub const fn is_drive(&self) -> bool {
+        self.profile == PROFILE_DRIVE
+    }
+
     /// What the node must be able to do with which objects, for all of this to succeed.
     pub fn demands(&self) -> impl Iterator<Item = (Object, Demand)> + '_ {
         let in_use = self.pdos.iter().filter_map(|pdo| Some((pdo, pdo.service.as_ref()?)));
@@ -164,7 +172,9 @@ impl NodePlan {
                 Direction::Receive => Demand::Receive,
                 Direction::Transmit => Demand::Transmit,
             };
-            service.mapping.iter().map(move |mapped| (mapped.object, demand))
+            service.mapping.iter().map(move |mapped| {
+                (mapped.object, if mapped.object.is_dummy() { Demand::Skip } else { demand })
+            })
         });
         let pdos = in_use.flat_map(|(pdo, _)| pdo.writes()).map(|(object, _)| object);
         let safety = self.safety.iter().map(|(object, _)| *object);
@@ -177,7 +187,7 @@ impl NodePlan {
     /// Everything there is to do before the node is started, in order.
     pub fn steps(&self) -> Vec<Step> {
         let mut steps = self.meeting();
-        if self.profile == PROFILE_DRIVE {
+        if self.is_drive() {
             steps.extend(power_off());
         }
         for pdo in &self.pdos {

@@ -17,6 +17,7 @@ pub mod torque_data;
 pub use gain_check::Operator;
 pub use joints::Joint;
 pub use network::BusSettings;
+pub use network::Layout;
 pub use network::SwitchBox;
 pub use problem::Invalid;
 pub use problem::Problem;
@@ -30,6 +31,9 @@ use std::time::Duration;
 use nalgebra::Isometry3;
 
 use crate::canopen::NodeId;
+use crate::canopen::exchange;
+use crate::canopen::exchange::Inbox;
+use crate::canopen::exchange::Outbox;
 use crate::canopen::frame::Channel;
 use crate::canopen::load::BusLoad;
 use crate::canopen::plan::NodePlan;
@@ -129,15 +133,21 @@ impl Config {
         (0..).zip(&self.buses).map(|(place, _)| Channel(place)).collect()
     }
 
-    /// How long after a SYNC samples are waited for: what a period leaves when the RPDOs and a tenth
-    /// for the host are taken off.
+    /// How long after a SYNC samples are waited for: what a period leaves when the RPDOs that must be
+    /// there before the next SYNC, and a fiftieth for the host, are taken off.
     pub fn window(&self) -> Duration {
-        self.period.saturating_sub(network::rpdo_time(self)).saturating_sub(self.period / 10)
+        self.period.saturating_sub(network::rpdo_time(self)).saturating_sub(self.period / 50)
     }
 
     /// What every node is to be and to be told, in the order of the joints, then the switch box.
     pub fn node_plans(&self) -> Vec<(Channel, NodePlan)> {
         network::plans(self)
+    }
+
+    /// Which bits of which frame are whose. Layouts that contradict each other are a problem of the
+    /// file and so never get here.
+    pub fn exchange(&self) -> (Inbox, Outbox) {
+        exchange::resolve(&self.node_plans()).unwrap_or_default()
     }
 
     /// What is to be said of the gains: every inequality of every axis, held or not.

@@ -6,11 +6,17 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::canopen::NodeId;
+use crate::canopen::bits;
+use crate::canopen::eds::Described;
 use crate::canopen::eds::Eds;
+use crate::canopen::emcy;
+use crate::canopen::exchange;
 use crate::canopen::frame::Channel;
 use crate::canopen::layout;
+use crate::canopen::layout::Group;
 use crate::canopen::load;
 use crate::canopen::load::BusLoad;
+use crate::canopen::object::Object;
 use crate::canopen::plan::Demand;
 use crate::canopen::plan::Identity;
 use crate::canopen::plan::NodePlan;
@@ -37,8 +43,30 @@ pub struct BusSettings {
     pub interface: String,
     /// In bit/s.
     pub bitrate: u32,
+    /// Which PDOs its drives have.
+    pub layout: Layout,
     /// The most its worst case may take, in percent of the bit rate.
     pub load_limit_percent: f64,
+}
+
+/// Which PDOs the drives of a bus have.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Layout {
+    /// One each way for each drive.
+    #[default]
+    PerDrive,
+    /// One frame of targets for three drives.
+    Grouped,
+}
+
+impl Layout {
+    fn called(name: &str) -> Option<Self> {
+        match name {
+            "per-drive" => Some(Self::PerDrive),
+            "grouped" => Some(Self::Grouped),
+            _ => None,
+        }
+    }
 }
 
 /// The switch box on the network.
@@ -75,9 +103,9 @@ pub(super) fn buses(raw: &raw::File, problems: &mut Problems<'_>) -> Vec<BusSett
         if !BITRATES.contains(&bus.bitrate) {
             problems.add(&key("bitrate"), format_args!("{} is none of {BITRATES:?}", bus.bitrate));
         }
-        if bus.layout != "per-drive" {
-            problems
-                .add(&key("layout"), format_args!("\"{}\": there is \"per-drive\"", bus.layout));
+        if Layout::called(&bus.layout).is_none() {
+            let reason = format!("\"{}\": there are \"per-drive\" and \"grouped\"", bus.layout);
+            problems.add(&key("layout"), reason);
         }
         problems.within(&key("load_limit_percent"), bus.load_limit_percent, 1.0..=100.0);
     }
@@ -87,6 +115,7 @@ pub(super) fn buses(raw: &raw::File, problems: &mut Problems<'_>) -> Vec<BusSett
             name: bus.name.clone(),
             interface: bus.interface.clone(),
             bitrate: bus.bitrate,
+            layout: Layout::called(&bus.layout).unwrap_or_default(),
             load_limit_percent: bus.load_limit_percent,
         })
         .collect()
@@ -166,6 +195,7 @@ pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
     identity("switches.product_code", &config.switches.eds, &config.switches.identity, problems);
     abilities("switches.eds", &config.switches.eds, &switches_plan(config), problems);
 
+    problems.take("bus", exchange::resolve(&plans(config)));
     for (place, (bus, load)) in config.buses.iter().zip(loads(config)).enumerate() {
         let key = format!("bus[{place}].load_limit_percent");
         problems.take(&key, load.within(bus.load_limit_percent));
@@ -181,14 +211,45 @@ pub(super) fn plans(config: &Config) -> Vec<(Channel, NodePlan)> {
 
 fn drive_plan(config: &Config, place: usize, joint: &Joint) -> NodePlan {
     let name = format!("joint {} ({})", place + 1, joint.name);
-    let pdos = layout::per_drive(joint.node, Some(config.safety.rpdo_timer_ms));
+    let timer = Some(config.safety.rpdo_timer_ms);
+    let group = group(config, joint);
+    let mut pdos = match group {
+        Some(group) => layout::grouped(joint.node, place, group, timer),
+        None => layout::per_drive(joint.node, timer),
+    };
+    layout::switch_off_others(&mut pdos, |object| joint.eds.object(object).is_some());
     let most = joint.calibration.max_target().0.unsigned_abs();
-    NodePlan::drive(name, joint.node, joint.identity, pdos, &watch(config), most)
+    let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch(config), most);
+    behind_the_pdos(plan, &joint.eds)
+}
+
+/// The drives that share a joint's frame of targets; `None` where each has its own.
+fn group(config: &Config, joint: &Joint) -> Option<Group> {
+    let bus = config.buses.get(usize::from(joint.channel.0))?;
+    if bus.layout != Layout::Grouped {
+        return None;
+    }
+    let here = config.joints.iter().filter(|other| other.channel == joint.channel);
+    let nodes: Vec<NodeId> = here.map(|other| other.node).collect();
+    let groups = nodes.iter().zip(Group::threes(&nodes));
+    groups.into_iter().find_map(|(node, group)| (*node == joint.node).then_some(group))
+}
+
+/// With its emergencies behind the PDOs, where the device lets them be moved: by default they outrank
+/// every PDO, and six at once would keep the torques off the bus for most of a millisecond.
+fn behind_the_pdos(plan: NodePlan, eds: &Eds) -> NodePlan {
+    let can_be_moved =
+        eds.object(Object::EMCY_COB_ID).is_some_and(|described| described.access.is_writable());
+    let low = emcy::low_cob_id(plan.node).filter(|_| can_be_moved);
+    NodePlan { emcy_cob_id: low.unwrap_or(plan.emcy_cob_id), ..plan }
 }
 
 fn switches_plan(config: &Config) -> NodePlan {
     let SwitchBox { node, identity, .. } = &config.switches;
-    NodePlan::switches("switch box".to_owned(), *node, *identity, &watch(config))
+    let mut plan = NodePlan::switches("switch box".to_owned(), *node, *identity, &watch(config));
+    let eds = &config.switches.eds;
+    layout::switch_off_others(&mut plan.pdos, |object| eds.object(object).is_some());
+    behind_the_pdos(plan, eds)
 }
 
 fn watch(config: &Config) -> Watch {
@@ -228,11 +289,11 @@ pub(super) fn loads(config: &Config) -> Vec<BusLoad> {
     buses.map(load).collect()
 }
 
-/// How long the RPDOs of one cycle take on the slowest bus, in the worst case.
+/// How long the RPDOs of every cycle take on the slowest bus, in the worst case.
 pub(super) fn rpdo_time(config: &Config) -> Duration {
+    let (_, outbox) = config.exchange();
     let time = |(channel, bus): (Channel, &BusSettings)| {
-        let here = plans(config).into_iter().filter(|(place, _)| *place == channel);
-        let bits: u32 = here.map(|(_, plan)| load::rpdo_bits(&plan)).sum();
+        let bits: u32 = outbox.bytes_on(channel).map(bits::worst_case).sum();
         Duration::from_secs(1) * bits / bus.bitrate.max(1)
     };
     (0..).map(Channel).zip(&config.buses).map(time).max().unwrap_or_default()
@@ -241,17 +302,20 @@ pub(super) fn rpdo_time(config: &Config) -> Duration {
 /// The device must have, by its EDS, every object that is to be set in it.
 fn abilities(key: &str, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
     for (object, demand) in plan.demands() {
-        let Some(described) = eds.object(object) else {
+        if eds.object(object).is_none() && demand != Demand::Skip {
             problems.add(key, format_args!("{}: {object} is not in its EDS", plan.name));
-            continue;
-        };
-        let is_able = match demand {
-            Demand::Write => described.access.is_writable(),
-            Demand::Transmit => described.is_mappable && described.access.is_input(),
-            Demand::Receive => described.is_mappable && described.access.is_output(),
-        };
-        if !is_able {
+        } else if !is_able(eds, object, demand) {
             problems.add(key, format_args!("{}: {object} cannot be {demand}", plan.name));
         }
+    }
+}
+
+fn is_able(eds: &Eds, object: Object, demand: Demand) -> bool {
+    let can = |is: fn(&Described) -> bool| eds.object(object).is_some_and(is);
+    match demand {
+        Demand::Write => can(|described| described.access.is_writable()),
+        Demand::Transmit => can(|described| described.is_mappable && described.access.is_input()),
+        Demand::Receive => can(|described| described.is_mappable && described.access.is_output()),
+        Demand::Skip => eds.dummy(object.index),
     }
 }

@@ -67,6 +67,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub fn bring_up(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         self.master.restart();
         self.samples.restart();
+        self.outbox.restart();
         let quiet = self.bus.now() + LISTEN_FIRST;
         while self.bus.receive(quiet).is_some() {}
         let booted = self.boot(give_up);

@@ -18,7 +18,6 @@ use crate::canopen::drive::State;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
-use crate::canopen::pdo::DriveTarget;
 use crate::canopen::pdo::PerMille;
 use crate::canopen::sync::Sync;
 use crate::controller::Input;
@@ -70,7 +69,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             mode: self.safety.mode(),
             cause: self.safety.cause(),
             sampled: self.samples.fresh(),
-            inputs: self.samples.inputs(now).map(|inputs| u8::from_le_bytes(inputs.encode())),
+            inputs: self.samples.inputs(now).map(|inputs| inputs.bits()),
             f_s,
             x_b_m: input.x_b_m,
             output,
@@ -124,7 +123,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         if skipped > OVERRUN && self.cycle > 0 {
             self.safety.stop(now, Cause::Overrun { cycles: skipped });
         }
-        let missing = self.samples.end();
+        let missing = self.samples.end(now);
         self.heed(now, missing);
         match self.not_enabled() {
             Some(drive) => self.safety.not_enabled(now, drive),
@@ -175,14 +174,18 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     fn send_targets(&mut self, targets: &[i16; 6], drives_on: bool) {
         let goal = if drives_on { Goal::OperationEnabled } else { Goal::VoltageDisabled };
-        let joints = self.drives.iter().zip(self.samples.latest()).zip(&mut self.power);
-        let telegrams = joints.zip(targets).map(|(((drive, sample), power), target)| {
-            let controlword = power.controlword(sample.statusword.state(), goal);
-            let target = DriveTarget { controlword, torque: PerMille(*target) };
-            let frame = Frame::new(drive.cob_id, target.encode());
-            Telegram { channel: drive.channel, frame }
-        });
-        self.out.extend(telegrams);
+        let joints = self.samples.latest().iter().zip(&mut self.power).zip(targets);
+        for (joint, ((sample, power), target)) in joints.enumerate() {
+            self.outbox.exert(joint, PerMille(*target));
+            // A fault is reset by an edge, so no word is replaced before it is sent, unless by "off".
+            if !drives_on || !self.outbox.is_waiting(joint) {
+                let state = sample.statusword.state();
+                let word = power.controlword(state, goal);
+                self.outbox.lead(joint, word, goal.is_reached(state));
+            }
+        }
+        self.outbox.cyclic(&mut self.out);
+        self.outbox.changed(&mut self.out);
         self.post();
     }
 

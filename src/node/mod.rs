@@ -20,17 +20,16 @@ use std::time::Duration;
 use crate::bus::Bus;
 use crate::canopen::NmtState;
 use crate::canopen::drive::PowerStage;
+use crate::canopen::exchange::Outbox;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
 use crate::canopen::heartbeat::Producer;
-use crate::canopen::layout;
 use crate::canopen::master::Master;
 use crate::config::Config;
 use crate::controller::Controller;
 use crate::controller::switches::Mode as CommandMode;
 use crate::node::safety::Ramps;
 use crate::node::safety::Safety;
-use crate::node::samples::Place;
 use crate::node::samples::Samples;
 use crate::node::schedule::Schedule;
 use crate::remote::Remote;
@@ -48,8 +47,8 @@ pub struct Node<B, R> {
     /// How long after a SYNC samples are waited for.
     window: Duration,
     channels: Vec<Channel>,
-    /// Where each joint's target goes.
-    drives: [Place; 6],
+    /// What the drives are told, in the frames of the layout.
+    outbox: Outbox,
     master: Master,
     heartbeat: Producer,
     controller: Controller,
@@ -68,27 +67,23 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// A node that has sent nothing yet.
     pub fn new(config: &Config, bus: B, mut remote: R) -> Self {
         let now = bus.now();
-        let joints = config.joints.each_ref().map(|joint| (joint.channel, joint.node));
-        let drives = joints.map(|(channel, node)| Place { channel, cob_id: layout::rpdo1(node) });
-        let samples = joints.map(|(channel, node)| Place { channel, cob_id: layout::tpdo1(node) });
-        let switches =
-            Place { channel: config.switches.channel, cob_id: layout::tpdo1(config.switches.node) };
         let ramps = Ramps {
             gravity: config.safety.gravity_ramp,
             reflection: config.safety.reflection_ramp,
         };
         let sensed = remote.exchange(now, &Motion::Hold);
+        let (inbox, outbox) = config.exchange();
         Self {
             period: config.period,
             window: config.window(),
             channels: config.channels(),
-            drives,
+            outbox,
             master: Master::new(config.node_plans()),
             heartbeat: Producer::new(config.node_id, config.heartbeat, NmtState::Operational),
             controller: Controller::new(&config.controller),
             command_mode: config.command_mode,
             safety: Safety::new(ramps),
-            samples: Samples::new(samples, switches, config.safety.missing_samples),
+            samples: Samples::new(inbox, config.safety.missing_samples),
             power: Default::default(),
             schedule: Schedule::starting(now, config.period),
             cycle: 0,

@@ -67,6 +67,7 @@ pub enum Reaction {
 pub const fn reaction(cause: &Cause) -> Reaction {
     match cause {
         Cause::SamplesMissing { .. }
+        | Cause::StatusMissing { .. }
         | Cause::DriveLeft { .. }
         | Cause::Emergency { .. }
         | Cause::ControllerFault { .. }
@@ -131,6 +132,7 @@ pub const fn needs_boot(cause: &Cause) -> bool {
         | Cause::BusDown { .. }
         | Cause::QueueFull { .. }
         | Cause::SamplesMissing { .. }
+        | Cause::StatusMissing { .. }
         | Cause::EnableTimeout { .. } => true,
         Cause::DriveLeft { .. }
         | Cause::Emergency { .. }

@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use crate::canopen::frame::Channel;
+use crate::canopen::drive::Statusword;
+use crate::canopen::exchange::Inbox;
+use crate::canopen::exchange::Told;
 use crate::canopen::frame::Telegram;
 use crate::canopen::pdo::DriveSample;
 use crate::canopen::pdo::SwitchInputs;
@@ -12,28 +14,19 @@ use crate::time::Instant;
 /// The switch box repeats its inputs every 5 ms; after three of those in silence it is not believed.
 const SWITCHES_STALE: Duration = Duration::from_millis(15);
 
-/// Where a cyclic frame is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place {
-    /// Its bus.
-    pub(super) channel: Channel,
-    /// Its COB-ID.
-    pub(super) cob_id: u16,
-}
-
-impl Place {
-    fn is_of(&self, telegram: &Telegram) -> bool {
-        self.channel == telegram.channel && self.cob_id == telegram.frame.cob_id
-    }
-}
+/// A statusword that does not come with the position is repeated; this many in silence are too many.
+const STATUS_MISSED: u32 = 3;
 
 /// The newest sample of each joint.
 #[derive(Clone, Debug)]
 pub(super) struct Samples {
-    drives: [Place; 6],
-    switches: Place,
+    inbox: Inbox,
     patience: u32,
+    /// How old a joint's statusword may be; `None` where it comes with the position.
+    status_stale: [Option<Duration>; 6],
     latest: [DriveSample; 6],
+    /// When each joint last told its state.
+    status_at: [Option<Instant>; 6],
     fresh: [bool; 6],
     missing: [u32; 6],
     inputs: Option<(Instant, SwitchInputs)>,
@@ -41,17 +34,20 @@ pub(super) struct Samples {
 }
 
 impl Samples {
-    /// Nothing heard yet. `patience` is how many cycles in a row a joint may miss.
-    pub(super) fn new(drives: [Place; 6], switches: Place, patience: u32) -> Self {
+    /// Nothing heard yet. The nodes of `inbox` are the joints, then the switch box. `patience` is how
+    /// many cycles in a row a joint may miss.
+    pub(super) fn new(inbox: Inbox, patience: u32) -> Self {
+        let stale = |joint| inbox.status_repeated(joint).map(|every| every * STATUS_MISSED);
         Self {
-            drives,
-            switches,
             patience,
+            status_stale: std::array::from_fn(stale),
             latest: [DriveSample::default(); 6],
+            status_at: [None; 6],
             fresh: [false; 6],
             missing: [0; 6],
             inputs: None,
             malformed: 0,
+            inbox,
         }
     }
 
@@ -60,26 +56,29 @@ impl Samples {
         self.fresh = [false; 6];
     }
 
-    /// Takes a cyclic frame; false if it is none. One of the wrong length counts as not come.
+    /// Takes a frame; false if it is none of the exchange. One of the wrong length counts as not come.
     pub(super) fn on_frame(&mut self, at: Instant, telegram: &Telegram) -> bool {
-        if self.switches.is_of(telegram) {
-            match SwitchInputs::decode(telegram.frame.data()) {
-                Ok(inputs) => self.inputs = Some((at, inputs)),
-                Err(_) => self.malformed += 1,
-            }
-            return true;
+        match self.inbox.read(telegram) {
+            None => return false,
+            Some(Ok(told)) => self.take(at, told),
+            Some(Err(_)) => self.malformed += 1,
         }
-        let joints = self.drives.iter().zip(&mut self.latest).zip(&mut self.fresh);
-        for ((place, latest), fresh) in joints {
-            if place.is_of(telegram) {
-                match DriveSample::decode(telegram.frame.data()) {
-                    Ok(sample) => (*latest, *fresh) = (sample, true),
-                    Err(_) => self.malformed += 1,
-                }
-                return true;
-            }
+        true
+    }
+
+    fn take(&mut self, at: Instant, told: Told) {
+        if let Some(inputs) = told.inputs {
+            self.inputs = Some((at, inputs));
         }
-        false
+        let node = told.node;
+        let Some(sample) = self.latest.get_mut(node) else { return };
+        sample.torque = told.torque.unwrap_or(sample.torque);
+        if let (Some(word), Some(heard)) = (told.statusword, self.status_at.get_mut(node)) {
+            (sample.statusword, *heard) = (word, Some(at));
+        }
+        if let (Some(position), Some(fresh)) = (told.position, self.fresh.get_mut(node)) {
+            (sample.position, *fresh) = (position, true);
+        }
     }
 
     /// Whether every joint has answered this SYNC.
@@ -88,7 +87,7 @@ impl Samples {
     }
 
     /// The window is over: counts who is missing, and says who has been for too long.
-    pub(super) fn end(&mut self) -> Option<Cause> {
+    pub(super) fn end(&mut self, now: Instant) -> Option<Cause> {
         let mut lost = None;
         for (joint, (missing, fresh)) in (1..).zip(self.missing.iter_mut().zip(&self.fresh)) {
             *missing = if *fresh { 0 } else { missing.saturating_add(1) };
@@ -96,13 +95,26 @@ impl Samples {
                 lost = lost.or(Some(Cause::SamplesMissing { joint, cycles: *missing }));
             }
         }
-        lost
+        lost.or_else(|| self.status_missing(now))
     }
 
-    /// Forgets what was missed: the network starts anew.
+    /// The first joint that has not told its state for too long. Before it ever has, that it is not
+    /// enabled says enough.
+    fn status_missing(&self, now: Instant) -> Option<Cause> {
+        let joints = (1..).zip(self.status_at.iter().zip(&self.status_stale));
+        let mut silent = joints.filter_map(|(joint, (heard, stale))| {
+            let silent = now.since((*heard)?);
+            (silent > (*stale)?).then_some(Cause::StatusMissing { joint })
+        });
+        silent.next()
+    }
+
+    /// Forgets what was missed and what state the drives were in: the network starts anew.
     pub(super) fn restart(&mut self) {
         self.missing = [0; 6];
         self.fresh = [false; 6];
+        self.status_at = [None; 6];
+        self.latest.iter_mut().for_each(|sample| sample.statusword = Statusword::default());
         self.inputs = None;
     }
 
@@ -125,43 +137,49 @@ impl Samples {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::drive::Statusword;
+    use crate::canopen::exchange;
+    use crate::canopen::frame::Channel;
     use crate::canopen::frame::Frame;
     use crate::canopen::pdo::Counts;
+    use crate::config::Config;
+    use std::path::Path;
 
-    fn samples() -> Samples {
-        let place = |cob_id| Place { channel: Channel(0), cob_id };
-        let drives = [0x181, 0x182, 0x183, 0x184, 0x185, 0x186].map(place);
-        Samples::new(drives, place(0x190), 3)
+    /// As `name` has it: `kraft_like_500hz` with all in one TPDO, `kraft_like` with the state apart.
+    fn samples(name: &str) -> Samples {
+        let config = Config::load(Path::new(&format!("config/{name}.toml"))).unwrap();
+        let (inbox, _) = exchange::resolve(&config.node_plans()).unwrap();
+        Samples::new(inbox, 3)
     }
 
-    fn answer(samples: &mut Samples, joint: u16, position: i32) -> bool {
-        let statusword = Statusword(0x0237);
-        let sample =
-            DriveSample { statusword, position: Counts(position), ..DriveSample::default() };
-        let frame = Frame::new(0x180 + joint, sample.encode());
-        samples.on_frame(Instant::ZERO, &Telegram { channel: Channel(0), frame })
+    fn hear(samples: &mut Samples, at: u64, cob_id: u16, data: &[u8]) -> bool {
+        let frame = Frame::from_slice(cob_id, data).unwrap();
+        samples.on_frame(Instant::from_micros(at), &Telegram { channel: Channel(0), frame })
+    }
+
+    fn answer(samples: &mut Samples, joint: u16) {
+        assert!(hear(samples, 0, 0x180 + joint, &[0x37, 0x02, 7, 0, 0, 0, 0, 0]));
     }
 
     #[test]
     fn a_cycle_is_complete_when_every_joint_has_answered_its_sync() {
-        let mut samples = samples();
+        let mut samples = samples("kraft_like_500hz");
         samples.begin();
-        (1..=5).for_each(|joint| assert!(answer(&mut samples, joint, 7)));
+        (1..=5).for_each(|joint| answer(&mut samples, joint));
         assert!(!samples.is_complete());
-        answer(&mut samples, 6, 7);
+        answer(&mut samples, 6);
         assert!(samples.is_complete());
+        assert_eq!(samples.latest()[5].position, Counts(7));
         samples.begin();
         assert!(!samples.is_complete(), "the next SYNC asks anew");
     }
 
     #[test]
     fn a_joint_that_misses_too_often_in_a_row_is_named_and_one_answer_forgives() {
-        let mut samples = samples();
+        let mut samples = samples("kraft_like_500hz");
         let mut cycle = |answering: &[u16]| {
             samples.begin();
-            answering.iter().for_each(|joint| assert!(answer(&mut samples, *joint, 0)));
-            samples.end()
+            answering.iter().for_each(|joint| answer(&mut samples, *joint));
+            samples.end(Instant::ZERO)
         };
         let (all, without_two) = ([1, 2, 3, 4, 5, 6], [1, 3, 4, 5, 6]);
         assert_eq!([cycle(&without_two), cycle(&without_two), cycle(&all)], [None; 3]);
@@ -172,21 +190,45 @@ mod tests {
 
     #[test]
     fn a_frame_of_the_wrong_length_or_on_the_other_bus_is_no_answer() {
-        let mut samples = samples();
+        let mut samples = samples("kraft_like_500hz");
         samples.begin();
-        let frame = Frame::new(0x181, [0x37, 0x02]);
-        assert!(samples.on_frame(Instant::ZERO, &Telegram { channel: Channel(0), frame }));
-        let frame = Frame::new(0x182, DriveSample::default().encode());
+        assert!(hear(&mut samples, 0, 0x181, &[0x37, 0x02]));
+        let frame = Frame::new(0x182, [0; 8]);
         assert!(!samples.on_frame(Instant::ZERO, &Telegram { channel: Channel(1), frame }));
         assert_eq!(samples.fresh(), [false; 6]);
     }
 
     #[test]
     fn a_switch_box_that_falls_silent_is_not_believed() {
-        let mut samples = samples();
-        let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x190, [0b0001]) };
-        samples.on_frame(Instant::from_micros(1_000), &telegram);
+        let mut samples = samples("kraft_like");
+        assert!(hear(&mut samples, 1_000, 0x190, &[0b0001]));
         assert!(samples.inputs(Instant::from_micros(16_000)).is_some());
         assert!(samples.inputs(Instant::from_micros(16_001)).is_none());
+    }
+
+    #[test]
+    fn a_state_that_comes_by_itself_answers_no_sync() {
+        let mut samples = samples("kraft_like");
+        samples.begin();
+        assert!(hear(&mut samples, 0, 0x281, &[0x37, 0x02]));
+        assert_eq!(samples.fresh(), [false; 6]);
+        assert!(hear(&mut samples, 0, 0x181, &[7, 0, 0, 0]));
+        assert_eq!(samples.fresh(), [true, false, false, false, false, false]);
+        let sample = samples.latest()[0];
+        assert_eq!((sample.statusword.0, sample.position), (0x0237, Counts(7)));
+    }
+
+    #[test]
+    fn a_state_that_is_not_repeated_is_missed_although_positions_come() {
+        let mut samples = samples("kraft_like");
+        hear(&mut samples, 1_000, 0x283, &[0x37, 0x02]);
+        samples.begin();
+        (1..=6).for_each(|joint| assert!(hear(&mut samples, 1_000, 0x180 + joint, &[0; 4])));
+        assert_eq!(samples.end(Instant::from_micros(151_000)), None);
+        let cause = Some(Cause::StatusMissing { joint: 3 });
+        assert_eq!(samples.end(Instant::from_micros(151_001)), cause);
+        samples.restart();
+        assert_eq!(samples.latest()[2].statusword, Statusword::default());
+        assert_eq!(samples.end(Instant::from_micros(151_002)), None);
     }
 }

@@ -296,8 +296,8 @@ mod tests {
     use crate::canopen::layout;
     use crate::canopen::master::Event;
     use crate::canopen::master::Master;
+    use crate::canopen::pdo::Counts;
     use crate::canopen::pdo::DriveSample;
-    use crate::canopen::pdo::DriveTarget;
     use crate::canopen::pdo::PerMille;
     use crate::canopen::plan::Identity;
     use crate::canopen::plan::NodePlan;
@@ -343,6 +343,16 @@ mod tests {
             node_lost_ms: 60,
         };
         NodePlan::drive("joint 3".into(), node(), identity, pdos, &watch, 1_000)
+    }
+
+    /// TPDO1 of the layout with one frame each way.
+    fn sample(data: &[u8]) -> Option<DriveSample> {
+        let &[s0, s1, p0, p1, p2, p3, t0, t1] = data else { return None };
+        Some(DriveSample {
+            statusword: Statusword(u16::from_le_bytes([s0, s1])),
+            position: Counts(i32::from_le_bytes([p0, p1, p2, p3])),
+            torque: PerMille(i16::from_le_bytes([t0, t1])),
+        })
     }
 
     /// A drive and the master's side of its wire.
@@ -418,7 +428,7 @@ mod tests {
                 match frame.cob_id {
                     // Until it is mapped, only the statusword is in it.
                     0x183 => {
-                        self.sample = DriveSample::decode(frame.data()).unwrap_or(self.sample);
+                        self.sample = sample(frame.data()).unwrap_or(self.sample);
                     }
                     0x083 => self.emergencies.push(*frame),
                     _ => {}
@@ -437,8 +447,9 @@ mod tests {
             self.say(Sync::default().frame());
             self.pass();
             let controlword = self.stage.controlword(self.sample.statusword.state(), goal);
-            let target = DriveTarget { controlword, torque: PerMille(torque) };
-            self.say(Frame::new(0x203, target.encode()));
+            let [c0, c1] = controlword.0.to_le_bytes();
+            let [t0, t1] = torque.to_le_bytes();
+            self.say(Frame::new(0x203, [c0, c1, t0, t1]));
         }
 
         /// Booted and enabled, with this target.

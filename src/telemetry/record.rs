@@ -50,6 +50,8 @@ impl fmt::Display for Mode {
 pub enum Cause {
     /// A drive's samples did not come in time, several cycles in a row.
     SamplesMissing { joint: usize, cycles: u32 },
+    /// A drive no longer tells its state, although its positions come.
+    StatusMissing { joint: usize },
     /// A drive left `Operation enabled` by itself.
     DriveLeft { joint: usize, statusword: u16 },
     /// A node sent an emergency message.
@@ -81,6 +83,7 @@ pub enum Cause {
 impl fmt::Display for Cause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::StatusMissing { joint } => write!(f, "joint {joint}: statusword missing"),
             Self::SamplesMissing { joint, cycles } => {
                 write!(f, "joint {joint}: no sample for {cycles} cycles")
             }

@@ -1,0 +1,92 @@
+//! A run of bits in a frame. The eight bytes are one number, the first byte its lowest (CiA 301, 7.2.2.5).
+
+use crate::canopen::layout::Mapped;
+use crate::canopen::layout::Service;
+
+/// Where a mapped object is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Slot {
+    shift: u32,
+    /// As many ones as it has bits, in their place.
+    mask: u64,
+}
+
+impl Slot {
+    /// What stands there in `content`, little-endian.
+    pub(super) const fn read(self, content: u64) -> [u8; 8] {
+        ((content & self.mask) >> self.shift).to_le_bytes()
+    }
+
+    /// Puts `value` there and leaves all else alone.
+    pub(super) const fn write(self, content: u64, value: u16) -> u64 {
+        let [low, high] = value.to_le_bytes();
+        let value = u64::from_le_bytes([low, high, 0, 0, 0, 0, 0, 0]);
+        content & !self.mask | value << self.shift & self.mask
+    }
+
+    /// Whether they have a bit in common.
+    pub(super) const fn overlaps(self, other: Self) -> bool {
+        self.mask & other.mask != 0
+    }
+}
+
+/// What a PDO holds, with its places; what lies beyond its 64 bits has none.
+pub(super) fn slots(service: &Service) -> impl Iterator<Item = (Mapped, Slot)> + '_ {
+    let mut shift = 0;
+    service.mapping.iter().map(move |mapped| {
+        let bits = u32::from(mapped.bits);
+        let ones = u64::MAX.checked_shr(64 - bits.min(64)).unwrap_or(0);
+        let slot = Slot { shift, mask: ones.checked_shl(shift).unwrap_or(0) };
+        shift += bits;
+        (*mapped, slot)
+    })
+}
+
+/// A frame's data as one number.
+pub(super) fn content(data: &[u8]) -> u64 {
+    data.iter().take(8).rev().fold(0, |content, byte| content << 8 | u64::from(*byte))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::object::Object;
+    use crate::canopen::sync::Transmission;
+    use proptest::prelude::*;
+
+    fn service(bits: &[u8]) -> Service {
+        let mapping = bits.iter().map(|bits| Mapped { object: Object::STATUSWORD, bits: *bits });
+        Service {
+            transmission: Transmission::EVERY_SYNC,
+            inhibit_100us: None,
+            event_timer_ms: None,
+            mapping: mapping.collect(),
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read_and_the_neighbours_stay(before in any::<u64>(), value in any::<u16>()) {
+            let service = service(&[16, 16, 16]);
+            let slots: Vec<Slot> = slots(&service).map(|(_, slot)| slot).collect();
+            let after = slots[1].write(before, value);
+            prop_assert_eq!(slots[1].read(after)[..2].to_vec(), value.to_le_bytes().to_vec());
+            for other in [slots[0], slots[2]] {
+                prop_assert_eq!(other.read(after), other.read(before));
+                prop_assert!(!other.overlaps(slots[1]));
+            }
+        }
+
+        #[test]
+        fn any_mapping_has_places(bits in proptest::collection::vec(any::<u8>(), 0..20)) {
+            for (_, slot) in slots(&service(&bits)) {
+                slot.read(slot.write(u64::MAX, 0xFFFF));
+            }
+        }
+    }
+
+    #[test]
+    fn the_first_byte_is_the_lowest() {
+        assert_eq!(content(&[0x37, 0x16, 0x01]), 0x01_1637);
+    }
+}

@@ -20,7 +20,7 @@ struct Cycle {
 }
 
 /// Checks every settled cycle in contact: each target torque is that of `g(q) + Jᵀ K_T F`, to half a
-/// per mille and what rounding leaves. Return to centre and damping must be off. Returns how many
+/// per mille and what rounding leaves. Return to centre, damping and the passivity layer must be off. Returns how many
 /// cycles were compared.
 pub(crate) fn torques_are_those_of_the_wall(log: &str, config: &Config, arm: &Arm) -> u32 {
     let mut compared = 0;
@@ -76,11 +76,13 @@ fn cycles(log: &str) -> impl Iterator<Item = Cycle> + '_ {
                 match (line.id & 0x780, joint) {
                     (0x180, 0..6) => {
                         cycle.counts[joint] =
-                            Some(i32::from_le_bytes(data[2..6].try_into().unwrap()));
+                            Some(i32::from_le_bytes(data[0..4].try_into().unwrap()));
                     }
-                    (0x200, 0..6) => {
-                        cycle.targets[joint] =
-                            Some(i16::from_le_bytes(data[2..4].try_into().unwrap()));
+                    (0x200, 0 | 3) => {
+                        for (slot, target) in data.chunks_exact(2).enumerate() {
+                            let target = i16::from_le_bytes(target.try_into().unwrap());
+                            cycle.targets[joint + slot] = Some(target);
+                        }
                     }
                     _ => {}
                 }

@@ -1,10 +1,18 @@
-//! What a candump log of the per-drive layout says.
+//! What a candump log of kraft_like.toml says: six drives in two groups of three.
 
 use std::collections::HashMap;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use frhc::telemetry::candump::Line;
+
+/// The frames of torques, of the nodes 1 to 3 and 4 to 6.
+pub(crate) const GROUPS: [u16; 2] = [0x201, 0x204];
+
+/// The frame that a node's torque is in.
+fn group_of(node: u16) -> u16 {
+    GROUPS[usize::from((node - 1) / 3)]
+}
 
 /// One CANopen frame of a log.
 #[derive(Clone, Debug)]
@@ -29,7 +37,7 @@ impl Log {
     }
 
     /// Between `from` and `to` s after the first SYNC there is one SYNC a period, and after each of
-    /// them one TPDO and one RPDO of every drive before the next.
+    /// them one position of every drive and one frame of torques of every group before the next.
     pub(crate) fn has_one_exchange_a_period(
         &self,
         from: f64,
@@ -57,11 +65,9 @@ impl Log {
             for entry in &self.0[pair[0]..pair[1]] {
                 *count.entry(entry.id).or_default() += 1;
             }
-            for node in nodes.clone() {
-                for id in [0x180 + node, 0x200 + node] {
-                    let times = count.get(&id).copied().unwrap_or(0);
-                    assert_eq!(times, 1, "{id:03X} came {times} times after {:.3} s", after(this));
-                }
+            for id in nodes.clone().map(|node| 0x180 + node).chain(GROUPS) {
+                let times = count.get(&id).copied().unwrap_or(0);
+                assert_eq!(times, 1, "{id:03X} came {times} times after {:.3} s", after(this));
             }
             cycles += 1;
         }
@@ -72,26 +78,30 @@ impl Log {
     /// The last word to every drive is zero torque and no voltage, and the last word from it that its
     /// power stage is off.
     pub(crate) fn ends_with_every_drive_off(&self, nodes: RangeInclusive<u16>) {
+        let last = |id| self.0.iter().rev().find(|entry| entry.id == id).unwrap();
+        for group in GROUPS {
+            assert_eq!(last(group).data, [0; 6], "{group:03X}");
+        }
         for node in nodes {
-            let last = |id| self.0.iter().rev().find(|entry| entry.id == id).unwrap();
-            assert_eq!(last(0x200 + node).data, [0, 0, 0, 0], "node {node}");
-            assert_eq!(last(0x180 + node).data[0] & 0x6F, 0x40, "node {node}: switch on disabled");
+            assert_eq!(last(0x300 + node).data, [0, 0], "node {node}");
+            assert_eq!(last(0x280 + node).data[0] & 0x6F, 0x40, "node {node}: switch on disabled");
         }
     }
 
     /// The target torque last sent to a drive, in per mille.
     pub(crate) fn torque_sent_to(&self, node: u16) -> i16 {
-        let last = self.0.iter().rev().find(|entry| entry.id == 0x200 + node).unwrap();
-        i16::from_le_bytes([last.data[2], last.data[3]])
+        let last = self.0.iter().rev().find(|entry| entry.id == group_of(node)).unwrap();
+        let slot = usize::from((node - 1) % 3);
+        i16::from_le_bytes([last.data[2 * slot], last.data[2 * slot + 1]])
     }
 
     /// How long after the last target a drive said that it was torque-free: by the emergency 8250h
     /// whose manufacturer bytes begin with the torque it exerts and its statusword.
     pub(crate) fn torque_free_after(&self, node: u16) -> Option<Duration> {
-        let last = self.0.iter().rposition(|entry| entry.id == 0x200 + node)?;
+        let last = self.0.iter().rposition(|entry| entry.id == group_of(node))?;
         let emergency = self.0[last..]
             .iter()
-            .find(|entry| entry.id == 0x80 + node && entry.data.starts_with(&[0x50, 0x82]))?;
+            .find(|entry| entry.id == 0x680 + node && entry.data.starts_with(&[0x50, 0x82]))?;
         let &[_, _, _, t0, t1, s0, ..] = emergency.data.as_slice() else { return None };
         let is_off = i16::from_le_bytes([t0, t1]) == 0 && s0 & 0x04 == 0;
         is_off.then(|| Duration::from_nanos(emergency.nanos - self.0[last].nanos))

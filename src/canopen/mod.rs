@@ -7,6 +7,7 @@ pub mod device;
 pub mod dictionary;
 pub mod drive;
 pub mod eds;
+pub mod effective;
 pub mod emcy;
 pub mod exchange;
 pub mod frame;

@@ -136,7 +136,7 @@ impl Reader {
     fn ask(&mut self, now: Instant, out: &mut Vec<Frame>) {
         let is_over = self.asked == Question::Nothing;
         let ask = |object| Transfer::read(self.node, object, self.timeout, now, out);
-        self.transfer = if is_over { None } else { Some(self.object()).map(ask) };
+        self.transfer = if is_over { None } else { Some(ask(self.object())) };
     }
 
     fn on_outcome(

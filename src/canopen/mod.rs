@@ -3,6 +3,9 @@
 pub mod abort;
 pub mod bits;
 pub mod commission;
+pub mod concise;
+pub mod data_type;
+pub mod dcf;
 pub mod device;
 pub mod dictionary;
 pub mod drive;
@@ -10,7 +13,6 @@ pub mod eds;
 pub mod emcy;
 pub mod frame;
 pub mod heartbeat;
-mod ini;
 pub mod layout;
 pub mod load;
 pub mod master;

@@ -95,19 +95,6 @@ impl<'t> Title<'t> {
         });
         objects.or_else(|| named(name).map(Self::Named)).unwrap_or(Self::Other(name))
     }
-
-    /// The index of the object it is about.
-    pub(super) const fn index(self) -> Option<u16> {
-        match self {
-            Self::Object(index)
-            | Self::Sub(index, _)
-            | Self::Names(index)
-            | Self::Values(index)
-            | Self::Denotations(index)
-            | Self::Links(index) => Some(index),
-            Self::Named(_) | Self::Other(_) => None,
-        }
-    }
 }
 
 /// As CiA 306 spells it.

@@ -135,3 +135,110 @@ fn text(eds: &Eds, object: Object, content: &[u8]) -> Result<String, DcfError> {
     }
     Ok(text)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::NodeId;
+    use crate::canopen::plan::tests::elbow;
+    use crate::canopen::plan::tests::switch_box;
+
+    const DRIVE: &str = include_str!("../../eds/frhc_drive.eds");
+
+    fn parse(text: &str) -> Eds {
+        Eds::parse(text.as_bytes()).unwrap()
+    }
+
+    fn written(eds: &Eds, plan: &NodePlan) -> Result<Eds, DcfError> {
+        let name =
+            Commissioning { node_name: "elbow\r\n[2000]".into(), ..Commissioning::default() };
+        Ok(Eds::parse(&write(eds, plan, &name, "3_elbow.dcf")?).unwrap())
+    }
+
+    #[test]
+    fn a_dcf_holds_what_is_left_in_the_end() {
+        let plan = elbow();
+        let dcf = written(&parse(DRIVE), &plan).unwrap();
+        let value = |object| dcf.object(object).unwrap().setting.value.as_deref();
+        assert_eq!(value(Object::rpdo_communication(1, 1)), Some("0x00000203"), "on in the end");
+        assert_eq!(value(Object::rpdo_communication(2, 1)), Some("0x80000303"));
+        assert_eq!(value(Object::rpdo_mapping(1, 0)), Some("0x02"));
+        assert_eq!(value(Object::MODE_OF_OPERATION), Some("10"));
+        assert_eq!(value(Object::CONTROLWORD), None, "a command is no setting");
+        assert_eq!(value(Object::DEVICE_TYPE), None);
+        assert_eq!(dcf.commissioning().unwrap().node, Some(plan.node));
+    }
+
+    #[test]
+    fn a_name_cannot_break_its_line() {
+        let dcf = written(&parse(DRIVE), &elbow()).unwrap();
+        assert_eq!(dcf.commissioning().unwrap().node_name, "elbow  [2000]");
+        assert_eq!(dcf.objects().len(), parse(DRIVE).objects().len());
+    }
+
+    #[test]
+    fn pdos_that_are_told_compactly_are_spelt_out() {
+        let is_pdo = |section: &&str| {
+            !["14", "16", "18", "1A"].iter().any(|index| section.starts_with(index))
+        };
+        let sections: Vec<_> = DRIVE.split("\n[").filter(is_pdo).collect();
+        let text = sections.join("\n[").replace("Granularity=8", "Granularity=8\nCompactPDO=0x2E");
+        let (eds, plan) = (parse(&text), elbow());
+        let dcf = written(&eds, &plan).unwrap();
+        let identities = |eds: &Eds| {
+            let one = |one: &crate::canopen::eds::Described| {
+                (one.object, one.data_type, one.access, one.number)
+            };
+            eds.objects().iter().map(one).collect::<Vec<_>>()
+        };
+        assert_eq!(identities(&dcf), identities(&eds));
+        let configured = |object| dcf.object(object).unwrap().configured(plan.node);
+        assert_eq!(configured(Object::tpdo_communication(1, 1)), Some(vec![0x83, 1, 0, 0]));
+        assert_eq!(configured(Object::tpdo_mapping(1, 2)), Some(vec![0x20, 0, 0x64, 0x60]));
+    }
+
+    #[test]
+    fn arrays_that_are_told_compactly_stay_so() {
+        let (before, rest) = DRIVE.split_once("[1016]").unwrap();
+        let (_, behind) = rest.split_once("[1017]").unwrap();
+        let text = format!(
+            "{before}[1016]\nObjectType=8\nDataType=7\nAccessType=rw\nCompactSubObj=4\n\n[1017]{behind}"
+        );
+        let plan = elbow();
+        let dcf = written(&parse(&text), &plan).unwrap();
+        let watch = dcf.object(Object::CONSUMER_HEARTBEAT).unwrap();
+        assert_eq!(watch.configured(plan.node), Some(vec![22, 0, 0x7F, 0]));
+        assert_eq!(
+            dcf.object(Object { sub: 2, ..watch.object }).unwrap().configured(plan.node),
+            None
+        );
+    }
+
+    #[test]
+    fn what_the_device_cannot_hold_is_refused() {
+        let refusal = |from: &str, to: &str| {
+            assert!(DRIVE.contains(from));
+            written(&parse(&DRIVE.replacen(from, to, 1)), &elbow()).unwrap_err().to_string()
+        };
+        assert_eq!(refusal("[605E]", "[205E]"), "605Eh is not in the EDS");
+        let heartbeat = "Producer heartbeat time\nObjectType=0x7\nDataType=0x000";
+        assert_eq!(
+            refusal(&format!("{heartbeat}6"), &format!("{heartbeat}7")),
+            "1017h has 2 bytes here, but is UNSIGNED32 in the EDS"
+        );
+        let torque = "LowLimit=0\nHighLimit=3000";
+        assert_eq!(
+            refusal(torque, "LowLimit=0\nHighLimit=999"),
+            "6072h = 1000 is not within 0 and 999 of the EDS"
+        );
+    }
+
+    #[test]
+    fn what_is_not_there_need_not_be_switched_off() {
+        let eds = parse(include_str!("../../eds/frhc_switches.eds"));
+        let downloads = downloads(&eds, &switch_box()).unwrap();
+        assert!(downloads.iter().all(|download| eds.object(download.object).is_some()));
+        let node = NodeId::new(16).unwrap();
+        assert_eq!(written(&eds, &switch_box()).unwrap().commissioning().unwrap().node, Some(node));
+    }
+}

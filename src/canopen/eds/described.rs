@@ -37,6 +37,18 @@ impl Access {
         })
     }
 
+    /// The word of `AccessType`.
+    pub(super) const fn word(self) -> &'static str {
+        match self {
+            Self::Constant => "const",
+            Self::ReadOnly => "ro",
+            Self::WriteOnly => "wo",
+            Self::ReadWrite => "rw",
+            Self::ReadWriteInput => "rwr",
+            Self::ReadWriteOutput => "rww",
+        }
+    }
+
     /// Whether SDO may read it.
     pub const fn is_readable(self) -> bool {
         !matches!(self, Self::WriteOnly)

@@ -5,6 +5,7 @@
 //! it ([`Entry::word`]). Of two sections or keys of the same name the first counts, as it does for the
 //! functions of Windows this format was made for.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::collections::hash_map;
 
@@ -147,6 +148,11 @@ impl<'t> Section<'t> {
         self.entry(key).filter(|entry| !entry.word().is_empty())
     }
 
+    /// The bytes of all its values.
+    pub(super) fn bytes(&self) -> usize {
+        self.entries.iter().map(|entry| entry.value.len()).sum()
+    }
+
     /// Its text; empty if there is none.
     pub(super) fn text(&self, key: &str) -> &'t str {
         self.entry(key).map_or("", |entry| entry.value)
@@ -154,6 +160,15 @@ impl<'t> Section<'t> {
 }
 
 impl<'t> Entry<'t> {
+    /// The key for comparisons, in lower case.
+    pub(super) fn folded(&self) -> Cow<'t, str> {
+        if self.key.bytes().any(|byte| byte.is_ascii_uppercase()) {
+            Cow::Owned(self.key.to_ascii_lowercase())
+        } else {
+            Cow::Borrowed(self.key)
+        }
+    }
+
     /// The value without a comment behind it: for everything but names and texts.
     pub(super) fn word(&self) -> &'t str {
         self.value.split_once(';').map_or(self.value, |(word, _)| trim(word))

@@ -36,8 +36,9 @@ use crate::canopen::eds::ini::Ini;
 use crate::canopen::eds::text::Text;
 use crate::canopen::object::Object;
 
-/// The most bytes a file may have.
+/// The most bytes and lines a file may have.
 const LARGEST: usize = 4 << 20;
+const MOST_LINES: usize = 400_000;
 
 /// Why a file is no EDS.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -45,8 +46,11 @@ pub enum EdsError {
     /// Too large to be one.
     #[error("larger than 4 MiB")]
     TooLarge,
+    /// More lines than that many bytes of an EDS have.
+    #[error("more than 400000 lines")]
+    TooManyLines,
     /// More objects than any device has.
-    #[error("more than 100000 objects are described")]
+    #[error("more objects are described than any device has")]
     TooMany,
     /// No objects at all.
     #[error("no object is described")]
@@ -67,12 +71,15 @@ impl Eds {
     /// Reads a file.
     ///
     /// # Errors
-    /// When it is none: too large, or without objects.
+    /// When it is none: without objects, or larger than any. What is read takes 150 MiB at most.
     pub fn parse(bytes: &[u8]) -> Result<Self, EdsError> {
         if bytes.len() > LARGEST {
             return Err(EdsError::TooLarge);
         }
         let text = Text::decode(bytes);
+        if text.text.bytes().filter(|byte| *byte == b'\n').count() > MOST_LINES {
+            return Err(EdsError::TooManyLines);
+        }
         let ini = Ini::read(&text.text);
         let (device, commissioning) = (device::info(&ini), device::commissioning(&ini));
         let dummies = device::dummies(&ini);
@@ -92,7 +99,7 @@ impl Eds {
     }
 
     /// Its sections, to be changed.
-    pub(in crate::canopen) fn sheet(&self) -> Sheet {
+    pub(in crate::canopen) fn sheet(&self) -> Sheet<'_> {
         Sheet::of(&Ini::read(&self.text.text))
     }
 

@@ -25,8 +25,10 @@ pub(super) const VAR: i128 = 7;
 pub(super) const ARRAY: i128 = 8;
 pub(super) const RECORD: i128 = 9;
 
-/// More objects than any device has; what is told compactly could be any number.
+/// More objects than any device has, and more bytes than their descriptions take: what is told
+/// compactly could be any number.
 const MOST_OBJECTS: usize = 100_000;
+const MOST_COPIED: usize = 32 << 20;
 
 /// Every object a file describes, by index and sub-index.
 ///
@@ -35,13 +37,20 @@ const MOST_OBJECTS: usize = 100_000;
 pub(super) fn objects(ini: &Ini<'_>) -> Result<Vec<Described>, EdsError> {
     let heads = with_sub_sections(ini);
     let mut objects = Vec::new();
+    let mut copied = 0;
     for section in ini.first_sections() {
         match section.title {
             Title::Sub(index, sub) => objects.push(one(ini, section, Object { index, sub })),
             Title::Object(index) => match compact::count(section) {
                 0 if heads.contains(&index) || is_head(section) => {}
                 0 => objects.push(one(ini, section, Object { index, sub: 0 })),
-                count => compact::array(ini, section, index, count, &mut objects),
+                count => {
+                    copied += usize::from(count) * section.bytes();
+                    if copied > MOST_COPIED {
+                        return Err(EdsError::TooMany);
+                    }
+                    compact::array(ini, section, index, count, &mut objects);
+                }
             },
             Title::Named(_)
             | Title::Names(_)

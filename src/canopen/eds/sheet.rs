@@ -1,10 +1,9 @@
 //! The sections of an EDS as they can be changed and written (CiA 306): known sections and keys in the
 //! standard's order and spelling, unknown ones behind them, lines ended as on Windows.
 
+use std::borrow::Cow;
 use std::collections::HashSet;
 
-use crate::canopen::data_type;
-use crate::canopen::eds::described::Access;
 use crate::canopen::eds::described::Described;
 use crate::canopen::eds::ini::Ini;
 use crate::canopen::eds::ini::Section;
@@ -16,20 +15,20 @@ use crate::canopen::object::Object;
 
 /// A file in sections.
 #[derive(Clone, Debug)]
-pub(in crate::canopen) struct Sheet {
-    sections: Vec<Part>,
+pub(in crate::canopen) struct Sheet<'t> {
+    sections: Vec<Part<'t>>,
 }
 
 /// One section, by name, and its keys and values.
 #[derive(Clone, Debug)]
-struct Part {
+struct Part<'t> {
     name: String,
-    entries: Vec<(String, String)>,
+    entries: Vec<(Cow<'t, str>, Cow<'t, str>)>,
 }
 
-impl Sheet {
+impl<'t> Sheet<'t> {
     /// What of a text counts: the first section of each name, in it the first entry of each key.
-    pub(super) fn of(ini: &Ini<'_>) -> Self {
+    pub(super) fn of(ini: &Ini<'t>) -> Self {
         Self { sections: ini.first_sections().map(part).collect() }
     }
 
@@ -48,29 +47,30 @@ impl Sheet {
         self.set(Title::Named(Named::Commissioning), key, value);
     }
 
-    /// Sets what an object is to hold, wherever the file describes it. One that has no section of its
-    /// own is given one, from `all`, if it is not told by `CompactSubObj`.
+    /// Sets what an object is to hold, wherever the file describes it; one that only `CompactPDO` tells
+    /// is spelt out first, as `all` describes it.
     pub(in crate::canopen) fn set_value(&mut self, object: Object, value: &str, all: &[Described]) {
         let Object { index, sub } = object;
-        if self.find(Title::Sub(index, sub)).is_none()
-            && self.get(Title::Object(index), "CompactSubObj").is_none()
-            && !(sub == 0 && self.find(Title::Object(index)).is_some())
-        {
+        let is_compact = self.get(Title::Object(index), "CompactSubObj").is_some();
+        let has = |title| self.find(title).is_some();
+        let home = if has(Title::Sub(index, sub)) {
+            Title::Sub(index, sub)
+        } else if is_compact {
+            Title::Values(index)
+        } else if has(Title::Object(index)) {
+            Title::Object(index)
+        } else {
             self.spell_out(index, all);
-        }
-        let own = [Title::Sub(index, sub), Title::Object(index)];
-        let is_var = |title| self.get(title, "CompactSubObj").is_none();
-        let own = own.into_iter().find(|title| self.find(*title).is_some() && is_var(*title));
-        if let Some(title) = own {
-            self.set(title, "ParameterValue", value);
+            Title::Sub(index, sub)
+        };
+        if home != Title::Values(index) {
+            self.set(home, "ParameterValue", value);
             return;
         }
-        let values = Title::Values(index);
-        self.set(values, &sub.to_string(), value);
-        let count = self.find(values).map_or(0, |part| {
-            part.entries.iter().filter(|(key, _)| key.parse::<u8>().is_ok()).count()
-        });
-        self.set(values, "NrOfEntries", &count.to_string());
+        self.set(home, &sub.to_string(), value);
+        let is_value = |(key, _): &&(Cow<'_, str>, Cow<'_, str>)| key.parse::<u8>().is_ok();
+        let count = self.find(home).map_or(0, |part| part.entries.iter().filter(is_value).count());
+        self.set(home, "NrOfEntries", &count.to_string());
     }
 
     /// Gives the PDO that `CompactPDO` tells at `index` sections for both its parameters.
@@ -103,24 +103,22 @@ impl Sheet {
     fn describe(&mut self, described: &Described) {
         let Object { index, sub } = described.object;
         let section = Title::Sub(index, sub);
-        let access = if described.access == Access::Constant { "const" } else { "rw" };
-        let bits = data_type::of(described.data_type).map_or(0, |data_type| data_type.number);
         self.set(section, "ParameterName", &described.name);
         self.set(section, "ObjectType", "0x7");
-        self.set(section, "DataType", &format!("0x{bits:04X}"));
-        self.set(section, "AccessType", access);
+        self.set(section, "DataType", &format!("0x{:04X}", described.data_type));
+        self.set(section, "AccessType", described.access.word());
         self.set(section, "DefaultValue", &described.default);
         self.set(section, "PDOMapping", "0");
     }
 
-    fn find(&self, title: Title<'_>) -> Option<&Part> {
+    fn find(&self, title: Title<'_>) -> Option<&Part<'t>> {
         self.sections.iter().find(|part| Title::of(&part.name) == title)
     }
 
     fn get(&self, title: Title<'_>, key: &str) -> Option<&str> {
         let entries = &self.find(title)?.entries;
         let found = entries.iter().find(|(name, _)| name.eq_ignore_ascii_case(key));
-        found.map(|(_, value)| value.as_str())
+        found.map(|(_, value)| value.as_ref())
     }
 
     /// Sets a key, in a new section if need be. What would break the line becomes a blank.
@@ -133,8 +131,8 @@ impl Sheet {
         });
         let Some(part) = self.sections.get_mut(place) else { return };
         match part.entries.iter_mut().find(|(name, _)| name.eq_ignore_ascii_case(key)) {
-            Some((_, old)) => *old = value,
-            None => part.entries.push((key.to_owned(), value)),
+            Some((_, old)) => *old = value.into(),
+            None => part.entries.push((key.to_owned().into(), value.into())),
         }
     }
 
@@ -161,16 +159,14 @@ impl Sheet {
     }
 }
 
-fn part(section: &Section<'_>) -> Part {
-    let mut seen = HashSet::new();
-    let mut entries = Vec::new();
-    for entry in &section.entries {
+fn part<'t>(section: &Section<'t>) -> Part<'t> {
+    let mut seen = HashSet::with_capacity(section.entries.len());
+    let first = section.entries.iter().filter(|entry| seen.insert(entry.folded()));
+    let entries = first.map(|entry| {
         let key = keys::canonical(section.title, entry.key).unwrap_or(entry.key);
-        if seen.insert(key.to_ascii_lowercase()) {
-            entries.push((key.to_owned(), entry.value.to_owned()));
-        }
-    }
-    Part { name: section.title.to_string(), entries }
+        (key.into(), entry.value.into())
+    });
+    Part { name: section.title.to_string(), entries: entries.collect() }
 }
 
 /// Where a section stands: every object behind the list it belongs in, its sub-indices behind it.

@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 use std::fs;
-use std::io;
+use std::io::ErrorKind;
 use std::path::Path;
 use std::path::PathBuf;
 
@@ -56,9 +56,7 @@ pub(super) fn run(args: &Dcf) -> Result<(), Failure> {
         let content = content.map_err(|error| Failure::new(Kind::Configuration, error))?;
         files.push(File { name, content });
     }
-    write(&args.out, &files)
-        .with_context(|| args.out.display().to_string())
-        .or_fail(Kind::Configuration)?;
+    write(&args.out, &files)?;
     for file in &files {
         print::line(&args.out.join(&file.name).display().to_string());
     }
@@ -129,12 +127,22 @@ fn plain(name: &str) -> String {
 }
 
 /// Writes every file beside its place, then moves all of them there; what fails leaves none half done.
-fn write(folder: &Path, files: &[File]) -> io::Result<()> {
-    fs::create_dir_all(folder)?;
+fn write(folder: &Path, files: &[File]) -> Result<(), Failure> {
+    fs::create_dir_all(folder)
+        .with_context(|| folder.display().to_string())
+        .or_fail(Kind::Usage)?;
     let beside = |file: &File| folder.join(format!(".{}.part", file.name));
-    let written = files.iter().try_for_each(|file| fs::write(beside(file), &file.content));
-    let moved = written.and_then(|()| {
-        files.iter().try_for_each(|file| fs::rename(beside(file), folder.join(&file.name)))
+    let prepared = files.iter().try_for_each(|file| {
+        let path = folder.join(&file.name);
+        let is_free = if path.is_dir() { Err(ErrorKind::IsADirectory.into()) } else { Ok(()) };
+        let written = is_free.and_then(|()| fs::write(beside(file), &file.content));
+        written.with_context(|| path.display().to_string())
+    });
+    let moved = prepared.and_then(|()| {
+        files.iter().try_for_each(|file| {
+            let path = folder.join(&file.name);
+            fs::rename(beside(file), &path).with_context(|| path.display().to_string())
+        })
     });
     if moved.is_err() {
         for file in files {
@@ -142,5 +150,5 @@ fn write(folder: &Path, files: &[File]) -> io::Result<()> {
             fs::remove_file(beside(file)).ok();
         }
     }
-    moved
+    moved.or_fail(Kind::Usage)
 }

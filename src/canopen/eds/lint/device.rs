@@ -59,7 +59,8 @@ fn identity(lint: &mut Lint<'_>, section: &Section<'_>, key: &str, object: Objec
     let default = lint.eds.object(object).and_then(|described| described.number);
     if let Some(default) = default.filter(|number| number.value != 0 && number.value != told.into())
     {
-        let reason = format!("{told:08X}h, but the default of {object} is {:08X}h", default.value);
+        let reason =
+            format_args!("{told:08X}h, but the default of {object} is {:08X}h", default.value);
         lint.warning(entry.line, Some(section.title), key, reason);
     }
 }
@@ -82,7 +83,7 @@ fn number_of_pdos(lint: &mut Lint<'_>, section: &Section<'_>, key: &str, first: 
     indices.dedup();
     let described = indices.into_iter().filter(|index| range.contains(index)).count();
     if i128::try_from(described) != Ok(told) {
-        let reason = format!("{told}, but {described} are described");
+        let reason = format_args!("{told}, but {described} are described");
         lint.warning(line_of(section, key), Some(section.title), key, reason);
     }
 }
@@ -96,7 +97,7 @@ fn commissioning(lint: &mut Lint<'_>, section: &Section<'_>) {
     let bitrate = told.and_then(|told| told.bitrate);
     if section.value("Baudrate").is_some() && !bitrate.is_some_and(|rate| BITRATES.contains(&rate))
     {
-        let reason = format!("none of {BITRATES:?}, in kbit/s");
+        let reason = format_args!("none of {BITRATES:?}, in kbit/s");
         lint.error(line_of(section, "Baudrate"), Some(section.title), "Baudrate", reason);
     }
 }

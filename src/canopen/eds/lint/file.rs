@@ -1,6 +1,8 @@
 //! The file as a text: characters, lines, what is said twice, how names are spelt.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
+use std::collections::hash_map;
 
 use crate::canopen::eds::ini::Oddity;
 use crate::canopen::eds::ini::Section;
@@ -9,6 +11,7 @@ use crate::canopen::eds::lint::Lint;
 use crate::canopen::eds::text::Encoding;
 use crate::canopen::eds::title::Named;
 use crate::canopen::eds::title::Title;
+use crate::canopen::eds::value;
 
 pub(super) fn check(lint: &mut Lint<'_>) {
     encoding(lint);
@@ -64,7 +67,7 @@ fn strays(lint: &mut Lint<'_>) {
 fn name(lint: &mut Lint<'_>, section: &Section<'_>) {
     let title = section.title;
     if !section.is_first {
-        let reason = format!("[{}] is there again: the first counts", section.name);
+        let reason = format_args!("[{}] is there again: the first counts", section.name);
         lint.error(section.line, Some(title), "", reason);
     }
     match title {
@@ -90,25 +93,24 @@ fn name(lint: &mut Lint<'_>, section: &Section<'_>) {
 /// Keys that are there twice, spelt differently, or followed by numbers that look octal.
 fn keys_of(lint: &mut Lint<'_>, section: &Section<'_>) {
     let title = section.title;
-    let mut seen: HashMap<String, &str> = HashMap::with_capacity(section.entries.len());
+    let mut seen: HashMap<Cow<'_, str>, &str> = HashMap::with_capacity(section.entries.len());
     for entry in &section.entries {
         let key = entry.key;
-        let before = seen.get(&key.to_ascii_lowercase()).copied();
-        match before {
-            None => {
-                seen.insert(key.to_ascii_lowercase(), entry.value);
+        match seen.entry(entry.folded()) {
+            hash_map::Entry::Vacant(place) => {
+                place.insert(entry.value);
             }
-            Some(value) if value == entry.value => {
+            hash_map::Entry::Occupied(before) if *before.get() == entry.value => {
                 lint.warning(entry.line, Some(title), key, "is there again, with the same value");
             }
-            Some(_) => {
+            hash_map::Entry::Occupied(_) => {
                 lint.error(entry.line, Some(title), key, "is there again: the first counts");
             }
         }
         if let Some(known) = keys::canonical(title, key)
             && known != key
         {
-            let reason = format!("CiA 306 spells it {known}, and some tools know no other");
+            let reason = format_args!("CiA 306 spells it {known}, and some tools know no other");
             lint.warning(entry.line, Some(title), key, reason);
         }
     }
@@ -144,9 +146,8 @@ fn leading_zeros(lint: &mut Lint<'_>, section: &Section<'_>) {
         let digits = entry.word().strip_prefix('-').unwrap_or(entry.word());
         let is_decimal = digits.len() > 1 && digits.bytes().all(|byte| byte.is_ascii_digit());
         if !holds_text && is_decimal && digits.starts_with('0') {
-            let value =
-                crate::canopen::eds::value::whole(entry.word()).map_or(0, |(value, _)| value);
-            let reason = format!(
+            let value = value::whole(entry.word()).map_or(0, |(value, _)| value);
+            let reason = format_args!(
                 "{} begins with 0: read as {value}, and differently or not at all elsewhere",
                 entry.word()
             );

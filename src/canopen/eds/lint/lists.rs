@@ -113,7 +113,7 @@ fn one_list(
         }
         let home = Named::list_of(index);
         if home != list {
-            let reason = format!("{index:04X}h belongs in [{}]", home.name());
+            let reason = format_args!("{index:04X}h belongs in [{}]", home.name());
             lint.warning(entry.line, title, entry.key, reason);
         }
     }
@@ -204,7 +204,8 @@ fn highest_sub_index(lint: &mut Lint<'_>, index: u16, last: u8) {
         number.value == i128::from(last) || (is_count && number.value < i128::from(last));
     if !is_right {
         let (line, _) = lint.place(described.object, "DefaultValue");
-        let reason = format!("{}, but the highest sub-index described is {last}", number.value);
+        let reason =
+            format_args!("{}, but the highest sub-index described is {last}", number.value);
         lint.warning(line, title, "DefaultValue", reason);
     }
 }
@@ -221,7 +222,7 @@ fn compact_entries(lint: &mut Lint<'_>, section: &Section<'_>, index: u16) {
     let head = lint.ini.section(Title::Object(index));
     let count = head.map_or(0, compact::count);
     if count == 0 {
-        let reason = format!("[{index:04X}] has no CompactSubObj: not read");
+        let reason = format_args!("[{index:04X}] has no CompactSubObj: not read");
         lint.warning(section.line, title, "", reason);
         return;
     }

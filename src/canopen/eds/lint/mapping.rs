@@ -76,7 +76,7 @@ fn cob_id(lint: &mut Lint<'_>, described: &Described) {
     } else if let Some((low, high)) =
         RESTRICTED.iter().find(|(low, high)| first <= *high && *low <= last)
     {
-        let reason = format!(
+        let reason = format_args!(
             "{:X}h is restricted: {low:03X}h to {high:03X}h (CiA 301, 7.3.5)",
             first.max(*low)
         );

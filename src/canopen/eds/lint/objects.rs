@@ -111,7 +111,7 @@ fn said(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described) {
     if described.data_type == 0 {
         lint.error(line, title, "DataType", "is missing, or no number");
     } else if data_type::of(described.data_type).is_none() {
-        let reason = format!("{:04X}h is no data type of CiA 301", described.data_type);
+        let reason = format_args!("{:04X}h is no data type of CiA 301", described.data_type);
         lint.error(line, title, "DataType", reason);
     }
     match section.value("AccessType") {
@@ -121,7 +121,7 @@ fn said(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described) {
             lint.error(line, title, "AccessType", "is missing: taken for ro");
         }
         Some(entry) if Access::read(entry.word()).is_none() => {
-            let reason = format!(
+            let reason = format_args!(
                 "\"{}\" is none of const, ro, wo, rw, rwr, rww: taken for ro",
                 entry.word()
             );

@@ -120,6 +120,23 @@ fn a_file_from_a_simple_editor_is_understood() {
     assert_eq!(object(&eds, 0x1001, 0).access, Access::ReadOnly);
     assert_eq!(object(&eds, 0x1018, 0).number.unwrap().value, 4, "a record that says it is none");
     assert_eq!(eds.objects().iter().filter(|one| one.object.index == 0x1018).count(), 3);
+    let switch = object(&eds, 0x2001, 0);
+    assert_eq!(
+        (switch.low, switch.high, switch.number),
+        (None, None, None),
+        "nonsense is not said"
+    );
+    assert_eq!(initial(&eds, 0x2001, 0), [0]);
+    assert!(eds.object(Object { index: 0x2002, sub: 0 }).is_none(), "an array of nothing");
+    let lint: Vec<_> = eds.lint().iter().map(ToString::to_string).collect();
+    for finding in [
+        "2001h DefaultValue: 0.0: not a number",
+        "2001h HighLimit: 2: does not fit BOOLEAN; not used",
+        "2002h: has no sub-indices: not read",
+        "1018h ObjectType: is not that of an array or record, but there are sub-indices",
+    ] {
+        assert!(lint.iter().any(|found| found.contains(finding)), "{finding}: {lint:#?}");
+    }
 }
 
 #[test]
@@ -437,6 +454,7 @@ fn a_check_ends_with_its_code() {
         ),
         (file("large.eds", &vec![b' '; 5 << 20]), 3, "larger than 4 MiB"),
         (folder.to_str().unwrap().to_owned(), 3, "is a directory"),
+        ("/dev/zero".to_owned(), 3, "larger than 4 MiB"),
         (folder.join("none.eds").to_str().unwrap().to_owned(), 3, "No such file"),
     ] {
         let outcome = frhc(&["check", "--eds", &path]);
@@ -451,6 +469,27 @@ fn a_check_ends_with_its_code() {
 }
 
 const CONFIG: &str = "config/kraft_like.toml";
+
+#[test]
+fn a_configuration_with_a_doubtful_eds_is_told_so() {
+    let folder = folder("doubt");
+    let drive = std::str::from_utf8(DRIVE).unwrap();
+    fs::write(folder.join("drive.eds"), drive.replacen("SubNumber=9", "SubNumber=7", 1)).unwrap();
+    fs::write(folder.join("switches.eds"), SWITCHES).unwrap();
+    let text = fs::read_to_string(CONFIG).unwrap().replace("../eds/frhc_", "");
+    let file = folder.join("frhc.toml");
+    fs::write(&file, text).unwrap();
+    let check =
+        |args: &[&str]| frhc(&[&["check", "--config", file.to_str().unwrap()], args].concat());
+    let outcome = check(&[]);
+    assert_eq!((outcome.code, outcome.stderr.as_str()), (0, ""));
+    let told: Vec<_> = outcome.stdout.lines().filter(|line| line.starts_with("eds ")).collect();
+    assert_eq!(told.len(), 6);
+    assert_eq!(told[2], "eds   elbow            1 error, told by frhc check --eds");
+    let report: serde_json::Value = serde_json::from_str(&check(&["--json"]).stdout).unwrap();
+    assert_eq!(report["eds"].as_array().unwrap().len(), 6);
+    assert_eq!(report["eds"][5]["node"], "roll");
+}
 
 #[test]
 fn every_node_gets_a_dcf_that_says_what_the_plan_leaves() {

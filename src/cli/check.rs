@@ -41,6 +41,7 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
             "sync_period_us": config.period.as_micros(),
             "buses": buses.collect::<Vec<_>>(),
             "gains": gains::json(&config.findings()),
+            "eds": eds::doubts_json(&config),
         });
         print::line(&report.to_string());
         return Ok(());
@@ -69,6 +70,7 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
             joint.max_torque
         ));
     }
+    eds::doubts(&config).iter().for_each(|doubt| print::line(&doubt.to_string()));
     for (verdict, line) in gains::lines(&findings) {
         print::line(&format!("gains {:10} {line}", verdict.to_string()));
     }

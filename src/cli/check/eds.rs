@@ -1,5 +1,7 @@
-//! `frhc check --eds`: what is wrong with data sheets, line by line.
+//! `frhc check --eds`: what is wrong with data sheets, line by line; and which of a configuration's
+//! have anything wrong.
 
+use std::fmt;
 use std::path::Path;
 use std::path::PathBuf;
 
@@ -12,6 +14,7 @@ use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
 use crate::cli::print;
+use crate::config::Config;
 use crate::config::files;
 
 /// One file, and what is wrong with it.
@@ -19,6 +22,35 @@ struct Report<'a> {
     file: &'a Path,
     objects: usize,
     findings: Vec<Finding>,
+}
+
+/// A node whose EDS has errors: it was read as well as could be.
+pub(super) struct Doubt<'a> {
+    node: &'a str,
+    errors: usize,
+}
+
+/// As in `eds   elbow            2 errors, told by frhc check --eds`.
+impl fmt::Display for Doubt<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let errors = many(self.errors, "error");
+        write!(f, "eds   {:16} {errors}, told by frhc check --eds", self.node)
+    }
+}
+
+/// The nodes of a configuration whose EDS have errors.
+pub(super) fn doubts(config: &Config) -> Vec<Doubt<'_>> {
+    let joints = config.joints.iter().map(|joint| (joint.name.as_str(), &joint.eds));
+    let nodes = joints.chain([("switch box", &config.switches.eds)]);
+    let doubts =
+        nodes.map(|(node, eds)| Doubt { node, errors: number(&eds.lint(), Severity::Error) });
+    doubts.filter(|doubt| doubt.errors > 0).collect()
+}
+
+/// The same as data.
+pub(super) fn doubts_json(config: &Config) -> serde_json::Value {
+    let one = |doubt: &Doubt<'_>| serde_json::json!({ "node": doubt.node, "errors": doubt.errors });
+    doubts(config).iter().map(one).collect()
 }
 
 /// Reads all files, then prints what is wrong with them.
@@ -53,8 +85,11 @@ impl Report<'_> {
 }
 
 fn count(reports: &[Report<'_>], severity: Severity) -> usize {
-    let findings = reports.iter().flat_map(|report| &report.findings);
-    findings.filter(|finding| finding.severity == severity).count()
+    reports.iter().map(|report| number(&report.findings, severity)).sum()
+}
+
+fn number(findings: &[Finding], severity: Severity) -> usize {
+    findings.iter().filter(|finding| finding.severity == severity).count()
 }
 
 fn many(count: usize, what: &str) -> String {

@@ -177,7 +177,9 @@ fn head(lint: &mut Lint<'_>, section: &Section<'_>, index: u16, subs: &[u8]) {
             );
         }
         None if !subs.is_empty() => lint.warning(section.line, title, "SubNumber", "is missing"),
-        None if read::is_head(section) => lint.error(section.line, title, "", "has no sub-indices"),
+        None if read::is_head(section) => {
+            lint.error(section.line, title, "", "has no sub-indices: not read")
+        }
         Some(_) | None => {}
     }
     if let (Some(first), Some(last)) = (subs.first(), subs.iter().rfind(|sub| **sub < u8::MAX)) {

@@ -96,6 +96,9 @@ fn direction(object: Object) -> Option<Direction> {
     }
 }
 
+/// Data types have the indices below this one.
+const FIRST_NO_TYPE: u16 = 0x20;
+
 /// The most bits and entries of a PDO.
 const BITS: u32 = 64;
 
@@ -149,7 +152,10 @@ fn mapping(lint: &mut Lint<'_>, count: &Described, direction: Direction) {
 fn is_mappable(lint: &Lint<'_>, raw: u32, direction: Direction) -> Result<(), String> {
     let [length, sub, low, high] = raw.to_le_bytes();
     let object = Object { index: u16::from_le_bytes([low, high]), sub };
-    if object.index < 0x20 {
+    if raw == 0 {
+        return Err("maps nothing, but is counted".to_owned());
+    }
+    if object.index < FIRST_NO_TYPE {
         let is_dummy = direction == Direction::Receive && sub == 0 && lint.eds.dummy(object.index);
         if !is_dummy {
             return Err(format!(

@@ -6,9 +6,12 @@
 use std::ops::RangeInclusive;
 
 use crate::canopen::NodeId;
+use crate::canopen::data_type;
+use crate::canopen::data_type::Kind;
 use crate::canopen::eds::Access;
 use crate::canopen::eds::Described;
 use crate::canopen::eds::Eds;
+use crate::canopen::eds::value;
 use crate::canopen::object::Object;
 
 /// One object and what it holds.
@@ -21,9 +24,9 @@ pub struct Entry {
     /// Who may do what with it.
     pub access: Access,
     /// The lowest value it takes.
-    pub low: Option<i64>,
+    pub low: Option<i128>,
     /// The highest value it takes.
-    pub high: Option<i64>,
+    pub high: Option<i128>,
     /// Whether it may be mapped into a PDO.
     pub is_mappable: bool,
     value: Vec<u8>,
@@ -46,13 +49,13 @@ impl Entry {
     }
 
     /// The bytes a value of its type has; `None` for texts and domains.
-    pub const fn size(&self) -> Option<usize> {
-        size(self.data_type)
+    pub fn size(&self) -> Option<usize> {
+        data_type::size(self.data_type)
     }
 
     /// The bits it takes in a PDO; `None` for what cannot be in one.
     pub fn bits(&self) -> Option<u8> {
-        u8::try_from(self.size()? * 8).ok().filter(|bits| *bits <= 64)
+        data_type::of(self.data_type)?.bits.filter(|bits| *bits <= 64)
     }
 
     /// Whether `value`, of the right length, is one it takes.
@@ -60,13 +63,16 @@ impl Entry {
     /// # Errors
     /// On which side it lies outside.
     pub fn in_range(&self, value: &[u8]) -> Result<(), OutOfRange> {
-        if self.size().is_none() {
-            return Ok(());
-        }
-        let number = number(self.data_type, value);
-        if self.low.is_some_and(|low| number < i128::from(low)) {
+        let number = match data_type::of(self.data_type).map(|data_type| data_type.kind) {
+            Some(Kind::Boolean | Kind::Unsigned) => value::unsigned(value),
+            Some(Kind::Signed) => value::signed(value),
+            Some(Kind::Real | Kind::Text | Kind::UnicodeText | Kind::Octets) | None => {
+                return Ok(());
+            }
+        };
+        if self.low.is_some_and(|low| number < low) {
             Err(OutOfRange::Below)
-        } else if self.high.is_some_and(|high| number > i128::from(high)) {
+        } else if self.high.is_some_and(|high| number > high) {
             Err(OutOfRange::Above)
         } else {
             Ok(())
@@ -149,13 +155,7 @@ impl Dictionary {
 }
 
 fn entry(described: &Described, node: NodeId) -> Entry {
-    let value = match (size(described.data_type), described.number) {
-        (Some(size), number) => {
-            let number = number.map_or(0, |number| number.resolve(node));
-            number.to_le_bytes().get(..size).unwrap_or_default().to_vec()
-        }
-        (None, _) => described.default.as_bytes().to_vec(),
-    };
+    let value = described.initial(node);
     Entry {
         object: described.object,
         data_type: described.data_type,
@@ -166,36 +166,6 @@ fn entry(described: &Described, node: NodeId) -> Entry {
         default: value.clone(),
         value,
     }
-}
-
-/// The bytes of a type (CiA 301, 7.4.7.1); `None` for those of any length.
-const fn size(data_type: u16) -> Option<usize> {
-    match data_type {
-        0x01 | 0x02 | 0x05 => Some(1),
-        0x03 | 0x06 => Some(2),
-        0x10 | 0x16 => Some(3),
-        0x04 | 0x07 | 0x08 => Some(4),
-        0x12 | 0x18 => Some(5),
-        0x13 | 0x19 => Some(6),
-        0x14 | 0x1A => Some(7),
-        0x11 | 0x15 | 0x1B => Some(8),
-        _ => None,
-    }
-}
-
-/// A whole number of a type. Reals have no limits here and count as zero.
-fn number(data_type: u16, value: &[u8]) -> i128 {
-    let is_signed = matches!(data_type, 0x02 | 0x03 | 0x04 | 0x10 | 0x12..=0x15);
-    let is_real = matches!(data_type, 0x08 | 0x11);
-    if is_real {
-        return 0;
-    }
-    let is_negative = is_signed && value.last().is_some_and(|high| *high & 0x80 != 0);
-    let mut bytes = if is_negative { [0xFF; 16] } else { [0; 16] };
-    for (to, from) in bytes.iter_mut().zip(value) {
-        *to = *from;
-    }
-    i128::from_le_bytes(bytes)
 }
 
 #[cfg(test)]

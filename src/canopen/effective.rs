@@ -134,9 +134,10 @@ impl Reader {
     }
 
     fn ask(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        let is_over = self.asked == Question::Nothing;
-        let ask = |object| Transfer::read(self.node, object, self.timeout, now, out);
-        self.transfer = if is_over { None } else { Some(ask(self.object())) };
+        self.transfer = match self.asked {
+            Question::Nothing => None,
+            _ => Some(Transfer::read(self.node, self.object(), self.timeout, now, out)),
+        };
     }
 
     fn on_outcome(

@@ -3,6 +3,9 @@
 pub mod abort;
 pub mod bits;
 pub mod commission;
+pub mod concise;
+pub mod data_type;
+pub mod dcf;
 pub mod device;
 pub mod dictionary;
 pub mod drive;
@@ -12,7 +15,6 @@ pub mod emcy;
 pub mod exchange;
 pub mod frame;
 pub mod heartbeat;
-mod ini;
 pub mod layout;
 pub mod load;
 pub mod master;

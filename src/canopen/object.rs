@@ -38,6 +38,7 @@ impl Object {
     pub const DEVICE_NAME: Self = var(0x1008);
     pub const HARDWARE_VERSION: Self = var(0x1009);
     pub const SOFTWARE_VERSION: Self = var(0x100A);
+    pub const TIME_COB_ID: Self = var(0x1012);
     pub const EMCY_COB_ID: Self = var(0x1014);
     pub const CONSUMER_HEARTBEAT: Self = Self { index: 0x1016, sub: 1 };
     pub const PRODUCER_HEARTBEAT: Self = var(0x1017);

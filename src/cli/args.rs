@@ -10,6 +10,7 @@ use clap::ValueEnum;
 use crate::cli::calib::Calib;
 use crate::cli::configured::Configured;
 use crate::cli::explain::Explain;
+use crate::cli::export::Export;
 use crate::cli::rig::Calibrate;
 
 /// The CANopen master of a force-reflecting hand controller.
@@ -49,8 +50,12 @@ pub(super) enum Command {
     #[command(after_help = "Example:\n  frhc ctl arm && frhc ctl status --json")]
     Ctl(Ctl),
     /// Checks configuration, EDS files, calibration, bus load and gains; touches no bus.
-    #[command(after_help = "Example:\n  frhc check --config config/kraft_like.toml")]
+    #[command(
+        after_help = "Examples:\n  frhc check --config config/kraft_like.toml\n  frhc check --eds eds/frhc_drive.eds"
+    )]
     Check(Check),
+    /// Files for other tools, from a configuration.
+    Export(Export),
     /// One cycle of the controller, with every intermediate of the paper's Fig. 3.
     #[command(
         after_help = "Examples:\n  frhc explain --q 0.05,-0.8,1.6,-0.7,0.1,0.2 --q-reference 0,-0.87,1.66,-0.79,0,0 --wrench -5,0,0,0,0,0\n  echo '{\"q\": [0,-0.8,1.6,-0.7,0,0], \"preset\": \"paper1997\"}' | frhc explain --json - | jq .tau.value"
@@ -170,8 +175,12 @@ pub(super) enum CommandMode {
 /// `frhc check`.
 #[derive(Debug, Args)]
 pub(super) struct Check {
-    #[command(flatten)]
-    pub(super) config: Configured,
+    /// The configuration.
+    #[arg(short, long, value_name = "FILE", required_unless_present = "eds")]
+    pub(super) config: Option<PathBuf>,
+    /// An EDS or DCF, by itself: everything that is wrong with it, by line. Repeatable.
+    #[arg(long, value_name = "FILE", conflicts_with = "config")]
+    pub(super) eds: Vec<PathBuf>,
     /// The findings as one JSON object.
     #[arg(long)]
     pub(super) json: bool,

@@ -1,4 +1,8 @@
-//! `frhc check`: is this configuration fit to run? Touches no bus.
+//! `frhc check`: is this configuration, or this EDS, fit to run? Touches no bus.
+
+mod eds;
+
+use std::path::Path;
 
 use crate::cli::args::Check;
 use crate::cli::exit::Failure;
@@ -10,11 +14,19 @@ use crate::config::Config;
 use crate::controller::arm::JointKind;
 use crate::controller::stability::finding::Verdict;
 
-/// Loads the configuration, which checks it, and prints what it comes to.
+/// Checks what is named.
 pub(super) fn run(args: &Check) -> Result<(), Failure> {
-    let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
+    match &args.config {
+        Some(file) => configuration(file, args.json),
+        None => eds::run(&args.eds, args.json),
+    }
+}
+
+/// Loads the configuration, which checks it, and prints what it comes to.
+fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
+    let config = Config::load(file).or_fail(Kind::Configuration)?;
     let loads = config.loads();
-    if args.json {
+    if json {
         let buses = config.buses.iter().zip(&loads).map(|(bus, load)| {
             serde_json::json!({
                 "name": bus.name,
@@ -29,6 +41,7 @@ pub(super) fn run(args: &Check) -> Result<(), Failure> {
             "sync_period_us": config.period.as_micros(),
             "buses": buses.collect::<Vec<_>>(),
             "gains": gains::json(&config.findings()),
+            "eds": eds::doubts_json(&config),
         });
         print::line(&report.to_string());
         return Ok(());
@@ -36,7 +49,7 @@ pub(super) fn run(args: &Check) -> Result<(), Failure> {
     let findings = config.findings();
     let is_unstable = findings.iter().any(|finding| finding.verdict == Verdict::Refuses);
     let but = if is_unstable { ", but unstable, and insisted on" } else { "" };
-    print::line(&format!("{}: in order{but}", args.config.config.display()));
+    print::line(&format!("{}: in order{but}", file.display()));
     print::line(&format!("SYNC every {} µs", config.period.as_micros()));
     for (bus, load) in config.buses.iter().zip(&loads) {
         print::line(&format!(
@@ -57,6 +70,7 @@ pub(super) fn run(args: &Check) -> Result<(), Failure> {
             joint.max_torque
         ));
     }
+    eds::doubts(&config).iter().for_each(|doubt| print::line(&doubt.to_string()));
     for (verdict, line) in gains::lines(&findings) {
         print::line(&format!("gains {:10} {line}", verdict.to_string()));
     }

@@ -9,6 +9,7 @@ mod ctl;
 mod demo;
 mod exit;
 mod explain;
+mod export;
 mod gains;
 mod interfaces;
 mod print;
@@ -38,6 +39,7 @@ pub fn main() -> ExitCode {
         Command::Ctl(args) => ctl::run(args),
         Command::Check(args) => check::run(args),
         Command::Explain(args) => explain::run(args),
+        Command::Export(args) => export::run(args),
         Command::Calib(args) => calib::run(args),
     };
     match done {

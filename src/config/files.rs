@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::io;
+use std::io::Read;
 use std::path::Component;
 use std::path::Path;
 use std::path::PathBuf;
@@ -45,11 +46,22 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
         Ok(found) if found.len() > LIMIT => {
             Err(io::Error::new(io::ErrorKind::FileTooLarge, "larger than 4 MiB"))
         }
-        Ok(_) => fs::read(path),
+        Ok(_) => bounded(path),
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             shipped(path).map(<[u8]>::to_vec).ok_or(error)
         }
         Err(error) => Err(error),
+    }
+}
+
+/// A file's bytes, unless they go on beyond the limit, as those of a device may.
+fn bounded(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    fs::File::open(path)?.take(LIMIT + 1).read_to_end(&mut bytes)?;
+    if u64::try_from(bytes.len()).is_ok_and(|length| length <= LIMIT) {
+        Ok(bytes)
+    } else {
+        Err(io::Error::new(io::ErrorKind::FileTooLarge, "larger than 4 MiB"))
     }
 }
 

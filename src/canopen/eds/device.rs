@@ -1,0 +1,100 @@
+//! What a file says of the device as a whole: `[DeviceInfo]`, `[DummyUsage]`, and the
+//! `[DeviceComissioning]` of a DCF.
+
+use crate::canopen::NodeId;
+use crate::canopen::eds::ini::Ini;
+use crate::canopen::eds::read;
+use crate::canopen::eds::title::Named;
+use crate::canopen::eds::title::Title;
+
+/// What a maker says of a device (CiA 306, 4.4). Zero and empty where the file does not say.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct DeviceInfo {
+    /// Who made it.
+    pub vendor_name: String,
+    /// Vendor-ID, 1018h:1.
+    pub vendor: u32,
+    /// What it is.
+    pub product_name: String,
+    /// Product code, 1018h:2.
+    pub product: u32,
+    /// Revision number, 1018h:3.
+    pub revision: u32,
+    /// Bit rates it can do, in kbit/s.
+    pub bitrates: Vec<u32>,
+    /// The fewest bits an entry of its mappings may have; 0 where mappings cannot be changed.
+    pub granularity: u8,
+    /// How many RPDOs it has.
+    pub rpdos: u16,
+    /// How many TPDOs it has.
+    pub tpdos: u16,
+    /// Whether its node-id can be set by LSS.
+    pub has_lss: bool,
+}
+
+/// Bit rates of CiA 301 (4.2), in kbit/s.
+pub(super) const BITRATES: [u32; 8] = [10, 20, 50, 125, 250, 500, 800, 1_000];
+
+/// Reads `[DeviceInfo]`.
+pub(super) fn info(ini: &Ini<'_>) -> DeviceInfo {
+    let Some(section) = ini.section(Title::Named(Named::DeviceInfo)) else {
+        return DeviceInfo::default();
+    };
+    let flag = |key: &str| section.value(key).is_some_and(|entry| read::is_set(entry.word()));
+    let number = |key| read::unsigned(section, key).unwrap_or(0);
+    DeviceInfo {
+        vendor_name: section.text("VendorName").to_owned(),
+        vendor: number("VendorNumber"),
+        product_name: section.text("ProductName").to_owned(),
+        product: number("ProductNumber"),
+        revision: number("RevisionNumber"),
+        bitrates: BITRATES.into_iter().filter(|rate| flag(&format!("BaudRate_{rate}"))).collect(),
+        granularity: read::unsigned(section, "Granularity").unwrap_or(0),
+        rpdos: read::unsigned(section, "NrOfRXPDO").unwrap_or(0),
+        tpdos: read::unsigned(section, "NrOfTXPDO").unwrap_or(0),
+        has_lss: flag("LSS_Supported"),
+    }
+}
+
+/// Which data types may stand in an RPDO for bits that nobody takes, a bit each: `[DummyUsage]`.
+pub(super) fn dummies(ini: &Ini<'_>) -> u8 {
+    let Some(section) = ini.section(Title::Named(Named::DummyUsage)) else { return 0 };
+    let is_set = |index: &u8| {
+        section.value(&format!("Dummy{index:04}")).is_some_and(|entry| read::is_set(entry.word()))
+    };
+    (1..=7).filter(is_set).fold(0, |dummies, index| dummies | 1 << index)
+}
+
+/// Where a configured device is (CiA 306, 5.2).
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Commissioning {
+    /// Its node-id.
+    pub node: Option<NodeId>,
+    /// What this system calls it.
+    pub node_name: String,
+    /// The bit rate of its network, in kbit/s.
+    pub bitrate: Option<u32>,
+    /// The number of its network.
+    pub network: Option<u32>,
+    /// The name of its network.
+    pub network_name: String,
+    /// Whether it manages the network.
+    pub is_manager: bool,
+    /// Its serial number, by which LSS finds it.
+    pub serial: Option<u32>,
+}
+
+/// Reads `[DeviceComissioning]`; `None` for a plain EDS.
+pub(super) fn commissioning(ini: &Ini<'_>) -> Option<Commissioning> {
+    let section = ini.section(Title::Named(Named::Commissioning))?;
+    let node = read::unsigned::<u8>(section, "NodeID").and_then(|raw| NodeId::new(raw).ok());
+    Some(Commissioning {
+        node,
+        node_name: section.text("NodeName").to_owned(),
+        bitrate: read::unsigned(section, "Baudrate"),
+        network: read::unsigned(section, "NetNumber"),
+        network_name: section.text("NetworkName").to_owned(),
+        is_manager: section.value("CANopenManager").is_some_and(|entry| read::is_set(entry.word())),
+        serial: read::unsigned(section, "LSS_SerialNumber"),
+    })
+}

@@ -1,0 +1,126 @@
+//! The keys CiA 306 knows, in its order and spelling.
+
+use crate::canopen::eds::title::Named;
+use crate::canopen::eds::title::Title;
+
+const FILE_INFO: &[&str] = &[
+    "FileName",
+    "FileVersion",
+    "FileRevision",
+    "LastEDS",
+    "EDSVersion",
+    "Description",
+    "CreationTime",
+    "CreationDate",
+    "CreatedBy",
+    "ModificationTime",
+    "ModificationDate",
+    "ModifiedBy",
+];
+
+const DEVICE_INFO: &[&str] = &[
+    "VendorName",
+    "VendorNumber",
+    "ProductName",
+    "ProductNumber",
+    "RevisionNumber",
+    "OrderCode",
+    "BaudRate_10",
+    "BaudRate_20",
+    "BaudRate_50",
+    "BaudRate_125",
+    "BaudRate_250",
+    "BaudRate_500",
+    "BaudRate_800",
+    "BaudRate_1000",
+    "SimpleBootUpMaster",
+    "SimpleBootUpSlave",
+    "Granularity",
+    "DynamicChannelsSupported",
+    "CompactPDO",
+    "GroupMessaging",
+    "NrOfRXPDO",
+    "NrOfTXPDO",
+    "LSS_Supported",
+];
+
+const COMMISSIONING: &[&str] = &[
+    "NodeID",
+    "NodeName",
+    "NodeRefd",
+    "Baudrate",
+    "NetNumber",
+    "NetworkName",
+    "NetRefd",
+    "CANopenManager",
+    "LSS_SerialNumber",
+];
+
+const DUMMY_USAGE: &[&str] =
+    &["Dummy0001", "Dummy0002", "Dummy0003", "Dummy0004", "Dummy0005", "Dummy0006", "Dummy0007"];
+
+const OBJECT: &[&str] = &[
+    "SubNumber",
+    "ParameterName",
+    "ObjectType",
+    "DataType",
+    "AccessType",
+    "LowLimit",
+    "HighLimit",
+    "DefaultValue",
+    "PDOMapping",
+    "ObjFlags",
+    "CompactSubObj",
+    "ParameterValue",
+    "UploadFile",
+    "DownloadFile",
+    "Denotation",
+    "ParamRefd",
+];
+
+/// The known keys of a section; those of a list are numbers behind the first.
+pub(super) const fn of(title: Title<'_>) -> &'static [&'static str] {
+    match title {
+        Title::Named(Named::FileInfo) => FILE_INFO,
+        Title::Named(Named::DeviceInfo) => DEVICE_INFO,
+        Title::Named(Named::Commissioning) => COMMISSIONING,
+        Title::Named(Named::DummyUsage) => DUMMY_USAGE,
+        Title::Named(Named::Comments) => &["Lines"],
+        Title::Named(Named::Mandatory | Named::Optional | Named::Manufacturer) => {
+            &["SupportedObjects"]
+        }
+        Title::Object(_) | Title::Sub(..) => OBJECT,
+        Title::Names(_) | Title::Values(_) | Title::Denotations(_) => &["NrOfEntries"],
+        Title::Links(_) => &["ObjectLinks"],
+        Title::Other(_) => &[],
+    }
+}
+
+/// Keys whose values are words for people, in which a leading zero or a `;` means nothing.
+pub(super) fn is_text(key: &str) -> bool {
+    const TEXTS: &[&str] = &[
+        "ParameterName",
+        "Denotation",
+        "UploadFile",
+        "DownloadFile",
+        "ParamRefd",
+        "VendorName",
+        "ProductName",
+        "OrderCode",
+        "NodeName",
+        "NodeRefd",
+        "NetworkName",
+        "NetRefd",
+    ];
+    TEXTS.iter().any(|text| text.eq_ignore_ascii_case(key))
+}
+
+/// A known key of a section in the spelling of CiA 306.
+pub(super) fn canonical(title: Title<'_>, key: &str) -> Option<&'static str> {
+    place(title, key).and_then(|place| of(title).get(place).copied())
+}
+
+/// Where a key stands in the order of CiA 306; `None` for one that is unknown.
+pub(super) fn place(title: Title<'_>, key: &str) -> Option<usize> {
+    of(title).iter().position(|known| known.eq_ignore_ascii_case(key))
+}

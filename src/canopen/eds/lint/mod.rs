@@ -1,0 +1,160 @@
+//! What is wrong with an EDS, line by line: everything that makes it say something else than it means,
+//! or makes tools read it differently.
+//!
+//! An error misleads whoever believes the file; a warning is odd, or read differently elsewhere.
+
+mod device;
+mod file;
+mod lists;
+mod mapping;
+mod objects;
+
+use std::fmt;
+
+use crate::canopen::eds::Eds;
+use crate::canopen::eds::ini::Ini;
+use crate::canopen::eds::ini::Section;
+use crate::canopen::eds::title::Title;
+use crate::canopen::object::Object;
+
+/// How bad a finding is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Severity {
+    /// It misleads.
+    Error,
+    /// It is odd.
+    Warning,
+}
+
+impl fmt::Display for Severity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Error => "error",
+            Self::Warning => "warning",
+        })
+    }
+}
+
+/// One thing that is wrong.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finding {
+    /// Where, from 1; what is missing altogether is missed on the first.
+    pub line: usize,
+    /// How bad.
+    pub severity: Severity,
+    /// The object, as in `1018h:1`, or the section in brackets; empty for the file as a whole.
+    pub place: String,
+    /// The key; empty for the section as a whole.
+    pub key: String,
+    /// What is wrong with it.
+    pub reason: String,
+}
+
+/// As in `12: error: 1018h:1 DefaultValue: not a number`.
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}: ", self.line, self.severity)?;
+        match (self.place.is_empty(), self.key.is_empty()) {
+            (true, _) => {}
+            (false, true) => write!(f, "{}: ", self.place)?,
+            (false, false) => write!(f, "{} {}: ", self.place, self.key)?,
+        }
+        f.write_str(&self.reason)
+    }
+}
+
+/// The most findings of one severity: who has more knows enough.
+const MOST: usize = 1_000;
+
+/// Everything that is wrong with a file, by line.
+pub(super) fn lint(eds: &Eds) -> Vec<Finding> {
+    let ini = Ini::read(&eds.text.text);
+    let mut lint = Lint { eds, ini: &ini, errors: Vec::new(), warnings: Vec::new() };
+    file::check(&mut lint);
+    device::check(&mut lint);
+    lists::check(&mut lint);
+    objects::check(&mut lint);
+    mapping::check(&mut lint);
+    let mut found = lint.errors;
+    found.append(&mut lint.warnings);
+    found.sort_by_key(|finding| finding.line);
+    found
+}
+
+/// A file under examination.
+struct Lint<'e> {
+    eds: &'e Eds,
+    ini: &'e Ini<'e>,
+    errors: Vec<Finding>,
+    warnings: Vec<Finding>,
+}
+
+impl<'e> Lint<'e> {
+    fn error(
+        &mut self,
+        line: usize,
+        title: Option<Title<'_>>,
+        key: &str,
+        reason: impl fmt::Display,
+    ) {
+        add(&mut self.errors, Severity::Error, line, title, key, reason);
+    }
+
+    fn warning(
+        &mut self,
+        line: usize,
+        title: Option<Title<'_>>,
+        key: &str,
+        reason: impl fmt::Display,
+    ) {
+        add(&mut self.warnings, Severity::Warning, line, title, key, reason);
+    }
+
+    /// The section an object is described in, and that section's line of `key`, or else its first.
+    fn place(&self, object: Object, key: &str) -> (usize, Title<'e>) {
+        let Object { index, sub } = object;
+        let titles = [Title::Sub(index, sub), Title::Object(index)];
+        let section = titles.into_iter().find_map(|title| self.ini.section(title));
+        let line = section.map_or(1, |section| line_of(section, key));
+        (line, section.map_or(Title::Sub(index, sub), |section| section.title))
+    }
+}
+
+/// The line of a key, or else of its section.
+fn line_of(section: &Section<'_>, key: &str) -> usize {
+    section.entry(key).map_or(section.line, |entry| entry.line)
+}
+
+fn add(
+    found: &mut Vec<Finding>,
+    severity: Severity,
+    line: usize,
+    title: Option<Title<'_>>,
+    key: &str,
+    reason: impl fmt::Display,
+) {
+    if found.len() < MOST {
+        let place = title.map(place).unwrap_or_default();
+        found.push(Finding {
+            line,
+            severity,
+            place,
+            key: key.to_owned(),
+            reason: reason.to_string(),
+        });
+    }
+}
+
+/// What a section is about, as people write it.
+fn place(title: Title<'_>) -> String {
+    match title {
+        Title::Object(index) => Object { index, sub: 0 }.to_string(),
+        Title::Sub(index, sub) => format!("{index:04X}h:{sub}"),
+        Title::Named(_)
+        | Title::Names(_)
+        | Title::Values(_)
+        | Title::Denotations(_)
+        | Title::Links(_)
+        | Title::Other(_) => format!("[{title}]"),
+    }
+}

@@ -1,0 +1,164 @@
+//! From sections to objects: what is missing or wrong is taken as CiA 306 or good sense have it, and
+//! left to [`lint`](crate::canopen::eds::lint) to tell.
+
+use std::collections::HashSet;
+
+use crate::canopen::data_type;
+use crate::canopen::data_type::DOMAIN;
+use crate::canopen::data_type::DataType;
+use crate::canopen::eds::EdsError;
+use crate::canopen::eds::compact;
+use crate::canopen::eds::described::Access;
+use crate::canopen::eds::described::Described;
+use crate::canopen::eds::described::Setting;
+use crate::canopen::eds::ini::Entry;
+use crate::canopen::eds::ini::Ini;
+use crate::canopen::eds::ini::Section;
+use crate::canopen::eds::title::Title;
+use crate::canopen::eds::value;
+use crate::canopen::object::Object;
+
+/// Object types (CiA 301, 7.4.3).
+pub(super) const DOMAIN_OBJECT: i128 = 2;
+pub(super) const RECORD_TYPE: i128 = 6;
+pub(super) const VAR: i128 = 7;
+pub(super) const ARRAY: i128 = 8;
+pub(super) const RECORD: i128 = 9;
+
+/// More objects than any device has, and more bytes than their descriptions take: what is told
+/// compactly could be any number.
+const MOST_OBJECTS: usize = 100_000;
+const MOST_COPIED: usize = 32 << 20;
+
+/// Every object a file describes, by index and sub-index.
+///
+/// # Errors
+/// When there are none or too many.
+pub(super) fn objects(ini: &Ini<'_>) -> Result<Vec<Described>, EdsError> {
+    let heads = with_sub_sections(ini);
+    let mut objects = Vec::new();
+    let mut copied = 0;
+    for section in ini.first_sections() {
+        match section.title {
+            Title::Sub(index, sub) => objects.push(one(ini, section, Object { index, sub })),
+            Title::Object(index) => match compact::count(section) {
+                0 if heads.contains(&index) || is_head(section) => {}
+                0 => objects.push(one(ini, section, Object { index, sub: 0 })),
+                count => {
+                    copied += usize::from(count) * section.bytes();
+                    if copied > MOST_COPIED {
+                        return Err(EdsError::TooMany);
+                    }
+                    compact::array(ini, section, index, count, &mut objects);
+                }
+            },
+            Title::Named(_)
+            | Title::Names(_)
+            | Title::Values(_)
+            | Title::Denotations(_)
+            | Title::Links(_)
+            | Title::Other(_) => {}
+        }
+        enough(&objects)?;
+    }
+    compact::pdos(ini, &mut objects);
+    enough(&objects)?;
+    objects.sort_by_key(|described| described.object);
+    if objects.is_empty() { Err(EdsError::Empty) } else { Ok(objects) }
+}
+
+fn enough(objects: &[Described]) -> Result<(), EdsError> {
+    if objects.len() > MOST_OBJECTS { Err(EdsError::TooMany) } else { Ok(()) }
+}
+
+/// The objects that have sections for their sub-indices.
+pub(super) fn with_sub_sections(ini: &Ini<'_>) -> HashSet<u16> {
+    let index = |section: &Section<'_>| match section.title {
+        Title::Sub(index, _) => Some(index),
+        _ => None,
+    };
+    ini.first_sections().filter_map(index).collect()
+}
+
+/// Whether a section is the head of an array or record, by its own word.
+pub(super) fn is_head(section: &Section<'_>) -> bool {
+    matches!(integer(section, "ObjectType"), Some(RECORD_TYPE | ARRAY | RECORD))
+}
+
+/// A whole number, if there is one.
+pub(super) fn integer(section: &Section<'_>, key: &str) -> Option<i128> {
+    value::whole(section.value(key)?.word()).map(|(value, _)| value)
+}
+
+/// A number from zero, if there is one.
+pub(super) fn unsigned<T: TryFrom<i128>>(section: &Section<'_>, key: &str) -> Option<T> {
+    T::try_from(integer(section, key)?).ok()
+}
+
+/// The one object a section describes.
+pub(super) fn one(ini: &Ini<'_>, section: &Section<'_>, object: Object) -> Described {
+    let number = data_type(ini, section);
+    let data_type = data_type::of(number);
+    let limit = |key| {
+        let limit = value::number(section.value(key)?.word(), data_type.as_ref()?).ok()?;
+        (!limit.plus_node_id).then_some(limit.value)
+    };
+    let default = section.value("DefaultValue");
+    let as_number = |entry: &Entry<'_>| value::number(entry.word(), data_type.as_ref()?).ok();
+    let access = section.value("AccessType").and_then(|entry| Access::read(entry.word()));
+    Described {
+        object,
+        name: section.text("ParameterName").to_owned(),
+        data_type: number,
+        access: access.unwrap_or(Access::ReadOnly),
+        default: default.map(|entry| text_of(entry, data_type)).unwrap_or_default(),
+        number: default.and_then(as_number),
+        low: limit("LowLimit"),
+        high: limit("HighLimit"),
+        is_mappable: section.value("PDOMapping").is_some_and(|entry| is_set(entry.word())),
+        flags: unsigned(section, "ObjFlags").unwrap_or(0),
+        setting: setting(section, data_type),
+    }
+}
+
+/// What a DCF adds to a section.
+fn setting(section: &Section<'_>, data_type: Option<DataType>) -> Setting {
+    let text = |key| section.value(key).map(|entry| entry.value.to_owned());
+    Setting {
+        value: section.value("ParameterValue").map(|entry| text_of(entry, data_type)),
+        denotation: text("Denotation"),
+        upload_file: text("UploadFile"),
+        download_file: text("DownloadFile"),
+        reference: text("ParamRefd"),
+    }
+}
+
+/// A value as it is written: a text with all there is, anything else without the comment behind it.
+pub(super) fn text_of(entry: &Entry<'_>, data_type: Option<DataType>) -> String {
+    let is_fixed = data_type.is_some_and(|data_type| data_type.bits.is_some());
+    if is_fixed { entry.word() } else { entry.value }.to_owned()
+}
+
+/// Whether a flag says yes.
+pub(super) fn is_set(word: &str) -> bool {
+    match value::whole(word) {
+        Some((number, _)) => number != 0,
+        None => word.eq_ignore_ascii_case("true") || word.eq_ignore_ascii_case("yes"),
+    }
+}
+
+/// The data type of a section, by number: what it says, DOMAIN for a domain, else zero. A type
+/// of the file's own counts as the one it is made of, as CANFestival's editor writes them:
+/// `DataType=0xA0`, and the type proper as the default of `[A0sub1]`.
+fn data_type(ini: &Ini<'_>, section: &Section<'_>) -> u16 {
+    let Some(number) = unsigned::<u16>(section, "DataType") else {
+        let is_domain = integer(section, "ObjectType") == Some(DOMAIN_OBJECT);
+        return if is_domain { DOMAIN } else { 0 };
+    };
+    if data_type::of(number).is_some() {
+        return number;
+    }
+    let short = format!("{number:X}sub1");
+    let own = ini.section(Title::Sub(number, 1)).or_else(|| ini.section(Title::Other(&short)));
+    own.and_then(|own| unsigned(own, "DefaultValue")).unwrap_or(number)
+}

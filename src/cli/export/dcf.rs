@@ -1,0 +1,154 @@
+//! `frhc export dcf`: what every node is left with, as one file each that other masters and
+//! configuration tools read.
+
+use std::collections::HashSet;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::Path;
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::Args;
+
+use crate::canopen::concise;
+use crate::canopen::dcf;
+use crate::canopen::dcf::DcfError;
+use crate::canopen::eds::Commissioning;
+use crate::canopen::eds::Eds;
+use crate::canopen::frame::Channel;
+use crate::canopen::plan::NodePlan;
+use crate::cli::configured::Configured;
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::cli::exit::OrFail;
+use crate::cli::print;
+use crate::config::Config;
+
+/// `frhc export dcf`.
+#[derive(Debug, Args)]
+pub(super) struct Dcf {
+    #[command(flatten)]
+    config: Configured,
+    /// Where the files go; made if it is not there.
+    #[arg(short, long, value_name = "DIR")]
+    out: PathBuf,
+    /// As lists of writes (CiA 302-3, 1F22h) instead: binary, `.cdcf`.
+    #[arg(long)]
+    concise: bool,
+}
+
+/// A file to be written.
+struct File {
+    name: String,
+    content: Vec<u8>,
+}
+
+/// Makes every file before it writes the first.
+pub(super) fn run(args: &Dcf) -> Result<(), Failure> {
+    let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
+    let mut taken = HashSet::new();
+    let mut files = Vec::new();
+    for (node, (channel, plan)) in nodes(&config).into_iter().zip(config.node_plans()) {
+        let name = file_name(&config, &node, channel, &plan, args.concise, &mut taken);
+        let content = render(&config, &node, channel, &plan, &name, args.concise);
+        let content =
+            content.map_err(|error| format!("{}, node {}: {error}", plan.name, plan.node.raw()));
+        let content = content.map_err(|error| Failure::new(Kind::Configuration, error))?;
+        files.push(File { name, content });
+    }
+    write(&args.out, &files)?;
+    for file in &files {
+        print::line(&args.out.join(&file.name).display().to_string());
+    }
+    Ok(())
+}
+
+/// A node as people and its EDS know it.
+struct Node<'a> {
+    name: &'a str,
+    eds: &'a Eds,
+}
+
+/// In the order of the plans: the joints' drives, then the switch box.
+fn nodes(config: &Config) -> Vec<Node<'_>> {
+    let drives = config.joints.iter().map(|joint| Node { name: &joint.name, eds: &joint.eds });
+    drives.chain([Node { name: "switch box", eds: &config.switches.eds }]).collect()
+}
+
+fn render(
+    config: &Config,
+    node: &Node<'_>,
+    channel: Channel,
+    plan: &NodePlan,
+    file_name: &str,
+    is_concise: bool,
+) -> Result<Vec<u8>, DcfError> {
+    if is_concise {
+        return Ok(concise::encode(&dcf::downloads(node.eds, plan)?));
+    }
+    let bus = config.buses.get(usize::from(channel.0));
+    let commissioning = Commissioning {
+        node: Some(plan.node),
+        node_name: node.name.to_owned(),
+        bitrate: bus.map(|bus| bus.bitrate / 1_000),
+        network: Some(u32::from(channel.0) + 1),
+        network_name: bus.map(|bus| bus.name.clone()).unwrap_or_default(),
+        is_manager: false,
+        serial: None,
+    };
+    dcf::write(node.eds, plan, &commissioning, file_name)
+}
+
+/// `3_elbow.dcf`; with the bus where two would be called the same.
+fn file_name(
+    config: &Config,
+    node: &Node<'_>,
+    channel: Channel,
+    plan: &NodePlan,
+    is_concise: bool,
+    taken: &mut HashSet<String>,
+) -> String {
+    let extension = if is_concise { "cdcf" } else { "dcf" };
+    let name = format!("{}_{}", plan.node.raw(), plain(node.name));
+    let short = format!("{name}.{extension}");
+    if taken.insert(short.to_lowercase()) {
+        return short;
+    }
+    let bus = config.buses.get(usize::from(channel.0)).map_or("", |bus| bus.name.as_str());
+    let long = format!("{name}_{}_{}.{extension}", plain(bus), channel.0);
+    taken.insert(long.to_lowercase());
+    long
+}
+
+/// A name that is safe as part of a file's.
+fn plain(name: &str) -> String {
+    let plain = |c: char| if c.is_alphanumeric() || c == '-' { c } else { '_' };
+    name.chars().take(100).map(plain).collect()
+}
+
+/// Writes every file beside its place, then moves all of them there; what fails leaves none half done.
+fn write(folder: &Path, files: &[File]) -> Result<(), Failure> {
+    fs::create_dir_all(folder)
+        .with_context(|| folder.display().to_string())
+        .or_fail(Kind::Usage)?;
+    let beside = |file: &File| folder.join(format!(".{}.part", file.name));
+    let prepared = files.iter().try_for_each(|file| {
+        let path = folder.join(&file.name);
+        let is_free = if path.is_dir() { Err(ErrorKind::IsADirectory.into()) } else { Ok(()) };
+        let written = is_free.and_then(|()| fs::write(beside(file), &file.content));
+        written.with_context(|| path.display().to_string())
+    });
+    let moved = prepared.and_then(|()| {
+        files.iter().try_for_each(|file| {
+            let path = folder.join(&file.name);
+            fs::rename(beside(file), &path).with_context(|| path.display().to_string())
+        })
+    });
+    if moved.is_err() {
+        for file in files {
+            // Those that are not there were moved, or never written.
+            fs::remove_file(beside(file)).ok();
+        }
+    }
+    moved.or_fail(Kind::Usage)
+}

@@ -194,9 +194,9 @@ impl Line {
         let waiting = self.waiting.iter().map(|waiting| waiting.until);
         let next = match &self.running {
             None => (!self.waiting.is_empty()).then_some(Instant::ZERO),
-            Some(running) => {
-                Some(running.transfer.deadline().map_or(running.until, |due| due.min(running.until)))
-            }
+            Some(running) => Some(
+                running.transfer.deadline().map_or(running.until, |due| due.min(running.until)),
+            ),
         };
         waiting.chain(next).min()
     }

@@ -96,6 +96,14 @@ impl Sender {
         Ok(false)
     }
 
+    /// Begins the sub-block under way again.
+    ///
+    /// # Errors
+    /// When that has been done too often.
+    pub(crate) fn again(&mut self) -> Result<(), AbortCode> {
+        self.answered(0, self.block_size).map(|_| ())
+    }
+
     /// How many bytes of the last segment mean nothing.
     pub(crate) fn unused(&self) -> u8 {
         let used = match self.bytes.len() % SEGMENT_DATA_MAX {

@@ -20,8 +20,8 @@ use frhc::time::Instant;
 use crate::common::drive::drive;
 use crate::common::drive::node;
 
-/// What happens to frames, each of a thousand.
-#[derive(Clone, Copy, Debug)]
+/// What happens to frames, of a thousand each.
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Weather {
     /// Lost.
     pub(crate) loss: u32,
@@ -29,10 +29,9 @@ pub(crate) struct Weather {
     pub(crate) twice: u32,
     /// Overtaken by those behind.
     pub(crate) late: u32,
+    /// This one is lost, whatever happens to the others.
+    pub(crate) nth: Option<u64>,
 }
-
-/// Nothing happens to any.
-const FAIR: Weather = Weather { loss: 0, twice: 0, late: 0 };
 
 /// On the wire for this long.
 const FRAME: Duration = Duration::from_micros(130);
@@ -66,7 +65,7 @@ impl Lossy {
         lossy.drive.on_time(lossy.now, &mut Vec::new());
         let block = Block::default().every(Duration::ZERO);
         let terms = Terms::block(Duration::from_secs(10), block);
-        lossy.carry(Task::Write(value.to_vec()), terms, FAIR).unwrap();
+        lossy.carry(Task::Write(value.to_vec()), terms, Weather::default()).unwrap();
         lossy
     }
 
@@ -75,9 +74,15 @@ impl Lossy {
         self.drive.dictionary().get(Object::SAMPLE_BUFFER).unwrap().to_vec()
     }
 
+    /// How many frames the last transfer took.
+    pub(crate) const fn count(&self) -> u64 {
+        self.sent
+    }
+
     /// Carries one request to its end, which must come in time.
     pub(crate) fn carry(&mut self, task: Task, terms: Terms, weather: Weather) -> Outcome {
         let (mut queue, begun) = (Queue::default(), self.now);
+        self.sent = 0;
         let request = Request { object: Object::SAMPLE_BUFFER, task, terms, within: WITHIN };
         let ticket = queue.ask(self.now, node(), request);
         let (mut requests, mut replies) = (Vec::new(), Vec::new());
@@ -113,7 +118,8 @@ impl Lossy {
 
     fn send(&mut self, is_request: bool, frame: Frame, weather: Weather) {
         self.busy = self.busy.max(self.now) + FRAME;
-        if self.happens(weather.loss) {
+        self.sent += 1;
+        if self.happens(weather.loss) || weather.nth == Some(self.sent - 1) {
             return;
         }
         let mut at = self.busy;
@@ -122,8 +128,8 @@ impl Lossy {
         }
         for copy in 0..1 + u32::from(self.happens(weather.twice)) {
             let again = if self.happens(weather.late) { self.random() % 64 } else { 0 };
-            self.sent += 1;
-            self.wire.insert((at + FRAME * (copy * again), self.sent), (is_request, frame));
+            let order = 2 * self.sent + u64::from(copy);
+            self.wire.insert((at + FRAME * (copy * again), order), (is_request, frame));
         }
     }
 

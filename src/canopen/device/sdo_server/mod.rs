@@ -295,7 +295,7 @@ impl SdoServer {
         let [a, b, c, d] = announced(&bytes);
         let upload = block::Upload::new(bytes, block_size, command & CRC != 0)?;
         self.transfer = Some(Transfer { object, way: Way::BlockUp(upload) });
-        let command = SCS_BLOCK_UPLOAD << 5 | CRC | SIZE_INDICATED_IN_BLOCK;
+        let command = SCS_BLOCK_UPLOAD << 5 | command & CRC | SIZE_INDICATED_IN_BLOCK;
         Ok(Some([command, low, high, sub, a, b, c, d]))
     }
 
@@ -319,7 +319,8 @@ impl SdoServer {
         let receiver = Receiver::new([request, nothing_yet], promise)?;
         self.transfer =
             Some(Transfer { object, way: Way::BlockDown(block::Download::new(receiver)) });
-        Ok(Some([SCS_BLOCK_DOWNLOAD << 5 | CRC, low, high, sub, BLOCK_SIZE, 0, 0, 0]))
+        let command = SCS_BLOCK_DOWNLOAD << 5 | command & CRC;
+        Ok(Some([command, low, high, sub, BLOCK_SIZE, 0, 0, 0]))
     }
 
     /// Sends the sub-block that is due, all of it: the bus takes one frame after the other.
@@ -390,7 +391,8 @@ const EXPEDITED: u8 = 1 << 1;
 const SIZE_INDICATED: u8 = 1;
 /// The same where block transfer has it.
 const SIZE_INDICATED_IN_BLOCK: u8 = 1 << 1;
-/// Bit cc or sc: a checksum is wanted, or can be had.
+/// Bits cc and sc: a checksum is wanted, and there will be one. A server that offers one nobody wants
+/// is misread by clients that look at sc alone.
 const CRC: u8 = 1 << 2;
 /// What a frame of a block transfer is.
 const SUBCOMMAND: u8 = 3;
@@ -732,7 +734,7 @@ mod tests {
     fn lost_segments_are_asked_for_when_nothing_comes() {
         let (mut server, mut shelf) = (server(), Shelf::default());
         reply(&mut server, &mut shelf, [0xC6, 0, 0x20, 0, 90, 0, 0, 0]);
-        let mut ask = |server: &mut SdoServer| {
+        let ask = |server: &mut SdoServer| {
             let mut out = Vec::new();
             server.on_time(Instant::ZERO + NUDGE, &mut out);
             out

@@ -219,8 +219,6 @@ fn a_mebibyte_by_blocks_is_limited_by_the_wire_alone() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
-
     /// Frames are lost, come twice, and overtake each other.
     #[test]
     fn in_any_weather_a_checksum_lets_no_wrong_byte_through(

@@ -83,14 +83,14 @@ impl BlockUpload {
 
     /// The server agrees, or goes on by the other protocol.
     fn on_opened(&mut self, reply: &SdoPayload) -> Result<Step, AbortCode> {
-        let [command, ..] = *reply;
+        let [command, low, high, sub, ..] = *reply;
+        if Address::new(u16::from_le_bytes([low, high]), sub) != self.about {
+            return Ok(Step::Pass);
+        }
         if command >> 5 == SCS_UPLOAD {
             return Ok(Step::Switch(Upload::new(self.about, self.limit)));
         }
         let Ok(opened) = decode_upload_initiate_response(reply) else { return Ok(Step::Pass) };
-        if opened.address != self.about {
-            return Ok(Step::Pass);
-        }
         let declared = opened.size.map(|size| usize::try_from(size).unwrap_or(usize::MAX));
         let has_crc = self.block.has_crc() && opened.crc_support;
         let (limit, block_size) = (self.limit, self.block.size());

@@ -31,6 +31,8 @@ mod block_download;
 mod block_upload;
 mod content;
 mod crc;
+#[cfg(test)]
+mod laws;
 mod queue;
 mod receiver;
 mod segmented;

@@ -226,3 +226,150 @@ impl Line {
         Done { ticket, node: self.node, object, outcome }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::abort::AbortCode;
+    use crate::canopen::sdo::Content;
+
+    const TYPE: Object = Object::DEVICE_TYPE;
+    const ERRORS: Object = Object::ERROR_REGISTER;
+    const NOW: Instant = Instant::ZERO;
+    const WITHIN: Duration = Duration::from_millis(250);
+
+    fn node(raw: u8) -> NodeId {
+        NodeId::new(raw).unwrap()
+    }
+
+    fn reading(object: Object) -> Request {
+        let terms = Terms::segmented(Duration::from_millis(100));
+        Request { object, task: Task::Read, terms, within: WITHIN }
+    }
+
+    /// Everything that is due at `now`.
+    fn due(queue: &mut Queue, now: Instant) -> (Vec<Done>, Vec<Frame>) {
+        let (mut over, mut out) = (Vec::new(), Vec::new());
+        while queue.deadline().is_some_and(|due| due <= now) {
+            over.extend(queue.on_time(now, &mut out));
+        }
+        (over, out)
+    }
+
+    fn request(node: u8, object: Object) -> Frame {
+        let [low, high] = object.index.to_le_bytes();
+        Frame::new(0x600 + u16::from(node), [0x40, low, high, object.sub, 0, 0, 0, 0])
+    }
+
+    fn reply(node: u8, object: Object) -> Frame {
+        let [low, high] = object.index.to_le_bytes();
+        Frame::new(0x580 + u16::from(node), [0x4F, low, high, object.sub, node, 0, 0, 0])
+    }
+
+    fn abort(node: u8, object: Object, code: AbortCode) -> Frame {
+        let [low, high] = object.index.to_le_bytes();
+        let [a, b, c, d] = code.0.to_le_bytes();
+        Frame::new(0x600 + u16::from(node), [0x80, low, high, object.sub, a, b, c, d])
+    }
+
+    fn bytes(done: Option<Done>) -> (Ticket, Vec<u8>) {
+        let done = done.expect("an outcome");
+        (done.ticket, done.outcome.expect("a value").bytes().to_vec())
+    }
+
+    #[test]
+    fn nodes_are_asked_side_by_side_and_each_one_thing_after_the_other() {
+        let mut queue = Queue::default();
+        let first = queue.ask(NOW, node(5), reading(TYPE));
+        let second = queue.ask(NOW, node(5), reading(ERRORS));
+        let other = queue.ask(NOW, node(7), reading(TYPE));
+        let (over, out) = due(&mut queue, NOW);
+        assert_eq!((over, out), (vec![], vec![request(5, TYPE), request(7, TYPE)]));
+        let mut out = Vec::new();
+        assert_eq!(queue.on_frame(NOW, &reply(5, ERRORS), &mut out), None, "not its turn");
+        assert_eq!(bytes(queue.on_frame(NOW, &reply(7, TYPE), &mut out)), (other, vec![7]));
+        assert_eq!(bytes(queue.on_frame(NOW, &reply(5, TYPE), &mut out)), (first, vec![5]));
+        assert_eq!((out, queue.len()), (vec![], 1));
+        assert_eq!(due(&mut queue, NOW).1, [request(5, ERRORS)]);
+        let mut out = Vec::new();
+        assert_eq!(bytes(queue.on_frame(NOW, &reply(5, ERRORS), &mut out)), (second, vec![5]));
+        assert!(queue.is_empty());
+        assert_eq!(queue.deadline(), None);
+    }
+
+    #[test]
+    fn a_request_that_fails_leaves_the_next_its_turn() {
+        let mut queue = Queue::default();
+        let first = queue.ask(NOW, node(5), reading(TYPE));
+        let second = queue.ask(NOW, node(5), reading(ERRORS));
+        due(&mut queue, NOW);
+        let refusal = Frame::new(0x585, [0x80, 0x00, 0x10, 0, 0, 0, 2, 6]);
+        let done = queue.on_frame(NOW, &refusal, &mut Vec::new()).unwrap();
+        assert_eq!((done.ticket, done.node, done.object), (first, node(5), TYPE));
+        assert_eq!(done.outcome, Err(SdoError::Refused(AbortCode::NO_OBJECT)));
+        assert_eq!(due(&mut queue, NOW).1, [request(5, ERRORS)]);
+        let (over, out) = due(&mut queue, NOW + Duration::from_millis(100));
+        assert_eq!((over[0].ticket, &over[0].outcome), (second, &Err(SdoError::Silent)));
+        assert_eq!(out, [abort(5, ERRORS, AbortCode::TIMED_OUT)]);
+    }
+
+    #[test]
+    fn every_request_ends_in_its_own_time_begun_or_not() {
+        let mut queue = Queue::default();
+        for _ in 0..5 {
+            queue.ask(NOW, node(5), reading(TYPE));
+        }
+        let mut tickets = Vec::new();
+        for millis in [0, 100, 200, 250] {
+            let (over, _) = due(&mut queue, NOW + Duration::from_millis(millis));
+            assert!(over.iter().all(|done| done.outcome == Err(SdoError::Silent)));
+            tickets.push(over.len());
+        }
+        assert_eq!(tickets, [0, 1, 1, 3], "two had their turn, one began, two never");
+        assert!(queue.is_empty());
+    }
+
+    #[test]
+    fn what_is_cancelled_has_no_outcome_and_the_server_is_told() {
+        let mut queue = Queue::default();
+        let first = queue.ask(NOW, node(5), reading(TYPE));
+        let second = queue.ask(NOW, node(5), reading(ERRORS));
+        due(&mut queue, NOW);
+        let mut out = Vec::new();
+        assert!(queue.cancel(second, &mut out));
+        assert!(out.is_empty(), "it had not begun");
+        assert!(queue.cancel(first, &mut out));
+        assert_eq!(out, [abort(5, TYPE, AbortCode::GENERAL_ERROR)]);
+        assert!(!queue.cancel(first, &mut out));
+        assert!(queue.is_empty());
+        assert_eq!(queue.on_frame(NOW, &reply(5, TYPE), &mut out), None);
+    }
+
+    #[test]
+    fn before_it_is_dropped_every_server_is_told() {
+        let mut queue = Queue::default();
+        for raw in [5, 5, 7] {
+            queue.ask(NOW, node(raw), reading(TYPE));
+        }
+        due(&mut queue, NOW);
+        let mut out = Vec::new();
+        queue.cancel_all(&mut out);
+        assert_eq!(out, [5, 7].map(|raw| abort(raw, TYPE, AbortCode::GENERAL_ERROR)));
+        assert_eq!((queue.len(), queue.deadline()), (0, None));
+    }
+
+    #[test]
+    fn a_write_that_is_too_long_is_over_before_it_begins() {
+        let mut queue = Queue::default();
+        let terms = Terms { limit: 1, ..Terms::segmented(WITHIN) };
+        let task = Task::Write(vec![1, 2]);
+        queue.ask(NOW, node(5), Request { object: TYPE, task, terms, within: WITHIN });
+        queue.ask(NOW, node(5), Request { task: Task::Write(vec![1]), terms, ..reading(ERRORS) });
+        let (over, out) = due(&mut queue, NOW);
+        assert_eq!(over[0].outcome, Err(SdoError::BrokenOff(AbortCode::OUT_OF_MEMORY)));
+        assert_eq!(out, [Frame::new(0x605, [0x2F, 0x01, 0x10, 0, 1, 0, 0, 0])]);
+        let confirmed = Frame::new(0x585, [0x60, 0x01, 0x10, 0, 0, 0, 0, 0]);
+        let done = queue.on_frame(NOW, &confirmed, &mut Vec::new()).unwrap();
+        assert_eq!(done.outcome, Ok(Content::default()));
+    }
+}

@@ -35,7 +35,7 @@ use frhc::sim::drive::Drive;
 use proptest::prelude::*;
 
 const BUFFER: Object = Object::SAMPLE_BUFFER;
-const TIMEOUT: Duration = Duration::from_millis(500);
+const TIMEOUT: Duration = Duration::from_secs(1);
 
 /// As fast as there is room.
 fn block(size: u8) -> Block {

@@ -7,6 +7,10 @@
 //! over once the reply that opened the transfer is here.) A transfer broken off on this side tells the
 //! server so.
 //!
+//! Every call adds one frame at most to what is to be sent, and the segments of a block go out by
+//! `on_time` alone: whoever calls it when there is room, or once a cycle, keeps the bus from being
+//! flooded. Frames a server loses nevertheless are sent again.
+//!
 //! ```
 //! use std::time::Duration;
 //!
@@ -55,6 +59,7 @@ pub use terms::Block;
 pub use terms::InvalidBlockSize;
 pub use terms::MAX_BYTES;
 pub use terms::Protocol;
+pub use terms::SEGMENTED_BYTES;
 pub use terms::Terms;
 pub use transfer::Transfer;
 

@@ -19,8 +19,8 @@ use crate::canopen::sdo::block_upload::BlockUpload;
 use crate::canopen::sdo::segmented::Download;
 use crate::canopen::sdo::segmented::Upload;
 use crate::canopen::sdo::step::Step;
-use crate::canopen::sdo::terms::Block;
 use crate::canopen::sdo::terms::Protocol;
+use crate::canopen::sdo::terms::SEGMENTED_BYTES;
 use crate::canopen::sdo::terms::SHORT;
 use crate::canopen::sdo::terms::Terms;
 use crate::time::Instant;
@@ -32,12 +32,12 @@ pub struct Transfer {
     object: Object,
     terms: Terms,
     way: Way,
-    /// When the wait for a reply ends.
-    until: Instant,
-    /// When something is due; `None` once finished.
+    /// When a segment may go out, or the wait for a reply ends; `None` once finished.
     deadline: Option<Instant>,
     /// When the next segment may go out.
     free: Instant,
+    /// Whether it has asked again since the server was heard last.
+    has_nudged: bool,
 }
 
 /// By which protocol, and which way.
@@ -51,7 +51,8 @@ enum Way {
 }
 
 impl Transfer {
-    /// Reads `object` of `node`, expedited or segmented; every request has `timeout` for its reply.
+    /// Reads `object` of `node`, expedited or segmented, up to [`SEGMENTED_BYTES`]; every request has
+    /// `timeout` for its reply.
     pub fn read(
         node: NodeId,
         object: Object,
@@ -59,14 +60,15 @@ impl Transfer {
         now: Instant,
         out: &mut Vec<Frame>,
     ) -> Self {
-        Self::read_on(Terms::segmented(timeout), node, object, now, out)
+        let terms = Terms { limit: SEGMENTED_BYTES, ..Terms::segmented(timeout) };
+        Self::read_on(terms, node, object, now, out)
     }
 
     /// Writes `bytes`, little-endian, to `object` of `node`, expedited or segmented; every request has
     /// `timeout` for its reply.
     ///
     /// # Errors
-    /// When there are more than [`MAX_BYTES`](crate::canopen::sdo::MAX_BYTES); then nothing is sent.
+    /// When there are more than [`SEGMENTED_BYTES`]; then nothing is sent.
     pub fn write(
         node: NodeId,
         object: Object,
@@ -75,7 +77,8 @@ impl Transfer {
         now: Instant,
         out: &mut Vec<Frame>,
     ) -> Result<Self, SdoError> {
-        Self::write_on(Terms::segmented(timeout), node, object, bytes, now, out)
+        let terms = Terms { limit: SEGMENTED_BYTES, ..Terms::segmented(timeout) };
+        Self::write_on(terms, node, object, bytes, now, out)
     }
 
     /// Reads `object` of `node` on the terms told.
@@ -130,7 +133,8 @@ impl Transfer {
         now: Instant,
         out: &mut Vec<Frame>,
     ) -> Self {
-        let mut transfer = Self { node, object, terms, way, until: now, deadline: None, free: now };
+        let mut transfer =
+            Self { node, object, terms, way, deadline: None, free: now, has_nudged: false };
         transfer.open(now, out);
         transfer
     }
@@ -175,17 +179,14 @@ impl Transfer {
             self.wait(now);
             return None;
         }
-        if now >= self.until {
-            self.send_abort(AbortCode::TIMED_OUT, out);
-            return Some(self.finish(Err(SdoError::Silent)));
-        }
-        if let Way::BlockUp(upload) = &mut self.way
-            && let Some(request) = upload.nudge()
-        {
+        if let Some(request) = self.nudge() {
             self.send(request, out);
+            self.wait(now);
+            self.has_nudged = true;
+            return None;
         }
-        self.deadline = Some(self.until);
-        None
+        self.send_abort(AbortCode::TIMED_OUT, out);
+        Some(self.finish(Err(SdoError::Silent)))
     }
 
     /// When [`on_time`](Self::on_time) must next be called; `None` once finished.
@@ -300,15 +301,21 @@ impl Transfer {
         }
     }
 
-    /// The server has the whole timeout from now on. Before it ends there may be segments to send, or
-    /// a lost request to repeat.
+    /// What to ask again when nothing comes: once, and only where frames may have been lost.
+    fn nudge(&mut self) -> Option<SdoPayload> {
+        match &mut self.way {
+            Way::BlockUp(upload) if !self.has_nudged => upload.nudge(),
+            Way::Up(_) | Way::Down(_) | Way::BlockUp(_) | Way::BlockDown(_) | Way::Finished => None,
+        }
+    }
+
+    /// The server has the whole timeout from now on, unless there are segments to send first.
     fn wait(&mut self, now: Instant) {
-        self.until = now + self.terms.timeout;
+        self.has_nudged = false;
         self.deadline = Some(match &self.way {
             Way::BlockDown(download) if download.has_next() => self.free.max(now),
-            Way::BlockUp(upload) if upload.is_receiving() => now + self.terms.timeout / 2,
             Way::Up(_) | Way::Down(_) | Way::BlockUp(_) | Way::BlockDown(_) | Way::Finished => {
-                self.until
+                now + self.terms.timeout
             }
         });
     }
@@ -317,7 +324,7 @@ impl Transfer {
     const fn interval(&self) -> Duration {
         match self.terms.protocol {
             Protocol::Block(block) | Protocol::Best(block) => block.interval(),
-            Protocol::Segmented => Block::LARGEST.interval(),
+            Protocol::Segmented => Duration::ZERO,
         }
     }
 
@@ -348,7 +355,6 @@ const CS_ABORT: u8 = 0x80;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::sdo::MAX_BYTES;
     use proptest::prelude::*;
 
     const TIMEOUT: Duration = Duration::from_millis(100);
@@ -510,8 +516,8 @@ mod tests {
     // Bug 4: nothing above 32 bytes, and the declared size was not compared.
 
     #[test]
-    fn a_value_of_any_size_is_read_as_it_was_written() {
-        for size in [0_usize, 1, 4, 5, 7, 8, 14, 40, 1_000, 65_536] {
+    fn a_value_of_any_size_up_to_the_bound_is_read_as_it_was_written() {
+        for size in [0_usize, 1, 4, 5, 7, 8, 14, 40, 1_000, SEGMENTED_BYTES] {
             let sent: Vec<u8> = (0..size).map(|place| u8::try_from(place % 251).unwrap()).collect();
             let (mut write, mut requests) = writing(NAME, &sent);
             let mut server = Server::default();
@@ -550,11 +556,12 @@ mod tests {
     #[test]
     fn what_is_beyond_the_bound_is_refused_before_it_is_sent() {
         let (mut transfer, _) = reading(NAME);
-        let opened = [0x41, 0x08, 0x10, 0, 1, 0, 0, 1];
+        let opened = [0x41, 0x08, 0x10, 0, 1, 0, 1, 0];
         let too_long = Err(SdoError::BrokenOff(AbortCode::OUT_OF_MEMORY));
         assert_eq!(replies(&mut transfer, &[opened]).0, Some(too_long.clone()));
         let mut out = Vec::new();
-        let write = Transfer::write(node(), NAME, vec![0; MAX_BYTES + 1], TIMEOUT, NOW, &mut out);
+        let write =
+            Transfer::write(node(), NAME, vec![0; SEGMENTED_BYTES + 1], TIMEOUT, NOW, &mut out);
         assert_eq!(write.err(), too_long.err());
         assert!(out.is_empty());
     }

@@ -26,11 +26,12 @@ use crate::canopen::frame::Frame;
 use crate::canopen::object::Object;
 use crate::time::Instant;
 
-/// How long a client may be silent in the middle of a transfer.
-pub(super) const PATIENCE: Duration = Duration::from_secs(1);
+/// How long a client may be silent in the middle of a transfer. It must hear a sub-block first, which
+/// takes 1.7 s at 10 kbit/s.
+const PATIENCE: Duration = Duration::from_secs(3);
 
 /// After how much of that the segments of a block that were lost are asked for.
-const NUDGE: Duration = Duration::from_millis(200);
+const NUDGE: Duration = Duration::from_millis(500);
 
 /// The objects, as a server sees them.
 pub(super) trait Access {

@@ -48,6 +48,9 @@ impl Object {
     pub const SERIAL: Self = Self { index: 0x1018, sub: 4 };
     pub const ERROR_BEHAVIOUR: Self = Self { index: 0x1029, sub: 1 };
 
+    // Manufacturer-specific: the simulated drive.
+    pub const SAMPLE_BUFFER: Self = var(0x2000);
+
     // CiA 402: drives.
     pub const ABORT_CONNECTION: Self = var(0x6007);
     pub const ERROR_CODE: Self = var(0x603F);

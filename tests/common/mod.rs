@@ -10,7 +10,10 @@
 )]
 
 pub(crate) mod bench;
+pub(crate) mod drive;
 pub(crate) mod felt;
+pub(crate) mod golden;
 pub(crate) mod log;
+pub(crate) mod lossy;
 pub(crate) mod oracle;
 pub(crate) mod process;

@@ -156,6 +156,7 @@ impl<A: Application> Device<A> {
         if is_missed {
             self.lose_connection(Condition::RpdoTimeout, ConnectionLoss::RpdoTimeout, out);
         }
+        self.sdo.on_time(now, out);
         self.catch_up(now, out);
     }
 
@@ -167,7 +168,12 @@ impl<A: Application> Device<A> {
         let now = is_due.then_some(Instant::ZERO);
         let rpdos = self.rpdos.iter().filter_map(Rpdo::deadline);
         let tpdos = self.tpdos.iter().filter_map(Tpdo::deadline);
-        rpdos.chain(tpdos).chain(now).chain(self.heartbeat.deadline()).min()
+        rpdos
+            .chain(tpdos)
+            .chain(now)
+            .chain(self.heartbeat.deadline())
+            .chain(self.sdo.deadline())
+            .min()
     }
 
     fn obey(&mut self, now: Instant, command: NmtCommand, out: &mut Vec<Frame>) {
@@ -240,7 +246,7 @@ impl<A: Application> Device<A> {
     fn serve(&mut self, now: Instant, request: [u8; 8], out: &mut Vec<Frame>) {
         let Self { dictionary, application, .. } = self;
         let mut objects = Objects { dictionary, application, written: None };
-        out.extend(self.sdo.serve(request, &mut objects));
+        self.sdo.serve(now, request, &mut objects, out);
         if let Some(object) = objects.written {
             self.follow(now, object);
         }

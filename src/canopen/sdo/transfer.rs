@@ -1,105 +1,58 @@
-//! One SDO transfer, seen from the client (CiA 301, 7.2.4.3): expedited or segmented, up or down.
-//!
-//! A reply counts only if it comes from the node that was asked *and* names the object that was asked
-//! for; everything else, late replies and stale aborts included, is passed over, and the deadline of
-//! the request ends the wait. (Segments name no object. A server sends in order, so none can be left
-//! over once the reply that opened the transfer is here.) A transfer broken off on this side tells the
-//! server so. No block transfer; one transfer at a time and node, which is for the owner to keep.
-
-use std::time::Duration;
+//! One transfer between its request and its outcome: whose replies count, how long they may take, and
+//! when a segment may go out. What is said in it is known to its protocol.
 
 use canopen_rs::Address;
-use canopen_rs::ByteString;
 use canopen_rs::NodeId;
-use canopen_rs::Value;
-use canopen_rs::sdo::SEGMENT_DATA_MAX;
 use canopen_rs::sdo::SdoPayload;
-use canopen_rs::sdo::decode_abort;
-use canopen_rs::sdo::decode_data_segment;
-use canopen_rs::sdo::decode_download_response;
-use canopen_rs::sdo::decode_download_segment_response;
-use canopen_rs::sdo::encode_data_segment;
-use canopen_rs::sdo::encode_download_expedited;
-use canopen_rs::sdo::encode_download_initiate_segmented;
-use canopen_rs::sdo::encode_upload_request;
-use canopen_rs::sdo::encode_upload_segment_request;
 use canopen_rs::sdo::request_cob_id;
 use canopen_rs::sdo::response_cob_id;
-use thiserror::Error;
+
+use std::time::Duration;
 
 use crate::canopen::abort::AbortCode;
 use crate::canopen::frame::Frame;
 use crate::canopen::object::Object;
+use crate::canopen::sdo::Outcome;
+use crate::canopen::sdo::SdoError;
+use crate::canopen::sdo::block_download::BlockDownload;
+use crate::canopen::sdo::block_upload::BlockUpload;
+use crate::canopen::sdo::segmented::Download;
+use crate::canopen::sdo::segmented::Upload;
+use crate::canopen::sdo::step::Step;
+use crate::canopen::sdo::terms::Protocol;
+use crate::canopen::sdo::terms::SEGMENTED_BYTES;
+use crate::canopen::sdo::terms::SHORT;
+use crate::canopen::sdo::terms::Terms;
 use crate::time::Instant;
-
-/// The largest value carried either way, in bytes.
-pub const MAX_BYTES: usize = 65_536;
-
-/// What an object holds, as far as the transfer can tell.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Content {
-    bytes: Vec<u8>,
-    /// Expedited without a size: how many of the four bytes count is not said.
-    unsized_reply: bool,
-}
-
-impl Content {
-    /// Every byte there is; a reply that does not tell its size has four.
-    pub fn bytes(&self) -> &[u8] {
-        &self.bytes
-    }
-
-    /// The `size` bytes of the object's type, `None` if the node sent another number of them.
-    pub fn exactly(&self, size: usize) -> Option<&[u8]> {
-        if self.unsized_reply { self.bytes.get(..size) } else { Some(self.bytes()) }
-            .filter(|bytes| bytes.len() == size)
-    }
-}
-
-/// Why a transfer failed, and on which side.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum SdoError {
-    /// The node aborted it.
-    #[error("refused: {0}")]
-    Refused(AbortCode),
-    /// This side aborted it, and told the node.
-    #[error("broken off: {0}")]
-    BrokenOff(AbortCode),
-    /// The node did not reply in time; this side aborted it, and told the node.
-    #[error("no answer")]
-    Silent,
-}
-
-/// A finished transfer: what was read, or nothing after a write.
-pub type Outcome = Result<Content, SdoError>;
 
 /// One transfer between its request and its outcome.
 #[derive(Clone, Debug)]
 pub struct Transfer {
     node: NodeId,
     object: Object,
-    timeout: Duration,
-    /// Of the request that is out; `None` once finished.
+    terms: Terms,
+    way: Way,
+    /// When a segment may go out, or the wait for a reply ends; `None` once finished.
     deadline: Option<Instant>,
-    phase: Phase,
-    /// Toggle bit of the next segment.
-    toggle: bool,
-    /// Received so far, or all there is to send.
-    bytes: Vec<u8>,
+    /// When the next segment may go out.
+    free: Instant,
+    /// Whether it has asked again since the server was heard last.
+    has_nudged: bool,
 }
 
-/// Which reply is waited for.
-#[derive(Clone, Copy, Debug)]
-enum Phase {
-    Reading,
-    ReadingSegments { declared: Option<usize> },
-    Writing,
-    WritingSegments { sent: usize },
+/// By which protocol, and which way.
+#[derive(Clone, Debug)]
+enum Way {
+    Up(Upload),
+    Down(Download),
+    BlockUp(BlockUpload),
+    BlockDown(BlockDownload),
     Finished,
 }
 
 impl Transfer {
-    /// Reads `object` of `node`; every request has `timeout` for its reply.
+    /// Reads `object` of `node`, expedited or segmented, up to [`SEGMENTED_BYTES`]; every request has
+    /// `timeout` for its reply.
     pub fn read(
         node: NodeId,
         object: Object,
@@ -107,15 +60,15 @@ impl Transfer {
         now: Instant,
         out: &mut Vec<Frame>,
     ) -> Self {
-        let mut transfer = Self::new(node, object, timeout, Phase::Reading, Vec::new());
-        transfer.request(now, encode_upload_request(address(object)), out);
-        transfer
+        let terms = Terms { limit: SEGMENTED_BYTES, ..Terms::segmented(timeout) };
+        Self::read_on(terms, node, object, now, out)
     }
 
-    /// Writes `bytes`, little-endian, to `object` of `node`; every request has `timeout` for its reply.
+    /// Writes `bytes`, little-endian, to `object` of `node`, expedited or segmented; every request has
+    /// `timeout` for its reply.
     ///
     /// # Errors
-    /// When there are more than [`MAX_BYTES`]; then nothing is sent.
+    /// When there are more than [`SEGMENTED_BYTES`]; then nothing is sent.
     pub fn write(
         node: NodeId,
         object: Object,
@@ -124,28 +77,66 @@ impl Transfer {
         now: Instant,
         out: &mut Vec<Frame>,
     ) -> Result<Self, SdoError> {
-        let too_long = SdoError::BrokenOff(AbortCode::OUT_OF_MEMORY);
-        let size = u32::try_from(bytes.len()).map_err(|_| too_long)?;
-        if bytes.len() > MAX_BYTES {
-            return Err(too_long);
-        }
-        let expedited = ByteString::from_bytes(&bytes)
-            .and_then(|bytes| encode_download_expedited(address(object), &Value::Domain(bytes)));
-        let payload =
-            expedited.unwrap_or_else(|_| encode_download_initiate_segmented(address(object), size));
-        let mut transfer = Self::new(node, object, timeout, Phase::Writing, bytes);
-        transfer.request(now, payload, out);
-        Ok(transfer)
+        let terms = Terms { limit: SEGMENTED_BYTES, ..Terms::segmented(timeout) };
+        Self::write_on(terms, node, object, bytes, now, out)
     }
 
-    const fn new(
+    /// Reads `object` of `node` on the terms told.
+    pub fn read_on(
+        terms: Terms,
         node: NodeId,
         object: Object,
-        timeout: Duration,
-        phase: Phase,
-        bytes: Vec<u8>,
+        now: Instant,
+        out: &mut Vec<Frame>,
     ) -> Self {
-        Self { node, object, timeout, deadline: None, phase, toggle: false, bytes }
+        let (about, limit) = (address(object), terms.most());
+        let way = match terms.protocol {
+            Protocol::Segmented => Way::Up(Upload::new(about, limit)),
+            Protocol::Block(block) => Way::BlockUp(BlockUpload::new(about, limit, block, 0)),
+            Protocol::Best(block) => Way::BlockUp(BlockUpload::new(about, limit, block, SHORT)),
+        };
+        Self::begin(terms, node, object, way, now, out)
+    }
+
+    /// Writes `bytes`, little-endian, to `object` of `node` on the terms told.
+    ///
+    /// # Errors
+    /// When there are more than the terms allow; then nothing is sent.
+    pub fn write_on(
+        terms: Terms,
+        node: NodeId,
+        object: Object,
+        bytes: Vec<u8>,
+        now: Instant,
+        out: &mut Vec<Frame>,
+    ) -> Result<Self, SdoError> {
+        if bytes.len() > terms.most() {
+            return Err(SdoError::BrokenOff(AbortCode::OUT_OF_MEMORY));
+        }
+        let about = address(object);
+        let is_short = bytes.len() <= usize::from(SHORT);
+        let way = match terms.protocol {
+            Protocol::Block(block) => Way::BlockDown(BlockDownload::new(about, bytes, block)),
+            Protocol::Best(block) if !is_short => {
+                Way::BlockDown(BlockDownload::new(about, bytes, block))
+            }
+            Protocol::Segmented | Protocol::Best(_) => Way::Down(Download::new(about, bytes)),
+        };
+        Ok(Self::begin(terms, node, object, way, now, out))
+    }
+
+    fn begin(
+        terms: Terms,
+        node: NodeId,
+        object: Object,
+        way: Way,
+        now: Instant,
+        out: &mut Vec<Frame>,
+    ) -> Self {
+        let mut transfer =
+            Self { node, object, terms, way, deadline: None, free: now, has_nudged: false };
+        transfer.open(now, out);
+        transfer
     }
 
     /// Takes one received frame; requests are appended to `out`.
@@ -158,149 +149,197 @@ impl Transfer {
         if frame.cob_id != response_cob_id(self.node) {
             return None;
         }
-        let payload = frame.data().try_into().ok()?;
-        if let Ok((address, code)) = decode_abort(&payload) {
-            let ours = self.deadline.is_some() && self.is_for_us(address);
-            return ours.then(|| self.finish(Err(SdoError::Refused(AbortCode(code)))));
+        let reply: SdoPayload = frame.data().try_into().ok()?;
+        if self.is_abort(&reply) {
+            return self.on_abort(now, reply, out);
         }
-        match self.phase {
-            Phase::Reading => self.on_upload_response(now, payload, out),
-            Phase::ReadingSegments { declared } => self.on_segment(now, &payload, declared, out),
-            Phase::Writing => {
-                let confirmed = decode_download_response(&payload).ok()?;
-                if !self.is_for_us(confirmed) {
-                    return None;
-                }
-                if matches!(self.bytes.len(), 1..=4) {
-                    return Some(self.finish(Ok(Content::default())));
-                }
-                self.send_segment(now, 0, out);
-                None
-            }
-            Phase::WritingSegments { sent } => {
-                let toggle = decode_download_segment_response(&payload).ok()?;
-                if toggle != self.toggle {
-                    return Some(self.break_off(AbortCode::TOGGLE_NOT_ALTERNATED, out));
-                }
-                if sent == self.bytes.len() {
-                    return Some(self.finish(Ok(Content::default())));
-                }
-                self.toggle = !self.toggle;
-                self.send_segment(now, sent, out);
-                None
-            }
-            Phase::Finished => None,
-        }
+        let step = match &mut self.way {
+            Way::Up(upload) => upload.on_reply(&reply),
+            Way::Down(download) => download.on_reply(&reply),
+            Way::BlockUp(upload) => upload.on_reply(&reply),
+            Way::BlockDown(download) => download.on_reply(&reply),
+            Way::Finished => Step::Pass,
+        };
+        let Step::Switch(mut upload) = step else { return self.follow(now, step, out) };
+        let step = upload.on_reply(&reply);
+        self.way = Way::Up(upload);
+        self.follow(now, step, out)
     }
 
-    /// Ends the wait for a reply whose deadline has come.
+    /// Does what is due: sends a segment, asks again, or ends the wait for a reply.
+    ///
+    /// Segments of a block are sent here only, one a call, so that the owner keeps the pace.
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Outcome> {
         if self.deadline.is_none_or(|deadline| now < deadline) {
+            return None;
+        }
+        if let Some(segment) = self.next_segment() {
+            self.send(segment, out);
+            self.free = now + self.interval();
+            self.wait(now);
+            return None;
+        }
+        if let Some(request) = self.nudge() {
+            self.send(request, out);
+            self.wait(now);
+            self.has_nudged = true;
             return None;
         }
         self.send_abort(AbortCode::TIMED_OUT, out);
         Some(self.finish(Err(SdoError::Silent)))
     }
 
-    /// When the wait for a reply ends; `None` once finished.
+    /// When [`on_time`](Self::on_time) must next be called; `None` once finished.
     pub const fn deadline(&self) -> Option<Instant> {
         self.deadline
     }
 
-    /// The reply to an upload request: all of a short value, or the size of a longer one.
-    fn on_upload_response(
+    /// Gives up, and tells the server so, unless it is finished.
+    pub fn cancel(&mut self, out: &mut Vec<Frame>) {
+        if self.deadline.is_some() {
+            self.send_abort(AbortCode::GENERAL_ERROR, out);
+            self.way = Way::Finished;
+            self.deadline = None;
+        }
+    }
+
+    /// Sends the request that opens it.
+    fn open(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        let request = match &self.way {
+            Way::Up(upload) => upload.request(),
+            Way::Down(download) => download.request(),
+            Way::BlockUp(upload) => upload.request(),
+            Way::BlockDown(download) => download.request(),
+            Way::Finished => return,
+        };
+        self.send(request, out);
+        self.wait(now);
+    }
+
+    /// Does what a reply leads to.
+    fn follow(&mut self, now: Instant, step: Step, out: &mut Vec<Frame>) -> Option<Outcome> {
+        match step {
+            Step::Pass | Step::Switch(_) => None,
+            Step::Wait | Step::Stream => {
+                self.wait(now);
+                None
+            }
+            Step::Send(request) => {
+                self.send(request, out);
+                self.wait(now);
+                None
+            }
+            Step::Repeat(request) => {
+                self.send(request, out);
+                None
+            }
+            Step::Done(content) => Some(self.finish(Ok(content))),
+            Step::Confirm(confirmation, content) => {
+                self.send(confirmation, out);
+                Some(self.finish(Ok(content)))
+            }
+            Step::BreakOff(code) => {
+                self.send_abort(code, out);
+                Some(self.finish(Err(SdoError::BrokenOff(code))))
+            }
+        }
+    }
+
+    /// While segments come, only the whole byte tells an abort from the last of them.
+    const fn is_abort(&self, reply: &SdoPayload) -> bool {
+        let [command, ..] = *reply;
+        match &self.way {
+            Way::BlockUp(upload) if upload.is_receiving() => command == CS_ABORT,
+            Way::Up(_) | Way::Down(_) | Way::BlockUp(_) | Way::BlockDown(_) => {
+                command >> 5 == CS_ABORT >> 5
+            }
+            Way::Finished => false,
+        }
+    }
+
+    /// The server aborts; if it does so because it knows no block transfer, there is the other way.
+    fn on_abort(
         &mut self,
         now: Instant,
-        payload: SdoPayload,
+        [_, low, high, sub, code @ ..]: SdoPayload,
         out: &mut Vec<Frame>,
     ) -> Option<Outcome> {
-        let [command, low, high, sub, four @ ..] = payload;
-        let about = Address::new(u16::from_le_bytes([low, high]), sub);
-        if command >> 5 != SCS_UPLOAD || !self.is_for_us(about) {
+        let about = Object { index: u16::from_le_bytes([low, high]), sub };
+        if about != self.object {
             return None;
         }
-        let (expedited, sized) = (command & EXPEDITED != 0, command & SIZE_INDICATED != 0);
-        if expedited {
-            let unused = if sized { usize::from(command >> 2 & 3) } else { 0 };
-            let bytes = four.into_iter().take(4 - unused).collect();
-            return Some(self.finish(Ok(Content { bytes, unsized_reply: !sized })));
+        let code = AbortCode(u32::from_le_bytes(code));
+        if code == AbortCode::COMMAND_UNKNOWN
+            && let Some(way) = self.other_way()
+        {
+            self.way = way;
+            self.open(now, out);
+            return None;
         }
-        let declared = if sized { usize::try_from(u32::from_le_bytes(four)).ok() } else { None };
-        if declared.is_some_and(|declared| declared > MAX_BYTES) {
-            return Some(self.break_off(AbortCode::OUT_OF_MEMORY, out));
-        }
-        self.phase = Phase::ReadingSegments { declared };
-        self.request(now, encode_upload_segment_request(self.toggle), out);
-        None
+        Some(self.finish(Err(SdoError::Refused(code))))
     }
 
-    /// One segment of a longer value.
-    fn on_segment(
-        &mut self,
-        now: Instant,
-        payload: &SdoPayload,
-        declared: Option<usize>,
-        out: &mut Vec<Frame>,
-    ) -> Option<Outcome> {
-        let segment = decode_data_segment(payload).ok()?;
-        if segment.toggle != self.toggle {
-            return Some(self.break_off(AbortCode::TOGGLE_NOT_ALTERNATED, out));
-        }
-        self.bytes.extend_from_slice(segment.data);
-        if self.bytes.len() > declared.unwrap_or(MAX_BYTES) {
-            let code = declared.map_or(AbortCode::OUT_OF_MEMORY, |_| AbortCode::LENGTH_TOO_HIGH);
-            return Some(self.break_off(code, out));
-        }
-        if segment.last {
-            if declared.is_some_and(|declared| self.bytes.len() < declared) {
-                return Some(self.break_off(AbortCode::LENGTH_TOO_LOW, out));
+    /// The same by the segmented protocol, where that is allowed and nothing has been transferred yet.
+    fn other_way(&mut self) -> Option<Way> {
+        let Protocol::Best(_) = self.terms.protocol else { return None };
+        let about = address(self.object);
+        match &mut self.way {
+            Way::BlockUp(upload) if !upload.is_receiving() => {
+                Some(Way::Up(Upload::new(about, self.terms.most())))
             }
-            let bytes = std::mem::take(&mut self.bytes);
-            return Some(self.finish(Ok(Content { bytes, unsized_reply: false })));
-        }
-        if segment.data.is_empty() {
-            // Nothing and more to come: this could go on for ever.
-            return Some(self.break_off(AbortCode::COMMAND_UNKNOWN, out));
-        }
-        self.toggle = !self.toggle;
-        self.request(now, encode_upload_segment_request(self.toggle), out);
-        None
-    }
-
-    /// Sends the segment that starts at byte `sent`.
-    fn send_segment(&mut self, now: Instant, sent: usize, out: &mut Vec<Frame>) {
-        let rest = self.bytes.get(sent..).unwrap_or_default();
-        let piece = rest.get(..SEGMENT_DATA_MAX).unwrap_or(rest);
-        let (last, next) = (piece.len() == rest.len(), sent + piece.len());
-        if let Ok(payload) = encode_data_segment(piece, self.toggle, last) {
-            self.phase = Phase::WritingSegments { sent: next };
-            self.request(now, payload, out);
+            Way::BlockDown(download) => {
+                download.unsent().map(|bytes| Way::Down(Download::new(about, bytes)))
+            }
+            Way::Up(_) | Way::Down(_) | Way::BlockUp(_) | Way::Finished => None,
         }
     }
 
-    fn is_for_us(&self, address: Address) -> bool {
-        address == Address::new(self.object.index, self.object.sub)
+    fn next_segment(&mut self) -> Option<SdoPayload> {
+        match &mut self.way {
+            Way::BlockDown(download) => download.next(),
+            Way::Up(_) | Way::Down(_) | Way::BlockUp(_) | Way::Finished => None,
+        }
     }
 
-    fn request(&mut self, now: Instant, payload: SdoPayload, out: &mut Vec<Frame>) {
-        self.deadline = Some(now + self.timeout);
-        out.push(Frame::new(request_cob_id(self.node), payload));
+    /// What to ask again when nothing comes: once, and only where frames may have been lost.
+    fn nudge(&mut self) -> Option<SdoPayload> {
+        match &mut self.way {
+            Way::BlockUp(upload) if !self.has_nudged => upload.nudge(),
+            Way::Up(_) | Way::Down(_) | Way::BlockUp(_) | Way::BlockDown(_) | Way::Finished => None,
+        }
     }
 
-    fn break_off(&mut self, code: AbortCode, out: &mut Vec<Frame>) -> Outcome {
-        self.send_abort(code, out);
-        self.finish(Err(SdoError::BrokenOff(code)))
+    /// The server has the whole timeout from now on, unless there are segments to send first.
+    fn wait(&mut self, now: Instant) {
+        self.has_nudged = false;
+        self.deadline = Some(match &self.way {
+            Way::BlockDown(download) if download.has_next() => self.free.max(now),
+            Way::Up(_) | Way::Down(_) | Way::BlockUp(_) | Way::BlockDown(_) | Way::Finished => {
+                now + self.terms.timeout
+            }
+        });
+    }
+
+    /// The time between two segments.
+    const fn interval(&self) -> Duration {
+        match self.terms.protocol {
+            Protocol::Block(block) | Protocol::Best(block) => block.interval(),
+            Protocol::Segmented => Duration::ZERO,
+        }
+    }
+
+    fn send(&self, request: SdoPayload, out: &mut Vec<Frame>) {
+        out.push(Frame::new(request_cob_id(self.node), request));
     }
 
     fn send_abort(&self, code: AbortCode, out: &mut Vec<Frame>) {
         let [low, high] = self.object.index.to_le_bytes();
         let [c0, c1, c2, c3] = code.0.to_le_bytes();
-        let payload = [CS_ABORT, low, high, self.object.sub, c0, c1, c2, c3];
-        out.push(Frame::new(request_cob_id(self.node), payload));
+        self.send([CS_ABORT, low, high, self.object.sub, c0, c1, c2, c3], out);
     }
 
     fn finish(&mut self, outcome: Outcome) -> Outcome {
-        self.phase = Phase::Finished;
+        self.way = Way::Finished;
         self.deadline = None;
         outcome
     }
@@ -310,12 +349,6 @@ const fn address(object: Object) -> Address {
     Address::new(object.index, object.sub)
 }
 
-/// Server command specifier of an upload response, in the three highest bits.
-const SCS_UPLOAD: u8 = 2;
-/// Bit e: the value is in this frame.
-const EXPEDITED: u8 = 1 << 1;
-/// Bit s: how long it is, is said.
-const SIZE_INDICATED: u8 = 1;
 /// The whole command byte of an abort.
 const CS_ABORT: u8 = 0x80;
 
@@ -394,14 +427,6 @@ mod tests {
             assert!(out.is_empty());
             assert_eq!(transfer.deadline(), None);
         }
-    }
-
-    #[test]
-    fn only_a_reply_without_a_size_can_be_cut_to_the_size_of_the_type() {
-        let told = Content { bytes: vec![1, 2, 3, 4], unsized_reply: false };
-        assert_eq!((told.exactly(4), told.exactly(2)), (Some(&[1, 2, 3, 4][..]), None));
-        let untold = Content { unsized_reply: true, ..told };
-        assert_eq!((untold.exactly(2), untold.exactly(5)), (Some(&[1, 2][..]), None));
     }
 
     // Bug 1 of the client in canopen-rs 0.6.1: the address of a reply was never checked.
@@ -492,7 +517,7 @@ mod tests {
 
     #[test]
     fn a_value_of_any_size_up_to_the_bound_is_read_as_it_was_written() {
-        for size in [0_usize, 1, 4, 5, 7, 8, 14, 40, 1_000, MAX_BYTES] {
+        for size in [0_usize, 1, 4, 5, 7, 8, 14, 40, 1_000, SEGMENTED_BYTES] {
             let sent: Vec<u8> = (0..size).map(|place| u8::try_from(place % 251).unwrap()).collect();
             let (mut write, mut requests) = writing(NAME, &sent);
             let mut server = Server::default();
@@ -535,7 +560,8 @@ mod tests {
         let too_long = Err(SdoError::BrokenOff(AbortCode::OUT_OF_MEMORY));
         assert_eq!(replies(&mut transfer, &[opened]).0, Some(too_long.clone()));
         let mut out = Vec::new();
-        let write = Transfer::write(node(), NAME, vec![0; MAX_BYTES + 1], TIMEOUT, NOW, &mut out);
+        let write =
+            Transfer::write(node(), NAME, vec![0; SEGMENTED_BYTES + 1], TIMEOUT, NOW, &mut out);
         assert_eq!(write.err(), too_long.err());
         assert!(out.is_empty());
     }

@@ -1,0 +1,107 @@
+//! Segmented transfer, seen from the server (CiA 301, 7.2.4.3.3 to 7.2.4.3.8): seven bytes at a time,
+//! each asked for and answered.
+
+use canopen_rs::sdo::SEGMENT_DATA_MAX;
+use canopen_rs::sdo::SdoPayload;
+
+use crate::canopen::abort::AbortCode;
+use crate::canopen::device::sdo_server::opening::check_size;
+use crate::canopen::sdo::MAX_BYTES;
+
+/// A value on its way up.
+#[derive(Clone, Debug)]
+pub(super) struct Upload {
+    bytes: Vec<u8>,
+    sent: usize,
+    /// Toggle bit of the next segment.
+    toggle: bool,
+}
+
+impl Upload {
+    pub(super) const fn new(bytes: Vec<u8>) -> Self {
+        Self { bytes, sent: 0, toggle: false }
+    }
+
+    /// The next segment.
+    ///
+    /// # Errors
+    /// When the request does not alternate.
+    pub(super) fn on_request(&mut self, command: u8) -> Result<SdoPayload, AbortCode> {
+        if (command & TOGGLE != 0) != self.toggle {
+            return Err(AbortCode::TOGGLE_NOT_ALTERNATED);
+        }
+        let rest = self.bytes.get(self.sent..).unwrap_or_default();
+        let last = u8::from(rest.len() <= SEGMENT_DATA_MAX);
+        let mut payload = [0; 8];
+        let mut unused = 7;
+        for (to, from) in payload.iter_mut().skip(1).zip(rest) {
+            *to = *from;
+            unused -= 1;
+        }
+        let [first, ..] = &mut payload;
+        *first = SCS_UPLOAD_SEGMENT << 5 | command & TOGGLE | unused << 1 | last;
+        self.sent += SEGMENT_DATA_MAX;
+        self.toggle = !self.toggle;
+        Ok(payload)
+    }
+
+    /// Whether the last segment has been sent.
+    pub(super) const fn is_over(&self) -> bool {
+        self.sent > 0 && self.sent >= self.bytes.len()
+    }
+}
+
+/// A value on its way down.
+#[derive(Clone, Debug)]
+pub(super) struct Download {
+    bytes: Vec<u8>,
+    /// The size that was announced, or that the object has.
+    size: Option<usize>,
+    /// Toggle bit of the next segment.
+    toggle: bool,
+    is_over: bool,
+}
+
+impl Download {
+    pub(super) const fn new(size: Option<usize>) -> Self {
+        Self { bytes: Vec::new(), size, toggle: false, is_over: false }
+    }
+
+    /// Takes a segment and confirms it.
+    ///
+    /// # Errors
+    /// When it does not alternate, or the value has not the size it should have.
+    pub(super) fn on_request(
+        &mut self,
+        [command, seven @ ..]: SdoPayload,
+    ) -> Result<SdoPayload, AbortCode> {
+        if (command & TOGGLE != 0) != self.toggle {
+            return Err(AbortCode::TOGGLE_NOT_ALTERNATED);
+        }
+        let used = SEGMENT_DATA_MAX.saturating_sub(usize::from(command >> 1 & 7));
+        self.bytes.extend_from_slice(seven.get(..used).unwrap_or_default());
+        if self.bytes.len() > self.size.unwrap_or(MAX_BYTES) {
+            let too_high = AbortCode::LENGTH_TOO_HIGH;
+            return Err(self.size.map_or(AbortCode::OUT_OF_MEMORY, |_| too_high));
+        }
+        self.is_over = command & LAST != 0;
+        if self.is_over {
+            check_size(self.size, self.bytes.len())?;
+        }
+        self.toggle = !self.toggle;
+        Ok([SCS_DOWNLOAD_SEGMENT << 5 | command & TOGGLE, 0, 0, 0, 0, 0, 0, 0])
+    }
+
+    /// The whole value, once the last segment has come.
+    pub(super) fn value(&self) -> Option<&[u8]> {
+        self.is_over.then_some(&self.bytes)
+    }
+}
+
+const SCS_UPLOAD_SEGMENT: u8 = 0;
+const SCS_DOWNLOAD_SEGMENT: u8 = 1;
+
+/// Bit t of a segment: it alternates.
+pub(super) const TOGGLE: u8 = 1 << 4;
+/// Bit c of a segment: no more come.
+pub(super) const LAST: u8 = 1;

@@ -1,0 +1,121 @@
+//! Block download, seen from the client (CiA 301, 7.2.4.3.9 to 7.2.4.3.12).
+//!
+//! ```text
+//! client                                server
+//! C6h index sub size ─────────────────►           or C2h: without a checksum
+//!           ◄────────── A4h index sub blksize     bit sc
+//! 01h … 7Fh, 7 bytes each ────────────►           bit 7 of the last
+//!           ◄────────── A2h ackseq blksize        again until all is there
+//! C1h | n << 2, CRC ──────────────────►
+//!           ◄────────── A1h
+//! ```
+
+use canopen_rs::Address;
+use canopen_rs::sdo::SdoPayload;
+use canopen_rs::sdo::block::decode_download_initiate_response;
+use canopen_rs::sdo::block::decode_end_response;
+use canopen_rs::sdo::block::decode_sub_response;
+use canopen_rs::sdo::block::encode_download_initiate;
+use canopen_rs::sdo::block::encode_end;
+
+use crate::canopen::sdo::content::Content;
+use crate::canopen::sdo::sender::Sender;
+use crate::canopen::sdo::step::Step;
+use crate::canopen::sdo::terms::Block;
+
+/// A value on its way down.
+#[derive(Clone, Debug)]
+pub(super) struct BlockDownload {
+    about: Address,
+    block: Block,
+    state: State,
+}
+
+#[derive(Clone, Debug)]
+enum State {
+    Opening { bytes: Vec<u8> },
+    Sending { sender: Sender, has_crc: bool },
+    Ending { said: SdoPayload },
+}
+
+impl BlockDownload {
+    pub(super) const fn new(about: Address, bytes: Vec<u8>, block: Block) -> Self {
+        Self { about, block, state: State::Opening { bytes } }
+    }
+
+    /// The request that opens it.
+    pub(super) fn request(&self) -> SdoPayload {
+        let size = match &self.state {
+            State::Opening { bytes } => u32::try_from(bytes.len()).ok(),
+            State::Sending { .. } | State::Ending { .. } => None,
+        };
+        encode_download_initiate(self.about, size, self.block.has_crc())
+    }
+
+    pub(super) fn on_reply(&mut self, reply: &SdoPayload) -> Step {
+        match &mut self.state {
+            State::Opening { bytes } => {
+                let Ok(opened) = decode_download_initiate_response(reply) else {
+                    return Step::Pass;
+                };
+                if opened.address != self.about {
+                    return Step::Pass;
+                }
+                match Sender::new(std::mem::take(bytes), opened.blksize) {
+                    Ok(sender) => {
+                        let has_crc = self.block.has_crc() && opened.crc_support;
+                        self.state = State::Sending { sender, has_crc };
+                        Step::Stream
+                    }
+                    Err(code) => Step::BreakOff(code),
+                }
+            }
+            State::Sending { sender, has_crc } => {
+                let Ok((arrived, block_size)) = decode_sub_response(reply) else {
+                    return Step::Pass;
+                };
+                match sender.answered(arrived, block_size) {
+                    Ok(true) => {
+                        let sum = if *has_crc { sender.sum() } else { 0 };
+                        let said = encode_end(sender.unused(), sum);
+                        self.state = State::Ending { said };
+                        Step::Send(said)
+                    }
+                    Ok(false) => Step::Stream,
+                    Err(code) => Step::BreakOff(code),
+                }
+            }
+            State::Ending { said } => {
+                if decode_end_response(reply).is_ok() {
+                    return Step::Done(Content::default());
+                }
+                // The last sub-block is answered again: the end was lost.
+                if decode_sub_response(reply).is_ok() { Step::Repeat(*said) } else { Step::Pass }
+            }
+        }
+    }
+
+    /// The next segment that may go out.
+    pub(super) fn next(&mut self) -> Option<SdoPayload> {
+        match &mut self.state {
+            State::Sending { sender, .. } => sender.next(),
+            State::Opening { .. } | State::Ending { .. } => None,
+        }
+    }
+
+    /// Whether [`next`](Self::next) has a segment.
+    pub(super) const fn has_next(&self) -> bool {
+        match &self.state {
+            State::Sending { sender, .. } => sender.has_next(),
+            State::Opening { .. } | State::Ending { .. } => false,
+        }
+    }
+
+    /// What was to be written, while nothing of it is sent.
+    pub(super) fn unsent(&mut self) -> Option<Vec<u8>> {
+        match &mut self.state {
+            State::Opening { bytes } => Some(std::mem::take(bytes)),
+            State::Sending { .. } | State::Ending { .. } => None,
+        }
+    }
+}

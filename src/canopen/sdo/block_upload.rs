@@ -1,0 +1,121 @@
+//! Block upload, seen from the client (CiA 301, 7.2.4.3.13 to 7.2.4.3.16).
+//!
+//! ```text
+//! client                                server
+//! A4h index sub blksize pst ──────────►           or A0h: without a checksum
+//!           ◄────────── C6h index sub size        bits sc, s; or a reply of the other protocol
+//! A3h ────────────────────────────────►
+//!           ◄────────── 01h … 7Fh, 7 bytes each   bit 7 of the last
+//! A2h ackseq blksize ─────────────────►           again until all is there
+//!           ◄────────── C1h | n << 2, CRC
+//! A1h ────────────────────────────────►
+//! ```
+
+use canopen_rs::Address;
+use canopen_rs::sdo::SdoPayload;
+use canopen_rs::sdo::block::decode_end;
+use canopen_rs::sdo::block::decode_upload_initiate_response;
+use canopen_rs::sdo::block::encode_end_response;
+use canopen_rs::sdo::block::encode_upload_initiate;
+use canopen_rs::sdo::block::encode_upload_start;
+
+use crate::canopen::abort::AbortCode;
+use crate::canopen::sdo::content::Content;
+use crate::canopen::sdo::content::Size;
+use crate::canopen::sdo::receiver::Promise;
+use crate::canopen::sdo::receiver::Receiver;
+use crate::canopen::sdo::receiver::Taken;
+use crate::canopen::sdo::segmented::SCS_UPLOAD;
+use crate::canopen::sdo::segmented::Upload;
+use crate::canopen::sdo::step::Step;
+use crate::canopen::sdo::terms::Block;
+
+/// A value on its way up.
+#[derive(Clone, Debug)]
+pub(super) struct BlockUpload {
+    about: Address,
+    limit: usize,
+    block: Block,
+    /// From which size on block transfer is worth it, zero for always.
+    threshold: u8,
+    state: State,
+}
+
+#[derive(Clone, Debug)]
+enum State {
+    Opening,
+    Receiving(Receiver),
+}
+
+impl BlockUpload {
+    /// Of at most `limit` bytes; the server is to use the other protocol for up to `threshold` bytes.
+    pub(super) const fn new(about: Address, limit: usize, block: Block, threshold: u8) -> Self {
+        Self { about, limit, block, threshold, state: State::Opening }
+    }
+
+    /// The request that opens it.
+    pub(super) fn request(&self) -> SdoPayload {
+        let [c, low, high, sub, size, _, x, y] =
+            encode_upload_initiate(self.about, self.block.size(), self.block.has_crc());
+        [c, low, high, sub, size, self.threshold, x, y]
+    }
+
+    pub(super) fn on_reply(&mut self, reply: &SdoPayload) -> Step {
+        match &mut self.state {
+            State::Opening => self.on_opened(reply).into(),
+            State::Receiving(receiver) if receiver.is_complete() => on_end(receiver, reply).into(),
+            State::Receiving(receiver) => on_segment(receiver, reply).into(),
+        }
+    }
+
+    /// Asks again when nothing comes.
+    pub(super) fn nudge(&mut self) -> Option<SdoPayload> {
+        match &mut self.state {
+            State::Opening => None,
+            State::Receiving(receiver) => receiver.nudge(),
+        }
+    }
+
+    /// Whether segments come, whose first byte may be any but that of an abort.
+    pub(super) const fn is_receiving(&self) -> bool {
+        matches!(self.state, State::Receiving(_))
+    }
+
+    /// The server agrees, or goes on by the other protocol.
+    fn on_opened(&mut self, reply: &SdoPayload) -> Result<Step, AbortCode> {
+        let [command, low, high, sub, ..] = *reply;
+        if Address::new(u16::from_le_bytes([low, high]), sub) != self.about {
+            return Ok(Step::Pass);
+        }
+        if command >> 5 == SCS_UPLOAD {
+            return Ok(Step::Switch(Upload::new(self.about, self.limit)));
+        }
+        let Ok(opened) = decode_upload_initiate_response(reply) else { return Ok(Step::Pass) };
+        let declared = opened.size.map(|size| usize::try_from(size).unwrap_or(usize::MAX));
+        let has_crc = self.block.has_crc() && opened.crc_support;
+        let (limit, block_size) = (self.limit, self.block.size());
+        let promise = Promise { declared, has_crc, limit, block_size };
+        let start = encode_upload_start();
+        self.state = State::Receiving(Receiver::new([*reply, start], promise)?);
+        Ok(Step::Send(start))
+    }
+}
+
+fn on_segment(receiver: &mut Receiver, reply: &SdoPayload) -> Result<Step, AbortCode> {
+    Ok(match receiver.take(reply)? {
+        Taken::InSequence => Step::Wait,
+        Taken::Passed => Step::Pass,
+        Taken::EndOfBlock if receiver.has_begun() => Step::Send(receiver.answer()),
+        Taken::EndOfBlock => Step::Repeat(receiver.answer()),
+    })
+}
+
+fn on_end(receiver: &mut Receiver, reply: &SdoPayload) -> Result<Step, AbortCode> {
+    let Ok((unused, sum)) = decode_end(reply) else { return Ok(Step::Pass) };
+    if receiver.is_again(reply) {
+        return Ok(Step::Pass);
+    }
+    let bytes = receiver.finish(unused, sum)?;
+    let size = if receiver.is_declared() { Size::Told } else { Size::Counted };
+    Ok(Step::Confirm(encode_end_response(), Content::new(bytes, size)))
+}

@@ -1,0 +1,85 @@
+//! SDO transfers, seen from the client (CiA 301, 7.2.4.3): expedited, segmented and by blocks, up and
+//! down, one after the other at each node.
+//!
+//! A reply counts only if it comes from the node that was asked *and* names the object that was asked
+//! for; everything else, late replies and stale aborts included, is passed over, and the deadline of
+//! the request ends the wait. (Segments name no object. A server sends in order, so none can be left
+//! over once the reply that opened the transfer is here.) A transfer broken off on this side tells the
+//! server so.
+//!
+//! Every call adds one frame at most to what is to be sent, and the segments of a block go out by
+//! `on_time` alone: whoever calls it when there is room, or once a cycle, keeps the bus from being
+//! flooded. Frames a server loses nevertheless are sent again.
+//!
+//! ```
+//! use std::time::Duration;
+//!
+//! use frhc::canopen::NodeId;
+//! use frhc::canopen::frame::Frame;
+//! use frhc::canopen::object::Object;
+//! use frhc::canopen::sdo::Transfer;
+//! use frhc::time::Instant;
+//!
+//! let (now, mut out) = (Instant::ZERO, Vec::new());
+//! let timeout = Duration::from_millis(500);
+//! let mut transfer =
+//!     Transfer::read(NodeId::new(5).unwrap(), Object::DEVICE_TYPE, timeout, now, &mut out);
+//! assert_eq!(out, [Frame::new(0x605, [0x40, 0x00, 0x10, 0x00, 0, 0, 0, 0])]);
+//!
+//! let reply = Frame::new(0x585, [0x43, 0x00, 0x10, 0x00, 0x92, 0x01, 0x02, 0x00]);
+//! let content = transfer.on_frame(now, &reply, &mut out).unwrap().unwrap();
+//! assert_eq!(content.bytes(), [0x92, 0x01, 0x02, 0x00]);
+//! ```
+
+mod block_download;
+mod block_upload;
+mod content;
+mod crc;
+#[cfg(test)]
+mod laws;
+mod queue;
+mod receiver;
+mod segmented;
+mod sender;
+mod step;
+mod terms;
+mod transfer;
+
+pub use content::Content;
+pub use queue::Done;
+pub use queue::Queue;
+pub use queue::Request;
+pub use queue::Task;
+pub use queue::Ticket;
+pub(crate) use receiver::Promise;
+pub(crate) use receiver::Receiver;
+pub(crate) use receiver::Taken;
+pub(crate) use sender::Sender;
+pub use terms::Block;
+pub use terms::InvalidBlockSize;
+pub use terms::MAX_BYTES;
+pub use terms::Protocol;
+pub use terms::SEGMENTED_BYTES;
+pub use terms::Terms;
+pub use transfer::Transfer;
+
+use thiserror::Error;
+
+use crate::canopen::abort::AbortCode;
+
+/// Why a transfer failed, and on which side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum SdoError {
+    /// The node aborted it.
+    #[error("refused: {0}")]
+    Refused(AbortCode),
+    /// This side aborted it, and told the node.
+    #[error("broken off: {0}")]
+    BrokenOff(AbortCode),
+    /// The node did not reply in time; this side aborted it, and told the node.
+    #[error("no answer")]
+    Silent,
+}
+
+/// A finished transfer: what was read, or nothing after a write.
+pub type Outcome = Result<Content, SdoError>;

@@ -1,0 +1,375 @@
+//! Requests to several nodes, one transfer at a time at each.
+//!
+//! Nodes are served side by side, the requests of one in the order they were asked. Every request has
+//! an outcome, once, unless it is cancelled.
+
+use std::collections::BTreeMap;
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use canopen_rs::NodeId;
+
+use crate::canopen::frame::Frame;
+use crate::canopen::object::Object;
+use crate::canopen::sdo::Outcome;
+use crate::canopen::sdo::SdoError;
+use crate::canopen::sdo::terms::Terms;
+use crate::canopen::sdo::transfer::Transfer;
+use crate::time::Instant;
+
+/// What is asked of a node.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// Of which object.
+    pub object: Object,
+    /// To read or to write.
+    pub task: Task,
+    /// By which protocol, and how patiently with each reply.
+    pub terms: Terms,
+    /// How long it may take in all, from when it is asked.
+    pub within: Duration,
+}
+
+/// What is to be done with an object.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Task {
+    /// Tell what it holds.
+    Read,
+    /// Make it hold these bytes, little-endian.
+    Write(Vec<u8>),
+}
+
+/// By which a request is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Ticket(u64);
+
+/// A request that is over.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Done {
+    /// Which.
+    pub ticket: Ticket,
+    /// Who was asked.
+    pub node: NodeId,
+    /// For which object.
+    pub object: Object,
+    /// How it ended.
+    pub outcome: Outcome,
+}
+
+/// Requests to several nodes.
+#[derive(Clone, Debug, Default)]
+pub struct Queue {
+    issued: u64,
+    lines: BTreeMap<u8, Line>,
+}
+
+/// The requests to one node.
+#[derive(Clone, Debug)]
+struct Line {
+    node: NodeId,
+    waiting: VecDeque<Waiting>,
+    running: Option<Running>,
+}
+
+#[derive(Clone, Debug)]
+struct Waiting {
+    ticket: Ticket,
+    request: Request,
+    until: Instant,
+}
+
+#[derive(Clone, Debug)]
+struct Running {
+    ticket: Ticket,
+    object: Object,
+    until: Instant,
+    transfer: Transfer,
+}
+
+impl Queue {
+    /// Puts a request to `node` behind those it has; it begins with a call of
+    /// [`on_time`](Self::on_time).
+    pub fn ask(&mut self, now: Instant, node: NodeId, request: Request) -> Ticket {
+        let ticket = Ticket(self.issued);
+        self.issued += 1;
+        let until = now + request.within;
+        let line = self.lines.entry(node.raw()).or_insert_with(|| Line::new(node));
+        line.waiting.push_back(Waiting { ticket, request, until });
+        ticket
+    }
+
+    /// Takes back a request, which then has no outcome; the server is told where it had begun. False
+    /// if it is over.
+    pub fn cancel(&mut self, ticket: Ticket, out: &mut Vec<Frame>) -> bool {
+        let is_cancelled = self.lines.values_mut().any(|line| line.cancel(ticket, out));
+        self.lines.retain(|_, line| !line.is_empty());
+        is_cancelled
+    }
+
+    /// Takes back every request. To be called before a queue in use is dropped, or servers would wait.
+    pub fn cancel_all(&mut self, out: &mut Vec<Frame>) {
+        for line in std::mem::take(&mut self.lines).values_mut() {
+            if let Some(running) = &mut line.running {
+                running.transfer.cancel(out);
+            }
+        }
+    }
+
+    /// How many requests are not over.
+    pub fn len(&self) -> usize {
+        self.lines.values().map(Line::len).sum()
+    }
+
+    /// Whether every request is over.
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty()
+    }
+
+    /// Takes one received frame; requests are appended to `out`.
+    pub fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) -> Option<Done> {
+        let done = self.lines.values_mut().find_map(|line| line.on_frame(now, frame, out));
+        self.lines.retain(|_, line| !line.is_empty());
+        done
+    }
+
+    /// Does what is due, until one request is over; called again, it goes on.
+    pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Done> {
+        let done = self.lines.values_mut().find_map(|line| line.on_time(now, out));
+        self.lines.retain(|_, line| !line.is_empty());
+        done
+    }
+
+    /// When [`on_time`](Self::on_time) must next be called; `None` when every request is over.
+    pub fn deadline(&self) -> Option<Instant> {
+        self.lines.values().filter_map(Line::deadline).min()
+    }
+}
+
+impl Line {
+    const fn new(node: NodeId) -> Self {
+        Self { node, waiting: VecDeque::new(), running: None }
+    }
+
+    fn len(&self) -> usize {
+        self.waiting.len() + usize::from(self.running.is_some())
+    }
+
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    fn cancel(&mut self, ticket: Ticket, out: &mut Vec<Frame>) -> bool {
+        if let Some(mut running) = self.running.take_if(|running| running.ticket == ticket) {
+            running.transfer.cancel(out);
+            return true;
+        }
+        let place = self.waiting.iter().position(|waiting| waiting.ticket == ticket);
+        place.and_then(|place| self.waiting.remove(place)).is_some()
+    }
+
+    fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) -> Option<Done> {
+        let outcome = self.running.as_mut()?.transfer.on_frame(now, frame, out)?;
+        self.end(outcome)
+    }
+
+    fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Done> {
+        // One that waits for its turn may have waited too long.
+        if let Some(place) = self.waiting.iter().position(|waiting| now >= waiting.until) {
+            let Waiting { ticket, request, .. } = self.waiting.remove(place)?;
+            return Some(self.done(ticket, request.object, Err(SdoError::Silent)));
+        }
+        if let Some(running) = &mut self.running {
+            if now >= running.until {
+                running.transfer.cancel(out);
+                return self.end(Err(SdoError::Silent));
+            }
+            let outcome = running.transfer.on_time(now, out)?;
+            return self.end(outcome);
+        }
+        let waiting = self.waiting.pop_front()?;
+        self.begin(now, waiting, out)
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        let waiting = self.waiting.iter().map(|waiting| waiting.until);
+        let next = match &self.running {
+            None => (!self.waiting.is_empty()).then_some(Instant::ZERO),
+            Some(running) => Some(
+                running.transfer.deadline().map_or(running.until, |due| due.min(running.until)),
+            ),
+        };
+        waiting.chain(next).min()
+    }
+
+    /// Begins the request whose turn it is; one that cannot be begun is over.
+    fn begin(&mut self, now: Instant, waiting: Waiting, out: &mut Vec<Frame>) -> Option<Done> {
+        let Waiting { ticket, request: Request { object, task, terms, .. }, until } = waiting;
+        let begun = match task {
+            Task::Read => Ok(Transfer::read_on(terms, self.node, object, now, out)),
+            Task::Write(bytes) => Transfer::write_on(terms, self.node, object, bytes, now, out),
+        };
+        match begun {
+            Ok(transfer) => {
+                self.running = Some(Running { ticket, object, until, transfer });
+                None
+            }
+            Err(error) => Some(self.done(ticket, object, Err(error))),
+        }
+    }
+
+    fn end(&mut self, outcome: Outcome) -> Option<Done> {
+        let Running { ticket, object, .. } = self.running.take()?;
+        Some(self.done(ticket, object, outcome))
+    }
+
+    const fn done(&self, ticket: Ticket, object: Object, outcome: Outcome) -> Done {
+        Done { ticket, node: self.node, object, outcome }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::abort::AbortCode;
+    use crate::canopen::sdo::Content;
+
+    const TYPE: Object = Object::DEVICE_TYPE;
+    const ERRORS: Object = Object::ERROR_REGISTER;
+    const NOW: Instant = Instant::ZERO;
+    const WITHIN: Duration = Duration::from_millis(250);
+
+    fn node(raw: u8) -> NodeId {
+        NodeId::new(raw).unwrap()
+    }
+
+    fn reading(object: Object) -> Request {
+        let terms = Terms::segmented(Duration::from_millis(100));
+        Request { object, task: Task::Read, terms, within: WITHIN }
+    }
+
+    /// Everything that is due at `now`.
+    fn due(queue: &mut Queue, now: Instant) -> (Vec<Done>, Vec<Frame>) {
+        let (mut over, mut out) = (Vec::new(), Vec::new());
+        while queue.deadline().is_some_and(|due| due <= now) {
+            over.extend(queue.on_time(now, &mut out));
+        }
+        (over, out)
+    }
+
+    fn request(node: u8, object: Object) -> Frame {
+        let [low, high] = object.index.to_le_bytes();
+        Frame::new(0x600 + u16::from(node), [0x40, low, high, object.sub, 0, 0, 0, 0])
+    }
+
+    fn reply(node: u8, object: Object) -> Frame {
+        let [low, high] = object.index.to_le_bytes();
+        Frame::new(0x580 + u16::from(node), [0x4F, low, high, object.sub, node, 0, 0, 0])
+    }
+
+    fn abort(node: u8, object: Object, code: AbortCode) -> Frame {
+        let [low, high] = object.index.to_le_bytes();
+        let [a, b, c, d] = code.0.to_le_bytes();
+        Frame::new(0x600 + u16::from(node), [0x80, low, high, object.sub, a, b, c, d])
+    }
+
+    fn bytes(done: Option<Done>) -> (Ticket, Vec<u8>) {
+        let done = done.expect("an outcome");
+        (done.ticket, done.outcome.expect("a value").bytes().to_vec())
+    }
+
+    #[test]
+    fn nodes_are_asked_side_by_side_and_each_one_thing_after_the_other() {
+        let mut queue = Queue::default();
+        let first = queue.ask(NOW, node(5), reading(TYPE));
+        let second = queue.ask(NOW, node(5), reading(ERRORS));
+        let other = queue.ask(NOW, node(7), reading(TYPE));
+        let (over, out) = due(&mut queue, NOW);
+        assert_eq!((over, out), (vec![], vec![request(5, TYPE), request(7, TYPE)]));
+        let mut out = Vec::new();
+        assert_eq!(queue.on_frame(NOW, &reply(5, ERRORS), &mut out), None, "not its turn");
+        assert_eq!(bytes(queue.on_frame(NOW, &reply(7, TYPE), &mut out)), (other, vec![7]));
+        assert_eq!(bytes(queue.on_frame(NOW, &reply(5, TYPE), &mut out)), (first, vec![5]));
+        assert_eq!((out, queue.len()), (vec![], 1));
+        assert_eq!(due(&mut queue, NOW).1, [request(5, ERRORS)]);
+        let mut out = Vec::new();
+        assert_eq!(bytes(queue.on_frame(NOW, &reply(5, ERRORS), &mut out)), (second, vec![5]));
+        assert!(queue.is_empty());
+        assert_eq!(queue.deadline(), None);
+    }
+
+    #[test]
+    fn a_request_that_fails_leaves_the_next_its_turn() {
+        let mut queue = Queue::default();
+        let first = queue.ask(NOW, node(5), reading(TYPE));
+        let second = queue.ask(NOW, node(5), reading(ERRORS));
+        due(&mut queue, NOW);
+        let refusal = Frame::new(0x585, [0x80, 0x00, 0x10, 0, 0, 0, 2, 6]);
+        let done = queue.on_frame(NOW, &refusal, &mut Vec::new()).unwrap();
+        assert_eq!((done.ticket, done.node, done.object), (first, node(5), TYPE));
+        assert_eq!(done.outcome, Err(SdoError::Refused(AbortCode::NO_OBJECT)));
+        assert_eq!(due(&mut queue, NOW).1, [request(5, ERRORS)]);
+        let (over, out) = due(&mut queue, NOW + Duration::from_millis(100));
+        assert_eq!((over[0].ticket, &over[0].outcome), (second, &Err(SdoError::Silent)));
+        assert_eq!(out, [abort(5, ERRORS, AbortCode::TIMED_OUT)]);
+    }
+
+    #[test]
+    fn every_request_ends_in_its_own_time_begun_or_not() {
+        let mut queue = Queue::default();
+        for _ in 0..5 {
+            queue.ask(NOW, node(5), reading(TYPE));
+        }
+        let mut tickets = Vec::new();
+        for millis in [0, 100, 200, 250] {
+            let (over, _) = due(&mut queue, NOW + Duration::from_millis(millis));
+            assert!(over.iter().all(|done| done.outcome == Err(SdoError::Silent)));
+            tickets.push(over.len());
+        }
+        assert_eq!(tickets, [0, 1, 1, 3], "two had their turn, one began, two never");
+        assert!(queue.is_empty());
+    }
+
+    #[test]
+    fn what_is_cancelled_has_no_outcome_and_the_server_is_told() {
+        let mut queue = Queue::default();
+        let first = queue.ask(NOW, node(5), reading(TYPE));
+        let second = queue.ask(NOW, node(5), reading(ERRORS));
+        due(&mut queue, NOW);
+        let mut out = Vec::new();
+        assert!(queue.cancel(second, &mut out));
+        assert!(out.is_empty(), "it had not begun");
+        assert!(queue.cancel(first, &mut out));
+        assert_eq!(out, [abort(5, TYPE, AbortCode::GENERAL_ERROR)]);
+        assert!(!queue.cancel(first, &mut out));
+        assert!(queue.is_empty());
+        assert_eq!(queue.on_frame(NOW, &reply(5, TYPE), &mut out), None);
+    }
+
+    #[test]
+    fn before_it_is_dropped_every_server_is_told() {
+        let mut queue = Queue::default();
+        for raw in [5, 5, 7] {
+            queue.ask(NOW, node(raw), reading(TYPE));
+        }
+        due(&mut queue, NOW);
+        let mut out = Vec::new();
+        queue.cancel_all(&mut out);
+        assert_eq!(out, [5, 7].map(|raw| abort(raw, TYPE, AbortCode::GENERAL_ERROR)));
+        assert_eq!((queue.len(), queue.deadline()), (0, None));
+    }
+
+    #[test]
+    fn a_write_that_is_too_long_is_over_before_it_begins() {
+        let mut queue = Queue::default();
+        let terms = Terms { limit: 1, ..Terms::segmented(WITHIN) };
+        let task = Task::Write(vec![1, 2]);
+        queue.ask(NOW, node(5), Request { object: TYPE, task, terms, within: WITHIN });
+        queue.ask(NOW, node(5), Request { task: Task::Write(vec![1]), terms, ..reading(ERRORS) });
+        let (over, out) = due(&mut queue, NOW);
+        assert_eq!(over[0].outcome, Err(SdoError::BrokenOff(AbortCode::OUT_OF_MEMORY)));
+        assert_eq!(out, [Frame::new(0x605, [0x2F, 0x01, 0x10, 0, 1, 0, 0, 0])]);
+        let confirmed = Frame::new(0x585, [0x60, 0x01, 0x10, 0, 0, 0, 0, 0]);
+        let done = queue.on_frame(NOW, &confirmed, &mut Vec::new()).unwrap();
+        assert_eq!(done.outcome, Ok(Content::default()));
+    }
+}

@@ -1,0 +1,167 @@
+//! Expedited and segmented transfer, seen from the client (CiA 301, 7.2.4.3.3 to 7.2.4.3.8): a value in
+//! the frame that opens it, or seven bytes at a time, each asked for and answered.
+
+use canopen_rs::Address;
+use canopen_rs::ByteString;
+use canopen_rs::Value;
+use canopen_rs::sdo::SEGMENT_DATA_MAX;
+use canopen_rs::sdo::SdoPayload;
+use canopen_rs::sdo::decode_data_segment;
+use canopen_rs::sdo::decode_download_response;
+use canopen_rs::sdo::decode_download_segment_response;
+use canopen_rs::sdo::encode_data_segment;
+use canopen_rs::sdo::encode_download_expedited;
+use canopen_rs::sdo::encode_download_initiate_segmented;
+use canopen_rs::sdo::encode_upload_request;
+use canopen_rs::sdo::encode_upload_segment_request;
+
+use crate::canopen::abort::AbortCode;
+use crate::canopen::sdo::content::Content;
+use crate::canopen::sdo::content::Size;
+use crate::canopen::sdo::step::Step;
+
+/// A value on its way up.
+#[derive(Clone, Debug)]
+pub(super) struct Upload {
+    about: Address,
+    limit: usize,
+    /// Toggle bit of the next segment; `None` until the transfer is opened.
+    toggle: Option<bool>,
+    declared: Option<usize>,
+    bytes: Vec<u8>,
+}
+
+impl Upload {
+    /// Of at most `limit` bytes.
+    pub(super) const fn new(about: Address, limit: usize) -> Self {
+        Self { about, limit, toggle: None, declared: None, bytes: Vec::new() }
+    }
+
+    /// The request that opens it.
+    pub(super) fn request(&self) -> SdoPayload {
+        encode_upload_request(self.about)
+    }
+
+    pub(super) fn on_reply(&mut self, reply: &SdoPayload) -> Step {
+        match self.toggle {
+            None => self.on_opened(reply),
+            Some(toggle) => self.on_segment(toggle, reply).into(),
+        }
+    }
+
+    /// All of a short value, or the size of a longer one.
+    fn on_opened(&mut self, reply: &SdoPayload) -> Step {
+        let &[command, low, high, sub, ref four @ ..] = reply;
+        let about = Address::new(u16::from_le_bytes([low, high]), sub);
+        if command >> 5 != SCS_UPLOAD || about != self.about {
+            return Step::Pass;
+        }
+        let (is_expedited, is_sized) = (command & EXPEDITED != 0, command & SIZE_INDICATED != 0);
+        if is_expedited {
+            let (unused, size) = match is_sized {
+                true => (usize::from(command >> 2 & 3), Size::Told),
+                false => (0, Size::Open),
+            };
+            let bytes = four.iter().copied().take(4 - unused).collect();
+            return Step::Done(Content::new(bytes, size));
+        }
+        self.declared = is_sized.then(|| size(*four));
+        if self.declared.is_some_and(|declared| declared > self.limit) {
+            return Step::BreakOff(AbortCode::OUT_OF_MEMORY);
+        }
+        self.ask(false)
+    }
+
+    /// Seven bytes of a longer value.
+    fn on_segment(&mut self, toggle: bool, reply: &SdoPayload) -> Result<Step, AbortCode> {
+        let Ok(segment) = decode_data_segment(reply) else { return Ok(Step::Pass) };
+        if segment.toggle != toggle {
+            return Err(AbortCode::TOGGLE_NOT_ALTERNATED);
+        }
+        self.bytes.extend_from_slice(segment.data);
+        match self.declared {
+            Some(declared) if self.bytes.len() > declared => Err(AbortCode::LENGTH_TOO_HIGH),
+            None if self.bytes.len() > self.limit => Err(AbortCode::OUT_OF_MEMORY),
+            Some(declared) if segment.last && self.bytes.len() < declared => {
+                Err(AbortCode::LENGTH_TOO_LOW)
+            }
+            Some(_) | None if segment.last => {
+                let size = if self.declared.is_some() { Size::Told } else { Size::Counted };
+                Ok(Step::Done(Content::new(std::mem::take(&mut self.bytes), size)))
+            }
+            // Nothing and more to come: this could go on for ever.
+            Some(_) | None if segment.data.is_empty() => Err(AbortCode::COMMAND_UNKNOWN),
+            Some(_) | None => Ok(self.ask(!toggle)),
+        }
+    }
+
+    fn ask(&mut self, toggle: bool) -> Step {
+        self.toggle = Some(toggle);
+        Step::Send(encode_upload_segment_request(toggle))
+    }
+}
+
+/// A value on its way down.
+#[derive(Clone, Debug)]
+pub(super) struct Download {
+    about: Address,
+    bytes: Vec<u8>,
+    /// How much is sent, and the toggle bit it was sent with; `None` until the transfer is opened.
+    sent: Option<(usize, bool)>,
+}
+
+impl Download {
+    pub(super) const fn new(about: Address, bytes: Vec<u8>) -> Self {
+        Self { about, bytes, sent: None }
+    }
+
+    /// The request that opens it, and with one to four bytes is all of it.
+    pub(super) fn request(&self) -> SdoPayload {
+        let expedited = ByteString::from_bytes(&self.bytes)
+            .and_then(|bytes| encode_download_expedited(self.about, &Value::Domain(bytes)));
+        let size = u32::try_from(self.bytes.len()).unwrap_or(u32::MAX);
+        expedited.unwrap_or_else(|_| encode_download_initiate_segmented(self.about, size))
+    }
+
+    pub(super) fn on_reply(&mut self, reply: &SdoPayload) -> Step {
+        let Some((sent, toggle)) = self.sent else {
+            return match decode_download_response(reply) {
+                Ok(about) if about != self.about => Step::Pass,
+                Ok(_) if matches!(self.bytes.len(), 1..=4) => Step::Done(Content::default()),
+                Ok(_) => self.segment(0, false),
+                Err(_) => Step::Pass,
+            };
+        };
+        match decode_download_segment_response(reply) {
+            Ok(confirmed) if confirmed != toggle => {
+                Step::BreakOff(AbortCode::TOGGLE_NOT_ALTERNATED)
+            }
+            Ok(_) if sent == self.bytes.len() => Step::Done(Content::default()),
+            Ok(_) => self.segment(sent, !toggle),
+            Err(_) => Step::Pass,
+        }
+    }
+
+    /// The segment that starts at byte `begin`.
+    fn segment(&mut self, begin: usize, toggle: bool) -> Step {
+        let rest = self.bytes.get(begin..).unwrap_or_default();
+        let piece = rest.get(..SEGMENT_DATA_MAX).unwrap_or(rest);
+        self.sent = Some((begin + piece.len(), toggle));
+        match encode_data_segment(piece, toggle, piece.len() == rest.len()) {
+            Ok(payload) => Step::Send(payload),
+            Err(_) => Step::BreakOff(AbortCode::GENERAL_ERROR),
+        }
+    }
+}
+
+/// A size as it is announced.
+pub(super) fn size(four: [u8; 4]) -> usize {
+    usize::try_from(u32::from_le_bytes(four)).unwrap_or(usize::MAX)
+}
+
+/// Server command specifier of an upload response, in the three highest bits.
+pub(super) const SCS_UPLOAD: u8 = 2;
+/// Bit e: the value is in this frame.
+const EXPEDITED: u8 = 1 << 1;
+/// Bit s: how long it is, is said.
+const SIZE_INDICATED: u8 = 1;

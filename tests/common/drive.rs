@@ -1,0 +1,77 @@
+//! One simulated drive alone on a bus, and SDO transfers with it.
+
+use std::time::Duration;
+
+use frhc::bus::Bus;
+use frhc::bus::Heard;
+use frhc::bus::Memory;
+use frhc::bus::Tap;
+use frhc::canopen::NodeId;
+use frhc::canopen::dictionary::Dictionary;
+use frhc::canopen::eds::Eds;
+use frhc::canopen::frame::Channel;
+use frhc::canopen::frame::Frame;
+use frhc::canopen::frame::Telegram;
+use frhc::canopen::sdo::Outcome;
+use frhc::canopen::sdo::Transfer;
+use frhc::sim::actuator::ActuatorSettings;
+use frhc::sim::drive::Drive;
+use frhc::sim::drive::DriveSettings;
+
+/// How soon a frame is offered again that the bus had no room for.
+const AGAIN: Duration = Duration::from_micros(50);
+
+pub(crate) fn node() -> NodeId {
+    NodeId::new(5).unwrap()
+}
+
+/// A drive that has yet to boot up.
+pub(crate) fn drive() -> Drive {
+    let eds = Eds::parse(include_bytes!("../../eds/frhc_drive.eds")).unwrap();
+    Drive::new(DriveSettings {
+        channel: Channel(0),
+        node: node(),
+        dictionary: Dictionary::new(&eds, node()),
+        actuator: ActuatorSettings {
+            counts_per_rev: 4096.0,
+            gear_ratio: 50.0,
+            zero_counts: 0,
+            rated_torque: 0.3,
+            torque_curve: [10.0, 0.0, 0.0],
+            max_torque: 30.0,
+        },
+        latency: Duration::ZERO,
+    })
+}
+
+/// Carries a transfer to its end, whose first requests are `out`.
+pub(crate) fn carry<T: Tap>(
+    bus: &mut Memory<Drive, T>,
+    mut transfer: Transfer,
+    mut out: Vec<Frame>,
+) -> Outcome {
+    loop {
+        let taken = |frame: &Frame, bus: &mut Memory<_, _>| {
+            bus.send(Telegram { channel: Channel(0), frame: *frame }).is_ok()
+        };
+        let count = out.iter().take_while(|frame| taken(frame, bus)).count();
+        out.drain(..count);
+        let soon = bus.now() + AGAIN;
+        let until = if out.is_empty() { transfer.deadline().unwrap() } else { soon };
+        let outcome = match bus.receive(until).map(|received| (received.at, received.heard)) {
+            Some((at, Heard::Frame(frame))) => transfer.on_frame(at, &frame, &mut out),
+            Some((_, Heard::Fault(_))) => None,
+            // Segments wait until there is room.
+            None if out.is_empty() => transfer.on_time(bus.now(), &mut out),
+            None => None,
+        };
+        if let Some(outcome) = outcome {
+            for frame in out {
+                bus.send(Telegram { channel: Channel(0), frame }).unwrap();
+            }
+            // Whatever is still on the wire arrives.
+            while bus.receive(bus.now() + Duration::from_millis(5)).is_some() {}
+            return outcome;
+        }
+    }
+}

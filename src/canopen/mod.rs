@@ -13,16 +13,19 @@ pub mod heartbeat;
 mod ini;
 pub mod layout;
 pub mod load;
+pub mod lss;
 pub mod master;
 pub mod nmt;
 pub mod object;
 pub mod pdo;
 pub mod plan;
+pub mod procedure;
 #[cfg(test)]
 mod scripted;
 pub mod sdo;
 pub mod station;
 pub mod sync;
+pub mod time_stamp;
 
 pub use canopen_rs::NmtState;
 pub use canopen_rs::NodeId;

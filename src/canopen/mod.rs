@@ -3,6 +3,7 @@
 pub mod abort;
 pub mod bits;
 pub mod commission;
+pub mod confirm;
 pub mod device;
 pub mod dictionary;
 pub mod drive;
@@ -20,12 +21,16 @@ pub mod object;
 pub mod pdo;
 pub mod plan;
 pub mod procedure;
+pub mod scan;
 #[cfg(test)]
 mod scripted;
 pub mod sdo;
 pub mod station;
 pub mod sync;
 pub mod time_stamp;
+pub mod value;
+pub mod watch;
 
+pub use canopen_rs::NmtCommand;
 pub use canopen_rs::NmtState;
 pub use canopen_rs::NodeId;

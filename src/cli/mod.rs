@@ -1,6 +1,7 @@
 //! The command line: arguments, tasks, exit codes. The only module that prints.
 
 mod args;
+pub mod bench;
 mod calib;
 mod check;
 mod configured;
@@ -11,11 +12,15 @@ mod exit;
 mod explain;
 mod gains;
 mod interfaces;
+mod lss;
+mod nmt;
 mod print;
 mod recorder;
 mod rig;
 mod run;
+mod scan;
 mod scenario;
+mod sdo;
 mod signals;
 mod sim;
 
@@ -39,6 +44,10 @@ pub fn main() -> ExitCode {
         Command::Check(args) => check::run(args),
         Command::Explain(args) => explain::run(args),
         Command::Calib(args) => calib::run(args),
+        Command::Scan(args) => scan::run(args),
+        Command::Sdo(args) => sdo::run(args),
+        Command::Nmt(args) => nmt::run(args),
+        Command::Lss(args) => lss::run(args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

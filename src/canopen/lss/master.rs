@@ -431,6 +431,7 @@ mod tests {
     use super::*;
     use crate::canopen::lss::REPLY_COB_ID;
     use crate::canopen::lss::REQUEST_COB_ID;
+    use crate::canopen::lss::slave::Effect;
     use crate::canopen::lss::slave::Slave;
     use proptest::prelude::*;
 
@@ -449,33 +450,32 @@ mod tests {
     fn carry(job: Job, slaves: &mut [Slave]) -> (Result<Report, LssError>, Vec<Frame>) {
         let (mut now, mut out, mut said) = (Instant::ZERO, Vec::new(), Vec::new());
         let mut master = Master::begin(job, PATIENCE, now, &mut out);
+        let mut outcome = None;
         loop {
-            let requests: Vec<Frame> = out.drain(..).collect();
-            let mut replies = Vec::new();
-            for frame in &requests {
-                for slave in slaves.iter_mut() {
-                    if slave.on_frame(frame, &mut replies).is_some() {
-                        slave.reset();
-                        let cob_id = 0x700 + u16::from(slave.node().unwrap().raw());
-                        replies.push(Frame::new(cob_id, [0]));
-                    }
-                }
+            let replies: Vec<Frame> = out.iter().flat_map(|frame| tell(slaves, frame)).collect();
+            said.append(&mut out);
+            if let Some(outcome) = outcome {
+                return (outcome, said);
             }
-            said.extend(requests);
-            for reply in &replies {
-                if let Some(outcome) = master.on_frame(now, reply, &mut out) {
-                    said.extend(out);
-                    return (outcome, said);
-                }
-            }
-            if out.is_empty() {
+            outcome = replies.iter().find_map(|reply| master.on_frame(now, reply, &mut out));
+            if outcome.is_none() && out.is_empty() {
                 now = now.max(master.deadline().unwrap());
-                if let Some(outcome) = master.on_time(now, &mut out) {
-                    said.extend(out);
-                    return (outcome, said);
-                }
+                outcome = master.on_time(now, &mut out);
             }
         }
+    }
+
+    /// What slaves answer; who gets its first node-id boots up.
+    fn tell(slaves: &mut [Slave], frame: &Frame) -> Vec<Frame> {
+        let mut replies = Vec::new();
+        for slave in slaves {
+            if slave.on_frame(frame, &mut replies) == Some(Effect::Reset) {
+                slave.reset();
+                let cob_id = 0x700 + u16::from(slave.node().unwrap().raw());
+                replies.push(Frame::new(cob_id, [0]));
+            }
+        }
+        replies
     }
 
     fn configure(selection: Selection, raw: u8) -> Job {

@@ -126,9 +126,6 @@ enum Task {
         /// Both outlast a loss of power.
         #[arg(long)]
         store: bool,
-        /// The bit rate changes after this.
-        #[arg(long, value_name = "DELAY_MS", requires = "bit_timing")]
-        activate: Option<u16>,
     },
 }
 
@@ -209,6 +206,7 @@ fn described(task: &Task) -> Option<Option<Description>> {
 /// What is to be done. More than one slave must not get the same node-id unseen.
 fn job(task: &Task) -> Result<Job, Failure> {
     let selected = Job { release: false, ..Job::new(Selection::Selected) };
+    let asked = Job { inquire: true, ..selected };
     Ok(match task {
         Task::Inquire { choice, selected: is_selected } => {
             let (inquire, release) = (true, !is_selected);
@@ -221,12 +219,12 @@ fn job(task: &Task) -> Result<Job, Failure> {
             Job { release: false, ..Job::new(Selection::Address(address)) }
         }
         Task::Deselect => Job::new(Selection::Selected),
-        Task::SetNodeId { node } => Job { node: Some(*node), ..selected },
-        Task::SetBitTiming { rate } => Job { bit_rate: Some(*rate), ..selected },
+        Task::SetNodeId { node } => Job { node: Some(*node), ..asked },
+        Task::SetBitTiming { rate } => Job { bit_rate: Some(*rate), ..asked },
         Task::Activate { delay } => Job { activate: Some(*delay), ..selected },
-        Task::Store => Job { store: true, ..selected },
+        Task::Store => Job { store: true, ..asked },
         Task::Fastscan => Job { inquire: true, ..Job::new(Selection::Fastscan) },
-        Task::Configure { choice, yes, node_id, bit_timing, store, activate } => {
+        Task::Configure { choice, yes, node_id, bit_timing, store } => {
             let is_chosen = choice.select.is_some() || choice.fastscan || choice.global;
             if !is_chosen {
                 return Err(usage("which slave? Say --select, --fastscan or --global"));
@@ -242,7 +240,7 @@ fn job(task: &Task) -> Result<Job, Failure> {
                 node: *node_id,
                 bit_rate: *bit_timing,
                 store: *store,
-                activate: *activate,
+                activate: None,
                 release: true,
             }
         }
@@ -312,9 +310,10 @@ fn tell(job: &Job, report: &Report) {
         (Some(Some(new)), Some(None)) if booted => {
             print::note(&format!("node {} has booted up", new.raw()));
         }
-        (Some(Some(new)), Some(None)) => {
+        (Some(Some(new)), Some(None)) if job.release => {
             print::note(&format!("node {} was not heard to boot up", new.raw()));
         }
+        (Some(Some(_)), Some(None)) => print::note("in effect after: frhc lss deselect"),
         (Some(_), Some(Some(old))) => {
             print::note(&format!("in effect after: frhc nmt reset-comm {}", old.raw()));
         }
@@ -325,7 +324,7 @@ fn tell(job: &Job, report: &Report) {
         print::note("not stored: it is lost with power");
     }
     if job.activate.is_some() {
-        print::note("set the interface to the same bit rate now");
+        print::note("the bit rate of this interface is yours to change, before they speak again");
     }
     if !job.release {
         print::note("the slave stays selected, until: frhc lss deselect");

@@ -74,7 +74,7 @@ enum Task {
         #[command(flatten)]
         place: Place,
         /// Its type, unless an EDS says it, and the value; for os and d also @FILE, or - for standard input.
-        #[arg(value_names = ["TYPE", "VALUE"], num_args = 1..=2, required = true, allow_hyphen_values = true)]
+        #[arg(value_names = ["TYPE", "VALUE"], num_args = 1..=2, required = true, allow_negative_numbers = true)]
         value: Vec<String>,
         /// Read it back, and compare.
         #[arg(long)]

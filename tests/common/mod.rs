@@ -10,7 +10,9 @@
 )]
 
 pub(crate) mod bench;
+pub(crate) mod devices;
 pub(crate) mod felt;
+pub(crate) mod golden;
 pub(crate) mod log;
 pub(crate) mod oracle;
 pub(crate) mod process;

@@ -103,7 +103,10 @@ fn choose(config: &Config, given: Option<&str>) -> Result<(Channel, String), Fai
             let example = names.first().unwrap_or(&"joints");
             Err(Failure::new(
                 Kind::Usage,
-                format!("{given} Say -i {example}=INTERFACE; there is {}", names.join(", ")),
+                format!(
+                    "{given} Say -i {example}, or {example}=INTERFACE; there is {}",
+                    names.join(", ")
+                ),
             ))
         }
     }

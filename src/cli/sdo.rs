@@ -11,13 +11,13 @@ use clap::Args;
 use clap::Subcommand;
 
 use crate::canopen::NodeId;
+use crate::canopen::data_type::DataType;
 use crate::canopen::eds::Described;
 use crate::canopen::eds::Eds;
 use crate::canopen::object::Object;
 use crate::canopen::sdo::Content;
 use crate::canopen::sdo::MAX_BYTES;
 use crate::canopen::value;
-use crate::canopen::value::DataType;
 use crate::canopen::value::Octets;
 use crate::canopen::value::Value;
 use crate::cli::bench::Line;

@@ -8,6 +8,10 @@ use std::time::Duration;
 
 use canopen_rs::NodeId;
 
+use crate::canopen::device::Application;
+use crate::canopen::device::Device;
+use crate::canopen::device::Reset;
+use crate::canopen::device::sdo_server::SdoServer;
 use crate::canopen::dictionary::Dictionary;
 use crate::canopen::frame::Frame;
 use crate::canopen::lss::Address;
@@ -102,6 +106,43 @@ impl Silence {
     }
 }
 
+impl<A: Application> Device<A> {
+    /// Whether it has a node-id.
+    pub const fn is_configured(&self) -> bool {
+        self.layer.node().is_some()
+    }
+
+    /// The bit rate LSS has configured, `None` if it has not.
+    pub const fn bit_rate(&self) -> Option<BitRate> {
+        self.layer.bit_rate()
+    }
+
+    /// Power is lost and comes back. It boots up with the next call of [`on_time`](Self::on_time), as the
+    /// node it was last told to be for good.
+    pub fn power_cycle(&mut self) {
+        self.layer.power_cycle();
+        self.adopt_node();
+        self.dictionary.restore(0..=u16::MAX);
+        self.initialise(Reset::Node);
+    }
+
+    /// Identifiers follow the node-id.
+    pub(super) fn adopt_node(&mut self) {
+        let Some(node) = self.layer.node().filter(|node| *node != self.node) else { return };
+        self.dictionary.readdress(self.node, node);
+        self.sdo = SdoServer::new(node);
+        self.node = node;
+    }
+
+    /// LSS is heard in every state (CiA 305), and without a node-id, but not between two bit rates.
+    pub(super) fn on_lss(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
+        let is_deaf = matches!(self.layer.silence(), Some(Silence::Until(end)) if now < end);
+        if !is_deaf && self.layer.on_frame(now, frame, out) {
+            self.reset(now, Reset::Communication, out);
+        }
+    }
+}
+
 /// Whether a frame is one of LSS for slaves.
 pub(super) const fn is_request(frame: &Frame) -> bool {
     frame.cob_id == REQUEST_COB_ID
@@ -112,8 +153,6 @@ mod tests {
     use super::*;
     use crate::canopen::NmtCommand;
     use crate::canopen::NmtState;
-    use crate::canopen::device::Application;
-    use crate::canopen::device::Device;
     use crate::canopen::eds::Eds;
     use crate::canopen::lss::codec::Answer;
     use crate::canopen::lss::codec::Mode;

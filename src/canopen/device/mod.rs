@@ -34,7 +34,6 @@ use crate::canopen::device::errors::Condition;
 use crate::canopen::device::errors::Errors;
 use crate::canopen::device::heartbeat::Heartbeat;
 use crate::canopen::device::lss::Layer;
-use crate::canopen::device::lss::Silence;
 use crate::canopen::device::parameter::NUMBERS;
 use crate::canopen::device::parameter::PDOS;
 use crate::canopen::device::parameter::Place;
@@ -46,7 +45,6 @@ use crate::canopen::dictionary::Dictionary;
 use crate::canopen::frame::COB_ID_MAX;
 use crate::canopen::frame::Frame;
 use crate::canopen::layout::Direction;
-use crate::canopen::lss::BitRate;
 use crate::canopen::nmt::Order;
 use crate::canopen::object::Object;
 use crate::time::Instant;
@@ -99,16 +97,6 @@ impl<A: Application> Device<A> {
         self.node
     }
 
-    /// Whether it has a node-id.
-    pub const fn is_configured(&self) -> bool {
-        self.layer.node().is_some()
-    }
-
-    /// The bit rate LSS has configured, `None` if it has not.
-    pub const fn bit_rate(&self) -> Option<BitRate> {
-        self.layer.bit_rate()
-    }
-
     /// Its NMT state, initialising until it has booted up.
     pub const fn state(&self) -> NmtState {
         self.state
@@ -129,15 +117,6 @@ impl<A: Application> Device<A> {
     pub fn touch(&mut self, happens: impl FnOnce(&mut A, &mut Dictionary)) {
         happens(&mut self.application, &mut self.dictionary);
         self.is_touched = true;
-    }
-
-    /// Power is lost and comes back. It boots up with the next call of [`on_time`](Self::on_time), as the
-    /// node it was last told to be for good.
-    pub fn power_cycle(&mut self) {
-        self.layer.power_cycle();
-        self.adopt_node();
-        self.dictionary.restore(0..=u16::MAX);
-        self.initialise(Reset::Node);
     }
 
     /// Takes one received frame; frames to send are appended to `out`.
@@ -234,22 +213,6 @@ impl<A: Application> Device<A> {
         self.initialise(reset);
         if self.is_configured() {
             self.boot_up(now, out);
-        }
-    }
-
-    /// Identifiers follow the node-id.
-    fn adopt_node(&mut self) {
-        let Some(node) = self.layer.node().filter(|node| *node != self.node) else { return };
-        self.dictionary.readdress(self.node, node);
-        self.sdo = SdoServer::new(node);
-        self.node = node;
-    }
-
-    /// LSS is heard in every state (CiA 305), and without a node-id, but not between two bit rates.
-    fn on_lss(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
-        let is_deaf = matches!(self.layer.silence(), Some(Silence::Until(end)) if now < end);
-        if !is_deaf && self.layer.on_frame(now, frame, out) {
-            self.reset(now, Reset::Communication, out);
         }
     }
 

@@ -1,4 +1,4 @@
-//! What master and slaves say to each other, byte for byte (CiA 305, 6).
+//! What master and slaves say to each other, byte for byte (CiA 305).
 //!
 //! Numbers are little-endian from byte 1 on. `n` is the place of a [`Part`].
 //!

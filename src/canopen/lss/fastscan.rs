@@ -1,4 +1,4 @@
-//! Who is it, without asking: finds the identity of one unconfigured slave, bit by bit (CiA 305, 6.7).
+//! Who is it, without asking: finds the identity of one unconfigured slave, bit by bit (CiA 305, LSS fastscan).
 //!
 //! All unconfigured slaves are asked at once whether a number agrees with theirs in its high bits; silence
 //! says that the next bit is one. Where several answer, those with a one drop out, so the slave with the

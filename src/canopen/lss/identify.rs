@@ -1,4 +1,4 @@
-//! Is anybody there: slaves of a description, or slaves without a node-id (CiA 305, 6.5 and 6.6).
+//! Is anybody there: slaves of a description, or slaves without a node-id (CiA 305, LSS identification).
 //!
 //! Every slave it concerns answers the same frame, so answers that meet on the wire are one: it is known
 //! *whether* anybody is there, and not how many.

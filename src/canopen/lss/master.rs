@@ -1,8 +1,4 @@
-//! The master's side (CiA 305): one job from the choice of a slave to its release.
-//!
-//! ```text
-//!  all to waiting ── select ── inquire ── node-id ── bit rate ── store ── activate ── all to waiting ── boot-up
-//! ```
+//! The master's side (CiA 305): carries a [job](crate::canopen::lss::job) to its end.
 //!
 //! Whatever goes wrong on the way, and wherever the job is abandoned, the last word is that all slaves go
 //! to waiting: no slave is left in configuration, unless that is the job.
@@ -12,170 +8,27 @@
 //! and a second one ends the job; that none came does not prove that there is one slave only.
 
 use std::collections::VecDeque;
-use std::fmt;
 use std::time::Duration;
 
 use canopen_rs::NodeId;
-use thiserror::Error;
 
 use crate::canopen::frame::Frame;
 use crate::canopen::heartbeat::is_boot_up;
-use crate::canopen::lss::Address;
-use crate::canopen::lss::BitRate;
-use crate::canopen::lss::Part;
-use crate::canopen::lss::STANDARD_TABLE;
 use crate::canopen::lss::codec::Answer;
-use crate::canopen::lss::codec::Mode;
 use crate::canopen::lss::codec::Reply;
 use crate::canopen::lss::codec::Request;
 use crate::canopen::lss::fastscan::Fastscan;
 use crate::canopen::lss::fastscan::Found;
-use crate::canopen::lss::node_byte;
+use crate::canopen::lss::job::Job;
+use crate::canopen::lss::job::LssError;
+use crate::canopen::lss::job::Patience;
+use crate::canopen::lss::job::Report;
+use crate::canopen::lss::job::Selection;
+use crate::canopen::lss::job::Step;
+use crate::canopen::lss::job::TO_WAITING;
 use crate::canopen::lss::node_of;
 use crate::canopen::procedure::Procedure;
 use crate::time::Instant;
-
-/// Whom a job concerns.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Selection {
-    /// Whoever an earlier job has left in configuration.
-    Selected,
-    /// Every slave on the bus: right where there is one only.
-    Everybody,
-    /// The slave of this address.
-    Address(Address),
-    /// The unconfigured slave a fastscan finds.
-    Fastscan,
-}
-
-impl Selection {
-    /// Whether it can only be one slave.
-    const fn is_one(self) -> bool {
-        matches!(self, Self::Address(_) | Self::Fastscan)
-    }
-}
-
-/// What is to be done, in this order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Job {
-    /// With whom.
-    pub selection: Selection,
-    /// Find out who it is and what its node-id is.
-    pub inquire: bool,
-    /// Its node-id from the next reset of communication on; `Some(None)` takes it away.
-    pub node: Option<Option<NodeId>>,
-    /// Its bit rate from the activation on.
-    pub bit_rate: Option<BitRate>,
-    /// Both outlast a loss of power.
-    pub store: bool,
-    /// The bit rate changes after so many ms.
-    pub activate: Option<u16>,
-    /// All slaves go to waiting in the end.
-    pub release: bool,
-}
-
-impl Job {
-    /// Chooses, does nothing, and releases.
-    pub const fn new(selection: Selection) -> Self {
-        Self {
-            selection,
-            inquire: false,
-            node: None,
-            bit_rate: None,
-            store: false,
-            activate: None,
-            release: true,
-        }
-    }
-}
-
-/// How long slaves have.
-#[derive(Clone, Copy, Debug)]
-pub struct Patience {
-    /// For an answer.
-    pub reply: Duration,
-    /// For storing: flash memory is slow.
-    pub store: Duration,
-    /// For one question of a fastscan.
-    pub probe: Duration,
-}
-
-/// What is known after a job.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Report {
-    /// Who it was, where it was chosen by that or asked for it.
-    pub address: Option<Address>,
-    /// Its node-id before the job, `Some(None)` if it had none; `None` if it was not asked.
-    pub node: Option<Option<NodeId>>,
-    /// Whether it was heard to boot up with a node-id that was its first.
-    pub is_booted: bool,
-}
-
-/// Why a job was not done.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum LssError {
-    /// No slave has the address that was selected.
-    #[error("no slave has the address {0}")]
-    NoSuchSlave(Address),
-    /// A fastscan found nobody.
-    #[error("no unconfigured slave answers")]
-    NobodyUnconfigured,
-    /// A fastscan lost whom it had found.
-    #[error(
-        "fastscan: no slave knows the {0} that was found; answers come later than the probe's window, or a slave was taken off"
-    )]
-    Lost(Part),
-    /// Nobody answered.
-    #[error("{0}: no slave answers")]
-    Silent(Request),
-    /// More than one slave answered.
-    #[error("{0}: more than one slave answers; select one by its identity")]
-    Several(Request),
-    /// The slave answered a node-id that is none.
-    #[error("the slave has node-id {0}, which is none")]
-    NoNodeId(u8),
-    /// The slave refused.
-    #[error("{request} refused: {}", Reason(*request, *answer))]
-    Refused {
-        /// What.
-        request: Request,
-        /// Why.
-        answer: Answer,
-    },
-}
-
-/// An error code in words, which depend on the service.
-struct Reason(Request, Answer);
-
-impl fmt::Display for Reason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self(request, Answer { error, specific }) = *self;
-        if error == Answer::SPECIFIC {
-            return write!(f, "255 error of the manufacturer's own, number {specific}");
-        }
-        let words = match (request, error) {
-            (Request::ConfigureNodeId(_), 1) => "node-id out of range",
-            (Request::ConfigureBitTiming { .. }, 1) => "bit timing not supported",
-            (Request::Store, 1) => "storing is not supported",
-            (Request::Store, 2) => "storage media access error",
-            _ => "reserved error code",
-        };
-        write!(f, "{error} {words}")
-    }
-}
-
-/// One step of a job.
-#[derive(Clone, Copy, Debug)]
-enum Step {
-    /// Said to all, answered by none.
-    Say(Request),
-    /// Answered by one.
-    Ask(Request),
-    /// Nobody's identity is known yet.
-    Scan,
-    /// The slave must be heard to boot up, or need not be, if it had a node-id.
-    BootUp(NodeId),
-}
 
 /// What is waited for.
 #[derive(Clone, Copy, Debug)]
@@ -198,15 +51,13 @@ pub struct Master {
     failure: Option<LssError>,
 }
 
-const TO_WAITING: Request = Request::SwitchGlobal(Mode::Waiting);
-
 impl Master {
     /// Begins a job.
     pub fn begin(job: Job, patience: Patience, now: Instant, out: &mut Vec<Frame>) -> Self {
         let mut master = Self {
             job,
             patience,
-            steps: steps(&job).into(),
+            steps: job.steps().into(),
             awaited: None,
             before: None,
             report: Report::default(),
@@ -390,47 +241,15 @@ impl Procedure for Master {
     }
 }
 
-/// What a job comes to.
-fn steps(job: &Job) -> Vec<Step> {
-    let mut steps = Vec::new();
-    // A slave in configuration hears neither selection nor scan, and must not be set with the other.
-    if job.selection.is_one() {
-        steps.push(Step::Say(TO_WAITING));
-    }
-    match job.selection {
-        Selection::Selected => {}
-        Selection::Everybody => {
-            steps.push(Step::Say(Request::SwitchGlobal(Mode::Configuration)));
-        }
-        Selection::Address(address) => {
-            let select = |part| Request::Select(part, address.part(part));
-            steps.extend([Part::Vendor, Part::Product, Part::Revision].map(select).map(Step::Say));
-            steps.push(Step::Ask(select(Part::Serial)));
-        }
-        Selection::Fastscan => steps.push(Step::Scan),
-    }
-    if job.inquire {
-        steps.extend(Part::ALL.map(Request::Inquire).map(Step::Ask));
-        steps.push(Step::Ask(Request::InquireNodeId));
-    }
-    let node = job.node.map(|node| Request::ConfigureNodeId(node_byte(node)));
-    let bit_rate = job
-        .bit_rate
-        .map(|rate| Request::ConfigureBitTiming { table: STANDARD_TABLE, index: rate.index() });
-    let store = job.store.then_some(Request::Store);
-    steps.extend(node.into_iter().chain(bit_rate).chain(store).map(Step::Ask));
-    steps.extend(job.activate.map(Request::ActivateBitTiming).map(Step::Say));
-    if job.release {
-        steps.push(Step::Say(TO_WAITING));
-    }
-    steps
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::canopen::lss::Address;
+    use crate::canopen::lss::BitRate;
+    use crate::canopen::lss::Part;
     use crate::canopen::lss::REPLY_COB_ID;
     use crate::canopen::lss::REQUEST_COB_ID;
+    use crate::canopen::lss::codec::Mode;
     use crate::canopen::lss::slave::Effect;
     use crate::canopen::lss::slave::Slave;
     use proptest::prelude::*;

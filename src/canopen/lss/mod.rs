@@ -16,6 +16,7 @@
 pub mod codec;
 pub mod fastscan;
 pub mod identify;
+pub mod job;
 pub mod master;
 pub mod slave;
 

@@ -1,4 +1,4 @@
-//! The device's side (CiA 305, 5 and 6): which state, which answers, and three node-ids.
+//! The device's side (CiA 305): which state, which answers, and three node-ids.
 //!
 //! The *pending* node-id is what the master has configured; it becomes *active* with the next reset of
 //! communication; the *stored* one is what a device wakes up with. What follows for the device from a
@@ -186,14 +186,15 @@ impl Slave {
         }
         let mask = u32::MAX.checked_shl(u32::from(probe.bit))?;
         let own = self.address.part(self.scanned);
+        let next = Part::at(probe.next)?;
         if probe.part != self.scanned.place() || (probe.number ^ own) & mask != 0 {
             return None;
         }
         if probe.bit == 0 {
-            if probe.next < probe.part {
+            if next < self.scanned {
                 self.mode = Mode::Configuration;
             }
-            self.scanned = Part::at(probe.next)?;
+            self.scanned = next;
         }
         Some(Reply::Identified)
     }

@@ -1,8 +1,9 @@
 //! Nodes, objects and numbers as people type them.
 
 use crate::canopen::NodeId;
+use crate::canopen::numeral::hexadecimal;
+use crate::canopen::numeral::whole;
 use crate::canopen::object::Object;
-use crate::canopen::value::whole;
 
 /// A node-id: `3`, `0x10`, `10h`.
 pub(in crate::cli) fn node(text: &str) -> Result<NodeId, String> {
@@ -44,17 +45,13 @@ pub(in crate::cli) fn object(text: &str) -> Result<Object, String> {
     let lower = text.to_ascii_lowercase();
     let (index, sub) = match (lower.split_once(':'), lower.split_once("sub")) {
         (Some((index, sub)), _) => (index, whole(sub).ok_or_else(wrong)?),
-        (None, Some((index, sub))) => (index, i128::from(hexadecimal(sub).ok_or_else(wrong)?)),
+        (None, Some((index, sub))) => (index, hexadecimal(sub).ok_or_else(wrong)?),
         (None, None) => (lower.as_str(), 0),
     };
     let bare = index.strip_prefix("0x").unwrap_or(index.strip_suffix('h').unwrap_or(index));
-    let index = hexadecimal(bare).ok_or_else(wrong)?;
+    let index = hexadecimal(bare).and_then(|index| u16::try_from(index).ok());
+    let index = index.ok_or_else(wrong)?;
     Ok(Object { index, sub: u8::try_from(sub).map_err(|_| wrong())? })
-}
-
-fn hexadecimal(digits: &str) -> Option<u16> {
-    let is_digits = digits.bytes().all(|byte| byte.is_ascii_hexdigit());
-    is_digits.then(|| u16::from_str_radix(digits, 16).ok()).flatten()
 }
 
 /// A number of 32 bits: `7`, `0x402`, `402h`.

@@ -155,6 +155,23 @@ fn several_devices_get_no_node_id_at_once() {
     assert_eq!(said.last().unwrap().1, Request::SwitchGlobal(Mode::Waiting).frame());
 }
 
+#[test]
+fn a_device_between_two_bit_rates_is_released_all_the_same() {
+    let (mut desk, _) = desk(Devices::of(&[(1, 7)]));
+    let bit_rate = BitRate::of_kilobits(250);
+    let job = Job {
+        bit_rate,
+        activate: Some(100),
+        ..configure(Selection::Address(drive(7)), Some(node(9)))
+    };
+    let begun = desk.now();
+    carry(&mut desk, job).unwrap();
+    assert!(desk.now().since(begun) > Duration::from_millis(200));
+    assert_eq!(desk.bus().stations().0[0].bit_rate(), bit_rate);
+    let silent = carry(&mut desk, Job { inquire: true, ..Job::new(Selection::Selected) });
+    assert!(matches!(silent, Err(LssError::Silent(_))), "{silent:?}");
+}
+
 /// A job that is interrupted after some frames, wherever that is.
 struct Interrupted<P>(P, u32);
 

@@ -348,7 +348,7 @@ mod tests {
         let (mut now, mut out, mut most) = (Instant::ZERO, Vec::new(), 0);
         let mut scan = Scan::begin(nodes, TIMEOUT, LISTEN, now, &mut out);
         loop {
-            let asked: Vec<Frame> = out.drain(..).collect();
+            let asked: Vec<Frame> = std::mem::take(&mut out);
             most = most.max(asked.len());
             for reply in asked.iter().flat_map(&mut answer) {
                 if let Some(found) = scan.on_frame(now, &reply, &mut out) {

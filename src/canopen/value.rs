@@ -351,7 +351,8 @@ mod tests {
                 let is_finite = match value {
                     Value::Real32(number) => number.is_finite(),
                     Value::Real64(number) => number.is_finite(),
-                    _ => true,
+                    Value::Boolean(_) | Value::Whole(_) | Value::Pattern(..) | Value::Text(_)
+                    | Value::Bytes(_) | Value::Time(_) => true,
                 };
                 if let Value::Time(_) = value {
                     bytes[3] &= 0x0F;

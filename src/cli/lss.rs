@@ -155,6 +155,17 @@ impl Choice {
             (None, false) => Selection::Everybody,
         }
     }
+
+    /// Whoever configures says whom, and that it is one slave only.
+    fn must_be_one(&self, is_sure: bool) -> Result<(), Failure> {
+        if !self.global && !self.fastscan && self.select.is_none() {
+            Err(usage("which slave? Say --select, --fastscan or --global"))
+        } else if self.global && !is_sure {
+            Err(usage("--global configures every slave on the bus; say --yes if there is only one"))
+        } else {
+            Ok(())
+        }
+    }
 }
 
 /// `VENDOR,PRODUCT,REVISION,SERIAL`.
@@ -171,12 +182,65 @@ fn bit_rate(text: &str) -> Result<BitRate, String> {
     rate.ok_or_else(|| "none of 1000, 800, 500, 250, 125, 50, 20, 10 kbit/s".to_owned())
 }
 
+/// What a task comes to.
+enum Plan {
+    /// Something is done with one slave.
+    Do(Job),
+    /// Slaves of a description are looked for, or without one, those that have no node-id.
+    Find(Option<Description>),
+}
+
 /// Does one task.
 pub(super) fn run(args: &Lss) -> Result<(), Failure> {
-    if let Some(description) = described(&args.task) {
-        return identify(args, description);
+    match plan(&args.task)? {
+        Plan::Find(description) => find(args, description),
+        Plan::Do(job) => carry_out(args, job),
     }
-    let job = job(&args.task)?;
+}
+
+/// What is to be done. More than one slave must not get the same node-id unseen.
+fn plan(task: &Task) -> Result<Plan, Failure> {
+    let selected = Job { release: false, ..Job::new(Selection::Selected) };
+    let asked = Job { inquire: true, ..selected };
+    Ok(Plan::Do(match task {
+        Task::IdentifyNonConfigured => return Ok(Plan::Find(None)),
+        Task::IdentifyRemote { numbers } => {
+            let &[vendor, product, r0, r1, s0, s1] = numbers.as_slice() else {
+                return Err(usage("say VENDOR PRODUCT REVISION REVISION SERIAL SERIAL"));
+            };
+            let (revision, serial) = ([r0, r1], [s0, s1]);
+            return Ok(Plan::Find(Some(Description { vendor, product, revision, serial })));
+        }
+        Task::Inquire { selected: true, .. } => asked,
+        Task::Inquire { choice, selected: false } => {
+            Job { inquire: true, ..Job::new(choice.selection()) }
+        }
+        Task::Select { vendor, product, revision, serial } => {
+            let (vendor, product, revision, serial) = (*vendor, *product, *revision, *serial);
+            let address = Address { vendor, product, revision, serial };
+            Job { release: false, ..Job::new(Selection::Address(address)) }
+        }
+        Task::Deselect => Job::new(Selection::Selected),
+        Task::SetNodeId { node } => Job { node: Some(*node), ..asked },
+        Task::SetBitTiming { rate } => Job { bit_rate: Some(*rate), ..asked },
+        Task::Activate { delay } => Job { activate: Some(*delay), ..selected },
+        Task::Store => Job { store: true, ..asked },
+        Task::Fastscan => Job { inquire: true, ..Job::new(Selection::Fastscan) },
+        Task::Configure { choice, yes, node_id, bit_timing, store } => {
+            choice.must_be_one(*yes)?;
+            Job {
+                inquire: true,
+                node: *node_id,
+                bit_rate: *bit_timing,
+                store: *store,
+                ..Job::new(choice.selection())
+            }
+        }
+    }))
+}
+
+/// Carries a job out, and tells what has come of it.
+fn carry_out(args: &Lss, job: Job) -> Result<(), Failure> {
     let reply = Duration::from_millis(args.timeout);
     let patience = Patience {
         reply,
@@ -191,70 +255,12 @@ pub(super) fn run(args: &Lss) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Whom to look for, `None` if the task is another; without a description, who has no node-id.
-fn described(task: &Task) -> Option<Option<Description>> {
-    match task {
-        Task::IdentifyNonConfigured => Some(None),
-        Task::IdentifyRemote { numbers } => {
-            let &[vendor, product, r0, r1, s0, s1] = numbers.as_slice() else { return None };
-            Some(Some(Description { vendor, product, revision: [r0, r1], serial: [s0, s1] }))
-        }
-        _ => None,
-    }
-}
-
-/// What is to be done. More than one slave must not get the same node-id unseen.
-fn job(task: &Task) -> Result<Job, Failure> {
-    let selected = Job { release: false, ..Job::new(Selection::Selected) };
-    let asked = Job { inquire: true, ..selected };
-    Ok(match task {
-        Task::Inquire { choice, selected: is_selected } => {
-            let (inquire, release) = (true, !is_selected);
-            let selection = if *is_selected { Selection::Selected } else { choice.selection() };
-            Job { inquire, release, ..Job::new(selection) }
-        }
-        Task::Select { vendor, product, revision, serial } => {
-            let (vendor, product, revision, serial) = (*vendor, *product, *revision, *serial);
-            let address = Address { vendor, product, revision, serial };
-            Job { release: false, ..Job::new(Selection::Address(address)) }
-        }
-        Task::Deselect => Job::new(Selection::Selected),
-        Task::SetNodeId { node } => Job { node: Some(*node), ..asked },
-        Task::SetBitTiming { rate } => Job { bit_rate: Some(*rate), ..asked },
-        Task::Activate { delay } => Job { activate: Some(*delay), ..selected },
-        Task::Store => Job { store: true, ..asked },
-        Task::Fastscan => Job { inquire: true, ..Job::new(Selection::Fastscan) },
-        Task::Configure { choice, yes, node_id, bit_timing, store } => {
-            let is_chosen = choice.select.is_some() || choice.fastscan || choice.global;
-            if !is_chosen {
-                return Err(usage("which slave? Say --select, --fastscan or --global"));
-            }
-            if choice.global && !yes {
-                return Err(usage(
-                    "--global configures every slave on the bus; say --yes if there is only one",
-                ));
-            }
-            Job {
-                selection: choice.selection(),
-                inquire: true,
-                node: *node_id,
-                bit_rate: *bit_timing,
-                store: *store,
-                activate: None,
-                release: true,
-            }
-        }
-        // These ask, and do nothing.
-        Task::IdentifyRemote { .. } | Task::IdentifyNonConfigured => Job::new(Selection::Selected),
-    })
-}
-
 fn usage(message: &str) -> Failure {
     Failure::new(Kind::Usage, message)
 }
 
 /// Looks for slaves of a description, or without a node-id.
-fn identify(args: &Lss, description: Option<Description>) -> Result<(), Failure> {
+fn find(args: &Lss, description: Option<Description>) -> Result<(), Failure> {
     let window = Duration::from_millis(args.timeout);
     let mut session: Session<SocketCan> = args.line.find()?.open()?;
     let answers = session

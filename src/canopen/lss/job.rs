@@ -105,6 +105,7 @@ impl Job {
         steps.extend(node.into_iter().chain(bit_rate).chain(store).map(Step::Ask));
         steps.extend(self.activate.map(Request::ActivateBitTiming).map(Step::Say));
         if self.release {
+            steps.extend(self.activate.map(|delay| Step::Pause(silence(delay))));
             steps.push(Step::Say(TO_WAITING));
         }
         steps
@@ -195,8 +196,15 @@ pub(super) enum Step {
     Ask(Request),
     /// Nobody's identity is known yet.
     Scan,
+    /// Nobody hears anything.
+    Pause(Duration),
     /// The slave must be heard to boot up, or need not be, if it had a node-id.
     BootUp(NodeId),
+}
+
+/// From the activation of a bit rate until slaves hear again: its delay, twice.
+fn silence(delay: u16) -> Duration {
+    Duration::from_millis(u64::from(delay)) * 2
 }
 
 /// The first word of a job, and the last: nobody is selected.

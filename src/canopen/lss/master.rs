@@ -35,6 +35,7 @@ use crate::time::Instant;
 enum Awaited {
     Reply { request: Request, reply: Option<Reply>, until: Instant },
     Scan(Fastscan),
+    Pause { until: Instant },
     BootUp { node: NodeId, until: Instant },
 }
 
@@ -84,6 +85,9 @@ impl Master {
                     Some(Awaited::Reply { request, reply: None, until: now + self.window(request) })
                 }
                 Step::Scan => Some(Awaited::Scan(Fastscan::begin(self.patience.probe, now, out))),
+                Step::Pause(span) => {
+                    Some(Awaited::Pause { until: now + span + self.patience.reply })
+                }
                 Step::BootUp(node) => {
                     Some(Awaited::BootUp { node, until: now + self.patience.store })
                 }
@@ -201,7 +205,7 @@ impl Procedure for Master {
                     self.go_on(now, out);
                 }
             }
-            None => {}
+            Some(Awaited::Pause { .. }) | None => {}
         }
         self.outcome()
     }
@@ -221,15 +225,22 @@ impl Procedure for Master {
                 Some(Found::Nobody) => self.fail(LssError::NobodyUnconfigured, now, out),
                 Some(Found::Lost(part)) => self.fail(LssError::Lost(part), now, out),
             },
-            Some(Awaited::BootUp { until, .. }) if *until <= now => self.go_on(now, out),
-            Some(Awaited::Reply { .. } | Awaited::BootUp { .. }) | None => {}
+            Some(Awaited::Pause { until } | Awaited::BootUp { until, .. }) if *until <= now => {
+                self.go_on(now, out);
+            }
+            Some(Awaited::Reply { .. } | Awaited::Pause { .. } | Awaited::BootUp { .. }) | None => {
+            }
         }
         self.outcome()
     }
 
     fn deadline(&self) -> Option<Instant> {
         match &self.awaited {
-            Some(Awaited::Reply { until, .. } | Awaited::BootUp { until, .. }) => Some(*until),
+            Some(
+                Awaited::Reply { until, .. }
+                | Awaited::Pause { until }
+                | Awaited::BootUp { until, .. },
+            ) => Some(*until),
             Some(Awaited::Scan(scan)) => scan.deadline(),
             // Nothing had to be waited for: there is an outcome.
             None => Some(Instant::ZERO),
@@ -461,7 +472,7 @@ mod tests {
                 }
                 prop_assert!(master.deadline().is_some());
             }
-            let latest = now + PATIENCE.probe * (4 * 33 + 2) + PATIENCE.reply * 8 + PATIENCE.store * 2;
+            let latest = now + PATIENCE.probe * (4 * 33 + 2) + PATIENCE.reply * 9 + PATIENCE.store * 2;
             while outcome.is_none() {
                 now = master.deadline().unwrap().max(now);
                 prop_assert!(now <= latest);

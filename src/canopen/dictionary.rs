@@ -29,6 +29,8 @@ pub struct Entry {
     pub high: Option<i128>,
     /// Whether it may be mapped into a PDO.
     pub is_mappable: bool,
+    /// The node-id is a part of its default.
+    plus_node_id: bool,
     value: Vec<u8>,
     default: Vec<u8>,
 }
@@ -149,6 +151,28 @@ impl Dictionary {
         }
     }
 
+    /// Defaults the node-id is a part of become those of another node, from the next
+    /// [`restore`](Self::restore) on.
+    pub fn readdress(&mut self, from: NodeId, to: NodeId) {
+        let shift = i128::from(to.raw()) - i128::from(from.raw());
+        for entry in self.entries.iter_mut().filter(|entry| entry.plus_node_id) {
+            let number = value::unsigned(&entry.default) + shift;
+            for (byte, new) in entry.default.iter_mut().zip(number.to_le_bytes()) {
+                *byte = new;
+            }
+        }
+    }
+
+    /// What an object holds after power-up, other than its data sheet says: its serial number. False as for
+    /// [`set`](Self::set).
+    pub fn furnish(&mut self, object: Object, value: &[u8]) -> bool {
+        let is_set = self.set(object, value);
+        if let Some(entry) = self.place(object).and_then(|place| self.entries.get_mut(place)) {
+            entry.default.clone_from(&entry.value);
+        }
+        is_set
+    }
+
     fn place(&self, object: Object) -> Option<usize> {
         self.entries.binary_search_by_key(&object, |entry| entry.object).ok()
     }
@@ -163,6 +187,7 @@ fn entry(described: &Described, node: NodeId) -> Entry {
         low: described.low,
         high: described.high,
         is_mappable: described.is_mappable,
+        plus_node_id: described.number.is_some_and(|number| number.plus_node_id),
         default: value.clone(),
         value,
     }
@@ -183,6 +208,29 @@ mod tests {
         assert_eq!(dictionary.unsigned(Object::EMCY_COB_ID), 0x85);
         assert_eq!(dictionary.unsigned(Object::rpdo_communication(1, 1)), 0x205);
         assert_eq!(dictionary.get(Object::DEVICE_NAME), Some(&b"frhc simulated drive"[..]));
+    }
+
+    #[test]
+    fn another_node_id_completes_it_otherwise() {
+        let eds = Eds::parse(include_bytes!("../../eds/frhc_drive.eds")).unwrap();
+        let mut dictionary = drive();
+        let (five, nine) = (NodeId::new(5).unwrap(), NodeId::new(9).unwrap());
+        dictionary.readdress(five, nine);
+        assert_eq!(dictionary.unsigned(Object::EMCY_COB_ID), 0x85, "not before it is restored");
+        dictionary.restore(0..=u16::MAX);
+        assert_eq!(dictionary, Dictionary::new(&eds, nine));
+        dictionary.readdress(nine, five);
+        dictionary.restore(0..=u16::MAX);
+        assert_eq!(dictionary, drive());
+    }
+
+    #[test]
+    fn what_a_device_was_furnished_with_outlasts_a_reset() {
+        let mut dictionary = drive();
+        assert!(dictionary.furnish(Object::SERIAL, &7_u32.to_le_bytes()));
+        assert!(!dictionary.furnish(Object::SERIAL, &[7]), "of another length");
+        dictionary.restore(0..=u16::MAX);
+        assert_eq!(dictionary.unsigned(Object::SERIAL), 7);
     }
 
     #[test]

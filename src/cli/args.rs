@@ -11,7 +11,11 @@ use crate::cli::calib::Calib;
 use crate::cli::configured::Configured;
 use crate::cli::explain::Explain;
 use crate::cli::export::Export;
+use crate::cli::lss::Lss;
+use crate::cli::nmt::Nmt;
 use crate::cli::rig::Calibrate;
+use crate::cli::scan::Scan;
+use crate::cli::sdo::Sdo;
 
 /// The CANopen master of a force-reflecting hand controller.
 #[derive(Debug, Parser)]
@@ -63,6 +67,14 @@ pub(super) enum Command {
     Explain(Box<Explain>),
     /// Torque curves from measurements, and those of a configuration.
     Calib(Calib),
+    /// Who is on a bus: identity, state, and what the configuration says of it.
+    Scan(Scan),
+    /// Reads or writes one object of one node.
+    Sdo(Sdo),
+    /// Starts, stops and resets nodes, and tells what is heard of them.
+    Nmt(Nmt),
+    /// Sets node-ids and bit rates of devices.
+    Lss(Lss),
 }
 
 /// Overriding interfaces.

@@ -1,6 +1,7 @@
 //! The command line: arguments, tasks, exit codes. The only module that prints.
 
 mod args;
+pub mod bench;
 mod calib;
 mod check;
 mod configured;
@@ -12,11 +13,15 @@ mod explain;
 mod export;
 mod gains;
 mod interfaces;
+mod lss;
+mod nmt;
 mod print;
 mod recorder;
 mod rig;
 mod run;
+mod scan;
 mod scenario;
+mod sdo;
 mod signals;
 mod sim;
 
@@ -41,6 +46,10 @@ pub fn main() -> ExitCode {
         Command::Explain(args) => explain::run(args),
         Command::Export(args) => export::run(args),
         Command::Calib(args) => calib::run(args),
+        Command::Scan(args) => scan::run(args),
+        Command::Sdo(args) => sdo::run(args),
+        Command::Nmt(args) => nmt::run(args),
+        Command::Lss(args) => lss::run(args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -5,7 +5,11 @@ use std::time::Duration;
 use nalgebra::Matrix3;
 use nalgebra::Vector3;
 
+use crate::canopen::NodeId;
 use crate::canopen::dictionary::Dictionary;
+use crate::canopen::eds::Eds;
+use crate::canopen::frame::Channel;
+use crate::canopen::object::Object;
 use crate::config::Config;
 use crate::config::Joint;
 use crate::controller::arm::JointKind;
@@ -32,13 +36,13 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
         Drive::new(DriveSettings {
             channel: joint.channel,
             node: joint.node,
-            dictionary: Dictionary::new(&joint.eds, joint.node),
+            dictionary: numbered(&joint.eds, joint.channel, joint.node),
             actuator: actuator(joint),
             latency: DRIVE_LATENCY,
         })
     });
     let switches = &config.switches;
-    let dictionary = Dictionary::new(&switches.eds, switches.node);
+    let dictionary = numbered(&switches.eds, switches.channel, switches.node);
     let switches = SwitchBox::new(switches.channel, switches.node, dictionary);
     let resistance = config.joints.each_ref().map(|joint| Resistance {
         coulomb: joint.coulomb_friction,
@@ -47,6 +51,15 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
     });
     let plant = Plant::new(arm(config), resistance, start(config));
     World::new(drives, switches, plant, scenario, seed).coupled(transmission(config))
+}
+
+/// What a device holds, with a serial number no other has, by which LSS can tell it from its like.
+fn numbered(eds: &Eds, Channel(bus): Channel, node: NodeId) -> Dictionary {
+    let mut dictionary = Dictionary::new(eds, node);
+    let serial = u32::from(bus) << 8 | u32::from(node.raw());
+    // An EDS may do without a serial number.
+    dictionary.furnish(Object::SERIAL, &serial.to_le_bytes());
+    dictionary
 }
 
 /// Where the arm is at the start, in rad or m.

@@ -10,6 +10,7 @@
 )]
 
 pub(crate) mod bench;
+pub(crate) mod devices;
 pub(crate) mod drive;
 pub(crate) mod felt;
 pub(crate) mod golden;

@@ -10,6 +10,7 @@ mod errors;
 mod heartbeat;
 #[cfg(test)]
 mod laws;
+mod lss;
 mod mapping;
 mod parameter;
 mod rpdo;
@@ -32,6 +33,7 @@ use crate::canopen::device::access::Objects;
 use crate::canopen::device::errors::Condition;
 use crate::canopen::device::errors::Errors;
 use crate::canopen::device::heartbeat::Heartbeat;
+use crate::canopen::device::lss::Layer;
 use crate::canopen::device::parameter::NUMBERS;
 use crate::canopen::device::parameter::PDOS;
 use crate::canopen::device::parameter::Place;
@@ -51,6 +53,7 @@ use crate::time::Instant;
 #[derive(Clone, Debug)]
 pub struct Device<A> {
     node: NodeId,
+    layer: Layer,
     dictionary: Dictionary,
     application: A,
     state: NmtState,
@@ -72,6 +75,7 @@ impl<A: Application> Device<A> {
     pub fn new(node: NodeId, dictionary: Dictionary, application: A, latency: Duration) -> Self {
         let mut device = Self {
             node,
+            layer: Layer::new(node, &dictionary),
             state: NmtState::Initialising,
             latency,
             sync_cob_id: 0,
@@ -88,7 +92,7 @@ impl<A: Application> Device<A> {
         device
     }
 
-    /// Its node-id.
+    /// Its node-id, or the last it had: LSS may take it away.
     pub const fn node(&self) -> NodeId {
         self.node
     }
@@ -117,7 +121,11 @@ impl<A: Application> Device<A> {
 
     /// Takes one received frame; frames to send are appended to `out`.
     pub fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
-        if self.state == NmtState::Initialising {
+        if lss::is_request(frame) {
+            self.on_lss(now, frame, out);
+            return;
+        }
+        if self.state == NmtState::Initialising || self.layer.silence().is_some() {
             return;
         }
         if let Some(order) = Order::decode(frame) {
@@ -142,6 +150,10 @@ impl<A: Application> Device<A> {
 
     /// Does what is due at `now`.
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        self.layer.wake(now);
+        if self.layer.silence().is_some() {
+            return;
+        }
         if self.state == NmtState::Initialising {
             self.boot_up(now, out);
         }
@@ -162,6 +174,9 @@ impl<A: Application> Device<A> {
 
     /// When [`on_time`](Self::on_time) must next be called.
     pub fn deadline(&self) -> Option<Instant> {
+        if let Some(silence) = self.layer.silence() {
+            return silence.end();
+        }
         let is_due = self.state == NmtState::Initialising
             || self.must_look()
             || self.errors.is_news(self.application.error_code());
@@ -185,16 +200,25 @@ impl<A: Application> Device<A> {
                 self.enter(NmtState::Stopped);
             }
             NmtCommand::ResetCommunication | NmtCommand::ResetNode => {
-                self.leave_operational();
                 let is_node = command == NmtCommand::ResetNode;
                 let reset = if is_node { Reset::Node } else { Reset::Communication };
-                self.dictionary.restore(match reset {
-                    Reset::Communication => COMMUNICATION_PROFILE,
-                    Reset::Node => 0..=u16::MAX,
-                });
-                self.initialise(reset);
-                self.boot_up(now, out);
+                self.reset(now, reset, out);
             }
+        }
+    }
+
+    /// Everything, or communication, begins anew, with the node-id LSS has configured.
+    fn reset(&mut self, now: Instant, reset: Reset, out: &mut Vec<Frame>) {
+        self.leave_operational();
+        self.layer.reset();
+        self.adopt_node();
+        self.dictionary.restore(match reset {
+            Reset::Communication => COMMUNICATION_PROFILE,
+            Reset::Node => 0..=u16::MAX,
+        });
+        self.initialise(reset);
+        if self.is_configured() {
+            self.boot_up(now, out);
         }
     }
 

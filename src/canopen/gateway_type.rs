@@ -1,0 +1,231 @@
+//! The data types of CiA 309-3, by their names there and by their numbers in an EDS.
+//!
+//! Only the types; [`value`](crate::canopen::value) makes bytes of texts, and texts of bytes.
+//!
+//! | name       | type (CiA 301, 7.4.7.1)      | as text                                                 |
+//! |------------|------------------------------|---------------------------------------------------------|
+//! | `b`        | BOOLEAN                      | `0` `1` `false` `true`                                  |
+//! | `i8`–`i64` | INTEGER, 8 to 64 bits        | `-5` `0x1F` `1Fh`                                       |
+//! | `u8`–`u64` | UNSIGNED, 8 to 64 bits       | `31` `0x1F` `1Fh`                                       |
+//! | `x8`–`x64` | the same, shown and read as hexadecimal | `1F` `0x1F` `1Fh`                            |
+//! | `r32` `r64`| REAL                         | `1.5` `-2e-3`                                           |
+//! | `vs`       | VISIBLE_STRING               | the text, ASCII                                         |
+//! | `us`       | UNICODE_STRING               | the text; UTF-16 in the object                          |
+//! | `os` `d`   | OCTET_STRING, DOMAIN         | hexadecimal bytes: `01 AB ff`, `01ABff`                 |
+//! | `t` `td`   | TIME_OF_DAY, TIME_DIFFERENCE | days, since 1984 or between, and milliseconds: `15665:31238000` |
+
+use std::fmt;
+use std::str::FromStr;
+
+use thiserror::Error;
+
+use crate::canopen::numeral::decimal;
+
+/// The bytes of a whole number: 1 to 8.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Width(u8);
+
+impl Width {
+    /// So many bits: 8, 16, … 64.
+    pub const fn of_bits(bits: u8) -> Option<Self> {
+        if bits.is_multiple_of(8) && bits >= 8 && bits <= 64 { Some(Self(bits / 8)) } else { None }
+    }
+
+    /// In bits.
+    pub const fn bits(self) -> u8 {
+        self.0 * 8
+    }
+
+    /// In bytes.
+    pub fn bytes(self) -> usize {
+        usize::from(self.0)
+    }
+}
+
+/// What an object holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum GatewayType {
+    /// `b`
+    Boolean,
+    /// `i8` to `i64`
+    Signed(Width),
+    /// `u8` to `u64`
+    Unsigned(Width),
+    /// `x8` to `x64`
+    Hexadecimal(Width),
+    /// `r32`
+    Real32,
+    /// `r64`
+    Real64,
+    /// `vs`
+    VisibleString,
+    /// `us`
+    UnicodeString,
+    /// `os`
+    OctetString,
+    /// `d`
+    Domain,
+    /// `t`
+    TimeOfDay,
+    /// `td`
+    TimeDifference,
+}
+
+/// No name of a type.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error(
+    "{0}: no data type; there are b, u8 to u64, i8 to i64, x8 to x64, r32, r64, vs, us, os, d, t, td"
+)]
+pub struct NoType(String);
+
+impl FromStr for GatewayType {
+    type Err = NoType;
+
+    fn from_str(text: &str) -> Result<Self, NoType> {
+        let unknown = || NoType(text.to_owned());
+        Ok(match text {
+            "b" => Self::Boolean,
+            "r32" => Self::Real32,
+            "r64" => Self::Real64,
+            "vs" => Self::VisibleString,
+            "us" => Self::UnicodeString,
+            "os" => Self::OctetString,
+            "d" => Self::Domain,
+            "t" => Self::TimeOfDay,
+            "td" => Self::TimeDifference,
+            _ => {
+                let (kind, bits) = text.split_at_checked(1).ok_or_else(unknown)?;
+                let bits = decimal(bits).and_then(|bits| u8::try_from(bits).ok());
+                let width = bits.and_then(Width::of_bits).ok_or_else(unknown)?;
+                match kind {
+                    "i" => Self::Signed(width),
+                    "u" => Self::Unsigned(width),
+                    "x" => Self::Hexadecimal(width),
+                    _ => return Err(unknown()),
+                }
+            }
+        })
+    }
+}
+
+impl fmt::Display for GatewayType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Boolean => f.write_str("b"),
+            Self::Signed(width) => write!(f, "i{}", width.bits()),
+            Self::Unsigned(width) => write!(f, "u{}", width.bits()),
+            Self::Hexadecimal(width) => write!(f, "x{}", width.bits()),
+            Self::Real32 => f.write_str("r32"),
+            Self::Real64 => f.write_str("r64"),
+            Self::VisibleString => f.write_str("vs"),
+            Self::UnicodeString => f.write_str("us"),
+            Self::OctetString => f.write_str("os"),
+            Self::Domain => f.write_str("d"),
+            Self::TimeOfDay => f.write_str("t"),
+            Self::TimeDifference => f.write_str("td"),
+        }
+    }
+}
+
+impl GatewayType {
+    /// The type with a number in CiA 301, 7.4.7.1, as an EDS has it.
+    pub const fn of_number(number: u16) -> Option<Self> {
+        Some(match number {
+            0x01 => Self::Boolean,
+            0x02 => Self::Signed(Width(1)),
+            0x03 => Self::Signed(Width(2)),
+            0x04 => Self::Signed(Width(4)),
+            0x05 => Self::Unsigned(Width(1)),
+            0x06 => Self::Unsigned(Width(2)),
+            0x07 => Self::Unsigned(Width(4)),
+            0x08 => Self::Real32,
+            0x09 => Self::VisibleString,
+            0x0A => Self::OctetString,
+            0x0B => Self::UnicodeString,
+            0x0C => Self::TimeOfDay,
+            0x0D => Self::TimeDifference,
+            0x0F => Self::Domain,
+            0x10 => Self::Signed(Width(3)),
+            0x11 => Self::Real64,
+            0x12 => Self::Signed(Width(5)),
+            0x13 => Self::Signed(Width(6)),
+            0x14 => Self::Signed(Width(7)),
+            0x15 => Self::Signed(Width(8)),
+            0x16 => Self::Unsigned(Width(3)),
+            0x18 => Self::Unsigned(Width(5)),
+            0x19 => Self::Unsigned(Width(6)),
+            0x1A => Self::Unsigned(Width(7)),
+            0x1B => Self::Unsigned(Width(8)),
+            _ => return None,
+        })
+    }
+
+    /// The bytes a value has; `None` where it may have any number of them.
+    pub fn size(self) -> Option<usize> {
+        match self {
+            Self::Boolean => Some(1),
+            Self::Signed(width) | Self::Unsigned(width) | Self::Hexadecimal(width) => {
+                Some(width.bytes())
+            }
+            Self::Real32 => Some(4),
+            Self::Real64 => Some(8),
+            Self::TimeOfDay | Self::TimeDifference => Some(6),
+            Self::VisibleString | Self::UnicodeString | Self::OctetString | Self::Domain => None,
+        }
+    }
+
+    /// The lowest and the highest whole number of the type; `None` if it is no type of whole numbers.
+    pub fn range(self) -> Option<(i128, i128)> {
+        match self {
+            Self::Boolean => Some((0, 1)),
+            Self::Signed(width) => {
+                let half = 1_i128 << (width.bits() - 1);
+                Some((-half, half - 1))
+            }
+            Self::Unsigned(width) | Self::Hexadecimal(width) => {
+                Some((0, (1_i128 << width.bits()) - 1))
+            }
+            Self::Real32
+            | Self::Real64
+            | Self::VisibleString
+            | Self::UnicodeString
+            | Self::OctetString
+            | Self::Domain
+            | Self::TimeOfDay
+            | Self::TimeDifference => None,
+        }
+    }
+}
+
+/// Every name there is.
+#[cfg(test)]
+pub(super) fn names() -> Vec<String> {
+    let wide = |kind| (1..=8).map(move |width| format!("{kind}{}", width * 8));
+    let plain = ["b", "r32", "r64", "vs", "us", "os", "d", "t", "td"].map(str::to_owned);
+    wide('i').chain(wide('u')).chain(wide('x')).chain(plain).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_type_is_called_as_it_calls_itself() {
+        for name in names() {
+            assert_eq!(name.parse::<GatewayType>().unwrap().to_string(), name);
+        }
+        for name in ["", "i", "u7", "u9", "u72", "u0", "U8", "r16", "i+8", "ü8", "string"] {
+            assert!(name.parse::<GatewayType>().is_err(), "{name}");
+        }
+    }
+
+    #[test]
+    fn numbers_of_an_eds_are_types_of_their_size() {
+        for (number, name) in
+            [(1, "b"), (3, "i16"), (7, "u32"), (9, "vs"), (0x16, "u24"), (0x1B, "u64")]
+        {
+            assert_eq!(GatewayType::of_number(number).unwrap().to_string(), name);
+        }
+        assert_eq!(GatewayType::of_number(0x17), None);
+    }
+}

@@ -1,0 +1,257 @@
+//! Who is it, without asking: finds the identity of one unconfigured slave, bit by bit (CiA 305, LSS fastscan).
+//!
+//! All unconfigured slaves are asked at once whether a number agrees with theirs in its high bits; silence
+//! says that the next bit is one. Where several answer, those with a one drop out, so the slave with the
+//! lowest numbers is found, and it alone enters configuration. 4 × (32 + 1) + 1 questions.
+//!
+//! An answer must never be taken for one to the next question. So every question has its whole window,
+//! however early the first answer comes: slower slaves may follow.
+
+use std::time::Duration;
+
+use crate::canopen::frame::Frame;
+use crate::canopen::lss::Address;
+use crate::canopen::lss::Part;
+use crate::canopen::lss::codec::Probe;
+use crate::canopen::lss::codec::Reply;
+use crate::canopen::lss::codec::Request;
+use crate::time::Instant;
+
+/// What was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Found {
+    /// No slave is without a node-id.
+    Nobody,
+    /// One, and it is in configuration now.
+    One(Address),
+    /// Somebody answered at first, and did not know its own number in the end: answers that came too
+    /// late, or a slave that was taken off.
+    Lost(Part),
+}
+
+/// One fastscan.
+#[derive(Clone, Copy, Debug)]
+pub struct Fastscan {
+    window: Duration,
+    address: Address,
+    stage: Stage,
+    is_answered: bool,
+    /// When the window of the question that is out closes; `None` once all is known.
+    deadline: Option<Instant>,
+}
+
+/// The question that is out.
+#[derive(Clone, Copy, Debug)]
+enum Stage {
+    Everybody,
+    Bit(Part, u8),
+    Whole(Part),
+}
+
+/// The highest bit of a number.
+const HIGHEST: u8 = 31;
+
+impl Fastscan {
+    /// Begins with who is there at all; every question is open for `window`.
+    pub fn begin(window: Duration, now: Instant, out: &mut Vec<Frame>) -> Self {
+        let mut scan = Self {
+            window,
+            address: Address::default(),
+            stage: Stage::Everybody,
+            is_answered: false,
+            deadline: None,
+        };
+        scan.ask(Stage::Everybody, now, out);
+        scan
+    }
+
+    /// Listens to one frame.
+    pub fn on_frame(&mut self, frame: &Frame) {
+        self.is_answered |= Reply::decode(frame) == Some(Reply::Identified);
+    }
+
+    /// Asks the next question when the window of the last one has closed.
+    pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Found> {
+        if self.deadline.is_none_or(|deadline| now < deadline) {
+            return None;
+        }
+        let next = match self.stage {
+            Stage::Everybody if !self.is_answered => return self.finish(Found::Nobody),
+            Stage::Everybody => Stage::Bit(Part::Vendor, HIGHEST),
+            Stage::Bit(part, bit) => {
+                if !self.is_answered {
+                    let known = self.address.part(part);
+                    self.address = self.address.with(part, known | 1 << bit);
+                }
+                bit.checked_sub(1).map_or(Stage::Whole(part), |bit| Stage::Bit(part, bit))
+            }
+            Stage::Whole(part) if !self.is_answered => return self.finish(Found::Lost(part)),
+            Stage::Whole(part) => match Part::at(part.place() + 1) {
+                Some(part) => Stage::Bit(part, HIGHEST),
+                None => return self.finish(Found::One(self.address)),
+            },
+        };
+        self.ask(next, now, out);
+        None
+    }
+
+    /// When the window of the question that is out closes.
+    pub const fn deadline(&self) -> Option<Instant> {
+        self.deadline
+    }
+
+    fn ask(&mut self, stage: Stage, now: Instant, out: &mut Vec<Frame>) {
+        let number = |part| self.address.part(part);
+        let probe = match stage {
+            Stage::Everybody => Probe { number: 0, bit: Probe::EVERYBODY, part: 0, next: 0 },
+            Stage::Bit(part, bit) => {
+                Probe { number: number(part), bit, part: part.place(), next: part.place() }
+            }
+            Stage::Whole(part) => {
+                let next = Part::at(part.place() + 1).unwrap_or(Part::Vendor);
+                Probe { number: number(part), bit: 0, part: part.place(), next: next.place() }
+            }
+        };
+        out.push(Request::Fastscan(probe).frame());
+        self.stage = stage;
+        self.is_answered = false;
+        self.deadline = Some(now + self.window);
+    }
+
+    const fn finish(&mut self, found: Found) -> Option<Found> {
+        self.deadline = None;
+        Some(found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::lss::REPLY_COB_ID;
+    use crate::canopen::lss::codec::Mode;
+    use crate::canopen::lss::slave::Slave;
+    use canopen_rs::lss;
+    use proptest::prelude::*;
+
+    const WINDOW: Duration = Duration::from_millis(10);
+
+    /// Carries a scan to its end; `answer` says how many answer a question.
+    fn scan(mut answer: impl FnMut(&Frame) -> usize) -> (Found, usize) {
+        let (mut now, mut out, mut questions) = (Instant::ZERO, Vec::new(), 0);
+        let mut scan = Fastscan::begin(WINDOW, now, &mut out);
+        loop {
+            for question in out.drain(..) {
+                questions += 1;
+                for _ in 0..answer(&question) {
+                    scan.on_frame(&Reply::Identified.frame());
+                }
+            }
+            now = scan.deadline().unwrap();
+            if let Some(found) = scan.on_time(now, &mut out) {
+                assert_eq!((scan.deadline(), out.len()), (None, 0));
+                return (found, questions);
+            }
+        }
+    }
+
+    fn answers(slaves: &mut [Slave], question: &Frame) -> usize {
+        let mut out = Vec::new();
+        for slave in slaves {
+            slave.on_frame(question, &mut out);
+        }
+        out.len()
+    }
+
+    fn address() -> impl Strategy<Value = Address> {
+        let number = || prop_oneof![any::<u32>(), Just(0), Just(u32::MAX), 0_u32..4];
+        (number(), number(), number(), number()).prop_map(|(vendor, product, revision, serial)| {
+            Address { vendor, product, revision, serial }
+        })
+    }
+
+    fn theirs(address: Address) -> lss::LssAddress {
+        lss::LssAddress {
+            vendor_id: address.vendor,
+            product_code: address.product,
+            revision_number: address.revision,
+            serial_number: address.serial,
+        }
+    }
+
+    #[test]
+    fn where_all_have_a_node_id_one_question_is_enough() {
+        assert_eq!(scan(|_| 0), (Found::Nobody, 1));
+    }
+
+    #[test]
+    fn a_slave_that_falls_silent_is_lost_and_not_taken_for_another() {
+        let mut heard = 0;
+        let falls_silent = |_: &Frame| {
+            heard += 1;
+            usize::from(heard <= 40)
+        };
+        assert_eq!(scan(falls_silent).0, Found::Lost(Part::Product));
+    }
+
+    #[test]
+    fn only_an_answer_to_a_scan_counts() {
+        let mut out = Vec::new();
+        let mut scan = Fastscan::begin(WINDOW, Instant::ZERO, &mut out);
+        for frame in [Reply::NonConfigured.frame(), Frame::new(REPLY_COB_ID, [0x4F])] {
+            scan.on_frame(&frame);
+        }
+        assert_eq!(scan.on_time(Instant::ZERO + WINDOW, &mut out), Some(Found::Nobody));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn of_any_slaves_exactly_one_is_found_after_another(
+            mut addresses in proptest::collection::vec(address(), 1..5),
+        ) {
+            addresses.sort_by_key(|a| (a.vendor, a.product, a.revision, a.serial));
+            addresses.dedup();
+            let mut slaves: Vec<_> = addresses.iter().map(|a| Slave::new(*a, None)).collect();
+            for (place, address) in addresses.iter().enumerate() {
+                let (found, questions) = scan(|question| answers(&mut slaves, question));
+                prop_assert_eq!(found, Found::One(*address));
+                prop_assert_eq!(questions, 4 * 33 + 1);
+                for (other, slave) in slaves.iter().enumerate() {
+                    prop_assert_eq!(slave.mode() == Mode::Configuration, other == place);
+                }
+                slaves[place].on_frame(&Request::ConfigureNodeId(9).frame(), &mut Vec::new());
+                for slave in &mut slaves {
+                    slave.on_frame(&Request::SwitchGlobal(Mode::Waiting).frame(), &mut Vec::new());
+                }
+            }
+        }
+
+        #[test]
+        fn a_slave_of_another_implementation_is_found(address in address()) {
+            let mut slave = lss::LssSlave::new(theirs(address), lss::UNCONFIGURED_NODE_ID);
+            let ask = |question: &Frame| {
+                usize::from(slave.handle(&question.data().try_into().unwrap()).is_some())
+            };
+            prop_assert_eq!(scan(ask).0, Found::One(address));
+            prop_assert_eq!(slave.state(), lss::LssState::Configuration);
+        }
+
+        // canopen-rs 0.6.1 begins with bit 32; CiA 305 says 80h, and 32 is reserved.
+        #[test]
+        fn a_master_of_another_implementation_finds_our_slave(address in address()) {
+            let mut slave = Slave::new(address, None);
+            let mut master = lss::FastscanMaster::new();
+            while let Some(mut question) = master.next_request() {
+                if question[5] == lss::FASTSCAN_INIT {
+                    question[5] = Probe::EVERYBODY;
+                }
+                let frame = Frame::new(lss::LSS_MASTER_COB_ID, question);
+                master.on_response(answers(std::slice::from_mut(&mut slave), &frame) == 1);
+            }
+            prop_assert!(master.found());
+            prop_assert_eq!(master.address(), theirs(address));
+            prop_assert_eq!(slave.mode(), Mode::Configuration);
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! Layer setting services (CiA 305): node-id and bit rate of a device set over the bus.
+//!
+//! A device without a node-id hears nothing but these. It is addressed by what it *is*, the four numbers
+//! of its identity (1018h), which no two devices share. Two states: *waiting* and *configuration*; only in
+//! the second it is asked and set.
+//!
+//! | COB-ID | from → to      |
+//! |--------|----------------|
+//! | 7E5h   | master → slave |
+//! | 7E4h   | slave → master |
+//!
+//! Every frame has eight bytes, a command specifier first; [`codec`] has the table. Both sides here are
+//! pure machines: the [`slave`], which a [device](crate::canopen::device) carries, and the
+//! [`master`] with its [`fastscan`].
+
+pub mod codec;
+pub mod fastscan;
+pub mod identify;
+pub mod job;
+pub mod master;
+pub mod slave;
+
+use std::fmt;
+
+use canopen_rs::NodeId;
+use canopen_rs::lss::LSS_MASTER_COB_ID;
+use canopen_rs::lss::LSS_SLAVE_COB_ID;
+use canopen_rs::lss::UNCONFIGURED_NODE_ID;
+
+/// What the master says.
+pub const REQUEST_COB_ID: u16 = LSS_MASTER_COB_ID;
+/// What slaves answer, all of them.
+pub const REPLY_COB_ID: u16 = LSS_SLAVE_COB_ID;
+
+/// One of the four numbers of an identity, in the order of 1018h:1 to 4.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Part {
+    /// Vendor-ID.
+    Vendor,
+    /// Product code.
+    Product,
+    /// Revision number.
+    Revision,
+    /// Serial number.
+    Serial,
+}
+
+impl Part {
+    /// All of them, in order.
+    pub const ALL: [Self; 4] = [Self::Vendor, Self::Product, Self::Revision, Self::Serial];
+
+    /// Its place: 0 to 3.
+    pub const fn place(self) -> u8 {
+        match self {
+            Self::Vendor => 0,
+            Self::Product => 1,
+            Self::Revision => 2,
+            Self::Serial => 3,
+        }
+    }
+
+    /// The one at a place, `None` beyond 3.
+    pub fn at(place: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(place)).copied()
+    }
+}
+
+/// Its name in CiA 301.
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Vendor => "vendor-ID",
+            Self::Product => "product code",
+            Self::Revision => "revision number",
+            Self::Serial => "serial number",
+        })
+    }
+}
+
+/// The identity of one device among all there are (1018h): its LSS address.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Address {
+    /// Vendor-ID.
+    pub vendor: u32,
+    /// Product code.
+    pub product: u32,
+    /// Revision number.
+    pub revision: u32,
+    /// Serial number.
+    pub serial: u32,
+}
+
+impl Address {
+    /// One of its numbers.
+    pub const fn part(&self, part: Part) -> u32 {
+        match part {
+            Part::Vendor => self.vendor,
+            Part::Product => self.product,
+            Part::Revision => self.revision,
+            Part::Serial => self.serial,
+        }
+    }
+
+    /// The same with one number replaced.
+    #[must_use]
+    pub const fn with(mut self, part: Part, number: u32) -> Self {
+        match part {
+            Part::Vendor => self.vendor = number,
+            Part::Product => self.product = number,
+            Part::Revision => self.revision = number,
+            Part::Serial => self.serial = number,
+        }
+        self
+    }
+}
+
+/// `00000F8Ch 04020010h 00010000h 00000003h`: vendor, product, revision, serial.
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { vendor, product, revision, serial } = self;
+        write!(f, "{vendor:08X}h {product:08X}h {revision:08X}h {serial:08X}h")
+    }
+}
+
+/// A bit rate of CiA 301, by its place in table 0 of CiA 305.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct BitRate {
+    kilobits: u16,
+    index: u8,
+}
+
+/// The only table CiA defines. Place 5 is reserved, place 9 is automatic detection.
+pub const STANDARD_TABLE: u8 = 0;
+
+/// Kilobits per second and place in [`STANDARD_TABLE`].
+const BIT_RATES: [(u16, u8); 8] =
+    [(1_000, 0), (800, 1), (500, 2), (250, 3), (125, 4), (50, 6), (20, 7), (10, 8)];
+
+impl BitRate {
+    /// The one with so many kbit/s, `None` if the table has none.
+    pub fn of_kilobits(kilobits: u16) -> Option<Self> {
+        let (kilobits, index) = *BIT_RATES.iter().find(|(known, _)| *known == kilobits)?;
+        Some(Self { kilobits, index })
+    }
+
+    /// The one at a place of the table, `None` if there is none.
+    pub fn of_index(index: u8) -> Option<Self> {
+        let (kilobits, index) = *BIT_RATES.iter().find(|(_, known)| *known == index)?;
+        Some(Self { kilobits, index })
+    }
+
+    /// In kbit/s.
+    pub const fn kilobits(self) -> u16 {
+        self.kilobits
+    }
+
+    /// Its place in [`STANDARD_TABLE`].
+    pub const fn index(self) -> u8 {
+        self.index
+    }
+}
+
+/// A node-id as LSS writes it: FFh for a device that has none.
+pub fn node_byte(node: Option<NodeId>) -> u8 {
+    node.map_or(UNCONFIGURED_NODE_ID, NodeId::raw)
+}
+
+/// What a byte says about the node-id: one of 1 to 127, or none for FFh.
+///
+/// # Errors
+/// When it says neither.
+pub fn node_of(byte: u8) -> Result<Option<NodeId>, NoNodeId> {
+    if byte == UNCONFIGURED_NODE_ID {
+        return Ok(None);
+    }
+    NodeId::new(byte).map(Some).map_err(|_| NoNodeId)
+}
+
+/// Neither a node-id nor the absence of one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoNodeId;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_node_id_is_one_of_127_or_none() {
+        for byte in 0..=u8::MAX {
+            match node_of(byte) {
+                Ok(node) => assert_eq!(node_byte(node), byte),
+                Err(NoNodeId) => assert!(byte == 0 || (128..255).contains(&byte), "{byte}"),
+            }
+        }
+    }
+
+    #[test]
+    fn a_bit_rate_is_found_by_either_of_its_numbers() {
+        for (kilobits, index) in BIT_RATES {
+            let rate = BitRate::of_kilobits(kilobits).unwrap();
+            assert_eq!((rate.index(), BitRate::of_index(index)), (index, Some(rate)));
+        }
+        assert_eq!((BitRate::of_kilobits(100), BitRate::of_index(5)), (None, None));
+    }
+
+    #[test]
+    fn an_address_is_its_four_parts() {
+        let address = Address { vendor: 1, product: 2, revision: 3, serial: 0xABC };
+        let again = Part::ALL.into_iter().fold(Address::default(), |again, part| {
+            assert_eq!(Part::at(part.place()), Some(part));
+            again.with(part, address.part(part))
+        });
+        assert_eq!(again, address);
+        assert_eq!(address.to_string(), "00000001h 00000002h 00000003h 00000ABCh");
+    }
+}

@@ -1,0 +1,180 @@
+//! TIME (CiA 301, 7.2.6): what the clock on the wall shows, told to every node.
+//!
+//! Reads no clock: whoever owns one says what it shows. Off unless somebody makes a [`Producer`].
+//!
+//! | bytes | meaning                                                        |
+//! |-------|----------------------------------------------------------------|
+//! | 0–3   | milliseconds since midnight, 28 bits; four bits reserved, zero |
+//! | 4–5   | days since 1 January 1984                                      |
+
+use std::time::Duration;
+
+use canopen_rs::time as codec;
+
+use crate::canopen::frame::COB_ID_MAX;
+use crate::canopen::frame::Frame;
+use crate::time::Instant;
+
+/// The COB-ID of the predefined connection set.
+pub const COB_ID: u16 = codec::TIME_COB_ID;
+
+/// From 1 January 1970 to 1 January 1984: 14 years, three of them leap years.
+const UNIX_TO_CANOPEN: Duration = Duration::from_secs((14 * 365 + 3) * SECONDS_PER_DAY);
+const SECONDS_PER_DAY: u64 = 86_400;
+const MILLIS_PER_DAY: u128 = 86_400_000;
+
+/// A moment, as CANopen writes it (TIME_OF_DAY).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct TimeOfDay {
+    /// Since 1 January 1984.
+    pub days: u16,
+    /// Since midnight, below 86,400,000; after a leap second or from another node, anything of 28 bits.
+    pub millis: u32,
+}
+
+impl TimeOfDay {
+    /// The moment `since_1970` after 1 January 1970, UTC, whole milliseconds of it; `None` before 1984 and after
+    /// 6 June 2163, whose day has no number of 16 bits.
+    pub fn from_unix(since_1970: Duration) -> Option<Self> {
+        let millis = since_1970.checked_sub(UNIX_TO_CANOPEN)?.as_millis();
+        let days = u16::try_from(millis / MILLIS_PER_DAY).ok()?;
+        Some(Self { days, millis: u32::try_from(millis % MILLIS_PER_DAY).ok()? })
+    }
+
+    /// How long after 1 January 1970 it is.
+    pub fn since_1970(self) -> Duration {
+        let days = Duration::from_secs(u64::from(self.days) * SECONDS_PER_DAY);
+        UNIX_TO_CANOPEN + days + Duration::from_millis(u64::from(self.millis))
+    }
+
+    /// The six bytes.
+    pub fn bytes(self) -> [u8; 6] {
+        codec::TimeOfDay::new(self.millis, self.days).encode()
+    }
+
+    /// Reads six bytes, `None` if there are not six.
+    pub fn decode(bytes: &[u8]) -> Option<Self> {
+        let bytes: [u8; 6] = bytes.try_into().ok()?;
+        let codec::TimeOfDay { milliseconds, days } = codec::TimeOfDay::decode(&bytes).ok()?;
+        Some(Self { days, millis: milliseconds })
+    }
+}
+
+/// Whether a device makes the TIME object, and under which COB-ID, by its object 1012h: bit 30 says that it
+/// does, bit 29 that the identifier has 29 bits, which none here has.
+pub fn produced(cob_id_time: u32) -> Option<u16> {
+    const PRODUCES: u32 = 1 << 30;
+    const EXTENDED: u32 = 1 << 29;
+    if cob_id_time & (PRODUCES | EXTENDED) != PRODUCES {
+        return None;
+    }
+    let identifier = cob_id_time & (EXTENDED - 1);
+    u16::try_from(identifier).ok().filter(|identifier| *identifier <= COB_ID_MAX)
+}
+
+/// Tells the time once a period.
+#[derive(Clone, Debug)]
+pub struct Producer {
+    cob_id: u16,
+    period: Duration,
+    next: Instant,
+}
+
+impl Producer {
+    /// One that is due at once, then every `period`, which is at least a millisecond.
+    pub fn new(cob_id: u16, period: Duration) -> Self {
+        Self { cob_id, period: period.max(Duration::from_millis(1)), next: Instant::ZERO }
+    }
+
+    /// The time, if it is due, where the clock on the wall shows `since_1970`. Missed ones are not made up
+    /// for; a clock that is not set yet is not told.
+    pub fn due(&mut self, now: Instant, since_1970: Duration) -> Option<Frame> {
+        if now < self.next {
+            return None;
+        }
+        let on_beat = self.next + self.period;
+        self.next = if on_beat > now { on_beat } else { now + self.period };
+        Some(Frame::new(self.cob_id, TimeOfDay::from_unix(since_1970)?.bytes()))
+    }
+
+    /// When it is due next.
+    pub const fn deadline(&self) -> Instant {
+        self.next
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_micros(millis * 1_000)
+    }
+
+    #[test]
+    fn days_count_from_1984() {
+        // `date -u -d 1984-01-01 +%s`, `date -u -d 2026-11-21T08:40:38.123 +%s`, `date -u -d 2163-06-06 +%s`
+        for (seconds, days, millis) in
+            [(441_763_200, 0, 0), (1_795_250_438, 15_665, 31_238_000), (6_103_987_200, 65_535, 0)]
+        {
+            let time = TimeOfDay::from_unix(Duration::from_secs(seconds)).unwrap();
+            assert_eq!((time.days, time.millis), (days, millis));
+        }
+        assert_eq!(TimeOfDay::from_unix(Duration::from_secs(441_763_199)), None);
+        assert_eq!(TimeOfDay::from_unix(Duration::from_secs(6_103_987_200 + 86_400)), None);
+    }
+
+    #[test]
+    fn the_frame_is_that_of_the_standard() {
+        let mut producer = Producer::new(COB_ID, 1_000 * MS);
+        let noon = UNIX_TO_CANOPEN + Duration::from_secs(86_400 + 43_200);
+        let frame = producer.due(at(0), noon).unwrap();
+        assert_eq!(frame, Frame::new(0x100, [0x00, 0x2E, 0x93, 0x02, 1, 0]));
+        assert_eq!(TimeOfDay::decode(frame.data()), TimeOfDay::from_unix(noon));
+        assert_eq!(TimeOfDay::decode(&[0; 5]), None);
+        assert_eq!(TimeOfDay::decode(&[0; 7]), None);
+    }
+
+    #[test]
+    fn the_time_is_told_once_a_period_however_often_it_is_asked() {
+        let mut producer = Producer::new(COB_ID, 5 * MS);
+        let is_told = |ms: &u64| producer.due(at(*ms), UNIX_TO_CANOPEN).is_some();
+        let told: Vec<u64> = [0, 1, 4, 5, 9, 33, 34, 37, 38].into_iter().filter(is_told).collect();
+        assert_eq!(told, [0, 5, 33, 38]);
+        assert_eq!(producer.deadline(), at(43));
+    }
+
+    #[test]
+    fn a_clock_that_was_never_set_is_not_told() {
+        let mut producer = Producer::new(COB_ID, 5 * MS);
+        assert_eq!(producer.due(at(0), Duration::ZERO), None);
+        assert!(producer.due(at(5), UNIX_TO_CANOPEN).is_some());
+    }
+
+    #[test]
+    fn object_1012h_says_who_makes_it() {
+        let cases = [
+            (0x4000_0100, Some(0x100)),
+            (0xC000_0101, Some(0x101)),
+            (0x8000_0100, None),
+            (0x0000_0100, None),
+            (0x6000_0100, None),
+            (0x4000_0800, None),
+        ];
+        for (raw, cob_id) in cases {
+            assert_eq!(produced(raw), cob_id, "{raw:08X}h");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_moment_survives_to_the_millisecond(days: u16, millis in 0_u32..86_400_000) {
+            let time = TimeOfDay { days, millis };
+            prop_assert_eq!(TimeOfDay::from_unix(time.since_1970()), Some(time));
+            prop_assert_eq!(TimeOfDay::decode(&time.bytes()), Some(time));
+        }
+    }
+}

@@ -1,0 +1,380 @@
+//! Values as people write them, and as objects hold them, little-endian: the two ways between text and bytes.
+//!
+//! What each [`GatewayType`] looks like as text is in [`gateway_type`](crate::canopen::gateway_type).
+
+use std::fmt;
+
+use thiserror::Error;
+
+use crate::canopen::gateway_type::GatewayType;
+use crate::canopen::gateway_type::Width;
+use crate::canopen::numeral::bare;
+use crate::canopen::numeral::hexadecimal;
+use crate::canopen::numeral::whole;
+use crate::canopen::time_stamp::TimeOfDay;
+
+/// Why a text is no value of a type.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum ValueError {
+    /// Not written as values of the type are.
+    #[error("{text}: not {expected}")]
+    Malformed {
+        /// What was written.
+        text: String,
+        /// What should have been.
+        expected: &'static str,
+    },
+    /// Outside of the type, or of the object.
+    #[error("{text}: not within {low} and {high}")]
+    OutOfRange {
+        /// What was written.
+        text: String,
+        /// The lowest.
+        low: i128,
+        /// The highest.
+        high: i128,
+    },
+    /// The object holds another number of bytes.
+    #[error("{bytes} bytes are no {data_type}")]
+    Length {
+        /// How many it holds.
+        bytes: usize,
+        /// What it should hold.
+        data_type: GatewayType,
+    },
+}
+
+/// What an object holds, read as one of the types.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// True or false.
+    Boolean(bool),
+    /// A whole number.
+    Whole(i128),
+    /// A whole number that is a pattern of bits.
+    Pattern(u64, Width),
+    /// A number.
+    Real32(f32),
+    /// A number.
+    Real64(f64),
+    /// A text.
+    Text(String),
+    /// Bytes.
+    Bytes(Vec<u8>),
+    /// A moment, or a span.
+    Time(TimeOfDay),
+}
+
+impl GatewayType {
+    /// Reads a text.
+    ///
+    /// # Errors
+    /// When it is no value of the type.
+    pub fn parse(self, text: &str) -> Result<Value, ValueError> {
+        let malformed = |expected| ValueError::Malformed { text: text.to_owned(), expected };
+        match self {
+            Self::Boolean => match text {
+                "0" | "false" => Ok(Value::Boolean(false)),
+                "1" | "true" => Ok(Value::Boolean(true)),
+                _ => Err(malformed("0, 1, false or true")),
+            },
+            Self::Signed(_) | Self::Unsigned(_) => {
+                let number = whole(text).ok_or_else(|| malformed("a whole number"))?;
+                self.within(text, number).map(Value::Whole)
+            }
+            Self::Hexadecimal(width) => {
+                let number = hexadecimal(bare(text));
+                let number = number.ok_or_else(|| malformed("a hexadecimal number"))?;
+                let number = self.within(text, number)?;
+                Ok(Value::Pattern(u64::try_from(number).unwrap_or(u64::MAX), width))
+            }
+            Self::Real32 => {
+                let number = text.parse().ok().filter(|number: &f32| number.is_finite());
+                number.map(Value::Real32).ok_or_else(|| malformed("a number of 32 bits"))
+            }
+            Self::Real64 => {
+                let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+                number.map(Value::Real64).ok_or_else(|| malformed("a number of 64 bits"))
+            }
+            Self::VisibleString => {
+                let is_visible = text.bytes().all(|byte| matches!(byte, 0x20..=0x7E));
+                is_visible
+                    .then(|| Value::Text(text.to_owned()))
+                    .ok_or_else(|| malformed("text of visible ASCII characters"))
+            }
+            Self::UnicodeString => Ok(Value::Text(text.to_owned())),
+            Self::OctetString | Self::Domain => {
+                octets(text).map(Value::Bytes).ok_or_else(|| malformed("hexadecimal bytes"))
+            }
+            Self::TimeOfDay | Self::TimeDifference => time(text)
+                .map(Value::Time)
+                .ok_or_else(|| malformed("DAYS:MILLISECONDS, of 16 and 28 bits")),
+        }
+    }
+
+    fn within(self, text: &str, number: i128) -> Result<i128, ValueError> {
+        let (low, high) = self.range().unwrap_or((i128::MIN, i128::MAX));
+        within(text, number, low, high)
+    }
+
+    /// Reads what an object holds.
+    ///
+    /// # Errors
+    /// When it has another length.
+    pub fn decode(self, bytes: &[u8]) -> Result<Value, ValueError> {
+        let length = || ValueError::Length { bytes: bytes.len(), data_type: self };
+        if self.size().is_some_and(|size| size != bytes.len()) {
+            return Err(length());
+        }
+        let number =
+            || bytes.iter().rev().fold(0_u64, |number, byte| number << 8 | u64::from(*byte));
+        Ok(match self {
+            Self::Boolean => Value::Boolean(number() != 0),
+            Self::Unsigned(_) => Value::Whole(i128::from(number())),
+            Self::Hexadecimal(width) => Value::Pattern(number(), width),
+            Self::Signed(width) => {
+                let number = i128::from(number());
+                let is_negative = number >> (width.bits() - 1) != 0;
+                Value::Whole(if is_negative { number - (1 << width.bits()) } else { number })
+            }
+            Self::Real32 => {
+                Value::Real32(f32::from_le_bytes(bytes.try_into().map_err(|_| length())?))
+            }
+            Self::Real64 => {
+                Value::Real64(f64::from_le_bytes(bytes.try_into().map_err(|_| length())?))
+            }
+            Self::VisibleString => Value::Text(visible(bytes)),
+            Self::UnicodeString => {
+                let (units, rest) = bytes.as_chunks::<2>();
+                if !rest.is_empty() {
+                    return Err(length());
+                }
+                let units: Vec<u16> = units.iter().map(|unit| u16::from_le_bytes(*unit)).collect();
+                Value::Text(String::from_utf16_lossy(&units))
+            }
+            Self::OctetString | Self::Domain => Value::Bytes(bytes.to_vec()),
+            Self::TimeOfDay | Self::TimeDifference => {
+                Value::Time(TimeOfDay::decode(bytes).ok_or_else(length)?)
+            }
+        })
+    }
+
+    /// The bytes of a value that is of this type, as [`parse`](Self::parse) and [`decode`](Self::decode)
+    /// give them.
+    pub fn encode(self, value: &Value) -> Vec<u8> {
+        match value {
+            Value::Boolean(is) => vec![u8::from(*is)],
+            Value::Whole(number) => sized(&number.to_le_bytes(), self.size()),
+            Value::Pattern(number, width) => sized(&number.to_le_bytes(), Some(width.bytes())),
+            Value::Real32(number) => number.to_le_bytes().to_vec(),
+            Value::Real64(number) => number.to_le_bytes().to_vec(),
+            Value::Text(text) if self == Self::UnicodeString => {
+                text.encode_utf16().flat_map(u16::to_le_bytes).collect()
+            }
+            Value::Text(text) => text.as_bytes().to_vec(),
+            Value::Bytes(bytes) => bytes.clone(),
+            Value::Time(time) => time.bytes().to_vec(),
+        }
+    }
+}
+
+/// As it is written: what [`GatewayType::parse`] reads.
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Boolean(is) => write!(f, "{}", u8::from(*is)),
+            Self::Whole(number) => write!(f, "{number}"),
+            Self::Pattern(number, width) => {
+                write!(f, "0x{number:0digits$X}", digits = width.bytes() * 2)
+            }
+            Self::Real32(number) => write!(f, "{number}"),
+            Self::Real64(number) => write!(f, "{number}"),
+            Self::Text(text) => f.write_str(text),
+            Self::Bytes(bytes) => write!(f, "{}", Octets(bytes)),
+            Self::Time(TimeOfDay { days, millis }) => write!(f, "{days}:{millis}"),
+        }
+    }
+}
+
+/// Bytes as a person reads them: `01 AB FF`.
+#[derive(Clone, Copy, Debug)]
+pub struct Octets<'a>(pub &'a [u8]);
+
+impl fmt::Display for Octets<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (place, byte) in self.0.iter().enumerate() {
+            let gap = if place == 0 { "" } else { " " };
+            write!(f, "{gap}{byte:02X}")?;
+        }
+        Ok(())
+    }
+}
+
+/// The number, if it is within its limits, ends included.
+///
+/// # Errors
+/// When it is not, as `text` wrote it.
+pub fn within(text: &str, number: i128, low: i128, high: i128) -> Result<i128, ValueError> {
+    if (low..=high).contains(&number) {
+        Ok(number)
+    } else {
+        Err(ValueError::OutOfRange { text: text.to_owned(), low, high })
+    }
+}
+
+/// Pairs of hexadecimal digits, apart or not.
+fn octets(text: &str) -> Option<Vec<u8>> {
+    let mut bytes = Vec::new();
+    for word in text.split_ascii_whitespace() {
+        let word = word.strip_prefix("0x").unwrap_or(word);
+        let (pairs, rest) = word.as_bytes().as_chunks::<2>();
+        if !rest.is_empty() {
+            return None;
+        }
+        for [high, low] in pairs {
+            let digit = |byte: u8| char::from(byte).to_digit(16);
+            bytes.push(u8::try_from(digit(*high)? * 16 + digit(*low)?).ok()?);
+        }
+    }
+    Some(bytes)
+}
+
+fn time(text: &str) -> Option<TimeOfDay> {
+    const MOST: u32 = (1 << 28) - 1;
+    let (days, millis) = text.split_once(':')?;
+    let millis = millis.parse().ok().filter(|millis| *millis <= MOST)?;
+    Some(TimeOfDay { days: days.parse().ok()?, millis })
+}
+
+/// A text as devices hold it: up to the first zero, and what is no ASCII made visible.
+pub fn visible(bytes: &[u8]) -> String {
+    let text = bytes.split(|byte| *byte == 0).next().unwrap_or_default();
+    let show = |byte: &u8| if matches!(byte, 0x20..=0x7E) { char::from(*byte) } else { '\u{FFFD}' };
+    text.iter().map(show).collect()
+}
+
+fn sized(bytes: &[u8], size: Option<usize>) -> Vec<u8> {
+    bytes.get(..size.unwrap_or(bytes.len())).unwrap_or(bytes).to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::gateway_type::names;
+    use proptest::prelude::*;
+
+    fn bytes(data_type: &str, text: &str) -> Result<Vec<u8>, String> {
+        let data_type: GatewayType = data_type.parse().unwrap();
+        let value = data_type.parse(text).map_err(|error| error.to_string())?;
+        Ok(data_type.encode(&value))
+    }
+
+    #[test]
+    fn texts_become_the_bytes_of_the_wire() {
+        for (data_type, text, expected) in [
+            ("b", "true", vec![1]),
+            ("u8", "255", vec![255]),
+            ("u16", "0x6071", vec![0x71, 0x60]),
+            ("u16", "6071h", vec![0x71, 0x60]),
+            ("i16", "-1000", vec![0x18, 0xFC]),
+            ("i24", "-1", vec![0xFF; 3]),
+            ("i64", "-9223372036854775808", vec![0, 0, 0, 0, 0, 0, 0, 0x80]),
+            ("u64", "18446744073709551615", vec![0xFF; 8]),
+            ("x32", "DEADBEEF", vec![0xEF, 0xBE, 0xAD, 0xDE]),
+            ("x16", "0x0F", vec![0x0F, 0]),
+            ("r32", "1.5", vec![0, 0, 0xC0, 0x3F]),
+            ("r64", "-2", vec![0, 0, 0, 0, 0, 0, 0, 0xC0]),
+            ("vs", "a b", b"a b".to_vec()),
+            ("us", "é", vec![0xE9, 0]),
+            ("os", "01 aB ff", vec![1, 0xAB, 0xFF]),
+            ("d", "01abFF", vec![1, 0xAB, 0xFF]),
+            ("d", "", vec![]),
+            ("t", "1:2", vec![2, 0, 0, 0, 1, 0]),
+        ] {
+            assert_eq!(bytes(data_type, text), Ok(expected), "{data_type} {text}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_value_of_its_type_is_told_before_it_is_sent() {
+        for (data_type, text, reason) in [
+            ("u8", "256", "256: not within 0 and 255"),
+            ("u8", "-1", "-1: not within 0 and 255"),
+            ("i16", "0xFFFF", "0xFFFF: not within -32768 and 32767"),
+            ("i16", "1e3", "1e3: not a whole number"),
+            ("i16", "", ": not a whole number"),
+            ("i16", "--1", "--1: not a whole number"),
+            (
+                "u64",
+                "0x10000000000000000",
+                "0x10000000000000000: not within 0 and 18446744073709551615",
+            ),
+            ("x8", "100", "100: not within 0 and 255"),
+            ("b", "2", "2: not 0, 1, false or true"),
+            ("r32", "1e39", "1e39: not a number of 32 bits"),
+            ("r64", "nan", "nan: not a number of 64 bits"),
+            ("vs", "é", "é: not text of visible ASCII characters"),
+            ("os", "123", "123: not hexadecimal bytes"),
+            ("os", "0g", "0g: not hexadecimal bytes"),
+            ("t", "1", "1: not DAYS:MILLISECONDS, of 16 and 28 bits"),
+            ("t", "1:268435456", "1:268435456: not DAYS:MILLISECONDS, of 16 and 28 bits"),
+        ] {
+            assert_eq!(bytes(data_type, text), Err(reason.to_owned()), "{data_type} {text}");
+        }
+    }
+
+    #[test]
+    fn a_text_ends_at_its_zero_and_shows_what_it_cannot() {
+        let read =
+            |data_type: GatewayType, bytes: &[u8]| data_type.decode(bytes).unwrap().to_string();
+        assert_eq!(read(GatewayType::VisibleString, b"motor\0\0\0"), "motor");
+        assert_eq!(read(GatewayType::VisibleString, b"a\x1B[31m"), "a\u{FFFD}[31m", "no escapes");
+        let odd = GatewayType::UnicodeString.decode(&[1, 2, 3]).unwrap_err();
+        assert_eq!(odd.to_string(), "3 bytes are no us");
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_shown_is_read_as_the_same_bytes(
+            name in prop::sample::select(names()),
+            random in proptest::collection::vec(any::<u8>(), 0..20),
+        ) {
+            let data_type: GatewayType = name.parse().unwrap();
+            let mut bytes = random;
+            if let Some(size) = data_type.size() {
+                bytes.resize(size, 0xA5);
+            }
+            if data_type == GatewayType::Boolean {
+                bytes[0] &= 1;
+            }
+            if let Ok(value) = data_type.decode(&bytes) {
+                let is_text = matches!(data_type, GatewayType::VisibleString | GatewayType::UnicodeString);
+                let is_finite = match value {
+                    Value::Real32(number) => number.is_finite(),
+                    Value::Real64(number) => number.is_finite(),
+                    Value::Boolean(_) | Value::Whole(_) | Value::Pattern(..) | Value::Text(_)
+                    | Value::Bytes(_) | Value::Time(_) => true,
+                };
+                if let Value::Time(_) = value {
+                    bytes[3] &= 0x0F;
+                }
+                if !is_text && is_finite {
+                    let again = data_type.parse(&value.to_string()).unwrap();
+                    prop_assert_eq!(data_type.encode(&again), bytes);
+                }
+            }
+        }
+
+        #[test]
+        fn any_text_is_a_value_of_the_right_size_or_an_error(
+            name in prop::sample::select(names()),
+            text in "\\PC{0,24}|-?[0-9a-fx:. ]{0,24}",
+        ) {
+            let data_type: GatewayType = name.parse().unwrap();
+            if let Ok(value) = data_type.parse(&text) {
+                let bytes = data_type.encode(&value);
+                prop_assert!(data_type.size().is_none_or(|size| size == bytes.len()));
+            }
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! Nodes, objects and numbers as people type them.
+
+use crate::canopen::NodeId;
+use crate::canopen::numeral::hexadecimal;
+use crate::canopen::numeral::whole;
+use crate::canopen::object::Object;
+
+/// A node-id: `3`, `0x10`, `10h`.
+pub(in crate::cli) fn node(text: &str) -> Result<NodeId, String> {
+    let raw = whole(text).and_then(|number| u8::try_from(number).ok());
+    let node = raw.and_then(|raw| NodeId::new(raw).ok());
+    node.ok_or_else(|| "not a node-id within 1 and 127".to_owned())
+}
+
+/// A node-id, or none (`None`) for `all`.
+pub(in crate::cli) fn node_or_all(text: &str) -> Result<Option<NodeId>, String> {
+    if text == "all" { Ok(None) } else { node(text).map(Some) }
+}
+
+/// A node-id, or none for `none` and 255.
+pub(in crate::cli) fn node_or_none(text: &str) -> Result<Option<NodeId>, String> {
+    if text == "none" || whole(text) == Some(255) { Ok(None) } else { node(text).map(Some) }
+}
+
+/// Node-ids: `1-16,32`. In order, each once.
+pub(in crate::cli) fn nodes(text: &str) -> Result<Vec<NodeId>, String> {
+    let mut nodes = Vec::new();
+    for part in text.split(',') {
+        let (first, last) = part.split_once('-').unwrap_or((part, part));
+        let (first, last) = (node(first)?, node(last)?);
+        if first > last {
+            return Err(format!("{part}: ends before it begins"));
+        }
+        nodes.extend((first.raw()..=last.raw()).filter_map(|raw| NodeId::new(raw).ok()));
+    }
+    nodes.sort();
+    nodes.dedup();
+    Ok(nodes)
+}
+
+/// An object: its index in hexadecimal, `6041`, `0x6041`, `6041h`; its sub-index, 0 if none is given, in
+/// decimal or as `0x1F`, `6041:0`, or in hexadecimal as an EDS has it, `1A00sub1`.
+pub(in crate::cli) fn object(text: &str) -> Result<Object, String> {
+    let wrong = || "not INDEX or INDEX:SUB, as 6041 or 1018:4".to_owned();
+    let lower = text.to_ascii_lowercase();
+    let (index, sub) = match (lower.split_once(':'), lower.split_once("sub")) {
+        (Some((index, sub)), _) => (index, whole(sub).ok_or_else(wrong)?),
+        (None, Some((index, sub))) => (index, hexadecimal(sub).ok_or_else(wrong)?),
+        (None, None) => (lower.as_str(), 0),
+    };
+    let bare = index.strip_prefix("0x").unwrap_or(index.strip_suffix('h').unwrap_or(index));
+    let index = hexadecimal(bare).and_then(|index| u16::try_from(index).ok());
+    let index = index.ok_or_else(wrong)?;
+    Ok(Object { index, sub: u8::try_from(sub).map_err(|_| wrong())? })
+}
+
+/// A number of 32 bits: `7`, `0x402`, `402h`.
+pub(in crate::cli) fn number(text: &str) -> Result<u32, String> {
+    let number = whole(text).and_then(|number| u32::try_from(number).ok());
+    number.ok_or_else(|| "not a number of 32 bits".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn an_object_is_written_in_many_ways() {
+        for (text, index, sub) in [
+            ("6041", 0x6041, 0),
+            ("0x6041", 0x6041, 0),
+            ("6041h", 0x6041, 0),
+            ("6041H:0", 0x6041, 0),
+            ("1018:4", 0x1018, 4),
+            ("1018h:4", 0x1018, 4),
+            ("0x1A00:0x1F", 0x1A00, 31),
+            ("1a00:10", 0x1A00, 10),
+            ("1A00sub1", 0x1A00, 1),
+            ("1A00subA", 0x1A00, 10),
+            ("1003:1Fh", 0x1003, 31),
+        ] {
+            assert_eq!(object(text), Ok(Object { index, sub }), "{text}");
+        }
+        for text in [
+            "",
+            ":",
+            "6041:",
+            "6041:256",
+            "16041",
+            "604G",
+            "+6041",
+            "1A00sub",
+            "1A00sub1FF",
+            "6041:-1",
+        ] {
+            assert!(object(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn node_ids_are_1_to_127() {
+        assert_eq!(node("0x10"), node("16"));
+        for text in ["0", "128", "-1", "", "x", "all"] {
+            assert!(node(text).is_err(), "{text}");
+        }
+        assert_eq!((node_or_all("all"), node_or_none("none")), (Ok(None), Ok(None)));
+        let raw = |text| nodes(text).map(|nodes| nodes.into_iter().map(NodeId::raw).collect());
+        assert_eq!(raw("5,1-3,2"), Ok(vec![1, 2, 3, 5]));
+        assert!(nodes("3-1").is_err() && nodes("").is_err() && nodes("0-5").is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_an_object_or_none(text in "\\PC{0,12}|[0-9a-fhxsub:]{0,12}") {
+            if let Ok(found) = object(&text) {
+                prop_assert_eq!(object(&found.to_string()), Ok(found));
+            }
+            node(&text).ok();
+            nodes(&text).ok();
+        }
+    }
+}

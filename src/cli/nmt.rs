@@ -1,0 +1,186 @@
+//! `frhc nmt`: commands to one node or all of them, and what their heartbeats say.
+
+use std::time::Duration;
+
+use clap::Args;
+use clap::Subcommand;
+
+use crate::canopen::NmtCommand;
+use crate::canopen::NmtState;
+use crate::canopen::NodeId;
+use crate::canopen::confirm::Confirmation;
+use crate::canopen::confirm::Heard;
+use crate::canopen::heartbeat;
+use crate::canopen::nmt;
+use crate::canopen::nmt::Order;
+use crate::canopen::watch::News;
+use crate::canopen::watch::Watch;
+use crate::cli::bench::Line;
+use crate::cli::bench::SessionError;
+use crate::cli::bench::words;
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::cli::exit::OrFail;
+use crate::cli::print;
+use crate::time::Instant;
+
+/// `frhc nmt`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "NMT is never answered. --wait waits for what confirms it: the boot-up after a reset, otherwise \
+        the next heartbeat, which only nodes with a heartbeat time (1017h) send.\n\n\
+        Examples:\n  frhc nmt start 3 --wait -i can0\n  frhc nmt reset all --config config/kraft_like.toml --wait\n  \
+        frhc nmt watch -i can0"
+)]
+pub(super) struct Nmt {
+    #[command(subcommand)]
+    task: Task,
+    #[command(flatten)]
+    line: Line,
+    /// Wait until every node is heard to have obeyed (exit 5 if not): the node, or for `all` the nodes of the
+    /// configuration, or whoever is heard.
+    #[arg(short, long, global = true)]
+    wait: bool,
+    /// How long to wait; how long a watched node may be silent.
+    #[arg(long, value_name = "MS", default_value_t = 2_000, global = true,
+        value_parser = clap::value_parser!(u64).range(1..=600_000))]
+    timeout: u64,
+    /// What is heard as one JSON object per line.
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, Subcommand)]
+enum Task {
+    /// To operational.
+    Start(Whom),
+    /// To stopped.
+    Stop(Whom),
+    /// To pre-operational.
+    Preop(Whom),
+    /// Reset the whole node.
+    Reset(Whom),
+    /// Reset its communication only.
+    ResetComm(Whom),
+    /// Boot-ups, changes of state, silences and emergencies, until Ctrl-C.
+    Watch {
+        /// End after so many seconds.
+        #[arg(long, value_name = "N")]
+        seconds: Option<u64>,
+    },
+}
+
+#[derive(Clone, Copy, Debug, Args)]
+struct Whom {
+    /// The node, 1 to 127, in decimal or as 0x10; or all.
+    #[arg(value_name = "NODE|all", value_parser = words::node_or_all)]
+    node: Node,
+}
+
+/// A node, or all: as words say it, and not as an argument that may be left out.
+type Node = Option<NodeId>;
+
+/// Sends the command, and waits for what confirms it.
+pub(super) fn run(args: &Nmt) -> Result<(), Failure> {
+    let (command, Whom { node }) = match args.task {
+        Task::Start(whom) => (NmtCommand::StartRemoteNode, whom),
+        Task::Stop(whom) => (NmtCommand::StopRemoteNode, whom),
+        Task::Preop(whom) => (NmtCommand::EnterPreOperational, whom),
+        Task::Reset(whom) => (NmtCommand::ResetNode, whom),
+        Task::ResetComm(whom) => (NmtCommand::ResetCommunication, whom),
+        Task::Watch { seconds } => return watch(args, seconds),
+    };
+    let known = args.line.find()?;
+    let order = Order { command, node };
+    let named: Vec<NodeId> = match node {
+        Some(node) => vec![node],
+        None => known.plans().iter().flatten().map(|plan| plan.node).collect(),
+    };
+    let mut session = known.open()?;
+    if !args.wait {
+        return session.say([order.frame()]).or_fail(Kind::Bus);
+    }
+    let timeout = Duration::from_millis(args.timeout);
+    let heard = session
+        .run(|now, out| Confirmation::begin(order, &named, timeout, now, out))
+        .or_fail(Kind::Bus)?;
+    for heard in heard.iter().filter(|heard| heard.has_obeyed) {
+        show(args.json, heard);
+    }
+    conclude(&heard, args.timeout)
+}
+
+/// Nothing, or one line for each node that was not heard to obey.
+fn conclude(heard: &[Heard], timeout: u64) -> Result<(), Failure> {
+    let failed = heard.iter().filter(|heard| !heard.has_obeyed).map(|heard| {
+        let last = heard.state.map_or_else(
+            || "nothing was heard; its heartbeat may be off (1017h)".to_owned(),
+            |state| format!("it is {}", nmt::words(state)),
+        );
+        format!("node {}: not confirmed within {timeout} ms: {last}", heard.node.raw())
+    });
+    let failed: Vec<String> = failed.collect();
+    match (heard.is_empty(), failed.is_empty()) {
+        (true, _) => {
+            let reason = format!("not confirmed within {timeout} ms: no node was heard");
+            Err(Failure::new(Kind::Drive, reason))
+        }
+        (false, true) => Ok(()),
+        (false, false) => Err(Failure::new(Kind::Drive, failed.join("\n"))),
+    }
+}
+
+fn show(json: bool, heard: &Heard) {
+    let state = heard.state.map(words_of);
+    if json {
+        let report = serde_json::json!({ "node": heard.node.raw(), "state": state });
+        print::line(&report.to_string());
+    } else {
+        print::line(&format!("node {} {}", heard.node.raw(), state.unwrap_or("-")));
+    }
+}
+
+/// A node that has just booted says so, and is pre-operational.
+const fn words_of(state: NmtState) -> &'static str {
+    match state {
+        NmtState::Initialising => "booted up",
+        NmtState::Stopped | NmtState::Operational | NmtState::PreOperational => nmt::words(state),
+    }
+}
+
+/// Prints what is heard until it is interrupted.
+fn watch(args: &Nmt, seconds: Option<u64>) -> Result<(), Failure> {
+    let mut session = args.line.find()?.open()?;
+    let end = seconds.map(|seconds| session.now() + Duration::from_secs(seconds));
+    let mut watch = Watch::new(Duration::from_millis(args.timeout), end);
+    loop {
+        match session.carry(&mut watch) {
+            Ok(Some((at, news))) => tell(args.json, at, news),
+            Ok(None) | Err(SessionError::Interrupted) => return Ok(()),
+            Err(error) => return Err(error).or_fail(Kind::Bus),
+        }
+    }
+}
+
+/// `12.345678 node 3 operational`: seconds since it began to listen.
+fn tell(json: bool, at: Instant, news: News) {
+    let (node, what) = match news {
+        News::Heartbeat(node, news) => (
+            node,
+            match news {
+                heartbeat::News::State(state) => nmt::words(state).to_owned(),
+                heartbeat::News::BootedUp => "booted up".to_owned(),
+                heartbeat::News::Rebooted => "booted up again".to_owned(),
+                heartbeat::News::Lost => "silent".to_owned(),
+            },
+        ),
+        News::Emergency(node, emergency) => (node, format!("EMCY {emergency}")),
+    };
+    let seconds = Duration::from_micros(at.as_micros()).as_secs_f64();
+    if json {
+        let report = serde_json::json!({ "seconds": seconds, "node": node.raw(), "news": what });
+        print::line(&report.to_string());
+    } else {
+        print::line(&format!("{seconds:.6} node {} {what}", node.raw()));
+    }
+}

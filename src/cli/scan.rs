@@ -1,0 +1,201 @@
+//! `frhc scan`: who is on the bus, and who should be.
+
+use std::time::Duration;
+
+use clap::Args;
+
+use crate::canopen::NodeId;
+use crate::canopen::nmt;
+use crate::canopen::plan::NodePlan;
+use crate::canopen::scan::Found;
+use crate::cli::bench::Line;
+use crate::cli::bench::words;
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::cli::exit::OrFail;
+use crate::cli::print;
+
+/// `frhc scan`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "It reads 1000h, 1018h, 1008h, 1009h and 100Ah, and writes nothing. But a node serves one master's \
+        transfer at a time: do not scan while another master configures its nodes.\n\n\
+        With a configuration it also says who is missing (exit 5), who is another device (exit 5), and who is \
+        not expected.\n\n\
+        Examples:\n  frhc scan -i can0\n  frhc scan --config config/kraft_like.toml --json | jq .nodes"
+)]
+pub(super) struct Scan {
+    #[command(flatten)]
+    line: Line,
+    /// Whom to ask, as 1-16,32.
+    #[arg(long, value_name = "LIST", default_value = "1-127", value_parser = words::nodes)]
+    nodes: Nodes,
+    /// How long a node has for each answer.
+    #[arg(long, value_name = "MS", default_value_t = 100,
+        value_parser = clap::value_parser!(u64).range(1..=60_000))]
+    timeout: u64,
+    /// How long to listen for heartbeats at least.
+    #[arg(long, value_name = "MS", default_value_t = 250)]
+    listen: u64,
+    /// The findings as one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What clap takes for one value, not for several.
+type Nodes = Vec<NodeId>;
+
+/// What the configuration says of a node that was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Verdict {
+    /// There is no configuration.
+    Unjudged,
+    /// It is who it should be.
+    Expected,
+    /// It is there, and somebody else.
+    Other,
+    /// It is there, and does not answer.
+    Mute,
+    /// Nobody expects it.
+    Unexpected,
+}
+
+/// Scans, and prints what was found.
+pub(super) fn run(args: &Scan) -> Result<(), Failure> {
+    let known = args.line.find()?;
+    let plans = known.plans();
+    let master = known.configured.as_ref().map(|(config, _)| config.node_id);
+    let mut session = known.open()?;
+    let (timeout, listen) =
+        (Duration::from_millis(args.timeout), Duration::from_millis(args.listen));
+    let found = session
+        .run(|now, out| crate::canopen::scan::Scan::begin(&args.nodes, timeout, listen, now, out))
+        .or_fail(Kind::Bus)?;
+    let judged: Vec<(&Found, Verdict)> =
+        found.iter().map(|found| (found, judge(found, plans.as_deref(), master))).collect();
+    let missing: Vec<&NodePlan> = plans
+        .iter()
+        .flatten()
+        .filter(|plan| args.nodes.contains(&plan.node))
+        .filter(|plan| !found.iter().any(|found| found.node == plan.node))
+        .collect();
+    if args.json {
+        print::line(&json(&known.interface, &judged, &missing).to_string());
+    } else {
+        table(&judged, plans.as_deref());
+    }
+    for found in found.iter().filter(|found| found.is_double()) {
+        let why = if found.is_answered_twice { "answered twice" } else { "booted up twice" };
+        print::note(&format!("node {}: {why}: two nodes may share this node-id", found.node.raw()));
+    }
+    conclude(&judged, &missing)
+}
+
+/// Who it is, by the configuration; the master itself is nobody's surprise.
+fn judge(found: &Found, plans: Option<&[NodePlan]>, master: Option<NodeId>) -> Verdict {
+    let Some(plans) = plans else { return Verdict::Unjudged };
+    let Some(plan) = plans.iter().find(|plan| plan.node == found.node) else {
+        let is_master = master == Some(found.node);
+        return if is_master { Verdict::Expected } else { Verdict::Unexpected };
+    };
+    let identity = plan.identity;
+    let expected = [identity.vendor, identity.product, identity.revision].map(Some);
+    if !found.answers {
+        Verdict::Mute
+    } else if [found.vendor, found.product, found.revision] == expected {
+        Verdict::Expected
+    } else {
+        Verdict::Other
+    }
+}
+
+/// Nothing, or one line for each node that is missing or another.
+fn conclude(judged: &[(&Found, Verdict)], missing: &[&NodePlan]) -> Result<(), Failure> {
+    let absent = missing
+        .iter()
+        .map(|plan| format!("{}, node {}: does not answer", plan.name, plan.node.raw()));
+    let wrong = judged.iter().filter_map(|(found, verdict)| {
+        let reason = match verdict {
+            Verdict::Other => "is another device than configured",
+            Verdict::Mute => "is heard, and does not answer",
+            Verdict::Unjudged | Verdict::Expected | Verdict::Unexpected => return None,
+        };
+        Some(format!("node {}: {reason}", found.node.raw()))
+    });
+    let problems: Vec<String> = absent.chain(wrong).collect();
+    if problems.is_empty() { Ok(()) } else { Err(Failure::new(Kind::Drive, problems.join("\n"))) }
+}
+
+impl Verdict {
+    const fn words(self) -> &'static str {
+        match self {
+            Self::Unjudged => "",
+            Self::Expected => "as configured",
+            Self::Other => "another device",
+            Self::Mute => "does not answer",
+            Self::Unexpected => "unexpected",
+        }
+    }
+}
+
+fn table(judged: &[(&Found, Verdict)], plans: Option<&[NodePlan]>) {
+    if judged.is_empty() {
+        print::note("nobody answers, and nobody is heard");
+        return;
+    }
+    print::line("node state           profile vendor   product  revision serial   name");
+    for (found, verdict) in judged {
+        let number = |number: Option<u32>| number.map_or("-".to_owned(), |n| format!("{n:08X}"));
+        let profile = found.device_type.map(|kind| (kind & 0xFFFF).to_string());
+        let plan = plans.iter().copied().flatten().find(|plan| plan.node == found.node);
+        let mut line = format!(
+            "{:>4} {:<15} {:>7} {:<8} {:<8} {:<8} {:<8} {}",
+            found.node.raw(),
+            found.state.map_or("-", nmt::words),
+            profile.as_deref().unwrap_or("-"),
+            number(found.vendor),
+            number(found.product),
+            number(found.revision),
+            number(found.serial),
+            found.name.as_deref().unwrap_or("-"),
+        );
+        let expected = plan.map(|plan| format!(", {}", plan.name)).unwrap_or_default();
+        if *verdict != Verdict::Unjudged {
+            line.push_str(&format!(" ({}{expected})", verdict.words()));
+        }
+        if let Some(emergency) = found.emergency {
+            line.push_str(&format!(" EMCY {emergency}"));
+        }
+        print::line(&line);
+    }
+}
+
+fn json(interface: &str, judged: &[(&Found, Verdict)], missing: &[&NodePlan]) -> serde_json::Value {
+    let nodes = judged.iter().map(|(found, verdict)| {
+        serde_json::json!({
+            "node": found.node.raw(),
+            "answers": found.answers,
+            "state": found.state.map(nmt::words),
+            "device_type": found.device_type,
+            "profile": found.device_type.map(|kind| kind & 0xFFFF),
+            "vendor": found.vendor,
+            "product": found.product,
+            "revision": found.revision,
+            "serial": found.serial,
+            "name": found.name,
+            "hardware": found.hardware,
+            "software": found.software,
+            "emergency": found.emergency.map(|emergency| emergency.to_string()),
+            "double": found.is_double(),
+            "verdict": (*verdict != Verdict::Unjudged).then(|| verdict.words()),
+        })
+    });
+    let missing = missing
+        .iter()
+        .map(|plan| serde_json::json!({ "node": plan.node.raw(), "name": plan.name }));
+    serde_json::json!({
+        "interface": interface,
+        "nodes": nodes.collect::<Vec<_>>(),
+        "missing": missing.collect::<Vec<_>>(),
+    })
+}

@@ -1,0 +1,257 @@
+//! `frhc sdo`: one object of one node, as a value.
+
+use std::fs;
+use std::io::Read;
+use std::path::Path;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::Context;
+use clap::Args;
+use clap::Subcommand;
+
+use crate::canopen::NodeId;
+use crate::canopen::eds::Described;
+use crate::canopen::eds::Eds;
+use crate::canopen::gateway_type::GatewayType;
+use crate::canopen::object::Object;
+use crate::canopen::sdo::Content;
+use crate::canopen::sdo::MAX_BYTES;
+use crate::canopen::value;
+use crate::canopen::value::Octets;
+use crate::canopen::value::Value;
+use crate::cli::bench::Line;
+use crate::cli::bench::objects;
+use crate::cli::bench::objects::ObjectError;
+use crate::cli::bench::objects::Target;
+use crate::cli::bench::words;
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::cli::exit::OrFail;
+use crate::cli::print;
+
+/// `frhc sdo`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Types: b u8..u64 i8..i64 x8..x64 r32 r64 vs us os d t td (CiA 309-3), or that of the EDS.\n\n\
+        A node serves one master's transfer at a time: do not use this on a node that another master \
+        configures just now.\n\n\
+        Examples:\n  frhc sdo read 3 6041 u16 -i can0\n  frhc sdo read 3 1008 --config config/kraft_like.toml\n  \
+        frhc sdo write 3 6071 i16 -100 --verify -i can0\n  frhc sdo write 3 1F50:1 d @firmware.bin -i can0"
+)]
+pub(super) struct Sdo {
+    #[command(subcommand)]
+    task: Task,
+    #[command(flatten)]
+    line: Line,
+    /// The node's EDS, for types and limits.
+    #[arg(long, value_name = "FILE", global = true)]
+    eds: Option<PathBuf>,
+    /// How long the node has for each answer.
+    #[arg(long, value_name = "MS", global = true, default_value_t = 500,
+        value_parser = clap::value_parser!(u64).range(1..=600_000))]
+    timeout: u64,
+    /// The value as one JSON object.
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Task {
+    /// Prints what an object holds: numbers in decimal and hexadecimal.
+    Read {
+        #[command(flatten)]
+        place: Place,
+        /// Its type; without one, that of the EDS, or raw bytes.
+        #[arg(value_name = "TYPE")]
+        data_type: Option<GatewayType>,
+        /// Leave the bytes in this file, and print nothing.
+        #[arg(short, long, value_name = "FILE", conflicts_with = "json")]
+        out: Option<PathBuf>,
+    },
+    /// Makes an object hold a value.
+    Write {
+        #[command(flatten)]
+        place: Place,
+        /// Its type, unless an EDS says it, and the value; for os and d also @FILE, or - for standard input.
+        #[arg(value_names = ["TYPE", "VALUE"], num_args = 1..=2, required = true, allow_negative_numbers = true)]
+        value: Vec<String>,
+        /// Read it back, and compare.
+        #[arg(long)]
+        verify: bool,
+    },
+}
+
+/// Where an object is.
+#[derive(Clone, Copy, Debug, Args)]
+struct Place {
+    /// The node, 1 to 127, in decimal or as 0x10.
+    #[arg(value_parser = words::node)]
+    node: NodeId,
+    /// The object: INDEX or INDEX:SUB, the index in hexadecimal, as 6041, 0x1018:4 or 1A00sub1.
+    #[arg(value_parser = words::object)]
+    object: Object,
+}
+
+/// Reads or writes one object. What is no value of its type is refused before the bus is opened.
+pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
+    let known = args.line.find()?;
+    let own = args.eds.as_deref().map(load).transpose()?;
+    let place = match &args.task {
+        Task::Read { place, .. } | Task::Write { place, .. } => *place,
+    };
+    let eds = own.as_ref().or_else(|| known.eds(place.node));
+    let described = eds.and_then(|eds| eds.object(place.object));
+    let described_type = described.and_then(|object| GatewayType::of_number(object.data_type));
+    let timeout = Duration::from_millis(args.timeout);
+    let target = Target { node: place.node, object: place.object, timeout };
+    match &args.task {
+        Task::Read { data_type, out, .. } => {
+            let data_type = data_type.or(described_type).unwrap_or(GatewayType::Domain);
+            let mut session = known.open()?;
+            let content = objects::read(&mut session, target).map_err(fail)?;
+            if let Some(path) = out {
+                let written = fs::write(path, content.bytes());
+                return written.with_context(|| path.display().to_string()).or_fail(Kind::Usage);
+            }
+            let bytes = trimmed(&content, data_type);
+            let read = data_type.decode(bytes).map_err(|error| {
+                let Target { node, object, .. } = target;
+                Failure::new(Kind::Drive, format!("node {}: {object}: {error}", node.raw()))
+            })?;
+            show(args.json, target, data_type, &read, bytes);
+        }
+        Task::Write { value, verify, .. } => {
+            let (data_type, text) = typed(value, described_type)?;
+            let value = given(data_type, text)?;
+            within_limits(text, &value, described)?;
+            let bytes = data_type.encode(&value);
+            if bytes.len() > MAX_BYTES {
+                let reason = format!("{} bytes; at most {MAX_BYTES}", bytes.len());
+                return Err(Failure::new(Kind::Usage, reason));
+            }
+            let mut session = known.open()?;
+            objects::write(&mut session, target, &bytes, *verify).map_err(fail)?;
+            if args.json {
+                show(true, target, data_type, &value, &bytes);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The bus failed, or the node did.
+fn fail(error: ObjectError) -> Failure {
+    let kind = match error {
+        ObjectError::Session(_) => Kind::Bus,
+        ObjectError::Node { .. } | ObjectError::Differs { .. } => Kind::Drive,
+    };
+    Failure::new(kind, error)
+}
+
+fn load(path: &Path) -> Result<Eds, Failure> {
+    let name = || path.display().to_string();
+    let bytes = fs::read(path).with_context(name).or_fail(Kind::Configuration)?;
+    Eds::parse(&bytes).with_context(name).or_fail(Kind::Configuration)
+}
+
+/// The bytes that count where a node did not say how many.
+fn trimmed(content: &Content, data_type: GatewayType) -> &[u8] {
+    let sized = data_type.size().and_then(|size| content.exactly(size));
+    sized.unwrap_or_else(|| content.bytes())
+}
+
+/// `TYPE VALUE`, or `VALUE` of the type an EDS says.
+fn typed(words: &[String], described: Option<GatewayType>) -> Result<(GatewayType, &str), Failure> {
+    match words {
+        [data_type, value] => {
+            let data_type = data_type.parse().or_fail(Kind::Usage)?;
+            Ok((data_type, value))
+        }
+        [value] => {
+            let unknown = || {
+                Failure::new(
+                    Kind::Usage,
+                    "which type? Say TYPE VALUE, or give an EDS that has the object",
+                )
+            };
+            Ok((described.ok_or_else(unknown)?, value))
+        }
+        _ => Err(Failure::new(Kind::Usage, "say TYPE VALUE")),
+    }
+}
+
+/// The value, out of a file or from standard input where its type is bytes.
+fn given(data_type: GatewayType, text: &str) -> Result<Value, Failure> {
+    let is_bytes = matches!(data_type, GatewayType::OctetString | GatewayType::Domain);
+    match text.strip_prefix('@') {
+        Some(path) if is_bytes => {
+            let bytes = fs::read(path).with_context(|| path.to_owned()).or_fail(Kind::Usage)?;
+            Ok(Value::Bytes(bytes))
+        }
+        None if is_bytes && text == "-" => {
+            let mut bytes = Vec::new();
+            let read = std::io::stdin().lock().read_to_end(&mut bytes);
+            read.context("standard input").or_fail(Kind::Usage)?;
+            Ok(Value::Bytes(bytes))
+        }
+        Some(_) | None => {
+            let value = data_type.parse(text);
+            value.with_context(|| data_type.to_string()).or_fail(Kind::Usage)
+        }
+    }
+}
+
+/// The limits of the object, where an EDS has any.
+fn within_limits(text: &str, value: &Value, described: Option<&Described>) -> Result<(), Failure> {
+    let (Value::Whole(number), Some(object)) = (value, described) else { return Ok(()) };
+    let low = object.low.map_or(i128::MIN, i128::from);
+    let high = object.high.map_or(i128::MAX, i128::from);
+    let name = || format!("{} ({})", object.object, object.name);
+    value::within(text, *number, low, high).with_context(name).or_fail(Kind::Usage).map(|_| ())
+}
+
+/// `1591 0x0637`; texts and bytes as they are.
+fn show(json: bool, target: Target, data_type: GatewayType, value: &Value, bytes: &[u8]) {
+    if json {
+        let report = serde_json::json!({
+            "node": target.node.raw(),
+            "index": target.object.index,
+            "sub": target.object.sub,
+            "type": data_type.to_string(),
+            "value": of_json(value),
+            "bytes": Octets(bytes).to_string(),
+        });
+        print::line(&report.to_string());
+        return;
+    }
+    match value {
+        Value::Whole(_) => {
+            let digits: String = bytes.iter().rev().map(|byte| format!("{byte:02X}")).collect();
+            print::line(&format!("{value} 0x{digits}"));
+        }
+        Value::Pattern(number, _) => print::line(&format!("{value} {number}")),
+        Value::Boolean(_)
+        | Value::Real32(_)
+        | Value::Real64(_)
+        | Value::Text(_)
+        | Value::Bytes(_)
+        | Value::Time(_) => print::line(&value.to_string()),
+    }
+}
+
+/// Numbers as numbers, if JSON has them.
+fn of_json(value: &Value) -> serde_json::Value {
+    match value {
+        Value::Boolean(is) => serde_json::json!(is),
+        Value::Whole(number) => match (i64::try_from(*number), u64::try_from(*number)) {
+            (Ok(number), _) => serde_json::json!(number),
+            (Err(_), Ok(number)) => serde_json::json!(number),
+            (Err(_), Err(_)) => serde_json::json!(number.to_string()),
+        },
+        Value::Pattern(number, _) => serde_json::json!(number),
+        Value::Real32(number) => serde_json::json!(number),
+        Value::Real64(number) => serde_json::json!(number),
+        Value::Text(_) | Value::Bytes(_) | Value::Time(_) => serde_json::json!(value.to_string()),
+    }
+}

@@ -1,0 +1,94 @@
+//! Devices that do nothing but communicate, on a bus in memory, and a bench tool that talks to them.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use frhc::bus::Bus;
+use frhc::bus::Memory;
+use frhc::canopen::NodeId;
+use frhc::canopen::device::Application;
+use frhc::canopen::device::Device;
+use frhc::canopen::dictionary::Dictionary;
+use frhc::canopen::eds::Eds;
+use frhc::canopen::frame::Channel;
+use frhc::canopen::frame::Frame;
+use frhc::canopen::frame::Telegram;
+use frhc::canopen::object::Object;
+use frhc::canopen::station::Station;
+use frhc::canopen::watch::Watch;
+use frhc::cli::bench::Session;
+use frhc::time::Instant;
+
+use super::bench::Wire;
+
+/// A device's application that has nothing to do, and does not keep the speed it is told.
+#[derive(Clone, Debug)]
+pub(crate) struct Idle;
+
+impl Application for Idle {
+    fn written(&mut self, dictionary: &mut Dictionary, object: Object) {
+        if object == Object::MAX_MOTOR_SPEED {
+            dictionary.set(object, &[0; 4]);
+        }
+    }
+}
+
+/// Some devices on one bus, with the dictionary of the shipped drive.
+#[derive(Debug, Default)]
+pub(crate) struct Devices(pub(crate) Vec<Device<Idle>>);
+
+impl Devices {
+    /// One device for each node-id and serial number.
+    pub(crate) fn of(numbers: &[(u8, u32)]) -> Self {
+        let eds = Eds::parse(&std::fs::read("eds/frhc_drive.eds").unwrap()).unwrap();
+        let device = |(node, serial): &(u8, u32)| {
+            let node = NodeId::new(*node).unwrap();
+            let mut dictionary = Dictionary::new(&eds, node);
+            assert!(dictionary.furnish(Object::SERIAL, &serial.to_le_bytes()));
+            Device::new(node, dictionary, Idle, Duration::ZERO)
+        };
+        Self(numbers.iter().map(device).collect())
+    }
+}
+
+impl Station for Devices {
+    fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
+        for device in &mut self.0 {
+            let mut said = Vec::new();
+            device.on_frame(now, frame, &mut said);
+            out.extend(said.into_iter().map(|frame| Telegram { channel, frame }));
+        }
+    }
+
+    fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>) {
+        for device in
+            self.0.iter_mut().filter(|device| device.deadline().is_some_and(|due| due <= now))
+        {
+            let mut said = Vec::new();
+            device.on_time(now, &mut said);
+            let channel = Channel(0);
+            out.extend(said.into_iter().map(|frame| Telegram { channel, frame }));
+        }
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        self.0.iter().filter_map(Device::deadline).min()
+    }
+}
+
+/// A tool at a bus of 1 Mbit/s with some devices, which have booted up; and the frames since.
+pub(crate) fn desk(devices: Devices) -> (Session<Memory<Devices, Wire>>, Wire) {
+    let wire = Wire::default();
+    let mut bus = Memory::new(&[1_000_000], devices, wire.clone());
+    while bus.receive(Instant::from_micros(10_000)).is_some() {}
+    wire.clear();
+    (Session::new(bus, Channel(0), Arc::<AtomicBool>::default()), wire)
+}
+
+/// Lets a millisecond pass: what was said last is on the wire, and has been heard.
+pub(crate) fn settle(session: &mut Session<Memory<Devices, Wire>>) {
+    let until = session.now() + Duration::from_millis(1);
+    let mut listening = Watch::new(Duration::from_secs(1), Some(until));
+    while session.carry(&mut listening).unwrap().is_some() {}
+}

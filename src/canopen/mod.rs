@@ -3,6 +3,8 @@
 pub mod abort;
 pub mod bits;
 pub mod commission;
+pub mod dbc;
+pub mod decode;
 pub mod device;
 pub mod dictionary;
 pub mod drive;
@@ -21,8 +23,10 @@ pub mod plan;
 #[cfg(test)]
 mod scripted;
 pub mod sdo;
+pub mod signals;
 pub mod station;
 pub mod sync;
+pub mod words;
 
 pub use canopen_rs::NmtState;
 pub use canopen_rs::NodeId;

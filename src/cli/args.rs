@@ -9,6 +9,7 @@ use clap::ValueEnum;
 
 use crate::cli::calib::Calib;
 use crate::cli::configured::Configured;
+use crate::cli::decode::Decode;
 use crate::cli::explain::Explain;
 use crate::cli::rig::Calibrate;
 
@@ -58,6 +59,15 @@ pub(super) enum Command {
     Explain(Box<Explain>),
     /// Torque curves from measurements, and those of a configuration.
     Calib(Calib),
+    /// What candump lines say, by joint and in SI units: behind each line, as it was.
+    #[command(
+        after_help = "Behind a `!` stands what is missing, late or of the wrong length. Lines that are none of candump's go \
+                      through as they are and are told on stderr; when no line is one the exit code is 1.\n\nExamples:\n  \
+                      frhc decode --config config/kraft_like.toml /tmp/session/bus.log | less -S\n  \
+                      candump -ta can0 | frhc decode --config config/kraft_like_500hz.toml -i can0 --only elbow\n  \
+                      frhc decode --config config/kraft_like.toml --json bus.log | jq 'select(.remarks)'"
+    )]
+    Decode(Decode),
 }
 
 /// Overriding interfaces.

@@ -6,6 +6,7 @@ mod check;
 mod configured;
 mod console;
 mod ctl;
+mod decode;
 mod demo;
 mod exit;
 mod explain;
@@ -39,6 +40,7 @@ pub fn main() -> ExitCode {
         Command::Check(args) => check::run(args),
         Command::Explain(args) => explain::run(args),
         Command::Calib(args) => calib::run(args),
+        Command::Decode(args) => decode::run(args, cli.quiet),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -69,7 +69,8 @@ fn date(word: &str) -> Option<(u64, bool)> {
         return None;
     }
     let (below, is_fine) = stamp_fraction(fraction)?;
-    let seconds = ((days(year, month) + day - days(1970, 1)) * 24 + hours) * 3_600 + minutes * 60 + seconds;
+    let seconds =
+        ((days(year, month) + day - days(1970, 1)) * 24 + hours) * 3_600 + minutes * 60 + seconds;
     Some((seconds * NANOS + below, is_fine))
 }
 

@@ -1,0 +1,294 @@
+//! Annotations as people read them: a name, what the frame says, and what is wrong with it.
+
+use std::fmt;
+
+use canopen_rs::NmtState;
+
+use crate::canopen::decode::Annotation;
+use crate::canopen::decode::What;
+use crate::canopen::decode::Who;
+use crate::canopen::decode::lss::Clock;
+use crate::canopen::decode::sdo::Act;
+use crate::canopen::decode::sdo::Side;
+use crate::canopen::decode::sdo::Step;
+use crate::canopen::decode::sdo::Value;
+use crate::canopen::decode::watch::Change;
+use crate::canopen::decode::watch::Remark;
+use crate::canopen::drive::Controlword;
+use crate::canopen::drive::Statusword;
+use crate::canopen::layout::Direction;
+use crate::canopen::object::Object;
+use crate::canopen::pdo::Deadman;
+use crate::canopen::pdo::SwitchInputs;
+use crate::canopen::signals::PdoFrame;
+use crate::canopen::signals::Signal;
+use crate::canopen::words;
+use crate::canopen::words::Called;
+use crate::canopen::words::Command;
+use crate::canopen::words::InWords;
+use crate::canopen::words::Status;
+
+/// `elbow`, `node 3`.
+impl fmt::Display for Who<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Named(name) => f.write_str(name),
+            Self::Node(node) => write!(f, "node {node}"),
+        }
+    }
+}
+
+/// What a frame is: `TPDO1_elbow`, `SDO elbow`, `SYNC`.
+#[derive(Clone, Copy, Debug)]
+pub struct Name<'a, 'd>(pub(super) &'a Annotation<'d>);
+
+impl fmt::Display for Name<'_, '_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Annotation { what, who, .. } = self.0;
+        if let What::Pdo(frame, ..) = what {
+            return f.write_str(&frame.name);
+        }
+        f.write_str(match what {
+            What::Nmt(_) => "NMT",
+            What::Sync { .. } => "SYNC",
+            What::Time(_) => "TIME",
+            What::Emergency(_) => "EMCY",
+            What::OtherPdo(Direction::Transmit, _) => "TPDO",
+            What::OtherPdo(Direction::Receive, _) => "RPDO",
+            What::Sdo(_) => "SDO",
+            What::Heartbeat(..) => "heartbeat",
+            What::Lss(_) => "LSS",
+            What::Malformed(_) => "malformed",
+            What::Pdo(..) | What::Unknown => "unknown",
+        })?;
+        if let What::OtherPdo(_, number) = what {
+            write!(f, "{number}")?;
+        }
+        who.map_or(Ok(()), |who| write!(f, " {who}"))
+    }
+}
+
+impl fmt::Display for Annotation<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.what {
+            What::Nmt(order) => write!(f, "{order}"),
+            What::Sync { counter, period, jitter_us } => {
+                counter.map_or(Ok(()), |counter| write!(f, "{counter:3} "))?;
+                period.map_or(Ok(()), |period| write!(f, "{} µs", period.as_micros()))?;
+                jitter_us.map_or(Ok(()), |jitter| write!(f, " {jitter:+}"))
+            }
+            What::Time(time) => write!(f, "{}", Clock(*time)),
+            What::Emergency(emergency) => write!(f, "{emergency}"),
+            What::Pdo(frame, data, length) => pdo(frame, *data, *length, self, f),
+            What::OtherPdo(..) if self.member.is_some() => f.write_str("off in this layout"),
+            What::OtherPdo(..) | What::Unknown => Ok(()),
+            What::Sdo(step) => self.sdo(step, f),
+            What::Heartbeat(state, change) => heartbeat(*state, *change, f),
+            What::Lss(lss) => write!(f, "{lss}"),
+            What::Malformed(expected) => write!(f, "not {expected}"),
+        }
+    }
+}
+
+impl<'d> Annotation<'d> {
+    /// What the frame is: `TPDO1_elbow`, `SDO elbow`, `SYNC`.
+    pub const fn name(&self) -> Name<'_, 'd> {
+        Name(self)
+    }
+
+    /// One word for its kind.
+    pub const fn kind(&self) -> &'static str {
+        match self.what {
+            What::Nmt(_) => "nmt",
+            What::Sync { .. } => "sync",
+            What::Time(_) => "time",
+            What::Emergency(_) => "emcy",
+            What::Pdo(..) | What::OtherPdo(..) => "pdo",
+            What::Sdo(_) => "sdo",
+            What::Heartbeat(..) => "heartbeat",
+            What::Lss(_) => "lss",
+            What::Malformed(_) => "malformed",
+            What::Unknown => "unknown",
+        }
+    }
+
+    /// What is wrong, one thing each.
+    pub fn remarks(&self) -> impl Iterator<Item = Told<'_, 'd>> {
+        self.remarks.iter().map(|remark| Told { remark, of: self })
+    }
+
+    /// Whether it changes something, rather than saying what was said before.
+    pub const fn is_news(&self) -> bool {
+        !matches!(self.what, What::Heartbeat(_, None))
+    }
+
+    /// Whether it is about this member: its frame, for it, or shared with others.
+    pub fn is_about(&self, member: usize) -> bool {
+        let shared = match &self.what {
+            What::Pdo(frame, ..) => {
+                frame.senders.contains(&member) || frame.receivers.contains(&member)
+            }
+            What::Nmt(order) => {
+                let node = self.decoder.members.get(member).map(|member| member.node());
+                order.node.is_none() || order.node == node
+            }
+            _ => false,
+        };
+        shared || self.member == Some(member)
+    }
+
+    fn sdo(&self, step: &Step<'_>, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match step.side {
+            Side::Client => "→ ",
+            Side::Server => "← ",
+        })?;
+        let Some(object) = step.object else { return f.write_str("of no transfer that was heard") };
+        let member = self.member.and_then(|member| self.decoder.members.get(member));
+        let described = member.and_then(|member| member.eds.as_ref()?.object(object));
+        let called = Called { object, else_called: described.map(|it| it.name.as_str()) };
+        let else_type = described.map(|described| described.data_type);
+        match &step.act {
+            Act::AskRead => write!(f, "read {called}"),
+            Act::AskWrite(value) => write!(f, "write {called} = {}", value.of(object, else_type)),
+            Act::Begin(None) => write!(f, "{called}, in pieces"),
+            Act::Begin(Some(length)) => write!(f, "{called}, {length} bytes in pieces"),
+            Act::Part(done, None) => write!(f, "{called}, {done} bytes"),
+            Act::Part(done, Some(all)) => write!(f, "{called}, {done} of {all} bytes"),
+            Act::Read(value) => write!(f, "{called} = {}", value.of(object, else_type)),
+            Act::Written(value) => write!(f, "written {called} = {}", value.of(object, else_type)),
+            Act::Aborted(code) => {
+                f.write_str(if step.side == Side::Client { "broken off " } else { "refused " })?;
+                write!(f, "{called}: {code}")
+            }
+            Act::Stray => Ok(()),
+        }
+    }
+}
+
+impl<'t> Value<'t> {
+    /// In words, as a value of `object`.
+    const fn of(&self, object: Object, else_type: Option<u16>) -> InWords<'t> {
+        InWords { object, bytes: self.bytes, length: self.length, else_type }
+    }
+}
+
+fn heartbeat(state: NmtState, change: Option<Change>, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    match change {
+        None => Ok(()),
+        Some(Change::BootUp) => f.write_str("boot-up"),
+        Some(Change::First) => f.write_str(state_words(state)),
+        Some(Change::From(before)) => {
+            write!(f, "{}, was {}", state_words(state), state_words(before))
+        }
+        Some(Change::Back(silent)) => {
+            write!(f, "{}, back after {} ms", state_words(state), silent.as_millis())
+        }
+    }
+}
+
+/// An NMT state in words.
+pub(crate) const fn state_words(state: NmtState) -> &'static str {
+    match state {
+        NmtState::Initialising => "initialising",
+        NmtState::Stopped => "stopped",
+        NmtState::Operational => "operational",
+        NmtState::PreOperational => "pre-operational",
+    }
+}
+
+/// Every signal, in a column each; with its node where there are several.
+fn pdo(
+    frame: &PdoFrame,
+    data: [u8; 8],
+    length: usize,
+    of: &Annotation<'_>,
+    f: &mut fmt::Formatter<'_>,
+) -> fmt::Result {
+    let is_shared = frame.is_shared();
+    let mut lead = "";
+    for signal in frame.signals.iter().filter(|signal| signal.is_in(length)) {
+        f.write_str(lead)?;
+        lead = "  ";
+        if is_shared {
+            let member = of.decoder.members.get(signal.member);
+            write!(f, "{} ", member.map_or("?", |member| member.name.as_str()))?;
+        }
+        if signal.is_disputed {
+            f.write_str("(disputed) ")?;
+        }
+        value(signal, signal.raw(data), f)?;
+    }
+    Ok(())
+}
+
+/// The longest state, so that what follows stands in a column.
+const STATE: usize = 22;
+
+fn value(signal: &Signal, raw: i64, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    if let Some(measure) = &signal.measure {
+        let value = measure.value(raw);
+        let Some(curve) = &measure.curve else {
+            return write!(f, "{value:9.5} {}", measure.unit);
+        };
+        return write!(
+            f,
+            "{value:8.4} {} motor {:8.4} {} {}",
+            measure.unit,
+            curve.at(raw),
+            curve.unit,
+            curve.place
+        );
+    }
+    let [low, high, ..] = raw.to_le_bytes();
+    let word = u16::from_le_bytes([low, high]);
+    match signal.object {
+        Object::STATUSWORD => write!(f, "{:STATE$}", Status(Statusword(word))),
+        Object::CONTROLWORD => write!(f, "{:STATE$}", Command(Controlword(word))),
+        Object::MODE_DISPLAY | Object::MODE_OF_OPERATION => {
+            f.write_str(words::mode_of_operation(i8::from_le_bytes([low])))
+        }
+        Object::DIGITAL_INPUTS => switches(low, f),
+        object => {
+            write!(f, "{} {raw}", Called { object, else_called: None })
+        }
+    }
+}
+
+/// The switch box.
+fn switches(byte: u8, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    let Ok(inputs) = SwitchInputs::decode(&[byte]) else { return Ok(()) };
+    f.write_str(match inputs.deadman() {
+        Deadman::Pressed => "deadman pressed ",
+        Deadman::Released => "deadman released",
+        Deadman::Disagreeing if inputs.deadman_a => "deadman A and B both set",
+        Deadman::Disagreeing => "deadman A and B both clear",
+    })?;
+    f.write_str(if inputs.reference { "  reference" } else { "" })?;
+    f.write_str(if inputs.reflection { "  reflection" } else { "" })
+}
+
+/// A remark in words: `TPDO1_elbow missing`, `912 µs after SYNC`.
+#[derive(Clone, Copy, Debug)]
+pub struct Told<'a, 'd> {
+    remark: &'a Remark,
+    of: &'a Annotation<'d>,
+}
+
+impl fmt::Display for Told<'_, '_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Annotation { decoder, network, .. } = self.of;
+        match self.remark {
+            Remark::SyncGap(periods) => write!(f, "SYNC gap of {periods} periods"),
+            Remark::Missing(frame) => {
+                let name = decoder.frames.get(*frame).map_or("a PDO", |frame| frame.name.as_str());
+                write!(f, "{name} missing")
+            }
+            Remark::Late(after) => write!(f, "{} µs after SYNC", after.as_micros()),
+            Remark::Silent(node, silent) => {
+                let who = decoder.who(*network, *node);
+                write!(f, "no heartbeat of {who} for {} ms", silent.as_millis())
+            }
+            Remark::Length(mapped) => write!(f, "{mapped} bytes are mapped"),
+        }
+    }
+}

@@ -61,13 +61,13 @@ impl Measure {
     /// The physical value. Numbers of 32 bits that have run over their end since zero are right.
     pub fn value(&self, raw: i64) -> f64 {
         let whole = i32::try_from(raw).map(|raw| raw.wrapping_sub(self.zero));
-        whole.map_or_else(|_| float(raw) - f64::from(self.zero), f64::from) * self.step
+        let steps = whole.map_or_else(|_| float(raw) - f64::from(self.zero), f64::from);
+        steps * self.step + 0.0 // never `-0`
     }
 
     /// The value of raw 0: what a straight line without wrapping is off by.
     pub fn offset(&self) -> f64 {
-        // Not `-0`, which reads badly in a file.
-        if self.zero == 0 { 0.0 } else { -f64::from(self.zero) * self.step }
+        0.0 - f64::from(self.zero) * self.step
     }
 }
 

@@ -11,6 +11,7 @@ use crate::cli::calib::Calib;
 use crate::cli::configured::Configured;
 use crate::cli::decode::Decode;
 use crate::cli::explain::Explain;
+use crate::cli::export::Export;
 use crate::cli::rig::Calibrate;
 
 /// The CANopen master of a force-reflecting hand controller.
@@ -68,6 +69,9 @@ pub(super) enum Command {
                       frhc decode --config config/kraft_like.toml --json bus.log | jq 'select(.remarks)'"
     )]
     Decode(Decode),
+    /// What other programs read: the frames of the buses.
+    #[command(subcommand)]
+    Export(Export),
 }
 
 /// Overriding interfaces.

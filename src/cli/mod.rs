@@ -10,6 +10,7 @@ mod decode;
 mod demo;
 mod exit;
 mod explain;
+mod export;
 mod gains;
 mod interfaces;
 mod print;
@@ -41,6 +42,7 @@ pub fn main() -> ExitCode {
         Command::Explain(args) => explain::run(args),
         Command::Calib(args) => calib::run(args),
         Command::Decode(args) => decode::run(args, cli.quiet),
+        Command::Export(args) => export::run(args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

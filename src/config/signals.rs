@@ -115,7 +115,10 @@ fn position(joint: &Joint, moved: &Moved) -> Measure {
 fn curve(joint: &Joint, moved: &Moved) -> Curve {
     let direction = joint.gear_ratio.signum();
     let last = joint.calibration.max_target().0.max(0);
-    let torque = |target: i16| joint.calibration.curve().torque(f64::from(target)) * direction;
+    let torque = |target: i16| match target {
+        0 => 0.0,
+        _ => joint.calibration.curve().torque(f64::from(target)) * direction,
+    };
     Curve {
         place: if moved.has_torque_of_joint { "joint" } else { "actuator" },
         unit: match joint.link.kind {

@@ -15,6 +15,9 @@ pub(super) struct Columns {
     is_coloured: bool,
 }
 
+/// Longer lines push what is behind them to the right, but not what is behind the others.
+const LONGEST: usize = 100;
+
 /// The width of `heartbeat node 127`.
 const NARROWEST: usize = 18;
 
@@ -36,7 +39,7 @@ impl Columns {
             Some(bracket) => bracket + "]  00 11 22 33 44 55 66 77".len(),
             None => raw.len(),
         };
-        self.annotation = self.annotation.max(end + 2);
+        self.annotation = self.annotation.max(end.max(raw.len().min(LONGEST)) + 2);
     }
 }
 
@@ -47,7 +50,9 @@ const PLAIN: &str = "\x1b[0m";
 
 /// Writes a line into `to`, whatever was there.
 pub(super) fn line(raw: &str, said: &Said<'_>, columns: &mut Columns, to: &mut String) {
-    columns.fit(raw);
+    if !matches!(said, Said::Pseudo(_)) {
+        columns.fit(raw);
+    }
     to.clear();
     // Writing into a String cannot fail.
     write(raw, said, columns, to).ok();

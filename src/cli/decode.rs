@@ -9,6 +9,7 @@ mod text;
 
 use std::fs::File;
 use std::io;
+use std::io::BufRead;
 use std::io::BufReader;
 use std::io::BufWriter;
 use std::io::ErrorKind;
@@ -24,6 +25,7 @@ use crate::canopen::decode::Bus;
 use crate::canopen::decode::Decoder;
 use crate::canopen::decode::error_frame::ErrorFrame;
 use crate::canopen::frame::Channel;
+use crate::canopen::signals::Member;
 use crate::cli::args::Interfaces;
 use crate::cli::decode::pseudo::Pseudo;
 use crate::cli::exit::Failure;
@@ -84,7 +86,11 @@ pub(super) fn run(args: &Decode, quiet: bool) -> Result<(), Failure> {
     match written {
         // A reader that hung up has seen enough.
         Err(error) if error.kind() == ErrorKind::BrokenPipe => return Ok(()),
-        written => written.or_fail(Kind::Bus)?,
+        Err(error) => {
+            let name = args.log.as_ref().map_or("stdin".into(), |path| path.to_string_lossy());
+            return Err(Failure::new(Kind::Bus, format!("{name}: {error}")));
+        }
+        Ok(()) => {}
     }
     let Counts { lines, malformed, .. } = scribe.counts;
     if malformed > 0 && malformed == lines {
@@ -118,7 +124,7 @@ fn decoder(args: &Decode) -> Result<(Decoder, Names), Failure> {
 fn members(args: &Decode, decoder: &Decoder) -> Result<Option<Vec<usize>>, Failure> {
     let find = |name: &String| {
         let number = name.parse::<u8>().ok();
-        let is_it = |member: &crate::canopen::signals::Member| {
+        let is_it = |member: &Member| {
             member.name == *name || member.plan.name == *name || Some(member.node().raw()) == number
         };
         let all = || decoder.members().iter().map(|member| member.name.as_str());
@@ -330,7 +336,6 @@ fn error_frame(id: u32, bytes: &[u8]) -> ErrorFrame {
 
 /// The next line without its end, false after the last. Of an overlong one the beginning.
 fn read_line<R: Read>(input: &mut BufReader<R>, line: &mut Vec<u8>) -> io::Result<bool> {
-    use std::io::BufRead;
     line.clear();
     let mut has_read = false;
     loop {

@@ -363,3 +363,70 @@ fn states() -> Vec<(i64, &'static str)> {
 fn commands() -> Vec<(i64, &'static str)> {
     (0..16).map(|bits| (i64::from(bits), Command(Controlword(bits)).words())).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+    use crate::canopen::frame::Channel;
+    use crate::canopen::signals::tests::grouped;
+    use crate::canopen::signals::tests::per_drive;
+
+    const THE_MASTER: Master = Master { node: 127, period_us: 1_000, heartbeat_ms: 5 };
+
+    fn messages(members: &[Member]) -> Vec<Message> {
+        database(members, &THE_MASTER).unwrap().messages
+    }
+
+    #[test]
+    fn no_two_fields_of_a_message_share_a_bit_or_a_name() {
+        let mut disputed = grouped();
+        disputed[1].plan.pdos[0] = disputed[0].plan.pdos[0].clone();
+        for members in [per_drive(), grouped(), disputed] {
+            for message in messages(&members) {
+                let mut bits = HashSet::new();
+                let mut names = HashSet::new();
+                for field in &message.fields {
+                    assert!(names.insert(&field.name), "{}: {}", message.name, field.name);
+                    for bit in field.start..field.start + field.bits {
+                        assert!(bits.insert(bit), "{}: bit {bit}", message.name);
+                        assert!(usize::from(bit) < 8 * message.bytes, "{}", message.name);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_shared_frame_goes_to_each_its_own() {
+        let all = messages(&grouped());
+        let torques = all.iter().find(|message| message.name == "Torque_group1").unwrap();
+        assert_eq!((torques.id, torques.bytes, torques.cycle_ms), (0x201, 6, Some(1)));
+        let takers: Vec<_> = torques.fields.iter().map(|field| field.receivers.join(",")).collect();
+        assert_eq!(takers, ["shoulder", "elbow", "wrist"]);
+    }
+
+    #[test]
+    fn every_pattern_that_is_a_state_has_its_name() {
+        let states = states();
+        for bits in 0..128_u16 {
+            let named = states.iter().find(|(value, _)| *value == i64::from(bits));
+            let state = Statusword(bits).state().map(State::words);
+            assert_eq!(named.map(|(_, words)| *words), state);
+        }
+        assert_eq!(commands().len(), 16);
+    }
+
+    #[test]
+    fn two_buses_share_a_file_unless_an_identifier_is_two_things() {
+        let mut members = per_drive();
+        members[0].channel = Channel(1);
+        assert!(database(&members, &THE_MASTER).is_ok());
+        let twin = Member { name: "twin".to_owned(), channel: Channel(1), ..members[1].clone() };
+        members.push(twin);
+        let collision = database(&members, &THE_MASTER).unwrap_err();
+        let told = "082h is EMCY_elbow on one bus and EMCY_twin on another";
+        assert_eq!(collision.to_string(), told);
+    }
+}

@@ -163,7 +163,8 @@ mod tests {
     proptest! {
         #[test]
         fn any_message_says_something(is_request: bool, data: [u8; 8], days: u16, millis: u32) {
-            prop_assert!(!Lss { is_request, data }.to_string().is_empty());
+            let lss = Lss { is_request, data };
+            prop_assert!(!lss.to_string().is_empty());
             prop_assert!(!Clock(TimeOfDay::new(millis, days)).to_string().is_empty());
         }
     }

@@ -163,16 +163,11 @@ impl Decoder {
         }
         let unnamed = self.networks.len().saturating_sub(1);
         let network = channel.map_or(unnamed, |Channel(place)| usize::from(place).min(unnamed));
-        let places = self.networks.get(network).map(|network| network.frames.as_slice());
         let node = |member: usize| self.members.get(member).map_or(0, |member| member.node().raw());
-        let lost_after = |member: &Member| (member.node().raw(), member.plan.lost_after);
-        let watch = Watch::new(
-            self.timing,
-            &self.frames,
-            places.unwrap_or_default(),
-            node,
-            self.members.iter().map(lost_after),
-        );
+        let Some(layout) = self.networks.get(network) else { return Bus(MOST_BUSES) };
+        let members = (0..128).filter_map(|node| self.members.get(layout.member(node)?));
+        let lost_after = members.map(|member| (member.node().raw(), member.plan.lost_after));
+        let watch = Watch::new(self.timing, &self.frames, &layout.frames, node, lost_after);
         self.buses.push(Heard { network, watch, sdo: vec![Listener::default(); 128] });
         Bus(self.buses.len() - 1)
     }
@@ -206,11 +201,16 @@ impl Decoder {
             (None, _) | (_, None) => Told::Malformed("at most eight bytes"),
         };
         let node = use_of.node();
-        let member = match use_of {
-            Use::Pdo(pdo) => self.frames.get(pdo).and_then(author),
-            _ => node.and_then(|node| self.networks.get(network)?.member(node)),
+        let member = if let Use::Pdo(pdo) = use_of {
+            self.frames.get(pdo).and_then(author)
+        } else {
+            node.and_then(|node| self.networks.get(network)?.member(node))
         };
-        let who = node.map(|node| self.who(network, node));
+        let named = member.and_then(|member| self.members.get(member));
+        let who = match (named, node) {
+            (Some(member), _) => Some(Who::Named(&member.name)),
+            (None, node) => node.map(|node| self.who(network, node)),
+        };
         let what = self.what(place, told);
         Annotation { who, what, member, network, remarks: &self.remarks, decoder: self }
     }

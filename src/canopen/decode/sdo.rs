@@ -106,12 +106,14 @@ struct Block {
 impl Listener {
     /// Takes one frame of eight bytes; what it does is told in full by [`step`](Self::step).
     pub(super) fn on_frame(&mut self, side: Side, data: [u8; 8]) -> What {
-        match self.phase {
-            Phase::Block(sender, block) if sender == side => self.on_block_segment(block, data),
-            _ => match side {
-                Side::Client => self.on_request(data),
-                Side::Server => self.on_response(data),
-            },
+        if let Phase::Block(sender, block) = self.phase
+            && sender == side
+        {
+            return self.on_block_segment(block, data);
+        }
+        match side {
+            Side::Client => self.on_request(data),
+            Side::Server => self.on_response(data),
         }
     }
 
@@ -180,11 +182,8 @@ impl Listener {
         let is_same = self.object == Some(object);
         match command >> 5 {
             0 => self.on_segment(data, self.phase == Phase::Reading, true),
-            1 => match self.phase {
-                Phase::Writing(true) => self.finish(What::Written),
-                Phase::Writing(false) => What::Part,
-                _ => What::Stray,
-            },
+            1 if self.phase == Phase::Writing(true) => self.finish(What::Written),
+            1 => self.part_if(self.phase == Phase::Writing(false)),
             2 if command & EXPEDITED != 0 => {
                 self.begin(object, Phase::Idle);
                 self.take_expedited(data);

@@ -122,19 +122,35 @@ impl<'d> Annotation<'d> {
         !matches!(self.what, What::Heartbeat(_, None))
     }
 
-    /// Whether it is about this member: its frame, for it, or shared with others.
+    /// Whether it is about this member: its frame, for it, shared with others, or with a remark on it.
     pub fn is_about(&self, member: usize) -> bool {
-        let shared = match &self.what {
-            What::Pdo(frame, ..) => {
-                frame.senders.contains(&member) || frame.receivers.contains(&member)
+        let is_in =
+            |frame: &PdoFrame| frame.senders.contains(&member) || frame.receivers.contains(&member);
+        let is_remarked = self.remarks.iter().any(|remark| match remark {
+            Remark::Missing(frame) => self.decoder.frames.get(*frame).is_some_and(is_in),
+            Remark::Silent(node, _) => {
+                let network = self.decoder.networks.get(self.network);
+                network.and_then(|network| network.member(*node)) == Some(member)
             }
+            Remark::SyncGap(_) | Remark::Late(_) | Remark::Length(_) => false,
+        });
+        let shared = match &self.what {
+            What::Pdo(frame, ..) => is_in(frame),
             What::Nmt(order) => {
                 let node = self.decoder.members.get(member).map(|member| member.node());
                 order.node.is_none() || order.node == node
             }
-            _ => false,
+            What::Sync { .. }
+            | What::Time(_)
+            | What::Emergency(_)
+            | What::OtherPdo(..)
+            | What::Sdo(_)
+            | What::Heartbeat(..)
+            | What::Lss(_)
+            | What::Malformed(_)
+            | What::Unknown => false,
         };
-        shared || self.member == Some(member)
+        is_remarked || shared || self.member == Some(member)
     }
 
     fn sdo(&self, step: &Step<'_>, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -168,7 +168,7 @@ impl Watch {
         pdo.has_come = true;
         let (Some(timing), Some(now), Some(sync)) = (self.timing, now, self.sync) else { return };
         let after = now.since(sync);
-        if is_sent_by_node && after > timing.window && after < timing.period * 4 {
+        if is_sent_by_node && after > timing.window {
             remarks.push(Remark::Late(after));
         }
     }

@@ -18,6 +18,9 @@ use crate::canopen::plan::NodePlan;
 use crate::canopen::sync::Transmission;
 use crate::canopen::words;
 
+/// What is measured where actuators and joints are coupled: no single signal says where a joint is.
+pub const ACTUATOR_POSITION: &str = "actuator_position";
+
 /// A node whose traffic is read.
 #[derive(Clone, Debug)]
 pub struct Member {

@@ -4,11 +4,13 @@
 //! Only tells what `controller::calibration` computes with, for those who read along.
 
 use std::collections::HashSet;
+use std::time::Duration;
 
 use crate::canopen::decode::watch::Timing;
 use crate::canopen::frame::Channel;
 use crate::canopen::object::Object;
 use crate::canopen::plan::NodePlan;
+use crate::canopen::signals::ACTUATOR_POSITION;
 use crate::canopen::signals::Curve;
 use crate::canopen::signals::Measure;
 use crate::canopen::signals::Member;
@@ -47,7 +49,7 @@ pub fn timing(config: &Config) -> Timing {
         period: config.period,
         window: config.window(),
         master: config.node_id.raw(),
-        master_lost: std::time::Duration::from_millis(u64::from(config.safety.node_lost_ms)),
+        master_lost: Duration::from_millis(u64::from(config.safety.node_lost_ms)),
     }
 }
 
@@ -99,7 +101,7 @@ fn moved(config: &Config, place: usize) -> Moved {
 fn position(joint: &Joint, moved: &Moved) -> Measure {
     let quantum = joint.calibration.quantum().copysign(joint.gear_ratio);
     Measure {
-        quantity: if moved.has_position_of_joint { "position" } else { "actuator_position" },
+        quantity: if moved.has_position_of_joint { "position" } else { ACTUATOR_POSITION },
         zero: joint.zero_counts,
         step: quantum,
         unit: match joint.link.kind {
@@ -126,5 +128,85 @@ fn curve(joint: &Joint, moved: &Moved) -> Curve {
             JointKind::Prismatic => "N",
         },
         table: (0..=last).map(torque).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::controller::calibration::Counts;
+    use crate::controller::calibration::PerMille;
+
+    const CONFIGS: [&str; 2] = ["config/kraft_like.toml", "config/jpl_like.toml"];
+
+    fn measure(member: &Member, object: Object) -> &Measure {
+        &member.measures.iter().find(|(measured, _)| *measured == object).unwrap().1
+    }
+
+    /// The first, with two of its joints coupled.
+    fn coupled() -> Config {
+        let file = Path::new(CONFIGS[0]);
+        let text = std::fs::read_to_string(file).unwrap();
+        let rows = (0..6).map(|row| {
+            let one = |column: usize| if row == column { 1.0 } else { 0.0 };
+            let numbers: Vec<_> = (0..6)
+                .map(|column| if (row, column) == (2, 1) { -1.0 } else { one(column) })
+                .map(|number: f64| format!("{number:?}"))
+                .collect();
+            format!("[{}]", numbers.join(", "))
+        });
+        let matrix = rows.collect::<Vec<_>>().join(", ");
+        let offset = "offset_rad_or_m = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]";
+        let coupling = format!("[coupling]\nmatrix = [{matrix}]\n{offset}\n\n[switches]");
+        Config::parse(file, &text.replacen("[switches]", &coupling, 1)).unwrap()
+    }
+
+    #[test]
+    fn a_coupled_joint_s_signals_are_its_actuator_s() {
+        let members = members(&coupled());
+        let position = |place: usize| measure(&members[place], Object::POSITION_ACTUAL).quantity;
+        let torque = |place: usize| {
+            measure(&members[place], Object::TORQUE_ACTUAL).curve.as_ref().unwrap().place
+        };
+        assert_eq!([0, 1, 2].map(position), ["position", "position", "actuator_position"]);
+        assert_eq!([0, 1, 2].map(torque), ["joint", "actuator", "joint"]);
+    }
+
+    #[test]
+    fn every_node_has_a_name_of_its_own() {
+        for file in CONFIGS {
+            let members = members(&Config::load(Path::new(file)).unwrap());
+            let names: HashSet<_> = members.iter().map(|member| &member.name).collect();
+            assert_eq!(names.len(), 7);
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(16))]
+        #[test]
+        fn signals_say_what_the_controller_computes_with(
+            counts in any::<[i32; 6]>(),
+            actual in proptest::array::uniform6(-900_i16..900),
+        ) {
+            for file in CONFIGS {
+                let config = Config::load(Path::new(file)).unwrap();
+                let calibration = &config.controller.calibration;
+                let positions = calibration.positions(&counts.map(Counts));
+                let torques = calibration.torques(&actual.map(PerMille));
+                let members = members(&config);
+                for place in 0..6 {
+                    let position = measure(&members[place], Object::POSITION_ACTUAL);
+                    let said = position.value(i64::from(counts[place]));
+                    prop_assert!((said - positions[place]).abs() < 1e-9 * (1.0 + said.abs()));
+                    let torque = measure(&members[place], Object::TORQUE_ACTUAL);
+                    let said = torque.curve.as_ref().unwrap().at(i64::from(actual[place]));
+                    prop_assert!((said - torques[place]).abs() < 1e-9, "{} {}", said, torques[place]);
+                }
+            }
+        }
     }
 }

@@ -164,6 +164,9 @@ impl<'t> Line<'t> {
             words.next().and_then(|frame| frame.split_once('#')).ok_or(NotALine::Identifier)?;
         let (id, is_extended) = identifier(digits).ok_or(NotALine::Identifier)?;
         let content = content(id, rest).ok_or(NotALine::Data)?;
+        if !matches!((words.next(), words.next()), (None | Some("R" | "T"), None)) {
+            return Err(NotALine::Data);
+        }
         Ok(Self { nanos, is_fine, interface, id, is_extended, content })
     }
 
@@ -329,6 +332,7 @@ mod tests {
             ("(1.000000) can0 080#112233445566778899", NotALine::Data),
             ("(1.000000) can0 080#R+8", NotALine::Data),
             ("(1.000000) can0 080##", NotALine::Data),
+            ("(1.000000) can0 080#11 22", NotALine::Data),
             ("(+1.000000) can0 080#", NotALine::Stamp),
         ] {
             assert_eq!(Line::parse(line), Err(reason), "{line}");

@@ -13,6 +13,7 @@ use crate::canopen::emcy;
 use crate::canopen::nmt;
 use crate::canopen::object::Object;
 use crate::canopen::signals;
+use crate::canopen::signals::ACTUATOR_POSITION;
 use crate::canopen::signals::Member;
 use crate::canopen::signals::PdoFrame;
 use crate::canopen::signals::Signal;
@@ -313,7 +314,7 @@ fn scaled(signal: &Signal) -> Field {
         comment.push_str(" of the motor; the torque of the ");
         comment.push_str(curve.place);
         comment.push_str(" is on the calibrated curve, which is no straight line");
-    } else if measure.quantity.starts_with("actuator") {
+    } else if measure.quantity == ACTUATOR_POSITION {
         comment.push_str(" of the actuator; the joints are coupled");
     }
     Field {

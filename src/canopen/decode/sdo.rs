@@ -60,8 +60,8 @@ pub struct Value<'t> {
     pub bytes: &'t [u8],
     /// How many it has in all.
     pub length: usize,
-    /// Whether the frame left open how many of its four bytes count.
-    pub is_unsized: bool,
+    /// How many were announced, where that was said and was wrong.
+    pub announced: Option<u32>,
 }
 
 /// What is heard of one server.
@@ -72,7 +72,6 @@ pub(super) struct Listener {
     announced: Option<u32>,
     kept: Vec<u8>,
     length: usize,
-    is_unsized: bool,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -119,7 +118,9 @@ impl Listener {
 
     /// What the newest frame did, with the value as it stands.
     pub(super) fn step(&self, side: Side, what: What) -> Step<'_> {
-        let value = Value { bytes: &self.kept, length: self.length, is_unsized: self.is_unsized };
+        let is_wrong = |said: &u32| usize::try_from(*said) != Ok(self.length);
+        let announced = self.announced.filter(is_wrong);
+        let value = Value { bytes: &self.kept, length: self.length, announced };
         let act = match what {
             What::AskRead => Act::AskRead,
             What::AskWrite => Act::AskWrite(value),
@@ -282,13 +283,11 @@ impl Listener {
         self.announced = None;
         self.kept.clear();
         self.length = 0;
-        self.is_unsized = false;
     }
 
     fn take_expedited(&mut self, data: [u8; 8]) {
         let [command, _, _, _, four @ ..] = data;
-        self.is_unsized = command & 1 == 0;
-        let unused = if self.is_unsized { 0 } else { usize::from(command >> 2 & 3) };
+        let unused = if command & 1 == 0 { 0 } else { usize::from(command >> 2 & 3) };
         self.append(four.get(..4 - unused).unwrap_or_default());
     }
 
@@ -398,9 +397,9 @@ mod tests {
             steps,
             [
                 "AskRead",
-                "Read(Value { bytes: [140, 15], length: 2, is_unsized: false })",
-                "AskWrite(Value { bytes: [10], length: 1, is_unsized: false })",
-                "Written(Value { bytes: [10], length: 1, is_unsized: false })",
+                "Read(Value { bytes: [140, 15], length: 2, announced: None })",
+                "AskWrite(Value { bytes: [10], length: 1, announced: None })",
+                "Written(Value { bytes: [10], length: 1, announced: None })",
                 "Aborted(AbortCode(101253137))",
             ]
         );
@@ -462,7 +461,7 @@ mod tests {
             bytes in proptest::collection::vec(any::<u8>(), 1..400),
         ) {
             let kept = bytes.get(..KEPT).unwrap_or(&bytes);
-            let value = Value { bytes: kept, length: bytes.len(), is_unsized: false };
+            let value = Value { bytes: kept, length: bytes.len(), announced: None };
             let mut read = vec![
                 (Side::Client, initiate(0x40, 0)),
                 (Side::Server, initiate(0x41, bytes.len())),

@@ -20,6 +20,7 @@ use crate::canopen::layout::Direction;
 use crate::canopen::object::Object;
 use crate::canopen::pdo::Deadman;
 use crate::canopen::pdo::SwitchInputs;
+use crate::canopen::signals::ACTUATOR_POSITION;
 use crate::canopen::signals::PdoFrame;
 use crate::canopen::signals::Signal;
 use crate::canopen::words;
@@ -73,7 +74,7 @@ impl fmt::Display for Annotation<'_> {
         match &self.what {
             What::Nmt(order) => write!(f, "{order}"),
             What::Sync { counter, period, jitter_us } => {
-                counter.map_or(Ok(()), |counter| write!(f, "{counter:3} "))?;
+                counter.map_or(Ok(()), |counter| write!(f, "counter {counter} "))?;
                 period.map_or(Ok(()), |period| write!(f, "{} µs", period.as_micros()))?;
                 jitter_us.map_or(Ok(()), |jitter| write!(f, " {jitter:+}"))
             }
@@ -117,9 +118,25 @@ impl<'d> Annotation<'d> {
         self.remarks.iter().map(|remark| Told { remark, of: self })
     }
 
-    /// Whether it changes something, rather than saying what was said before.
-    pub const fn is_news(&self) -> bool {
-        !matches!(self.what, What::Heartbeat(_, None))
+    /// Whether somebody should look: an emergency, a refusal, a fault, a frame that is none.
+    pub fn is_alarming(&self) -> bool {
+        match &self.what {
+            What::Emergency(emergency) => !emergency.is_reset(),
+            What::Sdo(step) => matches!(step.act, Act::Aborted(_)),
+            What::Pdo(frame, data, length) => frame.signals.iter().any(|signal| {
+                signal.object == Object::STATUSWORD
+                    && signal.is_in(*length)
+                    && signal.raw(*data) & i64::from(Statusword::FAULT) != 0
+            }),
+            What::Malformed(_) => true,
+            What::Nmt(_)
+            | What::Sync { .. }
+            | What::Time(_)
+            | What::OtherPdo(..)
+            | What::Heartbeat(..)
+            | What::Lss(_)
+            | What::Unknown => false,
+        }
     }
 
     /// Whether it is about this member: its frame, for it, shared with others, or with a remark on it.
@@ -170,8 +187,12 @@ impl<'d> Annotation<'d> {
             Act::Begin(Some(length)) => write!(f, "{called}, {length} bytes in pieces"),
             Act::Part(done, None) => write!(f, "{called}, {done} bytes"),
             Act::Part(done, Some(all)) => write!(f, "{called}, {done} of {all} bytes"),
-            Act::Read(value) => write!(f, "{called} = {}", value.of(object, else_type)),
-            Act::Written(value) => write!(f, "written {called} = {}", value.of(object, else_type)),
+            Act::Read(value) => {
+                write!(f, "{called} = {}{}", value.of(object, else_type), Cut(*value))
+            }
+            Act::Written(value) => {
+                write!(f, "written {called} = {}{}", value.of(object, else_type), Cut(*value))
+            }
             Act::Aborted(code) => {
                 f.write_str(if step.side == Side::Client { "broken off " } else { "refused " })?;
                 write!(f, "{called}: {code}")
@@ -185,6 +206,16 @@ impl<'t> Value<'t> {
     /// In words, as a value of `object`.
     const fn of(&self, object: Object, else_type: Option<u16>) -> InWords<'t> {
         InWords { object, bytes: self.bytes, length: self.length, else_type }
+    }
+}
+
+/// What is to be said of a value of another length than was announced.
+struct Cut<'t>(Value<'t>);
+
+impl fmt::Display for Cut<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Value { length, announced, .. } = self.0;
+        announced.map_or(Ok(()), |announced| write!(f, " ({length} of {announced} bytes)"))
     }
 }
 
@@ -244,7 +275,8 @@ fn value(signal: &Signal, raw: i64, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     if let Some(measure) = &signal.measure {
         let value = measure.value(raw);
         let Some(curve) = &measure.curve else {
-            return write!(f, "{value:9.5} {}", measure.unit);
+            let place = if measure.quantity == ACTUATOR_POSITION { " actuator" } else { "" };
+            return write!(f, "{value:9.5} {}{place}", measure.unit);
         };
         return write!(
             f,

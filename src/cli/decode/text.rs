@@ -76,6 +76,9 @@ fn write(raw: &str, said: &Said<'_>, columns: &Columns, to: &mut String) -> std:
     let gap = width.saturating_sub(to.len() - start) + 1;
     write!(to, "{plain}{:gap$}", "")?;
     match said {
+        Said::Frame(annotation) if annotation.is_alarming() => {
+            write!(to, "{}{annotation}{plain}", colour(RED))?;
+        }
         Said::Frame(annotation) => write!(to, "{annotation}")?,
         Said::Pseudo(pseudo) => write!(to, "{pseudo}")?,
         Said::Error(error) => write!(to, "{}{error}{plain}", colour(RED))?,

@@ -9,6 +9,8 @@ use crate::canopen::drive::Controlword;
 use crate::canopen::drive::State;
 use crate::canopen::drive::Statusword;
 use crate::canopen::object::Object;
+use crate::canopen::pdo::Deadman;
+use crate::canopen::pdo::SwitchInputs;
 use crate::canopen::sync::Transmission;
 
 // Data types by their numbers in CiA 301, 7.4.7.1.
@@ -347,6 +349,38 @@ impl fmt::Display for Status {
             f.write_str(if self.0.has(bit) { words } else { "" })?;
         }
         Ok(())
+    }
+}
+
+/// The byte of the switch box: `deadman pressed   reflection`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Switches(pub u8);
+
+impl Switches {
+    /// Each of its switches.
+    pub fn inputs(self) -> SwitchInputs {
+        SwitchInputs::decode(&[self.0]).unwrap_or_default()
+    }
+
+    /// What the two channels of the deadman say, in a word.
+    pub fn deadman(self) -> &'static str {
+        match self.inputs().deadman() {
+            Deadman::Pressed => "pressed",
+            Deadman::Released => "released",
+            Deadman::Disagreeing => "disagreeing",
+        }
+    }
+}
+
+impl fmt::Display for Switches {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let inputs = self.inputs();
+        write!(f, "deadman {:8}", self.deadman())?;
+        if inputs.deadman() == Deadman::Disagreeing {
+            f.write_str(if inputs.deadman_a { ", A and B set" } else { ", A and B clear" })?;
+        }
+        f.write_str(if inputs.reference { "  reference" } else { "" })?;
+        f.write_str(if inputs.reflection { "  reflection" } else { "" })
     }
 }
 

@@ -56,7 +56,7 @@ fn a_drive_s_pdos_are_told_by_joint_and_si_value() {
         "RPDO1_elbow: enable operation          0.0050 N·m motor   1.0000 N·m joint"
     );
     assert_eq!(ear.hears(0, 0x190, &[0b1001]), "TPDO1_switch_box: deadman pressed   reflection");
-    assert_eq!(ear.hears(0, 0x190, &[0]), "TPDO1_switch_box: deadman A and B both clear");
+    assert_eq!(ear.hears(0, 0x190, &[0]), "TPDO1_switch_box: deadman disagreeing, A and B clear");
 }
 
 #[test]

@@ -18,8 +18,6 @@ use crate::canopen::drive::Controlword;
 use crate::canopen::drive::Statusword;
 use crate::canopen::layout::Direction;
 use crate::canopen::object::Object;
-use crate::canopen::pdo::Deadman;
-use crate::canopen::pdo::SwitchInputs;
 use crate::canopen::signals::ACTUATOR_POSITION;
 use crate::canopen::signals::PdoFrame;
 use crate::canopen::signals::Signal;
@@ -28,6 +26,7 @@ use crate::canopen::words::Called;
 use crate::canopen::words::Command;
 use crate::canopen::words::InWords;
 use crate::canopen::words::Status;
+use crate::canopen::words::Switches;
 
 /// `elbow`, `node 3`.
 impl fmt::Display for Who<'_> {
@@ -295,24 +294,11 @@ fn value(signal: &Signal, raw: i64, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         Object::MODE_DISPLAY | Object::MODE_OF_OPERATION => {
             f.write_str(words::mode_of_operation(i8::from_le_bytes([low])))
         }
-        Object::DIGITAL_INPUTS => switches(low, f),
+        Object::DIGITAL_INPUTS => write!(f, "{}", Switches(low)),
         object => {
             write!(f, "{} {raw}", Called { object, else_called: None })
         }
     }
-}
-
-/// The switch box.
-fn switches(byte: u8, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-    let Ok(inputs) = SwitchInputs::decode(&[byte]) else { return Ok(()) };
-    f.write_str(match inputs.deadman() {
-        Deadman::Pressed => "deadman pressed ",
-        Deadman::Released => "deadman released",
-        Deadman::Disagreeing if inputs.deadman_a => "deadman A and B both set",
-        Deadman::Disagreeing => "deadman A and B both clear",
-    })?;
-    f.write_str(if inputs.reference { "  reference" } else { "" })?;
-    f.write_str(if inputs.reflection { "  reflection" } else { "" })
 }
 
 /// A remark in words: `TPDO1_elbow missing`, `912 µs after SYNC`.

@@ -13,12 +13,11 @@ use crate::canopen::drive::Controlword;
 use crate::canopen::drive::State;
 use crate::canopen::drive::Statusword;
 use crate::canopen::object::Object;
-use crate::canopen::pdo::SwitchInputs;
 use crate::canopen::signals::PdoFrame;
 use crate::canopen::signals::Signal;
 use crate::canopen::words::Command;
+use crate::canopen::words::Switches;
 use crate::cli::decode::Said;
-use crate::cli::decode::pseudo;
 use crate::cli::decode::pseudo::Pseudo;
 use crate::telemetry::candump::Content;
 use crate::telemetry::candump::Line;
@@ -192,8 +191,9 @@ fn value(signal: &Signal, raw: i64, to: &mut impl Write) -> io::Result<()> {
             write!(to, ",\"{name}_command\":\"{}\"", Command(Controlword(word)))
         }
         Object::DIGITAL_INPUTS => {
-            let Ok(inputs) = SwitchInputs::decode(&[low]) else { return Ok(()) };
-            write!(to, ",\"{name}_deadman\":\"{}\"", pseudo::deadman(inputs))?;
+            let switches = Switches(low);
+            let inputs = switches.inputs();
+            write!(to, ",\"{name}_deadman\":\"{}\"", switches.deadman())?;
             write!(to, ",\"{name}_reference\":{}", inputs.reference)?;
             write!(to, ",\"{name}_reflection\":{}", inputs.reflection)
         }
@@ -210,8 +210,9 @@ fn cycle(pseudo: &Pseudo, to: &mut impl Write) -> io::Result<()> {
         }
         Pseudo::Cycle { mode, inputs, sampled, number } => {
             write!(to, ",\"cycle\":{number},\"mode\":\"{mode}\",\"sampled\":{sampled}")?;
-            let Some(inputs) = inputs else { return Ok(()) };
-            write!(to, ",\"deadman\":\"{}\"", pseudo::deadman(*inputs))?;
+            let Some(switches) = inputs else { return Ok(()) };
+            let inputs = switches.inputs();
+            write!(to, ",\"deadman\":\"{}\"", switches.deadman())?;
             write!(to, ",\"reference\":{}", inputs.reference)?;
             write!(to, ",\"reflection\":{}", inputs.reflection)
         }

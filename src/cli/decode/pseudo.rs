@@ -2,8 +2,7 @@
 
 use std::fmt;
 
-use crate::canopen::pdo::Deadman;
-use crate::canopen::pdo::SwitchInputs;
+use crate::canopen::words::Switches;
 use crate::telemetry::candump::Line;
 use crate::telemetry::record::Mode;
 use crate::telemetry::session::NODE;
@@ -19,7 +18,7 @@ pub(super) enum Pseudo {
         /// The node's mode.
         mode: Mode,
         /// The switches; `None` while the switch box is silent.
-        inputs: Option<SwitchInputs>,
+        inputs: Option<Switches>,
         /// Joints whose samples came, a bit each.
         sampled: u8,
         /// Its number.
@@ -41,7 +40,7 @@ impl Pseudo {
         let &[mode, inputs, sampled, _, c0, c1, c2, c3] = data else { return None };
         let modes = [Mode::Boot, Mode::Ready, Mode::Armed, Mode::Engaged, Mode::Stopped];
         let mode = *modes.get(usize::from(mode))?;
-        let inputs = (inputs != SILENT).then(|| SwitchInputs::decode(&[inputs]).ok()).flatten();
+        let inputs = (inputs != SILENT).then_some(Switches(inputs));
         Some(Self::Cycle { mode, inputs, sampled, number: u32::from_le_bytes([c0, c1, c2, c3]) })
     }
 
@@ -57,15 +56,6 @@ impl Pseudo {
 /// Inputs of a switch box that is not there.
 const SILENT: u8 = 0xFF;
 
-/// What the deadman's channels say, in a word.
-pub(super) const fn deadman(inputs: SwitchInputs) -> &'static str {
-    match inputs.deadman() {
-        Deadman::Pressed => "pressed",
-        Deadman::Released => "released",
-        Deadman::Disagreeing => "disagreeing",
-    }
-}
-
 impl fmt::Display for Pseudo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -76,11 +66,7 @@ impl fmt::Display for Pseudo {
                 write!(f, "{number} {mode}")?;
                 match inputs {
                     None => f.write_str("  switch box silent")?,
-                    Some(inputs) => {
-                        write!(f, "  deadman {}", deadman(*inputs))?;
-                        f.write_str(if inputs.reference { "  reference" } else { "" })?;
-                        f.write_str(if inputs.reflection { "  reflection" } else { "" })?;
-                    }
+                    Some(switches) => write!(f, "  {switches}")?,
                 }
                 if *sampled == ALL {
                     Ok(())

@@ -136,6 +136,12 @@ impl Signal {
         (shifted & u64::MAX >> (64 - bits)).cast_signed()
     }
 
+    /// How it is measured, where it is seen from the joint as well.
+    pub fn measured(&self) -> Option<(&Measure, &Curve)> {
+        let measure = self.measure.as_ref()?;
+        Some((measure, measure.curve.as_ref()?))
+    }
+
     /// Whether a frame of `bytes` bytes has all of it.
     pub fn is_in(&self, bytes: usize) -> bool {
         usize::from(self.start) + usize::from(self.bits) <= 8 * bytes
@@ -172,9 +178,18 @@ pub struct PdoFrame {
 impl PdoFrame {
     /// Whether the signals are of several nodes.
     pub fn is_shared(&self) -> bool {
-        self.signals
-            .iter()
-            .any(|signal| self.signals.first().map(|first| first.member) != Some(signal.member))
+        let first = self.signals.first().map(|signal| signal.member);
+        self.signals.iter().any(|signal| Some(signal.member) != first)
+    }
+
+    /// The units at motor and joint, where all signals are seen from their joints and have the same.
+    pub fn common_units(&self) -> Option<[&'static str; 2]> {
+        let units = |signal: &Signal| {
+            let (measure, curve) = signal.measured()?;
+            (curve.place == "joint").then_some([measure.unit, curve.unit])
+        };
+        let first = units(self.signals.first()?)?;
+        self.signals.iter().all(|signal| units(signal) == Some(first)).then_some(first)
     }
 }
 

@@ -64,8 +64,8 @@ fn a_shared_frame_tells_every_joint() {
     let mut ear = Ear::of(grouped());
     assert_eq!(
         ear.hears(0, 0x201, &[1, 0, 0xFE, 0xFF, 0, 0]),
-        "Torque_group1: shoulder   0.0001 N·m motor   0.0200 N·m joint  \
-         elbow  -0.0002 N·m motor  -0.0400 N·m joint  wrist   0.0000 N·m motor   0.0000 N·m joint"
+        "Torque_group1: shoulder   0.0001 /  0.0200  elbow  -0.0002 / -0.0400  \
+         wrist   0.0000 /  0.0000  N·m motor / joint"
     );
     assert_eq!(
         ear.hears(0, 0x282, &[8, 0, 0, 0]),

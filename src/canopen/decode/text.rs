@@ -251,6 +251,7 @@ fn pdo(
     f: &mut fmt::Formatter<'_>,
 ) -> fmt::Result {
     let is_shared = frame.is_shared();
+    let common = frame.common_units().filter(|_| is_shared);
     let mut lead = "";
     for signal in frame.signals.iter().filter(|signal| signal.is_in(length)) {
         f.write_str(lead)?;
@@ -262,29 +263,32 @@ fn pdo(
         if signal.is_disputed {
             f.write_str("(disputed) ")?;
         }
-        value(signal, signal.raw(data), f)?;
+        let raw = signal.raw(data);
+        match (common, signal.measured()) {
+            (Some(_), Some((measure, curve))) => {
+                write!(f, "{:8.4} /{:8.4}", measure.value(raw), curve.at(raw))?;
+            }
+            (None, _) | (_, None) => value(signal, raw, f)?,
+        }
     }
-    Ok(())
+    common.map_or(Ok(()), |[motor, joint]| {
+        if motor == joint { write!(f, "  {motor}") } else { write!(f, "  {motor} / {joint}") }?;
+        f.write_str(" motor / joint")
+    })
 }
 
 /// The longest state, so that what follows stands in a column.
 const STATE: usize = 22;
 
 fn value(signal: &Signal, raw: i64, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    if let Some((measure, curve)) = signal.measured() {
+        let (value, unit) = (measure.value(raw), measure.unit);
+        let (at, place) = (curve.at(raw), curve.place);
+        return write!(f, "{value:8.4} {unit} motor {at:8.4} {} {place}", curve.unit);
+    }
     if let Some(measure) = &signal.measure {
-        let value = measure.value(raw);
-        let Some(curve) = &measure.curve else {
-            let place = if measure.quantity == ACTUATOR_POSITION { " actuator" } else { "" };
-            return write!(f, "{value:9.5} {}{place}", measure.unit);
-        };
-        return write!(
-            f,
-            "{value:8.4} {} motor {:8.4} {} {}",
-            measure.unit,
-            curve.at(raw),
-            curve.unit,
-            curve.place
-        );
+        let place = if measure.quantity == ACTUATOR_POSITION { " actuator" } else { "" };
+        return write!(f, "{:9.5} {}{place}", measure.value(raw), measure.unit);
     }
     let [low, high, ..] = raw.to_le_bytes();
     let word = u16::from_le_bytes([low, high]);

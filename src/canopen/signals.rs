@@ -3,7 +3,7 @@
 //! A frame's signals are the union of what all its consumers map, so that a frame shared by several
 //! drives (each with dummies where the others' targets are) reads as one. Dummies are no signals; bits
 //! that two nodes read as different things are named twice. What the values say in words is in
-//! [`words`](crate::canopen::words), what a log of them says in [`decode`](crate::canopen::decode).
+//! [`words`], what a log of them says in [`decode`](crate::canopen::decode).
 
 use canopen_rs::NodeId;
 

@@ -70,10 +70,10 @@ pub enum State {
     Fault,
 }
 
-/// As CiA 402 calls it.
-impl fmt::Display for State {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
+impl State {
+    /// What CiA 402 calls it.
+    pub const fn words(self) -> &'static str {
+        match self {
             Self::NotReadyToSwitchOn => "not ready to switch on",
             Self::SwitchOnDisabled => "switch on disabled",
             Self::ReadyToSwitchOn => "ready to switch on",
@@ -82,7 +82,14 @@ impl fmt::Display for State {
             Self::QuickStopActive => "quick stop active",
             Self::FaultReactionActive => "fault reaction active",
             Self::Fault => "fault",
-        })
+        }
+    }
+}
+
+/// As CiA 402 calls it.
+impl fmt::Display for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.words())
     }
 }
 

@@ -61,6 +61,11 @@ impl Emergency {
     }
 }
 
+/// Every code that has words of its own, with them.
+pub fn codes() -> impl Iterator<Item = (u16, &'static str)> {
+    CODES.iter().copied()
+}
+
 /// `8250h RPDO timeout (register 11h: generic, communication), 00 00 00 00 01`.
 impl fmt::Display for Emergency {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

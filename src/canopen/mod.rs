@@ -6,7 +6,9 @@ pub mod commission;
 pub mod concise;
 pub mod confirm;
 pub mod data_type;
+pub mod dbc;
 pub mod dcf;
+pub mod decode;
 pub mod device;
 pub mod dictionary;
 pub mod drive;
@@ -31,11 +33,13 @@ pub mod scan;
 #[cfg(test)]
 mod scripted;
 pub mod sdo;
+pub mod signals;
 pub mod station;
 pub mod sync;
 pub mod time_stamp;
 pub mod value;
 pub mod watch;
+pub mod words;
 
 pub use canopen_rs::NmtCommand;
 pub use canopen_rs::NmtState;

@@ -9,6 +9,7 @@ use clap::ValueEnum;
 
 use crate::cli::calib::Calib;
 use crate::cli::configured::Configured;
+use crate::cli::decode::Decode;
 use crate::cli::explain::Explain;
 use crate::cli::export::Export;
 use crate::cli::lss::Lss;
@@ -58,8 +59,6 @@ pub(super) enum Command {
         after_help = "Examples:\n  frhc check --config config/kraft_like.toml\n  frhc check --eds eds/frhc_drive.eds"
     )]
     Check(Check),
-    /// Files for other tools, from a configuration.
-    Export(Export),
     /// One cycle of the controller, with every intermediate of the paper's Fig. 3.
     #[command(
         after_help = "Examples:\n  frhc explain --q 0.05,-0.8,1.6,-0.7,0.1,0.2 --q-reference 0,-0.87,1.66,-0.79,0,0 --wrench -5,0,0,0,0,0\n  echo '{\"q\": [0,-0.8,1.6,-0.7,0,0], \"preset\": \"paper1997\"}' | frhc explain --json - | jq .tau.value"
@@ -75,6 +74,18 @@ pub(super) enum Command {
     Nmt(Nmt),
     /// Sets node-ids and bit rates of devices.
     Lss(Lss),
+    /// What candump lines say, by joint and in SI units: behind each line, as it was.
+    #[command(
+        after_help = "Behind a `!` stands what is missing, late or of the wrong length. Lines that are none of candump's go \
+                      through as they are and are told on stderr; when no line is one the exit code is 1.\n\nExamples:\n  \
+                      frhc decode --config config/kraft_like.toml /tmp/session/bus.log | less -S\n  \
+                      candump -ta can0 | frhc decode --config config/kraft_like_500hz.toml -i can0 --only elbow\n  \
+                      frhc decode --config config/kraft_like.toml --json bus.log | jq 'select(.remarks)'"
+    )]
+    Decode(Decode),
+    /// Files for other programs: the frames of the buses, what each node is left with.
+    #[command(subcommand)]
+    Export(Export),
 }
 
 /// Overriding interfaces.

@@ -7,6 +7,7 @@ mod check;
 mod configured;
 mod console;
 mod ctl;
+mod decode;
 mod demo;
 mod exit;
 mod explain;
@@ -44,12 +45,13 @@ pub fn main() -> ExitCode {
         Command::Ctl(args) => ctl::run(args),
         Command::Check(args) => check::run(args),
         Command::Explain(args) => explain::run(args),
-        Command::Export(args) => export::run(args),
         Command::Calib(args) => calib::run(args),
         Command::Scan(args) => scan::run(args),
         Command::Sdo(args) => sdo::run(args),
         Command::Nmt(args) => nmt::run(args),
         Command::Lss(args) => lss::run(args),
+        Command::Decode(args) => decode::run(args, cli.quiet),
+        Command::Export(args) => export::run(args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

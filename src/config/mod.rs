@@ -12,6 +12,7 @@ mod problem;
 mod raw;
 mod readings;
 mod remote;
+pub mod signals;
 pub mod torque_data;
 
 pub use gain_check::Operator;

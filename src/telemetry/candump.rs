@@ -13,6 +13,7 @@
 use std::fmt;
 use std::io;
 use std::io::Write;
+use std::ops::Deref;
 
 use thiserror::Error;
 
@@ -41,16 +42,96 @@ pub struct Line<'t> {
 }
 
 /// What a line carries.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Content {
     /// A data frame.
-    Data(Vec<u8>),
+    Data(Bytes),
     /// A CAN FD frame: its flags, one hexadecimal digit, and its data.
-    Fd(u8, Vec<u8>),
+    Fd(u8, Bytes),
     /// A remote frame, and the length it asks for, where it says one.
     Remote(Option<u8>),
     /// What a CAN controller reports.
-    Error(Vec<u8>),
+    Error(Bytes),
+}
+
+/// The most data a frame has: CAN FD's.
+const MOST: usize = 64;
+
+/// The data of a frame, in place: a log of a million lines is read without an allocation.
+#[derive(Clone, Copy)]
+pub struct Bytes {
+    length: usize,
+    bytes: [u8; MOST],
+}
+
+impl Bytes {
+    const EMPTY: Self = Self { length: 0, bytes: [0; MOST] };
+
+    /// Pairs of hexadecimal digits, `most` of them at most.
+    fn parse(digits: &[u8], most: usize) -> Option<Self> {
+        let mut bytes = Self::EMPTY;
+        let (pairs, rest) = digits.as_chunks::<2>();
+        if !rest.is_empty() || pairs.len() > most {
+            return None;
+        }
+        pairs.iter().try_for_each(|pair| bytes.push(byte(*pair)?))?;
+        Some(bytes)
+    }
+
+    /// One more, `None` if there is no room.
+    pub(super) fn push(&mut self, byte: u8) -> Option<()> {
+        *self.bytes.get_mut(self.length)? = byte;
+        self.length += 1;
+        Some(())
+    }
+
+    pub(super) const fn empty() -> Self {
+        Self::EMPTY
+    }
+}
+
+impl Deref for Bytes {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        self.bytes.get(..self.length).unwrap_or_default()
+    }
+}
+
+impl PartialEq for Bytes {
+    fn eq(&self, other: &Self) -> bool {
+        **self == **other
+    }
+}
+
+impl Eq for Bytes {}
+
+impl<const N: usize> PartialEq<[u8; N]> for Bytes {
+    fn eq(&self, other: &[u8; N]) -> bool {
+        **self == *other
+    }
+}
+
+impl fmt::Debug for Bytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Debug::fmt(&**self, f)
+    }
+}
+
+/// Two hexadecimal digits.
+pub(super) fn byte(digits: [u8; 2]) -> Option<u8> {
+    let [high, low] = digits.map(digit);
+    Some(high? << 4 | low?)
+}
+
+/// One hexadecimal digit.
+const fn digit(digit: u8) -> Option<u8> {
+    match digit {
+        b'0'..=b'9' => Some(digit - b'0'),
+        b'A'..=b'F' => Some(digit - b'A' + 10),
+        b'a'..=b'f' => Some(digit - b'a' + 10),
+        _ => None,
+    }
 }
 
 /// Why a line is none.
@@ -81,26 +162,11 @@ impl<'t> Line<'t> {
         let interface = words.next().ok_or(NotALine::Interface)?;
         let (digits, rest) =
             words.next().and_then(|frame| frame.split_once('#')).ok_or(NotALine::Identifier)?;
-        let is_extended = digits.len() == 8;
-        if !is_extended && digits.len() != 3 || !digits.bytes().all(|b| b.is_ascii_hexdigit()) {
-            return Err(NotALine::Identifier);
+        let (id, is_extended) = identifier(digits).ok_or(NotALine::Identifier)?;
+        let content = content(id, rest).ok_or(NotALine::Data)?;
+        if !matches!((words.next(), words.next()), (None | Some("R" | "T"), None)) {
+            return Err(NotALine::Data);
         }
-        let id = u32::from_str_radix(digits, 16).map_err(|_| NotALine::Identifier)?;
-        let content = if let Some(fd) = rest.strip_prefix('#') {
-            let (flags, data) = fd.split_at_checked(1).ok_or(NotALine::Data)?;
-            let flags = u8::from_str_radix(flags, 16).map_err(|_| NotALine::Data)?;
-            Content::Fd(flags, bytes(data, 64)?)
-        } else if let Some(length) = rest.strip_prefix('R') {
-            let length = length.is_empty().then_some(None);
-            Content::Remote(match length {
-                Some(none) => none,
-                None => Some(rest[1..].parse().map_err(|_| NotALine::Data)?),
-            })
-        } else if id & ERROR_FLAG != 0 {
-            Content::Error(bytes(rest, 8)?)
-        } else {
-            Content::Data(bytes(rest, 8)?)
-        };
         Ok(Self { nanos, is_fine, interface, id, is_extended, content })
     }
 
@@ -136,32 +202,49 @@ impl fmt::Display for Line<'_> {
     }
 }
 
-/// `(seconds.digits)` in nanoseconds, and whether it has nine digits.
-fn stamp(word: &str) -> Option<(u64, bool)> {
-    let (seconds, digits) = word.strip_prefix('(')?.strip_suffix(')')?.split_once('.')?;
-    if !digits.bytes().chain(seconds.bytes()).all(|byte| byte.is_ascii_digit()) {
+/// An identifier of three hexadecimal digits, or of eight, which makes it an extended one.
+pub(super) fn identifier(digits: &str) -> Option<(u32, bool)> {
+    if digits.len() != 3 && digits.len() != 8 || digits.starts_with('+') {
         return None;
     }
+    Some((u32::from_str_radix(digits, 16).ok()?, digits.len() == 8))
+}
+
+/// Whether this is the identifier of an error frame.
+pub(super) const fn is_error(id: u32) -> bool {
+    id & ERROR_FLAG != 0
+}
+
+/// What stands behind the `#`.
+fn content(id: u32, rest: &str) -> Option<Content> {
+    if let Some(fd) = rest.strip_prefix('#') {
+        let (flags, data) = fd.as_bytes().split_first()?;
+        return Some(Content::Fd(digit(*flags)?, Bytes::parse(data, MOST)?));
+    }
+    match rest.strip_prefix('R') {
+        Some("") => Some(Content::Remote(None)),
+        Some(length) => Some(Content::Remote(Some(u8::try_from(number(length)?).ok()?))),
+        None if is_error(id) => Some(Content::Error(Bytes::parse(rest.as_bytes(), 8)?)),
+        None => Some(Content::Data(Bytes::parse(rest.as_bytes(), 8)?)),
+    }
+}
+
+/// `(seconds.digits)` in nanoseconds, and whether it has nine digits.
+pub(super) fn stamp(word: &str) -> Option<(u64, bool)> {
+    let (seconds, digits) = word.strip_prefix('(')?.strip_suffix(')')?.split_once('.')?;
     let scale = match digits.len() {
         6 => 1_000,
         9 => 1,
         _ => return None,
     };
-    let whole = seconds.parse::<u64>().ok()?.checked_mul(1_000_000_000)?;
-    let nanos = whole.checked_add(digits.parse::<u64>().ok()?.checked_mul(scale)?)?;
+    let whole = number(seconds)?.checked_mul(1_000_000_000)?;
+    let nanos = whole.checked_add(number(digits)?.checked_mul(scale)?)?;
     Some((nanos, scale == 1))
 }
 
-/// Pairs of hexadecimal digits, `most` of them at most.
-fn bytes(digits: &str, most: usize) -> Result<Vec<u8>, NotALine> {
-    if !digits.len().is_multiple_of(2) || digits.len() > 2 * most {
-        return Err(NotALine::Data);
-    }
-    let pair = |pair: &[u8]| {
-        let text = std::str::from_utf8(pair).ok().filter(|text| !text.starts_with('+'))?;
-        u8::from_str_radix(text, 16).ok()
-    };
-    digits.as_bytes().chunks_exact(2).map(pair).collect::<Option<_>>().ok_or(NotALine::Data)
+/// Decimal digits and nothing else.
+fn number(digits: &str) -> Option<u64> {
+    digits.bytes().all(|byte| byte.is_ascii_digit()).then(|| digits.parse().ok())?
 }
 
 /// Writes a log of several buses.
@@ -247,6 +330,10 @@ mod tests {
             ("(1.000000) can0 080#1", NotALine::Data),
             ("(1.000000) can0 080#+1", NotALine::Data),
             ("(1.000000) can0 080#112233445566778899", NotALine::Data),
+            ("(1.000000) can0 080#R+8", NotALine::Data),
+            ("(1.000000) can0 080##", NotALine::Data),
+            ("(1.000000) can0 080#11 22", NotALine::Data),
+            ("(+1.000000) can0 080#", NotALine::Stamp),
         ] {
             assert_eq!(Line::parse(line), Err(reason), "{line}");
         }

@@ -5,6 +5,7 @@ mod chart;
 pub mod contact;
 pub mod digits;
 pub mod record;
+pub mod screen;
 pub mod session;
 pub mod status;
 pub mod summary;

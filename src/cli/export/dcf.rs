@@ -26,7 +26,7 @@ use crate::config::Config;
 
 /// `frhc export dcf`.
 #[derive(Debug, Args)]
-pub(super) struct Dcf {
+pub(in crate::cli) struct Dcf {
     #[command(flatten)]
     config: Configured,
     /// Where the files go; made if it is not there.

@@ -1,23 +1,22 @@
-//! `frhc export`: files for other tools, made from a configuration.
+//! `frhc export`: files for other programs, made from a configuration.
 
+mod dbc;
 mod dcf;
 
-use clap::Args;
 use clap::Subcommand;
 
 use crate::cli::exit::Failure;
 
 /// `frhc export`.
-#[derive(Debug, Args)]
-pub(super) struct Export {
-    /// What to make.
-    #[command(subcommand)]
-    format: Format,
-}
-
-/// What to make.
 #[derive(Debug, Subcommand)]
-enum Format {
+pub(super) enum Export {
+    /// The frames of the buses as a DBC file, with SI scales and joint names.
+    #[command(
+        after_help = "Examples:\n  frhc export dbc --config config/kraft_like.toml --out kraft_like.dbc\n  \
+                      cantools decode kraft_like.dbc < session/bus.log\n  \
+                      frhc export dbc --config config/jpl_like.toml --bus wrist | less"
+    )]
+    Dbc(dbc::Dbc),
     /// A device configuration file (CiA 306) for each drive and the switch box.
     #[command(
         after_help = "Example:\n  frhc export dcf --config config/kraft_like_500hz.toml --out /tmp/dcf"
@@ -25,9 +24,10 @@ enum Format {
     Dcf(dcf::Dcf),
 }
 
-/// Makes it.
-pub(super) fn run(args: &Export) -> Result<(), Failure> {
-    match &args.format {
-        Format::Dcf(args) => dcf::run(args),
+/// Writes what is asked for.
+pub(super) fn run(export: &Export) -> Result<(), Failure> {
+    match export {
+        Export::Dbc(args) => dbc::run(args),
+        Export::Dcf(args) => dcf::run(args),
     }
 }

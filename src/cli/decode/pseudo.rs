@@ -1,0 +1,96 @@
+//! What the session recorder says between the frames of the buses: see `telemetry::session`.
+
+use std::fmt;
+
+use crate::canopen::words::Switches;
+use crate::telemetry::candump::Line;
+use crate::telemetry::record::Mode;
+use crate::telemetry::session::NODE;
+use crate::telemetry::session::WRENCH;
+
+/// A line of the recorder's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Pseudo {
+    /// The wrench on the object at {S}: force in N, moment in N·m.
+    Wrench([f64; 6]),
+    /// A cycle.
+    Cycle {
+        /// The node's mode.
+        mode: Mode,
+        /// The switches; `None` while the switch box is silent.
+        inputs: Option<Switches>,
+        /// Joints whose samples came, a bit each.
+        sampled: u8,
+        /// Its number.
+        number: u32,
+    },
+}
+
+impl Pseudo {
+    /// Reads one, `None` if the line is of somebody else.
+    pub(super) fn read(line: &Line<'_>, data: &[u8]) -> Option<Self> {
+        if (line.interface, line.id) == WRENCH {
+            let (numbers, rest) = data.as_chunks::<8>();
+            let numbers: &[[u8; 8]; 6] = numbers.try_into().ok().filter(|_| rest.is_empty())?;
+            return Some(Self::Wrench(numbers.map(f64::from_le_bytes)));
+        }
+        if (line.interface, line.id) != NODE {
+            return None;
+        }
+        let &[mode, inputs, sampled, _, c0, c1, c2, c3] = data else { return None };
+        let modes = [Mode::Boot, Mode::Ready, Mode::Armed, Mode::Engaged, Mode::Stopped];
+        let mode = *modes.get(usize::from(mode))?;
+        let inputs = (inputs != SILENT).then_some(Switches(inputs));
+        Some(Self::Cycle { mode, inputs, sampled, number: u32::from_le_bytes([c0, c1, c2, c3]) })
+    }
+
+    /// What it is called.
+    pub(super) const fn name(&self) -> &'static str {
+        match self {
+            Self::Wrench(_) => "wrench",
+            Self::Cycle { .. } => "cycle",
+        }
+    }
+}
+
+/// Inputs of a switch box that is not there.
+const SILENT: u8 = 0xFF;
+
+impl fmt::Display for Pseudo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Wrench([x, y, z, a, b, c]) => {
+                write!(f, "{x:8.3} {y:8.3} {z:8.3} N  {a:8.4} {b:8.4} {c:8.4} N·m")
+            }
+            Self::Cycle { mode, inputs, sampled, number } => {
+                write!(f, "{number} {mode}")?;
+                match inputs {
+                    None => f.write_str("  switch box silent")?,
+                    Some(switches) => write!(f, "  {switches}")?,
+                }
+                if *sampled == ALL {
+                    Ok(())
+                } else {
+                    write!(f, "  samples of {}", Joints(*sampled))
+                }
+            }
+        }
+    }
+}
+
+/// The six joints.
+const ALL: u8 = 0b11_1111;
+
+/// Joints by number, the base's being 1.
+struct Joints(u8);
+
+impl fmt::Display for Joints {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut lead = "";
+        for joint in (0..8).filter(|bit| self.0 & 1 << bit != 0) {
+            write!(f, "{lead}{}", joint + 1)?;
+            lead = " ";
+        }
+        f.write_str(if lead.is_empty() { "none" } else { "" })
+    }
+}

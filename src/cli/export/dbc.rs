@@ -1,0 +1,140 @@
+//! `frhc export dbc`: the effective PDO layout as a DBC file, and what the session recorder adds.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::canopen::dbc::Field;
+use crate::canopen::dbc::Format;
+use crate::canopen::dbc::Message;
+use crate::canopen::dbc::Number;
+use crate::canopen::dbc::messages;
+use crate::canopen::dbc::messages::Master;
+use crate::canopen::frame::Channel;
+use crate::canopen::signals::identifier;
+use crate::cli::configured::Configured;
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::cli::exit::OrFail;
+use crate::cli::print;
+use crate::config::Config;
+use crate::config::signals;
+use crate::telemetry::session::NODE;
+use crate::telemetry::session::WRENCH;
+
+/// `frhc export dbc`.
+#[derive(Debug, Args)]
+pub(in crate::cli) struct Dbc {
+    #[command(flatten)]
+    config: Configured,
+    /// Only the bus of this name; all of them if not given.
+    #[arg(long, value_name = "NAME")]
+    bus: Option<String>,
+    /// Write it here rather than to stdout.
+    #[arg(short, long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+/// Writes the file.
+pub(super) fn run(args: &Dbc) -> Result<(), Failure> {
+    let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
+    let channel = args.bus.as_ref().map(|name| channel(&config, name)).transpose()?;
+    let mut members = signals::members(&config);
+    members.retain(|member| channel.is_none_or(|channel| member.channel == channel));
+    let master = Master {
+        node: config.node_id.raw(),
+        period_us: u32::try_from(config.period.as_micros()).or_fail(Kind::Configuration)?,
+        heartbeat_ms: u32::try_from(config.heartbeat.as_millis()).or_fail(Kind::Configuration)?,
+    };
+    let mut database = messages::database(&members, &master).map_err(|collision| {
+        Failure::new(Kind::Usage, format!("{collision}: --bus NAME takes one of them"))
+    })?;
+    let joints = config.joints.iter().map(|joint| identifier(&joint.name));
+    database.messages.extend([wrench(), cycle(joints)]);
+    let text = database.to_string();
+    match &args.out {
+        None => print::line(text.trim_end()),
+        Some(file) => {
+            let named = |error| format!("{}: {error}", file.display());
+            std::fs::write(file, text).map_err(|error| Failure::new(Kind::Usage, named(error)))?;
+        }
+    }
+    Ok(())
+}
+
+fn channel(config: &Config, name: &str) -> Result<Channel, Failure> {
+    let mut buses = config.channels().into_iter().zip(&config.buses);
+    let found = buses.find(|(_, bus)| bus.name == name).map(|(channel, _)| channel);
+    found.ok_or_else(|| {
+        let names: Vec<_> = config.buses.iter().map(|bus| bus.name.as_str()).collect();
+        Failure::new(Kind::Usage, format!("--bus {name}: there is {}", names.join(", ")))
+    })
+}
+
+/// What the session recorder says of the wrench.
+fn wrench() -> Message {
+    let axes = [
+        ("force_x", "N"),
+        ("force_y", "N"),
+        ("force_z", "N"),
+        ("moment_x", "N·m"),
+        ("moment_y", "N·m"),
+        ("moment_z", "N·m"),
+    ];
+    let field = |(start, (name, unit)): (u16, (&str, &'static str))| Field {
+        name: name.to_owned(),
+        start: start * 64,
+        bits: 64,
+        number: Number::Double,
+        unit,
+        ..Field::default()
+    };
+    let (_, id) = WRENCH;
+    Message {
+        id,
+        format: Format::ExtendedFd,
+        name: "Wrench".to_owned(),
+        bytes: 48,
+        sender: "master".to_owned(),
+        comment: "of the session recorder: the wrench on the object at {S} that a cycle used"
+            .to_owned(),
+        cycle_ms: None,
+        fields: (0..).zip(axes).map(field).collect(),
+    }
+}
+
+/// What the session recorder says of a cycle.
+fn cycle(joints: impl Iterator<Item = String>) -> Message {
+    let plain = |name: &str, start: u16, bits: u16| Field {
+        name: name.to_owned(),
+        start,
+        bits,
+        ..Field::default()
+    };
+    let modes = vec![(0, "boot"), (1, "ready"), (2, "armed"), (3, "engaged"), (4, "stopped")];
+    let mut fields = vec![
+        Field { values: modes, ..plain("mode", 0, 8) },
+        plain("deadman_a", 8, 1),
+        plain("deadman_b", 9, 1),
+        plain("reference", 10, 1),
+        plain("reflection", 11, 1),
+        Field {
+            comment: "the switch box has not been heard, and its bits say nothing".to_owned(),
+            ..plain("switch_box_silent", 15, 1)
+        },
+    ];
+    fields
+        .extend((16..).zip(joints).map(|(bit, joint)| plain(&format!("{joint}_sampled"), bit, 1)));
+    fields.push(plain("cycle", 32, 32));
+    let (_, id) = NODE;
+    Message {
+        id,
+        format: Format::ExtendedFd,
+        name: "Cycle".to_owned(),
+        bytes: 8,
+        sender: "master".to_owned(),
+        comment: "of the session recorder: the end of a cycle".to_owned(),
+        cycle_ms: None,
+        fields,
+    }
+}

@@ -16,6 +16,7 @@ use crate::canopen::layout;
 use crate::canopen::layout::Group;
 use crate::canopen::load;
 use crate::canopen::load::BusLoad;
+use crate::canopen::load::streams::Stream;
 use crate::canopen::object::Object;
 use crate::canopen::plan::Demand;
 use crate::canopen::plan::Identity;
@@ -277,16 +278,28 @@ fn identity(key: &str, eds: &Eds, identity: &Identity, problems: &mut Problems<'
 
 /// The worst case of each bus.
 pub(super) fn loads(config: &Config) -> Vec<BusLoad> {
-    let plans = plans(config);
-    let period_us = u32::try_from(config.period.as_micros()).unwrap_or(u32::MAX);
-    let heartbeat_ms = u16::try_from(config.heartbeat.as_millis()).unwrap_or(u16::MAX);
     let buses = (0..).map(Channel).zip(&config.buses);
     let load = |(channel, bus): (Channel, &BusSettings)| {
-        let here = plans.iter().filter(|(place, _)| *place == channel).map(|(_, plan)| plan);
-        let streams = load::streams(here, period_us, config.node_id, heartbeat_ms);
-        BusLoad::of(&streams, bus.bitrate, period_us)
+        BusLoad::of(&streams(config, channel), bus.bitrate, period_us(config))
     };
     buses.map(load).collect()
+}
+
+/// What is planned on one bus.
+fn streams(config: &Config, channel: Channel) -> Vec<Stream> {
+    let plans = plans(config);
+    let here = plans.iter().filter(|(place, _)| *place == channel).map(|(_, plan)| plan);
+    load::streams(here, period_us(config), config.node_id, heartbeat_ms(config))
+}
+
+/// From SYNC to SYNC, in µs.
+pub(super) fn period_us(config: &Config) -> u32 {
+    u32::try_from(config.period.as_micros()).unwrap_or(u32::MAX)
+}
+
+/// From one heartbeat of the master to the next, in ms.
+pub(super) fn heartbeat_ms(config: &Config) -> u16 {
+    u16::try_from(config.heartbeat.as_millis()).unwrap_or(u16::MAX)
 }
 
 /// How long the RPDOs of every cycle take on the slowest bus, in the worst case.

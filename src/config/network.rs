@@ -175,7 +175,7 @@ pub(super) fn safety(raw: &raw::File, period: Duration, problems: &mut Problems<
 }
 
 /// What no single section shows: node-ids taken twice, devices that are not what their EDS says or
-/// cannot do what the layout asks, buses that carry too much.
+/// cannot do what the layout asks.
 pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
     let mut taken = HashSet::new();
     for place in config.channels() {
@@ -195,8 +195,11 @@ pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
     }
     identity("switches.product_code", &config.switches.eds, &config.switches.identity, problems);
     abilities("switches.eds", &config.switches.eds, &switches_plan(config), problems);
-
     problems.take("bus", exchange::resolve(&plans(config)));
+}
+
+/// Whether any bus carries too much.
+pub(super) fn check_loads(config: &Config, problems: &mut Problems<'_>) {
     for (place, (bus, load)) in config.buses.iter().zip(loads(config)).enumerate() {
         let key = format!("bus[{place}].load_limit_percent");
         problems.take(&key, load.within(bus.load_limit_percent));

@@ -14,9 +14,11 @@
 //! | [`rates`] | the highest SYNC rate all this allows |
 //! | [`network`] | all buses and all of the above for each |
 //! | [`abilities`] | what the drives' data sheets permit |
-//! | [`proposals`] | layouts that carry less, each computed like the one in use |
+//! | [`alternatives`] | the same network with something done differently |
+//! | [`proposals`] | which of those to propose, each computed like the one in use |
 
 pub mod abilities;
+pub mod alternatives;
 pub mod network;
 pub mod pace;
 pub mod payload;

@@ -369,7 +369,8 @@ pub(crate) mod tests {
 
     #[test]
     fn emergencies_in_front_make_torques_late() {
-        let assumed = Assumptions::default();
+        let pauses = Pauses { drive_us: 100, host_us: 60 };
+        let assumed = Assumptions { pauses, ..Assumptions::default() };
         let drives = grouped().into_iter().filter(|plan| plan.profile == 402).collect();
         let mut network = network(drives, 1_000);
         let before = network.torque_response(&assumed).unwrap();
@@ -395,6 +396,8 @@ pub(crate) mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
         #[test]
         fn absurd_figures_are_borne(
             period_us in any::<u32>(),

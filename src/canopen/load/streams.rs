@@ -311,7 +311,7 @@ pub fn rpdo_bits(streams: &[Stream]) -> u32 {
 pub(crate) mod tests {
     use super::*;
     use crate::canopen::layout;
-    use crate::canopen::load::proposals;
+    use crate::canopen::load::alternatives;
     use crate::canopen::plan::tests::elbow;
     use crate::canopen::plan::tests::switch_box;
 
@@ -335,7 +335,7 @@ pub(crate) mod tests {
 
     /// Six drives in two groups and the switch box, heartbeats every 100 ms.
     pub(crate) fn grouped() -> Vec<NodePlan> {
-        let mut plans = proposals::grouped(&drives(6));
+        let mut plans = alternatives::grouped(&drives(6));
         plans.push(switch_box());
         plans.into_iter().map(|plan| NodePlan { heartbeat_ms: 100, ..plan }).collect()
     }

@@ -11,6 +11,7 @@ mod exit;
 mod explain;
 mod gains;
 mod interfaces;
+mod plan;
 mod print;
 mod recorder;
 mod rig;
@@ -37,6 +38,7 @@ pub fn main() -> ExitCode {
         Command::Sim(args) => sim::run(args),
         Command::Ctl(args) => ctl::run(args),
         Command::Check(args) => check::run(args),
+        Command::Plan(args) => plan::run(args),
         Command::Explain(args) => explain::run(args),
         Command::Calib(args) => calib::run(args),
     };

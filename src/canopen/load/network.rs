@@ -146,6 +146,11 @@ impl BusPlan {
     pub fn fits(&self) -> bool {
         self.utilisation.worst.within(self.load_limit_percent).is_ok()
     }
+
+    /// Whether a cycle is done before the next SYNC in the worst case.
+    pub fn is_done_within(&self, period_us: u32) -> bool {
+        self.timeline.worst.done_us <= f64::from(period_us)
+    }
 }
 
 impl Network {

@@ -36,7 +36,9 @@ pub fn proposals(network: &Network, assumed: &Assumptions) -> Vec<Proposal> {
         let now = network.torque_response(assumed);
         return moved.filter(|moved| is_shorter(moved.torque_response, now)).into_iter().collect();
     }
+    let now = network.highest_hz(assumed);
     let tried = [
+        vec![Change::SlowHeartbeats],
         vec![Change::Grouped],
         vec![Change::StatesOnChange],
         vec![Change::SecondBus],
@@ -47,7 +49,12 @@ pub fn proposals(network: &Network, assumed: &Assumptions) -> Vec<Proposal> {
     for changes in tried.into_iter().chain(slower) {
         // Two big changes only where one is not enough.
         let is_needed = changes.len() == 1 || !found.iter().any(|one| one.fits);
-        found.extend(is_needed.then(|| refined(network, &changes, assumed)).flatten());
+        let proposal = is_needed.then(|| refined(network, &changes, assumed)).flatten();
+        // Slower heartbeats alone are worth a line only if they are enough.
+        let is_worth_it = |one: &Proposal| {
+            one.fits || one.highest_hz > now && one.changes != [Change::SlowHeartbeats]
+        };
+        found.extend(proposal.filter(is_worth_it));
     }
     found
 }
@@ -122,6 +129,15 @@ mod tests {
         ];
         let expected = expected.map(|(changes, loads, fits)| (changes, loads.to_owned(), fits));
         assert_eq!(found.collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn where_little_is_missing_little_is_proposed() {
+        let grouped = changed(&overloaded(), &[Change::Grouped]).unwrap();
+        let found = of(&grouped);
+        let expected = [Change::SlowHeartbeats, Change::EmergenciesMoved];
+        assert_eq!(found.first().unwrap().changes, expected);
+        assert!(found.iter().all(|one| !one.changes.contains(&Change::StatesOnChange)));
     }
 
     #[test]

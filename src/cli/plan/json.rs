@@ -6,8 +6,8 @@ use serde_json::Value as Json;
 use serde_json::json;
 
 use crate::canopen::load::network::Both;
+use crate::canopen::load::network::Bus;
 use crate::canopen::load::network::BusPlan;
-use crate::canopen::load::network::Network;
 use crate::canopen::load::network::Planned;
 use crate::canopen::load::pace::Pace;
 use crate::canopen::load::proposals::Proposal;
@@ -24,10 +24,12 @@ use crate::cli::plan::text;
 /// The whole report as one object.
 pub(super) fn of(report: &Report<'_>) -> String {
     let assumed = &report.assumed;
-    let buses = report.buses.iter().map(|plan| bus(plan, report.network));
+    let network = report.network;
+    let buses = report.buses.iter().zip(&network.buses);
+    let buses = buses.map(|(plan, bus)| of_bus(plan, bus, network.period_us));
     json!({
         "fits": report.buses.iter().all(BusPlan::fits),
-        "sync_period_us": report.network.period_us,
+        "sync_period_us": network.period_us,
         "assumed": {
             "drive_us": assumed.pauses.drive_us,
             "host_us": assumed.pauses.host_us,
@@ -45,12 +47,13 @@ pub(super) fn of(report: &Report<'_>) -> String {
     .to_string()
 }
 
-fn bus(plan: &BusPlan, network: &Network) -> Json {
+fn of_bus(plan: &BusPlan, bus: &Bus, period_us: u32) -> Json {
     let all = &plan.utilisation;
     json!({
         "name": plan.name,
         "bitrate": plan.bitrate,
         "fits": plan.fits(),
+        "cycle_is_done_in_time": plan.is_done_within(period_us),
         "limit_percent": plan.load_limit_percent,
         "load": {
             "cycle_unstuffed": load(&all.cycle_least),
@@ -64,7 +67,7 @@ fn bus(plan: &BusPlan, network: &Network) -> Json {
         "left_bits_per_s": plan.margin.bits_per_s,
         "left_expedited_sdo_per_s": plan.margin.expedited_sdo_per_s,
         "highest_rate_hz": both(&plan.rates, rates),
-        "frames": plan.frames.iter().map(|it| frame(it, network)).collect::<Vec<_>>(),
+        "frames": plan.frames.iter().map(|it| frame(it, bus)).collect::<Vec<_>>(),
         "cycle": both(&plan.timeline, timeline),
         "loop_delay_us": both(&plan.loop_delay, loop_delay),
     })
@@ -86,9 +89,9 @@ fn rates(rates: &Rates) -> Json {
     })
 }
 
-fn frame(planned: &Planned, network: &Network) -> Json {
+fn frame(planned: &Planned, bus: &Bus) -> Json {
     let stream = &planned.stream;
-    let (by_clock, gap_us, timer_us) = match stream.pace {
+    let (sent, gap_us, timer_us) = match stream.pace {
         Pace::Clock { period_us } => ("clock", period_us, Some(period_us)),
         Pace::Change { gap_us, timer_us, .. } => ("change", gap_us, timer_us),
         Pace::Chance { gap_us } => ("chance", gap_us, None),
@@ -96,7 +99,7 @@ fn frame(planned: &Planned, network: &Network) -> Json {
     json!({
         "cob_id": stream.cob_id,
         "role": text::role(stream.role),
-        "of": text::nodes(stream, network),
+        "of": text::nodes(stream, bus),
         "nodes": stream.nodes.iter().map(|node| node.raw()).collect::<Vec<_>>(),
         "sender": match stream.sender {
             Sender::Master => "master",
@@ -108,7 +111,7 @@ fn frame(planned: &Planned, network: &Network) -> Json {
             "typical": planned.typical_bits,
             "worst": stream.worst_bits(),
         },
-        "sent_by": by_clock,
+        "sent": sent,
         "least_gap_us": gap_us,
         "period_us": timer_us,
         "per_s": {

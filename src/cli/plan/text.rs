@@ -1,10 +1,9 @@
 //! A plan for people: a screen or two a bus.
 
-use std::fmt::Write;
 use std::time::Duration;
 
+use crate::canopen::load::network::Bus;
 use crate::canopen::load::network::BusPlan;
-use crate::canopen::load::network::Network;
 use crate::canopen::load::network::Planned;
 use crate::canopen::load::pace::Pace;
 use crate::canopen::load::proposals::Proposal;
@@ -22,9 +21,9 @@ const COLUMNS: u32 = 50;
 /// The whole report, without a line end behind it.
 pub(super) fn of(report: &Report<'_>) -> String {
     let mut lines = vec![head(report)];
-    for bus in &report.buses {
+    for (plan, bus) in report.buses.iter().zip(&report.network.buses) {
         lines.push(String::new());
-        lines.extend(bus_lines(bus, report));
+        lines.extend(bus_lines(plan, bus, report.network.period_us));
     }
     let proposed = proposal_lines(report);
     if !proposed.is_empty() {
@@ -53,14 +52,18 @@ fn head(report: &Report<'_>) -> String {
     )
 }
 
-fn bus_lines(bus: &BusPlan, report: &Report<'_>) -> Vec<String> {
-    let verdict = if bus.fits() { "fits" } else { "does not fit" };
-    let mut lines = vec![format!("bus {}, {} bit/s: {verdict}", bus.name, bus.bitrate)];
-    lines.extend(load_lines(bus));
+fn bus_lines(plan: &BusPlan, bus: &Bus, period_us: u32) -> Vec<String> {
+    let verdict = match (plan.fits(), plan.is_done_within(period_us)) {
+        (true, true) => "fits",
+        (true, false) => "fits, but a cycle may not be done before the next SYNC",
+        (false, _) => "does not fit",
+    };
+    let mut lines = vec![format!("bus {}, {} bit/s: {verdict}", plan.name, plan.bitrate)];
+    lines.extend(load_lines(plan));
     lines.push(String::new());
-    lines.extend(frame_lines(bus, report.network));
+    lines.extend(frame_lines(plan, bus));
     lines.push(String::new());
-    lines.extend(cycle_lines(bus, report.network));
+    lines.extend(cycle_lines(plan, bus, period_us));
     lines
 }
 
@@ -81,37 +84,36 @@ fn load_lines(bus: &BusPlan) -> Vec<String> {
         line("with all values changing", &all.busiest, "as often as inhibit times allow"),
         line("with emergencies and SDO", &all.with_chance, ""),
         format!(
-            "  left                              {:>9.1} kbit/s, {:.0} expedited SDO/s",
+            "  {:<34}{:>9.1} kbit/s, {:.0} expedited SDO/s",
+            "left",
             bus.margin.bits_per_s / 1e3,
             bus.margin.expedited_sdo_per_s
         ),
         format!(
-            "  highest rate                      {:>9.0} Hz worst case, {:.0} Hz typically \
-             (load {:.0}, {:.0}; cycle {:.0}, {:.0})",
-            rates.worst.highest_hz(),
-            rates.typical.highest_hz(),
-            rates.worst.load_hz,
-            rates.typical.load_hz,
-            rates.worst.cycle_hz,
-            rates.typical.cycle_hz
+            "  {:<34}{:>9.0} Hz worst case, {:.0} Hz typically",
+            "within the limit up to", rates.worst.load_hz, rates.typical.load_hz,
+        ),
+        format!(
+            "  {:<34}{:>9.0} Hz worst case, {:.0} Hz typically",
+            "a cycle before the next SYNC up to", rates.worst.cycle_hz, rates.typical.cycle_hz
         ),
     ]
 }
 
-fn frame_lines(bus: &BusPlan, network: &Network) -> Vec<String> {
+fn frame_lines(plan: &BusPlan, bus: &Bus) -> Vec<String> {
     let head = format!(
-        "  {:<4} {:<9} {:<25} {:>5} {:>5} {:>6} {:>5}  {:<18} {:>8}",
-        "id", "frame", "of", "bytes", "least", "typ", "most", "every", "response"
+        "  {:<4} {:<12} {:<25} {:>5} {:>5} {:>6} {:>5}  {:<20} {:>11}",
+        "id", "frame", "of", "bytes", "least", "typ", "bits", "every", "within µs"
     );
     let line = |frame: &Planned| {
         let stream = &frame.stream;
         let late = if frame.is_late() { " late" } else { "" };
-        let mut of = nodes(stream, network);
+        let mut of = nodes(stream, bus);
         if of.chars().count() > 25 {
             of = of.chars().take(24).chain(['…']).collect();
         }
         format!(
-            "  {:03X}  {:<9} {of:<25} {:>5} {:>5} {:>6.1} {:>5}  {:<18} {:>8}{late}",
+            "  {:03X}  {:<12} {of:<25} {:>5} {:>5} {:>6.1} {:>5}  {:<20} {:>11}{late}",
             stream.cob_id,
             role(stream.role),
             stream.bytes,
@@ -123,14 +125,20 @@ fn frame_lines(bus: &BusPlan, network: &Network) -> Vec<String> {
         )
     };
     let mut lines = vec![head];
-    lines.extend(bus.frames.iter().map(line));
+    lines.extend(plan.frames.iter().map(line));
+    if plan.frames.iter().any(Planned::is_late) {
+        let late = "late: if all that may come comes at once, as long as can be, this is after the next SYNC,";
+        lines.extend([
+            format!("  {late}"),
+            "  or after whoever waits for it has given up".to_owned(),
+        ]);
+    }
     lines
 }
 
-fn cycle_lines(bus: &BusPlan, network: &Network) -> Vec<String> {
-    let (worst, typical) = (&bus.timeline.worst, &bus.timeline.typical);
-    let period_us = f64::from(network.period_us);
-    let width_us = worst.done_us.max(period_us);
+fn cycle_lines(plan: &BusPlan, bus: &Bus, period_us: u32) -> Vec<String> {
+    let (worst, typical) = (&plan.timeline.worst, &plan.timeline.typical);
+    let width_us = worst.done_us.max(f64::from(period_us));
     let mut lines = vec![format!(
         "  a cycle, in µs                     worst case      typically  0 {:>49}",
         format!("{width_us:.0}")
@@ -138,7 +146,7 @@ fn cycle_lines(bus: &BusPlan, network: &Network) -> Vec<String> {
     for (step, usual) in worst.steps.iter().zip(&typical.steps) {
         lines.push(format!(
             "  {:<30}{:>7.0}-{:<6.0} {:>7.0}-{:<6.0} {}",
-            stage(step.stage, bus, network),
+            stage(step.stage, plan, bus),
             step.start_us,
             step.end_us,
             usual.start_us,
@@ -146,7 +154,7 @@ fn cycle_lines(bus: &BusPlan, network: &Network) -> Vec<String> {
             bar(step, width_us),
         ));
     }
-    let delay = &bus.loop_delay;
+    let delay = &plan.loop_delay;
     lines.push(format!(
         "  {:<30}{:>14.0} {:>14.0} if other frames use every pause of the wire",
         "done", worst.blocked_us, typical.blocked_us
@@ -179,14 +187,16 @@ fn bar(step: &Step, width_us: f64) -> String {
 }
 
 fn proposal_lines(report: &Report<'_>) -> Vec<String> {
-    let is_overloaded = !report.buses.iter().all(BusPlan::fits);
+    let period_us = report.network.period_us;
+    let is_fine = |bus: &BusPlan| bus.fits() && bus.is_done_within(period_us);
+    let is_wanting = !report.buses.iter().all(is_fine);
     let mut lines = Vec::new();
     if !report.proposals.is_empty() {
-        let why = if is_overloaded { "what could be done" } else { "what would be quicker" };
+        let why = if is_wanting { "what could be done" } else { "what would be quicker" };
         lines.push(format!("{why}, each computed in the worst case:"));
     }
     lines.extend(report.proposals.iter().map(proposal));
-    if is_overloaded {
+    if is_wanting {
         lines.extend(report.obstacles.iter().map(|it| format!("  {}", obstacle(it))));
     }
     lines
@@ -196,35 +206,33 @@ fn proposal(proposal: &Proposal) -> String {
     let changes: Vec<String> = proposal.changes.iter().map(ToString::to_string).collect();
     let loads: Vec<String> =
         proposal.loads.iter().map(|load| format!("{:.1} %", load.percent())).collect();
-    let mut text = String::new();
-    let verdict = if proposal.fits { "fits" } else { "does not fit" };
-    write!(
-        text,
-        "  {}: {verdict}\n      load {}, up to {:.0} Hz, torques within {} µs",
+    let torques = match proposal.torque_response {
+        Some(_) => format!("torques within {} µs", response(proposal.torque_response)),
+        None => "no bound for torques".to_owned(),
+    };
+    format!(
+        "  {}: {}\n      load {}, up to {:.0} Hz, {torques}",
         changes.join(", "),
+        if proposal.fits { "fits" } else { "does not fit" },
         loads.join(" and "),
         proposal.highest_hz,
-        response(proposal.torque_response)
     )
-    .ok();
-    text
 }
 
 /// Whose a frame is: the joints' names, or the nodes'.
-pub(super) fn nodes(stream: &Stream, network: &Network) -> String {
+pub(super) fn nodes(stream: &Stream, bus: &Bus) -> String {
     let member = |node| {
-        let mut members = network.buses.iter().flat_map(|bus| &bus.members);
-        // Node-ids are unique on a bus only, and the frame's bus is where its COB-ID is planned.
-        members.find(|member| member.plan.node == node).map(|member| short(&member.plan.name))
+        let found = bus.members.iter().find(|member| member.plan.node == node);
+        found.map(|member| short(&member.plan.name))
     };
-    let names: Vec<String> = stream.nodes.iter().filter_map(|node| member(*node)).collect();
+    let names: Vec<&str> = stream.nodes.iter().filter_map(|node| member(*node)).collect();
     if names.is_empty() { "master".to_owned() } else { names.join("+") }
 }
 
 /// `elbow` of `joint 3 (elbow)`.
-fn short(name: &str) -> String {
+fn short(name: &str) -> &str {
     let inside = name.split_once('(').and_then(|(_, rest)| rest.split_once(')'));
-    inside.map_or(name, |(inside, _)| inside).to_owned()
+    inside.map_or(name, |(inside, _)| inside)
 }
 
 /// What a frame is, in words.
@@ -235,8 +243,8 @@ pub(super) fn role(role: Role) -> String {
         Role::Rpdo(number) => format!("RPDO{number}"),
         Role::Heartbeat => "heartbeat".into(),
         Role::Emergency => "EMCY".into(),
-        Role::SdoRequest => "SDO ask".into(),
-        Role::SdoResponse => "SDO reply".into(),
+        Role::SdoRequest => "SDO request".into(),
+        Role::SdoResponse => "SDO response".into(),
     }
 }
 
@@ -261,11 +269,11 @@ fn response(response: Option<Duration>) -> String {
     response.map_or_else(|| "none".into(), |bound| bound.as_nanos().div_ceil(1_000).to_string())
 }
 
-fn stage(stage: Stage, bus: &BusPlan, network: &Network) -> String {
+fn stage(stage: Stage, plan: &BusPlan, bus: &Bus) -> String {
     let frame = |cob_id: u16| {
-        let found = bus.frames.iter().find(|frame| frame.stream.cob_id == cob_id);
+        let found = plan.frames.iter().find(|frame| frame.stream.cob_id == cob_id);
         found.map_or_else(String::new, |frame| {
-            format!("{} {}", role(frame.stream.role), nodes(&frame.stream, network))
+            format!("{} {}", role(frame.stream.role), nodes(&frame.stream, bus))
         })
     };
     match stage {

@@ -9,14 +9,8 @@ use std::fmt;
 use canopen_rs::NodeId;
 
 use crate::canopen::eds::Eds;
+use crate::canopen::layout::Group;
 use crate::canopen::object::Object;
-
-/// INTEGER16 (CiA 301, 7.4.7.1), the dummy of a torque.
-pub const INTEGER16: u16 = 3;
-
-/// Drives that share one torque frame: three torques are 6 bytes, and fewer joints hang on a lost frame
-/// than with four.
-pub const GROUP: u8 = 3;
 
 /// Why a drive cannot listen to a shared RPDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,10 +27,12 @@ pub enum NoGroup {
 impl fmt::Display for NoGroup {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Dummy => write!(f, "its EDS has no dummy mapping for {INTEGER16:04X}h"),
+            Self::Dummy => {
+                write!(f, "its EDS has no dummy mapping for {}", Object::DUMMY_INTEGER16)
+            }
             Self::CobId => write!(f, "{} cannot be written", Object::rpdo_communication(1, 1)),
             Self::Mapping => {
-                write!(f, "{} takes fewer than {GROUP} entries", Object::rpdo_mapping(1, 0))
+                write!(f, "{} takes fewer than {} entries", Object::rpdo_mapping(1, 0), Group::SIZE)
             }
         }
     }
@@ -56,13 +52,13 @@ impl Abilities {
     pub fn of(eds: &Eds, node: NodeId) -> Self {
         let is_writable = |object| eds.object(object).is_some_and(|it| it.access.is_writable());
         let mut no_group = Vec::new();
-        if !eds.dummy(INTEGER16) {
+        if !eds.dummy(Object::DUMMY_INTEGER16.index) {
             no_group.push(NoGroup::Dummy);
         }
         if !is_writable(Object::rpdo_communication(1, 1)) {
             no_group.push(NoGroup::CobId);
         }
-        if entries(eds, node) < i64::from(GROUP) {
+        if usize::try_from(entries(eds, node)).unwrap_or(0) < Group::SIZE {
             no_group.push(NoGroup::Mapping);
         }
         Self { no_group, moves_emergencies: is_writable(Object::EMCY_COB_ID) }

@@ -3,24 +3,18 @@
 
 use std::fmt;
 
+use canopen_rs::NodeId;
+
+use crate::canopen::emcy;
 use crate::canopen::layout;
 use crate::canopen::layout::Direction;
-use crate::canopen::layout::Mapped;
+use crate::canopen::layout::Group;
 use crate::canopen::layout::Pdo;
-use crate::canopen::layout::Service;
-use crate::canopen::load::abilities::GROUP;
-use crate::canopen::load::abilities::INTEGER16;
 use crate::canopen::load::abilities::NoGroup;
 use crate::canopen::load::network::Bus;
 use crate::canopen::load::network::Member;
 use crate::canopen::load::network::Network;
-use crate::canopen::object::Object;
 use crate::canopen::plan::NodePlan;
-use crate::canopen::sync::Transmission;
-
-/// Emergencies moved behind everything of a cycle: free for use in CiA 301 (7.3.5), above the SDO's
-/// and below the heartbeats' identifiers.
-const EMERGENCIES: u16 = 0x680;
 
 /// A heartbeat that suffices where a drive also watches its RPDO, in ms.
 const SLOW_HEARTBEAT_MS: u16 = 100;
@@ -58,7 +52,7 @@ impl fmt::Display for Change {
             Self::SlowHeartbeats => {
                 write!(f, "the nodes' heartbeats every {SLOW_HEARTBEAT_MS} ms")
             }
-            Self::EmergenciesMoved => write!(f, "emergencies at {EMERGENCIES:X}h + node"),
+            Self::EmergenciesMoved => f.write_str("emergencies behind the PDOs"),
         }
     }
 }
@@ -94,23 +88,13 @@ pub fn changed(network: &Network, changes: &[Change]) -> Option<Network> {
 /// The drives that keep torques from being grouped.
 pub fn obstacles(network: &Network) -> Vec<Obstacle> {
     let drives =
-        network.buses.iter().flat_map(|bus| &bus.members).filter(|member| is_drive(member));
+        network.buses.iter().flat_map(|bus| &bus.members).filter(|member| member.plan.is_drive());
     let of = |member: &Member| {
         let name = member.plan.name.clone();
         let reasons = member.abilities.no_group.clone();
         reasons.into_iter().map(move |reason| Obstacle { drive: name.clone(), reason })
     };
     drives.flat_map(of).collect()
-}
-
-/// A node that takes a torque.
-fn is_drive(member: &Member) -> bool {
-    takes_torque(&member.plan)
-}
-
-fn takes_torque(plan: &NodePlan) -> bool {
-    let services = plan.pdos.iter().filter_map(|pdo| pdo.service.as_ref());
-    services.flat_map(|service| &service.mapping).any(|it| it.object == Object::TARGET_TORQUE)
 }
 
 fn on_every_bus(network: &Network, change: fn(&[NodePlan]) -> Vec<NodePlan>) -> Network {
@@ -128,15 +112,16 @@ fn on_every_bus(network: &Network, change: fn(&[NodePlan]) -> Vec<NodePlan>) -> 
 fn split(network: &Network) -> Network {
     let mut buses = Vec::new();
     for bus in &network.buses {
-        let drives = bus.members.iter().filter(|member| is_drive(member)).count();
+        let drives = bus.members.iter().filter(|member| member.plan.is_drive()).count();
         let stay = drives.div_ceil(2);
         let (mut first, mut second) = (bus.clone(), bus.clone());
         first.members.clear();
         second.members.clear();
         let mut placed = 0;
         for member in &bus.members {
-            placed += usize::from(is_drive(member));
-            let bus = if is_drive(member) && placed <= stay { &mut first } else { &mut second };
+            placed += usize::from(member.plan.is_drive());
+            let bus =
+                if member.plan.is_drive() && placed <= stay { &mut first } else { &mut second };
             bus.members.push(member.clone());
         }
         second.name = format!("{} 2", bus.name);
@@ -149,7 +134,8 @@ fn emergencies_moved(network: &Network) -> Network {
     let mut moved = network.clone();
     let members = moved.buses.iter_mut().flat_map(|bus| &mut bus.members);
     for member in members.filter(|member| member.abilities.moves_emergencies) {
-        member.plan.emcy_cob_id = EMERGENCIES + u16::from(member.plan.node.raw());
+        let plan = &mut member.plan;
+        plan.emcy_cob_id = emcy::low_cob_id(plan.node).unwrap_or(plan.emcy_cob_id);
     }
     moved
 }
@@ -158,7 +144,7 @@ fn emergencies_moved(network: &Network) -> Network {
 /// may be missed stays as it is.
 fn slow_heartbeats(plans: &[NodePlan]) -> Vec<NodePlan> {
     let slow = |plan: &NodePlan| {
-        let is_guarded = !takes_torque(plan) || rpdo_timer_ms(plan).is_some();
+        let is_guarded = !plan.is_drive() || rpdo_timer_ms(plan).is_some();
         if !is_guarded || plan.heartbeat_ms == 0 || plan.heartbeat_ms >= SLOW_HEARTBEAT_MS {
             return plan.clone();
         }
@@ -176,84 +162,43 @@ fn rpdo_timer_ms(plan: &NodePlan) -> Option<u16> {
 
 /// The nodes of one bus, each drive with a pair of PDOs of its own.
 fn per_drive(plans: &[NodePlan]) -> Vec<NodePlan> {
-    let paired = |plan: &NodePlan| NodePlan {
-        pdos: layout::per_drive(plan.node, rpdo_timer_ms(plan)),
-        ..plan.clone()
-    };
-    plans.iter().map(|plan| if takes_torque(plan) { paired(plan) } else { plan.clone() }).collect()
+    laid_out(plans, |_, node, _, timer| layout::per_drive(node, timer))
 }
 
-/// The nodes of one bus with torques in groups of [`GROUP`]; whatever is no drive stays as it is.
-pub(super) fn grouped(plans: &[NodePlan]) -> Vec<NodePlan> {
-    let drives: Vec<&NodePlan> = plans.iter().filter(|plan| takes_torque(plan)).collect();
+/// The nodes of one bus with torques in groups.
+fn grouped(plans: &[NodePlan]) -> Vec<NodePlan> {
+    laid_out(plans, |place, node, group, timer| layout::grouped(node, place, group, timer))
+}
+
+/// The nodes of one bus as if they were grouped, every drive being a group of its own.
+fn states_on_change(plans: &[NodePlan]) -> Vec<NodePlan> {
+    laid_out(plans, |place, node, _, timer| {
+        let alone = Group { cob_id: layout::rpdo1(node), size: 1, slot: 0 };
+        layout::grouped(node, place, alone, timer)
+    })
+}
+
+/// The nodes of one bus, each drive with the PDOs that `pdos` has for its place among them, its node,
+/// its group and its RPDO timer. What is off beside those stays off.
+fn laid_out(
+    plans: &[NodePlan],
+    pdos: impl Fn(usize, NodeId, Group, Option<u16>) -> Vec<Pdo>,
+) -> Vec<NodePlan> {
+    let drives = plans.iter().filter(|plan| plan.is_drive()).map(|plan| plan.node);
+    let drives: Vec<NodeId> = drives.collect();
+    let groups = Group::threes(&drives);
     let mut changed = plans.to_vec();
-    for group in drives.chunks(usize::from(GROUP)) {
-        let Some(first) = group.first() else { continue };
-        for (place, drive) in group.iter().enumerate() {
-            let slot = |at: usize| {
-                let dummy = Object { index: INTEGER16, sub: 0 };
-                let object = if at == place { Object::TARGET_TORQUE } else { dummy };
-                Mapped { object, bits: 16 }
-            };
-            let torques = (0..group.len()).map(slot).collect();
-            let theirs = changed.iter_mut().find(|plan| plan.node == drive.node);
-            if let Some(theirs) = theirs {
-                let cob_id = 0x200 + u16::from(first.node.raw());
-                theirs.pdos = apart(&theirs.pdos, cob_id, torques);
-            }
-        }
+    let drives = changed.iter_mut().filter(|plan| plan.is_drive());
+    for (place, (plan, group)) in drives.zip(groups).enumerate() {
+        let mut laid_out = pdos(place, plan.node, group, rpdo_timer_ms(plan));
+        let is_new = |pdo: &Pdo| {
+            !laid_out.iter().any(|one| (one.direction, one.number) == (pdo.direction, pdo.number))
+        };
+        let others: Vec<Pdo> = plan.pdos.iter().filter(|pdo| is_new(pdo)).cloned().collect();
+        laid_out.extend(others);
+        plan.pdos = laid_out;
     }
     changed
-}
-
-/// The nodes of one bus with states apart from positions and torques.
-fn states_on_change(plans: &[NodePlan]) -> Vec<NodePlan> {
-    let apart = |plan: &NodePlan| {
-        let cob_id = 0x200 + u16::from(plan.node.raw());
-        let torque = vec![Mapped { object: Object::TARGET_TORQUE, bits: 16 }];
-        NodePlan { pdos: apart(&plan.pdos, cob_id, torque), ..plan.clone() }
-    };
-    plans.iter().map(|plan| if takes_torque(plan) { apart(plan) } else { plan.clone() }).collect()
-}
-
-/// A drive's PDOs with its position and its torque at every SYNC, and its states on change: the
-/// statusword no oftener than every 10 ms and no rarer than every 50 ms.
-fn apart(pdos: &[Pdo], torque_cob_id: u16, torques: Vec<Mapped>) -> Vec<Pdo> {
-    let service = |transmission, mapping| Service {
-        transmission,
-        inhibit_100us: None,
-        event_timer_ms: None,
-        mapping,
-    };
-    let position = vec![Mapped { object: Object::POSITION_ACTUAL, bits: 32 }];
-    let status = vec![
-        Mapped { object: Object::STATUSWORD, bits: 16 },
-        Mapped { object: Object::TORQUE_ACTUAL, bits: 16 },
-    ];
-    let control = vec![Mapped { object: Object::CONTROLWORD, bits: 16 }];
-    let on_event = Transmission::EVENT_OF_PROFILE;
-    let changed = |pdo: &Pdo| {
-        let (cob_id, service) = match (pdo.direction, pdo.number) {
-            (Direction::Transmit, 1) => {
-                (pdo.cob_id, service(Transmission::EVERY_SYNC, position.clone()))
-            }
-            (Direction::Transmit, 2) => {
-                let times = (Some(100), Some(50));
-                let (inhibit_100us, event_timer_ms) = times;
-                let status = service(on_event, status.clone());
-                (pdo.cob_id, Service { inhibit_100us, event_timer_ms, ..status })
-            }
-            (Direction::Receive, 1) => {
-                let event_timer_ms = pdo.service.as_ref().and_then(|it| it.event_timer_ms);
-                let torques = service(Transmission::EVERY_SYNC, torques.clone());
-                (torque_cob_id, Service { event_timer_ms, ..torques })
-            }
-            (Direction::Receive, 2) => (pdo.cob_id, service(on_event, control.clone())),
-            _ => return pdo.clone(),
-        };
-        Pdo { cob_id, service: Some(service), ..pdo.clone() }
-    };
-    pdos.iter().map(changed).collect()
 }
 
 #[cfg(test)]
@@ -261,6 +206,7 @@ mod tests {
     use super::*;
     use crate::canopen::load::network::tests::network;
     use crate::canopen::load::network::tests::six_drives_and_switches;
+    use crate::canopen::object::Object;
 
     fn overloaded() -> Network {
         network(six_drives_and_switches(), 1_000)

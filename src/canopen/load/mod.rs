@@ -29,7 +29,6 @@ pub mod streams;
 pub mod timeline;
 pub mod utilisation;
 
-pub use streams::rpdo_bits;
 pub use streams::streams;
 pub use utilisation::BusLoad;
 pub use utilisation::Overload;

@@ -301,7 +301,7 @@ impl Bus {
 
 /// As it takes part in arbitration: a synchronous TPDO is queued when its drive has sampled.
 fn contender(stream: &Stream, assumed: &Assumptions) -> Contender {
-    let is_sampled = stream.is_cyclic() && matches!(stream.role, Role::Tpdo(_));
+    let is_sampled = stream.syncs.is_some() && matches!(stream.role, Role::Tpdo(_));
     Contender {
         cob_id: stream.cob_id,
         bits: stream.worst_bits(),
@@ -368,7 +368,7 @@ pub(crate) mod tests {
         assert!(plan.frames.iter().all(|frame| frame.response.is_some()));
         assert_eq!(plan.loop_delay.worst.synchronous_us.to_string(), "1000");
         let rates = plan.rates;
-        assert_eq!(format!("{:.0}", rates.worst.highest_hz()), "1002");
+        assert_eq!(format!("{:.0}", rates.worst.highest_hz()), "1001");
         assert!(rates.typical.highest_hz() > rates.worst.highest_hz());
     }
 

@@ -1,12 +1,12 @@
 //! How often a frame comes.
 //!
 //! Three figures, for three questions. *Planned*: what recurs by the clock (SYNC, event timers,
-//! heartbeats) and a change now and then; the load limit is for this, and leaves the rest of the bus to
-//! what comes by chance. *Busiest*: measured values, which never stand still, as often as the inhibit
-//! time lets them. And in a *window*: no more frames than so many, which response times are made of.
+//! heartbeats); the load limit is for this, and leaves the rest of the bus to changes and chance.
+//! *Busiest*: measured values, which may never stand still, as often as the inhibit time lets them. And
+//! in a *window*: no more frames than so many, which response times are made of.
 
-/// Changes of a switch or a state in a second, on average. A hand or a power stage is behind each.
-const CHANGES_PER_S: f64 = 1.0;
+/// The share of time in which a joint moves and its measured values change.
+pub const MOVING: f64 = 0.25;
 
 /// The most changes in a row beyond what the event timer brings: as many as a drive's way from fault to
 /// operation enabled has (CiA 402: fault reset, shutdown, switch on, enable operation).
@@ -52,32 +52,31 @@ pub enum Values {
 }
 
 impl Pace {
-    /// Frames in a second that are planned, on average.
+    /// Frames in a second that are planned: those the clock sends. What measured values without an
+    /// event timer send, nothing but the inhibit time says.
     pub fn planned_per_s(self) -> f64 {
         match self {
             Self::Clock { period_us } => per_s(period_us),
             Self::Change { gap_us, timer_us: None, values: Values::Restless } => per_s(gap_us),
             Self::Change { gap_us, timer_us, values: _ } => {
-                let by_timer = timer_us.map_or(0.0, per_s);
-                (by_timer + CHANGES_PER_S).min(per_s(gap_us))
+                timer_us.map_or(0.0, |timer_us| per_s(timer_us.max(gap_us)))
             }
             Self::Chance { .. } => 0.0,
         }
     }
 
-    /// Frames in a second while the arm moves and nobody touches a switch.
+    /// Frames in a second while the arm is used and nobody touches a switch.
     pub fn typical_per_s(self) -> f64 {
-        match self {
-            Self::Clock { period_us } => per_s(period_us),
-            Self::Change { gap_us, values: Values::Restless, .. } => per_s(gap_us),
-            Self::Change { timer_us, values: Values::Rare, .. } => timer_us.map_or(0.0, per_s),
-            Self::Chance { .. } => 0.0,
-        }
+        let at_rest = self.planned_per_s();
+        at_rest + MOVING * (self.busiest_per_s() - at_rest)
     }
 
     /// Frames in a second while everything that is measured changes all the time.
     pub fn busiest_per_s(self) -> f64 {
-        self.planned_per_s().max(self.typical_per_s())
+        match self {
+            Self::Change { gap_us, values: Values::Restless, .. } => per_s(gap_us),
+            Self::Clock { .. } | Self::Change { .. } | Self::Chance { .. } => self.planned_per_s(),
+        }
     }
 
     /// Frames in a second as long as that may go on, chance included.
@@ -139,21 +138,24 @@ mod tests {
 
     const SWITCH: Pace =
         Pace::Change { gap_us: 1_000, timer_us: Some(5_000), values: Values::Rare };
-    const STATUS: Pace =
+    const TORQUE: Pace =
         Pace::Change { gap_us: 10_000, timer_us: Some(50_000), values: Values::Restless };
 
     #[test]
-    fn what_changes_rarely_is_planned_by_its_timer_and_once_a_second() {
-        assert_eq!(SWITCH.planned_per_s().to_string(), "201");
-        assert_eq!(STATUS.planned_per_s().to_string(), "21");
+    fn changes_are_planned_by_their_timer() {
+        assert_eq!(SWITCH.planned_per_s().to_string(), "200");
+        assert_eq!(TORQUE.planned_per_s().to_string(), "20");
         let controlword = Pace::Change { gap_us: 10_000, timer_us: None, values: Values::Rare };
-        assert_eq!(controlword.planned_per_s().to_string(), "1");
+        assert_eq!(controlword.planned_per_s().to_string(), "0");
+        let untimed = Pace::Change { gap_us: 10_000, timer_us: None, values: Values::Restless };
+        assert_eq!(untimed.planned_per_s().to_string(), "100");
     }
 
     #[test]
-    fn measured_values_come_as_often_as_they_may() {
-        assert_eq!(STATUS.typical_per_s().to_string(), "100");
-        assert_eq!(STATUS.busiest_per_s().to_string(), "100");
+    fn measured_values_come_as_often_as_they_may_while_they_change() {
+        assert_eq!(TORQUE.typical_per_s().to_string(), "40");
+        assert_eq!(TORQUE.busiest_per_s().to_string(), "100");
+        assert_eq!(SWITCH.busiest_per_s().to_string(), "200");
     }
 
     #[test]
@@ -202,7 +204,8 @@ mod tests {
 
         #[test]
         fn what_is_planned_can_be_sustained(pace in pace()) {
-            prop_assert!(pace.planned_per_s() <= pace.sustained_per_s() + CHANGES_PER_S + 1e-9);
+            prop_assert!(pace.planned_per_s() <= pace.busiest_per_s());
+            prop_assert!(pace.busiest_per_s() <= pace.sustained_per_s());
         }
     }
 }

@@ -10,6 +10,7 @@ use canopen_rs::NodeId;
 use crate::canopen::bits;
 use crate::canopen::drive;
 use crate::canopen::frame::Frame;
+use crate::canopen::load::pace::MOVING;
 use crate::canopen::load::streams::Role;
 use crate::canopen::load::streams::Slot;
 use crate::canopen::load::streams::Stream;
@@ -48,7 +49,7 @@ pub fn typical_bits(stream: &Stream, known: Known<'_>) -> f64 {
     let mut drawn = Drawn::new(stream.cob_id);
     let mut sum = 0;
     for place in 0..SAMPLES {
-        drawn.is_at_rest = place % 4 != 0;
+        drawn.is_at_rest = f64::from(place) >= MOVING * f64::from(SAMPLES);
         let bytes = content(stream, known, &mut drawn);
         sum += Frame::from_slice(stream.cob_id, &bytes)
             .map_or_else(|| stream.worst_bits(), |frame| bits::exact(&frame));

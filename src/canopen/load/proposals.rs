@@ -122,7 +122,7 @@ mod tests {
         });
         let moved = Change::EmergenciesMoved;
         let expected = [
-            (vec![Change::Grouped, Change::SlowHeartbeats, moved], "89.8", true),
+            (vec![Change::Grouped, Change::SlowHeartbeats, moved], "89.9", true),
             (vec![Change::StatesOnChange], "113.2", false),
             (vec![Change::SecondBus, moved], "76.6 78.1", true),
             (vec![Change::Period(2_000), moved], "76.2", true),

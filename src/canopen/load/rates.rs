@@ -25,8 +25,9 @@ impl Rates {
         allowed: f64,
         done_us: f64,
     ) -> Self {
-        let sum = |is_cyclic| {
-            planned.iter().filter(|stream| stream.is_cyclic() == is_cyclic).map(&load).sum::<f64>()
+        let sum = |is_governed| {
+            let streams = planned.iter().filter(|stream| stream.syncs.is_some() == is_governed);
+            streams.map(&load).sum::<f64>()
         };
         let bits_per_cycle: f64 = sum(true) * f64::from(period_us) / 1e6;
         Self {
@@ -79,7 +80,7 @@ mod tests {
     fn a_cycle_that_takes_longer_is_slower() {
         let planned = streams(&grouped(), 1_000, master(), 5);
         let rates = Rates::of(&planned, worst, 1_000, 0.9e6, 1_250.0);
-        assert_eq!(format!("{:.0} {:.0}", rates.load_hz, rates.highest_hz()), "1002 800");
+        assert_eq!(format!("{:.0} {:.0}", rates.load_hz, rates.highest_hz()), "1001 800");
     }
 
     #[test]
@@ -98,8 +99,8 @@ mod tests {
             let planned = streams(&plans, period_us, master(), 5);
             let rates = Rates::of(&planned, worst, period_us, 1e4 * limit, 0.0);
             let at = |hz: f64| {
-                let others: f64 = planned.iter().filter(|s| !s.is_cyclic()).map(worst).sum();
-                let cycle: f64 = planned.iter().filter(|s| s.is_cyclic()).map(worst).sum();
+                let others: f64 = planned.iter().filter(|s| s.syncs.is_none()).map(worst).sum();
+                let cycle: f64 = planned.iter().filter(|s| s.syncs.is_some()).map(worst).sum();
                 let rate = cycle * f64::from(period_us) / 1e6 * hz + others;
                 BusLoad::from_rate(rate, 1_000_000, period_us).percent()
             };

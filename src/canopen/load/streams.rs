@@ -22,9 +22,6 @@ use crate::canopen::sync;
 const RARE: [Object; 4] =
     [Object::CONTROLWORD, Object::STATUSWORD, Object::MODE_DISPLAY, Object::DIGITAL_INPUTS];
 
-/// Indices below are data types: in an RPDO, places to be skipped (CiA 301, 7.4.7).
-const FIRST_OBJECT: u16 = 0x1000;
-
 /// Data bytes of an SDO frame and of an emergency.
 const FULL: u32 = 8;
 
@@ -80,6 +77,8 @@ pub struct Stream {
     pub bytes: u32,
     /// How often it comes.
     pub pace: Pace,
+    /// At every how many SYNCs, if SYNC governs it.
+    pub syncs: Option<u8>,
     /// What is in it, if it is a PDO.
     pub slots: Vec<Slot>,
     /// When it should be complete, in µs after it was queued; `None` if nobody waits for it.
@@ -96,6 +95,7 @@ impl Stream {
             nodes: Vec::new(),
             bytes: 0,
             pace: Pace::Clock { period_us },
+            syncs: Some(1),
             slots: Vec::new(),
             deadline_us: Some(period_us),
         }
@@ -121,6 +121,7 @@ impl Stream {
             },
             bytes: 1,
             pace: Pace::Clock { period_us },
+            syncs: None,
             slots: Vec::new(),
             deadline_us: spare,
         })
@@ -133,7 +134,11 @@ impl Stream {
             Direction::Transmit => (Role::Tpdo(pdo.number), Sender::Node(plan.node)),
             Direction::Receive => (Role::Rpdo(pdo.number), Sender::Master),
         };
-        let pace = pace(pdo.direction, service, plan, sync_period_us);
+        let syncs = syncs(pdo.direction, service);
+        let pace = syncs.map_or_else(
+            || change(pdo.direction, service, plan, sync_period_us),
+            |syncs| Pace::Clock { period_us: sync_period_us.saturating_mul(u32::from(syncs)) },
+        );
         let deadline_us = match pace {
             Pace::Clock { period_us } => Some(period_us),
             Pace::Change { .. } | Pace::Chance { .. } => None,
@@ -146,6 +151,7 @@ impl Stream {
             nodes: vec![plan.node],
             bytes: service.bytes(),
             pace,
+            syncs,
             slots: service.mapping.iter().map(slot).collect(),
             deadline_us,
         })
@@ -160,15 +166,15 @@ impl Stream {
             nodes: vec![node],
             bytes: FULL,
             pace: Pace::Chance { gap_us },
+            syncs: None,
             slots: Vec::new(),
             deadline_us: None,
         }
     }
 
-    /// Whether SYNC governs it: SYNC itself, and PDOs that come with every SYNC or every so many.
+    /// Whether every cycle has it.
     pub const fn is_cyclic(&self) -> bool {
-        matches!(self.role, Role::Sync | Role::Tpdo(_) | Role::Rpdo(_))
-            && matches!(self.pace, Pace::Clock { .. })
+        matches!(self.syncs, Some(1))
     }
 
     /// The least bits it can take.
@@ -183,9 +189,8 @@ impl Stream {
 
     /// The same frame, told for a further node: every drive of a group reads its own slot.
     fn join(&mut self, other: Self) {
-        let is_skipped = |slot: &Slot| slot.mapped.object.index < FIRST_OBJECT;
         for (slot, theirs) in self.slots.iter_mut().zip(&other.slots) {
-            if is_skipped(slot) {
+            if slot.mapped.object.is_dummy() {
                 *slot = *theirs;
             }
         }
@@ -195,16 +200,17 @@ impl Stream {
     }
 }
 
-/// How often a PDO comes.
-fn pace(direction: Direction, service: &Service, plan: &NodePlan, sync_period_us: u32) -> Pace {
-    let has = |object| service.mapping.iter().any(|mapped| mapped.object == object);
-    let is_commanded = direction == Direction::Receive && has(Object::TARGET_TORQUE);
-    if let Some(syncs) = service.transmission.syncs() {
-        return Pace::Clock { period_us: sync_period_us.saturating_mul(u32::from(syncs)) };
-    }
-    if is_commanded {
-        return Pace::Clock { period_us: sync_period_us };
-    }
+/// At every how many SYNCs a PDO comes; `None` if no SYNC governs it. The master sends torques every
+/// cycle, whenever they act.
+fn syncs(direction: Direction, service: &Service) -> Option<u8> {
+    let mut mapped = service.mapping.iter();
+    let is_commanded = direction == Direction::Receive
+        && mapped.any(|mapped| mapped.object == Object::TARGET_TORQUE);
+    service.transmission.syncs().or(is_commanded.then_some(1))
+}
+
+/// How often an event-driven PDO comes.
+fn change(direction: Direction, service: &Service, plan: &NodePlan, sync_period_us: u32) -> Pace {
     let is_rare = service.mapping.iter().all(|mapped| RARE.contains(&mapped.object));
     let values = if is_rare { Values::Rare } else { Values::Restless };
     match direction {
@@ -301,17 +307,10 @@ pub fn by_chance<'a>(
 const SDO_REQUEST: u16 = 0x600;
 const SDO_RESPONSE: u16 = 0x580;
 
-/// The worst-case bits of what the master sends in a cycle, every frame counted once.
-pub fn rpdo_bits(streams: &[Stream]) -> u32 {
-    let commands = streams.iter().filter(|stream| matches!(stream.role, Role::Rpdo(_)));
-    commands.filter(|stream| stream.is_cyclic()).map(Stream::worst_bits).sum()
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
     use crate::canopen::layout;
-    use crate::canopen::load::alternatives;
     use crate::canopen::plan::tests::elbow;
     use crate::canopen::plan::tests::switch_box;
 
@@ -335,9 +334,14 @@ pub(crate) mod tests {
 
     /// Six drives in two groups and the switch box, heartbeats every 100 ms.
     pub(crate) fn grouped() -> Vec<NodePlan> {
-        let mut plans = alternatives::grouped(&drives(6));
-        plans.push(switch_box());
-        plans.into_iter().map(|plan| NodePlan { heartbeat_ms: 100, ..plan }).collect()
+        let nodes: Vec<NodeId> = (1..=6).map(node).collect();
+        let group = |(place, plan): (usize, NodePlan)| {
+            let group = layout::Group::threes(&nodes)[place];
+            NodePlan { pdos: layout::grouped(plan.node, place, group, Some(5)), ..plan }
+        };
+        let drives = drives(6).into_iter().enumerate().map(group);
+        let plans = drives.chain([switch_box()]);
+        plans.map(|plan| NodePlan { heartbeat_ms: 100, ..plan }).collect()
     }
 
     #[test]
@@ -351,7 +355,6 @@ pub(crate) mod tests {
             let own = |place| (Object::TARGET_TORQUE, node(first + place));
             assert_eq!(slots, [own(0), own(1), own(2)]);
         }
-        assert_eq!(rpdo_bits(&streams), 230);
     }
 
     #[test]

@@ -75,29 +75,30 @@ fn load_lines(bus: &BusPlan) -> Vec<String> {
     };
     let limit = format!("limit {} %", bus.load_limit_percent);
     let rates = &bus.rates;
-    vec![
+    let busiest = (all.busiest.used > all.worst.used)
+        .then(|| line("with all values changing", &all.busiest, "as fast as inhibit times allow"));
+    let mut lines = vec![
         line("SYNC and its PDOs, unstuffed", &all.cycle_least, "a cycle"),
         line("SYNC and its PDOs, worst case", &all.cycle_worst, ""),
         line("all that is planned, unstuffed", &all.least, ""),
         line("all that goes on, typically", &all.typical, ""),
         line("all that is planned, worst case", &all.worst, &limit),
-        line("with all values changing", &all.busiest, "as often as inhibit times allow"),
-        line("with emergencies and SDO", &all.with_chance, ""),
-        format!(
-            "  {:<34}{:>9.1} kbit/s, {:.0} expedited SDO/s",
-            "left",
-            bus.margin.bits_per_s / 1e3,
-            bus.margin.expedited_sdo_per_s
-        ),
-        format!(
-            "  {:<34}{:>9.0} Hz worst case, {:.0} Hz typically",
-            "within the limit up to", rates.worst.load_hz, rates.typical.load_hz,
-        ),
-        format!(
-            "  {:<34}{:>9.0} Hz worst case, {:.0} Hz typically",
-            "a cycle before the next SYNC up to", rates.worst.cycle_hz, rates.typical.cycle_hz
-        ),
-    ]
+    ];
+    lines.extend(busiest);
+    lines.push(line("with emergencies and SDO", &all.with_chance, ""));
+    lines.push(format!(
+        "  {:<34}{:>9.1} kbit/s, {:.0} expedited SDO/s",
+        "left",
+        bus.margin.bits_per_s / 1e3,
+        bus.margin.expedited_sdo_per_s
+    ));
+    for (what, worst, typical) in [
+        ("within the limit up to", rates.worst.load_hz, rates.typical.load_hz),
+        ("a cycle before the next SYNC up to", rates.worst.cycle_hz, rates.typical.cycle_hz),
+    ] {
+        lines.push(format!("  {what:<34}{worst:>9.0} Hz worst case, {typical:.0} Hz typically"));
+    }
+    lines
 }
 
 fn frame_lines(plan: &BusPlan, bus: &Bus) -> Vec<String> {

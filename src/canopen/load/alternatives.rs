@@ -14,6 +14,7 @@ use crate::canopen::load::abilities::NoGroup;
 use crate::canopen::load::network::Bus;
 use crate::canopen::load::network::Member;
 use crate::canopen::load::network::Network;
+use crate::canopen::load::utilisation::BusLoad;
 use crate::canopen::plan::NodePlan;
 
 /// A heartbeat that suffices where a drive also watches its RPDO, in ms.
@@ -108,26 +109,32 @@ fn on_every_bus(network: &Network, change: fn(&[NodePlan]) -> Vec<NodePlan>) -> 
     changed
 }
 
-/// Every bus as two, the first half of its drives on one and everything else on the other.
+/// Every bus that carries too much as two, or every bus where none does: the first half of its drives on
+/// one, everything else on the other.
 fn split(network: &Network) -> Network {
-    let mut buses = Vec::new();
-    for bus in &network.buses {
-        let drives = bus.members.iter().filter(|member| member.plan.is_drive()).count();
-        let stay = drives.div_ceil(2);
-        let (mut first, mut second) = (bus.clone(), bus.clone());
-        first.members.clear();
-        second.members.clear();
-        let mut placed = 0;
-        for member in &bus.members {
-            placed += usize::from(member.plan.is_drive());
-            let bus =
-                if member.plan.is_drive() && placed <= stay { &mut first } else { &mut second };
-            bus.members.push(member.clone());
-        }
-        second.name = format!("{} 2", bus.name);
-        buses.extend([first, second].into_iter().filter(|bus: &Bus| !bus.members.is_empty()));
+    let loads = network.loads();
+    let buses = network.buses.iter().zip(loads);
+    let is_crowded = |(bus, load): &(&Bus, BusLoad)| load.within(bus.load_limit_percent).is_err();
+    let none_is = !buses.clone().any(|bus| is_crowded(&bus));
+    let parts = |bus| if none_is || is_crowded(&bus) { halves(bus.0) } else { vec![bus.0.clone()] };
+    Network { buses: buses.flat_map(parts).collect(), ..network.clone() }
+}
+
+/// A bus as two; as it is if one of them would be empty.
+fn halves(bus: &Bus) -> Vec<Bus> {
+    let drives = bus.members.iter().filter(|member| member.plan.is_drive()).count();
+    let stay = drives.div_ceil(2);
+    let mut placed = 0;
+    let stays = |member: &Member| {
+        placed += usize::from(member.plan.is_drive());
+        member.plan.is_drive() && placed <= stay
+    };
+    let (first, second): (Vec<_>, Vec<_>) = bus.members.iter().cloned().partition(stays);
+    if first.is_empty() || second.is_empty() {
+        return vec![bus.clone()];
     }
-    Network { buses, ..network.clone() }
+    let name = format!("{} 2", bus.name);
+    vec![Bus { members: first, ..bus.clone() }, Bus { name, members: second, ..bus.clone() }]
 }
 
 fn emergencies_moved(network: &Network) -> Network {
@@ -232,6 +239,19 @@ mod tests {
         assert_eq!(sizes, [3, 4], "the switch box goes with the wrist");
         let nodes = |network| plans(network).iter().map(|plan| plan.node).collect::<Vec<_>>();
         assert_eq!(nodes(&two), nodes(&overloaded()));
+    }
+
+    #[test]
+    fn only_a_bus_that_carries_too_much_is_split() {
+        let mut network = overloaded();
+        let quiet =
+            Bus { members: network.buses[0].members.split_off(5), ..network.buses[0].clone() };
+        network.buses.push(quiet);
+        let sizes = |network: &Network| {
+            network.buses.iter().map(|bus| bus.members.len()).collect::<Vec<_>>()
+        };
+        assert_eq!(sizes(&network), [5, 2]);
+        assert_eq!(sizes(&changed(&network, &[Change::SecondBus]).unwrap()), [3, 2, 2]);
     }
 
     #[test]

@@ -208,42 +208,42 @@ mod tests {
         bounds.into_iter().map(|bound| bound.map(|bound| bound.as_micros())).collect()
     }
 
-    /// SYNC, TPDOs and RPDOs of so many bytes on every SYNC, each TPDO up to 100 µs late; of each node an
-    /// emergency and a heartbeat every 100 ms; an SDO exchange every 10 ms.
+    /// SYNC, TPDOs and RPDOs of so many bytes, so many of them, on every SYNC, each TPDO up to 100 µs
+    /// late; of each node an emergency and a heartbeat every 100 ms; an SDO exchange every 10 ms.
     fn layout(
         period_us: u32,
-        tpdos: &[u32],
-        rpdos: &[u32],
+        [tpdo, nodes]: [u16; 2],
+        [rpdo, rpdos]: [u16; 2],
         emergencies: u16,
-        nodes: u16,
     ) -> Vec<Contender> {
+        let (tpdo, rpdo) = (u32::from(tpdo), u32::from(rpdo));
         let mut all = vec![clock(0x80, 0, period_us, 0)];
-        all.extend((0x181..).zip(tpdos).map(|(id, bytes)| clock(id, *bytes, period_us, 100)));
+        all.extend((1..=nodes).map(|node| clock(0x180 + node, tpdo, period_us, 100)));
         all.extend((1..=nodes).map(|node| clock(emergencies + node, 8, 100_000, 0)));
         all.extend((1..=nodes).map(|node| clock(0x700 + node, 1, 100_000, 0)));
         all.extend([0x581, 0x601].map(|id| clock(id, 8, 10_000, 0)));
-        all.extend((0x201..).zip(rpdos).map(|(id, bytes)| clock(id, *bytes, period_us, 0)));
+        all.extend((1..=rpdos).map(|place| clock(0x200 + place, rpdo, period_us, 0)));
         all
     }
 
     #[test]
     fn responses_are_those_of_an_independent_program() {
         // The last RPDO with emergencies at 80h + node and at 680h + node, in µs.
-        let cases: [(u32, &[u32], &[u32], [u128; 2]); 7] = [
-            (2_000, &[6; 6], &[2; 6], [3_260, 1_330]),
-            (1_250, &[4; 6], &[2; 6], [6_020, 1_210]),
-            (1_000, &[4; 6], &[6; 2], [4_760, 990]),
-            (1_000, &[8; 3], &[8; 3], [2_865, 1_000]),
-            (1_000, &[6; 3], &[4; 3], [1_815, 820]),
-            (1_000, &[6; 3], &[2; 3], [1_715, 760]),
-            (1_000, &[6; 3], &[6; 1], [1_455, 650]),
-        ];
-        for (period_us, tpdos, rpdos, expected) in cases {
-            let nodes = u16::try_from(tpdos.len()).unwrap();
+        // Period, then bytes and number of TPDOs and of RPDOs.
+        for (period_us, [tpdo, nodes], [rpdo, rpdos], expected) in [
+            (2_000, [6, 6], [2, 6], [3_260, 1_330]),
+            (1_250, [4, 6], [2, 6], [6_020, 1_210]),
+            (1_000, [4, 6], [6, 2], [4_760, 990]),
+            (1_000, [8, 3], [8, 3], [2_865, 1_000]),
+            (1_000, [6, 3], [4, 3], [1_815, 820]),
+            (1_000, [6, 3], [2, 3], [1_715, 760]),
+            (1_000, [6, 3], [6, 1], [1_455, 650]),
+        ] {
             let last = [0x80, 0x680].map(|emergencies| {
-                *micros(&layout(period_us, tpdos, rpdos, emergencies, nodes)).last().unwrap()
+                let frames = layout(period_us, [tpdo, nodes], [rpdo, rpdos], emergencies);
+                *micros(&frames).last().unwrap()
             });
-            assert_eq!(last, expected.map(Some), "{tpdos:?} {rpdos:?}");
+            assert_eq!(last, expected.map(Some), "{nodes} of {tpdo}, {rpdos} of {rpdo}");
         }
     }
 

@@ -274,10 +274,9 @@ pub fn streams<'a>(
 
 /// After how long without the master's heartbeat the node stops (1016h:1), in ms.
 fn master_lost_ms(plan: &NodePlan) -> Option<u32> {
-    plan.safety.iter().find_map(|(object, value)| match value {
-        Value::Unsigned32(raw) if *object == Object::CONSUMER_HEARTBEAT => Some(raw & 0xFFFF),
-        _ => None,
-    })
+    let mut settings = plan.safety.iter();
+    let (_, value) = settings.find(|(object, _)| *object == Object::CONSUMER_HEARTBEAT)?;
+    if let Value::Unsigned32(raw) = value { Some(raw & 0xFFFF) } else { None }
 }
 
 /// What may come by chance on that bus: an emergency of each node every `emergency_gap_us`, and one SDO

@@ -157,7 +157,11 @@ mod tests {
         let sized = |stream: &Stream| match stream.role {
             Role::Tpdo(_) => clock(stream, 6),
             Role::Rpdo(_) => clock(stream, 2),
-            _ => stream.clone(),
+            Role::Sync
+            | Role::Heartbeat
+            | Role::Emergency
+            | Role::SdoRequest
+            | Role::SdoResponse => stream.clone(),
         };
         let separate: Vec<Stream> = planned.iter().map(sized).collect();
         assert_eq!(worst(&separate).blocked_us.to_string(), "1190");

@@ -35,20 +35,19 @@ pub(super) fn of(report: &Report<'_>) -> String {
 
 fn head(report: &Report<'_>) -> String {
     let period_us = report.network.period_us;
-    let pauses = report.assumed.pauses;
-    let errors = report
-        .assumed
+    let assumed = &report.assumed;
+    let errors = assumed
         .error_gap_us
         .map_or_else(String::new, |gap| format!(", an error on the wire every {}", span(gap)));
     format!(
-        "SYNC every {}, {:.0} Hz; assumed: drives answer after {} µs, the host after {} µs, of each \
-         node an\nemergency every {}, an SDO exchange every {}{errors}",
+        "SYNC every {}, {:.0} Hz\nassumed: drives answer SYNC after {} µs, the host their last TPDO after \
+         {} µs;\n  an emergency of each node every {}, an SDO exchange every {}{errors}",
         span(period_us),
         1e6 / f64::from(period_us.max(1)),
-        pauses.drive_us,
-        pauses.host_us,
-        span(report.assumed.emergency_gap_us),
-        span(report.assumed.sdo_gap_us),
+        assumed.pauses.drive_us,
+        assumed.pauses.host_us,
+        span(assumed.emergency_gap_us),
+        span(assumed.sdo_gap_us),
     )
 }
 
@@ -103,7 +102,7 @@ fn load_lines(bus: &BusPlan) -> Vec<String> {
 
 fn frame_lines(plan: &BusPlan, bus: &Bus) -> Vec<String> {
     let head = format!(
-        "  {:<4} {:<12} {:<25} {:>5} {:>5} {:>6} {:>5}  {:<20} {:>11}",
+        "  {:<4} {:<12} {:<25} {:>5} {:>5} {:>6} {:>5}  {:<22} {:>9}",
         "id", "frame", "of", "bytes", "least", "typ", "bits", "every", "within µs"
     );
     let line = |frame: &Planned| {
@@ -114,7 +113,7 @@ fn frame_lines(plan: &BusPlan, bus: &Bus) -> Vec<String> {
             of = of.chars().take(24).chain(['…']).collect();
         }
         format!(
-            "  {:03X}  {:<12} {of:<25} {:>5} {:>5} {:>6.1} {:>5}  {:<20} {:>11}{late}",
+            "  {:03X}  {:<12} {of:<25} {:>5} {:>5} {:>6.1} {:>5}  {:<22} {:>9}{late}",
             stream.cob_id,
             role(stream.role),
             stream.bytes,
@@ -253,16 +252,20 @@ fn pace(pace: Pace) -> String {
     match pace {
         Pace::Clock { period_us } => span(period_us),
         Pace::Change { gap_us, timer_us: Some(timer_us), .. } => {
-            format!("{}, change {}", span(timer_us), span(gap_us))
+            format!("{}; change ≥ {}", span(timer_us), span(gap_us))
         }
-        Pace::Change { gap_us, timer_us: None, .. } => format!("change {}", span(gap_us)),
-        Pace::Chance { gap_us } => format!("chance {}", span(gap_us)),
+        Pace::Change { gap_us, timer_us: None, .. } => format!("change ≥ {}", span(gap_us)),
+        Pace::Chance { gap_us } => format!("chance ≥ {}", span(gap_us)),
     }
 }
 
 /// `5 ms`, `1250 µs`.
 fn span(us: u32) -> String {
-    if us % 1_000 == 0 && us > 0 { format!("{} ms", us / 1_000) } else { format!("{us} µs") }
+    if us > 0 && us.is_multiple_of(1_000) {
+        format!("{} ms", us / 1_000)
+    } else {
+        format!("{us} µs")
+    }
 }
 
 /// Whole µs, rounded up: it is a bound.

@@ -14,6 +14,7 @@ use crate::cli::explain::Explain;
 use crate::cli::export::Export;
 use crate::cli::lss::Lss;
 use crate::cli::nmt::Nmt;
+use crate::cli::plan::Plan;
 use crate::cli::rig::Calibrate;
 use crate::cli::scan::Scan;
 use crate::cli::sdo::Sdo;
@@ -59,6 +60,12 @@ pub(super) enum Command {
         after_help = "Examples:\n  frhc check --config config/kraft_like.toml\n  frhc check --eds eds/frhc_drive.eds"
     )]
     Check(Check),
+    /// What the buses will carry: every frame and its response, a cycle's timeline, load, highest rate,
+    /// loop delay; and what would fit where this does not.
+    #[command(
+        after_help = "Examples:\n  frhc plan --config config/kraft_like.toml\n  frhc plan --config config/kraft_like_500hz.toml --rate 1000 --layout grouped --json | jq .fits"
+    )]
+    Plan(Plan),
     /// One cycle of the controller, with every intermediate of the paper's Fig. 3.
     #[command(
         after_help = "Examples:\n  frhc explain --q 0.05,-0.8,1.6,-0.7,0.1,0.2 --q-reference 0,-0.87,1.66,-0.79,0,0 --wrench -5,0,0,0,0,0\n  echo '{\"q\": [0,-0.8,1.6,-0.7,0,0], \"preset\": \"paper1997\"}' | frhc explain --json - | jq .tau.value"

@@ -16,6 +16,7 @@ mod gains;
 mod interfaces;
 mod lss;
 mod nmt;
+mod plan;
 mod print;
 mod recorder;
 mod rig;
@@ -44,6 +45,7 @@ pub fn main() -> ExitCode {
         Command::Sim(args) => sim::run(args),
         Command::Ctl(args) => ctl::run(args),
         Command::Check(args) => check::run(args),
+        Command::Plan(args) => plan::run(args),
         Command::Explain(args) => explain::run(args),
         Command::Calib(args) => calib::run(args),
         Command::Scan(args) => scan::run(args),

@@ -2,6 +2,7 @@
 //! line and key; afterwards nothing is checked again.
 
 mod beyond;
+mod bus_plan;
 mod control;
 pub mod files;
 mod gain_check;
@@ -37,6 +38,7 @@ use crate::canopen::exchange::Inbox;
 use crate::canopen::exchange::Outbox;
 use crate::canopen::frame::Channel;
 use crate::canopen::load::BusLoad;
+use crate::canopen::load::network::Network;
 use crate::canopen::plan::NodePlan;
 use crate::config::problem::Problems;
 use crate::controller::Settings;
@@ -111,12 +113,31 @@ impl Config {
     /// # Errors
     /// Everything that is wrong with it.
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
+        Self::checked(file, text, network::check_loads)
+    }
+
+    /// As [`load`](Self::load), but buses may carry too much. Only for planning: such a network cannot
+    /// run.
+    ///
+    /// # Errors
+    /// Everything else that is wrong with it.
+    pub fn load_to_plan(file: &Path) -> Result<Self, Invalid> {
+        Self::checked(file, &files::text(file)?, |_, _| {})
+    }
+
+    /// `text` as a configuration that also passes `check`.
+    fn checked(
+        file: &Path,
+        text: &str,
+        check: fn(&Self, &mut Problems<'_>),
+    ) -> Result<Self, Invalid> {
         let mut problems = Problems::new(file, text);
         let Some(raw) = read(text, &mut problems) else {
             problems.finish()?;
             return Err(Invalid(Vec::new()));
         };
         let config = convert(file, &raw, &mut problems);
+        config.iter().for_each(|config| check(config, &mut problems));
         problems.finish()?;
         // Without a problem there is a value: every missing one was noted where it went missing.
         config.ok_or_else(|| Invalid(Vec::new()))
@@ -154,6 +175,11 @@ impl Config {
     /// What is to be said of the gains: every inequality of every axis, held or not.
     pub fn findings(&self) -> Vec<Finding> {
         gain_check::findings(self)
+    }
+
+    /// The network as the bus planner takes it.
+    pub fn network(&self) -> Network {
+        bus_plan::network(self)
     }
 
     /// The load of each bus in the worst case.

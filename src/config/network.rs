@@ -16,6 +16,7 @@ use crate::canopen::layout;
 use crate::canopen::layout::Group;
 use crate::canopen::load;
 use crate::canopen::load::BusLoad;
+use crate::canopen::load::streams::Stream;
 use crate::canopen::object::Object;
 use crate::canopen::plan::Demand;
 use crate::canopen::plan::Identity;
@@ -174,7 +175,7 @@ pub(super) fn safety(raw: &raw::File, period: Duration, problems: &mut Problems<
 }
 
 /// What no single section shows: node-ids taken twice, devices that are not what their EDS says or
-/// cannot do what the layout asks, buses that carry too much.
+/// cannot do what the layout asks.
 pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
     let mut taken = HashSet::new();
     for place in config.channels() {
@@ -194,8 +195,11 @@ pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
     }
     identity("switches.product_code", &config.switches.eds, &config.switches.identity, problems);
     abilities("switches.eds", &config.switches.eds, &switches_plan(config), problems);
-
     problems.take("bus", exchange::resolve(&plans(config)));
+}
+
+/// Whether any bus carries too much.
+pub(super) fn check_loads(config: &Config, problems: &mut Problems<'_>) {
     for (place, (bus, load)) in config.buses.iter().zip(loads(config)).enumerate() {
         let key = format!("bus[{place}].load_limit_percent");
         problems.take(&key, load.within(bus.load_limit_percent));
@@ -277,16 +281,28 @@ fn identity(key: &str, eds: &Eds, identity: &Identity, problems: &mut Problems<'
 
 /// The worst case of each bus.
 pub(super) fn loads(config: &Config) -> Vec<BusLoad> {
-    let plans = plans(config);
-    let period_us = u32::try_from(config.period.as_micros()).unwrap_or(u32::MAX);
-    let heartbeat_ms = u16::try_from(config.heartbeat.as_millis()).unwrap_or(u16::MAX);
     let buses = (0..).map(Channel).zip(&config.buses);
     let load = |(channel, bus): (Channel, &BusSettings)| {
-        let here = plans.iter().filter(|(place, _)| *place == channel).map(|(_, plan)| plan);
-        let streams = load::streams(here, period_us, config.node_id, heartbeat_ms);
-        BusLoad::of(&streams, bus.bitrate, period_us)
+        BusLoad::of(&streams(config, channel), bus.bitrate, period_us(config))
     };
     buses.map(load).collect()
+}
+
+/// What is planned on one bus.
+fn streams(config: &Config, channel: Channel) -> Vec<Stream> {
+    let plans = plans(config);
+    let here = plans.iter().filter(|(place, _)| *place == channel).map(|(_, plan)| plan);
+    load::streams(here, period_us(config), config.node_id, heartbeat_ms(config))
+}
+
+/// From SYNC to SYNC, in µs.
+pub(super) fn period_us(config: &Config) -> u32 {
+    u32::try_from(config.period.as_micros()).unwrap_or(u32::MAX)
+}
+
+/// From one heartbeat of the master to the next, in ms.
+pub(super) fn heartbeat_ms(config: &Config) -> u16 {
+    u16::try_from(config.heartbeat.as_millis()).unwrap_or(u16::MAX)
 }
 
 /// How long the RPDOs of every cycle take on the slowest bus, in the worst case.

@@ -51,6 +51,11 @@ impl Wire {
         of.map(|(at, telegram)| (*at, telegram.frame)).collect()
     }
 
+    /// All frames of all buses.
+    pub(crate) fn all(&self) -> Vec<(Instant, Telegram)> {
+        self.0.borrow().clone()
+    }
+
     pub(crate) fn clear(&self) {
         self.0.borrow_mut().clear();
     }

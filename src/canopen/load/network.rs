@@ -1,0 +1,429 @@
+//! All buses of one master, and everything that can be said of them before a frame is sent.
+
+use std::time::Duration;
+
+use canopen_rs::NodeId;
+
+use crate::canopen::load::abilities::Abilities;
+use crate::canopen::load::payload;
+use crate::canopen::load::payload::Signals;
+use crate::canopen::load::rates::Rates;
+use crate::canopen::load::response;
+use crate::canopen::load::response::Contender;
+
+use crate::canopen::load::streams::Role;
+use crate::canopen::load::streams::Stream;
+use crate::canopen::load::streams::by_chance;
+use crate::canopen::load::streams::streams;
+use crate::canopen::load::timeline::LoopDelay;
+use crate::canopen::load::timeline::Pauses;
+use crate::canopen::load::timeline::Timeline;
+use crate::canopen::load::utilisation::BusLoad;
+use crate::canopen::load::utilisation::Margin;
+use crate::canopen::load::utilisation::Utilisation;
+use crate::canopen::plan::NodePlan;
+
+/// A node on a bus.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Member {
+    /// What it is to be told.
+    pub plan: NodePlan,
+    /// What its data sheet permits.
+    pub abilities: Abilities,
+    /// What its values typically are.
+    pub signals: Signals,
+}
+
+/// A bus and its nodes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bus {
+    /// What people call it.
+    pub name: String,
+    /// In bit/s.
+    pub bitrate: u32,
+    /// The most its worst case may take, in percent of the bit rate.
+    pub load_limit_percent: f64,
+    /// Its nodes.
+    pub members: Vec<Member>,
+}
+
+/// A master and its buses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Network {
+    /// From SYNC to SYNC, in µs.
+    pub period_us: u32,
+    /// The master's node-id, for its heartbeat.
+    pub master: NodeId,
+    /// How often it sends that, in ms.
+    pub master_heartbeat_ms: u16,
+    /// The buses.
+    pub buses: Vec<Bus>,
+}
+
+/// What no configuration says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Assumptions {
+    /// How long drives and host take.
+    pub pauses: Pauses,
+    /// The least time between two emergencies of one node, in µs.
+    pub emergency_gap_us: u32,
+    /// The least time between two SDO exchanges, in µs.
+    pub sdo_gap_us: u32,
+    /// The least time between two errors on the wire, in µs; `None` for none at all.
+    pub error_gap_us: Option<u32>,
+}
+
+/// Drives as quick as the simulated ones, a host that takes 60 µs, an emergency of each node every
+/// 100 ms, an SDO exchange every 10 ms, and a wire without errors.
+impl Default for Assumptions {
+    fn default() -> Self {
+        Self {
+            pauses: Pauses { drive_us: 60, host_us: 60 },
+            emergency_gap_us: 100_000,
+            sdo_gap_us: 10_000,
+            error_gap_us: None,
+        }
+    }
+}
+
+/// A frame, how long it typically is, and how long it may take.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Planned {
+    /// The frame.
+    pub stream: Stream,
+    /// Its typical length, in bits.
+    pub typical_bits: f64,
+    /// From its queue to its end in the worst case; `None` where there is no bound.
+    pub response: Option<Duration>,
+}
+
+impl Planned {
+    /// Whether it may come later than it is waited for.
+    pub fn is_late(&self) -> bool {
+        is_late(&self.stream, self.response)
+    }
+}
+
+fn is_late(stream: &Stream, response: Option<Duration>) -> bool {
+    let deadline = stream.deadline_us.map(|us| Duration::from_micros(u64::from(us)));
+    deadline.is_some_and(|deadline| response.is_none_or(|response| response > deadline))
+}
+
+/// The worst case and the typical one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Both<T> {
+    /// Every frame as long as stuffing can make it.
+    pub worst: T,
+    /// Every frame as long as it typically is.
+    pub typical: T,
+}
+
+/// Everything that can be said of one bus.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BusPlan {
+    /// What people call it.
+    pub name: String,
+    /// In bit/s.
+    pub bitrate: u32,
+    /// The most its worst case may take, in percent of the bit rate.
+    pub load_limit_percent: f64,
+    /// Every frame, the highest priority first.
+    pub frames: Vec<Planned>,
+    /// How much of it they take.
+    pub utilisation: Utilisation,
+    /// What is left.
+    pub margin: Margin,
+    /// What happens when in a cycle.
+    pub timeline: Both<Timeline>,
+    /// How old a torque is when it acts.
+    pub loop_delay: Both<LoopDelay>,
+    /// How fast it could go.
+    pub rates: Both<Rates>,
+}
+
+impl BusPlan {
+    /// Whether the load is within its limit.
+    pub fn fits(&self) -> bool {
+        self.utilisation.worst.within(self.load_limit_percent).is_ok()
+    }
+
+    /// Whether a cycle is done before the next SYNC in the worst case.
+    pub fn is_done_within(&self, period_us: u32) -> bool {
+        self.timeline.worst.done_us <= f64::from(period_us)
+    }
+}
+
+impl Network {
+    /// Everything that can be said of every bus.
+    pub fn plan(&self, assumed: &Assumptions) -> Vec<BusPlan> {
+        self.buses.iter().map(|bus| self.plan_of(bus, assumed)).collect()
+    }
+
+    fn plan_of(&self, bus: &Bus, assumed: &Assumptions) -> BusPlan {
+        let signals = |node: NodeId| {
+            let member = bus.members.iter().find(|member| member.plan.node == node);
+            member.map(|member| member.signals).unwrap_or_default()
+        };
+        let frames: Vec<Planned> = self
+            .responses(bus, assumed)
+            .into_iter()
+            .map(|(stream, response)| Planned {
+                typical_bits: payload::typical_bits(&stream, &signals),
+                stream,
+                response,
+            })
+            .collect();
+        let typical_bits = |stream: &Stream| {
+            let found = frames.iter().find(|frame| frame.stream.cob_id == stream.cob_id);
+            found.map_or_else(|| f64::from(stream.worst_bits()), |frame| frame.typical_bits)
+        };
+        let (planned, chance) = (self.planned(bus), bus.by_chance(assumed));
+        let utilisation =
+            Utilisation::of(&planned, &chance, typical_bits, bus.bitrate, self.period_us);
+        let timeline = Both {
+            worst: bus.timeline(&planned, worst_bits, assumed),
+            typical: bus.timeline(&planned, typical_bits, assumed),
+        };
+        let period_us = f64::from(self.period_us);
+        let typical_load = |stream: &Stream| stream.pace.typical_per_s() * typical_bits(stream);
+        BusPlan {
+            name: bus.name.clone(),
+            bitrate: bus.bitrate,
+            load_limit_percent: bus.load_limit_percent,
+            margin: utilisation.margin(bus.bitrate),
+            loop_delay: Both {
+                worst: timeline.worst.loop_delay(period_us),
+                typical: timeline.typical.loop_delay(period_us),
+            },
+            rates: Both {
+                worst: self.rates(bus, worst_load, timeline.worst.done_us),
+                typical: self.rates(bus, typical_load, timeline.typical.done_us),
+            },
+            frames,
+            utilisation,
+            timeline,
+        }
+    }
+
+    /// The worst-case load of each bus.
+    pub fn loads(&self) -> Vec<BusLoad> {
+        let load = |bus| BusLoad::of(&self.planned(bus), bus.bitrate, self.period_us);
+        self.buses.iter().map(load).collect()
+    }
+
+    /// Whether every bus is within its limit and done with a cycle before the next SYNC, in the worst
+    /// case.
+    pub fn fits(&self, assumed: &Assumptions) -> bool {
+        let loads = self.loads();
+        let mut within = self.buses.iter().zip(loads);
+        within.all(|(bus, load)| load.within(bus.load_limit_percent).is_ok())
+            && self.cycle_us(assumed) <= f64::from(self.period_us)
+    }
+
+    /// The highest SYNC rate all buses allow in the worst case, in Hz.
+    pub fn highest_hz(&self, assumed: &Assumptions) -> f64 {
+        let rate = |bus: &Bus| {
+            let timeline = bus.timeline(&self.planned(bus), worst_bits, assumed);
+            self.rates(bus, worst_load, timeline.done_us).highest_hz()
+        };
+        self.buses.iter().map(rate).fold(f64::INFINITY, f64::min)
+    }
+
+    /// When the slowest bus is done with a cycle in the worst case, in µs.
+    fn cycle_us(&self, assumed: &Assumptions) -> f64 {
+        let timelines =
+            self.buses.iter().map(|bus| bus.timeline(&self.planned(bus), worst_bits, assumed));
+        timelines.map(|timeline| timeline.done_us).fold(0.0, f64::max)
+    }
+
+    /// The longest response of the torques; `None` if one of them has no bound.
+    pub fn torque_response(&self, assumed: &Assumptions) -> Option<Duration> {
+        let responses = self.buses.iter().flat_map(|bus| self.responses(bus, assumed));
+        let torques = responses
+            .filter(|(stream, _)| stream.is_cyclic() && matches!(stream.role, Role::Rpdo(_)));
+        torques
+            .map(|(_, response)| response)
+            .try_fold(Duration::ZERO, |longest, response| Some(longest.max(response?)))
+    }
+
+    /// Whether some frame of the cycle may be late.
+    pub fn is_late(&self, assumed: &Assumptions) -> bool {
+        let mut responses = self.buses.iter().flat_map(|bus| self.responses(bus, assumed));
+        responses.any(|(stream, response)| stream.is_cyclic() && is_late(&stream, response))
+    }
+
+    /// The frames planned on `bus`.
+    fn planned(&self, bus: &Bus) -> Vec<Stream> {
+        streams(bus.plans(), self.period_us, self.master, self.master_heartbeat_ms)
+    }
+
+    /// Every frame of `bus` and its longest response, the highest priority first.
+    fn responses(&self, bus: &Bus, assumed: &Assumptions) -> Vec<(Stream, Option<Duration>)> {
+        let mut all = self.planned(bus);
+        all.extend(bus.by_chance(assumed));
+        all.sort_by_key(|stream| stream.cob_id);
+        let contenders: Vec<Contender> =
+            all.iter().map(|stream| contender(stream, assumed)).collect();
+        let responses = response::responses(&contenders, bus.bitrate, assumed.error_gap_us);
+        all.into_iter().zip(responses).collect()
+    }
+
+    fn rates(&self, bus: &Bus, load: impl Fn(&Stream) -> f64, done_us: f64) -> Rates {
+        let allowed = f64::from(bus.bitrate) * bus.load_limit_percent / 100.0;
+        Rates::of(&self.planned(bus), load, self.period_us, allowed, done_us)
+    }
+}
+
+impl Bus {
+    fn plans(&self) -> impl Iterator<Item = &NodePlan> {
+        self.members.iter().map(|member| &member.plan)
+    }
+
+    fn by_chance(&self, assumed: &Assumptions) -> Vec<Stream> {
+        by_chance(self.plans(), assumed.emergency_gap_us, assumed.sdo_gap_us)
+    }
+
+    /// The cycle of what is `planned`, each frame as many bits as `length` says.
+    fn timeline(
+        &self,
+        planned: &[Stream],
+        length: impl Fn(&Stream) -> f64,
+        assumed: &Assumptions,
+    ) -> Timeline {
+        let bit_us = 1e6 / f64::from(self.bitrate.max(1));
+        let chance = self.by_chance(assumed);
+        let others = planned.iter().filter(|stream| !stream.is_cyclic()).chain(&chance);
+        let longest = others.map(&length).fold(0.0, f64::max);
+        let span = |stream: &Stream| length(stream) * bit_us;
+        Timeline::of(planned, span, longest * bit_us, assumed.pauses)
+    }
+}
+
+/// As it takes part in arbitration: a synchronous TPDO is queued when its drive has sampled.
+fn contender(stream: &Stream, assumed: &Assumptions) -> Contender {
+    let is_sampled = stream.syncs.is_some() && matches!(stream.role, Role::Tpdo(_));
+    Contender {
+        cob_id: stream.cob_id,
+        bits: stream.worst_bits(),
+        pace: stream.pace,
+        jitter_us: if is_sampled { assumed.pauses.drive_us } else { 0 },
+    }
+}
+
+fn worst_bits(stream: &Stream) -> f64 {
+    f64::from(stream.worst_bits())
+}
+
+fn worst_load(stream: &Stream) -> f64 {
+    stream.pace.planned_per_s() * worst_bits(stream)
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::canopen::load::streams::tests::drives;
+    use crate::canopen::load::streams::tests::grouped;
+    use crate::canopen::load::streams::tests::master;
+    use crate::canopen::plan::tests::switch_box;
+    use proptest::prelude::*;
+
+    /// One bus of `plans` at 1 Mbit/s with a limit of 90 %, whose drives permit everything.
+    pub(crate) fn network(plans: Vec<NodePlan>, period_us: u32) -> Network {
+        let member = |plan| Member {
+            plan,
+            abilities: Abilities { no_group: Vec::new(), moves_emergencies: true },
+            signals: Signals { home: 20_000, travel: 60_000, holding: 100, effort: 200 },
+        };
+        let bus = Bus {
+            name: "joints".into(),
+            bitrate: 1_000_000,
+            load_limit_percent: 90.0,
+            members: plans.into_iter().map(member).collect(),
+        };
+        Network { period_us, master: master(), master_heartbeat_ms: 5, buses: vec![bus] }
+    }
+
+    pub(crate) fn six_drives_and_switches() -> Vec<NodePlan> {
+        let mut plans = drives(6);
+        plans.push(switch_box());
+        plans
+    }
+
+    #[test]
+    fn one_bus_per_drive_is_too_little_at_1_khz_and_enough_at_500_hz() {
+        let assumed = Assumptions::default();
+        let fast = network(six_drives_and_switches(), 1_000);
+        assert!(!fast.fits(&assumed) && !fast.plan(&assumed)[0].fits());
+        let slow = network(six_drives_and_switches(), 2_000);
+        assert!(slow.fits(&assumed) && slow.plan(&assumed)[0].fits());
+    }
+
+    #[test]
+    fn grouped_torques_fit_at_1_khz_and_every_frame_has_a_bound() {
+        let assumed = Assumptions::default();
+        let network = network(grouped(), 1_000);
+        assert!(network.fits(&assumed));
+        let plan = &network.plan(&assumed)[0];
+        assert_eq!(plan.timeline.worst.done_us.to_string(), "975");
+        assert!(plan.frames.iter().all(|frame| frame.response.is_some()));
+        assert_eq!(plan.loop_delay.worst.synchronous_us.to_string(), "1000");
+        let rates = plan.rates;
+        assert_eq!(format!("{:.0}", rates.worst.highest_hz()), "1001");
+        assert!(rates.typical.highest_hz() > rates.worst.highest_hz());
+    }
+
+    #[test]
+    fn emergencies_in_front_make_torques_late() {
+        let pauses = Pauses { drive_us: 100, host_us: 60 };
+        let assumed = Assumptions { pauses, ..Assumptions::default() };
+        let drives = grouped().into_iter().filter(|plan| plan.profile == 402).collect();
+        let mut network = network(drives, 1_000);
+        let before = network.torque_response(&assumed).unwrap();
+        for member in &mut network.buses[0].members {
+            member.plan.emcy_cob_id = 0x680 + u16::from(member.plan.node.raw());
+        }
+        let after = network.torque_response(&assumed).unwrap();
+        // As an independent program has it.
+        assert_eq!([before.as_micros(), after.as_micros()], [4_760, 990]);
+    }
+
+    #[test]
+    fn the_ways_to_plan_agree() {
+        let assumed = Assumptions::default();
+        for plans in [grouped(), six_drives_and_switches()] {
+            let network = network(plans, 1_000);
+            let plan = &network.plan(&assumed)[0];
+            assert_eq!(network.loads(), [plan.utilisation.worst]);
+            let highest = network.highest_hz(&assumed) - plan.rates.worst.highest_hz();
+            assert_eq!(highest.to_string(), "0");
+            let late = plan.frames.iter().any(|f| f.stream.is_cyclic() && f.is_late());
+            assert_eq!(network.is_late(&assumed), late);
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        #[test]
+        fn absurd_figures_are_borne(
+            period_us in any::<u32>(),
+            bitrate in prop_oneof![Just(0_u32), Just(10_000), any::<u32>()],
+            heartbeat_ms in any::<u16>(),
+            limit in any::<f64>(),
+            gap in any::<u32>(),
+        ) {
+            let mut network = network(drives(2), period_us);
+            network.master_heartbeat_ms = heartbeat_ms;
+            network.buses[0].bitrate = bitrate;
+            network.buses[0].load_limit_percent = limit;
+            let pauses = Pauses { drive_us: gap, host_us: gap };
+            let assumed = Assumptions {
+                pauses,
+                emergency_gap_us: gap,
+                sdo_gap_us: gap,
+                error_gap_us: Some(gap),
+            };
+            prop_assert_eq!(network.plan(&assumed).len(), 1);
+        }
+    }
+}

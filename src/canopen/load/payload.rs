@@ -1,0 +1,191 @@
+//! How long frames typically are: the mean exact length, stuff bits and CRC included, over the values
+//! they typically hold.
+//!
+//! How much is stuffed depends on the values: small positive numbers are long runs of zero bits. So a
+//! drive is taken as it is used: three quarters of the time a joint rests at home, else it moves about
+//! there, with torques about those that hold the arm. The sample is drawn by a fixed sequence: the same plan, the same figure.
+
+use canopen_rs::NodeId;
+
+use crate::canopen::bits;
+use crate::canopen::drive;
+use crate::canopen::frame::Frame;
+use crate::canopen::load::pace::MOVING;
+use crate::canopen::load::streams::Role;
+use crate::canopen::load::streams::Slot;
+use crate::canopen::load::streams::Stream;
+use crate::canopen::object::Object;
+
+/// Frames that are drawn for a mean.
+const SAMPLES: u32 = 512;
+
+/// The statusword of a drive that follows: operation enabled, voltage on, remote (CiA 402).
+const STATUS: i64 = 0x1237;
+
+/// A heartbeat's state: operational (CiA 301, 7.2.8.3.2.2).
+const OPERATIONAL: u8 = 5;
+
+/// The deadman held: contact A closed, B, its opposite, open.
+const INPUTS: i64 = 0b0001;
+
+/// What a drive's measured and commanded values typically are, in the drive's own units.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Signals {
+    /// Counts (6064h) at home.
+    pub home: i32,
+    /// How far it moves from there, in counts, to either side.
+    pub travel: u32,
+    /// The torque (6071h, 6077h) that holds the arm at home, in per mille of rated torque.
+    pub holding: i16,
+    /// How far torques go from there, to either side.
+    pub effort: u16,
+}
+
+/// What is known of each node's values.
+pub type Known<'a> = &'a dyn Fn(NodeId) -> Signals;
+
+/// The typical length of a frame, in bits.
+pub fn typical_bits(stream: &Stream, known: Known<'_>) -> f64 {
+    let mut drawn = Drawn::new(stream.cob_id);
+    let mut sum = 0;
+    for place in 0..SAMPLES {
+        drawn.is_at_rest = f64::from(place) >= MOVING * f64::from(SAMPLES);
+        let bytes = content(stream, known, &mut drawn);
+        sum += Frame::from_slice(stream.cob_id, &bytes)
+            .map_or_else(|| stream.worst_bits(), |frame| bits::exact(&frame));
+    }
+    f64::from(sum) / f64::from(SAMPLES)
+}
+
+/// One frame's bytes.
+fn content(stream: &Stream, known: Known<'_>, drawn: &mut Drawn) -> Vec<u8> {
+    match stream.role {
+        Role::Sync => Vec::new(),
+        Role::Heartbeat => vec![OPERATIONAL],
+        Role::Tpdo(_) | Role::Rpdo(_) => {
+            let mut bytes = Vec::new();
+            for slot in &stream.slots {
+                let value = value(slot, known, drawn).to_le_bytes();
+                let size = usize::from(slot.mapped.bits.div_ceil(8));
+                bytes.extend(value.into_iter().take(size));
+            }
+            bytes
+        }
+        Role::Emergency | Role::SdoRequest | Role::SdoResponse => {
+            drawn.next().to_le_bytes().to_vec()
+        }
+    }
+}
+
+/// What stands in a slot.
+fn value(slot: &Slot, known: Known<'_>, drawn: &mut Drawn) -> i64 {
+    let signals = known(slot.node);
+    match slot.mapped.object {
+        Object::STATUSWORD => STATUS,
+        Object::CONTROLWORD => i64::from(drive::Controlword::ENABLE_OPERATION.0),
+        Object::DIGITAL_INPUTS => INPUTS,
+        Object::MODE_DISPLAY => i64::from(drive::CYCLIC_SYNCHRONOUS_TORQUE),
+        Object::POSITION_ACTUAL => drawn.about(signals.home.into(), signals.travel),
+        Object::TARGET_TORQUE | Object::TORQUE_ACTUAL => {
+            drawn.about(signals.holding.into(), signals.effort.into())
+        }
+        _ => i64::from_le_bytes(drawn.next().to_le_bytes()),
+    }
+}
+
+/// A fixed sequence of numbers (a 64-bit xorshift with multiplier, Vigna 2016).
+#[derive(Clone, Copy, Debug)]
+struct Drawn {
+    state: u64,
+    is_at_rest: bool,
+}
+
+impl Drawn {
+    fn new(seed: u16) -> Self {
+        Self { state: 0x9E37_79B9_7F4A_7C15 ^ u64::from(seed), is_at_rest: true }
+    }
+
+    fn next(&mut self) -> u64 {
+        self.state ^= self.state >> 12;
+        self.state ^= self.state << 25;
+        self.state ^= self.state >> 27;
+        self.state.wrapping_mul(0x2545_F491_4F6C_DD1D)
+    }
+
+    /// `centre` at rest, else a number up to `reach` from there, evenly.
+    fn about(&mut self, centre: i64, reach: u32) -> i64 {
+        if self.is_at_rest {
+            return centre;
+        }
+        let choices = 2 * u64::from(reach) + 1;
+        let offset = i64::try_from(self.next() % choices).unwrap_or(0);
+        centre.saturating_add(offset - i64::from(reach))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::load::streams::streams;
+    use crate::canopen::load::streams::tests::drives;
+    use crate::canopen::load::streams::tests::grouped;
+    use crate::canopen::load::streams::tests::master;
+    use proptest::prelude::*;
+
+    fn moving(_: NodeId) -> Signals {
+        Signals { home: 20_000, travel: 60_000, holding: 100, effort: 200 }
+    }
+
+    #[test]
+    fn what_never_changes_has_its_exact_length() {
+        let streams = streams(&drives(1), 1_000, master(), 5);
+        let exact = |cob_id, data: &[u8]| {
+            let frame = Frame::from_slice(cob_id, data).unwrap();
+            let stream = streams.iter().find(|stream| stream.cob_id == cob_id).unwrap();
+            assert_eq!(
+                typical_bits(stream, &moving).to_string(),
+                f64::from(bits::exact(&frame)).to_string()
+            );
+        };
+        exact(0x080, &[]);
+        exact(0x77F, &[5]);
+        exact(0x701, &[5]);
+    }
+
+    #[test]
+    fn a_typical_frame_is_as_long_as_traffic_of_arms_is() {
+        // Means over traffic of a moving arm, measured apart from this program: 8 bytes 119 to 123 bits,
+        // 6 bytes 100, 4 bytes 84.
+        for stream in streams(&drives(6), 1_000, master(), 5) {
+            let bits = typical_bits(&stream, &moving);
+            match stream.bytes {
+                8 => assert!((117.0..123.0).contains(&bits), "{bits}"),
+                4 => assert!((82.0..88.0).contains(&bits), "{bits}"),
+                _ => {}
+            }
+        }
+        for stream in streams(&grouped(), 1_000, master(), 5) {
+            let bits = typical_bits(&stream, &moving);
+            if stream.bytes == 6 {
+                assert!((98.0..104.0).contains(&bits), "{bits}");
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn typical_lies_between_the_bounds(
+            home in any::<i32>(),
+            travel in any::<u32>(),
+            holding in any::<i16>(),
+            effort in any::<u16>(),
+        ) {
+            let known = |_| Signals { home, travel, holding, effort };
+            for stream in streams(&drives(1), 1_000, master(), 5) {
+                let bits = typical_bits(&stream, &known);
+                prop_assert!(f64::from(stream.least_bits()) <= bits);
+                prop_assert!(bits <= f64::from(stream.worst_bits()));
+            }
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! What would fit where this does not, and what would be quicker: other layouts of the same network,
+//! each planned like the one in use. Nothing here is a rule of thumb.
+
+use std::time::Duration;
+
+use crate::canopen::load::alternatives::Change;
+use crate::canopen::load::alternatives::changed;
+use crate::canopen::load::network::Assumptions;
+use crate::canopen::load::network::Network;
+use crate::canopen::load::utilisation::BusLoad;
+
+/// SYNC periods people use, in µs: 1 kHz and what divides it evenly, or nearly.
+const PERIODS_US: [u32; 12] =
+    [500, 625, 800, 1_000, 1_250, 1_600, 2_000, 2_500, 4_000, 5_000, 10_000, 20_000];
+
+/// A network that differs from the one in use, and what it comes to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proposal {
+    /// What is done differently.
+    pub changes: Vec<Change>,
+    /// The worst-case load of each bus.
+    pub loads: Vec<BusLoad>,
+    /// Whether it fits.
+    pub fits: bool,
+    /// The highest SYNC rate in the worst case, in Hz.
+    pub highest_hz: f64,
+    /// The longest response of the torques in the worst case; `None` where there is no bound.
+    pub torque_response: Option<Duration>,
+}
+
+/// What could be done about `network`: where it does not fit, every layout that carries less, whether
+/// it fits or not; where only emergencies make torques late, other identifiers for those.
+pub fn proposals(network: &Network, assumed: &Assumptions) -> Vec<Proposal> {
+    if network.fits(assumed) {
+        let moved = proposal_of(network, &[Change::EmergenciesMoved], assumed);
+        let now = network.torque_response(assumed);
+        return moved.filter(|moved| is_shorter(moved.torque_response, now)).into_iter().collect();
+    }
+    let now = network.highest_hz(assumed);
+    let tried = [
+        vec![Change::SlowHeartbeats],
+        vec![Change::Grouped],
+        vec![Change::StatesOnChange],
+        vec![Change::SecondBus],
+        vec![Change::Grouped, Change::SecondBus],
+    ];
+    let slower = slower(network, assumed).map(|period_us| vec![Change::Period(period_us)]);
+    let mut found: Vec<Proposal> = Vec::new();
+    for changes in tried.into_iter().chain(slower) {
+        // Two big changes only where one is not enough.
+        let is_needed = changes.len() == 1 || !found.iter().any(|one| one.fits);
+        let proposal = is_needed.then(|| refined(network, &changes, assumed)).flatten();
+        // Slower heartbeats alone are worth a line only if they are enough.
+        let is_worth_it = |one: &Proposal| {
+            one.fits || one.highest_hz > now && one.changes != [Change::SlowHeartbeats]
+        };
+        found.extend(proposal.filter(is_worth_it));
+    }
+    found
+}
+
+/// `changes`, with slower heartbeats if only these make it fit, and with emergencies moved if torques are
+/// sooner there then.
+fn refined(network: &Network, changes: &[Change], assumed: &Assumptions) -> Option<Proposal> {
+    let with = |proposal: &Proposal, change| {
+        proposal_of(network, &[proposal.changes.as_slice(), &[change]].concat(), assumed)
+    };
+    let plain = proposal_of(network, changes, assumed)?;
+    let slower = if plain.fits { None } else { with(&plain, Change::SlowHeartbeats) };
+    let fitting = slower.filter(|slower| slower.fits).unwrap_or(plain);
+    let moved = if fitting.fits { with(&fitting, Change::EmergenciesMoved) } else { None };
+    let sooner = moved.filter(|it| is_shorter(it.torque_response, fitting.torque_response));
+    Some(sooner.unwrap_or(fitting))
+}
+
+fn proposal_of(network: &Network, changes: &[Change], assumed: &Assumptions) -> Option<Proposal> {
+    let network = changed(network, changes)?;
+    Some(Proposal {
+        changes: changes.to_vec(),
+        loads: network.loads(),
+        fits: network.fits(assumed),
+        highest_hz: network.highest_hz(assumed),
+        torque_response: network.torque_response(assumed),
+    })
+}
+
+fn is_shorter(this: Option<Duration>, that: Option<Duration>) -> bool {
+    this.is_some_and(|this| that.is_none_or(|that| this < that))
+}
+
+/// The shortest usual period above the present one at which the network fits.
+fn slower(network: &Network, assumed: &Assumptions) -> Option<u32> {
+    let longer = PERIODS_US.into_iter().filter(|period_us| *period_us > network.period_us);
+    let fits = |period_us: &u32| {
+        changed(network, &[Change::Period(*period_us)]).is_some_and(|slower| slower.fits(assumed))
+    };
+    longer.into_iter().find(fits)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::load::abilities::NoGroup;
+    use crate::canopen::load::network::tests::network;
+    use crate::canopen::load::network::tests::six_drives_and_switches;
+
+    fn overloaded() -> Network {
+        network(six_drives_and_switches(), 1_000)
+    }
+
+    fn of(network: &Network) -> Vec<Proposal> {
+        proposals(network, &Assumptions::default())
+    }
+
+    #[test]
+    fn what_does_not_fit_is_told_what_would() {
+        let percent = |load: &BusLoad| format!("{:.1}", load.percent());
+        let found = of(&overloaded());
+        let found = found.iter().map(|one| {
+            let loads: Vec<String> = one.loads.iter().map(percent).collect();
+            (one.changes.clone(), loads.join(" "), one.fits)
+        });
+        let moved = Change::EmergenciesMoved;
+        let expected = [
+            (vec![Change::Grouped, Change::SlowHeartbeats, moved], "89.9", true),
+            (vec![Change::StatesOnChange], "113.2", false),
+            (vec![Change::SecondBus, moved], "76.6 78.1", true),
+            (vec![Change::Period(2_000), moved], "76.2", true),
+        ];
+        let expected = expected.map(|(changes, loads, fits)| (changes, loads.to_owned(), fits));
+        assert_eq!(found.collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn where_little_is_missing_little_is_proposed() {
+        let grouped = changed(&overloaded(), &[Change::Grouped]).unwrap();
+        let found = of(&grouped);
+        let expected = [Change::SlowHeartbeats, Change::EmergenciesMoved];
+        assert_eq!(found.first().unwrap().changes, expected);
+        assert!(found.iter().all(|one| !one.changes.contains(&Change::StatesOnChange)));
+    }
+
+    #[test]
+    fn drives_that_cannot_share_are_not_grouped() {
+        let mut network = overloaded();
+        network.buses[0].members[2].abilities.no_group = vec![NoGroup::Dummy];
+        let found = of(&network);
+        assert!(found.iter().any(|one| one.fits));
+        assert!(found.iter().all(|one| !one.changes.contains(&Change::Grouped)));
+    }
+
+    #[test]
+    fn what_fits_is_left_alone_but_for_emergencies_in_front() {
+        let slow = network(six_drives_and_switches(), 2_000);
+        let found = of(&slow);
+        assert_eq!(found.len(), 1);
+        assert_eq!(found[0].changes, [Change::EmergenciesMoved]);
+        let moved = changed(&slow, &[Change::EmergenciesMoved]).unwrap();
+        assert_eq!(of(&moved), []);
+    }
+
+    #[test]
+    fn every_rate_that_is_proposed_fits() {
+        for proposal in of(&overloaded()).into_iter().filter(|one| one.fits) {
+            let mut network = changed(&overloaded(), &proposal.changes).unwrap();
+            let shortest = (1e6 / proposal.highest_hz).ceil();
+            network.period_us = (1..).find(|us| f64::from(*us) >= shortest).unwrap();
+            assert!(network.fits(&Assumptions::default()), "{:?}", proposal.changes);
+        }
+    }
+}

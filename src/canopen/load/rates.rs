@@ -1,0 +1,110 @@
+//! The highest SYNC rate a bus allows: within its load limit, and so that a cycle is done before the
+//! next SYNC.
+//!
+//! With K bits of frames that SYNC governs and r bit/s of all others, the load at f is K f + r, so the
+//! limit L of a bus of b bit/s is reached at f = (L b - r) / K.
+
+use crate::canopen::load::streams::Stream;
+
+/// Rates in Hz; infinite where nothing bounds them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rates {
+    /// Up to here the load is within the limit.
+    pub load_hz: f64,
+    /// Up to here a cycle is done before the next SYNC.
+    pub cycle_hz: f64,
+}
+
+impl Rates {
+    /// The rates of `planned`, at present with a SYNC every `period_us`, on a bus that may carry
+    /// `allowed` bit/s and whose cycle is done after `done_us`. `load` says the bits a second of a stream.
+    pub fn of(
+        planned: &[Stream],
+        load: impl Fn(&Stream) -> f64,
+        period_us: u32,
+        allowed: f64,
+        done_us: f64,
+    ) -> Self {
+        let sum = |is_governed| {
+            let streams = planned.iter().filter(|stream| stream.syncs.is_some() == is_governed);
+            streams.map(&load).sum::<f64>()
+        };
+        let bits_per_cycle: f64 = sum(true) * f64::from(period_us) / 1e6;
+        Self {
+            load_hz: quotient((allowed - sum(false)).max(0.0), bits_per_cycle),
+            cycle_hz: quotient(1e6, done_us),
+        }
+    }
+
+    /// The lower of the two.
+    pub const fn highest_hz(&self) -> f64 {
+        self.load_hz.min(self.cycle_hz)
+    }
+}
+
+fn quotient(dividend: f64, divisor: f64) -> f64 {
+    if divisor > 0.0 { dividend / divisor } else { f64::INFINITY }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::load::streams::streams;
+    use crate::canopen::load::streams::tests::drives;
+    use crate::canopen::load::streams::tests::grouped;
+    use crate::canopen::load::streams::tests::master;
+    use crate::canopen::load::utilisation::BusLoad;
+    use crate::canopen::plan::NodePlan;
+    use proptest::prelude::*;
+
+    fn worst(stream: &Stream) -> f64 {
+        stream.pace.planned_per_s() * f64::from(stream.worst_bits())
+    }
+
+    #[test]
+    fn the_whole_wire_carries_what_an_independent_program_says() {
+        // SYNC, six positions of 4 bytes, two shared torques of 6: 1170 Hz. One RPDO of 4 bytes and one
+        // TPDO of 8 a drive: a million through 1435.
+        let silent = |plans: Vec<NodePlan>| -> Vec<Stream> {
+            let all = streams(&plans, 1_000, master(), 0);
+            all.into_iter().filter(Stream::is_cyclic).collect()
+        };
+        let hz = |streams: &[Stream]| {
+            format!("{:.0}", Rates::of(streams, worst, 1_000, 1e6, 0.0).highest_hz())
+        };
+        assert_eq!(hz(&silent(grouped())), "1170");
+        assert_eq!(hz(&silent(drives(6))), "697");
+    }
+
+    #[test]
+    fn a_cycle_that_takes_longer_is_slower() {
+        let planned = streams(&grouped(), 1_000, master(), 5);
+        let rates = Rates::of(&planned, worst, 1_000, 0.9e6, 1_250.0);
+        assert_eq!(format!("{:.0} {:.0}", rates.load_hz, rates.highest_hz()), "1001 800");
+    }
+
+    #[test]
+    fn nothing_planned_has_no_highest_rate() {
+        assert!(Rates::of(&[], worst, 1_000, 1e6, 0.0).highest_hz().is_infinite());
+    }
+
+    proptest! {
+        #[test]
+        fn at_the_highest_rate_the_load_is_the_limit(
+            count in 1_u8..7,
+            period_us in 100_u32..100_000,
+            limit in 50.0_f64..100.0,
+        ) {
+            let plans = drives(count);
+            let planned = streams(&plans, period_us, master(), 5);
+            let rates = Rates::of(&planned, worst, period_us, 1e4 * limit, 0.0);
+            let at = |hz: f64| {
+                let others: f64 = planned.iter().filter(|s| s.syncs.is_none()).map(worst).sum();
+                let cycle: f64 = planned.iter().filter(|s| s.syncs.is_some()).map(worst).sum();
+                let rate = cycle * f64::from(period_us) / 1e6 * hz + others;
+                BusLoad::from_rate(rate, 1_000_000, period_us).percent()
+            };
+            prop_assert!((at(rates.load_hz) - limit).abs() < 1e-9);
+        }
+    }
+}

@@ -1,0 +1,406 @@
+//! The longest time from a frame's queueing to its end, for every frame of a bus: the analysis of
+//! Davis, Burns, Bril and Lukkien, "Controller Area Network (CAN) schedulability analysis: Refuted,
+//! revisited and revised" (Real-Time Systems 35, 2007), which mends Tindell's of 1994.
+//!
+//! A frame of priority m, of C bits, released late by up to J, waits for at most one frame of lower
+//! priority, B, and for every frame of higher priority. All its instances in the busy period count:
+//!
+//! ```text
+//! t = B + E(t) + Σ η_k(t) C_k                    over k of m's priority and above: the busy period
+//! w = B + E(w + C) + q C + Σ η_k(w + τ) C_k      over k above m: when instance q begins
+//! R = max J + w - δ(q) + C                       over all q whose release lies in the busy period
+//! ```
+//!
+//! η_k(t) is the most frames in a window, for a periodic one ⌈(t + J_k) / T_k⌉, δ(q) the earliest
+//! release of instance q, τ one bit, and E(t) what errors cost: every T_err an error frame of at most
+//! 31 bits and the longest frame again.
+//!
+//! Not modelled: a station whose driver sends in order of queueing, not of priority. The master keeps to
+//! it by queueing heartbeat and SDO behind the RPDOs of a cycle.
+
+use std::time::Duration;
+
+use crate::canopen::load::pace::Pace;
+
+/// Bits of an error frame and the recovery from it, at most.
+const ERROR_BITS: u64 = 31;
+
+/// Nanoseconds in a second, and in a microsecond.
+const SECOND: u64 = 1_000_000_000;
+const MICRO: u64 = 1_000;
+
+/// A busy period longer than this is taken for endless, in ns.
+const HORIZON: u64 = 2 * SECOND;
+
+/// Steps towards a fixed point after which none is expected.
+const STEPS: u32 = 200_000;
+
+/// A frame that takes part in arbitration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Contender {
+    /// Its identifier: the lower, the higher its priority.
+    pub cob_id: u16,
+    /// How long it is, in bits.
+    pub bits: u32,
+    /// How often it comes.
+    pub pace: Pace,
+    /// By how much it may be queued late, in µs.
+    pub jitter_us: u32,
+}
+
+/// The longest response of each contender, in their order; `None` where there is no bound: the bus
+/// cannot carry it with all that goes before it. `error_gap_us` is the least time between two errors on
+/// the wire, `None` for none at all.
+pub fn responses(
+    contenders: &[Contender],
+    bitrate: u32,
+    error_gap_us: Option<u32>,
+) -> Vec<Option<Duration>> {
+    let bit_ns = SECOND / u64::from(bitrate.clamp(1, 1_000_000_000));
+    let bound = |place: usize| Analysis::new(contenders, place, bit_ns, error_gap_us)?.bound();
+    (0..contenders.len()).map(|place| bound(place).map(Duration::from_nanos)).collect()
+}
+
+/// The frame under analysis and all that may delay it. Times in ns.
+struct Analysis<'c> {
+    frame: &'c Contender,
+    length: u64,
+    higher: Vec<&'c Contender>,
+    blocking: u64,
+    bit_ns: u64,
+    error_gap: Option<u64>,
+    retransmitted: u64,
+}
+
+impl<'c> Analysis<'c> {
+    fn new(
+        contenders: &'c [Contender],
+        place: usize,
+        bit_ns: u64,
+        error_gap_us: Option<u32>,
+    ) -> Option<Self> {
+        let frame = contenders.get(place)?;
+        let others = contenders.iter().enumerate().filter(|(other, _)| *other != place);
+        let (higher, lower): (Vec<_>, Vec<_>) =
+            others.map(|(_, other)| other).partition(|other| other.cob_id <= frame.cob_id);
+        let time = |contender: &Contender| u64::from(contender.bits) * bit_ns;
+        let longest = |of: &[&Contender]| of.iter().map(|other| time(other)).max().unwrap_or(0);
+        Some(Self {
+            frame,
+            length: time(frame),
+            blocking: longest(&lower),
+            retransmitted: longest(&higher).max(time(frame)),
+            higher,
+            bit_ns,
+            error_gap: error_gap_us.map(|us| u64::from(us.max(1)) * MICRO),
+        })
+    }
+
+    /// The longest response.
+    fn bound(&self) -> Option<u64> {
+        if self.share() >= 1.0 {
+            return None;
+        }
+        let mut steps = STEPS;
+        let busy = self.busy_period(&mut steps)?;
+        let instances = most(self.frame, busy);
+        let mut start = self.blocking;
+        let mut longest = 0;
+        for instance in 0..instances {
+            start = self.start(instance, start, &mut steps)?;
+            let end = jitter(self.frame).saturating_add(start).saturating_add(self.length);
+            let response = end.saturating_sub(self.frame.pace.earliest(instance));
+            longest = longest.max(response);
+        }
+        Some(longest)
+    }
+
+    /// The part of all time that this frame, those above it and errors take.
+    fn share(&self) -> f64 {
+        let bit_s = Duration::from_nanos(self.bit_ns).as_secs_f64();
+        let frames = self.higher.iter().copied().chain([self.frame]);
+        let of = |other: &Contender| f64::from(other.bits) * bit_s * other.pace.sustained_per_s();
+        let errors = self.error_gap.map_or(0.0, |gap| {
+            let each = Duration::from_nanos(ERROR_BITS * self.bit_ns + self.retransmitted);
+            each.as_secs_f64() / Duration::from_nanos(gap).as_secs_f64()
+        });
+        frames.map(of).sum::<f64>() + errors
+    }
+
+    /// How long the bus may be busy with this priority and above, without a pause.
+    fn busy_period(&self, steps: &mut u32) -> Option<u64> {
+        fixed_point(self.length, steps, |busy| {
+            let own = most(self.frame, busy).saturating_mul(self.length);
+            let others = self.interference(busy);
+            self.blocking
+                .saturating_add(self.errors(busy))
+                .saturating_add(own.saturating_add(others))
+        })
+    }
+
+    /// When `instance` begins at the latest, after the busy period's beginning; not before `from`.
+    fn start(&self, instance: u64, from: u64, steps: &mut u32) -> Option<u64> {
+        let own = instance.saturating_mul(self.length);
+        fixed_point(from, steps, |start| {
+            let others = self.interference(start.saturating_add(self.bit_ns));
+            let errors = self.errors(start.saturating_add(self.length));
+            self.blocking.saturating_add(errors).saturating_add(own.saturating_add(others))
+        })
+    }
+
+    /// What higher priorities take of a window.
+    fn interference(&self, window: u64) -> u64 {
+        let time = |other: &&Contender| {
+            most(other, window).saturating_mul(u64::from(other.bits) * self.bit_ns)
+        };
+        self.higher.iter().map(time).fold(0, u64::saturating_add)
+    }
+
+    /// What errors take of a window.
+    fn errors(&self, window: u64) -> u64 {
+        let each = ERROR_BITS * self.bit_ns + self.retransmitted;
+        self.error_gap.map_or(0, |gap| window.div_ceil(gap).saturating_mul(each))
+    }
+}
+
+/// The most instances of `contender` in a window.
+fn most(contender: &Contender, window: u64) -> u64 {
+    contender.pace.most_in(window, jitter(contender))
+}
+
+fn jitter(contender: &Contender) -> u64 {
+    u64::from(contender.jitter_us) * MICRO
+}
+
+/// Where `next` stays; `None` if that is beyond the horizon or too many steps away. `next` never falls,
+/// and `from` is not above the fixed point.
+fn fixed_point(from: u64, steps: &mut u32, next: impl Fn(u64) -> u64) -> Option<u64> {
+    let mut now = from;
+    loop {
+        let then = next(now);
+        if then <= now {
+            return Some(now);
+        }
+        *steps = steps.checked_sub(1)?;
+        if then > HORIZON {
+            return None;
+        }
+        now = then;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::bits;
+    use crate::canopen::load::pace::Values;
+    use proptest::prelude::*;
+
+    const MBIT: u32 = 1_000_000;
+
+    fn clock(cob_id: u16, bytes: u32, period_us: u32, jitter_us: u32) -> Contender {
+        let pace = Pace::Clock { period_us };
+        Contender { cob_id, bits: bits::worst_case(bytes), pace, jitter_us }
+    }
+
+    fn micros(contenders: &[Contender]) -> Vec<Option<u128>> {
+        let bounds = responses(contenders, MBIT, None);
+        bounds.into_iter().map(|bound| bound.map(|bound| bound.as_micros())).collect()
+    }
+
+    /// SYNC, TPDOs and RPDOs of so many bytes, so many of them, on every SYNC, each TPDO up to 100 µs
+    /// late; of each node an emergency and a heartbeat every 100 ms; an SDO exchange every 10 ms.
+    fn layout(
+        period_us: u32,
+        [tpdo, nodes]: [u16; 2],
+        [rpdo, rpdos]: [u16; 2],
+        emergencies: u16,
+    ) -> Vec<Contender> {
+        let (tpdo, rpdo) = (u32::from(tpdo), u32::from(rpdo));
+        let mut all = vec![clock(0x80, 0, period_us, 0)];
+        all.extend((1..=nodes).map(|node| clock(0x180 + node, tpdo, period_us, 100)));
+        all.extend((1..=nodes).map(|node| clock(emergencies + node, 8, 100_000, 0)));
+        all.extend((1..=nodes).map(|node| clock(0x700 + node, 1, 100_000, 0)));
+        all.extend([0x581, 0x601].map(|id| clock(id, 8, 10_000, 0)));
+        all.extend((1..=rpdos).map(|place| clock(0x200 + place, rpdo, period_us, 0)));
+        all
+    }
+
+    #[test]
+    fn responses_are_those_of_an_independent_program() {
+        // The last RPDO with emergencies at 80h + node and at 680h + node, in µs.
+        // Period, then bytes and number of TPDOs and of RPDOs.
+        for (period_us, [tpdo, nodes], [rpdo, rpdos], expected) in [
+            (2_000, [6, 6], [2, 6], [3_260, 1_330]),
+            (1_250, [4, 6], [2, 6], [6_020, 1_210]),
+            (1_000, [4, 6], [6, 2], [4_760, 990]),
+            (1_000, [8, 3], [8, 3], [2_865, 1_000]),
+            (1_000, [6, 3], [4, 3], [1_815, 820]),
+            (1_000, [6, 3], [2, 3], [1_715, 760]),
+            (1_000, [6, 3], [6, 1], [1_455, 650]),
+        ] {
+            let last = [0x80, 0x680].map(|emergencies| {
+                let frames = layout(period_us, [tpdo, nodes], [rpdo, rpdos], emergencies);
+                *micros(&frames).last().unwrap()
+            });
+            assert_eq!(last, expected.map(Some), "{nodes} of {tpdo}, {rpdos} of {rpdo}");
+        }
+    }
+
+    #[test]
+    fn the_second_instance_may_be_the_worst() {
+        // The example by which Davis et al. refute the earlier analysis: three frames of 125 bits at
+        // 125 kbit/s, one ms each, with periods of 2.5, 3.5 and 3.5 ms. The third takes 3.5 ms in its
+        // second instance, and only 3.0 ms in its first.
+        let frame = |cob_id, period_us| Contender {
+            cob_id,
+            bits: 125,
+            pace: Pace::Clock { period_us },
+            jitter_us: 0,
+        };
+        let bounds = responses(&[frame(1, 2_500), frame(2, 3_500), frame(3, 3_500)], 125_000, None);
+        let expected = [2_000, 3_000, 3_500].map(|us| Some(Duration::from_micros(us)));
+        assert_eq!(bounds, expected);
+    }
+
+    #[test]
+    fn an_overload_has_no_bound_and_the_frames_above_it_have_one() {
+        let bounds = micros(&[
+            clock(1, 8, 400, 0),
+            clock(2, 8, 400, 0),
+            clock(3, 8, 400, 0),
+            clock(4, 8, 400, 0),
+        ]);
+        assert_eq!(bounds, [Some(270), Some(405), None, None]);
+    }
+
+    #[test]
+    fn an_error_costs_its_frame_and_the_longest_again() {
+        let frames = [clock(1, 8, 10_000, 0), clock(2, 0, 10_000, 0)];
+        let with = responses(&frames, MBIT, Some(100_000));
+        let without = responses(&frames, MBIT, None);
+        let cost = Duration::from_micros(31 + 135);
+        let later = without.iter().map(|bound| bound.map(|bound| bound + cost));
+        assert_eq!(with, later.collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn errors_without_end_leave_no_bound() {
+        assert_eq!(responses(&[clock(1, 8, 10_000, 0)], MBIT, Some(100)), [None]);
+    }
+
+    fn pace() -> impl Strategy<Value = Pace> {
+        let values = prop_oneof![Just(Values::Rare), Just(Values::Restless)];
+        let timer = prop::option::of(1_000_u32..50_000);
+        prop_oneof![
+            (500_u32..20_000).prop_map(|period_us| Pace::Clock { period_us }),
+            (500_u32..20_000).prop_map(|gap_us| Pace::Chance { gap_us }),
+            (500_u32..5_000, timer, values).prop_map(|(gap_us, timer_us, values)| Pace::Change {
+                gap_us,
+                timer_us,
+                values
+            }),
+        ]
+    }
+
+    /// Up to a dozen frames of different identifiers.
+    fn frames() -> impl Strategy<Value = Vec<Contender>> {
+        let frame = (0_u32..=8, pace(), 0_u32..400);
+        prop::collection::btree_map(1_u16..0x7FF, frame, 1..12).prop_map(|frames| {
+            let frame = |(cob_id, (bytes, pace, jitter_us))| Contender {
+                cob_id,
+                bits: bits::worst_case(bytes),
+                pace,
+                jitter_us,
+            };
+            frames.into_iter().map(frame).collect()
+        })
+    }
+
+    /// The longest responses, in µs, of a bus of 1 Mbit/s that is simulated bit by bit's end: every frame
+    /// comes as `released` says, and the lowest waiting identifier goes first, never interrupted.
+    fn simulated(contenders: &[Contender], released: &[Vec<(u64, u64)>]) -> Vec<u64> {
+        let mut waiting: Vec<_> = released.iter().map(|times| times.iter().peekable()).collect();
+        let mut longest = vec![0; contenders.len()];
+        let mut now = 0;
+        loop {
+            let queued = |place: usize| waiting[place].clone().next().map(|(_, queued)| *queued);
+            let ready = (0..contenders.len()).filter(|place| queued(*place) <= Some(now));
+            let mut ready = ready.filter(|place| queued(*place).is_some());
+            // Contenders stand in order of their identifiers.
+            if let Some(next) = ready.next() {
+                let (due, _) = waiting[next].next().unwrap();
+                now += u64::from(contenders[next].bits);
+                longest[next] = longest[next].max(now - due);
+            } else {
+                let coming = (0..contenders.len()).filter_map(queued).min();
+                let Some(coming) = coming else { return longest };
+                now = coming;
+            }
+        }
+    }
+
+    /// When the frames of `contender` are due and queued, in µs, as often as its pace allows from
+    /// `first` on: `late` says how much of its jitter each takes.
+    fn releases(contender: &Contender, first: u64, late: &[u32]) -> Vec<(u64, u64)> {
+        let mut queued = 0;
+        let release = |(instance, late): (u64, &u32)| {
+            let due = first + contender.pace.earliest(instance) / MICRO;
+            // A station sends its own frames in order.
+            queued = u64::max(queued, due + u64::from(late % (contender.jitter_us + 1)));
+            (due, queued)
+        };
+        (0..).zip(late).map(release).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn no_simulated_response_exceeds_the_bound(
+            frames in frames(),
+            firsts in prop::collection::vec(0_u64..3_000, 12),
+            late in prop::collection::vec(any::<u32>(), 60),
+            is_at_once in any::<bool>(),
+        ) {
+            let released: Vec<_> = frames
+                .iter()
+                .zip(&firsts)
+                .map(|(frame, first)| releases(frame, if is_at_once { 0 } else { *first }, &late))
+                .collect();
+            let bounds = responses(&frames, MBIT, None);
+            for (bound, longest) in bounds.iter().zip(simulated(&frames, &released)) {
+                if let Some(bound) = bound {
+                    prop_assert!(u128::from(longest) <= bound.as_micros(), "{longest} > {bound:?}");
+                }
+            }
+        }
+
+        #[test]
+        fn another_frame_never_shortens_a_response(frames in frames(), place in 0_usize..12) {
+            let bounds = responses(&frames, MBIT, None);
+            let mut fewer = frames.clone();
+            let removed = place % frames.len();
+            fewer.remove(removed);
+            let mut rest = bounds;
+            rest.remove(removed);
+            for (fewer, more) in responses(&fewer, MBIT, None).into_iter().zip(rest) {
+                prop_assert!(more.is_none_or(|more| fewer.is_some_and(|fewer| fewer <= more)));
+            }
+        }
+
+        #[test]
+        fn the_analysis_ends_whatever_it_is_asked(
+            frames in prop::collection::vec((any::<u16>(), 0_u32..200, any::<u32>(), any::<u32>()), 0..8),
+            bitrate in prop_oneof![Just(0_u32), Just(10_000), Just(MBIT), any::<u32>()],
+            errors in prop::option::of(any::<u32>()),
+        ) {
+            let frame = |(cob_id, bits, period_us, jitter_us)| Contender {
+                cob_id,
+                bits,
+                pace: Pace::Clock { period_us },
+                jitter_us,
+            };
+            let frames: Vec<_> = frames.into_iter().map(frame).collect();
+            prop_assert_eq!(responses(&frames, bitrate, errors).len(), frames.len());
+        }
+    }
+}

@@ -1,0 +1,396 @@
+//! Which frames come again and again on one bus: one [`Stream`] for each COB-ID, in order of priority.
+//!
+//! An RPDO that several drives listen to is one frame. What the master sends on change (a controlword)
+//! and what it sends every cycle (a torque) is told apart by what is mapped.
+
+use canopen_rs::NodeId;
+use canopen_rs::Value;
+use canopen_rs::nmt::heartbeat_cob_id;
+
+use crate::canopen::bits;
+use crate::canopen::layout::Direction;
+use crate::canopen::layout::Mapped;
+use crate::canopen::layout::Pdo;
+use crate::canopen::layout::Service;
+use crate::canopen::load::pace::Pace;
+use crate::canopen::load::pace::Values;
+use crate::canopen::object::Object;
+use crate::canopen::plan::NodePlan;
+use crate::canopen::sync;
+
+/// Objects that change when somebody or something acts; every other one is taken for a measured value.
+const RARE: [Object; 4] =
+    [Object::CONTROLWORD, Object::STATUSWORD, Object::MODE_DISPLAY, Object::DIGITAL_INPUTS];
+
+/// Data bytes of an SDO frame and of an emergency.
+const FULL: u32 = 8;
+
+/// What a frame is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// SYNC.
+    Sync,
+    /// A TPDO, by its number.
+    Tpdo(u16),
+    /// An RPDO, by its number.
+    Rpdo(u16),
+    /// A heartbeat.
+    Heartbeat,
+    /// An emergency.
+    Emergency,
+    /// What the master asks by SDO.
+    SdoRequest,
+    /// What a node answers.
+    SdoResponse,
+}
+
+/// Who sends a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sender {
+    /// The master.
+    Master,
+    /// A node.
+    Node(NodeId),
+}
+
+/// A place in a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Slot {
+    /// What stands there; a data type where no drive looks.
+    pub mapped: Mapped,
+    /// Whose it is.
+    pub node: NodeId,
+}
+
+/// A frame that comes again and again.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Stream {
+    /// Its identifier.
+    pub cob_id: u16,
+    /// What it is.
+    pub role: Role,
+    /// Who sends it.
+    pub sender: Sender,
+    /// The nodes it is from or for; none for SYNC and the master's heartbeat.
+    pub nodes: Vec<NodeId>,
+    /// Its data bytes.
+    pub bytes: u32,
+    /// How often it comes.
+    pub pace: Pace,
+    /// At every how many SYNCs, if SYNC governs it.
+    pub syncs: Option<u8>,
+    /// What is in it, if it is a PDO.
+    pub slots: Vec<Slot>,
+    /// When it should be complete, in µs after it was queued; `None` if nobody waits for it.
+    pub deadline_us: Option<u32>,
+}
+
+impl Stream {
+    /// SYNC, without a counter.
+    pub const fn sync(period_us: u32) -> Self {
+        Self {
+            cob_id: sync::COB_ID,
+            role: Role::Sync,
+            sender: Sender::Master,
+            nodes: Vec::new(),
+            bytes: 0,
+            pace: Pace::Clock { period_us },
+            syncs: Some(1),
+            slots: Vec::new(),
+            deadline_us: Some(period_us),
+        }
+    }
+
+    /// The heartbeat of a node, or of the master; `None` if it has none. Whoever waits for it does so
+    /// for `lost_ms` from the last one.
+    pub fn heartbeat(
+        node: NodeId,
+        sender: Sender,
+        period_ms: u16,
+        lost_ms: Option<u32>,
+    ) -> Option<Self> {
+        let period_us = u32::from(period_ms) * 1_000;
+        let spare = lost_ms.map(|ms| ms.saturating_mul(1_000).saturating_sub(period_us));
+        (period_us > 0).then(|| Self {
+            cob_id: heartbeat_cob_id(node),
+            role: Role::Heartbeat,
+            sender,
+            nodes: match sender {
+                Sender::Master => Vec::new(),
+                Sender::Node(node) => vec![node],
+            },
+            bytes: 1,
+            pace: Pace::Clock { period_us },
+            syncs: None,
+            slots: Vec::new(),
+            deadline_us: spare,
+        })
+    }
+
+    /// A PDO of a node; `None` if it is off.
+    pub fn pdo(pdo: &Pdo, plan: &NodePlan, sync_period_us: u32) -> Option<Self> {
+        let service = pdo.service.as_ref()?;
+        let (role, sender) = match pdo.direction {
+            Direction::Transmit => (Role::Tpdo(pdo.number), Sender::Node(plan.node)),
+            Direction::Receive => (Role::Rpdo(pdo.number), Sender::Master),
+        };
+        let syncs = syncs(pdo.direction, service);
+        let pace = syncs.map_or_else(
+            || change(pdo.direction, service, plan, sync_period_us),
+            |syncs| Pace::Clock { period_us: sync_period_us.saturating_mul(u32::from(syncs)) },
+        );
+        let deadline_us = match pace {
+            Pace::Clock { period_us } => Some(period_us),
+            Pace::Change { .. } | Pace::Chance { .. } => None,
+        };
+        let slot = |mapped: &Mapped| Slot { mapped: *mapped, node: plan.node };
+        Some(Self {
+            cob_id: pdo.cob_id,
+            role,
+            sender,
+            nodes: vec![plan.node],
+            bytes: service.bytes(),
+            pace,
+            syncs,
+            slots: service.mapping.iter().map(slot).collect(),
+            deadline_us,
+        })
+    }
+
+    /// Something of eight bytes that comes by chance.
+    fn chance(cob_id: u16, role: Role, sender: Sender, node: NodeId, gap_us: u32) -> Self {
+        Self {
+            cob_id,
+            role,
+            sender,
+            nodes: vec![node],
+            bytes: FULL,
+            pace: Pace::Chance { gap_us },
+            syncs: None,
+            slots: Vec::new(),
+            deadline_us: None,
+        }
+    }
+
+    /// Whether every cycle has it.
+    pub const fn is_cyclic(&self) -> bool {
+        matches!(self.syncs, Some(1))
+    }
+
+    /// The least bits it can take.
+    pub const fn least_bits(&self) -> u32 {
+        bits::unstuffed(self.bytes)
+    }
+
+    /// The most bits it can take.
+    pub const fn worst_bits(&self) -> u32 {
+        bits::worst_case(self.bytes)
+    }
+
+    /// The same frame, told for a further node: every drive of a group reads its own slot.
+    fn join(&mut self, other: Self) {
+        for (slot, theirs) in self.slots.iter_mut().zip(&other.slots) {
+            if slot.mapped.object.is_dummy() {
+                *slot = *theirs;
+            }
+        }
+        self.slots.extend(other.slots.into_iter().skip(self.slots.len()));
+        self.bytes = self.bytes.max(other.bytes);
+        self.nodes.extend(other.nodes);
+    }
+}
+
+/// At every how many SYNCs a PDO comes; `None` if no SYNC governs it. The master sends torques every
+/// cycle, whenever they act.
+fn syncs(direction: Direction, service: &Service) -> Option<u8> {
+    let mut mapped = service.mapping.iter();
+    let is_commanded = direction == Direction::Receive
+        && mapped.any(|mapped| mapped.object == Object::TARGET_TORQUE);
+    service.transmission.syncs().or(is_commanded.then_some(1))
+}
+
+/// How often an event-driven PDO comes.
+fn change(direction: Direction, service: &Service, plan: &NodePlan, sync_period_us: u32) -> Pace {
+    let is_rare = service.mapping.iter().all(|mapped| RARE.contains(&mapped.object));
+    let values = if is_rare { Values::Rare } else { Values::Restless };
+    match direction {
+        Direction::Transmit => Pace::Change {
+            gap_us: inhibit_us(service).unwrap_or(sync_period_us),
+            timer_us: timer_us(service),
+            values,
+        },
+        // The timer of an RPDO is how long the drive waits, not when the master sends.
+        Direction::Receive => {
+            Pace::Change { gap_us: answer_us(plan, sync_period_us), timer_us: None, values }
+        }
+    }
+}
+
+fn inhibit_us(service: &Service) -> Option<u32> {
+    service.inhibit_100us.filter(|inhibit| *inhibit > 0).map(|inhibit| u32::from(inhibit) * 100)
+}
+
+fn timer_us(service: &Service) -> Option<u32> {
+    service.event_timer_ms.filter(|timer| *timer > 0).map(|timer| u32::from(timer) * 1_000)
+}
+
+/// The least time between two controlwords: the master changes one in answer to a statusword.
+fn answer_us(plan: &NodePlan, sync_period_us: u32) -> u32 {
+    let services = plan.pdos.iter().filter(|pdo| pdo.direction == Direction::Transmit);
+    let mut services = services.filter_map(|pdo| pdo.service.as_ref());
+    let status = services
+        .find(|service| service.mapping.iter().any(|mapped| mapped.object == Object::STATUSWORD));
+    status.and_then(inhibit_us).unwrap_or(sync_period_us).max(sync_period_us)
+}
+
+/// Everything planned on one bus, the highest priority first: SYNC, the master's heartbeat, and what
+/// the nodes of `plans` send and take.
+pub fn streams<'a>(
+    plans: impl IntoIterator<Item = &'a NodePlan>,
+    sync_period_us: u32,
+    master: NodeId,
+    master_heartbeat_ms: u16,
+) -> Vec<Stream> {
+    let plans: Vec<&NodePlan> = plans.into_iter().collect();
+    let mut streams: Vec<Stream> = vec![Stream::sync(sync_period_us)];
+    let lost_ms = plans.iter().filter_map(|plan| master_lost_ms(plan)).min();
+    streams.extend(Stream::heartbeat(master, Sender::Master, master_heartbeat_ms, lost_ms));
+    for plan in plans {
+        for stream in plan.pdos.iter().filter_map(|pdo| Stream::pdo(pdo, plan, sync_period_us)) {
+            let is_shared = matches!(stream.role, Role::Rpdo(_));
+            let known = streams.iter_mut().find(|known| known.cob_id == stream.cob_id);
+            match known.filter(|known| is_shared && matches!(known.role, Role::Rpdo(_))) {
+                Some(known) => known.join(stream),
+                None => streams.push(stream),
+            }
+        }
+        let lost_ms = u32::try_from(plan.lost_after.as_millis()).unwrap_or(u32::MAX);
+        let sender = Sender::Node(plan.node);
+        streams.extend(Stream::heartbeat(plan.node, sender, plan.heartbeat_ms, Some(lost_ms)));
+    }
+    streams.sort_by_key(|stream| stream.cob_id);
+    streams
+}
+
+/// After how long without the master's heartbeat the node stops (1016h:1), in ms.
+fn master_lost_ms(plan: &NodePlan) -> Option<u32> {
+    let mut settings = plan.safety.iter();
+    let (_, value) = settings.find(|(object, _)| *object == Object::CONSUMER_HEARTBEAT)?;
+    if let Value::Unsigned32(raw) = value { Some(raw & 0xFFFF) } else { None }
+}
+
+/// What may come by chance on that bus: an emergency of each node every `emergency_gap_us`, and one SDO
+/// exchange every `sdo_gap_us`, with the node of the highest priority.
+pub fn by_chance<'a>(
+    plans: impl IntoIterator<Item = &'a NodePlan>,
+    emergency_gap_us: u32,
+    sdo_gap_us: u32,
+) -> Vec<Stream> {
+    let plans: Vec<&NodePlan> = plans.into_iter().collect();
+    let emergency = |plan: &&NodePlan| {
+        let sender = Sender::Node(plan.node);
+        Stream::chance(plan.emcy_cob_id, Role::Emergency, sender, plan.node, emergency_gap_us)
+    };
+    let mut streams: Vec<Stream> = plans.iter().map(emergency).collect();
+    if let Some(node) = plans.iter().map(|plan| plan.node).min_by_key(|node| node.raw()) {
+        let [request, response] = [SDO_REQUEST, SDO_RESPONSE].map(|id| id + u16::from(node.raw()));
+        let (ask, answer) = (Role::SdoRequest, Role::SdoResponse);
+        streams.push(Stream::chance(request, ask, Sender::Master, node, sdo_gap_us));
+        streams.push(Stream::chance(response, answer, Sender::Node(node), node, sdo_gap_us));
+    }
+    streams.sort_by_key(|stream| stream.cob_id);
+    streams
+}
+
+/// COB-ID of a node's SDO request and response, less the node-id (CiA 301, 7.3.5).
+const SDO_REQUEST: u16 = 0x600;
+const SDO_RESPONSE: u16 = 0x580;
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::canopen::layout;
+    use crate::canopen::plan::tests::elbow;
+    use crate::canopen::plan::tests::switch_box;
+
+    pub(crate) fn node(raw: u8) -> NodeId {
+        NodeId::new(raw).unwrap()
+    }
+
+    pub(crate) fn master() -> NodeId {
+        node(127)
+    }
+
+    /// Drives 1 to `count`, with the per-drive layout.
+    pub(crate) fn drives(count: u8) -> Vec<NodePlan> {
+        let drive = |raw| {
+            let pdos = layout::per_drive(node(raw), Some(5));
+            let emcy_cob_id = 0x80 + u16::from(raw);
+            NodePlan { node: node(raw), pdos, emcy_cob_id, ..elbow() }
+        };
+        (1..=count).map(drive).collect()
+    }
+
+    /// Six drives in two groups and the switch box, heartbeats every 100 ms.
+    pub(crate) fn grouped() -> Vec<NodePlan> {
+        let nodes: Vec<NodeId> = (1..=6).map(node).collect();
+        let group = |(place, plan): (usize, NodePlan)| {
+            let group = layout::Group::threes(&nodes)[place];
+            NodePlan { pdos: layout::grouped(plan.node, place, group, Some(5)), ..plan }
+        };
+        let drives = drives(6).into_iter().enumerate().map(group);
+        let plans = drives.chain([switch_box()]);
+        plans.map(|plan| NodePlan { heartbeat_ms: 100, ..plan }).collect()
+    }
+
+    #[test]
+    fn a_shared_rpdo_is_one_frame() {
+        let streams = streams(&grouped(), 1_000, master(), 5);
+        let torques: Vec<_> = streams.iter().filter(|s| s.role == Role::Rpdo(1)).collect();
+        assert_eq!(torques.iter().map(|s| s.cob_id).collect::<Vec<_>>(), [0x201, 0x204]);
+        for (torque, first) in torques.iter().zip([1_u8, 4]) {
+            assert_eq!((torque.bytes, torque.nodes.len()), (6, 3));
+            let slots: Vec<_> = torque.slots.iter().map(|s| (s.mapped.object, s.node)).collect();
+            let own = |place| (Object::TARGET_TORQUE, node(first + place));
+            assert_eq!(slots, [own(0), own(1), own(2)]);
+        }
+    }
+
+    #[test]
+    fn streams_stand_in_order_of_priority_and_no_identifier_twice() {
+        let mut all = streams(&grouped(), 1_000, master(), 5);
+        assert!(all.windows(2).all(|pair| pair[0].cob_id < pair[1].cob_id));
+        all.extend(by_chance(&grouped(), 100_000, 10_000));
+        all.sort_by_key(|stream| stream.cob_id);
+        assert!(all.windows(2).all(|pair| pair[0].cob_id < pair[1].cob_id));
+    }
+
+    #[test]
+    fn a_controlword_goes_on_change_and_a_torque_every_cycle() {
+        let grouped = streams(&grouped(), 1_000, master(), 5);
+        let of = |cob_id| grouped.iter().find(|stream| stream.cob_id == cob_id).unwrap().pace;
+        let rare = Values::Rare;
+        assert_eq!(of(0x301), Pace::Change { gap_us: 10_000, timer_us: None, values: rare });
+        assert_eq!(of(0x201), Pace::Clock { period_us: 1_000 });
+        let mut arriving = drives(1);
+        for service in arriving[0].pdos.iter_mut().filter_map(|pdo| pdo.service.as_mut()) {
+            service.transmission = sync::Transmission::EVENT_OF_PROFILE;
+        }
+        let arriving = streams(&arriving, 1_000, master(), 5);
+        let torque = arriving.iter().find(|stream| stream.role == Role::Rpdo(1)).unwrap();
+        assert_eq!(torque.pace, Pace::Clock { period_us: 1_000 });
+    }
+
+    #[test]
+    fn a_heartbeat_has_what_is_left_until_its_sender_is_lost() {
+        let streams = streams(&drives(1), 1_000, master(), 5);
+        let left = |cob_id| streams.iter().find(|s| s.cob_id == cob_id).unwrap().deadline_us;
+        assert_eq!(left(0x77F), Some(17_000));
+        assert_eq!(left(0x701), Some(35_000));
+    }
+
+    #[test]
+    fn a_node_without_a_heartbeat_sends_none() {
+        assert_eq!(Stream::heartbeat(master(), Sender::Master, 0, None), None);
+    }
+}

@@ -1,0 +1,198 @@
+//! What happens when in a cycle, and how old a torque is when it acts.
+//!
+//! ```text
+//!  SYNC │ latency │ TPDO … TPDO │ host │ RPDO … RPDO │ free          │ SYNC
+//! ```
+//!
+//! The frames that SYNC governs alone, each right behind the one before: what the cycle takes if nothing
+//! else is on the bus. In front of SYNC, while the drives sample and while the host computes the bus is
+//! idle, and one other frame may begin each time: [`Timeline::blocked_us`] says when the cycle is done
+//! then. What comes on top is in [`response`](crate::canopen::load::response).
+
+use crate::canopen::load::streams::Role;
+use crate::canopen::load::streams::Stream;
+
+/// Moments in a cycle at which a frame that is not of the cycle may get in front.
+const OPENINGS: f64 = 3.0;
+
+/// What the wire cannot tell, in µs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pauses {
+    /// From the end of SYNC until the drives queue their TPDOs.
+    pub drive_us: u32,
+    /// From the last TPDO to the first RPDO: the host wakes, computes and sends.
+    pub host_us: u32,
+}
+
+/// What takes the time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// SYNC is on the wire.
+    Sync,
+    /// The drives sample.
+    Drives,
+    /// A TPDO of this COB-ID is on the wire.
+    Tpdo(u16),
+    /// The host computes.
+    Host,
+    /// An RPDO of this COB-ID is on the wire.
+    Rpdo(u16),
+}
+
+/// One thing that happens, in µs after the SYNC was due.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// What.
+    pub stage: Stage,
+    /// Its beginning.
+    pub start_us: f64,
+    /// Its end.
+    pub end_us: f64,
+}
+
+/// A cycle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Timeline {
+    /// What happens, in order.
+    pub steps: Vec<Step>,
+    /// When the last RPDO is complete, in µs after the SYNC was due.
+    pub done_us: f64,
+    /// The same if each pause of the wire is used by the longest frame that is not of the cycle.
+    pub blocked_us: f64,
+}
+
+impl Timeline {
+    /// The cycle of `planned`, whose frames take as long as `length` says, in µs. `others_us` is the
+    /// longest frame that is not of the cycle.
+    pub fn of(
+        planned: &[Stream],
+        length: impl Fn(&Stream) -> f64,
+        others_us: f64,
+        pauses: Pauses,
+    ) -> Self {
+        let mut steps = Vec::new();
+        let mut now = 0.0;
+        let mut then = |stage, span_us: f64| {
+            steps.push(Step { stage, start_us: now, end_us: now + span_us });
+            now += span_us;
+        };
+        let of = |role: fn(Role) -> bool| {
+            planned.iter().filter(move |stream| stream.is_cyclic() && role(stream.role))
+        };
+        of(|role| role == Role::Sync).for_each(|stream| then(Stage::Sync, length(stream)));
+        then(Stage::Drives, f64::from(pauses.drive_us));
+        of(|role| matches!(role, Role::Tpdo(_)))
+            .for_each(|stream| then(Stage::Tpdo(stream.cob_id), length(stream)));
+        then(Stage::Host, f64::from(pauses.host_us));
+        of(|role| matches!(role, Role::Rpdo(_)))
+            .for_each(|stream| then(Stage::Rpdo(stream.cob_id), length(stream)));
+        Self { steps, done_us: now, blocked_us: now + OPENINGS * others_us }
+    }
+
+    /// From the sampling of a position, at the end of SYNC, to the torque that answers it.
+    pub fn loop_delay(&self, period_us: f64) -> LoopDelay {
+        let sampled = self.ends(|stage| stage == Stage::Sync).fold(0.0, f64::max);
+        let arrivals: Vec<f64> =
+            self.ends(|stage| matches!(stage, Stage::Rpdo(_))).map(|end| end - sampled).collect();
+        // SYNC takes as long every time: what is complete before the next begins acts at its end.
+        let periods = (self.done_us / period_us.max(1.0)).ceil().max(1.0);
+        let first = arrivals.iter().copied().reduce(f64::min);
+        LoopDelay {
+            synchronous_us: periods * period_us,
+            first_arrival_us: first.unwrap_or(0.0),
+            last_arrival_us: arrivals.iter().copied().fold(0.0, f64::max),
+        }
+    }
+
+    fn ends(&self, is_wanted: impl Fn(Stage) -> bool) -> impl Iterator<Item = f64> {
+        self.steps.iter().filter(move |step| is_wanted(step.stage)).map(|step| step.end_us)
+    }
+}
+
+/// From sampling to torque, in µs, for both kinds of RPDO.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoopDelay {
+    /// Synchronous RPDOs (types 0 to 240) act together, at the SYNC after they came.
+    pub synchronous_us: f64,
+    /// Event-driven RPDOs (254, 255) act as they come: the first one.
+    pub first_arrival_us: f64,
+    /// And the last one.
+    pub last_arrival_us: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::load::streams::streams;
+    use crate::canopen::load::streams::tests::drives;
+    use crate::canopen::load::streams::tests::grouped;
+    use crate::canopen::load::streams::tests::master;
+
+    const PAUSES: Pauses = Pauses { drive_us: 100, host_us: 60 };
+
+    fn worst(planned: &[Stream]) -> Timeline {
+        Timeline::of(planned, |stream| f64::from(stream.worst_bits()), 135.0, PAUSES)
+    }
+
+    #[test]
+    fn a_cycle_is_its_frames_and_pauses_in_order() {
+        let timeline = worst(&streams(&grouped(), 1_000, master(), 5));
+        let stages: Vec<_> = timeline.steps.iter().map(|step| step.stage).collect();
+        let positions = (0x181..=0x186).map(Stage::Tpdo);
+        let expected = [Stage::Sync, Stage::Drives].into_iter().chain(positions);
+        let expected = expected.chain([Stage::Host, Stage::Rpdo(0x201), Stage::Rpdo(0x204)]);
+        assert_eq!(stages, expected.collect::<Vec<_>>());
+        assert_eq!(timeline.done_us.to_string(), (855 + 100 + 60).to_string());
+        for pair in timeline.steps.windows(2) {
+            assert_eq!(pair[0].end_us.to_string(), pair[1].start_us.to_string());
+        }
+    }
+
+    #[test]
+    fn three_other_frames_may_get_in_front() {
+        // Three drives with 6-byte TPDOs, and 2-byte RPDOs or a shared one of 6 bytes: 1190 and 1080 µs,
+        // by an independent program.
+        let clock = |stream: &Stream, bytes| Stream { bytes, ..stream.clone() };
+        let planned = streams(&drives(3), 1_000, master(), 5);
+        let sized = |stream: &Stream| match stream.role {
+            Role::Tpdo(_) => clock(stream, 6),
+            Role::Rpdo(_) => clock(stream, 2),
+            Role::Sync
+            | Role::Heartbeat
+            | Role::Emergency
+            | Role::SdoRequest
+            | Role::SdoResponse => stream.clone(),
+        };
+        let separate: Vec<Stream> = planned.iter().map(sized).collect();
+        assert_eq!(worst(&separate).blocked_us.to_string(), "1190");
+        let mut shared = separate.clone();
+        shared.retain(|stream| !matches!(stream.cob_id, 0x202 | 0x203));
+        let at = shared.iter().position(|stream| stream.cob_id == 0x201).unwrap();
+        shared[at].bytes = 6;
+        assert_eq!(worst(&shared).blocked_us.to_string(), "1080");
+    }
+
+    #[test]
+    fn a_synchronous_torque_acts_one_period_after_its_position() {
+        let timeline = worst(&streams(&drives(3), 1_000, master(), 5));
+        let delay = timeline.loop_delay(1_000.0);
+        assert_eq!(delay.synchronous_us.to_string(), "1000");
+        // Latency 100, three TPDOs of 135, host 60, then one RPDO of 95, and three.
+        assert_eq!(delay.first_arrival_us.to_string(), "660");
+        assert_eq!(delay.last_arrival_us.to_string(), "850");
+    }
+
+    #[test]
+    fn a_torque_that_misses_the_next_sync_waits_for_the_one_after() {
+        let timeline = worst(&streams(&grouped(), 1_000, master(), 5));
+        assert_eq!(timeline.loop_delay(1_000.0).synchronous_us.to_string(), "2000");
+        assert_eq!(timeline.loop_delay(1_015.0).synchronous_us.to_string(), "1015");
+    }
+
+    #[test]
+    fn a_bus_without_torques_has_no_delay_and_absurd_periods_are_borne() {
+        let timeline = worst(&streams(&drives(0), 0, master(), 0));
+        let delay = timeline.loop_delay(0.0);
+        assert!(delay.synchronous_us.is_finite() && delay.last_arrival_us >= 0.0);
+    }
+}

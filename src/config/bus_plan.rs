@@ -1,0 +1,87 @@
+//! The configured network as the bus planner takes it: every node with what it is told, what its EDS
+//! permits, and what its values are while the arm is in use.
+
+use nalgebra::SVector;
+
+use crate::canopen::frame::Channel;
+use crate::canopen::load::abilities::Abilities;
+use crate::canopen::load::network::Bus;
+use crate::canopen::load::network::Member;
+use crate::canopen::load::network::Network;
+use crate::canopen::load::payload::Signals;
+use crate::canopen::plan::NodePlan;
+use crate::config::BusSettings;
+use crate::config::Config;
+use crate::config::network;
+
+/// A joint in use moves so much of its range to either side of where it starts.
+const TRAVEL: f64 = 0.05;
+
+/// And its torque so much of what it may be to either side of gravity's.
+const EFFORT: f64 = 0.15;
+
+/// All buses of `config`.
+pub(super) fn network(config: &Config) -> Network {
+    let signals = signals(config);
+    let buses = (0..).map(Channel).zip(&config.buses);
+    let bus = |(channel, bus): (Channel, &BusSettings)| Bus {
+        name: bus.name.clone(),
+        bitrate: bus.bitrate,
+        load_limit_percent: bus.load_limit_percent,
+        members: members(config, channel, &signals),
+    };
+    Network {
+        period_us: network::period_us(config),
+        master: config.node_id,
+        master_heartbeat_ms: network::heartbeat_ms(config),
+        buses: buses.map(bus).collect(),
+    }
+}
+
+/// The nodes on one bus.
+fn members(config: &Config, channel: Channel, signals: &[Signals; 6]) -> Vec<Member> {
+    let here = network::plans(config).into_iter().filter(|(place, _)| *place == channel);
+    let member = |plan: NodePlan| {
+        let mut joints = config.joints.iter().zip(signals);
+        let joint = joints.find(|(joint, _)| (joint.channel, joint.node) == (channel, plan.node));
+        let eds = joint.map_or(&config.switches.eds, |(joint, _)| &joint.eds);
+        Member {
+            abilities: Abilities::of(eds),
+            signals: joint.map(|(_, signals)| *signals).unwrap_or_default(),
+            plan,
+        }
+    };
+    here.map(|(_, plan)| member(plan)).collect()
+}
+
+/// What each joint's drive typically says and is told: near the start, holding the arm up.
+fn signals(config: &Config) -> [Signals; 6] {
+    let controller = &config.controller;
+    let q = SVector::from(config.joints.each_ref().map(|joint| joint.start));
+    let tau = controller.arm.gravity(&controller.arm.posture(&q));
+    let homes = controller.calibration.counts(&q).map(|counts| counts.0);
+    let holding = controller.calibration.targets(&tau).map(|target| target.0);
+    std::array::from_fn(|place| {
+        let joint = config.joints.get(place);
+        let [low, high] = joint.map_or([0.0, 0.0], |joint| joint.link.range);
+        let quantum = joint.map_or(1.0, |joint| joint.calibration.quantum());
+        let most = joint.map_or(0, |joint| joint.calibration.max_target().0.unsigned_abs());
+        Signals {
+            home: homes.get(place).copied().unwrap_or_default(),
+            travel: whole(TRAVEL * (high - low) / quantum),
+            holding: holding.get(place).copied().unwrap_or_default(),
+            effort: u16::try_from(whole(EFFORT * f64::from(most))).unwrap_or(u16::MAX),
+        }
+    })
+}
+
+/// The whole number nearest to one that is not negative.
+#[expect(
+    clippy::as_conversions,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "clamped to the range of u32 first; NaN becomes zero"
+)]
+fn whole(number: f64) -> u32 {
+    number.round().clamp(0.0, f64::from(u32::MAX)) as u32
+}

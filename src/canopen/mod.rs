@@ -3,12 +3,16 @@
 pub mod abort;
 pub mod bits;
 pub mod commission;
+pub mod configuration;
 pub mod device;
 pub mod dictionary;
 pub mod drive;
 pub mod eds;
 pub mod emcy;
+pub mod error_codes;
+pub mod error_history;
 pub mod frame;
+pub mod guarding;
 pub mod heartbeat;
 mod ini;
 pub mod layout;

@@ -2,7 +2,8 @@
 //!
 //! Error frames and 29-bit identifiers are told apart here and never become a [`Frame`]; remote frames
 //! neither, but for those that [simulated devices](SocketCan::with_guarding_requests) answer. Time is
-//! `CLOCK_MONOTONIC` since the bus was opened; a frame bears the kernel's receive stamp, so that a late reader knows what is old.
+//! `CLOCK_MONOTONIC` since the bus was opened; a frame bears the kernel's receive stamp, so that a late
+//! reader knows what is old.
 
 use std::io;
 use std::io::ErrorKind;

@@ -14,6 +14,7 @@ use crate::canopen::bits;
 use crate::canopen::layout::Direction;
 use crate::canopen::layout::Pdo;
 use crate::canopen::layout::Service;
+use crate::canopen::plan::ErrorControl;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::sync;
 
@@ -38,6 +39,17 @@ impl Stream {
     pub fn heartbeat(node: NodeId, period_ms: u16) -> Option<Self> {
         let period_us = u32::from(period_ms) * 1_000;
         (period_us > 0).then_some(Self { cob_id: heartbeat_cob_id(node), bytes: 1, period_us })
+    }
+
+    /// How a node is watched: its heartbeat, or the question of its guard and the answer.
+    pub fn error_control(node: NodeId, control: ErrorControl) -> impl Iterator<Item = Self> {
+        let (period_ms, question) = match control {
+            ErrorControl::Heartbeat { period_ms, .. } => (period_ms, None),
+            ErrorControl::Guarding(guarding) => (guarding.guard_time_ms, Some(0)),
+        };
+        let answer = Self::heartbeat(node, period_ms);
+        let question = answer.zip(question).map(|(answer, bytes)| Self { bytes, ..answer });
+        answer.into_iter().chain(question)
     }
 
     /// A PDO; `None` if it is off. An event-driven one without inhibit time counts once a cycle.
@@ -70,7 +82,7 @@ pub fn streams<'a>(
     streams.extend(Stream::heartbeat(master, master_heartbeat_ms));
     for plan in plans {
         streams.extend(plan.pdos.iter().filter_map(|pdo| Stream::pdo(pdo, sync_period_us)));
-        streams.extend(Stream::heartbeat(plan.node, plan.heartbeat_ms));
+        streams.extend(Stream::error_control(plan.node, plan.error_control));
     }
     streams
 }
@@ -152,7 +164,8 @@ mod tests {
     }
 
     fn cyclic(drives: &[NodePlan], period_us: u32) -> BusLoad {
-        let silent = drives.iter().map(|plan| NodePlan { heartbeat_ms: 0, ..plan.clone() });
+        let error_control = ErrorControl::Heartbeat { period_ms: 0, lost_after: Duration::ZERO };
+        let silent = drives.iter().map(|plan| NodePlan { error_control, ..plan.clone() });
         let plans: Vec<_> = silent.collect();
         BusLoad::of(&streams(&plans, period_us, master(), 0), MBIT, period_us)
     }

@@ -2,15 +2,19 @@
 
 pub mod abort;
 pub mod bits;
+pub mod boot_error;
+pub mod check;
 pub mod commission;
 pub mod configuration;
 pub mod device;
 pub mod dictionary;
 pub mod drive;
+pub mod duplicate;
 pub mod eds;
 pub mod emcy;
 pub mod error_codes;
 pub mod error_history;
+pub mod event;
 pub mod frame;
 pub mod guarding;
 pub mod heartbeat;
@@ -25,7 +29,10 @@ pub mod plan;
 #[cfg(test)]
 mod scripted;
 pub mod sdo;
+mod slave;
 pub mod station;
+pub mod steps;
+mod strangers;
 pub mod sync;
 
 pub use canopen_rs::NmtState;

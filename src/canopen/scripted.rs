@@ -10,10 +10,10 @@ use crate::canopen::abort::AbortCode;
 use crate::canopen::frame::Frame;
 use crate::canopen::nmt::Order;
 use crate::canopen::object::Object;
-use crate::canopen::plan::Action;
 use crate::canopen::plan::NodePlan;
-use crate::canopen::plan::Step;
 use crate::canopen::plan::bytes;
+use crate::canopen::steps::Step;
+use crate::canopen::steps::tests::first_boot;
 
 /// What a node is and does.
 pub(crate) struct Scripted {
@@ -39,11 +39,13 @@ impl Scripted {
     /// A node that `plan` suits.
     pub(crate) fn suiting(plan: &NodePlan) -> Self {
         let mut objects = HashMap::new();
-        for step in plan.steps() {
+        for step in first_boot(plan) {
             let Step::Object(action, check) = step else { continue };
             let holds = bytes(&check.expected);
-            let is_written = matches!(action, Action::Write | Action::SwitchOff);
-            objects.insert(check.object, if is_written { vec![0xEE; holds.len()] } else { holds });
+            objects.insert(
+                check.object,
+                if action.writes() { vec![0xEE; holds.len()] } else { holds },
+            );
         }
         Self {
             node: plan.node,

@@ -1,0 +1,141 @@
+//! Signs that two nodes have the same node-id, which CANopen itself has no word for.
+//!
+//! Each sign alone may have another reason, such as a second master; all of them are reasons not to
+//! trust what that node-id says.
+
+use std::fmt;
+use std::time::Duration;
+
+use canopen_rs::NmtState;
+
+use crate::time::Instant;
+
+/// What two nodes of one node-id look like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Sign {
+    /// Two boot-up messages for one reset, twice in a row.
+    BootsTwice,
+    /// The same SDO reply again, and nobody had asked again.
+    AnswersTwice,
+    /// More heartbeats than were ordered.
+    BeatsTooOften,
+    /// One state, then another, then the first again, over and over.
+    Contradicts,
+}
+
+/// As in "node 3 …".
+impl fmt::Display for Sign {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::BootsTwice => "boots up twice after one reset",
+            Self::AnswersTwice => "answers one SDO request twice",
+            Self::BeatsTooOften => "sends more heartbeats than it was told to",
+            Self::Contradicts => "is in two NMT states by turns",
+        })
+    }
+}
+
+/// Listens to the heartbeats of one node for signs of a second one.
+///
+/// Every heartbeat adds one period to a level that sinks as time passes. A single node keeps it near
+/// one period however its beats jitter; two raise it by a period with every pair.
+#[derive(Clone, Copy, Debug)]
+pub struct Rhythm {
+    period: Duration,
+    level: Duration,
+    last: Option<(Instant, NmtState)>,
+    /// Heartbeats in a row that each told another state than the one before.
+    changes: u32,
+    is_told: bool,
+}
+
+impl Rhythm {
+    /// Of a node that was told to send a heartbeat every `period`; zero for one whose period is unknown.
+    pub const fn new(period: Duration) -> Self {
+        Self { period, level: Duration::ZERO, last: None, changes: 0, is_told: false }
+    }
+
+    /// A heartbeat that tells `state`. A sign is given once.
+    pub fn beat(&mut self, now: Instant, state: NmtState) -> Option<Sign> {
+        let before = self.last.replace((now, state));
+        let passed = before.map_or(Duration::ZERO, |(at, _)| now.since(at));
+        self.level = self.level.saturating_sub(passed) + self.period;
+        let has_changed = before.is_some_and(|(_, before)| before != state);
+        self.changes = if has_changed { self.changes + 1 } else { 0 };
+        let sign = if self.changes >= CHANGES {
+            Sign::Contradicts
+        } else if self.level > self.period * BEATS {
+            Sign::BeatsTooOften
+        } else {
+            return None;
+        };
+        let is_news = !std::mem::replace(&mut self.is_told, true);
+        is_news.then_some(sign)
+    }
+
+    /// The node has booted up: what it said before does not count.
+    pub const fn restart(&mut self) {
+        *self = Self::new(self.period);
+    }
+}
+
+/// So many beats may come at once, where a bus was busy or a state has changed.
+const BEATS: u32 = 6;
+/// So many changes of state in a row are no node's and no master's.
+const CHANGES: u32 = 6;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const PERIOD: Duration = Duration::from_millis(25);
+    const OPERATIONAL: NmtState = NmtState::Operational;
+
+    fn at(ms: u64) -> Instant {
+        Instant::from_micros(ms * 1_000)
+    }
+
+    #[test]
+    fn two_nodes_of_one_period_are_heard_within_fifteen_of_their_beats() {
+        let mut rhythm = Rhythm::new(PERIOD);
+        let beats = (0..40).flat_map(|turn| [turn * 25, turn * 25 + 7]);
+        let signs: Vec<_> =
+            beats.filter_map(|ms| Some((ms, rhythm.beat(at(ms), OPERATIONAL)?))).collect();
+        assert_eq!(signs.len(), 1, "told once: {signs:?}");
+        let (ms, sign) = signs[0];
+        assert_eq!(sign, Sign::BeatsTooOften);
+        assert!(ms <= 7 * 25, "{ms}");
+    }
+
+    #[test]
+    fn two_states_by_turns_are_two_nodes() {
+        let mut rhythm = Rhythm::new(Duration::ZERO);
+        let states = [OPERATIONAL, NmtState::PreOperational];
+        let signs: Vec<_> = (0..20_u64)
+            .filter_map(|turn| rhythm.beat(at(turn * 25), states[usize::from(turn % 2 == 0)]))
+            .collect();
+        assert_eq!(signs, [Sign::Contradicts]);
+    }
+
+    #[test]
+    fn a_node_that_is_started_and_stopped_is_one_node() {
+        let mut rhythm = Rhythm::new(PERIOD);
+        for turn in 0..100_u64 {
+            let state = if turn / 2 % 2 == 0 { OPERATIONAL } else { NmtState::Stopped };
+            assert_eq!(rhythm.beat(at(turn * 25), state), None);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn one_node_is_never_taken_for_two_however_its_beats_jitter(
+            jitter in proptest::collection::vec(0_u64..60, 1..200),
+        ) {
+            let mut rhythm = Rhythm::new(PERIOD);
+            for (turn, jitter) in (0..).zip(jitter) {
+                prop_assert_eq!(rhythm.beat(at(turn * 25 + jitter), OPERATIONAL), None);
+            }
+        }
+    }
+}

@@ -10,12 +10,12 @@ use canopen_rs::NmtCommand;
 use canopen_rs::NmtState;
 use canopen_rs::nmt::decode_heartbeat;
 use canopen_rs::nmt::heartbeat_cob_id;
-use canopen_rs::sdo::request_cob_id;
 use canopen_rs::sdo::response_cob_id;
 
 use crate::canopen::abort::AbortCode;
 use crate::canopen::boot_error::BootError;
 use crate::canopen::boot_error::Problem;
+use crate::canopen::duplicate::Exchange;
 use crate::canopen::duplicate::Sign;
 use crate::canopen::frame::Frame;
 use crate::canopen::heartbeat::is_boot_up;
@@ -58,7 +58,7 @@ pub struct Boot {
     /// When patience with it ends.
     until: Instant,
     resets: Resets,
-    replies: Replies,
+    exchange: Exchange,
     /// The state it last told by a heartbeat.
     heard: Option<NmtState>,
     wait: Wait,
@@ -70,14 +70,6 @@ pub struct Boot {
 struct Resets {
     count: u32,
     is_met: bool,
-}
-
-/// Which replies may still come.
-#[derive(Clone, Copy, Debug, Default)]
-struct Replies {
-    outstanding: u32,
-    /// What the last one was about: command, index, sub-index.
-    last: Option<[u8; 4]>,
 }
 
 /// What is waited for.
@@ -110,7 +102,7 @@ impl Boot {
             at: 0,
             until: Instant::ZERO,
             resets: Resets::default(),
-            replies: Replies::default(),
+            exchange: Exchange::default(),
             heard: None,
             wait: Wait::Start,
         }
@@ -134,14 +126,14 @@ impl Boot {
         if frame.cob_id != response_cob_id(self.plan.node) {
             return None;
         }
-        if self.is_under_way() && self.replies.is_repeated(frame) {
+        if self.is_under_way() && self.exchange.is_one_too_many(frame) {
             return self.fail(Problem::Duplicate(Sign::AnswersTwice));
         }
         let (Wait::Read(transfer) | Wait::Write(transfer)) = &mut self.wait else { return None };
         let sent = out.len();
         let outcome = transfer.on_frame(now, frame, out);
         let outcome = outcome.and_then(|outcome| self.on_outcome(now, outcome, out));
-        self.count_requests(sent, out);
+        self.exchange.asked(self.plan.node, out.get(sent..).unwrap_or_default());
         outcome
     }
 
@@ -149,7 +141,7 @@ impl Boot {
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<BootOutcome> {
         let sent = out.len();
         let outcome = self.take_time(now, out);
-        self.count_requests(sent, out);
+        self.exchange.asked(self.plan.node, out.get(sent..).unwrap_or_default());
         outcome
     }
 
@@ -198,7 +190,7 @@ impl Boot {
                 _ => None,
             }
         };
-        self.count_requests(sent, out);
+        self.exchange.asked(self.plan.node, out.get(sent..).unwrap_or_default());
         outcome
     }
 
@@ -360,47 +352,20 @@ impl Boot {
     const fn is_under_way(&self) -> bool {
         !matches!(self.wait, Wait::Start | Wait::Over)
     }
-
-    /// Every request that was appended to `out` may have one reply.
-    fn count_requests(&mut self, sent: usize, out: &[Frame]) {
-        let requests = out.iter().skip(sent).filter(|frame| {
-            frame.cob_id == request_cob_id(self.plan.node) && !is_abort(frame.data())
-        });
-        for _ in requests {
-            self.replies.outstanding = self.replies.outstanding.saturating_add(1);
-        }
-    }
-}
-
-impl Replies {
-    /// Whether this reply says again what the last one said, and nothing has been asked since.
-    fn is_repeated(&mut self, frame: &Frame) -> bool {
-        let &[command, low, high, sub, _, _, _, _] = frame.data() else { return false };
-        if is_abort(frame.data()) {
-            self.outstanding = self.outstanding.saturating_sub(1);
-            return false;
-        }
-        let about = [command, low, high, sub];
-        let is_repeated = self.outstanding == 0 && self.last == Some(about);
-        self.outstanding = self.outstanding.saturating_sub(1);
-        self.last = Some(about);
-        is_repeated
-    }
-}
-
-/// Whether an SDO frame ends a transfer, which is neither a request nor a reply.
-fn is_abort(data: &[u8]) -> bool {
-    data.first() == Some(&0x80)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::canopen::object::Object;
+    use crate::canopen::plan::Revisions;
     use crate::canopen::plan::tests::elbow;
+    use crate::canopen::plan::tests::guarded_elbow;
     use crate::canopen::plan::tests::switch_box;
     use crate::canopen::scripted::Scripted;
+    use crate::canopen::scripted::stamp;
     use crate::canopen::steps::tests::first_boot;
+    use canopen_rs::ByteString;
     use proptest::prelude::*;
 
     /// Boots `device` by `plan`: the outcome, how long it took, and everything the master said.
@@ -416,6 +381,8 @@ mod tests {
                 if let Some(answer) = device.answer(&frame) {
                     outcome = outcome.or(boot.on_frame(now, &answer, &mut queue));
                 }
+                let beat = device.heartbeat(device.state);
+                outcome = outcome.or(boot.on_frame(now, &beat, &mut queue));
             }
             if let Some(outcome) = outcome {
                 assert_eq!(boot.deadline(), None);
@@ -452,6 +419,183 @@ mod tests {
         assert_eq!(device.objects[&Object::EMCY_COB_ID], [0x83, 0x06, 0, 0]);
         let writes = device.written.iter().filter(|object| **object == Object::EMCY_COB_ID);
         assert_eq!(writes.count(), 2);
+    }
+
+    #[test]
+    fn a_node_that_has_stored_its_configuration_is_read_and_not_written() {
+        for plan in [elbow(), switch_box(), guarded_elbow()] {
+            let mut device = Scripted::holding(&plan);
+            assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Skipped), "{}", plan.name);
+            let off = if plan.is_drive() { vec![Object::CONTROLWORD] } else { vec![] };
+            assert_eq!(device.written, off);
+        }
+    }
+
+    #[test]
+    fn another_stamp_or_none_is_downloaded() {
+        let plan = elbow();
+        for object in [Object::CONFIGURATION_DATE, Object::CONFIGURATION_TIME] {
+            let mut device = Scripted::holding(&plan);
+            device.objects.get_mut(&object).unwrap()[1] ^= 1;
+            assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded));
+            let mut device = Scripted::holding(&plan);
+            device.objects.remove(&object);
+            assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded));
+        }
+    }
+
+    #[test]
+    fn a_stamp_that_lies_about_a_single_value_is_found_out() {
+        let plan = elbow();
+        for (object, _) in plan.writes() {
+            let mut device = Scripted::holding(&plan);
+            device.objects.get_mut(&object).unwrap()[0] ^= 0x11;
+            let is_off =
+                plan.pdos.iter().any(|p| p.service.is_none() && p.communication(1) == object);
+            let expected = if is_off { Configuration::Skipped } else { Configuration::Downloaded };
+            assert_eq!(boot(&plan, &mut device).0, Ok(expected), "{object}");
+        }
+    }
+
+    #[test]
+    fn a_configuration_is_stored_where_that_is_asked_for_and_possible() {
+        let plan = NodePlan { stores_configuration: true, ..elbow() };
+        let mut device = Scripted::suiting(&plan);
+        assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded), "it has no 1020h");
+        device.objects.extend(stamp(&plan).map(|(object, _)| (object, vec![0; 4])));
+        device.objects.insert(Object::STORE_PARAMETERS, vec![1, 0, 0, 0]);
+        assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Stored));
+        assert_eq!(device.objects[&Object::STORE_PARAMETERS], b"save");
+        assert_eq!(device.written.last(), Some(&Object::STORE_PARAMETERS));
+        assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Skipped));
+    }
+
+    #[test]
+    fn defaults_are_loaded_and_the_whole_node_is_reset_where_that_is_asked_for() {
+        let plan = NodePlan { restores_defaults: true, ..elbow() };
+        let mut device = Scripted::suiting(&plan);
+        device.objects.insert(Object::RESTORE_DEFAULTS, vec![1, 0, 0, 0]);
+        let (outcome, _, said) = boot(&plan, &mut device);
+        assert_eq!(outcome, Ok(Configuration::Downloaded));
+        assert_eq!(device.written.first(), Some(&Object::RESTORE_DEFAULTS));
+        assert!(said.contains(&Frame::new(0, [0x81, 3])));
+    }
+
+    #[test]
+    fn a_node_that_is_kept_alive_is_not_reset_if_it_runs_as_planned() {
+        let plan = NodePlan { keep_alive: true, ..switch_box() };
+        let is_reset = |said: &[Frame]| said.iter().any(|f| f.cob_id == 0 && f.data()[0] == 0x82);
+        let mut device = Scripted { state: 0x05, ..Scripted::holding(&plan) };
+        let (outcome, _, said) = boot(&plan, &mut device);
+        assert_eq!((outcome, is_reset(&said)), (Ok(Configuration::Kept), false));
+        assert_eq!((device.state, device.written.len()), (0x05, 0));
+
+        let mut device = Scripted { state: 0x7F, ..Scripted::holding(&plan) };
+        let (outcome, _, said) = boot(&plan, &mut device);
+        assert_eq!((outcome, is_reset(&said)), (Ok(Configuration::Skipped), true));
+
+        let mut device = Scripted { state: 0x05, ..Scripted::suiting(&plan) };
+        let (outcome, _, said) = boot(&plan, &mut device);
+        assert_eq!((outcome, is_reset(&said)), (Ok(Configuration::Downloaded), true));
+    }
+
+    #[test]
+    fn a_device_without_a_choice_of_error_behaviour_is_as_good() {
+        let mut device = Scripted::suiting(&elbow());
+        device.objects.remove(&Object::ERROR_BEHAVIOUR);
+        assert_eq!(boot(&elbow(), &mut device).0, Ok(Configuration::Downloaded));
+    }
+
+    #[test]
+    fn another_software_or_device_than_admitted_is_named() {
+        let mut plan = elbow();
+        plan.admission.software = ByteString::from_bytes(b"0.2").ok();
+        let mut device = Scripted::suiting(&plan);
+        device.objects.insert(Object::SOFTWARE_VERSION, b"0.1".to_vec());
+        let message = "joint 3 (elbow), node 3: 100Ah is \"0.1\", expected \"0.2\"";
+        assert_eq!(failure(&plan, &mut device), message);
+
+        let mut plan = elbow();
+        plan.admission.serial = Some(7);
+        let mut device = Scripted::suiting(&plan);
+        device.objects.insert(Object::SERIAL, vec![8, 0, 0, 0]);
+        let message = "joint 3 (elbow), node 3: 1018h:4 is 00000008h, expected 00000007h";
+        assert_eq!(failure(&plan, &mut device), message);
+
+        let mut plan = elbow();
+        plan.admission.revisions = Revisions::Compatible;
+        let mut device = Scripted::suiting(&plan);
+        device.objects.insert(Object::REVISION, vec![9, 0, 1, 0]);
+        assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Downloaded));
+        device.objects.insert(Object::REVISION, vec![0, 0, 2, 0]);
+        let message = "joint 3 (elbow), node 3: 1018h:3 is 00020000h, \
+                       expected 00010000h or a later minor revision";
+        assert_eq!(failure(&plan, &mut device), message);
+    }
+
+    /// Lets a boot and its device talk until `is_it`, of what the master says.
+    fn talk_until(
+        boot: &mut Boot,
+        device: &mut Scripted,
+        is_it: impl Fn(&Frame) -> bool,
+    ) -> Vec<Frame> {
+        let mut queue = Vec::new();
+        boot.on_time(Instant::ZERO, &mut queue);
+        while let Some(said) = queue.pop() {
+            if is_it(&said) {
+                break;
+            }
+            if let Some(answer) = device.answer(&said) {
+                assert_eq!(boot.on_frame(Instant::ZERO, &answer, &mut queue), None);
+            }
+        }
+        queue
+    }
+
+    #[test]
+    fn two_boot_ups_for_one_reset_are_two_nodes_if_it_happens_again() {
+        let plan = elbow();
+        let (mut boot, mut device) = (Boot::new(&plan), Scripted::suiting(&plan));
+        let reset = Frame::new(0, [0x82, 3]);
+        let mut out = talk_until(&mut boot, &mut device, |said| *said == reset);
+        let boot_up = device.heartbeat(0);
+        let mut outcomes: Vec<_> =
+            (0..3).map(|_| boot.on_frame(Instant::ZERO, &boot_up, &mut out)).collect();
+        assert_eq!(outcomes, [None, None, None], "one of them may be of the power-up");
+        assert_eq!(out.iter().filter(|said| **said == reset).count(), 1, "so it is reset again");
+        outcomes = vec![boot.on_frame(Instant::ZERO, &boot_up, &mut out)];
+        let problem = Problem::Duplicate(Sign::BootsTwice);
+        assert_eq!(outcomes, [Some(Err(BootError::new(&plan, problem)))]);
+    }
+
+    #[test]
+    fn a_reply_that_comes_twice_is_of_two_nodes() {
+        let plan = elbow();
+        let (mut boot, mut device) = (Boot::new(&plan), Scripted::suiting(&plan));
+        let mut out = Vec::new();
+        boot.on_time(Instant::ZERO, &mut out);
+        let reply = device.answer(&out[0]).unwrap();
+        assert_eq!(boot.on_frame(Instant::ZERO, &reply, &mut out), None);
+        let outcome = boot.on_frame(Instant::ZERO, &reply, &mut out);
+        let problem = Problem::Duplicate(Sign::AnswersTwice);
+        assert_eq!(outcome, Some(Err(BootError::new(&plan, problem))));
+        let message = "answers one SDO request twice: are there two nodes with this node-id?";
+        assert!(outcome.unwrap().unwrap_err().to_string().ends_with(message));
+    }
+
+    #[test]
+    fn replies_to_requests_that_were_given_up_are_no_sign_of_two_nodes() {
+        let plan = elbow();
+        let (mut boot, mut device) = (Boot::new(&plan), Scripted::suiting(&plan));
+        let mut out = Vec::new();
+        boot.on_time(Instant::ZERO, &mut out);
+        let reply = device.answer(&out[0]).unwrap();
+        for turn in 1..5 {
+            boot.on_time(Instant::ZERO + RETRY * turn, &mut out);
+        }
+        for _ in 0..5 {
+            assert_eq!(boot.on_frame(Instant::ZERO + RETRY * 4, &reply, &mut out), None);
+        }
     }
 
     #[test]

@@ -7,7 +7,10 @@ use std::fmt;
 use std::time::Duration;
 
 use canopen_rs::NmtState;
+use canopen_rs::NodeId;
+use canopen_rs::sdo::request_cob_id;
 
+use crate::canopen::frame::Frame;
 use crate::time::Instant;
 
 /// What two nodes of one node-id look like.
@@ -79,6 +82,61 @@ impl Rhythm {
     }
 }
 
+/// Counts the requests and replies of one node for the two objects asked for last: a reply more than
+/// there were requests is of a second node. Late replies to requests that were given up are none.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Exchange {
+    newest: Asked,
+    before: Asked,
+}
+
+/// What was asked for, and how often, and how often it was answered.
+#[derive(Clone, Copy, Debug, Default)]
+struct Asked {
+    /// Index, little-endian, and sub-index.
+    object: [u8; 3],
+    requests: u32,
+    replies: u32,
+}
+
+impl Exchange {
+    /// Of these frames, those that ask `node` for an object.
+    pub fn asked(&mut self, node: NodeId, sent: &[Frame]) {
+        for frame in sent.iter().filter(|frame| frame.cob_id == request_cob_id(node)) {
+            let &[command, low, high, sub, ..] = frame.data() else { continue };
+            if !matches!(command >> 5, CCS_DOWNLOAD | CCS_UPLOAD) {
+                continue;
+            }
+            let object = [low, high, sub];
+            if self.newest.object != object {
+                self.before =
+                    std::mem::replace(&mut self.newest, Asked { object, ..Asked::default() });
+            }
+            self.newest.requests = self.newest.requests.saturating_add(1);
+        }
+    }
+
+    /// Whether a frame of the node's SDO server is one reply more than there were requests.
+    pub fn is_one_too_many(&mut self, frame: &Frame) -> bool {
+        let &[command, low, high, sub, _, _, _, _] = frame.data() else { return false };
+        if !matches!(command >> 5, SCS_DOWNLOAD | SCS_UPLOAD) {
+            return false;
+        }
+        let is_about = |asked: &&mut Asked| asked.requests > 0 && asked.object == [low, high, sub];
+        let Some(asked) = [&mut self.newest, &mut self.before].into_iter().find(is_about) else {
+            return false;
+        };
+        asked.replies = asked.replies.saturating_add(1);
+        asked.replies > asked.requests
+    }
+}
+
+/// The three highest bits of the frames that open a transfer, of the client and of the server.
+const CCS_DOWNLOAD: u8 = 1;
+const CCS_UPLOAD: u8 = 2;
+const SCS_DOWNLOAD: u8 = 3;
+const SCS_UPLOAD: u8 = 2;
+
 /// So many beats may come at once, where a bus was busy or a state has changed.
 const BEATS: u32 = 6;
 /// So many changes of state in a row are no node's and no master's.
@@ -124,6 +182,42 @@ mod tests {
         for turn in 0..100_u64 {
             let state = if turn / 2 % 2 == 0 { OPERATIONAL } else { NmtState::Stopped };
             assert_eq!(rhythm.beat(at(turn * 25), state), None);
+        }
+    }
+
+    /// So many nodes of one node-id answer a read of each of these objects.
+    fn is_noticed(nodes: usize, subs: &[u8]) -> bool {
+        let (node, mut exchange) = (NodeId::new(3).unwrap(), Exchange::default());
+        let mut late = Vec::new();
+        let mut noticed = false;
+        for sub in subs {
+            exchange.asked(node, &[Frame::new(0x603, [0x40, 0x18, 0x10, *sub, 0, 0, 0, 0])]);
+            let reply = Frame::new(0x583, [0x43, 0x18, 0x10, *sub, 1, 2, 3, 4]);
+            // All but the first reply come when the next request is out.
+            late.push(reply);
+            for frame in std::mem::replace(&mut late, vec![reply; nodes - 1]) {
+                noticed |= exchange.is_one_too_many(&frame);
+            }
+        }
+        noticed
+    }
+
+    #[test]
+    fn a_second_node_is_noticed_by_its_replies() {
+        assert!(!is_noticed(1, &[1, 2, 3, 4, 4, 4, 1]));
+        assert!(is_noticed(2, &[1, 2]));
+        assert!(is_noticed(2, &[1, 1, 2]));
+    }
+
+    #[test]
+    fn aborts_and_segments_are_no_replies() {
+        let (node, mut exchange) = (NodeId::new(3).unwrap(), Exchange::default());
+        exchange.asked(node, &[Frame::new(0x603, [0x40, 0, 0x10, 0, 0, 0, 0, 0])]);
+        for command in [0x80, 0x00, 0x10, 0x20, 0x30, 0xA0] {
+            for _ in 0..3 {
+                let frame = Frame::new(0x583, [command, 0, 0x10, 0, 0, 0, 0, 0]);
+                assert!(!exchange.is_one_too_many(&frame), "{command:02X}");
+            }
         }
     }
 

@@ -28,6 +28,8 @@ pub struct Entry {
     pub is_mappable: bool,
     value: Vec<u8>,
     default: Vec<u8>,
+    /// The maker's.
+    factory: Vec<u8>,
 }
 
 /// Why a value is not taken.
@@ -43,6 +45,11 @@ impl Entry {
     /// What it holds.
     pub fn value(&self) -> &[u8] {
         &self.value
+    }
+
+    /// What it holds after power-up.
+    pub fn default(&self) -> &[u8] {
+        &self.default
     }
 
     /// The bytes a value of its type has; `None` for texts and domains.
@@ -143,6 +150,20 @@ impl Dictionary {
         }
     }
 
+    /// What the objects that `is_meant` picks hold now is what they hold after power-up.
+    pub fn keep(&mut self, is_meant: impl Fn(Object, Access) -> bool) {
+        for entry in self.entries.iter_mut().filter(|entry| is_meant(entry.object, entry.access)) {
+            entry.default.clone_from(&entry.value);
+        }
+    }
+
+    /// What the maker gave the objects that `is_meant` picks is again what they hold after power-up.
+    pub fn forget(&mut self, is_meant: impl Fn(Object, Access) -> bool) {
+        for entry in self.entries.iter_mut().filter(|entry| is_meant(entry.object, entry.access)) {
+            entry.default.clone_from(&entry.factory);
+        }
+    }
+
     fn place(&self, object: Object) -> Option<usize> {
         self.entries.binary_search_by_key(&object, |entry| entry.object).ok()
     }
@@ -164,6 +185,7 @@ fn entry(described: &Described, node: NodeId) -> Entry {
         high: described.high,
         is_mappable: described.is_mappable,
         default: value.clone(),
+        factory: value.clone(),
         value,
     }
 }

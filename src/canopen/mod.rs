@@ -35,5 +35,6 @@ pub mod steps;
 mod strangers;
 pub mod sync;
 
+pub use canopen_rs::ByteString;
 pub use canopen_rs::NmtState;
 pub use canopen_rs::NodeId;

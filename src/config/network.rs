@@ -11,12 +11,15 @@ use crate::canopen::frame::Channel;
 use crate::canopen::layout;
 use crate::canopen::load;
 use crate::canopen::load::BusLoad;
+use crate::canopen::object::Object;
 use crate::canopen::plan::Demand;
 use crate::canopen::plan::Identity;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::plan::Watch;
 use crate::config::Config;
 use crate::config::Safety;
+use crate::config::boot;
+use crate::config::boot::BootSettings;
 use crate::config::joints::Joint;
 use crate::config::lookup;
 use crate::config::problem::Problems;
@@ -50,6 +53,8 @@ pub struct SwitchBox {
     pub node: NodeId,
     /// What it must be.
     pub identity: Identity,
+    /// How it is booted.
+    pub boot: BootSettings,
     /// What its maker says of it.
     pub eds: Eds,
 }
@@ -107,7 +112,9 @@ pub(super) fn switch_box(
         product: switches.product_code,
         revision: switches.revision,
     };
-    Some(SwitchBox { channel: channel?, node: node?, identity, eds: eds? })
+    let lost_ms = raw.safety.drive_lost_ms;
+    let boot = boot::of_node("switches.boot", switches.boot.as_ref(), lost_ms, problems);
+    Some(SwitchBox { channel: channel?, node: node?, identity, boot, eds: eds? })
 }
 
 /// Limits in time, and whether they can hold at this period.
@@ -183,12 +190,25 @@ fn drive_plan(config: &Config, place: usize, joint: &Joint) -> NodePlan {
     let name = format!("joint {} ({})", place + 1, joint.name);
     let pdos = layout::per_drive(joint.node, Some(config.safety.rpdo_timer_ms));
     let most = joint.calibration.max_target().0.unsigned_abs();
-    NodePlan::drive(name, joint.node, joint.identity, pdos, &watch(config), most)
+    let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch(config), most);
+    kept(config, &joint.eds, joint.boot.apply(plan))
 }
 
 fn switches_plan(config: &Config) -> NodePlan {
-    let SwitchBox { node, identity, .. } = &config.switches;
-    NodePlan::switches("switch box".to_owned(), *node, *identity, &watch(config))
+    let SwitchBox { node, identity, boot, eds, .. } = &config.switches;
+    let plan = NodePlan::switches("switch box".to_owned(), *node, *identity, &watch(config));
+    kept(config, eds, boot.apply(plan))
+}
+
+/// Whether a node keeps what it is told, and forgets first what it was told before. One that cannot,
+/// by its EDS, has nothing to forget.
+fn kept(config: &Config, eds: &Eds, plan: NodePlan) -> NodePlan {
+    let can_forget = eds.object(Object::RESTORE_DEFAULTS).is_some();
+    NodePlan {
+        stores_configuration: config.stores_configuration,
+        restores_defaults: config.restores_defaults && can_forget,
+        ..plan
+    }
 }
 
 fn watch(config: &Config) -> Watch {

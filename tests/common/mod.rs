@@ -11,6 +11,7 @@
 
 pub(crate) mod bench;
 pub(crate) mod felt;
+pub(crate) mod golden;
 pub(crate) mod log;
 pub(crate) mod oracle;
 pub(crate) mod process;

@@ -49,9 +49,9 @@ fn notices(bench: &mut Bench<Wire>) -> Vec<Event> {
 }
 
 fn configured(notices: &[Event], node: usize) -> Configuration {
-    let of = |event: &Event| match event {
-        Event::Configured { node: n, configuration } if *n == node => Some(*configuration),
-        _ => None,
+    let of = |event: &Event| {
+        let Event::Configured { node: of, configuration } = event else { return None };
+        (*of == node).then_some(*configuration)
     };
     notices.iter().find_map(of).unwrap()
 }
@@ -83,7 +83,12 @@ fn what_was_stored_is_read_back_and_not_written_again() {
         let requests = wire.since(begun, 0x600 + node);
         let written: Vec<_> =
             requests.iter().filter(|(_, frame)| frame.data()[0] >> 5 == 1).collect();
-        assert_eq!(written.len(), 1, "its power is taken off, nothing else");
+        let objects = ["2B40600000000000", "2F6060000A000000"];
+        let told = written.iter().map(|(_, frame)| format!("{frame}"));
+        assert!(
+            told.eq(objects.map(|data| format!("{:03X}#{data}", 0x600 + node))),
+            "power off, mode"
+        );
     }
 }
 
@@ -132,17 +137,20 @@ fn every_missing_node_is_named_in_one_run_with_how_long_it_was_waited_for() {
 }
 
 #[test]
-fn a_guarded_switch_box_is_asked_and_its_loss_stops_the_node() {
+fn guarded_nodes_are_asked_and_their_loss_stops_the_node() {
     let guarding = "[switches.boot]\nguard_time_ms = 20\nlife_time_factor = 3\n\n[controller]\n";
-    let (mut bench, wire) = bench(&[("[controller]\n", guarding)]);
+    let drive = "[joint.boot]\nguard_time_ms = 20\nlife_time_factor = 3\n\n[switches]\n";
+    let (mut bench, wire) = bench(&[("[controller]\n", guarding), ("[switches]\n", drive)]);
     bench.bring_up().unwrap();
     let begun = bench.node().bus().now();
     bench.run(500);
     assert_eq!(bench.node().cause(), None);
-    let guard = wire.since(begun, 0x710);
-    let asked = guard.iter().filter(|(_, frame)| frame.is_remote()).count();
-    assert!((49..=51).contains(&asked), "{asked}");
-    assert_eq!(guard.len(), 2 * asked, "each is answered");
+    for cob_id in [0x710, 0x706] {
+        let guard = wire.since(begun, cob_id);
+        let asked = guard.iter().filter(|(_, frame)| frame.is_remote()).count();
+        assert!((49..=51).contains(&asked), "{asked}");
+        assert_eq!(guard.len(), 2 * asked, "each is answered");
+    }
     bench.world_mut().switches_mut().unplug();
     until(&mut bench, |record| record.mode == Mode::Stopped);
     assert!(notices(&mut bench).contains(&Event::HeartbeatLost { node: SWITCHES }));

@@ -426,8 +426,9 @@ mod tests {
         for plan in [elbow(), switch_box(), guarded_elbow()] {
             let mut device = Scripted::holding(&plan);
             assert_eq!(boot(&plan, &mut device).0, Ok(Configuration::Skipped), "{}", plan.name);
-            let off = if plan.is_drive() { vec![Object::CONTROLWORD] } else { vec![] };
-            assert_eq!(device.written, off);
+            let commands = [Object::CONTROLWORD, Object::MODE_OF_OPERATION];
+            let commands = if plan.is_drive() { &commands[..] } else { &[] };
+            assert_eq!(device.written, commands);
         }
     }
 

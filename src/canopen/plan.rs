@@ -146,7 +146,7 @@ pub struct NodePlan {
     /// What makes it stop by itself, and its limits. A device without one of these objects refuses
     /// it by name; take it out where the EDS says so.
     pub safety: Vec<(Object, Value)>,
-    /// Mode of operation (6060h), confirmed by the node (6061h).
+    /// Mode of operation (6060h), confirmed by the node (6061h): commanded at every boot, not stored.
     pub mode: Option<i8>,
     /// Where its emergencies are: by default 80h + node-id, which outranks every PDO.
     pub emcy_cob_id: u16,
@@ -263,7 +263,7 @@ impl NodePlan {
     }
 
     /// Everything that is set in it, in the order in which it is written: PDOs, emergencies, what it
-    /// does without its master, its limits, how it is watched, its mode.
+    /// does without its master, its limits, how it is watched. Its mode is no setting but a command.
     pub fn settings(&self) -> Vec<Setting> {
         let mut settings = Vec::new();
         for pdo in &self.pdos {
@@ -287,8 +287,6 @@ impl NodePlan {
         }));
         settings.extend(self.safety.iter().map(|(object, value)| must(*object, *value)));
         settings.extend(self.watch_settings());
-        let mode = self.mode.map(Value::Integer8);
-        settings.extend(mode.map(|mode| must(Object::MODE_OF_OPERATION, mode)));
         settings
     }
 

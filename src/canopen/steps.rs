@@ -108,12 +108,15 @@ impl Stage {
     pub fn steps(self, plan: &NodePlan) -> Vec<Step> {
         match self {
             Self::Meeting => meeting(plan),
-            Self::Keeping => std::iter::once(Step::Listen).chain(verifying(plan)).collect(),
+            Self::Keeping => {
+                let mode = shown_mode(plan).map(|check| Step::Object(Action::Compare, check));
+                std::iter::once(Step::Listen).chain(verifying(plan)).chain(mode).collect()
+            }
             Self::Resetting => resetting(plan),
             Self::Recalling => stamp(plan, Action::Compare).to_vec(),
-            Self::Verifying => verifying(plan).chain(mode_shown(plan)).collect(),
+            Self::Verifying => verifying(plan).chain(mode(plan)).collect(),
             Self::Downloading => {
-                plan.settings().into_iter().map(download).chain(mode_shown(plan)).collect()
+                plan.settings().into_iter().map(download).chain(mode(plan)).collect()
             }
             Self::Storing => {
                 let save = Check::exactly(Object::STORE_PARAMETERS, Value::Unsigned32(SAVE));
@@ -253,10 +256,18 @@ fn verifying(plan: &NodePlan) -> impl Iterator<Item = Step> + use<> {
     })
 }
 
-/// A mode is set when the drive shows it.
-fn mode_shown(plan: &NodePlan) -> Option<Step> {
+/// The mode is commanded, and there when the drive shows it.
+fn mode(plan: &NodePlan) -> impl Iterator<Item = Step> + use<> {
+    let mode = plan.mode.map(Value::Integer8);
+    let command = mode.map(|mode| Check::exactly(Object::MODE_OF_OPERATION, mode));
+    let command = command.map(|check| Step::Object(Action::Write, check));
+    let shown = shown_mode(plan).map(|check| Step::Object(Action::Await, check));
+    command.into_iter().chain(shown)
+}
+
+fn shown_mode(plan: &NodePlan) -> Option<Check> {
     let mode = plan.mode.map(Value::Integer8)?;
-    Some(Step::Object(Action::Await, Check::exactly(Object::MODE_DISPLAY, mode)))
+    Some(Check::exactly(Object::MODE_DISPLAY, mode))
 }
 
 /// "save", as 1010h takes it.
@@ -316,11 +327,12 @@ pub(crate) mod tests {
     fn a_stored_configuration_is_read_once_and_not_written() {
         let plan = elbow();
         let steps = Stage::Verifying.steps(&plan);
-        assert_eq!(writes(&steps), []);
+        let written = writes(&steps).into_iter().map(|(_, object)| object);
+        assert!(written.eq([Object::MODE_OF_OPERATION]), "a mode is a command");
         let mut objects: Vec<_> = plan.writes().into_iter().map(|(object, _)| object).collect();
         objects.sort_unstable();
         objects.dedup();
-        assert_eq!(steps.len(), objects.len() + 1, "every object, and the mode that is shown");
+        assert_eq!(steps.len(), objects.len() + 2, "every object, and the mode");
         let cob_id = Check::cob_id(Object::tpdo_communication(1, 1), Value::Unsigned32(0x183));
         assert!(steps.contains(&Step::Object(Action::Compare, cob_id)), "the last value counts");
     }

@@ -176,14 +176,13 @@ impl<A: Application> Device<A> {
         let now = is_due.then_some(Instant::ZERO);
         let rpdos = self.rpdos.iter().filter_map(Rpdo::deadline);
         let tpdos = self.tpdos.iter().filter_map(Tpdo::deadline);
-        let watches = self.heartbeat.deadline().into_iter().chain(self.guarding.deadline());
-        rpdos.chain(tpdos).chain(now).chain(watches).min()
+        let watches = [self.heartbeat.deadline(), self.guarding.deadline()];
+        rpdos.chain(tpdos).chain(now).chain(watches.into_iter().flatten()).min()
     }
 
     /// A remote frame: only its master's question whether it is alive has an answer.
     fn on_question(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
-        let Self { node, state, dictionary, .. } = self;
-        let answer = self.guarding.answer(now, frame, *node, *state, dictionary);
+        let answer = self.guarding.answer(now, frame, self.node, self.state, &self.dictionary);
         if answer.is_some() {
             self.errors.settle(Condition::HeartbeatLost, &mut self.dictionary, out);
         }

@@ -150,6 +150,7 @@ pub struct Overload {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::canopen::guarding::Guarding;
     use crate::canopen::plan::tests::elbow;
     use crate::canopen::plan::tests::switch_box;
 
@@ -177,6 +178,16 @@ mod tests {
         assert_eq!(fast.to_string(), "1435.0 of 1000 bits a cycle, 143.5 %");
         assert!(fast.within(90.0).is_err());
         assert_eq!(cyclic(&drives(6), 2_000).to_string(), "1435.0 of 2000 bits a cycle, 71.8 %");
+    }
+
+    #[test]
+    fn a_guarded_node_takes_a_question_and_an_answer_every_guard_time() {
+        let guarded = Guarding { guard_time_ms: 10, life_time_factor: 3 };
+        let node = NodeId::new(3).unwrap();
+        let streams: Vec<_> =
+            Stream::error_control(node, ErrorControl::Guarding(guarded)).collect();
+        let stream = |bytes| Stream { cob_id: 0x703, bytes, period_us: 10_000 };
+        assert_eq!(streams, [stream(1), stream(0)]);
     }
 
     #[test]

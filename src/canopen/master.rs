@@ -180,35 +180,34 @@ impl Master {
     fn after(
         &mut self,
         now: Instant,
-        place: usize,
+        node: usize,
         report: Option<Report>,
         out: &mut Vec<Telegram>,
     ) {
-        let Some(slave) = self.slaves.get_mut(place) else { return };
-        let channel = slave.channel;
-        let is_paced = self.phase == Phase::Running;
+        let Some(slave) = self.slaves.get(node) else { return };
+        let (channel, is_late) = (slave.channel, slave.is_late);
+        let is_configured = matches!(report, Some(Report::Configured(_)));
+        if is_configured && is_late && self.phase != Phase::Booting {
+            // The others have been started without it.
+            self.frames.push(Order::to(slave.plan.node, NmtCommand::StartRemoteNode).frame());
+        }
         for frame in self.frames.drain(..) {
             let telegram = Telegram { channel, frame };
-            if !is_paced || frame.is_remote() {
+            if self.phase != Phase::Running || frame.is_remote() {
                 out.push(telegram);
             } else if self.outbox.len() < QUEUE {
                 self.outbox.push_back(telegram);
             }
         }
-        let node = place;
         match report {
             None => {}
             Some(Report::Configured(configuration)) => {
-                if slave.is_late && !matches!(self.phase, Phase::Booting) {
-                    let start = telegram(slave, NmtCommand::StartRemoteNode);
-                    if is_paced { self.outbox.push_back(start) } else { out.push(start) }
-                }
                 self.tell(Event::Configured { node, configuration });
             }
             Some(Report::Failed(error)) => self.tell(Event::BootFailed(error)),
             Some(Report::Absent(waited)) => self.tell(Event::Absent { node, waited }),
             Some(Report::History(history)) => self.tell(Event::ErrorHistory { node, history }),
-            Some(Report::News(news)) if slave.is_late => self.on_news_of_late(now, node, news),
+            Some(Report::News(news)) if is_late => self.on_news_of_late(now, node, news),
             Some(Report::News(news)) => self.on_news(node, news),
         }
     }

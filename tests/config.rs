@@ -170,3 +170,53 @@ proptest! {
         }
     }
 }
+
+/// [`TEXT`] with these lines before the section of the switches' successor, and at the last joint.
+fn with_boot(of: &str, lines: &str) -> String {
+    let (before, after) = TEXT.split_once("\n[switches]\n").unwrap();
+    if of == "joint" {
+        return format!("{before}\n[joint.boot]\n{lines}\n\n[switches]\n{after}");
+    }
+    TEXT.replacen("\n[controller]\n", &format!("\n[switches.boot]\n{lines}\n\n[controller]\n"), 1)
+}
+
+#[test]
+fn what_no_node_can_be_booted_by_is_named() {
+    for (of, lines, reason) in [
+        ("joint", "optional = true", "joint[5].boot.optional: an arm has all its joints"),
+        (
+            "joint",
+            "keep_alive = true",
+            "joint[5].boot.keep_alive: what can push always begins anew",
+        ),
+        ("joint", "revisions = \"newer\"", "joint[5].boot.revisions: "),
+        ("switches", "guard_time_ms = 5", "needs a life_time_factor beside it"),
+        ("switches", "life_time_factor = 5", "needs a guard_time_ms beside it"),
+        ("switches", "guard_time_ms = 0\nlife_time_factor = 2", "switches.boot.guard_time_ms: "),
+        ("switches", "guard_time_ms = 50\nlife_time_factor = 9", "more than safety.drive_lost_ms"),
+        ("switches", "serial_number = 1", "switches.boot.serial_number: unknown key"),
+        (
+            "switches",
+            "software_version = \"0123456789012345678901234567890123456789\"",
+            "is longer than 32 bytes",
+        ),
+    ] {
+        let refusal = refusal(&with_boot(of, lines));
+        assert!(refusal.contains(reason), "{lines}: {refusal}");
+        assert!(refusal.contains(&format!("{FILE}:")), "{refusal}");
+    }
+}
+
+#[test]
+fn an_unusual_boot_is_in_the_plan_of_its_node() {
+    let lines = "revisions = \"compatible\"\nserial = 7\nsoftware_version = \"0.1.0\"\n\
+                 guard_time_ms = 10\nlife_time_factor = 3\noptional = true\nkeep_alive = true";
+    let text = with_boot("switches", lines);
+    let text = text.replacen("[node]\n", "[node]\nstore_configuration = true\n", 1);
+    let config = Config::parse(Path::new(FILE), &text).unwrap();
+    let (_, plan) = config.node_plans().pop().unwrap();
+    assert!(plan.is_optional && plan.keep_alive && plan.stores_configuration);
+    assert_eq!(plan.admission.serial, Some(7));
+    assert_eq!(plan.admission.software.unwrap().as_bytes(), b"0.1.0");
+    assert_eq!(plan.error_control.lost_after(), std::time::Duration::from_millis(30));
+}

@@ -521,7 +521,7 @@ fn every_node_gets_a_dcf_that_says_what_the_plan_leaves() {
         }
         assert_eq!(
             configured(Object::PRODUCER_HEARTBEAT),
-            Some(plan.heartbeat_ms.to_le_bytes().to_vec())
+            Some(plan.error_control.period_ms().to_le_bytes().to_vec())
         );
         assert_eq!(configured(Object::DEVICE_TYPE), None);
     }

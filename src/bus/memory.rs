@@ -87,7 +87,7 @@ impl<S: Station, T: Tap> Memory<S, T> {
             let telegram = Telegram { channel: Channel(place), frame };
             self.tap.on_wire(at, &telegram);
             self.stations.on_frame(at, telegram.channel, &frame, &mut self.out);
-            if sender == Sender::Station {
+            if sender == Sender::Station && !frame.is_remote() {
                 let heard = Heard::Frame(frame);
                 self.arrived.push_back(Received { at, channel: telegram.channel, heard });
             }

@@ -48,7 +48,7 @@ pub struct Received {
 /// A frame, or word of the bus's own state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Heard {
-    /// A data frame with an 11-bit identifier.
+    /// A data frame with an 11-bit identifier; a remote frame only where it was asked for.
     Frame(Frame),
     /// Something is wrong with the bus itself.
     Fault(BusFault),

@@ -1,8 +1,9 @@
 //! SocketCAN: one raw socket per bus, all waited for at once.
 //!
-//! Error frames, remote frames and 29-bit identifiers are told apart here and never become a
-//! [`Frame`]. Time is `CLOCK_MONOTONIC` since the bus was opened; a frame
-//! bears the kernel's receive stamp, so that a late reader knows what is old.
+//! Error frames and 29-bit identifiers are told apart here and never become a [`Frame`]; remote frames
+//! neither, but for those that [simulated devices](SocketCan::with_guarding_requests) answer. Time is
+//! `CLOCK_MONOTONIC` since the bus was opened; a frame bears the kernel's receive stamp, so that a late
+//! reader knows what is old.
 
 use std::io;
 use std::io::ErrorKind;
@@ -101,6 +102,20 @@ impl SocketCan {
         Ok(Self { sockets, opened, epoch, held: None, first: 0 })
     }
 
+    /// The same, hearing remote frames of error control too (700h + node-id): what simulated devices
+    /// answer when they are guarded. A master hears no remote frame at all.
+    ///
+    /// # Errors
+    /// The first interface that does not take the filter.
+    pub fn with_guarding_requests(self) -> Result<Self, OpenError> {
+        for socket in &self.sockets {
+            socket.set_filters(&[data_frames(), guarding_requests()]).map_err(|error| {
+                OpenError::Failed { interface: "guarding requests".to_owned(), error }
+            })?;
+        }
+        Ok(self)
+    }
+
     /// The wall clock when the bus was opened, in µs since 1970: what logs add to an [`Instant`].
     pub fn epoch_micros(&self) -> u64 {
         u64::try_from(self.epoch.as_micros()).unwrap_or(u64::MAX)
@@ -158,7 +173,12 @@ impl Bus for SocketCan {
         let Channel(place) = telegram.channel;
         let socket = self.sockets.get(usize::from(place)).ok_or(SendError::Down)?;
         let id = StandardId::new(telegram.frame.cob_id).ok_or(SendError::Down)?;
-        let frame = CanFrame::new(id, telegram.frame.data()).ok_or(SendError::Down)?;
+        let frame = if telegram.frame.is_remote() {
+            CanFrame::new_remote(id, usize::from(telegram.frame.length()))
+        } else {
+            CanFrame::new(id, telegram.frame.data())
+        };
+        let frame = frame.ok_or(SendError::Down)?;
         socket.write_frame(&frame).map_err(|error| {
             match error.raw_os_error().map(Errno::from_raw) {
                 Some(Errno::EAGAIN | Errno::ENOBUFS) => SendError::Full,
@@ -194,13 +214,22 @@ impl Bus for SocketCan {
     }
 }
 
+/// Data frames with 11 bits: the two flags are in the mask and not in the identifier.
+fn data_frames() -> CanFilter {
+    CanFilter::new(0, CAN_EFF_FLAG | CAN_RTR_FLAG)
+}
+
+/// Remote frames with 11 bits, 700h to 77Fh: of error control.
+fn guarding_requests() -> CanFilter {
+    CanFilter::new(0x700 | CAN_RTR_FLAG, 0x780 | CAN_EFF_FLAG | CAN_RTR_FLAG)
+}
+
 /// A socket that is set up before it hears anything.
 fn open(interface: &str) -> io::Result<CanSocket> {
     let address = CanAddr::from_iface(interface)?;
     let raw = socket2::Socket::new_raw(AF_CAN.into(), Type::RAW, Some(CAN_RAW.into()))?;
     let socket = CanSocket::from(OwnedFd::from(raw));
-    // Data frames with 11 bits only: the two flags are in the mask and not in the identifier.
-    socket.set_filters(&[CanFilter::new(0, CAN_EFF_FLAG | CAN_RTR_FLAG)])?;
+    socket.set_filters(&[data_frames()])?;
     socket.set_error_filter_accept_all()?;
     socket.set_recv_timestamp(true)?;
     socket.as_raw_socket().set_send_buffer_size(SEND_BUFFER)?;
@@ -232,7 +261,11 @@ fn sort(frame: CanFrame) -> Option<Heard> {
             let Id::Standard(id) = data.id() else { return None };
             Frame::from_slice(id.as_raw(), data.data()).map(Heard::Frame)
         }
-        CanFrame::Remote(_) => None,
+        CanFrame::Remote(remote) => {
+            let Id::Standard(id) = remote.id() else { return None };
+            let length = u8::try_from(remote.dlc()).ok()?;
+            Some(Heard::Frame(Frame::remote(id.as_raw(), length)))
+        }
         CanFrame::Error(error) => {
             let error = error.into_error();
             error.causes().filter_map(fault).max().map(Heard::Fault)

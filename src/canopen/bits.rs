@@ -27,12 +27,13 @@ pub fn exact(frame: &Frame) -> u32 {
     let mut sent = Stuffing::default();
     sent.push(0, 1); // start of frame, dominant
     sent.push(u32::from(frame.cob_id), 11);
-    sent.push(0, 3); // RTR, IDE, r0, all dominant
+    sent.push(u32::from(frame.is_remote()), 1);
+    sent.push(0, 2); // IDE, r0, both dominant
+    sent.push(u32::from(frame.length()), 4);
     let mut bytes = 0;
     for _ in frame.data() {
         bytes += 1;
     }
-    sent.push(bytes, 4);
     for byte in frame.data() {
         sent.push(u32::from(*byte), 8);
     }
@@ -92,6 +93,12 @@ mod tests {
         // fifth, then after every fifth of what follows (the stuff bit breaks the run).
         let zeros = exact(&Frame::new(0, []));
         assert_eq!(zeros, unstuffed(0) + 34 / 5);
+    }
+
+    #[test]
+    fn a_remote_frame_is_on_the_wire_without_the_data_it_asks_for() {
+        let bits = exact(&Frame::remote(0x701, 1));
+        assert!((unstuffed(0)..=worst_case(0)).contains(&bits), "{bits}");
     }
 
     #[test]

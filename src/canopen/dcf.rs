@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use canopen_rs::Value;
 use thiserror::Error;
 
 use crate::canopen::concise::Download;
@@ -14,10 +15,8 @@ use crate::canopen::eds::Eds;
 use crate::canopen::eds::value;
 use crate::canopen::object::Object;
 use crate::canopen::plan;
-use crate::canopen::plan::Action;
-use crate::canopen::plan::Check;
 use crate::canopen::plan::NodePlan;
-use crate::canopen::plan::Step;
+use crate::canopen::plan::Setting;
 
 /// Why a plan is none for the device an EDS describes.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -91,28 +90,25 @@ pub fn write(
 /// When the device lacks an object.
 pub fn downloads(eds: &Eds, plan: &NodePlan) -> Result<Vec<Download>, DcfError> {
     let mut downloads = Vec::new();
-    for step in plan.steps() {
-        let (must_exist, check) = match step {
-            Step::Object(Action::Write, check) => (true, check),
-            Step::Object(Action::SwitchOff, check) => (false, check),
-            Step::Object(Action::Meet | Action::Compare | Action::Await, _)
-            | Step::ResetCommunication => continue,
-        };
-        let Check { object, expected, .. } = check;
+    let mode = plan.mode.map(|mode| (Object::MODE_OF_OPERATION, Value::Integer8(mode)));
+    let settings = plan
+        .settings()
+        .into_iter()
+        .map(|Setting { check, if_there }| ((check.object, check.expected), if_there));
+    for ((object, value), if_there) in settings.chain(mode.map(|mode| (mode, false))) {
         if eds.object(object).is_some() {
-            downloads.push(Download { object, content: plan::bytes(&expected) });
-        } else if must_exist {
+            downloads.push(Download { object, content: plan::bytes(&value) });
+        } else if !if_there {
             return Err(DcfError::Unknown(object));
         }
     }
     Ok(downloads)
 }
 
-/// What each object holds in the end. Commands are no settings: the controlword is left out.
+/// What each object holds in the end.
 fn settings(eds: &Eds, plan: &NodePlan) -> Result<BTreeMap<Object, Vec<u8>>, DcfError> {
     let downloads = downloads(eds, plan)?.into_iter();
-    let lasting = downloads.filter(|download| download.object != Object::CONTROLWORD);
-    Ok(lasting.map(|Download { object, content }| (object, content)).collect())
+    Ok(downloads.map(|Download { object, content }| (object, content)).collect())
 }
 
 /// A value as the EDS's data type has it written.

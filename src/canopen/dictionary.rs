@@ -33,6 +33,8 @@ pub struct Entry {
     plus_node_id: bool,
     value: Vec<u8>,
     default: Vec<u8>,
+    /// The maker's.
+    factory: Vec<u8>,
 }
 
 /// Why a value is not taken.
@@ -48,6 +50,11 @@ impl Entry {
     /// What it holds.
     pub fn value(&self) -> &[u8] {
         &self.value
+    }
+
+    /// What it holds after power-up.
+    pub fn default(&self) -> &[u8] {
+        &self.default
     }
 
     /// The bytes a value of its type has; `None` for texts and domains.
@@ -173,6 +180,20 @@ impl Dictionary {
         is_set
     }
 
+    /// What the objects that `is_meant` picks hold now is what they hold after power-up.
+    pub fn keep(&mut self, is_meant: impl Fn(Object, Access) -> bool) {
+        for entry in self.entries.iter_mut().filter(|entry| is_meant(entry.object, entry.access)) {
+            entry.default.clone_from(&entry.value);
+        }
+    }
+
+    /// What the maker gave the objects that `is_meant` picks is again what they hold after power-up.
+    pub fn forget(&mut self, is_meant: impl Fn(Object, Access) -> bool) {
+        for entry in self.entries.iter_mut().filter(|entry| is_meant(entry.object, entry.access)) {
+            entry.default.clone_from(&entry.factory);
+        }
+    }
+
     fn place(&self, object: Object) -> Option<usize> {
         self.entries.binary_search_by_key(&object, |entry| entry.object).ok()
     }
@@ -189,6 +210,7 @@ fn entry(described: &Described, node: NodeId) -> Entry {
         is_mappable: described.is_mappable,
         plus_node_id: described.number.is_some_and(|number| number.plus_node_id),
         default: value.clone(),
+        factory: value.clone(),
         value,
     }
 }

@@ -1,18 +1,20 @@
-//! A classical CAN data frame with an 11-bit identifier: the only kind CANopen uses (CiA 301, 4.2).
+//! A classical CAN frame with an 11-bit identifier: the only kind CANopen uses (CiA 301, 4.2).
 //!
-//! Error frames, remote frames, 29-bit identifiers and CAN FD are sorted out by the bus and never
-//! become a [`Frame`].
+//! Error frames, 29-bit identifiers and CAN FD are sorted out by the bus and never become a [`Frame`].
+//! A remote frame is one that the node sends, to guard a node ([`guarding`](crate::canopen::guarding));
+//! it carries nothing, and a received one never reaches the node.
 
 use std::fmt;
 
 /// The largest 11-bit identifier.
 pub const COB_ID_MAX: u16 = 0x7FF;
 
-/// One CAN data frame.
+/// One CAN frame: a data frame, unless made by [`remote`](Self::remote).
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Frame {
     /// The identifier: a COB-ID, 0 to 7FFh. Lower wins arbitration.
     pub cob_id: u16,
+    is_remote: bool,
     length: u8,
     bytes: [u8; 8],
 }
@@ -32,7 +34,14 @@ impl Frame {
             reason = "at most 8, asserted when compiled"
         )]
         let length = N as u8;
-        Self { cob_id: cob_id & COB_ID_MAX, length, bytes }
+        Self { cob_id: cob_id & COB_ID_MAX, is_remote: false, length, bytes }
+    }
+
+    /// A remote frame: asks whoever sends the data frame of this identifier to send it now. One of the
+    /// `length` bytes that are asked for, 8 at most.
+    pub const fn remote(cob_id: u16, length: u8) -> Self {
+        let length = if length > 8 { 8 } else { length };
+        Self { cob_id: cob_id & COB_ID_MAX, is_remote: true, length, bytes: [0; 8] }
     }
 
     /// A frame from outside: `None` if the identifier has more than 11 bits or the data more than 8 bytes.
@@ -45,19 +54,33 @@ impl Frame {
         for (to, from) in bytes.iter_mut().zip(data) {
             *to = *from;
         }
-        Some(Self { cob_id, length, bytes })
+        Some(Self { cob_id, is_remote: false, length, bytes })
     }
 
-    /// The data bytes, 0 to 8 of them.
+    /// The data bytes, 0 to 8 of them; a remote frame has none.
     pub fn data(&self) -> &[u8] {
-        self.bytes.get(..usize::from(self.length)).unwrap_or_default()
+        let length = if self.is_remote { 0 } else { self.length };
+        self.bytes.get(..usize::from(length)).unwrap_or_default()
+    }
+
+    /// Whether it asks for data rather than carrying some.
+    pub const fn is_remote(&self) -> bool {
+        self.is_remote
+    }
+
+    /// The length it states, 0 to 8: of its data, or of the data it asks for.
+    pub const fn length(&self) -> u8 {
+        self.length
     }
 }
 
-/// As candump writes it: `181#3700E8030000`.
+/// As candump writes it: `181#3700E8030000`, and `701#R1` for a remote frame of one byte.
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:03X}#", self.cob_id)?;
+        if self.is_remote {
+            return if self.length == 0 { f.write_str("R") } else { write!(f, "R{}", self.length) };
+        }
         self.data().iter().try_for_each(|byte| write!(f, "{byte:02X}"))
     }
 }
@@ -89,6 +112,15 @@ mod tests {
     fn a_frame_reads_as_candump_writes_it() {
         assert_eq!(Frame::new(0x80, []).to_string(), "080#");
         assert_eq!(Frame::new(0x601, [0x40, 0x18, 0x10, 0x01]).to_string(), "601#40181001");
+        assert_eq!(Frame::remote(0x701, 1).to_string(), "701#R1");
+        assert_eq!(Frame::remote(0x701, 0).to_string(), "701#R");
+    }
+
+    #[test]
+    fn a_remote_frame_states_a_length_and_has_no_data() {
+        let frame = Frame::remote(0x701, 1);
+        assert_eq!((frame.length(), frame.data()), (1, &[][..]));
+        assert_ne!(frame, Frame::new(0x701, [0]));
     }
 
     #[test]

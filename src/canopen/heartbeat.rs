@@ -14,6 +14,8 @@ use canopen_rs::nmt::decode_heartbeat;
 use canopen_rs::nmt::encode_heartbeat;
 use canopen_rs::nmt::heartbeat_cob_id;
 
+use crate::canopen::duplicate::Rhythm;
+use crate::canopen::duplicate::Sign;
 use crate::canopen::frame::Frame;
 use crate::time::Instant;
 
@@ -71,6 +73,8 @@ pub enum News {
     Rebooted,
     /// Silent for too long. Said once.
     Lost,
+    /// It sounds as if there were two. Said once.
+    Duplicate(Sign),
 }
 
 /// The watch over one node.
@@ -80,12 +84,20 @@ pub struct Consumer {
     timeout: Duration,
     health: Health,
     due: Instant,
+    rhythm: Rhythm,
 }
 
 impl Consumer {
     /// A watch that allows `timeout` between heartbeats, and until `first` for the first one.
     pub const fn new(node: NodeId, timeout: Duration, first: Instant) -> Self {
-        Self { node, timeout, health: Health::NeverSeen, due: first }
+        let rhythm = Rhythm::new(Duration::ZERO);
+        Self { node, timeout, health: Health::NeverSeen, due: first, rhythm }
+    }
+
+    /// The same, knowing how often the node was told to send one: twice as many are of two nodes.
+    #[must_use]
+    pub const fn every(self, period: Duration) -> Self {
+        Self { rhythm: Rhythm::new(period), ..self }
     }
 
     /// What is known of the node.
@@ -108,10 +120,14 @@ impl Consumer {
         self.due = now + self.timeout;
         if state == NmtState::Initialising {
             self.health = Health::Alive(NmtState::PreOperational);
+            self.rhythm.restart();
             let news = if before == Health::NeverSeen { News::BootedUp } else { News::Rebooted };
             return Some(news);
         }
         self.health = Health::Alive(state);
+        if let Some(sign) = self.rhythm.beat(now, state) {
+            return Some(News::Duplicate(sign));
+        }
         (before != self.health).then_some(News::State(state))
     }
 
@@ -199,6 +215,15 @@ mod tests {
         assert_eq!(watch.on_frame(at(3), &beat(0)), Some(News::Rebooted));
         assert_eq!(watch.on_time(at(100)), Some(News::Lost));
         assert_eq!(watch.on_frame(at(101), &beat(0)), Some(News::Rebooted));
+    }
+
+    #[test]
+    fn twice_the_heartbeats_are_of_two_nodes() {
+        let mut watch = consumer().every(25 * MS);
+        let beats = (0..20).flat_map(|turn| [turn * 25, turn * 25 + 3]);
+        let news: Vec<_> = beats.filter_map(|ms| watch.on_frame(at(ms), &beat(5))).collect();
+        let first = News::State(NmtState::Operational);
+        assert_eq!(news, [first, News::Duplicate(Sign::BeatsTooOften)]);
     }
 
     #[test]

@@ -38,6 +38,10 @@ impl Object {
     pub const DEVICE_NAME: Self = var(0x1008);
     pub const HARDWARE_VERSION: Self = var(0x1009);
     pub const SOFTWARE_VERSION: Self = var(0x100A);
+    pub const GUARD_TIME: Self = var(0x100C);
+    pub const LIFE_TIME_FACTOR: Self = var(0x100D);
+    pub const STORE_PARAMETERS: Self = Self { index: 0x1010, sub: 1 };
+    pub const RESTORE_DEFAULTS: Self = Self { index: 0x1011, sub: 1 };
     pub const TIME_COB_ID: Self = var(0x1012);
     pub const EMCY_COB_ID: Self = var(0x1014);
     pub const CONSUMER_HEARTBEAT: Self = Self { index: 0x1016, sub: 1 };
@@ -46,7 +50,11 @@ impl Object {
     pub const PRODUCT_CODE: Self = Self { index: 0x1018, sub: 2 };
     pub const REVISION: Self = Self { index: 0x1018, sub: 3 };
     pub const SERIAL: Self = Self { index: 0x1018, sub: 4 };
+    pub const CONFIGURATION_DATE: Self = Self { index: 0x1020, sub: 1 };
+    pub const CONFIGURATION_TIME: Self = Self { index: 0x1020, sub: 2 };
     pub const ERROR_BEHAVIOUR: Self = Self { index: 0x1029, sub: 1 };
+    // CiA 302-3: programs.
+    pub const PROGRAM_IDENTIFICATION: Self = Self { index: 0x1F56, sub: 1 };
 
     // Manufacturer-specific: the simulated drive.
     pub const SAMPLE_BUFFER: Self = var(0x2000);

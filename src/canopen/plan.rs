@@ -1,23 +1,25 @@
-//! What a node must be and how it must be set, as data, and the steps that get it there.
+//! What a node must be and how it must be set, as data.
 //!
-//! Takes no steps itself: that is [`commission`](crate::canopen::commission). The order is CiA 302-2's
-//! boot-up of one node: identity, reset, communication, parameters.
+//! Takes no steps itself: which steps there are, and in which order, is in
+//! [`steps`](crate::canopen::steps); taking them is [`commission`](crate::canopen::commission).
 
 use std::fmt;
 use std::time::Duration;
 
+use canopen_rs::ByteString;
 use canopen_rs::NodeId;
 use canopen_rs::Value;
 
+use crate::canopen::check::COB_ID_INVALID;
+use crate::canopen::check::Check;
+use crate::canopen::configuration::Stamp;
 use crate::canopen::drive;
-use crate::canopen::drive::Controlword;
-use crate::canopen::drive::Statusword;
 use crate::canopen::emcy;
+use crate::canopen::guarding::Guarding;
 use crate::canopen::layout;
 use crate::canopen::layout::Direction;
 use crate::canopen::layout::Pdo;
 use crate::canopen::object::Object;
-use crate::canopen::sdo::Content;
 
 /// Who a node must say it is (1000h and 1018h).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,6 +30,30 @@ pub struct Identity {
     pub product: u32,
     /// Revision number, 1018h:3.
     pub revision: u32,
+}
+
+/// What more a node must say to be taken. Nothing, unless it is asked for.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Admission {
+    /// Which revisions are taken.
+    pub revisions: Revisions,
+    /// Serial number, 1018h:4: this very device and no spare one.
+    pub serial: Option<u32>,
+    /// Manufacturer software version, 100Ah.
+    pub software: Option<ByteString>,
+    /// Program software identification, 1F56h:1.
+    pub program: Option<u32>,
+}
+
+/// Which revisions of a device are taken (1018h:3: major revision in the high word, minor in the low).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Revisions {
+    /// The planned one alone.
+    #[default]
+    Exact,
+    /// The planned one, and later minor ones of the same major one, which behave the same and may do
+    /// more (CiA 301, 7.5.2.19).
+    Compatible,
 }
 
 /// What a node must be able to do with an object.
@@ -68,6 +94,38 @@ pub struct Watch {
     pub node_lost_ms: u16,
 }
 
+/// How the master sees that a node is alive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ErrorControl {
+    /// The node says so by itself.
+    Heartbeat {
+        /// How often (1017h), in ms.
+        period_ms: u16,
+        /// Without one for so long it is lost.
+        lost_after: Duration,
+    },
+    /// The master asks.
+    Guarding(Guarding),
+}
+
+impl ErrorControl {
+    /// How often the node says that it is alive, in ms; 0 for never.
+    pub const fn period_ms(self) -> u16 {
+        match self {
+            Self::Heartbeat { period_ms, .. } => period_ms,
+            Self::Guarding(guarding) => guarding.guard_time_ms,
+        }
+    }
+
+    /// Without a word for so long it is lost.
+    pub fn lost_after(self) -> Duration {
+        match self {
+            Self::Heartbeat { lost_after, .. } => lost_after,
+            Self::Guarding(guarding) => guarding.life_time(),
+        }
+    }
+}
+
 /// One node: who it is, and everything that is set in it before it is started.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodePlan {
@@ -79,19 +137,32 @@ pub struct NodePlan {
     pub profile: u16,
     /// Who it is.
     pub identity: Identity,
+    /// What more it must say.
+    pub admission: Admission,
+    /// Whether the others are started without it. It may be missing; it may not be another one.
+    pub is_optional: bool,
+    /// Whether it may go on, without a reset, where it is found operational and set exactly as planned.
+    /// Not for what can push: a drive begins anew.
+    pub keep_alive: bool,
+    /// Whether it gets its maker's defaults back first (1011h:1), by a reset of the whole node.
+    pub restores_defaults: bool,
+    /// Whether what is set in it is stored (1010h:1) with its [stamp](Stamp), so that the next boot
+    /// need not set it again.
+    pub stores_configuration: bool,
     /// Every PDO it has, those switched off included.
     pub pdos: Vec<Pdo>,
+    /// What it does after an error of communication (1029h:1), if it has the choice: 0 leaves
+    /// operational for pre-operational, 1 changes nothing, 2 stops. `None` leaves it alone.
+    pub error_behaviour: Option<u8>,
     /// What makes it stop by itself, and its limits. A device without one of these objects refuses
     /// it by name; take it out where the EDS says so.
     pub safety: Vec<(Object, Value)>,
-    /// Mode of operation (6060h), confirmed by the node (6061h).
+    /// Mode of operation (6060h), confirmed by the node (6061h): commanded at every boot, not stored.
     pub mode: Option<i8>,
     /// Where its emergencies are: by default 80h + node-id, which outranks every PDO.
     pub emcy_cob_id: u16,
-    /// How often it sends its heartbeat (1017h), in ms.
-    pub heartbeat_ms: u16,
-    /// Without a heartbeat for so long it is lost.
-    pub lost_after: Duration,
+    /// How it is watched.
+    pub error_control: ErrorControl,
 }
 
 /// Device profile of drives.
@@ -103,6 +174,8 @@ const PROFILE_INPUTS: u16 = 401;
 const MALFUNCTION: Value = Value::Integer16(1);
 /// 605Ah, 605Bh, 605Ch, 605Eh: the drive function is disabled at once, the motor turns freely.
 const DISABLE_DRIVE: Value = Value::Integer16(0);
+/// 1029h: what CiA 301 does by default.
+const TO_PRE_OPERATIONAL: u8 = 0;
 /// 605Dh: ramp down, stay enabled. The master does not use the halt bit.
 const SLOW_DOWN: Value = Value::Integer16(1);
 
@@ -150,16 +223,32 @@ impl NodePlan {
             node,
             profile,
             identity,
+            admission: Admission::default(),
+            is_optional: false,
+            keep_alive: false,
+            restores_defaults: false,
+            stores_configuration: false,
             pdos,
+            error_behaviour: Some(TO_PRE_OPERATIONAL),
             safety: Vec::new(),
             mode: None,
             emcy_cob_id: emcy::default_cob_id(node),
-            heartbeat_ms: watch.heartbeat_ms,
-            lost_after: Duration::from_millis(u64::from(watch.node_lost_ms)),
+            error_control: ErrorControl::Heartbeat {
+                period_ms: watch.heartbeat_ms,
+                lost_after: Duration::from_millis(u64::from(watch.node_lost_ms)),
+            },
         }
     }
 
-    /// Whether it is a CiA 402 drive.
+    /// The same node without a heartbeat: guarded by the master, and guarding it in turn, in place of
+    /// the watch over the master's heartbeat (1016h).
+    #[must_use]
+    pub fn guarded(mut self, guarding: Guarding) -> Self {
+        self.safety.retain(|(object, _)| *object != Object::CONSUMER_HEARTBEAT);
+        Self { error_control: ErrorControl::Guarding(guarding), ..self }
+    }
+
+    /// Whether it is a drive, which can push.
     pub const fn is_drive(&self) -> bool {
         self.profile == PROFILE_DRIVE
     }
@@ -179,151 +268,83 @@ impl NodePlan {
         let pdos = in_use.flat_map(|(pdo, _)| pdo.writes()).map(|(object, _)| object);
         let safety = self.safety.iter().map(|(object, _)| *object);
         let mode = self.mode.map(|_| Object::MODE_OF_OPERATION);
-        let heartbeat = [Object::PRODUCER_HEARTBEAT];
-        let written = pdos.chain(safety).chain(mode).chain(heartbeat);
+        let watch = self.watch_settings();
+        let watch = watch.into_iter().filter(|setting| !setting.if_there);
+        let watch = watch.map(|setting| setting.check.object);
+        let written = pdos.chain(safety).chain(mode).chain(watch);
         mapped.chain(written.map(|object| (object, Demand::Write)))
     }
 
-    /// Everything there is to do before the node is started, in order.
-    pub fn steps(&self) -> Vec<Step> {
-        let mut steps = self.meeting();
-        if self.is_drive() {
-            steps.extend(power_off());
-        }
+    /// Everything that is set in it, in the order in which it is written: PDOs, emergencies, what it
+    /// does without its master, its limits, how it is watched. Its mode is no setting but a command.
+    pub fn settings(&self) -> Vec<Setting> {
+        let mut settings = Vec::new();
         for pdo in &self.pdos {
-            let action = if pdo.service.is_some() { Action::Write } else { Action::SwitchOff };
             for (object, value) in pdo.writes() {
                 let is_cob_id = object == pdo.communication(1);
-                let check = if is_cob_id { cob_id } else { Check::exactly };
-                steps.push(Step::Object(action, check(object, value)));
+                let check = if is_cob_id { Check::cob_id } else { Check::exactly };
+                let if_there = pdo.service.is_none();
+                settings.push(Setting { check: check(object, value), if_there });
             }
         }
         if self.emcy_cob_id != emcy::default_cob_id(self.node) {
             let valid = u32::from(self.emcy_cob_id);
             for raw in [COB_ID_INVALID | valid, valid] {
-                let check = cob_id(Object::EMCY_COB_ID, Value::Unsigned32(raw));
-                steps.push(Step::Object(Action::Write, check));
+                let check = Check::cob_id(Object::EMCY_COB_ID, Value::Unsigned32(raw));
+                settings.push(Setting { check, if_there: false });
             }
         }
-        let heartbeat = (Object::PRODUCER_HEARTBEAT, Value::Unsigned16(self.heartbeat_ms));
-        for (object, value) in self.safety.iter().copied().chain([heartbeat]) {
-            steps.push(Step::Object(Action::Write, Check::exactly(object, value)));
-        }
-        if let Some(mode) = self.mode.map(Value::Integer8) {
-            let display = Check::exactly(Object::MODE_DISPLAY, mode);
-            let mode = Check::exactly(Object::MODE_OF_OPERATION, mode);
-            steps.extend([Step::Object(Action::Write, mode), Step::Object(Action::Await, display)]);
-        }
-        steps
+        settings.extend(self.error_behaviour.map(|behaviour| Setting {
+            check: Check::exactly(Object::ERROR_BEHAVIOUR, Value::Unsigned8(behaviour)),
+            if_there: true,
+        }));
+        settings.extend(self.safety.iter().map(|(object, value)| must(*object, *value)));
+        settings.extend(self.watch_settings());
+        settings
     }
 
-    /// Who is there, and from there to a known beginning.
-    fn meeting(&self) -> Vec<Step> {
-        let device_type = Check {
-            object: Object::DEVICE_TYPE,
-            expected: Value::Unsigned32(u32::from(self.profile)),
-            mask: 0xFFFF,
-        };
-        let mut steps = vec![Step::Object(Action::Meet, device_type.clone())];
-        for (object, value) in [
-            (Object::VENDOR_ID, self.identity.vendor),
-            (Object::PRODUCT_CODE, self.identity.product),
-            (Object::REVISION, self.identity.revision),
-        ] {
-            let check = Check::exactly(object, Value::Unsigned32(value));
-            steps.push(Step::Object(Action::Compare, check));
+    /// The same as bare writes.
+    pub fn writes(&self) -> Vec<(Object, Value)> {
+        let settings = self.settings().into_iter();
+        settings.map(|Setting { check, .. }| (check.object, check.expected)).collect()
+    }
+
+    /// What 1020h holds once all of this is set and stored.
+    pub fn stamp(&self) -> Stamp {
+        Stamp::of(&self.writes())
+    }
+
+    /// How the node and its master watch each other. A guarded one has no heartbeat, which would
+    /// outrank the guarding.
+    fn watch_settings(&self) -> Vec<Setting> {
+        match self.error_control {
+            ErrorControl::Heartbeat { period_ms, .. } => {
+                vec![must(Object::PRODUCER_HEARTBEAT, Value::Unsigned16(period_ms))]
+            }
+            ErrorControl::Guarding(Guarding { guard_time_ms, life_time_factor }) => {
+                let none = Check::exactly(Object::PRODUCER_HEARTBEAT, Value::Unsigned16(0));
+                vec![
+                    Setting { check: none, if_there: true },
+                    must(Object::GUARD_TIME, Value::Unsigned16(guard_time_ms)),
+                    must(Object::LIFE_TIME_FACTOR, Value::Unsigned8(life_time_factor)),
+                ]
+            }
         }
-        steps.extend([Step::ResetCommunication, Step::Object(Action::Meet, device_type)]);
-        steps
     }
 }
 
-/// Takes the power off a drive that a former master left enabled, before anything is changed in it.
-fn power_off() -> [Step; 2] {
-    let off = Value::Unsigned16(Controlword::DISABLE_VOLTAGE.0);
-    let disabled = Check {
-        object: Object::STATUSWORD,
-        expected: Value::Unsigned16(0),
-        mask: u64::from(Statusword::OPERATION_ENABLED),
-    };
-    [
-        Step::Object(Action::Write, Check::exactly(Object::CONTROLWORD, off)),
-        Step::Object(Action::Await, disabled),
-    ]
-}
-
-/// Bit 31 of a COB-ID: the service is off.
-const COB_ID_INVALID: u32 = 1 << 31;
-
-/// What is compared of a COB-ID: bit 31 while it is off, else everything but bit 30, by which a
-/// device says whether it answers remote frames.
-fn cob_id(object: Object, expected: Value) -> Check {
-    let is_off = matches!(expected, Value::Unsigned32(raw) if raw & COB_ID_INVALID != 0);
-    let mask = if is_off { COB_ID_INVALID } else { !(1 << 30) };
-    Check { object, expected, mask: u64::from(mask) }
-}
-
-/// One thing to do with a node.
+/// One value that is set in a node.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Step {
-    /// Back to the device's own communication parameters, and wait for its boot-up message.
-    ResetCommunication,
-    /// Bring an object to what it must hold, or see that it is there.
-    Object(Action, Check),
+pub struct Setting {
+    /// Which object, what is written, and what is compared when it is read back.
+    pub check: Check,
+    /// Whether a node without this object is as good: what does not exist is off.
+    pub if_there: bool,
 }
 
-/// How an object is brought to what it must hold.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Action {
-    /// Read until the node answers, and compare: it may be powering up.
-    Meet,
-    /// Read and compare.
-    Compare,
-    /// Read until it compares: it may be changing.
-    Await,
-    /// Write, read back and compare.
-    Write,
-    /// The same, but what does not exist is off.
-    SwitchOff,
-}
-
-/// What an object must hold.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Check {
-    /// Which object.
-    pub object: Object,
-    /// What it must hold; what is written, too.
-    pub expected: Value,
-    /// The bits that are compared.
-    pub mask: u64,
-}
-
-impl Check {
-    /// Every bit is compared.
-    pub const fn exactly(object: Object, expected: Value) -> Self {
-        Self { object, expected, mask: u64::MAX }
-    }
-
-    /// Whether `content` is of the right size and every compared bit is as expected.
-    pub fn accepts(&self, content: &Content) -> bool {
-        let expected = bytes(&self.expected);
-        content.exactly(expected.len()).is_some_and(|found| {
-            let masks = self.mask.to_le_bytes().into_iter().chain(std::iter::repeat(u8::MAX));
-            found.iter().zip(&expected).zip(masks).all(|((a, b), mask)| (a ^ b) & mask == 0)
-        })
-    }
-
-    /// The expected value as people read it: `04020010h`, with `x` for what is not compared.
-    pub fn wanted(&self) -> Hex {
-        Hex { bytes: bytes(&self.expected), mask: self.mask }
-    }
-
-    /// What was found, as people read it, cut to the expected size where its own is not told.
-    pub fn found(&self, content: &Content) -> Hex {
-        let size = bytes(&self.expected).len();
-        let found = content.exactly(size).unwrap_or(content.bytes());
-        Hex { bytes: found.to_vec(), mask: u64::MAX }
-    }
+/// A value that a node must take.
+const fn must(object: Object, value: Value) -> Setting {
+    Setting { check: Check::exactly(object, value), if_there: false }
 }
 
 /// A value as SDO carries it, little-endian.
@@ -331,40 +352,6 @@ pub fn bytes(value: &Value) -> Vec<u8> {
     let mut bytes = vec![0; value.size()];
     // It fails only for a buffer that is too small, and then writes nothing.
     value.encode_le(&mut bytes).map_or_else(|_| Vec::new(), |_| bytes)
-}
-
-/// Bytes of a value as CiA 301 writes numbers, the most significant first and an `h` at the end;
-/// `x` for a digit that does not count, and the mask where a part of a digit does.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Hex {
-    bytes: Vec<u8>,
-    mask: u64,
-}
-
-impl fmt::Display for Hex {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.bytes.is_empty() {
-            return f.write_str("empty");
-        }
-        if self.bytes.len() > 8 {
-            return write!(f, "{} bytes", self.bytes.len());
-        }
-        let masks = self.mask.to_le_bytes();
-        let digits = || {
-            let bytes = self.bytes.iter().zip(masks).rev();
-            bytes.flat_map(|(byte, mask)| [(byte >> 4, mask >> 4), (byte & 0xF, mask & 0xF)])
-        };
-        for (digit, counts) in digits() {
-            if counts == 0 { f.write_str("x") } else { write!(f, "{digit:X}") }?;
-        }
-        f.write_str("h")?;
-        if digits().all(|(_, counts)| counts == 0 || counts == 0xF) {
-            return Ok(());
-        }
-        f.write_str(" in the bits ")?;
-        digits().try_for_each(|(_, counts)| write!(f, "{counts:X}"))?;
-        f.write_str("h")
-    }
 }
 
 #[cfg(test)]
@@ -396,35 +383,9 @@ pub(crate) mod tests {
         NodePlan::switches("switch box".into(), node, IDENTITY, &watch())
     }
 
-    /// Where each object is written.
-    fn writes(steps: &[Step]) -> Vec<(usize, Object)> {
-        let written = |step: &Step| match step {
-            Step::Object(Action::Write | Action::SwitchOff, check) => Some(check.object),
-            Step::Object(..) | Step::ResetCommunication => None,
-        };
-        steps.iter().enumerate().filter_map(|(at, step)| Some((at, written(step)?))).collect()
-    }
-
-    #[test]
-    fn nothing_is_written_before_identity_and_reset() {
-        for plan in [elbow(), switch_box()] {
-            let steps = plan.steps();
-            let reset = steps.iter().position(|step| *step == Step::ResetCommunication).unwrap();
-            let revision = Value::Unsigned32(IDENTITY.revision);
-            let identity =
-                Step::Object(Action::Compare, Check::exactly(Object::REVISION, revision));
-            assert!(steps[..reset].contains(&identity));
-            assert!(writes(&steps).iter().all(|(at, _)| *at > reset));
-        }
-    }
-
-    #[test]
-    fn a_drive_is_off_before_a_pdo_is_touched_and_its_stops_are_set_before_its_mode() {
-        let writes = writes(&elbow().steps());
-        let at = |object| writes.iter().find(|(_, written)| *written == object).unwrap().0;
-        assert!(at(Object::CONTROLWORD) < at(Object::tpdo_communication(1, 1)));
-        assert!(at(Object::rpdo_communication(4, 1)) < at(Object::CONSUMER_HEARTBEAT));
-        assert!(at(Object::CONSUMER_HEARTBEAT) < at(Object::MODE_OF_OPERATION));
+    /// The elbow, guarded.
+    pub(crate) fn guarded_elbow() -> NodePlan {
+        elbow().guarded(Guarding { guard_time_ms: 10, life_time_factor: 3 })
     }
 
     #[test]
@@ -436,13 +397,8 @@ pub(crate) mod tests {
     #[test]
     fn an_emergency_elsewhere_is_moved_while_it_is_off() {
         let moved = |plan: &NodePlan| -> Vec<Value> {
-            let of_emcy = |step| match step {
-                Step::Object(_, check) if check.object == Object::EMCY_COB_ID => {
-                    Some(check.expected)
-                }
-                Step::Object(..) | Step::ResetCommunication => None,
-            };
-            plan.steps().into_iter().filter_map(of_emcy).collect()
+            let writes = plan.writes().into_iter();
+            writes.filter(|(object, _)| *object == Object::EMCY_COB_ID).map(|(_, v)| v).collect()
         };
         let mut plan = elbow();
         assert_eq!(moved(&plan), []);
@@ -451,13 +407,13 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_is_not_compared_reads_as_x() {
-        let check =
-            Check { object: Object::DEVICE_TYPE, expected: Value::Unsigned32(402), mask: 0xFFFF };
-        assert_eq!(check.wanted().to_string(), "xxxx0192h");
-        let check = Check { mask: 0x8000_0000, ..check };
-        assert_eq!(check.wanted().to_string(), "0xxxxxxxh in the bits 80000000h");
-        let mode = Check::exactly(Object::MODE_DISPLAY, Value::Integer8(-1));
-        assert_eq!(mode.wanted().to_string(), "FFh");
+    fn a_guarded_node_has_no_heartbeat_and_watches_none() {
+        let writes = guarded_elbow().writes();
+        let of = |object| writes.iter().find(|(o, _)| *o == object).map(|(_, value)| *value);
+        assert_eq!(of(Object::CONSUMER_HEARTBEAT), None);
+        assert_eq!(of(Object::PRODUCER_HEARTBEAT), Some(Value::Unsigned16(0)));
+        assert_eq!(of(Object::GUARD_TIME), Some(Value::Unsigned16(10)));
+        assert_eq!(of(Object::LIFE_TIME_FACTOR), Some(Value::Unsigned8(3)));
+        assert!(guarded_elbow().demands().all(|(o, _)| o != Object::PRODUCER_HEARTBEAT));
     }
 }

@@ -10,10 +10,10 @@ use crate::canopen::abort::AbortCode;
 use crate::canopen::frame::Frame;
 use crate::canopen::nmt::Order;
 use crate::canopen::object::Object;
-use crate::canopen::plan::Action;
 use crate::canopen::plan::NodePlan;
-use crate::canopen::plan::Step;
 use crate::canopen::plan::bytes;
+use crate::canopen::steps::Step;
+use crate::canopen::steps::tests::first_boot;
 
 /// What a node is and does.
 pub(crate) struct Scripted {
@@ -29,6 +29,8 @@ pub(crate) struct Scripted {
     pub(crate) boots: bool,
     /// Whether it starts itself after that, as 1F80h can tell a device to.
     pub(crate) starts_itself: bool,
+    /// Toggle bit of its next answer to guarding.
+    pub(crate) toggle: u8,
     /// NMT state as the heartbeat tells it.
     pub(crate) state: u8,
     /// Every object written, in order.
@@ -39,11 +41,13 @@ impl Scripted {
     /// A node that `plan` suits.
     pub(crate) fn suiting(plan: &NodePlan) -> Self {
         let mut objects = HashMap::new();
-        for step in plan.steps() {
+        for step in first_boot(plan) {
             let Step::Object(action, check) = step else { continue };
             let holds = bytes(&check.expected);
-            let is_written = matches!(action, Action::Write | Action::SwitchOff);
-            objects.insert(check.object, if is_written { vec![0xEE; holds.len()] } else { holds });
+            objects.insert(
+                check.object,
+                if action.writes() { vec![0xEE; holds.len()] } else { holds },
+            );
         }
         Self {
             node: plan.node,
@@ -53,13 +57,27 @@ impl Scripted {
             deaf_for: 0,
             boots: true,
             starts_itself: false,
+            toggle: 0,
             state: 0x7F,
             written: Vec::new(),
         }
     }
 
+    /// A node that was configured by `plan` and has stored it.
+    pub(crate) fn holding(plan: &NodePlan) -> Self {
+        let mut device = Self::suiting(plan);
+        for (object, value) in plan.writes() {
+            device.objects.insert(object, bytes(&value));
+        }
+        device.objects.extend(stamp(plan));
+        device
+    }
+
     /// What it says to one frame.
     pub(crate) fn answer(&mut self, frame: &Frame) -> Option<Frame> {
+        if frame.is_remote() {
+            return self.answer_guard(frame);
+        }
         let is_for_us = |order: &Order| order.node.is_none_or(|node| node == self.node);
         if let Some(order) = Order::decode(frame).filter(is_for_us) {
             match order.command {
@@ -68,6 +86,7 @@ impl Scripted {
                 NmtCommand::EnterPreOperational => self.state = 0x7F,
                 NmtCommand::ResetNode | NmtCommand::ResetCommunication => {
                     self.state = if self.starts_itself { 0x05 } else { 0x7F };
+                    self.toggle = 0;
                     return self.boots.then(|| self.heartbeat(0));
                 }
             }
@@ -85,6 +104,14 @@ impl Scripted {
             return None;
         }
         Some(Frame::new(0x580 + u16::from(self.node.raw()), self.serve(request)))
+    }
+
+    /// A question of its guard: its state, and a bit that alternates.
+    fn answer_guard(&mut self, frame: &Frame) -> Option<Frame> {
+        let is_asked = frame.cob_id == 0x700 + u16::from(self.node.raw()) && self.deaf_for == 0;
+        let answer = is_asked.then(|| self.heartbeat(self.toggle | self.state));
+        self.toggle ^= if is_asked { 0x80 } else { 0 };
+        answer
     }
 
     /// Its heartbeat, with `byte` in it.
@@ -112,6 +139,13 @@ impl Scripted {
         }
         [0x60, low, high, sub, 0, 0, 0, 0]
     }
+}
+
+/// What 1020h holds after this plan.
+pub(crate) fn stamp(plan: &NodePlan) -> [(Object, Vec<u8>); 2] {
+    let stamp = plan.stamp();
+    [(Object::CONFIGURATION_DATE, stamp.date), (Object::CONFIGURATION_TIME, stamp.time)]
+        .map(|(object, part)| (object, part.to_le_bytes().to_vec()))
 }
 
 fn abort(object: Object, code: AbortCode) -> [u8; 8] {

@@ -172,6 +172,7 @@ fn tell(json: bool, at: Instant, news: News) {
                 heartbeat::News::BootedUp => "booted up".to_owned(),
                 heartbeat::News::Rebooted => "booted up again".to_owned(),
                 heartbeat::News::Lost => "silent".to_owned(),
+                heartbeat::News::Duplicate(sign) => format!("two nodes of this node-id: {sign}"),
             },
         ),
         News::Emergency(node, emergency) => (node, format!("EMCY {emergency}")),

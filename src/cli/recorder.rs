@@ -15,6 +15,7 @@ use std::sync::mpsc::SyncSender;
 use anyhow::Context;
 
 use crate::bus::Tap;
+use crate::canopen::event::Event;
 use crate::canopen::frame::Telegram;
 use crate::telemetry::candump::LogWriter;
 use crate::telemetry::record::Mode;
@@ -36,6 +37,8 @@ pub(super) enum Entry {
     Frame(Instant, Telegram),
     /// A cycle.
     Record(Record),
+    /// Something has happened on the network.
+    Notice(Event),
 }
 
 /// The newest status, for the console.
@@ -62,6 +65,11 @@ impl Offer {
     /// A record, or nothing if the queue is full: the recorder sees the gap in the cycle numbers.
     pub(super) fn record(&self, record: Record) {
         self.0.try_send(Entry::Record(record)).ok();
+    }
+
+    /// What has happened on the network, or nothing if the queue is full.
+    pub(super) fn notice(&self, event: Event) {
+        self.0.try_send(Entry::Notice(event)).ok();
     }
 }
 
@@ -108,11 +116,13 @@ impl Session {
     }
 }
 
-/// Takes entries until the cycle's thread has gone; returns the summary of them all.
+/// Takes entries until the cycle's thread has gone; returns the summary of them all. `names` are the
+/// nodes', in the order of their plans.
 pub(super) fn record(
     entries: &Receiver<Entry>,
     mut session: Option<&mut Session>,
     latest: &Latest,
+    names: &[String],
 ) -> Summary {
     let mut summary = Summary::default();
     let mut mode = Mode::Boot;
@@ -123,6 +133,7 @@ pub(super) fn record(
                     session.log.frame(at, &telegram);
                 }
             }
+            Entry::Notice(event) => tell(&event, names),
             Entry::Record(record) => {
                 if let Some(session) = &mut session {
                     session.log.record(&record);
@@ -137,6 +148,29 @@ pub(super) fn record(
         }
     }
     summary
+}
+
+/// What happens on the network is worth a line, with the name of the node it is about.
+fn tell(event: &Event, names: &[String]) {
+    let name = event.node().and_then(|node| names.get(node)).map_or("network", String::as_str);
+    match event {
+        Event::Booted
+        | Event::Configured { .. }
+        | Event::Joined { .. }
+        | Event::StateChanged { .. } => tracing::info!("{name}: {event}"),
+        Event::Emergency { emergency, .. } if emergency.is_reset() => {
+            tracing::info!("{name}: {event}");
+        }
+        Event::Emergency { .. }
+        | Event::BootFailed(_)
+        | Event::Absent { .. }
+        | Event::ErrorHistory { .. }
+        | Event::HeartbeatLost { .. }
+        | Event::Rebooted { .. }
+        | Event::Duplicate { .. }
+        | Event::Stranger { .. }
+        | Event::ForeignMaster { .. } => tracing::warn!("{name}: {event}"),
+    }
 }
 
 /// A change of mode is worth a line.

@@ -78,7 +78,8 @@ pub(super) fn run(args: &Run) -> Result<(), Failure> {
             .context("no thread for the cycle")
             .or_fail(Kind::Bus)?;
         let (session, shown) = (session.as_mut(), latest.clone());
-        let recording = threads.spawn(move || recorder::record(&entries, session, &shown));
+        let names: Vec<_> = config.node_plans().into_iter().map(|(_, plan)| plan.name).collect();
+        let recording = threads.spawn(move || recorder::record(&entries, session, &shown, &names));
         let outcome = runtime.block_on(serve(&socket, requests, &latest, &stop, end));
         let summary = recording.join();
         outcome?;
@@ -127,7 +128,9 @@ fn attend<B: Bus, R: Remote>(
     let granted = realtime::ask();
     tracing::info!(%granted, "priority");
     let stopping = || stop.load(Ordering::Relaxed);
-    match node.bring_up(&mut || stopping()) {
+    let booted = node.bring_up(&mut || stopping());
+    pass_on(&mut node, offer);
+    match booted {
         Ok(()) => tracing::info!("ready: all drives enabled at zero torque"),
         Err(BringUpError::GivenUp) => return Ok(()),
         Err(error @ BringUpError::Bus(_)) => return Err(error).or_fail(Kind::Bus),
@@ -141,11 +144,19 @@ fn attend<B: Bus, R: Remote>(
             answer.send(node.request(request)).ok();
         }
         offer.record(node.cycle());
+        pass_on(&mut node, offer);
     }
     let stopped_by = node.cause();
     node.stop().or_fail(Kind::Drive)?;
     match stopped_by {
         None => Ok(()),
         Some(cause) => Err(Failure::new(Kind::Stopped, format!("stopped by {cause}"))),
+    }
+}
+
+/// What has happened on the network goes to whoever writes messages.
+fn pass_on<B: Bus, R: Remote>(node: &mut Node<B, R>, offer: &Offer) {
+    while let Some(event) = node.notice() {
+        offer.notice(event);
     }
 }

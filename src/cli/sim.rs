@@ -30,7 +30,8 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     }
     let scenario = scenario::load(&args.scenario)?;
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
-    let mut bus = SocketCan::open(&names).or_fail(Kind::Bus)?;
+    let bus = SocketCan::open(&names).and_then(SocketCan::with_guarding_requests);
+    let mut bus = bus.or_fail(Kind::Bus)?;
     let mut world = world::build(&config, scenario, args.seed);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("no runtime").or_fail(Kind::Bus)?;

@@ -10,6 +10,8 @@ use crate::canopen::NodeId;
 use crate::canopen::eds::Eds;
 use crate::canopen::frame::Channel;
 use crate::canopen::plan::Identity;
+use crate::config::boot;
+use crate::config::boot::BootSettings;
 use crate::config::lookup;
 use crate::config::problem::Problems;
 use crate::config::raw;
@@ -31,6 +33,8 @@ pub struct Joint {
     pub node: NodeId,
     /// What its drive must be.
     pub identity: Identity,
+    /// How its drive is booted.
+    pub boot: BootSettings,
     /// What its drive's maker says of it.
     pub eds: Eds,
     /// Kinematics, masses and range.
@@ -89,6 +93,8 @@ fn read(
     let eds = lookup::eds(&key("eds"), file, &joint.eds, problems);
     let identity =
         Identity { vendor: joint.vendor_id, product: joint.product_code, revision: joint.revision };
+    let lost_ms = raw.safety.drive_lost_ms;
+    let boot = boot::of_drive(&key("boot"), joint.boot.as_ref(), lost_ms, problems);
     let kinds = [("revolute", JointKind::Revolute), ("prismatic", JointKind::Prismatic)];
     let kind = joint.kind.as_deref().unwrap_or("revolute");
     let kind = problems.one_of(&key("kind"), kind, &kinds)?;
@@ -117,6 +123,7 @@ fn read(
         channel: channel?,
         node: node?,
         identity,
+        boot,
         eds: eds?,
         link: Link {
             kind,

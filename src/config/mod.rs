@@ -2,6 +2,7 @@
 //! line and key; afterwards nothing is checked again.
 
 mod beyond;
+mod boot;
 mod bus_plan;
 mod control;
 pub mod files;
@@ -16,6 +17,7 @@ mod remote;
 pub mod signals;
 pub mod torque_data;
 
+pub use boot::BootSettings;
 pub use gain_check::Operator;
 pub use joints::Joint;
 pub use network::BusSettings;
@@ -58,6 +60,10 @@ pub struct Config {
     pub heartbeat: Duration,
     /// Where the control socket is, if the file says so.
     pub socket: Option<PathBuf>,
+    /// Whether nodes are told to store what is set in them.
+    pub stores_configuration: bool,
+    /// Whether nodes get their makers' defaults back before they are configured.
+    pub restores_defaults: bool,
     /// The buses; a [`Channel`] is a place in this list.
     pub buses: Vec<BusSettings>,
     /// The joints, base first.
@@ -244,6 +250,8 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
         node_id: node_id?,
         heartbeat: Duration::from_millis(u64::from(raw.node.heartbeat_ms)),
         socket: raw.node.socket.as_ref().map(PathBuf::from),
+        stores_configuration: raw.node.store_configuration,
+        restores_defaults: raw.node.restore_defaults,
         buses,
         joints: joints?,
         x_6_g,

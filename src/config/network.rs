@@ -24,6 +24,8 @@ use crate::canopen::plan::NodePlan;
 use crate::canopen::plan::Watch;
 use crate::config::Config;
 use crate::config::Safety;
+use crate::config::boot;
+use crate::config::boot::BootSettings;
 use crate::config::joints::Joint;
 use crate::config::lookup;
 use crate::config::problem::Problems;
@@ -79,6 +81,8 @@ pub struct SwitchBox {
     pub node: NodeId,
     /// What it must be.
     pub identity: Identity,
+    /// How it is booted.
+    pub boot: BootSettings,
     /// What its maker says of it.
     pub eds: Eds,
 }
@@ -137,7 +141,9 @@ pub(super) fn switch_box(
         product: switches.product_code,
         revision: switches.revision,
     };
-    Some(SwitchBox { channel: channel?, node: node?, identity, eds: eds? })
+    let lost_ms = raw.safety.drive_lost_ms;
+    let boot = boot::of_node("switches.boot", switches.boot.as_ref(), lost_ms, problems);
+    Some(SwitchBox { channel: channel?, node: node?, identity, boot, eds: eds? })
 }
 
 /// Limits in time, and whether they can hold at this period.
@@ -224,7 +230,7 @@ fn drive_plan(config: &Config, place: usize, joint: &Joint) -> NodePlan {
     layout::switch_off_others(&mut pdos, |object| joint.eds.object(object).is_some());
     let most = joint.calibration.max_target().0.unsigned_abs();
     let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch(config), most);
-    behind_the_pdos(plan, &joint.eds)
+    kept(config, &joint.eds, joint.boot.apply(behind_the_pdos(plan, &joint.eds)))
 }
 
 /// The drives that share a joint's frame of targets; `None` where each has its own.
@@ -249,11 +255,21 @@ fn behind_the_pdos(plan: NodePlan, eds: &Eds) -> NodePlan {
 }
 
 fn switches_plan(config: &Config) -> NodePlan {
-    let SwitchBox { node, identity, .. } = &config.switches;
+    let SwitchBox { node, identity, boot, eds, .. } = &config.switches;
     let mut plan = NodePlan::switches("switch box".to_owned(), *node, *identity, &watch(config));
-    let eds = &config.switches.eds;
     layout::switch_off_others(&mut plan.pdos, |object| eds.object(object).is_some());
-    behind_the_pdos(plan, eds)
+    kept(config, eds, boot.apply(behind_the_pdos(plan, eds)))
+}
+
+/// Whether a node keeps what it is told, and forgets first what it was told before. One that cannot,
+/// by its EDS, has nothing to forget.
+fn kept(config: &Config, eds: &Eds, plan: NodePlan) -> NodePlan {
+    let can_forget = eds.object(Object::RESTORE_DEFAULTS).is_some();
+    NodePlan {
+        stores_configuration: config.stores_configuration,
+        restores_defaults: config.restores_defaults && can_forget,
+        ..plan
+    }
 }
 
 fn watch(config: &Config) -> Watch {

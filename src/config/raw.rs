@@ -24,6 +24,25 @@ pub(super) struct Node {
     pub(super) node_id: u8,
     pub(super) heartbeat_ms: u16,
     pub(super) socket: Option<String>,
+    #[serde(default)]
+    pub(super) store_configuration: bool,
+    #[serde(default)]
+    pub(super) restore_defaults: bool,
+}
+
+/// What is unusual about one node's boot.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct Boot {
+    pub(super) revisions: Option<String>,
+    pub(super) serial: Option<u32>,
+    pub(super) software_version: Option<String>,
+    pub(super) program_id: Option<u32>,
+    pub(super) guard_time_ms: Option<u16>,
+    pub(super) life_time_factor: Option<u8>,
+    #[serde(default)]
+    pub(super) optional: bool,
+    #[serde(default)]
+    pub(super) keep_alive: bool,
 }
 
 #[derive(Debug, Deserialize)]
@@ -86,6 +105,7 @@ pub(super) struct Joint {
     pub(super) max_torque_nm: Option<f64>,
     pub(super) max_force_n: Option<f64>,
     pub(super) torque_curve: [f64; 3],
+    pub(super) boot: Option<Boot>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -96,6 +116,7 @@ pub(super) struct Switches {
     pub(super) vendor_id: u32,
     pub(super) product_code: u32,
     pub(super) revision: u32,
+    pub(super) boot: Option<Boot>,
 }
 
 #[derive(Debug, Deserialize)]

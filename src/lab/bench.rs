@@ -6,6 +6,7 @@ use std::time::Duration;
 use crate::bus::Bus;
 use crate::bus::Memory;
 use crate::bus::Tap;
+use crate::canopen::event::Event;
 use crate::config::Config;
 use crate::controller::switches::Mode as CommandMode;
 use crate::lab::site::VirtualSite;
@@ -123,6 +124,11 @@ impl<T: Tap> Bench<T> {
     /// The node.
     pub const fn node(&self) -> &Node<Memory<World, T>, VirtualSite> {
         &self.node
+    }
+
+    /// What has happened on the network, for people: the oldest that was not asked for yet.
+    pub fn notice(&mut self) -> Option<Event> {
+        self.node.notice()
     }
 
     /// What is attached, to break it.

@@ -6,12 +6,12 @@ use thiserror::Error;
 
 use crate::bus::Bus;
 use crate::bus::Heard;
-use crate::canopen::commission::BootError;
+use crate::canopen::boot_error::BootError;
 use crate::canopen::drive::PowerStage;
 use crate::canopen::drive::State;
 use crate::canopen::drive::Statusword;
+use crate::canopen::event::Event;
 use crate::canopen::frame::Telegram;
-use crate::canopen::master::Event;
 use crate::node::Node;
 use crate::node::safety;
 use crate::node::schedule::Schedule;
@@ -34,9 +34,9 @@ const CONFIRM_WITHIN: Duration = Duration::from_millis(500);
 /// Why the network did not come up.
 #[derive(Debug, Error)]
 pub enum BringUpError {
-    /// A node is missing, is another one, or refused its configuration.
-    #[error(transparent)]
-    Boot(#[from] BootError),
+    /// Nodes are missing, are other ones, or refused their configuration: one line each.
+    #[error("{}", lines(.0))]
+    Boot(Vec<BootError>),
     /// The bus failed while booting.
     #[error("{0}")]
     Bus(Cause),
@@ -92,16 +92,18 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// Runs the master's boot until all nodes are operational.
+    /// Runs the master's boot until all nodes are operational, or it is known which are not.
     fn boot(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
-        loop {
+        let mut failed = Vec::new();
+        while self.master.is_booting() {
             if give_up() {
                 return Err(BringUpError::GivenUp);
             }
             let event = self.master.on_time(self.bus.now(), &mut self.out);
             self.post();
-            if finished(event)? {
-                return Ok(());
+            self.heed_boot(event, &mut failed);
+            if !self.master.is_booting() {
+                break;
             }
             let ask = self.bus.now() + ASK_EVERY;
             let until = self.master.deadline().map_or(ask, |due| due.min(ask));
@@ -113,9 +115,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                     self.samples.on_frame(received.at, &telegram);
                     let event = self.master.on_frame(received.at, &telegram, &mut self.out);
                     self.post();
-                    if finished(event)? {
-                        return Ok(());
-                    }
+                    self.heed_boot(event, &mut failed);
                 }
                 Heard::Fault(fault) => {
                     if let Some(cause) = safety::cause_of_fault(channel, fault) {
@@ -123,6 +123,20 @@ impl<B: Bus, R: Remote> Node<B, R> {
                     }
                 }
             }
+        }
+        while let Some(event) = self.master.on_time(self.bus.now(), &mut self.out) {
+            self.heed_boot(Some(event), &mut failed);
+        }
+        self.post();
+        if failed.is_empty() { Ok(()) } else { Err(BringUpError::Boot(failed)) }
+    }
+
+    /// Keeps what the master says: failures for whoever started the boot, everything else for people.
+    fn heed_boot(&mut self, event: Option<Event>, failed: &mut Vec<BootError>) {
+        match event {
+            Some(Event::BootFailed(error)) => failed.push(error),
+            Some(event) => self.note(event),
+            None => {}
         }
     }
 
@@ -166,20 +180,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 }
 
-/// Whether the boot is over.
-fn finished(event: Option<Event>) -> Result<bool, BootError> {
-    match event {
-        Some(Event::Booted) => Ok(true),
-        Some(Event::BootFailed(error)) => Err(error),
-        Some(
-            Event::Emergency { .. }
-            | Event::HeartbeatLost { .. }
-            | Event::Rebooted { .. }
-            | Event::StateChanged { .. }
-            | Event::ForeignMaster { .. },
-        )
-        | None => Ok(false),
-    }
+/// One line for each.
+fn lines(errors: &[BootError]) -> String {
+    errors.iter().map(BootError::to_string).collect::<Vec<_>>().join("\n")
 }
 
 /// Whether the power stage may still push. A state that is none counts as one that may.

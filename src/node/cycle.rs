@@ -15,6 +15,7 @@ use crate::bus::Received;
 use crate::bus::SendError;
 use crate::canopen::drive::Goal;
 use crate::canopen::drive::State;
+use crate::canopen::event::Event;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
@@ -59,6 +60,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let targets = output.targets.map(|target| if self.may_push() { target.0 } else { 0 });
         self.send_targets(&targets, permit.drives_on);
         self.send_heartbeat(now);
+        self.send_request();
         let f_s = self.sensed.f_s;
         self.sensed = self.remote.exchange(now, &output.command);
 
@@ -100,11 +102,17 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 if !self.samples.on_frame(at, &telegram) {
                     let event = self.master.on_frame(at, &telegram, &mut self.out);
                     self.post();
-                    self.heed(at, event.as_ref().and_then(safety::cause_of_event));
+                    event.into_iter().for_each(|event| self.on_event(at, event));
                 }
             }
             Heard::Fault(fault) => self.heed(at, safety::cause_of_fault(channel, fault)),
         }
+    }
+
+    /// Keeps what the master says for people, and stops if it is a cause to.
+    fn on_event(&mut self, now: Instant, event: Event) {
+        self.heed(now, safety::cause_of_event(&event));
+        self.note(event);
     }
 
     /// Stops if there is a cause to.
@@ -116,8 +124,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Draws the conclusions of this cycle's samples and of time itself.
     fn judge(&mut self, now: Instant, skipped: u64) {
+        let before = self.cause();
         while let Some(event) = self.master.on_time(now, &mut self.out) {
-            self.heed(now, safety::cause_of_event(&event));
+            self.on_event(now, event);
         }
         self.post();
         if skipped > OVERRUN && self.cycle > 0 {
@@ -129,6 +138,18 @@ impl<B: Bus, R: Remote> Node<B, R> {
             Some(drive) => self.safety.not_enabled(now, drive),
             None if self.samples.is_complete() => self.safety.drives_are_enabled(now),
             None => {}
+        }
+        if before != self.cause() {
+            self.ask_why(now);
+        }
+    }
+
+    /// A drive that stopped the node by its statusword alone is asked for its errors.
+    fn ask_why(&mut self, now: Instant) {
+        if let Some(Cause::DriveLeft { joint, .. } | Cause::EnableTimeout { joint, .. }) =
+            self.cause()
+        {
+            self.master.read_history(now, joint.saturating_sub(1), &mut self.out);
         }
     }
 
@@ -193,6 +214,13 @@ impl<B: Bus, R: Remote> Node<B, R> {
     fn send_heartbeat(&mut self, now: Instant) {
         if let Some(frame) = self.heartbeat.due(now) {
             self.send_on_every_bus(frame);
+        }
+    }
+
+    /// One request of the master's by SDO at most, after everything that must not wait for it.
+    fn send_request(&mut self) {
+        if let Some(telegram) = self.master.release() {
+            self.send(telegram);
         }
     }
 

@@ -15,11 +15,13 @@ pub use bring_up::NotConfirmed;
 pub use request::Refused;
 pub use request::Request;
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::bus::Bus;
 use crate::canopen::NmtState;
 use crate::canopen::drive::PowerStage;
+use crate::canopen::event::Event;
 use crate::canopen::exchange::Outbox;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
@@ -61,7 +63,12 @@ pub struct Node<B, R> {
     sensed: Sensed,
     /// Frames on their way out.
     out: Vec<Telegram>,
+    /// What has happened on the network and was not asked for yet.
+    notices: VecDeque<Event>,
 }
+
+/// Notices that may wait to be asked for; more are lost.
+const NOTICES: usize = 64;
 
 impl<B: Bus, R: Remote> Node<B, R> {
     /// A node that has sent nothing yet.
@@ -89,6 +96,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             cycle: 0,
             sensed,
             out: Vec::with_capacity(64),
+            notices: VecDeque::with_capacity(NOTICES),
             bus,
             remote,
         }
@@ -102,6 +110,17 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// What stopped the node, while it is stopped.
     pub const fn cause(&self) -> Option<Cause> {
         self.safety.cause()
+    }
+
+    /// What has happened on the network, for people: the oldest that was not asked for yet.
+    pub fn notice(&mut self) -> Option<Event> {
+        self.notices.pop_front()
+    }
+
+    fn note(&mut self, event: Event) {
+        if self.notices.len() < NOTICES {
+            self.notices.push_back(event);
+        }
     }
 
     /// The bus, to ask it for its statistics.

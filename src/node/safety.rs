@@ -17,8 +17,8 @@ use std::time::Duration;
 use thiserror::Error;
 
 use crate::bus::BusFault;
+use crate::canopen::event::Event;
 use crate::canopen::frame::Channel;
-use crate::canopen::master::Event;
 use crate::canopen::pdo::Deadman;
 use crate::controller::Fault;
 use crate::telemetry::record::Cause;
@@ -70,6 +70,7 @@ pub const fn reaction(cause: &Cause) -> Reaction {
         | Cause::StatusMissing { .. }
         | Cause::DriveLeft { .. }
         | Cause::Emergency { .. }
+        | Cause::Duplicate { .. }
         | Cause::ControllerFault { .. }
         | Cause::QueueFull { .. }
         | Cause::BusPassive { .. }
@@ -92,10 +93,16 @@ pub const fn cause_of_event(event: &Event) -> Option<Cause> {
         }
         Event::HeartbeatLost { node } => Some(Cause::HeartbeatLost { node: *node }),
         Event::Rebooted { node } => Some(Cause::Rebooted { node: *node }),
+        Event::Duplicate { node, .. } => Some(Cause::Duplicate { node: *node }),
         Event::ForeignMaster { .. } => Some(Cause::ForeignMaster),
         Event::Emergency { .. }
         | Event::Booted
         | Event::BootFailed(_)
+        | Event::Configured { .. }
+        | Event::Absent { .. }
+        | Event::Joined { .. }
+        | Event::ErrorHistory { .. }
+        | Event::Stranger { .. }
         | Event::StateChanged { .. } => None,
     }
 }
@@ -127,6 +134,7 @@ pub const fn needs_boot(cause: &Cause) -> bool {
     match cause {
         Cause::HeartbeatLost { .. }
         | Cause::Rebooted { .. }
+        | Cause::Duplicate { .. }
         | Cause::ForeignMaster
         | Cause::BusOff { .. }
         | Cause::BusDown { .. }

@@ -4,6 +4,8 @@
 
 use std::time::Duration;
 
+use canopen_rs::NmtCommand;
+
 use crate::canopen::NodeId;
 use crate::canopen::device::Application;
 use crate::canopen::device::Device;
@@ -12,6 +14,7 @@ use crate::canopen::dictionary::Dictionary;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
+use crate::canopen::nmt::Order;
 use crate::canopen::object::Object;
 use crate::canopen::station::Station;
 use crate::time::Instant;
@@ -20,6 +23,7 @@ use crate::time::Instant;
 #[derive(Clone, Debug)]
 pub struct SwitchBox {
     channel: Channel,
+    is_plugged: bool,
     device: Device<Inputs>,
     frames: Vec<Frame>,
 }
@@ -44,7 +48,19 @@ impl SwitchBox {
     /// A box that is switched on, with every input low.
     pub fn new(channel: Channel, node: NodeId, dictionary: Dictionary) -> Self {
         let device = Device::new(node, dictionary, Inputs::default(), Duration::ZERO);
-        Self { channel, device, frames: Vec::with_capacity(FRAMES) }
+        Self { channel, is_plugged: true, device, frames: Vec::with_capacity(FRAMES) }
+    }
+
+    /// Takes it off its bus: it hears and says nothing any more.
+    pub const fn unplug(&mut self) {
+        self.is_plugged = false;
+    }
+
+    /// Puts it back on its bus and switches it on, so that it boots up.
+    pub fn switch_on(&mut self, now: Instant) {
+        self.is_plugged = true;
+        let power_up = Order::to(self.node(), NmtCommand::ResetNode).frame();
+        self.device.on_frame(now, &power_up, &mut self.frames);
     }
 
     /// Where it is.
@@ -68,20 +84,28 @@ const FRAMES: usize = 8;
 
 impl Station for SwitchBox {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
-        if channel == self.channel {
+        if channel == self.channel && self.is_plugged {
             self.device.on_frame(now, frame, &mut self.frames);
-            out.extend(self.frames.drain(..).map(|frame| Telegram { channel, frame }));
+            self.send(out);
         }
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>) {
-        let channel = self.channel;
         self.device.on_time(now, &mut self.frames);
-        out.extend(self.frames.drain(..).map(|frame| Telegram { channel, frame }));
+        self.send(out);
     }
 
     fn deadline(&self) -> Option<Instant> {
-        self.device.deadline()
+        let unsent = (!self.frames.is_empty()).then_some(Instant::ZERO);
+        unsent.into_iter().chain(self.device.deadline()).min()
+    }
+}
+
+impl SwitchBox {
+    fn send(&mut self, out: &mut Vec<Telegram>) {
+        let channel = self.channel;
+        let said = self.frames.drain(..).filter(|_| self.is_plugged);
+        out.extend(said.map(|frame| Telegram { channel, frame }));
     }
 }
 

@@ -109,6 +109,11 @@ impl<M: Motor, I: Inputs> World<M, I> {
         self.drives.get_mut(joint.checked_sub(1)?)
     }
 
+    /// The switch box, to take it away.
+    pub const fn switches_mut(&mut self) -> &mut I {
+        &mut self.switches
+    }
+
     /// The arm.
     pub const fn plant(&self) -> &Plant {
         &self.plant

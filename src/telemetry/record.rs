@@ -60,6 +60,8 @@ pub enum Cause {
     HeartbeatLost { node: usize },
     /// A node started anew in the middle of a run.
     Rebooted { node: usize },
+    /// Two nodes seem to have one node-id.
+    Duplicate { node: usize },
     /// Somebody else commands this network.
     ForeignMaster,
     /// The controller met a number it cannot use.
@@ -93,6 +95,9 @@ impl fmt::Display for Cause {
             Self::Emergency { node, code } => write!(f, "{}: emergency {code:04X}h", Who(*node)),
             Self::HeartbeatLost { node } => write!(f, "{}: heartbeat lost", Who(*node)),
             Self::Rebooted { node } => write!(f, "{}: rebooted", Who(*node)),
+            Self::Duplicate { node } => {
+                write!(f, "{}: two nodes seem to have its node-id", Who(*node))
+            }
             Self::ForeignMaster => f.write_str("another master is on the bus"),
             Self::ControllerFault { fault } => write!(f, "controller: {fault}"),
             Self::QueueFull { channel } => write!(f, "bus {channel}: transmit queue full"),

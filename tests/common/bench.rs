@@ -29,12 +29,20 @@ impl Tap for Wire {
 impl Wire {
     /// As candump writes it, on interfaces bus0 and bus1, up to the first SYNC and `cycles` further ones.
     pub(crate) fn transcript(&self, cycles: usize) -> String {
+        self.transcript_of(cycles, |_| true)
+    }
+
+    /// The same, of some frames only.
+    pub(crate) fn transcript_of(&self, cycles: usize, is_of: impl Fn(&Frame) -> bool) -> String {
         let mut syncs = 0;
         let mut text = String::new();
         for (at, Telegram { channel: Channel(bus), frame }) in self.0.borrow().iter() {
             syncs += usize::from(frame.cob_id == 0x80 && *bus == 0);
             if syncs > cycles {
                 break;
+            }
+            if !is_of(frame) {
+                continue;
             }
             let micros = at.as_micros();
             let stamp = format!("({}.{:06})", micros / 1_000_000, micros % 1_000_000);

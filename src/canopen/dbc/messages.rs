@@ -9,7 +9,7 @@ use crate::canopen::dbc::Number;
 use crate::canopen::drive::Controlword;
 use crate::canopen::drive::State;
 use crate::canopen::drive::Statusword;
-use crate::canopen::emcy;
+use crate::canopen::error_codes;
 use crate::canopen::nmt;
 use crate::canopen::object::Object;
 use crate::canopen::signals;
@@ -60,7 +60,11 @@ pub fn database(members: &[Member], master: &Master) -> Result<Database, Collisi
     for member in members {
         let node = member.node().raw();
         messages.push(emergency(member));
-        messages.push(heartbeat(&member.name, node, u32::from(member.plan.heartbeat_ms)));
+        messages.push(heartbeat(
+            &member.name,
+            node,
+            u32::from(member.plan.error_control.period_ms()),
+        ));
         messages.extend(sdo(&member.name, node));
     }
     messages.sort_by_key(|message| message.id);
@@ -126,7 +130,7 @@ fn watchers(name: &str) -> Vec<String> {
 }
 
 fn emergency(member: &Member) -> Message {
-    let codes = emcy::codes().map(|(code, words)| (i64::from(code), words)).collect();
+    let codes = error_codes::all().map(|(code, words)| (i64::from(code), words)).collect();
     let mut fields = vec![Field { values: codes, ..number("error_code", 0, 16) }];
     let classes = [
         ("generic", 16),

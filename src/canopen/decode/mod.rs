@@ -166,7 +166,8 @@ impl Decoder {
         let node = |member: usize| self.members.get(member).map_or(0, |member| member.node().raw());
         let Some(layout) = self.networks.get(network) else { return Bus(MOST_BUSES) };
         let members = (0..128).filter_map(|node| self.members.get(layout.member(node)?));
-        let lost_after = members.map(|member| (member.node().raw(), member.plan.lost_after));
+        let lost_after =
+            members.map(|member| (member.node().raw(), member.plan.error_control.lost_after()));
         let watch = Watch::new(self.timing, &self.frames, &layout.frames, node, lost_after);
         self.buses.push(Heard { network, watch, sdo: vec![Listener::default(); 128] });
         Bus(self.buses.len() - 1)

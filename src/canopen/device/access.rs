@@ -10,6 +10,7 @@ use crate::canopen::device::mapping::number;
 use crate::canopen::device::parameter::Place;
 use crate::canopen::device::parameter::may_change_cob_id;
 use crate::canopen::device::sdo_server::Access;
+use crate::canopen::device::store;
 use crate::canopen::dictionary::Dictionary;
 use crate::canopen::dictionary::Entry;
 use crate::canopen::dictionary::OutOfRange;
@@ -77,6 +78,9 @@ impl<A: Application> Objects<'_, A> {
             }
             (Object::CONSUMER_HEARTBEAT, Some(raw)) if !heartbeat::is_valid(raw) => {
                 Err(AbortCode::VALUE_INVALID)
+            }
+            (Object::STORE_PARAMETERS | Object::RESTORE_DEFAULTS, Some(raw)) => {
+                store::may_write(object, raw)
             }
             _ => self.application.may_write(self.dictionary, object, bytes),
         }

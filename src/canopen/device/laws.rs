@@ -278,6 +278,95 @@ fn a_silent_master_is_told_and_operational_is_left() {
 }
 
 #[test]
+fn a_guarded_device_answers_with_its_state_and_a_bit_that_alternates() {
+    let mut desk = Desk::new();
+    let question = Frame::remote(0x705, 1);
+    let answer = |byte| [Frame::new(0x705, [byte])];
+    assert_eq!(desk.say(question), answer(0x7F));
+    desk.order(NmtCommand::StartRemoteNode);
+    assert_eq!(desk.say(question), answer(0x85));
+    assert_eq!(desk.say(question), answer(0x05));
+    assert_eq!(desk.say(Frame::remote(0x706, 1)), [], "another node is asked");
+    assert_eq!(desk.say(Frame::remote(0x80, 0)), [], "no SYNC");
+    assert_eq!(desk.order(NmtCommand::ResetCommunication), answer(0), "boot-up");
+    assert_eq!(desk.say(question), answer(0x7F), "the bit begins anew");
+    desk.write(Object::PRODUCER_HEARTBEAT, &[25, 0]).unwrap();
+    assert_eq!(desk.say(question), [], "a heartbeat takes the place of guarding");
+}
+
+#[test]
+fn a_guard_that_falls_silent_is_told_once_and_operational_is_left() {
+    let mut desk = Desk::silent();
+    desk.write(Object::GUARD_TIME, &[20, 0]).unwrap();
+    desk.write(Object::LIFE_TIME_FACTOR, &[3]).unwrap();
+    desk.order(NmtCommand::StartRemoteNode);
+    assert_eq!(desk.wait_until(500), [], "nobody has asked yet");
+    desk.say(Frame::remote(0x705, 1));
+    assert_eq!(desk.wait_until(559), []);
+    assert_eq!(desk.wait_until(560), [emergency(0x8130, 0x11, [1, 2, 3, 4, 5])]);
+    assert_eq!(desk.device.state(), NmtState::PreOperational);
+    assert_eq!(desk.device.application().lost, [ConnectionLoss::Heartbeat]);
+    assert_eq!(desk.wait_until(5_000), []);
+    let told = desk.say(Frame::remote(0x705, 1));
+    assert_eq!(told, [emergency(0, 0, [0; 5]), Frame::new(0x705, [0xFF])]);
+}
+
+const STAMP: [u8; 4] = [1, 2, 3, 4];
+
+/// Configured, stamped and saved.
+fn saved() -> Desk {
+    let mut desk = Desk::new();
+    desk.write(Object::PRODUCER_HEARTBEAT, &[25, 0]).unwrap();
+    desk.write(Object::MAX_TORQUE, &[100, 0]).unwrap();
+    desk.write(Object::CONFIGURATION_DATE, &STAMP).unwrap();
+    desk.write(Object::STORE_PARAMETERS, b"save").unwrap();
+    desk
+}
+
+#[test]
+fn what_was_saved_outlives_a_reset_and_nothing_else_does() {
+    let mut desk = saved();
+    desk.write(Object::MAX_TORQUE, &[200, 0]).unwrap();
+    desk.write(Object::CONTROLWORD, &[6, 0]).unwrap();
+    desk.order(NmtCommand::ResetNode);
+    assert_eq!(desk.read(Object::PRODUCER_HEARTBEAT), Ok(vec![25, 0]));
+    assert_eq!(desk.read(Object::MAX_TORQUE), Ok(vec![100, 0]));
+    assert_eq!(desk.read(Object::CONFIGURATION_DATE), Ok(STAMP.to_vec()));
+    assert_eq!(desk.read(Object::STORE_PARAMETERS), Ok(vec![1, 0, 0, 0]));
+    assert_eq!(desk.read(Object::CONTROLWORD), Ok(vec![0, 0]));
+}
+
+#[test]
+fn the_makers_defaults_come_back_with_the_reset_after_their_load() {
+    let mut desk = saved();
+    desk.write(Object::RESTORE_DEFAULTS, b"load").unwrap();
+    assert_eq!(desk.read(Object::MAX_TORQUE), Ok(vec![100, 0]), "not before");
+    desk.order(NmtCommand::ResetNode);
+    assert_eq!(desk.read(Object::MAX_TORQUE), Ok(3_000_u16.to_le_bytes().to_vec()));
+    assert_eq!(desk.read(Object::CONFIGURATION_DATE), Ok(vec![0; 4]));
+}
+
+#[test]
+fn a_stamp_is_void_once_the_device_differs_from_what_it_kept() {
+    let mut desk = saved();
+    desk.write(Object::MAX_TORQUE, &[100, 0]).unwrap();
+    desk.write(Object::CONTROLWORD, &[6, 0]).unwrap();
+    desk.write(Object::ERROR_HISTORY, &[0]).unwrap();
+    assert_eq!(desk.read(Object::CONFIGURATION_DATE), Ok(STAMP.to_vec()));
+    desk.write(Object::MAX_TORQUE, &[101, 0]).unwrap();
+    assert_eq!(desk.read(Object::CONFIGURATION_DATE), Ok(vec![0; 4]));
+}
+
+#[test]
+fn another_signature_saves_and_loads_nothing() {
+    let mut desk = Desk::new();
+    for object in [Object::STORE_PARAMETERS, Object::RESTORE_DEFAULTS] {
+        assert_eq!(desk.write(object, b"evas"), Err(AbortCode::NOT_STORED));
+        assert_eq!(desk.read(object), Ok(vec![1, 0, 0, 0]));
+    }
+}
+
+#[test]
 fn a_heartbeat_comes_as_soon_as_it_is_asked_for_and_once_a_period() {
     let mut desk = Desk::new();
     let request = Frame::new(0x605, [0x2B, 0x17, 0x10, 0, 25, 0, 0, 0]);

@@ -7,6 +7,7 @@
 mod access;
 mod application;
 mod errors;
+mod guarding;
 mod heartbeat;
 #[cfg(test)]
 mod laws;
@@ -15,6 +16,7 @@ mod mapping;
 mod parameter;
 mod rpdo;
 mod sdo_server;
+mod store;
 mod tpdo;
 
 pub use application::Application;
@@ -32,6 +34,7 @@ use canopen_rs::nmt::heartbeat_cob_id;
 use crate::canopen::device::access::Objects;
 use crate::canopen::device::errors::Condition;
 use crate::canopen::device::errors::Errors;
+use crate::canopen::device::guarding::Guarding;
 use crate::canopen::device::heartbeat::Heartbeat;
 use crate::canopen::device::lss::Layer;
 use crate::canopen::device::parameter::NUMBERS;
@@ -64,6 +67,7 @@ pub struct Device<A> {
     tpdos: [Tpdo; PDOS],
     errors: Errors,
     heartbeat: Heartbeat,
+    guarding: Guarding,
     /// The application's objects may have changed since they were last looked at.
     is_touched: bool,
 }
@@ -84,6 +88,7 @@ impl<A: Application> Device<A> {
             tpdos: NUMBERS.map(|number| Tpdo::new(&dictionary, number)),
             errors: Errors::default(),
             heartbeat: Heartbeat::default(),
+            guarding: Guarding::default(),
             is_touched: false,
             dictionary,
             application,
@@ -128,6 +133,10 @@ impl<A: Application> Device<A> {
         if self.state == NmtState::Initialising || self.layer.silence().is_some() {
             return;
         }
+        if frame.is_remote() {
+            self.on_question(now, frame, out);
+            return;
+        }
         if let Some(order) = Order::decode(frame) {
             if order.node.is_none_or(|node| node == self.node) {
                 self.obey(now, order.command, out);
@@ -157,7 +166,7 @@ impl<A: Application> Device<A> {
         if self.state == NmtState::Initialising {
             self.boot_up(now, out);
         }
-        if self.heartbeat.is_lost(now) {
+        if self.heartbeat.is_lost(now) || self.guarding.is_lost(now) {
             self.lose_connection(Condition::HeartbeatLost, ConnectionLoss::Heartbeat, out);
             self.behave_on_error();
         }
@@ -183,12 +192,17 @@ impl<A: Application> Device<A> {
         let now = is_due.then_some(Instant::ZERO);
         let rpdos = self.rpdos.iter().filter_map(Rpdo::deadline);
         let tpdos = self.tpdos.iter().filter_map(Tpdo::deadline);
-        rpdos
-            .chain(tpdos)
-            .chain(now)
-            .chain(self.heartbeat.deadline())
-            .chain(self.sdo.deadline())
-            .min()
+        let watches = [self.heartbeat.deadline(), self.guarding.deadline(), self.sdo.deadline()];
+        rpdos.chain(tpdos).chain(now).chain(watches.into_iter().flatten()).min()
+    }
+
+    /// A remote frame: only its master's question whether it is alive has an answer.
+    fn on_question(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
+        let answer = self.guarding.answer(now, frame, self.node, self.state, &self.dictionary);
+        if answer.is_some() {
+            self.errors.settle(Condition::HeartbeatLost, &mut self.dictionary, out);
+        }
+        out.extend(answer);
     }
 
     fn obey(&mut self, now: Instant, command: NmtCommand, out: &mut Vec<Frame>) {
@@ -237,6 +251,7 @@ impl<A: Application> Device<A> {
         self.rpdos = NUMBERS.map(|number| Rpdo::new(&self.dictionary, number));
         self.tpdos = NUMBERS.map(|number| Tpdo::new(&self.dictionary, number));
         self.heartbeat.watch(&self.dictionary);
+        self.guarding.restart();
         self.follow_sync();
         self.application.on_reset(&mut self.dictionary, reset);
         self.errors.reset(self.application.error_code(), &mut self.dictionary);
@@ -279,6 +294,7 @@ impl<A: Application> Device<A> {
     /// Does as an object says that has just been written.
     fn follow(&mut self, now: Instant, object: Object) {
         self.is_touched = true;
+        store::follow(object, &mut self.dictionary);
         match object {
             Object::SYNC_COB_ID => self.follow_sync(),
             Object::EMCY_COB_ID => self.errors.configure(&self.dictionary),

@@ -15,6 +15,7 @@ use crate::canopen::load::network::Bus;
 use crate::canopen::load::network::Member;
 use crate::canopen::load::network::Network;
 use crate::canopen::load::utilisation::BusLoad;
+use crate::canopen::plan::ErrorControl;
 use crate::canopen::plan::NodePlan;
 
 /// A heartbeat that suffices where a drive also watches its RPDO, in ms.
@@ -152,11 +153,15 @@ fn emergencies_moved(network: &Network) -> Network {
 fn slow_heartbeats(plans: &[NodePlan]) -> Vec<NodePlan> {
     let slow = |plan: &NodePlan| {
         let is_guarded = !plan.is_drive() || rpdo_timer_ms(plan).is_some();
-        if !is_guarded || plan.heartbeat_ms == 0 || plan.heartbeat_ms >= SLOW_HEARTBEAT_MS {
+        let ErrorControl::Heartbeat { period_ms, lost_after } = plan.error_control else {
+            return plan.clone();
+        };
+        if !is_guarded || period_ms == 0 || period_ms >= SLOW_HEARTBEAT_MS {
             return plan.clone();
         }
-        let lost_after = plan.lost_after * u32::from(SLOW_HEARTBEAT_MS) / plan.heartbeat_ms.into();
-        NodePlan { heartbeat_ms: SLOW_HEARTBEAT_MS, lost_after, ..plan.clone() }
+        let lost_after = lost_after * u32::from(SLOW_HEARTBEAT_MS) / period_ms.into();
+        let error_control = ErrorControl::Heartbeat { period_ms: SLOW_HEARTBEAT_MS, lost_after };
+        NodePlan { error_control, ..plan.clone() }
     };
     plans.iter().map(slow).collect()
 }
@@ -283,9 +288,10 @@ mod tests {
             service.event_timer_ms = None;
         });
         let slow = changed(&network, &[Change::SlowHeartbeats]).unwrap();
-        let periods: Vec<_> = plans(&slow).iter().map(|plan| plan.heartbeat_ms).collect();
+        let periods: Vec<_> =
+            plans(&slow).iter().map(|plan| plan.error_control.period_ms()).collect();
         assert_eq!(periods, [25, 100, 100, 100, 100, 100, 100]);
-        assert_eq!(plans(&slow)[1].lost_after.as_millis(), 240);
+        assert_eq!(plans(&slow)[1].error_control.lost_after().as_millis(), 240);
     }
 
     #[test]

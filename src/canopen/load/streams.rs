@@ -15,6 +15,7 @@ use crate::canopen::layout::Service;
 use crate::canopen::load::pace::Pace;
 use crate::canopen::load::pace::Values;
 use crate::canopen::object::Object;
+use crate::canopen::plan::ErrorControl;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::sync;
 
@@ -125,6 +126,22 @@ impl Stream {
             slots: Vec::new(),
             deadline_us: spare,
         })
+    }
+
+    /// How a node is watched: its heartbeat, or the question of its guard and the answer.
+    fn error_control(plan: &NodePlan) -> impl Iterator<Item = Self> {
+        let control = plan.error_control;
+        let lost_ms = u32::try_from(control.lost_after().as_millis()).unwrap_or(u32::MAX);
+        let answer =
+            Self::heartbeat(plan.node, Sender::Node(plan.node), control.period_ms(), Some(lost_ms));
+        let is_asked = matches!(control, ErrorControl::Guarding(_));
+        let question = answer.clone().filter(|_| is_asked).map(|answer| Self {
+            sender: Sender::Master,
+            bytes: 0,
+            deadline_us: None,
+            ..answer
+        });
+        answer.into_iter().chain(question)
     }
 
     /// A PDO of a node; `None` if it is off.
@@ -264,9 +281,7 @@ pub fn streams<'a>(
                 None => streams.push(stream),
             }
         }
-        let lost_ms = u32::try_from(plan.lost_after.as_millis()).unwrap_or(u32::MAX);
-        let sender = Sender::Node(plan.node);
-        streams.extend(Stream::heartbeat(plan.node, sender, plan.heartbeat_ms, Some(lost_ms)));
+        streams.extend(Stream::error_control(plan));
     }
     streams.sort_by_key(|stream| stream.cob_id);
     streams
@@ -340,7 +355,11 @@ pub(crate) mod tests {
         };
         let drives = drives(6).into_iter().enumerate().map(group);
         let plans = drives.chain([switch_box()]);
-        plans.map(|plan| NodePlan { heartbeat_ms: 100, ..plan }).collect()
+        let error_control = |plan: &NodePlan| ErrorControl::Heartbeat {
+            period_ms: 100,
+            lost_after: plan.error_control.lost_after(),
+        };
+        plans.map(|plan| NodePlan { error_control: error_control(&plan), ..plan }).collect()
     }
 
     #[test]

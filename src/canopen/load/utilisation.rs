@@ -152,6 +152,7 @@ mod tests {
     use crate::canopen::load::streams::tests::grouped;
     use crate::canopen::load::streams::tests::master;
     use crate::canopen::object::Object;
+    use crate::canopen::plan::ErrorControl;
     use crate::canopen::plan::NodePlan;
     use crate::canopen::plan::tests::switch_box;
 
@@ -163,7 +164,8 @@ mod tests {
 
     /// Without heartbeats.
     fn cyclic(drives: &[NodePlan], period_us: u32) -> BusLoad {
-        let silent = drives.iter().map(|plan| NodePlan { heartbeat_ms: 0, ..plan.clone() });
+        let error_control = ErrorControl::Heartbeat { period_ms: 0, lost_after: Duration::ZERO };
+        let silent = drives.iter().map(|plan| NodePlan { error_control, ..plan.clone() });
         of(&silent.collect::<Vec<_>>(), period_us, 0)
     }
 

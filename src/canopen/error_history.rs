@@ -1,0 +1,207 @@
+//! The errors a node remembers (1003h, CiA 301, 7.5.2.4), read by SDO: how many, then the newest ones.
+//!
+//! One request at a time, and nothing that waits: the [master](crate::canopen::master) decides when its
+//! frames go out. A node without a history has an empty one.
+
+use std::fmt;
+use std::time::Duration;
+
+use canopen_rs::NodeId;
+
+use crate::canopen::error_codes;
+use crate::canopen::frame::Frame;
+use crate::canopen::object::Object;
+use crate::canopen::sdo::Outcome;
+use crate::canopen::sdo::Transfer;
+use crate::time::Instant;
+
+/// How many errors are read at most, the newest first.
+pub const MOST: usize = 8;
+
+/// How long a node has for one SDO reply; a request may have to wait for its cycle.
+const REPLY: Duration = Duration::from_millis(500);
+
+/// What a node remembers, the newest error first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct History {
+    entries: [u32; MOST],
+    count: usize,
+}
+
+impl History {
+    /// The error codes, the newest first.
+    pub fn codes(&self) -> impl Iterator<Item = u16> + '_ {
+        self.entries.iter().take(self.count).map(|entry| {
+            let [low, high, ..] = entry.to_le_bytes();
+            u16::from_le_bytes([low, high])
+        })
+    }
+}
+
+/// `8250h RPDO timeout, 2310h continuous over-current at the output`, or `empty`.
+impl fmt::Display for History {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.count == 0 {
+            return f.write_str("empty");
+        }
+        for (place, code) in self.codes().enumerate() {
+            let lead = if place == 0 { "" } else { ", " };
+            write!(f, "{lead}{code:04X}h {}", error_codes::words(code))?;
+        }
+        Ok(())
+    }
+}
+
+/// The reading of one node's history.
+#[derive(Clone, Debug)]
+pub struct Reading {
+    node: NodeId,
+    history: History,
+    /// Sub-index in hand; 0 is the count.
+    sub: u8,
+    /// The last sub-index to be read.
+    last: u8,
+    transfer: Transfer,
+}
+
+impl Reading {
+    /// Asks for the count.
+    pub fn new(node: NodeId, now: Instant, out: &mut Vec<Frame>) -> Self {
+        let transfer = Transfer::read(node, Object::ERROR_HISTORY, REPLY, now, out);
+        Self { node, history: History::default(), sub: 0, last: 0, transfer }
+    }
+
+    /// Takes one received frame; the history comes once.
+    pub fn on_frame(
+        &mut self,
+        now: Instant,
+        frame: &Frame,
+        out: &mut Vec<Frame>,
+    ) -> Option<History> {
+        let outcome = self.transfer.on_frame(now, frame, out)?;
+        self.on_outcome(now, outcome, out)
+    }
+
+    /// Ends the wait for a reply whose deadline has come; then the history is what was read so far.
+    pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<History> {
+        let outcome = self.transfer.on_time(now, out)?;
+        self.on_outcome(now, outcome, out)
+    }
+
+    /// When [`on_time`](Self::on_time) must next be called; `None` once it is over.
+    pub const fn deadline(&self) -> Option<Instant> {
+        self.transfer.deadline()
+    }
+
+    fn on_outcome(
+        &mut self,
+        now: Instant,
+        outcome: Outcome,
+        out: &mut Vec<Frame>,
+    ) -> Option<History> {
+        let Ok(content) = outcome else { return Some(self.history) };
+        if self.sub == 0 {
+            let count = content.exactly(1).and_then(|count| count.first().copied()).unwrap_or(0);
+            self.last = count.min(u8::try_from(MOST).unwrap_or(u8::MAX));
+        } else {
+            let entry = content.exactly(4).and_then(|entry| <[u8; 4]>::try_from(entry).ok());
+            let place = self.history.entries.get_mut(self.history.count);
+            let (Some(place), Some(entry)) = (place, entry) else { return Some(self.history) };
+            *place = u32::from_le_bytes(entry);
+            self.history.count += 1;
+        }
+        if self.sub == self.last {
+            return Some(self.history);
+        }
+        self.sub += 1;
+        let object = Object { sub: self.sub, ..Object::ERROR_HISTORY };
+        self.transfer = Transfer::read(self.node, object, REPLY, now, out);
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::plan::tests::elbow;
+    use crate::canopen::scripted::Scripted;
+    use proptest::prelude::*;
+
+    /// What is read of a node that remembers so many errors, and how many frames it took.
+    fn read(device: &mut Scripted) -> (History, usize) {
+        let (mut out, mut sent) = (Vec::new(), 0);
+        let mut reading = Reading::new(device.node, Instant::ZERO, &mut out);
+        loop {
+            assert!(out.len() <= 1, "one request at a time");
+            let Some(request) = out.pop() else {
+                let now = reading.deadline().expect("a reading without a history waits");
+                if let Some(history) = reading.on_time(now, &mut out) {
+                    return (history, sent);
+                }
+                continue;
+            };
+            sent += 1;
+            let answer = device.answer(&request);
+            let history = answer.and_then(|a| reading.on_frame(Instant::ZERO, &a, &mut out));
+            if let Some(history) = history {
+                assert_eq!(reading.deadline(), None);
+                return (history, sent);
+            }
+        }
+    }
+
+    fn remembering(codes: &[u32]) -> Scripted {
+        let mut device = Scripted::suiting(&elbow());
+        let count = u8::try_from(codes.len()).unwrap();
+        device.objects.insert(Object::ERROR_HISTORY, vec![count]);
+        for (sub, code) in (1..).zip(codes) {
+            let object = Object { sub, ..Object::ERROR_HISTORY };
+            device.objects.insert(object, code.to_le_bytes().to_vec());
+        }
+        device
+    }
+
+    #[test]
+    fn the_newest_errors_are_read_and_named() {
+        let (history, sent) = read(&mut remembering(&[0xABCD_8250, 0x2310]));
+        assert_eq!(history.codes().collect::<Vec<_>>(), [0x8250, 0x2310]);
+        let words = "8250h RPDO timeout, 2310h continuous over-current at the output";
+        assert_eq!((history.to_string().as_str(), sent), (words, 3));
+    }
+
+    #[test]
+    fn no_more_than_eight_are_asked_for() {
+        let (history, sent) = read(&mut remembering(&[0x1000; 20]));
+        assert_eq!((history.codes().count(), sent), (8, 9));
+    }
+
+    #[test]
+    fn a_node_without_a_history_has_an_empty_one() {
+        let mut device = Scripted::suiting(&elbow());
+        assert_eq!(read(&mut device).0.to_string(), "empty");
+        let mut device = Scripted { deaf_for: u32::MAX, ..remembering(&[1]) };
+        assert_eq!(read(&mut device).0.to_string(), "empty");
+        assert_eq!(read(&mut remembering(&[])).0.to_string(), "empty");
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_is_heard_the_history_comes_once(
+            replies in proptest::collection::vec((any::<[u8; 8]>(), 0_u8..10, 0_u64..700), 0..60),
+        ) {
+            let (mut out, mut now, mut histories) = (Vec::new(), Instant::ZERO, 0);
+            let mut reading = Reading::new(NodeId::new(3).unwrap(), now, &mut out);
+            for (mut payload, sub, step) in replies {
+                now = now + Duration::from_millis(step);
+                [payload[1], payload[2], payload[3]] = [0x03, 0x10, sub];
+                histories += u32::from(reading.on_time(now, &mut out).is_some());
+                let reply = Frame::new(0x583, payload);
+                histories += u32::from(reading.on_frame(now, &reply, &mut out).is_some());
+            }
+            if let Some(due) = reading.deadline() {
+                histories += u32::from(reading.on_time(due, &mut out).is_some());
+            }
+            prop_assert_eq!(histories, 1);
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! What a master has to say, in words for people.
+//!
+//! Only what is told; what follows from it is `node::safety`'s.
+
+use std::fmt;
+use std::time::Duration;
+
+use canopen_rs::NmtState;
+
+use crate::canopen::boot_error::BootError;
+use crate::canopen::duplicate::Sign;
+use crate::canopen::emcy::Emergency;
+use crate::canopen::error_history::History;
+use crate::canopen::frame::Channel;
+use crate::canopen::frame::Frame;
+use crate::canopen::nmt;
+use crate::canopen::steps::Configuration;
+
+/// What the master has to say. `node` is the place of a node in the list of plans.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// Every node that must be there is configured, started, and says it is operational.
+    Booted,
+    /// A node is not what it should be. The others are booted on, but none is started.
+    BootFailed(BootError),
+    /// A node holds its configuration.
+    Configured {
+        /// Which.
+        node: usize,
+        /// How it came to it.
+        configuration: Configuration,
+    },
+    /// An optional node is missing; the others go on, and it is booted when it appears.
+    Absent {
+        /// Which.
+        node: usize,
+        /// For so long it was waited for.
+        waited: Duration,
+    },
+    /// An optional node that was missing is now operational.
+    Joined {
+        /// Which.
+        node: usize,
+    },
+    /// A node reports an error, or that one is gone.
+    Emergency {
+        /// Which.
+        node: usize,
+        /// What.
+        emergency: Emergency,
+    },
+    /// What a node remembers of its errors (1003h), read because of a new one.
+    ErrorHistory {
+        /// Which.
+        node: usize,
+        /// What it remembers, the newest first.
+        history: History,
+    },
+    /// A node was silent for too long.
+    HeartbeatLost {
+        /// Which.
+        node: usize,
+    },
+    /// A node has booted by itself: everything set in it is gone.
+    Rebooted {
+        /// Which.
+        node: usize,
+    },
+    /// A node has changed its NMT state, or is heard again after it was lost.
+    StateChanged {
+        /// Which.
+        node: usize,
+        /// What it is in now.
+        state: NmtState,
+    },
+    /// Two nodes seem to have one node-id.
+    Duplicate {
+        /// Which.
+        node: usize,
+        /// What they gave themselves away by.
+        sign: Sign,
+    },
+    /// A node is on the bus that is in no plan. Said once.
+    Stranger {
+        /// On which bus.
+        channel: Channel,
+        /// Its node-id, 1 to 127.
+        node_id: u8,
+    },
+    /// Somebody else commands this network.
+    ForeignMaster {
+        /// On which bus.
+        channel: Channel,
+        /// An NMT command, a SYNC or an RPDO that only the master may send.
+        frame: Frame,
+    },
+}
+
+impl Event {
+    /// The node it is about, by its place in the list of plans, unless it names that itself.
+    pub const fn node(&self) -> Option<usize> {
+        match self {
+            Self::Configured { node, .. }
+            | Self::Absent { node, .. }
+            | Self::Joined { node }
+            | Self::Emergency { node, .. }
+            | Self::ErrorHistory { node, .. }
+            | Self::HeartbeatLost { node }
+            | Self::Rebooted { node }
+            | Self::StateChanged { node, .. }
+            | Self::Duplicate { node, .. } => Some(*node),
+            Self::Booted
+            | Self::BootFailed(_)
+            | Self::Stranger { .. }
+            | Self::ForeignMaster { .. } => None,
+        }
+    }
+}
+
+/// What has happened, without the node's name: `emergency 3210h DC link over-voltage (voltage)`.
+impl fmt::Display for Event {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Booted => f.write_str("every node is operational"),
+            Self::BootFailed(error) => write!(f, "{error}"),
+            Self::Configured { configuration, .. } => write!(f, "configuration {configuration}"),
+            Self::Absent { waited, .. } => {
+                let waited = waited.as_secs_f64();
+                write!(f, "missing, waited {waited:.1} s; optional, so the others start without it")
+            }
+            Self::Joined { .. } => f.write_str("has appeared and is operational"),
+            Self::Emergency { emergency, .. } => write!(f, "emergency {emergency}"),
+            Self::ErrorHistory { history, .. } => write!(f, "error history (1003h): {history}"),
+            Self::HeartbeatLost { .. } => f.write_str("heartbeat lost"),
+            Self::Rebooted { .. } => f.write_str("rebooted by itself"),
+            Self::StateChanged { state, .. } => write!(f, "is {}", nmt::words(*state)),
+            Self::Duplicate { sign, .. } => {
+                write!(f, "{sign}: are there two nodes with this node-id?")
+            }
+            Self::Stranger { channel, node_id } => {
+                write!(f, "bus {}: node {node_id} is not in the configuration", channel.0)
+            }
+            Self::ForeignMaster { channel, frame } => {
+                write!(f, "bus {}: another master sent {frame}", channel.0)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_event_reads_as_a_sentence() {
+        let configuration = Configuration::Skipped;
+        for (event, words) in [
+            (
+                Event::Configured { node: 0, configuration },
+                "configuration already stored, verified",
+            ),
+            (
+                Event::Absent { node: 6, waited: Duration::from_secs(2) },
+                "missing, waited 2.0 s; optional, so the others start without it",
+            ),
+            (
+                Event::Stranger { channel: Channel(1), node_id: 9 },
+                "bus 1: node 9 is not in the configuration",
+            ),
+            (Event::StateChanged { node: 0, state: NmtState::Stopped }, "is stopped"),
+        ] {
+            assert_eq!(event.to_string(), words);
+        }
+    }
+}

@@ -1,0 +1,484 @@
+//! The laws of a master of several nodes on two buses, from its frames.
+
+use super::*;
+use crate::canopen::duplicate::Sign;
+use crate::canopen::object::Object;
+use crate::canopen::plan::tests::elbow;
+use crate::canopen::plan::tests::guarded_elbow;
+use crate::canopen::plan::tests::switch_box;
+use crate::canopen::scripted::Scripted;
+use crate::canopen::steps::Configuration;
+use proptest::prelude::*;
+use std::time::Duration;
+
+const MS: Duration = Duration::from_millis(1);
+
+/// Nodes on two buses and their master; node 3 is on both.
+struct Bench {
+    master: Master,
+    devices: Vec<(Channel, Scripted)>,
+    now: Instant,
+    events: Vec<Event>,
+    said: Vec<Telegram>,
+}
+
+fn plans() -> Vec<(Channel, NodePlan)> {
+    vec![
+        (Channel(0), elbow()),
+        (Channel(1), NodePlan { name: "joint 6 (roll)".into(), ..elbow() }),
+        (Channel(1), switch_box()),
+    ]
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self::of(plans())
+    }
+
+    /// Every node of `plans` is there.
+    fn of(plans: Vec<(Channel, NodePlan)>) -> Self {
+        let devices =
+            plans.iter().map(|(channel, plan)| (*channel, Scripted::suiting(plan))).collect();
+        let master = Master::new(plans);
+        Self { master, devices, now: Instant::ZERO, events: vec![], said: vec![] }
+    }
+
+    fn booted() -> Self {
+        let mut bench = Self::new();
+        bench.run(300);
+        assert_eq!(bench.events.last(), Some(&Event::Booted));
+        bench.events.clear();
+        bench
+    }
+
+    /// Runs for so many milliseconds; devices that were told to send heartbeats do, every 25 ms.
+    fn run(&mut self, ms: u64) {
+        for _ in 0..ms {
+            self.now = self.now + MS;
+            for place in 0..self.devices.len() {
+                let (channel, device) = &self.devices[place];
+                let configured = device.objects[&Object::PRODUCER_HEARTBEAT] == [25, 0];
+                if configured && self.now.as_micros().is_multiple_of(25_000) {
+                    let frame = device.heartbeat(device.state);
+                    self.hear(*channel, frame);
+                }
+            }
+            for _ in 0..100 {
+                if self.master.deadline().is_none_or(|due| due > self.now) {
+                    break;
+                }
+                let mut out = Vec::new();
+                let event = self.master.on_time(self.now, &mut out);
+                self.events.extend(event);
+                self.exchange(out);
+            }
+            assert!(self.master.deadline().is_none_or(|due| due > self.now), "no progress");
+        }
+    }
+
+    fn hear(&mut self, channel: Channel, frame: Frame) {
+        let mut out = Vec::new();
+        let event = self.master.on_frame(self.now, &Telegram { channel, frame }, &mut out);
+        self.events.extend(event);
+        self.exchange(out);
+    }
+
+    /// Runs as a cycle does: every millisecond one waiting frame goes out.
+    fn cycle(&mut self, ms: u64) {
+        for _ in 0..ms {
+            self.run(1);
+            let released = self.master.release();
+            self.exchange(released.into_iter().collect());
+        }
+    }
+
+    /// Delivers what the master says, and what is answered.
+    fn exchange(&mut self, mut out: Vec<Telegram>) {
+        while !out.is_empty() {
+            let telegram = out.remove(0);
+            self.said.push(telegram);
+            for place in 0..self.devices.len() {
+                let (channel, device) = &mut self.devices[place];
+                let answer = if *channel == telegram.channel {
+                    device.answer(&telegram.frame)
+                } else {
+                    None
+                };
+                if let Some(frame) = answer {
+                    let heard = Telegram { channel: telegram.channel, frame };
+                    self.events.extend(self.master.on_frame(self.now, &heard, &mut out));
+                }
+            }
+        }
+    }
+
+    fn failures(&self) -> Vec<String> {
+        let failure = |event: &Event| {
+            if let Event::BootFailed(error) = event { Some(error.to_string()) } else { None }
+        };
+        self.events.iter().filter_map(failure).collect()
+    }
+
+    fn was_started(&self) -> bool {
+        self.said.iter().any(|t| t.frame.cob_id == 0 && t.frame.data().first() == Some(&1))
+    }
+}
+
+#[test]
+fn every_node_of_every_bus_is_booted_and_started() {
+    let bench = Bench::booted();
+    assert!(bench.devices.iter().all(|(_, device)| device.state == 0x05));
+    assert!(!bench.master.is_booting());
+    let starts: Vec<_> = bench.said.iter().rev().take(3).map(|t| (t.channel, t.frame)).collect();
+    let start = |node| Frame::new(0, [1, node]);
+    assert_eq!(starts, [(Channel(1), start(16)), (Channel(1), start(3)), (Channel(0), start(3))]);
+}
+
+#[test]
+fn a_node_has_one_transfer_at_a_time() {
+    let mut bench = Bench::new();
+    bench.devices.clear();
+    bench.run(1_950);
+    for (channel, cob_id) in [(0, 0x603), (1, 0x603), (1, 0x610)] {
+        let is_its = |t: &&Telegram| t.channel == Channel(channel) && t.frame.cob_id == cob_id;
+        let requests = bench.said.iter().filter(is_its).filter_map(|t| t.frame.data().first());
+        let commands: Vec<u8> = requests.copied().collect();
+        assert_eq!(commands, [[0x40, 0x80]; 20].concat()[..39], "read, abort, read, abort ...");
+    }
+}
+
+#[test]
+fn one_wrong_node_is_named_and_none_is_started() {
+    let mut bench = Bench::new();
+    bench.devices[1].1.objects.insert(Object::VENDOR_ID, vec![1, 0, 0, 0]);
+    bench.run(3_000);
+    let message = "joint 6 (roll), node 3: 1018h:1 is 00000001h, expected 00000F8Ch";
+    assert_eq!(bench.failures(), [message]);
+    assert!(!bench.was_started());
+    assert!(!bench.master.is_booting());
+}
+
+#[test]
+fn every_missing_node_is_named() {
+    let mut bench = Bench::new();
+    bench.devices.clear();
+    bench.run(3_000);
+    assert_eq!(bench.failures().len(), 3);
+    assert!(
+        bench.failures().iter().all(|failure| failure.ends_with("does not answer, waited 2.0 s"))
+    );
+}
+
+#[test]
+fn a_node_that_falls_silent_while_another_boots_is_a_failure() {
+    let mut bench = Bench::new();
+    bench.devices[0].1.deaf_for = 15;
+    bench.run(500);
+    bench.devices[2].1.objects.insert(Object::PRODUCER_HEARTBEAT, vec![0, 0]);
+    bench.run(2_000);
+    assert_eq!(bench.failures(), ["switch box, node 16: no heartbeat"]);
+    assert!(!bench.was_started());
+}
+
+#[test]
+fn nodes_that_do_not_start_are_named() {
+    let mut bench = Bench::new();
+    while !bench.was_started() {
+        bench.run(1);
+    }
+    bench.devices[0].1.state = 0x7F;
+    bench.devices[2].1.state = 0x04;
+    bench.run(2_100);
+    let late = ["joint 3 (elbow), node 3", "switch box, node 16"];
+    assert_eq!(bench.failures(), late.map(|name| format!("{name}: did not become operational")));
+    assert!(!bench.master.is_booting());
+}
+
+#[test]
+fn a_silent_node_is_lost_and_heard_again() {
+    let mut bench = Bench::booted();
+    let beat = bench.devices[1].1.objects.insert(Object::PRODUCER_HEARTBEAT, vec![0, 0]);
+    bench.run(100);
+    assert_eq!(bench.events, [Event::HeartbeatLost { node: 1 }]);
+    bench.devices[1].1.objects.insert(Object::PRODUCER_HEARTBEAT, beat.unwrap());
+    bench.run(100);
+    let back = Event::StateChanged { node: 1, state: NmtState::Operational };
+    assert_eq!(bench.events[1..], [back]);
+}
+
+#[test]
+fn all_nodes_lost_at_once_are_all_reported() {
+    let mut bench = Bench::booted();
+    bench.devices.clear();
+    bench.run(100);
+    assert_eq!(bench.events, [0, 1, 2].map(|node| Event::HeartbeatLost { node }));
+}
+
+#[test]
+fn a_reboot_is_no_mere_change_of_state() {
+    let mut bench = Bench::booted();
+    bench.hear(Channel(1), Frame::new(0x710, [0]));
+    assert_eq!(bench.events, [Event::Rebooted { node: 2 }]);
+    assert_eq!(bench.master.health(2), Some(Health::Alive(NmtState::PreOperational)));
+}
+
+#[test]
+fn an_emergency_is_known_by_its_bus_and_by_both_its_places() {
+    let mut bench = Bench::booted();
+    bench.master.slaves[1].plan.emcy_cob_id = 0x683;
+    let data = [0x50, 0x82, 0x11, 0, 0, 0, 0, 0];
+    for (channel, cob_id) in [(0, 0x83), (1, 0x83), (1, 0x683), (0, 0x683), (1, 0x84)] {
+        bench.hear(Channel(channel), Frame::new(cob_id, data));
+    }
+    let emergency = Emergency::decode(&data).unwrap();
+    let emergencies = bench.events.iter().filter(|event| matches!(event, Event::Emergency { .. }));
+    let expected = [0, 1, 1].map(|node| Event::Emergency { node, emergency });
+    assert!(emergencies.eq(&expected));
+    let stranger = Event::Stranger { channel: Channel(1), node_id: 4 };
+    assert_eq!(bench.events.last(), Some(&stranger));
+}
+
+#[test]
+fn whoever_else_commands_is_heard() {
+    let mut bench = Bench::booted();
+    let foreign =
+        [Frame::new(0, [0x81, 0]), Frame::new(0x80, []), Frame::new(0x203, [0x0F, 0, 1, 0])];
+    for frame in foreign {
+        bench.hear(Channel(0), frame);
+    }
+    let channel = Channel(0);
+    assert_eq!(bench.events, foreign.map(|frame| Event::ForeignMaster { channel, frame }));
+}
+
+#[test]
+fn the_cyclic_exchange_and_what_is_no_nodes_word_are_passed_over() {
+    let mut bench = Bench::booted();
+    bench.master.slaves[0].plan.pdos[0].cob_id = 0x310; // a TPDO, if not a predefined one
+    let before = bench.said.len();
+    for cob_id in [0x183, 0x283, 0x383, 0x483, 0x603, 0x583, 0x205, 0x310, 0x585, 0x7E4] {
+        bench.hear(Channel(0), Frame::new(cob_id, [0; 8]));
+    }
+    bench.hear(Channel(0), Frame::remote(0x80, 0));
+    assert_eq!((bench.events.len(), bench.said.len()), (0, before));
+}
+
+#[test]
+fn a_restart_configures_every_node_again() {
+    let mut bench = Bench::booted();
+    for (_, device) in &mut bench.devices {
+        device.written.clear();
+    }
+    bench.master.restart();
+    assert!(bench.master.is_booting());
+    bench.run(300);
+    assert_eq!(bench.events.last(), Some(&Event::Booted));
+    assert!(bench.devices.iter().all(|(_, device)| !device.written.is_empty()));
+}
+
+#[test]
+fn an_orderly_stop_reaches_every_node() {
+    let mut bench = Bench::booted();
+    let mut out = Vec::new();
+    bench.master.shut_down(&mut out);
+    bench.exchange(out);
+    assert!(bench.devices.iter().all(|(_, device)| device.state == 0x7F));
+}
+
+#[test]
+fn every_node_tells_how_it_came_to_its_configuration() {
+    let mut bench = Bench::new();
+    bench.devices[1].1 = Scripted::holding(&elbow());
+    bench.run(300);
+    for (node, configuration) in [
+        (0, Configuration::Downloaded),
+        (1, Configuration::Skipped),
+        (2, Configuration::Downloaded),
+    ] {
+        assert!(bench.events.contains(&Event::Configured { node, configuration }), "{node}");
+    }
+    assert_eq!(bench.events.last(), Some(&Event::Booted));
+}
+
+#[test]
+fn failures_are_told_to_the_last_although_nothing_else_happens() {
+    let mut bench = Bench::new();
+    bench.devices.clear();
+    bench.run(2_001);
+    assert_eq!(bench.failures().len(), 3);
+    assert!(!bench.master.is_booting());
+}
+
+/// The switch box may be missing.
+fn with_optional_switches() -> Vec<(Channel, NodePlan)> {
+    let mut plans = plans();
+    plans[2].1.is_optional = true;
+    plans
+}
+
+#[test]
+fn a_missing_optional_node_does_not_keep_the_others_and_joins_them_when_it_appears() {
+    let mut bench = Bench::of(with_optional_switches());
+    let (channel, switches) = bench.devices.pop().unwrap();
+    bench.run(2_300);
+    let absent = Event::Absent { node: 2, waited: PATIENCE };
+    assert!(bench.events.contains(&absent));
+    assert_eq!(bench.events.last(), Some(&Event::Booted));
+    bench.events.clear();
+    bench.cycle(5_000);
+    assert_eq!(bench.events, [], "told once");
+
+    let boot_up = switches.heartbeat(0);
+    bench.devices.push((channel, switches));
+    bench.hear(channel, boot_up);
+    bench.cycle(300);
+    let configuration = Configuration::Downloaded;
+    assert_eq!(
+        bench.events,
+        [Event::Configured { node: 2, configuration }, Event::Joined { node: 2 }]
+    );
+    assert_eq!(bench.devices[2].1.state, 0x05);
+    bench.cycle(500);
+    bench.devices.pop();
+    bench.events.clear();
+    bench.cycle(100);
+    assert_eq!(bench.events, [Event::HeartbeatLost { node: 2 }], "from now on it is one of them");
+}
+
+#[test]
+fn an_optional_node_whose_boot_up_was_not_heard_is_looked_for() {
+    let mut bench = Bench::of(with_optional_switches());
+    let switches = bench.devices.pop().unwrap();
+    bench.run(2_300);
+    bench.devices.push(switches);
+    bench.cycle(1_500);
+    assert_eq!(bench.events.last(), Some(&Event::Joined { node: 2 }));
+}
+
+#[test]
+fn an_optional_node_that_is_another_one_is_a_failure() {
+    let mut bench = Bench::of(with_optional_switches());
+    bench.devices[2].1.objects.insert(Object::PRODUCT_CODE, vec![1, 0, 0, 0]);
+    bench.run(2_300);
+    assert_eq!(bench.failures().len(), 1);
+    assert!(!bench.was_started());
+}
+
+#[test]
+fn nothing_is_asked_of_a_running_network_but_one_frame_a_cycle() {
+    let mut bench = Bench::of(with_optional_switches());
+    let (channel, switches) = bench.devices.pop().unwrap();
+    bench.run(2_300);
+    bench.said.clear();
+    let boot_up = switches.heartbeat(0);
+    bench.devices.push((channel, switches));
+    bench.hear(channel, boot_up);
+    bench.run(100);
+    assert_eq!(bench.said, [], "nothing goes out by itself");
+    let (mut before, mut most) = (0, 0);
+    for _ in 0..300 {
+        bench.cycle(1);
+        most = most.max(bench.said.len() - before);
+        before = bench.said.len();
+    }
+    assert_eq!((most, bench.events.last()), (1, Some(&Event::Joined { node: 2 })));
+}
+
+#[test]
+fn an_emergency_has_the_history_of_its_node_read() {
+    let mut bench = Bench::booted();
+    let device = &mut bench.devices[1].1;
+    device.objects.insert(Object::ERROR_HISTORY, vec![2]);
+    for (sub, code) in [(1, [0x50, 0x82, 0, 0]), (2, [0x10, 0x32, 0, 0])] {
+        device.objects.insert(Object { sub, ..Object::ERROR_HISTORY }, code.to_vec());
+    }
+    bench.hear(Channel(1), Frame::new(0x83, [0x50, 0x82, 0x11, 0, 0, 0, 0, 0]));
+    bench.hear(Channel(1), Frame::new(0x83, [0x10, 0x32, 0x15, 0, 0, 0, 0, 0]));
+    bench.cycle(20);
+    let histories: Vec<_> =
+        bench.events.iter().filter(|e| matches!(e, Event::ErrorHistory { .. })).collect();
+    let words = "error history (1003h): 8250h RPDO timeout, 3210h DC link over-voltage";
+    assert_eq!(histories.len(), 1, "one reading at a time");
+    assert_eq!((histories[0].node(), histories[0].to_string().as_str()), (Some(1), words));
+    bench.events.clear();
+    bench.hear(Channel(1), Frame::new(0x83, [0; 8]));
+    bench.cycle(20);
+    assert_eq!(bench.events.len(), 1, "an error that is gone is no reason to ask");
+}
+
+#[test]
+fn two_nodes_of_one_node_id_are_told_of() {
+    let mut bench = Bench::booted();
+    for _ in 0..20 {
+        bench.run(25);
+        bench.hear(Channel(0), Frame::new(0x703, [5]));
+    }
+    let sign = Sign::BeatsTooOften;
+    assert_eq!(bench.events, [Event::Duplicate { node: 0, sign }]);
+}
+
+#[test]
+fn a_guarded_node_is_asked_and_is_lost_as_any_other() {
+    let mut plans = plans();
+    plans[0].1 = guarded_elbow();
+    let mut bench = Bench::of(plans);
+    bench.run(300);
+    assert_eq!(bench.events.last(), Some(&Event::Booted));
+    bench.events.clear();
+    bench.said.clear();
+    bench.run(1_000);
+    let asked = bench.said.iter().filter(|told| told.frame == Frame::remote(0x703, 1)).count();
+    assert_eq!((asked, bench.events.len()), (100, 0));
+    bench.devices[0].1.deaf_for = u32::MAX;
+    bench.run(40);
+    assert_eq!(bench.events, [Event::HeartbeatLost { node: 0 }]);
+}
+
+#[test]
+fn whoever_is_in_no_plan_is_told_of_once() {
+    let mut bench = Bench::booted();
+    for _ in 0..3 {
+        bench.hear(Channel(0), Frame::new(0x709, [5]));
+        bench.hear(Channel(1), Frame::new(0x703, [5]));
+    }
+    assert_eq!(bench.events, [Event::Stranger { channel: Channel(0), node_id: 9 }]);
+}
+
+proptest! {
+    #[test]
+    fn any_frames_at_any_time_neither_panic_nor_stop_time(
+        is_booted in any::<bool>(),
+        is_optional in any::<bool>(),
+        steps in proptest::collection::vec(
+            (0_u64..40, 0_u8..3, cob_ids(), proptest::collection::vec(any::<u8>(), 0..9)),
+            0..50,
+        ),
+    ) {
+        let mut bench = if is_optional { Bench::of(with_optional_switches()) } else { Bench::new() };
+        if is_optional {
+            bench.devices.pop();
+        }
+        if is_booted {
+            bench.run(2_500);
+            bench.events.clear();
+        }
+        for (ms, channel, cob_id, data) in steps {
+            bench.run(ms);
+            bench.hear(Channel(channel), Frame::from_slice(cob_id, &data).unwrap());
+        }
+        bench.run(8_000);
+        prop_assert!(!bench.master.is_booting());
+        let failed = !bench.failures().is_empty();
+        let booted = bench.events.contains(&Event::Booted);
+        prop_assert!(is_booted || booted != failed, "one outcome: {:?}", bench.events);
+        let waiting = std::iter::from_fn(|| bench.master.release()).count();
+        prop_assert!(waiting <= QUEUE);
+    }
+}
+
+/// Any identifier, and more often one that means something to this master.
+fn cob_ids() -> impl Strategy<Value = u16> {
+    let known = prop::sample::select(vec![
+        0x000_u16, 0x080, 0x083, 0x090, 0x183, 0x203, 0x583, 0x590, 0x703, 0x710, 0x705,
+    ]);
+    prop_oneof![known, 0..0x800_u16]
+}

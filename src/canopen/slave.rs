@@ -1,0 +1,262 @@
+//! One node, as its master sees it: booting, watched, awaited or given up.
+//!
+//! It reports what it learns; what that means for all of them is the
+//! [master](crate::canopen::master)'s.
+
+use std::time::Duration;
+
+use canopen_rs::NmtState;
+use canopen_rs::nmt::heartbeat_cob_id;
+
+use crate::canopen::boot_error::BootError;
+use crate::canopen::boot_error::Problem;
+use crate::canopen::commission::Boot;
+use crate::canopen::commission::BootOutcome;
+use crate::canopen::error_history::History;
+use crate::canopen::error_history::Reading;
+use crate::canopen::frame::Channel;
+use crate::canopen::frame::Frame;
+use crate::canopen::guarding::Guard;
+use crate::canopen::heartbeat::Consumer;
+use crate::canopen::heartbeat::Health;
+use crate::canopen::heartbeat::News;
+use crate::canopen::plan::ErrorControl;
+use crate::canopen::plan::NodePlan;
+use crate::canopen::steps::Configuration;
+use crate::time::Instant;
+
+/// How often a missing optional node is looked for, should its boot-up message not be heard.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+
+/// One node and what is known of it.
+#[derive(Clone, Debug)]
+pub(super) struct Slave {
+    pub(super) channel: Channel,
+    pub(super) plan: NodePlan,
+    stage: Stage,
+    /// Whether it was missing when the others started.
+    pub(super) is_late: bool,
+}
+
+/// How far it is.
+#[derive(Clone, Debug)]
+enum Stage {
+    Booting(Box<Boot>),
+    Watched {
+        watch: Watch,
+        reading: Option<Box<Reading>>,
+    },
+    /// Missing and optional; looked for at this time, or when it is heard.
+    Awaited(Instant),
+    Failed,
+}
+
+/// How it is watched.
+#[derive(Clone, Debug)]
+enum Watch {
+    Heartbeat(Consumer),
+    Guarding(Guard),
+}
+
+/// What a node has come to.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Report {
+    /// It is configured, and watched from now on.
+    Configured(Configuration),
+    /// It could not be booted.
+    Failed(BootError),
+    /// It is optional and missing; said once.
+    Absent(Duration),
+    /// It has said something new, or nothing for too long.
+    News(News),
+    /// What it remembers of its errors.
+    History(History),
+}
+
+impl Slave {
+    /// One that begins to boot with the first call of [`on_time`](Self::on_time).
+    pub(super) fn new(channel: Channel, plan: NodePlan) -> Self {
+        let stage = Stage::Booting(Box::new(Boot::new(&plan)));
+        Self { channel, plan, stage, is_late: false }
+    }
+
+    /// Begins again, as after power-up.
+    pub(super) fn restart(&mut self) {
+        self.stage = Stage::Booting(Box::new(Boot::new(&self.plan)));
+        self.is_late = false;
+    }
+
+    /// What is known of it.
+    pub(super) const fn health(&self) -> Health {
+        match &self.stage {
+            Stage::Booting(_) | Stage::Awaited(_) => Health::NeverSeen,
+            Stage::Watched { watch: Watch::Heartbeat(consumer), .. } => consumer.health(),
+            Stage::Watched { watch: Watch::Guarding(guard), .. } => guard.health(),
+            Stage::Failed => Health::Lost,
+        }
+    }
+
+    /// Whether the others wait for its boot.
+    pub(super) const fn is_pending(&self) -> bool {
+        !self.is_late && matches!(self.stage, Stage::Booting(_))
+    }
+
+    /// Whether it is configured.
+    pub(super) const fn is_watched(&self) -> bool {
+        matches!(self.stage, Stage::Watched { .. })
+    }
+
+    /// Whether it is configured and in time, but not heard to be operational yet.
+    pub(super) fn is_starting(&self) -> bool {
+        let is_operational = self.health() == Health::Alive(NmtState::Operational);
+        !self.is_late && self.is_watched() && !is_operational
+    }
+
+    /// Whether it was given up.
+    pub(super) const fn has_failed(&self) -> bool {
+        matches!(self.stage, Stage::Failed)
+    }
+
+    /// Takes one frame that bears its node-id; frames to send are appended to `out`.
+    pub(super) fn on_frame(
+        &mut self,
+        now: Instant,
+        frame: &Frame,
+        out: &mut Vec<Frame>,
+    ) -> Option<Report> {
+        match &mut self.stage {
+            Stage::Booting(boot) => {
+                let outcome = boot.on_frame(now, frame, out)?;
+                self.after_boot(now, outcome)
+            }
+            Stage::Watched { watch, reading } => {
+                if let Some(history) =
+                    reading.as_mut().and_then(|reading| reading.on_frame(now, frame, out))
+                {
+                    *reading = None;
+                    return Some(Report::History(history));
+                }
+                watch.on_frame(now, frame).map(Report::News)
+            }
+            Stage::Awaited(_) => {
+                if frame.cob_id == heartbeat_cob_id(self.plan.node) {
+                    self.stage = Stage::Booting(Box::new(Boot::new(&self.plan)));
+                }
+                None
+            }
+            Stage::Failed => None,
+        }
+    }
+
+    /// Does what is due.
+    pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Report> {
+        match &mut self.stage {
+            Stage::Booting(boot) => {
+                let outcome = boot.on_time(now, out)?;
+                self.after_boot(now, outcome)
+            }
+            Stage::Watched { watch, reading } => {
+                if let Some(history) = reading.as_mut().and_then(|r| r.on_time(now, out)) {
+                    *reading = None;
+                    return Some(Report::History(history));
+                }
+                watch.on_time(now, out).map(Report::News)
+            }
+            Stage::Awaited(look) if now >= *look => {
+                self.stage = Stage::Booting(Box::new(Boot::looking(&self.plan)));
+                None
+            }
+            Stage::Awaited(_) | Stage::Failed => None,
+        }
+    }
+
+    /// When [`on_time`](Self::on_time) must next be called.
+    pub(super) fn deadline(&self) -> Option<Instant> {
+        match &self.stage {
+            Stage::Booting(boot) => boot.deadline(),
+            Stage::Watched { watch, reading } => {
+                let reading = reading.as_ref().and_then(|reading| reading.deadline());
+                watch.deadline().into_iter().chain(reading).min()
+            }
+            Stage::Awaited(look) => Some(*look),
+            Stage::Failed => None,
+        }
+    }
+
+    /// Begins to read what it remembers of its errors, if it can be asked and is not being asked.
+    pub(super) fn read_history(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        if let Stage::Watched { reading: reading @ None, .. } = &mut self.stage {
+            *reading = Some(Box::new(Reading::new(self.plan.node, now, out)));
+        }
+    }
+
+    /// It was late and has gone again: it is looked for at once, and nothing is said.
+    pub(super) fn look_again(&mut self, now: Instant) {
+        self.stage = Stage::Awaited(now);
+    }
+
+    /// Gives it up.
+    pub(super) fn fail(&mut self, problem: Problem) -> BootError {
+        self.stage = Stage::Failed;
+        BootError::new(&self.plan, problem)
+    }
+
+    /// Goes on to the watch; a missing optional node is awaited, with one report of it.
+    fn after_boot(&mut self, now: Instant, outcome: BootOutcome) -> Option<Report> {
+        match outcome {
+            Ok(configuration) => {
+                self.stage = Stage::Watched { watch: Watch::new(&self.plan, now), reading: None };
+                Some(Report::Configured(configuration))
+            }
+            Err(BootError { problem: Problem::Absent { waited }, .. }) if self.plan.is_optional => {
+                self.stage = Stage::Awaited(now + LOOK_EVERY);
+                let was_known = std::mem::replace(&mut self.is_late, true);
+                (!was_known).then_some(Report::Absent(waited))
+            }
+            Err(error) if self.is_late && error.problem.is_passing() => {
+                self.stage = Stage::Awaited(now + LOOK_EVERY);
+                None
+            }
+            Err(error) => {
+                self.stage = Stage::Failed;
+                Some(Report::Failed(error))
+            }
+        }
+    }
+}
+
+impl Watch {
+    fn new(plan: &NodePlan, now: Instant) -> Self {
+        match plan.error_control {
+            ErrorControl::Heartbeat { period_ms, lost_after } => {
+                let period = Duration::from_millis(u64::from(period_ms));
+                let watch = Consumer::new(plan.node, lost_after, now + lost_after);
+                Self::Heartbeat(watch.every(period))
+            }
+            ErrorControl::Guarding(guarding) => {
+                Self::Guarding(Guard::new(plan.node, guarding, now))
+            }
+        }
+    }
+
+    fn on_frame(&mut self, now: Instant, frame: &Frame) -> Option<News> {
+        match self {
+            Self::Heartbeat(consumer) => consumer.on_frame(now, frame),
+            Self::Guarding(guard) => guard.on_frame(now, frame),
+        }
+    }
+
+    fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<News> {
+        match self {
+            Self::Heartbeat(consumer) => consumer.on_time(now),
+            Self::Guarding(guard) => guard.on_time(now, out),
+        }
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        match self {
+            Self::Heartbeat(consumer) => consumer.deadline(),
+            Self::Guarding(guard) => guard.deadline(),
+        }
+    }
+}

@@ -70,15 +70,11 @@ pub fn database(members: &[Member], master: &Master) -> Result<Database, Collisi
     messages.sort_by_key(|message| message.id);
     for (first, second) in messages.iter().zip(messages.iter().skip(1)) {
         if first.id == second.id {
-            let (first, second) = (first.name.clone(), second.name.clone());
-            return Err(Collision { id: message_id(&messages, &first), first, second });
+            let names = (first.name.clone(), second.name.clone());
+            return Err(Collision { id: first.id, first: names.0, second: names.1 });
         }
     }
     Ok(Database { nodes, messages })
-}
-
-fn message_id(messages: &[Message], name: &str) -> u32 {
-    messages.iter().find(|message| message.name == name).map_or(0, |message| message.id)
 }
 
 /// What the master is called.
@@ -239,11 +235,9 @@ fn pdo(frame: &PdoFrame, members: &[Member], master: &Master) -> Message {
             comment.push_str(&format!("{} bits from {}", signal.bits, signal.start));
             continue;
         }
-        // Of a shared frame everybody takes their own part.
-        let own = [signal.member];
-        let takers = if frame.receivers.is_empty() { receivers.clone() } else { names(&own) };
-        let is_by_node = !frame.senders.is_empty();
-        let takers = if is_by_node { receivers.clone() } else { takers };
+        // What the master sends to several, each takes its own part of.
+        let is_from_master = frame.senders.is_empty();
+        let takers = if is_from_master { names(&[signal.member]) } else { receivers.clone() };
         fields.extend(
             parts(signal).into_iter().map(|field| Field { receivers: takers.clone(), ..field }),
         );

@@ -182,18 +182,11 @@ pub(in crate::canopen) fn text(bytes: &[u8], data_type: &DataType) -> Option<Str
     if data_type.bytes().is_some_and(|size| size != bytes.len()) {
         return None;
     }
-    let hexadecimal = |digits: String, byte: &u8| format!("{digits}{byte:02X}");
     Some(match data_type.kind {
         Kind::Boolean => u8::from(bytes != [0]).to_string(),
-        Kind::Unsigned => bytes.iter().rev().fold("0x".to_owned(), hexadecimal),
+        Kind::Unsigned => hexadecimal(bytes.iter().rev()),
         Kind::Signed => signed(bytes).to_string(),
-        Kind::Real => match bytes {
-            &[a, b, c, d] => real_text(f32::from_le_bytes([a, b, c, d]).into(), bytes),
-            &[a, b, c, d, e, f, g, h] => {
-                real_text(f64::from_le_bytes([a, b, c, d, e, f, g, h]), bytes)
-            }
-            _ => return None,
-        },
+        Kind::Real => real_text(bytes)?,
         Kind::Text => bytes.iter().copied().map(char::from).collect(),
         Kind::UnicodeText => {
             let (units, _) = bytes.as_chunks::<2>();
@@ -201,20 +194,29 @@ pub(in crate::canopen) fn text(bytes: &[u8], data_type: &DataType) -> Option<Str
                 &units.iter().map(|unit| u16::from_le_bytes(*unit)).collect::<Vec<_>>(),
             )
         }
-        Kind::Octets => bytes.iter().fold(String::new(), hexadecimal),
+        Kind::Octets => bytes.iter().map(|byte| format!("{byte:02X}")).collect(),
     })
 }
 
 /// A finite number in decimal, any other by its bits.
-fn real_text(number: f64, bytes: &[u8]) -> String {
-    match (number.is_finite(), bytes) {
-        // The shortest text of the shorter type.
-        (true, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]).to_string(),
-        (true, _) => number.to_string(),
-        (false, _) => {
-            bytes.iter().rev().fold("0x".to_owned(), |text, byte| format!("{text}{byte:02X}"))
+fn real_text(bytes: &[u8]) -> Option<String> {
+    let (text, is_finite) = match *bytes {
+        [a, b, c, d] => {
+            let number = f32::from_le_bytes([a, b, c, d]);
+            (number.to_string(), number.is_finite())
         }
-    }
+        [a, b, c, d, e, f, g, h] => {
+            let number = f64::from_le_bytes([a, b, c, d, e, f, g, h]);
+            (number.to_string(), number.is_finite())
+        }
+        _ => return None,
+    };
+    Some(if is_finite { text } else { hexadecimal(bytes.iter().rev()) })
+}
+
+/// A number by its digits, the most significant first.
+fn hexadecimal<'b>(bytes: impl Iterator<Item = &'b u8>) -> String {
+    bytes.fold("0x".to_owned(), |digits, byte| format!("{digits}{byte:02X}"))
 }
 
 /// A whole number in two's complement of up to 16 bytes, little-endian.

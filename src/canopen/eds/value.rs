@@ -49,25 +49,22 @@ pub enum NoValue {
 /// How a whole number is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Radix {
+    /// `31`, and `08`, which cannot be octal.
     Decimal,
+    /// `0x1F`.
     Hexadecimal,
-    /// A leading zero, and no digit above 7.
+    /// `037`, as C has it.
     Octal,
-    /// A leading zero, but digits above 7.
-    NotOctal,
 }
 
-/// A whole number: `0x1F`, `31`, `-5`, `037` in octal as C has it, `001`.
+/// A whole number, with or without a sign.
 pub(super) fn whole(text: &str) -> Option<(i128, Radix)> {
     let unsigned = text.strip_prefix(['-', '+']).unwrap_or(text);
     let sign = if text.starts_with('-') { -1 } else { 1 };
-    let is_octal = |digit: u8| (b'0'..=b'7').contains(&digit);
+    let is_octal = |digit: &u8| (b'0'..=b'7').contains(digit);
     let (radix, base, digits) = match unsigned.as_bytes() {
         [b'0', b'x' | b'X', ..] => (Radix::Hexadecimal, 16, unsigned.get(2..)?),
-        [b'0', rest @ ..] if !rest.is_empty() => match rest.iter().copied().all(is_octal) {
-            true => (Radix::Octal, 8, unsigned),
-            false => (Radix::NotOctal, 10, unsigned),
-        },
+        [b'0', _, ..] if unsigned.as_bytes().iter().all(is_octal) => (Radix::Octal, 8, unsigned),
         _ => (Radix::Decimal, 10, unsigned),
     };
     let is_number = !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
@@ -94,7 +91,7 @@ pub(in crate::canopen) fn number(text: &str, data_type: &DataType) -> Result<Num
     };
     let is_bits = radix == Radix::Hexadecimal && value > *range.end() && value >> bits == 0;
     let value = if is_bits && data_type.kind == Kind::Signed { value - (1 << bits) } else { value };
-    let largest = if plus_node_id { value.saturating_add(NODE_IDS) } else { value };
+    let largest = if plus_node_id { value.saturating_add(LAST_NODE_ID) } else { value };
     if range.contains(&value) && range.contains(&largest) {
         Ok(Number { value, plus_node_id })
     } else {
@@ -103,7 +100,7 @@ pub(in crate::canopen) fn number(text: &str, data_type: &DataType) -> Result<Num
 }
 
 /// The largest node-id.
-const NODE_IDS: i128 = 127;
+const LAST_NODE_ID: i128 = 127;
 
 /// What stands behind the `$`.
 const VARIABLE: &str = "NODEID";

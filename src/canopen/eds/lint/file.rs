@@ -66,7 +66,9 @@ fn name(lint: &mut Lint<'_>, section: &Section<'_>) {
             let spot = Spot { title: Some(Title::Other(section.name)), ..spot };
             spelling(lint, spot, format_args!("[{}]", named.name()));
         }
-        Title::Other(_) if section.is_first => lint.warning(spot, "no section of CiA 306"),
+        Title::Other(name) if section.is_first && !is_of_modules_or_tools(name) => {
+            lint.warning(spot, "no section of CiA 306");
+        }
         Title::Named(_)
         | Title::Object(_)
         | Title::Sub(..)
@@ -76,6 +78,18 @@ fn name(lint: &mut Lint<'_>, section: &Section<'_>) {
         | Title::Links(_)
         | Title::Other(_) => {}
     }
+}
+
+/// Whether a section is one of modular devices, or of tools, which are not read here:
+/// `[SupportedModules]`, `[M1SubExt1027]`, `[Tool1]`.
+fn is_of_modules_or_tools(name: &str) -> bool {
+    let known = ["SupportedModules", "ConnectedModules", "DynamicChannels", "Tools"];
+    let is_numbered = |prefix: &str| {
+        let rest = name.strip_prefix(prefix).unwrap_or_default();
+        rest.starts_with(|digit: char| digit.is_ascii_digit())
+    };
+    known.iter().any(|known| known.eq_ignore_ascii_case(name))
+        || ["M", "Tool"].into_iter().any(is_numbered)
 }
 
 fn spelling(lint: &mut Lint<'_>, spot: Spot<'_>, known: impl fmt::Display) {

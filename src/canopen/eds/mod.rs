@@ -36,9 +36,11 @@ use crate::canopen::eds::ini::Ini;
 use crate::canopen::eds::text::Text;
 use crate::canopen::object::Object;
 
-/// The most bytes and lines a file may have.
+/// The most bytes, lines and sections a file may have: what an EDS of 4 MiB has, and no more, so that
+/// any file is read in 100 ms.
 const LARGEST: usize = 4 << 20;
 const MOST_LINES: usize = 400_000;
+const MOST_SECTIONS: usize = 120_000;
 
 /// Why a file is no EDS.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -77,8 +79,12 @@ impl Eds {
             return Err(EdsError::TooLarge);
         }
         let text = Text::decode(bytes);
-        if text.text.bytes().filter(|byte| *byte == b'\n').count() > MOST_LINES {
+        let count = |wanted| text.text.bytes().filter(|byte| *byte == wanted).count();
+        if count(b'\n') > MOST_LINES {
             return Err(EdsError::TooManyLines);
+        }
+        if count(b'[') > MOST_SECTIONS {
+            return Err(EdsError::TooMany);
         }
         let ini = Ini::read(&text.text);
         let (device, commissioning) = (device::info(&ini), device::commissioning(&ini));

@@ -21,7 +21,6 @@ use crate::canopen::object::Object;
 /// Object types (CiA 301, 7.4.3).
 pub(super) const DOMAIN_OBJECT: i128 = 2;
 pub(super) const RECORD_TYPE: i128 = 6;
-pub(super) const VAR: i128 = 7;
 pub(super) const ARRAY: i128 = 8;
 pub(super) const RECORD: i128 = 9;
 
@@ -72,12 +71,14 @@ fn enough(objects: &[Described]) -> Result<(), EdsError> {
 }
 
 /// The objects that have sections for their sub-indices.
-pub(super) fn with_sub_sections(ini: &Ini<'_>) -> HashSet<u16> {
-    let index = |section: &Section<'_>| match section.title {
-        Title::Sub(index, _) => Some(index),
-        _ => None,
-    };
-    ini.first_sections().filter_map(index).collect()
+fn with_sub_sections(ini: &Ini<'_>) -> HashSet<u16> {
+    let mut heads = HashSet::new();
+    for section in ini.first_sections() {
+        if let Title::Sub(index, _) = section.title {
+            heads.insert(index);
+        }
+    }
+    heads
 }
 
 /// Whether a section is the head of an array or record, by its own word.

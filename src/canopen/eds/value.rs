@@ -49,25 +49,22 @@ pub enum NoValue {
 /// How a whole number is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Radix {
+    /// `31`, and `08`, which cannot be octal.
     Decimal,
+    /// `0x1F`.
     Hexadecimal,
-    /// A leading zero, and no digit above 7.
+    /// `037`, as C has it.
     Octal,
-    /// A leading zero, but digits above 7.
-    NotOctal,
 }
 
-/// A whole number: `0x1F`, `31`, `-5`, `037` in octal as C has it, `001`.
+/// A whole number, with or without a sign.
 pub(super) fn whole(text: &str) -> Option<(i128, Radix)> {
     let unsigned = text.strip_prefix(['-', '+']).unwrap_or(text);
     let sign = if text.starts_with('-') { -1 } else { 1 };
-    let is_octal = |digit: u8| (b'0'..=b'7').contains(&digit);
+    let is_octal = |digit: &u8| (b'0'..=b'7').contains(digit);
     let (radix, base, digits) = match unsigned.as_bytes() {
         [b'0', b'x' | b'X', ..] => (Radix::Hexadecimal, 16, unsigned.get(2..)?),
-        [b'0', rest @ ..] if !rest.is_empty() => match rest.iter().copied().all(is_octal) {
-            true => (Radix::Octal, 8, unsigned),
-            false => (Radix::NotOctal, 10, unsigned),
-        },
+        [b'0', _, ..] if unsigned.as_bytes().iter().all(is_octal) => (Radix::Octal, 8, unsigned),
         _ => (Radix::Decimal, 10, unsigned),
     };
     let is_number = !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
@@ -94,7 +91,7 @@ pub(in crate::canopen) fn number(text: &str, data_type: &DataType) -> Result<Num
     };
     let is_bits = radix == Radix::Hexadecimal && value > *range.end() && value >> bits == 0;
     let value = if is_bits && data_type.kind == Kind::Signed { value - (1 << bits) } else { value };
-    let largest = if plus_node_id { value.saturating_add(NODE_IDS) } else { value };
+    let largest = if plus_node_id { value.saturating_add(LAST_NODE_ID) } else { value };
     if range.contains(&value) && range.contains(&largest) {
         Ok(Number { value, plus_node_id })
     } else {
@@ -103,7 +100,7 @@ pub(in crate::canopen) fn number(text: &str, data_type: &DataType) -> Result<Num
 }
 
 /// The largest node-id.
-const NODE_IDS: i128 = 127;
+const LAST_NODE_ID: i128 = 127;
 
 /// What stands behind the `$`.
 const VARIABLE: &str = "NODEID";
@@ -182,18 +179,11 @@ pub(in crate::canopen) fn text(bytes: &[u8], data_type: &DataType) -> Option<Str
     if data_type.bytes().is_some_and(|size| size != bytes.len()) {
         return None;
     }
-    let hexadecimal = |digits: String, byte: &u8| format!("{digits}{byte:02X}");
     Some(match data_type.kind {
         Kind::Boolean => u8::from(bytes != [0]).to_string(),
-        Kind::Unsigned => bytes.iter().rev().fold("0x".to_owned(), hexadecimal),
+        Kind::Unsigned => hexadecimal(bytes.iter().rev()),
         Kind::Signed => signed(bytes).to_string(),
-        Kind::Real => match bytes {
-            &[a, b, c, d] => real_text(f32::from_le_bytes([a, b, c, d]).into(), bytes),
-            &[a, b, c, d, e, f, g, h] => {
-                real_text(f64::from_le_bytes([a, b, c, d, e, f, g, h]), bytes)
-            }
-            _ => return None,
-        },
+        Kind::Real => real_text(bytes)?,
         Kind::Text => bytes.iter().copied().map(char::from).collect(),
         Kind::UnicodeText => {
             let (units, _) = bytes.as_chunks::<2>();
@@ -201,20 +191,29 @@ pub(in crate::canopen) fn text(bytes: &[u8], data_type: &DataType) -> Option<Str
                 &units.iter().map(|unit| u16::from_le_bytes(*unit)).collect::<Vec<_>>(),
             )
         }
-        Kind::Octets => bytes.iter().fold(String::new(), hexadecimal),
+        Kind::Octets => bytes.iter().map(|byte| format!("{byte:02X}")).collect(),
     })
 }
 
 /// A finite number in decimal, any other by its bits.
-fn real_text(number: f64, bytes: &[u8]) -> String {
-    match (number.is_finite(), bytes) {
-        // The shortest text of the shorter type.
-        (true, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]).to_string(),
-        (true, _) => number.to_string(),
-        (false, _) => {
-            bytes.iter().rev().fold("0x".to_owned(), |text, byte| format!("{text}{byte:02X}"))
+fn real_text(bytes: &[u8]) -> Option<String> {
+    let (text, is_finite) = match *bytes {
+        [a, b, c, d] => {
+            let number = f32::from_le_bytes([a, b, c, d]);
+            (number.to_string(), number.is_finite())
         }
-    }
+        [a, b, c, d, e, f, g, h] => {
+            let number = f64::from_le_bytes([a, b, c, d, e, f, g, h]);
+            (number.to_string(), number.is_finite())
+        }
+        _ => return None,
+    };
+    Some(if is_finite { text } else { hexadecimal(bytes.iter().rev()) })
+}
+
+/// A number by its digits, the most significant first.
+fn hexadecimal<'b>(bytes: impl Iterator<Item = &'b u8>) -> String {
+    bytes.fold("0x".to_owned(), |digits, byte| format!("{digits}{byte:02X}"))
 }
 
 /// A whole number in two's complement of up to 16 bytes, little-endian.

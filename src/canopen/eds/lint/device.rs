@@ -3,7 +3,7 @@
 use crate::canopen::eds::device::BITRATES;
 use crate::canopen::eds::ini::Section;
 use crate::canopen::eds::lint::Lint;
-use crate::canopen::eds::lint::line_of;
+use crate::canopen::eds::lint::Spot;
 use crate::canopen::eds::read;
 use crate::canopen::eds::title::Named;
 use crate::canopen::eds::title::Title;
@@ -12,17 +12,17 @@ use crate::canopen::object::Object;
 
 pub(super) fn check(lint: &mut Lint<'_>) {
     if lint.ini.section(Title::Named(Named::FileInfo)).is_none() {
-        lint.warning(1, Some(Title::Named(Named::FileInfo)), "", "is missing");
+        lint.warning(Spot::missing(Title::Named(Named::FileInfo)), "is missing");
     }
     match lint.ini.section(Title::Named(Named::DeviceInfo)) {
-        None => lint.error(1, Some(Title::Named(Named::DeviceInfo)), "", "is missing"),
+        None => lint.error(Spot::missing(Title::Named(Named::DeviceInfo)), "is missing"),
         Some(section) => info(lint, section),
     }
     if let Some(section) = lint.ini.section(Title::Named(Named::Commissioning)) {
         commissioning(lint, section);
     }
     if let Some(section) = lint.ini.section(Title::Named(Named::DummyUsage)) {
-        flags(lint, section, |key| key.to_ascii_lowercase().starts_with("dummy"));
+        flags(lint, section, "Dummy");
     }
 }
 
@@ -34,70 +34,71 @@ fn info(lint: &mut Lint<'_>, section: &Section<'_>) {
     ] {
         identity(lint, section, key, object);
     }
-    flags(lint, section, |key| key.to_ascii_lowercase().starts_with("baudrate_"));
+    flags(lint, section, "BaudRate_");
     if lint.eds.device().bitrates.is_empty() {
-        lint.warning(section.line, Some(section.title), "", "names no bit rate");
+        lint.warning(Spot::section(section), "names no bit rate");
     }
     for (key, first) in [
         ("NrOfRXPDO", Object::rpdo_communication(1, 0)),
         ("NrOfTXPDO", Object::tpdo_communication(1, 0)),
     ] {
-        number_of_pdos(lint, section, key, first.index);
+        number_of_pdos(lint, section, key, first);
     }
 }
 
 /// A number of the identity, which the identity object repeats.
-fn identity(lint: &mut Lint<'_>, section: &Section<'_>, key: &str, object: Object) {
-    let Some(entry) = section.value(key) else {
-        lint.warning(section.line, Some(section.title), key, "is missing");
+fn identity<'t>(lint: &mut Lint<'_>, section: &Section<'t>, key: &'t str, object: Object) {
+    let spot = Spot::key(section, key);
+    if section.value(key).is_none() {
+        lint.warning(spot, "is missing");
         return;
-    };
+    }
     let Some(told) = read::unsigned::<u32>(section, key) else {
-        lint.error(entry.line, Some(section.title), key, "not a number of 32 bits");
+        lint.error(spot, "not a number of 32 bits");
         return;
     };
     let default = lint.eds.object(object).and_then(|described| described.number);
-    if let Some(default) = default.filter(|number| number.value != 0 && number.value != told.into())
-    {
-        let reason =
-            format_args!("{told:08X}h, but the default of {object} is {:08X}h", default.value);
-        lint.warning(entry.line, Some(section.title), key, reason);
+    let default = default.map_or(0, |number| number.value);
+    if default != 0 && default != told.into() {
+        let but = format_args!("{told:08X}h, but the default of {object} is {default:08X}h");
+        lint.warning(spot, but);
     }
 }
 
 /// What can only be 0 or 1.
-fn flags(lint: &mut Lint<'_>, section: &Section<'_>, is_flag: impl Fn(&str) -> bool) {
+fn flags(lint: &mut Lint<'_>, section: &Section<'_>, prefix: &str) {
+    let is_flag =
+        |key: &str| key.get(..prefix.len()).is_some_and(|start| start.eq_ignore_ascii_case(prefix));
     for entry in section.entries.iter().filter(|entry| is_flag(entry.key)) {
         let value = value::whole(entry.word()).map(|(value, _)| value);
         if !matches!(value, Some(0 | 1)) {
-            lint.warning(entry.line, Some(section.title), entry.key, "neither 0 nor 1");
+            lint.warning(Spot::entry(section, entry), "neither 0 nor 1");
         }
     }
 }
 
-fn number_of_pdos(lint: &mut Lint<'_>, section: &Section<'_>, key: &str, first: u16) {
+/// How many PDOs there are, by that key and by their communication parameters from `first`.
+fn number_of_pdos<'t>(lint: &mut Lint<'_>, section: &Section<'t>, key: &'t str, first: Object) {
     let Some(told) = read::integer(section, key) else { return };
-    let range = first..first.saturating_add(512);
-    let mut indices: Vec<_> =
-        lint.eds.objects().iter().map(|described| described.object.index).collect();
-    indices.dedup();
-    let described = indices.into_iter().filter(|index| range.contains(index)).count();
-    if i128::try_from(described) != Ok(told) {
-        let reason = format_args!("{told}, but {described} are described");
-        lint.warning(line_of(section, key), Some(section.title), key, reason);
+    let range = first.index..first.index.saturating_add(512);
+    let mut described: Vec<_> = lint.eds.objects().iter().map(|one| one.object.index).collect();
+    described.retain(|index| range.contains(index));
+    described.dedup();
+    if i128::try_from(described.len()) != Ok(told) {
+        let but = format_args!("{told}, but {} are described", described.len());
+        lint.warning(Spot::key(section, key), but);
     }
 }
 
 fn commissioning(lint: &mut Lint<'_>, section: &Section<'_>) {
     let told = lint.eds.commissioning();
     if told.is_some_and(|told| told.node.is_none()) {
-        let line = line_of(section, "NodeID");
-        lint.error(line, Some(section.title), "NodeID", "not 1 to 127");
+        lint.error(Spot::key(section, "NodeID"), "not 1 to 127");
     }
     let bitrate = told.and_then(|told| told.bitrate);
     if section.value("Baudrate").is_some() && !bitrate.is_some_and(|rate| BITRATES.contains(&rate))
     {
-        let reason = format_args!("none of {BITRATES:?}, in kbit/s");
-        lint.error(line_of(section, "Baudrate"), Some(section.title), "Baudrate", reason);
+        let spot = Spot::key(section, "Baudrate");
+        lint.error(spot, format_args!("none of {BITRATES:?}, in kbit/s"));
     }
 }

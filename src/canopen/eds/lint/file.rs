@@ -3,11 +3,13 @@
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::collections::hash_map;
+use std::fmt;
 
 use crate::canopen::eds::ini::Oddity;
 use crate::canopen::eds::ini::Section;
 use crate::canopen::eds::keys;
 use crate::canopen::eds::lint::Lint;
+use crate::canopen::eds::lint::Spot;
 use crate::canopen::eds::text::Encoding;
 use crate::canopen::eds::title::Named;
 use crate::canopen::eds::title::Title;
@@ -25,59 +27,47 @@ pub(super) fn check(lint: &mut Lint<'_>) {
 }
 
 fn encoding(lint: &mut Lint<'_>) {
+    let first = Spot::line(1);
     match lint.eds.text.encoding {
         Encoding::Utf8 => {}
         Encoding::Utf8Marked => {
-            lint.warning(
-                1,
-                None,
-                "",
-                "begins with a byte order mark, which other tools take for text",
-            );
+            lint.warning(first, "begins with a byte order mark, which other tools take for text");
         }
-        Encoding::Utf16 => lint.error(1, None, "", "is UTF-16, which other tools cannot read"),
+        Encoding::Utf16 => lint.error(first, "is UTF-16, which other tools cannot read"),
         Encoding::Latin1(line) => {
-            lint.warning(line, None, "", "not UTF-8; the file was read as Latin-1");
+            lint.warning(Spot::line(line), "not UTF-8; the file was read as Latin-1");
         }
     }
 }
 
 fn strays(lint: &mut Lint<'_>) {
     for stray in lint.ini.strays() {
+        let spot = Spot::line(stray.line);
         match stray.oddity {
             Oddity::NoEntry => {
-                lint.error(
-                    stray.line,
-                    None,
-                    "",
-                    "neither [section], key=value nor ; comment: skipped",
-                );
+                lint.error(spot, "neither [section], key=value nor ; comment: skipped");
             }
-            Oddity::Homeless => {
-                lint.error(stray.line, None, "", "stands before any section: skipped")
-            }
-            Oddity::BehindSection => lint.error(stray.line, None, "", "text behind the ]: skipped"),
-            Oddity::Unclosed => lint.warning(stray.line, None, "", "the ] is missing"),
-            Oddity::Hash => lint.warning(stray.line, None, "", "a comment begins with ;"),
+            Oddity::Homeless => lint.error(spot, "stands before any section: skipped"),
+            Oddity::BehindSection => lint.error(spot, "text behind the ]: skipped"),
+            Oddity::Unclosed => lint.warning(spot, "the ] is missing"),
+            Oddity::Hash => lint.warning(spot, "a comment begins with ;"),
         }
     }
 }
 
 /// A section's name: spelling, and whether it was there before.
 fn name(lint: &mut Lint<'_>, section: &Section<'_>) {
-    let title = section.title;
+    let spot = Spot::section(section);
     if !section.is_first {
-        let reason = format_args!("[{}] is there again: the first counts", section.name);
-        lint.error(section.line, Some(title), "", reason);
+        lint.error(spot, format_args!("[{}] is there again: the first counts", section.name));
     }
-    match title {
+    match section.title {
         Title::Named(named) if section.name != named.name() => {
-            let reason =
-                format!("CiA 306 spells it [{}], and some tools know no other", named.name());
-            lint.warning(section.line, Some(Title::Other(section.name)), "", reason);
+            let spot = Spot { title: Some(Title::Other(section.name)), ..spot };
+            spelling(lint, spot, format_args!("[{}]", named.name()));
         }
-        Title::Other(_) if section.is_first => {
-            lint.warning(section.line, Some(title), "", "no section of CiA 306");
+        Title::Other(name) if section.is_first && !is_of_modules_or_tools(name) => {
+            lint.warning(spot, "no section of CiA 306");
         }
         Title::Named(_)
         | Title::Object(_)
@@ -90,31 +80,43 @@ fn name(lint: &mut Lint<'_>, section: &Section<'_>) {
     }
 }
 
+/// Whether a section is one of modular devices, or of tools, which are not read here:
+/// `[SupportedModules]`, `[M1SubExt1027]`, `[Tool1]`.
+fn is_of_modules_or_tools(name: &str) -> bool {
+    let known = ["SupportedModules", "ConnectedModules", "DynamicChannels", "Tools"];
+    let is_numbered = |prefix: &str| {
+        let rest = name.strip_prefix(prefix).unwrap_or_default();
+        rest.starts_with(|digit: char| digit.is_ascii_digit())
+    };
+    known.iter().any(|known| known.eq_ignore_ascii_case(name))
+        || ["M", "Tool"].into_iter().any(is_numbered)
+}
+
+fn spelling(lint: &mut Lint<'_>, spot: Spot<'_>, known: impl fmt::Display) {
+    lint.warning(spot, format_args!("CiA 306 spells it {known}, and some tools know no other"));
+}
+
 /// Keys that are there twice, spelt differently, or followed by numbers that look octal.
 fn keys_of(lint: &mut Lint<'_>, section: &Section<'_>) {
-    let title = section.title;
     let mut seen: HashMap<Cow<'_, str>, &str> = HashMap::with_capacity(section.entries.len());
     for entry in &section.entries {
-        let key = entry.key;
+        let spot = Spot::entry(section, entry);
         match seen.entry(entry.folded()) {
             hash_map::Entry::Vacant(place) => {
                 place.insert(entry.value);
             }
             hash_map::Entry::Occupied(before) if *before.get() == entry.value => {
-                lint.warning(entry.line, Some(title), key, "is there again, with the same value");
+                lint.warning(spot, "is there again, with the same value");
             }
-            hash_map::Entry::Occupied(_) => {
-                lint.error(entry.line, Some(title), key, "is there again: the first counts");
-            }
+            hash_map::Entry::Occupied(_) => lint.error(spot, "is there again: the first counts"),
         }
-        if let Some(known) = keys::canonical(title, key)
-            && known != key
+        if let Some(known) = keys::canonical(section.title, entry.key)
+            && known != entry.key
         {
-            let reason = format_args!("CiA 306 spells it {known}, and some tools know no other");
-            lint.warning(entry.line, Some(title), key, reason);
+            spelling(lint, spot, known);
         }
     }
-    if holds_numbers(title) {
+    if holds_numbers(section.title) {
         leading_zeros(lint, section);
     }
 }
@@ -136,22 +138,20 @@ const fn holds_numbers(title: Title<'_>) -> bool {
 
 fn leading_zeros(lint: &mut Lint<'_>, section: &Section<'_>) {
     let is_text = lint.is_text(section);
+    let is_value = |key: &str| {
+        ["DefaultValue", "ParameterValue"].iter().any(|value| value.eq_ignore_ascii_case(key))
+    };
     for entry in &section.entries {
-        let key = entry.key;
-        let holds_text = keys::is_text(key)
-            || (is_text
-                && ["DefaultValue", "ParameterValue"]
-                    .iter()
-                    .any(|one| one.eq_ignore_ascii_case(key)));
-        let digits = entry.word().strip_prefix('-').unwrap_or(entry.word());
-        let is_decimal = digits.len() > 1 && digits.bytes().all(|byte| byte.is_ascii_digit());
-        if !holds_text && is_decimal && digits.starts_with('0') {
-            let value = value::whole(entry.word()).map_or(0, |(value, _)| value);
-            let reason = format_args!(
-                "{} begins with 0: read as {value}, and differently or not at all elsewhere",
-                entry.word()
-            );
-            lint.warning(entry.line, Some(section.title), key, reason);
+        let word = entry.word();
+        let digits = word.strip_prefix('-').unwrap_or(word);
+        let looks_octal = digits.len() > 1
+            && digits.starts_with('0')
+            && digits.bytes().all(|digit| digit.is_ascii_digit());
+        let holds_text = keys::is_text(entry.key) || (is_text && is_value(entry.key));
+        if let Some((value, _)) = value::whole(word).filter(|_| looks_octal && !holds_text) {
+            let spot = Spot::entry(section, entry);
+            let how = "and differently or not at all elsewhere";
+            lint.warning(spot, format_args!("{word} begins with 0: read as {value}, {how}"));
         }
     }
 }

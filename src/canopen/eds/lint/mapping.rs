@@ -64,23 +64,17 @@ fn cob_id(lint: &mut Lint<'_>, described: &Described) {
     if number.value & (INVALID | EXTENDED) != 0 {
         return;
     }
-    let (line, title) = lint.place(described.object, key);
+    let spot = lint.spot(described.object, key);
     let identifier = number.value & 0x1FFF_FFFF;
-    let (first, last) = if number.plus_node_id {
-        (identifier + 1, identifier + 127)
-    } else {
-        (identifier, identifier)
-    };
+    let (least, most) = if number.plus_node_id { (1, 127) } else { (0, 0) };
+    let (first, last) = (identifier + least, identifier + most);
+    let overlaps = |(low, high): &&(i128, i128)| first <= *high && *low <= last;
     if last > 0x7FF {
-        lint.error(line, Some(title), key, format_args!("{last:X}h has more than 11 bits"));
-    } else if let Some((low, high)) =
-        RESTRICTED.iter().find(|(low, high)| first <= *high && *low <= last)
-    {
-        let reason = format_args!(
-            "{:X}h is restricted: {low:03X}h to {high:03X}h (CiA 301, 7.3.5)",
-            first.max(*low)
-        );
-        lint.error(line, Some(title), key, reason);
+        lint.error(spot, format_args!("{last:X}h has more than 11 bits"));
+    } else if let Some((low, high)) = RESTRICTED.iter().find(overlaps) {
+        let first = first.max(*low);
+        let range = format_args!("{low:03X}h to {high:03X}h (CiA 301, 7.3.5)");
+        lint.error(spot, format_args!("{first:X}h is restricted: {range}"));
     }
 }
 
@@ -101,50 +95,37 @@ const FIRST_NO_TYPE: u16 = 0x20;
 
 /// The most bits and entries of a PDO.
 const BITS: u32 = 64;
+const MOST_ENTRIES: u8 = 64;
 
 fn mapping(lint: &mut Lint<'_>, count: &Described, direction: Direction) {
     let Some((number, key)) = effective(count) else { return };
-    let (line, title) = lint.place(count.object, key);
-    // FEh and FFh stand for the mappings of multiplexed PDOs.
-    if number.value > i128::from(BITS) {
-        if number.value < 0xFE {
-            lint.error(
-                line,
-                Some(title),
-                key,
-                format_args!("{} objects; a PDO holds at most 64", number.value),
-            );
+    let spot = lint.spot(count.object, key);
+    let number = match u8::try_from(number.value) {
+        Ok(number @ 0..=MOST_ENTRIES) => number,
+        // FEh and FFh stand for the mappings of multiplexed PDOs.
+        Ok(0xFE..) => return,
+        Ok(_) | Err(_) => {
+            lint.error(spot, format_args!("{} objects; a PDO holds at most 64", number.value));
+            return;
         }
-        return;
-    }
+    };
     let mut bits = 0;
-    for sub in (1..=64_u8).filter(|sub| i128::from(*sub) <= number.value) {
+    for sub in 1..=number {
         let object = Object { sub, ..count.object };
         let Some(entry) = lint.eds.object(object) else {
-            lint.error(
-                line,
-                Some(title),
-                key,
-                format_args!("{} objects, but there is no {object}", number.value),
-            );
+            lint.error(spot, format_args!("{number} objects, but there is no {object}"));
             return;
         };
-        let Some((entry, entry_key)) = effective(entry) else { continue };
+        let Some((entry, key)) = effective(entry) else { continue };
         let Ok(raw) = u32::try_from(entry.value) else { continue };
         let [length, ..] = raw.to_le_bytes();
         bits += u32::from(length);
         if let Err(reason) = is_mappable(lint, raw, direction) {
-            let (line, title) = lint.place(object, entry_key);
-            lint.error(line, Some(title), entry_key, reason);
+            lint.error(lint.spot(object, key), reason);
         }
     }
     if bits > BITS {
-        lint.error(
-            line,
-            Some(title),
-            key,
-            format_args!("the mapped objects have {bits} bits; a PDO has 64"),
-        );
+        lint.error(spot, format_args!("the mapped objects have {bits} bits; a PDO has 64"));
     }
 }
 

@@ -12,6 +12,7 @@ mod objects;
 use std::fmt;
 
 use crate::canopen::eds::Eds;
+use crate::canopen::eds::ini::Entry;
 use crate::canopen::eds::ini::Ini;
 use crate::canopen::eds::ini::Section;
 use crate::canopen::eds::title::Title;
@@ -89,59 +90,65 @@ struct Lint<'e> {
     warnings: Vec<Finding>,
 }
 
-impl<'e> Lint<'e> {
-    fn error(
-        &mut self,
-        line: usize,
-        title: Option<Title<'_>>,
-        key: &str,
-        reason: impl fmt::Display,
-    ) {
-        add(&mut self.errors, Severity::Error, line, title, key, reason);
-    }
-
-    fn warning(
-        &mut self,
-        line: usize,
-        title: Option<Title<'_>>,
-        key: &str,
-        reason: impl fmt::Display,
-    ) {
-        add(&mut self.warnings, Severity::Warning, line, title, key, reason);
-    }
-
-    /// The section an object is described in, and that section's line of `key`, or else its first.
-    fn place(&self, object: Object, key: &str) -> (usize, Title<'e>) {
-        let Object { index, sub } = object;
-        let titles = [Title::Sub(index, sub), Title::Object(index)];
-        let section = titles.into_iter().find_map(|title| self.ini.section(title));
-        let line = section.map_or(1, |section| line_of(section, key));
-        (line, section.map_or(Title::Sub(index, sub), |section| section.title))
-    }
-}
-
-/// The line of a key, or else of its section.
-fn line_of(section: &Section<'_>, key: &str) -> usize {
-    section.entry(key).map_or(section.line, |entry| entry.line)
-}
-
-fn add(
-    found: &mut Vec<Finding>,
-    severity: Severity,
+/// Where a finding is.
+#[derive(Clone, Copy)]
+struct Spot<'t> {
     line: usize,
-    title: Option<Title<'_>>,
-    key: &str,
-    reason: impl fmt::Display,
-) {
+    title: Option<Title<'t>>,
+    key: &'t str,
+}
+
+impl<'t> Spot<'t> {
+    /// A line of the file that belongs to no section.
+    const fn line(line: usize) -> Self {
+        Self { line, title: None, key: "" }
+    }
+
+    /// What is missing altogether.
+    const fn missing(title: Title<'t>) -> Self {
+        Self { line: 1, title: Some(title), key: "" }
+    }
+
+    /// A section as a whole.
+    const fn section(section: &Section<'t>) -> Self {
+        Self { line: section.line, title: Some(section.title), key: "" }
+    }
+
+    /// One of its entries.
+    const fn entry(section: &Section<'t>, entry: &Entry<'t>) -> Self {
+        Self { line: entry.line, title: Some(section.title), key: entry.key }
+    }
+
+    /// Its entry of that key, there or not.
+    fn key(section: &Section<'t>, key: &'t str) -> Self {
+        let line = section.entry(key).map_or(section.line, |entry| entry.line);
+        Self { line, title: Some(section.title), key }
+    }
+}
+
+impl<'e> Lint<'e> {
+    fn error(&mut self, spot: Spot<'_>, reason: impl fmt::Display) {
+        add(&mut self.errors, Severity::Error, spot, reason);
+    }
+
+    fn warning(&mut self, spot: Spot<'_>, reason: impl fmt::Display) {
+        add(&mut self.warnings, Severity::Warning, spot, reason);
+    }
+
+    /// The entry of an object, whichever section describes it.
+    fn spot(&self, object: Object, key: &'e str) -> Spot<'e> {
+        let Object { index, sub } = object;
+        let own = Title::Sub(index, sub);
+        let section = self.ini.section(own).or_else(|| self.ini.section(Title::Object(index)));
+        section.map_or(Spot::missing(own), |section| Spot::key(section, key))
+    }
+}
+
+fn add(found: &mut Vec<Finding>, severity: Severity, spot: Spot<'_>, reason: impl fmt::Display) {
     if found.len() < MOST {
-        let place = title.map(place).unwrap_or_default();
-        found.push(Finding {
-            line,
-            severity,
-            place,
-            key: key.to_owned(),
-            reason: reason.to_string(),
-        });
+        let place = spot.title.map(place).unwrap_or_default();
+        let (line, key, reason) = (spot.line, spot.key.to_owned(), reason.to_string());
+        found.push(Finding { line, severity, place, key, reason });
     }
 }
 

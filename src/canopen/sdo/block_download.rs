@@ -39,6 +39,7 @@ enum State {
 }
 
 impl BlockDownload {
+    /// Nothing of `bytes` is sent yet.
     pub(super) const fn new(about: Address, bytes: Vec<u8>, block: Block) -> Self {
         Self { about, block, state: State::Opening { bytes } }
     }
@@ -52,6 +53,7 @@ impl BlockDownload {
         encode_download_initiate(self.about, size, self.block.has_crc())
     }
 
+    /// Takes a reply.
     pub(super) fn on_reply(&mut self, reply: &SdoPayload) -> Step {
         match &mut self.state {
             State::Opening { bytes } => {

@@ -60,6 +60,7 @@ impl BlockUpload {
         [c, low, high, sub, size, self.threshold, x, y]
     }
 
+    /// Takes a reply.
     pub(super) fn on_reply(&mut self, reply: &SdoPayload) -> Step {
         match &mut self.state {
             State::Opening => self.on_opened(reply).into(),

@@ -42,6 +42,7 @@ impl Upload {
         encode_upload_request(self.about)
     }
 
+    /// Takes a reply.
     pub(super) fn on_reply(&mut self, reply: &SdoPayload) -> Step {
         match self.toggle {
             None => self.on_opened(reply),
@@ -111,6 +112,7 @@ pub(super) struct Download {
 }
 
 impl Download {
+    /// Nothing of `bytes` is sent yet.
     pub(super) const fn new(about: Address, bytes: Vec<u8>) -> Self {
         Self { about, bytes, sent: None }
     }
@@ -123,6 +125,7 @@ impl Download {
         expedited.unwrap_or_else(|_| encode_download_initiate_segmented(self.about, size))
     }
 
+    /// Takes a reply.
     pub(super) fn on_reply(&mut self, reply: &SdoPayload) -> Step {
         let Some((sent, toggle)) = self.sent else {
             return match decode_download_response(reply) {

@@ -20,7 +20,8 @@ pub(super) const SHORT: u8 = 21;
 /// How a transfer is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Terms {
-    /// How long the server may take for each reply.
+    /// How long the server may take for each reply. Amid the segments of a block it is asked once more
+    /// before it counts as silent, and has this time again.
     pub timeout: Duration,
     /// The largest value that is taken, in bytes; at most [`MAX_BYTES`] count.
     pub limit: usize,

@@ -18,6 +18,7 @@ pub(super) struct Upload {
 }
 
 impl Upload {
+    /// Nothing of `bytes` is sent yet.
     pub(super) const fn new(bytes: Vec<u8>) -> Self {
         Self { bytes, sent: 0, toggle: false }
     }
@@ -63,6 +64,7 @@ pub(super) struct Download {
 }
 
 impl Download {
+    /// Nothing has come yet; `size` bytes should, where that is known.
     pub(super) const fn new(size: Option<usize>) -> Self {
         Self { bytes: Vec::new(), size, toggle: false, is_over: false }
     }

@@ -5,7 +5,6 @@ use std::time::Duration;
 use clap::Args;
 use clap::Subcommand;
 
-use crate::bus::SocketCan;
 use crate::canopen::NodeId;
 use crate::canopen::lss::Address;
 use crate::canopen::lss::BitRate;
@@ -17,7 +16,6 @@ use crate::canopen::lss::job::Report;
 use crate::canopen::lss::job::Selection;
 use crate::canopen::lss::master::Master;
 use crate::cli::bench::Line;
-use crate::cli::bench::Session;
 use crate::cli::bench::words;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
@@ -247,9 +245,9 @@ fn carry_out(args: &Lss, job: Job) -> Result<(), Failure> {
         store: reply.max(Duration::from_secs(1)),
         probe: Duration::from_millis(args.probe),
     };
-    let mut session = args.line.find()?.open()?;
-    let outcome = session.run(|now, out| Master::begin(job, patience, now, out));
-    let report = outcome.or_fail(Kind::Bus)?.or_fail(Kind::Drive)?;
+    let known = args.line.find()?;
+    let outcome = known.open()?.run(|now, out| Master::begin(job, patience, now, out));
+    let report = outcome.map_err(|error| known.fail(error))?.or_fail(Kind::Drive)?;
     show(args.json, &report);
     tell(&job, &report);
     Ok(())
@@ -262,13 +260,14 @@ fn usage(message: &str) -> Failure {
 /// Looks for slaves of a description, or without a node-id.
 fn find(args: &Lss, description: Option<Description>) -> Result<(), Failure> {
     let window = Duration::from_millis(args.timeout);
-    let mut session: Session<SocketCan> = args.line.find()?.open()?;
-    let answers = session
+    let known = args.line.find()?;
+    let answers = known
+        .open()?
         .run(|now, out| match description {
             Some(description) => Identify::remote(description, window, now, out),
             None => Identify::non_configured(window, now, out),
         })
-        .or_fail(Kind::Bus)?;
+        .map_err(|error| known.fail(error))?;
     if args.json {
         print::line(&serde_json::json!({ "found": answers > 0, "answers": answers }).to_string());
     }

@@ -189,9 +189,12 @@ fn bench_tools_find_read_and_renumber_a_simulated_drive() {
     let mut candump = Candump::of("vcan0");
     let sim = scratch.frhc(&["sim", "--config", CONFIG]);
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
-    let tool = |words: &str| {
+    let ended = |words: &str| {
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_frhc"));
-        let ended = command.args(words.split(' ')).args(["-i", "vcan0"]).output().unwrap();
+        command.args(words.split(' ')).args(["-i", "vcan0"]).output().unwrap()
+    };
+    let tool = |words: &str| {
+        let ended = ended(words);
         let stderr = String::from_utf8_lossy(&ended.stderr);
         assert_eq!(ended.status.code(), Some(0), "{words}: {stderr}");
         String::from_utf8(ended.stdout).unwrap()
@@ -206,6 +209,10 @@ fn bench_tools_find_read_and_renumber_a_simulated_drive() {
     assert_eq!(tool("sdo read 3 1018:4 u32"), "3 0x00000003\n");
     tool("sdo write 3 6071 i16 -100 --verify");
     assert_eq!(tool("nmt reset 3 --wait"), "node 3 booted up\n");
+    let taken = ended("lss configure --select 0xF8C,0x04020010,0x00010000,3 --node-id 4");
+    assert_eq!(taken.status.code(), Some(5));
+    let reason = "node-id 4 is taken by 00000F8Ch 04020010h 00010000h 00000004h";
+    assert!(String::from_utf8_lossy(&taken.stderr).contains(reason));
     tool("lss configure --select 0xF8C,0x04020010,0x00010000,3 --node-id none --store");
     tool("nmt reset-comm 3");
     tool("lss configure --fastscan --probe 5 --node-id 33 --store");

@@ -5,6 +5,7 @@ use std::time::Duration;
 use clap::Args;
 use clap::Subcommand;
 
+use crate::bus::Bus;
 use crate::canopen::NodeId;
 use crate::canopen::lss::Address;
 use crate::canopen::lss::BitRate;
@@ -15,7 +16,11 @@ use crate::canopen::lss::job::Patience;
 use crate::canopen::lss::job::Report;
 use crate::canopen::lss::job::Selection;
 use crate::canopen::lss::master::Master;
+use crate::canopen::scan::Found;
+use crate::canopen::scan::Scan;
 use crate::cli::bench::Line;
+use crate::cli::bench::Session;
+use crate::cli::bench::SessionError;
 use crate::cli::bench::words;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
@@ -246,11 +251,43 @@ fn carry_out(args: &Lss, job: Job) -> Result<(), Failure> {
         probe: Duration::from_millis(args.probe),
     };
     let known = args.line.find()?;
-    let outcome = known.open()?.run(|now, out| Master::begin(job, patience, now, out));
+    let mut session = known.open()?;
+    if let Some(Some(node)) = job.node {
+        let owner = owner(&mut session, node, reply).map_err(|error| known.fail(error))?;
+        must_be_free(node, owner.as_ref(), job.selection)?;
+    }
+    let outcome = session.run(|now, out| Master::begin(job, patience, now, out));
     let report = outcome.map_err(|error| known.fail(error))?.or_fail(Kind::Drive)?;
     show(args.json, &report);
     tell(&job, &report);
     Ok(())
+}
+
+/// Who has a node-id now.
+fn owner<B: Bus>(
+    session: &mut Session<B>,
+    node: NodeId,
+    timeout: Duration,
+) -> Result<Option<Found>, SessionError> {
+    let found = session.run(|now, out| Scan::begin(&[node], timeout, Duration::ZERO, now, out))?;
+    Ok(found.into_iter().find(|found| found.node == node))
+}
+
+/// Two slaves of one node-id would speak at once. Whether it is the slave's own already is known where it
+/// was chosen by its identity, or has none.
+fn must_be_free(node: NodeId, owner: Option<&Found>, selection: Selection) -> Result<(), Failure> {
+    let is_its_own = |owner: &Found| match selection {
+        Selection::Address(address) => owner.address() == Some(address),
+        Selection::Fastscan => false,
+        Selection::Selected | Selection::Everybody => true,
+    };
+    match owner.filter(|owner| !is_its_own(owner)) {
+        None => Ok(()),
+        Some(owner) => {
+            let who = owner.address().map(|address| format!(" by {address}")).unwrap_or_default();
+            Err(Failure::new(Kind::Drive, format!("node-id {} is taken{who}", node.raw())))
+        }
+    }
 }
 
 fn usage(message: &str) -> Failure {

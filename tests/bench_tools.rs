@@ -22,6 +22,7 @@ use frhc::canopen::NodeId;
 use frhc::canopen::abort::AbortCode;
 use frhc::canopen::confirm::Confirmation;
 use frhc::canopen::gateway_type::GatewayType;
+use frhc::canopen::heartbeat;
 use frhc::canopen::nmt::Order;
 use frhc::canopen::object::Object;
 use frhc::canopen::scan::Found;
@@ -178,9 +179,7 @@ fn a_watch_tells_what_changes_until_it_is_time() {
         news.push(what);
     }
     let beat = |news| News::Heartbeat(node(3), news);
-    use frhc::canopen::heartbeat::News::BootedUp;
-    use frhc::canopen::heartbeat::News::Lost;
-    assert_eq!(news, [beat(BootedUp), beat(Lost)]);
+    assert_eq!(news, [beat(heartbeat::News::BootedUp), beat(heartbeat::News::Lost)]);
     assert_eq!(desk.now(), until);
 }
 

@@ -188,6 +188,44 @@ fn never_enabled(scratch: &Scratch, theirs: &str, mine: &str, reason: &str) {
 }
 
 #[test]
+fn bench_tools_find_read_and_renumber_a_simulated_drive() {
+    let scratch = Scratch::new("bench-tools");
+    let mut candump = Candump::of("vcan0");
+    let sim = scratch.frhc(&["sim", "--config", CONFIG]);
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
+    let ended = |words: &str| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_frhc"));
+        command.args(words.split(' ')).args(["-i", "vcan0"]).output().unwrap()
+    };
+    let tool = |words: &str| {
+        let ended = ended(words);
+        let stderr = String::from_utf8_lossy(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(0), "{words}: {stderr}");
+        String::from_utf8(ended.stdout).unwrap()
+    };
+    let found: serde_json::Value = serde_json::from_str(&tool("scan --json")).unwrap();
+    let nodes = found["nodes"].as_array().unwrap().iter();
+    let nodes: Vec<_> =
+        nodes.map(|node| (node["node"].as_u64(), node["profile"].as_u64())).collect();
+    let mut expected: Vec<_> = NODES.map(|node| (Some(u64::from(node)), Some(402))).collect();
+    expected.push((Some(16), Some(401)));
+    assert_eq!(nodes, expected);
+    assert_eq!(tool("sdo read 3 1018:4 u32"), "3 0x00000003\n");
+    tool("sdo write 3 6071 i16 -100 --verify");
+    assert_eq!(tool("nmt reset 3 --wait"), "node 3 booted up\n");
+    let taken = ended("lss configure --select 0xF8C,0x04020010,0x00010000,3 --node-id 4");
+    assert_eq!(taken.status.code(), Some(5));
+    let reason = "node-id 4 is taken by 00000F8Ch 04020010h 00010000h 00000004h";
+    assert!(String::from_utf8_lossy(&taken.stderr).contains(reason));
+    tool("lss configure --select 0xF8C,0x04020010,0x00010000,3 --node-id none --store");
+    tool("nmt reset-comm 3");
+    tool("lss configure --fastscan --probe 5 --node-id 33 --store");
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x721));
+    assert_eq!(tool("sdo read 33 1008 vs"), "frhc simulated drive\n");
+    sim.terminate().succeeds();
+}
+
+#[test]
 fn only_data_frames_of_eleven_bits_are_heard() {
     let mut bus = SocketCan::open(&["vcan0".to_owned()]).unwrap();
     for frame in ["181#R", "00000181#1122", "181#1122334455667788"] {

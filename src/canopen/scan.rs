@@ -20,6 +20,7 @@ use canopen_rs::sdo::response_cob_id;
 use crate::canopen::emcy;
 use crate::canopen::emcy::Emergency;
 use crate::canopen::frame::Frame;
+use crate::canopen::lss::Address;
 use crate::canopen::object::Object;
 use crate::canopen::procedure::Procedure;
 use crate::canopen::sdo::Content;
@@ -94,6 +95,12 @@ impl Found {
             boot_ups: 0,
             is_answered_twice: false,
         }
+    }
+
+    /// All four numbers of its identity, if it has told them.
+    pub fn address(&self) -> Option<Address> {
+        let (vendor, product) = (self.vendor?, self.product?);
+        Some(Address { vendor, product, revision: self.revision?, serial: self.serial? })
     }
 
     /// Whether anything tells that it is there.

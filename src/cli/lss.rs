@@ -5,7 +5,7 @@ use std::time::Duration;
 use clap::Args;
 use clap::Subcommand;
 
-use crate::bus::SocketCan;
+use crate::bus::Bus;
 use crate::canopen::NodeId;
 use crate::canopen::lss::Address;
 use crate::canopen::lss::BitRate;
@@ -16,8 +16,11 @@ use crate::canopen::lss::job::Patience;
 use crate::canopen::lss::job::Report;
 use crate::canopen::lss::job::Selection;
 use crate::canopen::lss::master::Master;
+use crate::canopen::scan::Found;
+use crate::canopen::scan::Scan;
 use crate::cli::bench::Line;
 use crate::cli::bench::Session;
+use crate::cli::bench::SessionError;
 use crate::cli::bench::words;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
@@ -247,12 +250,44 @@ fn carry_out(args: &Lss, job: Job) -> Result<(), Failure> {
         store: reply.max(Duration::from_secs(1)),
         probe: Duration::from_millis(args.probe),
     };
-    let mut session = args.line.find()?.open()?;
+    let known = args.line.find()?;
+    let mut session = known.open()?;
+    if let Some(Some(node)) = job.node {
+        let owner = owner(&mut session, node, reply).map_err(|error| known.fail(error))?;
+        must_be_free(node, owner.as_ref(), job.selection)?;
+    }
     let outcome = session.run(|now, out| Master::begin(job, patience, now, out));
-    let report = outcome.or_fail(Kind::Bus)?.or_fail(Kind::Drive)?;
+    let report = outcome.map_err(|error| known.fail(error))?.or_fail(Kind::Drive)?;
     show(args.json, &report);
     tell(&job, &report);
     Ok(())
+}
+
+/// Who has a node-id now.
+fn owner<B: Bus>(
+    session: &mut Session<B>,
+    node: NodeId,
+    timeout: Duration,
+) -> Result<Option<Found>, SessionError> {
+    let found = session.run(|now, out| Scan::begin(&[node], timeout, Duration::ZERO, now, out))?;
+    Ok(found.into_iter().find(|found| found.node == node))
+}
+
+/// Two slaves of one node-id would speak at once. Whether it is the slave's own already is known where it
+/// was chosen by its identity, or has none.
+fn must_be_free(node: NodeId, owner: Option<&Found>, selection: Selection) -> Result<(), Failure> {
+    let is_its_own = |owner: &Found| match selection {
+        Selection::Address(address) => owner.address() == Some(address),
+        Selection::Fastscan => false,
+        Selection::Selected | Selection::Everybody => true,
+    };
+    match owner.filter(|owner| !is_its_own(owner)) {
+        None => Ok(()),
+        Some(owner) => {
+            let who = owner.address().map(|address| format!(" by {address}")).unwrap_or_default();
+            Err(Failure::new(Kind::Drive, format!("node-id {} is taken{who}", node.raw())))
+        }
+    }
 }
 
 fn usage(message: &str) -> Failure {
@@ -262,13 +297,14 @@ fn usage(message: &str) -> Failure {
 /// Looks for slaves of a description, or without a node-id.
 fn find(args: &Lss, description: Option<Description>) -> Result<(), Failure> {
     let window = Duration::from_millis(args.timeout);
-    let mut session: Session<SocketCan> = args.line.find()?.open()?;
-    let answers = session
+    let known = args.line.find()?;
+    let answers = known
+        .open()?
         .run(|now, out| match description {
             Some(description) => Identify::remote(description, window, now, out),
             None => Identify::non_configured(window, now, out),
         })
-        .or_fail(Kind::Bus)?;
+        .map_err(|error| known.fail(error))?;
     if args.json {
         print::line(&serde_json::json!({ "found": answers > 0, "answers": answers }).to_string());
     }

@@ -20,7 +20,6 @@ use crate::cli::bench::SessionError;
 use crate::cli::bench::words;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
 use crate::cli::print;
 use crate::time::Instant;
 
@@ -98,12 +97,12 @@ pub(super) fn run(args: &Nmt) -> Result<(), Failure> {
     };
     let mut session = known.open()?;
     if !args.wait {
-        return session.say([order.frame()]).or_fail(Kind::Bus);
+        return session.say([order.frame()]).map_err(|error| known.fail(error));
     }
     let timeout = Duration::from_millis(args.timeout);
     let heard = session
         .run(|now, out| Confirmation::begin(order, &named, timeout, now, out))
-        .or_fail(Kind::Bus)?;
+        .map_err(|error| known.fail(error))?;
     for heard in heard.iter().filter(|heard| heard.has_obeyed) {
         show(args.json, heard);
     }
@@ -150,14 +149,15 @@ const fn words_of(state: NmtState) -> &'static str {
 
 /// Prints what is heard until it is interrupted.
 fn watch(args: &Nmt, seconds: Option<u64>) -> Result<(), Failure> {
-    let mut session = args.line.find()?.open()?;
+    let known = args.line.find()?;
+    let mut session = known.open()?;
     let end = seconds.map(|seconds| session.now() + Duration::from_secs(seconds));
     let mut watch = Watch::new(Duration::from_millis(args.timeout), end);
     loop {
         match session.carry(&mut watch) {
             Ok(Some((at, news))) => tell(args.json, at, news),
             Ok(None) | Err(SessionError::Interrupted) => return Ok(()),
-            Err(error) => return Err(error).or_fail(Kind::Bus),
+            Err(error) => return Err(known.fail(error)),
         }
     }
 }

@@ -12,7 +12,6 @@ use crate::cli::bench::Line;
 use crate::cli::bench::words;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
 use crate::cli::print;
 
 /// `frhc scan`.
@@ -70,7 +69,7 @@ pub(super) fn run(args: &Scan) -> Result<(), Failure> {
         (Duration::from_millis(args.timeout), Duration::from_millis(args.listen));
     let found = session
         .run(|now, out| crate::canopen::scan::Scan::begin(&args.nodes, timeout, listen, now, out))
-        .or_fail(Kind::Bus)?;
+        .map_err(|error| known.fail(error))?;
     let judged: Vec<(&Found, Verdict)> =
         found.iter().map(|found| (found, judge(found, plans.as_deref(), master))).collect();
     let missing: Vec<&NodePlan> = plans

@@ -20,6 +20,7 @@ use crate::canopen::sdo::MAX_BYTES;
 use crate::canopen::value;
 use crate::canopen::value::Octets;
 use crate::canopen::value::Value;
+use crate::cli::bench::Known;
 use crate::cli::bench::Line;
 use crate::cli::bench::objects;
 use crate::cli::bench::objects::ObjectError;
@@ -109,7 +110,8 @@ pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
         Task::Read { data_type, out, .. } => {
             let data_type = data_type.or(described_type).unwrap_or(GatewayType::Domain);
             let mut session = known.open()?;
-            let content = objects::read(&mut session, target).map_err(fail)?;
+            let content =
+                objects::read(&mut session, target).map_err(|error| fail(&known, error))?;
             if let Some(path) = out {
                 let written = fs::write(path, content.bytes());
                 return written.with_context(|| path.display().to_string()).or_fail(Kind::Usage);
@@ -131,7 +133,8 @@ pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
                 return Err(Failure::new(Kind::Usage, reason));
             }
             let mut session = known.open()?;
-            objects::write(&mut session, target, &bytes, *verify).map_err(fail)?;
+            let written = objects::write(&mut session, target, &bytes, *verify);
+            written.map_err(|error| fail(&known, error))?;
             if args.json {
                 show(true, target, data_type, &value, &bytes);
             }
@@ -141,12 +144,11 @@ pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
 }
 
 /// The bus failed, or the node did.
-fn fail(error: ObjectError) -> Failure {
-    let kind = match error {
-        ObjectError::Session(_) => Kind::Bus,
-        ObjectError::Node { .. } | ObjectError::Differs { .. } => Kind::Drive,
-    };
-    Failure::new(kind, error)
+fn fail(known: &Known, error: ObjectError) -> Failure {
+    match error {
+        ObjectError::Session(error) => known.fail(error),
+        ObjectError::Node { .. } | ObjectError::Differs { .. } => Failure::new(Kind::Drive, error),
+    }
 }
 
 fn load(path: &Path) -> Result<Eds, Failure> {

@@ -10,6 +10,7 @@ use crate::canopen::eds::Eds;
 use crate::canopen::frame::Channel;
 use crate::canopen::plan::NodePlan;
 use crate::cli::bench::Session;
+use crate::cli::bench::SessionError;
 use crate::cli::bench::interrupt;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
@@ -57,6 +58,16 @@ impl Known {
     pub(in crate::cli) fn open(&self) -> Result<Session<SocketCan>, Failure> {
         let bus = SocketCan::open(std::slice::from_ref(&self.interface)).or_fail(Kind::Bus)?;
         Ok(Session::new(bus, Channel(0), interrupt::flag()?))
+    }
+
+    /// A talk on this bus that has ended before its time.
+    pub(in crate::cli) fn fail(&self, error: SessionError) -> Failure {
+        match error {
+            SessionError::Interrupted => Failure::new(Kind::Negative, error),
+            SessionError::Down | SessionError::BusOff | SessionError::Stuck => {
+                Failure::new(Kind::Bus, format!("{}: {error}", self.interface))
+            }
+        }
     }
 
     /// What is configured to be on this bus; `None` without a configuration.

@@ -1,8 +1,8 @@
 //! Tools for the bench: short talks with nodes on a live bus.
 //!
 //! What is said is a [`Procedure`](crate::canopen::procedure::Procedure); a [`Session`] carries it to its
-//! end on any [`Bus`](crate::bus::Bus), so the tests run the tools without SocketCAN. Which interface that
-//! is, is [`Line`]'s.
+//! end on any [`Bus`](crate::bus::Bus), so the tests run the tools without SocketCAN. Which interface it
+//! is, `-i` or a configuration says.
 
 mod interrupt;
 mod line;
@@ -10,6 +10,7 @@ pub mod objects;
 pub mod session;
 pub(super) mod words;
 
+pub(super) use line::Known;
 pub(super) use line::Line;
 
 pub use session::Session;

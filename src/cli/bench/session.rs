@@ -157,7 +157,7 @@ impl<B: Bus> Session<B> {
             Heard::Fault(BusFault::Down) => Err(SessionError::Down),
             Heard::Fault(BusFault::Off) => Err(SessionError::BusOff),
             Heard::Fault(fault @ (BusFault::Warning | BusFault::Overrun | BusFault::Passive)) => {
-                tracing::warn!(?fault, "the bus is in trouble");
+                tracing::warn!("{}", words(fault));
                 Ok(None)
             }
         }
@@ -191,6 +191,17 @@ impl<B: Bus> Session<B> {
             self.post()?;
         }
         Ok(())
+    }
+}
+
+/// What the user should look for.
+const fn words(fault: BusFault) -> &'static str {
+    match fault {
+        BusFault::Warning => "many errors on the bus",
+        BusFault::Overrun => "frames were lost before they were read",
+        BusFault::Passive => "error-passive: nobody acknowledges, or the bit rate is another",
+        BusFault::Off => "bus-off",
+        BusFault::Down => "the interface is down",
     }
 }
 

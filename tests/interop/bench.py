@@ -5,6 +5,7 @@ Time is virtual (scripts/with_vcan.sh -v): sleeping costs nothing, and a loop th
 
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -85,11 +86,10 @@ class Bench:
         return self.log.read_text().splitlines()
 
     def sent(self, cob_id):
-        """The data of every frame of an identifier so far, and when it came."""
-        mark = f" {cob_id:03X}#"
-        lines = [line for line in self.frames() if mark in line]
-        return [(float(line[1 : line.index(")")]), bytes.fromhex(line.split("#")[1].split()[0]
-                 if line.split("#")[1] else "")) for line in lines]
+        """When each data frame of an identifier came so far, and its data."""
+        line = re.compile(rf"\((\d+\.\d+)\) \S+ {cob_id:03X}#([0-9A-F]*)(?: .)?$")
+        found = map(line.match, self.frames())
+        return [(float(hit[1]), bytes.fromhex(hit[2])) for hit in found if hit]
 
     def connect(self):
         """python-canopen on the bus."""

@@ -233,14 +233,19 @@ def silent_master_is_a_fault_python_resets(bench):
     exchange(node)
     node.sdo["Abort connection option code"].raw = 1
     node.sdo["Consumer heartbeat time"][1].raw = MASTER << 16 | 50
+    node.sdo["Producer heartbeat time"].raw = 20
     heartbeat = bench.network.send_periodic(0x700 + MASTER, [5], 0.02)
     enable(node)
     heartbeat.stop()
     until(lambda: node.emcy.active, "an emergency")
     same(node.emcy.active[0].code, 0x8130, "emergency")
-    until(lambda: node.state == "FAULT", "fault")
+    same(node.sdo["Statusword"].raw & 0x4F, 0x08, "statusword: fault")
     same(node.sdo["Error code"].raw, 0x8130, "603Fh")
+    # 1029h:1 is 0: a communication error leaves Operational.
+    same(node.nmt.wait_for_heartbeat(1.0), "PRE-OPERATIONAL", "NMT state")
     heartbeat = bench.network.send_periodic(0x700 + MASTER, [5], 0.02)
+    node.nmt.state = "OPERATIONAL"
+    until(lambda: node.state == "FAULT", "fault, by TPDO")
     node.reset_from_fault()
     same(node.state, "OPERATION ENABLED", "state after python's fault reset")
     heartbeat.stop()

@@ -8,6 +8,7 @@ import sys
 import time
 import traceback
 
+import hostile
 import our_drives
 import our_master
 from bench import Bench
@@ -17,7 +18,7 @@ PENDING = {
     "drive_reads_and_writes_in_blocks": "block transfer in the drives",
 }
 
-TESTS = [*our_master.TESTS, *our_drives.TESTS]
+TESTS = [*our_master.TESTS, *our_drives.TESTS, *hostile.TESTS]
 
 
 def passes(test):

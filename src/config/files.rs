@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::io;
+use std::io::Read;
 use std::path::Component;
 use std::path::Path;
 use std::path::PathBuf;
@@ -42,14 +43,22 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
         Ok(found) if found.is_dir() => {
             Err(io::Error::new(io::ErrorKind::IsADirectory, "is a directory"))
         }
-        Ok(found) if found.len() > LIMIT => {
-            Err(io::Error::new(io::ErrorKind::FileTooLarge, "larger than 4 MiB"))
-        }
-        Ok(_) => fs::read(path),
+        Ok(_) => bounded(path),
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             shipped(path).map(<[u8]>::to_vec).ok_or(error)
         }
         Err(error) => Err(error),
+    }
+}
+
+/// A file or device, as far as the limit: what a device holds is only known by reading it.
+fn bounded(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let read = fs::File::open(path)?.take(LIMIT + 1).read_to_end(&mut bytes)?;
+    if u64::try_from(read).is_ok_and(|read| read <= LIMIT) {
+        Ok(bytes)
+    } else {
+        Err(io::Error::new(io::ErrorKind::FileTooLarge, "larger than 4 MiB"))
     }
 }
 
@@ -92,6 +101,12 @@ mod tests {
         let seen = beside(Path::new("config/kraft_like.toml"), "../eds/frhc_drive.eds");
         assert_eq!(seen, Path::new("eds/frhc_drive.eds"));
         assert_eq!(beside(Path::new("/etc/frhc/a.toml"), "b.eds"), Path::new("/etc/frhc/b.eds"));
+    }
+
+    #[test]
+    fn a_device_without_an_end_is_no_configuration() {
+        let error = read(Path::new("/dev/zero")).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::FileTooLarge);
     }
 
     #[test]

@@ -19,6 +19,7 @@ import canopen
 
 ROOT = Path(__file__).resolve().parents[2]
 FRHC = os.environ.get("FRHC", str(ROOT / "target/release/frhc"))
+LOGS = os.environ.get("INTEROP_LOGS")
 INTERFACE = "vcan0"
 CONFIG = ROOT / "config/kraft_like_500hz.toml"
 SETTINGS = tomllib.loads(CONFIG.read_text())
@@ -57,6 +58,9 @@ def until(is_so, what, seconds=5.0):
 class Bench:
     """A folder, a recorded bus and the processes of one test; all gone when it ends."""
 
+    def __init__(self, name):
+        self.name = name
+
     def __enter__(self):
         self.folder = Path(tempfile.mkdtemp(prefix="frhc-interop-", dir="/dev/shm"))
         self.environment = {**os.environ, "XDG_RUNTIME_DIR": str(self.folder)}
@@ -79,6 +83,8 @@ class Bench:
         self.candump.wait()
         if error is not None:
             error.frames = self.frames()[-40:]
+        if LOGS:
+            shutil.copy(self.log, f"{LOGS}/{self.name}.log")
         shutil.rmtree(self.folder)
 
     def frames(self):

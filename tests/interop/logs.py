@@ -1,0 +1,34 @@
+"""The logs of the tests on the bus, but for those on which strangers sent what is no CANopen."""
+
+import os
+import re
+from pathlib import Path
+
+import hostile
+from bench import check
+
+LOGS = Path(os.environ.get("INTEROP_LOGS", "target/interop/logs"))
+DATA_FRAME = re.compile(r"\((\d+\.\d+)\) \S+ ([0-9A-F]{3})#([0-9A-F]*)(?: .)?$")
+
+
+class Logs:
+    """What a test gets."""
+
+    def __init__(self, _name):
+        pass
+
+    def __enter__(self):
+        strange = {test.__name__ for test in hostile.TESTS}
+        self.files = sorted(file for file in LOGS.glob("*.log") if file.stem not in strange)
+        check(self.files, f"no log in {LOGS}: the tests on the bus leave them")
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+
+def frames(file):
+    """When each frame of a log came, its identifier and its data."""
+    found = [DATA_FRAME.match(line) for line in file.read_text().splitlines()]
+    check(all(found), f"{file.name}: every line is a data frame")
+    return [(float(hit[1]), int(hit[2], 16), bytes.fromhex(hit[3])) for hit in found]

@@ -1,0 +1,84 @@
+"""Wireshark's CANopen dissector reads the logs."""
+
+import functools
+import subprocess
+
+from bench import check, same
+from logs import frames
+
+FIELDS = [
+    "can.id",
+    "_ws.col.Info",
+    "_ws.malformed",
+    "_ws.expert.message",
+    "canopen.sdo.main_idx",
+    "canopen.sdo.sub_idx",
+]
+
+# CiA 301, 7.3.3: the predefined connection set, by function code, in the dissector's words.
+SERVICES = {
+    0x080: "EMCY",
+    0x100: "Timestamp",
+    0x180: "PDO1 (tx)",
+    0x200: "PDO1 (rx)",
+    0x280: "PDO2 (tx)",
+    0x300: "PDO2 (rx)",
+    0x380: "PDO3 (tx)",
+    0x400: "PDO3 (rx)",
+    0x480: "PDO4 (tx)",
+    0x500: "PDO4 (rx)",
+    0x580: "Default-SDO (tx)",
+    0x600: "Default-SDO (rx)",
+    0x700: "NMT Error Control",
+}
+BROADCASTS = {0x000: "NMT: ", 0x080: "SYNC", 0x7E4: "LSS", 0x7E5: "LSS"}
+
+
+def service(cob_id):
+    """What the dissector must call a frame."""
+    return BROADCASTS.get(cob_id) or SERVICES[cob_id & 0x780]
+
+
+@functools.cache
+def dissected(file):
+    """A log as the dissector reads it: one row of FIELDS for each frame."""
+    columns = [word for field in FIELDS for word in ("-e", field)]
+    command = ["tshark", "-r", file, "-d", "can.subdissector,canopen", "-T", "fields", *columns]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    same(done.returncode, 0, f"tshark: {done.stderr}")
+    rows = [line.split("\t") for line in done.stdout.splitlines()]
+    same(len(rows), len(frames(file)), f"{file.name}: frames")
+    return rows
+
+
+def wireshark_knows_every_frame(logs):
+    for file in logs.files:
+        for number, (cob_id, info, malformed, expert, *_) in enumerate(dissected(file), 1):
+            where = f"{file.name}:{number}: {info}"
+            check(info.startswith(service(int(cob_id))), f"{where}, not {service(int(cob_id))}")
+            check("nknown" not in info, where)
+            same((malformed, expert), ("", ""), where)
+
+
+def wireshark_sees_every_sdo_request_answered(logs):
+    """The reply to an initiating request names its object, and comes before the next request."""
+    for file in logs.files:
+        waiting = {}
+        for number, (cob_id, info, _, _, index, sub) in enumerate(dissected(file), 1):
+            node = int(cob_id) & 0x7F
+            if info.startswith("Default-SDO (rx): Initiate"):
+                check(node not in waiting or not expects_answers(file), f"{file.name}:{number}")
+                waiting[node] = (index, sub)
+            elif info.startswith(("Default-SDO (tx): Initiate", "Default-SDO (tx): Abort")):
+                same((index, sub), waiting.pop(node, None), f"{file.name}:{number}: object")
+
+
+def expects_answers(file):
+    """Whether every node that is asked is there."""
+    return file.stem not in ("missing_drive_is_named", "drives_boot_up_and_are_found")
+
+
+TESTS = [
+    wireshark_knows_every_frame,
+    wireshark_sees_every_sdo_request_answered,
+]

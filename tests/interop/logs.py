@@ -1,11 +1,14 @@
 """The logs of the tests on the bus, but for those on which strangers sent what is no CANopen."""
 
+import functools
+import json
 import os
 import re
+import subprocess
 from pathlib import Path
 
 import hostile
-from bench import check
+from bench import CONFIG, FRHC, ROOT, check, same
 
 LOGS = Path(os.environ.get("INTEROP_LOGS", "target/interop/logs"))
 DATA_FRAME = re.compile(r"\((\d+\.\d+)\) \S+ ([0-9A-F]{3})#([0-9A-F]*)(?: .)?$")
@@ -32,3 +35,12 @@ def frames(file):
     found = [DATA_FRAME.match(line) for line in file.read_text().splitlines()]
     check(all(found), f"{file.name}: every line is a data frame")
     return [(float(hit[1]), int(hit[2], 16), bytes.fromhex(hit[3])) for hit in found]
+
+
+@functools.cache
+def decoded(file):
+    """A log as `frhc decode --json` reads it: one object for each line."""
+    command = [FRHC, "decode", "--config", CONFIG, "--json", file]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
+    same(done.returncode, 0, f"frhc decode: {done.stderr}")
+    return [json.loads(line) for line in done.stdout.splitlines()]

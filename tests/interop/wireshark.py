@@ -4,7 +4,7 @@ import functools
 import subprocess
 
 from bench import check, same
-from logs import frames
+from logs import decoded, frames
 
 FIELDS = [
     "can.id",
@@ -13,6 +13,9 @@ FIELDS = [
     "_ws.expert.message",
     "canopen.sdo.main_idx",
     "canopen.sdo.sub_idx",
+    "canopen.sdo.abort_code",
+    "canopen.em.err_code",
+    "canopen.em.err_reg",
 ]
 
 # CiA 301, 7.3.3: the predefined connection set, by function code, in the dissector's words.
@@ -64,7 +67,7 @@ def wireshark_sees_every_sdo_request_answered(logs):
     """The reply to an initiating request names its object, and comes before the next request."""
     for file in logs.files:
         waiting = {}
-        for number, (cob_id, info, _, _, index, sub) in enumerate(dissected(file), 1):
+        for number, (cob_id, info, _, _, index, sub, *_) in enumerate(dissected(file), 1):
             node = int(cob_id) & 0x7F
             if info.startswith("Default-SDO (rx): Initiate"):
                 check(node not in waiting or not expects_answers(file), f"{file.name}:{number}")
@@ -78,7 +81,50 @@ def expects_answers(file):
     return file.stem not in ("missing_drive_is_named", "drives_boot_up_and_are_found")
 
 
+# What `frhc decode --json` calls a frame, by the beginning of what the dissector calls it.
+KINDS = {
+    "NMT: ": "nmt",
+    "NMT Error Control": "heartbeat",
+    "SYNC": "sync",
+    "Timestamp": "time",
+    "EMCY": "emcy",
+    "PDO": "pdo",
+    "Default-SDO": "sdo",
+    "LSS": "lss",
+}
+
+
+def wireshark_agrees_with_frhc_decode(logs):
+    for file in logs.files:
+        for row, ours in zip(dissected(file), decoded(file), strict=True):
+            cob_id, info, _, _, index, sub, abort, code, register = row
+            where = f"{file.name}:{ours['line']}: {info}"
+            same(int(ours["id"], 16), int(cob_id), where)
+            kind = next(ours for theirs, ours in KINDS.items() if info.startswith(theirs))
+            same(ours["kind"], kind, where)
+            if index:
+                same(object_of(ours), (int(index, 16), int(sub, 16)), where)
+            if abort:
+                same(ours["abort"], int(abort, 16), where)
+            if code:
+                same((ours["code"], ours["register"]), (int(code, 16), int(register, 16)), where)
+            if kind == "heartbeat":
+                state = info.removeprefix("NMT Error Control: ").split(" [")[0].lower()
+                same(ours["state"], STATES.get(state, state), where)
+
+
+# As the dissector says it, and as we do.
+STATES = {"boot-up": "initialising"}
+
+
+def object_of(ours):
+    """`1018h:2` as index and sub-index."""
+    index, _, sub = ours["object"].partition(":")
+    return int(index.removesuffix("h"), 16), int(sub or 0)
+
+
 TESTS = [
     wireshark_knows_every_frame,
     wireshark_sees_every_sdo_request_answered,
+    wireshark_agrees_with_frhc_decode,
 ]

@@ -1,5 +1,6 @@
 """The drives of `frhc sim` with python-canopen as their master."""
 
+import random
 import time
 
 from canopen import SdoAbortedError
@@ -103,12 +104,25 @@ def drive_reads_and_writes_in_blocks(bench):
     same(node.sdo["Max torque"].raw, 1234, "max torque")
 
 
+def drive_keeps_a_large_value_in_blocks(bench):
+    """The drives have a buffer for it (2000h): what is written one way is read the other."""
+    node = drive(bench)
+    value = random.Random(1).randbytes(10_000)
+    with node.sdo[0x2000].open("wb", size=len(value), block_transfer=True) as buffer:
+        buffer.write(value)
+    same(node.sdo.upload(0x2000, 0), value, "written in blocks, read in segments")
+    value = value[::-1]
+    node.sdo.download(0x2000, 0, value)
+    with node.sdo[0x2000].open("rb", block_transfer=True) as buffer:
+        same(buffer.read(), value, "written in segments, read in blocks")
+
+
 def drive_refuses_with_the_standards_codes(bench):
     node = drive(bench)
     sdo = node.sdo
     limit = sdo["Max torque"].raw
-    refuses(0x06020000, lambda: sdo.upload(0x2000, 0))
-    refuses(0x06020000, lambda: sdo.download(0x2000, 0, b"\0"))
+    refuses(0x06020000, lambda: sdo.upload(0x2FFF, 0))
+    refuses(0x06020000, lambda: sdo.download(0x2FFF, 0, b"\0"))
     refuses(0x06090011, lambda: sdo.upload(0x1018, 9))
     refuses(0x06090011, lambda: sdo.download(0x1018, 9, b"\0"))
     refuses(0x06010002, lambda: sdo.download(0x6041, 0, b"\0\0"))
@@ -287,6 +301,7 @@ TESTS = [
     drive_reads_and_writes_expedited,
     drive_reads_and_writes_segmented,
     drive_reads_and_writes_in_blocks,
+    drive_keeps_a_large_value_in_blocks,
     drive_refuses_with_the_standards_codes,
     drive_follows_nmt_and_its_heartbeat_tells,
     drive_sends_what_python_maps,

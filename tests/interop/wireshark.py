@@ -55,7 +55,7 @@ def dissected(file):
 
 
 def wireshark_knows_every_frame(logs):
-    for file in logs.files:
+    for file in logs.without_blocks:
         for number, (cob_id, info, malformed, expert, *_) in enumerate(dissected(file), 1):
             where = f"{file.name}:{number}: {info}"
             check(info.startswith(service(int(cob_id))), f"{where}, not {service(int(cob_id))}")
@@ -65,7 +65,7 @@ def wireshark_knows_every_frame(logs):
 
 def wireshark_sees_every_sdo_request_answered(logs):
     """The reply to an initiating request names its object, and comes before the next request."""
-    for file in logs.files:
+    for file in logs.without_blocks:
         waiting = {}
         for number, (cob_id, info, _, _, index, sub, *_) in enumerate(dissected(file), 1):
             node = int(cob_id) & 0x7F
@@ -95,7 +95,7 @@ KINDS = {
 
 
 def wireshark_agrees_with_frhc_decode(logs):
-    for file in logs.files:
+    for file in logs.without_blocks:
         for row, ours in zip(dissected(file), decoded(file), strict=True):
             cob_id, info, _, _, index, sub, abort, code, register = row
             where = f"{file.name}:{ours['line']}: {info}"

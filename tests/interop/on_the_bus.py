@@ -7,10 +7,11 @@ import sys
 import hostile
 import our_drives
 import our_master
+import our_tools
 import runner
 from bench import Bench
 
-TESTS = [*our_master.TESTS, *our_drives.TESTS, *hostile.TESTS]
+TESTS = [*our_master.TESTS, *our_drives.TESTS, *our_tools.TESTS, *hostile.TESTS]
 
 if __name__ == "__main__":
     logging.disable(logging.CRITICAL)

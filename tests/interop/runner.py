@@ -11,6 +11,11 @@ import traceback
 PENDING = {
     "drive_reads_and_writes_in_blocks": "block transfer in the drives",
     "drive_keeps_a_large_value_in_blocks": "block transfer in the drives",
+    "scan_finds_pythons_nodes": "frhc scan",
+    "sdo_reads_and_writes_pythons_objects": "frhc sdo",
+    "sdo_writes_a_large_value_that_python_takes_in_segments": "frhc sdo, and block transfer",
+    "nmt_moves_pythons_nodes": "frhc nmt",
+    "drive_is_given_its_node_id_by_pythons_lss_master": "LSS in the simulated drives",
     "wireshark_agrees_with_frhc_decode": "frhc decode",
     "cantools_knows_every_pdo": "frhc export dbc",
     "cantools_reads_every_signal_as_frhc_decode_does": "frhc export dbc",

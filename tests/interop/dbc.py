@@ -85,7 +85,30 @@ def pairs(message, data, ours):
         yield "switch_box_deadman", deadman, signals["switch_box_digital_inputs_deadman"]
 
 
+def cantools_reads_the_lines_of_the_recorder(logs):
+    """A session has further lines, of CAN FD with 29 bits: the wrench and the end of every cycle."""
+    folder = logs.folder / "demo"
+    command = [FRHC, "demo", "--config", CONFIG, "--scenario", "contact_10s", "--out", folder]
+    subprocess.run(command, cwd=ROOT, capture_output=True, check=True, timeout=120)
+    messages = {"wrench": known()[0x18FF0000], "cycle": known()[0x18FF0001]}
+    felt, cycles = 0, 0
+    for ours in decoded(folder / "bus.log"):
+        if ours["kind"] not in messages:
+            continue
+        theirs = messages[ours["kind"]].decode(bytes.fromhex(ours["data"]))
+        if ours["kind"] == "wrench":
+            axes = [f"{part}_{axis}" for part in ("force", "moment") for axis in "xyz"]
+            same(ours["f_s"], [theirs[axis] for axis in axes], f"wrench, line {ours['line']}")
+            felt += any(ours["f_s"])
+        else:
+            same(ours["mode"], str(theirs["mode"]), f"mode, line {ours['line']}")
+            same(ours["cycle"], theirs.get("cycle", theirs.get("number")), f"line {ours['line']}")
+            cycles += 1
+    check(felt > 500 and cycles > 4_000, f"{felt} wrenches felt in {cycles} cycles")
+
+
 TESTS = [
     cantools_knows_every_pdo,
     cantools_reads_every_signal_as_frhc_decode_does,
+    cantools_reads_the_lines_of_the_recorder,
 ]

@@ -5,6 +5,7 @@ import json
 import os
 import re
 import subprocess
+import tempfile
 from pathlib import Path
 
 import hostile
@@ -21,6 +22,8 @@ class Logs:
         pass
 
     def __enter__(self):
+        self.temporary = tempfile.TemporaryDirectory(prefix="frhc-interop-")
+        self.folder = Path(self.temporary.name)
         strange = {test.__name__ for test in hostile.TESTS}
         self.files = sorted(file for file in LOGS.glob("*.log") if file.stem not in strange)
         # The dissector has no memory: it takes the segments of a block for requests of their own.
@@ -29,7 +32,7 @@ class Logs:
         return self
 
     def __exit__(self, *_):
-        pass
+        self.temporary.cleanup()
 
 
 def frames(file):

@@ -19,6 +19,7 @@ PENDING = {
     "wireshark_agrees_with_frhc_decode": "frhc decode",
     "cantools_knows_every_pdo": "frhc export dbc",
     "cantools_reads_every_signal_as_frhc_decode_does": "frhc export dbc",
+    "cantools_reads_the_lines_of_the_recorder": "frhc export dbc",
 }
 
 

@@ -1,7 +1,9 @@
 """Wireshark's CANopen dissector reads the logs."""
 
 import functools
+import itertools
 import subprocess
+import tempfile
 
 from bench import check, same
 from logs import decoded, frames
@@ -43,20 +45,30 @@ def service(cob_id):
 
 
 @functools.cache
-def dissected(file):
-    """A log as the dissector reads it: one row of FIELDS for each frame."""
-    columns = [word for field in FIELDS for word in ("-e", field)]
-    command = ["tshark", "-r", file, "-d", "can.subdissector,canopen", "-T", "fields", *columns]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+def dissection(files):
+    """The logs as the dissector reads them: one row of FIELDS for each frame. All in one, which is quicker."""
+    with tempfile.NamedTemporaryFile(suffix=".log") as all_in_one:
+        all_in_one.write(b"".join(file.read_bytes() for file in files))
+        all_in_one.flush()
+        columns = [word for field in FIELDS for word in ("-e", field)]
+        as_canopen = ["-d", "can.subdissector,canopen", "-T", "fields"]
+        command = ["tshark", "-r", all_in_one.name, *as_canopen, *columns]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     same(done.returncode, 0, f"tshark: {done.stderr}")
-    rows = [line.split("\t") for line in done.stdout.splitlines()]
-    same(len(rows), len(frames(file)), f"{file.name}: frames")
-    return rows
+    rows = iter([line.split("\t") for line in done.stdout.splitlines()])
+    dissected = {file: list(itertools.islice(rows, len(frames(file)))) for file in files}
+    same(next(rows, None), None, "rows beyond the last frame")
+    return dissected
+
+
+def dissected(logs):
+    """Each log and its rows."""
+    return dissection(tuple(logs.without_blocks)).items()
 
 
 def wireshark_knows_every_frame(logs):
-    for file in logs.without_blocks:
-        for number, (cob_id, info, malformed, expert, *_) in enumerate(dissected(file), 1):
+    for file, rows in dissected(logs):
+        for number, (cob_id, info, malformed, expert, *_) in enumerate(rows, 1):
             where = f"{file.name}:{number}: {info}"
             check(info.startswith(service(int(cob_id))), f"{where}, not {service(int(cob_id))}")
             check("nknown" not in info, where)
@@ -65,9 +77,9 @@ def wireshark_knows_every_frame(logs):
 
 def wireshark_sees_every_sdo_request_answered(logs):
     """The reply to an initiating request names its object, and comes before the next request."""
-    for file in logs.without_blocks:
+    for file, rows in dissected(logs):
         waiting = {}
-        for number, (cob_id, info, _, _, index, sub, *_) in enumerate(dissected(file), 1):
+        for number, (cob_id, info, _, _, index, sub, *_) in enumerate(rows, 1):
             node = int(cob_id) & 0x7F
             if info.startswith("Default-SDO (rx): Initiate"):
                 check(node not in waiting or not expects_answers(file), f"{file.name}:{number}")
@@ -95,8 +107,8 @@ KINDS = {
 
 
 def wireshark_agrees_with_frhc_decode(logs):
-    for file in logs.without_blocks:
-        for row, ours in zip(dissected(file), decoded(file), strict=True):
+    for file, rows in dissected(logs):
+        for row, ours in zip(rows, decoded(file), strict=True):
             cob_id, info, _, _, index, sub, abort, code, register = row
             where = f"{file.name}:{ours['line']}: {info}"
             same(int(ours["id"], 16), int(cob_id), where)

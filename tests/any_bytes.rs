@@ -2,7 +2,11 @@
 //!
 //! The laws are the fuzz targets' (`fuzz/src/lib.rs`); here they are tried with arbitrary bytes and with
 //! damaged files, on every `cargo test`.
-#![allow(clippy::panic, clippy::unwrap_used, reason = "what a test cannot do without has failed the test")]
+#![allow(
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
 
 #[path = "../fuzz/src/lib.rs"]
 #[allow(unreachable_pub, reason = "in its own package it is a library")]

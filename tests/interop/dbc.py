@@ -102,7 +102,7 @@ def cantools_reads_the_lines_of_the_recorder(logs):
             felt += any(ours["f_s"])
         else:
             same(ours["mode"], str(theirs["mode"]), f"mode, line {ours['line']}")
-            same(ours["cycle"], theirs.get("cycle", theirs.get("number")), f"line {ours['line']}")
+            same(ours["cycle"], theirs["cycle"], f"line {ours['line']}")
             cycles += 1
     check(felt > 500 and cycles > 4_000, f"{felt} wrenches felt in {cycles} cycles")
 

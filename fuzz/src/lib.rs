@@ -16,14 +16,15 @@ use frhc::canopen::frame::Frame;
 use frhc::canopen::frame::Telegram;
 use frhc::canopen::master::Master;
 use frhc::canopen::object::Object;
+use frhc::canopen::plan::NodePlan;
 use frhc::canopen::sdo::MAX_BYTES;
 use frhc::canopen::sdo::Transfer;
 use frhc::canopen::station::Station;
 use frhc::config::Config;
 use frhc::config::torque_data::TorqueData;
 use frhc::lab::world;
+use frhc::sim::drive::Drive;
 use frhc::sim::scenario::Scenario;
-use frhc::sim::world::World;
 use frhc::telemetry::candump::Line;
 use frhc::time::Instant;
 
@@ -35,13 +36,14 @@ const MOST_TURNS: usize = 100;
 
 /// Drives and their master at once, while a stranger sends what the bytes say.
 pub fn frames(bytes: &[u8]) {
-    let mut master = Master::new(CONFIG.node_plans());
-    let mut drives = WORLD.clone();
+    let is_drive = |(_, plan): &(Channel, NodePlan)| plan.mode.is_some();
+    let mut master = Master::new(CONFIG.node_plans().into_iter().filter(is_drive).collect());
+    let mut drives = DRIVES.clone();
     let mut now = Instant::ZERO;
     for step in steps(bytes) {
         now = now + step.after;
         let mut out = vec![Telegram { channel: Channel(0), frame: step.frame }];
-        drives.on_time(now, &mut out);
+        drives.iter_mut().for_each(|drive| drive.on_time(now, &mut out));
         let mut turns = 0;
         while master.deadline().is_some_and(|due| due <= now) {
             master.on_time(now, &mut out);
@@ -54,12 +56,14 @@ pub fn frames(bytes: &[u8]) {
 }
 
 /// Both sides hear what is said, and what is said to that, for some turns.
-fn converse(now: Instant, master: &mut Master, drives: &mut World, mut said: Vec<Telegram>) {
+fn converse(now: Instant, master: &mut Master, drives: &mut [Drive], mut said: Vec<Telegram>) {
     for _ in 0..4 {
         let mut answers = Vec::new();
         for telegram in &said {
             let before = answers.len();
-            drives.on_frame(now, telegram.channel, &telegram.frame, &mut answers);
+            for drive in &mut *drives {
+                drive.on_frame(now, telegram.channel, &telegram.frame, &mut answers);
+            }
             master.on_frame(now, telegram, &mut answers);
             assert!(answers.len() - before <= MOST_ANSWERS, "{} led to too much", telegram.frame);
         }
@@ -98,17 +102,17 @@ pub fn sdo_client(bytes: &[u8]) {
 
 /// A drive, and a client that asks what the bytes say.
 pub fn sdo_server(bytes: &[u8]) {
-    let mut drives = WORLD.clone();
+    let mut drive = DRIVES.first().unwrap().clone();
     let mut now = Instant::ZERO;
-    drives.on_time(now, &mut Vec::new());
+    drive.on_time(now, &mut Vec::new());
     for step in steps(bytes) {
         now = now + step.after;
         let mut out = Vec::new();
-        drives.on_frame(now, Channel(0), &addressed(&step.frame, 0x600), &mut out);
+        drive.on_frame(now, Channel(0), &addressed(&step.frame, 0x600), &mut out);
         let replies = out.iter().filter(|telegram| telegram.frame.cob_id == 0x581);
         assert!(replies.clone().count() <= 128, "{} led to too much", step.frame);
         assert!(replies.clone().all(|telegram| telegram.frame.data().len() == 8));
-        drives.on_time(now, &mut out);
+        drive.on_time(now, &mut out);
     }
 }
 
@@ -197,8 +201,8 @@ static CONFIG: LazyLock<Config> = LazyLock::new(|| {
     Config::parse(file, include_str!("../../config/kraft_like_500hz.toml")).unwrap()
 });
 
-/// Just switched on.
-static WORLD: LazyLock<World> = LazyLock::new(|| {
+/// The drives of it, just switched on.
+static DRIVES: LazyLock<Vec<Drive>> = LazyLock::new(|| {
     let free = include_str!("../../config/scenarios/free.toml");
-    world::build(&CONFIG, Scenario::parse(free).unwrap(), 1)
+    world::build(&CONFIG, Scenario::parse(free).unwrap(), 1).drives().to_vec()
 });

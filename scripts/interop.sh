@@ -34,5 +34,5 @@ fi
 cargo build --locked --release
 export FRHC=$PWD/target/release/frhc INTEROP_LOGS=$here/logs PYTHONDONTWRITEBYTECODE=1
 rm -rf "$INTEROP_LOGS" && mkdir -p "$INTEROP_LOGS"
-scripts/with_vcan.sh -v -t 300 -i vcan0 -- "$python" tests/interop/on_the_bus.py "$@"
+scripts/with_vcan.sh -v -t 600 -i vcan0 -- "$python" tests/interop/on_the_bus.py "$@"
 "$python" tests/interop/in_the_logs.py "$@"

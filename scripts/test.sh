@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # test.sh: every test, those on real vcan included, on a fresh machine (Debian, a Rust toolchain).
 #
-# Installs what is missing of can-utils and iproute2 and says so. The tests on vcan run in virtual
-# time, in a User-Mode Linux kernel: $VCAN_KERNEL, or the one in ~/.cache/vcan-uml, which is built there
-# when it is missing (about 8 minutes, once).
+# Installs what is missing of can-utils and iproute2 and says so, as scripts/interop.sh does with what it
+# needs: python3-venv, tshark, and Python's packages. The tests on vcan run in virtual time, in a User-Mode
+# Linux kernel: $VCAN_KERNEL, or the one in ~/.cache/vcan-uml, which is built there when it is missing
+# (about 8 minutes, once).
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 as_root() { if [[ $EUID -eq 0 ]]; then "$@"; else sudo -n "$@"; fi; }
@@ -37,3 +38,6 @@ vcan=$(cargo test --locked --release --test vcan --no-run --message-format=json 
   sed -n 's/.*"executable":"\([^"]*\/vcan-[0-9a-f]*\)".*/\1/p' | tail -n 1)
 [[ -x $vcan ]] || { echo "test: the vcan tests did not build" >&2; exit 1; }
 scripts/with_vcan.sh -v -t 300 -i "vcan0 vcan1" -- "$vcan" --test-threads=1
+
+echo "test: other people's programs on real vcan" >&2
+scripts/interop.sh

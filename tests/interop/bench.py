@@ -1,0 +1,163 @@
+"""What every test here uses: frhc as a process, candump as the witness, and waiting.
+
+Time is virtual (scripts/with_vcan.sh -v): sleeping costs nothing, and a loop that does not sleep never ends.
+"""
+
+import json
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+import tomllib
+from pathlib import Path
+
+import canopen
+
+ROOT = Path(__file__).resolve().parents[2]
+FRHC = os.environ.get("FRHC", str(ROOT / "target/release/frhc"))
+LOGS = os.environ.get("INTEROP_LOGS")
+INTERFACE = "vcan0"
+CONFIG = ROOT / "config/kraft_like_500hz.toml"
+SETTINGS = tomllib.loads(CONFIG.read_text())
+JOINTS = SETTINGS["joint"]
+SWITCHES = SETTINGS["switches"]
+DRIVE_EDS = str(ROOT / "eds/frhc_drive.eds")
+SWITCHES_EDS = str(ROOT / "eds/frhc_switches.eds")
+
+
+class Failed(AssertionError):
+    """What a test expected and did not get."""
+
+
+def check(is_so, what):
+    """Fails with `what` unless it is so."""
+    if not is_so:
+        raise Failed(what)
+
+
+def same(found, expected, what):
+    """Fails where two values differ."""
+    check(found == expected, f"{what}: {found!r}, expected {expected!r}")
+
+
+def until(is_so, what, seconds=5.0):
+    """Waits until `is_so()` says something true, and returns that."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        answer = is_so()
+        if answer:
+            return answer
+        time.sleep(0.002)
+    raise Failed(f"not within {seconds} s: {what}")
+
+
+class Bench:
+    """A folder, a recorded bus and the processes of one test; all gone when it ends."""
+
+    def __init__(self, name):
+        self.name = name
+
+    def __enter__(self):
+        self.folder = Path(tempfile.mkdtemp(prefix="frhc-interop-", dir="/dev/shm"))
+        self.environment = {**os.environ, "XDG_RUNTIME_DIR": str(self.folder)}
+        self.environment.pop("RUNTIME_DIRECTORY", None)
+        self.processes = []
+        self.network = None
+        self.log = self.folder / "candump.log"
+        with self.log.open("w") as log:
+            self.candump = subprocess.Popen(["candump", "-L", INTERFACE], stdout=log)
+        time.sleep(0.05)
+        return self
+
+    def __exit__(self, kind, error, trace):
+        if self.network is not None:
+            self.network.disconnect()
+        for process in self.processes:
+            process.kill()
+        time.sleep(0.02)
+        self.candump.terminate()
+        self.candump.wait()
+        if error is not None:
+            error.frames = self.frames()[-40:]
+        if LOGS:
+            shutil.copy(self.log, f"{LOGS}/{self.name}.log")
+        shutil.rmtree(self.folder)
+
+    def frames(self):
+        """Every candump line so far."""
+        return self.log.read_text().splitlines()
+
+    def sent(self, cob_id):
+        """When each data frame of an identifier came so far, and its data."""
+        line = re.compile(rf"\((\d+\.\d+)\) \S+ {cob_id:03X}#([0-9A-F]*)(?: .)?$")
+        found = map(line.match, self.frames())
+        return [(float(hit[1]), bytes.fromhex(hit[2])) for hit in found if hit]
+
+    def connect(self):
+        """python-canopen on the bus."""
+        self.network = canopen.Network()
+        self.network.NOTIFIER_CYCLE = 0.05
+        self.network.NOTIFIER_SHUTDOWN_TIMEOUT = 1.0
+        self.network.connect(interface="socketcan", channel=INTERFACE)
+        return self.network
+
+    def start(self, *arguments):
+        """frhc with these arguments."""
+        errors = self.folder / f"stderr{len(self.processes)}.log"
+        with errors.open("w") as to:
+            process = subprocess.Popen(
+                [FRHC, *map(str, arguments)],
+                cwd=ROOT,
+                env=self.environment,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=to,
+                text=True,
+            )
+        process.errors = errors
+        self.processes.append(process)
+        return process
+
+    def ends(self, process, code, reason=""):
+        """The process ends by itself with this code, and says why."""
+        process.wait(timeout=60)
+        said = process.errors.read_text()
+        same(process.returncode, code, f"exit code; it said:\n{said}")
+        check(reason in said, f"{reason!r} is not in:\n{said}")
+        return said
+
+    def stop(self, process, code=0, reason=""):
+        """The process is asked to end, and does."""
+        process.send_signal(signal.SIGTERM)
+        return self.ends(process, code, reason)
+
+    def frhc(self, *arguments):
+        """frhc to its end; what it printed."""
+        process = self.start(*arguments)
+        printed, _ = process.communicate(timeout=60)
+        same(process.returncode, 0, f"frhc {arguments}: {process.errors.read_text()}")
+        return printed
+
+    def status(self):
+        """What the node says of itself, `None` before its first cycle."""
+        try:
+            with socket.socket(socket.AF_UNIX) as console:
+                console.settimeout(1.0)
+                console.connect(str(self.folder / "frhc/node.sock"))
+                console.sendall(b'{"ask":"status"}\n')
+                return json.loads(console.makefile().readline()).get("status")
+        except (FileNotFoundError, ConnectionError):
+            return None
+
+    def mode(self, mode):
+        """Waits until the node is in a mode; its status then."""
+
+        def status():
+            now = self.status()
+            return now if now and now["mode"] == mode else None
+
+        return until(status, f"mode {mode}")

@@ -1,0 +1,157 @@
+"""CiA 402 drives and a switch box made of python-canopen, enough of them for `frhc run`.
+
+python-canopen serves SDO and the heartbeat and reads the PDO mapping out of its own dictionary; what it
+leaves to its user is here: boot-up after a reset, the exchange at SYNC, the power state machine.
+"""
+
+import math
+import struct
+
+import canopen
+from canopen.profiles.p402 import State402
+
+from bench import DRIVE_EDS, JOINTS, SWITCHES, SWITCHES_EDS
+
+CONTROLWORD, STATUSWORD, MODE, MODE_DISPLAY, POSITION = 0x6040, 0x6041, 0x6060, 0x6061, 0x6064
+DEADMAN_RELEASED = 0b10
+
+
+class Slave:
+    """A LocalNode that boots up, and comes back after a reset as CiA 301 has it."""
+
+    def __init__(self, network, node_id, eds):
+        self.node = network.create_node(node_id, eds)
+        network.subscribe(0, self.on_nmt)
+        self.boot_up()
+
+    def on_nmt(self, _cob_id, data, _time):
+        command, node_id = data
+        if node_id not in (0, self.node.id):
+            return
+        if command in (0x81, 0x82):
+            self.stop()
+            kept = {} if command == 0x81 else self.node.data_store
+            self.node.data_store = {index: v for index, v in kept.items() if index >= 0x2000}
+            self.boot_up()
+        elif command == 0x01:
+            self.start()
+
+    def boot_up(self):
+        self.node.nmt.stop_heartbeat()
+        self.node.nmt.state = "INITIALISING"
+        self.node.nmt.state = "PRE-OPERATIONAL"
+
+    def start(self):
+        """Operational: PDOs are as the dictionary says now."""
+        self.node.pdo.read()
+
+    def stop(self):
+        """Not operational any more."""
+        for pdo in self.node.tpdo.values():
+            pdo.stop()
+
+    def fill(self, pdo):
+        """The mapped objects into a TPDO."""
+        for variable in pdo:
+            variable.set_data(self.node.get_data(variable.index, variable.subindex))
+
+
+class Drive(Slave):
+    """One drive whose shaft stands still."""
+
+    def __init__(self, network, joint):
+        self.state = "SWITCH ON DISABLED"
+        self.before = 0
+        self.sends = True
+        self.waiting = None
+        turns = joint["start_deg"] / 360.0 * joint["gear_ratio"]
+        self.counts = joint["zero_counts"] + round(turns * joint["encoder_counts_per_rev"])
+        super().__init__(network, joint["node_id"], DRIVE_EDS)
+        self.node.add_read_callback(self.on_read)
+        self.node.add_write_callback(self.on_write)
+        network.subscribe(0x80, self.on_sync)
+        self.node.sdo["Motor rated torque"].raw = round(joint["rated_torque_nm"] * 1000)
+
+    def start(self):
+        super().start()
+        self.waiting = None
+        self.node.rpdo[1].add_callback(self.on_rpdo)
+
+    def on_rpdo(self, pdo):
+        self.waiting = bytes(pdo.data)
+
+    def on_sync(self, _cob_id, _data, _time):
+        """Samples are taken and targets act at the SYNC, both as the mapping in the dictionary says."""
+        if self.node.nmt.state != "OPERATIONAL":
+            return
+        sample, target = self.node.tpdo[1], self.node.rpdo[1]
+        self.fill(sample)
+        if self.waiting is not None:
+            for variable in target:
+                self.node.set_data(variable.index, variable.subindex, variable.get_data())
+        if self.sends:
+            sample.transmit()
+
+    def on_read(self, index, **_):
+        """What is no memory but the drive itself."""
+        if index == STATUSWORD:
+            return State402.SW_MASK[self.state][1] | 0x0200
+        if index == MODE_DISPLAY:
+            return self.node.sdo[MODE].raw
+        return self.counts if index == POSITION else None
+
+    def on_write(self, index, data, **_):
+        if index == CONTROLWORD:
+            (word,) = struct.unpack("<H", data)
+            self.state = after(self.state, word, self.before)
+            self.before = word
+
+    def torque(self):
+        """The target torque, in per mille, as python reads its own dictionary."""
+        return self.node.sdo["Target torque"].raw
+
+
+def after(state, word, before):
+    """CiA 402-2, table of device control commands: the state after a controlword."""
+    if state == "FAULT":
+        reset = word & 0x80 and not before & 0x80
+        return "SWITCH ON DISABLED" if reset else state
+    powered = ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED")
+    if word & 0x82 == 0x00:  # disable voltage
+        return "SWITCH ON DISABLED"
+    if word & 0x87 == 0x06:  # shutdown
+        return "READY TO SWITCH ON"
+    if word & 0x86 == 0x02:  # quick stop
+        return "QUICK STOP ACTIVE" if state == "OPERATION ENABLED" else "SWITCH ON DISABLED"
+    if word & 0x8F == 0x07 and state in powered:  # switch on, disable operation
+        return "SWITCHED ON"
+    if word & 0x8F == 0x0F and state in powered[1:]:  # enable operation
+        return "OPERATION ENABLED"
+    return state
+
+
+class SwitchBox(Slave):
+    """Eight inputs, sent as often as 1800h:5 says."""
+
+    def __init__(self, network):
+        super().__init__(network, SWITCHES["node_id"], SWITCHES_EDS)
+        self.node.set_data(0x6000, 1, bytes([DEADMAN_RELEASED]))
+
+    def start(self):
+        super().start()
+        pdo = self.node.tpdo[1]
+        self.fill(pdo)
+        pdo.start(pdo.event_timer / 1000)
+
+
+def arm(network, without=()):
+    """The six drives by their node-ids and the switch box, all but those `without`."""
+    SwitchBox(network)
+    joints = [joint for joint in JOINTS if joint["node_id"] not in without]
+    return {joint["node_id"]: Drive(network, joint) for joint in joints}
+
+
+def angle(joint, counts):
+    """A joint's position in rad for a count of its encoder."""
+    turns = (counts - joint["zero_counts"]) / joint["encoder_counts_per_rev"]
+    return turns / joint["gear_ratio"] * math.tau

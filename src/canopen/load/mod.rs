@@ -6,7 +6,7 @@
 //! | file | what it says |
 //! |---|---|
 //! | [`pace`] | how often a frame comes: by the clock, on a change, by chance |
-//! | [`streams`] | which frames are planned on a bus, one for each COB-ID |
+//! | [`streams`](mod@streams) | which frames are planned on a bus, one for each COB-ID |
 //! | [`payload`] | how long they typically are, from the values they typically hold |
 //! | [`utilisation`] | how much of the bus they take, and what is left |
 //! | [`response`] | how long each may take from its queue to its end (Davis et al. 2007) |

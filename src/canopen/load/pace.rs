@@ -45,7 +45,7 @@ pub enum Pace {
 /// What makes a frame change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Values {
-    /// States and switches: a change now and then, and at most [`BURST`] in a row.
+    /// States and switches: a change now and then, and at most four in a row.
     Rare,
     /// Measured values: new whenever one looks.
     Restless,
@@ -92,7 +92,7 @@ impl Pace {
     }
 
     /// The most frames queued in any half-open window of `window_ns`, when each may be queued up to
-    /// `jitter_ns` late: the smaller of ⌈(t + J) / T⌉ and, for rare changes, [`BURST`] more than the
+    /// `jitter_ns` late: the smaller of ⌈(t + J) / T⌉ and, for rare changes, a burst of four more than the
     /// timer brings.
     pub fn most_in(self, window_ns: u64, jitter_ns: u64) -> u64 {
         let span = window_ns.saturating_add(jitter_ns);

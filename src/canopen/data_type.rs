@@ -82,7 +82,7 @@ const fn any_length(number: u16, name: &'static str, kind: Kind) -> DataType {
 
 /// The type of that number, `None` for records and for types of a manufacturer's own.
 pub fn of(number: u16) -> Option<DataType> {
-    TYPES.into_iter().find(|data_type| data_type.number == number)
+    TYPES.iter().find(|data_type| data_type.number == number).copied()
 }
 
 /// The bytes of a value of that type; `None` for those of any length.

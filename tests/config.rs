@@ -210,7 +210,7 @@ fn what_no_node_can_be_booted_by_is_named() {
 #[test]
 fn an_unusual_boot_is_in_the_plan_of_its_node() {
     let lines = "revisions = \"compatible\"\nserial = 7\nsoftware_version = \"0.1.0\"\n\
-                 guard_time_ms = 10\nlife_time_factor = 3\noptional = true\nkeep_alive = true";
+                 guard_time_ms = 80\nlife_time_factor = 3\noptional = true\nkeep_alive = true";
     let text = with_boot("switches", lines);
     let text = text.replacen("[node]\n", "[node]\nstore_configuration = true\n", 1);
     let config = Config::parse(Path::new(FILE), &text).unwrap();
@@ -218,5 +218,5 @@ fn an_unusual_boot_is_in_the_plan_of_its_node() {
     assert!(plan.is_optional && plan.keep_alive && plan.stores_configuration);
     assert_eq!(plan.admission.serial, Some(7));
     assert_eq!(plan.admission.software.unwrap().as_bytes(), b"0.1.0");
-    assert_eq!(plan.error_control.lost_after(), std::time::Duration::from_millis(30));
+    assert_eq!(plan.error_control.lost_after(), std::time::Duration::from_millis(240));
 }

@@ -244,7 +244,7 @@ fn the_dbc_file_scales_as_the_decoder_does() {
 
 #[test]
 fn one_bus_or_all_of_them_are_exported() {
-    let config = "config/kraft_like.toml";
+    let config = "config/jpl_like.toml";
     let all = signals(&decoded(&["export", "dbc", "--config", config]));
     let wrist = signals(&decoded(&["export", "dbc", "--config", config, "--bus", "wrist"]));
     assert!(all.contains_key(&0x181) && all.contains_key(&0x184));

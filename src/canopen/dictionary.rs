@@ -163,9 +163,11 @@ impl Dictionary {
     pub fn readdress(&mut self, from: NodeId, to: NodeId) {
         let shift = i128::from(to.raw()) - i128::from(from.raw());
         for entry in self.entries.iter_mut().filter(|entry| entry.plus_node_id) {
-            let number = value::unsigned(&entry.default) + shift;
-            for (byte, new) in entry.default.iter_mut().zip(number.to_le_bytes()) {
-                *byte = new;
+            for default in [&mut entry.default, &mut entry.factory] {
+                let number = value::unsigned(default) + shift;
+                for (byte, new) in default.iter_mut().zip(number.to_le_bytes()) {
+                    *byte = new;
+                }
             }
         }
     }

@@ -35,6 +35,7 @@ use std::time::Duration;
 use nalgebra::Isometry3;
 
 use crate::canopen::NodeId;
+use crate::canopen::bits;
 use crate::canopen::exchange;
 use crate::canopen::exchange::Inbox;
 use crate::canopen::exchange::Outbox;
@@ -162,9 +163,15 @@ impl Config {
     }
 
     /// How long after a SYNC samples are waited for: what a period leaves when the RPDOs that must be
-    /// there before the next SYNC, and a fiftieth for the host, are taken off.
+    /// there before the next SYNC are taken off.
     pub fn window(&self) -> Duration {
-        self.period.saturating_sub(network::rpdo_time(self)).saturating_sub(self.period / 50)
+        self.period.saturating_sub(network::rpdo_time(self))
+    }
+
+    /// How long the longest frame takes on the slowest bus.
+    pub fn longest_frame(&self) -> Duration {
+        let bitrate = self.buses.iter().map(|bus| bus.bitrate).min().unwrap_or(1);
+        Duration::from_secs(1) * bits::worst_case(8) / bitrate.max(1)
     }
 
     /// What every node is to be and to be told, in the order of the joints, then the switch box.

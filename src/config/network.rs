@@ -229,7 +229,7 @@ fn drive_plan(config: &Config, place: usize, joint: &Joint) -> NodePlan {
     };
     layout::switch_off_others(&mut pdos, |object| joint.eds.object(object).is_some());
     let most = joint.calibration.max_target().0.unsigned_abs();
-    let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch(config), most);
+    let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch(config, place), most);
     kept(config, &joint.eds, joint.boot.apply(behind_the_pdos(plan, &joint.eds)))
 }
 
@@ -256,7 +256,12 @@ fn behind_the_pdos(plan: NodePlan, eds: &Eds) -> NodePlan {
 
 fn switches_plan(config: &Config) -> NodePlan {
     let SwitchBox { node, identity, boot, eds, .. } = &config.switches;
-    let mut plan = NodePlan::switches("switch box".to_owned(), *node, *identity, &watch(config));
+    let mut plan = NodePlan::switches(
+        "switch box".to_owned(),
+        *node,
+        *identity,
+        &watch(config, config.joints.len()),
+    );
     layout::switch_off_others(&mut plan.pdos, |object| eds.object(object).is_some());
     kept(config, eds, boot.apply(behind_the_pdos(plan, eds)))
 }
@@ -272,12 +277,16 @@ fn kept(config: &Config, eds: &Eds, plan: NodePlan) -> NodePlan {
     }
 }
 
-fn watch(config: &Config) -> Watch {
+/// How the node at `place` is watched. Each beats a hundredth faster than the one before, so that those
+/// of all nodes, which begin together, do not stay together: the next SYNC would have to wait for them.
+fn watch(config: &Config, place: usize) -> Watch {
+    let place = u16::try_from(place).unwrap_or(u16::MAX);
+    let period = config.safety.drive_heartbeat_ms;
     let lost = u16::try_from(config.safety.drive_lost.as_millis()).unwrap_or(u16::MAX);
     Watch {
         master: config.node_id,
         master_lost_ms: config.safety.node_lost_ms,
-        heartbeat_ms: config.safety.drive_heartbeat_ms,
+        heartbeat_ms: period - (period / 100).saturating_mul(place).min(period / 2),
         node_lost_ms: lost,
     }
 }

@@ -44,7 +44,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.listen(due.at);
 
         let sync_at = self.send_sync();
-        self.gather(sync_at + self.window);
+        self.gather(sync_at);
 
         let now = self.bus.now();
         self.judge(now, due.skipped);
@@ -86,11 +86,17 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// Hears the drives' answers to this SYNC, until all have answered or `until`.
-    fn gather(&mut self, until: Instant) {
+    /// Hears the drives' answers to this SYNC, until all have answered or the window is over. While
+    /// answers come it stays open for the next one: a SYNC that had to wait for the bus moves them all.
+    fn gather(&mut self, sync_at: Instant) {
+        let (mut until, end) = (sync_at + self.window, sync_at + self.period);
         while !self.samples.is_complete() {
-            let Some(received) = self.bus.receive(until) else { break };
+            let Some(received) = self.bus.receive(until.min(end)) else { break };
+            let (at, before) = (received.at, self.samples.fresh());
             self.hear(received);
+            if self.samples.fresh() != before {
+                until = until.max(at + self.next_answer);
+            }
         }
     }
 

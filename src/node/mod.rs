@@ -48,6 +48,8 @@ pub struct Node<B, R> {
     period: Duration,
     /// How long after a SYNC samples are waited for.
     window: Duration,
+    /// How long after one sample the next one may come.
+    next_answer: Duration,
     channels: Vec<Channel>,
     /// What the drives are told, in the frames of the layout.
     outbox: Outbox,
@@ -83,6 +85,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         Self {
             period: config.period,
             window: config.window(),
+            next_answer: config.longest_frame(),
             channels: config.channels(),
             outbox,
             master: Master::new(config.node_plans()),

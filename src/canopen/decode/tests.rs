@@ -85,7 +85,7 @@ fn what_is_not_in_the_layout_is_told_by_the_predefined_set() {
     let mut ear = Ear::of(per_drive());
     assert_eq!(ear.hears(0, 0x282, &[1]), "TPDO2 elbow: off in this layout");
     assert_eq!(ear.hears(0, 0x185, &[1]), "TPDO1 node 5: ");
-    assert_eq!(ear.hears(0, 0x085, &[0; 8]), "EMCY node 5: 0000h error reset (register 00h)");
+    assert_eq!(ear.hears(0, 0x085, &[0; 8]), "EMCY node 5: 0000h error reset");
     assert_eq!(ear.hears(0, 0x000, &[0x81, 2]), "NMT: reset node 2");
     assert_eq!(ear.hears(0, 0x000, &[0x81]), "malformed: not an NMT command and a node-id");
     assert_eq!(ear.hears(0, 0x7FF, &[]), "unknown: ");

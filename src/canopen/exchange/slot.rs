@@ -14,14 +14,14 @@ pub(super) struct Slot {
 impl Slot {
     /// What stands there in `content`, little-endian.
     pub(super) const fn read(self, content: u64) -> [u8; 8] {
-        ((content & self.mask) >> self.shift).to_le_bytes()
+        (content & self.mask).unbounded_shr(self.shift).to_le_bytes()
     }
 
     /// Puts `value` there and leaves all else alone.
     pub(super) const fn write(self, content: u64, value: u16) -> u64 {
         let [low, high] = value.to_le_bytes();
         let value = u64::from_le_bytes([low, high, 0, 0, 0, 0, 0, 0]);
-        content & !self.mask | value << self.shift & self.mask
+        content & !self.mask | value.unbounded_shl(self.shift) & self.mask
     }
 
     /// Whether they have a bit in common.

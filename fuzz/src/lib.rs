@@ -17,7 +17,9 @@ use frhc::canopen::frame::Telegram;
 use frhc::canopen::master::Master;
 use frhc::canopen::object::Object;
 use frhc::canopen::plan::NodePlan;
+use frhc::canopen::sdo::Block;
 use frhc::canopen::sdo::MAX_BYTES;
+use frhc::canopen::sdo::Terms;
 use frhc::canopen::sdo::Transfer;
 use frhc::canopen::station::Station;
 use frhc::config::Config;
@@ -77,11 +79,17 @@ pub fn sdo_client(bytes: &[u8]) {
     let mut out = Vec::new();
     let mut now = Instant::ZERO;
     let timeout = Duration::from_millis(100);
+    let block = Block::new(size % 127 + 1).unwrap();
+    let terms = match kind >> 1 & 3 {
+        0 => Terms::segmented(timeout),
+        1 => Terms::best(timeout, block),
+        _ => Terms::block(timeout, block),
+    };
     let mut transfer = if kind & 1 == 0 {
-        Transfer::read(node(), Object::DEVICE_NAME, timeout, now, &mut out)
+        Transfer::read_on(terms, node(), Object::DEVICE_NAME, now, &mut out)
     } else {
-        let value = vec![0x5A; usize::from(size)];
-        Transfer::write(node(), Object::DEVICE_NAME, value, timeout, now, &mut out).unwrap()
+        let value = vec![0x5A; 8 * usize::from(size)];
+        Transfer::write_on(terms, node(), Object::DEVICE_NAME, value, now, &mut out).unwrap()
     };
     for step in steps(replies) {
         now = now + step.after;

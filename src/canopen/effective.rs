@@ -134,10 +134,10 @@ impl Reader {
     }
 
     fn ask(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        self.transfer = match self.asked {
-            Question::Nothing => None,
-            _ => Some(Transfer::read(self.node, self.object(), self.timeout, now, out)),
-        };
+        let is_over = self.asked == Question::Nothing;
+        let object = Some(self.object()).filter(|_| !is_over);
+        self.transfer =
+            object.map(|object| Transfer::read(self.node, object, self.timeout, now, out));
     }
 
     fn on_outcome(

@@ -147,10 +147,11 @@ fn attend<B: Bus, R: Remote>(
         pass_on(&mut node, offer);
     }
     let stopped_by = node.cause();
-    node.stop().or_fail(Kind::Drive)?;
-    match stopped_by {
-        None => Ok(()),
-        Some(cause) => Err(Failure::new(Kind::Stopped, format!("stopped by {cause}"))),
+    let stop = |reason| Failure::new(Kind::Stopped, reason);
+    match (stopped_by, node.stop()) {
+        (None, confirmed) => confirmed.or_fail(Kind::Drive),
+        (Some(cause), Ok(())) => Err(stop(format!("stopped by {cause}"))),
+        (Some(cause), Err(error)) => Err(stop(format!("stopped by {cause}; {error}"))),
     }
 }
 

@@ -131,14 +131,14 @@ def silent_tpdo_stops_the_node(bench):
     cause = f"joint 2: no sample for {SAFETY['missing_samples']} cycles"
     same(bench.mode("stopped")["stopped_by"], cause, "cause")
     # Without a sample nobody knows that the drive is off, and the node says so.
-    bench.stop(node, 5, "joint 2: drive did not confirm that it is off")
+    bench.stop(node, 6, f"stopped by {cause}; joint 2: drive did not confirm that it is off")
 
 
 def drive_that_boots_again_stops_the_node(bench):
     drives, node = running(bench)
     drives[5].boot_up()
     same(bench.mode("stopped")["stopped_by"], "joint 5: rebooted", "cause")
-    bench.stop(node, 5, "joint 5: drive did not confirm that it is off")
+    bench.stop(node, 6, "stopped by joint 5: rebooted; joint 5: drive did not confirm that it is off")
 
 
 def drive_in_fault_stops_the_node_and_a_reset_revives_it(bench):

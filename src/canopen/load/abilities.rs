@@ -57,7 +57,7 @@ impl Abilities {
         if !rpdo.is_some_and(|rpdo| rpdo.can_move) {
             no_group.push(NoGroup::CobId);
         }
-        if !rpdo.is_some_and(|rpdo| usize::from(rpdo.most_entries) >= Group::SIZE) {
+        if rpdo.is_none_or(|rpdo| usize::from(rpdo.most_entries) < Group::SIZE) {
             no_group.push(NoGroup::Mapping);
         }
         let emcy = eds.object(Object::EMCY_COB_ID);

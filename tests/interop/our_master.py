@@ -98,7 +98,7 @@ def master_carries_the_arm_with_the_torques_python_reads(bench):
 
 def emergency_of_a_drive_stops_the_node(bench):
     drives, node = running(bench)
-    drives[3].node.emcy.send(0x4210, 0x09, b"\x01\x02\x03\x04\x05")
+    drives[3].emergencies().send(0x4210, 0x09, b"\x01\x02\x03\x04\x05")
     status = bench.mode("stopped")
     same(status["stopped_by"], "joint 3: emergency 4210h", "cause")
     said = bench.stop(node, 6, "stopped by joint 3: emergency 4210h")
@@ -107,7 +107,7 @@ def emergency_of_a_drive_stops_the_node(bench):
 
 def emergency_that_is_over_stops_nothing(bench):
     drives, node = running(bench)
-    drives[3].node.emcy.reset()
+    drives[3].emergencies().reset()
     first = bench.status()["cycle"]
     until(lambda: bench.status()["cycle"] > first + 100, "cycles")
     same(bench.status()["mode"], "ready", "mode")

@@ -77,6 +77,11 @@ class Drive(Slave):
         self.waiting = None
         self.node.rpdo[1].add_callback(self.on_rpdo)
 
+    def emergencies(self):
+        """The producer of its emergencies, where the master has put them (1014h)."""
+        self.node.emcy.cob_id = self.node.sdo[0x1014].raw & 0x7FF
+        return self.node.emcy
+
     def on_rpdo(self, pdo):
         self.waiting = bytes(pdo.data)
 

@@ -39,6 +39,15 @@ SERVICES = {
 BROADCASTS = {0x000: "NMT: ", 0x080: "SYNC", 0x7E4: "LSS", 0x7E5: "LSS"}
 
 
+# Emergencies that the master has put behind the PDOs (1014h): nothing in the frame tells the dissector.
+MOVED_EMERGENCIES = 0x680
+
+
+def is_moved(cob_id):
+    """Whether only the configuration says what a frame is."""
+    return cob_id & 0x780 == MOVED_EMERGENCIES
+
+
 def service(cob_id):
     """What the dissector must call a frame."""
     return BROADCASTS.get(cob_id) or SERVICES[cob_id & 0x780]
@@ -69,6 +78,8 @@ def dissected(logs):
 def wireshark_knows_every_frame(logs):
     for file, rows in dissected(logs):
         for number, (cob_id, info, malformed, expert, *_) in enumerate(rows, 1):
+            if is_moved(int(cob_id)):
+                continue
             where = f"{file.name}:{number}: {info}"
             check(info.startswith(service(int(cob_id))), f"{where}, not {service(int(cob_id))}")
             check("nknown" not in info, where)
@@ -112,6 +123,9 @@ def wireshark_agrees_with_frhc_decode(logs):
             cob_id, info, _, _, index, sub, abort, code, register = row
             where = f"{file.name}:{ours['line']}: {info}"
             same(int(ours["id"], 16), int(cob_id), where)
+            if is_moved(int(cob_id)):
+                same(ours["kind"], "emcy", where)
+                continue
             kind = next(ours for theirs, ours in KINDS.items() if info.startswith(theirs))
             same(ours["kind"], kind, where)
             if index:

@@ -18,6 +18,7 @@ use common::golden::compare;
 use frhc::bus::Memory;
 use frhc::canopen::NmtCommand;
 use frhc::canopen::NodeId;
+use frhc::canopen::bench::procedure::Procedure;
 use frhc::canopen::frame::Frame;
 use frhc::canopen::lss::Address;
 use frhc::canopen::lss::BitRate;
@@ -32,7 +33,6 @@ use frhc::canopen::lss::job::Report;
 use frhc::canopen::lss::job::Selection;
 use frhc::canopen::lss::master::Master;
 use frhc::canopen::nmt::Order;
-use frhc::canopen::procedure::Procedure;
 use frhc::cli::bench::Session;
 use frhc::time::Instant;
 

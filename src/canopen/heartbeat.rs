@@ -14,9 +14,9 @@ use canopen_rs::nmt::decode_heartbeat;
 use canopen_rs::nmt::encode_heartbeat;
 use canopen_rs::nmt::heartbeat_cob_id;
 
-use crate::canopen::duplicate::Rhythm;
-use crate::canopen::duplicate::Sign;
 use crate::canopen::frame::Frame;
+use crate::canopen::master::duplicate::Rhythm;
+use crate::canopen::master::duplicate::Sign;
 use crate::time::Instant;
 
 /// Whether the frame is the boot-up message of `node`.

@@ -1,13 +1,9 @@
 //! CANopen (CiA 301) and the drive profile (CiA 402), as pure machines: frames and time in, frames out.
 
 pub mod abort;
+pub mod bench;
 pub mod bits;
-pub mod boot_error;
-pub mod check;
-pub mod commission;
 pub mod concise;
-pub mod configuration;
-pub mod confirm;
 pub mod data_type;
 pub mod dbc;
 pub mod dcf;
@@ -15,16 +11,11 @@ pub mod decode;
 pub mod device;
 pub mod dictionary;
 pub mod drive;
-pub mod duplicate;
 pub mod eds;
-pub mod effective;
 pub mod emcy;
 pub mod error_codes;
-pub mod error_history;
-pub mod event;
 pub mod exchange;
 pub mod frame;
-pub mod gateway_type;
 pub mod guarding;
 pub mod heartbeat;
 pub mod layout;
@@ -32,24 +23,17 @@ pub mod load;
 pub mod lss;
 pub mod master;
 pub mod nmt;
-pub mod numeral;
 pub mod object;
 pub mod pdo;
 pub mod plan;
-pub mod procedure;
-pub mod scan;
 #[cfg(test)]
 mod scripted;
 pub mod sdo;
 pub mod signals;
-mod slave;
 pub mod station;
-pub mod steps;
-mod strangers;
 pub mod sync;
 pub mod time_stamp;
 pub mod value;
-pub mod watch;
 pub mod words;
 
 pub use canopen_rs::ByteString;

@@ -1,7 +1,7 @@
 //! What a node must be and how it must be set, as data.
 //!
 //! Takes no steps itself: which steps there are, and in which order, is in
-//! [`steps`](crate::canopen::steps); taking them is [`commission`](crate::canopen::commission).
+//! [`steps`](crate::canopen::master::steps); taking them is [`commission`](crate::canopen::master::commission).
 
 use std::fmt;
 use std::time::Duration;
@@ -10,15 +10,15 @@ use canopen_rs::ByteString;
 use canopen_rs::NodeId;
 use canopen_rs::Value;
 
-use crate::canopen::check::COB_ID_INVALID;
-use crate::canopen::check::Check;
-use crate::canopen::configuration::Stamp;
 use crate::canopen::drive;
 use crate::canopen::emcy;
 use crate::canopen::guarding::Guarding;
 use crate::canopen::layout;
 use crate::canopen::layout::Direction;
 use crate::canopen::layout::Pdo;
+use crate::canopen::master::check::COB_ID_INVALID;
+use crate::canopen::master::check::Check;
+use crate::canopen::master::configuration::Stamp;
 use crate::canopen::object::Object;
 
 /// Who a node must say it is (1000h and 1018h).

@@ -8,12 +8,12 @@ use canopen_rs::NodeId;
 
 use crate::canopen::abort::AbortCode;
 use crate::canopen::frame::Frame;
+use crate::canopen::master::steps::Step;
+use crate::canopen::master::steps::tests::first_boot;
 use crate::canopen::nmt::Order;
 use crate::canopen::object::Object;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::plan::bytes;
-use crate::canopen::steps::Step;
-use crate::canopen::steps::tests::first_boot;
 
 /// What a node is and does.
 pub(crate) struct Scripted {

@@ -7,6 +7,8 @@ use clap::Subcommand;
 
 use crate::bus::Bus;
 use crate::canopen::NodeId;
+use crate::canopen::bench::scan::Found;
+use crate::canopen::bench::scan::Scan;
 use crate::canopen::lss::Address;
 use crate::canopen::lss::BitRate;
 use crate::canopen::lss::identify::Description;
@@ -16,8 +18,6 @@ use crate::canopen::lss::job::Patience;
 use crate::canopen::lss::job::Report;
 use crate::canopen::lss::job::Selection;
 use crate::canopen::lss::master::Master;
-use crate::canopen::scan::Found;
-use crate::canopen::scan::Scan;
 use crate::cli::bench::Line;
 use crate::cli::bench::Session;
 use crate::cli::bench::SessionError;

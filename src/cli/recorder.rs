@@ -15,8 +15,8 @@ use std::sync::mpsc::SyncSender;
 use anyhow::Context;
 
 use crate::bus::Tap;
-use crate::canopen::event::Event;
 use crate::canopen::frame::Telegram;
+use crate::canopen::master::event::Event;
 use crate::telemetry::candump::LogWriter;
 use crate::telemetry::record::Mode;
 use crate::telemetry::record::Record;

@@ -5,9 +5,9 @@ use std::time::Duration;
 use clap::Args;
 
 use crate::canopen::NodeId;
+use crate::canopen::bench::scan::Found;
 use crate::canopen::nmt;
 use crate::canopen::plan::NodePlan;
-use crate::canopen::scan::Found;
 use crate::cli::bench::Line;
 use crate::cli::bench::words;
 use crate::cli::exit::Failure;
@@ -68,7 +68,9 @@ pub(super) fn run(args: &Scan) -> Result<(), Failure> {
     let (timeout, listen) =
         (Duration::from_millis(args.timeout), Duration::from_millis(args.listen));
     let found = session
-        .run(|now, out| crate::canopen::scan::Scan::begin(&args.nodes, timeout, listen, now, out))
+        .run(|now, out| {
+            crate::canopen::bench::scan::Scan::begin(&args.nodes, timeout, listen, now, out)
+        })
         .map_err(|error| known.fail(error))?;
     let judged: Vec<(&Found, Verdict)> =
         found.iter().map(|found| (found, judge(found, plans.as_deref(), master))).collect();

@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::bus::Bus;
 use crate::bus::Memory;
 use crate::bus::Tap;
-use crate::canopen::event::Event;
+use crate::canopen::master::event::Event;
 use crate::config::Config;
 use crate::controller::switches::Mode as CommandMode;
 use crate::lab::site::VirtualSite;

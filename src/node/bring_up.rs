@@ -6,12 +6,12 @@ use thiserror::Error;
 
 use crate::bus::Bus;
 use crate::bus::Heard;
-use crate::canopen::boot_error::BootError;
 use crate::canopen::drive::PowerStage;
 use crate::canopen::drive::State;
 use crate::canopen::drive::Statusword;
-use crate::canopen::event::Event;
 use crate::canopen::frame::Telegram;
+use crate::canopen::master::boot_error::BootError;
+use crate::canopen::master::event::Event;
 use crate::node::Node;
 use crate::node::safety;
 use crate::node::schedule::Schedule;

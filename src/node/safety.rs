@@ -17,8 +17,8 @@ use std::time::Duration;
 use thiserror::Error;
 
 use crate::bus::BusFault;
-use crate::canopen::event::Event;
 use crate::canopen::frame::Channel;
+use crate::canopen::master::event::Event;
 use crate::canopen::pdo::Deadman;
 use crate::controller::Fault;
 use crate::telemetry::record::Cause;

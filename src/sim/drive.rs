@@ -293,9 +293,9 @@ mod tests {
     use crate::canopen::drive::Goal;
     use crate::canopen::drive::PowerStage;
     use crate::canopen::eds::Eds;
-    use crate::canopen::event::Event;
     use crate::canopen::layout;
     use crate::canopen::master::Master;
+    use crate::canopen::master::event::Event;
     use crate::canopen::pdo::Counts;
     use crate::canopen::pdo::DriveSample;
     use crate::canopen::pdo::PerMille;

@@ -7,6 +7,7 @@ use std::time::Duration;
 use frhc::bus::Bus;
 use frhc::bus::Memory;
 use frhc::canopen::NodeId;
+use frhc::canopen::bench::watch::Watch;
 use frhc::canopen::device::Application;
 use frhc::canopen::device::Device;
 use frhc::canopen::dictionary::Dictionary;
@@ -16,7 +17,6 @@ use frhc::canopen::frame::Frame;
 use frhc::canopen::frame::Telegram;
 use frhc::canopen::object::Object;
 use frhc::canopen::station::Station;
-use frhc::canopen::watch::Watch;
 use frhc::cli::bench::Session;
 use frhc::time::Instant;
 

@@ -5,11 +5,11 @@
 
 use std::time::Duration;
 
+use crate::canopen::bench::procedure::Procedure;
 use crate::canopen::frame::Frame;
 use crate::canopen::lss::codec::Condition;
 use crate::canopen::lss::codec::Reply;
 use crate::canopen::lss::codec::Request;
-use crate::canopen::procedure::Procedure;
 use crate::time::Instant;
 
 /// The numbers slaves are described by, ends included.

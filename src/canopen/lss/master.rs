@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use canopen_rs::NodeId;
 
+use crate::canopen::bench::procedure::Procedure;
 use crate::canopen::frame::Frame;
 use crate::canopen::heartbeat::is_boot_up;
 use crate::canopen::lss::codec::Answer;
@@ -27,7 +28,6 @@ use crate::canopen::lss::job::Selection;
 use crate::canopen::lss::job::Step;
 use crate::canopen::lss::job::TO_WAITING;
 use crate::canopen::lss::node_of;
-use crate::canopen::procedure::Procedure;
 use crate::time::Instant;
 
 /// What is waited for.

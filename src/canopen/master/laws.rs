@@ -1,13 +1,13 @@
 //! The laws of a master of several nodes on two buses, from its frames.
 
 use super::*;
-use crate::canopen::duplicate::Sign;
+use crate::canopen::master::duplicate::Sign;
+use crate::canopen::master::steps::Configuration;
 use crate::canopen::object::Object;
 use crate::canopen::plan::tests::elbow;
 use crate::canopen::plan::tests::guarded_elbow;
 use crate::canopen::plan::tests::switch_box;
 use crate::canopen::scripted::Scripted;
-use crate::canopen::steps::Configuration;
 use proptest::prelude::*;
 use std::time::Duration;
 

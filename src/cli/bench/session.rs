@@ -14,10 +14,10 @@ use crate::bus::Bus;
 use crate::bus::BusFault;
 use crate::bus::Heard;
 use crate::bus::SendError;
+use crate::canopen::bench::procedure::Procedure;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
-use crate::canopen::procedure::Procedure;
 use crate::time::Instant;
 
 /// Whether to stop is looked at this often.

@@ -1,9 +1,9 @@
 //! Nodes, objects and numbers as people type them.
 
 use crate::canopen::NodeId;
-use crate::canopen::numeral::hexadecimal;
-use crate::canopen::numeral::whole;
 use crate::canopen::object::Object;
+use crate::canopen::value::numeral::hexadecimal;
+use crate::canopen::value::numeral::whole;
 
 /// A node-id: `3`, `0x10`, `10h`.
 pub(in crate::cli) fn node(text: &str) -> Result<NodeId, String> {

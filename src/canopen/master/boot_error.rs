@@ -7,9 +7,9 @@ use canopen_rs::NodeId;
 use thiserror::Error;
 
 use crate::canopen::abort::AbortCode;
-use crate::canopen::check::Check;
-use crate::canopen::check::Shown;
-use crate::canopen::duplicate::Sign;
+use crate::canopen::master::check::Check;
+use crate::canopen::master::check::Shown;
+use crate::canopen::master::duplicate::Sign;
 use crate::canopen::object::Object;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::sdo::Content;

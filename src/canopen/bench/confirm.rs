@@ -11,9 +11,9 @@ use canopen_rs::NodeId;
 use canopen_rs::nmt::decode_heartbeat;
 use canopen_rs::nmt::heartbeat_cob_id;
 
+use crate::canopen::bench::procedure::Procedure;
 use crate::canopen::frame::Frame;
 use crate::canopen::nmt::Order;
-use crate::canopen::procedure::Procedure;
 use crate::time::Instant;
 
 /// What was heard of one node.

@@ -8,7 +8,7 @@
 //!     └──► kept                  └──► Storing ──► stored
 //! ```
 //!
-//! Takes no steps: that is [`commission`](crate::canopen::commission).
+//! Takes no steps: that is [`commission`](crate::canopen::master::commission).
 
 use std::collections::HashSet;
 use std::fmt;
@@ -16,9 +16,9 @@ use std::fmt;
 use canopen_rs::NmtCommand;
 use canopen_rs::Value;
 
-use crate::canopen::check::Check;
 use crate::canopen::drive::Controlword;
 use crate::canopen::drive::Statusword;
+use crate::canopen::master::check::Check;
 use crate::canopen::object::Object;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::plan::Revisions;

@@ -7,6 +7,17 @@
 //! Once the network runs, nothing but guarding is sent in a burst: what the master wants of a node by
 //! SDO waits in an outbox, of which the cycle [releases](Master::release) one frame at a time.
 
+pub mod boot_error;
+pub mod check;
+pub mod commission;
+pub mod configuration;
+pub mod duplicate;
+pub mod error_history;
+pub mod event;
+mod slave;
+pub mod steps;
+mod strangers;
+
 use std::collections::VecDeque;
 
 use canopen_rs::NmtCommand;
@@ -14,23 +25,23 @@ use canopen_rs::NmtState;
 use canopen_rs::nmt::HEARTBEAT_COB_BASE;
 use canopen_rs::sdo::SDO_RESPONSE_COB_BASE;
 
-use crate::canopen::boot_error::Problem;
-use crate::canopen::commission::PATIENCE;
 use crate::canopen::emcy;
 use crate::canopen::emcy::Emergency;
-use crate::canopen::event::Event;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
 use crate::canopen::heartbeat::Health;
 use crate::canopen::heartbeat::News;
 use crate::canopen::layout::Direction;
+use crate::canopen::master::boot_error::Problem;
+use crate::canopen::master::commission::PATIENCE;
+use crate::canopen::master::event::Event;
+use crate::canopen::master::slave::Report;
+use crate::canopen::master::slave::Slave;
+use crate::canopen::master::strangers::Strangers;
 use crate::canopen::nmt;
 use crate::canopen::nmt::Order;
 use crate::canopen::plan::NodePlan;
-use crate::canopen::slave::Report;
-use crate::canopen::slave::Slave;
-use crate::canopen::strangers::Strangers;
 use crate::canopen::sync;
 use crate::time::Instant;
 

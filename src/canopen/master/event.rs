@@ -7,14 +7,14 @@ use std::time::Duration;
 
 use canopen_rs::NmtState;
 
-use crate::canopen::boot_error::BootError;
-use crate::canopen::duplicate::Sign;
 use crate::canopen::emcy::Emergency;
-use crate::canopen::error_history::History;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
+use crate::canopen::master::boot_error::BootError;
+use crate::canopen::master::duplicate::Sign;
+use crate::canopen::master::error_history::History;
+use crate::canopen::master::steps::Configuration;
 use crate::canopen::nmt;
-use crate::canopen::steps::Configuration;
 
 /// What the master has to say. `node` is the place of a node in the list of plans.
 #[derive(Clone, Debug, PartialEq)]

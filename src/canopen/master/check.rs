@@ -1,6 +1,6 @@
 //! What an object must hold, and how that and what it holds instead are shown to people.
 //!
-//! A comparison and its words; who reads the object is the [boot](crate::canopen::commission)'s business.
+//! A comparison and its words; who reads the object is the [boot](crate::canopen::master::commission)'s business.
 
 use std::fmt;
 

@@ -19,7 +19,7 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-use crate::canopen::numeral::decimal;
+use crate::canopen::value::numeral::decimal;
 
 /// The bytes of a whole number: 1 to 8.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -8,21 +8,21 @@ use std::time::Duration;
 use canopen_rs::NmtState;
 use canopen_rs::nmt::heartbeat_cob_id;
 
-use crate::canopen::boot_error::BootError;
-use crate::canopen::boot_error::Problem;
-use crate::canopen::commission::Boot;
-use crate::canopen::commission::BootOutcome;
-use crate::canopen::error_history::History;
-use crate::canopen::error_history::Reading;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::guarding::Guard;
 use crate::canopen::heartbeat::Consumer;
 use crate::canopen::heartbeat::Health;
 use crate::canopen::heartbeat::News;
+use crate::canopen::master::boot_error::BootError;
+use crate::canopen::master::boot_error::Problem;
+use crate::canopen::master::commission::Boot;
+use crate::canopen::master::commission::BootOutcome;
+use crate::canopen::master::error_history::History;
+use crate::canopen::master::error_history::Reading;
+use crate::canopen::master::steps::Configuration;
 use crate::canopen::plan::ErrorControl;
 use crate::canopen::plan::NodePlan;
-use crate::canopen::steps::Configuration;
 use crate::time::Instant;
 
 /// How often a missing optional node is looked for, should its boot-up message not be heard.

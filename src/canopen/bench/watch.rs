@@ -7,12 +7,12 @@ use std::time::Duration;
 use canopen_rs::NodeId;
 use canopen_rs::nmt::heartbeat_cob_id;
 
+use crate::canopen::bench::procedure::Procedure;
 use crate::canopen::emcy;
 use crate::canopen::emcy::Emergency;
 use crate::canopen::frame::Frame;
 use crate::canopen::heartbeat;
 use crate::canopen::heartbeat::Consumer;
-use crate::canopen::procedure::Procedure;
 use crate::time::Instant;
 
 /// What was heard of one node.

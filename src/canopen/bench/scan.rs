@@ -17,12 +17,12 @@ use canopen_rs::nmt::decode_heartbeat;
 use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::sdo::response_cob_id;
 
+use crate::canopen::bench::procedure::Procedure;
 use crate::canopen::emcy;
 use crate::canopen::emcy::Emergency;
 use crate::canopen::frame::Frame;
 use crate::canopen::lss::Address;
 use crate::canopen::object::Object;
-use crate::canopen::procedure::Procedure;
 use crate::canopen::sdo::Content;
 use crate::canopen::sdo::SdoError;
 use crate::canopen::sdo::Transfer;

@@ -1,17 +1,20 @@
 //! Values as people write them, and as objects hold them, little-endian: the two ways between text and bytes.
 //!
-//! What each [`GatewayType`] looks like as text is in [`gateway_type`](crate::canopen::gateway_type).
+//! What each [`GatewayType`] looks like as text is in [`gateway_type`].
+
+pub mod gateway_type;
+pub mod numeral;
 
 use std::fmt;
 
 use thiserror::Error;
 
-use crate::canopen::gateway_type::GatewayType;
-use crate::canopen::gateway_type::Width;
-use crate::canopen::numeral::bare;
-use crate::canopen::numeral::hexadecimal;
-use crate::canopen::numeral::whole;
 use crate::canopen::time_stamp::TimeOfDay;
+use crate::canopen::value::gateway_type::GatewayType;
+use crate::canopen::value::gateway_type::Width;
+use crate::canopen::value::numeral::bare;
+use crate::canopen::value::numeral::hexadecimal;
+use crate::canopen::value::numeral::whole;
 
 /// Why a text is no value of a type.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -260,7 +263,7 @@ fn sized(bytes: &[u8], size: Option<usize>) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::gateway_type::names;
+    use crate::canopen::value::gateway_type::names;
     use proptest::prelude::*;
 
     fn bytes(data_type: &str, text: &str) -> Result<Vec<u8>, String> {

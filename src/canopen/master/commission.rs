@@ -1,4 +1,4 @@
-//! Boots one node: takes the [steps](crate::canopen::steps) of its plan, one SDO transfer at a time.
+//! Boots one node: takes the [steps](crate::canopen::master::steps) of its plan, one SDO transfer at a time.
 //!
 //! Ends with a node that is configured, read back and pre-operational; starting it is the
 //! [master](crate::canopen::master)'s. Every failure says which node, which object, what was expected
@@ -13,23 +13,23 @@ use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::sdo::response_cob_id;
 
 use crate::canopen::abort::AbortCode;
-use crate::canopen::boot_error::BootError;
-use crate::canopen::boot_error::Problem;
-use crate::canopen::duplicate::Exchange;
-use crate::canopen::duplicate::Sign;
 use crate::canopen::frame::Frame;
 use crate::canopen::heartbeat::is_boot_up;
+use crate::canopen::master::boot_error::BootError;
+use crate::canopen::master::boot_error::Problem;
+use crate::canopen::master::duplicate::Exchange;
+use crate::canopen::master::duplicate::Sign;
+use crate::canopen::master::steps::Action;
+use crate::canopen::master::steps::Configuration;
+use crate::canopen::master::steps::Next;
+use crate::canopen::master::steps::Stage;
+use crate::canopen::master::steps::Step;
 use crate::canopen::nmt::Order;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::plan::bytes;
 use crate::canopen::sdo::Outcome;
 use crate::canopen::sdo::SdoError;
 use crate::canopen::sdo::Transfer;
-use crate::canopen::steps::Action;
-use crate::canopen::steps::Configuration;
-use crate::canopen::steps::Next;
-use crate::canopen::steps::Stage;
-use crate::canopen::steps::Step;
 use crate::time::Instant;
 
 /// How long a node has for one SDO reply.
@@ -357,6 +357,7 @@ impl Boot {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::canopen::master::steps::tests::first_boot;
     use crate::canopen::object::Object;
     use crate::canopen::plan::Revisions;
     use crate::canopen::plan::tests::elbow;
@@ -364,7 +365,6 @@ mod tests {
     use crate::canopen::plan::tests::switch_box;
     use crate::canopen::scripted::Scripted;
     use crate::canopen::scripted::stamp;
-    use crate::canopen::steps::tests::first_boot;
     use canopen_rs::ByteString;
     use proptest::prelude::*;
 

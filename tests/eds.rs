@@ -515,10 +515,10 @@ fn every_node_gets_a_dcf_that_says_what_the_plan_leaves() {
         let configured = |object| eds.object(object).unwrap().configured(plan.node);
         let mut expected = std::collections::BTreeMap::new();
         for (object, value) in plan.pdos.iter().flat_map(|pdo| pdo.writes()) {
-            expected.insert(object, frhc::canopen::plan::bytes(&value));
+            expected.insert(object, frhc::canopen::sdo::bytes(&value));
         }
         for (object, value) in &plan.safety {
-            expected.insert(*object, frhc::canopen::plan::bytes(value));
+            expected.insert(*object, frhc::canopen::sdo::bytes(value));
         }
         for (object, value) in
             expected.into_iter().filter(|(object, _)| eds.object(*object).is_some())
@@ -545,7 +545,7 @@ fn a_concise_dcf_is_every_write_in_order() {
     let downloads = concise::decode(&fs::read(out.join("3_elbow.cdcf")).unwrap()).unwrap();
     let mut rest = downloads.iter();
     for (object, value) in plan.pdos.iter().flat_map(|pdo| pdo.writes()) {
-        let content = frhc::canopen::plan::bytes(&value);
+        let content = frhc::canopen::sdo::bytes(&value);
         let found = rest.find(|download| download.object == object);
         assert_eq!(found.map(|found| &found.content), Some(&content), "{object}");
     }

@@ -14,9 +14,9 @@ use crate::canopen::eds::Commissioning;
 use crate::canopen::eds::Eds;
 use crate::canopen::eds::value;
 use crate::canopen::object::Object;
-use crate::canopen::plan;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::plan::Setting;
+use crate::canopen::sdo::bytes;
 
 /// Why a plan is none for the device an EDS describes.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -97,7 +97,7 @@ pub fn downloads(eds: &Eds, plan: &NodePlan) -> Result<Vec<Download>, DcfError> 
         .map(|Setting { check, if_there }| ((check.object, check.expected), if_there));
     for ((object, value), if_there) in settings.chain(mode.map(|mode| (mode, false))) {
         if eds.object(object).is_some() {
-            downloads.push(Download { object, content: plan::bytes(&value) });
+            downloads.push(Download { object, content: bytes(&value) });
         } else if !if_there {
             return Err(DcfError::Unknown(object));
         }

@@ -347,13 +347,6 @@ const fn must(object: Object, value: Value) -> Setting {
     Setting { check: Check::exactly(object, value), if_there: false }
 }
 
-/// A value as SDO carries it, little-endian.
-pub fn bytes(value: &Value) -> Vec<u8> {
-    let mut bytes = vec![0; value.size()];
-    // It fails only for a buffer that is too small, and then writes nothing.
-    value.encode_le(&mut bytes).map_or_else(|_| Vec::new(), |_| bytes)
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;

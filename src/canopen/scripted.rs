@@ -13,7 +13,7 @@ use crate::canopen::master::steps::tests::first_boot;
 use crate::canopen::nmt::Order;
 use crate::canopen::object::Object;
 use crate::canopen::plan::NodePlan;
-use crate::canopen::plan::bytes;
+use crate::canopen::sdo::bytes;
 
 /// What a node is and does.
 pub(crate) struct Scripted {

@@ -12,6 +12,7 @@ use crate::cli::configured::Configured;
 use crate::cli::decode::Decode;
 use crate::cli::explain::Explain;
 use crate::cli::export::Export;
+use crate::cli::interfaces::Interfaces;
 use crate::cli::lss::Lss;
 use crate::cli::nmt::Nmt;
 use crate::cli::plan::Plan;
@@ -93,14 +94,6 @@ pub(super) enum Command {
     /// Files for other programs: the frames of the buses, what each node is left with.
     #[command(subcommand)]
     Export(Export),
-}
-
-/// Overriding interfaces.
-#[derive(Debug, Args)]
-pub(super) struct Interfaces {
-    /// The interface of the one bus, or NAME=INTERFACE of one of several. Repeatable.
-    #[arg(short = 'i', long = "interface", value_name = "[BUS=]INTERFACE")]
-    pub(super) interfaces: Vec<String>,
 }
 
 /// `frhc demo`.

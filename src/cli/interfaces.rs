@@ -1,8 +1,18 @@
 //! `-i`: which SocketCAN interface each bus of the configuration is on.
 
+use clap::Args;
+
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::config::Config;
+
+/// Overriding interfaces.
+#[derive(Debug, Args)]
+pub(super) struct Interfaces {
+    /// The interface of the one bus, or NAME=INTERFACE of one of several. Repeatable.
+    #[arg(short = 'i', long = "interface", value_name = "[BUS=]INTERFACE")]
+    pub(super) interfaces: Vec<String>,
+}
 
 /// The interface of each bus, in the configuration's order, with the overrides applied.
 pub(super) fn resolve(config: &Config, overrides: &[String]) -> Result<Vec<String>, Failure> {

@@ -128,7 +128,7 @@ mod tests {
             .filter(|pdo| pdo.service.is_some())
             .flat_map(crate::canopen::layout::Pdo::writes)
         {
-            let bytes = crate::canopen::plan::bytes(&value);
+            let bytes = crate::canopen::sdo::bytes(&value);
             let [low, high] = object.index.to_le_bytes();
             let mut request = [0x23, low, high, object.sub, 0, 0, 0, 0];
             request[0] |= u8::try_from(4 - bytes.len()).unwrap() << 2;

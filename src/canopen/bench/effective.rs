@@ -277,9 +277,9 @@ mod tests {
     use crate::canopen::layout;
     use crate::canopen::layout::Group;
     use crate::canopen::plan::NodePlan;
-    use crate::canopen::plan::bytes;
     use crate::canopen::plan::tests::elbow;
     use crate::canopen::scripted::Scripted;
+    use crate::canopen::sdo::bytes;
     use proptest::prelude::*;
 
     const TIMEOUT: Duration = Duration::from_millis(50);

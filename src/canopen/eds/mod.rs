@@ -10,6 +10,7 @@ mod device;
 mod ini;
 mod keys;
 mod lint;
+mod objects;
 mod pdo;
 mod read;
 mod sheet;
@@ -89,7 +90,7 @@ impl Eds {
         let ini = Ini::read(&text.text);
         let (device, commissioning) = (device::info(&ini), device::commissioning(&ini));
         let dummies = device::dummies(&ini);
-        let objects = read::objects(&ini)?;
+        let objects = objects::objects(&ini)?;
         drop(ini);
         Ok(Self { text, device, commissioning, dummies, objects })
     }

@@ -7,8 +7,8 @@ use std::fmt;
 use canopen_rs::Value;
 
 use crate::canopen::object::Object;
-use crate::canopen::plan::bytes;
 use crate::canopen::sdo::Content;
+use crate::canopen::sdo::bytes;
 
 /// What an object must hold.
 #[derive(Clone, Debug, PartialEq)]

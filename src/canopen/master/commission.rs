@@ -26,10 +26,10 @@ use crate::canopen::master::steps::Stage;
 use crate::canopen::master::steps::Step;
 use crate::canopen::nmt::Order;
 use crate::canopen::plan::NodePlan;
-use crate::canopen::plan::bytes;
 use crate::canopen::sdo::Outcome;
 use crate::canopen::sdo::SdoError;
 use crate::canopen::sdo::Transfer;
+use crate::canopen::sdo::bytes;
 use crate::time::Instant;
 
 /// How long a node has for one SDO reply.

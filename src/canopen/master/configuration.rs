@@ -8,7 +8,7 @@
 use canopen_rs::Value;
 
 use crate::canopen::object::Object;
-use crate::canopen::plan::bytes;
+use crate::canopen::sdo::bytes;
 
 /// What 1020h holds after a configuration that was stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

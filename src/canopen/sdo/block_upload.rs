@@ -26,7 +26,6 @@ use crate::canopen::sdo::receiver::Promise;
 use crate::canopen::sdo::receiver::Receiver;
 use crate::canopen::sdo::receiver::Taken;
 use crate::canopen::sdo::segmented::SCS_UPLOAD;
-use crate::canopen::sdo::segmented::Upload;
 use crate::canopen::sdo::step::Step;
 use crate::canopen::sdo::terms::Block;
 
@@ -89,7 +88,7 @@ impl BlockUpload {
             return Ok(Step::Pass);
         }
         if command >> 5 == SCS_UPLOAD {
-            return Ok(Step::Switch(Upload::new(self.about, self.limit)));
+            return Ok(Step::Switch);
         }
         let Ok(opened) = decode_upload_initiate_response(reply) else { return Ok(Step::Pass) };
         let declared = opened.size.map(|size| usize::try_from(size).unwrap_or(usize::MAX));

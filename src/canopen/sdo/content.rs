@@ -1,4 +1,6 @@
-//! What a transfer brings back.
+//! What a transfer brings back, and what it carries there.
+
+use canopen_rs::Value;
 
 /// What an object holds, as far as the transfer can tell.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -39,6 +41,13 @@ impl Content {
     pub fn is_size_told(&self) -> bool {
         self.size == Size::Told
     }
+}
+
+/// A value as SDO carries it, little-endian.
+pub fn bytes(value: &Value) -> Vec<u8> {
+    let mut bytes = vec![0; value.size()];
+    // It fails only for a buffer that is too small, and then writes nothing.
+    value.encode_le(&mut bytes).map_or_else(|_| Vec::new(), |_| bytes)
 }
 
 #[cfg(test)]

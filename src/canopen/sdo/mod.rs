@@ -46,6 +46,7 @@ mod terms;
 mod transfer;
 
 pub use content::Content;
+pub use content::bytes;
 pub use queue::Done;
 pub use queue::Queue;
 pub use queue::Request;

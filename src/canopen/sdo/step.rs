@@ -4,7 +4,6 @@ use canopen_rs::sdo::SdoPayload;
 
 use crate::canopen::abort::AbortCode;
 use crate::canopen::sdo::content::Content;
-use crate::canopen::sdo::segmented::Upload;
 
 /// What a reply leads to.
 #[derive(Clone, Debug)]
@@ -20,7 +19,7 @@ pub(super) enum Step {
     /// Segments are to go out, each in its time.
     Stream,
     /// The server goes on by the other protocol, to which its reply belongs.
-    Switch(Upload),
+    Switch,
     /// It is over.
     Done(Content),
     /// It is over, and the server is told so.

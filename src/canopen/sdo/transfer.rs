@@ -160,7 +160,8 @@ impl Transfer {
             Way::BlockDown(download) => download.on_reply(&reply),
             Way::Finished => Step::Pass,
         };
-        let Step::Switch(mut upload) = step else { return self.follow(now, step, out) };
+        let Step::Switch = step else { return self.follow(now, step, out) };
+        let mut upload = Upload::new(address(self.object), self.terms.most());
         let step = upload.on_reply(&reply);
         self.way = Way::Up(upload);
         self.follow(now, step, out)
@@ -219,7 +220,7 @@ impl Transfer {
     /// Does what a reply leads to.
     fn follow(&mut self, now: Instant, step: Step, out: &mut Vec<Frame>) -> Option<Outcome> {
         match step {
-            Step::Pass | Step::Switch(_) => None,
+            Step::Pass | Step::Switch => None,
             Step::Wait | Step::Stream => {
                 self.wait(now);
                 None

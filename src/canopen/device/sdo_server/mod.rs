@@ -10,6 +10,7 @@ mod block;
 mod laws;
 mod opening;
 mod segmented;
+mod size;
 
 use std::time::Duration;
 

@@ -14,6 +14,7 @@ use crate::canopen::device::sdo_server::block;
 use crate::canopen::device::sdo_server::block::SCS_BLOCK_DOWNLOAD;
 use crate::canopen::device::sdo_server::block::SCS_BLOCK_UPLOAD;
 use crate::canopen::device::sdo_server::segmented;
+use crate::canopen::device::sdo_server::size::check_size;
 use crate::canopen::object::Object;
 use crate::canopen::sdo::MAX_BYTES;
 use crate::canopen::sdo::Promise;
@@ -134,16 +135,6 @@ fn agreed_size(
     let announced = usize::try_from(u32::from_le_bytes(four)).unwrap_or(usize::MAX);
     check_size(size, announced)?;
     Ok(Some(announced))
-}
-
-/// Whether `found` bytes are what an object of this size takes.
-pub(super) fn check_size(size: Option<usize>, found: usize) -> Result<(), AbortCode> {
-    match size {
-        Some(size) if found > size => Err(AbortCode::LENGTH_TOO_HIGH),
-        Some(size) if found < size => Err(AbortCode::LENGTH_TOO_LOW),
-        None if found > MAX_BYTES => Err(AbortCode::OUT_OF_MEMORY),
-        Some(_) | None => Ok(()),
-    }
 }
 
 /// The size of a value, as it is announced.

@@ -29,6 +29,7 @@ use frhc::canopen::heartbeat;
 use frhc::canopen::nmt::Order;
 use frhc::canopen::object::Object;
 use frhc::canopen::sdo::SdoError;
+use frhc::canopen::sdo::Terms;
 use frhc::canopen::value::gateway_type::GatewayType;
 use frhc::cli::bench::Session;
 use frhc::cli::bench::objects;
@@ -45,7 +46,7 @@ fn node(raw: u8) -> NodeId {
 }
 
 fn at(node_id: u8, object: Object) -> Target {
-    Target { node: node(node_id), object, timeout: TIMEOUT }
+    Target { node: node(node_id), object, terms: Terms::segmented(TIMEOUT) }
 }
 
 fn scan(desk: &mut Desk) -> Vec<Found> {

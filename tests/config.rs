@@ -8,6 +8,7 @@
 
 use std::path::Path;
 
+use frhc::canopen::object::Object;
 use frhc::config::Config;
 use proptest::prelude::*;
 
@@ -204,6 +205,27 @@ fn what_no_node_can_be_booted_by_is_named() {
         let refusal = refusal(&with_boot(of, lines));
         assert!(refusal.contains(reason), "{lines}: {refusal}");
         assert!(refusal.contains(&format!("{FILE}:")), "{refusal}");
+    }
+}
+
+#[test]
+fn counted_syncs_are_told_to_every_drive_and_counted_on_the_bus() {
+    let text = TEXT.replacen("[node]\n", "[node]\nsync_counter = 240\ntime_period_ms = 1000\n", 1);
+    let text = text.replace("load_limit_percent = 90", "load_limit_percent = 91");
+    let config = Config::parse(Path::new(FILE), &text).unwrap();
+    assert_eq!((config.sync_counter, config.time_period.unwrap().as_millis()), (Some(240), 1_000));
+    let counting = config.node_plans().into_iter().filter(|(_, plan)| {
+        plan.writes().iter().any(|(object, _)| *object == Object::SYNC_OVERFLOW)
+    });
+    assert_eq!(counting.count(), 6);
+    let plain = Config::parse(Path::new(FILE), TEXT).unwrap();
+    assert!((config.loads()[0].used - plain.loads()[0].used - 10.0).abs() < 1e-9);
+    for (line, reason) in [
+        ("sync_counter = 1", "node.sync_counter: 1 is not within"),
+        ("time_period_ms = 5", "node.time_period_ms: 5 is not within"),
+    ] {
+        let text = TEXT.replacen("[node]\n", &format!("[node]\n{line}\n"), 1);
+        assert!(refusal(&text).contains(reason));
     }
 }
 

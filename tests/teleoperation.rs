@@ -9,11 +9,14 @@
 
 mod common;
 
+use std::path::Path;
+
 use common::bench::booted;
 use common::bench::config;
 use common::bench::scenario;
 use common::bench::until;
 use common::bench::until_contact;
+use frhc::config::Config;
 use frhc::lab::bench::Bench;
 use frhc::spatial::Motion;
 use frhc::telemetry::record::Mode;
@@ -95,4 +98,26 @@ fn nothing_pushes_while_the_node_is_not_armed() {
             assert_eq!(record.targets, [0; 6]);
         }
     }
+}
+
+#[test]
+fn syncs_are_counted_and_the_time_is_told_where_they_are_asked_for() {
+    let keys = "[node]\nsync_counter = 4\ntime_period_ms = 100\n";
+    let text = include_str!("../config/kraft_like.toml").replacen("[node]\n", keys, 1);
+    let text = text.replace("load_limit_percent = 90", "load_limit_percent = 91");
+    let config = Config::parse(Path::new(ONE_KILOHERTZ), &text).unwrap();
+    let wire = common::bench::Wire::default();
+    let mut bench = Bench::new(&config, scenario("contact_10s"), 1, false, wire.clone());
+    bench.bring_up().unwrap();
+    let from = bench.cycle().at;
+    bench.run(400);
+    let counts: Vec<u8> = wire.since(from, 0x80).iter().map(|(_, sync)| sync.data()[0]).collect();
+    assert!(counts.len() >= 400);
+    assert!(counts.windows(2).all(|pair| pair[1] == pair[0] % 4 + 1), "{counts:?}");
+    let times = wire.since(from, 0x100);
+    assert_eq!(times.len(), 4);
+    assert!(times.iter().all(|(at, time)| {
+        let millis = u64::from(u32::from_le_bytes(time.data()[..4].try_into().unwrap()));
+        time.data()[4..] == [0, 0] && at.as_micros().abs_diff(millis * 1_000) < 2_000
+    }));
 }

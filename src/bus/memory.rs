@@ -20,6 +20,9 @@ use crate::time::Instant;
 /// The node's frames that may wait on one bus: about a cycle's worth.
 const QUEUE: usize = 32;
 
+/// 1 January 1984, since 1970.
+const BEGINNING: Duration = Duration::from_secs(441_763_200);
+
 /// Nanoseconds in a microsecond.
 const MICRO: u64 = 1_000;
 
@@ -109,6 +112,11 @@ impl<S: Station, T: Tap> Memory<S, T> {
 impl<S: Station, T: Tap> Bus for Memory<S, T> {
     fn now(&self) -> Instant {
         Instant::from_micros(self.now_ns / MICRO)
+    }
+
+    /// As if everything had begun at midnight of the first day of CANopen's calendar.
+    fn wall(&self) -> Duration {
+        BEGINNING + Duration::from_nanos(self.now_ns)
     }
 
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {

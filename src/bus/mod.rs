@@ -12,6 +12,8 @@ pub use socketcan::OpenError;
 pub use socketcan::SocketCan;
 pub use trace::Traced;
 
+use std::time::Duration;
+
 use thiserror::Error;
 
 use crate::canopen::frame::Channel;
@@ -23,6 +25,9 @@ use crate::time::Instant;
 pub trait Bus {
     /// The time now.
     fn now(&self) -> Instant;
+
+    /// What the clock on the wall shows, since 1970, UTC; somebody may set it at any moment.
+    fn wall(&self) -> Duration;
 
     /// Hands a frame to its bus. It is on the wire within a cycle or never: nothing queues behind.
     ///

@@ -169,6 +169,10 @@ impl Bus for SocketCan {
         Instant::ZERO + clock::monotonic().saturating_sub(self.opened)
     }
 
+    fn wall(&self) -> Duration {
+        clock::wall()
+    }
+
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
         let Channel(place) = telegram.channel;
         let socket = self.sockets.get(usize::from(place)).ok_or(SendError::Down)?;

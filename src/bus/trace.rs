@@ -1,5 +1,7 @@
 //! A bus that shows every frame passing by to somebody else.
 
+use std::time::Duration;
+
 use crate::bus::Bus;
 use crate::bus::Heard;
 use crate::bus::Received;
@@ -25,6 +27,10 @@ impl<B, T> Traced<B, T> {
 impl<B: Bus, T: Tap> Bus for Traced<B, T> {
     fn now(&self) -> Instant {
         self.bus.now()
+    }
+
+    fn wall(&self) -> Duration {
+        self.bus.wall()
     }
 
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {

@@ -202,7 +202,7 @@ pub fn switch_off_others(pdos: &mut Vec<Pdo>, exists: impl Fn(Object) -> bool) {
 }
 
 /// As many PDOs as a node can have in each direction (CiA 301, 7.5.1).
-const MOST_PDOS: u16 = 512;
+pub const MOST_PDOS: u16 = 512;
 
 /// The COB-ID of a node's RPDO1 in the predefined connection set.
 pub fn rpdo1(node: NodeId) -> u16 {

@@ -52,6 +52,7 @@ impl Object {
     pub const SERIAL: Self = Self { index: 0x1018, sub: 4 };
     pub const CONFIGURATION_DATE: Self = Self { index: 0x1020, sub: 1 };
     pub const CONFIGURATION_TIME: Self = Self { index: 0x1020, sub: 2 };
+    pub const SYNC_OVERFLOW: Self = var(0x1019);
     pub const ERROR_BEHAVIOUR: Self = Self { index: 0x1029, sub: 1 };
     // CiA 302-3: programs.
     pub const PROGRAM_IDENTIFICATION: Self = Self { index: 0x1F56, sub: 1 };

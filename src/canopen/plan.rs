@@ -240,6 +240,13 @@ impl NodePlan {
         }
     }
 
+    /// The same node for SYNCs that are counted up to `last` (1019h).
+    #[must_use]
+    pub fn counting(mut self, last: u8) -> Self {
+        self.safety.push((Object::SYNC_OVERFLOW, Value::Unsigned8(last)));
+        self
+    }
+
     /// The same node without a heartbeat: guarded by the master, and guarding it in turn, in place of
     /// the watch over the master's heartbeat (1016h).
     #[must_use]

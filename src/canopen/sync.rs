@@ -13,7 +13,7 @@ pub const COB_ID: u16 = 0x80;
 /// One SYNC, which may carry a counter of 1 to 240 (1019h).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sync {
-    /// The place of this SYNC in the count; none of our layouts counts.
+    /// The place of this SYNC in the count, if they are counted.
     pub counter: Option<u8>,
 }
 
@@ -33,6 +33,32 @@ impl Sync {
             None => Frame::new(COB_ID, []),
             Some(counter) => Frame::new(COB_ID, [counter]),
         }
+    }
+}
+
+/// Counts SYNCs from 1 to their synchronous counter overflow value (1019h), and again from 1.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Counter {
+    overflow: Option<u8>,
+    last: u8,
+}
+
+impl Counter {
+    /// Up to `overflow`, 2 to 240; `None` counts nothing.
+    pub const fn new(overflow: Option<u8>) -> Self {
+        Self { overflow, last: 0 }
+    }
+
+    /// The next SYNC.
+    pub const fn next(&mut self) -> Sync {
+        let Some(overflow) = self.overflow else { return Sync { counter: None } };
+        self.last = if self.last >= overflow { 1 } else { self.last + 1 };
+        Sync { counter: Some(self.last) }
+    }
+
+    /// Begins again at 1, as whenever the network is started.
+    pub const fn restart(&mut self) {
+        self.last = 0;
     }
 }
 
@@ -97,5 +123,15 @@ mod tests {
         for kind in 0..=u8::MAX {
             assert_eq!(Transmission(kind).syncs().is_some(), kind <= 240);
         }
+    }
+
+    #[test]
+    fn counted_syncs_begin_at_one_and_go_round() {
+        let mut counter = Counter::new(Some(3));
+        let counted: Vec<_> = (0..5).map(|_| counter.next().frame().to_string()).collect();
+        assert_eq!(counted, ["080#01", "080#02", "080#03", "080#01", "080#02"]);
+        counter.restart();
+        assert_eq!(counter.next().counter, Some(1));
+        assert_eq!(Counter::default().next().frame().to_string(), "080#");
     }
 }

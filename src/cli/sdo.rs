@@ -14,8 +14,10 @@ use crate::canopen::NodeId;
 use crate::canopen::eds::Described;
 use crate::canopen::eds::Eds;
 use crate::canopen::object::Object;
+use crate::canopen::sdo::Block;
 use crate::canopen::sdo::Content;
 use crate::canopen::sdo::MAX_BYTES;
+use crate::canopen::sdo::Terms;
 use crate::canopen::value;
 use crate::canopen::value::Octets;
 use crate::canopen::value::Value;
@@ -38,7 +40,7 @@ use crate::cli::print;
         A node serves one master's transfer at a time: do not use this on a node that another master \
         configures just now.\n\n\
         Examples:\n  frhc sdo read 3 6041 u16 -i can0\n  frhc sdo read 3 1008 --config config/kraft_like.toml\n  \
-        frhc sdo write 3 6071 i16 -100 --verify -i can0\n  frhc sdo write 3 1F50:1 d @firmware.bin -i can0"
+        frhc sdo write 3 6071 i16 -100 --verify -i can0\n  frhc sdo write 3 1F50:1 d @firmware.bin --block -i can0"
 )]
 pub(super) struct Sdo {
     #[command(subcommand)]
@@ -52,6 +54,9 @@ pub(super) struct Sdo {
     #[arg(long, value_name = "MS", global = true, default_value_t = 500,
         value_parser = clap::value_parser!(u64).range(1..=600_000))]
     timeout: u64,
+    /// In blocks, where the node can: for what is long.
+    #[arg(long, global = true)]
+    block: bool,
     /// The value as one JSON object.
     #[arg(long, global = true)]
     json: bool,
@@ -105,7 +110,10 @@ pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
     let described = eds.and_then(|eds| eds.object(place.object));
     let described_type = described.and_then(|object| GatewayType::of_number(object.data_type));
     let timeout = Duration::from_millis(args.timeout);
-    let target = Target { node: place.node, object: place.object, timeout };
+    // The session keeps what the driver has no room for, so it sets the pace.
+    let block = Block::default().every(Duration::ZERO);
+    let terms = if args.block { Terms::best(timeout, block) } else { Terms::segmented(timeout) };
+    let target = Target { node: place.node, object: place.object, terms };
     match &args.task {
         Task::Read { data_type, out, .. } => {
             let data_type = data_type.or(described_type).unwrap_or(GatewayType::Domain);

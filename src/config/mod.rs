@@ -59,6 +59,10 @@ pub struct Config {
     pub node_id: NodeId,
     /// How often the master's heartbeat is sent.
     pub heartbeat: Duration,
+    /// Up to what SYNCs are counted (1019h), if they are.
+    pub sync_counter: Option<u8>,
+    /// How often TIME is told, if it is.
+    pub time_period: Option<Duration>,
     /// Where the control socket is, if the file says so.
     pub socket: Option<PathBuf>,
     /// Whether nodes are told to store what is set in them.
@@ -238,6 +242,13 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
     let node_id = lookup::node_id("node.node_id", raw.node.node_id, problems);
     problems.within("node.heartbeat_ms", raw.node.heartbeat_ms, 1..=1_000);
 
+    let sync_counter = raw.node.sync_counter;
+    let sync_counter = sync_counter.map(|last| problems.within("node.sync_counter", last, 2..=240));
+    let time_period = raw.node.time_period_ms.map(|period| {
+        let millis = problems.within("node.time_period_ms", period, 10..=3_600_000);
+        Duration::from_millis(u64::from(millis))
+    });
+
     let buses = network::buses(raw, problems);
     let safety = network::safety(raw, period, problems);
     let joints = joints::joints(file, raw, problems);
@@ -256,6 +267,8 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
         period,
         node_id: node_id?,
         heartbeat: Duration::from_millis(u64::from(raw.node.heartbeat_ms)),
+        sync_counter,
+        time_period,
         socket: raw.node.socket.as_ref().map(PathBuf::from),
         stores_configuration: raw.node.store_configuration,
         restores_defaults: raw.node.restore_defaults,

@@ -229,7 +229,9 @@ fn drive_plan(config: &Config, place: usize, joint: &Joint) -> NodePlan {
     };
     layout::switch_off_others(&mut pdos, |object| joint.eds.object(object).is_some());
     let most = joint.calibration.max_target().0.unsigned_abs();
-    let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch(config, place), most);
+    let watch = watch(config, place);
+    let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch, most);
+    let plan = config.sync_counter.map_or(plan.clone(), |last| plan.counting(last));
     kept(config, &joint.eds, joint.boot.apply(behind_the_pdos(plan, &joint.eds)))
 }
 

@@ -28,6 +28,8 @@ pub(super) struct Node {
     pub(super) store_configuration: bool,
     #[serde(default)]
     pub(super) restore_defaults: bool,
+    pub(super) sync_counter: Option<u8>,
+    pub(super) time_period_ms: Option<u32>,
 }
 
 /// What is unusual about one node's boot.

@@ -68,6 +68,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.master.restart();
         self.samples.restart();
         self.outbox.restart();
+        self.sync.restart();
         let quiet = self.bus.now() + LISTEN_FIRST;
         while self.bus.receive(quiet).is_some() {}
         let booted = self.boot(give_up);

@@ -20,7 +20,6 @@ use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
 use crate::canopen::master::event::Event;
 use crate::canopen::pdo::PerMille;
-use crate::canopen::sync::Sync;
 use crate::controller::Input;
 use crate::controller::calibration::Counts;
 use crate::controller::switches::Switches;
@@ -60,6 +59,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let targets = output.targets.map(|target| if self.may_push() { target.0 } else { 0 });
         self.send_targets(&targets, permit.drives_on);
         self.send_heartbeat(now);
+        self.send_time(now);
         self.send_request();
         let f_s = self.sensed.f_s;
         self.sensed = self.remote.exchange(now, &output.command);
@@ -195,7 +195,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     fn send_sync(&mut self) -> Instant {
         self.samples.begin();
-        self.send_on_every_bus(Sync::default().frame());
+        let sync = self.sync.next().frame();
+        self.send_on_every_bus(sync);
         self.bus.now()
     }
 
@@ -227,6 +228,14 @@ impl<B: Bus, R: Remote> Node<B, R> {
     fn send_request(&mut self) {
         if let Some(telegram) = self.master.release() {
             self.send(telegram);
+        }
+    }
+
+    /// What the clock on the wall shows, for nodes that stamp what they log.
+    fn send_time(&mut self, now: Instant) {
+        let wall = self.bus.wall();
+        if let Some(frame) = self.clock.as_mut().and_then(|clock| clock.due(now, wall)) {
+            self.send_on_every_bus(frame);
         }
     }
 

@@ -27,6 +27,8 @@ use crate::canopen::frame::Telegram;
 use crate::canopen::heartbeat::Producer;
 use crate::canopen::master::Master;
 use crate::canopen::master::event::Event;
+use crate::canopen::sync::Counter;
+use crate::canopen::time_stamp;
 use crate::config::Config;
 use crate::controller::Controller;
 use crate::controller::switches::Mode as CommandMode;
@@ -55,6 +57,9 @@ pub struct Node<B, R> {
     outbox: Outbox,
     master: Master,
     heartbeat: Producer,
+    sync: Counter,
+    /// TIME, if it is told.
+    clock: Option<time_stamp::Producer>,
     controller: Controller,
     command_mode: CommandMode,
     safety: Safety,
@@ -89,6 +94,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
             channels: config.channels(),
             outbox,
             master: Master::new(config.node_plans()),
+            sync: Counter::new(config.sync_counter),
+            clock: config
+                .time_period
+                .map(|period| time_stamp::Producer::new(time_stamp::COB_ID, period)),
             heartbeat: Producer::new(config.node_id, config.heartbeat, NmtState::Operational),
             controller: Controller::new(&config.controller),
             command_mode: config.command_mode,

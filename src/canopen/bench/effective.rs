@@ -10,9 +10,11 @@ use canopen_rs::pdo::PDO_COB_ID_INVALID;
 use thiserror::Error;
 
 use crate::canopen::abort::AbortCode;
+use crate::canopen::bench::procedure::Procedure;
 use crate::canopen::frame::COB_ID_MAX;
 use crate::canopen::frame::Frame;
 use crate::canopen::layout::Direction;
+use crate::canopen::layout::MOST_PDOS;
 use crate::canopen::layout::Mapped;
 use crate::canopen::layout::Pdo;
 use crate::canopen::layout::Service;
@@ -22,9 +24,6 @@ use crate::canopen::sdo::SdoError;
 use crate::canopen::sdo::Transfer;
 use crate::canopen::sync::Transmission;
 use crate::time::Instant;
-
-/// As many PDOs as a node can have in each direction (CiA 301, 7.5.1).
-const MOST_PDOS: u16 = 512;
 
 /// PDOs are numbered without larger gaps than this, or not all of them are found.
 const WIDEST_GAP: u16 = 8;
@@ -71,7 +70,7 @@ enum Question {
 }
 
 impl Reader {
-    /// A reader that asks with the first call of [`on_time`](Self::on_time); every object has `timeout`
+    /// A reader that asks with the first call of [`on_time`](Procedure::on_time); every object has `timeout`
     /// for its reply.
     pub const fn new(node: NodeId, timeout: Duration) -> Self {
         Self {
@@ -82,43 +81,6 @@ impl Reader {
             pdo: blank(Direction::Receive, 1),
             gap: 0,
             found: Vec::new(),
-        }
-    }
-
-    /// Takes one received frame; requests are appended to `out`.
-    pub fn on_frame(
-        &mut self,
-        now: Instant,
-        frame: &Frame,
-        out: &mut Vec<Frame>,
-    ) -> Option<Result<Vec<Pdo>, Unreadable>> {
-        let outcome = self.transfer.as_mut()?.on_frame(now, frame, out)?;
-        self.on_outcome(now, outcome, out)
-    }
-
-    /// Does what is due.
-    pub fn on_time(
-        &mut self,
-        now: Instant,
-        out: &mut Vec<Frame>,
-    ) -> Option<Result<Vec<Pdo>, Unreadable>> {
-        match &mut self.transfer {
-            None => {
-                self.ask(now, out);
-                None
-            }
-            Some(transfer) => {
-                let outcome = transfer.on_time(now, out)?;
-                self.on_outcome(now, outcome, out)
-            }
-        }
-    }
-
-    /// When [`on_time`](Self::on_time) must next be called; `None` once it is over.
-    pub fn deadline(&self) -> Option<Instant> {
-        match &self.transfer {
-            Some(transfer) => transfer.deadline(),
-            None => (self.asked != Question::Nothing).then_some(Instant::ZERO),
         }
     }
 
@@ -249,6 +211,47 @@ impl Reader {
     fn service(&mut self, learn: impl FnOnce(&mut Service)) {
         if let Some(service) = &mut self.pdo.service {
             learn(service);
+        }
+    }
+}
+
+impl Procedure for Reader {
+    type Outcome = Result<Vec<Pdo>, Unreadable>;
+
+    fn on_frame(
+        &mut self,
+        now: Instant,
+        frame: &Frame,
+        out: &mut Vec<Frame>,
+    ) -> Option<Self::Outcome> {
+        let outcome = self.transfer.as_mut()?.on_frame(now, frame, out)?;
+        self.on_outcome(now, outcome, out)
+    }
+
+    fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Self::Outcome> {
+        match &mut self.transfer {
+            None => {
+                self.ask(now, out);
+                None
+            }
+            Some(transfer) => {
+                let outcome = transfer.on_time(now, out)?;
+                self.on_outcome(now, outcome, out)
+            }
+        }
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        match &self.transfer {
+            Some(transfer) => transfer.deadline(),
+            None => (self.asked != Question::Nothing).then_some(Instant::ZERO),
+        }
+    }
+
+    /// Tells the node that nobody waits any more.
+    fn abandon(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        if let Some(transfer) = &mut self.transfer {
+            transfer.abandon(now, out);
         }
     }
 }

@@ -62,6 +62,8 @@ pub struct Device<A> {
     state: NmtState,
     latency: Duration,
     sync_cob_id: u16,
+    /// Of a SYNC: one where they are counted.
+    sync_bytes: usize,
     sdo: SdoServer,
     rpdos: [Rpdo; PDOS],
     tpdos: [Tpdo; PDOS],
@@ -83,6 +85,7 @@ impl<A: Application> Device<A> {
             state: NmtState::Initialising,
             latency,
             sync_cob_id: 0,
+            sync_bytes: 0,
             sdo: SdoServer::new(node),
             rpdos: NUMBERS.map(|number| Rpdo::new(&dictionary, number)),
             tpdos: NUMBERS.map(|number| Tpdo::new(&dictionary, number)),
@@ -148,7 +151,7 @@ impl<A: Application> Device<A> {
                 self.serve(now, request, out);
             }
         } else if self.state == NmtState::Operational {
-            if frame.cob_id == self.sync_cob_id && frame.data().len() <= 1 {
+            if frame.cob_id == self.sync_cob_id && frame.data().len() == self.sync_bytes {
                 self.on_sync(now, out);
             } else {
                 self.on_rpdo(now, frame, out);
@@ -296,7 +299,7 @@ impl<A: Application> Device<A> {
         self.is_touched = true;
         store::follow(object, &mut self.dictionary);
         match object {
-            Object::SYNC_COB_ID => self.follow_sync(),
+            Object::SYNC_COB_ID | Object::SYNC_OVERFLOW => self.follow_sync(),
             Object::EMCY_COB_ID => self.errors.configure(&self.dictionary),
             Object::ERROR_HISTORY => errors::clear_history(&mut self.dictionary),
             Object::CONSUMER_HEARTBEAT => self.heartbeat.watch(&self.dictionary),
@@ -335,6 +338,7 @@ impl<A: Application> Device<A> {
     fn follow_sync(&mut self) {
         let identifier = self.dictionary.unsigned(Object::SYNC_COB_ID) & u32::from(COB_ID_MAX);
         self.sync_cob_id = u16::try_from(identifier).unwrap_or(0);
+        self.sync_bytes = usize::from(self.dictionary.unsigned(Object::SYNC_OVERFLOW) > 0);
     }
 
     fn on_sync(&mut self, now: Instant, out: &mut Vec<Frame>) {

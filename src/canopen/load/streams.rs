@@ -269,7 +269,9 @@ pub fn streams<'a>(
     master_heartbeat_ms: u16,
 ) -> Vec<Stream> {
     let plans: Vec<&NodePlan> = plans.into_iter().collect();
-    let mut streams: Vec<Stream> = vec![Stream::sync(sync_period_us)];
+    let is_counted = plans.iter().any(|plan| setting(plan, Object::SYNC_OVERFLOW).is_some());
+    let sync = Stream { bytes: u32::from(is_counted), ..Stream::sync(sync_period_us) };
+    let mut streams: Vec<Stream> = vec![sync];
     let lost_ms = plans.iter().filter_map(|plan| master_lost_ms(plan)).min();
     streams.extend(Stream::heartbeat(master, Sender::Master, master_heartbeat_ms, lost_ms));
     for plan in plans {
@@ -289,9 +291,14 @@ pub fn streams<'a>(
 
 /// After how long without the master's heartbeat the node stops (1016h:1), in ms.
 fn master_lost_ms(plan: &NodePlan) -> Option<u32> {
-    let mut settings = plan.safety.iter();
-    let (_, value) = settings.find(|(object, _)| *object == Object::CONSUMER_HEARTBEAT)?;
+    let value = setting(plan, Object::CONSUMER_HEARTBEAT)?;
     if let Value::Unsigned32(raw) = value { Some(raw & 0xFFFF) } else { None }
+}
+
+/// What a node is to hold in an object that makes it stop by itself or keep time.
+fn setting(plan: &NodePlan, object: Object) -> Option<Value> {
+    let mut settings = plan.safety.iter();
+    settings.find(|(of, _)| *of == object).map(|(_, value)| *value)
 }
 
 /// What may come by chance on that bus: an emergency of each node every `emergency_gap_us`, and one SDO

@@ -1,27 +1,27 @@
 //! One object of one node, read or written on any bus.
 
 use std::fmt;
-use std::time::Duration;
 
 use crate::bus::Bus;
 use crate::canopen::NodeId;
 use crate::canopen::object::Object;
 use crate::canopen::sdo::Content;
 use crate::canopen::sdo::SdoError;
+use crate::canopen::sdo::Terms;
 use crate::canopen::sdo::Transfer;
 use crate::canopen::value::Octets;
 use crate::cli::bench::Session;
 use crate::cli::bench::SessionError;
 
-/// Which object of which node, and how long the node has for each answer.
+/// Which object of which node, and on which terms it is carried.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
     /// The node.
     pub node: NodeId,
     /// The object.
     pub object: Object,
-    /// For each answer.
-    pub timeout: Duration,
+    /// How long the node has for each answer, in segments or in blocks.
+    pub terms: Terms,
 }
 
 /// Why it was not read or written.
@@ -77,9 +77,8 @@ impl std::error::Error for ObjectError {}
 /// # Errors
 /// When bus or node do not give it.
 pub fn read<B: Bus>(session: &mut Session<B>, target: Target) -> Result<Content, ObjectError> {
-    let Target { node, object, timeout } = target;
-    // Block transfers, where they are asked for, begin here and in `write`.
-    let outcome = session.run(|now, out| Transfer::read(node, object, timeout, now, out));
+    let Target { node, object, terms } = target;
+    let outcome = session.run(|now, out| Transfer::read_on(terms, node, object, now, out));
     outcome.map_err(ObjectError::Session)?.map_err(|error| target.failed(error))
 }
 
@@ -93,9 +92,9 @@ pub fn write<B: Bus>(
     bytes: &[u8],
     verify: bool,
 ) -> Result<(), ObjectError> {
-    let Target { node, object, timeout } = target;
+    let Target { node, object, terms } = target;
     let mut out = Vec::new();
-    let transfer = Transfer::write(node, object, bytes.to_vec(), timeout, session.now(), &mut out);
+    let transfer = Transfer::write_on(terms, node, object, bytes.to_vec(), session.now(), &mut out);
     let mut transfer = transfer.map_err(|error| target.failed(error))?;
     session.queue(out);
     let outcome = session.carry(&mut transfer);

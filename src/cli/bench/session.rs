@@ -228,6 +228,10 @@ mod tests {
             self.now
         }
 
+        fn wall(&self) -> Duration {
+            Duration::ZERO
+        }
+
         fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
             if self.room == 0 {
                 return Err(SendError::Full);

@@ -1,5 +1,7 @@
 //! `frhc scan`: who is on the bus, and who should be.
 
+mod pdos;
+
 use std::time::Duration;
 
 use clap::Args;
@@ -13,6 +15,7 @@ use crate::cli::bench::words;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::print;
+use crate::cli::scan::pdos::Pdos;
 
 /// `frhc scan`.
 #[derive(Debug, Args)]
@@ -21,7 +24,8 @@ use crate::cli::print;
         transfer at a time: do not scan while another master configures its nodes.\n\n\
         With a configuration it also says who is missing (exit 5), who is another device (exit 5), and who is \
         not expected.\n\n\
-        Examples:\n  frhc scan -i can0\n  frhc scan --config config/kraft_like.toml --json | jq .nodes"
+        Examples:\n  frhc scan -i can0\n  frhc scan --config config/kraft_like.toml --pdos\n  \
+        frhc scan --config config/kraft_like.toml --json | jq .nodes"
 )]
 pub(super) struct Scan {
     #[command(flatten)]
@@ -36,6 +40,9 @@ pub(super) struct Scan {
     /// How long to listen for heartbeats at least.
     #[arg(long, value_name = "MS", default_value_t = 250)]
     listen: u64,
+    /// Read the PDOs of every node that answers, too: what it really has, whatever was planned.
+    #[arg(long)]
+    pdos: bool,
     /// The findings as one JSON object.
     #[arg(long)]
     json: bool,
@@ -80,10 +87,23 @@ pub(super) fn run(args: &Scan) -> Result<(), Failure> {
         .filter(|plan| args.nodes.contains(&plan.node))
         .filter(|plan| !found.iter().any(|found| found.node == plan.node))
         .collect();
+    let answering = found.iter().filter(|found| args.pdos && found.answers);
+    let pdos = pdos::read(&mut session, answering.map(|found| found.node), timeout)
+        .map_err(|error| known.fail(error))?;
     if args.json {
-        print::line(&json(&known.interface, &judged, &missing).to_string());
+        print::line(&json(&known.interface, &judged, &missing, &pdos).to_string());
     } else {
         table(&judged, plans.as_deref());
+        for (node, pdos) in &pdos {
+            for pdo in pdos.iter().flatten() {
+                print::line(&pdos::line(*node, pdo));
+            }
+        }
+    }
+    for (_, unread) in &pdos {
+        if let Err(error) = unread {
+            print::note(&error.to_string());
+        }
     }
     for found in found.iter().filter(|found| found.is_double()) {
         let why = if found.is_answered_twice { "answered twice" } else { "booted up twice" };
@@ -171,7 +191,16 @@ fn table(judged: &[(&Found, Verdict)], plans: Option<&[NodePlan]>) {
     }
 }
 
-fn json(interface: &str, judged: &[(&Found, Verdict)], missing: &[&NodePlan]) -> serde_json::Value {
+fn json(
+    interface: &str,
+    judged: &[(&Found, Verdict)],
+    missing: &[&NodePlan],
+    pdos: &[Pdos],
+) -> serde_json::Value {
+    let pdos_of = |node: NodeId| {
+        let (_, pdos) = pdos.iter().find(|(of, _)| *of == node)?;
+        pdos.as_ref().ok().map(|pdos| pdos.iter().map(pdos::json).collect::<Vec<_>>())
+    };
     let nodes = judged.iter().map(|(found, verdict)| {
         serde_json::json!({
             "node": found.node.raw(),
@@ -188,6 +217,7 @@ fn json(interface: &str, judged: &[(&Found, Verdict)], missing: &[&NodePlan]) ->
             "software": found.software,
             "emergency": found.emergency.map(|emergency| emergency.to_string()),
             "double": found.is_double(),
+            "pdos": pdos_of(found.node),
             "verdict": (*verdict != Verdict::Unjudged).then(|| verdict.words()),
         })
     });

@@ -79,8 +79,10 @@ pub(super) fn run(args: &Scan) -> Result<(), Failure> {
             crate::canopen::bench::scan::Scan::begin(&args.nodes, timeout, listen, now, out)
         })
         .map_err(|error| known.fail(error))?;
+    // Heartbeats tell of nodes that nobody asked about, too.
+    let asked = found.iter().filter(|found| args.nodes.contains(&found.node));
     let judged: Vec<(&Found, Verdict)> =
-        found.iter().map(|found| (found, judge(found, plans.as_deref(), master))).collect();
+        asked.map(|found| (found, judge(found, plans.as_deref(), master))).collect();
     let missing: Vec<&NodePlan> = plans
         .iter()
         .flatten()

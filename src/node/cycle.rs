@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  SYNC k                                                                  SYNC k+1
-//!    │  TPDO 1 … TPDO 6         step           RPDO 1 … 6                    │
+//!    │  TPDO 1 … TPDO 6         step           RPDOs                         │
 //!    ├───────────────────────►├──────►├──────────────────────────────►       │
 //!    │ drives sampled         │ pure  │ held by the drives until ────────────┤ torques act
 //!    │ their positions        │       │                                      │
@@ -244,7 +244,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.post();
     }
 
-    /// Sends what is in the outbox.
+    /// Sends what has been collected to be sent.
     pub(super) fn post(&mut self) {
         let mut out = std::mem::take(&mut self.out);
         for telegram in out.drain(..) {

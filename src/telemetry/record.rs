@@ -5,6 +5,7 @@ use std::fmt;
 
 use nalgebra::Isometry3;
 
+use crate::canopen::error_codes;
 use crate::controller::Fault;
 use crate::controller::Output;
 use crate::spatial::Wrench;
@@ -92,7 +93,10 @@ impl fmt::Display for Cause {
             Self::DriveLeft { joint, statusword } => {
                 write!(f, "joint {joint}: drive left operation enabled (6041h = {statusword:04X}h)")
             }
-            Self::Emergency { node, code } => write!(f, "{}: emergency {code:04X}h", Who(*node)),
+            Self::Emergency { node, code } => {
+                let words = error_codes::words(*code);
+                write!(f, "{}: emergency {code:04X}h {words}", Who(*node))
+            }
             Self::HeartbeatLost { node } => write!(f, "{}: heartbeat lost", Who(*node)),
             Self::Rebooted { node } => write!(f, "{}: rebooted", Who(*node)),
             Self::Duplicate { node } => {

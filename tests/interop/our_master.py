@@ -100,8 +100,9 @@ def emergency_of_a_drive_stops_the_node(bench):
     drives, node = running(bench)
     drives[3].emergencies().send(0x4210, 0x09, b"\x01\x02\x03\x04\x05")
     status = bench.mode("stopped")
-    same(status["stopped_by"], "joint 3: emergency 4210h", "cause")
-    said = bench.stop(node, 6, "stopped by joint 3: emergency 4210h")
+    cause = "joint 3: emergency 4210h device temperature too high"
+    same(status["stopped_by"], cause, "cause")
+    said = bench.stop(node, 6, f"stopped by {cause}")
     check(said.count("joint 3: emergency 4210h") >= 2, f"logged when it came:\n{said}")
 
 

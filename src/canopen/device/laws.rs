@@ -60,7 +60,12 @@ struct Desk {
 impl Desk {
     /// Booted up.
     fn new() -> Self {
-        let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
+        Self::described(include_str!("../../../eds/frhc_drive.eds"))
+    }
+
+    /// A device of another data sheet, booted up.
+    fn described(text: &str) -> Self {
+        let eds = Eds::parse(text.as_bytes()).unwrap();
         let node = NodeId::new(NODE).unwrap();
         let dictionary = Dictionary::new(&eds, node);
         let device = Device::new(node, dictionary, Witness::default(), Duration::ZERO);
@@ -73,7 +78,8 @@ impl Desk {
     fn silent() -> Self {
         let mut desk = Self::new();
         for direction in [Direction::Receive, Direction::Transmit] {
-            for place in NUMBERS.map(|number| Place { direction, number }) {
+            let places: Vec<_> = Place::all(desk.device.dictionary(), direction).collect();
+            for place in places {
                 desk.write(place.communication(1), &OFF.to_le_bytes()).unwrap();
             }
         }
@@ -193,6 +199,24 @@ fn rpdo_acts_at_the_next_sync() {
     assert_eq!(desk.target(), 100);
     desk.sync();
     assert_eq!(desk.target(), 8, "the last one counts");
+}
+
+#[test]
+fn a_pdo_of_any_number_is_one() {
+    let text = include_str!("../../../eds/frhc_drive.eds");
+    let start = text.find("[1403]").unwrap();
+    let communication = &text[start..text.find("[1600]").unwrap()];
+    let start = text.find("[1603]").unwrap();
+    let mapping = &text[start..text.find("[1800]").unwrap()];
+    let last =
+        format!("{communication}{mapping}").replace("[1403", "[15FF").replace("[1603", "[17FF");
+    let mut desk = Desk::described(&format!("{text}\n{last}"));
+    let place = Place { direction: Direction::Receive, number: 512 };
+    desk.map(place, &[0x6071_0010], 255).unwrap();
+    desk.order(NmtCommand::StartRemoteNode);
+    let cob_id = place.cob_id(desk.device.dictionary()).unwrap();
+    desk.say(Frame::new(cob_id, [0x2C, 0x01]));
+    assert_eq!(desk.target(), 300);
 }
 
 #[test]

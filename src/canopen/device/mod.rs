@@ -37,8 +37,6 @@ use crate::canopen::device::errors::Errors;
 use crate::canopen::device::guarding::Guarding;
 use crate::canopen::device::heartbeat::Heartbeat;
 use crate::canopen::device::lss::Layer;
-use crate::canopen::device::parameter::NUMBERS;
-use crate::canopen::device::parameter::PDOS;
 use crate::canopen::device::parameter::Place;
 use crate::canopen::device::rpdo::Received;
 use crate::canopen::device::rpdo::Rpdo;
@@ -65,8 +63,8 @@ pub struct Device<A> {
     /// Of a SYNC: one where they are counted.
     sync_bytes: usize,
     sdo: SdoServer,
-    rpdos: [Rpdo; PDOS],
-    tpdos: [Tpdo; PDOS],
+    rpdos: Vec<Rpdo>,
+    tpdos: Vec<Tpdo>,
     errors: Errors,
     heartbeat: Heartbeat,
     guarding: Guarding,
@@ -87,8 +85,8 @@ impl<A: Application> Device<A> {
             sync_cob_id: 0,
             sync_bytes: 0,
             sdo: SdoServer::new(node),
-            rpdos: NUMBERS.map(|number| Rpdo::new(&dictionary, number)),
-            tpdos: NUMBERS.map(|number| Tpdo::new(&dictionary, number)),
+            rpdos: Vec::new(),
+            tpdos: Vec::new(),
             errors: Errors::default(),
             heartbeat: Heartbeat::default(),
             guarding: Guarding::default(),
@@ -251,8 +249,12 @@ impl<A: Application> Device<A> {
     fn initialise(&mut self, reset: Reset) {
         self.state = NmtState::Initialising;
         self.sdo.reset();
-        self.rpdos = NUMBERS.map(|number| Rpdo::new(&self.dictionary, number));
-        self.tpdos = NUMBERS.map(|number| Tpdo::new(&self.dictionary, number));
+        let numbers = |direction| Place::all(&self.dictionary, direction).map(|place| place.number);
+        self.rpdos =
+            numbers(Direction::Receive).map(|number| Rpdo::new(&self.dictionary, number)).collect();
+        self.tpdos = numbers(Direction::Transmit)
+            .map(|number| Tpdo::new(&self.dictionary, number))
+            .collect();
         self.heartbeat.watch(&self.dictionary);
         self.guarding.restart();
         self.follow_sync();
@@ -342,7 +344,7 @@ impl<A: Application> Device<A> {
     }
 
     fn on_sync(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        for place in 0..PDOS {
+        for place in 0..self.rpdos.len() {
             let Some(rpdo) = self.rpdos.get_mut(place) else { continue };
             if let Some(content) = rpdo.on_sync() {
                 self.act(place, content);
@@ -357,7 +359,7 @@ impl<A: Application> Device<A> {
     }
 
     fn on_rpdo(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
-        for place in 0..PDOS {
+        for place in 0..self.rpdos.len() {
             let Some(rpdo) = self.rpdos.get_mut(place) else { continue };
             let Some(received) = rpdo.on_frame(now, frame) else { continue };
             let Self { errors, dictionary, .. } = self;

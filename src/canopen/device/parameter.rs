@@ -12,14 +12,9 @@ use crate::canopen::device::mapping::number;
 use crate::canopen::dictionary::Dictionary;
 use crate::canopen::frame::COB_ID_MAX;
 use crate::canopen::layout::Direction;
+use crate::canopen::layout::MOST_PDOS;
 use crate::canopen::object::Object;
 use crate::canopen::sync::Transmission;
-
-/// How many PDOs a device has at most in each direction.
-pub(super) const PDOS: usize = 4;
-
-/// The numbers of these PDOs.
-pub(super) const NUMBERS: [u16; PDOS] = [1, 2, 3, 4];
 
 /// One PDO of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,13 +27,23 @@ pub(super) struct Place {
 impl Place {
     /// The PDO that `object` is a parameter of, if it is one.
     pub(super) fn of(object: Object) -> Option<Self> {
-        [Direction::Receive, Direction::Transmit]
-            .into_iter()
-            .flat_map(|direction| NUMBERS.map(|number| Self { direction, number }))
-            .find(|place| {
-                let indices = [place.communication(0).index, place.mapping(0).index];
-                indices.contains(&object.index)
-            })
+        let (direction, first) = match object.index {
+            0x1400..=0x15FF => (Direction::Receive, 0x1400),
+            0x1600..=0x17FF => (Direction::Receive, 0x1600),
+            0x1800..=0x19FF => (Direction::Transmit, 0x1800),
+            0x1A00..=0x1BFF => (Direction::Transmit, 0x1A00),
+            _ => return None,
+        };
+        Some(Self { direction, number: object.index - first + 1 })
+    }
+
+    /// The PDOs a device has, by its dictionary, up to 512 each way.
+    pub(super) fn all(
+        dictionary: &Dictionary,
+        direction: Direction,
+    ) -> impl Iterator<Item = Self> + '_ {
+        let places = (1..=MOST_PDOS).map(move |number| Self { direction, number });
+        places.filter(|place| dictionary.entry(place.communication(1)).is_some())
     }
 
     /// Sub-index `sub` of its communication parameter.

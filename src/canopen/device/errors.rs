@@ -19,6 +19,8 @@ pub(super) const COMMUNICATION_LOST: u16 = 0x8100;
 pub(super) const HEARTBEAT_LOST: u16 = 0x8130;
 /// A PDO of another length than its mapping.
 pub(super) const WRONG_LENGTH: u16 = 0x8210;
+/// A SYNC with a counter where none is expected, or without one.
+pub(super) const SYNC_LENGTH: u16 = 0x8240;
 /// No RPDO for too long.
 pub(super) const RPDO_TIMEOUT: u16 = 0x8250;
 
@@ -28,6 +30,7 @@ pub(super) enum Condition {
     HeartbeatLost,
     RpdoTimeout,
     WrongLength,
+    SyncLength,
     /// Of the application.
     Application,
 }
@@ -39,6 +42,7 @@ impl Condition {
             Self::RpdoTimeout => 2,
             Self::WrongLength => 4,
             Self::Application => 8,
+            Self::SyncLength => 16,
         }
     }
 }

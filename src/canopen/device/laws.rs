@@ -202,6 +202,17 @@ fn rpdo_acts_at_the_next_sync() {
 }
 
 #[test]
+fn a_sync_of_another_length_is_told_and_is_none() {
+    let mut desk = Desk::with_target(EVERY_SYNC);
+    desk.say(Frame::new(RPDO, [100, 0]));
+    let told = desk.say(Frame::new(0x80, [7]));
+    assert_eq!(told, [emergency(0x8240, 0x11, [0; 5])]);
+    assert_eq!(desk.target(), 0);
+    assert!(desk.sync().contains(&emergency(0, 0, [0; 5])));
+    assert_eq!(desk.target(), 100);
+}
+
+#[test]
 fn a_pdo_of_any_number_is_one() {
     let text = include_str!("../../../eds/frhc_drive.eds");
     let start = text.find("[1403]").unwrap();

@@ -149,8 +149,8 @@ impl<A: Application> Device<A> {
                 self.serve(now, request, out);
             }
         } else if self.state == NmtState::Operational {
-            if frame.cob_id == self.sync_cob_id && frame.data().len() == self.sync_bytes {
-                self.on_sync(now, out);
+            if frame.cob_id == self.sync_cob_id {
+                self.take_sync(now, frame, out);
             } else {
                 self.on_rpdo(now, frame, out);
             }
@@ -341,6 +341,17 @@ impl<A: Application> Device<A> {
         let identifier = self.dictionary.unsigned(Object::SYNC_COB_ID) & u32::from(COB_ID_MAX);
         self.sync_cob_id = u16::try_from(identifier).unwrap_or(0);
         self.sync_bytes = usize::from(self.dictionary.unsigned(Object::SYNC_OVERFLOW) > 0);
+    }
+
+    /// A SYNC of another length is none, and that is told (CiA 301, 7.5.2.22).
+    fn take_sync(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
+        let Self { errors, dictionary, .. } = self;
+        if frame.data().len() == self.sync_bytes {
+            errors.settle(Condition::SyncLength, dictionary, out);
+            self.on_sync(now, out);
+        } else {
+            errors.raise(Condition::SyncLength, errors::SYNC_LENGTH, [0; 5], dictionary, out);
+        }
     }
 
     fn on_sync(&mut self, now: Instant, out: &mut Vec<Frame>) {

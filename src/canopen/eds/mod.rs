@@ -37,17 +37,17 @@ use crate::canopen::eds::ini::Ini;
 use crate::canopen::eds::text::Text;
 use crate::canopen::object::Object;
 
-/// The most bytes, lines and sections a file may have: what an EDS of 4 MiB has, and no more, so that
+/// The most bytes, lines and sections a file may have: what an EDS of 2 MiB has, and no more, so that
 /// any file is read in 100 ms.
-const LARGEST: usize = 4 << 20;
-const MOST_LINES: usize = 400_000;
-const MOST_SECTIONS: usize = 120_000;
+const LARGEST: usize = 2 << 20;
+const MOST_LINES: usize = 200_000;
+const MOST_SECTIONS: usize = 60_000;
 
 /// Why a file is no EDS.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum EdsError {
     /// Too large to be one.
-    #[error("larger than 4 MiB")]
+    #[error("larger than 2 MiB")]
     TooLarge,
     /// More lines than that many bytes of an EDS have.
     #[error("more than 400000 lines")]

@@ -60,8 +60,8 @@ pub struct Device<A> {
     state: NmtState,
     latency: Duration,
     sync_cob_id: u16,
-    /// Of a SYNC: one where they are counted.
-    sync_bytes: usize,
+    /// Of a SYNC: one where they are counted, any number where the device knows no counting.
+    sync_bytes: Option<usize>,
     sdo: SdoServer,
     rpdos: Vec<Rpdo>,
     tpdos: Vec<Tpdo>,
@@ -83,7 +83,7 @@ impl<A: Application> Device<A> {
             state: NmtState::Initialising,
             latency,
             sync_cob_id: 0,
-            sync_bytes: 0,
+            sync_bytes: None,
             sdo: SdoServer::new(node),
             rpdos: Vec::new(),
             tpdos: Vec::new(),
@@ -340,13 +340,15 @@ impl<A: Application> Device<A> {
     fn follow_sync(&mut self) {
         let identifier = self.dictionary.unsigned(Object::SYNC_COB_ID) & u32::from(COB_ID_MAX);
         self.sync_cob_id = u16::try_from(identifier).unwrap_or(0);
-        self.sync_bytes = usize::from(self.dictionary.unsigned(Object::SYNC_OVERFLOW) > 0);
+        let counts = self.dictionary.entry(Object::SYNC_OVERFLOW);
+        self.sync_bytes =
+            counts.map(|_| usize::from(self.dictionary.unsigned(Object::SYNC_OVERFLOW) > 0));
     }
 
     /// A SYNC of another length is none, and that is told (CiA 301, 7.5.2.22).
     fn take_sync(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
         let Self { errors, dictionary, .. } = self;
-        if frame.data().len() == self.sync_bytes {
+        if self.sync_bytes.is_none_or(|bytes| bytes == frame.data().len()) {
             errors.settle(Condition::SyncLength, dictionary, out);
             self.on_sync(now, out);
         } else {

@@ -50,7 +50,7 @@ pub enum EdsError {
     #[error("larger than 2 MiB")]
     TooLarge,
     /// More lines than that many bytes of an EDS have.
-    #[error("more than 400000 lines")]
+    #[error("more than {MOST_LINES} lines")]
     TooManyLines,
     /// More objects than any device has.
     #[error("more objects are described than any device has")]

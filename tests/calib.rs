@@ -7,36 +7,16 @@
     reason = "what a test cannot do without has failed the test"
 )]
 
+mod common;
+
 use std::fs;
 use std::path::Path;
-use std::path::PathBuf;
-use std::process::Command;
 
+use common::cli::folder;
+use common::cli::frhc;
 use frhc::config::Config;
 
 const CONFIG: &str = "config/kraft_like.toml";
-
-/// How a run ended.
-struct Outcome {
-    code: i32,
-    stdout: String,
-    stderr: String,
-}
-
-fn frhc(args: &[&str]) -> Outcome {
-    let output = Command::new(env!("CARGO_BIN_EXE_frhc")).args(args).output().unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    let code = output.status.code().unwrap();
-    Outcome { code, stdout: text(output.stdout), stderr: text(output.stderr) }
-}
-
-/// An empty folder of this test's own.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("calib").join(name);
-    fs::remove_dir_all(&folder).ok();
-    fs::create_dir_all(&folder).unwrap();
-    folder
-}
 
 /// A file of readings in both directions of a joint whose target is `curve` of its torque.
 fn readings(name: &str, curve: impl Fn(f64) -> f64) -> String {
@@ -47,14 +27,14 @@ fn readings(name: &str, curve: impl Fn(f64) -> f64) -> String {
             text += &format!("elbow,{direction},{:.0},{torque}\n", curve(torque));
         }
     }
-    let path = folder(name).join("elbow.csv");
+    let path = folder("calib", name).join("elbow.csv");
     fs::write(&path, text).unwrap();
     path.to_str().unwrap().to_owned()
 }
 
 #[test]
 fn an_unknown_curve_is_measured_and_fitted_and_its_fragment_is_a_configuration() {
-    let folder = folder("round_trip");
+    let folder = folder("calib", "round_trip");
     let (csv, out) = (folder.join("pitch.csv"), folder.join("out"));
     let (csv, out) = (csv.to_str().unwrap(), out.to_str().unwrap());
     let args =
@@ -107,7 +87,7 @@ fn measurements_do_not_betray_the_curve_and_come_again_from_the_same_seed() {
 fn a_curve_that_does_not_rise_is_rejected_with_joint_and_torque() {
     // Slope 100 (1 - 3 u + 2 u²) with u = t² / 16: zero at √8 N·m.
     let csv = readings("flat", |t| 1000.0 * (t - t.powi(3) / 16.0 + 0.4 * t.powi(5) / 256.0));
-    let out = folder("flat_out");
+    let out = folder("calib", "flat_out");
     let fit = frhc(&["calib", "fit", &csv, "--out", out.to_str().unwrap()]);
     assert_eq!(fit.code, 1);
     assert!(fit.stderr.contains("joint elbow: the curve stops rising at 2.82"), "{}", fit.stderr);
@@ -127,7 +107,7 @@ fn a_motor_that_turns_other_than_configured_is_rejected() {
 
 #[test]
 fn a_file_that_is_none_names_every_wrong_line_and_column() {
-    let path = folder("wrong").join("wrong.csv");
+    let path = folder("calib", "wrong").join("wrong.csv");
     let csv = path.to_str().unwrap();
     fs::write(&path, "joint,direction,per_mille,torque_nm\na,up,1,x\na,over,1,1\n").unwrap();
     let fit = frhc(&["calib", "fit", csv]);
@@ -151,7 +131,7 @@ fn the_curves_of_a_configuration_are_checked() {
     let text = fs::read_to_string(CONFIG)
         .unwrap()
         .replace("../eds/", concat!(env!("CARGO_MANIFEST_DIR"), "/eds/"));
-    let path = folder("config").join("flat.toml");
+    let path = folder("calib", "config").join("flat.toml");
     fs::write(&path, text.replace("-0.393453", "-9.393453")).unwrap();
     let check = frhc(&["calib", "check", "--config", path.to_str().unwrap()]);
     assert_eq!(check.code, 3);

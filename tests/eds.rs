@@ -11,11 +11,13 @@
     reason = "what a test cannot do without has failed the test"
 )]
 
+mod common;
+
 use std::fs;
 use std::path::Path;
-use std::path::PathBuf;
-use std::process::Command;
 
+use common::cli::folder;
+use common::cli::frhc;
 use frhc::canopen::NodeId;
 use frhc::canopen::concise;
 use frhc::canopen::eds::Access;
@@ -371,28 +373,6 @@ proptest! {
     }
 }
 
-/// How a run ended.
-struct Outcome {
-    code: i32,
-    stdout: String,
-    stderr: String,
-}
-
-fn frhc(args: &[&str]) -> Outcome {
-    let output = Command::new(env!("CARGO_BIN_EXE_frhc")).args(args).output().unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    let code = output.status.code().unwrap();
-    Outcome { code, stdout: text(output.stdout), stderr: text(output.stderr) }
-}
-
-/// An empty folder of this test's own.
-fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("eds").join(name);
-    fs::remove_dir_all(&folder).ok();
-    fs::create_dir_all(&folder).unwrap();
-    folder
-}
-
 /// Compares with a file in tests/golden, line by line.
 fn compare(name: &str, text: &str) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name);
@@ -444,7 +424,7 @@ fn findings_are_data_too() {
 
 #[test]
 fn a_check_ends_with_its_code() {
-    let folder = folder("codes");
+    let folder = folder("eds", "codes");
     let file = |name: &str, bytes: &[u8]| {
         fs::write(folder.join(name), bytes).unwrap();
         folder.join(name).to_str().unwrap().to_owned()
@@ -478,7 +458,7 @@ const CONFIG: &str = "config/kraft_like.toml";
 
 #[test]
 fn a_configuration_with_a_doubtful_eds_is_told_so() {
-    let folder = folder("doubt");
+    let folder = folder("eds", "doubt");
     let drive = std::str::from_utf8(DRIVE).unwrap();
     fs::write(folder.join("drive.eds"), drive.replacen("SubNumber=9", "SubNumber=7", 1)).unwrap();
     fs::write(folder.join("switches.eds"), SWITCHES).unwrap();
@@ -499,7 +479,7 @@ fn a_configuration_with_a_doubtful_eds_is_told_so() {
 
 #[test]
 fn every_node_gets_a_dcf_that_says_what_the_plan_leaves() {
-    let out = folder("dcf").join("new");
+    let out = folder("eds", "dcf").join("new");
     let outcome = frhc(&["export", "dcf", "--config", CONFIG, "--out", out.to_str().unwrap()]);
     assert_eq!((outcome.code, outcome.stderr.as_str()), (0, ""));
     let config = Config::load(Path::new(CONFIG)).unwrap();
@@ -537,7 +517,7 @@ fn every_node_gets_a_dcf_that_says_what_the_plan_leaves() {
 
 #[test]
 fn a_concise_dcf_is_every_write_in_order() {
-    let out = folder("concise");
+    let out = folder("eds", "concise");
     let args = ["export", "dcf", "--concise", "--config", CONFIG, "--out", out.to_str().unwrap()];
     assert_eq!(frhc(&args).code, 0);
     let config = Config::load(Path::new(CONFIG)).unwrap();
@@ -554,7 +534,7 @@ fn a_concise_dcf_is_every_write_in_order() {
 
 #[test]
 fn an_export_is_written_whole_or_not_at_all() {
-    let folder = folder("whole");
+    let folder = folder("eds", "whole");
     let out = folder.join("out");
     let export = || frhc(&["export", "dcf", "--config", CONFIG, "--out", out.to_str().unwrap()]);
     fs::write(&out, "a file").unwrap();
@@ -573,7 +553,7 @@ fn an_export_is_written_whole_or_not_at_all() {
 
 #[test]
 fn a_dcf_is_no_surprise_twice() {
-    let out = folder("twice");
+    let out = folder("eds", "twice");
     let args =
         ["export", "dcf", "--config", "config/jpl_like.toml", "--out", out.to_str().unwrap()];
     let written = || {

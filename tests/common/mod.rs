@@ -10,6 +10,7 @@
 )]
 
 pub(crate) mod bench;
+pub(crate) mod cli;
 pub(crate) mod devices;
 pub(crate) mod drive;
 pub(crate) mod felt;

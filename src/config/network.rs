@@ -231,7 +231,10 @@ fn drive_plan(config: &Config, place: usize, joint: &Joint) -> NodePlan {
     let most = joint.calibration.max_target().0.unsigned_abs();
     let watch = watch(config, place);
     let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch, most);
-    let plan = config.sync_counter.map_or(plan.clone(), |last| plan.counting(last));
+    let plan = match config.sync_counter {
+        Some(last) => plan.counting(last),
+        None => plan,
+    };
     kept(config, &joint.eds, joint.boot.apply(behind_the_pdos(plan, &joint.eds)))
 }
 

@@ -91,7 +91,7 @@ fn distortion(world: &Config, believed: &Config) -> Distortion {
         if engaged_for < 600 {
             continue;
         }
-        let exerted = SVector::from(bench.world_mut().drives().each_ref().map(|d| d.torque()));
+        let exerted = bench.world_mut().torques();
         let f_g_error = wrench_of(&asked.j_g, &(exerted - asked.tau));
         let percent = 100.0 * f_g_error.force.norm() / asked.f_g_task.force.norm();
         squares += percent * percent;

@@ -35,6 +35,8 @@ impl Object {
     pub const ERROR_REGISTER: Self = var(0x1001);
     pub const ERROR_HISTORY: Self = var(0x1003);
     pub const SYNC_COB_ID: Self = var(0x1005);
+    pub const CYCLE_PERIOD: Self = var(0x1006);
+    pub const SYNC_WINDOW: Self = var(0x1007);
     pub const DEVICE_NAME: Self = var(0x1008);
     pub const HARDWARE_VERSION: Self = var(0x1009);
     pub const SOFTWARE_VERSION: Self = var(0x100A);
@@ -43,7 +45,9 @@ impl Object {
     pub const STORE_PARAMETERS: Self = Self { index: 0x1010, sub: 1 };
     pub const RESTORE_DEFAULTS: Self = Self { index: 0x1011, sub: 1 };
     pub const TIME_COB_ID: Self = var(0x1012);
+    pub const HIGH_RESOLUTION_TIME: Self = var(0x1013);
     pub const EMCY_COB_ID: Self = var(0x1014);
+    pub const EMCY_INHIBIT_TIME: Self = var(0x1015);
     pub const CONSUMER_HEARTBEAT: Self = Self { index: 0x1016, sub: 1 };
     pub const PRODUCER_HEARTBEAT: Self = var(0x1017);
     pub const VENDOR_ID: Self = Self { index: 0x1018, sub: 1 };
@@ -53,12 +57,15 @@ impl Object {
     pub const CONFIGURATION_DATE: Self = Self { index: 0x1020, sub: 1 };
     pub const CONFIGURATION_TIME: Self = Self { index: 0x1020, sub: 2 };
     pub const SYNC_OVERFLOW: Self = var(0x1019);
+    pub const STORED_EDS: Self = var(0x1021);
+    pub const STORE_FORMAT: Self = var(0x1022);
     pub const ERROR_BEHAVIOUR: Self = Self { index: 0x1029, sub: 1 };
     // CiA 302-3: programs.
     pub const PROGRAM_IDENTIFICATION: Self = Self { index: 0x1F56, sub: 1 };
 
     // Manufacturer-specific: the simulated drive.
     pub const SAMPLE_BUFFER: Self = var(0x2000);
+    pub const WINDING_TEMPERATURE: Self = var(0x2001);
 
     // CiA 402: drives.
     pub const ABORT_CONNECTION: Self = var(0x6007);
@@ -72,13 +79,65 @@ impl Object {
     pub const FAULT_REACTION: Self = var(0x605E);
     pub const MODE_OF_OPERATION: Self = var(0x6060);
     pub const MODE_DISPLAY: Self = var(0x6061);
+    pub const POSITION_DEMAND: Self = var(0x6062);
+    pub const POSITION_INTERNAL: Self = var(0x6063);
     pub const POSITION_ACTUAL: Self = var(0x6064);
+    pub const FOLLOWING_ERROR_WINDOW: Self = var(0x6065);
+    pub const FOLLOWING_ERROR_TIME: Self = var(0x6066);
+    pub const POSITION_WINDOW: Self = var(0x6067);
+    pub const POSITION_WINDOW_TIME: Self = var(0x6068);
+    pub const VELOCITY_DEMAND: Self = var(0x606B);
     pub const VELOCITY_ACTUAL: Self = var(0x606C);
+    pub const VELOCITY_WINDOW: Self = var(0x606D);
+    pub const VELOCITY_WINDOW_TIME: Self = var(0x606E);
+    pub const VELOCITY_THRESHOLD: Self = var(0x606F);
+    pub const VELOCITY_THRESHOLD_TIME: Self = var(0x6070);
     pub const TARGET_TORQUE: Self = var(0x6071);
     pub const MAX_TORQUE: Self = var(0x6072);
+    pub const MAX_CURRENT: Self = var(0x6073);
+    pub const TORQUE_DEMAND: Self = var(0x6074);
     pub const RATED_TORQUE: Self = var(0x6076);
     pub const TORQUE_ACTUAL: Self = var(0x6077);
+    pub const CURRENT_ACTUAL: Self = var(0x6078);
+    pub const LINK_VOLTAGE: Self = var(0x6079);
+    pub const TARGET_POSITION: Self = var(0x607A);
+    pub const HOME_OFFSET: Self = var(0x607C);
+    pub const MIN_POSITION_LIMIT: Self = Self { index: 0x607D, sub: 1 };
+    pub const MAX_POSITION_LIMIT: Self = Self { index: 0x607D, sub: 2 };
+    pub const POLARITY: Self = var(0x607E);
+    pub const MAX_PROFILE_VELOCITY: Self = var(0x607F);
     pub const MAX_MOTOR_SPEED: Self = var(0x6080);
+    pub const PROFILE_VELOCITY: Self = var(0x6081);
+    pub const PROFILE_ACCELERATION: Self = var(0x6083);
+    pub const PROFILE_DECELERATION: Self = var(0x6084);
+    pub const QUICK_STOP_DECELERATION: Self = var(0x6085);
+    pub const TORQUE_SLOPE: Self = var(0x6087);
+    pub const ENCODER_INCREMENTS: Self = Self { index: 0x608F, sub: 1 };
+    pub const ENCODER_REVOLUTIONS: Self = Self { index: 0x608F, sub: 2 };
+    pub const GEAR_MOTOR_REVOLUTIONS: Self = Self { index: 0x6091, sub: 1 };
+    pub const GEAR_SHAFT_REVOLUTIONS: Self = Self { index: 0x6091, sub: 2 };
+    pub const FEED: Self = Self { index: 0x6092, sub: 1 };
+    pub const FEED_REVOLUTIONS: Self = Self { index: 0x6092, sub: 2 };
+    pub const HOMING_METHOD: Self = var(0x6098);
+    pub const HOMING_SPEED_SWITCH: Self = Self { index: 0x6099, sub: 1 };
+    pub const HOMING_SPEED_ZERO: Self = Self { index: 0x6099, sub: 2 };
+    pub const HOMING_ACCELERATION: Self = var(0x609A);
+    pub const POSITION_OFFSET: Self = var(0x60B0);
+    pub const VELOCITY_OFFSET: Self = var(0x60B1);
+    pub const TORQUE_OFFSET: Self = var(0x60B2);
+    pub const INTERPOLATION_TIME: Self = Self { index: 0x60C2, sub: 1 };
+    pub const INTERPOLATION_TIME_INDEX: Self = Self { index: 0x60C2, sub: 2 };
+    pub const MAX_ACCELERATION: Self = var(0x60C5);
+    pub const MAX_DECELERATION: Self = var(0x60C6);
+    pub const POSITIVE_TORQUE_LIMIT: Self = var(0x60E0);
+    pub const NEGATIVE_TORQUE_LIMIT: Self = var(0x60E1);
+    pub const SUPPORTED_HOMING_METHODS: Self = var(0x60E3);
+    pub const FOLLOWING_ERROR: Self = var(0x60F4);
+    pub const POSITION_DEMAND_INTERNAL: Self = var(0x60FC);
+    pub const DRIVE_INPUTS: Self = var(0x60FD);
+    pub const DRIVE_OUTPUTS: Self = Self { index: 0x60FE, sub: 1 };
+    pub const DRIVE_OUTPUTS_MASK: Self = Self { index: 0x60FE, sub: 2 };
+    pub const TARGET_VELOCITY: Self = var(0x60FF);
     pub const SUPPORTED_MODES: Self = var(0x6502);
 
     // CiA 401: the switch box.

@@ -53,12 +53,11 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
 
 /// What each drive believes.
 fn report(world: &World) {
-    for (joint, drive) in (1..).zip(world.drives()) {
+    for (joint, (drive, torque)) in (1..).zip(world.drives().iter().zip(&world.torques())) {
         print::line(&format!(
-            "joint {joint} node {:3} {}, torque {:+.3} N·m, last error {:04X}h",
+            "joint {joint} node {:3} {}, torque {torque:+.3} N·m, last error {:04X}h",
             drive.node().raw(),
             drive.state(),
-            drive.torque(),
             drive.last_error(),
         ));
     }

@@ -20,6 +20,7 @@ use crate::sim::arm::Joints;
 use crate::sim::arm::LinkSettings;
 use crate::sim::drive::Drive;
 use crate::sim::drive::DriveSettings;
+use crate::sim::drivetrain::Drivetrain;
 use crate::sim::plant::Plant;
 use crate::sim::plant::Resistance;
 use crate::sim::scenario::Scenario;
@@ -41,6 +42,7 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
             latency: DRIVE_LATENCY,
         })
     });
+    let drivetrains = config.joints.each_ref().map(|joint| Drivetrain::new(&actuator(joint)));
     let switches = &config.switches;
     let dictionary = numbered(&switches.eds, switches.channel, switches.node);
     let switches = SwitchBox::new(switches.channel, switches.node, dictionary);
@@ -50,7 +52,7 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
         range: joint.link.range,
     });
     let plant = Plant::new(arm(config), resistance, start(config));
-    World::new(drives, switches, plant, scenario, seed).coupled(transmission(config))
+    World::new(drives, drivetrains, switches, plant, scenario, seed).coupled(transmission(config))
 }
 
 /// What a device holds, with a serial number no other has, by which LSS can tell it from its like.

@@ -23,7 +23,7 @@ use crate::canopen::object::Object;
 use crate::canopen::station::Station;
 use crate::sim::actuator::ActuatorSettings;
 use crate::sim::actuator::Encoder;
-use crate::sim::actuator::TorqueCurve;
+use crate::sim::drivetrain::Sensed;
 use crate::sim::power::Power;
 use crate::time::Instant;
 
@@ -57,14 +57,12 @@ impl Drive {
         let DriveSettings { channel, node, dictionary, actuator, latency } = settings;
         let axis = Axis {
             encoder: Encoder::new(&actuator),
-            curve: TorqueCurve::new(&actuator),
             rated_torque: actuator.rated_millis(),
             power: Power::default(),
             error: 0,
             position: actuator.zero_counts,
             velocity: 0,
             target: 0,
-            torque: 0.0,
         };
         let device = Device::new(node, dictionary, axis, latency);
         Self { channel, is_plugged: true, device, frames: Vec::with_capacity(FRAMES) }
@@ -75,18 +73,18 @@ impl Drive {
         self.device.node()
     }
 
-    /// The joint is at `position` in rad and moves with `velocity` in rad/s.
-    pub fn set_motion(&mut self, position: f64, velocity: f64) {
+    /// What its motor does now.
+    pub fn sense(&mut self, sensed: &Sensed) {
         self.device.touch(|axis, dictionary| {
-            axis.position = axis.encoder.counts(position);
-            axis.velocity = axis.encoder.rate(velocity);
+            axis.position = axis.encoder.counts(sensed.position);
+            axis.velocity = axis.encoder.rate(sensed.velocity);
             axis.show_motion(dictionary);
         });
     }
 
-    /// The torque on the joint, in N·m.
-    pub const fn torque(&self) -> f64 {
-        self.device.application().torque
+    /// What it asks of its motor, in ‰ of rated torque.
+    pub fn demand(&self) -> f64 {
+        f64::from(self.device.application().target)
     }
 
     /// The state of its power stage.
@@ -157,7 +155,6 @@ impl Station for Drive {
 #[derive(Clone, Debug)]
 struct Axis {
     encoder: Encoder,
-    curve: TorqueCurve,
     /// Of the motor, in mN·m.
     rated_torque: u32,
     power: Power,
@@ -169,8 +166,6 @@ struct Axis {
     velocity: i32,
     /// What the power stage gives, in per mille of rated torque.
     target: i16,
-    /// What the joint gets of it, in N·m.
-    torque: f64,
 }
 
 impl Application for Axis {
@@ -252,10 +247,7 @@ impl Axis {
         let max = word(dictionary, Object::MAX_TORQUE);
         let max = i16::try_from(max).unwrap_or(i16::MAX);
         let target = wanted.clamp(-max, max);
-        if target != self.target {
-            self.target = target;
-            self.torque = self.curve.torque(f64::from(target));
-        }
+        self.target = target;
         let mut statusword = self.power.statusword().0 | Statusword::REMOTE;
         if follows {
             statusword |= Statusword::TARGET_FOLLOWED;
@@ -320,6 +312,10 @@ mod tests {
 
     fn node() -> NodeId {
         NodeId::new(3).unwrap()
+    }
+
+    fn at(position: f64) -> Sensed {
+        Sensed { position, ..Sensed::default() }
     }
 
     fn drive() -> Drive {
@@ -405,7 +401,7 @@ mod tests {
 
         /// Whether there is torque on the joint.
         fn pushes(&self) -> bool {
-            self.drive.torque().abs() > 0.0
+            self.drive.demand().abs() > 0.0
         }
 
         /// What the drive says to a frame.
@@ -474,10 +470,7 @@ mod tests {
         wire.cycle(Goal::OperationEnabled, 500);
         assert!(!wire.pushes(), "it is held until the next SYNC");
         wire.say(Sync::default().frame());
-        let [c1, c3, c5] = ACTUATOR.torque_curve;
-        let t = wire.drive.torque();
-        let target = -(c1 * t + c3 * t.powi(3) + c5 * t.powi(5));
-        assert!((target - 500.0).abs() < 1e-9, "{t} N·m");
+        assert!((wire.drive.demand() - 500.0).abs() < 1e-9);
         wire.pass();
         assert_eq!(wire.sample.torque, PerMille(500));
         for _ in 0..2 {
@@ -534,7 +527,7 @@ mod tests {
             wire.write(Object::QUICK_STOP_OPTION, [SLOW_DOWN_AND_STAY, 0]);
             for _ in 0..100 {
                 wire.pass();
-                wire.drive.set_motion(0.1, 0.0);
+                wire.drive.sense(&at(0.1));
             }
             assert_eq!(wire.drive.state(), state, "6007h = {option}");
             assert_eq!(wire.pushes(), is_on, "6007h = {option}");
@@ -590,9 +583,9 @@ mod tests {
     #[test]
     fn its_tpdo_says_where_the_joint_was_at_the_sync() {
         let mut wire = Wire::pushing(0);
-        wire.drive.set_motion(0.5, 0.0);
+        wire.drive.sense(&at(0.5));
         wire.say(Sync::default().frame());
-        wire.drive.set_motion(0.7, 0.0);
+        wire.drive.sense(&at(0.7));
         wire.pass();
         let turns = 0.5 / std::f64::consts::TAU * -40.0 * 16_384.0;
         let counts = f64::from(wire.sample.position.0 - 1_200);
@@ -602,7 +595,7 @@ mod tests {
     #[test]
     fn a_reset_node_is_as_after_power_up_but_for_where_its_joint_is() {
         let mut wire = Wire::pushing(500);
-        wire.drive.set_motion(0.5, 0.0);
+        wire.drive.sense(&at(0.5));
         let position = wire.drive.dictionary().get(Object::POSITION_ACTUAL).map(<[u8]>::to_vec);
         wire.say(Frame::new(0, [0x81, 3]));
         assert_eq!((wire.drive.state(), wire.pushes()), (State::SwitchOnDisabled, false));

@@ -7,7 +7,9 @@
 //!
 //! | file         | what                                                        |
 //! |--------------|-------------------------------------------------------------|
-//! | [`drive`]    | a CiA 402 drive: power states, [`actuator`], encoder    |
+//! | [`drive`]    | a CiA 402 drive: power states, modes, encoder               |
+//! | [`motion`]   | its modes of operation                                      |
+//! | [`drivetrain`] | its motor and gear, up to the joint                       |
 //! | [`switches`] | a CiA 401 input module                                      |
 //! | [`arm`]      | rigid-body kinematics and dynamics                          |
 //! | [`plant`]    | the arm in motion: friction, end stops, integration         |
@@ -20,7 +22,9 @@
 pub mod actuator;
 pub mod arm;
 pub mod drive;
+pub mod drivetrain;
 pub mod hand;
+pub mod motion;
 pub mod plant;
 mod power;
 mod random;

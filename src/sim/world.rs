@@ -17,6 +17,8 @@ use crate::canopen::station::Station;
 use crate::canopen::sync;
 use crate::sim::arm::Joints;
 use crate::sim::drive::Drive;
+use crate::sim::drivetrain::Drivetrain;
+use crate::sim::drivetrain::Sensed;
 use crate::sim::hand::Hand;
 use crate::sim::plant::Plant;
 use crate::sim::scenario::Scenario;
@@ -36,11 +38,11 @@ const LEADING: Channel = Channel(0);
 
 /// A drive, seen from its joint.
 pub trait Motor: Station {
-    /// What it moves is at `position` and moves with `velocity`, in rad and rad/s (m and m/s).
-    fn set_motion(&mut self, position: f64, velocity: f64);
+    /// What its motor does now.
+    fn sense(&mut self, sensed: &Sensed);
 
-    /// The torque on it, now, in N·m (N).
-    fn torque(&self) -> f64;
+    /// What it asks of its motor, now, in ‰ of rated torque.
+    fn demand(&self) -> f64;
 }
 
 /// An input module, seen from its switches.
@@ -53,11 +55,10 @@ pub trait Inputs: Station {
 #[derive(Clone, Debug)]
 pub struct World<M = Drive, I = SwitchBox> {
     drives: [M; 6],
+    drivetrains: [Drivetrain; 6],
     switches: I,
     plant: Plant,
     transmission: Transmission,
-    /// What the drives have exerted since `now`.
-    tau: Joints,
     hand: Hand,
     scenario: Scenario,
     tremor: Tremor,
@@ -71,21 +72,27 @@ pub struct World<M = Drive, I = SwitchBox> {
 
 impl<M: Motor, I: Inputs> World<M, I> {
     /// With the arm at rest where `plant` is, held by the hand.
-    pub fn new(drives: [M; 6], switches: I, plant: Plant, scenario: Scenario, seed: u64) -> Self {
+    pub fn new(
+        drives: [M; 6],
+        drivetrains: [Drivetrain; 6],
+        switches: I,
+        plant: Plant,
+        scenario: Scenario,
+        seed: u64,
+    ) -> Self {
         let mut world = Self {
             drives,
+            drivetrains,
             switches,
             x_0_start: *plant.x_0_g(),
             plant,
             transmission: Transmission::direct(),
-            tau: Joints::zeros(),
             hand: Hand::default(),
             scenario,
             tremor: Tremor::new(seed),
             begun: None,
             now: Instant::ZERO,
         };
-        world.tau = world.torques();
         world.show();
         world
     }
@@ -94,7 +101,6 @@ impl<M: Motor, I: Inputs> World<M, I> {
     #[must_use]
     pub fn coupled(self, transmission: Transmission) -> Self {
         let mut world = Self { transmission, ..self };
-        world.tau = world.torques();
         world.show();
         world
     }
@@ -112,6 +118,11 @@ impl<M: Motor, I: Inputs> World<M, I> {
     /// The switch box, to take it away.
     pub const fn switches_mut(&mut self) -> &mut I {
         &mut self.switches
+    }
+
+    /// What the motors exert on what they move, base first, in N·m (N).
+    pub fn torques(&self) -> Joints {
+        Joints::from(self.drivetrains.each_ref().map(Drivetrain::torque))
     }
 
     /// The arm.
@@ -134,32 +145,36 @@ impl<M: Motor, I: Inputs> World<M, I> {
             Translation3::from(place),
             self.x_0_start.rotation * operator.rotation,
         );
-        self.plant.advance(dt, &self.tau, operator.is_holding.then_some((&self.hand, &x_0_d)));
+        let tau = self.transmission.joint_torques(&self.torques());
+        self.plant.advance(dt, &tau, operator.is_holding.then_some((&self.hand, &x_0_d)));
         self.switches.set(operator.inputs);
         self.now = now;
         self.show();
     }
 
-    /// Takes note of torques that have changed at `now`: until now the old ones acted.
+    /// Takes note of demands that have changed at `now`: until now the old ones acted.
     fn heed(&mut self, now: Instant) {
-        let tau = self.torques();
-        if tau != self.tau {
+        let mut pairs = self.drives.iter().zip(&self.drivetrains);
+        if pairs.any(|(drive, train)| (drive.demand() - train.per_mille()).abs() > 0.0) {
             self.advance(now);
-            self.tau = tau;
+            for (drive, train) in self.drives.iter().zip(&mut self.drivetrains) {
+                train.demand(drive.demand());
+            }
         }
     }
 
-    /// What the drives exert on the joints.
-    fn torques(&self) -> Joints {
-        self.transmission.joint_torques(&Joints::from(self.drives.each_ref().map(Motor::torque)))
-    }
-
-    /// Shows every encoder its motor.
+    /// Shows every drive its motor.
     fn show(&mut self) {
         let m = self.transmission.positions(self.plant.q());
         let md = self.transmission.velocities(self.plant.qd());
-        for (drive, (m, md)) in self.drives.iter_mut().zip(m.iter().zip(md.iter())) {
-            drive.set_motion(*m, *md);
+        let trains = self.drives.iter_mut().zip(&self.drivetrains);
+        for ((drive, train), (position, velocity)) in trains.zip(m.iter().zip(md.iter())) {
+            drive.sense(&Sensed {
+                position: *position,
+                velocity: *velocity,
+                per_mille: train.per_mille(),
+                temperature: train.temperature(),
+            });
         }
     }
 }
@@ -198,12 +213,12 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
 }
 
 impl Motor for Drive {
-    fn set_motion(&mut self, position: f64, velocity: f64) {
-        self.set_motion(position, velocity);
+    fn sense(&mut self, sensed: &Sensed) {
+        self.sense(sensed);
     }
 
-    fn torque(&self) -> f64 {
-        self.torque()
+    fn demand(&self) -> f64 {
+        self.demand()
     }
 }
 
@@ -216,6 +231,7 @@ impl Inputs for SwitchBox {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::actuator::ActuatorSettings;
     use crate::sim::arm;
     use crate::sim::plant::Resistance;
     use crate::spatial::Wrench;
@@ -253,12 +269,12 @@ mod tests {
     }
 
     impl Motor for FakeMotor {
-        fn set_motion(&mut self, position: f64, velocity: f64) {
-            self.motion = (position, velocity);
+        fn sense(&mut self, sensed: &Sensed) {
+            self.motion = (sensed.position, sensed.velocity);
         }
 
-        fn torque(&self) -> f64 {
-            self.torque
+        fn demand(&self) -> f64 {
+            self.torque * PER_NEWTON_METRE
         }
     }
 
@@ -281,6 +297,20 @@ mod tests {
         }
     }
 
+    /// So many per mille are a newton metre.
+    const PER_NEWTON_METRE: f64 = 100.0;
+
+    fn drivetrain() -> Drivetrain {
+        Drivetrain::new(&ActuatorSettings {
+            counts_per_rev: 4_096.0,
+            gear_ratio: 1.0,
+            zero_counts: 0,
+            rated_torque: 1.0,
+            torque_curve: [PER_NEWTON_METRE, 0.0, 0.0],
+            max_torque: 100.0,
+        })
+    }
+
     /// The arm at neutral, its weight carried by the motors.
     fn world(seed: u64) -> World<FakeMotor, FakeSwitches> {
         let arm = arm::tests::kraft_like();
@@ -292,7 +322,14 @@ mod tests {
         });
         let resistance = [Resistance { coulomb: 0.001, viscous: 0.005, range: [-3.0, 3.0] }; 6];
         let plant = Plant::new(arm, resistance, q);
-        World::new(motors, FakeSwitches(0), plant, Scenario::parse(SCRIPT).unwrap(), seed)
+        World::new(
+            motors,
+            [drivetrain(); 6],
+            FakeSwitches(0),
+            plant,
+            Scenario::parse(SCRIPT).unwrap(),
+            seed,
+        )
     }
 
     fn micros(micros: u64) -> Instant {

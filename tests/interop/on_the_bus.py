@@ -4,6 +4,7 @@ that is virtual (scripts/with_vcan.sh -v). Leaves what candump saw of each test 
 import logging
 import sys
 
+import any_master
 import hostile
 import our_drives
 import our_master
@@ -11,7 +12,7 @@ import our_tools
 import runner
 from bench import Bench
 
-TESTS = [*our_master.TESTS, *our_drives.TESTS, *our_tools.TESTS, *hostile.TESTS]
+TESTS = [*our_master.TESTS, *our_drives.TESTS, *any_master.TESTS, *our_tools.TESTS, *hostile.TESTS]
 
 if __name__ == "__main__":
     logging.disable(logging.CRITICAL)

@@ -6,13 +6,14 @@ import sys
 
 import any_master
 import hostile
+import lely
 import our_drives
 import our_master
 import our_tools
 import runner
 from bench import Bench
 
-TESTS = [*our_master.TESTS, *our_drives.TESTS, *any_master.TESTS, *our_tools.TESTS, *hostile.TESTS]
+TESTS = [*our_master.TESTS, *our_drives.TESTS, *any_master.TESTS, *lely.TESTS, *our_tools.TESTS, *hostile.TESTS]
 
 if __name__ == "__main__":
     logging.disable(logging.CRITICAL)

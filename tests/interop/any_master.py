@@ -5,11 +5,13 @@ What is expected here is what CiA 301, 305 and 402 say, whatever our own master 
 """
 
 import random
+import subprocess
+import sys
 import time
 
 from canopen.profiles.p402 import BaseNode402
 
-from bench import CONFIG, DRIVE_EDS, JOINTS, check, same, until
+from bench import CONFIG, DRIVE_EDS, INTERFACE, JOINTS, ROOT, check, same, until
 from refusals import REFUSALS
 
 NODES = [joint["node_id"] for joint in JOINTS]
@@ -200,9 +202,25 @@ def fastscan_finds_drives_without_a_node_id(bench):
     same(lss.fast_scan()[0], False, "nobody is left")
 
 
+def the_documented_master_drives_a_drive(bench):
+    """docs/python_master.py, as docs/third-party-masters.md shows it."""
+    bench.sim = bench.start("sim", "--config", CONFIG)
+    until(lambda: bench.sent(0x706), "boot-up")
+    run = [sys.executable, str(ROOT / "docs/python_master.py"), INTERFACE, "6"]
+    done = subprocess.run(run, capture_output=True, text=True, timeout=60, check=False)
+    same(done.returncode, 0, f"exit code; it said:\n{done.stderr}")
+    said = done.stdout.splitlines()
+    same(said[0], "frhc simulated drive, serial number 6", "whom it talks to")
+    same(len(said), 7, f"lines of {said}")
+    same(said[-1], "the drive is switch on disabled", "the end")
+    torques = {data[6:] for _, data in bench.sent(0x186)}
+    check((60).to_bytes(2, "little") in torques, "60 per mille were exerted")
+
+
 TESTS = [
     six_drives_are_commissioned_from_their_eds,
     drive_refuses_what_the_standard_refuses,
     a_hundred_kilobytes_go_both_ways_in_blocks,
     fastscan_finds_drives_without_a_node_id,
+    the_documented_master_drives_a_drive,
 ]

@@ -5,6 +5,7 @@ import logging
 import sys
 
 import any_master
+import cia402
 import hostile
 import lely
 import our_drives
@@ -13,7 +14,7 @@ import our_tools
 import runner
 from bench import Bench
 
-TESTS = [*our_master.TESTS, *our_drives.TESTS, *any_master.TESTS, *lely.TESTS, *our_tools.TESTS, *hostile.TESTS]
+TESTS = [*our_master.TESTS, *our_drives.TESTS, *any_master.TESTS, *cia402.TESTS, *lely.TESTS, *our_tools.TESTS, *hostile.TESTS]
 
 if __name__ == "__main__":
     logging.disable(logging.CRITICAL)

@@ -3,11 +3,16 @@
 
 use std::time::Duration;
 
+use canopen_rs::NmtCommand;
 use proptest::prelude::*;
 
 use super::*;
 use crate::canopen::abort::AbortCode;
+use crate::canopen::device::parameter::Place;
 use crate::canopen::eds::Eds;
+use crate::canopen::layout::Direction;
+use crate::canopen::nmt::Order;
+use crate::canopen::object::Object;
 use crate::canopen::sdo::Outcome;
 use crate::canopen::sdo::SdoError;
 use crate::canopen::sdo::Transfer;

@@ -6,9 +6,12 @@
 
 mod access;
 mod application;
+mod clock;
+mod condition;
 mod errors;
 mod guarding;
 mod heartbeat;
+mod history;
 #[cfg(test)]
 mod laws;
 mod lss;
@@ -20,6 +23,7 @@ mod sdo_server;
 mod settings;
 mod states;
 mod store;
+mod sync;
 mod tpdo;
 
 pub use application::Application;
@@ -31,13 +35,14 @@ use std::time::Duration;
 use canopen_rs::NmtState;
 use canopen_rs::NodeId;
 
-use crate::canopen::device::errors::Condition;
+use crate::canopen::device::clock::Clock;
 use crate::canopen::device::errors::Errors;
 use crate::canopen::device::guarding::Guarding;
 use crate::canopen::device::heartbeat::Heartbeat;
 use crate::canopen::device::lss::Layer;
 use crate::canopen::device::rpdo::Rpdo;
 use crate::canopen::device::sdo_server::SdoServer;
+use crate::canopen::device::sync::SyncConsumer;
 use crate::canopen::device::tpdo::Tpdo;
 use crate::canopen::dictionary::Dictionary;
 use crate::canopen::frame::Frame;
@@ -53,9 +58,10 @@ pub struct Device<A> {
     application: A,
     state: NmtState,
     latency: Duration,
-    sync_cob_id: u16,
-    /// Of a SYNC: one where they are counted, any number where the device knows no counting.
-    sync_bytes: Option<usize>,
+    sync: SyncConsumer,
+    /// Since the last SYNC a synchronous PDO was discarded.
+    is_late: bool,
+    clock: Clock,
     sdo: SdoServer,
     rpdos: Vec<Rpdo>,
     tpdos: Vec<Tpdo>,
@@ -76,8 +82,9 @@ impl<A: Application> Device<A> {
             layer: Layer::new(node, &dictionary),
             state: NmtState::Initialising,
             latency,
-            sync_cob_id: 0,
-            sync_bytes: None,
+            sync: SyncConsumer::default(),
+            is_late: false,
+            clock: Clock::default(),
             sdo: SdoServer::new(node),
             rpdos: Vec::new(),
             tpdos: Vec::new(),
@@ -112,6 +119,11 @@ impl<A: Application> Device<A> {
         &self.dictionary
     }
 
+    /// What the clock on the wall shows by the TIME it was told (1012h), since 1 January 1970; `None` before.
+    pub fn since_1970(&self, now: Instant) -> Option<Duration> {
+        self.clock.since_1970(now)
+    }
+
     /// Something happens to the application from outside, such as a moved shaft; event-driven TPDOs
     /// tell of it with the next [`on_time`](Self::on_time).
     pub fn touch(&mut self, happens: impl FnOnce(&mut A, &mut Dictionary)) {
@@ -130,24 +142,20 @@ impl<A: Application> Device<A> {
         }
         if frame.is_remote() {
             self.on_question(now, frame, out);
-            return;
-        }
-        if let Some(order) = Order::decode(frame) {
+        } else if let Some(order) = Order::decode(frame) {
             if order.node.is_none_or(|node| node == self.node) {
                 self.obey(now, order.command, out);
             }
         } else if self.heartbeat.on_frame(now, frame) {
-            self.errors.settle(Condition::HeartbeatLost, &mut self.dictionary, out);
+            self.tell_of_watches();
         } else if let Some(request) = self.sdo.request(frame) {
             if self.state != NmtState::Stopped {
                 self.serve(now, request, out);
             }
         } else if self.state == NmtState::Operational {
-            if frame.cob_id == self.sync_cob_id {
-                self.take_sync(now, frame, out);
-            } else {
-                self.on_rpdo(now, frame, out);
-            }
+            self.on_process_frame(now, frame);
+        } else if self.state == NmtState::PreOperational {
+            self.clock.on_frame(now, frame);
         }
         self.catch_up(now, out);
     }
@@ -161,17 +169,7 @@ impl<A: Application> Device<A> {
         if self.state == NmtState::Initialising {
             self.boot_up(now, out);
         }
-        if self.heartbeat.is_lost(now) || self.guarding.is_lost(now) {
-            self.lose_connection(Condition::HeartbeatLost, ConnectionLoss::Heartbeat, out);
-            self.behave_on_error();
-        }
-        let mut is_missed = false;
-        for rpdo in &mut self.rpdos {
-            is_missed |= rpdo.is_missed(now);
-        }
-        if is_missed {
-            self.lose_connection(Condition::RpdoTimeout, ConnectionLoss::RpdoTimeout, out);
-        }
+        self.watch(now, out);
         self.sdo.on_time(now, out);
         self.catch_up(now, out);
     }
@@ -187,45 +185,46 @@ impl<A: Application> Device<A> {
         let now = is_due.then_some(Instant::ZERO);
         let rpdos = self.rpdos.iter().filter_map(Rpdo::deadline);
         let tpdos = self.tpdos.iter().filter_map(Tpdo::deadline);
-        let watches = [self.heartbeat.deadline(), self.guarding.deadline(), self.sdo.deadline()];
-        rpdos.chain(tpdos).chain(now).chain(watches.into_iter().flatten()).min()
+        let watches = [self.heartbeat.deadline(), self.guarding.deadline()];
+        let answers = [self.sdo.deadline(), self.errors.deadline()];
+        let others = watches.into_iter().chain(answers).flatten();
+        rpdos.chain(tpdos).chain(now).chain(others).min()
     }
 
-    /// A remote frame: only its master's question whether it is alive has an answer.
+    /// A remote frame asks whether the device is alive, or for a TPDO.
     fn on_question(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
-        let answer = self.guarding.answer(now, frame, self.node, self.state, &self.dictionary);
-        if answer.is_some() {
-            self.errors.settle(Condition::HeartbeatLost, &mut self.dictionary, out);
+        if let Some(answer) =
+            self.guarding.answer(now, frame, self.node, self.state, &self.dictionary)
+        {
+            self.tell_of_watches();
+            self.errors.send(now, out);
+            out.push(answer);
+        } else if self.state == NmtState::Operational {
+            let answers = self.tpdos.iter().filter_map(|it| it.on_request(frame, &self.dictionary));
+            out.extend(answers);
         }
-        out.extend(answer);
-    }
-
-    fn lose_connection(&mut self, condition: Condition, why: ConnectionLoss, out: &mut Vec<Frame>) {
-        let manufacturer = self.application.on_connection_lost(&mut self.dictionary, why);
-        self.errors.raise(condition, why.error_code(), manufacturer, &mut self.dictionary, out);
-        self.is_touched = true;
     }
 
     /// Tells when the application has another error than before, or none any more.
-    fn tell_of_application(&mut self, out: &mut Vec<Frame>) {
+    fn tell_of_application(&mut self) {
         let code = self.application.error_code();
-        self.errors.of_application(code, &mut self.dictionary, out);
+        self.errors.of_application(code, &mut self.dictionary);
     }
 
     /// What may follow from anything that has happened.
     fn catch_up(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        self.tell_of_application(out);
+        self.tell_of_application();
         if self.must_look() {
             for tpdo in &mut self.tpdos {
                 tpdo.look(&self.dictionary);
             }
         }
         self.is_touched = false;
+        self.errors.send(now, out);
         if self.state == NmtState::Operational {
-            for tpdo in &mut self.tpdos {
-                tpdo.on_time(now, &self.dictionary, out);
-            }
+            self.send_tpdos(now, out);
         }
+        self.errors.send(now, out);
         out.extend(self.heartbeat.due(now, self.node, self.state));
     }
 }

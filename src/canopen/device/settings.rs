@@ -5,10 +5,9 @@ use std::time::Duration;
 use crate::canopen::device::Application;
 use crate::canopen::device::Device;
 use crate::canopen::device::access::Objects;
-use crate::canopen::device::errors;
+use crate::canopen::device::history;
 use crate::canopen::device::parameter::Place;
 use crate::canopen::device::store;
-use crate::canopen::frame::COB_ID_MAX;
 use crate::canopen::frame::Frame;
 use crate::canopen::object::Object;
 use crate::time::Instant;
@@ -24,30 +23,37 @@ impl<A: Application> Device<A> {
     }
 
     /// Does as an object says that has just been written.
-    pub(super) fn follow(&mut self, now: Instant, object: Object) {
+    fn follow(&mut self, now: Instant, object: Object) {
         self.is_touched = true;
         store::follow(object, &mut self.dictionary);
         match object {
-            Object::SYNC_COB_ID | Object::SYNC_OVERFLOW => self.follow_sync(),
-            Object::EMCY_COB_ID => self.errors.configure(&self.dictionary),
-            Object::ERROR_HISTORY => errors::clear_history(&mut self.dictionary),
-            Object::CONSUMER_HEARTBEAT => self.heartbeat.watch(&self.dictionary),
+            Object::SYNC_COB_ID | Object::SYNC_WINDOW | Object::SYNC_OVERFLOW => {
+                self.sync.configure(&self.dictionary);
+            }
+            Object::TIME_COB_ID => self.clock.configure(&self.dictionary),
+            Object::EMCY_COB_ID | Object::EMCY_INHIBIT_TIME => {
+                self.errors.configure(&self.dictionary);
+            }
+            Object::ERROR_HISTORY => history::clear(&mut self.dictionary),
+            Object::GUARD_TIME | Object::LIFE_TIME_FACTOR => {
+                self.guarding.forget();
+                self.tell_of_watches();
+            }
             Object::PRODUCER_HEARTBEAT => {
                 self.heartbeat.produce(&self.dictionary, now, Duration::ZERO);
+                self.guarding.forget();
+                self.tell_of_watches();
+            }
+            Object { index, .. } if index == Object::CONSUMER_HEARTBEAT.index => {
+                self.heartbeat.watch(&self.dictionary);
+                self.tell_of_watches();
             }
             object => {
                 if let Some(place) = Place::of(object) {
                     self.resolve(place);
+                    self.tell_of_rpdos();
                 }
             }
         }
-    }
-
-    pub(super) fn follow_sync(&mut self) {
-        let identifier = self.dictionary.unsigned(Object::SYNC_COB_ID) & u32::from(COB_ID_MAX);
-        self.sync_cob_id = u16::try_from(identifier).unwrap_or(0);
-        let counts = self.dictionary.entry(Object::SYNC_OVERFLOW);
-        self.sync_bytes =
-            counts.map(|_| usize::from(self.dictionary.unsigned(Object::SYNC_OVERFLOW) > 0));
     }
 }

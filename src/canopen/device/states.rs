@@ -10,6 +10,7 @@ use crate::canopen::device::Application;
 use crate::canopen::device::ConnectionLoss;
 use crate::canopen::device::Device;
 use crate::canopen::device::Reset;
+use crate::canopen::device::condition::Condition;
 use crate::canopen::device::heartbeat::Heartbeat;
 use crate::canopen::device::mapping;
 use crate::canopen::device::parameter::Place;
@@ -53,7 +54,7 @@ impl<A: Application> Device<A> {
     }
 
     /// To be stopped or reset in operation is to lose the master; nothing is told of it.
-    pub(super) fn leave_operational(&mut self) {
+    fn leave_operational(&mut self) {
         if self.state == NmtState::Operational {
             let why = ConnectionLoss::Stopped;
             self.application.on_connection_lost(&mut self.dictionary, why);
@@ -70,9 +71,11 @@ impl<A: Application> Device<A> {
         self.tpdos = numbers(Direction::Transmit)
             .map(|number| Tpdo::new(&self.dictionary, number))
             .collect();
-        self.heartbeat.watch(&self.dictionary);
+        self.heartbeat.restart(&self.dictionary);
         self.guarding.restart();
-        self.follow_sync();
+        self.sync.configure(&self.dictionary);
+        self.is_late = false;
+        self.clock.configure(&self.dictionary);
         self.application.on_reset(&mut self.dictionary, reset);
         self.errors.reset(self.application.error_code(), &mut self.dictionary);
     }
@@ -90,7 +93,7 @@ impl<A: Application> Device<A> {
             return;
         }
         self.state = state;
-        self.errors.may_send = matches!(state, NmtState::PreOperational | NmtState::Operational);
+        self.errors.allow(matches!(state, NmtState::PreOperational | NmtState::Operational));
         if state == NmtState::Operational {
             self.tpdos.iter_mut().for_each(Tpdo::start);
         } else {
@@ -102,8 +105,43 @@ impl<A: Application> Device<A> {
         }
     }
 
-    /// Leaves operational after a lost heartbeat, unless told otherwise (1029h:1).
-    pub(super) fn behave_on_error(&mut self) {
+    /// Finds out whether the master is lost: its heartbeat, its guarding, one of its RPDOs.
+    pub(super) fn watch(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        let no_heartbeat = self.heartbeat.loses(now).then_some(Condition::HeartbeatLost);
+        let no_guard = self.guarding.loses(now).then_some(Condition::GuardLost);
+        for condition in no_heartbeat.into_iter().chain(no_guard) {
+            self.lose_connection(condition, ConnectionLoss::Heartbeat);
+            self.errors.send(now, out);
+            self.behave_on_error();
+        }
+        let mut is_missed = false;
+        for rpdo in &mut self.rpdos {
+            is_missed |= rpdo.misses(now);
+        }
+        if is_missed {
+            self.lose_connection(Condition::RpdoTimeout, ConnectionLoss::RpdoTimeout);
+        }
+    }
+
+    fn lose_connection(&mut self, condition: Condition, why: ConnectionLoss) {
+        let manufacturer = self.application.on_connection_lost(&mut self.dictionary, why);
+        self.errors.raise(condition, manufacturer, &mut self.dictionary);
+        self.is_touched = true;
+    }
+
+    /// Who was lost is heard again, or not watched any more.
+    pub(super) fn tell_of_watches(&mut self) {
+        if !self.heartbeat.is_lost() {
+            self.errors.settle(Condition::HeartbeatLost, &mut self.dictionary);
+        }
+        if !self.guarding.is_lost() {
+            self.errors.settle(Condition::GuardLost, &mut self.dictionary);
+        }
+    }
+
+    /// Leaves operational after a communication error, unless told otherwise (1029h:1). An RPDO that stays
+    /// away is none (CiA 301, 7.5.2.32).
+    fn behave_on_error(&mut self) {
         if self.state != NmtState::Operational {
             return;
         }

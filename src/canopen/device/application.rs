@@ -1,7 +1,7 @@
 //! What a device does, as the slave that carries it sees it.
 
 use crate::canopen::abort::AbortCode;
-use crate::canopen::device::errors;
+use crate::canopen::device::condition;
 use crate::canopen::dictionary::Dictionary;
 use crate::canopen::object::Object;
 
@@ -59,9 +59,9 @@ impl ConnectionLoss {
     /// The error code of the emergency (CiA 301, table 26): 8130h, 8250h, 8100h.
     pub const fn error_code(self) -> u16 {
         match self {
-            Self::Heartbeat => errors::HEARTBEAT_LOST,
-            Self::RpdoTimeout => errors::RPDO_TIMEOUT,
-            Self::Stopped => errors::COMMUNICATION_LOST,
+            Self::Heartbeat => condition::HEARTBEAT_LOST,
+            Self::RpdoTimeout => condition::RPDO_TIMEOUT,
+            Self::Stopped => condition::COMMUNICATION_LOST,
         }
     }
 }

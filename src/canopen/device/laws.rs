@@ -3,11 +3,16 @@
 
 use std::time::Duration;
 
+use canopen_rs::NmtCommand;
 use proptest::prelude::*;
 
 use super::*;
 use crate::canopen::abort::AbortCode;
+use crate::canopen::device::parameter::Place;
 use crate::canopen::eds::Eds;
+use crate::canopen::layout::Direction;
+use crate::canopen::nmt::Order;
+use crate::canopen::object::Object;
 use crate::canopen::sdo::Outcome;
 use crate::canopen::sdo::SdoError;
 use crate::canopen::sdo::Transfer;
@@ -264,16 +269,27 @@ fn drives_of_a_group_take_each_its_own_part_of_one_frame() {
 }
 
 #[test]
-fn a_frame_of_another_length_than_its_mapping_is_told_and_not_taken() {
-    for (length, data) in [(1, vec![9]), (3, vec![9, 0, 0]), (0, vec![])] {
+fn a_frame_shorter_than_its_mapping_is_told_and_not_taken() {
+    for data in [vec![9], vec![]] {
         let mut desk = Desk::with_target(AT_ONCE);
         let frame = Frame::from_slice(RPDO, &data).unwrap();
-        assert_eq!(desk.say(frame), [emergency(0x8210, 0x11, [0; 5])], "{length}");
+        assert_eq!(desk.say(frame), [emergency(0x8210, 0x11, [0; 5])]);
         assert_eq!(desk.say(frame), [], "told once");
         assert_eq!(desk.target(), 0);
         assert_eq!(desk.say(Frame::new(RPDO, [9, 0])), [emergency(0, 0, [0; 5])]);
         assert_eq!(desk.target(), 9);
     }
+}
+
+#[test]
+fn of_a_frame_longer_than_its_mapping_the_first_bytes_count_and_it_is_told() {
+    let mut desk = Desk::with_target(AT_ONCE);
+    assert_eq!(desk.say(Frame::new(RPDO, [9, 0, 7])), [emergency(0x8220, 0x11, [0; 5])]);
+    assert_eq!(desk.target(), 9);
+    assert_eq!(desk.say(Frame::new(RPDO, [8, 0, 7, 7])), [], "told once");
+    assert_eq!(desk.target(), 8);
+    assert_eq!(desk.say(Frame::new(RPDO, [7])), [emergency(0x8210, 0x11, [0; 5])]);
+    assert_eq!(desk.say(Frame::new(RPDO, [7, 0])), [emergency(0, 0, [0; 5])]);
 }
 
 #[test]
@@ -531,7 +547,7 @@ fn wrong_accesses_have_the_right_abort_codes() {
         (Object::TARGET_TORQUE, &[0xB9, 0x0B], AbortCode::VALUE_TOO_HIGH),
         (Object::TARGET_TORQUE, &[0x47, 0xF4], AbortCode::VALUE_TOO_LOW),
         (Object::ERROR_HISTORY, &[1], AbortCode::VALUE_INVALID),
-        (Object::CONSUMER_HEARTBEAT, &[20, 0, 200, 0], AbortCode::VALUE_INVALID),
+        (Object::CONSUMER_HEARTBEAT, &[20, 0, 127, 1], AbortCode::VALUE_INVALID),
         (Object::EMCY_COB_ID, &[0x83, 6, 0, 0], AbortCode::DEVICE_STATE),
     ];
     for (object, bytes, code) in writes {
@@ -606,7 +622,8 @@ fn an_error_of_the_application_comes_goes_and_is_remembered() {
     assert_eq!(desk.read(newest), Ok(vec![0x10, 0x43, 0, 0]));
     assert_eq!(desk.read(before), Ok(vec![0x10, 0x23, 0, 0]));
     desk.write(Object::ERROR_HISTORY, &[0]).unwrap();
-    assert_eq!(desk.read(newest), Ok(vec![0; 4]));
+    assert_eq!(desk.read(Object::ERROR_HISTORY), Ok(vec![0]));
+    assert_eq!(desk.read(newest), Err(AbortCode::NO_DATA), "of an error that never was");
 }
 
 #[test]

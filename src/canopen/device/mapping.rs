@@ -77,6 +77,11 @@ impl Mapping {
         Ok(mapping)
     }
 
+    /// Whether nothing is in it: its PDO is off.
+    pub(super) const fn is_empty(&self) -> bool {
+        self.used == 0
+    }
+
     /// The bytes of its frame, 0 to 8.
     pub(super) fn bytes(&self) -> usize {
         usize::try_from(self.bits.div_ceil(8)).unwrap_or(0)

@@ -1,0 +1,175 @@
+//! Homing mode (CiA 402-2, 11): methods 33 and 34, the next index pulse in negative or positive
+//! direction, and 37 with its older form 35, where the motor stands.
+//!
+//! The home position is shown as the home offset (607Ch) from then on. 60E3h lists what is here.
+
+use crate::canopen::drive::Controlword;
+use crate::canopen::object::Object;
+use crate::sim::motion::Asked;
+use crate::sim::motion::axis::Axis;
+use crate::sim::motion::axis::Moment;
+use crate::sim::motion::bits;
+use crate::sim::motion::limits;
+use crate::sim::motion::ramp::Demand;
+use crate::sim::motion::ramp::Profile;
+use crate::sim::motion::reached::Standstill;
+use crate::sim::motion::units::signed;
+
+/// What is looked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Method {
+    NegativeIndex,
+    PositiveIndex,
+    Here,
+}
+
+impl Method {
+    const fn of(number: i8) -> Option<Self> {
+        match number {
+            33 => Some(Self::NegativeIndex),
+            34 => Some(Self::PositiveIndex),
+            35 | 37 => Some(Self::Here),
+            _ => None,
+        }
+    }
+}
+
+/// How far it has come.
+#[derive(Clone, Copy, Debug, Default)]
+enum Progress {
+    #[default]
+    NotStarted,
+    /// On the way to an index pulse at this place, 1 forward and -1 backward.
+    Searching {
+        index: f64,
+        sign: f64,
+    },
+    /// Coming to rest with the home position known.
+    Found,
+    Done,
+    /// Coming to rest without one.
+    Interrupted,
+    Failed,
+}
+
+/// The mode.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Homing {
+    progress: Progress,
+    standstill: Standstill,
+    is_at_rest: bool,
+}
+
+impl Homing {
+    /// Bit 4 starts it, and interrupts it when it falls.
+    pub(super) fn on_controlword(
+        &mut self,
+        word: Controlword,
+        has_risen: bool,
+        axis: &mut Axis,
+        moment: &Moment<'_>,
+    ) {
+        if has_risen {
+            self.start(axis, moment);
+        } else if !bits::is_started(word) {
+            self.interrupt();
+        }
+    }
+
+    /// A halt, or bit 4 has fallen.
+    pub(super) const fn interrupt(&mut self) {
+        if matches!(self.progress, Progress::Searching { .. }) {
+            self.progress = Progress::Interrupted;
+        }
+    }
+
+    fn start(&mut self, axis: &mut Axis, moment: &Moment<'_>) {
+        self.is_at_rest = false;
+        let place = moment.actual.place;
+        let turn = axis.shaft.units.turn();
+        self.progress = match Method::of(moment.dictionary.i8(Object::HOMING_METHOD)) {
+            Some(Method::Here) => {
+                set_home(axis, place, moment);
+                Progress::Found
+            }
+            Some(Method::NegativeIndex) => {
+                let index = ((place / turn).ceil() - 1.0) * turn;
+                Progress::Searching { index, sign: -1.0 }
+            }
+            Some(Method::PositiveIndex) => {
+                let index = ((place / turn).floor() + 1.0) * turn;
+                Progress::Searching { index, sign: 1.0 }
+            }
+            None => Progress::Failed,
+        };
+    }
+
+    pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Asked {
+        let speed = self.search(axis, moment);
+        let is_resting = self.is_at_rest;
+        if !is_resting {
+            let units = &axis.shaft.units;
+            let rate = limits::acceleration(units, moment.dictionary, Object::HOMING_ACCELERATION);
+            let top = limits::top_speed(units, moment.dictionary);
+            let profile = Profile::new(top, rate, rate);
+            axis.demand = axis.demand.toward_velocity(moment.dt, speed, &profile);
+            self.come_to_rest(axis, moment);
+        }
+        let torque = if self.is_at_rest {
+            axis.follow_place(0.0, moment)
+        } else {
+            axis.follow_velocity(0.0, moment)
+        };
+        Asked {
+            per_mille: torque.value,
+            status: self.status(self.is_at_rest),
+            is_limited: torque.is_limited,
+            error: 0,
+        }
+    }
+
+    /// The velocity it searches with, in increments/s; zero once it has found something.
+    fn search(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> f64 {
+        let Progress::Searching { index, sign } = self.progress else { return 0.0 };
+        if (moment.actual.place - index) * sign >= 0.0 {
+            set_home(axis, index, moment);
+            self.progress = Progress::Found;
+            return 0.0;
+        }
+        sign * axis.shaft.units.size(moment.dictionary, Object::HOMING_SPEED_ZERO)
+    }
+
+    /// Once the demand is zero and the motor at rest, its place is kept.
+    fn come_to_rest(&mut self, axis: &mut Axis, moment: &Moment<'_>) {
+        let is_slow = self.standstill.is_at_rest(axis, moment);
+        let is_searching = matches!(self.progress, Progress::Searching { .. });
+        if is_searching || !is_slow || axis.demand.velocity.abs() > 0.0 {
+            return;
+        }
+        self.is_at_rest = true;
+        axis.demand = Demand::at(moment.actual.place);
+        self.progress = match self.progress {
+            Progress::Found => Progress::Done,
+            Progress::Interrupted => Progress::NotStarted,
+            Progress::NotStarted
+            | Progress::Searching { .. }
+            | Progress::Done
+            | Progress::Failed => self.progress,
+        };
+    }
+
+    /// Bits 10, 12 and 13.
+    pub(super) const fn status(&self, is_at_rest: bool) -> u16 {
+        let outcome = match self.progress {
+            Progress::Found | Progress::Done => bits::HOMING_ATTAINED,
+            Progress::Failed => bits::HOMING_ERROR,
+            Progress::NotStarted | Progress::Searching { .. } | Progress::Interrupted => 0,
+        };
+        outcome | bits::bit(bits::TARGET_REACHED, is_at_rest)
+    }
+}
+
+fn set_home(axis: &mut Axis, place: f64, moment: &Moment<'_>) {
+    let offset = f64::from(signed(moment.dictionary, Object::HOME_OFFSET));
+    axis.shaft.set_home(place, offset);
+}

@@ -7,7 +7,7 @@
 //!
 //! | file         | what                                                        |
 //! |--------------|-------------------------------------------------------------|
-//! | [`drive`]    | a CiA 402 drive: power states, modes, encoder               |
+//! | [`drive`]    | a CiA 402 drive: power states, limits, faults               |
 //! | [`motion`]   | its modes of operation                                      |
 //! | [`drivetrain`] | its motor and gear, up to the joint                       |
 //! | [`switches`] | a CiA 401 input module                                      |
@@ -26,7 +26,6 @@ pub mod drivetrain;
 pub mod hand;
 pub mod motion;
 pub mod plant;
-mod power;
 mod random;
 pub mod rig;
 pub mod scenario;

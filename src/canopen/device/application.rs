@@ -4,6 +4,7 @@ use crate::canopen::abort::AbortCode;
 use crate::canopen::device::condition;
 use crate::canopen::dictionary::Dictionary;
 use crate::canopen::object::Object;
+use crate::time::Instant;
 
 /// What a device does, apart from communicating.
 pub trait Application {
@@ -37,6 +38,14 @@ pub trait Application {
 
     /// The dictionary, or its communication part, has its defaults again.
     fn on_reset(&mut self, _dictionary: &mut Dictionary, _reset: Reset) {}
+
+    /// Does what is due at `now`, whether or not anybody listens to the device.
+    fn on_time(&mut self, _now: Instant, _dictionary: &mut Dictionary) {}
+
+    /// When [`on_time`](Self::on_time) must next be called.
+    fn deadline(&self) -> Option<Instant> {
+        None
+    }
 
     /// The error the application has now, as an emergency's code; 0 for none.
     fn error_code(&self) -> u16 {

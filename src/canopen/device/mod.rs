@@ -163,6 +163,7 @@ impl<A: Application> Device<A> {
     /// Does what is due at `now`.
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) {
         self.layer.wake(now);
+        self.run_application(now);
         if self.layer.silence().is_some() {
             return;
         }
@@ -176,8 +177,9 @@ impl<A: Application> Device<A> {
 
     /// When [`on_time`](Self::on_time) must next be called.
     pub fn deadline(&self) -> Option<Instant> {
+        let application = self.application.deadline();
         if let Some(silence) = self.layer.silence() {
-            return silence.end();
+            return silence.end().into_iter().chain(application).min();
         }
         let is_due = self.state == NmtState::Initialising
             || self.must_look()
@@ -187,8 +189,15 @@ impl<A: Application> Device<A> {
         let tpdos = self.tpdos.iter().filter_map(Tpdo::deadline);
         let watches = [self.heartbeat.deadline(), self.guarding.deadline()];
         let answers = [self.sdo.deadline(), self.errors.deadline()];
-        let others = watches.into_iter().chain(answers).flatten();
+        let others = watches.into_iter().chain(answers).flatten().chain(application);
         rpdos.chain(tpdos).chain(now).chain(others).min()
+    }
+
+    fn run_application(&mut self, now: Instant) {
+        if self.application.deadline().is_some_and(|due| due <= now) {
+            self.application.on_time(now, &mut self.dictionary);
+            self.is_touched = true;
+        }
     }
 
     /// A remote frame asks whether the device is alive, or for a TPDO.

@@ -21,6 +21,8 @@ use crate::sim::arm::LinkSettings;
 use crate::sim::drive::Drive;
 use crate::sim::drive::DriveSettings;
 use crate::sim::drivetrain::Drivetrain;
+use crate::sim::motion::Load;
+use crate::sim::motion::Tuning;
 use crate::sim::plant::Plant;
 use crate::sim::plant::Resistance;
 use crate::sim::scenario::Scenario;
@@ -40,6 +42,7 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
             dictionary: numbered(&joint.eds, joint.channel, joint.node),
             actuator: actuator(joint),
             latency: DRIVE_LATENCY,
+            tuning: tuning(joint),
         })
     });
     let drivetrains = config.joints.each_ref().map(|joint| Drivetrain::new(&actuator(joint)));
@@ -102,6 +105,18 @@ pub fn actuator(joint: &Joint) -> ActuatorSettings {
         torque_curve: joint.torque_curve,
         max_torque: joint.max_torque,
     }
+}
+
+/// What a drive's servo knows of the joint it moves.
+fn tuning(joint: &Joint) -> Tuning {
+    let [per_mille_per_newton_metre, ..] = joint.torque_curve;
+    let load = Load {
+        inertia: 0.02,
+        viscous: joint.viscous_friction,
+        counts_per_turn: f64::from(joint.counts_per_rev) * joint.gear_ratio,
+        per_mille_per_newton_metre,
+    };
+    Tuning::of(&load).unwrap_or_default()
 }
 
 /// From xx, yy, zz, xy, xz, yz.

@@ -31,6 +31,7 @@ use crate::sim::motion::Feedback;
 use crate::sim::motion::Motion;
 use crate::sim::motion::Ramp;
 use crate::sim::motion::SERVO_PERIOD;
+use crate::sim::motion::Tuning;
 use crate::time::Instant;
 
 /// One axis.
@@ -47,6 +48,7 @@ pub(super) struct Axis {
     task: Task,
     /// In operation, and not about to leave it.
     is_enabled: bool,
+    tuning: Tuning,
     motion: Motion,
     options: Options,
     limits: Limits,
@@ -87,7 +89,10 @@ impl Application for Axis {
             }
             Object::MODE_OF_OPERATION => self.settle(dictionary),
             Object::TARGET_TORQUE | Object::TARGET_POSITION | Object::TARGET_VELOCITY => {}
-            _ => self.read_parameters(dictionary),
+            object => {
+                self.motion.on_written(object, dictionary);
+                self.read_parameters(dictionary);
+            }
         }
         self.perform(0.0, dictionary);
         self.tell(dictionary);
@@ -110,11 +115,11 @@ impl Application for Axis {
     fn on_reset(&mut self, dictionary: &mut Dictionary, reset: Reset) {
         if reset == Reset::Node {
             self.power = Power::default();
-            self.motion = Motion::default();
+            self.motion = Motion::new(self.tuning);
             self.error = 0;
             dictionary.set(Object::RATED_TORQUE, &self.rated_torque.to_le_bytes());
             dictionary.set(Object::ENCODER_INCREMENTS, &self.increments.to_le_bytes());
-            status::show_motor(&self.feedback, dictionary);
+            self.show_motor(dictionary);
             status::show_monitor(&self.monitor, dictionary);
         }
         self.read_parameters(dictionary);
@@ -155,7 +160,7 @@ impl Application for Axis {
 
 impl Axis {
     /// That of a motor behind its gear, at rest.
-    pub(super) fn new(actuator: &ActuatorSettings) -> Self {
+    pub(super) fn new(actuator: &ActuatorSettings, tuning: Tuning) -> Self {
         Self {
             encoder: Encoder::new(actuator),
             rated_torque: actuator.rated_millis(),
@@ -164,7 +169,8 @@ impl Axis {
             mode: stop::NO_MODE,
             task: Task::Release,
             is_enabled: false,
-            motion: Motion::default(),
+            tuning,
+            motion: Motion::new(tuning),
             options: Options::default(),
             limits: Limits::default(),
             monitor: Monitor::default(),
@@ -212,7 +218,7 @@ impl Axis {
             velocity: f64::from(self.encoder.rate(sensed.velocity)),
             per_mille: sensed.per_mille,
         };
-        status::show_motor(&self.feedback, dictionary);
+        self.show_motor(dictionary);
         let is_too_fast = self.limits.is_too_fast(self.feedback.velocity);
         let temperature = sensed.temperature;
         self.observe(Monitor { temperature, is_too_fast, ..self.monitor }, dictionary);
@@ -347,10 +353,18 @@ impl Axis {
             return at_rest;
         }
         if dt > 0.0 {
-            let stopping = self.motion.stop(dt, Ramp::QuickStop, &self.feedback, dictionary);
-            return stopping.unwrap_or(at_rest);
+            return self.motion.hold(dt, &self.feedback, dictionary);
         }
         self.asked
+    }
+
+    fn show_motor(&mut self, dictionary: &mut Dictionary) {
+        let shown = Feedback {
+            position: self.motion.position(&self.feedback),
+            velocity: f64::from(self.motion.velocity(&self.feedback)),
+            ..self.feedback
+        };
+        status::show_motor(&shown, dictionary);
     }
 
     fn tell(&self, dictionary: &mut Dictionary) {

@@ -45,6 +45,7 @@ use crate::sim::drive::axis::Axis;
 use crate::sim::drive::monitor::Monitor;
 use crate::sim::drivetrain::Sensed;
 use crate::sim::motion::Feedback;
+use crate::sim::motion::Tuning;
 use crate::time::Instant;
 
 /// What one drive is made of.
@@ -60,6 +61,8 @@ pub struct DriveSettings {
     pub actuator: ActuatorSettings,
     /// How long after the SYNC its TPDOs are sent.
     pub latency: Duration,
+    /// What its servo knows of what it moves.
+    pub tuning: Tuning,
 }
 
 /// One drive.
@@ -74,8 +77,8 @@ pub struct Drive {
 impl Drive {
     /// A drive that is switched on.
     pub fn new(settings: DriveSettings) -> Self {
-        let DriveSettings { channel, node, dictionary, actuator, latency } = settings;
-        let device = Device::new(node, dictionary, Axis::new(&actuator), latency);
+        let DriveSettings { channel, node, dictionary, actuator, latency, tuning } = settings;
+        let device = Device::new(node, dictionary, Axis::new(&actuator, tuning), latency);
         Self { channel, is_plugged: true, device, frames: Vec::with_capacity(FRAMES) }
     }
 

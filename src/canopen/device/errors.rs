@@ -154,6 +154,8 @@ impl Errors {
             0x30..=0x3F => VOLTAGE,
             0x40..=0x4F => TEMPERATURE,
             0x81 | 0x82 => COMMUNICATION,
+            0x70..=0x80 | 0x83..=0x8F | 0xF0 => DEVICE_PROFILE,
+            0xFF => MANUFACTURER,
             _ => 0,
         };
         if self.conditions.is_empty() {
@@ -171,3 +173,5 @@ const CURRENT: u8 = 0x02;
 const VOLTAGE: u8 = 0x04;
 const TEMPERATURE: u8 = 0x08;
 const COMMUNICATION: u8 = 0x10;
+const DEVICE_PROFILE: u8 = 0x20;
+const MANUFACTURER: u8 = 0x80;

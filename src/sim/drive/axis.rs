@@ -24,6 +24,7 @@ use crate::sim::drive::servo::Servo;
 use crate::sim::drive::status;
 use crate::sim::drive::status::Status;
 use crate::sim::drive::stop;
+use crate::sim::drive::stop::Stop;
 use crate::sim::drive::task::Task;
 use crate::sim::drivetrain::Sensed;
 use crate::sim::motion::Asked;
@@ -315,17 +316,10 @@ impl Axis {
 
     /// `dt` s have passed in its task; zero when only what is commanded has changed.
     fn perform(&mut self, dt: f64, dictionary: &mut Dictionary) {
-        let asked = match &mut self.task {
+        let asked = match self.task {
             Task::Release => Asked::default(),
             Task::Operate => self.motion.step(dt, &self.feedback, dictionary),
-            Task::Stop(stop) => {
-                let (motion, feedback) = (&mut self.motion, &self.feedback);
-                match stop.step(dt, self.mode, &self.asked, motion, feedback, dictionary) {
-                    Some(asked) => asked,
-                    None => return self.on_stopped(dictionary),
-                }
-            }
-            Task::Rest => self.rest(dt, dictionary),
+            Task::Stop(stop) | Task::Rest(stop) => self.stop(dt, stop, dictionary),
         };
         let per_mille = self.limits.clamp(asked.per_mille);
         let is_limited = asked.is_limited || (per_mille - asked.per_mille).abs() > 0.0;
@@ -339,23 +333,20 @@ impl Axis {
         }
     }
 
-    /// The motor stands still, or is let go.
-    fn on_stopped(&mut self, dictionary: &Dictionary) {
-        self.asked = Asked::default();
-        self.task = Task::Rest;
-        self.power.on_stopped();
-        self.settle(dictionary);
-    }
-
-    fn rest(&mut self, dt: f64, dictionary: &mut Dictionary) -> Asked {
-        let at_rest = Asked { status: status::TARGET_REACHED, ..Asked::default() };
-        if !stop::is_held(self.mode) {
-            return at_rest;
+    /// `dt` s have passed in a stop, which may be over by then, and its state with it.
+    fn stop(&mut self, dt: f64, mut stop: Stop, dictionary: &mut Dictionary) -> Asked {
+        let (motion, feedback) = (&mut self.motion, &self.feedback);
+        let asked = stop.step(dt, self.mode, &self.asked, motion, feedback, dictionary);
+        self.task = match (self.task, asked) {
+            (Task::Stop(_), Some(_)) => Task::Stop(stop),
+            (Task::Release | Task::Operate | Task::Rest(_), Some(_)) => Task::Rest(stop),
+            (_, None) => Task::Rest(stop.again()),
+        };
+        if asked.is_none() && self.power.ramp().is_some() {
+            self.power.on_stopped();
+            self.settle(dictionary);
         }
-        if dt > 0.0 {
-            return self.motion.hold(dt, &self.feedback, dictionary);
-        }
-        self.asked
+        asked.unwrap_or(AT_REST)
     }
 
     fn show_motor(&mut self, dictionary: &mut Dictionary) {
@@ -378,6 +369,10 @@ impl Axis {
         status.show(dictionary);
     }
 }
+
+/// Without torque, and where it shall be: a stop that is over has reached its target.
+const AT_REST: Asked =
+    Asked { per_mille: 0.0, status: status::TARGET_REACHED, is_limited: false, error: 0 };
 
 /// Whether the drive has a mode of operation (6502h, mode 1 at bit 0); mode 0 is none, and any has it.
 fn has_mode(dictionary: &Dictionary, mode: u8) -> bool {

@@ -240,78 +240,192 @@ mod tests {
     use crate::canopen::drive::PowerStage;
     use proptest::prelude::*;
 
-    const SLOW_DOWN_AND_DISABLE: i16 = 1;
-    const SLOW_DOWN_AND_STAY: i16 = 5;
+    /// Every stop at once, but for a quick stop, which is a ramp that stays.
+    const OPTIONS: Options = Options {
+        abort_connection: 0,
+        quick_stop: 6,
+        shutdown: 0,
+        disable_operation: 0,
+        halt: 1,
+        fault_reaction: 0,
+    };
+    /// Every stop on a ramp; a quick stop does not stay.
+    const RAMPS: Options =
+        Options { quick_stop: 2, shutdown: 1, disable_operation: 1, fault_reaction: 2, ..OPTIONS };
 
-    fn after(words: &[u16]) -> Power {
-        let mut power = Power::default();
-        words.iter().for_each(|word| power.obey(Controlword(*word), SLOW_DOWN_AND_DISABLE));
+    const NOT_READY: State = State::NotReadyToSwitchOn;
+    const DISABLED: State = State::SwitchOnDisabled;
+    const READY: State = State::ReadyToSwitchOn;
+    const ON: State = State::SwitchedOn;
+    const ENABLED: State = State::OperationEnabled;
+    const QUICK_STOP: State = State::QuickStopActive;
+    const REACTION: State = State::FaultReactionActive;
+    const FAULT: State = State::Fault;
+
+    /// Bits 7 to 0 of the commands, "x" for any (CiA 402-2, command coding).
+    const COMMANDS: [&str; 5] = [
+        "0xxxxx0x", // disable voltage
+        "0xxxx01x", // quick stop
+        "0xxxx110", // shutdown
+        "0xxx0111", // switch on; disable operation
+        "0xxx1111", // enable operation
+    ];
+
+    /// The state after each of those commands, and after the rising edge of bit 7 (CiA 402-2, transitions;
+    /// 605Ah is 5 to 8).
+    #[rustfmt::skip]
+    const TRANSITIONS: [(State, [State; 6]); 8] = [
+        //           disable     quick       shutdown   switch on  enable     fault reset
+        (NOT_READY,  [NOT_READY,  NOT_READY,  NOT_READY,  NOT_READY,  NOT_READY,  NOT_READY]),
+        (DISABLED,   [DISABLED,   DISABLED,   READY,      DISABLED,   DISABLED,   DISABLED]),
+        (READY,      [DISABLED,   DISABLED,   READY,      ON,         ENABLED,    READY]),
+        (ON,         [DISABLED,   DISABLED,   READY,      ON,         ENABLED,    ON]),
+        (ENABLED,    [DISABLED,   QUICK_STOP, READY,      ON,         ENABLED,    ENABLED]),
+        (QUICK_STOP, [DISABLED,   QUICK_STOP, QUICK_STOP, QUICK_STOP, ENABLED,    QUICK_STOP]),
+        (REACTION,   [REACTION,   REACTION,   REACTION,   REACTION,   REACTION,   REACTION]),
+        (FAULT,      [FAULT,      FAULT,      FAULT,      FAULT,      FAULT,      DISABLED]),
+    ];
+
+    fn is_like(word: u16, pattern: &str) -> bool {
+        pattern.bytes().rev().enumerate().all(|(bit, wanted)| match wanted {
+            b'x' => true,
+            digit => word >> bit & 1 == u16::from(digit - b'0'),
+        })
+    }
+
+    fn being(state: State) -> Power {
+        Power { state, ..Power::default() }
+    }
+
+    fn obeying(mut power: Power, words: &[u16], options: &Options) -> Power {
+        words.iter().for_each(|word| power.obey(Controlword(*word), options, true));
         power
+    }
+
+    #[test]
+    fn every_controlword_in_every_state_does_what_the_standard_says() {
+        for (state, ends) in TRANSITIONS {
+            for word in 0..=0x0FFF_u16 {
+                let command = COMMANDS.iter().position(|pattern| is_like(word, pattern));
+                let end = ends[command.unwrap_or(5)];
+                let after = obeying(being(state), &[word], &OPTIONS).state();
+                assert_eq!(after, end, "{word:04X}h in {state}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_self_test_ends_in_switch_on_disabled_and_ends_nothing_else() {
+        for (state, _) in TRANSITIONS {
+            let mut power = being(state);
+            power.initialise();
+            assert_eq!(power.state(), if state == NOT_READY { DISABLED } else { state });
+        }
+    }
+
+    #[test]
+    fn a_fault_is_taken_from_every_state_and_its_ramp_where_there_is_torque() {
+        for (state, _) in TRANSITIONS {
+            for ramp in [None, Some(Ramp::SlowDown)] {
+                let mut power = being(state);
+                power.fail(ramp);
+                let reacts = ramp.is_some() && matches!(state, ENABLED | QUICK_STOP | REACTION);
+                assert_eq!(power.state(), if reacts { REACTION } else { FAULT }, "{state}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_fault_reaction_ends_in_fault_and_no_controlword_ends_it_sooner() {
+        let mut power = being(ENABLED);
+        power.fail(Some(Ramp::QuickStop));
+        power = obeying(power, &[0x00, 0x80, 0x06, 0x07, 0x0F, 0x02], &RAMPS);
+        assert_eq!((power.state(), power.ramp()), (REACTION, Some(Ramp::QuickStop)));
+        power.on_stopped();
+        assert_eq!((power.state(), power.ramp()), (FAULT, None));
+    }
+
+    #[test]
+    fn operation_is_left_for_good_only_at_a_standstill() {
+        for (word, end) in [(0x06, READY), (0x07, ON)] {
+            let mut power = obeying(being(ENABLED), &[word], &RAMPS);
+            assert_eq!((power.state(), power.ramp()), (ENABLED, Some(Ramp::SlowDown)));
+            assert_eq!(obeying(power, &[0x00], &RAMPS).state(), DISABLED, "the ramp is cut short");
+            let resumed = obeying(power, &[0x0F], &RAMPS);
+            assert_eq!((resumed.state(), resumed.ramp()), (ENABLED, None));
+            power.on_stopped();
+            assert_eq!((power.state(), power.ramp()), (end, None));
+        }
+    }
+
+    #[test]
+    fn a_quick_stop_stays_as_605ah_says_and_only_then_leads_back() {
+        for quick_stop in 0..=8 {
+            let options = Options { quick_stop, ..OPTIONS };
+            let mut power = obeying(being(ENABLED), &[0x02], &options);
+            let has_ramp = quick_stop > 0;
+            assert_eq!(power.state(), if has_ramp { QUICK_STOP } else { DISABLED });
+            let stays = quick_stop >= 5;
+            let back = obeying(power, &[0x0F], &options).state();
+            let on_its_way = if has_ramp { QUICK_STOP } else { DISABLED };
+            assert_eq!(back, if stays { ENABLED } else { on_its_way }, "605Ah = {quick_stop}");
+            power.on_stopped();
+            assert_eq!(power.state(), if stays { QUICK_STOP } else { DISABLED });
+            power = obeying(power, &[0x0F], &options);
+            assert_eq!(power.state(), if stays { ENABLED } else { DISABLED });
+        }
     }
 
     #[test]
     fn the_way_up_is_taken_step_by_step() {
         let ways: [(&[u16], State); 6] = [
-            (&[0x06], State::ReadyToSwitchOn),
-            (&[0x06, 0x07], State::SwitchedOn),
-            (&[0x06, 0x07, 0x0F], State::OperationEnabled),
-            (&[0x06, 0x0F], State::OperationEnabled),
-            (&[0x07], State::SwitchOnDisabled),
-            (&[0x0F], State::SwitchOnDisabled),
+            (&[0x06], READY),
+            (&[0x06, 0x07], ON),
+            (&[0x06, 0x07, 0x0F], ENABLED),
+            (&[0x06, 0x0F], ENABLED),
+            (&[0x07], DISABLED),
+            (&[0x0F], DISABLED),
         ];
         for (words, state) in ways {
-            assert_eq!(after(words).state(), state, "{words:02X?}");
-        }
-    }
-
-    #[test]
-    fn every_way_down_leaves_operation() {
-        for (word, state) in [
-            (0x07, State::SwitchedOn),
-            (0x06, State::ReadyToSwitchOn),
-            (0x00, State::SwitchOnDisabled),
-            (0x02, State::SwitchOnDisabled),
-        ] {
-            assert_eq!(after(&[0x06, 0x07, 0x0F, word]).state(), state, "{word:02X}h");
-        }
-    }
-
-    #[test]
-    fn a_quick_stop_that_stays_is_left_by_enabling_or_by_disabling() {
-        for (word, state) in [(0x0F, State::OperationEnabled), (0x00, State::SwitchOnDisabled)] {
-            let mut power = after(&[0x06, 0x07, 0x0F]);
-            power.obey(Controlword::QUICK_STOP, SLOW_DOWN_AND_STAY);
-            assert_eq!(power.state(), State::QuickStopActive);
-            power.obey(Controlword(word), SLOW_DOWN_AND_STAY);
-            assert_eq!(power.state(), state);
+            let after = obeying(being(DISABLED), words, &OPTIONS);
+            assert_eq!(after.state(), state, "{words:02X?}");
         }
     }
 
     #[test]
     fn fault_reset_needs_an_edge() {
-        let mut power = after(&[0x06, 0x07, 0x80]);
-        power.fail();
+        let mut power = obeying(being(DISABLED), &[0x06, 0x07, 0x80], &OPTIONS);
+        power.fail(None);
         for word in [0x80, 0x8F, 0x80] {
-            power.obey(Controlword(word), 0);
-            assert_eq!(power.state(), State::Fault, "the bit was high all the time");
+            power = obeying(power, &[word], &OPTIONS);
+            assert_eq!(power.state(), FAULT, "the bit was high all the time");
         }
-        power.obey(Controlword(0x0F), 0);
-        assert_eq!(power.state(), State::Fault, "nothing else leads out");
-        power.obey(Controlword(0x80), 0);
-        assert_eq!(power.state(), State::SwitchOnDisabled);
+        power = obeying(power, &[0x0F], &OPTIONS);
+        assert_eq!(power.state(), FAULT, "nothing else leads out");
+        power = obeying(power, &[0x80], &OPTIONS);
+        assert_eq!(power.state(), DISABLED);
+    }
+
+    #[test]
+    fn an_edge_that_is_refused_is_used_up() {
+        let mut power = being(FAULT);
+        power.obey(Controlword::FAULT_RESET, &OPTIONS, false);
+        power.obey(Controlword::FAULT_RESET, &OPTIONS, true);
+        assert_eq!(power.state(), FAULT);
+        assert_eq!(obeying(power, &[0x00, 0x80], &OPTIONS).state(), DISABLED);
     }
 
     #[test]
     fn the_masters_power_stage_leads_it_anywhere() {
-        let (mut stage, mut power) = (PowerStage::default(), Power::default());
-        power.fail();
+        let (mut stage, mut power) = (PowerStage::default(), being(FAULT));
         stage.reset_fault();
         for (goal, end) in [
             (Goal::OperationEnabled, State::OperationEnabled),
             (Goal::VoltageDisabled, State::SwitchOnDisabled),
         ] {
             for _ in 0..6 {
-                power.obey(stage.controlword(power.statusword().state(), goal), 0);
+                let word = stage.controlword(power.statusword().state(), goal);
+                power.obey(word, &OPTIONS, true);
             }
             assert_eq!(power.state(), end);
         }
@@ -320,10 +434,12 @@ mod tests {
     proptest! {
         #[test]
         fn the_statusword_always_tells_the_state(words in proptest::collection::vec(any::<u16>(), 0..50)) {
-            let mut power = Power::default();
+            let mut power = being(DISABLED);
             for word in words {
-                power.obey(Controlword(word), SLOW_DOWN_AND_STAY);
+                power.obey(Controlword(word), &RAMPS, true);
                 prop_assert_eq!(power.statusword().state(), Some(power.state()));
+                let must_stop = matches!(power.state(), QUICK_STOP | REACTION);
+                prop_assert!(!must_stop || power.ramp().is_some(), "a stop nobody makes never ends");
             }
         }
     }

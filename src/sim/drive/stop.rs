@@ -35,6 +35,16 @@ impl Stop {
         self.ramp
     }
 
+    /// Ready to hold a motor that stands still, should it be moved; one that never stood still is let go
+    /// for good.
+    pub(super) const fn again(self) -> Self {
+        if self.is_given_up() { self } else { Self::new(Ramp::QuickStop) }
+    }
+
+    const fn is_given_up(&self) -> bool {
+        self.elapsed >= LONGEST
+    }
+
     /// `dt` s have passed, in which `last` was asked for; `None` once it is over.
     pub(super) fn step(
         &mut self,
@@ -46,7 +56,7 @@ impl Stop {
         dictionary: &mut Dictionary,
     ) -> Option<Asked> {
         self.elapsed += dt;
-        if self.elapsed >= LONGEST {
+        if self.is_given_up() {
             None
         } else if !is_held(mode) {
             self.release(dt, last.per_mille, dictionary)
@@ -121,7 +131,7 @@ mod tests {
     #[test]
     fn a_quick_stop_takes_the_torque_off_at_once() {
         for ramp in [Ramp::QuickStop, Ramp::CurrentLimit] {
-            assert_eq!(course(ramp, 1, 500.0), []);
+            assert_eq!(course(ramp, 1, 500.0).len(), 0);
         }
     }
 

@@ -6,6 +6,7 @@ use crate::sim::drive::options::Options;
 use crate::sim::drive::power::Power;
 use crate::sim::drive::stop;
 use crate::sim::drive::stop::Stop;
+use crate::sim::motion::Ramp;
 
 /// What is done with the motor.
 #[derive(Clone, Copy, Debug)]
@@ -17,7 +18,7 @@ pub(super) enum Task {
     /// It is brought to a standstill.
     Stop(Stop),
     /// It stands still, and is brought to a standstill again should it be moved.
-    Rest,
+    Rest(Stop),
 }
 
 impl Task {
@@ -30,9 +31,10 @@ impl Task {
         match (power.ramp(), power.state(), self) {
             (Some(ramp), _, Self::Stop(stop)) if stop.ramp() == ramp => self,
             (Some(ramp), ..) => Self::Stop(Stop::new(ramp)),
-            (None, State::QuickStopActive, _) => Self::Rest,
+            (None, State::QuickStopActive, Self::Rest(_)) => self,
+            (None, State::QuickStopActive, _) => Self::Rest(Stop::new(Ramp::QuickStop)),
             (None, ..) if mode == stop::NO_MODE => Self::Release,
-            (None, _, Self::Stop(_) | Self::Rest) if halt.is_some() => self,
+            (None, _, Self::Stop(_) | Self::Rest(_)) if halt.is_some() => self,
             (None, ..) => halt.map_or(Self::Operate, |ramp| Self::Stop(Stop::new(ramp))),
         }
     }
@@ -41,7 +43,7 @@ impl Task {
     pub(super) const fn may_change_mode(&self) -> bool {
         match self {
             Self::Release | Self::Operate => true,
-            Self::Stop(_) | Self::Rest => false,
+            Self::Stop(_) | Self::Rest(_) => false,
         }
     }
 
@@ -51,7 +53,7 @@ impl Task {
             Self::Release => false,
             Self::Operate => mode != CYCLIC_SYNCHRONOUS_TORQUE,
             Self::Stop(_) => true,
-            Self::Rest => stop::is_held(mode),
+            Self::Rest(_) => stop::is_held(mode),
         }
     }
 }

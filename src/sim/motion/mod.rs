@@ -23,6 +23,8 @@ mod cyclic;
 mod following;
 mod homing;
 mod lasting;
+#[cfg(test)]
+mod laws;
 mod limits;
 mod mode;
 mod profile_position;

@@ -31,7 +31,7 @@ pub(super) enum Stopped {
 pub(super) struct Stop {
     ramp: Ramp,
     what: Stopped,
-    /// Since the ramp has ended, in s.
+    /// Since the ramp has ended, in s; without one, since the beginning.
     overtime: f64,
     standstill: Standstill,
     is_over: bool,
@@ -85,13 +85,14 @@ impl Stop {
             Ramp::QuickStop => {
                 deceleration(units, moment.dictionary, Object::QUICK_STOP_DECELERATION)
             }
-            Ramp::CurrentLimit => axis.hardest(moment).max(SLOWEST),
+            Ramp::CurrentLimit => axis.hardest(moment),
         };
         let profile = Profile::new(f64::MAX, rate, rate);
         axis.demand = axis.demand.toward_velocity(moment.dt, 0.0, &profile);
         let asked = axis.follow_velocity(0.0, moment);
         let is_at_rest = self.standstill.is_at_rest(axis, moment);
-        if axis.demand.velocity.abs() > 0.0 {
+        let is_on_ramp = axis.demand.velocity.abs() > 0.0 && self.ramp != Ramp::CurrentLimit;
+        if is_on_ramp {
             return asked;
         }
         self.overtime += moment.dt;
@@ -102,10 +103,6 @@ impl Stop {
         asked
     }
 }
-
-/// A brake that no torque is left for is given up, in increments/s²: any speed has gone within
-/// milliseconds.
-const SLOWEST: f64 = 1e9;
 
 #[cfg(test)]
 mod tests {
@@ -138,11 +135,9 @@ mod tests {
     #[test]
     fn each_ramp_takes_its_time() {
         // 100,000 increments/s at 1,000,000/s² and at 10,000,000/s², and at once.
-        for (ramp, least, most) in [
-            (Ramp::SlowDown, 100, 400),
-            (Ramp::QuickStop, 10, 300),
-            (Ramp::CurrentLimit, 1, 300),
-        ] {
+        for (ramp, least, most) in
+            [(Ramp::SlowDown, 100, 400), (Ramp::QuickStop, 10, 300), (Ramp::CurrentLimit, 1, 300)]
+        {
             let mut bench = moving();
             let before = bench.rotor.velocity;
             assert!((before - 100_000.0).abs() < 1_000.0, "{before}");
@@ -179,11 +174,8 @@ mod tests {
         let place = bench.rotor.place;
         bench.rotor.load = 300.0;
         for _ in 0..2_000 {
-            let asked = bench.motion.hold(
-                SERVO_PERIOD,
-                &bench.rotor.feedback(),
-                &mut bench.dictionary,
-            );
+            let asked =
+                bench.motion.hold(SERVO_PERIOD, &bench.rotor.feedback(), &mut bench.dictionary);
             bench.rotor.turn(SERVO_PERIOD, asked.per_mille);
         }
         assert!((bench.rotor.place - place).abs() < 100.0);

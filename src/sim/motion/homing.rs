@@ -173,3 +173,104 @@ fn set_home(axis: &mut Axis, place: f64, moment: &Moment<'_>) {
     let offset = f64::from(signed(moment.dictionary, Object::HOME_OFFSET));
     axis.shaft.set_home(place, offset);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::object::Object;
+    use crate::sim::motion::bench::Bench;
+    use crate::sim::motion::bench::ENABLED;
+    use crate::sim::motion::bench::HALT;
+    use crate::sim::motion::bench::START;
+    use crate::sim::motion::bits::HOMING_ATTAINED;
+    use crate::sim::motion::bits::HOMING_ERROR;
+    use crate::sim::motion::bits::TARGET_REACHED;
+    use crate::sim::motion::rotor::Rotor;
+
+    const MODE: i8 = 6;
+
+    fn bench(method: i32, place: f64) -> Bench {
+        let rotor = Rotor { place, coulomb: 30.0, ..Rotor::default() };
+        let mut bench = Bench::with(MODE, rotor, |_| {});
+        bench.put(Object::HOMING_METHOD, method);
+        bench.put(Object::HOME_OFFSET, -1_234);
+        bench.run(20);
+        bench
+    }
+
+    fn status(bench: &Bench) -> (bool, bool, bool) {
+        (bench.has(HOMING_ERROR), bench.has(HOMING_ATTAINED), bench.has(TARGET_REACHED))
+    }
+
+    #[test]
+    fn where_it_stands_is_home_and_is_shown_as_the_home_offset() {
+        for method in [35, 37] {
+            let mut bench = bench(method, 40_000.0);
+            assert_eq!(bench.position(), 40_000);
+            assert_eq!(status(&bench), (false, false, true), "not started");
+            bench.word(ENABLED | START);
+            bench.run(20);
+            assert_eq!(status(&bench), (false, true, true), "completed");
+            assert!((bench.position() + 1_234).abs() < 20, "{}", bench.position());
+            assert!((bench.shown(Object::POSITION_DEMAND) + 1_234).abs() < 20);
+        }
+    }
+
+    #[test]
+    fn an_index_pulse_is_found_in_either_direction() {
+        for (method, start, index) in
+            [(33, 40_000.0, 32_768), (34, 40_000.0, 49_152), (33, 32_768.0, 16_384)]
+        {
+            let mut bench = bench(method, start);
+            bench.word(ENABLED | START);
+            bench.run(50);
+            assert_eq!(status(&bench), (false, false, false), "in progress");
+            bench.until(5_000, |b| b.has(HOMING_ATTAINED) && b.has(TARGET_REACHED));
+            let counts = bench.rotor.feedback().position;
+            assert_eq!(bench.position(), counts - index - 1_234, "{method}");
+            assert!((counts - index).abs() < 2_000, "it stays near");
+        }
+    }
+
+    #[test]
+    fn every_method_the_data_sheet_lists_works_and_no_other_does() {
+        let dictionary = crate::sim::motion::tests::drive();
+        let count = dictionary.unsigned(Object::SUPPORTED_HOMING_METHODS);
+        let listed: Vec<i8> = (1..=count)
+            .map(|sub| {
+                let sub = u8::try_from(sub).unwrap();
+                dictionary.i8(Object { sub, ..Object::SUPPORTED_HOMING_METHODS })
+            })
+            .collect();
+        for method in i8::MIN..=i8::MAX {
+            assert_eq!(Method::of(method).is_some(), listed.contains(&method), "{method}");
+        }
+    }
+
+    #[test]
+    fn a_method_that_is_not_there_is_an_error_and_moves_nothing() {
+        let mut bench = bench(17, 40_000.0);
+        bench.word(ENABLED | START);
+        bench.run(100);
+        assert_eq!(status(&bench), (true, false, true));
+        assert!((bench.position() - 40_000).abs() < 50);
+    }
+
+    #[test]
+    fn bit_4_that_falls_and_a_halt_interrupt_it() {
+        for word in [ENABLED, ENABLED | START | HALT] {
+            let mut bench = bench(33, 40_000.0);
+            bench.word(ENABLED | START);
+            bench.run(50);
+            bench.word(word);
+            bench.until(1_000, |bench| bench.has(TARGET_REACHED));
+            assert_eq!(status(&bench), (false, false, true));
+            let place = bench.position();
+            bench.word(ENABLED);
+            bench.run(200);
+            assert!((bench.position() - place).abs() < 50, "it does not go on by itself");
+            bench.word(ENABLED | START);
+            bench.until(5_000, |bench| bench.has(HOMING_ATTAINED));
+        }
+    }
+}

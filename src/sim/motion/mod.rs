@@ -16,11 +16,15 @@
 //! | `shaft`, `units`                                | increments, home, and the master's units    |
 
 mod axis;
+#[cfg(test)]
+mod bench;
 mod bits;
 mod cyclic;
 mod following;
 mod homing;
 mod lasting;
+#[cfg(test)]
+mod laws;
 mod limits;
 mod mode;
 mod profile_position;
@@ -159,7 +163,8 @@ impl Motion {
             }
             self.mode.step(&mut self.axis, &moment)
         };
-        self.show(&moment.actual.clone(), dictionary);
+        let actual = moment.actual;
+        self.show(&actual, dictionary);
         asked
     }
 
@@ -172,20 +177,36 @@ impl Motion {
         feedback: &Feedback,
         dictionary: &mut Dictionary,
     ) -> Option<Asked> {
-        let moment = self.moment(dt, feedback, dictionary);
-        let asked = self.brake(ramp, &moment);
-        self.show(&moment.actual.clone(), dictionary);
-        let is_over = self.stop.is_some_and(|stop| stop.is_over());
-        (!is_over).then_some(asked)
+        if self.is_stopped() {
+            return None;
+        }
+        let asked = self.brake_and_show(dt, ramp, feedback, dictionary);
+        (!self.is_stopped()).then_some(asked)
     }
 
     /// `dt` s have passed in which it stays as [`stop`](Self::stop) has left it: at its place, or without
     /// torque in torque modes.
     pub fn hold(&mut self, dt: f64, feedback: &Feedback, dictionary: &mut Dictionary) -> Asked {
-        let moment = self.moment(dt, feedback, dictionary);
-        let asked = self.brake(Ramp::CurrentLimit, &moment);
-        self.show(&moment.actual.clone(), dictionary);
+        let asked = self.brake_and_show(dt, Ramp::CurrentLimit, feedback, dictionary);
         Asked { status: bits::TARGET_REACHED, ..asked }
+    }
+
+    fn brake_and_show(
+        &mut self,
+        dt: f64,
+        ramp: Ramp,
+        feedback: &Feedback,
+        dictionary: &mut Dictionary,
+    ) -> Asked {
+        let moment = self.moment(dt, feedback, dictionary);
+        let asked = self.brake(ramp, &moment);
+        let actual = moment.actual;
+        self.show(&actual, dictionary);
+        asked
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.is_some_and(|stop| stop.is_over())
     }
 
     fn moment<'a>(
@@ -213,7 +234,7 @@ impl Motion {
             _ => Ramp::SlowDown,
         };
         let asked = self.brake(ramp, moment);
-        let is_over = self.stop.is_some_and(|stop| stop.is_over());
+        let is_over = self.is_stopped();
         Asked { status: self.mode.halted(is_over, &self.axis, moment), ..asked }
     }
 

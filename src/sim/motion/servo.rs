@@ -111,11 +111,12 @@ mod tests {
     /// Follows `demands` and says how far it is behind at each.
     fn follow(rotor: &mut Rotor, demands: impl Iterator<Item = Demand>) -> Vec<f64> {
         let mut servo = Servo::new(Tuning::default());
+        let limits = limits();
         let mut behind = Vec::new();
         for demand in demands {
             let actual = rotor.actual();
             behind.push(demand.place - actual.place);
-            let asked = servo.torque(SERVO_PERIOD, &aim(demand), &actual, &limits());
+            let asked = servo.torque(SERVO_PERIOD, &aim(demand), &actual, &limits);
             rotor.turn(SERVO_PERIOD, asked.value);
         }
         behind
@@ -154,11 +155,11 @@ mod tests {
     fn what_was_stopped_by_force_comes_back_without_winding_up() {
         let mut rotor = rotor(1.0);
         let mut servo = Servo::new(Tuning::default());
-        let aim = aim(Demand::at(20_000.0));
+        let (aim, limits) = (aim(Demand::at(20_000.0)), limits());
         let mut past = 0.0_f64;
         for tick in 0..4_000 {
             let actual = rotor.actual();
-            let asked = servo.torque(SERVO_PERIOD, &aim, &actual, &limits());
+            let asked = servo.torque(SERVO_PERIOD, &aim, &actual, &limits);
             if tick >= 2_000 {
                 rotor.turn(SERVO_PERIOD, asked.value);
                 past = past.max(actual.place - 20_000.0);

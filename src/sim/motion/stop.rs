@@ -31,7 +31,7 @@ pub(super) enum Stopped {
 pub(super) struct Stop {
     ramp: Ramp,
     what: Stopped,
-    /// Since the ramp has ended, in s.
+    /// Since the ramp has ended, in s; without one, since the beginning.
     overtime: f64,
     standstill: Standstill,
     is_over: bool,
@@ -85,13 +85,14 @@ impl Stop {
             Ramp::QuickStop => {
                 deceleration(units, moment.dictionary, Object::QUICK_STOP_DECELERATION)
             }
-            Ramp::CurrentLimit => axis.hardest(moment).max(SLOWEST),
+            Ramp::CurrentLimit => axis.hardest(moment),
         };
         let profile = Profile::new(f64::MAX, rate, rate);
         axis.demand = axis.demand.toward_velocity(moment.dt, 0.0, &profile);
         let asked = axis.follow_velocity(0.0, moment);
         let is_at_rest = self.standstill.is_at_rest(axis, moment);
-        if axis.demand.velocity.abs() > 0.0 {
+        let is_on_ramp = axis.demand.velocity.abs() > 0.0 && self.ramp != Ramp::CurrentLimit;
+        if is_on_ramp {
             return asked;
         }
         self.overtime += moment.dt;
@@ -103,6 +104,101 @@ impl Stop {
     }
 }
 
-/// A brake that no torque is left for is given up, in increments/s²: any speed has gone within
-/// milliseconds.
-const SLOWEST: f64 = 1e9;
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::motion::SERVO_PERIOD;
+    use crate::sim::motion::bench::Bench;
+    use crate::sim::motion::rotor::Rotor;
+    use crate::sim::motion::tests::put;
+
+    /// At 100,000 increments/s in profile velocity mode.
+    fn moving() -> Bench {
+        let moving = Rotor { velocity: 100_000.0, coulomb: 30.0, ..Rotor::default() };
+        let mut bench = Bench::with(3, moving, |dictionary| {
+            put(dictionary, Object::TARGET_VELOCITY, 100_000);
+        });
+        bench.run(300);
+        bench
+    }
+
+    /// How many ms a stop takes, and the most torque that is asked for on its way.
+    fn stop(bench: &mut Bench, ramp: Ramp) -> (u32, f64) {
+        let mut most = 0.0_f64;
+        for millis in 0..10_000 {
+            let Some(asked) = bench.brake(ramp) else { return (millis, most) };
+            most = most.max(asked.per_mille.abs());
+        }
+        panic!("no end");
+    }
+
+    #[test]
+    fn each_ramp_takes_its_time() {
+        // 100,000 increments/s at 1,000,000/s² and at 10,000,000/s², and at once.
+        for (ramp, least, most) in
+            [(Ramp::SlowDown, 100, 400), (Ramp::QuickStop, 10, 300), (Ramp::CurrentLimit, 1, 300)]
+        {
+            let mut bench = moving();
+            let before = bench.rotor.velocity;
+            assert!((before - 100_000.0).abs() < 1_000.0, "{before}");
+            let (taken, _) = stop(&mut bench, ramp);
+            assert!((least..most).contains(&taken), "{ramp:?}: {taken} ms");
+            assert!(bench.rotor.velocity.abs() < 500.0, "{ramp:?}: {}", bench.rotor.velocity);
+        }
+    }
+
+    #[test]
+    fn all_the_torque_there_is_is_the_limit_and_no_more() {
+        let mut bench = moving();
+        bench.put(Object::NEGATIVE_TORQUE_LIMIT, 700);
+        let (_, most) = stop(&mut bench, Ramp::CurrentLimit);
+        assert_eq!(most, 700.0);
+    }
+
+    #[test]
+    fn a_motor_that_cannot_be_stopped_is_given_up() {
+        for ramp in [Ramp::SlowDown, Ramp::QuickStop, Ramp::CurrentLimit] {
+            let mut bench = moving();
+            bench.put(Object::MAX_TORQUE, 0);
+            bench.rotor.coulomb = 0.0;
+            let (taken, _) = stop(&mut bench, ramp);
+            let bound = OVERTIME + 0.1;
+            assert!(f64::from(taken) * SERVO_PERIOD <= bound + 0.01, "{ramp:?}: {taken} ms");
+        }
+    }
+
+    #[test]
+    fn what_has_stopped_stays_where_it_is() {
+        let mut bench = moving();
+        stop(&mut bench, Ramp::QuickStop);
+        let place = bench.rotor.place;
+        bench.rotor.load = 300.0;
+        for _ in 0..2_000 {
+            let asked =
+                bench.motion.hold(SERVO_PERIOD, &bench.rotor.feedback(), &mut bench.dictionary);
+            bench.rotor.turn(SERVO_PERIOD, asked.per_mille);
+        }
+        assert!((bench.rotor.place - place).abs() < 100.0);
+        assert!(bench.brake(Ramp::QuickStop).is_none(), "it is over for good");
+    }
+
+    #[test]
+    fn a_torque_has_nothing_to_slow_down() {
+        for (mode, ramp, expected) in [
+            (10, Ramp::SlowDown, 0),
+            (10, Ramp::QuickStop, 0),
+            (10, Ramp::CurrentLimit, 0),
+            (4, Ramp::SlowDown, 49),
+            (4, Ramp::QuickStop, 49),
+            (4, Ramp::CurrentLimit, 0),
+        ] {
+            let mut bench = Bench::new(mode);
+            bench.put(Object::TARGET_TORQUE, 500);
+            bench.run(100);
+            assert_eq!(bench.asked.per_mille, 500.0);
+            let (taken, most) = stop(&mut bench, ramp);
+            assert_eq!(taken, expected, "{mode}, {ramp:?}");
+            assert!(most < 500.0);
+        }
+    }
+}

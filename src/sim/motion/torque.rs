@@ -65,3 +65,87 @@ pub(super) fn step_cyclic(axis: &mut Axis, moment: &Moment<'_>) -> Asked {
         error: 0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::motion::bench::Bench;
+    use crate::sim::motion::bench::ENABLED;
+    use crate::sim::motion::bench::HALT;
+    use crate::sim::motion::bits::TARGET_REACHED;
+    use crate::sim::motion::rotor::Rotor;
+
+    fn locked(mode: i8) -> Bench {
+        Bench::with(mode, Rotor { inertia: 1e9, ..Rotor::default() }, |_| {})
+    }
+
+    #[test]
+    fn a_profile_torque_takes_its_slope_up_and_down() {
+        let mut bench = locked(4);
+        bench.put(Object::TORQUE_SLOPE, 2_000);
+        bench.put(Object::TARGET_TORQUE, 500);
+        bench.sync();
+        assert_eq!(bench.asked.per_mille, 0.0, "no time, no slope");
+        bench.run(100);
+        assert!((bench.asked.per_mille - 200.0).abs() < 1e-9);
+        assert!(!bench.has(TARGET_REACHED));
+        bench.run(160);
+        assert!(bench.has(TARGET_REACHED) && bench.asked.per_mille == 500.0);
+        bench.put(Object::TARGET_TORQUE, -500);
+        bench.run(250);
+        assert!(bench.asked.per_mille.abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_halted_torque_goes_down_and_comes_back() {
+        let mut bench = locked(4);
+        bench.put(Object::TARGET_TORQUE, 500);
+        bench.run(100);
+        bench.word(ENABLED | HALT);
+        bench.run(20);
+        assert!((bench.asked.per_mille - 300.0).abs() < 1e-9, "{:?}", bench.asked);
+        bench.run(40);
+        assert!(bench.asked.per_mille == 0.0 && bench.has(TARGET_REACHED));
+        bench.word(ENABLED);
+        bench.run(10);
+        assert!((bench.asked.per_mille - 100.0).abs() < 1e-9, "{:?}", bench.asked);
+    }
+
+    #[test]
+    fn a_cyclic_torque_is_there_at_once() {
+        let mut bench = locked(10);
+        for (target, offset, asked) in
+            [(100, 0, 100.0), (-250, 50, -200.0), (3_000, 1, 3_000.0), (0, 0, 0.0)]
+        {
+            bench.put(Object::TARGET_TORQUE, target);
+            bench.put(Object::TORQUE_OFFSET, offset);
+            bench.sync();
+            assert_eq!(bench.asked.per_mille, asked);
+            assert_eq!(bench.asked.status, Statusword::TARGET_FOLLOWED);
+            assert_eq!(bench.asked.is_limited, target + offset > 3_000);
+        }
+    }
+
+    #[test]
+    fn a_halted_cyclic_torque_is_gone_at_once_and_follows_nothing() {
+        let mut bench = locked(10);
+        bench.put(Object::TARGET_TORQUE, 500);
+        bench.sync();
+        bench.word(ENABLED | HALT);
+        assert_eq!((bench.asked.per_mille, bench.asked.status), (0.0, 0));
+        bench.word(ENABLED);
+        assert_eq!(bench.asked.per_mille, 500.0);
+    }
+
+    #[test]
+    fn a_limit_holds_the_slope_back_with_the_torque() {
+        let mut bench = locked(4);
+        bench.put(Object::MAX_TORQUE, 100);
+        bench.put(Object::TARGET_TORQUE, 1_000);
+        bench.run(200);
+        assert!(bench.asked.per_mille == 100.0 && bench.asked.is_limited);
+        bench.put(Object::TARGET_TORQUE, 0);
+        bench.run(5);
+        assert!((bench.asked.per_mille - 50.0).abs() < 1e-9, "{:?}", bench.asked);
+    }
+}

@@ -21,6 +21,7 @@ use crate::sim::arm::LinkSettings;
 use crate::sim::drive::Drive;
 use crate::sim::drive::DriveSettings;
 use crate::sim::drivetrain::Drivetrain;
+use crate::sim::drivetrain::DrivetrainSettings;
 use crate::sim::plant::Plant;
 use crate::sim::plant::Resistance;
 use crate::sim::scenario::Scenario;
@@ -42,7 +43,7 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
             latency: DRIVE_LATENCY,
         })
     });
-    let drivetrains = config.joints.each_ref().map(|joint| Drivetrain::new(&actuator(joint)));
+    let drivetrains = config.joints.each_ref().map(|joint| Drivetrain::new(&drivetrain(joint)));
     let switches = &config.switches;
     let dictionary = numbered(&switches.eds, switches.channel, switches.node);
     let switches = SwitchBox::new(switches.channel, switches.node, dictionary);
@@ -101,6 +102,20 @@ pub fn actuator(joint: &Joint) -> ActuatorSettings {
         rated_torque: joint.rated_torque,
         torque_curve: joint.torque_curve,
         max_torque: joint.max_torque,
+    }
+}
+
+/// All between a joint's current loop and the arm.
+fn drivetrain(joint: &Joint) -> DrivetrainSettings {
+    let simulated = &joint.simulated;
+    DrivetrainSettings {
+        actuator: actuator(joint),
+        torque_curve_reverse: simulated.torque_curve_reverse,
+        current_loop: simulated.current_loop,
+        hysteresis: simulated.hysteresis,
+        backlash: simulated.backlash,
+        rotor_inertia: joint.link.rotor_inertia,
+        thermal_time_constant: simulated.thermal_time_constant,
     }
 }
 

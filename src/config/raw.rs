@@ -108,6 +108,20 @@ pub(super) struct Joint {
     pub(super) max_force_n: Option<f64>,
     pub(super) torque_curve: [f64; 3],
     pub(super) boot: Option<Boot>,
+    #[serde(default)]
+    pub(super) simulated: Simulated,
+}
+
+/// What a simulated motor and gear do that no controller is told of.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct Simulated {
+    pub(super) current_loop_us: Option<f64>,
+    pub(super) torque_curve_reverse: Option<[f64; 3]>,
+    pub(super) hysteresis_nm: Option<f64>,
+    pub(super) hysteresis_n: Option<f64>,
+    pub(super) backlash_deg: Option<f64>,
+    pub(super) backlash_m: Option<f64>,
+    pub(super) thermal_time_constant_s: Option<f64>,
 }
 
 #[derive(Debug, Deserialize)]

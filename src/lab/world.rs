@@ -21,6 +21,7 @@ use crate::sim::arm::LinkSettings;
 use crate::sim::drive::Drive;
 use crate::sim::drive::DriveSettings;
 use crate::sim::drivetrain::Drivetrain;
+use crate::sim::drivetrain::DrivetrainSettings;
 use crate::sim::motion::Load;
 use crate::sim::motion::Tuning;
 use crate::sim::plant::Plant;
@@ -35,6 +36,7 @@ const DRIVE_LATENCY: Duration = Duration::from_micros(60);
 
 /// Drives, switch box and arm of `config`, and an operator who follows `scenario`.
 pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
+    let mut inertias = inertias(config).into_iter();
     let drives = config.joints.each_ref().map(|joint| {
         Drive::new(DriveSettings {
             channel: joint.channel,
@@ -42,10 +44,10 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
             dictionary: numbered(&joint.eds, joint.channel, joint.node),
             actuator: actuator(joint),
             latency: DRIVE_LATENCY,
-            tuning: tuning(joint),
+            tuning: inertias.next().map(|moved| tuning(joint, moved)).unwrap_or_default(),
         })
     });
-    let drivetrains = config.joints.each_ref().map(|joint| Drivetrain::new(&actuator(joint)));
+    let drivetrains = config.joints.each_ref().map(|joint| Drivetrain::new(&drivetrain(joint)));
     let switches = &config.switches;
     let dictionary = numbered(&switches.eds, switches.channel, switches.node);
     let switches = SwitchBox::new(switches.channel, switches.node, dictionary);
@@ -107,11 +109,33 @@ pub fn actuator(joint: &Joint) -> ActuatorSettings {
     }
 }
 
-/// What a drive's servo knows of the joint it moves.
-fn tuning(joint: &Joint) -> Tuning {
+/// All between a joint's current loop and the arm.
+fn drivetrain(joint: &Joint) -> DrivetrainSettings {
+    let simulated = &joint.simulated;
+    DrivetrainSettings {
+        actuator: actuator(joint),
+        torque_curve_reverse: simulated.torque_curve_reverse,
+        current_loop: simulated.current_loop,
+        hysteresis: simulated.hysteresis,
+        backlash: simulated.backlash,
+        rotor_inertia: joint.link.rotor_inertia,
+        thermal_time_constant: simulated.thermal_time_constant,
+    }
+}
+
+/// What each actuator moves where the arm starts, in kg·m² (kg).
+fn inertias(config: &Config) -> [f64; 6] {
+    let arm = arm(config);
+    let joints = arm.mass_matrix(&arm.posture(&start(config)));
+    let matrix = config.controller.calibration.coupling().matrix();
+    (matrix.transpose() * joints * matrix).diagonal().into()
+}
+
+/// What a drive's servo knows of what it moves; of what cannot be, what is usual.
+fn tuning(joint: &Joint, inertia: f64) -> Tuning {
     let [per_mille_per_newton_metre, ..] = joint.torque_curve;
     let load = Load {
-        inertia: 0.02,
+        inertia,
         viscous: joint.viscous_friction,
         counts_per_turn: f64::from(joint.counts_per_rev) * joint.gear_ratio,
         per_mille_per_newton_metre,

@@ -9,7 +9,7 @@
 //! |--------------|-------------------------------------------------------------|
 //! | [`drive`]    | a CiA 402 drive: power states, limits, faults               |
 //! | [`motion`]   | its modes of operation                                      |
-//! | [`drivetrain`] | its motor and gear, up to the joint                       |
+//! | [`drivetrain`] | its motor and gear, up to the joint: lag, curve, play, heat |
 //! | [`switches`] | a CiA 401 input module                                      |
 //! | [`arm`]      | rigid-body kinematics and dynamics                          |
 //! | [`plant`]    | the arm in motion: friction, end stops, integration         |
@@ -25,6 +25,7 @@ pub mod drive;
 pub mod drivetrain;
 pub mod hand;
 pub mod motion;
+mod motors;
 pub mod plant;
 mod random;
 pub mod rig;

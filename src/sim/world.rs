@@ -20,6 +20,8 @@ use crate::sim::drive::Drive;
 use crate::sim::drivetrain::Drivetrain;
 use crate::sim::drivetrain::Sensed;
 use crate::sim::hand::Hand;
+use crate::sim::motors::Motors;
+use crate::sim::plant;
 use crate::sim::plant::Plant;
 use crate::sim::scenario::Scenario;
 use crate::sim::switches::SwitchBox;
@@ -55,10 +57,9 @@ pub trait Inputs: Station {
 #[derive(Clone, Debug)]
 pub struct World<M = Drive, I = SwitchBox> {
     drives: [M; 6],
-    drivetrains: [Drivetrain; 6],
+    motors: Motors,
     switches: I,
     plant: Plant,
-    transmission: Transmission,
     hand: Hand,
     scenario: Scenario,
     tremor: Tremor,
@@ -82,11 +83,10 @@ impl<M: Motor, I: Inputs> World<M, I> {
     ) -> Self {
         let mut world = Self {
             drives,
-            drivetrains,
+            motors: Motors::new(drivetrains),
             switches,
             x_0_start: *plant.x_0_g(),
             plant,
-            transmission: Transmission::direct(),
             hand: Hand::default(),
             scenario,
             tremor: Tremor::new(seed),
@@ -100,7 +100,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
     /// The same, drives and joints being coupled.
     #[must_use]
     pub fn coupled(self, transmission: Transmission) -> Self {
-        let mut world = Self { transmission, ..self };
+        let mut world = Self { motors: self.motors.coupled(transmission), ..self };
         world.show();
         world
     }
@@ -122,7 +122,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
 
     /// What the motors exert on what they move, base first, in N·m (N).
     pub fn torques(&self) -> Joints {
-        Joints::from(self.drivetrains.each_ref().map(Drivetrain::torque))
+        self.motors.torques()
     }
 
     /// The arm.
@@ -145,8 +145,12 @@ impl<M: Motor, I: Inputs> World<M, I> {
             Translation3::from(place),
             self.x_0_start.rotation * operator.rotation,
         );
-        let tau = self.transmission.joint_torques(&self.torques());
-        self.plant.advance(dt, &tau, operator.is_holding.then_some((&self.hand, &x_0_d)));
+        let hand = operator.is_holding.then_some((&self.hand, &x_0_d));
+        for h in plant::steps(dt) {
+            let tau = self.motors.exert(h);
+            self.plant.step(h, &tau, hand);
+            self.motors.follow(self.plant.q(), self.plant.qd());
+        }
         self.switches.set(operator.inputs);
         self.now = now;
         self.show();
@@ -154,27 +158,18 @@ impl<M: Motor, I: Inputs> World<M, I> {
 
     /// Takes note of demands that have changed at `now`: until now the old ones acted.
     fn heed(&mut self, now: Instant) {
-        let mut pairs = self.drives.iter().zip(&self.drivetrains);
-        if pairs.any(|(drive, train)| (drive.demand() - train.per_mille()).abs() > 0.0) {
+        let demands = self.drives.each_ref().map(Motor::demand);
+        if demands != self.motors.demands() {
             self.advance(now);
-            for (drive, train) in self.drives.iter().zip(&mut self.drivetrains) {
-                train.demand(drive.demand());
-            }
+            self.motors.ask(demands);
         }
     }
 
     /// Shows every drive its motor.
     fn show(&mut self) {
-        let m = self.transmission.positions(self.plant.q());
-        let md = self.transmission.velocities(self.plant.qd());
-        let trains = self.drives.iter_mut().zip(&self.drivetrains);
-        for ((drive, train), (position, velocity)) in trains.zip(m.iter().zip(md.iter())) {
-            drive.sense(&Sensed {
-                position: *position,
-                velocity: *velocity,
-                per_mille: train.per_mille(),
-                temperature: train.temperature(),
-            });
+        self.motors.follow(self.plant.q(), self.plant.qd());
+        for (drive, sensed) in self.drives.iter_mut().zip(self.motors.sensed()) {
+            drive.sense(&sensed);
         }
     }
 }
@@ -233,6 +228,7 @@ mod tests {
     use super::*;
     use crate::sim::actuator::ActuatorSettings;
     use crate::sim::arm;
+    use crate::sim::drivetrain::DrivetrainSettings;
     use crate::sim::plant::Resistance;
     use crate::spatial::Wrench;
     use nalgebra::Vector3;
@@ -301,14 +297,14 @@ mod tests {
     const PER_NEWTON_METRE: f64 = 100.0;
 
     fn drivetrain() -> Drivetrain {
-        Drivetrain::new(&ActuatorSettings {
+        Drivetrain::new(&DrivetrainSettings::good(ActuatorSettings {
             counts_per_rev: 4_096.0,
             gear_ratio: 1.0,
             zero_counts: 0,
             rated_torque: 1.0,
             torque_curve: [PER_NEWTON_METRE, 0.0, 0.0],
             max_torque: 100.0,
-        })
+        }))
     }
 
     /// The arm at neutral, its weight carried by the motors.

@@ -19,12 +19,11 @@ use crate::sim::arm::Joints;
 use crate::sim::drive::Drive;
 use crate::sim::drivetrain::Drivetrain;
 use crate::sim::drivetrain::Sensed;
-use crate::sim::hand::Hand;
+use crate::sim::person::Person;
 use crate::sim::plant::Plant;
 use crate::sim::scenario::Scenario;
 use crate::sim::switches::SwitchBox;
 use crate::sim::transmission::Transmission;
-use crate::sim::tremor::Tremor;
 use crate::time::Instant;
 
 /// The arm is never older than this.
@@ -59,9 +58,8 @@ pub struct World<M = Drive, I = SwitchBox> {
     switches: I,
     plant: Plant,
     transmission: Transmission,
-    hand: Hand,
+    person: Person,
     scenario: Scenario,
-    tremor: Tremor,
     /// Where the grip was at the start: what the scenario's movements are relative to.
     x_0_start: Isometry3<f64>,
     /// The first SYNC: time zero of the scenario.
@@ -87,9 +85,8 @@ impl<M: Motor, I: Inputs> World<M, I> {
             x_0_start: *plant.x_0_g(),
             plant,
             transmission: Transmission::direct(),
-            hand: Hand::default(),
+            person: Person::new(scenario.temperament(), seed),
             scenario,
-            tremor: Tremor::new(seed),
             begun: None,
             now: Instant::ZERO,
         };
@@ -139,17 +136,24 @@ impl<M: Motor, I: Inputs> World<M, I> {
         }
         let t = self.begun.map_or(0.0, |begun| now.since(begun).as_secs_f64());
         let operator = self.scenario.operator(t);
-        let shaking = self.tremor.next(dt);
-        let place = self.x_0_start.translation.vector + operator.translation + shaking;
-        let x_0_d = Isometry3::from_parts(
-            Translation3::from(place),
-            self.x_0_start.rotation * operator.rotation,
-        );
+        let x_0_meant = self.meant(t - self.person.reaction());
+        let felt = self.plant.f_g_hand();
+        let grasp = self.person.act(dt, &x_0_meant, operator.is_holding, felt);
         let tau = self.transmission.joint_torques(&self.torques());
-        self.plant.advance(dt, &tau, operator.is_holding.then_some((&self.hand, &x_0_d)));
-        self.switches.set(operator.inputs);
+        let hand = grasp.as_ref().map(|grasp| (&grasp.hand, &grasp.x_0_d));
+        self.plant.advance(dt, &tau, hand);
+        let is_startled = self.person.is_startled();
+        self.switches.set(if is_startled { operator.hand_off() } else { operator.inputs });
         self.now = now;
         self.show();
+    }
+
+    /// Where the script means the grip to be at `t` s.
+    fn meant(&self, t: f64) -> Isometry3<f64> {
+        let operator = self.scenario.operator(t);
+        let place = self.x_0_start.translation.vector + operator.translation;
+        let turned = self.x_0_start.rotation * operator.rotation;
+        Isometry3::from_parts(Translation3::from(place), turned)
     }
 
     /// Takes note of demands that have changed at `now`: until now the old ones acted.

@@ -5,6 +5,7 @@
 
 use std::time::Duration;
 
+use crate::canopen::NmtState;
 use crate::canopen::NodeId;
 use crate::canopen::abort::AbortCode;
 use crate::canopen::device::Application;
@@ -66,6 +67,16 @@ impl Drive {
         };
         let device = Device::new(node, dictionary, axis, latency);
         Self { channel, is_plugged: true, device, frames: Vec::with_capacity(FRAMES) }
+    }
+
+    /// Its bus.
+    pub const fn channel(&self) -> Channel {
+        self.channel
+    }
+
+    /// The state of its communication.
+    pub const fn nmt_state(&self) -> NmtState {
+        self.device.state()
     }
 
     /// Where it is on its bus.

@@ -17,10 +17,12 @@
 //! | [`scenario`] | what the operator does, and when                            |
 //! | [`scene`]    | a wall, a box and a sphere                                  |
 //! | [`world`]    | all of it, as a station on the buses                        |
+//! | [`belief`]   | what each drive believes, and what is so                    |
 //! | [`rig`]      | one joint against a load cell, to calibrate                 |
 
 pub mod actuator;
 pub mod arm;
+pub mod belief;
 mod delay;
 pub mod drive;
 pub mod drivetrain;

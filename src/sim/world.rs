@@ -102,6 +102,11 @@ impl<M: Motor, I: Inputs> World<M, I> {
         world
     }
 
+    /// Up to when the arm has moved.
+    pub const fn now(&self) -> Instant {
+        self.now
+    }
+
     /// The drives, base first.
     pub const fn drives(&self) -> &[M; 6] {
         &self.drives

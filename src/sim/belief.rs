@@ -100,12 +100,12 @@ mod tests {
     use crate::canopen::dictionary::Dictionary;
     use crate::canopen::eds::Eds;
     use crate::canopen::frame::Frame;
+    use crate::canopen::nmt::Order;
     use crate::canopen::station::Station;
     use crate::sim::actuator::ActuatorSettings;
     use crate::sim::drive::DriveSettings;
     use crate::sim::drivetrain::Sensed;
     use canopen_rs::NmtCommand;
-    use canopen_rs::nmt::NMT_COMMAND_COB_ID;
     use std::time::Duration;
 
     const RATED: f64 = 0.2;
@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn what_it_was_told_and_what_it_senses_is_what_it_believes() {
         let mut drive = drive();
-        let start = Frame::new(NMT_COMMAND_COB_ID, [NmtCommand::StartRemoteNode.to_raw(), 3]);
+        let start = Order::to(drive.node(), NmtCommand::StartRemoteNode).frame();
         drive.on_time(Instant::ZERO, &mut Vec::new());
         drive.on_frame(Instant::ZERO, Channel(1), &start, &mut Vec::new());
         write(&mut drive, 0x6060, &[10]);

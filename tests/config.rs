@@ -242,3 +242,28 @@ fn an_unusual_boot_is_in_the_plan_of_its_node() {
     assert_eq!(plan.admission.software.unwrap().as_bytes(), b"0.1.0");
     assert_eq!(plan.error_control.lost_after(), std::time::Duration::from_millis(240));
 }
+
+#[test]
+fn what_the_object_touches_may_be_rough_and_round() {
+    let plain = Config::parse(Path::new(FILE), TEXT).unwrap();
+    assert!(plain.remote.sphere.is_none());
+    assert_eq!(plain.remote.wall.map(|(.., contact)| contact.friction), Some(0.0));
+    let sphere = "[remote.sphere]\ncentre_m = [0.4, -0.2, 0.3]\nradius_m = 0.08\n\
+                  stiffness_n_per_m = 1500.0\ndamping_ns_per_m = 10.0\nfriction = 0.4\n\n";
+    let text = TEXT.replacen("[safety]", &format!("{sphere}[safety]"), 1);
+    let config = Config::parse(Path::new(FILE), &text).unwrap();
+    let (centre, radius, contact) = config.remote.sphere.unwrap();
+    assert_eq!((centre.y, radius, contact.friction), (-0.2, 0.08, 0.4));
+    for (from, to, reason) in [
+        ("radius_m = 0.08", "radius_m = 0.01", "remote.sphere.radius_m: 0.01 is not within 0.03"),
+        ("friction = 0.4", "friction = -0.4", "remote.sphere.friction: -0.4 is not within 0 and 2"),
+        ("friction = 0.4", "friction = nan", "remote.sphere.friction: NaN is not within 0 and 2"),
+        ("friction = 0.4", "frictoin = 0.4", "remote.sphere.frictoin: unknown key"),
+        ("radius_m = 0.08\n", "", "missing field `radius_m`"),
+        ("[remote.box]", "[remote.box]\nfriction = 3.0", "remote.box.friction: 3 is not within"),
+    ] {
+        let refusal = refusal(&text.replacen(from, to, 1));
+        assert!(refusal.contains(reason), "{reason}: {refusal}");
+        assert!(refusal.starts_with(&format!("{FILE}:")), "{refusal}");
+    }
+}

@@ -262,6 +262,7 @@ pub(super) struct Remote {
     pub(super) wall: Option<Wall>,
     #[serde(rename = "box")]
     pub(super) block: Option<Block>,
+    pub(super) sphere: Option<Sphere>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -270,6 +271,8 @@ pub(super) struct Wall {
     pub(super) normal: [f64; 3],
     pub(super) stiffness_n_per_m: f64,
     pub(super) damping_ns_per_m: f64,
+    #[serde(default)]
+    pub(super) friction: f64,
 }
 
 #[derive(Debug, Deserialize)]
@@ -278,6 +281,18 @@ pub(super) struct Block {
     pub(super) half_size_m: [f64; 3],
     pub(super) stiffness_n_per_m: f64,
     pub(super) damping_ns_per_m: f64,
+    #[serde(default)]
+    pub(super) friction: f64,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Sphere {
+    pub(super) centre_m: [f64; 3],
+    pub(super) radius_m: f64,
+    pub(super) stiffness_n_per_m: f64,
+    pub(super) damping_ns_per_m: f64,
+    #[serde(default)]
+    pub(super) friction: f64,
 }
 
 #[derive(Debug, Deserialize)]

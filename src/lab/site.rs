@@ -11,6 +11,7 @@ use crate::remote::Sensed;
 use crate::robot::object::Object;
 use crate::sim::scene::Block;
 use crate::sim::scene::Scene;
+use crate::sim::scene::Sphere;
 use crate::sim::scene::Surface;
 use crate::sim::scene::Wall;
 use crate::spatial::Motion;
@@ -62,7 +63,7 @@ impl Remote for VirtualSite {
 /// What there is to touch.
 fn scene(remote: &Virtual) -> Scene {
     let surface =
-        |contact: Contact| Surface { stiffness: contact.stiffness, damping: contact.damping };
+        |Contact { stiffness, damping, friction }| Surface { stiffness, damping, friction };
     Scene {
         wall: remote.wall.map(|(point, normal, contact)| Wall {
             point,
@@ -72,6 +73,11 @@ fn scene(remote: &Virtual) -> Scene {
         block: remote.block.map(|(centre, half_size, contact)| Block {
             centre,
             half_size,
+            surface: surface(contact),
+        }),
+        sphere: remote.sphere.map(|(centre, radius, contact)| Sphere {
+            centre,
+            radius,
             surface: surface(contact),
         }),
     }

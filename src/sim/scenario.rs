@@ -12,6 +12,8 @@ use serde::Deserialize;
 use thiserror::Error;
 use toml::Spanned;
 
+use crate::sim::temperament::Temperament;
+
 /// Nothing that takes time takes less, in s.
 const SHORTEST: f64 = 1e-3;
 
@@ -111,6 +113,8 @@ pub struct Scenario {
     /// Whether it is played twice: without and with the passivity layer.
     #[serde(default)]
     compares_passivity: bool,
+    #[serde(default)]
+    hand: Temperament,
     #[serde(default, rename = "move")]
     moves: Vec<Spanned<Move>>,
     #[serde(default, rename = "switch")]
@@ -163,6 +167,13 @@ struct Hold {
     holding: bool,
 }
 
+impl Operator {
+    /// The switch box's inputs when the hand is off the grip, and so off the deadman switch.
+    pub const fn hand_off(&self) -> u8 {
+        self.inputs & !0b11 | 0b10
+    }
+}
+
 impl Scenario {
     /// Reads a script.
     ///
@@ -191,6 +202,11 @@ impl Scenario {
     /// Whether it is to be played twice: without and with the passivity layer.
     pub const fn compares_passivity(&self) -> bool {
         self.compares_passivity
+    }
+
+    /// What kind of hand the operator has.
+    pub const fn temperament(&self) -> Temperament {
+        self.hand
     }
 
     /// What is asked of the console, and when, in s, in order.
@@ -324,6 +340,12 @@ mod tests {
             ("\"arm\"", "\"fire\"", "line 11: unknown variant `fire`"),
             ("[[hold]]", "[[switch]]\nat_s = 1.5\n[[hold]]", "line 12: begins at 1.5 s"),
             ("seconds = 5", "seconds", "line 1: "),
+            (
+                "[[move]]",
+                "[hand]\ntremor_mm = -1\n[[move]]",
+                "line 2: tremor_mm = -1 is not within",
+            ),
+            ("[[move]]", "[hand]\ntremble = 1\n[[move]]", "line 3: unknown field `tremble`"),
         ] {
             let error = Scenario::parse(&SCRIPT.replace(from, to)).unwrap_err().to_string();
             assert!(error.starts_with(reason), "{error}");

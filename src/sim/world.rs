@@ -19,14 +19,13 @@ use crate::sim::arm::Joints;
 use crate::sim::drive::Drive;
 use crate::sim::drivetrain::Drivetrain;
 use crate::sim::drivetrain::Sensed;
-use crate::sim::hand::Hand;
 use crate::sim::motors::Motors;
+use crate::sim::person::Person;
 use crate::sim::plant;
 use crate::sim::plant::Plant;
 use crate::sim::scenario::Scenario;
 use crate::sim::switches::SwitchBox;
 use crate::sim::transmission::Transmission;
-use crate::sim::tremor::Tremor;
 use crate::time::Instant;
 
 /// The arm is never older than this.
@@ -60,9 +59,8 @@ pub struct World<M = Drive, I = SwitchBox> {
     motors: Motors,
     switches: I,
     plant: Plant,
-    hand: Hand,
+    person: Person,
     scenario: Scenario,
-    tremor: Tremor,
     /// Where the grip was at the start: what the scenario's movements are relative to.
     x_0_start: Isometry3<f64>,
     /// The first SYNC: time zero of the scenario.
@@ -87,9 +85,8 @@ impl<M: Motor, I: Inputs> World<M, I> {
             switches,
             x_0_start: *plant.x_0_g(),
             plant,
-            hand: Hand::default(),
+            person: Person::new(scenario.temperament(), seed),
             scenario,
-            tremor: Tremor::new(seed),
             begun: None,
             now: Instant::ZERO,
         };
@@ -103,6 +100,11 @@ impl<M: Motor, I: Inputs> World<M, I> {
         let mut world = Self { motors: self.motors.coupled(transmission), ..self };
         world.show();
         world
+    }
+
+    /// Up to when the arm has moved.
+    pub const fn now(&self) -> Instant {
+        self.now
     }
 
     /// The drives, base first.
@@ -139,21 +141,27 @@ impl<M: Motor, I: Inputs> World<M, I> {
         }
         let t = self.begun.map_or(0.0, |begun| now.since(begun).as_secs_f64());
         let operator = self.scenario.operator(t);
-        let shaking = self.tremor.next(dt);
-        let place = self.x_0_start.translation.vector + operator.translation + shaking;
-        let x_0_d = Isometry3::from_parts(
-            Translation3::from(place),
-            self.x_0_start.rotation * operator.rotation,
-        );
-        let hand = operator.is_holding.then_some((&self.hand, &x_0_d));
+        let x_0_meant = self.meant(t - self.person.reaction());
+        let felt = self.plant.f_g_hand();
+        let grasp = self.person.act(dt, &x_0_meant, operator.is_holding, felt);
+        let hand = grasp.as_ref().map(|grasp| (&grasp.hand, &grasp.x_0_d));
         for h in plant::steps(dt) {
             let tau = self.motors.exert(h);
             self.plant.step(h, &tau, hand);
             self.motors.follow(self.plant.q(), self.plant.qd());
         }
-        self.switches.set(operator.inputs);
+        let is_startled = self.person.is_startled();
+        self.switches.set(if is_startled { operator.hand_off() } else { operator.inputs });
         self.now = now;
         self.show();
+    }
+
+    /// Where the script means the grip to be at `t` s.
+    fn meant(&self, t: f64) -> Isometry3<f64> {
+        let operator = self.scenario.operator(t);
+        let place = self.x_0_start.translation.vector + operator.translation;
+        let turned = self.x_0_start.rotation * operator.rotation;
+        Isometry3::from_parts(Translation3::from(place), turned)
     }
 
     /// Takes note of demands that have changed at `now`: until now the old ones acted.

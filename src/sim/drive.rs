@@ -5,6 +5,8 @@
 
 use std::time::Duration;
 
+use canopen_rs::NmtCommand;
+
 use crate::canopen::NodeId;
 use crate::canopen::abort::AbortCode;
 use crate::canopen::device::Application;
@@ -16,9 +18,11 @@ use crate::canopen::drive::CYCLIC_SYNCHRONOUS_TORQUE;
 use crate::canopen::drive::Controlword;
 use crate::canopen::drive::State;
 use crate::canopen::drive::Statusword;
+use crate::canopen::error_codes;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
+use crate::canopen::nmt::Order;
 use crate::canopen::object::Object;
 use crate::canopen::station::Station;
 use crate::sim::actuator::ActuatorSettings;
@@ -66,6 +70,11 @@ impl Drive {
         };
         let device = Device::new(node, dictionary, axis, latency);
         Self { channel, is_plugged: true, device, frames: Vec::with_capacity(FRAMES) }
+    }
+
+    /// Its bus.
+    pub const fn channel(&self) -> Channel {
+        self.channel
     }
 
     /// Where it is on its bus.
@@ -116,6 +125,29 @@ impl Drive {
         self.is_plugged = false;
     }
 
+    /// Takes bus and supply from it: no torque, and it hears and says nothing any more.
+    pub fn switch_off(&mut self) {
+        self.unplug();
+        self.device.touch(|axis, dictionary| {
+            axis.power.disable_voltage();
+            axis.refresh(dictionary);
+        });
+    }
+
+    /// Gives it bus and supply, so that it boots up.
+    pub fn switch_on(&mut self, now: Instant) {
+        self.is_plugged = true;
+        let power_up = Order::to(self.node(), NmtCommand::ResetNode).frame();
+        self.device.on_frame(now, &power_up, &mut self.frames);
+    }
+
+    /// Asks for its safe torque off, or no longer.
+    pub fn set_safe_torque_off(&mut self, is_on: bool) {
+        if is_on {
+            self.fail_with(error_codes::SAFE_TORQUE_OFF);
+        }
+    }
+
     /// Its objects, as they are now.
     pub const fn dictionary(&self) -> &Dictionary {
         self.device.dictionary()
@@ -147,7 +179,8 @@ impl Station for Drive {
     }
 
     fn deadline(&self) -> Option<Instant> {
-        self.device.deadline()
+        let unsent = (!self.frames.is_empty()).then_some(Instant::ZERO);
+        unsent.into_iter().chain(self.device.deadline()).min()
     }
 }
 

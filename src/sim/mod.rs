@@ -14,7 +14,8 @@
 //! | [`arm`]      | rigid-body kinematics and dynamics                          |
 //! | [`plant`]    | the arm in motion: friction, end stops, integration         |
 //! | [`hand`]     | the operator's hand, and its [`tremor`]                     |
-//! | [`scenario`] | what the operator does, and when                            |
+//! | [`scenario`] | what the operator does and what breaks, and when            |
+//! | [`fault`]    | what breaks, between devices and buses                      |
 //! | [`scene`]    | a wall and a box                                            |
 //! | [`world`]    | all of it, as a station on the buses                        |
 //! | [`rig`]      | one joint against a load cell, to calibrate                 |
@@ -23,6 +24,7 @@ pub mod actuator;
 pub mod arm;
 pub mod drive;
 pub mod drivetrain;
+pub mod fault;
 pub mod hand;
 pub mod motion;
 pub mod plant;

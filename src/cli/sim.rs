@@ -2,6 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering;
+use std::sync::mpsc;
+use std::sync::mpsc::Receiver;
 use std::thread;
 
 use anyhow::Context;
@@ -17,9 +19,12 @@ use crate::cli::print;
 use crate::cli::rig;
 use crate::cli::scenario;
 use crate::cli::signals;
+use crate::cli::story::Story;
 use crate::config::Config;
 use crate::lab::attend::attend;
 use crate::lab::world;
+use crate::sim::fault::Notice;
+use crate::sim::scenario::fault::Whom;
 use crate::sim::world::World;
 
 /// Lives on the bus until a signal ends it, then tells what each drive believes.
@@ -29,6 +34,9 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
         return rig::run(&args.rig, &config, joint, args.seed);
     }
     let scenario = scenario::load(&args.scenario)?;
+    if scenario.faults().iter().any(|fault| fault.whom == Whom::Link) {
+        tracing::warn!("faults of the link have no effect: the commanded side is the node's");
+    }
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let bus = SocketCan::open(&names).and_then(SocketCan::with_guarding_requests);
     let mut bus = bus.or_fail(Kind::Bus)?;
@@ -38,17 +46,34 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
 
     tracing::info!(interfaces = names.join(" "), "simulated drives are on the bus");
     let over = AtomicBool::new(false);
+    let story = Story::of(&config);
+    let (broken, notices) = mpsc::channel();
     thread::scope(|threads| {
-        let live = || {
+        let (world, over) = (&mut world, &over);
+        let live = move || {
             realtime::ask();
-            attend(&mut bus, &mut world, &mut |_| over.load(Ordering::Relaxed));
+            attend(&mut bus, world, &mut |world: &mut World| {
+                while let Some(notice) = world.notice() {
+                    // Whoever tells it may have gone before.
+                    broken.send(notice).ok();
+                }
+                over.load(Ordering::Relaxed)
+            });
         };
         threads.spawn(live);
+        threads.spawn(move || tell(&story, &notices));
         runtime.block_on(signals::wait());
         over.store(true, Ordering::Relaxed);
     });
     report(&world);
     Ok(())
+}
+
+/// What has broken, as it comes: whoever lives on the bus does not wait for those who read.
+fn tell(story: &Story, notices: &Receiver<Notice>) {
+    for notice in notices.iter().filter(|notice| notice.fault.whom != Whom::Link) {
+        print::note(&story.fault(&notice));
+    }
 }
 
 /// What each drive believes.

@@ -9,6 +9,8 @@
 
 mod breakable;
 mod held;
+#[cfg(test)]
+mod laws;
 mod running;
 mod wiring;
 

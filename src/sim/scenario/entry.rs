@@ -293,3 +293,144 @@ fn foreign_frame(keys: &mut Keys) -> Result<(Whom, Kind), Misplaced> {
     let frame = Frame::from_slice(cob_id, &bytes);
     stranger(keys, keys.needed("payload", frame)?)
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::sim::scenario::Scenario;
+    use proptest::prelude::*;
+
+    fn read(keys: &str) -> Result<Scenario, String> {
+        let text = format!("seconds = 5\n[[fault]]\nat_s = 1\n{}\n", keys.replace(", ", "\n"));
+        Scenario::parse(&text).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn what_is_written_is_what_is_told() {
+        for (keys, words) in [
+            ("kind = \"unplug\", joint = 3", "joint 3: unplugged"),
+            ("kind = \"reset\", joint = \"all\"", "every drive: reboots by itself"),
+            ("kind = \"bus_off\", device = \"switches\"", "switch box: bus-off"),
+            ("kind = \"wire_cut\", joint = 1", "joint 1: wire cut before it"),
+            ("kind = \"drop\", joint = 1", "joint 1: frames lost"),
+            ("kind = \"drop\", joint = 1, cob_id = 0x77F", "joint 1: 77Fh lost"),
+            (
+                "kind = \"drop\", joint = 1, frame = \"tpdo12\", share = 0.2",
+                "joint 1: tpdo12 lost, 20 %",
+            ),
+            (
+                "kind = \"duplicate\", joint = 1, frame = \"sdo\", count = 2",
+                "joint 1: sdo twice, 2 times",
+            ),
+            (
+                "kind = \"delay\", joint = 1, frame = \"rpdo1\", delay_ms = 1.5",
+                "joint 1: rpdo1 1.5 ms late",
+            ),
+            (
+                "kind = \"corrupt\", joint = 1, frame = \"emcy\", xor = \"01\"",
+                "joint 1: emcy corrupted",
+            ),
+            ("kind = \"freeze\", joint = 1, frame = \"sync\"", "joint 1: sync frozen"),
+            ("kind = \"resize\", joint = 1, bytes = 2", "joint 1: frames of 2 bytes"),
+            ("kind = \"heartbeat_stop\", joint = 1", "joint 1: heartbeat lost"),
+            (
+                "kind = \"impersonate\", joint = 1, by = 2",
+                "joint 1: tpdo1 also comes as joint 2 says it",
+            ),
+            ("kind = \"emergency\", joint = 1, code = 0x4210", "joint 1: emergency 4210h"),
+            ("kind = \"fault\", joint = 1", "joint 1: fault 0000h"),
+            ("kind = \"sto\", joint = 1", "joint 1: safe torque off"),
+            ("kind = \"encoder_jump\", joint = 1, by_rad = 1", "joint 1: encoder off by 1 rad (m)"),
+            ("kind = \"encoder_frozen\", joint = 1", "joint 1: encoder frozen"),
+            (
+                "kind = \"torque_actual_scale\", joint = 1, scale = 0.5",
+                "joint 1: senses 0.5 of its torque",
+            ),
+            (
+                "kind = \"switch_stuck\", switch = \"deadman_b\", level = \"low\"",
+                "switch box: deadman_b stuck low",
+            ),
+            ("kind = \"switch_bounce\", switch = \"reference\"", "switch box: reference bounces"),
+            ("kind = \"foreign_sync\", bus = 1", "bus 1: a stranger says 080#"),
+            ("kind = \"foreign_nmt\", command = \"reset_node\"", "bus 0: a stranger says 000#8100"),
+            (
+                "kind = \"foreign_frame\", cob_id = 0x203, payload = \"0F00\"",
+                "bus 0: a stranger says 203#0F00",
+            ),
+            ("kind = \"link_loss\", for_s = 4", "link: lost"),
+            ("kind = \"link_frozen\"", "link: frozen"),
+        ] {
+            let script = read(keys).unwrap();
+            let [fault] = script.faults() else { panic!("{keys}") };
+            assert_eq!(format!("{}: {}", fault.whom, fault.kind), words);
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_in_one_line_where_it_stands() {
+        for (keys, reason) in [
+            ("joint = 3", "line 2: `fault` needs `kind`"),
+            ("kind = 3", "line 4: kind = 3 is not a word"),
+            ("kind = \"burn\"", "line 2: kind = burn is not a kind of fault"),
+            ("kind = \"unplug\"", "line 2: `unplug` needs `joint`"),
+            ("kind = \"unplug\", joint = 7", "line 5: joint = 7 is not 1 to 6 or \"all\""),
+            ("kind = \"unplug\", device = \"me\"", "line 5: device = \"me\" is not \"switches\""),
+            ("kind = \"sto\", device = \"switches\"", "line 2: `sto` needs `joint`"),
+            (
+                "kind = \"unplug\", joint = 1, code = 3",
+                "line 6: `code` does not belong to `unplug`",
+            ),
+            (
+                "kind = \"reset\", joint = 1, for_s = 1",
+                "line 6: `for_s` does not belong to `reset`",
+            ),
+            (
+                "kind = \"unplug\", joint = 1, for_s = 4.1",
+                "line 6: for_s = 4.1 is not within 0.001",
+            ),
+            ("kind = \"unplug\", joint = 1, for_s = nan", "line 6: for_s = NaN is not within"),
+            ("kind = \"drop\", joint = 1, frame = \"tpdo0\"", "line 6: frame = \"tpdo0\" is not"),
+            ("kind = \"drop\", joint = 1, frame = \"tpdo01\"", "line 6: frame = \"tpdo01\" is not"),
+            (
+                "kind = \"drop\", joint = 1, frame = \"sync\", cob_id = 128",
+                "line 7: `cob_id` does not belong to `drop`",
+            ),
+            (
+                "kind = \"drop\", joint = 1, cob_id = 0x800",
+                "line 6: cob_id = 2048 is not 0 to 0x7FF",
+            ),
+            (
+                "kind = \"drop\", joint = 1, share = 1.5",
+                "line 6: share = 1.5 is not within 0 and 1",
+            ),
+            (
+                "kind = \"drop\", joint = 1, share = 1, count = 1",
+                "line 7: `count` does not belong to `drop`",
+            ),
+            ("kind = \"drop\", joint = 1, count = 0", "line 6: count = 0 is not 1 or more"),
+            ("kind = \"delay\", joint = 1", "line 2: `delay` needs `delay_ms`"),
+            ("kind = \"corrupt\", joint = 1, xor = \"1\"", "line 6: xor = \"1\" is not up to 8"),
+            ("kind = \"corrupt\", joint = 1, xor = \"+1\"", "line 6: xor = \"+1\" is not up to 8"),
+            ("kind = \"foreign_nmt\"", "line 2: `foreign_nmt` needs `command`"),
+            ("kind = \"link_loss\", at_s = 2", "line 5: duplicate key"),
+            (
+                "kind = \"link_loss\", [[fault]], kind = \"link_loss\", at_s = 0.5",
+                "line 5: begins at 0.5 s, when the one before it lasts until 1 s",
+            ),
+        ] {
+            let error = read(keys).unwrap_err();
+            assert!(error.starts_with(reason), "{error}");
+            assert_eq!(error.lines().count(), 1, "{error}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_entry_is_too_strange_to_be_refused_quietly(
+            kind in prop::sample::select(vec!["drop", "corrupt", "delay", "foreign_frame", "emergency"]),
+            key in prop::sample::select(vec!["joint", "xor", "payload", "delay_ms", "code", "frame"]),
+            value in prop_oneof!["\"[^\"\\\\\\n]*\"", "-?[1-9][0-9]{0,20}(\\.[0-9]+)?", "\\[\\]"],
+        ) {
+            drop(read(&format!("kind = \"{kind}\", {key} = {value}")));
+        }
+    }
+}

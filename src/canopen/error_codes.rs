@@ -3,6 +3,12 @@
 //!
 //! A table and two look-ups, nothing else. The same codes stand in 603Fh and in the history (1003h).
 
+/// The device was off its bus, and is back.
+pub const RECOVERED_FROM_BUS_OFF: u16 = 0x8140;
+
+/// Contact 3: what a drive tells when its safe torque off is asked for.
+pub const SAFE_TORQUE_OFF: u16 = 0x5443;
+
 /// What an error code says, by its class where it is not known itself.
 pub fn words(code: u16) -> &'static str {
     let known = |code: u16| CODES.iter().find(|(known, _)| *known == code);

@@ -26,6 +26,7 @@ mod scenario;
 mod sdo;
 mod signals;
 mod sim;
+mod story;
 
 use std::process::ExitCode;
 

@@ -27,13 +27,15 @@ pub enum Left {
 }
 
 /// Lets `station` live on `bus` until `is_over` says so, which is asked at every turn, or an interface
-/// goes down. What a bus has no room for is kept, up to a bound, and sent later.
+/// goes down. What a bus has no room for is kept, up to a bound, and sent later. What is sent the station
+/// hears too, being many devices on one bus.
 pub fn attend<B: Bus, S: Station>(
     bus: &mut B,
     station: &mut S,
-    is_over: &mut dyn FnMut(&S) -> bool,
+    is_over: &mut dyn FnMut(&mut S) -> bool,
 ) -> Left {
     let mut said: Vec<Telegram> = Vec::with_capacity(64);
+    let mut sent: Vec<Telegram> = Vec::with_capacity(64);
     let mut outbox = Outbox::new();
     let mut latest = Instant::ZERO;
     while !is_over(station) {
@@ -42,8 +44,16 @@ pub fn attend<B: Bus, S: Station>(
             latest = now;
             station.on_time(now, &mut said);
         }
-        outbox.send(bus, &mut said);
-        let ask = now + if outbox.is_empty() { ASK_EVERY } else { RETRY_AFTER };
+        outbox.send(bus, &mut said, &mut sent);
+        for Telegram { channel, frame } in sent.drain(..) {
+            station.on_frame(latest, channel, &frame, &mut said);
+        }
+        let patience = match (said.is_empty(), outbox.is_empty()) {
+            (true, true) => ASK_EVERY,
+            (true, false) => RETRY_AFTER,
+            (false, _) => Duration::ZERO,
+        };
+        let ask = now + patience;
         let until = station.deadline().map_or(ask, |due| due.min(ask));
         let Some(received) = bus.receive(until) else { continue };
         // A stamp may be older than what was already done.

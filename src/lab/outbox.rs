@@ -35,20 +35,29 @@ impl Outbox {
         self.waiting.is_empty()
     }
 
-    /// Sends what was `said` and what waits, as far as the buses take it. What finds no room is lost, and
-    /// so is what is said to an interface that is down.
-    pub(super) fn send<B: Bus>(&mut self, bus: &mut B, said: &mut Vec<Telegram>) {
+    /// Sends what was `said` and what waits, as far as the buses take it, and tells what was `sent`. What
+    /// finds no room is lost, and so is what is said to an interface that is down.
+    pub(super) fn send<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        said: &mut Vec<Telegram>,
+        sent: &mut Vec<Telegram>,
+    ) {
         for telegram in said.drain(..) {
             let is_behind = self.waiting.iter().any(|other| other.channel == telegram.channel);
             if is_behind || is_refused(bus, telegram) {
                 self.keep(telegram);
+            } else {
+                sent.push(telegram);
             }
         }
         let Self { waiting, full, .. } = self;
         full.clear();
         waiting.retain(|telegram| {
             let is_kept = full.contains(&telegram.channel) || is_refused(bus, *telegram);
-            if is_kept && !full.contains(&telegram.channel) {
+            if !is_kept {
+                sent.push(*telegram);
+            } else if !full.contains(&telegram.channel) {
                 full.push(telegram.channel);
             }
             is_kept
@@ -140,7 +149,7 @@ mod tests {
         while bus.sent.len() < 127 {
             bus.room = [10, 10];
             let before = bus.sent.len();
-            outbox.send(&mut bus, &mut block);
+            outbox.send(&mut bus, &mut block, &mut Vec::new());
             assert!(bus.sent.len() > before);
         }
         assert!(outbox.is_empty());
@@ -150,11 +159,11 @@ mod tests {
     #[test]
     fn a_tpdo_goes_before_the_segments_that_wait_and_one_full_bus_does_not_hold_up_another() {
         let (mut bus, mut outbox) = (Narrow { room: [1, 9], ..Narrow::default() }, Outbox::new());
-        outbox.send(&mut bus, &mut (0..5).map(|number| said(0, 0x583, number)).collect());
-        outbox.send(&mut bus, &mut vec![said(0, 0x183, 7), said(1, 0x583, 8)]);
+        outbox.send(&mut bus, &mut (0..5).map(|number| said(0, 0x583, number)).collect(), &mut Vec::new());
+        outbox.send(&mut bus, &mut vec![said(0, 0x183, 7), said(1, 0x583, 8)], &mut Vec::new());
         assert_eq!(numbers(&bus, 1, 0x583), [8]);
         bus.room = [9, 9];
-        outbox.send(&mut bus, &mut Vec::new());
+        outbox.send(&mut bus, &mut Vec::new(), &mut Vec::new());
         let ids: Vec<u16> = bus.sent.iter().map(|telegram| telegram.frame.cob_id).collect();
         assert_eq!(ids, [0x583, 0x583, 0x183, 0x583, 0x583, 0x583, 0x583]);
     }
@@ -163,7 +172,7 @@ mod tests {
     fn what_a_bus_never_takes_ends_at_the_bound_and_what_is_down_is_not_kept() {
         let (mut bus, mut outbox) = (Narrow::default(), Outbox::new());
         for number in 0..3_000 {
-            outbox.send(&mut bus, &mut vec![said(0, 0x183, number), said(7, 0x183, number)]);
+            outbox.send(&mut bus, &mut vec![said(0, 0x183, number), said(7, 0x183, number)], &mut Vec::new());
         }
         assert_eq!((outbox.waiting.len(), outbox.lost), (ROOM, 3_000 - 1_024));
         assert!(outbox.waiting.iter().all(|telegram| telegram.channel == Channel(0)));
@@ -183,10 +192,10 @@ mod tests {
                     now.push(said(channel, 0x181 + 0x100 * (number % 5), number));
                     number += 1;
                 }
-                outbox.send(&mut bus, &mut now);
+                outbox.send(&mut bus, &mut now, &mut Vec::new());
             }
             bus.room = [usize::MAX; 2];
-            outbox.send(&mut bus, &mut Vec::new());
+            outbox.send(&mut bus, &mut Vec::new(), &mut Vec::new());
             prop_assert!(outbox.is_empty() && bus.sent.len() == usize::from(number));
             for (channel, kind) in (0..2).flat_map(|channel| (0..5).map(move |kind| (channel, kind))) {
                 prop_assert!(numbers(&bus, channel, 0x181 + 0x100 * kind).is_sorted());

@@ -14,7 +14,8 @@
 //! | [`arm`]      | rigid-body kinematics and dynamics                          |
 //! | [`plant`]    | the arm in motion: friction, end stops, integration         |
 //! | [`person`]   | the operator: a [`hand`], its [`tremor`], its [`temperament`] |
-//! | [`scenario`] | what the operator does, and when                            |
+//! | [`scenario`] | what the operator does and what breaks, and when            |
+//! | [`fault`]    | what breaks, between devices and buses                      |
 //! | [`scene`]    | a wall, a box and a sphere                                  |
 //! | [`world`]    | all of it, as a station on the buses                        |
 //! | [`belief`]   | what each drive believes, and what is so                    |
@@ -26,6 +27,7 @@ pub mod belief;
 mod delay;
 pub mod drive;
 pub mod drivetrain;
+pub mod fault;
 pub mod hand;
 pub mod motion;
 mod motors;

@@ -63,6 +63,16 @@ impl SwitchBox {
         self.device.on_frame(now, &power_up, &mut self.frames);
     }
 
+    /// Its bus.
+    pub const fn channel(&self) -> Channel {
+        self.channel
+    }
+
+    /// Its objects, as they are now.
+    pub const fn dictionary(&self) -> &Dictionary {
+        self.device.dictionary()
+    }
+
     /// Where it is.
     pub const fn node(&self) -> NodeId {
         self.device.node()

@@ -19,11 +19,16 @@ use crate::sim::arm::Joints;
 use crate::sim::drive::Drive;
 use crate::sim::drivetrain::Drivetrain;
 use crate::sim::drivetrain::Sensed;
+use crate::sim::fault::Breakable;
+use crate::sim::fault::Devices;
+use crate::sim::fault::Faults;
+use crate::sim::fault::Notice;
 use crate::sim::motors::Motors;
 use crate::sim::person::Person;
 use crate::sim::plant;
 use crate::sim::plant::Plant;
 use crate::sim::scenario::Scenario;
+use crate::sim::scenario::fault::Link;
 use crate::sim::switches::SwitchBox;
 use crate::sim::transmission::Transmission;
 use crate::time::Instant;
@@ -38,7 +43,7 @@ const LONGEST: Duration = Duration::from_millis(100);
 const LEADING: Channel = Channel(0);
 
 /// A drive, seen from its joint.
-pub trait Motor: Station {
+pub trait Motor: Breakable {
     /// What its motor does now.
     fn sense(&mut self, sensed: &Sensed);
 
@@ -47,7 +52,7 @@ pub trait Motor: Station {
 }
 
 /// An input module, seen from its switches.
-pub trait Inputs: Station {
+pub trait Inputs: Breakable {
     /// Sets its eight inputs.
     fn set(&mut self, inputs: u8);
 }
@@ -60,6 +65,7 @@ pub struct World<M = Drive, I = SwitchBox> {
     switches: I,
     plant: Plant,
     person: Person,
+    faults: Faults,
     scenario: Scenario,
     /// Where the grip was at the start: what the scenario's movements are relative to.
     x_0_start: Isometry3<f64>,
@@ -86,6 +92,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
             x_0_start: *plant.x_0_g(),
             plant,
             person: Person::new(scenario.temperament(), seed),
+            faults: Faults::new(scenario.faults(), seed),
             scenario,
             begun: None,
             now: Instant::ZERO,
@@ -132,6 +139,21 @@ impl<M: Motor, I: Inputs> World<M, I> {
         &self.plant
     }
 
+    /// The oldest fault that has begun or is over, and was not asked for yet.
+    pub fn notice(&mut self) -> Option<Notice> {
+        self.faults.notice()
+    }
+
+    /// How the commanded side is reached.
+    pub fn link(&self) -> Link {
+        self.faults.link()
+    }
+
+    /// When the script began, if it has.
+    pub const fn begun(&self) -> Option<Instant> {
+        self.begun
+    }
+
     /// Lets the arm move until `now`, and operator and encoders follow.
     fn advance(&mut self, now: Instant) {
         // A simulation that was stopped does not make up for it.
@@ -151,7 +173,8 @@ impl<M: Motor, I: Inputs> World<M, I> {
             self.motors.follow(self.plant.q(), self.plant.qd());
         }
         let is_startled = self.person.is_startled();
-        self.switches.set(if is_startled { operator.hand_off() } else { operator.inputs });
+        let inputs = if is_startled { operator.hand_off() } else { operator.inputs };
+        self.switches.set(self.faults.inputs(inputs));
         self.now = now;
         self.show();
     }
@@ -176,8 +199,8 @@ impl<M: Motor, I: Inputs> World<M, I> {
     /// Shows every drive its motor.
     fn show(&mut self) {
         self.motors.follow(self.plant.q(), self.plant.qd());
-        for (drive, sensed) in self.drives.iter_mut().zip(self.motors.sensed()) {
-            drive.sense(&sensed);
+        for (joint, (drive, sensed)) in self.drives.iter_mut().zip(self.motors.sensed()).enumerate() {
+            drive.sense(&self.faults.sensed(joint, sensed));
         }
     }
 }
@@ -186,12 +209,14 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
         if frame.cob_id == sync::COB_ID && channel == LEADING {
             self.begun.get_or_insert(now);
+            self.faults.begin(now);
             self.advance(now);
         }
-        for drive in &mut self.drives {
-            drive.on_frame(now, channel, frame, out);
+        let heard = Telegram { channel, frame: *frame };
+        let devices = devices(&mut self.drives, &mut self.switches);
+        for (place, device) in devices.into_iter().enumerate() {
+            self.faults.hear(now, place, device, heard, out);
         }
-        self.switches.on_frame(now, channel, frame, out);
         self.heed(now);
     }
 
@@ -200,19 +225,29 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
             self.advance(now);
         }
         let is_due = |due: Option<Instant>| due.is_some_and(|due| due <= now);
-        for drive in self.drives.iter_mut().filter(|drive| is_due(drive.deadline())) {
-            drive.on_time(now, out);
+        let mut devices = devices(&mut self.drives, &mut self.switches);
+        if is_due(self.faults.deadline()) {
+            self.faults.turn(now, &mut devices, out);
         }
-        if is_due(self.switches.deadline()) {
-            self.switches.on_time(now, out);
+        for (place, device) in devices.into_iter().enumerate() {
+            if is_due(device.deadline()) {
+                self.faults.wake(now, place, device, out);
+            }
         }
         self.heed(now);
     }
 
     fn deadline(&self) -> Option<Instant> {
         let drives = self.drives.iter().filter_map(Station::deadline);
-        drives.chain(self.switches.deadline()).chain([self.now + TICK]).min()
+        let devices = drives.chain(self.switches.deadline());
+        devices.chain(self.faults.deadline()).chain([self.now + TICK]).min()
     }
+}
+
+/// All devices, in their places.
+fn devices<'a, M: Motor, I: Inputs>(drives: &'a mut [M; 6], switches: &'a mut I) -> Devices<'a> {
+    let [a, b, c, d, e, f] = drives;
+    [a, b, c, d, e, f, switches]
 }
 
 impl Motor for Drive {
@@ -237,7 +272,9 @@ mod tests {
     use crate::sim::actuator::ActuatorSettings;
     use crate::sim::arm;
     use crate::sim::drivetrain::DrivetrainSettings;
+    use crate::sim::fault::Way;
     use crate::sim::plant::Resistance;
+    use crate::sim::scenario::fault::Service;
     use crate::spatial::Wrench;
     use nalgebra::Vector3;
 
@@ -272,6 +309,22 @@ mod tests {
         }
     }
 
+    impl Breakable for FakeMotor {
+        fn channel(&self) -> Channel {
+            LEADING
+        }
+
+        fn cob_id(&self, _: Way, _: Service) -> Option<u16> {
+            None
+        }
+
+        fn switch_off(&mut self) {
+            self.torque = 0.0;
+        }
+
+        fn switch_on(&mut self, _: Instant) {}
+    }
+
     impl Motor for FakeMotor {
         fn sense(&mut self, sensed: &Sensed) {
             self.motion = (sensed.position, sensed.velocity);
@@ -293,6 +346,20 @@ mod tests {
         fn deadline(&self) -> Option<Instant> {
             None
         }
+    }
+
+    impl Breakable for FakeSwitches {
+        fn channel(&self) -> Channel {
+            LEADING
+        }
+
+        fn cob_id(&self, _: Way, _: Service) -> Option<u16> {
+            None
+        }
+
+        fn switch_off(&mut self) {}
+
+        fn switch_on(&mut self, _: Instant) {}
     }
 
     impl Inputs for FakeSwitches {

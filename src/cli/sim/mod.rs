@@ -25,11 +25,14 @@ use crate::cli::rig;
 use crate::cli::scenario;
 use crate::cli::signals;
 use crate::cli::signals::Inquiries;
+use crate::cli::story::Story;
 use crate::config::Config;
 use crate::lab::attend::Left;
 use crate::lab::attend::attend;
 use crate::lab::world;
 use crate::sim::belief::Report;
+use crate::sim::fault::Notice;
+use crate::sim::scenario::fault::Whom;
 use crate::sim::world::World;
 
 /// Lives on the bus until a signal ends it; tells what each drive believes when asked to, and then.
@@ -39,6 +42,9 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
         return rig::run(&args.rig, &config, joint, args.seed);
     }
     let scenario = scenario::load(&args.scenario)?;
+    if scenario.faults().iter().any(|fault| fault.whom == Whom::Link) {
+        tracing::warn!("faults of the link have no effect: the commanded side is the node's");
+    }
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("no runtime").or_fail(Kind::Bus)?;
@@ -59,13 +65,21 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     };
     let flags = Flags::default();
     let (reports, told) = mpsc::channel(1);
+    let (notices, broken) = mpsc::unbounded_channel();
+    let story = Story::of(&config);
     let left = thread::scope(|threads| {
         let living = threads.spawn(|| {
             realtime::ask();
-            let reports = reports;
-            attend(&mut bus, &mut world, &mut |world| flags.heed(world, &reports))
+            let (reports, notices) = (reports, notices);
+            attend(&mut bus, &mut world, &mut |world: &mut World| {
+                while let Some(notice) = world.notice() {
+                    // Whoever tells it may have gone before.
+                    notices.send(notice).ok();
+                }
+                flags.heed(world, &reports)
+            })
         });
-        runtime.block_on(serve(inquiries, told, &flags, tell));
+        runtime.block_on(serve(inquiries, told, broken, &flags, &story, tell));
         living.join()
     });
     tell(&Report::of(&world));
@@ -96,11 +110,13 @@ impl Flags {
     }
 }
 
-/// Passes on signals and prints reports until the thread on the bus has ended.
+/// Passes on signals, prints reports and tells what breaks, until the thread on the bus has ended.
 async fn serve(
     mut inquiries: Inquiries,
     mut told: mpsc::Receiver<Report>,
+    mut broken: mpsc::UnboundedReceiver<Notice>,
     flags: &Flags,
+    story: &Story,
     tell: impl Fn(&Report),
 ) {
     let ended = signals::wait();
@@ -111,6 +127,12 @@ async fn serve(
                 Some(report) => tell(&report),
                 None => return,
             },
+            Some(notice) = broken.recv() => {
+                // The commanded side is not here.
+                if notice.fault.whom != Whom::Link {
+                    print::note(&story.fault(&notice));
+                }
+            }
             () = inquiries.next() => flags.is_asked.store(true, Ordering::Relaxed),
             signal = &mut ended, if !flags.is_over.load(Ordering::Relaxed) => {
                 tracing::info!(signal, "leaving the bus");

@@ -240,6 +240,12 @@ impl Axis {
         }
     }
 
+    /// The supply is gone, and the torque with it.
+    pub(super) fn lose_supply(&mut self, dictionary: &mut Dictionary) {
+        self.power.disable_voltage();
+        self.follow_power(dictionary);
+    }
+
     /// Something is wrong, with this error code, and the motor is stopped as 605Eh says.
     pub(super) fn fail(&mut self, code: u16, dictionary: &mut Dictionary) {
         self.give_up(code, self.options.fault_ramp());

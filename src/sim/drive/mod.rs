@@ -169,6 +169,12 @@ impl Drive {
         self.observe(|monitor| monitor.link_voltage = volts);
     }
 
+    /// Takes bus and supply from it: no torque, and it hears and says nothing any more.
+    pub fn switch_off(&mut self) {
+        self.unplug();
+        self.device.touch(Axis::lose_supply);
+    }
+
     /// Takes it off its bus: it hears and says nothing any more, and does what it does without its master.
     pub const fn unplug(&mut self) {
         self.is_plugged = false;
@@ -218,6 +224,7 @@ impl Station for Drive {
     }
 
     fn deadline(&self) -> Option<Instant> {
-        self.device.deadline()
+        let unsent = (!self.frames.is_empty()).then_some(Instant::ZERO);
+        unsent.into_iter().chain(self.device.deadline()).min()
     }
 }

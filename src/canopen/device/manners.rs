@@ -6,6 +6,9 @@
 use std::ops::RangeInclusive;
 
 use crate::canopen::abort::AbortCode;
+use crate::canopen::device::Application;
+use crate::canopen::device::ConnectionLoss;
+use crate::canopen::device::Device;
 use crate::canopen::object::Object;
 
 /// What a device does badly. By default nothing.
@@ -42,5 +45,21 @@ impl Manners {
     /// The reason that is given for `code`.
     pub(super) fn excuse(&self, code: AbortCode) -> AbortCode {
         self.only_abort.unwrap_or(code)
+    }
+}
+
+impl<A: Application> Device<A> {
+    /// The same device with bad manners.
+    #[must_use]
+    pub fn behaving(self, manners: Manners) -> Self {
+        Self { manners, ..self }
+    }
+
+    /// What the application does about a lost master; the manufacturer's bytes of the emergency.
+    pub(super) fn react_to(&mut self, why: ConnectionLoss) -> [u8; 5] {
+        if self.manners.ignores_connection_loss {
+            return [0; 5];
+        }
+        self.application.on_connection_lost(&mut self.dictionary, why)
     }
 }

@@ -12,6 +12,7 @@ mod heartbeat;
 #[cfg(test)]
 mod laws;
 mod lss;
+mod manners;
 mod mapping;
 mod parameter;
 mod process;
@@ -25,6 +26,7 @@ mod tpdo;
 pub use application::Application;
 pub use application::ConnectionLoss;
 pub use application::Reset;
+pub use manners::Manners;
 
 use std::time::Duration;
 
@@ -62,6 +64,7 @@ pub struct Device<A> {
     errors: Errors,
     heartbeat: Heartbeat,
     guarding: Guarding,
+    manners: Manners,
     /// The application's objects may have changed since they were last looked at.
     is_touched: bool,
 }
@@ -84,6 +87,7 @@ impl<A: Application> Device<A> {
             errors: Errors::default(),
             heartbeat: Heartbeat::default(),
             guarding: Guarding::default(),
+            manners: Manners::default(),
             is_touched: false,
             dictionary,
             application,
@@ -201,7 +205,7 @@ impl<A: Application> Device<A> {
     }
 
     fn lose_connection(&mut self, condition: Condition, why: ConnectionLoss, out: &mut Vec<Frame>) {
-        let manufacturer = self.application.on_connection_lost(&mut self.dictionary, why);
+        let manufacturer = self.react_to(why);
         self.errors.raise(condition, why.error_code(), manufacturer, &mut self.dictionary, out);
         self.is_touched = true;
     }

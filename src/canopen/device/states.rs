@@ -55,8 +55,7 @@ impl<A: Application> Device<A> {
     /// To be stopped or reset in operation is to lose the master; nothing is told of it.
     pub(super) fn leave_operational(&mut self) {
         if self.state == NmtState::Operational {
-            let why = ConnectionLoss::Stopped;
-            self.application.on_connection_lost(&mut self.dictionary, why);
+            self.react_to(ConnectionLoss::Stopped);
         }
     }
 

@@ -5,6 +5,7 @@
 
 use crate::canopen::abort::AbortCode;
 use crate::canopen::device::Application;
+use crate::canopen::device::Manners;
 use crate::canopen::device::clock;
 use crate::canopen::device::heartbeat;
 use crate::canopen::device::history;
@@ -24,6 +25,7 @@ use crate::canopen::object::Object;
 pub(super) struct Objects<'a, A> {
     pub(super) dictionary: &'a mut Dictionary,
     pub(super) application: &'a mut A,
+    pub(super) manners: &'a Manners,
     /// What was written.
     pub(super) written: Option<Object>,
 }
@@ -45,17 +47,29 @@ impl<A: Application> Access for Objects<'_, A> {
         if !entry.access.is_writable() {
             return Err(AbortCode::READ_ONLY);
         }
+        self.manners.may_write(object)?;
         Ok(entry.size())
     }
 
     fn write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
         self.may_write(object, bytes)?;
+        if self.manners.ignores(object) {
+            return Ok(());
+        }
         if !self.dictionary.set(object, bytes) {
             return Err(AbortCode::NOT_STORED);
         }
         self.application.written(self.dictionary, object);
         self.written = Some(object);
         Ok(())
+    }
+
+    fn tells_sizes(&self) -> bool {
+        !self.manners.hides_sizes
+    }
+
+    fn reason(&self, code: AbortCode) -> AbortCode {
+        self.manners.excuse(code)
     }
 }
 

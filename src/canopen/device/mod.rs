@@ -15,6 +15,7 @@ mod history;
 #[cfg(test)]
 mod laws;
 mod lss;
+mod manners;
 mod mapping;
 mod parameter;
 mod process;
@@ -29,6 +30,7 @@ mod tpdo;
 pub use application::Application;
 pub use application::ConnectionLoss;
 pub use application::Reset;
+pub use manners::Manners;
 
 use std::time::Duration;
 
@@ -68,6 +70,7 @@ pub struct Device<A> {
     errors: Errors,
     heartbeat: Heartbeat,
     guarding: Guarding,
+    manners: Manners,
     /// The application's objects may have changed since they were last looked at.
     is_touched: bool,
 }
@@ -91,6 +94,7 @@ impl<A: Application> Device<A> {
             errors: Errors::default(),
             heartbeat: Heartbeat::default(),
             guarding: Guarding::default(),
+            manners: Manners::default(),
             is_touched: false,
             dictionary,
             application,

@@ -56,8 +56,7 @@ impl<A: Application> Device<A> {
     /// To be stopped or reset in operation is to lose the master; nothing is told of it.
     fn leave_operational(&mut self) {
         if self.state == NmtState::Operational {
-            let why = ConnectionLoss::Stopped;
-            self.application.on_connection_lost(&mut self.dictionary, why);
+            self.react_to(ConnectionLoss::Stopped);
         }
     }
 
@@ -124,7 +123,7 @@ impl<A: Application> Device<A> {
     }
 
     fn lose_connection(&mut self, condition: Condition, why: ConnectionLoss) {
-        let manufacturer = self.application.on_connection_lost(&mut self.dictionary, why);
+        let manufacturer = self.react_to(why);
         self.errors.raise(condition, manufacturer, &mut self.dictionary);
         self.is_touched = true;
     }

@@ -44,6 +44,16 @@ pub(super) trait Access {
 
     /// Writes, and does what follows from it. `bytes` have the size told.
     fn write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode>;
+
+    /// Whether replies say how many bytes they hold, as they should.
+    fn tells_sizes(&self) -> bool {
+        true
+    }
+
+    /// What is given as the reason of a refusal.
+    fn reason(&self, code: AbortCode) -> AbortCode {
+        code
+    }
 }
 
 /// The server of one device.
@@ -109,7 +119,7 @@ impl SdoServer {
             Ok(payload) => out.extend(payload.map(|payload| self.frame(payload))),
             Err((object, code)) => {
                 self.transfer = None;
-                out.push(self.frame(abort(object, code)));
+                out.push(self.frame(abort(object, objects.reason(code))));
             }
         }
         self.send_segments(out);

@@ -1,6 +1,12 @@
 //! The laws of a whole device, from its frames: a drive's dictionary, and an application that only
 //! looks on.
 
+mod errors;
+mod identity;
+mod process;
+mod refusals;
+
+use std::sync::LazyLock;
 use std::time::Duration;
 
 use canopen_rs::NmtCommand;
@@ -65,14 +71,19 @@ struct Desk {
 impl Desk {
     /// Booted up.
     fn new() -> Self {
-        Self::described(include_str!("../../../eds/frhc_drive.eds"))
+        static EDS: LazyLock<Eds> =
+            LazyLock::new(|| Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap());
+        Self::of(&EDS)
     }
 
     /// A device of another data sheet, booted up.
     fn described(text: &str) -> Self {
-        let eds = Eds::parse(text.as_bytes()).unwrap();
+        Self::of(&Eds::parse(text.as_bytes()).unwrap())
+    }
+
+    fn of(eds: &Eds) -> Self {
         let node = NodeId::new(NODE).unwrap();
-        let dictionary = Dictionary::new(&eds, node);
+        let dictionary = Dictionary::new(eds, node);
         let device = Device::new(node, dictionary, Witness::default(), Duration::ZERO);
         let mut desk = Self { device, now: at(0) };
         assert_eq!(desk.wait_until(0), [Frame::new(0x705, [0])], "boot-up");

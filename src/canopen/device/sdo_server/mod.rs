@@ -191,12 +191,14 @@ impl SdoServer {
 
     /// A request within a transfer.
     fn on_request(&mut self, request: SdoPayload, objects: &mut impl Access) -> Reply {
-        let [command, ..] = request;
+        let [command, low, high, sub, ..] = request;
         let specifier = command >> 5;
-        // A request that nothing has opened names no object.
-        let nothing = Object { index: 0, sub: 0 };
         let Some(Transfer { object, way }) = &mut self.transfer else {
-            return Err((nothing, AbortCode::COMMAND_UNKNOWN));
+            // A segment that nothing has opened names no object; a command nobody knows may.
+            let named = if specifier == CS_RESERVED { [low, high, sub] } else { [0; 3] };
+            let [low, high, sub] = named;
+            let object = Object { index: u16::from_le_bytes([low, high]), sub };
+            return Err((object, AbortCode::COMMAND_UNKNOWN));
         };
         let object = *object;
         let refused = |code| (object, code);
@@ -262,5 +264,6 @@ const CCS_UPLOAD_SEGMENT: u8 = 3;
 const CS_ABORT: u8 = 4;
 const CCS_BLOCK_UPLOAD: u8 = 5;
 const CCS_BLOCK_DOWNLOAD: u8 = 6;
+const CS_RESERVED: u8 = 7;
 /// What a frame of a block transfer is.
 const SUBCOMMAND: u8 = 3;

@@ -159,7 +159,11 @@ mod tests {
     #[test]
     fn a_tpdo_goes_before_the_segments_that_wait_and_one_full_bus_does_not_hold_up_another() {
         let (mut bus, mut outbox) = (Narrow { room: [1, 9], ..Narrow::default() }, Outbox::new());
-        outbox.send(&mut bus, &mut (0..5).map(|number| said(0, 0x583, number)).collect(), &mut Vec::new());
+        outbox.send(
+            &mut bus,
+            &mut (0..5).map(|number| said(0, 0x583, number)).collect(),
+            &mut Vec::new(),
+        );
         outbox.send(&mut bus, &mut vec![said(0, 0x183, 7), said(1, 0x583, 8)], &mut Vec::new());
         assert_eq!(numbers(&bus, 1, 0x583), [8]);
         bus.room = [9, 9];
@@ -172,7 +176,11 @@ mod tests {
     fn what_a_bus_never_takes_ends_at_the_bound_and_what_is_down_is_not_kept() {
         let (mut bus, mut outbox) = (Narrow::default(), Outbox::new());
         for number in 0..3_000 {
-            outbox.send(&mut bus, &mut vec![said(0, 0x183, number), said(7, 0x183, number)], &mut Vec::new());
+            outbox.send(
+                &mut bus,
+                &mut vec![said(0, 0x183, number), said(7, 0x183, number)],
+                &mut Vec::new(),
+            );
         }
         assert_eq!((outbox.waiting.len(), outbox.lost), (ROOM, 3_000 - 1_024));
         assert!(outbox.waiting.iter().all(|telegram| telegram.channel == Channel(0)));

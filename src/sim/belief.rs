@@ -105,6 +105,7 @@ mod tests {
     use crate::sim::actuator::ActuatorSettings;
     use crate::sim::drive::DriveSettings;
     use crate::sim::drivetrain::Sensed;
+    use crate::sim::motion::Tuning;
     use canopen_rs::NmtCommand;
     use std::time::Duration;
 
@@ -126,6 +127,7 @@ mod tests {
                 max_torque: 6.0,
             },
             latency: Duration::ZERO,
+            tuning: Tuning::default(),
         })
     }
 

@@ -199,7 +199,8 @@ impl<M: Motor, I: Inputs> World<M, I> {
     /// Shows every drive its motor.
     fn show(&mut self) {
         self.motors.follow(self.plant.q(), self.plant.qd());
-        for (joint, (drive, sensed)) in self.drives.iter_mut().zip(self.motors.sensed()).enumerate() {
+        for (joint, (drive, sensed)) in self.drives.iter_mut().zip(self.motors.sensed()).enumerate()
+        {
             drive.sense(&self.faults.sensed(joint, sensed));
         }
     }

@@ -46,6 +46,7 @@ fn drive() -> Drive {
         dictionary: Dictionary::new(&eds, node()),
         actuator: ACTUATOR,
         latency: Duration::from_micros(60),
+        tuning: Tuning::default(),
     })
 }
 

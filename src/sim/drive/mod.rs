@@ -68,6 +68,7 @@ pub struct DriveSettings {
 #[derive(Clone, Debug)]
 pub struct Drive {
     channel: Channel,
+    is_on: bool,
     is_plugged: bool,
     device: Device<Axis>,
     frames: Vec<Frame>,
@@ -78,7 +79,7 @@ impl Drive {
     pub fn new(settings: DriveSettings) -> Self {
         let DriveSettings { channel, node, dictionary, actuator, latency } = settings;
         let device = Device::new(node, dictionary, Axis::new(&actuator), latency);
-        Self { channel, is_plugged: true, device, frames: Vec::with_capacity(FRAMES) }
+        Self { channel, is_on: true, is_plugged: true, device, frames: Vec::with_capacity(FRAMES) }
     }
 
     /// Its bus.
@@ -176,8 +177,15 @@ impl Drive {
         self.is_plugged = true;
     }
 
+    /// Takes its power: it has no torque, hears nothing and says nothing.
+    pub fn switch_off(&mut self) {
+        self.is_on = false;
+        self.device.touch(Axis::switch_off);
+    }
+
     /// Puts it back on its bus and switches it off and on, so that it boots up.
     pub fn switch_on(&mut self, now: Instant) {
+        self.is_on = true;
         self.plug();
         let power_up = Order::to(self.node(), NmtCommand::ResetNode).frame();
         self.device.on_frame(now, &power_up, &mut self.frames);
@@ -203,18 +211,20 @@ const FRAMES: usize = 8;
 
 impl Station for Drive {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
-        if channel == self.channel && self.is_plugged {
+        if channel == self.channel && self.is_plugged && self.is_on {
             self.device.on_frame(now, frame, &mut self.frames);
             self.send(out);
         }
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>) {
-        self.device.on_time(now, &mut self.frames);
-        self.send(out);
+        if self.is_on {
+            self.device.on_time(now, &mut self.frames);
+            self.send(out);
+        }
     }
 
     fn deadline(&self) -> Option<Instant> {
-        self.device.deadline()
+        self.device.deadline().filter(|_| self.is_on)
     }
 }

@@ -48,35 +48,80 @@ pub enum Ramp {
 
 /// The mode a drive is in, and what it has in mind.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Motion {}
+pub struct Motion {
+    mode: i8,
+    word: Controlword,
+    per_mille: f64,
+}
 
 impl Motion {
+    /// An object has been written: units follow it. Those also do at every [`begin`](Self::begin).
+    pub fn on_written(&mut self, _object: Object, _dictionary: &Dictionary) {}
+
+    /// What 6064h shows: position units from home, of 32 bits that wrap. To be called often enough for
+    /// the encoder not to turn 2³¹ increments in between, be the drive enabled or not.
+    pub fn position(&mut self, feedback: &Feedback) -> i32 {
+        feedback.position
+    }
+
+    /// What 606Ch shows: position units per second.
+    pub fn velocity(&self, feedback: &Feedback) -> i32 {
+        saturated(feedback.velocity)
+    }
+
     /// The mode (6060h) has changed, or the power stage has been enabled: the motor is held where it is.
-    pub fn begin(&mut self, _mode: i8, _feedback: &Feedback, _dictionary: &Dictionary) {}
+    pub fn begin(&mut self, mode: i8, _feedback: &Feedback, _dictionary: &Dictionary) {
+        self.mode = mode;
+    }
 
     /// A controlword has come, whose bits 4 to 6 and 8 the mode has a meaning for.
     pub fn on_controlword(
         &mut self,
-        _word: Controlword,
+        word: Controlword,
         _feedback: &Feedback,
         _dictionary: &Dictionary,
     ) {
+        self.word = word;
     }
 
     /// `dt` s have passed in operation; zero when only a set-point has changed, which the cyclic modes
-    /// take at once.
+    /// take at once. A halt (bit 8) stops the motor as 605Dh says, and keeps it there.
     pub fn step(&mut self, _dt: f64, _feedback: &Feedback, dictionary: &mut Dictionary) -> Asked {
-        Asked { per_mille: f64::from(dictionary.i16(Object::TARGET_TORQUE)), ..Asked::default() }
+        let is_halted = self.word.0 & 1 << 8 != 0;
+        self.per_mille =
+            if is_halted { 0.0 } else { f64::from(dictionary.i16(Object::TARGET_TORQUE)) };
+        Asked { per_mille: self.per_mille, ..Asked::default() }
     }
 
-    /// `dt` s have passed while it stops on `ramp`; `None` once it stands still.
+    /// `dt` s have passed while it stops on `ramp`; `None` once it stands still. In torque modes it does
+    /// as soon as there is no torque.
     pub fn stop(
         &mut self,
-        _dt: f64,
-        _ramp: Ramp,
+        dt: f64,
+        ramp: Ramp,
         _feedback: &Feedback,
-        _dictionary: &mut Dictionary,
+        dictionary: &mut Dictionary,
     ) -> Option<Asked> {
-        None
+        let slope = f64::from(dictionary.unsigned(Object::TORQUE_SLOPE));
+        let left = self.per_mille.abs() - slope * dt;
+        let is_over = self.mode != 4 || ramp == Ramp::CurrentLimit || left <= 0.0;
+        self.per_mille = if is_over { 0.0 } else { left * self.per_mille.signum() };
+        (!is_over).then_some(Asked { per_mille: self.per_mille, ..Asked::default() })
     }
+
+    /// `dt` s have passed in which it stays as [`stop`](Self::stop) has left it: at its place, or without
+    /// torque in torque modes.
+    pub fn hold(&mut self, _dt: f64, _feedback: &Feedback, _dictionary: &mut Dictionary) -> Asked {
+        Asked::default()
+    }
+}
+
+/// The nearest whole number; the nearest end beyond 32 bits.
+#[expect(
+    clippy::as_conversions,
+    clippy::cast_possible_truncation,
+    reason = "such a cast saturates; NaN becomes 0"
+)]
+const fn saturated(value: f64) -> i32 {
+    value.round() as i32
 }

@@ -84,8 +84,10 @@ impl Application for Axis {
             | Object::POSITION_OFFSET
             | Object::TARGET_VELOCITY
             | Object::VELOCITY_OFFSET => {
-                self.perform(0.0, dictionary);
-                self.tell(dictionary);
+                if task::takes_at_once(self.mode, object) {
+                    self.perform(0.0, dictionary);
+                    self.tell(dictionary);
+                }
             }
             parameter => {
                 self.read_parameters(dictionary);
@@ -292,7 +294,7 @@ impl Axis {
     fn follow_power(&mut self, dictionary: &mut Dictionary) {
         self.settle(dictionary);
         if matches!(self.task, Task::Operate) && self.task.is_servoed(self.mode) {
-            // Nothing but a set-point may look like one to the loops.
+            // Its loops take a step without time for a set-point that has come.
             self.give(self.asked);
         } else {
             self.perform(0.0, dictionary);

@@ -61,11 +61,31 @@ impl Task {
     }
 }
 
+/// Whether `object` is a set-point that acts as soon as it comes: the cyclic mode's own.
+pub(super) const fn takes_at_once(mode: i8, object: Object) -> bool {
+    match mode {
+        CYCLIC_SYNCHRONOUS_POSITION => {
+            matches!(object, Object::TARGET_POSITION | Object::POSITION_OFFSET)
+        }
+        CYCLIC_SYNCHRONOUS_VELOCITY => {
+            matches!(object, Object::TARGET_VELOCITY | Object::VELOCITY_OFFSET)
+        }
+        CYCLIC_SYNCHRONOUS_TORQUE => {
+            matches!(object, Object::TARGET_TORQUE | Object::TORQUE_OFFSET)
+        }
+        _ => false,
+    }
+}
+
 /// Whether the drive has a mode of operation (6502h, mode 1 at bit 0); mode 0 is none, and any has it.
 pub(super) fn has_mode(dictionary: &Dictionary, mode: u8) -> bool {
     let modes = u64::from(dictionary.unsigned(Object::SUPPORTED_MODES)) << 1 | 1;
     modes.checked_shr(u32::from(mode)).is_some_and(|modes| modes & 1 == 1)
 }
 
+/// 6060h: 607Ah is taken at every SYNC.
+const CYCLIC_SYNCHRONOUS_POSITION: i8 = 8;
+/// 6060h: 60FFh is taken at every SYNC.
+const CYCLIC_SYNCHRONOUS_VELOCITY: i8 = 9;
 /// 6060h: none is chosen.
 pub(super) const NO_MODE: i8 = 0;

@@ -23,8 +23,8 @@ use crate::sim::drive::power::Power;
 use crate::sim::drive::servo::Servo;
 use crate::sim::drive::status;
 use crate::sim::drive::status::Status;
-use crate::sim::drive::stop;
 use crate::sim::drive::stop::Stop;
+use crate::sim::drive::task;
 use crate::sim::drive::task::Task;
 use crate::sim::drivetrain::Sensed;
 use crate::sim::motion::Asked;
@@ -70,7 +70,7 @@ impl Application for Axis {
         bytes: &[u8],
     ) -> Result<(), AbortCode> {
         let is_known = match (object, bytes) {
-            (Object::MODE_OF_OPERATION, &[mode]) => has_mode(dictionary, mode),
+            (Object::MODE_OF_OPERATION, &[mode]) => task::has_mode(dictionary, mode),
             _ => Options::may_be(object, bytes),
         };
         if is_known { Ok(()) } else { Err(AbortCode::VALUE_INVALID) }
@@ -78,25 +78,25 @@ impl Application for Axis {
 
     fn written(&mut self, dictionary: &mut Dictionary, object: Object) {
         match object {
-            Object::CONTROLWORD => {
-                let word = Controlword(word(dictionary, Object::CONTROLWORD));
-                let before = (self.power.state(), self.power.controlword());
-                self.power.obey(word, &self.options, self.monitor.cause().is_none());
-                if before == (self.power.state(), word) {
-                    return;
+            Object::CONTROLWORD => self.obey(dictionary),
+            Object::MODE_OF_OPERATION => self.follow_power(dictionary),
+            Object::TARGET_TORQUE
+            | Object::TORQUE_OFFSET
+            | Object::TARGET_POSITION
+            | Object::POSITION_OFFSET
+            | Object::TARGET_VELOCITY
+            | Object::VELOCITY_OFFSET => {
+                if task::takes_at_once(self.mode, object) {
+                    self.perform(0.0, dictionary);
+                    self.tell(dictionary);
                 }
-                self.settle(dictionary);
-                self.motion.on_controlword(word, &self.feedback, dictionary);
             }
-            Object::MODE_OF_OPERATION => self.settle(dictionary),
-            Object::TARGET_TORQUE | Object::TARGET_POSITION | Object::TARGET_VELOCITY => {}
-            object => {
-                self.motion.on_written(object, dictionary);
+            parameter => {
                 self.read_parameters(dictionary);
+                self.motion.on_written(parameter, dictionary);
+                self.follow_power(dictionary);
             }
         }
-        self.perform(0.0, dictionary);
-        self.tell(dictionary);
     }
 
     fn on_connection_lost(&mut self, dictionary: &mut Dictionary, why: ConnectionLoss) -> [u8; 5] {
@@ -120,6 +120,8 @@ impl Application for Axis {
             self.error = 0;
             dictionary.set(Object::RATED_TORQUE, &self.rated_torque.to_le_bytes());
             dictionary.set(Object::ENCODER_INCREMENTS, &self.increments.to_le_bytes());
+            // Whichever of its units: it reads them all.
+            self.motion.on_written(Object::FEED, dictionary);
             self.show_motor(dictionary);
             status::show_monitor(&self.monitor, dictionary);
         }
@@ -167,7 +169,7 @@ impl Axis {
             rated_torque: actuator.rated_millis(),
             increments: status::natural(actuator.counts_per_rev),
             power: Power::default(),
-            mode: stop::NO_MODE,
+            mode: task::NO_MODE,
             task: Task::Release,
             is_enabled: false,
             tuning,
@@ -240,15 +242,15 @@ impl Axis {
         }
     }
 
-    /// The supply is gone, and the torque with it.
-    pub(super) fn lose_supply(&mut self, dictionary: &mut Dictionary) {
-        self.power.disable_voltage();
-        self.follow_power(dictionary);
-    }
-
     /// Something is wrong, with this error code, and the motor is stopped as 605Eh says.
     pub(super) fn fail(&mut self, code: u16, dictionary: &mut Dictionary) {
         self.give_up(code, self.options.fault_ramp());
+        self.follow_power(dictionary);
+    }
+
+    /// Its power is gone, and all that it knew.
+    pub(super) fn switch_off(&mut self, dictionary: &mut Dictionary) {
+        self.power = Power::default();
         self.follow_power(dictionary);
     }
 
@@ -279,10 +281,27 @@ impl Axis {
         self.limits = Limits::of(dictionary);
     }
 
-    /// All that follows from another state of the power stage.
+    /// Obeys the controlword. One that says the same again changes nothing, and costs nothing.
+    fn obey(&mut self, dictionary: &mut Dictionary) {
+        let word = Controlword(word(dictionary, Object::CONTROLWORD));
+        let before = (self.power.state(), self.power.controlword());
+        self.power.obey(word, &self.options, self.monitor.cause().is_none());
+        if before != (self.power.state(), word) {
+            self.settle(dictionary);
+            self.motion.on_controlword(word, &self.feedback, dictionary);
+            self.follow_power(dictionary);
+        }
+    }
+
+    /// All that follows from another state of the power stage, or another limit.
     fn follow_power(&mut self, dictionary: &mut Dictionary) {
         self.settle(dictionary);
-        self.perform(0.0, dictionary);
+        if matches!(self.task, Task::Operate) && self.task.is_servoed(self.mode) {
+            // Its loops take a step without time for a set-point that has come.
+            self.give(self.asked);
+        } else {
+            self.perform(0.0, dictionary);
+        }
         self.tell(dictionary);
     }
 
@@ -305,7 +324,7 @@ impl Axis {
     }
 
     fn next_task(&self) -> Task {
-        self.task.next(&self.power, self.mode, &self.options)
+        self.task.next(&self.power, self.mode)
     }
 
     /// Takes the mode that is asked for (6060h), unless a stop is under way; whether it is another one.
@@ -313,7 +332,7 @@ impl Axis {
         let mode = dictionary.i8(Object::MODE_OF_OPERATION);
         let is_new = mode != self.mode
             && self.task.may_change_mode()
-            && has_mode(dictionary, mode.cast_unsigned());
+            && task::has_mode(dictionary, mode.cast_unsigned());
         if is_new {
             self.mode = mode;
         }
@@ -325,43 +344,36 @@ impl Axis {
         let asked = match self.task {
             Task::Release => Asked::default(),
             Task::Operate => self.motion.step(dt, &self.feedback, dictionary),
-            Task::Stop(stop) | Task::Rest(stop) => self.stop(dt, stop, dictionary),
+            Task::Stop(stop) => self.stop(dt, stop, dictionary),
+            Task::Hold => self.motion.hold(dt, &self.feedback, dictionary),
         };
-        let per_mille = self.limits.clamp(asked.per_mille);
-        let is_limited = asked.is_limited || (per_mille - asked.per_mille).abs() > 0.0;
-        self.asked = Asked { per_mille, is_limited, ..asked };
         if asked.error != 0 {
             self.give_up(asked.error, self.options.fault_ramp());
             self.settle(dictionary);
         }
-        if !self.power.may_push() {
-            self.asked = Asked::default();
-        }
+        self.give(if self.power.may_push() { asked } else { Asked::default() });
     }
 
-    /// `dt` s have passed in a stop, which may be over by then, and its state with it.
+    /// `dt` s have passed in a stop, which may be over by then, and the state it belongs to.
     fn stop(&mut self, dt: f64, mut stop: Stop, dictionary: &mut Dictionary) -> Asked {
-        let (motion, feedback) = (&mut self.motion, &self.feedback);
-        let asked = stop.step(dt, self.mode, &self.asked, motion, feedback, dictionary);
-        self.task = match (self.task, asked) {
-            (Task::Stop(_), Some(_)) => Task::Stop(stop),
-            (Task::Release | Task::Operate | Task::Rest(_), Some(_)) => Task::Rest(stop),
-            (_, None) => Task::Rest(stop.again()),
+        let asked = stop.step(dt, &mut self.motion, &self.feedback, dictionary);
+        self.task = match asked {
+            Some(_) => Task::Stop(stop),
+            None if stop.is_given_up() => Task::Release,
+            None => Task::Hold,
         };
-        if asked.is_none() && self.power.ramp().is_some() {
+        if asked.is_none() {
             self.power.on_stopped();
             self.settle(dictionary);
         }
-        asked.unwrap_or(AT_REST)
+        asked.unwrap_or_default()
     }
 
-    fn show_motor(&mut self, dictionary: &mut Dictionary) {
-        let shown = Feedback {
-            position: self.motion.position(&self.feedback),
-            velocity: f64::from(self.motion.velocity(&self.feedback)),
-            ..self.feedback
-        };
-        status::show_motor(&shown, dictionary);
+    /// The current loop is asked for it, within the limits.
+    fn give(&mut self, asked: Asked) {
+        let per_mille = self.limits.clamp(asked.per_mille);
+        let is_limited = asked.is_limited || (per_mille - asked.per_mille).abs() > 0.0;
+        self.asked = Asked { per_mille, is_limited, ..asked };
     }
 
     fn tell(&self, dictionary: &mut Dictionary) {
@@ -374,16 +386,12 @@ impl Axis {
         };
         status.show(dictionary);
     }
-}
 
-/// Without torque, and where it shall be: a stop that is over has reached its target.
-const AT_REST: Asked =
-    Asked { per_mille: 0.0, status: status::TARGET_REACHED, is_limited: false, error: 0 };
-
-/// Whether the drive has a mode of operation (6502h, mode 1 at bit 0); mode 0 is none, and any has it.
-fn has_mode(dictionary: &Dictionary, mode: u8) -> bool {
-    let modes = u64::from(dictionary.unsigned(Object::SUPPORTED_MODES)) << 1 | 1;
-    modes.checked_shr(u32::from(mode)).is_some_and(|modes| modes & 1 == 1)
+    fn show_motor(&mut self, dictionary: &mut Dictionary) {
+        let position = self.motion.position(&self.feedback);
+        let velocity = self.motion.velocity(&self.feedback);
+        status::show_motor(position, velocity, &self.feedback, dictionary);
+    }
 }
 
 /// An object of 16 bits; zero if it is not there.

@@ -71,6 +71,7 @@ pub struct DriveSettings {
 #[derive(Clone, Debug)]
 pub struct Drive {
     channel: Channel,
+    is_on: bool,
     is_plugged: bool,
     device: Device<Axis>,
     frames: Vec<Frame>,
@@ -81,7 +82,7 @@ impl Drive {
     pub fn new(settings: DriveSettings) -> Self {
         let DriveSettings { channel, node, dictionary, actuator, latency, tuning } = settings;
         let device = Device::new(node, dictionary, Axis::new(&actuator, tuning), latency);
-        Self { channel, is_plugged: true, device, frames: Vec::with_capacity(FRAMES) }
+        Self { channel, is_on: true, is_plugged: true, device, frames: Vec::with_capacity(FRAMES) }
     }
 
     /// Its bus.
@@ -169,12 +170,6 @@ impl Drive {
         self.observe(|monitor| monitor.link_voltage = volts);
     }
 
-    /// Takes bus and supply from it: no torque, and it hears and says nothing any more.
-    pub fn switch_off(&mut self) {
-        self.unplug();
-        self.device.touch(Axis::lose_supply);
-    }
-
     /// Takes it off its bus: it hears and says nothing any more, and does what it does without its master.
     pub const fn unplug(&mut self) {
         self.is_plugged = false;
@@ -185,8 +180,15 @@ impl Drive {
         self.is_plugged = true;
     }
 
+    /// Takes its power: it has no torque, hears nothing and says nothing.
+    pub fn switch_off(&mut self) {
+        self.is_on = false;
+        self.device.touch(Axis::switch_off);
+    }
+
     /// Puts it back on its bus and switches it off and on, so that it boots up.
     pub fn switch_on(&mut self, now: Instant) {
+        self.is_on = true;
         self.plug();
         let power_up = Order::to(self.node(), NmtCommand::ResetNode).frame();
         self.device.on_frame(now, &power_up, &mut self.frames);
@@ -212,19 +214,21 @@ const FRAMES: usize = 8;
 
 impl Station for Drive {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
-        if channel == self.channel && self.is_plugged {
+        if channel == self.channel && self.is_plugged && self.is_on {
             self.device.on_frame(now, frame, &mut self.frames);
             self.send(out);
         }
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>) {
-        self.device.on_time(now, &mut self.frames);
-        self.send(out);
+        if self.is_on {
+            self.device.on_time(now, &mut self.frames);
+            self.send(out);
+        }
     }
 
     fn deadline(&self) -> Option<Instant> {
         let unsent = (!self.frames.is_empty()).then_some(Instant::ZERO);
-        unsent.into_iter().chain(self.device.deadline()).min()
+        unsent.into_iter().chain(self.device.deadline()).min().filter(|_| self.is_on)
     }
 }

@@ -1,7 +1,7 @@
 //! What a drive does when it is to stop: the option codes 605Ah to 605Eh, and 6007h for a lost master
 //! (CiA 402-2, 8.3.1 to 8.3.6 and 7.3.1).
 //!
-//! Only what the codes mean. A voltage limit is taken for a current limit: this drive knows no other.
+//! Only what the codes mean; what 605Dh means to a halt is the [mode's](crate::sim::motion) business. A voltage limit is taken for a current limit: this drive knows no other.
 
 use crate::canopen::dictionary::Dictionary;
 use crate::canopen::object::Object;
@@ -18,8 +18,6 @@ pub(super) struct Options {
     pub(super) shutdown: i16,
     /// 605Ch.
     pub(super) disable_operation: i16,
-    /// 605Dh.
-    pub(super) halt: i16,
     /// 605Eh.
     pub(super) fault_reaction: i16,
 }
@@ -45,7 +43,6 @@ impl Options {
             quick_stop: dictionary.i16(Object::QUICK_STOP_OPTION),
             shutdown: dictionary.i16(Object::SHUTDOWN_OPTION),
             disable_operation: dictionary.i16(Object::DISABLE_OPERATION_OPTION),
-            halt: dictionary.i16(Object::HALT_OPTION),
             fault_reaction: dictionary.i16(Object::FAULT_REACTION),
         }
     }
@@ -96,15 +93,6 @@ impl Options {
     /// How operation is left for switched on (605Ch); `None` at once.
     pub(super) fn disable_operation_ramp(&self) -> Option<Ramp> {
         (self.disable_operation == 1).then_some(Ramp::SlowDown)
-    }
-
-    /// How a halt is made (605Dh), which leaves the drive enabled.
-    pub(super) const fn halt_ramp(&self) -> Ramp {
-        match self.halt {
-            2 => Ramp::QuickStop,
-            3 | 4 => Ramp::CurrentLimit,
-            _ => Ramp::SlowDown,
-        }
     }
 
     /// How a drive stops for a fault (605Eh); `None` without any, by taking off the torque.
@@ -163,9 +151,8 @@ mod tests {
             assert_eq!(options.stays_in_quick_stop(), quick_stop >= 5, "605Ah = {quick_stop}");
         }
         for (code, ramp) in (0..).zip(&quick_stops[..5]) {
-            let options = Options { fault_reaction: code, halt: code, ..Options::default() };
+            let options = Options { fault_reaction: code, ..Options::default() };
             assert_eq!(options.fault_ramp(), *ramp, "605Eh = {code}");
-            assert_eq!(options.halt_ramp(), ramp.unwrap_or(SlowDown), "605Dh = {code}");
         }
     }
 }

@@ -83,11 +83,6 @@ impl Power {
         self.stop.map(|stop| stop.ramp)
     }
 
-    /// Whether bit 8 of the last controlword asks for a halt.
-    pub(super) const fn is_halted(&self) -> bool {
-        self.last.0 & HALT != 0
-    }
-
     /// The last controlword.
     pub(super) const fn controlword(&self) -> Controlword {
         self.last
@@ -230,9 +225,6 @@ impl Power {
     }
 }
 
-/// Bit 8 of a controlword: stop, but stay enabled.
-const HALT: u16 = 1 << 8;
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -246,7 +238,6 @@ mod tests {
         quick_stop: 6,
         shutdown: 0,
         disable_operation: 0,
-        halt: 1,
         fault_reaction: 0,
     };
     /// Every stop on a ramp; a quick stop does not stay.

@@ -45,14 +45,18 @@ pub(super) fn statusword(state: Statusword, monitor: &Monitor, asked: &Asked) ->
 
 /// Bits 10, 12 and 13.
 const OF_THE_MODE: u16 = 1 << 10 | 1 << 12 | 1 << 13;
-/// Bit 10: the target is reached, or a halt is over.
-pub(super) const TARGET_REACHED: u16 = 1 << 10;
 
-/// Tells what the motor does.
-pub(super) fn show_motor(feedback: &Feedback, dictionary: &mut Dictionary) {
+/// Tells what the motor does: where it is, in position units, how fast, and with which torque.
+pub(super) fn show_motor(
+    position: i32,
+    velocity: i32,
+    feedback: &Feedback,
+    dictionary: &mut Dictionary,
+) {
     let per_mille = whole(feedback.per_mille).to_le_bytes();
-    dictionary.set(Object::POSITION_ACTUAL, &feedback.position.to_le_bytes());
-    dictionary.set(Object::VELOCITY_ACTUAL, &integer(feedback.velocity).to_le_bytes());
+    dictionary.set(Object::POSITION_ACTUAL, &position.to_le_bytes());
+    dictionary.set(Object::POSITION_INTERNAL, &feedback.position.to_le_bytes());
+    dictionary.set(Object::VELOCITY_ACTUAL, &velocity.to_le_bytes());
     dictionary.set(Object::TORQUE_ACTUAL, &per_mille);
     dictionary.set(Object::CURRENT_ACTUAL, &per_mille);
 }
@@ -72,16 +76,6 @@ pub(super) fn show_monitor(monitor: &Monitor, dictionary: &mut Dictionary) {
 )]
 pub(super) const fn whole(value: f64) -> i16 {
     value.round() as i16
-}
-
-/// The nearest whole number; the nearest end beyond 32 bits.
-#[expect(
-    clippy::as_conversions,
-    clippy::cast_possible_truncation,
-    reason = "such a cast saturates; NaN becomes 0"
-)]
-const fn integer(value: f64) -> i32 {
-    value.round() as i32
 }
 
 /// The nearest natural number; the nearest end beyond 32 bits.

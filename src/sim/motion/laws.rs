@@ -7,19 +7,12 @@ use crate::canopen::eds::Eds;
 
 const MODES: [i8; 9] = [0, 1, 3, 4, 6, 8, 9, 10, -5];
 
-/// Every object a drive of CiA 402 lets a master write.
-fn writable(dictionary: &Dictionary) -> Vec<(Object, usize)> {
+/// Every object of the profile, whoever may write it, and its size.
+fn profile(dictionary: &Dictionary) -> Vec<(Object, usize)> {
     let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
-    eds.objects()
-        .iter()
-        .map(|described| described.object)
-        .filter(|object| (0x6000..0x6800).contains(&object.index) && object.sub != 0)
-        .chain(
-            eds.objects()
-                .iter()
-                .map(|described| described.object)
-                .filter(|object| (0x6000..0x6800).contains(&object.index) && object.sub == 0),
-        )
+    let objects = eds.objects().iter().map(|described| described.object);
+    objects
+        .filter(|object| (0x6000..0x6800).contains(&object.index))
         .filter_map(|object| Some((object, dictionary.get(object)?.len())))
         .collect()
 }
@@ -94,7 +87,7 @@ proptest! {
         acts in proptest::collection::vec((act(), feedback()), 1..150),
     ) {
         let mut dictionary = tests::drive();
-        let objects = writable(&dictionary);
+        let objects = profile(&dictionary);
         let mut motion = Motion::default();
         for (act, feedback) in acts {
             let asked = match act {

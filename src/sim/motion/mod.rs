@@ -215,7 +215,7 @@ impl Motion {
         feedback: &Feedback,
         dictionary: &'a Dictionary,
     ) -> Moment<'a> {
-        let dt = dt.max(0.0).min(LONGEST_STEP);
+        let dt = if dt.is_nan() { 0.0 } else { dt.clamp(0.0, LONGEST_STEP) };
         Moment { dt, actual: self.axis.shaft.sense(feedback), dictionary }
     }
 

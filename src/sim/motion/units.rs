@@ -107,7 +107,7 @@ pub(super) fn signed(dictionary: &Dictionary, object: Object) -> i32 {
     clippy::cast_possible_truncation,
     reason = "a counter of 32 bits wraps; NaN becomes 0"
 )]
-pub(super) const fn wrapped(number: f64) -> i32 {
+pub(super) fn wrapped(number: f64) -> i32 {
     number.round() as i64 as i32
 }
 
@@ -117,7 +117,7 @@ pub(super) const fn wrapped(number: f64) -> i32 {
     clippy::cast_possible_truncation,
     reason = "such a cast saturates; NaN becomes 0"
 )]
-pub(super) const fn saturated(number: f64) -> i32 {
+pub(super) fn saturated(number: f64) -> i32 {
     number.round() as i32
 }
 

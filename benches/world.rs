@@ -35,7 +35,7 @@ const SCENARIO: &str = include_str!("../config/scenarios/contact_10s.toml");
 /// When the hand presses the object into the wall, in cycles after the first.
 const PRESSED: u64 = 4_500;
 
-/// As many cycles of the node's frames are played again and again.
+/// As many cycles of the node's frames are played again and again, and one more is cut off.
 const SPAN: u64 = 500;
 
 /// What is measured.
@@ -82,9 +82,13 @@ fn pressed() -> (World, Vec<(Instant, Telegram)>) {
     bench.run(PRESSED);
     let world = bench.world_mut().clone();
     heard.borrow_mut().clear();
-    bench.run(SPAN);
+    bench.run(SPAN + 1);
     let frames = heard.take().into_iter().filter(|(_, telegram)| is_of_node(telegram));
-    (world, frames.skip_while(|(_, telegram)| !is_sync(telegram)).collect())
+    let mut frames: Vec<_> = frames.skip_while(|(_, telegram)| !is_sync(telegram)).collect();
+    // What the last cycle sent is still on the wire.
+    let last = frames.iter().rposition(|(_, telegram)| is_sync(telegram)).unwrap();
+    frames.truncate(last);
+    (world, frames)
 }
 
 /// SYNC, the drives' torques and the node's heartbeat.

@@ -49,6 +49,7 @@ pub fn attend<B: Bus, S: Station>(
         match received.heard {
             Heard::Frame(frame) => station.on_frame(latest, received.channel, &frame, &mut said),
             Heard::Fault(BusFault::Down) => return Err(Down(received.channel)),
+            Heard::Fault(BusFault::Off) => tracing::warn!(bus = received.channel.0, "bus-off"),
             Heard::Fault(fault) => tracing::debug!(?fault, "bus"),
         }
     }

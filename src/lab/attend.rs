@@ -17,25 +17,22 @@ const ASK_EVERY: Duration = Duration::from_millis(50);
 /// A bus that is full has room again after so long: a few frames at 1 Mbit/s, one at 125 kbit/s.
 const RETRY_AFTER: Duration = Duration::from_millis(1);
 
-/// Why a station has left its buses.
+/// The interface of a bus is down or gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Left {
-    /// It was over.
-    Over,
-    /// An interface went down.
-    Down(Channel),
-}
+pub struct Down(pub Channel);
 
-/// Lets `station` live on `bus` until `is_over` says so, which is asked at every turn, or an interface
-/// goes down. What a bus has no room for is kept, up to a bound, and sent later. What is sent the station
-/// hears too, being many devices on one bus.
+/// Lets `station` live on `bus` until `is_over` says so, which is asked at every turn. What a bus has no
+/// room for is kept, up to a bound, and sent later. What is sent the station hears too, being many devices
+/// on one bus.
+///
+/// # Errors
+/// A bus whose interface went down, or was down from the start.
 pub fn attend<B: Bus, S: Station>(
     bus: &mut B,
     station: &mut S,
     is_over: &mut dyn FnMut(&mut S) -> bool,
-) -> Left {
+) -> Result<(), Down> {
     let mut said: Vec<Telegram> = Vec::with_capacity(64);
-    let mut sent: Vec<Telegram> = Vec::with_capacity(64);
     let mut outbox = Outbox::new();
     let mut latest = Instant::ZERO;
     while !is_over(station) {
@@ -44,8 +41,8 @@ pub fn attend<B: Bus, S: Station>(
             latest = now;
             station.on_time(now, &mut said);
         }
-        outbox.send(bus, &mut said, &mut sent);
-        for Telegram { channel, frame } in sent.drain(..) {
+        outbox.send(bus, &mut said)?;
+        for Telegram { channel, frame } in outbox.sent() {
             station.on_frame(latest, channel, &frame, &mut said);
         }
         let patience = match (said.is_empty(), outbox.is_empty()) {
@@ -60,9 +57,10 @@ pub fn attend<B: Bus, S: Station>(
         latest = latest.max(received.at);
         match received.heard {
             Heard::Frame(frame) => station.on_frame(latest, received.channel, &frame, &mut said),
-            Heard::Fault(BusFault::Down) => return Left::Down(received.channel),
+            Heard::Fault(BusFault::Down) => return Err(Down(received.channel)),
+            Heard::Fault(BusFault::Off) => tracing::warn!(bus = received.channel.0, "bus-off"),
             Heard::Fault(fault) => tracing::debug!(?fault, "bus"),
         }
     }
-    Left::Over
+    Ok(())
 }

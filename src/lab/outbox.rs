@@ -11,6 +11,7 @@ use crate::bus::Bus;
 use crate::bus::SendError;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
+use crate::lab::attend::Down;
 
 /// Room for a whole sub-block of each of six drives, and what else is said meanwhile.
 const ROOM: usize = 1_024;
@@ -21,13 +22,15 @@ pub(super) struct Outbox {
     waiting: VecDeque<Telegram>,
     /// Buses that have just refused a frame.
     full: Vec<Channel>,
+    /// What the buses have taken, until somebody asks.
+    sent: Vec<Telegram>,
     lost: u64,
 }
 
 impl Outbox {
     /// Nothing to send.
     pub(super) fn new() -> Self {
-        Self { waiting: VecDeque::with_capacity(ROOM), full: Vec::new(), lost: 0 }
+        Self { waiting: VecDeque::with_capacity(ROOM), full: Vec::new(), sent: Vec::new(), lost: 0 }
     }
 
     /// Whether nothing waits.
@@ -35,33 +38,42 @@ impl Outbox {
         self.waiting.is_empty()
     }
 
-    /// Sends what was `said` and what waits, as far as the buses take it, and tells what was `sent`. What
-    /// finds no room is lost, and so is what is said to an interface that is down.
+    /// Sends what was `said` and what waits, as far as the buses take it. What finds no room is lost.
+    ///
+    /// # Errors
+    /// A bus whose interface is down; what is said to it is lost.
     pub(super) fn send<B: Bus>(
         &mut self,
         bus: &mut B,
         said: &mut Vec<Telegram>,
-        sent: &mut Vec<Telegram>,
-    ) {
+    ) -> Result<(), Down> {
+        let mut down = None;
         for telegram in said.drain(..) {
             let is_behind = self.waiting.iter().any(|other| other.channel == telegram.channel);
-            if is_behind || is_refused(bus, telegram) {
+            if is_behind || is_refused(bus, telegram, &mut down) {
                 self.keep(telegram);
             } else {
-                sent.push(telegram);
+                self.sent.push(telegram);
             }
         }
-        let Self { waiting, full, .. } = self;
+        let Self { waiting, full, sent, .. } = self;
         full.clear();
         waiting.retain(|telegram| {
-            let is_kept = full.contains(&telegram.channel) || is_refused(bus, *telegram);
-            if !is_kept {
-                sent.push(*telegram);
-            } else if !full.contains(&telegram.channel) {
-                full.push(telegram.channel);
+            let is_full = full.contains(&telegram.channel);
+            let is_kept = is_full || is_refused(bus, *telegram, &mut down);
+            match (is_kept, is_full) {
+                (false, _) => sent.push(*telegram),
+                (true, false) => full.push(telegram.channel),
+                (true, true) => {}
             }
             is_kept
         });
+        down.map_or(Ok(()), Err)
+    }
+
+    /// What the buses have taken since it was last asked.
+    pub(super) fn sent(&mut self) -> impl Iterator<Item = Telegram> {
+        self.sent.drain(..)
     }
 
     fn keep(&mut self, telegram: Telegram) {
@@ -79,13 +91,13 @@ impl Outbox {
     }
 }
 
-/// Whether a bus has no room for a frame. One that is down takes none and is no reason to keep any.
-fn is_refused<B: Bus>(bus: &mut B, telegram: Telegram) -> bool {
+/// Whether a bus has no room for a frame now. One that is down takes none, ever.
+fn is_refused<B: Bus>(bus: &mut B, telegram: Telegram, down: &mut Option<Down>) -> bool {
     match bus.send(telegram) {
         Ok(()) => false,
         Err(SendError::Full) => true,
         Err(SendError::Down) => {
-            tracing::debug!(frame = %telegram.frame, "interface down, not sent");
+            *down = Some(Down(telegram.channel));
             false
         }
     }
@@ -149,7 +161,7 @@ mod tests {
         while bus.sent.len() < 127 {
             bus.room = [10, 10];
             let before = bus.sent.len();
-            outbox.send(&mut bus, &mut block, &mut Vec::new());
+            outbox.send(&mut bus, &mut block).unwrap();
             assert!(bus.sent.len() > before);
         }
         assert!(outbox.is_empty());
@@ -159,15 +171,11 @@ mod tests {
     #[test]
     fn a_tpdo_goes_before_the_segments_that_wait_and_one_full_bus_does_not_hold_up_another() {
         let (mut bus, mut outbox) = (Narrow { room: [1, 9], ..Narrow::default() }, Outbox::new());
-        outbox.send(
-            &mut bus,
-            &mut (0..5).map(|number| said(0, 0x583, number)).collect(),
-            &mut Vec::new(),
-        );
-        outbox.send(&mut bus, &mut vec![said(0, 0x183, 7), said(1, 0x583, 8)], &mut Vec::new());
+        outbox.send(&mut bus, &mut (0..5).map(|number| said(0, 0x583, number)).collect()).unwrap();
+        outbox.send(&mut bus, &mut vec![said(0, 0x183, 7), said(1, 0x583, 8)]).unwrap();
         assert_eq!(numbers(&bus, 1, 0x583), [8]);
         bus.room = [9, 9];
-        outbox.send(&mut bus, &mut Vec::new(), &mut Vec::new());
+        outbox.send(&mut bus, &mut Vec::new()).unwrap();
         let ids: Vec<u16> = bus.sent.iter().map(|telegram| telegram.frame.cob_id).collect();
         assert_eq!(ids, [0x583, 0x583, 0x183, 0x583, 0x583, 0x583, 0x583]);
     }
@@ -176,11 +184,9 @@ mod tests {
     fn what_a_bus_never_takes_ends_at_the_bound_and_what_is_down_is_not_kept() {
         let (mut bus, mut outbox) = (Narrow::default(), Outbox::new());
         for number in 0..3_000 {
-            outbox.send(
-                &mut bus,
-                &mut vec![said(0, 0x183, number), said(7, 0x183, number)],
-                &mut Vec::new(),
-            );
+            let sent =
+                outbox.send(&mut bus, &mut vec![said(0, 0x183, number), said(7, 0x183, number)]);
+            assert_eq!(sent, Err(Down(Channel(7))));
         }
         assert_eq!((outbox.waiting.len(), outbox.lost), (ROOM, 3_000 - 1_024));
         assert!(outbox.waiting.iter().all(|telegram| telegram.channel == Channel(0)));
@@ -200,10 +206,10 @@ mod tests {
                     now.push(said(channel, 0x181 + 0x100 * (number % 5), number));
                     number += 1;
                 }
-                outbox.send(&mut bus, &mut now, &mut Vec::new());
+                outbox.send(&mut bus, &mut now).unwrap();
             }
             bus.room = [usize::MAX; 2];
-            outbox.send(&mut bus, &mut Vec::new(), &mut Vec::new());
+            outbox.send(&mut bus, &mut Vec::new()).unwrap();
             prop_assert!(outbox.is_empty() && bus.sent.len() == usize::from(number));
             for (channel, kind) in (0..2).flat_map(|channel| (0..5).map(move |kind| (channel, kind))) {
                 prop_assert!(numbers(&bus, channel, 0x181 + 0x100 * kind).is_sorted());

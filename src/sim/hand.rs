@@ -108,15 +108,16 @@ mod tests {
 
     #[test]
     fn a_stiffened_hand_is_damped_as_well_and_no_stronger() {
-        let Hand { stiffness, damping, max_force, .. } = Hand::default();
-        let stiffened = Hand::default().stiffened(4.0);
-        assert_eq!(stiffened.stiffness, 4.0 * stiffness);
-        let ratio = |damping: f64, stiffness: f64| damping / stiffness.sqrt();
-        let (before, after) =
-            (ratio(damping, stiffness), ratio(stiffened.damping, stiffened.stiffness));
-        assert!((before - after).abs() < 1e-12);
-        assert_eq!(stiffened.max_force, max_force);
-        assert_eq!(Hand::default().stiffened(1.0), Hand::default());
+        let hand = Hand::default();
+        let expected = Hand {
+            stiffness: 4.0 * hand.stiffness,
+            damping: 2.0 * hand.damping,
+            turning_stiffness: 4.0 * hand.turning_stiffness,
+            turning_damping: 2.0 * hand.turning_damping,
+            ..hand
+        };
+        assert_eq!(hand.stiffened(4.0), expected);
+        assert_eq!(hand.stiffened(1.0), hand);
     }
 
     #[test]

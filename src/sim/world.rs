@@ -385,6 +385,15 @@ mod tests {
 
     /// The arm at neutral, its weight carried by the motors.
     fn world(seed: u64) -> World<FakeMotor, FakeSwitches> {
+        scripted(seed, SCRIPT)
+    }
+
+    /// The same, held by a hand of this temperament.
+    fn held_by(temperament: &str) -> World<FakeMotor, FakeSwitches> {
+        scripted(1, &format!("{SCRIPT}[hand]\ntemperament = \"{temperament}\"\n"))
+    }
+
+    fn scripted(seed: u64, script: &str) -> World<FakeMotor, FakeSwitches> {
         let arm = arm::tests::kraft_like();
         let q = Joints::from([0.0, -0.873, 1.658, -0.785, 0.0, 0.0]);
         let weight = arm.gravity(&arm.posture(&q));
@@ -399,7 +408,7 @@ mod tests {
             [drivetrain(); 6],
             FakeSwitches(0),
             plant,
-            Scenario::parse(SCRIPT).unwrap(),
+            Scenario::parse(script).unwrap(),
             seed,
         )
     }
@@ -484,6 +493,30 @@ mod tests {
         assert_ne!(*world.plant.f_g_hand(), Wrench::ZERO);
         run(&mut world, 2_400, 2_600);
         assert_eq!(*world.plant.f_g_hand(), Wrench::ZERO);
+    }
+
+    #[test]
+    fn a_relaxed_hand_sets_out_late_and_the_steady_one_at_once() {
+        let moved = |temperament| {
+            let mut world = held_by(temperament);
+            let start = world.x_0_start.translation.vector.y;
+            run(&mut world, 0, 1_200);
+            world.plant.x_0_g().translation.vector.y - start
+        };
+        assert!(moved("steady") > 5e-3 && moved("relaxed") < 2e-3);
+    }
+
+    #[test]
+    fn a_startled_hand_is_off_the_grip_and_off_the_deadman() {
+        let mut world = held_by("nervous");
+        run(&mut world, 0, 700);
+        assert_eq!(world.switches.0, 0b01);
+        assert_ne!(*world.plant.f_g_hand(), Wrench::ZERO);
+        world.drives[0].torque = 8.0;
+        world.heed(micros(700_000));
+        run(&mut world, 700, 1_100);
+        assert_eq!(*world.plant.f_g_hand(), Wrench::ZERO);
+        assert_eq!(world.switches.0, 0b10);
     }
 
     #[test]

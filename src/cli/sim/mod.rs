@@ -27,7 +27,7 @@ use crate::cli::signals;
 use crate::cli::signals::Inquiries;
 use crate::cli::story::Story;
 use crate::config::Config;
-use crate::lab::attend::Left;
+use crate::lab::attend::Down;
 use crate::lab::attend::attend;
 use crate::lab::world;
 use crate::sim::belief::Report;
@@ -84,8 +84,8 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     });
     tell(&Report::of(&world));
     match left {
-        Ok(Left::Over) => Ok(()),
-        Ok(Left::Down(channel)) => Err(Failure::new(Kind::Bus, down(&names, channel))),
+        Ok(Ok(())) => Ok(()),
+        Ok(Err(Down(channel))) => Err(Failure::new(Kind::Bus, down(&names, channel))),
         Err(_) => Err(Failure::new(Kind::Bus, "the simulation failed")),
     }
 }

@@ -1,6 +1,4 @@
-//! What each drive believes, in words or as one JSON object on one line.
-
-use std::fmt::Write;
+//! What each drive believes, as a table for people or as one JSON object on one line.
 
 use crate::canopen::error_codes;
 use crate::canopen::frame::Channel;
@@ -14,34 +12,55 @@ use crate::sim::belief::Belief;
 use crate::sim::belief::Report;
 use crate::time::Instant;
 
-/// A headline and one line for each drive.
+/// When, what the columns are, and a row for each drive.
 pub(super) fn text(config: &Config, report: &Report) -> String {
-    let mut text = format!("{:.3} s after the start", seconds(report));
-    for (number, (joint, axis)) in (1..).zip(config.joints.iter().zip(&report.axes)) {
-        // Writing to a string does not fail.
-        write!(text, "\njoint {number} ({}), {}", joint.name, line(config, joint, axis)).ok();
+    let mut text = format!("{:.3} s after the start\n{}", seconds(report), columns());
+    for (joint, axis) in config.joints.iter().zip(&report.axes) {
+        text.push('\n');
+        text.push_str(&row(config, joint, axis));
     }
     text
 }
 
-fn line(config: &Config, joint: &Joint, axis: &Axis) -> String {
+fn columns() -> String {
+    format!(
+        "{:<12} {:<10} {:>4} {:<15} {:<22} {:<27} {:>9} {:>9} {:>11} {:>6} {:>11} {:>12} {}",
+        "joint",
+        "bus",
+        "node",
+        "NMT",
+        "state",
+        "mode",
+        "asks N·m",
+        "gives N·m",
+        "counts",
+        "°C",
+        "joint at",
+        "joint gets",
+        "last error",
+    )
+}
+
+fn row(config: &Config, joint: &Joint, axis: &Axis) -> String {
     let Axis { belief, position, torque } = axis;
     let (length, force) = match joint.link.kind {
         JointKind::Revolute => ("rad", "N·m"),
         JointKind::Prismatic => ("m", "N"),
     };
     format!(
-        "{} node {}: {}, {}, {}; motor {:+.4} N·m of {:+.4} N·m demanded, {} counts, {:.1} °C; \
-         joint {torque:+.3} {force} at {position:+.4} {length}; last error {}",
+        "{:<12} {:<10} {:>4} {:<15} {:<22} {:<27} {:>+9.4} {:>+9.4} {:>11} {:>6.1} {:>11} {:>12} {}",
+        joint.name,
         bus(config, belief),
         belief.node.raw(),
         nmt::words(belief.nmt),
-        belief.state,
+        belief.state.words(),
         mode_of_operation(belief.mode),
-        belief.exerted,
         belief.demanded,
+        belief.exerted,
         belief.counts,
         belief.temperature,
+        format!("{position:+.4} {length}"),
+        format!("{torque:+.3} {force}"),
         last_error(belief.error),
     )
 }

@@ -39,6 +39,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     }
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let bus = SocketCan::open(&names).and_then(SocketCan::with_guarding_requests);
+    let bus = bus.and_then(SocketCan::hearing_itself);
     let mut bus = bus.or_fail(Kind::Bus)?;
     let mut world = world::build(&config, scenario, args.seed);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();

@@ -11,15 +11,14 @@ use crate::time::Instant;
 /// Whoever may want to end it is asked this often.
 const ASK_EVERY: Duration = Duration::from_millis(50);
 
-/// Lets `station` live on `bus` until `is_over` says so. What it says it hears too, being many devices on
-/// one bus; a frame that cannot be sent is lost, as on a real bus.
+/// Lets `station` live on `bus` until `is_over` says so, asked at every turn. A frame that cannot be
+/// sent is lost, as on a real bus.
 pub fn attend<B: Bus, S: Station>(
     bus: &mut B,
     station: &mut S,
     is_over: &mut dyn FnMut(&mut S) -> bool,
 ) {
     let mut out: Vec<Telegram> = Vec::with_capacity(64);
-    let mut sent: Vec<Telegram> = Vec::with_capacity(64);
     let mut latest = Instant::ZERO;
     while !is_over(station) {
         let now = bus.now().max(latest);
@@ -28,13 +27,9 @@ pub fn attend<B: Bus, S: Station>(
             station.on_time(now, &mut out);
         }
         for telegram in out.drain(..) {
-            match bus.send(telegram) {
-                Ok(()) => sent.push(telegram),
-                Err(_) => tracing::debug!(frame = %telegram.frame, "not sent"),
+            if bus.send(telegram).is_err() {
+                tracing::debug!(frame = %telegram.frame, "not sent");
             }
-        }
-        for Telegram { channel, frame } in sent.drain(..) {
-            station.on_frame(latest, channel, &frame, &mut out);
         }
         let ask = now + ASK_EVERY;
         let until = station.deadline().map_or(ask, |due| due.min(ask));

@@ -116,6 +116,20 @@ impl SocketCan {
         Ok(self)
     }
 
+    /// The same, but what is sent here is heard here too, once it is on the bus: simulated devices are
+    /// several that hear each other.
+    ///
+    /// # Errors
+    /// The first interface that does not do so.
+    pub fn hearing_itself(self) -> Result<Self, OpenError> {
+        for socket in &self.sockets {
+            socket
+                .set_recv_own_msgs(true)
+                .map_err(|error| OpenError::Failed { interface: "own frames".to_owned(), error })?;
+        }
+        Ok(self)
+    }
+
     /// The wall clock when the bus was opened, in µs since 1970: what logs add to an [`Instant`].
     pub fn epoch_micros(&self) -> u64 {
         u64::try_from(self.epoch.as_micros()).unwrap_or(u64::MAX)

@@ -22,8 +22,7 @@ const RETRY_AFTER: Duration = Duration::from_millis(1);
 pub struct Down(pub Channel);
 
 /// Lets `station` live on `bus` until `is_over` says so, which is asked at every turn. What a bus has no
-/// room for is kept, up to a bound, and sent later. What is sent the station hears too, being many devices
-/// on one bus.
+/// room for is kept, up to a bound, and sent later.
 ///
 /// # Errors
 /// A bus whose interface went down, or was down from the start.
@@ -42,15 +41,7 @@ pub fn attend<B: Bus, S: Station>(
             station.on_time(now, &mut said);
         }
         outbox.send(bus, &mut said)?;
-        for Telegram { channel, frame } in outbox.sent() {
-            station.on_frame(latest, channel, &frame, &mut said);
-        }
-        let patience = match (said.is_empty(), outbox.is_empty()) {
-            (true, true) => ASK_EVERY,
-            (true, false) => RETRY_AFTER,
-            (false, _) => Duration::ZERO,
-        };
-        let ask = now + patience;
+        let ask = now + if outbox.is_empty() { ASK_EVERY } else { RETRY_AFTER };
         let until = station.deadline().map_or(ask, |due| due.min(ask));
         let Some(received) = bus.receive(until) else { continue };
         // A stamp may be older than what was already done.

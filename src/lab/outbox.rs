@@ -22,15 +22,13 @@ pub(super) struct Outbox {
     waiting: VecDeque<Telegram>,
     /// Buses that have just refused a frame.
     full: Vec<Channel>,
-    /// What the buses have taken, until somebody asks.
-    sent: Vec<Telegram>,
     lost: u64,
 }
 
 impl Outbox {
     /// Nothing to send.
     pub(super) fn new() -> Self {
-        Self { waiting: VecDeque::with_capacity(ROOM), full: Vec::new(), sent: Vec::new(), lost: 0 }
+        Self { waiting: VecDeque::with_capacity(ROOM), full: Vec::new(), lost: 0 }
     }
 
     /// Whether nothing waits.
@@ -52,28 +50,19 @@ impl Outbox {
             let is_behind = self.waiting.iter().any(|other| other.channel == telegram.channel);
             if is_behind || is_refused(bus, telegram, &mut down) {
                 self.keep(telegram);
-            } else {
-                self.sent.push(telegram);
             }
         }
-        let Self { waiting, full, sent, .. } = self;
+        let Self { waiting, full, .. } = self;
         full.clear();
         waiting.retain(|telegram| {
             let is_full = full.contains(&telegram.channel);
             let is_kept = is_full || is_refused(bus, *telegram, &mut down);
-            match (is_kept, is_full) {
-                (false, _) => sent.push(*telegram),
-                (true, false) => full.push(telegram.channel),
-                (true, true) => {}
+            if is_kept && !is_full {
+                full.push(telegram.channel);
             }
             is_kept
         });
         down.map_or(Ok(()), Err)
-    }
-
-    /// What the buses have taken since it was last asked.
-    pub(super) fn sent(&mut self) -> impl Iterator<Item = Telegram> {
-        self.sent.drain(..)
     }
 
     fn keep(&mut self, telegram: Telegram) {

@@ -33,14 +33,17 @@ const DRIVE_LATENCY: Duration = Duration::from_micros(60);
 
 /// Drives, switch box and arm of `config`, and an operator who follows `scenario`.
 pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
+    let mut numbers = 1..;
     let drives = config.joints.each_ref().map(|joint| {
-        Drive::new(DriveSettings {
+        let settings = DriveSettings {
             channel: joint.channel,
             node: joint.node,
             dictionary: numbered(&joint.eds, joint.channel, joint.node),
             actuator: actuator(joint),
             latency: DRIVE_LATENCY,
-        })
+        };
+        let personality = numbers.next().map(|number| scenario.cast().of(number));
+        Drive::with(settings, &personality.unwrap_or_default())
     });
     let drivetrains = config.joints.each_ref().map(|joint| Drivetrain::new(&actuator(joint)));
     let switches = &config.switches;

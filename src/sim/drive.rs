@@ -24,6 +24,10 @@ use crate::canopen::station::Station;
 use crate::sim::actuator::ActuatorSettings;
 use crate::sim::actuator::Encoder;
 use crate::sim::drivetrain::Sensed;
+use crate::sim::personality;
+use crate::sim::personality::Makeup;
+use crate::sim::personality::Personality;
+use crate::sim::personality::Wire;
 use crate::sim::power::Power;
 use crate::time::Instant;
 
@@ -48,13 +52,23 @@ pub struct Drive {
     channel: Channel,
     is_plugged: bool,
     device: Device<Axis>,
+    wire: Wire,
+    /// What the device has said, and what of it has reached the bus; kept, so that nothing is allocated.
     frames: Vec<Frame>,
+    said: Vec<Frame>,
 }
 
 impl Drive {
     /// A drive that is switched on.
     pub fn new(settings: DriveSettings) -> Self {
+        Self::with(settings, &Personality::default())
+    }
+
+    /// The same, with a personality.
+    pub fn with(settings: DriveSettings, personality: &Personality) -> Self {
         let DriveSettings { channel, node, dictionary, actuator, latency } = settings;
+        let Makeup { dictionary, manners, habits, torque_at_start } =
+            Makeup::of(personality, dictionary, node);
         let axis = Axis {
             encoder: Encoder::new(&actuator),
             rated_torque: actuator.rated_millis(),
@@ -64,8 +78,18 @@ impl Drive {
             velocity: 0,
             target: 0,
         };
-        let device = Device::new(node, dictionary, axis, latency);
-        Self { channel, is_plugged: true, device, frames: Vec::with_capacity(FRAMES) }
+        let mut device = Device::new(node, dictionary, axis, latency).behaving(manners);
+        if let Some(torque) = torque_at_start {
+            device.touch(|axis, dictionary| personality::begin(torque, axis, dictionary));
+        }
+        Self {
+            channel,
+            is_plugged: true,
+            device,
+            wire: Wire::new(habits),
+            frames: Vec::with_capacity(FRAMES),
+            said: Vec::with_capacity(FRAMES),
+        }
     }
 
     /// Where it is on its bus.
@@ -123,9 +147,10 @@ impl Drive {
 }
 
 impl Drive {
-    fn send(&mut self, out: &mut Vec<Telegram>) {
+    fn send(&mut self, now: Instant, out: &mut Vec<Telegram>) {
         let channel = self.channel;
-        let said = self.frames.drain(..).filter(|_| self.is_plugged);
+        self.wire.carry(now, &self.device, self.frames.drain(..), &mut self.said);
+        let said = self.said.drain(..).filter(|_| self.is_plugged);
         out.extend(said.map(|frame| Telegram { channel, frame }));
     }
 }
@@ -135,19 +160,19 @@ const FRAMES: usize = 8;
 
 impl Station for Drive {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
-        if channel == self.channel && self.is_plugged {
+        if channel == self.channel && self.is_plugged && self.wire.hears(now) {
             self.device.on_frame(now, frame, &mut self.frames);
-            self.send(out);
+            self.send(now, out);
         }
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>) {
         self.device.on_time(now, &mut self.frames);
-        self.send(out);
+        self.send(now, out);
     }
 
     fn deadline(&self) -> Option<Instant> {
-        self.device.deadline()
+        self.device.deadline().into_iter().chain(self.wire.deadline()).min()
     }
 }
 

@@ -25,6 +25,7 @@ pub mod drive;
 pub mod drivetrain;
 pub mod hand;
 pub mod motion;
+pub mod personality;
 pub mod plant;
 mod power;
 mod random;

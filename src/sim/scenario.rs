@@ -12,6 +12,8 @@ use serde::Deserialize;
 use thiserror::Error;
 use toml::Spanned;
 
+use crate::sim::personality::Cast;
+
 /// Nothing that takes time takes less, in s.
 const SHORTEST: f64 = 1e-3;
 
@@ -119,6 +121,9 @@ pub struct Scenario {
     console: Vec<Spanned<Console>>,
     #[serde(default, rename = "hold")]
     holds: Vec<Spanned<Hold>>,
+    /// Which drives are dangerous.
+    #[serde(default, rename = "drive")]
+    cast: Cast,
 }
 
 /// What the object meets.
@@ -191,6 +196,16 @@ impl Scenario {
     /// Whether it is to be played twice: without and with the passivity layer.
     pub const fn compares_passivity(&self) -> bool {
         self.compares_passivity
+    }
+
+    /// Which drive has which personality.
+    pub const fn cast(&self) -> &Cast {
+        &self.cast
+    }
+
+    /// The same, to give a drive another one.
+    pub const fn cast_mut(&mut self) -> &mut Cast {
+        &mut self.cast
     }
 
     /// What is asked of the console, and when, in s, in order.

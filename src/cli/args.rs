@@ -15,6 +15,7 @@ use crate::cli::export::Export;
 use crate::cli::interfaces::Interfaces;
 use crate::cli::lss::Lss;
 use crate::cli::nmt::Nmt;
+use crate::cli::personality::Personalities;
 use crate::cli::plan::Plan;
 use crate::cli::rig::Calibrate;
 use crate::cli::scan::Scan;
@@ -147,6 +148,8 @@ pub(super) struct Sim {
     /// Seed of the operator's tremor, or of the unknown torque curve.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(super) seed: u64,
+    #[command(flatten)]
+    pub(super) personalities: Personalities,
     #[command(flatten)]
     pub(super) rig: Calibrate,
 }

@@ -28,7 +28,8 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     if let Some(joint) = &args.rig.calibrate {
         return rig::run(&args.rig, &config, joint, args.seed);
     }
-    let scenario = scenario::load(&args.scenario)?;
+    let mut scenario = scenario::load(&args.scenario)?;
+    args.personalities.cast(&config, scenario.cast_mut())?;
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let bus = SocketCan::open(&names).and_then(SocketCan::with_guarding_requests);
     let mut bus = bus.or_fail(Kind::Bus)?;

@@ -190,6 +190,11 @@ impl Dictionary {
         is_set
     }
 
+    /// The device has no such object, whatever its data sheet says.
+    pub fn remove(&mut self, object: Object) {
+        self.entries.retain(|entry| entry.object != object);
+    }
+
     /// What the objects that `is_meant` picks hold now is what they hold after power-up.
     pub fn keep(&mut self, is_meant: impl Fn(Object, Access) -> bool) {
         for entry in self.entries.iter_mut().filter(|entry| is_meant(entry.object, entry.access)) {

@@ -15,6 +15,7 @@ use crate::cli::export::Export;
 use crate::cli::interfaces::Interfaces;
 use crate::cli::lss::Lss;
 use crate::cli::nmt::Nmt;
+use crate::cli::personality::Personalities;
 use crate::cli::plan::Plan;
 use crate::cli::rig::Calibrate;
 use crate::cli::scan::Scan;
@@ -152,6 +153,8 @@ pub(super) struct Sim {
     /// What each drive believes as one JSON object per line.
     #[arg(long, conflicts_with = "calibrate")]
     pub(super) json: bool,
+    #[command(flatten)]
+    pub(super) personalities: Personalities,
     #[command(flatten)]
     pub(super) rig: Calibrate,
 }

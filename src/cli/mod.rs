@@ -16,6 +16,7 @@ mod gains;
 mod interfaces;
 mod lss;
 mod nmt;
+mod personality;
 mod plan;
 mod print;
 mod recorder;

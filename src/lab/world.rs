@@ -36,16 +36,18 @@ const DRIVE_LATENCY: Duration = Duration::from_micros(60);
 
 /// Drives, switch box and arm of `config`, and an operator who follows `scenario`.
 pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
-    let mut inertias = inertias(config).into_iter();
+    let mut places = (1..).zip(inertias(config));
     let drives = config.joints.each_ref().map(|joint| {
-        Drive::new(DriveSettings {
+        let (number, moved) = places.next().unwrap_or_default();
+        let settings = DriveSettings {
             channel: joint.channel,
             node: joint.node,
             dictionary: numbered(&joint.eds, joint.channel, joint.node),
             actuator: actuator(joint),
             latency: DRIVE_LATENCY,
-            tuning: inertias.next().map(|moved| tuning(joint, moved)).unwrap_or_default(),
-        })
+            tuning: tuning(joint, moved),
+        };
+        Drive::with(settings, &scenario.cast().of(number))
     });
     let drivetrains = config.joints.each_ref().map(|joint| Drivetrain::new(&drivetrain(joint)));
     let switches = &config.switches;

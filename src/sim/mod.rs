@@ -32,6 +32,7 @@ pub mod hand;
 pub mod motion;
 mod motors;
 pub mod person;
+pub mod personality;
 pub mod plant;
 mod random;
 pub mod rig;

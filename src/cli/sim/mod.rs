@@ -41,7 +41,8 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     if let Some(joint) = &args.rig.calibrate {
         return rig::run(&args.rig, &config, joint, args.seed);
     }
-    let scenario = scenario::load(&args.scenario)?;
+    let mut scenario = scenario::load(&args.scenario)?;
+    args.personalities.cast(&config, scenario.cast_mut())?;
     if scenario.faults().iter().any(|fault| fault.whom == Whom::Link) {
         tracing::warn!("faults of the link have no effect: the commanded side is the node's");
     }

@@ -48,6 +48,10 @@ use crate::sim::drive::monitor::Monitor;
 use crate::sim::drivetrain::Sensed;
 use crate::sim::motion::Feedback;
 use crate::sim::motion::Tuning;
+use crate::sim::personality;
+use crate::sim::personality::Makeup;
+use crate::sim::personality::Personality;
+use crate::sim::personality::Wire;
 use crate::time::Instant;
 
 /// What one drive is made of.
@@ -74,15 +78,37 @@ pub struct Drive {
     is_on: bool,
     is_plugged: bool,
     device: Device<Axis>,
+    wire: Wire,
+    /// What the device has said, and what of it has reached the bus; kept, so that nothing is allocated.
     frames: Vec<Frame>,
+    said: Vec<Frame>,
 }
 
 impl Drive {
     /// A drive that is switched on.
     pub fn new(settings: DriveSettings) -> Self {
+        Self::with(settings, &Personality::default())
+    }
+
+    /// The same, with a personality.
+    pub fn with(settings: DriveSettings, personality: &Personality) -> Self {
         let DriveSettings { channel, node, dictionary, actuator, latency, tuning } = settings;
-        let device = Device::new(node, dictionary, Axis::new(&actuator, tuning), latency);
-        Self { channel, is_on: true, is_plugged: true, device, frames: Vec::with_capacity(FRAMES) }
+        let Makeup { dictionary, manners, habits, torque_at_start } =
+            Makeup::of(personality, dictionary, node);
+        let axis = Axis::new(&actuator, tuning);
+        let mut device = Device::new(node, dictionary, axis, latency).behaving(manners);
+        if let Some(torque) = torque_at_start {
+            device.touch(|axis, dictionary| personality::begin(torque, axis, dictionary));
+        }
+        Self {
+            channel,
+            is_on: true,
+            is_plugged: true,
+            device,
+            wire: Wire::new(habits),
+            frames: Vec::with_capacity(FRAMES),
+            said: Vec::with_capacity(FRAMES),
+        }
     }
 
     /// Its bus.
@@ -202,9 +228,10 @@ impl Drive {
         });
     }
 
-    fn send(&mut self, out: &mut Vec<Telegram>) {
+    fn send(&mut self, now: Instant, out: &mut Vec<Telegram>) {
         let channel = self.channel;
-        let said = self.frames.drain(..).filter(|_| self.is_plugged);
+        self.wire.carry(now, &self.device, self.frames.drain(..), &mut self.said);
+        let said = self.said.drain(..).filter(|_| self.is_plugged);
         out.extend(said.map(|frame| Telegram { channel, frame }));
     }
 }
@@ -214,21 +241,22 @@ const FRAMES: usize = 8;
 
 impl Station for Drive {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
-        if channel == self.channel && self.is_plugged && self.is_on {
+        if channel == self.channel && self.is_plugged && self.is_on && self.wire.hears(now) {
             self.device.on_frame(now, frame, &mut self.frames);
-            self.send(out);
+            self.send(now, out);
         }
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>) {
         if self.is_on {
             self.device.on_time(now, &mut self.frames);
-            self.send(out);
+            self.send(now, out);
         }
     }
 
     fn deadline(&self) -> Option<Instant> {
         let unsent = (!self.frames.is_empty()).then_some(Instant::ZERO);
-        unsent.into_iter().chain(self.device.deadline()).min().filter(|_| self.is_on)
+        let own = self.device.deadline().into_iter().chain(self.wire.deadline());
+        unsent.into_iter().chain(own).min().filter(|_| self.is_on)
     }
 }

@@ -24,6 +24,7 @@ use std::ops::Range;
 use serde::Deserialize;
 use toml::Spanned;
 
+use crate::sim::personality::Cast;
 use crate::sim::scenario::fault::Fault;
 use crate::sim::scenario::keys::Entry;
 use crate::sim::scenario::operator::Console;
@@ -54,6 +55,7 @@ pub struct Scenario {
     wall_stiffness: Option<f64>,
     compares_passivity: bool,
     hand: Temperament,
+    cast: Cast,
     doings: Doings,
     faults: Vec<Fault>,
 }
@@ -80,6 +82,9 @@ struct Script {
     holds: Vec<Spanned<Hold>>,
     #[serde(default, rename = "fault")]
     faults: Vec<Spanned<Entry>>,
+    /// Which drives are dangerous.
+    #[serde(default, rename = "drive")]
+    cast: Cast,
 }
 
 /// What the object meets.
@@ -123,6 +128,16 @@ impl Scenario {
         self.hand
     }
 
+    /// Which drive has which personality.
+    pub const fn cast(&self) -> &Cast {
+        &self.cast
+    }
+
+    /// The same, to give a drive another one.
+    pub const fn cast_mut(&mut self) -> &mut Cast {
+        &mut self.cast
+    }
+
     /// What is asked of the console, and when, in s, in order.
     pub fn requests(&self) -> impl Iterator<Item = (f64, ConsoleRequest)> + '_ {
         self.doings.requests()
@@ -147,7 +162,7 @@ impl Scenario {
             script;
         let doings = Doings::new(moves, switches, console, holds, seconds)?;
         let faults = entry::read_all(faults, seconds)?;
-        Ok(Self { seconds, wall_stiffness, compares_passivity, hand, doings, faults })
+        Ok(Self { seconds, wall_stiffness, compares_passivity, hand, cast, doings, faults })
     }
 }
 

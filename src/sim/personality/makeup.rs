@@ -14,6 +14,7 @@ use crate::canopen::object::Object;
 use crate::sim::personality::Habits;
 use crate::sim::personality::Personality;
 use crate::sim::personality::Quirk;
+use crate::time::Instant;
 
 /// What a drive is made of, apart from what it does as a drive.
 #[derive(Clone, Debug)]
@@ -90,6 +91,8 @@ pub(in crate::sim) fn begin(
     drive: &mut impl Application,
     dictionary: &mut Dictionary,
 ) {
+    // It has been switched on a while ago.
+    drive.on_time(Instant::ZERO, dictionary);
     let mut tell = |object, value: &[u8]| {
         dictionary.set(object, value);
         drive.written(dictionary, object);

@@ -158,8 +158,9 @@ impl Scenario {
         within("seconds", seconds, SHORTEST, LONGEST)
             .map_err(|problem| (script.seconds.span(), problem))?;
         let wall_stiffness = script.environment.map(wall_stiffness).transpose()?;
-        let Script { compares_passivity, hand, moves, switches, console, holds, faults, .. } =
-            script;
+        let Script {
+            compares_passivity, hand, cast, moves, switches, console, holds, faults, ..
+        } = script;
         let doings = Doings::new(moves, switches, console, holds, seconds)?;
         let faults = entry::read_all(faults, seconds)?;
         Ok(Self { seconds, wall_stiffness, compares_passivity, hand, cast, doings, faults })

@@ -233,6 +233,17 @@ mod tests {
     }
 
     #[test]
+    fn polarity_turns_what_is_shown_and_not_what_is_looked_for() {
+        let mut bench = bench(34, 40_000.0);
+        bench.put(Object::POLARITY, 0x80);
+        bench.begin(MODE);
+        bench.word(ENABLED | START);
+        bench.until(5_000, |b| b.has(HOMING_ATTAINED) && b.has(TARGET_REACHED));
+        let beyond = bench.rotor.feedback().position - 49_152;
+        assert!(beyond >= 0 && bench.position() == -beyond - 1_234, "{beyond} beyond the index");
+    }
+
+    #[test]
     fn every_method_the_data_sheet_lists_works_and_no_other_does() {
         let dictionary = crate::sim::motion::tests::drive();
         let count = dictionary.unsigned(Object::SUPPORTED_HOMING_METHODS);

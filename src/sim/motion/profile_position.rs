@@ -305,7 +305,21 @@ mod tests {
         // 0.5 s up (12,500), 0.25 s down (6,250), 81,250 at 50,000/s.
         assert!((2_373..=2_376).contains(&taken), "{taken} ms");
         let reached = taken + arrive(&mut bench);
-        assert!(reached >= 2_375 + 10 && reached < 2_900, "{reached} ms with 6068h");
+        assert!((2_385..2_900).contains(&reached), "{reached} ms with 6068h");
+    }
+
+    #[test]
+    fn a_target_in_degrees_turns_the_motor_behind_its_gear() {
+        let mut bench = bench();
+        bench.put(Object::GEAR_MOTOR_REVOLUTIONS, 40);
+        bench.put(Object::FEED, 360_000);
+        bench.put(Object::PROFILE_VELOCITY, 90_000);
+        bench.begin(MODE);
+        send(&mut bench, 9_000, 0);
+        arrive(&mut bench);
+        bench.run(300);
+        assert!((bench.rotor.place - 16_384.0).abs() < 100.0, "{:?}", bench.rotor);
+        assert!((bench.position() - 9_000).abs() <= 55, "{}", bench.position());
     }
 
     #[test]

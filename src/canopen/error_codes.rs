@@ -3,6 +3,9 @@
 //!
 //! A table and two look-ups, nothing else. The same codes stand in 603Fh and in the history (1003h).
 
+/// A motor is too far from where it should be (603Fh).
+pub const FOLLOWING_ERROR: u16 = 0x8611;
+
 /// What an error code says, by its class where it is not known itself.
 pub fn words(code: u16) -> &'static str {
     let known = |code: u16| CODES.iter().find(|(known, _)| *known == code);
@@ -219,7 +222,7 @@ const CODES: &[(u16, &str)] = &[
     (0x8400, "velocity controller"),
     (0x8500, "position controller"),
     (0x8600, "positioning controller"),
-    (0x8611, "following error"),
+    (FOLLOWING_ERROR, "following error"),
     (0x8612, "reference limit"),
     (0x8700, "synchronisation controller"),
     (0x8800, "winding controller"),

@@ -106,8 +106,7 @@ impl Homing {
 
     pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Asked {
         let speed = self.search(axis, moment);
-        let is_resting = self.is_at_rest;
-        if !is_resting {
+        if !self.is_at_rest {
             let units = &axis.shaft.units;
             let rate = limits::acceleration(units, moment.dictionary, Object::HOMING_ACCELERATION);
             let top = limits::top_speed(units, moment.dictionary);

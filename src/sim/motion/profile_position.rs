@@ -5,12 +5,12 @@
 //! before it, and the axis is linear.
 
 use crate::canopen::drive::Controlword;
+use crate::canopen::error_codes::FOLLOWING_ERROR;
 use crate::canopen::object::Object;
 use crate::sim::motion::Asked;
 use crate::sim::motion::axis::Axis;
 use crate::sim::motion::axis::Moment;
 use crate::sim::motion::bits;
-use crate::sim::motion::following;
 use crate::sim::motion::following::Following;
 use crate::sim::motion::limits;
 use crate::sim::motion::ramp::Course;
@@ -99,7 +99,7 @@ impl ProfilePosition {
                 | self.acknowledgement()
                 | bits::bit(bits::FOLLOWING_ERROR, is_lost),
             is_limited: torque.is_limited || self.now.is_limited,
-            error: if is_lost { following::FOLLOWING_ERROR } else { 0 },
+            error: if is_lost { FOLLOWING_ERROR } else { 0 },
         }
     }
 
@@ -363,7 +363,7 @@ mod tests {
         });
         send(&mut bench, 100_000, 0);
         let outside = bench.until(1_000, |b| b.shown(Object::FOLLOWING_ERROR) > 1_000);
-        let lost = bench.until(1_000, |bench| bench.asked.error == 0x8611);
+        let lost = bench.until(1_000, |bench| bench.asked.error == FOLLOWING_ERROR);
         assert!(outside > 0 && (48..=51).contains(&lost), "{outside} ms, {lost} ms");
         assert!(bench.has(bits::FOLLOWING_ERROR));
     }

@@ -9,6 +9,9 @@ pub const RECOVERED_FROM_BUS_OFF: u16 = 0x8140;
 /// Contact 3: what a drive tells when its safe torque off is asked for.
 pub const SAFE_TORQUE_OFF: u16 = 0x5443;
 
+/// A motor is too far from where it should be (603Fh).
+pub const FOLLOWING_ERROR: u16 = 0x8611;
+
 /// What an error code says, by its class where it is not known itself.
 pub fn words(code: u16) -> &'static str {
     let known = |code: u16| CODES.iter().find(|(known, _)| *known == code);
@@ -225,7 +228,7 @@ const CODES: &[(u16, &str)] = &[
     (0x8400, "velocity controller"),
     (0x8500, "position controller"),
     (0x8600, "positioning controller"),
-    (0x8611, "following error"),
+    (FOLLOWING_ERROR, "following error"),
     (0x8612, "reference limit"),
     (0x8700, "synchronisation controller"),
     (0x8800, "winding controller"),

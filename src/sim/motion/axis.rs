@@ -11,6 +11,7 @@ use crate::sim::motion::servo::Servo;
 use crate::sim::motion::shaft::Actual;
 use crate::sim::motion::shaft::Shaft;
 use crate::sim::motion::tuning::Tuning;
+use crate::sim::motion::units::Units;
 use crate::sim::motion::units::saturated;
 use crate::sim::motion::units::wrapped;
 
@@ -33,8 +34,8 @@ pub(super) struct Moment<'a> {
 }
 
 impl Axis {
-    pub(super) fn new(tuning: Tuning) -> Self {
-        Self { servo: Servo::new(tuning), ..Self::default() }
+    pub(super) fn new(tuning: Tuning, units: Units) -> Self {
+        Self { servo: Servo::new(tuning), shaft: Shaft::new(units), ..Self::default() }
     }
 
     /// The motor keeps what it does.

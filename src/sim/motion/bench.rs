@@ -7,6 +7,7 @@ use crate::sim::motion::Asked;
 use crate::sim::motion::Motion;
 use crate::sim::motion::Ramp;
 use crate::sim::motion::SERVO_PERIOD;
+use crate::sim::motion::Tuning;
 use crate::sim::motion::rotor::Rotor;
 use crate::sim::motion::tests::drive;
 use crate::sim::motion::tests::put;
@@ -40,7 +41,7 @@ impl Bench {
     pub(super) fn with(mode: i8, rotor: Rotor, set_up: impl Fn(&mut Dictionary)) -> Self {
         let mut dictionary = drive();
         set_up(&mut dictionary);
-        let motion = Motion::default();
+        let motion = Motion::new(Tuning::default(), &dictionary);
         let mut bench = Self { motion, rotor, dictionary, asked: Asked::default() };
         bench.begin(mode);
         bench.word(ENABLED);

@@ -6,12 +6,12 @@
 
 use crate::canopen::dictionary::Dictionary;
 use crate::canopen::drive::Statusword;
+use crate::canopen::error_codes::FOLLOWING_ERROR;
 use crate::canopen::object::Object;
 use crate::sim::motion::Asked;
 use crate::sim::motion::axis::Axis;
 use crate::sim::motion::axis::Moment;
 use crate::sim::motion::bits;
-use crate::sim::motion::following;
 use crate::sim::motion::following::Following;
 use crate::sim::motion::limits;
 use crate::sim::motion::limits::Limited;
@@ -106,7 +106,7 @@ impl CyclicPosition {
             per_mille: torque.value,
             status: Statusword::TARGET_FOLLOWED | bits::bit(bits::FOLLOWING_ERROR, is_lost),
             is_limited: torque.is_limited || self.is_limited,
-            error: if is_lost { following::FOLLOWING_ERROR } else { 0 },
+            error: if is_lost { FOLLOWING_ERROR } else { 0 },
         }
     }
 

@@ -5,9 +5,6 @@ use crate::sim::motion::axis::Axis;
 use crate::sim::motion::axis::Moment;
 use crate::sim::motion::lasting::Lasting;
 
-/// The error code (603Fh) for a motor that does not follow.
-pub(super) const FOLLOWING_ERROR: u16 = 0x8611;
-
 /// A watch on the following error.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Following(Lasting);

@@ -106,8 +106,7 @@ impl Homing {
 
     pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Asked {
         let speed = self.search(axis, moment);
-        let is_resting = self.is_at_rest;
-        if !is_resting {
+        if !self.is_at_rest {
             let units = &axis.shaft.units;
             let rate = limits::acceleration(units, moment.dictionary, Object::HOMING_ACCELERATION);
             let top = limits::top_speed(units, moment.dictionary);
@@ -230,6 +229,17 @@ mod tests {
             assert_eq!(bench.position(), counts - index - 1_234, "{method}");
             assert!((counts - index).abs() < 2_000, "it stays near");
         }
+    }
+
+    #[test]
+    fn polarity_turns_what_is_shown_and_not_what_is_looked_for() {
+        let mut bench = bench(34, 40_000.0);
+        bench.put(Object::POLARITY, 0x80);
+        bench.begin(MODE);
+        bench.word(ENABLED | START);
+        bench.until(5_000, |b| b.has(HOMING_ATTAINED) && b.has(TARGET_REACHED));
+        let beyond = bench.rotor.feedback().position - 49_152;
+        assert!(beyond >= 0 && bench.position() == -beyond - 1_234, "{beyond} beyond the index");
     }
 
     #[test]

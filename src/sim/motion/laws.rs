@@ -5,6 +5,9 @@ use proptest::prelude::*;
 use super::*;
 use crate::canopen::eds::Eds;
 
+/// Bits 10, 12 and 13.
+const OWN: u16 = 1 << 10 | 1 << 12 | 1 << 13;
+
 const MODES: [i8; 9] = [0, 1, 3, 4, 6, 8, 9, 10, -5];
 
 /// Every object of the profile, whoever may write it, and its size.
@@ -12,7 +15,7 @@ fn profile(dictionary: &Dictionary) -> Vec<(Object, usize)> {
     let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
     let objects = eds.objects().iter().map(|described| described.object);
     objects
-        .filter(|object| (0x6000..0x6800).contains(&object.index))
+        .filter(|object| object.index >= Object::ABORT_CONNECTION.index)
         .filter_map(|object| Some((object, dictionary.get(object)?.len())))
         .collect()
 }
@@ -23,10 +26,10 @@ fn number() -> impl Strategy<Value = u32> {
         Just(0),
         Just(1),
         Just(u32::MAX),
-        Just(0x7FFF),
-        Just(0x8000),
-        Just(0x7FFF_FFFF),
-        Just(0x8000_0000),
+        Just((1 << 15) - 1),
+        Just(1 << 15),
+        Just((1 << 31) - 1),
+        Just(1 << 31),
         any::<u32>(),
         0_u32..1_000,
     ]
@@ -111,7 +114,7 @@ proptest! {
             };
             if let Some(asked) = asked {
                 prop_assert!(is_within_limits(&asked, &dictionary), "{asked:?}");
-                prop_assert_eq!(asked.status & !0x3400, 0, "bits 10, 12 and 13 alone");
+                prop_assert_eq!(asked.status & !OWN, 0, "other bits are not its own");
             }
         }
     }

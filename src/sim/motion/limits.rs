@@ -92,6 +92,7 @@ pub(super) fn position(dictionary: &Dictionary, units: f64) -> Limited {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
 mod tests {
     use super::*;
     use crate::sim::motion::tests::drive;

@@ -104,9 +104,9 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// In no mode, behind a servo that knows its mechanics.
-    pub fn new(tuning: Tuning) -> Self {
-        Self { axis: Axis::new(tuning), ..Self::default() }
+    /// In no mode, behind a servo that knows its mechanics, in the units of the objects.
+    pub fn new(tuning: Tuning, dictionary: &Dictionary) -> Self {
+        Self { axis: Axis::new(tuning, Units::of(dictionary)), ..Self::default() }
     }
 
     /// An object has been written: units follow it. Those also do at every [`begin`](Self::begin).
@@ -138,7 +138,9 @@ impl Motion {
         self.is_fresh = true;
     }
 
-    /// A controlword has come, whose bits 4 to 6 and 8 the mode has a meaning for.
+    /// A controlword has come in operation, be it the one that enables it and has made the mode
+    /// [`begin`](Self::begin): its bits 4 to 6 and 8 have a meaning for the mode. A homing without a way
+    /// is over with it.
     pub fn on_controlword(
         &mut self,
         word: Controlword,
@@ -168,8 +170,9 @@ impl Motion {
         asked
     }
 
-    /// `dt` s have passed while it stops on `ramp`; `None` once it stands still. In torque modes it does
-    /// as soon as there is no torque.
+    /// `dt` s have passed while it stops on `ramp`; `None` once it stands still, or has not come to do so
+    /// 2 s after its ramp has ended (or, at the current limit, has begun). In torque modes it is over as
+    /// soon as there is no torque.
     pub fn stop(
         &mut self,
         dt: f64,

@@ -5,12 +5,12 @@
 //! before it, and the axis is linear.
 
 use crate::canopen::drive::Controlword;
+use crate::canopen::error_codes::FOLLOWING_ERROR;
 use crate::canopen::object::Object;
 use crate::sim::motion::Asked;
 use crate::sim::motion::axis::Axis;
 use crate::sim::motion::axis::Moment;
 use crate::sim::motion::bits;
-use crate::sim::motion::following;
 use crate::sim::motion::following::Following;
 use crate::sim::motion::limits;
 use crate::sim::motion::ramp::Course;
@@ -99,7 +99,7 @@ impl ProfilePosition {
                 | self.acknowledgement()
                 | bits::bit(bits::FOLLOWING_ERROR, is_lost),
             is_limited: torque.is_limited || self.now.is_limited,
-            error: if is_lost { following::FOLLOWING_ERROR } else { 0 },
+            error: if is_lost { FOLLOWING_ERROR } else { 0 },
         }
     }
 
@@ -305,7 +305,21 @@ mod tests {
         // 0.5 s up (12,500), 0.25 s down (6,250), 81,250 at 50,000/s.
         assert!((2_373..=2_376).contains(&taken), "{taken} ms");
         let reached = taken + arrive(&mut bench);
-        assert!(reached >= 2_375 + 10 && reached < 2_900, "{reached} ms with 6068h");
+        assert!((2_385..2_900).contains(&reached), "{reached} ms with 6068h");
+    }
+
+    #[test]
+    fn a_target_in_degrees_turns_the_motor_behind_its_gear() {
+        let mut bench = bench();
+        bench.put(Object::GEAR_MOTOR_REVOLUTIONS, 40);
+        bench.put(Object::FEED, 360_000);
+        bench.put(Object::PROFILE_VELOCITY, 90_000);
+        bench.begin(MODE);
+        send(&mut bench, 9_000, 0);
+        arrive(&mut bench);
+        bench.run(300);
+        assert!((bench.rotor.place - 16_384.0).abs() < 100.0, "{:?}", bench.rotor);
+        assert!((bench.position() - 9_000).abs() <= 55, "{}", bench.position());
     }
 
     #[test]
@@ -349,7 +363,7 @@ mod tests {
         });
         send(&mut bench, 100_000, 0);
         let outside = bench.until(1_000, |b| b.shown(Object::FOLLOWING_ERROR) > 1_000);
-        let lost = bench.until(1_000, |bench| bench.asked.error == 0x8611);
+        let lost = bench.until(1_000, |bench| bench.asked.error == FOLLOWING_ERROR);
         assert!(outside > 0 && (48..=51).contains(&lost), "{outside} ms, {lost} ms");
         assert!(bench.has(bits::FOLLOWING_ERROR));
     }

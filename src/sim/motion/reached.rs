@@ -60,3 +60,42 @@ fn is_moving(axis: &Axis, moment: &Moment<'_>) -> bool {
 fn time(moment: &Moment<'_>) -> u32 {
     moment.dictionary.unsigned(Object::VELOCITY_THRESHOLD_TIME)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::motion::bench::Bench;
+    use crate::sim::motion::bench::ENABLED;
+    use crate::sim::motion::bench::START;
+    use crate::sim::motion::bits::SPEED_ZERO;
+    use crate::sim::motion::bits::TARGET_REACHED;
+    use crate::sim::motion::rotor::Rotor;
+
+    #[test]
+    fn without_a_window_the_demand_alone_says_that_the_target_is_reached() {
+        for (window, is_reached) in [(NO_WINDOW, true), (100, false), (NO_WINDOW - 1, true)] {
+            let stuck = Rotor { coulomb: 5_000.0, ..Rotor::default() };
+            let mut bench = Bench::with(1, stuck, |_| {});
+            bench.put(Object::POSITION_WINDOW, window.cast_signed());
+            bench.put(Object::TARGET_POSITION, 10_000);
+            bench.word(ENABLED | START);
+            bench.tick();
+            assert!(!bench.has(TARGET_REACHED), "the demand is on its way");
+            bench.run(500);
+            assert_eq!(bench.has(TARGET_REACHED), is_reached, "{window}");
+        }
+    }
+
+    #[test]
+    fn a_motor_has_to_be_fast_for_a_while_before_it_is_said_to_move() {
+        let mut bench = Bench::with(3, Rotor { inertia: 1e9, ..Rotor::default() }, |_| {});
+        bench.put(Object::VELOCITY_THRESHOLD, 500);
+        bench.put(Object::VELOCITY_THRESHOLD_TIME, 5);
+        let seen = [501.0, 499.0, -501.0, -501.0, -501.0, -501.0, -501.0, 500.0].map(|velocity| {
+            bench.rotor.velocity = velocity;
+            bench.tick();
+            bench.has(SPEED_ZERO)
+        });
+        assert_eq!(seen, [true, true, true, true, true, true, false, true]);
+    }
+}

@@ -82,6 +82,7 @@ impl Servo {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
 mod tests {
     use super::*;
     use crate::sim::motion::SERVO_PERIOD;

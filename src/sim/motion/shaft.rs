@@ -31,6 +31,11 @@ pub(super) struct Actual {
 }
 
 impl Shaft {
+    /// With zero where the encoder has it.
+    pub(super) fn new(units: Units) -> Self {
+        Self { units, ..Self::default() }
+    }
+
     /// Takes what the encoder says; between two calls it turns less than 2³¹ increments.
     pub(super) fn sense(&mut self, feedback: &Feedback) -> Actual {
         let way = feedback.position.wrapping_sub(self.counts);
@@ -83,6 +88,7 @@ const fn bounded(number: f64, bound: f64) -> f64 {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
 mod tests {
     use super::*;
     use proptest::prelude::*;

@@ -45,7 +45,7 @@ impl Stop {
         Self { ramp, what, overtime: 0.0, standstill: Standstill::default(), is_over: false }
     }
 
-    /// On another ramp from now on, unless it is over.
+    /// On this ramp from now on.
     pub(super) const fn take(&mut self, ramp: Ramp) {
         self.ramp = ramp;
     }
@@ -55,7 +55,7 @@ impl Stop {
         self.is_over
     }
 
-    /// The torque for now. Once it is over: none in torque modes, and in others what keeps the place.
+    /// The torque for now; once it is over, none in torque modes, and in others what keeps the place.
     pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Limited {
         match (self.is_over, self.what) {
             (true, Stopped::Velocity) => axis.follow_place(0.0, moment),
@@ -105,6 +105,7 @@ impl Stop {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
 mod tests {
     use super::*;
     use crate::sim::motion::SERVO_PERIOD;

@@ -67,6 +67,7 @@ pub(super) fn step_cyclic(axis: &mut Axis, moment: &Moment<'_>) -> Asked {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
 mod tests {
     use super::*;
     use crate::sim::motion::bench::Bench;

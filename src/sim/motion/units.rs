@@ -122,6 +122,7 @@ pub(super) fn saturated(number: f64) -> i32 {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
 mod tests {
     use super::*;
     use crate::sim::motion::tests::drive;

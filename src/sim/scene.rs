@@ -6,9 +6,9 @@
 //! moment follows from where the points are. A surface never pulls. Damping grows with the depth, so
 //! that nothing jumps at the touch (Hunt and Crossley 1975).
 //!
-//! Along the surface each point is held back by Coulomb friction, which is viscous below
-//! [`FULL_SLIDING`] so that nothing jumps when the sliding turns round either (Karnopp 1985 and others
-//! treat what this leaves out: a point that sticks creeps):
+//! Along the surface each point is held back by Coulomb friction, made viscous below [`FULL_SLIDING`] so
+//! that nothing jumps when the sliding turns round either. It only ever takes energy. What it leaves out
+//! is sticking: a point that is pushed along creeps.
 //!
 //! ```text
 //!  f_t = -µ f_n v_t / max(|v_t|, FULL_SLIDING)      |f_t| ≤ µ f_n,   f_t · v_t ≤ 0

@@ -273,6 +273,18 @@ fn a_personality_in_a_scenario_is_the_one_on_the_command_line() {
 }
 
 #[test]
+fn every_personality_has_a_script_of_its_own() {
+    for name in Quirk::NAMES {
+        let file = format!("config/scenarios/personalities/{name}.toml");
+        let script = Scenario::parse(&std::fs::read_to_string(&file).unwrap()).unwrap();
+        let quirks: Vec<_> = script.cast().of(ELBOW).quirks().collect();
+        assert_eq!(quirks, [name.parse().unwrap()], "{file}");
+    }
+    let files = std::fs::read_dir("config/scenarios/personalities").unwrap();
+    assert_eq!(files.count(), Quirk::NAMES.len(), "none is without a personality");
+}
+
+#[test]
 fn without_a_personality_the_world_is_the_same_bit_for_bit() {
     let frames = |script: &str| {
         let (mut bench, wire) = bench(&config(PER_DRIVE), script, &[]);

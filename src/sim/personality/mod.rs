@@ -36,3 +36,6 @@ impl Personality {
         self.0.iter().copied()
     }
 }
+
+#[cfg(test)]
+mod laws;

@@ -6,6 +6,7 @@ import sys
 
 import any_master
 import cia402
+import faults
 import hostile
 import lely
 import our_drives
@@ -14,7 +15,8 @@ import our_tools
 import runner
 from bench import Bench
 
-TESTS = [*our_master.TESTS, *our_drives.TESTS, *any_master.TESTS, *cia402.TESTS, *lely.TESTS, *our_tools.TESTS, *hostile.TESTS]
+MODULES = [our_master, our_drives, any_master, cia402, faults, lely, our_tools, hostile]
+TESTS = [test for module in MODULES for test in module.TESTS]
 
 if __name__ == "__main__":
     logging.disable(logging.CRITICAL)

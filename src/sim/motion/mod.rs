@@ -122,6 +122,6 @@ impl Motion {
     clippy::cast_possible_truncation,
     reason = "such a cast saturates; NaN becomes 0"
 )]
-const fn saturated(value: f64) -> i32 {
+fn saturated(value: f64) -> i32 {
     value.round() as i32
 }

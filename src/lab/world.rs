@@ -42,7 +42,7 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
         let settings = DriveSettings {
             channel: joint.channel,
             node: joint.node,
-            dictionary: numbered(&joint.eds, joint.channel, joint.node),
+            dictionary: furnished(joint),
             actuator: actuator(joint),
             latency: DRIVE_LATENCY,
             tuning: tuning(joint, moved),
@@ -60,6 +60,13 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
     });
     let plant = Plant::new(arm(config), resistance, start(config));
     World::new(drives, drivetrains, switches, plant, scenario, seed).coupled(transmission(config))
+}
+
+/// What a drive holds. Its position unit is an increment of its encoder, whichever that has.
+fn furnished(joint: &Joint) -> Dictionary {
+    let mut dictionary = numbered(&joint.eds, joint.channel, joint.node);
+    dictionary.furnish(Object::FEED, &joint.counts_per_rev.to_le_bytes());
+    dictionary
 }
 
 /// What a device holds, with a serial number no other has, by which LSS can tell it from its like.

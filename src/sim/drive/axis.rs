@@ -116,12 +116,10 @@ impl Application for Axis {
     fn on_reset(&mut self, dictionary: &mut Dictionary, reset: Reset) {
         if reset == Reset::Node {
             self.power = Power::default();
-            self.motion = Motion::new(self.tuning);
             self.error = 0;
             dictionary.set(Object::RATED_TORQUE, &self.rated_torque.to_le_bytes());
             dictionary.set(Object::ENCODER_INCREMENTS, &self.increments.to_le_bytes());
-            // Whichever of its units: it reads them all.
-            self.motion.on_written(Object::FEED, dictionary);
+            self.motion = Motion::new(self.tuning, dictionary);
             self.show_motor(dictionary);
             status::show_monitor(&self.monitor, dictionary);
         }
@@ -173,7 +171,7 @@ impl Axis {
             task: Task::Release,
             is_enabled: false,
             tuning,
-            motion: Motion::new(tuning),
+            motion: Motion::default(),
             options: Options::default(),
             limits: Limits::default(),
             monitor: Monitor::default(),

@@ -113,40 +113,52 @@ impl Power {
     }
 
     fn follow(&mut self, command: Command, options: &Options) {
-        match self.state {
-            State::NotReadyToSwitchOn | State::FaultReactionActive | State::Fault => {}
-            State::SwitchOnDisabled => {
-                if command == Command::Shutdown {
-                    self.enter(State::ReadyToSwitchOn);
-                }
+        match (self.state, command) {
+            (
+                State::ReadyToSwitchOn
+                | State::SwitchedOn
+                | State::OperationEnabled
+                | State::QuickStopActive,
+                Command::DisableVoltage,
+            )
+            | (State::ReadyToSwitchOn | State::SwitchedOn, Command::QuickStop) => {
+                self.enter(State::SwitchOnDisabled);
             }
-            State::ReadyToSwitchOn | State::SwitchedOn => self.enter(match command {
-                Command::DisableVoltage | Command::QuickStop => State::SwitchOnDisabled,
-                Command::Shutdown => State::ReadyToSwitchOn,
-                Command::SwitchOn => State::SwitchedOn,
-                Command::EnableOperation => State::OperationEnabled,
-            }),
-            State::OperationEnabled => match command {
-                Command::DisableVoltage => self.enter(State::SwitchOnDisabled),
-                Command::QuickStop => self.quick_stop(options),
-                Command::Shutdown => self.leave(options.shutdown_ramp(), State::ReadyToSwitchOn),
-                Command::SwitchOn => {
-                    self.leave(options.disable_operation_ramp(), State::SwitchedOn)
-                }
-                Command::EnableOperation => self.stop = None,
-            },
-            State::QuickStopActive => {
-                let stays = self.stop.is_none_or(|stop| stop.end == State::QuickStopActive);
-                match command {
-                    Command::DisableVoltage => self.enter(State::SwitchOnDisabled),
-                    Command::EnableOperation if stays => self.enter(State::OperationEnabled),
-                    Command::QuickStop
-                    | Command::Shutdown
-                    | Command::SwitchOn
-                    | Command::EnableOperation => {}
-                }
+            (
+                State::SwitchOnDisabled | State::ReadyToSwitchOn | State::SwitchedOn,
+                Command::Shutdown,
+            ) => self.enter(State::ReadyToSwitchOn),
+            (State::ReadyToSwitchOn | State::SwitchedOn, Command::SwitchOn) => {
+                self.enter(State::SwitchedOn);
             }
+            (State::ReadyToSwitchOn | State::SwitchedOn, Command::EnableOperation) => {
+                self.enter(State::OperationEnabled);
+            }
+            (State::OperationEnabled, Command::QuickStop) => self.quick_stop(options),
+            (State::OperationEnabled, Command::Shutdown) => {
+                self.leave(options.shutdown_ramp(), State::ReadyToSwitchOn);
+            }
+            (State::OperationEnabled, Command::SwitchOn) => {
+                self.leave(options.disable_operation_ramp(), State::SwitchedOn);
+            }
+            (State::OperationEnabled, Command::EnableOperation) => self.stop = None,
+            (State::QuickStopActive, Command::EnableOperation) if self.stays() => {
+                self.enter(State::OperationEnabled);
+            }
+            (
+                State::NotReadyToSwitchOn
+                | State::SwitchOnDisabled
+                | State::QuickStopActive
+                | State::FaultReactionActive
+                | State::Fault,
+                _,
+            ) => {}
         }
+    }
+
+    /// Whether a quick stop leads nowhere by itself.
+    fn stays(&self) -> bool {
+        self.stop.is_none_or(|stop| stop.end == State::QuickStopActive)
     }
 
     /// A fault, which ends on `ramp` if there is torque to be taken off, and else at once

@@ -74,7 +74,7 @@ pub(super) fn show_monitor(monitor: &Monitor, dictionary: &mut Dictionary) {
     clippy::cast_possible_truncation,
     reason = "such a cast saturates; NaN becomes 0"
 )]
-pub(super) const fn whole(value: f64) -> i16 {
+pub(super) fn whole(value: f64) -> i16 {
     value.round() as i16
 }
 
@@ -85,6 +85,6 @@ pub(super) const fn whole(value: f64) -> i16 {
     clippy::cast_sign_loss,
     reason = "such a cast saturates; NaN becomes 0"
 )]
-pub(super) const fn natural(value: f64) -> u32 {
+pub(super) fn natural(value: f64) -> u32 {
     value.round() as u32
 }

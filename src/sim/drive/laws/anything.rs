@@ -123,6 +123,11 @@ proptest! {
         }
     }
 
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
     #[test]
     fn every_stop_is_over_in_bounded_time(
         happenings in proptest::collection::vec(happening(), 1..60),

@@ -23,7 +23,7 @@ fn between_two_emergencies_lies_their_inhibit_time_and_none_is_lost() {
     desk.write(Object::EMCY_INHIBIT_TIME, &[100, 0]).unwrap();
     let mut have = |code, millis| {
         desk.device.touch(|application, _| application.code = code);
-        desk.wait_until(millis).iter().map(|frame| self::code(frame)).collect::<Vec<_>>()
+        desk.wait_until(millis).iter().map(self::code).collect::<Vec<_>>()
     };
     assert_eq!(have(0x2310, 1), [0x2310]);
     assert_eq!(have(0x4310, 2), NONE);

@@ -286,7 +286,9 @@ impl Axis {
         self.power.obey(word, &self.options, self.monitor.cause().is_none());
         if before != (self.power.state(), word) {
             self.settle(dictionary);
-            self.motion.on_controlword(word, &self.feedback, dictionary);
+            if self.is_enabled {
+                self.motion.on_controlword(word, &self.feedback, dictionary);
+            }
             self.follow_power(dictionary);
         }
     }

@@ -15,6 +15,7 @@ use crate::canopen::station::Station;
 use crate::sim::actuator::ActuatorSettings;
 use crate::sim::drive::Drive;
 use crate::sim::drive::DriveSettings;
+use crate::sim::motion::Tuning;
 use crate::sim::personality::Makeup;
 use crate::sim::personality::Personality;
 use crate::sim::personality::Quirk;
@@ -49,6 +50,7 @@ fn drive(quirks: &[&str]) -> Drive {
             max_torque: 30.0,
         },
         latency: Duration::ZERO,
+        tuning: Tuning::default(),
     };
     Drive::with(settings, &personality(quirks))
 }

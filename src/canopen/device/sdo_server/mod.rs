@@ -255,11 +255,11 @@ impl SdoServer {
     /// Sends the next segment of the sub-block under way, if there is one.
     fn send_segment(&mut self, now: Instant, out: &mut Vec<Frame>) {
         self.due = None;
-        if let Some(Transfer { way: Way::BlockUp(upload), .. }) = &mut self.transfer {
-            if let Some(segment) = upload.next() {
-                out.push(Frame::new(response_cob_id(self.node), segment));
-                self.due = upload.has_next().then_some(now + PACE);
-            }
+        if let Some(Transfer { way: Way::BlockUp(upload), .. }) = &mut self.transfer
+            && let Some(segment) = upload.next()
+        {
+            out.push(Frame::new(response_cob_id(self.node), segment));
+            self.due = upload.has_next().then_some(now + PACE);
         }
     }
 

@@ -53,7 +53,7 @@ pub(super) enum Command {
     #[command(
         after_help = "Prints what each drive believes at the end, and whenever it gets SIGUSR1 or SIGQUIT (Ctrl-\\ at a terminal).\n\nExamples:\n  \
                       frhc sim --config config/kraft_like_500hz.toml -i vcan0 --scenario config/scenarios/contact_10s.toml\n  \
-                      frhc sim --config config/kraft_like.toml --json > drives.jsonl & kill -USR1 $!"
+                      frhc sim --config config/kraft_like.toml --json > drives.jsonl &\n  kill -USR1 $!"
     )]
     Sim(Sim),
     /// Talks to a running node over its Unix socket.

@@ -60,8 +60,8 @@ const DRIVES: &[(&str, Node)] = &[
     ("wire_cut", Stops("joint 4: no sample for 3 cycles", within(5, 6))),
     ("bus_off", Stops("joint 3: no sample for 3 cycles", within(5, 6))),
     // Heartbeats are watched for 160 ms here.
-    ("heartbeat_stop", Stops("joint 3: heartbeat lost", within(165, 166))),
-    ("switches_unplugged", Stops("switch box: heartbeat lost", within(165, 166))),
+    ("heartbeat_stop", Stops("joint 3: heartbeat lost", within(175, 176))),
+    ("switches_unplugged", Stops("switch box: heartbeat lost", within(175, 176))),
 ];
 
 const FRAMES: &[(&str, Node)] = &[

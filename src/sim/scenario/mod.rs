@@ -157,7 +157,7 @@ impl Scenario {
         let seconds = *script.seconds.get_ref();
         within("seconds", seconds, SHORTEST, LONGEST)
             .map_err(|problem| (script.seconds.span(), problem))?;
-        let wall_stiffness = script.environment.map(wall_stiffness).transpose()?;
+        let wall_stiffness = script.environment.as_ref().map(wall_stiffness).transpose()?;
         let Script {
             compares_passivity, hand, cast, moves, switches, console, holds, faults, ..
         } = script;
@@ -167,7 +167,7 @@ impl Scenario {
     }
 }
 
-fn wall_stiffness(around: Spanned<Environment>) -> Result<f64, Misplaced> {
+fn wall_stiffness(around: &Spanned<Environment>) -> Result<f64, Misplaced> {
     let stiffness = around.get_ref().wall_stiffness_n_per_m;
     within("wall_stiffness_n_per_m", stiffness, SOFTEST, STIFFEST)
         .map_err(|problem| (around.span(), problem))?;

@@ -13,7 +13,7 @@ from cia402 import enable, is_in, tell
 # drive is in its state Fault: one for each drive.
 FAULTS = [
     ("fault", "code = 0x2310", 0x2310, 0x03, True),
-    ("sto", "for_s = 1.0", 0x5443, 0x01, True),
+    ("sto", "for_s = 1.0", 0x8A88, 0x21, True),
     ("emergency", "code = 0x4210\nregister = 0x09", 0x4210, 0x09, False),
     ("bus_off", "for_s = 0.2", 0x8140, 0x11, False),
     ("fault", "code = 0x3210", 0x3210, 0x05, True),

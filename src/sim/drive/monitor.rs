@@ -2,6 +2,7 @@
 //!
 //! Not what it does about it: that is the [power stage's](super::power).
 
+use crate::canopen::error_codes;
 use crate::sim::drive::inputs::Inputs;
 
 /// What it sees.
@@ -43,12 +44,11 @@ impl Cause {
     /// What 603Fh and the emergency say.
     pub(super) const fn error_code(self) -> u16 {
         match self {
-            // CiA 402 has no code for it, but a class, control monitoring; makers choose from it.
-            Self::SafeTorqueOff => 0x8A88,
-            Self::UnderVoltage => 0x3220,
-            Self::OverVoltage => 0x3210,
-            Self::OverTemperature => 0x4310,
-            Self::OverSpeed => 0x7310,
+            Self::SafeTorqueOff => error_codes::SAFE_TORQUE_OFF,
+            Self::UnderVoltage => error_codes::UNDER_VOLTAGE,
+            Self::OverVoltage => error_codes::OVER_VOLTAGE,
+            Self::OverTemperature => error_codes::OVER_TEMPERATURE,
+            Self::OverSpeed => error_codes::OVER_SPEED,
         }
     }
 
@@ -99,7 +99,6 @@ const MARGIN: f64 = 10.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::error_codes;
 
     fn at(temperature: f64) -> Monitor {
         Monitor { temperature, ..Monitor::default() }
@@ -132,7 +131,7 @@ mod tests {
     #[test]
     fn every_code_has_a_class_with_words() {
         for (cause, words) in [
-            (Cause::SafeTorqueOff, "control monitoring"),
+            (Cause::SafeTorqueOff, "safe torque off"),
             (Cause::UnderVoltage, "DC link under-voltage"),
             (Cause::OverVoltage, "DC link over-voltage"),
             (Cause::OverTemperature, "drive temperature too high"),

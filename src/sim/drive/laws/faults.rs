@@ -1,6 +1,7 @@
 //! What goes wrong inside a drive, and what it takes to go on.
 
 use super::*;
+use crate::canopen::error_codes;
 
 #[test]
 fn safe_torque_off_takes_the_torque_at_once_and_holds_its_fault() {
@@ -26,7 +27,7 @@ fn safe_torque_off_takes_the_torque_at_once_and_holds_its_fault() {
     }
     assert_eq!(wire.drive.state(), State::OperationEnabled);
     assert!(wire.statusword().has(Statusword::VOLTAGE_ENABLED));
-    assert_eq!(wire.told(), [(0x8A88, 0x21), (0, 0)]);
+    assert_eq!(wire.told(), [(error_codes::SAFE_TORQUE_OFF, 0x21), (0, 0)]);
 }
 
 #[test]
@@ -35,7 +36,7 @@ fn safe_torque_off_is_there_after_power_up() {
     wire.drive.set_safe_torque_off(true);
     assert_eq!(wire.drive.state(), State::NotReadyToSwitchOn);
     wire.pass();
-    assert_eq!((wire.drive.state(), wire.drive.last_error()), (State::Fault, 0x8A88));
+    assert_eq!((wire.drive.state(), wire.drive.last_error()), (State::Fault, error_codes::SAFE_TORQUE_OFF));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod anything;
 mod commands;
 mod faults;
+mod modes;
 mod stops;
 
 use super::*;

@@ -36,7 +36,10 @@ fn safe_torque_off_is_there_after_power_up() {
     wire.drive.set_safe_torque_off(true);
     assert_eq!(wire.drive.state(), State::NotReadyToSwitchOn);
     wire.pass();
-    assert_eq!((wire.drive.state(), wire.drive.last_error()), (State::Fault, error_codes::SAFE_TORQUE_OFF));
+    assert_eq!(
+        (wire.drive.state(), wire.drive.last_error()),
+        (State::Fault, error_codes::SAFE_TORQUE_OFF)
+    );
 }
 
 #[test]

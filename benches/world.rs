@@ -7,6 +7,7 @@
 #![allow(
     clippy::print_stdout,
     clippy::unwrap_used,
+    clippy::indexing_slicing,
     clippy::disallowed_methods,
     reason = "a benchmark prints, and cannot go on without what it needs"
 )]
@@ -44,9 +45,9 @@ const CYCLES: usize = 100_000;
 fn main() {
     let (world, frames) = pressed();
     if let Some(cycles) = argument("--cycles") {
-        Player::new(world, &frames).take(cycles).for_each(drop);
+        black_box(Player::new(world, &frames).take(cycles).last());
     } else if let Some(cycles) = argument("--dynamics") {
-        dynamics(&world).take(cycles).for_each(drop);
+        black_box(dynamics(&world).take(cycles).last());
     } else {
         print("dynamics, hand holding", dynamics(&world).take(CYCLES));
         print("the whole world", Player::new(world, &frames).take(CYCLES));

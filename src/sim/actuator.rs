@@ -107,9 +107,9 @@ impl Rise {
         for _ in 0..HALVINGS {
             let error = self.at(torque) - wanted;
             if error > 0.0 {
-                high = torque
+                high = torque;
             } else {
-                low = torque
+                low = torque;
             }
             let newton = torque - error / self.slope(torque);
             let is_inside = newton >= low && newton <= high;

@@ -65,6 +65,7 @@ impl Backlash {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "what is not touched stays what it is, bit for bit")]
 mod tests {
     use super::*;
     use proptest::prelude::*;

@@ -58,6 +58,7 @@ impl CurrentLoop {
 const LONG: f64 = 40.0;
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "what is not touched stays what it is, bit for bit")]
 mod tests {
     use super::*;
     use proptest::prelude::*;

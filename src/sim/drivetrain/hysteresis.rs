@@ -26,6 +26,7 @@ impl Hysteresis {
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "what is not touched stays what it is, bit for bit")]
 mod tests {
     use super::*;
     use proptest::prelude::*;

@@ -368,11 +368,8 @@ mod tests {
             ("sixr_spherical", arm::tests::sixr_spherical(), [0.2, -0.4, 0.9, 0.3, -0.5, 0.1]),
         ] {
             let (fastest, worst) = falling(arm, q, pushed);
-            println!("{name}: {:.2e} of {fastest} J", worst / fastest);
-            assert!(
-                worst < 1e-6 * fastest,
-                "{name}: {worst} J appeared or were lost of {fastest} J"
-            );
+            assert!(fastest > 1.0, "{name} hardly moved: {fastest} J");
+            assert!(worst < 1e-6, "{name}: {worst} J appeared or were lost of {fastest} J");
         }
     }
 

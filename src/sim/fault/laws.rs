@@ -110,8 +110,8 @@ impl Room {
         while let Some(due) = self.faults.deadline().filter(|due| *due <= until) {
             self.now = self.now.max(due);
             let mut out = Vec::new();
-            let mut devices: Devices<'_> =
-                self.talkers.each_mut().map(|talker| talker as &mut dyn Breakable);
+            let [a, b, c, d, e, f, g] = &mut self.talkers;
+            let mut devices: Devices<'_> = [a, b, c, d, e, f, g];
             self.faults.turn(self.now, &mut devices, &mut out);
             came.extend(out.into_iter().map(|telegram| (self.now, telegram)));
         }

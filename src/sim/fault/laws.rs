@@ -110,8 +110,8 @@ impl Room {
         while let Some(due) = self.faults.deadline().filter(|due| *due <= until) {
             self.now = self.now.max(due);
             let mut out = Vec::new();
-            let mut devices: Devices<'_> =
-                self.talkers.each_mut().map(|talker| talker as &mut dyn Breakable);
+            let [a, b, c, d, e, f, g] = &mut self.talkers;
+            let mut devices: Devices<'_> = [a, b, c, d, e, f, g];
             self.faults.turn(self.now, &mut devices, &mut out);
             came.extend(out.into_iter().map(|telegram| (self.now, telegram)));
         }
@@ -316,9 +316,9 @@ fn who_is_back_from_bus_off_tells_so() {
 
 #[test]
 fn an_emergency_passes_as_any_frame_of_its_device() {
-    let warning = fault("kind = \"emergency\", code = 0x4210, register = 8, joint = 1");
+    let warning = fault("kind = \"emergency\", code = 0xFF10, register = 8, joint = 1");
     let mut room = Room::of(&warning, 1);
-    let frame = Frame::new(0x081, [0x10, 0x42, 8, 0, 0, 0, 0, 0]);
+    let frame = Frame::new(0x081, [0x10, 0xFF, 8, 0, 0, 0, 0, 0]);
     let told = (ZERO + Duration::from_secs(1), Telegram { channel: Channel(0), frame });
     assert_eq!(room.pass(2_000.0), [told]);
     let mut room = Room::of(&(fault("kind = \"drop\", joint = 1, frame = \"emcy\"") + &warning), 1);

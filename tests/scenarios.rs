@@ -21,6 +21,7 @@ use frhc::sim::scenario::Scenario;
 use frhc::sim::scenario::fault::Link;
 use frhc::telemetry::record::Mode;
 use frhc::telemetry::record::Record;
+use nalgebra::SVector;
 
 const KRAFT: &str = "config/kraft_like.toml";
 const JPL: &str = "config/jpl_like.toml";
@@ -122,7 +123,7 @@ fn play(config: &Config, script: &Scenario) -> Run {
         if record.targets != [0; 6] {
             torque.told = cycles;
         }
-        if bench.world_mut().torques().iter().any(|torque| *torque != 0.0) {
+        if is_pushed(config, &bench.world_mut().torques()) {
             torque.gone = cycles;
         }
         stopped += u64::from(record.mode == Mode::Stopped);
@@ -130,6 +131,13 @@ fn play(config: &Config, script: &Scenario) -> Run {
             return Run { last: record, torque };
         }
     }
+}
+
+/// Whether a joint has more than a hundredth of the torque it may have: a current dies away, and is never
+/// quite gone.
+fn is_pushed(config: &Config, torques: &SVector<f64, 6>) -> bool {
+    let mut joints = config.joints.iter().zip(torques);
+    joints.any(|(joint, torque)| torque.abs() > 0.01 * joint.max_torque)
 }
 
 /// The most each drive may be told, in ‰ of its rated torque.

@@ -3,6 +3,8 @@
 //!
 //! A table and two look-ups, nothing else. The same codes stand in 603Fh and in the history (1003h).
 
+/// The motor has had too much current for too long.
+pub const OVER_CURRENT: u16 = 0x2310;
 /// The DC link has more than the drive bears.
 pub const OVER_VOLTAGE: u16 = 0x3210;
 /// The DC link has less than the drive needs.
@@ -13,6 +15,8 @@ pub const OVER_TEMPERATURE: u16 = 0x4310;
 pub const OVER_SPEED: u16 = 0x7310;
 /// The device was off its bus, and is back.
 pub const RECOVERED_FROM_BUS_OFF: u16 = 0x8140;
+/// An RPDO has not come in its time.
+pub const RPDO_TIMEOUT: u16 = 0x8250;
 /// The motor is too far from where it should be.
 pub const FOLLOWING_ERROR: u16 = 0x8611;
 /// Safe torque off is asked for. CiA 402 has no code for it, but a class, control monitoring; makers choose

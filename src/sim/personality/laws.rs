@@ -118,7 +118,7 @@ fn told_by(quirks: &[&str]) -> Vec<(Instant, Frame)> {
 fn a_drive_without_quirks_is_the_good_one() {
     assert!(Makeup::of(&Personality::default(), dictionary(), node()).dictionary == dictionary());
     let silent = drive(&[]);
-    assert_eq!((silent.state(), silent.demand()), (State::SwitchOnDisabled, 0.0));
+    assert_eq!((silent.state(), silent.demand()), (State::NotReadyToSwitchOn, 0.0));
 }
 
 #[test]

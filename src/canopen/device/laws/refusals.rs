@@ -265,7 +265,7 @@ fn what_cannot_be_mapped_is_not_mapped() {
         ("fewer bits than it has", &[rpdo_off, "2F 1600:0", "23 1600:1 08 00 71 60"], unmappable),
         ("no bits", &[rpdo_off, "2F 1600:0", "23 1600:1 00 00 71 60"], unmappable),
         ("of any length", &[rpdo_off, "2F 1600:0", "23 1600:1 08 00 01 50"], unmappable),
-        ("a dummy is not sent", &[tpdo_off, "2F 1A00:0", "23 1A00:1 10 00 06 00"], no_object),
+        ("a dummy is not sent", &[tpdo_off, "2F 1A00:0", "23 1A00:1 10 00 06 00"], unmappable),
         (
             "counted without being there",
             &[rpdo_off, "2F 1600:0", "23 1600:1", "2F 1600:0 01"],

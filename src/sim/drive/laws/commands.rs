@@ -1,6 +1,7 @@
 //! Commands, targets and modes, and what is told back.
 
 use super::*;
+use crate::canopen::error_codes;
 use crate::canopen::abort::AbortCode;
 
 #[test]
@@ -35,7 +36,7 @@ fn a_drive_without_rpdo_takes_its_torque_off_within_its_timer() {
     assert!(wire.pushes());
     wire.pass();
     assert_eq!((wire.drive.state(), wire.pushes()), (State::Fault, false));
-    assert_eq!(wire.drive.last_error(), 0x8250);
+    assert_eq!(wire.drive.last_error(), error_codes::RPDO_TIMEOUT);
     let fault = wire.drive.dictionary().get(Object::STATUSWORD).unwrap().to_vec();
     let told = Frame::new(0x83, [0x50, 0x82, 0x11, 0, 0, fault[0], fault[1], 0]);
     assert_eq!(wire.emergencies, [told], "its torque, which is gone, and its state");
@@ -83,7 +84,7 @@ fn a_lost_master_is_answered_as_6007h_says() {
 #[test]
 fn a_fault_is_reset_by_an_edge_and_the_bus_told_so() {
     let mut wire = Wire::pushing(500);
-    wire.drive.fail_with(0x2310);
+    wire.drive.fail_with(error_codes::OVER_CURRENT);
     wire.cycle(Goal::OperationEnabled, 0);
     assert_eq!((wire.drive.state(), wire.pushes()), (State::Fault, false));
     for _ in 0..5 {

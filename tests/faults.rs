@@ -83,9 +83,10 @@ fn the_drives_stop_by_themselves_when_the_node_is_silent() {
     let drives = bench.node().bus().stations().drives();
     assert!(drives.iter().all(|drive| drive.demand() == 0.0));
     // The current dies away with the time constant of its loop, 0.2 ms.
-    bench.fall_silent_for(Duration::from_millis(1));
-    assert!(bench.node().bus().stations().torques().amax() < 0.05);
-    bench.fall_silent_for(Duration::from_millis(93));
+    bench.fall_silent_for(Duration::from_millis(2));
+    let left = bench.node().bus().stations().torques().amax();
+    assert!(left < 1e-3, "{left} N·m");
+    bench.fall_silent_for(Duration::from_millis(92));
     for node in 1..=6 {
         let told = wire.since(fell_silent - Duration::from_millis(2), 0x680 + node);
         let (at, frame) = told.first().unwrap();

@@ -3,6 +3,7 @@
 use crate::canopen::abort::AbortCode;
 use crate::canopen::device::condition;
 use crate::canopen::dictionary::Dictionary;
+use crate::canopen::error_codes;
 use crate::canopen::object::Object;
 use crate::time::Instant;
 
@@ -69,7 +70,7 @@ impl ConnectionLoss {
     pub const fn error_code(self) -> u16 {
         match self {
             Self::Heartbeat => condition::HEARTBEAT_LOST,
-            Self::RpdoTimeout => condition::RPDO_TIMEOUT,
+            Self::RpdoTimeout => error_codes::RPDO_TIMEOUT,
             Self::Stopped => condition::COMMUNICATION_LOST,
         }
     }

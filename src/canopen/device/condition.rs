@@ -1,5 +1,7 @@
 //! What may be wrong with a device, and the code its emergency has (CiA 301, 7.2.7.1, table 26).
 
+use crate::canopen::error_codes;
+
 /// What may be wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Condition {
@@ -26,7 +28,7 @@ impl Condition {
     pub(super) const fn code(self) -> u16 {
         match self {
             Self::HeartbeatLost | Self::GuardLost => HEARTBEAT_LOST,
-            Self::RpdoTimeout => RPDO_TIMEOUT,
+            Self::RpdoTimeout => error_codes::RPDO_TIMEOUT,
             Self::RpdoTooShort => 0x8210,
             Self::RpdoTooLong => 0x8220,
             Self::SyncLength => 0x8240,
@@ -53,8 +55,6 @@ impl Condition {
 pub(super) const COMMUNICATION_LOST: u16 = 0x8100;
 /// No heartbeat, or no guard, for too long.
 pub(super) const HEARTBEAT_LOST: u16 = 0x8130;
-/// No RPDO for too long.
-pub(super) const RPDO_TIMEOUT: u16 = 0x8250;
 
 /// Everything that is wrong.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -143,7 +143,7 @@ pub(super) fn mappable(
     if direction == Direction::Receive && DUMMIES.contains(&(object.index, bits)) && sub == 0 {
         return Ok((None, bits));
     }
-    if object.is_dummy() {
+    if DUMMIES.iter().any(|(index, _)| *index == object.index) {
         return Err(AbortCode::NOT_MAPPABLE);
     }
     if !dictionary.has_index(object.index) {

@@ -1,6 +1,7 @@
 //! Whatever happens, in whatever order.
 
 use super::*;
+use crate::canopen::error_codes;
 use proptest::prelude::*;
 
 /// What may happen to a drive.
@@ -140,7 +141,7 @@ proptest! {
         wire.say(Frame::new(0x603, [0x23, 0x87, 0x60, 0, 1, 0, 0, 0]));
         // Nothing holds a motor once its stop is over.
         wire.download(Object::QUICK_STOP_OPTION, [1, 0]);
-        wire.happen(if is_fault { Happening::Fail(0x2310) } else { Happening::Word(last) });
+        wire.happen(if is_fault { Happening::Fail(error_codes::OVER_CURRENT) } else { Happening::Word(last) });
         let end = wire.now + Duration::from_secs_f64(stop::LONGEST);
         while wire.now <= end {
             wire.now = wire.now + 50 * MS;

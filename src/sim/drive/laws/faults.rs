@@ -52,7 +52,7 @@ fn a_hot_winding_warns_and_then_is_a_fault_until_it_has_cooled() {
     wire.motor.temperature = 121.0;
     wire.cycle(Goal::OperationEnabled, 500);
     assert_eq!((wire.drive.state(), wire.pushes()), (State::Fault, false));
-    assert_eq!(wire.told(), [(0x4310, 0x09)]);
+    assert_eq!(wire.told(), [(error_codes::OVER_TEMPERATURE, 0x09)]);
     for (temperature, state) in [(121.0, State::Fault), (25.0, State::OperationEnabled)] {
         wire.motor.temperature = temperature;
         wire.stage.reset_fault();
@@ -77,7 +77,7 @@ fn a_motor_that_runs_away_trips_and_one_that_is_turned_by_hand_does_not() {
     wire.motor.velocity = -too_fast;
     wire.cycle(Goal::OperationEnabled, 500);
     assert_eq!((wire.drive.state(), wire.pushes()), (State::Fault, false));
-    assert_eq!(wire.told(), [(0x7310, 0x21)]);
+    assert_eq!(wire.told(), [(error_codes::OVER_SPEED, 0x21)]);
 }
 
 #[test]
@@ -88,5 +88,5 @@ fn a_link_without_voltage_gives_no_torque_whatever_the_fault_reaction() {
     assert_eq!((wire.drive.state(), wire.pushes()), (State::Fault, false));
     assert_eq!(wire.drive.dictionary().unsigned(Object::LINK_VOLTAGE), 20_000);
     wire.pass();
-    assert_eq!(wire.told(), [(0x3220, 0x05)]);
+    assert_eq!(wire.told(), [(error_codes::UNDER_VOLTAGE, 0x05)]);
 }

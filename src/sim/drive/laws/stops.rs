@@ -1,6 +1,7 @@
 //! Stops that take their time: in profile torque mode, whose torque is lowered along 6087h.
 
 use super::*;
+use crate::canopen::error_codes;
 
 /// 6087h is 10,000 ‰/s by default: 500 ‰ are gone in 50 ms.
 const SLOPE_MS: std::ops::RangeInclusive<usize> = 48..=52;
@@ -88,10 +89,10 @@ fn a_ramp_that_is_taken_back_leads_up_again() {
 fn a_fault_reaction_is_told_when_it_begins_and_is_a_fault_when_it_ends() {
     let mut wire = pushing(4);
     wire.write(Object::FAULT_REACTION, SLOW_DOWN);
-    wire.drive.fail_with(0x2310);
+    wire.drive.fail_with(error_codes::OVER_CURRENT);
     assert_eq!((wire.drive.state(), wire.pushes()), (State::FaultReactionActive, true));
     wire.pass();
-    assert_eq!(wire.told(), [(0x2310, 0x03)]);
+    assert_eq!(wire.told(), [(error_codes::OVER_CURRENT, 0x03)]);
     let lasts = stays(&mut wire, State::FaultReactionActive, Controlword::ENABLE_OPERATION);
     assert!(SLOPE_MS.contains(&lasts), "{lasts} ms");
     assert_eq!((wire.drive.state(), wire.pushes()), (State::Fault, false));
@@ -102,7 +103,7 @@ fn a_fault_reaction_is_told_when_it_begins_and_is_a_fault_when_it_ends() {
 fn safe_torque_off_cuts_a_fault_reaction_short() {
     let mut wire = pushing(4);
     wire.write(Object::FAULT_REACTION, SLOW_DOWN);
-    wire.drive.fail_with(0x2310);
+    wire.drive.fail_with(error_codes::OVER_CURRENT);
     wire.feed(5, Controlword::ENABLE_OPERATION, TARGET);
     assert!(wire.pushes());
     wire.drive.set_safe_torque_off(true);

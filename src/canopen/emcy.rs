@@ -16,7 +16,6 @@ use canopen_rs::NodeId;
 use canopen_rs::emcy::emcy_cob_id;
 
 use crate::canopen::error_codes;
-use crate::canopen::frame::Frame;
 
 /// The COB-ID of the predefined connection set, 80h + node-id.
 pub const fn default_cob_id(node: NodeId) -> u16 {
@@ -48,13 +47,6 @@ impl Emergency {
             register: message.error_register.0,
             manufacturer: message.vendor_specific,
         })
-    }
-
-    /// The frame that tells it on `cob_id`.
-    pub fn frame(&self, cob_id: u16) -> Frame {
-        let [low, high] = self.code.to_le_bytes();
-        let [m3, m4, m5, m6, m7] = self.manufacturer;
-        Frame::new(cob_id, [low, high, self.register, m3, m4, m5, m6, m7])
     }
 
     /// Whether this says that an error is gone, rather than there.
@@ -97,14 +89,6 @@ mod tests {
         assert_eq!(emergency.to_string(), "3210h DC link over-voltage (voltage) 01 00 00 00 00");
         let emergency = Emergency::decode(&[0x50, 0x82, 0x11, 0, 0, 0, 0, 0]).unwrap();
         assert_eq!(emergency.to_string(), "8250h RPDO timeout (generic, communication)");
-    }
-
-    #[test]
-    fn what_is_told_is_what_is_read() {
-        let emergency = Emergency { code: 0x8140, register: 0x11, manufacturer: [1, 2, 3, 4, 5] };
-        let frame = emergency.frame(0x83);
-        assert_eq!(frame, Frame::new(0x83, [0x40, 0x81, 0x11, 1, 2, 3, 4, 5]));
-        assert_eq!(Emergency::decode(frame.data()), Some(emergency));
     }
 
     #[test]

@@ -313,6 +313,8 @@ mod tests {
     }
 
     impl Breakable for FakeMotor {
+        fn mention(&mut self, _: u16, _: u8) {}
+
         fn channel(&self) -> Channel {
             LEADING
         }
@@ -352,6 +354,8 @@ mod tests {
     }
 
     impl Breakable for FakeSwitches {
+        fn mention(&mut self, _: u16, _: u8) {}
+
         fn channel(&self) -> Channel {
             LEADING
         }

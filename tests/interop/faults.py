@@ -47,8 +47,7 @@ def each_injected_fault_is_told(bench):
         first = told[codes.index(code)]
         same(f"{first[2]:02X}", f"{register:02X}", f"{what}: error register")
         history = [node.sdo[0x1003][sub].raw for sub in range(1, node.sdo[0x1003][0].raw + 1)]
-        if kind != "emergency":
-            check(code in [entry & 0xFFFF for entry in history], f"{what}: 1003h {history}")
+        check(code in [entry & 0xFFFF for entry in history], f"{what}: 1003h {history}")
         same(is_in(node, "fault"), is_fault, f"{what}: statusword")
         if is_fault:
             same(node.sdo["Error code"].raw, code, f"{what}: 603Fh")

@@ -101,6 +101,13 @@ impl Errors {
         }
     }
 
+    /// Something was wrong and is no more: told, and in the history, but not in 1001h. `register` says of
+    /// what class it was.
+    pub(super) fn mention(&mut self, code: u16, register: u8, dictionary: &mut Dictionary) {
+        history::remember(code, dictionary);
+        self.queue(code, self.register() | register, [0; 5]);
+    }
+
     /// Whether an application with this error, or none with code 0, has something to tell.
     pub(super) const fn is_news(&self, code: u16) -> bool {
         self.code != code
@@ -135,6 +142,10 @@ impl Errors {
         if code != 0 {
             history::remember(code, dictionary);
         }
+        self.queue(code, register, manufacturer);
+    }
+
+    fn queue(&mut self, code: u16, register: u8, manufacturer: [u8; 5]) {
         let message = EmergencyMessage {
             error_code: code,
             error_register: ErrorRegister(register),

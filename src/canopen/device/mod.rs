@@ -135,6 +135,12 @@ impl<A: Application> Device<A> {
         self.is_touched = true;
     }
 
+    /// Something is wrong for a moment: an emergency tells of it with the next [`on_time`](Self::on_time),
+    /// with the bits of its class in an error register, and the history has it.
+    pub fn mention(&mut self, code: u16, register: u8) {
+        self.errors.mention(code, register, &mut self.dictionary);
+    }
+
     /// Takes one received frame; frames to send are appended to `out`.
     pub fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
         if lss::is_request(frame) {

@@ -179,6 +179,12 @@ impl Drive {
         self.device.touch(|axis, dictionary| axis.fail(code, dictionary));
     }
 
+    /// Something is wrong with it for a moment, and nothing follows but an emergency; `register` has the
+    /// bits of its class (1001h).
+    pub fn mention(&mut self, code: u16, register: u8) {
+        self.device.mention(code, register);
+    }
+
     /// Levels at its terminals (60FDh): bit 0 negative limit switch, 1 positive limit switch, 2 home switch,
     /// 16 to 31 the maker's own. Bit 3 is safe torque off and is not set by this.
     pub fn set_inputs(&mut self, levels: u32) {

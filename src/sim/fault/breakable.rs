@@ -30,6 +30,9 @@ pub trait Breakable: Station {
     /// It has bus and supply, and boots up.
     fn switch_on(&mut self, now: Instant);
 
+    /// It tells of an error, of the class `register` (1001h), and nothing follows.
+    fn mention(&mut self, code: u16, register: u8);
+
     /// It fails with an error code, 0 for none, if it has anything to fail.
     fn fail_with(&mut self, _code: u16) {}
 
@@ -63,6 +66,10 @@ impl Breakable for Drive {
         self.switch_on(now);
     }
 
+    fn mention(&mut self, code: u16, register: u8) {
+        self.mention(code, register);
+    }
+
     fn fail_with(&mut self, code: u16) {
         self.fail_with(code);
     }
@@ -87,6 +94,10 @@ impl Breakable for SwitchBox {
 
     fn switch_on(&mut self, now: Instant) {
         self.switch_on(now);
+    }
+
+    fn mention(&mut self, code: u16, register: u8) {
+        self.mention(code, register);
     }
 }
 

@@ -49,6 +49,8 @@ impl Station for Talker {
 }
 
 impl Breakable for Talker {
+    fn mention(&mut self, _: u16, _: u8) {}
+
     fn channel(&self) -> Channel {
         self.channel
     }

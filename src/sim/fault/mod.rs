@@ -22,7 +22,6 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::time::Duration;
 
-use crate::canopen::emcy::Emergency;
 use crate::canopen::error_codes;
 use crate::canopen::frame::Telegram;
 use crate::sim::drivetrain::Sensed;
@@ -32,7 +31,6 @@ use crate::sim::scenario::fault::Cut;
 use crate::sim::scenario::fault::Fault;
 use crate::sim::scenario::fault::Kind;
 use crate::sim::scenario::fault::Link;
-use crate::sim::scenario::fault::Service;
 use crate::sim::scenario::fault::Trouble;
 use crate::time::Instant;
 
@@ -116,7 +114,7 @@ impl Faults {
         let is_over = |running: &Running| running.until.is_some_and(|until| until <= now);
         while let Some(place) = self.running.iter().position(is_over) {
             let over = self.running.remove(place);
-            self.end(now, &over, devices, out);
+            self.end(now, &over, devices);
         }
         while let Some(fault) = self.next(now) {
             self.start(now, fault, devices, out);
@@ -182,7 +180,7 @@ impl Faults {
         match fault.kind {
             Kind::Cut(cut) => running.cut(cut, devices),
             Kind::Trouble(trouble) => {
-                self.afflict(now, fault, trouble, devices, out);
+                self.afflict(now, fault, trouble, devices);
                 if trouble != Trouble::SafeTorqueOff {
                     return;
                 }
@@ -199,13 +197,7 @@ impl Faults {
     }
 
     /// All is as before.
-    fn end(
-        &mut self,
-        now: Instant,
-        over: &Running,
-        devices: &mut Devices<'_>,
-        out: &mut Vec<Telegram>,
-    ) {
+    fn end(&mut self, now: Instant, over: &Running, devices: &mut Devices<'_>) {
         let fault = over.fault;
         self.note(now, fault, true);
         for (place, device) in devices.iter_mut().enumerate() {
@@ -213,11 +205,7 @@ impl Faults {
             match fault.kind {
                 Kind::Cut(Cut::Plug) if is_back => device.switch_on(now),
                 Kind::Cut(Cut::BusOff) if is_back => {
-                    out.extend(emergency(
-                        *device,
-                        error_codes::RECOVERED_FROM_BUS_OFF,
-                        COMMUNICATION,
-                    ));
+                    device.mention(error_codes::RECOVERED_FROM_BUS_OFF, COMMUNICATION);
                 }
                 Kind::Trouble(Trouble::SafeTorqueOff) if fault.whom.has(place) => {
                     device.set_safe_torque_off(false);
@@ -235,26 +223,15 @@ impl Faults {
     }
 
     /// Something befalls devices themselves.
-    fn afflict(
-        &mut self,
-        now: Instant,
-        fault: Fault,
-        trouble: Trouble,
-        devices: &mut Devices<'_>,
-        out: &mut Vec<Telegram>,
-    ) {
+    fn afflict(&mut self, now: Instant, fault: Fault, trouble: Trouble, devices: &mut Devices<'_>) {
         let befallen = devices.iter_mut().enumerate().filter(|(place, _)| fault.whom.has(*place));
-        for (place, device) in befallen {
+        for (_, device) in befallen {
             match trouble {
                 Trouble::Reboots => {
                     device.switch_off();
                     device.switch_on(now);
                 }
-                Trouble::Emergency { code, register } => {
-                    if let Some(told) = emergency(*device, code, register) {
-                        self.pass(now, *device, (place, Way::Said), told, out);
-                    }
-                }
+                Trouble::Emergency { code, register } => device.mention(code, register),
                 Trouble::Fails(code) => device.fail_with(code),
                 Trouble::SafeTorqueOff => device.set_safe_torque_off(true),
             }
@@ -265,13 +242,6 @@ impl Faults {
         let at = now.since(self.zero.unwrap_or(now));
         self.notices.push_back(Notice { at, fault, is_over });
     }
-}
-
-/// An emergency of a device, if it has any.
-fn emergency(device: &dyn Breakable, code: u16, register: u8) -> Option<Telegram> {
-    let emergency = Emergency { code, register, manufacturer: [0; 5] };
-    let cob_id = device.cob_id(Way::Said, Service::Emergency)?;
-    Some(Telegram { channel: device.channel(), frame: emergency.frame(cob_id) })
 }
 
 /// Communication error and generic error, of the error register.

@@ -10,6 +10,7 @@
 //! | [`drive`]    | a CiA 402 drive: power states, limits, faults               |
 //! | [`motion`]   | its modes of operation                                      |
 //! | [`drivetrain`] | its motor and gear, up to the joint: lag, curve, play, heat |
+//! | [`personality`] | what real drives do at their worst                      |
 //! | [`switches`] | a CiA 401 input module                                      |
 //! | [`arm`]      | rigid-body kinematics and dynamics                          |
 //! | [`plant`]    | the arm in motion: friction, end stops, integration         |

@@ -8,6 +8,7 @@ import random
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 from canopen.profiles.p402 import BaseNode402
 
@@ -136,6 +137,19 @@ def inhibit_time_holds(bench, nodes):
     same(sent[-1][1], b"\0", "the last mode")
 
 
+def a_tpdo_is_sent_when_it_is_asked_for(bench):
+    """A remote frame with the identifier of a TPDO (bit 30 of its COB-ID is 0) is answered with it."""
+    node = drives(bench)[3]
+    switch_off(node)
+    configure(node.tpdo[1], ["Statusword", "Position actual value"], 1)
+    node.nmt.state = "OPERATIONAL"
+    time.sleep(0.01)
+    before = len(bench.sent(0x184))
+    bench.network.send_message(0x184, [], remote=True)
+    until(lambda: len(bench.sent(0x184)) == before + 1, "the TPDO without a SYNC")
+    same(len(bench.sent(0x184)[-1][1]), 6, "its length")
+
+
 def drive_refuses_what_the_standard_refuses(bench):
     """Every abort a client can cause, from the standard's own table."""
     drives(bench)
@@ -167,6 +181,15 @@ def a_hundred_kilobytes_go_both_ways_in_blocks(bench):
         buffer.write(value)
     with node.sdo[0x2000].open("rb", block_transfer=True) as buffer:
         same(buffer.read() == value, True, "what was written is read")
+
+
+def a_drive_hands_out_the_very_eds_it_is_made_from(bench):
+    """1021h, in blocks and in segments: whoever has a file can check it against the device."""
+    node = drives(bench)[0]
+    same(node.sdo["Store format"].raw, 0, "1022h: as it is")
+    with node.sdo[0x1021].open("rb", block_transfer=True) as stored:
+        same(stored.read() == Path(DRIVE_EDS).read_bytes(), True, "the file, in blocks")
+    same(node.sdo.upload(0x1021, 0) == Path(DRIVE_EDS).read_bytes(), True, "the file, in segments")
 
 
 def fastscan_finds_drives_without_a_node_id(bench):
@@ -219,8 +242,10 @@ def the_documented_master_drives_a_drive(bench):
 
 TESTS = [
     six_drives_are_commissioned_from_their_eds,
+    a_tpdo_is_sent_when_it_is_asked_for,
     drive_refuses_what_the_standard_refuses,
     a_hundred_kilobytes_go_both_ways_in_blocks,
+    a_drive_hands_out_the_very_eds_it_is_made_from,
     fastscan_finds_drives_without_a_node_id,
     the_documented_master_drives_a_drive,
 ]

@@ -52,7 +52,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     // From here on an inquiry is answered; before, it would have ended the process.
     let inquiries = runtime.block_on(async { Inquiries::heard() });
     let inquiries = inquiries.context("no signals").or_fail(Kind::Bus)?;
-    let bus = SocketCan::open(&names).and_then(SocketCan::with_guarding_requests);
+    let bus = SocketCan::open(&names).and_then(SocketCan::with_remote_frames);
     let bus = bus.and_then(SocketCan::hearing_itself);
     let mut bus = bus.or_fail(Kind::Bus)?;
     let mut world = world::build(&config, scenario, args.seed);

@@ -49,7 +49,10 @@ impl Station for Talker {
 }
 
 impl Breakable for Talker {
-    fn mention(&mut self, _: u16, _: u8) {}
+    fn mention(&mut self, code: u16, register: u8) {
+        let [low, high] = code.to_le_bytes();
+        self.says.push(Frame::new(0x080 + self.number, [low, high, register, 0, 0, 0, 0, 0]));
+    }
 
     fn channel(&self) -> Channel {
         self.channel
@@ -311,20 +314,18 @@ fn who_has_its_plug_back_boots_up_but_not_before_the_last_fault_is_over() {
 #[test]
 fn who_is_back_from_bus_off_tells_so() {
     let mut room = Room::of(&fault("kind = \"bus_off\", joint = 4, for_s = 0.5"), 1);
-    let frame = Frame::new(0x084, [0x40, 0x81, 0x11, 0, 0, 0, 0, 0]);
-    let told = (ZERO + Duration::from_millis(1_500), Telegram { channel: Channel(1), frame });
-    assert_eq!(room.pass(2_000.0), [told]);
+    room.pass(1_499.0);
+    assert_eq!(room.talkers[3].says, []);
+    room.pass(1_500.0);
+    assert_eq!(room.talkers[3].says, [Frame::new(0x084, [0x40, 0x81, 0x11, 0, 0, 0, 0, 0])]);
 }
 
 #[test]
-fn an_emergency_passes_as_any_frame_of_its_device() {
+fn an_emergency_is_told_by_its_device() {
     let warning = fault("kind = \"emergency\", code = 0xFF10, register = 8, joint = 1");
     let mut room = Room::of(&warning, 1);
-    let frame = Frame::new(0x081, [0x10, 0xFF, 8, 0, 0, 0, 0, 0]);
-    let told = (ZERO + Duration::from_secs(1), Telegram { channel: Channel(0), frame });
-    assert_eq!(room.pass(2_000.0), [told]);
-    let mut room = Room::of(&(fault("kind = \"drop\", joint = 1, frame = \"emcy\"") + &warning), 1);
-    assert_eq!(room.pass(2_000.0), []);
+    room.pass(1_000.0);
+    assert_eq!(room.talkers[0].says, [Frame::new(0x081, [0x10, 0xFF, 8, 0, 0, 0, 0, 0])]);
 }
 
 #[test]

@@ -134,8 +134,8 @@ fn straight_lines_distort_a_force_along_one_axis_and_polynomials_do_not() {
     println!("felt force, straight lines: {linear}");
     println!("felt force, polynomials:    {polynomial}");
     assert!(polynomial.cycles > 400 && linear.cycles > 400);
-    // Half a per mille of each joint is what is left.
-    assert!(polynomial.rms < 1.0 && polynomial.worst < 3.0, "{polynomial}");
+    // Half a per mille of each joint is what is left, and what a current has not followed within 1 ms.
+    assert!(polynomial.rms < 1.2 && polynomial.worst < 3.0, "{polynomial}");
     assert!(linear.rms > 20.0 * polynomial.rms, "{linear}");
 }
 

@@ -1,21 +1,31 @@
 #!/usr/bin/env bash
-# bench.sh: what one step of the controller costs, in time and instructions, and what pinocchio takes for
-# forward kinematics, Jacobian and gravity of the same arm.
+# bench.sh: what one step of the controller costs, in time and instructions, what pinocchio takes for
+# forward kinematics, Jacobian and gravity of the same arm, and what a millisecond of the simulation costs.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 cargo bench --locked --bench cycle
+cargo bench --locked --bench world
 
 if command -v valgrind >/dev/null; then
-  bench=$(cargo bench --locked --bench cycle --no-run --message-format=json 2>/dev/null |
-    sed -n 's/.*"executable":"\([^"]*\/cycle-[0-9a-f]*\)".*/\1/p' | tail -n 1)
-  count() { # instructions of a run of $1 steps
-    valgrind --tool=callgrind --callgrind-out-file=/dev/null "$bench" --steps "$1" 2>&1 |
+  executable() { # of benchmark $1
+    cargo bench --locked --bench "$1" --no-run --message-format=json 2>/dev/null |
+      sed -n 's/.*"executable":"\([^"]*\/'"$1"'-[0-9a-f]*\)".*/\1/p' | tail -n 1
+  }
+  count() { # instructions of a run of "$@"
+    valgrind --tool=callgrind --callgrind-out-file=/dev/null "$@" 2>&1 |
       sed -n 's/.*Collected : \([0-9]*\).*/\1/p'
   }
-  many=$(count 14000)
-  few=$(count 4000)
-  echo "Controller::step, everything on: $(((many - few) / 10000)) instructions"
+  each() { # instructions of one of $3 that "$1 $2" plays
+    many=$(count "$1" "$2" $((4000 + $3)))
+    few=$(count "$1" "$2" 4000)
+    echo $(((many - few) / $3))
+  }
+  cycle=$(executable cycle)
+  echo "Controller::step, everything on: $(each "$cycle" --steps 10000) instructions"
+  world=$(executable world)
+  echo "dynamics, hand holding, a millisecond of it: $(each "$world" --dynamics 2000) instructions"
+  echo "the whole world, a millisecond of it: $(each "$world" --cycles 2000) instructions"
 else
   echo "no valgrind here: instructions not counted" >&2
 fi

@@ -208,6 +208,50 @@ fn what_no_node_can_be_booted_by_is_named() {
     }
 }
 
+/// [`TEXT`] with these lines of its first joint's simulation.
+fn with_simulated(lines: &str) -> String {
+    let (first, rest) = TEXT.split_once("\n[[joint]]\nname = \"elevation\"").unwrap();
+    format!("{first}\n[joint.simulated]\n{lines}\n\n[[joint]]\nname = \"elevation\"{rest}")
+}
+
+#[test]
+fn what_no_motor_and_gear_can_be_simulated_by_is_named() {
+    for (lines, reason) in [
+        ("current_loop_us = -1.0", "joint[0].simulated.current_loop_us: -1 is not within 0 and"),
+        ("current_loop_us = nan", "joint[0].simulated.current_loop_us: NaN is not within 0 and"),
+        ("backlash_deg = 11.0", "joint[0].simulated.backlash_deg: 11 is not within 0 and 10"),
+        (
+            "backlash_m = 0.001",
+            "joint[0].simulated.backlash_m: a revolute joint has `backlash_deg`",
+        ),
+        ("hysteresis_n = 0.1", "joint[0].simulated.hysteresis_n: a revolute joint has"),
+        ("hysteresis_nm = 7.0", "joint[0].simulated.hysteresis_nm: 7 is not within 0 and 6"),
+        ("thermal_time_constant_s = 0", "joint[0].simulated.thermal_time_constant_s: 0 is not"),
+        ("torque_curve_reverse = [1.0, -9.0, 0.0]", "joint[0].simulated.torque_curve_reverse: "),
+        ("backlash = 0.1", "joint[0].simulated.backlash: unknown key"),
+    ] {
+        let refusal = refusal(&with_simulated(lines));
+        assert!(refusal.contains(reason), "{lines}: {refusal}");
+        assert!(refusal.contains(&format!("{FILE}:")), "{refusal}");
+    }
+}
+
+#[test]
+fn a_motor_and_gear_of_which_nothing_is_said_are_good_ones() {
+    let said = "current_loop_us = 300.0\nbacklash_deg = 0.2\nhysteresis_nm = 0.03\n\
+        thermal_time_constant_s = 12.5\ntorque_curve_reverse = [130.0, 0.0, 0.0]";
+    let config = Config::parse(Path::new(FILE), &with_simulated(said)).unwrap();
+    let ([first, second, ..], good) = (&config.joints, &config.joints[5].simulated);
+    let simulated = &first.simulated;
+    assert!((simulated.current_loop - 300e-6).abs() < 1e-12);
+    assert!((simulated.backlash - 0.2_f64.to_radians()).abs() < 1e-12);
+    assert_eq!((simulated.hysteresis, simulated.thermal_time_constant), (0.03, 12.5));
+    assert_eq!(simulated.torque_curve_reverse, Some([130.0, 0.0, 0.0]));
+    assert_eq!(&second.simulated, good);
+    assert!((good.current_loop - 200e-6).abs() < 1e-12);
+    assert_eq!((good.backlash, good.hysteresis, good.torque_curve_reverse), (0.0, 0.0, None));
+}
+
 #[test]
 fn counted_syncs_are_told_to_every_drive_and_counted_on_the_bus() {
     let text = TEXT.replacen("[node]\n", "[node]\nsync_counter = 240\ntime_period_ms = 1000\n", 1);
@@ -241,4 +285,29 @@ fn an_unusual_boot_is_in_the_plan_of_its_node() {
     assert_eq!(plan.admission.serial, Some(7));
     assert_eq!(plan.admission.software.unwrap().as_bytes(), b"0.1.0");
     assert_eq!(plan.error_control.lost_after(), std::time::Duration::from_millis(240));
+}
+
+#[test]
+fn what_the_object_touches_may_be_rough_and_round() {
+    let plain = Config::parse(Path::new(FILE), TEXT).unwrap();
+    assert!(plain.remote.sphere.is_none());
+    assert_eq!(plain.remote.wall.map(|(.., contact)| contact.friction), Some(0.0));
+    let sphere = "[remote.sphere]\ncentre_m = [0.4, -0.2, 0.3]\nradius_m = 0.08\n\
+                  stiffness_n_per_m = 1500.0\ndamping_ns_per_m = 10.0\nfriction = 0.4\n\n";
+    let text = TEXT.replacen("[safety]", &format!("{sphere}[safety]"), 1);
+    let config = Config::parse(Path::new(FILE), &text).unwrap();
+    let (centre, radius, contact) = config.remote.sphere.unwrap();
+    assert_eq!((centre.y, radius, contact.friction), (-0.2, 0.08, 0.4));
+    for (from, to, reason) in [
+        ("radius_m = 0.08", "radius_m = 0.01", "remote.sphere.radius_m: 0.01 is not within 0.03"),
+        ("friction = 0.4", "friction = -0.4", "remote.sphere.friction: -0.4 is not within 0 and 2"),
+        ("friction = 0.4", "friction = nan", "remote.sphere.friction: NaN is not within 0 and 2"),
+        ("friction = 0.4", "frictoin = 0.4", "remote.sphere.frictoin: unknown key"),
+        ("radius_m = 0.08\n", "", "missing field `radius_m`"),
+        ("[remote.box]", "[remote.box]\nfriction = 3.0", "remote.box.friction: 3 is not within"),
+    ] {
+        let refusal = refusal(&text.replacen(from, to, 1));
+        assert!(refusal.contains(reason), "{reason}: {refusal}");
+        assert!(refusal.starts_with(&format!("{FILE}:")), "{refusal}");
+    }
 }

@@ -109,7 +109,7 @@ fn every_size_goes_down_and_comes_up_by_every_protocol() {
 fn what_is_refused_one_way_is_refused_every_way() {
     let mut bus = bus(());
     let node = Object { index: BUFFER.index, sub: 9 };
-    let nowhere = Object { index: BUFFER.index + 1, sub: 0 };
+    let nowhere = Object { index: BUFFER.index + 0xFFF, sub: 0 };
     for terms in every_protocol(block(127)) {
         for (object, value, code) in [
             (node, 1, AbortCode::NO_SUB_INDEX),

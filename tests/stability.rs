@@ -240,9 +240,9 @@ fn a_push_within_the_friction_at_the_grip_moves_nothing_and_a_stronger_one_does(
 #[test]
 fn surfaces_resist_turning_as_the_check_takes_it() {
     let (stiffness, turn) = (2_000.0, 1e-3);
-    let surface = Surface { stiffness, damping: 0.0 };
+    let surface = Surface { stiffness, damping: 0.0, friction: 0.0 };
     let wall = Wall { point: Vector3::zeros(), normal: -Vector3::x_axis(), surface };
-    let scene = Scene { wall: Some(wall), block: None };
+    let scene = Scene { wall: Some(wall), ..Scene::default() };
     // With a whole face inside, and the other not.
     let x_b_m = Isometry3::new(Vector3::new(-0.015, 0.0, 0.0), Vector3::new(0.0, turn, 0.0));
     let moment = scene.wrench(&x_b_m, &Twist::ZERO).moment;

@@ -80,12 +80,13 @@ fn distortion(world: &Config, believed: &Config) -> Distortion {
     bench.bring_up().unwrap();
     let (mut squares, mut worst, mut cycles) = (0.0, 0.0_f64, 0);
     let mut engaged_for = 0;
-    let mut last = None;
+    let (mut last, mut before) = (None, None);
     for _ in 0..6_000 {
         let record = bench.cycle();
         engaged_for = if record.mode == Mode::Engaged { engaged_for + 1 } else { 0 };
-        // What a cycle asks for acts from the next SYNC on.
-        let asked: Option<Output> = last.replace(record.output);
+        // What a cycle asks for acts from the next SYNC on, and by the one after it the current has followed.
+        let asked: Option<Output> = before;
+        before = last.replace(record.output);
         let Some(asked) = asked.filter(|asked| asked.f_g_task.force.norm() > 1.0) else { continue };
         // Half a second after the deadman closed the reflection's ramp is over, and gravity's too.
         if engaged_for < 600 {
@@ -133,8 +134,8 @@ fn straight_lines_distort_a_force_along_one_axis_and_polynomials_do_not() {
     println!("felt force, straight lines: {linear}");
     println!("felt force, polynomials:    {polynomial}");
     assert!(polynomial.cycles > 400 && linear.cycles > 400);
-    // Half a per mille of each joint is what is left.
-    assert!(polynomial.rms < 1.0 && polynomial.worst < 3.0, "{polynomial}");
+    // Half a per mille of each joint is what is left, and what a current has not followed within 1 ms.
+    assert!(polynomial.rms < 1.2 && polynomial.worst < 3.0, "{polynomial}");
     assert!(linear.rms > 20.0 * polynomial.rms, "{linear}");
 }
 

@@ -13,6 +13,7 @@
 mod common;
 
 use std::fs;
+use std::io::BufRead;
 use std::time::Duration;
 
 use common::log::Log;
@@ -28,6 +29,7 @@ use frhc::canopen::frame::Frame;
 use frhc::canopen::frame::Telegram;
 use frhc::config::Config;
 use frhc::lab::world;
+use nix::sys::signal::Signal;
 
 const CONFIG: &str = "config/kraft_like.toml";
 
@@ -223,6 +225,56 @@ fn bench_tools_find_read_and_renumber_a_simulated_drive() {
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x721));
     assert_eq!(tool("sdo read 33 1008 vs"), "frhc simulated drive\n");
     sim.terminate().succeeds();
+}
+
+#[test]
+fn simulated_drives_tell_what_they_believe_when_asked_and_at_the_end() {
+    let scratch = Scratch::new("beliefs");
+    let mut candump = Candump::of("vcan0");
+    let (sim, mut told) = scratch.frhc_and_stdout(&["sim", "--json", "--config", CONFIG]);
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
+    let mut drives = || {
+        let mut line = String::new();
+        told.read_line(&mut line).unwrap();
+        let report: serde_json::Value = serde_json::from_str(&line).unwrap();
+        assert!(report["t_s"].as_f64().unwrap() >= 0.0, "{line}");
+        let drives = report["drives"].as_array().unwrap().clone();
+        assert_eq!(drives.len(), 6, "{line}");
+        drives
+    };
+    sim.signal(Signal::SIGUSR1);
+    let believed = drives();
+    assert_eq!(believed[2]["name"], "elbow");
+    assert_eq!(believed[2]["nmt"], "pre-operational");
+    assert_eq!(believed[2]["state"], "switch on disabled");
+    assert_eq!(believed[2]["last_error"], 0);
+    Process::of("cansend", &["vcan0", "000#0103"]).wait().succeeds();
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x000));
+    sim.signal(Signal::SIGQUIT);
+    drives();
+    sim.terminate().succeeds();
+    assert_eq!(drives()[2]["nmt"], "operational");
+}
+
+#[test]
+fn simulated_drives_whose_interface_goes_down_say_so_and_end() {
+    let scratch = Scratch::new("down");
+    let words = ["sim", "--config", CONFIG, "-i", "vcan1"];
+    let mut candump = Candump::of("vcan1");
+    let sim = scratch.frhc(&words);
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
+    Process::of("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
+    let from_the_start = scratch.frhc(&words).wait();
+    for outcome in [sim.wait(), from_the_start] {
+        assert_eq!(outcome.code, Some(4), "{}", outcome.stderr);
+        assert_eq!(
+            outcome.stderr.matches("vcan1: interface down").count(),
+            1,
+            "{}",
+            outcome.stderr
+        );
+    }
+    Process::of("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
 }
 
 #[test]

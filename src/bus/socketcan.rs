@@ -1,7 +1,7 @@
 //! SocketCAN: one raw socket per bus, all waited for at once.
 //!
 //! Error frames and 29-bit identifiers are told apart here and never become a [`Frame`]; remote frames
-//! neither, but for those that [simulated devices](SocketCan::with_guarding_requests) answer. Time is
+//! neither, but where [simulated devices](SocketCan::with_remote_frames) answer them. Time is
 //! `CLOCK_MONOTONIC` since the bus was opened; a frame bears the kernel's receive stamp, so that a late
 //! reader knows what is old.
 
@@ -102,16 +102,30 @@ impl SocketCan {
         Ok(Self { sockets, opened, epoch, held: None, first: 0 })
     }
 
-    /// The same, hearing remote frames of error control too (700h + node-id): what simulated devices
-    /// answer when they are guarded. A master hears no remote frame at all.
+    /// The same, hearing remote frames too: simulated devices answer them when they are guarded, or asked
+    /// for a TPDO. A master hears no remote frame at all.
     ///
     /// # Errors
     /// The first interface that does not take the filter.
-    pub fn with_guarding_requests(self) -> Result<Self, OpenError> {
+    pub fn with_remote_frames(self) -> Result<Self, OpenError> {
         for socket in &self.sockets {
-            socket.set_filters(&[data_frames(), guarding_requests()]).map_err(|error| {
-                OpenError::Failed { interface: "guarding requests".to_owned(), error }
+            socket.set_filters(&[data_frames(), remote_frames()]).map_err(|error| {
+                OpenError::Failed { interface: "remote frames".to_owned(), error }
             })?;
+        }
+        Ok(self)
+    }
+
+    /// The same, but what is sent here is heard here too, once it is on the bus: simulated devices are
+    /// several that hear each other.
+    ///
+    /// # Errors
+    /// The first interface that does not do so.
+    pub fn hearing_itself(self) -> Result<Self, OpenError> {
+        for socket in &self.sockets {
+            socket
+                .set_recv_own_msgs(true)
+                .map_err(|error| OpenError::Failed { interface: "own frames".to_owned(), error })?;
         }
         Ok(self)
     }
@@ -223,9 +237,9 @@ fn data_frames() -> CanFilter {
     CanFilter::new(0, CAN_EFF_FLAG | CAN_RTR_FLAG)
 }
 
-/// Remote frames with 11 bits, 700h to 77Fh: of error control.
-fn guarding_requests() -> CanFilter {
-    CanFilter::new(0x700 | CAN_RTR_FLAG, 0x780 | CAN_EFF_FLAG | CAN_RTR_FLAG)
+/// Remote frames with 11 bits.
+fn remote_frames() -> CanFilter {
+    CanFilter::new(CAN_RTR_FLAG, CAN_EFF_FLAG | CAN_RTR_FLAG)
 }
 
 /// A socket that is set up before it hears anything.

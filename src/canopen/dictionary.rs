@@ -96,9 +96,15 @@ pub struct Dictionary {
 }
 
 impl Dictionary {
-    /// As the device is after power-up, as `node`.
+    /// As the device is after power-up, as `node`. A device with an object for its EDS (1021h, CiA 301,
+    /// 7.5.2.24) has the very file in it, uncompressed (1022h is 0).
     pub fn new(eds: &Eds, node: NodeId) -> Self {
-        Self { entries: eds.objects().iter().map(|described| entry(described, node)).collect() }
+        let entries = eds.objects().iter().map(|described| entry(described, node)).collect();
+        let mut dictionary = Self { entries };
+        if dictionary.unsigned(Object::STORE_FORMAT) == 0 {
+            dictionary.furnish(Object::STORED_EDS, eds.source());
+        }
+        dictionary
     }
 
     /// One object.
@@ -159,15 +165,17 @@ impl Dictionary {
     }
 
     /// Defaults the node-id is a part of become those of another node, from the next
-    /// [`restore`](Self::restore) on.
+    /// [`restore`](Self::restore) on. What was [kept](Self::keep) in their place stays.
     pub fn readdress(&mut self, from: NodeId, to: NodeId) {
         let shift = i128::from(to.raw()) - i128::from(from.raw());
         for entry in self.entries.iter_mut().filter(|entry| entry.plus_node_id) {
-            for default in [&mut entry.default, &mut entry.factory] {
-                let number = value::unsigned(default) + shift;
-                for (byte, new) in default.iter_mut().zip(number.to_le_bytes()) {
-                    *byte = new;
-                }
+            let is_kept = entry.default != entry.factory;
+            let number = value::unsigned(&entry.factory) + shift;
+            for (byte, new) in entry.factory.iter_mut().zip(number.to_le_bytes()) {
+                *byte = new;
+            }
+            if !is_kept {
+                entry.default.clone_from(&entry.factory);
             }
         }
     }
@@ -180,6 +188,11 @@ impl Dictionary {
             entry.default.clone_from(&entry.value);
         }
         is_set
+    }
+
+    /// The device has no such object, whatever its data sheet says.
+    pub fn remove(&mut self, object: Object) {
+        self.entries.retain(|entry| entry.object != object);
     }
 
     /// What the objects that `is_meant` picks hold now is what they hold after power-up.

@@ -3,6 +3,26 @@
 //!
 //! A table and two look-ups, nothing else. The same codes stand in 603Fh and in the history (1003h).
 
+/// The motor has had too much current for too long.
+pub const OVER_CURRENT: u16 = 0x2310;
+/// The DC link has more than the drive bears.
+pub const OVER_VOLTAGE: u16 = 0x3210;
+/// The DC link has less than the drive needs.
+pub const UNDER_VOLTAGE: u16 = 0x3220;
+/// The drive is too hot.
+pub const OVER_TEMPERATURE: u16 = 0x4310;
+/// The motor is faster than 6080h lets it be.
+pub const OVER_SPEED: u16 = 0x7310;
+/// The device was off its bus, and is back.
+pub const RECOVERED_FROM_BUS_OFF: u16 = 0x8140;
+/// An RPDO has not come in its time.
+pub const RPDO_TIMEOUT: u16 = 0x8250;
+/// The motor is too far from where it should be.
+pub const FOLLOWING_ERROR: u16 = 0x8611;
+/// Safe torque off is asked for. CiA 402 has no code for it, but a class, control monitoring; makers choose
+/// from it, and this one is maxon's.
+pub const SAFE_TORQUE_OFF: u16 = 0x8A88;
+
 /// What an error code says, by its class where it is not known itself.
 pub fn words(code: u16) -> &'static str {
     let known = |code: u16| CODES.iter().find(|(known, _)| *known == code);
@@ -219,12 +239,13 @@ const CODES: &[(u16, &str)] = &[
     (0x8400, "velocity controller"),
     (0x8500, "position controller"),
     (0x8600, "positioning controller"),
-    (0x8611, "following error"),
+    (FOLLOWING_ERROR, "following error"),
     (0x8612, "reference limit"),
     (0x8700, "synchronisation controller"),
     (0x8800, "winding controller"),
     (0x8900, "process data monitoring"),
     (0x8A00, "control monitoring"),
+    (SAFE_TORQUE_OFF, "safe torque off"),
     (0x9000, "external error"),
     (0xF000, "additional functions"),
     (0xF001, "deceleration"),

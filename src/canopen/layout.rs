@@ -5,6 +5,8 @@
 //! [`exchange`](crate::canopen::exchange), what they cost in [`load`](crate::canopen::load). A further
 //! layout is one more function here.
 
+use std::ops::RangeInclusive;
+
 use canopen_rs::MappingEntry;
 use canopen_rs::NodeId;
 use canopen_rs::PdoKind;
@@ -203,6 +205,12 @@ pub fn switch_off_others(pdos: &mut Vec<Pdo>, exists: impl Fn(Object) -> bool) {
 
 /// As many PDOs as a node can have in each direction (CiA 301, 7.5.1).
 pub const MOST_PDOS: u16 = 512;
+
+/// The mapping parameters of all RPDOs, and of all TPDOs.
+pub const MAPPINGS: [RangeInclusive<u16>; 2] = [
+    Object::rpdo_mapping(1, 0).index..=Object::rpdo_mapping(MOST_PDOS, 0).index,
+    Object::tpdo_mapping(1, 0).index..=Object::tpdo_mapping(MOST_PDOS, 0).index,
+];
 
 /// The COB-ID of a node's RPDO1 in the predefined connection set.
 pub fn rpdo1(node: NodeId) -> u16 {

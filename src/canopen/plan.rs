@@ -163,6 +163,9 @@ pub struct NodePlan {
     pub emcy_cob_id: u16,
     /// How it is watched.
     pub error_control: ErrorControl,
+    /// A drive found with its power on must come to rest, once it is off: how far (6064h) one at rest
+    /// turns in 100 ms at most, in counts. `None` for what does not move, or is not waited for.
+    pub rest: Option<u32>,
 }
 
 /// Device profile of drives.
@@ -237,6 +240,7 @@ impl NodePlan {
                 period_ms: watch.heartbeat_ms,
                 lost_after: Duration::from_millis(u64::from(watch.node_lost_ms)),
             },
+            rest: None,
         }
     }
 

@@ -71,10 +71,24 @@ impl Transmission {
     pub const SYNC_ON_CHANGE: Self = Self(0);
     /// At every SYNC.
     pub const EVERY_SYNC: Self = Self(1);
+    /// Sampled at every SYNC, sent when a remote frame asks for it.
+    pub const SYNC_ON_REQUEST: Self = Self(252);
+    /// Sampled and sent when a remote frame asks for it.
+    pub const ON_REQUEST: Self = Self(253);
     /// At once, on an event the manufacturer defines.
     pub const EVENT_OF_MANUFACTURER: Self = Self(254);
     /// At once, on an event the device profile defines.
     pub const EVENT_OF_PROFILE: Self = Self(255);
+
+    /// Whether events alone govern it.
+    pub const fn is_event_driven(self) -> bool {
+        matches!(self, Self::EVENT_OF_MANUFACTURER | Self::EVENT_OF_PROFILE)
+    }
+
+    /// Whether its content is of a SYNC.
+    pub const fn is_synchronous(self) -> bool {
+        matches!(self, Self(0..=240) | Self::SYNC_ON_REQUEST)
+    }
 
     /// The fewest SYNCs between two frames, at least 1; `None` if no SYNC governs them.
     pub const fn syncs(self) -> Option<u8> {

@@ -63,9 +63,21 @@ impl TimeOfDay {
 /// Whether a device makes the TIME object, and under which COB-ID, by its object 1012h: bit 30 says that it
 /// does, bit 29 that the identifier has 29 bits, which none here has.
 pub fn produced(cob_id_time: u32) -> Option<u16> {
-    const PRODUCES: u32 = 1 << 30;
-    const EXTENDED: u32 = 1 << 29;
-    if cob_id_time & (PRODUCES | EXTENDED) != PRODUCES {
+    identifier(cob_id_time, PRODUCES)
+}
+
+/// Whether a device takes the TIME object, likewise: bit 31 says that it does.
+pub fn consumed(cob_id_time: u32) -> Option<u16> {
+    identifier(cob_id_time, CONSUMES)
+}
+
+const CONSUMES: u32 = 1 << 31;
+const PRODUCES: u32 = 1 << 30;
+const EXTENDED: u32 = 1 << 29;
+
+/// The identifier of 1012h, if the bit `role` is set.
+fn identifier(cob_id_time: u32, role: u32) -> Option<u16> {
+    if cob_id_time & (role | EXTENDED) != role {
         return None;
     }
     let identifier = cob_id_time & (EXTENDED - 1);
@@ -155,17 +167,17 @@ mod tests {
     }
 
     #[test]
-    fn object_1012h_says_who_makes_it() {
+    fn object_1012h_says_who_makes_it_and_who_takes_it() {
         let cases = [
-            (0x4000_0100, Some(0x100)),
-            (0xC000_0101, Some(0x101)),
-            (0x8000_0100, None),
-            (0x0000_0100, None),
-            (0x6000_0100, None),
-            (0x4000_0800, None),
+            (0x4000_0100, Some(0x100), None),
+            (0xC000_0101, Some(0x101), Some(0x101)),
+            (0x8000_0100, None, Some(0x100)),
+            (0x0000_0100, None, None),
+            (0xE000_0100, None, None),
+            (0xC000_0800, None, None),
         ];
-        for (raw, cob_id) in cases {
-            assert_eq!(produced(raw), cob_id, "{raw:08X}h");
+        for (raw, makes, takes) in cases {
+            assert_eq!((produced(raw), consumed(raw)), (makes, takes), "{raw:08X}h");
         }
     }
 

@@ -15,6 +15,7 @@ use crate::cli::export::Export;
 use crate::cli::interfaces::Interfaces;
 use crate::cli::lss::Lss;
 use crate::cli::nmt::Nmt;
+use crate::cli::personality::Personalities;
 use crate::cli::plan::Plan;
 use crate::cli::rig::Calibrate;
 use crate::cli::scan::Scan;
@@ -50,7 +51,9 @@ pub(super) enum Command {
     Run(Run),
     /// The simulated drives, switch box, arm and operator on SocketCAN, for `run` or any other master.
     #[command(
-        after_help = "Example:\n  frhc sim --config config/kraft_like_500hz.toml -i vcan0 --scenario config/scenarios/contact_10s.toml"
+        after_help = "Prints what each drive believes at the end, and whenever it gets SIGUSR1 or SIGQUIT (Ctrl-\\ at a terminal).\n\nExamples:\n  \
+                      frhc sim --config config/kraft_like_500hz.toml -i vcan0 --scenario config/scenarios/contact_10s.toml\n  \
+                      frhc sim --config config/kraft_like.toml --json > drives.jsonl &\n  kill -USR1 $!"
     )]
     Sim(Sim),
     /// Talks to a running node over its Unix socket.
@@ -147,6 +150,11 @@ pub(super) struct Sim {
     /// Seed of the operator's tremor, or of the unknown torque curve.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(super) seed: u64,
+    /// What each drive believes as one JSON object per line.
+    #[arg(long, conflicts_with = "calibrate")]
+    pub(super) json: bool,
+    #[command(flatten)]
+    pub(super) personalities: Personalities,
     #[command(flatten)]
     pub(super) rig: Calibrate,
 }

@@ -8,6 +8,7 @@ use indicatif::ProgressBar;
 use indicatif::ProgressDrawTarget;
 use indicatif::ProgressStyle;
 
+use crate::bus::Tap;
 use crate::canopen::frame::Telegram;
 use crate::cli::args::Demo;
 use crate::cli::exit::Failure;
@@ -17,12 +18,14 @@ use crate::cli::gains;
 use crate::cli::print;
 use crate::cli::recorder::Session;
 use crate::cli::scenario;
+use crate::cli::story::Story;
 use crate::config::Config;
 use crate::lab::bench::Bench;
 use crate::lab::comparison;
 use crate::lab::comparison::Comparison;
 use crate::sim::scenario::Scenario;
 use crate::telemetry::record::Mode;
+use crate::telemetry::record::Record;
 use crate::telemetry::summary::Summary;
 use crate::time::Instant;
 
@@ -129,12 +132,16 @@ fn simulate(
             session.log.frame(at, telegram);
         }
     };
+    let mut story = (!scenario.faults().is_empty()).then(|| Story::of(config));
     let mut bench = Bench::new(config, scenario, args.seed, args.realtime, tap);
     bench.bring_up().or_fail(Kind::Drive)?;
     let mut summary = Summary::default();
     for cycle in 1..=cycles {
         let record = bench.cycle();
         summary.add(&record);
+        if let Some(story) = &mut story {
+            bar.suspend(|| tell(story, &mut bench, &record));
+        }
         if let Some(session) = session.borrow_mut().as_mut() {
             session.log.record(&record);
         }
@@ -147,8 +154,26 @@ fn simulate(
     let carried = bench.carried();
     summary.bus_load_percent = carried.iter().map(|bus| bus.percent).collect();
     summary.bus_frames = carried.iter().map(|bus| bus.frames).collect();
-    bench.stop().or_fail(Kind::Drive)?;
+    match bench.stop() {
+        // What is broken cannot confirm it.
+        Err(error) if story.is_some() => print::note(&error.to_string()),
+        stopped => stopped.or_fail(Kind::Drive)?,
+    }
     Ok(summary)
+}
+
+/// What has broken since the last cycle, and what the node has noticed.
+fn tell<T: Tap>(story: &mut Story, bench: &mut Bench<T>, record: &Record) {
+    while let Some(notice) = bench.world_mut().notice() {
+        print::note(&story.fault(&notice));
+    }
+    let now = bench.elapsed();
+    while let Some(event) = bench.notice() {
+        print::note(&story.event(now, &event));
+    }
+    if let Some(line) = story.mode(now, record) {
+        print::note(&line);
+    }
 }
 
 /// A bar on a terminal, nothing anywhere else.

@@ -16,6 +16,7 @@ mod gains;
 mod interfaces;
 mod lss;
 mod nmt;
+mod personality;
 mod plan;
 mod print;
 mod recorder;
@@ -26,6 +27,7 @@ mod scenario;
 mod sdo;
 mod signals;
 mod sim;
+mod story;
 
 use std::process::ExitCode;
 

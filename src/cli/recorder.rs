@@ -163,6 +163,7 @@ fn tell(event: &Event, names: &[String]) {
         }
         Event::Emergency { .. }
         | Event::BootFailed(_)
+        | Event::FoundEnabled { .. }
         | Event::Absent { .. }
         | Event::ErrorHistory { .. }
         | Event::HeartbeatLost { .. }

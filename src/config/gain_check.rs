@@ -208,9 +208,10 @@ fn resistances(config: &Config) -> [JointResistance; 6] {
 fn stiffest(config: &Config) -> Impedance {
     let wall = config.remote.wall.map(|(.., contact)| contact);
     let block = config.remote.block.map(|(.., contact)| contact);
-    let contacts = [wall, block].into_iter().flatten();
+    let sphere = config.remote.sphere.map(|(.., contact)| contact);
+    let contacts = [wall, block, sphere].into_iter().flatten();
     let stiffest = contacts.max_by(|a, b| a.stiffness.total_cmp(&b.stiffness));
-    stiffest.map_or(Impedance::default(), |Contact { stiffness, damping }| Impedance {
+    stiffest.map_or(Impedance::default(), |Contact { stiffness, damping, .. }| Impedance {
         stiffness,
         damping,
     })

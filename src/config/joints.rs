@@ -15,6 +15,8 @@ use crate::config::boot::BootSettings;
 use crate::config::lookup;
 use crate::config::problem::Problems;
 use crate::config::raw;
+use crate::config::simulated;
+use crate::config::simulated::Simulated;
 use crate::controller::arm::JointKind;
 use crate::controller::arm::Link;
 use crate::controller::calibration::Calibration;
@@ -59,6 +61,8 @@ pub struct Joint {
     pub torque_curve: [f64; 3],
     /// Encoder and torque curve, as the controller uses them.
     pub calibration: JointCalibration,
+    /// What its simulated motor and gear do besides.
+    pub simulated: Simulated,
 }
 
 /// All six joints; `None` where a problem has been noted.
@@ -109,6 +113,15 @@ fn read(
         let made = JointCalibration::new(counts, joint.gear_ratio, joint.zero_counts, curve);
         problems.take(&key("gear_ratio"), made)
     });
+    let given = moved.as_ref().map(|moved| moved.max_torque).zip(Some(&joint.simulated));
+    let simulated = given.and_then(|(max_torque, given)| {
+        let mut of = Units {
+            key: &|name| key(&format!("simulated.{name}")),
+            slides: kind == JointKind::Prismatic,
+            problems,
+        };
+        simulated::read(given, max_torque, &mut of)
+    });
     let alpha = problems.finite(&key("alpha_deg"), joint.alpha_deg).to_radians();
     let a = problems.within(&key("a_m"), joint.a_m, -10.0..=10.0);
     let d = problems.within(&key("d_m"), joint.d_m, -10.0..=10.0);
@@ -147,6 +160,7 @@ fn read(
         max_torque: moved.max_torque,
         torque_curve: joint.torque_curve,
         calibration: calibration?,
+        simulated: simulated?,
     })
 }
 
@@ -222,10 +236,10 @@ fn resting(low: f64, high: f64) -> f64 {
 }
 
 /// Keys of which a turning joint has the first and a sliding one the second.
-struct Units<'k, 'p, 't> {
-    key: &'k dyn Fn(&str) -> String,
-    slides: bool,
-    problems: &'p mut Problems<'t>,
+pub(super) struct Units<'k, 'p, 't> {
+    pub(super) key: &'k dyn Fn(&str) -> String,
+    pub(super) slides: bool,
+    pub(super) problems: &'p mut Problems<'t>,
 }
 
 impl Units<'_, '_, '_> {
@@ -243,7 +257,7 @@ impl Units<'_, '_, '_> {
     }
 
     /// The value, if there is one, and its key; the other kind's key must not be there.
-    fn at_most_one<T>(
+    pub(super) fn at_most_one<T>(
         &mut self,
         turning: (&'static str, Option<T>),
         sliding: (&'static str, Option<T>),

@@ -15,6 +15,7 @@ mod raw;
 mod readings;
 mod remote;
 pub mod signals;
+mod simulated;
 pub mod torque_data;
 
 pub use boot::BootSettings;
@@ -27,6 +28,7 @@ pub use problem::Invalid;
 pub use problem::Problem;
 pub use remote::Contact;
 pub use remote::Virtual;
+pub use simulated::Simulated;
 
 use std::path::Path;
 use std::path::PathBuf;

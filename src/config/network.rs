@@ -231,12 +231,19 @@ fn drive_plan(config: &Config, place: usize, joint: &Joint) -> NodePlan {
     let most = joint.calibration.max_target().0.unsigned_abs();
     let watch = watch(config, place);
     let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch, most);
+    let rest = joint.calibration.span(AT_REST).saturating_add(NOISE);
+    let plan = NodePlan { rest: Some(rest), ..plan };
     let plan = match config.sync_counter {
         Some(last) => plan.counting(last),
         None => plan,
     };
     kept(config, &joint.eds, joint.boot.apply(behind_the_pdos(plan, &joint.eds)))
 }
+
+/// How far a joint at rest turns in 100 ms at most, in rad (m): no faster than 0.02 rad/s.
+const AT_REST: f64 = 0.002;
+/// Counts that an encoder at rest goes back and forth.
+const NOISE: u32 = 2;
 
 /// The drives that share a joint's frame of targets; `None` where each has its own.
 fn group(config: &Config, joint: &Joint) -> Option<Group> {

@@ -108,6 +108,20 @@ pub(super) struct Joint {
     pub(super) max_force_n: Option<f64>,
     pub(super) torque_curve: [f64; 3],
     pub(super) boot: Option<Boot>,
+    #[serde(default)]
+    pub(super) simulated: Simulated,
+}
+
+/// What a simulated motor and gear do that no controller is told of.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct Simulated {
+    pub(super) current_loop_us: Option<f64>,
+    pub(super) torque_curve_reverse: Option<[f64; 3]>,
+    pub(super) hysteresis_nm: Option<f64>,
+    pub(super) hysteresis_n: Option<f64>,
+    pub(super) backlash_deg: Option<f64>,
+    pub(super) backlash_m: Option<f64>,
+    pub(super) thermal_time_constant_s: Option<f64>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -248,6 +262,7 @@ pub(super) struct Remote {
     pub(super) wall: Option<Wall>,
     #[serde(rename = "box")]
     pub(super) block: Option<Block>,
+    pub(super) sphere: Option<Sphere>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -256,6 +271,8 @@ pub(super) struct Wall {
     pub(super) normal: [f64; 3],
     pub(super) stiffness_n_per_m: f64,
     pub(super) damping_ns_per_m: f64,
+    #[serde(default)]
+    pub(super) friction: f64,
 }
 
 #[derive(Debug, Deserialize)]
@@ -264,6 +281,18 @@ pub(super) struct Block {
     pub(super) half_size_m: [f64; 3],
     pub(super) stiffness_n_per_m: f64,
     pub(super) damping_ns_per_m: f64,
+    #[serde(default)]
+    pub(super) friction: f64,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Sphere {
+    pub(super) centre_m: [f64; 3],
+    pub(super) radius_m: f64,
+    pub(super) stiffness_n_per_m: f64,
+    pub(super) damping_ns_per_m: f64,
+    #[serde(default)]
+    pub(super) friction: f64,
 }
 
 #[derive(Debug, Deserialize)]

@@ -1,4 +1,5 @@
-//! `[remote]`: the commanded side. Today a virtual object, a wall and a box.
+//! `[remote]`: the commanded side. Today a virtual object, and what it can touch: a wall, a box, a
+//! sphere.
 
 use nalgebra::Isometry3;
 use nalgebra::Translation3;
@@ -29,15 +30,28 @@ pub struct Virtual {
     pub wall: Option<(Vector3<f64>, Unit<Vector3<f64>>, Contact)>,
     /// A box to bump into: its centre and half its sides.
     pub block: Option<(Vector3<f64>, Vector3<f64>, Contact)>,
+    /// A ball to slide over: its centre and its radius.
+    pub sphere: Option<(Vector3<f64>, f64, Contact)>,
 }
 
-/// How a surface yields.
+/// No coefficient of friction is higher: rubber on rubber is below.
+const ROUGHEST: f64 = 2.0;
+
+/// The object touches with the corners of a cube of 4 cm; a smaller sphere slips in between, in m.
+const SMALLEST: f64 = 0.03;
+
+/// No sphere is larger, in m: a larger one is a wall.
+const LARGEST: f64 = 10.0;
+
+/// How a surface yields, and how it holds back what slides on it.
 #[derive(Clone, Copy, Debug)]
 pub struct Contact {
     /// In N/m.
     pub stiffness: f64,
     /// In N·s/m.
     pub damping: f64,
+    /// Coefficient of dry friction.
+    pub friction: f64,
 }
 
 /// `None` where a problem has been noted.
@@ -73,30 +87,6 @@ pub(super) fn settings(raw: &raw::File, problems: &mut Problems<'_>) -> Option<V
     let centre = problems.all_finite("remote.centre_of_mass_m", remote.centre_of_mass_m);
     let payload = Payload::new(mass, centre);
     let payload = problems.take_unless_noted(before, "remote.mass_kg", payload);
-    let wall = remote.wall.as_ref().map(|wall| {
-        let point = problems.all_finite("remote.wall.point_m", wall.point_m);
-        let normal = problems.all_finite("remote.wall.normal", wall.normal);
-        let normal = Unit::try_new(Vector3::from(normal), 1e-6);
-        if normal.is_none() {
-            problems.add("remote.wall.normal", "has no direction");
-        }
-        let stiffness = "remote.wall.stiffness_n_per_m";
-        let contact = Contact {
-            stiffness: problems.positive(stiffness, wall.stiffness_n_per_m),
-            damping: problems.not_negative("remote.wall.damping_ns_per_m", wall.damping_ns_per_m),
-        };
-        (Vector3::from(point), normal.unwrap_or(Vector3::x_axis()), contact)
-    });
-    let block = remote.block.as_ref().map(|block| {
-        let centre = problems.all_finite("remote.box.centre_m", block.centre_m);
-        let half = problems.none_negative("remote.box.half_size_m", block.half_size_m);
-        let stiffness = "remote.box.stiffness_n_per_m";
-        let contact = Contact {
-            stiffness: problems.positive(stiffness, block.stiffness_n_per_m),
-            damping: problems.not_negative("remote.box.damping_ns_per_m", block.damping_ns_per_m),
-        };
-        (Vector3::from(centre), Vector3::from(half), contact)
-    });
     Some(Virtual {
         x_b_m: Isometry3::from_parts(
             Translation3::from(start),
@@ -106,7 +96,50 @@ pub(super) fn settings(raw: &raw::File, problems: &mut Problems<'_>) -> Option<V
         payload: payload?,
         servo: servo?,
         accommodation: accommodation?,
-        wall,
-        block,
+        wall: remote.wall.as_ref().map(|raw| wall(raw, problems)),
+        block: remote.block.as_ref().map(|raw| block(raw, problems)),
+        sphere: remote.sphere.as_ref().map(|raw| sphere(raw, problems)),
     })
+}
+
+fn wall(
+    raw: &raw::Wall,
+    problems: &mut Problems<'_>,
+) -> (Vector3<f64>, Unit<Vector3<f64>>, Contact) {
+    let point = problems.all_finite("remote.wall.point_m", raw.point_m);
+    let normal = problems.all_finite("remote.wall.normal", raw.normal);
+    let normal = Unit::try_new(Vector3::from(normal), 1e-6);
+    if normal.is_none() {
+        problems.add("remote.wall.normal", "has no direction");
+    }
+    let yields = [raw.stiffness_n_per_m, raw.damping_ns_per_m, raw.friction];
+    let contact = contact("remote.wall", yields, problems);
+    (Vector3::from(point), normal.unwrap_or(Vector3::x_axis()), contact)
+}
+
+fn block(raw: &raw::Block, problems: &mut Problems<'_>) -> (Vector3<f64>, Vector3<f64>, Contact) {
+    let centre = problems.all_finite("remote.box.centre_m", raw.centre_m);
+    let half = problems.none_negative("remote.box.half_size_m", raw.half_size_m);
+    let yields = [raw.stiffness_n_per_m, raw.damping_ns_per_m, raw.friction];
+    (Vector3::from(centre), Vector3::from(half), contact("remote.box", yields, problems))
+}
+
+fn sphere(raw: &raw::Sphere, problems: &mut Problems<'_>) -> (Vector3<f64>, f64, Contact) {
+    let centre = problems.all_finite("remote.sphere.centre_m", raw.centre_m);
+    let radius = problems.within("remote.sphere.radius_m", raw.radius_m, SMALLEST..=LARGEST);
+    let yields = [raw.stiffness_n_per_m, raw.damping_ns_per_m, raw.friction];
+    (Vector3::from(centre), radius, contact("remote.sphere", yields, problems))
+}
+
+/// The surface of what stands in `table`: its stiffness, damping and friction.
+fn contact(
+    table: &str,
+    [stiffness, damping, friction]: [f64; 3],
+    problems: &mut Problems<'_>,
+) -> Contact {
+    Contact {
+        stiffness: problems.positive(&format!("{table}.stiffness_n_per_m"), stiffness),
+        damping: problems.not_negative(&format!("{table}.damping_ns_per_m"), damping),
+        friction: problems.within(&format!("{table}.friction"), friction, 0.0..=ROUGHEST),
+    }
 }

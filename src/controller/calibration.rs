@@ -102,6 +102,11 @@ impl JointCalibration {
         self.counts_per_unit.recip().abs()
     }
 
+    /// How many counts a motion in rad or m is, whichever way; at most 2³¹ - 1.
+    pub fn span(&self, motion: f64) -> u32 {
+        whole_i32(motion * self.counts_per_unit).unsigned_abs()
+    }
+
     /// The joint torque in N·m that a target asks for.
     fn torque(&self, target: PerMille) -> f64 {
         self.curve.torque(f64::from(target.0) * self.direction())

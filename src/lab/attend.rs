@@ -3,41 +3,55 @@
 use std::time::Duration;
 
 use crate::bus::Bus;
+use crate::bus::BusFault;
 use crate::bus::Heard;
+use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
 use crate::canopen::station::Station;
+use crate::lab::outbox::Outbox;
 use crate::time::Instant;
 
 /// Whoever may want to end it is asked this often.
 const ASK_EVERY: Duration = Duration::from_millis(50);
 
-/// Lets `station` live on `bus` until `is_over` says so, asked with the time. A frame that cannot be
-/// sent is lost, as on a real bus.
+/// A bus that is full has room again after so long: a few frames at 1 Mbit/s, one at 125 kbit/s.
+const RETRY_AFTER: Duration = Duration::from_millis(1);
+
+/// The interface of a bus is down or gone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Down(pub Channel);
+
+/// Lets `station` live on `bus` until `is_over` says so, which is asked at every turn. What a bus has no
+/// room for is kept, up to a bound, and sent later.
+///
+/// # Errors
+/// A bus whose interface went down, or was down from the start.
 pub fn attend<B: Bus, S: Station>(
     bus: &mut B,
     station: &mut S,
-    is_over: &mut dyn FnMut(&S) -> bool,
-) {
-    let mut out: Vec<Telegram> = Vec::with_capacity(64);
+    is_over: &mut dyn FnMut(&mut S) -> bool,
+) -> Result<(), Down> {
+    let mut said: Vec<Telegram> = Vec::with_capacity(64);
+    let mut outbox = Outbox::new();
     let mut latest = Instant::ZERO;
     while !is_over(station) {
         let now = bus.now().max(latest);
         if station.deadline().is_some_and(|due| due <= now) {
             latest = now;
-            station.on_time(now, &mut out);
+            station.on_time(now, &mut said);
         }
-        for telegram in out.drain(..) {
-            if bus.send(telegram).is_err() {
-                tracing::debug!(frame = %telegram.frame, "not sent");
-            }
-        }
-        let ask = now + ASK_EVERY;
+        outbox.send(bus, &mut said)?;
+        let ask = now + if outbox.is_empty() { ASK_EVERY } else { RETRY_AFTER };
         let until = station.deadline().map_or(ask, |due| due.min(ask));
         let Some(received) = bus.receive(until) else { continue };
         // A stamp may be older than what was already done.
         latest = latest.max(received.at);
-        if let Heard::Frame(frame) = received.heard {
-            station.on_frame(latest, received.channel, &frame, &mut out);
+        match received.heard {
+            Heard::Frame(frame) => station.on_frame(latest, received.channel, &frame, &mut said),
+            Heard::Fault(BusFault::Down) => return Err(Down(received.channel)),
+            Heard::Fault(BusFault::Off) => tracing::warn!(bus = received.channel.0, "bus-off"),
+            Heard::Fault(fault) => tracing::debug!(?fault, "bus"),
         }
     }
+    Ok(())
 }

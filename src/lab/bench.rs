@@ -87,6 +87,8 @@ impl<T: Tap> Bench<T> {
                 tracing::warn!(?request, %refused, "console");
             }
         }
+        let link = self.node.bus().stations().link();
+        self.node.remote_mut().set_link(link);
         self.node.cycle()
     }
 
@@ -129,6 +131,13 @@ impl<T: Tap> Bench<T> {
     /// What has happened on the network, for people: the oldest that was not asked for yet.
     pub fn notice(&mut self) -> Option<Event> {
         self.node.notice()
+    }
+
+    /// How long the script has run.
+    pub fn elapsed(&self) -> Duration {
+        let bus = self.node.bus();
+        let now = bus.now();
+        now.since(bus.stations().begun().unwrap_or(now))
     }
 
     /// What is attached, to break it.

@@ -9,8 +9,10 @@ use crate::config::Virtual;
 use crate::remote::Remote;
 use crate::remote::Sensed;
 use crate::robot::object::Object;
+use crate::sim::scenario::fault::Link;
 use crate::sim::scene::Block;
 use crate::sim::scene::Scene;
+use crate::sim::scene::Sphere;
 use crate::sim::scene::Surface;
 use crate::sim::scene::Wall;
 use crate::spatial::Motion;
@@ -26,6 +28,9 @@ pub struct VirtualSite {
     scene: Scene,
     before: Option<Instant>,
     longest: f64,
+    link: Link,
+    /// What came over the link last.
+    known: Option<Sensed>,
 }
 
 impl VirtualSite {
@@ -38,7 +43,13 @@ impl VirtualSite {
             Vector3::from(GRAVITY),
         );
         let longest = 10.0 * config.period.as_secs_f64();
-        Self { object, scene: scene(&config.remote), before: None, longest }
+        let scene = scene(&config.remote);
+        Self { object, scene, before: None, longest, link: Link::Up, known: None }
+    }
+
+    /// How it is reached from now on.
+    pub const fn set_link(&mut self, link: Link) {
+        self.link = link;
     }
 
     /// The pose of the object in its base.
@@ -49,20 +60,24 @@ impl VirtualSite {
 
 impl Remote for VirtualSite {
     fn exchange(&mut self, now: Instant, command: &Motion) -> Sensed {
+        let command = if self.link == Link::Lost { &Motion::Hold } else { command };
         let f_m = self.scene.wrench(self.object.pose(), self.object.twist());
         let f_s = self.object.contact(&self.object.sensed(&f_m));
         // The time since the last exchange; after an overrun, no more than the world can bear.
         let dt = self.before.map_or(0.0, |before| now.since(before).as_secs_f64());
         self.object.step(dt.min(self.longest), command, &f_m);
         self.before = Some(now);
-        Sensed { at: now, f_s, x_b_m: *self.object.pose() }
+        let sensed = Sensed { at: now, f_s, x_b_m: *self.object.pose() };
+        let known = self.known.filter(|_| self.link != Link::Up).unwrap_or(sensed);
+        self.known = Some(known);
+        known
     }
 }
 
 /// What there is to touch.
 fn scene(remote: &Virtual) -> Scene {
     let surface =
-        |contact: Contact| Surface { stiffness: contact.stiffness, damping: contact.damping };
+        |Contact { stiffness, damping, friction }| Surface { stiffness, damping, friction };
     Scene {
         wall: remote.wall.map(|(point, normal, contact)| Wall {
             point,
@@ -72,6 +87,11 @@ fn scene(remote: &Virtual) -> Scene {
         block: remote.block.map(|(centre, half_size, contact)| Block {
             centre,
             half_size,
+            surface: surface(contact),
+        }),
+        sphere: remote.sphere.map(|(centre, radius, contact)| Sphere {
+            centre,
+            radius,
             surface: surface(contact),
         }),
     }

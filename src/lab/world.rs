@@ -21,6 +21,9 @@ use crate::sim::arm::LinkSettings;
 use crate::sim::drive::Drive;
 use crate::sim::drive::DriveSettings;
 use crate::sim::drivetrain::Drivetrain;
+use crate::sim::drivetrain::DrivetrainSettings;
+use crate::sim::motion::Load;
+use crate::sim::motion::Tuning;
 use crate::sim::plant::Plant;
 use crate::sim::plant::Resistance;
 use crate::sim::scenario::Scenario;
@@ -33,16 +36,20 @@ const DRIVE_LATENCY: Duration = Duration::from_micros(60);
 
 /// Drives, switch box and arm of `config`, and an operator who follows `scenario`.
 pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
+    let mut places = (1..).zip(inertias(config));
     let drives = config.joints.each_ref().map(|joint| {
-        Drive::new(DriveSettings {
+        let (number, moved) = places.next().unwrap_or_default();
+        let settings = DriveSettings {
             channel: joint.channel,
             node: joint.node,
-            dictionary: numbered(&joint.eds, joint.channel, joint.node),
+            dictionary: furnished(joint),
             actuator: actuator(joint),
             latency: DRIVE_LATENCY,
-        })
+            tuning: tuning(joint, moved),
+        };
+        Drive::with(settings, &scenario.cast().of(number))
     });
-    let drivetrains = config.joints.each_ref().map(|joint| Drivetrain::new(&actuator(joint)));
+    let drivetrains = config.joints.each_ref().map(|joint| Drivetrain::new(&drivetrain(joint)));
     let switches = &config.switches;
     let dictionary = numbered(&switches.eds, switches.channel, switches.node);
     let switches = SwitchBox::new(switches.channel, switches.node, dictionary);
@@ -53,6 +60,13 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
     });
     let plant = Plant::new(arm(config), resistance, start(config));
     World::new(drives, drivetrains, switches, plant, scenario, seed).coupled(transmission(config))
+}
+
+/// What a drive holds. Its position unit is an increment of its encoder, whichever that has.
+fn furnished(joint: &Joint) -> Dictionary {
+    let mut dictionary = numbered(&joint.eds, joint.channel, joint.node);
+    dictionary.furnish(Object::FEED, &joint.counts_per_rev.to_le_bytes());
+    dictionary
 }
 
 /// What a device holds, with a serial number no other has, by which LSS can tell it from its like.
@@ -102,6 +116,40 @@ pub fn actuator(joint: &Joint) -> ActuatorSettings {
         torque_curve: joint.torque_curve,
         max_torque: joint.max_torque,
     }
+}
+
+/// All between a joint's current loop and the arm.
+fn drivetrain(joint: &Joint) -> DrivetrainSettings {
+    let simulated = &joint.simulated;
+    DrivetrainSettings {
+        actuator: actuator(joint),
+        torque_curve_reverse: simulated.torque_curve_reverse,
+        current_loop: simulated.current_loop,
+        hysteresis: simulated.hysteresis,
+        backlash: simulated.backlash,
+        rotor_inertia: joint.link.rotor_inertia,
+        thermal_time_constant: simulated.thermal_time_constant,
+    }
+}
+
+/// What each actuator moves where the arm starts, in kg·m² (kg).
+fn inertias(config: &Config) -> [f64; 6] {
+    let arm = arm(config);
+    let joints = arm.mass_matrix(&arm.posture(&start(config)));
+    let matrix = config.controller.calibration.coupling().matrix();
+    (matrix.transpose() * joints * matrix).diagonal().into()
+}
+
+/// What a drive's servo knows of what it moves; of what cannot be, what is usual.
+fn tuning(joint: &Joint, inertia: f64) -> Tuning {
+    let [per_mille_per_newton_metre, ..] = joint.torque_curve;
+    let load = Load {
+        inertia,
+        viscous: joint.viscous_friction,
+        counts_per_turn: f64::from(joint.counts_per_rev) * joint.gear_ratio,
+        per_mille_per_newton_metre,
+    };
+    Tuning::of(&load).unwrap_or_default()
 }
 
 /// From xx, yy, zz, xy, xz, yz.

@@ -149,4 +149,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub const fn remote(&self) -> &R {
         &self.remote
     }
+
+    /// The commanded side, to reach what is behind it.
+    pub const fn remote_mut(&mut self) -> &mut R {
+        &mut self.remote
+    }
 }

@@ -98,6 +98,7 @@ pub const fn cause_of_event(event: &Event) -> Option<Cause> {
         Event::Emergency { .. }
         | Event::Booted
         | Event::BootFailed(_)
+        | Event::FoundEnabled { .. }
         | Event::Configured { .. }
         | Event::Absent { .. }
         | Event::Joined { .. }

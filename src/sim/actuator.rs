@@ -30,49 +30,97 @@ impl ActuatorSettings {
     }
 }
 
-/// The torque a joint gets for a target.
+/// The torque a joint gets for a target, in either direction.
 #[derive(Clone, Copy, Debug)]
 pub struct TorqueCurve {
-    coefficients: [f64; 3],
+    forward: Rise,
+    /// Where the joint's torque is negative.
+    reverse: Rise,
     gear_sign: f64,
-    max: f64,
 }
 
 impl TorqueCurve {
-    /// That of a motor behind its gear.
+    /// That of a motor behind its gear, the same both ways.
     pub const fn new(settings: &ActuatorSettings) -> Self {
-        Self {
-            coefficients: settings.torque_curve,
-            gear_sign: settings.gear_ratio.signum(),
-            max: settings.max_torque.abs(),
-        }
+        let rise = Rise::new(settings.torque_curve, settings.max_torque.abs());
+        Self { forward: rise, reverse: rise, gear_sign: settings.gear_ratio.signum() }
+    }
+
+    /// The same, with other `c1`, `c3`, `c5` where the joint's torque is negative.
+    #[must_use]
+    pub const fn reverse(self, coefficients: [f64; 3]) -> Self {
+        Self { reverse: Rise::new(coefficients, self.reverse.max), ..self }
     }
 
     /// The target, in per mille, that gives `torque` in N·m; not rounded and not limited.
     pub fn target(&self, torque: f64) -> f64 {
-        self.gear_sign * self.rise(torque)
+        self.gear_sign * torque.signum() * self.towards(torque).at(torque.abs())
     }
 
     /// The joint torque in N·m that `target`, in per mille, gives.
     pub fn torque(&self, target: f64) -> f64 {
-        let wanted = target.abs();
-        if self.rise(self.max) <= wanted {
-            return self.max * target.signum() * self.gear_sign;
-        }
-        let (mut low, mut high) = (0.0, self.max);
-        for _ in 0..HALVINGS {
-            let middle = f64::midpoint(low, high);
-            if self.rise(middle) < wanted { low = middle } else { high = middle }
-        }
-        let size = if wanted > 0.0 { high } else { 0.0 };
-        size * target.signum() * self.gear_sign
+        let direction = target.signum() * self.gear_sign;
+        direction * self.towards(direction).inverse(target.abs())
     }
 
-    /// `c1 t + c3 t³ + c5 t⁵`.
-    fn rise(&self, torque: f64) -> f64 {
+    const fn towards(&self, direction: f64) -> &Rise {
+        if direction < 0.0 { &self.reverse } else { &self.forward }
+    }
+}
+
+/// `c1 t + c3 t³ + c5 t⁵` for `t` from 0 to its end, where it rises.
+#[derive(Clone, Copy, Debug)]
+struct Rise {
+    coefficients: [f64; 3],
+    max: f64,
+    /// Its value at `max`.
+    full: f64,
+}
+
+impl Rise {
+    const fn new(coefficients: [f64; 3], max: f64) -> Self {
+        let mut rise = Self { coefficients, max, full: 0.0 };
+        rise.full = rise.at(max);
+        rise
+    }
+
+    const fn at(&self, torque: f64) -> f64 {
         let [c1, c3, c5] = self.coefficients;
         let square = torque * torque;
         torque * (c1 + square * (c3 + square * c5))
+    }
+
+    const fn slope(&self, torque: f64) -> f64 {
+        let [c1, c3, c5] = self.coefficients;
+        let square = torque * torque;
+        c1 + square * (3.0 * c3 + square * 5.0 * c5)
+    }
+
+    /// Where it is `wanted`, which is not negative; its end if nowhere. Newton's steps, halving where one
+    /// would leave what is left to search.
+    fn inverse(&self, wanted: f64) -> f64 {
+        if self.full <= wanted {
+            return self.max;
+        }
+        let (mut low, mut high) = (0.0, self.max);
+        let mut torque = self.max * wanted / self.full;
+        for _ in 0..HALVINGS {
+            let error = self.at(torque) - wanted;
+            if error > 0.0 {
+                high = torque;
+            } else {
+                low = torque;
+            }
+            let newton = torque - error / self.slope(torque);
+            let is_inside = newton >= low && newton <= high;
+            let next = if is_inside { newton } else { f64::midpoint(low, high) };
+            let step = (next - torque).abs();
+            torque = next;
+            if step <= f64::EPSILON * self.max {
+                break;
+            }
+        }
+        torque
     }
 }
 
@@ -161,6 +209,15 @@ mod tests {
             let torque = share * max;
             let back = curve.torque(curve.target(torque));
             prop_assert!((back - torque).abs() <= 1e-9 * max, "{torque} became {back}");
+        }
+
+        #[test]
+        fn each_direction_is_inverted_by_its_own_curve(torque in -10.0..10.0_f64, third in -0.1..1.0_f64) {
+            let curve = curve([30.0, 0.1, 0.0], -80.0, 10.0).reverse([40.0, third / 3.0, 0.002]);
+            let back = curve.torque(curve.target(torque));
+            prop_assert!((back - torque).abs() <= 1e-12, "{torque} became {back}");
+            let other = curve.torque(-curve.target(torque));
+            prop_assert!(torque == 0.0 || (other + torque).abs() > 1e-6 * torque.abs());
         }
 
         #[test]

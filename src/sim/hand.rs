@@ -23,21 +23,23 @@ pub struct Hand {
     pub max_moment: f64,
 }
 
-/// A hand that holds firmly but not stiffly.
 impl Default for Hand {
     fn default() -> Self {
-        Self {
-            stiffness: 500.0,
-            damping: 15.0,
-            turning_stiffness: 6.0,
-            turning_damping: 0.12,
-            max_force: 40.0,
-            max_moment: 2.0,
-        }
+        Self::FIRM_NOT_STIFF
     }
 }
 
 impl Hand {
+    /// A hand that holds firmly but not stiffly.
+    pub const FIRM_NOT_STIFF: Self = Self {
+        stiffness: 500.0,
+        damping: 15.0,
+        turning_stiffness: 6.0,
+        turning_damping: 0.12,
+        max_force: 40.0,
+        max_moment: 2.0,
+    };
+
     /// The wrench on the grip, at {G} in {G}, when it is at `x_0_g` with twist `v_g` and wanted at
     /// `x_0_d`.
     pub fn wrench(&self, x_0_g: &Isometry3<f64>, v_g: &Twist, x_0_d: &Isometry3<f64>) -> Wrench {
@@ -48,6 +50,20 @@ impl Hand {
         Wrench {
             force: limited(pull, self.max_force) - v_g.linear * self.damping,
             moment: limited(turn, self.max_moment) - v_g.angular * self.turning_damping,
+        }
+    }
+
+    /// The same hand `times` as stiff and as well damped as before; not stronger.
+    #[must_use]
+    pub fn stiffened(&self, times: f64) -> Self {
+        // A given mass on a spring and a damper keeps its damping ratio.
+        let root = times.sqrt();
+        Self {
+            stiffness: self.stiffness * times,
+            damping: self.damping * root,
+            turning_stiffness: self.turning_stiffness * times,
+            turning_damping: self.turning_damping * root,
+            ..*self
         }
     }
 
@@ -88,6 +104,20 @@ mod tests {
         };
         assert!((pull(0.01) - 5.0).abs() < 1e-12);
         assert!((pull(-1.0) + hand.max_force).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_stiffened_hand_is_damped_as_well_and_no_stronger() {
+        let hand = Hand::default();
+        let expected = Hand {
+            stiffness: 4.0 * hand.stiffness,
+            damping: 2.0 * hand.damping,
+            turning_stiffness: 4.0 * hand.turning_stiffness,
+            turning_damping: 2.0 * hand.turning_damping,
+            ..hand
+        };
+        assert_eq!(hand.stiffened(4.0), expected);
+        assert_eq!(hand.stiffened(1.0), hand);
     }
 
     #[test]

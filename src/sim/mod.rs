@@ -7,31 +7,40 @@
 //!
 //! | file         | what                                                        |
 //! |--------------|-------------------------------------------------------------|
-//! | [`drive`]    | a CiA 402 drive: power states, modes, encoder               |
+//! | [`drive`]    | a CiA 402 drive: power states, limits, faults               |
 //! | [`motion`]   | its modes of operation                                      |
-//! | [`drivetrain`] | its motor and gear, up to the joint                       |
+//! | [`drivetrain`] | its motor and gear, up to the joint: lag, curve, play, heat |
+//! | [`personality`] | what real drives do at their worst                      |
 //! | [`switches`] | a CiA 401 input module                                      |
 //! | [`arm`]      | rigid-body kinematics and dynamics                          |
 //! | [`plant`]    | the arm in motion: friction, end stops, integration         |
-//! | [`hand`]     | the operator's hand, and its [`tremor`]                     |
-//! | [`scenario`] | what the operator does, and when                            |
-//! | [`scene`]    | a wall and a box                                            |
+//! | [`person`]   | the operator: a [`hand`], its [`tremor`], its [`temperament`] |
+//! | [`scenario`] | what the operator does and what breaks, and when            |
+//! | [`fault`]    | what breaks, between devices and buses                      |
+//! | [`scene`]    | a wall, a box and a sphere                                  |
 //! | [`world`]    | all of it, as a station on the buses                        |
+//! | [`belief`]   | what each drive believes, and what is so                    |
 //! | [`rig`]      | one joint against a load cell, to calibrate                 |
 
 pub mod actuator;
 pub mod arm;
+pub mod belief;
+mod delay;
 pub mod drive;
 pub mod drivetrain;
+pub mod fault;
 pub mod hand;
 pub mod motion;
+mod motors;
+pub mod person;
+pub mod personality;
 pub mod plant;
-mod power;
 mod random;
 pub mod rig;
 pub mod scenario;
 pub mod scene;
 pub mod switches;
+pub mod temperament;
 pub mod transmission;
 pub mod tremor;
 pub mod world;

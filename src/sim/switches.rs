@@ -63,6 +63,21 @@ impl SwitchBox {
         self.device.on_frame(now, &power_up, &mut self.frames);
     }
 
+    /// Something is wrong with it for a moment; `register` has the bits of its class (1001h).
+    pub fn mention(&mut self, code: u16, register: u8) {
+        self.device.mention(code, register);
+    }
+
+    /// Its bus.
+    pub const fn channel(&self) -> Channel {
+        self.channel
+    }
+
+    /// Its objects, as they are now.
+    pub const fn dictionary(&self) -> &Dictionary {
+        self.device.dictionary()
+    }
+
     /// Where it is.
     pub const fn node(&self) -> NodeId {
         self.device.node()

@@ -6,15 +6,22 @@ use nalgebra::Vector3;
 
 use crate::sim::random::SplitMix;
 
-/// How far, in m, on each axis.
-const AMPLITUDE: f64 = 0.2e-3;
+/// How far and how fast a hand shakes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shake {
+    /// The farthest on each axis, in m.
+    pub amplitude: f64,
+    /// Its slowest and its fastest waves, in Hz.
+    pub band: [f64; 2],
+}
 
-/// Waves on each axis, between 6 and 12 Hz as physiological tremor is.
+/// Waves on each axis.
 const WAVES: usize = 3;
 
 /// A few waves of random frequency and phase on each axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Tremor {
+    amplitude: f64,
     waves: [[Wave; WAVES]; 3],
     t: f64,
 }
@@ -27,13 +34,15 @@ struct Wave {
 
 impl Tremor {
     /// The tremor of one seed.
-    pub fn new(seed: u64) -> Self {
+    pub fn new(shake: Shake, seed: u64) -> Self {
+        let Shake { amplitude, band: [slowest, fastest] } = shake;
         let mut random = SplitMix::new(seed);
         let mut waves = [[Wave::default(); WAVES]; 3];
         for wave in waves.as_flattened_mut() {
-            *wave = Wave { frequency: 6.0 + 6.0 * random.next(), phase: TAU * random.next() };
+            let frequency = slowest + (fastest - slowest) * random.next();
+            *wave = Wave { frequency, phase: TAU * random.next() };
         }
-        Self { waves, t: 0.0 }
+        Self { amplitude, waves, t: 0.0 }
     }
 
     /// Where the hand has shaken to after `dt` s more, in m.
@@ -41,7 +50,7 @@ impl Tremor {
         self.t += dt;
         let axis = |waves: &[Wave; WAVES]| {
             let wave = |wave: &Wave| (TAU * wave.frequency * self.t + wave.phase).sin();
-            AMPLITUDE / 3.0 * waves.iter().map(wave).sum::<f64>()
+            self.amplitude / 3.0 * waves.iter().map(wave).sum::<f64>()
         };
         let [x, y, z] = &self.waves;
         Vector3::new(axis(x), axis(y), axis(z))
@@ -52,8 +61,10 @@ impl Tremor {
 mod tests {
     use super::*;
 
+    const AMPLITUDE: f64 = 0.2e-3;
+
     fn path(seed: u64) -> Vec<Vector3<f64>> {
-        let mut tremor = Tremor::new(seed);
+        let mut tremor = Tremor::new(Shake { amplitude: AMPLITUDE, band: [6.0, 12.0] }, seed);
         (0..1_000).map(|_| tremor.next(1e-3)).collect()
     }
 

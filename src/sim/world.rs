@@ -3,7 +3,8 @@
 //!
 //! At every SYNC the arm is brought up to date first, with the torques that acted until then; then the
 //! drives see where it is, and the SYNC. Without SYNCs the arm moves all the same, a millisecond at a time;
-//! and whenever a torque changes, so that each acts exactly from when to when a drive exerts it.
+//! and whenever a demand changes, so that each acts exactly from when to when a drive makes it, with the lag
+//! of its current loop.
 
 use std::time::Duration;
 
@@ -19,12 +20,18 @@ use crate::sim::arm::Joints;
 use crate::sim::drive::Drive;
 use crate::sim::drivetrain::Drivetrain;
 use crate::sim::drivetrain::Sensed;
-use crate::sim::hand::Hand;
+use crate::sim::fault::Breakable;
+use crate::sim::fault::Devices;
+use crate::sim::fault::Faults;
+use crate::sim::fault::Notice;
+use crate::sim::motors::Motors;
+use crate::sim::person::Person;
+use crate::sim::plant;
 use crate::sim::plant::Plant;
 use crate::sim::scenario::Scenario;
+use crate::sim::scenario::fault::Link;
 use crate::sim::switches::SwitchBox;
 use crate::sim::transmission::Transmission;
-use crate::sim::tremor::Tremor;
 use crate::time::Instant;
 
 /// The arm is never older than this.
@@ -37,7 +44,7 @@ const LONGEST: Duration = Duration::from_millis(100);
 const LEADING: Channel = Channel(0);
 
 /// A drive, seen from its joint.
-pub trait Motor: Station {
+pub trait Motor: Breakable {
     /// What its motor does now.
     fn sense(&mut self, sensed: &Sensed);
 
@@ -46,7 +53,7 @@ pub trait Motor: Station {
 }
 
 /// An input module, seen from its switches.
-pub trait Inputs: Station {
+pub trait Inputs: Breakable {
     /// Sets its eight inputs.
     fn set(&mut self, inputs: u8);
 }
@@ -55,13 +62,12 @@ pub trait Inputs: Station {
 #[derive(Clone, Debug)]
 pub struct World<M = Drive, I = SwitchBox> {
     drives: [M; 6],
-    drivetrains: [Drivetrain; 6],
+    motors: Motors,
     switches: I,
     plant: Plant,
-    transmission: Transmission,
-    hand: Hand,
+    person: Person,
+    faults: Faults,
     scenario: Scenario,
-    tremor: Tremor,
     /// Where the grip was at the start: what the scenario's movements are relative to.
     x_0_start: Isometry3<f64>,
     /// The first SYNC: time zero of the scenario.
@@ -82,14 +88,13 @@ impl<M: Motor, I: Inputs> World<M, I> {
     ) -> Self {
         let mut world = Self {
             drives,
-            drivetrains,
+            motors: Motors::new(drivetrains),
             switches,
             x_0_start: *plant.x_0_g(),
             plant,
-            transmission: Transmission::direct(),
-            hand: Hand::default(),
+            person: Person::new(scenario.temperament(), seed),
+            faults: Faults::new(scenario.faults(), seed),
             scenario,
-            tremor: Tremor::new(seed),
             begun: None,
             now: Instant::ZERO,
         };
@@ -100,9 +105,14 @@ impl<M: Motor, I: Inputs> World<M, I> {
     /// The same, drives and joints being coupled.
     #[must_use]
     pub fn coupled(self, transmission: Transmission) -> Self {
-        let mut world = Self { transmission, ..self };
+        let mut world = Self { motors: self.motors.coupled(transmission), ..self };
         world.show();
         world
+    }
+
+    /// Up to when the arm has moved.
+    pub const fn now(&self) -> Instant {
+        self.now
     }
 
     /// The drives, base first.
@@ -122,12 +132,27 @@ impl<M: Motor, I: Inputs> World<M, I> {
 
     /// What the motors exert on what they move, base first, in N·m (N).
     pub fn torques(&self) -> Joints {
-        Joints::from(self.drivetrains.each_ref().map(Drivetrain::torque))
+        self.motors.torques()
     }
 
     /// The arm.
     pub const fn plant(&self) -> &Plant {
         &self.plant
+    }
+
+    /// The oldest fault that has begun or is over, and was not asked for yet.
+    pub fn notice(&mut self) -> Option<Notice> {
+        self.faults.notice()
+    }
+
+    /// How the commanded side is reached.
+    pub fn link(&self) -> Link {
+        self.faults.link()
+    }
+
+    /// When the script began, if it has.
+    pub const fn begun(&self) -> Option<Instant> {
+        self.begun
     }
 
     /// Lets the arm move until `now`, and operator and encoders follow.
@@ -139,42 +164,46 @@ impl<M: Motor, I: Inputs> World<M, I> {
         }
         let t = self.begun.map_or(0.0, |begun| now.since(begun).as_secs_f64());
         let operator = self.scenario.operator(t);
-        let shaking = self.tremor.next(dt);
-        let place = self.x_0_start.translation.vector + operator.translation + shaking;
-        let x_0_d = Isometry3::from_parts(
-            Translation3::from(place),
-            self.x_0_start.rotation * operator.rotation,
-        );
-        let tau = self.transmission.joint_torques(&self.torques());
-        self.plant.advance(dt, &tau, operator.is_holding.then_some((&self.hand, &x_0_d)));
-        self.switches.set(operator.inputs);
+        let x_0_meant = self.meant(t - self.person.reaction());
+        let felt = self.plant.f_g_hand();
+        let grasp = self.person.act(dt, &x_0_meant, operator.is_holding, felt);
+        let hand = grasp.as_ref().map(|grasp| (&grasp.hand, &grasp.x_0_d));
+        for h in plant::steps(dt) {
+            let tau = self.motors.exert(h);
+            self.plant.step(h, &tau, hand);
+            self.motors.follow(self.plant.q(), self.plant.qd());
+        }
+        let is_startled = self.person.is_startled();
+        let inputs = if is_startled { operator.hand_off() } else { operator.inputs };
+        self.switches.set(self.faults.inputs(inputs));
         self.now = now;
         self.show();
     }
 
+    /// Where the script means the grip to be at `t` s.
+    fn meant(&self, t: f64) -> Isometry3<f64> {
+        let operator = self.scenario.operator(t);
+        let place = self.x_0_start.translation.vector + operator.translation;
+        let turned = self.x_0_start.rotation * operator.rotation;
+        Isometry3::from_parts(Translation3::from(place), turned)
+    }
+
     /// Takes note of demands that have changed at `now`: until now the old ones acted.
     fn heed(&mut self, now: Instant) {
-        let mut pairs = self.drives.iter().zip(&self.drivetrains);
-        if pairs.any(|(drive, train)| (drive.demand() - train.per_mille()).abs() > 0.0) {
+        let demands = self.drives.each_ref().map(Motor::demand);
+        let mut pairs = demands.iter().zip(self.motors.demands());
+        if pairs.any(|(new, old)| (new - old).abs() > 0.0) {
             self.advance(now);
-            for (drive, train) in self.drives.iter().zip(&mut self.drivetrains) {
-                train.demand(drive.demand());
-            }
+            self.motors.ask(demands);
         }
     }
 
     /// Shows every drive its motor.
     fn show(&mut self) {
-        let m = self.transmission.positions(self.plant.q());
-        let md = self.transmission.velocities(self.plant.qd());
-        let trains = self.drives.iter_mut().zip(&self.drivetrains);
-        for ((drive, train), (position, velocity)) in trains.zip(m.iter().zip(md.iter())) {
-            drive.sense(&Sensed {
-                position: *position,
-                velocity: *velocity,
-                per_mille: train.per_mille(),
-                temperature: train.temperature(),
-            });
+        self.motors.follow(self.plant.q(), self.plant.qd());
+        for (joint, (drive, sensed)) in self.drives.iter_mut().zip(self.motors.sensed()).enumerate()
+        {
+            drive.sense(&self.faults.sensed(joint, sensed));
         }
     }
 }
@@ -183,12 +212,14 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
         if frame.cob_id == sync::COB_ID && channel == LEADING {
             self.begun.get_or_insert(now);
+            self.faults.begin(now);
             self.advance(now);
         }
-        for drive in &mut self.drives {
-            drive.on_frame(now, channel, frame, out);
+        let heard = Telegram { channel, frame: *frame };
+        let devices = devices(&mut self.drives, &mut self.switches);
+        for (place, device) in devices.into_iter().enumerate() {
+            self.faults.hear(now, place, device, heard, out);
         }
-        self.switches.on_frame(now, channel, frame, out);
         self.heed(now);
     }
 
@@ -197,19 +228,29 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
             self.advance(now);
         }
         let is_due = |due: Option<Instant>| due.is_some_and(|due| due <= now);
-        for drive in self.drives.iter_mut().filter(|drive| is_due(drive.deadline())) {
-            drive.on_time(now, out);
+        let mut devices = devices(&mut self.drives, &mut self.switches);
+        if is_due(self.faults.deadline()) {
+            self.faults.turn(now, &mut devices, out);
         }
-        if is_due(self.switches.deadline()) {
-            self.switches.on_time(now, out);
+        for (place, device) in devices.into_iter().enumerate() {
+            if is_due(device.deadline()) {
+                self.faults.wake(now, place, device, out);
+            }
         }
         self.heed(now);
     }
 
     fn deadline(&self) -> Option<Instant> {
         let drives = self.drives.iter().filter_map(Station::deadline);
-        drives.chain(self.switches.deadline()).chain([self.now + TICK]).min()
+        let devices = drives.chain(self.switches.deadline());
+        devices.chain(self.faults.deadline()).chain([self.now + TICK]).min()
     }
+}
+
+/// All devices, in their places.
+fn devices<'a, M: Motor, I: Inputs>(drives: &'a mut [M; 6], switches: &'a mut I) -> Devices<'a> {
+    let [a, b, c, d, e, f] = drives;
+    [a, b, c, d, e, f, switches]
 }
 
 impl Motor for Drive {
@@ -233,7 +274,10 @@ mod tests {
     use super::*;
     use crate::sim::actuator::ActuatorSettings;
     use crate::sim::arm;
+    use crate::sim::drivetrain::DrivetrainSettings;
+    use crate::sim::fault::Way;
     use crate::sim::plant::Resistance;
+    use crate::sim::scenario::fault::Service;
     use crate::spatial::Wrench;
     use nalgebra::Vector3;
 
@@ -268,6 +312,24 @@ mod tests {
         }
     }
 
+    impl Breakable for FakeMotor {
+        fn mention(&mut self, _: u16, _: u8) {}
+
+        fn channel(&self) -> Channel {
+            LEADING
+        }
+
+        fn cob_id(&self, _: Way, _: Service) -> Option<u16> {
+            None
+        }
+
+        fn switch_off(&mut self) {
+            self.torque = 0.0;
+        }
+
+        fn switch_on(&mut self, _: Instant) {}
+    }
+
     impl Motor for FakeMotor {
         fn sense(&mut self, sensed: &Sensed) {
             self.motion = (sensed.position, sensed.velocity);
@@ -291,6 +353,22 @@ mod tests {
         }
     }
 
+    impl Breakable for FakeSwitches {
+        fn mention(&mut self, _: u16, _: u8) {}
+
+        fn channel(&self) -> Channel {
+            LEADING
+        }
+
+        fn cob_id(&self, _: Way, _: Service) -> Option<u16> {
+            None
+        }
+
+        fn switch_off(&mut self) {}
+
+        fn switch_on(&mut self, _: Instant) {}
+    }
+
     impl Inputs for FakeSwitches {
         fn set(&mut self, inputs: u8) {
             self.0 = inputs;
@@ -300,19 +378,30 @@ mod tests {
     /// So many per mille are a newton metre.
     const PER_NEWTON_METRE: f64 = 100.0;
 
+    const ACTUATOR: ActuatorSettings = ActuatorSettings {
+        counts_per_rev: 4_096.0,
+        gear_ratio: 1.0,
+        zero_counts: 0,
+        rated_torque: 1.0,
+        torque_curve: [PER_NEWTON_METRE, 0.0, 0.0],
+        max_torque: 100.0,
+    };
+
     fn drivetrain() -> Drivetrain {
-        Drivetrain::new(&ActuatorSettings {
-            counts_per_rev: 4_096.0,
-            gear_ratio: 1.0,
-            zero_counts: 0,
-            rated_torque: 1.0,
-            torque_curve: [PER_NEWTON_METRE, 0.0, 0.0],
-            max_torque: 100.0,
-        })
+        Drivetrain::new(&DrivetrainSettings::good(ACTUATOR))
     }
 
     /// The arm at neutral, its weight carried by the motors.
     fn world(seed: u64) -> World<FakeMotor, FakeSwitches> {
+        scripted(seed, SCRIPT)
+    }
+
+    /// The same, held by a hand of this temperament.
+    fn held_by(temperament: &str) -> World<FakeMotor, FakeSwitches> {
+        scripted(1, &format!("{SCRIPT}[hand]\ntemperament = \"{temperament}\"\n"))
+    }
+
+    fn scripted(seed: u64, script: &str) -> World<FakeMotor, FakeSwitches> {
         let arm = arm::tests::kraft_like();
         let q = Joints::from([0.0, -0.873, 1.658, -0.785, 0.0, 0.0]);
         let weight = arm.gravity(&arm.posture(&q));
@@ -327,7 +416,7 @@ mod tests {
             [drivetrain(); 6],
             FakeSwitches(0),
             plant,
-            Scenario::parse(SCRIPT).unwrap(),
+            Scenario::parse(script).unwrap(),
             seed,
         )
     }
@@ -377,6 +466,25 @@ mod tests {
     }
 
     #[test]
+    fn an_arm_with_play_in_every_joint_stays_in_the_hand_and_its_motors_within_the_play() {
+        const PLAY: f64 = 0.01;
+        let mut world = world(1);
+        let good = DrivetrainSettings::good(ACTUATOR);
+        let loose = DrivetrainSettings { backlash: PLAY, rotor_inertia: 0.001, ..good };
+        world.motors = Motors::new([Drivetrain::new(&loose); 6]);
+        world.heed(Instant::ZERO);
+        let start = world.x_0_start.translation.vector;
+        for ms in 0..900 {
+            run(&mut world, ms, ms + 1);
+            for (sensed, q) in world.motors.sensed().iter().zip(world.plant.q().iter()) {
+                assert!((sensed.position - q).abs() <= PLAY / 2.0 + 1e-12, "at {ms} ms");
+            }
+        }
+        let gone = world.plant.x_0_g().translation.vector - start;
+        assert!(gone.norm() < 0.02 && world.plant.qd().amax() < 1.0, "{gone}");
+    }
+
+    #[test]
     fn without_a_sync_the_arm_moves_all_the_same() {
         let mut world = world(1);
         world.drives[0].torque = 1.0;
@@ -412,6 +520,30 @@ mod tests {
         assert_ne!(*world.plant.f_g_hand(), Wrench::ZERO);
         run(&mut world, 2_400, 2_600);
         assert_eq!(*world.plant.f_g_hand(), Wrench::ZERO);
+    }
+
+    #[test]
+    fn a_relaxed_hand_sets_out_late_and_the_steady_one_at_once() {
+        let moved = |temperament| {
+            let mut world = held_by(temperament);
+            let start = world.x_0_start.translation.vector.y;
+            run(&mut world, 0, 1_200);
+            world.plant.x_0_g().translation.vector.y - start
+        };
+        assert!(moved("steady") > 5e-3 && moved("relaxed") < 2e-3);
+    }
+
+    #[test]
+    fn a_startled_hand_is_off_the_grip_and_off_the_deadman() {
+        let mut world = held_by("nervous");
+        run(&mut world, 0, 700);
+        assert_eq!(world.switches.0, 0b01);
+        assert_ne!(*world.plant.f_g_hand(), Wrench::ZERO);
+        world.drives[0].torque = 8.0;
+        world.heed(micros(700_000));
+        run(&mut world, 700, 1_100);
+        assert_eq!(*world.plant.f_g_hand(), Wrench::ZERO);
+        assert_eq!(world.switches.0, 0b10);
     }
 
     #[test]

@@ -17,6 +17,7 @@ use frhc::canopen::sdo::Transfer;
 use frhc::sim::actuator::ActuatorSettings;
 use frhc::sim::drive::Drive;
 use frhc::sim::drive::DriveSettings;
+use frhc::sim::motion::Tuning;
 
 /// How soon a frame is offered again that the bus had no room for.
 const AGAIN: Duration = Duration::from_micros(50);
@@ -41,6 +42,7 @@ pub(crate) fn drive() -> Drive {
             max_torque: 30.0,
         },
         latency: Duration::ZERO,
+        tuning: Tuning::default(),
     })
 }
 

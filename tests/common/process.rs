@@ -53,7 +53,7 @@ impl Process {
         self.wait();
     }
 
-    fn signal(&self, signal: Signal) {
+    pub(crate) fn signal(&self, signal: Signal) {
         kill(Pid::from_raw(self.0.id().try_into().unwrap()), signal).unwrap();
     }
 
@@ -207,6 +207,16 @@ impl Scratch {
         Process::spawn(
             command.args(args).env("XDG_RUNTIME_DIR", &self.0).env_remove("RUNTIME_DIRECTORY"),
         )
+    }
+
+    /// The same, with what it prints.
+    pub(crate) fn frhc_and_stdout(&self, args: &[&str]) -> (Process, BufReader<ChildStdout>) {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_frhc"));
+        let command = command.args(args).env("XDG_RUNTIME_DIR", &self.0);
+        let command = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        let stdout = BufReader::new(child.stdout.take().unwrap());
+        (Process(child), stdout)
     }
 
     pub(crate) fn ctl(&self, request: &str) -> Outcome {

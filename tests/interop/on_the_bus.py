@@ -4,14 +4,19 @@ that is virtual (scripts/with_vcan.sh -v). Leaves what candump saw of each test 
 import logging
 import sys
 
+import any_master
+import cia402
+import faults
 import hostile
+import lely
 import our_drives
 import our_master
 import our_tools
 import runner
 from bench import Bench
 
-TESTS = [*our_master.TESTS, *our_drives.TESTS, *our_tools.TESTS, *hostile.TESTS]
+MODULES = [our_master, our_drives, any_master, cia402, faults, lely, our_tools, hostile]
+TESTS = [test for module in MODULES for test in module.TESTS]
 
 if __name__ == "__main__":
     logging.disable(logging.CRITICAL)

@@ -221,7 +221,8 @@ def torque_acts_at_the_sync_after_its_rpdo(bench):
     same(node.sdo["Target torque"].raw, 0, "6071h before the SYNC")
     node.network.sync.transmit()
     until(lambda: node.sdo["Target torque"].raw == 40, "6071h after the SYNC")
-    same(node.sdo["Torque actual value"].raw, 40, "6077h after the SYNC")
+    same(node.sdo["Torque demand"].raw, 40, "6074h after the SYNC")
+    until(lambda: node.sdo["Torque actual value"].raw == 40, "6077h when the current has followed")
 
 
 def short_rpdo_is_an_emergency_that_ends(bench):

@@ -5,12 +5,16 @@
 
 use crate::canopen::abort::AbortCode;
 use crate::canopen::device::Application;
+use crate::canopen::device::Manners;
+use crate::canopen::device::clock;
 use crate::canopen::device::heartbeat;
+use crate::canopen::device::history;
 use crate::canopen::device::mapping::number;
 use crate::canopen::device::parameter::Place;
 use crate::canopen::device::parameter::may_change_cob_id;
 use crate::canopen::device::sdo_server::Access;
 use crate::canopen::device::store;
+use crate::canopen::device::sync;
 use crate::canopen::dictionary::Dictionary;
 use crate::canopen::dictionary::Entry;
 use crate::canopen::dictionary::OutOfRange;
@@ -21,6 +25,7 @@ use crate::canopen::object::Object;
 pub(super) struct Objects<'a, A> {
     pub(super) dictionary: &'a mut Dictionary,
     pub(super) application: &'a mut A,
+    pub(super) manners: &'a Manners,
     /// What was written.
     pub(super) written: Option<Object>,
 }
@@ -29,6 +34,9 @@ impl<A: Application> Access for Objects<'_, A> {
     fn read(&self, object: Object, bytes: &mut Vec<u8>) -> Result<(), AbortCode> {
         if !self.entry(object)?.access.is_readable() {
             return Err(AbortCode::WRITE_ONLY);
+        }
+        if history::is_empty_at(self.dictionary, object) {
+            return Err(AbortCode::NO_DATA);
         }
         bytes.extend_from_slice(self.dictionary.get(object).ok_or(AbortCode::NO_DATA)?);
         Ok(())
@@ -39,17 +47,29 @@ impl<A: Application> Access for Objects<'_, A> {
         if !entry.access.is_writable() {
             return Err(AbortCode::READ_ONLY);
         }
+        self.manners.may_write(object)?;
         Ok(entry.size())
     }
 
     fn write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
         self.may_write(object, bytes)?;
+        if self.manners.ignores(object) {
+            return Ok(());
+        }
         if !self.dictionary.set(object, bytes) {
             return Err(AbortCode::NOT_STORED);
         }
         self.application.written(self.dictionary, object);
         self.written = Some(object);
         Ok(())
+    }
+
+    fn tells_sizes(&self) -> bool {
+        !self.manners.hides_sizes
+    }
+
+    fn reason(&self, code: AbortCode) -> AbortCode {
+        self.manners.excuse(code)
     }
 }
 
@@ -61,28 +81,37 @@ impl<A: Application> Objects<'_, A> {
         })
     }
 
-    /// Whether `object` may be written with `bytes` now. They have its size.
+    /// Whether `object` may be written with `bytes` now, which have its size: by the rules of CiA 301, its
+    /// limits, and the application.
     fn may_write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
+        follows_rules(self.dictionary, object, bytes)?;
         self.entry(object)?.in_range(bytes).map_err(|outside| match outside {
             OutOfRange::Below => AbortCode::VALUE_TOO_LOW,
             OutOfRange::Above => AbortCode::VALUE_TOO_HIGH,
         })?;
-        if let Some(place) = Place::of(object) {
-            return place.may_write(self.dictionary, object, bytes);
+        self.application.may_write(self.dictionary, object, bytes)
+    }
+}
+
+/// What CiA 301 (7.5.2) says of the objects of the communication profile.
+///
+/// # Errors
+/// When a value is not to be written, or not now.
+fn follows_rules(dictionary: &Dictionary, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
+    if let Some(place) = Place::of(object) {
+        return place.may_write(dictionary, object, bytes);
+    }
+    let Ok(value) = u32::try_from(number(bytes)) else { return Ok(()) };
+    match object {
+        Object::ERROR_HISTORY if value > 0 => Err(AbortCode::VALUE_INVALID),
+        Object::SYNC_COB_ID => sync::may_listen(value),
+        Object::SYNC_OVERFLOW => sync::may_count(dictionary, value),
+        Object::TIME_COB_ID => clock::may_listen(dictionary.unsigned(object), value),
+        Object::EMCY_COB_ID => may_change_cob_id(dictionary.unsigned(object), value),
+        Object::STORE_PARAMETERS | Object::RESTORE_DEFAULTS => store::may_write(object, value),
+        Object { index, .. } if index == Object::CONSUMER_HEARTBEAT.index => {
+            heartbeat::may_watch(dictionary, object, value)
         }
-        let value = u32::try_from(number(bytes)).ok();
-        match (object, value) {
-            (Object::ERROR_HISTORY, Some(1..)) => Err(AbortCode::VALUE_INVALID),
-            (Object::EMCY_COB_ID, Some(raw)) => {
-                may_change_cob_id(self.dictionary.unsigned(object), raw)
-            }
-            (Object::CONSUMER_HEARTBEAT, Some(raw)) if !heartbeat::is_valid(raw) => {
-                Err(AbortCode::VALUE_INVALID)
-            }
-            (Object::STORE_PARAMETERS | Object::RESTORE_DEFAULTS, Some(raw)) => {
-                store::may_write(object, raw)
-            }
-            _ => self.application.may_write(self.dictionary, object, bytes),
-        }
+        _ => Ok(()),
     }
 }

@@ -1,9 +1,11 @@
 //! What a device does, as the slave that carries it sees it.
 
 use crate::canopen::abort::AbortCode;
-use crate::canopen::device::errors;
+use crate::canopen::device::condition;
 use crate::canopen::dictionary::Dictionary;
+use crate::canopen::error_codes;
 use crate::canopen::object::Object;
+use crate::time::Instant;
 
 /// What a device does, apart from communicating.
 pub trait Application {
@@ -38,6 +40,14 @@ pub trait Application {
     /// The dictionary, or its communication part, has its defaults again.
     fn on_reset(&mut self, _dictionary: &mut Dictionary, _reset: Reset) {}
 
+    /// Does what is due at `now`, whether or not anybody listens to the device.
+    fn on_time(&mut self, _now: Instant, _dictionary: &mut Dictionary) {}
+
+    /// When [`on_time`](Self::on_time) must next be called.
+    fn deadline(&self) -> Option<Instant> {
+        None
+    }
+
     /// The error the application has now, as an emergency's code; 0 for none.
     fn error_code(&self) -> u16 {
         0
@@ -59,9 +69,9 @@ impl ConnectionLoss {
     /// The error code of the emergency (CiA 301, table 26): 8130h, 8250h, 8100h.
     pub const fn error_code(self) -> u16 {
         match self {
-            Self::Heartbeat => errors::HEARTBEAT_LOST,
-            Self::RpdoTimeout => errors::RPDO_TIMEOUT,
-            Self::Stopped => errors::COMMUNICATION_LOST,
+            Self::Heartbeat => condition::HEARTBEAT_LOST,
+            Self::RpdoTimeout => error_codes::RPDO_TIMEOUT,
+            Self::Stopped => condition::COMMUNICATION_LOST,
         }
     }
 }

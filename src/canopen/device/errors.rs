@@ -1,56 +1,28 @@
-//! What is wrong with a device, told by emergencies (CiA 301, 7.2.7), in the error register (1001h) and
-//! in the history (1003h).
+//! What is wrong with a device, told by emergencies (CiA 301, 7.2.7) and in the error register (1001h).
 //!
-//! An error is told once when it comes; `0000h` once the last one is gone. What a device does about an
-//! error is its application's business.
+//! An error is told once when it comes; `0000h` once the last one is gone. Between two emergencies lies
+//! their inhibit time (1015h): what comes sooner waits its turn. What a device does about an error is its
+//! application's business.
+
+use std::collections::VecDeque;
+use std::time::Duration;
 
 use canopen_rs::EmergencyMessage;
 use canopen_rs::emcy::ErrorRegister;
 
-use crate::canopen::device::mapping::byte;
+use crate::canopen::device::condition::Condition;
+use crate::canopen::device::condition::Conditions;
+use crate::canopen::device::history;
 use crate::canopen::device::parameter::cob_id;
 use crate::canopen::dictionary::Dictionary;
 use crate::canopen::frame::Frame;
 use crate::canopen::object::Object;
+use crate::time::Instant;
 
-/// The master does not communicate any more.
-pub(super) const COMMUNICATION_LOST: u16 = 0x8100;
-/// No heartbeat of the master for too long.
-pub(super) const HEARTBEAT_LOST: u16 = 0x8130;
-/// A PDO of another length than its mapping.
-pub(super) const WRONG_LENGTH: u16 = 0x8210;
-/// A SYNC with a counter where none is expected, or without one.
-pub(super) const SYNC_LENGTH: u16 = 0x8240;
-/// No RPDO for too long.
-pub(super) const RPDO_TIMEOUT: u16 = 0x8250;
-
-/// What may be wrong.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Condition {
-    HeartbeatLost,
-    RpdoTimeout,
-    WrongLength,
-    SyncLength,
-    /// Of the application.
-    Application,
-}
-
-impl Condition {
-    const fn bit(self) -> u8 {
-        match self {
-            Self::HeartbeatLost => 1,
-            Self::RpdoTimeout => 2,
-            Self::WrongLength => 4,
-            Self::Application => 8,
-            Self::SyncLength => 16,
-        }
-    }
-}
-
-/// Everything that is wrong now.
-#[derive(Clone, Copy, Debug, Default)]
+/// Everything that is wrong now, and what is still to be told of it.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Errors {
-    conditions: u8,
+    conditions: Conditions,
     /// Of the application, 0 for none.
     code: u16,
     /// Told last.
@@ -58,69 +30,82 @@ pub(super) struct Errors {
     /// Where emergencies go, `None` while they are off.
     cob_id: Option<u16>,
     /// Whether the NMT state allows them.
-    pub(super) may_send: bool,
+    may_send: bool,
+    /// Between two emergencies.
+    inhibit: Duration,
+    /// Not before.
+    inhibited: Instant,
+    waiting: VecDeque<Frame>,
 }
 
+/// How many emergencies wait at most. Of more the oldest is not told; the history has it.
+const MOST_WAITING: usize = 16;
+
 impl Errors {
-    /// Reads where emergencies go (1014h).
+    /// Reads where emergencies go (1014h), and how often (1015h).
     pub(super) fn configure(&mut self, dictionary: &Dictionary) {
         self.cob_id = cob_id(dictionary.unsigned(Object::EMCY_COB_ID));
+        let inhibit = u64::from(dictionary.unsigned(Object::EMCY_INHIBIT_TIME));
+        self.inhibit = Duration::from_micros(100 * inhibit);
+    }
+
+    /// Whether the NMT state allows emergencies. Where it does not, none waits for another.
+    pub(super) fn allow(&mut self, may_send: bool) {
+        self.may_send = may_send;
+        if !may_send {
+            self.waiting.clear();
+        }
     }
 
     /// Something is wrong; told if it was not before. `manufacturer` is for the manufacturer's bytes.
     pub(super) fn raise(
         &mut self,
         condition: Condition,
-        code: u16,
         manufacturer: [u8; 5],
         dictionary: &mut Dictionary,
-        out: &mut Vec<Frame>,
     ) {
-        if self.conditions & condition.bit() == 0 {
-            self.conditions |= condition.bit();
-            self.tell(code, manufacturer, dictionary, out);
+        if !self.conditions.has(condition) {
+            self.conditions.set(condition, true);
+            self.tell(condition.code(), manufacturer, dictionary);
         }
     }
 
     /// Something is right again.
-    pub(super) fn settle(
-        &mut self,
-        condition: Condition,
-        dictionary: &mut Dictionary,
-        out: &mut Vec<Frame>,
-    ) {
-        if self.conditions & condition.bit() == 0 {
+    pub(super) fn settle(&mut self, condition: Condition, dictionary: &mut Dictionary) {
+        if !self.conditions.has(condition) {
             return;
         }
-        self.conditions &= !condition.bit();
-        if self.conditions == 0 {
-            self.tell(0, [0; 5], dictionary, out);
+        self.conditions.set(condition, false);
+        if self.conditions.is_empty() {
+            self.tell(0, [0; 5], dictionary);
         } else {
             dictionary.set(Object::ERROR_REGISTER, &[self.register()]);
         }
     }
 
     /// The application has this error, or none with code 0. What has just been told is not repeated.
-    pub(super) fn of_application(
-        &mut self,
-        code: u16,
-        dictionary: &mut Dictionary,
-        out: &mut Vec<Frame>,
-    ) {
+    pub(super) fn of_application(&mut self, code: u16, dictionary: &mut Dictionary) {
         if code == self.code {
             return;
         }
         self.code = code;
         if code == 0 {
-            self.settle(Condition::Application, dictionary, out);
+            self.settle(Condition::Application, dictionary);
         } else {
-            self.conditions |= Condition::Application.bit();
+            self.conditions.set(Condition::Application, true);
             if self.told == code {
                 dictionary.set(Object::ERROR_REGISTER, &[self.register()]);
             } else {
-                self.tell(code, [0; 5], dictionary, out);
+                self.tell(code, [0; 5], dictionary);
             }
         }
+    }
+
+    /// Something was wrong and is no more: told, and in the history, but not in 1001h. `register` says of
+    /// what class it was.
+    pub(super) fn mention(&mut self, code: u16, register: u8, dictionary: &mut Dictionary) {
+        history::remember(code, dictionary);
+        self.queue(code, self.register() | register, [0; 5]);
     }
 
     /// Whether an application with this error, or none with code 0, has something to tell.
@@ -130,48 +115,66 @@ impl Errors {
 
     /// After a reset: all is forgotten but the application's error, of which no word is said.
     pub(super) fn reset(&mut self, code: u16, dictionary: &mut Dictionary) {
-        let conditions = if code == 0 { 0 } else { Condition::Application.bit() };
-        *self = Self { conditions, code, ..Self::default() };
+        *self = Self { code, ..Self::default() };
+        self.conditions.set(Condition::Application, code != 0);
         self.configure(dictionary);
         dictionary.set(Object::ERROR_REGISTER, &[self.register()]);
     }
 
-    fn tell(
-        &mut self,
-        code: u16,
-        manufacturer: [u8; 5],
-        dictionary: &mut Dictionary,
-        out: &mut Vec<Frame>,
-    ) {
+    /// Sends the emergencies whose time has come.
+    pub(super) fn send(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        while self.inhibited <= now {
+            let Some(frame) = self.waiting.pop_front() else { return };
+            out.push(frame);
+            self.inhibited = now + self.inhibit;
+        }
+    }
+
+    /// When an emergency that waits may go.
+    pub(super) fn deadline(&self) -> Option<Instant> {
+        self.waiting.front().map(|_| self.inhibited)
+    }
+
+    fn tell(&mut self, code: u16, manufacturer: [u8; 5], dictionary: &mut Dictionary) {
         self.told = code;
         let register = self.register();
         dictionary.set(Object::ERROR_REGISTER, &[register]);
         if code != 0 {
-            remember(code, dictionary);
+            history::remember(code, dictionary);
         }
+        self.queue(code, register, manufacturer);
+    }
+
+    fn queue(&mut self, code: u16, register: u8, manufacturer: [u8; 5]) {
         let message = EmergencyMessage {
             error_code: code,
             error_register: ErrorRegister(register),
             vendor_specific: manufacturer,
         };
-        let frame = |cob_id| Frame::new(cob_id, message.encode());
-        out.extend(self.cob_id.filter(|_| self.may_send).map(frame));
+        let Some(cob_id) = self.cob_id.filter(|_| self.may_send) else { return };
+        if self.waiting.len() == MOST_WAITING {
+            self.waiting.pop_front();
+        }
+        self.waiting.push_back(Frame::new(cob_id, message.encode()));
     }
 
     /// The classes of all errors there are now (1001h).
     const fn register(&self) -> u8 {
-        let communication = self.conditions & !Condition::Application.bit() != 0;
         let class = match self.code >> 8 {
             0x20..=0x2F => CURRENT,
             0x30..=0x3F => VOLTAGE,
             0x40..=0x4F => TEMPERATURE,
             0x81 | 0x82 => COMMUNICATION,
+            0x70..=0x80 | 0x83..=0x8F | 0xF0 => DEVICE_PROFILE,
+            0xFF => MANUFACTURER,
             _ => 0,
         };
-        match (self.conditions, communication) {
-            (0, _) => 0,
-            (_, true) => GENERIC | COMMUNICATION | class,
-            (_, false) => GENERIC | class,
+        if self.conditions.is_empty() {
+            0
+        } else if self.conditions.is_of_communication() {
+            GENERIC | COMMUNICATION | class
+        } else {
+            GENERIC | class
         }
     }
 }
@@ -181,35 +184,5 @@ const CURRENT: u8 = 0x02;
 const VOLTAGE: u8 = 0x04;
 const TEMPERATURE: u8 = 0x08;
 const COMMUNICATION: u8 = 0x10;
-
-/// Puts an error at the head of the history, as far as there is one; the oldest falls out.
-fn remember(code: u16, dictionary: &mut Dictionary) {
-    let count = byte(dictionary, Object::ERROR_HISTORY);
-    let (mut next, mut sub) = (u32::from(code), 1);
-    while let Some(place) = history(dictionary, sub) {
-        let pushed_on = dictionary.unsigned(place);
-        dictionary.set(place, &next.to_le_bytes());
-        if sub > count {
-            dictionary.set(Object::ERROR_HISTORY, &[sub]);
-            return;
-        }
-        next = pushed_on;
-        sub = sub.saturating_add(1);
-    }
-}
-
-/// Forgets every error of the past.
-pub(super) fn clear_history(dictionary: &mut Dictionary) {
-    dictionary.set(Object::ERROR_HISTORY, &[0]);
-    let mut sub = 1;
-    while let Some(place) = history(dictionary, sub) {
-        dictionary.set(place, &[0; 4]);
-        sub = sub.saturating_add(1);
-    }
-}
-
-/// The `sub`-th error of the past, up to 254.
-fn history(dictionary: &Dictionary, sub: u8) -> Option<Object> {
-    let place = Object { sub, ..Object::ERROR_HISTORY };
-    dictionary.entry(place).filter(|_| sub < u8::MAX).map(|_| place)
-}
+const DEVICE_PROFILE: u8 = 0x20;
+const MANUFACTURER: u8 = 0x80;

@@ -20,12 +20,19 @@ use crate::time::Instant;
 pub(super) struct Guarding {
     toggle: u8,
     missed: Option<Instant>,
+    is_lost: bool,
 }
 
 impl Guarding {
     /// As after a reset: the first toggle bit is 0, and nobody has asked.
     pub(super) fn restart(&mut self) {
         *self = Self::default();
+    }
+
+    /// The watch begins anew with the next question: its time has changed, or a heartbeat takes its place.
+    pub(super) const fn forget(&mut self) {
+        self.missed = None;
+        self.is_lost = false;
     }
 
     /// The answer to a remote frame, if it is a question of error control and the device answers those.
@@ -43,15 +50,23 @@ impl Guarding {
             return None;
         }
         self.missed = life_time(dictionary).map(|life_time| now + life_time);
+        self.is_lost = false;
         let [state] = encode_heartbeat(state);
         let answer = Frame::new(cob_id, [state | self.toggle]);
         self.toggle ^= TOGGLE;
         Some(answer)
     }
 
-    /// Whether nobody has asked for too long. Said once.
-    pub(super) fn is_lost(&mut self, now: Instant) -> bool {
-        self.missed.take_if(|missed| *missed <= now).is_some()
+    /// Whether nobody has asked for too long, since this was asked last.
+    pub(super) fn loses(&mut self, now: Instant) -> bool {
+        let loses = self.missed.take_if(|missed| *missed <= now).is_some();
+        self.is_lost |= loses;
+        loses
+    }
+
+    /// Whether nobody asks any more.
+    pub(super) const fn is_lost(&self) -> bool {
+        self.is_lost
     }
 
     /// When the next question will be overdue.

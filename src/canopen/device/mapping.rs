@@ -77,6 +77,11 @@ impl Mapping {
         Ok(mapping)
     }
 
+    /// Whether nothing is in it: its PDO is off.
+    pub(super) const fn is_empty(&self) -> bool {
+        self.used == 0
+    }
+
     /// The bytes of its frame, 0 to 8.
     pub(super) fn bytes(&self) -> usize {
         usize::try_from(self.bits.div_ceil(8)).unwrap_or(0)
@@ -137,6 +142,9 @@ pub(super) fn mappable(
     let object = Object { index: u16::from_le_bytes([low, high]), sub };
     if direction == Direction::Receive && DUMMIES.contains(&(object.index, bits)) && sub == 0 {
         return Ok((None, bits));
+    }
+    if DUMMIES.iter().any(|(index, _)| *index == object.index) {
+        return Err(AbortCode::NOT_MAPPABLE);
     }
     if !dictionary.has_index(object.index) {
         return Err(AbortCode::NO_OBJECT);

@@ -14,6 +14,7 @@ use crate::canopen::frame::COB_ID_MAX;
 use crate::canopen::layout::Direction;
 use crate::canopen::layout::MOST_PDOS;
 use crate::canopen::object::Object;
+use crate::canopen::sync;
 use crate::canopen::sync::Transmission;
 
 /// One PDO of a device.
@@ -95,8 +96,8 @@ impl Place {
         if object.index == self.communication(0).index {
             return match (object.sub, bytes) {
                 (1, _) => may_change_cob_id(dictionary.unsigned(object), value),
-                (2, [241..=253]) => Err(AbortCode::VALUE_INVALID),
-                (3, _) => while_off,
+                (2, [kind]) => self.may_be(dictionary, Transmission(*kind)),
+                (3 | 6, _) => while_off,
                 _ => Ok(()),
             };
         }
@@ -111,8 +112,21 @@ impl Place {
             _ => mappable(dictionary, value, self.direction).map(|_| ()),
         }
     }
+
+    /// Whether it may be of this transmission type. Only a TPDO that answers remote frames waits for them.
+    fn may_be(self, dictionary: &Dictionary, kind: Transmission) -> Result<(), AbortCode> {
+        let answers = self.direction == Direction::Transmit
+            && dictionary.unsigned(self.communication(1)) & NO_REMOTE == 0;
+        let is_possible = match kind {
+            Transmission::SYNC_ON_REQUEST | Transmission::ON_REQUEST => answers,
+            kind => kind.syncs().is_some() || kind.is_event_driven(),
+        };
+        if is_possible { Ok(()) } else { Err(AbortCode::VALUE_INVALID) }
+    }
 }
 
+/// Bit 30 of a TPDO's COB-ID: remote frames are not answered.
+pub(super) const NO_REMOTE: u32 = 1 << 30;
 /// Bit 31 of a COB-ID: the service is off.
 const OFF: u32 = 1 << 31;
 /// Bit 29: an identifier of 29 bits.
@@ -132,6 +146,9 @@ pub(super) fn cob_id(raw: u32) -> Option<u16> {
 /// # Errors
 /// When it may not, and why.
 pub(super) fn may_change_cob_id(old: u32, new: u32) -> Result<(), AbortCode> {
+    if new & BEYOND_11_BITS != 0 {
+        return Err(AbortCode::VALUE_INVALID);
+    }
     if new & OFF != 0 {
         return Ok(());
     }
@@ -141,6 +158,22 @@ pub(super) fn may_change_cob_id(old: u32, new: u32) -> Result<(), AbortCode> {
         Some(_) | None => Ok(()),
     }
 }
+
+/// The identifier of SYNC or TIME, whose bit 30 says that the device makes it, which none here does.
+///
+/// # Errors
+/// When bit 30 is set, or the identifier has 29 bits or is another service's.
+pub(super) fn consumed(raw: u32) -> Result<u16, AbortCode> {
+    let is_free = |cob_id: &u16| !is_reserved(*cob_id) || *cob_id == sync::COB_ID;
+    let identifier = u16::try_from(raw & u32::from(COB_ID_MAX)).ok().filter(is_free);
+    let is_possible = raw & (PRODUCES | BEYOND_11_BITS) == 0;
+    identifier.filter(|_| is_possible).ok_or(AbortCode::VALUE_INVALID)
+}
+
+/// Bit 30 of the COB-ID of SYNC or TIME: the device makes it.
+const PRODUCES: u32 = 1 << 30;
+/// Bits 11 to 28 of a COB-ID, and bit 29, which says that they count.
+const BEYOND_11_BITS: u32 = 0x3FFF_F800;
 
 /// Identifiers that no PDO or emergency may take (CiA 301, 7.3.5).
 const fn is_reserved(cob_id: u16) -> bool {

@@ -30,6 +30,8 @@ pub(in crate::canopen) use sheet::Sheet;
 pub use value::NoValue;
 pub use value::Number;
 
+use std::sync::Arc;
+
 use thiserror::Error;
 
 use crate::canopen::data_type;
@@ -63,6 +65,7 @@ pub enum EdsError {
 /// A whole data sheet, or the configuration of one device.
 #[derive(Clone, Debug)]
 pub struct Eds {
+    source: Arc<[u8]>,
     text: Text,
     device: DeviceInfo,
     commissioning: Option<Commissioning>,
@@ -92,7 +95,12 @@ impl Eds {
         let dummies = device::dummies(&ini);
         let objects = objects::objects(&ini)?;
         drop(ini);
-        Ok(Self { text, device, commissioning, dummies, objects })
+        Ok(Self { source: bytes.into(), text, device, commissioning, dummies, objects })
+    }
+
+    /// The file itself, byte by byte.
+    pub fn source(&self) -> &[u8] {
+        &self.source
     }
 
     /// Everything that is wrong with the file, by line; at most 1,000 findings.

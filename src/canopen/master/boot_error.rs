@@ -55,6 +55,12 @@ pub enum Problem {
     /// A transfer went wrong and was aborted here.
     #[error("{0} broken off: {1}")]
     BrokenOff(Object, AbortCode),
+    /// Found with its power on, it does not come to rest without it.
+    #[error("still moves, {:.1} s after its power was taken off", waited.as_secs_f64())]
+    Moving {
+        /// For so long.
+        waited: Duration,
+    },
     /// No boot-up message after a reset.
     #[error("did not boot up after its reset")]
     NoBootUp,
@@ -89,9 +95,11 @@ impl Problem {
             | Self::Rebooted
             | Self::NoHeartbeat
             | Self::NotStarted => true,
-            Self::Differs { .. } | Self::Refused(..) | Self::BrokenOff(..) | Self::Duplicate(_) => {
-                false
-            }
+            Self::Differs { .. }
+            | Self::Refused(..)
+            | Self::BrokenOff(..)
+            | Self::Moving { .. }
+            | Self::Duplicate(_) => false,
         }
     }
 

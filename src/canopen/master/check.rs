@@ -136,7 +136,7 @@ fn number(f: &mut fmt::Formatter<'_>, bytes: &[u8], mask: u64) -> fmt::Result {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::canopen::frame::Frame;
     use crate::canopen::sdo::Transfer;
@@ -146,7 +146,7 @@ mod tests {
     use std::time::Duration;
 
     /// What a node's expedited reply with these bytes is read as.
-    fn content(object: Object, bytes: &[u8]) -> Content {
+    pub(in crate::canopen::master) fn content(object: Object, bytes: &[u8]) -> Content {
         let (node, mut out) = (NodeId::new(3).unwrap(), Vec::new());
         let wait = Duration::from_millis(1);
         let mut read = Transfer::read(node, object, wait, Instant::ZERO, &mut out);

@@ -19,6 +19,7 @@ use crate::canopen::master::boot_error::BootError;
 use crate::canopen::master::boot_error::Problem;
 use crate::canopen::master::duplicate::Exchange;
 use crate::canopen::master::duplicate::Sign;
+use crate::canopen::master::rest::Rest;
 use crate::canopen::master::steps::Action;
 use crate::canopen::master::steps::Configuration;
 use crate::canopen::master::steps::Next;
@@ -26,6 +27,7 @@ use crate::canopen::master::steps::Stage;
 use crate::canopen::master::steps::Step;
 use crate::canopen::nmt::Order;
 use crate::canopen::plan::NodePlan;
+use crate::canopen::sdo::Content;
 use crate::canopen::sdo::Outcome;
 use crate::canopen::sdo::SdoError;
 use crate::canopen::sdo::Transfer;
@@ -40,6 +42,8 @@ pub const STORE: Duration = Duration::from_secs(5);
 pub const RETRY: Duration = Duration::from_millis(100);
 /// How long a node may take to become ready: to power up, to boot, to change its mode.
 pub const PATIENCE: Duration = Duration::from_secs(2);
+/// How long a drive that was found with its power on may take to come to rest without it.
+pub const REST: Duration = Duration::from_secs(5);
 
 /// How a boot ends.
 pub type BootOutcome = Result<Configuration, BootError>;
@@ -59,6 +63,9 @@ pub struct Boot {
     until: Instant,
     resets: Resets,
     exchange: Exchange,
+    /// Whether it was found with its power on.
+    was_enabled: bool,
+    rest: Rest,
     /// The state it last told by a heartbeat.
     heard: Option<NmtState>,
     wait: Wait,
@@ -97,12 +104,14 @@ impl Boot {
         Self {
             plan: plan.clone(),
             patience: PATIENCE,
-            stage: Stage::Meeting,
-            steps: Stage::Meeting.steps(plan),
+            stage: Stage::Finding,
+            steps: Stage::Finding.steps(plan),
             at: 0,
             until: Instant::ZERO,
             resets: Resets::default(),
             exchange: Exchange::default(),
+            was_enabled: false,
+            rest: Rest::within(plan.rest.unwrap_or(0)),
             heard: None,
             wait: Wait::Start,
         }
@@ -232,9 +241,14 @@ impl Boot {
 
     /// Begins the step in hand, or goes where the stage leads if there is none.
     fn take_step(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<BootOutcome> {
-        let is_first = self.stage == Stage::Meeting && self.at == 0;
-        self.until = now + if is_first { self.patience } else { PATIENCE };
-        match self.steps.get(self.at) {
+        let step = self.steps.get(self.at);
+        self.until = now
+            + match step {
+                _ if self.stage == Stage::Finding => self.patience,
+                Some(Step::Object(Action::Settle, _)) => REST,
+                Some(Step::Object(..) | Step::Reset(_) | Step::Listen) | None => PATIENCE,
+            };
+        match step {
             None => return self.go(now, self.stage.next(&self.plan), out),
             Some(Step::Listen) => {
                 self.until = now + self.plan.error_control.lost_after();
@@ -266,6 +280,7 @@ impl Boot {
                 Some(Ok(configuration))
             }
             Next::Stage(stage) => {
+                self.was_enabled |= stage == Stage::Disabling;
                 self.stage = stage;
                 self.steps = stage.steps(&self.plan);
                 self.at = 0;
@@ -313,6 +328,7 @@ impl Boot {
                 self.read(now, out);
                 None
             }
+            Ok(content) if action == Action::Settle => self.on_position(now, &content, out),
             Ok(content) if check.accepts(&content) => {
                 self.resets.is_met |= action == Action::Meet && self.resets.count > 0;
                 self.next_step(now, out)
@@ -336,7 +352,7 @@ impl Boot {
                 self.read(now, out);
                 None
             }
-            Err(SdoError::Silent) if self.stage == Stage::Meeting && action == Action::Meet => {
+            Err(SdoError::Silent) if self.stage == Stage::Finding => {
                 self.fail(Problem::Absent { waited: self.patience })
             }
             Err(error @ SdoError::Silent) => self.fail(Problem::of_transfer(object, error)),
@@ -344,9 +360,31 @@ impl Boot {
         }
     }
 
+    /// Where a drive is whose power was taken off: once it has stood still for a while, it is safe.
+    fn on_position(
+        &mut self,
+        now: Instant,
+        content: &Content,
+        out: &mut Vec<Frame>,
+    ) -> Option<BootOutcome> {
+        if self.rest.is_reached(content) {
+            self.next_step(now, out)
+        } else if now < self.until {
+            self.wait = Wait::Retry(now + RETRY);
+            None
+        } else {
+            self.fail(Problem::Moving { waited: REST })
+        }
+    }
+
     fn fail(&mut self, problem: Problem) -> Option<BootOutcome> {
         self.wait = Wait::Over;
         Some(Err(BootError::new(&self.plan, problem)))
+    }
+
+    /// Whether it was found with its power on.
+    pub const fn was_enabled(&self) -> bool {
+        self.was_enabled
     }
 
     const fn is_under_way(&self) -> bool {
@@ -687,19 +725,63 @@ mod tests {
     }
 
     #[test]
-    fn an_enabled_drive_is_reset_before_anything_is_written_and_switched_off_first() {
+    fn an_enabled_drive_is_switched_off_before_it_is_asked_who_it_is() {
         let mut device = Scripted { state: 0x05, ..Scripted::suiting(&elbow()) };
         device.objects.insert(Object::STATUSWORD, vec![0x37, 0x16]);
         let (outcome, took, said) = boot(&elbow(), &mut device);
         let message = "joint 3 (elbow), node 3: 6041h is 1637h, expected xxx0h in the bits 0004h";
         assert_eq!(outcome.unwrap_err().to_string(), message, "it never leaves operation enabled");
         assert!(took >= PATIENCE);
-        let writes = |frame: &&Frame| frame.cob_id == 0x603 && frame.data()[0] >> 5 == 1;
-        let (reset, first) =
-            (Frame::new(0, [0x82, 3]), said.iter().position(|f| writes(&f)).unwrap());
-        assert!(said[..first].contains(&reset));
+        let asked_who = |frame: &Frame| frame.data().get(1..3) == Some(&[0x18, 0x10]);
+        assert!(!said.iter().any(asked_who));
+        assert!(!said.contains(&Frame::new(0, [0x82, 3])), "nor reset");
         assert_eq!(device.written, [Object::CONTROLWORD]);
-        assert_eq!(device.state, 0x7F);
+    }
+
+    /// Boots a drive that obeys, is found enabled, and then turns by so many counts every 100 ms.
+    fn boot_moving(counts: i32, for_samples: i32) -> (BootOutcome, Duration) {
+        let plan = NodePlan { rest: Some(50), ..elbow() };
+        let mut device = Scripted::suiting(&plan);
+        device.objects.insert(Object::STATUSWORD, vec![0x37, 0x16]);
+        device.objects.insert(Object::POSITION_ACTUAL, vec![0; 4]);
+        let (mut boot, mut queue, mut samples) = (Boot::new(&plan), Vec::new(), 0);
+        loop {
+            let now = boot.deadline().unwrap();
+            let mut outcome = boot.on_time(now, &mut queue);
+            while !queue.is_empty() {
+                let frame = queue.remove(0);
+                let is_position = frame.data().get(..3) == Some(&[0x40, 0x64, 0x60]);
+                samples += i32::from(is_position);
+                let at = counts * samples.min(for_samples);
+                device.objects.insert(Object::POSITION_ACTUAL, at.to_le_bytes().into());
+                let answer = device.answer(&frame);
+                if device.written.contains(&Object::CONTROLWORD) {
+                    device.objects.insert(Object::STATUSWORD, vec![0x40, 0x16]);
+                }
+                if let Some(answer) = answer {
+                    outcome = outcome.or(boot.on_frame(now, &answer, &mut queue));
+                }
+            }
+            if let Some(outcome) = outcome {
+                assert!(boot.was_enabled());
+                return (outcome, now.since(Instant::ZERO));
+            }
+        }
+    }
+
+    #[test]
+    fn what_was_found_enabled_is_booted_once_it_stands_still() {
+        let (outcome, took) = boot_moving(51, 20);
+        assert_eq!((outcome, took), (Ok(Configuration::Downloaded), 24 * RETRY));
+        let (outcome, took) = boot_moving(50, i32::MAX);
+        assert_eq!((outcome, took), (Ok(Configuration::Downloaded), 5 * RETRY));
+    }
+
+    #[test]
+    fn what_moves_on_without_its_power_is_refused() {
+        let (outcome, took) = boot_moving(51, i32::MAX);
+        let message = "joint 3 (elbow), node 3: still moves, 5.0 s after its power was taken off";
+        assert_eq!((outcome.unwrap_err().to_string().as_str(), took), (message, REST));
     }
 
     #[test]

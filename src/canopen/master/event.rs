@@ -23,6 +23,11 @@ pub enum Event {
     Booted,
     /// A node is not what it should be. The others are booted on, but none is started.
     BootFailed(BootError),
+    /// A drive had its power on before anybody had told it to; it was taken off, and it stood still.
+    FoundEnabled {
+        /// Which.
+        node: usize,
+    },
     /// A node holds its configuration.
     Configured {
         /// Which.
@@ -100,7 +105,8 @@ impl Event {
     /// The node it is about, by its place in the list of plans, unless it names that itself.
     pub const fn node(&self) -> Option<usize> {
         match self {
-            Self::Configured { node, .. }
+            Self::FoundEnabled { node }
+            | Self::Configured { node, .. }
             | Self::Absent { node, .. }
             | Self::Joined { node }
             | Self::Emergency { node, .. }
@@ -123,6 +129,7 @@ impl fmt::Display for Event {
         match self {
             Self::Booted => f.write_str("every node is operational"),
             Self::BootFailed(error) => write!(f, "{error}"),
+            Self::FoundEnabled { .. } => f.write_str("was found with its power on; it is off now"),
             Self::Configured { configuration, .. } => write!(f, "configuration {configuration}"),
             Self::Absent { waited, .. } => {
                 let waited = waited.as_secs_f64();

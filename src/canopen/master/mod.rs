@@ -14,6 +14,7 @@ pub mod configuration;
 pub mod duplicate;
 pub mod error_history;
 pub mod event;
+mod rest;
 mod slave;
 pub mod steps;
 mod strangers;
@@ -213,6 +214,9 @@ impl Master {
         match report {
             None => {}
             Some(Report::Configured(configuration)) => {
+                if self.slaves.get(node).is_some_and(|slave| slave.was_enabled) {
+                    self.tell(Event::FoundEnabled { node });
+                }
                 self.tell(Event::Configured { node, configuration });
             }
             Some(Report::Failed(error)) => self.tell(Event::BootFailed(error)),

@@ -36,6 +36,8 @@ pub(super) struct Slave {
     stage: Stage,
     /// Whether it was missing when the others started.
     pub(super) is_late: bool,
+    /// Whether its last boot found it with its power on.
+    pub(super) was_enabled: bool,
 }
 
 /// How far it is.
@@ -77,7 +79,7 @@ impl Slave {
     /// One that begins to boot with the first call of [`on_time`](Self::on_time).
     pub(super) fn new(channel: Channel, plan: NodePlan) -> Self {
         let stage = Stage::Booting(Box::new(Boot::new(&plan)));
-        Self { channel, plan, stage, is_late: false }
+        Self { channel, plan, stage, is_late: false, was_enabled: false }
     }
 
     /// Begins again, as after power-up.
@@ -203,6 +205,9 @@ impl Slave {
 
     /// Goes on to the watch; a missing optional node is awaited, with one report of it.
     fn after_boot(&mut self, now: Instant, outcome: BootOutcome) -> Option<Report> {
+        if let Stage::Booting(boot) = &self.stage {
+            self.was_enabled = boot.was_enabled();
+        }
         match outcome {
             Ok(configuration) => {
                 self.stage = Stage::Watched { watch: Watch::new(&self.plan, now), reading: None };

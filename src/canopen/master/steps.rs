@@ -1,6 +1,9 @@
 //! The steps that boot one node, as data: CiA 302-2, "Boot NMT slave", in stages.
 //!
 //! ```text
+//!  Finding ──► Looking ─────────► Meeting
+//!              power on └► Disabling ──┘
+//!
 //!  Meeting ──► Resetting ──► Recalling ──► Verifying ──► skipped
 //!     │ keep alive  ▲            │ another     │ differs
 //!     ▼     differs │            ▼ stamp       ▼
@@ -27,6 +30,12 @@ use crate::canopen::plan::Setting;
 /// One part of a boot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Stage {
+    /// Whether anybody is there, and of which profile.
+    Finding,
+    /// Whether a drive has its power off, as one that nobody commands has.
+    Looking,
+    /// It has not: whatever it is doing, that ends, and it comes to rest.
+    Disabling,
     /// Who is there.
     Meeting,
     /// Whether it may go on as it is: operational, and set exactly as planned.
@@ -81,6 +90,8 @@ impl Stage {
     /// Where it leads once all its steps are done.
     pub const fn next(self, plan: &NodePlan) -> Next {
         match self {
+            Self::Finding if plan.is_drive() => Next::Stage(Self::Looking),
+            Self::Finding | Self::Looking | Self::Disabling => Next::Stage(Self::Meeting),
             Self::Meeting if plan.keep_alive => Next::Stage(Self::Keeping),
             Self::Meeting => Next::Stage(Self::Resetting),
             Self::Keeping => Next::Done(Configuration::Kept),
@@ -96,7 +107,12 @@ impl Stage {
     /// Where it leads when the node holds something else, or refuses; `None` where that is a failure.
     pub const fn otherwise(self) -> Option<Next> {
         match self {
-            Self::Meeting | Self::Resetting | Self::Downloading => None,
+            Self::Finding
+            | Self::Disabling
+            | Self::Meeting
+            | Self::Resetting
+            | Self::Downloading => None,
+            Self::Looking => Some(Next::Stage(Self::Disabling)),
             Self::Keeping => Some(Next::Stage(Self::Resetting)),
             Self::Recalling | Self::Verifying => Some(Next::Stage(Self::Downloading)),
             // A node that cannot keep it gets it again the next time.
@@ -107,6 +123,9 @@ impl Stage {
     /// Everything there is to do in it, in order.
     pub fn steps(self, plan: &NodePlan) -> Vec<Step> {
         match self {
+            Self::Finding => vec![Step::Object(Action::Meet, device_type(plan))],
+            Self::Looking => vec![Step::Object(Action::Compare, power_is_off())],
+            Self::Disabling => disabling(plan),
             Self::Meeting => meeting(plan),
             Self::Keeping => {
                 let mode = shown_mode(plan).map(|check| Step::Object(Action::Compare, check));
@@ -149,6 +168,8 @@ pub enum Action {
     CompareIfThere,
     /// Read until it compares: it may be changing.
     Await,
+    /// Read until it changes no more than something at rest does.
+    Settle,
     /// Write, read back and compare.
     Write,
     /// The same, but what does not exist is off.
@@ -162,7 +183,7 @@ impl Action {
     pub const fn writes(self) -> bool {
         match self {
             Self::Write | Self::WriteIfThere | Self::Command => true,
-            Self::Meet | Self::Compare | Self::CompareIfThere | Self::Await => false,
+            Self::Meet | Self::Compare | Self::CompareIfThere | Self::Await | Self::Settle => false,
         }
     }
 
@@ -170,12 +191,26 @@ impl Action {
     pub const fn may_be_missing(self) -> bool {
         match self {
             Self::CompareIfThere | Self::WriteIfThere => true,
-            Self::Meet | Self::Compare | Self::Await | Self::Write | Self::Command => false,
+            Self::Meet
+            | Self::Compare
+            | Self::Await
+            | Self::Settle
+            | Self::Write
+            | Self::Command => false,
         }
     }
 }
 
-/// Device type first: it also shows whether anybody is there.
+/// Off at once, before it is known whose drive it is: nobody commands it any more, and an arm that is
+/// driven by nobody is nobody's (CiA 402-2, 6.1). The next stage waits until it stands still.
+fn disabling(plan: &NodePlan) -> Vec<Step> {
+    let mut steps = power_off().to_vec();
+    let position = Check::exactly(Object::POSITION_ACTUAL, Value::Integer32(0));
+    steps.extend(plan.rest.map(|_| Step::Object(Action::Settle, position)));
+    steps
+}
+
+/// Identity, and what more is asked for.
 fn meeting(plan: &NodePlan) -> Vec<Step> {
     let compare = |check| Step::Object(Action::Compare, check);
     let number = |object, value| compare(Check::exactly(object, Value::Unsigned32(value)));
@@ -185,7 +220,6 @@ fn meeting(plan: &NodePlan) -> Vec<Step> {
         Revisions::Compatible => Check::revision_from(Object::REVISION, revision),
     };
     let mut steps = vec![
-        Step::Object(Action::Meet, device_type(plan)),
         number(Object::VENDOR_ID, plan.identity.vendor),
         number(Object::PRODUCT_CODE, plan.identity.product),
         compare(revision),
@@ -220,17 +254,20 @@ fn device_type(plan: &NodePlan) -> Check {
     Check { mask: 0xFFFF, ..Check::exactly(Object::DEVICE_TYPE, expected) }
 }
 
-/// Takes the power off a drive that a former master left enabled, before anything is changed in it.
+/// Takes the power off a drive, before anything is changed in it.
 fn power_off() -> [Step; 2] {
     let off = Value::Unsigned16(Controlword::DISABLE_VOLTAGE.0);
-    let disabled = Check {
-        mask: u64::from(Statusword::OPERATION_ENABLED),
-        ..Check::exactly(Object::STATUSWORD, Value::Unsigned16(0))
-    };
     [
         Step::Object(Action::Write, Check::exactly(Object::CONTROLWORD, off)),
-        Step::Object(Action::Await, disabled),
+        Step::Object(Action::Await, power_is_off()),
     ]
+}
+
+fn power_is_off() -> Check {
+    Check {
+        mask: u64::from(Statusword::OPERATION_ENABLED),
+        ..Check::exactly(Object::STATUSWORD, Value::Unsigned16(0))
+    }
 }
 
 fn stamp(plan: &NodePlan, action: Action) -> [Step; 2] {
@@ -285,7 +322,7 @@ pub(crate) mod tests {
 
     /// Every step that a node which holds nothing yet is taken through.
     pub(crate) fn first_boot(plan: &NodePlan) -> Vec<Step> {
-        [Stage::Meeting, Stage::Resetting, Stage::Downloading]
+        [Stage::Finding, Stage::Looking, Stage::Meeting, Stage::Resetting, Stage::Downloading]
             .into_iter()
             .flat_map(|stage| stage.steps(plan))
             .collect()
@@ -338,6 +375,20 @@ pub(crate) mod tests {
     }
 
     #[test]
+    fn a_drive_with_its_power_on_is_taken_off_it_before_anything_else_is_asked_or_told() {
+        let plan = NodePlan { rest: Some(200), ..elbow() };
+        assert_eq!(Stage::Finding.next(&plan), Next::Stage(Stage::Looking));
+        assert_eq!(Stage::Looking.otherwise(), Some(Next::Stage(Stage::Disabling)));
+        let steps = Stage::Disabling.steps(&plan);
+        assert_eq!(writes(&steps), [(0, Object::CONTROLWORD)]);
+        let last = steps.last().unwrap();
+        assert!(
+            matches!(last, Step::Object(Action::Settle, check) if check.object == Object::POSITION_ACTUAL)
+        );
+        assert_eq!(Stage::Finding.next(&switch_box()), Next::Stage(Stage::Meeting), "it has none");
+    }
+
+    #[test]
     fn the_stamp_stands_before_the_configuration_is_saved() {
         let steps = Stage::Storing.steps(&elbow());
         let objects = writes(&steps).into_iter().map(|(_, object)| object);
@@ -358,10 +409,10 @@ pub(crate) mod tests {
     fn only_what_is_asked_for_is_compared_beyond_the_identity() {
         let count = |plan: &NodePlan| Stage::Meeting.steps(plan).len();
         let mut plan = elbow();
-        assert_eq!(count(&plan), 4);
+        assert_eq!(count(&plan), 3);
         plan.admission.serial = Some(7);
         plan.admission.program = Some(8);
-        assert_eq!(count(&plan), 6);
+        assert_eq!(count(&plan), 5);
     }
 
     #[test]
@@ -369,9 +420,9 @@ pub(crate) mod tests {
         for keep_alive in [false, true] {
             for stores_configuration in [false, true] {
                 let plan = NodePlan { keep_alive, stores_configuration, ..elbow() };
-                let mut ways = vec![(Stage::Meeting, 0)];
+                let mut ways = vec![(Stage::Finding, 0)];
                 while let Some((stage, length)) = ways.pop() {
-                    assert!(length < 7, "it goes round in circles");
+                    assert!(length < 10, "it goes round in circles");
                     for next in [Some(stage.next(&plan)), stage.otherwise()].into_iter().flatten() {
                         if let Next::Stage(next) = next {
                             ways.push((next, length + 1));

@@ -83,6 +83,11 @@ impl Upload {
             State::Opened | State::Ending(_) => None,
         }
     }
+
+    /// Whether [`next`](Self::next) has a segment.
+    pub(super) const fn has_next(&self) -> bool {
+        matches!(self.state, State::Sending) && self.sender.has_next()
+    }
 }
 
 /// A value on its way down.

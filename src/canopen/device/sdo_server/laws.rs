@@ -9,6 +9,7 @@ use proptest::prelude::*;
 use crate::canopen::abort::AbortCode;
 use crate::canopen::device::sdo_server::Access;
 use crate::canopen::device::sdo_server::NUDGE;
+use crate::canopen::device::sdo_server::PACE;
 use crate::canopen::device::sdo_server::PATIENCE;
 use crate::canopen::device::sdo_server::SdoServer;
 use crate::canopen::device::sdo_server::abort;
@@ -65,6 +66,9 @@ fn reply(server: &mut SdoServer, shelf: &mut Shelf, request: SdoPayload) -> SdoP
 fn replies(server: &mut SdoServer, shelf: &mut Shelf, request: SdoPayload) -> Vec<SdoPayload> {
     let mut out = Vec::new();
     server.serve(Instant::ZERO, request, shelf, &mut out);
+    while let Some(due) = server.due {
+        server.on_time(due, &mut out);
+    }
     assert!(out.iter().all(|frame| frame.cob_id == 0x585));
     out.iter().map(|frame| frame.data().try_into().unwrap()).collect()
 }
@@ -206,6 +210,22 @@ fn a_block_goes_up_as_the_standard_has_it() {
     assert_eq!(say([0xA2, 2, 2, 0, 0, 0, 0, 0]), [[0xC1, SUM[0], SUM[1], 0, 0, 0, 0, 0]]);
     assert_eq!(say([0xA1, 0, 0, 0, 0, 0, 0, 0]), NOTHING);
     assert_eq!(say(start)[0][0], 0x80, "it is over");
+}
+
+#[test]
+fn segments_of_a_block_go_up_one_at_a_time() {
+    let (mut server, mut shelf) = shelf_of_three();
+    reply(&mut server, &mut shelf, [0xA4, 0, 0x20, 0, 127, 0, 0, 0]);
+    let mut out = Vec::new();
+    server.serve(Instant::ZERO, [0xA3, 0, 0, 0, 0, 0, 0, 0], &mut shelf, &mut out);
+    for place in 1..=3 {
+        assert_eq!(out.len(), place, "one by {:?}", server.deadline());
+        let due = Instant::ZERO + PACE.saturating_mul(u32::try_from(place).unwrap());
+        server.on_time(due - Duration::from_micros(1), &mut out);
+        assert_eq!(out.len(), place, "no sooner than its time");
+        server.on_time(due, &mut out);
+    }
+    assert_eq!(server.due, None, "three are all");
 }
 
 #[test]

@@ -34,6 +34,10 @@ const PATIENCE: Duration = Duration::from_secs(3);
 /// After how much of that the segments of a block that were lost are asked for.
 const NUDGE: Duration = Duration::from_millis(500);
 
+/// Between two segments of an upload by blocks: what one takes at 1 Mbit/s without its stuffing, so that a
+/// sub-block fills the bus and not the queue before it.
+const PACE: Duration = Duration::from_micros(100);
+
 /// The objects, as a server sees them.
 pub(super) trait Access {
     /// Puts what an object holds into `bytes`, which is empty.
@@ -44,6 +48,16 @@ pub(super) trait Access {
 
     /// Writes, and does what follows from it. `bytes` have the size told.
     fn write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode>;
+
+    /// Whether replies say how many bytes they hold, as they should.
+    fn tells_sizes(&self) -> bool {
+        true
+    }
+
+    /// What is given as the reason of a refusal.
+    fn reason(&self, code: AbortCode) -> AbortCode {
+        code
+    }
 }
 
 /// The server of one device.
@@ -54,6 +68,8 @@ pub(super) struct SdoServer {
     /// When the client was heard last.
     heard: Instant,
     has_nudged: bool,
+    /// When the next segment of a block goes out.
+    due: Option<Instant>,
 }
 
 /// A transfer under way.
@@ -77,12 +93,13 @@ type Reply = Result<Option<SdoPayload>, (Object, AbortCode)>;
 impl SdoServer {
     /// The server of `node`.
     pub(super) const fn new(node: NodeId) -> Self {
-        Self { node, transfer: None, heard: Instant::ZERO, has_nudged: false }
+        Self { node, transfer: None, heard: Instant::ZERO, has_nudged: false, due: None }
     }
 
     /// Forgets the transfer under way.
     pub(super) fn reset(&mut self) {
         self.transfer = None;
+        self.due = None;
     }
 
     /// The request in a frame, `None` if there is none of eight bytes for this server.
@@ -109,15 +126,18 @@ impl SdoServer {
             Ok(payload) => out.extend(payload.map(|payload| self.frame(payload))),
             Err((object, code)) => {
                 self.transfer = None;
-                out.push(self.frame(abort(object, code)));
+                out.push(self.frame(abort(object, objects.reason(code))));
             }
         }
-        self.send_segments(out);
+        self.send_segment(now, out);
     }
 
-    /// Asks for what was lost, or ends a transfer whose client has fallen silent.
+    /// Sends the segment that is due, asks for what was lost, or ends a transfer whose client has fallen silent.
     pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        if self.deadline().is_none_or(|due| now < due) {
+        if self.due.is_some_and(|due| due <= now) {
+            self.send_segment(now, out);
+        }
+        if self.silence_ends().is_none_or(|due| now < due) {
             return;
         }
         let Some(Transfer { object, way }) = &mut self.transfer else { return };
@@ -130,13 +150,18 @@ impl SdoServer {
         };
         self.has_nudged = true;
         if is_over {
-            self.transfer = None;
+            self.reset();
         }
         out.extend(payload.map(|payload| self.frame(payload)));
     }
 
     /// When [`on_time`](Self::on_time) must next be called.
     pub(super) fn deadline(&self) -> Option<Instant> {
+        self.due.into_iter().chain(self.silence_ends()).min()
+    }
+
+    /// When a client will have been silent for too long.
+    fn silence_ends(&self) -> Option<Instant> {
         let may_nudge = match &self.transfer.as_ref()?.way {
             Way::BlockDown(_) => !self.has_nudged,
             Way::Up(_) | Way::Down(_) | Way::BlockUp(_) => false,
@@ -181,12 +206,14 @@ impl SdoServer {
 
     /// A request within a transfer.
     fn on_request(&mut self, request: SdoPayload, objects: &mut impl Access) -> Reply {
-        let [command, ..] = request;
+        let [command, low, high, sub, ..] = request;
         let specifier = command >> 5;
-        // A request that nothing has opened names no object.
-        let nothing = Object { index: 0, sub: 0 };
         let Some(Transfer { object, way }) = &mut self.transfer else {
-            return Err((nothing, AbortCode::COMMAND_UNKNOWN));
+            // A segment that nothing has opened names no object; a command nobody knows may.
+            let named = if specifier == CS_RESERVED { [low, high, sub] } else { [0; 3] };
+            let [low, high, sub] = named;
+            let object = Object { index: u16::from_le_bytes([low, high]), sub };
+            return Err((object, AbortCode::COMMAND_UNKNOWN));
         };
         let object = *object;
         let refused = |code| (object, code);
@@ -225,11 +252,14 @@ impl SdoServer {
         Ok(reply)
     }
 
-    /// Sends the sub-block that is due, all of it: the bus takes one frame after the other.
-    fn send_segments(&mut self, out: &mut Vec<Frame>) {
-        let cob_id = response_cob_id(self.node);
-        if let Some(Transfer { way: Way::BlockUp(upload), .. }) = &mut self.transfer {
-            out.extend(std::iter::from_fn(|| upload.next()).map(|it| Frame::new(cob_id, it)));
+    /// Sends the next segment of the sub-block under way, if there is one.
+    fn send_segment(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        self.due = None;
+        if let Some(Transfer { way: Way::BlockUp(upload), .. }) = &mut self.transfer
+            && let Some(segment) = upload.next()
+        {
+            out.push(Frame::new(response_cob_id(self.node), segment));
+            self.due = upload.has_next().then_some(now + PACE);
         }
     }
 
@@ -252,5 +282,6 @@ const CCS_UPLOAD_SEGMENT: u8 = 3;
 const CS_ABORT: u8 = 4;
 const CCS_BLOCK_UPLOAD: u8 = 5;
 const CCS_BLOCK_DOWNLOAD: u8 = 6;
+const CS_RESERVED: u8 = 7;
 /// What a frame of a block transfer is.
 const SUBCOMMAND: u8 = 3;

@@ -55,11 +55,11 @@ impl SdoServer {
     ) -> Result<Option<SdoPayload>, AbortCode> {
         let mut bytes = Vec::new();
         objects.read(object, &mut bytes)?;
-        Ok(Some(self.open_upload(object, bytes)))
+        Ok(Some(self.open_upload(object, bytes, objects.tells_sizes())))
     }
 
-    /// The reply that opens an upload of `bytes`, expedited or segmented.
-    fn open_upload(&mut self, object: Object, bytes: Vec<u8>) -> SdoPayload {
+    /// The reply that opens an upload of `bytes`, expedited or segmented, and tells how many they are.
+    fn open_upload(&mut self, object: Object, bytes: Vec<u8>, tells_size: bool) -> SdoPayload {
         let [low, high] = object.index.to_le_bytes();
         let (command, [a, b, c, d]) = match *bytes.as_slice() {
             [a] => (EXPEDITED | 3 << 2, [a, 0, 0, 0]),
@@ -73,6 +73,11 @@ impl SdoServer {
                 (0, size)
             }
         };
+        if !tells_size {
+            let [a, b, c, d] = if command == 0 { [0; 4] } else { [a, b, c, d] };
+            let command = SCS_UPLOAD << 5 | command & EXPEDITED;
+            return [command, low, high, object.sub, a, b, c, d];
+        }
         [SCS_UPLOAD << 5 | SIZE_INDICATED | command, low, high, object.sub, a, b, c, d]
     }
 
@@ -86,7 +91,7 @@ impl SdoServer {
         let mut bytes = Vec::new();
         objects.read(object, &mut bytes)?;
         if threshold != 0 && bytes.len() <= usize::from(threshold) {
-            return Ok(Some(self.open_upload(object, bytes)));
+            return Ok(Some(self.open_upload(object, bytes, objects.tells_sizes())));
         }
         let [a, b, c, d] = announced(&bytes);
         let upload = block::Upload::new(bytes, block_size, command & CRC != 0)?;

@@ -1,0 +1,59 @@
+//! A device follows its objects: what a write by SDO changes in it at once.
+
+use std::time::Duration;
+
+use crate::canopen::device::Application;
+use crate::canopen::device::Device;
+use crate::canopen::device::access::Objects;
+use crate::canopen::device::history;
+use crate::canopen::device::parameter::Place;
+use crate::canopen::device::store;
+use crate::canopen::frame::Frame;
+use crate::canopen::object::Object;
+use crate::time::Instant;
+
+impl<A: Application> Device<A> {
+    pub(super) fn serve(&mut self, now: Instant, request: [u8; 8], out: &mut Vec<Frame>) {
+        let Self { dictionary, application, manners, .. } = self;
+        let mut objects = Objects { dictionary, application, manners, written: None };
+        self.sdo.serve(now, request, &mut objects, out);
+        if let Some(object) = objects.written {
+            self.follow(now, object);
+        }
+    }
+
+    /// Does as an object says that has just been written.
+    fn follow(&mut self, now: Instant, object: Object) {
+        self.is_touched = true;
+        store::follow(object, &mut self.dictionary);
+        match object {
+            Object::SYNC_COB_ID | Object::SYNC_WINDOW | Object::SYNC_OVERFLOW => {
+                self.sync.configure(&self.dictionary);
+            }
+            Object::TIME_COB_ID => self.clock.configure(&self.dictionary),
+            Object::EMCY_COB_ID | Object::EMCY_INHIBIT_TIME => {
+                self.errors.configure(&self.dictionary);
+            }
+            Object::ERROR_HISTORY => history::clear(&mut self.dictionary),
+            Object::GUARD_TIME | Object::LIFE_TIME_FACTOR => {
+                self.guarding.forget();
+                self.tell_of_watches();
+            }
+            Object::PRODUCER_HEARTBEAT => {
+                self.heartbeat.produce(&self.dictionary, now, Duration::ZERO);
+                self.guarding.forget();
+                self.tell_of_watches();
+            }
+            Object { index, .. } if index == Object::CONSUMER_HEARTBEAT.index => {
+                self.heartbeat.watch(&self.dictionary);
+                self.tell_of_watches();
+            }
+            object => {
+                if let Some(place) = Place::of(object) {
+                    self.resolve(place);
+                    self.tell_of_rpdos();
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,156 @@
+//! The NMT states of a device and what leads from one to another (CiA 301, 7.3.2.2): commands, resets,
+//! and a lost master.
+
+use canopen_rs::NmtCommand;
+use canopen_rs::NmtState;
+use canopen_rs::nmt::encode_heartbeat;
+use canopen_rs::nmt::heartbeat_cob_id;
+
+use crate::canopen::device::Application;
+use crate::canopen::device::ConnectionLoss;
+use crate::canopen::device::Device;
+use crate::canopen::device::Reset;
+use crate::canopen::device::condition::Condition;
+use crate::canopen::device::heartbeat::Heartbeat;
+use crate::canopen::device::mapping;
+use crate::canopen::device::parameter::Place;
+use crate::canopen::device::rpdo::Rpdo;
+use crate::canopen::device::tpdo::Tpdo;
+use crate::canopen::frame::Frame;
+use crate::canopen::layout::Direction;
+use crate::canopen::object::Object;
+use crate::time::Instant;
+
+impl<A: Application> Device<A> {
+    pub(super) fn obey(&mut self, now: Instant, command: NmtCommand, out: &mut Vec<Frame>) {
+        match command {
+            NmtCommand::StartRemoteNode => self.enter(NmtState::Operational),
+            NmtCommand::EnterPreOperational => self.enter(NmtState::PreOperational),
+            NmtCommand::StopRemoteNode => {
+                self.leave_operational();
+                self.enter(NmtState::Stopped);
+            }
+            NmtCommand::ResetCommunication | NmtCommand::ResetNode => {
+                let is_node = command == NmtCommand::ResetNode;
+                let reset = if is_node { Reset::Node } else { Reset::Communication };
+                self.reset(now, reset, out);
+            }
+        }
+    }
+
+    /// Everything, or communication, begins anew, with the node-id LSS has configured.
+    pub(super) fn reset(&mut self, now: Instant, reset: Reset, out: &mut Vec<Frame>) {
+        self.leave_operational();
+        self.layer.reset();
+        self.adopt_node();
+        self.dictionary.restore(match reset {
+            Reset::Communication => COMMUNICATION_PROFILE,
+            Reset::Node => 0..=u16::MAX,
+        });
+        self.initialise(reset);
+        if self.is_configured() {
+            self.boot_up(now, out);
+        }
+    }
+
+    /// To be stopped or reset in operation is to lose the master; nothing is told of it.
+    fn leave_operational(&mut self) {
+        if self.state == NmtState::Operational {
+            self.react_to(ConnectionLoss::Stopped);
+        }
+    }
+
+    /// Everything follows the dictionary, which has its defaults.
+    pub(super) fn initialise(&mut self, reset: Reset) {
+        self.state = NmtState::Initialising;
+        self.sdo.reset();
+        let numbers = |direction| Place::all(&self.dictionary, direction).map(|place| place.number);
+        self.rpdos =
+            numbers(Direction::Receive).map(|number| Rpdo::new(&self.dictionary, number)).collect();
+        self.tpdos = numbers(Direction::Transmit)
+            .map(|number| Tpdo::new(&self.dictionary, number))
+            .collect();
+        self.heartbeat.restart(&self.dictionary);
+        self.guarding.restart();
+        self.sync.configure(&self.dictionary);
+        self.is_late = false;
+        self.clock.configure(&self.dictionary);
+        self.application.on_reset(&mut self.dictionary, reset);
+        self.errors.reset(self.application.error_code(), &mut self.dictionary);
+    }
+
+    pub(super) fn boot_up(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        let boot_up = encode_heartbeat(NmtState::Initialising);
+        out.push(Frame::new(heartbeat_cob_id(self.node), boot_up));
+        self.enter(NmtState::PreOperational);
+        // The boot-up message stands for the first heartbeat.
+        self.heartbeat.produce(&self.dictionary, now, Heartbeat::period(&self.dictionary));
+    }
+
+    pub(super) fn enter(&mut self, state: NmtState) {
+        if self.state == state {
+            return;
+        }
+        self.state = state;
+        self.errors.allow(matches!(state, NmtState::PreOperational | NmtState::Operational));
+        if state == NmtState::Operational {
+            self.tpdos.iter_mut().for_each(Tpdo::start);
+        } else {
+            self.tpdos.iter_mut().for_each(Tpdo::stop);
+            self.rpdos.iter_mut().for_each(Rpdo::stop);
+        }
+        if state == NmtState::Stopped {
+            self.sdo.reset();
+        }
+    }
+
+    /// Finds out whether the master is lost: its heartbeat, its guarding, one of its RPDOs.
+    pub(super) fn watch(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        let no_heartbeat = self.heartbeat.loses(now).then_some(Condition::HeartbeatLost);
+        let no_guard = self.guarding.loses(now).then_some(Condition::GuardLost);
+        for condition in no_heartbeat.into_iter().chain(no_guard) {
+            self.lose_connection(condition, ConnectionLoss::Heartbeat);
+            self.errors.send(now, out);
+            self.behave_on_error();
+        }
+        let mut is_missed = false;
+        for rpdo in &mut self.rpdos {
+            is_missed |= rpdo.misses(now);
+        }
+        if is_missed {
+            self.lose_connection(Condition::RpdoTimeout, ConnectionLoss::RpdoTimeout);
+        }
+    }
+
+    fn lose_connection(&mut self, condition: Condition, why: ConnectionLoss) {
+        let manufacturer = self.react_to(why);
+        self.errors.raise(condition, manufacturer, &mut self.dictionary);
+        self.is_touched = true;
+    }
+
+    /// Who was lost is heard again, or not watched any more.
+    pub(super) fn tell_of_watches(&mut self) {
+        if !self.heartbeat.is_lost() {
+            self.errors.settle(Condition::HeartbeatLost, &mut self.dictionary);
+        }
+        if !self.guarding.is_lost() {
+            self.errors.settle(Condition::GuardLost, &mut self.dictionary);
+        }
+    }
+
+    /// Leaves operational after a communication error, unless told otherwise (1029h:1). An RPDO that stays
+    /// away is none (CiA 301, 7.5.2.32).
+    fn behave_on_error(&mut self) {
+        if self.state != NmtState::Operational {
+            return;
+        }
+        match mapping::byte(&self.dictionary, Object::ERROR_BEHAVIOUR) {
+            0 => self.enter(NmtState::PreOperational),
+            2 => self.enter(NmtState::Stopped),
+            _ => {}
+        }
+    }
+}
+
+/// The objects of the communication profile.
+const COMMUNICATION_PROFILE: std::ops::RangeInclusive<u16> = 0x1000..=0x1FFF;

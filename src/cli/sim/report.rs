@@ -1,0 +1,120 @@
+//! What each drive believes, as a table for people or as one JSON object on one line.
+
+use crate::canopen::error_codes;
+use crate::canopen::frame::Channel;
+use crate::canopen::nmt;
+use crate::canopen::words::mode_of_operation;
+use crate::config::Config;
+use crate::config::Joint;
+use crate::controller::arm::JointKind;
+use crate::sim::belief::Axis;
+use crate::sim::belief::Belief;
+use crate::sim::belief::Report;
+use crate::time::Instant;
+
+/// When, what the columns are, and a row for each drive.
+pub(super) fn text(config: &Config, report: &Report) -> String {
+    let mut text = format!("{:.3} s after the start\n{}", seconds(report), columns());
+    for (joint, axis) in config.joints.iter().zip(&report.axes) {
+        text.push('\n');
+        text.push_str(&row(config, joint, axis));
+    }
+    text
+}
+
+fn columns() -> String {
+    format!(
+        "{:<12} {:<10} {:>4} {:<15} {:<22} {:<27} {:>9} {:>9} {:>11} {:>6} {:>11} {:>12} {}",
+        "joint",
+        "bus",
+        "node",
+        "NMT",
+        "state",
+        "mode",
+        "asks N·m",
+        "gives N·m",
+        "counts",
+        "°C",
+        "joint at",
+        "joint gets",
+        "last error",
+    )
+}
+
+fn row(config: &Config, joint: &Joint, axis: &Axis) -> String {
+    let Axis { belief, position, torque } = axis;
+    let (length, force) = match joint.link.kind {
+        JointKind::Revolute => ("rad", "N·m"),
+        JointKind::Prismatic => ("m", "N"),
+    };
+    format!(
+        "{:<12} {:<10} {:>4} {:<15} {:<22} {:<27} {:>+9.4} {:>+9.4} {:>11} {:>6.1} {:>11} {:>12} {}",
+        joint.name,
+        bus(config, belief),
+        belief.node.raw(),
+        nmt::words(belief.nmt),
+        belief.state.words(),
+        mode_of_operation(belief.mode),
+        belief.demanded,
+        belief.exerted,
+        belief.counts,
+        belief.temperature,
+        format!("{position:+.4} {length}"),
+        format!("{torque:+.3} {force}"),
+        last_error(belief.error),
+    )
+}
+
+/// One report, one line.
+pub(super) fn json(config: &Config, report: &Report) -> serde_json::Value {
+    let pairs = (1..).zip(config.joints.iter().zip(&report.axes));
+    let drives = pairs.map(|(number, (joint, axis))| drive(config, number, joint, axis));
+    serde_json::json!({ "t_s": seconds(report), "drives": drives.collect::<Vec<_>>() })
+}
+
+fn drive(config: &Config, number: u8, joint: &Joint, axis: &Axis) -> serde_json::Value {
+    let Axis { belief, position, torque } = axis;
+    let mut drive = serde_json::json!({
+        "joint": number,
+        "name": joint.name,
+        "bus": bus(config, belief),
+        "node": belief.node.raw(),
+        "nmt": nmt::words(belief.nmt),
+        "state": belief.state.words(),
+        "mode": belief.mode,
+        "mode_name": mode_of_operation(belief.mode),
+        "torque_demanded_nm": belief.demanded,
+        "torque_actual_nm": belief.exerted,
+        "position_counts": belief.counts,
+        "temperature_c": belief.temperature,
+        "last_error": belief.error,
+        "last_error_name": last_error_name(belief.error),
+    });
+    let [position_key, torque_key] = match joint.link.kind {
+        JointKind::Revolute => ["joint_position_rad", "joint_torque_nm"],
+        JointKind::Prismatic => ["joint_position_m", "joint_force_n"],
+    };
+    if let Some(object) = drive.as_object_mut() {
+        object.insert(position_key.to_owned(), (*position).into());
+        object.insert(torque_key.to_owned(), (*torque).into());
+    }
+    drive
+}
+
+fn seconds(report: &Report) -> f64 {
+    report.at.since(Instant::ZERO).as_secs_f64()
+}
+
+fn bus<'c>(config: &'c Config, belief: &Belief) -> &'c str {
+    let Channel(place) = belief.channel;
+    config.buses.get(usize::from(place)).map_or("?", |bus| bus.name.as_str())
+}
+
+fn last_error(code: u16) -> String {
+    if code == 0 { "none".to_owned() } else { format!("{code:04X}h {}", error_codes::words(code)) }
+}
+
+/// `None` where there was no error.
+fn last_error_name(code: u16) -> Option<&'static str> {
+    (code != 0).then(|| error_codes::words(code))
+}

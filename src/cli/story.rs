@@ -1,0 +1,62 @@
+//! What breaks in a simulated run, and what the node makes of it, one line each, with the time.
+
+use std::time::Duration;
+
+use crate::canopen::master::event::Event;
+use crate::config::Config;
+use crate::sim::fault::Notice;
+use crate::sim::scenario::fault::Whom;
+use crate::telemetry::record::Mode;
+use crate::telemetry::record::Record;
+
+/// Tells it, with the names of the configuration.
+#[derive(Debug)]
+pub(super) struct Story {
+    /// Of the six drives and the switch box.
+    names: Vec<String>,
+    mode: Mode,
+}
+
+impl Story {
+    /// About the devices of `config`.
+    pub(super) fn of(config: &Config) -> Self {
+        let names = config.node_plans().into_iter().map(|(_, plan)| plan.name).collect();
+        Self { names, mode: Mode::Boot }
+    }
+
+    /// `3.200 s: joint 3 (elbow): unplugged`.
+    pub(super) fn fault(&self, notice: &Notice) -> String {
+        let whom = notice.fault.whom;
+        let place = match whom {
+            Whom::Joint(joint) => joint.checked_sub(1),
+            Whom::Switches => self.names.len().checked_sub(1),
+            Whom::Drives | Whom::Bus(_) | Whom::Link => None,
+        };
+        let name = place.and_then(|place| self.names.get(place));
+        let name = name.map_or_else(|| whom.to_string(), Clone::clone);
+        line(notice.at, &format!("{name}: {notice}"))
+    }
+
+    /// `3.225 s: node: joint 3 (elbow): heartbeat lost`.
+    pub(super) fn event(&self, at: Duration, event: &Event) -> String {
+        match event.node().and_then(|place| self.names.get(place)) {
+            Some(name) => line(at, &format!("node: {name}: {event}")),
+            None => line(at, &format!("node: {event}")),
+        }
+    }
+
+    /// `3.203 s: node: stopped, joint 3: no sample for 3 cycles`, where the mode has changed.
+    pub(super) fn mode(&mut self, at: Duration, record: &Record) -> Option<String> {
+        let is_new = record.mode != self.mode;
+        self.mode = record.mode;
+        let words = match record.cause {
+            Some(cause) => format!("node: {}, {cause}", record.mode),
+            None => format!("node: {}", record.mode),
+        };
+        is_new.then(|| line(at, &words))
+    }
+}
+
+fn line(at: Duration, words: &str) -> String {
+    format!("{:.3} s: {words}", at.as_secs_f64())
+}

@@ -1,0 +1,270 @@
+//! The arm's dynamics: mass matrix, bias, accelerations, energy.
+//!
+//! All bodies, motions and efforts are taken at the origin of {0} and written in its axes (Featherstone
+//! 2008, spatial vectors), so they can be added as they are. The mass matrix comes from composite bodies
+//! (6.2), the bias from motions carried outward and efforts gathered inward (5.3):
+//!
+//! ```text
+//!  M_ij = s_i · (I_j + I_j+1 + ..) s_j,  i <= j        bias_i = s_i · Σ_k>=i (I_k a_k + v_k x* I_k v_k)
+//! ```
+
+use nalgebra::IsometryMatrix3;
+use nalgebra::Matrix3;
+use nalgebra::Vector3;
+
+use crate::sim::arm::Arm;
+use crate::sim::arm::JointMatrix;
+use crate::sim::arm::Joints;
+use crate::sim::arm::Link;
+use crate::sim::arm::Posture;
+use crate::spatial::Wrench;
+
+/// What an arm's motion obeys where it is: `M qdd + bias = tau`.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::sim) struct Dynamics {
+    /// The mass matrix.
+    pub(in crate::sim) mass: JointMatrix,
+    /// What joint velocities and gravity ask for: `C(q, qd) qd + g(q)`.
+    pub(in crate::sim) bias: Joints,
+}
+
+impl Arm {
+    /// Mass matrix and bias, in one go.
+    pub(in crate::sim) fn dynamics(&self, posture: &Posture, qd: &Joints) -> Dynamics {
+        let (bodies, axes) = (self.bodies(posture), self.axes(posture));
+        Dynamics { mass: self.mass(&bodies, &axes), bias: self.efforts(&bodies, &axes, qd) }
+    }
+
+    /// The torques that hold the arm against gravity, in N·m or N.
+    pub fn gravity(&self, posture: &Posture) -> Joints {
+        self.bias(posture, &Joints::zeros())
+    }
+
+    /// What joint velocities and gravity ask for: `C(q, qd) qd + g(q)`.
+    pub fn bias(&self, posture: &Posture, qd: &Joints) -> Joints {
+        self.efforts(&self.bodies(posture), &self.axes(posture), qd)
+    }
+
+    /// The mass matrix.
+    pub fn mass_matrix(&self, posture: &Posture) -> JointMatrix {
+        self.mass(&self.bodies(posture), &self.axes(posture))
+    }
+
+    /// The accelerations that torques `tau` and a wrench on the grip, at {G} in {G}, give.
+    pub fn acceleration(
+        &self,
+        posture: &Posture,
+        qd: &Joints,
+        tau: &Joints,
+        f_g: &Wrench,
+    ) -> Joints {
+        let Dynamics { mass, bias } = self.dynamics(posture, qd);
+        let push = tau + self.jacobian(posture).torques(f_g) - bias;
+        accelerations(mass, &push, &[false; 6])
+    }
+
+    /// Kinetic and potential energy, in J; the latter is zero where every link's mass is in the origin of {0}.
+    pub fn energy(&self, posture: &Posture, qd: &Joints) -> f64 {
+        let bodies = self.bodies(posture);
+        let kinetic = qd.dot(&(self.mass(&bodies, &self.axes(posture)) * qd)) / 2.0;
+        kinetic - bodies.iter().map(|body| body.first_moment.dot(&self.gravity)).sum::<f64>()
+    }
+
+    fn bodies(&self, posture: &Posture) -> [Body; 6] {
+        let mut bodies = self.links.map(|link| link.body);
+        for (body, x_0_i) in bodies.iter_mut().zip(&posture.x_0_links) {
+            *body = body.carried_in(x_0_i);
+        }
+        bodies
+    }
+
+    /// The motion of each joint at a rate of one.
+    fn axes(&self, posture: &Posture) -> [Motion; 6] {
+        let mut axes = [Motion::NONE; 6];
+        for (axis, (link, x_0_i)) in axes.iter_mut().zip(self.links.iter().zip(&posture.x_0_links))
+        {
+            *axis = link.unit_motion(x_0_i);
+        }
+        axes
+    }
+
+    /// That joint moves all links from itself outward as one body, and the joints before it hold what that
+    /// body needs.
+    fn mass(&self, bodies: &[Body; 6], axes: &[Motion; 6]) -> JointMatrix {
+        let mut mass = JointMatrix::zeros();
+        let mut composite = Body::NONE;
+        for ((joint, body), axis) in bodies.iter().enumerate().zip(axes).rev() {
+            composite = composite.plus(body);
+            let effort = composite.times(axis);
+            let mut column = mass.column_mut(joint);
+            for (axis, entry) in axes.iter().zip(column.iter_mut()).take(joint + 1) {
+                *entry = axis.dot(&effort);
+            }
+        }
+        mass.fill_lower_triangle_with_upper_triangle();
+        mass + self.rotors
+    }
+
+    /// What each joint gives where the arm moves with `qd` and no joint accelerates.
+    fn efforts(&self, bodies: &[Body; 6], axes: &[Motion; 6], qd: &Joints) -> Joints {
+        let mut efforts = [Effort::NONE; 6];
+        let mut velocity = Motion::NONE;
+        // A base that accelerates upwards weighs like one that rests.
+        let mut acceleration = Motion { angular: Vector3::zeros(), linear: -self.gravity };
+        let links = bodies.iter().zip(axes).zip(qd.iter());
+        for (effort, ((body, axis), qd)) in efforts.iter_mut().zip(links) {
+            let own = axis.scaled(*qd);
+            acceleration = acceleration.plus(&velocity.cross(&own));
+            velocity = velocity.plus(&own);
+            let momentum = body.times(&velocity);
+            *effort = body.times(&acceleration).plus(&velocity.cross_effort(&momentum));
+        }
+        let mut tau = Joints::zeros();
+        let mut outboard = Effort::NONE;
+        for ((tau, axis), effort) in tau.iter_mut().zip(axes).zip(&efforts).rev() {
+            outboard = outboard.plus(effort);
+            *tau = axis.dot(&outboard);
+        }
+        tau
+    }
+}
+
+/// The accelerations that `push` gives to `mass`, the joints that are `held` having none.
+pub(in crate::sim) fn accelerations(
+    mut mass: JointMatrix,
+    push: &Joints,
+    held: &[bool; 6],
+) -> Joints {
+    let mut push = *push;
+    for (joint, _) in held.iter().enumerate().filter(|(_, held)| **held) {
+        mass.fill_row(joint, 0.0);
+        mass.fill_column(joint, 0.0);
+        mass.view_mut((joint, joint), (1, 1)).fill(1.0);
+        push.fill_row(joint, 0.0);
+    }
+    mass.cholesky().map_or_else(Joints::zeros, |mass| mass.solve(&push))
+}
+
+impl Link {
+    /// How this link moves at a rate of one of its joint.
+    fn unit_motion(&self, x_0_i: &IsometryMatrix3<f64>) -> Motion {
+        let axis = x_0_i.rotation * Vector3::z();
+        if self.is_prismatic {
+            Motion { angular: Vector3::zeros(), linear: axis }
+        } else {
+            Motion { angular: axis, linear: x_0_i.translation.vector.cross(&axis) }
+        }
+    }
+}
+
+/// How a body moves: its turning, and the motion of its point in the origin.
+#[derive(Clone, Copy, Debug)]
+struct Motion {
+    angular: Vector3<f64>,
+    linear: Vector3<f64>,
+}
+
+impl Motion {
+    const NONE: Self =
+        Self { angular: Vector3::new(0.0, 0.0, 0.0), linear: Vector3::new(0.0, 0.0, 0.0) };
+
+    fn plus(&self, other: &Self) -> Self {
+        Self { angular: self.angular + other.angular, linear: self.linear + other.linear }
+    }
+
+    fn scaled(&self, rate: f64) -> Self {
+        Self { angular: self.angular * rate, linear: self.linear * rate }
+    }
+
+    /// How `other` changes that is carried along with this motion.
+    fn cross(&self, other: &Self) -> Self {
+        Self {
+            angular: self.angular.cross(&other.angular),
+            linear: self.angular.cross(&other.linear) + self.linear.cross(&other.angular),
+        }
+    }
+
+    /// How `effort` changes that is carried along with this motion.
+    fn cross_effort(&self, effort: &Effort) -> Effort {
+        Effort {
+            moment: self.angular.cross(&effort.moment) + self.linear.cross(&effort.force),
+            force: self.angular.cross(&effort.force),
+        }
+    }
+
+    /// The power of `effort` on a body that moves like this.
+    fn dot(&self, effort: &Effort) -> f64 {
+        self.angular.dot(&effort.moment) + self.linear.dot(&effort.force)
+    }
+}
+
+/// A force and its moment about the origin, or a momentum.
+#[derive(Clone, Copy, Debug)]
+struct Effort {
+    moment: Vector3<f64>,
+    force: Vector3<f64>,
+}
+
+impl Effort {
+    const NONE: Self =
+        Self { moment: Vector3::new(0.0, 0.0, 0.0), force: Vector3::new(0.0, 0.0, 0.0) };
+
+    fn plus(&self, other: &Self) -> Self {
+        Self { moment: self.moment + other.moment, force: self.force + other.force }
+    }
+}
+
+/// Mass that moves as one, about the origin of some frame and written in it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Body {
+    /// In kg.
+    mass: f64,
+    /// Mass times centre of mass, in kg·m.
+    first_moment: Vector3<f64>,
+    /// About the origin, in kg·m².
+    inertia: Matrix3<f64>,
+}
+
+impl Body {
+    const NONE: Self = Self {
+        mass: 0.0,
+        first_moment: Vector3::new(0.0, 0.0, 0.0),
+        inertia: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    };
+
+    /// A body of `mass` in kg with its centre of mass at `centre` in m, and `inertia` about that in kg·m².
+    pub(super) fn new(mass: f64, centre: &Vector3<f64>, inertia: Matrix3<f64>) -> Self {
+        let about_centre = Self { mass, first_moment: Vector3::zeros(), inertia };
+        about_centre.carried_in(&IsometryMatrix3::translation(centre.x, centre.y, centre.z))
+    }
+
+    fn plus(&self, other: &Self) -> Self {
+        Self {
+            mass: self.mass + other.mass,
+            first_moment: self.first_moment + other.first_moment,
+            inertia: self.inertia + other.inertia,
+        }
+    }
+
+    /// The same body about the origin before `step`: the parallel axis theorem.
+    fn carried_in(&self, step: &IsometryMatrix3<f64>) -> Self {
+        let p = step.translation.vector;
+        let turned = step.rotation * self.first_moment;
+        let arm = 2.0 * turned + p * self.mass;
+        let outer = arm * p.transpose();
+        let shift = Matrix3::from_diagonal_element(arm.dot(&p)) - (outer + outer.transpose()) / 2.0;
+        Self {
+            mass: self.mass,
+            first_moment: turned + p * self.mass,
+            inertia: step.rotation * self.inertia * step.rotation.transpose() + shift,
+        }
+    }
+
+    /// Its momentum at a velocity, or what an acceleration asks for.
+    fn times(&self, motion: &Motion) -> Effort {
+        Effort {
+            moment: self.inertia * motion.angular + self.first_moment.cross(&motion.linear),
+            force: motion.linear * self.mass + motion.angular.cross(&self.first_moment),
+        }
+    }
+}

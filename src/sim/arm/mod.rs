@@ -1,0 +1,288 @@
+//! The arm as a body: kinematics and dynamics of a serial chain in Craig's modified DH.
+//!
+//! Nothing here is shared with the controller, which computes the same arm another way: its dynamics are
+//! those of [`dynamics`], the Jacobian is gathered from the grip inward.
+
+mod dynamics;
+
+pub(super) use dynamics::Dynamics;
+pub(super) use dynamics::accelerations;
+
+use nalgebra::Isometry3;
+use nalgebra::IsometryMatrix3;
+use nalgebra::Matrix3;
+use nalgebra::Rotation3;
+use nalgebra::SMatrix;
+use nalgebra::SVector;
+use nalgebra::Translation3;
+use nalgebra::UnitQuaternion;
+use nalgebra::Vector3;
+
+use crate::sim::arm::dynamics::Body;
+use crate::spatial::Jacobian;
+use crate::spatial::Twist;
+
+/// One number per joint, base first.
+pub type Joints = SVector<f64, 6>;
+
+/// One link and the joint before it.
+#[derive(Clone, Copy, Debug)]
+pub struct LinkSettings {
+    /// Whether the joint slides rather than turns.
+    pub is_prismatic: bool,
+    /// α of the axis before, in rad.
+    pub alpha: f64,
+    /// a of the axis before, in m.
+    pub a: f64,
+    /// d, in m; a sliding joint's position comes on top.
+    pub d: f64,
+    /// θ, in rad; a turning joint's position comes on top.
+    pub theta: f64,
+    /// In kg.
+    pub mass: f64,
+    /// In the link's frame, in m.
+    pub centre_of_mass: Vector3<f64>,
+    /// About the centre of mass, in kg·m².
+    pub inertia: Matrix3<f64>,
+    /// Of the actuator's rotor, seen after its gear, in kg·m² (kg for a sliding joint).
+    pub rotor_inertia: f64,
+}
+
+/// A matrix over pairs of joints.
+pub type JointMatrix = SMatrix<f64, 6, 6>;
+
+/// A whole arm.
+#[derive(Clone, Copy, Debug)]
+pub struct ArmSettings {
+    /// Its links, base first.
+    pub links: [LinkSettings; 6],
+    /// Pose of the grip in the last link.
+    pub x_6_g: Isometry3<f64>,
+    /// In {0}, in m/s².
+    pub gravity: Vector3<f64>,
+}
+
+/// A serial chain of six joints with a grip.
+#[derive(Clone, Copy, Debug)]
+pub struct Arm {
+    links: [Link; 6],
+    x_6_g: IsometryMatrix3<f64>,
+    gravity: Vector3<f64>,
+    /// What the rotors add to the mass matrix.
+    rotors: JointMatrix,
+}
+
+/// Where each link is.
+#[derive(Clone, Copy, Debug)]
+pub struct Posture {
+    /// Seen from the one before.
+    steps: [IsometryMatrix3<f64>; 6],
+    /// Seen from {0}.
+    x_0_links: [IsometryMatrix3<f64>; 6],
+}
+
+impl Arm {
+    /// As described.
+    pub fn new(settings: ArmSettings) -> Self {
+        Self {
+            links: settings.links.map(Link::new),
+            x_6_g: nalgebra::convert(settings.x_6_g),
+            gravity: settings.gravity,
+            rotors: JointMatrix::from_diagonal(&Joints::from(
+                settings.links.map(|link| link.rotor_inertia),
+            )),
+        }
+    }
+
+    /// The same arm behind a linkage, which its rotors turn with: `joint_inertia` says what theirs comes
+    /// to at the joints. Asked of an arm once.
+    #[must_use]
+    pub fn driven_through(self, joint_inertia: impl FnOnce(&JointMatrix) -> JointMatrix) -> Self {
+        Self { rotors: joint_inertia(&self.rotors), ..self }
+    }
+
+    /// Where each link is at joint positions `q`, in rad or m.
+    pub fn posture(&self, q: &Joints) -> Posture {
+        let mut posture = Posture {
+            steps: [IsometryMatrix3::identity(); 6],
+            x_0_links: [IsometryMatrix3::identity(); 6],
+        };
+        let mut x_0_i = IsometryMatrix3::identity();
+        let places = posture.steps.iter_mut().zip(&mut posture.x_0_links);
+        for ((step, x_0_link), (link, q)) in places.zip(self.links.iter().zip(q.iter())) {
+            *step = link.step(*q);
+            x_0_i *= *step;
+            *x_0_link = x_0_i;
+        }
+        posture
+    }
+
+    /// The pose of the grip in {0}.
+    pub fn pose(&self, posture: &Posture) -> Isometry3<f64> {
+        let [.., x_0_6] = posture.x_0_links;
+        let x_0_g = x_0_6 * self.x_6_g;
+        let rotation = UnitQuaternion::from_rotation_matrix(&x_0_g.rotation);
+        Isometry3::from_parts(x_0_g.translation, rotation)
+    }
+
+    /// The body Jacobian of the grip, in {G}.
+    pub fn jacobian(&self, posture: &Posture) -> Jacobian<6> {
+        let mut columns = [Twist::ZERO; 6];
+        // From the grip inward: where the grip is, seen from link i.
+        let mut x_i_g = self.x_6_g;
+        for ((column, link), step) in columns.iter_mut().zip(&self.links).zip(&posture.steps).rev()
+        {
+            let axis = x_i_g.rotation.inverse() * Vector3::z();
+            let turned = x_i_g.rotation.inverse() * Vector3::z().cross(&x_i_g.translation.vector);
+            *column = if link.is_prismatic {
+                Twist { linear: axis, angular: Vector3::zeros() }
+            } else {
+                Twist { linear: turned, angular: axis }
+            };
+            x_i_g = step * x_i_g;
+        }
+        Jacobian::from_columns(&columns)
+    }
+}
+
+/// One link, with what does not change worked out once.
+#[derive(Clone, Copy, Debug)]
+struct Link {
+    is_prismatic: bool,
+    /// Of α.
+    sin: f64,
+    cos: f64,
+    a: f64,
+    d: f64,
+    theta: f64,
+    body: Body,
+}
+
+impl Link {
+    fn new(settings: LinkSettings) -> Self {
+        let (sin, cos) = settings.alpha.sin_cos();
+        Self {
+            is_prismatic: settings.is_prismatic,
+            sin,
+            cos,
+            a: settings.a,
+            d: settings.d,
+            theta: settings.theta,
+            body: Body::new(settings.mass, &settings.centre_of_mass, settings.inertia),
+        }
+    }
+
+    /// The pose of this link in the one before: `Rx(α) Tx(a) Rz(θ) Tz(d)` (Craig 1989, Eq. 3.6).
+    fn step(&self, q: f64) -> IsometryMatrix3<f64> {
+        let (d, theta) =
+            if self.is_prismatic { (self.d + q, self.theta) } else { (self.d, self.theta + q) };
+        let ((s, c), (sa, ca)) = (theta.sin_cos(), (self.sin, self.cos));
+        let rotation = Matrix3::new(c, -s, 0.0, s * ca, c * ca, -sa, s * sa, c * sa, ca);
+        let place = Translation3::new(self.a, -sa * d, ca * d);
+        IsometryMatrix3::from_parts(place, Rotation3::from_matrix_unchecked(rotation))
+    }
+}
+
+#[cfg(test)]
+pub(in crate::sim) mod tests {
+    use super::*;
+    use crate::spatial::Wrench;
+    use serde_json::Value;
+
+    fn numbers<const N: usize>(value: &Value) -> [f64; N] {
+        std::array::from_fn(|place| value[place].as_f64().unwrap())
+    }
+
+    fn joints(value: &Value) -> Joints {
+        Joints::from(numbers(value))
+    }
+
+    fn pose(value: &Value) -> Isometry3<f64> {
+        let row = |row: usize| numbers::<4>(&value[row]);
+        let rotation = Matrix3::from_fn(|r, c| row(r)[c]);
+        let rotation = Rotation3::from_matrix_unchecked(rotation);
+        let place = Translation3::new(row(0)[3], row(1)[3], row(2)[3]);
+        Isometry3::from_parts(place, UnitQuaternion::from_rotation_matrix(&rotation))
+    }
+
+    fn matrix(value: &Value) -> SMatrix<f64, 6, 6> {
+        SMatrix::from_fn(|row, column| value[row][column].as_f64().unwrap())
+    }
+
+    fn arm(model: &Value) -> Arm {
+        let links = std::array::from_fn(|place| {
+            let (row, link) = (&model["rows"][place], &model["links"][place]);
+            let number = |key: &str| row[key].as_f64().unwrap();
+            LinkSettings {
+                is_prismatic: row["type"] == "P",
+                alpha: number("alpha_im1"),
+                a: number("a_im1"),
+                d: number("d"),
+                theta: number("theta"),
+                mass: link["m"].as_f64().unwrap(),
+                centre_of_mass: Vector3::from(numbers(&link["r"])),
+                inertia: Matrix3::from_fn(|r, c| link["I"][r][c].as_f64().unwrap()),
+                rotor_inertia: link["armature"].as_f64().unwrap(),
+            }
+        });
+        let gravity = Vector3::from(numbers(&model["g0"]));
+        Arm::new(ArmSettings { links, x_6_g: pose(&model["T_6G"]), gravity })
+    }
+
+    fn model(text: &str) -> Arm {
+        arm(&serde_json::from_str::<Value>(text).unwrap()["model"])
+    }
+
+    /// The arm of the default configuration.
+    pub(in crate::sim) fn kraft_like() -> Arm {
+        model(include_str!("../../../tests/oracles/kraft_like.json"))
+    }
+
+    /// An arm with a sliding joint.
+    pub(in crate::sim) fn jpl_like() -> Arm {
+        model(include_str!("../../../tests/oracles/jpl_like.json"))
+    }
+
+    /// An arm with a spherical wrist, and a grip apart from it.
+    pub(in crate::sim) fn sixr_spherical() -> Arm {
+        model(include_str!("../../../tests/oracles/sixr_spherical.json"))
+    }
+
+    #[test]
+    fn every_arm_is_what_independent_programs_say() {
+        for text in [
+            include_str!("../../../tests/oracles/kraft_like.json"),
+            include_str!("../../../tests/oracles/jpl_like.json"),
+            include_str!("../../../tests/oracles/sixr_spherical.json"),
+            include_str!("../../../tests/oracles/puma560_corke_mdh.json"),
+        ] {
+            let oracle: Value = serde_json::from_str(text).unwrap();
+            let arm = arm(&oracle["model"]);
+            for config in oracle["configs"].as_array().unwrap() {
+                let (q, qd) = (joints(&config["q"]), joints(&config["qd"]));
+                let posture = arm.posture(&q);
+                let tau = joints(&config["tau"]);
+                let f_g = Wrench::from_components(numbers(&config["F_ext_G"]));
+
+                let x_0_g = arm.pose(&posture).to_homogeneous();
+                assert!((x_0_g - pose(&config["T_0G"]).to_homogeneous()).norm() < 1e-9);
+                let j_g = arm.jacobian(&posture);
+                let expected = matrix(&config["J_body_G"]);
+                assert!((j_g.linear - expected.fixed_rows::<3>(0)).norm() < 1e-9);
+                assert!((j_g.angular - expected.fixed_rows::<3>(3)).norm() < 1e-9);
+                let gravity = joints(&config["gravity"]);
+                assert!((arm.gravity(&posture) - gravity).norm() < 1e-9);
+                let bias = gravity + joints(&config["Cqd"]);
+                assert!((arm.bias(&posture, &qd) - bias).norm() < 1e-9);
+                assert!((arm.mass_matrix(&posture) - matrix(&config["M"])).norm() < 1e-9);
+                let qdd = joints(&config["qdd_forward_dynamics"]);
+                let error = arm.acceleration(&posture, &qd, &tau, &f_g) - qdd;
+                assert!(error.norm() < 1e-9 * (1.0 + qdd.norm()), "{error}");
+                // And the other way: what these accelerations ask for is what was given.
+                let asked = arm.mass_matrix(&posture) * qdd + arm.bias(&posture, &qd);
+                let given = tau + j_g.torques(&f_g);
+                assert!((asked - given).norm() < 1e-9 * (1.0 + given.norm()), "{asked}");
+            }
+        }
+    }
+}

@@ -1,0 +1,222 @@
+//! A drive on a wire: what a master sees of it, whatever happens. The master's side of the wire.
+
+mod anything;
+mod commands;
+mod faults;
+mod modes;
+mod stops;
+
+use super::*;
+use crate::canopen::drive::Controlword;
+use crate::canopen::drive::Goal;
+use crate::canopen::drive::PowerStage;
+use crate::canopen::drive::Statusword;
+use crate::canopen::eds::Eds;
+use crate::canopen::layout;
+use crate::canopen::master::Master;
+use crate::canopen::master::event::Event;
+use crate::canopen::object::Object;
+use crate::canopen::pdo::Counts;
+use crate::canopen::pdo::DriveSample;
+use crate::canopen::pdo::PerMille;
+use crate::canopen::plan::Identity;
+use crate::canopen::plan::NodePlan;
+use crate::canopen::plan::Watch;
+use crate::canopen::sync::Sync;
+
+const BUS: Channel = Channel(0);
+const MS: Duration = Duration::from_millis(1);
+const RPDO_TIMER_MS: u16 = 5;
+const MASTER_LOST_MS: u16 = 22;
+
+const ACTUATOR: ActuatorSettings = ActuatorSettings {
+    counts_per_rev: 16_384.0,
+    gear_ratio: -40.0,
+    zero_counts: 1_200,
+    rated_torque: 0.1765,
+    torque_curve: [133.144, -0.393_453, 0.019_672_6],
+    max_torque: 6.0,
+};
+
+fn node() -> NodeId {
+    NodeId::new(3).unwrap()
+}
+
+fn drive() -> Drive {
+    let eds = Eds::parse(include_bytes!("../../../../eds/frhc_drive.eds")).unwrap();
+    Drive::new(DriveSettings {
+        channel: BUS,
+        node: node(),
+        dictionary: Dictionary::new(&eds, node()),
+        actuator: ACTUATOR,
+        latency: Duration::from_micros(60),
+        tuning: Tuning::default(),
+    })
+}
+
+fn plan() -> NodePlan {
+    let identity = Identity { vendor: 0x0F8C, product: 0x0402_0010, revision: 0x0001_0000 };
+    let pdos = layout::per_drive(node(), Some(RPDO_TIMER_MS));
+    let watch = Watch {
+        master: NodeId::new(127).unwrap(),
+        master_lost_ms: MASTER_LOST_MS,
+        heartbeat_ms: 25,
+        node_lost_ms: 60,
+    };
+    NodePlan::drive("joint 3".into(), node(), identity, pdos, &watch, 1_000)
+}
+
+/// TPDO1 of the layout with one frame each way.
+fn sample(data: &[u8]) -> Option<DriveSample> {
+    let &[s0, s1, p0, p1, p2, p3, t0, t1] = data else { return None };
+    Some(DriveSample {
+        statusword: Statusword(u16::from_le_bytes([s0, s1])),
+        position: Counts(i32::from_le_bytes([p0, p1, p2, p3])),
+        torque: PerMille(i16::from_le_bytes([t0, t1])),
+    })
+}
+
+/// A drive and the master's side of its wire.
+struct Wire {
+    drive: Drive,
+    /// What its motor does, which makes the torque it is asked for.
+    motor: Sensed,
+    now: Instant,
+    stage: PowerStage,
+    sample: DriveSample,
+    emergencies: Vec<Frame>,
+}
+
+impl Wire {
+    fn new() -> Self {
+        Self {
+            drive: drive(),
+            motor: Sensed { temperature: 25.0, ..Sensed::default() },
+            now: Instant::ZERO,
+            stage: PowerStage::default(),
+            sample: DriveSample::default(),
+            emergencies: Vec::new(),
+        }
+    }
+
+    /// The real master boots it, and nothing is missing.
+    fn booted() -> Self {
+        let mut wire = Self::new();
+        let mut master = Master::new(vec![(BUS, plan())]);
+        for _ in 0..5_000 {
+            let (mut sent, mut event) = (Vec::new(), None);
+            while let Some(due) = master.deadline().filter(|due| *due <= wire.now) {
+                event = master.on_time(wire.now.max(due), &mut sent).or(event);
+            }
+            let mut answers = Vec::new();
+            wire.drive.on_time(wire.now, &mut answers);
+            while !sent.is_empty() || !answers.is_empty() {
+                for Telegram { channel, frame } in sent.drain(..) {
+                    wire.drive.on_frame(wire.now, channel, &frame, &mut answers);
+                }
+                for answer in answers.drain(..) {
+                    event = master.on_frame(wire.now, &answer, &mut sent).or(event);
+                }
+            }
+            match event {
+                Some(Event::Booted) => return wire,
+                Some(Event::BootFailed(error)) => panic!("{error}"),
+                _ => wire.now = wire.now + MS,
+            }
+        }
+        panic!("neither booted nor failed");
+    }
+
+    /// Whether there is torque on the joint.
+    fn pushes(&self) -> bool {
+        self.drive.demand().abs() > 0.0
+    }
+
+    /// What the drive says to a frame.
+    fn say(&mut self, frame: Frame) {
+        let mut said = Vec::new();
+        self.drive.on_frame(self.now, BUS, &frame, &mut said);
+        self.hear(&said);
+    }
+
+    /// The motor makes the torque it is asked for.
+    fn turn(&mut self) {
+        self.motor.per_mille = self.drive.demand();
+        self.drive.sense(&self.motor);
+    }
+
+    /// A millisecond passes.
+    fn pass(&mut self) {
+        self.now = self.now + MS;
+        self.turn();
+        let mut said = Vec::new();
+        self.drive.on_time(self.now, &mut said);
+        self.hear(&said);
+    }
+
+    fn hear(&mut self, said: &[Telegram]) {
+        for Telegram { frame, .. } in said {
+            match frame.cob_id {
+                // Until it is mapped, only the statusword is in it.
+                0x183 => {
+                    self.sample = sample(frame.data()).unwrap_or(self.sample);
+                }
+                0x083 => self.emergencies.push(*frame),
+                _ => {}
+            }
+        }
+    }
+
+    fn write(&mut self, object: Object, bytes: [u8; 2]) {
+        let [low, high] = object.index.to_le_bytes();
+        self.say(Frame::new(0x603, [0x2B, low, high, 0, bytes[0], bytes[1], 0, 0]));
+        assert_eq!(self.drive.dictionary().get(object), Some(&bytes[..]));
+    }
+
+    /// A cycle of a millisecond: SYNC, its TPDO, the RPDO for the next one.
+    fn cycle(&mut self, goal: Goal, torque: i16) {
+        self.say(Sync::default().frame());
+        self.pass();
+        let controlword = self.stage.controlword(self.sample.statusword.state(), goal);
+        let [c0, c1] = controlword.0.to_le_bytes();
+        let [t0, t1] = torque.to_le_bytes();
+        self.say(Frame::new(0x203, [c0, c1, t0, t1]));
+    }
+
+    /// Booted and enabled, with this target.
+    fn pushing(torque: i16) -> Self {
+        let mut wire = Self::booted();
+        for _ in 0..10 {
+            wire.cycle(Goal::OperationEnabled, torque);
+        }
+        assert_eq!(wire.drive.state(), State::OperationEnabled);
+        wire
+    }
+
+    /// `ms` cycles go by with the same frames.
+    fn feed(&mut self, ms: usize, word: Controlword, torque: i16) {
+        for _ in 0..ms {
+            self.say(Frame::new(0x77F, [5]));
+            let ([c0, c1], [t0, t1]) = (word.0.to_le_bytes(), torque.to_le_bytes());
+            self.say(Frame::new(0x203, [c0, c1, t0, t1]));
+            self.say(Sync::default().frame());
+            self.pass();
+        }
+    }
+
+    /// Commands a mode of operation.
+    fn choose(&mut self, mode: u8) {
+        self.say(Frame::new(0x603, [0x2F, 0x60, 0x60, 0, mode, 0, 0, 0]));
+    }
+
+    /// The statusword, as its object holds it.
+    fn statusword(&self) -> Statusword {
+        Statusword(self.drive.dictionary().i16(Object::STATUSWORD).cast_unsigned())
+    }
+
+    /// The codes of the emergencies, and their error registers.
+    fn told(&self) -> Vec<(u16, u8)> {
+        let bytes = self.emergencies.iter().map(|frame| frame.data().to_vec());
+        bytes.map(|data| (u16::from_le_bytes([data[0], data[1]]), data[2])).collect()
+    }
+}

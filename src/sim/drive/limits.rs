@@ -1,0 +1,107 @@
+//! How much a drive gives, and how fast it lets its motor turn: 6072h, 6073h, 60E0h, 60E1h, 6080h.
+//!
+//! The software position limits (607Dh) bound set-points, and so are of the
+//! [modes of operation](crate::sim::motion).
+
+use crate::canopen::dictionary::Dictionary;
+use crate::canopen::object::Object;
+
+/// The limits of one drive.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Limits {
+    /// In ‰ of rated torque, not negative.
+    positive: f64,
+    /// In ‰ of rated torque, not negative.
+    negative: f64,
+    /// In increments/s.
+    max_speed: f64,
+}
+
+impl Limits {
+    /// What they are in `dictionary`. An object that is not there limits nothing.
+    pub(super) fn of(dictionary: &Dictionary) -> Self {
+        let limit = |object| match dictionary.get(object) {
+            Some(_) => f64::from(dictionary.unsigned(object)),
+            None => f64::INFINITY,
+        };
+        // The current makes the torque: one per mille of it is one of the other.
+        let both = limit(Object::MAX_TORQUE).min(limit(Object::MAX_CURRENT));
+        let increments = f64::from(dictionary.unsigned(Object::ENCODER_INCREMENTS));
+        let revolutions = f64::from(dictionary.unsigned(Object::ENCODER_REVOLUTIONS).max(1));
+        let max_rpm = limit(Object::MAX_MOTOR_SPEED);
+        let max_speed = TRIP * max_rpm / 60.0 * increments / revolutions;
+        Self {
+            positive: both.min(limit(Object::POSITIVE_TORQUE_LIMIT)),
+            negative: both.min(limit(Object::NEGATIVE_TORQUE_LIMIT)),
+            max_speed: if increments > 0.0 { max_speed } else { f64::INFINITY },
+        }
+    }
+
+    /// What is given of `per_mille` of rated torque; nothing for what is no number.
+    pub(super) fn clamp(&self, per_mille: f64) -> f64 {
+        if per_mille.is_nan() { 0.0 } else { per_mille.clamp(-self.negative, self.positive) }
+    }
+
+    /// Whether a motor of `velocity`, in increments/s, is faster than it may be.
+    pub(super) fn is_too_fast(&self, velocity: f64) -> bool {
+        velocity.abs() > self.max_speed
+    }
+}
+
+/// A velocity loop at 6080h overshoots it a little; who is faster than this runs away.
+const TRIP: f64 = 1.1;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::NodeId;
+    use crate::canopen::eds::Eds;
+    use proptest::prelude::*;
+
+    fn dictionary() -> Dictionary {
+        let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
+        Dictionary::new(&eds, NodeId::new(1).unwrap())
+    }
+
+    #[test]
+    fn a_motor_is_too_fast_a_tenth_above_its_speed() {
+        let mut dictionary = dictionary();
+        dictionary.set(Object::MAX_MOTOR_SPEED, &3_000_u32.to_le_bytes());
+        dictionary.set(Object::ENCODER_INCREMENTS, &4_096_u32.to_le_bytes());
+        dictionary.set(Object::ENCODER_REVOLUTIONS, &2_u32.to_le_bytes());
+        let limits = Limits::of(&dictionary);
+        let nominal = 50.0 * 2_048.0;
+        for (share, is_too_fast) in [(1.0, false), (1.09, false), (1.11, true)] {
+            assert_eq!(limits.is_too_fast(share * nominal), is_too_fast, "{share}");
+            assert_eq!(limits.is_too_fast(-share * nominal), is_too_fast, "{share}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_is_given_beyond_any_limit(
+            limits in [0..=3_000_u16, 0..=3_000, 0..=3_000, 0..=3_000], asked in -1e5..1e5_f64,
+        ) {
+            let mut dictionary = dictionary();
+            let objects = [
+                Object::MAX_TORQUE,
+                Object::MAX_CURRENT,
+                Object::POSITIVE_TORQUE_LIMIT,
+                Object::NEGATIVE_TORQUE_LIMIT,
+            ];
+            for (object, limit) in objects.into_iter().zip(limits) {
+                prop_assert!(dictionary.set(object, &limit.to_le_bytes()));
+            }
+            let given = Limits::of(&dictionary).clamp(asked);
+            let [torque, current, positive, negative] = limits.map(f64::from);
+            prop_assert!(given.abs() <= torque.min(current));
+            prop_assert!(-negative <= given && given <= positive);
+            prop_assert!(given * asked >= 0.0 && given.abs() <= asked.abs());
+        }
+    }
+
+    #[test]
+    fn what_is_no_number_gives_no_torque() {
+        assert!(Limits::of(&dictionary()).clamp(f64::NAN).abs() <= 0.0);
+    }
+}

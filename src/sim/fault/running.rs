@@ -1,0 +1,225 @@
+//! A fault while it lasts: which frames it strikes, and what it has kept of before.
+
+use crate::canopen::frame::Channel;
+use crate::canopen::frame::Frame;
+use crate::canopen::frame::Telegram;
+use crate::sim::drivetrain::Sensed;
+use crate::sim::fault::Devices;
+use crate::sim::fault::breakable::Breakable;
+use crate::sim::fault::breakable::Way;
+use crate::sim::random::SplitMix;
+use crate::sim::scenario::fault::Contact;
+use crate::sim::scenario::fault::Cut;
+use crate::sim::scenario::fault::Fault;
+use crate::sim::scenario::fault::Frames;
+use crate::sim::scenario::fault::Kind;
+use crate::sim::scenario::fault::Often;
+use crate::sim::scenario::fault::Selection;
+use crate::sim::scenario::fault::Sense;
+use crate::sim::scenario::fault::Service;
+use crate::sim::scenario::fault::Treatment;
+use crate::sim::scenario::fault::Whom;
+use crate::time::Instant;
+
+/// A place in the list of the six drives and the switch box, from 0.
+pub type Place = usize;
+
+/// The switch box's place.
+const SWITCHES: Place = 6;
+
+/// One fault that has begun and is not over.
+#[derive(Clone, Debug)]
+pub(super) struct Running {
+    pub(super) fault: Fault,
+    pub(super) until: Option<Instant>,
+    /// When a stranger speaks next.
+    pub(super) speaks: Option<Instant>,
+    /// Which places are off their bus by it.
+    cut_off: [bool; 7],
+    /// Whose words are said under whose identifier.
+    voice: Option<Voice>,
+    /// Chance of its own, so that no fault changes another's.
+    random: SplitMix,
+    struck: u32,
+    frames: Vec<(Place, Way, Frame)>,
+    senses: [Option<Sensed>; 6],
+}
+
+/// One device's words under another one's identifier.
+#[derive(Clone, Copy, Debug)]
+struct Voice {
+    /// Whose words.
+    of: Place,
+    /// Under which identifier it says them itself.
+    said: u16,
+    /// On which bus they are said again.
+    channel: Channel,
+    /// Under which identifier.
+    again: u16,
+}
+
+impl Whom {
+    /// Whether the device at a place is befallen.
+    pub(super) const fn has(self, place: Place) -> bool {
+        match self {
+            Self::Joint(joint) => place + 1 == joint,
+            Self::Drives => place < SWITCHES,
+            Self::Switches => place == SWITCHES,
+            Self::Bus(_) | Self::Link => false,
+        }
+    }
+
+    /// The bus that is befallen as a whole.
+    pub(super) const fn bus(self) -> Option<Channel> {
+        match self {
+            Self::Bus(channel) => Some(channel),
+            Self::Joint(_) | Self::Drives | Self::Switches | Self::Link => None,
+        }
+    }
+}
+
+impl Running {
+    /// A fault that begins at `now`, with chances of `seed`.
+    pub(super) fn new(fault: Fault, now: Instant, seed: u64) -> Self {
+        Self {
+            fault,
+            until: fault.lasts.map(|span| now + span),
+            speaks: None,
+            cut_off: [false; 7],
+            voice: None,
+            random: SplitMix::new(seed),
+            struck: 0,
+            frames: Vec::new(),
+            senses: [None; 6],
+        }
+    }
+
+    /// Devices are off their bus: those it befalls, or for a wire also those behind them.
+    pub(super) fn cut(&mut self, cut: Cut, devices: &mut Devices<'_>) {
+        let mut ended: [Option<Channel>; 7] = [None; 7];
+        for (place, device) in devices.iter_mut().enumerate() {
+            let is_befallen = self.fault.whom.has(place);
+            let channel = Some(device.channel());
+            let is_behind = cut == Cut::Wire && ended.contains(&channel);
+            if let (true, Some(end)) = (is_befallen, ended.get_mut(place)) {
+                *end = channel;
+            }
+            if let (true, Some(is_cut_off)) =
+                (is_befallen || is_behind, self.cut_off.get_mut(place))
+            {
+                *is_cut_off = true;
+                if cut == Cut::Plug {
+                    device.switch_off();
+                }
+            }
+        }
+    }
+
+    /// Whether the device at a place is off its bus by this fault.
+    pub(super) fn is_cut_off(&self, place: Place) -> bool {
+        self.cut_off.get(place).is_some_and(|is_cut_off| *is_cut_off)
+    }
+
+    /// From now on what joint `by` says with `service` is said again as if by whom this befalls.
+    pub(super) fn impersonate(&mut self, by: usize, service: Service, devices: &Devices<'_>) {
+        let says = |place: Place| {
+            let device = devices.get(place)?;
+            Some((device.channel(), device.cob_id(Way::Said, service)?))
+        };
+        let befallen = (0..devices.len()).find(|place| self.fault.whom.has(*place));
+        let of = by.saturating_sub(1);
+        if let (Some((_, said)), Some((channel, again))) = (says(of), befallen.and_then(says)) {
+            self.voice = Some(Voice { of, said, channel, again });
+        }
+    }
+
+    /// What is said again of what the device at a place says.
+    pub(super) fn again(&self, place: Place, telegram: &Telegram) -> Option<Telegram> {
+        let voice = self.voice?;
+        let is_said = (voice.of, voice.said) == (place, telegram.frame.cob_id);
+        let frame = Frame::from_slice(voice.again, telegram.frame.data()).filter(|_| is_said)?;
+        Some(Telegram { channel: voice.channel, frame })
+    }
+
+    /// A stranger says what is due.
+    pub(super) fn speak(&mut self, now: Instant, out: &mut Vec<Telegram>) {
+        let Kind::Stranger { frame, every: Some(every) } = self.fault.kind else { return };
+        if self.speaks.is_some_and(|speaks| speaks <= now) {
+            out.extend(self.fault.whom.bus().map(|channel| Telegram { channel, frame }));
+            self.speaks = Some(now + every);
+        }
+    }
+
+    /// What happens to a frame of a device, if anything does.
+    pub(super) fn strike(
+        &mut self,
+        device: &dyn Breakable,
+        place: Place,
+        way: Way,
+        frame: &Frame,
+    ) -> Option<Treatment> {
+        let Kind::Frames(Frames { selection, treatment, often }) = self.fault.kind else {
+            return None;
+        };
+        let is_selected = match selection {
+            Selection::All => true,
+            Selection::Service(service) => device.cob_id(way, service) == Some(frame.cob_id),
+            Selection::CobId(cob_id) => cob_id == frame.cob_id,
+        };
+        if !is_selected || !self.fault.whom.has(place) {
+            return None;
+        }
+        let is_struck = match often {
+            Often::Always => true,
+            Often::Share(share) => self.random.next() < share,
+            Often::First(count) => self.struck < count,
+        };
+        self.struck = self.struck.saturating_add(1);
+        is_struck.then_some(treatment)
+    }
+
+    /// The first frame of this identifier since the fault began.
+    pub(super) fn first(&mut self, place: Place, way: Way, frame: Frame) -> Frame {
+        let is_same = |kept: &&(Place, Way, Frame)| {
+            (kept.0, kept.1, kept.2.cob_id) == (place, way, frame.cob_id)
+        };
+        if let Some((.., kept)) = self.frames.iter().find(is_same) {
+            return *kept;
+        }
+        self.frames.push((place, way, frame));
+        frame
+    }
+
+    /// What a drive senses of its motor.
+    pub(super) fn sensed(&mut self, place: Place, sensed: Sensed) -> Sensed {
+        let Kind::Sense(sense) = self.fault.kind else { return sensed };
+        if !self.fault.whom.has(place) {
+            return sensed;
+        }
+        match sense {
+            Sense::EncoderOff(by) => Sensed { position: sensed.position + by, ..sensed },
+            Sense::EncoderFrozen => {
+                let kept = self.senses.get_mut(place).map(|kept| *kept.get_or_insert(sensed));
+                let position = kept.map_or(sensed.position, |kept| kept.position);
+                Sensed { position, velocity: 0.0, ..sensed }
+            }
+            Sense::TorqueScaled(times) => Sensed { per_mille: sensed.per_mille * times, ..sensed },
+        }
+    }
+
+    /// The levels at the switch box's terminals.
+    pub(super) fn inputs(&mut self, inputs: u8) -> u8 {
+        let Kind::Contact(input, contact) = self.fault.kind else { return inputs };
+        match contact {
+            Contact::StuckHigh => inputs | input.bit(),
+            Contact::StuckLow => inputs & !input.bit(),
+            Contact::Bounces => {
+                if self.random.next() < 0.5 {
+                    inputs ^ input.bit()
+                } else {
+                    inputs
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,348 @@
+//! Cyclic synchronous position and velocity modes (CiA 402-2, 15.2 and 15.3): the master makes the
+//! profile, one set-point a SYNC.
+//!
+//! From one set-point to the next the demand goes in a straight line and takes 60C2h for it; then it
+//! stays until the next comes. Until the first has come the motor is kept where it is.
+
+use crate::canopen::dictionary::Dictionary;
+use crate::canopen::drive::Statusword;
+use crate::canopen::error_codes::FOLLOWING_ERROR;
+use crate::canopen::object::Object;
+use crate::sim::motion::Asked;
+use crate::sim::motion::axis::Axis;
+use crate::sim::motion::axis::Moment;
+use crate::sim::motion::bits;
+use crate::sim::motion::following::Following;
+use crate::sim::motion::limits;
+use crate::sim::motion::limits::Limited;
+use crate::sim::motion::limits::within;
+use crate::sim::motion::ramp::Demand;
+use crate::sim::motion::units::saturated;
+use crate::sim::motion::units::signed;
+
+/// A straight line to a set-point.
+#[derive(Clone, Copy, Debug)]
+struct Line {
+    end: f64,
+    /// Per s.
+    slope: f64,
+}
+
+impl Line {
+    const fn at(end: f64) -> Self {
+        Self { end, slope: 0.0 }
+    }
+
+    /// The value `dt` s after `value`, and the slope it has come on.
+    fn after(&self, value: f64, dt: f64) -> (f64, f64) {
+        let left = self.end - value;
+        let way = self.slope * dt;
+        let slope = if left.abs() > 0.0 { self.slope } else { 0.0 };
+        (if way.abs() < left.abs() { value + way } else { self.end }, slope)
+    }
+}
+
+/// Tells whether a set-point has come.
+#[derive(Clone, Copy, Debug)]
+struct SetPoints {
+    last: i32,
+    /// Some time has passed since the beginning of the mode.
+    is_under_way: bool,
+    is_any: bool,
+}
+
+impl SetPoints {
+    /// `old` is one from before.
+    const fn begin(old: i32) -> Self {
+        Self { last: old, is_under_way: false, is_any: false }
+    }
+
+    /// The set-point, if it is another one, or the first that comes, same or not, as a SYNC does
+    /// (`dt` = 0).
+    fn take(&mut self, set_point: i32, dt: f64) -> Option<i32> {
+        let is_sync = dt <= 0.0 && self.is_under_way;
+        let is_new = set_point != self.last || (is_sync && !self.is_any);
+        self.is_under_way |= dt > 0.0;
+        self.is_any |= is_new;
+        self.last = set_point;
+        is_new.then_some(set_point)
+    }
+}
+
+/// Cyclic synchronous position mode.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CyclicPosition {
+    set_points: SetPoints,
+    line: Line,
+    is_limited: bool,
+    following: Following,
+}
+
+impl CyclicPosition {
+    pub(super) fn begin(axis: &mut Axis, dictionary: &Dictionary) -> Self {
+        axis.demand = Demand::at(axis.demand.place);
+        Self {
+            set_points: SetPoints::begin(position(dictionary)),
+            line: Line::at(axis.demand.place),
+            is_limited: false,
+            following: Following::default(),
+        }
+    }
+
+    pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Asked {
+        let dictionary = moment.dictionary;
+        if let Some(target) = self.set_points.take(position(dictionary), moment.dt) {
+            self.aim_at(target, axis, dictionary);
+        }
+        let (place, slope) = self.line.after(axis.demand.place, moment.dt);
+        let offset = f64::from(signed(dictionary, Object::VELOCITY_OFFSET));
+        // 60B1h is the velocity feed-forward of a master that has a better one than the line.
+        let has_offset = offset.abs() > 0.0;
+        let velocity = if has_offset { axis.shaft.units.velocity(offset) } else { slope };
+        axis.demand = Demand { place, velocity, acceleration: 0.0 };
+        let torque = axis.follow_place(f64::from(dictionary.i16(Object::TORQUE_OFFSET)), moment);
+        let is_lost = self.following.is_lost(axis, moment);
+        Asked {
+            per_mille: torque.value,
+            status: Statusword::TARGET_FOLLOWED | bits::bit(bits::FOLLOWING_ERROR, is_lost),
+            is_limited: torque.is_limited || self.is_limited,
+            error: if is_lost { FOLLOWING_ERROR } else { 0 },
+        }
+    }
+
+    /// A line to the nearest place that is shown as `target`, within 607Dh and the speed limits.
+    fn aim_at(&mut self, target: i32, axis: &Axis, dictionary: &Dictionary) {
+        let allowed = limits::position(dictionary, f64::from(target));
+        let here = axis.demand.place;
+        let end = axis.shaft.place_nearest(here, saturated(allowed.value));
+        let top = limits::top_speed(&axis.shaft.units, dictionary);
+        let slope = within((end - here) / interpolation_time(dictionary), top);
+        self.line = Line { end, slope: slope.value };
+        self.is_limited = allowed.is_limited || slope.is_limited;
+    }
+}
+
+/// 607Ah and 60B0h; the sum wraps as positions do.
+fn position(dictionary: &Dictionary) -> i32 {
+    signed(dictionary, Object::TARGET_POSITION)
+        .wrapping_add(signed(dictionary, Object::POSITION_OFFSET))
+}
+
+/// Cyclic synchronous velocity mode.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CyclicVelocity {
+    set_points: SetPoints,
+    line: Line,
+    is_limited: bool,
+}
+
+impl CyclicVelocity {
+    pub(super) fn begin(axis: &mut Axis, dictionary: &Dictionary) -> Self {
+        axis.demand = Demand::at(axis.demand.place);
+        Self {
+            set_points: SetPoints::begin(velocity(dictionary)),
+            line: Line::at(0.0),
+            is_limited: false,
+        }
+    }
+
+    pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Asked {
+        let dictionary = moment.dictionary;
+        let start = axis.demand.velocity;
+        if let Some(target) = self.set_points.take(velocity(dictionary), moment.dt) {
+            let wanted = axis.shaft.units.velocity(f64::from(target));
+            let Limited { value, is_limited } =
+                within(wanted, limits::top_speed(&axis.shaft.units, dictionary));
+            self.line =
+                Line { end: value, slope: (value - start) / interpolation_time(dictionary) };
+            self.is_limited = is_limited;
+        }
+        let (velocity, _) = self.line.after(start, moment.dt);
+        axis.demand = Demand { velocity, acceleration: 0.0, ..axis.demand };
+        let torque = axis.follow_velocity(f64::from(dictionary.i16(Object::TORQUE_OFFSET)), moment);
+        Asked {
+            per_mille: torque.value,
+            status: Statusword::TARGET_FOLLOWED,
+            is_limited: torque.is_limited || self.is_limited,
+            error: 0,
+        }
+    }
+}
+
+/// 60FFh and 60B1h.
+fn velocity(dictionary: &Dictionary) -> i32 {
+    signed(dictionary, Object::TARGET_VELOCITY)
+        .saturating_add(signed(dictionary, Object::VELOCITY_OFFSET))
+}
+
+/// 60C2h in s, from 0.1 ms to 10 s.
+fn interpolation_time(dictionary: &Dictionary) -> f64 {
+    let value = f64::from(dictionary.unsigned(Object::INTERPOLATION_TIME));
+    let exponent = i32::from(dictionary.i8(Object::INTERPOLATION_TIME_INDEX));
+    (value * 10.0_f64.powi(exponent)).clamp(SHORTEST, LONGEST)
+}
+
+const SHORTEST: f64 = 1e-4;
+const LONGEST: f64 = 10.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::motion::bench::Bench;
+    use crate::sim::motion::bench::ENABLED;
+    use crate::sim::motion::bench::HALT;
+    use crate::sim::motion::rotor::Rotor;
+    use crate::sim::motion::tests::put;
+
+    const POSITION: i8 = 8;
+    const VELOCITY: i8 = 9;
+
+    fn bench(mode: i8) -> Bench {
+        Bench::with(mode, Rotor { coulomb: 30.0, ..Rotor::default() }, |_| {})
+    }
+
+    /// One SYNC, and `period` ms after it.
+    fn cycle(bench: &mut Bench, object: Object, set_point: i32, period: u32) {
+        bench.put(object, set_point);
+        bench.sync();
+        bench.run(period);
+    }
+
+    #[test]
+    fn an_old_set_point_moves_nothing_until_a_sync_says_so() {
+        let mut bench = Bench::with(POSITION, Rotor::default(), |dictionary| {
+            put(dictionary, Object::TARGET_POSITION, 1_000);
+        });
+        bench.run(100);
+        assert!(bench.position().abs() < 5);
+        bench.sync();
+        bench.run(1_000);
+        assert!((bench.position() - 1_000).abs() < 50);
+    }
+
+    #[test]
+    fn between_two_set_points_the_demand_goes_straight() {
+        let mut bench = bench(POSITION);
+        bench.put(Object::INTERPOLATION_TIME, 4);
+        bench.put(Object::TARGET_POSITION, 400);
+        bench.sync();
+        let demands: Vec<_> = (0..6)
+            .map(|_| {
+                bench.tick();
+                (bench.shown(Object::POSITION_DEMAND), bench.shown(Object::VELOCITY_DEMAND))
+            })
+            .collect();
+        let expected =
+            [(100, 100_000), (200, 100_000), (300, 100_000), (400, 100_000), (400, 0), (400, 0)];
+        assert_eq!(demands, expected);
+    }
+
+    #[test]
+    fn a_sine_of_the_master_is_followed() {
+        let mut bench = bench(POSITION);
+        let mut most = 0.0_f64;
+        for millis in 0..4_000 {
+            let phase = std::f64::consts::TAU * f64::from(millis) * 1e-3;
+            let set_point = saturated(20_000.0 * (1.0 - phase.cos()));
+            cycle(&mut bench, Object::TARGET_POSITION, set_point, 1);
+            most = most.max(f64::from(bench.shown(Object::FOLLOWING_ERROR)).abs());
+        }
+        // Its velocity goes up to 125,664 increments/s.
+        assert!(most < 1_500.0, "{most} increments behind");
+    }
+
+    #[test]
+    fn a_sine_across_the_wrap_of_the_counter_is_followed_all_the_same() {
+        let start = Rotor { place: f64::from(i32::MAX) - 10_000.0, ..Rotor::default() };
+        let mut bench = Bench::with(POSITION, start, |_| {});
+        let begin = bench.position();
+        for millis in 0..2_000 {
+            let phase = std::f64::consts::TAU * f64::from(millis) * 1e-3;
+            let way = saturated(20_000.0 * (1.0 - phase.cos()));
+            cycle(&mut bench, Object::TARGET_POSITION, begin.wrapping_add(way), 1);
+            assert!(bench.shown(Object::FOLLOWING_ERROR).abs() < 1_500);
+            assert_eq!(bench.position(), crate::sim::motion::units::wrapped(bench.rotor.place));
+        }
+        assert!(bench.rotor.velocity.abs() < 1e5);
+    }
+
+    #[test]
+    fn offsets_are_added() {
+        let mut bench = bench(POSITION);
+        bench.put(Object::POSITION_OFFSET, -300);
+        cycle(&mut bench, Object::TARGET_POSITION, 1_000, 1);
+        assert_eq!(bench.shown(Object::POSITION_DEMAND), 700);
+        bench.put(Object::TORQUE_OFFSET, 200);
+        let before = bench.tick().per_mille;
+        bench.put(Object::TORQUE_OFFSET, 0);
+        let after = bench.tick().per_mille;
+        assert!(before - after > 100.0, "{before} ‰, then {after} ‰");
+        let mut bench = self::bench(VELOCITY);
+        bench.put(Object::VELOCITY_OFFSET, 500);
+        cycle(&mut bench, Object::TARGET_VELOCITY, -1_000, 1);
+        assert_eq!(bench.shown(Object::VELOCITY_DEMAND), -500);
+    }
+
+    #[test]
+    fn a_torque_that_is_known_to_be_needed_spares_the_loops_an_error() {
+        let dip = |offset| {
+            let mut bench = Bench::with(
+                POSITION,
+                Rotor { load: 300.0, torque: 0.0, ..Rotor::default() },
+                |_| {},
+            );
+            bench.put(Object::TORQUE_OFFSET, offset);
+            (0..300).fold(0, |most, _| {
+                bench.tick();
+                most.max(bench.position().abs())
+            })
+        };
+        assert!(dip(300) * 10 < dip(0), "{} and {}", dip(300), dip(0));
+    }
+
+    #[test]
+    fn a_set_point_beyond_a_limit_is_followed_as_far_as_the_limit_lets() {
+        let mut bench = bench(POSITION);
+        bench.put(Object::MAX_POSITION_LIMIT, 500);
+        cycle(&mut bench, Object::TARGET_POSITION, 900, 2);
+        assert_eq!(bench.shown(Object::POSITION_DEMAND), 500);
+        assert!(bench.asked.is_limited);
+        bench.put(Object::MAX_PROFILE_VELOCITY, 10_000);
+        cycle(&mut bench, Object::TARGET_POSITION, 400, 2);
+        assert_eq!(bench.shown(Object::POSITION_DEMAND), 480);
+        assert!(bench.asked.is_limited);
+        bench.run(20);
+        assert_eq!(bench.shown(Object::POSITION_DEMAND), 400);
+    }
+
+    #[test]
+    fn a_velocity_is_followed_and_a_halt_ends_it() {
+        let mut bench = bench(VELOCITY);
+        for _ in 0..500 {
+            cycle(&mut bench, Object::TARGET_VELOCITY, 60_000, 1);
+        }
+        assert!((bench.rotor.velocity - 60_000.0).abs() < 500.0);
+        assert!(bench.has(Statusword::TARGET_FOLLOWED));
+        bench.word(ENABLED | HALT);
+        bench.run(500);
+        assert!(bench.rotor.velocity.abs() < 100.0);
+        assert!(!bench.has(Statusword::TARGET_FOLLOWED));
+        bench.word(ENABLED);
+        bench.run(500);
+        assert!(bench.rotor.velocity.abs() < 100.0, "until a set-point comes");
+        cycle(&mut bench, Object::TARGET_VELOCITY, 60_000, 500);
+        assert!((bench.rotor.velocity - 60_000.0).abs() < 500.0);
+    }
+
+    #[test]
+    fn an_interpolation_time_out_of_all_bounds_is_bounded() {
+        let mut dictionary = crate::sim::motion::tests::drive();
+        for (value, index, seconds) in
+            [(1, -3, 1e-3), (255, -4, 25.5e-3), (1, -128, SHORTEST), (255, 63, LONGEST)]
+        {
+            put(&mut dictionary, Object::INTERPOLATION_TIME, value);
+            dictionary.set(Object::INTERPOLATION_TIME_INDEX, &i8::to_le_bytes(index));
+            assert!((interpolation_time(&dictionary) - seconds).abs() < 1e-9);
+        }
+    }
+}

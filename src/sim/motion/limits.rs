@@ -1,0 +1,152 @@
+//! The limits that stand above every mode: torque, speed, acceleration, position.
+
+use crate::canopen::dictionary::Dictionary;
+use crate::canopen::object::Object;
+use crate::sim::motion::ramp::Profile;
+use crate::sim::motion::units::Units;
+use crate::sim::motion::units::signed;
+
+/// Between which torques the motor may be asked, in ‰ of rated torque.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct TorqueLimits {
+    low: f64,
+    high: f64,
+}
+
+impl TorqueLimits {
+    /// The least of 6072h, 6073h and, for each direction, 60E0h and 60E1h. A current in ‰ of rated current
+    /// makes a torque of as many ‰ of rated torque.
+    pub(super) fn of(dictionary: &Dictionary) -> Self {
+        let limit = |object| f64::from(dictionary.unsigned(object));
+        let both = limit(Object::MAX_TORQUE).min(limit(Object::MAX_CURRENT));
+        Self {
+            low: -both.min(limit(Object::NEGATIVE_TORQUE_LIMIT)),
+            high: both.min(limit(Object::POSITIVE_TORQUE_LIMIT)),
+        }
+    }
+
+    /// `wanted` as far as they let it.
+    pub(super) const fn clamp(&self, wanted: f64) -> Limited {
+        if wanted > self.high {
+            Limited { value: self.high, is_limited: true }
+        } else if wanted < self.low {
+            Limited { value: self.low, is_limited: true }
+        } else if wanted.is_nan() {
+            Limited { value: 0.0, is_limited: true }
+        } else {
+            Limited { value: wanted, is_limited: false }
+        }
+    }
+}
+
+/// What a limit leaves of a value.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Limited {
+    pub(super) value: f64,
+    /// It leaves less.
+    pub(super) is_limited: bool,
+}
+
+/// `wanted` within `-bound..=bound`, and never no number.
+pub(super) const fn within(wanted: f64, bound: f64) -> Limited {
+    let value = if wanted.is_nan() { 0.0 } else { wanted.min(bound).max(-bound) };
+    Limited { value, is_limited: wanted > bound || wanted < -bound }
+}
+
+/// The fastest the motor may be asked to turn, in increments/s: 6080h and 607Fh.
+pub(super) fn top_speed(units: &Units, dictionary: &Dictionary) -> f64 {
+    let motor = units.motor_speed(f64::from(dictionary.unsigned(Object::MAX_MOTOR_SPEED)));
+    motor.min(units.size(dictionary, Object::MAX_PROFILE_VELOCITY))
+}
+
+/// 6081h, 6083h and 6084h, within [`top_speed`], 60C5h and 60C6h.
+pub(super) fn profile(units: &Units, dictionary: &Dictionary) -> Profile {
+    let wanted = units.size(dictionary, Object::PROFILE_VELOCITY);
+    Profile::new(
+        wanted.min(top_speed(units, dictionary)),
+        acceleration(units, dictionary, Object::PROFILE_ACCELERATION),
+        deceleration(units, dictionary, Object::PROFILE_DECELERATION),
+    )
+}
+
+/// What `object` says of an acceleration in increments/s², within 60C5h.
+pub(super) fn acceleration(units: &Units, dictionary: &Dictionary, object: Object) -> f64 {
+    units.size(dictionary, object).min(units.size(dictionary, Object::MAX_ACCELERATION))
+}
+
+/// What `object` says of a deceleration in increments/s², within 60C6h.
+pub(super) fn deceleration(units: &Units, dictionary: &Dictionary, object: Object) -> f64 {
+    units.size(dictionary, object).min(units.size(dictionary, Object::MAX_DECELERATION))
+}
+
+/// A target in position units, within 607Dh. A lower limit that is not below the upper one is none, and
+/// so are the ends of the counter, which a relative way may pass.
+pub(super) fn position(dictionary: &Dictionary, units: f64) -> Limited {
+    let low = signed(dictionary, Object::MIN_POSITION_LIMIT);
+    let high = signed(dictionary, Object::MAX_POSITION_LIMIT);
+    if low >= high || (low, high) == (i32::MIN, i32::MAX) {
+        return Limited { value: units, is_limited: false };
+    }
+    let (low, high) = (f64::from(low), f64::from(high));
+    Limited { value: units.clamp(low, high), is_limited: units < low || units > high }
+}
+
+#[cfg(test)]
+#[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
+mod tests {
+    use super::*;
+    use crate::sim::motion::tests::drive;
+    use crate::sim::motion::tests::put;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_target_stays_within_position_limits_where_there_are_any() {
+        let mut dictionary = drive();
+        for (low, high, target, left) in [
+            (0, 0, 9.0, 9.0),
+            (5, -5, 9.0, 9.0),
+            (i32::MIN, i32::MAX, 4e9, 4e9),
+            (i32::MIN, 5, 4e9, 5.0),
+            (-5, 5, 9.0, 5.0),
+            (-5, 5, -9.0, -5.0),
+            (-5, 5, 4.0, 4.0),
+        ] {
+            put(&mut dictionary, Object::MIN_POSITION_LIMIT, i32::cast_unsigned(low));
+            put(&mut dictionary, Object::MAX_POSITION_LIMIT, i32::cast_unsigned(high));
+            let limited = position(&dictionary, target);
+            assert_eq!(limited.value, left);
+            assert_eq!(limited.is_limited, left != target);
+        }
+    }
+
+    #[test]
+    fn the_slower_of_motor_and_profile_counts() {
+        let mut dictionary = drive();
+        let units = Units::of(&dictionary);
+        assert_eq!(top_speed(&units, &dictionary), 1_600_000.0, "6000 rpm are 1,638,400");
+        put(&mut dictionary, Object::MAX_MOTOR_SPEED, 60);
+        assert_eq!(top_speed(&units, &dictionary), 16_384.0);
+    }
+
+    proptest! {
+        #[test]
+        fn every_torque_limit_counts_in_its_direction(
+            max: u16, current: u16, positive: u16, negative: u16, wanted: f64,
+        ) {
+            let mut dictionary = drive();
+            for (object, limit) in [
+                (Object::MAX_TORQUE, max),
+                (Object::MAX_CURRENT, current),
+                (Object::POSITIVE_TORQUE_LIMIT, positive),
+                (Object::NEGATIVE_TORQUE_LIMIT, negative),
+            ] {
+                put(&mut dictionary, object, u32::from(limit));
+            }
+            let limited = TorqueLimits::of(&dictionary).clamp(wanted);
+            let high = f64::from(max.min(current).min(positive));
+            let low = -f64::from(max.min(current).min(negative));
+            prop_assert!((low..=high).contains(&limited.value));
+            prop_assert_eq!(limited.is_limited, limited.value != wanted);
+        }
+    }
+}

@@ -1,0 +1,379 @@
+//! Profile position mode (CiA 402-2, 10): set-points one after another, or one in place of another.
+//!
+//! One set-point can wait for the one before to be reached. Bit 9 of the controlword (to pass a target
+//! without stopping) is not heeded, and 60F2h is not there: a relative target counts from the target
+//! before it, and the axis is linear.
+
+use crate::canopen::drive::Controlword;
+use crate::canopen::error_codes::FOLLOWING_ERROR;
+use crate::canopen::object::Object;
+use crate::sim::motion::Asked;
+use crate::sim::motion::axis::Axis;
+use crate::sim::motion::axis::Moment;
+use crate::sim::motion::bits;
+use crate::sim::motion::following::Following;
+use crate::sim::motion::limits;
+use crate::sim::motion::ramp::Course;
+use crate::sim::motion::ramp::Profile;
+use crate::sim::motion::reached::Reached;
+use crate::sim::motion::units::signed;
+
+/// Where to go, and how.
+#[derive(Clone, Copy, Debug)]
+struct SetPoint {
+    /// A place.
+    target: f64,
+    profile: Profile,
+    /// 607Dh has kept it from being further away.
+    is_limited: bool,
+}
+
+/// The mode.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ProfilePosition {
+    now: SetPoint,
+    next: Option<SetPoint>,
+    /// To `now`, and how long it has been under way, in s.
+    course: Course,
+    time: f64,
+    /// Bit 4 has been answered, and is still set.
+    is_answered: bool,
+    reached: Reached,
+    following: Following,
+}
+
+impl ProfilePosition {
+    /// The motor comes to rest as the profile lets it, and stays.
+    pub(super) fn begin(axis: &Axis, moment: &Moment<'_>) -> Self {
+        let profile = limits::profile(&axis.shaft.units, moment.dictionary);
+        let target = profile.place_of_rest(&axis.demand);
+        let now = SetPoint { target, profile, is_limited: false };
+        Self {
+            now,
+            next: None,
+            course: Course::to_place(axis.demand, target, &profile),
+            time: 0.0,
+            is_answered: false,
+            reached: Reached::default(),
+            following: Following::default(),
+        }
+    }
+
+    /// The handshake of bit 4 and bit 12 (CiA 402-2, figures 20 to 22).
+    pub(super) fn on_controlword(
+        &mut self,
+        word: Controlword,
+        has_risen: bool,
+        axis: &Axis,
+        moment: &Moment<'_>,
+    ) {
+        if !bits::is_started(word) {
+            self.is_answered = false;
+        }
+        if !has_risen {
+            return;
+        }
+        if bits::is_immediate(word) || (self.is_arrived() && self.next.is_none()) {
+            self.next = None;
+            self.is_answered = true;
+            self.go_to(self.set_point(word, axis, moment), axis);
+        } else if self.next.is_none() {
+            self.is_answered = true;
+            self.next = Some(self.set_point(word, axis, moment));
+        }
+    }
+
+    pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Asked {
+        self.time += moment.dt;
+        if let Some(next) = self.next.filter(|_| self.is_arrived()) {
+            self.next = None;
+            self.go_to(next, axis);
+        }
+        axis.demand = self.course.at(self.time);
+        let torque = axis.follow_place(0.0, moment);
+        let is_there = self.reached.is_there(axis, moment, self.is_arrived());
+        let is_lost = self.following.is_lost(axis, moment);
+        Asked {
+            per_mille: torque.value,
+            status: bits::bit(bits::TARGET_REACHED, is_there && self.next.is_none())
+                | self.acknowledgement()
+                | bits::bit(bits::FOLLOWING_ERROR, is_lost),
+            is_limited: torque.is_limited || self.now.is_limited,
+            error: if is_lost { FOLLOWING_ERROR } else { 0 },
+        }
+    }
+
+    /// After a halt the way is continued.
+    pub(super) fn resume(&mut self, axis: &Axis) {
+        self.go_to(self.now, axis);
+    }
+
+    /// Bit 12.
+    pub(super) const fn acknowledgement(&self) -> u16 {
+        bits::bit(bits::SET_POINT_ACKNOWLEDGED, self.is_answered || self.next.is_some())
+    }
+
+    /// What the objects say now. They may change before it is its turn.
+    fn set_point(&self, word: Controlword, axis: &Axis, moment: &Moment<'_>) -> SetPoint {
+        let shaft = &axis.shaft;
+        let units = f64::from(signed(moment.dictionary, Object::TARGET_POSITION));
+        let base = self.now.target;
+        let from = if bits::is_relative(word) { f64::from(shaft.shown(base)) } else { 0.0 };
+        let limited = limits::position(moment.dictionary, from + units);
+        SetPoint {
+            target: shaft.place_beside(base, limited.value),
+            profile: limits::profile(&shaft.units, moment.dictionary),
+            is_limited: limited.is_limited,
+        }
+    }
+
+    fn go_to(&mut self, set_point: SetPoint, axis: &Axis) {
+        self.now = set_point;
+        self.course = Course::to_place(axis.demand, set_point.target, &set_point.profile);
+        self.time = 0.0;
+        self.reached = Reached::default();
+    }
+
+    fn is_arrived(&self) -> bool {
+        self.time >= self.course.duration()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::motion::bench::Bench;
+    use crate::sim::motion::bench::ENABLED;
+    use crate::sim::motion::bench::HALT;
+    use crate::sim::motion::bench::IMMEDIATELY;
+    use crate::sim::motion::bench::RELATIVE;
+    use crate::sim::motion::bench::START;
+    use crate::sim::motion::bits::SET_POINT_ACKNOWLEDGED;
+    use crate::sim::motion::bits::TARGET_REACHED;
+    use crate::sim::motion::rotor::Rotor;
+
+    const MODE: i8 = 1;
+
+    fn bench() -> Bench {
+        Bench::new(MODE)
+    }
+
+    /// Hands over a set-point as the standard wants it, whether it is taken or not.
+    fn send(bench: &mut Bench, target: i32, bits: u16) {
+        bench.put(Object::TARGET_POSITION, target);
+        bench.word(ENABLED | START | bits);
+        bench.tick();
+        bench.word(ENABLED);
+        bench.tick();
+    }
+
+    fn arrive(bench: &mut Bench) -> u32 {
+        bench.until(10_000, |bench| bench.has(TARGET_REACHED))
+    }
+
+    #[test]
+    fn without_a_set_point_the_motor_stays_and_is_where_it_should_be() {
+        let mut bench = bench();
+        bench.put(Object::TARGET_POSITION, 50_000);
+        bench.run(100);
+        assert!(bench.position().abs() < 5);
+        assert!(bench.has(TARGET_REACHED) && !bench.has(SET_POINT_ACKNOWLEDGED));
+    }
+
+    /// CiA 402-2, 10.3: word, whether bit 12 is set then, whether the target is reached then.
+    #[test]
+    fn the_handshake_is_that_of_the_standard() {
+        let set = ENABLED | START;
+        for (what, words) in [
+            ("one", vec![(set, true), (ENABLED, false)]),
+            ("held", vec![(set, true), (set, true), (set, true), (ENABLED, false)]),
+            (
+                "two: the second waits",
+                vec![(set, true), (ENABLED, false), (set, true), (ENABLED, true)],
+            ),
+            (
+                "three: the third is lost",
+                vec![
+                    (set, true),
+                    (ENABLED, false),
+                    (set, true),
+                    (ENABLED, true),
+                    (set, true),
+                    (ENABLED, true),
+                ],
+            ),
+            (
+                "at once: none waits",
+                vec![
+                    (set, true),
+                    (ENABLED, false),
+                    (set | IMMEDIATELY, true),
+                    (ENABLED, false),
+                    (set | IMMEDIATELY, true),
+                    (ENABLED, false),
+                ],
+            ),
+            (
+                "at once: who waits is lost",
+                vec![
+                    (set, true),
+                    (ENABLED, false),
+                    (set, true),
+                    (ENABLED, true),
+                    (set | IMMEDIATELY, true),
+                    (ENABLED, false),
+                ],
+            ),
+        ] {
+            let mut bench = bench();
+            bench.put(Object::TARGET_POSITION, 50_000);
+            for (step, (word, is_acknowledged)) in words.into_iter().enumerate() {
+                bench.word(word);
+                assert_eq!(bench.has(SET_POINT_ACKNOWLEDGED), is_acknowledged, "{what}: {step}");
+                bench.tick();
+                assert_eq!(bench.has(SET_POINT_ACKNOWLEDGED), is_acknowledged, "{what}: {step}");
+            }
+        }
+    }
+
+    #[test]
+    fn set_points_one_after_another_are_all_reached() {
+        let mut bench = bench();
+        send(&mut bench, 20_000, 0);
+        send(&mut bench, -10_000, 0);
+        assert!(bench.has(SET_POINT_ACKNOWLEDGED), "the second waits");
+        let mut furthest = 0;
+        for _ in 0..3_000 {
+            bench.tick();
+            furthest = furthest.max(bench.shown(Object::POSITION_DEMAND));
+        }
+        assert_eq!(furthest, 20_000);
+        assert_eq!(bench.shown(Object::POSITION_DEMAND), -10_000);
+        assert!(bench.has(TARGET_REACHED) && !bench.has(SET_POINT_ACKNOWLEDGED));
+        assert!((bench.position() + 10_000).abs() <= 100, "{}", bench.position());
+    }
+
+    #[test]
+    fn a_set_point_that_is_meant_at_once_takes_the_place_of_the_one_before() {
+        let mut bench = bench();
+        send(&mut bench, 200_000, 0);
+        bench.run(200);
+        send(&mut bench, -5_000, IMMEDIATELY);
+        let mut furthest = 0;
+        for _ in 0..3_000 {
+            bench.tick();
+            furthest = furthest.max(bench.shown(Object::POSITION_DEMAND));
+        }
+        assert!(furthest < 30_000, "{furthest}");
+        assert_eq!(bench.shown(Object::POSITION_DEMAND), -5_000);
+    }
+
+    #[test]
+    fn relative_set_points_count_from_the_target_before() {
+        let mut bench = bench();
+        send(&mut bench, 7_000, 0);
+        send(&mut bench, 2_000, RELATIVE);
+        bench.run(2_000);
+        send(&mut bench, -500, RELATIVE);
+        bench.run(1_000);
+        assert_eq!(bench.shown(Object::POSITION_DEMAND), 8_500);
+    }
+
+    #[test]
+    fn what_was_set_when_bit_4_rose_is_what_counts() {
+        let mut bench = bench();
+        send(&mut bench, 10_000, 0);
+        bench.put(Object::TARGET_POSITION, 99_999);
+        bench.put(Object::PROFILE_VELOCITY, 1);
+        arrive(&mut bench);
+        assert_eq!(bench.shown(Object::POSITION_DEMAND), 10_000);
+    }
+
+    #[test]
+    fn a_way_takes_as_long_as_its_profile() {
+        let mut bench = bench();
+        for (object, value) in [
+            (Object::PROFILE_VELOCITY, 50_000),
+            (Object::PROFILE_ACCELERATION, 100_000),
+            (Object::PROFILE_DECELERATION, 200_000),
+        ] {
+            bench.put(object, value);
+        }
+        bench.put(Object::TARGET_POSITION, 100_000);
+        bench.word(ENABLED | START);
+        let taken = bench.until(5_000, |b| b.shown(Object::POSITION_DEMAND) == 100_000);
+        // 0.5 s up (12,500), 0.25 s down (6,250), 81,250 at 50,000/s.
+        assert!((2_373..=2_376).contains(&taken), "{taken} ms");
+        let reached = taken + arrive(&mut bench);
+        assert!((2_385..2_900).contains(&reached), "{reached} ms with 6068h");
+    }
+
+    #[test]
+    fn a_target_in_degrees_turns_the_motor_behind_its_gear() {
+        let mut bench = bench();
+        bench.put(Object::GEAR_MOTOR_REVOLUTIONS, 40);
+        bench.put(Object::FEED, 360_000);
+        bench.put(Object::PROFILE_VELOCITY, 90_000);
+        bench.begin(MODE);
+        send(&mut bench, 9_000, 0);
+        arrive(&mut bench);
+        bench.run(300);
+        assert!((bench.rotor.place - 16_384.0).abs() < 100.0, "{:?}", bench.rotor);
+        assert!((bench.position() - 9_000).abs() <= 55, "{}", bench.position());
+    }
+
+    #[test]
+    fn a_halt_stops_the_motor_and_its_end_lets_it_go_on() {
+        let mut bench = bench();
+        send(&mut bench, 100_000, 0);
+        bench.run(500);
+        bench.word(ENABLED | HALT);
+        assert!(!bench.has(TARGET_REACHED));
+        let taken = bench.until(1_000, |bench| bench.has(TARGET_REACHED));
+        assert!((100..400).contains(&taken), "{taken} ms, 6084h takes 100 of them");
+        let place = bench.position();
+        bench.run(200);
+        assert!((bench.position() - place).abs() < 50, "held");
+        bench.word(ENABLED);
+        bench.run(3_000);
+        assert!((bench.position() - 100_000).abs() <= 100);
+        assert!(bench.has(TARGET_REACHED));
+    }
+
+    #[test]
+    fn software_position_limits_keep_a_target_inside() {
+        let mut bench = bench();
+        bench.put(Object::MAX_POSITION_LIMIT, 5_000);
+        send(&mut bench, 9_000, 0);
+        assert!(bench.asked.is_limited);
+        bench.run(1_000);
+        assert_eq!(bench.shown(Object::POSITION_DEMAND), 5_000);
+        send(&mut bench, 4_000, 0);
+        bench.run(1_000);
+        assert_eq!(bench.shown(Object::POSITION_DEMAND), 4_000);
+        assert!(!bench.asked.is_limited);
+    }
+
+    #[test]
+    fn a_motor_that_does_not_follow_is_an_error_after_its_time() {
+        let stuck = Rotor { coulomb: 5_000.0, ..Rotor::default() };
+        let mut bench = Bench::with(MODE, stuck, |dictionary| {
+            crate::sim::motion::tests::put(dictionary, Object::FOLLOWING_ERROR_WINDOW, 1_000);
+            crate::sim::motion::tests::put(dictionary, Object::FOLLOWING_ERROR_TIME, 50);
+        });
+        send(&mut bench, 100_000, 0);
+        let outside = bench.until(1_000, |b| b.shown(Object::FOLLOWING_ERROR) > 1_000);
+        let lost = bench.until(1_000, |bench| bench.asked.error == FOLLOWING_ERROR);
+        assert!(outside > 0 && (48..=51).contains(&lost), "{outside} ms, {lost} ms");
+        assert!(bench.has(bits::FOLLOWING_ERROR));
+    }
+
+    #[test]
+    fn what_moves_when_the_mode_begins_comes_to_rest_on_its_profile() {
+        let moving = Rotor { velocity: 50_000.0, ..Rotor::default() };
+        let mut bench = Bench::with(MODE, moving, |_| {});
+        arrive(&mut bench);
+        // 50,000²/2/1,000,000.
+        assert!((bench.position() - 1_250).abs() <= 100, "{}", bench.position());
+    }
+}

@@ -1,0 +1,127 @@
+//! Profile velocity mode (CiA 402-2, 12): 60FFh on the ramps of 6083h and 6084h.
+
+use crate::canopen::object::Object;
+use crate::sim::motion::Asked;
+use crate::sim::motion::axis::Axis;
+use crate::sim::motion::axis::Moment;
+use crate::sim::motion::bits;
+use crate::sim::motion::limits;
+use crate::sim::motion::limits::within;
+use crate::sim::motion::ramp::Profile;
+use crate::sim::motion::reached::Reached;
+use crate::sim::motion::reached::Standstill;
+use crate::sim::motion::units::signed;
+
+/// The mode.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ProfileVelocity {
+    reached: Reached,
+    standstill: Standstill,
+}
+
+impl ProfileVelocity {
+    pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Asked {
+        let (units, dictionary) = (axis.shaft.units, moment.dictionary);
+        let wanted = units.velocity(f64::from(signed(dictionary, Object::TARGET_VELOCITY)));
+        let top = limits::top_speed(&units, dictionary);
+        let target = within(wanted, top);
+        let profile = Profile::new(
+            top,
+            limits::acceleration(&units, dictionary, Object::PROFILE_ACCELERATION),
+            limits::deceleration(&units, dictionary, Object::PROFILE_DECELERATION),
+        );
+        axis.demand = axis.demand.toward_velocity(moment.dt, target.value, &profile);
+        let torque = axis.follow_velocity(0.0, moment);
+        let is_reached = self.reached.is_as_fast(axis, moment, wanted);
+        Asked {
+            per_mille: torque.value,
+            status: bits::bit(bits::TARGET_REACHED, is_reached) | self.speed_zero(axis, moment),
+            is_limited: torque.is_limited || target.is_limited,
+            error: 0,
+        }
+    }
+
+    /// Bit 12. Bit 13, the slip of an asynchronous motor, is never too much.
+    pub(super) fn speed_zero(&mut self, axis: &Axis, moment: &Moment<'_>) -> u16 {
+        bits::bit(bits::SPEED_ZERO, !self.standstill.has_left_rest(axis, moment))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::motion::bench::Bench;
+    use crate::sim::motion::bench::ENABLED;
+    use crate::sim::motion::bench::HALT;
+    use crate::sim::motion::bits::SPEED_ZERO;
+    use crate::sim::motion::bits::TARGET_REACHED;
+    use crate::sim::motion::rotor::Rotor;
+
+    const MODE: i8 = 3;
+
+    fn bench() -> Bench {
+        Bench::with(MODE, Rotor { coulomb: 30.0, load: 100.0, ..Rotor::default() }, |_| {})
+    }
+
+    #[test]
+    fn a_velocity_is_reached_on_its_ramp_and_kept_against_a_load() {
+        let mut bench = bench();
+        bench.put(Object::TARGET_VELOCITY, -80_000);
+        bench.put(Object::PROFILE_ACCELERATION, 400_000);
+        bench.run(100);
+        assert_eq!(bench.shown(Object::VELOCITY_DEMAND), -40_000);
+        assert!(!bench.has(TARGET_REACHED) && !bench.has(SPEED_ZERO));
+        bench.run(1_000);
+        assert_eq!(bench.shown(Object::VELOCITY_DEMAND), -80_000);
+        assert!((bench.rotor.velocity + 80_000.0).abs() < 500.0, "{}", bench.rotor.velocity);
+        assert!(bench.has(TARGET_REACHED) && !bench.has(SPEED_ZERO));
+    }
+
+    #[test]
+    fn it_speeds_up_and_slows_down_each_at_its_rate() {
+        let mut bench = bench();
+        bench.put(Object::PROFILE_ACCELERATION, 500_000);
+        bench.put(Object::PROFILE_DECELERATION, 250_000);
+        bench.put(Object::TARGET_VELOCITY, 50_000);
+        let is_fast = |b: &mut Bench| b.shown(Object::VELOCITY_DEMAND) == 50_000;
+        assert_eq!(bench.until(500, is_fast), 100);
+        bench.put(Object::TARGET_VELOCITY, 0);
+        assert_eq!(bench.until(500, |b| b.shown(Object::VELOCITY_DEMAND) == 0), 200);
+    }
+
+    #[test]
+    fn a_speed_limit_counts_and_is_told() {
+        let mut bench = bench();
+        bench.put(Object::MAX_PROFILE_VELOCITY, 10_000);
+        bench.put(Object::TARGET_VELOCITY, 20_000);
+        bench.run(500);
+        assert_eq!(bench.shown(Object::VELOCITY_DEMAND), 10_000);
+        assert!(bench.asked.is_limited && !bench.has(TARGET_REACHED));
+    }
+
+    #[test]
+    fn a_halt_brings_it_to_rest_and_its_end_to_speed_again() {
+        let mut bench = bench();
+        bench.put(Object::TARGET_VELOCITY, 50_000);
+        bench.run(500);
+        bench.word(ENABLED | HALT);
+        assert!(!bench.has(TARGET_REACHED));
+        bench.run(500);
+        assert!(bench.has(TARGET_REACHED) && bench.has(SPEED_ZERO));
+        bench.word(ENABLED);
+        bench.run(500);
+        assert!(bench.has(TARGET_REACHED) && !bench.has(SPEED_ZERO));
+        assert!((bench.rotor.velocity - 50_000.0).abs() < 1_000.0);
+    }
+
+    #[test]
+    fn a_mode_that_begins_in_motion_begins_with_that_motion() {
+        let moving = Rotor { velocity: 50_000.0, ..Rotor::default() };
+        let mut bench = Bench::with(MODE, moving, |_| {});
+        bench.put(Object::TARGET_VELOCITY, 50_000);
+        for _ in 0..100 {
+            bench.tick();
+            assert!(bench.asked.per_mille.abs() < 5.0, "{:?}", bench.asked);
+        }
+    }
+}

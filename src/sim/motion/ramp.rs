@@ -1,0 +1,275 @@
+//! Profile generators: demands that reach a target within bounds on velocity and acceleration (6086h = 0,
+//! linear ramps).
+//!
+//! A course is planned once and then read off, so it does not depend on how often, and it ends exactly at
+//! its target. All in increments and s.
+
+/// What is demanded of the motor at one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Demand {
+    /// A place, in increments.
+    pub(super) place: f64,
+    /// In increments/s.
+    pub(super) velocity: f64,
+    /// In increments/s².
+    pub(super) acceleration: f64,
+}
+
+impl Demand {
+    /// At rest.
+    pub(super) const fn at(place: f64) -> Self {
+        Self { place, velocity: 0.0, acceleration: 0.0 }
+    }
+
+    /// What it becomes in `dt` s of constant acceleration.
+    fn after(self, dt: f64, acceleration: f64) -> Self {
+        Self {
+            place: self.place + (self.velocity + acceleration * dt / 2.0) * dt,
+            velocity: self.velocity + acceleration * dt,
+            acceleration,
+        }
+    }
+
+    /// What it becomes in `dt` s on its way to `velocity`, which it then keeps.
+    pub(super) fn toward_velocity(self, dt: f64, velocity: f64, profile: &Profile) -> Self {
+        Course::to_velocity(self, velocity, profile).at(dt)
+    }
+}
+
+/// The bounds of a profile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Profile {
+    velocity: f64,
+    acceleration: f64,
+    deceleration: f64,
+}
+
+impl Profile {
+    /// Of increments/s and increments/s²; what is not positive is as good as zero.
+    pub(super) const fn new(velocity: f64, acceleration: f64, deceleration: f64) -> Self {
+        Self {
+            velocity: velocity.max(LEAST),
+            acceleration: acceleration.max(LEAST),
+            deceleration: deceleration.max(LEAST),
+        }
+    }
+
+    /// Where braking from `demand` at once ends.
+    pub(super) fn place_of_rest(&self, demand: &Demand) -> f64 {
+        demand.place + demand.velocity * demand.velocity.abs() / (2.0 * self.deceleration)
+    }
+}
+
+/// As good as zero, and yet something to divide by.
+const LEAST: f64 = 1e-9;
+
+/// A time of constant acceleration.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Phase {
+    duration: f64,
+    acceleration: f64,
+}
+
+impl Phase {
+    /// From one velocity to another, at `rate` increments/s².
+    fn between(from: f64, to: f64, rate: f64) -> Self {
+        let change = to - from;
+        Self { duration: change.abs() / rate, acceleration: rate * change.signum() }
+    }
+
+    /// With the velocity kept.
+    const fn cruise(duration: f64) -> Self {
+        Self { duration, acceleration: 0.0 }
+    }
+}
+
+/// The way from one demand to another.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Course {
+    start: Demand,
+    phases: [Phase; 4],
+    end: Demand,
+}
+
+impl Course {
+    /// To a standstill at `target`: as fast as `profile` lets it, with the least of turning round.
+    pub(super) fn to_place(start: Demand, target: f64, profile: &Profile) -> Self {
+        let Profile { velocity: top, acceleration: up, deceleration: down } = *profile;
+        let brake = profile.place_of_rest(&start) - start.place;
+        let way = target - start.place;
+        // Moving away from the target, or too fast to stop before it: first to a standstill.
+        let must_turn = brake * way < 0.0 || brake.abs() > way.abs();
+        let stop = Phase::between(start.velocity, 0.0, down);
+        let (stop, way, speed) = if must_turn {
+            (stop, way - brake, 0.0)
+        } else {
+            (Phase::default(), way, start.velocity.abs())
+        };
+        let sign = way.signum();
+        let way = way.abs();
+        // The speed at which braking has to follow at once on speeding up.
+        let peak = (down * (2.0 * up * way + speed * speed) / (up + down)).sqrt();
+        let fast = peak.max(speed).min(top);
+        let rate = if fast < speed { down } else { up };
+        let change = Phase::between(sign * speed, sign * fast, rate);
+        let halt = Phase::between(sign * fast, 0.0, down);
+        let ramps = (speed + fast) / 2.0 * change.duration + fast / 2.0 * halt.duration;
+        let cruise = Phase::cruise((way - ramps).max(0.0) / fast.max(LEAST));
+        Self { start, phases: [stop, change, cruise, halt], end: Demand::at(target) }
+    }
+
+    /// To `velocity`, or as much of it as `profile` lets it, which it then keeps. Away from zero it
+    /// accelerates, toward zero it decelerates.
+    pub(super) fn to_velocity(start: Demand, velocity: f64, profile: &Profile) -> Self {
+        let velocity = velocity.clamp(-profile.velocity, profile.velocity);
+        let turns_round = start.velocity * velocity < 0.0;
+        let is_slower = velocity.abs() < start.velocity.abs();
+        let between = match (turns_round, is_slower) {
+            (true, _) => 0.0,
+            (false, true) => velocity,
+            (false, false) => start.velocity,
+        };
+        let slow = Phase::between(start.velocity, between, profile.deceleration);
+        let speed = Phase::between(between, velocity, profile.acceleration);
+        let phases = [slow, speed, Phase::default(), Phase::default()];
+        let slowed = start.after(slow.duration, slow.acceleration);
+        let reached = slowed.after(speed.duration, speed.acceleration);
+        Self { start, phases, end: Demand { velocity, acceleration: 0.0, ..reached } }
+    }
+
+    /// How long it takes, in s.
+    pub(super) fn duration(&self) -> f64 {
+        self.phases.iter().map(|phase| phase.duration).sum()
+    }
+
+    /// The demand `time` s after its start; after its end, what that leads to.
+    pub(super) fn at(&self, time: f64) -> Demand {
+        let (mut demand, mut left) = (self.start, time);
+        for phase in &self.phases {
+            if left < phase.duration {
+                return demand.after(left, phase.acceleration);
+            }
+            demand = demand.after(phase.duration, phase.acceleration);
+            left -= phase.duration;
+        }
+        self.end.after(left, 0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const DT: f64 = 1e-3;
+
+    fn run(course: &Course) -> Vec<Demand> {
+        let mut time = 0.0;
+        let mut seen = Vec::new();
+        while time < course.duration() + DT {
+            seen.push(course.at(time));
+            time += course.duration().max(DT) / 1_000.0;
+        }
+        seen
+    }
+
+    #[test]
+    fn a_long_way_is_a_trapezium_and_a_short_one_a_triangle() {
+        let profile = Profile::new(10.0, 5.0, 10.0);
+        let long = Course::to_place(Demand::at(0.0), 100.0, &profile);
+        // 2 s up (10), 1 s down (5), 85 at 10/s.
+        assert!((long.duration() - 11.5).abs() < 1e-9, "{}", long.duration());
+        assert!((long.at(2.0).velocity - 10.0).abs() < 1e-9);
+        assert!((long.at(10.5).place - 95.0).abs() < 1e-9);
+        let short = Course::to_place(Demand::at(0.0), -3.75, &profile);
+        // To 5/s in 1 s (2.5), and down in 0.5 s (1.25).
+        assert!((short.duration() - 1.5).abs() < 1e-9, "{}", short.duration());
+        assert!((short.at(1.0).velocity + 5.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_is_too_fast_for_its_target_passes_it_and_comes_back() {
+        let start = Demand { place: 0.0, velocity: 10.0, acceleration: 0.0 };
+        let course = Course::to_place(start, 1.0, &Profile::new(10.0, 10.0, 10.0));
+        let furthest = run(&course).iter().map(|demand| demand.place).fold(0.0, f64::max);
+        assert!((furthest - 5.0).abs() < 1e-3, "{furthest}");
+        assert_eq!(course.at(course.duration()), Demand::at(1.0));
+    }
+
+    #[test]
+    fn a_velocity_that_turns_round_slows_down_and_then_speeds_up() {
+        let start = Demand { place: 0.0, velocity: 10.0, acceleration: 0.0 };
+        let course = Course::to_velocity(start, -4.0, &Profile::new(100.0, 2.0, 5.0));
+        assert!((course.duration() - 4.0).abs() < 1e-9);
+        assert!((course.at(2.0).velocity).abs() < 1e-9);
+        assert!((course.at(5.0).velocity + 4.0).abs() < 1e-9);
+        assert!((course.at(5.0).place - (10.0 - 4.0 - 4.0)).abs() < 1e-9, "{:?}", course.at(5.0));
+    }
+
+    proptest! {
+        #[test]
+        fn a_course_ends_at_its_target_at_rest_and_keeps_its_bounds(
+            place in -1e9_f64..1e9, velocity in -1e6_f64..1e6, target in -1e9_f64..1e9,
+            top in 1.0_f64..1e6, up in 1.0_f64..1e8, down in 1.0_f64..1e8,
+        ) {
+            let start = Demand { place, velocity, acceleration: 0.0 };
+            let course = Course::to_place(start, target, &Profile::new(top, up, down));
+            prop_assert_eq!(course.at(course.duration() * (1.0 + 1e-9) + DT), Demand::at(target));
+            let fastest = top.max(velocity.abs());
+            for demand in run(&course) {
+                prop_assert!(demand.velocity.abs() <= fastest * (1.0 + 1e-9), "{demand:?}");
+                prop_assert!(demand.acceleration.abs() <= up.max(down));
+            }
+            // Nothing jumps at the end: what the phases lead to is the target.
+            let before = course.at(course.duration() * (1.0 - 1e-12));
+            let way = (target - place).abs() + course.duration() * fastest;
+            prop_assert!((before.place - target).abs() <= 1e-9 * way + 1e-3, "{before:?}");
+            let rounding = 1e-6 * fastest + 2e-12 * course.duration() * down;
+            prop_assert!(before.velocity.abs() <= rounding, "{before:?}");
+        }
+
+        #[test]
+        fn from_rest_a_course_never_turns_round(
+            target in -1e9_f64..1e9, top in 1.0_f64..1e6, up in 1.0_f64..1e8, down in 1.0_f64..1e8,
+        ) {
+            let course = Course::to_place(Demand::at(0.0), target, &Profile::new(top, up, down));
+            let mut before = 0.0;
+            for demand in run(&course) {
+                let gone = demand.place * target.signum();
+                prop_assert!(gone >= before - 1e-6 && gone <= target.abs() + 1e-6);
+                before = gone;
+            }
+        }
+
+        #[test]
+        fn a_velocity_is_reached_step_by_step_as_in_one(
+            velocity in -1e6_f64..1e6, target in -1e6_f64..1e6, top in 1.0_f64..1e6,
+            up in 1e3_f64..1e7, down in 1e3_f64..1e7,
+        ) {
+            let profile = Profile::new(top, up, down);
+            let start = Demand { place: 0.0, velocity, acceleration: 0.0 };
+            let mut demand = start;
+            for _ in 0..200 {
+                let next = demand.toward_velocity(DT, target, &profile);
+                let change = (next.velocity - demand.velocity).abs();
+                prop_assert!(change <= up.max(down) * DT * (1.0 + 1e-9));
+                demand = next;
+            }
+            let whole = start.toward_velocity(200.0 * DT, target, &profile);
+            prop_assert!((whole.velocity - demand.velocity).abs() < 1e-6 * 1e6);
+            prop_assert!((whole.place - demand.place).abs() < 1e-6 * 1e6);
+        }
+
+        #[test]
+        fn no_bounds_whatever_make_a_demand_no_number(
+            place: f64, velocity in -1e12_f64..1e12, target in -1e15_f64..1e15,
+            top: f64, up: f64, down: f64, time in 0.0_f64..1e6,
+        ) {
+            let place = if place.is_finite() { place.clamp(-1e15, 1e15) } else { 0.0 };
+            let start = Demand { place, velocity, acceleration: 0.0 };
+            let [top, up, down] = [top, up, down].map(|bound| bound.min(1e18));
+            let demand = Course::to_place(start, target, &Profile::new(top, up, down)).at(time);
+            prop_assert!(!demand.place.is_nan() && !demand.velocity.is_nan());
+        }
+    }
+}

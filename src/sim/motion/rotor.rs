@@ -1,0 +1,56 @@
+//! A motor for tests: a rotor with friction and a constant load, behind a current loop.
+
+use crate::sim::motion::Feedback;
+use crate::sim::motion::shaft::Actual;
+use crate::sim::motion::units::wrapped;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Rotor {
+    /// In ‰ per increment/s².
+    pub(super) inertia: f64,
+    /// Friction that does not depend on the speed, in ‰.
+    pub(super) coulomb: f64,
+    /// What pulls it down, in ‰.
+    pub(super) load: f64,
+    /// In increments.
+    pub(super) place: f64,
+    /// In increments/s.
+    pub(super) velocity: f64,
+    /// What the current makes, in ‰.
+    pub(super) torque: f64,
+}
+
+impl Default for Rotor {
+    fn default() -> Self {
+        Self { inertia: 2.5e-5, coulomb: 0.0, load: 0.0, place: 0.0, velocity: 0.0, torque: 0.0 }
+    }
+}
+
+/// Steps of the current loop and the friction per servo period.
+const STEPS: u32 = 100;
+/// Of the current loop, in s.
+const LAG: f64 = 0.2e-3;
+/// Below it Coulomb friction holds, in increments/s.
+const STICKING: f64 = 50.0;
+
+impl Rotor {
+    /// `demand`, in ‰, acts for `dt` s.
+    pub(super) fn turn(&mut self, dt: f64, demand: f64) {
+        let step = dt / f64::from(STEPS);
+        for _ in 0..STEPS {
+            self.torque += (demand - self.torque) * step / LAG;
+            let friction = self.coulomb * (self.velocity / STICKING).tanh();
+            self.velocity += (self.torque - self.load - friction) / self.inertia * step;
+            self.place += self.velocity * step;
+        }
+    }
+
+    pub(super) const fn actual(&self) -> Actual {
+        Actual { place: self.place.round(), velocity: self.velocity, per_mille: self.torque }
+    }
+
+    pub(super) fn feedback(&self) -> Feedback {
+        let Actual { place, velocity, per_mille } = self.actual();
+        Feedback { position: wrapped(place), velocity, per_mille }
+    }
+}

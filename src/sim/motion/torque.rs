@@ -1,0 +1,152 @@
+//! The torque modes: profile torque (CiA 402-2, 13), where 6071h acts on the slope of 6087h, and cyclic
+//! synchronous torque (CiA 402-2, 15.4), where it acts at once.
+//!
+//! No slope in the cyclic mode: the master makes the profile there, and a torque that is reflected to a
+//! hand must not lag behind it.
+
+use crate::canopen::dictionary::Dictionary;
+use crate::canopen::drive::Statusword;
+use crate::canopen::object::Object;
+use crate::sim::motion::Asked;
+use crate::sim::motion::axis::Axis;
+use crate::sim::motion::axis::Moment;
+use crate::sim::motion::bits;
+
+/// Profile torque mode: the torque on the slope, in ‰.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ProfileTorque(f64);
+
+impl ProfileTorque {
+    /// The slope begins at the torque there is.
+    pub(super) const fn begin(axis: &Axis) -> Self {
+        Self(axis.torque())
+    }
+
+    pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Asked {
+        let target = f64::from(moment.dictionary.i16(Object::TARGET_TORQUE));
+        self.0 = toward(self.0, target, moment);
+        let torque = axis.push(self.0, moment);
+        // A limit holds the slope back too, or it would have to come back from beyond it.
+        self.0 = torque.value;
+        let is_there = (torque.value - target).abs() <= 0.0
+            && (moment.actual.per_mille - target).abs() <= TORQUE_WINDOW;
+        Asked {
+            per_mille: torque.value,
+            status: bits::bit(bits::TARGET_REACHED, is_there),
+            is_limited: torque.is_limited,
+            error: 0,
+        }
+    }
+}
+
+/// A torque this near to its target has reached it, in ‰: there is no object for it.
+const TORQUE_WINDOW: f64 = 20.0;
+
+/// `torque` a moment later on its slope (6087h) to `target`, all in ‰.
+pub(super) fn toward(torque: f64, target: f64, moment: &Moment<'_>) -> f64 {
+    let change = slope(moment.dictionary) * moment.dt;
+    torque + (target - torque).clamp(-change, change)
+}
+
+/// 6087h, in ‰/s.
+fn slope(dictionary: &Dictionary) -> f64 {
+    f64::from(dictionary.unsigned(Object::TORQUE_SLOPE)).max(1.0)
+}
+
+/// One step of cyclic synchronous torque mode: 6071h and 60B2h, at once.
+pub(super) fn step_cyclic(axis: &mut Axis, moment: &Moment<'_>) -> Asked {
+    let target = moment.dictionary.i16(Object::TARGET_TORQUE);
+    let offset = moment.dictionary.i16(Object::TORQUE_OFFSET);
+    let torque = axis.push(f64::from(target) + f64::from(offset), moment);
+    Asked {
+        per_mille: torque.value,
+        status: Statusword::TARGET_FOLLOWED,
+        is_limited: torque.is_limited,
+        error: 0,
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
+mod tests {
+    use super::*;
+    use crate::sim::motion::bench::Bench;
+    use crate::sim::motion::bench::ENABLED;
+    use crate::sim::motion::bench::HALT;
+    use crate::sim::motion::bits::TARGET_REACHED;
+    use crate::sim::motion::rotor::Rotor;
+
+    fn locked(mode: i8) -> Bench {
+        Bench::with(mode, Rotor { inertia: 1e9, ..Rotor::default() }, |_| {})
+    }
+
+    #[test]
+    fn a_profile_torque_takes_its_slope_up_and_down() {
+        let mut bench = locked(4);
+        bench.put(Object::TORQUE_SLOPE, 2_000);
+        bench.put(Object::TARGET_TORQUE, 500);
+        bench.sync();
+        assert_eq!(bench.asked.per_mille, 0.0, "no time, no slope");
+        bench.run(100);
+        assert!((bench.asked.per_mille - 200.0).abs() < 1e-9);
+        assert!(!bench.has(TARGET_REACHED));
+        bench.run(160);
+        assert!(bench.has(TARGET_REACHED) && bench.asked.per_mille == 500.0);
+        bench.put(Object::TARGET_TORQUE, -500);
+        bench.run(250);
+        assert!(bench.asked.per_mille.abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_halted_torque_goes_down_and_comes_back() {
+        let mut bench = locked(4);
+        bench.put(Object::TARGET_TORQUE, 500);
+        bench.run(100);
+        bench.word(ENABLED | HALT);
+        bench.run(20);
+        assert!((bench.asked.per_mille - 300.0).abs() < 1e-9, "{:?}", bench.asked);
+        bench.run(40);
+        assert!(bench.asked.per_mille == 0.0 && bench.has(TARGET_REACHED));
+        bench.word(ENABLED);
+        bench.run(10);
+        assert!((bench.asked.per_mille - 100.0).abs() < 1e-9, "{:?}", bench.asked);
+    }
+
+    #[test]
+    fn a_cyclic_torque_is_there_at_once() {
+        let mut bench = locked(10);
+        for (target, offset, asked) in
+            [(100, 0, 100.0), (-250, 50, -200.0), (3_000, 1, 3_000.0), (0, 0, 0.0)]
+        {
+            bench.put(Object::TARGET_TORQUE, target);
+            bench.put(Object::TORQUE_OFFSET, offset);
+            bench.sync();
+            assert_eq!(bench.asked.per_mille, asked);
+            assert_eq!(bench.asked.status, Statusword::TARGET_FOLLOWED);
+            assert_eq!(bench.asked.is_limited, target + offset > 3_000);
+        }
+    }
+
+    #[test]
+    fn a_halted_cyclic_torque_is_gone_at_once_and_follows_nothing() {
+        let mut bench = locked(10);
+        bench.put(Object::TARGET_TORQUE, 500);
+        bench.sync();
+        bench.word(ENABLED | HALT);
+        assert_eq!((bench.asked.per_mille, bench.asked.status), (0.0, 0));
+        bench.word(ENABLED);
+        assert_eq!(bench.asked.per_mille, 500.0);
+    }
+
+    #[test]
+    fn a_limit_holds_the_slope_back_with_the_torque() {
+        let mut bench = locked(4);
+        bench.put(Object::MAX_TORQUE, 100);
+        bench.put(Object::TARGET_TORQUE, 1_000);
+        bench.run(200);
+        assert!(bench.asked.per_mille == 100.0 && bench.asked.is_limited);
+        bench.put(Object::TARGET_TORQUE, 0);
+        bench.run(5);
+        assert!((bench.asked.per_mille - 50.0).abs() < 1e-9, "{:?}", bench.asked);
+    }
+}

@@ -1,0 +1,390 @@
+//! The arm in motion: motors, friction, end stops and a hand, integrated in small fixed steps.
+//!
+//! A step has two parts. First, what resists motion is found such that it resists the velocities `v` at the
+//! end of the step already, so a firm hand on a light wrist and a hard stop stay stable (time stepping
+//! after Stewart and Trinkle 1996):
+//!
+//! ```text
+//!  (M + h D + h² K) v + h c sgn(v) = M qd + h (tau - bias + Jᵀ f_g)
+//! ```
+//!
+//! At `v` = 0 the sign is any number within ±1: a joint that dry friction can hold does not creep. Then,
+//! these resisting torques `r` held, the arm moves as its own dynamics say, by Runge and Kutta's
+//! fourth-order step (Hairer, Nørsett, Wanner 1993, II.1):
+//!
+//! ```text
+//!  M(q) qdd + bias(q, qd) = tau + r
+//! ```
+//!
+//! Where nothing resists, `r` is zero, and energy is kept to the fifth order of the step. Joints that dry
+//! friction holds are locked meanwhile. For one mass the two parts together multiply its motion by a matrix
+//! of determinant `(1 + κ/2) / (1 + κ + δ)` and trace `1 + (1 - κ/2) / (1 + κ + δ)`, with `κ = h² k / m`
+//! and `δ = h d / m`: stable for every spring and every damper.
+
+mod resistance;
+
+pub use resistance::Resistance;
+
+use nalgebra::Isometry3;
+
+use crate::sim::arm;
+use crate::sim::arm::Arm;
+use crate::sim::arm::Dynamics;
+use crate::sim::arm::JointMatrix;
+use crate::sim::arm::Joints;
+use crate::sim::arm::Posture;
+use crate::sim::hand::Hand;
+use crate::spatial::Jacobian;
+use crate::spatial::Twist;
+use crate::spatial::Wrench;
+
+/// The longest step, in s.
+const STEP: f64 = 500e-6;
+
+/// A rest of time this short is a rounding error, in s.
+const ROUNDING: f64 = 1e-9;
+
+/// Velocities that a sweep changes by less are settled, in rad/s (m/s).
+const SETTLED: f64 = 1e-9;
+
+/// The most sweeps of one step; a handful is usual.
+const SWEEPS: usize = 100;
+
+/// The steps that `dt` s are cut into, in s.
+pub fn steps(dt: f64) -> impl Iterator<Item = f64> {
+    let mut left = dt;
+    std::iter::from_fn(move || {
+        let h = left.min(STEP);
+        left -= h;
+        (h > ROUNDING).then_some(h)
+    })
+}
+
+/// An arm in motion.
+#[derive(Clone, Copy, Debug)]
+pub struct Plant {
+    arm: Arm,
+    resistance: [Resistance; 6],
+    q: Joints,
+    qd: Joints,
+    posture: Posture,
+    x_0_g: Isometry3<f64>,
+    f_g_hand: Wrench,
+}
+
+/// A hand, and where it wants the grip.
+pub type Grasp<'h> = (&'h Hand, &'h Isometry3<f64>);
+
+impl Plant {
+    /// At rest at `q`.
+    pub fn new(arm: Arm, resistance: [Resistance; 6], q: Joints) -> Self {
+        let posture = arm.posture(&q);
+        let x_0_g = arm.pose(&posture);
+        Self { arm, resistance, q, qd: Joints::zeros(), posture, x_0_g, f_g_hand: Wrench::ZERO }
+    }
+
+    /// Joint positions, in rad.
+    pub const fn q(&self) -> &Joints {
+        &self.q
+    }
+
+    /// Joint velocities, in rad/s.
+    pub const fn qd(&self) -> &Joints {
+        &self.qd
+    }
+
+    /// The pose of the grip.
+    pub const fn x_0_g(&self) -> &Isometry3<f64> {
+        &self.x_0_g
+    }
+
+    /// The wrench of the hand on the grip, at {G} in {G}.
+    pub const fn f_g_hand(&self) -> &Wrench {
+        &self.f_g_hand
+    }
+
+    /// The arm's kinetic and potential energy, in J; what end stops hold is not in it.
+    pub fn energy(&self) -> f64 {
+        self.arm.energy(&self.posture, &self.qd)
+    }
+
+    /// Lets `dt` s pass with motor torques `tau` and, if it holds the grip, a hand that wants it
+    /// somewhere.
+    pub fn advance(&mut self, dt: f64, tau: &Joints, hand: Option<Grasp<'_>>) {
+        for h in steps(dt) {
+            self.step(h, tau, hand);
+        }
+    }
+
+    /// One of the [`steps`] of a time.
+    pub fn step(&mut self, h: f64, tau: &Joints, hand: Option<Grasp<'_>>) {
+        let Dynamics { mass, bias } = self.arm.dynamics(&self.posture, &self.qd);
+        let mut momentum = mass * self.qd + (tau - bias) * h;
+        let mut yielding = JointMatrix::zeros();
+        let mut pull = Joints::zeros();
+        self.f_g_hand = Wrench::ZERO;
+        if let Some((hand, x_0_d)) = hand {
+            let j_g = self.arm.jacobian(&self.posture);
+            let v_g = j_g.twist(&self.qd);
+            self.f_g_hand = hand.wrench(&self.x_0_g, &v_g, x_0_d);
+            // The damper acts on the velocity to come, not on the one that was.
+            pull = j_g.torques(&(self.f_g_hand + damping(hand, &v_g)));
+            momentum += pull * h;
+            yielding = inertia_of(&j_g, h, hand);
+        }
+        let (v, impulse) = self.resist(h, &(mass + yielding), &momentum);
+        let r = impulse / h + pull - yielding * v / h;
+        let held = self.held(&v);
+        let first = arm::accelerations(mass, &(tau + r - bias), &held);
+        self.glide(h, &(tau + r), first, &held);
+        // A joint that friction brings to rest is at rest at the end of the step.
+        for ((qd, v), resistance) in self.qd.iter_mut().zip(v.iter()).zip(&self.resistance) {
+            if resistance.can_hold() && v.abs() <= 0.0 {
+                *qd = 0.0;
+            }
+        }
+        self.posture = self.arm.posture(&self.q);
+        self.x_0_g = self.arm.pose(&self.posture);
+    }
+
+    /// Which joints rest, and go on resting if `v` is what the step ends with.
+    fn held(&self, v: &Joints) -> [bool; 6] {
+        let mut held = [false; 6];
+        let joints = self.resistance.iter().zip(self.qd.iter()).zip(v.iter());
+        for (held, ((resistance, qd), v)) in held.iter_mut().zip(joints) {
+            *held = resistance.can_hold() && qd.abs() <= 0.0 && v.abs() <= 0.0;
+        }
+        held
+    }
+
+    /// `h` s of the arm's own dynamics with torques `tau`, which accelerate it by `a_1` now.
+    fn glide(&mut self, h: f64, tau: &Joints, a_1: Joints, held: &[bool; 6]) {
+        let accelerate = |q: &Joints, qd: &Joints| {
+            let Dynamics { mass, bias } = self.arm.dynamics(&self.arm.posture(q), qd);
+            arm::accelerations(mass, &(tau - bias), held)
+        };
+        let (q, v_1) = (self.q, self.qd);
+        let v_2 = v_1 + a_1 * (h / 2.0);
+        let a_2 = accelerate(&(q + v_1 * (h / 2.0)), &v_2);
+        let v_3 = v_1 + a_2 * (h / 2.0);
+        let a_3 = accelerate(&(q + v_2 * (h / 2.0)), &v_3);
+        let v_4 = v_1 + a_3 * h;
+        let a_4 = accelerate(&(q + v_3 * h), &v_4);
+        self.q += (v_1 + (v_2 + v_3) * 2.0 + v_4) * (h / 6.0);
+        self.qd += (a_1 + (a_2 + a_3) * 2.0 + a_4) * (h / 6.0);
+    }
+
+    /// The velocities that `momentum` gives to `inertia`, friction and stops resisting, and the impulses of
+    /// friction and stops. The velocities minimise a strictly convex function, and going from joint to
+    /// joint, each minimising its own part, gets there.
+    #[expect(clippy::indexing_slicing, reason = "joints are numbered by enumerating them")]
+    fn resist(&self, h: f64, inertia: &JointMatrix, momentum: &Joints) -> (Joints, Joints) {
+        let (mut v, mut impulse) = (self.qd, Joints::zeros());
+        for _ in 0..SWEEPS {
+            let mut change = 0.0_f64;
+            for (joint, resistance) in self.resistance.iter().enumerate() {
+                let own = inertia[(joint, joint)];
+                let others = inertia.column(joint).dot(&v) - own * v[joint];
+                let (before, left) = (v[joint], momentum[joint] - others);
+                v[joint] = resistance.velocity(h, self.q[joint], own, left);
+                impulse[joint] = own * v[joint] - left;
+                change = change.max((v[joint] - before).abs());
+            }
+            if change < SETTLED {
+                break;
+            }
+        }
+        (v, impulse)
+    }
+}
+
+/// What the hand's damper takes from its pull at `v_g`.
+fn damping(hand: &Hand, v_g: &Twist) -> Wrench {
+    let taken = v_g.scaled(&hand.dampings());
+    Wrench { force: taken.linear, moment: taken.angular }
+}
+
+/// What the hand's damper and spring add to the inertia, as they act at the end of the step:
+/// `Jᵀ (h D + h² K) J`.
+fn inertia_of(j_g: &Jacobian<6>, h: f64, hand: &Hand) -> JointMatrix {
+    let ([d_linear, .., d_angular], [k_linear, .., k_angular]) =
+        (hand.dampings(), hand.stiffnesses());
+    j_g.linear.tr_mul(&j_g.linear) * (h * (d_linear + h * k_linear))
+        + j_g.angular.tr_mul(&j_g.angular) * (h * (d_angular + h * k_angular))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::plant::resistance::STOP_STIFFNESS;
+    use proptest::prelude::*;
+
+    const NEUTRAL: [f64; 6] = [0.0, -0.873, 1.658, -0.785, 0.0, 0.0];
+    const COULOMB: [f64; 6] = [0.06, 0.06, 0.04, 0.012, 0.01, 0.008];
+    const STRENGTH: [f64; 6] = [6.0, 6.0, 4.0, 1.2, 1.0, 0.8];
+    const RANGES: [[f64; 2]; 6] =
+        [[-1.22, 1.22], [-1.75, 0.7], [0.0, 2.44], [-1.4, 1.4], [-1.22, 1.22], [-2.79, 2.79]];
+
+    /// At rest at neutral, with `share` of the friction of kraft_like.
+    fn plant(share: f64) -> Plant {
+        let joint = |(coulomb, range): (f64, [f64; 2])| Resistance {
+            coulomb: coulomb * share,
+            viscous: 0.4 * coulomb * share,
+            range,
+        };
+        let resistance = std::array::from_fn(|place| joint((COULOMB[place], RANGES[place])));
+        Plant::new(arm::tests::kraft_like(), resistance, Joints::from(NEUTRAL))
+    }
+
+    fn weight(plant: &Plant) -> Joints {
+        plant.arm.gravity(&plant.posture)
+    }
+
+    fn kinetic(plant: &Plant) -> f64 {
+        plant.qd.dot(&(plant.arm.mass_matrix(&plant.posture) * plant.qd)) / 2.0
+    }
+
+    fn joints(size: f64) -> impl Strategy<Value = [f64; 6]> {
+        prop::array::uniform6(-size..size)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(8))]
+
+        #[test]
+        fn torque_that_dry_friction_can_hold_moves_nothing_at_all(part in joints(0.99)) {
+            let mut plant = plant(1.0);
+            let excess = Joints::from(COULOMB).component_mul(&Joints::from(part));
+            plant.advance(0.05, &(weight(&plant) + excess), None);
+            prop_assert_eq!(plant.q, Joints::from(NEUTRAL));
+        }
+
+        #[test]
+        fn friction_brings_everything_to_rest_and_adds_no_energy(qd in joints(1.0)) {
+            let mut plant = plant(10.0);
+            plant.qd = Joints::from(qd);
+            let mut before = kinetic(&plant);
+            for _ in 0..400 {
+                let tau = weight(&plant);
+                plant.advance(1e-3, &tau, None);
+                let after = kinetic(&plant);
+                prop_assert!(after <= before * 1.001, "{} J appeared", after - before);
+                before = after;
+            }
+            prop_assert_eq!(plant.qd, Joints::zeros());
+        }
+
+        #[test]
+        fn no_drive_is_strong_enough_for_an_end_stop(signs in prop::array::uniform6(any::<bool>())) {
+            let mut plant = plant(1.0);
+            let push = |place: usize| if signs[place] { STRENGTH[place] } else { -STRENGTH[place] };
+            let tau = Joints::from(std::array::from_fn::<f64, 6, _>(push));
+            for _ in 0..400 {
+                plant.advance(1e-3, &tau, None);
+                for (q, resistance) in plant.q.iter().zip(&plant.resistance) {
+                    let past = resistance.past_stop(*q);
+                    prop_assert!(past.abs() < 0.03, "{past} rad past {:?}", resistance.range);
+                }
+            }
+        }
+
+        #[test]
+        fn no_hand_however_firm_shakes_the_light_wrist(
+            firmness in 1.0..100.0_f64, turn in joints(0.2)
+        ) {
+            let mut plant = plant(1.0);
+            let hand = Hand {
+                stiffness: 500.0 * firmness,
+                damping: 15.0 * firmness,
+                turning_stiffness: 6.0 * firmness,
+                turning_damping: 0.12 * firmness,
+                max_force: 1e6,
+                max_moment: 1e6,
+            };
+            let goal = plant.arm.posture(&(plant.q + Joints::from(turn)));
+            let x_0_d = plant.arm.pose(&goal);
+            // The softest needs 1.1 s to come to rest, in steps of any length.
+            plant.advance(1.6, &Joints::zeros(), Some((&hand, &x_0_d)));
+            prop_assert!(plant.qd.amax() < 1e-6, "{} rad/s", plant.qd.amax());
+        }
+    }
+
+    #[test]
+    fn torque_beyond_dry_friction_turns_its_joint() {
+        let mut plant = plant(1.0);
+        let tau = weight(&plant) + Joints::ith(5, 1.5 * COULOMB[5]);
+        plant.advance(0.05, &tau, None);
+        assert!(plant.q[5] > NEUTRAL[5] && plant.qd[5] > 0.0);
+    }
+
+    #[test]
+    fn a_joint_pressed_on_its_stop_rests_where_the_spring_says() {
+        let mut plant = plant(1.0);
+        let tau = |plant: &Plant| weight(plant) + Joints::ith(5, STRENGTH[5]);
+        for _ in 0..1_500 {
+            let tau = tau(&plant);
+            plant.advance(1e-3, &tau, None);
+        }
+        let spring = plant.resistance[5].past_stop(plant.q[5]) * STOP_STIFFNESS;
+        assert!((spring - STRENGTH[5]).abs() <= COULOMB[5] + 1e-3, "{spring} N·m");
+        assert!(plant.qd.amax() < 1e-9, "{} rad/s", plant.qd.amax());
+    }
+
+    #[test]
+    fn a_hand_carries_the_arm_and_is_felt_by_the_same_wrench() {
+        let mut plant = plant(0.0);
+        let hand = Hand::default();
+        let x_0_d = *plant.x_0_g();
+        plant.advance(2.0, &Joints::zeros(), Some((&hand, &x_0_d)));
+        let j_g = plant.arm.jacobian(&plant.posture);
+        let unbalanced = weight(&plant) - j_g.torques(plant.f_g_hand());
+        assert!(unbalanced.norm() < 0.01 * weight(&plant).norm(), "{unbalanced}");
+        plant.advance(0.1, &Joints::zeros(), None);
+        assert_eq!(*plant.f_g_hand(), Wrench::ZERO);
+        assert!(plant.x_0_g().translation.z < x_0_d.translation.z - 0.01, "it does not fall");
+    }
+
+    /// Ten seconds of free motion under gravity, far from any end stop: the largest kinetic energy, and how
+    /// far the whole energy ever was from what it was at the start, in J.
+    fn falling(arm: Arm, q: [f64; 6], qd: [f64; 6]) -> (f64, f64) {
+        let free = Resistance { coulomb: 0.0, viscous: 0.0, range: [-1e9, 1e9] };
+        let mut plant = Plant::new(arm, [free; 6], Joints::from(q));
+        plant.qd = Joints::from(qd);
+        let start = plant.energy();
+        let (mut fastest, mut worst) = (0.0_f64, 0.0_f64);
+        for _ in 0..100 {
+            plant.advance(0.1, &Joints::zeros(), None);
+            fastest = fastest.max(kinetic(&plant));
+            worst = worst.max((plant.energy() - start).abs());
+        }
+        (fastest, worst)
+    }
+
+    #[test]
+    fn ten_seconds_of_falling_without_friction_keep_the_energy() {
+        let pushed = [0.5, -0.3, 0.4, 0.2, -0.6, 0.8];
+        for (name, arm, q) in [
+            ("kraft_like", arm::tests::kraft_like(), NEUTRAL),
+            ("jpl_like", arm::tests::jpl_like(), [0.1, -0.3, 0.42, 0.2, 0.4, -0.1]),
+            ("sixr_spherical", arm::tests::sixr_spherical(), [0.2, -0.4, 0.9, 0.3, -0.5, 0.1]),
+        ] {
+            let (fastest, worst) = falling(arm, q, pushed);
+            assert!(fastest > 1.0, "{name} hardly moved: {fastest} J");
+            assert!(worst < 1e-6, "{name}: {worst} J appeared or were lost of {fastest} J");
+        }
+    }
+
+    #[test]
+    fn a_millisecond_is_its_steps_bit_for_bit() {
+        let (hand, x_0_d) = (Hand::default(), Isometry3::translation(0.4, 0.0, 0.1));
+        let (mut whole, mut parts) = (plant(1.0), plant(1.0));
+        for _ in 0..50 {
+            whole.advance(1e-3, &Joints::zeros(), Some((&hand, &x_0_d)));
+            for _ in 0..2 {
+                parts.advance(STEP, &Joints::zeros(), Some((&hand, &x_0_d)));
+            }
+        }
+        assert_eq!((whole.q, whole.qd), (parts.q, parts.qd));
+        assert!(whole.q != Joints::from(NEUTRAL));
+    }
+}

@@ -1,0 +1,123 @@
+//! The keys of one `[[fault]]`: taken one by one, each checked where it stands, none left over.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::ops::RangeInclusive;
+
+use toml::Spanned;
+use toml::Value;
+
+use crate::sim::scenario::problem::Misplaced;
+use crate::sim::scenario::problem::Problem;
+use crate::sim::scenario::problem::within;
+
+/// A table as it is written.
+pub(super) type Entry = BTreeMap<String, Spanned<Value>>;
+
+/// What has not been read yet of a table.
+#[derive(Debug)]
+pub(super) struct Keys {
+    kind: String,
+    span: Range<usize>,
+    left: Entry,
+}
+
+impl Keys {
+    /// All of a table but its `kind`, and that.
+    pub(super) fn of(entry: Spanned<Entry>) -> Result<(String, Self), Misplaced> {
+        let span = entry.span();
+        let mut keys = Self { kind: "fault".to_owned(), span, left: entry.into_inner() };
+        let kind = keys.word("kind", "a word", |word| Some(word.to_owned()))?;
+        keys.kind = keys.needed("kind", kind)?;
+        Ok((keys.kind.clone(), keys))
+    }
+
+    /// A problem of the table as a whole.
+    pub(super) fn misplaced(&self, problem: Problem) -> Misplaced {
+        (self.span.clone(), problem)
+    }
+
+    /// What a key says, if it is there, as `read` understands it; if it does not, it is not `wanted`.
+    pub(super) fn value<T>(
+        &mut self,
+        key: &'static str,
+        wanted: &'static str,
+        read: impl Fn(&Value) -> Option<T>,
+    ) -> Result<Option<T>, Misplaced> {
+        let Some(value) = self.left.remove(key) else { return Ok(None) };
+        let understood = read(value.get_ref()).map(Some);
+        understood.ok_or_else(|| {
+            let stands = value.get_ref().to_string().replace('\n', " ");
+            (value.span(), Problem::Value { key, value: stands, wanted })
+        })
+    }
+
+    /// A number within bounds, if it is there.
+    pub(super) fn number(
+        &mut self,
+        key: &'static str,
+        bounds: RangeInclusive<f64>,
+    ) -> Result<Option<f64>, Misplaced> {
+        let span = self.left.get(key).map(Spanned::span).unwrap_or_default();
+        let Some(number) = self.value(key, "a number", number)? else { return Ok(None) };
+        within(key, number, *bounds.start(), *bounds.end()).map_err(|problem| (span, problem))?;
+        Ok(Some(number))
+    }
+
+    /// A whole number that `T` can hold, if it is there.
+    pub(super) fn whole<T: TryFrom<i64>>(
+        &mut self,
+        key: &'static str,
+        wanted: &'static str,
+        is_wanted: impl Fn(&T) -> bool,
+    ) -> Result<Option<T>, Misplaced> {
+        self.value(key, wanted, |value| {
+            T::try_from(value.as_integer()?).ok().filter(|number| is_wanted(number))
+        })
+    }
+
+    /// A word that `read` understands, if it is there.
+    pub(super) fn word<T>(
+        &mut self,
+        key: &'static str,
+        wanted: &'static str,
+        read: impl Fn(&str) -> Option<T>,
+    ) -> Result<Option<T>, Misplaced> {
+        self.value(key, wanted, |value| read(value.as_str()?))
+    }
+
+    /// Up to eight bytes in hexadecimal, if they are there.
+    pub(super) fn bytes(&mut self, key: &'static str) -> Result<Option<Vec<u8>>, Misplaced> {
+        self.word(key, "up to 8 bytes as two hexadecimal digits each", bytes)
+    }
+
+    /// What must be there.
+    pub(super) fn needed<T>(&self, key: &'static str, value: Option<T>) -> Result<T, Misplaced> {
+        let missing = || self.misplaced(Problem::Missing { kind: self.kind.clone(), key });
+        value.ok_or_else(missing)
+    }
+
+    /// Nothing else is there.
+    pub(super) fn end(self) -> Result<(), Misplaced> {
+        let Self { kind, mut left, .. } = self;
+        match left.pop_first() {
+            Some((key, value)) => Err((value.span(), Problem::Unrelated { kind, key })),
+            None => Ok(()),
+        }
+    }
+}
+
+fn number(value: &Value) -> Option<f64> {
+    let whole = || i32::try_from(value.as_integer()?).ok().map(f64::from);
+    value.as_float().or_else(whole)
+}
+
+fn bytes(digits: &str) -> Option<Vec<u8>> {
+    let is_whole = digits.is_ascii() && digits.len().is_multiple_of(2) && digits.len() <= 16;
+    let byte = |place: usize| {
+        let two = digits.get(place..place + 2)?;
+        let is_hexadecimal = two.bytes().all(|digit| digit.is_ascii_hexdigit());
+        u8::from_str_radix(two, 16).ok().filter(|_| is_hexadecimal)
+    };
+    is_whole.then(|| (0..digits.len()).step_by(2).map(byte).collect())?
+}

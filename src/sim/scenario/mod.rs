@@ -1,0 +1,254 @@
+//! What happens and when: a script in TOML, read once, asked at any time.
+//!
+//! Times are in s after the first SYNC. Hand movements are relative to where the grip was at the start:
+//! along the axes of {0} and about those of the grip.
+//!
+//! | file         | what                                                        |
+//! |--------------|-------------------------------------------------------------|
+//! | [`operator`] | moves, switches, holds, the console                         |
+//! | [`fault`]    | what breaks, told as `[[fault]]` entries                    |
+
+mod entry;
+pub mod fault;
+mod keys;
+pub mod operator;
+mod problem;
+
+pub use operator::ConsoleRequest;
+pub use operator::Operator;
+pub use problem::Problem;
+pub use problem::ScenarioError;
+
+use std::ops::Range;
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use crate::sim::personality::Cast;
+use crate::sim::scenario::fault::Fault;
+use crate::sim::scenario::keys::Entry;
+use crate::sim::scenario::operator::Console;
+use crate::sim::scenario::operator::Doings;
+use crate::sim::scenario::operator::Hold;
+use crate::sim::scenario::operator::Move;
+use crate::sim::scenario::operator::Switch;
+use crate::sim::scenario::problem::Misplaced;
+use crate::sim::scenario::problem::within;
+use crate::sim::temperament::Temperament;
+
+/// Nothing that takes time takes less, in s.
+const SHORTEST: f64 = 1e-3;
+
+/// No script is longer, in s.
+const LONGEST: f64 = 86_400.0;
+
+/// No wall is softer, in N/m.
+const SOFTEST: f64 = 1.0;
+
+/// No wall is stiffer, in N/m.
+const STIFFEST: f64 = 1e7;
+
+/// A whole script that can be followed.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    seconds: f64,
+    wall_stiffness: Option<f64>,
+    compares_passivity: bool,
+    hand: Temperament,
+    cast: Cast,
+    doings: Doings,
+    faults: Vec<Fault>,
+}
+
+/// A script as it is written.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Script {
+    seconds: Spanned<f64>,
+    /// What is otherwise than configured around the object.
+    environment: Option<Spanned<Environment>>,
+    /// Whether it is played twice: without and with the passivity layer.
+    #[serde(default)]
+    compares_passivity: bool,
+    #[serde(default)]
+    hand: Temperament,
+    #[serde(default, rename = "move")]
+    moves: Vec<Spanned<Move>>,
+    #[serde(default, rename = "switch")]
+    switches: Vec<Spanned<Switch>>,
+    #[serde(default)]
+    console: Vec<Spanned<Console>>,
+    #[serde(default, rename = "hold")]
+    holds: Vec<Spanned<Hold>>,
+    #[serde(default, rename = "fault")]
+    faults: Vec<Spanned<Entry>>,
+    /// Which drives are dangerous.
+    #[serde(default, rename = "drive")]
+    cast: Cast,
+}
+
+/// What the object meets.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Environment {
+    wall_stiffness_n_per_m: f64,
+}
+
+impl Scenario {
+    /// Reads a script.
+    ///
+    /// # Errors
+    /// The first thing that is wrong with it.
+    pub fn parse(text: &str) -> Result<Self, ScenarioError> {
+        let at = |span: Range<usize>, problem| ScenarioError { line: line(text, &span), problem };
+        let script: Script = toml::from_str(text).map_err(|error| {
+            let problem = Problem::Toml(error.message().replace('\n', " "));
+            at(error.span().unwrap_or_default(), problem)
+        })?;
+        Self::check(script).map_err(|(span, problem)| at(span, problem))
+    }
+
+    /// How long it is, in s.
+    pub const fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    /// How stiff the wall is, in N/m, if it is otherwise than configured.
+    pub const fn wall_stiffness(&self) -> Option<f64> {
+        self.wall_stiffness
+    }
+
+    /// Whether it is to be played twice: without and with the passivity layer.
+    pub const fn compares_passivity(&self) -> bool {
+        self.compares_passivity
+    }
+
+    /// What kind of hand the operator has.
+    pub const fn temperament(&self) -> Temperament {
+        self.hand
+    }
+
+    /// Which drive has which personality.
+    pub const fn cast(&self) -> &Cast {
+        &self.cast
+    }
+
+    /// The same, to give a drive another one.
+    pub const fn cast_mut(&mut self) -> &mut Cast {
+        &mut self.cast
+    }
+
+    /// What is asked of the console, and when, in s, in order.
+    pub fn requests(&self) -> impl Iterator<Item = (f64, ConsoleRequest)> + '_ {
+        self.doings.requests()
+    }
+
+    /// What the operator does at `t` s.
+    pub fn operator(&self, t: f64) -> Operator {
+        self.doings.at(t)
+    }
+
+    /// What breaks, in the order in which it begins.
+    pub fn faults(&self) -> &[Fault] {
+        &self.faults
+    }
+
+    fn check(script: Script) -> Result<Self, Misplaced> {
+        let seconds = *script.seconds.get_ref();
+        within("seconds", seconds, SHORTEST, LONGEST)
+            .map_err(|problem| (script.seconds.span(), problem))?;
+        let wall_stiffness = script.environment.as_ref().map(wall_stiffness).transpose()?;
+        let Script {
+            compares_passivity, hand, cast, moves, switches, console, holds, faults, ..
+        } = script;
+        let doings = Doings::new(moves, switches, console, holds, seconds)?;
+        let faults = entry::read_all(faults, seconds)?;
+        Ok(Self { seconds, wall_stiffness, compares_passivity, hand, cast, doings, faults })
+    }
+}
+
+fn wall_stiffness(around: &Spanned<Environment>) -> Result<f64, Misplaced> {
+    let stiffness = around.get_ref().wall_stiffness_n_per_m;
+    within("wall_stiffness_n_per_m", stiffness, SOFTEST, STIFFEST)
+        .map_err(|problem| (around.span(), problem))?;
+    Ok(stiffness)
+}
+
+/// The line a span begins in, from 1.
+fn line(text: &str, span: &Range<usize>) -> usize {
+    1 + text.bytes().take(span.start).filter(|byte| *byte == b'\n').count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const SCRIPT: &str = "seconds = 5\n\
+        [[move]]\nat_s = 1\nduration_s = 2\nto_m = [0.04, 0, 0]\n\
+        [[switch]]\nat_s = 2\ndeadman = true\n\
+        [[console]]\nat_s = 0.5\nrequest = \"arm\"\n\
+        [[hold]]\nat_s = 4\nholding = false\n";
+
+    #[test]
+    fn the_hand_goes_smoothly_from_where_it_was_to_where_it_is_told() {
+        let scenario = Scenario::parse(SCRIPT).unwrap();
+        let x = |t| scenario.operator(t).translation.x;
+        assert!(x(1.0).abs() < 1e-12 && (x(2.0) - 0.02).abs() < 1e-12);
+        assert!((x(3.0) - 0.04).abs() < 1e-12 && (x(9.0) - 0.04).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_deadman_has_two_channels_that_never_agree() {
+        let scenario = Scenario::parse(SCRIPT).unwrap();
+        assert_eq!(scenario.operator(1.9).inputs, 0b10);
+        assert_eq!(scenario.operator(2.0).inputs, 0b01);
+    }
+
+    #[test]
+    fn a_script_that_cannot_be_followed_is_refused() {
+        for (from, to, reason) in [
+            ("duration_s = 2", "duration_s = -2", "line 2: duration_s = -2 is not within"),
+            ("at_s = 1\n", "at_s = 1e308\n", "line 2: duration_s = 2 is not within"),
+            ("at_s = 0.5", "at_s = 5.1", "line 9: at_s = 5.1 is not within 0 and 5"),
+            ("at_s = 2", "at_s = nan", "line 6: at_s = NaN is not within 0 and 5"),
+            ("to_m = [0.04, 0, 0]", "to_m = [nan, 0, 0]", "line 2: to_m = NaN"),
+            ("to_m = [0.04, 0, 0]", "to_rad = [0, 4, 0]", "line 2: to_rad = 4"),
+            ("seconds = 5", "seconds = inf", "line 1: seconds = inf"),
+            ("deadman = true", "dead_man = true", "line 8: unknown field `dead_man`"),
+            ("\"arm\"", "\"fire\"", "line 11: unknown variant `fire`"),
+            ("[[hold]]", "[[switch]]\nat_s = 1.5\n[[hold]]", "line 12: begins at 1.5 s"),
+            ("seconds = 5", "seconds", "line 1: "),
+            (
+                "[[move]]",
+                "[hand]\ntremor_mm = -1\n[[move]]",
+                "line 2: tremor_mm = -1 is not within",
+            ),
+            ("[[move]]", "[hand]\ntremble = 1\n[[move]]", "line 3: unknown field `tremble`"),
+        ] {
+            let error = Scenario::parse(&SCRIPT.replace(from, to)).unwrap_err().to_string();
+            assert!(error.starts_with(reason), "{error}");
+            assert_eq!(error.lines().count(), 1, "{error}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_is_too_strange_to_be_refused_quietly(text in any::<String>(), cut in 0..200_usize) {
+            drop(Scenario::parse(&text));
+            let script: String = SCRIPT.chars().take(cut).chain(text.chars()).collect();
+            drop(Scenario::parse(&script));
+        }
+    }
+
+    #[test]
+    fn every_shipped_script_can_be_followed() {
+        for text in [
+            include_str!("../../../config/scenarios/teleoperation.toml"),
+            include_str!("../../../config/scenarios/contact_10s.toml"),
+            include_str!("../../../config/scenarios/free.toml"),
+        ] {
+            Scenario::parse(text).unwrap();
+        }
+    }
+}

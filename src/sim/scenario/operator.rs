@@ -1,0 +1,161 @@
+//! What the operator does: where the hand goes, which switches it presses, what it asks of the console.
+
+use std::f64::consts::PI;
+
+use nalgebra::UnitQuaternion;
+use nalgebra::Vector3;
+use serde::Deserialize;
+use toml::Spanned;
+
+use crate::sim::scenario::SHORTEST;
+use crate::sim::scenario::problem::Misplaced;
+use crate::sim::scenario::problem::in_order;
+use crate::sim::scenario::problem::within;
+
+/// No hand reaches farther, in m.
+const REACH: f64 = 2.0;
+
+/// What the operator asks of the node's console.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+pub enum ConsoleRequest {
+    /// Gravity compensation on.
+    #[serde(rename = "arm")]
+    Arm,
+    /// Torque off.
+    #[serde(rename = "disarm")]
+    Disarm,
+    /// Leave a stop.
+    #[serde(rename = "reset")]
+    Reset,
+    /// Command rates.
+    #[serde(rename = "mode rate")]
+    Rate,
+    /// Command poses.
+    #[serde(rename = "mode pose")]
+    Pose,
+}
+
+/// What the operator does at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Operator {
+    /// Where the hand wants the grip, from its start, along {0}, in m.
+    pub translation: Vector3<f64>,
+    /// How it wants it turned, from its start.
+    pub rotation: UnitQuaternion<f64>,
+    /// The switch box's inputs: deadman A and B (antivalent), reference, reflection.
+    pub inputs: u8,
+    /// Whether it holds the grip at all.
+    pub is_holding: bool,
+}
+
+impl Operator {
+    /// The switch box's inputs when the hand is off the grip, and so off the deadman switch.
+    pub const fn hand_off(&self) -> u8 {
+        self.inputs & !0b11 | 0b10
+    }
+}
+
+/// All an operator does, each list in order.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Doings {
+    moves: Vec<Move>,
+    switches: Vec<Switch>,
+    console: Vec<Console>,
+    holds: Vec<Hold>,
+}
+
+/// The hand goes somewhere, smoothly; what is not named stays as it is.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Move {
+    at_s: f64,
+    duration_s: f64,
+    to_m: Option<[f64; 3]>,
+    to_rad: Option<[f64; 3]>,
+}
+
+/// Switches are pressed or released; those not named stay as they are.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Switch {
+    at_s: f64,
+    deadman: Option<bool>,
+    reference: Option<bool>,
+    reflection: Option<bool>,
+}
+
+/// The operator asks something of the console.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Console {
+    at_s: f64,
+    request: ConsoleRequest,
+}
+
+/// The hand lets go, or takes hold again.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Hold {
+    at_s: f64,
+    holding: bool,
+}
+
+impl Doings {
+    /// What can be done within `seconds`.
+    pub(super) fn new(
+        moves: Vec<Spanned<Move>>,
+        switches: Vec<Spanned<Switch>>,
+        console: Vec<Spanned<Console>>,
+        holds: Vec<Spanned<Hold>>,
+        seconds: f64,
+    ) -> Result<Self, Misplaced> {
+        let moves = in_order(moves, seconds, |step| {
+            let Move { at_s, duration_s, to_m, to_rad } = *step;
+            within("duration_s", duration_s, SHORTEST, seconds - at_s)?;
+            to_m.iter().flatten().try_for_each(|to| within("to_m", *to, -REACH, REACH))?;
+            to_rad.iter().flatten().try_for_each(|to| within("to_rad", *to, -PI, PI))?;
+            Ok((at_s, at_s + duration_s))
+        })?;
+        let switches = in_order(switches, seconds, |switch| Ok((switch.at_s, switch.at_s)))?;
+        let console = in_order(console, seconds, |console| Ok((console.at_s, console.at_s)))?;
+        let holds = in_order(holds, seconds, |hold| Ok((hold.at_s, hold.at_s)))?;
+        Ok(Self { moves, switches, console, holds })
+    }
+
+    /// What is asked of the console, and when, in s, in order.
+    pub(super) fn requests(&self) -> impl Iterator<Item = (f64, ConsoleRequest)> + '_ {
+        self.console.iter().map(|console| (console.at_s, console.request))
+    }
+
+    /// What is done at `t` s.
+    pub(super) fn at(&self, t: f64) -> Operator {
+        let (mut place, mut turn) = (Vector3::zeros(), Vector3::zeros());
+        for step in self.moves.iter().take_while(|step| step.at_s <= t) {
+            let share = smooth((t - step.at_s) / step.duration_s);
+            place = place.lerp(&step.to_m.map_or(place, Vector3::from), share);
+            turn = turn.lerp(&step.to_rad.map_or(turn, Vector3::from), share);
+        }
+        let (mut deadman, mut reference, mut reflection) = (false, false, false);
+        for switch in self.switches.iter().take_while(|switch| switch.at_s <= t) {
+            deadman = switch.deadman.unwrap_or(deadman);
+            reference = switch.reference.unwrap_or(reference);
+            reflection = switch.reflection.unwrap_or(reflection);
+        }
+        let holds = self.holds.iter().take_while(|hold| hold.at_s <= t);
+        Operator {
+            translation: place,
+            rotation: UnitQuaternion::from_scaled_axis(turn),
+            inputs: u8::from(deadman)
+                | u8::from(!deadman) << 1
+                | u8::from(reference) << 2
+                | u8::from(reflection) << 3,
+            is_holding: holds.last().is_none_or(|hold| hold.holding),
+        }
+    }
+}
+
+/// From 0 to 1 with the least jerk (Flash and Hogan 1985), and constant outside.
+fn smooth(share: f64) -> f64 {
+    let s = share.clamp(0.0, 1.0);
+    s * s * s * (10.0 + s * (6.0 * s - 15.0))
+}

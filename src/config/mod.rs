@@ -17,6 +17,7 @@ mod remote;
 pub mod signals;
 mod simulated;
 pub mod torque_data;
+mod units;
 
 pub use boot::BootSettings;
 pub use gain_check::Operator;

@@ -1,7 +1,7 @@
 //! `[joint.simulated]`: what a simulated motor and gear do that the controller is not told of.
 
-use crate::config::joints::Units;
 use crate::config::raw;
+use crate::config::units::Units;
 use crate::controller::calibration::TorqueCurve;
 
 /// The time constant of a current loop, in µs; 1600 µs are 100 Hz.

@@ -5,9 +5,9 @@ use std::time::Duration;
 use crate::bus::Bus;
 use crate::bus::BusFault;
 use crate::bus::Heard;
-use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
 use crate::canopen::station::Station;
+use crate::lab::outbox::Down;
 use crate::lab::outbox::Outbox;
 use crate::time::Instant;
 
@@ -16,10 +16,6 @@ const ASK_EVERY: Duration = Duration::from_millis(50);
 
 /// A bus that is full has room again after so long: a few frames at 1 Mbit/s, one at 125 kbit/s.
 const RETRY_AFTER: Duration = Duration::from_millis(1);
-
-/// The interface of a bus is down or gone.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Down(pub Channel);
 
 /// Lets `station` live on `bus` until `is_over` says so, which is asked at every turn. What a bus has no
 /// room for is kept, up to a bound, and sent later.

@@ -4,7 +4,7 @@ pub mod attend;
 pub mod bench;
 pub mod comparison;
 pub mod explanation;
-mod outbox;
+pub mod outbox;
 pub mod question;
 pub mod site;
 pub mod world;

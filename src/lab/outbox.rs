@@ -11,10 +11,13 @@ use crate::bus::Bus;
 use crate::bus::SendError;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
-use crate::lab::attend::Down;
 
 /// Room for a whole sub-block of each of six drives, and what else is said meanwhile.
 const ROOM: usize = 1_024;
+
+/// The interface of a bus is down or gone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Down(pub Channel);
 
 /// What waits to be sent: the lowest identifier first, then the oldest.
 #[derive(Debug)]

@@ -1,7 +1,7 @@
 //! The arm as a body: kinematics and dynamics of a serial chain in Craig's modified DH.
 //!
 //! Nothing here is shared with the controller, which computes the same arm another way: its dynamics are
-//! those of [`dynamics`], the Jacobian is gathered from the grip inward.
+//! those of `dynamics`, the Jacobian is gathered from the grip inward.
 
 mod dynamics;
 

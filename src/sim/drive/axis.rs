@@ -109,7 +109,7 @@ impl Application for Axis {
         }
         self.follow_power(dictionary);
         let [t0, t1] = status::whole(self.asked.per_mille).to_le_bytes();
-        let [s0, s1] = word(dictionary, Object::STATUSWORD).to_le_bytes();
+        let [s0, s1] = status::word(dictionary, Object::STATUSWORD).to_le_bytes();
         [t0, t1, s0, s1, 0]
     }
 
@@ -281,7 +281,7 @@ impl Axis {
 
     /// Obeys the controlword. One that says the same again changes nothing, and costs nothing.
     fn obey(&mut self, dictionary: &mut Dictionary) {
-        let word = Controlword(word(dictionary, Object::CONTROLWORD));
+        let word = Controlword(status::word(dictionary, Object::CONTROLWORD));
         let before = (self.power.state(), self.power.controlword());
         self.power.obey(word, &self.options, self.monitor.cause().is_none());
         if before != (self.power.state(), word) {
@@ -392,10 +392,4 @@ impl Axis {
         let velocity = self.motion.velocity(&self.feedback);
         status::show_motor(position, velocity, &self.feedback, dictionary);
     }
-}
-
-/// An object of 16 bits; zero if it is not there.
-fn word(dictionary: &Dictionary, object: Object) -> u16 {
-    let [low, high, ..] = dictionary.unsigned(object).to_le_bytes();
-    u16::from_le_bytes([low, high])
 }

@@ -68,6 +68,12 @@ pub(super) fn show_monitor(monitor: &Monitor, dictionary: &mut Dictionary) {
     dictionary.set(Object::DRIVE_INPUTS, &monitor.inputs.word().to_le_bytes());
 }
 
+/// An object of 16 bits; zero if it is not there.
+pub(super) fn word(dictionary: &Dictionary, object: Object) -> u16 {
+    let [low, high, ..] = dictionary.unsigned(object).to_le_bytes();
+    u16::from_le_bytes([low, high])
+}
+
 /// The nearest whole number; the nearest end beyond 16 bits.
 #[expect(
     clippy::as_conversions,

@@ -1,0 +1,44 @@
+//! Keys of a joint that stand in one unit where it turns and in another where it slides.
+
+use crate::config::problem::Problems;
+
+/// Keys of which a turning joint has the first and a sliding one the second.
+pub(super) struct Units<'k, 'p, 't> {
+    pub(super) key: &'k dyn Fn(&str) -> String,
+    pub(super) slides: bool,
+    pub(super) problems: &'p mut Problems<'t>,
+}
+
+impl Units<'_, '_, '_> {
+    /// The value and its key, which must be there.
+    pub(super) fn either<T>(
+        &mut self,
+        turning: (&'static str, Option<T>),
+        sliding: (&'static str, Option<T>),
+    ) -> Option<(&'static str, T)> {
+        let (name, value) = self.at_most_one(turning, sliding)?;
+        if value.is_none() {
+            self.problems.add(&(self.key)(name), format_args!("missing field `{name}`"));
+        }
+        Some((name, value?))
+    }
+
+    /// The value, if there is one, and its key; the other kind's key must not be there.
+    pub(super) fn at_most_one<T>(
+        &mut self,
+        turning: (&'static str, Option<T>),
+        sliding: (&'static str, Option<T>),
+    ) -> Option<(&'static str, Option<T>)> {
+        let ((name, value), (other, misplaced), kind) = if self.slides {
+            (sliding, turning, "prismatic")
+        } else {
+            (turning, sliding, "revolute")
+        };
+        if misplaced.is_some() {
+            let reason = format!("a {kind} joint has `{name}`");
+            self.problems.add(&(self.key)(other), reason);
+            return None;
+        }
+        Some((name, value))
+    }
+}

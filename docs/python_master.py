@@ -7,7 +7,6 @@ off. Nothing here knows frhc: the same lines drive any CiA 402 drive with such a
 
 import math
 import sys
-import time
 from pathlib import Path
 
 import canopen

@@ -62,8 +62,12 @@ def read_blocks(index, sub, segments):
     return frame(0xA0, index, sub, bytes([segments]))
 
 
+def entry(index, sub, bits):
+    """One object of a mapping."""
+    return index << 16 | sub << 8 | bits
+
+
 SAMPLES = 0x2000
-ENTRY = lambda index, sub, bits: index << 16 | sub << 8 | bits
 OFF = 1 << 31
 
 # What, what is sent, what the last of it is answered with.
@@ -144,7 +148,7 @@ REFUSALS = [
     ("another identifier for a TPDO that is on", [write(0x1800, 1, 0x1A2, 4)], DEVICE_STATE),
     ("an inhibit time for a TPDO that is on", [write(0x1800, 3, 10, 2)], DEVICE_STATE),
     ("fewer objects for an RPDO that is on", [write(0x1600, 0, 0, 1)], DEVICE_STATE),
-    ("another object for a TPDO that is on", [write(0x1A00, 1, ENTRY(0x6064, 0, 32), 4)], DEVICE_STATE),
+    ("another object for a TPDO that is on", [write(0x1A00, 1, entry(0x6064, 0, 32), 4)], DEVICE_STATE),
     ("another identifier for emergencies while on", [write(0x1014, 0, 0x222, 4)], DEVICE_STATE),
 ]
 
@@ -154,26 +158,26 @@ UNMAPPED_RPDO = [write(0x1403, 1, OFF, 4), write(0x1603, 0, 0, 1)]
 
 def mapped(*entries):
     """TPDO 4, off, with these objects."""
-    return [*UNMAPPED, *(write(0x1A03, sub, entry, 4) for sub, entry in enumerate(entries, 1))]
+    return [*UNMAPPED, *(write(0x1A03, sub, each, 4) for sub, each in enumerate(entries, 1))]
 
 
 REFUSALS += [
     # Mapping (7.5.2.36, 7.5.2.38).
-    ("a parameter in a TPDO", mapped(ENTRY(0x6072, 0, 16)), NOT_MAPPABLE),
-    ("half an object in a TPDO", mapped(ENTRY(0x6064, 0, 16)), NOT_MAPPABLE),
-    ("more than an object in a TPDO", mapped(ENTRY(0x6041, 0, 32)), NOT_MAPPABLE),
-    ("a dummy in a TPDO", mapped(ENTRY(0x0005, 0, 8)), NOT_MAPPABLE),
-    ("no object in a TPDO", mapped(ENTRY(0x2FFF, 0, 8)), NO_OBJECT),
-    ("no sub-index in a TPDO", mapped(ENTRY(0x6064, 1, 32)), NO_SUB_INDEX),
+    ("a parameter in a TPDO", mapped(entry(0x6072, 0, 16)), NOT_MAPPABLE),
+    ("half an object in a TPDO", mapped(entry(0x6064, 0, 16)), NOT_MAPPABLE),
+    ("more than an object in a TPDO", mapped(entry(0x6041, 0, 32)), NOT_MAPPABLE),
+    ("a dummy in a TPDO", mapped(entry(0x0005, 0, 8)), NOT_MAPPABLE),
+    ("no object in a TPDO", mapped(entry(0x2FFF, 0, 8)), NO_OBJECT),
+    ("no sub-index in a TPDO", mapped(entry(0x6064, 1, 32)), NO_SUB_INDEX),
     (
         "the statusword in an RPDO",
-        [*UNMAPPED_RPDO, write(0x1603, 1, ENTRY(0x6041, 0, 16), 4)],
+        [*UNMAPPED_RPDO, write(0x1603, 1, entry(0x6041, 0, 16), 4)],
         NOT_MAPPABLE,
     ),
     (
         "ten bytes in a TPDO",
         [
-            *mapped(ENTRY(0x6064, 0, 32), ENTRY(0x606C, 0, 32), ENTRY(0x6041, 0, 16)),
+            *mapped(entry(0x6064, 0, 32), entry(0x606C, 0, 32), entry(0x6041, 0, 16)),
             write(0x1A03, 0, 3, 1),
         ],
         PDO_TOO_LONG,

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 
+use crate::canopen::error_codes;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
@@ -27,6 +28,7 @@ struct Talker {
     channel: Channel,
     number: u16,
     says: Vec<Frame>,
+    mentioned: Vec<(u16, u8)>,
     heard: Vec<(Instant, Frame)>,
     is_on: bool,
     boots: u32,
@@ -50,8 +52,7 @@ impl Station for Talker {
 
 impl Breakable for Talker {
     fn mention(&mut self, code: u16, register: u8) {
-        let [low, high] = code.to_le_bytes();
-        self.says.push(Frame::new(0x080 + self.number, [low, high, register, 0, 0, 0, 0, 0]));
+        self.mentioned.push((code, register));
     }
 
     fn channel(&self) -> Channel {
@@ -96,6 +97,7 @@ impl Room {
             channel: Channel(u8::try_from(place % 2).unwrap()),
             number: u16::try_from(place + 1).unwrap(),
             says: Vec::new(),
+            mentioned: Vec::new(),
             heard: Vec::new(),
             is_on: true,
             boots: 0,
@@ -315,9 +317,9 @@ fn who_has_its_plug_back_boots_up_but_not_before_the_last_fault_is_over() {
 fn who_is_back_from_bus_off_tells_so() {
     let mut room = Room::of(&fault("kind = \"bus_off\", joint = 4, for_s = 0.5"), 1);
     room.pass(1_499.0);
-    assert_eq!(room.talkers[3].says, []);
+    assert_eq!(room.talkers[3].mentioned, []);
     room.pass(1_500.0);
-    assert_eq!(room.talkers[3].says, [Frame::new(0x084, [0x40, 0x81, 0x11, 0, 0, 0, 0, 0])]);
+    assert_eq!(room.talkers[3].mentioned, [(error_codes::RECOVERED_FROM_BUS_OFF, 0x11)]);
 }
 
 #[test]
@@ -325,7 +327,7 @@ fn an_emergency_is_told_by_its_device() {
     let warning = fault("kind = \"emergency\", code = 0xFF10, register = 8, joint = 1");
     let mut room = Room::of(&warning, 1);
     room.pass(1_000.0);
-    assert_eq!(room.talkers[0].says, [Frame::new(0x081, [0x10, 0xFF, 8, 0, 0, 0, 0, 0])]);
+    assert_eq!(room.talkers[0].mentioned, [(0xFF10, 8)]);
 }
 
 #[test]

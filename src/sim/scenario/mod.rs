@@ -246,6 +246,7 @@ mod tests {
         for text in [
             include_str!("../../../config/scenarios/teleoperation.toml"),
             include_str!("../../../config/scenarios/contact_10s.toml"),
+            include_str!("../../../config/scenarios/relaxed_10s.toml"),
             include_str!("../../../config/scenarios/free.toml"),
         ] {
             Scenario::parse(text).unwrap();

@@ -1,0 +1,206 @@
+//! PDOs: when they act, when they are sent, what may be in them (CiA 301, 7.2.2, 7.5.2.35 to 7.5.2.38).
+
+use super::*;
+
+#[test]
+fn rpdo_acts_at_the_next_sync() {
+    let mut desk = Desk::with_target(EVERY_SYNC);
+    desk.say(Frame::new(RPDO, [100, 0]));
+    desk.wait_until(3);
+    assert_eq!(desk.target(), 0, "held");
+    desk.sync();
+    assert_eq!(desk.target(), 100);
+    desk.say(Frame::new(RPDO, [7, 0]));
+    desk.say(Frame::new(RPDO, [8, 0]));
+    assert_eq!(desk.target(), 100);
+    desk.sync();
+    assert_eq!(desk.target(), 8, "the last one counts");
+}
+
+#[test]
+fn a_sync_of_another_length_is_told_and_is_none() {
+    let mut desk = Desk::with_target(EVERY_SYNC);
+    desk.say(Frame::new(RPDO, [100, 0]));
+    let told = desk.say(Frame::new(0x80, [7]));
+    assert_eq!(told, [emergency(0x8240, 0x11, [0; 5])]);
+    assert_eq!(desk.target(), 0);
+    assert!(desk.sync().contains(&emergency(0, 0, [0; 5])));
+    assert_eq!(desk.target(), 100);
+}
+
+#[test]
+fn a_pdo_of_any_number_is_one() {
+    let text = include_str!("../../../../eds/frhc_drive.eds");
+    let start = text.find("[1403]").unwrap();
+    let communication = &text[start..text.find("[1600]").unwrap()];
+    let start = text.find("[1603]").unwrap();
+    let mapping = &text[start..text.find("[1800]").unwrap()];
+    let last =
+        format!("{communication}{mapping}").replace("[1403", "[15FF").replace("[1603", "[17FF");
+    let mut desk = Desk::described(&format!("{text}\n{last}"));
+    let place = Place { direction: Direction::Receive, number: 512 };
+    desk.map(place, &[0x6071_0010], 255).unwrap();
+    desk.order(NmtCommand::StartRemoteNode);
+    let cob_id = place.cob_id(desk.device.dictionary()).unwrap();
+    desk.say(Frame::new(cob_id, [0x2C, 0x01]));
+    assert_eq!(desk.target(), 300);
+}
+
+#[test]
+fn an_event_driven_rpdo_acts_at_once() {
+    let mut desk = Desk::with_target(AT_ONCE);
+    desk.say(Frame::new(RPDO, [100, 0]));
+    assert_eq!(desk.target(), 100);
+    desk.say(Frame::new(RPDO, 3_001_i16.to_le_bytes()));
+    assert_eq!(desk.target(), 100, "a value outside its limits is not taken");
+}
+
+#[test]
+fn what_is_held_does_not_outlive_operational() {
+    for command in [NmtCommand::EnterPreOperational, NmtCommand::StopRemoteNode] {
+        let mut desk = Desk::with_target(EVERY_SYNC);
+        desk.say(Frame::new(RPDO, [100, 0]));
+        desk.order(command);
+        desk.sync();
+        desk.say(Frame::new(RPDO, [100, 0]));
+        desk.order(NmtCommand::StartRemoteNode);
+        desk.sync();
+        assert_eq!(desk.target(), 0);
+    }
+}
+
+#[test]
+fn drives_of_a_group_take_each_its_own_part_of_one_frame() {
+    let mut desk = Desk::new();
+    desk.map(RPDO1, &[DUMMY_16, DUMMY_16, TARGET], EVERY_SYNC).unwrap();
+    desk.order(NmtCommand::StartRemoteNode);
+    desk.say(Frame::new(RPDO, [1, 0, 2, 0, 3, 0]));
+    desk.sync();
+    assert_eq!(desk.target(), 3);
+}
+
+#[test]
+fn a_frame_shorter_than_its_mapping_is_told_and_not_taken() {
+    for data in [vec![9], vec![]] {
+        let mut desk = Desk::with_target(AT_ONCE);
+        let frame = Frame::from_slice(RPDO, &data).unwrap();
+        assert_eq!(desk.say(frame), [emergency(0x8210, 0x11, [0; 5])]);
+        assert_eq!(desk.say(frame), [], "told once");
+        assert_eq!(desk.target(), 0);
+        assert_eq!(desk.say(Frame::new(RPDO, [9, 0])), [emergency(0, 0, [0; 5])]);
+        assert_eq!(desk.target(), 9);
+    }
+}
+
+#[test]
+fn of_a_frame_longer_than_its_mapping_the_first_bytes_count_and_it_is_told() {
+    let mut desk = Desk::with_target(AT_ONCE);
+    assert_eq!(desk.say(Frame::new(RPDO, [9, 0, 7])), [emergency(0x8220, 0x11, [0; 5])]);
+    assert_eq!(desk.target(), 9);
+    assert_eq!(desk.say(Frame::new(RPDO, [8, 0, 7, 7])), [], "told once");
+    assert_eq!(desk.target(), 8);
+    assert_eq!(desk.say(Frame::new(RPDO, [7])), [emergency(0x8210, 0x11, [0; 5])]);
+    assert_eq!(desk.say(Frame::new(RPDO, [7, 0])), [emergency(0, 0, [0; 5])]);
+}
+
+#[test]
+fn remap_while_valid_is_refused() {
+    let mut desk = Desk::new();
+    desk.map(RPDO1, &[TARGET], EVERY_SYNC).unwrap();
+    for (object, bytes) in [
+        (RPDO1.mapping(0), vec![0]),
+        (RPDO1.mapping(1), DUMMY_16.to_le_bytes().to_vec()),
+        (RPDO1.communication(1), 0x305_u32.to_le_bytes().to_vec()),
+    ] {
+        assert_eq!(desk.write(object, &bytes), Err(AbortCode::DEVICE_STATE), "{object}");
+    }
+    let off = (OFF | u32::from(RPDO)).to_le_bytes();
+    desk.write(RPDO1.communication(1), &off).unwrap();
+    let entry = desk.write(RPDO1.mapping(1), &DUMMY_16.to_le_bytes());
+    assert_eq!(entry, Err(AbortCode::ACCESS_UNSUPPORTED), "while entries are counted");
+    desk.write(RPDO1.mapping(0), &[0]).unwrap();
+    assert_eq!(desk.write(RPDO1.mapping(1), &DUMMY_16.to_le_bytes()), Ok(()));
+}
+
+#[test]
+fn only_what_fits_and_may_be_mapped_is_mapped() {
+    let refused = |place, entries: &[u32]| Desk::new().map(place, entries, EVERY_SYNC).unwrap_err();
+    assert_eq!(refused(RPDO1, &[0x6064_0020]), AbortCode::NOT_MAPPABLE, "read only");
+    assert_eq!(refused(RPDO1, &[0x6071_0020]), AbortCode::NOT_MAPPABLE, "another length");
+    assert_eq!(refused(TPDO1, &[DUMMY_16]), AbortCode::NOT_MAPPABLE, "dummies are received");
+    assert_eq!(refused(TPDO1, &[0x1018_0120]), AbortCode::NOT_MAPPABLE);
+    assert_eq!(refused(TPDO1, &[0x5FFF_0020]), AbortCode::NO_OBJECT);
+    assert_eq!(refused(TPDO1, &[POSITION; 3]), AbortCode::PDO_TOO_LONG);
+    assert_eq!(
+        refused(RPDO1, &[0]),
+        AbortCode::NO_OBJECT,
+        "an entry that is counted names something"
+    );
+}
+
+#[test]
+fn an_identifier_of_another_service_is_no_pdos() {
+    let mut desk = Desk::new();
+    desk.write(RPDO1.communication(1), &(OFF | 0x205).to_le_bytes()).unwrap();
+    for raw in [0, 0x80, 0x17F, 0x581, 0x605, 0x705, 0x2000_0205_u32] {
+        let write = desk.write(RPDO1.communication(1), &raw.to_le_bytes());
+        assert_eq!(write, Err(AbortCode::VALUE_INVALID), "{raw:X}h");
+    }
+    assert_eq!(desk.write(RPDO1.communication(2), &[241]), Err(AbortCode::VALUE_INVALID));
+}
+
+#[test]
+fn a_tpdo_of_type_n_comes_at_every_nth_sync() {
+    for n in [1, 2, 3, 7] {
+        let mut desk = Desk::silent();
+        desk.map(TPDO1, &[POSITION], n).unwrap();
+        desk.order(NmtCommand::StartRemoteNode);
+        let said: Vec<_> = (0..21).map(|_| desk.sync().len()).collect();
+        let period = usize::from(n);
+        assert_eq!(said.iter().sum::<usize>(), 21 / period);
+        assert!(said.chunks_exact(period).all(|syncs| *syncs.last().unwrap() == 1), "{said:?}");
+    }
+}
+
+#[test]
+fn a_tpdo_says_what_was_true_at_the_sync_however_late_it_is() {
+    let mut desk = Desk::silent();
+    desk.device.latency = Duration::from_micros(60);
+    desk.map(TPDO1, &[POSITION], EVERY_SYNC).unwrap();
+    desk.order(NmtCommand::StartRemoteNode);
+    let put = |position: i32| {
+        move |_: &mut Witness, dictionary: &mut Dictionary| {
+            assert!(dictionary.set(Object::POSITION_ACTUAL, &position.to_le_bytes()));
+        }
+    };
+    desk.device.touch(put(11));
+    assert_eq!(desk.sync(), []);
+    desk.device.touch(put(12));
+    assert_eq!(desk.device.deadline(), Some(Instant::from_micros(60)));
+    assert_eq!(desk.wait_until(1), [Frame::new(TPDO, [11, 0, 0, 0])]);
+}
+
+#[test]
+fn an_event_driven_tpdo_keeps_between_inhibit_time_and_event_timer() {
+    let mut desk = Desk::silent();
+    desk.write(TPDO1.communication(1), &(OFF | 0x185).to_le_bytes()).unwrap();
+    desk.write(TPDO1.communication(3), &[100, 0]).unwrap();
+    desk.write(TPDO1.communication(5), &[50, 0]).unwrap();
+    desk.map(TPDO1, &[POSITION], AT_ONCE).unwrap();
+    desk.order(NmtCommand::StartRemoteNode);
+    let put = |desk: &mut Desk, position: u8| {
+        desk.device.touch(|_, dictionary| {
+            assert!(dictionary.set(Object::POSITION_ACTUAL, &[position, 0, 0, 0]));
+        });
+    };
+    assert_eq!(desk.wait_until(4), [], "told when operational was entered");
+    put(&mut desk, 1);
+    put(&mut desk, 2);
+    assert_eq!(desk.wait_until(9), [], "inhibited for 10 ms");
+    assert_eq!(desk.wait_until(10), [Frame::new(TPDO, [2, 0, 0, 0])]);
+    assert_eq!(desk.wait_until(59), []);
+    assert_eq!(desk.wait_until(60), [Frame::new(TPDO, [2, 0, 0, 0])], "unchanged, but due");
+    put(&mut desk, 3);
+    put(&mut desk, 2);
+    assert_eq!(desk.wait_until(80), [], "nothing has changed in the end");
+}

@@ -1,4 +1,4 @@
-"""The logs of the tests on the bus, but for those on which strangers sent what is no CANopen."""
+"""The logs of the tests on the bus, but for those on which somebody sent what is no CANopen, or remote frames."""
 
 import functools
 import json
@@ -8,6 +8,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+import any_master
 import hostile
 from bench import CONFIG, FRHC, ROOT, check, same
 
@@ -24,7 +25,7 @@ class Logs:
     def __enter__(self):
         self.temporary = tempfile.TemporaryDirectory(prefix="frhc-interop-")
         self.folder = Path(self.temporary.name)
-        strange = {test.__name__ for test in hostile.TESTS}
+        strange = {test.__name__ for test in [*hostile.TESTS, *any_master.STRANGE]}
         self.files = sorted(file for file in LOGS.glob("*.log") if file.stem not in strange)
         # The dissector has no memory: it takes the segments of a block for requests of their own.
         self.without_blocks = [file for file in self.files if "block" not in file.stem]

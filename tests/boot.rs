@@ -152,7 +152,7 @@ fn guarded_nodes_are_asked_and_their_loss_stops_the_node() {
         assert_eq!(guard.len(), 2 * asked, "each is answered");
     }
     bench.world_mut().switches_mut().unplug();
-    until(&mut bench, |record| record.mode == Mode::Stopped);
+    until(&mut bench, |record| record.mode.is_stopped());
     assert!(notices(&mut bench).contains(&Event::HeartbeatLost { node: SWITCHES }));
 }
 
@@ -164,7 +164,7 @@ fn a_drive_that_fails_tells_its_history_one_request_a_cycle() {
     notices(&mut bench);
     let begun = bench.node().bus().now();
     bench.world_mut().drive_mut(3).unwrap().fail_with(0x3210);
-    until(&mut bench, |record| record.mode == Mode::Stopped);
+    until(&mut bench, |record| record.mode.is_stopped());
     bench.run(20);
     let told: Vec<_> = notices(&mut bench).iter().map(ToString::to_string).collect();
     assert!(
@@ -184,7 +184,7 @@ fn a_drive_that_says_nothing_of_its_fault_is_asked() {
     bench.bring_up().unwrap();
     let begun = bench.node().bus().now();
     bench.world_mut().drive_mut(4).unwrap().fail();
-    until(&mut bench, |record| record.mode == Mode::Stopped);
+    until(&mut bench, |record| record.mode.is_stopped());
     bench.run(10);
     assert!(!wire.since(begun, 0x604).is_empty());
     let last = notices(&mut bench).pop().unwrap();

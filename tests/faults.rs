@@ -17,7 +17,7 @@ use common::bench::until;
 use common::bench::until_contact;
 use frhc::lab::bench::Bench;
 use frhc::node::Request;
-use frhc::telemetry::record::Cause;
+use frhc::telemetry::cause::Cause;
 use frhc::telemetry::record::Mode;
 use frhc::time::Instant;
 
@@ -45,7 +45,7 @@ fn a_drive_that_fails_takes_the_torque_off_all_within_two_cycles() {
     for joint in 1..=6 {
         let (mut bench, wire, onset) = in_contact();
         bench.world_mut().drive_mut(joint).unwrap().fail();
-        let record = until(&mut bench, |record| record.mode == Mode::Stopped);
+        let record = until(&mut bench, |record| record.mode.is_stopped());
         assert!(matches!(record.cause, Some(Cause::DriveLeft { joint: j, .. }) if j == joint));
         bench.run(150);
         assert!(cycles_to_zero(&wire, onset) <= 2);
@@ -56,19 +56,19 @@ fn a_drive_that_fails_takes_the_torque_off_all_within_two_cycles() {
 fn a_drive_that_falls_silent_takes_the_torque_off_all_within_five_cycles() {
     let (mut bench, wire, onset) = in_contact();
     bench.world_mut().drive_mut(4).unwrap().unplug();
-    let record = until(&mut bench, |record| record.mode == Mode::Stopped);
+    let record = until(&mut bench, |record| record.mode.is_stopped());
     assert_eq!(record.cause, Some(Cause::SamplesMissing { joint: 4, cycles: 3 }));
     bench.run(150);
     assert!(cycles_to_zero(&wire, onset) <= 5);
     assert!(bench.ask(Request::Reset).is_err(), "a drive that is not there cannot be booted");
-    assert_eq!(bench.node().mode(), Mode::Stopped);
+    assert!(bench.node().mode().is_stopped());
 }
 
 #[test]
 fn a_stop_is_left_only_by_a_reset_and_a_new_press() {
     let (mut bench, _, _) = in_contact();
     bench.world_mut().drive_mut(2).unwrap().fail();
-    until(&mut bench, |record| record.mode == Mode::Stopped);
+    until(&mut bench, |record| record.mode.is_stopped());
     assert!(bench.ask(Request::Arm).is_err());
     bench.ask(Request::Reset).unwrap();
     until(&mut bench, |record| record.mode == Mode::Ready);

@@ -29,7 +29,7 @@ fn fault_reset() {
     bench.cycle();
     wire.clear();
     bench.world_mut().drive_mut(3).unwrap().fail();
-    until(&mut bench, |record| record.mode == Mode::Stopped);
+    until(&mut bench, |record| record.mode.is_stopped());
     bench.ask(Request::Reset).unwrap();
     until(&mut bench, |record| record.mode == Mode::Ready);
     compare("fault_reset.log", &wire.transcript(usize::MAX));

@@ -28,7 +28,7 @@ use frhc::config::Config;
 use frhc::lab::bench::Bench;
 use frhc::sim::personality::Quirk;
 use frhc::sim::scenario::Scenario;
-use frhc::telemetry::record::Cause;
+use frhc::telemetry::cause::Cause;
 use frhc::telemetry::record::Mode;
 use frhc::time::Instant;
 
@@ -264,7 +264,7 @@ fn a_fault_nobody_tells_of_is_seen_in_the_statusword() {
     until(&mut bench, |record| record.mode == Mode::Engaged);
     bench.world_mut().drive_mut(ELBOW).unwrap().fail_with(0x3210);
     let failed = bench.node().bus().now();
-    let record = until(&mut bench, |record| record.mode == Mode::Stopped);
+    let record = until(&mut bench, |record| record.mode.is_stopped());
     assert!(matches!(record.cause, Some(Cause::DriveLeft { joint: ELBOW, .. })));
     assert!(record.at.since(failed) <= Duration::from_millis(4));
     assert!(wire.since(failed, 0x683).is_empty());

@@ -126,7 +126,7 @@ fn play(config: &Config, script: &Scenario) -> Run {
         if is_pushed(config, &bench.world_mut().torques()) {
             torque.gone = cycles;
         }
-        stopped += u64::from(record.mode == Mode::Stopped);
+        stopped += u64::from(record.mode.is_stopped());
         if stopped == 150 || bench.elapsed().as_secs_f64() >= script.seconds() {
             return Run { last: record, torque };
         }

@@ -24,7 +24,6 @@ use crate::lab::bench::Bench;
 use crate::lab::comparison;
 use crate::lab::comparison::Comparison;
 use crate::sim::scenario::Scenario;
-use crate::telemetry::record::Mode;
 use crate::telemetry::record::Record;
 use crate::telemetry::summary::Summary;
 use crate::time::Instant;
@@ -53,10 +52,8 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
         print::line(&summary.to_string());
     }
     match &summary.stopped_by {
-        Some(cause) if summary.final_mode == Mode::Stopped.name() => {
-            Err(Failure::new(Kind::Stopped, format!("stopped by {cause}")))
-        }
-        Some(_) | None => Ok(()),
+        Some(cause) => Err(Failure::new(Kind::Stopped, format!("stopped by {cause}"))),
+        None => Ok(()),
     }
 }
 

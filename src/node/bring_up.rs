@@ -16,7 +16,7 @@ use crate::node::Node;
 use crate::node::safety;
 use crate::node::schedule::Schedule;
 use crate::remote::Remote;
-use crate::telemetry::record::Cause;
+use crate::telemetry::cause::Cause;
 use crate::telemetry::record::Mode;
 
 /// What is on its way when a boot begins, such as boot-up messages, is let pass.

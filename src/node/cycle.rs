@@ -27,8 +27,7 @@ use crate::node::Node;
 use crate::node::safety;
 use crate::node::safety::Permit;
 use crate::remote::Remote;
-use crate::telemetry::record::Cause;
-use crate::telemetry::record::Mode;
+use crate::telemetry::cause::Cause;
 use crate::telemetry::record::Record;
 use crate::time::Instant;
 
@@ -56,7 +55,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             self.safety.stop(now, Cause::ControllerFault { fault });
         }
 
-        let targets = output.targets.map(|target| if self.may_push() { target.0 } else { 0 });
+        let targets =
+            output.targets.map(|target| if self.safety.may_push() { target.0 } else { 0 });
         self.send_targets(&targets, permit.drives_on);
         self.send_heartbeat(now);
         self.send_time(now);
@@ -182,14 +182,6 @@ impl<B: Bus, R: Remote> Node<B, R> {
             gravity_share: permit.gravity_share,
             reflection_share: permit.reflection_share,
             restart: skipped > 0 || self.cycle == 0,
-        }
-    }
-
-    /// Whether anything but zero torque may be sent.
-    fn may_push(&self) -> bool {
-        match self.safety.mode() {
-            Mode::Armed | Mode::Engaged => true,
-            Mode::Boot | Mode::Ready | Mode::Stopped => false,
         }
     }
 

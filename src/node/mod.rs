@@ -39,7 +39,7 @@ use crate::node::schedule::Schedule;
 use crate::remote::Remote;
 use crate::remote::Sensed;
 use crate::spatial::Motion;
-use crate::telemetry::record::Cause;
+use crate::telemetry::cause::Cause;
 use crate::telemetry::record::Mode;
 
 /// One hand controller's node on its buses.

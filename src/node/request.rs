@@ -9,9 +9,9 @@ use crate::controller::switches::Mode as CommandMode;
 use crate::node::BringUpError;
 use crate::node::Node;
 use crate::node::safety::Refusal;
-use crate::node::safety::needs_boot;
+use crate::node::safety::table;
 use crate::remote::Remote;
-use crate::telemetry::record::Cause;
+use crate::telemetry::cause::Cause;
 use crate::telemetry::record::Mode;
 use crate::time::Instant;
 
@@ -65,7 +65,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let disagrees = self.deadman(now) == Some(Deadman::Disagreeing);
         self.safety.reset(now, disagrees.then_some(Cause::DeadmanDisagrees))?;
         self.power.iter_mut().for_each(PowerStage::reset_fault);
-        if let Some(cause) = stopped_by.filter(needs_boot) {
+        if let Some(cause) = stopped_by.filter(|cause| table::row(cause.kind()).boots) {
             let booted = self.bring_up(&mut || false);
             if booted.is_err() {
                 self.safety.stop(self.bus.now(), cause);

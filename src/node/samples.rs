@@ -8,7 +8,7 @@ use crate::canopen::exchange::Told;
 use crate::canopen::frame::Telegram;
 use crate::canopen::pdo::DriveSample;
 use crate::canopen::pdo::SwitchInputs;
-use crate::telemetry::record::Cause;
+use crate::telemetry::cause::Cause;
 use crate::time::Instant;
 
 /// The switch box repeats its inputs every 5 ms; after three of those in silence it is not believed.

@@ -1,6 +1,7 @@
 //! Records and changes, out of the loop: what the cycle leaves behind for people and files.
 
 pub mod candump;
+pub mod cause;
 mod chart;
 pub mod contact;
 pub mod digits;

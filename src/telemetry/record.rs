@@ -5,10 +5,9 @@ use std::fmt;
 
 use nalgebra::Isometry3;
 
-use crate::canopen::error_codes;
-use crate::controller::Fault;
 use crate::controller::Output;
 use crate::spatial::Wrench;
+use crate::telemetry::cause::Cause;
 use crate::time::Instant;
 
 /// The mode of the node; only its safety changes it.
@@ -22,11 +21,39 @@ pub enum Mode {
     Armed,
     /// Commands flow, wrenches are felt.
     Engaged,
-    /// A fault: torque is off and stays off until a reset.
-    Stopped,
+    /// S1: the weight of the arm is carried on, nothing else acts and nothing is commanded, until a reset.
+    ReflectionOff,
+    /// S2: a fault; torque is zero, and after a moment the drives are off.
+    ZeroTorque,
+    /// S3: a fault; the drives are off until a reset.
+    DrivesOff,
 }
 
 impl Mode {
+    /// All of them, in the order of the mode graph.
+    pub const ALL: [Self; 7] = [
+        Self::Boot,
+        Self::Ready,
+        Self::Armed,
+        Self::Engaged,
+        Self::ReflectionOff,
+        Self::ZeroTorque,
+        Self::DrivesOff,
+    ];
+
+    /// Whether a cause has latched it: only a reset leads out.
+    pub const fn is_latched(self) -> bool {
+        match self {
+            Self::Boot | Self::Ready | Self::Armed | Self::Engaged => false,
+            Self::ReflectionOff | Self::ZeroTorque | Self::DrivesOff => true,
+        }
+    }
+
+    /// Whether torque is zero and stays so until a reset.
+    pub const fn is_stopped(self) -> bool {
+        matches!(self, Self::ZeroTorque | Self::DrivesOff)
+    }
+
     /// In one lower-case word, as `ctl status` prints it.
     pub const fn name(self) -> &'static str {
         match self {
@@ -34,7 +61,9 @@ impl Mode {
             Self::Ready => "ready",
             Self::Armed => "armed",
             Self::Engaged => "engaged",
-            Self::Stopped => "stopped",
+            Self::ReflectionOff => "reflection-off",
+            Self::ZeroTorque => "zero-torque",
+            Self::DrivesOff => "drives-off",
         }
     }
 }
@@ -42,90 +71,6 @@ impl Mode {
 impl fmt::Display for Mode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
-    }
-}
-
-/// What stopped the node. Joints count from 1, as in the paper; nodes are places in the list of the
-/// joints' drives and the switch box, from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cause {
-    /// A drive's samples did not come in time, several cycles in a row.
-    SamplesMissing { joint: usize, cycles: u32 },
-    /// A drive no longer tells its state, although its positions come.
-    StatusMissing { joint: usize },
-    /// A drive left `Operation enabled` by itself.
-    DriveLeft { joint: usize, statusword: u16 },
-    /// A node sent an emergency message.
-    Emergency { node: usize, code: u16 },
-    /// A node's heartbeat stopped.
-    HeartbeatLost { node: usize },
-    /// A node started anew in the middle of a run.
-    Rebooted { node: usize },
-    /// Two nodes seem to have one node-id.
-    Duplicate { node: usize },
-    /// Somebody else commands this network.
-    ForeignMaster,
-    /// The controller met a number it cannot use.
-    ControllerFault { fault: Fault },
-    /// A torque frame could not be sent.
-    QueueFull { channel: u8 },
-    /// The bus is error passive.
-    BusPassive { channel: u8 },
-    /// The controller has left the bus.
-    BusOff { channel: u8 },
-    /// The interface is down.
-    BusDown { channel: u8 },
-    /// The deadman's two channels contradict each other.
-    DeadmanDisagrees,
-    /// The loop stood still for several cycles.
-    Overrun { cycles: u64 },
-    /// A drive did not reach `Operation enabled`.
-    EnableTimeout { joint: usize, statusword: u16 },
-}
-
-impl fmt::Display for Cause {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::StatusMissing { joint } => write!(f, "joint {joint}: statusword missing"),
-            Self::SamplesMissing { joint, cycles } => {
-                write!(f, "joint {joint}: no sample for {cycles} cycles")
-            }
-            Self::DriveLeft { joint, statusword } => {
-                write!(f, "joint {joint}: drive left operation enabled (6041h = {statusword:04X}h)")
-            }
-            Self::Emergency { node, code } => {
-                let words = error_codes::words(*code);
-                write!(f, "{}: emergency {code:04X}h {words}", Who(*node))
-            }
-            Self::HeartbeatLost { node } => write!(f, "{}: heartbeat lost", Who(*node)),
-            Self::Rebooted { node } => write!(f, "{}: rebooted", Who(*node)),
-            Self::Duplicate { node } => {
-                write!(f, "{}: two nodes seem to have its node-id", Who(*node))
-            }
-            Self::ForeignMaster => f.write_str("another master is on the bus"),
-            Self::ControllerFault { fault } => write!(f, "controller: {fault}"),
-            Self::QueueFull { channel } => write!(f, "bus {channel}: transmit queue full"),
-            Self::BusPassive { channel } => write!(f, "bus {channel}: error passive"),
-            Self::BusOff { channel } => write!(f, "bus {channel}: bus off"),
-            Self::BusDown { channel } => write!(f, "bus {channel}: interface down"),
-            Self::DeadmanDisagrees => f.write_str("the deadman's channels contradict each other"),
-            Self::Overrun { cycles } => write!(f, "the loop stood still for {cycles} cycles"),
-            Self::EnableTimeout { joint, statusword } => {
-                write!(f, "joint {joint}: not enabled in time (6041h = {statusword:04X}h)")
-            }
-        }
-    }
-}
-
-/// A node by its place in the list.
-struct Who(usize);
-
-impl fmt::Display for Who {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            drive @ 0..6 => write!(f, "joint {}", drive + 1),
-            _ => f.write_str("switch box"),
-        }
     }
 }
 

@@ -91,6 +91,8 @@ const fn code(mode: Mode) -> u8 {
         Mode::Ready => 1,
         Mode::Armed => 2,
         Mode::Engaged => 3,
-        Mode::Stopped => 4,
+        Mode::ReflectionOff => 4,
+        Mode::ZeroTorque => 5,
+        Mode::DrivesOff => 6,
     }
 }

@@ -117,7 +117,7 @@ def stops(bench, cause, identifier, data):
     """An error frame stops the node."""
     node = cycling(bench)
     Stranger().send(identifier | ERROR, data)
-    same(bench.mode("stopped")["stopped_by"], cause, "cause")
+    same(bench.mode("drives-off")["stopped_by"], cause, "cause")
     bench.stop(node, 6, f"stopped by {cause}")
 
 
@@ -132,7 +132,7 @@ def bus_that_is_passive_stops_the_node(bench):
 def foreign_master_stops_the_node(bench):
     node = cycling(bench)
     Stranger().send(0x000, b"\x80\x00")
-    same(bench.mode("stopped")["stopped_by"], "another master is on the bus", "cause")
+    same(bench.mode("drives-off")["stopped_by"], "another master is on the bus", "cause")
     until(lambda: node.poll() is None, "it still runs")
 
 

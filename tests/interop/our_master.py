@@ -99,7 +99,7 @@ def master_carries_the_arm_with_the_torques_python_reads(bench):
 def emergency_of_a_drive_stops_the_node(bench):
     drives, node = running(bench)
     drives[3].emergencies().send(0x4210, 0x09, b"\x01\x02\x03\x04\x05")
-    status = bench.mode("stopped")
+    status = bench.mode("drives-off")
     cause = "joint 3: emergency 4210h device temperature too high"
     same(status["stopped_by"], cause, "cause")
     said = bench.stop(node, 6, f"stopped by {cause}")
@@ -119,7 +119,7 @@ def silent_heartbeat_stops_the_node(bench):
     drives, node = running(bench)
     drives[4].node.nmt.stop_heartbeat()
     silent = bench.sent(0x704)[-1][0]
-    same(bench.mode("stopped")["stopped_by"], "joint 4: heartbeat lost", "cause")
+    same(bench.mode("drives-off")["stopped_by"], "joint 4: heartbeat lost", "cause")
     until(lambda: drives[1].state == "SWITCH ON DISABLED", "the drives are off")
     bench.stop(node, 6, "stopped by joint 4: heartbeat lost")
     off = next(at for at, data in bench.sent(0x201) if at > silent and data[0] == 0)
@@ -130,7 +130,7 @@ def silent_tpdo_stops_the_node(bench):
     drives, node = running(bench)
     drives[2].sends = False
     cause = f"joint 2: no sample for {SAFETY['missing_samples']} cycles"
-    same(bench.mode("stopped")["stopped_by"], cause, "cause")
+    same(bench.mode("drives-off")["stopped_by"], cause, "cause")
     # Without a sample nobody knows that the drive is off, and the node says so.
     bench.stop(node, 6, f"stopped by {cause}; joint 2: drive did not confirm that it is off")
 
@@ -138,14 +138,14 @@ def silent_tpdo_stops_the_node(bench):
 def drive_that_boots_again_stops_the_node(bench):
     drives, node = running(bench)
     drives[5].boot_up()
-    same(bench.mode("stopped")["stopped_by"], "joint 5: rebooted", "cause")
+    same(bench.mode("drives-off")["stopped_by"], "joint 5: rebooted", "cause")
     bench.stop(node, 6, "stopped by joint 5: rebooted; joint 5: drive did not confirm that it is off")
 
 
 def drive_in_fault_stops_the_node_and_a_reset_revives_it(bench):
     drives, node = running(bench)
     drives[6].state = "FAULT"
-    cause = bench.mode("stopped")["stopped_by"]
+    cause = bench.mode("drives-off")["stopped_by"]
     same(cause, "joint 6: drive left operation enabled (6041h = 0208h)", "cause")
     bench.frhc("ctl", "reset")
     bench.mode("ready")

@@ -38,8 +38,7 @@ impl Pseudo {
             return None;
         }
         let &[mode, inputs, sampled, _, c0, c1, c2, c3] = data else { return None };
-        let modes = [Mode::Boot, Mode::Ready, Mode::Armed, Mode::Engaged, Mode::Stopped];
-        let mode = *modes.get(usize::from(mode))?;
+        let mode = *Mode::ALL.get(usize::from(mode))?;
         let inputs = (inputs != SILENT).then_some(Switches(inputs));
         Some(Self::Cycle { mode, inputs, sampled, number: u32::from_le_bytes([c0, c1, c2, c3]) })
     }

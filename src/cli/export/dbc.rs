@@ -19,6 +19,7 @@ use crate::cli::exit::OrFail;
 use crate::cli::print;
 use crate::config::Config;
 use crate::config::signals;
+use crate::telemetry::record::Mode;
 use crate::telemetry::session::NODE;
 use crate::telemetry::session::WRENCH;
 
@@ -111,7 +112,7 @@ fn cycle(joints: impl Iterator<Item = String>) -> Message {
         bits,
         ..Field::default()
     };
-    let modes = vec![(0, "boot"), (1, "ready"), (2, "armed"), (3, "engaged"), (4, "stopped")];
+    let modes = (0..).zip(Mode::ALL.map(Mode::name)).collect();
     let mut fields = vec![
         Field { values: modes, ..plain("mode", 0, 8) },
         plain("deadman_a", 8, 1),

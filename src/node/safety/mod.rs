@@ -1,16 +1,22 @@
 //! The mode of the node, and the only place that changes it.
 //!
 //! ```text
-//!            all enabled        arm              deadman closes
-//!   Boot ───────────────► Ready ─────► Armed ◄──────────────────► Engaged
-//!     ▲                     ▲  ◄─────    │     deadman opens         │
-//!     │ reset, cause gone   │    disarm  └───────────┬───────────────┘
-//!     └───────────────── Stopped ◄───────────────────┘ any cause, latched
+//!          all enabled         arm               deadman closes
+//!   Boot ──────────────► Ready ─────► Armed ◄───────────────────► Engaged
+//!    ▲                         ◄─────  ▲ │     deadman opens         │
+//!    │                         disarm  │ └─────────────┬─────────────┘
+//!    │                      reset ┌────┘               │ a cause
+//!    │                            │        ┌───────────┼──────────────┐
+//!    │                      S1 ReflectionOff    S2 ZeroTorque ──► S3 DrivesOff
+//!    │                            └── worse ──► 100 ms ─┘  │          │
+//!    └──────────────────────────── reset, cause gone ──────┴──────────┘
 //! ```
 //!
-//! Torque is zero but in `Armed` (gravity compensation alone) and `Engaged`. What a cause does is one
-//! table, [`reaction`]. A latch is left only by a reset, after which the deadman must be released and
-//! closed again.
+//! Torque is zero but in `Armed`, in `ReflectionOff` (gravity compensation alone) and in `Engaged`. What a
+//! cause leads to is the fault [`table`]'s. A latch becomes worse by itself or by a worse cause, never
+//! milder; it is left only by a reset, after which the deadman must be released and closed again.
+
+pub mod table;
 
 use std::time::Duration;
 
@@ -21,7 +27,7 @@ use crate::canopen::frame::Channel;
 use crate::canopen::master::event::Event;
 use crate::canopen::pdo::Deadman;
 use crate::controller::Fault;
-use crate::telemetry::record::Cause;
+use crate::telemetry::cause::Cause;
 use crate::telemetry::record::Mode;
 use crate::time::Instant;
 
@@ -52,37 +58,6 @@ pub enum Refusal {
     /// The cause of the stop is still there.
     #[error("still there: {0}")]
     CausePresent(Cause),
-}
-
-/// What a cause leads to, mildest first; a worse one always replaces a milder one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Reaction {
-    /// S2: all target torques zero, the drives stay enabled for 100 ms.
-    ZeroTorque,
-    /// S3: voltage off at once.
-    DrivesOff,
-}
-
-/// The fault table.
-pub const fn reaction(cause: &Cause) -> Reaction {
-    match cause {
-        Cause::SamplesMissing { .. }
-        | Cause::StatusMissing { .. }
-        | Cause::DriveLeft { .. }
-        | Cause::Emergency { .. }
-        | Cause::Duplicate { .. }
-        | Cause::ControllerFault { .. }
-        | Cause::QueueFull { .. }
-        | Cause::BusPassive { .. }
-        | Cause::DeadmanDisagrees
-        | Cause::Overrun { .. }
-        | Cause::EnableTimeout { .. } => Reaction::ZeroTorque,
-        Cause::HeartbeatLost { .. }
-        | Cause::Rebooted { .. }
-        | Cause::ForeignMaster
-        | Cause::BusOff { .. }
-        | Cause::BusDown { .. } => Reaction::DrivesOff,
-    }
 }
 
 /// What an event of the network stops the node for, if it does.
@@ -130,28 +105,6 @@ pub const fn is_serious(fault: &Fault) -> bool {
     }
 }
 
-/// Whether a reset must boot the network again, because a node may have lost its configuration.
-pub const fn needs_boot(cause: &Cause) -> bool {
-    match cause {
-        Cause::HeartbeatLost { .. }
-        | Cause::Rebooted { .. }
-        | Cause::Duplicate { .. }
-        | Cause::ForeignMaster
-        | Cause::BusOff { .. }
-        | Cause::BusDown { .. }
-        | Cause::QueueFull { .. }
-        | Cause::SamplesMissing { .. }
-        | Cause::StatusMissing { .. }
-        | Cause::EnableTimeout { .. } => true,
-        Cause::DriveLeft { .. }
-        | Cause::Emergency { .. }
-        | Cause::ControllerFault { .. }
-        | Cause::BusPassive { .. }
-        | Cause::DeadmanDisagrees
-        | Cause::Overrun { .. } => false,
-    }
-}
-
 /// How the ramps run, from the configuration.
 #[derive(Clone, Copy, Debug)]
 pub struct Ramps {
@@ -181,8 +134,6 @@ pub struct Permit {
 pub struct Safety {
     mode: Mode,
     since: Instant,
-    /// Until when a stopped node keeps its drives enabled at zero torque.
-    drives_on_until: Instant,
     cause: Option<Cause>,
     ramps: Ramps,
     deadman_was_closed: bool,
@@ -196,7 +147,6 @@ impl Safety {
         Self {
             mode: Mode::Boot,
             since: Instant::ZERO,
-            drives_on_until: Instant::ZERO,
             cause: None,
             ramps,
             // As if closed: the first closing counts only after an opening.
@@ -228,17 +178,16 @@ impl Safety {
         match self.mode {
             Mode::Boot if now.since(self.since) <= ENABLE_WITHIN => {}
             Mode::Boot => self.stop(now, Cause::EnableTimeout { joint, statusword }),
-            Mode::Ready | Mode::Armed | Mode::Engaged => {
+            Mode::Ready | Mode::Armed | Mode::Engaged | Mode::ReflectionOff => {
                 self.stop(now, Cause::DriveLeft { joint, statusword });
             }
-            Mode::Stopped => {}
+            Mode::ZeroTorque | Mode::DrivesOff => {}
         }
     }
 
     /// The node is about to end: voltage off.
     pub fn shut_down(&mut self, now: Instant) {
-        self.drives_on_until = now;
-        self.enter(Mode::Stopped, now);
+        self.enter(Mode::DrivesOff, now);
     }
 
     /// All drives report `Operation enabled`.
@@ -248,18 +197,13 @@ impl Safety {
         }
     }
 
-    /// Something is wrong: stops and latches. The first cause is kept, the worst reaction taken.
+    /// Something is wrong: does what the [`table`] says, and latches. The first cause is kept, the worst
+    /// reaction taken.
     pub fn stop(&mut self, now: Instant, cause: Cause) {
-        let drives_on_until = match reaction(&cause) {
-            Reaction::ZeroTorque => now + ZERO_TORQUE_FOR,
-            Reaction::DrivesOff => now,
-        };
-        if self.mode == Mode::Stopped {
-            self.drives_on_until = self.drives_on_until.min(drives_on_until);
-        } else {
-            self.drives_on_until = drives_on_until;
-            self.cause = Some(cause);
-            self.enter(Mode::Stopped, now);
+        let Some(mode) = table::reaction(cause.kind(), self.mode).mode() else { return };
+        self.cause.get_or_insert(cause);
+        if mode != self.mode {
+            self.enter(mode, now);
         }
     }
 
@@ -281,10 +225,12 @@ impl Safety {
         Ok(())
     }
 
-    /// Torque off. Where there is none already, nothing changes.
+    /// Torque off. Where there is none already, nothing changes; what is latched stays so.
     pub fn disarm(&mut self, now: Instant) {
-        if matches!(self.mode, Mode::Armed | Mode::Engaged) {
-            self.enter(Mode::Ready, now);
+        match self.mode {
+            Mode::Armed | Mode::Engaged => self.enter(Mode::Ready, now),
+            Mode::ReflectionOff => self.enter(Mode::ZeroTorque, now),
+            Mode::Boot | Mode::Ready | Mode::ZeroTorque | Mode::DrivesOff => {}
         }
     }
 
@@ -293,7 +239,7 @@ impl Safety {
     /// # Errors
     /// When there is nothing to reset, or the cause is still there.
     pub fn reset(&mut self, now: Instant, present: Option<Cause>) -> Result<(), Refusal> {
-        if self.mode != Mode::Stopped {
+        if !self.mode.is_latched() {
             return Err(Refusal::NotStopped(self.mode));
         }
         if let Some(cause) = present {
@@ -301,7 +247,8 @@ impl Safety {
         }
         self.cause = None;
         self.deadman_was_closed = true;
-        self.enter(Mode::Boot, now);
+        let carries = self.mode == Mode::ReflectionOff;
+        self.enter(if carries { Mode::Armed } else { Mode::Boot }, now);
         Ok(())
     }
 
@@ -312,16 +259,27 @@ impl Safety {
             // Only a closing engages, never a deadman found closed.
             (Mode::Armed, true) if !self.deadman_was_closed => self.enter(Mode::Engaged, now),
             (Mode::Engaged, false) => self.enter(Mode::Armed, now),
-            (Mode::Boot | Mode::Ready | Mode::Armed | Mode::Engaged | Mode::Stopped, _) => {}
+            (Mode::ZeroTorque, _) if now.since(self.since) >= ZERO_TORQUE_FOR => {
+                self.enter(Mode::DrivesOff, now);
+            }
+            (
+                Mode::Boot
+                | Mode::Ready
+                | Mode::Armed
+                | Mode::Engaged
+                | Mode::ReflectionOff
+                | Mode::ZeroTorque
+                | Mode::DrivesOff,
+                _,
+            ) => {}
         }
         self.deadman_was_closed = closed;
         self.watch_channels(now, deadman);
 
         let engaged = self.mode == Mode::Engaged;
-        let armed = engaged || self.mode == Mode::Armed;
         Permit {
             mode: self.mode,
-            gravity_share: if armed {
+            gravity_share: if self.may_push() {
                 share(now.since(self.gravity_since), self.ramps.gravity)
             } else {
                 0.0
@@ -332,7 +290,15 @@ impl Safety {
                 0.0
             },
             engaged,
-            drives_on: self.mode != Mode::Stopped || now < self.drives_on_until,
+            drives_on: self.mode != Mode::DrivesOff,
+        }
+    }
+
+    /// Whether anything but zero torque may be sent.
+    pub const fn may_push(&self) -> bool {
+        match self.mode {
+            Mode::Armed | Mode::Engaged | Mode::ReflectionOff => true,
+            Mode::Boot | Mode::Ready | Mode::ZeroTorque | Mode::DrivesOff => false,
         }
     }
 
@@ -449,6 +415,33 @@ mod tests {
         safety.stop(at(20), mild);
         assert!(safety.permit(at(119), OPEN).drives_on);
         assert!(!safety.permit(at(120), OPEN).drives_on);
+    }
+
+    #[test]
+    fn where_only_reflection_ends_the_arm_is_carried_on_until_worse_comes() {
+        let mut safety = armed();
+        assert!(safety.permit(at(2_000), CLOSED).engaged);
+        safety.stop(at(2_001), Cause::LinkLost);
+        let permit = safety.permit(at(2_002), CLOSED);
+        assert_eq!((permit.mode, permit.engaged), (Mode::ReflectionOff, false));
+        assert!((permit.gravity_share - 1.0).abs() < 1e-12 && permit.reflection_share < 1e-12);
+        safety.stop(at(2_003), Cause::ForeignMaster);
+        assert_eq!((safety.mode(), safety.cause()), (Mode::DrivesOff, Some(Cause::LinkLost)));
+
+        let mut safety = armed();
+        safety.stop(at(20), Cause::LinkLost);
+        safety.reset(at(30), None).unwrap();
+        assert!(!safety.permit(at(31), CLOSED).engaged, "closed before the reset");
+        assert!(!safety.permit(at(32), OPEN).engaged);
+        assert!(safety.permit(at(33), CLOSED).engaged);
+    }
+
+    #[test]
+    fn a_cause_that_can_harm_nothing_yet_stops_nothing() {
+        let mut safety = Safety::new(RAMPS);
+        safety.drives_are_enabled(at(0));
+        safety.stop(at(1), Cause::LinkLost);
+        assert_eq!((safety.mode(), safety.cause()), (Mode::Ready, None));
     }
 
     #[test]

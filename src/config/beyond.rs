@@ -1,4 +1,5 @@
-//! `[controller]`: what stands beside the paper's law. What is not written down is off.
+//! `[controller]`: what stands beside the paper's law. What is not written down is off, but for one: what is
+//! felt always begins by a ramp.
 
 use crate::config::problem::Problems;
 use crate::config::raw;
@@ -19,6 +20,9 @@ use crate::controller::tank::TankSettings;
 use crate::controller::velocity::Filter;
 use crate::controller::virtual_coupling::VirtualCoupling;
 
+/// What is felt begins over so many s if nothing else is asked for.
+const BEGINS_OVER: f64 = 0.3;
+
 /// Every part that is asked for; one that cannot be is noted.
 pub(super) fn beyond(
     given: &raw::Controller,
@@ -35,7 +39,10 @@ pub(super) fn beyond(
         velocity_filter: problems.take("controller.velocity_filter_s", filter).unwrap_or_default(),
         walls_in_pose: given.walls.as_ref().is_some_and(|walls| walls.in_pose_mode),
         contact_fade: fade.and_then(|fade| problems.take("controller.contact_fade_n", fade)),
-        engagement: given.engagement.as_ref().and_then(|given| engagement(given, period, problems)),
+        engagement: match &given.engagement {
+            Some(given) => engagement(given, period, problems),
+            None => Engagement::new(BEGINS_OVER, None, period).ok(),
+        },
         soft_stops: given.soft_stops.as_ref().and_then(|given| {
             let margin = problems.within("controller.soft_stops.margin", given.margin, 1e-3..=0.5);
             let push = problems.within("controller.soft_stops.push", given.push, 0.0..=1.0);

@@ -139,10 +139,15 @@ impl<const N: usize> Limits<N> {
     }
 }
 
+/// Torque that is no longer asked for takes no longer than this to go from capacity to nothing, however
+/// slowly it may rise, in s: what a hand has let go of must end.
+const LONGEST_FALL: f64 = 0.02;
+
 /// How fast torques may change: per cycle and joint, in N·m or N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slew<const N: usize> {
-    most: SVector<f64, N>,
+    rise: SVector<f64, N>,
+    fall: SVector<f64, N>,
     before: SVector<f64, N>,
 }
 
@@ -152,7 +157,8 @@ pub struct Slew<const N: usize> {
 pub struct InvalidRise(pub f64);
 
 impl<const N: usize> Slew<N> {
-    /// So that each joint takes `rise` s from nothing to its capacity. It begins at nothing.
+    /// So that each joint takes `rise` s from nothing to its capacity, and as long back, but at most 20 ms.
+    /// It begins at nothing.
     ///
     /// # Errors
     /// A time that is none.
@@ -162,8 +168,9 @@ impl<const N: usize> Slew<N> {
         period: Period,
     ) -> Result<Self, InvalidRise> {
         if (1e-3..=10.0).contains(&rise) {
-            let most = max_torques * (period.seconds() / rise).min(1.0);
-            Ok(Self { most, before: SVector::zeros() })
+            let in_a_cycle = |span: f64| max_torques * (period.seconds() / span).min(1.0);
+            let fall = in_a_cycle(rise.min(LONGEST_FALL));
+            Ok(Self { rise: in_a_cycle(rise), fall, before: SVector::zeros() })
         } else {
             Err(InvalidRise(rise))
         }
@@ -178,12 +185,26 @@ impl<const N: usize> Slew<N> {
     /// The torques, or as near to them as joints may come in one cycle; and the first joint that could
     /// not, from 0. `tau` must be finite.
     pub fn limit(&mut self, tau: &SVector<f64, N>) -> (SVector<f64, N>, Option<usize>) {
-        let change = tau - self.before;
-        let held = change.iter().zip(self.most.iter()).position(|(by, most)| by.abs() > *most);
-        let near = self.before + change.zip_map(&self.most, clamp);
-        self.before = if held.is_some() { near } else { *tau };
+        let rates = self.rise.iter().zip(self.fall.iter());
+        let mut held = None;
+        for (joint, ((before, tau), (rise, fall))) in
+            self.before.iter_mut().zip(tau.iter()).zip(rates).enumerate()
+        {
+            let by = tau - *before;
+            let most = reach(*before, *tau, *rise, *fall);
+            let is_held = by.abs() > most;
+            held = held.or(is_held.then_some(joint));
+            *before = if is_held { *before + clamp(by, most) } else { *tau };
+        }
         (self.before, held)
     }
+}
+
+/// How far a torque may go in a cycle: by `rise` away from nothing, by `fall`, which is not less, towards
+/// it, and on its way through it no farther than it must.
+fn reach(before: f64, tau: f64, rise: f64, fall: f64) -> f64 {
+    let falls = tau.abs() < before.abs() || tau * before < 0.0;
+    if falls { before.abs().clamp(rise, fall) } else { rise }
 }
 
 /// The scale, at most 1, that brings `size` down to `room`; neither is negative.
@@ -331,6 +352,24 @@ mod tests {
         for wrong in [0.0, -1.0, 20.0, f64::NAN] {
             assert!(Slew::new(&Joints::from(MAX), wrong, period).is_err());
         }
+    }
+
+    #[test]
+    fn hazard_38_what_may_rise_slowly_still_ends_within_twenty_milliseconds() {
+        let mut slew = Slew::new(&Joints::from(MAX), 2.0, Period::new(1e-3).unwrap()).unwrap();
+        (0..2_000).for_each(|_| {
+            slew.limit(&Joints::from(MAX));
+        });
+        let falling: Vec<Joints> = (0..20).map(|_| slew.limit(&Joints::zeros()).0).collect();
+        assert!(falling[0].iter().zip(MAX).all(|(tau, max)| (tau - 0.95 * max).abs() < 1e-9));
+        assert!(falling[19].amax() < 1e-9, "{}", falling[19]);
+        (0..2_000).for_each(|_| {
+            slew.limit(&Joints::from(MAX));
+        });
+        let other_side: Vec<Joints> = (0..21).map(|_| slew.limit(&-Joints::from(MAX)).0).collect();
+        assert!(
+            other_side[20].iter().zip(MAX).all(|(tau, max)| (tau + max / 2_000.0).abs() < 1e-9)
+        );
     }
 
     #[test]

@@ -13,7 +13,7 @@ use crate::canopen::frame::Telegram;
 use crate::canopen::master::boot_error::BootError;
 use crate::canopen::master::event::Event;
 use crate::node::Node;
-use crate::node::safety;
+use crate::node::safety::causes;
 use crate::node::schedule::Schedule;
 use crate::remote::Remote;
 use crate::telemetry::cause::Cause;
@@ -119,7 +119,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                     self.heed_boot(event, &mut failed);
                 }
                 Heard::Fault(fault) => {
-                    if let Some(cause) = safety::cause_of_fault(channel, fault) {
+                    if let Some(cause) = causes::of_bus(channel, fault) {
                         return Err(BringUpError::Bus(cause));
                     }
                 }
@@ -141,13 +141,16 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// An orderly stop: torque to zero, drives off, confirmed by their statuswords, then NMT
+    /// An orderly stop: torque to zero by a ramp, drives off, confirmed by their statuswords, then NMT
     /// pre-operational.
     ///
     /// # Errors
     /// When a drive does not confirm in time. It was told all the same, and its own timers remain.
     pub fn stop(&mut self) -> Result<(), NotConfirmed> {
-        self.safety.disarm(self.bus.now());
+        self.safety.disarm();
+        while self.safety.may_push() {
+            self.cycle();
+        }
         for _ in 0..QUIET_CYCLES {
             self.cycle();
         }

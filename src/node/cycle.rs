@@ -24,8 +24,8 @@ use crate::controller::Input;
 use crate::controller::calibration::Counts;
 use crate::controller::switches::Switches;
 use crate::node::Node;
-use crate::node::safety;
 use crate::node::safety::Permit;
+use crate::node::safety::causes;
 use crate::remote::Remote;
 use crate::telemetry::cause::Cause;
 use crate::telemetry::record::Record;
@@ -46,17 +46,15 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
         let now = self.bus.now();
         self.judge(now, due.skipped);
-        let deadman = self.deadman(now);
-        let permit = self.safety.permit(now, deadman);
+        let permit = self.safety.permit(now, self.operator.is_held());
         let input = self.input(now, &permit, due.skipped);
 
         let output = self.controller.step(&input);
-        if let Some(fault) = output.fault.filter(safety::is_serious) {
-            self.safety.stop(now, Cause::ControllerFault { fault });
-        }
+        self.heed(now, output.fault.as_ref().and_then(causes::of_controller));
+        let moves = self.operator.watch(now, &permit, &output, input.restart);
+        self.heed(now, moves);
 
-        let targets =
-            output.targets.map(|target| if self.safety.may_push() { target.0 } else { 0 });
+        let targets = self.gate.pass(self.safety.may_push(), &output.tau, &output.targets);
         self.send_targets(&targets, permit.drives_on);
         self.send_heartbeat(now);
         self.send_time(now);
@@ -111,13 +109,13 @@ impl<B: Bus, R: Remote> Node<B, R> {
                     event.into_iter().for_each(|event| self.on_event(at, event));
                 }
             }
-            Heard::Fault(fault) => self.heed(at, safety::cause_of_fault(channel, fault)),
+            Heard::Fault(fault) => self.heed(at, causes::of_bus(channel, fault)),
         }
     }
 
     /// Keeps what the master says for people, and stops if it is a cause to.
     fn on_event(&mut self, now: Instant, event: Event) {
-        self.heed(now, safety::cause_of_event(&event));
+        self.heed(now, causes::of_event(&event));
         self.note(event);
     }
 
@@ -140,6 +138,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
         let missing = self.samples.end(now);
         self.heed(now, missing);
+        let contradiction = self.operator.feel(now, self.samples.inputs(now));
+        self.heed(now, contradiction);
         match self.not_enabled() {
             Some(drive) => self.safety.not_enabled(now, drive),
             None if self.samples.is_complete() => self.safety.drives_are_enabled(now),

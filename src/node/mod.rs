@@ -5,6 +5,8 @@
 
 mod bring_up;
 mod cycle;
+mod gate;
+pub mod operator;
 mod request;
 pub mod safety;
 mod samples;
@@ -32,6 +34,8 @@ use crate::canopen::time_stamp;
 use crate::config::Config;
 use crate::controller::Controller;
 use crate::controller::switches::Mode as CommandMode;
+use crate::node::gate::Gate;
+use crate::node::operator::Operator;
 use crate::node::safety::Ramps;
 use crate::node::safety::Safety;
 use crate::node::samples::Samples;
@@ -63,6 +67,8 @@ pub struct Node<B, R> {
     controller: Controller,
     command_mode: CommandMode,
     safety: Safety,
+    operator: Operator,
+    gate: Gate,
     samples: Samples,
     power: [PowerStage; 6],
     schedule: Schedule,
@@ -102,6 +108,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             controller: Controller::new(&config.controller),
             command_mode: config.command_mode,
             safety: Safety::new(ramps),
+            operator: Operator::new(config.period),
+            gate: Gate::new(config.joints.each_ref().map(|joint| joint.calibration.max_target())),
             samples: Samples::new(inbox, config.safety.missing_samples),
             power: Default::default(),
             schedule: Schedule::starting(now, config.period),

@@ -4,14 +4,11 @@ use thiserror::Error;
 
 use crate::bus::Bus;
 use crate::canopen::drive::PowerStage;
-use crate::canopen::pdo::Deadman;
 use crate::controller::switches::Mode as CommandMode;
 use crate::node::BringUpError;
 use crate::node::Node;
 use crate::node::safety::Refusal;
-use crate::node::safety::table;
 use crate::remote::Remote;
-use crate::telemetry::cause::Cause;
 use crate::telemetry::record::Mode;
 use crate::time::Instant;
 
@@ -20,7 +17,7 @@ use crate::time::Instant;
 pub enum Request {
     /// Gravity compensation on; from now on the deadman engages.
     Arm,
-    /// Torque off.
+    /// Torque off, by a ramp of 50 ms; the mode changes when it is over.
     Disarm,
     /// Leave a latched stop. Where a node may have lost its configuration, the network boots again.
     Reset,
@@ -47,28 +44,22 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub fn request(&mut self, request: Request) -> Result<Mode, Refused> {
         let now = self.bus.now();
         match request {
-            Request::Arm => self.safety.arm(now, self.deadman(now))?,
-            Request::Disarm => self.safety.disarm(now),
+            Request::Arm => self.safety.arm(now, self.operator.grasp())?,
+            Request::Disarm => self.safety.disarm(),
             Request::Reset => self.reset(now)?,
             Request::Command(mode) => self.command_mode = mode,
         }
         Ok(self.mode())
     }
 
-    /// The deadman's two channels, if the switch box is heard.
-    pub(super) fn deadman(&self, now: Instant) -> Option<Deadman> {
-        self.samples.inputs(now).map(|inputs| inputs.deadman())
-    }
-
+    /// Leaves a stop, by a boot where any of its causes asks for one; if that fails the stop remains.
     fn reset(&mut self, now: Instant) -> Result<(), Refused> {
-        let stopped_by = self.cause();
-        let disagrees = self.deadman(now) == Some(Deadman::Disagreeing);
-        self.safety.reset(now, disagrees.then_some(Cause::DeadmanDisagrees))?;
+        let left = self.safety.reset(now)?;
         self.power.iter_mut().for_each(PowerStage::reset_fault);
-        if let Some(cause) = stopped_by.filter(|cause| table::row(cause.kind()).boots) {
+        if left.must_boot {
             let booted = self.bring_up(&mut || false);
             if booted.is_err() {
-                self.safety.stop(self.bus.now(), cause);
+                self.safety.relapse(self.bus.now(), left);
             }
             booted?;
         }

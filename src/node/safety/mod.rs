@@ -12,33 +12,46 @@
 //!    └──────────────────────────── reset, cause gone ──────┴──────────┘
 //! ```
 //!
-//! Torque is zero but in `Armed`, in `ReflectionOff` (gravity compensation alone) and in `Engaged`. What a
-//! cause leads to is the fault [`table`]'s. A latch becomes worse by itself or by a worse cause, never
-//! milder; it is left only by a reset, after which the deadman must be released and closed again.
+//! Torque is zero but in `Armed`, in `ReflectionOff` (gravity compensation alone) and in `Engaged`. Where a
+//! person asks for its end the weight of the arm is laid down by a ramp, and the mode changes when that is
+//! over; where a cause does, the [`table`] says how. A latch becomes worse by itself or by a worse cause,
+//! never milder; it is left only by a reset, which is refused while its cause is still there, and after
+//! which the deadman must be released and closed again.
+//!
+//! | file       | what                                                  |
+//! |------------|-------------------------------------------------------|
+//! | [`table`]  | what each kind of cause does in each mode             |
+//! | [`causes`] | which events, bus faults and controller faults stop   |
+//! | `seen`     | which causes are still there                          |
+//! | `ramp`     | how shares of torque come and go                      |
 
+pub mod causes;
+mod ramp;
+mod seen;
 pub mod table;
 
 use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::bus::BusFault;
-use crate::canopen::frame::Channel;
-use crate::canopen::master::event::Event;
-use crate::canopen::pdo::Deadman;
-use crate::controller::Fault;
+use crate::node::operator::deadman::Grasp;
+use crate::node::safety::ramp::Ramp;
+use crate::node::safety::seen::Seen;
+use crate::node::safety::table::Decides;
+use crate::node::safety::table::Reaction;
 use crate::telemetry::cause::Cause;
+use crate::telemetry::cause::Kind;
 use crate::telemetry::record::Mode;
 use crate::time::Instant;
-
-/// Two antivalent deadman channels may disagree for so long while a finger moves.
-const DISAGREEMENT: Duration = Duration::from_millis(50);
 
 /// Drives must be enabled within this.
 const ENABLE_WITHIN: Duration = Duration::from_secs(2);
 
 /// After this long at zero torque the drives are switched off.
 const ZERO_TORQUE_FOR: Duration = Duration::from_millis(100);
+
+/// In this time the weight of the arm is laid down when a person asks for it.
+const LAY_DOWN: Duration = Duration::from_millis(50);
 
 /// Why a request was not granted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
@@ -49,60 +62,18 @@ pub enum Refusal {
     /// Arming with a closed deadman would engage at once, or hide a stuck one.
     #[error("the deadman is closed: release it first")]
     DeadmanClosed,
+    /// Its contacts bounce, or contradict each other.
+    #[error("the deadman's contacts have not come to rest: release it")]
+    DeadmanMoves,
     /// No word from the switch box.
     #[error("the switch box is silent")]
     SwitchesSilent,
     /// There is nothing to reset.
     #[error("nothing to reset: the node is {0}")]
     NotStopped(Mode),
-    /// The cause of the stop is still there.
+    /// What stopped the node, or would as soon as it is armed, is still there.
     #[error("still there: {0}")]
     CausePresent(Cause),
-}
-
-/// What an event of the network stops the node for, if it does.
-pub const fn cause_of_event(event: &Event) -> Option<Cause> {
-    match event {
-        Event::Emergency { node, emergency } if !emergency.is_reset() => {
-            Some(Cause::Emergency { node: *node, code: emergency.code })
-        }
-        Event::HeartbeatLost { node } => Some(Cause::HeartbeatLost { node: *node }),
-        Event::Rebooted { node } => Some(Cause::Rebooted { node: *node }),
-        Event::Duplicate { node, .. } => Some(Cause::Duplicate { node: *node }),
-        Event::ForeignMaster { .. } => Some(Cause::ForeignMaster),
-        Event::Emergency { .. }
-        | Event::Booted
-        | Event::BootFailed(_)
-        | Event::FoundEnabled { .. }
-        | Event::Configured { .. }
-        | Event::Absent { .. }
-        | Event::Joined { .. }
-        | Event::ErrorHistory { .. }
-        | Event::Stranger { .. }
-        | Event::StateChanged { .. } => None,
-    }
-}
-
-/// What a fault of a bus stops the node for, if it does. What an overrun loses shows as missing samples.
-pub const fn cause_of_fault(Channel(channel): Channel, fault: BusFault) -> Option<Cause> {
-    match fault {
-        BusFault::Warning | BusFault::Overrun => None,
-        BusFault::Passive => Some(Cause::BusPassive { channel }),
-        BusFault::Off => Some(Cause::BusOff { channel }),
-        BusFault::Down => Some(Cause::BusDown { channel }),
-    }
-}
-
-/// Whether what the controller met is more than a hand turned too far, which only holds the command.
-pub const fn is_serious(fault: &Fault) -> bool {
-    match fault {
-        Fault::TurnedTooFar => false,
-        Fault::TorqueNotFinite
-        | Fault::WrenchNotFinite
-        | Fault::WrenchTooLarge
-        | Fault::ObjectPoseNotFinite
-        | Fault::ShareOutOfRange => true,
-    }
 }
 
 /// How the ramps run, from the configuration.
@@ -121,6 +92,8 @@ pub struct Permit {
     pub mode: Mode,
     /// Share of gravity compensation, 0 to 1.
     pub gravity_share: f64,
+    /// Whether that share still grows: the weight of the arm is being taken up.
+    pub takes_up: bool,
     /// Share of reflection, centring and damping, 0 to 1.
     pub reflection_share: f64,
     /// Whether commands and reflection may flow.
@@ -129,30 +102,47 @@ pub struct Permit {
     pub drives_on: bool,
 }
 
+/// A latched stop that was left, to return to it if what must follow fails.
+#[must_use]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Latch {
+    cause: Option<Cause>,
+    /// Whether the network must boot again, because a node may have lost its configuration.
+    pub must_boot: bool,
+}
+
 /// The mode graph.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Safety {
     mode: Mode,
     since: Instant,
+    /// The first cause of the latched stop.
     cause: Option<Cause>,
-    ramps: Ramps,
-    deadman_was_closed: bool,
-    disagreeing_since: Option<Instant>,
-    gravity_since: Instant,
+    /// Whether any of its causes asks for a boot.
+    must_boot: bool,
+    seen: Seen,
+    gravity: Ramp,
+    reflection: Ramp,
+    /// A person has asked for the end of torque.
+    lays_down: bool,
+    deadman_was_held: bool,
 }
 
 impl Safety {
     /// In `Boot`.
-    pub const fn new(ramps: Ramps) -> Self {
+    pub fn new(ramps: Ramps) -> Self {
         Self {
             mode: Mode::Boot,
             since: Instant::ZERO,
             cause: None,
-            ramps,
+            must_boot: false,
+            seen: Seen::nothing(),
+            gravity: Ramp::new(ramps.gravity, LAY_DOWN),
+            // What was felt ends with the deadman, by the controller's slew.
+            reflection: Ramp::new(ramps.reflection, Duration::ZERO),
+            lays_down: false,
             // As if closed: the first closing counts only after an opening.
-            deadman_was_closed: true,
-            disagreeing_since: None,
-            gravity_since: Instant::ZERO,
+            deadman_was_held: true,
         }
     }
 
@@ -198,10 +188,12 @@ impl Safety {
     }
 
     /// Something is wrong: does what the [`table`] says, and latches. The first cause is kept, the worst
-    /// reaction taken.
+    /// reaction taken. Whoever watches for something says so in every cycle in which it sees it.
     pub fn stop(&mut self, now: Instant, cause: Cause) {
+        self.seen.note(now, cause);
         let Some(mode) = table::reaction(cause.kind(), self.mode).mode() else { return };
         self.cause.get_or_insert(cause);
+        self.must_boot |= table::row(cause.kind()).boots;
         if mode != self.mode {
             self.enter(mode, now);
         }
@@ -210,85 +202,71 @@ impl Safety {
     /// Gravity compensation on; from now on the deadman engages.
     ///
     /// # Errors
-    /// Unless the mode is `Ready` and the deadman is known to be open.
-    pub fn arm(&mut self, now: Instant, deadman: Option<Deadman>) -> Result<(), Refusal> {
+    /// Unless the mode is `Ready`, the deadman is known to be released, and nothing is there that would
+    /// stop the node as soon as it is armed.
+    pub fn arm(&mut self, now: Instant, grasp: Grasp) -> Result<(), Refusal> {
         if self.mode != Mode::Ready {
             return Err(Refusal::NotReady(self.mode));
         }
-        match deadman.ok_or(Refusal::SwitchesSilent)? {
-            Deadman::Released => {}
-            Deadman::Pressed | Deadman::Disagreeing => return Err(Refusal::DeadmanClosed),
+        match grasp {
+            Grasp::Released => {}
+            Grasp::Silent => return Err(Refusal::SwitchesSilent),
+            Grasp::Moving => return Err(Refusal::DeadmanMoves),
+            Grasp::Closed | Grasp::Held => return Err(Refusal::DeadmanClosed),
         }
-        self.deadman_was_closed = false;
-        self.gravity_since = now;
+        let would_stop = |kind| table::row(kind).armed > Reaction::None;
+        if let Some(cause) = self.seen.present(now, would_stop) {
+            return Err(Refusal::CausePresent(cause));
+        }
+        self.deadman_was_held = false;
         self.enter(Mode::Armed, now);
         Ok(())
     }
 
-    /// Torque off. Where there is none already, nothing changes; what is latched stays so.
-    pub fn disarm(&mut self, now: Instant) {
-        match self.mode {
-            Mode::Armed | Mode::Engaged => self.enter(Mode::Ready, now),
-            Mode::ReflectionOff => self.enter(Mode::ZeroTorque, now),
-            Mode::Boot | Mode::Ready | Mode::ZeroTorque | Mode::DrivesOff => {}
-        }
+    /// Torque off, by a ramp. Where there is none already, nothing changes; what is latched stays so.
+    pub const fn disarm(&mut self) {
+        self.lays_down = self.may_push();
     }
 
-    /// Leaves a latched stop. `present` is a cause that is still there.
+    /// Leaves a latched stop.
     ///
     /// # Errors
-    /// When there is nothing to reset, or the cause is still there.
-    pub fn reset(&mut self, now: Instant, present: Option<Cause>) -> Result<(), Refusal> {
+    /// When there is nothing to reset, or a watch still sees a cause that the reset itself does not end.
+    pub fn reset(&mut self, now: Instant) -> Result<Latch, Refusal> {
         if !self.mode.is_latched() {
             return Err(Refusal::NotStopped(self.mode));
         }
-        if let Some(cause) = present {
+        if let Some(cause) = self.seen.present(now, outlasts_a_reset) {
             return Err(Refusal::CausePresent(cause));
         }
-        self.cause = None;
-        self.deadman_was_closed = true;
-        let carries = self.mode == Mode::ReflectionOff;
+        let left = Latch { cause: self.cause.take(), must_boot: self.must_boot };
+        self.must_boot = false;
+        self.deadman_was_held = true;
+        let carries = self.mode == Mode::ReflectionOff && !left.must_boot;
         self.enter(if carries { Mode::Armed } else { Mode::Boot }, now);
-        Ok(())
+        Ok(left)
     }
 
-    /// Follows the deadman (`None`: the switch box is silent) and says what this cycle may do.
-    pub fn permit(&mut self, now: Instant, deadman: Option<Deadman>) -> Permit {
-        let closed = deadman == Some(Deadman::Pressed);
-        match (self.mode, closed) {
-            // Only a closing engages, never a deadman found closed.
-            (Mode::Armed, true) if !self.deadman_was_closed => self.enter(Mode::Engaged, now),
-            (Mode::Engaged, false) => self.enter(Mode::Armed, now),
-            (Mode::ZeroTorque, _) if now.since(self.since) >= ZERO_TORQUE_FOR => {
-                self.enter(Mode::DrivesOff, now);
-            }
-            (
-                Mode::Boot
-                | Mode::Ready
-                | Mode::Armed
-                | Mode::Engaged
-                | Mode::ReflectionOff
-                | Mode::ZeroTorque
-                | Mode::DrivesOff,
-                _,
-            ) => {}
-        }
-        self.deadman_was_closed = closed;
-        self.watch_channels(now, deadman);
+    /// Returns to a stop that was left too early.
+    pub fn relapse(&mut self, now: Instant, Latch { cause, must_boot }: Latch) {
+        (self.cause, self.must_boot) = (cause, must_boot);
+        self.enter(Mode::DrivesOff, now);
+    }
 
+    /// Follows the deadman and says what this cycle may do.
+    pub fn permit(&mut self, now: Instant, is_held: bool) -> Permit {
+        self.go_on(now, is_held);
+        self.gravity.follow(now, self.may_push() && !self.lays_down);
+        if self.lays_down && self.gravity.is_down() {
+            self.enter(self.laid_down(), now);
+        }
         let engaged = self.mode == Mode::Engaged;
+        self.reflection.follow(now, engaged);
         Permit {
             mode: self.mode,
-            gravity_share: if self.may_push() {
-                share(now.since(self.gravity_since), self.ramps.gravity)
-            } else {
-                0.0
-            },
-            reflection_share: if engaged {
-                share(now.since(self.since), self.ramps.reflection)
-            } else {
-                0.0
-            },
+            gravity_share: self.gravity.share(),
+            takes_up: self.may_push() && !self.lays_down && !self.gravity.is_up(),
+            reflection_share: self.reflection.share(),
             engaged,
             drives_on: self.mode != Mode::DrivesOff,
         }
@@ -302,156 +280,55 @@ impl Safety {
         }
     }
 
-    /// A channel that sticks shows as both channels agreeing for longer than a finger takes.
-    fn watch_channels(&mut self, now: Instant, deadman: Option<Deadman>) {
-        if deadman != Some(Deadman::Disagreeing) {
-            self.disagreeing_since = None;
-            return;
+    /// What changes by itself and with the deadman.
+    fn go_on(&mut self, now: Instant, is_held: bool) {
+        let presses = is_held && !self.deadman_was_held;
+        self.deadman_was_held = is_held;
+        match self.mode {
+            // Only a closing engages, never a deadman found closed.
+            Mode::Armed if presses && !self.lays_down => self.enter(Mode::Engaged, now),
+            Mode::Engaged if !is_held || self.lays_down => self.enter(Mode::Armed, now),
+            Mode::ZeroTorque if now.since(self.since) >= ZERO_TORQUE_FOR => {
+                self.enter(Mode::DrivesOff, now);
+            }
+            Mode::Boot
+            | Mode::Ready
+            | Mode::Armed
+            | Mode::Engaged
+            | Mode::ReflectionOff
+            | Mode::ZeroTorque
+            | Mode::DrivesOff => {}
         }
-        let since = *self.disagreeing_since.get_or_insert(now);
-        if now.since(since) > DISAGREEMENT {
-            self.stop(now, Cause::DeadmanDisagrees);
+    }
+
+    /// Where the arm is when its weight has been laid down.
+    const fn laid_down(&self) -> Mode {
+        match self.mode {
+            Mode::Armed | Mode::Engaged => Mode::Ready,
+            Mode::ReflectionOff => Mode::ZeroTorque,
+            Mode::Boot | Mode::Ready | Mode::ZeroTorque | Mode::DrivesOff => self.mode,
         }
     }
 
     fn enter(&mut self, mode: Mode, now: Instant) {
-        self.mode = mode;
-        self.since = now;
+        (self.mode, self.since) = (mode, now);
+        self.reflection.begin(now);
+        if !self.may_push() {
+            self.gravity.begin(now);
+            self.lays_down = false;
+        }
     }
 }
 
-/// How far a ramp of length `whole` has come after `elapsed`.
-fn share(elapsed: Duration, whole: Duration) -> f64 {
-    if elapsed >= whole { 1.0 } else { elapsed.as_secs_f64() / whole.as_secs_f64() }
+/// Whether a reset does not end it: what a drive did by itself is reset in the drive, and a boot proves
+/// by itself that all is well again.
+const fn outlasts_a_reset(kind: Kind) -> bool {
+    let row = table::row(kind);
+    match row.decides {
+        Decides::Node | Decides::Timers => !row.boots,
+        Decides::Drive => false,
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const OPEN: Option<Deadman> = Some(Deadman::Released);
-    const CLOSED: Option<Deadman> = Some(Deadman::Pressed);
-    const RAMPS: Ramps =
-        Ramps { gravity: Duration::from_secs(1), reflection: Duration::from_millis(300) };
-
-    fn at(millis: u64) -> Instant {
-        Instant::from_micros(millis * 1_000)
-    }
-
-    fn armed() -> Safety {
-        let mut safety = Safety::new(RAMPS);
-        safety.drives_are_enabled(at(0));
-        safety.arm(at(0), OPEN).unwrap();
-        safety
-    }
-
-    #[test]
-    fn nothing_pushes_before_it_is_armed() {
-        let mut safety = Safety::new(RAMPS);
-        for deadman in [None, OPEN, CLOSED] {
-            let permit = safety.permit(at(1), deadman);
-            assert_eq!((permit.gravity_share, permit.reflection_share), (0.0, 0.0));
-            assert!(!permit.engaged);
-        }
-        assert_eq!(safety.arm(at(2), OPEN), Err(Refusal::NotReady(Mode::Boot)));
-    }
-
-    #[test]
-    fn a_deadman_found_closed_does_not_arm_or_engage() {
-        let mut safety = Safety::new(RAMPS);
-        safety.drives_are_enabled(at(0));
-        assert_eq!(safety.arm(at(1), CLOSED), Err(Refusal::DeadmanClosed));
-        assert_eq!(safety.arm(at(1), None), Err(Refusal::SwitchesSilent));
-        safety.arm(at(2), OPEN).unwrap();
-        assert!(!safety.permit(at(3), OPEN).engaged);
-        assert!(safety.permit(at(4), CLOSED).engaged);
-    }
-
-    #[test]
-    fn letting_go_or_a_silent_switch_box_disengages_at_once() {
-        for quiet in [OPEN, None, Some(Deadman::Disagreeing)] {
-            let mut safety = armed();
-            assert!(safety.permit(at(10), CLOSED).engaged);
-            let permit = safety.permit(at(11), quiet);
-            assert_eq!((permit.mode, permit.reflection_share), (Mode::Armed, 0.0));
-        }
-    }
-
-    #[test]
-    fn torque_comes_on_by_ramps() {
-        let mut safety = armed();
-        assert!((safety.permit(at(500), OPEN).gravity_share - 0.5).abs() < 1e-12);
-        safety.permit(at(2_000), CLOSED);
-        let permit = safety.permit(at(2_150), CLOSED);
-        assert!((permit.reflection_share - 0.5).abs() < 1e-12);
-        assert!((permit.gravity_share - 1.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_stop_latches_until_reset_and_a_new_press() {
-        let mut safety = armed();
-        safety.permit(at(10), CLOSED);
-        let cause = Cause::DriveLeft { joint: 3, statusword: 0x218 };
-        safety.stop(at(20), cause);
-        safety.stop(at(21), Cause::ForeignMaster);
-        assert_eq!(safety.cause(), Some(cause), "the first cause is kept");
-        assert!(!safety.permit(at(22), CLOSED).engaged);
-        assert_eq!(safety.reset(at(30), Some(cause)), Err(Refusal::CausePresent(cause)));
-        safety.reset(at(31), None).unwrap();
-        safety.drives_are_enabled(at(40));
-        assert_eq!(safety.arm(at(41), CLOSED), Err(Refusal::DeadmanClosed));
-    }
-
-    #[test]
-    fn the_worst_reaction_wins_whatever_the_order() {
-        let mild = Cause::DriveLeft { joint: 1, statusword: 0 };
-        let worst = Cause::ForeignMaster;
-        for order in [[mild, worst], [worst, mild]] {
-            let mut safety = armed();
-            order.into_iter().for_each(|cause| safety.stop(at(20), cause));
-            assert!(!safety.permit(at(20), OPEN).drives_on);
-        }
-        let mut safety = armed();
-        safety.stop(at(20), mild);
-        assert!(safety.permit(at(119), OPEN).drives_on);
-        assert!(!safety.permit(at(120), OPEN).drives_on);
-    }
-
-    #[test]
-    fn where_only_reflection_ends_the_arm_is_carried_on_until_worse_comes() {
-        let mut safety = armed();
-        assert!(safety.permit(at(2_000), CLOSED).engaged);
-        safety.stop(at(2_001), Cause::LinkLost);
-        let permit = safety.permit(at(2_002), CLOSED);
-        assert_eq!((permit.mode, permit.engaged), (Mode::ReflectionOff, false));
-        assert!((permit.gravity_share - 1.0).abs() < 1e-12 && permit.reflection_share < 1e-12);
-        safety.stop(at(2_003), Cause::ForeignMaster);
-        assert_eq!((safety.mode(), safety.cause()), (Mode::DrivesOff, Some(Cause::LinkLost)));
-
-        let mut safety = armed();
-        safety.stop(at(20), Cause::LinkLost);
-        safety.reset(at(30), None).unwrap();
-        assert!(!safety.permit(at(31), CLOSED).engaged, "closed before the reset");
-        assert!(!safety.permit(at(32), OPEN).engaged);
-        assert!(safety.permit(at(33), CLOSED).engaged);
-    }
-
-    #[test]
-    fn a_cause_that_can_harm_nothing_yet_stops_nothing() {
-        let mut safety = Safety::new(RAMPS);
-        safety.drives_are_enabled(at(0));
-        safety.stop(at(1), Cause::LinkLost);
-        assert_eq!((safety.mode(), safety.cause()), (Mode::Ready, None));
-    }
-
-    #[test]
-    fn a_channel_that_sticks_is_found_within_fifty_milliseconds() {
-        let mut safety = armed();
-        let stuck = Some(Deadman::Disagreeing);
-        safety.permit(at(100), stuck);
-        safety.permit(at(150), stuck);
-        assert_eq!(safety.mode(), Mode::Armed);
-        safety.permit(at(151), stuck);
-        assert_eq!(safety.cause(), Some(Cause::DeadmanDisagrees));
-    }
-}
+mod tests;

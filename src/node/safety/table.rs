@@ -57,10 +57,8 @@ pub enum Decides {
 pub struct Row {
     /// In `Boot` and `Ready`, where torque is zero.
     pub unarmed: Reaction,
-    /// In `Armed`, where the weight of the arm is carried.
+    /// In `Armed` and `Engaged`, where the weight of the arm is carried and wrenches may be felt.
     pub armed: Reaction,
-    /// In `Engaged`, where wrenches are felt.
-    pub engaged: Reaction,
     /// Who takes the torque away first.
     pub decides: Decides,
     /// Whether a reset must boot the network again, because a node may have lost its configuration.
@@ -71,19 +69,12 @@ pub struct Row {
 
 /// The same in every mode.
 const fn always(reaction: Reaction, decides: Decides, boots: bool, hazards: &'static [u8]) -> Row {
-    Row { unarmed: reaction, armed: reaction, engaged: reaction, decides, boots, hazards }
+    Row { unarmed: reaction, armed: reaction, decides, boots, hazards }
 }
 
-/// Only where torque is felt.
+/// Only where torque may flow.
 const fn armed(reaction: Reaction, hazards: &'static [u8]) -> Row {
-    Row {
-        unarmed: Reaction::None,
-        armed: reaction,
-        engaged: reaction,
-        decides: Decides::Node,
-        boots: false,
-        hazards,
-    }
+    Row { unarmed: Reaction::None, armed: reaction, decides: Decides::Node, boots: false, hazards }
 }
 
 /// The table.
@@ -132,8 +123,7 @@ pub const fn reaction(kind: Kind, mode: Mode) -> Reaction {
     let row = row(kind);
     match mode {
         Mode::Boot | Mode::Ready => row.unarmed,
-        Mode::Armed => row.armed,
-        Mode::Engaged => row.engaged,
+        Mode::Armed | Mode::Engaged => row.armed,
         Mode::ReflectionOff => worse(row.armed, Reaction::ReflectionOff),
         Mode::ZeroTorque => worse(row.armed, Reaction::ZeroTorque),
         Mode::DrivesOff => Reaction::DrivesOff,
@@ -169,8 +159,8 @@ mod tests {
     fn what_acts_where_nothing_flows_acts_where_something_does() {
         for kind in Kind::ALL {
             let row = row(kind);
-            assert!(row.unarmed <= row.armed && row.armed <= row.engaged, "{kind:?}");
-            assert!(row.engaged > Reaction::None && !row.hazards.is_empty(), "{kind:?}");
+            assert!(row.unarmed <= row.armed, "{kind:?}");
+            assert!(row.armed > Reaction::None && !row.hazards.is_empty(), "{kind:?}");
         }
     }
 }

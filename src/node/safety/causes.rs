@@ -1,0 +1,53 @@
+//! What of all that is heard and computed is a cause to stop.
+
+use crate::bus::BusFault;
+use crate::canopen::frame::Channel;
+use crate::canopen::master::event::Event;
+use crate::controller::Fault;
+use crate::telemetry::cause::Cause;
+
+/// What an event of the network stops the node for, if it does.
+pub const fn of_event(event: &Event) -> Option<Cause> {
+    match event {
+        Event::Emergency { node, emergency } if !emergency.is_reset() => {
+            Some(Cause::Emergency { node: *node, code: emergency.code })
+        }
+        Event::HeartbeatLost { node } => Some(Cause::HeartbeatLost { node: *node }),
+        Event::Rebooted { node } => Some(Cause::Rebooted { node: *node }),
+        Event::Duplicate { node, .. } => Some(Cause::Duplicate { node: *node }),
+        Event::ForeignMaster { .. } => Some(Cause::ForeignMaster),
+        Event::Emergency { .. }
+        | Event::Booted
+        | Event::BootFailed(_)
+        | Event::FoundEnabled { .. }
+        | Event::Configured { .. }
+        | Event::Absent { .. }
+        | Event::Joined { .. }
+        | Event::ErrorHistory { .. }
+        | Event::Stranger { .. }
+        | Event::StateChanged { .. } => None,
+    }
+}
+
+/// What a fault of a bus stops the node for, if it does. What an overrun loses shows as missing samples.
+pub const fn of_bus(Channel(channel): Channel, fault: BusFault) -> Option<Cause> {
+    match fault {
+        BusFault::Warning | BusFault::Overrun => None,
+        BusFault::Passive => Some(Cause::BusPassive { channel }),
+        BusFault::Off => Some(Cause::BusOff { channel }),
+        BusFault::Down => Some(Cause::BusDown { channel }),
+    }
+}
+
+/// What a fault of the controller stops the node for, if it does: a hand turned too far only holds the
+/// command.
+pub const fn of_controller(fault: &Fault) -> Option<Cause> {
+    match fault {
+        Fault::TurnedTooFar => None,
+        Fault::TorqueNotFinite
+        | Fault::WrenchNotFinite
+        | Fault::WrenchTooLarge
+        | Fault::ObjectPoseNotFinite
+        | Fault::ShareOutOfRange => Some(Cause::ControllerFault { fault: *fault }),
+    }
+}

@@ -1,0 +1,326 @@
+use super::*;
+use crate::controller::Fault;
+use proptest::prelude::*;
+
+const RAMPS: Ramps =
+    Ramps { gravity: Duration::from_secs(1), reflection: Duration::from_millis(300) };
+
+/// A moment after which nothing that was told of before is still there.
+const LATER: u64 = 10_000;
+
+fn at(millis: u64) -> Instant {
+    Instant::from_micros(millis * 1_000)
+}
+
+fn armed() -> Safety {
+    let mut safety = Safety::new(RAMPS);
+    safety.drives_are_enabled(at(0));
+    safety.permit(at(0), false);
+    safety.arm(at(0), Grasp::Released).unwrap();
+    safety
+}
+
+fn engaged() -> Safety {
+    let mut safety = armed();
+    safety.permit(at(1), false);
+    safety.permit(at(2), true);
+    assert_eq!(safety.mode(), Mode::Engaged);
+    safety
+}
+
+/// A graph in a mode; where it takes a cause to be there, one that asks for no boot.
+fn in_mode(mode: Mode) -> Safety {
+    let mut safety = match mode {
+        Mode::Boot | Mode::Ready => Safety::new(RAMPS),
+        Mode::Armed => armed(),
+        Mode::Engaged | Mode::ReflectionOff | Mode::ZeroTorque | Mode::DrivesOff => engaged(),
+    };
+    match mode {
+        Mode::Boot | Mode::Armed | Mode::Engaged => {}
+        Mode::Ready => safety.drives_are_enabled(at(0)),
+        Mode::ReflectionOff => safety.stop(at(3), FIRST),
+        Mode::ZeroTorque => safety.stop(at(3), Cause::GripOverspeed),
+        Mode::DrivesOff => {
+            safety.stop(at(3), Cause::GripOverspeed);
+            safety.permit(at(103), false);
+        }
+    }
+    assert_eq!(safety.mode(), mode);
+    safety
+}
+
+const FIRST: Cause = Cause::DeadmanTaped;
+
+/// One cause of a kind.
+fn sample(kind: Kind) -> Cause {
+    let (joint, node, channel, statusword) = (3, 2, 0, 0x0218);
+    match kind {
+        Kind::SamplesMissing => Cause::SamplesMissing { joint, cycles: 3 },
+        Kind::StatusMissing => Cause::StatusMissing { joint },
+        Kind::SamplesRare => Cause::SamplesRare { joint, percent: 6 },
+        Kind::PositionFrozen => Cause::PositionFrozen { joint },
+        Kind::PositionJumped => Cause::PositionJumped { joint },
+        Kind::TorqueDiffers => Cause::TorqueDiffers { joint },
+        Kind::Overspeed => Cause::Overspeed { joint },
+        Kind::GripOverspeed => Cause::GripOverspeed,
+        Kind::BeyondLimit => Cause::BeyondLimit { joint },
+        Kind::MovesUnheld => Cause::MovesUnheld,
+        Kind::Unstable => Cause::Unstable,
+        Kind::LinkLost => Cause::LinkLost,
+        Kind::DriveLeft => Cause::DriveLeft { joint, statusword },
+        Kind::Emergency => Cause::Emergency { node, code: 0x3210 },
+        Kind::HeartbeatLost => Cause::HeartbeatLost { node },
+        Kind::Rebooted => Cause::Rebooted { node },
+        Kind::Duplicate => Cause::Duplicate { node },
+        Kind::ForeignMaster => Cause::ForeignMaster,
+        Kind::ControllerFault => Cause::ControllerFault { fault: Fault::WrenchNotFinite },
+        Kind::QueueFull => Cause::QueueFull { channel },
+        Kind::EchoMissing => Cause::EchoMissing { channel },
+        Kind::BusPassive => Cause::BusPassive { channel },
+        Kind::BusOff => Cause::BusOff { channel },
+        Kind::BusDown => Cause::BusDown { channel },
+        Kind::DeadmanDisagrees => Cause::DeadmanDisagrees,
+        Kind::DeadmanTaped => Cause::DeadmanTaped,
+        Kind::Overrun => Cause::Overrun { cycles: 6 },
+        Kind::Late => Cause::Late,
+        Kind::Suspended => Cause::Suspended,
+        Kind::EnableTimeout => Cause::EnableTimeout { joint, statusword },
+    }
+}
+
+/// Every kind in every mode.
+fn everywhere() -> impl Iterator<Item = (Kind, Mode)> {
+    Kind::ALL.into_iter().flat_map(|kind| Mode::ALL.map(|mode| (kind, mode)))
+}
+
+#[test]
+fn a_cause_of_each_kind_in_each_mode_leads_where_the_table_says() {
+    for (kind, mode) in everywhere() {
+        let mut safety = in_mode(mode);
+        safety.stop(at(60), sample(kind));
+        let after = table::reaction(kind, mode).mode().unwrap_or(mode);
+        assert_eq!(safety.mode(), after, "{kind:?} in {mode}");
+        let permit = safety.permit(at(60), true);
+        assert_eq!(permit.drives_on, after != Mode::DrivesOff, "{kind:?} in {mode}");
+        if after.is_stopped() {
+            assert!(!safety.may_push(), "{kind:?} in {mode}");
+            assert_eq!((permit.gravity_share, permit.reflection_share), (0.0, 0.0));
+        }
+        if after == Mode::ReflectionOff {
+            assert!(safety.may_push() && !permit.engaged && permit.reflection_share == 0.0);
+        }
+    }
+}
+
+#[test]
+fn the_first_cause_is_kept_in_every_mode() {
+    for (kind, mode) in everywhere() {
+        let mut safety = in_mode(mode);
+        let before = safety.cause();
+        assert_eq!(before.is_some(), mode.is_latched());
+        safety.stop(at(60), sample(kind));
+        let after = if safety.mode().is_latched() { before.or(Some(sample(kind))) } else { None };
+        assert_eq!(safety.cause(), after, "{kind:?} in {mode}");
+    }
+}
+
+#[test]
+fn what_a_watch_still_sees_refuses_a_reset_unless_the_reset_ends_it() {
+    for kind in Kind::ALL {
+        let mut safety = in_mode(Mode::ZeroTorque);
+        let cause = sample(kind);
+        safety.stop(at(LATER), cause);
+        let row = table::row(kind);
+        let answer = safety.reset(at(LATER + 20));
+        if row.boots || row.decides == Decides::Drive {
+            assert_eq!(answer.map(|left| left.must_boot), Ok(row.boots), "{kind:?}");
+        } else {
+            assert_eq!(answer, Err(Refusal::CausePresent(cause)), "{kind:?}");
+            assert!(safety.reset(at(LATER + 21)).is_ok(), "{kind:?}: gone");
+        }
+    }
+}
+
+#[test]
+fn what_would_stop_an_armed_node_refuses_arming_with_its_words() {
+    for kind in Kind::ALL.into_iter().filter(|kind| table::row(*kind).unarmed == Reaction::None) {
+        let mut safety = in_mode(Mode::Ready);
+        let cause = sample(kind);
+        safety.stop(at(LATER), cause);
+        assert_eq!((safety.mode(), safety.cause()), (Mode::Ready, None));
+        let answer = safety.arm(at(LATER + 1), Grasp::Released);
+        assert_eq!(answer, Err(Refusal::CausePresent(cause)));
+        assert_eq!(answer.unwrap_err().to_string(), format!("still there: {cause}"));
+        assert_eq!(safety.arm(at(LATER + 21), Grasp::Released), Ok(()));
+    }
+}
+
+#[test]
+fn hazard_39_after_any_stop_only_a_new_press_engages() {
+    for kind in Kind::ALL {
+        let mut safety = engaged();
+        safety.stop(at(10), sample(kind));
+        assert!(!safety.permit(at(11), true).engaged);
+        let answer = safety.reset(at(LATER));
+        assert!(answer.is_ok());
+        if safety.mode() == Mode::Boot {
+            safety.drives_are_enabled(at(LATER));
+            let refused = safety.arm(at(LATER), Grasp::Held);
+            assert_eq!(refused, Err(Refusal::DeadmanClosed), "{kind:?}");
+            safety.permit(at(LATER), false);
+            safety.arm(at(LATER), Grasp::Released).unwrap();
+        } else {
+            assert!(!safety.permit(at(LATER), true).engaged, "{kind:?}: still closed");
+            safety.permit(at(LATER + 1), false);
+        }
+        assert!(safety.permit(at(LATER + 2), true).engaged, "{kind:?}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn property_15_any_causes_in_any_order_end_in_the_most_restrictive_of_their_states(
+        kinds in prop::collection::vec(prop::sample::select(Kind::ALL.to_vec()), 1..12),
+        mode in prop::sample::select(vec![Mode::Boot, Mode::Ready, Mode::Armed, Mode::Engaged])
+    ) {
+        let mut safety = in_mode(mode);
+        let worst = kinds.iter().map(|kind| table::reaction(*kind, mode)).max().unwrap();
+        let is_cause = |kind: &&Kind| table::reaction(**kind, mode) > Reaction::None;
+        let first = kinds.iter().find(is_cause).map(|kind| sample(*kind));
+        let must_boot = kinds.iter().filter(is_cause).any(|kind| table::row(*kind).boots);
+        kinds.iter().for_each(|kind| safety.stop(at(10), sample(*kind)));
+        prop_assert_eq!(safety.mode(), worst.mode().unwrap_or(mode));
+        prop_assert_eq!(safety.cause(), first);
+        if safety.mode().is_latched() {
+            prop_assert_eq!(safety.reset(at(LATER)).map(|left| left.must_boot), Ok(must_boot));
+        }
+    }
+}
+
+#[test]
+fn nothing_pushes_before_it_is_armed() {
+    let mut safety = Safety::new(RAMPS);
+    for is_held in [false, true] {
+        let permit = safety.permit(at(1), is_held);
+        assert_eq!((permit.gravity_share, permit.reflection_share), (0.0, 0.0));
+        assert!(!permit.engaged && !safety.may_push());
+    }
+    assert_eq!(safety.arm(at(2), Grasp::Released), Err(Refusal::NotReady(Mode::Boot)));
+}
+
+#[test]
+fn hazard_39_only_a_deadman_that_is_known_to_be_released_arms() {
+    let mut safety = in_mode(Mode::Ready);
+    for (grasp, refusal) in [
+        (Grasp::Held, Refusal::DeadmanClosed),
+        (Grasp::Closed, Refusal::DeadmanClosed),
+        (Grasp::Moving, Refusal::DeadmanMoves),
+        (Grasp::Silent, Refusal::SwitchesSilent),
+    ] {
+        assert_eq!(safety.arm(at(1), grasp), Err(refusal));
+    }
+    safety.arm(at(2), Grasp::Released).unwrap();
+    assert!(!safety.permit(at(3), false).engaged);
+    assert!(safety.permit(at(4), true).engaged);
+}
+
+#[test]
+fn hazard_38_letting_go_disengages_at_once() {
+    let mut safety = engaged();
+    let permit = safety.permit(at(11), false);
+    assert_eq!((permit.mode, permit.reflection_share), (Mode::Armed, 0.0));
+}
+
+#[test]
+fn hazard_41_torque_comes_on_by_ramps() {
+    let mut safety = armed();
+    let permit = safety.permit(at(500), false);
+    assert!((permit.gravity_share - 0.5).abs() < 1e-12 && permit.takes_up);
+    assert!(safety.permit(at(2_000), true).reflection_share < 1e-12);
+    let permit = safety.permit(at(2_150), true);
+    assert!((permit.reflection_share - 0.5).abs() < 1e-12);
+    assert!((permit.gravity_share - 1.0).abs() < 1e-12 && !permit.takes_up);
+    safety.permit(at(2_151), false);
+    assert!(safety.permit(at(2_152), true).reflection_share < 1e-12, "from zero again");
+}
+
+#[test]
+fn hazard_30_whoever_disarms_has_the_arm_laid_down_within_fifty_milliseconds() {
+    for (mode, after) in [
+        (Mode::Armed, Mode::Ready),
+        (Mode::Engaged, Mode::Ready),
+        (Mode::ReflectionOff, Mode::ZeroTorque),
+    ] {
+        let mut safety = in_mode(mode);
+        safety.permit(at(2_000), mode == Mode::Engaged);
+        safety.disarm();
+        let shares: Vec<f64> = (2_001..2_050)
+            .map(|millis| {
+                let permit = safety.permit(at(millis), true);
+                assert!(safety.may_push() && !permit.engaged && permit.reflection_share == 0.0);
+                assert!(!permit.takes_up);
+                permit.gravity_share
+            })
+            .collect();
+        let steps = shares.windows(2).map(|pair| pair[0] - pair[1]);
+        assert!(steps.into_iter().all(|by| (by - 0.02).abs() < 1e-9), "{shares:?}");
+        safety.permit(at(2_051), true);
+        assert_eq!(safety.mode(), after);
+        assert!(!safety.may_push());
+    }
+    for mode in [Mode::Boot, Mode::Ready, Mode::ZeroTorque, Mode::DrivesOff] {
+        let mut safety = in_mode(mode);
+        safety.disarm();
+        assert_eq!(safety.mode(), mode, "no torque, no ramp");
+    }
+}
+
+#[test]
+fn a_fault_does_not_wait_for_the_arm_to_be_laid_down() {
+    let mut safety = engaged();
+    safety.permit(at(2_000), true);
+    safety.disarm();
+    safety.permit(at(2_010), true);
+    safety.stop(at(2_011), Cause::GripOverspeed);
+    assert!(!safety.may_push());
+    assert!(safety.permit(at(2_012), true).gravity_share == 0.0);
+}
+
+#[test]
+fn zero_torque_becomes_drives_off_after_a_hundred_milliseconds() {
+    let mut safety = in_mode(Mode::ZeroTorque);
+    assert!(safety.permit(at(102), false).drives_on);
+    assert!(!safety.permit(at(103), false).drives_on);
+}
+
+#[test]
+fn where_only_reflection_ends_the_arm_is_carried_on_and_a_reset_lets_it_engage_anew() {
+    let mut safety = engaged();
+    safety.permit(at(2_000), true);
+    safety.stop(at(2_001), Cause::LinkLost);
+    let permit = safety.permit(at(2_002), true);
+    assert_eq!((permit.mode, permit.engaged), (Mode::ReflectionOff, false));
+    assert!((permit.gravity_share - 1.0).abs() < 1e-12 && permit.reflection_share == 0.0);
+    let _ = safety.reset(at(3_000)).unwrap();
+    assert_eq!(safety.mode(), Mode::Armed);
+    assert!((safety.permit(at(3_001), true).gravity_share - 1.0).abs() < 1e-12, "no new ramp");
+}
+
+#[test]
+fn a_boot_that_fails_returns_to_the_stop_with_its_first_cause() {
+    let mut safety = engaged();
+    safety.stop(at(10), Cause::LinkLost);
+    safety.stop(at(11), Cause::HeartbeatLost { node: 2 });
+    let left = safety.reset(at(LATER)).unwrap();
+    assert_eq!((safety.mode(), left.must_boot), (Mode::Boot, true));
+    safety.relapse(at(LATER + 1), left);
+    assert_eq!((safety.mode(), safety.cause()), (Mode::DrivesOff, Some(Cause::LinkLost)));
+    assert_eq!(safety.reset(at(2 * LATER)), Ok(left), "and asks for a boot again");
+}
+
+#[test]
+fn nothing_is_reset_where_nothing_is_stopped() {
+    for mode in [Mode::Boot, Mode::Ready, Mode::Armed, Mode::Engaged] {
+        assert_eq!(in_mode(mode).reset(at(LATER)), Err(Refusal::NotStopped(mode)));
+    }
+}

@@ -1,4 +1,4 @@
-//! `frhc explain`: one cycle of the controller, every intermediate of Fig. 3.
+//! `frhc explain`: one cycle of the controller, every intermediate of Fig. 3; or the fault table.
 
 use std::io::IsTerminal;
 use std::io::Read;
@@ -6,12 +6,15 @@ use std::path::Path;
 use std::path::PathBuf;
 
 use clap::Args;
+use clap::Subcommand;
 use serde::Deserialize;
 use serde_json::Value as Json;
 
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
+use crate::cli::faults;
+use crate::cli::faults::Faults;
 use crate::cli::print;
 use crate::config::Config;
 use crate::lab::explanation;
@@ -26,7 +29,10 @@ const LONGEST: u64 = 1 << 20;
 
 /// `frhc explain`.
 #[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub(super) struct Explain {
+    #[command(subcommand)]
+    topic: Option<Topic>,
     /// The configuration; config/kraft_like.toml, or the one named after the question's device.
     #[arg(short, long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -66,6 +72,13 @@ pub(super) struct Explain {
     question: Option<PathBuf>,
 }
 
+/// What else can be explained.
+#[derive(Debug, Subcommand)]
+enum Topic {
+    /// The fault table: what each cause does in each mode, who acts first, and how it is left again.
+    Faults(Faults),
+}
+
 /// A question by itself, or inside an object that says of which device it is.
 #[derive(Debug, Default, Deserialize)]
 struct Asked {
@@ -76,6 +89,10 @@ struct Asked {
 
 /// Asks, and prints the answer.
 pub(super) fn run(args: &Explain) -> Result<(), Failure> {
+    if let Some(Topic::Faults(args)) = &args.topic {
+        faults::run(args);
+        return Ok(());
+    }
     let mut asked = read(args)?;
     let question = &mut asked.question;
     question.q = args.q.or(question.q);

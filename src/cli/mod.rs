@@ -12,6 +12,7 @@ mod demo;
 mod exit;
 mod explain;
 mod export;
+mod faults;
 mod gains;
 mod interfaces;
 mod lss;

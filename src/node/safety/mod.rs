@@ -24,11 +24,13 @@
 //! | [`causes`] | which events, bus faults and controller faults stop   |
 //! | `seen`     | which causes are still there                          |
 //! | `ramp`     | how shares of torque come and go                      |
+//! | [`words`]  | the table in words                                    |
 
 pub mod causes;
 mod ramp;
 mod seen;
 pub mod table;
+pub mod words;
 
 use std::time::Duration;
 

@@ -239,7 +239,7 @@ fn any_pose() -> impl Strategy<Value = Isometry3<f64>> {
 
 proptest! {
     #[test]
-    fn torques_do_the_work_of_what_the_hand_feels(
+    fn property_02_torques_do_the_work_of_what_the_hand_feels(
         q in joints(), qd in prop::array::uniform6(-2.0..2.0_f64), f_s in wrench(20.0)
     ) {
         let mut bench = Bench::engaged(&settings(), Mode::Rate);
@@ -303,7 +303,7 @@ proptest! {
     }
 
     #[test]
-    fn damping_never_drives_the_hand(path in prop::collection::vec(joints(), 2..6)) {
+    fn property_05_damping_never_drives_the_hand(path in prop::collection::vec(joints(), 2..6)) {
         let mut bench = Bench::engaged(&settings(), Mode::Rate);
         let mut x_0_before = None;
         for q in path {
@@ -356,7 +356,7 @@ proptest! {
     }
 
     #[test]
-    fn whatever_comes_in_the_torques_are_finite_and_within_limits(
+    fn property_06_and_09_whatever_comes_in_all_is_finite_and_within_limits(
         cycles in prop::collection::vec(
             (
                 prop::array::uniform6(any::<i32>()),
@@ -423,7 +423,7 @@ proptest! {
     }
 
     #[test]
-    fn a_reference_set_in_motion_stops_the_rate_and_kicks_nobody(q in joints(), by in -3e-3..3e-3_f64) {
+    fn hazard_40_and_property_05_a_reference_set_in_motion_stops_the_rate_and_kicks_nobody(q in joints(), by in -3e-3..3e-3_f64) {
         let mut bench = Bench::engaged(&settings(), Mode::Rate);
         bench.at(q);
         let kept = bench.controller;
@@ -474,7 +474,7 @@ proptest! {
     }
 
     #[test]
-    fn no_order_of_switches_and_modes_makes_command_or_torque_jump(
+    fn hazard_40_no_order_of_switches_and_modes_makes_command_or_torque_jump(
         steps in prop::collection::vec((switches(), mode(), 1..6_usize), 1..25),
         slow in prop::array::uniform6(-0.2..0.2_f64),
         f_s in wrench(15.0),
@@ -563,7 +563,7 @@ fn kraft_like_on(alpha: f64, a: f64, d: f64) -> Arm<6> {
 }
 
 #[test]
-fn a_wrench_that_is_no_number_is_none() {
+fn hazard_42_a_wrench_that_is_no_number_is_none() {
     let mut bench = Bench::engaged(&settings(), Mode::Rate);
     for (part, fault) in [
         (f64::NAN, Fault::WrenchNotFinite),
@@ -649,7 +649,7 @@ fn after_an_overrun_nothing_is_damped_for_a_cycle() {
 }
 
 #[test]
-fn a_large_wrench_saturates_and_says_which_joint() {
+fn hazard_44_a_large_wrench_saturates_and_says_which_joint() {
     let mut bench = Bench::engaged(&settings(), Mode::Rate);
     bench.input.f_s = Wrench::from_components([300.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let output = bench.at(NEUTRAL);

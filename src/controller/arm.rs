@@ -445,7 +445,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_jacobian_is_the_derivative_of_eq_1(arm in arm(), q in joints(), qd in joints()) {
+        fn property_01_the_jacobian_is_the_derivative_of_eq_1(arm in arm(), q in joints(), qd in joints()) {
             let step = 1e-6;
             let x_before_after = arm.forward(&(q - qd * step)).inverse() * arm.forward(&(q + qd * step));
             let moved = Twist::reaching(&x_before_after, 2.0 * step);

@@ -152,13 +152,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn damping_takes_power(x_h_g in pose(), v_g in twist()) {
+        fn property_05_damping_takes_power(x_h_g in pose(), v_g in twist()) {
             let f_g = damping(Difference::Twist).wrench(&v_g, &x_h_g, &dx(&x_h_g), false);
             prop_assert!(f_g.power(&v_g) <= 0.0);
         }
 
         #[test]
-        fn a_new_reference_is_no_motion(before in pose(), after in pose(), v_g in twist()) {
+        fn property_05_a_new_reference_is_no_motion(before in pose(), after in pose(), v_g in twist()) {
             let mut of_twist = damping(Difference::Twist);
             of_twist.wrench(&v_g, &before, &dx(&before), false);
             let kept = of_twist.wrench(&v_g, &before, &dx(&before), true);
@@ -182,7 +182,7 @@ mod tests {
         }
 
         #[test]
-        fn the_return_to_centre_never_leads_away(x_h_g in pose()) {
+        fn property_03_the_return_to_centre_never_leads_away(x_h_g in pose()) {
             for orientation in [Orientation::EulerZyx, Orientation::RotationVector] {
                 let dx = Displacement::between(&x_h_g, orientation);
                 let f_g = centring(&channels(), orientation, &x_h_g.rotation.inverse(), &dx);

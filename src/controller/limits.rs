@@ -257,7 +257,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whatever_comes_in_the_torque_is_within_capacity(
+        fn property_09_whatever_comes_in_the_torque_is_within_capacity(
             gravity in any_torques(), task in any_torques(), assist in any_torques(),
             share in 0.0..=1.0_f64, scaling in scaling()
         ) {
@@ -271,7 +271,7 @@ mod tests {
         }
 
         #[test]
-        fn saturation_keeps_the_direction(task in torques(50.0)) {
+        fn property_07_saturation_keeps_the_direction(task in torques(50.0)) {
             let limited = combine(limits(0.35), &Joints::zeros(), &task, &Joints::zeros());
             prop_assert!((limited.tau - task * limited.rest_scale).norm() < 1e-12);
             prop_assert!((0.0..=1.0).contains(&limited.rest_scale));
@@ -287,7 +287,7 @@ mod tests {
         }
 
         #[test]
-        fn the_assist_keeps_to_its_fraction(assist in torques(50.0), fraction in 0.0..=1.0_f64) {
+        fn property_08_the_assist_keeps_to_its_fraction(assist in torques(50.0), fraction in 0.0..=1.0_f64) {
             let limited = combine(limits(fraction), &Joints::zeros(), &Joints::zeros(), &assist);
             prop_assert!(is_within(&limited.tau, fraction * (1.0 + 1e-15)));
             prop_assert!((limited.tau - assist * limited.assist_scale).norm() < 1e-12);

@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn the_moment_has_no_step_where_the_numbers_jump() {
+    fn property_04_the_moment_has_no_step_where_the_numbers_jump() {
         let mu = Vector3::new(0.3, -0.2, 0.1);
         let around = |y: f64| UnitQuaternion::from_scaled_axis(Vector3::new(0.0, y, 0.0));
         for (orientation, jump) in

@@ -173,7 +173,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn more_torque_asks_for_more(a in -5.0..5.0_f64, b in -5.0..5.0_f64) {
+        fn property_10_more_torque_asks_for_more(a in -5.0..5.0_f64, b in -5.0..5.0_f64) {
             let (low, high) = (a.min(b), a.max(b));
             prop_assert!(curve().at(low) <= curve().at(high));
         }

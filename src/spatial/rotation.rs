@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn half_a_turn_has_a_rotation_vector() {
+    fn property_04_half_a_turn_has_a_rotation_vector() {
         for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
             let r = rotation_vector(&UnitQuaternion::from_scaled_axis(axis * PI));
             assert!((r.norm() - PI).abs() < 1e-12 && r.cross(&axis).norm() < 1e-12);

@@ -120,7 +120,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_moved_wrench_has_the_same_power(f in six(50.0), v in six(5.0), x_m_s in pose()) {
+        fn property_02_a_moved_wrench_has_the_same_power(f in six(50.0), v in six(5.0), x_m_s in pose()) {
             let f_s = Wrench::from_components(f);
             let v_s = Twist::from_components(v);
             let difference = f_s.power(&v_s) - f_s.at(&x_m_s).power(&v_s.at(&x_m_s));

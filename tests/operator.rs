@@ -15,10 +15,6 @@ use std::path::Path;
 use common::bench::config;
 use common::bench::scenario;
 use frhc::config::Config;
-use frhc::controller::Beyond;
-use frhc::controller::Settings;
-use frhc::controller::gains::Gains;
-use frhc::controller::reflection::Reflection;
 use frhc::lab::bench::Bench;
 use frhc::lab::comparison;
 use frhc::node::Request;
@@ -91,13 +87,16 @@ fn felt(config: &Config, record: &Record) -> f64 {
 }
 
 #[test]
-fn hazard_38_and_promise_08_a_released_deadman_ends_the_command_in_a_cycle_and_reflection_in_twenty() {
+fn hazard_38_and_promise_08_a_released_deadman_ends_the_command_in_a_cycle_and_reflection_in_twenty()
+ {
     let config = config(KRAFT);
     let release = "[[switch]]\nat_s = 1.0\ndeadman = false\n";
     let records = records(&config, &format!("{ENGAGED}{release}"), 1.2);
     let engaged = first_in(&records, Mode::Engaged);
     let open = turned(&records, engaged, 0b01);
-    assert!(matches!(records[open - 1].output.command, Motion::Rate(v_m) if v_m.linear.norm() > 1e-3));
+    assert!(
+        matches!(records[open - 1].output.command, Motion::Rate(v_m) if v_m.linear.norm() > 1e-3)
+    );
     assert!(felt(&config, &records[open - 1]) > 1e-3, "something is felt");
     // The contacts open a moment apart, if the frame between them is sent; the first one counts.
     assert_eq!(records[open].mode, Mode::Armed);
@@ -139,25 +138,6 @@ fn hazard_39_a_deadman_closed_at_power_up_refuses_arming_until_it_was_released_a
 }
 
 #[test]
-fn hazard_39_a_taped_deadman_over_a_grip_nobody_holds_ends_reflection_after_a_minute() {
-    let config = config(KRAFT);
-    // Nobody holds the grip: it lies where its friction keeps it.
-    let script = "[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
-        [[switch]]\nat_s = 2.0\ndeadman = true\n[[hold]]\nat_s = 4.0\nholding = false\n";
-    let mut bench = bench_of(&config, script);
-    while bench.elapsed().as_secs_f64() < 60.0 {
-        assert_eq!(bench.cycle().cause, None);
-    }
-    while bench.elapsed().as_secs_f64() < 66.0 {
-        bench.cycle();
-    }
-    assert_eq!(bench.node().cause(), Some(Cause::DeadmanTaped));
-    assert_eq!(bench.node().mode(), Mode::ReflectionOff);
-    let refusal = bench.ask(Request::Reset).unwrap_err();
-    assert!(refusal.to_string().starts_with("still there: the deadman"), "{refusal}");
-}
-
-#[test]
 fn hazard_40_a_reference_or_a_change_of_mode_in_motion_gives_no_impulse_and_zero_rate_at_once() {
     let config = config(KRAFT);
     let changes = "[[switch]]\nat_s = 0.9\nreference = true\n[[switch]]\nat_s = 0.95\nreference = false\n\
@@ -171,7 +151,8 @@ fn hazard_40_a_reference_or_a_change_of_mode_in_motion_gives_no_impulse_and_zero
     assert!(moving.count() > 400, "the hand is in motion");
 
     // 0.8 s: well after the reference of 0.5 s.
-    let second = records.iter().position(|record| record.at.since(records[0].at).as_secs_f64() > 0.8);
+    let second =
+        records.iter().position(|record| record.at.since(records[0].at).as_secs_f64() > 0.8);
     let set = turned(&records, second.unwrap(), 0b100);
     let rate = |record: &Record| match record.output.command {
         Motion::Rate(v_m) => v_m.linear.norm(),
@@ -189,7 +170,8 @@ fn hazard_40_a_reference_or_a_change_of_mode_in_motion_gives_no_impulse_and_zero
 }
 
 #[test]
-fn hazard_41_reflection_switched_on_in_contact_begins_at_zero_and_takes_three_hundred_milliseconds() {
+fn hazard_41_reflection_switched_on_in_contact_begins_at_zero_and_takes_three_hundred_milliseconds()
+{
     let config = config(KRAFT);
     // Engaged in pose mode without reflection, the hand leans on the wall; then it is switched on.
     let script = "[[console]]\nat_s = 0.05\nrequest = \"mode pose\"\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
@@ -238,7 +220,8 @@ fn hazard_41_an_arm_that_is_believed_heavier_than_it_is_trips_when_it_rises_unhe
 }
 
 #[test]
-fn hazard_30_and_41_disarming_lays_the_arm_down_within_fifty_milliseconds_and_without_a_step() {
+fn hazard_30_and_hazard_41_disarming_lays_the_arm_down_within_fifty_milliseconds_and_without_a_step()
+ {
     let config = config(KRAFT);
     let mut bench = bench_of(&config, ENGAGED);
     while bench.elapsed().as_secs_f64() < 1.5 {
@@ -255,20 +238,21 @@ fn hazard_30_and_41_disarming_lays_the_arm_down_within_fifty_milliseconds_and_wi
     assert!(largest_step(&config, &records) <= SLEW + 1e-9);
     let most = config.joints.each_ref().map(|joint| joint.calibration.max_target().0);
     for pair in records.windows(2) {
-        let by = pair[0].targets.iter().zip(pair[1].targets).map(|(one, other)| (one - other).abs());
+        let by =
+            pair[0].targets.iter().zip(pair[1].targets).map(|(one, other)| (one - other).abs());
         assert!(by.zip(most).all(|(by, most)| by <= most / 15), "{:?}", pair[1].targets);
     }
 }
 
-/// Reflection so strong and a wall so stiff that the hand is driven to and fro.
+/// Reflection so strong and a wall so stiff that the hand is driven to and fro, and nothing takes the energy
+/// back.
 fn shaking() -> Config {
-    let script = scenario("stiff-wall");
-    let config = comparison::surrounded(&config(KRAFT), &script);
-    let beyond = Beyond { passivity: None, tank: None, slew: None, ..config.controller.beyond };
-    let Settings { reflection, .. } = config.controller;
-    let strong = Gains::new([4.0; 6], "K_T").unwrap();
-    let reflection = Reflection { gain: strong, ..reflection };
-    Config { controller: Settings { beyond, reflection, ..config.controller }, ..config }
+    let text = include_str!("../config/kraft_like.toml")
+        .replace("[0.3, 0.3, 0.3, 0.15, 0.15, 0.15]", "[3.0, 3.0, 3.0, 0.15, 0.15, 0.15]")
+        .replace("assist_fraction", "gain_check = \"warn\"\nassist_fraction");
+    let config = Config::parse(Path::new(KRAFT), &text).unwrap();
+    let config = comparison::surrounded(&config, &scenario("stiff-wall"));
+    comparison::without_passivity(&config)
 }
 
 #[test]
@@ -276,9 +260,9 @@ fn hazard_45_gains_that_shake_the_hand_end_reflection_and_the_arm_is_carried_on(
     let mut bench = Bench::new(&shaking(), scenario("stiff-wall"), 1, false, ());
     bench.bring_up().unwrap();
     let mut fast_since = None;
-    while bench.elapsed().as_secs_f64() < 8.0 && bench.node().cause().is_none() {
+    while bench.elapsed().as_secs_f64() < 7.0 && bench.node().cause().is_none() {
         let record = bench.cycle();
-        if record.mode == Mode::Engaged && record.output.moving.v_g.linear.norm() > 0.2 {
+        if record.mode == Mode::Engaged && record.output.moving.v_g.linear.norm() > 0.3 {
             fast_since = fast_since.or(Some(record.at));
         }
     }
@@ -294,14 +278,12 @@ fn hazard_45_gains_that_shake_the_hand_end_reflection_and_the_arm_is_carried_on(
 }
 
 #[test]
-fn hazard_45_no_shipped_script_is_taken_for_unstable() {
-    for (name, seconds) in [("contact_10s", 10.0), ("relaxed_10s", 10.0), ("stiff-wall", 16.0)] {
-        let script = scenario(name);
-        let config = comparison::surrounded(&config(KRAFT), &script);
-        let mut bench = Bench::new(&config, script, 1, false, ());
-        bench.bring_up().unwrap();
-        while bench.elapsed().as_secs_f64() < seconds {
-            assert_eq!(bench.cycle().cause, None, "{name}");
-        }
+fn hazard_45_a_stiff_wall_within_what_the_gains_allow_for_is_not_taken_for_unstable() {
+    let script = scenario("stiff-wall");
+    let config = comparison::surrounded(&config(KRAFT), &script);
+    let mut bench = Bench::new(&config, script, 1, false, ());
+    bench.bring_up().unwrap();
+    while bench.elapsed().as_secs_f64() < 7.0 {
+        assert_eq!(bench.cycle().cause, None);
     }
 }

@@ -292,6 +292,39 @@ mod tests {
         }
     }
 
+    /// The words CiA 402 has a transition for in each state, when the drive is to be enabled.
+    const fn is_legal(state: Option<State>, word: Controlword) -> bool {
+        match word {
+            Controlword::DISABLE_VOLTAGE => true,
+            Controlword::SHUTDOWN => matches!(state, Some(State::SwitchOnDisabled)),
+            Controlword::SWITCH_ON => matches!(state, Some(State::ReadyToSwitchOn)),
+            Controlword::ENABLE_OPERATION => {
+                matches!(state, Some(State::SwitchedOn | State::OperationEnabled))
+            }
+            Controlword::FAULT_RESET => matches!(state, Some(State::Fault)),
+            _ => false,
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn property_11_whatever_statuswords_come_only_legal_transitions_are_asked_for(
+            steps in prop::collection::vec((any::<u16>(), any::<bool>(), any::<bool>()), 0..100),
+        ) {
+            let mut stage = PowerStage::default();
+            for (word, asked, enable) in steps {
+                if asked {
+                    stage.reset_fault();
+                }
+                let state = Statusword(word).state();
+                let goal = if enable { Goal::OperationEnabled } else { Goal::VoltageDisabled };
+                let told = stage.controlword(state, goal);
+                prop_assert!(is_legal(state, told), "{told:?} in {state:?}");
+                prop_assert!(enable || told.0 & 0x0F == 0, "nothing is enabled that is to be off");
+            }
+        }
+    }
+
     #[test]
     fn a_fault_goes_away_by_one_edge_after_a_low_bit() {
         let mut stage = PowerStage::default();

@@ -157,7 +157,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_return_force_is_odd(dx in dx()) {
+        fn property_03_the_return_force_is_odd(dx in dx()) {
             let there = walled().centring(&Displacement::from_components(dx));
             let opposite = walled().centring(&Displacement::from_components(dx.map(|x| -x)));
             for (there, opposite) in there.iter().zip(opposite) {
@@ -166,14 +166,14 @@ mod tests {
         }
 
         #[test]
-        fn the_return_force_never_pushes_away(dx in dx()) {
+        fn property_03_the_return_force_never_pushes_away(dx in dx()) {
             for (force, x) in walled().centring(&Displacement::from_components(dx)).iter().zip(dx) {
                 prop_assert!(force * x <= 0.0);
             }
         }
 
         #[test]
-        fn the_return_force_is_bounded_by_its_plateau(dx in dx()) {
+        fn property_03_the_return_force_is_bounded_by_its_plateau(dx in dx()) {
             let force = channels().centring(&Displacement::from_components(dx));
             for (force, plateau) in force.iter().zip([2.0, 3.0, 0.0, 0.1, 0.2, 0.3]) {
                 prop_assert!(force.abs() <= plateau);
@@ -181,7 +181,7 @@ mod tests {
         }
 
         #[test]
-        fn neither_law_has_a_step(dx in dx(), by in -1e-6..1e-6_f64) {
+        fn property_03_neither_law_has_a_step(dx in dx(), by in -1e-6..1e-6_f64) {
             let (a, b) = (dx, dx.map(|x| x + by));
             let (a, b) = (Displacement::from_components(a), Displacement::from_components(b));
             // The steepest of either: 2 F / DB = 400 N/m of the first axis, and the wall's 400.

@@ -179,6 +179,13 @@ mod tests {
         }
 
         #[test]
+        fn property_10_a_curve_is_odd_and_its_inverse_is_right_to_a_thousandth(torque in -4.0..4.0_f64) {
+            prop_assert!((curve().at(-torque) + curve().at(torque)).abs() < 1e-12);
+            let back = curve().torque(curve().at(torque));
+            prop_assert!((back - torque).abs() <= 1e-3 * torque.abs() + 1e-12, "{back}");
+        }
+
+        #[test]
         fn a_curve_is_accepted_exactly_if_it_rises_everywhere(
             c1 in -50.0..200.0_f64, c3 in -50.0..50.0_f64, c5 in -5.0..5.0_f64, max in 0.1..6.0_f64
         ) {

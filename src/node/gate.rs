@@ -63,7 +63,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn property_09_cap_and_growth_hold_for_any_torques_and_promise_05_at_the_last_gate(
+        fn property_09_and_promise_05_cap_and_growth_hold_for_any_torques_at_the_last_gate(
             path in prop::collection::vec(prop::array::uniform6(anything()), 1..40)
         ) {
             let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();

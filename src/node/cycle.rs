@@ -54,9 +54,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
         if let Some(fault) = output.fault.filter(safety::is_serious) {
             self.safety.stop(now, Cause::ControllerFault { fault });
         }
+        let odd = self.plausibility.judge(&self.samples.sampled(), &output);
+        self.heed(now, odd);
 
         let targets =
             output.targets.map(|target| if self.safety.may_push() { target.0 } else { 0 });
+        self.plausibility.tell(&targets);
         self.send_targets(&targets, permit.drives_on);
         self.send_heartbeat(now);
         self.send_time(now);
@@ -186,7 +189,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     fn send_sync(&mut self) -> Instant {
-        self.samples.begin();
+        self.samples.begin(self.bus.now());
         let sync = self.sync.next().frame();
         self.send_on_every_bus(sync);
         self.bus.now()

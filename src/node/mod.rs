@@ -5,6 +5,7 @@
 
 mod bring_up;
 mod cycle;
+mod plausibility;
 mod request;
 pub mod safety;
 mod samples;
@@ -32,6 +33,7 @@ use crate::canopen::time_stamp;
 use crate::config::Config;
 use crate::controller::Controller;
 use crate::controller::switches::Mode as CommandMode;
+use crate::node::plausibility::Plausibility;
 use crate::node::safety::Ramps;
 use crate::node::safety::Safety;
 use crate::node::samples::Samples;
@@ -64,6 +66,7 @@ pub struct Node<B, R> {
     command_mode: CommandMode,
     safety: Safety,
     samples: Samples,
+    plausibility: Plausibility,
     power: [PowerStage; 6],
     schedule: Schedule,
     cycle: u64,
@@ -102,7 +105,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
             controller: Controller::new(&config.controller),
             command_mode: config.command_mode,
             safety: Safety::new(ramps),
-            samples: Samples::new(inbox, config.safety.missing_samples),
+            samples: Samples::new(
+                inbox,
+                plausibility::intakes(config),
+                config.safety.missing_samples,
+            ),
+            plausibility: Plausibility::new(config),
             power: Default::default(),
             schedule: Schedule::starting(now, config.period),
             cycle: 0,

@@ -72,3 +72,39 @@ fn probe() {
         }
     }
 }
+
+#[test]
+#[ignore]
+fn probe_faults() {
+    let name = std::env::var("CFG").unwrap_or("kraft_like".to_owned());
+    let cfg = config(&format!("config/{name}.toml"));
+    for sc in std::env::var("SC").unwrap().split(',') {
+        let script = scenario(&format!("faults/{sc}"));
+        let cycles = (script.seconds() / cfg.period.as_secs_f64()) as u64;
+        let fault = script.faults()[0].begins;
+        let mut bench = Bench::new(&cfg, script, 1, false, ());
+        bench.bring_up().unwrap();
+        let begun = bench.node().bus().stations().begun().unwrap();
+        let mut seen = None;
+        let (mut missed, mut told) = ([0; 6], [[i16::MAX; 6], [i16::MIN; 6]]);
+        let mut q = ([f64::MAX; 6], [f64::MIN; 6]);
+        for _ in 0..cycles {
+            let r = bench.cycle();
+            let at = r.at.since(begun).as_secs_f64() - fault.as_secs_f64();
+            if at > 0.0 && seen.is_none() {
+                for j in 0..6 {
+                    missed[j] += u32::from(!r.sampled[j]);
+                    told[0][j] = told[0][j].min(r.targets[j]);
+                    told[1][j] = told[1][j].max(r.targets[j]);
+                    q.0[j] = q.0[j].min(r.output.q[j]);
+                    q.1[j] = q.1[j].max(r.output.q[j]);
+                }
+            }
+            if r.cause != seen {
+                println!("{name} {sc}: {at:.4} s {:?} {}", r.mode, r.cause.unwrap());
+                seen = r.cause;
+            }
+        }
+        println!("{name} {sc}: missed {missed:?} told {told:?} q {:.3?} .. {:.3?}", q.0, q.1);
+    }
+}

@@ -35,7 +35,7 @@ pub(super) struct Samples {
     /// When the last SYNC went out.
     asked_at: Instant,
     fresh: [bool; 6],
-    /// Which joints have told their torque since then.
+    /// Which joints have told their torque since that was last asked.
     torques: [bool; 6],
     missing: [u32; 6],
     /// What a position that cannot be stops the node for.
@@ -71,7 +71,6 @@ impl Samples {
         self.asked_at = now;
         self.intakes.iter_mut().for_each(|intake| intake.begin(now));
         self.fresh = [false; 6];
-        self.torques = [false; 6];
     }
 
     /// Takes a frame; false if it is none of the exchange. One of the wrong length counts as not come.
@@ -152,10 +151,11 @@ impl Samples {
         &self.latest
     }
 
-    /// What this cycle's window has brought.
-    pub(super) const fn sampled(&self) -> Sampled<'_> {
-        let Self { asked_at, ref latest, fresh, torques, .. } = *self;
-        Sampled { at: asked_at, latest, fresh, torques }
+    /// What has come since this was last asked: positions of this SYNC, torques that may have come after
+    /// the positions of the one before.
+    pub(super) const fn sampled(&mut self) -> Sampled<'_> {
+        let torques = std::mem::replace(&mut self.torques, [false; 6]);
+        Sampled { at: self.asked_at, latest: &self.latest, fresh: self.fresh, torques }
     }
 
     /// Which joints answered this SYNC.

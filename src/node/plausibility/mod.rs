@@ -57,7 +57,7 @@ pub(super) struct Sampled<'s> {
     pub(super) latest: &'s [DriveSample; 6],
     /// Which joints' positions are of this SYNC.
     pub(super) fresh: [bool; 6],
-    /// Which joints have told their torque.
+    /// Which joints have told their torque since the last cycle.
     pub(super) torques: [bool; 6],
 }
 

@@ -13,6 +13,7 @@ use crate::canopen::plan::Identity;
 use crate::config::boot;
 use crate::config::boot::BootSettings;
 use crate::config::lookup;
+use crate::config::plausibility;
 use crate::config::problem::Problems;
 use crate::config::raw;
 use crate::config::simulated;
@@ -58,6 +59,8 @@ pub struct Joint {
     pub rated_torque: f64,
     /// The most its actuator is asked for, in N·m or N.
     pub max_torque: f64,
+    /// How fast it may move before torque goes off, in rad/s or m/s.
+    pub max_speed: f64,
     /// c1, c3, c5 of the torque curve.
     pub torque_curve: [f64; 3],
     /// Encoder and torque curve, as the controller uses them.
@@ -103,7 +106,8 @@ fn read(
     let kinds = [("revolute", JointKind::Revolute), ("prismatic", JointKind::Prismatic)];
     let kind = joint.kind.as_deref().unwrap_or("revolute");
     let kind = problems.one_of(&key("kind"), kind, &kinds)?;
-    let moved = moved(&key, kind, joint, problems);
+    let usual_speed = plausibility::usual_speed(&raw.safety, kind);
+    let moved = moved(&key, kind, usual_speed, joint, problems);
 
     let before = problems.count();
     let curve = moved.as_ref().map(|moved| TorqueCurve::new(joint.torque_curve, moved.max_torque));
@@ -159,6 +163,7 @@ fn read(
         zero_counts: joint.zero_counts,
         rated_torque,
         max_torque: moved.max_torque,
+        max_speed: moved.max_speed,
         torque_curve: joint.torque_curve,
         calibration: calibration?,
         simulated: simulated?,
@@ -169,6 +174,7 @@ fn read(
 struct Moved {
     range: [f64; 2],
     start: f64,
+    max_speed: f64,
     max_torque: f64,
     rotor_inertia: f64,
     coulomb_friction: f64,
@@ -179,6 +185,7 @@ struct Moved {
 fn moved(
     key: &dyn Fn(&str) -> String,
     kind: JointKind,
+    usual_speed: f64,
     joint: &raw::Joint,
     problems: &mut Problems<'_>,
 ) -> Option<Moved> {
@@ -190,6 +197,10 @@ fn moved(
     let rotor = of.either(
         ("rotor_inertia_kg_m2", joint.rotor_inertia_kg_m2),
         ("rotor_mass_kg", joint.rotor_mass_kg),
+    );
+    let speed = of.at_most_one(
+        ("max_speed_rad_per_s", joint.max_speed_rad_per_s),
+        ("max_speed_m_per_s", joint.max_speed_m_per_s),
     );
     let coulomb = of.either(
         ("coulomb_friction_nm", joint.coulomb_friction_nm),
@@ -218,12 +229,17 @@ fn moved(
         start
     });
     let max_torque = torque.map(|(name, value)| problems.positive(&key(name), value));
+    let max_speed = speed.map(|(name, given)| match given {
+        Some(speed) => problems.within(&key(name), speed, plausibility::SPEEDS),
+        None => usual_speed,
+    });
     let rotor_inertia = rotor.map(|(name, value)| problems.positive(&key(name), value));
     let coulomb = coulomb.map(|(name, value)| problems.not_negative(&key(name), value));
     let viscous = viscous.map(|(name, value)| problems.not_negative(&key(name), value));
     Some(Moved {
         range: range?,
         start: start?,
+        max_speed: max_speed?,
         max_torque: max_torque?,
         rotor_inertia: rotor_inertia?,
         coulomb_friction: coulomb?,

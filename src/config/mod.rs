@@ -10,6 +10,7 @@ mod gain_check;
 mod joints;
 mod lookup;
 mod network;
+mod plausibility;
 mod problem;
 mod raw;
 mod readings;
@@ -25,6 +26,7 @@ pub use joints::Joint;
 pub use network::BusSettings;
 pub use network::Layout;
 pub use network::SwitchBox;
+pub use plausibility::Plausibility;
 pub use problem::Invalid;
 pub use problem::Problem;
 pub use remote::Contact;
@@ -92,6 +94,8 @@ pub struct Config {
     pub remote: Virtual,
     /// Limits in time.
     pub safety: Safety,
+    /// What samples may be before they are not believed.
+    pub plausibility: Plausibility,
 }
 
 /// How long what may last before torque goes off.
@@ -254,6 +258,7 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
 
     let buses = network::buses(raw, problems);
     let safety = network::safety(raw, period, problems);
+    let plausibility = plausibility::read(&raw.safety, problems);
     let joints = joints::joints(file, raw, problems);
     let switches = network::switch_box(file, raw, problems);
     let (x_6_g, gravity) = joints::grip_and_gravity(&raw.arm, problems);
@@ -285,6 +290,7 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
         operator,
         remote: remote?,
         safety,
+        plausibility,
     };
     network::check(&config, problems);
     gain_check::check(&config, refuses, problems);

@@ -98,6 +98,8 @@ pub(super) struct Joint {
     pub(super) viscous_friction_ns_per_m: Option<f64>,
     pub(super) limit_deg: Option<[f64; 2]>,
     pub(super) limit_m: Option<[f64; 2]>,
+    pub(super) max_speed_rad_per_s: Option<f64>,
+    pub(super) max_speed_m_per_s: Option<f64>,
     pub(super) start_deg: Option<f64>,
     pub(super) start_m: Option<f64>,
     pub(super) encoder_counts_per_rev: u32,
@@ -304,6 +306,15 @@ pub(super) struct Safety {
     pub(super) missing_samples: u32,
     pub(super) gravity_ramp_s: f64,
     pub(super) reflection_ramp_s: f64,
+    pub(super) max_joint_speed_rad_per_s: Option<f64>,
+    pub(super) max_joint_speed_m_per_s: Option<f64>,
+    pub(super) max_grip_speed_m_per_s: Option<f64>,
+    pub(super) limit_margin_rad: Option<f64>,
+    pub(super) limit_margin_m: Option<f64>,
+    pub(super) torque_tolerance_per_mille: Option<u16>,
+    pub(super) torque_differs_ms: Option<u64>,
+    pub(super) frozen_ms: Option<u64>,
+    pub(super) max_missing_percent: Option<u32>,
 }
 
 /// Three linear and three angular numbers as one six-vector.

@@ -75,6 +75,11 @@ impl<const N: usize> Coupling<N> {
         self.inverse * (q - self.offset)
     }
 
+    /// How fast each actuator is at most while no joint is faster than `most`, in rad/s or m/s.
+    pub fn fastest(&self, most: &SVector<f64, N>) -> SVector<f64, N> {
+        self.inverse.abs() * most
+    }
+
     /// What the actuators exert for joint torques `tau`: `Cᵀ τ`, in N·m or N.
     pub fn at_actuators(&self, tau: &SVector<f64, N>) -> SVector<f64, N> {
         self.matrix.tr_mul(tau)

@@ -67,6 +67,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub fn bring_up(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         self.master.restart();
         self.samples.restart();
+        self.plausibility.restart();
         self.outbox.restart();
         self.sync.restart();
         let quiet = self.bus.now() + LISTEN_FIRST;

@@ -53,8 +53,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.heed(now, output.fault.as_ref().and_then(causes::of_controller));
         let moves = self.operator.watch(now, &permit, &output, input.restart);
         self.heed(now, moves);
+        let odd = self.plausibility.judge(&self.samples.sampled(), &output);
+        self.heed(now, odd);
 
         let targets = self.gate.pass(self.safety.may_push(), &output.tau, &output.targets);
+        self.plausibility.tell(&targets);
         self.send_targets(&targets, permit.drives_on);
         self.send_heartbeat(now);
         self.send_time(now);
@@ -186,7 +189,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     fn send_sync(&mut self) -> Instant {
-        self.samples.begin();
+        self.samples.begin(self.bus.now());
         let sync = self.sync.next().frame();
         self.send_on_every_bus(sync);
         self.bus.now()

@@ -7,6 +7,7 @@ mod bring_up;
 mod cycle;
 mod gate;
 pub mod operator;
+mod plausibility;
 mod request;
 pub mod safety;
 mod samples;
@@ -36,6 +37,7 @@ use crate::controller::Controller;
 use crate::controller::switches::Mode as CommandMode;
 use crate::node::gate::Gate;
 use crate::node::operator::Operator;
+use crate::node::plausibility::Plausibility;
 use crate::node::safety::Ramps;
 use crate::node::safety::Safety;
 use crate::node::samples::Samples;
@@ -70,6 +72,7 @@ pub struct Node<B, R> {
     operator: Operator,
     gate: Gate,
     samples: Samples,
+    plausibility: Plausibility,
     power: [PowerStage; 6],
     schedule: Schedule,
     cycle: u64,
@@ -110,7 +113,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
             safety: Safety::new(ramps),
             operator: Operator::new(config.period),
             gate: Gate::new(config.joints.each_ref().map(|joint| joint.calibration.max_target())),
-            samples: Samples::new(inbox, config.safety.missing_samples),
+            samples: Samples::new(
+                inbox,
+                plausibility::intakes(config),
+                config.safety.missing_samples,
+            ),
+            plausibility: Plausibility::new(config),
             power: Default::default(),
             schedule: Schedule::starting(now, config.period),
             cycle: 0,

@@ -8,6 +8,9 @@ use crate::canopen::exchange::Told;
 use crate::canopen::frame::Telegram;
 use crate::canopen::pdo::DriveSample;
 use crate::canopen::pdo::SwitchInputs;
+use crate::node::plausibility::Intake;
+use crate::node::plausibility::Offer;
+use crate::node::plausibility::Sampled;
 use crate::telemetry::cause::Cause;
 use crate::time::Instant;
 
@@ -21,14 +24,22 @@ const STATUS_MISSED: u32 = 3;
 #[derive(Clone, Debug)]
 pub(super) struct Samples {
     inbox: Inbox,
+    /// Which of the positions that come are samples.
+    intakes: [Intake; 6],
     patience: u32,
     /// How old a joint's statusword may be; `None` where it comes with the position.
     status_stale: [Option<Duration>; 6],
     latest: [DriveSample; 6],
     /// When each joint last told its state.
     status_at: [Option<Instant>; 6],
+    /// When the last SYNC went out.
+    asked_at: Instant,
     fresh: [bool; 6],
+    /// Which joints have told their torque since that was last asked.
+    torques: [bool; 6],
     missing: [u32; 6],
+    /// What a position that cannot be stops the node for.
+    wrong: Option<Cause>,
     inputs: Option<(Instant, SwitchInputs)>,
     malformed: u64,
 }
@@ -36,15 +47,19 @@ pub(super) struct Samples {
 impl Samples {
     /// Nothing heard yet. The nodes of `inbox` are the joints, then the switch box. `patience` is how
     /// many cycles in a row a joint may miss.
-    pub(super) fn new(inbox: Inbox, patience: u32) -> Self {
+    pub(super) fn new(inbox: Inbox, intakes: [Intake; 6], patience: u32) -> Self {
         let stale = |joint| inbox.status_repeated(joint).map(|every| every * STATUS_MISSED);
         Self {
+            intakes,
             patience,
             status_stale: std::array::from_fn(stale),
             latest: [DriveSample::default(); 6],
             status_at: [None; 6],
+            asked_at: Instant::ZERO,
             fresh: [false; 6],
+            torques: [false; 6],
             missing: [0; 6],
+            wrong: None,
             inputs: None,
             malformed: 0,
             inbox,
@@ -52,7 +67,9 @@ impl Samples {
     }
 
     /// A SYNC goes out: what comes in from now on belongs to it.
-    pub(super) fn begin(&mut self) {
+    pub(super) fn begin(&mut self, now: Instant) {
+        self.asked_at = now;
+        self.intakes.iter_mut().for_each(|intake| intake.begin(now));
         self.fresh = [false; 6];
     }
 
@@ -72,12 +89,19 @@ impl Samples {
         }
         let node = told.node;
         let Some(sample) = self.latest.get_mut(node) else { return };
-        sample.torque = told.torque.unwrap_or(sample.torque);
+        if let (Some(torque), Some(is_told)) = (told.torque, self.torques.get_mut(node)) {
+            (sample.torque, *is_told) = (torque, true);
+        }
         if let (Some(word), Some(heard)) = (told.statusword, self.status_at.get_mut(node)) {
             (sample.statusword, *heard) = (word, Some(at));
         }
-        if let (Some(position), Some(fresh)) = (told.position, self.fresh.get_mut(node)) {
-            (sample.position, *fresh) = (position, true);
+        let intake = self.intakes.get_mut(node).zip(self.fresh.get_mut(node));
+        if let Some((position, (intake, fresh))) = told.position.zip(intake) {
+            match intake.offer(position) {
+                Offer::Sample => (sample.position, *fresh) = (position, true),
+                Offer::Ignored => {}
+                Offer::Wrong(cause) => self.wrong = self.wrong.or(Some(cause)),
+            }
         }
     }
 
@@ -86,9 +110,10 @@ impl Samples {
         self.fresh == [true; 6]
     }
 
-    /// The window is over: counts who is missing, and says who has been for too long.
+    /// The window is over: says whose position cannot be, counts who is missing, and says who has been
+    /// for too long.
     pub(super) fn end(&mut self, now: Instant) -> Option<Cause> {
-        let mut lost = None;
+        let mut lost = self.wrong.take();
         for (joint, (missing, fresh)) in (1..).zip(self.missing.iter_mut().zip(&self.fresh)) {
             *missing = if *fresh { 0 } else { missing.saturating_add(1) };
             if *missing >= self.patience {
@@ -113,6 +138,9 @@ impl Samples {
     pub(super) fn restart(&mut self) {
         self.missing = [0; 6];
         self.fresh = [false; 6];
+        self.torques = [false; 6];
+        self.wrong = None;
+        self.intakes.iter_mut().for_each(Intake::restart);
         self.status_at = [None; 6];
         self.latest.iter_mut().for_each(|sample| sample.statusword = Statusword::default());
         self.inputs = None;
@@ -121,6 +149,13 @@ impl Samples {
     /// The newest sample of each joint.
     pub(super) fn latest(&self) -> &[DriveSample; 6] {
         &self.latest
+    }
+
+    /// What has come since this was last asked: positions of this SYNC, torques that may have come after
+    /// the positions of the one before.
+    pub(super) const fn sampled(&mut self) -> Sampled<'_> {
+        let torques = std::mem::replace(&mut self.torques, [false; 6]);
+        Sampled { at: self.asked_at, latest: &self.latest, fresh: self.fresh, torques }
     }
 
     /// Which joints answered this SYNC.
@@ -142,13 +177,14 @@ mod tests {
     use crate::canopen::frame::Frame;
     use crate::canopen::pdo::Counts;
     use crate::config::Config;
+    use crate::node::plausibility;
     use std::path::Path;
 
     /// As `name` has it: `kraft_like_500hz` with all in one TPDO, `kraft_like` with the state apart.
     fn samples(name: &str) -> Samples {
         let config = Config::load(Path::new(&format!("config/{name}.toml"))).unwrap();
         let (inbox, _) = exchange::resolve(&config.node_plans()).unwrap();
-        Samples::new(inbox, 3)
+        Samples::new(inbox, plausibility::intakes(&config), 3)
     }
 
     fn hear(samples: &mut Samples, at: u64, cob_id: u16, data: &[u8]) -> bool {
@@ -163,13 +199,13 @@ mod tests {
     #[test]
     fn a_cycle_is_complete_when_every_joint_has_answered_its_sync() {
         let mut samples = samples("kraft_like_500hz");
-        samples.begin();
+        samples.begin(Instant::ZERO);
         (1..=5).for_each(|joint| answer(&mut samples, joint));
         assert!(!samples.is_complete());
         answer(&mut samples, 6);
         assert!(samples.is_complete());
         assert_eq!(samples.latest()[5].position, Counts(7));
-        samples.begin();
+        samples.begin(Instant::ZERO);
         assert!(!samples.is_complete(), "the next SYNC asks anew");
     }
 
@@ -177,7 +213,7 @@ mod tests {
     fn a_joint_that_misses_too_often_in_a_row_is_named_and_one_answer_forgives() {
         let mut samples = samples("kraft_like_500hz");
         let mut cycle = |answering: &[u16]| {
-            samples.begin();
+            samples.begin(Instant::ZERO);
             answering.iter().for_each(|joint| answer(&mut samples, *joint));
             samples.end(Instant::ZERO)
         };
@@ -191,7 +227,7 @@ mod tests {
     #[test]
     fn a_frame_of_the_wrong_length_or_on_the_other_bus_is_no_answer() {
         let mut samples = samples("kraft_like_500hz");
-        samples.begin();
+        samples.begin(Instant::ZERO);
         assert!(hear(&mut samples, 0, 0x181, &[0x37, 0x02]));
         let frame = Frame::new(0x182, [0; 8]);
         assert!(!samples.on_frame(Instant::ZERO, &Telegram { channel: Channel(1), frame }));
@@ -209,7 +245,7 @@ mod tests {
     #[test]
     fn a_state_that_comes_by_itself_answers_no_sync() {
         let mut samples = samples("kraft_like");
-        samples.begin();
+        samples.begin(Instant::ZERO);
         assert!(hear(&mut samples, 0, 0x281, &[0x37, 0x02]));
         assert_eq!(samples.fresh(), [false; 6]);
         assert!(hear(&mut samples, 0, 0x181, &[7, 0, 0, 0]));
@@ -222,7 +258,7 @@ mod tests {
     fn a_state_that_is_not_repeated_is_missed_although_positions_come() {
         let mut samples = samples("kraft_like");
         hear(&mut samples, 1_000, 0x283, &[0x37, 0x02]);
-        samples.begin();
+        samples.begin(Instant::ZERO);
         (1..=6).for_each(|joint| assert!(hear(&mut samples, 1_000, 0x180 + joint, &[0; 4])));
         assert_eq!(samples.end(Instant::from_micros(151_000)), None);
         let cause = Some(Cause::StatusMissing { joint: 3 });

@@ -1,0 +1,185 @@
+//! Which of the positions that come from one joint are its samples.
+
+use std::time::Duration;
+
+use crate::canopen::pdo::Counts;
+use crate::node::plausibility::credit::Arrival;
+use crate::node::plausibility::credit::Credit;
+use crate::node::plausibility::jump::Jump;
+use crate::node::plausibility::jump::Reach;
+use crate::node::plausibility::jump::Step;
+use crate::telemetry::cause::Cause;
+use crate::time::Instant;
+
+/// What is to be made of a position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::node) enum Offer {
+    /// It is the sample of this SYNC.
+    Sample,
+    /// It is none, and that may be: late, one too many, or farther away than the joint can be.
+    Ignored,
+    /// It is none, and stops the node.
+    Wrong(Cause),
+}
+
+/// One joint's positions.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::node) struct Intake {
+    /// From 1.
+    joint: usize,
+    period: Duration,
+    patience: u32,
+    reach: Reach,
+    credit: Credit,
+    jump: Jump,
+    asked_at: Instant,
+    /// The first position of this window, believed or not.
+    first: Option<Counts>,
+}
+
+impl Intake {
+    /// Of a `joint`, from 1, that is asked every `period` and may miss `patience` cycles in a row.
+    pub(super) const fn new(joint: usize, period: Duration, patience: u32, reach: Reach) -> Self {
+        Self {
+            joint,
+            period,
+            patience,
+            reach,
+            credit: Credit::new(patience),
+            jump: Jump::new(reach),
+            asked_at: Instant::ZERO,
+            first: None,
+        }
+    }
+
+    /// The network starts anew.
+    pub(in crate::node) fn restart(&mut self) {
+        self.credit = Credit::new(self.patience);
+        self.jump = Jump::new(self.reach);
+        self.first = None;
+    }
+
+    /// A SYNC goes out at `now`.
+    pub(in crate::node) fn begin(&mut self, now: Instant) {
+        self.credit.begin(now);
+        self.asked_at = now;
+        self.first = None;
+    }
+
+    /// A position has come.
+    pub(in crate::node) fn offer(&mut self, position: Counts) -> Offer {
+        let late = self.period * self.credit.lateness();
+        match self.credit.on_frame(self.asked_at) {
+            Arrival::First => {
+                self.first = Some(position);
+                self.follow(position, late)
+            }
+            Arrival::Late | Arrival::Surplus => {
+                self.jump.doubt(self.period);
+                self.compare(position)
+            }
+            Arrival::Duplicate => self.duplicate(),
+        }
+    }
+
+    /// The first of a window: the sample, if the joint can be there.
+    fn follow(&mut self, position: Counts, late: Duration) -> Offer {
+        match self.jump.take(self.asked_at, position, late) {
+            Step::Possible => Offer::Sample,
+            Step::Impossible => Offer::Ignored,
+            Step::Jumped => Offer::Wrong(Cause::PositionJumped { joint: self.joint }),
+        }
+    }
+
+    /// Another of the same window: both were sampled within the cycles that a joint may miss, so they
+    /// cannot be farther apart than it moves in those.
+    fn compare(&self, position: Counts) -> Offer {
+        let span = self.period * self.patience;
+        let is_near = self.first.is_none_or(|first| self.reach.joins(first, position, span));
+        if is_near { Offer::Ignored } else { self.duplicate() }
+    }
+
+    const fn duplicate(&self) -> Offer {
+        // Drives stand first in the list of nodes.
+        Offer::Wrong(Cause::Duplicate { node: self.joint.saturating_sub(1) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// At most 1,000 counts in a cycle.
+    fn intake() -> Intake {
+        let period = Duration::from_millis(1);
+        let mut intake = Intake::new(3, period, 3, Reach::new(1_000_000));
+        intake.begin(Instant::from_micros(999_000));
+        assert_eq!(intake.offer(Counts(0)), Offer::Sample);
+        intake
+    }
+
+    /// What becomes of the positions of windows that follow each other.
+    fn offers(windows: &[&[i32]]) -> Vec<Vec<Offer>> {
+        let mut intake = intake();
+        let window = |(cycle, positions): (u64, &&[i32])| {
+            intake.begin(Instant::from_micros(1_000 * cycle));
+            positions.iter().map(|position| intake.offer(Counts(*position))).collect()
+        };
+        (1_000..).zip(windows).map(window).collect()
+    }
+
+    const DUPLICATE: Offer = Offer::Wrong(Cause::Duplicate { node: 2 });
+    const JUMPED: Offer = Offer::Wrong(Cause::PositionJumped { joint: 3 });
+
+    #[test]
+    fn hazard_06_two_positions_in_one_window_too_far_apart_are_two_nodes_at_once() {
+        use Offer::Ignored;
+        use Offer::Sample;
+        assert_eq!(offers(&[&[10, 500_000]]), [[Sample, DUPLICATE]]);
+        assert_eq!(offers(&[&[500_000, 10]]), [[Ignored, DUPLICATE]], "whoever comes first");
+    }
+
+    #[test]
+    fn hazard_06_two_nodes_that_say_the_same_are_seen_in_the_second_window() {
+        use Offer::Ignored;
+        use Offer::Sample;
+        assert_eq!(offers(&[&[10, 10], &[10, 10]]), [[Sample, Ignored], [Sample, DUPLICATE]]);
+    }
+
+    #[test]
+    fn hazard_12_a_position_that_cannot_be_is_no_sample_and_a_second_stops_the_node() {
+        use Offer::Ignored;
+        use Offer::Sample;
+        assert_eq!(offers(&[&[1 << 20], &[20]]), [[Ignored], [Sample]]);
+        assert_eq!(offers(&[&[5_000], &[5_000]]), [[Ignored], [JUMPED]]);
+    }
+
+    #[test]
+    fn after_a_restart_a_joint_may_be_anywhere() {
+        let mut intake = intake();
+        intake.restart();
+        intake.begin(Instant::from_micros(1_009_000));
+        assert_eq!(intake.offer(Counts(i32::MIN)), Offer::Sample);
+    }
+
+    proptest! {
+        /// One node at full speed, its answers lost or late by up to two windows, in any order.
+        #[test]
+        fn hazard_04_a_delayed_position_is_no_jump_and_no_second_node(
+            speed in -666..=666_i32,
+            late in prop::collection::vec(prop::option::weighted(0.99, 0..3_usize), 1..90),
+        ) {
+            let mut windows = vec![Vec::new(); late.len() + 2];
+            for ((window, late), cycle) in late.iter().enumerate().zip(1..) {
+                if let Some(late) = late {
+                    windows[window + late].push(cycle * speed);
+                }
+            }
+            let windows: Vec<&[i32]> = windows.iter().map(Vec::as_slice).collect();
+            for offer in offers(&windows).concat() {
+                prop_assert!(!matches!(offer, Offer::Wrong(_)), "{:?}", offer);
+            }
+        }
+    }
+}

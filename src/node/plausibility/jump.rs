@@ -1,0 +1,168 @@
+//! Whether a joint can have come from its last good position to the next: its encoder may jump, it cannot.
+//!
+//! One position too far away is not believed and forgiven; a second soon after is a jump. Differences are
+//! taken modulo 2³², as the counter wraps, so that running over its end is no jump.
+
+use std::time::Duration;
+
+use crate::canopen::pdo::Counts;
+use crate::node::plausibility::repeated::Repeated;
+use crate::time::Instant;
+
+/// A second rejected position within this is a jump.
+const SOON: Duration = Duration::from_millis(100);
+
+/// Counts that an encoder at rest goes back and forth.
+const NOISE: u64 = 2;
+
+/// How far a joint may come in a time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reach {
+    /// In counts.
+    per_second: u32,
+}
+
+impl Reach {
+    /// At most `per_second` counts a second.
+    pub(super) const fn new(per_second: u32) -> Self {
+        Self { per_second }
+    }
+
+    /// Whether a joint can come from one position to the other within `span`.
+    pub(super) fn joins(&self, from: Counts, to: Counts, span: Duration) -> bool {
+        let micros = u64::try_from(span.as_micros()).unwrap_or(u64::MAX);
+        let reach = u64::from(self.per_second).saturating_mul(micros) / 1_000_000 + NOISE;
+        u64::from(to.0.wrapping_sub(from.0).unsigned_abs()) <= reach
+    }
+}
+
+/// What is to be made of a position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Step {
+    /// The joint can be there.
+    Possible,
+    /// It cannot; forgiven once.
+    Impossible,
+    /// It cannot, again.
+    Jumped,
+}
+
+/// The watch on one joint.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Jump {
+    reach: Reach,
+    last: Option<Good>,
+    rejected: Repeated,
+}
+
+/// A position that was possible.
+#[derive(Clone, Copy, Debug)]
+struct Good {
+    position: Counts,
+    at: Instant,
+    /// By how much it may be older than `at`.
+    late: Duration,
+}
+
+impl Jump {
+    /// The first position may be any.
+    pub(super) const fn new(reach: Reach) -> Self {
+        Self { reach, last: None, rejected: Repeated::new(SOON) }
+    }
+
+    /// Takes the sample of the SYNC of `at`, which may be older by `late`. It may also be older than the
+    /// last one, if that one came in time and this one did not.
+    pub(super) fn take(&mut self, at: Instant, position: Counts, late: Duration) -> Step {
+        let is_possible = self.last.is_none_or(|last| {
+            let since = at.since(last.at) + last.late;
+            self.reach.joins(last.position, position, since.max(late))
+        });
+        if is_possible {
+            self.last = Some(Good { position, at, late });
+            Step::Possible
+        } else if self.rejected.happens(at) {
+            Step::Jumped
+        } else {
+            Step::Impossible
+        }
+    }
+
+    /// The last sample may be older by `span` than was thought: another came behind it.
+    pub(super) fn doubt(&mut self, span: Duration) {
+        if let Some(last) = &mut self.last {
+            last.late += span;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// 1,000 counts in a cycle of a millisecond.
+    const REACH: Reach = Reach::new(1_000_000);
+    const T: Duration = Duration::from_millis(1);
+
+    fn at(cycle: u64) -> Instant {
+        Instant::from_micros(1_000 * cycle)
+    }
+
+    fn steps(positions: impl IntoIterator<Item = (u64, i32)>) -> Vec<Step> {
+        let mut jump = Jump::new(REACH);
+        let step = |(cycle, position)| jump.take(at(cycle), Counts(position), Duration::ZERO);
+        positions.into_iter().map(step).collect()
+    }
+
+    #[test]
+    fn hazard_12_a_jump_is_rejected_and_a_second_soon_after_is_told() {
+        use Step::Impossible;
+        use Step::Jumped;
+        use Step::Possible;
+        let there_and_back = steps([(0, 7), (1, 1_100_000), (2, 8)]);
+        assert_eq!(there_and_back, [Possible, Impossible, Possible]);
+        assert_eq!(steps([(0, 7), (1, 5_000), (2, 5_000)]), [Possible, Impossible, Jumped]);
+        let flickering = steps([(0, 7), (1, 5_000), (2, 8), (100, 9_999_999), (101, 9)]);
+        assert_eq!(flickering, [Possible, Impossible, Possible, Jumped, Possible]);
+        let much_later = steps([(0, 7), (1, 5_000), (2, 8), (102, 9_999_999)]);
+        assert_eq!(much_later, [Possible, Impossible, Possible, Impossible]);
+    }
+
+    #[test]
+    fn hazard_04_what_a_late_sample_makes_of_a_motion_is_no_jump() {
+        let mut jump = Jump::new(REACH);
+        jump.take(at(0), Counts(0), Duration::ZERO);
+        // Window 1 is empty; its sample is the first of window 2, and that of window 2 comes behind it.
+        assert_eq!(jump.take(at(2), Counts(1_000), T), Step::Possible);
+        jump.doubt(T);
+        assert_eq!(jump.take(at(3), Counts(3_000), Duration::ZERO), Step::Possible);
+        // Two cycles old, and the one before it was not: backwards.
+        assert_eq!(jump.take(at(4), Counts(2_000), T * 2), Step::Possible);
+    }
+
+    proptest! {
+        #[test]
+        fn property_p14_a_wrap_at_any_count_and_any_speed_allowed_is_no_jump(
+            start in any::<i32>(),
+            motions in prop::collection::vec((-1_000..=1_000_i32, 1..4_u64), 1..200),
+        ) {
+            let (mut position, mut cycle) = (start, 0);
+            let mut jump = Jump::new(REACH);
+            jump.take(at(0), Counts(start), Duration::ZERO);
+            for (motion, cycles) in motions {
+                cycle += cycles;
+                position = (0..cycles).fold(position, |position, _| position.wrapping_add(motion));
+                let step = jump.take(at(cycle), Counts(position), Duration::ZERO);
+                prop_assert_eq!(step, Step::Possible);
+            }
+        }
+
+        #[test]
+        fn property_p14_a_motion_farther_than_allowed_is_rejected_wherever_it_begins(
+            start in any::<i32>(), far in 1_003..=i32::MAX, backwards in any::<bool>()
+        ) {
+            let to = if backwards { start.wrapping_sub(far) } else { start.wrapping_add(far) };
+            prop_assert_eq!(steps([(0, start), (1, to)])[1], Step::Impossible);
+        }
+    }
+}

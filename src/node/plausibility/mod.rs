@@ -1,0 +1,154 @@
+//! Whether what the drives say can be: one small watch for each way in which it cannot.
+//!
+//! ```text
+//!  a position comes      credit ─► jump               is it the sample of this SYNC?      (intake)
+//!  the controller has    speed, frozen, torque        can the samples be true?            S2
+//!  stepped               limits, rate                 may the arm go on being felt?       S1
+//! ```
+//!
+//! A watch raises a [`Cause`]; what follows from it only the fault table says. None of them looks at the mode.
+//! A sample that could be true and is not passes: nobody can see a plausible but wrong encoder.
+
+mod credit;
+mod frozen;
+mod intake;
+mod jump;
+mod limits;
+mod rate;
+mod repeated;
+mod speed;
+mod torque;
+
+pub(super) use intake::Intake;
+pub(super) use intake::Offer;
+
+use crate::canopen::pdo::DriveSample;
+use crate::config::Config;
+use crate::controller::JointVector;
+use crate::controller::Output;
+use crate::controller::arm::JointKind;
+use crate::node::plausibility::frozen::Frozen;
+use crate::node::plausibility::jump::Reach;
+use crate::node::plausibility::limits::Limits;
+use crate::node::plausibility::rate::Rate;
+use crate::node::plausibility::speed::Moment;
+use crate::node::plausibility::speed::Most;
+use crate::node::plausibility::speed::Speed;
+use crate::node::plausibility::torque::Torque;
+use crate::telemetry::cause::Cause;
+use crate::time::Instant;
+
+/// How much faster than allowed a joint may seem before its position is not believed. Between the two
+/// it is too fast, which another watch tells.
+const BELIEVED: f64 = 1.5;
+
+/// A clear motion of a joint that turns, in rad: ten times what a hand trembles.
+const CLEAR_TURN: f64 = 0.02;
+
+/// The same of one that slides, in m.
+const CLEAR_SLIDE: f64 = 0.005;
+
+/// What one cycle's window has brought.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sampled<'s> {
+    /// When its SYNC was sent.
+    pub(super) at: Instant,
+    /// The newest of each joint.
+    pub(super) latest: &'s [DriveSample; 6],
+    /// Which joints' positions are of this SYNC.
+    pub(super) fresh: [bool; 6],
+    /// Which joints have told their torque since the last cycle.
+    pub(super) torques: [bool; 6],
+}
+
+/// All watches that look at a whole cycle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plausibility {
+    anew: Watches,
+    watches: Watches,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Watches {
+    limits: Limits,
+    speed: Speed,
+    frozen: Frozen,
+    torque: Torque,
+    rate: Rate,
+    /// What the drives were told last, in ‰ of rated torque.
+    told: [i16; 6],
+}
+
+impl Plausibility {
+    /// Nothing seen yet.
+    pub(super) fn new(config: &Config) -> Self {
+        let joints = config.joints.each_ref();
+        let watched = &config.plausibility;
+        let clear = joints.map(|joint| {
+            let clear = match joint.link.kind {
+                JointKind::Revolute => CLEAR_TURN,
+                JointKind::Prismatic => CLEAR_SLIDE,
+            };
+            joint.calibration.span(clear)
+        });
+        let most =
+            Most { joints: joints.map(|joint| joint.max_speed), grip: watched.max_grip_speed };
+        let anew = Watches {
+            limits: Limits::new(
+                joints.map(|joint| joint.link.range),
+                joints.map(|joint| watched.limit_margin(joint.link.kind)),
+            ),
+            speed: Speed::new(most, config.period),
+            frozen: Frozen::new(watched.frozen, clear),
+            torque: Torque::new(watched.torque_tolerance, watched.torque_differs),
+            rate: Rate::new(config.period, watched.max_missing_percent),
+            told: [0; 6],
+        };
+        Self { anew, watches: anew }
+    }
+
+    /// The network starts anew: what was before does not count.
+    pub(super) const fn restart(&mut self) {
+        self.watches = self.anew;
+    }
+
+    /// Takes what a cycle has brought, and what the controller has made of it.
+    pub(super) fn judge(&mut self, sampled: &Sampled<'_>, output: &Output) -> Option<Cause> {
+        self.watches.judge(sampled, output)
+    }
+
+    /// The drives are told these torques, in ‰ of rated torque.
+    pub(super) fn tell(&mut self, targets: &[i16; 6]) {
+        self.watches.told = *targets;
+        self.watches.torque.tell(targets);
+    }
+}
+
+impl Watches {
+    /// What takes torque off comes before what only ends its reflection.
+    fn judge(&mut self, sampled: &Sampled<'_>, output: &Output) -> Option<Cause> {
+        let is_complete = sampled.fresh == [true; 6];
+        let p_0_g = output.x_0_g.translation.vector;
+        let moment = is_complete.then_some(Moment { at: sampled.at, q: output.q, p_0_g });
+        let speed = moment.and_then(|moment| self.speed.judge(&moment));
+        let frozen = self.frozen.judge(sampled, &self.told);
+        let torque = self.torque.judge(sampled);
+        let limits = self.limits.judge(&output.q);
+        let rate = self.rate.end(&sampled.fresh);
+        speed.or(frozen).or(torque).or(limits).or(rate)
+    }
+}
+
+/// What takes in each joint's positions.
+pub(super) fn intakes(config: &Config) -> [Intake; 6] {
+    // What each actuator turns at most while every joint moves no faster than it may.
+    let most = JointVector::from(config.joints.each_ref().map(|joint| joint.max_speed));
+    let most = config.controller.calibration.coupling().fastest(&most) * BELIEVED;
+    let patience = config.safety.missing_samples;
+    let (mut joints, mut fastest) = (1.., most.iter());
+    config.joints.each_ref().map(|joint| {
+        let reach = joint.calibration.span(fastest.next().copied().unwrap_or_default());
+        let number = joints.next().unwrap_or_default();
+        Intake::new(number, config.period, patience, Reach::new(reach))
+    })
+}

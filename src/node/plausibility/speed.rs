@@ -1,0 +1,145 @@
+//! Whether joints and grip move no faster than they may.
+//!
+//! By difference, between cycles in which every joint was sampled: where one is missing, neither the grip's
+//! pose nor a coupled joint's position is one of a single moment. Twice in a row is too fast; once may be a
+//! late sample, which puts the motion of two cycles into one.
+
+use std::time::Duration;
+
+use nalgebra::Vector3;
+
+use crate::controller::JointVector;
+use crate::telemetry::cause::Cause;
+use crate::time::Instant;
+
+/// The most that is allowed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Most {
+    /// Of each joint, in rad/s or m/s.
+    pub(super) joints: [f64; 6],
+    /// Of the grip, in m/s.
+    pub(super) grip: f64,
+}
+
+/// The watch on all joints and the grip.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Speed {
+    most: Most,
+    /// No two SYNCs are nearer to each other.
+    nearest: Duration,
+    last: Option<Moment>,
+    /// Whether joints, and the grip, were too fast the last time.
+    joints: [bool; 6],
+    grip: bool,
+}
+
+/// Where everything was.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Moment {
+    /// When.
+    pub(super) at: Instant,
+    /// Joint positions, in rad or m.
+    pub(super) q: JointVector,
+    /// The grip's position, in m.
+    pub(super) p_0_g: Vector3<f64>,
+}
+
+impl Speed {
+    /// At rest, with one SYNC every `period`.
+    pub(super) const fn new(most: Most, period: Duration) -> Self {
+        Self { most, nearest: period, last: None, joints: [false; 6], grip: false }
+    }
+
+    /// Takes where everything is now, in a cycle in which every joint was sampled.
+    pub(super) fn judge(&mut self, now: &Moment) -> Option<Cause> {
+        let last = self.last.replace(*now)?;
+        // A SYNC may be late by half a period, and the next one in time.
+        let dt = now.at.since(last.at).max(self.nearest / 2).as_secs_f64();
+        let qd = (now.q - last.q) / dt;
+        let v_g_in_0 = (now.p_0_g - last.p_0_g) / dt;
+        let mut cause = None;
+        for ((joint, was), (qd, most)) in
+            (1..).zip(&mut self.joints).zip(qd.iter().zip(self.most.joints))
+        {
+            if is_twice(was, is_above(qd.abs(), most)) {
+                cause = cause.or(Some(Cause::Overspeed { joint }));
+            }
+        }
+        let grip = is_twice(&mut self.grip, is_above(v_g_in_0.norm(), self.most.grip));
+        cause.or(grip.then_some(Cause::GripOverspeed))
+    }
+}
+
+/// Whether it is so now and was so the last time.
+const fn is_twice(was: &mut bool, is: bool) -> bool {
+    std::mem::replace(was, is) && is
+}
+
+/// A number that is none is above everything.
+fn is_above(value: f64, most: f64) -> bool {
+    value > most || value.is_nan()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const T: Duration = Duration::from_millis(1);
+
+    fn speed() -> Speed {
+        Speed::new(Most { joints: [6.0; 6], grip: 1.0 }, T)
+    }
+
+    /// What is told of an elbow and a grip that are there at these cycles.
+    fn told(moments: impl IntoIterator<Item = (u64, f64, f64)>) -> Vec<Option<Cause>> {
+        let mut speed = speed();
+        let judge = |(cycle, q, x): (u64, f64, f64)| {
+            let at = Instant::from_micros(1_000 * cycle);
+            let q = JointVector::from([0.0, 0.0, q, 0.0, 0.0, 0.0]);
+            speed.judge(&Moment { at, q, p_0_g: Vector3::new(0.0, x, 0.0) })
+        };
+        moments.into_iter().map(judge).collect()
+    }
+
+    #[test]
+    fn hazard_11_a_joint_too_fast_twice_is_told_in_the_second_sample() {
+        let at = |cycle: u32| (u64::from(cycle), 6.1e-3 * f64::from(cycle), 0.0);
+        let joint = Some(Cause::Overspeed { joint: 3 });
+        assert_eq!(told((0..4).map(at)), [None, None, joint, joint]);
+        assert_eq!(told([(0, 0.0, 0.0), (1, -0.1, 0.0), (2, -0.2, 0.0)])[2], joint, "either way");
+    }
+
+    #[test]
+    fn hazard_11_a_grip_faster_than_a_metre_in_a_second_is_told() {
+        let at = |cycle: u32| (u64::from(cycle), 0.0, 1.01e-3 * f64::from(cycle));
+        assert_eq!(told((0..3).map(at))[2], Some(Cause::GripOverspeed));
+    }
+
+    #[test]
+    fn hazard_04_the_motion_of_two_cycles_in_one_is_not_too_fast() {
+        // At 5 rad/s. The sample of 2 is missing, that of 3 is the one of 2, late.
+        let late = [(1, 0.005, 0.0), (3, 0.010, 0.0), (4, 0.020, 0.0), (5, 0.025, 0.0)];
+        assert_eq!(told(late), [None; 4]);
+    }
+
+    #[test]
+    fn a_number_that_is_none_is_too_fast() {
+        let none = [(0, 0.0, 0.0), (1, f64::NAN, 0.0), (2, f64::NAN, 0.0)];
+        assert_eq!(told(none)[2], Some(Cause::Overspeed { joint: 3 }));
+    }
+
+    proptest! {
+        #[test]
+        fn promise_14_what_is_slow_enough_is_never_told(
+            motions in prop::collection::vec((-5.9e-3..5.9e-3_f64, -0.99e-3..0.99e-3_f64, 1..4_u64), 1..99)
+        ) {
+            let (mut cycle, mut q, mut x) = (0, 0.0, 0.0);
+            let moments = motions.into_iter().map(|(dq, dx, cycles)| {
+                (cycle, q, x) = (cycle + cycles, q + dq, x + dx);
+                (cycle, q, x)
+            });
+            prop_assert!(told(moments).iter().all(Option::is_none));
+        }
+    }
+}

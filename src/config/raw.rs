@@ -304,6 +304,26 @@ pub(super) struct Safety {
     pub(super) missing_samples: u32,
     pub(super) gravity_ramp_s: f64,
     pub(super) reflection_ramp_s: f64,
+    #[serde(default = "yes")]
+    pub(super) prove_drives: bool,
+    #[serde(default = "one_kilogram")]
+    pub(super) effective_mass_kg: f64,
+    #[serde(default = "joint_speed")]
+    pub(super) joint_speed_rad_per_s: f64,
+    #[serde(default = "slide_speed")]
+    pub(super) slide_speed_m_per_s: f64,
+}
+
+const fn one_kilogram() -> f64 {
+    1.0
+}
+
+const fn joint_speed() -> f64 {
+    10.0
+}
+
+const fn slide_speed() -> f64 {
+    2.0
 }
 
 /// Three linear and three angular numbers as one six-vector.

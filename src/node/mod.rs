@@ -5,6 +5,8 @@
 
 mod bring_up;
 mod cycle;
+mod power;
+pub mod proof;
 mod request;
 pub mod safety;
 mod samples;
@@ -20,7 +22,6 @@ use std::time::Duration;
 
 use crate::bus::Bus;
 use crate::canopen::NmtState;
-use crate::canopen::drive::PowerStage;
 use crate::canopen::exchange::Outbox;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
@@ -32,6 +33,9 @@ use crate::canopen::time_stamp;
 use crate::config::Config;
 use crate::controller::Controller;
 use crate::controller::switches::Mode as CommandMode;
+use crate::node::power::PowerStages;
+use crate::node::proof::Proof;
+use crate::node::proof::ProofReport;
 use crate::node::safety::Ramps;
 use crate::node::safety::Safety;
 use crate::node::samples::Samples;
@@ -64,7 +68,8 @@ pub struct Node<B, R> {
     command_mode: CommandMode,
     safety: Safety,
     samples: Samples,
-    power: [PowerStage; 6],
+    power: PowerStages,
+    proof: Proof,
     schedule: Schedule,
     cycle: u64,
     sensed: Sensed,
@@ -87,13 +92,15 @@ impl<B: Bus, R: Remote> Node<B, R> {
         };
         let sensed = remote.exchange(now, &Motion::Hold);
         let (inbox, outbox) = config.exchange();
+        let plans = config.node_plans();
+        let proof = Proof::new(config, &plans);
         Self {
             period: config.period,
             window: config.window(),
             next_answer: config.longest_frame(),
             channels: config.channels(),
             outbox,
-            master: Master::new(config.node_plans()),
+            master: Master::new(plans),
             sync: Counter::new(config.sync_counter),
             clock: config
                 .time_period
@@ -103,7 +110,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             command_mode: config.command_mode,
             safety: Safety::new(ramps),
             samples: Samples::new(inbox, config.safety.missing_samples),
-            power: Default::default(),
+            power: PowerStages::new(config.safety.missing_samples),
+            proof,
             schedule: Schedule::starting(now, config.period),
             cycle: 0,
             sensed,
@@ -122,6 +130,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// What stopped the node, while it is stopped.
     pub const fn cause(&self) -> Option<Cause> {
         self.safety.cause()
+    }
+
+    /// What the drives have shown of stopping by themselves; empty where nothing was proven.
+    pub const fn proof(&self) -> &ProofReport {
+        self.proof.report()
     }
 
     /// What has happened on the network, for people: the oldest that was not asked for yet.

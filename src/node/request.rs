@@ -3,8 +3,8 @@
 use thiserror::Error;
 
 use crate::bus::Bus;
-use crate::canopen::drive::PowerStage;
 use crate::canopen::pdo::Deadman;
+use crate::config::force_cap::TooMuchForce;
 use crate::controller::switches::Mode as CommandMode;
 use crate::node::BringUpError;
 use crate::node::Node;
@@ -34,6 +34,9 @@ pub enum Refused {
     /// The mode does not allow it.
     #[error(transparent)]
     Mode(#[from] Refusal),
+    /// More force than the drives' own timers allow.
+    #[error(transparent)]
+    Force(#[from] TooMuchForce),
     /// The network did not come up again.
     #[error(transparent)]
     Boot(#[from] BringUpError),
@@ -47,7 +50,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub fn request(&mut self, request: Request) -> Result<Mode, Refused> {
         let now = self.bus.now();
         match request {
-            Request::Arm => self.safety.arm(now, self.deadman(now))?,
+            Request::Arm => {
+                self.proof.allows_force()?;
+                self.safety.arm(now, self.deadman(now))?;
+            }
             Request::Disarm => self.safety.disarm(now),
             Request::Reset => self.reset(now)?,
             Request::Command(mode) => self.command_mode = mode,
@@ -64,7 +70,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let stopped_by = self.cause();
         let disagrees = self.deadman(now) == Some(Deadman::Disagreeing);
         self.safety.reset(now, disagrees.then_some(Cause::DeadmanDisagrees))?;
-        self.power.iter_mut().for_each(PowerStage::reset_fault);
+        self.power.reset_faults();
         if let Some(cause) = stopped_by.filter(|cause| table::row(cause.kind()).boots) {
             let booted = self.bring_up(&mut || false);
             if booted.is_err() {

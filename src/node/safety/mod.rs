@@ -78,6 +78,7 @@ pub const fn cause_of_event(event: &Event) -> Option<Cause> {
         | Event::Absent { .. }
         | Event::Joined { .. }
         | Event::ErrorHistory { .. }
+        | Event::Statusword { .. }
         | Event::Stranger { .. }
         | Event::StateChanged { .. } => None,
     }

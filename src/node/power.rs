@@ -38,6 +38,8 @@ pub(super) const fn may_push(statusword: Statusword) -> bool {
 #[derive(Clone, Debug)]
 pub(super) struct PowerStages {
     stages: [PowerStage; 6],
+    /// The next fault on the way up is reset.
+    may_reset: [bool; 6],
     /// Off for itself, whatever the others do.
     dropped: [bool; 6],
     /// Told so by SDO.
@@ -53,6 +55,7 @@ impl PowerStages {
     pub(super) fn new(patience: u32) -> Self {
         Self {
             stages: Default::default(),
+            may_reset: [false; 6],
             dropped: [false; 6],
             told: [false; 6],
             silent: [0; 6],
@@ -60,9 +63,10 @@ impl PowerStages {
         }
     }
 
-    /// Asks every drive for one fault reset; dropped ones may be led again.
+    /// One fault of each drive is reset, now or when it is heard of on the way up; dropped drives may be
+    /// led again.
     pub(super) fn reset_faults(&mut self) {
-        self.stages.iter_mut().for_each(PowerStage::reset_fault);
+        self.may_reset = [true; 6];
         self.dropped = [false; 6];
         self.told = [false; 6];
     }
@@ -113,8 +117,13 @@ impl PowerStages {
         state: Option<State>,
         goal: Goal,
     ) -> Controlword {
-        let stage = self.stages.get_mut(joint);
-        stage.map_or(Controlword::DISABLE_VOLTAGE, |stage| stage.controlword(state, goal))
+        let stage = self.stages.get_mut(joint).zip(self.may_reset.get_mut(joint));
+        let Some((stage, may_reset)) = stage else { return Controlword::DISABLE_VOLTAGE };
+        let is_on_its_way = goal == Goal::OperationEnabled;
+        if state == Some(State::Fault) && is_on_its_way && std::mem::take(may_reset) {
+            stage.reset_fault();
+        }
+        stage.controlword(state, goal)
     }
 }
 
@@ -148,6 +157,17 @@ mod tests {
             assert_eq!(stages.goal(0, ENABLED, mode, true), Goal::OperationEnabled);
             assert_eq!(stages.goal(0, ENABLED, mode, false), Goal::VoltageDisabled);
         }
+    }
+
+    #[test]
+    fn a_fault_that_is_heard_of_late_is_reset_and_the_one_after_it_is_not() {
+        let mut stages = PowerStages::new(3);
+        stages.reset_faults();
+        let mut word = |state| stages.controlword(0, Some(state), Goal::OperationEnabled);
+        assert_eq!(word(State::OperationEnabled), Controlword::ENABLE_OPERATION, "an old word");
+        assert_eq!(word(State::Fault), Controlword::FAULT_RESET);
+        assert_eq!(word(State::SwitchOnDisabled), Controlword::SHUTDOWN);
+        assert_eq!([word(State::Fault), word(State::Fault)], [Controlword::DISABLE_VOLTAGE; 2]);
     }
 
     #[test]

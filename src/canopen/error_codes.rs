@@ -23,6 +23,11 @@ pub const FOLLOWING_ERROR: u16 = 0x8611;
 /// from it, and this one is maxon's.
 pub const SAFE_TORQUE_OFF: u16 = 0x8A88;
 
+/// Whether it says that the device misses somebody, or something it should receive (81xxh, 82xxh).
+pub const fn is_of_communication(code: u16) -> bool {
+    matches!(code & 0xFF00, 0x8100 | 0x8200)
+}
+
 /// What an error code says, by its class where it is not known itself.
 pub fn words(code: u16) -> &'static str {
     let known = |code: u16| CODES.iter().find(|(known, _)| *known == code);

@@ -34,6 +34,7 @@ pub mod station;
 pub mod sync;
 pub mod time_stamp;
 pub mod value;
+pub mod watchdog;
 pub mod words;
 
 pub use canopen_rs::ByteString;

@@ -155,7 +155,7 @@ pub struct NodePlan {
     /// operational for pre-operational, 1 changes nothing, 2 stops. `None` leaves it alone.
     pub error_behaviour: Option<u8>,
     /// What makes it stop by itself, and its limits. A device without one of these objects refuses
-    /// it by name; take it out where the EDS says so.
+    /// it by name, unless it [need not have](OPTIONAL) it.
     pub safety: Vec<(Object, Value)>,
     /// Mode of operation (6060h), confirmed by the node (6061h): commanded at every boot, not stored.
     pub mode: Option<i8>,
@@ -181,6 +181,16 @@ const DISABLE_DRIVE: Value = Value::Integer16(0);
 const TO_PRE_OPERATIONAL: u8 = 0;
 /// 605Dh: ramp down, stay enabled. The master does not use the halt bit.
 const SLOW_DOWN: Value = Value::Integer16(1);
+
+/// What a drive need not have (CiA 402-2): without them it has no choice how to stop, and no highest speed
+/// of its own.
+pub const OPTIONAL: [Object; 5] = [
+    Object::QUICK_STOP_OPTION,
+    Object::SHUTDOWN_OPTION,
+    Object::DISABLE_OPERATION_OPTION,
+    Object::HALT_OPTION,
+    Object::MAX_MOTOR_SPEED,
+];
 
 impl NodePlan {
     /// A CiA 402 drive in cyclic synchronous torque mode that stops when the master does, and never
@@ -244,6 +254,20 @@ impl NodePlan {
         }
     }
 
+    /// The same drive, whose motor may turn so fast at most (6080h), in turns per minute.
+    #[must_use]
+    pub fn no_faster_than(mut self, turns_per_minute: u32) -> Self {
+        self.safety.push((Object::MAX_MOTOR_SPEED, Value::Unsigned32(turns_per_minute)));
+        self
+    }
+
+    /// The same node without what it `lacks` and need not have.
+    #[must_use]
+    pub fn lacking(mut self, lacks: impl Fn(Object) -> bool) -> Self {
+        self.safety.retain(|(object, _)| !OPTIONAL.contains(object) || !lacks(*object));
+        self
+    }
+
     /// The same node for SYNCs that are counted up to `last` (1019h).
     #[must_use]
     pub fn counting(mut self, last: u8) -> Self {
@@ -294,7 +318,10 @@ impl NodePlan {
             for (object, value) in pdo.writes() {
                 let is_cob_id = object == pdo.communication(1);
                 let check = if is_cob_id { Check::cob_id } else { Check::exactly };
-                let if_there = pdo.service.is_none();
+                // Whether a drive has the timer is known after the boot; what it means, to who arms it.
+                let is_timer =
+                    pdo.direction == Direction::Receive && object == pdo.communication(5);
+                let if_there = pdo.service.is_none() || is_timer;
                 settings.push(Setting { check: check(object, value), if_there });
             }
         }
@@ -309,7 +336,10 @@ impl NodePlan {
             check: Check::exactly(Object::ERROR_BEHAVIOUR, Value::Unsigned8(behaviour)),
             if_there: true,
         }));
-        settings.extend(self.safety.iter().map(|(object, value)| must(*object, *value)));
+        settings.extend(self.safety.iter().map(|(object, value)| Setting {
+            if_there: OPTIONAL.contains(object),
+            ..must(*object, *value)
+        }));
         settings.extend(self.watch_settings());
         settings
     }

@@ -166,6 +166,7 @@ fn tell(event: &Event, names: &[String]) {
         | Event::FoundEnabled { .. }
         | Event::Absent { .. }
         | Event::ErrorHistory { .. }
+        | Event::Statusword { .. }
         | Event::HeartbeatLost { .. }
         | Event::Rebooted { .. }
         | Event::Duplicate { .. }

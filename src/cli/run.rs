@@ -134,7 +134,11 @@ fn attend<B: Bus, R: Remote>(
         Ok(()) => tracing::info!("ready: all drives enabled at zero torque"),
         Err(BringUpError::GivenUp) => return Ok(()),
         Err(error @ BringUpError::Bus(_)) => return Err(error).or_fail(Kind::Bus),
-        Err(error @ (BringUpError::Boot(_) | BringUpError::NotEnabled(_))) => {
+        Err(
+            error @ (BringUpError::Boot(_)
+            | BringUpError::NotEnabled(_)
+            | BringUpError::NotProven(_)),
+        ) => {
             return Err(error).or_fail(Kind::Drive);
         }
     }

@@ -6,12 +6,14 @@ mod boot;
 mod bus_plan;
 mod control;
 pub mod files;
+pub mod force_cap;
 mod gain_check;
 mod joints;
 mod lookup;
 mod network;
 mod plausibility;
 mod problem;
+mod protection;
 mod raw;
 mod readings;
 mod remote;
@@ -29,6 +31,8 @@ pub use network::SwitchBox;
 pub use plausibility::Plausibility;
 pub use problem::Invalid;
 pub use problem::Problem;
+pub use protection::Protection;
+pub use protection::grain;
 pub use remote::Contact;
 pub use remote::Virtual;
 pub use simulated::Simulated;
@@ -101,7 +105,7 @@ pub struct Config {
 /// How long what may last before torque goes off.
 #[derive(Clone, Copy, Debug)]
 pub struct Safety {
-    /// A drive without a fresh RPDO.
+    /// A drive without a fresh RPDO; 0 where only the heartbeat is to stop it.
     pub rpdo_timer_ms: u16,
     /// A drive without the master's heartbeat.
     pub node_lost_ms: u16,
@@ -115,6 +119,8 @@ pub struct Safety {
     pub gravity_ramp: Duration,
     /// Reflection from zero to full.
     pub reflection_ramp: Duration,
+    /// What the drives do by themselves.
+    pub protection: Protection,
 }
 
 impl Config {
@@ -293,6 +299,7 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
         plausibility,
     };
     network::check(&config, problems);
+    protection::check(&config, problems);
     gain_check::check(&config, refuses, problems);
     Some(config)
 }

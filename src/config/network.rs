@@ -29,6 +29,7 @@ use crate::config::boot::BootSettings;
 use crate::config::joints::Joint;
 use crate::config::lookup;
 use crate::config::problem::Problems;
+use crate::config::protection;
 use crate::config::raw;
 
 /// Bit rates of CiA 301 (4.2), in bit/s.
@@ -150,7 +151,7 @@ pub(super) fn switch_box(
 pub(super) fn safety(raw: &raw::File, period: Duration, problems: &mut Problems<'_>) -> Safety {
     let safety = &raw.safety;
     let millis = |millis: u16| Duration::from_millis(u64::from(millis));
-    if millis(safety.rpdo_timer_ms) < period * 2 {
+    if safety.rpdo_timer_ms > 0 && millis(safety.rpdo_timer_ms) < period * 2 {
         let two = (period * 2).as_micros();
         let reason = format!("{} ms is less than two periods, {two} µs", safety.rpdo_timer_ms);
         problems.add("safety.rpdo_timer_ms", reason);
@@ -177,6 +178,7 @@ pub(super) fn safety(raw: &raw::File, period: Duration, problems: &mut Problems<
         missing_samples: safety.missing_samples,
         gravity_ramp: Duration::try_from_secs_f64(gravity).unwrap_or_default(),
         reflection_ramp: Duration::try_from_secs_f64(reflection).unwrap_or_default(),
+        protection: protection::protection(safety, problems),
     }
 }
 
@@ -221,7 +223,7 @@ pub(super) fn plans(config: &Config) -> Vec<(Channel, NodePlan)> {
 
 fn drive_plan(config: &Config, place: usize, joint: &Joint) -> NodePlan {
     let name = format!("joint {} ({})", place + 1, joint.name);
-    let timer = Some(config.safety.rpdo_timer_ms);
+    let timer = protection::rpdo_timer(config, joint);
     let group = group(config, joint);
     let mut pdos = match group {
         Some(group) => layout::grouped(joint.node, place, group, timer),
@@ -233,6 +235,8 @@ fn drive_plan(config: &Config, place: usize, joint: &Joint) -> NodePlan {
     let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch, most);
     let rest = joint.calibration.span(AT_REST).saturating_add(NOISE);
     let plan = NodePlan { rest: Some(rest), ..plan };
+    let plan = plan.no_faster_than(protection::motor_speed(joint));
+    let plan = protection::as_far_as_it_has(plan, joint);
     let plan = match config.sync_counter {
         Some(last) => plan.counting(last),
         None => plan,

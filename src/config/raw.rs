@@ -315,6 +315,14 @@ pub(super) struct Safety {
     pub(super) torque_differs_ms: Option<u64>,
     pub(super) frozen_ms: Option<u64>,
     pub(super) max_missing_percent: Option<u32>,
+    #[serde(default = "yes")]
+    pub(super) prove_drives: bool,
+    #[serde(default = "one_kilogram")]
+    pub(super) effective_mass_kg: f64,
+}
+
+const fn one_kilogram() -> f64 {
+    1.0
 }
 
 /// Three linear and three angular numbers as one six-vector.

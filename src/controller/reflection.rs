@@ -63,6 +63,11 @@ impl Reflection {
         &self.x_m_s
     }
 
+    /// The most force at the grip, in N.
+    pub const fn max_force(&self) -> f64 {
+        self.max_force
+    }
+
     /// K_T.
     pub const fn gain(&self) -> &Gains {
         &self.gain

@@ -6,13 +6,12 @@ use thiserror::Error;
 
 use crate::bus::Bus;
 use crate::bus::Heard;
-use crate::canopen::drive::PowerStage;
-use crate::canopen::drive::State;
-use crate::canopen::drive::Statusword;
 use crate::canopen::frame::Telegram;
 use crate::canopen::master::boot_error::BootError;
 use crate::canopen::master::event::Event;
 use crate::node::Node;
+use crate::node::power;
+use crate::node::proof::NotProven;
 use crate::node::safety::causes;
 use crate::node::schedule::Schedule;
 use crate::remote::Remote;
@@ -43,6 +42,9 @@ pub enum BringUpError {
     /// A drive did not reach `Operation enabled`.
     #[error("{0}")]
     NotEnabled(Cause),
+    /// A drive goes on without its master: one line each.
+    #[error("{}", lines(.0))]
+    NotProven(Vec<NotProven>),
     /// Whoever started it gave it up.
     #[error("boot given up")]
     GivenUp,
@@ -60,14 +62,16 @@ pub struct NotConfirmed {
 
 impl<B: Bus, R: Remote> Node<B, R> {
     /// Boots every node (identity, configuration written and read back, NMT start), then runs cycles
-    /// at zero torque until every drive is enabled.
+    /// at zero torque until every drive is enabled and has [proven](crate::node::proof) that it stops by
+    /// itself.
     ///
     /// # Errors
-    /// When a node or the bus fails, or `give_up` says so. Nothing is enabled then.
+    /// When a node, a drive or the bus fails, or `give_up` says so. Nothing is enabled then.
     pub fn bring_up(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         self.master.restart();
         self.samples.restart();
         self.plausibility.restart();
+        self.proof.restart();
         self.outbox.restart();
         self.sync.restart();
         let quiet = self.bus.now() + LISTEN_FIRST;
@@ -77,20 +81,45 @@ impl<B: Bus, R: Remote> Node<B, R> {
             self.leave_pre_operational();
         }
         booted?;
+        let ready = self.become_ready(give_up);
+        if ready.is_err() {
+            // Whether they confirm it or not, there is nothing more to do about it.
+            self.switch_off().ok();
+        }
+        ready
+    }
+
+    /// Enables the drives at zero torque, lets them prove that they stop by themselves, and is ready.
+    fn become_ready(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
+        self.enable(give_up)?;
+        self.prove(give_up)?;
+        while self.mode() == Mode::Boot {
+            self.cycle();
+        }
+        self.cause().map_or(Ok(()), |cause| Err(BringUpError::NotEnabled(cause)))
+    }
+
+    /// Runs cycles at zero torque until every drive is enabled. One that has missed its master is in a
+    /// fault, by its own timers, which is reset.
+    ///
+    /// # Errors
+    /// When one does not come, something else is wrong, or `give_up` says so.
+    pub(super) fn enable(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         let now = self.bus.now();
         self.schedule = Schedule::starting(now, self.period);
         self.safety.boot(now);
-        // A drive that missed its master since the last run is in a fault, by its own heartbeat watch.
-        self.power.iter_mut().for_each(PowerStage::reset_fault);
-        while self.mode() == Mode::Boot {
+        self.power.reset_faults();
+        loop {
             if give_up() {
                 return Err(BringUpError::GivenUp);
             }
             self.cycle();
-        }
-        match self.cause() {
-            None => Ok(()),
-            Some(cause) => Err(BringUpError::NotEnabled(cause)),
+            if let Some(cause) = self.cause() {
+                return Err(BringUpError::NotEnabled(cause));
+            }
+            if self.samples.is_complete() && self.not_enabled().is_none() {
+                return Ok(());
+            }
         }
     }
 
@@ -155,6 +184,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         for _ in 0..QUIET_CYCLES {
             self.cycle();
         }
+        self.switch_off()
+    }
+
+    /// Voltage off, confirmed by the statuswords, then NMT pre-operational.
+    fn switch_off(&mut self) -> Result<(), NotConfirmed> {
         self.safety.shut_down(self.bus.now());
         let until = self.bus.now() + CONFIRM_WITHIN;
         let mut on = self.first_on();
@@ -172,7 +206,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// The first joint whose drive still has its power stage on, and its statusword.
     fn first_on(&self) -> Option<(usize, u16)> {
         let mut joints = (1..).zip(self.samples.latest());
-        let (joint, sample) = joints.find(|(_, sample)| has_power(sample.statusword))?;
+        let (joint, sample) = joints.find(|(_, sample)| power::may_push(sample.statusword))?;
         Some((joint, sample.statusword.0))
     }
 
@@ -186,25 +220,6 @@ impl<B: Bus, R: Remote> Node<B, R> {
 }
 
 /// One line for each.
-fn lines(errors: &[BootError]) -> String {
-    errors.iter().map(BootError::to_string).collect::<Vec<_>>().join("\n")
-}
-
-/// Whether the power stage may still push. A state that is none counts as one that may.
-const fn has_power(statusword: Statusword) -> bool {
-    match statusword.state() {
-        Some(
-            State::NotReadyToSwitchOn
-            | State::SwitchOnDisabled
-            | State::ReadyToSwitchOn
-            | State::Fault,
-        ) => false,
-        Some(
-            State::SwitchedOn
-            | State::OperationEnabled
-            | State::QuickStopActive
-            | State::FaultReactionActive,
-        )
-        | None => true,
-    }
+fn lines(errors: &[impl ToString]) -> String {
+    errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }

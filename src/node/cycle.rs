@@ -81,7 +81,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// Hears what comes between two cycles.
-    fn listen(&mut self, until: Instant) {
+    pub(super) fn listen(&mut self, until: Instant) {
         while let Some(received) = self.bus.receive(until) {
             self.hear(received);
         }
@@ -89,7 +89,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Hears the drives' answers to this SYNC, until all have answered or the window is over. While
     /// answers come it stays open for the next one: a SYNC that had to wait for the bus moves them all.
-    fn gather(&mut self, sync_at: Instant) {
+    pub(super) fn gather(&mut self, sync_at: Instant) {
         let (mut until, end) = (sync_at + self.window, sync_at + self.period);
         while !self.samples.is_complete() {
             let Some(received) = self.bus.receive(until.min(end)) else { break };
@@ -101,7 +101,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    fn hear(&mut self, received: Received) {
+    pub(super) fn hear(&mut self, received: Received) {
         let Received { at, channel, heard } = received;
         match heard {
             Heard::Frame(frame) => {
@@ -118,7 +118,14 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Keeps what the master says for people, and stops if it is a cause to.
     fn on_event(&mut self, now: Instant, event: Event) {
-        self.heed(now, causes::of_event(&event));
+        if self.proof.takes(now, &event) {
+            return;
+        }
+        let cause = causes::of_event(&event);
+        if let Some(Cause::Emergency { node, .. }) = cause {
+            self.power.drop_drive(node);
+        }
+        self.heed(now, cause);
         self.note(event);
     }
 
@@ -132,10 +139,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Draws the conclusions of this cycle's samples and of time itself.
     fn judge(&mut self, now: Instant, skipped: u64) {
         let before = self.cause();
-        while let Some(event) = self.master.on_time(now, &mut self.out) {
-            self.on_event(now, event);
-        }
-        self.post();
+        self.tend_master(now);
         if skipped > OVERRUN && self.cycle > 0 {
             self.safety.stop(now, Cause::Overrun { cycles: skipped });
         }
@@ -145,12 +149,22 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.heed(now, contradiction);
         match self.not_enabled() {
             Some(drive) => self.safety.not_enabled(now, drive),
-            None if self.samples.is_complete() => self.safety.drives_are_enabled(now),
+            None if self.samples.is_complete() && self.proof.is_over() => {
+                self.safety.drives_are_enabled(now)
+            }
             None => {}
         }
         if before != self.cause() {
             self.ask_why(now);
         }
+    }
+
+    /// Lets the master do what is due.
+    pub(super) fn tend_master(&mut self, now: Instant) {
+        while let Some(event) = self.master.on_time(now, &mut self.out) {
+            self.on_event(now, event);
+        }
+        self.post();
     }
 
     /// A drive that stopped the node by its statusword alone is asked for its errors.
@@ -163,7 +177,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// The first joint whose drive is not enabled, and its statusword.
-    fn not_enabled(&self) -> Option<(usize, u16)> {
+    pub(super) fn not_enabled(&self) -> Option<(usize, u16)> {
         let mut joints = (1..).zip(self.samples.latest());
         let (joint, sample) = joints
             .find(|(_, sample)| sample.statusword.state() != Some(State::OperationEnabled))?;
@@ -188,22 +202,22 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    fn send_sync(&mut self) -> Instant {
+    pub(super) fn send_sync(&mut self) -> Instant {
         self.samples.begin(self.bus.now());
         let sync = self.sync.next().frame();
         self.send_on_every_bus(sync);
         self.bus.now()
     }
 
-    fn send_targets(&mut self, targets: &[i16; 6], drives_on: bool) {
-        let goal = if drives_on { Goal::OperationEnabled } else { Goal::VoltageDisabled };
-        let joints = self.samples.latest().iter().zip(&mut self.power).zip(targets);
-        for (joint, ((sample, power), target)) in joints.enumerate() {
+    pub(super) fn send_targets(&mut self, targets: &[i16; 6], drives_on: bool) {
+        let mode = self.safety.mode();
+        for (joint, (sample, target)) in self.samples.latest().iter().zip(targets).enumerate() {
             self.outbox.exert(joint, PerMille(*target));
+            let state = sample.statusword.state();
+            let goal = self.power.goal(joint, state, mode, drives_on);
             // A fault is reset by an edge, so no word is replaced before it is sent, unless by "off".
-            if !drives_on || !self.outbox.is_waiting(joint) {
-                let state = sample.statusword.state();
-                let word = power.controlword(state, goal);
+            if goal == Goal::VoltageDisabled || !self.outbox.is_waiting(joint) {
+                let word = self.power.controlword(joint, state, goal);
                 self.outbox.lead(joint, word, goal.is_reached(state));
             }
         }
@@ -213,14 +227,18 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// The node's own heartbeat: from the cycle itself, so that it stops with it.
-    fn send_heartbeat(&mut self, now: Instant) {
+    pub(super) fn send_heartbeat(&mut self, now: Instant) {
         if let Some(frame) = self.heartbeat.due(now) {
             self.send_on_every_bus(frame);
         }
     }
 
-    /// One request of the master's by SDO at most, after everything that must not wait for it.
-    fn send_request(&mut self) {
+    /// One request of the master's by SDO at most, after everything that must not wait for it. Power off,
+    /// for a drive that has fallen silent, comes before all others.
+    pub(super) fn send_request(&mut self) {
+        if self.power_off_silent() {
+            return;
+        }
         if let Some(telegram) = self.master.release() {
             self.send(telegram);
         }
@@ -234,7 +252,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    fn send_on_every_bus(&mut self, frame: Frame) {
+    pub(super) fn send_on_every_bus(&mut self, frame: Frame) {
         self.out.extend(self.channels.iter().map(|&channel| Telegram { channel, frame }));
         self.post();
     }
@@ -249,7 +267,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// Sends a frame now or never.
-    fn send(&mut self, telegram: Telegram) {
+    pub(super) fn send(&mut self, telegram: Telegram) {
         let Channel(channel) = telegram.channel;
         match self.bus.send(telegram) {
             Ok(()) => {}

@@ -8,6 +8,8 @@ mod cycle;
 mod gate;
 pub mod operator;
 mod plausibility;
+mod power;
+pub mod proof;
 mod request;
 pub mod safety;
 mod samples;
@@ -23,7 +25,6 @@ use std::time::Duration;
 
 use crate::bus::Bus;
 use crate::canopen::NmtState;
-use crate::canopen::drive::PowerStage;
 use crate::canopen::exchange::Outbox;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
@@ -38,6 +39,9 @@ use crate::controller::switches::Mode as CommandMode;
 use crate::node::gate::Gate;
 use crate::node::operator::Operator;
 use crate::node::plausibility::Plausibility;
+use crate::node::power::PowerStages;
+use crate::node::proof::Proof;
+use crate::node::proof::ProofReport;
 use crate::node::safety::Ramps;
 use crate::node::safety::Safety;
 use crate::node::samples::Samples;
@@ -73,7 +77,8 @@ pub struct Node<B, R> {
     gate: Gate,
     samples: Samples,
     plausibility: Plausibility,
-    power: [PowerStage; 6],
+    power: PowerStages,
+    proof: Proof,
     schedule: Schedule,
     cycle: u64,
     sensed: Sensed,
@@ -96,13 +101,15 @@ impl<B: Bus, R: Remote> Node<B, R> {
         };
         let sensed = remote.exchange(now, &Motion::Hold);
         let (inbox, outbox) = config.exchange();
+        let plans = config.node_plans();
+        let proof = Proof::new(config, &plans);
         Self {
             period: config.period,
             window: config.window(),
             next_answer: config.longest_frame(),
             channels: config.channels(),
             outbox,
-            master: Master::new(config.node_plans()),
+            master: Master::new(plans),
             sync: Counter::new(config.sync_counter),
             clock: config
                 .time_period
@@ -119,7 +126,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 config.safety.missing_samples,
             ),
             plausibility: Plausibility::new(config),
-            power: Default::default(),
+            power: PowerStages::new(config.safety.missing_samples),
+            proof,
             schedule: Schedule::starting(now, config.period),
             cycle: 0,
             sensed,
@@ -138,6 +146,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// What stopped the node, while it is stopped.
     pub const fn cause(&self) -> Option<Cause> {
         self.safety.cause()
+    }
+
+    /// What the drives have shown of stopping by themselves; empty where nothing was proven.
+    pub const fn proof(&self) -> &ProofReport {
+        self.proof.report()
     }
 
     /// What has happened on the network, for people: the oldest that was not asked for yet.

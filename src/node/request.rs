@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use crate::bus::Bus;
-use crate::canopen::drive::PowerStage;
+use crate::config::force_cap::TooMuchForce;
 use crate::controller::switches::Mode as CommandMode;
 use crate::node::BringUpError;
 use crate::node::Node;
@@ -31,6 +31,9 @@ pub enum Refused {
     /// The mode does not allow it.
     #[error(transparent)]
     Mode(#[from] Refusal),
+    /// More force than the drives' own timers allow.
+    #[error(transparent)]
+    Force(#[from] TooMuchForce),
     /// The network did not come up again.
     #[error(transparent)]
     Boot(#[from] BringUpError),
@@ -44,7 +47,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub fn request(&mut self, request: Request) -> Result<Mode, Refused> {
         let now = self.bus.now();
         match request {
-            Request::Arm => self.safety.arm(now, self.operator.grasp())?,
+            Request::Arm => {
+                self.proof.allows_force()?;
+                self.safety.arm(now, self.operator.grasp())?;
+            }
             Request::Disarm => self.safety.disarm(),
             Request::Reset => self.reset(now)?,
             Request::Command(mode) => self.command_mode = mode,
@@ -55,7 +61,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Leaves a stop, by a boot where any of its causes asks for one; if that fails the stop remains.
     fn reset(&mut self, now: Instant) -> Result<(), Refused> {
         let left = self.safety.reset(now)?;
-        self.power.iter_mut().for_each(PowerStage::reset_fault);
+        self.power.reset_faults();
         if left.must_boot {
             let booted = self.bring_up(&mut || false);
             if booted.is_err() {

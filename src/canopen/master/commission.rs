@@ -8,11 +8,13 @@ use std::time::Duration;
 
 use canopen_rs::NmtCommand;
 use canopen_rs::NmtState;
+use canopen_rs::Value;
 use canopen_rs::nmt::decode_heartbeat;
 use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::sdo::response_cob_id;
 
 use crate::canopen::abort::AbortCode;
+use crate::canopen::drive::Controlword;
 use crate::canopen::frame::Frame;
 use crate::canopen::heartbeat::is_boot_up;
 use crate::canopen::master::boot_error::BootError;
@@ -26,6 +28,7 @@ use crate::canopen::master::steps::Next;
 use crate::canopen::master::steps::Stage;
 use crate::canopen::master::steps::Step;
 use crate::canopen::nmt::Order;
+use crate::canopen::object::Object;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::sdo::Content;
 use crate::canopen::sdo::Outcome;
@@ -66,6 +69,8 @@ pub struct Boot {
     /// Whether it was found with its power on.
     was_enabled: bool,
     rest: Rest,
+    /// What it does not have, although it may.
+    missing: Vec<Object>,
     /// The state it last told by a heartbeat.
     heard: Option<NmtState>,
     wait: Wait,
@@ -112,6 +117,7 @@ impl Boot {
             exchange: Exchange::default(),
             was_enabled: false,
             rest: Rest::within(plan.rest.unwrap_or(0)),
+            missing: Vec::new(),
             heard: None,
             wait: Wait::Start,
         }
@@ -136,7 +142,7 @@ impl Boot {
             return None;
         }
         if self.is_under_way() && self.exchange.is_one_too_many(frame) {
-            return self.fail(Problem::Duplicate(Sign::AnswersTwice));
+            return self.give_up_two(now, out);
         }
         let (Wait::Read(transfer) | Wait::Write(transfer)) = &mut self.wait else { return None };
         let sent = out.len();
@@ -344,6 +350,7 @@ impl Boot {
             Err(SdoError::Refused(AbortCode::NO_OBJECT | AbortCode::NO_SUB_INDEX))
                 if action.may_be_missing() =>
             {
+                self.missing.push(object);
                 self.next_step(now, out)
             }
             Err(SdoError::Silent) if action == Action::Meet && is_patient => {
@@ -382,6 +389,22 @@ impl Boot {
         Some(Err(BootError::new(&self.plan, problem)))
     }
 
+    /// Two may be there, and one of them may push: whoever takes it is told to take its power off, and no
+    /// answer is waited for.
+    fn give_up_two(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<BootOutcome> {
+        if self.plan.is_drive() {
+            let off = bytes(&Value::Unsigned16(Controlword::DISABLE_VOLTAGE.0));
+            // Two bytes always fit.
+            Transfer::write(self.plan.node, Object::CONTROLWORD, off, REPLY, now, out).ok();
+        }
+        self.fail(Problem::Duplicate(Sign::AnswersTwice))
+    }
+
+    /// What it was to be told and does not have, so that it is not set.
+    pub fn missing(&self) -> &[Object] {
+        &self.missing
+    }
+
     /// Whether it was found with its power on.
     pub const fn was_enabled(&self) -> bool {
         self.was_enabled
@@ -396,7 +419,6 @@ impl Boot {
 mod tests {
     use super::*;
     use crate::canopen::master::steps::tests::first_boot;
-    use crate::canopen::object::Object;
     use crate::canopen::plan::Revisions;
     use crate::canopen::plan::tests::elbow;
     use crate::canopen::plan::tests::guarded_elbow;

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use canopen_rs::NmtState;
 
+use crate::canopen::drive::Statusword;
 use crate::canopen::emcy::Emergency;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
@@ -61,6 +62,13 @@ pub enum Event {
         /// What it remembers, the newest first.
         history: History,
     },
+    /// A drive has said what its power stage is in (6041h), because it was asked.
+    Statusword {
+        /// Which.
+        node: usize,
+        /// What it said.
+        statusword: Statusword,
+    },
     /// A node was silent for too long.
     HeartbeatLost {
         /// Which.
@@ -111,6 +119,7 @@ impl Event {
             | Self::Joined { node }
             | Self::Emergency { node, .. }
             | Self::ErrorHistory { node, .. }
+            | Self::Statusword { node, .. }
             | Self::HeartbeatLost { node }
             | Self::Rebooted { node }
             | Self::StateChanged { node, .. }
@@ -138,6 +147,9 @@ impl fmt::Display for Event {
             Self::Joined { .. } => f.write_str("has appeared and is operational"),
             Self::Emergency { emergency, .. } => write!(f, "emergency {emergency}"),
             Self::ErrorHistory { history, .. } => write!(f, "error history (1003h): {history}"),
+            Self::Statusword { statusword, .. } => {
+                write!(f, "6041h = {:04X}h", statusword.0)
+            }
             Self::HeartbeatLost { .. } => f.write_str("heartbeat lost"),
             Self::Rebooted { .. } => f.write_str("rebooted by itself"),
             Self::StateChanged { state, .. } => write!(f, "is {}", nmt::words(*state)),

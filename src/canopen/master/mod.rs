@@ -14,6 +14,7 @@ pub mod configuration;
 pub mod duplicate;
 pub mod error_history;
 pub mod event;
+mod inquiry;
 mod rest;
 mod slave;
 pub mod steps;
@@ -42,6 +43,7 @@ use crate::canopen::master::slave::Slave;
 use crate::canopen::master::strangers::Strangers;
 use crate::canopen::nmt;
 use crate::canopen::nmt::Order;
+use crate::canopen::object::Object;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::sync;
 use crate::time::Instant;
@@ -55,6 +57,8 @@ pub struct Master {
     slaves: Vec<Slave>,
     strangers: Strangers,
     phase: Phase,
+    /// Whether a node that tells of an error is asked for those it remembers.
+    asks_why: bool,
     /// What one node wants sent; kept, so that nothing is allocated later.
     frames: Vec<Frame>,
     /// What waits for its cycle while the network runs.
@@ -83,6 +87,7 @@ impl Master {
             slaves: slaves.collect(),
             strangers,
             phase: Phase::Booting,
+            asks_why: true,
             frames: Vec::with_capacity(8),
             outbox: VecDeque::with_capacity(QUEUE),
             events: VecDeque::with_capacity(QUEUE),
@@ -171,6 +176,41 @@ impl Master {
         }
     }
 
+    /// What a node was to be told and does not have, by its place in the list of plans: it is not set.
+    pub fn missing(&self, node: usize) -> &[Object] {
+        self.slaves.get(node).map(|slave| slave.missing.as_slice()).unwrap_or_default()
+    }
+
+    /// Whether a node that tells of an error is asked for those it remembers from now on.
+    pub const fn asks_why(&mut self, asks: bool) {
+        self.asks_why = asks;
+    }
+
+    /// Reads what a drive's power stage is in, by its place in the list of plans; an
+    /// [`Event::Statusword`] tells it. A drive that cannot be asked now is not.
+    pub fn read_statusword(&mut self, now: Instant, node: usize, out: &mut Vec<Telegram>) {
+        if let Some(slave) = self.slaves.get_mut(node) {
+            slave.read_statusword(now, &mut self.frames);
+            self.after(now, node, None, out);
+        }
+    }
+
+    /// Tells a drive by SDO to take its power off, by its place in the list of plans: at once, without
+    /// waiting for a SYNC or behind anything else.
+    pub fn power_off(&mut self, now: Instant, node: usize, out: &mut Vec<Telegram>) {
+        if let Some(slave) = self.slaves.get_mut(node) {
+            slave.power_off(now, &mut self.frames);
+            let channel = slave.channel;
+            out.extend(self.frames.drain(..).map(|frame| Telegram { channel, frame }));
+        }
+    }
+
+    /// Starts again every node that is watched: some may have left operational by themselves (1029h).
+    pub fn start_again(&self, out: &mut Vec<Telegram>) {
+        let watched = self.slaves.iter().filter(|slave| slave.is_watched() && !slave.is_late);
+        out.extend(watched.map(|slave| telegram(slave, NmtCommand::StartRemoteNode)));
+    }
+
     /// For an orderly stop, after torque and power are off: every node back to pre-operational.
     pub fn shut_down(&self, out: &mut Vec<Telegram>) {
         let order = NmtCommand::EnterPreOperational;
@@ -222,6 +262,9 @@ impl Master {
             Some(Report::Failed(error)) => self.tell(Event::BootFailed(error)),
             Some(Report::Absent(waited)) => self.tell(Event::Absent { node, waited }),
             Some(Report::History(history)) => self.tell(Event::ErrorHistory { node, history }),
+            Some(Report::Statusword(statusword)) => {
+                self.tell(Event::Statusword { node, statusword });
+            }
             Some(Report::News(news)) if is_late => self.on_news_of_late(now, node, news),
             Some(Report::News(news)) => self.on_news(node, news),
         }
@@ -321,7 +364,7 @@ impl Master {
         let Some(node) = self.slaves.iter().position(is_its) else { return };
         let Some(emergency) = Emergency::decode(frame.data()) else { return };
         self.tell(Event::Emergency { node, emergency });
-        if !emergency.is_reset() {
+        if self.asks_why && !emergency.is_reset() {
             self.read_history(now, node, out);
         }
     }

@@ -8,6 +8,7 @@ use std::time::Duration;
 use canopen_rs::NmtState;
 use canopen_rs::nmt::heartbeat_cob_id;
 
+use crate::canopen::drive::Statusword;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::guarding::Guard;
@@ -19,8 +20,10 @@ use crate::canopen::master::boot_error::Problem;
 use crate::canopen::master::commission::Boot;
 use crate::canopen::master::commission::BootOutcome;
 use crate::canopen::master::error_history::History;
-use crate::canopen::master::error_history::Reading;
+use crate::canopen::master::inquiry::Answer;
+use crate::canopen::master::inquiry::Inquiry;
 use crate::canopen::master::steps::Configuration;
+use crate::canopen::object::Object;
 use crate::canopen::plan::ErrorControl;
 use crate::canopen::plan::NodePlan;
 use crate::time::Instant;
@@ -38,6 +41,8 @@ pub(super) struct Slave {
     pub(super) is_late: bool,
     /// Whether its last boot found it with its power on.
     pub(super) was_enabled: bool,
+    /// What its last boot found that it does not have.
+    pub(super) missing: Vec<Object>,
 }
 
 /// How far it is.
@@ -46,7 +51,7 @@ enum Stage {
     Booting(Box<Boot>),
     Watched {
         watch: Watch,
-        reading: Option<Box<Reading>>,
+        inquiry: Option<Box<Inquiry>>,
     },
     /// Missing and optional; looked for at this time, or when it is heard.
     Awaited(Instant),
@@ -73,13 +78,15 @@ pub(super) enum Report {
     News(News),
     /// What it remembers of its errors.
     History(History),
+    /// What its power stage is in.
+    Statusword(Statusword),
 }
 
 impl Slave {
     /// One that begins to boot with the first call of [`on_time`](Self::on_time).
     pub(super) fn new(channel: Channel, plan: NodePlan) -> Self {
         let stage = Stage::Booting(Box::new(Boot::new(&plan)));
-        Self { channel, plan, stage, is_late: false, was_enabled: false }
+        Self { channel, plan, stage, is_late: false, was_enabled: false, missing: Vec::new() }
     }
 
     /// Begins again, as after power-up.
@@ -131,12 +138,12 @@ impl Slave {
                 let outcome = boot.on_frame(now, frame, out)?;
                 self.after_boot(now, outcome)
             }
-            Stage::Watched { watch, reading } => {
-                if let Some(history) =
-                    reading.as_mut().and_then(|reading| reading.on_frame(now, frame, out))
+            Stage::Watched { watch, inquiry } => {
+                if let Some(answer) =
+                    inquiry.as_mut().and_then(|inquiry| inquiry.on_frame(now, frame, out))
                 {
-                    *reading = None;
-                    return Some(Report::History(history));
+                    *inquiry = None;
+                    return Report::of(answer);
                 }
                 watch.on_frame(now, frame).map(Report::News)
             }
@@ -157,10 +164,10 @@ impl Slave {
                 let outcome = boot.on_time(now, out)?;
                 self.after_boot(now, outcome)
             }
-            Stage::Watched { watch, reading } => {
-                if let Some(history) = reading.as_mut().and_then(|r| r.on_time(now, out)) {
-                    *reading = None;
-                    return Some(Report::History(history));
+            Stage::Watched { watch, inquiry } => {
+                if let Some(answer) = inquiry.as_mut().and_then(|asked| asked.on_time(now, out)) {
+                    *inquiry = None;
+                    return Report::of(answer);
                 }
                 watch.on_time(now, out).map(Report::News)
             }
@@ -176,9 +183,9 @@ impl Slave {
     pub(super) fn deadline(&self) -> Option<Instant> {
         match &self.stage {
             Stage::Booting(boot) => boot.deadline(),
-            Stage::Watched { watch, reading } => {
-                let reading = reading.as_ref().and_then(|reading| reading.deadline());
-                watch.deadline().into_iter().chain(reading).min()
+            Stage::Watched { watch, inquiry } => {
+                let inquiry = inquiry.as_ref().and_then(|inquiry| inquiry.deadline());
+                watch.deadline().into_iter().chain(inquiry).min()
             }
             Stage::Awaited(look) => Some(*look),
             Stage::Failed => None,
@@ -187,8 +194,22 @@ impl Slave {
 
     /// Begins to read what it remembers of its errors, if it can be asked and is not being asked.
     pub(super) fn read_history(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        if let Stage::Watched { reading: reading @ None, .. } = &mut self.stage {
-            *reading = Some(Box::new(Reading::new(self.plan.node, now, out)));
+        if let Stage::Watched { inquiry: inquiry @ None, .. } = &mut self.stage {
+            *inquiry = Some(Box::new(Inquiry::history(self.plan.node, now, out)));
+        }
+    }
+
+    /// Begins to read what its power stage is in, if it can be asked and is not being asked.
+    pub(super) fn read_statusword(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        if let Stage::Watched { inquiry: inquiry @ None, .. } = &mut self.stage {
+            *inquiry = Some(Box::new(Inquiry::statusword(self.plan.node, now, out)));
+        }
+    }
+
+    /// Tells it to take its power off. What it is being asked is given up for that.
+    pub(super) fn power_off(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        if let Stage::Watched { inquiry, .. } = &mut self.stage {
+            *inquiry = Inquiry::power_off(self.plan.node, now, out).map(Box::new);
         }
     }
 
@@ -207,10 +228,11 @@ impl Slave {
     fn after_boot(&mut self, now: Instant, outcome: BootOutcome) -> Option<Report> {
         if let Stage::Booting(boot) = &self.stage {
             self.was_enabled = boot.was_enabled();
+            self.missing = boot.missing().to_vec();
         }
         match outcome {
             Ok(configuration) => {
-                self.stage = Stage::Watched { watch: Watch::new(&self.plan, now), reading: None };
+                self.stage = Stage::Watched { watch: Watch::new(&self.plan, now), inquiry: None };
                 Some(Report::Configured(configuration))
             }
             Err(BootError { problem: Problem::Absent { waited }, .. }) if self.plan.is_optional => {
@@ -226,6 +248,17 @@ impl Slave {
                 self.stage = Stage::Failed;
                 Some(Report::Failed(error))
             }
+        }
+    }
+}
+
+impl Report {
+    /// What an answer comes to, if it is to be told.
+    const fn of(answer: Answer) -> Option<Self> {
+        match answer {
+            Answer::History(history) => Some(Self::History(history)),
+            Answer::Statusword(statusword) => Some(Self::Statusword(statusword)),
+            Answer::Nothing => None,
         }
     }
 }

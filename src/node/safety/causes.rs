@@ -24,6 +24,7 @@ pub const fn of_event(event: &Event) -> Option<Cause> {
         | Event::Absent { .. }
         | Event::Joined { .. }
         | Event::ErrorHistory { .. }
+        | Event::Statusword { .. }
         | Event::Stranger { .. }
         | Event::StateChanged { .. } => None,
     }

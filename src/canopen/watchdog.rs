@@ -1,0 +1,101 @@
+//! The timers by which a drive stops without its master: who stays away, which object says for how long.
+//!
+//! Only what a plan says of them. Whether a drive has them is known after its boot; whether they work,
+//! once they were let run out.
+
+use std::fmt;
+
+use canopen_rs::Value;
+
+use crate::canopen::layout::Direction;
+use crate::canopen::object::Object;
+use crate::canopen::plan::NodePlan;
+
+/// What a drive waits for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Awaited {
+    /// The RPDO with its targets (event timer of an RPDO, CiA 301, 7.5.2.36).
+    Rpdo,
+    /// The master's heartbeat (1016h, CiA 301, 7.5.2.13).
+    Heartbeat,
+}
+
+/// As in "without RPDOs".
+impl fmt::Display for Awaited {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Rpdo => "RPDOs",
+            Self::Heartbeat => "heartbeats",
+        })
+    }
+}
+
+/// One timer of a drive, as it is set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Watchdog {
+    /// What it waits for.
+    pub awaited: Awaited,
+    /// What says for how long.
+    pub object: Object,
+    /// For how long, in ms, at least 1.
+    pub millis: u16,
+}
+
+impl NodePlan {
+    /// The timer that waits for this, if one is planned. A guarded node waits for no heartbeat.
+    pub fn watchdog(&self, awaited: Awaited) -> Option<Watchdog> {
+        let (object, millis) = match awaited {
+            Awaited::Rpdo => self.rpdo_timer()?,
+            Awaited::Heartbeat => self.master_watch()?,
+        };
+        (millis > 0).then_some(Watchdog { awaited, object, millis })
+    }
+
+    fn rpdo_timer(&self) -> Option<(Object, u16)> {
+        let rpdos = self.pdos.iter().filter(|pdo| pdo.direction == Direction::Receive);
+        let mut timers = rpdos.filter_map(|pdo| {
+            let millis = pdo.service.as_ref()?.event_timer_ms?;
+            Some((pdo.communication(5), millis))
+        });
+        timers.next()
+    }
+
+    fn master_watch(&self) -> Option<(Object, u16)> {
+        let is_it = |(object, _): &&(Object, Value)| *object == Object::CONSUMER_HEARTBEAT;
+        match self.safety.iter().find(is_it)? {
+            (object, Value::Unsigned32(raw)) => {
+                Some((*object, u16::try_from(raw & 0xFFFF).unwrap_or(u16::MAX)))
+            }
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::plan::tests::elbow;
+    use crate::canopen::plan::tests::guarded_elbow;
+    use crate::canopen::plan::tests::switch_box;
+
+    #[test]
+    fn a_drive_waits_for_its_rpdo_and_for_the_master_and_a_guarded_one_for_its_rpdo_alone() {
+        let timers = |plan: NodePlan| {
+            [Awaited::Rpdo, Awaited::Heartbeat]
+                .map(|awaited| plan.watchdog(awaited).map(|dog| (dog.object, dog.millis)))
+        };
+        let rpdo = Some((Object::rpdo_communication(1, 5), 5));
+        assert_eq!(timers(elbow()), [rpdo, Some((Object::CONSUMER_HEARTBEAT, 22))]);
+        assert_eq!(timers(guarded_elbow()), [rpdo, None]);
+        assert_eq!(timers(switch_box()), [None, None]);
+    }
+
+    #[test]
+    fn a_timer_of_zero_is_none() {
+        let mut plan = elbow();
+        for service in plan.pdos.iter_mut().filter_map(|pdo| pdo.service.as_mut()) {
+            service.event_timer_ms = service.event_timer_ms.map(|_| 0);
+        }
+        assert_eq!(plan.watchdog(Awaited::Rpdo), None);
+    }
+}

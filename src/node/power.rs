@@ -1,0 +1,196 @@
+//! Where each drive's power stage is led, and which drives are led nowhere any more.
+//!
+//! Only while the network comes up is a drive led to `Operation enabled`. Later one that has left it, for
+//! whatever reason, stays off until a reset: a released emergency stop enables nothing. A drive that has
+//! fallen silent may still hold a torque, as a synchronous RPDO waits for a SYNC it may not hear: it is
+//! told by SDO, which acts at once, to take its power off.
+
+use crate::bus::Bus;
+use crate::canopen::drive::Controlword;
+use crate::canopen::drive::Goal;
+use crate::canopen::drive::PowerStage;
+use crate::canopen::drive::State;
+use crate::canopen::drive::Statusword;
+use crate::node::Node;
+use crate::remote::Remote;
+use crate::telemetry::record::Mode;
+
+/// Whether the power stage may still push. A state that is none counts as one that may.
+pub(super) const fn may_push(statusword: Statusword) -> bool {
+    match statusword.state() {
+        Some(
+            State::NotReadyToSwitchOn
+            | State::SwitchOnDisabled
+            | State::ReadyToSwitchOn
+            | State::Fault,
+        ) => false,
+        Some(
+            State::SwitchedOn
+            | State::OperationEnabled
+            | State::QuickStopActive
+            | State::FaultReactionActive,
+        )
+        | None => true,
+    }
+}
+
+/// The power stages of the six drives.
+#[derive(Clone, Debug)]
+pub(super) struct PowerStages {
+    stages: [PowerStage; 6],
+    /// The next fault on the way up is reset.
+    may_reset: [bool; 6],
+    /// Off for itself, whatever the others do.
+    dropped: [bool; 6],
+    /// Told so by SDO.
+    told: [bool; 6],
+    /// Cycles without a sample.
+    silent: [u32; 6],
+    /// So many of them are too many.
+    patience: u32,
+}
+
+impl PowerStages {
+    /// None is led anywhere yet. A drive without a sample for `patience` cycles is silent.
+    pub(super) fn new(patience: u32) -> Self {
+        Self {
+            stages: Default::default(),
+            may_reset: [false; 6],
+            dropped: [false; 6],
+            told: [false; 6],
+            silent: [0; 6],
+            patience,
+        }
+    }
+
+    /// One fault of each drive is reset, now or when it is heard of on the way up; dropped drives may be
+    /// led again.
+    pub(super) fn reset_faults(&mut self) {
+        self.may_reset = [true; 6];
+        self.dropped = [false; 6];
+        self.told = [false; 6];
+    }
+
+    /// This drive, by its place from 0, is off for itself from now on.
+    pub(super) fn drop_drive(&mut self, joint: usize) {
+        if let Some(dropped) = self.dropped.get_mut(joint) {
+            *dropped = true;
+        }
+    }
+
+    /// Takes which drives have answered this SYNC. The next one that is silent and was not told to take
+    /// its power off, if the node `is_stopped`: once each.
+    pub(super) fn next_silent(&mut self, fresh: [bool; 6], is_stopped: bool) -> Option<usize> {
+        let patience = self.patience;
+        for (silent, is_fresh) in self.silent.iter_mut().zip(fresh) {
+            *silent = if is_fresh { 0 } else { silent.saturating_add(1) };
+        }
+        let mut joints = self.silent.iter().zip(&mut self.told).enumerate();
+        let (joint, (_, told)) =
+            joints.find(|(_, (silent, told))| is_stopped && **silent >= patience && !**told)?;
+        *told = true;
+        self.drop_drive(joint);
+        Some(joint)
+    }
+
+    /// Where a drive in `state` is led in `mode`, if `drives_on`.
+    pub(super) fn goal(
+        &self,
+        joint: usize,
+        state: Option<State>,
+        mode: Mode,
+        drives_on: bool,
+    ) -> Goal {
+        let is_dropped = self.dropped.get(joint).copied().unwrap_or(true);
+        let may_be_on = mode == Mode::Boot || state == Some(State::OperationEnabled);
+        if drives_on && may_be_on && !is_dropped {
+            Goal::OperationEnabled
+        } else {
+            Goal::VoltageDisabled
+        }
+    }
+
+    /// The controlword for a drive in `state` on its way to `goal`.
+    pub(super) fn controlword(
+        &mut self,
+        joint: usize,
+        state: Option<State>,
+        goal: Goal,
+    ) -> Controlword {
+        let stage = self.stages.get_mut(joint).zip(self.may_reset.get_mut(joint));
+        let Some((stage, may_reset)) = stage else { return Controlword::DISABLE_VOLTAGE };
+        let is_on_its_way = goal == Goal::OperationEnabled;
+        if state == Some(State::Fault) && is_on_its_way && std::mem::take(may_reset) {
+            stage.reset_fault();
+        }
+        stage.controlword(state, goal)
+    }
+}
+
+impl<B: Bus, R: Remote> Node<B, R> {
+    /// Tells a drive that has fallen silent to take its power off: one, in this cycle. Whether it did.
+    pub(super) fn power_off_silent(&mut self) -> bool {
+        let is_stopped = self.safety.mode().is_stopped();
+        let Some(joint) = self.power.next_silent(self.samples.fresh(), is_stopped) else {
+            return false;
+        };
+        self.master.power_off(self.bus.now(), joint, &mut self.out);
+        self.post();
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ENABLED: Option<State> = Some(State::OperationEnabled);
+
+    #[test]
+    fn only_a_boot_leads_a_drive_up_and_what_has_left_stays_off() {
+        let stages = PowerStages::new(3);
+        for mode in Mode::ALL {
+            for state in [None, Some(State::SwitchOnDisabled), Some(State::SwitchedOn)] {
+                let is_led = stages.goal(0, state, mode, true) == Goal::OperationEnabled;
+                assert_eq!(is_led, mode == Mode::Boot, "{mode} {state:?}");
+            }
+            assert_eq!(stages.goal(0, ENABLED, mode, true), Goal::OperationEnabled);
+            assert_eq!(stages.goal(0, ENABLED, mode, false), Goal::VoltageDisabled);
+        }
+    }
+
+    #[test]
+    fn a_fault_that_is_heard_of_late_is_reset_and_the_one_after_it_is_not() {
+        let mut stages = PowerStages::new(3);
+        stages.reset_faults();
+        let mut word = |state| stages.controlword(0, Some(state), Goal::OperationEnabled);
+        assert_eq!(word(State::OperationEnabled), Controlword::ENABLE_OPERATION, "an old word");
+        assert_eq!(word(State::Fault), Controlword::FAULT_RESET);
+        assert_eq!(word(State::SwitchOnDisabled), Controlword::SHUTDOWN);
+        assert_eq!([word(State::Fault), word(State::Fault)], [Controlword::DISABLE_VOLTAGE; 2]);
+    }
+
+    #[test]
+    fn a_dropped_drive_is_off_alone_until_it_is_reset() {
+        let mut stages = PowerStages::new(3);
+        stages.drop_drive(2);
+        let goals = |stages: &PowerStages| {
+            [1, 2, 6].map(|joint| stages.goal(joint, ENABLED, Mode::ZeroTorque, true))
+        };
+        let (on, off) = (Goal::OperationEnabled, Goal::VoltageDisabled);
+        assert_eq!(goals(&stages), [on, off, off], "there is no seventh");
+        stages.reset_faults();
+        assert_eq!(goals(&stages), [on, on, off]);
+    }
+
+    #[test]
+    fn every_silent_drive_is_told_once_and_one_a_cycle() {
+        let mut stages = PowerStages::new(3);
+        let fresh = [true, false, true, false, true, true];
+        let mut cycle = |is_stopped| stages.next_silent(fresh, is_stopped);
+        assert_eq!([cycle(false), cycle(false), cycle(false)], [None; 3], "nothing has stopped");
+        assert_eq!([cycle(true), cycle(true), cycle(true)], [Some(1), Some(3), None]);
+        assert_eq!(stages.goal(1, ENABLED, Mode::ZeroTorque, true), Goal::VoltageDisabled);
+        assert_eq!(stages.goal(0, ENABLED, Mode::ZeroTorque, true), Goal::OperationEnabled);
+    }
+}

@@ -1,0 +1,228 @@
+//! Before anything may be armed, every drive shows that it stops by itself when its master does.
+//!
+//! The drives are enabled at zero torque. First SYNC and RPDOs stay away while the heartbeat goes on, then
+//! the heartbeat while they go on; each time every drive that has the timer must take its own power off.
+//! Then its fault is reset and it is enabled again. What was measured bounds the force that may be felt:
+//! [`ForceCap`].
+//!
+//! | file     | what                                                |
+//! |----------|-----------------------------------------------------|
+//! | `mod`    | how far the proof is, and what follows from it      |
+//! | `run`    | who stays away, and what is listened to meanwhile   |
+//! | `trial`  | one timer of all drives: heard, asked, over         |
+//! | `report` | what was found                                      |
+
+mod report;
+mod run;
+mod trial;
+
+pub use report::DriveProof;
+pub use report::NoTrip;
+pub use report::NotProven;
+pub use report::ProofReport;
+pub use report::Trip;
+
+use std::time::Duration;
+
+use crate::canopen::error_codes;
+use crate::canopen::frame::Channel;
+use crate::canopen::master::Master;
+use crate::canopen::master::event::Event;
+use crate::canopen::object::Object;
+use crate::canopen::pdo::DriveSample;
+use crate::canopen::plan::NodePlan;
+use crate::canopen::watchdog::Awaited;
+use crate::canopen::watchdog::Watchdog;
+use crate::config::Config;
+use crate::config::force_cap::ForceCap;
+use crate::config::force_cap::TooMuchForce;
+use crate::config::force_cap::UNPROVEN;
+use crate::node::proof::trial::Trial;
+use crate::time::Instant;
+
+/// How far the proof is, and what it has found.
+#[derive(Clone, Debug)]
+pub(super) struct Proof {
+    is_wanted: bool,
+    cap: ForceCap,
+    /// Of the six drives.
+    plans: Vec<NodePlan>,
+    phase: Phase,
+    report: ProofReport,
+}
+
+/// How far it is.
+#[derive(Clone, Debug)]
+enum Phase {
+    /// The network comes up.
+    Before,
+    /// Something stays away.
+    Trying(Box<Trial>),
+    /// The drives are enabled again; what they cried may still be on its way.
+    Between,
+    /// The drives may become ready.
+    Over,
+}
+
+impl Proof {
+    /// None yet, of the drives among `plans`.
+    pub(super) fn new(config: &Config, plans: &[(Channel, NodePlan)]) -> Self {
+        let plans = plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());
+        Self {
+            is_wanted: config.safety.protection.proves_drives,
+            cap: config.force_cap(),
+            plans: plans.cloned().collect(),
+            phase: Phase::Before,
+            report: ProofReport::default(),
+        }
+    }
+
+    /// The network starts anew: nothing is proven.
+    pub(super) fn restart(&mut self) {
+        self.phase = Phase::Before;
+        self.report = ProofReport::default();
+    }
+
+    /// What was found; empty where nothing was proven.
+    pub(super) const fn report(&self) -> &ProofReport {
+        &self.report
+    }
+
+    /// Whether the drives may become ready.
+    pub(super) const fn is_over(&self) -> bool {
+        matches!(self.phase, Phase::Over)
+    }
+
+    /// Whether the force that may be felt fits what was proven.
+    ///
+    /// # Errors
+    /// When it does not.
+    pub(super) fn allows_force(&self) -> Result<(), TooMuchForce> {
+        self.cap.allows(self.report.lasting().unwrap_or(UNPROVEN))
+    }
+
+    /// The boot is over: what each drive does not have is known.
+    fn begin(&mut self, master: &Master) {
+        let drive = |(place, plan): (usize, &NodePlan)| DriveProof {
+            name: plan.name.clone(),
+            node: plan.node,
+            rpdo: None,
+            heartbeat: None,
+            missing: master.missing(place).to_vec(),
+        };
+        self.report.drives = self.plans.iter().enumerate().map(drive).collect();
+    }
+
+    /// Every drive that has nothing to prove.
+    fn untimed(&self) -> Vec<NotProven> {
+        let [rpdo, heartbeat] = [Awaited::Rpdo, Awaited::Heartbeat].map(|it| self.timers(it));
+        let drives = self.report.drives.iter().zip(rpdo.iter().zip(heartbeat));
+        drives
+            .filter(|(_, (rpdo, heartbeat))| rpdo.or(*heartbeat).is_none())
+            .map(|(drive, _)| drive.refused(NoTrip::NoTimer))
+            .collect()
+    }
+
+    /// The timer of each drive that waits for this: planned, and not missing in the drive.
+    fn timers(&self, awaited: Awaited) -> [Option<Watchdog>; 6] {
+        let timer = |place: usize| {
+            let dog = self.plans.get(place)?.watchdog(awaited)?;
+            let missing: &[Object] = &self.report.drives.get(place)?.missing;
+            (!missing.contains(&dog.object)).then_some(dog)
+        };
+        std::array::from_fn(timer)
+    }
+
+    /// From `now` on this stays away.
+    fn try_timer(&mut self, awaited: Awaited, now: Instant) {
+        let trial = Trial::new(awaited, now, self.timers(awaited));
+        self.phase = Phase::Trying(Box::new(trial));
+    }
+
+    /// The trial under way.
+    fn trial(&mut self) -> Option<&mut Trial> {
+        match &mut self.phase {
+            Phase::Trying(trial) => Some(trial),
+            Phase::Before | Phase::Between | Phase::Over => None,
+        }
+    }
+
+    /// The trial is over: keeps what it found, and says who went on.
+    fn end_trial(&mut self) -> Vec<NotProven> {
+        let Phase::Trying(trial) = std::mem::replace(&mut self.phase, Phase::Between) else {
+            return Vec::new();
+        };
+        let mut refused = Vec::new();
+        for (drive, outcome) in self.report.drives.iter_mut().zip(trial.outcome()) {
+            let found = match trial.awaited() {
+                Awaited::Rpdo => &mut drive.rpdo,
+                Awaited::Heartbeat => &mut drive.heartbeat,
+            };
+            *found = outcome.and_then(Result::ok);
+            refused.extend(outcome.and_then(Result::err).map(|fault| drive.refused(fault)));
+        }
+        refused
+    }
+
+    /// Nothing is waited for any more.
+    fn finish(&mut self) {
+        self.phase = Phase::Over;
+    }
+
+    /// Whether what the master says is of the proof, and so neither a cause to stop nor news: that a
+    /// drive misses its master, what it answers, that it leaves and enters operational.
+    pub(super) fn takes(&mut self, now: Instant, event: &Event) -> bool {
+        let is_under_way = matches!(self.phase, Phase::Trying(_) | Phase::Between);
+        match event {
+            Event::Emergency { node, emergency } if is_under_way && *node < self.plans.len() => {
+                let is_of_it =
+                    emergency.is_reset() || error_codes::is_of_communication(emergency.code);
+                if let Some(trial) = self.trial().filter(|_| is_of_it && !emergency.is_reset()) {
+                    trial.on_emergency(now, *node);
+                }
+                is_of_it
+            }
+            Event::Statusword { node, statusword } => {
+                if let Some(trial) = self.trial() {
+                    trial.on_answer(now, *node, *statusword);
+                }
+                true
+            }
+            Event::StateChanged { node, .. } => is_under_way && *node < self.plans.len(),
+            Event::Emergency { .. }
+            | Event::Booted
+            | Event::BootFailed(_)
+            | Event::FoundEnabled { .. }
+            | Event::Configured { .. }
+            | Event::Absent { .. }
+            | Event::Joined { .. }
+            | Event::ErrorHistory { .. }
+            | Event::HeartbeatLost { .. }
+            | Event::Rebooted { .. }
+            | Event::Duplicate { .. }
+            | Event::Stranger { .. }
+            | Event::ForeignMaster { .. } => false,
+        }
+    }
+
+    /// Takes what the drives tell of themselves by TPDO.
+    fn look(&mut self, now: Instant, samples: &[DriveSample; 6]) {
+        let Some(trial) = self.trial() else { return };
+        for (drive, sample) in samples.iter().enumerate() {
+            trial.on_statusword(now, drive, sample.statusword);
+        }
+    }
+
+    /// The next drive to be asked for its statusword now.
+    fn asks(&mut self, now: Instant) -> Option<usize> {
+        self.trial()?.asks(now)
+    }
+
+    /// When the trial wants something done; `None` once it is over.
+    fn deadline(&mut self, now: Instant) -> Option<Instant> {
+        self.trial()?.deadline(now)
+    }
+}
+
+/// What is on its way when the master falls silent is not waited for longer than this at a time.
+const LISTEN: Duration = Duration::from_millis(1);

@@ -1,0 +1,106 @@
+//! Who stays away, and what is listened to meanwhile.
+
+use crate::bus::Bus;
+use crate::canopen::watchdog::Awaited;
+use crate::node::BringUpError;
+use crate::node::Node;
+use crate::node::proof::LISTEN;
+use crate::remote::Remote;
+
+impl<B: Bus, R: Remote> Node<B, R> {
+    /// Lets every timer of every drive run out, once, and enables the drives again after each. They are
+    /// enabled at zero torque when it begins and when it ends.
+    ///
+    /// # Errors
+    /// When a drive goes on without its master, or something else is wrong meanwhile.
+    pub(in crate::node) fn prove(
+        &mut self,
+        give_up: &mut dyn FnMut() -> bool,
+    ) -> Result<(), BringUpError> {
+        self.proof.begin(&self.master);
+        let untimed = if self.proof.is_wanted { self.proof.untimed() } else { Vec::new() };
+        if !untimed.is_empty() {
+            return Err(BringUpError::NotProven(untimed));
+        }
+        if self.proof.is_wanted {
+            // What it is asked would stand in the way of its statusword.
+            self.master.asks_why(false);
+            let proven = self.prove_each(give_up);
+            self.master.asks_why(true);
+            proven?;
+        }
+        self.proof.finish();
+        Ok(())
+    }
+
+    fn prove_each(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
+        for awaited in [Awaited::Rpdo, Awaited::Heartbeat] {
+            match awaited {
+                Awaited::Rpdo => self.withhold_rpdos(),
+                Awaited::Heartbeat => self.withhold_heartbeats(),
+            }
+            let refused = self.proof.end_trial();
+            if let Some(cause) = self.cause() {
+                return Err(BringUpError::NotEnabled(cause));
+            }
+            if !refused.is_empty() {
+                return Err(BringUpError::NotProven(refused));
+            }
+            // A drive without a heartbeat to wait for leaves operational (1029h).
+            self.master.start_again(&mut self.out);
+            self.post();
+            self.enable(give_up)?;
+        }
+        Ok(())
+    }
+
+    /// SYNC and RPDOs stay away; the heartbeat goes on.
+    fn withhold_rpdos(&mut self) {
+        self.proof.try_timer(Awaited::Rpdo, self.bus.now());
+        loop {
+            let now = self.bus.now();
+            self.send_heartbeat(now);
+            self.tend_master(now);
+            while let Some(drive) = self.proof.asks(now) {
+                self.master.read_statusword(now, drive, &mut self.out);
+            }
+            self.post();
+            while let Some(telegram) = self.master.release() {
+                self.send(telegram);
+            }
+            let Some(due) = self.proof.deadline(now) else { break };
+            let until = due.min(now + LISTEN);
+            if let Some(received) = self.bus.receive(until) {
+                self.hear(received);
+                self.proof.look(received.at, self.samples.latest());
+            }
+        }
+    }
+
+    /// The heartbeat stays away, after a last one; SYNC and RPDOs at zero torque go on.
+    fn withhold_heartbeats(&mut self) {
+        self.send_last_heartbeat();
+        self.proof.try_timer(Awaited::Heartbeat, self.bus.now());
+        while self.proof.deadline(self.bus.now()).is_some() {
+            let due = self.schedule.next(self.bus.now());
+            self.listen(due.at);
+            let sync_at = self.send_sync();
+            self.gather(sync_at);
+            let now = self.bus.now();
+            self.tend_master(now);
+            self.proof.look(now, self.samples.latest());
+            if let Some(drive) = self.proof.asks(now) {
+                self.master.read_statusword(now, drive, &mut self.out);
+                self.post();
+            }
+            self.send_targets(&[0; 6], true);
+            self.send_request();
+        }
+    }
+
+    /// A heartbeat now, whether one is due or not.
+    fn send_last_heartbeat(&mut self) {
+        let beat = self.heartbeat.beat(self.bus.now());
+        self.send_on_every_bus(beat);
+    }
+}

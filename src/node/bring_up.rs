@@ -46,6 +46,9 @@ pub enum BringUpError {
     /// Whoever started it gave it up.
     #[error("boot given up")]
     GivenUp,
+    /// The same, while drives were being enabled; one of them did not confirm that it is off again.
+    #[error("boot given up: {0}")]
+    LeftOn(NotConfirmed),
 }
 
 /// Drives that did not confirm that they are off.
@@ -83,6 +86,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.power.iter_mut().for_each(PowerStage::reset_fault);
         while self.mode() == Mode::Boot {
             if give_up() {
+                self.stop().map_err(BringUpError::LeftOn)?;
                 return Err(BringUpError::GivenUp);
             }
             self.cycle();

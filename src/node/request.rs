@@ -40,16 +40,20 @@ pub enum Refused {
 }
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Answers a request with the mode it led to.
+    /// Answers a request with the mode it led to. A reset may boot the network, until `give_up` says so.
     ///
     /// # Errors
-    /// When the mode does not allow it, or a reset needs a boot that fails.
-    pub fn request(&mut self, request: Request) -> Result<Mode, Refused> {
+    /// When the mode does not allow it, or a reset needs a boot that fails or is given up.
+    pub fn request(
+        &mut self,
+        request: Request,
+        give_up: &mut dyn FnMut() -> bool,
+    ) -> Result<Mode, Refused> {
         let now = self.bus.now();
         match request {
             Request::Arm => self.safety.arm(now, self.deadman(now))?,
             Request::Disarm => self.safety.disarm(now),
-            Request::Reset => self.reset(now)?,
+            Request::Reset => self.reset(now, give_up)?,
             Request::Command(mode) => self.command_mode = mode,
         }
         Ok(self.mode())
@@ -60,13 +64,13 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.samples.inputs(now).map(|inputs| inputs.deadman())
     }
 
-    fn reset(&mut self, now: Instant) -> Result<(), Refused> {
+    fn reset(&mut self, now: Instant, give_up: &mut dyn FnMut() -> bool) -> Result<(), Refused> {
         let stopped_by = self.cause();
         let disagrees = self.deadman(now) == Some(Deadman::Disagreeing);
         self.safety.reset(now, disagrees.then_some(Cause::DeadmanDisagrees))?;
         self.power.iter_mut().for_each(PowerStage::reset_fault);
         if let Some(cause) = stopped_by.filter(|cause| table::row(cause.kind()).boots) {
-            let booted = self.bring_up(&mut || false);
+            let booted = self.bring_up(give_up);
             if booted.is_err() {
                 self.safety.stop(self.bus.now(), cause);
             }

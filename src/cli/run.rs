@@ -30,7 +30,6 @@ use crate::cli::recorder::Latest;
 use crate::cli::recorder::Offer;
 use crate::cli::signals::Order;
 use crate::cli::signals::Orders;
-use crate::config::Config;
 use crate::lab::site::VirtualSite;
 use crate::node::BringUpError;
 use crate::node::Node;
@@ -41,7 +40,7 @@ const REQUESTS: usize = 8;
 
 /// Runs the node until a signal ends it.
 pub(super) fn run(args: &Run) -> Result<(), Failure> {
-    let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
+    let config = args.config.load()?;
     gains::warn(&config);
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();

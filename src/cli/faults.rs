@@ -270,3 +270,113 @@ fn hyphenated(name: &str) -> String {
     }
     words
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt;
+
+    use crate::config::Config;
+    use crate::lab::bench::Bench;
+    use crate::sim::scenario::Scenario;
+    use crate::telemetry::cause::Cause;
+    use crate::telemetry::record::Mode;
+
+    const TRIP: Trip = Trip {
+        cycle: 4_213,
+        at: Instant::from_micros(4_300_000),
+        cause: Cause::SamplesMissing { joint: 3, cycles: 3 },
+        from: Mode::Engaged,
+        to: Mode::ZeroTorque,
+    };
+
+    /// A folder of this test alone.
+    fn scratch(name: &str) -> PathBuf {
+        let folder = env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
+        fs::remove_dir_all(&folder).ok();
+        folder
+    }
+
+    fn any_record() -> Record {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        Bench::new(&config, Scenario::parse("seconds = 1").unwrap(), 1, false, ()).cycle()
+    }
+
+    fn mode_of(path: &Path) -> u32 {
+        fs::metadata(path).unwrap().permissions().mode() & 0o777
+    }
+
+    #[test]
+    fn promise_15_a_record_says_what_happened_and_is_its_owners_alone() {
+        let folder = scratch("record");
+        let mut faults = Faults::open(&folder, &["can0".to_owned()], 0).unwrap();
+        faults.begin(&TRIP, &any_record());
+        let record = folder.join("001-4213-samples-missing");
+        assert_eq!(faults.news(), Some(format!("fault record: {}", record.display())));
+        let said: Value =
+            serde_json::from_slice(&fs::read(record.join(DOCUMENT)).unwrap()).unwrap();
+        assert_eq!(said["cause"], "joint 3: no sample for 3 cycles");
+        assert_eq!((&said["joint"], &said["cycle"]), (&json!(3), &json!(4_213)));
+        assert_eq!(
+            (&said["mode_before"], &said["mode"]),
+            (&json!("engaged"), &json!("zero-torque"))
+        );
+        assert_eq!(
+            (&said["reaction"], &said["hazards"]),
+            (&json!("zero-torque"), &json!([1, 3, 4]))
+        );
+        assert_eq!(said["is_complete"], false, "until its second is over");
+        assert_eq!((mode_of(&folder), mode_of(&record)), (0o700, 0o700));
+        assert_eq!((mode_of(&record.join(LOG)), mode_of(&record.join(DOCUMENT))), (0o600, 0o600));
+        assert!(faults.finish().unwrap().contains("001-4213-samples-missing"));
+        let said: Value =
+            serde_json::from_slice(&fs::read(record.join(DOCUMENT)).unwrap()).unwrap();
+        assert_eq!(said["is_complete"], true);
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn hazard_32_the_newest_fifty_are_kept_and_what_is_not_ours_stays() {
+        let (folder, record) = (scratch("quota"), any_record());
+        for run in 0..6 {
+            let mut faults = Faults::open(&folder, &[], 0).unwrap();
+            for _ in 0..10 {
+                faults.begin(&TRIP, &record);
+                faults.close();
+            }
+            if run == 0 {
+                fs::write(folder.join("002-4213-samples-missing/notes"), "why?").unwrap();
+            }
+            assert!(faults.finish().unwrap().starts_with("10 fault records"));
+        }
+        let left = fs::read_dir(&folder).unwrap().flatten();
+        let mut left: Vec<_> = left.filter_map(|entry| number(&entry.file_name())).collect();
+        left.sort_unstable();
+        let kept: Vec<u64> = std::iter::once(2).chain(11..=60).collect();
+        assert_eq!(left, kept);
+        assert!(folder.join("002-4213-samples-missing/notes").exists());
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn hazard_32_a_place_that_cannot_be_written_is_told_once() {
+        let (folder, record) = (scratch("gone"), any_record());
+        let mut faults = Faults::open(&folder, &[], 0).unwrap();
+        fs::remove_dir(&folder).unwrap();
+        faults.begin(&TRIP, &record);
+        assert!(faults.news().unwrap().starts_with("no fault record in "));
+        faults.begin(&TRIP, &record);
+        assert_eq!((faults.news(), faults.finish()), (None, None));
+        fs::write(&folder, "").unwrap();
+        assert!(Faults::open(&folder.join("faults"), &[], 0).is_err());
+        fs::remove_file(&folder).unwrap();
+    }
+
+    #[test]
+    fn names_are_words_with_hyphens_and_begin_with_a_number() {
+        assert_eq!(hyphenated("SamplesMissing"), "samples-missing");
+        assert_eq!(number(OsStr::new("042-7-late")), Some(42));
+        assert_eq!(number(OsStr::new("notes")), None);
+        assert_eq!(number(OsStr::new("-7-late")), None);
+    }
+}

@@ -211,3 +211,70 @@ fn announce(record: &Record) {
         None => tracing::info!(%mode, "mode"),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    use crate::canopen::frame::Channel;
+    use crate::canopen::frame::Frame;
+    use crate::config::Config;
+    use crate::lab::bench::Bench;
+    use crate::sim::scenario::Scenario;
+
+    fn sync() -> Telegram {
+        Telegram { channel: Channel(0), frame: Frame::new(0x80, []) }
+    }
+
+    #[test]
+    fn hazard_32_what_a_slow_disk_cannot_take_is_lost_and_counted() {
+        let (mut offer, entries, lost) = queue();
+        for micros in 0..20_000 {
+            offer.on_wire(Instant::from_micros(micros), &sync());
+        }
+        drop(offer);
+        let latest = Latest::default();
+        let summary = record(&entries, &mut Keeper::default(), &latest, &[], &lost);
+        assert_eq!(summary.lost_entries, 20_000 - 16_384);
+        assert!(summary.to_string().contains("not recorded      3616 frames"), "{summary}");
+    }
+
+    /// The torques of two seconds, arm carried, while the recorder does as it likes.
+    fn torques(tap: impl Tap) -> Vec<(Instant, [i16; 6])> {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        let script = "seconds = 2\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n";
+        let mut bench = Bench::new(&config, Scenario::parse(script).unwrap(), 1, false, tap);
+        bench.bring_up().unwrap();
+        (0..2_000).map(|_| bench.cycle()).map(|record| (record.at, record.targets)).collect()
+    }
+
+    #[test]
+    fn promise_13_a_recorder_that_hangs_or_is_gone_changes_no_torque() {
+        let alone = torques(());
+        assert!(alone.iter().any(|(_, targets)| targets.iter().any(|target| *target != 0)));
+        let (hanging, entries, lost) = queue();
+        assert_eq!(torques(hanging), alone);
+        assert!(lost.count() > 0, "its queue was full");
+        drop(entries);
+        let (orphan, entries, _) = queue();
+        drop(entries);
+        assert_eq!(torques(orphan), alone);
+    }
+
+    #[test]
+    fn hazard_32_a_flood_of_events_is_told_by_a_few_lines_that_say_how_many_were_not() {
+        let mut teller = Teller::new();
+        let mut told = 0;
+        for millis in 0..10_000 {
+            let now = Instant::from_micros(millis * 1_000);
+            let before = teller.suppressed;
+            teller.tell(now, &Event::HeartbeatLost { node: 0 }, &[]);
+            told += u64::from(teller.suppressed != before + 1);
+        }
+        assert_eq!(told, 50 + 99, "those at once, and ten a second");
+        assert!(teller.suppressed > 0);
+        teller.own_up();
+        assert_eq!(teller.suppressed, 0);
+    }
+}

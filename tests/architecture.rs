@@ -35,7 +35,7 @@ const MODULES: &[Rule] = &[
     (
         "config",
         &["canopen", "controller", "robot", "spatial"],
-        &["nalgebra", "serde", "serde_ignored", "toml"],
+        &["nalgebra", "serde", "serde_ignored", "thiserror", "toml"],
     ),
     (
         "node",

@@ -9,6 +9,7 @@ use clap::ValueEnum;
 
 use crate::cli::calib::Calib;
 use crate::cli::configured::Configured;
+use crate::cli::configured::Guarded;
 use crate::cli::decode::Decode;
 use crate::cli::explain::Explain;
 use crate::cli::export::Export;
@@ -46,7 +47,10 @@ pub(super) enum Command {
     Demo(Demo),
     /// The node on SocketCAN, until SIGINT or SIGTERM.
     #[command(
-        after_help = "Example:\n  frhc run --config config/kraft_like_500hz.toml -i can0 --record /var/lib/frhc/today"
+        after_help = "SIGINT and SIGTERM end it in order: torque to zero, drives off and confirmed, within a second. The \
+                      configuration is read once, at the start; nothing reloads it, and SIGHUP is ignored. Every trip \
+                      leaves a fault record, in DIR/faults or else in the user's state folder.\n\nExample:\n  \
+                      frhc run --config config/kraft_like_500hz.toml -i can0 --record /var/lib/frhc/today"
     )]
     Run(Run),
     /// The simulated drives, switch box, arm and operator on SocketCAN, for `run` or any other master.
@@ -117,7 +121,7 @@ pub(super) struct Demo {
     /// As fast as the clock on the wall, not faster.
     #[arg(long)]
     pub(super) realtime: bool,
-    /// Leave bus.log (candump) and summary.json here.
+    /// Leave bus.log (candump), summary.json and faults/ here.
     #[arg(short, long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
     /// The summary as one JSON object.
@@ -129,10 +133,10 @@ pub(super) struct Demo {
 #[derive(Debug, Args)]
 pub(super) struct Run {
     #[command(flatten)]
-    pub(super) config: Configured,
+    pub(super) config: Guarded,
     #[command(flatten)]
     pub(super) interfaces: Interfaces,
-    /// Leave bus.log (candump) and summary.json here.
+    /// Leave bus.log (candump), summary.json and faults/ here.
     #[arg(short, long, value_name = "DIR")]
     pub(super) record: Option<PathBuf>,
 }

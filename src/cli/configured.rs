@@ -4,10 +4,37 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::cli::exit::OrFail;
+use crate::config::Config;
+use crate::config::trust::Trust;
+
 /// Where the configuration is.
 #[derive(Debug, Args)]
 pub(super) struct Configured {
     /// The configuration.
     #[arg(short, long, value_name = "FILE")]
     pub(super) config: PathBuf,
+}
+
+/// The same for a task that tells drives what it says.
+#[derive(Debug, Args)]
+pub(super) struct Guarded {
+    #[command(flatten)]
+    configured: Configured,
+    /// Use configuration and EDS files that others may write, or that are symbolic links.
+    #[arg(long)]
+    insecure: bool,
+}
+
+impl Guarded {
+    /// Reads and checks it.
+    pub(super) fn load(&self) -> Result<Config, Failure> {
+        if self.insecure {
+            tracing::warn!("--insecure: whoever may write the configuration decides what moves");
+        }
+        let trust = if self.insecure { Trust::Any } else { Trust::Guarded };
+        Config::load_by(trust, &self.configured.config).or_fail(Kind::Configuration)
+    }
 }

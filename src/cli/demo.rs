@@ -15,8 +15,8 @@ use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
 use crate::cli::gains;
+use crate::cli::keeper::Keeper;
 use crate::cli::print;
-use crate::cli::recorder::Session;
 use crate::cli::scenario;
 use crate::cli::story::Story;
 use crate::config::Config;
@@ -102,12 +102,12 @@ fn play(
     seconds: f64,
 ) -> Result<Summary, Failure> {
     let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
-    let session = folder.map(|folder| Session::create(folder, &interfaces, 0));
-    let mut session = session.transpose().or_fail(Kind::Bus)?;
-    let summary = simulate(args, quiet, config, scenario, seconds, session.as_mut())?;
-    if let Some(session) = session {
-        session.finish(&summary).or_fail(Kind::Bus)?;
-    }
+    let keeper = folder.map(|folder| Keeper::of_session(folder, &interfaces, 0));
+    let mut keeper = keeper.transpose().or_fail(Kind::Bus)?.unwrap_or_default();
+    let summary = simulate(args, quiet, config, scenario, seconds, &mut keeper)?;
+    let (left, finished) = keeper.finish(&summary);
+    left.iter().for_each(|line| print::note(line));
+    finished.or_fail(Kind::Bus)?;
     Ok(summary)
 }
 
@@ -117,18 +117,14 @@ fn simulate(
     config: &Config,
     scenario: Scenario,
     seconds: f64,
-    session: Option<&mut Session>,
+    keeper: &mut Keeper,
 ) -> Result<Summary, Failure> {
     let length = Duration::try_from_secs_f64(seconds).or_fail(Kind::Usage)?;
     let cycles = length.as_micros().div_ceil(config.period.as_micros().max(1));
     let cycles = u64::try_from(cycles).or_fail(Kind::Usage)?;
     let bar = progress(cycles, quiet);
-    let session = RefCell::new(session);
-    let tap = |at: Instant, telegram: &Telegram| {
-        if let Some(session) = session.borrow_mut().as_mut() {
-            session.log.frame(at, telegram);
-        }
-    };
+    let keeper = RefCell::new(keeper);
+    let tap = |at: Instant, telegram: &Telegram| keeper.borrow_mut().frame(at, telegram);
     let mut story = (!scenario.faults().is_empty()).then(|| Story::of(config));
     let mut bench = Bench::new(config, scenario, args.seed, args.realtime, tap);
     bench.bring_up().or_fail(Kind::Drive)?;
@@ -139,8 +135,9 @@ fn simulate(
         if let Some(story) = &mut story {
             bar.suspend(|| tell(story, &mut bench, &record));
         }
-        if let Some(session) = session.borrow_mut().as_mut() {
-            session.log.record(&record);
+        keeper.borrow_mut().cycle(&record);
+        while let Some(news) = keeper.borrow_mut().news() {
+            bar.suspend(|| print::note(&news));
         }
         if cycle % BAR_EVERY == 0 || cycle == cycles {
             bar.set_position(cycle);

@@ -12,11 +12,14 @@ mod demo;
 mod exit;
 mod explain;
 mod export;
+mod fault_records;
 mod faults;
 mod gains;
 mod interfaces;
+mod keeper;
 mod lss;
 mod nmt;
+mod panics;
 mod personality;
 mod plan;
 mod print;
@@ -26,10 +29,13 @@ mod run;
 mod scan;
 mod scenario;
 mod sdo;
+mod session;
 mod signals;
 mod sim;
+mod stderr;
 mod story;
 
+use std::io::Write;
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -41,6 +47,10 @@ use crate::cli::args::Command;
 /// Runs the program with the process's arguments.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
+    if matches!(cli.command, Command::Run(_)) {
+        stderr::detach();
+        panics::abort();
+    }
     log(cli.quiet, cli.verbose);
     let done = match &cli.command {
         Command::Demo(args) => demo::run(args, cli.quiet),
@@ -58,13 +68,15 @@ pub fn main() -> ExitCode {
         Command::Decode(args) => decode::run(args, cli.quiet),
         Command::Export(args) => export::run(args),
     };
-    match done {
+    let code = match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             print::error(&failure.to_string());
             failure.code()
         }
-    }
+    };
+    stderr::flush();
+    code
 }
 
 /// Messages for people go to stderr; `-q` leaves errors, `-v` adds detail.
@@ -78,7 +90,12 @@ fn log(quiet: bool, verbose: u8) {
     let ansi = std::env::var_os("NO_COLOR").is_none()
         && std::io::IsTerminal::is_terminal(&std::io::stderr());
     tracing_subscriber::fmt()
-        .with_writer(std::io::stderr)
+        .with_writer(|| -> Box<dyn Write> {
+            match stderr::lines() {
+                Some(lines) => Box::new(lines),
+                None => Box::new(std::io::stderr()),
+            }
+        })
         .with_max_level(level)
         .with_target(false)
         .with_ansi(ansi)

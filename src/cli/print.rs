@@ -3,6 +3,8 @@
 
 use std::io::Write;
 
+use crate::cli::stderr;
+
 /// Data.
 pub(super) fn line(text: &str) {
     write(std::io::stdout().lock(), text);
@@ -10,7 +12,10 @@ pub(super) fn line(text: &str) {
 
 /// A message.
 pub(super) fn note(text: &str) {
-    write(std::io::stderr().lock(), text);
+    match stderr::lines() {
+        Some(lines) => lines.say(format!("{text}\n").as_bytes()),
+        None => write(std::io::stderr().lock(), text),
+    }
 }
 
 /// What went wrong, one line each.

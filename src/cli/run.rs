@@ -1,10 +1,9 @@
 //! `frhc run`: the node on SocketCAN. One thread runs the cycle and nothing else, one writes its
-//! records, and this one serves the console and waits for signals.
+//! records, one its messages, and this one serves the console and waits for signals.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::sync_channel;
 use std::thread;
 
 use anyhow::Context;
@@ -24,14 +23,13 @@ use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
 use crate::cli::gains;
 use crate::cli::interfaces;
+use crate::cli::keeper::Keeper;
 use crate::cli::print;
 use crate::cli::recorder;
 use crate::cli::recorder::Latest;
 use crate::cli::recorder::Offer;
-use crate::cli::recorder::QUEUE;
-use crate::cli::recorder::Session;
-use crate::cli::signals;
-use crate::config::Config;
+use crate::cli::signals::Order;
+use crate::cli::signals::Orders;
 use crate::lab::site::VirtualSite;
 use crate::node::BringUpError;
 use crate::node::Node;
@@ -42,30 +40,34 @@ const REQUESTS: usize = 8;
 
 /// Runs the node until a signal ends it.
 pub(super) fn run(args: &Run) -> Result<(), Failure> {
-    let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
+    let config = args.config.load()?;
     gains::warn(&config);
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("no runtime").or_fail(Kind::Bus)?;
+    // From here on a signal ends it in order; before, there was nothing to end.
+    let orders = runtime.block_on(async { Orders::heard() });
+    let orders = orders.context("no signals").or_fail(Kind::Bus)?;
     let path = config.socket.clone().unwrap_or_else(default_socket);
     let socket = runtime.block_on(Socket::bind(path.clone()));
     let socket = socket.with_context(|| format!("control socket {}", path.display()));
     let socket = socket.or_fail(Kind::Bus)?;
 
     let bus = SocketCan::open(&names).or_fail(Kind::Bus)?;
-    let session = args.record.as_deref();
-    let session = session.map(|folder| Session::create(folder, &names, bus.epoch_micros()));
-    let mut session = session.transpose().or_fail(Kind::Bus)?;
+    let epoch = bus.epoch_micros();
+    let mut keeper = match &args.record {
+        Some(folder) => Keeper::of_session(folder, &names, epoch).or_fail(Kind::Bus)?,
+        None => Keeper::of_faults_alone(&names, epoch),
+    };
 
-    let (offer, entries) = sync_channel(QUEUE);
-    let offer = Offer(offer);
+    let (offer, entries, lost) = recorder::queue();
     let node = Node::new(&config, Traced::new(bus, offer.clone()), VirtualSite::new(&config));
     let (requests, asked) = mpsc::channel(REQUESTS);
     let (ended, end) = oneshot::channel();
     let stop = Arc::new(AtomicBool::new(false));
     let latest = Latest::default();
 
-    let summary = thread::scope(|threads| -> Result<_, Failure> {
+    let (outcome, summary) = thread::scope(|threads| -> Result<_, Failure> {
         let cycle_stop = Arc::clone(&stop);
         let cycle = move || {
             let outcome = attend(node, asked, &offer, &cycle_stop);
@@ -77,19 +79,21 @@ pub(super) fn run(args: &Run) -> Result<(), Failure> {
             .spawn_scoped(threads, cycle)
             .context("no thread for the cycle")
             .or_fail(Kind::Bus)?;
-        let (session, shown) = (session.as_mut(), latest.clone());
+        let (keeper, shown) = (&mut keeper, latest.clone());
         let names: Vec<_> = config.node_plans().into_iter().map(|(_, plan)| plan.name).collect();
-        let recording = threads.spawn(move || recorder::record(&entries, session, &shown, &names));
-        let outcome = runtime.block_on(serve(&socket, requests, &latest, &stop, end));
+        let recording =
+            threads.spawn(move || recorder::record(&entries, keeper, &shown, &names, &lost));
+        let outcome = runtime.block_on(serve(&socket, requests, &latest, orders, &stop, end));
         let summary = recording.join();
-        outcome?;
-        summary.map_err(|_| Failure::new(Kind::Bus, "the recorder failed"))
+        let summary = summary.map_err(|_| Failure::new(Kind::Bus, "the recorder failed"))?;
+        Ok((outcome, summary))
     })?;
-    if let Some(session) = session {
-        session.finish(&summary).or_fail(Kind::Bus)?;
+    let (left, finished) = keeper.finish(&summary);
+    if summary.cycles > 0 {
+        print::note(&summary.to_string());
     }
-    print::note(&summary.to_string());
-    Ok(())
+    left.iter().for_each(|line| print::note(line));
+    outcome.and(finished.or_fail(Kind::Bus))
 }
 
 /// Serves console and signals until the cycle's thread has ended.
@@ -97,11 +101,10 @@ async fn serve(
     socket: &Socket,
     requests: mpsc::Sender<Pending>,
     latest: &Latest,
+    mut orders: Orders,
     stop: &AtomicBool,
     mut end: oneshot::Receiver<Result<(), Failure>>,
 ) -> Result<(), Failure> {
-    let signalled = signals::wait();
-    tokio::pin!(signalled);
     let console = socket.serve(requests, latest);
     tokio::pin!(console);
     loop {
@@ -109,10 +112,15 @@ async fn serve(
             outcome = &mut end => {
                 return outcome.unwrap_or_else(|_| Err(Failure::new(Kind::Bus, "the cycle failed")));
             }
-            name = &mut signalled, if !stop.load(Ordering::Relaxed) => {
-                tracing::info!(signal = name, "stopping");
-                stop.store(true, Ordering::Relaxed);
-            }
+            order = orders.next() => match order {
+                Order::Stop(signal) => {
+                    let is_new = !stop.swap(true, Ordering::Relaxed);
+                    tracing::info!(signal, "{}", if is_new { "stopping" } else { "already stopping" });
+                }
+                Order::HangUp => {
+                    tracing::info!("SIGHUP: ignored, the configuration is read at the start alone");
+                }
+            },
             () = &mut console => {}
         }
     }
@@ -135,17 +143,20 @@ fn attend<B: Bus, R: Remote>(
         Err(BringUpError::GivenUp) => return Ok(()),
         Err(error @ BringUpError::Bus(_)) => return Err(error).or_fail(Kind::Bus),
         Err(
-            error @ (BringUpError::Boot(_)
-            | BringUpError::NotEnabled(_)
-            | BringUpError::NotProven(_)),
+            error @ (BringUpError::Boot(_) | BringUpError::LeftOn(_) | BringUpError::NotProven(_)),
         ) => {
+            return Err(error).or_fail(Kind::Drive);
+        }
+        Err(error @ BringUpError::NotEnabled(_)) => {
+            // A trip like any other: it is recorded.
+            offer.record(node.cycle());
             return Err(error).or_fail(Kind::Drive);
         }
     }
     while !stopping() {
         if let Ok(Pending { request, answer }) = asked.try_recv() {
             // Whoever asked may have hung up.
-            answer.send(node.request(request)).ok();
+            answer.send(node.request(request, &mut || stopping())).ok();
         }
         offer.record(node.cycle());
         pass_on(&mut node, offer);

@@ -1,4 +1,4 @@
-//! SIGINT and SIGTERM end a run in order; SIGUSR1 and SIGQUIT (Ctrl-\ at a terminal) ask how it is.
+//! SIGINT and SIGTERM end a run in order, SIGHUP means nothing to it; SIGUSR1 and SIGQUIT (Ctrl-\ at a terminal) ask how it is.
 
 use std::io;
 
@@ -17,6 +17,44 @@ pub(super) async fn wait() -> &'static str {
     tokio::select! {
         _ = interrupt.recv() => "SIGINT",
         _ = terminate.recv() => "SIGTERM",
+    }
+}
+
+/// What a signal says to a running node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Order {
+    /// To stop, in order; said again it means nothing new.
+    Stop(&'static str),
+    /// What makes other programs read their configuration again. This one never does: a limit that changes
+    /// under a hand is a hazard, and a terminal that was closed is no reason to drop an arm.
+    HangUp,
+}
+
+/// The signals a running node heeds.
+#[derive(Debug)]
+pub(super) struct Orders {
+    interrupt: Signal,
+    terminate: Signal,
+    hang_up: Signal,
+}
+
+impl Orders {
+    /// Takes the signals over from the default action, which ends the process at once. Within a runtime.
+    pub(super) fn heard() -> io::Result<Self> {
+        Ok(Self {
+            interrupt: signal(SignalKind::interrupt())?,
+            terminate: signal(SignalKind::terminate())?,
+            hang_up: signal(SignalKind::hangup())?,
+        })
+    }
+
+    /// Waits for the next.
+    pub(super) async fn next(&mut self) -> Order {
+        tokio::select! {
+            _ = self.interrupt.recv() => Order::Stop("SIGINT"),
+            _ = self.terminate.recv() => Order::Stop("SIGTERM"),
+            _ = self.hang_up.recv() => Order::HangUp,
+        }
     }
 }
 

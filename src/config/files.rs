@@ -10,6 +10,8 @@ use std::path::PathBuf;
 
 use crate::config::problem::Invalid;
 use crate::config::problem::Problem;
+use crate::config::trust::Guarded;
+use crate::config::trust::Trust;
 
 /// The files of `config/` and `eds/`, as they were when the program was built.
 const SHIPPED: &[(&str, &[u8])] = &[
@@ -39,6 +41,14 @@ const LIMIT: u64 = 4 << 20;
 /// # Errors
 /// When there is neither, or the file cannot be read or is larger than 4 MiB.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
+    read_by(Trust::Any, path)
+}
+
+/// The same of a file that must be worth that trust; a shipped copy always is.
+///
+/// # Errors
+/// As [`read`], and when somebody else may write it.
+pub fn read_by(trust: Trust, path: &Path) -> io::Result<Vec<u8>> {
     match fs::metadata(path) {
         Ok(found) if found.is_dir() => {
             Err(io::Error::new(io::ErrorKind::IsADirectory, "is a directory"))
@@ -46,7 +56,7 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
         Ok(found) if found.len() > LIMIT => {
             Err(io::Error::new(io::ErrorKind::FileTooLarge, "larger than 4 MiB"))
         }
-        Ok(_) => bounded(path),
+        Ok(_) => bounded(trust, path),
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             shipped(path).map(<[u8]>::to_vec).ok_or(error)
         }
@@ -55,9 +65,13 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 }
 
 /// A file's bytes, unless they go on beyond the limit, as those of a device may.
-fn bounded(path: &Path) -> io::Result<Vec<u8>> {
+fn bounded(trust: Trust, path: &Path) -> io::Result<Vec<u8>> {
+    let file = match trust {
+        Trust::Any => fs::File::open(path)?,
+        Trust::Guarded => guarded(path)?,
+    };
     let mut bytes = Vec::new();
-    fs::File::open(path)?.take(LIMIT + 1).read_to_end(&mut bytes)?;
+    file.take(LIMIT + 1).read_to_end(&mut bytes)?;
     if u64::try_from(bytes.len()).is_ok_and(|length| length <= LIMIT) {
         Ok(bytes)
     } else {
@@ -65,16 +79,24 @@ fn bounded(path: &Path) -> io::Result<Vec<u8>> {
     }
 }
 
+/// A file that nobody else may write: the one that is open is the one that was looked at.
+fn guarded(path: &Path) -> io::Result<fs::File> {
+    let found = Guarded::inspect(path)?;
+    let file = fs::File::open(path)?;
+    found.recognise(&file.metadata()?)?;
+    Ok(file)
+}
+
 /// The same as text.
 ///
 /// # Errors
-/// As [`read`], in the words of a configuration.
-pub(super) fn text(file: &Path) -> Result<String, Invalid> {
+/// As [`read_by`], in the words of a configuration.
+pub(super) fn text(trust: Trust, file: &Path) -> Result<String, Invalid> {
     let alone = |reason: String| {
         let file = file.to_path_buf();
         Invalid(vec![Problem { file, line: None, key: String::new(), reason }])
     };
-    let bytes = read(file).map_err(|error| alone(error.to_string()))?;
+    let bytes = read_by(trust, file).map_err(|error| alone(error.to_string()))?;
     String::from_utf8(bytes).map_err(|error| alone(error.to_string()))
 }
 

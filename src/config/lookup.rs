@@ -35,7 +35,8 @@ pub(super) fn channel(
 /// The EDS called `name` in `file`.
 pub(super) fn eds(key: &str, file: &Path, name: &str, problems: &mut Problems<'_>) -> Option<Eds> {
     let path = files::beside(file, name);
-    let read = files::read(&path).map_err(|error| format!("{}: {error}", path.display()));
+    let read = files::read_by(problems.trust(), &path);
+    let read = read.map_err(|error| format!("{}: {error}", path.display()));
     let bytes = problems.take(key, read)?;
     let parsed = Eds::parse(&bytes).map_err(|error| format!("{}: {error}", path.display()));
     problems.take(key, parsed)

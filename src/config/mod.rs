@@ -20,6 +20,7 @@ mod remote;
 pub mod signals;
 mod simulated;
 pub mod torque_data;
+pub mod trust;
 mod units;
 
 pub use boot::BootSettings;
@@ -53,6 +54,7 @@ use crate::canopen::load::BusLoad;
 use crate::canopen::load::network::Network;
 use crate::canopen::plan::NodePlan;
 use crate::config::problem::Problems;
+use crate::config::trust::Trust;
 use crate::controller::Settings;
 use crate::controller::stability::finding::Finding;
 use crate::controller::switches::Mode;
@@ -129,7 +131,15 @@ impl Config {
     /// # Errors
     /// Everything that is wrong with it.
     pub fn load(file: &Path) -> Result<Self, Invalid> {
-        Self::parse(file, &files::text(file)?)
+        Self::load_by(Trust::Any, file)
+    }
+
+    /// The same of a file, and EDS files, that must be worth that trust.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it.
+    pub fn load_by(trust: Trust, file: &Path) -> Result<Self, Invalid> {
+        Self::checked(file, &files::text(trust, file)?, trust, network::check_loads)
     }
 
     /// Checks `text`, which stands in `file`; names of other files are seen from there.
@@ -137,7 +147,7 @@ impl Config {
     /// # Errors
     /// Everything that is wrong with it.
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
-        Self::checked(file, text, network::check_loads)
+        Self::checked(file, text, Trust::Any, network::check_loads)
     }
 
     /// As [`load`](Self::load), but buses may carry too much. Only for planning: such a network cannot
@@ -146,16 +156,17 @@ impl Config {
     /// # Errors
     /// Everything else that is wrong with it.
     pub fn load_to_plan(file: &Path) -> Result<Self, Invalid> {
-        Self::checked(file, &files::text(file)?, |_, _| {})
+        Self::checked(file, &files::text(Trust::Any, file)?, Trust::Any, |_, _| {})
     }
 
     /// `text` as a configuration that also passes `check`.
     fn checked(
         file: &Path,
         text: &str,
+        trust: Trust,
         check: fn(&Self, &mut Problems<'_>),
     ) -> Result<Self, Invalid> {
-        let mut problems = Problems::new(file, text);
+        let mut problems = Problems::new(file, text, trust);
         let Some(raw) = read(text, &mut problems) else {
             problems.finish()?;
             return Err(Invalid(Vec::new()));

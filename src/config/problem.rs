@@ -4,6 +4,8 @@ use std::fmt;
 use std::path::Path;
 use std::path::PathBuf;
 
+use crate::config::trust::Trust;
+
 /// One thing wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
@@ -53,13 +55,19 @@ impl std::error::Error for Invalid {}
 pub(super) struct Problems<'t> {
     file: PathBuf,
     text: &'t str,
+    trust: Trust,
     found: Vec<Problem>,
 }
 
 impl<'t> Problems<'t> {
     /// None yet, in `file` that reads `text`.
-    pub(super) fn new(file: &Path, text: &'t str) -> Self {
-        Self { file: file.to_path_buf(), text, found: Vec::new() }
+    pub(super) fn new(file: &Path, text: &'t str, trust: Trust) -> Self {
+        Self { file: file.to_path_buf(), text, trust, found: Vec::new() }
+    }
+
+    /// What the files it names must be worth.
+    pub(super) const fn trust(&self) -> Trust {
+        self.trust
     }
 
     /// The value of `key` is wrong.

@@ -21,6 +21,7 @@ use std::path::PathBuf;
 use crate::config::files;
 use crate::config::problem::Invalid;
 use crate::config::problem::Problem;
+use crate::config::trust::Trust;
 use crate::controller::fit::Direction;
 use crate::controller::fit::Sample;
 
@@ -55,7 +56,7 @@ impl TorqueData {
     /// # Errors
     /// What is wrong with it, by line and column; the first 20 problems.
     pub fn load(file: &Path) -> Result<Self, Invalid> {
-        Self::parse(file, &files::text(file)?)
+        Self::parse(file, &files::text(Trust::Any, file)?)
     }
 
     /// Reads `text`, which stands in `file`.

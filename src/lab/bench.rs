@@ -104,7 +104,7 @@ impl<T: Tap> Bench<T> {
     /// # Errors
     /// As [`Node::request`].
     pub fn ask(&mut self, request: Request) -> Result<Mode, Refused> {
-        self.node.request(request)
+        self.node.request(request, &mut || false)
     }
 
     /// The node stands still, as if it had been killed; what is attached lives on. When that began.

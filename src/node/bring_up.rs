@@ -48,6 +48,9 @@ pub enum BringUpError {
     /// Whoever started it gave it up.
     #[error("boot given up")]
     GivenUp,
+    /// The same, while drives were being enabled; one of them did not confirm that it is off again.
+    #[error("boot given up: {0}")]
+    LeftOn(NotConfirmed),
 }
 
 /// Drives that did not confirm that they are off.
@@ -81,12 +84,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
             self.leave_pre_operational();
         }
         booted?;
-        let ready = self.become_ready(give_up);
-        if ready.is_err() {
-            // Whether they confirm it or not, there is nothing more to do about it.
-            self.switch_off().ok();
-        }
-        ready
+        self.become_ready(give_up).map_err(|error| match (error, self.switch_off()) {
+            (BringUpError::GivenUp, Err(left)) => BringUpError::LeftOn(left),
+            // The first of what is wrong is told: that a drive is not off either follows from it.
+            (error, _) => error,
+        })
     }
 
     /// Enables the drives at zero torque, lets them prove that they stop by themselves, and is ready.

@@ -40,11 +40,15 @@ pub enum Refused {
 }
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Answers a request with the mode it led to.
+    /// Answers a request with the mode it led to. A reset may boot the network, until `give_up` says so.
     ///
     /// # Errors
-    /// When the mode does not allow it, or a reset needs a boot that fails.
-    pub fn request(&mut self, request: Request) -> Result<Mode, Refused> {
+    /// When the mode does not allow it, or a reset needs a boot that fails or is given up.
+    pub fn request(
+        &mut self,
+        request: Request,
+        give_up: &mut dyn FnMut() -> bool,
+    ) -> Result<Mode, Refused> {
         let now = self.bus.now();
         match request {
             Request::Arm => {
@@ -52,18 +56,18 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 self.safety.arm(now, self.operator.grasp())?;
             }
             Request::Disarm => self.safety.disarm(),
-            Request::Reset => self.reset(now)?,
+            Request::Reset => self.reset(now, give_up)?,
             Request::Command(mode) => self.command_mode = mode,
         }
         Ok(self.mode())
     }
 
     /// Leaves a stop, by a boot where any of its causes asks for one; if that fails the stop remains.
-    fn reset(&mut self, now: Instant) -> Result<(), Refused> {
+    fn reset(&mut self, now: Instant, give_up: &mut dyn FnMut() -> bool) -> Result<(), Refused> {
         let left = self.safety.reset(now)?;
         self.power.reset_faults();
         if left.must_boot {
-            let booted = self.bring_up(&mut || false);
+            let booted = self.bring_up(give_up);
             if booted.is_err() {
                 self.safety.relapse(self.bus.now(), left);
             }

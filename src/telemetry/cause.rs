@@ -173,6 +173,46 @@ impl Kind {
 }
 
 impl Cause {
+    /// The joint it is about, from 1, if it is about one.
+    pub const fn joint(&self) -> Option<usize> {
+        match *self {
+            Self::SamplesMissing { joint, .. }
+            | Self::StatusMissing { joint }
+            | Self::SamplesRare { joint, .. }
+            | Self::PositionFrozen { joint }
+            | Self::PositionJumped { joint }
+            | Self::TorqueDiffers { joint }
+            | Self::Overspeed { joint }
+            | Self::BeyondLimit { joint }
+            | Self::DriveLeft { joint, .. }
+            | Self::EnableTimeout { joint, .. } => Some(joint),
+            Self::Emergency { node: drive @ 0..6, .. }
+            | Self::HeartbeatLost { node: drive @ 0..6 }
+            | Self::Rebooted { node: drive @ 0..6 }
+            | Self::Duplicate { node: drive @ 0..6 } => Some(drive + 1),
+            Self::Emergency { .. }
+            | Self::HeartbeatLost { .. }
+            | Self::Rebooted { .. }
+            | Self::Duplicate { .. }
+            | Self::GripOverspeed
+            | Self::MovesUnheld
+            | Self::Unstable
+            | Self::LinkLost
+            | Self::ForeignMaster
+            | Self::ControllerFault { .. }
+            | Self::QueueFull { .. }
+            | Self::EchoMissing { .. }
+            | Self::BusPassive { .. }
+            | Self::BusOff { .. }
+            | Self::BusDown { .. }
+            | Self::DeadmanDisagrees
+            | Self::DeadmanTaped
+            | Self::Overrun { .. }
+            | Self::Late
+            | Self::Suspended => None,
+        }
+    }
+
     /// Its row of the fault table.
     pub const fn kind(&self) -> Kind {
         match self {

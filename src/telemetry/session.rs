@@ -14,7 +14,9 @@ use std::io;
 use std::io::Write;
 
 use crate::canopen::frame::Telegram;
+use crate::spatial::Wrench;
 use crate::telemetry::candump::LogWriter;
+use crate::telemetry::cause::Cause;
 use crate::telemetry::record::Mode;
 use crate::telemetry::record::Record;
 use crate::time::Instant;
@@ -25,7 +27,34 @@ pub const WRENCH: (&str, u32) = ("wrench0", 0x18FF_0000);
 /// Where modes and switches stand in the log.
 pub const NODE: (&str, u32) = ("node0", 0x18FF_0001);
 
-/// Writes the log of a session. A write that fails is counted, and never stops the session.
+/// A cycle in brief: what a log keeps of its record.
+#[derive(Clone, Copy, Debug)]
+pub struct Brief {
+    /// Its number, from 1.
+    pub cycle: u64,
+    /// When its SYNC was sent.
+    pub at: Instant,
+    /// The mode it ran in.
+    pub mode: Mode,
+    /// What stopped the node, while it is stopped.
+    pub cause: Option<Cause>,
+    /// The switch box's inputs; `None` when it is silent.
+    pub inputs: Option<u8>,
+    /// Whether each joint's sample came in time.
+    pub sampled: [bool; 6],
+    /// The wrench of the environment on the object at {S}, in N and N·m.
+    pub f_s: Wrench,
+}
+
+impl From<&Record> for Brief {
+    fn from(record: &Record) -> Self {
+        let &Record { cycle, at, mode, cause, inputs, sampled, f_s, .. } = record;
+        Self { cycle, at, mode, cause, inputs, sampled, f_s }
+    }
+}
+
+/// Writes the log of a session. The first write that fails ends the log, never the session: what is on the
+/// disk then has no holes.
 #[derive(Debug)]
 pub struct SessionLog<W: Write> {
     log: LogWriter<W>,
@@ -42,46 +71,60 @@ impl<W: Write> SessionLog<W> {
 
     /// A frame on a bus.
     pub fn frame(&mut self, at: Instant, telegram: &Telegram) {
-        self.latest = self.latest.max(at);
-        let written = self.log.frame(self.latest, telegram);
-        self.note(written);
+        self.write(at, |log, at| log.frame(at, telegram));
     }
 
     /// A cycle: its wrench, mode, inputs and samples.
-    pub fn record(&mut self, record: &Record) {
-        self.latest = self.latest.max(record.at);
-        let mut wrench = [0; 48];
-        for (to, from) in wrench.chunks_exact_mut(8).zip(record.f_s.components()) {
-            to.copy_from_slice(&from.to_le_bytes());
-        }
-        let (interface, id) = WRENCH;
-        let written = self.log.pseudo(self.latest, interface, id, &wrench);
-        self.note(written);
+    pub fn cycle(&mut self, brief: &Brief) {
+        self.write(brief.at, |log, at| {
+            let (interface, id) = WRENCH;
+            log.pseudo(at, interface, id, &wrench_bytes(&brief.f_s))?;
+            let (interface, id) = NODE;
+            log.pseudo(at, interface, id, &state_bytes(brief))
+        });
+    }
 
-        let sampled =
-            (0..).zip(record.sampled).fold(0, |bits, (joint, is)| bits | u8::from(is) << joint);
-        let [c0, c1, c2, c3, ..] = record.cycle.to_le_bytes();
-        let state = [code(record.mode), record.inputs.unwrap_or(0xFF), sampled, 0, c0, c1, c2, c3];
-        let (interface, id) = NODE;
-        let written = self.log.pseudo(self.latest, interface, id, &state);
-        self.note(written);
+    /// Why the log ended before the session, if it did.
+    pub const fn failure(&self) -> Option<&io::Error> {
+        self.failed.as_ref()
     }
 
     /// Everything written is on its way to the disk.
     ///
     /// # Errors
-    /// The first write that failed, if any did.
+    /// The write that failed, if one did.
     pub fn finish(mut self) -> io::Result<()> {
-        let flushed = self.log.flush();
-        self.note(flushed);
+        let latest = self.latest;
+        self.write(latest, |log, _| log.flush());
         self.failed.map_or(Ok(()), Err)
     }
 
-    fn note(&mut self, written: io::Result<()>) {
-        if let Err(error) = written {
-            self.failed.get_or_insert(error);
+    /// Writes at a time not before the newest, unless the log has ended.
+    fn write(
+        &mut self,
+        at: Instant,
+        what: impl FnOnce(&mut LogWriter<W>, Instant) -> io::Result<()>,
+    ) {
+        if self.failed.is_none() {
+            self.latest = self.latest.max(at);
+            self.failed = what(&mut self.log, self.latest).err();
         }
     }
+}
+
+fn wrench_bytes(f_s: &Wrench) -> [u8; 48] {
+    let mut bytes = [0; 48];
+    for (to, from) in bytes.chunks_exact_mut(8).zip(f_s.components()) {
+        to.copy_from_slice(&from.to_le_bytes());
+    }
+    bytes
+}
+
+fn state_bytes(brief: &Brief) -> [u8; 8] {
+    let sampled =
+        (0..).zip(brief.sampled).fold(0, |bits, (joint, is)| bits | u8::from(is) << joint);
+    let [c0, c1, c2, c3, ..] = brief.cycle.to_le_bytes();
+    [code(brief.mode), brief.inputs.unwrap_or(0xFF), sampled, 0, c0, c1, c2, c3]
 }
 
 /// A mode as a number, in the order of the mode graph.
@@ -94,5 +137,49 @@ const fn code(mode: Mode) -> u8 {
         Mode::ReflectionOff => 4,
         Mode::ZeroTorque => 5,
         Mode::DrivesOff => 6,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::frame::Channel;
+    use crate::canopen::frame::Frame;
+
+    /// A disk with room for so many bytes.
+    struct Disk {
+        room: usize,
+        written: Vec<u8>,
+        refused: u32,
+    }
+
+    impl Write for &mut Disk {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            if bytes.len() > self.room {
+                self.refused += 1;
+                return Err(io::Error::from(io::ErrorKind::StorageFull));
+            }
+            self.room -= bytes.len();
+            self.written.extend_from_slice(bytes);
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn hazard_32_a_full_disk_ends_the_log_at_once_and_for_good() {
+        let mut disk = Disk { room: 100, written: Vec::new(), refused: 0 };
+        let mut log = SessionLog::new(LogWriter::new(&mut disk, &["can0".to_owned()], 0));
+        let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x181, [1, 2]) };
+        for micros in 0..1_000 {
+            log.frame(Instant::from_micros(micros), &telegram);
+        }
+        assert_eq!(log.failure().unwrap().kind(), io::ErrorKind::StorageFull);
+        assert_eq!(log.finish().unwrap_err().kind(), io::ErrorKind::StorageFull);
+        assert_eq!(disk.refused, 1, "what has failed is not tried a thousand times");
+        assert!(disk.written.starts_with(b"(0.000000) can0 181#0102\n(0.000001)"));
     }
 }

@@ -16,6 +16,8 @@ pub struct Status {
     pub cycle: u64,
     /// Samples missed so far.
     pub missing_samples: u64,
+    /// Frames, records and events lost on the way to the recorder so far: the disk is too slow.
+    pub lost_entries: u64,
     /// Joint positions, in rad (m for a prismatic joint).
     pub q: [f64; 6],
     /// Torques commanded to the joints, in N·m.
@@ -75,14 +77,15 @@ impl From<&Ledger> for Budget {
 }
 
 impl Status {
-    /// Of the newest record, with the number of samples missed so far.
-    pub fn of(record: &Record, missing_samples: u64) -> Self {
+    /// Of the newest record, with the numbers of samples missed and of entries lost so far.
+    pub fn of(record: &Record, missing_samples: u64, lost_entries: u64) -> Self {
         let p_b_m = record.x_b_m.translation.vector;
         Self {
             mode: record.mode.name(),
             stopped_by: record.cause.map(|cause| cause.to_string()),
             cycle: record.cycle,
             missing_samples,
+            lost_entries,
             q: record.output.q.into(),
             tau: record.output.tau.into(),
             targets: record.targets,

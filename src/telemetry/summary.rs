@@ -25,6 +25,8 @@ pub struct Summary {
     pub cycles_with_missing_samples: u64,
     /// Samples that did not come in time.
     pub missing_samples: u64,
+    /// Frames, records and events lost on the way to the recorder: all the rest is without them.
+    pub lost_entries: u64,
     /// Time engaged, in s.
     pub engaged_seconds: f64,
     /// Changes from armed to engaged.
@@ -123,6 +125,9 @@ impl fmt::Display for Summary {
             "missed samples    {} in {} cycles",
             self.missing_samples, self.cycles_with_missing_samples
         )?;
+        if self.lost_entries > 0 {
+            writeln!(f, "not recorded      {} frames and records", self.lost_entries)?;
+        }
         writeln!(
             f,
             "engaged           {:.1} s in {} spells, {:.1} s of it in contact",

@@ -205,7 +205,11 @@ impl Scratch {
     pub(crate) fn frhc(&self, args: &[&str]) -> Process {
         let mut command = Command::new(env!("CARGO_BIN_EXE_frhc"));
         Process::spawn(
-            command.args(args).env("XDG_RUNTIME_DIR", &self.0).env_remove("RUNTIME_DIRECTORY"),
+            command
+                .args(args)
+                .env("XDG_RUNTIME_DIR", &self.0)
+                .env("XDG_STATE_HOME", self.0.join("state"))
+                .env_remove("RUNTIME_DIRECTORY"),
         )
     }
 
@@ -213,6 +217,7 @@ impl Scratch {
     pub(crate) fn frhc_and_stdout(&self, args: &[&str]) -> (Process, BufReader<ChildStdout>) {
         let mut command = Command::new(env!("CARGO_BIN_EXE_frhc"));
         let command = command.args(args).env("XDG_RUNTIME_DIR", &self.0);
+        let command = command.env("XDG_STATE_HOME", self.0.join("state"));
         let command = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();
         let stdout = BufReader::new(child.stdout.take().unwrap());

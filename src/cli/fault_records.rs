@@ -1,0 +1,382 @@
+//! The folder of fault records: for every trip `NNN-CYCLE-CAUSE/` with `bus.log`, as a session has it, and
+//! `fault.json`. Readable by their owner alone, the newest fifty kept.
+//!
+//! What cannot be written is told once and left: a record of a fault is worth less than the run.
+
+use std::collections::BTreeMap;
+use std::env;
+use std::ffi::OsStr;
+use std::fs;
+use std::fs::DirBuilder;
+use std::fs::File;
+use std::fs::OpenOptions;
+use std::io;
+use std::io::BufWriter;
+use std::io::Write;
+use std::os::unix::fs::DirBuilderExt;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+use std::path::PathBuf;
+
+use serde_json::Value;
+use serde_json::json;
+
+use crate::canopen::frame::Telegram;
+use crate::node::safety::table;
+use crate::telemetry::candump::LogWriter;
+use crate::telemetry::fault_record::FaultWatch;
+use crate::telemetry::fault_record::Moment;
+use crate::telemetry::fault_record::Trip;
+use crate::telemetry::record::Record;
+use crate::telemetry::session::Brief;
+use crate::telemetry::session::SessionLog;
+use crate::telemetry::status::Status;
+use crate::time::Instant;
+
+/// So many records are kept; then the oldest goes.
+const KEPT: usize = 50;
+
+/// The files of a record.
+const LOG: &str = "bus.log";
+const DOCUMENT: &str = "fault.json";
+
+/// Where records go if no session is recorded: systemd's folder, else the user's own.
+pub(super) fn default_folder() -> Option<PathBuf> {
+    let of = |name, below: &str| {
+        let value = env::var_os(name).filter(|value| !value.is_empty())?;
+        Some(first(&value).join(below))
+    };
+    of("STATE_DIRECTORY", "faults")
+        .or_else(|| of("XDG_STATE_HOME", "frhc/faults"))
+        .or_else(|| of("HOME", ".local/state/frhc/faults"))
+}
+
+/// systemd names several folders with colons between them.
+fn first(value: &OsStr) -> PathBuf {
+    env::split_paths(value).next().unwrap_or_default()
+}
+
+/// Watches for trips and writes what is to be kept of them.
+#[derive(Debug)]
+pub(super) struct Faults {
+    folder: PathBuf,
+    interfaces: Vec<String>,
+    epoch_micros: u64,
+    watch: FaultWatch,
+    /// The records in the folder, by their numbers.
+    records: BTreeMap<u64, PathBuf>,
+    open: Option<Open>,
+    is_refused: bool,
+    /// Records of this run.
+    written: Vec<PathBuf>,
+    news: Option<String>,
+}
+
+/// A record whose second is not over.
+#[derive(Debug)]
+struct Open {
+    folder: PathBuf,
+    log: SessionLog<BufWriter<File>>,
+    document: Value,
+    tripped: Instant,
+    latest: Instant,
+}
+
+impl Faults {
+    /// Records in `folder`, of buses with these interfaces. Stamps are `epoch_micros` plus the bus's time.
+    ///
+    /// # Errors
+    /// When there can be no such folder.
+    pub(super) fn open(
+        folder: &Path,
+        interfaces: &[String],
+        epoch_micros: u64,
+    ) -> io::Result<Self> {
+        DirBuilder::new().recursive(true).mode(0o700).create(folder)?;
+        let records = fs::read_dir(folder)?.flatten();
+        let records = records.filter_map(|entry| Some((number(&entry.file_name())?, entry.path())));
+        Ok(Self {
+            folder: folder.to_path_buf(),
+            interfaces: interfaces.to_vec(),
+            epoch_micros,
+            watch: FaultWatch::default(),
+            records: records.collect(),
+            open: None,
+            is_refused: false,
+            written: Vec::new(),
+            news: None,
+        })
+    }
+
+    /// A frame has passed by.
+    pub(super) fn frame(&mut self, at: Instant, telegram: &Telegram) {
+        self.close_if_over(at);
+        self.watch.frame(at, telegram);
+        if let Some(open) = &mut self.open {
+            open.latest = open.latest.max(at);
+            open.log.frame(at, telegram);
+        }
+    }
+
+    /// A cycle has run.
+    pub(super) fn cycle(&mut self, record: &Record) {
+        self.close_if_over(record.at);
+        let brief = Brief::from(record);
+        if let Some(trip) = self.watch.cycle(&brief) {
+            self.begin(&trip, record);
+        } else if let Some(open) = &mut self.open {
+            open.latest = open.latest.max(record.at);
+            open.log.cycle(&brief);
+        }
+    }
+
+    /// What is to be told: where a record is, or why there is none.
+    pub(super) fn news(&mut self) -> Option<String> {
+        self.news.take()
+    }
+
+    /// Ends what is open, and says in one line what this run leaves.
+    pub(super) fn finish(mut self) -> Option<String> {
+        self.close();
+        // Goes if it is empty: whoever looks for records finds none.
+        fs::remove_dir(&self.folder).ok();
+        match self.written.as_slice() {
+            [] => None,
+            [one] => Some(format!("fault record      {}", one.display())),
+            [first, .., last] => {
+                let (count, last) = (self.written.len(), last.file_name().unwrap_or_default());
+                Some(format!("{count} fault records   {} to {}", first.display(), last.display()))
+            }
+        }
+    }
+
+    fn begin(&mut self, trip: &Trip, record: &Record) {
+        match self.create(trip, record) {
+            Ok(open) => {
+                self.news = Some(format!("fault record: {}", open.folder.display()));
+                self.written.push(open.folder.clone());
+                self.open = Some(open);
+            }
+            Err(error) if !self.is_refused => {
+                self.is_refused = true;
+                self.news = Some(format!("no fault record in {}: {error}", self.folder.display()));
+            }
+            Err(_) => {}
+        }
+    }
+
+    fn create(&mut self, trip: &Trip, record: &Record) -> io::Result<Open> {
+        self.make_room();
+        let next = self.records.last_key_value().map_or(1, |(last, _)| last.saturating_add(1));
+        let cause = hyphenated(&format!("{:?}", trip.cause.kind()));
+        let folder = self.folder.join(format!("{next:03}-{}-{cause}", trip.cycle));
+        DirBuilder::new().mode(0o700).create(&folder)?;
+        self.records.insert(next, folder.clone());
+        let document = document(trip, record, self.watch.reach().as_secs_f64());
+        write_document(&folder, &document)?;
+        let file = create_private(&folder.join(LOG))?;
+        let writer = LogWriter::new(BufWriter::new(file), &self.interfaces, self.epoch_micros);
+        let mut log = SessionLog::new(writer);
+        for moment in self.watch.past() {
+            match moment {
+                Moment::Frame(at, telegram) => log.frame(*at, telegram),
+                Moment::Cycle(brief) => log.cycle(brief),
+            }
+        }
+        Ok(Open { folder, log, document, tripped: trip.at, latest: trip.at })
+    }
+
+    /// The oldest go, with what is ours in them: whatever else somebody keeps there stays.
+    fn make_room(&mut self) {
+        while self.records.len() >= KEPT {
+            let Some((_, oldest)) = self.records.pop_first() else { return };
+            for file in [LOG, DOCUMENT] {
+                fs::remove_file(oldest.join(file)).ok();
+            }
+            fs::remove_dir(&oldest).ok();
+        }
+    }
+
+    fn close_if_over(&mut self, now: Instant) {
+        if self.watch.is_over(now) {
+            self.close();
+        }
+    }
+
+    fn close(&mut self) {
+        let Some(Open { folder, log, mut document, tripped, latest }) = self.open.take() else {
+            return;
+        };
+        document["seconds_after"] = latest.since(tripped).as_secs_f64().into();
+        let ended = log.finish();
+        document["is_complete"] = ended.is_ok().into();
+        let written = write_document(&folder, &document);
+        if let Err(error) = ended.and(written) {
+            let folder = folder.display();
+            self.news = Some(format!("fault record {folder}: not complete: {error}"));
+        }
+    }
+}
+
+/// What `fault.json` says when the record begins: a run that ends within the second leaves it so.
+fn document(trip: &Trip, record: &Record, seconds_before: f64) -> Value {
+    let kind = trip.cause.kind();
+    let row = table::row(kind);
+    let reaction = table::reaction(kind, trip.from).mode();
+    json!({
+        "cause": trip.cause.to_string(),
+        "kind": hyphenated(&format!("{kind:?}")),
+        "joint": trip.cause.joint(),
+        "cycle": trip.cycle,
+        "seconds": trip.at.since(Instant::ZERO).as_secs_f64(),
+        "mode_before": trip.from.name(),
+        "mode": trip.to.name(),
+        "reaction": reaction.map_or("none", |mode| mode.name()),
+        "reset_boots": row.boots,
+        "hazards": row.hazards,
+        "seconds_before": seconds_before,
+        "seconds_after": 0.0,
+        "is_complete": false,
+        "status": Status::of(record, 0, 0),
+    })
+}
+
+fn write_document(folder: &Path, document: &Value) -> io::Result<()> {
+    let mut file = create_private(&folder.join(DOCUMENT))?;
+    let mut text = serde_json::to_string_pretty(document)?;
+    text.push('\n');
+    file.write_all(text.as_bytes())
+}
+
+/// A file for its owner alone.
+fn create_private(path: &Path) -> io::Result<File> {
+    OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path)
+}
+
+/// The number a record's name begins with.
+fn number(name: &OsStr) -> Option<u64> {
+    let (number, _) = name.to_str()?.split_once('-')?;
+    number.bytes().all(|byte| byte.is_ascii_digit()).then(|| number.parse().ok())?
+}
+
+/// `SamplesMissing` as `samples-missing`.
+fn hyphenated(name: &str) -> String {
+    let mut words = String::new();
+    for letter in name.chars() {
+        if letter.is_ascii_uppercase() && !words.is_empty() {
+            words.push('-');
+        }
+        words.push(letter.to_ascii_lowercase());
+    }
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt;
+
+    use crate::config::Config;
+    use crate::lab::bench::Bench;
+    use crate::sim::scenario::Scenario;
+    use crate::telemetry::cause::Cause;
+    use crate::telemetry::record::Mode;
+
+    const TRIP: Trip = Trip {
+        cycle: 4_213,
+        at: Instant::from_micros(4_300_000),
+        cause: Cause::SamplesMissing { joint: 3, cycles: 3 },
+        from: Mode::Engaged,
+        to: Mode::ZeroTorque,
+    };
+
+    /// A folder of this test alone.
+    fn scratch(name: &str) -> PathBuf {
+        let folder = env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
+        fs::remove_dir_all(&folder).ok();
+        folder
+    }
+
+    fn any_record() -> Record {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        Bench::new(&config, Scenario::parse("seconds = 1").unwrap(), 1, false, ()).cycle()
+    }
+
+    fn mode_of(path: &Path) -> u32 {
+        fs::metadata(path).unwrap().permissions().mode() & 0o777
+    }
+
+    #[test]
+    fn promise_15_a_record_says_what_happened_and_is_its_owners_alone() {
+        let folder = scratch("record");
+        let mut faults = Faults::open(&folder, &["can0".to_owned()], 0).unwrap();
+        faults.begin(&TRIP, &any_record());
+        let record = folder.join("001-4213-samples-missing");
+        assert_eq!(faults.news(), Some(format!("fault record: {}", record.display())));
+        let said: Value =
+            serde_json::from_slice(&fs::read(record.join(DOCUMENT)).unwrap()).unwrap();
+        assert_eq!(said["cause"], "joint 3: no sample for 3 cycles");
+        assert_eq!((&said["joint"], &said["cycle"]), (&json!(3), &json!(4_213)));
+        assert_eq!(
+            (&said["mode_before"], &said["mode"]),
+            (&json!("engaged"), &json!("zero-torque"))
+        );
+        assert_eq!(
+            (&said["reaction"], &said["hazards"]),
+            (&json!("zero-torque"), &json!([1, 3, 4]))
+        );
+        assert_eq!(said["is_complete"], false, "until its second is over");
+        assert_eq!((mode_of(&folder), mode_of(&record)), (0o700, 0o700));
+        assert_eq!((mode_of(&record.join(LOG)), mode_of(&record.join(DOCUMENT))), (0o600, 0o600));
+        assert!(faults.finish().unwrap().contains("001-4213-samples-missing"));
+        let said: Value =
+            serde_json::from_slice(&fs::read(record.join(DOCUMENT)).unwrap()).unwrap();
+        assert_eq!(said["is_complete"], true);
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn hazard_32_the_newest_fifty_are_kept_and_what_is_not_ours_stays() {
+        let (folder, record) = (scratch("quota"), any_record());
+        for run in 0..6 {
+            let mut faults = Faults::open(&folder, &[], 0).unwrap();
+            for _ in 0..10 {
+                faults.begin(&TRIP, &record);
+                faults.close();
+            }
+            if run == 0 {
+                fs::write(folder.join("002-4213-samples-missing/notes"), "why?").unwrap();
+            }
+            assert!(faults.finish().unwrap().starts_with("10 fault records"));
+        }
+        let left = fs::read_dir(&folder).unwrap().flatten();
+        let mut left: Vec<_> = left.filter_map(|entry| number(&entry.file_name())).collect();
+        left.sort_unstable();
+        let kept: Vec<u64> = std::iter::once(2).chain(11..=60).collect();
+        assert_eq!(left, kept);
+        assert!(folder.join("002-4213-samples-missing/notes").exists());
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn hazard_32_a_place_that_cannot_be_written_is_told_once() {
+        let (folder, record) = (scratch("gone"), any_record());
+        let mut faults = Faults::open(&folder, &[], 0).unwrap();
+        fs::remove_dir(&folder).unwrap();
+        faults.begin(&TRIP, &record);
+        assert!(faults.news().unwrap().starts_with("no fault record in "));
+        faults.begin(&TRIP, &record);
+        assert_eq!((faults.news(), faults.finish()), (None, None));
+        fs::write(&folder, "").unwrap();
+        assert!(Faults::open(&folder.join("faults"), &[], 0).is_err());
+        fs::remove_file(&folder).unwrap();
+    }
+
+    #[test]
+    fn names_are_words_with_hyphens_and_begin_with_a_number() {
+        assert_eq!(hyphenated("SamplesMissing"), "samples-missing");
+        assert_eq!(number(OsStr::new("042-7-late")), Some(42));
+        assert_eq!(number(OsStr::new("notes")), None);
+        assert_eq!(number(OsStr::new("-7-late")), None);
+    }
+}

@@ -5,6 +5,7 @@
 
 mod bring_up;
 mod cycle;
+mod link;
 mod request;
 pub mod safety;
 mod samples;
@@ -32,12 +33,12 @@ use crate::canopen::time_stamp;
 use crate::config::Config;
 use crate::controller::Controller;
 use crate::controller::switches::Mode as CommandMode;
+use crate::node::link::Link;
 use crate::node::safety::Ramps;
 use crate::node::safety::Safety;
 use crate::node::samples::Samples;
 use crate::node::schedule::Schedule;
 use crate::remote::Remote;
-use crate::remote::Sensed;
 use crate::spatial::Motion;
 use crate::telemetry::cause::Cause;
 use crate::telemetry::record::Mode;
@@ -67,7 +68,7 @@ pub struct Node<B, R> {
     power: [PowerStage; 6],
     schedule: Schedule,
     cycle: u64,
-    sensed: Sensed,
+    link: Link,
     /// Frames on their way out.
     out: Vec<Telegram>,
     /// What has happened on the network and was not asked for yet.
@@ -85,7 +86,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             gravity: config.safety.gravity_ramp,
             reflection: config.safety.reflection_ramp,
         };
-        let sensed = remote.exchange(now, &Motion::Hold);
+        let mut link = Link::new(config.link_period());
+        link.take(now, remote.exchange(now, &Motion::Hold));
         let (inbox, outbox) = config.exchange();
         Self {
             period: config.period,
@@ -106,7 +108,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             power: Default::default(),
             schedule: Schedule::starting(now, config.period),
             cycle: 0,
-            sensed,
+            link,
             out: Vec::with_capacity(64),
             notices: VecDeque::with_capacity(NOTICES),
             bus,

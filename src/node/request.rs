@@ -47,7 +47,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub fn request(&mut self, request: Request) -> Result<Mode, Refused> {
         let now = self.bus.now();
         match request {
-            Request::Arm => self.safety.arm(now, self.deadman(now))?,
+            Request::Arm => self.arm(now)?,
             Request::Disarm => self.safety.disarm(now),
             Request::Reset => self.reset(now)?,
             Request::Command(mode) => self.command_mode = mode,
@@ -60,10 +60,18 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.samples.inputs(now).map(|inputs| inputs.deadman())
     }
 
+    fn arm(&mut self, now: Instant) -> Result<(), Refusal> {
+        match self.stale(now) {
+            Some(cause) => Err(Refusal::CausePresent(cause)),
+            None => self.safety.arm(now, self.deadman(now)),
+        }
+    }
+
     fn reset(&mut self, now: Instant) -> Result<(), Refused> {
         let stopped_by = self.cause();
         let disagrees = self.deadman(now) == Some(Deadman::Disagreeing);
-        self.safety.reset(now, disagrees.then_some(Cause::DeadmanDisagrees))?;
+        let present = disagrees.then_some(Cause::DeadmanDisagrees).or_else(|| self.stale(now));
+        self.safety.reset(now, present)?;
         self.power.iter_mut().for_each(PowerStage::reset_fault);
         if let Some(cause) = stopped_by.filter(|cause| table::row(cause.kind()).boots) {
             let booted = self.bring_up(&mut || false);

@@ -1,6 +1,8 @@
 //! Where commands go and wrenches come from: an object in this process, a robot over a network, a
 //! force/torque sensor. One exchange a cycle, which never waits.
 
+pub mod link;
+
 use nalgebra::Isometry3;
 
 use crate::spatial::Motion;

@@ -147,7 +147,7 @@ fn hazard_34_one_sample_in_a_hundred_lost_never_stops_the_node() {
     let mut node = pressing(|_: u64, sensed: Sensed| {
         state =
             state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((state >> 33) % 100 != 0).then_some(sensed)
+        (!(state >> 33).is_multiple_of(100)).then_some(sensed)
     });
     let engaged = (0..2_500).map(|_| node.cycle()).filter(|record| record.mode == Mode::Engaged);
     assert!(engaged.count() > 2_000);

@@ -117,7 +117,7 @@ impl Dice {
 }
 
 #[test]
-fn promise_06_hazard_37_of_a_hundred_thousand_forged_datagrams_none_has_any_effect() {
+fn promise_06_of_a_hundred_thousand_forged_datagrams_none_has_any_effect() {
     let (mut node, mut robot) = connected();
     let mut dice = Dice(37);
     let genuine: Vec<_> = (1..200).map(|now| command(&mut node, at(now), true)).collect();

@@ -26,7 +26,7 @@ const MODULES: &[Rule] = &[
         &["canopen_rs", "nalgebra", "serde", "thiserror", "toml"],
     ),
     ("bus", &["canopen", "time"], &["nix", "socket2", "socketcan", "thiserror", "thread_priority"]),
-    ("remote", &["spatial", "time"], &["nalgebra"]),
+    ("remote", &["spatial", "time"], &["nalgebra", "snow", "thiserror"]),
     (
         "telemetry",
         &["canopen", "controller", "spatial", "time"],
@@ -107,6 +107,7 @@ const OUTSIDE: &[&str] = &[
     "serde",
     "serde_ignored",
     "serde_json",
+    "snow",
     "socket2",
     "socketcan",
     "thiserror",

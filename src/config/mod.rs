@@ -196,6 +196,11 @@ impl Config {
         self.period.saturating_sub(network::rpdo_time(self))
     }
 
+    /// How often the commanded side is sampled.
+    pub const fn link_period(&self) -> Duration {
+        self.period
+    }
+
     /// How long the longest frame takes on the slowest bus.
     pub fn longest_frame(&self) -> Duration {
         let bitrate = self.buses.iter().map(|bus| bus.bitrate).min().unwrap_or(1);

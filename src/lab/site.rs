@@ -59,7 +59,7 @@ impl VirtualSite {
 }
 
 impl Remote for VirtualSite {
-    fn exchange(&mut self, now: Instant, command: &Motion) -> Sensed {
+    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
         let command = if self.link == Link::Lost { &Motion::Hold } else { command };
         let f_m = self.scene.wrench(self.object.pose(), self.object.twist());
         let f_s = self.object.contact(&self.object.sensed(&f_m));
@@ -70,7 +70,7 @@ impl Remote for VirtualSite {
         let sensed = Sensed { at: now, f_s, x_b_m: *self.object.pose() };
         let known = self.known.filter(|_| self.link != Link::Up).unwrap_or(sensed);
         self.known = Some(known);
-        known
+        self.known
     }
 }
 

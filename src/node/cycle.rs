@@ -62,8 +62,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.send_heartbeat(now);
         self.send_time(now);
         self.send_request();
-        let f_s = self.sensed.f_s;
-        self.sensed = self.remote.exchange(now, &output.command);
+        self.link.take(now, self.remote.exchange(now, &output.command));
 
         self.cycle += 1;
         Record {
@@ -73,7 +72,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             cause: self.safety.cause(),
             sampled: self.samples.fresh(),
             inputs: self.samples.inputs(now).map(|inputs| inputs.bits()),
-            f_s,
+            f_s: input.f_s,
             x_b_m: input.x_b_m,
             output,
             targets,
@@ -147,6 +146,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.heed(now, missing);
         let contradiction = self.operator.feel(now, self.samples.inputs(now));
         self.heed(now, contradiction);
+        self.heed(now, self.link.lost(now));
         match self.not_enabled() {
             Some(drive) => self.safety.not_enabled(now, drive),
             None if self.samples.is_complete() && self.proof.is_over() => {
@@ -188,8 +188,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let inputs = self.samples.inputs(now);
         Input {
             counts: self.samples.latest().map(|sample| Counts(sample.position.0)),
-            f_s: self.sensed.f_s,
-            x_b_m: self.sensed.x_b_m,
+            f_s: self.link.f_s(),
+            x_b_m: self.link.x_b_m(),
             switches: Switches {
                 deadman: permit.engaged,
                 reference: inputs.is_some_and(|inputs| inputs.reference),

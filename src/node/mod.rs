@@ -6,6 +6,7 @@
 mod bring_up;
 mod cycle;
 mod gate;
+mod link;
 pub mod operator;
 mod plausibility;
 mod power;
@@ -37,6 +38,7 @@ use crate::config::Config;
 use crate::controller::Controller;
 use crate::controller::switches::Mode as CommandMode;
 use crate::node::gate::Gate;
+use crate::node::link::Link;
 use crate::node::operator::Operator;
 use crate::node::plausibility::Plausibility;
 use crate::node::power::PowerStages;
@@ -47,7 +49,6 @@ use crate::node::safety::Safety;
 use crate::node::samples::Samples;
 use crate::node::schedule::Schedule;
 use crate::remote::Remote;
-use crate::remote::Sensed;
 use crate::spatial::Motion;
 use crate::telemetry::cause::Cause;
 use crate::telemetry::record::Mode;
@@ -81,7 +82,7 @@ pub struct Node<B, R> {
     proof: Proof,
     schedule: Schedule,
     cycle: u64,
-    sensed: Sensed,
+    link: Link,
     /// Frames on their way out.
     out: Vec<Telegram>,
     /// What has happened on the network and was not asked for yet.
@@ -99,7 +100,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             gravity: config.safety.gravity_ramp,
             reflection: config.safety.reflection_ramp,
         };
-        let sensed = remote.exchange(now, &Motion::Hold);
+        let mut link = Link::new(config.link_period());
+        link.take(now, remote.exchange(now, &Motion::Hold));
         let (inbox, outbox) = config.exchange();
         let plans = config.node_plans();
         let proof = Proof::new(config, &plans);
@@ -130,7 +132,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             proof,
             schedule: Schedule::starting(now, config.period),
             cycle: 0,
-            sensed,
+            link,
             out: Vec::with_capacity(64),
             notices: VecDeque::with_capacity(NOTICES),
             bus,

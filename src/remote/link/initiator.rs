@@ -1,0 +1,125 @@
+//! The node's side: asks for a session, again until it has one, and begins a new one at each arming.
+
+use std::time::Duration;
+
+use snow::HandshakeState;
+
+use crate::remote::link::datagram;
+use crate::remote::link::datagram::HEADER;
+use crate::remote::link::datagram::Kind;
+use crate::remote::link::handshake;
+use crate::remote::link::handshake::Failed;
+use crate::remote::link::handshake::INITIATION;
+use crate::remote::link::handshake::Keys;
+use crate::remote::link::handshake::RESPONSE;
+use crate::remote::link::reject::Reject;
+use crate::remote::link::reject::Rejects;
+use crate::remote::link::responder::COOKIE_REPLY;
+use crate::remote::link::session::Received;
+use crate::remote::link::session::Session;
+use crate::time::Instant;
+
+/// What was not answered is asked again after this.
+const ASK_AGAIN: Duration = Duration::from_millis(100);
+
+/// The side that asks.
+#[derive(Debug)]
+pub struct Initiator {
+    keys: Keys,
+    session: Option<Session>,
+    asking: Option<Asking>,
+    rejects: Rejects,
+}
+
+/// A handshake under way.
+#[derive(Debug)]
+struct Asking {
+    state: Box<HandshakeState>,
+    epoch: u64,
+    initiation: [u8; INITIATION],
+    due: Instant,
+}
+
+impl Initiator {
+    /// Nothing is asked for yet.
+    pub fn new(keys: Keys) -> Self {
+        Self { keys, session: None, asking: None, rejects: Rejects::default() }
+    }
+
+    /// Asks for a new session; the one there is, if any, goes on until it is granted.
+    ///
+    /// # Errors
+    /// When there is no randomness. Then the old session goes on.
+    pub fn begin(&mut self, now: Instant, epoch: u64) -> Result<(), Failed> {
+        let (state, initiation) = handshake::initiate(&self.keys, epoch)?;
+        self.asking = Some(Asking { state: Box::new(state), epoch, initiation, due: now });
+        Ok(())
+    }
+
+    /// The session, to seal with.
+    pub const fn session(&mut self) -> Option<&mut Session> {
+        self.session.as_mut()
+    }
+
+    /// What had no effect so far.
+    pub const fn rejects(&self) -> &Rejects {
+        &self.rejects
+    }
+
+    /// The initiation, whenever it is due.
+    pub fn on_time(&mut self, now: Instant) -> Option<[u8; INITIATION]> {
+        let asking = self.asking.as_mut().filter(|asking| asking.due <= now)?;
+        asking.due = now + ASK_AGAIN;
+        Some(asking.initiation)
+    }
+
+    /// Takes a datagram: a sample, if it carries one that may act.
+    pub fn on_datagram(&mut self, now: Instant, bytes: &[u8]) -> Option<Received> {
+        let taken = self.take(now, bytes);
+        taken.unwrap_or_else(|reject| {
+            self.rejects.count(reject);
+            None
+        })
+    }
+
+    fn take(&mut self, now: Instant, bytes: &[u8]) -> Result<Option<Received>, Reject> {
+        let (kind, epoch) = datagram::read_header(bytes)?;
+        match kind {
+            Kind::Content => self.session.as_mut().ok_or(Reject::Epoch)?.open(now, bytes).map(Some),
+            Kind::Cookie => self.on_cookie(now, epoch, bytes).map(|()| None),
+            Kind::Response => self.on_response(epoch, bytes).map(|()| None),
+            Kind::Initiation => Err(Reject::Foreign),
+        }
+    }
+
+    /// A cookie is not authentic, but who could not see the initiation does not know its beginning.
+    fn on_cookie(&mut self, now: Instant, epoch: u64, bytes: &[u8]) -> Result<(), Reject> {
+        let bytes: &[u8; COOKIE_REPLY] = bytes.try_into().map_err(|_| Reject::Length)?;
+        let (_, rest) = bytes.split_at(HEADER);
+        let (begun, cookie) = rest.split_at(rest.len() / 2);
+        let asking = self.asking.as_mut().filter(|asking| asking.epoch == epoch);
+        let asking = asking.ok_or(Reject::Epoch)?;
+        let (initiation, place) = asking.initiation.split_at_mut(INITIATION - cookie.len());
+        if initiation.get(HEADER..).is_none_or(|noise| !noise.starts_with(begun)) {
+            return Err(Reject::Epoch);
+        }
+        // Asked again at once, but for the same cookie only once.
+        if place != cookie {
+            place.copy_from_slice(cookie);
+            asking.due = now;
+        }
+        Ok(())
+    }
+
+    fn on_response(&mut self, epoch: u64, bytes: &[u8]) -> Result<(), Reject> {
+        let bytes: &[u8; RESPONSE] = bytes.try_into().map_err(|_| Reject::Length)?;
+        let asking = self.asking.as_mut().filter(|asking| asking.epoch == epoch);
+        let asking = asking.ok_or(Reject::Epoch)?;
+        let (_, message) = bytes.split_at(HEADER);
+        asking.state.read_message(message, &mut []).map_err(|_| Reject::Tag)?;
+        let Some(asking) = self.asking.take() else { return Err(Reject::Epoch) };
+        let transport = asking.state.into_stateless_transport_mode().map_err(|_| Reject::Tag)?;
+        self.session = Some(Session::new(transport, epoch));
+        Ok(())
+    }
+}

@@ -1,0 +1,172 @@
+//! The robot's side: grants sessions to the one peer it knows, one at a time.
+//!
+//! A session that was granted is taken up when its first authentic datagram comes: only the peer can have
+//! sent that, whoever sent the initiation. While the session there is is armed and heard, it is not replaced
+//! by any other.
+
+use std::time::Duration;
+
+use crate::remote::link::cookie::COOKIE;
+use crate::remote::link::cookie::Cookies;
+use crate::remote::link::datagram;
+use crate::remote::link::datagram::HEADER;
+use crate::remote::link::datagram::Kind;
+use crate::remote::link::freshness::OLDEST;
+use crate::remote::link::handshake;
+use crate::remote::link::handshake::INITIATION;
+use crate::remote::link::handshake::Keys;
+use crate::remote::link::handshake::RESPONSE;
+use crate::remote::link::reject::Reject;
+use crate::remote::link::reject::Rejects;
+use crate::remote::link::session::Received;
+use crate::remote::link::session::Session;
+use crate::time::Instant;
+
+/// Bytes of a cookie reply.
+pub const COOKIE_REPLY: usize = HEADER + 2 * COOKIE;
+
+/// Initiations that are worked at within [`REFILL`]; each costs four multiplications on the curve.
+const MOST: u32 = 8;
+
+/// How often that many may come.
+const REFILL: Duration = Duration::from_secs(1);
+
+/// The side that is asked.
+#[derive(Debug)]
+pub struct Responder {
+    keys: Keys,
+    cookies: Cookies,
+    session: Option<Session>,
+    /// Granted, and not taken up yet.
+    granted: Option<Session>,
+    /// When the session last said that it is armed.
+    armed_at: Option<Instant>,
+    /// Initiations worked at, since when.
+    worked: (Instant, u32),
+    rejects: Rejects,
+}
+
+/// What came of a datagram.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// Nothing.
+    Nothing,
+    /// A command that may act.
+    Command(Received),
+    /// To be answered so: an initiation without its cookie.
+    Cookie([u8; COOKIE_REPLY]),
+    /// To be answered so: an initiation.
+    Response([u8; RESPONSE]),
+}
+
+impl Responder {
+    /// Nobody has asked yet. `secret` is for cookies, and new at each start.
+    pub fn new(keys: Keys, secret: [u8; 32]) -> Self {
+        Self {
+            keys,
+            cookies: Cookies::new(secret),
+            session: None,
+            granted: None,
+            armed_at: None,
+            worked: (Instant::ZERO, 0),
+            rejects: Rejects::default(),
+        }
+    }
+
+    /// The session, to seal with.
+    pub const fn session(&mut self) -> Option<&mut Session> {
+        self.session.as_mut()
+    }
+
+    /// What had no effect so far.
+    pub const fn rejects(&self) -> &Rejects {
+        &self.rejects
+    }
+
+    /// Takes a datagram that came from `address`.
+    pub fn on_datagram(&mut self, now: Instant, address: &[u8], bytes: &[u8]) -> Outcome {
+        let taken = datagram::read_header(bytes).and_then(|(kind, epoch)| match kind {
+            Kind::Content => self.on_content(now, epoch, bytes),
+            Kind::Initiation => self.on_initiation(now, address, epoch, bytes),
+            Kind::Cookie | Kind::Response => Err(Reject::Foreign),
+        });
+        taken.unwrap_or_else(|reject| {
+            self.rejects.count(reject);
+            Outcome::Nothing
+        })
+    }
+
+    fn on_content(&mut self, now: Instant, epoch: u64, bytes: &[u8]) -> Result<Outcome, Reject> {
+        let is_of = |session: &&mut Session| session.epoch() == epoch;
+        if let Some(session) = self.session.as_mut().filter(is_of) {
+            let received = session.open(now, bytes)?;
+            self.armed_at = received.armed.then_some(now);
+            return Ok(Outcome::Command(received));
+        }
+        let granted = self.granted.as_mut().filter(is_of).ok_or(Reject::Epoch)?;
+        let opened = granted.open(now, bytes);
+        if granted.is_confirmed() {
+            if self.is_in_use(now) {
+                return Err(Reject::InUse);
+            }
+            self.session = self.granted.take();
+            self.armed_at = None;
+        }
+        opened.map(Outcome::Command)
+    }
+
+    fn on_initiation(
+        &mut self,
+        now: Instant,
+        address: &[u8],
+        epoch: u64,
+        bytes: &[u8],
+    ) -> Result<Outcome, Reject> {
+        let bytes: &[u8; INITIATION] = bytes.try_into().map_err(|_| Reject::Length)?;
+        let (rest, cookie) = bytes.split_last_chunk::<COOKIE>().ok_or(Reject::Length)?;
+        let (_, message) = rest.split_at(HEADER);
+        if !self.cookies.is_good(now, address, cookie) {
+            self.rejects.count(Reject::Cookie);
+            return Ok(Outcome::Cookie(self.ask_for_cookie(now, address, epoch, message)));
+        }
+        if self.is_in_use(now) {
+            return Err(Reject::InUse);
+        }
+        self.work(now)?;
+        let granted = handshake::respond(&self.keys, epoch, message);
+        let (transport, response) = granted.map_err(|_| Reject::Tag)?;
+        self.granted = Some(Session::new(transport, epoch));
+        Ok(Outcome::Response(response))
+    }
+
+    fn ask_for_cookie(
+        &self,
+        now: Instant,
+        address: &[u8],
+        epoch: u64,
+        message: &[u8],
+    ) -> [u8; COOKIE_REPLY] {
+        let header = datagram::header(Kind::Cookie, epoch);
+        let begun = message.iter().copied().take(COOKIE);
+        let reply = header.into_iter().chain(begun).chain(self.cookies.of(now, address));
+        let mut bytes = [0; COOKIE_REPLY];
+        bytes.iter_mut().zip(reply).for_each(|(place, byte)| *place = byte);
+        bytes
+    }
+
+    /// Whether the session there is is armed and heard.
+    fn is_in_use(&self, now: Instant) -> bool {
+        self.armed_at.is_some_and(|at| now.since(at) <= OLDEST)
+    }
+
+    /// One more initiation, if that is not too many.
+    fn work(&mut self, now: Instant) -> Result<(), Reject> {
+        let (since, worked) = self.worked;
+        let (since, worked) = if now.since(since) >= REFILL { (now, 0) } else { (since, worked) };
+        if worked >= MOST {
+            return Err(Reject::Busy);
+        }
+        self.worked = (since, worked + 1);
+        Ok(())
+    }
+}

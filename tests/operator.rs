@@ -278,28 +278,6 @@ fn hazard_45_gains_that_shake_the_hand_end_reflection_and_the_arm_is_carried_on(
 }
 
 #[test]
-fn probe_arming() {
-    for name in ["teleoperation", "relaxed_10s"] {
-        let mut bench = Bench::new(&config(KRAFT), scenario(name), 1, false, ());
-        bench.bring_up().unwrap();
-        let (mut driven, mut most) = ([0.0_f64; 6], [0.0_f64; 6]);
-        let mut before: Option<Record> = None;
-        while bench.elapsed().as_secs_f64() < 2.0 {
-            let record = bench.cycle();
-            if let Some(before) = before.replace(record) {
-                for joint in 0..6 {
-                    let came = record.output.q[joint] - before.output.q[joint];
-                    let is = came.abs() > 1e-4 && came * before.output.tau[joint] > 0.0;
-                    driven[joint] = if is { driven[joint] + came.abs() } else { 0.0 };
-                    most[joint] = most[joint].max(driven[joint]);
-                }
-            }
-        }
-        eprintln!("{name}: {most:?} {:?} {:?}", bench.node().mode(), bench.node().cause());
-    }
-}
-
-#[test]
 fn hazard_45_a_stiff_wall_within_what_the_gains_allow_for_is_not_taken_for_unstable() {
     let script = scenario("stiff-wall");
     let config = comparison::surrounded(&config(KRAFT), &script);

@@ -12,6 +12,9 @@ use std::process::Stdio;
 use common::oracle;
 use common::oracle::TOLERANCE;
 use common::oracle::list;
+use frhc::node::safety::table;
+use frhc::telemetry::cause::Kind;
+use frhc::telemetry::record::Mode;
 use serde_json::Value;
 
 /// What the oracle calls what.
@@ -186,4 +189,25 @@ fn a_question_that_cannot_be_is_refused_by_key() {
         assert!(said.contains(expected) && said.lines().count() == 1, "{question}: {said}");
         assert!(output.stdout.is_empty());
     }
+}
+
+#[test]
+fn the_fault_table_has_a_line_for_every_cause_and_says_the_same_to_programs() {
+    let text = String::from_utf8(explain(&["faults"], "").stdout).unwrap();
+    let json = String::from_utf8(explain(&["faults", "--json"], "").stdout).unwrap();
+    let rows: Vec<Value> = json.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(rows.len(), Kind::ALL.len());
+    for (row, kind) in rows.iter().zip(Kind::ALL) {
+        let name = format!("{kind:?}");
+        assert_eq!(row["cause"], name);
+        let line = text.lines().find(|line| line.split_whitespace().next() == Some(&name)).unwrap();
+        assert!(line.ends_with(row["words"].as_str().unwrap()), "{line}");
+        for mode in Mode::ALL {
+            let after = table::reaction(kind, mode).mode().map(Mode::name);
+            assert_eq!(row["leads_to"][mode.name()].as_str(), after, "{name} in {mode}");
+        }
+    }
+    assert!(text.contains("S1     reflection off: ") && text.contains(" within 50 ms"));
+    let both = explain(&["--q", "0,-0.8,1.6,-0.7,0,0", "faults"], "");
+    assert_eq!(both.status.code(), Some(2), "a question or the table");
 }

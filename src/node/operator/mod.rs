@@ -83,8 +83,8 @@ impl Operator {
         let taped = self.taped.watch(now, is_held, &output.x_0_g);
         let Some((q, tau, felt)) = before.filter(|_| !restart) else { return taped };
         let came = output.q - q;
-        let qd = came / self.period.as_secs_f64();
-        let unheld = self.unheld.watch(now, permit.takes_up && !is_held, &tau, &qd);
+        let dt = self.period.as_secs_f64();
+        let unheld = self.unheld.watch(dt, permit.takes_up && !is_held, &tau, &came);
         if !permit.engaged {
             self.instability.forget();
             return taped.or(unheld);

@@ -3,41 +3,40 @@
 //! Gravity compensation that is right drives nothing: it takes the weight off the hand or the stop that
 //! carries it, or slows an arm that falls. So it is only watched for joints that move the way they are
 //! pushed, and only while the share of gravity grows and nobody holds the deadman; later the operator may
-//! move the arm as they like. Who lifts the arm within this second looks the same, and has to arm again.
-
-use std::time::Duration;
+//! move the arm as they like. A soft hand is lifted a little as the weight leaves it, and swings: one way is
+//! a motion only when it goes on. Who lifts the arm within this second looks the same, and has to arm again.
 
 use crate::controller::JointVector;
 use crate::telemetry::cause::Cause;
-use crate::time::Instant;
 
 /// Faster is a motion, in rad/s (m/s).
 const MOVES: f64 = 0.1;
 
-/// A motion lasts so long: one difference of two samples is none.
-const LASTS: Duration = Duration::from_millis(10);
+/// Farther one way is no swing of a hand that holds the grip, in rad (m): a relaxed one is lifted by 0.16 rad.
+const FAR: f64 = 0.35;
 
-/// Since when a joint has been driven.
+/// How far each joint has been driven without slowing down or turning back, in rad (m).
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Unheld {
-    since: Option<Instant>,
+    driven: [f64; 6],
 }
 
 impl Unheld {
-    /// Takes the joint rates in rad/s (m/s) and the torques that led to them. `is_watched` while the
-    /// weight is taken up and nobody holds the deadman.
+    /// Takes how far the joints came in the last `dt` s, in rad (m), and the torques that led to it.
+    /// `is_watched` while the weight is taken up and nobody holds the deadman.
     pub(super) fn watch(
         &mut self,
-        now: Instant,
+        dt: f64,
         is_watched: bool,
         tau: &JointVector,
-        qd: &JointVector,
+        came: &JointVector,
     ) -> Option<Cause> {
-        let is_driven = |(tau, qd): (&f64, &f64)| qd.abs() > MOVES && tau * qd > 0.0;
-        let moves = is_watched && tau.iter().zip(qd.iter()).any(is_driven);
-        self.since = if moves { self.since.or(Some(now)) } else { None };
-        let lasts = self.since.is_some_and(|since| now.since(since) >= LASTS);
-        lasts.then_some(Cause::MovesUnheld)
+        let joints = self.driven.iter_mut().zip(tau.iter().zip(came.iter()));
+        for (driven, (tau, came)) in joints {
+            let is_driven = is_watched && came.abs() > MOVES * dt && tau * came > 0.0;
+            *driven = if is_driven { *driven + came.abs() } else { 0.0 };
+        }
+        self.driven.iter().any(|driven| *driven > FAR).then_some(Cause::MovesUnheld)
     }
 }
 
@@ -45,36 +44,34 @@ impl Unheld {
 mod tests {
     use super::*;
 
-    fn at(millis: u64) -> Instant {
-        Instant::from_micros(millis * 1_000)
-    }
-
     fn joints(second: f64) -> JointVector {
         JointVector::from([0.0, second, 0.0, 0.0, 0.0, 0.0])
     }
 
-    /// Whether a motion that lasts 20 ms trips.
-    fn trips(is_watched: bool, tau: f64, qd: f64) -> bool {
+    /// After how many ms a steady motion trips, if it does within a second.
+    fn trips(is_watched: bool, tau: f64, qd: f64) -> Option<u32> {
         let mut unheld = Unheld::default();
-        (0..=20).any(|ms| unheld.watch(at(ms), is_watched, &joints(tau), &joints(qd)).is_some())
+        let came = joints(qd * 1e-3);
+        (1..1_000).find(|_| unheld.watch(1e-3, is_watched, &joints(tau), &came).is_some())
     }
 
     #[test]
     fn hazard_41_an_arm_that_is_driven_while_it_is_taken_up_trips() {
-        assert!(trips(true, 2.0, 0.11) && trips(true, -2.0, -0.11));
-        assert!(!trips(true, 2.0, 0.09), "too slow");
-        assert!(!trips(true, 2.0, -0.5), "it falls and is caught");
-        assert!(!trips(true, 0.0, 0.5), "not by the node");
-        assert!(!trips(false, 2.0, 0.5), "somebody moves it");
-        assert!(!trips(true, f64::NAN, f64::NAN));
+        assert_eq!((trips(true, 2.0, 3.01), trips(true, -2.0, -0.51)), (Some(117), Some(687)));
+        assert_eq!(trips(true, 2.0, 0.09), None, "too slow");
+        assert_eq!(trips(true, 2.0, -0.5), None, "it falls and is caught");
+        assert_eq!(trips(true, 0.0, 0.5), None, "not by the node");
+        assert_eq!(trips(false, 2.0, 0.5), None, "somebody moves it");
+        assert_eq!(trips(true, f64::NAN, f64::NAN), None);
     }
 
     #[test]
-    fn one_difference_is_no_motion() {
+    fn a_hand_that_swings_under_the_weight_is_not_driven_away() {
         let mut unheld = Unheld::default();
-        for ms in 0..100 {
-            let qd = if ms % 10 == 9 { 0.0 } else { 0.5 };
-            assert_eq!(unheld.watch(at(ms), true, &joints(1.0), &joints(qd)), None);
+        for ms in 0..1_000_u32 {
+            // 5 Hz, 40 mrad to either side.
+            let came = 0.04 * 31.4 * 1e-3 * (31.4e-3 * f64::from(ms)).cos();
+            assert_eq!(unheld.watch(1e-3, true, &joints(1.0), &joints(came)), None);
         }
     }
 }

@@ -1,0 +1,205 @@
+//! What is claimed: the hazards, the promises and the properties, by their numbers.
+
+/// A number, what it is about, and the figure that is promised for it.
+pub(crate) type Claim = (u8, &'static str, &'static str);
+
+pub(crate) const HAZARDS: [Claim; 45] = [
+    (
+        1,
+        "A drive loses its power or its cable",
+        "zero torque at all within 5 cycles of its last sample",
+    ),
+    (2, "A heartbeat stops though samples come", "drives off when its configured time is over"),
+    (
+        3,
+        "One joint's samples stop, or are rare",
+        "zero torque within 5 cycles; reflection off 1.1 s after more than 5 % are missing",
+    ),
+    (
+        4,
+        "Samples come late or in another order",
+        "an old one never replaces a newer one; zero torque within 5 cycles of three empty ones",
+    ),
+    (
+        5,
+        "A drive repeats an old position",
+        "zero torque within 600 ms, if the joint is pushed and a neighbour moves",
+    ),
+    (6, "Two nodes share a node-id, or one is imitated", "zero torque within 3 cycles"),
+    (7, "A node sends an emergency message", "zero torque within 2 cycles"),
+    (
+        8,
+        "A drive faults, loses its power stage or leaves operation enabled",
+        "the other five zero within 2 cycles; never enabled again by itself",
+    ),
+    (
+        9,
+        "A drive starts anew in the middle of a run",
+        "all drives off within 2 cycles; identity and configuration again",
+    ),
+    (10, "A drive exerts another torque than it is told", "zero torque within 55 ms"),
+    (11, "A joint or the grip moves too fast", "zero torque within 3 cycles"),
+    (
+        12,
+        "A position jumps; a counter wraps",
+        "the jump is not used, the second one trips within 2 cycles; a wrap is none",
+    ),
+    (
+        13,
+        "A drive no longer hears its torques",
+        "it is off by its own timer within 6 ms, the others follow",
+    ),
+    (14, "Another device than configured", "no drive is started"),
+    (
+        15,
+        "A PDO mapping is refused, or silently another one",
+        "no drive is started; node and object are named",
+    ),
+    (16, "The drives' own protection is not taken, or does not act", "no arming"),
+    (
+        17,
+        "The node starts while drives are enabled or the arm moves",
+        "voltage off is the first thing said; no boot before rest",
+    ),
+    (
+        18,
+        "A configuration, EDS or calibration that cannot be",
+        "no frame at all; one line names file and key",
+    ),
+    (19, "A torque curve that does not rise", "no frame at all"),
+    (20, "The frames do not fit the bus", "no frame at all"),
+    (21, "The transmit queue is full", "zero torque within 5 cycles; no torque frame is sent late"),
+    (
+        22,
+        "Frames are taken and never reach the bus",
+        "nothing more is sent; the drives stop by their timers",
+    ),
+    (23, "Bus off, error passive", "nothing more is sent after bus off; zero torque when passive"),
+    (24, "The interface goes down or is unplugged", "drives off; only a whole boot leads back"),
+    (25, "Old frames wait in the receive queue", "they are thrown away within 2 cycles"),
+    (
+        26,
+        "Frames of strangers: SYNC, NMT, PDOs, malformed ones",
+        "ignored and counted, or the stop of what they imitate within 2 cycles",
+    ),
+    (
+        27,
+        "The node is killed or crashes",
+        "the drives are free of torque within 6 ms by their own timers",
+    ),
+    (
+        28,
+        "The node is stopped for a while",
+        "as 27; the first frame after it is zero, nothing is caught up",
+    ),
+    (29, "Cycles come late", "zero torque within 5 cycles of a gap, or after too many late ones"),
+    (
+        30,
+        "An orderly stop",
+        "torque ramped to zero within 50 ms, drives off and confirmed within 1 s",
+    ),
+    (31, "The wall clock steps; the host sleeps", "no effect; drives off"),
+    (32, "The disk is full or slow, the log floods", "no effect on the cycle"),
+    (33, "A wrench that is no number, or huge", "no effect beyond cap and slew"),
+    (34, "The link to the commanded side is lost", "no reflection after 70 ms"),
+    (35, "The link repeats an old wrench", "no reflection after 70 ms"),
+    (36, "Wrenches come late, twice or in another order", "an older one is never used"),
+    (37, "Wrenches are forged, replayed, or from another session", "no effect at all"),
+    (
+        38,
+        "The deadman is released",
+        "the command ends in the same cycle, reflected torque within 20 ms",
+    ),
+    (
+        39,
+        "The deadman sticks, bounces or is taped",
+        "disagreement stops after 50 ms; closed at power-up refuses arming; 60 s without motion end reflection",
+    ),
+    (
+        40,
+        "The reference or the mode changes in motion",
+        "rate zero in the same cycle, no torque changes faster than its slew",
+    ),
+    (
+        41,
+        "Reflection begins with a large wrench; power comes on and nobody holds the arm",
+        "ramps of 300 ms and 1 s from zero; an arm driven faster than 0.1 rad/s stops",
+    ),
+    (
+        42,
+        "Signs, wraps and singular poses of the mathematics",
+        "finite and within the slew everywhere",
+    ),
+    (
+        43,
+        "A joint near its limit",
+        "what pushes outwards fades; beyond it reflection ends in 1 cycle",
+    ),
+    (
+        44,
+        "More torque is asked for than there is",
+        "all joints are scaled together: the direction is kept",
+    ),
+    (
+        45,
+        "The loop drives the hand to and fro",
+        "reflection ends within 400 ms of swings that do not die away, or of 20 W",
+    ),
+];
+
+pub(crate) const PROMISES: [Claim; 15] = [
+    (1, "Whatever the node can see ends torque on all six joints", "5 cycles"),
+    (
+        2,
+        "A node that is killed, stopped or crashes leaves drives without torque",
+        "6 ms by the RPDO timer, 25 ms by the heartbeat alone",
+    ),
+    (
+        3,
+        "The drives' timers are proven at each power-up, and cap the force",
+        "six of six, or no arming",
+    ),
+    (4, "When one drive faults the others end", "2 cycles"),
+    (
+        5,
+        "Torque is bounded, at the last gate before the bus",
+        "never above the lesser of capacity and 6072h; growth of a tenth of it in a cycle",
+    ),
+    (6, "A wrench that is invalid or not authentic has no effect", "none of a million"),
+    (7, "A link that is lost or frozen ends reflection", "70 ms, no step beyond the slew"),
+    (8, "A released deadman ends command and reflection", "1 cycle, 20 ms"),
+    (
+        9,
+        "No torque before identity, mapping, protection, proof, a press of the deadman and arming",
+        "no such frame",
+    ),
+    (10, "Never an old torque frame", "none older than 2 ms acts"),
+    (11, "A configuration that cannot be is refused", "no frame, exit code 2, within 1 s"),
+    (12, "An orderly stop is confirmed", "drives off, exit code 0, within 1 s"),
+    (13, "Disk, log and clock of the host do not matter", "no stop, cycle times within a tenth"),
+    (
+        14,
+        "It does not stop for nothing",
+        "no false stop in 10⁸ cycles with 1 % of the link's and 0.1 % of the samples lost",
+    ),
+    (15, "Every stop is recorded", "cause, joint, cycle, 2 s before and 1 s after"),
+];
+
+pub(crate) const PROPERTIES: [Claim; 16] = [
+    (1, "The Jacobian is the derivative of the kinematics", "by differences"),
+    (2, "A wrench taken elsewhere has the same power", ""),
+    (3, "The return to centre is odd, bounded, without a step, and never leads away", ""),
+    (4, "Orientations have no step at half a turn", ""),
+    (5, "Damping takes energy, and a new reference gives no impulse", ""),
+    (6, "All is finite for all finite joints, singular poses among them", ""),
+    (7, "Saturation keeps the direction", ""),
+    (8, "The assist keeps to its fraction, and the task comes first", ""),
+    (9, "Cap and slew hold for any number", "NaN, infinities, -0 and subnormals"),
+    (10, "Torque curves rise, are odd, and their inverse is right", "a thousandth"),
+    (11, "Drives are led by legal transitions only", "any sequence of statuswords"),
+    (12, "The replay window is a set", ""),
+    (13, "What is stale stays so with age", ""),
+    (14, "Differences of positions are right across 2³¹", ""),
+    (15, "Any causes in any order end in the most restrictive of their states", ""),
+    (16, "A configuration with one byte changed is refused, or its numbers are in range", ""),
+];

@@ -8,6 +8,7 @@ use clap::Subcommand;
 use clap::ValueEnum;
 
 use crate::cli::calib::Calib;
+use crate::cli::commission::Commission;
 use crate::cli::configured::Configured;
 use crate::cli::configured::Guarded;
 use crate::cli::decode::Decode;
@@ -68,6 +69,8 @@ pub(super) enum Command {
         after_help = "Examples:\n  frhc check --config config/kraft_like.toml\n  frhc check --eds eds/frhc_drive.eds"
     )]
     Check(Check),
+    /// Boots the drives and lets each show that it stops by itself when its master does.
+    Commission(Commission),
     /// What the buses will carry: every frame and its response, a cycle's timeline, load, highest rate,
     /// loop delay; and what would fit where this does not.
     #[command(

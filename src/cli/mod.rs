@@ -4,6 +4,7 @@ mod args;
 pub mod bench;
 mod calib;
 mod check;
+mod commission;
 mod configured;
 mod console;
 mod ctl;
@@ -58,6 +59,7 @@ pub fn main() -> ExitCode {
         Command::Sim(args) => sim::run(args),
         Command::Ctl(args) => ctl::run(args),
         Command::Check(args) => check::run(args),
+        Command::Commission(args) => commission::run(args),
         Command::Plan(args) => plan::run(args),
         Command::Explain(args) => explain::run(args),
         Command::Calib(args) => calib::run(args),

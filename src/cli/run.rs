@@ -15,6 +15,7 @@ use crate::bus::SocketCan;
 use crate::bus::Traced;
 use crate::bus::realtime;
 use crate::cli::args::Run;
+use crate::cli::commission;
 use crate::cli::console::Pending;
 use crate::cli::console::Socket;
 use crate::cli::console::default_socket;
@@ -42,6 +43,7 @@ const REQUESTS: usize = 8;
 pub(super) fn run(args: &Run) -> Result<(), Failure> {
     let config = args.config.load()?;
     gains::warn(&config);
+    commission::warn(&config);
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("no runtime").or_fail(Kind::Bus)?;

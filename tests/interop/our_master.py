@@ -1,5 +1,6 @@
 """`frhc run` as master of drives made of python-canopen."""
 
+import json
 import math
 
 from canopen import SdoAbortedError
@@ -181,6 +182,33 @@ def drive_that_refuses_its_mapping_is_named(bench):
     bench.ends(node, 5, "joint 1 (azimuth), node 1: 1A00h:3 refused: 06040041h")
 
 
+def drive_that_goes_on_without_its_master_is_refused(bench):
+    drives = slaves.arm(bench.connect())
+    drives[3].watches = False
+    node = bench.start("run", "--config", CONFIG)
+    timer = SAFETY["rpdo_timer_ms"]
+    said = (
+        f"joint 3 (elbow), node 3: kept its power stage on for {timer + 35} ms without RPDOs "
+        f"(1400h:5 says {timer} ms)"
+    )
+    bench.ends(node, 5, said)
+    for drive in drives.values():
+        check(drive.state != "OPERATION ENABLED", f"node {drive.node.id} is off")
+
+
+def every_drive_is_proven_and_the_times_are_told(bench):
+    drives = slaves.arm(bench.connect())
+    report = json.loads(bench.frhc("commission", "--config", CONFIG, "--prove", "--json"))
+    same(len(report["drives"]), 6, "drives")
+    for drive in report["drives"]:
+        for timer, slack in (("rpdo", 2.0), ("heartbeat", 3.0)):
+            said, measured = drive[timer]["said_ms"], drive[timer]["measured_ms"]
+            check(said <= measured <= said + slack, f"{drive['name']}: {timer} {measured} ms")
+    check(report["may_arm"], "40 N are allowed")
+    for drive in drives.values():
+        same(drive.state, "SWITCH ON DISABLED", f"node {drive.node.id} after the proof")
+
+
 TESTS = [
     master_boots_and_enables_the_drives,
     master_writes_what_python_reads_in_its_dictionary,
@@ -195,4 +223,6 @@ TESTS = [
     missing_drive_is_named,
     another_drive_is_named,
     drive_that_refuses_its_mapping_is_named,
+    drive_that_goes_on_without_its_master_is_refused,
+    every_drive_is_proven_and_the_times_are_told,
 ]

@@ -1,18 +1,23 @@
 """CiA 402 drives and a switch box made of python-canopen, enough of them for `frhc run`.
 
 python-canopen serves SDO and the heartbeat and reads the PDO mapping out of its own dictionary; what it
-leaves to its user is here: boot-up after a reset, the exchange at SYNC, the power state machine.
+leaves to its user is here: boot-up after a reset, the exchange at SYNC, the power state machine, the watch
+over the master.
 """
 
 import math
 import struct
+import threading
+import time
 
 import canopen
 from canopen.profiles.p402 import State402
 
-from bench import DRIVE_EDS, JOINTS, SWITCHES, SWITCHES_EDS
+from bench import DRIVE_EDS, JOINTS, SETTINGS, SWITCHES, SWITCHES_EDS
 
+RPDO_TIMEOUT, HEARTBEAT_LOST = 0x8250, 0x8130
 CONTROLWORD, STATUSWORD, MODE, MODE_DISPLAY, POSITION = 0x6040, 0x6041, 0x6060, 0x6061, 0x6064
+MASTER = SETTINGS["node"]["node_id"]
 DEADMAN_RELEASED = 0b10
 
 
@@ -64,6 +69,10 @@ class Drive(Slave):
         self.before = 0
         self.sends = True
         self.waiting = None
+        # Without them it is as dangerous as many a drive out of the box.
+        self.watches = True
+        self.heard = {}
+        self.timers = {}
         turns = joint["start_deg"] / 360.0 * joint["gear_ratio"]
         self.counts = joint["zero_counts"] + round(turns * joint["encoder_counts_per_rev"])
         super().__init__(network, joint["node_id"], DRIVE_EDS)
@@ -71,11 +80,43 @@ class Drive(Slave):
         self.node.add_write_callback(self.on_write)
         network.subscribe(0x80, self.on_sync)
         self.node.sdo["Motor rated torque"].raw = round(joint["rated_torque_nm"] * 1000)
+        network.subscribe(0x700 + MASTER, self.on_master)
+        threading.Thread(target=self.watch, args=[network], daemon=True).start()
 
     def start(self):
         super().start()
         self.waiting = None
+        self.heard.pop(RPDO_TIMEOUT, None)
+        read = self.node.sdo
+        self.timers = {
+            RPDO_TIMEOUT: read[0x1400][5].raw / 1000,
+            HEARTBEAT_LOST: (read["Consumer heartbeat time"][1].raw & 0xFFFF) / 1000,
+        }
         self.node.rpdo[1].add_callback(self.on_rpdo)
+
+    def watch(self, network):
+        """Takes the power off when an RPDO (1400h:5) or the master's heartbeat (1016h:1) stays away; both watches
+        begin with the first frame, in operational only."""
+        while network.bus is not None:
+            time.sleep(0.0005)
+            if not self.watches or self.node.nmt.state != "OPERATIONAL":
+                continue
+            now = time.monotonic()
+            for code, timer in self.timers.items():
+                if timer and now - self.heard.get(code, now) > timer:
+                    self.trip(code)
+
+    def trip(self, code):
+        """The master is lost: as 6007h = 1, 605Eh = 0 and 1029h:1 = 0 have it."""
+        self.heard.pop(code, None)
+        self.state = "FAULT"
+        self.emergencies().send(code, 0x11)
+        if code == HEARTBEAT_LOST:
+            self.node.nmt.state = "PRE-OPERATIONAL"
+            self.stop()
+
+    def on_master(self, _cob_id, _data, _time):
+        self.heard[HEARTBEAT_LOST] = time.monotonic()
 
     def emergencies(self):
         """The producer of its emergencies, where the master has put them (1014h)."""
@@ -84,6 +125,7 @@ class Drive(Slave):
 
     def on_rpdo(self, pdo):
         self.waiting = bytes(pdo.data)
+        self.heard[RPDO_TIMEOUT] = time.monotonic()
 
     def on_sync(self, _cob_id, _data, _time):
         """Samples are taken and targets act at the SYNC, both as the mapping in the dictionary says."""

@@ -175,12 +175,16 @@ impl Proof {
         let is_under_way = matches!(self.phase, Phase::Trying(_) | Phase::Between);
         match event {
             Event::Emergency { node, emergency } if is_under_way && *node < self.plans.len() => {
-                let is_of_it =
-                    emergency.is_reset() || error_codes::is_of_communication(emergency.code);
-                if let Some(trial) = self.trial().filter(|_| is_of_it && !emergency.is_reset()) {
+                if emergency.is_reset() {
+                    return true;
+                }
+                let misses_master = error_codes::is_of_communication(emergency.code);
+                // One that has left operational may tell of anything; being off, it can do nothing.
+                let Some(trial) = self.trial() else { return true };
+                if misses_master {
                     trial.on_emergency(now, *node);
                 }
-                is_of_it
+                trial.has_cried(*node)
             }
             Event::Statusword { node, statusword } => {
                 if let Some(trial) = self.trial() {

@@ -84,6 +84,11 @@ impl Trial {
         }
     }
 
+    /// Whether a drive has said that something is wrong.
+    pub(in crate::node) fn has_cried(&self, drive: usize) -> bool {
+        self.drives.get(drive).and_then(Option::as_ref).is_some_and(|it| it.cried.is_some())
+    }
+
     /// A drive tells by itself what its power stage is in.
     pub(in crate::node) fn on_statusword(&mut self, at: Instant, drive: usize, word: Statusword) {
         if let Some(Some(subject)) = self.drives.get_mut(drive) {

@@ -14,6 +14,9 @@ mod common;
 
 use std::fs;
 use std::io::BufRead;
+use std::io::Write;
+use std::os::unix::net::UnixStream;
+use std::process::Stdio;
 use std::time::Duration;
 
 use common::log::Log;
@@ -312,6 +315,99 @@ fn an_interface_that_goes_down_is_told_and_takes_no_frame() {
     assert_eq!(heard, Some(Heard::Fault(frhc::bus::BusFault::Down)));
     assert_eq!(bus.send(telegram), Err(SendError::Down));
     Process::of("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
+}
+
+/// An identifier nobody uses: what is sent under it tells the time.
+const NOW: u16 = 0x7FE;
+
+/// Ends `run`, and proves that it was gone a second later, with every drive off.
+fn ends_in_order(mut candump: Candump, run: Process, sim: Process, signals: &[Signal]) -> String {
+    Process::of("cansend", &["vcan0", "7FE#"]).wait().succeeds();
+    let told = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == NOW)).nanos;
+    signals.iter().for_each(|signal| run.signal(*signal));
+    let outcome = run.wait();
+    outcome.succeeds();
+    Process::of("cansend", &["vcan0", "7FE#"]).wait().succeeds();
+    let gone = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == NOW)).nanos;
+    let took = Duration::from_nanos(gone - told);
+    assert!(took <= Duration::from_secs(1), "{took:?}");
+    sim.terminate().succeeds();
+    Log::parse(&candump.finish()).ends_with_every_drive_off(NODES);
+    outcome.stderr
+}
+
+/// `sim` and `run` with the arm carried and moved, and what is said to people going there.
+fn carried(scratch: &Scratch, stderr: impl Into<Stdio>) -> (Candump, Process, Process) {
+    let mut candump = Candump::of("vcan0");
+    let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
+    let run = scratch.frhc_onto(&["run", "--config", CONFIG], stderr);
+    let first_sync = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80)).nanos;
+    candump.until(|line| line.nanos > first_sync + 300_000_000);
+    scratch.ctl("arm").succeeds();
+    candump.until(|line| line.nanos > first_sync + 4_000_000_000);
+    (candump, run, sim)
+}
+
+#[test]
+fn hazard_30_signals_end_a_run_in_order_within_a_second_and_only_those_that_mean_to() {
+    let scratch = Scratch::new("signals");
+    let (mut candump, run, sim) = carried(&scratch, Stdio::piped());
+    run.signal(Signal::SIGHUP);
+    let begun = candump.last_nanos();
+    candump.until(|line| line.nanos > begun + 200_000_000);
+    scratch.ctl("status").succeeds();
+    let told = ends_in_order(candump, run, sim, &[Signal::SIGTERM, Signal::SIGINT]);
+    assert!(told.contains("SIGHUP: ignored"), "{told}");
+    assert!(told.contains("stopping signal=\"SIGTERM\""), "{told}");
+}
+
+#[test]
+fn promise_12_a_console_that_does_not_read_and_a_terminal_that_is_stopped_delay_no_stop() {
+    let scratch = Scratch::new("stopped");
+    let (_unread, mut full) = std::io::pipe().unwrap();
+    // As much as a pipe takes before it makes a writer wait.
+    full.write_all(&[b'.'; 65_536]).unwrap();
+    let (candump, run, sim) = carried(&scratch, full);
+    let mut client = UnixStream::connect(scratch.path("frhc/node.sock")).unwrap();
+    client.set_nonblocking(true).unwrap();
+    while client.write_all(b"{\"ask\":\"status\"}\n").is_ok() {}
+    ends_in_order(candump, run, sim, &[Signal::SIGTERM]);
+}
+
+#[test]
+fn promise_12_a_boot_is_ended_by_a_signal_and_starts_no_drive() {
+    let scratch = Scratch::new("boot-ended");
+    let mut candump = Candump::of("vcan0");
+    let sim = scratch.frhc(&["sim", "--config", CONFIG]);
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
+    let run = scratch.frhc(&["run", "--config", CONFIG]);
+    let asked = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x606)).nanos;
+    run.terminate().succeeds();
+    Process::of("cansend", &["vcan0", "7FE#"]).wait().succeeds();
+    let gone = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == NOW)).nanos;
+    assert!(gone - asked < seconds(1.0), "{} ns", gone - asked);
+    sim.terminate().succeeds();
+    let log = candump.finish();
+    assert!(!log.iter().any(|line| line.contains(" 000#01") || line.contains(" 201#")));
+}
+
+#[test]
+fn promise_15_a_trip_without_a_recording_is_recorded_in_the_users_state_folder() {
+    let scratch = Scratch::new("state");
+    let (mut candump, run, sim) = carried(&scratch, Stdio::piped());
+    sim.kill();
+    let killed = candump.last_nanos();
+    candump.until(|line| line.nanos > killed + 1_500_000_000);
+    let outcome = run.terminate();
+    assert_eq!(outcome.code, Some(6), "{}", outcome.stderr);
+    let folder = scratch.path("state/frhc/faults");
+    let record = fs::read_dir(folder).unwrap().next().unwrap().unwrap().path();
+    assert!(outcome.stderr.contains(&format!("fault record: {}", record.display())));
+    let fault = fs::read_to_string(record.join("fault.json")).unwrap();
+    let fault: serde_json::Value = serde_json::from_str(&fault).unwrap();
+    assert_eq!((&fault["kind"], &fault["is_complete"]), (&"samples-missing".into(), &true.into()));
+    let log = fs::read_to_string(record.join("bus.log")).unwrap();
+    assert!(log.lines().count() > 10_000 && log.contains(" node0 "), "{}", log.lines().count());
 }
 
 /// Seconds as nanoseconds.

@@ -33,14 +33,12 @@ impl Process {
     }
 
     fn spawn(command: &mut Command) -> Self {
-        Self(
-            command
-                .stdin(Stdio::null())
-                .stdout(Stdio::null())
-                .stderr(Stdio::piped())
-                .spawn()
-                .unwrap(),
-        )
+        Self::spawn_onto(command, Stdio::piped())
+    }
+
+    fn spawn_onto(command: &mut Command, stderr: Stdio) -> Self {
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(stderr);
+        Self(command.spawn().unwrap())
     }
 
     pub(crate) fn terminate(self) -> Outcome {
@@ -59,7 +57,9 @@ impl Process {
 
     pub(crate) fn wait(mut self) -> Outcome {
         let mut stderr = String::new();
-        self.0.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+        if let Some(mut pipe) = self.0.stderr.take() {
+            pipe.read_to_string(&mut stderr).unwrap();
+        }
         Outcome { code: self.0.wait().unwrap().code(), stderr }
     }
 }
@@ -203,14 +203,19 @@ impl Scratch {
     }
 
     pub(crate) fn frhc(&self, args: &[&str]) -> Process {
+        self.frhc_onto(args, Stdio::piped())
+    }
+
+    /// The same, with what it says to people going there.
+    pub(crate) fn frhc_onto(&self, args: &[&str], stderr: impl Into<Stdio>) -> Process {
         let mut command = Command::new(env!("CARGO_BIN_EXE_frhc"));
-        Process::spawn(
-            command
-                .args(args)
-                .env("XDG_RUNTIME_DIR", &self.0)
-                .env("XDG_STATE_HOME", self.0.join("state"))
-                .env_remove("RUNTIME_DIRECTORY"),
-        )
+        let command = command
+            .args(args)
+            .env("XDG_RUNTIME_DIR", &self.0)
+            .env("XDG_STATE_HOME", self.0.join("state"))
+            .env_remove("RUNTIME_DIRECTORY")
+            .env_remove("STATE_DIRECTORY");
+        Process::spawn_onto(command, stderr.into())
     }
 
     /// The same, with what it prints.

@@ -1,4 +1,5 @@
-//! The node's side: asks for a session, again until it has one, and begins a new one at each arming.
+//! The node's side: asks for a session, again until it has one, and for a new one at each arming or when
+//! nothing is heard any more, as after a start of the robot.
 
 use std::time::Duration;
 
@@ -22,10 +23,17 @@ use crate::time::Instant;
 /// What was not answered is asked again after this.
 const ASK_AGAIN: Duration = Duration::from_millis(100);
 
+/// A session in which nothing was let in for so long is given up for another.
+const SILENT: Duration = Duration::from_secs(1);
+
 /// The side that asks.
 #[derive(Debug)]
 pub struct Initiator {
     keys: Keys,
+    /// Of the session asked for last.
+    epoch: u64,
+    /// When something of the peer's was last let in, or a session asked for.
+    heard_at: Instant,
     session: Option<Session>,
     asking: Option<Asking>,
     rejects: Rejects,
@@ -41,16 +49,25 @@ struct Asking {
 }
 
 impl Initiator {
-    /// Nothing is asked for yet.
-    pub fn new(keys: Keys) -> Self {
-        Self { keys, session: None, asking: None, rejects: Rejects::default() }
+    /// Nothing is asked for yet. Sessions are numbered from `epoch` on.
+    pub fn new(keys: Keys, epoch: u64) -> Self {
+        Self {
+            keys,
+            epoch,
+            heard_at: Instant::ZERO,
+            session: None,
+            asking: None,
+            rejects: Rejects::default(),
+        }
     }
 
     /// Asks for a new session; the one there is, if any, goes on until it is granted.
     ///
     /// # Errors
     /// When there is no randomness. Then the old session goes on.
-    pub fn begin(&mut self, now: Instant, epoch: u64) -> Result<(), Failed> {
+    pub fn begin(&mut self, now: Instant) -> Result<(), Failed> {
+        (self.epoch, self.heard_at) = (self.epoch.wrapping_add(1), now);
+        let epoch = self.epoch;
         let (state, initiation) = handshake::initiate(&self.keys, epoch)?;
         self.asking = Some(Asking { state: Box::new(state), epoch, initiation, due: now });
         Ok(())
@@ -68,6 +85,9 @@ impl Initiator {
 
     /// The initiation, whenever it is due.
     pub fn on_time(&mut self, now: Instant) -> Option<[u8; INITIATION]> {
+        if self.asking.is_none() && now.since(self.heard_at) > SILENT {
+            self.begin(now).ok()?;
+        }
         let asking = self.asking.as_mut().filter(|asking| asking.due <= now)?;
         asking.due = now + ASK_AGAIN;
         Some(asking.initiation)
@@ -85,9 +105,13 @@ impl Initiator {
     fn take(&mut self, now: Instant, bytes: &[u8]) -> Result<Option<Received>, Reject> {
         let (kind, epoch) = datagram::read_header(bytes)?;
         match kind {
-            Kind::Content => self.session.as_mut().ok_or(Reject::Epoch)?.open(now, bytes).map(Some),
+            Kind::Content => {
+                let received = self.session.as_mut().ok_or(Reject::Epoch)?.open(now, bytes)?;
+                self.heard_at = now;
+                Ok(Some(received))
+            }
             Kind::Cookie => self.on_cookie(now, epoch, bytes).map(|()| None),
-            Kind::Response => self.on_response(epoch, bytes).map(|()| None),
+            Kind::Response => self.on_response(now, epoch, bytes).map(|()| None),
             Kind::Initiation => Err(Reject::Foreign),
         }
     }
@@ -111,7 +135,7 @@ impl Initiator {
         Ok(())
     }
 
-    fn on_response(&mut self, epoch: u64, bytes: &[u8]) -> Result<(), Reject> {
+    fn on_response(&mut self, now: Instant, epoch: u64, bytes: &[u8]) -> Result<(), Reject> {
         let bytes: &[u8; RESPONSE] = bytes.try_into().map_err(|_| Reject::Length)?;
         let asking = self.asking.as_mut().filter(|asking| asking.epoch == epoch);
         let asking = asking.ok_or(Reject::Epoch)?;
@@ -120,6 +144,7 @@ impl Initiator {
         let Some(asking) = self.asking.take() else { return Err(Reject::Epoch) };
         let transport = asking.state.into_stateless_transport_mode().map_err(|_| Reject::Tag)?;
         self.session = Some(Session::new(transport, epoch));
+        self.heard_at = now;
         Ok(())
     }
 }

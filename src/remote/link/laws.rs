@@ -50,7 +50,7 @@ fn strangers() -> (Initiator, Responder) {
     let (node, robot) = (Pair::generate().unwrap(), Pair::generate().unwrap());
     let node_keys = Keys { secret: node.secret, peer: robot.public };
     let robot_keys = Keys { secret: robot.secret, peer: node.public };
-    (Initiator::new(node_keys), Responder::new(robot_keys, [3; 32]))
+    (Initiator::new(node_keys, 0), Responder::new(robot_keys, [3; 32]))
 }
 
 /// The initiation with its cookie.
@@ -62,8 +62,8 @@ fn initiation(node: &mut Initiator, robot: &mut Responder, now: Instant) -> [u8;
 }
 
 /// Lets the node have a session, and the robot take it up.
-fn meet(node: &mut Initiator, robot: &mut Responder, now: Instant, epoch: u64) {
-    node.begin(now, epoch).unwrap();
+fn meet(node: &mut Initiator, robot: &mut Responder, now: Instant) {
+    node.begin(now).unwrap();
     let initiation = initiation(node, robot, now);
     let Outcome::Response(response) = robot.on_datagram(now, HERE, &initiation) else {
         panic!("no response")
@@ -71,14 +71,14 @@ fn meet(node: &mut Initiator, robot: &mut Responder, now: Instant, epoch: u64) {
     assert_eq!(node.on_datagram(now, &response), None);
     let first = command(node, now, false);
     assert_eq!(robot.on_datagram(now, HERE, &first), Outcome::Nothing, "nothing is echoed yet");
-    assert_eq!(robot.session().unwrap().epoch(), epoch);
+    assert_eq!(robot.session().unwrap().epoch(), node.session().unwrap().epoch());
     let sample = sample(robot, now);
     assert!(node.on_datagram(now, &sample).is_some());
 }
 
 fn connected() -> (Initiator, Responder) {
     let (mut node, mut robot) = strangers();
-    meet(&mut node, &mut robot, at(0), 1);
+    meet(&mut node, &mut robot, at(0));
     (node, robot)
 }
 
@@ -171,7 +171,7 @@ fn promise_06_of_a_hundred_thousand_forged_datagrams_none_has_any_effect() {
 fn hazard_37_a_recorded_session_says_nothing_in_the_next_one() {
     let (mut node, mut robot) = connected();
     let recorded: Vec<_> = (1..20).map(|now| command(&mut node, at(now), true)).collect();
-    meet(&mut node, &mut robot, at(500), 2);
+    meet(&mut node, &mut robot, at(500));
     let before = state(&mut robot);
     for mut bytes in recorded {
         assert_eq!(robot.on_datagram(at(501), HERE, &bytes), Outcome::Nothing);
@@ -190,7 +190,7 @@ fn hazard_37_no_handshake_displaces_a_session_that_is_armed_and_heard() {
     let armed = command(&mut node, at(10), true);
     assert!(matches!(robot.on_datagram(at(10), HERE, &armed), Outcome::Command(_)));
 
-    node.begin(at(20), 2).unwrap();
+    node.begin(at(20)).unwrap();
     let asked = initiation(&mut node, &mut robot, at(20));
     assert_eq!(robot.on_datagram(at(110), HERE, &asked), Outcome::Nothing);
     assert_eq!((robot.rejects().of(Reject::InUse), robot.session().unwrap().epoch()), (1, 1));
@@ -202,7 +202,7 @@ fn hazard_37_no_handshake_displaces_a_session_that_is_armed_and_heard() {
 #[test]
 fn hazard_37_a_replayed_initiation_is_granted_a_session_that_nobody_can_take_up() {
     let (mut node, mut robot) = strangers();
-    node.begin(at(0), 1).unwrap();
+    node.begin(at(0)).unwrap();
     let recorded = initiation(&mut node, &mut robot, at(0));
     let Outcome::Response(response) = robot.on_datagram(at(0), HERE, &recorded) else { panic!() };
     node.on_datagram(at(0), &response);
@@ -221,7 +221,7 @@ fn hazard_37_a_flood_of_initiations_costs_a_hash_each_and_a_few_multiplications_
     let (mut node, mut robot) = connected();
     let before = state(&mut robot);
     let mut dice = Dice(1);
-    node.begin(at(1), 2).unwrap();
+    node.begin(at(1)).unwrap();
     let genuine = initiation(&mut node, &mut robot, at(1));
     for round in 0..2_000_u64 {
         let address = dice.roll(1 << 30).to_le_bytes();
@@ -247,7 +247,7 @@ fn no_answer_is_longer_than_its_question() {
 #[test]
 fn hazard_37_forged_answers_do_not_spoil_a_handshake() {
     let (mut node, mut robot) = strangers();
-    node.begin(at(0), 1).unwrap();
+    node.begin(at(0)).unwrap();
     let first = node.on_time(at(0)).unwrap();
     let Outcome::Cookie(cookie) = robot.on_datagram(at(0), HERE, &first) else { panic!() };
     let mut forged = cookie;
@@ -274,7 +274,7 @@ fn hazard_37_forged_answers_do_not_spoil_a_handshake() {
 fn hazard_37_whoever_is_not_the_peer_gets_no_session() {
     let (mut node, _) = strangers();
     let (_, mut other) = strangers();
-    node.begin(at(0), 1).unwrap();
+    node.begin(at(0)).unwrap();
     let asked = initiation(&mut node, &mut other, at(0));
     assert_eq!(other.on_datagram(at(0), HERE, &asked), Outcome::Nothing, "meant for another robot");
 
@@ -282,8 +282,8 @@ fn hazard_37_whoever_is_not_the_peer_gets_no_session() {
     let (robots, own) = (Pair::generate().unwrap(), Pair::generate().unwrap());
     let keys = Keys { secret: robots.secret, peer: Pair::generate().unwrap().public };
     let mut robot = Responder::new(keys, [3; 32]);
-    let mut intruder = Initiator::new(Keys { secret: own.secret, peer: robots.public });
-    intruder.begin(at(0), 1).unwrap();
+    let mut intruder = Initiator::new(Keys { secret: own.secret, peer: robots.public }, 0);
+    intruder.begin(at(0)).unwrap();
     let asked = initiation(&mut intruder, &mut robot, at(0));
     assert_eq!(robot.on_datagram(at(0), HERE, &asked), Outcome::Nothing);
     assert_eq!(robot.rejects().of(Reject::Tag), 1);
@@ -329,7 +329,7 @@ fn hazard_36_over_any_network_each_sample_acts_once_in_order_and_is_no_older_tha
     let robots = |now: Instant| now + Duration::from_secs(3_600);
     for (seed, longest) in [(1, 0), (2, 5), (3, 40), (4, 90), (5, 300)] {
         let (mut node, mut robot) = strangers();
-        meet(&mut node, &mut robot, at(0), 1);
+        meet(&mut node, &mut robot, at(0));
         let (mut there, mut back) = (Network::new(seed, longest), Network::new(seed + 50, longest));
         let (mut felt, mut last) = (0, f64::MIN);
         for now in (1..3_000).map(at) {
@@ -354,6 +354,66 @@ fn hazard_36_over_any_network_each_sample_acts_once_in_order_and_is_no_older_tha
         }
         assert!(felt > if longest > 100 { 10 } else { 200 }, "{felt} with up to {longest} ms");
     }
+}
+
+/// Lets both sides run over networks from one moment to another; how many samples acted.
+fn converse(
+    (node, robot): (&mut Initiator, &mut Responder),
+    (there, back): (&mut Network, &mut Network),
+    span: std::ops::Range<u64>,
+) -> usize {
+    let mut felt = 0;
+    for now in span.map(at) {
+        if let Some(initiation) = node.on_time(now) {
+            there.send(now, &initiation);
+        }
+        if node.session().is_some() {
+            there.send(now, &command(node, now, false));
+        }
+        for bytes in there.arrived(now) {
+            match robot.on_datagram(now, HERE, &bytes) {
+                Outcome::Nothing | Outcome::Command(_) => {}
+                Outcome::Cookie(bytes) => back.send(now, &bytes),
+                Outcome::Response(bytes) => back.send(now, &bytes),
+            }
+        }
+        if robot.session().is_some() {
+            back.send(now, &sample(robot, now));
+        }
+        let arrived = back.arrived(now);
+        felt += arrived.iter().filter(|bytes| node.on_datagram(now, bytes).is_some()).count();
+    }
+    felt
+}
+
+#[test]
+fn hazard_34_over_a_bad_network_and_after_a_start_of_the_robot_both_find_each_other_again() {
+    let (node_pair, robot_pair) = (Pair::generate().unwrap(), Pair::generate().unwrap());
+    let keys = |own: &Pair, peer: &Pair| Keys { secret: own.secret, peer: peer.public };
+    for seed in 0..10 {
+        let mut node = Initiator::new(keys(&node_pair, &robot_pair), seed);
+        let mut there = Network::new(seed, 45);
+        let mut back = Network::new(seed + 100, 45);
+        node.begin(at(0)).unwrap();
+        for start in [0, 3_000] {
+            // Each robot has a secret of its own for its cookies.
+            let secret = [u8::try_from(start % 251).unwrap(); 32];
+            let mut robot = Responder::new(keys(&robot_pair, &node_pair), secret);
+            let span = start..start + 3_000;
+            let felt = converse((&mut node, &mut robot), (&mut there, &mut back), span);
+            assert!(felt > 50, "seed {seed}, from {start} ms: {felt}");
+        }
+    }
+}
+
+#[test]
+fn an_initiation_that_comes_twice_has_one_answer() {
+    let (mut node, mut robot) = strangers();
+    node.begin(at(0)).unwrap();
+    let asked = initiation(&mut node, &mut robot, at(0));
+    let first = robot.on_datagram(at(0), HERE, &asked);
+    assert!(matches!(first, Outcome::Response(_)));
+    assert_eq!(robot.on_datagram(at(50), HERE, &asked), first);
 }
 
 #[test]

@@ -37,13 +37,21 @@ pub struct Responder {
     keys: Keys,
     cookies: Cookies,
     session: Option<Session>,
-    /// Granted, and not taken up yet.
-    granted: Option<Session>,
+    granted: Option<Granted>,
     /// When the session last said that it is armed.
     armed_at: Option<Instant>,
     /// Initiations worked at, since when.
     worked: (Instant, u32),
     rejects: Rejects,
+}
+
+/// A session that was granted and not taken up yet. The same initiation has the same answer, so that one
+/// which is answered late or twice leads to one session.
+#[derive(Debug)]
+struct Granted {
+    session: Session,
+    initiation: [u8; INITIATION],
+    response: [u8; RESPONSE],
 }
 
 /// What came of a datagram.
@@ -97,19 +105,20 @@ impl Responder {
     }
 
     fn on_content(&mut self, now: Instant, epoch: u64, bytes: &[u8]) -> Result<Outcome, Reject> {
-        let is_of = |session: &&mut Session| session.epoch() == epoch;
-        if let Some(session) = self.session.as_mut().filter(is_of) {
+        if let Some(session) = self.session.as_mut().filter(|session| session.epoch() == epoch) {
             let received = session.open(now, bytes)?;
             self.armed_at = received.armed.then_some(now);
             return Ok(Outcome::Command(received));
         }
-        let granted = self.granted.as_mut().filter(is_of).ok_or(Reject::Epoch)?;
-        let opened = granted.open(now, bytes);
-        if granted.is_confirmed() {
-            if self.is_in_use(now) {
-                return Err(Reject::InUse);
-            }
-            self.session = self.granted.take();
+        let granted = self.granted.take_if(|granted| granted.session.epoch() == epoch);
+        let mut granted = granted.ok_or(Reject::Epoch)?;
+        let opened = granted.session.open(now, bytes);
+        if !granted.session.is_confirmed() {
+            self.granted = Some(granted);
+        } else if self.is_in_use(now) {
+            return Err(Reject::InUse);
+        } else {
+            self.session = Some(granted.session);
             self.armed_at = None;
         }
         opened.map(Outcome::Command)
@@ -132,10 +141,15 @@ impl Responder {
         if self.is_in_use(now) {
             return Err(Reject::InUse);
         }
+        if let Some(granted) = self.granted.as_ref().filter(|granted| granted.initiation == *bytes)
+        {
+            return Ok(Outcome::Response(granted.response));
+        }
         self.work(now)?;
         let granted = handshake::respond(&self.keys, epoch, message);
         let (transport, response) = granted.map_err(|_| Reject::Tag)?;
-        self.granted = Some(Session::new(transport, epoch));
+        let session = Session::new(transport, epoch);
+        self.granted = Some(Granted { session, initiation: *bytes, response });
         Ok(Outcome::Response(response))
     }
 

@@ -54,6 +54,14 @@ fn with_fault(fault: &str) -> String {
     format!("{MOVING}[[fault]]\nat_s = 0.6\n{fault}")
 }
 
+/// An elbow whose range ends soon after where it starts, at 95°.
+fn with_narrow_elbow() -> Config {
+    let text = std::fs::read_to_string(KRAFT).unwrap();
+    let narrow = text.replace("limit_deg = [0.0, 140.0]", "limit_deg = [93.0, 140.0]");
+    assert_ne!(narrow, text);
+    Config::parse(Path::new(KRAFT), &narrow).unwrap()
+}
+
 #[test]
 fn hazard_04_a_lateness_below_three_cycles_and_lost_order_hardly_change_what_is_felt() {
     let config = config(KRAFT);
@@ -100,11 +108,7 @@ fn hazard_11_a_grip_faster_than_a_metre_in_a_second_has_no_torque_three_cycles_l
 
 #[test]
 fn hazard_43_a_joint_beyond_its_limit_ends_reflection_in_the_same_cycle_and_the_arm_is_carried() {
-    let text = std::fs::read_to_string(KRAFT).unwrap();
-    // The node takes the elbow's range to end soon after where it starts, at 95°.
-    let narrow = text.replace("limit_deg = [0.0, 140.0]", "limit_deg = [93.0, 140.0]");
-    assert_ne!(narrow, text);
-    let narrow = Config::parse(Path::new(KRAFT), &narrow).unwrap();
+    let narrow = with_narrow_elbow();
     let script = Scenario::parse(MOVING).unwrap();
     let mut bench = Bench::in_world_of(&config(KRAFT), &narrow, script, 1, false, ());
     bench.bring_up().unwrap();
@@ -119,9 +123,7 @@ fn hazard_43_a_joint_beyond_its_limit_ends_reflection_in_the_same_cycle_and_the_
 
 #[test]
 fn hazard_43_an_arm_pressed_against_its_stops_is_not_beyond_them() {
-    let script = MOVING.replace("to_m = [0.06, 0.03, 0.0]", "to_m = [-0.3, 0.1, 0.0]");
-    let config = config(KRAFT);
-    let records = run(&config, &script, 2.5);
+    let records = run(&with_narrow_elbow(), MOVING, 1.6);
     let last = records.last().unwrap();
     assert_eq!(last.cause, None);
     assert!(last.output.joint_out_of_range.is_some(), "{}", last.output.q);

@@ -68,7 +68,7 @@ pub(super) fn read(raw: &raw::Safety, problems: &mut Problems<'_>) -> Plausibili
 /// How fast a joint of a kind may move, in rad/s or m/s, where the joint itself does not say.
 pub(super) fn usual_speed(raw: &raw::Safety, kind: JointKind) -> f64 {
     match kind {
-        JointKind::Revolute => raw.max_joint_speed_rad_per_s.unwrap_or(6.0),
+        JointKind::Revolute => raw.max_joint_speed_rad_per_s.unwrap_or(10.0),
         JointKind::Prismatic => raw.max_joint_speed_m_per_s.unwrap_or(1.0),
     }
 }

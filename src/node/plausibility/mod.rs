@@ -38,10 +38,6 @@ use crate::node::plausibility::torque::Torque;
 use crate::telemetry::cause::Cause;
 use crate::time::Instant;
 
-/// How much faster than allowed a joint may seem before its position is not believed. Between the two
-/// it is too fast, which another watch tells.
-const BELIEVED: f64 = 1.5;
-
 /// A clear motion of a joint that turns, in rad: ten times what a hand trembles.
 const CLEAR_TURN: f64 = 0.02;
 
@@ -143,12 +139,12 @@ impl Watches {
 pub(super) fn intakes(config: &Config) -> [Intake; 6] {
     // What each actuator turns at most while every joint moves no faster than it may.
     let most = JointVector::from(config.joints.each_ref().map(|joint| joint.max_speed));
-    let most = config.controller.calibration.coupling().fastest(&most) * BELIEVED;
+    let most = config.controller.calibration.coupling().fastest(&most);
     let patience = config.safety.missing_samples;
     let (mut joints, mut fastest) = (1.., most.iter());
     config.joints.each_ref().map(|joint| {
         let reach = joint.calibration.span(fastest.next().copied().unwrap_or_default());
         let number = joints.next().unwrap_or_default();
-        Intake::new(number, config.period, patience, Reach::new(reach))
+        Intake::new(number, config.period, patience, Reach::new(reach, config.period))
     })
 }

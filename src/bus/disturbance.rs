@@ -75,6 +75,7 @@ impl Agenda {
 pub(super) struct Adapter {
     wrong: Option<Disturbance>,
     held: VecDeque<Received>,
+    echoed: Instant,
 }
 
 /// What becomes of a frame that was taken.
@@ -89,7 +90,7 @@ pub(super) enum Taken {
 impl Adapter {
     /// A good one.
     pub(super) fn new() -> Self {
-        Self { wrong: None, held: VecDeque::with_capacity(HELD) }
+        Self { wrong: None, held: VecDeque::with_capacity(HELD), echoed: Instant::ZERO }
     }
 
     /// From now on this is wrong. What was held back until now is handed over.
@@ -133,6 +134,19 @@ impl Adapter {
             (_, Ok(Taken::Lost) | Err(SendError::Down)) => None,
             (_, Ok(Taken::Queued) | Err(SendError::Full)) => Some(received),
         }
+    }
+
+    /// A SYNC is complete on the wire: it is seen there, unless the adapter sees nothing.
+    pub(super) fn witness(&mut self, at: Instant) {
+        let is_blind = matches!(self.take(), Ok(Taken::Lost) | Err(SendError::Down));
+        if self.is_sending() && !is_blind {
+            self.echoed = at;
+        }
+    }
+
+    /// When a SYNC was last seen on the wire.
+    pub(super) const fn echoed(&self) -> Instant {
+        self.echoed
     }
 
     /// What somebody else floods the bus with.

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use crate::bus::Bus;
 use crate::bus::BusFault;
+use crate::bus::Gone;
 use crate::bus::Heard;
 use crate::bus::Received;
 use crate::bus::SendError;
@@ -21,6 +22,7 @@ use crate::bus::wire::Wire;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
 use crate::canopen::station::Station;
+use crate::canopen::sync;
 use crate::time::Instant;
 
 /// The node's frames that may wait on one bus: about a cycle's worth.
@@ -163,6 +165,9 @@ impl<S: Station, T: Tap> Memory<S, T> {
             let telegram = Telegram { channel: Channel(place), frame };
             self.tap.on_wire(at, &telegram);
             self.stations.on_frame(at, telegram.channel, &frame, &mut self.out);
+            if frame.cob_id == sync::COB_ID {
+                adapter.witness(at);
+            }
             if sender == Sender::Station && !frame.is_remote() {
                 let heard = Heard::Frame(frame);
                 let received = Received { at, channel: telegram.channel, heard };
@@ -215,6 +220,14 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
         self.epoch + Duration::from_nanos(self.now_ns)
     }
 
+    fn suspended(&self) -> Duration {
+        self.suspended
+    }
+
+    fn echoed(&self, Channel(place): Channel) -> Option<Instant> {
+        self.adapters.get(usize::from(place)).map(Adapter::echoed)
+    }
+
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
         let Channel(place) = telegram.channel;
         let place = usize::from(place);
@@ -256,6 +269,15 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
                     self.now_ns = (self.now_ns / MICRO + 1) * MICRO;
                 }
             }
+        }
+    }
+
+    fn reopen(&mut self) -> Result<(), Gone> {
+        self.arrived.clear();
+        let mut adapters = (0..).zip(&self.adapters);
+        match adapters.find(|(_, adapter)| adapter.take() == Err(SendError::Down)) {
+            Some((place, _)) => Err(Gone(Channel(place))),
+            None => Ok(()),
         }
     }
 }

@@ -181,6 +181,14 @@ impl Config {
         Duration::from_secs(1) * bits::worst_case(8) / bitrate.max(1)
     }
 
+    /// How many frames all buses together can carry in so many periods, at the most.
+    pub fn most_frames(&self, periods: u64) -> u64 {
+        let micros = u64::try_from(self.period.as_micros()).unwrap_or(u64::MAX);
+        let bitrate: u64 = self.buses.iter().map(|bus| u64::from(bus.bitrate)).sum();
+        let bits = bitrate.saturating_mul(micros) / 1_000_000;
+        bits.div_ceil(bits::unstuffed(0).into()).saturating_mul(periods)
+    }
+
     /// What every node is to be and to be told, in the order of the joints, then the switch box.
     pub fn node_plans(&self) -> Vec<(Channel, NodePlan)> {
         network::plans(self)

@@ -5,10 +5,12 @@ use std::time::Duration;
 use thiserror::Error;
 
 use crate::bus::Bus;
+use crate::bus::Gone;
 use crate::bus::Heard;
 use crate::canopen::drive::PowerStage;
 use crate::canopen::drive::State;
 use crate::canopen::drive::Statusword;
+use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
 use crate::canopen::master::boot_error::BootError;
 use crate::canopen::master::event::Event;
@@ -65,6 +67,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// # Errors
     /// When a node or the bus fails, or `give_up` says so. Nothing is enabled then.
     pub fn bring_up(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
+        self.reopen()?;
         self.master.restart();
         self.samples.restart();
         self.outbox.restart();
@@ -93,6 +96,17 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
+    /// A bus on which nothing may be sent any more begins anew, whatever interface is there now.
+    fn reopen(&mut self) -> Result<(), BringUpError> {
+        if self.transmission.is_shut() {
+            let reopened = self.bus.reopen();
+            let down = |Gone(Channel(channel))| BringUpError::Bus(Cause::BusDown { channel });
+            reopened.map_err(down)?;
+        }
+        self.transmission.reopen();
+        Ok(())
+    }
+
     /// Runs the master's boot until all nodes are operational, or it is known which are not.
     fn boot(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         let mut failed = Vec::new();
@@ -119,6 +133,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                     self.heed_boot(event, &mut failed);
                 }
                 Heard::Fault(fault) => {
+                    self.transmission.heard(channel, fault);
                     if let Some(cause) = safety::cause_of_fault(channel, fault) {
                         return Err(BringUpError::Bus(cause));
                     }

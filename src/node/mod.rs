@@ -9,6 +9,8 @@ mod request;
 pub mod safety;
 mod samples;
 mod schedule;
+mod timing;
+mod transmission;
 
 pub use bring_up::BringUpError;
 pub use bring_up::NotConfirmed;
@@ -36,6 +38,8 @@ use crate::node::safety::Ramps;
 use crate::node::safety::Safety;
 use crate::node::samples::Samples;
 use crate::node::schedule::Schedule;
+use crate::node::timing::Timing;
+use crate::node::transmission::Transmission;
 use crate::remote::Remote;
 use crate::remote::Sensed;
 use crate::spatial::Motion;
@@ -66,6 +70,10 @@ pub struct Node<B, R> {
     samples: Samples,
     power: [PowerStage; 6],
     schedule: Schedule,
+    timing: Timing,
+    transmission: Transmission,
+    /// Frames read at most after a wait should have ended.
+    most_late: u64,
     cycle: u64,
     sensed: Sensed,
     /// Frames on their way out.
@@ -105,6 +113,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
             samples: Samples::new(inbox, config.safety.missing_samples),
             power: Default::default(),
             schedule: Schedule::starting(now, config.period),
+            timing: Timing::new(config.period, bus.suspended()),
+            transmission: Transmission::on(&config.channels()),
+            most_late: config.most_frames(timing::OVERRUN + 1),
             cycle: 0,
             sensed,
             out: Vec::with_capacity(64),

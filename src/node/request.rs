@@ -65,7 +65,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let disagrees = self.deadman(now) == Some(Deadman::Disagreeing);
         self.safety.reset(now, disagrees.then_some(Cause::DeadmanDisagrees))?;
         self.power.iter_mut().for_each(PowerStage::reset_fault);
-        if let Some(cause) = stopped_by.filter(|cause| table::row(cause.kind()).boots) {
+        let is_shut = self.transmission.is_shut();
+        if let Some(cause) = stopped_by.filter(|cause| is_shut || table::row(cause.kind()).boots) {
             let booted = self.bring_up(&mut || false);
             if booted.is_err() {
                 self.safety.stop(self.bus.now(), cause);

@@ -42,10 +42,11 @@ const SCRIPT: &str = "seconds = 60\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n
     [[move]]\nat_s = 0.25\nduration_s = 1.0\nto_m = [0.0, 0.05, 0.0]\n";
 
 /// Cycles until the weight is taken up and the hand is on its way.
-const SETTLED: u64 = 500;
+const SETTLED: u64 = 400;
 
-/// The drives' own timers end their torque within so long after the last that they were told.
-const BY_TIMER: Duration = Duration::from_millis(6);
+/// The drives' own timers end their torque within 6 ms after the last that they were told; it is looked at
+/// once in a cycle of 1 ms.
+const BY_TIMER: Duration = Duration::from_millis(7);
 
 /// A run with something going wrong in it.
 struct Run {
@@ -190,8 +191,9 @@ fn hazard_22_what_a_stalled_adapter_sends_at_last_meets_no_sync() {
         // The one under way when it began, and the one that was held.
         let syncs = run.syncs();
         assert!(syncs.len() <= 2, "{syncs:?}");
+        // What is held winds up the drives' timers once more, if they have not run down before.
         let pushed = run.pushed.since(run.onset);
-        assert!(pushed <= Duration::from_millis(9), "{phase}: pushed for {pushed:?}");
+        assert!(pushed <= Duration::from_millis(11), "{phase}: pushed for {pushed:?}");
     }
 }
 

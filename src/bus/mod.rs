@@ -3,7 +3,9 @@
 mod arrival;
 mod clock;
 mod disturbance;
+pub mod interface;
 mod memory;
+mod netlink;
 mod raw_frame;
 pub mod realtime;
 mod socket;

@@ -65,30 +65,3 @@ pub fn patterns(channel: Channel, plans: &[(Channel, NodePlan)]) -> Vec<Pattern>
     patterns.dedup();
     patterns
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::config::Config;
-    use std::path::Path;
-
-    fn is_heard(name: &str, cob_id: u16) -> bool {
-        let config = Config::load(Path::new(&format!("config/{name}.toml"))).unwrap();
-        let patterns = patterns(Channel(0), &config.node_plans());
-        patterns.iter().any(|pattern| pattern.has(cob_id))
-    }
-
-    #[test]
-    fn all_of_its_nodes_and_what_only_a_master_sends_is_heard() {
-        for cob_id in [0x000, 0x080, 0x083, 0x183, 0x283, 0x583, 0x603, 0x703, 0x70F, 0x201] {
-            assert!(is_heard("kraft_like", cob_id), "{cob_id:03X}");
-        }
-    }
-
-    #[test]
-    fn hazard_26_what_is_nobodys_wakes_nobody() {
-        for cob_id in [0x001, 0x07F, 0x100, 0x101, 0x1FF, 0x5FF, 0x6FF, 0x780, 0x7E5, 0x7FF] {
-            assert!(!is_heard("kraft_like", cob_id), "{cob_id:03X}");
-        }
-    }
-}

@@ -14,6 +14,7 @@ use tokio::sync::oneshot;
 use crate::bus::Bus;
 use crate::bus::SocketCan;
 use crate::bus::Traced;
+use crate::bus::interface;
 use crate::bus::realtime;
 use crate::cli::args::Run;
 use crate::cli::console::Pending;
@@ -52,7 +53,7 @@ pub(super) fn run(args: &Run) -> Result<(), Failure> {
     let socket = socket.with_context(|| format!("control socket {}", path.display()));
     let socket = socket.or_fail(Kind::Bus)?;
 
-    let bus = SocketCan::open(&names).or_fail(Kind::Bus)?;
+    let bus = open(&config, &names)?;
     let session = args.record.as_deref();
     let session = session.map(|folder| Session::create(folder, &names, bus.epoch_micros()));
     let mut session = session.transpose().or_fail(Kind::Bus)?;
@@ -90,6 +91,17 @@ pub(super) fn run(args: &Run) -> Result<(), Failure> {
     }
     print::note(&summary.to_string());
     Ok(())
+}
+
+/// The buses, on interfaces that are fit for torques; what is to be said of them is told.
+fn open(config: &Config, names: &[String]) -> Result<SocketCan, Failure> {
+    let bus = SocketCan::open(names).or_fail(Kind::Bus)?;
+    let bus = bus.hearing_only(&config.patterns()).and_then(SocketCan::with_witness);
+    let bus = bus.or_fail(Kind::Bus)?;
+    for remark in interface::check(names).or_fail(Kind::Bus)? {
+        tracing::warn!("{remark}");
+    }
+    Ok(bus)
 }
 
 /// Serves console and signals until the cycle's thread has ended.

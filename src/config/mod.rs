@@ -43,6 +43,8 @@ use crate::canopen::exchange;
 use crate::canopen::exchange::Inbox;
 use crate::canopen::exchange::Outbox;
 use crate::canopen::frame::Channel;
+use crate::canopen::listening;
+use crate::canopen::listening::Pattern;
 use crate::canopen::load::BusLoad;
 use crate::canopen::load::network::Network;
 use crate::canopen::plan::NodePlan;
@@ -192,6 +194,12 @@ impl Config {
     /// What every node is to be and to be told, in the order of the joints, then the switch box.
     pub fn node_plans(&self) -> Vec<(Channel, NodePlan)> {
         network::plans(self)
+    }
+
+    /// What a master must hear of each bus, in the order of the channels.
+    pub fn patterns(&self) -> Vec<Vec<Pattern>> {
+        let plans = self.node_plans();
+        self.channels().into_iter().map(|channel| listening::patterns(channel, &plans)).collect()
     }
 
     /// Which bits of which frame are whose. Layouts that contradict each other are a problem of the

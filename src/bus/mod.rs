@@ -1,12 +1,20 @@
 //! Where frames and time enter: the [`Bus`] is the only thing here that waits or knows the time.
 
+mod arrival;
 mod clock;
+mod disturbance;
+pub mod interface;
 mod memory;
+mod netlink;
+mod raw_frame;
 pub mod realtime;
+mod socket;
 mod socketcan;
 mod trace;
 mod wire;
 
+pub use disturbance::Disturbance;
+pub use disturbance::Mishap;
 pub use memory::Memory;
 pub use socketcan::OpenError;
 pub use socketcan::SocketCan;
@@ -29,6 +37,18 @@ pub trait Bus {
     /// What the clock on the wall shows, since 1970, UTC; somebody may set it at any moment.
     fn wall(&self) -> Duration;
 
+    /// How long the host has been suspended so far: only differences mean something. Time as
+    /// [`now`](Self::now) tells it stood still then, and the buses did not.
+    fn suspended(&self) -> Duration {
+        Duration::ZERO
+    }
+
+    /// When a SYNC was last seen on the wire of a bus, or time zero if none was yet: what proves that
+    /// frames which are taken are also sent. `None` where nobody can tell.
+    fn echoed(&self, _channel: Channel) -> Option<Instant> {
+        None
+    }
+
     /// Hands a frame to its bus. It is on the wire within a cycle or never: nothing queues behind.
     ///
     /// # Errors
@@ -37,7 +57,21 @@ pub trait Bus {
 
     /// Waits for the next frame or change of a bus, until `until` at the latest.
     fn receive(&mut self, until: Instant) -> Option<Received>;
+
+    /// Begins anew with every bus: what waits to be read is lost, what was unplugged and is back is
+    /// found again. Nothing is sent.
+    ///
+    /// # Errors
+    /// The first bus that is not there.
+    fn reopen(&mut self) -> Result<(), Gone> {
+        Ok(())
+    }
 }
+
+/// A bus whose interface is not there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("bus {}: no interface", .0.0)]
+pub struct Gone(pub Channel);
 
 /// What came in, where and when.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,61 +1,52 @@
-//! SocketCAN: one raw socket per bus, all waited for at once.
+//! SocketCAN: raw sockets of several buses, all waited for at once.
 //!
-//! Error frames and 29-bit identifiers are told apart here and never become a [`Frame`]; remote frames
+//! Error frames and 29-bit identifiers are told apart here and never become a frame; remote frames
 //! neither, but where [simulated devices](SocketCan::with_remote_frames) answer them. Time is
-//! `CLOCK_MONOTONIC` since the bus was opened; a frame bears the kernel's receive stamp, so that a late
+//! `CLOCK_MONOTONIC` since the bus was opened; a frame bears the time of its arrival, so that a late
 //! reader knows what is old.
+//!
+//! That a frame was taken proves nothing: a controller that is off the bus takes them all. A node
+//! therefore has a second socket on each bus, its [witness](SocketCan::with_witness), that hears nothing
+//! but SYNC. A driver with `IFF_ECHO` shows a sent frame to the other sockets of its host once it was on
+//! the wire, so what the witness hears has been sent; and the node's own socket never hears what it sends
+//! itself. Other drivers have the kernel show it at once, and the witness proves no more than the sending.
 
 use std::io;
-use std::io::ErrorKind;
 use std::os::fd::AsFd;
-use std::os::fd::OwnedFd;
 use std::time::Duration;
-use std::time::UNIX_EPOCH;
 
 use nix::errno::Errno;
 use nix::poll::PollFd;
 use nix::poll::PollFlags;
 use nix::poll::ppoll;
 use nix::sys::time::TimeSpec;
-use socket2::SockAddr;
-use socket2::Type;
-use socketcan::CanAddr;
 use socketcan::CanFilter;
-use socketcan::CanFrame;
-use socketcan::CanSocket;
-use socketcan::EmbeddedFrame;
-use socketcan::Id;
-use socketcan::Socket;
-use socketcan::SocketOptions;
-use socketcan::StandardId;
-use socketcan::addr::AF_CAN;
-use socketcan::addr::CAN_RAW;
-use socketcan::errors::ControllerProblems;
-use socketcan::errors::ErrorCause;
 use socketcan::id::CAN_EFF_FLAG;
 use socketcan::id::CAN_RTR_FLAG;
+use socketcan::id::CAN_SFF_MASK;
 use thiserror::Error;
 
 use crate::bus::Bus;
 use crate::bus::BusFault;
+use crate::bus::Gone;
 use crate::bus::Heard;
 use crate::bus::Received;
 use crate::bus::SendError;
 use crate::bus::clock;
+use crate::bus::clock::Reading;
+use crate::bus::socket::Purpose;
+use crate::bus::socket::Socket;
 use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
+use crate::canopen::listening::Pattern;
+use crate::canopen::sync;
 use crate::time::Instant;
 
 /// Most buses one node has.
 const MOST: usize = 8;
 
-/// What may wait in a socket before the driver takes it, in bytes: about a cycle of frames. More would
-/// be a store of stale torques.
-const SEND_BUFFER: usize = 8 << 10;
-
-/// A stamp older than this is a clock that was set, not a frame that waited.
-const OLDEST: Duration = Duration::from_secs(1);
+/// Frames read at most after a wait should have ended: what a socket's buffer holds.
+const BACKLOG: usize = 256;
 
 /// Why no bus could be opened.
 #[derive(Debug, Error)]
@@ -77,13 +68,33 @@ pub enum OpenError {
 /// Several SocketCAN interfaces under one clock.
 #[derive(Debug)]
 pub struct SocketCan {
-    sockets: Vec<CanSocket>,
+    lines: Vec<Line>,
     opened: Duration,
     epoch: Duration,
     /// A frame that came after the deadline of the call that read it.
     held: Option<Received>,
-    /// The bus looked at first, so that none is starved by another.
+    /// That frames were lost before the one that was read last.
+    overrun: Option<Received>,
+    /// The socket looked at first, so that none is starved by another.
     first: usize,
+}
+
+/// One bus.
+#[derive(Debug)]
+struct Line {
+    interface: String,
+    filters: Vec<CanFilter>,
+    hears_itself: bool,
+    socket: Socket,
+    witness: Option<Witness>,
+}
+
+/// Who hears nothing but SYNC, the node's own too.
+#[derive(Debug)]
+struct Witness {
+    socket: Socket,
+    /// When it last did.
+    heard: Instant,
 }
 
 impl SocketCan {
@@ -95,11 +106,22 @@ impl SocketCan {
         if interfaces.len() > MOST {
             return Err(OpenError::TooMany(interfaces.len()));
         }
-        let sockets = interfaces.iter().map(|name| open(name).map_err(|error| why(name, error)));
-        let sockets = sockets.collect::<Result<_, _>>()?;
-        let opened = clock::monotonic();
-        let epoch = clock::wall();
-        Ok(Self { sockets, opened, epoch, held: None, first: 0 })
+        let lines = interfaces.iter().map(|name| Line::open(name)).collect::<Result<_, _>>()?;
+        let Reading { monotonic, wall } = Reading::now();
+        Ok(Self { lines, opened: monotonic, epoch: wall, held: None, overrun: None, first: 0 })
+    }
+
+    /// The same, hearing of each bus only what is in its patterns, in the order of the channels: a flood
+    /// of anything else wakes nobody.
+    ///
+    /// # Errors
+    /// The first interface that does not take the filters.
+    pub fn hearing_only(mut self, patterns: &[Vec<Pattern>]) -> Result<Self, OpenError> {
+        for (line, patterns) in self.lines.iter_mut().zip(patterns) {
+            line.filters = patterns.iter().map(data_frames).collect();
+            line.reopen()?;
+        }
+        Ok(self)
     }
 
     /// The same, hearing remote frames too: simulated devices answer them when they are guarded, or asked
@@ -107,11 +129,10 @@ impl SocketCan {
     ///
     /// # Errors
     /// The first interface that does not take the filter.
-    pub fn with_remote_frames(self) -> Result<Self, OpenError> {
-        for socket in &self.sockets {
-            socket.set_filters(&[data_frames(), remote_frames()]).map_err(|error| {
-                OpenError::Failed { interface: "remote frames".to_owned(), error }
-            })?;
+    pub fn with_remote_frames(mut self) -> Result<Self, OpenError> {
+        for line in &mut self.lines {
+            line.filters.push(remote_frames());
+            line.reopen()?;
         }
         Ok(self)
     }
@@ -121,11 +142,21 @@ impl SocketCan {
     ///
     /// # Errors
     /// The first interface that does not do so.
-    pub fn hearing_itself(self) -> Result<Self, OpenError> {
-        for socket in &self.sockets {
-            socket
-                .set_recv_own_msgs(true)
-                .map_err(|error| OpenError::Failed { interface: "own frames".to_owned(), error })?;
+    pub fn hearing_itself(mut self) -> Result<Self, OpenError> {
+        for line in &mut self.lines {
+            line.hears_itself = true;
+            line.reopen()?;
+        }
+        Ok(self)
+    }
+
+    /// The same, but of each SYNC it is known when it was on the bus.
+    ///
+    /// # Errors
+    /// The first interface that cannot be opened a second time.
+    pub fn with_witness(mut self) -> Result<Self, OpenError> {
+        for line in &mut self.lines {
+            line.witness = Some(Witness::open(&line.interface)?);
         }
         Ok(self)
     }
@@ -135,46 +166,55 @@ impl SocketCan {
         u64::try_from(self.epoch.as_micros()).unwrap_or(u64::MAX)
     }
 
-    /// Waits until a socket can be read, `timeout` at most; its place.
-    fn wait(&self, timeout: Duration) -> Option<usize> {
-        let anchor = self.sockets.first()?.as_fd();
-        let mut polled: [PollFd<'_>; MOST] = std::array::from_fn(|place| {
-            let socket = self.sockets.get(place).map_or(anchor, CanSocket::as_fd);
-            PollFd::new(socket, PollFlags::POLLIN)
-        });
-        let count = self.sockets.len();
-        let polled = polled.get_mut(..count)?;
-        match ppoll(polled, Some(TimeSpec::from_duration(timeout)), None) {
-            Ok(ready) if ready > 0 => {
-                let is_ready =
-                    |place: &usize| polled.get(*place).and_then(PollFd::any).unwrap_or_default();
-                (0..count).map(|turn| (self.first + turn) % count).find(is_ready)
+    /// Waits until a socket can be read, `timeout` at most; its place. Sockets of even places are the
+    /// buses', those of odd places their witnesses'.
+    fn wait(&mut self, timeout: Duration) -> Option<usize> {
+        let before = Reading::now();
+        let sockets = self.lines.iter().flat_map(Line::sockets);
+        let anchor = self.lines.first()?.socket.as_fd();
+        let mut polled: [PollFd<'_>; 2 * MOST] =
+            std::array::from_fn(|_| PollFd::new(anchor, PollFlags::empty()));
+        for (place, socket) in polled.iter_mut().zip(sockets) {
+            if let Some(socket) = socket {
+                *place = PollFd::new(socket.as_fd(), PollFlags::POLLIN);
             }
-            // Nothing came, or a signal did: the caller looks at the clock.
-            Ok(_) | Err(_) => None,
         }
+        let count = 2 * self.lines.len();
+        let outcome = ppoll(polled.get_mut(..count)?, Some(TimeSpec::from_duration(timeout)), None);
+        // A signal may have come first: then nothing is known, and the caller looks at the clock.
+        outcome.ok()?;
+        let ready: [bool; 2 * MOST] = polled.map(|place| place.any().unwrap_or_default());
+        let is_ready = |place: &usize| ready.get(*place).copied().unwrap_or_default();
+        let sockets = self.lines.iter_mut().flat_map(Line::sockets_mut);
+        for (socket, is_ready) in sockets.zip(ready) {
+            if let Some(socket) = socket.filter(|_| !is_ready) {
+                socket.found_empty(before);
+            }
+        }
+        (0..count).map(|turn| (self.first + turn) % count).find(is_ready)
     }
 
     /// Reads what is there; `None` if it was nothing that concerns a CANopen node.
     fn read(&mut self, place: usize) -> Option<Received> {
         self.first = place + 1;
-        let channel = Channel(u8::try_from(place).unwrap_or(u8::MAX));
-        let socket = self.sockets.get(place)?;
-        let (at, heard) = match socket.read_frame_with_timestamps() {
-            Ok((frame, stamps)) => {
-                let stamp = stamps.socket.and_then(|at| at.duration_since(UNIX_EPOCH).ok());
-                (self.instant_of(stamp), sort(frame)?)
+        let (now, opened) = (self.now(), self.opened);
+        let line = self.lines.get_mut(place / 2)?;
+        let channel = Channel(u8::try_from(place / 2).unwrap_or(u8::MAX));
+        if place % 2 == 1 {
+            line.witness.as_mut()?.read(opened);
+            return None;
+        }
+        let fault = |at, fault| Received { at, channel, heard: Heard::Fault(fault) };
+        match line.socket.read() {
+            Ok(taken) => {
+                let taken = taken?;
+                let at = Instant::ZERO + taken.arrived.saturating_sub(opened);
+                let overrun = taken.has_overrun.then(|| fault(now, BusFault::Overrun));
+                self.overrun = self.overrun.or(overrun);
+                Some(Received { at, channel, heard: taken.heard? })
             }
-            Err(error) => (self.now(), Heard::Fault(trouble(&error)?)),
-        };
-        Some(Received { at, channel, heard })
-    }
-
-    /// The kernel's wall-clock stamp as an instant: now, less the age it shows.
-    fn instant_of(&self, stamp: Option<Duration>) -> Instant {
-        let wall = clock::wall();
-        let age = stamp.and_then(|stamp| wall.checked_sub(stamp)).filter(|age| *age < OLDEST);
-        self.now() - age.unwrap_or_default()
+            Err(down) => Some(fault(now, down)),
+        }
     }
 }
 
@@ -187,73 +227,115 @@ impl Bus for SocketCan {
         clock::wall()
     }
 
+    fn suspended(&self) -> Duration {
+        clock::suspended()
+    }
+
+    fn echoed(&self, Channel(place): Channel) -> Option<Instant> {
+        Some(self.lines.get(usize::from(place))?.witness.as_ref()?.heard)
+    }
+
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
         let Channel(place) = telegram.channel;
-        let socket = self.sockets.get(usize::from(place)).ok_or(SendError::Down)?;
-        let id = StandardId::new(telegram.frame.cob_id).ok_or(SendError::Down)?;
-        let frame = if telegram.frame.is_remote() {
-            CanFrame::new_remote(id, usize::from(telegram.frame.length()))
-        } else {
-            CanFrame::new(id, telegram.frame.data())
-        };
-        let frame = frame.ok_or(SendError::Down)?;
-        socket.write_frame(&frame).map_err(|error| {
-            match error.raw_os_error().map(Errno::from_raw) {
-                Some(Errno::EAGAIN | Errno::ENOBUFS) => SendError::Full,
-                _ => SendError::Down,
-            }
-        })
+        let line = self.lines.get(usize::from(place)).ok_or(SendError::Down)?;
+        line.socket.send(&telegram.frame)
     }
 
     fn receive(&mut self, until: Instant) -> Option<Received> {
-        if let Some(held) = self.held {
-            if held.at > until {
-                return None;
-            }
-            self.held = None;
-            return Some(held);
+        if let Some(overrun) = self.overrun.take() {
+            return Some(overrun);
         }
-        loop {
+        if self.held.is_some() {
+            return self.held.take_if(|held| held.at <= until);
+        }
+        let mut late = 0;
+        while late < BACKLOG {
             let left = until.since(self.now());
-            let is_late = left.is_zero();
-            match self.wait(left) {
-                Some(place) => {
-                    let Some(received) = self.read(place) else { continue };
-                    if received.at > until {
-                        self.held = Some(received);
-                        return None;
-                    }
-                    return Some(received);
+            let Some(place) = self.wait(left) else {
+                if left.is_zero() {
+                    return None;
                 }
-                None if is_late => return None,
-                None => {}
+                continue;
+            };
+            late += usize::from(left.is_zero());
+            let Some(received) = self.read(place) else { continue };
+            if received.at <= until {
+                return Some(received);
             }
+            self.held = Some(received);
+            return None;
+        }
+        None
+    }
+
+    fn reopen(&mut self) -> Result<(), Gone> {
+        (self.held, self.overrun) = (None, None);
+        for (place, line) in (0..).zip(&mut self.lines) {
+            line.reopen().map_err(|_| Gone(Channel(place)))?;
+        }
+        Ok(())
+    }
+}
+
+impl Line {
+    fn open(interface: &str) -> Result<Self, OpenError> {
+        let filters = vec![data_frames(&Pattern::ANY)];
+        let socket = socket(interface, &filters, false)?;
+        let interface = interface.to_owned();
+        Ok(Self { interface, filters, hears_itself: false, socket, witness: None })
+    }
+
+    /// Opens its sockets anew, as they were: what waited in them is gone, and an interface that was
+    /// unplugged and plugged in again is the new one.
+    fn reopen(&mut self) -> Result<(), OpenError> {
+        self.socket = socket(&self.interface, &self.filters, self.hears_itself)?;
+        if self.witness.is_some() {
+            self.witness = Some(Witness::open(&self.interface)?);
+        }
+        Ok(())
+    }
+
+    /// The bus's, then its witness's.
+    fn sockets(&self) -> [Option<&Socket>; 2] {
+        [Some(&self.socket), self.witness.as_ref().map(|witness| &witness.socket)]
+    }
+
+    fn sockets_mut(&mut self) -> [Option<&mut Socket>; 2] {
+        [Some(&mut self.socket), self.witness.as_mut().map(|witness| &mut witness.socket)]
+    }
+}
+
+impl Witness {
+    fn open(interface: &str) -> Result<Self, OpenError> {
+        let filters = [data_frames(&Pattern::only(sync::COB_ID))];
+        let purpose = Purpose { filters: &filters, hears_errors: false, hears_itself: false };
+        let socket = Socket::open(interface, &purpose).map_err(|error| why(interface, error))?;
+        Ok(Self { socket, heard: Instant::ZERO })
+    }
+
+    /// Takes what it heard. That its interface is down is the bus's own socket's to tell.
+    fn read(&mut self, opened: Duration) {
+        if let Ok(Some(taken)) = self.socket.read() {
+            self.heard = Instant::ZERO + taken.arrived.saturating_sub(opened);
         }
     }
 }
 
+/// A bus's own socket.
+fn socket(interface: &str, filters: &[CanFilter], hears_itself: bool) -> Result<Socket, OpenError> {
+    let purpose = Purpose { filters, hears_errors: true, hears_itself };
+    Socket::open(interface, &purpose).map_err(|error| why(interface, error))
+}
+
 /// Data frames with 11 bits: the two flags are in the mask and not in the identifier.
-fn data_frames() -> CanFilter {
-    CanFilter::new(0, CAN_EFF_FLAG | CAN_RTR_FLAG)
+fn data_frames(pattern: &Pattern) -> CanFilter {
+    let mask = u32::from(pattern.mask) & CAN_SFF_MASK;
+    CanFilter::new(pattern.cob_id.into(), mask | CAN_EFF_FLAG | CAN_RTR_FLAG)
 }
 
 /// Remote frames with 11 bits.
 fn remote_frames() -> CanFilter {
     CanFilter::new(CAN_RTR_FLAG, CAN_EFF_FLAG | CAN_RTR_FLAG)
-}
-
-/// A socket that is set up before it hears anything.
-fn open(interface: &str) -> io::Result<CanSocket> {
-    let address = CanAddr::from_iface(interface)?;
-    let raw = socket2::Socket::new_raw(AF_CAN.into(), Type::RAW, Some(CAN_RAW.into()))?;
-    let socket = CanSocket::from(OwnedFd::from(raw));
-    socket.set_filters(&[data_frames()])?;
-    socket.set_error_filter_accept_all()?;
-    socket.set_recv_timestamp(true)?;
-    socket.as_raw_socket().set_send_buffer_size(SEND_BUFFER)?;
-    socket.as_raw_socket().bind(&SockAddr::from(address))?;
-    socket.set_nonblocking(true)?;
-    Ok(socket)
 }
 
 /// What an error of opening means.
@@ -263,51 +345,5 @@ fn why(interface: &str, error: io::Error) -> OpenError {
         Some(Errno::ENODEV) => OpenError::Absent(interface),
         Some(Errno::EAFNOSUPPORT | Errno::EPROTONOSUPPORT) => OpenError::NoCan { interface },
         _ => OpenError::Failed { interface, error },
-    }
-}
-
-/// What an error of reading means; `None` if nothing came after all.
-fn trouble(error: &io::Error) -> Option<BusFault> {
-    let nothing = matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted);
-    (!nothing).then_some(BusFault::Down)
-}
-
-/// What a frame means; `None` if it does not concern a CANopen node.
-fn sort(frame: CanFrame) -> Option<Heard> {
-    match frame {
-        CanFrame::Data(data) => {
-            let Id::Standard(id) = data.id() else { return None };
-            Frame::from_slice(id.as_raw(), data.data()).map(Heard::Frame)
-        }
-        CanFrame::Remote(remote) => {
-            let Id::Standard(id) = remote.id() else { return None };
-            let length = u8::try_from(remote.dlc()).ok()?;
-            Some(Heard::Frame(Frame::remote(id.as_raw(), length)))
-        }
-        CanFrame::Error(error) => {
-            let error = error.into_error();
-            error.causes().filter_map(fault).max().map(Heard::Fault)
-        }
-    }
-}
-
-/// What one cause in an error frame means for the bus. Single errors are the controller's to count.
-fn fault(cause: &ErrorCause) -> Option<BusFault> {
-    if matches!(cause, ErrorCause::BusOff) {
-        return Some(BusFault::Off);
-    }
-    if matches!(cause, ErrorCause::TransmitTimeout) {
-        return Some(BusFault::Passive);
-    }
-    let ErrorCause::Controller(problems) = cause else { return None };
-    let any = |these: ControllerProblems| problems.intersects(these);
-    if any(ControllerProblems::RX_PASSIVE | ControllerProblems::TX_PASSIVE) {
-        Some(BusFault::Passive)
-    } else if any(ControllerProblems::RX_OVERFLOW | ControllerProblems::TX_OVERFLOW) {
-        Some(BusFault::Overrun)
-    } else if any(ControllerProblems::RX_WARNING | ControllerProblems::TX_WARNING) {
-        Some(BusFault::Warning)
-    } else {
-        None
     }
 }

@@ -3,10 +3,12 @@
 use std::time::Duration;
 
 use crate::bus::Bus;
+use crate::bus::Gone;
 use crate::bus::Heard;
 use crate::bus::Received;
 use crate::bus::SendError;
 use crate::bus::Tap;
+use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
 use crate::time::Instant;
 
@@ -33,6 +35,14 @@ impl<B: Bus, T: Tap> Bus for Traced<B, T> {
         self.bus.wall()
     }
 
+    fn suspended(&self) -> Duration {
+        self.bus.suspended()
+    }
+
+    fn echoed(&self, channel: Channel) -> Option<Instant> {
+        self.bus.echoed(channel)
+    }
+
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
         self.bus.send(telegram)?;
         self.tap.on_wire(self.bus.now(), &telegram);
@@ -45,5 +55,9 @@ impl<B: Bus, T: Tap> Bus for Traced<B, T> {
             self.tap.on_wire(received.at, &Telegram { channel: received.channel, frame });
         }
         Some(received)
+    }
+
+    fn reopen(&mut self) -> Result<(), Gone> {
+        self.bus.reopen()
     }
 }

@@ -19,6 +19,7 @@ pub mod frame;
 pub mod guarding;
 pub mod heartbeat;
 pub mod layout;
+pub mod listening;
 pub mod load;
 pub mod lss;
 pub mod master;

@@ -81,7 +81,8 @@ fn failure(error: BringUpError) -> Failure {
         BringUpError::Boot(_)
         | BringUpError::NotEnabled(_)
         | BringUpError::NotProven(_)
-        | BringUpError::GivenUp => Kind::Drive,
+        | BringUpError::GivenUp
+        | BringUpError::LeftOn(_) => Kind::Drive,
     };
     Failure::new(kind, error)
 }

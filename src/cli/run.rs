@@ -13,6 +13,7 @@ use tokio::sync::oneshot;
 use crate::bus::Bus;
 use crate::bus::SocketCan;
 use crate::bus::Traced;
+use crate::bus::interface;
 use crate::bus::realtime;
 use crate::cli::args::Run;
 use crate::cli::commission;
@@ -31,6 +32,7 @@ use crate::cli::recorder::Latest;
 use crate::cli::recorder::Offer;
 use crate::cli::signals::Order;
 use crate::cli::signals::Orders;
+use crate::config::Config;
 use crate::lab::site::VirtualSite;
 use crate::node::BringUpError;
 use crate::node::Node;
@@ -55,7 +57,7 @@ pub(super) fn run(args: &Run) -> Result<(), Failure> {
     let socket = socket.with_context(|| format!("control socket {}", path.display()));
     let socket = socket.or_fail(Kind::Bus)?;
 
-    let bus = SocketCan::open(&names).or_fail(Kind::Bus)?;
+    let bus = open(&config, &names)?;
     let epoch = bus.epoch_micros();
     let mut keeper = match &args.record {
         Some(folder) => Keeper::of_session(folder, &names, epoch).or_fail(Kind::Bus)?,
@@ -96,6 +98,17 @@ pub(super) fn run(args: &Run) -> Result<(), Failure> {
     }
     left.iter().for_each(|line| print::note(line));
     outcome.and(finished.or_fail(Kind::Bus))
+}
+
+/// The buses, on interfaces that are fit for torques; what is to be said of them is told.
+fn open(config: &Config, names: &[String]) -> Result<SocketCan, Failure> {
+    let bus = SocketCan::open(names).or_fail(Kind::Bus)?;
+    let bus = bus.hearing_only(&config.patterns()).and_then(SocketCan::with_witness);
+    let bus = bus.or_fail(Kind::Bus)?;
+    for remark in interface::check(names).or_fail(Kind::Bus)? {
+        tracing::warn!("{remark}");
+    }
+    Ok(bus)
 }
 
 /// Serves console and signals until the cycle's thread has ended.

@@ -50,6 +50,8 @@ use crate::canopen::exchange;
 use crate::canopen::exchange::Inbox;
 use crate::canopen::exchange::Outbox;
 use crate::canopen::frame::Channel;
+use crate::canopen::listening;
+use crate::canopen::listening::Pattern;
 use crate::canopen::load::BusLoad;
 use crate::canopen::load::network::Network;
 use crate::canopen::plan::NodePlan;
@@ -207,9 +209,23 @@ impl Config {
         Duration::from_secs(1) * bits::worst_case(8) / bitrate.max(1)
     }
 
+    /// How many frames all buses together can carry in so many periods, at the most.
+    pub fn most_frames(&self, periods: u64) -> u64 {
+        let micros = u64::try_from(self.period.as_micros()).unwrap_or(u64::MAX);
+        let bitrate: u64 = self.buses.iter().map(|bus| u64::from(bus.bitrate)).sum();
+        let bits = bitrate.saturating_mul(micros) / 1_000_000;
+        bits.div_ceil(bits::unstuffed(0).into()).saturating_mul(periods)
+    }
+
     /// What every node is to be and to be told, in the order of the joints, then the switch box.
     pub fn node_plans(&self) -> Vec<(Channel, NodePlan)> {
         network::plans(self)
+    }
+
+    /// What a master must hear of each bus, in the order of the channels.
+    pub fn patterns(&self) -> Vec<Vec<Pattern>> {
+        let plans = self.node_plans();
+        self.channels().into_iter().map(|channel| listening::patterns(channel, &plans)).collect()
     }
 
     /// Which bits of which frame are whose. Layouts that contradict each other are a problem of the

@@ -128,6 +128,11 @@ impl<T: Tap> Bench<T> {
         &self.node
     }
 
+    /// The buses, to disturb them.
+    pub const fn bus_mut(&mut self) -> &mut Memory<World, T> {
+        self.node.bus_mut()
+    }
+
     /// What has happened on the network, for people: the oldest that was not asked for yet.
     pub fn notice(&mut self) -> Option<Event> {
         self.node.notice()

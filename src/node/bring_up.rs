@@ -5,7 +5,9 @@ use std::time::Duration;
 use thiserror::Error;
 
 use crate::bus::Bus;
+use crate::bus::Gone;
 use crate::bus::Heard;
+use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
 use crate::canopen::master::boot_error::BootError;
 use crate::canopen::master::event::Event;
@@ -71,6 +73,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// # Errors
     /// When a node, a drive or the bus fails, or `give_up` says so. Nothing is enabled then.
     pub fn bring_up(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
+        self.reopen()?;
         self.master.restart();
         self.samples.restart();
         self.plausibility.restart();
@@ -125,6 +128,17 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
+    /// A bus on which nothing may be sent any more begins anew, whatever interface is there now.
+    fn reopen(&mut self) -> Result<(), BringUpError> {
+        if self.transmission.is_shut() {
+            let reopened = self.bus.reopen();
+            let down = |Gone(Channel(channel))| BringUpError::Bus(Cause::BusDown { channel });
+            reopened.map_err(down)?;
+        }
+        self.transmission.reopen();
+        Ok(())
+    }
+
     /// Runs the master's boot until all nodes are operational, or it is known which are not.
     fn boot(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         let mut failed = Vec::new();
@@ -151,6 +165,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                     self.heed_boot(event, &mut failed);
                 }
                 Heard::Fault(fault) => {
+                    self.transmission.heard(channel, fault);
                     if let Some(cause) = causes::of_bus(channel, fault) {
                         return Err(BringUpError::Bus(cause));
                     }

@@ -12,10 +12,8 @@
 use crate::bus::Bus;
 use crate::bus::Heard;
 use crate::bus::Received;
-use crate::bus::SendError;
 use crate::canopen::drive::Goal;
 use crate::canopen::drive::State;
-use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
 use crate::canopen::master::event::Event;
@@ -26,26 +24,28 @@ use crate::controller::switches::Switches;
 use crate::node::Node;
 use crate::node::safety::Permit;
 use crate::node::safety::causes;
+use crate::node::schedule::Due;
+use crate::node::timing;
 use crate::remote::Remote;
 use crate::telemetry::cause::Cause;
 use crate::telemetry::record::Record;
 use crate::time::Instant;
 
-/// Standing still for more cycles than this is a fault; fewer are skipped and counted.
-const OVERRUN: u64 = 5;
+/// So often the turn of a SYNC may be missed in one cycle before it is sent whatever the time.
+const MISSED: u64 = timing::OVERRUN;
 
 impl<B: Bus, R: Remote> Node<B, R> {
     /// Runs one cycle: waits for its time, samples, steps, commands. Never fails: what is wrong is in
     /// the record, and the torques are then zero.
     pub fn cycle(&mut self) -> Record {
-        let due = self.schedule.next(self.bus.now());
-        self.listen(due.at);
+        let due = self.await_turn();
+        self.keep_time(due.skipped);
 
         let sync_at = self.send_sync();
         self.gather(sync_at);
 
         let now = self.bus.now();
-        self.judge(now, due.skipped);
+        self.judge(now, sync_at);
         let permit = self.safety.permit(now, self.operator.is_held());
         let input = self.input(now, &permit, due.skipped);
 
@@ -58,7 +58,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
         let targets = self.gate.pass(self.safety.may_push(), &output.tau, &output.targets);
         self.plausibility.tell(&targets);
-        self.send_targets(&targets, permit.drives_on);
+        if !self.timing.is_stale(sync_at, now) || !self.safety.may_push() {
+            self.send_targets(&targets, permit.drives_on);
+        }
         self.send_heartbeat(now);
         self.send_time(now);
         self.send_request();
@@ -79,11 +81,39 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// Hears what comes between two cycles.
+    /// Waits for the turn of the next SYNC; one whose turn is missed is skipped.
+    fn await_turn(&mut self) -> Due {
+        let mut due = self.schedule.next(self.bus.now());
+        self.listen(due.at);
+        for _ in 0..MISSED {
+            if !self.schedule.is_missed(due.at, self.bus.now()) {
+                break;
+            }
+            let next = self.schedule.next(self.bus.now());
+            due = Due { at: next.at, skipped: due.skipped + 1 + next.skipped };
+            self.listen(due.at);
+        }
+        due
+    }
+
+    /// Hears what comes between two cycles. However much more has come by then, it ends.
     pub(super) fn listen(&mut self, until: Instant) {
-        while let Some(received) = self.bus.receive(until) {
+        let mut late = 0;
+        while late < self.most_late
+            && let Some(received) = self.bus.receive(until)
+        {
+            late += u64::from(self.bus.now() >= until);
             self.hear(received);
         }
+    }
+
+    /// Draws the conclusions of time itself, and of whether the last cycle's frames got out.
+    fn keep_time(&mut self, skipped: u64) {
+        let now = self.bus.now();
+        let resumed = self.timing.resumed(self.bus.suspended());
+        let late = if self.cycle > 0 { self.timing.begins(now, skipped) } else { None };
+        let unseen = self.transmission.begin(|channel| self.bus.echoed(channel));
+        [resumed, late, unseen].into_iter().for_each(|cause| self.heed(now, cause));
     }
 
     /// Hears the drives' answers to this SYNC, until all have answered or the window is over. While
@@ -105,13 +135,18 @@ impl<B: Bus, R: Remote> Node<B, R> {
         match heard {
             Heard::Frame(frame) => {
                 let telegram = Telegram { channel, frame };
-                if !self.samples.on_frame(at, &telegram) {
+                // An old sample is none; what else is told is true however late it is read.
+                let is_stale = self.timing.is_stale(at, self.bus.now());
+                if is_stale || !self.samples.on_frame(at, &telegram) {
                     let event = self.master.on_frame(at, &telegram, &mut self.out);
                     self.post();
                     event.into_iter().for_each(|event| self.on_event(at, event));
                 }
             }
-            Heard::Fault(fault) => self.heed(at, causes::of_bus(channel, fault)),
+            Heard::Fault(fault) => {
+                self.transmission.heard(channel, fault);
+                self.heed(at, causes::of_bus(channel, fault));
+            }
         }
     }
 
@@ -135,13 +170,13 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// Draws the conclusions of this cycle's samples and of time itself.
-    fn judge(&mut self, now: Instant, skipped: u64) {
+    /// Draws the conclusions of this cycle's samples.
+    fn judge(&mut self, now: Instant, sync_at: Instant) {
         let before = self.cause();
         self.tend_master(now);
-        if skipped > OVERRUN && self.cycle > 0 {
-            self.safety.stop(now, Cause::Overrun { cycles: skipped });
-        }
+        let resumed = self.timing.resumed(self.bus.suspended());
+        let stood_still = self.timing.gathered(sync_at, now);
+        [resumed, stood_still].into_iter().for_each(|cause| self.heed(now, cause));
         let missing = self.samples.end(now);
         self.heed(now, missing);
         let contradiction = self.operator.feel(now, self.samples.inputs(now));
@@ -268,13 +303,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Sends a frame now or never.
     pub(super) fn send(&mut self, telegram: Telegram) {
-        let Channel(channel) = telegram.channel;
-        match self.bus.send(telegram) {
-            Ok(()) => {}
-            Err(SendError::Full) => {
-                self.safety.stop(self.bus.now(), Cause::QueueFull { channel });
-            }
-            Err(SendError::Down) => self.safety.stop(self.bus.now(), Cause::BusDown { channel }),
+        if !self.transmission.may(telegram.channel) {
+            return;
         }
+        let now = self.bus.now();
+        let outcome = self.bus.send(telegram);
+        let cause = self.transmission.offered(now, &telegram, outcome);
+        self.heed(now, cause);
     }
 }

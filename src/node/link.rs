@@ -14,7 +14,6 @@ use crate::remote::Remote;
 use crate::remote::Sensed;
 use crate::spatial::Wrench;
 use crate::telemetry::cause::Cause;
-use crate::telemetry::record::Mode;
 use crate::time::Instant;
 
 /// A sample may be as old as this however fast samples come.

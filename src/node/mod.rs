@@ -15,6 +15,8 @@ mod request;
 pub mod safety;
 mod samples;
 mod schedule;
+mod timing;
+mod transmission;
 
 pub use bring_up::BringUpError;
 pub use bring_up::NotConfirmed;
@@ -48,6 +50,8 @@ use crate::node::safety::Ramps;
 use crate::node::safety::Safety;
 use crate::node::samples::Samples;
 use crate::node::schedule::Schedule;
+use crate::node::timing::Timing;
+use crate::node::transmission::Transmission;
 use crate::remote::Remote;
 use crate::spatial::Motion;
 use crate::telemetry::cause::Cause;
@@ -81,6 +85,10 @@ pub struct Node<B, R> {
     power: PowerStages,
     proof: Proof,
     schedule: Schedule,
+    timing: Timing,
+    transmission: Transmission,
+    /// Frames read at most after a wait should have ended.
+    most_late: u64,
     cycle: u64,
     link: Link,
     /// Frames on their way out.
@@ -131,6 +139,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
             power: PowerStages::new(config.safety.missing_samples),
             proof,
             schedule: Schedule::starting(now, config.period),
+            timing: Timing::new(config.period, bus.suspended()),
+            transmission: Transmission::on(&config.channels()),
+            most_late: config.most_frames(timing::OVERRUN + 1),
             cycle: 0,
             link,
             out: Vec::with_capacity(64),

@@ -66,7 +66,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     fn reset(&mut self, now: Instant, give_up: &mut dyn FnMut() -> bool) -> Result<(), Refused> {
         let left = self.safety.reset(now)?;
         self.power.reset_faults();
-        if left.must_boot {
+        if left.must_boot || self.transmission.is_shut() {
             let booted = self.bring_up(give_up);
             if booted.is_err() {
                 self.safety.relapse(self.bus.now(), left);

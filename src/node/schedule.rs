@@ -26,6 +26,11 @@ impl Schedule {
         Self { period, next: now + period }
     }
 
+    /// Whether it is too late to send the SYNC that was due at `at`: more than half a period.
+    pub(super) fn is_missed(&self, at: Instant, now: Instant) -> bool {
+        now > at + self.period / 2
+    }
+
     /// The next SYNC that is not later than half a period overdue. Those before it are skipped, and
     /// the grid stays where it was.
     pub(super) fn next(&mut self, now: Instant) -> Due {

@@ -1,0 +1,154 @@
+//! One raw CAN socket: set up before it hears anything, read with the kernel's receive stamp and its
+//! count of what was lost, dead once its interface is gone.
+
+use std::io;
+use std::io::IoSliceMut;
+use std::os::fd::AsFd;
+use std::os::fd::AsRawFd;
+use std::os::fd::BorrowedFd;
+use std::os::fd::OwnedFd;
+use std::time::Duration;
+
+use nix::cmsg_space;
+use nix::errno::Errno;
+use nix::sys::socket::ControlMessageOwned;
+use nix::sys::socket::MsgFlags;
+use nix::sys::socket::recvmsg;
+use nix::sys::socket::setsockopt;
+use nix::sys::socket::sockopt::RxqOvfl;
+use nix::sys::time::TimeSpec;
+use socket2::SockAddr;
+use socket2::Type;
+use socketcan::CanAddr;
+use socketcan::CanFilter;
+use socketcan::CanFrame;
+use socketcan::CanSocket;
+use socketcan::EmbeddedFrame;
+use socketcan::Socket as _;
+use socketcan::SocketOptions;
+use socketcan::StandardId;
+use socketcan::addr::AF_CAN;
+use socketcan::addr::CAN_RAW;
+
+use crate::bus::BusFault;
+use crate::bus::Heard;
+use crate::bus::SendError;
+use crate::bus::arrival::Arrivals;
+use crate::bus::clock::Reading;
+use crate::bus::raw_frame;
+use crate::canopen::frame::Frame;
+
+/// What may wait in a socket before the driver takes it, in bytes: about a cycle of frames. More would
+/// be a store of stale torques.
+const SEND_BUFFER: usize = 8 << 10;
+
+/// A raw socket bound to one interface.
+#[derive(Debug)]
+pub(super) struct Socket {
+    raw: CanSocket,
+    /// Where the kernel puts stamps and counts; kept, so that reading allocates nothing.
+    control: Vec<u8>,
+    arrivals: Arrivals,
+    /// Frames lost so far for want of room.
+    lost: u32,
+}
+
+/// What was read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Taken {
+    /// When it arrived, on the monotonic clock.
+    pub(super) arrived: Duration,
+    /// What it was; `None` if it does not concern a CANopen node.
+    pub(super) heard: Option<Heard>,
+    /// Whether frames before it were lost.
+    pub(super) has_overrun: bool,
+}
+
+/// What a socket is for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Purpose<'a> {
+    /// What it hears.
+    pub(super) filters: &'a [CanFilter],
+    /// Whether it is told of errors of the bus.
+    pub(super) hears_errors: bool,
+    /// Whether it hears what it sends.
+    pub(super) hears_itself: bool,
+}
+
+impl Socket {
+    /// Opens one.
+    pub(super) fn open(interface: &str, purpose: &Purpose<'_>) -> io::Result<Self> {
+        let address = CanAddr::from_iface(interface)?;
+        let raw = socket2::Socket::new_raw(AF_CAN.into(), Type::RAW, Some(CAN_RAW.into()))?;
+        let raw = CanSocket::from(OwnedFd::from(raw));
+        raw.set_filters(purpose.filters)?;
+        if purpose.hears_errors {
+            raw.set_error_filter_accept_all()?;
+        }
+        raw.set_recv_own_msgs(purpose.hears_itself)?;
+        raw.set_recv_timestamp(true)?;
+        setsockopt(&raw, RxqOvfl, &1)?;
+        raw.as_raw_socket().set_send_buffer_size(SEND_BUFFER)?;
+        raw.as_raw_socket().bind(&SockAddr::from(address))?;
+        raw.set_nonblocking(true)?;
+        let control = cmsg_space!(TimeSpec, u32);
+        Ok(Self { raw, control, arrivals: Arrivals::since(Reading::now()), lost: 0 })
+    }
+
+    /// Hands a frame to the driver, or fails at once.
+    pub(super) fn send(&self, frame: &Frame) -> Result<(), SendError> {
+        let id = StandardId::new(frame.cob_id).ok_or(SendError::Down)?;
+        let frame = if frame.is_remote() {
+            CanFrame::new_remote(id, usize::from(frame.length()))
+        } else {
+            CanFrame::new(id, frame.data())
+        };
+        let frame = frame.ok_or(SendError::Down)?;
+        self.raw.write_frame(&frame).map_err(|error| {
+            match error.raw_os_error().map(Errno::from_raw) {
+                Some(Errno::EAGAIN | Errno::ENOBUFS) => SendError::Full,
+                _ => SendError::Down,
+            }
+        })
+    }
+
+    /// Reads what is there; `None` if nothing was there after all.
+    ///
+    /// # Errors
+    /// When the interface is down or gone.
+    pub(super) fn read(&mut self) -> Result<Option<Taken>, BusFault> {
+        let mut bytes = [0; raw_frame::SIZE];
+        let mut parts = [IoSliceMut::new(&mut bytes)];
+        let (fd, control) = (self.raw.as_raw_fd(), Some(self.control.as_mut_slice()));
+        let (mut stamp, mut lost) = (None, self.lost);
+        let length = match recvmsg::<()>(fd, &mut parts, control, MsgFlags::empty()) {
+            Ok(message) => {
+                for told in message.cmsgs().into_iter().flatten() {
+                    match told {
+                        ControlMessageOwned::ScmTimestampns(at) => stamp = Some(Duration::from(at)),
+                        ControlMessageOwned::RxqOvfl(count) => lost = count,
+                        _ => {}
+                    }
+                }
+                message.bytes
+            }
+            Err(Errno::EAGAIN | Errno::EINTR) => return Ok(None),
+            Err(_) => return Err(BusFault::Down),
+        };
+        let has_overrun = lost != std::mem::replace(&mut self.lost, lost);
+        let arrived = self.arrivals.of(stamp, Reading::now());
+        let heard = bytes.get(..length).and_then(raw_frame::read);
+        Ok(Some(Taken { arrived, heard, has_overrun }))
+    }
+
+    /// Nothing waited in it, at `at` or later.
+    pub(super) fn found_empty(&mut self, at: Reading) {
+        self.arrivals.found_empty(at);
+    }
+}
+
+impl AsFd for Socket {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.raw.as_fd()
+    }
+}

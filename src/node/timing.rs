@@ -1,0 +1,140 @@
+//! Whether the loop keeps time: what follows when it is late, when it stood still, when the host slept.
+//!
+//! A wake-up that is more than half a period late skips its cycle (the [schedule](crate::node::schedule)
+//! does), and one such cycle harms nobody. Too many of them do, and so does standing still for long: the
+//! drives may have stopped by their own timers, and what waits to be read is old.
+
+use std::time::Duration;
+
+use crate::telemetry::cause::Cause;
+use crate::time::Instant;
+
+/// Standing still for more cycles than this is a fault; fewer are skipped and counted.
+pub(super) const OVERRUN: u64 = 5;
+
+/// So many late wake-ups in a row are too many.
+const IN_A_ROW: u32 = 3;
+
+/// So many within [`LATELY`] are too many.
+const OFTEN: usize = 10;
+
+/// How far back late wake-ups count.
+const LATELY: Duration = Duration::from_secs(1);
+
+/// A clock that differs from another by more has been suspended.
+const SUSPENDED: Duration = Duration::from_millis(1);
+
+/// The watch over time itself.
+#[derive(Clone, Debug)]
+pub(super) struct Timing {
+    period: Duration,
+    in_a_row: u32,
+    /// When it was late, the last times; the oldest is at `oldest`.
+    late: [Option<Instant>; OFTEN],
+    oldest: usize,
+    /// How long the host has been suspended so far.
+    suspended: Duration,
+}
+
+impl Timing {
+    /// Never late so far.
+    pub(super) const fn new(period: Duration, suspended: Duration) -> Self {
+        Self { period, in_a_row: 0, late: [None; OFTEN], oldest: 0, suspended }
+    }
+
+    /// A cycle begins after `skipped` others were skipped: whether that was too often, or too long.
+    pub(super) fn begins(&mut self, now: Instant, skipped: u64) -> Option<Cause> {
+        if skipped == 0 {
+            self.in_a_row = 0;
+            return None;
+        }
+        self.in_a_row = self.in_a_row.saturating_add(1);
+        let slot = self.late.get_mut(self.oldest)?;
+        *slot = Some(now);
+        self.oldest = (self.oldest + 1) % OFTEN;
+        let before = self.late.get(self.oldest).copied().flatten();
+        let is_often = before.is_some_and(|before| now.since(before) < LATELY);
+        if skipped > OVERRUN {
+            Some(Cause::Overrun { cycles: skipped })
+        } else {
+            (self.in_a_row >= IN_A_ROW || is_often).then_some(Cause::Late)
+        }
+    }
+
+    /// The samples of the SYNC of `sync_at` are in: whether the loop stood still over them for too long.
+    pub(super) fn gathered(&self, sync_at: Instant, now: Instant) -> Option<Cause> {
+        let stood = now.since(sync_at).as_micros() / self.period.as_micros().max(1);
+        let cycles = u64::try_from(stood).unwrap_or(u64::MAX);
+        (cycles > OVERRUN).then_some(Cause::Overrun { cycles })
+    }
+
+    /// Whether what is of this moment is too old to act on: more than a period and a half.
+    pub(super) fn is_stale(&self, at: Instant, now: Instant) -> bool {
+        now.since(at) > self.period + self.period / 2
+    }
+
+    /// Whether the host was suspended since it was last asked.
+    pub(super) fn resumed(&mut self, suspended: Duration) -> Option<Cause> {
+        let before = std::mem::replace(&mut self.suspended, suspended);
+        (suspended.saturating_sub(before) > SUSPENDED).then_some(Cause::Suspended)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD: Duration = Duration::from_millis(1);
+
+    fn timing() -> Timing {
+        Timing::new(PERIOD, Duration::from_secs(40))
+    }
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_micros(millis * 1_000)
+    }
+
+    /// What follows when a cycle begins at each of these, so many skipped before it.
+    fn causes(begins: impl IntoIterator<Item = (u64, u64)>) -> Vec<Option<Cause>> {
+        let mut timing = timing();
+        begins.into_iter().map(|(millis, skipped)| timing.begins(at(millis), skipped)).collect()
+    }
+
+    #[test]
+    fn hazard_29_three_late_wake_ups_in_a_row_are_too_many_and_two_are_not() {
+        assert_eq!(causes([(1, 1), (3, 1), (5, 1)]), [None, None, Some(Cause::Late)]);
+        assert_eq!(causes([(1, 1), (3, 1), (4, 0), (6, 1), (8, 1)]), [None; 5]);
+    }
+
+    #[test]
+    fn hazard_29_ten_late_wake_ups_within_a_second_are_too_many_and_in_more_they_are_not() {
+        let apart = |millis: u64| (0..30).flat_map(move |n| [(n * millis, 1), (n * millis + 1, 0)]);
+        let first = causes(apart(111)).into_iter().position(|cause| cause.is_some());
+        assert_eq!(first, Some(18), "the tenth, 999 ms after the first");
+        assert!(causes(apart(112)).iter().all(Option::is_none));
+    }
+
+    #[test]
+    fn hazard_29_one_gap_of_more_than_five_periods_is_too_long() {
+        assert_eq!(causes([(10, 5)]), [None]);
+        assert_eq!(causes([(10, 6)]), [Some(Cause::Overrun { cycles: 6 })]);
+        assert_eq!(timing().gathered(at(10), at(15)), None);
+        let cause = Some(Cause::Overrun { cycles: 6 });
+        assert_eq!(timing().gathered(at(10), at(16)), cause);
+    }
+
+    #[test]
+    fn what_is_older_than_a_period_and_a_half_is_stale() {
+        let (sync_at, limit) = (at(10), Instant::from_micros(11_500));
+        assert!(!timing().is_stale(sync_at, limit));
+        assert!(timing().is_stale(sync_at, limit + Duration::from_micros(1)));
+    }
+
+    #[test]
+    fn hazard_31_a_host_that_was_suspended_is_found_out_once() {
+        let mut timing = timing();
+        let told = [40_000, 40_001, 43_000, 43_000].map(Duration::from_millis);
+        let causes = told.map(|suspended| timing.resumed(suspended));
+        assert_eq!(causes, [None, None, Some(Cause::Suspended), None]);
+    }
+}

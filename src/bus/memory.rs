@@ -27,7 +27,7 @@ const BEGINNING: Duration = Duration::from_secs(441_763_200);
 const MICRO: u64 = 1_000;
 
 /// Buses in memory, with stations `S` attached and a tap `T` that sees every frame complete.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Memory<S, T> {
     now_ns: u64,
     wires: Vec<Wire>,
@@ -70,6 +70,16 @@ impl<S: Station, T: Tap> Memory<S, T> {
         &mut self.stations
     }
 
+    /// Who is shown every frame.
+    pub const fn tap(&self) -> &T {
+        &self.tap
+    }
+
+    /// Who is shown every frame, to tell it something.
+    pub const fn tap_mut(&mut self) -> &mut T {
+        &mut self.tap
+    }
+
     /// What each bus has carried so far: frames, and the bits they took.
     pub fn carried(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
         self.wires.iter().map(|wire| (wire.frames, wire.bits))
@@ -88,7 +98,10 @@ impl<S: Station, T: Tap> Memory<S, T> {
             let Some((sender, frame)) = wire.complete(self.now_ns) else { continue };
             let at = Instant::from_micros(self.now_ns / MICRO);
             let telegram = Telegram { channel: Channel(place), frame };
-            self.tap.on_wire(at, &telegram);
+            match sender {
+                Sender::Node => self.tap.on_sent(at, &telegram),
+                Sender::Station => self.tap.on_wire(at, &telegram),
+            }
             self.stations.on_frame(at, telegram.channel, &frame, &mut self.out);
             if sender == Sender::Station && !frame.is_remote() {
                 let heard = Heard::Frame(frame);

@@ -110,6 +110,14 @@ impl<M: Motor, I: Inputs> World<M, I> {
         world
     }
 
+    /// The script goes on as `scenario` does, at the same time of its own; faults of the past strike at
+    /// once. `seed` is of its faults' chances.
+    pub fn follow(&mut self, scenario: Scenario, seed: u64) {
+        self.faults = Faults::new(scenario.faults(), seed);
+        self.begun.into_iter().for_each(|begun| self.faults.begin(begun));
+        self.scenario = scenario;
+    }
+
     /// Up to when the arm has moved.
     pub const fn now(&self) -> Instant {
         self.now

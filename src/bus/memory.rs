@@ -5,11 +5,17 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::bus::Bus;
+use crate::bus::BusFault;
 use crate::bus::Heard;
 use crate::bus::Received;
 use crate::bus::SendError;
 use crate::bus::Tap;
 use crate::bus::clock;
+use crate::bus::disturbance::Adapter;
+use crate::bus::disturbance::Agenda;
+use crate::bus::disturbance::Disturbance;
+use crate::bus::disturbance::Mishap;
+use crate::bus::disturbance::Taken;
 use crate::bus::wire::Sender;
 use crate::bus::wire::Wire;
 use crate::canopen::frame::Channel;
@@ -19,6 +25,9 @@ use crate::time::Instant;
 
 /// The node's frames that may wait on one bus: about a cycle's worth.
 const QUEUE: usize = 32;
+
+/// Frames that wait to be fetched at most, as in a socket's buffer; later ones are lost.
+const BACKLOG: usize = 238;
 
 /// 1 January 1984, since 1970.
 const BEGINNING: Duration = Duration::from_secs(441_763_200);
@@ -31,10 +40,20 @@ const MICRO: u64 = 1_000;
 pub struct Memory<S, T> {
     now_ns: u64,
     wires: Vec<Wire>,
+    /// The node's, one for each wire.
+    adapters: Vec<Adapter>,
     stations: S,
     tap: T,
     /// What has reached the node and was not yet fetched.
     arrived: VecDeque<Received>,
+    /// Frames were lost since the last that arrived.
+    has_overrun: bool,
+    agenda: Agenda,
+    /// Until when the process stands still.
+    stopped_until_ns: u64,
+    suspended: Duration,
+    /// What the clock on the wall showed at time zero.
+    epoch: Duration,
     out: Vec<Telegram>,
     /// What the monotonic clock showed at time zero, where time is not to run faster than it.
     paced_from: Option<Duration>,
@@ -46,9 +65,15 @@ impl<S: Station, T: Tap> Memory<S, T> {
         Self {
             now_ns: 0,
             wires: bitrates.iter().copied().map(Wire::new).collect(),
+            adapters: bitrates.iter().map(|_| Adapter::new()).collect(),
             stations,
             tap,
-            arrived: VecDeque::with_capacity(64),
+            arrived: VecDeque::with_capacity(BACKLOG + 1),
+            has_overrun: false,
+            agenda: Agenda::default(),
+            stopped_until_ns: 0,
+            suspended: Duration::ZERO,
+            epoch: BEGINNING,
             out: Vec::with_capacity(64),
             paced_from: None,
         }
@@ -85,16 +110,64 @@ impl<S: Station, T: Tap> Memory<S, T> {
         self.wires.iter().map(|wire| (wire.frames, wire.bits))
     }
 
+    /// From now on this is wrong with a bus; `None` heals it. A channel that is none is let be.
+    pub fn disturb(&mut self, channel: Channel, wrong: Option<Disturbance>) {
+        let (at, place) = (self.now(), usize::from(channel.0));
+        let (Some(adapter), Some(wire)) = (self.adapters.get_mut(place), self.wires.get_mut(place))
+        else {
+            return;
+        };
+        for held in adapter.disturb(wrong) {
+            self.arrived.push_back(Received { at, ..held });
+        }
+        wire.node_is_cut = !adapter.is_sending();
+        if adapter.take() != Ok(Taken::Queued) {
+            wire.forget_node();
+        }
+        if let Some(Disturbance::Fault(fault)) = wrong {
+            self.arrived.push_back(Received { at, channel, heard: Heard::Fault(fault) });
+        }
+        self.post();
+    }
+
+    /// Lets a mishap come at `at`, at whatever phase of a cycle that is.
+    pub fn plan(&mut self, at: Instant, mishap: Mishap) {
+        self.agenda.plan(at, mishap);
+    }
+
+    /// What was planned for now happens.
+    fn befall(&mut self) {
+        while let Some(mishap) = self.agenda.due(self.now()) {
+            match mishap {
+                Mishap::Bus(channel, wrong) => self.disturb(channel, wrong),
+                Mishap::Stopped(time) => self.stand_still(time),
+                Mishap::Suspended(time) => {
+                    self.suspended += time;
+                    self.stand_still(time);
+                }
+                Mishap::ClockSet(wall) => {
+                    self.epoch = wall.saturating_sub(Duration::from_nanos(self.now_ns));
+                }
+            }
+        }
+    }
+
+    fn stand_still(&mut self, time: Duration) {
+        let time_ns = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+        self.stopped_until_ns = self.now_ns.saturating_add(time_ns);
+    }
+
     /// The next moment at which something happens, `until` at the latest.
     fn next(&self, until_ns: u64) -> u64 {
         let wires = self.wires.iter().filter_map(Wire::done);
-        let stations = self.stations.deadline().map(|due| due.as_micros() * MICRO);
-        wires.chain(stations).fold(until_ns, u64::min).max(self.now_ns)
+        let planned = [self.stations.deadline(), self.agenda.next()].into_iter().flatten();
+        let planned = planned.map(|due| due.as_micros() * MICRO);
+        wires.chain(planned).fold(until_ns, u64::min).max(self.now_ns)
     }
 
     /// Hands every frame that is complete now to all who did not send it.
     fn deliver(&mut self) {
-        for (place, wire) in (0..).zip(&mut self.wires) {
+        for ((place, wire), adapter) in (0..).zip(&mut self.wires).zip(&mut self.adapters) {
             let Some((sender, frame)) = wire.complete(self.now_ns) else { continue };
             let at = Instant::from_micros(self.now_ns / MICRO);
             let telegram = Telegram { channel: Channel(place), frame };
@@ -105,7 +178,18 @@ impl<S: Station, T: Tap> Memory<S, T> {
             self.stations.on_frame(at, telegram.channel, &frame, &mut self.out);
             if sender == Sender::Station && !frame.is_remote() {
                 let heard = Heard::Frame(frame);
-                self.arrived.push_back(Received { at, channel: telegram.channel, heard });
+                let received = Received { at, channel: telegram.channel, heard };
+                match adapter.hear(received) {
+                    Some(received) if self.arrived.len() < BACKLOG => {
+                        if std::mem::take(&mut self.has_overrun) {
+                            let heard = Heard::Fault(BusFault::Overrun);
+                            self.arrived.push_back(Received { heard, ..received });
+                        }
+                        self.arrived.push_back(received);
+                    }
+                    Some(_) => self.has_overrun = true,
+                    None => {}
+                }
             }
         }
         self.post();
@@ -118,7 +202,19 @@ impl<S: Station, T: Tap> Memory<S, T> {
                 wire.offer(Sender::Station, frame);
             }
         }
-        self.wires.iter_mut().for_each(|wire| wire.begin(self.now_ns));
+        for (wire, adapter) in self.wires.iter_mut().zip(&self.adapters) {
+            if let Some(frame) = adapter.flood() {
+                wire.flood(frame);
+            }
+            wire.begin(self.now_ns);
+        }
+    }
+
+    /// What has arrived and belongs to a wait that ends at `until`.
+    fn fetch(&mut self, until: Instant) -> Option<Received> {
+        let is_awake = self.now_ns >= self.stopped_until_ns;
+        let first = self.arrived.front()?;
+        if is_awake && first.at <= until { self.arrived.pop_front() } else { None }
     }
 }
 
@@ -129,12 +225,17 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
 
     /// As if everything had begun at midnight of the first day of CANopen's calendar.
     fn wall(&self) -> Duration {
-        BEGINNING + Duration::from_nanos(self.now_ns)
+        self.epoch + Duration::from_nanos(self.now_ns)
     }
 
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
         let Channel(place) = telegram.channel;
-        let wire = self.wires.get_mut(usize::from(place)).ok_or(SendError::Down)?;
+        let place = usize::from(place);
+        let wire = self.wires.get_mut(place).ok_or(SendError::Down)?;
+        let adapter = self.adapters.get(place).ok_or(SendError::Down)?;
+        if adapter.take()? == Taken::Lost {
+            return Ok(());
+        }
         if wire.waiting() >= QUEUE {
             return Err(SendError::Full);
         }
@@ -144,11 +245,12 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
     }
 
     fn receive(&mut self, until: Instant) -> Option<Received> {
-        let until_ns = until.as_micros() * MICRO;
         loop {
-            if let Some(received) = self.arrived.pop_front() {
+            self.befall();
+            if let Some(received) = self.fetch(until) {
                 return Some(received);
             }
+            let until_ns = (until.as_micros() * MICRO).max(self.stopped_until_ns);
             let next = self.next(until_ns);
             if next >= until_ns && self.now_ns >= until_ns {
                 return None;

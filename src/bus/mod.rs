@@ -1,12 +1,15 @@
 //! Where frames and time enter: the [`Bus`] is the only thing here that waits or knows the time.
 
 mod clock;
+mod disturbance;
 mod memory;
 pub mod realtime;
 mod socketcan;
 mod trace;
 mod wire;
 
+pub use disturbance::Disturbance;
+pub use disturbance::Mishap;
 pub use memory::Memory;
 pub use socketcan::OpenError;
 pub use socketcan::SocketCan;

@@ -36,6 +36,8 @@ pub(super) struct Wire {
     from_stations: Vec<Frame>,
     passing: Option<Passing>,
     idle_since: u64,
+    /// The node's frames wait, whatever their identifiers.
+    pub(super) node_is_cut: bool,
     /// Frames that were complete.
     pub(super) frames: u64,
     /// Bits they took.
@@ -51,6 +53,7 @@ impl Wire {
             from_stations: Vec::with_capacity(64),
             passing: None,
             idle_since: 0,
+            node_is_cut: false,
             frames: 0,
             bits: 0,
         }
@@ -59,6 +62,18 @@ impl Wire {
     /// How many of the node's frames wait.
     pub(super) fn waiting(&self) -> usize {
         self.from_node.len()
+    }
+
+    /// What waits of the node's is lost.
+    pub(super) fn forget_node(&mut self) {
+        self.from_node.clear();
+    }
+
+    /// Somebody always wants to send this frame.
+    pub(super) fn flood(&mut self, frame: Frame) {
+        if !self.from_stations.contains(&frame) {
+            self.from_stations.push(frame);
+        }
     }
 
     /// A frame wants to be sent; [`begin`](Self::begin) lets it.
@@ -89,7 +104,8 @@ impl Wire {
         if self.passing.is_some() {
             return;
         }
-        let of_node = self.from_node.front().map(|frame| frame.cob_id);
+        let of_node = self.from_node.front().filter(|_| !self.node_is_cut);
+        let of_node = of_node.map(|frame| frame.cob_id);
         let waiting = self.from_stations.iter().enumerate();
         let of_stations = waiting.min_by_key(|(_, frame)| frame.cob_id);
         let of_stations = of_stations.map(|(place, frame)| (place, frame.cob_id));

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use crate::bus::Bus;
 use crate::bus::Memory;
+use crate::bus::Mishap;
 use crate::bus::Tap;
 use crate::canopen::master::event::Event;
 use crate::config::Config;
@@ -148,9 +149,29 @@ impl<T: Tap> Bench<T> {
         self.node.bus_mut().tap_mut()
     }
 
+    /// The commanded side, to break it.
+    pub const fn site_mut(&mut self) -> &mut VirtualSite {
+        self.node.remote_mut()
+    }
+
+    /// A bus, or the process, meets this at `at`, whatever phase of a cycle that is.
+    pub fn plan(&mut self, at: Instant, mishap: Mishap) {
+        self.node.bus_mut().plan(at, mishap);
+    }
+
     /// What has happened on the network, for people: the oldest that was not asked for yet.
     pub fn notice(&mut self) -> Option<Event> {
         self.node.notice()
+    }
+
+    /// The time on the bus.
+    pub fn now(&self) -> Instant {
+        self.node.bus().now()
+    }
+
+    /// When the script began: at the first SYNC.
+    pub fn begun(&self) -> Instant {
+        self.node.bus().stations().begun().unwrap_or(Instant::ZERO)
     }
 
     /// How long the script has run.

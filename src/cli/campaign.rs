@@ -102,7 +102,9 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
     let bad: Vec<&Verdict> = verdicts.iter().filter(|verdict| !verdict.is_good()).collect();
     if args.json {
         let failures: Vec<_> = bad.iter().map(|verdict| failure(args, verdict)).collect();
-        print::line(&json!({ "seed": args.seed, "table": table, "failures": failures }).to_string());
+        print::line(
+            &json!({ "seed": args.seed, "table": table, "failures": failures }).to_string(),
+        );
     } else {
         print::line(&table.to_string());
         bad.iter().for_each(|verdict| print::line(&words(args, verdict)));
@@ -126,7 +128,8 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
 fn words(args: &Campaign, verdict: &Verdict) -> String {
     let Verdict { number, row, kind, demand, outcome, seen, .. } = verdict;
     let cause = seen.cause.map_or_else(String::new, |cause| format!(", stopped by {cause}"));
-    let mut words = format!("case {number} (row {row}, {kind}): {outcome}{cause}; demanded: {demand}");
+    let mut words =
+        format!("case {number} (row {row}, {kind}): {outcome}{cause}; demanded: {demand}");
     for breach in &seen.breaches {
         words.push_str(&format!("\n  {breach}"));
     }
@@ -271,10 +274,15 @@ fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result
         });
     }
     if args.json {
-        let found = json!({ "seed": args.seed, "cycles": played, "laps": laps.len(), "bad": bad.len() });
+        let found =
+            json!({ "seed": args.seed, "cycles": played, "laps": laps.len(), "bad": bad.len() });
         print::line(&found.to_string());
     } else {
-        print::line(&format!("{played} cycles in {} laps, {} with a trip or a breach", laps.len(), bad.len()));
+        print::line(&format!(
+            "{played} cycles in {} laps, {} with a trip or a breach",
+            laps.len(),
+            bad.len()
+        ));
     }
     match bad.len() {
         0 => Ok(()),

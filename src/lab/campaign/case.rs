@@ -86,7 +86,8 @@ impl Case {
         let config = usize::try_from(draw.below(count)).ok()?;
         let situation = *draw.among(kind.situations)?;
         let onset_s = situation.warm_s() + draw.within(0.005, SPREAD_S);
-        let onset = Duration::from_micros(Duration::from_secs_f64(onset_s).as_micros().try_into().ok()?);
+        let onset =
+            Duration::from_micros(Duration::from_secs_f64(onset_s).as_micros().try_into().ok()?);
         let at = Place { config: configs.get(config)?, situation, onset };
         let deed = (kind.deed)(&mut draw, &at);
         Some(Self { number, seed: draw.bits(), kind, config, situation, onset, deed })

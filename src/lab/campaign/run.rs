@@ -83,9 +83,9 @@ impl Campaign {
         &self,
         witness: &mut dyn FnMut(&mut Bench<Monitor>, &Record),
     ) -> Result<Option<(Verdict, Vec<(Instant, Telegram)>)>, StageError> {
-        let Some((case, config)) = self.cases.first().and_then(|case| {
-            Some((case, self.configs.get(case.config)?))
-        }) else {
+        let Some((case, config)) =
+            self.cases.first().and_then(|case| Some((case, self.configs.get(case.config)?)))
+        else {
             return Ok(None);
         };
         let monitor = Monitor::new(config).keeping_frames();
@@ -94,16 +94,12 @@ impl Campaign {
         Ok(Some((verdict, bench.tap_mut().frames().to_vec())))
     }
 
-    fn play_on(
-        &self,
-        stages: &Stages,
-        case: &Case,
-    ) -> Result<Verdict, StageError> {
+    fn play_on(&self, stages: &Stages, case: &Case) -> Result<Verdict, StageError> {
         let stage = stages.get(case.config).and_then(|stages| stages.get(case.situation.place()));
         match (stage, self.configs.get(case.config)) {
             (Some(Some(bench)), Some(config)) => {
                 play::play(&mut bench.clone(), config, case, &mut |_, _| {})
-            },
+            }
             // Every case has a stage and a hand controller: both are made from the cases.
             _ => Err(StageError::Broken(format!("case {} has no stage", case.number))),
         }
@@ -112,8 +108,7 @@ impl Campaign {
     /// Warms what the cases need, each once.
     fn stages(&self, threads: NonZero<usize>) -> Result<Stages, StageError> {
         let of = |config| Situation::ALL.map(|situation| (config, situation));
-        let mut wanted: Vec<(usize, Situation)> =
-            (0..self.configs.len()).flat_map(of).collect();
+        let mut wanted: Vec<(usize, Situation)> = (0..self.configs.len()).flat_map(of).collect();
         wanted.retain(|wanted| {
             self.cases.iter().any(|case| (case.config, case.situation) == *wanted)
         });

@@ -148,8 +148,21 @@ impl fmt::Display for Table {
         writeln!(
             f,
             "{:>3}  {:<34} {:>8} {:>8} {:>6} {:>5} {:>8}  {:>11} {:>11} {:>9} {:>6} {:>8} {:>6} {:>6} {:>6}",
-            "row", "fault", "injected", "latched", "missed", "false", "breaches", "T_detect", "T_zero",
-            "T_zero ms", "spread", "impulse", "peak %", "m/s", "mm"
+            "row",
+            "fault",
+            "injected",
+            "latched",
+            "missed",
+            "false",
+            "breaches",
+            "T_detect",
+            "T_zero",
+            "T_zero ms",
+            "spread",
+            "impulse",
+            "peak %",
+            "m/s",
+            "mm"
         )?;
         self.kinds.iter().try_for_each(|line| writeln!(f, "{line}"))?;
         write!(f, "{}", self.total)

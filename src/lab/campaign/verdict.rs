@@ -147,7 +147,9 @@ impl fmt::Display for Demand {
         match self {
             Self::Stop(within) => write!(f, "all zero and latched within {:.1} ms", millis(within)),
             Self::Zero(within) => write!(f, "all zero within {:.1} ms", millis(within)),
-            Self::Release(within) => write!(f, "drives torque-free within {:.1} ms", millis(within)),
+            Self::Release(within) => {
+                write!(f, "drives torque-free within {:.1} ms", millis(within))
+            }
             Self::LetGo(within) => write!(f, "reflection off within {:.1} ms", millis(within)),
             Self::Disengage(within, _) => write!(f, "nothing felt after {:.1} ms", millis(within)),
             Self::GoOn => f.write_str("goes on"),

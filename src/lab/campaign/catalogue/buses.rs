@@ -92,7 +92,11 @@ fn foreign_nmt(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let commands = ["start", "stop", "pre_operational", "reset_node", "reset_communication"];
     let command = draw.among(&commands).copied().unwrap_or("stop");
     let node = draw.joint();
-    stranger(draw, at, &format!("kind = \"foreign_nmt\"; command = \"{command}\"; node_id = {node}"))
+    stranger(
+        draw,
+        at,
+        &format!("kind = \"foreign_nmt\"; command = \"{command}\"; node_id = {node}"),
+    )
 }
 
 fn foreign_targets(draw: &mut Draw, at: &Place<'_>) -> Deed {

@@ -67,8 +67,9 @@ fn silent(at: &Place<'_>, keys: &str) -> Deed {
 }
 
 /// Error codes of CiA 301 and 402 that a drive may tell.
-const CODES: [u16; 12] =
-    [0x1000, 0x2310, 0x2320, 0x3110, 0x3210, 0x4210, 0x4310, 0x5113, 0x6100, 0x7305, 0x8110, 0x8611];
+const CODES: [u16; 12] = [
+    0x1000, 0x2310, 0x2320, 0x3110, 0x3210, 0x4210, 0x4310, 0x5113, 0x6100, 0x7305, 0x8110, 0x8611,
+];
 
 fn emergency(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let (joint, code) = (draw.joint(), draw.among(&CODES).copied().unwrap_or(0x1000));
@@ -78,7 +79,8 @@ fn emergency(draw: &mut Draw, at: &Place<'_>) -> Deed {
 
 fn emergency_of_switches(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let code = draw.among(&CODES).copied().unwrap_or(0x1000);
-    let keys = format!("kind = \"emergency\"; device = \"switches\"; code = 0x{code:04X}; register = 1");
+    let keys =
+        format!("kind = \"emergency\"; device = \"switches\"; code = 0x{code:04X}; register = 1");
     Deed::scripted(at.fault(&keys), drive_fault(at))
 }
 

@@ -82,10 +82,13 @@ fn switches_unplugged(_: &mut Draw, at: &Place<'_>) -> Deed {
     Deed::scripted(entries, demand).watched_for(within + Duration::from_millis(150))
 }
 
+/// The weight of the arm may be laid down by a ramp.
+const LAYS_DOWN: Duration = Duration::from_millis(50);
+
 fn disarmed(_: &mut Draw, at: &Place<'_>) -> Deed {
     let at_s = at.onset.as_secs_f64();
     let entries = format!("[[console]]\nat_s = {at_s:.6}\nrequest = \"disarm\"\n");
-    Deed::scripted(entries, Demand::Zero(at.cycles(2)))
+    Deed::scripted(entries, Demand::Zero(LAYS_DOWN + at.cycles(2)))
 }
 
 /// One channel says what the other does not.

@@ -12,8 +12,8 @@
 //! | `law`    | their names, and what is noted of a breach        |
 
 mod law;
-//cfg(test)
-//mod laws;
+#[cfg(test)]
+mod laws;
 mod order;
 mod rhythm;
 mod sheet;

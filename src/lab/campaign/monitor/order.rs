@@ -150,7 +150,8 @@ impl Order {
                 | NmtCommand::ResetNode
                 | NmtCommand::ResetCommunication => {
                     if known.target != 0 || is_enabling(known.controlword) {
-                        let what = format!("node {}: {} before it was off", member.node.raw(), frame);
+                        let what =
+                            format!("node {}: {} before it was off", member.node.raw(), frame);
                         breaches.add(Law::Shutdown, at, what);
                     }
                     known.is_started = false;

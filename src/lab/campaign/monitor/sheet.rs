@@ -111,18 +111,16 @@ impl Sheet {
         if frame.is_remote() {
             let guarded = |member: &Member| ERROR_CONTROL + u16::from(member.node.raw());
             let mut nodes = self.nodes.iter();
-            return nodes.any(|member| {
-                member.channel == channel && guarded(member) == frame.cob_id
-            });
+            return nodes
+                .any(|member| member.channel == channel && guarded(member) == frame.cob_id);
         }
         self.own.contains(&(channel, frame.cob_id))
     }
 
     /// The frame of targets or controlwords this is, and its place among them.
     pub(super) fn rpdo(&self, channel: Channel, frame: &Frame) -> Option<(usize, &Rpdo)> {
-        let is_it = |(_, rpdo): &(usize, &Rpdo)| {
-            rpdo.channel == channel && rpdo.cob_id == frame.cob_id
-        };
+        let is_it =
+            |(_, rpdo): &(usize, &Rpdo)| rpdo.channel == channel && rpdo.cob_id == frame.cob_id;
         self.rpdos.iter().enumerate().find(is_it)
     }
 

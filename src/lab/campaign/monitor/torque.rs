@@ -12,6 +12,9 @@ use crate::time::Instant;
 /// What was felt may take so long to end when the deadman opens.
 const LETS_GO: Duration = Duration::from_millis(20);
 
+/// The weight of the arm may be laid down by a ramp of this length when a person asks for it.
+const LAYS_DOWN: Duration = Duration::from_millis(50);
+
 /// Carrying the arm is known to within this share of capacity: friction is not carried, tools are.
 const UNKNOWN: f64 = 0.1;
 
@@ -40,7 +43,7 @@ pub(super) struct Torque {
 /// What the console and the node have said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// Nothing is armed since then.
+    /// Nothing is armed, and torque has ended by then.
     Idle(Instant),
     /// Armed.
     Armed,
@@ -78,7 +81,8 @@ impl Torque {
         if let Some(inputs) = heard.inputs {
             let deadman = inputs.deadman();
             match deadman {
-                Deadman::Pressed => self.open_since = None,
+                Deadman::Pressed if self.state == State::Armed => self.open_since = None,
+                Deadman::Pressed => {}
                 Deadman::Released => {
                     self.has_edge = true;
                     self.open_since.get_or_insert(at);
@@ -107,11 +111,14 @@ impl Torque {
         self.torn_cycle = [None; 6];
     }
 
-    /// Torque is to be off from the next cycle on.
-    pub(super) const fn idle(&mut self, at: Instant) {
-        if !matches!(self.state, State::Idle(_)) {
-            self.state = State::Idle(at);
+    /// A person has asked for the end of torque: the weight of the arm is laid down, nothing else is felt.
+    pub(super) fn idle(&mut self, at: Instant) {
+        match self.state {
+            State::Armed => self.state = State::Idle(at + LAYS_DOWN),
+            State::Tripped(_) => self.state = State::Idle(at),
+            State::Idle(_) => {}
         }
+        self.open_since.get_or_insert(at);
         self.torn_cycle = [None; 6];
     }
 
@@ -185,7 +192,7 @@ impl Torque {
                 let what = format!("joint {number} is told {target} per mille after a trip");
                 breaches.add(Law::Latched, at, what);
             }
-            State::Armed if !self.is_held(at, sheet.period) => {
+            State::Armed | State::Idle(_) if !self.is_held(at, sheet.period) => {
                 let (weight, ends) = self.weight(sheet);
                 let of = sheet.joints.iter().zip(weight).zip(ends).nth(joint);
                 let Some(((bounds, weight), false)) = of else { return };
@@ -202,7 +209,8 @@ impl Torque {
         if let Some(torn) = self.torn_cycle.iter().flatten().max()
             && self.cycle > torn + 1
         {
-            let what = format!("joint {number} is told {target} per mille, and another was torn off");
+            let what =
+                format!("joint {number} is told {target} per mille, and another was torn off");
             breaches.add(Law::Together, at, what);
         }
     }
@@ -218,7 +226,6 @@ impl Torque {
     fn is_held(&self, at: Instant, period: Duration) -> bool {
         let has_let_go = |since: Instant| at.since(since) > LETS_GO + period * 2;
         self.has_edge && !self.open_since.is_some_and(has_let_go)
-            || self.has_edge && self.deadman == Some(Deadman::Pressed)
     }
 
     /// Since when every joint is told zero, if it is.

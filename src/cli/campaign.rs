@@ -7,6 +7,7 @@ use std::num::NonZero;
 use std::path::Path;
 use std::path::PathBuf;
 use std::thread;
+use std::time::Duration;
 
 use anyhow::Context;
 use clap::Args;
@@ -192,7 +193,7 @@ fn replay(args: &Campaign, configs: Vec<Config>, number: u32) -> Result<(), Fail
 
 fn figures(verdict: &Verdict) -> String {
     let Table { total, .. } = Table::of(std::slice::from_ref(verdict));
-    let millis = |time: Option<std::time::Duration>| {
+    let millis = |time: Option<Duration>| {
         time.map_or_else(|| "-".to_owned(), |time| format!("{:.3} ms", time.as_secs_f64() * 1e3))
     };
     format!(

@@ -12,6 +12,7 @@ use crate::lab::campaign::monitor::Monitor;
 use crate::lab::campaign::situation::Situation;
 use crate::lab::campaign::verdict::Seen;
 use crate::lab::campaign::verdict::Verdict;
+use crate::node::BringUpError;
 use crate::node::Request;
 use crate::sim::scenario::Scenario;
 use crate::sim::scenario::ScenarioError;
@@ -35,7 +36,7 @@ pub enum StageError {
     /// A script that cannot be followed.
     Script(ScenarioError),
     /// The network does not come up.
-    Boot(crate::node::BringUpError),
+    Boot(BringUpError),
     /// The operator does not come where the fault is to find him.
     Elsewhere(Situation, Mode),
     /// A law is broken before anything else is.

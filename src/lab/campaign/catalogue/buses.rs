@@ -7,6 +7,7 @@ use crate::bus::Disturbance;
 use crate::bus::Mishap;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
+use crate::canopen::layout::Direction;
 use crate::lab::campaign::case::Deed;
 use crate::lab::campaign::case::Demand;
 use crate::lab::campaign::case::Place;
@@ -107,7 +108,7 @@ fn foreign_targets(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let plan = plans.iter().find(|(_, plan)| joint.is_some_and(|joint| joint.node == plan.node));
     let rpdo = plan.and_then(|(_, plan)| {
         plan.pdos.iter().find(|pdo| {
-            let is_rpdo = pdo.direction == crate::canopen::layout::Direction::Receive;
+            let is_rpdo = pdo.direction == Direction::Receive;
             is_rpdo && pdo.service.is_some()
         })
     });

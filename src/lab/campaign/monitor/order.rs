@@ -194,11 +194,11 @@ impl Order {
         let Some(known) = self.nodes.get_mut(place) else { return };
         let &[command, low, high, sub, a, b, c, d] = frame.data() else { return };
         let object = Object { index: u16::from_le_bytes([low, high]), sub };
-        if command & SPECIFIER != UPLOADED || known.asked != Some(object) {
+        if command & SPECIFIER != UPLOAD || known.asked != Some(object) {
             return;
         }
         let value = [a, b, c, d];
-        known.unread.retain(|(other, written)| *other != object || *written != value);
+        known.unread.retain(|(other, written)| *other != object || !is_taken(*written, value));
         let objects = [Object::VENDOR_ID, Object::PRODUCT_CODE, Object::REVISION];
         for (said, _) in known.identity.iter_mut().zip(objects).filter(|(_, one)| *one == object) {
             *said = Some(u32::from_le_bytes(value));
@@ -209,8 +209,17 @@ impl Order {
 /// The command specifier of an SDO (CiA 301, 7.2.4.3).
 const SPECIFIER: u8 = 0b1110_0000;
 const DOWNLOAD: u8 = 0b0010_0000;
+/// Asked for, and answered.
 const UPLOAD: u8 = 0b0100_0000;
-const UPLOADED: u8 = 0b0100_0000;
+
+/// Whether a node has taken what was written. Of a PDO that is switched off the identifier does not matter.
+const fn is_taken(written: [u8; 4], read: [u8; 4]) -> bool {
+    let is_off = written[3] & read[3] & INVALID != 0;
+    is_off || u32::from_le_bytes(written) == u32::from_le_bytes(read)
+}
+
+/// Bit 31 of a COB-ID, in its last byte: it does not exist (CiA 301, 7.5.2.35).
+const INVALID: u8 = 0x80;
 
 /// Written to make something happen, not to stand there.
 fn is_order(object: Object) -> bool {

@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use crate::bus::Bus;
 use crate::bus::Memory;
-use crate::bus::Mishap;
 use crate::bus::Tap;
 use crate::canopen::master::event::Event;
 use crate::config::Config;
@@ -154,9 +153,9 @@ impl<T: Tap> Bench<T> {
         self.node.remote_mut()
     }
 
-    /// A bus, or the process, meets this at `at`, whatever phase of a cycle that is.
-    pub fn plan(&mut self, at: Instant, mishap: Mishap) {
-        self.node.bus_mut().plan(at, mishap);
+    /// The buses, to disturb them.
+    pub const fn bus_mut(&mut self) -> &mut Memory<World, T> {
+        self.node.bus_mut()
     }
 
     /// What has happened on the network, for people: the oldest that was not asked for yet.

@@ -118,7 +118,7 @@ pub(super) fn play(
     bench.tap_mut().forget();
     let mut onset = bench.begun() + case.onset;
     for (after, mishap) in &case.deed.mishaps {
-        bench.plan(onset + *after, *mishap);
+        bench.bus_mut().plan(onset + *after, *mishap);
         bench.tap_mut().excuse(onset);
     }
     let mut watch = Watch::new(bench);

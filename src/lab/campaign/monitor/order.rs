@@ -194,6 +194,10 @@ impl Order {
         let Some(known) = self.nodes.get_mut(place) else { return };
         let &[command, low, high, sub, a, b, c, d] = frame.data() else { return };
         let object = Object { index: u16::from_le_bytes([low, high]), sub };
+        if command & SPECIFIER == ABORT {
+            // What was refused does not stand there; whether that may be is the node's to know.
+            known.unread.retain(|(other, _)| *other != object);
+        }
         if command & SPECIFIER != UPLOAD || known.asked != Some(object) {
             return;
         }
@@ -209,6 +213,7 @@ impl Order {
 /// The command specifier of an SDO (CiA 301, 7.2.4.3).
 const SPECIFIER: u8 = 0b1110_0000;
 const DOWNLOAD: u8 = 0b0010_0000;
+const ABORT: u8 = 0b1000_0000;
 /// Asked for, and answered.
 const UPLOAD: u8 = 0b0100_0000;
 

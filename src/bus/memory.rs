@@ -38,7 +38,7 @@ const BEGINNING: Duration = Duration::from_secs(441_763_200);
 const MICRO: u64 = 1_000;
 
 /// Buses in memory, with stations `S` attached and a tap `T` that sees every frame complete.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Memory<S, T> {
     now_ns: u64,
     wires: Vec<Wire>,
@@ -95,6 +95,16 @@ impl<S: Station, T: Tap> Memory<S, T> {
     /// All that is attached, to change it between cycles.
     pub const fn stations_mut(&mut self) -> &mut S {
         &mut self.stations
+    }
+
+    /// Who is shown every frame.
+    pub const fn tap(&self) -> &T {
+        &self.tap
+    }
+
+    /// Who is shown every frame, to tell it something.
+    pub const fn tap_mut(&mut self) -> &mut T {
+        &mut self.tap
     }
 
     /// What each bus has carried so far: frames, and the bits they took.
@@ -163,7 +173,10 @@ impl<S: Station, T: Tap> Memory<S, T> {
             let Some((sender, frame)) = wire.complete(self.now_ns) else { continue };
             let at = Instant::from_micros(self.now_ns / MICRO);
             let telegram = Telegram { channel: Channel(place), frame };
-            self.tap.on_wire(at, &telegram);
+            match sender {
+                Sender::Node => self.tap.on_sent(at, &telegram),
+                Sender::Station => self.tap.on_wire(at, &telegram),
+            }
             self.stations.on_frame(at, telegram.channel, &frame, &mut self.out);
             if frame.cob_id == sync::COB_ID {
                 adapter.witness(at);

@@ -123,6 +123,11 @@ pub enum SendError {
 pub trait Tap {
     /// A frame has passed by.
     fn on_wire(&mut self, at: Instant, telegram: &Telegram);
+
+    /// One that the node itself sent, where the bus can tell, as `candump -x` does.
+    fn on_sent(&mut self, at: Instant, telegram: &Telegram) {
+        self.on_wire(at, telegram);
+    }
 }
 
 /// Nobody.

@@ -9,6 +9,7 @@ use clap::ValueEnum;
 
 use crate::cli::calib::Calib;
 use crate::cli::commission::Commission;
+use crate::cli::campaign::Campaign;
 use crate::cli::configured::Configured;
 use crate::cli::configured::Guarded;
 use crate::cli::decode::Decode;
@@ -46,6 +47,15 @@ pub(super) enum Command {
         after_help = "Example:\n  frhc demo --seconds 20 --out /tmp/session && log2asc -I /tmp/session/bus.log vcan0 vcan1"
     )]
     Demo(Demo),
+    /// Many faults, each alone, in one process and virtual time, and what came of each.
+    #[command(
+        after_help = "The exit code is 1 when a fault was missed, a law of the bus was broken or the node stopped without need. \
+                      Each such case can be played again by itself, and leaves its log.\n\nExamples:\n  \
+                      frhc campaign --seed 1 --faults 2000\n  \
+                      frhc campaign --seed 1 --replay 137 --out /tmp/137\n  \
+                      frhc campaign --seed 1 --soak 1000000"
+    )]
+    Campaign(Campaign),
     /// The node on SocketCAN, until SIGINT or SIGTERM.
     #[command(
         after_help = "SIGINT and SIGTERM end it in order: torque to zero, drives off and confirmed, within a second. The \

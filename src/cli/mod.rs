@@ -3,6 +3,7 @@
 mod args;
 pub mod bench;
 mod calib;
+mod campaign;
 mod check;
 mod commission;
 mod configured;
@@ -55,6 +56,7 @@ pub fn main() -> ExitCode {
     log(cli.quiet, cli.verbose);
     let done = match &cli.command {
         Command::Demo(args) => demo::run(args, cli.quiet),
+        Command::Campaign(args) => campaign::run(args, cli.quiet),
         Command::Run(args) => run::run(args),
         Command::Sim(args) => sim::run(args),
         Command::Ctl(args) => ctl::run(args),

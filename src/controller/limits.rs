@@ -176,6 +176,11 @@ impl<const N: usize> Slew<N> {
         }
     }
 
+    /// The most a torque may change in one cycle, in N·m or N.
+    pub const fn most(&self) -> &SVector<f64, N> {
+        &self.most
+    }
+
     /// No torque at all, from now on: a fault does not wait for a ramp.
     pub fn drop_to_zero(&mut self) -> (SVector<f64, N>, Option<usize>) {
         self.before = SVector::zeros();

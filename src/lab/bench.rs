@@ -33,7 +33,7 @@ pub struct Carried {
 }
 
 /// A node, its drives, its operator and its object.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Bench<T> {
     node: Node<Memory<World, T>, VirtualSite>,
     /// What the scenario asks of the console, and when, in s after the first SYNC.
@@ -76,13 +76,28 @@ impl<T: Tap> Bench<T> {
         self.node.bring_up(&mut || false)
     }
 
+    /// The script goes on otherwise from now on: what it says of the past is past. `seed` is of its
+    /// faults' chances.
+    pub fn follow(&mut self, scenario: Scenario, seed: u64) {
+        let now = self.node.bus().now();
+        let elapsed = now.since(*self.begun.get_or_insert(now)).as_secs_f64();
+        let requests = scenario.requests().filter(|(at, _)| *at > elapsed);
+        self.requests = requests.map(|(at, asked)| (at, request(asked))).collect();
+        self.world_mut().follow(scenario, seed);
+    }
+
+    /// What the scenario asks of the console by now, the oldest that was not asked yet.
+    pub fn due(&mut self) -> Option<Request> {
+        let now = self.node.bus().now();
+        let elapsed = now.since(*self.begun.get_or_insert(now)).as_secs_f64();
+        let (_, request) = *self.requests.front().filter(|(at, _)| *at <= elapsed)?;
+        self.requests.pop_front();
+        Some(request)
+    }
+
     /// Does what the scenario asks of the console by now, then one cycle.
     pub fn cycle(&mut self) -> Record {
-        let now = self.node.bus().now();
-        let begun = *self.begun.get_or_insert(now);
-        let elapsed = now.since(begun).as_secs_f64();
-        while let Some(&(_, request)) = self.requests.front().filter(|(at, _)| *at <= elapsed) {
-            self.requests.pop_front();
+        while let Some(request) = self.due() {
             if let Err(refused) = self.ask(request) {
                 tracing::warn!(?request, %refused, "console");
             }
@@ -128,6 +143,16 @@ impl<T: Tap> Bench<T> {
         &self.node
     }
 
+    /// Who is shown every frame, to tell it something.
+    pub const fn tap_mut(&mut self) -> &mut T {
+        self.node.bus_mut().tap_mut()
+    }
+
+    /// The commanded side, to break it.
+    pub const fn site_mut(&mut self) -> &mut VirtualSite {
+        self.node.remote_mut()
+    }
+
     /// The buses, to disturb them.
     pub const fn bus_mut(&mut self) -> &mut Memory<World, T> {
         self.node.bus_mut()
@@ -136,6 +161,16 @@ impl<T: Tap> Bench<T> {
     /// What has happened on the network, for people: the oldest that was not asked for yet.
     pub fn notice(&mut self) -> Option<Event> {
         self.node.notice()
+    }
+
+    /// The time on the bus.
+    pub fn now(&self) -> Instant {
+        self.node.bus().now()
+    }
+
+    /// When the script began: at the first SYNC.
+    pub fn begun(&self) -> Instant {
+        self.node.bus().stations().begun().unwrap_or(Instant::ZERO)
     }
 
     /// How long the script has run.

@@ -2,6 +2,7 @@
 
 pub mod attend;
 pub mod bench;
+pub mod campaign;
 pub mod comparison;
 pub mod explanation;
 pub mod outbox;

@@ -16,6 +16,7 @@ use crate::sim::scene::Sphere;
 use crate::sim::scene::Surface;
 use crate::sim::scene::Wall;
 use crate::spatial::Motion;
+use crate::spatial::Wrench;
 use crate::time::Instant;
 
 /// Gravity in the object's base, in m/s².
@@ -31,6 +32,8 @@ pub struct VirtualSite {
     link: Link,
     /// What came over the link last.
     known: Option<Sensed>,
+    /// What its sensor says in place of what it feels.
+    senses: Option<Wrench>,
 }
 
 impl VirtualSite {
@@ -44,12 +47,17 @@ impl VirtualSite {
         );
         let longest = 10.0 * config.period.as_secs_f64();
         let scene = scene(&config.remote);
-        Self { object, scene, before: None, longest, link: Link::Up, known: None }
+        Self { object, scene, before: None, longest, link: Link::Up, known: None, senses: None }
     }
 
     /// How it is reached from now on.
     pub const fn set_link(&mut self, link: Link) {
         self.link = link;
+    }
+
+    /// Its sensor is broken from now on, and says this.
+    pub const fn pretend(&mut self, f_s: Wrench) {
+        self.senses = Some(f_s);
     }
 
     /// The pose of the object in its base.
@@ -67,6 +75,7 @@ impl Remote for VirtualSite {
         let dt = self.before.map_or(0.0, |before| now.since(before).as_secs_f64());
         self.object.step(dt.min(self.longest), command, &f_m);
         self.before = Some(now);
+        let f_s = self.senses.unwrap_or(f_s);
         let sensed = Sensed { at: now, f_s, x_b_m: *self.object.pose() };
         let known = self.known.filter(|_| self.link != Link::Up).unwrap_or(sensed);
         self.known = Some(known);

@@ -58,7 +58,7 @@ use crate::telemetry::cause::Cause;
 use crate::telemetry::record::Mode;
 
 /// One hand controller's node on its buses.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Node<B, R> {
     bus: B,
     remote: R,

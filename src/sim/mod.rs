@@ -35,7 +35,7 @@ mod motors;
 pub mod person;
 pub mod personality;
 pub mod plant;
-mod random;
+pub mod random;
 pub mod rig;
 pub mod scenario;
 pub mod scene;

@@ -2,27 +2,31 @@
 
 /// SplitMix64 (Steele et al. 2014).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SplitMix(u64);
+pub struct SplitMix(u64);
 
 impl SplitMix {
     /// The sequence of one seed.
-    pub(super) const fn new(seed: u64) -> Self {
+    pub const fn new(seed: u64) -> Self {
         Self(seed)
     }
 
     /// The next number in 0 to 1.
-    pub(super) fn next(&mut self) -> f64 {
+    pub fn next(&mut self) -> f64 {
+        let [.., a, b, c, d] = self.bits().to_le_bytes();
+        f64::from(u32::from_le_bytes([a, b, c, d])) / f64::from(u32::MAX)
+    }
+
+    /// The next 64 bits.
+    pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
         z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^= z >> 31;
-        let [.., a, b, c, d] = z.to_le_bytes();
-        f64::from(u32::from_le_bytes([a, b, c, d])) / f64::from(u32::MAX)
+        z ^ z >> 31
     }
 
     /// The next number of a bell curve of mean 0 and standard deviation 1: the sum of twelve.
-    pub(super) fn normal(&mut self) -> f64 {
+    pub fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.next()).sum::<f64>() - 6.0
     }
 }

@@ -40,6 +40,9 @@ const TICK: Duration = Duration::from_millis(1);
 /// The most the arm moves at once.
 const LONGEST: Duration = Duration::from_millis(100);
 
+/// Less than what a drive can be told, in ‰ of rated torque.
+const RESOLUTION: f64 = 0.5;
+
 /// The bus whose SYNC the arm and the scenario follow; the others' come microseconds later.
 const LEADING: Channel = Channel(0);
 
@@ -74,6 +77,8 @@ pub struct World<M = Drive, I = SwitchBox> {
     begun: Option<Instant>,
     /// Up to when the arm has moved.
     now: Instant,
+    /// Since when no drive asks for torque.
+    quiet_since: Option<Instant>,
 }
 
 impl<M: Motor, I: Inputs> World<M, I> {
@@ -97,6 +102,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
             scenario,
             begun: None,
             now: Instant::ZERO,
+            quiet_since: Some(Instant::ZERO),
         };
         world.show();
         world
@@ -108,6 +114,14 @@ impl<M: Motor, I: Inputs> World<M, I> {
         let mut world = Self { motors: self.motors.coupled(transmission), ..self };
         world.show();
         world
+    }
+
+    /// The script goes on as `scenario` does, at the same time of its own; faults of the past strike at
+    /// once. `seed` is of its faults' chances.
+    pub fn follow(&mut self, scenario: Scenario, seed: u64) {
+        self.faults = Faults::new(scenario.faults(), seed);
+        self.begun.into_iter().for_each(|begun| self.faults.begin(begun));
+        self.scenario = scenario;
     }
 
     /// Up to when the arm has moved.
@@ -148,6 +162,11 @@ impl<M: Motor, I: Inputs> World<M, I> {
     /// How the commanded side is reached.
     pub fn link(&self) -> Link {
         self.faults.link()
+    }
+
+    /// Since when no drive asks its motor for torque; `None` while one does.
+    pub const fn quiet_since(&self) -> Option<Instant> {
+        self.quiet_since
     }
 
     /// When the script began, if it has.
@@ -196,6 +215,8 @@ impl<M: Motor, I: Inputs> World<M, I> {
             self.advance(now);
             self.motors.ask(demands);
         }
+        let is_quiet = demands.iter().all(|demand| demand.abs() < RESOLUTION);
+        self.quiet_since = is_quiet.then(|| self.quiet_since.unwrap_or(now));
     }
 
     /// Shows every drive its motor.

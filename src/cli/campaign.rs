@@ -1,0 +1,310 @@
+//! `frhc campaign`: faults by the thousand, and what came of each.
+
+use std::fs;
+use std::fs::File;
+use std::io::BufWriter;
+use std::num::NonZero;
+use std::path::Path;
+use std::path::PathBuf;
+use std::thread;
+use std::time::Duration;
+
+use anyhow::Context;
+use clap::Args;
+use indicatif::ProgressBar;
+use indicatif::ProgressDrawTarget;
+use indicatif::ProgressStyle;
+use serde_json::json;
+
+use crate::canopen::frame::Telegram;
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::cli::exit::OrFail;
+use crate::cli::print;
+use crate::cli::story::Story;
+use crate::config::Config;
+use crate::lab::bench::Bench;
+use crate::lab::campaign::catalogue;
+use crate::lab::campaign::monitor::Monitor;
+use crate::lab::campaign::run::Campaign as Cases;
+use crate::lab::campaign::soak;
+use crate::lab::campaign::table::Table;
+use crate::lab::campaign::verdict::Verdict;
+use crate::telemetry::candump::LogWriter;
+use crate::telemetry::record::Record;
+use crate::time::Instant;
+
+/// The hand controllers of a campaign that names none.
+const CONFIGS: [&str; 3] =
+    ["config/kraft_like.toml", "config/kraft_like_500hz.toml", "config/jpl_like.toml"];
+
+/// So many of the cases that went wrong leave a log.
+const LOGS: usize = 20;
+
+/// `frhc campaign`.
+#[derive(Debug, Args)]
+pub(super) struct Campaign {
+    /// Of all chance: the same seed is the same campaign, bit for bit.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// How many faults are injected.
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    faults: usize,
+    /// A configuration; repeatable. Three of those in config/ if none is given.
+    #[arg(short, long, value_name = "FILE")]
+    config: Vec<PathBuf>,
+    /// Only kinds of fault whose name contains this.
+    #[arg(long, value_name = "KIND", conflicts_with_all = ["replay", "soak"])]
+    only: Option<String>,
+    /// Plays one case again by itself, tells its story and leaves its log.
+    #[arg(long, value_name = "CASE", conflicts_with_all = ["faults", "soak"])]
+    replay: Option<u32>,
+    /// Instead of faults: so many cycles with lost samples and a bad link, in which nothing may trip.
+    #[arg(long, value_name = "CYCLES", conflicts_with = "faults")]
+    soak: Option<u64>,
+    /// Where cases that went wrong leave their logs; a folder of their own in the system's temporary one if
+    /// not given.
+    #[arg(short, long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// How many threads play; as many as there are cores if not given. Changes nothing but the time.
+    #[arg(long, value_name = "N")]
+    threads: Option<NonZero<usize>>,
+    /// Table and failures as one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Plays it and prints what it came to.
+pub(super) fn run(args: &Campaign, quiet: bool) -> Result<(), Failure> {
+    let configs = match &*args.config {
+        [] => CONFIGS.iter().map(PathBuf::from).collect(),
+        named => named.to_vec(),
+    };
+    let configs: Result<Vec<Config>, _> = configs.iter().map(|file| Config::load(file)).collect();
+    let configs = configs.or_fail(Kind::Configuration)?;
+    match (args.soak, args.replay) {
+        (Some(cycles), _) => soak(args, quiet, &configs, cycles),
+        (None, Some(number)) => replay(args, configs, number),
+        (None, None) => play(args, quiet, configs),
+    }
+}
+
+fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failure> {
+    let cases = Cases::new(args.seed, configs, args.faults, args.only.as_deref());
+    if cases.cases().is_empty() {
+        let names: Vec<&str> = catalogue::kinds().map(|kind| kind.name).collect();
+        let reason = format!("no such kind of fault; there are: {}", names.join(", "));
+        return Err(Failure::new(Kind::Usage, reason));
+    }
+    let bar = bar(u64::try_from(cases.cases().len()).unwrap_or(0), "faults", quiet);
+    let verdicts = cases.run(threads(args), &|| bar.inc(1)).or_fail(Kind::Drive)?;
+    bar.finish_and_clear();
+    let table = Table::of(&verdicts);
+    let bad: Vec<&Verdict> = verdicts.iter().filter(|verdict| !verdict.is_good()).collect();
+    if args.json {
+        let failures: Vec<_> = bad.iter().map(|verdict| failure(args, verdict)).collect();
+        print::line(
+            &json!({ "seed": args.seed, "table": table, "failures": failures }).to_string(),
+        );
+    } else {
+        print::line(&table.to_string());
+        bad.iter().for_each(|verdict| print::line(&words(args, verdict)));
+    }
+    if bad.is_empty() {
+        return Ok(());
+    }
+    let folder = folder(args);
+    for verdict in bad.iter().take(LOGS) {
+        let one = Cases::of_one(args.seed, cases.configs().to_vec(), verdict.number);
+        if let Some(one) = one {
+            leave(&folder, &one, &mut |_, _| {}).or_fail(Kind::Bus)?;
+        }
+    }
+    let count = bad.len();
+    let reason = format!("{count} of {} faults; logs in {}", verdicts.len(), folder.display());
+    Err(Failure::new(Kind::Negative, reason))
+}
+
+/// Case 137 (row 3, TPDO lost): late, and how to see it again.
+fn words(args: &Campaign, verdict: &Verdict) -> String {
+    let Verdict { number, row, kind, demand, outcome, seen, .. } = verdict;
+    let cause = seen.cause.map_or_else(String::new, |cause| format!(", stopped by {cause}"));
+    let mut words =
+        format!("case {number} (row {row}, {kind}): {outcome}{cause}; demanded: {demand}");
+    for breach in &seen.breaches {
+        words.push_str(&format!("\n  {breach}"));
+    }
+    format!("{words}\n  {}", command(args, *number))
+}
+
+fn failure(args: &Campaign, verdict: &Verdict) -> serde_json::Value {
+    let breaches: Vec<String> = verdict.seen.breaches.iter().map(ToString::to_string).collect();
+    json!({
+        "case": verdict.number,
+        "row": verdict.row,
+        "kind": verdict.kind,
+        "outcome": verdict.outcome.to_string(),
+        "demanded": verdict.demand.to_string(),
+        "cause": verdict.seen.cause.map(|cause| cause.to_string()),
+        "breaches": breaches,
+        "replay": command(args, verdict.number),
+    })
+}
+
+/// What plays exactly this case again.
+fn command(args: &Campaign, number: u32) -> String {
+    let configs = args.config.iter().map(|file| format!(" --config {}", file.display()));
+    let configs: String = configs.collect();
+    format!("frhc campaign --seed {}{configs} --replay {number}", args.seed)
+}
+
+fn replay(args: &Campaign, configs: Vec<Config>, number: u32) -> Result<(), Failure> {
+    let Some(cases) = Cases::of_one(args.seed, configs, number) else {
+        return Err(Failure::new(Kind::Usage, format!("--replay {number}: cases count from 1")));
+    };
+    let Some(case) = cases.cases().first() else { return Ok(()) };
+    let config = cases.configs().get(case.config);
+    let file = config.map_or_else(String::new, |config| config.file.display().to_string());
+    let mut story = config.map(Story::of);
+    print::line(&format!(
+        "case {number} of seed {}: row {}, {}; {file}, {}",
+        args.seed, case.kind.row, case.kind.name, case.situation
+    ));
+    for (after, mishap) in &case.deed.mishaps {
+        let at = (case.onset + *after).as_secs_f64();
+        print::line(&format!("{at:.6} s: {mishap:?}"));
+    }
+    let mut tell = |bench: &mut Bench<Monitor>, record: &Record| {
+        if let Some(story) = &mut story {
+            tell(story, bench, record);
+        }
+    };
+    let folder = folder(args);
+    let verdict = leave(&folder, &cases, &mut tell).or_fail(Kind::Bus)?;
+    let Some(verdict) = verdict else { return Ok(()) };
+    print::line(&words(args, &verdict));
+    print::line(&figures(&verdict));
+    print::line(&format!("log and script: {}", folder.display()));
+    match verdict.is_good() {
+        true => Ok(()),
+        false => Err(Failure::new(Kind::Negative, format!("case {number}: {}", verdict.outcome))),
+    }
+}
+
+fn figures(verdict: &Verdict) -> String {
+    let Table { total, .. } = Table::of(std::slice::from_ref(verdict));
+    let millis = |time: Option<Duration>| {
+        time.map_or_else(|| "-".to_owned(), |time| format!("{:.3} ms", time.as_secs_f64() * 1e3))
+    };
+    format!(
+        "latched after {}, every drive told zero after {}, drives torque-free after {}, nothing felt after {}; \
+         impulse {:.2} mN·m·s, grip {:.3} m/s and {:.2} mm",
+        millis(verdict.seen.detected),
+        millis(verdict.seen.zero),
+        millis(verdict.seen.quiet),
+        millis(verdict.seen.felt),
+        1e3 * verdict.seen.impulse,
+        total.grip_speed_m_per_s,
+        total.grip_travel_mm
+    )
+}
+
+/// What has broken since the last cycle, and what the node has noticed.
+fn tell(story: &mut Story, bench: &mut Bench<Monitor>, record: &Record) {
+    while let Some(notice) = bench.world_mut().notice() {
+        print::line(&story.fault(&notice));
+    }
+    let now = bench.elapsed();
+    while let Some(event) = bench.notice() {
+        print::line(&story.event(now, &event));
+    }
+    story.mode(now, record).into_iter().for_each(|line| print::line(&line));
+}
+
+/// Plays the only case again and leaves its frames and its script.
+fn leave(
+    folder: &Path,
+    cases: &Cases,
+    witness: &mut dyn FnMut(&mut Bench<Monitor>, &Record),
+) -> anyhow::Result<Option<Verdict>> {
+    let Some((verdict, frames)) = cases.replay(witness)? else { return Ok(None) };
+    let write = || -> anyhow::Result<()> {
+        fs::create_dir_all(folder)?;
+        let name = format!("case-{}", verdict.number);
+        let config = cases.configs().get(verdict.config);
+        let buses = config.map(|config| &*config.buses).unwrap_or_default();
+        let interfaces: Vec<String> = buses.iter().map(|bus| bus.interface.clone()).collect();
+        log(&folder.join(&name).with_extension("log"), &interfaces, &frames)?;
+        let script = cases.cases().first().map(|case| case.script());
+        fs::write(folder.join(&name).with_extension("toml"), script.unwrap_or_default())?;
+        Ok(())
+    };
+    write().with_context(|| format!("{}", folder.display()))?;
+    Ok(Some(verdict))
+}
+
+/// As candump writes it.
+fn log(file: &Path, interfaces: &[String], frames: &[(Instant, Telegram)]) -> anyhow::Result<()> {
+    let mut writer = LogWriter::new(BufWriter::new(File::create(file)?), interfaces, 0);
+    frames.iter().try_for_each(|(at, telegram)| writer.frame(*at, telegram))?;
+    writer.flush()?;
+    Ok(())
+}
+
+fn folder(args: &Campaign) -> PathBuf {
+    let own = || std::env::temp_dir().join(format!("frhc-campaign-{}", args.seed));
+    args.out.clone().unwrap_or_else(own)
+}
+
+fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result<(), Failure> {
+    let bar = bar(cycles, "cycles", quiet);
+    let laps = soak::soak(args.seed, configs, cycles, threads(args), &|cycles| bar.inc(cycles));
+    let laps = laps.or_fail(Kind::Drive)?;
+    bar.finish_and_clear();
+    let played: u64 = laps.iter().map(|lap| lap.cycles).sum();
+    let bad: Vec<_> = laps.iter().filter(|lap| !lap.is_good()).collect();
+    for lap in bad.iter().take(LOGS) {
+        let file = configs.get(lap.config).map(|config| config.file.display().to_string());
+        let file = file.unwrap_or_default();
+        if let Some((at, cause)) = lap.trip {
+            let at = at.as_secs_f64();
+            print::line(&format!("lap {} ({file}): {at:.3} s: stopped by {cause}", lap.number));
+        }
+        lap.breach.iter().for_each(|breach| {
+            print::line(&format!("lap {} ({file}): {breach}", lap.number));
+        });
+    }
+    if args.json {
+        let found =
+            json!({ "seed": args.seed, "cycles": played, "laps": laps.len(), "bad": bad.len() });
+        print::line(&found.to_string());
+    } else {
+        print::line(&format!(
+            "{played} cycles in {} laps, {} with a trip or a breach",
+            laps.len(),
+            bad.len()
+        ));
+    }
+    match bad.len() {
+        0 => Ok(()),
+        count => Err(Failure::new(Kind::Negative, format!("{count} of {} laps", laps.len()))),
+    }
+}
+
+fn threads(args: &Campaign) -> NonZero<usize> {
+    let all = || thread::available_parallelism().unwrap_or(NonZero::<usize>::MIN);
+    args.threads.unwrap_or_else(all)
+}
+
+/// A bar on a terminal, nothing anywhere else.
+fn bar(length: u64, of: &str, quiet: bool) -> ProgressBar {
+    let bar = ProgressBar::new(length);
+    if quiet {
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+    }
+    let style = format!("{{bar:40}} {{percent:>3}} %  {{pos}}/{{len}} {of}  {{elapsed}}");
+    if let Ok(style) = ProgressStyle::with_template(&style) {
+        bar.set_style(style);
+    }
+    bar
+}

@@ -1,0 +1,56 @@
+//! Every kind of fault, the row of the hazard table it stands for, and what is demanded of it.
+//!
+//! Demands are those of the table; where a configuration sets the time, they follow it. The kinds are taken
+//! by turns, so that a case's number says its kind.
+
+mod buses;
+mod devices;
+mod frames;
+mod people;
+
+use crate::lab::campaign::case::Deed;
+use crate::lab::campaign::case::Place;
+use crate::lab::campaign::draw::Draw;
+use crate::lab::campaign::situation::Situation;
+
+/// A kind of fault.
+#[derive(Clone, Copy)]
+pub struct Kind {
+    /// How it is called.
+    pub name: &'static str,
+    /// The hazard it stands for.
+    pub row: u8,
+    /// In which situations it means anything.
+    pub(super) situations: &'static [Situation],
+    /// What is done, drawn from chance.
+    pub(super) deed: fn(&mut Draw, &Place<'_>) -> Deed,
+}
+
+impl std::fmt::Debug for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} (row {})", self.name, self.row)
+    }
+}
+
+/// In any situation.
+const fn kind(row: u8, name: &'static str, deed: fn(&mut Draw, &Place<'_>) -> Deed) -> Kind {
+    Kind { name, row, situations: &Situation::ALL, deed }
+}
+
+/// Only while the deadman is held.
+const fn engaged(row: u8, name: &'static str, deed: fn(&mut Draw, &Place<'_>) -> Deed) -> Kind {
+    Kind { name, row, situations: &Situation::ENGAGED, deed }
+}
+
+/// All of them, in the order of the hazard table.
+pub fn kinds() -> impl Iterator<Item = &'static Kind> {
+    let groups: [&[Kind]; 4] = [devices::KINDS, frames::KINDS, buses::KINDS, people::KINDS];
+    groups.into_iter().flatten()
+}
+
+/// The kind of case `number`, from 1.
+pub(super) fn kind_of(number: u32) -> Option<&'static Kind> {
+    let count = kinds().count();
+    let place = usize::try_from(number).ok()?.checked_sub(1)?;
+    kinds().nth(place.checked_rem(count)?)
+}

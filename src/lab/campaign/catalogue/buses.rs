@@ -1,0 +1,193 @@
+//! Adapters, buses, the process and the host; and strangers on the bus.
+
+use std::time::Duration;
+
+use crate::bus::BusFault;
+use crate::bus::Disturbance;
+use crate::bus::Mishap;
+use crate::canopen::frame::Channel;
+use crate::canopen::frame::Frame;
+use crate::canopen::layout::Direction;
+use crate::lab::campaign::case::Deed;
+use crate::lab::campaign::case::Demand;
+use crate::lab::campaign::case::Place;
+use crate::lab::campaign::catalogue::Kind;
+use crate::lab::campaign::catalogue::kind;
+use crate::lab::campaign::draw::Draw;
+
+pub(super) const KINDS: &[Kind] = &[
+    kind(21, "transmit queue full", |draw, at| {
+        let by_timers = timers(at);
+        disturbed(draw, at, Disturbance::Full, by_timers)
+    }),
+    kind(22, "adapter stuck", |draw, at| disturbed(draw, at, Disturbance::Stuck, timers(at))),
+    kind(22, "adapter stalls", stalled),
+    kind(23, "bus-off", |draw, at| {
+        disturbed(draw, at, Disturbance::Fault(BusFault::Off), timers(at))
+    }),
+    kind(23, "error passive", |draw, at| {
+        let stop = Demand::Stop(at.cycles(2));
+        disturbed(draw, at, Disturbance::Fault(BusFault::Passive), stop)
+    }),
+    kind(23, "error warning", |draw, at| {
+        disturbed(draw, at, Disturbance::Fault(BusFault::Warning), Demand::GoOn)
+    }),
+    kind(24, "interface down", |draw, at| disturbed(draw, at, Disturbance::Down, timers(at))),
+    kind(24, "adapter unplugged", |draw, at| {
+        disturbed(draw, at, Disturbance::Fault(BusFault::Down), timers(at))
+    }),
+    kind(26, "bus flooded", flooded),
+    kind(26, "foreign SYNC", |draw, at| stranger(draw, at, "kind = \"foreign_sync\"")),
+    kind(26, "foreign NMT", foreign_nmt),
+    kind(26, "foreign targets", foreign_targets),
+    kind(26, "random frames, own identifiers", |draw, at| random_frames(draw, at, true)),
+    kind(26, "random frames, other identifiers", |draw, at| random_frames(draw, at, false)),
+    kind(27, "process killed", killed),
+    kind(28, "process stands still", stands_still),
+    kind(29, "one cycle late", one_cycle_late),
+    kind(31, "wall clock set", clock_set),
+    kind(31, "host suspended", suspended),
+];
+
+/// By the drives' own RPDO timers, or by the node where it still reaches them.
+fn timers(at: &Place<'_>) -> Demand {
+    let timer = Duration::from_millis(u64::from(at.config.safety.rpdo_timer_ms) + 1);
+    Demand::Release(timer.max(at.cycles(6)))
+}
+
+fn bus(draw: &mut Draw, at: &Place<'_>) -> Channel {
+    draw.among(&at.config.channels()).copied().unwrap_or_default()
+}
+
+fn disturbed(draw: &mut Draw, at: &Place<'_>, how: Disturbance, demand: Demand) -> Deed {
+    let channel = bus(draw, at);
+    Deed::befallen(vec![(Duration::ZERO, Mishap::Bus(channel, Some(how)))], demand)
+}
+
+/// What was queued meanwhile comes out at the end.
+fn stalled(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let channel = bus(draw, at);
+    let span = Duration::from_micros(10_000 + draw.below(40_000));
+    let mishaps = vec![
+        (Duration::ZERO, Mishap::Bus(channel, Some(Disturbance::Stalled))),
+        (span, Mishap::Bus(channel, None)),
+    ];
+    Deed::befallen(mishaps, timers(at))
+}
+
+/// With an identifier that wins against everything of the cycle.
+fn flooded(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let cob_id = u16::try_from(1 + draw.below(0x7E)).unwrap_or(1);
+    let frame = Frame::new(cob_id, draw.bits().to_le_bytes());
+    disturbed(draw, at, Disturbance::Flood(frame), timers(at))
+}
+
+/// Another master: nobody knows whom else it commands.
+fn stranger(draw: &mut Draw, at: &Place<'_>, keys: &str) -> Deed {
+    let Channel(bus) = bus(draw, at);
+    let keys = format!("{keys}; bus = {bus}");
+    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(2)))
+}
+
+fn foreign_nmt(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let commands = ["start", "stop", "pre_operational", "reset_node", "reset_communication"];
+    let command = draw.among(&commands).copied().unwrap_or("stop");
+    let node = draw.joint();
+    stranger(
+        draw,
+        at,
+        &format!("kind = \"foreign_nmt\"; command = \"{command}\"; node_id = {node}"),
+    )
+}
+
+fn foreign_targets(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let joint = draw.joint();
+    let joint = at.config.joints.get(joint - 1);
+    let bus = joint.map_or(0, |joint| joint.channel.0);
+    let plans = at.config.node_plans();
+    let plan = plans.iter().find(|(_, plan)| joint.is_some_and(|joint| joint.node == plan.node));
+    let rpdo = plan.and_then(|(_, plan)| {
+        plan.pdos.iter().find(|pdo| {
+            let is_rpdo = pdo.direction == Direction::Receive;
+            is_rpdo && pdo.service.is_some()
+        })
+    });
+    let (cob_id, bytes) = rpdo.map_or((0x201, 4), |rpdo| {
+        (rpdo.cob_id, rpdo.service.as_ref().map_or(4, |service| u64::from(service.bytes())))
+    });
+    let payload = draw.digits(bytes);
+    let keys = format!(
+        "kind = \"foreign_frame\"; cob_id = 0x{cob_id:03X}; payload = \"{payload}\"; bus = {bus}"
+    );
+    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(2)))
+}
+
+/// A dozen of random bytes within 50 ms, on identifiers that this network uses, or on others.
+fn random_frames(draw: &mut Draw, at: &Place<'_>, are_own: bool) -> Deed {
+    let mut entries = String::new();
+    let mut after = Duration::ZERO;
+    for _ in 0..12 {
+        let cob_id = loop {
+            let cob_id = draw.below(0x800);
+            if is_used(cob_id) == are_own {
+                break cob_id;
+            }
+        };
+        let bytes = draw.below(9);
+        let (payload, Channel(bus)) = (draw.digits(bytes), bus(draw, at));
+        entries.push_str(&at.fault_after(
+            after,
+            &format!(
+                "kind = \"foreign_frame\"; cob_id = 0x{cob_id:03X}; payload = \"{payload}\"; bus = {bus}"
+            ),
+        ));
+        after += Duration::from_micros(draw.below(4_000));
+    }
+    let why = "some of them are as if from a node or a master";
+    let demand = if are_own { Demand::Either(why) } else { Demand::GoOn };
+    Deed::scripted(entries, demand)
+}
+
+/// Whether an identifier of the predefined connection set is one of nodes 1 to 6, 16 and 127 or of all.
+const fn is_used(cob_id: u64) -> bool {
+    let node = cob_id & 0x7F;
+    // TIME and LSS are for all, and so is everything of no node.
+    node == 0 || cob_id < 0x80 || cob_id >= 0x780 || node <= 6 || node == 16 || node == 127
+}
+
+/// So long that it is as good as for ever.
+fn killed(_: &mut Draw, at: &Place<'_>) -> Deed {
+    let timer = Duration::from_millis(u64::from(at.config.safety.rpdo_timer_ms) + 1);
+    let mishap = Mishap::Stopped(Duration::from_millis(300));
+    Deed::befallen(vec![(Duration::ZERO, mishap)], Demand::Release(timer))
+        .watched_for(Duration::from_millis(350))
+}
+
+/// More than five cycles: the first frame after that is zero.
+fn stands_still(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let longest = at.cycles(60);
+    let micros = u64::try_from(longest.as_micros()).unwrap_or(60_000);
+    let span = at.cycles(7) + Duration::from_micros(draw.below(micros));
+    let demand = Demand::Stop(span + at.cycles(2));
+    Deed::befallen(vec![(Duration::ZERO, Mishap::Stopped(span))], demand)
+        .watched_for(span + Duration::from_millis(150))
+}
+
+/// A cycle that is skipped and not made up for.
+fn one_cycle_late(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let micros = u64::try_from(at.config.period.as_micros()).unwrap_or(1_000);
+    let span = Duration::from_micros(1 + draw.below(micros));
+    Deed::befallen(vec![(Duration::ZERO, Mishap::Stopped(span))], Demand::GoOn)
+}
+
+fn clock_set(draw: &mut Draw, _: &Place<'_>) -> Deed {
+    let wall = Duration::from_secs(draw.below(4_000_000_000));
+    Deed::befallen(vec![(Duration::ZERO, Mishap::ClockSet(wall))], Demand::GoOn)
+}
+
+fn suspended(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let span = Duration::from_millis(50 + draw.below(200));
+    let demand = Demand::Stop(span + at.cycles(2));
+    Deed::befallen(vec![(Duration::ZERO, Mishap::Suspended(span))], demand)
+        .watched_for(span + Duration::from_millis(150))
+}

@@ -1,0 +1,132 @@
+//! Drives and switch box: lost, restarted, broken, or sensing what is not so.
+
+use std::time::Duration;
+
+use crate::lab::campaign::case::Deed;
+use crate::lab::campaign::case::Demand;
+use crate::lab::campaign::case::Place;
+use crate::lab::campaign::catalogue::Kind;
+use crate::lab::campaign::catalogue::engaged;
+use crate::lab::campaign::catalogue::kind;
+use crate::lab::campaign::draw::Draw;
+
+pub(super) const KINDS: &[Kind] = &[
+    kind(1, "drive unplugged", |draw, at| lost(draw, at, "unplug")),
+    kind(1, "wire cut", |draw, at| lost(draw, at, "wire_cut")),
+    kind(1, "drive bus-off", |draw, at| lost(draw, at, "bus_off")),
+    kind(2, "drive heartbeat lost", heartbeat_lost),
+    kind(2, "switch box heartbeat lost", switches_silent),
+    kind(7, "emergency", emergency),
+    kind(7, "emergency of the switch box", emergency_of_switches),
+    kind(8, "drive fault", fault),
+    kind(8, "drive fault, untold", quiet_fault),
+    kind(8, "safe torque off", sto),
+    kind(9, "drive reboots", reboot),
+    kind(9, "switch box reboots", reboot_of_switches),
+    engaged(10, "torque actual wrong", torque_scaled),
+    kind(12, "encoder jumps", encoder_jump),
+    engaged(5, "encoder frozen", encoder_frozen),
+    kind(13, "several drives unplugged", several_lost),
+];
+
+/// A drive that breaks: the other five in two cycles.
+const fn drive_fault(at: &Place<'_>) -> Demand {
+    Demand::Stop(at.config.period.saturating_mul(2))
+}
+
+/// What is seen by samples that do not come: five cycles.
+const fn unseen(at: &Place<'_>) -> Demand {
+    Demand::Stop(at.config.period.saturating_mul(5))
+}
+
+fn lost(draw: &mut Draw, at: &Place<'_>, how: &str) -> Deed {
+    let joint = draw.joint();
+    Deed::scripted(at.fault(&format!("kind = \"{how}\"; joint = {joint}")), unseen(at))
+}
+
+fn several_lost(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let joints = [draw.joint(), draw.joint(), draw.joint()];
+    let all = joints.map(|joint| at.fault(&format!("kind = \"unplug\"; joint = {joint}")));
+    Deed::scripted(all.concat(), unseen(at))
+}
+
+/// As long as the configuration says, and the cycle in which it is seen.
+fn heartbeat_lost(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let joint = draw.joint();
+    silent(at, &format!("kind = \"heartbeat_stop\"; joint = {joint}"))
+}
+
+fn switches_silent(_: &mut Draw, at: &Place<'_>) -> Deed {
+    silent(at, "kind = \"heartbeat_stop\"; device = \"switches\"")
+}
+
+fn silent(at: &Place<'_>, keys: &str) -> Deed {
+    let within = at.config.safety.drive_lost + at.cycles(2);
+    let deed = Deed::scripted(at.fault(keys), Demand::Stop(within));
+    deed.watched_for(within + Duration::from_millis(150))
+}
+
+/// Error codes of CiA 301 and 402 that a drive may tell.
+const CODES: [u16; 12] = [
+    0x1000, 0x2310, 0x2320, 0x3110, 0x3210, 0x4210, 0x4310, 0x5113, 0x6100, 0x7305, 0x8110, 0x8611,
+];
+
+fn emergency(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let (joint, code) = (draw.joint(), draw.among(&CODES).copied().unwrap_or(0x1000));
+    let keys = format!("kind = \"emergency\"; joint = {joint}; code = 0x{code:04X}; register = 1");
+    Deed::scripted(at.fault(&keys), drive_fault(at))
+}
+
+fn emergency_of_switches(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let code = draw.among(&CODES).copied().unwrap_or(0x1000);
+    let keys =
+        format!("kind = \"emergency\"; device = \"switches\"; code = 0x{code:04X}; register = 1");
+    Deed::scripted(at.fault(&keys), drive_fault(at))
+}
+
+fn fault(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let (joint, code) = (draw.joint(), draw.among(&CODES).copied().unwrap_or(0x1000));
+    let keys = format!("kind = \"fault\"; joint = {joint}; code = 0x{code:04X}");
+    Deed::scripted(at.fault(&keys), drive_fault(at))
+}
+
+fn quiet_fault(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let keys = format!("kind = \"fault\"; joint = {}", draw.joint());
+    Deed::scripted(at.fault(&keys), drive_fault(at))
+}
+
+fn sto(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let keys = format!("kind = \"sto\"; joint = {}", draw.joint());
+    Deed::scripted(at.fault(&keys), drive_fault(at))
+}
+
+fn reboot(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let keys = format!("kind = \"reset\"; joint = {}", draw.joint());
+    Deed::scripted(at.fault(&keys), drive_fault(at))
+}
+
+fn reboot_of_switches(_: &mut Draw, at: &Place<'_>) -> Deed {
+    Deed::scripted(at.fault("kind = \"reset\"; device = \"switches\""), drive_fault(at))
+}
+
+/// Shoulder joints carry the arm, so a wrong scale shows.
+fn torque_scaled(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let joint = 2 + draw.below(2);
+    let scale = draw.within(-10.0, -6.0);
+    let keys = format!("kind = \"torque_actual_scale\"; joint = {joint}; scale = {scale:.2}");
+    let why = "seen where the torque is large enough";
+    Deed::scripted(at.fault(&keys), Demand::Either(why)).watched_for(Duration::from_millis(500))
+}
+
+fn encoder_jump(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let sign = if draw.is_heads() { 1.0 } else { -1.0 };
+    let (joint, by) = (draw.joint(), sign * draw.within(0.2, 3.0));
+    let keys = format!("kind = \"encoder_jump\"; joint = {joint}; by_rad = {by:.4}");
+    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(3)))
+}
+
+fn encoder_frozen(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let keys = format!("kind = \"encoder_frozen\"; joint = {}", draw.joint());
+    let why = "seen only while it pushes and a neighbour moves";
+    Deed::scripted(at.fault(&keys), Demand::Either(why)).watched_for(Duration::from_millis(800))
+}

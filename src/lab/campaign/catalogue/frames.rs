@@ -1,0 +1,132 @@
+//! Frames of devices: lost, late, twice, changed, or another's.
+
+use std::time::Duration;
+
+use crate::config::Layout;
+use crate::lab::campaign::case::Deed;
+use crate::lab::campaign::case::Demand;
+use crate::lab::campaign::case::Place;
+use crate::lab::campaign::catalogue::Kind;
+use crate::lab::campaign::catalogue::kind;
+use crate::lab::campaign::draw::Draw;
+
+pub(super) const KINDS: &[Kind] = &[
+    kind(3, "TPDO lost", |draw, at| of_tpdo(draw, at, "drop", "")),
+    kind(3, "TPDOs lost now and then", tpdo_share),
+    kind(3, "one TPDO lost", one_tpdo),
+    kind(3, "SYNC not heard", sync_lost),
+    kind(3, "TPDO of another length", resized),
+    kind(4, "TPDO late by less than 3 cycles", a_bit_late),
+    kind(4, "TPDO late by more", late),
+    kind(4, "TPDOs overtake each other", reordered),
+    kind(5, "TPDO frozen", frozen),
+    kind(6, "TPDO twice", |draw, at| of_tpdo(draw, at, "duplicate", "")),
+    kind(6, "two drives of one node-id", impersonated),
+    kind(12, "TPDO corrupted", corrupted),
+    kind(13, "RPDO lost", rpdo_lost),
+    kind(13, "one RPDO lost", one_rpdo),
+];
+
+/// What happens to every first TPDO of a drive: five cycles.
+fn of_tpdo(draw: &mut Draw, at: &Place<'_>, how: &str, more: &str) -> Deed {
+    let joint = draw.joint();
+    let keys = format!("kind = \"{how}\"; joint = {joint}; frame = \"tpdo1\"{more}");
+    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(5)))
+}
+
+fn resized(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let bytes = draw.below(4);
+    of_tpdo(draw, at, "resize", &format!("; bytes = {bytes}"))
+}
+
+/// More than 5 % within a second.
+fn tpdo_share(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let (joint, share) = (draw.joint(), draw.within(0.1, 0.2));
+    let keys = format!("kind = \"drop\"; joint = {joint}; frame = \"tpdo1\"; share = {share:.3}");
+    let within = Duration::from_millis(1_100) + at.cycles(2);
+    let deed = Deed::scripted(at.fault(&keys), Demand::LetGo(within));
+    deed.watched_for(within + Duration::from_millis(50))
+}
+
+fn one_tpdo(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let joint = draw.joint();
+    let keys = format!("kind = \"drop\"; joint = {joint}; frame = \"tpdo1\"; count = 1");
+    Deed::scripted(at.fault(&keys), Demand::GoOn)
+}
+
+fn sync_lost(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let keys = format!("kind = \"drop\"; joint = {}; frame = \"sync\"", draw.joint());
+    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(5)))
+}
+
+/// In cycles, which a script tells in ms.
+fn delayed(draw: &mut Draw, at: &Place<'_>, cycles: f64, more: &str) -> String {
+    let millis = cycles * at.config.period.as_secs_f64() * 1e3;
+    let joint = draw.joint();
+    at.fault(&format!(
+        "kind = \"delay\"; joint = {joint}; frame = \"tpdo1\"; delay_ms = {millis:.3}{more}"
+    ))
+}
+
+fn a_bit_late(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let cycles = draw.within(0.2, 2.0);
+    let why = "a constant lateness cannot be told from none";
+    Deed::scripted(delayed(draw, at, cycles, ""), Demand::Either(why))
+}
+
+fn late(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let cycles = draw.within(4.0, 20.0);
+    Deed::scripted(delayed(draw, at, cycles, ""), Demand::Stop(at.cycles(5)))
+}
+
+fn reordered(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let cycles = draw.within(0.5, 3.0);
+    let more = "; share = 0.3; reorder = true";
+    let why = "a late one fills the place it left";
+    Deed::scripted(delayed(draw, at, cycles, more), Demand::Either(why))
+}
+
+fn frozen(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let why = "seen only while it pushes and a neighbour moves";
+    let deed = of_tpdo(draw, at, "freeze", "");
+    Deed { demand: Demand::Either(why), ..deed }.watched_for(Duration::from_millis(800))
+}
+
+/// Two drives of one bus with one node-id: positions that are not near each other.
+fn impersonated(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let joint = draw.joint();
+    let channel = |joint: usize| at.config.joints.get(joint - 1).map(|joint| joint.channel);
+    let others: Vec<usize> =
+        (1..=6).filter(|by| *by != joint && channel(*by) == channel(joint)).collect();
+    let by = draw.among(&others).copied().unwrap_or(joint);
+    let keys = format!("kind = \"impersonate\"; joint = {joint}; by = {by}; frame = \"tpdo1\"");
+    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(5)))
+}
+
+/// A high bit of the position, whose place is the layout's.
+fn corrupted(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let joint = draw.joint();
+    let channel = at.config.joints.get(joint - 1).map(|joint| joint.channel);
+    let bus = channel.and_then(|channel| at.config.buses.get(usize::from(channel.0)));
+    let before = match bus.map(|bus| bus.layout) {
+        Some(Layout::PerDrive) | None => 2,
+        Some(Layout::Grouped) => 0,
+    };
+    let bit = 1_u64 << (20 + draw.below(11));
+    let mask: String = bit.to_le_bytes().iter().take(4).map(|byte| format!("{byte:02X}")).collect();
+    let xor = format!("{}{mask}", "00".repeat(before));
+    let keys = format!("kind = \"corrupt\"; joint = {joint}; frame = \"tpdo1\"; xor = \"{xor}\"");
+    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(3)))
+}
+
+/// The drive's own timer, its emergency, and the others' next cycle.
+fn rpdo_lost(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let keys = format!("kind = \"drop\"; joint = {}; frame = \"rpdo1\"", draw.joint());
+    let timer = Duration::from_millis(u64::from(at.config.safety.rpdo_timer_ms));
+    Deed::scripted(at.fault(&keys), Demand::Stop(timer + at.cycles(2)))
+}
+
+fn one_rpdo(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let keys = format!("kind = \"drop\"; joint = {}; frame = \"rpdo1\"; count = 1", draw.joint());
+    Deed::scripted(at.fault(&keys), Demand::GoOn)
+}

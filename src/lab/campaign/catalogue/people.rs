@@ -1,0 +1,124 @@
+//! The operator and the commanded side.
+
+use std::time::Duration;
+
+use crate::lab::campaign::case::Deed;
+use crate::lab::campaign::case::Demand;
+use crate::lab::campaign::case::MayStop;
+use crate::lab::campaign::case::Place;
+use crate::lab::campaign::catalogue::Kind;
+use crate::lab::campaign::catalogue::engaged;
+use crate::lab::campaign::catalogue::kind;
+use crate::lab::campaign::draw::Draw;
+
+pub(super) const KINDS: &[Kind] = &[
+    engaged(33, "wrench no number", no_number),
+    engaged(33, "wrench too large", too_large),
+    engaged(33, "wrench large, but may be", large),
+    engaged(34, "link lost", |_, at| link(at, "link_loss")),
+    engaged(35, "link frozen", |_, at| link(at, "link_frozen")),
+    engaged(34, "link lost for a moment", link_blinks),
+    engaged(38, "deadman released", deadman_released),
+    kind(38, "switch box unplugged", switches_unplugged),
+    kind(38, "disarmed", disarmed),
+    kind(39, "deadman channel stuck", deadman_stuck),
+    kind(39, "deadman bounces", deadman_bounces),
+    engaged(40, "reference pressed in motion", reference_pressed),
+    engaged(41, "reflection switched on", reflection_switched),
+];
+
+fn senses(force: f64, demand: Demand) -> Deed {
+    Deed { senses: Some(force), ..Deed::scripted(String::new(), demand) }
+}
+
+fn no_number(draw: &mut Draw, _: &Place<'_>) -> Deed {
+    let force = draw.among(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY]).copied();
+    let why = "refused, or a reason to stop";
+    senses(force.unwrap_or(f64::NAN), Demand::Either(why))
+}
+
+fn too_large(draw: &mut Draw, _: &Place<'_>) -> Deed {
+    let exponent = draw.within(4.0, 300.0);
+    senses(10_f64.powf(exponent), Demand::Either("refused, or a reason to stop"))
+}
+
+fn large(draw: &mut Draw, _: &Place<'_>) -> Deed {
+    let force = draw.within(-400.0, 400.0);
+    senses(force, Demand::Either("cut off at the cap, and grows as any torque may"))
+}
+
+fn link(at: &Place<'_>, how: &str) -> Deed {
+    let demand = Demand::LetGo(Duration::from_millis(70));
+    Deed::scripted(at.fault(&format!("kind = \"{how}\"")), demand)
+}
+
+/// Shorter than any age that matters.
+fn link_blinks(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let seconds = draw.within(0.001, 0.010);
+    let how = if draw.is_heads() { "link_loss" } else { "link_frozen" };
+    Deed::scripted(at.fault(&format!("kind = \"{how}\"; for_s = {seconds:.6}")), Demand::GoOn)
+}
+
+fn switch(at: &Place<'_>, after: Duration, keys: &str) -> String {
+    let at_s = (at.onset + after).as_secs_f64();
+    format!("[[switch]]\nat_s = {at_s:.6}\n{keys}\n\n")
+}
+
+/// The command is zero in the next cycle, and nothing is felt after 20 ms.
+fn deadman_released(_: &mut Draw, at: &Place<'_>) -> Deed {
+    let entries = switch(at, Duration::ZERO, "deadman = false");
+    Deed::scripted(entries, Demand::Disengage(Duration::from_millis(20), MayStop::No))
+}
+
+/// Its heartbeat is missed after a while; what is felt ends as soon as three of its words are.
+fn switches_unplugged(_: &mut Draw, at: &Place<'_>) -> Deed {
+    let within = at.config.safety.drive_lost + at.cycles(2);
+    let entries = at.fault("kind = \"unplug\"; device = \"switches\"");
+    let demand = if at.situation.is_engaged() {
+        Demand::Disengage(Duration::from_millis(40), MayStop::Yes)
+    } else {
+        Demand::Stop(within)
+    };
+    Deed::scripted(entries, demand).watched_for(within + Duration::from_millis(150))
+}
+
+/// The weight of the arm may be laid down by a ramp.
+const LAYS_DOWN: Duration = Duration::from_millis(50);
+
+fn disarmed(_: &mut Draw, at: &Place<'_>) -> Deed {
+    let at_s = at.onset.as_secs_f64();
+    let entries = format!("[[console]]\nat_s = {at_s:.6}\nrequest = \"disarm\"\n");
+    Deed::scripted(entries, Demand::Zero(LAYS_DOWN + at.cycles(2)))
+}
+
+/// One channel says what the other does not.
+fn deadman_stuck(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let is_a = draw.is_heads();
+    let input = if is_a { "deadman_a" } else { "deadman_b" };
+    let level = if is_a == at.situation.is_engaged() { "low" } else { "high" };
+    let keys = format!("kind = \"switch_stuck\"; switch = \"{input}\"; level = \"{level}\"");
+    let demand = Demand::Stop(Duration::from_millis(60));
+    Deed::scripted(at.fault(&keys), demand).watched_for(Duration::from_millis(220))
+}
+
+fn deadman_bounces(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let input = if draw.is_heads() { "deadman_a" } else { "deadman_b" };
+    let seconds = draw.within(0.002, 0.040);
+    let keys = format!("kind = \"switch_bounce\"; switch = \"{input}\"; for_s = {seconds:.6}");
+    Deed::scripted(at.fault(&keys), Demand::Either("a bounce may disengage, and must not engage"))
+}
+
+fn reference_pressed(_: &mut Draw, at: &Place<'_>) -> Deed {
+    let pressed = switch(at, Duration::ZERO, "reference = true");
+    let released = switch(at, Duration::from_millis(60), "reference = false");
+    Deed::scripted(pressed + &released, Demand::GoOn)
+}
+
+fn reflection_switched(_: &mut Draw, at: &Place<'_>) -> Deed {
+    let mut entries = String::new();
+    for (millis, level) in [(0, true), (20, false), (60, true), (80, false)] {
+        let keys = format!("reflection = {level}");
+        entries.push_str(&switch(at, Duration::from_millis(millis), &keys));
+    }
+    Deed::scripted(entries, Demand::GoOn)
+}

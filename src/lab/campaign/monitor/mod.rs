@@ -1,0 +1,179 @@
+//! A judge on the bus: sees every frame that was complete, and whose it was, and knows what must never be.
+//!
+//! It decodes by itself, from the configuration alone, and never asks the node; what the console was
+//! answered it is told, as an operator would be. Nothing it does can be seen by the node.
+//!
+//! | file     | laws                                              |
+//! |----------|---------------------------------------------------|
+//! | `torque` | what is asked of the motors: I1 to I4, I11        |
+//! | `rhythm` | when: I5, I7, I10                                 |
+//! | `order`  | of whom, and in which order: I6, I8, I9, I12      |
+//! | `sheet`  | what the configuration says                       |
+//! | `law`    | their names, and what is noted of a breach        |
+
+mod law;
+#[cfg(test)]
+mod laws;
+mod order;
+mod rhythm;
+mod sheet;
+mod torque;
+
+pub use law::Breach;
+pub use law::Law;
+
+use std::sync::Arc;
+
+use crate::bus::Tap;
+use crate::canopen::frame::Channel;
+use crate::canopen::frame::Telegram;
+use crate::canopen::sync;
+use crate::config::Config;
+use crate::lab::campaign::monitor::law::Breaches;
+use crate::lab::campaign::monitor::order::Order;
+use crate::lab::campaign::monitor::rhythm::Rhythm;
+use crate::lab::campaign::monitor::sheet::Sheet;
+use crate::lab::campaign::monitor::sheet::Told;
+use crate::lab::campaign::monitor::torque::Torque;
+use crate::node::Request;
+use crate::telemetry::record::Mode;
+use crate::time::Instant;
+
+/// The judge, with what it has seen.
+#[derive(Clone, Debug)]
+pub struct Monitor {
+    sheet: Arc<Sheet>,
+    torque: Torque,
+    rhythm: Rhythm,
+    order: Order,
+    breaches: Breaches,
+    log: Option<Vec<(Instant, Telegram)>>,
+}
+
+impl Monitor {
+    /// Of a network on which nothing was said yet.
+    pub fn new(config: &Config) -> Self {
+        let sheet = Sheet::new(config);
+        Self {
+            torque: Torque::new(),
+            rhythm: Rhythm::new(&sheet, config.buses.len()),
+            order: Order::new(&sheet),
+            sheet: Arc::new(sheet),
+            breaches: Breaches::default(),
+            log: None,
+        }
+    }
+
+    /// The same, which also keeps every frame.
+    #[must_use]
+    pub fn keeping_frames(self) -> Self {
+        Self { log: Some(Vec::new()), ..self }
+    }
+
+    /// Every frame, if they are kept.
+    pub fn frames(&self) -> &[(Instant, Telegram)] {
+        self.log.as_deref().unwrap_or_default()
+    }
+
+    /// The console was asked this, and the node is in `mode` because of it; `None` if it refused.
+    pub fn asked(&mut self, at: Instant, request: Request, mode: Option<Mode>) {
+        match (request, mode) {
+            (_, None) | (Request::Command(_), _) => {}
+            (Request::Arm, Some(_)) => self.torque.armed(at, &mut self.breaches),
+            (Request::Reset, Some(Mode::Armed)) => self.torque.go_on(),
+            (Request::Disarm | Request::Reset, Some(_)) => self.torque.idle(at),
+        }
+    }
+
+    /// The node says what mode it is in.
+    pub const fn told(&mut self, at: Instant, mode: Mode) {
+        if mode.is_stopped() {
+            self.torque.tripped(at);
+        }
+    }
+
+    /// From now on the bus or the process is broken, so that I5 is nobody's fault.
+    pub const fn excuse(&mut self, from: Instant) {
+        self.rhythm.excuse(from);
+    }
+
+    /// What was broken, in words: the first few.
+    pub fn breaches(&self) -> &[Breach] {
+        self.breaches.first()
+    }
+
+    /// How often something was broken.
+    pub const fn breach_count(&self) -> u64 {
+        self.breaches.count()
+    }
+
+    /// Targets that were not zero although nothing was armed.
+    pub const fn unarmed_frames(&self) -> u64 {
+        self.torque.unarmed
+    }
+
+    /// Torque frames on the wire that were more than half a period late.
+    pub const fn stale_frames(&self) -> u64 {
+        self.rhythm.stale
+    }
+
+    /// Since when every joint is told zero, if it is.
+    pub fn all_zero_since(&self) -> Option<Instant> {
+        self.torque.all_zero_since()
+    }
+
+    /// Cycles between the first and the last joint that was torn from a torque to none.
+    pub fn spread(&self) -> Option<u64> {
+        self.torque.spread()
+    }
+
+    /// The largest share of its capacity that a joint is told, 0 to 1.
+    pub fn peak(&self) -> f64 {
+        self.torque.peak(&self.sheet)
+    }
+
+    /// What was seen so far is past; what is known stays.
+    pub fn forget(&mut self) {
+        self.breaches.forget();
+        self.torque.unarmed = 0;
+        self.rhythm.stale = 0;
+    }
+
+    fn keep(&mut self, at: Instant, telegram: &Telegram) {
+        self.log.iter_mut().for_each(|log| log.push((at, *telegram)));
+    }
+}
+
+impl Tap for Monitor {
+    fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
+        self.keep(at, telegram);
+        self.order.on_heard(&self.sheet, telegram.channel, &telegram.frame);
+        if let Some(Ok(heard)) = self.sheet.inbox.read(telegram) {
+            self.torque.on_tpdo(at, &heard);
+            self.order.on_tpdo(&heard);
+        }
+    }
+
+    fn on_sent(&mut self, at: Instant, telegram: &Telegram) {
+        self.keep(at, telegram);
+        let Self { sheet, torque, rhythm, order, breaches, .. } = self;
+        let Telegram { channel, frame } = *telegram;
+        if frame.cob_id == sync::COB_ID && channel == Channel(0) {
+            torque.on_sync();
+        }
+        rhythm.on_sent(sheet, at, (channel, &frame), breaches);
+        order.on_sent(sheet, at, (channel, &frame), breaches);
+        let Some((_, rpdo)) = sheet.rpdo(channel, &frame) else { return };
+        for told in rpdo.read(&frame) {
+            match told {
+                Told::Target(joint, target) => {
+                    torque.on_target(sheet, at, (joint, target), breaches);
+                    order.on_target(joint, target);
+                }
+                Told::Controlword(joint, word) => {
+                    order.on_controlword(at, (joint, word), breaches);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,249 @@
+//! What torques the node asks for: I1 to I4, and I11.
+
+use std::time::Duration;
+
+use crate::canopen::exchange::Told as Heard;
+use crate::canopen::pdo::Deadman;
+use crate::lab::campaign::monitor::law::Breaches;
+use crate::lab::campaign::monitor::law::Law;
+use crate::lab::campaign::monitor::sheet::Sheet;
+use crate::time::Instant;
+
+/// What was felt may take so long to end when the deadman opens.
+const LETS_GO: Duration = Duration::from_millis(20);
+
+/// The weight of the arm may be laid down by a ramp of this length when a person asks for it.
+const LAYS_DOWN: Duration = Duration::from_millis(50);
+
+/// Carrying the arm is known to within this share of capacity: friction is not carried, tools are.
+const UNKNOWN: f64 = 0.1;
+
+/// What is known of the torques.
+#[derive(Clone, Debug)]
+pub(super) struct Torque {
+    told: [i16; 6],
+    /// Since when each joint is told zero.
+    zero_since: [Option<Instant>; 6],
+    /// The cycle in which it was last torn from a torque to none, faster than it may change.
+    torn_cycle: [Option<u64>; 6],
+    cycle: u64,
+    counts: [i32; 6],
+    /// What carries the arm, and who is near an end of its range; of which cycle.
+    weight: Option<(u64, ([f64; 6], [bool; 6]))>,
+    /// The deadman as the switch box tells it, and since when it is open.
+    deadman: Option<Deadman>,
+    open_since: Option<Instant>,
+    /// It was seen open since arming: only then does closing it mean anything.
+    has_edge: bool,
+    state: State,
+    /// Targets that were not zero although nothing is armed.
+    pub(super) unarmed: u64,
+}
+
+/// What the console and the node have said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// Nothing is armed, and torque has ended by then.
+    Idle(Instant),
+    /// Armed.
+    Armed,
+    /// The node says since then that it has stopped.
+    Tripped(Instant),
+}
+
+impl Torque {
+    pub(super) const fn new() -> Self {
+        Self {
+            told: [0; 6],
+            zero_since: [Some(Instant::ZERO); 6],
+            torn_cycle: [None; 6],
+            cycle: 0,
+            counts: [0; 6],
+            weight: None,
+            deadman: None,
+            open_since: Some(Instant::ZERO),
+            has_edge: false,
+            state: State::Idle(Instant::ZERO),
+            unarmed: 0,
+        }
+    }
+
+    /// A SYNC of the node's on the first bus.
+    pub(super) const fn on_sync(&mut self) {
+        self.cycle += 1;
+    }
+
+    /// A TPDO: where a drive is, or what the switches are.
+    pub(super) fn on_tpdo(&mut self, at: Instant, heard: &Heard) {
+        if let Some((counts, position)) = self.counts.get_mut(heard.node).zip(heard.position) {
+            *counts = position.0;
+        }
+        if let Some(inputs) = heard.inputs {
+            let deadman = inputs.deadman();
+            match deadman {
+                Deadman::Pressed if self.state == State::Armed => self.open_since = None,
+                Deadman::Pressed => {}
+                Deadman::Released => {
+                    self.has_edge = true;
+                    self.open_since.get_or_insert(at);
+                }
+                Deadman::Disagreeing => _ = self.open_since.get_or_insert(at),
+            }
+            self.deadman = Some(deadman);
+        }
+    }
+
+    /// The console was told that it is armed. I4: not with a closed deadman.
+    pub(super) fn armed(&mut self, at: Instant, breaches: &mut Breaches) {
+        if self.deadman != Some(Deadman::Released) {
+            breaches.add(Law::Latched, at, "armed although the deadman is not open".to_owned());
+        }
+        if matches!(self.state, State::Tripped(_)) {
+            breaches.add(Law::Latched, at, "armed after a trip without a reset".to_owned());
+        }
+        self.go_on();
+    }
+
+    /// A reset has led back to carrying the arm.
+    pub(super) const fn go_on(&mut self) {
+        self.state = State::Armed;
+        self.has_edge = matches!(self.deadman, Some(Deadman::Released));
+        self.torn_cycle = [None; 6];
+    }
+
+    /// A person has asked for the end of torque: the weight of the arm is laid down, nothing else is felt.
+    pub(super) fn idle(&mut self, at: Instant) {
+        match self.state {
+            State::Armed => self.state = State::Idle(at + LAYS_DOWN),
+            State::Tripped(_) => self.state = State::Idle(at),
+            State::Idle(_) => {}
+        }
+        self.open_since.get_or_insert(at);
+        self.torn_cycle = [None; 6];
+    }
+
+    /// The node says that it has stopped.
+    pub(super) const fn tripped(&mut self, at: Instant) {
+        if !matches!(self.state, State::Tripped(_)) {
+            self.state = State::Tripped(at);
+        }
+    }
+
+    /// A target, in ‰ of rated torque; joints from 0.
+    pub(super) fn on_target(
+        &mut self,
+        sheet: &Sheet,
+        at: Instant,
+        (joint, target): (usize, i16),
+        breaches: &mut Breaches,
+    ) {
+        let (Some(bounds), Some(told)) = (sheet.joints.get(joint), self.told.get_mut(joint)) else {
+            return;
+        };
+        let before = std::mem::replace(told, target);
+        let size = target.unsigned_abs();
+        if size > bounds.cap.unsigned_abs() {
+            let what = format!("joint {} is told {target} of {} per mille", joint + 1, bounds.cap);
+            breaches.add(Law::Cap, at, what);
+        }
+        let is_same_way = before.signum() == target.signum();
+        let from = if is_same_way { before } else { 0 };
+        let may_grow = bounds.growth + 2.0 * bounds.resolution();
+        let is_growth = size > from.unsigned_abs();
+        if is_growth && bounds.torque(target) - bounds.torque(from) > may_grow {
+            let what = format!("joint {}: from {before} to {target} per mille", joint + 1);
+            breaches.add(Law::Slew, at, what);
+        }
+        let is_torn = target == 0 && bounds.torque(before) > 1.5 * bounds.growth + may_grow;
+        self.note(at, joint, target == 0, is_torn);
+        if target != 0 {
+            self.judge(sheet, at, (joint, target), breaches);
+        }
+    }
+
+    fn note(&mut self, at: Instant, joint: usize, is_zero: bool, is_torn: bool) {
+        let cycle = self.cycle;
+        let places = self.zero_since.iter_mut().zip(&mut self.torn_cycle);
+        for (since, torn) in places.skip(joint).take(1) {
+            if is_torn {
+                *torn = Some(cycle);
+            }
+            *since = is_zero.then(|| since.unwrap_or(at));
+        }
+    }
+
+    /// Whether a target that is not zero may be.
+    fn judge(
+        &mut self,
+        sheet: &Sheet,
+        at: Instant,
+        (joint, target): (usize, i16),
+        breaches: &mut Breaches,
+    ) {
+        let number = joint + 1;
+        match self.state {
+            State::Idle(since) if at > since + sheet.period => {
+                self.unarmed += 1;
+                let what = format!("joint {number} is told {target} per mille, not armed");
+                breaches.add(Law::Permitted, at, what);
+            }
+            State::Tripped(since) if at > since + sheet.period => {
+                self.unarmed += 1;
+                let what = format!("joint {number} is told {target} per mille after a trip");
+                breaches.add(Law::Latched, at, what);
+            }
+            State::Armed | State::Idle(_) if !self.is_held(at, sheet.period) => {
+                let (weight, ends) = self.weight(sheet);
+                let of = sheet.joints.iter().zip(weight).zip(ends).nth(joint);
+                let Some(((bounds, weight), false)) = of else { return };
+                let most = weight.abs() + UNKNOWN * bounds.capacity();
+                if bounds.torque(target) > most {
+                    let what = format!(
+                        "joint {number} is told {target} per mille, and only {weight:.3} N·m (N) carry it"
+                    );
+                    breaches.add(Law::Permitted, at, what);
+                }
+            }
+            State::Idle(_) | State::Armed | State::Tripped(_) => {}
+        }
+        if let Some(torn) = self.torn_cycle.iter().flatten().max()
+            && self.cycle > torn + 1
+        {
+            let what =
+                format!("joint {number} is told {target} per mille, and another was torn off");
+            breaches.add(Law::Together, at, what);
+        }
+    }
+
+    fn weight(&mut self, sheet: &Sheet) -> ([f64; 6], [bool; 6]) {
+        let known = self.weight.filter(|(cycle, _)| *cycle == self.cycle);
+        let (_, weight) = known.unwrap_or_else(|| (self.cycle, sheet.weight(&self.counts)));
+        self.weight = Some((self.cycle, weight));
+        weight
+    }
+
+    /// Whether somebody holds the deadman, or let it go so lately that what was felt may still end.
+    fn is_held(&self, at: Instant, period: Duration) -> bool {
+        let has_let_go = |since: Instant| at.since(since) > LETS_GO + period * 2;
+        self.has_edge && !self.open_since.is_some_and(has_let_go)
+    }
+
+    /// Since when every joint is told zero, if it is.
+    pub(super) fn all_zero_since(&self) -> Option<Instant> {
+        let since = self.zero_since.iter().copied().collect::<Option<Vec<_>>>()?;
+        since.into_iter().max()
+    }
+
+    /// Cycles between the first and the last joint that was torn from a torque to none.
+    pub(super) fn spread(&self) -> Option<u64> {
+        let torn = || self.torn_cycle.iter().flatten();
+        Some(torn().max()? - torn().min()?)
+    }
+
+    /// The largest share of a capacity that is told, 0 to 1.
+    pub(super) fn peak(&self, sheet: &Sheet) -> f64 {
+        let shares = self.told.iter().zip(&sheet.joints);
+        let shares = shares.map(|(told, joint)| f64::from(*told).abs() / f64::from(joint.cap));
+        shares.fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,254 @@
+//! One case: from a warm bench to a verdict.
+
+use std::fmt;
+use std::time::Duration;
+
+use nalgebra::Vector3;
+
+use crate::config::Config;
+use crate::lab::bench::Bench;
+use crate::lab::campaign::case::Case;
+use crate::lab::campaign::monitor::Monitor;
+use crate::lab::campaign::situation::Situation;
+use crate::lab::campaign::verdict::Seen;
+use crate::lab::campaign::verdict::Verdict;
+use crate::node::BringUpError;
+use crate::node::Request;
+use crate::sim::scenario::Scenario;
+use crate::sim::scenario::ScenarioError;
+use crate::spatial::Wrench;
+use crate::telemetry::record::Mode;
+use crate::telemetry::record::Record;
+use crate::time::Instant;
+
+/// The grip is watched for so long after the onset.
+const WATCH_GRIP: Duration = Duration::from_millis(100);
+
+/// Less than this share of a joint's capacity is not felt.
+const FELT: f64 = 0.02;
+
+/// An object that is pressed against something feels at least so much, in N.
+const CONTACT: f64 = 2.0;
+
+/// Why no case can be played.
+#[derive(Debug)]
+pub enum StageError {
+    /// A script that cannot be followed.
+    Script(ScenarioError),
+    /// The network does not come up.
+    Boot(BringUpError),
+    /// The operator does not come where the fault is to find him.
+    Elsewhere(Situation, Mode),
+    /// A law is broken before anything else is.
+    Broken(String),
+}
+
+impl fmt::Display for StageError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Script(error) => write!(f, "script: {error}"),
+            Self::Boot(error) => write!(f, "{error}"),
+            Self::Elsewhere(situation, mode) => write!(f, "never {situation}: the node is {mode}"),
+            Self::Broken(breach) => write!(f, "before any fault: {breach}"),
+        }
+    }
+}
+
+impl std::error::Error for StageError {}
+
+/// Somebody who is told of every cycle.
+pub(super) type Witness<'a> = dyn FnMut(&mut Bench<Monitor>, &Record) + 'a;
+
+/// Brings a bench to where a fault of this situation may strike; `seed` is of the hand's tremor.
+pub(super) fn warm(
+    config: &Config,
+    situation: Situation,
+    seed: u64,
+    monitor: Monitor,
+) -> Result<Bench<Monitor>, StageError> {
+    let seconds = situation.warm_s() + 2.0;
+    let script = format!("seconds = {seconds}\n\n{}", situation.entries());
+    let scenario = Scenario::parse(&script).map_err(StageError::Script)?;
+    let mut bench = Bench::new(config, scenario, seed, false, monitor);
+    bench.bring_up().map_err(StageError::Boot)?;
+    let mut last = None;
+    while bench.elapsed().as_secs_f64() < situation.warm_s() {
+        answer(&mut bench);
+        let record = bench.cycle();
+        last = Some((record.mode, record.f_s.force.norm()));
+    }
+    let (mode, force) = last.unwrap_or((Mode::Boot, 0.0));
+    let is_there = match situation {
+        Situation::Armed => mode == Mode::Armed,
+        Situation::Free => mode == Mode::Engaged,
+        Situation::Contact => mode == Mode::Engaged && force > CONTACT,
+    };
+    if let Some(breach) = bench.tap_mut().breaches().first() {
+        return Err(StageError::Broken(breach.to_string()));
+    }
+    if is_there { Ok(bench) } else { Err(StageError::Elsewhere(situation, mode)) }
+}
+
+/// Asks the node what the script asks of the console by now, and tells the judge what it answered. Whether
+/// anything was asked.
+pub(super) fn answer(bench: &mut Bench<Monitor>) -> bool {
+    let mut is_asked = false;
+    while let Some(request) = bench.due() {
+        ask(bench, request);
+        is_asked = true;
+    }
+    is_asked
+}
+
+fn ask(bench: &mut Bench<Monitor>, request: Request) {
+    let mode = bench.ask(request).ok();
+    let now = bench.now();
+    bench.tap_mut().asked(now, request, mode);
+}
+
+/// Plays a case on a warm bench, which is spent then.
+pub(super) fn play(
+    bench: &mut Bench<Monitor>,
+    config: &Config,
+    case: &Case,
+    witness: &mut Witness<'_>,
+) -> Result<Verdict, StageError> {
+    let scenario = Scenario::parse(&case.script()).map_err(StageError::Script)?;
+    bench.follow(scenario, case.seed);
+    bench.tap_mut().forget();
+    let mut onset = bench.begun() + case.onset;
+    for (after, mishap) in &case.deed.mishaps {
+        bench.bus_mut().plan(onset + *after, *mishap);
+        bench.tap_mut().excuse(onset);
+    }
+    let mut watch = Watch::new(bench);
+    let mut is_tried = false;
+    while bench.now() < onset + case.deed.watch {
+        if answer(bench) {
+            onset = bench.now();
+        }
+        if let Some(force) = case.deed.senses.filter(|_| bench.now() >= onset) {
+            let force = Vector3::new(force, 0.0, 0.0);
+            bench.site_mut().pretend(Wrench { force, moment: Vector3::zeros() });
+        }
+        // A latch is left by a reset alone.
+        if !is_tried && bench.now() > onset + case.deed.watch * 3 / 4 && watch.is_latched() {
+            ask(bench, Request::Arm);
+            is_tried = true;
+        }
+        let record = bench.cycle();
+        let now = bench.now();
+        bench.tap_mut().told(now, record.mode);
+        watch.look(bench, config, onset, &record);
+        witness(bench, &record);
+    }
+    if !watch.is_latched() {
+        // Drives that are broken may not confirm it; the order of what they are told is judged all the same.
+        bench.stop().ok();
+    }
+    Ok(Verdict::of(case, config.period, watch.finish(bench, onset)))
+}
+
+/// What is measured on the way.
+#[derive(Debug)]
+struct Watch {
+    before: Instant,
+    at_start: Vector3<f64>,
+    last: Vector3<f64>,
+    felt_until: Option<Instant>,
+    detected: Option<Instant>,
+    seen: Seen,
+}
+
+impl Watch {
+    fn new(bench: &Bench<Monitor>) -> Self {
+        let place = place(bench);
+        let seen = Seen {
+            detected: None,
+            is_stopped: false,
+            cause: None,
+            zero: None,
+            quiet: None,
+            felt: None,
+            spread: None,
+            impulse: 0.0,
+            peak: 0.0,
+            speed: 0.0,
+            travel: 0.0,
+            stale: 0,
+            unarmed: 0,
+            breaches: Vec::new(),
+            breach_count: 0,
+        };
+        Self {
+            before: bench.now(),
+            at_start: place,
+            last: place,
+            felt_until: None,
+            detected: None,
+            seen,
+        }
+    }
+
+    const fn is_latched(&self) -> bool {
+        self.detected.is_some()
+    }
+
+    /// After a cycle.
+    fn look(&mut self, bench: &Bench<Monitor>, config: &Config, onset: Instant, record: &Record) {
+        let (now, place) = (bench.now(), place(bench));
+        let dt = now.since(self.before.max(onset)).as_secs_f64();
+        if now < onset {
+            self.at_start = place;
+        } else {
+            let world = bench.node().bus().stations();
+            self.seen.impulse += world.torques().abs().sum() * dt;
+            self.seen.peak = self.seen.peak.max(bench.node().bus().tap().peak());
+            if now.since(onset) <= WATCH_GRIP {
+                let cycle = now.since(self.before).as_secs_f64().max(1e-6);
+                self.seen.speed = self.seen.speed.max((place - self.last).norm() / cycle);
+                self.seen.travel = self.seen.travel.max((place - self.at_start).norm());
+            }
+            if is_felt(config, record) {
+                self.felt_until = Some(now);
+            }
+            if record.mode.is_latched() {
+                self.detected.get_or_insert(now);
+                self.seen.cause = self.seen.cause.or(record.cause);
+            }
+            self.seen.is_stopped |= record.mode.is_stopped();
+        }
+        self.before = now;
+        self.last = place;
+    }
+
+    fn finish(mut self, bench: &mut Bench<Monitor>, onset: Instant) -> Seen {
+        let since = |at: Instant| at.since(onset);
+        let quiet = bench.node().bus().stations().quiet_since();
+        let monitor = bench.tap_mut();
+        self.seen.detected = self.detected.map(since);
+        self.seen.zero = monitor.all_zero_since().map(since);
+        self.seen.quiet = quiet.map(since);
+        self.seen.felt = Some(self.felt_until.map(since).unwrap_or_default());
+        self.seen.spread = monitor.spread();
+        self.seen.stale = monitor.stale_frames();
+        self.seen.unarmed = monitor.unarmed_frames();
+        self.seen.breaches = monitor.breaches().to_vec();
+        self.seen.breach_count = monitor.breach_count();
+        self.seen
+    }
+}
+
+fn place(bench: &Bench<Monitor>) -> Vector3<f64> {
+    bench.node().bus().stations().plant().x_0_g().translation.vector
+}
+
+/// Whether anything but the arm's weight acts on a joint.
+fn is_felt(config: &Config, record: &Record) -> bool {
+    if record.targets == [0; 6] {
+        return false;
+    }
+    let rest = record.output.tau - record.output.ledger.gravity;
+    let mut joints = rest.iter().zip(&config.joints);
+    joints.any(|(torque, joint)| torque.abs() > FELT * joint.max_torque)
+}

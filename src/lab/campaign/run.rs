@@ -1,0 +1,159 @@
+//! All cases of a campaign, on every core. What comes out does not depend on how many there are.
+
+use std::num::NonZero;
+use std::sync::Mutex;
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering;
+use std::thread;
+
+use crate::canopen::frame::Telegram;
+use crate::config::Config;
+use crate::lab::bench::Bench;
+use crate::lab::campaign::case::Case;
+use crate::lab::campaign::monitor::Monitor;
+use crate::lab::campaign::play;
+use crate::lab::campaign::play::StageError;
+use crate::lab::campaign::situation::Situation;
+use crate::lab::campaign::verdict::Verdict;
+use crate::telemetry::record::Record;
+use crate::time::Instant;
+
+/// A seed, hand controllers, and how many faults of which kind.
+#[derive(Clone, Debug)]
+pub struct Campaign {
+    seed: u64,
+    configs: Vec<Config>,
+    cases: Vec<Case>,
+}
+
+/// A warm bench for each hand controller and situation that is needed.
+type Stages = Vec<[Option<Bench<Monitor>>; 3]>;
+
+impl Campaign {
+    /// The first `faults` cases of a seed, or those whose kind's name contains `only`.
+    pub fn new(seed: u64, configs: Vec<Config>, faults: usize, only: Option<&str>) -> Self {
+        let is_wanted = |case: &Case| only.is_none_or(|only| case.kind.name.contains(only));
+        let cases = (1..).map_while(|number| Case::of(seed, number, &configs));
+        let most = u32::try_from(faults).unwrap_or(u32::MAX).saturating_mul(ROUNDS);
+        let cases = cases.take_while(|case| case.number <= most);
+        let cases = cases.filter(is_wanted).take(faults).collect();
+        Self { seed, configs, cases }
+    }
+
+    /// Case `number` of a seed, alone.
+    pub fn of_one(seed: u64, configs: Vec<Config>, number: u32) -> Option<Self> {
+        let case = Case::of(seed, number, &configs)?;
+        Some(Self { seed, configs, cases: vec![case] })
+    }
+
+    /// What is to be played.
+    pub fn cases(&self) -> &[Case] {
+        &self.cases
+    }
+
+    /// On which hand controllers.
+    pub fn configs(&self) -> &[Config] {
+        &self.configs
+    }
+
+    /// Plays all cases with `threads` threads; `progress` is called after each.
+    ///
+    /// # Errors
+    /// Where a hand controller does not come up, or does not come into a situation.
+    pub fn run(
+        &self,
+        threads: NonZero<usize>,
+        progress: &(dyn Fn() + Sync),
+    ) -> Result<Vec<Verdict>, StageError> {
+        let stages = self.stages(threads)?;
+        let verdicts = each(threads, &self.cases, &|case| {
+            let verdict = self.play_on(&stages, case);
+            progress();
+            verdict
+        });
+        verdicts.into_iter().collect()
+    }
+
+    /// Plays the first case again by itself, with all its frames since the first boot; `witness` is told of
+    /// every cycle since shortly before the fault.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn replay(
+        &self,
+        witness: &mut dyn FnMut(&mut Bench<Monitor>, &Record),
+    ) -> Result<Option<(Verdict, Vec<(Instant, Telegram)>)>, StageError> {
+        let Some((case, config)) =
+            self.cases.first().and_then(|case| Some((case, self.configs.get(case.config)?)))
+        else {
+            return Ok(None);
+        };
+        let monitor = Monitor::new(config).keeping_frames();
+        let mut bench = play::warm(config, case.situation, self.seed, monitor)?;
+        let verdict = play::play(&mut bench, config, case, witness)?;
+        Ok(Some((verdict, bench.tap_mut().frames().to_vec())))
+    }
+
+    fn play_on(&self, stages: &Stages, case: &Case) -> Result<Verdict, StageError> {
+        let stage = stages.get(case.config).and_then(|stages| stages.get(case.situation.place()));
+        match (stage, self.configs.get(case.config)) {
+            (Some(Some(bench)), Some(config)) => {
+                play::play(&mut bench.clone(), config, case, &mut |_, _| {})
+            }
+            // Every case has a stage and a hand controller: both are made from the cases.
+            _ => Err(StageError::Broken(format!("case {} has no stage", case.number))),
+        }
+    }
+
+    /// Warms what the cases need, each once.
+    fn stages(&self, threads: NonZero<usize>) -> Result<Stages, StageError> {
+        let of = |config| Situation::ALL.map(|situation| (config, situation));
+        let mut wanted: Vec<(usize, Situation)> = (0..self.configs.len()).flat_map(of).collect();
+        wanted.retain(|wanted| {
+            self.cases.iter().any(|case| (case.config, case.situation) == *wanted)
+        });
+        let warmed = each(threads, &wanted, &|(config, situation)| {
+            let config = self.configs.get(*config)?;
+            Some(play::warm(config, *situation, self.seed, Monitor::new(config)))
+        });
+        let mut stages: Stages = self.configs.iter().map(|_| [None, None, None]).collect();
+        for ((config, situation), bench) in wanted.into_iter().zip(warmed) {
+            let stage = stages.get_mut(config).and_then(|all| all.get_mut(situation.place()));
+            if let (Some(stage), Some(bench)) = (stage, bench) {
+                *stage = Some(bench?);
+            }
+        }
+        Ok(stages)
+    }
+}
+
+/// Cases of one kind come once in so many, or sooner.
+const ROUNDS: u32 = 200;
+
+/// Does something with each of `items` on several threads; the results are in the items' order.
+pub(super) fn each<T: Sync, R: Send>(
+    threads: NonZero<usize>,
+    items: &[T],
+    work: &(dyn Fn(&T) -> R + Sync),
+) -> Vec<R> {
+    let next = AtomicUsize::new(0);
+    let done = Mutex::new(Vec::with_capacity(items.len()));
+    thread::scope(|scope| {
+        for _ in 0..threads.get() {
+            scope.spawn(|| {
+                while let Some((place, item)) = {
+                    let place = next.fetch_add(1, Ordering::Relaxed);
+                    items.get(place).map(|item| (place, item))
+                } {
+                    let result = work(item);
+                    if let Ok(mut done) = done.lock() {
+                        done.push((place, result));
+                    }
+                }
+            });
+        }
+    });
+    let mut done = done.into_inner().unwrap_or_default();
+    done.sort_by_key(|(place, _)| *place);
+    done.into_iter().map(|(_, result)| result).collect()
+}

@@ -1,0 +1,159 @@
+//! What one case came to, and whether that is what is demanded.
+
+use std::fmt;
+use std::time::Duration;
+
+use crate::lab::campaign::case::Case;
+use crate::lab::campaign::case::Demand;
+use crate::lab::campaign::case::MayStop;
+use crate::lab::campaign::monitor::Breach;
+use crate::telemetry::cause::Cause;
+
+/// What was seen of one case. Times are since its onset.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Seen {
+    /// Until the node was latched, if it was.
+    pub detected: Option<Duration>,
+    /// Whether torque is off by its latch, not reflection alone.
+    pub is_stopped: bool,
+    /// Why it was latched.
+    pub cause: Option<Cause>,
+    /// Until every drive was told zero, if it was for good.
+    pub zero: Option<Duration>,
+    /// Until no drive asked its motor for torque, if that lasted.
+    pub quiet: Option<Duration>,
+    /// Until nothing but the arm's weight was felt, if that lasted.
+    pub felt: Option<Duration>,
+    /// Cycles between the first and the last joint that was torn from a torque to none.
+    pub spread: Option<u64>,
+    /// All that the motors pushed, in N·m·s (N·s).
+    pub impulse: f64,
+    /// The largest share of its capacity that a joint was told, 0 to 1.
+    pub peak: f64,
+    /// The grip's highest speed, in m/s.
+    pub speed: f64,
+    /// How far the grip came from where it was, in m.
+    pub travel: f64,
+    /// Torque frames on the wire in another cycle than their own.
+    pub stale: u64,
+    /// Targets that were not zero although nothing was armed.
+    pub unarmed: u64,
+    /// The first few breaches of a law.
+    pub breaches: Vec<Breach>,
+    /// All of them.
+    pub breach_count: u64,
+}
+
+/// What is to be said of a case.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Verdict {
+    /// The case's number.
+    pub number: u32,
+    /// What kind of fault it was.
+    pub kind: &'static str,
+    /// The hazard it stands for.
+    pub row: u8,
+    /// The hand controller: a place in the campaign's list.
+    pub config: usize,
+    /// Its cycle.
+    pub period: Duration,
+    /// What was demanded.
+    pub demand: Demand,
+    /// What was seen.
+    pub seen: Seen,
+    /// Whether that is what was demanded.
+    pub outcome: Outcome,
+}
+
+/// Whether it went as demanded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Yes.
+    Met,
+    /// It was not seen at all.
+    Missed,
+    /// It was seen, and not answered in time.
+    Late,
+    /// It stopped without need.
+    FalseTrip,
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Met => "as demanded",
+            Self::Missed => "missed",
+            Self::Late => "late",
+            Self::FalseTrip => "false trip",
+        })
+    }
+}
+
+impl Verdict {
+    /// Judges what was seen of a case.
+    pub fn of(case: &Case, period: Duration, seen: Seen) -> Self {
+        Self {
+            number: case.number,
+            kind: case.kind.name,
+            row: case.kind.row,
+            config: case.config,
+            period,
+            demand: case.deed.demand,
+            outcome: outcome(case.deed.demand, &seen),
+            seen,
+        }
+    }
+
+    /// Whether nothing is wrong with it: neither its outcome nor any law.
+    pub const fn is_good(&self) -> bool {
+        matches!(self.outcome, Outcome::Met) && self.seen.breach_count == 0
+    }
+
+    /// The time that was demanded of: until zero, silence or letting go.
+    pub const fn time(&self) -> Option<Duration> {
+        match self.demand {
+            Demand::Stop(_) | Demand::Zero(_) => self.seen.zero,
+            Demand::Release(_) => self.seen.quiet,
+            Demand::LetGo(_) | Demand::Disengage(..) => self.seen.felt,
+            Demand::GoOn | Demand::Either(_) => None,
+        }
+    }
+}
+
+fn outcome(demand: Demand, seen: &Seen) -> Outcome {
+    let is_latched = seen.detected.is_some();
+    let in_time = |time: Option<Duration>, within: Duration| match time {
+        Some(time) if time <= within => Outcome::Met,
+        Some(_) | None => Outcome::Late,
+    };
+    match demand {
+        Demand::Stop(_) if !seen.is_stopped => Outcome::Missed,
+        Demand::Release(_) | Demand::LetGo(_) if !is_latched => Outcome::Missed,
+        Demand::Zero(_) | Demand::Disengage(_, MayStop::No) | Demand::GoOn if is_latched => {
+            Outcome::FalseTrip
+        }
+        Demand::LetGo(within) if seen.detected.is_some_and(|time| time > within) => Outcome::Late,
+        Demand::Stop(within) | Demand::Zero(within) => in_time(seen.zero, within),
+        Demand::Release(within) => in_time(seen.quiet, within),
+        Demand::LetGo(within) | Demand::Disengage(within, _) => in_time(seen.felt, within),
+        Demand::GoOn | Demand::Either(_) => Outcome::Met,
+    }
+}
+
+/// As in `within 5 ms`.
+impl fmt::Display for Demand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let millis = |time: &Duration| time.as_secs_f64() * 1e3;
+        match self {
+            Self::Stop(within) => write!(f, "all zero and latched within {:.1} ms", millis(within)),
+            Self::Zero(within) => write!(f, "all zero within {:.1} ms", millis(within)),
+            Self::Release(within) => {
+                write!(f, "drives torque-free within {:.1} ms", millis(within))
+            }
+            Self::LetGo(within) => write!(f, "reflection off within {:.1} ms", millis(within)),
+            Self::Disengage(within, _) => write!(f, "nothing felt after {:.1} ms", millis(within)),
+            Self::GoOn => f.write_str("goes on"),
+            Self::Either(why) => write!(f, "either way: {why}"),
+        }
+    }
+}

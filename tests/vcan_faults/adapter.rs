@@ -27,7 +27,7 @@ fn hazard_22_frames_that_are_taken_and_reach_nobody_leave_the_drives_free_within
     let onset = rig.onset();
     ip("link set vxcan1 down");
     rig.run_for(millis(20));
-    rig.is("drives-off");
+    rig.is_stopped();
     rig.seen_after(onset, millis(40)).all_are_free_within(TIMER);
     gateway.is_gone();
     drop(cable);
@@ -42,7 +42,7 @@ fn hazard_22_what_a_stalled_adapter_held_back_is_not_felt_when_it_goes_on() {
     rig.run_for(millis(40));
     adapter.go_on();
     rig.run_for(millis(20));
-    rig.is("drives-off");
+    rig.is_stopped();
     rig.seen_after(onset, millis(80)).all_are_free_within(TIMER);
 }
 

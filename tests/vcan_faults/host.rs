@@ -53,7 +53,7 @@ fn hazard_28_a_node_that_was_stopped_begins_with_zero_catches_up_nothing_and_is_
     let resumed = rig.now();
     // The deadman closes again within this.
     rig.run_for(millis(450));
-    rig.is("drives-off");
+    rig.is_stopped();
     let seen = rig.seen_after(onset, millis(510));
     seen.all_are_free_within(millis(6));
     seen.goes_on_without_a_burst(resumed);
@@ -71,7 +71,7 @@ fn hazard_25_frames_that_waited_while_the_node_was_stopped_are_not_taken_for_new
     rig.node.as_ref().unwrap().signal(Signal::SIGCONT);
     let resumed = rig.now();
     rig.run_for(millis(30));
-    rig.is("drives-off");
+    rig.is_stopped();
     let seen = rig.seen_after(onset, millis(90));
     seen.all_are_free_within(millis(6));
     seen.goes_on_without_a_burst(resumed);

@@ -7,10 +7,10 @@ use crate::common::process::Process;
 pub(crate) struct Interface(&'static str);
 
 impl Interface {
-    /// A vcan that is up.
+    /// A vcan that is up, and takes CAN FD.
     pub(crate) fn vcan(name: &'static str) -> Self {
         ip(&format!("link add {name} type vcan"));
-        ip(&format!("link set {name} up"));
+        ip(&format!("link set {name} mtu 72 up"));
         Self(name)
     }
 

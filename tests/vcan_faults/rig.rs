@@ -93,18 +93,19 @@ impl Rig {
     }
 
     /// Asks for arming until it is granted: a node that boots refuses, and one whose deadman is closed.
-    pub(crate) fn arm(&mut self) {
+    fn arm(&mut self) {
         for _ in 0..100 {
             if self.scratch.ctl("arm").code == Some(0) {
                 return;
             }
             self.run_for(Duration::from_millis(20));
         }
-        panic!("it cannot be armed: {}", self.scratch.ctl("arm").stderr);
+        let refusal = self.scratch.ctl("arm").stderr;
+        panic!("it cannot be armed: {refusal}{}", self.node.take().unwrap().terminate().stderr);
     }
 
     /// Waits until the deadman closes, and until what is felt then has come on.
-    pub(crate) fn engage(&mut self) {
+    fn engage(&mut self) {
         let is = |wanted: u8| {
             move |line: &frhc::telemetry::candump::Line<'_>| {
                 line.canopen().is_some_and(|(id, data)| id == 0x190 && data[0] & 3 == wanted)
@@ -168,11 +169,6 @@ impl Rig {
         (outcome, Duration::from_nanos(after - before))
     }
 
-    /// A request, which the node grants.
-    pub(crate) fn ask(&self, request: &str) {
-        self.scratch.ctl(request).succeeds();
-    }
-
     /// What the node says of itself, as `frhc ctl status --json` prints it.
     pub(crate) fn status(&self) -> serde_json::Value {
         let (ctl, mut stdout) = self.scratch.frhc_and_stdout(&["ctl", "status", "--json"]);
@@ -188,6 +184,14 @@ impl Rig {
         let status = self.status();
         let cause = status["status"]["stopped_by"].as_str().unwrap_or("nothing");
         assert!(cause.contains(reason), "stopped by {cause}, not by {reason}; {}", status["mode"]);
+    }
+
+    /// Fails unless the node has stopped, for whatever it noticed first.
+    #[track_caller]
+    pub(crate) fn is_stopped(&self) {
+        let status = self.status();
+        let mode = status["mode"].as_str();
+        assert!(matches!(mode, Some("zero-torque" | "drives-off")), "{status}");
     }
 
     /// Fails unless the node is in this mode.
@@ -273,13 +277,14 @@ impl Seen {
         self
     }
 
-    /// Every drive is told to take its voltage off within `most`: its first controlword since the fault.
+    /// Every drive is told to take its voltage off: its first controlword since the fault. One such word
+    /// goes out a cycle, behind the torques.
     #[track_caller]
-    pub(crate) fn switches_off_within(&self, most: Duration) {
+    pub(crate) fn all_are_switched_off(&self) {
         for node in NODES {
             let first = self.first_controlword(node).unwrap_or_else(|| panic!("node {node}: none"));
             let after = Duration::from_nanos(first.nanos - self.onset);
-            assert!(first.word & 0x8F == 0 && after <= most, "node {node}: {first:?} {after:?}");
+            assert!(first.word & 0x8F == 0 && after <= cycles(8), "node {node}: {first:?} {after:?}");
         }
     }
 

@@ -133,7 +133,7 @@ fn hazard_24_an_interface_that_is_taken_away_leaves_the_drives_free_within_6_ms(
 
 #[test]
 fn hazard_24_an_adapter_that_is_pulled_leaves_the_drives_free_within_6_ms() {
-    let adapter = Adapter::plugged("slcan0");
+    let mut adapter = Adapter::plugged("slcan0");
     let mut rig = Rig::engaged("pulled", &on("slcan0"));
     let onset = rig.onset();
     adapter.unplug();

@@ -284,7 +284,10 @@ impl Seen {
         for node in NODES {
             let first = self.first_controlword(node).unwrap_or_else(|| panic!("node {node}: none"));
             let after = Duration::from_nanos(first.nanos - self.onset);
-            assert!(first.word & 0x8F == 0 && after <= cycles(8), "node {node}: {first:?} {after:?}");
+            assert!(
+                first.word & 0x8F == 0 && after <= cycles(10),
+                "node {node}: {first:?} {after:?}"
+            );
         }
     }
 

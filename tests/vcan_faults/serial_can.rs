@@ -45,52 +45,68 @@ enum Order {
 
 /// An adapter that is plugged in; pulled when a test ends.
 pub(crate) struct Adapter {
-    orders: Sender<Order>,
+    interface: &'static str,
+    orders: Option<Sender<Order>>,
     wire: Option<JoinHandle<()>>,
-    /// Holds the line discipline.
-    slcand: Process,
+    /// Holds the line discipline until the terminal is hung up.
+    slcand: Option<Process>,
 }
 
 impl Adapter {
     /// Its interface is up.
-    pub(crate) fn plugged(interface: &str) -> Self {
+    pub(crate) fn plugged(interface: &'static str) -> Self {
         let terminal = posix_openpt(OFlag::O_RDWR | OFlag::O_NOCTTY).unwrap();
         grantpt(&terminal).unwrap();
         unlockpt(&terminal).unwrap();
         let line = ptsname_r(&terminal).unwrap();
+        let slcand = Process::of("slcand", &["-F", "-o", "-s8", &line, interface]);
+        wait_until_it_is(interface, true);
         let (orders, ordered) = channel();
         let wire = thread::spawn(move || Wire::new(terminal).carry(&ordered));
-        let slcand = Process::of("slcand", &["-F", "-o", "-s8", &line, interface]);
-        while !fs::exists(format!("/sys/class/net/{interface}")).unwrap() {
-            thread::sleep(Duration::from_millis(1));
-        }
         // About a cycle of frames, as scripts/vcan_setup.sh has it.
-        ip(&format!("link set {interface} txqueuelen 10 up"));
-        Self { orders, wire: Some(wire), slcand }
+        ip(&format!("link set {interface} txqueuelen 16 up"));
+        Self { interface, orders: Some(orders), wire: Some(wire), slcand: Some(slcand) }
     }
 
     /// From now on it takes nothing from the host, and gives it nothing.
     pub(crate) fn stall(&self) {
-        self.orders.send(Order::Stall).unwrap();
+        self.order(Order::Stall);
     }
 
     /// What it held back goes out.
     pub(crate) fn go_on(&self) {
-        self.orders.send(Order::GoOn).unwrap();
+        self.order(Order::GoOn);
     }
 
     /// Tells the host a state of its controller: `sb000255` is bus-off, `sp128000` passive, `sw096000` a
     /// warning.
     pub(crate) fn say(&self, words: &str) {
-        self.orders.send(Order::Say(words.to_owned())).unwrap();
+        self.order(Order::Say(words.to_owned()));
+    }
+
+    fn order(&self, order: Order) {
+        self.orders.as_ref().unwrap().send(order).unwrap();
     }
 
     /// Pulls it: the terminal is hung up, and the interface with it.
-    pub(crate) fn unplug(self) {
-        let Self { orders, wire, slcand } = self;
-        drop(orders);
-        wire.map(JoinHandle::join).transpose().unwrap();
-        slcand.wait();
+    pub(crate) fn unplug(&mut self) {
+        self.orders = None;
+        self.wire.take().map(JoinHandle::join).transpose().unwrap();
+        drop(self.slcand.take());
+        wait_until_it_is(self.interface, false);
+    }
+}
+
+impl Drop for Adapter {
+    fn drop(&mut self) {
+        self.unplug();
+    }
+}
+
+/// Waits until there is such an interface, or none.
+fn wait_until_it_is(interface: &str, there: bool) {
+    while fs::exists(format!("/sys/class/net/{interface}")).unwrap() != there {
+        thread::sleep(Duration::from_millis(1));
     }
 }
 

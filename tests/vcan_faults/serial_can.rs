@@ -55,7 +55,9 @@ pub(crate) struct Adapter {
 impl Adapter {
     /// Its interface is up.
     pub(crate) fn plugged(interface: &'static str) -> Self {
-        let terminal = posix_openpt(OFlag::O_RDWR | OFlag::O_NOCTTY).unwrap();
+        // The programs started meanwhile must not hold it, or it would not be hung up.
+        let terminal = OFlag::O_RDWR | OFlag::O_NOCTTY | OFlag::O_CLOEXEC;
+        let terminal = posix_openpt(terminal).unwrap();
         grantpt(&terminal).unwrap();
         unlockpt(&terminal).unwrap();
         let line = ptsname_r(&terminal).unwrap();

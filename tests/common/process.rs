@@ -98,8 +98,7 @@ impl Candump {
             .spawn()
             .unwrap();
         let lines = BufReader::new(child.stdout.take().unwrap());
-        let interface_heard = interface.to_owned();
-        let mut candump = Self { interface: interface_heard, child, lines, seen: Vec::new() };
+        let mut candump = Self { interface: interface.to_owned(), child, lines, seen: Vec::new() };
         // It says nothing when it is ready, so it is spoken to until it is: by marks on the way of
         // every later frame.
         let mut hello = Process::spawn(

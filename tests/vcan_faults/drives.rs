@@ -43,7 +43,8 @@ fn hazard_07_whatever_emergency_a_drive_tells_all_torque_is_off_two_cycles_later
 #[test]
 fn hazard_08_when_a_drive_fails_the_five_others_are_free_two_cycles_later() {
     let _gateway = Gateway::at(NODE);
-    let fault = "[[fault]]\nat_s = 0.4\nkind = \"fault\"\njoint = 3\ncode = 0x3210\n";
+    // Well within a press.
+    let fault = "[[fault]]\nat_s = 1.05\nkind = \"fault\"\njoint = 3\ncode = 0x3210\n";
     let setup = Setup { script: script::rhythm() + fault, ..Setup::default() };
     let mut rig = Rig::engaged("fault", &setup);
     let onset = rig.onset();

@@ -17,10 +17,28 @@ use crate::shaper::Shaper;
 /// The elbow: it carries, and its limit is far.
 const ELBOW: u16 = 3;
 
+/// Heartbeats of the drives every 5 ms, which one bus hardly carries beside the positions of each: where
+/// those come, they are the quicker watch.
+const QUICK_HEARTBEATS: [(&str, &str); 3] = [
+    ("drive_heartbeat_ms = 100", "drive_heartbeat_ms = 5"),
+    ("drive_lost_ms = 250", "drive_lost_ms = 25"),
+    ("load_limit_percent = 90", "load_limit_percent = 99"),
+];
+
 /// Breaks something between an engaged node and its drives, and checks what the node says of it.
 fn broken(name: &str, reason: &str, span: Duration, fault: impl Fn(&Gateway)) -> Seen {
+    broken_with(&Setup::default(), name, reason, span, fault)
+}
+
+fn broken_with(
+    setup: &Setup,
+    name: &str,
+    reason: &str,
+    span: Duration,
+    fault: impl Fn(&Gateway),
+) -> Seen {
     let gateway = Gateway::at(NODE);
-    let mut rig = Rig::engaged(name, &Setup::default());
+    let mut rig = Rig::engaged(name, setup);
     let onset = rig.onset();
     fault(&gateway);
     rig.run_for(span);
@@ -39,7 +57,9 @@ fn hazard_01_a_drive_whose_cable_breaks_takes_the_torque_off_all_within_five_cyc
 
 #[test]
 fn hazard_02_a_heartbeat_that_stops_alone_switches_all_off_within_30_ms() {
-    let seen = broken("heartbeat", "joint 3: heartbeat lost", millis(60), |gateway| {
+    let setup = Setup { changes: QUICK_HEARTBEATS.to_vec(), ..Setup::default() };
+    let reason = "joint 3: heartbeat lost";
+    let seen = broken_with(&setup, "heartbeat", reason, millis(60), |gateway| {
         gateway.lose(Way::ToNode, 0x700 + ELBOW);
     });
     seen.all_are_free_within(millis(30));

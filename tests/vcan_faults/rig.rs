@@ -277,15 +277,15 @@ impl Seen {
         self
     }
 
-    /// Every drive is told to take its voltage off: its first controlword since the fault. One such word
-    /// goes out a cycle, behind the torques.
+    /// Every drive is told to take its voltage off: its first controlword since the fault. One frame goes
+    /// out a cycle behind the torques, a word or a request.
     #[track_caller]
     pub(crate) fn all_are_switched_off(&self) {
         for node in NODES {
             let first = self.first_controlword(node).unwrap_or_else(|| panic!("node {node}: none"));
             let after = Duration::from_nanos(first.nanos - self.onset);
             assert!(
-                first.word & 0x8F == 0 && after <= cycles(10),
+                first.word & 0x8F == 0 && after <= cycles(20),
                 "node {node}: {first:?} {after:?}"
             );
         }

@@ -79,11 +79,10 @@ fetch_debian_kernel() { # into $home: linux.uml, its modules, and the newer C li
 }
 
 run_in_uml() { # run_in_uml KERNEL COMMAND...
-  local kernel=$1 options="quiet vcan.echo=1" # echo=1: netem and tbf act on vcan as on real hardware
+  local kernel=$1 options="quiet vcan.echo=1 seccomp=auto" # echo=1: netem and tbf act on vcan as on real hardware
   shift
   need ip:iproute2
   [[ -z $virtual ]] || options+=" time-travel=inf-cpu"
-  [[ $kernel != "$home/linux.uml" ]] || options+=" seccomp=on"
   run=$(mktemp -d) # global: the trap outlives this function
   trap 'rm -rf "$run"' EXIT
   export -p >"$run/env"

@@ -36,6 +36,11 @@ impl Log {
         Self(lines.iter().filter_map(entry).collect())
     }
 
+    /// All of them.
+    pub(crate) fn entries(&self) -> &[Entry] {
+        &self.0
+    }
+
     /// Between `from` and `to` s after the first SYNC there is one SYNC a period, and after each of
     /// them one position of every drive and one frame of torques of every group before the next.
     pub(crate) fn has_one_exchange_a_period(

@@ -82,6 +82,7 @@ impl Outcome {
 
 /// can-utils' candump on one interface: the witness, and the clock.
 pub(crate) struct Candump {
+    interface: String,
     child: Child,
     lines: BufReader<ChildStdout>,
     seen: Vec<String>,
@@ -97,7 +98,7 @@ impl Candump {
             .spawn()
             .unwrap();
         let lines = BufReader::new(child.stdout.take().unwrap());
-        let mut candump = Self { child, lines, seen: Vec::new() };
+        let mut candump = Self { interface: interface.to_owned(), child, lines, seen: Vec::new() };
         // It says nothing when it is ready, so it is spoken to until it is: by marks on the way of
         // every later frame.
         let mut hello = Process::spawn(
@@ -106,18 +107,18 @@ impl Candump {
         candump.until(is_mark);
         hello.0.kill().unwrap();
         drop(hello);
-        candump.mark(interface);
+        candump.mark();
         candump.seen.clear();
         candump
     }
 
-    /// Sends a last mark and reads up to it.
-    fn mark(&mut self, interface: &str) {
+    /// Sends a mark and reads up to it: what time it is on the bus.
+    pub(crate) fn mark(&mut self) -> Stamp {
         let last = format!("{MARK}#FF");
-        Process::of("cansend", &[interface, &last]).wait().succeeds();
+        Process::of("cansend", &[&self.interface, &last]).wait().succeeds();
         self.until(|line| {
             is_mark(line) && matches!(&line.content, Content::Data(data) if data == &[0xFF])
-        });
+        })
     }
 
     /// Reads up to the first line that is wanted. A bus that falls silent ends the test by its limit.
@@ -142,7 +143,7 @@ impl Candump {
 
     /// Every line since the beginning, without the marks.
     pub(crate) fn finish(mut self) -> Vec<String> {
-        self.mark("vcan0");
+        self.mark();
         let mark = format!(" {MARK}#");
         std::mem::take(&mut self.seen).into_iter().filter(|line| !line.contains(&mark)).collect()
     }

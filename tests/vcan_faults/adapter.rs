@@ -1,0 +1,143 @@
+//! Adapters and cables: rows 22 to 24. What the node sends may be taken and reach nobody.
+
+use crate::common::process::Process;
+use crate::gateway::Gateway;
+use crate::gateway::NODE;
+use crate::interface::Interface;
+use crate::interface::ip;
+use crate::rig::Onset;
+use crate::rig::Rig;
+use crate::rig::Setup;
+use crate::rig::cycles;
+use crate::rig::millis;
+use crate::serial_can::Adapter;
+
+/// A drive that hears nothing is torque-free after this.
+const TIMER: std::time::Duration = millis(6);
+
+fn on(node: &'static str) -> Setup {
+    Setup { node, ..Setup::default() }
+}
+
+#[test]
+fn hazard_22_frames_that_are_taken_and_reach_nobody_leave_the_drives_free_within_6_ms() {
+    let cable = Interface::cable("vxcan0", "vxcan1");
+    let gateway = Gateway::at("vxcan1");
+    let mut rig = Rig::engaged("cut", &on("vxcan0"));
+    let onset = rig.onset();
+    ip("link set vxcan1 down");
+    rig.run_for(millis(20));
+    rig.is_stopped();
+    rig.seen_after(onset, millis(40)).all_are_free_within(TIMER);
+    gateway.is_gone();
+    drop(cable);
+}
+
+#[test]
+fn hazard_22_what_a_stalled_adapter_held_back_is_not_felt_when_it_goes_on() {
+    let adapter = Adapter::plugged("slcan0");
+    let mut rig = Rig::engaged("stalled", &on("slcan0"));
+    let onset = rig.onset();
+    adapter.stall();
+    rig.run_for(millis(40));
+    adapter.go_on();
+    rig.run_for(millis(20));
+    rig.is_stopped();
+    rig.seen_after(onset, millis(80)).all_are_free_within(TIMER);
+}
+
+#[test]
+fn hazard_23_a_bus_that_is_off_is_not_spoken_to_and_the_drives_are_free_within_6_ms() {
+    let adapter = Adapter::plugged("slcan0");
+    let mut rig = Rig::engaged("bus-off", &on("slcan0"));
+    let onset = rig.onset();
+    adapter.say("sb000255");
+    adapter.stall();
+    rig.run_for(millis(20));
+    rig.is_stopped_by("bus off");
+    rig.seen_after(onset, millis(20)).all_are_free_within(TIMER);
+}
+
+#[test]
+fn hazard_23_an_adapter_that_is_error_passive_takes_the_torque_off_within_two_cycles() {
+    let adapter = Adapter::plugged("slcan0");
+    let mut rig = Rig::engaged("passive", &on("slcan0"));
+    rig.run_for(millis(5));
+    adapter.say("sw096000");
+    rig.run_for(millis(20));
+    rig.is("engaged");
+    let onset = rig.onset();
+    adapter.say("sp128000");
+    rig.run_for(millis(20));
+    rig.is_stopped_by("error passive");
+    rig.seen_after(onset, millis(20)).all_are_free_within(cycles(2));
+}
+
+/// What an error frame leads to that anybody may have put on the interface.
+fn error_frame(name: &str, frame: &str) -> (Rig, Onset, Gateway) {
+    let gateway = Gateway::at(NODE);
+    let mut rig = Rig::engaged(name, &Setup::default());
+    let onset = rig.onset();
+    Process::of("cansend", &[NODE, frame]).wait().succeeds();
+    rig.run_for(millis(20));
+    (rig, onset, gateway)
+}
+
+#[test]
+fn hazard_23_an_error_frame_that_says_bus_off_ends_all_sending_at_once() {
+    let (rig, onset, _gateway) = error_frame("error-off", "20000040#0000000000000000");
+    rig.is_stopped_by("bus off");
+    rig.seen_after(onset, millis(20)).all_are_free_within(TIMER);
+}
+
+#[test]
+fn hazard_23_an_error_frame_that_says_passive_takes_the_torque_off_and_a_warning_does_not() {
+    for frame in ["20000004#0010000000000000", "20000004#0020000000000000"] {
+        let (rig, onset, _gateway) = error_frame("error-passive", frame);
+        rig.is_stopped_by("error passive");
+        rig.seen_after(onset, millis(20)).all_are_free_within(cycles(2));
+    }
+    let (rig, _, _gateway) = error_frame("error-warning", "20000004#0008000000000000");
+    rig.is("engaged");
+}
+
+#[test]
+fn hazard_24_an_interface_that_goes_down_leaves_the_drives_free_within_6_ms() {
+    let _interface = Interface::vcan("vcan2");
+    let gateway = Gateway::at("vcan2");
+    let mut rig = Rig::engaged("down", &on("vcan2"));
+    let onset = rig.onset();
+    ip("link set vcan2 down");
+    rig.run_for(millis(20));
+    rig.is_stopped_by("interface down");
+    // Up again is not well again: that takes a reset, which boots.
+    ip("link set vcan2 up");
+    rig.run_for(millis(20));
+    rig.is_stopped_by("interface down");
+    rig.seen_after(onset, millis(60)).all_are_free_within(TIMER);
+    gateway.is_gone();
+}
+
+#[test]
+fn hazard_24_an_interface_that_is_taken_away_leaves_the_drives_free_within_6_ms() {
+    let _interface = Interface::vcan("vcan2");
+    let gateway = Gateway::at("vcan2");
+    let mut rig = Rig::engaged("taken", &on("vcan2"));
+    let onset = rig.onset();
+    ip("link del vcan2");
+    rig.run_for(millis(20));
+    rig.is_stopped_by("interface down");
+    rig.seen_after(onset, millis(40)).all_are_free_within(TIMER);
+    gateway.is_gone();
+}
+
+#[test]
+fn hazard_24_an_adapter_that_is_pulled_leaves_the_drives_free_within_6_ms() {
+    let mut adapter = Adapter::plugged("slcan0");
+    let mut rig = Rig::engaged("pulled", &on("slcan0"));
+    let onset = rig.onset();
+    adapter.unplug();
+    rig.run_for(millis(20));
+    rig.is_stopped_by("interface down");
+    rig.seen_after(onset, millis(40)).all_are_free_within(TIMER);
+}

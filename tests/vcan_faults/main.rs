@@ -1,0 +1,39 @@
+//! The faults of docs/safety.md on real SocketCAN, between real processes, in virtual time.
+//!
+//! ```text
+//!  frhc run ── vcan0 ──── cangw: one rule for each frame and direction ──── vcan1 ── frhc sim
+//!                │                                                            │
+//!               tc: delays, a full queue                                   candump: what the drives see
+//!
+//!  frhc run ── vxcan0 ═ vxcan1 ── cangw ── vcan1            a bus that can be cut
+//!  frhc run ── slcan0 ═ pty ═ the adapter ── vcan1          an adapter that stalls, tells of errors, is pulled
+//! ```
+//!
+//! A test breaks one thing at a chosen phase of the cycle, lets the bus run on, and reads off the drives'
+//! side of it when each drive had no torque any more. Every test has its own node and its own drives.
+//! Needs vcan0 and vcan1, made with `echo=1`; `scripts/test.sh` runs it under `scripts/with_vcan.sh -v`.
+#![allow(
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod adapter;
+mod drives;
+mod frames;
+mod gateway;
+mod host;
+mod hostile;
+mod interface;
+mod killed;
+mod operator;
+mod queue;
+mod rig;
+mod script;
+mod serial_can;
+mod shaper;
+mod torque;

@@ -1,0 +1,24 @@
+//! A bus that takes less than it is given: row 21.
+
+use crate::gateway::Gateway;
+use crate::gateway::NODE;
+use crate::rig::Rig;
+use crate::rig::Setup;
+use crate::rig::cycles;
+use crate::rig::millis;
+use crate::shaper::Shaper;
+
+#[test]
+fn hazard_21_a_full_transmit_queue_takes_the_torque_off_within_five_cycles() {
+    let _gateway = Gateway::at(NODE);
+    let mut rig = Rig::engaged("full", &Setup::default());
+    let onset = rig.onset();
+    let shaper = Shaper::of_a_slow_bus(NODE);
+    rig.run_for(millis(20));
+    rig.is_stopped_by("transmit queue full");
+    rig.run_for(millis(20));
+    drop(shaper);
+    // What waited is not to be felt when there is room again.
+    let seen = rig.seen_after(onset, millis(80));
+    seen.all_are_free_within(cycles(5));
+}

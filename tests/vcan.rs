@@ -15,6 +15,7 @@ mod common;
 use std::fs;
 use std::io::BufRead;
 use std::io::Write;
+use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::process::Stdio;
 use std::time::Duration;
@@ -364,10 +365,11 @@ fn hazard_30_signals_end_a_run_in_order_within_a_second_and_only_those_that_mean
 #[test]
 fn promise_12_a_console_that_does_not_read_and_a_terminal_that_is_stopped_delay_no_stop() {
     let scratch = Scratch::new("stopped");
-    let (_unread, mut full) = std::io::pipe().unwrap();
-    // As much as a pipe takes before it makes a writer wait.
-    full.write_all(&[b'.'; 65_536]).unwrap();
-    let (candump, run, sim) = carried(&scratch, full);
+    let (_unread, mut full) = UnixStream::pair().unwrap();
+    full.set_nonblocking(true).unwrap();
+    while full.write_all(&[b'.']).is_ok() {}
+    full.set_nonblocking(false).unwrap();
+    let (candump, run, sim) = carried(&scratch, OwnedFd::from(full));
     let mut client = UnixStream::connect(scratch.path("frhc/node.sock")).unwrap();
     client.set_nonblocking(true).unwrap();
     while client.write_all(b"{\"ask\":\"status\"}\n").is_ok() {}

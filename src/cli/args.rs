@@ -8,8 +8,8 @@ use clap::Subcommand;
 use clap::ValueEnum;
 
 use crate::cli::calib::Calib;
-use crate::cli::commission::Commission;
 use crate::cli::campaign::Campaign;
+use crate::cli::commission::Commission;
 use crate::cli::configured::Configured;
 use crate::cli::configured::Guarded;
 use crate::cli::decode::Decode;

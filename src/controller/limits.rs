@@ -176,9 +176,9 @@ impl<const N: usize> Slew<N> {
         }
     }
 
-    /// The most a torque may change in one cycle, in N·m or N.
-    pub const fn most(&self) -> &SVector<f64, N> {
-        &self.most
+    /// The most a torque may grow in one cycle, in N·m or N.
+    pub const fn rise(&self) -> &SVector<f64, N> {
+        &self.rise
     }
 
     /// No torque at all, from now on: a fault does not wait for a ramp.

@@ -94,7 +94,7 @@ impl Sheet {
             own.push((*channel, SDO_REQUEST + u16::from(node.raw())));
         }
         let slew = config.controller.beyond.slew;
-        let growth = slew.map_or(Joints::repeat(f64::INFINITY), |slew| *slew.most());
+        let growth = slew.map_or(Joints::repeat(f64::INFINITY), |slew| *slew.rise());
         let mut growth = growth.iter().copied();
         let joints = config.joints.each_ref().map(|joint| JointSheet {
             cap: joint.calibration.max_target().0,

@@ -24,6 +24,7 @@
 
 pub mod actuator;
 pub mod arm;
+mod beginning;
 pub mod belief;
 mod delay;
 pub mod drive;

@@ -17,6 +17,7 @@ use crate::canopen::frame::Telegram;
 use crate::canopen::station::Station;
 use crate::canopen::sync;
 use crate::sim::arm::Joints;
+use crate::sim::beginning::Beginning;
 use crate::sim::drive::Drive;
 use crate::sim::drivetrain::Drivetrain;
 use crate::sim::drivetrain::Sensed;
@@ -73,8 +74,8 @@ pub struct World<M = Drive, I = SwitchBox> {
     scenario: Scenario,
     /// Where the grip was at the start: what the scenario's movements are relative to.
     x_0_start: Isometry3<f64>,
-    /// The first SYNC: time zero of the scenario.
-    begun: Option<Instant>,
+    /// Time zero of the scenario.
+    beginning: Beginning,
     /// Up to when the arm has moved.
     now: Instant,
     /// Since when no drive asks for torque.
@@ -100,7 +101,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
             person: Person::new(scenario.temperament(), seed),
             faults: Faults::new(scenario.faults(), seed),
             scenario,
-            begun: None,
+            beginning: Beginning::default(),
             now: Instant::ZERO,
             quiet_since: Some(Instant::ZERO),
         };
@@ -171,7 +172,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
 
     /// When the script began, if it has.
     pub const fn begun(&self) -> Option<Instant> {
-        self.begun
+        self.beginning.zero()
     }
 
     /// Lets the arm move until `now`, and operator and encoders follow.
@@ -181,7 +182,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
         if dt <= 0.0 {
             return;
         }
-        let t = self.begun.map_or(0.0, |begun| now.since(begun).as_secs_f64());
+        let t = self.begun().map_or(0.0, |begun| now.since(begun).as_secs_f64());
         let operator = self.scenario.operator(t);
         let x_0_meant = self.meant(t - self.person.reaction());
         let felt = self.plant.f_g_hand();
@@ -210,6 +211,9 @@ impl<M: Motor, I: Inputs> World<M, I> {
     /// Takes note of demands that have changed at `now`: until now the old ones acted.
     fn heed(&mut self, now: Instant) {
         let demands = self.drives.each_ref().map(Motor::demand);
+        if demands.iter().any(|demand| demand.abs() > 0.0) {
+            self.beginning.settle();
+        }
         let mut pairs = demands.iter().zip(self.motors.demands());
         if pairs.any(|(new, old)| (new - old).abs() > 0.0) {
             self.advance(now);
@@ -232,8 +236,9 @@ impl<M: Motor, I: Inputs> World<M, I> {
 impl<M: Motor, I: Inputs> Station for World<M, I> {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
         if frame.cob_id == sync::COB_ID && channel == LEADING {
-            self.begun.get_or_insert(now);
-            self.faults.begin(now);
+            if self.beginning.on_sync(now) {
+                self.faults.begin(now);
+            }
             self.advance(now);
         }
         let heard = Telegram { channel, frame: *frame };
@@ -251,6 +256,7 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
         let is_due = |due: Option<Instant>| due.is_some_and(|due| due <= now);
         let mut devices = devices(&mut self.drives, &mut self.switches);
         if is_due(self.faults.deadline()) {
+            self.beginning.settle();
             self.faults.turn(now, &mut devices, out);
         }
         for (place, device) in devices.into_iter().enumerate() {

@@ -22,8 +22,6 @@ pub use report::NotProven;
 pub use report::ProofReport;
 pub use report::Trip;
 
-use std::time::Duration;
-
 use crate::canopen::error_codes;
 use crate::canopen::frame::Channel;
 use crate::canopen::master::Master;
@@ -227,6 +225,3 @@ impl Proof {
         self.trial()?.deadline(now)
     }
 }
-
-/// What is on its way when the master falls silent is not waited for longer than this at a time.
-const LISTEN: Duration = Duration::from_millis(1);

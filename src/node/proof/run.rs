@@ -1,11 +1,18 @@
 //! Who stays away, and what is listened to meanwhile.
 
+use std::time::Duration;
+
 use crate::bus::Bus;
 use crate::canopen::watchdog::Awaited;
 use crate::node::BringUpError;
 use crate::node::Node;
-use crate::node::proof::LISTEN;
 use crate::remote::Remote;
+
+/// While nothing of ours is on the bus, that is looked after at least so often.
+const LISTEN: Duration = Duration::from_millis(1);
+
+/// Emergencies of six drives, one after the other, take no longer.
+const SETTLE: Duration = Duration::from_millis(10);
 
 impl<B: Bus, R: Remote> Node<B, R> {
     /// Lets every timer of every drive run out, once, and enables the drives again after each. They are
@@ -46,7 +53,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
             if !refused.is_empty() {
                 return Err(BringUpError::NotProven(refused));
             }
-            // A drive without a heartbeat to wait for leaves operational (1029h).
+            // What is still on its way passes; then a drive that has left operational (1029h) is started again.
+            let quiet = self.bus.now() + SETTLE.max(self.period * 5);
+            self.listen(quiet);
             self.master.start_again(&mut self.out);
             self.post();
             self.enable(give_up)?;

@@ -90,9 +90,9 @@ impl Faults {
         }
     }
 
-    /// The first SYNC: time zero of the script.
-    pub fn begin(&mut self, now: Instant) {
-        self.zero.get_or_insert(now);
+    /// Time zero of the script is now.
+    pub const fn begin(&mut self, now: Instant) {
+        self.zero = Some(now);
     }
 
     /// The oldest that was not asked for yet.

@@ -207,9 +207,11 @@ impl Faults {
         let Some(Open { folder, log, mut document, tripped, latest }) = self.open.take() else {
             return;
         };
-        document["seconds_after"] = latest.since(tripped).as_secs_f64().into();
         let ended = log.finish();
-        document["is_complete"] = ended.is_ok().into();
+        if let Some(said) = document.as_object_mut() {
+            said.insert("seconds_after".to_owned(), latest.since(tripped).as_secs_f64().into());
+            said.insert("is_complete".to_owned(), ended.is_ok().into());
+        }
         let written = write_document(&folder, &document);
         if let Err(error) = ended.and(written) {
             let folder = folder.display();

@@ -153,8 +153,8 @@ impl Samples {
 
     /// What has come since this was last asked: positions of this SYNC, torques that may have come after
     /// the positions of the one before.
-    pub(super) const fn sampled(&mut self) -> Sampled<'_> {
-        let torques = std::mem::replace(&mut self.torques, [false; 6]);
+    pub(super) fn sampled(&mut self) -> Sampled<'_> {
+        let torques = std::mem::take(&mut self.torques);
         Sampled { at: self.asked_at, latest: &self.latest, fresh: self.fresh, torques }
     }
 

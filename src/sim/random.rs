@@ -11,7 +11,7 @@ impl SplitMix {
     }
 
     /// The next number in 0 to 1.
-    pub fn next(&mut self) -> f64 {
+    pub fn unit(&mut self) -> f64 {
         let [.., a, b, c, d] = self.bits().to_le_bytes();
         f64::from(u32::from_le_bytes([a, b, c, d])) / f64::from(u32::MAX)
     }
@@ -27,7 +27,7 @@ impl SplitMix {
 
     /// The next number of a bell curve of mean 0 and standard deviation 1: the sum of twelve.
     pub fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.next()).sum::<f64>() - 6.0
+        (0..12).map(|_| self.unit()).sum::<f64>() - 6.0
     }
 }
 

@@ -119,10 +119,10 @@ impl Rig {
 /// `u² = -3 a / (10 b)`: at least 0.73 c1.
 fn unknown(settings: &ActuatorSettings, random: &mut SplitMix) -> [f64; 3] {
     let [c1, ..] = settings.torque_curve;
-    let amount = 0.1 + 0.2 * random.next();
-    let c1 = c1 * if random.next() < 0.5 { 1.0 - amount } else { 1.0 + amount };
-    let a = -0.3 + 0.2 * random.next();
-    let b = 0.15 + 0.3 * random.next();
+    let amount = 0.1 + 0.2 * random.unit();
+    let c1 = c1 * if random.unit() < 0.5 { 1.0 - amount } else { 1.0 + amount };
+    let a = -0.3 + 0.2 * random.unit();
+    let b = 0.15 + 0.3 * random.unit();
     let square = settings.max_torque * settings.max_torque;
     [c1, c1 * a / square, c1 * b / (square * square)]
 }

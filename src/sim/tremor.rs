@@ -39,8 +39,8 @@ impl Tremor {
         let mut random = SplitMix::new(seed);
         let mut waves = [[Wave::default(); WAVES]; 3];
         for wave in waves.as_flattened_mut() {
-            let frequency = slowest + (fastest - slowest) * random.next();
-            *wave = Wave { frequency, phase: TAU * random.next() };
+            let frequency = slowest + (fastest - slowest) * random.unit();
+            *wave = Wave { frequency, phase: TAU * random.unit() };
         }
         Self { amplitude, waves, t: 0.0 }
     }

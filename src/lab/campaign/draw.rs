@@ -26,7 +26,7 @@ impl Draw {
 
     /// A number from `low` to `high`.
     pub(super) fn within(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.0.next()
+        low + (high - low) * self.0.unit()
     }
 
     /// One of some; there must be one.

@@ -26,6 +26,9 @@ pub struct Campaign {
     cases: Vec<Case>,
 }
 
+/// What a case came to, and every frame since the boot.
+pub type Replayed = (Verdict, Vec<(Instant, Telegram)>);
+
 /// A warm bench for each hand controller and situation that is needed.
 type Stages = Vec<[Option<Bench<Monitor>>; 3]>;
 
@@ -82,7 +85,7 @@ impl Campaign {
     pub fn replay(
         &self,
         witness: &mut dyn FnMut(&mut Bench<Monitor>, &Record),
-    ) -> Result<Option<(Verdict, Vec<(Instant, Telegram)>)>, StageError> {
+    ) -> Result<Option<Replayed>, StageError> {
         let Some((case, config)) =
             self.cases.first().and_then(|case| Some((case, self.configs.get(case.config)?)))
         else {

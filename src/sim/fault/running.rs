@@ -171,7 +171,7 @@ impl Running {
         }
         let is_struck = match often {
             Often::Always => true,
-            Often::Share(share) => self.random.next() < share,
+            Often::Share(share) => self.random.unit() < share,
             Often::First(count) => self.struck < count,
         };
         self.struck = self.struck.saturating_add(1);
@@ -214,7 +214,7 @@ impl Running {
             Contact::StuckHigh => inputs | input.bit(),
             Contact::StuckLow => inputs & !input.bit(),
             Contact::Bounces => {
-                if self.random.next() < 0.5 {
+                if self.random.unit() < 0.5 {
                     inputs ^ input.bit()
                 } else {
                     inputs

@@ -18,6 +18,9 @@ const LAYS_DOWN: Duration = Duration::from_millis(50);
 /// Carrying the arm is known to within this share of capacity: friction is not carried, tools are.
 const UNKNOWN: f64 = 0.1;
 
+/// What carries each joint, in N·m (N), and whether it is near an end of its range.
+type Weight = ([f64; 6], [bool; 6]);
+
 /// What is known of the torques.
 #[derive(Clone, Debug)]
 pub(super) struct Torque {
@@ -29,7 +32,7 @@ pub(super) struct Torque {
     cycle: u64,
     counts: [i32; 6],
     /// What carries the arm, and who is near an end of its range; of which cycle.
-    weight: Option<(u64, ([f64; 6], [bool; 6]))>,
+    weight: Option<(u64, Weight)>,
     /// The deadman as the switch box tells it, and since when it is open.
     deadman: Option<Deadman>,
     open_since: Option<Instant>,
@@ -215,7 +218,7 @@ impl Torque {
         }
     }
 
-    fn weight(&mut self, sheet: &Sheet) -> ([f64; 6], [bool; 6]) {
+    fn weight(&mut self, sheet: &Sheet) -> Weight {
         let known = self.weight.filter(|(cycle, _)| *cycle == self.cycle);
         let (_, weight) = known.unwrap_or_else(|| (self.cycle, sheet.weight(&self.counts)));
         self.weight = Some((self.cycle, weight));

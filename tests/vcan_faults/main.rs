@@ -18,6 +18,10 @@
     clippy::unwrap_used,
     reason = "what a test cannot do without has failed the test"
 )]
+#![allow(
+    clippy::disallowed_methods,
+    reason = "in virtual time a sleep ends when it should: it is how a phase of the cycle is chosen"
+)]
 
 #[path = "../common/mod.rs"]
 mod common;

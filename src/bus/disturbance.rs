@@ -187,7 +187,7 @@ mod tests {
             frame: &Frame,
             out: &mut Vec<Telegram>,
         ) {
-            if frame.cob_id % 2 == 0 {
+            if frame.cob_id.is_multiple_of(2) {
                 out.push(Telegram { channel, frame: Frame::new(frame.cob_id + 1, []) });
             }
         }

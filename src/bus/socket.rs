@@ -124,10 +124,10 @@ impl Socket {
         let length = match recvmsg::<()>(fd, &mut parts, control, MsgFlags::empty()) {
             Ok(message) => {
                 for told in message.cmsgs().into_iter().flatten() {
-                    match told {
-                        ControlMessageOwned::ScmTimestampns(at) => stamp = Some(Duration::from(at)),
-                        ControlMessageOwned::RxqOvfl(count) => lost = count,
-                        _ => {}
+                    if let ControlMessageOwned::ScmTimestampns(at) = told {
+                        stamp = Some(Duration::from(at));
+                    } else if let ControlMessageOwned::RxqOvfl(count) = told {
+                        lost = count;
                     }
                 }
                 message.bytes

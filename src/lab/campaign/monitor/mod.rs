@@ -167,7 +167,8 @@ impl Tap for Monitor {
         for told in rpdo.read(&frame) {
             match told {
                 Told::Target(joint, target) => {
-                    torque.on_target(sheet, at, (joint, target), breaches);
+                    let is_off = order.is_off(joint);
+                    torque.on_target(sheet, at, ((joint, target), is_off), breaches);
                     order.on_target(joint, target);
                 }
                 Told::Controlword(joint, word) => {

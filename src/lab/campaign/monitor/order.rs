@@ -100,6 +100,12 @@ impl Order {
         }
     }
 
+    /// Whether a drive has said that it acts on no target; joints from 0.
+    pub(super) fn is_off(&self, joint: usize) -> bool {
+        let state = self.nodes.get(joint).and_then(|known| known.state);
+        state.is_some_and(|state| state != State::OperationEnabled)
+    }
+
     /// A target; joints from 0.
     pub(super) fn on_target(&mut self, joint: usize, target: i16) {
         self.nodes.get_mut(joint).into_iter().for_each(|known| known.target = target);

@@ -147,7 +147,7 @@ impl Monitor {
 impl Tap for Monitor {
     fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
         self.keep(at, telegram);
-        self.order.on_heard(&self.sheet, telegram.channel, &telegram.frame);
+        self.order.on_heard(&self.sheet, at, (telegram.channel, &telegram.frame));
         if let Some(Ok(heard)) = self.sheet.inbox.read(telegram) {
             self.torque.on_tpdo(at, &heard);
             self.order.on_tpdo(&heard);
@@ -167,11 +167,12 @@ impl Tap for Monitor {
         for told in rpdo.read(&frame) {
             match told {
                 Told::Target(joint, target) => {
-                    torque.on_target(sheet, at, (joint, target), breaches);
+                    let is_off = order.is_off(joint);
+                    torque.on_target(sheet, at, ((joint, target), is_off), breaches);
                     order.on_target(joint, target);
                 }
                 Told::Controlword(joint, word) => {
-                    order.on_controlword(at, (joint, word), breaches);
+                    order.on_controlword(sheet, at, (joint, word), breaches);
                 }
             }
         }

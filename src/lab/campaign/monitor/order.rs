@@ -39,6 +39,8 @@ struct Known {
     is_started: bool,
     /// The node itself has reset it, so that its next boot-up is no surprise.
     is_reset: bool,
+    /// When it booted by itself.
+    booted: Option<Instant>,
     state: Option<State>,
     target: i16,
     controlword: u16,
@@ -80,7 +82,12 @@ impl Order {
     }
 
     /// A frame of somebody else's.
-    pub(super) fn on_heard(&mut self, sheet: &Sheet, channel: Channel, frame: &Frame) {
+    pub(super) fn on_heard(
+        &mut self,
+        sheet: &Sheet,
+        at: Instant,
+        (channel, frame): (Channel, &Frame),
+    ) {
         if let Some(place) = sheet.place(channel, frame.cob_id, SDO_REPLY) {
             self.on_reply(place, frame);
         } else if let Some(place) = sheet.place(channel, frame.cob_id, ERROR_CONTROL)
@@ -89,7 +96,8 @@ impl Order {
         {
             // Who was reset after it had said who it is, is still the same.
             let identity = if known.is_reset { known.identity } else { [None; 3] };
-            *known = Known { identity, ..Known::default() };
+            let booted = known.is_started.then_some(at);
+            *known = Known { identity, booted, ..Known::default() };
         }
     }
 
@@ -100,6 +108,12 @@ impl Order {
         }
     }
 
+    /// Whether a drive has said that it acts on no target; joints from 0.
+    pub(super) fn is_off(&self, joint: usize) -> bool {
+        let state = self.nodes.get(joint).and_then(|known| known.state);
+        state.is_some_and(|state| state != State::OperationEnabled)
+    }
+
     /// A target; joints from 0.
     pub(super) fn on_target(&mut self, joint: usize, target: i16) {
         self.nodes.get_mut(joint).into_iter().for_each(|known| known.target = target);
@@ -108,6 +122,7 @@ impl Order {
     /// A controlword; joints from 0. I6, and the second step of I12.
     pub(super) fn on_controlword(
         &mut self,
+        sheet: &Sheet,
         at: Instant,
         (joint, word): (usize, u16),
         breaches: &mut Breaches,
@@ -115,7 +130,9 @@ impl Order {
         let Some(known) = self.nodes.get_mut(joint) else { return };
         let before = std::mem::replace(&mut known.controlword, word);
         let number = joint + 1;
-        if is_enabling(word) && !known.is_started {
+        // What was on its way when it booted cannot be taken back.
+        let is_on_its_way = known.booted.is_some_and(|booted| at <= booted + sheet.period * 2);
+        if is_enabling(word) && !known.is_started && !is_on_its_way {
             let what = format!("joint {number} is enabled before it was started");
             breaches.add(Law::KnownFirst, at, what);
         }

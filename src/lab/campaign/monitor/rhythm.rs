@@ -16,6 +16,9 @@ const REMEMBERED: usize = 10;
 /// A SYNC may wait for the frame that is on the wire, of 135 bits at most, and a bit more.
 const WIRE: Duration = Duration::from_micros(200);
 
+/// A heartbeat has the lowest priority of all, and may wait for so many cycles of a crowded bus.
+const ALIVE: u32 = 5;
+
 /// What was heard of the rhythm.
 #[derive(Clone, Debug)]
 pub(super) struct Rhythm {
@@ -110,7 +113,7 @@ impl Rhythm {
 
     /// I7.
     fn heartbeat(&self, sheet: &Sheet, at: Instant, channel: Channel, breaches: &mut Breaches) {
-        if self.since_sync(channel, at).is_none_or(|since| since > late(sheet.period)) {
+        if self.since_sync(channel, at).is_none_or(|since| since > sheet.period * ALIVE) {
             breaches.add(Law::Heartbeat, at, "a heartbeat without a SYNC before it".to_owned());
         }
     }

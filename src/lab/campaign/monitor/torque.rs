@@ -18,6 +18,9 @@ const LAYS_DOWN: Duration = Duration::from_millis(50);
 /// Carrying the arm is known to within this share of capacity: friction is not carried, tools are.
 const UNKNOWN: f64 = 0.1;
 
+/// So many in a row are more than a position that jumped for the judge and was refused by the node.
+const IN_A_ROW: u32 = 3;
+
 /// What carries each joint, in N·m (N), and whether it is near an end of its range.
 type Weight = ([f64; 6], [bool; 6]);
 
@@ -33,6 +36,8 @@ pub(super) struct Torque {
     counts: [i32; 6],
     /// What carries the arm, and who is near an end of its range; of which cycle.
     weight: Option<(u64, Weight)>,
+    /// Targets in a row that are more than the weight.
+    heavy: [u32; 6],
     /// The deadman as the switch box tells it, and since when it is open.
     deadman: Option<Deadman>,
     open_since: Option<Instant>,
@@ -63,6 +68,7 @@ impl Torque {
             cycle: 0,
             counts: [0; 6],
             weight: None,
+            heavy: [0; 6],
             deadman: None,
             open_since: Some(Instant::ZERO),
             has_edge: false,
@@ -132,12 +138,12 @@ impl Torque {
         }
     }
 
-    /// A target, in ‰ of rated torque; joints from 0.
+    /// A target, in ‰ of rated torque; joints from 0. `is_off` is that its drive says it acts on none.
     pub(super) fn on_target(
         &mut self,
         sheet: &Sheet,
         at: Instant,
-        (joint, target): (usize, i16),
+        ((joint, target), is_off): ((usize, i16), bool),
         breaches: &mut Breaches,
     ) {
         let (Some(bounds), Some(told)) = (sheet.joints.get(joint), self.told.get_mut(joint)) else {
@@ -159,7 +165,8 @@ impl Torque {
         }
         let is_torn = target == 0 && bounds.torque(before) > 1.5 * bounds.growth + may_grow;
         self.note(at, joint, target == 0, is_torn);
-        if target != 0 {
+        // What an adapter held back comes out at last, and moves no drive that is off.
+        if target != 0 && !is_off {
             self.judge(sheet, at, (joint, target), breaches);
         }
     }
@@ -200,7 +207,10 @@ impl Torque {
                 let of = sheet.joints.iter().zip(weight).zip(ends).nth(joint);
                 let Some(((bounds, weight), false)) = of else { return };
                 let most = weight.abs() + UNKNOWN * bounds.capacity();
-                if bounds.torque(target) > most {
+                let is_heavy = bounds.torque(target) > most;
+                let Some(heavy) = self.heavy.get_mut(joint) else { return };
+                *heavy = if is_heavy { *heavy + 1 } else { 0 };
+                if *heavy >= IN_A_ROW {
                     let what = format!(
                         "joint {number} is told {target} per mille, and only {weight:.3} N·m (N) carry it"
                     );

@@ -54,7 +54,7 @@ impl ForceCap {
         let seconds = lasting.as_secs_f64();
         let speed = max_force * seconds / mass;
         // A number that is none allows nothing.
-        if speed <= FASTEST {
+        if mass > 0.0 && speed <= FASTEST {
             return Ok(());
         }
         let largest = (FASTEST * mass / seconds * 10.0).floor() / 10.0;

@@ -121,7 +121,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
     /// once. `seed` is of its faults' chances.
     pub fn follow(&mut self, scenario: Scenario, seed: u64) {
         self.faults = Faults::new(scenario.faults(), seed);
-        self.begun.into_iter().for_each(|begun| self.faults.begin(begun));
+        self.begun().into_iter().for_each(|begun| self.faults.begin(begun));
         self.scenario = scenario;
     }
 

@@ -233,8 +233,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    #[allow(non_snake_case, reason = "the property's own number")]
-    fn property_P16_a_configuration_with_one_wrong_byte_is_in_range_or_refused(
+    fn property_16_a_configuration_with_one_wrong_byte_is_in_range_or_refused(
         (which, at, byte) in (0..SHIPPED.len(), any::<prop::sample::Index>(), any::<u8>()),
     ) {
         let (file, text) = SHIPPED[which];
@@ -252,8 +251,7 @@ proptest! {
 }
 
 #[test]
-#[allow(non_snake_case, reason = "the property's own number")]
-fn property_P16_a_configuration_written_anew_is_the_same() {
+fn property_16_a_configuration_written_anew_is_the_same() {
     for (file, text) in SHIPPED {
         let table: toml::Table = text.parse().unwrap();
         let read = |text: &str| format!("{:?}", Config::parse(Path::new(file), text).unwrap());

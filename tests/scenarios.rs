@@ -67,8 +67,8 @@ const DRIVES: &[(&str, Node)] = &[
     ("emergency", Stops("joint 3: emergency 4210h device temperature too high", within(2, 3))),
     ("wire_cut", Stops("joint 4: no sample for 3 cycles", within(5, 6))),
     ("bus_off", Stops("joint 3: no sample for 3 cycles", within(5, 6))),
-    // Heartbeats are watched for up to 200 ms here.
-    ("heartbeat_stop", Stops("joint 3: heartbeat lost", within(200, 201))),
+    // Heartbeats are watched for 250 ms, from the last one on.
+    ("heartbeat_stop", Stops("joint 3: heartbeat lost", within(252, 254))),
     ("switches_unplugged", Stops("switch box: heartbeat lost", within(200, 201))),
 ];
 

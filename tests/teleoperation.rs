@@ -115,7 +115,7 @@ fn syncs_are_counted_and_the_time_is_told_where_they_are_asked_for() {
     assert!(counts.len() >= 400);
     assert!(counts.windows(2).all(|pair| pair[1] == pair[0] % 4 + 1), "{counts:?}");
     let times = wire.since(from, 0x100);
-    assert_eq!(times.len(), 4);
+    assert!((4..=5).contains(&times.len()), "{}", times.len());
     assert!(times.iter().all(|(at, time)| {
         let millis = u64::from(u32::from_le_bytes(time.data()[..4].try_into().unwrap()));
         time.data()[4..] == [0, 0] && at.as_micros().abs_diff(millis * 1_000) < 2_000

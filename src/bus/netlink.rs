@@ -41,7 +41,7 @@ mod attribute {
     /// In that, of a CAN controller: milliseconds from bus-off to a restart; 0 is never.
     pub(super) const RESTART: u16 = 6;
     /// The bits of a type that are its number.
-    pub(super) const TYPE: u16 = 0x3FFF;
+    pub(super) const TYPE: u16 = u16::MAX >> 2;
 }
 
 /// What is known of an interface.

@@ -17,6 +17,7 @@ use crate::node::proof::NotProven;
 use crate::node::safety::causes;
 use crate::node::schedule::Schedule;
 use crate::remote::Remote;
+use crate::spatial::Motion;
 use crate::telemetry::cause::Cause;
 use crate::telemetry::record::Mode;
 
@@ -112,6 +113,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub(super) fn enable(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         let now = self.bus.now();
         self.schedule = Schedule::starting(now, self.period);
+        // While there were no cycles nobody was asked: what is known has aged.
+        self.exchange(now, &Motion::Hold);
         self.safety.boot(now);
         self.power.reset_faults();
         loop {

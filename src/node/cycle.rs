@@ -64,7 +64,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.send_heartbeat(now);
         self.send_time(now);
         self.send_request();
-        self.link.take(now, self.remote.exchange(now, &output.command));
+        self.exchange(now, &output.command);
 
         self.cycle += 1;
         Record {

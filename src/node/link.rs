@@ -12,6 +12,7 @@ use crate::bus::Bus;
 use crate::node::Node;
 use crate::remote::Remote;
 use crate::remote::Sensed;
+use crate::spatial::Motion;
 use crate::spatial::Wrench;
 use crate::telemetry::cause::Cause;
 use crate::time::Instant;
@@ -74,6 +75,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub const fn rejected(&self) -> u64 {
         self.link.rejected
     }
+
+    /// Hands over a command and takes what the commanded side has to say.
+    pub(super) fn exchange(&mut self, now: Instant, command: &Motion) {
+        let brought = self.remote.exchange(now, command);
+        self.link.take(now, brought);
+    }
 }
 
 #[cfg(test)]
@@ -130,7 +137,7 @@ mod tests {
         }
 
         #[test]
-        fn property_p13_what_is_stale_stays_stale_until_a_newer_sample_comes(
+        fn property_13_what_is_stale_stays_stale_until_a_newer_sample_comes(
             stamp in 0..1_000_000_u64, period in 250..100_000_u64,
             age in 0..300_000_u64, later in 0..300_000_u64,
         ) {

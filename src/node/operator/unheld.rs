@@ -12,8 +12,9 @@ use crate::telemetry::cause::Cause;
 /// Faster is a motion, in rad/s (m/s).
 const MOVES: f64 = 0.1;
 
-/// Farther one way is no swing of a hand that holds the grip, in rad (m): a relaxed one is lifted by 0.16 rad.
-const FAR: f64 = 0.35;
+/// Farther one way is no hand that is lifted as the weight leaves it, in rad (m): a relaxed one rises by
+/// 0.65 rad. What is faster than any hand is stopped before, by the speed of the grip.
+const FAR: f64 = 0.9;
 
 /// How far each joint has been driven without slowing down or turning back, in rad (m).
 #[derive(Clone, Copy, Debug, Default)]
@@ -57,7 +58,7 @@ mod tests {
 
     #[test]
     fn hazard_41_an_arm_that_is_driven_while_it_is_taken_up_trips() {
-        assert_eq!((trips(true, 2.0, 3.01), trips(true, -2.0, -0.51)), (Some(117), Some(687)));
+        assert_eq!((trips(true, 2.0, 3.01), trips(true, -2.0, -1.01)), (Some(300), Some(892)));
         assert_eq!(trips(true, 2.0, 0.09), None, "too slow");
         assert_eq!(trips(true, 2.0, -0.5), None, "it falls and is caught");
         assert_eq!(trips(true, 0.0, 0.5), None, "not by the node");

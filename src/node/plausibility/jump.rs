@@ -148,7 +148,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn property_p14_a_wrap_at_any_count_and_any_speed_allowed_is_no_jump(
+        fn property_14_a_wrap_at_any_count_and_any_speed_allowed_is_no_jump(
             start in any::<i32>(),
             motions in prop::collection::vec((-1_000..=1_000_i32, 1..4_u64), 1..200),
         ) {
@@ -164,7 +164,7 @@ mod tests {
         }
 
         #[test]
-        fn property_p14_a_motion_farther_than_allowed_is_rejected_wherever_it_begins(
+        fn property_14_a_motion_farther_than_allowed_is_rejected_wherever_it_begins(
             start in any::<i32>(), far in 1_503..=i32::MAX, backwards in any::<bool>()
         ) {
             let to = if backwards { start.wrapping_sub(far) } else { start.wrapping_add(far) };

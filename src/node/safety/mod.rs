@@ -238,7 +238,9 @@ impl Safety {
         if !self.mode.is_latched() {
             return Err(Refusal::NotStopped(self.mode));
         }
-        if let Some(cause) = self.seen.present(now, outlasts_a_reset) {
+        // A boot begins anew, watches and all; what is there after it refuses to be armed.
+        let present = self.seen.present(now, outlasts_a_reset);
+        if let Some(cause) = present.filter(|_| !self.must_boot) {
             return Err(Refusal::CausePresent(cause));
         }
         let left = Latch { cause: self.cause.take(), must_boot: self.must_boot };

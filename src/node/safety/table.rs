@@ -92,7 +92,7 @@ pub const fn row(kind: Kind) -> Row {
         Kind::PositionFrozen => always(ZeroTorque, Node, false, &[5]),
         Kind::PositionJumped => always(ZeroTorque, Node, false, &[12]),
         Kind::TorqueDiffers => always(ZeroTorque, Node, false, &[10]),
-        Kind::Overspeed | Kind::GripOverspeed => always(ZeroTorque, Node, false, &[11]),
+        Kind::Overspeed | Kind::GripOverspeed => armed(ZeroTorque, &[11]),
         Kind::BeyondLimit => armed(ReflectionOff, &[43]),
         Kind::MovesUnheld => armed(ZeroTorque, &[41]),
         Kind::Unstable => armed(ReflectionOff, &[45]),

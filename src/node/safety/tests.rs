@@ -1,4 +1,5 @@
 use super::*;
+use crate::canopen::error_codes;
 use crate::controller::Fault;
 use proptest::prelude::*;
 
@@ -68,7 +69,7 @@ fn sample(kind: Kind) -> Cause {
         Kind::Unstable => Cause::Unstable,
         Kind::LinkLost => Cause::LinkLost,
         Kind::DriveLeft => Cause::DriveLeft { joint, statusword },
-        Kind::Emergency => Cause::Emergency { node, code: 0x3210 },
+        Kind::Emergency => Cause::Emergency { node, code: error_codes::OVER_VOLTAGE },
         Kind::HeartbeatLost => Cause::HeartbeatLost { node },
         Kind::Rebooted => Cause::Rebooted { node },
         Kind::Duplicate => Cause::Duplicate { node },

@@ -54,7 +54,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn property_p13_what_is_too_old_does_not_become_fresh_again(
+        fn property_13_what_is_too_old_does_not_become_fresh_again(
             echo in 0..1_000_000_u64, age in 0..200_000_u64, more in 0..200_000_u64,
         ) {
             let judge = |age| Freshness::default().judge(at(echo + age), 1, Some(at(echo)));

@@ -110,7 +110,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn property_p12_the_window_says_what_a_set_of_all_counters_says(
+        fn property_12_the_window_says_what_a_set_of_all_counters_says(
             begin in prop_oneof![0..5_000_u64, any::<u64>()], steps in steps(),
         ) {
             let (mut window, mut reference) = (Window::default(), Reference::default());

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::canopen::error_codes;
 use crate::lab::campaign::case::Deed;
 use crate::lab::campaign::case::Demand;
 use crate::lab::campaign::case::Place;
@@ -66,26 +67,26 @@ fn silent(at: &Place<'_>, keys: &str) -> Deed {
     deed.watched_for(within + Duration::from_millis(150))
 }
 
-/// Error codes of CiA 301 and 402 that a drive may tell.
-const CODES: [u16; 12] = [
-    0x1000, 0x2310, 0x2320, 0x3110, 0x3210, 0x4210, 0x4310, 0x5113, 0x6100, 0x7305, 0x8110, 0x8611,
-];
+/// One of those that a drive may tell.
+fn error_code(draw: &mut Draw) -> u16 {
+    draw.among(&error_codes::OF_DRIVES).copied().unwrap_or(error_codes::OVER_CURRENT)
+}
 
 fn emergency(draw: &mut Draw, at: &Place<'_>) -> Deed {
-    let (joint, code) = (draw.joint(), draw.among(&CODES).copied().unwrap_or(0x1000));
+    let (joint, code) = (draw.joint(), error_code(draw));
     let keys = format!("kind = \"emergency\"; joint = {joint}; code = 0x{code:04X}; register = 1");
     Deed::scripted(at.fault(&keys), drive_fault(at))
 }
 
 fn emergency_of_switches(draw: &mut Draw, at: &Place<'_>) -> Deed {
-    let code = draw.among(&CODES).copied().unwrap_or(0x1000);
+    let code = error_code(draw);
     let keys =
         format!("kind = \"emergency\"; device = \"switches\"; code = 0x{code:04X}; register = 1");
     Deed::scripted(at.fault(&keys), drive_fault(at))
 }
 
 fn fault(draw: &mut Draw, at: &Place<'_>) -> Deed {
-    let (joint, code) = (draw.joint(), draw.among(&CODES).copied().unwrap_or(0x1000));
+    let (joint, code) = (draw.joint(), error_code(draw));
     let keys = format!("kind = \"fault\"; joint = {joint}; code = 0x{code:04X}");
     Deed::scripted(at.fault(&keys), drive_fault(at))
 }

@@ -351,7 +351,8 @@ proptest! {
             run.bench.bus_mut().disturb(BUS, None);
         }
         for pair in run.records.windows(2) {
-            prop_assert_eq!(micros(pair[0].at, pair[1].at), 1_000);
+            // A frame ends between two microseconds.
+            prop_assert!(micros(pair[0].at, pair[1].at).abs_diff(1_000) <= 1);
             let is_latched = pair[0].mode.is_stopped();
             prop_assert!(!is_latched || pair[1].mode.is_stopped());
             prop_assert!(!is_latched || pair[1].mode == Mode::ReflectionOff || pair[1].targets == [0; 6]);

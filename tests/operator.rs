@@ -196,13 +196,13 @@ fn hazard_41_an_arm_that_is_believed_heavier_than_it_is_trips_when_it_rises_unhe
     let text = include_str!("../config/kraft_like.toml");
     let heavy = text.replace("mass_kg = ", "mass_kg = 2").replace("mass_kg = 20", "mass_kg = 2");
     let believed = Config::parse(Path::new(KRAFT), &heavy).unwrap();
-    // It sinks to its stops before it is armed.
-    let script = "seconds = 10\n[[hold]]\nat_s = 0.05\nholding = false\n\
-        [[console]]\nat_s = 3.0\nrequest = \"arm\"\n";
+    // A hand so soft that it hardly holds.
+    let script = "seconds = 10\n[hand]\ntemperament = \"relaxed\"\n\
+        [[console]]\nat_s = 0.1\nrequest = \"arm\"\n";
     let script = Scenario::parse(script).unwrap();
     let mut bench = Bench::in_world_of(&config(KRAFT), &believed, script.clone(), 1, false, ());
     bench.bring_up().unwrap();
-    bench.run(4_200);
+    bench.run(1_200);
     let cause = bench.node().cause();
     // Whichever is met first: how far it is driven, or how fast its grip becomes.
     assert!(matches!(cause, Some(Cause::MovesUnheld | Cause::GripOverspeed)), "{cause:?}");
@@ -210,7 +210,7 @@ fn hazard_41_an_arm_that_is_believed_heavier_than_it_is_trips_when_it_rises_unhe
 
     let mut right = Bench::new(&config(KRAFT), script, 1, false, ());
     right.bring_up().unwrap();
-    right.run(4_500);
+    right.run(1_500);
     assert_eq!((right.node().mode(), right.node().cause()), (Mode::Armed, None));
 }
 

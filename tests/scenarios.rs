@@ -69,7 +69,7 @@ const DRIVES: &[(&str, Node)] = &[
     ("bus_off", Stops("joint 3: no sample for 3 cycles", within(5, 6))),
     // Heartbeats are watched for 250 ms, from the last one on.
     ("heartbeat_stop", Stops("joint 3: heartbeat lost", within(252, 254))),
-    ("switches_unplugged", Stops("switch box: heartbeat lost", within(200, 201))),
+    ("switches_unplugged", Stops("switch box: heartbeat lost", within(252, 254))),
 ];
 
 const FRAMES: &[(&str, Node)] = &[

@@ -22,6 +22,7 @@ pub use report::NotProven;
 pub use report::ProofReport;
 pub use report::Trip;
 
+use crate::canopen::NmtState;
 use crate::canopen::error_codes;
 use crate::canopen::frame::Channel;
 use crate::canopen::master::Master;
@@ -47,6 +48,8 @@ pub(super) struct Proof {
     plans: Vec<NodePlan>,
     phase: Phase,
     report: ProofReport,
+    /// Which drives have said that they are no longer operational.
+    has_left: [bool; 6],
 }
 
 /// How far it is.
@@ -72,6 +75,7 @@ impl Proof {
             plans: plans.cloned().collect(),
             phase: Phase::Before,
             report: ProofReport::default(),
+            has_left: [false; 6],
         }
     }
 
@@ -79,6 +83,7 @@ impl Proof {
     pub(super) fn restart(&mut self) {
         self.phase = Phase::Before;
         self.report = ProofReport::default();
+        self.has_left = [false; 6];
     }
 
     /// What was found; empty where nothing was proven.
@@ -190,7 +195,12 @@ impl Proof {
                 }
                 true
             }
-            Event::StateChanged { node, .. } => is_under_way && *node < self.plans.len(),
+            Event::StateChanged { node, state } => {
+                let Some(has_left) = self.has_left.get_mut(*node) else { return false };
+                // Its next heartbeat may tell of its return when all is over.
+                let returns = std::mem::replace(has_left, *state != NmtState::Operational);
+                is_under_way || returns && *state == NmtState::Operational
+            }
             Event::Emergency { .. }
             | Event::Booted
             | Event::BootFailed(_)

@@ -9,9 +9,9 @@ use crate::rig::Rig;
 use crate::rig::Setup;
 use crate::rig::millis;
 
-/// Drives that watch the node's heartbeat alone, in effect, and a force that this is quick enough for.
+/// Drives that watch the node's heartbeat alone, and a force that this is quick enough for.
 const HEARTBEAT_ONLY: [(&str, &str); 2] = [
-    ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 200 "),
+    ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 0 "),
     ("max_force_n = 40.0 ", "max_force_n = 20.0 "),
 ];
 

@@ -31,7 +31,7 @@ const RAMPED: Duration = Duration::from_millis(80);
 const RAMPS: [(&str, &str); 3] = [
     ("gravity_ramp_s = 1.0", "gravity_ramp_s = 0.05"),
     ("reflection_ramp_s = 0.3", "reflection_ramp_s = 0.05"),
-    ("ramp_s = 0.2  ", "ramp_s = 0.05 "),
+    ("ramp_s = 0.3  ", "ramp_s = 0.05 "),
 ];
 
 /// What is other than in [`CONFIG`].

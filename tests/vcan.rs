@@ -78,7 +78,8 @@ fn ten_seconds_of_teleoperation_miss_no_sample_and_the_wall_is_felt() {
     let summary = fs::read_to_string(format!("{session}/summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
     assert_eq!(summary["missing_samples"], 0, "{summary}");
-    assert!(summary["cycles"].as_u64().unwrap() > 10_000, "{summary}");
+    // Those of the boot, before the drives had proven anything, are not among them.
+    assert!(summary["cycles"].as_u64().unwrap() > 9_900, "{summary}");
     assert!(summary["contact_seconds"].as_f64().unwrap() > 2.0, "{summary}");
     assert_eq!(summary["saturated_cycles"], 0, "{summary}");
 

@@ -10,6 +10,9 @@ use std::process::Child;
 use std::process::ChildStdout;
 use std::process::Command;
 use std::process::Stdio;
+use std::sync::mpsc::Receiver;
+use std::sync::mpsc::channel;
+use std::thread;
 
 use frhc::telemetry::candump::Content;
 use frhc::telemetry::candump::Line;
@@ -84,7 +87,8 @@ impl Outcome {
 pub(crate) struct Candump {
     interface: String,
     child: Child,
-    lines: BufReader<ChildStdout>,
+    /// Taken from it at once, whatever the test does: a pipe that is full would stop it, and it loses frames.
+    lines: Receiver<String>,
     seen: Vec<String>,
 }
 
@@ -97,7 +101,12 @@ impl Candump {
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
-        let lines = BufReader::new(child.stdout.take().unwrap());
+        let stdout = BufReader::new(child.stdout.take().unwrap());
+        let (taken, lines) = channel();
+        // Until one of the two is gone.
+        thread::spawn(move || {
+            stdout.lines().map_while(Result::ok).try_for_each(|it| taken.send(it))
+        });
         let mut candump = Self { interface: interface.to_owned(), child, lines, seen: Vec::new() };
         // It says nothing when it is ready, so it is spoken to until it is: by marks on the way of
         // every later frame.
@@ -124,9 +133,7 @@ impl Candump {
     /// Reads up to the first line that is wanted. A bus that falls silent ends the test by its limit.
     pub(crate) fn until(&mut self, is_wanted: impl Fn(&Line<'_>) -> bool) -> Stamp {
         loop {
-            let mut text = String::new();
-            assert!(self.lines.read_line(&mut text).unwrap() > 0, "candump has ended");
-            let text = text.trim_end().to_owned();
+            let text = self.lines.recv().unwrap_or_else(|_| panic!("candump has ended"));
             let line = Line::parse(&text).unwrap_or_else(|error| panic!("{text}: {error}"));
             let (wanted, nanos) = (is_wanted(&line), line.nanos);
             self.seen.push(text);

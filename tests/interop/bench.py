@@ -97,6 +97,13 @@ class Bench:
         found = map(line.match, self.frames())
         return [(float(hit[1]), bytes.fromhex(hit[2])) for hit in found if hit]
 
+    def has_a_sync_every(self, period, slack, since):
+        """Fails unless a SYNC followed the other in time, but for the last few, at and after the stop."""
+        syncs = [at for at, _ in self.sent(0x080) if at >= since][:-10]
+        check(len(syncs) > 20, f"{len(syncs)} SYNCs")
+        worst = max(abs(b - a - period) for a, b in zip(syncs, syncs[1:]))
+        check(worst < slack, f"one SYNC every {period} s: {worst:.6f} s off")
+
     def connect(self):
         """python-canopen on the bus."""
         self.network = canopen.Network()

@@ -16,7 +16,8 @@ from canopen.profiles.p402 import State402
 from bench import DRIVE_EDS, JOINTS, SETTINGS, SWITCHES, SWITCHES_EDS
 
 RPDO_TIMEOUT, HEARTBEAT_LOST = 0x8250, 0x8130
-CONTROLWORD, STATUSWORD, MODE, MODE_DISPLAY, POSITION = 0x6040, 0x6041, 0x6060, 0x6061, 0x6064
+CONTROLWORD, STATUSWORD, MODE, MODE_DISPLAY = 0x6040, 0x6041, 0x6060, 0x6061
+POSITION, TORQUE = 0x6064, 0x6077
 MASTER = SETTINGS["node"]["node_id"]
 DEADMAN_RELEASED = 0b10
 
@@ -145,6 +146,8 @@ class Drive(Slave):
             return State402.SW_MASK[self.state][1] | 0x0200
         if index == MODE_DISPLAY:
             return self.node.sdo[MODE].raw
+        if index == TORQUE:
+            return self.torque() if self.state == "OPERATION ENABLED" else 0
         return self.counts if index == POSITION else None
 
     def on_write(self, index, data, **_):

@@ -31,7 +31,7 @@ const RAMPED: Duration = Duration::from_millis(80);
 const RAMPS: [(&str, &str); 3] = [
     ("gravity_ramp_s = 1.0", "gravity_ramp_s = 0.05"),
     ("reflection_ramp_s = 0.3", "reflection_ramp_s = 0.05"),
-    ("ramp_s = 0.2  ", "ramp_s = 0.05 "),
+    ("ramp_s = 0.3  ", "ramp_s = 0.05 "),
 ];
 
 /// What is other than in [`CONFIG`].
@@ -104,8 +104,9 @@ impl Rig {
         panic!("it cannot be armed: {refusal}{}", self.node.take().unwrap().terminate().stderr);
     }
 
-    /// Waits until the deadman closes, and until what is felt then has come on.
+    /// Waits until the deadman closes from now on, and until what is felt then has come on.
     fn engage(&mut self) {
+        self.now();
         let is = |wanted: u8| {
             move |line: &frhc::telemetry::candump::Line<'_>| {
                 line.canopen().is_some_and(|(id, data)| id == 0x190 && data[0] & 3 == wanted)
@@ -257,6 +258,13 @@ impl Seen {
                 panic!("node {node} is free after {ends:?}, not within {most:?} of {}", self.onset);
             }
         }
+    }
+
+    /// How long the last drive pushed that did when the fault began; they are all free.
+    #[track_caller]
+    pub(crate) fn last_is_free_after(&self) -> Duration {
+        let pushing = NODES.filter(|node| self.pushed(*node));
+        pushing.map(|node| self.torque(node).ends_after(self.onset).unwrap()).max().unwrap()
     }
 
     /// From the first drive that is torque-free to the last, no longer than a cycle.

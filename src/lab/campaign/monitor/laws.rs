@@ -291,6 +291,16 @@ fn i8_writing_into_an_enabled_drive_is_seen_and_reading_it_is_not() {
 }
 
 #[test]
+fn i8_an_enabled_drive_may_be_told_to_take_its_power_off_and_no_other_word() {
+    for (word, laws) in [(0x00, vec![]), (0x0F, vec![Law::HandsOff]), (0x06, vec![Law::HandsOff])] {
+        let mut bench = Bench::running();
+        bench.heard(0x183, &[0x37, 0x02, 0, 0, 0, 0, 0, 0]);
+        bench.sent(0x603, &[0x2B, 0x40, 0x60, 0, word, 0, 0, 0]);
+        assert_eq!(bench.laws(), laws, "{word:X}");
+    }
+}
+
+#[test]
 fn i9_an_identifier_of_nobody_is_seen() {
     for cob_id in [0x207, 0x181, 0x7E5, 0x607, 0x100] {
         let mut bench = Bench::running();

@@ -194,7 +194,8 @@ impl Order {
         match command & SPECIFIER {
             UPLOAD => known.asked = Some(object),
             DOWNLOAD => {
-                if known.state == Some(State::OperationEnabled) && known.is_started {
+                let is_enabled = known.state == Some(State::OperationEnabled) && known.is_started;
+                if is_enabled && !is_power_off(object, [a, b]) {
                     let what = format!("{object} of node {} is written", member.node.raw());
                     breaches.add(Law::HandsOff, at, what);
                 }
@@ -243,9 +244,23 @@ const fn is_taken(written: [u8; 4], read: [u8; 4]) -> bool {
 /// Bit 31 of a COB-ID, in its last byte: it does not exist (CiA 301, 7.5.2.35).
 const INVALID: u8 = 0x80;
 
+/// All that may be written into a drive that is enabled: a controlword without voltage (CiA 402, bit 1), for
+/// one that hears no SYNC any more.
+fn is_power_off(object: Object, word: [u8; 2]) -> bool {
+    object == Object::CONTROLWORD && u16::from_le_bytes(word) & VOLTAGE == 0
+}
+
+/// Bit 1 of a controlword: enable voltage.
+const VOLTAGE: u16 = 0x0002;
+
 /// Written to make something happen, not to stand there.
 fn is_order(object: Object) -> bool {
-    let orders = [Object::STORE_PARAMETERS, Object::RESTORE_DEFAULTS, Object::ERROR_HISTORY];
+    let orders = [
+        Object::STORE_PARAMETERS,
+        Object::RESTORE_DEFAULTS,
+        Object::ERROR_HISTORY,
+        Object::CONTROLWORD,
+    ];
     orders.iter().any(|order| order.index == object.index)
 }
 

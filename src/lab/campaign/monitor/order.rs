@@ -2,6 +2,8 @@
 
 use crate::canopen::NmtCommand;
 use crate::canopen::drive::State;
+use crate::canopen::emcy::Emergency;
+use crate::canopen::error_codes;
 use crate::canopen::exchange::Told as Heard;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
@@ -10,6 +12,7 @@ use crate::canopen::nmt::Order as Nmt;
 use crate::canopen::object::Object;
 use crate::lab::campaign::monitor::law::Breaches;
 use crate::lab::campaign::monitor::law::Law;
+use crate::lab::campaign::monitor::sheet::EMERGENCY;
 use crate::lab::campaign::monitor::sheet::ERROR_CONTROL;
 use crate::lab::campaign::monitor::sheet::Member;
 use crate::lab::campaign::monitor::sheet::SDO_REPLY;
@@ -41,6 +44,8 @@ struct Known {
     is_reset: bool,
     /// When it booted by itself.
     booted: Option<Instant>,
+    /// It has shown that it stops without RPDOs, and without heartbeats.
+    proven: [bool; 2],
     state: Option<State>,
     target: i16,
     controlword: u16,
@@ -90,6 +95,8 @@ impl Order {
     ) {
         if let Some(place) = sheet.place(channel, frame.cob_id, SDO_REPLY) {
             self.on_reply(place, frame);
+        } else if let Some(place) = sheet.place(channel, frame.cob_id, EMERGENCY) {
+            self.on_emergency(place, frame);
         } else if let Some(place) = sheet.place(channel, frame.cob_id, ERROR_CONTROL)
             && frame.data() == [0]
             && let Some(known) = self.nodes.get_mut(place)
@@ -114,9 +121,38 @@ impl Order {
         state.is_some_and(|state| state != State::OperationEnabled)
     }
 
-    /// A target; joints from 0.
-    pub(super) fn on_target(&mut self, joint: usize, target: i16) {
-        self.nodes.get_mut(joint).into_iter().for_each(|known| known.target = target);
+    /// A drive that cries because its master is silent has shown that it notices.
+    fn on_emergency(&mut self, place: usize, frame: &Frame) {
+        let Some((known, emergency)) =
+            self.nodes.get_mut(place).zip(Emergency::decode(frame.data()))
+        else {
+            return;
+        };
+        let codes = [error_codes::RPDO_TIMEOUT, error_codes::MASTER_LOST];
+        for (proven, _) in known.proven.iter_mut().zip(codes).filter(|(_, c)| *c == emergency.code)
+        {
+            *proven = true;
+        }
+    }
+
+    /// A target; joints from 0. I6: there is none before its drive has shown that it stops by itself.
+    pub(super) fn on_target(
+        &mut self,
+        sheet: &Sheet,
+        at: Instant,
+        (joint, target): (usize, i16),
+        breaches: &mut Breaches,
+    ) {
+        let Some((known, member)) = self.nodes.get_mut(joint).zip(sheet.nodes.get(joint)) else {
+            return;
+        };
+        known.target = target;
+        let is_on_its_way = known.booted.is_some_and(|booted| at <= booted + sheet.period * 2);
+        let is_proven = member.watched.iter().zip(known.proven).all(|(must, has)| !must || has);
+        if target != 0 && !is_proven && !is_on_its_way {
+            let what = format!("joint {} is told {target} per mille, not proven", joint + 1);
+            breaches.add(Law::KnownFirst, at, what);
+        }
     }
 
     /// A controlword; joints from 0. I6, and the second step of I12.

@@ -129,7 +129,7 @@ pub(super) fn play(
             .for_each(|excuse| bench.tap_mut().excuse(excuse));
     }
     let mut watch = Watch::new(bench);
-    let mut is_tried = false;
+    let (mut is_tried, mut is_fast) = (false, false);
     while bench.now() < onset + case.deed.watch {
         if answer(bench) {
             onset = bench.now();
@@ -147,6 +147,9 @@ pub(super) fn play(
         let now = bench.now();
         bench.tap_mut().told(now, record.mode);
         watch.look(bench, config, onset, &record);
+        if case.deed.onset_speed.is_some_and(|limit| !is_fast && watch.seen.speed > limit) {
+            (is_fast, onset) = (true, now);
+        }
         witness(bench, &record);
     }
     if !watch.is_latched() {

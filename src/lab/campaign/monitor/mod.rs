@@ -168,7 +168,8 @@ impl Tap for Monitor {
     fn on_taken(&mut self, at: Instant, telegram: &Telegram) {
         let Telegram { channel, frame } = *telegram;
         self.age.on_taken(at, telegram);
-        self.rhythm.on_taken(&self.sheet, at, (channel, &frame), &mut self.breaches);
+        let said = ((channel, &frame), self.order.are_proven(&self.sheet));
+        self.rhythm.on_taken(&self.sheet, at, said, &mut self.breaches);
     }
 
     fn on_sent(&mut self, at: Instant, telegram: &Telegram) {

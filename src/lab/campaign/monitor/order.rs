@@ -52,6 +52,11 @@ struct Known {
 }
 
 impl Known {
+    /// Whether it has shown that it stops by every timer it has.
+    fn is_proven(&self, member: &Member) -> bool {
+        member.watched.iter().zip(self.proven).all(|(must, has)| !must || has)
+    }
+
     /// Why it must not be started, if so.
     fn unready(&self, member: &Member) -> Option<String> {
         let identity = member.identity;
@@ -121,6 +126,12 @@ impl Order {
         state.is_some_and(|state| state != State::OperationEnabled)
     }
 
+    /// Whether every drive has shown that it stops by itself.
+    pub(super) fn are_proven(&self, sheet: &Sheet) -> bool {
+        let mut drives = self.nodes.iter().zip(&sheet.nodes).take(6);
+        drives.all(|(known, member)| known.is_proven(member))
+    }
+
     /// A drive that cries because its master is silent has shown that it notices.
     fn on_emergency(&mut self, place: usize, frame: &Frame) {
         let Some((known, emergency)) =
@@ -148,8 +159,7 @@ impl Order {
         };
         known.target = target;
         let is_on_its_way = known.booted.is_some_and(|booted| at <= booted + sheet.period * 2);
-        let is_proven = member.watched.iter().zip(known.proven).all(|(must, has)| !must || has);
-        if target != 0 && !is_proven && !is_on_its_way {
+        if target != 0 && !known.is_proven(member) && !is_on_its_way {
             let what = format!("joint {} is told {target} per mille, not proven", joint + 1);
             breaches.add(Law::KnownFirst, at, what);
         }

@@ -68,18 +68,20 @@ impl Rhythm {
         self.excuses.push(excuse);
     }
 
-    /// A bus has taken a frame. I7: a heartbeat has the SYNC of its cycle before it.
+    /// A bus has taken a frame. I7: a heartbeat has the SYNC of its cycle before it, once `is_proven` that
+    /// the drives stop by themselves: to prove that, the node keeps its SYNCs back.
     pub(super) fn on_taken(
         &mut self,
         sheet: &Sheet,
         at: Instant,
-        (channel, frame): (Channel, &Frame),
+        ((channel, frame), is_proven): ((Channel, &Frame), bool),
         breaches: &mut Breaches,
     ) {
         let Some(given) = self.given.get_mut(usize::from(channel.0)) else { return };
         if frame.cob_id == sync::COB_ID {
             *given = Some(at);
         } else if frame.cob_id == sheet.heartbeat
+            && is_proven
             && given.is_none_or(|given| at.since(given) > sheet.period * ALIVE)
         {
             breaches.add(Law::Heartbeat, at, "a heartbeat without a SYNC before it".to_owned());
@@ -99,7 +101,8 @@ impl Rhythm {
             && rpdo.is_cyclic
         {
             let late = self.since_sync(channel, at).is_none_or(|since| since > late(sheet.period));
-            let asks = rpdo.read(frame).any(|told| matches!(told, Told::Target(_, target) if target != 0));
+            let asks =
+                rpdo.read(frame).any(|told| matches!(told, Told::Target(_, target) if target != 0));
             let is_excused = match self.excuse_of(at, channel) {
                 Some(Excuse::Bus(..)) => true,
                 Some(Excuse::Process(..)) => !asks,

@@ -246,11 +246,14 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
         let place = usize::from(place);
         let wire = self.wires.get_mut(place).ok_or(SendError::Down)?;
         let adapter = self.adapters.get(place).ok_or(SendError::Down)?;
-        if adapter.take()? == Taken::Lost {
-            return Ok(());
-        }
-        if wire.waiting() >= QUEUE {
+        let taken = adapter.take()?;
+        if taken == Taken::Queued && wire.waiting() >= QUEUE {
             return Err(SendError::Full);
+        }
+        let at = Instant::from_micros(self.now_ns / MICRO);
+        self.tap.on_taken(at, &telegram);
+        if taken == Taken::Lost {
+            return Ok(());
         }
         wire.offer(Sender::Node, telegram.frame);
         wire.begin(self.now_ns);

@@ -128,6 +128,9 @@ pub trait Tap {
     fn on_sent(&mut self, at: Instant, telegram: &Telegram) {
         self.on_wire(at, telegram);
     }
+
+    /// One that the node gave away, and its bus has taken: it may be on the wire later, or never.
+    fn on_taken(&mut self, _at: Instant, _telegram: &Telegram) {}
 }
 
 /// Nobody.

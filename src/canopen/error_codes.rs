@@ -13,6 +13,8 @@ pub const UNDER_VOLTAGE: u16 = 0x3220;
 pub const OVER_TEMPERATURE: u16 = 0x4310;
 /// The motor is faster than 6080h lets it be.
 pub const OVER_SPEED: u16 = 0x7310;
+/// Life guard or heartbeat error: whom it waits for is silent.
+pub const MASTER_LOST: u16 = 0x8130;
 /// The device was off its bus, and is back.
 pub const RECOVERED_FROM_BUS_OFF: u16 = 0x8140;
 /// An RPDO has not come in its time.

@@ -7,6 +7,7 @@ use std::num::NonZero;
 use std::path::Path;
 use std::path::PathBuf;
 use std::thread;
+use std::time;
 use std::time::Duration;
 
 use anyhow::Context;
@@ -72,6 +73,9 @@ pub(super) struct Campaign {
     /// Table and failures as one JSON object.
     #[arg(long)]
     json: bool,
+    /// The table as Markdown.
+    #[arg(long, conflicts_with_all = ["json", "replay", "soak"])]
+    markdown: bool,
 }
 
 /// Plays it and prints what it came to.
@@ -97,7 +101,9 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
         return Err(Failure::new(Kind::Usage, reason));
     }
     let bar = bar(u64::try_from(cases.cases().len()).unwrap_or(0), "faults", quiet);
+    let begun = time::Instant::now();
     let verdicts = cases.run(threads(args), &|| bar.inc(1)).or_fail(Kind::Drive)?;
+    let seconds = begun.elapsed().as_secs_f64();
     bar.finish_and_clear();
     let table = Table::of(&verdicts);
     let bad: Vec<&Verdict> = verdicts.iter().filter(|verdict| !verdict.is_good()).collect();
@@ -107,7 +113,14 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
             &json!({ "seed": args.seed, "table": table, "failures": failures }).to_string(),
         );
     } else {
-        print::line(&table.to_string());
+        let text = if args.markdown { table.markdown() } else { table.to_string() };
+        print::line(&text);
+        let count = verdicts.len();
+        let rate = f64::from(u32::try_from(count).unwrap_or(u32::MAX)) / seconds.max(1e-3);
+        print::line(&format!(
+            "{count} faults of seed {} in {seconds:.1} s: {rate:.0} a second",
+            args.seed
+        ));
         bad.iter().for_each(|verdict| print::line(&words(args, verdict)));
     }
     if bad.is_empty() {

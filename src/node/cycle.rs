@@ -28,6 +28,7 @@ use crate::node::schedule::Due;
 use crate::node::timing;
 use crate::remote::Remote;
 use crate::telemetry::cause::Cause;
+use crate::telemetry::record::Mode;
 use crate::telemetry::record::Record;
 use crate::time::Instant;
 
@@ -58,10 +59,14 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
         let targets = self.gate.pass(self.safety.may_push(), &output.tau, &output.targets);
         self.plausibility.tell(&targets);
-        if !self.timing.is_stale(sync_at, now) || !self.safety.may_push() {
+        let is_stale = self.timing.is_stale(sync_at, now);
+        if !is_stale || !self.safety.may_push() {
             self.send_targets(&targets, permit.drives_on);
         }
-        self.send_heartbeat(now);
+        // A loop that stood still over its samples is not alive.
+        if !is_stale {
+            self.send_heartbeat(now);
+        }
         self.send_time(now);
         self.send_request();
         self.exchange(now, &output.command);
@@ -268,13 +273,15 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// One request of the master's by SDO at most, after everything that must not wait for it. Power off,
-    /// for a drive that has fallen silent, comes before all others.
+    /// One request of the master's by SDO at most, after everything that must not wait for it, and no more
+    /// than the bus was planned for. Power off, for a drive that has fallen silent, comes before all others.
     pub(super) fn send_request(&mut self) {
-        if self.power_off_silent() {
+        let now = self.bus.now();
+        if self.power_off_silent() || self.mode() != Mode::Boot && !self.asking.may(now) {
             return;
         }
         if let Some(telegram) = self.master.release() {
+            self.asking.asked(now);
             self.send(telegram);
         }
     }

@@ -3,6 +3,7 @@
 //! Its owner calls [`Node::bring_up`], then [`Node::cycle`] for as long as it runs, then
 //! [`Node::stop`]. All waiting happens in the [`Bus`].
 
+mod asking;
 mod bring_up;
 mod cycle;
 mod gate;
@@ -39,6 +40,7 @@ use crate::canopen::time_stamp;
 use crate::config::Config;
 use crate::controller::Controller;
 use crate::controller::switches::Mode as CommandMode;
+use crate::node::asking::Asking;
 use crate::node::gate::Gate;
 use crate::node::link::Link;
 use crate::node::operator::Operator;
@@ -87,6 +89,7 @@ pub struct Node<B, R> {
     schedule: Schedule,
     timing: Timing,
     transmission: Transmission,
+    asking: Asking,
     /// Frames read at most after a wait should have ended.
     most_late: u64,
     cycle: u64,
@@ -141,6 +144,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             schedule: Schedule::starting(now, config.period),
             timing: Timing::new(config.period, bus.suspended()),
             transmission: Transmission::on(&config.channels()),
+            asking: Asking::new(),
             most_late: config.most_frames(timing::OVERRUN + 1),
             cycle: 0,
             link,

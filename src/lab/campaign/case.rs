@@ -43,6 +43,8 @@ pub struct Deed {
     pub mishaps: Vec<(Duration, Mishap)>,
     /// The commanded side senses this from the onset on, in N.
     pub senses: Option<f64>,
+    /// The onset is when the grip is faster than this, in m/s.
+    pub onset_speed: Option<f64>,
     /// What is demanded.
     pub demand: Demand,
     /// For how long it is watched.
@@ -132,12 +134,19 @@ impl Place<'_> {
 impl Deed {
     /// Entries of a script.
     pub(super) fn scripted(entries: String, demand: Demand) -> Self {
-        Self { entries, mishaps: Vec::new(), senses: None, demand, watch: WATCH }
+        Self { entries, mishaps: Vec::new(), senses: None, onset_speed: None, demand, watch: WATCH }
     }
 
     /// Something that befalls buses or process.
     pub(super) fn befallen(mishaps: Vec<(Duration, Mishap)>, demand: Demand) -> Self {
-        Self { entries: String::new(), mishaps, senses: None, demand, watch: WATCH }
+        Self {
+            entries: String::new(),
+            mishaps,
+            senses: None,
+            onset_speed: None,
+            demand,
+            watch: WATCH,
+        }
     }
 
     /// The same, watched for so long.

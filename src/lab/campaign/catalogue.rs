@@ -13,6 +13,9 @@ use crate::lab::campaign::case::Place;
 use crate::lab::campaign::draw::Draw;
 use crate::lab::campaign::situation::Situation;
 
+/// The kind by which a node is killed: its figures are those of the drives' own timers.
+pub(super) const KILLED: &str = "process killed";
+
 /// A kind of fault.
 #[derive(Clone, Copy)]
 pub struct Kind {
@@ -40,6 +43,11 @@ const fn kind(row: u8, name: &'static str, deed: fn(&mut Draw, &Place<'_>) -> De
 /// Only while the deadman is held.
 const fn engaged(row: u8, name: &'static str, deed: fn(&mut Draw, &Place<'_>) -> Deed) -> Kind {
     Kind { name, row, situations: &Situation::ENGAGED, deed }
+}
+
+/// Only while the hand rests against something.
+const fn in_contact(row: u8, name: &'static str, deed: fn(&mut Draw, &Place<'_>) -> Deed) -> Kind {
+    Kind { name, row, situations: &[Situation::Contact], deed }
 }
 
 /// All of them, in the order of the hazard table.

@@ -5,15 +5,20 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 
+use crate::bus::BusFault;
+use crate::bus::Disturbance;
+use crate::bus::Mishap;
 use crate::config::Config;
 use crate::lab::bench::Bench;
 use crate::lab::campaign::case::Case;
+use crate::lab::campaign::monitor::Excuse;
 use crate::lab::campaign::monitor::Monitor;
 use crate::lab::campaign::situation::Situation;
 use crate::lab::campaign::verdict::Seen;
 use crate::lab::campaign::verdict::Verdict;
 use crate::node::BringUpError;
 use crate::node::Request;
+use crate::sim::drive::Drive;
 use crate::sim::scenario::Scenario;
 use crate::sim::scenario::ScenarioError;
 use crate::spatial::Wrench;
@@ -119,10 +124,12 @@ pub(super) fn play(
     let mut onset = bench.begun() + case.onset;
     for (after, mishap) in &case.deed.mishaps {
         bench.bus_mut().plan(onset + *after, *mishap);
-        bench.tap_mut().excuse(onset);
+        excuse(config.period, onset + *after, *mishap)
+            .into_iter()
+            .for_each(|excuse| bench.tap_mut().excuse(excuse));
     }
     let mut watch = Watch::new(bench);
-    let mut is_tried = false;
+    let (mut is_tried, mut is_fast) = (false, false);
     while bench.now() < onset + case.deed.watch {
         if answer(bench) {
             onset = bench.now();
@@ -140,6 +147,9 @@ pub(super) fn play(
         let now = bench.now();
         bench.tap_mut().told(now, record.mode);
         watch.look(bench, config, onset, &record);
+        if case.deed.onset_speed.is_some_and(|limit| !is_fast && watch.seen.speed > limit) {
+            (is_fast, onset) = (true, now);
+        }
         witness(bench, &record);
     }
     if !watch.is_latched() {
@@ -147,6 +157,18 @@ pub(super) fn play(
         bench.stop().ok();
     }
     Ok(Verdict::of(case, config.period, watch.finish(bench, onset)))
+}
+
+/// What a mishap makes nobody's fault.
+fn excuse(period: Duration, at: Instant, mishap: Mishap) -> Option<Excuse> {
+    match mishap {
+        Mishap::Bus(_, None | Some(Disturbance::Fault(BusFault::Warning | BusFault::Passive)))
+        | Mishap::ClockSet(_) => None,
+        Mishap::Bus(channel, Some(_)) => Some(Excuse::Bus(channel, at)),
+        Mishap::Stopped(span) | Mishap::Suspended(span) => {
+            Some(Excuse::Process(at, at + span + period * 2))
+        }
+    }
 }
 
 /// What is measured on the way.
@@ -176,6 +198,7 @@ impl Watch {
             speed: 0.0,
             travel: 0.0,
             stale: 0,
+            applied: 0,
             unarmed: 0,
             breaches: Vec::new(),
             breach_count: 0,
@@ -204,6 +227,10 @@ impl Watch {
             let world = bench.node().bus().stations();
             self.seen.impulse += world.torques().abs().sum() * dt;
             self.seen.peak = self.seen.peak.max(bench.node().bus().tap().peak());
+            let stale = bench.node().bus().tap().stale_joints().into_iter();
+            let acts = |(drive, is_stale): &(&Drive, bool)| *is_stale && drive.demand().abs() > 0.0;
+            let applied = world.drives().iter().zip(stale).filter(acts).count();
+            self.seen.applied += u64::try_from(applied).unwrap_or(u64::MAX);
             if now.since(onset) <= WATCH_GRIP {
                 let cycle = now.since(self.before).as_secs_f64().max(1e-6);
                 self.seen.speed = self.seen.speed.max((place - self.last).norm() / cycle);
@@ -231,7 +258,7 @@ impl Watch {
         self.seen.quiet = quiet.map(since);
         self.seen.felt = Some(self.felt_until.map(since).unwrap_or_default());
         self.seen.spread = monitor.spread();
-        self.seen.stale = monitor.stale_frames();
+        self.seen.stale = monitor.stale_targets();
         self.seen.unarmed = monitor.unarmed_frames();
         self.seen.breaches = monitor.breaches().to_vec();
         self.seen.breach_count = monitor.breach_count();

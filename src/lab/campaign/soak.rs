@@ -107,11 +107,8 @@ fn lap(
 fn script(draw: &mut Draw, config: &Config) -> String {
     let mut script = format!("seconds = {:.1}\n\n{WORK}", LAP_S + 5.0);
     script.push_str(&moves(draw));
-    let lost = format!(
-        "[[fault]]\nat_s = 0.0\nkind = \"drop\"\njoint = \"all\"\nframe = \"tpdo1\"\nshare = {TPDO_LOSS}\n\n"
-    );
-    script.push_str(&lost);
     let period = config.period.as_secs_f64();
+    (1..=6).for_each(|joint| script.push_str(&losses(draw, joint, period)));
     let words = LAP_S / period;
     let mut at_s = 0.0;
     // Losses that follow each other by chance, on average every hundredth word.
@@ -125,6 +122,25 @@ fn script(draw: &mut Draw, config: &Config) -> String {
     }
     script
 }
+
+/// Samples of one drive that are lost, each alone: never two in a row.
+fn losses(draw: &mut Draw, joint: usize, period: f64) -> String {
+    let mut entries = String::new();
+    let mut at_s = 0.0;
+    loop {
+        let until_next = -(1.0 - draw.within(0.0, 0.999_999)).ln() * period / TPDO_LOSS;
+        at_s += until_next.max(ALONE * period);
+        if at_s > LAP_S {
+            return entries;
+        }
+        entries.push_str(&format!(
+            "[[fault]]\nat_s = {at_s:.6}\nkind = \"drop\"\njoint = {joint}\nframe = \"tpdo1\"\ncount = 1\n\n"
+        ));
+    }
+}
+
+/// Periods between two lost samples of a drive, at least.
+const ALONE: f64 = 3.0;
 
 /// Where the hand goes: into the wall and out of it, then about.
 fn moves(draw: &mut Draw) -> String {
@@ -200,3 +216,29 @@ at_s = 19.6
 deadman = false
 
 ";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::scenario::fault::Fault;
+    use std::path::Path;
+
+    #[test]
+    fn promise_14_a_thousandth_of_each_drives_samples_is_lost_and_never_two_in_a_row() {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        let mut lost = 0;
+        for number in 1..=20 {
+            let mut draw = Draw::of(1, number);
+            let scenario = Scenario::parse(&script(&mut draw, &config)).unwrap();
+            for joint in 1..=6 {
+                let whom = format!("joint {joint}");
+                let is_its = |fault: &&Fault| fault.whom.to_string() == whom;
+                let lost_at = |fault: &Fault| fault.begins;
+                let times: Vec<_> = scenario.faults().iter().filter(is_its).map(lost_at).collect();
+                assert!(times.windows(2).all(|pair| pair[1] - pair[0] >= 2 * config.period));
+                lost += times.len();
+            }
+        }
+        assert!((2_000..2_800).contains(&lost), "{lost} of 2,400,000");
+    }
+}

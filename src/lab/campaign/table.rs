@@ -1,10 +1,13 @@
 //! The figures of a campaign, one line for each kind of fault.
 
+use std::collections::BTreeMap;
 use std::fmt;
+use std::iter;
 use std::time::Duration;
 
 use serde::Serialize;
 
+use crate::lab::campaign::case::Demand;
 use crate::lab::campaign::catalogue;
 use crate::lab::campaign::verdict::Outcome;
 use crate::lab::campaign::verdict::Verdict;
@@ -16,6 +19,23 @@ pub struct Table {
     pub kinds: Vec<Line>,
     /// All kinds together.
     pub total: Line,
+    /// A node that is killed: by each RPDO timer, how soon its drives are torque-free by themselves.
+    pub killed: Vec<Killed>,
+}
+
+/// Drives whose node was killed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Killed {
+    /// What is demanded, in ms: the RPDO timer and 1 ms.
+    pub within_ms: f64,
+    /// How often.
+    pub count: usize,
+    /// Half of them are torque-free so soon, in ms.
+    pub p50_ms: f64,
+    /// 99 of 100, in ms.
+    pub p99_ms: f64,
+    /// All of them, in ms.
+    pub max_ms: f64,
 }
 
 /// What came of all faults of one kind.
@@ -51,10 +71,12 @@ pub struct Line {
     pub grip_speed_m_per_s: f64,
     /// Of the grip, in mm, at most.
     pub grip_travel_mm: f64,
-    /// Torque frames that acted in another cycle than their own.
-    pub stale_frames: u64,
+    /// Targets on the wire that were not zero, and more than two periods old.
+    pub stale_targets: u64,
+    /// Cycles in which a drive acted on one of those.
+    pub stale_applied: u64,
     /// Targets that were not zero although nothing was armed.
-    pub unarmed_frames: u64,
+    pub unarmed_targets: u64,
 }
 
 /// The middle, the worst in a hundred, and the worst, in cycles.
@@ -78,7 +100,31 @@ impl Table {
         let mut kinds: Vec<Line> = catalogue::kinds().filter_map(line).collect();
         kinds.sort_by_key(|line| line.row);
         let all: Vec<&Verdict> = verdicts.iter().collect();
-        Self { kinds, total: Line::of(0, "all", &all) }
+        Self { kinds, total: Line::of(0, "all", &all), killed: Killed::of(verdicts) }
+    }
+}
+
+impl Killed {
+    fn of(verdicts: &[Verdict]) -> Vec<Self> {
+        let killed = verdicts.iter().filter(|one| one.kind == catalogue::KILLED);
+        let timed = killed.filter_map(|one| match (one.demand, one.seen.quiet) {
+            (Demand::Release(within), Some(quiet)) => Some((within, quiet)),
+            _ => None,
+        });
+        let mut by_timer: BTreeMap<Duration, Vec<u64>> = BTreeMap::new();
+        for (within, quiet) in timed {
+            let micros = u64::try_from(quiet.as_micros()).unwrap_or(u64::MAX);
+            by_timer.entry(within).or_default().push(micros);
+        }
+        by_timer.into_iter().filter_map(Self::within).collect()
+    }
+
+    fn within((within, micros): (Duration, Vec<u64>)) -> Option<Self> {
+        let count = micros.len();
+        let millis = |micros: u64| rounded(Duration::from_micros(micros).as_secs_f64() * 1e3);
+        let Spread { p50, p99, max } = Spread::of(micros)?;
+        let [p50_ms, p99_ms, max_ms] = [p50, p99, max].map(millis);
+        Some(Self { within_ms: within.as_secs_f64() * 1e3, count, p50_ms, p99_ms, max_ms })
     }
 }
 
@@ -110,8 +156,9 @@ impl Line {
             peak_percent: rounded(most(|one| 100.0 * one.seen.peak)),
             grip_speed_m_per_s: rounded(most(|one| one.seen.speed)),
             grip_travel_mm: rounded(most(|one| 1e3 * one.seen.travel)),
-            stale_frames: verdicts.iter().map(|one| one.seen.stale).sum(),
-            unarmed_frames: verdicts.iter().map(|one| one.seen.unarmed).sum(),
+            stale_targets: verdicts.iter().map(|one| one.seen.stale).sum(),
+            stale_applied: verdicts.iter().map(|one| one.seen.applied).sum(),
+            unarmed_targets: verdicts.iter().map(|one| one.seen.unarmed).sum(),
         }
     }
 }
@@ -142,54 +189,102 @@ impl fmt::Display for Spread {
     }
 }
 
-/// With a heading, and all kinds together at the end.
-impl fmt::Display for Table {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "{:>3}  {:<34} {:>8} {:>8} {:>6} {:>5} {:>8}  {:>11} {:>11} {:>9} {:>6} {:>8} {:>6} {:>6} {:>6}",
-            "row",
-            "fault",
-            "injected",
-            "latched",
-            "missed",
-            "false",
-            "breaches",
-            "T_detect",
-            "T_zero",
-            "T_zero ms",
-            "spread",
-            "impulse",
-            "peak %",
-            "m/s",
-            "mm"
-        )?;
-        self.kinds.iter().try_for_each(|line| writeln!(f, "{line}"))?;
-        write!(f, "{}", self.total)
+/// What a column is called, how wide it is, and in which unit.
+const COLUMNS: [(&str, usize); 12] = [
+    ("row", 3),
+    ("fault", 31),
+    ("number", 6),
+    ("latched", 7),
+    ("bad", 3),
+    ("T_detect", 11),
+    ("T_zero", 11),
+    ("spread", 6),
+    ("mN·m·s", 8),
+    ("cap %", 5),
+    ("m/s", 5),
+    ("mm", 5),
+];
+
+impl Line {
+    /// What stands in each column. Times are p50/p99/max in cycles; impulse, share of capacity, grip speed and
+    /// way are the most of any.
+    fn cells(&self) -> [String; 12] {
+        let or_dash = |value: Option<String>| value.unwrap_or_else(|| "-".to_owned());
+        let bad = self.missed + self.false_trips;
+        [
+            if self.row == 0 { String::new() } else { self.row.to_string() },
+            self.kind.clone(),
+            self.injected.to_string(),
+            self.latched.to_string(),
+            bad.to_string(),
+            or_dash(self.t_detect.map(|spread| spread.to_string())),
+            or_dash(self.t_zero.map(|spread| spread.to_string())),
+            or_dash(self.spread.map(|spread| spread.to_string())),
+            format!("{:.1}", self.impulse_mnms),
+            format!("{:.0}", self.peak_percent),
+            format!("{:.2}", self.grip_speed_m_per_s),
+            format!("{:.1}", self.grip_travel_mm),
+        ]
     }
 }
 
-impl fmt::Display for Line {
+impl Table {
+    fn lines(&self) -> impl Iterator<Item = [String; 12]> {
+        self.kinds.iter().chain([&self.total]).map(Line::cells)
+    }
+
+    /// What no kind has for itself.
+    fn notes(&self) -> Vec<String> {
+        let Line { missed, false_trips, breaches, unarmed_targets, .. } = &self.total;
+        let Line { stale_targets, stale_applied, .. } = &self.total;
+        let mut notes: Vec<String> = self.killed.iter().map(ToString::to_string).collect();
+        notes.push(format!("late or not at all: {missed}; false trips: {false_trips}"));
+        notes.push(format!("invariants I1 to I12 broken: {breaches}"));
+        notes.push(format!("targets not zero while not armed: {unarmed_targets}"));
+        notes.push(format!(
+            "stale targets (not zero, older than two periods) on the wire: {stale_targets}; cycles in which a \
+             drive acted on one: {stale_applied}"
+        ));
+        notes
+    }
+
+    /// The same as Markdown.
+    pub fn markdown(&self) -> String {
+        let row = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
+        let names = COLUMNS.map(|(name, _)| name.to_owned());
+        let rules = COLUMNS.map(|(name, _)| if name == "fault" { "---" } else { "--:" }.to_owned());
+        let mut text = row(&names) + &row(&rules);
+        self.lines().for_each(|cells| text.push_str(&row(&cells)));
+        text.push('\n');
+        self.notes().iter().for_each(|note| text.push_str(&format!("- {note}\n")));
+        text
+    }
+}
+
+/// As in `process killed, demanded within 6 ms: torque-free after 4.7/5.6/5.7 ms, 64 times`.
+impl fmt::Display for Killed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let or_dash = |value: Option<String>| value.unwrap_or_else(|| "-".to_owned());
-        let row = if self.row == 0 { String::new() } else { self.row.to_string() };
+        let Self { within_ms, count, p50_ms, p99_ms, max_ms } = self;
         write!(
             f,
-            "{row:>3}  {:<34} {:>8} {:>8} {:>6} {:>5} {:>8}  {:>11} {:>11} {:>9} {:>6} {:>8.2} {:>6.1} {:>6.3} {:>6.2}",
-            self.kind,
-            self.injected,
-            self.latched,
-            self.missed,
-            self.false_trips,
-            self.breaches,
-            or_dash(self.t_detect.map(|spread| spread.to_string())),
-            or_dash(self.t_zero.map(|spread| spread.to_string())),
-            or_dash(self.t_zero_ms.map(|millis| format!("{millis:.2}"))),
-            or_dash(self.spread.map(|spread| spread.to_string())),
-            self.impulse_mnms,
-            self.peak_percent,
-            self.grip_speed_m_per_s,
-            self.grip_travel_mm
+            "node killed, {count} times: torque-free after {p50_ms:.2}/{p99_ms:.2}/{max_ms:.2} ms, \
+             demanded {within_ms:.0} ms"
         )
+    }
+}
+
+/// With a heading, all kinds together at the end, and notes; 120 columns at most.
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names = COLUMNS.map(|(name, _)| name.to_owned());
+        for cells in iter::once(names).chain(self.lines()) {
+            let padded = cells.iter().zip(COLUMNS).map(|(cell, (name, width))| match name {
+                "fault" => format!("{cell:<width$}"),
+                _ => format!("{cell:>width$}"),
+            });
+            writeln!(f, "{}", padded.collect::<Vec<_>>().join(" "))?;
+        }
+        let notes = self.notes();
+        write!(f, "\n{}", notes.join("\n"))
     }
 }

@@ -34,8 +34,10 @@ pub struct Seen {
     pub speed: f64,
     /// How far the grip came from where it was, in m.
     pub travel: f64,
-    /// Torque frames on the wire in another cycle than their own.
+    /// Targets that were not zero, and more than two periods old on the wire.
     pub stale: u64,
+    /// Cycles in which a drive acted on such a target.
+    pub applied: u64,
     /// Targets that were not zero although nothing was armed.
     pub unarmed: u64,
     /// The first few breaches of a law.
@@ -106,7 +108,8 @@ impl Verdict {
 
     /// Whether nothing is wrong with it: neither its outcome nor any law.
     pub const fn is_good(&self) -> bool {
-        matches!(self.outcome, Outcome::Met) && self.seen.breach_count == 0
+        let is_met = matches!(self.outcome, Outcome::Met);
+        is_met && self.seen.breach_count == 0 && self.seen.applied == 0
     }
 
     /// The time that was demanded of: until zero, silence or letting go.

@@ -11,6 +11,7 @@ use crate::canopen::layout::Direction;
 use crate::lab::campaign::case::Deed;
 use crate::lab::campaign::case::Demand;
 use crate::lab::campaign::case::Place;
+use crate::lab::campaign::catalogue::KILLED;
 use crate::lab::campaign::catalogue::Kind;
 use crate::lab::campaign::catalogue::kind;
 use crate::lab::campaign::draw::Draw;
@@ -21,7 +22,8 @@ pub(super) const KINDS: &[Kind] = &[
         disturbed(draw, at, Disturbance::Full, by_timers)
     }),
     kind(22, "adapter stuck", |draw, at| disturbed(draw, at, Disturbance::Stuck, timers(at))),
-    kind(22, "adapter stalls", stalled),
+    kind(22, "adapter stalls", |draw, at| stalled(draw, at, 10_000, timers(at))),
+    kind(22, "adapter stalls for a moment", |draw, at| stalled(draw, at, 0, MOMENT)),
     kind(23, "bus-off", |draw, at| {
         disturbed(draw, at, Disturbance::Fault(BusFault::Off), timers(at))
     }),
@@ -36,13 +38,14 @@ pub(super) const KINDS: &[Kind] = &[
     kind(24, "adapter unplugged", |draw, at| {
         disturbed(draw, at, Disturbance::Fault(BusFault::Down), timers(at))
     }),
+    kind(25, "backlog after a stop", backlog),
     kind(26, "bus flooded", flooded),
     kind(26, "foreign SYNC", |draw, at| stranger(draw, at, "kind = \"foreign_sync\"")),
     kind(26, "foreign NMT", foreign_nmt),
     kind(26, "foreign targets", foreign_targets),
     kind(26, "random frames, own identifiers", |draw, at| random_frames(draw, at, true)),
     kind(26, "random frames, other identifiers", |draw, at| random_frames(draw, at, false)),
-    kind(27, "process killed", killed),
+    kind(27, KILLED, killed),
     kind(28, "process stands still", stands_still),
     kind(29, "one cycle late", one_cycle_late),
     kind(31, "wall clock set", clock_set),
@@ -64,15 +67,18 @@ fn disturbed(draw: &mut Draw, at: &Place<'_>, how: Disturbance, demand: Demand) 
     Deed::befallen(vec![(Duration::ZERO, Mishap::Bus(channel, Some(how)))], demand)
 }
 
-/// What was queued meanwhile comes out at the end.
-fn stalled(draw: &mut Draw, at: &Place<'_>) -> Deed {
+/// Too short for drives to notice: what comes out at the end must act on none of them all the same.
+const MOMENT: Demand = Demand::Either("a few frames late are no reason to stop, more are");
+
+/// For so many µs and more. What was queued meanwhile comes out at the end.
+fn stalled(draw: &mut Draw, at: &Place<'_>, least: u64, demand: Demand) -> Deed {
     let channel = bus(draw, at);
-    let span = Duration::from_micros(10_000 + draw.below(40_000));
+    let span = Duration::from_micros(least + draw.below(least.saturating_mul(4).max(10_000)));
     let mishaps = vec![
         (Duration::ZERO, Mishap::Bus(channel, Some(Disturbance::Stalled))),
         (span, Mishap::Bus(channel, None)),
     ];
-    Deed::befallen(mishaps, timers(at))
+    Deed::befallen(mishaps, demand)
 }
 
 /// With an identifier that wins against everything of the cycle.
@@ -165,9 +171,18 @@ fn killed(_: &mut Draw, at: &Place<'_>) -> Deed {
 
 /// More than five cycles: the first frame after that is zero.
 fn stands_still(draw: &mut Draw, at: &Place<'_>) -> Deed {
-    let longest = at.cycles(60);
-    let micros = u64::try_from(longest.as_micros()).unwrap_or(60_000);
-    let span = at.cycles(7) + Duration::from_micros(draw.below(micros));
+    stopped(draw, at, [7, 20])
+}
+
+/// So long that more samples wait to be read than may: what is read first is old.
+fn backlog(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    stopped(draw, at, [20, 120])
+}
+
+/// For so many cycles.
+fn stopped(draw: &mut Draw, at: &Place<'_>, [least, most]: [u32; 2]) -> Deed {
+    let more = u64::try_from(at.cycles(most - least).as_micros()).unwrap_or(0);
+    let span = at.cycles(least) + Duration::from_micros(draw.below(more));
     let demand = Demand::Stop(span + at.cycles(2));
     Deed::befallen(vec![(Duration::ZERO, Mishap::Stopped(span))], demand)
         .watched_for(span + Duration::from_millis(150))

@@ -3,11 +3,14 @@
 use std::time::Duration;
 
 use crate::canopen::error_codes;
+use crate::canopen::layout::Service;
+use crate::canopen::object::Object;
 use crate::lab::campaign::case::Deed;
 use crate::lab::campaign::case::Demand;
 use crate::lab::campaign::case::Place;
 use crate::lab::campaign::catalogue::Kind;
 use crate::lab::campaign::catalogue::engaged;
+use crate::lab::campaign::catalogue::in_contact;
 use crate::lab::campaign::catalogue::kind;
 use crate::lab::campaign::draw::Draw;
 
@@ -27,6 +30,7 @@ pub(super) const KINDS: &[Kind] = &[
     engaged(10, "torque actual wrong", torque_scaled),
     kind(12, "encoder jumps", encoder_jump),
     engaged(5, "encoder frozen", encoder_frozen),
+    in_contact(5, "encoder frozen in motion", frozen_in_motion),
     kind(13, "several drives unplugged", several_lost),
 ];
 
@@ -91,9 +95,23 @@ fn fault(draw: &mut Draw, at: &Place<'_>) -> Deed {
     Deed::scripted(at.fault(&keys), drive_fault(at))
 }
 
+/// How long a drive may keep a changed statusword to itself, after it has told another (1800h:3).
+fn silence(at: &Place<'_>, joint: usize) -> Duration {
+    let plans = at.config.node_plans();
+    let pdos = joint.checked_sub(1).and_then(|place| plans.get(place)).map(|(_, plan)| &*plan.pdos);
+    let mut services = pdos.unwrap_or_default().iter().filter_map(|pdo| pdo.service.as_ref());
+    let is_status = |service: &&Service| {
+        service.mapping.iter().any(|mapped| mapped.object == Object::STATUSWORD)
+    };
+    let inhibit = services.find(is_status).and_then(|service| service.inhibit_100us);
+    Duration::from_micros(100 * u64::from(inhibit.unwrap_or(0)))
+}
+
+/// A statusword alone tells it.
 fn quiet_fault(draw: &mut Draw, at: &Place<'_>) -> Deed {
-    let keys = format!("kind = \"fault\"; joint = {}", draw.joint());
-    Deed::scripted(at.fault(&keys), drive_fault(at))
+    let joint = draw.joint();
+    let keys = format!("kind = \"fault\"; joint = {joint}");
+    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(2) + silence(at, joint)))
 }
 
 fn sto(draw: &mut Draw, at: &Place<'_>) -> Deed {
@@ -115,8 +133,8 @@ fn torque_scaled(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let joint = 2 + draw.below(2);
     let scale = draw.within(-10.0, -6.0);
     let keys = format!("kind = \"torque_actual_scale\"; joint = {joint}; scale = {scale:.2}");
-    let why = "seen where the torque is large enough";
-    Deed::scripted(at.fault(&keys), Demand::Either(why)).watched_for(Duration::from_millis(500))
+    let within = Demand::Stop(Duration::from_millis(55).max(at.cycles(216)));
+    Deed::scripted(at.fault(&keys), within).watched_for(Duration::from_millis(600))
 }
 
 fn encoder_jump(draw: &mut Draw, at: &Place<'_>) -> Deed {
@@ -130,4 +148,14 @@ fn encoder_frozen(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let keys = format!("kind = \"encoder_frozen\"; joint = {}", draw.joint());
     let why = "seen only while it pushes and a neighbour moves";
     Deed::scripted(at.fault(&keys), Demand::Either(why)).watched_for(Duration::from_millis(800))
+}
+
+/// The elevation, which carries the arm, while the hand moves it and its neighbour.
+fn frozen_in_motion(_: &mut Draw, at: &Place<'_>) -> Deed {
+    let at_s = at.onset.as_secs_f64();
+    let moved =
+        format!("[[move]]\nat_s = {at_s:.6}\nduration_s = 1.0\nto_m = [0.1, 0.0, -0.05]\n\n");
+    let frozen = at.fault_after(Duration::from_millis(100), "kind = \"encoder_frozen\"; joint = 2");
+    let within = Demand::Stop(Duration::from_millis(700));
+    Deed::scripted(moved + &frozen, within).watched_for(Duration::from_millis(900))
 }

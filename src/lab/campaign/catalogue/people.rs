@@ -8,10 +8,12 @@ use crate::lab::campaign::case::MayStop;
 use crate::lab::campaign::case::Place;
 use crate::lab::campaign::catalogue::Kind;
 use crate::lab::campaign::catalogue::engaged;
+use crate::lab::campaign::catalogue::in_contact;
 use crate::lab::campaign::catalogue::kind;
 use crate::lab::campaign::draw::Draw;
 
 pub(super) const KINDS: &[Kind] = &[
+    in_contact(11, "hand too fast", too_fast),
     engaged(33, "wrench no number", no_number),
     engaged(33, "wrench too large", too_large),
     engaged(33, "wrench large, but may be", large),
@@ -31,20 +33,23 @@ fn senses(force: f64, demand: Demand) -> Deed {
     Deed { senses: Some(force), ..Deed::scripted(String::new(), demand) }
 }
 
+/// What is refused is no new wrench: reflection ends as if the link were lost.
+const REFUSED: Demand = Demand::LetGo(Duration::from_millis(70));
+
 fn no_number(draw: &mut Draw, _: &Place<'_>) -> Deed {
     let force = draw.among(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY]).copied();
-    let why = "refused, or a reason to stop";
-    senses(force.unwrap_or(f64::NAN), Demand::Either(why))
+    senses(force.unwrap_or(f64::NAN), REFUSED)
 }
 
 fn too_large(draw: &mut Draw, _: &Place<'_>) -> Deed {
     let exponent = draw.within(4.0, 300.0);
-    senses(10_f64.powf(exponent), Demand::Either("refused, or a reason to stop"))
+    senses(10_f64.powf(exponent), REFUSED)
 }
 
+/// Cut off at the cap, and grows as any torque may.
 fn large(draw: &mut Draw, _: &Place<'_>) -> Deed {
     let force = draw.within(-400.0, 400.0);
-    senses(force, Demand::Either("cut off at the cap, and grows as any torque may"))
+    senses(force, Demand::GoOn)
 }
 
 fn link(at: &Place<'_>, how: &str) -> Deed {
@@ -57,6 +62,17 @@ fn link_blinks(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let seconds = draw.within(0.001, 0.010);
     let how = if draw.is_heads() { "link_loss" } else { "link_frozen" };
     Deed::scripted(at.fault(&format!("kind = \"{how}\"; for_s = {seconds:.6}")), Demand::GoOn)
+}
+
+/// From when the grip is faster than 1 m/s.
+fn too_fast(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let (at_s, seconds) = (at.onset.as_secs_f64(), draw.within(0.11, 0.13));
+    let y = if draw.is_heads() { 0.1 } else { -0.1 };
+    let entries = format!(
+        "[[move]]\nat_s = {at_s:.6}\nduration_s = {seconds:.6}\nto_m = [0.0, {y}, 0.0]\n\n"
+    );
+    let deed = Deed::scripted(entries, Demand::Stop(at.cycles(3)));
+    Deed { onset_speed: Some(1.0), ..deed }.watched_for(Duration::from_millis(300))
 }
 
 fn switch(at: &Place<'_>, after: Duration, keys: &str) -> String {
@@ -101,11 +117,12 @@ fn deadman_stuck(draw: &mut Draw, at: &Place<'_>) -> Deed {
     Deed::scripted(at.fault(&keys), demand).watched_for(Duration::from_millis(220))
 }
 
+/// It may disengage, which is no reason to stop, and must not engage.
 fn deadman_bounces(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let input = if draw.is_heads() { "deadman_a" } else { "deadman_b" };
     let seconds = draw.within(0.002, 0.040);
     let keys = format!("kind = \"switch_bounce\"; switch = \"{input}\"; for_s = {seconds:.6}");
-    Deed::scripted(at.fault(&keys), Demand::Either("a bounce may disengage, and must not engage"))
+    Deed::scripted(at.fault(&keys), Demand::GoOn)
 }
 
 fn reference_pressed(_: &mut Draw, at: &Place<'_>) -> Deed {

@@ -23,6 +23,7 @@ impl Bench {
         let mut bench = Self::cold();
         (1..=6).chain([16]).for_each(|node| bench.know(node));
         (1..=6).chain([16]).for_each(|node| bench.sent(0, &[1, node]));
+        (1..=6).for_each(|node| bench.prove(node));
         (0..20).for_each(|_| bench.cycle([0; 6]));
         bench
     }
@@ -51,8 +52,28 @@ impl Bench {
     }
 
     fn sent(&mut self, cob_id: u16, data: &[u8]) {
-        let telegram = self.telegram(cob_id, data);
+        let telegram = self.taken(cob_id, data);
         self.monitor.on_sent(Instant::from_micros(self.now), &telegram);
+    }
+
+    /// Given away, and not on the wire yet.
+    fn taken(&mut self, cob_id: u16, data: &[u8]) -> Telegram {
+        let telegram = self.telegram(cob_id, data);
+        self.monitor.on_taken(Instant::from_micros(self.now), &telegram);
+        telegram
+    }
+
+    /// What was given away comes out.
+    fn comes(&mut self, telegram: Telegram) {
+        self.now += 10;
+        self.monitor.on_sent(Instant::from_micros(self.now), &telegram);
+    }
+
+    /// A drive cries without RPDOs, and without heartbeats.
+    fn prove(&mut self, node: u16) {
+        [0x50, 0x30].into_iter().zip([0x82, 0x81]).for_each(|(low, high)| {
+            self.heard(0x080 + node, &[low, high, 0x11, 0, 0, 0, 0, 0]);
+        });
     }
 
     fn heard(&mut self, cob_id: u16, data: &[u8]) {
@@ -119,7 +140,7 @@ fn a_run_as_it_should_be_breaks_no_law() {
     bench.cycle_of([0; 6], 0);
     bench.sent(0, &[0x80, 3]);
     assert_eq!(bench.laws(), []);
-    assert_eq!((bench.monitor.unarmed_frames(), bench.monitor.stale_frames()), (0, 0));
+    assert_eq!((bench.monitor.unarmed_frames(), bench.monitor.stale_targets()), (0, 0));
 }
 
 #[test]
@@ -227,17 +248,57 @@ fn i5_a_target_that_is_left_out_comes_twice_or_late_is_seen() {
     bench.sent(0x80, &[]);
     bench.now += 3_100;
     (1..=6).for_each(|node| bench.target(node, ENABLE, 0));
-    assert_eq!((bench.laws(), bench.monitor.stale_frames()), (vec![Law::OncePerSync], 6));
+    assert_eq!(bench.laws(), [Law::OncePerSync]);
 }
 
 #[test]
 fn i5_is_nobodys_fault_where_the_bus_is_broken() {
     let mut bench = Bench::running();
-    bench.monitor.excuse(Instant::from_micros(bench.now));
+    let now = Instant::from_micros(bench.now);
+    bench.monitor.excuse(Excuse::Bus(Channel(0), now));
     bench.now = bench.now.next_multiple_of(PERIOD);
     bench.sent(0x80, &[]);
     bench.cycle([0; 6]);
     assert_eq!(bench.laws(), []);
+}
+
+#[test]
+fn i5_a_process_that_stood_still_may_say_zero_late_and_nothing_else() {
+    for (target, laws) in [(0, vec![]), (1, vec![Law::OncePerSync])] {
+        let mut bench = Bench::pushing();
+        let now = Instant::from_micros(bench.now);
+        bench.monitor.excuse(Excuse::Process(now, now + Duration::from_millis(20)));
+        bench.now += 10_000;
+        (1..=6).for_each(|node| bench.target(node, ENABLE, target));
+        assert_eq!(bench.laws(), laws);
+    }
+    let mut bench = Bench::running();
+    let now = Instant::from_micros(bench.now);
+    bench.monitor.excuse(Excuse::Process(now, now + Duration::from_millis(1)));
+    bench.now += 10_000;
+    (1..=6).for_each(|node| bench.target(node, ENABLE, 0));
+    assert_eq!(bench.laws(), [Law::OncePerSync], "not for ever");
+}
+
+#[test]
+fn what_an_adapter_held_back_is_judged_by_when_it_was_given_away_and_counted_as_stale() {
+    let mut bench = Bench::pushing();
+    let now = Instant::from_micros(bench.now);
+    bench.monitor.excuse(Excuse::Bus(Channel(0), now));
+    let held = bench.taken(0x201, &[0x0F, 0, 100, 0]);
+    bench.monitor.told(Instant::from_micros(bench.now), Mode::ZeroTorque);
+    bench.now += 10_000;
+    bench.comes(held);
+    assert_eq!((bench.laws(), bench.monitor.stale_targets()), (vec![], 1));
+    assert_eq!(bench.monitor.stale_joints(), [false; 6], "it acts at a SYNC");
+    bench.sent(0x80, &[]);
+    assert_eq!(bench.monitor.stale_joints(), [true, false, false, false, false, false]);
+    let after = bench.taken(0x202, &[0x0F, 0, 100, 0]);
+    bench.comes(after);
+    assert!(bench.laws().contains(&Law::Latched), "given away after the trip");
+    bench.target(1, ENABLE, 0);
+    bench.sent(0x80, &[]);
+    assert_eq!(bench.monitor.stale_joints(), [false; 6]);
 }
 
 #[test]
@@ -273,6 +334,24 @@ fn i6_a_drive_that_was_not_started_must_not_be_enabled() {
 }
 
 #[test]
+fn i6_torque_before_a_drive_has_shown_that_it_stops_by_itself_is_seen() {
+    let mut bench = Bench::engaged();
+    bench.sent(0, &[0x81, 3]);
+    bench.heard(0x703, &[0]);
+    bench.know(3);
+    bench.sent(0, &[1, 3]);
+    bench.now += 10 * PERIOD;
+    let mut bench = Bench { monitor: bench.monitor.clone(), now: bench.now };
+    bench.monitor.forget();
+    bench.cycle([10; 6]);
+    assert_eq!(bench.laws(), [Law::KnownFirst]);
+    bench.monitor.forget();
+    bench.prove(3);
+    bench.cycle([20; 6]);
+    assert_eq!(bench.laws(), []);
+}
+
+#[test]
 fn i7_a_heartbeat_without_a_cycle_is_seen() {
     let mut bench = Bench::running();
     bench.now += 12_000;
@@ -288,6 +367,16 @@ fn i8_writing_into_an_enabled_drive_is_seen_and_reading_it_is_not() {
     assert_eq!(bench.laws(), []);
     bench.sent(0x603, &[0x2B, 0x72, 0x60, 0, 0, 0, 0, 0]);
     assert_eq!(bench.laws(), [Law::HandsOff]);
+}
+
+#[test]
+fn i8_an_enabled_drive_may_be_told_to_take_its_power_off_and_no_other_word() {
+    for (word, laws) in [(0x00, vec![]), (0x0F, vec![Law::HandsOff]), (0x06, vec![Law::HandsOff])] {
+        let mut bench = Bench::running();
+        bench.heard(0x183, &[0x37, 0x02, 0, 0, 0, 0, 0, 0]);
+        bench.sent(0x603, &[0x2B, 0x40, 0x60, 0, word, 0, 0, 0]);
+        assert_eq!(bench.laws(), laws, "{word:X}");
+    }
 }
 
 #[test]
@@ -315,6 +404,14 @@ fn i10_cycles_that_are_made_up_for_are_seen_and_one_that_is_late_is_not() {
         (1..=6).for_each(|node| bench.target(node, ENABLE, 0));
     }
     assert_eq!(bench.laws(), [Law::NoBurst]);
+    let mut bench = Bench::running();
+    bench.now = bench.now.next_multiple_of(PERIOD) + 5 * PERIOD;
+    for _ in 0..5 {
+        bench.now += PERIOD / 2;
+        bench.sent(0x80, &[]);
+        (1..=6).for_each(|node| bench.target(node, ENABLE, 0));
+    }
+    assert_eq!(bench.laws(), [Law::NoBurst], "nor at twice the rate");
 }
 
 #[test]

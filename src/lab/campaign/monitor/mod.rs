@@ -7,10 +7,12 @@
 //! |----------|---------------------------------------------------|
 //! | `torque` | what is asked of the motors: I1 to I4, I11        |
 //! | `rhythm` | when: I5, I7, I10                                 |
+//! | `age`    | how late what the node gave away is on the wire   |
 //! | `order`  | of whom, and in which order: I6, I8, I9, I12      |
 //! | `sheet`  | what the configuration says                       |
 //! | `law`    | their names, and what is noted of a breach        |
 
+mod age;
 mod law;
 #[cfg(test)]
 mod laws;
@@ -21,6 +23,7 @@ mod torque;
 
 pub use law::Breach;
 pub use law::Law;
+pub use rhythm::Excuse;
 
 use std::sync::Arc;
 
@@ -29,6 +32,7 @@ use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
 use crate::canopen::sync;
 use crate::config::Config;
+use crate::lab::campaign::monitor::age::Age;
 use crate::lab::campaign::monitor::law::Breaches;
 use crate::lab::campaign::monitor::order::Order;
 use crate::lab::campaign::monitor::rhythm::Rhythm;
@@ -46,6 +50,7 @@ pub struct Monitor {
     torque: Torque,
     rhythm: Rhythm,
     order: Order,
+    age: Age,
     breaches: Breaches,
     log: Option<Vec<(Instant, Telegram)>>,
 }
@@ -58,6 +63,7 @@ impl Monitor {
             torque: Torque::new(),
             rhythm: Rhythm::new(&sheet, config.buses.len()),
             order: Order::new(&sheet),
+            age: Age::new(config.buses.len()),
             sheet: Arc::new(sheet),
             breaches: Breaches::default(),
             log: None,
@@ -92,9 +98,9 @@ impl Monitor {
         }
     }
 
-    /// From now on the bus or the process is broken, so that I5 is nobody's fault.
-    pub const fn excuse(&mut self, from: Instant) {
-        self.rhythm.excuse(from);
+    /// Bus or process are broken, so that I5 is nobody's fault.
+    pub fn excuse(&mut self, excuse: Excuse) {
+        self.rhythm.excuse(excuse);
     }
 
     /// What was broken, in words: the first few.
@@ -112,9 +118,14 @@ impl Monitor {
         self.torque.unarmed
     }
 
-    /// Torque frames on the wire that were more than half a period late.
-    pub const fn stale_frames(&self) -> u64 {
-        self.rhythm.stale
+    /// Targets on the wire that were not zero, and more than two periods old.
+    pub const fn stale_targets(&self) -> u64 {
+        self.age.delivered
+    }
+
+    /// Which joints' targets in force were as old as that when they began to act, on a drive that is on.
+    pub const fn stale_joints(&self) -> [bool; 6] {
+        self.age.stale()
     }
 
     /// Since when every joint is told zero, if it is.
@@ -124,7 +135,7 @@ impl Monitor {
 
     /// Cycles between the first and the last joint that was torn from a torque to none.
     pub fn spread(&self) -> Option<u64> {
-        self.torque.spread()
+        self.torque.spread(self.sheet.period)
     }
 
     /// The largest share of its capacity that a joint is told, 0 to 1.
@@ -136,7 +147,7 @@ impl Monitor {
     pub fn forget(&mut self) {
         self.breaches.forget();
         self.torque.unarmed = 0;
-        self.rhythm.stale = 0;
+        self.age.delivered = 0;
     }
 
     fn keep(&mut self, at: Instant, telegram: &Telegram) {
@@ -154,12 +165,23 @@ impl Tap for Monitor {
         }
     }
 
+    fn on_taken(&mut self, at: Instant, telegram: &Telegram) {
+        let Telegram { channel, frame } = *telegram;
+        self.age.on_taken(at, telegram);
+        let said = ((channel, &frame), self.order.are_proven(&self.sheet));
+        self.rhythm.on_taken(&self.sheet, at, said, &mut self.breaches);
+    }
+
     fn on_sent(&mut self, at: Instant, telegram: &Telegram) {
         self.keep(at, telegram);
-        let Self { sheet, torque, rhythm, order, breaches, .. } = self;
+        let Self { sheet, torque, rhythm, order, age, breaches, .. } = self;
         let Telegram { channel, frame } = *telegram;
-        if frame.cob_id == sync::COB_ID && channel == Channel(0) {
-            torque.on_sync();
+        let since = age.on_sent(at, telegram);
+        if frame.cob_id == sync::COB_ID {
+            age.on_sync(sheet, at, channel);
+            if channel == Channel(0) {
+                torque.on_sync();
+            }
         }
         rhythm.on_sent(sheet, at, (channel, &frame), breaches);
         order.on_sent(sheet, at, (channel, &frame), breaches);
@@ -168,8 +190,9 @@ impl Tap for Monitor {
             match told {
                 Told::Target(joint, target) => {
                     let is_off = order.is_off(joint);
-                    torque.on_target(sheet, at, ((joint, target), is_off), breaches);
-                    order.on_target(joint, target);
+                    age.on_target(sheet, (at, since), (joint, target));
+                    torque.on_target(sheet, (at, since), ((joint, target), is_off), breaches);
+                    order.on_target(sheet, at, (joint, target), breaches);
                 }
                 Told::Controlword(joint, word) => {
                     order.on_controlword(sheet, at, (joint, word), breaches);

@@ -2,6 +2,8 @@
 
 use crate::canopen::NmtCommand;
 use crate::canopen::drive::State;
+use crate::canopen::emcy::Emergency;
+use crate::canopen::error_codes;
 use crate::canopen::exchange::Told as Heard;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
@@ -10,6 +12,7 @@ use crate::canopen::nmt::Order as Nmt;
 use crate::canopen::object::Object;
 use crate::lab::campaign::monitor::law::Breaches;
 use crate::lab::campaign::monitor::law::Law;
+use crate::lab::campaign::monitor::sheet::EMERGENCY;
 use crate::lab::campaign::monitor::sheet::ERROR_CONTROL;
 use crate::lab::campaign::monitor::sheet::Member;
 use crate::lab::campaign::monitor::sheet::SDO_REPLY;
@@ -41,12 +44,19 @@ struct Known {
     is_reset: bool,
     /// When it booted by itself.
     booted: Option<Instant>,
+    /// It has shown that it stops without RPDOs, and without heartbeats.
+    proven: [bool; 2],
     state: Option<State>,
     target: i16,
     controlword: u16,
 }
 
 impl Known {
+    /// Whether it has shown that it stops by every timer it has.
+    fn is_proven(&self, member: &Member) -> bool {
+        member.watched.iter().zip(self.proven).all(|(must, has)| !must || has)
+    }
+
     /// Why it must not be started, if so.
     fn unready(&self, member: &Member) -> Option<String> {
         let identity = member.identity;
@@ -90,6 +100,8 @@ impl Order {
     ) {
         if let Some(place) = sheet.place(channel, frame.cob_id, SDO_REPLY) {
             self.on_reply(place, frame);
+        } else if let Some(place) = sheet.place(channel, frame.cob_id, EMERGENCY) {
+            self.on_emergency(place, frame);
         } else if let Some(place) = sheet.place(channel, frame.cob_id, ERROR_CONTROL)
             && frame.data() == [0]
             && let Some(known) = self.nodes.get_mut(place)
@@ -114,9 +126,43 @@ impl Order {
         state.is_some_and(|state| state != State::OperationEnabled)
     }
 
-    /// A target; joints from 0.
-    pub(super) fn on_target(&mut self, joint: usize, target: i16) {
-        self.nodes.get_mut(joint).into_iter().for_each(|known| known.target = target);
+    /// Whether every drive has shown that it stops by itself.
+    pub(super) fn are_proven(&self, sheet: &Sheet) -> bool {
+        let mut drives = self.nodes.iter().zip(&sheet.nodes).take(6);
+        drives.all(|(known, member)| known.is_proven(member))
+    }
+
+    /// A drive that cries because its master is silent has shown that it notices.
+    fn on_emergency(&mut self, place: usize, frame: &Frame) {
+        let Some((known, emergency)) =
+            self.nodes.get_mut(place).zip(Emergency::decode(frame.data()))
+        else {
+            return;
+        };
+        let codes = [error_codes::RPDO_TIMEOUT, error_codes::MASTER_LOST];
+        for (proven, _) in known.proven.iter_mut().zip(codes).filter(|(_, c)| *c == emergency.code)
+        {
+            *proven = true;
+        }
+    }
+
+    /// A target; joints from 0. I6: there is none before its drive has shown that it stops by itself.
+    pub(super) fn on_target(
+        &mut self,
+        sheet: &Sheet,
+        at: Instant,
+        (joint, target): (usize, i16),
+        breaches: &mut Breaches,
+    ) {
+        let Some((known, member)) = self.nodes.get_mut(joint).zip(sheet.nodes.get(joint)) else {
+            return;
+        };
+        known.target = target;
+        let is_on_its_way = known.booted.is_some_and(|booted| at <= booted + sheet.period * 2);
+        if target != 0 && !known.is_proven(member) && !is_on_its_way {
+            let what = format!("joint {} is told {target} per mille, not proven", joint + 1);
+            breaches.add(Law::KnownFirst, at, what);
+        }
     }
 
     /// A controlword; joints from 0. I6, and the second step of I12.
@@ -194,7 +240,8 @@ impl Order {
         match command & SPECIFIER {
             UPLOAD => known.asked = Some(object),
             DOWNLOAD => {
-                if known.state == Some(State::OperationEnabled) && known.is_started {
+                let is_enabled = known.state == Some(State::OperationEnabled) && known.is_started;
+                if is_enabled && !is_power_off(object, [a, b]) {
                     let what = format!("{object} of node {} is written", member.node.raw());
                     breaches.add(Law::HandsOff, at, what);
                 }
@@ -243,9 +290,23 @@ const fn is_taken(written: [u8; 4], read: [u8; 4]) -> bool {
 /// Bit 31 of a COB-ID, in its last byte: it does not exist (CiA 301, 7.5.2.35).
 const INVALID: u8 = 0x80;
 
+/// All that may be written into a drive that is enabled: a controlword without voltage (CiA 402, bit 1), for
+/// one that hears no SYNC any more.
+fn is_power_off(object: Object, word: [u8; 2]) -> bool {
+    object == Object::CONTROLWORD && u16::from_le_bytes(word) & VOLTAGE == 0
+}
+
+/// Bit 1 of a controlword: enable voltage.
+const VOLTAGE: u16 = 0x0002;
+
 /// Written to make something happen, not to stand there.
 fn is_order(object: Object) -> bool {
-    let orders = [Object::STORE_PARAMETERS, Object::RESTORE_DEFAULTS, Object::ERROR_HISTORY];
+    let orders = [
+        Object::STORE_PARAMETERS,
+        Object::RESTORE_DEFAULTS,
+        Object::ERROR_HISTORY,
+        Object::CONTROLWORD,
+    ];
     orders.iter().any(|order| order.index == object.index)
 }
 

@@ -8,6 +8,7 @@ use crate::canopen::sync;
 use crate::lab::campaign::monitor::law::Breaches;
 use crate::lab::campaign::monitor::law::Law;
 use crate::lab::campaign::monitor::sheet::Sheet;
+use crate::lab::campaign::monitor::sheet::Told;
 use crate::time::Instant;
 
 /// So many SYNCs are remembered.
@@ -16,8 +17,8 @@ const REMEMBERED: usize = 10;
 /// A SYNC may wait for the frame that is on the wire, of 135 bits at most, and a bit more.
 const WIRE: Duration = Duration::from_micros(200);
 
-/// A heartbeat has the lowest priority of all, and may wait for so many cycles of a crowded bus.
-const ALIVE: u32 = 5;
+/// A heartbeat belongs to a cycle: so many periods after its SYNC it is none of this one's.
+const ALIVE: u32 = 2;
 
 /// What was heard of the rhythm.
 #[derive(Clone, Debug)]
@@ -25,10 +26,19 @@ pub(super) struct Rhythm {
     buses: Vec<Beat>,
     /// How often each RPDO came since the last SYNC of its bus.
     came: Vec<u32>,
-    /// The bus itself is broken from then on: what does not come is not the node's fault.
-    excused_from: Option<Instant>,
-    /// Torque frames that came so late that another cycle had begun.
-    pub(super) stale: u64,
+    /// Nobody's fault, or not altogether.
+    excuses: Vec<Excuse>,
+    /// When the last SYNC of each bus was given away.
+    given: Vec<Option<Instant>>,
+}
+
+/// What is broken, so that targets do not come, or late.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Excuse {
+    /// A bus, from then on: what is on its wire, and when, is not the node's doing.
+    Bus(Channel, Instant),
+    /// The process, from then until then. What it says late must be zero.
+    Process(Instant, Instant),
 }
 
 /// The last SYNCs of one bus, the newest last.
@@ -48,14 +58,34 @@ impl Rhythm {
         Self {
             buses: vec![Beat::default(); buses],
             came: vec![0; sheet.rpdos.len()],
-            excused_from: None,
-            stale: 0,
+            excuses: Vec::new(),
+            given: vec![None; buses],
         }
     }
 
-    /// From now on the bus, or the process, is broken: targets may be missing, but never come in bursts.
-    pub(super) const fn excuse(&mut self, from: Instant) {
-        self.excused_from = Some(from);
+    /// Targets may be missing, but never come in bursts.
+    pub(super) fn excuse(&mut self, excuse: Excuse) {
+        self.excuses.push(excuse);
+    }
+
+    /// A bus has taken a frame. I7: a heartbeat has the SYNC of its cycle before it, once `is_proven` that
+    /// the drives stop by themselves: to prove that, the node keeps its SYNCs back.
+    pub(super) fn on_taken(
+        &mut self,
+        sheet: &Sheet,
+        at: Instant,
+        ((channel, frame), is_proven): ((Channel, &Frame), bool),
+        breaches: &mut Breaches,
+    ) {
+        let Some(given) = self.given.get_mut(usize::from(channel.0)) else { return };
+        if frame.cob_id == sync::COB_ID {
+            *given = Some(at);
+        } else if frame.cob_id == sheet.heartbeat
+            && is_proven
+            && given.is_none_or(|given| at.since(given) > sheet.period * ALIVE)
+        {
+            breaches.add(Law::Heartbeat, at, "a heartbeat without a SYNC before it".to_owned());
+        }
     }
 
     pub(super) fn on_sent(
@@ -67,18 +97,20 @@ impl Rhythm {
     ) {
         if frame.cob_id == sync::COB_ID {
             self.sync(sheet, at, channel, breaches);
-        } else if frame.cob_id == sheet.heartbeat {
-            self.heartbeat(sheet, at, channel, breaches);
         } else if let Some((place, rpdo)) = sheet.rpdo(channel, frame)
             && rpdo.is_cyclic
         {
             let late = self.since_sync(channel, at).is_none_or(|since| since > late(sheet.period));
-            if late {
-                self.stale += 1;
-                if !self.is_excused(at) {
-                    let what = format!("{frame} comes more than half a period late");
-                    breaches.add(Law::OncePerSync, at, what);
-                }
+            let asks =
+                rpdo.read(frame).any(|told| matches!(told, Told::Target(_, target) if target != 0));
+            let is_excused = match self.excuse_of(at, channel) {
+                Some(Excuse::Bus(..)) => true,
+                Some(Excuse::Process(..)) => !asks,
+                None => false,
+            };
+            if late && !is_excused {
+                let what = format!("{frame} comes more than half a period late");
+                breaches.add(Law::OncePerSync, at, what);
             }
             self.came.iter_mut().skip(place).take(1).for_each(|came| *came += 1);
         }
@@ -86,7 +118,7 @@ impl Rhythm {
 
     /// I5 of the cycle that is over, and I10.
     fn sync(&mut self, sheet: &Sheet, at: Instant, channel: Channel, breaches: &mut Breaches) {
-        let is_excused = self.is_excused(at);
+        let is_excused = self.excuse_of(at, channel).is_some();
         let Some(beat) = self.buses.get_mut(usize::from(channel.0)) else { return };
         let rpdos = sheet.rpdos.iter().zip(&mut self.came);
         for (rpdo, came) in rpdos.filter(|(rpdo, _)| rpdo.channel == channel && rpdo.is_cyclic) {
@@ -100,8 +132,7 @@ impl Rhythm {
         for before in beat.last.iter().rev() {
             periods += 1;
             let Some(before) = before else { break };
-            let least = (sheet.period * periods).saturating_sub(sheet.period / 2 + WIRE);
-            if at.since(*before) < least {
+            if at.since(*before) <= least(sheet.period, periods) {
                 let what = format!("{} SYNCs within {:?}", periods + 1, at.since(*before));
                 breaches.add(Law::NoBurst, at, what);
                 break;
@@ -111,20 +142,26 @@ impl Rhythm {
         beat.last.iter_mut().last().into_iter().for_each(|last| *last = Some(at));
     }
 
-    /// I7.
-    fn heartbeat(&self, sheet: &Sheet, at: Instant, channel: Channel, breaches: &mut Breaches) {
-        if self.since_sync(channel, at).is_none_or(|since| since > sheet.period * ALIVE) {
-            breaches.add(Law::Heartbeat, at, "a heartbeat without a SYNC before it".to_owned());
-        }
-    }
-
     fn since_sync(&self, channel: Channel, at: Instant) -> Option<Duration> {
         let latest = self.buses.get(usize::from(channel.0))?.latest()?;
         Some(at.since(latest))
     }
 
-    fn is_excused(&self, at: Instant) -> bool {
-        self.excused_from.is_some_and(|from| at >= from)
+    fn excuse_of(&self, at: Instant, channel: Channel) -> Option<Excuse> {
+        let is_it = |excuse: &&Excuse| match **excuse {
+            Excuse::Bus(bus, from) => bus == channel && at >= from,
+            Excuse::Process(from, until) => at >= from && at <= until,
+        };
+        self.excuses.iter().find(is_it).copied()
+    }
+}
+
+/// SYNCs that each have a period of their own are not so near each other: one is less than a period late. Two
+/// of them have a cycle between them, although the first may have had to wait for the wire.
+fn least(period: Duration, periods: u32) -> Duration {
+    match periods {
+        0 | 1 => (period / 2).saturating_sub(WIRE),
+        periods => period * (periods - 1),
     }
 }
 

@@ -15,6 +15,7 @@ use crate::canopen::plan::Identity;
 use crate::canopen::plan::NodePlan;
 use crate::canopen::sync;
 use crate::canopen::time_stamp;
+use crate::canopen::watchdog::Awaited;
 use crate::config::Config;
 use crate::controller::calibration::Counts;
 use crate::controller::calibration::TorqueCurve;
@@ -26,6 +27,8 @@ use crate::sim::arm::Joints;
 pub(super) const SDO_REQUEST: u16 = 0x600;
 /// The answers.
 pub(super) const SDO_REPLY: u16 = 0x580;
+/// Emergencies.
+pub(super) const EMERGENCY: u16 = 0x080;
 /// Heartbeat, boot-up, and guarding.
 pub(super) const ERROR_CONTROL: u16 = 0x700;
 
@@ -53,6 +56,8 @@ pub(super) struct Member {
     pub(super) channel: Channel,
     pub(super) node: NodeId,
     pub(super) identity: Identity,
+    /// Whether it stops without RPDOs, and without heartbeats.
+    pub(super) watched: [bool; 2],
 }
 
 /// What bounds one joint's target.
@@ -154,7 +159,9 @@ const NEAR: f64 = 0.06;
 
 impl Member {
     fn of((channel, plan): &(Channel, NodePlan)) -> Self {
-        Self { channel: *channel, node: plan.node, identity: plan.identity }
+        let awaited = [Awaited::Rpdo, Awaited::Heartbeat];
+        let watched = awaited.map(|awaited| plan.watchdog(awaited).is_some());
+        Self { channel: *channel, node: plan.node, identity: plan.identity, watched }
     }
 }
 

@@ -30,8 +30,8 @@ pub(super) struct Torque {
     told: [i16; 6],
     /// Since when each joint is told zero.
     zero_since: [Option<Instant>; 6],
-    /// The cycle in which it was last torn from a torque to none, faster than it may change.
-    torn_cycle: [Option<u64>; 6],
+    /// When it was last torn from a torque to none, faster than it may change.
+    torn: [Option<Instant>; 6],
     cycle: u64,
     counts: [i32; 6],
     /// What carries the arm, and who is near an end of its range; of which cycle.
@@ -64,7 +64,7 @@ impl Torque {
         Self {
             told: [0; 6],
             zero_since: [Some(Instant::ZERO); 6],
-            torn_cycle: [None; 6],
+            torn: [None; 6],
             cycle: 0,
             counts: [0; 6],
             weight: None,
@@ -117,7 +117,7 @@ impl Torque {
     pub(super) const fn go_on(&mut self) {
         self.state = State::Armed;
         self.has_edge = matches!(self.deadman, Some(Deadman::Released));
-        self.torn_cycle = [None; 6];
+        self.torn = [None; 6];
     }
 
     /// A person has asked for the end of torque: the weight of the arm is laid down, nothing else is felt.
@@ -128,7 +128,7 @@ impl Torque {
             State::Idle(_) => {}
         }
         self.open_since.get_or_insert(at);
-        self.torn_cycle = [None; 6];
+        self.torn = [None; 6];
     }
 
     /// The node says that it has stopped.
@@ -138,11 +138,12 @@ impl Torque {
         }
     }
 
-    /// A target, in ‰ of rated torque; joints from 0. `is_off` is that its drive says it acts on none.
+    /// A target on the wire at `at` that was given away at `since`, in ‰ of rated torque; joints from 0.
+    /// `is_off` is that its drive says it acts on none.
     pub(super) fn on_target(
         &mut self,
         sheet: &Sheet,
-        at: Instant,
+        (at, since): (Instant, Instant),
         ((joint, target), is_off): ((usize, i16), bool),
         breaches: &mut Breaches,
     ) {
@@ -164,25 +165,30 @@ impl Torque {
             breaches.add(Law::Slew, at, what);
         }
         let is_torn = target == 0 && bounds.torque(before) > 1.5 * bounds.growth + may_grow;
-        self.note(at, joint, target == 0, is_torn);
+        self.note((at, since), joint, target == 0, is_torn);
         // What an adapter held back comes out at last, and moves no drive that is off.
         if target != 0 && !is_off {
-            self.judge(sheet, at, (joint, target), breaches);
+            self.judge(sheet, since, (joint, target), breaches);
         }
     }
 
-    fn note(&mut self, at: Instant, joint: usize, is_zero: bool, is_torn: bool) {
-        let cycle = self.cycle;
-        let places = self.zero_since.iter_mut().zip(&mut self.torn_cycle);
+    fn note(
+        &mut self,
+        (at, given): (Instant, Instant),
+        joint: usize,
+        is_zero: bool,
+        is_torn: bool,
+    ) {
+        let places = self.zero_since.iter_mut().zip(&mut self.torn);
         for (since, torn) in places.skip(joint).take(1) {
             if is_torn {
-                *torn = Some(cycle);
+                *torn = Some(given);
             }
             *since = is_zero.then(|| since.unwrap_or(at));
         }
     }
 
-    /// Whether a target that is not zero may be.
+    /// Whether a target that is not zero might be given away at `at`.
     fn judge(
         &mut self,
         sheet: &Sheet,
@@ -219,8 +225,8 @@ impl Torque {
             }
             State::Idle(_) | State::Armed | State::Tripped(_) => {}
         }
-        if let Some(torn) = self.torn_cycle.iter().flatten().max()
-            && self.cycle > torn + 1
+        if let Some(torn) = self.torn.iter().flatten().max()
+            && at > *torn + sheet.period * 3 / 2
         {
             let what =
                 format!("joint {number} is told {target} per mille, and another was torn off");
@@ -248,9 +254,10 @@ impl Torque {
     }
 
     /// Cycles between the first and the last joint that was torn from a torque to none.
-    pub(super) fn spread(&self) -> Option<u64> {
-        let torn = || self.torn_cycle.iter().flatten();
-        Some(torn().max()? - torn().min()?)
+    pub(super) fn spread(&self, period: Duration) -> Option<u64> {
+        let torn = || self.torn.iter().flatten();
+        let apart = torn().max()?.since(*torn().min()?) + period / 2;
+        u64::try_from(apart.as_micros() / period.as_micros().max(1)).ok()
     }
 
     /// The largest share of a capacity that is told, 0 to 1.

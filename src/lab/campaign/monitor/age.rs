@@ -1,0 +1,87 @@
+//! How old what the node says is: between the moment a frame is taken and the one it is on the wire, or acts.
+//!
+//! What an adapter holds back comes out later, and the node cannot take it back. So it is judged by what it
+//! knew when it gave the frame away; whether an old target acted on a drive is asked of the drives.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use crate::canopen::frame::Channel;
+use crate::canopen::frame::Frame;
+use crate::canopen::frame::Telegram;
+use crate::lab::campaign::monitor::sheet::Sheet;
+use crate::time::Instant;
+
+/// A target that acts later is stale, in periods: 2 ms at 1 kHz.
+const STALE: u32 = 2;
+
+/// What was taken, and what waits to act.
+#[derive(Clone, Debug)]
+pub(super) struct Age {
+    /// Of each bus, the oldest first.
+    taken: Vec<VecDeque<(Instant, Frame)>>,
+    /// The target that acts at the next SYNC, and since when it was on its way.
+    waiting: [Option<(Instant, i16)>; 6],
+    /// Whether the target in force was stale when it began to act.
+    is_stale: [bool; 6],
+    /// Targets that were not zero, and stale, on the wire.
+    pub(super) delivered: u64,
+}
+
+impl Age {
+    pub(super) fn new(buses: usize) -> Self {
+        Self {
+            taken: vec![VecDeque::new(); buses],
+            waiting: [None; 6],
+            is_stale: [false; 6],
+            delivered: 0,
+        }
+    }
+
+    /// A bus has taken a frame.
+    pub(super) fn on_taken(&mut self, at: Instant, telegram: &Telegram) {
+        let Channel(bus) = telegram.channel;
+        if let Some(taken) = self.taken.get_mut(usize::from(bus)) {
+            taken.push_back((at, telegram.frame));
+        }
+    }
+
+    /// A frame of the node's is on the wire: when it was taken. What was taken before it was lost.
+    pub(super) fn on_sent(&mut self, at: Instant, telegram: &Telegram) -> Instant {
+        let Channel(bus) = telegram.channel;
+        let Some(taken) = self.taken.get_mut(usize::from(bus)) else { return at };
+        let place = taken.iter().position(|(_, frame)| *frame == telegram.frame);
+        let gone = place.and_then(|place| taken.drain(..=place).next_back());
+        gone.map_or(at, |(since, _)| since)
+    }
+
+    /// A target that was taken at `since`; joints from 0.
+    pub(super) fn on_target(
+        &mut self,
+        sheet: &Sheet,
+        (at, since): (Instant, Instant),
+        (joint, target): (usize, i16),
+    ) {
+        self.delivered += u64::from(target != 0 && at.since(since) > stale(sheet.period));
+        self.waiting.iter_mut().skip(joint).take(1).for_each(|one| *one = Some((since, target)));
+    }
+
+    /// A SYNC: what has come since the last one acts now.
+    pub(super) fn on_sync(&mut self, sheet: &Sheet, at: Instant, channel: Channel) {
+        let joints = sheet.nodes.iter().zip(&mut self.waiting).zip(&mut self.is_stale);
+        for ((_, waiting), is_stale) in joints.filter(|((node, _), _)| node.channel == channel) {
+            if let Some((since, target)) = waiting.take() {
+                *is_stale = target != 0 && at.since(since) > stale(sheet.period);
+            }
+        }
+    }
+
+    /// Which joints' targets in force were stale when they began to act.
+    pub(super) const fn stale(&self) -> [bool; 6] {
+        self.is_stale
+    }
+}
+
+fn stale(period: Duration) -> Duration {
+    period * STALE
+}

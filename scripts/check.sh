@@ -3,5 +3,5 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 cargo fmt --all -- --check
-cargo clippy --all-targets --test vcan --locked -- -D warnings
+cargo clippy --all-targets --test vcan --test vcan_faults --locked -- -D warnings
 RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --locked --document-private-items

@@ -32,12 +32,23 @@ cargo test --locked --release
 echo "test: the demo" >&2
 scripts/test_demo.sh
 
-echo "test: two processes on real vcan, in virtual time" >&2
 cargo build --locked --release
-vcan=$(cargo test --locked --release --test vcan --no-run --message-format=json 2>/dev/null |
-  sed -n 's/.*"executable":"\([^"]*\/vcan-[0-9a-f]*\)".*/\1/p' | tail -n 1)
-[[ -x $vcan ]] || { echo "test: the vcan tests did not build" >&2; exit 1; }
-scripts/with_vcan.sh -v -t 300 -i "vcan0 vcan1" -- "$vcan" --test-threads=1
+
+echo "test: two thousand faults on the in-memory bus, and a million cycles without a false stop" >&2
+target/release/frhc -q campaign --seed 1 --faults 2000
+scripts/soak.sh 1000000
+
+on_vcan() { # on_vcan NAME: the tests of that target, in virtual time
+  local tests
+  tests=$(cargo test --locked --release --test "$1" --no-run --message-format=json 2>/dev/null |
+    sed -n 's/.*"executable":"\([^"]*\/'"$1"'-[0-9a-f]*\)".*/\1/p' | tail -n 1)
+  [[ -x $tests ]] || { echo "test: the tests $1 did not build" >&2; exit 1; }
+  scripts/with_vcan.sh -v -t 600 -i "vcan0 vcan1" -- "$tests" --test-threads=1
+}
+echo "test: two processes on real vcan, in virtual time" >&2
+on_vcan vcan
+echo "test: the same faults on real vcan" >&2
+on_vcan vcan_faults
 
 echo "test: other people's programs on real vcan" >&2
 scripts/interop.sh

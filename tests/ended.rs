@@ -77,8 +77,8 @@ fn ends_in_order(bench: &mut Bench<Wire>, wire: &Wire) {
     let late = frames.iter().filter(|(at, _)| *at > laid_down).map(|(_, telegram)| telegram.frame);
     let is_torque = |frame: &Frame| [0x201, 0x204].contains(&frame.cob_id);
     assert!(late.filter(is_torque).all(|frame| frame.data() == [0; 6]));
-    let torques = frames.iter().map(|(_, telegram)| telegram.frame).filter(is_torque);
-    assert_eq!(torques.last().unwrap().data(), [0; 6]);
+    let mut torques = frames.iter().map(|(_, telegram)| telegram.frame).filter(is_torque);
+    assert_eq!(torques.next_back().unwrap().data(), [0; 6]);
     let frames = frames.into_iter().map(|(_, telegram)| telegram.frame);
     // What comes before the next SYNC was said before it was told.
     let frames: Vec<Frame> = frames.skip_while(|frame| frame.cob_id != 0x80).collect();

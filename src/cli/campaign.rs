@@ -7,7 +7,6 @@ use std::num::NonZero;
 use std::path::Path;
 use std::path::PathBuf;
 use std::thread;
-use std::time;
 use std::time::Duration;
 
 use anyhow::Context;
@@ -101,9 +100,8 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
         return Err(Failure::new(Kind::Usage, reason));
     }
     let bar = bar(u64::try_from(cases.cases().len()).unwrap_or(0), "faults", quiet);
-    let begun = time::Instant::now();
     let verdicts = cases.run(threads(args), &|| bar.inc(1)).or_fail(Kind::Drive)?;
-    let seconds = begun.elapsed().as_secs_f64();
+    let seconds = bar.elapsed().as_secs_f64();
     bar.finish_and_clear();
     let table = Table::of(&verdicts);
     let bad: Vec<&Verdict> = verdicts.iter().filter(|verdict| !verdict.is_good()).collect();
@@ -117,9 +115,9 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
         print::line(&text);
         let count = verdicts.len();
         let rate = f64::from(u32::try_from(count).unwrap_or(u32::MAX)) / seconds.max(1e-3);
-        print::line(&format!(
-            "{count} faults of seed {} in {seconds:.1} s: {rate:.0} a second",
-            args.seed
+        let seed = args.seed;
+        print::note(&format!(
+            "{count} faults of seed {seed} in {seconds:.1} s: {rate:.0} a second"
         ));
         bad.iter().for_each(|verdict| print::line(&words(args, verdict)));
     }

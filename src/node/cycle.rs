@@ -190,7 +190,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         match self.not_enabled() {
             Some(drive) => self.safety.not_enabled(now, drive),
             None if self.samples.is_complete() && self.proof.is_over() => {
-                self.safety.drives_are_enabled(now)
+                self.safety.drives_are_enabled(now);
             }
             None => {}
         }

@@ -91,10 +91,10 @@ impl Trial {
 
     /// A drive tells by itself what its power stage is in.
     pub(in crate::node) fn on_statusword(&mut self, at: Instant, drive: usize, word: Statusword) {
-        if let Some(Some(subject)) = self.drives.get_mut(drive) {
-            if !power::may_push(word) {
-                subject.off.get_or_insert(at);
-            }
+        if let Some(Some(subject)) = self.drives.get_mut(drive)
+            && !power::may_push(word)
+        {
+            subject.off.get_or_insert(at);
         }
     }
 

@@ -302,7 +302,7 @@ fn where_only_reflection_ends_the_arm_is_carried_on_and_a_reset_lets_it_engage_a
     let permit = safety.permit(at(2_002), true);
     assert_eq!((permit.mode, permit.engaged), (Mode::ReflectionOff, false));
     assert!((permit.gravity_share - 1.0).abs() < 1e-12 && permit.reflection_share == 0.0);
-    let _ = safety.reset(at(3_000)).unwrap();
+    assert!(safety.reset(at(3_000)).is_ok());
     assert_eq!(safety.mode(), Mode::Armed);
     assert!((safety.permit(at(3_001), true).gravity_share - 1.0).abs() < 1e-12, "no new ramp");
 }

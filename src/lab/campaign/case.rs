@@ -8,6 +8,7 @@ use crate::lab::campaign::catalogue;
 use crate::lab::campaign::catalogue::Kind;
 use crate::lab::campaign::draw::Draw;
 use crate::lab::campaign::situation::Situation;
+use crate::lab::world;
 
 /// A fault begins so long after its situation is reached at the latest, in s.
 const SPREAD_S: f64 = 0.1;
@@ -117,6 +118,16 @@ impl Place<'_> {
     /// So many cycles.
     pub(super) fn cycles(&self, count: u32) -> Duration {
         self.config.period * count
+    }
+
+    /// What carries the arm's weight at a joint, from 1, where it starts: in ‰ of the most it may exert.
+    pub(super) fn weight(&self, joint: usize) -> f64 {
+        let calibration = &self.config.controller.calibration;
+        let arm = world::arm(self.config);
+        let gravity = arm.gravity(&arm.posture(&world::start(self.config)));
+        let gravity = calibration.coupling().matrix().transpose() * gravity;
+        let mut joints = gravity.iter().zip(&self.config.joints).skip(joint.saturating_sub(1));
+        joints.next().map_or(0.0, |(weight, joint)| 1e3 * weight.abs() / joint.max_torque)
     }
 
     /// An entry `[[fault]]` at the onset: its keys, one a line.

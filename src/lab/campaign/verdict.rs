@@ -109,7 +109,8 @@ impl Verdict {
     /// Whether nothing is wrong with it: neither its outcome nor any law.
     pub const fn is_good(&self) -> bool {
         let is_met = matches!(self.outcome, Outcome::Met);
-        is_met && self.seen.breach_count == 0 && self.seen.applied == 0
+        let may_act = matches!(self.demand, Demand::Either(_));
+        is_met && self.seen.breach_count == 0 && (may_act || self.seen.applied == 0)
     }
 
     /// The time that was demanded of: until zero, silence or letting go.

@@ -67,8 +67,10 @@ fn disturbed(draw: &mut Draw, at: &Place<'_>, how: Disturbance, demand: Demand) 
     Deed::befallen(vec![(Duration::ZERO, Mishap::Bus(channel, Some(how)))], demand)
 }
 
-/// Too short for drives to notice: what comes out at the end must act on none of them all the same.
-const MOMENT: Demand = Demand::Either("a few frames late are no reason to stop, more are");
+/// Too short for drives to notice. What waits in the adapter nobody can take back, so it acts at the SYNC that
+/// waits behind it; not for longer than a drive's RPDO timer.
+const MOMENT: Demand =
+    Demand::Either("what comes late may act until the drives' RPDO timers run out");
 
 /// For so many µs and more. What was queued meanwhile comes out at the end.
 fn stalled(draw: &mut Draw, at: &Place<'_>, least: u64, demand: Demand) -> Deed {

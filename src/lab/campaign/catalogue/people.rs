@@ -66,12 +66,12 @@ fn link_blinks(draw: &mut Draw, at: &Place<'_>) -> Deed {
 
 /// From when the grip is faster than 1 m/s.
 fn too_fast(draw: &mut Draw, at: &Place<'_>) -> Deed {
-    let (at_s, seconds) = (at.onset.as_secs_f64(), draw.within(0.11, 0.13));
+    let (at_s, seconds) = (at.onset.as_secs_f64(), draw.within(0.08, 0.1));
     let y = if draw.is_heads() { 0.1 } else { -0.1 };
     let entries = format!(
         "[[move]]\nat_s = {at_s:.6}\nduration_s = {seconds:.6}\nto_m = [0.0, {y}, 0.0]\n\n"
     );
-    let deed = Deed::scripted(entries, Demand::Stop(at.cycles(3)));
+    let deed = Deed::scripted(entries, Demand::Stop(at.cycles(5)));
     Deed { onset_speed: Some(1.0), ..deed }.watched_for(Duration::from_millis(300))
 }
 

@@ -70,9 +70,10 @@ impl Bench {
     }
 
     /// A drive cries without RPDOs, and without heartbeats.
-    fn prove(&mut self, node: u16) {
+    fn prove(&mut self, node: usize) {
+        let emergency = self.monitor.sheet.nodes[node - 1].emergency;
         [0x50, 0x30].into_iter().zip([0x82, 0x81]).for_each(|(low, high)| {
-            self.heard(0x080 + node, &[low, high, 0x11, 0, 0, 0, 0, 0]);
+            self.heard(emergency, &[low, high, 0x11, 0, 0, 0, 0, 0]);
         });
     }
 

@@ -183,7 +183,7 @@ impl Tap for Monitor {
                 torque.on_sync();
             }
         }
-        rhythm.on_sent(sheet, at, (channel, &frame), breaches);
+        rhythm.on_sent(sheet, (at, since), (channel, &frame), breaches);
         order.on_sent(sheet, at, (channel, &frame), breaches);
         let Some((_, rpdo)) = sheet.rpdo(channel, &frame) else { return };
         for told in rpdo.read(&frame) {

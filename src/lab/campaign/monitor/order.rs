@@ -12,7 +12,6 @@ use crate::canopen::nmt::Order as Nmt;
 use crate::canopen::object::Object;
 use crate::lab::campaign::monitor::law::Breaches;
 use crate::lab::campaign::monitor::law::Law;
-use crate::lab::campaign::monitor::sheet::EMERGENCY;
 use crate::lab::campaign::monitor::sheet::ERROR_CONTROL;
 use crate::lab::campaign::monitor::sheet::Member;
 use crate::lab::campaign::monitor::sheet::SDO_REPLY;
@@ -100,7 +99,7 @@ impl Order {
     ) {
         if let Some(place) = sheet.place(channel, frame.cob_id, SDO_REPLY) {
             self.on_reply(place, frame);
-        } else if let Some(place) = sheet.place(channel, frame.cob_id, EMERGENCY) {
+        } else if let Some(place) = sheet.crying(channel, frame.cob_id) {
             self.on_emergency(place, frame);
         } else if let Some(place) = sheet.place(channel, frame.cob_id, ERROR_CONTROL)
             && frame.data() == [0]

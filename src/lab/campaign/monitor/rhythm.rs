@@ -88,10 +88,11 @@ impl Rhythm {
         }
     }
 
+    /// A frame on the wire at `at` that was given away at `since`.
     pub(super) fn on_sent(
         &mut self,
         sheet: &Sheet,
-        at: Instant,
+        (at, since): (Instant, Instant),
         (channel, frame): (Channel, &Frame),
         breaches: &mut Breaches,
     ) {
@@ -100,7 +101,8 @@ impl Rhythm {
         } else if let Some((place, rpdo)) = sheet.rpdo(channel, frame)
             && rpdo.is_cyclic
         {
-            let late = self.since_sync(channel, at).is_none_or(|since| since > late(sheet.period));
+            let after = self.since_sync(channel, since);
+            let late = after.is_none_or(|after| after > late(sheet.period));
             let asks =
                 rpdo.read(frame).any(|told| matches!(told, Told::Target(_, target) if target != 0));
             let is_excused = match self.excuse_of(at, channel) {

@@ -27,8 +27,6 @@ use crate::sim::arm::Joints;
 pub(super) const SDO_REQUEST: u16 = 0x600;
 /// The answers.
 pub(super) const SDO_REPLY: u16 = 0x580;
-/// Emergencies.
-pub(super) const EMERGENCY: u16 = 0x080;
 /// Heartbeat, boot-up, and guarding.
 pub(super) const ERROR_CONTROL: u16 = 0x700;
 
@@ -56,6 +54,8 @@ pub(super) struct Member {
     pub(super) channel: Channel,
     pub(super) node: NodeId,
     pub(super) identity: Identity,
+    /// Its emergencies.
+    pub(super) emergency: u16,
     /// Whether it stops without RPDOs, and without heartbeats.
     pub(super) watched: [bool; 2],
 }
@@ -137,6 +137,12 @@ impl Sheet {
         self.nodes.iter().position(is_it)
     }
 
+    /// The place of the node whose emergency this is.
+    pub(super) fn crying(&self, channel: Channel, cob_id: u16) -> Option<usize> {
+        let is_it = |member: &Member| member.channel == channel && member.emergency == cob_id;
+        self.nodes.iter().position(is_it)
+    }
+
     /// What carries the arm where the drives say it is, at the actuators in N·m (N), and which joints are
     /// near an end of their range.
     pub(super) fn weight(&self, counts: &[i32; 6]) -> ([f64; 6], [bool; 6]) {
@@ -161,7 +167,13 @@ impl Member {
     fn of((channel, plan): &(Channel, NodePlan)) -> Self {
         let awaited = [Awaited::Rpdo, Awaited::Heartbeat];
         let watched = awaited.map(|awaited| plan.watchdog(awaited).is_some());
-        Self { channel: *channel, node: plan.node, identity: plan.identity, watched }
+        Self {
+            channel: *channel,
+            node: plan.node,
+            identity: plan.identity,
+            emergency: plan.emcy_cob_id,
+            watched,
+        }
     }
 }
 

@@ -14,6 +14,7 @@ mod common;
 
 use std::fs;
 use std::io::BufRead;
+use std::io::Read;
 use std::io::Write;
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
@@ -22,6 +23,7 @@ use std::time::Duration;
 
 use common::log::Log;
 use common::process::Candump;
+use common::process::Outcome;
 use common::process::Process;
 use common::process::Scratch;
 use frhc::bus::Bus;
@@ -192,6 +194,63 @@ fn never_enabled(scratch: &Scratch, theirs: &str, mine: &str, reason: &str) {
         assert!(!line.contains(" 000#01"), "started: {line}");
         assert!(!line.contains(" 080#") && !line.contains(" 201#"), "exchanged: {line}");
     }
+}
+
+/// `sim` with these words, and what `commission --prove` prints and ends with.
+fn proven(scratch: &Scratch, theirs: &[&str], mine: &[&str]) -> (String, Outcome) {
+    let mut candump = Candump::of("vcan0");
+    let sim = scratch.frhc(&[&["sim", "--config", CONFIG], theirs].concat());
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
+    let words = [&["commission", "--config", CONFIG, "--prove", "-i", "vcan0"], mine].concat();
+    let (prove, mut stdout) = scratch.frhc_and_stdout(&words);
+    let mut printed = String::new();
+    stdout.read_to_string(&mut printed).unwrap();
+    let outcome = prove.wait();
+    sim.terminate().succeeds();
+    let lines = candump.finish();
+    let mut torques =
+        lines.iter().filter(|line| [" 201#", " 204#"].iter().any(|group| line.contains(group)));
+    assert!(torques.all(|line| line.ends_with("#000000000000")), "nothing is armed");
+    Log::parse(&lines).ends_with_every_drive_off(NODES);
+    (printed, outcome)
+}
+
+#[test]
+fn hazard_16_commissioning_proves_every_drive_and_names_the_one_that_holds_its_torque() {
+    let scratch = Scratch::new("prove");
+    let (table, outcome) = proven(&scratch, &[], &[]);
+    outcome.succeeds();
+    assert_eq!(table.matches("5 / 5.").count(), 6, "{table}");
+    assert!(table.contains("max_force_n = 40 is allowed"), "{table}");
+
+    let (json, outcome) = proven(&scratch, &[], &["--json"]);
+    outcome.succeeds();
+    let report: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert!(report["lasting_ms"].as_f64().unwrap() <= 6.0, "{json}");
+    assert_eq!(report["may_arm"], true, "{json}");
+
+    let (table, outcome) = proven(&scratch, &["--personality", "3=holds-torque"], &[]);
+    assert_eq!(outcome.code, Some(5), "{}", outcome.stderr);
+    let reason = "joint 3 (elbow), node 3: kept its power stage on for 40 ms without RPDOs";
+    assert!(outcome.stderr.contains(reason), "{}", outcome.stderr);
+    assert!(table.contains("nothing may be armed"), "{table}");
+}
+
+#[test]
+fn promise_12_commissioning_that_is_interrupted_leaves_every_drive_off() {
+    let scratch = Scratch::new("prove-ended");
+    let mut candump = Candump::of("vcan0");
+    let sim = scratch.frhc(&["sim", "--config", CONFIG]);
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
+    let prove = scratch.frhc(&["commission", "--config", CONFIG, "--prove", "-i", "vcan0"]);
+    // The drives are being enabled.
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x201));
+    prove.signal(Signal::SIGINT);
+    let outcome = prove.wait();
+    assert_eq!(outcome.code, Some(5), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("boot given up"), "{}", outcome.stderr);
+    sim.terminate().succeeds();
+    Log::parse(&candump.finish()).ends_with_every_drive_off(NODES);
 }
 
 #[test]

@@ -1,8 +1,10 @@
 //! `frhc commission`: what is asked of the drives before they are used. Today their proof: every one must
 //! stop by itself when its master does.
 
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use anyhow::Context;
 use clap::Args;
 
 use crate::bus::SocketCan;
@@ -17,6 +19,7 @@ use crate::cli::exit::OrFail;
 use crate::cli::interfaces;
 use crate::cli::interfaces::Interfaces;
 use crate::cli::print;
+use crate::cli::signals;
 use crate::config::Config;
 use crate::lab::site::VirtualSite;
 use crate::node::BringUpError;
@@ -55,9 +58,13 @@ pub(super) fn run(args: &Commission) -> Result<(), Failure> {
     // Whoever asks for the proof gets it, whatever the file says.
     config.safety.protection.proves_drives = true;
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
+    let stop = signals::stop_asked().context("no signals").or_fail(Kind::Bus)?;
     let bus = SocketCan::open(&names).or_fail(Kind::Bus)?;
     let mut node = Node::new(&config, bus, VirtualSite::new(&config));
-    let booted = node.bring_up(&mut || false);
+    let booted = node.bring_up(&mut || stop.load(Ordering::Relaxed));
+    if let Err(given_up @ (BringUpError::GivenUp | BringUpError::LeftOn(_))) = booted {
+        return Err(failure(given_up));
+    }
     let report = Report { config: &config, plans: drives(&config), proof: node.proof().clone() };
     print::line(&if args.json { report.json().to_string() } else { report.text() });
     booted.map_err(failure)?;

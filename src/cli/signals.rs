@@ -1,6 +1,10 @@
 //! SIGINT and SIGTERM end a run in order, SIGHUP means nothing to it; SIGUSR1 and SIGQUIT (Ctrl-\ at a terminal) ask how it is.
 
 use std::io;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering;
+use std::thread;
 
 use tokio::signal::unix::Signal;
 use tokio::signal::unix::SignalKind;
@@ -56,6 +60,26 @@ impl Orders {
             _ = self.hang_up.recv() => Order::HangUp,
         }
     }
+}
+
+/// Whether a signal has asked to stop since; for what is not served by a runtime anyway. A thread of its
+/// own hears them until the process ends.
+pub(super) fn stop_asked() -> io::Result<Arc<AtomicBool>> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let mut orders = runtime.block_on(async { Orders::heard() })?;
+    let asked = Arc::new(AtomicBool::new(false));
+    let told = Arc::clone(&asked);
+    let hear = async move {
+        loop {
+            match orders.next().await {
+                Order::Stop(_) => told.store(true, Ordering::Relaxed),
+                Order::HangUp => {}
+            }
+        }
+    };
+    let hear = move || runtime.block_on(hear);
+    thread::Builder::new().name("frhc-signals".to_owned()).spawn(hear)?;
+    Ok(asked)
 }
 
 /// Signals that ask a running program to tell of itself, as `ping` does at SIGQUIT and `dd` at SIGUSR1.

@@ -49,10 +49,10 @@ fn hazard_27_killed_at_twenty_phases_of_its_cycle_it_leaves_the_drives_free_with
 
 #[test]
 fn hazard_27_without_rpdo_timers_the_heartbeat_leaves_the_drives_free_within_25_ms() {
-    gone("heartbeat-only", Signal::SIGKILL, 20, &HEARTBEAT_ONLY, millis(25));
+    gone("heartbeat-only", Signal::SIGKILL, 10, &HEARTBEAT_ONLY, millis(25));
 }
 
 #[test]
 fn hazard_28_frozen_at_any_phase_of_its_cycle_it_leaves_the_drives_free_within_6_ms() {
-    gone("frozen", Signal::SIGSTOP, 10, &[], millis(6));
+    gone("frozen", Signal::SIGSTOP, 5, &[], millis(6));
 }

@@ -108,7 +108,8 @@ fn script(draw: &mut Draw, config: &Config) -> String {
     let mut script = format!("seconds = {:.1}\n\n{WORK}", LAP_S + 5.0);
     script.push_str(&moves(draw));
     let period = config.period.as_secs_f64();
-    (1..=6).for_each(|joint| script.push_str(&losses(draw, joint, period)));
+    let mut faults: Vec<(f64, String)> =
+        (1..=6).flat_map(|joint| losses(draw, joint, period)).collect();
     let words = LAP_S / period;
     let mut at_s = 0.0;
     // Losses that follow each other by chance, on average every hundredth word.
@@ -116,26 +117,27 @@ fn script(draw: &mut Draw, config: &Config) -> String {
         let until_next = -(1.0 - draw.within(0.0, 0.999_999)).ln() / (LINK_LOSS * words / LAP_S);
         at_s += until_next.max(0.001);
         let lost = period.max(0.001);
-        let entry =
-            format!("[[fault]]\nat_s = {at_s:.6}\nkind = \"link_frozen\"\nfor_s = {lost:.6}\n\n");
-        script.push_str(&entry);
+        faults.push((at_s, format!("kind = \"link_frozen\"\nfor_s = {lost:.6}")));
+    }
+    faults.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+    for (at_s, keys) in faults {
+        script.push_str(&format!("[[fault]]\nat_s = {at_s:.6}\n{keys}\n\n"));
     }
     script
 }
 
 /// Samples of one drive that are lost, each alone: never two in a row.
-fn losses(draw: &mut Draw, joint: usize, period: f64) -> String {
-    let mut entries = String::new();
+fn losses(draw: &mut Draw, joint: usize, period: f64) -> Vec<(f64, String)> {
+    let keys = format!("kind = \"drop\"\njoint = {joint}\nframe = \"tpdo1\"\ncount = 1");
+    let mut losses = Vec::new();
     let mut at_s = 0.0;
     loop {
         let until_next = -(1.0 - draw.within(0.0, 0.999_999)).ln() * period / TPDO_LOSS;
         at_s += until_next.max(ALONE * period);
         if at_s > LAP_S {
-            return entries;
+            return losses;
         }
-        entries.push_str(&format!(
-            "[[fault]]\nat_s = {at_s:.6}\nkind = \"drop\"\njoint = {joint}\nframe = \"tpdo1\"\ncount = 1\n\n"
-        ));
+        losses.push((at_s, keys.clone()));
     }
 }
 

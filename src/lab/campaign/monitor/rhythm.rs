@@ -14,9 +14,6 @@ use crate::time::Instant;
 /// So many SYNCs are remembered.
 const REMEMBERED: usize = 10;
 
-/// A SYNC may wait for the frame that is on the wire, of 135 bits at most, and a bit more.
-const WIRE: Duration = Duration::from_micros(200);
-
 /// A heartbeat belongs to a cycle: so many periods after its SYNC it is none of this one's.
 const ALIVE: u32 = 2;
 
@@ -159,10 +156,11 @@ impl Rhythm {
 }
 
 /// SYNCs that each have a period of their own are not so near each other: one is less than a period late. Two
-/// of them have a cycle between them, although the first may have had to wait for the wire.
+/// of them are given away half a period apart at least; the first may have had to wait for what else a loop
+/// says that stood still: six targets of zero, a quarter of a period.
 fn least(period: Duration, periods: u32) -> Duration {
     match periods {
-        0 | 1 => (period / 2).saturating_sub(WIRE),
+        0 | 1 => period / 4,
         periods => period * (periods - 1),
     }
 }

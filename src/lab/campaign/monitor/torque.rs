@@ -28,6 +28,8 @@ type Weight = ([f64; 6], [bool; 6]);
 #[derive(Clone, Debug)]
 pub(super) struct Torque {
     told: [i16; 6],
+    /// When that was given away.
+    told_at: [Option<Instant>; 6],
     /// Since when each joint is told zero.
     zero_since: [Option<Instant>; 6],
     /// When it was last torn from a torque to none, faster than it may change.
@@ -63,6 +65,7 @@ impl Torque {
     pub(super) const fn new() -> Self {
         Self {
             told: [0; 6],
+            told_at: [None; 6],
             zero_since: [Some(Instant::ZERO); 6],
             torn: [None; 6],
             cycle: 0,
@@ -158,13 +161,19 @@ impl Torque {
         }
         let is_same_way = before.signum() == target.signum();
         let from = if is_same_way { before } else { 0 };
-        let may_grow = bounds.growth + 2.0 * bounds.resolution();
+        // A cycle whose targets did not get out counts as well.
+        let told_at = self.told_at.get_mut(joint).and_then(|told_at| told_at.replace(since));
+        let half = sheet.period / 2;
+        let is_second = told_at.is_some_and(|told_at| since.since(told_at) > sheet.period + half);
+        let cycles = if is_second { 2.0 } else { 1.0 };
+        let may_grow = cycles * bounds.growth + 2.0 * bounds.resolution();
         let is_growth = size > from.unsigned_abs();
         if is_growth && bounds.torque(target) - bounds.torque(from) > may_grow {
             let what = format!("joint {}: from {before} to {target} per mille", joint + 1);
             breaches.add(Law::Slew, at, what);
         }
-        let is_torn = target == 0 && bounds.torque(before) > 1.5 * bounds.growth + may_grow;
+        let is_torn =
+            target == 0 && bounds.torque(before) > 2.5 * bounds.growth + 2.0 * bounds.resolution();
         self.note((at, since), joint, target == 0, is_torn);
         // What an adapter held back comes out at last, and moves no drive that is off.
         if target != 0 && !is_off {

@@ -43,7 +43,7 @@ on_vcan() { # on_vcan NAME: the tests of that target, in virtual time
   tests=$(cargo test --locked --release --test "$1" --no-run --message-format=json 2>/dev/null |
     sed -n 's/.*"executable":"\([^"]*\/'"$1"'-[0-9a-f]*\)".*/\1/p' | tail -n 1)
   [[ -x $tests ]] || { echo "test: the tests $1 did not build" >&2; exit 1; }
-  scripts/with_vcan.sh -v -t 600 -i "vcan0 vcan1" -- "$tests" --test-threads=1
+  scripts/with_vcan.sh -v -t 600 -i "vcan0 vcan1" -- "$tests" --test-threads=1 --show-output
 }
 echo "test: two processes on real vcan, in virtual time" >&2
 on_vcan vcan

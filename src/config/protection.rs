@@ -89,9 +89,10 @@ pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
     problems.take("controller.max_force_n", config.force_cap().allows(lasting));
 }
 
-/// How long a drive may go on without its master, by what is planned.
+/// How long a drive may go on without its master, by what is planned: the quicker of its timers stops it.
 fn longest(plan: &NodePlan) -> Duration {
     let timers = [Awaited::Rpdo, Awaited::Heartbeat].into_iter();
-    let timer = timers.filter_map(|awaited| plan.watchdog(awaited)).next();
-    timer.map_or(UNPROVEN, |dog| Duration::from_millis(u64::from(dog.millis)) + grain(dog.awaited))
+    let timers = timers.filter_map(|awaited| plan.watchdog(awaited));
+    let lasting = timers.map(|dog| Duration::from_millis(dog.millis.into()) + grain(dog.awaited));
+    lasting.min().unwrap_or(UNPROVEN)
 }

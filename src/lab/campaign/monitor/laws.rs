@@ -293,13 +293,17 @@ fn what_an_adapter_held_back_is_judged_by_when_it_was_given_away_and_counted_as_
     assert_eq!((bench.laws(), bench.monitor.stale_targets()), (vec![], 1));
     assert_eq!(bench.monitor.stale_joints(), [false; 6], "it acts at a SYNC");
     bench.sent(0x80, &[]);
-    assert_eq!(bench.monitor.stale_joints(), [true, false, false, false, false, false]);
+    assert_eq!(
+        bench.monitor.stale_joints(),
+        [true; 6],
+        "the others' as well: they waited for a SYNC"
+    );
     let after = bench.taken(0x202, &[0x0F, 0, 100, 0]);
     bench.comes(after);
     assert!(bench.laws().contains(&Law::Latched), "given away after the trip");
     bench.target(1, ENABLE, 0);
     bench.sent(0x80, &[]);
-    assert_eq!(bench.monitor.stale_joints(), [false; 6]);
+    assert_eq!(bench.monitor.stale_joints(), [false, false, true, true, true, true]);
 }
 
 #[test]

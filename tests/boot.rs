@@ -190,10 +190,10 @@ fn a_drive_that_says_nothing_of_its_fault_is_asked() {
     let begun = bench.node().bus().now();
     bench.world_mut().drive_mut(4).unwrap().fail();
     until(&mut bench, |record| record.mode.is_stopped());
-    bench.run(10);
+    bench.run(60);
     assert!(!wire.since(begun, 0x604).is_empty());
-    let last = notices(&mut bench).pop().unwrap();
+    let told: Vec<_> = notices(&mut bench).iter().map(ToString::to_string).collect();
     // It tells nothing of this one: there are only those of the proof at power-up.
     let history = "error history (1003h): 8130h life guard or heartbeat error, 8250h RPDO timeout";
-    assert_eq!(last.to_string(), history);
+    assert!(told.iter().any(|told| told == history), "{told:?}");
 }

@@ -54,7 +54,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.heed(now, output.fault.as_ref().and_then(causes::of_controller));
         let moves = self.operator.watch(now, &permit, &output, input.restart);
         self.heed(now, moves);
-        let odd = self.plausibility.judge(&self.samples.sampled(), &output);
+        let is_carried = permit.takes_up || permit.gravity_share >= 1.0;
+        let odd = self.plausibility.judge(&self.samples.sampled(), &output, is_carried);
         self.heed(now, odd);
 
         let targets = self.gate.pass(self.safety.may_push(), &output.tau, &output.targets);

@@ -123,7 +123,7 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     (
         41,
         "Reflection begins with a large wrench; power comes on and nobody holds the arm",
-        "ramps of 300 ms and 1 s from zero; an arm driven faster than 0.1 rad/s stops",
+        "ramps of 300 ms and 1 s from zero; an arm driven one way for 0.9 rad, or whose grip reaches 1 m/s, stops",
     ),
     (
         42,
@@ -165,7 +165,7 @@ pub(crate) const PROMISES: [Claim; 15] = [
         "Torque is bounded, at the last gate before the bus",
         "never above the lesser of capacity and 6072h; growth of a tenth of it in a cycle",
     ),
-    (6, "A wrench that is invalid or not authentic has no effect", "none of a million"),
+    (6, "A wrench that is invalid or not authentic has no effect", "none of 100,000"),
     (7, "A link that is lost or frozen ends reflection", "70 ms, no step beyond the slew"),
     (8, "A released deadman ends command and reflection", "1 cycle, 20 ms"),
     (

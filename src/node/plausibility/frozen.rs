@@ -51,6 +51,11 @@ impl Frozen {
         Self { lasting, clear, still: [None; 6] }
     }
 
+    /// The weight of the arm is laid down: its torque changes, and friction may hold the joint all the same.
+    pub(super) const fn forget(&mut self) {
+        self.still = [None; 6];
+    }
+
     /// Takes what joints said in this cycle and were told in the one before, in ‰ of rated torque.
     pub(super) fn judge(&mut self, sampled: &Sampled<'_>, told: &[i16; 6]) -> Option<Cause> {
         let positions = sampled.latest.map(|sample| sample.position);

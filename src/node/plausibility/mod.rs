@@ -108,8 +108,17 @@ impl Plausibility {
         self.watches = self.anew;
     }
 
-    /// Takes what a cycle has brought, and what the controller has made of it.
-    pub(super) fn judge(&mut self, sampled: &Sampled<'_>, output: &Output) -> Option<Cause> {
+    /// Takes what a cycle has brought, and what the controller has made of it. `is_carried` unless the weight
+    /// of the arm is being laid down, or lies.
+    pub(super) fn judge(
+        &mut self,
+        sampled: &Sampled<'_>,
+        output: &Output,
+        is_carried: bool,
+    ) -> Option<Cause> {
+        if !is_carried {
+            self.watches.frozen.forget();
+        }
         self.watches.judge(sampled, output)
     }
 

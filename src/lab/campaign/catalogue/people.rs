@@ -41,8 +41,9 @@ fn no_number(draw: &mut Draw, _: &Place<'_>) -> Deed {
     senses(force.unwrap_or(f64::NAN), REFUSED)
 }
 
+/// More than 1e5 N is no reading.
 fn too_large(draw: &mut Draw, _: &Place<'_>) -> Deed {
-    let exponent = draw.within(4.0, 300.0);
+    let exponent = draw.within(5.1, 300.0);
     senses(10_f64.powf(exponent), REFUSED)
 }
 

@@ -38,17 +38,25 @@ echo "test: two thousand faults on the in-memory bus, and a million cycles witho
 target/release/frhc -q campaign --seed 1 --faults 2000
 scripts/soak.sh 1000000
 
-on_vcan() { # on_vcan NAME: the tests of that target, in virtual time
+# on_vcan CPU NAME: the tests of that target, in virtual time, on one CPU of this machine.
+on_vcan() {
   local tests
-  tests=$(cargo test --locked --release --test "$1" --no-run --message-format=json 2>/dev/null |
-    sed -n 's/.*"executable":"\([^"]*\/'"$1"'-[0-9a-f]*\)".*/\1/p' | tail -n 1)
-  [[ -x $tests ]] || { echo "test: the tests $1 did not build" >&2; exit 1; }
-  scripts/with_vcan.sh -v -t 600 -i "vcan0 vcan1" -- "$tests" --test-threads=1 --show-output
+  tests=$(cargo test --locked --release --test "$2" --no-run --message-format=json 2>/dev/null |
+    sed -n 's/.*"executable":"\([^"]*\/'"$2"'-[0-9a-f]*\)".*/\1/p' | tail -n 1)
+  [[ -x $tests ]] || { echo "test: the tests $2 did not build" >&2; return 1; }
+  VCAN_UML_CPU=$1 scripts/with_vcan.sh -v -t 600 -i "vcan0 vcan1" -- "$tests" --test-threads=1 --show-output
 }
-echo "test: two processes on real vcan, in virtual time" >&2
-on_vcan vcan
-echo "test: the same faults on real vcan" >&2
-on_vcan vcan_faults
+cargo test --locked --release --no-run --test vcan --test vcan_faults
+echo "test: two processes on real vcan, and the same faults there, side by side in virtual time" >&2
+faults=$(mktemp)
+trap 'rm -f "$faults"' EXIT
+on_vcan $(($(nproc) - 1)) vcan_faults >"$faults" 2>&1 &
+job=$!
+status=0
+on_vcan 0 vcan || status=$?
+wait "$job" || status=$?
+cat "$faults"
+((status == 0)) || exit "$status"
 
 echo "test: other people's programs on real vcan" >&2
 scripts/interop.sh

@@ -3,14 +3,16 @@
 #
 # Runs COMMAND where real Linux vcan interfaces are up, and exits with its status.
 #   -i NAMES    the interfaces (default vcan0)
-#   -t SECONDS  stop after so much wall-clock time (exit 124)
+#   -t SECONDS  stop once COMMAND has printed nothing for so much wall-clock time (exit 124): a slow machine
+#               is no failure, a command that hangs is
 #   -v          virtual time: sleeping costs nothing and computing takes no time, so a 1 kHz loop
 #               keeps every deadline exactly and a run repeats (busy-waiting on a clock hangs)
 #
 # A kernel with CAN: the interfaces are made on this machine (root, or sudo) and COMMAND runs on it.
 # A kernel without (containers, micro-VMs), or -v: a User-Mode Linux kernel is booted for the length
 # of COMMAND. It is an ordinary process; its root is this machine's file system (hostfs), so COMMAND
-# finds the same paths, working directory and environment. It boots in about 1.5 s and has one CPU.
+# finds the same paths, working directory and environment. It boots in about 1.5 s and has one CPU; it
+# runs on one of this machine's, $VCAN_UML_CPU or any.
 # Its kernel is, in this order: $VCAN_KERNEL; the one that build_timetravel_kernel.sh leaves in
 # $VCAN_UML_HOME (default ~/.cache/vcan-uml; the only one that can do -v); or Debian's package
 # user-mode-linux from its unstable suite, fetched once into the same folder through this machine's
@@ -50,6 +52,29 @@ need() { # need TOOL:PACKAGE...: installs the packages whose tools are missing
     command -v "${pair%%:*}" >/dev/null || [[ -x /usr/sbin/${pair%%:*} ]] || missing+=("${pair##*:}")
   done
   if ((${#missing[@]})); then as_root apt-get install -y -q "${missing[@]}" >/dev/null; fi
+}
+
+# limited COMMAND...: runs it; returns 124 when it was killed because it printed nothing for $limit seconds.
+limited() {
+  [[ -n $limit ]] || { "$@"; return; }
+  local folder pid watcher tee status=0
+  folder=$(mktemp -d)
+  mkfifo "$folder/output" && : >"$folder/printed"
+  tee "$folder/printed" <"$folder/output" &
+  tee=$!
+  setsid "$@" >"$folder/output" & # a process group of its own, to be killed as a whole
+  pid=$!
+  # shellcheck disable=SC2064 # the group of now
+  trap "kill -TERM -- -$pid 2>/dev/null" INT TERM
+  while sleep 2; do
+    (($(date +%s) - $(stat -c %Y "$folder/printed") <= limit)) || { touch "$folder/silent"; kill -KILL -- "-$pid"; }
+  done >/dev/null 2>&1 &
+  watcher=$!
+  wait "$pid" || status=$?
+  kill "$watcher" && wait "$watcher" "$tee" || true
+  [[ ! -e $folder/silent ]] || status=124
+  rm -rf "$folder"
+  return "$status"
 }
 
 fetch_debian_kernel() { # into $home: linux.uml, its modules, and the newer C library it wants
@@ -113,12 +138,18 @@ echo o >/proc/sysrq-trigger
 sleep 10
 INIT
   chmod +x "$run/init"
+  # The kernel and its processes hand over to each other, and a wake-up across CPUs costs a virtual machine some
+  # hundred microseconds (the 17 tests of vcan: 470 s on two CPUs, 88 s on one).
+  local cpu=${VCAN_UML_CPU:-$(($$ % $(nproc)))} pin="" status=0
+  taskset -c "$cpu" true 2>/dev/null && pin="taskset -c $cpu"
   # shellcheck disable=SC2086
-  ${limit:+timeout -k 5 $limit} "$kernel" mem="${VCAN_UML_MEM:-2G}" umid="vcan$$" uml_dir="$run/" \
+  limited $pin "$kernel" mem="${VCAN_UML_MEM:-2G}" umid="vcan$$" uml_dir="$run/" \
     root=/dev/root rootfstype=hostfs rootflags=/ rw init="$run/init" \
-    con=null con0=fd:0,fd:1 ssl=null console=ttyS0 $options </dev/null 2>"$run/kernel.log" || true
+    con=null con0=fd:0,fd:1 ssl=null console=ttyS0 $options </dev/null 2>"$run/kernel.log" || status=$?
   if [[ ! -s $run/status ]]; then
-    echo "with_vcan: the kernel stopped before the command ended${limit:+ (limit $limit s)}" >&2
+    local why="the kernel stopped before the command ended"
+    ((status != 124)) || why="the command printed nothing for $limit s"
+    echo "with_vcan: $why" >&2
     tail -n 5 "$run/kernel.log" >&2
     return 124
   fi
@@ -126,7 +157,8 @@ INIT
 }
 
 if [[ -z $virtual ]] && native_vcan; then
-  exec ${limit:+timeout -k 5 $limit} "$@"
+  limited "$@"
+  exit
 fi
 kernel=${VCAN_KERNEL:-$home/linux-timetravel}
 if [[ ! -x $kernel ]]; then

@@ -1,0 +1,9 @@
+#!/usr/bin/env bash
+# mutants.sh: which faults put into the sources the unit tests and the tests on the in-memory bus find.
+#
+# usage: scripts/mutants.sh [--count N] [--seed N] [--only TEXT] [--edits FILE] [--list] [--limit SECONDS]
+#
+# 120 mutants take an hour or two. Not in CI. Builds below target/mutants, which may be deleted at any time.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+exec python3 scripts/mutants.py "$@"

@@ -9,10 +9,15 @@ cargo build --locked --release
 demo() { target/release/frhc demo "$@"; }
 
 begin=$(date +%s%N)
-demo --out "$out/first"
+demo --out "$out/first" | tee "$out/summary"
 took=$((($(date +%s%N) - begin) / 1000000))
 echo "demo: 60 s of teleoperation in $took ms" >&2
 ((took < 20000)) || { echo "demo: that is over 20 s" >&2; exit 1; }
+
+if stale=$(grep -vxFf README.md "$out/summary"); then
+  echo "demo: the README shows another summary than: $stale" >&2
+  exit 1
+fi
 
 demo --quiet --out "$out/second" >/dev/null
 cmp "$out/first/bus.log" "$out/second/bus.log" || { echo "demo: the same seed gave other bytes" >&2; exit 1; }

@@ -8,7 +8,7 @@
 //!  4   config · bus · remote · telemetry       edges: files, frames, networks, records
 //!  3   canopen     controller     robot   sim  pure machines
 //!  2   spatial                                 wrench, twist, Jacobian: kinds with named parts
-//!  1   time                                    a number
+//!  1   time · written                          a number; TOML as people write it
 //! ```
 #![forbid(unsafe_code)]
 
@@ -25,3 +25,4 @@ pub mod sim;
 pub mod spatial;
 pub mod telemetry;
 pub mod time;
+pub mod written;

@@ -16,13 +16,14 @@ type Rule = (&'static str, &'static [&'static str], &'static [&'static str]);
 
 const MODULES: &[Rule] = &[
     ("time", &[], &[]),
+    ("written", &[], &["serde", "toml"]),
     ("spatial", &[], &["nalgebra"]),
     ("canopen", &["time"], &["canopen_rs", "thiserror"]),
     ("controller", &["spatial"], &["nalgebra", "thiserror"]),
     ("robot", &["spatial", "time"], &["nalgebra", "thiserror"]),
     (
         "sim",
-        &["canopen", "spatial", "time"],
+        &["canopen", "spatial", "time", "written"],
         &["canopen_rs", "nalgebra", "serde", "thiserror", "toml"],
     ),
     ("bus", &["canopen", "time"], &["nix", "socket2", "socketcan", "thiserror", "thread_priority"]),
@@ -30,12 +31,12 @@ const MODULES: &[Rule] = &[
     (
         "telemetry",
         &["canopen", "controller", "spatial", "time"],
-        &["nalgebra", "serde", "thiserror"],
+        &["humantime", "nalgebra", "serde", "thiserror"],
     ),
     (
         "config",
-        &["canopen", "controller", "robot", "spatial"],
-        &["nalgebra", "serde", "serde_ignored", "thiserror", "toml"],
+        &["canopen", "controller", "robot", "spatial", "written"],
+        &["csv", "nalgebra", "nix", "serde", "serde_ignored", "thiserror", "toml"],
     ),
     (
         "node",
@@ -87,8 +88,11 @@ const MODULES: &[Rule] = &[
             "anyhow",
             "clap",
             "indicatif",
+            "nix",
+            "rtrb",
             "serde",
             "serde_json",
+            "tempfile",
             "tokio",
             "tracing",
             "tracing_subscriber",
@@ -101,15 +105,19 @@ const OUTSIDE: &[&str] = &[
     "anyhow",
     "canopen_rs",
     "clap",
+    "csv",
+    "humantime",
     "indicatif",
     "nalgebra",
     "nix",
+    "rtrb",
     "serde",
     "serde_ignored",
     "serde_json",
     "snow",
     "socket2",
     "socketcan",
+    "tempfile",
     "thiserror",
     "thread_priority",
     "tokio",
@@ -119,7 +127,7 @@ const OUTSIDE: &[&str] = &[
 ];
 
 /// Modules that perform no I/O, read no clock and log nothing.
-const PURE: &[&str] = &["time", "spatial", "canopen", "controller", "robot", "sim"];
+const PURE: &[&str] = &["time", "written", "spatial", "canopen", "controller", "robot", "sim"];
 
 /// What a pure module may not name.
 const IMPURE: &[&str] = &[

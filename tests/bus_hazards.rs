@@ -222,6 +222,45 @@ fn hazard_24_a_reset_without_the_interface_fails_and_one_with_it_succeeds() {
     assert_eq!(run.bench.ask(Request::Reset).unwrap(), Mode::Ready);
 }
 
+/// How a boot of the network ends, on which something goes wrong so many ms after it begins.
+fn booted(after_ms: u64, mishap: Mishap) -> (Result<(), String>, Wire) {
+    let wire = Wire::default();
+    let script = Scenario::parse(SCRIPT).unwrap();
+    let mut bench = Bench::new(&config(KRAFT), script, 1, false, wire.clone());
+    bench.bus_mut().plan(Instant::ZERO + Duration::from_millis(after_ms), mishap);
+    (bench.bring_up().map_err(|error| error.to_string()), wire)
+}
+
+#[test]
+fn hazard_24_a_boot_on_a_bus_that_is_down_says_so_and_blames_no_drive() {
+    // While it listens, while it reads, and while it writes; told by the driver, and by a frame not taken.
+    for after_ms in [0, 10, 30, 60] {
+        for (wrong, words) in [
+            (Disturbance::Down, "bus 0: interface down"),
+            (Disturbance::Fault(BusFault::Down), "bus 0: interface down"),
+            (Disturbance::Fault(BusFault::Off), "bus 0: bus off"),
+            (Disturbance::Fault(BusFault::Passive), "bus 0: error passive"),
+            (Disturbance::Full, "bus 0: transmit queue full"),
+        ] {
+            let (outcome, _) = booted(after_ms, on_bus(wrong));
+            assert_eq!(outcome, Err(words.to_owned()), "{wrong:?} after {after_ms} ms");
+        }
+    }
+}
+
+#[test]
+fn hazard_26_a_bus_of_another_master_is_not_booted() {
+    for frame in [Frame::new(0x080, []), Frame::new(0x201, [0; 6])] {
+        let (outcome, wire) = booted(5, on_bus(Disturbance::Flood(frame)));
+        assert_eq!(outcome, Err("another master is on the bus".to_owned()));
+        let sent = wire.all().iter().filter(|(_, it)| it.frame.cob_id != frame.cob_id).count();
+        assert!(wire.since(Instant::ZERO, 0).is_empty(), "no reset, no stop: {sent}");
+    }
+    let write = Frame::new(0x603, [0x2B, 0x00, 0x14, 5, 0, 0, 0, 0]);
+    let (outcome, _) = booted(30, on_bus(Disturbance::Flood(write)));
+    assert_eq!(outcome, Err("another master is on the bus".to_owned()), "it writes in the boot");
+}
+
 #[test]
 fn hazard_25_after_a_short_gap_what_waited_is_drained_and_answers_no_sync() {
     for phase in PHASES {

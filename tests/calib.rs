@@ -94,6 +94,10 @@ fn a_curve_that_does_not_rise_is_rejected_with_joint_and_torque() {
     let fragment = fs::read_to_string(out.join("torque_curves.toml")).unwrap();
     assert!(fragment.contains("# elbow: rejected") && !fragment.contains("[[joint]]\nname"));
     assert!(!out.join("elbow.svg").exists());
+    let again = frhc(&["calib", "fit", &csv, "--out", out.to_str().unwrap()]);
+    assert_eq!(again.code, 2, "{}", again.stderr);
+    assert!(again.stderr.contains("torque_curves.toml exists"), "{}", again.stderr);
+    assert_eq!(frhc(&["calib", "fit", &csv, "--force", "--out", out.to_str().unwrap()]).code, 1);
 }
 
 #[test]

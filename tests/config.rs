@@ -10,6 +10,7 @@ use std::path::Path;
 
 use frhc::canopen::object::Object;
 use frhc::config::Config;
+use frhc::controller::JointVector;
 use proptest::prelude::*;
 
 const FILE: &str = "config/kraft_like.toml";
@@ -142,6 +143,289 @@ fn what_does_not_fit_together_is_refused() {
         assert!(TEXT.contains(from), "{from}");
         let refusal = refusal(&TEXT.replacen(from, to, 1));
         assert!(refusal.contains(reason), "{reason}: {refusal}");
+    }
+}
+
+/// [`TEXT`] with changes, each a part of it and what stands there instead.
+fn changed(changes: &[(&str, &str)]) -> String {
+    changes.iter().fold(TEXT.to_owned(), |text, (from, to)| {
+        assert!(text.contains(from), "{from}");
+        text.replacen(from, to, 1)
+    })
+}
+
+#[test]
+fn promise_02_heartbeat_shorter_than_its_cycle_is_refused() {
+    let slow = [
+        ("sync_period_us = 1000", "sync_period_us = 10000"),
+        ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 30 "),
+    ];
+    for (heartbeat, lost, reasons) in [
+        (
+            1,
+            2,
+            [
+                "node.heartbeat_ms: must be at least the cycle that sends it, 10000 µs",
+                "safety.node_lost_ms: ",
+            ],
+        ),
+        (5, 10, ["node.heartbeat_ms: ", "which leave every 1 cycles: 20000 µs, got 10 ms"]),
+        (
+            12,
+            30,
+            ["safety.node_lost_ms: must be at least two", "every 2 cycles: 40000 µs, got 30 ms"],
+        ),
+    ] {
+        let text = changed(&slow);
+        let text = text.replacen("heartbeat_ms = 5 ", &format!("heartbeat_ms = {heartbeat} "), 1);
+        let text = text.replacen("heartbeat_ms = 5\n", &format!("heartbeat_ms = {heartbeat}\n"), 1);
+        let text = text.replacen("node_lost_ms = 22 ", &format!("node_lost_ms = {lost} "), 1);
+        let refusal = refusal(&text);
+        for reason in reasons {
+            assert!(refusal.contains(reason), "{reason}: {refusal}");
+        }
+    }
+}
+
+/// Walls that begin in the air and push with all the assist may take.
+const WALLS: &str = "[controller.walls]\nat_m = [0.02, 0.02, 0.02]\nat_rad = [1.0, 1.0, 1.0]\n\
+    stiffness_n_per_m = [9000.0, 9000.0, 9000.0]\nstiffness_nm_per_rad = [0.0, 0.0, 0.0]\n\n[remote]\n";
+
+#[test]
+fn promise_03_every_force_counts_that_lasts_until_the_drives_stop() {
+    let heartbeat_only = ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 0 ");
+    let weak = ("max_force_n = 40.0 ", "max_force_n = 1.0 ");
+    let no_stops = ("push = 0.5 ", "push = 0.0 ");
+    let no_dampers = ("max_damping_ns_per_m = 60.0", "max_damping_ns_per_m = 1.0");
+    let strong_assist = ("assist_fraction = 0.35", "assist_fraction = 1.0");
+    let plain = changed(&[heartbeat_only, weak, no_stops, no_dampers, strong_assist]);
+    Config::parse(Path::new(FILE), &plain).unwrap();
+    for (change, reason) in [
+        (("[remote]\n", WALLS), "return to centre and walls"),
+        (
+            ("centring_n = [2.0, 2.0, 2.0]", "centring_n = [15.0, 15.0, 15.0]"),
+            "return to centre and walls",
+        ),
+        (("push = 0.0 ", "push = 1.0 "), "soft stops"),
+        (("max_damping_ns_per_m = 1.0", "max_damping_ns_per_m = 60.0"), "and dampers of 68 N·s/m"),
+    ] {
+        let refusal = refusal(&plain.replacen(change.0, change.1, 1));
+        let told =
+            refusal.lines().find(|line| line.contains("for the 25.0 ms until a drive stops"));
+        assert!(told.is_some_and(|told| told.contains(reason)), "{reason}: {refusal}");
+    }
+}
+
+#[test]
+fn joint_behind_a_coupling_has_its_own_capacity_and_speed() {
+    // The elbow moves against the second actuator, twice as far, and with its own.
+    let coupling = "[coupling]\nmatrix = [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, -2, 1, 0, 0, 0], \
+        [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]\n\n[switches]\n";
+    let config = Config::parse(Path::new(FILE), &changed(&[("[switches]\n", coupling)])).unwrap();
+    let stops = config.controller.beyond.soft_stops.unwrap();
+    let mut q = config.joints.each_ref().map(|joint| joint.start);
+    q[2] = config.joints[2].link.range[1];
+    let tau = stops.torques(&q.into(), &JointVector::zeros());
+    // Half of what 6 N·m of the second actuator and 4 N·m of the third can exert.
+    assert!((tau[2] + 1.5).abs() < 1e-9, "{tau}");
+    let speed_of = |config: &Config, joint: usize| {
+        let (_, plan) = &config.node_plans()[joint];
+        let limit =
+            plan.writes().into_iter().find(|(object, _)| *object == Object::MAX_MOTOR_SPEED);
+        format!("{:?}", limit.unwrap().1)
+    };
+    let plain = Config::parse(Path::new(FILE), TEXT).unwrap();
+    assert_eq!(speed_of(&config, 1), speed_of(&plain, 1));
+    assert_ne!(speed_of(&config, 2), speed_of(&plain, 2), "the third actuator may turn faster");
+}
+
+#[test]
+fn tank_damper_beyond_what_the_grip_bears_is_refused() {
+    let tank = |more: &str| {
+        let tank = format!(
+            "[controller.tank]\ninitial_j = 0.1\nmin_j = 0.0\nlow_j = 0.02\nmax_j = 0.5\n\
+             refill_ns_per_m_per_j = 2000.0\n{more}\n[remote]\n"
+        );
+        changed(&[("[remote]\n", &tank), ("[safety]\n", "[safety]\neffective_mass_kg = 3.0\n")])
+    };
+    let config = Config::parse(Path::new(FILE), &tank("")).unwrap();
+    assert!(config.findings().iter().any(|finding| finding.name == "tank, damper"));
+    let refusal = refusal(&tank("max_damping_ns_per_m = 600.0\n"));
+    assert!(refusal.contains("controller.tank.max_damping_ns_per_m: tank, damper, "), "{refusal}");
+}
+
+/// Sections with lists that the shipped configuration leaves out.
+const MORE_LISTS: &str = "[coupling]\n\
+    matrix = [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], \
+    [0, 0, 0, 0, 0, 1]]\noffset_rad_or_m = [0, 0, 0, 0, 0, 0]\n\n\
+    [controller.walls]\nat_m = [0.1, 0.1, 0.1]\nat_rad = [1, 1, 1]\nstiffness_n_per_m = [9, 9, 9]\n\
+    stiffness_nm_per_rad = [0, 0, 0]\n\n\
+    [controller.virtual_coupling]\nstiffness_n_per_m = [400, 400, 400]\nstiffness_nm_per_rad = [2, 2, 2]\n\
+    damping_ns_per_m = [2, 2, 2]\ndamping_nms_per_rad = [0.01, 0.01, 0.01]\n\n\
+    [remote.sphere]\ncentre_m = [0.4, -0.2, 0.3]\nradius_m = 0.08\nstiffness_n_per_m = 1500\n\
+    damping_ns_per_m = 10\n\n[safety]\n";
+
+#[test]
+fn hazard_18_lists_of_another_length_are_refused_by_key_with_both() {
+    let text = TEXT.replacen("[safety]\n", MORE_LISTS, 1);
+    let text = text.replacen("[arm]\n", "[arm]\ngrip_rad = [0, 0, 0]\n", 1);
+    let text = text.replacen(
+        "\n[[joint]]\nname = \"elevation\"",
+        "\n[joint.simulated]\n\
+        torque_curve_reverse = [130.0, 0.0, 0.0]\n\n[[joint]]\nname = \"elevation\"",
+        1,
+    );
+    let config = Config::parse(Path::new(FILE), &text);
+    config.map(|_| ()).unwrap_or_else(|invalid| panic!("{invalid}"));
+    let mut lists = 0;
+    for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| line.contains(" = [")) {
+        let (key, list) = line.split_once(" = ").unwrap();
+        let list = list.split_once(" #").map_or(list, |(list, _)| list).trim_end();
+        let inside = list.strip_suffix(']').unwrap();
+        let length = if key == "matrix" { 6 } else { list.split(',').count() };
+        let shorter = format!("{}]", inside.rsplit_once(',').unwrap().0);
+        let longer =
+            ["1.0", "\"x\"", "nan", "[]"].map(|more| (format!("{inside}, {more}]"), length + 1));
+        let shorter = (key != "matrix").then(|| (shorter, length - 1));
+        for (wrong, found) in longer.into_iter().chain(shorter) {
+            let spoilt = (1..).zip(text.lines()).map(|(at, line)| {
+                if at == number { format!("{key} = {wrong}") } else { line.to_owned() }
+            });
+            let refusal = refusal(&spoilt.collect::<Vec<_>>().join("\n"));
+            let expected = format!("{key}: must be a list of {length}, got {found}");
+            assert!(refusal.starts_with(&format!("{FILE}:{number}: ")), "{wrong}: {refusal}");
+            assert!(
+                refusal.ends_with(&expected) && refusal.lines().count() == 1,
+                "{wrong}: {refusal}"
+            );
+        }
+        lists += 1;
+    }
+    assert_eq!(lists, 56);
+    let row = text.replacen("[0, 1, 0, 0, 0, 0],", "[0, 1, 0, 0, 0, 0, 0],", 1);
+    assert!(
+        refusal(&row).contains("coupling.matrix[1]: must be a list of 6, got 7"),
+        "{}",
+        refusal(&row)
+    );
+}
+
+#[test]
+fn no_section_has_an_array_that_is_cut_silently() {
+    for file in [
+        "src/config/raw.rs",
+        "src/sim/scenario/mod.rs",
+        "src/sim/scenario/operator.rs",
+        "src/sim/temperament.rs",
+        "src/sim/personality/cast.rs",
+        "src/sim/personality/quirk.rs",
+    ] {
+        let text = std::fs::read_to_string(file).unwrap();
+        let mut in_section = false;
+        for line in text.lines() {
+            in_section |= line.contains("derive(") && line.contains("Deserialize");
+            assert!(
+                !(in_section && line.contains(": [f64;") || line.contains("Option<[")),
+                "{file}: {line}"
+            );
+            in_section &= line != "}";
+        }
+    }
+}
+
+#[test]
+fn hazard_18_arms_that_cannot_be_are_refused() {
+    for (from, to, reason) in [
+        (
+            "[0.0, 0.0, -9.81]",
+            "[0.0, 0.0, -9810.0]",
+            "arm.gravity_m_per_s2: must be 1 to 20 m/s² long, got 9810.0",
+        ),
+        (
+            "[0.0, 0.0, -9.81]",
+            "[0.0, 0.0, 0.0]",
+            "got 0.0; an arm that springs carry says gravity_balanced = true",
+        ),
+        (
+            "0.0007, 0.0045",
+            "-0.0007, 0.0045",
+            "joint[1].inertia_kg_m2: must be positive about every axis, got",
+        ),
+        (
+            "0.0007, 0.0045, 0.0046, 0.0",
+            "0.0007, 0.0045, 0.0046, 0.004",
+            "joint[1].inertia_kg_m2: must be positive",
+        ),
+        (
+            "0.0007, 0.0045",
+            "0.0007, 0.0095",
+            "joint[1].inertia_kg_m2: must be that of a body: no principal",
+        ),
+        (
+            "[0.11, 0.0, 0.01]",
+            "[0.11, 900.0, 0.01]",
+            "joint[1].centre_of_mass_m: must be within 2 m of the",
+        ),
+        ("name = \"elevation\"", "name = \"azimuth\"", "joint[1].name: \"azimuth\" is taken"),
+        ("name = \"elevation\"", "name = \"\"", "joint[1].name: must not be empty"),
+        (
+            "name = \"elevation\"",
+            "name = \" elevation\"",
+            "joint[1].name: must not begin or end with blanks",
+        ),
+        (
+            "name = \"elevation\"",
+            "name = \"a\\nb\"",
+            "joint[1].name: must have printable characters alone, got \"a\\nb\"",
+        ),
+        ("name = \"elevation\"", "name = \"\\u001B[2Ja\"", "joint[1].name: must have printable"),
+        ("name = \"elevation\"", "name = \"\\u202Eba\"", "joint[1].name: must have printable"),
+        (
+            "name = \"elevation\"",
+            "name = \"0123456789012345678901234567890123\"",
+            "at most 32 characters, got 34",
+        ),
+        ("name = \"joints\"", "name = \"joi\\tnts\"", "bus[0].name: must have printable"),
+        (
+            "interface = \"vcan0\"",
+            "interface = \"v\\u001Bn\"",
+            "bus[0].interface: \"v\\u{1b}n\" is no interface",
+        ),
+        (
+            "interface = \"vcan0\"",
+            "interface = \"a/b\"",
+            "bus[0].interface: \"a/b\" is no interface",
+        ),
+        (
+            "mass_kg = 0.28",
+            "mass_kg = 5.28",
+            "joint[1].max_torque_nm: must hold the arm at its start: ",
+        ),
+    ] {
+        assert!(TEXT.contains(from), "{from}");
+        let refusal = refusal(&TEXT.replacen(from, to, 1));
+        assert!(refusal.contains(reason), "{reason}: {refusal}");
+        assert!(refusal.lines().all(|line| line.starts_with(&format!("{FILE}:"))), "{refusal:?}");
+        assert!(!refusal.contains('\u{1b}'), "{refusal:?}");
+    }
+    let heavy = refusal(&TEXT.replacen("mass_kg = 0.28", "mass_kg = 5.28", 1));
+    assert!(heavy.contains("N·m are needed, got 6 N·m; choose another start or motor"), "{heavy}");
+}
+
+#[test]
+fn arms_that_hang_or_are_balanced_are_in_order() {
+    for (from, to) in [
+        ("[0.0, 0.0, -9.81]", "[0.0, 0.0, 9.81]"),
+        ("[0.0, 0.0, -9.81]", "[0.0, 9.0, -3.9]"),
+        ("[0.0, 0.0, -9.81]", "[0.0, 0.0, 0.0]\ngravity_balanced = true"),
+        ("[0.0007, 0.0045, 0.0046, 0.0, 0.0, 0.0]", "[0.0, 0.0, 0.0, 0.0, 0.0, 0.0]"),
+        ("[0.0007, 0.0045, 0.0046, 0.0, 0.0, 0.0]", "[0.00009, 0.0045, 0.0046, 0.0, 0.0, 0.0]"),
+        ("name = \"elevation\"", "name = \"Höhe (2)\""),
+    ] {
+        let text = TEXT.replacen(from, to, 1);
+        if let Err(invalid) = Config::parse(Path::new(FILE), &text) {
+            panic!("{to}: {invalid}");
+        }
     }
 }
 

@@ -119,15 +119,66 @@ fn what_is_no_line_is_told_with_its_number_and_the_rest_is_read() {
     assert_eq!(text(&output.stdout).lines().count(), 3);
     let stderr = text(&output.stderr);
     assert!(
-        stderr.contains("line 1: no identifier") && stderr.contains("line 3: no data"),
+        stderr.contains("stdin:1: no identifier") && stderr.contains("stdin:3: no data"),
         "{stderr}"
     );
-    assert!(stderr.ends_with("2 of 3 lines are none of candump's\n"), "{stderr}");
+    assert!(stderr.ends_with("stdin: 2 of 3 lines are not candump lines\n"), "{stderr}");
 
     let output = piped(&["decode"], "nothing\nat all\n");
     assert_eq!(output.status.code(), Some(1));
     assert!(piped(&["decode"], "").status.success(), "nothing came, so nothing was wrong");
-    assert_eq!(frhc(&["decode", "/nowhere.log"]).output().unwrap().status.code(), Some(2));
+    assert_eq!(frhc(&["decode", "/nowhere.log"]).output().unwrap().status.code(), Some(4));
+}
+
+#[test]
+fn garbage_is_reported_in_a_handful_of_lines() {
+    // Bytes of every value in no order, a thousand lines of them.
+    let byte = |n: u32| n.wrapping_mul(2_654_435_761).to_be_bytes()[0];
+    let garbage: Vec<u8> = (0..300_000).map(byte).collect();
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("garbage.bin");
+    fs::write(&path, garbage).unwrap();
+    let output = frhc(&["decode", path.to_str().unwrap()]).output().unwrap();
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr.lines().count() < 10, "{stderr}");
+    let name = path.display();
+    let last = stderr.lines().last().unwrap();
+    assert!(stderr.starts_with(&format!("frhc: {name}:1: no ")), "{stderr}");
+    assert!(last.starts_with(&format!("frhc: {name}: none of ")), "{stderr}");
+}
+
+#[test]
+fn a_log_that_cannot_be_read_is_named() {
+    for name in ["/nowhere.log", "/proc"] {
+        let output = frhc(&["decode", name]).output().unwrap();
+        assert_eq!(output.status.code(), Some(4), "{name}");
+        assert!(text(&output.stderr).starts_with(&format!("frhc: {name}: ")), "{output:?}");
+    }
+}
+
+#[test]
+fn a_stamp_that_goes_back_is_marked() {
+    let log = "(2.000000) can0 703#05\n(2.000100) wrench0 18FF0000##000\n(0.500000) can0 703#05\n\
+        (0.600000) can0 703#05\n(1.000000) wrench0 18FF0000##000\n";
+    let said = piped(&["decode"], log);
+    let marks = text(&said.stdout).lines().map(|line| line.split("  ! ").nth(1));
+    let marks: Vec<_> = marks.collect();
+    let [back, other] = ["stamp goes back 1.500000 s", "stamp goes back 1.000100 s"].map(Some);
+    assert_eq!(marks, [None, None, back, None, other]);
+    let json = piped(&["decode", "--json"], log);
+    let third: Json = serde_json::from_str(text(&json.stdout).lines().nth(2).unwrap()).unwrap();
+    assert_eq!(third["remarks"], serde_json::json!(["stamp goes back 1.500000 s"]));
+}
+
+#[test]
+fn raw_data_length_codes_are_read() {
+    let input =
+        "(1.000000) can0 703#1122334455667788_E\n  can0  703   {B}  11 22 33 44 55 66 77 88\n";
+    let said = piped(&["decode", "--json"], input);
+    assert_eq!(text(&said.stderr), "");
+    let dlc = |line| serde_json::from_str::<Json>(line).unwrap()["dlc"].clone();
+    let codes: Vec<Json> = text(&said.stdout).lines().map(dlc).collect();
+    assert_eq!(codes, [14, 11]);
 }
 
 #[test]
@@ -164,7 +215,10 @@ fn only_lines_about_a_joint_are_shown_when_asked_for() {
     }
     let wrong = frhc(&["decode", "--config", CONFIG, "--only", "knee", LOG]).output().unwrap();
     assert_eq!(wrong.status.code(), Some(2));
-    assert!(text(&wrong.stderr).contains("there is azimuth, elevation, elbow"));
+    assert!(
+        text(&wrong.stderr)
+            .contains("--only knee: no such node; there is azimuth, elevation, elbow")
+    );
 }
 
 /// A signal of a DBC file: where it is and how it is scaled.

@@ -440,7 +440,7 @@ fn a_check_ends_with_its_code() {
         ),
         (file("large.eds", &vec![b' '; 5 << 20]), 3, "larger than 4 MiB"),
         (folder.to_str().unwrap().to_owned(), 3, "is a directory"),
-        ("/dev/zero".to_owned(), 3, "larger than 4 MiB"),
+        ("/dev/zero".to_owned(), 3, "must be a regular file"),
         (folder.join("none.eds").to_str().unwrap().to_owned(), 3, "No such file"),
     ] {
         let outcome = frhc(&["check", "--eds", &path]);
@@ -536,26 +536,37 @@ fn a_concise_dcf_is_every_write_in_order() {
 fn an_export_is_written_whole_or_not_at_all() {
     let folder = folder("eds", "whole");
     let out = folder.join("out");
-    let export = || frhc(&["export", "dcf", "--config", CONFIG, "--out", out.to_str().unwrap()]);
+    let args = ["export", "dcf", "--config", CONFIG, "--out", out.to_str().unwrap()];
+    let export = |more: &[&str]| frhc(&[&args[..], more].concat());
     fs::write(&out, "a file").unwrap();
-    let outcome = export();
+    let outcome = export(&[]);
     assert!(outcome.code != 0 && outcome.stderr.contains("out"), "{}", outcome.stderr);
     assert_eq!(fs::read(&out).unwrap(), b"a file");
     fs::remove_file(&out).unwrap();
     // A folder where a file should go.
     fs::create_dir_all(out.join("5_yaw.dcf")).unwrap();
     fs::write(out.join("3_elbow.dcf"), "mine").unwrap();
-    let outcome = export();
-    assert!(outcome.code != 0 && outcome.stderr.contains("5_yaw.dcf"), "{}", outcome.stderr);
-    assert_eq!(fs::read_dir(&out).unwrap().count(), 2, "nothing half done");
-    assert_eq!(fs::read(out.join("3_elbow.dcf")).unwrap(), b"mine");
+    for force in [&[][..], &["--force"]] {
+        let outcome = export(force);
+        let named = if force.is_empty() { "3_elbow.dcf exists" } else { "5_yaw.dcf" };
+        assert!(outcome.code != 0 && outcome.stderr.contains(named), "{}", outcome.stderr);
+        assert_eq!(fs::read_dir(&out).unwrap().count(), 2, "nothing half done");
+        assert_eq!(fs::read(out.join("3_elbow.dcf")).unwrap(), b"mine");
+    }
 }
 
 #[test]
 fn a_dcf_is_no_surprise_twice() {
     let out = folder("eds", "twice");
-    let args =
-        ["export", "dcf", "--config", "config/jpl_like.toml", "--out", out.to_str().unwrap()];
+    let args = [
+        "export",
+        "dcf",
+        "--force",
+        "--config",
+        "config/jpl_like.toml",
+        "--out",
+        out.to_str().unwrap(),
+    ];
     let written = || {
         let outcome = frhc(&args);
         assert_eq!(outcome.code, 0, "{}", outcome.stderr);

@@ -11,14 +11,20 @@ mod common;
 
 use std::cell::Cell;
 use std::fs;
+use std::io::BufRead;
+use std::io::BufReader;
+use std::os::unix::fs::PermissionsExt;
 use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::path::PathBuf;
+use std::process::Command;
+use std::process::Stdio;
 use std::time::Duration;
 
 use common::bench::Wire;
 use common::bench::config;
 use common::bench::until;
+use common::cli::Ended;
 use common::cli::folder;
 use common::cli::frhc;
 use frhc::bus::Bus;
@@ -39,8 +45,13 @@ use frhc::node::Node;
 use frhc::node::Request;
 use frhc::sim::scenario::Scenario;
 use frhc::telemetry::candump::Line;
+use frhc::telemetry::cause::Awaited;
+use frhc::telemetry::cause::Cause;
 use frhc::telemetry::record::Mode;
 use frhc::time::Instant;
+use nix::sys::signal::Signal;
+use nix::sys::signal::kill;
+use nix::unistd::Pid;
 
 const KRAFT: &str = "config/kraft_like.toml";
 
@@ -202,6 +213,49 @@ fn promise_12_a_reset_that_boots_again_is_given_up_too() {
     assert!(node.bus().now().since(told) <= ORDERLY);
 }
 
+#[test]
+fn hazard_27_start_after_a_crash_enables_nothing_before_a_reset() {
+    let wire = Wire::default();
+    let mut node = node(&config(KRAFT), wire.clone());
+    let cause = Cause::AwaitsReset { awaited: Awaited::NotEnded };
+    node.bring_up_unpowered(cause, &mut || false).unwrap();
+    for _ in 0..500 {
+        let record = node.cycle();
+        assert_eq!((record.mode, record.targets), (Mode::DrivesOff, [0; 6]));
+    }
+    let record = node.cycle();
+    assert_eq!((record.cause, record.sampled), (Some(cause), [true; 6]), "it is read");
+    assert!(record.output.q.iter().any(|angle| *angle != 0.0));
+    let is_word = |frame: &Frame| (0x301..=0x306).contains(&frame.cob_id);
+    let words = |wire: &Wire| -> Vec<u8> {
+        let frames = wire.all().into_iter().map(|(_, telegram)| telegram.frame);
+        frames.filter(is_word).map(|frame| frame.data()[0]).collect()
+    };
+    assert!(words(&wire).iter().all(|word| word & 0x0F == 0), "{:?}", words(&wire));
+    for drive in node.bus().stations().drives() {
+        assert_eq!(drive.state(), State::SwitchOnDisabled);
+    }
+    assert!(node.request(Request::Arm, &mut || false).is_err());
+    let ready = node.request(Request::Reset, &mut || false).unwrap();
+    assert_eq!((ready, node.cause()), (Mode::Ready, None));
+    assert!(node.proof().lasting().is_some(), "proven as at any boot");
+    node.request(Request::Arm, &mut || false).unwrap();
+}
+
+#[test]
+fn hazard_27_service_restarts_where_no_person_must_look() {
+    let unit = fs::read_to_string("systemd/frhc.service").unwrap();
+    for line in [
+        "Restart=on-failure",
+        "RestartSec=2",
+        "RestartPreventExitStatus=2 3 5 6",
+        "StartLimitIntervalSec=0",
+        "StateDirectory=frhc",
+    ] {
+        assert!(unit.lines().any(|one| one == line), "{line}");
+    }
+}
+
 /// A host whose clock on the wall somebody sets while the node runs.
 struct Stepped<B> {
     bus: B,
@@ -329,17 +383,108 @@ fn a_run_without_a_trip_leaves_no_fault_records() {
     assert!(!out.join("faults").exists() && !ended.stderr.contains("fault record"));
 }
 
+/// `frhc demo` for `seconds`, leaving its files in `out`.
+fn demo(out: &Path, seconds: &str, more: &[&str]) -> Ended {
+    let args = ["demo", "--seconds", seconds, "--out", out.to_str().unwrap()];
+    frhc(&[&args, more].concat())
+}
+
+fn summary(out: &Path) -> serde_json::Value {
+    serde_json::from_str(&fs::read_to_string(out.join("summary.json")).unwrap()).unwrap()
+}
+
+/// Every line is one, and the last is whole.
+fn is_whole(log: &str) -> bool {
+    log.ends_with('\n') && log.lines().all(|line| Line::parse(line).is_ok())
+}
+
 #[test]
-fn hazard_32_a_full_disk_ends_the_recording_but_not_the_run_and_is_told() {
-    let out = folder("ended", "full");
-    symlink("/dev/full", out.join("bus.log")).unwrap();
-    let ended = frhc(&["demo", "--seconds", "1", "--out", out.to_str().unwrap()]);
-    assert_eq!(ended.code, 4, "what was asked for is not there");
-    let told = ended.stderr.matches("No space left on device").count();
-    assert_eq!(told, 2, "when it happened and at the end: {}", ended.stderr);
-    assert!(ended.stderr.contains("the recording ends here"), "{}", ended.stderr);
-    let summary = fs::read_to_string(out.join("summary.json")).unwrap();
-    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+fn hazard_32_a_size_limit_ends_the_recording_not_the_run() {
+    let out = folder("ended", "limit").join("out");
+    let limited = format!(
+        "ulimit -f 100; exec {} demo --seconds 1 --out {}",
+        env!("CARGO_BIN_EXE_frhc"),
+        out.display()
+    );
+    let ended = Command::new("sh").args(["-c", &limited]).output().unwrap();
+    let stderr = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(4), "what was asked for is not there: {stderr}");
+    assert_eq!(stderr.matches("the recording ends here: File too large").count(), 1, "{stderr}");
+    assert_eq!(stderr.matches("File too large").count(), 1, "{stderr}");
+    let log = fs::read_to_string(out.join("bus.log")).unwrap();
+    assert!(log.len() > 40_000 && is_whole(&log), "{} bytes", log.len());
+    let summary = summary(&out);
     assert_eq!(summary["cycles"], 1_000, "the run went on to its end");
-    assert_eq!(summary["lost_entries"], 0);
+    assert!(summary["lost"].as_object().unwrap().values().all(|count| *count == 0), "{summary}");
+}
+
+#[test]
+fn a_session_is_replaced_by_force_alone_and_then_whole() {
+    let out = folder("ended", "again");
+    let unplug = ["--scenario", "config/scenarios/faults/unplug.toml"];
+    assert_eq!(demo(&out, "3", &unplug).code, 6);
+    let (record, ..) = only_record(&out.join("faults"));
+    let log = fs::read(out.join("bus.log")).unwrap();
+    let refused = demo(&out, "1", &[]);
+    assert_eq!(refused.code, 2);
+    assert!(refused.stderr.contains("bus.log exists; choose another place"), "{}", refused.stderr);
+    assert_eq!(fs::read(out.join("bus.log")).unwrap(), log);
+    let forced = demo(&out, "1", &["--force"]);
+    assert_eq!(forced.code, 0, "{}", forced.stderr);
+    assert!(fs::read(out.join("bus.log")).unwrap() != log && summary(&out)["cycles"] == 1_000);
+    assert!(!record.exists() && !out.join("faults").exists(), "no old record beside a new log");
+}
+
+#[test]
+fn a_session_never_goes_through_a_symbolic_link() {
+    let out = folder("ended", "links");
+    let other = out.join("other");
+    fs::write(&other, "mine").unwrap();
+    symlink(&other, out.join("bus.log")).unwrap();
+    symlink("nowhere", out.join("summary.json")).unwrap();
+    assert_eq!(demo(&out, "1", &[]).code, 2);
+    assert_eq!(demo(&out, "1", &["--force"]).code, 0);
+    assert_eq!(fs::read(&other).unwrap(), b"mine");
+    for file in ["bus.log", "summary.json"] {
+        let found = fs::symlink_metadata(out.join(file)).unwrap();
+        assert_eq!((found.is_file(), found.permissions().mode() & 0o777), (true, 0o600), "{file}");
+    }
+}
+
+#[test]
+fn an_interrupted_demo_leaves_whole_lines_and_a_summary() {
+    let out = folder("ended", "interrupted");
+    let args = ["demo", "--realtime", "--seconds", "600", "--scenario"];
+    let args = [&args[..], &["config/scenarios/faults/unplug.toml", "--out"]].concat();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_frhc"));
+    let command = command.args(args).arg(&out).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    assert!(lines.any(|line| line.ends_with("node: ready")));
+    kill(Pid::from_raw(child.id().try_into().unwrap()), Signal::SIGINT).unwrap();
+    let last = lines.last().unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{last}");
+    assert!(last.starts_with("frhc: interrupted after "), "{last}");
+    assert!(is_whole(&fs::read_to_string(out.join("bus.log")).unwrap()));
+    let summary = summary(&out);
+    assert_eq!(summary["is_interrupted"], true);
+    assert!(summary["cycles"].as_u64().unwrap() > 0, "{summary}");
+}
+
+#[test]
+fn an_event_has_one_time_on_stderr_in_the_log_and_its_record() {
+    let out = folder("ended", "one_clock");
+    let ended = demo(&out, "3", &["--scenario", "config/scenarios/faults/unplug.toml"]);
+    let (_, fault, log) = only_record(&out.join("faults"));
+    let seconds = fault["seconds"].as_f64().unwrap();
+    let line = format!("{seconds:.6} s: node: zero-torque, joint 3: no sample for 3 cycles");
+    assert!(ended.stderr.lines().any(|told| told == line), "{line}\n{}", ended.stderr);
+    // A frame is in the log when it is complete: the shortest lasts 44 bits and stuffing.
+    let mut syncs = log.lines().filter(|line| line.ends_with(" vcan0 080#")).map(stamp);
+    assert!(syncs.any(|sync| (4.4e-5..6e-5).contains(&(sync - seconds))), "{seconds}");
+    assert_eq!(fault["joint_name"], "elbow");
+    assert_eq!(
+        (&fault["origin"]["unix_seconds"], &summary(&out)["origin"]["unix_seconds"]),
+        (&0.0.into(), &0.0.into())
+    );
 }

@@ -4,6 +4,8 @@
 
 mod common;
 
+use common::bench::config;
+use common::bench::scenario;
 use common::oracle;
 use common::oracle::assert_near;
 use common::oracle::list;
@@ -13,6 +15,7 @@ use frhc::controller::passivity::Passivity;
 use frhc::controller::passivity::PassivitySettings;
 use frhc::controller::tank::Tank;
 use frhc::controller::tank::TankSettings;
+use frhc::lab::bench::Bench;
 use frhc::spatial::Twist;
 use frhc::spatial::Wrench;
 
@@ -73,6 +76,27 @@ fn a_one_sided_contact_never_pulls() {
 }
 
 #[test]
+fn torque_of_a_cycle_acts_between_the_next_two_syncs() {
+    let mut bench =
+        Bench::new(&config("config/kraft_like.toml"), scenario("contact_10s"), 1, false, ());
+    bench.bring_up().unwrap();
+    let mut sent = Vec::new();
+    // How far the truth is from the torque of each of the last three cycles, squared.
+    let mut off = [0.0; 3];
+    for _ in 0..6_000 {
+        let record = bench.cycle();
+        // At this cycle's SYNC the arm was brought up to date, by what the motors exerted until then.
+        let truth = bench.world_mut().torques();
+        sent.push(record.output.tau);
+        for (off, tau) in off.iter_mut().zip(sent.iter().rev()) {
+            *off += (truth - tau).norm_squared();
+        }
+    }
+    let [of_this, of_last, of_the_one_before] = off;
+    assert!(of_the_one_before < 0.01 * of_last.min(of_this), "{off:?}");
+}
+
+#[test]
 fn the_textbook_observer_would_not_have_fired() {
     let trace = &oracle::oracle("stability.json")["po_pc_trace"]["hannaford_ryu_2002"];
     let textbook = numbers::<9>(&trace["E"]);
@@ -102,6 +126,7 @@ fn a_tank_gives_what_it_holds_and_is_refilled() {
         max: at("H_max"),
         low: at("H_d"),
         refill: at("d_bar"),
+        max_damping: 60.0,
     })
     .unwrap();
     let (mut applied, dt) = (0.0, at("T"));

@@ -178,7 +178,10 @@ fn a_question_that_cannot_be_is_refused_by_key() {
         (r#"{"r": 1}"#, "unknown field `r`"),
         (r#"{"q": [1e9, 0, 0, 0, 0, 0]}"#, "q: a joint position"),
         (r#"{"mode": "fast"}"#, "mode: \"fast\""),
-        (r#"{"K_V": [1, 1, 1, 1, 1, -1]}"#, "rate_gain: rate_gain, about z: -1"),
+        (
+            r#"{"K_V": [1, 1, 1, 1, 1, -1]}"#,
+            "rate_gain: about z must be within 0 and 1000000, got -1",
+        ),
         (r#"{"period_s": 0}"#, "period_s: a cycle period of 0 s"),
         (r#"{"T_MRF_S": [[1,0,0,0],[0,1,0,0],[0,0,2,0],[0,0,0,1]]}"#, "x_m_s: "),
         (r#"{"tau_cap": [0, 1, 1, 1, 1, 1]}"#, "max_torque: "),
@@ -189,6 +192,42 @@ fn a_question_that_cannot_be_is_refused_by_key() {
         assert!(said.contains(expected) && said.lines().count() == 1, "{question}: {said}");
         assert!(output.stdout.is_empty());
     }
+}
+
+#[test]
+fn a_question_may_stand_on_the_command_line() {
+    let question = r#" {"q": [0, -0.8, 1.6, -0.7, 0, 0]}"#;
+    let [inline, from_stdin] = [&["--json", question][..], &["--json", "-"]];
+    let inline = explain(inline, "");
+    assert!(inline.status.success(), "{}", String::from_utf8_lossy(&inline.stderr));
+    assert_eq!(inline.stdout, explain(from_stdin, question).stdout);
+    let wrong = explain(&[r#"{"q": 1}"#], "");
+    assert!(String::from_utf8_lossy(&wrong.stderr).starts_with("frhc: QUESTION: "), "{wrong:?}");
+}
+
+#[test]
+fn what_is_no_question_gets_no_answer() {
+    for (flags, question, expected) in [
+        (&["-"][..], "", "stdin: empty; a question must be a JSON object"),
+        (&[], " \n", "stdin: empty; a question must be a JSON object"),
+        (&["-", "--mode", "rate"], "", "stdin: empty"),
+        (&["-"], "[]", "stdin: a question must be a JSON object, got an array"),
+        (&["[]"], "", "QUESTION: a question must be a JSON object, got an array"),
+        (&["-"], "null", "got a single value"),
+        (&["-"], r#"{"question": []}"#, "the question must be a JSON object, got an array"),
+        (&["-"], r#"{"mode": "rate", "mode": "pose"}"#, "duplicate field `mode`"),
+        (&["-"], r#"{"K_V": [1,1,1,1,1,1], "rate_gain": [1,1,1,1,1,1]}"#, "duplicate field"),
+        (&["-"], r#"{"inputs": {"mode": "rate", "mode": "pose"}}"#, "duplicate field `mode`"),
+        (&["-"], r#"{"inputs": {}, "question": {}}"#, "duplicate field `question`"),
+    ] {
+        let output = explain(flags, question);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{question}: {said}");
+        assert!(said.contains(expected) && said.lines().count() == 1, "{question}: {said}");
+        assert!(output.stdout.is_empty(), "{question}");
+    }
+    assert!(explain(&["--mode", "rate"], "").status.success(), "the flags are a question");
+    assert!(explain(&["{}"], "").status.success(), "the start is asked about");
 }
 
 #[test]

@@ -128,8 +128,15 @@ fn everything() -> Settings {
             .unwrap(),
         ),
         tank: Some(
-            Tank::new(TankSettings { initial: 0.1, min: 0.0, low: 0.02, max: 0.5, refill: 50.0 })
-                .unwrap(),
+            Tank::new(TankSettings {
+                initial: 0.1,
+                min: 0.0,
+                low: 0.02,
+                max: 0.5,
+                refill: 50.0,
+                max_damping: 60.0,
+            })
+            .unwrap(),
         ),
         virtual_coupling: Some(VirtualCoupling::new(
             gains(400.0, 5.0),
@@ -535,6 +542,41 @@ proptest! {
         let tau = ledger.gravity + rest * (ledger.rest_scale * ledger.share);
         prop_assert!((output.tau - tau).norm() < 1e-9);
         prop_assert_eq!(ledger.limiting_joint.is_some(), ledger.rest_scale < 1.0);
+    }
+
+    #[test]
+    fn torque_is_the_sum_of_what_each_wrench_gives_alone(
+        q in joints(), by in -1e-4..1e-4_f64, f_s in wrench(0.5)
+    ) {
+        // Small enough that nothing is limited: what a source adds is its wrench's virtual work.
+        let torques = |f_s: Wrench, damping: f64, gravity_share: f64| {
+            let gains = Gains::new([damping, damping, damping, 0.0, 0.0, 0.0], "gain").unwrap();
+            let settings = Settings { damping: gains, ..settings() };
+            let mut bench = Bench::engaged(&settings, Mode::Rate);
+            (bench.input.f_s, bench.input.gravity_share) = (f_s, gravity_share);
+            bench.at(q);
+            bench.at(q.map(|q| q + by))
+        };
+        let works = |output: &Output, f_g: &Wrench| {
+            let twist = |joint: usize| {
+                let mut qd = JointVector::zeros();
+                qd[joint] = 1.0;
+                output.j_g.twist(&qd)
+            };
+            JointVector::from([0, 1, 2, 3, 4, 5].map(|joint| f_g.power(&twist(joint))))
+        };
+        let none = torques(Wrench::ZERO, 0.0, 0.0);
+        let felt = torques(f_s, 0.0, 0.0);
+        prop_assume!([&none, &felt].iter().all(|output| output.ledger.limiting_joint.is_none()));
+        prop_assume!([&none, &felt].iter().all(|output| output.ledger.assist_scale >= 1.0));
+        prop_assert!((felt.tau - none.tau - works(&felt, &felt.f_g_task)).norm() < 1e-9);
+        let damped = torques(Wrench::ZERO, 0.1, 0.0);
+        prop_assume!(damped.ledger.limiting_joint.is_none() && damped.ledger.assist_scale >= 1.0);
+        prop_assert!((damped.tau - none.tau - works(&damped, &damped.f_g_damping)).norm() < 1e-9);
+        let carried = torques(Wrench::ZERO, 0.0, 1.0);
+        prop_assume!(carried.ledger.limiting_joint.is_none() && carried.ledger.assist_scale >= 1.0);
+        let weight = settings().arm.gravity(&settings().arm.posture(&carried.q));
+        prop_assert!((carried.tau - none.tau - weight).norm() < 1e-9);
     }
 
     #[test]

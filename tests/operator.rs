@@ -15,6 +15,8 @@ use std::path::Path;
 use common::bench::config;
 use common::bench::scenario;
 use frhc::config::Config;
+use frhc::controller::arm::Arm;
+use frhc::controller::arm::Link;
 use frhc::lab::bench::Bench;
 use frhc::lab::comparison;
 use frhc::node::Request;
@@ -23,6 +25,7 @@ use frhc::spatial::Motion;
 use frhc::telemetry::cause::Cause;
 use frhc::telemetry::record::Mode;
 use frhc::telemetry::record::Record;
+use frhc::telemetry::summary::Summary;
 use nalgebra::Isometry3;
 
 const KRAFT: &str = "config/kraft_like.toml";
@@ -153,7 +156,10 @@ fn hazard_40_a_reference_or_a_change_of_mode_in_motion_gives_no_impulse_and_zero
     // 0.8 s: well after the reference of 0.5 s.
     let second =
         records.iter().position(|record| record.at.since(records[0].at).as_secs_f64() > 0.8);
-    let set = turned(&records, second.unwrap(), 0b100);
+    let pressed = turned(&records, second.unwrap(), 0b100);
+    let counts = |record: &Record| record.output.pressed.reference;
+    let set = pressed + records[pressed..].iter().position(counts).unwrap();
+    assert!((25..=26).contains(&(set - pressed)), "a press counts when it has settled");
     let rate = |record: &Record| match record.output.command {
         Motion::Rate(v_m) => v_m.linear.norm(),
         Motion::Hold | Motion::Pose(_) => 0.0,
@@ -167,6 +173,51 @@ fn hazard_40_a_reference_or_a_change_of_mode_in_motion_gives_no_impulse_and_zero
         moved.translation.vector.norm()
     });
     assert!(jumps.fold(0.0, f64::max) < 1e-3);
+}
+
+/// The records of a hand that turns reflection on and sets the reference, with these faults of the switch box.
+fn with_faults(seed: u64, faults: &str) -> Vec<Record> {
+    let script = Scenario::parse(&format!("seconds = 100\n{ENGAGED}{faults}")).unwrap();
+    let mut bench = Bench::new(&config(KRAFT), script, seed, false, ());
+    bench.bring_up().unwrap();
+    (0..1_400).map(|_| bench.cycle()).collect()
+}
+
+#[test]
+fn hazard_39_bounce_of_reflection_or_reference_is_one_press() {
+    for seed in 1..=8 {
+        let bounce = |(at, switch): (f64, &str)| {
+            let kind = format!("kind = \"switch_bounce\"\nswitch = \"{switch}\"\nfor_s = 0.02");
+            format!("[[fault]]\nat_s = {at}\n{kind}\n")
+        };
+        let edges = [0.4, 0.45].map(|at| (at, "reflection"));
+        let edges = edges.into_iter().chain([0.5, 0.55].map(|at| (at, "reference")));
+        let records = with_faults(seed, &edges.map(bounce).collect::<String>());
+        let presses = records.windows(2).filter(|pair| {
+            let [before, after] = [0, 1].map(|place: usize| pair[place].output.pressed.reference);
+            !before && after
+        });
+        assert_eq!(presses.count(), 1, "seed {seed}");
+        let last = records.last().unwrap();
+        assert_eq!((last.mode, last.output.pressed.task), (Mode::Engaged, true), "seed {seed}");
+    }
+}
+
+#[test]
+fn hazard_39_silent_switch_box_turns_nothing_when_it_returns() {
+    for for_s in [0.025, 0.1] {
+        // Reflection is pressed again at 0.7 s, which turns it off, and held through the silence.
+        let script = format!(
+            "[[switch]]\nat_s = 0.7\nreflection = true\n\
+             [[fault]]\nat_s = 0.8\nkind = \"drop\"\ndevice = \"switches\"\nframe = \"tpdo1\"\nfor_s = {for_s}\n\
+             [[switch]]\nat_s = 1.0\ndeadman = false\n[[switch]]\nat_s = 1.1\ndeadman = true\n"
+        );
+        let records = with_faults(1, &script);
+        let is_silent = |record: &&Record| record.inputs.is_none() && record.mode == Mode::Armed;
+        assert!(records.iter().filter(is_silent).count() >= 5, "{for_s} s");
+        let last = records.last().unwrap();
+        assert_eq!((last.mode, last.output.pressed.task), (Mode::Engaged, false), "{for_s} s");
+    }
 }
 
 #[test]
@@ -194,8 +245,13 @@ fn hazard_41_reflection_switched_on_in_contact_begins_at_zero_and_takes_three_hu
 #[test]
 fn hazard_41_an_arm_that_is_believed_heavier_than_it_is_trips_when_it_rises_unheld() {
     let text = include_str!("../config/kraft_like.toml");
-    let heavy = text.replace("mass_kg = ", "mass_kg = 2").replace("mass_kg = 20", "mass_kg = 2");
-    let believed = Config::parse(Path::new(KRAFT), &heavy).unwrap();
+    // So heavy that no file may say it: its motors could not hold it.
+    let mut believed = Config::parse(Path::new(KRAFT), text).unwrap();
+    let links = believed.joints.each_ref().map(|joint| Link {
+        mass: if joint.link.mass < 1.0 { joint.link.mass + 2.0 } else { joint.link.mass + 20.0 },
+        ..joint.link
+    });
+    believed.controller.arm = Arm::new(links, believed.x_6_g, believed.gravity).unwrap();
     // A hand so soft that it hardly holds.
     let script = "seconds = 10\n[hand]\ntemperament = \"relaxed\"\n\
         [[console]]\nat_s = 0.1\nrequest = \"arm\"\n";
@@ -248,4 +304,18 @@ fn hazard_45_a_stiff_wall_within_what_the_gains_allow_for_is_not_taken_for_unsta
     while bench.elapsed().as_secs_f64() < 7.0 {
         assert_eq!(bench.cycle().cause, None);
     }
+}
+
+#[test]
+fn summary_counts_every_engagement() {
+    let twice = format!(
+        "{ENGAGED}[[switch]]\nat_s = 1.2\ndeadman = false\n[[switch]]\nat_s = 1.4\ndeadman = true\n"
+    );
+    let records = records(&config(KRAFT), &twice, 1.6);
+    let mut summary = Summary::default();
+    records.iter().for_each(|record| summary.add(record));
+    let engaged = records.iter().filter(|record| record.mode == Mode::Engaged).count();
+    assert_eq!(summary.engagements, 2);
+    let seconds = 1e-3 * f64::from(u32::try_from(engaged).unwrap());
+    assert!((summary.engaged_seconds - seconds).abs() < 0.01, "{}", summary.engaged_seconds);
 }

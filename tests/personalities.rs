@@ -69,7 +69,7 @@ const TABLE: &[(&str, Outcome, Outcome)] = &[
     ("keeps-torque", Refused(KEEPS), Refused(KEEPS)),
     ("open-rpdos", Runs, Runs),
     ("holds-torque", NotProven(HOLDS), NotProven(HOLDS_500)),
-    ("no-rpdo-timer", Unarmed(NO_TIMER), Unarmed(NO_TIMER)),
+    ("no-rpdo-timer", Unarmed(NO_TIMER), Unarmed(NO_TIMER_500)),
     ("slow-sdo:10", Runs, Runs),
     ("unsized-replies", Runs, Runs),
     ("fixed-mapping", Refused(FIXED), Refused(FIXED)),
@@ -95,8 +95,12 @@ const DEAF: &str = "1016h:1 is 00000000h, expected 007F0016h";
 const KEEPS: &str = "6007h is 0000h, expected 0001h";
 const HOLDS: &str = "kept its power stage on for 40 ms without RPDOs (1400h:5 says 5 ms)";
 const HOLDS_500: &str = "kept its power stage on for 43 ms without RPDOs (1400h:5 says 8 ms)";
-const NO_TIMER: &str = "max_force_n = 40 N for the 25.0 ms until a drive stops by itself would make 1 kg of \
-    hand and grip 1.00 m/s fast, more than 0.5 m/s: at most 20.0 N";
+const NO_TIMER: &str = "58.6 N (max_force_n = 40, return to centre and walls 3.5, soft stops 15.1) and \
+    dampers of 68 N·s/m for the 25.0 ms until a drive stops by itself would make 1 kg of hand and grip 2.16 m/s \
+    fast, more than 0.5 m/s: at most 0.0 N in all";
+const NO_TIMER_500: &str = "49.5 N (max_force_n = 40, return to centre and walls 3.5, soft stops 6.0) for the \
+    25.0 ms until a drive stops by itself would make 1 kg of hand and grip 1.24 m/s fast, more than 0.5 m/s: at \
+    most 20.0 N in all";
 const FIXED: &str = "1A00h refused: 06010002h object is read only";
 const MAX_TORQUE: &str = "6072h is 0BB8h, expected 0364h";
 const FAULT_REACTION: &str = "605Eh is 0002h, expected 0000h";

@@ -41,6 +41,18 @@ fn is_carried_as_planned(config: &str) {
     no_frame_is_late(&plan, &carried);
 }
 
+/// Returns whether a frame with this identifier is planned as `planned`. One SDO exchange at a time is planned, with
+/// the node of the highest priority.
+fn stands_for(planned: &Planned, cob_id: u16) -> bool {
+    match planned.stream.role {
+        Role::SdoRequest => (0x601..=0x67F).contains(&cob_id),
+        Role::SdoResponse => (0x581..=0x5FF).contains(&cob_id),
+        Role::Sync | Role::Tpdo(_) | Role::Rpdo(_) | Role::Heartbeat | Role::Emergency => {
+            planned.stream.cob_id == cob_id
+        }
+    }
+}
+
 /// Positions are on time after their SYNC, torques after the last position of any bus.
 fn no_frame_is_late(plan: &[BusPlan], carried: &[(Instant, Telegram)]) {
     let mut synced = vec![None; plan.len()];
@@ -50,7 +62,7 @@ fn no_frame_is_late(plan: &[BusPlan], carried: &[(Instant, Telegram)]) {
         let place = usize::from(*place);
         let mut planned = plan[place].frames.iter();
         let planned: &Planned = planned
-            .find(|planned| planned.stream.cob_id == frame.cob_id)
+            .find(|planned| stands_for(planned, frame.cob_id))
             .unwrap_or_else(|| panic!("{frame} is not planned"));
         assert!(bits::exact(frame) <= planned.stream.worst_bits());
         let queued = match planned.stream.role {

@@ -77,6 +77,59 @@ fn hazard_04_a_lateness_below_three_cycles_and_lost_order_hardly_change_what_is_
     }
 }
 
+/// The elbow's samples, late by a cycle more every 50 ms, up to so many cycles; the delay ends then.
+fn growing(config: &Config, most: u32) -> String {
+    let period_ms = config.period.as_secs_f64() * 1e3;
+    let step = |age: u32| {
+        let (at_s, delay_ms) = (0.6 + 0.05 * f64::from(age - 1), period_ms * f64::from(age));
+        let keys = "kind = \"delay\"\njoint = 3\nframe = \"tpdo1\"";
+        format!("[[fault]]\nat_s = {at_s}\n{keys}\ndelay_ms = {delay_ms}\nfor_s = 0.05\n")
+    };
+    (1..=most).map(step).collect()
+}
+
+#[test]
+fn hazard_04_samples_that_grow_old_stop_the_node_at_14_cycles() {
+    for name in [KRAFT, "config/kraft_like_500hz.toml", "config/jpl_like.toml"] {
+        let config = config(name);
+        let records = run(&config, &format!("{MOVING}{}", growing(&config, 26)), 1.6);
+        let begun = records[0].at;
+        let stopped = records.iter().find(|record| record.mode.is_stopped()).unwrap();
+        let is_it = matches!(stopped.cause, Some(Cause::SamplesOverdue { joint: 3, cycles: 11 }));
+        assert!(is_it, "{name}: {:?}", stopped.cause);
+        let age = (stopped.at.since(begun).as_secs_f64() - 0.6) / 0.05;
+        assert!(age <= 14.0, "{name}: {age} cycles old");
+    }
+}
+
+#[test]
+fn hazard_04_delay_that_ends_is_no_second_node() {
+    for most in [3, 6, 9] {
+        let config = config(KRAFT);
+        let records = run(&config, &format!("{MOVING}{}", growing(&config, most)), 1.6);
+        let cause = records.last().unwrap().cause;
+        let fits = matches!(cause, None | Some(Cause::SamplesOverdue { joint: 3, .. }));
+        assert!(fits, "{most} cycles: {cause:?}");
+    }
+}
+
+#[test]
+fn hazard_12_a_single_sample_wrong_by_any_bit_is_forgiven() {
+    for (name, before) in [(KRAFT, ""), ("config/kraft_like_500hz.toml", "0000")] {
+        let config = config(name);
+        for bit in [6, 8, 9, 10, 11, 16, 30] {
+            let mask: String =
+                (1_u32 << bit).to_le_bytes().iter().map(|byte| format!("{byte:02X}")).collect();
+            for joint in [1, 3, 6] {
+                let keys = format!("kind = \"corrupt\"\njoint = {joint}\nframe = \"tpdo1\"");
+                let fault = format!("{keys}\nxor = \"{before}{mask}\"\ncount = 1\n");
+                let records = run(&config, &with_fault(&fault), 0.7);
+                assert_eq!(records.last().unwrap().cause, None, "{name}: joint {joint}, bit {bit}");
+            }
+        }
+    }
+}
+
 #[test]
 fn hazard_12_a_sample_that_cannot_be_is_not_used_and_a_single_one_is_forgiven() {
     let config = config(KRAFT);

@@ -12,6 +12,7 @@ mod common;
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::chown;
 use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::path::PathBuf;
@@ -22,6 +23,8 @@ use common::bench::config;
 use common::cli::Ended;
 use common::cli::folder;
 use common::cli::frhc;
+use frhc::canopen::eds::Eds;
+use frhc::canopen::eds::Severity;
 use frhc::config::Config;
 use frhc::controller::calibration::TorqueCurve;
 use proptest::prelude::*;
@@ -130,6 +133,137 @@ fn hazard_18_a_device_description_that_is_wrong_is_refused_with_its_name_before_
         let folder = installation(&format!("eds_{place}"), TEXT);
         fs::write(folder.join("eds/frhc_drive.eds"), text).unwrap();
         is_refused(&folder, &["joint[0]", word]);
+    }
+}
+
+#[test]
+fn hazard_18_truncated_data_sheets_are_refused_where_check_finds_errors() {
+    let whole = fs::read("eds/frhc_drive.eds").unwrap();
+    let folder = installation("truncated", TEXT);
+    let (file, config) = (folder.join("eds/frhc_drive.eds"), folder.join("config/arm.toml"));
+    assert!(Config::load(&config).is_ok());
+    let mut refused = 0;
+    for place in 1..=40 {
+        let cut = &whole[..whole.len() * place / 41];
+        fs::write(&file, cut).unwrap();
+        let errors =
+            |eds: Eds| eds.lint().iter().filter(|it| it.severity == Severity::Error).count();
+        let errors = Eds::parse(cut).map(errors);
+        match Config::load(&config) {
+            Ok(_) => assert_eq!(errors, Ok(0), "cut at {} bytes", cut.len()),
+            Err(invalid) => {
+                let text = invalid.to_string();
+                assert!(text.contains("joint[0].eds") && text.contains("frhc_drive.eds"), "{text}");
+                refused += 1;
+            }
+        }
+    }
+    assert!(refused >= 39, "{refused} of 40 cuts were refused");
+    fs::write(&file, &whole[..whole.len() * 40 / 41]).unwrap();
+    is_refused(&folder, &["joint[0].eds", "the file is not whole; frhc check --eds"]);
+}
+
+/// What `frhc` says within 10 s; it hangs otherwise.
+fn within_ten_seconds(args: &[&str]) -> Ended {
+    let mut command = Command::new("timeout");
+    let output = command.args(["10", env!("CARGO_BIN_EXE_frhc")]).args(args).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    let code = output.status.code().unwrap();
+    Ended { code, stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+#[test]
+fn hazard_18_pipes_devices_and_folders_are_no_files_anywhere() {
+    let folder = folder("refused", "irregular");
+    let pipe = folder.join("pipe.toml");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let zero = folder.join("zero.toml");
+    symlink("/dev/zero", &zero).unwrap();
+    for (path, kind) in [(&pipe, "pipe"), (&zero, "device"), (&folder, "directory")] {
+        let path = path.to_str().unwrap();
+        let at = format!("@{path}");
+        for args in [
+            &["check", "--config", path][..],
+            &["run", "--config", path, "--insecure"],
+            &["check", "--eds", path],
+            &["sdo", "read", "3", "6041", "--eds", path, "-i", NOWHERE],
+            &["sdo", "write", "3", "1F50:1", "d", &at, "-i", NOWHERE],
+            &["decode", path],
+            &["calib", "fit", path, "--config", KRAFT],
+            &["explain", path],
+        ] {
+            let ended = within_ten_seconds(args);
+            assert!([3, 4].contains(&ended.code), "{args:?}: {} {}", ended.code, ended.stderr);
+            let words = format!("is a {kind}, must be a regular file");
+            assert!(ended.stderr.contains(&words), "{args:?}: {}", ended.stderr);
+            assert!(!ended.stderr.contains(NOWHERE), "the interface comes later: {}", ended.stderr);
+        }
+    }
+    for path in [&pipe, &zero] {
+        let ended = within_ten_seconds(&["demo", "--scenario", path.to_str().unwrap()]);
+        assert_eq!(ended.code, 3, "{}", ended.stderr);
+        assert!(ended.stderr.contains("must be a regular file"), "{}", ended.stderr);
+    }
+}
+
+#[test]
+fn value_of_a_file_without_end_is_refused_before_the_bus() {
+    let folder = folder("refused", "endless");
+    let large = folder.join("large.bin");
+    fs::File::create(&large).unwrap().set_len((16 << 20) + 1).unwrap();
+    let at = format!("@{}", large.display());
+    let ended = within_ten_seconds(&["sdo", "write", "3", "1F50:1", "d", &at, "-i", NOWHERE]);
+    assert_eq!(ended.code, 4, "{}", ended.stderr);
+    assert!(ended.stderr.contains("larger than 16 MiB"), "{}", ended.stderr);
+    let ended = Command::new("timeout")
+        .args([
+            "10",
+            env!("CARGO_BIN_EXE_frhc"),
+            "sdo",
+            "write",
+            "3",
+            "1F50:1",
+            "d",
+            "-",
+            "-i",
+            NOWHERE,
+        ])
+        .stdin(fs::File::open("/dev/zero").unwrap())
+        .output()
+        .unwrap();
+    assert_eq!(ended.status.code(), Some(4));
+    assert!(String::from_utf8(ended.stderr).unwrap().contains("larger than 16 MiB"));
+}
+
+#[test]
+fn campaign_of_too_many_threads_is_refused() {
+    for threads in ["100000", "257", "0", "many"] {
+        let ended = within_ten_seconds(&["campaign", "--faults", "1", "--threads", threads]);
+        assert_eq!(ended.code, 2, "{}", ended.stderr);
+        assert!(
+            ended.stderr.contains(&format!("must be 1 to 256, got {threads}")),
+            "{}",
+            ended.stderr
+        );
+    }
+}
+
+#[test]
+fn hazard_18_files_of_other_users_are_refused_by_run() {
+    let other = Some(54_321);
+    for (name, path) in [
+        ("others_config", "config/arm.toml"),
+        ("others_eds", "eds/frhc_drive.eds"),
+        ("others_folder", "config"),
+    ] {
+        let folder = installation(name, TEXT);
+        if chown(folder.join(path), other, None).is_err() {
+            // Only root can give files away; the rule itself has a test of its own.
+            return;
+        }
+        is_refused(&folder, &[path, "belongs to user 54321, must belong to root"]);
+        let ended = run_in(&folder, &["--insecure"]);
+        assert_eq!(ended.code, 4, "{}", ended.stderr);
     }
 }
 

@@ -74,7 +74,7 @@ const DRIVES: &[(&str, Node)] = &[
 
 const FRAMES: &[(&str, Node)] = &[
     ("drop", Stops("joint 3: no sample for 3 cycles", within(5, 6))),
-    ("drop_some", Carries("% of its samples were missing within a second", 1_100)),
+    ("drop_some", Stops("samples late or lost", within(300, 301))),
     ("rpdo_lost", Stops("joint 3: emergency 8250h RPDO timeout", within(8, 9))),
     // Its last torque acts until it is switched off: a synchronous RPDO waits for a SYNC.
     ("sync_lost", Stops("joint 3: no sample for 3 cycles", within(5, 110))),
@@ -219,12 +219,14 @@ fn a_stranger_stops_all_and_an_old_wrench_ends_reflection() {
 
 #[test]
 fn another_arm_with_other_frames_stops_for_the_same() {
-    let same = ["unplug", "wire_cut", "rpdo_lost", "foreign_nmt"];
+    let same = ["unplug", "rpdo_lost", "foreign_nmt"];
     let is_same = |row: &&(&str, Node)| same.contains(&row.0);
     let rows: Vec<_> = [DRIVES, FRAMES, STRANGERS].concat();
     let rows: Vec<_> = rows.iter().filter(is_same).copied().collect();
     assert_eq!(rows.len(), same.len());
     holds(JPL, &rows);
+    // The wire is the second bus, with all of its drives.
+    holds(JPL, &[("wire_cut", Stops("bus 1: no sample of any drive for 3 cycles", within(5, 6)))]);
 }
 
 #[test]

@@ -17,7 +17,9 @@ use std::io::BufRead;
 use std::io::Read;
 use std::io::Write;
 use std::os::fd::OwnedFd;
+use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixStream;
+use std::path::PathBuf;
 use std::process::Stdio;
 use std::time::Duration;
 
@@ -35,6 +37,7 @@ use frhc::canopen::frame::Frame;
 use frhc::canopen::frame::Telegram;
 use frhc::config::Config;
 use frhc::lab::world;
+use frhc::telemetry::candump::Line;
 use nix::sys::signal::Signal;
 
 const CONFIG: &str = "config/kraft_like.toml";
@@ -68,7 +71,7 @@ fn ten_seconds_of_teleoperation_miss_no_sample_and_the_wall_is_felt() {
     let run = scratch.frhc(&["run", "--config", &config, "--record", &session]);
     let first_sync = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80)).nanos;
     candump.until(|line| line.nanos > first_sync + 300_000_000);
-    scratch.ctl("arm").succeeds();
+    scratch.ctl("--wait arm").succeeds();
     candump.until(|line| line.nanos > first_sync + seconds(RUN_FOR));
     run.terminate().succeeds();
     sim.terminate().succeeds();
@@ -77,7 +80,10 @@ fn ten_seconds_of_teleoperation_miss_no_sample_and_the_wall_is_felt() {
     log.has_one_exchange_a_period(0.3, RUN_FOR - 0.2, Duration::from_millis(1), NODES);
     log.ends_with_every_drive_off(NODES);
 
-    let summary = fs::read_to_string(format!("{session}/summary.json")).unwrap();
+    let session = only(&session);
+    let private = fs::metadata(&session).unwrap().permissions().mode() & 0o777;
+    assert_eq!(private, 0o700, "recordings are their owner's alone");
+    let summary = fs::read_to_string(session.join("summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
     assert_eq!(summary["missing_samples"], 0, "{summary}");
     // Those of the boot, before the drives had proven anything, are not among them.
@@ -86,7 +92,7 @@ fn ten_seconds_of_teleoperation_miss_no_sample_and_the_wall_is_felt() {
     assert_eq!(summary["saturated_cycles"], 0, "{summary}");
 
     let config = Config::load(config.as_ref()).unwrap();
-    let session = fs::read_to_string(format!("{session}/bus.log")).unwrap();
+    let session = fs::read_to_string(session.join("bus.log")).unwrap();
     let compared =
         common::felt::torques_are_those_of_the_wall(&session, &config, &world::arm(&config));
     assert!(compared > 1_000, "only {compared} cycles in contact");
@@ -94,17 +100,17 @@ fn ten_seconds_of_teleoperation_miss_no_sample_and_the_wall_is_felt() {
 
 #[test]
 fn a_killed_node_leaves_every_drive_torque_free_within_its_timer() {
-    let scratch = Scratch::new("kill");
     let timer = Duration::from_millis(5);
     // Where in its cycle the node dies is up to the scheduler; when the drives stop is not.
     for after_ms in [4_000, 4_613, 5_277] {
+        let scratch = Scratch::new(&format!("kill-{after_ms}"));
         let mut candump = Candump::of("vcan0");
         let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
         let run = scratch.frhc(&["run", "--config", CONFIG]);
         let first_sync =
             candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80)).nanos;
         candump.until(|line| line.nanos > first_sync + 300_000_000);
-        scratch.ctl("arm").succeeds();
+        scratch.ctl("--wait arm").succeeds();
         candump.until(|line| line.nanos > first_sync + after_ms * 1_000_000);
         run.kill();
         let killed = candump.last_nanos();
@@ -268,12 +274,16 @@ fn ends_without_power(lines: &[String]) {
 fn bench_tools_find_read_and_renumber_a_simulated_drive() {
     let scratch = Scratch::new("bench-tools");
     let mut candump = Candump::of("vcan0");
-    let sim = scratch.frhc(&["sim", "--config", CONFIG]);
-    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
     let ended = |words: &str| {
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_frhc"));
         command.args(words.split(' ')).args(["-i", "vcan0"]).output().unwrap()
     };
+    let empty = ended("scan");
+    assert_eq!(empty.status.code(), Some(1));
+    let reason = "frhc: no node answers; no heartbeat is received\n";
+    assert_eq!(String::from_utf8_lossy(&empty.stderr), reason);
+    let sim = scratch.frhc(&["sim", "--config", CONFIG]);
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
     let tool = |words: &str| {
         let ended = ended(words);
         let stderr = String::from_utf8_lossy(&ended.stderr);
@@ -300,6 +310,46 @@ fn bench_tools_find_read_and_renumber_a_simulated_drive() {
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x721));
     assert_eq!(tool("sdo read 33 1008 vs"), "frhc simulated drive\n");
     sim.terminate().succeeds();
+}
+
+#[test]
+fn data_from_a_bus_that_cannot_be_written_fails_the_tool() {
+    let scratch = Scratch::new("full-output");
+    let mut candump = Candump::of("vcan0");
+    let onto_full = |words: &[&str]| {
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_frhc"));
+        command.args(words).stdout(full).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    let fails = |words: &[&str], ended: std::process::Output| {
+        let stderr = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(4), "{words:?}: {stderr}");
+        assert!(stderr.contains("frhc: stdout: No space left on device"), "{words:?}: {stderr}");
+    };
+    let sim = onto_full(&["sim", "--config", CONFIG]);
+    candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
+    for words in [
+        "scan --nodes 1-3 -i vcan0",
+        "scan --json -i vcan0",
+        "sdo read 3 1018:4 u32 -i vcan0",
+        "nmt reset 3 --wait -i vcan0",
+        "lss inquire --select 0xF8C,0x04020010,0x00010000,3 -i vcan0",
+        "commission --config config/kraft_like.toml --prove -i vcan0",
+    ] {
+        let words: Vec<&str> = words.split(' ').collect();
+        fails(&words, onto_full(&words).wait_with_output().unwrap());
+    }
+    // It ends by itself at the first line that is lost.
+    let watch = onto_full(&["nmt", "watch", "-i", "vcan0"]);
+    scratch.frhc(&["nmt", "reset", "3", "--wait", "-i", "vcan0"]).wait().succeeds();
+    scratch.frhc(&["nmt", "reset", "4", "--wait", "-i", "vcan0"]).wait().succeeds();
+    fails(&["nmt", "watch"], watch.wait_with_output().unwrap());
+    nix::sys::signal::kill(
+        nix::unistd::Pid::from_raw(sim.id().try_into().unwrap()),
+        Signal::SIGTERM,
+    )
+    .unwrap();
+    fails(&["sim"], sim.wait_with_output().unwrap());
 }
 
 #[test]
@@ -367,6 +417,37 @@ fn only_data_frames_of_eleven_bits_are_heard() {
 }
 
 #[test]
+fn a_late_frame_on_one_bus_holds_up_no_other_bus() {
+    let names = ["vcan0", "vcan1"].map(str::to_owned);
+    let (mut bus, mut other) = (SocketCan::open(&names).unwrap(), SocketCan::open(&names).unwrap());
+    let frame =
+        |channel| Telegram { channel: Channel(channel), frame: Frame::new(0x181, [channel]) };
+    other.send(frame(1)).unwrap();
+    let until = bus.now() + Duration::from_millis(1);
+    other.receive(other.now() + Duration::from_millis(3));
+    other.send(frame(0)).unwrap();
+    let heard = bus.receive(until).unwrap();
+    assert_eq!((heard.channel, heard.heard), (Channel(1), Heard::Frame(frame(1).frame)));
+    assert_eq!(bus.receive(until), None, "the other came later");
+    let later = bus.now() + Duration::from_millis(1);
+    assert_eq!(bus.receive(later).unwrap().channel, Channel(0));
+}
+
+#[test]
+fn hazard_24_run_and_commission_on_an_interface_that_is_down_say_so() {
+    let scratch = Scratch::new("down");
+    Process::of("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
+    for words in [&["run"][..], &["commission", "--prove"]] {
+        let args = [words, &["--config", CONFIG, "-i", "vcan1"]].concat();
+        let outcome = scratch.frhc(&args).wait();
+        assert_eq!(outcome.code, Some(4), "{words:?}: {}", outcome.stderr);
+        let reason = "vcan1: the interface is down (ip link set vcan1 up)";
+        assert!(outcome.stderr.contains(reason), "{words:?}: {}", outcome.stderr);
+    }
+    Process::of("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
+}
+
+#[test]
 fn waiting_ends_at_its_deadline() {
     let mut bus = SocketCan::open(&["vcan0".to_owned()]).unwrap();
     frhc::bus::realtime::ask();
@@ -415,7 +496,7 @@ fn carried(scratch: &Scratch, stderr: impl Into<Stdio>) -> (Candump, Process, Pr
     let run = scratch.frhc_onto(&["run", "--config", CONFIG], stderr);
     let first_sync = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80)).nanos;
     candump.until(|line| line.nanos > first_sync + 300_000_000);
-    scratch.ctl("arm").succeeds();
+    scratch.ctl("--wait arm").succeeds();
     candump.until(|line| line.nanos > first_sync + 4_000_000_000);
     (candump, run, sim)
 }
@@ -431,6 +512,25 @@ fn hazard_30_signals_end_a_run_in_order_within_a_second_and_only_those_that_mean
     let told = ends_in_order(candump, run, sim, &[Signal::SIGTERM, Signal::SIGINT]);
     assert!(told.contains("SIGHUP: ignored"), "{told}");
     assert!(told.contains("stopping signal=\"SIGTERM\""), "{told}");
+}
+
+#[test]
+fn hazard_32_limit_of_file_size_ends_the_recording_alone() {
+    let scratch = Scratch::new("file-size");
+    let mut candump = Candump::of("vcan0");
+    let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
+    let session = scratch.path("session");
+    let run =
+        scratch.frhc_under("ulimit -f 500", &["run", "--config", CONFIG, "--record", &session]);
+    scratch.ctl("--wait arm").succeeds();
+    let armed = candump.mark().nanos;
+    candump.until(|line| line.nanos > armed + 3_000_000_000);
+    scratch.ctl("disarm").succeeds();
+    let outcome = run.terminate();
+    assert_eq!(outcome.code, Some(4), "what was asked for is not there: {}", outcome.stderr);
+    assert_eq!(outcome.stderr.matches("the recording ends here").count(), 1, "{}", outcome.stderr);
+    sim.terminate().succeeds();
+    Log::parse(&candump.finish()).ends_with_every_drive_off(NODES);
 }
 
 #[test]
@@ -474,13 +574,57 @@ fn promise_15_a_trip_without_a_recording_is_recorded_in_the_users_state_folder()
     let outcome = run.terminate();
     assert_eq!(outcome.code, Some(6), "{}", outcome.stderr);
     let folder = scratch.path("state/frhc/faults");
-    let record = fs::read_dir(folder).unwrap().next().unwrap().unwrap().path();
+    let record = only(&folder);
     assert!(outcome.stderr.contains(&format!("fault record: {}", record.display())));
     let fault = fs::read_to_string(record.join("fault.json")).unwrap();
     let fault: serde_json::Value = serde_json::from_str(&fault).unwrap();
     assert_eq!((&fault["kind"], &fault["is_complete"]), (&"samples-missing".into(), &true.into()));
     let log = fs::read_to_string(record.join("bus.log")).unwrap();
     assert!(log.lines().count() > 10_000 && log.contains(" node0 "), "{}", log.lines().count());
+
+    // One event, one time: on stderr, in the document, and less the origin in the log.
+    let tripped = fault["seconds"].as_f64().unwrap();
+    let line = format!("{tripped:.6} s  WARN mode mode=zero-torque");
+    assert!(outcome.stderr.lines().any(|told| told.starts_with(&line)), "{}", outcome.stderr);
+    let origin = &fault["origin"];
+    let first = format!("INFO time counts from {} (", origin["utc"].as_str().unwrap());
+    assert!(outcome.stderr.contains(&first), "{}", outcome.stderr);
+    let syncs = log.lines().map(|line| Line::parse(line).unwrap());
+    let syncs = syncs.filter(|line| line.canopen().is_some_and(|(id, _)| id == 0x80));
+    let expected = origin["unix_seconds"].as_f64().unwrap() + tripped;
+    let mut stamps = syncs.map(|line| Duration::from_nanos(line.nanos).as_secs_f64());
+    assert!(stamps.any(|stamp| (stamp - expected).abs() < 1e-4), "a SYNC at {expected}");
+}
+
+#[test]
+fn a_second_recording_leaves_the_first_as_it_was() {
+    let scratch = Scratch::new("recordings");
+    let parent = scratch.path("recordings");
+    let record = || {
+        let mut candump = Candump::of("vcan0");
+        let sim = scratch.frhc(&["sim", "--config", CONFIG]);
+        let run = scratch.frhc(&["run", "--config", CONFIG, "--record", &parent]);
+        candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x80));
+        let outcome = run.terminate();
+        outcome.succeeds();
+        sim.terminate().succeeds();
+        outcome.stderr
+    };
+    let told = record();
+    let first = only(&parent);
+    assert!(told.contains(&format!("recording in {}", first.display())), "{told}");
+    let log = fs::read(first.join("bus.log")).unwrap();
+    record();
+    assert_eq!(fs::read_dir(&parent).unwrap().count(), 2);
+    assert_eq!(fs::read(first.join("bus.log")).unwrap(), log);
+}
+
+/// The only entry of a folder.
+fn only(folder: &str) -> PathBuf {
+    let mut entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let entry = entries.next().unwrap();
+    assert_eq!(entries.next(), None, "one entry");
+    entry
 }
 
 /// Seconds as nanoseconds.

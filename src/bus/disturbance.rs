@@ -41,6 +41,8 @@ pub enum Mishap {
     Bus(Channel, Option<Disturbance>),
     /// The process stands still for so long. Its buses do not.
     Stopped(Duration),
+    /// The same, right after the next frame with this identifier was sent or read: in the middle of a cycle.
+    StoppedAfter(u16, Duration),
     /// The host is suspended for so long. Its buses are not.
     Suspended(Duration),
     /// Somebody sets the clock on the wall to this, since 1970.

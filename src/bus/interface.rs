@@ -22,25 +22,27 @@ use thiserror::Error;
 use crate::bus::netlink;
 use crate::bus::netlink::Link;
 
-/// Frames that may queue: what a node sends on one bus in one cycle (SYNC, six targets, six controlwords,
-/// heartbeat, TIME and one request).
-const MOST_QUEUED: u32 = 16;
-
 /// The driver shows a sent frame to its host when it was on the wire, and not before (linux/if.h).
 const IFF_ECHO: u32 = 1 << 18;
 
 /// The kinds of interfaces that have no wire.
 const VIRTUAL: [&str; 2] = ["vcan", "vxcan"];
 
+/// The interface is up (linux/if.h).
+const IFF_UP: u32 = 1;
+
 /// Why an interface is not taken.
 #[derive(Debug, Error)]
 pub enum Unfit {
+    /// No frame can be sent.
+    #[error("{interface}: the interface is down (ip link set {interface} up)")]
+    Down { interface: String },
     /// Torques would be old when they get out.
     #[error(
-        "{interface}: {queue} frames may queue, which are many cycles of torque; at most {MOST_QUEUED} \
-         (ip link set {interface} txqueuelen {MOST_QUEUED})"
+        "{interface}: txqueuelen must be at most {most}, the frames of one cycle, got {queue}: torques would \
+         be old (ip link set {interface} txqueuelen {most})"
     )]
-    Queues { interface: String, queue: u32 },
+    Queues { interface: String, queue: u32, most: u32 },
     /// After bus-off, only a boot of the network may go on.
     #[error(
         "{interface}: its controller restarts by itself {millis} ms after bus-off; it must not \
@@ -61,31 +63,35 @@ pub enum Remark {
     VirtualQueue { interface: String, qdisc: String },
 }
 
-/// Asks the kernel for each interface; what is to be told of those that are fit.
+/// Asks the kernel for each interface; what is to be told of those that are fit. `bursts` are the most frames that
+/// the node sends on each in one cycle: more must not queue.
 ///
 /// # Errors
 /// The first interface that is not fit, or of which nothing is known.
-pub fn check(interfaces: &[String]) -> Result<Vec<Remark>, Unfit> {
+pub fn check(interfaces: &[String], bursts: &[u32]) -> Result<Vec<Remark>, Unfit> {
     let mut remarks = Vec::new();
-    for interface in interfaces {
+    for (interface, burst) in interfaces.iter().zip(bursts) {
         let link = ask(interface);
         let unknown = |error| Unfit::Unknown { interface: interface.clone(), error };
-        remarks.extend(judge(interface, &link.map_err(unknown)?)?);
+        remarks.extend(judge(interface, &link.map_err(unknown)?, *burst)?);
     }
     Ok(remarks)
 }
 
 /// What follows from what is known of an interface.
-fn judge(interface: &str, link: &Link) -> Result<Vec<Remark>, Unfit> {
+fn judge(interface: &str, link: &Link, most: u32) -> Result<Vec<Remark>, Unfit> {
     let interface = interface.to_owned();
+    if link.flags & IFF_UP == 0 {
+        return Err(Unfit::Down { interface });
+    }
     if let Some(millis) = link.restart_millis.filter(|millis| *millis != 0) {
         return Err(Unfit::Restarts { interface, millis });
     }
     let is_virtual = VIRTUAL.contains(&&*link.kind);
     let has_queue = link.qdisc != "noqueue";
     let queue = link.queue;
-    if has_queue && !is_virtual && queue > MOST_QUEUED {
-        return Err(Unfit::Queues { interface, queue });
+    if has_queue && !is_virtual && queue > most {
+        return Err(Unfit::Queues { interface, queue, most });
     }
     let mut remarks = Vec::new();
     if has_queue && is_virtual {
@@ -134,21 +140,23 @@ mod tests {
     fn link(kind: &str, qdisc: &str, queue: u32) -> Link {
         let restart_millis = (kind == "can").then_some(0);
         let (kind, qdisc) = (kind.to_owned(), qdisc.to_owned());
-        Link { flags: IFF_ECHO, qdisc, queue, kind, restart_millis }
+        Link { flags: IFF_UP | IFF_ECHO, qdisc, queue, kind, restart_millis }
     }
 
     #[test]
     fn promise_10_an_interface_that_queues_for_longer_than_a_cycle_is_refused() {
-        assert!(judge("can0", &link("can", "pfifo_fast", 16)).is_ok());
-        let refused = judge("can0", &link("can", "pfifo_fast", 1_000)).unwrap_err().to_string();
-        assert!(refused.starts_with("can0: 1000 frames may queue"), "{refused}");
-        assert!(judge("slcan0", &link("", "pfifo_fast", 17)).is_err(), "no kind, but a queue");
+        assert!(judge("can0", &link("can", "pfifo_fast", 11), 11).is_ok());
+        let refused = judge("can0", &link("can", "pfifo_fast", 12), 11).unwrap_err().to_string();
+        let reason = "can0: txqueuelen must be at most 11, the frames of one cycle, got 12";
+        assert!(refused.starts_with(reason), "{refused}");
+        assert!(refused.ends_with("(ip link set can0 txqueuelen 11)"), "{refused}");
+        assert!(judge("slcan0", &link("", "pfifo_fast", 12), 11).is_err(), "no kind, but a queue");
     }
 
     #[test]
     fn what_never_queues_is_taken_whatever_its_length() {
-        assert_eq!(judge("vcan0", &link("vcan", "noqueue", 1_000)).unwrap(), []);
-        let remarks = judge("vcan0", &link("vcan", "tbf", 1_000)).unwrap();
+        assert_eq!(judge("vcan0", &link("vcan", "noqueue", 1_000), 11).unwrap(), []);
+        let remarks = judge("vcan0", &link("vcan", "tbf", 1_000), 11).unwrap();
         let (interface, qdisc) = ("vcan0".to_owned(), "tbf".to_owned());
         assert_eq!(remarks, [Remark::VirtualQueue { interface, qdisc }]);
     }
@@ -156,14 +164,21 @@ mod tests {
     #[test]
     fn hazard_23_a_controller_that_restarts_by_itself_is_refused() {
         let restarts = Link { restart_millis: Some(100), ..link("can", "pfifo_fast", 10) };
-        let refused = judge("can0", &restarts).unwrap_err().to_string();
+        let refused = judge("can0", &restarts, 11).unwrap_err().to_string();
         assert!(refused.contains("restarts by itself 100 ms after bus-off"), "{refused}");
     }
 
     #[test]
+    fn hazard_24_an_interface_that_is_down_is_refused() {
+        let down = Link { flags: IFF_ECHO, ..link("can", "pfifo_fast", 10) };
+        let refused = judge("can0", &down, 11).unwrap_err().to_string();
+        assert_eq!(refused, "can0: the interface is down (ip link set can0 up)");
+    }
+
+    #[test]
     fn a_driver_without_echo_is_told_of() {
-        let silent = Link { flags: 0, ..link("can", "pfifo_fast", 10) };
+        let silent = Link { flags: IFF_UP, ..link("can", "pfifo_fast", 10) };
         let interface = "can0".to_owned();
-        assert_eq!(judge("can0", &silent).unwrap(), [Remark::NoEcho { interface }]);
+        assert_eq!(judge("can0", &silent, 11).unwrap(), [Remark::NoEcho { interface }]);
     }
 }

@@ -2,13 +2,16 @@
 //! lives in that time. The same inputs give the same outputs, bit for bit.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use crate::bus::Bus;
 use crate::bus::BusFault;
-use crate::bus::Gone;
 use crate::bus::Heard;
 use crate::bus::Received;
+use crate::bus::ReopenError;
 use crate::bus::SendError;
 use crate::bus::Tap;
 use crate::bus::clock;
@@ -53,12 +56,27 @@ pub struct Memory<S, T> {
     agenda: Agenda,
     /// Until when the process stands still.
     stopped_until_ns: u64,
+    /// The identifier of the frame after which the process stands still, and for how long.
+    stops_after: Option<(u16, Duration)>,
     suspended: Duration,
     /// What the clock on the wall showed at time zero.
     epoch: Duration,
     out: Vec<Telegram>,
     /// What the monotonic clock showed at time zero, where time is not to run faster than it.
     paced_from: Option<Duration>,
+    /// Readable by others while a node has the bus.
+    watch: Option<Watch>,
+}
+
+/// Time of a memory bus, readable while a node has the bus.
+#[derive(Clone, Debug)]
+pub struct Watch(Arc<AtomicU64>);
+
+impl Watch {
+    /// Time on the bus.
+    pub fn now(&self) -> Instant {
+        Instant::from_micros(self.0.load(Ordering::Relaxed) / MICRO)
+    }
 }
 
 impl<S: Station, T: Tap> Memory<S, T> {
@@ -74,11 +92,25 @@ impl<S: Station, T: Tap> Memory<S, T> {
             has_overrun: false,
             agenda: Agenda::default(),
             stopped_until_ns: 0,
+            stops_after: None,
             suspended: Duration::ZERO,
             epoch: BEGINNING,
             out: Vec::with_capacity(64),
             paced_from: None,
+            watch: None,
         }
+    }
+
+    /// Shows the time to whoever keeps the watch, until [`unwatch`](Self::unwatch).
+    pub fn watch(&mut self) -> Watch {
+        let watch = Watch(Arc::new(AtomicU64::new(self.now_ns)));
+        self.watch = Some(watch.clone());
+        watch
+    }
+
+    /// Shows the time to others no longer.
+    pub fn unwatch(&mut self) {
+        self.watch = None;
     }
 
     /// The same, but no faster than the clock on the wall.
@@ -143,6 +175,7 @@ impl<S: Station, T: Tap> Memory<S, T> {
             match mishap {
                 Mishap::Bus(channel, wrong) => self.disturb(channel, wrong),
                 Mishap::Stopped(time) => self.stand_still(time),
+                Mishap::StoppedAfter(cob_id, time) => self.stops_after = Some((cob_id, time)),
                 Mishap::Suspended(time) => {
                     self.suspended += time;
                     self.stand_still(time);
@@ -157,6 +190,39 @@ impl<S: Station, T: Tap> Memory<S, T> {
     fn stand_still(&mut self, time: Duration) {
         let time_ns = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
         self.stopped_until_ns = self.now_ns.saturating_add(time_ns);
+    }
+
+    /// The process has sent or read a frame: lets time pass if it stands still after this one.
+    fn pass(&mut self, cob_id: u16) {
+        let Some((_, time)) = self.stops_after.take_if(|(after, _)| *after == cob_id) else {
+            return;
+        };
+        self.stand_still(time);
+        while self.now_ns < self.stopped_until_ns {
+            self.befall();
+            self.advance(self.next(self.stopped_until_ns));
+        }
+    }
+
+    /// Lets time pass until `next_ns`, and happen what happens then.
+    fn advance(&mut self, next_ns: u64) {
+        self.now_ns = next_ns;
+        if let Some(Watch(watch)) = &self.watch {
+            watch.store(next_ns, Ordering::Relaxed);
+        }
+        if let Some(zero) = self.paced_from {
+            clock::wait(zero + Duration::from_nanos(next_ns));
+        }
+        self.deliver();
+        let now = self.now();
+        if self.stations.deadline().is_some_and(|due| due <= now) {
+            self.stations.on_time(now, &mut self.out);
+            self.post();
+            if self.stations.deadline().is_some_and(|due| due <= now) {
+                // A station that is never done does not stop time.
+                self.now_ns = (self.now_ns / MICRO + 1) * MICRO;
+            }
+        }
     }
 
     /// The next moment at which something happens, `until` at the latest.
@@ -257,6 +323,7 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
         }
         wire.offer(Sender::Node, telegram.frame);
         wire.begin(self.now_ns);
+        self.pass(telegram.frame.cob_id);
         Ok(())
     }
 
@@ -264,6 +331,9 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
         loop {
             self.befall();
             if let Some(received) = self.fetch(until) {
+                if let Heard::Frame(frame) = received.heard {
+                    self.pass(frame.cob_id);
+                }
                 return Some(received);
             }
             let until_ns = (until.as_micros() * MICRO).max(self.stopped_until_ns);
@@ -271,28 +341,15 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
             if next >= until_ns && self.now_ns >= until_ns {
                 return None;
             }
-            self.now_ns = next;
-            if let Some(zero) = self.paced_from {
-                clock::wait(zero + Duration::from_nanos(next));
-            }
-            self.deliver();
-            let now = self.now();
-            if self.stations.deadline().is_some_and(|due| due <= now) {
-                self.stations.on_time(now, &mut self.out);
-                self.post();
-                if self.stations.deadline().is_some_and(|due| due <= now) {
-                    // A station that is never done does not stop time.
-                    self.now_ns = (self.now_ns / MICRO + 1) * MICRO;
-                }
-            }
+            self.advance(next);
         }
     }
 
-    fn reopen(&mut self) -> Result<(), Gone> {
+    fn reopen(&mut self) -> Result<(), ReopenError> {
         self.arrived.clear();
         let mut adapters = (0..).zip(&self.adapters);
         match adapters.find(|(_, adapter)| adapter.take() == Err(SendError::Down)) {
-            Some((place, _)) => Err(Gone(Channel(place))),
+            Some((place, _)) => Err(ReopenError::Gone(Channel(place))),
             None => Ok(()),
         }
     }

@@ -16,6 +16,7 @@ mod wire;
 pub use disturbance::Disturbance;
 pub use disturbance::Mishap;
 pub use memory::Memory;
+pub use memory::Watch;
 pub use socketcan::OpenError;
 pub use socketcan::SocketCan;
 pub use trace::Traced;
@@ -62,16 +63,22 @@ pub trait Bus {
     /// found again. Nothing is sent.
     ///
     /// # Errors
-    /// The first bus that is not there.
-    fn reopen(&mut self) -> Result<(), Gone> {
+    /// The first bus that is not there, or not fit for torques any more.
+    fn reopen(&mut self) -> Result<(), ReopenError> {
         Ok(())
     }
 }
 
-/// A bus whose interface is not there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("bus {}: no interface", .0.0)]
-pub struct Gone(pub Channel);
+/// A bus that cannot begin anew.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum ReopenError {
+    /// Its interface is not there.
+    #[error("bus {}: no interface", .0.0)]
+    Gone(Channel),
+    /// Its interface is there and not [fit](interface::check) for torques: why, and the remedy.
+    #[error("{0}")]
+    Unfit(String),
+}
 
 /// What came in, where and when.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

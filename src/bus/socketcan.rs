@@ -28,12 +28,15 @@ use thiserror::Error;
 
 use crate::bus::Bus;
 use crate::bus::BusFault;
-use crate::bus::Gone;
 use crate::bus::Heard;
 use crate::bus::Received;
+use crate::bus::ReopenError;
 use crate::bus::SendError;
 use crate::bus::clock;
 use crate::bus::clock::Reading;
+use crate::bus::interface;
+use crate::bus::interface::Remark;
+use crate::bus::interface::Unfit;
 use crate::bus::socket::Purpose;
 use crate::bus::socket::Socket;
 use crate::canopen::frame::Channel;
@@ -71,8 +74,9 @@ pub struct SocketCan {
     lines: Vec<Line>,
     opened: Duration,
     epoch: Duration,
-    /// A frame that came after the deadline of the call that read it.
-    held: Option<Received>,
+    /// Frames that may queue on each interface, where all must be fit for torques, now and whenever they
+    /// are opened again.
+    bursts: Option<Vec<u32>>,
     /// That frames were lost before the one that was read last.
     overrun: Option<Received>,
     /// The socket looked at first, so that none is starved by another.
@@ -86,6 +90,8 @@ struct Line {
     filters: Vec<CanFilter>,
     hears_itself: bool,
     socket: Socket,
+    /// A frame that came after the deadline of the call that read it. Its socket is not read on.
+    held: Option<Received>,
     witness: Option<Witness>,
 }
 
@@ -108,7 +114,8 @@ impl SocketCan {
         }
         let lines = interfaces.iter().map(|name| Line::open(name)).collect::<Result<_, _>>()?;
         let Reading { monotonic, wall } = Reading::now();
-        Ok(Self { lines, opened: monotonic, epoch: wall, held: None, overrun: None, first: 0 })
+        let (opened, epoch, bursts) = (monotonic, wall, None);
+        Ok(Self { lines, opened, epoch, bursts, overrun: None, first: 0 })
     }
 
     /// The same, hearing of each bus only what is in its patterns, in the order of the channels: a flood
@@ -161,9 +168,30 @@ impl SocketCan {
         Ok(self)
     }
 
+    /// The same, on interfaces that are [fit](interface::check) for torques in such bursts, which is checked
+    /// again whenever they are opened again; and what is to be reported of them.
+    ///
+    /// # Errors
+    /// The first interface that is not fit.
+    pub fn fit_for_torques(mut self, bursts: Vec<u32>) -> Result<(Self, Vec<Remark>), Unfit> {
+        let remarks = interface::check(&self.interfaces(), &bursts)?;
+        self.bursts = Some(bursts);
+        Ok((self, remarks))
+    }
+
+    fn interfaces(&self) -> Vec<String> {
+        self.lines.iter().map(|line| line.interface.clone()).collect()
+    }
+
     /// The wall clock when the bus was opened, in µs since 1970: what logs add to an [`Instant`].
     pub fn epoch_micros(&self) -> u64 {
         u64::try_from(self.epoch.as_micros()).unwrap_or(u64::MAX)
+    }
+
+    /// The bus's clock, for other threads: what it shows compares with [`Bus::now`].
+    pub fn clock(&self) -> impl Fn() -> Instant + Copy + Send + Sync + use<> {
+        let opened = self.opened;
+        move || Instant::ZERO + clock::monotonic().saturating_sub(opened)
     }
 
     /// Waits until a socket can be read, `timeout` at most; its place. Sockets of even places are the
@@ -192,6 +220,13 @@ impl SocketCan {
             }
         }
         (0..count).map(|turn| (self.first + turn) % count).find(is_ready)
+    }
+
+    /// Takes the oldest of the frames that were held and came until `until`.
+    fn take_held(&mut self, until: Instant) -> Option<Received> {
+        let at = |line: &Line| line.held.map(|held| held.at).filter(|at| *at <= until);
+        let lines = self.lines.iter_mut().filter(|line| at(line).is_some());
+        lines.min_by_key(|line| at(line))?.held.take()
     }
 
     /// Reads what is there; `None` if it was nothing that concerns a CANopen node.
@@ -245,8 +280,8 @@ impl Bus for SocketCan {
         if let Some(overrun) = self.overrun.take() {
             return Some(overrun);
         }
-        if self.held.is_some() {
-            return self.held.take_if(|held| held.at <= until);
+        if let Some(held) = self.take_held(until) {
+            return Some(held);
         }
         let mut late = 0;
         while late < BACKLOG {
@@ -262,16 +297,22 @@ impl Bus for SocketCan {
             if received.at <= until {
                 return Some(received);
             }
-            self.held = Some(received);
-            return None;
+            // Another bus may still have one that came in time.
+            if let Some(line) = self.lines.get_mut(place / 2) {
+                line.held = Some(received);
+            }
         }
         None
     }
 
-    fn reopen(&mut self) -> Result<(), Gone> {
-        (self.held, self.overrun) = (None, None);
+    fn reopen(&mut self) -> Result<(), ReopenError> {
+        self.overrun = None;
         for (place, line) in (0..).zip(&mut self.lines) {
-            line.reopen().map_err(|_| Gone(Channel(place)))?;
+            line.reopen().map_err(|_| ReopenError::Gone(Channel(place)))?;
+        }
+        if let Some(bursts) = &self.bursts {
+            let checked = interface::check(&self.interfaces(), bursts);
+            checked.map_err(|unfit| ReopenError::Unfit(unfit.to_string()))?;
         }
         Ok(())
     }
@@ -282,26 +323,29 @@ impl Line {
         let filters = vec![data_frames(&Pattern::ANY)];
         let socket = socket(interface, &filters, false)?;
         let interface = interface.to_owned();
-        Ok(Self { interface, filters, hears_itself: false, socket, witness: None })
+        Ok(Self { interface, filters, hears_itself: false, socket, held: None, witness: None })
     }
 
     /// Opens its sockets anew, as they were: what waited in them is gone, and an interface that was
     /// unplugged and plugged in again is the new one.
     fn reopen(&mut self) -> Result<(), OpenError> {
         self.socket = socket(&self.interface, &self.filters, self.hears_itself)?;
+        self.held = None;
         if self.witness.is_some() {
             self.witness = Some(Witness::open(&self.interface)?);
         }
         Ok(())
     }
 
-    /// The bus's, then its witness's.
+    /// The bus's, unless a frame of it is held, then its witness's.
     fn sockets(&self) -> [Option<&Socket>; 2] {
-        [Some(&self.socket), self.witness.as_ref().map(|witness| &witness.socket)]
+        let own = Some(&self.socket).filter(|_| self.held.is_none());
+        [own, self.witness.as_ref().map(|witness| &witness.socket)]
     }
 
     fn sockets_mut(&mut self) -> [Option<&mut Socket>; 2] {
-        [Some(&mut self.socket), self.witness.as_mut().map(|witness| &mut witness.socket)]
+        let own = Some(&mut self.socket).filter(|_| self.held.is_none());
+        [own, self.witness.as_mut().map(|witness| &mut witness.socket)]
     }
 }
 

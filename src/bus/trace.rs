@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use crate::bus::Bus;
-use crate::bus::Gone;
 use crate::bus::Heard;
 use crate::bus::Received;
+use crate::bus::ReopenError;
 use crate::bus::SendError;
 use crate::bus::Tap;
 use crate::canopen::frame::Channel;
@@ -23,6 +23,11 @@ impl<B, T> Traced<B, T> {
     /// Lets `tap` overhear `bus`.
     pub const fn new(bus: B, tap: T) -> Self {
         Self { bus, tap }
+    }
+
+    /// The tap, to hand it more than frames.
+    pub const fn tap_mut(&mut self) -> &mut T {
+        &mut self.tap
     }
 }
 
@@ -57,7 +62,7 @@ impl<B: Bus, T: Tap> Bus for Traced<B, T> {
         Some(received)
     }
 
-    fn reopen(&mut self) -> Result<(), Gone> {
+    fn reopen(&mut self) -> Result<(), ReopenError> {
         self.bus.reopen()
     }
 }

@@ -110,6 +110,11 @@ impl Controlword {
     pub const ENABLE_OPERATION: Self = Self(0x000F);
     /// Out of fault, by the rising edge of bit 7: transition 15.
     pub const FAULT_RESET: Self = Self(0x0080);
+
+    /// Returns whether it leads to operation enabled, or leaves a drive there (bits 0 to 3).
+    pub const fn enables(self) -> bool {
+        self.0 & 0x000F == 0x000F
+    }
 }
 
 /// Where a drive is to be led.

@@ -30,6 +30,11 @@ pub const OF_DRIVES: [u16; 12] = [
     0x1000, 0x2310, 0x2320, 0x3110, 0x3210, 0x4210, 0x4310, 0x5113, 0x6100, 0x7305, 0x8110, 0x8611,
 ];
 
+/// Returns whether the code is device-specific (FFxxh): the standard gives it no meaning.
+pub const fn is_device_specific(code: u16) -> bool {
+    code & 0xFF00 == 0xFF00
+}
+
 /// Whether it says that the device misses somebody, or something it should receive (81xxh, 82xxh).
 pub const fn is_of_communication(code: u16) -> bool {
     matches!(code & 0xFF00, 0x8100 | 0x8200)

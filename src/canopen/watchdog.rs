@@ -8,6 +8,7 @@ use std::fmt;
 use canopen_rs::Value;
 
 use crate::canopen::layout::Direction;
+use crate::canopen::master::check::Check;
 use crate::canopen::object::Object;
 use crate::canopen::plan::NodePlan;
 
@@ -51,6 +52,18 @@ impl NodePlan {
         (millis > 0).then_some(Watchdog { awaited, object, millis })
     }
 
+    /// What makes the node stop by itself, and its limits, as it is read back in its boot.
+    pub fn protections(&self) -> Vec<Check> {
+        let timer = self.watchdog(Awaited::Rpdo).map(|dog| dog.object);
+        let is_protection = |object: Object| {
+            let safety = self.safety.iter().map(|(object, _)| *object);
+            let rest = [Object::ERROR_BEHAVIOUR, Object::GUARD_TIME, Object::LIFE_TIME_FACTOR];
+            safety.chain(timer).chain(rest).any(|protection| protection == object)
+        };
+        let settings = self.settings().into_iter().map(|setting| setting.check);
+        settings.filter(|check| is_protection(check.object)).collect()
+    }
+
     fn rpdo_timer(&self) -> Option<(Object, u16)> {
         let rpdos = self.pdos.iter().filter(|pdo| pdo.direction == Direction::Receive);
         let mut timers = rpdos.filter_map(|pdo| {
@@ -88,6 +101,23 @@ mod tests {
         assert_eq!(timers(elbow()), [rpdo, Some((Object::CONSUMER_HEARTBEAT, 22))]);
         assert_eq!(timers(guarded_elbow()), [rpdo, None]);
         assert_eq!(timers(switch_box()), [None, None]);
+    }
+
+    #[test]
+    fn protections_are_the_timers_the_stops_and_the_limits() {
+        let objects = |plan: NodePlan| -> Vec<String> {
+            plan.protections().iter().map(|check| check.object.to_string()).collect()
+        };
+        let of_all = ["6007h", "605Ah", "605Bh", "605Ch", "605Dh", "605Eh", "6072h"];
+        let elbow = objects(elbow().no_faster_than(3_000));
+        for object in of_all.iter().chain(&["1400h:5", "1016h:1", "1029h:1", "6080h"]) {
+            assert!(elbow.iter().any(|protection| protection == object), "{object}: {elbow:?}");
+        }
+        assert_eq!(elbow.len(), 11);
+        let guarded = objects(guarded_elbow());
+        for object in of_all.iter().chain(&["1400h:5", "1029h:1", "100Ch", "100Dh"]) {
+            assert!(guarded.iter().any(|protection| protection == object), "{object}");
+        }
     }
 
     #[test]

@@ -13,6 +13,7 @@ use clap::Subcommand;
 
 use crate::cli::configured::Configured;
 use crate::cli::exit::Failure;
+use crate::cli::results::Force;
 
 /// `frhc calib`.
 #[derive(Debug, Args)]
@@ -52,6 +53,8 @@ struct Fit {
     /// Leave torque_curves.toml and a picture of every joint here.
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
     /// The result as one JSON object.
     #[arg(long)]
     json: bool,

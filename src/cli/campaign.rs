@@ -1,8 +1,6 @@
 //! `frhc campaign`: faults by the thousand, and what came of each.
 
 use std::fs;
-use std::fs::File;
-use std::io::BufWriter;
 use std::num::NonZero;
 use std::path::Path;
 use std::path::PathBuf;
@@ -15,12 +13,15 @@ use indicatif::ProgressBar;
 use indicatif::ProgressDrawTarget;
 use indicatif::ProgressStyle;
 use serde_json::json;
+use tempfile::TempDir;
 
 use crate::canopen::frame::Telegram;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
 use crate::cli::print;
+use crate::cli::results;
+use crate::cli::results::Force;
 use crate::cli::story::Story;
 use crate::config::Config;
 use crate::lab::bench::Bench;
@@ -48,8 +49,8 @@ pub(super) struct Campaign {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// How many faults are injected.
-    #[arg(long, value_name = "N", default_value_t = 200)]
-    faults: usize,
+    #[arg(long, value_name = "N", default_value = "200")]
+    faults: NonZero<usize>,
     /// A configuration; repeatable. Three of those in config/ if none is given.
     #[arg(short, long, value_name = "FILE")]
     config: Vec<PathBuf>,
@@ -61,13 +62,15 @@ pub(super) struct Campaign {
     replay: Option<u32>,
     /// Instead of faults: so many cycles with lost samples and a bad link, in which nothing may trip.
     #[arg(long, value_name = "CYCLES", conflicts_with = "faults")]
-    soak: Option<u64>,
+    soak: Option<NonZero<u64>>,
     /// Where cases that went wrong leave their logs; a folder of their own in the system's temporary one if
     /// not given.
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
     /// How many threads play; as many as there are cores if not given. Changes nothing but the time.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = thread_count)]
     threads: Option<NonZero<usize>>,
     /// Table and failures as one JSON object.
     #[arg(long)]
@@ -86,17 +89,19 @@ pub(super) fn run(args: &Campaign, quiet: bool) -> Result<(), Failure> {
     let configs: Result<Vec<Config>, _> = configs.iter().map(|file| Config::load(file)).collect();
     let configs = configs.or_fail(Kind::Configuration)?;
     match (args.soak, args.replay) {
-        (Some(cycles), _) => soak(args, quiet, &configs, cycles),
+        (Some(cycles), _) => soak(args, quiet, &configs, cycles.get()),
         (None, Some(number)) => replay(args, configs, number),
         (None, None) => play(args, quiet, configs),
     }
 }
 
 fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failure> {
-    let cases = Cases::new(args.seed, configs, args.faults, args.only.as_deref());
+    let cases = Cases::new(args.seed, configs, args.faults.get(), args.only.as_deref());
     if cases.cases().is_empty() {
         let names: Vec<&str> = catalogue::kinds().map(|kind| kind.name).collect();
-        let reason = format!("no such kind of fault; there are: {}", names.join(", "));
+        let only = args.only.as_deref().unwrap_or_default();
+        let reason =
+            format!("--only {only}: no such kind of fault; there are: {}", names.join(", "));
         return Err(Failure::new(Kind::Usage, reason));
     }
     let bar = bar(u64::try_from(cases.cases().len()).unwrap_or(0), "faults", quiet);
@@ -124,11 +129,11 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
     if bad.is_empty() {
         return Ok(());
     }
-    let folder = folder(args);
+    let folder = folder(args)?;
     for verdict in bad.iter().take(LOGS) {
         let one = Cases::of_one(args.seed, cases.configs().to_vec(), verdict.number);
         if let Some(one) = one {
-            leave(&folder, &one, &mut |_, _| {}).or_fail(Kind::Bus)?;
+            leave(&folder, args.force, &one, &mut |_, _| {})?;
         }
     }
     let count = bad.len();
@@ -183,15 +188,15 @@ fn replay(args: &Campaign, configs: Vec<Config>, number: u32) -> Result<(), Fail
     ));
     for (after, mishap) in &case.deed.mishaps {
         let at = (case.onset + *after).as_secs_f64();
-        print::line(&format!("{at:.6} s: {mishap:?}"));
+        print::line(&format!("scenario + {at:.6} s: {mishap:?}"));
     }
     let mut tell = |bench: &mut Bench<Monitor>, record: &Record| {
         if let Some(story) = &mut story {
             tell(story, bench, record);
         }
     };
-    let folder = folder(args);
-    let verdict = leave(&folder, &cases, &mut tell).or_fail(Kind::Bus)?;
+    let folder = folder(args)?;
+    let verdict = leave(&folder, args.force, &cases, &mut tell)?;
     let Some(verdict) = verdict else { return Ok(()) };
     print::line(&words(args, &verdict));
     print::line(&figures(&verdict));
@@ -222,49 +227,64 @@ fn figures(verdict: &Verdict) -> String {
 
 /// What has broken since the last cycle, and what the node has noticed.
 fn tell(story: &mut Story, bench: &mut Bench<Monitor>, record: &Record) {
+    story.beginning(bench.begun()).into_iter().for_each(|line| print::line(&line));
     while let Some(notice) = bench.world_mut().notice() {
-        print::line(&story.fault(&notice));
+        print::line(&story.fault(bench.begun(), &notice));
     }
-    let now = bench.elapsed();
+    let now = bench.now();
     while let Some(event) = bench.notice() {
         print::line(&story.event(now, &event));
     }
-    story.mode(now, record).into_iter().for_each(|line| print::line(&line));
+    story.mode(record).into_iter().for_each(|line| print::line(&line));
 }
 
 /// Plays the only case again and leaves its frames and its script.
 fn leave(
     folder: &Path,
+    force: Force,
     cases: &Cases,
     witness: &mut dyn FnMut(&mut Bench<Monitor>, &Record),
-) -> anyhow::Result<Option<Verdict>> {
-    let Some((verdict, frames)) = cases.replay(witness)? else { return Ok(None) };
-    let write = || -> anyhow::Result<()> {
-        fs::create_dir_all(folder)?;
+) -> Result<Option<Verdict>, Failure> {
+    let Some((verdict, frames)) = cases.replay(witness).or_fail(Kind::Bus)? else {
+        return Ok(None);
+    };
+    let files = || -> anyhow::Result<_> {
         let name = format!("case-{}", verdict.number);
         let config = cases.configs().get(verdict.config);
         let buses = config.map(|config| &*config.buses).unwrap_or_default();
         let interfaces: Vec<String> = buses.iter().map(|bus| bus.interface.clone()).collect();
-        log(&folder.join(&name).with_extension("log"), &interfaces, &frames)?;
-        let script = cases.cases().first().map(|case| case.script());
-        fs::write(folder.join(&name).with_extension("toml"), script.unwrap_or_default())?;
-        Ok(())
+        let script = cases.cases().first().map(|case| case.script()).unwrap_or_default();
+        let file = |extension| folder.join(&name).with_extension(extension);
+        let log = log(&interfaces, &frames)?;
+        Ok([(file("log"), log), (file("toml"), script.into_bytes())])
     };
-    write().with_context(|| format!("{}", folder.display()))?;
+    let files = files().with_context(|| folder.display().to_string()).or_fail(Kind::Bus)?;
+    results::export_all(&files, force)?;
     Ok(Some(verdict))
 }
 
 /// As candump writes it.
-fn log(file: &Path, interfaces: &[String], frames: &[(Instant, Telegram)]) -> anyhow::Result<()> {
-    let mut writer = LogWriter::new(BufWriter::new(File::create(file)?), interfaces, 0);
+fn log(interfaces: &[String], frames: &[(Instant, Telegram)]) -> anyhow::Result<Vec<u8>> {
+    let mut text = Vec::new();
+    let mut writer = LogWriter::new(&mut text, interfaces, 0);
     frames.iter().try_for_each(|(at, telegram)| writer.frame(*at, telegram))?;
     writer.flush()?;
-    Ok(())
+    Ok(text)
 }
 
-fn folder(args: &Campaign) -> PathBuf {
-    let own = || std::env::temp_dir().join(format!("frhc-campaign-{}", args.seed));
-    args.out.clone().unwrap_or_else(own)
+/// The folder for logs: the one that is named, or a new one.
+fn folder(args: &Campaign) -> Result<PathBuf, Failure> {
+    let made = match &args.out {
+        Some(out) => {
+            fs::create_dir_all(out).map(|()| out.clone()).with_context(|| out.display().to_string())
+        }
+        None => {
+            let prefix = format!("frhc-campaign-{}-", args.seed);
+            let folder = tempfile::Builder::new().prefix(&prefix).tempdir();
+            folder.map(TempDir::keep).context("no temporary folder")
+        }
+    };
+    made.or_fail(Kind::File)
 }
 
 fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result<(), Failure> {
@@ -300,6 +320,15 @@ fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result
         0 => Ok(()),
         count => Err(Failure::new(Kind::Negative, format!("{count} of {} laps", laps.len()))),
     }
+}
+
+/// Most threads that play: each has a bench of its own, and more than cores gain nothing.
+const MAX_THREADS: usize = 256;
+
+fn thread_count(word: &str) -> Result<NonZero<usize>, String> {
+    let wrong = || format!("must be 1 to {MAX_THREADS}, got {word}");
+    let count = word.parse::<NonZero<usize>>().map_err(|_| wrong())?;
+    if count.get() <= MAX_THREADS { Ok(count) } else { Err(wrong()) }
 }
 
 fn threads(args: &Campaign) -> NonZero<usize> {

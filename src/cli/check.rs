@@ -22,6 +22,18 @@ pub(super) fn run(args: &Check) -> Result<(), Failure> {
     }
 }
 
+/// Strength and direction of gravity: a base that is mounted upside down is no mistake, but shall be seen.
+fn gravity(config: &Config) -> String {
+    let [x, y, z] = config.gravity;
+    let strength = x.hypot(y).hypot(z);
+    if strength <= 0.0 {
+        return "gravity balanced: the arm is carried by springs or counterweights".to_owned();
+    }
+    let [x, y, z] = config.gravity.map(|part| part / strength);
+    let mount = if z > 0.0 { ", z of the base points down" } else { "" };
+    format!("gravity {strength:.2} m/s² along ({x:.2}, {y:.2}, {z:.2}) of the base{mount}")
+}
+
 /// Loads the configuration, which checks it, and prints what it comes to.
 fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
     let config = Config::load(file).or_fail(Kind::Configuration)?;
@@ -57,6 +69,7 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
             bus.name, bus.load_limit_percent, bus.interface
         ));
     }
+    print::line(&gravity(&config));
     for joint in &config.joints {
         let unit = match joint.link.kind {
             JointKind::Revolute => "N·m",

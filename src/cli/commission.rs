@@ -7,11 +7,8 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::Args;
 
-use crate::bus::SocketCan;
 use crate::canopen::master::check::Check;
-use crate::canopen::object::Object;
 use crate::canopen::plan::NodePlan;
-use crate::canopen::watchdog::Awaited;
 use crate::cli::configured::Configured;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
@@ -51,7 +48,7 @@ pub(super) struct Commission {
 /// Does what is asked for.
 pub(super) fn run(args: &Commission) -> Result<(), Failure> {
     if !args.prove {
-        let reason = "--prove is all there is to commission by now: say it";
+        let reason = "nothing to do: --prove is the only task so far";
         return Err(Failure::new(Kind::Usage, reason));
     }
     let mut config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
@@ -59,7 +56,7 @@ pub(super) fn run(args: &Commission) -> Result<(), Failure> {
     config.safety.protection.proves_drives = true;
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let stop = signals::stop_asked().context("no signals").or_fail(Kind::Bus)?;
-    let bus = SocketCan::open(&names).or_fail(Kind::Bus)?;
+    let bus = interfaces::open(&config, &names)?;
     let mut node = Node::new(&config, bus, VirtualSite::new(&config));
     let booted = node.bring_up(&mut || stop.load(Ordering::Relaxed));
     if let Err(given_up @ (BringUpError::GivenUp | BringUpError::LeftOn(_))) = booted {
@@ -84,7 +81,7 @@ pub(super) fn warn(config: &Config) {
 
 fn failure(error: BringUpError) -> Failure {
     let kind = match error {
-        BringUpError::Bus(_) => Kind::Bus,
+        BringUpError::Bus(_) | BringUpError::Unfit(_) => Kind::Bus,
         BringUpError::Boot(_)
         | BringUpError::NotEnabled(_)
         | BringUpError::NotProven(_)
@@ -112,7 +109,7 @@ impl Report<'_> {
         for (drive, plan) in self.proof.drives.iter().zip(&self.plans) {
             let [rpdo, heartbeat] = [drive.rpdo, drive.heartbeat].map(cell);
             lines.push(format!("{:24} {rpdo:>18} {heartbeat:>18}", drive.name));
-            let held = objects(plan).into_iter().map(|check| read_back(drive, &check));
+            let held = plan.protections().into_iter().map(|check| read_back(drive, &check));
             lines.push(format!("  read back: {}", held.collect::<Vec<_>>().join(", ")));
         }
         lines.push(self.verdict());
@@ -135,7 +132,7 @@ impl Report<'_> {
 
     fn json(&self) -> serde_json::Value {
         let drive = |(drive, plan): (&DriveProof, &NodePlan)| {
-            let held = objects(plan).into_iter().map(|check| {
+            let held = plan.protections().into_iter().map(|check| {
                 let value =
                     (!drive.missing.contains(&check.object)).then(|| check.wanted().to_string());
                 (check.object.to_string(), serde_json::json!(value))
@@ -157,17 +154,6 @@ impl Report<'_> {
             "may_arm": force.is_some_and(|allowed| allowed.is_ok()),
         })
     }
-}
-
-/// What makes a drive stop by itself, and its limits, as it was read back.
-fn objects(plan: &NodePlan) -> Vec<Check> {
-    let timer = plan.watchdog(Awaited::Rpdo).map(|dog| dog.object);
-    let is_shown = |object: Object| {
-        let safety = plan.safety.iter().map(|(object, _)| *object);
-        safety.chain(timer).chain([Object::ERROR_BEHAVIOUR]).any(|shown| shown == object)
-    };
-    let settings = plan.settings().into_iter().map(|setting| setting.check);
-    settings.filter(|check| is_shown(check.object)).collect()
 }
 
 fn read_back(drive: &DriveProof, check: &Check) -> String {

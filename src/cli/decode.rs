@@ -3,16 +3,16 @@
 //! One line in is one line out, also where it says nothing. Lines come from a log, or live through a pipe:
 //! whatever has been read is written before more is waited for. Nothing is allocated for a line.
 
+mod complaints;
+mod input;
 mod json;
 mod pseudo;
+mod stamps;
 mod text;
 
-use std::fs::File;
 use std::io;
-use std::io::BufRead;
 use std::io::BufReader;
 use std::io::BufWriter;
-use std::io::ErrorKind;
 use std::io::IsTerminal;
 use std::io::Read;
 use std::io::Write;
@@ -26,7 +26,10 @@ use crate::canopen::decode::Decoder;
 use crate::canopen::decode::error_frame::ErrorFrame;
 use crate::canopen::frame::Channel;
 use crate::canopen::signals::Member;
+use crate::cli::decode::complaints::Complaints;
+use crate::cli::decode::input::read_line;
 use crate::cli::decode::pseudo::Pseudo;
+use crate::cli::decode::stamps::Stamps;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
@@ -67,50 +70,51 @@ pub(super) struct Decode {
 pub(super) fn run(args: &Decode, quiet: bool) -> Result<(), Failure> {
     let (decoder, names) = decoder(args)?;
     let only = members(args, &decoder)?;
-    let input: Box<dyn Read> = match &args.log {
-        Some(path) if path.as_os_str() != "-" => {
-            let file = File::open(path).map_err(|error| format!("{}: {error}", path.display()));
-            Box::new(file.map_err(|reason| Failure::new(Kind::Usage, reason))?)
-        }
-        Some(_) | None => Box::new(io::stdin().lock()),
-    };
+    let (input, name) = input::open(args.log.as_deref())?;
+    let mut complaints = Complaints::new(name.clone(), quiet);
     let is_coloured = io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none();
     let form =
         if args.json { Form::Json } else { Form::Text(text::Columns::new(&decoder, is_coloured)) };
     let mut scribe = Scribe::new(decoder, names, only, form, args.delta);
-    let input = BufReader::with_capacity(BUFFER, input);
-    let output = BufWriter::with_capacity(BUFFER, io::stdout().lock());
-    let written = scribe.transcribe(input, output, |number, error| {
-        print::error(&format!("line {number}: {error}"));
+    let input = BufReader::with_capacity(input::BUFFER, input);
+    let output = print::data().map(|to| BufWriter::with_capacity(input::BUFFER, to));
+    let written = output.map_err(Broken::Output).and_then(|output| {
+        scribe.transcribe(input, output, |number, error| complaints.line(number, error))
     });
     match written {
-        // A reader that hung up has seen enough.
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => return Ok(()),
-        Err(error) => {
-            let name = args.log.as_ref().map_or("stdin".into(), |path| path.to_string_lossy());
-            return Err(Failure::new(Kind::Bus, format!("{name}: {error}")));
+        Err(Broken::Input(error)) => {
+            return Err(Failure::new(Kind::File, format!("{name}: {error}")));
+        }
+        Err(Broken::Output(error)) => {
+            print::keep(Err(error));
+            return Ok(());
         }
         Ok(()) => {}
     }
-    let Counts { lines, malformed, .. } = scribe.counts;
-    if malformed > 0 && malformed == lines {
-        let reason = format!("none of {lines} lines is one of candump's");
-        return Err(Failure::new(Kind::Negative, reason));
-    }
-    if malformed > 0 && !quiet {
-        print::note(&format!("{malformed} of {lines} lines are none of candump's"));
-    }
-    Ok(())
+    complaints.conclude(scribe.counts)
 }
 
-/// What is read at once.
-const BUFFER: usize = 1 << 16;
+/// What broke off before the end of the input.
+#[derive(Debug)]
+enum Broken {
+    /// Reading.
+    Input(io::Error),
+    /// Writing.
+    Output(io::Error),
+}
 
 /// What interfaces and buses are called, each with its bus.
 type Names = Vec<(String, Channel)>;
 
 fn decoder(args: &Decode) -> Result<(Decoder, Names), Failure> {
-    let Some(file) = &args.config else { return Ok((Decoder::generic(), Vec::new())) };
+    let Some(file) = &args.config else {
+        if let Some(interface) = args.interfaces.interfaces.first() {
+            let reason =
+                format!("-i {interface} names a bus of a configuration: say --config FILE, too");
+            return Err(Failure::new(Kind::Usage, reason));
+        }
+        return Ok((Decoder::generic(), Vec::new()));
+    };
     let config = Config::load(file).or_fail(Kind::Configuration)?;
     let interfaces = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let buses = config.buses.iter().map(|bus| bus.name.clone());
@@ -130,7 +134,7 @@ fn members(args: &Decode, decoder: &Decoder) -> Result<Option<Vec<usize>>, Failu
         let all = || decoder.members().iter().map(|member| member.name.as_str());
         decoder.members().iter().position(is_it).ok_or_else(|| {
             let all = all().collect::<Vec<_>>().join(", ");
-            Failure::new(Kind::Usage, format!("--only {name}: there is {all}"))
+            Failure::new(Kind::Usage, format!("--only {name}: no such node; there is {all}"))
         })
     };
     let found: Vec<usize> = args.only.iter().map(find).collect::<Result<_, _>>()?;
@@ -175,14 +179,12 @@ struct Scribe {
     is_delta: bool,
     /// Interfaces seen so far.
     buses: Vec<(String, Bus)>,
+    stamps: Stamps,
     counts: Counts,
     /// Nanoseconds of the newest line, where stamps are differences.
     clock: u64,
     scratch: String,
 }
-
-/// A longer line is none; candump's longest are of some 250 bytes.
-const LONGEST: usize = 1 << 12;
 
 /// More interfaces than this are taken for one.
 const MOST_INTERFACES: usize = 32;
@@ -202,6 +204,7 @@ impl Scribe {
             form,
             is_delta,
             buses: Vec::new(),
+            stamps: Stamps::default(),
             counts: Counts::default(),
             clock: 0,
             scratch: String::new(),
@@ -214,19 +217,19 @@ impl Scribe {
         mut input: BufReader<R>,
         mut output: impl Write,
         mut tell: impl FnMut(u64, NotALine),
-    ) -> io::Result<()> {
+    ) -> Result<(), Broken> {
         let mut raw = Vec::new();
-        while read_line(&mut input, &mut raw)? {
+        while read_line(&mut input, &mut raw).map_err(Broken::Input)? {
             self.counts.number += 1;
-            if let Err(error) = self.line(&raw, &mut output)? {
+            if let Err(error) = self.line(&raw, &mut output).map_err(Broken::Output)? {
                 self.counts.malformed += 1;
                 tell(self.counts.number, error);
             }
             if input.buffer().is_empty() {
-                output.flush()?;
+                output.flush().map_err(Broken::Output)?;
             }
         }
-        output.flush()
+        output.flush().map_err(Broken::Output)
     }
 
     /// One line; the inner result says whether it is one of candump's.
@@ -269,6 +272,7 @@ impl Scribe {
         output: &mut impl Write,
     ) -> io::Result<()> {
         let nanos = self.clock(nanos);
+        let back = nanos.and_then(|nanos| self.stamps.on_stamp(line.interface, nanos));
         let at = nanos.map(|nanos| Instant::from_micros(nanos / 1_000));
         let bus = line.canopen().map(|(cob_id, _)| (cob_id, self.bus(line.interface)));
         let said = match (&line.content, bus) {
@@ -291,11 +295,11 @@ impl Scribe {
         }
         match &mut self.form {
             Form::Text(columns) => {
-                text::line(text, &said, columns, &mut self.scratch);
+                text::line(text, &said, back, columns, &mut self.scratch);
                 output.write_all(self.scratch.as_bytes())
             }
             Form::Json => {
-                json::frame(self.counts.number, nanos, line, &said, &mut self.scratch, output)
+                json::frame(self.counts.number, nanos, line, &said, back, &mut self.scratch, output)
             }
         }
     }
@@ -334,34 +338,6 @@ fn error_frame(id: u32, bytes: &[u8]) -> ErrorFrame {
     ErrorFrame { classes: id & 0x1FFF_FFFF, data }
 }
 
-/// The next line without its end, false after the last. Of an overlong one the beginning.
-fn read_line<R: Read>(input: &mut BufReader<R>, line: &mut Vec<u8>) -> io::Result<bool> {
-    line.clear();
-    let mut has_read = false;
-    loop {
-        let available = match input.fill_buf() {
-            Err(error) if error.kind() == ErrorKind::Interrupted => continue,
-            available => available?,
-        };
-        let end = available.iter().position(|byte| *byte == b'\n');
-        let (part, used) = match end {
-            Some(end) => (available.get(..end).unwrap_or_default(), end + 1),
-            None => (available, available.len()),
-        };
-        has_read |= used > 0;
-        let room = LONGEST.saturating_sub(line.len());
-        line.extend_from_slice(part.get(..room).unwrap_or(part));
-        input.consume(used);
-        if end.is_some() || used == 0 {
-            break;
-        }
-    }
-    if line.last() == Some(&b'\r') {
-        line.pop();
-    }
-    Ok(has_read)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -396,7 +372,7 @@ mod tests {
 
     #[test]
     fn an_overlong_line_is_one_line() {
-        let mut input = vec![b'x'; 3 * BUFFER];
+        let mut input = vec![b'x'; 3 * input::BUFFER];
         input.extend(b"\n(1.000000) can0 703#05\n");
         let (output, malformed) = transcribed(&input, false);
         assert_eq!((lines(&output), malformed), (2, 1));

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::path::Path;
 use std::time::Duration;
 
+use anyhow::Context;
 use indicatif::ProgressBar;
 use indicatif::ProgressDrawTarget;
 use indicatif::ProgressStyle;
@@ -15,15 +16,19 @@ use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
 use crate::cli::gains;
+use crate::cli::interrupt::Interrupt;
 use crate::cli::keeper::Keeper;
 use crate::cli::print;
+use crate::cli::provenance::Provenance;
 use crate::cli::scenario;
+use crate::cli::session;
 use crate::cli::story::Story;
 use crate::config::Config;
 use crate::lab::bench::Bench;
 use crate::lab::comparison;
 use crate::lab::comparison::Comparison;
 use crate::sim::scenario::Scenario;
+use crate::telemetry::origin::Origin;
 use crate::telemetry::record::Record;
 use crate::telemetry::summary::Summary;
 use crate::time::Instant;
@@ -36,24 +41,34 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
     let scenario = scenario::load(&args.scenario)?;
     let seconds = args.seconds.unwrap_or_else(|| scenario.seconds());
-    if !(seconds > 0.0 && seconds <= 86_400.0) {
-        let reason = format!("--seconds {seconds}: more than 0 and at most 86400");
-        return Err(Failure::new(Kind::Usage, reason));
-    }
     let config = comparison::surrounded(&config, &scenario);
     gains::warn(&config);
     if scenario.compares_passivity() {
         return compare(args, quiet, &config, &scenario, seconds);
     }
-    let summary = play(args, args.out.as_deref(), quiet, &config, scenario, seconds)?;
+    let out = args.out.as_deref();
+    out.map_or(Ok(()), |folder| session::make_room(folder, args.force))?;
+    let summary = play(args, out, quiet, &config, scenario, seconds)?;
     if args.json {
         print::line(&serde_json::to_string(&summary).or_fail(Kind::Bus)?);
     } else {
         print::line(&summary.to_string());
     }
+    refuse_interrupted(&summary)?;
     match &summary.stopped_by {
         Some(cause) => Err(Failure::new(Kind::Stopped, format!("stopped by {cause}"))),
         None => Ok(()),
+    }
+}
+
+/// A run that was ended before its time is no result.
+fn refuse_interrupted(summary: &Summary) -> Result<(), Failure> {
+    match summary.is_interrupted {
+        false => Ok(()),
+        true => {
+            let reason = format!("interrupted after {:.3} s", summary.seconds);
+            Err(Failure::new(Kind::Interrupted, reason))
+        }
     }
 }
 
@@ -71,9 +86,14 @@ fn compare(
         return Err(Failure::new(Kind::Configuration, format!("{file}: {reason}")));
     }
     let without = comparison::without_passivity(config);
+    let folder = |name| args.out.as_ref().map(|folder| folder.join(name));
+    for folder in ["without", "with"].into_iter().filter_map(folder) {
+        session::make_room(&folder, args.force)?;
+    }
     let run = |config, name| {
-        let folder = args.out.as_ref().map(|folder| folder.join(name));
-        play(args, folder.as_deref(), quiet, config, scenario.clone(), seconds)
+        let summary =
+            play(args, folder(name).as_deref(), quiet, config, scenario.clone(), seconds)?;
+        refuse_interrupted(&summary).map(|()| summary)
     };
     let comparison = Comparison {
         wall_stiffness_n_per_m: config.remote.wall.map_or(0.0, |(.., wall)| wall.stiffness),
@@ -102,71 +122,91 @@ fn play(
     seconds: f64,
 ) -> Result<Summary, Failure> {
     let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
-    let keeper = folder.map(|folder| Keeper::of_session(folder, &interfaces, 0));
+    let provenance = Provenance::of(config, &interfaces, Origin::default());
+    let keeper = folder.map(|folder| Keeper::of_session(folder, &provenance));
     let mut keeper = keeper.transpose().or_fail(Kind::Bus)?.unwrap_or_default();
-    let summary = simulate(args, quiet, config, scenario, seconds, &mut keeper)?;
+    let interrupt = folder.map(|_| Interrupt::watch()).transpose();
+    let interrupt = interrupt.context("no signals").or_fail(Kind::Bus)?.unwrap_or_default();
+    let play = Play { args, quiet, config, seconds, interrupt };
+    let summary = play.simulate(scenario, &mut keeper)?;
     let (left, finished) = keeper.finish(&summary);
     left.iter().for_each(|line| print::note(line));
     finished.or_fail(Kind::Bus)?;
     Ok(summary)
 }
 
-fn simulate(
-    args: &Demo,
+/// What is played, and how.
+struct Play<'a> {
+    args: &'a Demo,
     quiet: bool,
-    config: &Config,
-    scenario: Scenario,
+    config: &'a Config,
     seconds: f64,
-    keeper: &mut Keeper,
-) -> Result<Summary, Failure> {
-    let length = Duration::try_from_secs_f64(seconds).or_fail(Kind::Usage)?;
-    let cycles = length.as_micros().div_ceil(config.period.as_micros().max(1));
-    let cycles = u64::try_from(cycles).or_fail(Kind::Usage)?;
-    let bar = progress(cycles, quiet);
-    let keeper = RefCell::new(keeper);
-    let tap = |at: Instant, telegram: &Telegram| keeper.borrow_mut().frame(at, telegram);
-    let mut story = (!scenario.faults().is_empty()).then(|| Story::of(config));
-    let mut bench = Bench::new(config, scenario, args.seed, args.realtime, tap);
-    bench.bring_up().or_fail(Kind::Drive)?;
-    let mut summary = Summary::default();
-    for cycle in 1..=cycles {
-        let record = bench.cycle();
-        summary.add(&record);
-        if let Some(story) = &mut story {
-            bar.suspend(|| tell(story, &mut bench, &record));
+    interrupt: Interrupt,
+}
+
+impl Play<'_> {
+    fn simulate(&self, scenario: Scenario, keeper: &mut Keeper) -> Result<Summary, Failure> {
+        let Self { args, quiet, config, seconds, interrupt } = self;
+        let length = Duration::try_from_secs_f64(*seconds).or_fail(Kind::Usage)?;
+        let cycles = length.as_micros().div_ceil(config.period.as_micros().max(1));
+        let cycles = u64::try_from(cycles).or_fail(Kind::Usage)?;
+        let bar = progress(cycles, *quiet);
+        let keeper = RefCell::new(keeper);
+        let tap = |at: Instant, telegram: &Telegram| keeper.borrow_mut().frame(at, telegram);
+        let mut story = (!scenario.faults().is_empty()).then(|| Story::of(config));
+        let mut bench = Bench::new(config, scenario, args.seed, args.realtime, tap);
+        bench.bring_up().or_fail(Kind::Drive)?;
+        story.iter_mut().for_each(|story| tell_events(story, &mut bench));
+        let mut summary = Summary::default();
+        for cycle in 1..=cycles {
+            let record = bench.cycle();
+            summary.add(&record);
+            if let Some(story) = &mut story {
+                bar.suspend(|| tell(story, &mut bench, &record));
+            }
+            keeper.borrow_mut().cycle(&record);
+            while let Some(news) = keeper.borrow_mut().news() {
+                bar.suspend(|| print::note(&news));
+            }
+            if cycle % BAR_EVERY == 0 || cycle == cycles {
+                bar.set_position(cycle);
+                bar.set_message(record.mode.name());
+            }
+            if interrupt.is_set() {
+                summary.is_interrupted = true;
+                break;
+            }
         }
-        keeper.borrow_mut().cycle(&record);
-        while let Some(news) = keeper.borrow_mut().news() {
-            bar.suspend(|| print::note(&news));
+        bar.finish_and_clear();
+        let carried = bench.carried();
+        summary.bus_load_percent = carried.iter().map(|bus| bus.percent).collect();
+        summary.bus_frames = carried.iter().map(|bus| bus.frames).collect();
+        match bench.stop() {
+            // What is broken cannot confirm it.
+            Err(error) if story.is_some() => print::note(&error.to_string()),
+            stopped => stopped.or_fail(Kind::Drive)?,
         }
-        if cycle % BAR_EVERY == 0 || cycle == cycles {
-            bar.set_position(cycle);
-            bar.set_message(record.mode.name());
-        }
+        Ok(summary)
     }
-    bar.finish_and_clear();
-    let carried = bench.carried();
-    summary.bus_load_percent = carried.iter().map(|bus| bus.percent).collect();
-    summary.bus_frames = carried.iter().map(|bus| bus.frames).collect();
-    match bench.stop() {
-        // What is broken cannot confirm it.
-        Err(error) if story.is_some() => print::note(&error.to_string()),
-        stopped => stopped.or_fail(Kind::Drive)?,
-    }
-    Ok(summary)
 }
 
 /// What has broken since the last cycle, and what the node has noticed.
 fn tell<T: Tap>(story: &mut Story, bench: &mut Bench<T>, record: &Record) {
     while let Some(notice) = bench.world_mut().notice() {
-        print::note(&story.fault(&notice));
+        print::note(&story.fault(bench.begun(), &notice));
     }
-    let now = bench.elapsed();
+    if let Some(line) = story.mode(record) {
+        print::note(&line);
+    }
+    tell_events(story, bench);
+}
+
+/// What the node has noticed on the network.
+fn tell_events<T: Tap>(story: &mut Story, bench: &mut Bench<T>) {
+    story.beginning(bench.begun()).iter().for_each(|line| print::note(line));
+    let now = bench.now();
     while let Some(event) = bench.notice() {
         print::note(&story.event(now, &event));
-    }
-    if let Some(line) = story.mode(now, record) {
-        print::note(&line);
     }
 }
 

@@ -14,11 +14,18 @@ pub(super) enum Kind {
     Configuration,
     /// Interface, bus or control socket.
     Bus,
+    /// A file that cannot be read or written, stdout included; the same number as [`Bus`](Self::Bus).
+    File,
     /// A drive is missing, wrong or refused.
     Drive,
     /// Ended with a latched safety stop.
     Stopped,
+    /// Ended by a signal before its time.
+    Interrupted,
 }
+
+/// What a shell says of a command that Ctrl-C ended.
+pub(super) const INTERRUPTED: u8 = 130;
 
 /// A failure and its kind.
 #[derive(Debug)]
@@ -39,9 +46,10 @@ impl Failure {
             Kind::Negative => 1,
             Kind::Usage => 2,
             Kind::Configuration => 3,
-            Kind::Bus => 4,
+            Kind::Bus | Kind::File => 4,
             Kind::Drive => 5,
             Kind::Stopped => 6,
+            Kind::Interrupted => INTERRUPTED,
         })
     }
 }

@@ -1,18 +1,19 @@
 //! `frhc explain`: one cycle of the controller, every intermediate of Fig. 3; or the fault table.
 
-use std::io::IsTerminal;
-use std::io::Read;
+mod asked;
+
+use std::ffi::OsString;
 use std::path::Path;
 use std::path::PathBuf;
 
 use clap::Args;
 use clap::Subcommand;
-use serde::Deserialize;
 use serde_json::Value as Json;
 
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
+use crate::cli::explain::asked::Flags;
 use crate::cli::faults;
 use crate::cli::faults::Faults;
 use crate::cli::print;
@@ -21,11 +22,8 @@ use crate::lab::explanation;
 use crate::lab::explanation::Entry;
 use crate::lab::explanation::Explanation;
 use crate::lab::explanation::Value;
-use crate::lab::question::Question;
 use crate::lab::world;
-
-/// A question longer than this is none, in bytes.
-const LONGEST: u64 = 1 << 20;
+use crate::telemetry::digits;
 
 /// `frhc explain`.
 #[derive(Debug, Args)]
@@ -66,10 +64,10 @@ pub(super) struct Explain {
     /// One JSON object, each value with its unit, frame and equation.
     #[arg(long)]
     json: bool,
-    /// A JSON object with what the flags say and more, such as gains; `-` is stdin, which is also read
-    /// if it is no terminal and no flag says where the arm is.
+    /// A JSON object with what the flags say and more, such as gains; or the file it is in. `-` is stdin, which
+    /// is also read if it is no terminal and no flag says where the arm is.
     #[arg(value_name = "QUESTION")]
-    question: Option<PathBuf>,
+    question: Option<OsString>,
 }
 
 /// What else can be explained.
@@ -79,21 +77,16 @@ enum Topic {
     Faults(Faults),
 }
 
-/// A question by itself, or inside an object that says of which device it is.
-#[derive(Debug, Default, Deserialize)]
-struct Asked {
-    device: Option<String>,
-    #[serde(alias = "inputs")]
-    question: Question,
-}
-
 /// Asks, and prints the answer.
 pub(super) fn run(args: &Explain) -> Result<(), Failure> {
     if let Some(Topic::Faults(args)) = &args.topic {
         faults::run(args);
         return Ok(());
     }
-    let mut asked = read(args)?;
+    if args.question.as_deref().is_some_and(|question| question == "faults") {
+        return Err(Failure::new(Kind::Usage, "`explain faults` takes no question"));
+    }
+    let mut asked = asked::read(args.question.as_deref(), args.flags())?;
     let question = &mut asked.question;
     question.q = args.q.or(question.q);
     question.q_before = args.q_before.or(question.q_before);
@@ -116,36 +109,20 @@ pub(super) fn run(args: &Explain) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The question in the file or on stdin, if there is one.
-fn read(args: &Explain) -> Result<Asked, Failure> {
-    let (name, text) = match &args.question {
-        Some(path) if path.as_os_str() != "-" => {
-            let text = std::fs::read_to_string(path);
-            let named = |error| format!("{}: {error}", path.display());
-            (
-                path.display().to_string(),
-                text.map_err(|error| Failure::new(Kind::Usage, named(error)))?,
-            )
+impl Explain {
+    /// What the flags say of the question.
+    fn flags(&self) -> Flags {
+        let numbers = [self.q_before, self.q_reference, self.wrench];
+        let words = [&self.mode, &self.preset];
+        let switches = [self.no_deadman, self.no_reflection, self.layers];
+        let is_any = numbers.iter().any(Option::is_some)
+            || words.iter().any(|word| word.is_some())
+            || switches.contains(&true);
+        match (self.q, is_any) {
+            (Some(_), _) => Flags::Position,
+            (None, true) => Flags::Some,
+            (None, false) => Flags::Absent,
         }
-        None if args.q.is_some() || std::io::stdin().is_terminal() => return Ok(Asked::default()),
-        Some(_) | None => {
-            let mut text = String::new();
-            let stdin = std::io::stdin().lock();
-            stdin.take(LONGEST).read_to_string(&mut text).or_fail(Kind::Usage)?;
-            ("stdin".to_owned(), text)
-        }
-    };
-    if text.trim().is_empty() {
-        return Ok(Asked::default());
-    }
-    let wrong = |error| Failure::new(Kind::Usage, format!("{name}: {error}"));
-    let whole: Json = serde_json::from_str(&text).map_err(wrong)?;
-    let is_wrapped = whole.get("inputs").or_else(|| whole.get("question")).is_some();
-    if is_wrapped {
-        serde_json::from_value(whole).map_err(wrong)
-    } else {
-        let question = serde_json::from_value(whole).map_err(wrong)?;
-        Ok(Asked { device: None, question })
     }
 }
 
@@ -210,7 +187,7 @@ fn shown(value: &Value) -> String {
     // A number that would read -0.00000 is zero.
     let number = |number: &f64| if number.abs() < 5e-6 { 0.0 } else { *number };
     let row = |numbers: &[f64]| {
-        numbers.iter().map(|n| format!("{:10.5}", number(n))).collect::<Vec<_>>().join(" ")
+        numbers.iter().map(|n| digits::column(number(n), 10, 5)).collect::<Vec<_>>().join(" ")
     };
     let rows = |rows: Vec<String>| rows.join("\n               ");
     match value {

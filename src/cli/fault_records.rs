@@ -4,17 +4,11 @@
 //! What cannot be written is told once and left: a record of a fault is worth less than the run.
 
 use std::collections::BTreeMap;
-use std::env;
-use std::ffi::OsStr;
 use std::fs;
 use std::fs::DirBuilder;
-use std::fs::File;
-use std::fs::OpenOptions;
 use std::io;
 use std::io::BufWriter;
-use std::io::Write;
 use std::os::unix::fs::DirBuilderExt;
-use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 use std::path::PathBuf;
 
@@ -22,11 +16,19 @@ use serde_json::Value;
 use serde_json::json;
 
 use crate::canopen::frame::Telegram;
+use crate::cli::archive::Kept;
+use crate::cli::log_file::LogFile;
+use crate::cli::provenance::Provenance;
+use crate::cli::results;
+use crate::cli::results::Access;
+use crate::cli::results::number;
+use crate::cli::state;
 use crate::node::safety::table;
 use crate::telemetry::candump::LogWriter;
 use crate::telemetry::fault_record::FaultWatch;
 use crate::telemetry::fault_record::Moment;
 use crate::telemetry::fault_record::Trip;
+use crate::telemetry::losses::Losses;
 use crate::telemetry::record::Record;
 use crate::telemetry::session::Brief;
 use crate::telemetry::session::SessionLog;
@@ -42,26 +44,14 @@ const DOCUMENT: &str = "fault.json";
 
 /// Where records go if no session is recorded: systemd's folder, else the user's own.
 pub(super) fn default_folder() -> Option<PathBuf> {
-    let of = |name, below: &str| {
-        let value = env::var_os(name).filter(|value| !value.is_empty())?;
-        Some(first(&value).join(below))
-    };
-    of("STATE_DIRECTORY", "faults")
-        .or_else(|| of("XDG_STATE_HOME", "frhc/faults"))
-        .or_else(|| of("HOME", ".local/state/frhc/faults"))
-}
-
-/// systemd names several folders with colons between them.
-fn first(value: &OsStr) -> PathBuf {
-    env::split_paths(value).next().unwrap_or_default()
+    state::folder().map(|folder| folder.join("faults"))
 }
 
 /// Watches for trips and writes what is to be kept of them.
 #[derive(Debug)]
 pub(super) struct Faults {
     folder: PathBuf,
-    interfaces: Vec<String>,
-    epoch_micros: u64,
+    provenance: Provenance,
     watch: FaultWatch,
     /// The records in the folder, by their numbers.
     records: BTreeMap<u64, PathBuf>,
@@ -76,29 +66,24 @@ pub(super) struct Faults {
 #[derive(Debug)]
 struct Open {
     folder: PathBuf,
-    log: SessionLog<BufWriter<File>>,
+    log: SessionLog<BufWriter<LogFile>>,
     document: Value,
     tripped: Instant,
     latest: Instant,
 }
 
 impl Faults {
-    /// Records in `folder`, of buses with these interfaces. Stamps are `epoch_micros` plus the bus's time.
+    /// Records of a run, in `folder`.
     ///
     /// # Errors
     /// When there can be no such folder.
-    pub(super) fn open(
-        folder: &Path,
-        interfaces: &[String],
-        epoch_micros: u64,
-    ) -> io::Result<Self> {
-        DirBuilder::new().recursive(true).mode(0o700).create(folder)?;
+    pub(super) fn open(folder: &Path, provenance: &Provenance) -> io::Result<Self> {
+        results::private_folder(folder)?;
         let records = fs::read_dir(folder)?.flatten();
         let records = records.filter_map(|entry| Some((number(&entry.file_name())?, entry.path())));
         Ok(Self {
             folder: folder.to_path_buf(),
-            interfaces: interfaces.to_vec(),
-            epoch_micros,
+            provenance: provenance.clone(),
             watch: FaultWatch::default(),
             records: records.collect(),
             open: None,
@@ -106,33 +91,6 @@ impl Faults {
             written: Vec::new(),
             news: None,
         })
-    }
-
-    /// A frame has passed by.
-    pub(super) fn frame(&mut self, at: Instant, telegram: &Telegram) {
-        self.close_if_over(at);
-        self.watch.frame(at, telegram);
-        if let Some(open) = &mut self.open {
-            open.latest = open.latest.max(at);
-            open.log.frame(at, telegram);
-        }
-    }
-
-    /// A cycle has run.
-    pub(super) fn cycle(&mut self, record: &Record) {
-        self.close_if_over(record.at);
-        let brief = Brief::from(record);
-        if let Some(trip) = self.watch.cycle(&brief) {
-            self.begin(&trip, record);
-        } else if let Some(open) = &mut self.open {
-            open.latest = open.latest.max(record.at);
-            open.log.cycle(&brief);
-        }
-    }
-
-    /// What is to be told: where a record is, or why there is none.
-    pub(super) fn news(&mut self) -> Option<String> {
-        self.news.take()
     }
 
     /// Ends what is open, and says in one line what this run leaves.
@@ -172,10 +130,12 @@ impl Faults {
         let folder = self.folder.join(format!("{next:03}-{}-{cause}", trip.cycle));
         DirBuilder::new().mode(0o700).create(&folder)?;
         self.records.insert(next, folder.clone());
-        let document = document(trip, record, self.watch.reach().as_secs_f64());
+        let seconds_before = self.watch.reach().as_secs_f64();
+        let document = document(trip, record, &self.provenance, seconds_before);
         write_document(&folder, &document)?;
-        let file = create_private(&folder.join(LOG))?;
-        let writer = LogWriter::new(BufWriter::new(file), &self.interfaces, self.epoch_micros);
+        let file = LogFile::onto(results::private_file(&folder.join(LOG))?);
+        let Provenance { interfaces, origin, .. } = &self.provenance;
+        let writer = LogWriter::new(BufWriter::new(file), interfaces, origin.as_micros());
         let mut log = SessionLog::new(writer);
         for moment in self.watch.past() {
             match moment {
@@ -190,10 +150,7 @@ impl Faults {
     fn make_room(&mut self) {
         while self.records.len() >= KEPT {
             let Some((_, oldest)) = self.records.pop_first() else { return };
-            for file in [LOG, DOCUMENT] {
-                fs::remove_file(oldest.join(file)).ok();
-            }
-            fs::remove_dir(&oldest).ok();
+            discard(&oldest);
         }
     }
 
@@ -220,17 +177,49 @@ impl Faults {
     }
 }
 
+impl Kept for Faults {
+    /// A frame has passed by.
+    fn frame(&mut self, at: Instant, telegram: &Telegram) {
+        self.close_if_over(at);
+        self.watch.frame(at, telegram);
+        if let Some(open) = &mut self.open {
+            open.latest = open.latest.max(at);
+            open.log.frame(at, telegram);
+        }
+    }
+
+    /// A cycle has run.
+    fn cycle(&mut self, record: &Record) {
+        self.close_if_over(record.at);
+        let brief = Brief::from(record);
+        if let Some(trip) = self.watch.cycle(&brief) {
+            self.begin(&trip, record);
+        } else if let Some(open) = &mut self.open {
+            open.latest = open.latest.max(record.at);
+            open.log.cycle(&brief);
+        }
+    }
+
+    /// What is to be told: where a record is, or why there is none.
+    fn news(&mut self) -> Option<String> {
+        self.news.take()
+    }
+}
+
 /// What `fault.json` says when the record begins: a run that ends within the second leaves it so.
-fn document(trip: &Trip, record: &Record, seconds_before: f64) -> Value {
+fn document(trip: &Trip, record: &Record, provenance: &Provenance, seconds_before: f64) -> Value {
     let kind = trip.cause.kind();
     let row = table::row(kind);
     let reaction = table::reaction(kind, trip.from).mode();
+    let name = trip.cause.joint().and_then(|joint| provenance.joints.get(joint.checked_sub(1)?));
     json!({
         "cause": trip.cause.to_string(),
         "kind": hyphenated(&format!("{kind:?}")),
         "joint": trip.cause.joint(),
+        "joint_name": name,
         "cycle": trip.cycle,
         "seconds": trip.at.since(Instant::ZERO).as_secs_f64(),
+        "origin": provenance.origin,
         "mode_before": trip.from.name(),
         "mode": trip.to.name(),
         "reaction": reaction.map_or("none", |mode| mode.name()),
@@ -239,26 +228,39 @@ fn document(trip: &Trip, record: &Record, seconds_before: f64) -> Value {
         "seconds_before": seconds_before,
         "seconds_after": 0.0,
         "is_complete": false,
-        "status": Status::of(record, 0, 0),
+        "joints": provenance.joints,
+        "status": Status::of(record, 0, Losses::default()),
     })
 }
 
 fn write_document(folder: &Path, document: &Value) -> io::Result<()> {
-    let mut file = create_private(&folder.join(DOCUMENT))?;
     let mut text = serde_json::to_string_pretty(document)?;
     text.push('\n');
-    file.write_all(text.as_bytes())
+    results::replace(&folder.join(DOCUMENT), text.as_bytes(), Access::Owner)
 }
 
-/// A file for its owner alone.
-fn create_private(path: &Path) -> io::Result<File> {
-    OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path)
+/// Removes every record in `folder`, and the folder if nothing else is in it.
+pub(super) fn clear(folder: &Path) -> io::Result<()> {
+    match fs::symlink_metadata(folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(error),
+        // The link goes, never what it leads to.
+        Ok(found) if !found.is_dir() => return fs::remove_file(folder),
+        Ok(_) => {}
+    }
+    let entries = fs::read_dir(folder)?.flatten();
+    let records = entries.filter(|entry| number(&entry.file_name()).is_some());
+    records.for_each(|entry| discard(&entry.path()));
+    fs::remove_dir(folder).ok();
+    Ok(())
 }
 
-/// The number a record's name begins with.
-fn number(name: &OsStr) -> Option<u64> {
-    let (number, _) = name.to_str()?.split_once('-')?;
-    number.bytes().all(|byte| byte.is_ascii_digit()).then(|| number.parse().ok())?
+/// Removes what is ours in a record, and its folder if nothing else is in it.
+fn discard(record: &Path) {
+    for file in [LOG, DOCUMENT] {
+        fs::remove_file(record.join(file)).ok();
+    }
+    fs::remove_dir(record).ok();
 }
 
 /// `SamplesMissing` as `samples-missing`.
@@ -276,12 +278,14 @@ fn hyphenated(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::ffi::OsStr;
     use std::os::unix::fs::PermissionsExt;
 
     use crate::config::Config;
     use crate::lab::bench::Bench;
     use crate::sim::scenario::Scenario;
     use crate::telemetry::cause::Cause;
+    use crate::telemetry::origin::Origin;
     use crate::telemetry::record::Mode;
 
     const TRIP: Trip = Trip {
@@ -294,9 +298,15 @@ mod tests {
 
     /// A folder of this test alone.
     fn scratch(name: &str) -> PathBuf {
-        let folder = env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
+        let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
         fs::remove_dir_all(&folder).ok();
         folder
+    }
+
+    fn provenance() -> Provenance {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        let origin = Origin::from_micros(1_795_331_563_123_456);
+        Provenance::of(&config, &["can0".to_owned()], origin)
     }
 
     fn any_record() -> Record {
@@ -311,7 +321,7 @@ mod tests {
     #[test]
     fn promise_15_a_record_says_what_happened_and_is_its_owners_alone() {
         let folder = scratch("record");
-        let mut faults = Faults::open(&folder, &["can0".to_owned()], 0).unwrap();
+        let mut faults = Faults::open(&folder, &provenance()).unwrap();
         faults.begin(&TRIP, &any_record());
         let record = folder.join("001-4213-samples-missing");
         assert_eq!(faults.news(), Some(format!("fault record: {}", record.display())));
@@ -319,6 +329,9 @@ mod tests {
             serde_json::from_slice(&fs::read(record.join(DOCUMENT)).unwrap()).unwrap();
         assert_eq!(said["cause"], "joint 3: no sample for 3 cycles");
         assert_eq!((&said["joint"], &said["cycle"]), (&json!(3), &json!(4_213)));
+        assert_eq!((&said["joint_name"], &said["seconds"]), (&json!("elbow"), &json!(4.3)));
+        assert_eq!(said["origin"]["utc"], "2026-11-22T07:12:43.123456Z");
+        assert_eq!(said["joints"][2], "elbow");
         assert_eq!(
             (&said["mode_before"], &said["mode"]),
             (&json!("engaged"), &json!("zero-torque"))
@@ -341,7 +354,7 @@ mod tests {
     fn hazard_32_the_newest_fifty_are_kept_and_what_is_not_ours_stays() {
         let (folder, record) = (scratch("quota"), any_record());
         for run in 0..6 {
-            let mut faults = Faults::open(&folder, &[], 0).unwrap();
+            let mut faults = Faults::open(&folder, &provenance()).unwrap();
             for _ in 0..10 {
                 faults.begin(&TRIP, &record);
                 faults.close();
@@ -363,14 +376,14 @@ mod tests {
     #[test]
     fn hazard_32_a_place_that_cannot_be_written_is_told_once() {
         let (folder, record) = (scratch("gone"), any_record());
-        let mut faults = Faults::open(&folder, &[], 0).unwrap();
+        let mut faults = Faults::open(&folder, &provenance()).unwrap();
         fs::remove_dir(&folder).unwrap();
         faults.begin(&TRIP, &record);
         assert!(faults.news().unwrap().starts_with("no fault record in "));
         faults.begin(&TRIP, &record);
         assert_eq!((faults.news(), faults.finish()), (None, None));
         fs::write(&folder, "").unwrap();
-        assert!(Faults::open(&folder.join("faults"), &[], 0).is_err());
+        assert!(Faults::open(&folder.join("faults"), &provenance()).is_err());
         fs::remove_file(&folder).unwrap();
     }
 

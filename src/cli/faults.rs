@@ -15,6 +15,9 @@ use crate::telemetry::record::Mode;
 
 /// `frhc explain faults`.
 #[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  frhc explain faults | less -S\n  frhc explain faults --json | jq -r .cause"
+)]
 pub(super) struct Faults {
     /// One JSON object per line and cause.
     #[arg(long)]

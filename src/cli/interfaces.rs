@@ -2,8 +2,10 @@
 
 use clap::Args;
 
+use crate::bus::SocketCan;
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
+use crate::cli::exit::OrFail;
 use crate::config::Config;
 
 /// Overriding interfaces.
@@ -32,6 +34,18 @@ pub(super) fn resolve(config: &Config, overrides: &[String]) -> Result<Vec<Strin
         }
     }
     Ok(interfaces)
+}
+
+/// The buses of a node, on interfaces that are fit for torques; what is to be said of them is a warning.
+pub(super) fn open(config: &Config, names: &[String]) -> Result<SocketCan, Failure> {
+    let bus = SocketCan::open(names).or_fail(Kind::Bus)?;
+    let bus = bus.hearing_only(&config.patterns()).and_then(SocketCan::with_witness);
+    let fit = bus.or_fail(Kind::Bus)?.fit_for_torques(config.bursts());
+    let (bus, remarks) = fit.or_fail(Kind::Bus)?;
+    for remark in remarks {
+        tracing::warn!("{remark}");
+    }
+    Ok(bus)
 }
 
 fn no_such_bus(config: &Config, name: &str) -> Failure {

@@ -4,45 +4,43 @@ use std::path::Path;
 use std::path::PathBuf;
 
 use crate::canopen::frame::Telegram;
+use crate::cli::archive::Kept;
 use crate::cli::fault_records;
 use crate::cli::fault_records::Faults;
+use crate::cli::provenance::Provenance;
+use crate::cli::session;
 use crate::cli::session::Session;
 use crate::telemetry::record::Record;
-use crate::telemetry::session::Brief;
 use crate::telemetry::summary::Summary;
 use crate::time::Instant;
 
 /// Nothing, a session, fault records, or both.
 #[derive(Debug, Default)]
 pub(super) struct Keeper {
-    session: Option<Session>,
-    faults: Option<Faults>,
-    news: Option<String>,
+    pub(super) session: Option<Session>,
+    pub(super) faults: Option<Faults>,
+    pub(super) news: Option<String>,
 }
 
 impl Keeper {
     /// A session in `folder`, with its fault records in `faults` there.
-    pub(super) fn of_session(
-        folder: &Path,
-        interfaces: &[String],
-        epoch_micros: u64,
-    ) -> anyhow::Result<Self> {
-        let session = Session::create(folder, interfaces, epoch_micros)?;
-        let faults = Some(folder.join("faults"));
-        Ok(Self { session: Some(session), ..Self::of_faults(faults, interfaces, epoch_micros) })
+    pub(super) fn of_session(folder: &Path, provenance: &Provenance) -> anyhow::Result<Self> {
+        let session = Session::create(folder, provenance)?;
+        let faults = Some(folder.join(session::FAULTS));
+        Ok(Self { session: Some(session), ..Self::of_faults(faults, provenance) })
     }
 
     /// Fault records alone, where they belong.
-    pub(super) fn of_faults_alone(interfaces: &[String], epoch_micros: u64) -> Self {
-        Self::of_faults(fault_records::default_folder(), interfaces, epoch_micros)
+    pub(super) fn of_faults_alone(provenance: &Provenance) -> Self {
+        Self::of_faults(fault_records::default_folder(), provenance)
     }
 
-    fn of_faults(folder: Option<PathBuf>, interfaces: &[String], epoch_micros: u64) -> Self {
+    fn of_faults(folder: Option<PathBuf>, provenance: &Provenance) -> Self {
         let Some(folder) = folder else {
             let news = "no fault records: neither STATE_DIRECTORY nor HOME says where".to_owned();
             return Self { news: Some(news), ..Self::default() };
         };
-        match Faults::open(&folder, interfaces, epoch_micros) {
+        match Faults::open(&folder, provenance) {
             Ok(faults) => Self { faults: Some(faults), ..Self::default() },
             Err(error) => {
                 let news = format!("no fault records in {}: {error}", folder.display());
@@ -53,21 +51,21 @@ impl Keeper {
 
     /// A frame has passed by.
     pub(super) fn frame(&mut self, at: Instant, telegram: &Telegram) {
-        if let Some(session) = &mut self.session {
-            session.log.frame(at, telegram);
-        }
         if let Some(faults) = &mut self.faults {
             faults.frame(at, telegram);
+        }
+        if let Some(session) = &mut self.session {
+            session.frame(at, telegram);
         }
     }
 
     /// A cycle has run.
     pub(super) fn cycle(&mut self, record: &Record) {
-        if let Some(session) = &mut self.session {
-            session.log.cycle(&Brief::from(record));
-        }
         if let Some(faults) = &mut self.faults {
             faults.cycle(record);
+        }
+        if let Some(session) = &mut self.session {
+            session.cycle(record);
         }
     }
 

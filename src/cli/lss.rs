@@ -18,6 +18,7 @@ use crate::canopen::lss::job::Patience;
 use crate::canopen::lss::job::Report;
 use crate::canopen::lss::job::Selection;
 use crate::canopen::lss::master::Master;
+use crate::cli::bench::Beside;
 use crate::cli::bench::Line;
 use crate::cli::bench::Session;
 use crate::cli::bench::SessionError;
@@ -32,6 +33,8 @@ use crate::cli::print;
 #[command(
     after_help = "`configure` does everything in one call and leaves every slave waiting, whatever happens. The \
         others are single services: between them the slave stays selected, until `deselect` or a failure.\n\n\
+        What selects or sets is refused while SYNCs are received, unless forced. `deselect`, `identify-remote` and \
+        `identify-non-configured` change nothing.\n\n\
         A new node-id is a configured slave's own after `frhc nmt reset-comm`, and an unconfigured one's at once.\n\n\
         Examples:\n  frhc lss fastscan -i can0\n  \
         frhc lss configure --select 0xF8C,0x04020010,0x00010000,3 --node-id 3 --store -i can0\n  \
@@ -46,10 +49,8 @@ pub(super) struct Lss {
     #[arg(long, value_name = "MS", default_value_t = 100, global = true,
         value_parser = clap::value_parser!(u64).range(1..=600_000))]
     timeout: u64,
-    /// How long slaves have for each of the 133 questions of a fastscan.
-    #[arg(long, value_name = "MS", default_value_t = 20, global = true,
-        value_parser = clap::value_parser!(u64).range(1..=10_000))]
-    probe: u64,
+    #[command(flatten)]
+    force: Beside,
     /// What is found as one JSON object.
     #[arg(long, global = true)]
     json: bool,
@@ -58,14 +59,16 @@ pub(super) struct Lss {
 #[derive(Debug, Subcommand)]
 enum Task {
     /// Identity and node-id of the one slave on the bus, or of one that is chosen; then all wait.
+    #[command(after_help = "Example:\n  frhc lss inquire -i can0")]
     Inquire {
         #[command(flatten)]
         choice: Choice,
         /// The slave that is selected already; it stays so.
-        #[arg(long, conflicts_with_all = ["select", "fastscan", "global"])]
+        #[arg(long, conflicts_with_all = ["select", "fastscan", "global", "probe"])]
         selected: bool,
     },
     /// Selects the slave of an identity; it stays selected.
+    #[command(after_help = "Example:\n  frhc lss select 0xF8C 0x04020010 0x00010000 3 -i can0")]
     Select {
         /// Vendor-ID, 1018h:1.
         #[arg(value_parser = words::number)]
@@ -81,30 +84,42 @@ enum Task {
         serial: u32,
     },
     /// All slaves wait: none is selected any more.
+    #[command(after_help = "Example:\n  frhc lss deselect -i can0")]
     Deselect,
     /// The node-id of the selected slave, from its next reset of communication on.
+    #[command(after_help = "Example:\n  frhc lss set-node-id 4 -i can0")]
     SetNodeId {
         /// 1 to 127; none, or 255, takes it away.
         #[arg(value_parser = words::node_or_none)]
         node: Node,
     },
     /// The bit rate of the selected slave, from its activation on.
+    #[command(after_help = "Example:\n  frhc lss set-bit-timing 500 -i can0")]
     SetBitTiming {
         /// In kbit/s: 1000, 800, 500, 250, 125, 50, 20, 10.
         #[arg(value_name = "KBIT", value_parser = bit_rate)]
         rate: BitRate,
     },
     /// The selected slaves change their bit rates; this interface does not.
+    #[command(after_help = "Example:\n  frhc lss activate 1000 -i can0")]
     Activate {
         /// They stop sending, change after this, and go on after this again.
         #[arg(value_name = "DELAY_MS")]
         delay: u16,
     },
     /// The selected slave keeps node-id and bit rate without power.
+    #[command(after_help = "Example:\n  frhc lss store -i can0")]
     Store,
     /// Finds the identity of one slave without a node-id; then all wait.
-    Fastscan,
+    #[command(after_help = "Example:\n  frhc lss fastscan --probe 5 -i can0")]
+    Fastscan {
+        #[command(flatten)]
+        probe: Probe,
+    },
     /// Whether any slave fits a description.
+    #[command(
+        after_help = "Example:\n  frhc lss identify-remote 0xF8C 0x04020010 0 0xFFFFFFFF 0 0xFFFFFFFF -i can0"
+    )]
     IdentifyRemote {
         /// Vendor-ID, product code, lowest and highest revision number, lowest and highest serial number.
         #[arg(value_names = ["VENDOR", "PRODUCT", "REVISION", "REVISION", "SERIAL", "SERIAL"], num_args = 6,
@@ -112,8 +127,10 @@ enum Task {
         numbers: Vec<u32>,
     },
     /// Whether any slave is without a node-id.
+    #[command(after_help = "Example:\n  frhc lss identify-non-configured -i can0")]
     IdentifyNonConfigured,
     /// Chooses a slave, sets and stores, and lets all wait.
+    #[command(after_help = "Example:\n  frhc lss configure --fastscan --node-id 4 --store -i can0")]
     Configure {
         #[command(flatten)]
         choice: Choice,
@@ -144,9 +161,42 @@ struct Choice {
     /// The slave without a node-id that a fastscan finds.
     #[arg(long, group = "choice")]
     fastscan: bool,
+    /// With --fastscan: how long slaves have for each of its 133 questions.
+    #[arg(long, value_name = "MS", default_value_t = 20, requires = "fastscan",
+        conflicts_with_all = ["select", "global"],
+        value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    probe: u64,
     /// Every slave: right where there is one only.
     #[arg(long, group = "choice")]
     global: bool,
+}
+
+/// The pace of a fastscan.
+#[derive(Clone, Copy, Debug, Args)]
+struct Probe {
+    /// How long slaves have for each of the 133 questions.
+    #[arg(long, value_name = "MS", default_value_t = 20,
+        value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    probe: u64,
+}
+
+impl Task {
+    /// How long slaves have for each question of a fastscan; for nothing where there is none.
+    const fn probe(&self) -> Duration {
+        let millis = match self {
+            Self::Inquire { choice, .. } | Self::Configure { choice, .. } => choice.probe,
+            Self::Fastscan { probe } => probe.probe,
+            Self::Select { .. }
+            | Self::Deselect
+            | Self::SetNodeId { .. }
+            | Self::SetBitTiming { .. }
+            | Self::Activate { .. }
+            | Self::Store
+            | Self::IdentifyRemote { .. }
+            | Self::IdentifyNonConfigured => 0,
+        };
+        Duration::from_millis(millis)
+    }
 }
 
 impl Choice {
@@ -228,7 +278,7 @@ fn plan(task: &Task) -> Result<Plan, Failure> {
         Task::SetBitTiming { rate } => Job { bit_rate: Some(*rate), ..asked },
         Task::Activate { delay } => Job { activate: Some(*delay), ..selected },
         Task::Store => Job { store: true, ..asked },
-        Task::Fastscan => Job { inquire: true, ..Job::new(Selection::Fastscan) },
+        Task::Fastscan { .. } => Job { inquire: true, ..Job::new(Selection::Fastscan) },
         Task::Configure { choice, yes, node_id, bit_timing, store } => {
             choice.must_be_one(*yes)?;
             Job {
@@ -245,13 +295,12 @@ fn plan(task: &Task) -> Result<Plan, Failure> {
 /// Carries a job out, and tells what has come of it.
 fn carry_out(args: &Lss, job: Job) -> Result<(), Failure> {
     let reply = Duration::from_millis(args.timeout);
-    let patience = Patience {
-        reply,
-        store: reply.max(Duration::from_secs(1)),
-        probe: Duration::from_millis(args.probe),
-    };
+    let patience =
+        Patience { reply, store: reply.max(Duration::from_secs(1)), probe: args.task.probe() };
     let known = args.line.find()?;
-    let mut session = known.open()?;
+    let leaves_all_alone = matches!(args.task, Task::Deselect);
+    let force = Beside { force: args.force.force || leaves_all_alone };
+    let mut session = known.open_to_command(force)?;
     if let Some(Some(node)) = job.node {
         let owner = owner(&mut session, node, reply).map_err(|error| known.fail(error))?;
         must_be_free(node, owner.as_ref(), job.selection)?;

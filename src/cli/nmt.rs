@@ -15,6 +15,7 @@ use crate::canopen::bench::watch::Watch;
 use crate::canopen::heartbeat;
 use crate::canopen::nmt;
 use crate::canopen::nmt::Order;
+use crate::cli::bench::Beside;
 use crate::cli::bench::Line;
 use crate::cli::bench::SessionError;
 use crate::cli::bench::words;
@@ -28,6 +29,8 @@ use crate::time::Instant;
 #[command(
     after_help = "NMT is never answered. --wait waits for what confirms it: the boot-up after a reset, otherwise \
         the next heartbeat, which only nodes with a heartbeat time (1017h) send.\n\n\
+        Commands are refused while SYNCs are received, unless forced: a node that runs takes one for another \
+        master, and stops.\n\n\
         Examples:\n  frhc nmt start 3 --wait -i can0\n  frhc nmt reset all --config config/kraft_like.toml --wait\n  \
         frhc nmt watch -i can0"
 )]
@@ -36,44 +39,60 @@ pub(super) struct Nmt {
     task: Task,
     #[command(flatten)]
     line: Line,
-    /// Wait until every node is heard to have obeyed (exit 5 if not): the node, or for `all` the nodes of the
-    /// configuration, or whoever is heard.
-    #[arg(short, long, global = true)]
-    wait: bool,
-    /// How long to wait; how long a watched node may be silent.
-    #[arg(long, value_name = "MS", default_value_t = 2_000, global = true,
-        value_parser = clap::value_parser!(u64).range(1..=600_000))]
-    timeout: u64,
-    /// What is heard as one JSON object per line.
-    #[arg(long, global = true)]
-    json: bool,
 }
 
 #[derive(Clone, Copy, Debug, Subcommand)]
 enum Task {
     /// To operational.
-    Start(Whom),
+    Start(Command),
     /// To stopped.
-    Stop(Whom),
+    Stop(Command),
     /// To pre-operational.
-    Preop(Whom),
+    Preop(Command),
     /// Reset the whole node.
-    Reset(Whom),
+    Reset(Command),
     /// Reset its communication only.
-    ResetComm(Whom),
+    ResetComm(Command),
     /// Boot-ups, changes of state, silences and emergencies, until Ctrl-C.
-    Watch {
-        /// End after so many seconds.
-        #[arg(long, value_name = "N")]
-        seconds: Option<u64>,
-    },
+    #[command(after_help = "Example:\n  frhc nmt watch --seconds 10 --json -i can0 | jq .news")]
+    Watch(Watching),
 }
 
+/// A command to a node or to all of them.
 #[derive(Clone, Copy, Debug, Args)]
-struct Whom {
+#[command(after_help = "Example, as for start:\n  frhc nmt start 3 --wait -i can0")]
+struct Command {
     /// The node, 1 to 127, in decimal or as 0x10; or all.
     #[arg(value_name = "NODE|all", value_parser = words::node_or_all)]
     node: Node,
+    /// Wait until every node is heard to have obeyed (exit 5 if not): the node, or for `all` the nodes of the
+    /// configuration, or whoever is heard.
+    #[arg(short, long)]
+    wait: bool,
+    /// How long to wait.
+    #[arg(long, value_name = "MS", default_value_t = 2_000, requires = "wait",
+        value_parser = clap::value_parser!(u64).range(1..=600_000))]
+    timeout: u64,
+    /// What is heard as one JSON object per line.
+    #[arg(long, requires = "wait")]
+    json: bool,
+    #[command(flatten)]
+    force: Beside,
+}
+
+/// `frhc nmt watch`.
+#[derive(Clone, Copy, Debug, Args)]
+struct Watching {
+    /// End after so many seconds.
+    #[arg(long, value_name = "N", value_parser = words::seconds, allow_negative_numbers = true)]
+    seconds: Option<f64>,
+    /// How long a watched node may be silent.
+    #[arg(long, value_name = "MS", default_value_t = 2_000,
+        value_parser = clap::value_parser!(u64).range(1..=600_000))]
+    timeout: u64,
+    /// What is heard as one JSON object per line.
+    #[arg(long)]
+    json: bool,
 }
 
 /// A node, or all: as words say it, and not as an argument that may be left out.
@@ -81,32 +100,33 @@ type Node = Option<NodeId>;
 
 /// Sends the command, and waits for what confirms it.
 pub(super) fn run(args: &Nmt) -> Result<(), Failure> {
-    let (command, Whom { node }) = match args.task {
-        Task::Start(whom) => (NmtCommand::StartRemoteNode, whom),
-        Task::Stop(whom) => (NmtCommand::StopRemoteNode, whom),
-        Task::Preop(whom) => (NmtCommand::EnterPreOperational, whom),
-        Task::Reset(whom) => (NmtCommand::ResetNode, whom),
-        Task::ResetComm(whom) => (NmtCommand::ResetCommunication, whom),
-        Task::Watch { seconds } => return watch(args, seconds),
+    let (command, to) = match args.task {
+        Task::Start(to) => (NmtCommand::StartRemoteNode, to),
+        Task::Stop(to) => (NmtCommand::StopRemoteNode, to),
+        Task::Preop(to) => (NmtCommand::EnterPreOperational, to),
+        Task::Reset(to) => (NmtCommand::ResetNode, to),
+        Task::ResetComm(to) => (NmtCommand::ResetCommunication, to),
+        Task::Watch(watching) => return watch(&args.line, watching),
     };
+    let Command { node, wait, timeout, json, force } = to;
     let known = args.line.find()?;
     let order = Order { command, node };
     let named: Vec<NodeId> = match node {
         Some(node) => vec![node],
         None => known.plans().iter().flatten().map(|plan| plan.node).collect(),
     };
-    let mut session = known.open()?;
-    if !args.wait {
+    let mut session = known.open_to_command(force)?;
+    if !wait {
         return session.say([order.frame()]).map_err(|error| known.fail(error));
     }
-    let timeout = Duration::from_millis(args.timeout);
+    let within = Duration::from_millis(timeout);
     let heard = session
-        .run(|now, out| Confirmation::begin(order, &named, timeout, now, out))
+        .run(|now, out| Confirmation::begin(order, &named, within, now, out))
         .map_err(|error| known.fail(error))?;
     for heard in heard.iter().filter(|heard| heard.has_obeyed) {
-        show(args.json, heard);
+        show(json, heard);
     }
-    conclude(&heard, args.timeout)
+    conclude(&heard, timeout)
 }
 
 /// Nothing, or one line for each node that was not heard to obey.
@@ -148,18 +168,20 @@ const fn words_of(state: NmtState) -> &'static str {
 }
 
 /// Prints what is heard until it is interrupted.
-fn watch(args: &Nmt, seconds: Option<u64>) -> Result<(), Failure> {
-    let known = args.line.find()?;
+fn watch(line: &Line, watching: Watching) -> Result<(), Failure> {
+    let known = line.find()?;
     let mut session = known.open()?;
-    let end = seconds.map(|seconds| session.now() + Duration::from_secs(seconds));
-    let mut watch = Watch::new(Duration::from_millis(args.timeout), end);
-    loop {
+    let end = watching.seconds.map(|seconds| session.now() + Duration::from_secs_f64(seconds));
+    let mut watch = Watch::new(Duration::from_millis(watching.timeout), end);
+    // A reader that hung up ends it, too.
+    while !print::is_over() {
         match session.carry(&mut watch) {
-            Ok(Some((at, news))) => tell(args.json, at, news),
+            Ok(Some((at, news))) => tell(watching.json, at, news),
             Ok(None) | Err(SessionError::Interrupted) => return Ok(()),
             Err(error) => return Err(known.fail(error)),
         }
     }
+    Ok(())
 }
 
 /// `12.345678 node 3 operational`: seconds since it began to listen.

@@ -4,17 +4,16 @@
 use std::sync::Arc;
 use std::sync::Mutex;
 use std::sync::PoisonError;
-use std::sync::atomic::AtomicU64;
-use std::sync::atomic::Ordering;
-use std::sync::mpsc::Receiver;
-use std::sync::mpsc::SyncSender;
-use std::sync::mpsc::sync_channel;
+use std::thread;
 use std::time::Duration;
 
-use crate::bus::Tap;
 use crate::canopen::frame::Telegram;
 use crate::canopen::master::event::Event;
-use crate::cli::keeper::Keeper;
+use crate::cli::archive::Archive;
+use crate::cli::rings::Entries;
+use crate::cli::rings::Lost;
+use crate::cli::rings::Taker;
+use crate::cli::time_line;
 use crate::telemetry::record::Mode;
 use crate::telemetry::record::Record;
 use crate::telemetry::status::Status;
@@ -22,147 +21,153 @@ use crate::telemetry::summary::Summary;
 use crate::telemetry::token_bucket::TokenBucket;
 use crate::time::Instant;
 
-/// A second of frames and records at 1 kHz. When the disk is slower than that they are lost and
-/// counted; the cycle does not wait.
-const QUEUE: usize = 16_384;
+/// Time between two looks for entries. The recorder polls: a cycle that wakes it would make a system call.
+const POLL: Duration = Duration::from_millis(5);
 
-/// A line for people about the network comes so often at most, in the long run …
-const LINE_EVERY: Duration = Duration::from_millis(100);
+/// Entries in a batch at most.
+const MAX_BATCH: usize = 4_096;
 
-/// … and so many at once: what a boot says of seven nodes.
-const LINES_AT_ONCE: u32 = 50;
+/// Time between two lines about the network during a boot, in the long run.
+const BOOT_LINE_EVERY: Duration = Duration::from_millis(100);
 
-/// What the cycle's thread hands over.
-#[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "a box would be an allocation in every cycle")]
-pub(super) enum Entry {
-    /// A frame that passed by.
-    Frame(Instant, Telegram),
-    /// A cycle.
-    Record(Record),
-    /// Something has happened on the network.
-    Notice(Event),
-}
+/// Lines at once during a boot: what it says of seven nodes.
+const BOOT_LINES_AT_ONCE: u32 = 50;
+
+/// Time between two lines about the network afterwards, in the long run: a flood of forged frames is not read.
+const LINE_EVERY: Duration = Duration::from_secs(1);
+
+/// Lines at once afterwards: what six drives say that stop.
+const LINES_AT_ONCE: u32 = 20;
 
 /// The newest status, for the console.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Latest(Arc<Mutex<Option<Status>>>);
+pub(super) struct Latest(Arc<Mutex<Option<(Instant, Status)>>>);
 
 impl Latest {
     /// The newest status, `None` before the first cycle.
     pub(super) fn get(&self) -> Option<Status> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        let latest = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        latest.as_ref().map(|(_, status)| status.clone())
     }
 
-    fn set(&self, status: Status) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(status);
-    }
-}
-
-/// The cycle's end of the queue. Never waits: when it is full, or nobody takes entries any more, the
-/// cycle goes on without, and the loss is counted.
-#[derive(Clone, Debug)]
-pub(super) struct Offer {
-    queue: SyncSender<Entry>,
-    lost: Lost,
-}
-
-/// How many entries were lost so far.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Lost(Arc<AtomicU64>);
-
-impl Lost {
-    /// So many.
-    pub(super) fn count(&self) -> u64 {
-        self.0.load(Ordering::Relaxed)
-    }
-}
-
-/// The two ends of the queue, and what is lost on the way.
-pub(super) fn queue() -> (Offer, Receiver<Entry>, Lost) {
-    let (queue, entries) = sync_channel(QUEUE);
-    let lost = Lost::default();
-    (Offer { queue, lost: lost.clone() }, entries, lost)
-}
-
-impl Offer {
-    /// A record.
-    pub(super) fn record(&self, record: Record) {
-        self.offer(Entry::Record(record));
+    /// Time of the SYNC that the newest status belongs to.
+    pub(super) fn at(&self) -> Option<Instant> {
+        let latest = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        latest.as_ref().map(|(at, _)| *at)
     }
 
-    /// What has happened on the network.
-    pub(super) fn notice(&self, event: Event) {
-        self.offer(Entry::Notice(event));
-    }
-
-    fn offer(&self, entry: Entry) {
-        if self.queue.try_send(entry).is_err() {
-            self.lost.0.fetch_add(1, Ordering::Relaxed);
-        }
-    }
-}
-
-impl Tap for Offer {
-    fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
-        self.offer(Entry::Frame(at, *telegram));
+    pub(super) fn set(&self, at: Instant, status: Status) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((at, status));
     }
 }
 
 /// Takes entries until the cycle's thread has gone; returns the summary of them all. `names` are the
 /// nodes', in the order of their plans.
 pub(super) fn record(
-    entries: &Receiver<Entry>,
-    keeper: &mut Keeper,
+    mut entries: Taker,
+    archive: &mut Archive,
     latest: &Latest,
     names: &[String],
     lost: &Lost,
 ) -> Summary {
-    let mut summary = Summary::default();
-    let mut mode = Mode::Boot;
-    let mut teller = Teller::new();
-    let mut now = Instant::ZERO;
-    for entry in entries {
-        match entry {
-            Entry::Frame(at, telegram) => {
-                now = now.max(at);
-                keeper.frame(at, &telegram);
-            }
-            Entry::Notice(event) => teller.tell(now, &event, names),
-            Entry::Record(record) => {
-                now = now.max(record.at);
-                keeper.cycle(&record);
-                if record.mode != mode {
-                    mode = record.mode;
-                    announce(&record);
-                }
-                summary.add(&record);
-                latest.set(Status::of(&record, summary.missing_samples, lost.count()));
-            }
+    let mut recorder = Recorder {
+        archive,
+        names,
+        summary: Summary::default(),
+        mode: Mode::Boot,
+        teller: Teller::new(),
+        now: Instant::ZERO,
+        newest: None,
+    };
+    loop {
+        // In this order what was left at the end is taken too.
+        let is_over = entries.is_abandoned();
+        while entries.take(MAX_BATCH, &mut recorder) > 0 {
+            recorder.hand_on(latest, lost);
         }
-        while let Some(news) = keeper.news() {
+        recorder.pass_news();
+        if is_over {
+            return recorder.end(lost);
+        }
+        thread::park_timeout(POLL);
+    }
+}
+
+/// What is made of the entries, in their order.
+#[derive(Debug)]
+struct Recorder<'a> {
+    archive: &'a mut Archive,
+    names: &'a [String],
+    summary: Summary,
+    mode: Mode,
+    teller: Teller,
+    now: Instant,
+    newest: Option<Record>,
+}
+
+impl Entries for Recorder<'_> {
+    fn frame(&mut self, at: Instant, telegram: &Telegram) {
+        self.now = self.now.max(at);
+        self.archive.frame(at, telegram);
+    }
+
+    fn record(&mut self, record: &Record) {
+        self.now = self.now.max(record.at);
+        self.archive.cycle(record);
+        if record.mode != self.mode {
+            self.mode = record.mode;
+            time_line::at(record.at, || announce(record));
+        }
+        self.summary.add(record);
+        self.newest = Some(*record);
+    }
+
+    fn event(&mut self, event: &Event) {
+        time_line::at(self.now, || self.teller.tell(self.now, self.mode, event, self.names));
+    }
+}
+
+impl Recorder<'_> {
+    /// Hands what was taken to the disks, and the newest status to the console.
+    fn hand_on(&mut self, latest: &Latest, lost: &Lost) {
+        self.archive.flush();
+        if let Some(record) = self.newest.take() {
+            latest.set(record.at, Status::of(&record, self.summary.missing_samples, lost.so_far()));
+        }
+    }
+
+    fn pass_news(&mut self) {
+        while let Some(news) = self.archive.news() {
             tracing::warn!("{news}");
         }
     }
-    teller.own_up();
-    summary.lost_entries = lost.count();
-    summary
+
+    fn end(mut self, lost: &Lost) -> Summary {
+        time_line::at(self.now, || self.teller.own_up());
+        self.summary.lost = lost.so_far();
+        self.summary
+    }
 }
 
 /// Tells what happens on the network, but no flood of it.
 #[derive(Debug)]
 struct Teller {
-    bucket: TokenBucket,
+    boot: TokenBucket,
+    /// Outside of a boot.
+    run: TokenBucket,
     suppressed: u64,
 }
 
 impl Teller {
     const fn new() -> Self {
-        Self { bucket: TokenBucket::new(LINE_EVERY, LINES_AT_ONCE), suppressed: 0 }
+        let boot = TokenBucket::new(BOOT_LINE_EVERY, BOOT_LINES_AT_ONCE);
+        let run = TokenBucket::new(LINE_EVERY, LINES_AT_ONCE);
+        Self { boot, run, suppressed: 0 }
     }
 
-    fn tell(&mut self, now: Instant, event: &Event, names: &[String]) {
-        if self.bucket.take(now) {
+    fn tell(&mut self, now: Instant, mode: Mode, event: &Event, names: &[String]) {
+        let bucket = if mode == Mode::Boot { &mut self.boot } else { &mut self.run };
+        if bucket.take(now) {
             self.own_up();
             tell(event, names);
         } else {
@@ -196,6 +201,8 @@ fn tell(event: &Event, names: &[String]) {
         | Event::Absent { .. }
         | Event::ErrorHistory { .. }
         | Event::Statusword { .. }
+        | Event::ReadBack { .. }
+        | Event::ReadByAnother { .. }
         | Event::HeartbeatLost { .. }
         | Event::Rebooted { .. }
         | Event::Duplicate { .. }
@@ -216,66 +223,24 @@ fn announce(record: &Record) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::path::Path;
-
-    use crate::canopen::frame::Channel;
-    use crate::canopen::frame::Frame;
-    use crate::config::Config;
-    use crate::lab::bench::Bench;
-    use crate::sim::scenario::Scenario;
-
-    fn sync() -> Telegram {
-        Telegram { channel: Channel(0), frame: Frame::new(0x80, []) }
-    }
-
-    #[test]
-    fn hazard_32_what_a_slow_disk_cannot_take_is_lost_and_counted() {
-        let (mut offer, entries, lost) = queue();
-        for micros in 0..20_000 {
-            offer.on_wire(Instant::from_micros(micros), &sync());
-        }
-        drop(offer);
-        let latest = Latest::default();
-        let summary = record(&entries, &mut Keeper::default(), &latest, &[], &lost);
-        assert_eq!(summary.lost_entries, 20_000 - 16_384);
-        assert!(summary.to_string().contains("not recorded      3616 frames"), "{summary}");
-    }
-
-    /// The torques of so many cycles, arm carried, while the recorder does as it likes.
-    fn torques(tap: impl Tap, cycles: usize) -> Vec<(Instant, [i16; 6])> {
-        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
-        let script = "seconds = 2\n[[console]]\nat_s = 0.05\nrequest = \"arm\"\n";
-        let mut bench = Bench::new(&config, Scenario::parse(script).unwrap(), 1, false, tap);
-        bench.bring_up().unwrap();
-        (0..cycles).map(|_| bench.cycle()).map(|record| (record.at, record.targets)).collect()
-    }
-
-    #[test]
-    fn promise_13_a_recorder_that_hangs_or_is_gone_changes_no_torque() {
-        let alone = torques((), 1_500);
-        assert!(alone.iter().any(|(_, targets)| targets.iter().any(|target| *target != 0)));
-        let (hanging, entries, lost) = queue();
-        assert_eq!(torques(hanging, 1_500), alone);
-        assert!(lost.count() > 0, "its queue was full");
-        drop(entries);
-        let (orphan, entries, _) = queue();
-        drop(entries);
-        assert_eq!(torques(orphan, 300), alone[..300]);
-    }
 
     #[test]
     fn hazard_32_a_flood_of_events_is_told_by_a_few_lines_that_say_how_many_were_not() {
-        let mut teller = Teller::new();
-        let mut told = 0;
-        for millis in 0..10_000 {
-            let now = Instant::from_micros(millis * 1_000);
-            let before = teller.suppressed;
-            teller.tell(now, &Event::HeartbeatLost { node: 0 }, &[]);
-            told += u64::from(teller.suppressed != before + 1);
+        for (mode, most) in
+            [(Mode::Boot, 50 + 14), (Mode::Engaged, 20 + 1), (Mode::ZeroTorque, 20 + 1)]
+        {
+            let mut teller = Teller::new();
+            let mut told = 0;
+            for millis in 0..1_500 {
+                let now = Instant::from_micros(millis * 1_000);
+                let before = teller.suppressed;
+                teller.tell(now, mode, &Event::HeartbeatLost { node: 0 }, &[]);
+                told += u64::from(teller.suppressed != before + 1);
+            }
+            assert_eq!(told, most, "{mode}");
+            assert!(teller.suppressed > 0);
+            teller.own_up();
+            assert_eq!(teller.suppressed, 0);
         }
-        assert_eq!(told, 50 + 99, "those at once, and ten a second");
-        assert!(teller.suppressed > 0);
-        teller.own_up();
-        assert_eq!(teller.suppressed, 0);
     }
 }

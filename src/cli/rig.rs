@@ -1,15 +1,14 @@
 //! `frhc sim --calibrate`: measurements of a joint whose torque curve nobody knows, to practise on.
 
-use std::fs;
 use std::path::PathBuf;
 
-use anyhow::Context;
 use clap::Args;
 
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
 use crate::cli::print;
+use crate::cli::results;
+use crate::cli::results::Force;
 use crate::config::Config;
 use crate::config::torque_data::Measured;
 use crate::config::torque_data::TorqueData;
@@ -31,6 +30,8 @@ pub(super) struct Calibrate {
     /// Leave the measurements here, not on stdout.
     #[arg(short, long, value_name = "FILE", requires = "calibrate")]
     pub(super) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) force: Force,
     /// Tell the torque curve that is to be found out, on stderr.
     #[arg(long, requires = "calibrate")]
     pub(super) reveal: bool,
@@ -71,10 +72,7 @@ pub(super) fn run(
     };
     match &args.out {
         None => print::line(data.to_string().trim_end()),
-        Some(path) => {
-            let written = fs::write(path, data.to_string());
-            written.with_context(|| path.display().to_string()).or_fail(Kind::Usage)?;
-        }
+        Some(path) => results::export(path, data.to_string().as_bytes(), args.force)?,
     }
     Ok(())
 }

@@ -1,23 +1,24 @@
 //! `frhc run`: the node on SocketCAN. One thread runs the cycle and nothing else, one writes its
-//! records, one its messages, and this one serves the console and waits for signals.
+//! records, one its messages, one reads signals, and this one serves the console.
 
+use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering;
 use std::thread;
 
 use anyhow::Context;
-use tokio::sync::mpsc;
 use tokio::sync::oneshot;
 
 use crate::bus::Bus;
-use crate::bus::SocketCan;
 use crate::bus::Traced;
-use crate::bus::interface;
 use crate::bus::realtime;
+use crate::cli::archive;
+use crate::cli::archive::Archive;
 use crate::cli::args::Run;
 use crate::cli::commission;
-use crate::cli::console::Pending;
+use crate::cli::console;
+use crate::cli::console::Desk;
+use crate::cli::console::Due;
+use crate::cli::console::Inbox;
 use crate::cli::console::Socket;
 use crate::cli::console::default_socket;
 use crate::cli::exit::Failure;
@@ -26,55 +27,70 @@ use crate::cli::exit::OrFail;
 use crate::cli::gains;
 use crate::cli::interfaces;
 use crate::cli::keeper::Keeper;
+use crate::cli::latch::Latch;
+use crate::cli::orders::Orders;
 use crate::cli::print;
+use crate::cli::provenance::Provenance;
 use crate::cli::recorder;
 use crate::cli::recorder::Latest;
-use crate::cli::recorder::Offer;
-use crate::cli::signals::Order;
-use crate::cli::signals::Orders;
-use crate::config::Config;
+use crate::cli::rings;
+use crate::cli::rings::Offer;
+use crate::cli::session;
+use crate::cli::time_line;
 use crate::lab::site::VirtualSite;
 use crate::node::BringUpError;
 use crate::node::Node;
+use crate::node::Request;
 use crate::remote::Remote;
-
-/// Requests that may wait for the next cycle.
-const REQUESTS: usize = 8;
+use crate::telemetry::origin::Origin;
 
 /// Runs the node until a signal ends it.
 pub(super) fn run(args: &Run) -> Result<(), Failure> {
+    let orders = Orders::start().context("no signals").or_fail(Kind::Bus)?;
     let config = args.config.load()?;
     gains::warn(&config);
     commission::warn(&config);
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
     let runtime = runtime.context("no runtime").or_fail(Kind::Bus)?;
-    // From here on a signal ends it in order; before, there was nothing to end.
-    let orders = runtime.block_on(async { Orders::heard() });
-    let orders = orders.context("no signals").or_fail(Kind::Bus)?;
     let path = config.socket.clone().unwrap_or_else(default_socket);
     let socket = runtime.block_on(Socket::bind(path.clone()));
     let socket = socket.with_context(|| format!("control socket {}", path.display()));
     let socket = socket.or_fail(Kind::Bus)?;
 
-    let bus = open(&config, &names)?;
-    let epoch = bus.epoch_micros();
-    let mut keeper = match &args.record {
-        Some(folder) => Keeper::of_session(folder, &names, epoch).or_fail(Kind::Bus)?,
-        None => Keeper::of_faults_alone(&names, epoch),
-    };
+    let bus = interfaces::open(&config, &names)?;
+    time_line::start(bus.clock());
+    tracing::info!("time counts from {}", Origin::from_micros(bus.epoch_micros()));
+    let clock = bus.clock();
+    let origin = Origin::from_micros(bus.epoch_micros());
+    let keeper = keep(args.record.as_deref(), &Provenance::of(&config, &names, origin))?;
 
-    let (offer, entries, lost) = recorder::queue();
-    let node = Node::new(&config, Traced::new(bus, offer.clone()), VirtualSite::new(&config));
-    let (requests, asked) = mpsc::channel(REQUESTS);
+    let (offer, entries, lost) = rings::rings();
+    let mut archive = Archive::of(keeper, lost.clone()).or_fail(Kind::Bus)?;
+    let node = Node::new(&config, Traced::new(bus, offer), VirtualSite::new(&config));
+    let (requests, inbox) = console::channel();
     let (ended, end) = oneshot::channel();
-    let stop = Arc::new(AtomicBool::new(false));
     let latest = Latest::default();
+    let latch = Latch::set(&names);
+    let remark = latch.remark().map(str::to_owned);
+    remark.iter().for_each(|remark| tracing::warn!("{remark}"));
+    let desk = Arc::new(Desk::new(requests, latest.clone(), clock, remark));
+    orders.become_orderly();
 
-    let (outcome, summary) = thread::scope(|threads| -> Result<_, Failure> {
-        let cycle_stop = Arc::clone(&stop);
+    let (outcome, mut summary) = thread::scope(|threads| -> Result<_, Failure> {
+        let (archived, shown) = (&mut archive, latest);
+        let names: Vec<_> = config.node_plans().into_iter().map(|(_, plan)| plan.name).collect();
+        let recording = thread::Builder::new()
+            .name("frhc-recorder".to_owned())
+            .stack_size(archive::STACK)
+            .spawn_scoped(threads, move || {
+                recorder::record(entries, archived, &shown, &names, &lost)
+            })
+            .context("no thread for the recorder")
+            .or_fail(Kind::Bus)?;
+        let orders = &orders;
         let cycle = move || {
-            let outcome = attend(node, asked, &offer, &cycle_stop);
+            let outcome = attend(node, inbox, orders, latch);
             // The main thread may have gone before.
             ended.send(outcome).ok();
         };
@@ -83,16 +99,13 @@ pub(super) fn run(args: &Run) -> Result<(), Failure> {
             .spawn_scoped(threads, cycle)
             .context("no thread for the cycle")
             .or_fail(Kind::Bus)?;
-        let (keeper, shown) = (&mut keeper, latest.clone());
-        let names: Vec<_> = config.node_plans().into_iter().map(|(_, plan)| plan.name).collect();
-        let recording =
-            threads.spawn(move || recorder::record(&entries, keeper, &shown, &names, &lost));
-        let outcome = runtime.block_on(serve(&socket, requests, &latest, orders, &stop, end));
+        let outcome = runtime.block_on(serve(&socket, &desk, end));
         let summary = recording.join();
         let summary = summary.map_err(|_| Failure::new(Kind::Bus, "the recorder failed"))?;
         Ok((outcome, summary))
     })?;
-    let (left, finished) = keeper.finish(&summary);
+    summary.origin = origin;
+    let (left, finished) = archive.finish(&summary);
     if summary.cycles > 0 {
         print::note(&summary.to_string());
     }
@@ -100,94 +113,160 @@ pub(super) fn run(args: &Run) -> Result<(), Failure> {
     outcome.and(finished.or_fail(Kind::Bus))
 }
 
-/// The buses, on interfaces that are fit for torques; what is to be said of them is told.
-fn open(config: &Config, names: &[String]) -> Result<SocketCan, Failure> {
-    let bus = SocketCan::open(names).or_fail(Kind::Bus)?;
-    let bus = bus.hearing_only(&config.patterns()).and_then(SocketCan::with_witness);
-    let bus = bus.or_fail(Kind::Bus)?;
-    for remark in interface::check(names).or_fail(Kind::Bus)? {
-        tracing::warn!("{remark}");
-    }
-    Ok(bus)
+/// What is kept of the run: fault records and, in a numbered folder below `parent`, a session.
+fn keep(parent: Option<&Path>, provenance: &Provenance) -> Result<Keeper, Failure> {
+    let Some(parent) = parent else { return Ok(Keeper::of_faults_alone(provenance)) };
+    let folder = session::numbered(parent, provenance.origin).or_fail(Kind::Bus)?;
+    tracing::info!("recording in {}", folder.display());
+    Keeper::of_session(&folder, provenance).or_fail(Kind::Bus)
 }
 
-/// Serves console and signals until the cycle's thread has ended.
+/// Serves the console until the cycle's thread has ended.
 async fn serve(
     socket: &Socket,
-    requests: mpsc::Sender<Pending>,
-    latest: &Latest,
-    mut orders: Orders,
-    stop: &AtomicBool,
-    mut end: oneshot::Receiver<Result<(), Failure>>,
+    desk: &Arc<Desk>,
+    end: oneshot::Receiver<Result<(), Failure>>,
 ) -> Result<(), Failure> {
-    let console = socket.serve(requests, latest);
-    tokio::pin!(console);
-    loop {
-        tokio::select! {
-            outcome = &mut end => {
-                return outcome.unwrap_or_else(|_| Err(Failure::new(Kind::Bus, "the cycle failed")));
-            }
-            order = orders.next() => match order {
-                Order::Stop(signal) => {
-                    let is_new = !stop.swap(true, Ordering::Relaxed);
-                    tracing::info!(signal, "{}", if is_new { "stopping" } else { "already stopping" });
-                }
-                Order::HangUp => {
-                    tracing::info!("SIGHUP: ignored, the configuration is read at the start alone");
-                }
-            },
-            () = &mut console => {}
-        }
+    let failed = || Err(Failure::new(Kind::Bus, "the cycle failed"));
+    tokio::select! {
+        outcome = end => outcome.unwrap_or_else(|_| failed()),
+        () = socket.serve(desk) => failed(),
     }
 }
 
-/// The cycle's thread: bring-up, cycles, stop.
+/// End of the cycle's thread.
+struct Ended {
+    /// Whether every drive is known to be off, and no stop is latched.
+    is_orderly: bool,
+    outcome: Result<(), Failure>,
+}
+
+impl Ended {
+    fn of(is_orderly: bool, outcome: Result<(), Failure>) -> Self {
+        Self { is_orderly, outcome }
+    }
+}
+
+/// The cycle's thread: bring-up, cycles, stop. The latch goes if all of it was in order.
 fn attend<B: Bus, R: Remote>(
-    mut node: Node<B, R>,
-    mut asked: mpsc::Receiver<Pending>,
-    offer: &Offer,
-    stop: &AtomicBool,
+    mut node: Node<Traced<B, Offer>, R>,
+    mut inbox: Inbox,
+    orders: &Orders,
+    mut latch: Latch,
 ) -> Result<(), Failure> {
     let granted = realtime::ask();
     tracing::info!(%granted, "priority");
-    let stopping = || stop.load(Ordering::Relaxed);
-    let booted = node.bring_up(&mut || stopping());
-    pass_on(&mut node, offer);
+    let Ended { is_orderly, outcome } = live(&mut node, &mut inbox, orders, &mut latch);
+    let reason = || outcome.as_ref().err().map_or_else(String::new, ToString::to_string);
+    let left = latch.end(if is_orderly { Ok(()) } else { Err(reason()) });
+    left.iter().for_each(|line| tracing::warn!("{line}"));
+    outcome
+}
+
+fn live<B: Bus, R: Remote>(
+    node: &mut Node<Traced<B, Offer>, R>,
+    inbox: &mut Inbox,
+    orders: &Orders,
+    latch: &mut Latch,
+) -> Ended {
+    let stopping = || orders.stopping();
+    let mut give_up = || {
+        inbox.attend_boot();
+        stopping()
+    };
+    let booted = match latch.cause() {
+        None => node.bring_up(&mut give_up),
+        Some(cause) => node.bring_up_unpowered(cause, &mut give_up),
+    };
+    pass_on(node);
     match booted {
+        Ok(()) if latch.cause().is_some() => {
+            tracing::warn!("waiting for a reset: no drive is enabled");
+        }
         Ok(()) => tracing::info!("ready: all drives enabled at zero torque"),
-        Err(BringUpError::GivenUp) => return Ok(()),
-        Err(error @ BringUpError::Bus(_)) => return Err(error).or_fail(Kind::Bus),
-        Err(
-            error @ (BringUpError::Boot(_) | BringUpError::LeftOn(_) | BringUpError::NotProven(_)),
-        ) => {
-            return Err(error).or_fail(Kind::Drive);
-        }
-        Err(error @ BringUpError::NotEnabled(_)) => {
-            // A trip like any other: it is recorded.
-            offer.record(node.cycle());
-            return Err(error).or_fail(Kind::Drive);
-        }
+        Err(error) => return not_booted(node, error),
     }
+    inbox.booted(node.bus().now());
     while !stopping() {
-        if let Ok(Pending { request, answer }) = asked.try_recv() {
-            // Whoever asked may have hung up.
-            answer.send(node.request(request, &mut || stopping())).ok();
-        }
-        offer.record(node.cycle());
-        pass_on(&mut node, offer);
+        grant(node, inbox, latch, &stopping);
+        cycle(node);
+        pass_on(node);
     }
+    inbox.end();
     let stopped_by = node.cause();
     let stop = |reason| Failure::new(Kind::Stopped, reason);
     match (stopped_by, node.stop()) {
-        (None, confirmed) => confirmed.or_fail(Kind::Drive),
-        (Some(cause), Ok(())) => Err(stop(format!("stopped by {cause}"))),
-        (Some(cause), Err(error)) => Err(stop(format!("stopped by {cause}; {error}"))),
+        (None, confirmed) => Ended::of(confirmed.is_ok(), confirmed.or_fail(Kind::Drive)),
+        (Some(cause), Ok(())) => Ended::of(false, Err(stop(format!("stopped by {cause}")))),
+        (Some(cause), Err(error)) => {
+            Ended::of(false, Err(stop(format!("stopped by {cause}; {error}"))))
+        }
     }
 }
 
+/// A boot that failed. Where it did before a drive was enabled, there is nothing to latch.
+fn not_booted<B: Bus, R: Remote>(
+    node: &mut Node<Traced<B, Offer>, R>,
+    error: BringUpError,
+) -> Ended {
+    match error {
+        BringUpError::GivenUp => Ended::of(true, Ok(())),
+        BringUpError::Bus(_) | BringUpError::Unfit(_) => {
+            Ended::of(true, Err(error).or_fail(Kind::Bus))
+        }
+        BringUpError::Boot(_) => Ended::of(true, Err(error).or_fail(Kind::Drive)),
+        BringUpError::NotProven(_) => Ended::of(node.is_off(), Err(error).or_fail(Kind::Drive)),
+        BringUpError::LeftOn(_) => Ended::of(false, Err(error).or_fail(Kind::Drive)),
+        BringUpError::NotEnabled(_) => {
+            // A trip like any other: it is recorded.
+            cycle(node);
+            Ended::of(false, Err(error).or_fail(Kind::Drive))
+        }
+    }
+}
+
+/// One cycle, recorded.
+fn cycle<B: Bus, R: Remote>(node: &mut Node<Traced<B, Offer>, R>) {
+    let record = node.cycle();
+    node.bus_mut().tap_mut().record(&record);
+}
+
+/// Does what was asked for: a disarm, and one other request.
+fn grant<B: Bus, R: Remote>(
+    node: &mut Node<B, R>,
+    inbox: &mut Inbox,
+    latch: &mut Latch,
+    stopping: &impl Fn() -> bool,
+) {
+    if let Some(disarm) = inbox.disarm() {
+        // A disarm is never refused.
+        let mode = node.request(Request::Disarm, &mut || false).unwrap_or(node.mode());
+        inbox.disarmed(disarm, mode);
+    }
+    let Some(due) = inbox.next(node.bus().now()) else { return };
+    let Due { request, .. } = due;
+    let mut has_booted = false;
+    if request == Request::Reset {
+        latch.before_reset();
+    }
+    let outcome = node.request(request, &mut || {
+        has_booted = true;
+        inbox.boots();
+        inbox.attend_boot();
+        stopping()
+    });
+    if has_booted {
+        inbox.booted(node.bus().now());
+    }
+    if request == Request::Reset && outcome.is_ok() {
+        latch.release();
+    }
+    due.answer(outcome);
+}
+
 /// What has happened on the network goes to whoever writes messages.
-fn pass_on<B: Bus, R: Remote>(node: &mut Node<B, R>, offer: &Offer) {
+fn pass_on<B: Bus, R: Remote>(node: &mut Node<Traced<B, Offer>, R>) {
     while let Some(event) = node.notice() {
-        offer.notice(event);
+        node.bus_mut().tap_mut().event(event);
     }
 }

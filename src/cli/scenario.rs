@@ -1,23 +1,51 @@
-//! Finds a scenario: a file, or one of those in `config/scenarios` by name.
+//! Finds a scenario: a file, or one of those in `config/scenarios` by name, which are also inside the program.
 
+use std::io::ErrorKind;
 use std::path::Path;
 use std::path::PathBuf;
 
 use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::config::files;
+use crate::config::shipped;
 use crate::sim::scenario::Scenario;
 
 /// Reads the scenario called `name`, or in the file of that name.
 pub(super) fn load(name: &str) -> Result<Scenario, Failure> {
-    let path = if name.ends_with(".toml") {
+    let is_file = name.ends_with(".toml");
+    let path = if is_file {
         PathBuf::from(name)
     } else {
         Path::new("config/scenarios").join(name).with_extension("toml")
     };
     let wrong =
         |reason: String| Failure::new(Kind::Configuration, format!("{}: {reason}", path.display()));
-    let bytes = files::read(&path).map_err(|error| wrong(error.to_string()))?;
+    let bytes = files::read(&path).map_err(|error| {
+        let is_unknown = error.kind() == ErrorKind::NotFound && !is_file;
+        if is_unknown { unknown(name) } else { wrong(error.to_string()) }
+    })?;
     let text = String::from_utf8(bytes).map_err(|error| wrong(error.to_string()))?;
     Scenario::parse(&text).map_err(|error| wrong(error.to_string()))
+}
+
+/// No scenario has this name: which names there are, folder by folder.
+fn unknown(name: &str) -> Failure {
+    let of_folder = |folder: Option<&str>| {
+        let names = shipped::scenarios().map(|name| match name.split_once('/') {
+            Some((folder, name)) => (Some(folder), name),
+            None => (None, name),
+        });
+        let names = names.filter(|(of, _)| *of == folder).map(|(_, name)| name);
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let meant = shipped::scenarios().find(|full| full.rsplit('/').next() == Some(name));
+    let meant = meant.map_or_else(String::new, |full| format!("; there is {full}"));
+    let lines = [
+        format!("--scenario {name}: unknown scenario{meant}"),
+        format!("scenarios: {}", of_folder(None)),
+        format!("faults/: {}", of_folder(Some("faults"))),
+        format!("personalities/: {}", of_folder(Some("personalities"))),
+        "or a file whose name ends in .toml".to_owned(),
+    ];
+    Failure::new(Kind::Usage, lines.join("\n"))
 }

@@ -1,7 +1,5 @@
 //! `frhc sdo`: one object of one node, as a value.
 
-use std::fs;
-use std::io::Read;
 use std::path::Path;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -22,6 +20,7 @@ use crate::canopen::value;
 use crate::canopen::value::Octets;
 use crate::canopen::value::Value;
 use crate::canopen::value::gateway_type::GatewayType;
+use crate::cli::bench::Beside;
 use crate::cli::bench::Known;
 use crate::cli::bench::Line;
 use crate::cli::bench::objects;
@@ -32,13 +31,17 @@ use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
 use crate::cli::print;
+use crate::cli::results;
+use crate::cli::results::Force;
+use crate::config::files;
 
 /// `frhc sdo`.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Types: b u8..u64 i8..i64 x8..x64 r32 r64 vs us os d t td (CiA 309-3), or that of the EDS.\n\n\
         A node serves one master's transfer at a time: do not use this on a node that another master \
-        configures just now.\n\n\
+        configures just now. `write` is refused while SYNCs are received, unless forced: a node that runs \
+        takes it for another master, and stops.\n\n\
         Examples:\n  frhc sdo read 3 6041 u16 -i can0\n  frhc sdo read 3 1008 --config config/kraft_like.toml\n  \
         frhc sdo write 3 6071 i16 -100 --verify -i can0\n  frhc sdo write 3 1F50:1 d @firmware.bin --block -i can0"
 )]
@@ -65,6 +68,7 @@ pub(super) struct Sdo {
 #[derive(Debug, Subcommand)]
 enum Task {
     /// Prints what an object holds: numbers in decimal and hexadecimal.
+    #[command(after_help = "Example:\n  frhc sdo read 3 6041 u16 -i can0")]
     Read {
         #[command(flatten)]
         place: Place,
@@ -74,8 +78,11 @@ enum Task {
         /// Leave the bytes in this file, and print nothing.
         #[arg(short, long, value_name = "FILE", conflicts_with = "json")]
         out: Option<PathBuf>,
+        #[command(flatten)]
+        force: Force,
     },
     /// Makes an object hold a value.
+    #[command(after_help = "Example:\n  frhc sdo write 3 6071 i16 -100 --verify -i can0")]
     Write {
         #[command(flatten)]
         place: Place,
@@ -85,6 +92,8 @@ enum Task {
         /// Read it back, and compare.
         #[arg(long)]
         verify: bool,
+        #[command(flatten)]
+        force: Beside,
     },
 }
 
@@ -115,14 +124,14 @@ pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
     let terms = if args.block { Terms::best(timeout, block) } else { Terms::segmented(timeout) };
     let target = Target { node: place.node, object: place.object, terms };
     match &args.task {
-        Task::Read { data_type, out, .. } => {
+        Task::Read { data_type, out, force, .. } => {
+            out.as_deref().map_or(Ok(()), |path| results::refuse(path, *force))?;
             let data_type = data_type.or(described_type).unwrap_or(GatewayType::Domain);
             let mut session = known.open()?;
             let content =
                 objects::read(&mut session, target).map_err(|error| fail(&known, error))?;
             if let Some(path) = out {
-                let written = fs::write(path, content.bytes());
-                return written.with_context(|| path.display().to_string()).or_fail(Kind::Usage);
+                return results::export(path, content.bytes(), *force);
             }
             let bytes = trimmed(&content, data_type);
             let read = data_type.decode(bytes).map_err(|error| {
@@ -131,7 +140,7 @@ pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
             })?;
             show(args.json, target, data_type, &read, bytes);
         }
-        Task::Write { value, verify, .. } => {
+        Task::Write { value, verify, force, .. } => {
             let (data_type, text) = typed(value, described_type)?;
             let value = given(data_type, text)?;
             within_limits(text, &value, described)?;
@@ -140,7 +149,7 @@ pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
                 let reason = format!("{} bytes; at most {MAX_BYTES}", bytes.len());
                 return Err(Failure::new(Kind::Usage, reason));
             }
-            let mut session = known.open()?;
+            let mut session = known.open_to_command(*force)?;
             let written = objects::write(&mut session, target, &bytes, *verify);
             written.map_err(|error| fail(&known, error))?;
             if args.json {
@@ -161,7 +170,7 @@ fn fail(known: &Known, error: ObjectError) -> Failure {
 
 fn load(path: &Path) -> Result<Eds, Failure> {
     let name = || path.display().to_string();
-    let bytes = fs::read(path).with_context(name).or_fail(Kind::Configuration)?;
+    let bytes = files::read(path).with_context(name).or_fail(Kind::Configuration)?;
     Eds::parse(&bytes).with_context(name).or_fail(Kind::Configuration)
 }
 
@@ -191,19 +200,20 @@ fn typed(words: &[String], described: Option<GatewayType>) -> Result<(GatewayTyp
     }
 }
 
+/// [`MAX_BYTES`].
+const LONGEST: u64 = 16 << 20;
+
 /// The value, out of a file or from standard input where its type is bytes.
 fn given(data_type: GatewayType, text: &str) -> Result<Value, Failure> {
     let is_bytes = matches!(data_type, GatewayType::OctetString | GatewayType::Domain);
     match text.strip_prefix('@') {
         Some(path) if is_bytes => {
-            let bytes = fs::read(path).with_context(|| path.to_owned()).or_fail(Kind::Usage)?;
-            Ok(Value::Bytes(bytes))
+            let bytes = files::open(path.as_ref()).and_then(|file| files::at_most(LONGEST, file));
+            bytes.with_context(|| path.to_owned()).or_fail(Kind::File).map(Value::Bytes)
         }
         None if is_bytes && text == "-" => {
-            let mut bytes = Vec::new();
-            let read = std::io::stdin().lock().read_to_end(&mut bytes);
-            read.context("standard input").or_fail(Kind::Usage)?;
-            Ok(Value::Bytes(bytes))
+            let bytes = files::at_most(LONGEST, std::io::stdin().lock());
+            bytes.context("standard input").or_fail(Kind::File).map(Value::Bytes)
         }
         Some(_) | None => {
             let value = data_type.parse(text);

@@ -1,4 +1,5 @@
-//! SIGINT and SIGTERM end a run in order, SIGHUP means nothing to it; SIGUSR1 and SIGQUIT (Ctrl-\ at a terminal) ask how it is.
+//! Signals to commands other than `run`: SIGINT and SIGTERM end one in order; SIGUSR1 and SIGQUIT (Ctrl-\ at a
+//! terminal) ask how it is. Those to a running node are [`orders`](crate::cli::orders).
 
 use std::io;
 use std::sync::Arc;
@@ -24,57 +25,27 @@ pub(super) async fn wait() -> &'static str {
     }
 }
 
-/// What a signal says to a running node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Order {
-    /// To stop, in order; said again it means nothing new.
-    Stop(&'static str),
-    /// What makes other programs read their configuration again. This one never does: a limit that changes
-    /// under a hand is a hazard, and a terminal that was closed is no reason to drop an arm.
-    HangUp,
-}
-
-/// The signals a running node heeds.
-#[derive(Debug)]
-pub(super) struct Orders {
-    interrupt: Signal,
-    terminate: Signal,
-    hang_up: Signal,
-}
-
-impl Orders {
-    /// Takes the signals over from the default action, which ends the process at once. Within a runtime.
-    pub(super) fn heard() -> io::Result<Self> {
-        Ok(Self {
-            interrupt: signal(SignalKind::interrupt())?,
-            terminate: signal(SignalKind::terminate())?,
-            hang_up: signal(SignalKind::hangup())?,
-        })
-    }
-
-    /// Waits for the next.
-    pub(super) async fn next(&mut self) -> Order {
-        tokio::select! {
-            _ = self.interrupt.recv() => Order::Stop("SIGINT"),
-            _ = self.terminate.recv() => Order::Stop("SIGTERM"),
-            _ = self.hang_up.recv() => Order::HangUp,
-        }
-    }
-}
-
 /// Whether a signal has asked to stop since; for what is not served by a runtime anyway. A thread of its
 /// own hears them until the process ends.
 pub(super) fn stop_asked() -> io::Result<Arc<AtomicBool>> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let mut orders = runtime.block_on(async { Orders::heard() })?;
+    let listened = runtime.block_on(async {
+        let kinds = [SignalKind::interrupt(), SignalKind::terminate(), SignalKind::hangup()];
+        let [interrupt, terminate, hang_up] = kinds.map(signal);
+        io::Result::Ok((interrupt?, terminate?, hang_up?))
+    });
+    let (mut interrupt, mut terminate, hang_up) = listened?;
     let asked = Arc::new(AtomicBool::new(false));
-    let told = Arc::clone(&asked);
+    let stop = Arc::clone(&asked);
     let hear = async move {
+        // A terminal that was closed is no reason to stop.
+        let _hang_up = hang_up;
         loop {
-            match orders.next().await {
-                Order::Stop(_) => told.store(true, Ordering::Relaxed),
-                Order::HangUp => {}
+            tokio::select! {
+                _ = interrupt.recv() => {}
+                _ = terminate.recv() => {}
             }
+            stop.store(true, Ordering::Relaxed);
         }
     };
     let hear = move || runtime.block_on(hear);

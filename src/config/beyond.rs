@@ -23,6 +23,9 @@ use crate::controller::virtual_coupling::VirtualCoupling;
 /// What is felt begins over so many s if nothing else is asked for.
 const BEGINS_OVER: f64 = 0.3;
 
+/// Strongest damper of a tank of which the file says none, in N·s/m: that of the shipped passivity layers.
+const TANK_DAMPING: f64 = 60.0;
+
 /// Every part that is asked for; one that cannot be is noted.
 pub(super) fn beyond(
     given: &raw::Controller,
@@ -46,7 +49,8 @@ pub(super) fn beyond(
         soft_stops: given.soft_stops.as_ref().and_then(|given| {
             let margin = problems.within("controller.soft_stops.margin", given.margin, 1e-3..=0.5);
             let push = problems.within("controller.soft_stops.push", given.push, 0.0..=1.0);
-            SoftStops::new(arm.ranges(), &max_torques, margin, push).ok()
+            let capacities = calibration.coupling().capacities(&max_torques);
+            SoftStops::new(arm.ranges(), &capacities, margin, push).ok()
         }),
         slew: slew.and_then(|slew| problems.take("controller.torque_rise_s", slew)),
         passivity: given.passivity.as_ref().and_then(|given| observer(given, period, problems)),
@@ -106,6 +110,10 @@ fn tank(given: &raw::Tank, problems: &mut Problems<'_>) -> Option<Tank> {
         low: number("low_j", given.low_j),
         max: number("max_j", given.max_j),
         refill: number("refill_ns_per_m_per_j", given.refill_ns_per_m_per_j),
+        max_damping: number(
+            "max_damping_ns_per_m",
+            given.max_damping_ns_per_m.unwrap_or(TANK_DAMPING),
+        ),
     };
     problems.take_unless_noted(before, "controller.tank", Tank::new(settings))
 }
@@ -119,12 +127,12 @@ fn virtual_coupling(
         problems.none_negative(&format!("controller.virtual_coupling.{key}"), values)
     };
     let stiffness = six(
-        three("stiffness_n_per_m", given.stiffness_n_per_m),
-        three("stiffness_nm_per_rad", given.stiffness_nm_per_rad),
+        three("stiffness_n_per_m", given.stiffness_n_per_m.0),
+        three("stiffness_nm_per_rad", given.stiffness_nm_per_rad.0),
     );
     let damping = six(
-        three("damping_ns_per_m", given.damping_ns_per_m),
-        three("damping_nms_per_rad", given.damping_nms_per_rad),
+        three("damping_ns_per_m", given.damping_ns_per_m.0),
+        three("damping_nms_per_rad", given.damping_nms_per_rad.0),
     );
     let stiffness = Gains::new(stiffness, "stiffness").ok()?;
     let damping = Gains::new(damping, "damping").ok()?;

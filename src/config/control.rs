@@ -42,32 +42,32 @@ pub(super) fn settings(
     let mut gains = |key: &str, values, quantity| {
         problems.take(&format!("controller.{key}"), Gains::new(values, quantity))
     };
-    let rate_gain = gains("rate_gain_per_s", given.rate_gain_per_s, "K_V");
-    let pose_gain = gains("pose_gain", given.pose_gain, "K_P");
-    let wrench_gain = gains("wrench_gain", given.wrench_gain, "K_T");
+    let rate_gain = gains("rate_gain_per_s", given.rate_gain_per_s.0, "K_V");
+    let pose_gain = gains("pose_gain", given.pose_gain.0, "K_P");
+    let wrench_gain = gains("wrench_gain", given.wrench_gain.0, "K_T");
 
     let before = problems.count();
     let damping = six(
-        problems.none_negative("controller.damping_ns_per_m", given.damping_ns_per_m),
-        problems.none_negative("controller.damping_nms_per_rad", given.damping_nms_per_rad),
+        problems.none_negative("controller.damping_ns_per_m", given.damping_ns_per_m.0),
+        problems.none_negative("controller.damping_nms_per_rad", given.damping_nms_per_rad.0),
     );
     let damping = Gains::new(damping, "K_D");
     let damping = problems.take_unless_noted(before, "controller.damping_ns_per_m", damping);
 
     let before = problems.count();
     let deadband = six(
-        problems.none_negative("controller.deadband_m", given.deadband_m),
-        problems.none_negative("controller.deadband_rad", given.deadband_rad),
+        problems.none_negative("controller.deadband_m", given.deadband_m.0),
+        problems.none_negative("controller.deadband_rad", given.deadband_rad.0),
     );
     let plateau = six(
-        problems.none_negative("controller.centring_n", given.centring_n),
-        problems.none_negative("controller.centring_nm", given.centring_nm),
+        problems.none_negative("controller.centring_n", given.centring_n.0),
+        problems.none_negative("controller.centring_nm", given.centring_nm.0),
     );
     let channels = Channels::new(deadband, plateau);
     let channels = problems.take_unless_noted(before, "controller.deadband_m", channels);
     let channels = channels.and_then(|channels| shaped(given, channels, problems));
     // Where the sensor is no place, its own section says so.
-    let [x, y, z] = raw.remote.sensor_m.map(|part| if part.is_finite() { part } else { 0.0 });
+    let [x, y, z] = raw.remote.sensor_m.0.map(|part| if part.is_finite() { part } else { 0.0 });
     let before = problems.count();
     let max_force = problems.positive("controller.max_force_n", given.max_force_n);
     let max_moment = problems.positive("controller.max_moment_nm", given.max_moment_nm);
@@ -79,7 +79,9 @@ pub(super) fn settings(
     let assist_fraction = AssistFraction::new(given.assist_fraction);
     let assist_fraction = problems.take("controller.assist_fraction", assist_fraction);
     let links = joints.each_ref().map(|joint| joint.link);
-    let arm = problems.take("joint", Arm::new(links, *x_6_g, gravity));
+    let arm = Arm::new(links, *x_6_g, gravity);
+    let is_noted = problems.is_noted("joint[") || problems.is_noted("arm.");
+    let arm = if is_noted { arm.ok() } else { problems.take("joint", arm) };
 
     let calibration = joints::calibration(joints, joints::coupling(raw, problems));
     let beyond = beyond::beyond(given, arm.as_ref()?, &calibration, period?, problems);
@@ -115,10 +117,10 @@ fn shaped(
     let Some(walls) = &given.walls else { return Some(channels) };
     let mut three =
         |key: &str, values| problems.none_negative(&format!("controller.walls.{key}"), values);
-    let at = six(three("at_m", walls.at_m), three("at_rad", walls.at_rad));
+    let at = six(three("at_m", walls.at_m.0), three("at_rad", walls.at_rad.0));
     let stiffness = six(
-        three("stiffness_n_per_m", walls.stiffness_n_per_m),
-        three("stiffness_nm_per_rad", walls.stiffness_nm_per_rad),
+        three("stiffness_n_per_m", walls.stiffness_n_per_m.0),
+        three("stiffness_nm_per_rad", walls.stiffness_nm_per_rad.0),
     );
     channels.with_wall(at, stiffness).ok()
 }

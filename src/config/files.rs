@@ -2,44 +2,33 @@
 //! `frhc demo` runs anywhere.
 
 use std::fs;
+use std::fs::File;
+use std::fs::Metadata;
+use std::fs::OpenOptions;
 use std::io;
 use std::io::Read;
+use std::os::unix::fs::FileTypeExt;
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::Component;
 use std::path::Path;
 use std::path::PathBuf;
 
+use nix::libc::O_NOCTTY;
+use nix::libc::O_NONBLOCK;
+
 use crate::config::problem::Invalid;
 use crate::config::problem::Problem;
+use crate::config::shipped;
 use crate::config::trust::Guarded;
 use crate::config::trust::Trust;
 
-/// The files of `config/` and `eds/`, as they were when the program was built.
-const SHIPPED: &[(&str, &[u8])] = &[
-    ("config/kraft_like.toml", include_bytes!("../../config/kraft_like.toml")),
-    ("config/kraft_like_500hz.toml", include_bytes!("../../config/kraft_like_500hz.toml")),
-    ("config/jpl_like.toml", include_bytes!("../../config/jpl_like.toml")),
-    ("config/sixr_spherical.toml", include_bytes!("../../config/sixr_spherical.toml")),
-    (
-        "config/scenarios/teleoperation.toml",
-        include_bytes!("../../config/scenarios/teleoperation.toml"),
-    ),
-    (
-        "config/scenarios/contact_10s.toml",
-        include_bytes!("../../config/scenarios/contact_10s.toml"),
-    ),
-    ("config/scenarios/stiff-wall.toml", include_bytes!("../../config/scenarios/stiff-wall.toml")),
-    ("config/scenarios/free.toml", include_bytes!("../../config/scenarios/free.toml")),
-    ("eds/frhc_drive.eds", include_bytes!("../../eds/frhc_drive.eds")),
-    ("eds/frhc_switches.eds", include_bytes!("../../eds/frhc_switches.eds")),
-];
-
-/// Files larger than this are not configuration.
+/// Longest configuration or data sheet, in bytes.
 const LIMIT: u64 = 4 << 20;
 
 /// The bytes of `path`: of the file on disk if there is one, else of the shipped copy of that name.
 ///
 /// # Errors
-/// When there is neither, or the file cannot be read or is larger than 4 MiB.
+/// When there is neither, or the file is no regular one, cannot be read or is larger than 4 MiB.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     read_by(Trust::Any, path)
 }
@@ -49,40 +38,72 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 /// # Errors
 /// As [`read`], and when somebody else may write it.
 pub fn read_by(trust: Trust, path: &Path) -> io::Result<Vec<u8>> {
-    match fs::metadata(path) {
-        Ok(found) if found.is_dir() => {
-            Err(io::Error::new(io::ErrorKind::IsADirectory, "is a directory"))
-        }
-        Ok(found) if found.len() > LIMIT => {
-            Err(io::Error::new(io::ErrorKind::FileTooLarge, "larger than 4 MiB"))
-        }
-        Ok(_) => bounded(trust, path),
+    let file = match trust {
+        Trust::Any => open(path),
+        Trust::Guarded => guarded(path),
+    };
+    match file {
+        Ok(file) => at_most(LIMIT, file),
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
-            shipped(path).map(<[u8]>::to_vec).ok_or(error)
+            shipped::file(path).map(<[u8]>::to_vec).ok_or(error)
         }
         Err(error) => Err(error),
     }
 }
 
-/// A file's bytes, unless they go on beyond the limit, as those of a device may.
-fn bounded(trust: Trust, path: &Path) -> io::Result<Vec<u8>> {
-    let file = match trust {
-        Trust::Any => fs::File::open(path)?,
-        Trust::Guarded => guarded(path)?,
-    };
+/// Opens a regular file, or the file a link names, and waits for nothing: a pipe without a writer would keep
+/// its reader for ever, and opening a device can do things.
+///
+/// # Errors
+/// When it cannot be opened, or is anything else than a regular file.
+pub fn open(path: &Path) -> io::Result<File> {
+    is_regular(&fs::metadata(path)?)?;
+    let file = OpenOptions::new().read(true).custom_flags(O_NONBLOCK | O_NOCTTY).open(path)?;
+    // Another one may stand there by now.
+    is_regular(&file.metadata()?)?;
+    Ok(file)
+}
+
+/// Reads `input` to its end, which must come within `most` bytes.
+///
+/// # Errors
+/// When it cannot be read, or is longer.
+pub fn at_most(most: u64, input: impl Read) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    file.take(LIMIT + 1).read_to_end(&mut bytes)?;
-    if u64::try_from(bytes.len()).is_ok_and(|length| length <= LIMIT) {
+    input.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+    if u64::try_from(bytes.len()).is_ok_and(|length| length <= most) {
         Ok(bytes)
     } else {
-        Err(io::Error::new(io::ErrorKind::FileTooLarge, "larger than 4 MiB"))
+        let reason = format!("larger than {} MiB", most >> 20);
+        Err(io::Error::new(io::ErrorKind::FileTooLarge, reason))
     }
 }
 
+/// Names what a file is that cannot be read as one.
+fn is_regular(found: &Metadata) -> io::Result<()> {
+    let kind = found.file_type();
+    let (error, what) = if kind.is_file() {
+        return Ok(());
+    } else if kind.is_dir() {
+        (io::ErrorKind::IsADirectory, "directory")
+    } else if kind.is_fifo() {
+        (io::ErrorKind::InvalidInput, "pipe")
+    } else if kind.is_socket() {
+        (io::ErrorKind::InvalidInput, "socket")
+    } else {
+        (io::ErrorKind::InvalidInput, "device")
+    };
+    Err(io::Error::new(error, format!("is a {what}, must be a regular file")))
+}
+
 /// A file that nobody else may write: the one that is open is the one that was looked at.
-fn guarded(path: &Path) -> io::Result<fs::File> {
+fn guarded(path: &Path) -> io::Result<File> {
+    let at_path = fs::symlink_metadata(path)?;
+    if !at_path.is_symlink() {
+        is_regular(&at_path)?;
+    }
     let found = Guarded::inspect(path)?;
-    let file = fs::File::open(path)?;
+    let file = open(path)?;
     found.recognise(&file.metadata()?)?;
     Ok(file)
 }
@@ -111,10 +132,6 @@ pub fn beside(file: &Path, name: &str) -> PathBuf {
         }
     }
     path
-}
-
-fn shipped(path: &Path) -> Option<&'static [u8]> {
-    SHIPPED.iter().find(|(name, _)| Path::new(name) == path).map(|(_, bytes)| *bytes)
 }
 
 #[cfg(test)]

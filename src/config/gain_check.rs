@@ -134,6 +134,7 @@ fn worst_of_each(findings: &[Finding]) -> Vec<&Finding> {
 /// The key of a gain.
 const fn key(culprit: Culprit, is_rotation: bool) -> &'static str {
     match (culprit, is_rotation) {
+        (Culprit::Tank, _) => "controller.tank.max_damping_ns_per_m",
         (Culprit::Damping, false) => "controller.damping_ns_per_m",
         (Culprit::Damping, true) => "controller.damping_nms_per_rad",
         (Culprit::Wrench, _) => "controller.wrench_gain",
@@ -181,6 +182,7 @@ fn axes(config: &Config) -> Result<[Axis; 6], Massless> {
                 stiffness: coupling.stiffness().values()[axis],
                 damping: coupling.damping().values()[axis],
             }),
+            tank_damping: tank_damping(config, is_rotation),
             gains: AxisGains {
                 rate: controller.command.rate_gain.values()[axis],
                 pose: controller.command.pose_gain.values()[axis],
@@ -194,6 +196,12 @@ fn axes(config: &Config) -> Result<[Axis; 6], Massless> {
             is_watched: controller.beyond.passivity.is_some(),
         }
     }))
+}
+
+/// The strongest damper of the tank, in N·s/m; it damps translations alone.
+fn tank_damping(config: &Config, is_rotation: bool) -> f64 {
+    let tank = config.controller.beyond.tank.filter(|_| !is_rotation);
+    tank.map_or(0.0, |tank| tank.max_damping())
 }
 
 fn resistances(config: &Config) -> [JointResistance; 6] {

@@ -10,9 +10,11 @@ use crate::canopen::NodeId;
 use crate::canopen::eds::Eds;
 use crate::canopen::frame::Channel;
 use crate::canopen::plan::Identity;
+use crate::config::bodies;
 use crate::config::boot;
 use crate::config::boot::BootSettings;
 use crate::config::lookup;
+use crate::config::names;
 use crate::config::plausibility;
 use crate::config::problem::Problems;
 use crate::config::raw;
@@ -69,6 +71,16 @@ pub struct Joint {
     pub simulated: Simulated,
 }
 
+impl Joint {
+    /// Key of [`max_torque`](Self::max_torque) and its unit.
+    pub(super) const fn max_torque_key(&self) -> (&'static str, &'static str) {
+        match self.link.kind {
+            JointKind::Revolute => ("max_torque_nm", "N·m"),
+            JointKind::Prismatic => ("max_force_n", "N"),
+        }
+    }
+}
+
 /// All six joints; `None` where a problem has been noted.
 pub(super) fn joints(
     file: &Path,
@@ -76,6 +88,8 @@ pub(super) fn joints(
     problems: &mut Problems<'_>,
 ) -> Option<[Joint; 6]> {
     let mut joints = Vec::new();
+    let called = raw.joint.iter().map(|joint| joint.name.as_str());
+    names::check("joint", called, problems);
     for (place, joint) in raw.joint.iter().enumerate() {
         joints.push(read(file, raw, place, joint, problems));
     }
@@ -107,10 +121,12 @@ fn read(
     let kind = joint.kind.as_deref().unwrap_or("revolute");
     let kind = problems.one_of(&key("kind"), kind, &kinds)?;
     let usual_speed = plausibility::usual_speed(&raw.safety, kind);
+    // A torque that is wrong is reported itself, not the curve up to it.
+    let before = problems.count();
     let moved = moved(&key, kind, usual_speed, joint, problems);
 
-    let before = problems.count();
-    let curve = moved.as_ref().map(|moved| TorqueCurve::new(joint.torque_curve, moved.max_torque));
+    let coefficients = joint.torque_curve.0;
+    let curve = moved.as_ref().map(|moved| TorqueCurve::new(coefficients, moved.max_torque));
     let curve =
         curve.and_then(|curve| problems.take_unless_noted(before, &key("torque_curve"), curve));
     let calibration = curve.and_then(|curve| {
@@ -132,8 +148,9 @@ fn read(
     let d = problems.within(&key("d_m"), joint.d_m, -10.0..=10.0);
     let theta = problems.finite(&key("theta_deg"), joint.theta_deg).to_radians();
     let mass = problems.within(&key("mass_kg"), joint.mass_kg, 0.0..=1_000.0);
-    let centre_of_mass = problems.all_finite(&key("centre_of_mass_m"), joint.centre_of_mass_m);
-    let inertia = problems.all_finite(&key("inertia_kg_m2"), joint.inertia_kg_m2);
+    let centre_of_mass =
+        bodies::centre_of_mass(&key("centre_of_mass_m"), joint.centre_of_mass_m.0, problems);
+    let inertia = bodies::inertia(&key("inertia_kg_m2"), joint.inertia_kg_m2.0, problems);
     let rated_torque = problems.within(&key("rated_torque_nm"), joint.rated_torque_nm, 1e-3..=4e6);
     let moved = moved?;
     Some(Joint {
@@ -164,7 +181,7 @@ fn read(
         rated_torque,
         max_torque: moved.max_torque,
         max_speed: moved.max_speed,
-        torque_curve: joint.torque_curve,
+        torque_curve: coefficients,
         calibration: calibration?,
         simulated: simulated?,
     })
@@ -191,7 +208,8 @@ fn moved(
 ) -> Option<Moved> {
     let slides = kind == JointKind::Prismatic;
     let mut of = Units { key, slides, problems };
-    let range = of.either(("limit_deg", joint.limit_deg), ("limit_m", joint.limit_m));
+    let [degrees, metres] = [joint.limit_deg, joint.limit_m].map(|limit| limit.map(|list| list.0));
+    let range = of.either(("limit_deg", degrees), ("limit_m", metres));
     let torque =
         of.either(("max_torque_nm", joint.max_torque_nm), ("max_force_n", joint.max_force_n));
     let rotor = of.either(
@@ -257,11 +275,9 @@ pub(super) fn grip_and_gravity(
     arm: &raw::Arm,
     problems: &mut Problems<'_>,
 ) -> (Isometry3<f64>, [f64; 3]) {
-    let [x, y, z] = problems.all_finite("arm.grip_m", arm.grip_m);
-    let [about_x, about_y, about_z] = problems.all_finite("arm.grip_rad", arm.grip_rad);
-    let gravity = problems.all_finite("arm.gravity_m_per_s2", arm.gravity_m_per_s2);
-    // Springs or counterweights carry a balanced arm, real or simulated: it weighs nothing.
-    let gravity = if arm.gravity_balanced { [0.0; 3] } else { gravity };
+    let [x, y, z] = problems.all_finite("arm.grip_m", arm.grip_m.0);
+    let [about_x, about_y, about_z] = problems.all_finite("arm.grip_rad", arm.grip_rad.0);
+    let gravity = bodies::gravity(arm, problems);
     let x_6_g = Isometry3::from_parts(
         Translation3::new(x, y, z),
         UnitQuaternion::from_euler_angles(about_x, about_y, about_z),
@@ -278,5 +294,8 @@ pub(super) fn calibration(joints: &[Joint; 6], coupling: Option<Coupling<6>>) ->
 /// What couples joints and actuators; `None` where nothing does, or a problem has been noted.
 pub(super) fn coupling(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Coupling<6>> {
     let given = raw.coupling.as_ref()?;
-    problems.take("coupling.matrix", Coupling::new(given.matrix, given.offset_rad_or_m))
+    problems.take(
+        "coupling.matrix",
+        Coupling::new(given.matrix.0.map(|row| row.0), given.offset_rad_or_m.0),
+    )
 }

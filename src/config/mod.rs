@@ -2,6 +2,7 @@
 //! line and key; afterwards nothing is checked again.
 
 mod beyond;
+mod bodies;
 mod boot;
 mod bus_plan;
 mod control;
@@ -10,6 +11,7 @@ pub mod force_cap;
 mod gain_check;
 mod joints;
 mod lookup;
+mod names;
 mod network;
 mod plausibility;
 mod problem;
@@ -17,6 +19,7 @@ mod protection;
 mod raw;
 mod readings;
 mod remote;
+pub mod shipped;
 pub mod signals;
 mod simulated;
 pub mod torque_data;
@@ -174,7 +177,10 @@ impl Config {
             return Err(Invalid(Vec::new()));
         };
         let config = convert(file, &raw, &mut problems);
-        config.iter().for_each(|config| check(config, &mut problems));
+        // A load that follows from a period or bit rate that is wrong says nothing.
+        if !problems.is_noted("bus[") && !problems.is_noted("node.") {
+            config.iter().for_each(|config| check(config, &mut problems));
+        }
         problems.finish()?;
         // Without a problem there is a value: every missing one was noted where it went missing.
         config.ok_or_else(|| Invalid(Vec::new()))
@@ -234,6 +240,21 @@ impl Config {
         exchange::resolve(&self.node_plans()).unwrap_or_default()
     }
 
+    /// The most frames that the node sends in one cycle on each bus, in the order of the channels: SYNC, targets, all
+    /// controlwords, heartbeat, TIME and one request. Never less than a boot sends at once: two frames for each node and
+    /// two for all.
+    pub fn bursts(&self) -> Vec<u32> {
+        let (_, outbox) = self.exchange();
+        let plans = self.node_plans();
+        let at_boot = |channel: Channel| {
+            let nodes = plans.iter().filter(|(on, _)| *on == channel).count();
+            u32::try_from(2 * nodes + 2).unwrap_or(u32::MAX)
+        };
+        let others = 3 + u32::from(self.time_period.is_some());
+        let channels = self.channels().into_iter();
+        channels.map(|channel| (outbox.frames_on(channel) + others).max(at_boot(channel))).collect()
+    }
+
     /// What is to be said of the gains: every inequality of every axis, held or not.
     pub fn findings(&self) -> Vec<Finding> {
         gain_check::findings(self)
@@ -261,7 +282,11 @@ fn read(text: &str, problems: &mut Problems<'_>) -> Option<raw::File> {
     for path in unknown {
         problems.add(&in_brackets(&path), "unknown key");
     }
-    read.map_err(|error| problems.add_at(error.span().map(|span| span.start), error.message())).ok()
+    let refused = |error: toml::de::Error| {
+        let place = error.span().map(|span| span.start);
+        problems.add_at(place, error.message());
+    };
+    read.map_err(refused).ok()
 }
 
 /// `joint.2.name` as `joint[2].name`; the `?` of an optional section is none of the file's.
@@ -331,6 +356,7 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
         plausibility,
     };
     network::check(&config, problems);
+    bodies::check_start(&config, problems);
     protection::check(&config, problems);
     gain_check::check(&config, refuses, problems);
     Some(config)

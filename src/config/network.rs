@@ -28,6 +28,7 @@ use crate::config::boot;
 use crate::config::boot::BootSettings;
 use crate::config::joints::Joint;
 use crate::config::lookup;
+use crate::config::names;
 use crate::config::problem::Problems;
 use crate::config::protection;
 use crate::config::raw;
@@ -93,18 +94,19 @@ pub(super) fn buses(raw: &raw::File, problems: &mut Problems<'_>) -> Vec<BusSett
     if raw.bus.is_empty() || raw.bus.len() > 8 {
         problems.add("bus", format_args!("{} buses; there must be 1 to 8", raw.bus.len()));
     }
-    let mut names = HashSet::new();
+    names::check("bus", raw.bus.iter().map(|bus| bus.name.as_str()), problems);
     let mut interfaces = HashSet::new();
     for (place, bus) in raw.bus.iter().enumerate() {
         let key = |name: &str| format!("bus[{place}].{name}");
-        if !names.insert(&bus.name) {
-            problems.add(&key("name"), format_args!("\"{}\" is taken", bus.name));
-        }
         if !interfaces.insert(&bus.interface) {
-            problems.add(&key("interface"), format_args!("\"{}\" is taken", bus.interface));
+            problems.add(
+                &key("interface"),
+                format_args!("\"{}\" is taken", bus.interface.escape_debug()),
+            );
         }
-        if bus.interface.is_empty() || bus.interface.len() > LONGEST_INTERFACE {
-            problems.add(&key("interface"), format_args!("\"{}\" is no interface", bus.interface));
+        if !is_interface(&bus.interface) {
+            let shown = bus.interface.escape_debug();
+            problems.add(&key("interface"), format_args!("\"{shown}\" is no interface"));
         }
         if !BITRATES.contains(&bus.bitrate) {
             problems.add(&key("bitrate"), format_args!("{} is none of {BITRATES:?}", bus.bitrate));
@@ -125,6 +127,15 @@ pub(super) fn buses(raw: &raw::File, problems: &mut Problems<'_>) -> Vec<BusSett
             load_limit_percent: bus.load_limit_percent,
         })
         .collect()
+}
+
+/// Whether Linux may have an interface of that name (`dev_valid_name`).
+fn is_interface(name: &str) -> bool {
+    let is_odd = |c: char| c == '/' || c == ':' || c.is_whitespace() || c.is_control();
+    (1..=LONGEST_INTERFACE).contains(&name.len())
+        && name != "."
+        && name != ".."
+        && !name.contains(is_odd)
 }
 
 /// The switch box; `None` where a problem has been noted.
@@ -156,11 +167,7 @@ pub(super) fn safety(raw: &raw::File, period: Duration, problems: &mut Problems<
         let reason = format!("{} ms is less than two periods, {two} µs", safety.rpdo_timer_ms);
         problems.add("safety.rpdo_timer_ms", reason);
     }
-    let heartbeat = raw.node.heartbeat_ms;
-    if safety.node_lost_ms < heartbeat.saturating_mul(2) {
-        let reason = "is less than two of the node's heartbeats (node.heartbeat_ms)";
-        problems.add("safety.node_lost_ms", reason);
-    }
+    node_heartbeat(raw, period, problems);
     if safety.drive_lost_ms < safety.drive_heartbeat_ms.saturating_mul(2) {
         let reason = "is less than two of the drives' heartbeats (safety.drive_heartbeat_ms)";
         problems.add("safety.drive_lost_ms", reason);
@@ -179,6 +186,29 @@ pub(super) fn safety(raw: &raw::File, period: Duration, problems: &mut Problems<
         gravity_ramp: Duration::try_from_secs_f64(gravity).unwrap_or_default(),
         reflection_ramp: Duration::try_from_secs_f64(reflection).unwrap_or_default(),
         protection: protection::protection(safety, problems),
+    }
+}
+
+/// The node's heartbeat leaves with a cycle, so with no shorter interval, and with whole ones.
+fn node_heartbeat(raw: &raw::File, period: Duration, problems: &mut Problems<'_>) {
+    let heartbeat = Duration::from_millis(u64::from(raw.node.heartbeat_ms));
+    let lost = Duration::from_millis(u64::from(raw.safety.node_lost_ms));
+    if heartbeat < period {
+        let (heartbeat, cycle) = (raw.node.heartbeat_ms, period.as_micros());
+        let reason = format!(
+            "must be at least the cycle that sends it, {cycle} µs (node.sync_period_us), got {heartbeat} ms"
+        );
+        problems.add("node.heartbeat_ms", reason);
+    }
+    let cycles = heartbeat.as_micros().div_ceil(period.as_micros().max(1)).max(1);
+    let interval = period * u32::try_from(cycles).unwrap_or(u32::MAX);
+    if lost < interval * 2 {
+        let (two, got) = ((interval * 2).as_micros(), raw.safety.node_lost_ms);
+        let reason = format!(
+            "must be at least two of the node's heartbeats, which leave every {cycles} cycles: {two} µs, \
+             got {got} ms; see node.heartbeat_ms"
+        );
+        problems.add("safety.node_lost_ms", reason);
     }
 }
 
@@ -235,7 +265,7 @@ fn drive_plan(config: &Config, place: usize, joint: &Joint) -> NodePlan {
     let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch, most);
     let rest = joint.calibration.span(AT_REST).saturating_add(NOISE);
     let plan = NodePlan { rest: Some(rest), ..plan };
-    let plan = plan.no_faster_than(protection::motor_speed(joint));
+    let plan = plan.no_faster_than(protection::motor_speed(config, place, joint));
     let plan = protection::as_far_as_it_has(plan, joint);
     let plan = match config.sync_counter {
         Some(last) => plan.counting(last),

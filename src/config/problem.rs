@@ -1,10 +1,13 @@
 //! What is wrong with a configuration, where, and why: one line each, all of them in one run.
 
+use std::collections::HashMap;
 use std::fmt;
 use std::path::Path;
 use std::path::PathBuf;
 
+use crate::canopen::eds::Eds;
 use crate::config::trust::Trust;
+use crate::written;
 
 /// One thing wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -57,12 +60,21 @@ pub(super) struct Problems<'t> {
     text: &'t str,
     trust: Trust,
     found: Vec<Problem>,
+    sheets: Sheets,
 }
+
+/// Data sheets that were read, each with the first sign that it is not whole.
+pub(super) type Sheets = HashMap<PathBuf, (Eds, Option<String>)>;
 
 impl<'t> Problems<'t> {
     /// None yet, in `file` that reads `text`.
     pub(super) fn new(file: &Path, text: &'t str, trust: Trust) -> Self {
-        Self { file: file.to_path_buf(), text, trust, found: Vec::new() }
+        Self { file: file.to_path_buf(), text, trust, found: Vec::new(), sheets: Sheets::new() }
+    }
+
+    /// Data sheets read so far: joints share them.
+    pub(super) const fn sheets(&mut self) -> &mut Sheets {
+        &mut self.sheets
     }
 
     /// What the files it names must be worth.
@@ -81,15 +93,14 @@ impl<'t> Problems<'t> {
         });
     }
 
-    /// The text is wrong at a byte offset.
+    /// The text is wrong at a byte offset, in the value of a key or anywhere else.
     pub(super) fn add_at(&mut self, offset: Option<usize>, reason: impl fmt::Display) {
         let line = offset.map(|offset| 1 + newlines(self.text, offset));
-        self.found.push(Problem {
-            file: self.file.clone(),
-            line,
-            key: String::new(),
-            reason: reason.to_string(),
-        });
+        let reason = reason.to_string();
+        // What is missing has no place of its own.
+        let place = offset.filter(|_| !reason.starts_with("missing field"));
+        let key = place.map(|offset| written::key_at(self.text, offset)).unwrap_or_default();
+        self.found.push(Problem { file: self.file.clone(), line, key, reason });
     }
 
     /// The value, or the problem noted under `key`.
@@ -115,6 +126,11 @@ impl<'t> Problems<'t> {
         result: Result<T, E>,
     ) -> Option<T> {
         if self.count() > before { result.ok() } else { self.take(key, result) }
+    }
+
+    /// Returns whether a key that begins like this is noted already: its consequences need no line of their own.
+    pub(super) fn is_noted(&self, beginning: &str) -> bool {
+        self.found.iter().any(|problem| problem.key.starts_with(beginning))
     }
 
     /// `value` of `key` must be a finite number.

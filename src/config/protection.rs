@@ -11,10 +11,16 @@ use crate::canopen::plan::NodePlan;
 use crate::canopen::watchdog::Awaited;
 use crate::config::Config;
 use crate::config::force_cap::ForceCap;
+use crate::config::force_cap::Pushes;
 use crate::config::force_cap::UNPROVEN;
 use crate::config::joints::Joint;
 use crate::config::problem::Problems;
 use crate::config::raw;
+use crate::controller::JointVector;
+use crate::controller::Settings;
+use crate::controller::arm::JointKind;
+use crate::controller::arm::Link;
+use crate::controller::stability::push::PushedHand;
 
 /// `[safety]`, as far as it is about the drives by themselves.
 #[derive(Clone, Copy, Debug)]
@@ -43,15 +49,18 @@ pub(super) fn protection(raw: &raw::Safety, problems: &mut Problems<'_>) -> Prot
 /// How many times the speed at which the node stops its drive lets a joint have: the second layer.
 const SECOND_LAYER: f64 = 1.25;
 
-/// The fastest a joint's motor may turn (6080h), in turns per minute, rounded up.
+/// The fastest the motor of an actuator may turn (6080h), in turns per minute, rounded up, where no joint
+/// behind it is faster than it may be.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "finite and not negative by its checks; a float that is too large becomes the largest number"
 )]
-pub(super) fn motor_speed(joint: &Joint) -> u32 {
-    let fastest = SECOND_LAYER * joint.max_speed;
+pub(super) fn motor_speed(config: &Config, place: usize, joint: &Joint) -> u32 {
+    let speeds = JointVector::from(config.joints.each_ref().map(|joint| joint.max_speed));
+    let speeds = config.controller.calibration.coupling().fastest(&speeds);
+    let fastest = SECOND_LAYER * speeds.iter().nth(place).copied().unwrap_or_default();
     (fastest * joint.gear_ratio.abs() / TAU * 60.0).ceil() as u32
 }
 
@@ -68,14 +77,54 @@ pub(super) fn rpdo_timer(config: &Config, joint: &Joint) -> Option<u16> {
 }
 
 impl Config {
-    /// The largest force, and whom it pushes.
+    /// Everything that may push the hand at once.
     pub fn force_cap(&self) -> ForceCap {
+        let Settings { arm, calibration, channels, assist_fraction, beyond, .. } = &self.controller;
+        let mass = self.safety.protection.effective_mass;
+        let hand = PushedHand { arm, coupling: calibration.coupling(), mass };
+        // Displaced from one end of the reach to the other; but no joint assists with more than its share.
+        let by_law = channels.strongest_force(2.0 * self.reach());
+        let by_capacity =
+            || hand.by_actuators(&(calibration.max_torques() * assist_fraction.share()));
+        let centring = if by_law > WEAK { by_law.min(by_capacity()) } else { by_law };
+        let pushes = Pushes {
+            reflected: self.controller.reflection.max_force(),
+            centring,
+            soft_stops: beyond.soft_stops.map_or(0.0, |stops| hand.by_soft_stops(&stops)),
+        };
         ForceCap {
-            max_force: self.controller.reflection.max_force(),
-            effective_mass: self.safety.protection.effective_mass,
+            pushes,
+            damping: self.strongest_damping(),
+            max_speed: self.plausibility.max_grip_speed,
+            effective_mass: mass,
         }
     }
+
+    /// Longest way from the base to the grip, in m.
+    fn reach(&self) -> f64 {
+        let links = self.joints.iter().map(|joint| {
+            let Link { kind, a, d, range: [low, high], .. } = joint.link;
+            let slides = match kind {
+                JointKind::Revolute => 0.0,
+                JointKind::Prismatic => low.abs().max(high.abs()),
+            };
+            a.hypot(d) + slides
+        });
+        links.sum::<f64>() + self.x_6_g.translation.vector.norm()
+    }
+
+    /// All dampers of translations together, in N·s/m.
+    fn strongest_damping(&self) -> f64 {
+        let Settings { damping, beyond, .. } = &self.controller;
+        let [x, y, z, ..] = *damping.values();
+        let passivity = beyond.passivity.map_or(0.0, |passivity| passivity.max_damping());
+        let tank = beyond.tank.map_or(0.0, |tank| tank.max_damping());
+        x.max(y).max(z) + passivity + tank
+    }
 }
+
+/// Up to this force the return to centre need not be compared with what the joints can exert, in N.
+const WEAK: f64 = 5.0;
 
 /// Whether the force is too much even if every drive does what it is told.
 pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
@@ -86,7 +135,8 @@ pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
     } else {
         UNPROVEN
     };
-    problems.take("controller.max_force_n", config.force_cap().allows(lasting));
+    let cap = config.force_cap();
+    problems.take(cap.pushes.key(), cap.allows(lasting));
 }
 
 /// How long a drive may go on without its master, by what is planned: the quicker of its timers stops it.

@@ -2,6 +2,8 @@
 
 use serde::Deserialize;
 
+use crate::written::List;
+
 /// A whole file.
 #[derive(Debug, Deserialize)]
 pub(super) struct File {
@@ -58,19 +60,19 @@ pub(super) struct Bus {
 
 #[derive(Debug, Deserialize)]
 pub(super) struct Arm {
-    pub(super) gravity_m_per_s2: [f64; 3],
-    pub(super) grip_m: [f64; 3],
+    pub(super) gravity_m_per_s2: List<f64, 3>,
+    pub(super) grip_m: List<f64, 3>,
     #[serde(default)]
-    pub(super) grip_rad: [f64; 3],
+    pub(super) grip_rad: List<f64, 3>,
     #[serde(default)]
     pub(super) gravity_balanced: bool,
 }
 
 #[derive(Debug, Deserialize)]
 pub(super) struct Coupling {
-    pub(super) matrix: [[f64; 6]; 6],
+    pub(super) matrix: List<List<f64, 6>, 6>,
     #[serde(default)]
-    pub(super) offset_rad_or_m: [f64; 6],
+    pub(super) offset_rad_or_m: List<f64, 6>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -88,16 +90,16 @@ pub(super) struct Joint {
     pub(super) d_m: f64,
     pub(super) theta_deg: f64,
     pub(super) mass_kg: f64,
-    pub(super) centre_of_mass_m: [f64; 3],
-    pub(super) inertia_kg_m2: [f64; 6],
+    pub(super) centre_of_mass_m: List<f64, 3>,
+    pub(super) inertia_kg_m2: List<f64, 6>,
     pub(super) rotor_inertia_kg_m2: Option<f64>,
     pub(super) rotor_mass_kg: Option<f64>,
     pub(super) coulomb_friction_nm: Option<f64>,
     pub(super) coulomb_friction_n: Option<f64>,
     pub(super) viscous_friction_nms_per_rad: Option<f64>,
     pub(super) viscous_friction_ns_per_m: Option<f64>,
-    pub(super) limit_deg: Option<[f64; 2]>,
-    pub(super) limit_m: Option<[f64; 2]>,
+    pub(super) limit_deg: Option<List<f64, 2>>,
+    pub(super) limit_m: Option<List<f64, 2>>,
     pub(super) max_speed_rad_per_s: Option<f64>,
     pub(super) max_speed_m_per_s: Option<f64>,
     pub(super) start_deg: Option<f64>,
@@ -108,7 +110,7 @@ pub(super) struct Joint {
     pub(super) rated_torque_nm: f64,
     pub(super) max_torque_nm: Option<f64>,
     pub(super) max_force_n: Option<f64>,
-    pub(super) torque_curve: [f64; 3],
+    pub(super) torque_curve: List<f64, 3>,
     pub(super) boot: Option<Boot>,
     #[serde(default)]
     pub(super) simulated: Simulated,
@@ -118,7 +120,7 @@ pub(super) struct Joint {
 #[derive(Debug, Default, Deserialize)]
 pub(super) struct Simulated {
     pub(super) current_loop_us: Option<f64>,
-    pub(super) torque_curve_reverse: Option<[f64; 3]>,
+    pub(super) torque_curve_reverse: Option<List<f64, 3>>,
     pub(super) hysteresis_nm: Option<f64>,
     pub(super) hysteresis_n: Option<f64>,
     pub(super) backlash_deg: Option<f64>,
@@ -141,15 +143,15 @@ pub(super) struct Switches {
 pub(super) struct Controller {
     pub(super) preset: String,
     pub(super) mode: String,
-    pub(super) rate_gain_per_s: [f64; 6],
-    pub(super) pose_gain: [f64; 6],
-    pub(super) wrench_gain: [f64; 6],
-    pub(super) deadband_m: [f64; 3],
-    pub(super) deadband_rad: [f64; 3],
-    pub(super) centring_n: [f64; 3],
-    pub(super) centring_nm: [f64; 3],
-    pub(super) damping_ns_per_m: [f64; 3],
-    pub(super) damping_nms_per_rad: [f64; 3],
+    pub(super) rate_gain_per_s: List<f64, 6>,
+    pub(super) pose_gain: List<f64, 6>,
+    pub(super) wrench_gain: List<f64, 6>,
+    pub(super) deadband_m: List<f64, 3>,
+    pub(super) deadband_rad: List<f64, 3>,
+    pub(super) centring_n: List<f64, 3>,
+    pub(super) centring_nm: List<f64, 3>,
+    pub(super) damping_ns_per_m: List<f64, 3>,
+    pub(super) damping_nms_per_rad: List<f64, 3>,
     pub(super) assist_fraction: f64,
     pub(super) max_force_n: f64,
     pub(super) max_moment_nm: f64,
@@ -186,10 +188,10 @@ pub(super) struct Readings {
 
 #[derive(Debug, Deserialize)]
 pub(super) struct Walls {
-    pub(super) at_m: [f64; 3],
-    pub(super) at_rad: [f64; 3],
-    pub(super) stiffness_n_per_m: [f64; 3],
-    pub(super) stiffness_nm_per_rad: [f64; 3],
+    pub(super) at_m: List<f64, 3>,
+    pub(super) at_rad: List<f64, 3>,
+    pub(super) stiffness_n_per_m: List<f64, 3>,
+    pub(super) stiffness_nm_per_rad: List<f64, 3>,
     #[serde(default)]
     pub(super) in_pose_mode: bool,
 }
@@ -225,14 +227,15 @@ pub(super) struct Tank {
     pub(super) low_j: f64,
     pub(super) max_j: f64,
     pub(super) refill_ns_per_m_per_j: f64,
+    pub(super) max_damping_ns_per_m: Option<f64>,
 }
 
 #[derive(Debug, Deserialize)]
 pub(super) struct VirtualCoupling {
-    pub(super) stiffness_n_per_m: [f64; 3],
-    pub(super) stiffness_nm_per_rad: [f64; 3],
-    pub(super) damping_ns_per_m: [f64; 3],
-    pub(super) damping_nms_per_rad: [f64; 3],
+    pub(super) stiffness_n_per_m: List<f64, 3>,
+    pub(super) stiffness_nm_per_rad: List<f64, 3>,
+    pub(super) damping_ns_per_m: List<f64, 3>,
+    pub(super) damping_nms_per_rad: List<f64, 3>,
 }
 
 const fn yes() -> bool {
@@ -250,12 +253,12 @@ pub(super) struct Operator {
 #[derive(Debug, Deserialize)]
 pub(super) struct Remote {
     pub(super) kind: String,
-    pub(super) start_m: [f64; 3],
+    pub(super) start_m: List<f64, 3>,
     #[serde(default)]
-    pub(super) start_deg: [f64; 3],
-    pub(super) sensor_m: [f64; 3],
+    pub(super) start_deg: List<f64, 3>,
+    pub(super) sensor_m: List<f64, 3>,
     pub(super) mass_kg: f64,
-    pub(super) centre_of_mass_m: [f64; 3],
+    pub(super) centre_of_mass_m: List<f64, 3>,
     pub(super) servo_time_constant_s: f64,
     pub(super) max_speed_m_per_s: f64,
     pub(super) max_turn_rad_per_s: f64,
@@ -269,8 +272,8 @@ pub(super) struct Remote {
 
 #[derive(Debug, Deserialize)]
 pub(super) struct Wall {
-    pub(super) point_m: [f64; 3],
-    pub(super) normal: [f64; 3],
+    pub(super) point_m: List<f64, 3>,
+    pub(super) normal: List<f64, 3>,
     pub(super) stiffness_n_per_m: f64,
     pub(super) damping_ns_per_m: f64,
     #[serde(default)]
@@ -279,8 +282,8 @@ pub(super) struct Wall {
 
 #[derive(Debug, Deserialize)]
 pub(super) struct Block {
-    pub(super) centre_m: [f64; 3],
-    pub(super) half_size_m: [f64; 3],
+    pub(super) centre_m: List<f64, 3>,
+    pub(super) half_size_m: List<f64, 3>,
     pub(super) stiffness_n_per_m: f64,
     pub(super) damping_ns_per_m: f64,
     #[serde(default)]
@@ -289,7 +292,7 @@ pub(super) struct Block {
 
 #[derive(Debug, Deserialize)]
 pub(super) struct Sphere {
-    pub(super) centre_m: [f64; 3],
+    pub(super) centre_m: List<f64, 3>,
     pub(super) radius_m: f64,
     pub(super) stiffness_n_per_m: f64,
     pub(super) damping_ns_per_m: f64,

@@ -60,9 +60,9 @@ pub(super) fn settings(raw: &raw::File, problems: &mut Problems<'_>) -> Option<V
     if remote.kind != "virtual" {
         problems.add("remote.kind", format_args!("\"{}\": there is \"virtual\"", remote.kind));
     }
-    let start = problems.all_finite("remote.start_m", remote.start_m);
-    let turned = problems.all_finite("remote.start_deg", remote.start_deg).map(f64::to_radians);
-    let sensor = problems.all_finite("remote.sensor_m", remote.sensor_m);
+    let start = problems.all_finite("remote.start_m", remote.start_m.0);
+    let turned = problems.all_finite("remote.start_deg", remote.start_deg.0).map(f64::to_radians);
+    let sensor = problems.all_finite("remote.sensor_m", remote.sensor_m.0);
     let before = problems.count();
     let linear =
         problems.not_negative("remote.accommodation_m_per_ns", remote.accommodation_m_per_ns);
@@ -84,7 +84,7 @@ pub(super) fn settings(raw: &raw::File, problems: &mut Problems<'_>) -> Option<V
 
     let before = problems.count();
     let mass = problems.not_negative("remote.mass_kg", remote.mass_kg);
-    let centre = problems.all_finite("remote.centre_of_mass_m", remote.centre_of_mass_m);
+    let centre = problems.all_finite("remote.centre_of_mass_m", remote.centre_of_mass_m.0);
     let payload = Payload::new(mass, centre);
     let payload = problems.take_unless_noted(before, "remote.mass_kg", payload);
     Some(Virtual {
@@ -106,8 +106,8 @@ fn wall(
     raw: &raw::Wall,
     problems: &mut Problems<'_>,
 ) -> (Vector3<f64>, Unit<Vector3<f64>>, Contact) {
-    let point = problems.all_finite("remote.wall.point_m", raw.point_m);
-    let normal = problems.all_finite("remote.wall.normal", raw.normal);
+    let point = problems.all_finite("remote.wall.point_m", raw.point_m.0);
+    let normal = problems.all_finite("remote.wall.normal", raw.normal.0);
     let normal = Unit::try_new(Vector3::from(normal), 1e-6);
     if normal.is_none() {
         problems.add("remote.wall.normal", "has no direction");
@@ -118,14 +118,14 @@ fn wall(
 }
 
 fn block(raw: &raw::Block, problems: &mut Problems<'_>) -> (Vector3<f64>, Vector3<f64>, Contact) {
-    let centre = problems.all_finite("remote.box.centre_m", raw.centre_m);
-    let half = problems.none_negative("remote.box.half_size_m", raw.half_size_m);
+    let centre = problems.all_finite("remote.box.centre_m", raw.centre_m.0);
+    let half = problems.none_negative("remote.box.half_size_m", raw.half_size_m.0);
     let yields = [raw.stiffness_n_per_m, raw.damping_ns_per_m, raw.friction];
     (Vector3::from(centre), Vector3::from(half), contact("remote.box", yields, problems))
 }
 
 fn sphere(raw: &raw::Sphere, problems: &mut Problems<'_>) -> (Vector3<f64>, f64, Contact) {
-    let centre = problems.all_finite("remote.sphere.centre_m", raw.centre_m);
+    let centre = problems.all_finite("remote.sphere.centre_m", raw.centre_m.0);
     let radius = problems.within("remote.sphere.radius_m", raw.radius_m, SMALLEST..=LARGEST);
     let yields = [raw.stiffness_n_per_m, raw.damping_ns_per_m, raw.friction];
     (Vector3::from(centre), radius, contact("remote.sphere", yields, problems))

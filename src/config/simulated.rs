@@ -45,10 +45,11 @@ pub(super) fn read(
     let thermal_s = given.thermal_time_constant_s.unwrap_or(30.0);
     let thermal_s = problems.within(&key("thermal_time_constant_s"), thermal_s, THERMAL_S);
     let before = problems.count();
-    let torque_curve_reverse = given.torque_curve_reverse.inspect(|coefficients| {
-        let curve = TorqueCurve::new(*coefficients, max_torque);
-        problems.take_unless_noted(before, &key("torque_curve_reverse"), curve);
-    });
+    let torque_curve_reverse =
+        given.torque_curve_reverse.map(|list| list.0).inspect(|coefficients| {
+            let curve = TorqueCurve::new(*coefficients, max_torque);
+            problems.take_unless_noted(before, &key("torque_curve_reverse"), curve);
+        });
     let (name, hysteresis) = hysteresis?;
     let hysteresis =
         problems.within(&key(name), hysteresis.unwrap_or(0.0), 0.0..=max_torque.max(0.0));

@@ -13,6 +13,8 @@
 //! | `per_mille` | the target torque (6071h), a whole number                                    |
 //! | `torque_nm` | what was measured at the joint, in N·m; `force_n` in N for sliding joints    |
 //! | `date`      | when, if wanted; kept as it is                                               |
+//!
+//! Fields may be quoted as spreadsheets do, `"left, arm"`, a quote inside doubled; not over several lines.
 
 use std::fmt;
 use std::path::Path;
@@ -116,12 +118,30 @@ impl fmt::Display for TorqueData {
         let columns = [Column::Joint, Column::Direction, Column::PerMille, measured];
         writeln!(f, "{}", columns.map(Column::name).join(","))?;
         for Measured { joint, samples } in &self.joints {
+            let joint = quoted(joint).ok_or(fmt::Error)?;
             for Sample { torque, per_mille, direction } in samples {
                 writeln!(f, "{joint},{direction},{per_mille},{torque:.5}")?;
             }
         }
         Ok(())
     }
+}
+
+/// A field as it is written: in quotes where it has a comma or a quote, or would begin a comment.
+fn quoted(field: &str) -> Option<String> {
+    let mut writer = csv::WriterBuilder::new().comment(Some(b'#')).from_writer(Vec::new());
+    writer.write_record([field]).ok()?;
+    let line = String::from_utf8(writer.into_inner().ok()?).ok()?;
+    line.strip_suffix('\n').map(str::to_owned)
+}
+
+/// The fields of a line, without quotes and the blanks around them; `None` where a quote is not closed.
+fn fields(line: &str) -> Option<Vec<String>> {
+    let is_closed = line.matches('"').count().is_multiple_of(2);
+    let mut reader = csv::ReaderBuilder::new();
+    let reader = reader.has_headers(false).trim(csv::Trim::All).from_reader(line.as_bytes());
+    let record = reader.into_records().next()?.ok().filter(|_| is_closed)?;
+    Some(record.iter().map(str::to_owned).collect())
 }
 
 /// What a column is.
@@ -179,8 +199,16 @@ impl Reader {
     /// The columns; `None` if they are not those of readings.
     fn header(&mut self, line: &str) -> Option<Vec<Column>> {
         let before = self.problems.len();
+        let names = self.fields(line)?;
+        let is_known = |name: &String| Column::ALL.iter().any(|column| column.name() == name);
+        if !names.iter().any(is_known) {
+            let reason = "expected the columns joint, direction, per_mille, and torque_nm or force_n, with \
+                commas between them";
+            self.problem("", reason);
+            return None;
+        }
         let mut columns = Vec::new();
-        for name in line.split(',').map(str::trim) {
+        for name in names.iter().map(String::as_str) {
             match Column::ALL.into_iter().find(|column| column.name() == name) {
                 Some(column) if columns.contains(&column) => {
                     self.problem(name, "stands there twice");
@@ -200,8 +228,16 @@ impl Reader {
         (self.problems.len() == before).then_some(columns)
     }
 
+    fn fields(&mut self, line: &str) -> Option<Vec<String>> {
+        let fields = fields(line);
+        if fields.is_none() {
+            self.problem("", "a quote is not closed on its line");
+        }
+        fields
+    }
+
     fn row(&mut self, columns: &[Column], line: &str) -> Option<Row> {
-        let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+        let fields = self.fields(line)?;
         if fields.len() != columns.len() {
             let (found, wanted) = (fields.len(), columns.len());
             self.problem("", format_args!("{found} fields, and the columns are {wanted}"));
@@ -209,7 +245,7 @@ impl Reader {
         }
         let (mut joint, mut date) = (None, None);
         let (mut direction, mut per_mille, mut torque) = (None, None, None);
-        for (column, field) in columns.iter().zip(fields) {
+        for (column, field) in columns.iter().zip(fields.iter().map(String::as_str)) {
             match column {
                 Column::Joint => joint = self.joint(field),
                 Column::Direction => direction = self.direction(field),
@@ -301,12 +337,26 @@ mod tests {
     #[test]
     fn a_header_must_name_what_is_needed_once() {
         let error = parse("# x\njoint;direction;per_mille;torque_nm\na;up;1;1\n").unwrap_err();
-        assert!(error.contains("a.csv:2: joint;direction;per_mille;torque_nm: unknown column"));
-        assert!(error.contains("a.csv:2: joint: this column is missing"));
+        assert!(error.starts_with("a.csv:2: expected the columns joint, "), "{error}");
+        assert_eq!(error.lines().count(), 1, "one mistake, one line");
+        let error = parse("joint,way,per_mille,torque_nm\n").unwrap_err();
+        assert!(error.contains("a.csv:1: way: unknown column"), "{error}");
+        assert!(error.contains("a.csv:1: direction: this column is missing"), "{error}");
         let both = parse("joint,direction,per_mille,torque_nm,force_n\n").unwrap_err();
         assert!(both.contains("either"), "{both}");
         let twice = parse("joint,joint,direction,per_mille,torque_nm\n").unwrap_err();
         assert_eq!(twice, "a.csv:1: joint: stands there twice");
+    }
+
+    #[test]
+    fn quoted_fields_are_read_and_written() {
+        let text = "\"joint\",direction,per_mille,torque_nm\n\"left, \"\"arm\"\"\",\"up\",1,\"0.5\"\n\"#2\",up,1,1\n";
+        let data = parse(text).unwrap();
+        let joints: Vec<&str> = data.joints.iter().map(|joint| joint.joint.as_str()).collect();
+        assert_eq!(joints, ["left, \"arm\"", "#2"]);
+        assert_eq!(parse(&data.to_string()).unwrap(), data);
+        let open = parse("joint,direction,per_mille,torque_nm\n\"left,up,1,1\n").unwrap_err();
+        assert_eq!(open, "a.csv:2: a quote is not closed on its line");
     }
 
     #[test]

@@ -52,6 +52,19 @@ pub enum Distrusted {
         /// Its permissions.
         mode: u32,
     },
+    /// It belongs to another user, who may write it whatever its mode says.
+    #[error(
+        "{}belongs to user {uid}, must belong to root or to user {own}: chown it, or say --insecure",
+        folder_of(.folder.as_deref())
+    )]
+    Stranger {
+        /// A folder on the way to the file; `None` for the file itself.
+        folder: Option<PathBuf>,
+        /// Its owner.
+        uid: u32,
+        /// Who runs the program.
+        own: u32,
+    },
     /// Between two looks it became another file.
     #[error("was replaced while it was opened")]
     Replaced,
@@ -78,10 +91,14 @@ impl Guarded {
     pub(super) fn inspect(path: &Path) -> io::Result<Self> {
         let found = fs::symlink_metadata(path)?;
         judge_file(&found)?;
+        let owners = Owners::known();
+        owners.judge(None, found.uid())?;
         let here = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         let folder = fs::canonicalize(here.unwrap_or(Path::new(".")))?;
         for folder in folder.ancestors() {
-            judge_folder(folder, fs::metadata(folder)?.mode())?;
+            let found = fs::metadata(folder)?;
+            judge_folder(folder, found.mode())?;
+            owners.judge(Some(folder), found.uid())?;
         }
         Ok(Self { device: found.dev(), inode: found.ino() })
     }
@@ -95,6 +112,35 @@ impl Guarded {
             return Err(Distrusted::Replaced);
         }
         judge_file(opened)
+    }
+}
+
+fn folder_of(folder: Option<&Path>) -> String {
+    folder.map(|folder| format!("{} ", folder.display())).unwrap_or_default()
+}
+
+/// Users whose files are believed: root, who runs the program, and the owner of the program itself, who could
+/// change what it does.
+#[derive(Clone, Copy, Debug)]
+struct Owners {
+    own: u32,
+    program: u32,
+}
+
+impl Owners {
+    fn known() -> Self {
+        let own = nix::unistd::geteuid().as_raw();
+        let program = fs::metadata("/proc/self/exe").map_or(own, |program| program.uid());
+        Self { own, program }
+    }
+
+    fn judge(self, folder: Option<&Path>, uid: u32) -> Result<(), Distrusted> {
+        let Self { own, program } = self;
+        if [0, own, program].contains(&uid) {
+            Ok(())
+        } else {
+            Err(Distrusted::Stranger { folder: folder.map(Path::to_path_buf), uid, own })
+        }
     }
 }
 
@@ -149,6 +195,19 @@ mod tests {
                 (false, false) => assert_eq!((of(true), of(false)), (Ok(()), Ok(()))),
             }
         }
+    }
+
+    #[test]
+    fn hazard_18_files_of_other_users_are_refused() {
+        let (folder, root) = (Path::new("/srv"), Owners { own: 0, program: 0 });
+        assert_eq!(root.judge(None, 0), Ok(()));
+        assert_eq!(
+            root.judge(Some(folder), 1_000).unwrap_err().to_string(),
+            "/srv belongs to user 1000, must belong to root or to user 0: chown it, or say --insecure"
+        );
+        let engineer = Owners { own: 1_000, program: 500 };
+        assert!([0, 500, 1_000].iter().all(|uid| engineer.judge(None, *uid).is_ok()));
+        assert!([1, 501, 1_001, u32::MAX].iter().all(|uid| engineer.judge(None, *uid).is_err()));
     }
 
     #[test]

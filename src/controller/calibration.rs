@@ -248,7 +248,13 @@ mod tests {
         }
 
         #[test]
-        fn counts_may_run_over_the_end_of_32_bits(zero in any::<i32>(), moved in -300_000..300_000) {
+        fn counts_may_run_over_the_end_of_32_bits(
+            before in 0..300_000_i32, beyond in 1..300_000_i32, is_upwards in any::<bool>()
+        ) {
+            // From before the end to beyond it: always over it.
+            let moved = if is_upwards { before + beyond } else { -before - beyond };
+            let zero = if is_upwards { i32::MAX - before } else { i32::MIN + before };
+            prop_assert!(zero.checked_add(moved).is_none());
             let here = joint(40.0, zero).position(Counts(zero.wrapping_add(moved)));
             prop_assert!((here - joint(40.0, 0).position(Counts(moved))).abs() == 0.0);
         }

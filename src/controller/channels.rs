@@ -5,6 +5,7 @@
 //! displacement, as Fig. 4 is drawn and the text says (decision 14): as printed, the first line of
 //! Eq. 8 pushes a hand on the negative side away, without bound.
 
+use nalgebra::Vector3;
 use thiserror::Error;
 
 use crate::controller::gains::Gains;
@@ -101,6 +102,12 @@ impl Channels {
     /// Plateaus of the return force, in N and N·m.
     pub fn plateaus(&self) -> [f64; 6] {
         self.0.map(|channel| channel.plateau)
+    }
+
+    /// The largest force in N of return and walls on a hand displaced by `reach` m along every axis.
+    pub fn strongest_force(&self, reach: f64) -> f64 {
+        let [x, y, z, ..] = self.0.map(|channel| channel.centring(reach));
+        Vector3::new(x, y, z).norm()
     }
 
     /// What is left of a displacement beyond the deadband: zero within, and continuous at its edge

@@ -80,6 +80,15 @@ impl<const N: usize> Coupling<N> {
         self.inverse.abs() * most
     }
 
+    /// The largest torque of each joint while no other joint has any, in N·m or N, where each actuator exerts
+    /// `max_torques` at most.
+    pub fn capacities(&self, max_torques: &SVector<f64, N>) -> SVector<f64, N> {
+        SVector::from_iterator(self.matrix.row_iter().map(|shares| {
+            let limits = shares.iter().zip(max_torques.iter());
+            limits.fold(f64::INFINITY, |most, (share, max)| most.min(max / share.abs()))
+        }))
+    }
+
     /// What the actuators exert for joint torques `tau`: `Cᵀ τ`, in N·m or N.
     pub fn at_actuators(&self, tau: &SVector<f64, N>) -> SVector<f64, N> {
         self.matrix.tr_mul(tau)
@@ -123,6 +132,17 @@ mod tests {
             prop_assert!((coupling.joints(&coupling.actuators(&q)) - q).norm() < 1e-12 * grown);
             let tau = coupling.at_joints(&coupling.at_actuators(&q));
             prop_assert!((tau - q).norm() < 1e-12 * grown);
+        }
+
+        #[test]
+        fn capacity_of_one_joint_is_reached_by_one_actuator(
+            coupling in coupling(), joint in 0..4_usize, max in prop::array::uniform4(0.1..9.0_f64)
+        ) {
+            let max = SVector::from(max);
+            let mut tau = SVector::<f64, 4>::zeros();
+            tau[joint] = coupling.capacities(&max)[joint];
+            let used = coupling.at_actuators(&tau).abs().component_div(&max);
+            prop_assert!((used.max() - 1.0).abs() < 1e-9, "{used}");
         }
 
         #[test]

@@ -8,8 +8,8 @@ use thiserror::Error;
 /// The six axes by name, in the order of every six-vector of the paper.
 pub const AXES: [&str; 6] = ["x", "y", "z", "about x", "about y", "about z"];
 
-/// No gain, deadband or plateau is larger, so that products of them stay finite.
-const LARGEST: f64 = 1e6;
+/// Maximum gain, deadband or plateau: products of them stay finite.
+pub const MAX_GAIN: f64 = 1e6;
 
 /// Six numbers that are finite and not negative: a diagonal gain matrix.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,7 +17,7 @@ pub struct Gains([f64; 6]);
 
 /// Why six numbers are no gains.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("{quantity}, {axis}: {value} is not within 0 and {LARGEST}")]
+#[error("{quantity}, {axis}: {value} is not within 0 and {MAX_GAIN}")]
 pub struct InvalidGain {
     /// What they were to be, in the words of the caller.
     pub quantity: &'static str,
@@ -37,7 +37,7 @@ impl Gains {
     /// The first that is negative, too large or not a number.
     pub fn new(values: [f64; 6], quantity: &'static str) -> Result<Self, InvalidGain> {
         for (value, axis) in values.into_iter().zip(AXES) {
-            if !(0.0..=LARGEST).contains(&value) {
+            if !(0.0..=MAX_GAIN).contains(&value) {
                 return Err(InvalidGain { quantity, axis, value });
             }
         }

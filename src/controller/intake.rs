@@ -61,3 +61,98 @@ fn largest(wrench: &Wrench) -> f64 {
 fn share(value: f64) -> (f64, Option<Fault>) {
     if (0.0..=1.0).contains(&value) { (value, None) } else { (0.0, Some(Fault::ShareOutOfRange)) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::controller::calibration::Counts;
+    use crate::controller::switches::Mode;
+    use crate::controller::switches::Switches;
+    use proptest::prelude::*;
+
+    fn input() -> Input {
+        Input {
+            counts: [Counts(0); 6],
+            f_s: Wrench::from_components([1.0, -2.0, 3.0, 0.1, 0.2, -0.3]),
+            x_b_m: Isometry3::translation(0.1, 0.2, 0.3),
+            switches: Switches::default(),
+            mode: Mode::Rate,
+            gravity_share: 0.5,
+            reflection_share: 0.25,
+            restart: false,
+        }
+    }
+
+    fn before() -> Isometry3<f64> {
+        Isometry3::translation(9.0, 0.0, 0.0)
+    }
+
+    /// What is wrong with an input, if each of its parts that is wrong is replaced by a harmless one.
+    fn fault(input: &Input) -> Option<Fault> {
+        Trusted::of(input, &before()).fault
+    }
+
+    #[test]
+    fn input_of_numbers_is_taken_as_it_is() {
+        let trusted = Trusted::of(&input(), &before());
+        assert_eq!((trusted.f_s, trusted.x_b_m), (input().f_s, input().x_b_m));
+        assert_eq!((trusted.gravity_share, trusted.reflection_share), (0.5, 0.25));
+        assert_eq!(trusted.fault, None);
+    }
+
+    #[test]
+    fn wrench_at_the_largest_reading_is_taken_and_beyond_it_is_zero() {
+        for place in 0..6 {
+            for sign in [1.0, -1.0] {
+                let reads = |value: f64| {
+                    let mut parts = [0.0; 6];
+                    parts[place] = sign * value;
+                    Input { f_s: Wrench::from_components(parts), ..input() }
+                };
+                let largest = Trusted::of(&reads(LARGEST_READING), &before());
+                assert_eq!((largest.f_s, largest.fault), (reads(LARGEST_READING).f_s, None));
+                let beyond = Trusted::of(&reads(LARGEST_READING * 1.001), &before());
+                assert_eq!(beyond.f_s, Wrench::ZERO);
+                assert_eq!(beyond.fault, Some(Fault::WrenchTooLarge));
+                let infinite = Trusted::of(&reads(f64::INFINITY), &before());
+                assert_eq!(infinite.f_s, Wrench::ZERO);
+                assert_eq!(infinite.fault, Some(Fault::WrenchNotFinite));
+            }
+        }
+    }
+
+    #[test]
+    fn pose_that_is_none_leaves_the_one_before() {
+        let nowhere = Input { x_b_m: Isometry3::translation(f64::NAN, 0.0, 0.0), ..input() };
+        let trusted = Trusted::of(&nowhere, &before());
+        assert_eq!((trusted.x_b_m, trusted.fault), (before(), Some(Fault::ObjectPoseNotFinite)));
+    }
+
+    #[test]
+    fn wrench_is_named_before_pose_and_shares() {
+        let x_b_m = Isometry3::translation(f64::NAN, 0.0, 0.0);
+        let f_s = Wrench::from_components([f64::NAN; 6]);
+        let all = Input { f_s, x_b_m, gravity_share: 2.0, reflection_share: 2.0, ..input() };
+        assert_eq!(fault(&all), Some(Fault::WrenchNotFinite));
+        assert_eq!(fault(&Input { f_s: input().f_s, ..all }), Some(Fault::ObjectPoseNotFinite));
+        let shares = Input { f_s: input().f_s, x_b_m: input().x_b_m, ..all };
+        assert_eq!(fault(&shares), Some(Fault::ShareOutOfRange));
+    }
+
+    proptest! {
+        #[test]
+        fn share_outside_0_to_1_is_zero_and_a_fault(value in any::<f64>()) {
+            let is_share = (0.0..=1.0).contains(&value);
+            for input in [
+                Input { gravity_share: value, ..input() },
+                Input { reflection_share: value, ..input() },
+            ] {
+                let trusted = Trusted::of(&input, &before());
+                let shares = [trusted.gravity_share, trusted.reflection_share];
+                prop_assert!(shares.iter().all(|share| (0.0..=1.0).contains(share)));
+                prop_assert_eq!(trusted.fault.is_none(), is_share);
+                prop_assert!(!is_share || shares.contains(&value));
+            }
+        }
+    }
+}

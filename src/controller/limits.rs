@@ -21,6 +21,11 @@ pub struct AssistFraction(f64);
 pub struct InvalidAssistFraction(pub f64);
 
 impl AssistFraction {
+    /// The share, 0 to 1.
+    pub const fn share(self) -> f64 {
+        self.0
+    }
+
     /// A share between 0 and 1.
     ///
     /// # Errors

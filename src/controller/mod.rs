@@ -23,7 +23,8 @@
 //!
 //! [`stability`] says which gains are fit to be felt; [`models`] has arms for the commanded side.
 //! Beside the paper, each off unless asked for: [`velocity`] (a filter), [`virtual_coupling`],
-//! [`engagement`], [`passivity`] and [`tank`] (at the [`port`]), [`soft_stops`].
+//! [`engagement`], [`passivity`] and [`tank`] (at the [`port`]), [`soft_stops`]. [`torque_delay`] says
+//! which torque caused which motion.
 //!
 //! Where the paper leaves a choice, "decision n" names the one taken; each stands in one function,
 //! so that another reading can stand beside it.
@@ -56,6 +57,7 @@ pub mod step;
 pub mod switches;
 pub mod tank;
 pub mod torque_curve;
+pub mod torque_delay;
 pub mod velocity;
 pub mod virtual_coupling;
 

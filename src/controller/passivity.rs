@@ -72,6 +72,11 @@ impl Passivity {
         Ok(Self { settings, energy: 0.0, calm_for: 0 })
     }
 
+    /// The strongest damper, in N·s/m.
+    pub const fn max_damping(&self) -> f64 {
+        self.settings.max_damping
+    }
+
     /// What the hand has put into the port, less what it got out, in J. Below zero the port was active.
     pub const fn energy(&self) -> f64 {
         self.energy

@@ -37,7 +37,7 @@ pub enum InvalidSoftStops {
 
 impl<const N: usize> SoftStops<N> {
     /// At both ends of `ranges`, in rad or m: over the part `margin` of each, with up to the part
-    /// `push` of each joint's capacity.
+    /// `push` of `max_torques`, what each joint (not its actuator) can exert.
     ///
     /// # Errors
     /// A part that is none.

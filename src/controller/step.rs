@@ -270,3 +270,23 @@ fn asked_pose(command: &Motion) -> Option<Isometry3<f64>> {
         Motion::Hold | Motion::Rate(_) => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spatial::Twist;
+
+    #[test]
+    fn wrench_acts_only_where_it_is_permitted() {
+        let f_g = Wrench::from_components([1.0, 2.0, 3.0, 0.1, 0.2, 0.3]);
+        assert_eq!((permitted(true, f_g), permitted(false, f_g)), (f_g, Wrench::ZERO));
+    }
+
+    #[test]
+    fn only_a_pose_is_asked_for_as_a_pose() {
+        let x_b_d = Isometry3::translation(0.1, 0.2, 0.3);
+        assert_eq!(asked_pose(&Motion::Pose(x_b_d)), Some(x_b_d));
+        assert_eq!(asked_pose(&Motion::Hold), None);
+        assert_eq!(asked_pose(&Motion::Rate(Twist::ZERO)), None);
+    }
+}

@@ -76,6 +76,21 @@ mod tests {
         }
 
         #[test]
+        fn damper_opposes_the_motion_of_the_hand(
+            x_b_m in pose(), x_b_d in pose(), way in prop::array::uniform3(-0.01..0.01_f64)
+        ) {
+            let way = Twist { linear: way.into(), ..Twist::ZERO };
+            let moved = x_b_d * Isometry3::translation(way.linear.x, way.linear.y, way.linear.z);
+            let mut coupled = coupling();
+            coupled.wrench(Some(&x_b_d), &x_b_m);
+            let f_d = coupled.wrench(Some(&moved), &x_b_m);
+            // The spring alone: a coupling that begins here has no rate yet.
+            let spring = coupling().wrench(Some(&moved), &x_b_m);
+            let power = (f_d + spring * -1.0).power(&way);
+            prop_assert!(power < 0.0 || way.linear.norm() < 1e-6, "{power} W");
+        }
+
+        #[test]
         fn where_they_are_one_nothing_pulls(x_b_d in pose()) {
             let f_d = coupling().wrench(Some(&x_b_d), &x_b_d);
             prop_assert!(f_d.force.norm() < 1e-9 && f_d.moment.norm() < 1e-9);

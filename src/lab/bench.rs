@@ -76,6 +76,18 @@ impl<T: Tap> Bench<T> {
         self.node.bring_up(&mut || false)
     }
 
+    /// The same, given up when it takes longer than `limit` of virtual time.
+    ///
+    /// # Errors
+    /// As [`Node::bring_up`].
+    pub fn bring_up_within(&mut self, limit: Duration) -> Result<(), BringUpError> {
+        let end = self.now() + limit;
+        let watch = self.node.bus_mut().watch();
+        let booted = self.node.bring_up(&mut || watch.now() >= end);
+        self.node.bus_mut().unwatch();
+        booted
+    }
+
     /// The script goes on otherwise from now on: what it says of the past is past. `seed` is of its
     /// faults' chances.
     pub fn follow(&mut self, scenario: Scenario, seed: u64) {

@@ -17,6 +17,8 @@ use crate::controller::calibration::JointCalibration;
 use crate::controller::calibration::TorqueCurve;
 use crate::controller::channels::Channels;
 use crate::controller::gains::Gains;
+use crate::controller::gains::InvalidGain;
+use crate::controller::gains::MAX_GAIN;
 use crate::controller::limits::AssistFraction;
 use crate::controller::period::Period;
 use crate::controller::readings::Readings;
@@ -176,8 +178,8 @@ impl Question {
         if let Some(period) = self.period_s {
             over.period = named("period_s", Period::new(period))?;
         }
-        let gains = |key, given: Option<[f64; 6]>, kept| {
-            given.map_or(Ok(kept), |values| named(key, Gains::new(values, key)))
+        let gains = |key, values: Option<[f64; 6]>, kept| {
+            values.map_or(Ok(kept), |values| checked_gains(key, values))
         };
         over.command.rate_gain = gains("rate_gain", self.rate_gain, over.command.rate_gain)?;
         over.command.pose_gain = gains("pose_gain", self.pose_gain, over.command.pose_gain)?;
@@ -213,9 +215,8 @@ impl Question {
             return Ok(kept);
         }
         let x_m_s = self.x_m_s.as_ref().map_or(Ok(*kept.sensor()), |rows| pose("x_m_s", rows))?;
-        let gain = self.wrench_gain.map_or(Ok(*kept.gain()), |values| {
-            named("wrench_gain", Gains::new(values, "wrench_gain"))
-        })?;
+        let gain = self.wrench_gain;
+        let gain = gain.map_or(Ok(*kept.gain()), |values| checked_gains("wrench_gain", values))?;
         named("wrench_gain", Reflection::new(x_m_s, gain, UNLIMITED, UNLIMITED))
     }
 
@@ -232,6 +233,14 @@ impl Question {
 
 fn wrong(key: &'static str, reason: String) -> Unanswerable {
     Unanswerable { key, reason }
+}
+
+/// Gains of a key, which the error names once.
+fn checked_gains(key: &'static str, values: [f64; 6]) -> Result<Gains, Unanswerable> {
+    let wrong_axis = |InvalidGain { axis, value, .. }| {
+        wrong(key, format!("{axis} must be within 0 and {MAX_GAIN}, got {value}"))
+    };
+    Gains::new(values, key).map_err(wrong_axis)
 }
 
 fn named<T, E: std::fmt::Display>(

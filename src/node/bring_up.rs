@@ -5,8 +5,10 @@ use std::time::Duration;
 use thiserror::Error;
 
 use crate::bus::Bus;
-use crate::bus::Gone;
+use crate::bus::BusFault;
 use crate::bus::Heard;
+use crate::bus::Received;
+use crate::bus::ReopenError;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
 use crate::canopen::master::boot_error::BootError;
@@ -39,9 +41,12 @@ pub enum BringUpError {
     /// Nodes are missing, are other ones, or refused their configuration: one line each.
     #[error("{}", lines(.0))]
     Boot(Vec<BootError>),
-    /// The bus failed while booting.
+    /// The bus failed while booting, or belongs to another master.
     #[error("{0}")]
     Bus(Cause),
+    /// An interface that was opened again is not fit for torques.
+    #[error("{0}")]
+    Unfit(String),
     /// A drive did not reach `Operation enabled`.
     #[error("{0}")]
     NotEnabled(Cause),
@@ -74,20 +79,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// # Errors
     /// When a node, a drive or the bus fails, or `give_up` says so. Nothing is enabled then.
     pub fn bring_up(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
-        self.reopen()?;
-        self.master.restart();
-        self.samples.restart();
-        self.plausibility.restart();
-        self.proof.restart();
-        self.outbox.restart();
-        self.sync.restart();
-        let quiet = self.bus.now() + LISTEN_FIRST;
-        while self.bus.receive(quiet).is_some() {}
-        let booted = self.boot(give_up);
-        if booted.is_err() {
-            self.leave_pre_operational();
-        }
-        booted?;
+        self.start_network(give_up)?;
         self.become_ready(give_up).map_err(|error| match (error, self.switch_off()) {
             (BringUpError::GivenUp, Err(left)) => BringUpError::LeftOn(left),
             // The first of what is wrong is told: that a drive is not off either follows from it.
@@ -95,11 +87,65 @@ impl<B: Bus, R: Remote> Node<B, R> {
         })
     }
 
+    /// Boots every node, up to NMT operational; no drive is enabled.
+    pub(super) fn start_network(
+        &mut self,
+        give_up: &mut dyn FnMut() -> bool,
+    ) -> Result<(), BringUpError> {
+        self.reopen()?;
+        self.master.restart();
+        self.samples.restart();
+        self.plausibility.restart();
+        self.proof.restart();
+        self.outbox.restart();
+        self.sync.restart();
+        self.listen_first()?;
+        let booted = self.boot(give_up);
+        if booted.is_err() {
+            self.leave_pre_operational();
+        }
+        booted
+    }
+
+    /// Lets pass what is on its way when a boot begins. Nothing has been sent then.
+    fn listen_first(&mut self) -> Result<(), BringUpError> {
+        let quiet = self.bus.now() + LISTEN_FIRST;
+        while let Some(Received { channel, heard, .. }) = self.bus.receive(quiet) {
+            match heard {
+                Heard::Frame(frame) => {
+                    // A boot would reset the nodes of a master that runs.
+                    if self.master.is_foreign(&Telegram { channel, frame }) {
+                        return Err(BringUpError::Bus(Cause::ForeignMaster));
+                    }
+                }
+                Heard::Fault(fault) => self.heed_fault(channel, fault)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws the conclusions of a fault of the bus while nothing is enabled.
+    fn heed_fault(&mut self, channel: Channel, fault: BusFault) -> Result<(), BringUpError> {
+        self.transmission.heard(channel, fault);
+        let cause = causes::of_bus(channel, fault);
+        cause.map_or(Ok(()), |cause| Err(BringUpError::Bus(cause)))
+    }
+
+    /// Fails where a frame was not taken: without it no node can be booted, whoever seems silent.
+    fn all_was_taken(&self) -> Result<(), BringUpError> {
+        let Some(Channel(channel)) = self.transmission.closed() else { return Ok(()) };
+        let cause = self.cause().unwrap_or(Cause::BusDown { channel });
+        Err(BringUpError::Bus(cause))
+    }
+
     /// Enables the drives at zero torque, lets them prove that they stop by themselves, and is ready.
     fn become_ready(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         self.enable(give_up)?;
         self.prove(give_up)?;
         while self.mode() == Mode::Boot {
+            if give_up() {
+                return Err(BringUpError::GivenUp);
+            }
             self.cycle();
         }
         self.cause().map_or(Ok(()), |cause| Err(BringUpError::NotEnabled(cause)))
@@ -134,9 +180,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// A bus on which nothing may be sent any more begins anew, whatever interface is there now.
     fn reopen(&mut self) -> Result<(), BringUpError> {
         if self.transmission.is_shut() {
-            let reopened = self.bus.reopen();
-            let down = |Gone(Channel(channel))| BringUpError::Bus(Cause::BusDown { channel });
-            reopened.map_err(down)?;
+            self.bus.reopen().map_err(|error| match error {
+                ReopenError::Gone(Channel(channel)) => {
+                    BringUpError::Bus(Cause::BusDown { channel })
+                }
+                ReopenError::Unfit(reason) => BringUpError::Unfit(reason),
+            })?;
         }
         self.transmission.reopen();
         Ok(())
@@ -151,7 +200,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             }
             let event = self.master.on_time(self.bus.now(), &mut self.out);
             self.post();
-            self.heed_boot(event, &mut failed);
+            self.all_was_taken()?;
+            self.heed_boot(event, &mut failed)?;
             if !self.master.is_booting() {
                 break;
             }
@@ -165,30 +215,33 @@ impl<B: Bus, R: Remote> Node<B, R> {
                     self.samples.on_frame(received.at, &telegram);
                     let event = self.master.on_frame(received.at, &telegram, &mut self.out);
                     self.post();
-                    self.heed_boot(event, &mut failed);
+                    self.heed_boot(event, &mut failed)?;
                 }
-                Heard::Fault(fault) => {
-                    self.transmission.heard(channel, fault);
-                    if let Some(cause) = causes::of_bus(channel, fault) {
-                        return Err(BringUpError::Bus(cause));
-                    }
-                }
+                Heard::Fault(fault) => self.heed_fault(channel, fault)?,
             }
         }
         while let Some(event) = self.master.on_time(self.bus.now(), &mut self.out) {
-            self.heed_boot(Some(event), &mut failed);
+            self.heed_boot(Some(event), &mut failed)?;
         }
         self.post();
         if failed.is_empty() { Ok(()) } else { Err(BringUpError::Boot(failed)) }
     }
 
     /// Keeps what the master says: failures for whoever started the boot, everything else for people.
-    fn heed_boot(&mut self, event: Option<Event>, failed: &mut Vec<BootError>) {
-        match event {
-            Some(Event::BootFailed(error)) => failed.push(error),
-            Some(event) => self.note(event),
-            None => {}
+    /// What another master commands or writes meanwhile ends the boot: nothing is known then.
+    fn heed_boot(
+        &mut self,
+        event: Option<Event>,
+        failed: &mut Vec<BootError>,
+    ) -> Result<(), BringUpError> {
+        let Some(event) = event else { return Ok(()) };
+        let is_foreign = matches!(event, Event::ForeignMaster { .. });
+        if let Event::BootFailed(error) = event {
+            failed.push(error);
+        } else {
+            self.note(event);
         }
+        if is_foreign { Err(BringUpError::Bus(Cause::ForeignMaster)) } else { Ok(()) }
     }
 
     /// An orderly stop: torque to zero by a ramp, drives off, confirmed by their statuswords, then NMT
@@ -223,6 +276,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
+    /// Returns whether the latest statusword of every drive says that its power stage is off.
+    pub fn is_off(&self) -> bool {
+        self.first_on().is_none()
+    }
+
     /// The first joint whose drive still has its power stage on, and its statusword.
     fn first_on(&self) -> Option<(usize, u16)> {
         let mut joints = (1..).zip(self.samples.latest());
@@ -235,11 +293,78 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.master.shut_down(&mut self.out);
         self.post();
         let flushed = self.bus.now() + self.period;
-        while self.bus.receive(flushed).is_some() {}
+        while let Some(Received { at, channel, heard }) = self.bus.receive(flushed) {
+            if let Heard::Fault(fault) = heard {
+                self.transmission.heard(channel, fault);
+                self.heed(at, causes::of_bus(channel, fault));
+            }
+        }
     }
 }
 
 /// One line for each.
 fn lines(errors: &[impl ToString]) -> String {
     errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::node::silent::node;
+
+    /// NMT, and the requests of SDO: what a boot may send before any node has answered.
+    fn is_of_a_boot(cob_id: u16) -> bool {
+        cob_id == 0 || (0x600..0x680).contains(&cob_id) || cob_id == 0x77F
+    }
+
+    #[test]
+    fn network_without_nodes_is_absent_and_nobody_is_enabled() {
+        let mut node = node();
+        let Err(BringUpError::Boot(errors)) = node.bring_up(&mut || false) else {
+            panic!("nothing answers");
+        };
+        assert_eq!(errors.len(), 7, "{errors:?}");
+        assert_eq!(node.mode(), Mode::Boot);
+        let sent = node.bus_mut().identifiers();
+        assert!(sent.iter().all(|cob_id| is_of_a_boot(*cob_id)), "{sent:03X?}");
+    }
+
+    #[test]
+    fn boot_that_fails_leaves_all_nodes_pre_operational() {
+        let mut node = node();
+        assert!(node.bring_up(&mut || false).is_err());
+        let sent = &node.bus().sent;
+        let last_nmt = sent.iter().rev().find(|(_, telegram)| telegram.frame.cob_id == 0).unwrap();
+        assert_eq!(last_nmt.1.frame.data().first(), Some(&0x80));
+        let is_start = |(_, telegram): &&(_, Telegram)| {
+            telegram.frame.cob_id == 0 && telegram.frame.data().first() == Some(&1)
+        };
+        assert_eq!(sent.iter().find(is_start), None);
+    }
+
+    #[test]
+    fn boot_given_up_at_once_ends_within_a_moment() {
+        let mut node = node();
+        let given_up = node.bring_up(&mut || true);
+        assert!(matches!(given_up, Err(BringUpError::GivenUp)), "{given_up:?}");
+        let took = node.bus().now().since(crate::time::Instant::ZERO);
+        assert!(took < LISTEN_FIRST + ASK_EVERY, "{took:?}");
+    }
+
+    #[test]
+    fn boot_listens_before_it_sends() {
+        let mut node = node();
+        assert!(node.bring_up(&mut || false).is_err());
+        let (first, _) = node.bus().sent[0];
+        assert!(first.since(crate::time::Instant::ZERO) >= LISTEN_FIRST);
+    }
+
+    #[test]
+    fn stop_of_a_node_that_never_booted_is_over_at_once() {
+        let mut node = node();
+        let begun = node.bus().now();
+        assert_eq!(node.stop(), Ok(()));
+        let took = node.bus().now().since(begun);
+        assert!(took < CONFIRM_WITHIN / 10, "{took:?}");
+    }
 }

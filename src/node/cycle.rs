@@ -12,15 +12,12 @@
 use crate::bus::Bus;
 use crate::bus::Heard;
 use crate::bus::Received;
-use crate::canopen::drive::Goal;
 use crate::canopen::drive::State;
 use crate::canopen::frame::Frame;
 use crate::canopen::frame::Telegram;
 use crate::canopen::master::event::Event;
-use crate::canopen::pdo::PerMille;
 use crate::controller::Input;
 use crate::controller::calibration::Counts;
-use crate::controller::switches::Switches;
 use crate::node::Node;
 use crate::node::safety::Permit;
 use crate::node::safety::causes;
@@ -48,7 +45,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let now = self.bus.now();
         self.judge(now, sync_at);
         let permit = self.safety.permit(now, self.operator.is_held());
-        let input = self.input(now, &permit, due.skipped);
+        let input = self.input(&permit, due.skipped);
 
         let output = self.controller.step(&input);
         self.heed(now, output.fault.as_ref().and_then(causes::of_controller));
@@ -59,16 +56,15 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.heed(now, odd);
 
         let targets = self.gate.pass(self.safety.may_push(), &output.tau, &output.targets);
+        let was_sent = self.send_targets(sync_at, &targets, permit.drives_on);
+        let targets = self.gate.take_back(was_sent);
         self.plausibility.tell(&targets);
-        let is_stale = self.timing.is_stale(sync_at, now);
-        if !is_stale || !self.safety.may_push() {
-            self.send_targets(&targets, permit.drives_on);
-        }
         // A loop that stood still over its samples is not alive.
-        if !is_stale {
+        if !self.is_late(sync_at) {
             self.send_heartbeat(now);
         }
         self.send_time(now);
+        self.recheck(now);
         self.send_request();
         self.exchange(now, &output.command);
 
@@ -78,12 +74,14 @@ impl<B: Bus, R: Remote> Node<B, R> {
             at: sync_at,
             mode: self.safety.mode(),
             cause: self.safety.cause(),
+            overruns: self.timing.overruns(),
             sampled: self.samples.fresh(),
             inputs: self.samples.inputs(now).map(|inputs| inputs.bits()),
             f_s: input.f_s,
             x_b_m: input.x_b_m,
             output,
             targets,
+            others: self.others(),
         }
     }
 
@@ -95,6 +93,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             if !self.schedule.is_missed(due.at, self.bus.now()) {
                 break;
             }
+            self.check_standstill(due.at);
             let next = self.schedule.next(self.bus.now());
             due = Due { at: next.at, skipped: due.skipped + 1 + next.skipped };
             self.listen(due.at);
@@ -109,6 +108,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             && let Some(received) = self.bus.receive(until)
         {
             late += u64::from(self.bus.now() >= until);
+            self.check_standstill(until);
             self.hear(received);
         }
     }
@@ -129,11 +129,21 @@ impl<B: Bus, R: Remote> Node<B, R> {
         while !self.samples.is_complete() {
             let Some(received) = self.bus.receive(until.min(end)) else { break };
             let (at, before) = (received.at, self.samples.fresh());
+            self.check_standstill(sync_at);
             self.hear(received);
             if self.samples.fresh() != before {
                 until = until.max(at + self.next_answer);
             }
         }
+    }
+
+    /// Stops if the loop stood still since `due`. Comes before what waited meanwhile is read: drives that miss
+    /// their master report it, and their reports are not the first cause.
+    fn check_standstill(&mut self, due: Instant) {
+        let now = self.bus.now();
+        let resumed = self.timing.resumed(self.bus.suspended());
+        let stood_still = self.timing.gathered(due, now);
+        [resumed, stood_still].into_iter().for_each(|cause| self.heed(now, cause));
     }
 
     pub(super) fn hear(&mut self, received: Received) {
@@ -143,6 +153,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 let telegram = Telegram { channel, frame };
                 // An old sample is none; what else is told is true however late it is read.
                 let is_stale = self.timing.is_stale(at, self.bus.now());
+                if is_stale {
+                    self.samples.discard(&telegram);
+                }
                 if is_stale || !self.samples.on_frame(at, &telegram) {
                     let event = self.master.on_frame(at, &telegram, &mut self.out);
                     self.post();
@@ -170,7 +183,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// Stops if there is a cause to.
-    fn heed(&mut self, now: Instant, cause: Option<Cause>) {
+    pub(super) fn heed(&mut self, now: Instant, cause: Option<Cause>) {
         if let Some(cause) = cause {
             self.safety.stop(now, cause);
         }
@@ -180,9 +193,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     fn judge(&mut self, now: Instant, sync_at: Instant) {
         let before = self.cause();
         self.tend_master(now);
-        let resumed = self.timing.resumed(self.bus.suspended());
-        let stood_still = self.timing.gathered(sync_at, now);
-        [resumed, stood_still].into_iter().for_each(|cause| self.heed(now, cause));
+        self.check_standstill(sync_at);
         let missing = self.samples.end(now);
         self.heed(now, missing);
         let contradiction = self.operator.feel(now, self.samples.inputs(now));
@@ -225,17 +236,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
         Some((joint, sample.statusword.0))
     }
 
-    fn input(&self, now: Instant, permit: &Permit, skipped: u64) -> Input {
-        let inputs = self.samples.inputs(now);
+    fn input(&self, permit: &Permit, skipped: u64) -> Input {
         Input {
             counts: self.samples.latest().map(|sample| Counts(sample.position.0)),
             f_s: self.link.f_s(),
             x_b_m: self.link.x_b_m(),
-            switches: Switches {
-                deadman: permit.engaged,
-                reference: inputs.is_some_and(|inputs| inputs.reference),
-                reflection: inputs.is_some_and(|inputs| inputs.reflection),
-            },
+            switches: self.operator.switches(permit.engaged),
             mode: self.command_mode,
             gravity_share: permit.gravity_share,
             reflection_share: permit.reflection_share,
@@ -243,28 +249,13 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
+    /// Sends SYNC, and returns when: what follows of it is as old as that.
     pub(super) fn send_sync(&mut self) -> Instant {
-        self.samples.begin(self.bus.now());
+        let now = self.bus.now();
+        self.samples.begin(now);
         let sync = self.sync.next().frame();
         self.send_on_every_bus(sync);
-        self.bus.now()
-    }
-
-    pub(super) fn send_targets(&mut self, targets: &[i16; 6], drives_on: bool) {
-        let mode = self.safety.mode();
-        for (joint, (sample, target)) in self.samples.latest().iter().zip(targets).enumerate() {
-            self.outbox.exert(joint, PerMille(*target));
-            let state = sample.statusword.state();
-            let goal = self.power.goal(joint, state, mode, drives_on);
-            // A fault is reset by an edge, so no word is replaced before it is sent, unless by "off".
-            if goal == Goal::VoltageDisabled || !self.outbox.is_waiting(joint) {
-                let word = self.power.controlword(joint, state, goal);
-                self.outbox.lead(joint, word, goal.is_reached(state));
-            }
-        }
-        self.outbox.cyclic(&mut self.out);
-        self.outbox.changed(&mut self.out);
-        self.post();
+        now
     }
 
     /// The node's own heartbeat: from the cycle itself, so that it stops with it.
@@ -309,14 +300,101 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.out = out;
     }
 
-    /// Sends a frame now or never.
-    pub(super) fn send(&mut self, telegram: Telegram) {
+    /// Sends a frame now or never, and returns whether its bus has taken it.
+    pub(super) fn send(&mut self, telegram: Telegram) -> bool {
         if !self.transmission.may(telegram.channel) {
-            return;
+            return false;
         }
         let now = self.bus.now();
         let outcome = self.bus.send(telegram);
         let cause = self.transmission.offered(now, &telegram, outcome);
         self.heed(now, cause);
+        outcome.is_ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bus::SendError;
+    use crate::node::silent::node;
+    use crate::telemetry::cause::Kind;
+
+    #[test]
+    fn sync_comes_first_and_once_a_period() {
+        let mut node = node();
+        let mut syncs = Vec::new();
+        for _ in 0..20 {
+            let from = node.bus().sent.len();
+            let record = node.cycle();
+            let (at, first) = node.bus().sent[from];
+            assert_eq!((first.frame.cob_id, at), (0x80, record.at));
+            syncs.push(at);
+        }
+        let apart = |pair: &[Instant]| pair[1].since(pair[0]);
+        assert!(syncs.windows(2).all(|pair| apart(pair) == node.period), "{syncs:?}");
+        let count = node.bus_mut().identifiers().into_iter().filter(|cob_id| *cob_id == 0x80);
+        assert_eq!(count.count(), 20);
+    }
+
+    #[test]
+    fn node_that_is_not_armed_sends_zero_torque_behind_each_sync() {
+        let mut node = node();
+        for _ in 0..10 {
+            let record = node.cycle();
+            assert_eq!(record.targets, [0; 6]);
+            let sent: Vec<_> = node.bus_mut().sent.drain(..).collect();
+            for cob_id in [0x201, 0x204] {
+                let frames = sent.iter().filter(|(_, telegram)| telegram.frame.cob_id == cob_id);
+                let data: Vec<_> = frames.map(|(_, telegram)| telegram.frame.data()).collect();
+                assert_eq!(data, [[0; 6]], "{cob_id:03X}h");
+            }
+        }
+    }
+
+    #[test]
+    fn samples_that_never_come_stop_it_in_the_third_cycle() {
+        let mut node = node();
+        let causes: Vec<_> = (0..4).map(|_| node.cycle().cause.map(|cause| cause.kind())).collect();
+        let missing = Some(Kind::SamplesMissing);
+        assert_eq!(causes, [None, None, missing, missing]);
+    }
+
+    #[test]
+    fn window_leaves_time_for_the_targets() {
+        let mut node = node();
+        let record = node.cycle();
+        let targets = node.bus().sent.iter().find(|(_, telegram)| telegram.frame.cob_id == 0x201);
+        let after = targets.unwrap().0.since(record.at);
+        // Two frames of six bytes behind it, 115 bits each at 1 Mbit/s.
+        assert!(after + std::time::Duration::from_micros(230) <= node.period, "{after:?}");
+    }
+
+    #[test]
+    fn process_that_stands_still_is_an_overrun_whatever_waits_to_be_read() {
+        let mut node = node();
+        node.cycle();
+        node.bus_mut().stands_still = node.period * 8;
+        let record = node.cycle();
+        assert_eq!(record.cause.map(|cause| cause.kind()), Some(Kind::Overrun));
+    }
+
+    #[test]
+    fn heartbeat_comes_from_the_cycle() {
+        let mut node = node();
+        (0..50).for_each(|_| _ = node.cycle());
+        assert!(node.bus_mut().identifiers().contains(&0x77F));
+    }
+
+    #[test]
+    fn frame_that_is_not_taken_stops_it_and_a_second_cycle_gives_the_bus_up() {
+        let mut node = node();
+        node.bus_mut().refuses = Some(SendError::Full);
+        let first = node.cycle();
+        assert_eq!(first.cause.map(|cause| cause.kind()), Some(Kind::QueueFull));
+        node.cycle();
+        node.bus_mut().refuses = None;
+        let last = node.cycle();
+        assert_eq!((last.mode, node.bus().sent.len()), (Mode::DrivesOff, 0));
     }
 }

@@ -15,13 +15,19 @@ const GROWTH: i16 = 10;
 pub(super) struct Gate {
     most: [i16; 6],
     told: [i16; 6],
+    /// In the cycle before.
+    before: [i16; 6],
 }
 
 impl Gate {
     /// Nothing told yet. `most` is the lesser of the joint's capacity and what its drive is limited to
     /// (6072h), which bring-up sets to that.
     pub(super) fn new(most: [PerMille; 6]) -> Self {
-        Self { most: most.map(|PerMille(most)| most.saturating_abs()), told: [0; 6] }
+        Self {
+            most: most.map(|PerMille(most)| most.saturating_abs()),
+            told: [0; 6],
+            before: [0; 6],
+        }
     }
 
     /// What may be told of `targets`, made of `tau`. None of it unless there `may_be_torque`, or if one
@@ -33,8 +39,19 @@ impl Gate {
         targets: &[PerMille; 6],
     ) -> [i16; 6] {
         let passes = may_be_torque && tau.iter().all(|tau| tau.is_finite());
+        self.before = self.told;
         for ((told, most), PerMille(target)) in self.told.iter_mut().zip(self.most).zip(targets) {
             *told = if passes { nearest(*told, *target, most) } else { 0 };
+        }
+        self.told
+    }
+
+    /// Takes back the torques that were not sent, and returns what the drives hold: those drives keep the
+    /// torque of the cycle before, from which the next one grows. A zero is never taken back.
+    pub(super) fn take_back(&mut self, was_sent: [bool; 6]) -> [i16; 6] {
+        let joints = self.told.iter_mut().zip(self.before).zip(was_sent);
+        for ((told, before), _) in joints.filter(|((told, _), was_sent)| !was_sent && **told != 0) {
+            *told = before;
         }
         self.told
     }
@@ -111,6 +128,20 @@ mod tests {
         }
         assert_eq!(told, [600, -600, 599, 0, 61, 600]);
         assert_eq!(gate.pass(true, &JointVector::zeros(), &[PerMille(0); 6]), [0; 6]);
+    }
+
+    #[test]
+    fn growth_counts_from_the_torque_that_was_sent() {
+        let mut gate = Gate::new([PerMille(600); 6]);
+        let mut pass = |target| gate.pass(true, &JointVector::zeros(), &[PerMille(target); 6]);
+        assert_eq!(pass(600), [60; 6]);
+        assert_eq!(pass(600), [120; 6]);
+        let was_sent = [true, true, true, false, false, false];
+        assert_eq!(gate.take_back(was_sent), [120, 120, 120, 60, 60, 60]);
+        let told = gate.pass(true, &JointVector::zeros(), &[PerMille(600); 6]);
+        assert_eq!(told, [180, 180, 180, 120, 120, 120]);
+        gate.pass(true, &JointVector::zeros(), &[PerMille(0); 6]);
+        assert_eq!(gate.take_back([false; 6]), [0; 6], "zero is repeated until it is sent");
     }
 
     #[test]

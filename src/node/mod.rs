@@ -16,8 +16,12 @@ mod request;
 pub mod safety;
 mod samples;
 mod schedule;
+#[cfg(test)]
+mod silent;
+mod targets;
 mod timing;
 mod transmission;
+mod unpowered;
 
 pub use bring_up::BringUpError;
 pub use bring_up::NotConfirmed;
@@ -58,6 +62,7 @@ use crate::remote::Remote;
 use crate::spatial::Motion;
 use crate::telemetry::cause::Cause;
 use crate::telemetry::record::Mode;
+use crate::telemetry::record::Others;
 
 /// One hand controller's node on its buses.
 #[derive(Clone, Debug)]
@@ -136,6 +141,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             samples: Samples::new(
                 inbox,
                 plausibility::intakes(config),
+                config.joints.each_ref().map(|joint| joint.channel),
                 config.safety.missing_samples,
             ),
             plausibility: Plausibility::new(config),
@@ -173,6 +179,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// What has happened on the network, for people: the oldest that was not asked for yet.
     pub fn notice(&mut self) -> Option<Event> {
         self.notices.pop_front()
+    }
+
+    /// What was seen of other clients, and could not be read again.
+    fn others(&self) -> Others {
+        Others { uploads: self.master.foreign_uploads(), unread: self.proof.unread() }
     }
 
     fn note(&mut self, event: Event) {

@@ -52,7 +52,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let now = self.bus.now();
         match request {
             Request::Arm => {
-                self.proof.allows_force()?;
+                // Of a latched stop the cause is the reason, and not what its boot has not proven.
+                if !self.mode().is_latched() {
+                    self.proof.allows_force()?;
+                }
                 self.safety.arm(now, self.operator.grasp())?;
             }
             Request::Disarm => self.safety.disarm(),
@@ -74,5 +77,57 @@ impl<B: Bus, R: Remote> Node<B, R> {
             booted?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::node::silent::node;
+
+    fn ask(request: Request) -> (Result<Mode, Refused>, Mode) {
+        let mut node = node();
+        let answer = node.request(request, &mut || false);
+        (answer, node.mode())
+    }
+
+    #[test]
+    fn arming_before_the_boot_is_refused() {
+        let (answer, mode) = ask(Request::Arm);
+        assert!(matches!(answer, Err(Refused::Mode(_) | Refused::Force(_))), "{answer:?}");
+        assert_eq!(mode, Mode::Boot);
+    }
+
+    #[test]
+    fn reset_where_nothing_is_stopped_is_refused_and_boots_nothing() {
+        let mut node = node();
+        let answer = node.request(Request::Reset, &mut || false);
+        assert!(matches!(answer, Err(Refused::Mode(Refusal::NotStopped(Mode::Boot)))));
+        assert_eq!(node.bus().sent.len(), 0);
+    }
+
+    #[test]
+    fn disarming_is_never_refused() {
+        assert!(matches!(ask(Request::Disarm), (Ok(Mode::Boot), Mode::Boot)));
+    }
+
+    #[test]
+    fn command_mode_is_taken_and_the_mode_stays() {
+        let mut node = node();
+        for mode in [CommandMode::Pose, CommandMode::Rate] {
+            let answer = node.request(Request::Command(mode), &mut || false);
+            assert_eq!((answer.unwrap(), node.command_mode), (Mode::Boot, mode));
+        }
+    }
+
+    #[test]
+    fn reset_that_does_not_boot_goes_back_to_its_stop() {
+        let mut node = node();
+        (0..5).for_each(|_| _ = node.cycle());
+        let cause = node.cause();
+        assert!(cause.is_some() && node.mode().is_stopped(), "no samples");
+        let answer = node.request(Request::Reset, &mut || false);
+        assert!(matches!(answer, Err(Refused::Boot(_))), "{answer:?}");
+        assert_eq!((node.mode(), node.cause()), (Mode::DrivesOff, cause));
     }
 }

@@ -5,6 +5,7 @@ use std::time::Duration;
 use crate::canopen::drive::Statusword;
 use crate::canopen::exchange::Inbox;
 use crate::canopen::exchange::Told;
+use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
 use crate::canopen::pdo::DriveSample;
 use crate::canopen::pdo::SwitchInputs;
@@ -27,6 +28,8 @@ pub(super) struct Samples {
     /// Which of the positions that come are samples.
     intakes: [Intake; 6],
     patience: u32,
+    /// The bus of each joint.
+    channels: [Channel; 6],
     /// How old a joint's statusword may be; `None` where it comes with the position.
     status_stale: [Option<Duration>; 6],
     latest: [DriveSample; 6],
@@ -47,11 +50,17 @@ pub(super) struct Samples {
 impl Samples {
     /// Nothing heard yet. The nodes of `inbox` are the joints, then the switch box. `patience` is how
     /// many cycles in a row a joint may miss.
-    pub(super) fn new(inbox: Inbox, intakes: [Intake; 6], patience: u32) -> Self {
+    pub(super) fn new(
+        inbox: Inbox,
+        intakes: [Intake; 6],
+        channels: [Channel; 6],
+        patience: u32,
+    ) -> Self {
         let stale = |joint| inbox.status_repeated(joint).map(|every| every * STATUS_MISSED);
         Self {
             intakes,
             patience,
+            channels,
             status_stale: std::array::from_fn(stale),
             latest: [DriveSample::default(); 6],
             status_at: [None; 6],
@@ -81,6 +90,14 @@ impl Samples {
             Some(Err(_)) => self.malformed += 1,
         }
         true
+    }
+
+    /// Takes a frame that waited too long to be read: its position is late, and not lost.
+    pub(super) fn discard(&mut self, telegram: &Telegram) {
+        let Some(Ok(told)) = self.inbox.read(telegram) else { return };
+        if told.position.is_some() {
+            self.intakes.iter_mut().skip(told.node).take(1).for_each(Intake::discard);
+        }
     }
 
     fn take(&mut self, at: Instant, told: Told) {
@@ -120,7 +137,22 @@ impl Samples {
                 lost = lost.or(Some(Cause::SamplesMissing { joint, cycles: *missing }));
             }
         }
-        lost.or_else(|| self.status_missing(now))
+        if let Some(Cause::SamplesMissing { joint, cycles }) = lost {
+            lost = self.bus_silent(joint, cycles).or(lost);
+        }
+        let overdue = || self.intakes.iter().find_map(Intake::overdue);
+        lost.or_else(overdue).or_else(|| self.status_missing(now))
+    }
+
+    /// The cause if the bus of `joint` is silent: none of its drives, and more than one, answers.
+    fn bus_silent(&self, joint: usize, cycles: u32) -> Option<Cause> {
+        let channel = self.channels.get(joint.checked_sub(1)?)?;
+        let drives = || self.channels.iter().zip(&self.missing).filter(|(of, _)| *of == channel);
+        // Those that answered before the bus fell silent in the middle of a cycle are one behind.
+        let is_silent = |missing: u32| missing > 0 && missing + 1 >= self.patience;
+        let are_silent = drives().all(|(_, missing)| is_silent(*missing));
+        let channel = channel.0;
+        (are_silent && drives().count() > 1).then_some(Cause::BusSilent { channel, cycles })
     }
 
     /// The first joint that has not told its state for too long. Before it ever has, that it is not
@@ -134,13 +166,18 @@ impl Samples {
         silent.next()
     }
 
-    /// Forgets what was missed and what state the drives were in: the network starts anew.
-    pub(super) fn restart(&mut self) {
+    /// Forgets what was missed: drives that had left operational, and answered no SYNC, are started again.
+    pub(super) fn start_again(&mut self) {
         self.missing = [0; 6];
-        self.fresh = [false; 6];
-        self.torques = [false; 6];
         self.wrong = None;
         self.intakes.iter_mut().for_each(Intake::restart);
+    }
+
+    /// Forgets what was missed and what state the drives were in: the network starts anew.
+    pub(super) fn restart(&mut self) {
+        self.start_again();
+        self.fresh = [false; 6];
+        self.torques = [false; 6];
         self.status_at = [None; 6];
         self.latest.iter_mut().for_each(|sample| sample.statusword = Statusword::default());
         self.inputs = None;
@@ -184,7 +221,7 @@ mod tests {
     fn samples(name: &str) -> Samples {
         let config = Config::load(Path::new(&format!("config/{name}.toml"))).unwrap();
         let (inbox, _) = exchange::resolve(&config.node_plans()).unwrap();
-        Samples::new(inbox, plausibility::intakes(&config), 3)
+        Samples::new(inbox, plausibility::intakes(&config), [Channel(0); 6], 3)
     }
 
     fn hear(samples: &mut Samples, at: u64, cob_id: u16, data: &[u8]) -> bool {

@@ -34,20 +34,41 @@ pub(super) struct Timing {
     oldest: usize,
     /// How long the host has been suspended so far.
     suspended: Duration,
+    /// Cycles that took longer than they may.
+    overruns: u64,
+    /// Torques of this cycle were dropped because they were late.
+    has_dropped: bool,
 }
 
 impl Timing {
     /// Never late so far.
     pub(super) const fn new(period: Duration, suspended: Duration) -> Self {
-        Self { period, in_a_row: 0, late: [None; OFTEN], oldest: 0, suspended }
+        let late = [None; OFTEN];
+        Self { period, in_a_row: 0, late, oldest: 0, suspended, overruns: 0, has_dropped: false }
+    }
+
+    /// Returns how many cycles have taken longer than they may: their torques were late, or the turn of the next
+    /// SYNC was missed.
+    pub(super) const fn overruns(&self) -> u64 {
+        self.overruns
+    }
+
+    /// Torques of this cycle were too late to be sent. The turn of the next SYNC is missed then, too.
+    pub(super) const fn dropped(&mut self) {
+        if !self.has_dropped {
+            self.overruns += 1;
+        }
+        self.has_dropped = true;
     }
 
     /// A cycle begins after `skipped` others were skipped: whether that was too often, or too long.
     pub(super) fn begins(&mut self, now: Instant, skipped: u64) -> Option<Cause> {
-        if skipped == 0 {
+        let is_counted = std::mem::take(&mut self.has_dropped);
+        if skipped == 0 && !is_counted {
             self.in_a_row = 0;
             return None;
         }
+        self.overruns += u64::from(!is_counted);
         self.in_a_row = self.in_a_row.saturating_add(1);
         let slot = self.late.get_mut(self.oldest)?;
         *slot = Some(now);
@@ -112,6 +133,21 @@ mod tests {
         let first = causes(apart(111)).into_iter().position(|cause| cause.is_some());
         assert_eq!(first, Some(18), "the tenth, 999 ms after the first");
         assert!(causes(apart(112)).iter().all(Option::is_none));
+    }
+
+    #[test]
+    fn hazard_29_cycles_of_dropped_torques_count_once_as_overruns() {
+        let mut timing = timing();
+        for cycle in 1..=3 {
+            assert_eq!(timing.overruns(), cycle - 1);
+            timing.dropped();
+            timing.dropped();
+            assert_eq!(timing.overruns(), cycle);
+            let late = timing.begins(at(2 * cycle), 1);
+            assert_eq!(late, (cycle == 3).then_some(Cause::Late));
+        }
+        assert_eq!(timing.begins(at(8), 1), Some(Cause::Late), "without a drop");
+        assert_eq!((timing.begins(at(9), 0), timing.overruns()), (None, 4));
     }
 
     #[test]

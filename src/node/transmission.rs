@@ -71,6 +71,11 @@ impl Transmission {
         self.lines.iter().any(|line| line.gate == Gate::Shut)
     }
 
+    /// The first bus on which nothing may be sent now.
+    pub(super) fn closed(&self) -> Option<Channel> {
+        self.lines.iter().find(|line| line.gate != Gate::Open).map(|line| line.channel)
+    }
+
     /// Whether a frame may be sent on this bus now.
     pub(super) fn may(&self, channel: Channel) -> bool {
         self.lines.iter().any(|line| line.channel == channel && line.gate == Gate::Open)

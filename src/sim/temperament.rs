@@ -18,6 +18,7 @@ use thiserror::Error;
 
 use crate::sim::hand::Hand;
 use crate::sim::tremor::Shake;
+use crate::written::List;
 
 /// How a hand holds, and how it answers.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
@@ -162,7 +163,7 @@ struct Table {
     stiffening: Option<f64>,
     startle_n: Option<f64>,
     tremor_mm: Option<f64>,
-    tremor_hz: Option<[f64; 2]>,
+    tremor_hz: Option<List<f64, 2>>,
 }
 
 impl TryFrom<Table> for Temperament {
@@ -194,7 +195,8 @@ impl TryFrom<Table> for Temperament {
         let startle = table.startle_n.or(named.startle);
         let amplitude = millimetres(named.shake.amplitude);
         let amplitude = within("tremor_mm", table.tremor_mm, amplitude, 0.0..=5.0)? / 1e3;
-        let shake = Shake { amplitude, band: band(table.tremor_hz.unwrap_or(named.shake.band))? };
+        let tremor_hz = table.tremor_hz.map_or(named.shake.band, |list| list.0);
+        let shake = Shake { amplitude, band: band(tremor_hz)? };
         Ok(Self {
             hand,
             reaction: within("reaction_s", table.reaction_s, named.reaction, 0.0..=0.5)?,

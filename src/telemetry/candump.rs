@@ -5,6 +5,7 @@
 //! (1700000000.123456) wrench0 18FF0000##0001122…       CAN FD: flags, then data
 //! (1700000000.123456) can0 20000004#0008000000000000   an error frame
 //! (1700000000.123456) can0 701#R                       a remote frame
+//! (1700000000.123456) can0 181#3706E8030000FEFF_E      a data length code above 8: candump -8
 //! ```
 //!
 //! Stamps have six digits, or nine as `candump -N` writes them. Three digits of identifier are 11 bits,
@@ -37,6 +38,8 @@ pub struct Line<'t> {
     pub id: u32,
     /// Whether it was written with eight digits.
     pub is_extended: bool,
+    /// The data length code, where it was written apart from the length: 9 to 15, each of which means 8 bytes.
+    pub raw_dlc: Option<u8>,
     /// What it carries.
     pub content: Content,
 }
@@ -56,6 +59,17 @@ pub enum Content {
 
 /// The most data a frame has: CAN FD's.
 const MOST: usize = 64;
+
+impl Content {
+    /// Returns whether this is a frame that may have a data length code above 8.
+    pub(super) fn is_classical_of_8(&self) -> bool {
+        match self {
+            Self::Data(data) => data.len() == 8,
+            Self::Remote(length) => *length == Some(8),
+            Self::Fd(..) | Self::Error(_) => false,
+        }
+    }
+}
 
 /// The data of a frame, in place: a log of a million lines is read without an allocation.
 #[derive(Clone, Copy)]
@@ -163,11 +177,15 @@ impl<'t> Line<'t> {
         let (digits, rest) =
             words.next().and_then(|frame| frame.split_once('#')).ok_or(NotALine::Identifier)?;
         let (id, is_extended) = identifier(digits).ok_or(NotALine::Identifier)?;
+        let (rest, raw_dlc) = raw_dlc(rest).ok_or(NotALine::Data)?;
         let content = content(id, rest).ok_or(NotALine::Data)?;
+        if raw_dlc.is_some() && !content.is_classical_of_8() {
+            return Err(NotALine::Data);
+        }
         if !matches!((words.next(), words.next()), (None | Some("R" | "T"), None)) {
             return Err(NotALine::Data);
         }
-        Ok(Self { nanos, is_fine, interface, id, is_extended, content })
+        Ok(Self { nanos, is_fine, interface, id, is_extended, raw_dlc, content })
     }
 
     /// The data of an ordinary CANopen frame: 11 bits, at most eight bytes.
@@ -196,9 +214,13 @@ impl fmt::Display for Line<'_> {
                 data
             }
             Content::Remote(None) => return f.write_str("R"),
-            Content::Remote(Some(length)) => return write!(f, "R{length}"),
+            Content::Remote(Some(length)) => {
+                write!(f, "R{length}")?;
+                &Bytes::EMPTY
+            }
         };
-        data.iter().try_for_each(|byte| write!(f, "{byte:02X}"))
+        data.iter().try_for_each(|byte| write!(f, "{byte:02X}"))?;
+        self.raw_dlc.map_or(Ok(()), |dlc| write!(f, "_{dlc:X}"))
     }
 }
 
@@ -213,6 +235,20 @@ pub(super) fn identifier(digits: &str) -> Option<(u32, bool)> {
 /// Whether this is the identifier of an error frame.
 pub(super) const fn is_error(id: u32) -> bool {
     id & ERROR_FLAG != 0
+}
+
+/// Splits `_E` off what stands behind the `#`; without it there is no raw data length code.
+fn raw_dlc(rest: &str) -> Option<(&str, Option<u8>)> {
+    match rest.split_once('_') {
+        None => Some((rest, None)),
+        Some((content, code)) => Some((content, Some(long_dlc(code)?))),
+    }
+}
+
+/// A data length code of 9 to 15, one hexadecimal digit.
+pub(super) fn long_dlc(code: &str) -> Option<u8> {
+    let &[code] = code.as_bytes() else { return None };
+    digit(code).filter(|dlc| *dlc > 8)
 }
 
 /// What stands behind the `#`.
@@ -314,6 +350,8 @@ mod tests {
             "(1.000000) can0 701#R",
             "(1.000000) can0 701#R8",
             "(1.000000) can0 1FFFFFFF#00",
+            "(1.000000) can0 123#1122334455667788_E",
+            "(1.000000) can0 123#R8_9",
         ] {
             assert_eq!(Line::parse(line).unwrap().to_string(), line);
         }
@@ -334,6 +372,10 @@ mod tests {
             ("(1.000000) can0 080##", NotALine::Data),
             ("(1.000000) can0 080#11 22", NotALine::Data),
             ("(+1.000000) can0 080#", NotALine::Stamp),
+            ("(1.000000) can0 080#1122334455667788_8", NotALine::Data),
+            ("(1.000000) can0 080#1122334455667788_", NotALine::Data),
+            ("(1.000000) can0 080#11_E", NotALine::Data),
+            ("(1.000000) can0 080##01122334455667788_E", NotALine::Data),
         ] {
             assert_eq!(Line::parse(line), Err(reason), "{line}");
         }

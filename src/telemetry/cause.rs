@@ -2,7 +2,10 @@
 
 use std::fmt;
 
+use crate::canopen::NmtState;
 use crate::canopen::error_codes;
+use crate::canopen::nmt;
+use crate::canopen::object::Object;
 use crate::controller::Fault;
 
 /// What stopped the node. Joints count from 1, as in the paper; nodes are places in the list of the
@@ -11,10 +14,14 @@ use crate::controller::Fault;
 pub enum Cause {
     /// A drive's samples did not come in time, several cycles in a row.
     SamplesMissing { joint: usize, cycles: u32 },
+    /// No drive of a bus answered in time, several cycles in a row.
+    BusSilent { channel: u8, cycles: u32 },
     /// A drive no longer tells its state, although its positions come.
     StatusMissing { joint: usize },
     /// So many of a joint's samples were missing within the last second that it is no longer trusted.
     SamplesRare { joint: usize, percent: u32 },
+    /// So many of a joint's samples are late or lost that those that come may be too old.
+    SamplesOverdue { joint: usize, cycles: u32 },
     /// A joint's position stands still to the last count although it is pushed and a neighbour moves.
     PositionFrozen { joint: usize },
     /// A joint's position jumped farther than it can have moved, twice.
@@ -41,10 +48,14 @@ pub enum Cause {
     HeartbeatLost { node: usize },
     /// A node started anew in the middle of a run.
     Rebooted { node: usize },
+    /// A node that runs reports another state than operational.
+    LeftOperational { node: usize, state: NmtState },
     /// Two nodes seem to have one node-id.
     Duplicate { node: usize },
     /// Somebody else commands this network.
     ForeignMaster,
+    /// An object does not hold what the boot has proven.
+    SettingChanged { node: usize, object: Object, expected: u32, found: u32 },
     /// The controller met a number it cannot use.
     ControllerFault { fault: Fault },
     /// A torque frame could not be sent.
@@ -69,6 +80,17 @@ pub enum Cause {
     Suspended,
     /// A drive did not reach `Operation enabled`.
     EnableTimeout { joint: usize, statusword: u16 },
+    /// A run begins that a person must release first.
+    AwaitsReset { awaited: Awaited },
+}
+
+/// Reason why a run begins stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Awaited {
+    /// The last run crashed, was killed, or ended stopped.
+    NotEnded,
+    /// A crash of this run would leave no trace.
+    Unmarked,
 }
 
 /// What kind of cause it is: a row of the fault table.
@@ -80,6 +102,8 @@ pub enum Kind {
     StatusMissing,
     /// So many of a joint's samples were missing within the last second that it is no longer trusted.
     SamplesRare,
+    /// So many of a joint's samples are late or lost that those that come may be too old.
+    SamplesOverdue,
     /// A joint's position stands still to the last count although it is pushed and a neighbour moves.
     PositionFrozen,
     /// A joint's position jumped farther than it can have moved, twice.
@@ -106,10 +130,14 @@ pub enum Kind {
     HeartbeatLost,
     /// A node started anew in the middle of a run.
     Rebooted,
+    /// A node that runs reports another state than operational.
+    LeftOperational,
     /// Two nodes seem to have one node-id.
     Duplicate,
     /// Somebody else commands this network.
     ForeignMaster,
+    /// An object does not hold what the boot has proven.
+    SettingChanged,
     /// The controller met a number it cannot use.
     ControllerFault,
     /// A torque frame could not be sent.
@@ -134,14 +162,17 @@ pub enum Kind {
     Suspended,
     /// A drive did not reach `Operation enabled`.
     EnableTimeout,
+    /// A run begins that a person must release first.
+    AwaitsReset,
 }
 
 impl Kind {
     /// All of them, in the order of their declaration.
-    pub const ALL: [Self; 30] = [
+    pub const ALL: [Self; 34] = [
         Self::SamplesMissing,
         Self::StatusMissing,
         Self::SamplesRare,
+        Self::SamplesOverdue,
         Self::PositionFrozen,
         Self::PositionJumped,
         Self::TorqueDiffers,
@@ -155,8 +186,10 @@ impl Kind {
         Self::Emergency,
         Self::HeartbeatLost,
         Self::Rebooted,
+        Self::LeftOperational,
         Self::Duplicate,
         Self::ForeignMaster,
+        Self::SettingChanged,
         Self::ControllerFault,
         Self::QueueFull,
         Self::EchoMissing,
@@ -169,6 +202,7 @@ impl Kind {
         Self::Late,
         Self::Suspended,
         Self::EnableTimeout,
+        Self::AwaitsReset,
     ];
 }
 
@@ -179,6 +213,7 @@ impl Cause {
             Self::SamplesMissing { joint, .. }
             | Self::StatusMissing { joint }
             | Self::SamplesRare { joint, .. }
+            | Self::SamplesOverdue { joint, .. }
             | Self::PositionFrozen { joint }
             | Self::PositionJumped { joint }
             | Self::TorqueDiffers { joint }
@@ -189,11 +224,16 @@ impl Cause {
             Self::Emergency { node: drive @ 0..6, .. }
             | Self::HeartbeatLost { node: drive @ 0..6 }
             | Self::Rebooted { node: drive @ 0..6 }
+            | Self::LeftOperational { node: drive @ 0..6, .. }
+            | Self::SettingChanged { node: drive @ 0..6, .. }
             | Self::Duplicate { node: drive @ 0..6 } => Some(drive + 1),
             Self::Emergency { .. }
             | Self::HeartbeatLost { .. }
             | Self::Rebooted { .. }
+            | Self::LeftOperational { .. }
+            | Self::SettingChanged { .. }
             | Self::Duplicate { .. }
+            | Self::BusSilent { .. }
             | Self::GripOverspeed
             | Self::MovesUnheld
             | Self::Unstable
@@ -209,16 +249,18 @@ impl Cause {
             | Self::DeadmanTaped
             | Self::Overrun { .. }
             | Self::Late
-            | Self::Suspended => None,
+            | Self::Suspended
+            | Self::AwaitsReset { .. } => None,
         }
     }
 
     /// Its row of the fault table.
     pub const fn kind(&self) -> Kind {
         match self {
-            Self::SamplesMissing { .. } => Kind::SamplesMissing,
+            Self::SamplesMissing { .. } | Self::BusSilent { .. } => Kind::SamplesMissing,
             Self::StatusMissing { .. } => Kind::StatusMissing,
             Self::SamplesRare { .. } => Kind::SamplesRare,
+            Self::SamplesOverdue { .. } => Kind::SamplesOverdue,
             Self::PositionFrozen { .. } => Kind::PositionFrozen,
             Self::PositionJumped { .. } => Kind::PositionJumped,
             Self::TorqueDiffers { .. } => Kind::TorqueDiffers,
@@ -232,8 +274,10 @@ impl Cause {
             Self::Emergency { .. } => Kind::Emergency,
             Self::HeartbeatLost { .. } => Kind::HeartbeatLost,
             Self::Rebooted { .. } => Kind::Rebooted,
+            Self::LeftOperational { .. } => Kind::LeftOperational,
             Self::Duplicate { .. } => Kind::Duplicate,
             Self::ForeignMaster => Kind::ForeignMaster,
+            Self::SettingChanged { .. } => Kind::SettingChanged,
             Self::ControllerFault { .. } => Kind::ControllerFault,
             Self::QueueFull { .. } => Kind::QueueFull,
             Self::EchoMissing { .. } => Kind::EchoMissing,
@@ -246,6 +290,7 @@ impl Cause {
             Self::Late => Kind::Late,
             Self::Suspended => Kind::Suspended,
             Self::EnableTimeout { .. } => Kind::EnableTimeout,
+            Self::AwaitsReset { .. } => Kind::AwaitsReset,
         }
     }
 }
@@ -255,6 +300,9 @@ impl fmt::Display for Cause {
         match self {
             Self::SamplesRare { joint, percent } => {
                 write!(f, "joint {joint}: {percent} % of its samples were missing within a second")
+            }
+            Self::SamplesOverdue { joint, cycles } => {
+                write!(f, "joint {joint}: {cycles} samples late or lost, the others may be as old")
             }
             Self::PositionFrozen { joint } => {
                 write!(f, "joint {joint}: its position stands still under torque")
@@ -273,6 +321,9 @@ impl fmt::Display for Cause {
             Self::SamplesMissing { joint, cycles } => {
                 write!(f, "joint {joint}: no sample for {cycles} cycles")
             }
+            Self::BusSilent { channel, cycles } => {
+                write!(f, "bus {channel}: no sample of any drive for {cycles} cycles")
+            }
             Self::DriveLeft { joint, statusword } => {
                 write!(f, "joint {joint}: drive left operation enabled (6041h = {statusword:04X}h)")
             }
@@ -286,6 +337,13 @@ impl fmt::Display for Cause {
                 write!(f, "{}: two nodes seem to have its node-id", Who(*node))
             }
             Self::ForeignMaster => f.write_str("another master is on the bus"),
+            Self::LeftOperational { node, state } => {
+                write!(f, "{}: left operational, is {}", Who(*node), nmt::words(*state))
+            }
+            Self::SettingChanged { node, object, expected, found } => {
+                let who = Who(*node);
+                write!(f, "{who}: {object} is {found:X}h, was proven as {expected:X}h")
+            }
             Self::ControllerFault { fault } => write!(f, "controller: {fault}"),
             Self::QueueFull { channel } => write!(f, "bus {channel}: transmit queue full"),
             Self::EchoMissing { channel } => {
@@ -303,6 +361,12 @@ impl fmt::Display for Cause {
             Self::Overrun { cycles } => write!(f, "the loop stood still for {cycles} cycles"),
             Self::EnableTimeout { joint, statusword } => {
                 write!(f, "joint {joint}: not enabled in time (6041h = {statusword:04X}h)")
+            }
+            Self::AwaitsReset { awaited: Awaited::NotEnded } => {
+                f.write_str("the last run did not end in order: waiting for a reset")
+            }
+            Self::AwaitsReset { awaited: Awaited::Unmarked } => {
+                f.write_str("the state folder cannot be written: waiting for a reset")
             }
         }
     }

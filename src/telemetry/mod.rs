@@ -6,6 +6,8 @@ mod chart;
 pub mod contact;
 pub mod digits;
 pub mod fault_record;
+pub mod losses;
+pub mod origin;
 pub mod record;
 pub mod screen;
 pub mod session;

@@ -85,6 +85,8 @@ pub struct Record {
     pub mode: Mode,
     /// What stopped the node, while it is stopped.
     pub cause: Option<Cause>,
+    /// Cycles so far that took longer than they may: torques too late to be sent, or a SYNC that was skipped.
+    pub overruns: u64,
     /// Whether each joint's sample came in time.
     pub sampled: [bool; 6],
     /// The switch box's inputs; `None` when it is silent.
@@ -95,6 +97,17 @@ pub struct Record {
     pub x_b_m: Isometry3<f64>,
     /// All the controller computed.
     pub output: Output,
-    /// The target torques sent, in per mille of rated torque.
+    /// The target torques that were sent last, in per mille of rated torque.
     pub targets: [i16; 6],
+    /// What the node has seen of other clients, and could not see of its drives.
+    pub others: Others,
+}
+
+/// Counts since the node was started.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Others {
+    /// SDO uploads that other clients have begun at the nodes of this master.
+    pub uploads: u64,
+    /// Objects of the proof that could not be read again, at this moment.
+    pub unread: usize,
 }

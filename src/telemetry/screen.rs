@@ -5,6 +5,7 @@
 //!  (1700000000.123456)  can0  181   [2]  37 16   '7.'               -t a, with the text of -a
 //!  (000.001000)  can0  RX - -  701   [0]  remote request            -t d or -t z, with the -x of a direction
 //!  (2026-01-31 08:15:00.123456)  can0  080   [0]                    -t A
+//!   can0  181   {E}  37 16 E8 03 00 00 FE FF                        -8: the data length code in braces
 //!  (1700000000.123456) can0 181#3716                                a line of a log
 //! ```
 
@@ -17,6 +18,7 @@ use crate::telemetry::candump::NotALine;
 use crate::telemetry::candump::byte;
 use crate::telemetry::candump::identifier;
 use crate::telemetry::candump::is_error;
+use crate::telemetry::candump::long_dlc;
 use crate::telemetry::candump::stamp;
 
 const NANOS: u64 = 1_000_000_000;
@@ -26,7 +28,7 @@ const NANOS: u64 = 1_000_000_000;
 /// # Errors
 /// The first part that is not as it should be.
 pub fn parse(text: &str) -> Result<(Option<u64>, Line<'_>), NotALine> {
-    if text.bytes().any(|byte| byte == b'#') && !text.contains('[') {
+    if text.bytes().any(|byte| byte == b'#') && !text.contains(['[', '{']) {
         return Line::parse(text).map(|line| (Some(line.nanos), line));
     }
     let (stamp, rest) = leading_stamp(text)?;
@@ -36,9 +38,9 @@ pub fn parse(text: &str) -> Result<(Option<u64>, Line<'_>), NotALine> {
         .next()
         .and_then(|word| identifier(past_direction(word, &mut words)?))
         .ok_or(NotALine::Identifier)?;
-    let content = content(id, &mut words).ok_or(NotALine::Data)?;
+    let (content, raw_dlc) = content(id, &mut words).ok_or(NotALine::Data)?;
     let (nanos, is_fine) = stamp.unwrap_or_default();
-    let line = Line { nanos, is_fine, interface, id, is_extended, content };
+    let line = Line { nanos, is_fine, interface, id, is_extended, raw_dlc, content };
     Ok((stamp.map(|(nanos, _)| nanos), line))
 }
 
@@ -98,28 +100,49 @@ fn past_direction<'t>(word: &'t str, words: &mut SplitAsciiWhitespace<'t>) -> Op
     words.nth(2)
 }
 
-/// `[8]  37 16 …` of a classical frame, `[08]` of an FD frame.
-fn content(id: u32, words: &mut SplitAsciiWhitespace<'_>) -> Option<Content> {
-    let digits = words.next()?.strip_prefix('[')?.strip_suffix(']')?;
-    let length: u8 = digits.parse().ok().filter(|_| !digits.starts_with('+'))?;
+/// The length of a frame as it is written.
+struct Length {
+    bytes: u8,
+    is_fd: bool,
+    raw_dlc: Option<u8>,
+}
+
+/// `[8]` of a classical frame, `{8}` or `{E}` of one with its data length code, `[08]` of an FD frame.
+fn length(word: &str) -> Option<Length> {
+    let (digits, is_code) = match word.strip_prefix('{') {
+        Some(rest) => (rest.strip_suffix('}')?, true),
+        None => (word.strip_prefix('[')?.strip_suffix(']')?, false),
+    };
+    if let Some(dlc) = long_dlc(digits).filter(|_| is_code) {
+        return Some(Length { bytes: 8, is_fd: false, raw_dlc: Some(dlc) });
+    }
+    let bytes: u8 = digits.parse().ok().filter(|_| !digits.starts_with('+'))?;
     let is_fd = digits.len() == 2;
-    if length > if is_fd { 64 } else { 8 } {
+    if is_fd && is_code {
         return None;
     }
+    let most = if is_fd { 64 } else { 8 };
+    (bytes <= most).then_some(Length { bytes, is_fd, raw_dlc: None })
+}
+
+/// `[8]  37 16 …`: what a frame carries, and its data length code where that is above 8.
+fn content(id: u32, words: &mut SplitAsciiWhitespace<'_>) -> Option<(Content, Option<u8>)> {
+    let Length { bytes: length, is_fd, raw_dlc } = length(words.next()?)?;
     let mut bytes = Bytes::empty();
     for place in 0..length {
         let word = words.next()?;
         if place == 0 && word == "remote" {
-            return Some(Content::Remote(Some(length)));
+            return Some((Content::Remote(Some(length)), raw_dlc));
         }
         bytes.push(byte(word.as_bytes().try_into().ok()?)?)?;
     }
-    Some(match words.next() {
+    let content = match words.next() {
         Some("remote") => Content::Remote(Some(length)),
         _ if is_fd => Content::Fd(0, bytes),
         _ if is_error(id) => Content::Error(bytes),
         _ => Content::Data(bytes),
-    })
+    };
+    (raw_dlc.is_none() || content.is_classical_of_8()).then_some((content, raw_dlc))
 }
 
 #[cfg(test)]
@@ -150,6 +173,12 @@ mod tests {
                 "(0.000000) can0 20000004#0008000000000000",
             ),
             ("(1.000000) can0 181#3716 R", "(1.000000) can0 181#3716"),
+            ("  can0  123   {2}  37 16", "(0.000000) can0 123#3716"),
+            (
+                " (1.000000)  can0  123   {B}  11 22 33 44 55 66 77 88   '.\"3DUfw#'",
+                "(1.000000) can0 123#1122334455667788_B",
+            ),
+            ("(1.000000)  can0  701   {F}  remote request", "(1.000000) can0 701#R8_F"),
         ] {
             assert_eq!(as_log(text), log);
         }
@@ -174,6 +203,9 @@ mod tests {
             ("  can0  080   [2]  11", NotALine::Data),
             ("  can0  080   [9]  11 22 33 44 55 66 77 88 99", NotALine::Data),
             ("  can0  080   [1]  +1", NotALine::Data),
+            ("  can0  080   [E]  11 22 33 44 55 66 77 88", NotALine::Data),
+            ("  can0  080   {E}  11 22", NotALine::Data),
+            ("  can0  080   {08}  11", NotALine::Data),
         ] {
             assert_eq!(parse(text).map(|(_, line)| line.id), Err(reason), "{text}");
         }

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::controller::Ledger;
+use crate::telemetry::losses::Losses;
 use crate::telemetry::record::Record;
 
 /// A snapshot of the node.
@@ -14,10 +15,16 @@ pub struct Status {
     pub stopped_by: Option<String>,
     /// Cycles run.
     pub cycle: u64,
+    /// Cycles so far that took longer than they may: torques too late to be sent, or a SYNC that was skipped.
+    pub overruns: u64,
     /// Samples missed so far.
     pub missing_samples: u64,
-    /// Frames, records and events lost on the way to the recorder so far: the disk is too slow.
-    pub lost_entries: u64,
+    /// Frames, records and events lost on the way to the disk so far.
+    pub lost: Losses,
+    /// SDO uploads that other clients have begun so far.
+    pub foreign_uploads: u64,
+    /// Objects that the boot has proven and that could not be read again, at this moment.
+    pub unread_settings: usize,
     /// Joint positions, in rad (m for a prismatic joint).
     pub q: [f64; 6],
     /// Torques commanded to the joints, in N·m.
@@ -78,14 +85,17 @@ impl From<&Ledger> for Budget {
 
 impl Status {
     /// Of the newest record, with the numbers of samples missed and of entries lost so far.
-    pub fn of(record: &Record, missing_samples: u64, lost_entries: u64) -> Self {
+    pub fn of(record: &Record, missing_samples: u64, lost: Losses) -> Self {
         let p_b_m = record.x_b_m.translation.vector;
         Self {
             mode: record.mode.name(),
             stopped_by: record.cause.map(|cause| cause.to_string()),
             cycle: record.cycle,
+            overruns: record.overruns,
             missing_samples,
-            lost_entries,
+            lost,
+            foreign_uploads: record.others.uploads,
+            unread_settings: record.others.unread,
             q: record.output.q.into(),
             tau: record.output.tau.into(),
             targets: record.targets,

@@ -7,6 +7,8 @@ use serde::Serialize;
 
 use crate::spatial::Motion;
 use crate::telemetry::contact::Contact;
+use crate::telemetry::losses::Losses;
+use crate::telemetry::origin::Origin;
 use crate::telemetry::record::Mode;
 use crate::telemetry::record::Record;
 use crate::time::Instant;
@@ -17,16 +19,22 @@ const FREE_BELOW: f64 = 0.5;
 /// Counters and extremes of a session.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Summary {
+    /// What `bus.log`, fault records and messages count their time from.
+    pub origin: Origin,
+    /// Ended by the user before its time.
+    pub is_interrupted: bool,
     /// Cycles run.
     pub cycles: u64,
     /// From the first SYNC to the last, in s.
     pub seconds: f64,
+    /// Cycles that took longer than they may: torques too late to be sent, or a SYNC that was skipped.
+    pub overruns: u64,
     /// Cycles in which at least one joint's sample was missing.
     pub cycles_with_missing_samples: u64,
     /// Samples that did not come in time.
     pub missing_samples: u64,
-    /// Frames, records and events lost on the way to the recorder: all the rest is without them.
-    pub lost_entries: u64,
+    /// Frames, records and events lost on the way to the disk. The other figures are without lost records.
+    pub lost: Losses,
     /// Time engaged, in s.
     pub engaged_seconds: f64,
     /// Changes from armed to engaged.
@@ -72,6 +80,7 @@ impl Summary {
     pub fn add(&mut self, record: &Record) {
         let missing = record.sampled.iter().filter(|sampled| !**sampled).count();
         self.cycles += 1;
+        self.overruns = record.overruns;
         self.missing_samples += u64::try_from(missing).unwrap_or(0);
         self.cycles_with_missing_samples += u64::from(missing > 0);
         self.saturated_cycles += u64::from(record.output.is_saturated());
@@ -120,13 +129,16 @@ impl Summary {
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "cycles            {} in {:.3} s", self.cycles, self.seconds)?;
+        if self.overruns > 0 {
+            writeln!(f, "overruns          {} cycles", self.overruns)?;
+        }
         writeln!(
             f,
             "missed samples    {} in {} cycles",
             self.missing_samples, self.cycles_with_missing_samples
         )?;
-        if self.lost_entries > 0 {
-            writeln!(f, "not recorded      {} frames and records", self.lost_entries)?;
+        if !self.lost.is_empty() {
+            writeln!(f, "not recorded      {}", self.lost)?;
         }
         writeln!(
             f,
@@ -158,10 +170,11 @@ impl fmt::Display for Summary {
         {
             writeln!(f, "bus {bus} load        {load:.1} % ({frames} frames)")?;
         }
-        match &self.stopped_by {
-            None => write!(f, "ended             {}", self.final_mode),
-            Some(cause) => write!(f, "ended             {}: {cause}", self.final_mode),
+        write!(f, "ended             {}", self.final_mode)?;
+        if let Some(cause) = &self.stopped_by {
+            write!(f, ": {cause}")?;
         }
+        if self.is_interrupted { f.write_str(" (interrupted)") } else { Ok(()) }
     }
 }
 

@@ -54,6 +54,11 @@ impl Process {
         self.wait();
     }
 
+    /// A signal by its number: those of real time have no name.
+    pub(crate) fn signal_number(&self, number: u8) {
+        Self::of("sh", &["-c", &format!("kill -{number} {}", self.0.id())]).wait().succeeds();
+    }
+
     pub(crate) fn signal(&self, signal: Signal) {
         kill(Pid::from_raw(self.0.id().try_into().unwrap()), signal).unwrap();
     }
@@ -217,24 +222,33 @@ impl Scratch {
     /// The same, with what it says to people going there.
     pub(crate) fn frhc_onto(&self, args: &[&str], stderr: impl Into<Stdio>) -> Process {
         let mut command = Command::new(env!("CARGO_BIN_EXE_frhc"));
-        let command = command
-            .args(args)
-            .env("XDG_RUNTIME_DIR", &self.0)
-            .env("XDG_STATE_HOME", self.0.join("state"))
-            .env_remove("RUNTIME_DIRECTORY")
-            .env_remove("STATE_DIRECTORY");
-        Process::spawn_onto(command, stderr.into())
+        Process::spawn_onto(self.at_home(command.args(args)), stderr.into())
+    }
+
+    /// The same, under a limit of the shell's, such as `ulimit -f 100`.
+    pub(crate) fn frhc_under(&self, limit: &str, args: &[&str]) -> Process {
+        let mut command = Command::new("sh");
+        command.args(["-c", &format!("{limit}; exec \"$0\" \"$@\""), env!("CARGO_BIN_EXE_frhc")]);
+        Process::spawn(self.at_home(command.args(args)))
     }
 
     /// The same, with what it prints.
     pub(crate) fn frhc_and_stdout(&self, args: &[&str]) -> (Process, BufReader<ChildStdout>) {
         let mut command = Command::new(env!("CARGO_BIN_EXE_frhc"));
-        let command = command.args(args).env("XDG_RUNTIME_DIR", &self.0);
-        let command = command.env("XDG_STATE_HOME", self.0.join("state"));
+        let command = self.at_home(command.args(args));
         let command = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();
         let stdout = BufReader::new(child.stdout.take().unwrap());
         (Process(child), stdout)
+    }
+
+    /// With its socket and its state in this folder.
+    fn at_home<'c>(&self, command: &'c mut Command) -> &'c mut Command {
+        command
+            .env("XDG_RUNTIME_DIR", &self.0)
+            .env("XDG_STATE_HOME", self.0.join("state"))
+            .env_remove("RUNTIME_DIRECTORY")
+            .env_remove("STATE_DIRECTORY")
     }
 
     pub(crate) fn ctl(&self, request: &str) -> Outcome {

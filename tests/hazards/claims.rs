@@ -13,12 +13,13 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     (
         3,
         "One joint's samples stop, or are rare",
-        "zero torque within 5 cycles; reflection off 1.1 s after more than 5 % are missing",
+        "zero torque within 5 cycles; zero torque, too, when more than ten are lost and not made good",
     ),
     (
         4,
         "Samples come late or in another order",
-        "an old one never replaces a newer one; zero torque within 5 cycles of three empty ones",
+        "an old one never replaces a newer one; zero torque within 5 cycles of three empty ones, \
+         and when more than ten are overdue",
     ),
     (
         5,
@@ -29,7 +30,7 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     (7, "A node sends an emergency message", "zero torque within 2 cycles"),
     (
         8,
-        "A drive faults, loses its power stage or leaves operation enabled",
+        "A drive faults, loses its power stage, leaves operation enabled or operational",
         "the other five zero within 2 cycles; never enabled again by itself",
     ),
     (
@@ -42,7 +43,8 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     (
         12,
         "A position jumps; a counter wraps",
-        "the jump is not used, the second one trips within 2 cycles; a wrap is none",
+        "the jump is not used, the second one trips within 2 cycles; a single wrong sample is forgiven; a wrap \
+         is none",
     ),
     (
         13,
@@ -68,7 +70,11 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     ),
     (19, "A torque curve that does not rise", "no frame at all"),
     (20, "The frames do not fit the bus", "no frame at all"),
-    (21, "The transmit queue is full", "zero torque within 5 cycles; no torque frame is sent late"),
+    (
+        21,
+        "The transmit queue is full",
+        "drives free of torque within 6 cycles, by their own timers where no frame gets out; no torque frame is sent late",
+    ),
     (
         22,
         "Frames are taken and never reach the bus",
@@ -79,8 +85,9 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     (25, "Old frames wait in the receive queue", "they are thrown away within 2 cycles"),
     (
         26,
-        "Frames of strangers: SYNC, NMT, PDOs, malformed ones",
-        "ignored and counted, or the stop of what they imitate within 2 cycles",
+        "Frames of strangers: SYNC, NMT, PDOs, SDO downloads, malformed ones",
+        "ignored and counted, or the stop of what they imitate within 2 cycles; a proven setting that \
+         differs: drives off when its turn to be read again has come",
     ),
     (
         27,
@@ -92,7 +99,11 @@ pub(crate) const HAZARDS: [Claim; 45] = [
         "The node is stopped for a while",
         "as 27; the first frame after it is zero, nothing is caught up",
     ),
-    (29, "Cycles come late", "zero torque within 5 cycles of a gap, or after too many late ones"),
+    (
+        29,
+        "Cycles come late",
+        "late torques are dropped; zero torque within 5 cycles of a gap, or after too many late ones",
+    ),
     (
         30,
         "An orderly stop",
@@ -113,12 +124,13 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     (
         39,
         "The deadman sticks, bounces or is taped",
-        "disagreement stops after 50 ms; closed at power-up refuses arming; 60 s without motion end reflection",
+        "disagreement stops after 50 ms; closed at power-up refuses arming; 60 s without motion end reflection; \
+         a press of reflection or reference counts after 25 ms",
     ),
     (
         40,
         "The reference or the mode changes in motion",
-        "rate zero in the same cycle, no torque changes faster than its slew",
+        "rate zero in the cycle in which the press counts, no torque changes faster than its slew",
     ),
     (
         41,
@@ -173,8 +185,13 @@ pub(crate) const PROMISES: [Claim; 15] = [
         "No torque before identity, mapping, protection, proof, a press of the deadman and arming",
         "no such frame",
     ),
-    (10, "Never an old torque frame", "none older than 2 ms acts"),
-    (11, "A configuration that cannot be is refused", "no frame, exit code 2, within 1 s"),
+    (
+        10,
+        "Never an old torque frame",
+        "none is sent later than 1.5 periods after its SYNC; what an adapter held back acts no later than the \
+         RPDO timer and a period",
+    ),
+    (11, "A configuration that cannot be is refused", "no frame, exit code 3, within 1 s"),
     (12, "An orderly stop is confirmed", "drives off, exit code 0, within 1 s"),
     (13, "Disk, log and clock of the host do not matter", "no stop, cycle times within a tenth"),
     (

@@ -14,10 +14,14 @@ use crate::rig::millis;
 
 /// Drives that keep their torque for 200 ms when their master is gone, and a force that may be kept so
 /// long.
-const KEEPS: [(&str, &str); 3] = [
+const KEEPS: [(&str, &str); 7] = [
     ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 200 "),
     ("node_lost_ms = 22 ", "node_lost_ms = 200 "),
     ("max_force_n = 40.0 ", "max_force_n = 2.0 "),
+    ("centring_n = [2.0, 2.0, 2.0]", "centring_n = [0.0, 0.0, 0.0]"),
+    ("damping_ns_per_m = [8.0, 8.0, 8.0]", "damping_ns_per_m = [4.0, 4.0, 4.0]"),
+    ("max_damping_ns_per_m = 60.0", "max_damping_ns_per_m = 0.5"),
+    ("push = 0.5 ", "push = 0.0 "),
 ];
 
 #[test]

@@ -1,5 +1,6 @@
 //! Frames of somebody who does not belong on the bus: row 26.
 
+use crate::common::log::Entry;
 use crate::common::process::Process;
 use crate::gateway::Gateway;
 use crate::gateway::NODE;
@@ -50,6 +51,62 @@ fn hazard_26_another_masters_sync_or_nmt_switches_all_off_within_two_cycles() {
         seen.all_are_free_within(cycles(2));
         seen.all_are_switched_off();
     }
+}
+
+#[test]
+fn hazard_26_another_clients_download_switches_all_off_in_two_cycles() {
+    let _gateway = Gateway::at(NODE);
+    for tool in ["cansend", "frhc"] {
+        let mut rig = Rig::engaged(tool, &Setup::default());
+        let onset = rig.onset();
+        match tool {
+            "cansend" => Process::of(tool, &[NODE, "603#2B00140500000000"]).wait().succeeds(),
+            _ => rig.tool("sdo write 3 1400:5 u16 0 --force").succeeds(),
+        }
+        rig.run_for(millis(10));
+        rig.is_stopped_by("another master");
+        let seen = rig.seen_after(onset, millis(20));
+        let is_download = |entry: &Entry| entry.id == 0x603 && entry.data[0] == 0x2B;
+        let seen = seen.from(is_download);
+        seen.all_are_free_within(cycles(2));
+        seen.all_are_switched_off();
+    }
+}
+
+#[test]
+fn hazard_26_tools_refuse_to_command_beside_a_node_and_may_read() {
+    let _gateway = Gateway::at(NODE);
+    let rig = Rig::engaged("tools", &Setup::default());
+    for words in [
+        "sdo write 3 1400:5 u16 0",
+        "nmt preop 3",
+        "nmt reset all",
+        "lss configure --global --yes --node-id 9",
+        "lss select 1 2 3 4",
+    ] {
+        let refused = rig.tool(words);
+        assert_eq!(refused.code, Some(4), "{words}: {}", refused.stderr);
+        let reason = "vcan0: a master sends SYNC here";
+        assert!(refused.stderr.contains(reason), "{words}: {}", refused.stderr);
+    }
+    rig.tool("sdo read 3 1400:5 u16").succeeds();
+    rig.tool("sdo read 3 1008 --block").succeeds();
+    rig.tool("scan").succeeds();
+    let status = rig.status();
+    assert!(matches!(status["mode"].as_str(), Some("engaged" | "armed")), "{status}");
+    assert!(status["status"]["foreign_uploads"].as_u64().unwrap() > 7, "{status}");
+}
+
+#[test]
+fn hazard_08_a_heartbeat_that_says_stopped_takes_the_torque_off() {
+    let _gateway = Gateway::at(NODE);
+    let mut rig = Rig::engaged("stopped", &Setup::default());
+    let onset = rig.onset();
+    Process::of("cansend", &[NODE, "702#04"]).wait().succeeds();
+    rig.run_for(millis(10));
+    rig.is_stopped_by("joint 2: left operational, is stopped");
+    let seen = rig.seen_after(onset, millis(20));
+    seen.all_are_free_within(cycles(3));
 }
 
 #[test]

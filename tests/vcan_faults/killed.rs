@@ -5,15 +5,20 @@ use std::time::Duration;
 
 use nix::sys::signal::Signal;
 
+use crate::common::log::Entry;
 use crate::gateway::Gateway;
 use crate::gateway::NODE;
 use crate::rig::Rig;
 use crate::rig::Setup;
 use crate::rig::millis;
 
-/// Drives that watch the node's heartbeat alone, and a force that this is quick enough for.
-const HEARTBEAT_ONLY: [(&str, &str); 2] =
-    [("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 0 "), ("max_force_n = 40.0 ", "max_force_n = 20.0 ")];
+/// Drives that watch the node's heartbeat alone, and forces that this is quick enough for.
+const HEARTBEAT_ONLY: [(&str, &str); 4] = [
+    ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 0 "),
+    ("max_force_n = 40.0 ", "max_force_n = 13.0 "),
+    ("max_damping_ns_per_m = 60.0", "max_damping_ns_per_m = 30.0"),
+    ("push = 0.5 ", "push = 0.1 "),
+];
 
 /// Ends or freezes the node in so many runs, and tells how long the slowest drive then pushed in each.
 fn gone(
@@ -55,4 +60,39 @@ fn hazard_27_without_rpdo_timers_the_heartbeat_leaves_the_drives_free_within_25_
 #[test]
 fn hazard_28_frozen_at_any_phase_of_its_cycle_it_leaves_the_drives_free_within_6_ms() {
     gone("frozen", Signal::SIGSTOP, 5, &[], millis(6));
+}
+
+#[test]
+fn hazard_27_killed_node_started_again_waits_for_a_reset() {
+    let _gateway = Gateway::at(NODE);
+    let mut rig = Rig::engaged("latch", &Setup::default());
+    let onset = rig.onset();
+    rig.kill_node();
+    rig.start_node();
+    rig.ctl("--wait status").succeeds();
+    rig.run_for(millis(300));
+    rig.is("drives-off");
+    rig.is_stopped_by("the last run did not end in order");
+    assert_eq!(rig.ctl("arm").code, Some(1));
+    let waited = rig.now();
+    let status = rig.status();
+    assert!(status["note"].as_str().unwrap().contains("did not end in order"), "{status}");
+    rig.ctl("reset").succeeds();
+    // The status comes by way of the recorder.
+    rig.run_for(millis(100));
+    rig.is("ready");
+    // In order: the next start waits for nothing.
+    let (outcome, _) = rig.terminate_node();
+    outcome.succeeds();
+    rig.start_node();
+    rig.ctl("--wait status").succeeds();
+    rig.run_for(millis(100));
+    rig.is("ready");
+    let seen = rig.seen_after(onset, millis(5));
+    seen.all_are_free_within(millis(6));
+    let is_enabling = |entry: &&Entry| {
+        (0x301..=0x306).contains(&entry.id) && entry.data.first().is_some_and(|low| low & 8 != 0)
+    };
+    let enabled = seen.since().find(is_enabling).unwrap();
+    assert!(enabled.nanos > waited.0, "a drive was enabled before the reset");
 }

@@ -27,6 +27,7 @@
 mod common;
 
 mod adapter;
+mod console;
 mod drives;
 mod frames;
 mod gateway;
@@ -40,4 +41,5 @@ mod rig;
 mod script;
 mod serial_can;
 mod shaper;
+mod signals;
 mod torque;

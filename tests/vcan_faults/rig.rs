@@ -1,6 +1,7 @@
 //! A node and its drives, each a process, and candump on the drives' side: what every test begins with,
 //! and how it reads what came of it.
 
+use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
 use crate::common::log::Entry;
@@ -70,7 +71,7 @@ impl Rig {
     }
 
     /// Both processes run; the node boots.
-    fn started(name: &str, setup: &Setup) -> Self {
+    pub(crate) fn started(name: &str, setup: &Setup) -> Self {
         let scratch = Scratch::new(name);
         let changes: Vec<_> = RAMPS.into_iter().chain(setup.changes.iter().copied()).collect();
         let config = scratch.variant(CONFIG, &changes);
@@ -92,16 +93,26 @@ impl Rig {
         self.node = Some(self.scratch.frhc(&["run", "--config", &self.config, "-i", self.on]));
     }
 
-    /// Asks for arming until it is granted: a node that boots refuses, and one whose deadman is closed.
+    /// Asks for arming until it is granted: a node whose deadman is closed refuses.
     fn arm(&mut self) {
         for _ in 0..100 {
-            if self.scratch.ctl("arm").code == Some(0) {
+            if self.ctl("--wait arm").code == Some(0) {
                 return;
             }
             self.run_for(Duration::from_millis(20));
         }
-        let refusal = self.scratch.ctl("arm").stderr;
+        let refusal = self.ctl("arm").stderr;
         panic!("it cannot be armed: {refusal}{}", self.node.take().unwrap().terminate().stderr);
+    }
+
+    /// Asks the node.
+    pub(crate) fn ctl(&self, request: &str) -> Outcome {
+        self.scratch.ctl(request)
+    }
+
+    /// A connection to the node's control socket.
+    pub(crate) fn client(&self) -> UnixStream {
+        UnixStream::connect(self.scratch.path("frhc/node.sock")).unwrap()
     }
 
     /// Waits until the deadman closes from now on, and until what is felt then has come on.
@@ -177,6 +188,12 @@ impl Rig {
         std::io::Read::read_to_string(&mut stdout, &mut text).unwrap();
         ctl.wait().succeeds();
         serde_json::from_str(&text).unwrap()
+    }
+
+    /// Runs a bench tool on the node's interface.
+    pub(crate) fn tool(&self, words: &str) -> Outcome {
+        let args: Vec<&str> = words.split(' ').chain(["-i", self.on]).collect();
+        self.scratch.frhc(&args).wait()
     }
 
     /// Fails unless the node has stopped and says why.

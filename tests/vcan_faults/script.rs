@@ -36,7 +36,7 @@ fn scenario(presses: impl Iterator<Item = (f64, f64)>) -> String {
         switch(closed, "deadman = true");
         if place == 0 {
             switch(closed + 0.02, "reflection = true");
-            switch(closed + 0.04, "reflection = false");
+            switch(closed + 0.06, "reflection = false");
         }
         switch(opened, "deadman = false");
     }

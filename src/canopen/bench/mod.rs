@@ -6,10 +6,12 @@
 //! | [`effective`] | which PDOs a node really has                                     |
 //! | [`confirm`]   | an NMT command, and who is heard to have obeyed it               |
 //! | [`watch`]     | who comes, changes its state, falls silent                       |
+//! | [`presence`]  | whether a master runs here: SYNC                                  |
 //! | [`procedure`] | what they have in common                                         |
 
 pub mod confirm;
 pub mod effective;
+pub mod presence;
 pub mod procedure;
 pub mod scan;
 pub mod watch;

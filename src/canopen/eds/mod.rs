@@ -108,6 +108,11 @@ impl Eds {
         lint::lint(self)
     }
 
+    /// The first sign that the file was cut off, or lost a part; `None` for one that is whole.
+    pub fn gap(&self) -> Option<Finding> {
+        lint::gap(self)
+    }
+
     /// The file written anew: the same description, in the order of CiA 306, without its comments.
     pub fn write(&self) -> Vec<u8> {
         self.sheet().write()

@@ -134,3 +134,70 @@ impl Tpdo {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::NodeId;
+    use crate::canopen::exchange::resolve;
+    use crate::canopen::frame::Frame;
+    use crate::canopen::layout;
+    use crate::canopen::layout::Group;
+    use crate::canopen::plan::tests::elbow;
+
+    /// Nodes 1 and 2 on bus 1: state, torque and position in one TPDO, or grouped with the state apart.
+    fn inbox(is_grouped: bool) -> Inbox {
+        let nodes = [1, 2].map(|raw| NodeId::new(raw).unwrap());
+        let plan = |(node, group): (&NodeId, &Group)| {
+            let pdos = match is_grouped {
+                true => layout::grouped(*node, 0, *group, Some(5)),
+                false => layout::per_drive(*node, None),
+            };
+            (Channel(1), NodePlan { node: *node, pdos, ..elbow() })
+        };
+        let plans: Vec<_> = nodes.iter().zip(&Group::threes(&nodes)).map(plan).collect();
+        resolve(&plans).unwrap().0
+    }
+
+    fn read(inbox: &Inbox, cob_id: u16, data: &[u8]) -> Option<Result<Told, WrongLength>> {
+        let frame = Frame::from_slice(cob_id, data).unwrap();
+        inbox.read(&Telegram { channel: Channel(1), frame })
+    }
+
+    #[test]
+    fn tpdo_of_its_length_is_read_little_endian() {
+        let data = [0x37, 0x12, 0xFE, 0xFF, 0xFF, 0xFF, 0x9C, 0xFF];
+        let told = read(&inbox(false), 0x182, &data).unwrap().unwrap();
+        assert_eq!((told.node, told.inputs), (1, None));
+        assert_eq!(told.statusword, Some(Statusword(0x1237)));
+        assert_eq!(told.position, Some(Counts(-2)));
+        assert_eq!(told.torque, Some(PerMille(-100)));
+    }
+
+    #[test]
+    fn tpdo_of_any_other_length_is_refused() {
+        for (is_grouped, expected) in [(false, 8), (true, 4)] {
+            for found in (0..=8).filter(|found| *found != expected) {
+                let data = vec![0; found];
+                let refused = read(&inbox(is_grouped), 0x181, &data);
+                assert_eq!(refused, Some(Err(WrongLength { node: 0, expected, found })));
+            }
+        }
+    }
+
+    #[test]
+    fn frame_of_another_bus_or_identifier_is_not_read() {
+        assert_eq!(read(&inbox(false), 0x183, &[0; 8]), None);
+        let frame = Frame::from_slice(0x181, &[0; 8]).unwrap();
+        assert_eq!(inbox(false).read(&Telegram { channel: Channel(0), frame }), None);
+    }
+
+    #[test]
+    fn state_apart_is_repeated_and_with_the_position_it_is_not() {
+        assert_eq!(inbox(false).status_repeated(0), None);
+        assert!(inbox(false).tells_status(1) && inbox(false).samples(1));
+        assert!(inbox(true).status_repeated(0).is_some());
+        assert!(inbox(true).tells_status(0) && inbox(true).samples(0));
+        assert!(!inbox(true).tells_status(2) && !inbox(true).samples(2), "there is none");
+    }
+}

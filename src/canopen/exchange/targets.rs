@@ -98,9 +98,33 @@ impl Outbox {
         out.extend(self.cyclic.iter().filter_map(Rpdo::telegram));
     }
 
+    /// Returns what of a [cyclic](Self::cyclic) frame may be sent when its torques are too old: all of it if
+    /// they are zero; zeros in their place if it takes power away; otherwise nothing.
+    pub fn late(&self, telegram: &Telegram) -> Option<Telegram> {
+        let rpdo = self.cyclic_of(telegram)?;
+        match (rpdo.pushes(), rpdo.enables()) {
+            (false, _) => Some(*telegram),
+            (true, true) => None,
+            (true, false) => rpdo.telegram_of(rpdo.without_torque()),
+        }
+    }
+
+    /// Returns the nodes that take a torque from a cyclic frame.
+    pub fn pushed_by(&self, telegram: &Telegram) -> impl Iterator<Item = usize> + '_ {
+        let rpdo = self.cyclic_of(telegram).into_iter();
+        let fields = rpdo.flat_map(|rpdo| &rpdo.fields);
+        fields.filter(|field| field.object == Object::TARGET_TORQUE).map(|field| field.node)
+    }
+
+    fn cyclic_of(&self, telegram: &Telegram) -> Option<&Rpdo> {
+        let is_it =
+            |rpdo: &&Rpdo| (rpdo.channel, rpdo.cob_id) == (telegram.channel, telegram.frame.cob_id);
+        self.cyclic.iter().find(is_it)
+    }
+
     /// Appends what acts on arrival and is due, at most one frame for each bus, and none in the cycle
-    /// after that. Call it once a cycle.
-    pub fn changed(&mut self, out: &mut Vec<Telegram>) {
+    /// after that. Where `is_late`, a word that enables operation waits. Call it once a cycle.
+    pub fn changed(&mut self, is_late: bool, out: &mut Vec<Telegram>) {
         self.on_change.iter_mut().for_each(|rpdo| rpdo.age = rpdo.age.saturating_add(1));
         if std::mem::take(&mut self.rests) {
             return;
@@ -110,7 +134,7 @@ impl Outbox {
         for place in (self.turn..count).chain(0..self.turn) {
             let Some(rpdo) = self.on_change.get_mut(place) else { continue };
             let is_taken = out.iter().skip(first).any(|sent| sent.channel == rpdo.channel);
-            if rpdo.is_due() && !is_taken {
+            if rpdo.is_due() && !is_taken && !(is_late && rpdo.enables()) {
                 rpdo.sent = Some(rpdo.content);
                 rpdo.age = 0;
                 out.extend(rpdo.telegram());
@@ -123,6 +147,13 @@ impl Outbox {
     /// Forgets what was sent: the drives start anew.
     pub fn restart(&mut self) {
         self.on_change.iter_mut().for_each(|rpdo| rpdo.sent = None);
+    }
+
+    /// How many frames it has for a bus, those that go out on change among them.
+    pub fn frames_on(&self, channel: Channel) -> u32 {
+        let all = self.cyclic.iter().chain(&self.on_change);
+        let count = all.filter(|rpdo| rpdo.channel == channel).count();
+        u32::try_from(count).unwrap_or(u32::MAX)
     }
 
     /// The data bytes of each frame that goes out on a bus every cycle.
@@ -180,6 +211,31 @@ impl Rpdo {
         }
     }
 
+    /// Returns whether it asks a node for torque.
+    fn pushes(&self) -> bool {
+        let mut torques = self.of(Object::TARGET_TORQUE);
+        torques.any(|field| field.slot.read(self.content) != [0; 8])
+    }
+
+    /// Returns whether it enables operation, or leaves it so: it has no controlword that does not.
+    fn enables(&self) -> bool {
+        let mut words = self.of(Object::CONTROLWORD);
+        words.all(|field| {
+            let [low, high, ..] = field.slot.read(self.content);
+            Controlword(u16::from_le_bytes([low, high])).enables()
+        })
+    }
+
+    /// Its content with zeros for torques.
+    fn without_torque(&self) -> u64 {
+        let torques = self.of(Object::TARGET_TORQUE);
+        torques.fold(self.content, |content, field| field.slot.write(content, 0))
+    }
+
+    fn of(&self, object: Object) -> impl Iterator<Item = &Field> {
+        self.fields.iter().filter(move |field| field.object == object)
+    }
+
     /// Whether it says something new, or the same to one who does not follow.
     fn is_due(&self) -> bool {
         let is_followed = self.fields.iter().all(|field| field.is_followed);
@@ -187,7 +243,11 @@ impl Rpdo {
     }
 
     fn telegram(&self) -> Option<Telegram> {
-        let bytes = self.content.to_le_bytes();
+        self.telegram_of(self.content)
+    }
+
+    fn telegram_of(&self, content: u64) -> Option<Telegram> {
+        let bytes = content.to_le_bytes();
         let length = usize::try_from(self.service.bytes()).ok()?;
         let frame = Frame::from_slice(self.cob_id, bytes.get(..length)?)?;
         Some(Telegram { channel: self.channel, frame })
@@ -247,21 +307,69 @@ mod tests {
         outbox.lead(1, Controlword::ENABLE_OPERATION, false);
         let frames = "201#00000000 202#0F00FFFF 203#00000000 204#00000000";
         assert_eq!(text(|out| outbox.cyclic(out)), frames);
-        assert_eq!(text(|out| outbox.changed(out)), "");
+        assert_eq!(text(|out| outbox.changed(false, out)), "");
         assert!(!outbox.is_waiting(1));
+    }
+
+    #[test]
+    fn each_bus_has_a_word_of_its_own_in_a_cycle() {
+        let mut plans = plans(|node, group| layout::grouped(node, 0, group, Some(5)));
+        plans.iter_mut().skip(2).for_each(|(channel, _)| *channel = Channel(1));
+        let mut outbox = resolve(&plans).unwrap().1;
+        (0..4).for_each(|node| outbox.lead(node, Controlword::SHUTDOWN, true));
+        let cycles: Vec<_> = (0..5).map(|_| text(|out| outbox.changed(false, out))).collect();
+        assert_eq!(cycles.join("|"), "301#0600 303#0600||304#0600 302#0600||");
     }
 
     #[test]
     fn words_go_out_every_other_cycle_and_in_turn() {
         let mut outbox = grouped();
         (0..4).for_each(|node| outbox.lead(node, Controlword::SHUTDOWN, true));
-        let cycles: Vec<_> = (0..9).map(|_| text(|out| outbox.changed(out))).collect();
+        let cycles: Vec<_> = (0..9).map(|_| text(|out| outbox.changed(false, out))).collect();
         assert_eq!(cycles.join("|"), "301#0600||302#0600||303#0600||304#0600||");
         outbox.lead(2, Controlword::SWITCH_ON, true);
         outbox.lead(0, Controlword::SWITCH_ON, true);
         assert!(outbox.is_waiting(2) && !outbox.is_waiting(1));
-        let cycles: Vec<_> = (0..4).map(|_| text(|out| outbox.changed(out))).collect();
+        let cycles: Vec<_> = (0..4).map(|_| text(|out| outbox.changed(false, out))).collect();
         assert_eq!(cycles.join("|"), "301#0700||303#0700|");
+    }
+
+    #[test]
+    fn late_torques_are_dropped_and_zeros_are_not() {
+        let mut outbox = grouped();
+        outbox.exert(1, PerMille(-1));
+        let mut out = Vec::new();
+        outbox.cyclic(&mut out);
+        let sent: Vec<_> = out.iter().map(|telegram| outbox.late(telegram)).collect();
+        assert_eq!(sent, [None, Some(out[1])], "one joint's torque holds back its group");
+        assert_eq!(outbox.pushed_by(&out[0]).collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!(outbox.late(&Telegram { channel: Channel(1), ..out[1] }), None, "unknown");
+    }
+
+    #[test]
+    fn late_words_that_take_power_away_are_sent_without_torque() {
+        let mut outbox = resolve(&plans(|node, _| layout::per_drive(node, None))).unwrap().1;
+        let words = [Controlword::ENABLE_OPERATION, Controlword::SHUTDOWN];
+        for (node, word) in words.into_iter().enumerate() {
+            outbox.exert(node, PerMille(300));
+            outbox.lead(node, word, true);
+        }
+        let mut out = Vec::new();
+        outbox.cyclic(&mut out);
+        assert_eq!(outbox.late(&out[0]), None);
+        assert_eq!(outbox.late(&out[1]).unwrap().frame.to_string(), "202#06000000");
+    }
+
+    #[test]
+    fn late_words_that_enable_wait_and_others_do_not() {
+        let mut outbox = grouped();
+        outbox.lead(0, Controlword::ENABLE_OPERATION, true);
+        outbox.lead(2, Controlword::DISABLE_VOLTAGE, true);
+        let cycles: Vec<_> = (0..8).map(|_| text(|out| outbox.changed(true, out))).collect();
+        let waits = !cycles.iter().any(|frames| frames.starts_with("301"));
+        assert!(waits && cycles.contains(&"303#0000".to_owned()), "{cycles:?}");
+        assert!(outbox.is_waiting(0));
+        assert_eq!(text(|out| outbox.changed(false, out)), "301#0F00");
     }
 
     #[test]
@@ -269,10 +377,10 @@ mod tests {
         let mut outbox = grouped();
         (0..4).for_each(|node| outbox.lead(node, Controlword::SHUTDOWN, node != 1));
         (0..4).for_each(|_| {
-            assert_ne!(text(|out| outbox.changed(out)), "");
-            assert_eq!(text(|out| outbox.changed(out)), "");
+            assert_ne!(text(|out| outbox.changed(false, out)), "");
+            assert_eq!(text(|out| outbox.changed(false, out)), "");
         });
-        let later: Vec<_> = (0..60).map(|_| text(|out| outbox.changed(out))).collect();
+        let later: Vec<_> = (0..60).map(|_| text(|out| outbox.changed(false, out))).collect();
         assert_eq!(later.iter().filter(|frames| *frames == "302#0600").count(), 3);
         assert!(later.iter().all(|frames| frames.is_empty() || frames == "302#0600"));
         outbox.restart();

@@ -20,6 +20,7 @@ use crate::canopen::heartbeat::is_boot_up;
 use crate::canopen::master::boot_error::BootError;
 use crate::canopen::master::boot_error::Problem;
 use crate::canopen::master::duplicate::Exchange;
+use crate::canopen::master::duplicate::Reply;
 use crate::canopen::master::duplicate::Sign;
 use crate::canopen::master::rest::Rest;
 use crate::canopen::master::steps::Action;
@@ -48,6 +49,9 @@ pub const PATIENCE: Duration = Duration::from_secs(2);
 /// How long a drive that was found with its power on may take to come to rest without it.
 pub const REST: Duration = Duration::from_secs(5);
 
+/// Times that a transfer which another client disturbed begins again.
+const MAX_REPEATS: u32 = 3;
+
 /// How a boot ends.
 pub type BootOutcome = Result<Configuration, BootError>;
 
@@ -66,6 +70,9 @@ pub struct Boot {
     until: Instant,
     resets: Resets,
     exchange: Exchange,
+    /// When the first question was asked, and how long its answer took.
+    asked_at: Option<Instant>,
+    latency: Duration,
     /// Whether it was found with its power on.
     was_enabled: bool,
     rest: Rest,
@@ -73,6 +80,10 @@ pub struct Boot {
     missing: Vec<Object>,
     /// The state it last told by a heartbeat.
     heard: Option<NmtState>,
+    /// Another client has sent a request to the node since the transfer in hand began.
+    is_disturbed: bool,
+    /// Times that the transfer in hand has begun again for that.
+    repeats: u32,
     wait: Wait,
 }
 
@@ -115,10 +126,14 @@ impl Boot {
             until: Instant::ZERO,
             resets: Resets::default(),
             exchange: Exchange::default(),
+            asked_at: None,
+            latency: Duration::ZERO,
             was_enabled: false,
             rest: Rest::within(plan.rest.unwrap_or(0)),
             missing: Vec::new(),
             heard: None,
+            is_disturbed: false,
+            repeats: 0,
             wait: Wait::Start,
         }
     }
@@ -141,15 +156,28 @@ impl Boot {
         if frame.cob_id != response_cob_id(self.plan.node) {
             return None;
         }
-        if self.is_under_way() && self.exchange.is_one_too_many(frame) {
+        let reply = self.exchange.take(frame);
+        if self.is_under_way() && reply == Reply::OneTooMany {
             return self.give_up_two(now, out);
         }
         let (Wait::Read(transfer) | Wait::Write(transfer)) = &mut self.wait else { return None };
+        if reply == Reply::Late {
+            // The server has worked on what it was asked before: the wait for this reply begins now.
+            transfer.extend(now);
+            return None;
+        }
         let sent = out.len();
         let outcome = transfer.on_frame(now, frame, out);
         let outcome = outcome.and_then(|outcome| self.on_outcome(now, outcome, out));
         self.exchange.asked(self.plan.node, out.get(sent..).unwrap_or_default());
         outcome
+    }
+
+    /// Another client has sent this request to the node: its replies are not this boot's, and one that
+    /// breaks the transfer in hand makes it begin again.
+    pub fn on_foreign_request(&mut self, frame: &Frame) {
+        self.exchange.asked(self.plan.node, std::slice::from_ref(frame));
+        self.is_disturbed = true;
     }
 
     /// Does what is due; the outcome comes once.
@@ -247,6 +275,10 @@ impl Boot {
 
     /// Begins the step in hand, or goes where the stage leads if there is none.
     fn take_step(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<BootOutcome> {
+        let asked_at = *self.asked_at.get_or_insert(now);
+        if self.stage == Stage::Finding {
+            self.latency = now.since(asked_at);
+        }
         let step = self.steps.get(self.at);
         self.until = now
             + match step {
@@ -308,10 +340,17 @@ impl Boot {
         }
     }
 
-    /// Asks for the object of the step in hand.
+    /// Asks for the object of the step in hand. A node that is behind with its answers to the first
+    /// question, which was asked again and again, has as much more time as its first answer took.
     fn read(&mut self, now: Instant, out: &mut Vec<Frame>) {
         if let Some(Step::Object(action, check)) = self.steps.get(self.at) {
-            let timeout = if *action == Action::Meet { RETRY } else { REPLY };
+            let timeout = if *action == Action::Meet {
+                RETRY
+            } else if self.exchange.is_behind() {
+                REPLY + self.latency
+            } else {
+                REPLY
+            };
             let node = self.plan.node;
             self.wait = Wait::Read(Transfer::read(node, check.object, timeout, now, out));
         }
@@ -328,6 +367,16 @@ impl Boot {
         let (action, object) = (*action, check.object);
         let has_written = matches!(self.wait, Wait::Write(_));
         let is_patient = now < self.until;
+        let is_broken = match &outcome {
+            Ok(content) => !has_written && action.compares_once() && !check.accepts(content),
+            Err(_) => true,
+        };
+        let is_disturbed = std::mem::take(&mut self.is_disturbed);
+        if is_broken && is_disturbed && self.repeats < MAX_REPEATS {
+            self.repeats += 1;
+            return self.repeat(now, has_written, out);
+        }
+        self.repeats = 0;
         match outcome {
             Ok(_) if action == Action::Command => self.next_step(now, out),
             Ok(_) if has_written => {
@@ -365,6 +414,20 @@ impl Boot {
             Err(error @ SdoError::Silent) => self.fail(Problem::of_transfer(object, error)),
             Err(error) => self.turn_aside(now, Problem::of_transfer(object, error), out),
         }
+    }
+
+    /// Begins the transfer in hand again.
+    fn repeat(
+        &mut self,
+        now: Instant,
+        has_written: bool,
+        out: &mut Vec<Frame>,
+    ) -> Option<BootOutcome> {
+        if has_written {
+            return self.take_step(now, out);
+        }
+        self.read(now, out);
+        None
     }
 
     /// Where a drive is whose power was taken off: once it has stood still for a while, it is safe.
@@ -879,6 +942,73 @@ mod tests {
             }
             prop_assert_eq!(outcomes, 1);
             prop_assert_eq!(boot.deadline(), None);
+        }
+    }
+
+    #[test]
+    fn a_transfer_that_another_client_breaks_begins_again() {
+        let request = Frame::new(0x603, [0x40, 0x00, 0x10, 0, 0, 0, 0, 0]);
+        let abort = Frame::new(0x583, [0x80, 0x00, 0x10, 0, 0, 0, 4, 5]);
+        for disturbances in [0, 1, MAX_REPEATS] {
+            let (mut boot, mut out) = (Boot::new(&elbow()), Vec::new());
+            boot.on_time(Instant::ZERO, &mut out);
+            for _ in 0..disturbances {
+                boot.on_foreign_request(&request);
+                assert_eq!(boot.on_frame(Instant::ZERO, &abort, &mut out), None);
+            }
+            assert_eq!(out.len(), 1 + usize::try_from(disturbances).unwrap());
+            assert!(out.iter().all(|frame| *frame == request));
+            let last = boot.on_frame(Instant::ZERO, &abort, &mut out);
+            assert!(last.is_some(), "undisturbed, it counts");
+        }
+    }
+
+    /// How a boot's first questions end at a server that takes `think` for each answer about 1000h, one
+    /// after the other: the object asked for after that and when it was answered, in ms.
+    fn slow_to_meet(think: u64) -> Option<u64> {
+        let (mut boot, mut out) = (Boot::new(&elbow()), Vec::new());
+        let (mut queue, mut busy_until) = (std::collections::VecDeque::new(), 0);
+        for ms in 0..20_000_u64 {
+            let now = Instant::from_micros(ms * 1_000);
+            while boot.deadline().is_some_and(|due| due <= now) {
+                assert_eq!(boot.on_time(now, &mut out), None, "{ms} ms");
+            }
+            let requests = out.drain(..).filter(|it| it.cob_id == 0x603 && it.data()[0] == 0x40);
+            queue.extend(requests);
+            let Some(request) = queue.front().copied() else { continue };
+            if busy_until == 0 {
+                busy_until = if request.data()[1..3] == [0x00, 0x10] { ms + think } else { ms };
+            }
+            if ms < busy_until {
+                continue;
+            }
+            (busy_until, _) = (0, queue.pop_front());
+            if request.data()[1..3] != [0x00, 0x10] {
+                return Some(ms);
+            }
+            let answer = Frame::new(0x583, [0x43, 0x00, 0x10, 0, 0x92, 1, 2, 0]);
+            assert_eq!(boot.on_frame(now, &answer, &mut out), None, "{ms} ms");
+        }
+        None
+    }
+
+    #[test]
+    fn late_answers_do_not_use_up_the_time_of_the_next_question() {
+        // By its first answer a server that takes 0.9 s has ten questions, each of which takes as long.
+        for think in [1, 300, 900] {
+            assert!(slow_to_meet(think).is_some(), "{think} ms");
+        }
+    }
+
+    #[test]
+    fn replies_to_another_client_are_no_sign_of_two_nodes() {
+        let request = Frame::new(0x603, [0x40, 0x00, 0x10, 0, 0, 0, 0, 0]);
+        let other = Frame::new(0x583, [0x43, 0x00, 0x10, 0, 0x92, 1, 2, 0]);
+        let (mut boot, mut out) = (Boot::new(&elbow()), Vec::new());
+        boot.on_time(Instant::ZERO, &mut out);
+        boot.on_foreign_request(&request);
+        for _ in 0..2 {
+            assert_eq!(boot.on_frame(Instant::ZERO, &other, &mut out), None);
         }
     }
 }

@@ -91,6 +91,17 @@ pub struct Exchange {
     before: Asked,
 }
 
+/// What a reply is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reply {
+    /// One more than there were requests.
+    OneTooMany,
+    /// To a request that was given up, for the object before the newest one.
+    Late,
+    /// To the newest request, or of no request that is counted.
+    Other,
+}
+
 /// What was asked for, and how often, and how often it was answered.
 #[derive(Clone, Copy, Debug, Default)]
 struct Asked {
@@ -117,18 +128,31 @@ impl Exchange {
         }
     }
 
-    /// Whether a frame of the node's SDO server is one reply more than there were requests.
-    pub fn is_one_too_many(&mut self, frame: &Frame) -> bool {
-        let &[command, low, high, sub, _, _, _, _] = frame.data() else { return false };
+    /// Takes a frame of the node's SDO server.
+    pub fn take(&mut self, frame: &Frame) -> Reply {
+        let &[command, low, high, sub, _, _, _, _] = frame.data() else { return Reply::Other };
         if !matches!(command >> 5, SCS_DOWNLOAD | SCS_UPLOAD) {
-            return false;
+            return Reply::Other;
         }
         let is_about = |asked: &&mut Asked| asked.requests > 0 && asked.object == [low, high, sub];
+        let is_late = self.newest.object != [low, high, sub];
         let Some(asked) = [&mut self.newest, &mut self.before].into_iter().find(is_about) else {
-            return false;
+            return Reply::Other;
         };
         asked.replies = asked.replies.saturating_add(1);
-        asked.replies > asked.requests
+        if asked.replies > asked.requests {
+            Reply::OneTooMany
+        } else if is_late {
+            Reply::Late
+        } else {
+            Reply::Other
+        }
+    }
+
+    /// Returns whether an object was answered at last, and requests for it are still to be answered.
+    pub fn is_behind(&self) -> bool {
+        let is_behind = |asked: &Asked| asked.replies > 0 && asked.replies < asked.requests;
+        is_behind(&self.newest) || is_behind(&self.before)
     }
 }
 
@@ -205,7 +229,7 @@ mod tests {
             // All but the first reply come when the next request is out.
             late.push(reply);
             for frame in std::mem::replace(&mut late, vec![reply; nodes - 1]) {
-                noticed |= exchange.is_one_too_many(&frame);
+                noticed |= exchange.take(&frame) == Reply::OneTooMany;
             }
         }
         noticed
@@ -225,7 +249,7 @@ mod tests {
         for command in [0x80, 0x00, 0x10, 0x20, 0x30, 0xA0] {
             for _ in 0..3 {
                 let frame = Frame::new(0x583, [command, 0, 0x10, 0, 0, 0, 0, 0]);
-                assert!(!exchange.is_one_too_many(&frame), "{command:02X}");
+                assert_eq!(exchange.take(&frame), Reply::Other, "{command:02X}");
             }
         }
     }

@@ -62,13 +62,15 @@ pub struct Reading {
     /// The last sub-index to be read.
     last: u8,
     transfer: Transfer,
+    has_failed: bool,
 }
 
 impl Reading {
     /// Asks for the count.
     pub fn new(node: NodeId, now: Instant, out: &mut Vec<Frame>) -> Self {
         let transfer = Transfer::read(node, Object::ERROR_HISTORY, REPLY, now, out);
-        Self { node, history: History::default(), sub: 0, last: 0, transfer }
+        let history = History::default();
+        Self { node, history, sub: 0, last: 0, transfer, has_failed: false }
     }
 
     /// Takes one received frame; the history comes once.
@@ -93,13 +95,21 @@ impl Reading {
         self.transfer.deadline()
     }
 
+    /// Returns whether a transfer has failed, so that the history may lack entries.
+    pub const fn has_failed(&self) -> bool {
+        self.has_failed
+    }
+
     fn on_outcome(
         &mut self,
         now: Instant,
         outcome: Outcome,
         out: &mut Vec<Frame>,
     ) -> Option<History> {
-        let Ok(content) = outcome else { return Some(self.history) };
+        let Ok(content) = outcome else {
+            self.has_failed = true;
+            return Some(self.history);
+        };
         if self.sub == 0 {
             let count = content.exactly(1).and_then(|count| count.first().copied()).unwrap_or(0);
             self.last = count.min(u8::try_from(MOST).unwrap_or(u8::MAX));

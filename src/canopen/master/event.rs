@@ -6,6 +6,8 @@ use std::fmt;
 use std::time::Duration;
 
 use canopen_rs::NmtState;
+use canopen_rs::sdo::SDO_REQUEST_COB_BASE;
+use canopen_rs::sdo::SDO_RESPONSE_COB_BASE;
 
 use crate::canopen::drive::Statusword;
 use crate::canopen::emcy::Emergency;
@@ -14,8 +16,10 @@ use crate::canopen::frame::Frame;
 use crate::canopen::master::boot_error::BootError;
 use crate::canopen::master::duplicate::Sign;
 use crate::canopen::master::error_history::History;
+use crate::canopen::master::read_back::ReadBack;
 use crate::canopen::master::steps::Configuration;
 use crate::canopen::nmt;
+use crate::canopen::object::Object;
 
 /// What the master has to say. `node` is the place of a node in the list of plans.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,6 +73,15 @@ pub enum Event {
         /// What it said.
         statusword: Statusword,
     },
+    /// An object that a boot has proven was read again.
+    ReadBack {
+        /// Of which node.
+        node: usize,
+        /// Which object.
+        object: Object,
+        /// What came of it.
+        read: ReadBack,
+    },
     /// A node was silent for too long.
     HeartbeatLost {
         /// Which.
@@ -100,11 +113,17 @@ pub enum Event {
         /// Its node-id, 1 to 127.
         node_id: u8,
     },
+    /// Another SDO client reads from a node. Reported once for each node and boot.
+    ReadByAnother {
+        /// Which.
+        node: usize,
+    },
     /// Somebody else commands this network.
     ForeignMaster {
         /// On which bus.
         channel: Channel,
-        /// An NMT command, a SYNC or an RPDO that only the master may send.
+        /// An NMT command, a SYNC, an RPDO or an SDO download that only the master may send, or the
+        /// confirmation of such a download.
         frame: Frame,
     },
 }
@@ -123,6 +142,8 @@ impl Event {
             | Self::HeartbeatLost { node }
             | Self::Rebooted { node }
             | Self::StateChanged { node, .. }
+            | Self::ReadBack { node, .. }
+            | Self::ReadByAnother { node }
             | Self::Duplicate { node, .. } => Some(*node),
             Self::Booted
             | Self::BootFailed(_)
@@ -150,6 +171,7 @@ impl fmt::Display for Event {
             Self::Statusword { statusword, .. } => {
                 write!(f, "6041h = {:04X}h", statusword.0)
             }
+            Self::ReadBack { object, read, .. } => write!(f, "{object} {read}"),
             Self::HeartbeatLost { .. } => f.write_str("heartbeat lost"),
             Self::Rebooted { .. } => f.write_str("rebooted by itself"),
             Self::StateChanged { state, .. } => write!(f, "is {}", nmt::words(*state)),
@@ -159,12 +181,24 @@ impl fmt::Display for Event {
             Self::Stranger { channel, node_id } => {
                 write!(f, "bus {}: node {node_id} is not in the configuration", channel.0)
             }
-            Self::ForeignMaster { channel, frame } => {
-                write!(f, "bus {}: another master sent {frame}", channel.0)
+            Self::ReadByAnother { .. } => {
+                f.write_str("another SDO client reads from it; transfers may disturb each other")
             }
+            Self::ForeignMaster { channel, frame } => match frame.cob_id & FUNCTION {
+                SDO_REQUEST_COB_BASE => {
+                    write!(f, "bus {}: another master writes: {frame}", channel.0)
+                }
+                SDO_RESPONSE_COB_BASE => {
+                    write!(f, "bus {}: a write of another master is confirmed: {frame}", channel.0)
+                }
+                _ => write!(f, "bus {}: another master sent {frame}", channel.0),
+            },
         }
     }
 }
+
+/// The bits of a COB-ID that say what it is for; the others are the node-id.
+const FUNCTION: u16 = 0x780;
 
 #[cfg(test)]
 mod tests {

@@ -251,11 +251,56 @@ fn whoever_else_commands_is_heard() {
 }
 
 #[test]
+fn a_download_of_another_client_is_a_foreign_master() {
+    let download = Frame::new(0x603, [0x2B, 0x00, 0x14, 5, 0, 0, 0, 0]);
+    let by_blocks = Frame::new(0x603, [0xC2, 0x00, 0x14, 5, 0, 0, 0, 0]);
+    let confirmed = Frame::new(0x583, [0x60, 0x00, 0x14, 5, 0, 0, 0, 0]);
+    let mut bench = Bench::booted();
+    let channel = Channel(0);
+    for frame in [download, by_blocks, confirmed] {
+        bench.hear(channel, frame);
+        assert_eq!(bench.events, [Event::ForeignMaster { channel, frame }]);
+        bench.events.clear();
+    }
+    bench.hear(channel, Frame::new(0x604, *download.data().first_chunk::<8>().unwrap()));
+    assert_eq!(bench.events, [], "no node of this master");
+}
+
+#[test]
+fn confirmations_of_own_downloads_are_not_foreign() {
+    let mut bench = Bench::booted();
+    let mut out = Vec::new();
+    bench.master.power_off(bench.now, 0, &mut out);
+    bench.master.power_off(bench.now, 0, &mut out);
+    assert_eq!(out.len(), 2);
+    let confirmed = Frame::new(0x583, [0x60, 0x40, 0x60, 0, 0, 0, 0, 0]);
+    bench.hear(Channel(0), confirmed);
+    bench.hear(Channel(0), confirmed);
+    assert_eq!(bench.events, [], "the first came after the second was sent");
+    bench.hear(Channel(0), confirmed);
+    let foreign = Event::ForeignMaster { channel: Channel(0), frame: confirmed };
+    assert_eq!(bench.events, [foreign]);
+}
+
+#[test]
+fn uploads_of_another_client_are_allowed_and_counted() {
+    let mut bench = Bench::booted();
+    for _ in 0..3 {
+        bench.hear(Channel(0), Frame::new(0x603, [0x40, 0x41, 0x60, 0, 0, 0, 0, 0]));
+        bench.hear(Channel(0), Frame::new(0x583, [0x4B, 0x41, 0x60, 0, 0x37, 2, 0, 0]));
+    }
+    bench.hear(Channel(0), Frame::new(0x603, [0xA4, 0x08, 0x10, 0, 21, 0, 0, 0]));
+    bench.hear(Channel(0), Frame::new(0x583, [0x61, b'f', b'r', b'h', b'c', 0, 0, 0]));
+    assert_eq!(bench.events, [Event::ReadByAnother { node: 0 }], "reported once");
+    assert_eq!(bench.master.foreign_uploads(), 4);
+}
+
+#[test]
 fn the_cyclic_exchange_and_what_is_no_nodes_word_are_passed_over() {
     let mut bench = Bench::booted();
     bench.master.slaves[0].plan.pdos[0].cob_id = 0x310; // a TPDO, if not a predefined one
     let before = bench.said.len();
-    for cob_id in [0x183, 0x283, 0x383, 0x483, 0x603, 0x583, 0x205, 0x310, 0x585, 0x7E4] {
+    for cob_id in [0x183, 0x283, 0x383, 0x483, 0x605, 0x583, 0x205, 0x310, 0x585, 0x7E4] {
         bench.hear(Channel(0), Frame::new(cob_id, [0; 8]));
     }
     bench.hear(Channel(0), Frame::remote(0x80, 0));
@@ -351,6 +396,25 @@ fn an_optional_node_whose_boot_up_was_not_heard_is_looked_for() {
     bench.run(2_300);
     bench.devices.push(switches);
     bench.cycle(1_500);
+    assert_eq!(bench.events.last(), Some(&Event::Joined { node: 2 }));
+}
+
+#[test]
+fn late_optional_node_that_goes_again_is_still_awaited() {
+    let mut bench = Bench::of(with_optional_switches());
+    let (channel, switches) = bench.devices.pop().unwrap();
+    bench.run(2_300);
+    bench.events.clear();
+    // It appears and is gone in the middle of its boot.
+    let boot_up = switches.heartbeat(0);
+    bench.devices.push((channel, switches));
+    bench.hear(channel, boot_up);
+    bench.cycle(3);
+    let (channel, switches) = bench.devices.pop().unwrap();
+    bench.cycle(8_000);
+    assert_eq!(bench.events, [], "neither a failure nor told again");
+    bench.devices.push((channel, switches));
+    bench.cycle(3_000);
     assert_eq!(bench.events.last(), Some(&Event::Joined { node: 2 }));
 }
 

@@ -15,7 +15,9 @@ pub mod duplicate;
 pub mod error_history;
 pub mod event;
 mod inquiry;
+pub mod read_back;
 mod rest;
+mod sdo_traffic;
 mod slave;
 pub mod steps;
 mod strangers;
@@ -25,6 +27,7 @@ use std::collections::VecDeque;
 use canopen_rs::NmtCommand;
 use canopen_rs::NmtState;
 use canopen_rs::nmt::HEARTBEAT_COB_BASE;
+use canopen_rs::sdo::SDO_REQUEST_COB_BASE;
 use canopen_rs::sdo::SDO_RESPONSE_COB_BASE;
 
 use crate::canopen::emcy;
@@ -38,6 +41,8 @@ use crate::canopen::layout::Direction;
 use crate::canopen::master::boot_error::Problem;
 use crate::canopen::master::commission::PATIENCE;
 use crate::canopen::master::event::Event;
+use crate::canopen::master::read_back::Setting;
+use crate::canopen::master::sdo_traffic::Foreign;
 use crate::canopen::master::slave::Report;
 use crate::canopen::master::slave::Slave;
 use crate::canopen::master::strangers::Strangers;
@@ -56,6 +61,8 @@ const QUEUE: usize = 64;
 pub struct Master {
     slaves: Vec<Slave>,
     strangers: Strangers,
+    /// Uploads that other clients have begun.
+    foreign_uploads: u64,
     phase: Phase,
     /// Whether a node that tells of an error is asked for those it remembers.
     asks_why: bool,
@@ -86,6 +93,7 @@ impl Master {
         Self {
             slaves: slaves.collect(),
             strangers,
+            foreign_uploads: 0,
             phase: Phase::Booting,
             asks_why: true,
             frames: Vec::with_capacity(8),
@@ -128,6 +136,7 @@ impl Master {
             0x180 | 0x280 | 0x380 | 0x480 => return None,
             _ if frame.is_remote() => return None,
             SDO_RESPONSE_COB_BASE | HEARTBEAT_COB_BASE => self.answer(now, channel, &frame, out),
+            SDO_REQUEST_COB_BASE => self.request_of_another(now, channel, &frame),
             _ if self.is_ours_alone(channel, &frame) => {
                 self.tell(Event::ForeignMaster { channel, frame });
             }
@@ -195,11 +204,29 @@ impl Master {
         }
     }
 
+    /// Reads an object of a node again, by its place in the list of plans; an [`Event::ReadBack`] reports
+    /// what came of it. Returns whether it does: a node that is being asked is not asked more.
+    pub fn read_back(
+        &mut self,
+        now: Instant,
+        node: usize,
+        setting: Setting,
+        out: &mut Vec<Telegram>,
+    ) -> bool {
+        let slave = self.slaves.get_mut(node);
+        let is_asked = slave.is_some_and(|it| it.read_back(now, setting, &mut self.frames));
+        if is_asked {
+            self.after(now, node, None, out);
+        }
+        is_asked
+    }
+
     /// Tells a drive by SDO to take its power off, by its place in the list of plans: at once, without
     /// waiting for a SYNC or behind anything else.
     pub fn power_off(&mut self, now: Instant, node: usize, out: &mut Vec<Telegram>) {
         if let Some(slave) = self.slaves.get_mut(node) {
             slave.power_off(now, &mut self.frames);
+            self.frames.iter().for_each(|frame| slave.on_sent(frame));
             let channel = slave.channel;
             out.extend(self.frames.drain(..).map(|frame| Telegram { channel, frame }));
         }
@@ -217,13 +244,42 @@ impl Master {
         out.extend(self.slaves.iter().map(|slave| telegram(slave, order)));
     }
 
-    /// An SDO reply, a heartbeat, a boot-up message or an answer to guarding.
-    fn answer(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
+    /// Number of uploads that other clients have begun at the nodes of this master.
+    pub const fn foreign_uploads(&self) -> u64 {
+        self.foreign_uploads
+    }
+
+    /// Place of the node that a frame of the predefined connection set is from or to.
+    fn place(&self, channel: Channel, frame: &Frame) -> Option<usize> {
         let node_id = frame.cob_id & !FUNCTION;
         let is_its =
             |slave: &Slave| slave.channel == channel && u16::from(slave.plan.node.raw()) == node_id;
-        let Some(place) = self.slaves.iter().position(is_its) else { return };
+        self.slaves.iter().position(is_its)
+    }
+
+    /// An SDO request of another client: to write is a master's, to read is anyone's.
+    fn request_of_another(&mut self, now: Instant, channel: Channel, frame: &Frame) {
+        let Some(node) = self.place(channel, frame) else { return };
+        let Some(slave) = self.slaves.get_mut(node) else { return };
+        match slave.on_foreign_request(now, frame) {
+            Some(Foreign::Download) => self.tell(Event::ForeignMaster { channel, frame: *frame }),
+            Some(Foreign::Upload) => {
+                self.foreign_uploads += 1;
+                if slave.is_newly_read() {
+                    self.tell(Event::ReadByAnother { node });
+                }
+            }
+            Some(Foreign::Other) | None => {}
+        }
+    }
+
+    /// An SDO reply, a heartbeat, a boot-up message or an answer to guarding.
+    fn answer(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
+        let Some(place) = self.place(channel, frame) else { return };
         let Some(slave) = self.slaves.get_mut(place) else { return };
+        if slave.is_foreign_reply(now, frame) {
+            return self.tell(Event::ForeignMaster { channel, frame: *frame });
+        }
         let report = slave.on_frame(now, frame, &mut self.frames);
         self.after(now, place, report, out);
     }
@@ -236,7 +292,8 @@ impl Master {
         report: Option<Report>,
         out: &mut Vec<Telegram>,
     ) {
-        let Some(slave) = self.slaves.get(node) else { return };
+        let Some(slave) = self.slaves.get_mut(node) else { return };
+        self.frames.iter().for_each(|frame| slave.on_sent(frame));
         let (channel, is_late) = (slave.channel, slave.is_late);
         let is_configured = matches!(report, Some(Report::Configured(_)));
         if is_configured && is_late && self.phase != Phase::Booting {
@@ -264,6 +321,9 @@ impl Master {
             Some(Report::History(history)) => self.tell(Event::ErrorHistory { node, history }),
             Some(Report::Statusword(statusword)) => {
                 self.tell(Event::Statusword { node, statusword });
+            }
+            Some(Report::ReadBack(object, read)) => {
+                self.tell(Event::ReadBack { node, object, read });
             }
             Some(Report::News(news)) if is_late => self.on_news_of_late(now, node, news),
             Some(Report::News(news)) => self.on_news(node, news),
@@ -332,6 +392,11 @@ impl Master {
         if self.events.len() < QUEUE {
             self.events.push_back(event);
         }
+    }
+
+    /// Returns whether only a master sends this, other than by SDO: a command, a SYNC or an RPDO.
+    pub fn is_foreign(&self, Telegram { channel, frame }: &Telegram) -> bool {
+        !frame.is_remote() && self.is_ours_alone(*channel, frame)
     }
 
     /// Whether only the master may send this.

@@ -7,6 +7,8 @@ use std::time::Duration;
 
 use canopen_rs::NmtState;
 use canopen_rs::nmt::heartbeat_cob_id;
+use canopen_rs::sdo::request_cob_id;
+use canopen_rs::sdo::response_cob_id;
 
 use crate::canopen::drive::Statusword;
 use crate::canopen::frame::Channel;
@@ -22,6 +24,11 @@ use crate::canopen::master::commission::BootOutcome;
 use crate::canopen::master::error_history::History;
 use crate::canopen::master::inquiry::Answer;
 use crate::canopen::master::inquiry::Inquiry;
+use crate::canopen::master::read_back;
+use crate::canopen::master::read_back::ReadBack;
+use crate::canopen::master::read_back::Setting;
+use crate::canopen::master::sdo_traffic::Foreign;
+use crate::canopen::master::sdo_traffic::SdoTraffic;
 use crate::canopen::master::steps::Configuration;
 use crate::canopen::object::Object;
 use crate::canopen::plan::ErrorControl;
@@ -43,6 +50,9 @@ pub(super) struct Slave {
     pub(super) was_enabled: bool,
     /// What its last boot found that it does not have.
     pub(super) missing: Vec<Object>,
+    traffic: SdoTraffic,
+    /// Another client has read from it since its last boot.
+    is_read_by_another: bool,
 }
 
 /// How far it is.
@@ -52,6 +62,8 @@ enum Stage {
     Watched {
         watch: Watch,
         inquiry: Option<Box<Inquiry>>,
+        /// A setting that is read again; given up for an inquiry.
+        reading: Option<read_back::Reading>,
     },
     /// Missing and optional; looked for at this time, or when it is heard.
     Awaited(Instant),
@@ -80,19 +92,31 @@ pub(super) enum Report {
     History(History),
     /// What its power stage is in.
     Statusword(Statusword),
+    /// What came of reading an object again.
+    ReadBack(Object, ReadBack),
 }
 
 impl Slave {
     /// One that begins to boot with the first call of [`on_time`](Self::on_time).
     pub(super) fn new(channel: Channel, plan: NodePlan) -> Self {
         let stage = Stage::Booting(Box::new(Boot::new(&plan)));
-        Self { channel, plan, stage, is_late: false, was_enabled: false, missing: Vec::new() }
+        Self {
+            channel,
+            plan,
+            stage,
+            is_late: false,
+            was_enabled: false,
+            missing: Vec::new(),
+            traffic: SdoTraffic::default(),
+            is_read_by_another: false,
+        }
     }
 
     /// Begins again, as after power-up.
     pub(super) fn restart(&mut self) {
         self.stage = Stage::Booting(Box::new(Boot::new(&self.plan)));
         self.is_late = false;
+        self.is_read_by_another = false;
     }
 
     /// What is known of it.
@@ -138,12 +162,16 @@ impl Slave {
                 let outcome = boot.on_frame(now, frame, out)?;
                 self.after_boot(now, outcome)
             }
-            Stage::Watched { watch, inquiry } => {
+            Stage::Watched { watch, inquiry, reading } => {
                 if let Some(answer) =
                     inquiry.as_mut().and_then(|inquiry| inquiry.on_frame(now, frame, out))
                 {
                     *inquiry = None;
                     return Report::of(answer);
+                }
+                let read = reading.as_mut().and_then(|reading| reading.on_frame(now, frame, out));
+                if let Some(report) = finish(reading, read) {
+                    return Some(report);
                 }
                 watch.on_frame(now, frame).map(Report::News)
             }
@@ -157,6 +185,40 @@ impl Slave {
         }
     }
 
+    /// Takes a frame that this master sends to it.
+    pub(super) fn on_sent(&mut self, frame: &Frame) {
+        if frame.cob_id == request_cob_id(self.plan.node) {
+            self.traffic.on_sent(frame);
+        }
+    }
+
+    /// Takes a request that another client has sent to its SDO server.
+    pub(super) fn on_foreign_request(&mut self, now: Instant, frame: &Frame) -> Option<Foreign> {
+        let foreign = self.traffic.on_request(now, frame)?;
+        match &mut self.stage {
+            Stage::Booting(boot) => boot.on_foreign_request(frame),
+            Stage::Watched { inquiry, reading, .. } => {
+                inquiry.iter_mut().for_each(|inquiry| inquiry.disturb());
+                reading.iter_mut().for_each(read_back::Reading::disturb);
+            }
+            Stage::Awaited(_) | Stage::Failed => {}
+        }
+        Some(foreign)
+    }
+
+    /// Returns whether a reply of its SDO server confirms a download that this master did not request.
+    /// While it boots, a second node of its node-id is the likelier reason.
+    pub(super) fn is_foreign_reply(&mut self, now: Instant, frame: &Frame) -> bool {
+        frame.cob_id == response_cob_id(self.plan.node)
+            && self.traffic.is_foreign_reply(now, frame)
+            && self.is_watched()
+    }
+
+    /// Notes that another client reads from it; returns whether that is new.
+    pub(super) const fn is_newly_read(&mut self) -> bool {
+        !std::mem::replace(&mut self.is_read_by_another, true)
+    }
+
     /// Does what is due.
     pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Report> {
         match &mut self.stage {
@@ -164,10 +226,14 @@ impl Slave {
                 let outcome = boot.on_time(now, out)?;
                 self.after_boot(now, outcome)
             }
-            Stage::Watched { watch, inquiry } => {
+            Stage::Watched { watch, inquiry, reading } => {
                 if let Some(answer) = inquiry.as_mut().and_then(|asked| asked.on_time(now, out)) {
                     *inquiry = None;
                     return Report::of(answer);
+                }
+                let read = reading.as_mut().and_then(|reading| reading.on_time(now, out));
+                if let Some(report) = finish(reading, read) {
+                    return Some(report);
                 }
                 watch.on_time(now, out).map(Report::News)
             }
@@ -183,9 +249,10 @@ impl Slave {
     pub(super) fn deadline(&self) -> Option<Instant> {
         match &self.stage {
             Stage::Booting(boot) => boot.deadline(),
-            Stage::Watched { watch, inquiry } => {
+            Stage::Watched { watch, inquiry, reading } => {
                 let inquiry = inquiry.as_ref().and_then(|inquiry| inquiry.deadline());
-                watch.deadline().into_iter().chain(inquiry).min()
+                let reading = reading.as_ref().map(read_back::Reading::deadline);
+                watch.deadline().into_iter().chain(inquiry).chain(reading).min()
             }
             Stage::Awaited(look) => Some(*look),
             Stage::Failed => None,
@@ -194,21 +261,38 @@ impl Slave {
 
     /// Begins to read what it remembers of its errors, if it can be asked and is not being asked.
     pub(super) fn read_history(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        if let Stage::Watched { inquiry: inquiry @ None, .. } = &mut self.stage {
+        if let Stage::Watched { inquiry: inquiry @ None, reading, .. } = &mut self.stage {
+            *reading = None;
             *inquiry = Some(Box::new(Inquiry::history(self.plan.node, now, out)));
         }
     }
 
     /// Begins to read what its power stage is in, if it can be asked and is not being asked.
     pub(super) fn read_statusword(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        if let Stage::Watched { inquiry: inquiry @ None, .. } = &mut self.stage {
+        if let Stage::Watched { inquiry: inquiry @ None, reading, .. } = &mut self.stage {
+            *reading = None;
             *inquiry = Some(Box::new(Inquiry::statusword(self.plan.node, now, out)));
         }
     }
 
+    /// Begins to read an object again, if it can be asked and is not being asked; returns whether it does.
+    pub(super) fn read_back(
+        &mut self,
+        now: Instant,
+        setting: Setting,
+        out: &mut Vec<Frame>,
+    ) -> bool {
+        let Stage::Watched { inquiry: None, reading: reading @ None, .. } = &mut self.stage else {
+            return false;
+        };
+        *reading = Some(read_back::Reading::begin(self.plan.node, setting, now, out));
+        true
+    }
+
     /// Tells it to take its power off. What it is being asked is given up for that.
     pub(super) fn power_off(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        if let Stage::Watched { inquiry, .. } = &mut self.stage {
+        if let Stage::Watched { inquiry, reading, .. } = &mut self.stage {
+            *reading = None;
             *inquiry = Inquiry::power_off(self.plan.node, now, out).map(Box::new);
         }
     }
@@ -232,7 +316,8 @@ impl Slave {
         }
         match outcome {
             Ok(configuration) => {
-                self.stage = Stage::Watched { watch: Watch::new(&self.plan, now), inquiry: None };
+                let watch = Watch::new(&self.plan, now);
+                self.stage = Stage::Watched { watch, inquiry: None, reading: None };
                 Some(Report::Configured(configuration))
             }
             Err(BootError { problem: Problem::Absent { waited }, .. }) if self.plan.is_optional => {
@@ -250,6 +335,13 @@ impl Slave {
             }
         }
     }
+}
+
+/// The report of a reading that has ended, which it takes away.
+fn finish(reading: &mut Option<read_back::Reading>, read: Option<ReadBack>) -> Option<Report> {
+    let (object, read) = (reading.as_ref()?.object(), read?);
+    *reading = None;
+    Some(Report::ReadBack(object, read))
 }
 
 impl Report {

@@ -187,6 +187,18 @@ impl Action {
         }
     }
 
+    /// Returns whether another value than expected ends the step.
+    pub const fn compares_once(self) -> bool {
+        match self {
+            Self::Meet
+            | Self::Compare
+            | Self::CompareIfThere
+            | Self::Write
+            | Self::WriteIfThere => true,
+            Self::Await | Self::Settle | Self::Command => false,
+        }
+    }
+
     /// Whether an object that does not exist is as good.
     pub const fn may_be_missing(self) -> bool {
         match self {

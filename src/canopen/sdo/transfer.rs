@@ -190,6 +190,13 @@ impl Transfer {
         Some(self.finish(Err(SdoError::Silent)))
     }
 
+    /// Gives the server the whole timeout from now on, if a reply is awaited: it was busy until now.
+    pub fn extend(&mut self, now: Instant) {
+        if self.deadline.is_some() {
+            self.wait(now);
+        }
+    }
+
     /// When [`on_time`](Self::on_time) must next be called; `None` once finished.
     pub const fn deadline(&self) -> Option<Instant> {
         self.deadline

@@ -6,6 +6,7 @@ use clap::Args;
 
 use crate::bus::SocketCan;
 use crate::canopen::NodeId;
+use crate::canopen::bench::presence::Presence;
 use crate::canopen::eds::Eds;
 use crate::canopen::frame::Channel;
 use crate::canopen::plan::NodePlan;
@@ -26,6 +27,14 @@ pub(in crate::cli) struct Line {
     /// A configuration: its interface, its nodes and their EDS files.
     #[arg(short, long, value_name = "FILE", global = true)]
     config: Option<PathBuf>,
+}
+
+/// Whether a tool that commands or writes does so although a master runs.
+#[derive(Clone, Copy, Debug, Args)]
+pub(in crate::cli) struct Beside {
+    /// Go on although a master sends SYNC on this bus: a node that runs there stops.
+    #[arg(long, global = true)]
+    pub(in crate::cli) force: bool,
 }
 
 /// The bus that was meant.
@@ -58,6 +67,22 @@ impl Known {
     pub(in crate::cli) fn open(&self) -> Result<Session<SocketCan>, Failure> {
         let bus = SocketCan::open(std::slice::from_ref(&self.interface)).or_fail(Kind::Bus)?;
         Ok(Session::new(bus, Channel(0), interrupt::flag()?))
+    }
+
+    /// Opens the interface to command or write: refused while a master sends SYNC there, unless forced.
+    pub(in crate::cli) fn open_to_command(
+        &self,
+        Beside { force }: Beside,
+    ) -> Result<Session<SocketCan>, Failure> {
+        let mut session = self.open()?;
+        if force || !session.run(|now, _| Presence::begin(now)).map_err(|error| self.fail(error))? {
+            return Ok(session);
+        }
+        let reason = format!(
+            "{}: a master sends SYNC here, and would be disturbed; stop it first, or say --force",
+            self.interface
+        );
+        Err(Failure::new(Kind::Bus, reason))
     }
 
     /// A talk on this bus that has ended before its time.

@@ -10,6 +10,7 @@ pub mod objects;
 pub mod session;
 pub(super) mod words;
 
+pub(super) use line::Beside;
 pub(super) use line::Known;
 pub(super) use line::Line;
 

@@ -29,7 +29,7 @@ pub(in crate::cli) fn nodes(text: &str) -> Result<Vec<NodeId>, String> {
         let (first, last) = part.split_once('-').unwrap_or((part, part));
         let (first, last) = (node(first)?, node(last)?);
         if first > last {
-            return Err(format!("{part}: ends before it begins"));
+            return Err("a range must begin before it ends, as 1-16".to_owned());
         }
         nodes.extend((first.raw()..=last.raw()).filter_map(|raw| NodeId::new(raw).ok()));
     }
@@ -52,6 +52,12 @@ pub(in crate::cli) fn object(text: &str) -> Result<Object, String> {
     let index = hexadecimal(bare).and_then(|index| u16::try_from(index).ok());
     let index = index.ok_or_else(wrong)?;
     Ok(Object { index, sub: u8::try_from(sub).map_err(|_| wrong())? })
+}
+
+/// A length of time in s: more than nothing, a day at most.
+pub(in crate::cli) fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse::<f64>().ok().filter(|seconds| *seconds > 0.0 && *seconds <= 86_400.0);
+    seconds.ok_or_else(|| "must be a number above 0, and 86400 at most".to_owned())
 }
 
 /// A number of 32 bits: `7`, `0x402`, `402h`.
@@ -108,6 +114,14 @@ mod tests {
         let raw = |text| nodes(text).map(|nodes| nodes.into_iter().map(NodeId::raw).collect());
         assert_eq!(raw("5,1-3,2"), Ok(vec![1, 2, 3, 5]));
         assert!(nodes("3-1").is_err() && nodes("").is_err() && nodes("0-5").is_err());
+    }
+
+    #[test]
+    fn seconds_are_above_zero_and_at_most_a_day() {
+        assert_eq!([seconds("0.5"), seconds("86400")], [Ok(0.5), Ok(86_400.0)]);
+        for text in ["-1", "0", "-0.0", "nan", "inf", "-inf", "1e300", "86400.1", "", "x"] {
+            assert!(seconds(text).is_err(), "{text}");
+        }
     }
 
     proptest! {

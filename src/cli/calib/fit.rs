@@ -16,6 +16,8 @@ use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
 use crate::cli::print;
+use crate::cli::results;
+use crate::cli::results::Force;
 use crate::config::Config;
 use crate::config::Joint;
 use crate::config::torque_data::Measured;
@@ -42,7 +44,7 @@ pub(super) fn run(args: &Fit) -> Result<(), Failure> {
         print::line(&report::text(&session));
     }
     if let Some(folder) = &args.out {
-        write(folder, &session)?;
+        write(folder, &session, args.force)?;
     }
     verdict(&session)
 }
@@ -105,17 +107,10 @@ fn accept(samples: &[Sample], joint: Option<&Joint>) -> Result<Accepted, String>
     Ok(Accepted { fit, curve, before, line })
 }
 
-/// Leaves the fragment and the pictures in `folder`.
-fn write(folder: &Path, session: &Session<'_>) -> Result<(), Failure> {
-    let save = |name: &str, text: &str| {
-        let path = folder.join(name);
-        let saved = fs::write(&path, text).with_context(|| path.display().to_string());
-        saved.or_fail(Kind::Usage)
-    };
-    fs::create_dir_all(folder)
-        .with_context(|| folder.display().to_string())
-        .or_fail(Kind::Usage)?;
-    save("torque_curves.toml", &fragment::text(session))?;
+/// Leaves the fragment and the pictures in `folder`, all or none.
+fn write(folder: &Path, session: &Session<'_>, force: Force) -> Result<(), Failure> {
+    fs::create_dir_all(folder).with_context(|| folder.display().to_string()).or_fail(Kind::File)?;
+    let mut files = vec![(folder.join("torque_curves.toml"), fragment::text(session))];
     for Fitted { joint, samples, outcome } in &session.joints {
         let Ok(Accepted { fit, line, .. }) = outcome else { continue };
         let plot = TorquePlot {
@@ -126,9 +121,9 @@ fn write(folder: &Path, session: &Session<'_>) -> Result<(), Failure> {
             calibrated: fit,
             line: *line,
         };
-        save(&format!("{}.svg", file_name(joint)), &plot.svg())?;
+        files.push((folder.join(format!("{}.svg", file_name(joint))), plot.svg()));
     }
-    Ok(())
+    results::export_all(&files, force)
 }
 
 /// A joint's name without what a file's name cannot have.

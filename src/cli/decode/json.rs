@@ -19,6 +19,7 @@ use crate::canopen::words::Command;
 use crate::canopen::words::Switches;
 use crate::cli::decode::Said;
 use crate::cli::decode::pseudo::Pseudo;
+use crate::cli::decode::stamps::GoesBack;
 use crate::telemetry::candump::Content;
 use crate::telemetry::candump::Line;
 use crate::telemetry::candump::NotALine;
@@ -44,6 +45,7 @@ pub(super) fn frame(
     nanos: Option<u64>,
     line: &Line<'_>,
     said: &Said<'_>,
+    back: Option<GoesBack>,
     scratch: &mut String,
     to: &mut impl Write,
 ) -> io::Result<()> {
@@ -63,6 +65,9 @@ pub(super) fn frame(
         }
         Content::Remote(_) => {}
     }
+    if let Some(dlc) = line.raw_dlc {
+        write!(to, ",\"dlc\":{dlc}")?;
+    }
     match said {
         Said::Frame(annotation) => {
             write!(to, ",\"kind\":\"{}\"", annotation.kind())?;
@@ -72,12 +77,6 @@ pub(super) fn frame(
             }
             text("text", annotation, scratch, to)?;
             what(&annotation.what, to)?;
-            let mut lead = ",\"remarks\":[";
-            for remark in annotation.remarks() {
-                write!(to, "{lead}\"{remark}\"")?;
-                lead = ",";
-            }
-            to.write_all(if lead == "," { b"]" } else { b"" })?;
         }
         Said::Pseudo(pseudo) => {
             write!(to, ",\"kind\":\"{}\"", pseudo.name())?;
@@ -89,7 +88,24 @@ pub(super) fn frame(
         }
         Said::Other(kind) => write!(to, ",\"kind\":\"{kind}\"")?,
     }
+    remarks(said, back, to)?;
     to.write_all(b"}\n")
+}
+
+/// Everything that is wrong with a line.
+fn remarks(said: &Said<'_>, back: Option<GoesBack>, to: &mut impl Write) -> io::Result<()> {
+    let mut lead = ",\"remarks\":[";
+    if let Some(back) = back {
+        write!(to, "{lead}\"{back}\"")?;
+        lead = ",";
+    }
+    if let Said::Frame(annotation) = said {
+        for remark in annotation.remarks() {
+            write!(to, "{lead}\"{remark}\"")?;
+            lead = ",";
+        }
+    }
+    to.write_all(if lead == "," { b"]" } else { b"" })
 }
 
 /// A member that is a text.

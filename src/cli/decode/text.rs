@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use crate::canopen::decode::Decoder;
 use crate::cli::decode::Said;
+use crate::cli::decode::stamps::GoesBack;
 
 /// Where columns begin.
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +33,7 @@ impl Columns {
 
     /// Makes room for eight bytes behind the identifier of `raw`.
     fn fit(&mut self, raw: &str) {
-        let end = match raw.find(['#', ']']) {
+        let end = match raw.find(['#', ']', '}']) {
             Some(hash) if raw.as_bytes().get(hash) == Some(&b'#') => {
                 hash + "#0011223344556677".len()
             }
@@ -49,18 +50,30 @@ const RED: &str = "\x1b[1;31m";
 const PLAIN: &str = "\x1b[0m";
 
 /// Writes a line into `to`, whatever was there.
-pub(super) fn line(raw: &str, said: &Said<'_>, columns: &mut Columns, to: &mut String) {
+pub(super) fn line(
+    raw: &str,
+    said: &Said<'_>,
+    back: Option<GoesBack>,
+    columns: &mut Columns,
+    to: &mut String,
+) {
     if !matches!(said, Said::Pseudo(_)) {
         columns.fit(raw);
     }
     to.clear();
     // Writing into a String cannot fail.
-    write(raw, said, columns, to).ok();
+    write(raw, said, back, columns, to).ok();
     to.truncate(to.trim_end().len());
     to.push('\n');
 }
 
-fn write(raw: &str, said: &Said<'_>, columns: &Columns, to: &mut String) -> std::fmt::Result {
+fn write(
+    raw: &str,
+    said: &Said<'_>,
+    back: Option<GoesBack>,
+    columns: &Columns,
+    to: &mut String,
+) -> std::fmt::Result {
     let Columns { annotation: column, name: width, is_coloured } = *columns;
     let colour = |colour: &'static str| if is_coloured { colour } else { "" };
     let plain = colour(PLAIN);
@@ -84,8 +97,12 @@ fn write(raw: &str, said: &Said<'_>, columns: &Columns, to: &mut String) -> std:
         Said::Error(error) => write!(to, "{}{error}{plain}", colour(RED))?,
         Said::Other(_) => {}
     }
-    let Said::Frame(annotation) = said else { return Ok(()) };
     let mut lead = "  ! ";
+    if let Some(back) = back {
+        write!(to, "{}{lead}{back}{plain}", colour(RED))?;
+        lead = ", ";
+    }
+    let Said::Frame(annotation) = said else { return Ok(()) };
     for remark in annotation.remarks() {
         write!(to, "{}{lead}{remark}{plain}", colour(RED))?;
         lead = ", ";

@@ -17,6 +17,8 @@ use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
 use crate::cli::print;
+use crate::cli::results;
+use crate::cli::results::Force;
 use crate::config::Config;
 use crate::config::signals;
 use crate::telemetry::record::Mode;
@@ -34,6 +36,8 @@ pub(in crate::cli) struct Dbc {
     /// Write it here rather than to stdout.
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// Writes the file.
@@ -55,10 +59,7 @@ pub(super) fn run(args: &Dbc) -> Result<(), Failure> {
     let text = database.to_string();
     match &args.out {
         None => print::line(text.trim_end()),
-        Some(file) => {
-            let named = |error| format!("{}: {error}", file.display());
-            std::fs::write(file, text).map_err(|error| Failure::new(Kind::Usage, named(error)))?;
-        }
+        Some(file) => results::export(file, text.as_bytes(), args.force)?,
     }
     Ok(())
 }
@@ -68,7 +69,10 @@ fn channel(config: &Config, name: &str) -> Result<Channel, Failure> {
     let found = buses.find(|(_, bus)| bus.name == name).map(|(channel, _)| channel);
     found.ok_or_else(|| {
         let names: Vec<_> = config.buses.iter().map(|bus| bus.name.as_str()).collect();
-        Failure::new(Kind::Usage, format!("--bus {name}: there is {}", names.join(", ")))
+        Failure::new(
+            Kind::Usage,
+            format!("--bus {name}: no such bus; there is {}", names.join(", ")),
+        )
     })
 }
 

@@ -3,7 +3,6 @@
 
 use std::collections::HashSet;
 use std::fs;
-use std::io::ErrorKind;
 use std::path::Path;
 use std::path::PathBuf;
 
@@ -22,6 +21,8 @@ use crate::cli::exit::Failure;
 use crate::cli::exit::Kind;
 use crate::cli::exit::OrFail;
 use crate::cli::print;
+use crate::cli::results;
+use crate::cli::results::Force;
 use crate::config::Config;
 
 /// `frhc export dcf`.
@@ -32,6 +33,8 @@ pub(in crate::cli) struct Dcf {
     /// Where the files go; made if it is not there.
     #[arg(short, long, value_name = "DIR")]
     out: PathBuf,
+    #[command(flatten)]
+    force: Force,
     /// As lists of writes (CiA 302-3, 1F22h) instead: binary, `.cdcf`.
     #[arg(long)]
     concise: bool,
@@ -56,7 +59,7 @@ pub(super) fn run(args: &Dcf) -> Result<(), Failure> {
         let content = content.map_err(|error| Failure::new(Kind::Configuration, error))?;
         files.push(File { name, content });
     }
-    write(&args.out, &files)?;
+    write(&args.out, &files, args.force)?;
     for file in &files {
         print::line(&args.out.join(&file.name).display().to_string());
     }
@@ -126,29 +129,9 @@ fn plain(name: &str) -> String {
     name.chars().take(100).map(plain).collect()
 }
 
-/// Writes every file beside its place, then moves all of them there; what fails leaves none half done.
-fn write(folder: &Path, files: &[File]) -> Result<(), Failure> {
-    fs::create_dir_all(folder)
-        .with_context(|| folder.display().to_string())
-        .or_fail(Kind::Usage)?;
-    let beside = |file: &File| folder.join(format!(".{}.part", file.name));
-    let prepared = files.iter().try_for_each(|file| {
-        let path = folder.join(&file.name);
-        let is_free = if path.is_dir() { Err(ErrorKind::IsADirectory.into()) } else { Ok(()) };
-        let written = is_free.and_then(|()| fs::write(beside(file), &file.content));
-        written.with_context(|| path.display().to_string())
-    });
-    let moved = prepared.and_then(|()| {
-        files.iter().try_for_each(|file| {
-            let path = folder.join(&file.name);
-            fs::rename(beside(file), &path).with_context(|| path.display().to_string())
-        })
-    });
-    if moved.is_err() {
-        for file in files {
-            // Those that are not there were moved, or never written.
-            fs::remove_file(beside(file)).ok();
-        }
-    }
-    moved.or_fail(Kind::Usage)
+/// Writes every file, or none.
+fn write(folder: &Path, files: &[File], force: Force) -> Result<(), Failure> {
+    fs::create_dir_all(folder).with_context(|| folder.display().to_string()).or_fail(Kind::File)?;
+    let files = files.iter().map(|file| (folder.join(&file.name), &file.content));
+    results::export_all(&files.collect::<Vec<_>>(), force)
 }

@@ -23,7 +23,7 @@ use crate::cli::scan::pdos::Pdos;
     after_help = "It reads 1000h, 1018h, 1008h, 1009h and 100Ah, and writes nothing. But a node serves one master's \
         transfer at a time: do not scan while another master configures its nodes.\n\n\
         With a configuration it also says who is missing (exit 5), who is another device (exit 5), and who is \
-        not expected.\n\n\
+        not expected. The exit code is 1 when no node answers and none is expected.\n\n\
         Examples:\n  frhc scan -i can0\n  frhc scan --config config/kraft_like.toml --pdos\n  \
         frhc scan --config config/kraft_like.toml --json | jq .nodes"
 )]
@@ -132,7 +132,7 @@ fn judge(found: &Found, plans: Option<&[NodePlan]>, master: Option<NodeId>) -> V
     }
 }
 
-/// Nothing, or one line for each node that is missing or another.
+/// Nothing, or one line for each node that is missing or another, or one for all where none answers.
 fn conclude(judged: &[(&Found, Verdict)], missing: &[&NodePlan]) -> Result<(), Failure> {
     let absent = missing
         .iter()
@@ -146,7 +146,18 @@ fn conclude(judged: &[(&Found, Verdict)], missing: &[&NodePlan]) -> Result<(), F
         Some(format!("node {}: {reason}", found.node.raw()))
     });
     let problems: Vec<String> = absent.chain(wrong).collect();
-    if problems.is_empty() { Ok(()) } else { Err(Failure::new(Kind::Drive, problems.join("\n"))) }
+    if !problems.is_empty() {
+        Err(Failure::new(Kind::Drive, problems.join("\n")))
+    } else if judged.iter().any(|(found, _)| found.answers) {
+        Ok(())
+    } else {
+        let received = match judged.len() {
+            0 => "no heartbeat is received".to_owned(),
+            1 => "the heartbeat of one is received".to_owned(),
+            count => format!("the heartbeats of {count} are received"),
+        };
+        Err(Failure::new(Kind::Negative, format!("no node answers; {received}")))
+    }
 }
 
 impl Verdict {
@@ -163,7 +174,6 @@ impl Verdict {
 
 fn table(judged: &[(&Found, Verdict)], plans: Option<&[NodePlan]>) {
     if judged.is_empty() {
-        print::note("nobody answers, and nobody is heard");
         return;
     }
     print::line("node state           profile vendor   product  revision serial   name");

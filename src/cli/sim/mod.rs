@@ -26,6 +26,7 @@ use crate::cli::scenario;
 use crate::cli::signals;
 use crate::cli::signals::Inquiries;
 use crate::cli::story::Story;
+use crate::cli::time_line;
 use crate::config::Config;
 use crate::lab::attend::attend;
 use crate::lab::outbox::Down;
@@ -34,6 +35,8 @@ use crate::sim::belief::Report;
 use crate::sim::fault::Notice;
 use crate::sim::scenario::fault::Whom;
 use crate::sim::world::World;
+use crate::telemetry::origin::Origin;
+use crate::time::Instant;
 
 /// Lives on the bus until a signal ends it; tells what each drive believes when asked to, and then.
 pub(super) fn run(args: &Sim) -> Result<(), Failure> {
@@ -55,6 +58,8 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     let bus = SocketCan::open(&names).and_then(SocketCan::with_remote_frames);
     let bus = bus.and_then(SocketCan::hearing_itself);
     let mut bus = bus.or_fail(Kind::Bus)?;
+    time_line::start(bus.clock());
+    tracing::info!("time counts from {}", Origin::from_micros(bus.epoch_micros()));
     let mut world = world::build(&config, scenario, args.seed);
 
     tracing::info!(interfaces = names.join(" "), "simulated drives are on the bus");
@@ -76,7 +81,8 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
             attend(&mut bus, &mut world, &mut |world: &mut World| {
                 while let Some(notice) = world.notice() {
                     // Whoever tells it may have gone before.
-                    notices.send(notice).ok();
+                    let begun = world.begun().unwrap_or(Instant::ZERO);
+                    notices.send((begun, notice)).ok();
                 }
                 flags.heed(world, &reports)
             })
@@ -116,7 +122,7 @@ impl Flags {
 async fn serve(
     mut inquiries: Inquiries,
     mut told: mpsc::Receiver<Report>,
-    mut broken: mpsc::UnboundedReceiver<Notice>,
+    mut broken: mpsc::UnboundedReceiver<(Instant, Notice)>,
     flags: &Flags,
     story: &Story,
     tell: impl Fn(&Report),
@@ -129,10 +135,10 @@ async fn serve(
                 Some(report) => tell(&report),
                 None => return,
             },
-            Some(notice) = broken.recv() => {
+            Some((begun, notice)) = broken.recv() => {
                 // The commanded side is not here.
                 if notice.fault.whom != Whom::Link {
-                    print::note(&story.fault(&notice));
+                    print::note(&story.fault(begun, &notice));
                 }
             }
             () = inquiries.next() => flags.is_asked.store(true, Ordering::Relaxed),

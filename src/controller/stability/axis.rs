@@ -87,6 +87,8 @@ pub struct Axis {
     pub environment: Impedance,
     /// What ties the hand to the object in pose mode, if anything does.
     pub coupling: Option<Impedance>,
+    /// The strongest damper that refills a tank, in N·s/m; zero without one.
+    pub tank_damping: f64,
     /// The gains.
     pub gains: AxisGains,
     /// How long what takes.
@@ -118,6 +120,7 @@ impl Axis {
             self.accommodation(),
             self.accommodation_damper(),
             self.accommodation_servo(),
+            self.tank_damper(),
         ];
         loops.into_iter().flatten().collect()
     }
@@ -320,6 +323,19 @@ impl Axis {
             .then(|| self.finding("accommodation, servo", left, right, verdict, reason, culprit))
     }
 
+    /// The damper that refills the tank, with K_D: stronger than this, it swings the bare grip by itself.
+    fn tank_damper(&self) -> Option<Finding> {
+        let Timing { period, torque_delay: delay, .. } = self.timing;
+        let damping = self.gains.damping + self.tank_damping;
+        let most = bounds::strongest_damper(self.device.mass, period, delay);
+        let left = self.damping_side("K_D + d_tank", damping);
+        let right = self.damping_side(&format!("2 tan(π/{}) M/T", 4 * (delay + 1)), most);
+        let verdict = if damping < most { Verdict::Holds } else { Verdict::Refuses };
+        let reason = "the damper would swing the grip to and fro".to_owned();
+        (self.tank_damping > 0.0)
+            .then(|| self.finding("tank, damper", left, right, verdict, reason, Culprit::Tank))
+    }
+
     /// Judges a loop by the damping it asks for: the device and the law may have it, or the hand must.
     fn passive(&self, name: &'static str, left: Side, right: Side, culprit: Culprit) -> Finding {
         let hand = self.hand.damping;
@@ -400,6 +416,7 @@ mod tests {
         hand: Impedance { stiffness: 500.0, damping: 15.0 },
         environment: Impedance { stiffness: 2_000.0, damping: 20.0 },
         coupling: None,
+        tank_damping: 0.0,
         gains: AxisGains {
             rate: 2.0,
             pose: 1.0,

@@ -1,5 +1,5 @@
 //! The bounds on gains that have closed forms: quantisation, return to centre, reflection in rate mode,
-//! accommodation.
+//! accommodation, dampers.
 //!
 //! One axis each, in m and N or in rad and N·m; the symbols are those of the paper, with `b` the damping,
 //! `M` the mass and `f_c` the dry friction felt at the grip, `k_e` the stiffness of what the object
@@ -86,6 +86,12 @@ pub fn most_given_way(period: f64, lag: f64) -> f64 {
 /// The fastest an object whose servo lags by `lag` s may give way without swinging: `a τ <= 1/4`.
 pub fn fastest_without_swinging(lag: f64) -> f64 {
     (4.0 * lag).recip()
+}
+
+/// The strongest damper that a bare mass `M` bears: `2 tan(π/(4(n + 1))) M/T`. It is computed from the mean
+/// speed of the last period and held for one; stronger, it swings the mass faster and faster.
+pub fn strongest_damper(mass: f64, period: f64, delay: u32) -> f64 {
+    2.0 * (PI / (4.0 * f64::from(delay + 1))).tan() * mass / period
 }
 
 #[cfg(test)]

@@ -26,6 +26,8 @@ pub enum Culprit {
     Accommodation,
     /// K_vc, B_vc.
     Coupling,
+    /// The damper that refills the tank.
+    Tank,
 }
 
 /// One side of an inequality.

@@ -6,9 +6,10 @@
 //! | file           | what                                                                     |
 //! |----------------|--------------------------------------------------------------------------|
 //! | [`passivity`]  | damping that a sampled law asks for (Colgate and Schenkel 1997)          |
-//! | [`bounds`]     | closed forms: quantisation, centring, rate mode, accommodation           |
+//! | [`bounds`]     | closed forms: quantisation, centring, rate mode, accommodation, dampers  |
 //! | [`device`]     | mass, damping and friction at the grip                                   |
 //! | [`axis`]       | all inequalities of one axis, judged                                     |
+//! | [`push`]       | force with which torques push a hand                                     |
 //! | [`finding`]    | an inequality in words and numbers                                       |
 //!
 //! What is unstable whatever the hand does, or contradicts itself, is refused: an object that swings on
@@ -22,3 +23,4 @@ pub mod bounds;
 pub mod device;
 pub mod finding;
 pub mod passivity;
+pub mod push;

@@ -61,6 +61,9 @@ pub enum Demand {
     Zero(Duration),
     /// No drive exerts torque, in time, by its own timers if need be.
     Release(Duration),
+    /// No drive exerts torque, in time, by its own timer if need be; the node gives up a bus it does not reach and
+    /// switches the drives off, in time as well.
+    Mute(Duration, Duration),
     /// What was felt has ended, in time, and the node is latched.
     LetGo(Duration),
     /// What was felt has ended, in time; whether it may stop altogether later.

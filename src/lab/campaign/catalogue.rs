@@ -1,7 +1,8 @@
 //! Every kind of fault, the row of the hazard table it stands for, and what is demanded of it.
 //!
-//! Demands are those of the table; where a configuration sets the time, they follow it. The kinds are taken
-//! by turns, so that a case's number says its kind.
+//! Demands are those of the table; where a configuration sets the time, they follow it. So are the causes that
+//! may stop the node first: they are written here by hand, from docs/safety.md, and not taken from the node's own
+//! table, which they judge. The kinds are taken by turns, so that a case's number says its kind.
 
 mod buses;
 mod devices;
@@ -12,6 +13,7 @@ use crate::lab::campaign::case::Deed;
 use crate::lab::campaign::case::Place;
 use crate::lab::campaign::draw::Draw;
 use crate::lab::campaign::situation::Situation;
+use crate::telemetry::cause::Kind as Cause;
 
 /// The kind by which a node is killed: its figures are those of the drives' own timers.
 pub(super) const KILLED: &str = "process killed";
@@ -23,11 +25,19 @@ pub struct Kind {
     pub name: &'static str,
     /// The hazard it stands for.
     pub row: u8,
+    /// Causes that may stop the node first; any other is a wrong cause.
+    pub(super) causes: &'static [Cause],
     /// In which situations it means anything.
     pub(super) situations: &'static [Situation],
     /// What is done, drawn from chance.
-    pub(super) deed: fn(&mut Draw, &Place<'_>) -> Deed,
+    pub(super) deed: MakeDeed,
 }
+
+/// Draws a case of one kind from chance.
+type MakeDeed = fn(&mut Draw, &Place<'_>) -> Deed;
+
+/// The list of causes of a fault that must not stop the node, or only disengages it.
+const NO_CAUSE: &[Cause] = &[];
 
 impl std::fmt::Debug for Kind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -36,18 +46,23 @@ impl std::fmt::Debug for Kind {
 }
 
 /// In any situation.
-const fn kind(row: u8, name: &'static str, deed: fn(&mut Draw, &Place<'_>) -> Deed) -> Kind {
-    Kind { name, row, situations: &Situation::ALL, deed }
+const fn kind(row: u8, name: &'static str, causes: &'static [Cause], deed: MakeDeed) -> Kind {
+    Kind { name, row, causes, situations: &Situation::ALL, deed }
+}
+
+/// Only while the arm is carried, with the deadman open.
+const fn armed(row: u8, name: &'static str, causes: &'static [Cause], deed: MakeDeed) -> Kind {
+    Kind { name, row, causes, situations: &[Situation::Armed], deed }
 }
 
 /// Only while the deadman is held.
-const fn engaged(row: u8, name: &'static str, deed: fn(&mut Draw, &Place<'_>) -> Deed) -> Kind {
-    Kind { name, row, situations: &Situation::ENGAGED, deed }
+const fn engaged(row: u8, name: &'static str, causes: &'static [Cause], deed: MakeDeed) -> Kind {
+    Kind { name, row, causes, situations: &Situation::ENGAGED, deed }
 }
 
 /// Only while the hand rests against something.
-const fn in_contact(row: u8, name: &'static str, deed: fn(&mut Draw, &Place<'_>) -> Deed) -> Kind {
-    Kind { name, row, situations: &[Situation::Contact], deed }
+const fn in_contact(row: u8, name: &'static str, causes: &'static [Cause], deed: MakeDeed) -> Kind {
+    Kind { name, row, causes, situations: &[Situation::Contact], deed }
 }
 
 /// All of them, in the order of the hazard table.

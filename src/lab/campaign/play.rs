@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 use crate::bus::BusFault;
 use crate::bus::Disturbance;
 use crate::bus::Mishap;
+use crate::canopen::drive::State;
 use crate::config::Config;
 use crate::lab::bench::Bench;
 use crate::lab::campaign::case::Case;
@@ -29,6 +30,15 @@ use crate::time::Instant;
 /// The grip is watched for so long after the onset.
 const WATCH_GRIP: Duration = Duration::from_millis(100);
 
+/// Virtual time allowed for a boot; those of the shipped configurations take less than a second.
+const BOOT_TIMEOUT: Duration = Duration::from_secs(20);
+
+/// Time between zero torque and the drives' power off (S2).
+const OFF_AFTER: Duration = Duration::from_millis(100);
+
+/// Time allowed beyond that: one controlword goes out at a time, and acts at the drive's next SYNC.
+const OFF_TOLERANCE: Duration = Duration::from_millis(15);
+
 /// Less than this share of a joint's capacity is not felt.
 const FELT: f64 = 0.02;
 
@@ -42,6 +52,8 @@ pub enum StageError {
     Script(ScenarioError),
     /// The network does not come up.
     Boot(BringUpError),
+    /// The network is not up when `BOOT_TIMEOUT` is over.
+    BootTimeout,
     /// The operator does not come where the fault is to find him.
     Elsewhere(Situation, Mode),
     /// A law is broken before anything else is.
@@ -53,6 +65,10 @@ impl fmt::Display for StageError {
         match self {
             Self::Script(error) => write!(f, "script: {error}"),
             Self::Boot(error) => write!(f, "{error}"),
+            Self::BootTimeout => {
+                let seconds = BOOT_TIMEOUT.as_secs();
+                write!(f, "the boot must end within {seconds} s of virtual time, and did not")
+            }
             Self::Elsewhere(situation, mode) => write!(f, "never {situation}: the node is {mode}"),
             Self::Broken(breach) => write!(f, "before any fault: {breach}"),
         }
@@ -75,11 +91,15 @@ pub(super) fn warm(
     let script = format!("seconds = {seconds}\n\n{}", situation.entries());
     let scenario = Scenario::parse(&script).map_err(StageError::Script)?;
     let mut bench = Bench::new(config, scenario, seed, false, monitor);
-    bench.bring_up().map_err(StageError::Boot)?;
+    bring_up(&mut bench)?;
     let mut last = None;
-    while bench.elapsed().as_secs_f64() < situation.warm_s() {
+    // A script that never begins, as without a first SYNC, does not make it wait for ever.
+    let end = bench.now() + BOOT_TIMEOUT;
+    while bench.elapsed().as_secs_f64() < situation.warm_s() && bench.now() < end {
         answer(&mut bench);
         let record = bench.cycle();
+        let now = bench.now();
+        bench.tap_mut().told(now, record.mode);
         last = Some((record.mode, record.f_s.force.norm()));
     }
     let (mode, force) = last.unwrap_or((Mode::Boot, 0.0));
@@ -92,6 +112,21 @@ pub(super) fn warm(
         return Err(StageError::Broken(breach.to_string()));
     }
     if is_there { Ok(bench) } else { Err(StageError::Elsewhere(situation, mode)) }
+}
+
+/// Boots the network of a bench.
+///
+/// # Errors
+/// When it does not come up, or is not up when [`BOOT_TIMEOUT`] is over.
+pub(super) fn bring_up(bench: &mut Bench<Monitor>) -> Result<(), StageError> {
+    bench.bring_up_within(BOOT_TIMEOUT).map_err(|error| match error {
+        BringUpError::GivenUp | BringUpError::LeftOn(_) => StageError::BootTimeout,
+        error @ (BringUpError::Boot(_)
+        | BringUpError::Bus(_)
+        | BringUpError::Unfit(_)
+        | BringUpError::NotEnabled(_)
+        | BringUpError::NotProven(_)) => StageError::Boot(error),
+    })
 }
 
 /// Asks the node what the script asks of the console by now, and tells the judge what it answered. Whether
@@ -168,6 +203,8 @@ fn excuse(period: Duration, at: Instant, mishap: Mishap) -> Option<Excuse> {
         Mishap::Stopped(span) | Mishap::Suspended(span) => {
             Some(Excuse::Process(at, at + span + period * 2))
         }
+        // The frame comes within a period.
+        Mishap::StoppedAfter(_, span) => Some(Excuse::Process(at, at + span + period * 3)),
     }
 }
 
@@ -179,7 +216,59 @@ struct Watch {
     last: Vector3<f64>,
     felt_until: Option<Instant>,
     detected: Option<Instant>,
+    power: Power,
+    given_up: Option<Instant>,
     seen: Seen,
+}
+
+/// Power stages of the drives after a stop.
+#[derive(Clone, Copy, Debug, Default)]
+struct Power {
+    stopped: Option<Instant>,
+    /// When every power stage must be off.
+    due: Option<Instant>,
+    /// Since when every power stage is off.
+    off: Option<Instant>,
+}
+
+impl Power {
+    /// Takes the node's mode and the drives' own states after a cycle.
+    fn look(&mut self, now: Instant, mode: Mode, drives: &[Drive]) {
+        if mode.is_stopped() {
+            self.stopped.get_or_insert(now);
+            self.due.get_or_insert(now + OFF_AFTER);
+        }
+        if mode == Mode::DrivesOff {
+            self.due = self.due.map(|due| due.min(now));
+        }
+        let is_on = drives.iter().any(|drive| has_voltage(drive.state()));
+        self.off = if is_on { None } else { Some(self.off.unwrap_or(now)) };
+    }
+
+    /// Time from the stop until the last power stage was off.
+    fn time(&self) -> Option<Duration> {
+        Some(self.off?.since(self.stopped?))
+    }
+
+    /// Returns whether a power stage was on when none might be, as far as that was watched.
+    fn is_left_on(&self, until: Instant) -> bool {
+        let is_late = |due: Instant| self.off.unwrap_or(until) > due + OFF_TOLERANCE;
+        self.due.is_some_and(is_late)
+    }
+}
+
+/// Returns whether a drive in this state has voltage on its motor (CiA 402-2, 6.1).
+const fn has_voltage(state: State) -> bool {
+    match state {
+        State::NotReadyToSwitchOn
+        | State::SwitchOnDisabled
+        | State::ReadyToSwitchOn
+        | State::Fault => false,
+        State::SwitchedOn
+        | State::OperationEnabled
+        | State::QuickStopActive
+        | State::FaultReactionActive => true,
+    }
 }
 
 impl Watch {
@@ -189,6 +278,9 @@ impl Watch {
             detected: None,
             is_stopped: false,
             cause: None,
+            off: None,
+            given_up: None,
+            is_left_on: false,
             zero: None,
             quiet: None,
             felt: None,
@@ -199,6 +291,7 @@ impl Watch {
             travel: 0.0,
             stale: 0,
             applied: 0,
+            oldest: Duration::ZERO,
             unarmed: 0,
             breaches: Vec::new(),
             breach_count: 0,
@@ -209,6 +302,8 @@ impl Watch {
             last: place,
             felt_until: None,
             detected: None,
+            power: Power::default(),
+            given_up: None,
             seen,
         }
     }
@@ -227,10 +322,12 @@ impl Watch {
             let world = bench.node().bus().stations();
             self.seen.impulse += world.torques().abs().sum() * dt;
             self.seen.peak = self.seen.peak.max(bench.node().bus().tap().peak());
-            let stale = bench.node().bus().tap().stale_joints().into_iter();
-            let acts = |(drive, is_stale): &(&Drive, bool)| *is_stale && drive.demand().abs() > 0.0;
-            let applied = world.drives().iter().zip(stale).filter(acts).count();
-            self.seen.applied += u64::try_from(applied).unwrap_or(u64::MAX);
+            let monitor = bench.node().bus().tap();
+            let drives = world.drives().iter().zip(monitor.acting_ages());
+            for (_, age) in drives.filter(|(drive, _)| drive.demand().abs() > 0.0) {
+                self.seen.applied += u64::from(monitor.is_stale(age));
+                self.seen.oldest = self.seen.oldest.max(age);
+            }
             if now.since(onset) <= WATCH_GRIP {
                 let cycle = now.since(self.before).as_secs_f64().max(1e-6);
                 self.seen.speed = self.seen.speed.max((place - self.last).norm() / cycle);
@@ -244,6 +341,10 @@ impl Watch {
                 self.seen.cause = self.seen.cause.or(record.cause);
             }
             self.seen.is_stopped |= record.mode.is_stopped();
+            if record.mode == Mode::DrivesOff {
+                self.given_up.get_or_insert(now);
+            }
+            self.power.look(now, record.mode, world.drives());
         }
         self.before = now;
         self.last = place;
@@ -256,6 +357,9 @@ impl Watch {
         self.seen.detected = self.detected.map(since);
         self.seen.zero = monitor.all_zero_since().map(since);
         self.seen.quiet = quiet.map(since);
+        self.seen.off = self.power.time();
+        self.seen.given_up = self.given_up.map(since);
+        self.seen.is_left_on = self.power.is_left_on(self.before);
         self.seen.felt = Some(self.felt_until.map(since).unwrap_or_default());
         self.seen.spread = monitor.spread();
         self.seen.stale = monitor.stale_targets();

@@ -89,7 +89,7 @@ fn lap(
     let mut draw = Draw::of(seed, number);
     let scenario = Scenario::parse(&script(&mut draw, config)).map_err(StageError::Script)?;
     let mut bench = Bench::new(config, scenario, draw.bits(), false, Monitor::new(config));
-    bench.bring_up().map_err(StageError::Boot)?;
+    play::bring_up(&mut bench)?;
     let mut lap = Lap { number, config: place, cycles: 0, trip: None, breach: None };
     while lap.cycles < most && lap.trip.is_none() {
         play::answer(&mut bench);

@@ -53,6 +53,14 @@ pub struct Line {
     pub missed: usize,
     /// How often it stopped without need.
     pub false_trips: usize,
+    /// How often it was stopped by another cause than this kind may have.
+    pub wrong_causes: usize,
+    /// How often a drive's power stage stayed on after a stop.
+    pub left_on: usize,
+    /// What stopped the node, and how often.
+    pub causes: BTreeMap<String, usize>,
+    /// From the stop until the last power stage was off, in ms, at most.
+    pub off_ms: Option<f64>,
     /// Breaches of a law.
     pub breaches: u64,
     /// Until the node latched, in cycles.
@@ -75,6 +83,8 @@ pub struct Line {
     pub stale_targets: u64,
     /// Cycles in which a drive acted on one of those.
     pub stale_applied: u64,
+    /// The oldest target that a drive acted on, in ms.
+    pub oldest_applied_ms: f64,
     /// Targets that were not zero although nothing was armed.
     pub unarmed_targets: u64,
 }
@@ -137,6 +147,7 @@ impl Line {
             Spread::of(times.collect())
         };
         let times = verdicts.iter().filter_map(|one| one.time());
+        let off = verdicts.iter().filter_map(|one| one.seen.off);
         Self {
             row,
             kind: kind.to_owned(),
@@ -144,6 +155,10 @@ impl Line {
             latched: count(|one| one.seen.detected.is_some()),
             missed: count(|one| matches!(one.outcome, Outcome::Missed | Outcome::Late)),
             false_trips: count(|one| one.outcome == Outcome::FalseTrip),
+            wrong_causes: count(|one| one.outcome == Outcome::WrongCause),
+            left_on: count(|one| one.outcome == Outcome::LeftOn),
+            causes: causes(verdicts),
+            off_ms: off.max().map(|time| rounded(time.as_secs_f64() * 1e3)),
             breaches: verdicts.iter().map(|one| one.seen.breach_count).sum(),
             t_detect: cycles(|one| one.seen.detected),
             t_zero: cycles(Verdict::time),
@@ -158,9 +173,19 @@ impl Line {
             grip_travel_mm: rounded(most(|one| 1e3 * one.seen.travel)),
             stale_targets: verdicts.iter().map(|one| one.seen.stale).sum(),
             stale_applied: verdicts.iter().map(|one| one.seen.applied).sum(),
+            oldest_applied_ms: rounded(most(|one| one.seen.oldest.as_secs_f64() * 1e3)),
             unarmed_targets: verdicts.iter().map(|one| one.seen.unarmed).sum(),
         }
     }
+}
+
+/// What stopped the node, and how often.
+fn causes(verdicts: &[&Verdict]) -> BTreeMap<String, usize> {
+    let mut causes = BTreeMap::new();
+    for cause in verdicts.iter().filter_map(|one| one.seen.cause) {
+        *causes.entry(format!("{:?}", cause.kind())).or_default() += 1;
+    }
+    causes
 }
 
 /// Whole cycles: one that has begun counts.
@@ -190,7 +215,7 @@ impl fmt::Display for Spread {
 }
 
 /// What a column is called, how wide it is, and in which unit.
-const COLUMNS: [(&str, usize); 12] = [
+const COLUMNS: [(&str, usize); 13] = [
     ("row", 3),
     ("fault", 31),
     ("number", 6),
@@ -199,6 +224,7 @@ const COLUMNS: [(&str, usize); 12] = [
     ("T_detect", 11),
     ("T_zero", 11),
     ("spread", 6),
+    ("off ms", 6),
     ("mN·m·s", 8),
     ("cap %", 5),
     ("m/s", 5),
@@ -208,9 +234,9 @@ const COLUMNS: [(&str, usize); 12] = [
 impl Line {
     /// What stands in each column. Times are p50/p99/max in cycles; impulse, share of capacity, grip speed and
     /// way are the most of any.
-    fn cells(&self) -> [String; 12] {
+    fn cells(&self) -> [String; 13] {
         let or_dash = |value: Option<String>| value.unwrap_or_else(|| "-".to_owned());
-        let bad = self.missed + self.false_trips;
+        let bad = self.missed + self.false_trips + self.wrong_causes + self.left_on;
         [
             if self.row == 0 { String::new() } else { self.row.to_string() },
             self.kind.clone(),
@@ -220,6 +246,7 @@ impl Line {
             or_dash(self.t_detect.map(|spread| spread.to_string())),
             or_dash(self.t_zero.map(|spread| spread.to_string())),
             or_dash(self.spread.map(|spread| spread.to_string())),
+            or_dash(self.off_ms.map(|off_ms| format!("{off_ms:.1}"))),
             format!("{:.1}", self.impulse_mnms),
             format!("{:.0}", self.peak_percent),
             format!("{:.2}", self.grip_speed_m_per_s),
@@ -229,21 +256,25 @@ impl Line {
 }
 
 impl Table {
-    fn lines(&self) -> impl Iterator<Item = [String; 12]> {
+    fn lines(&self) -> impl Iterator<Item = [String; 13]> {
         self.kinds.iter().chain([&self.total]).map(Line::cells)
     }
 
     /// What no kind has for itself.
     fn notes(&self) -> Vec<String> {
         let Line { missed, false_trips, breaches, unarmed_targets, .. } = &self.total;
-        let Line { stale_targets, stale_applied, .. } = &self.total;
+        let Line { stale_targets, stale_applied, oldest_applied_ms, .. } = &self.total;
+        let Line { wrong_causes, left_on, .. } = &self.total;
         let mut notes: Vec<String> = self.killed.iter().map(ToString::to_string).collect();
         notes.push(format!("late or not at all: {missed}; false trips: {false_trips}"));
+        notes.push(format!(
+            "stopped by another cause than demanded: {wrong_causes}; a drive left on: {left_on}"
+        ));
         notes.push(format!("invariants I1 to I12 broken: {breaches}"));
         notes.push(format!("targets not zero while not armed: {unarmed_targets}"));
         notes.push(format!(
             "stale targets (not zero, older than two periods) on the wire: {stale_targets}; cycles in which a \
-             drive acted on one: {stale_applied}"
+             drive acted on one: {stale_applied}; the oldest that acted: {oldest_applied_ms:.2} ms"
         ));
         notes
     }

@@ -8,6 +8,7 @@ use crate::lab::campaign::case::Demand;
 use crate::lab::campaign::case::MayStop;
 use crate::lab::campaign::monitor::Breach;
 use crate::telemetry::cause::Cause;
+use crate::telemetry::cause::Kind as CauseKind;
 
 /// What was seen of one case. Times are since its onset.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,6 +19,12 @@ pub struct Seen {
     pub is_stopped: bool,
     /// Why it was latched.
     pub cause: Option<Cause>,
+    /// From the stop until the last drive's power stage was off, if it was.
+    pub off: Option<Duration>,
+    /// Until the node switched the drives off, if it did.
+    pub given_up: Option<Duration>,
+    /// A drive's power stage was on for longer than 100 ms after zero torque, or after "drives off".
+    pub is_left_on: bool,
     /// Until every drive was told zero, if it was for good.
     pub zero: Option<Duration>,
     /// Until no drive asked its motor for torque, if that lasted.
@@ -38,6 +45,8 @@ pub struct Seen {
     pub stale: u64,
     /// Cycles in which a drive acted on such a target.
     pub applied: u64,
+    /// The oldest target that a drive acted on: from when the node gave it away until it began to act.
+    pub oldest: Duration,
     /// Targets that were not zero although nothing was armed.
     pub unarmed: u64,
     /// The first few breaches of a law.
@@ -78,6 +87,10 @@ pub enum Outcome {
     Late,
     /// It stopped without need.
     FalseTrip,
+    /// It stopped, and not because of what was wrong.
+    WrongCause,
+    /// It stopped, and a drive's power stage stayed on.
+    LeftOn,
 }
 
 impl fmt::Display for Outcome {
@@ -87,6 +100,8 @@ impl fmt::Display for Outcome {
             Self::Missed => "missed",
             Self::Late => "late",
             Self::FalseTrip => "false trip",
+            Self::WrongCause => "wrong cause",
+            Self::LeftOn => "a drive left on",
         })
     }
 }
@@ -101,7 +116,7 @@ impl Verdict {
             config: case.config,
             period,
             demand: case.deed.demand,
-            outcome: outcome(case.deed.demand, &seen),
+            outcome: outcome(case.deed.demand, case.kind.causes, &seen),
             seen,
         }
     }
@@ -117,14 +132,31 @@ impl Verdict {
     pub const fn time(&self) -> Option<Duration> {
         match self.demand {
             Demand::Stop(_) | Demand::Zero(_) => self.seen.zero,
-            Demand::Release(_) => self.seen.quiet,
+            Demand::Release(_) | Demand::Mute(..) => self.seen.quiet,
             Demand::LetGo(_) | Demand::Disengage(..) => self.seen.felt,
             Demand::GoOn | Demand::Either(_) => None,
         }
     }
 }
 
-fn outcome(demand: Demand, seen: &Seen) -> Outcome {
+/// Compares what was seen with a demand, and the cause of a stop with those that may be.
+fn outcome(demand: Demand, causes: &[CauseKind], seen: &Seen) -> Outcome {
+    let is_wrong = |cause: &Cause| !causes.contains(&cause.kind());
+    let outcome = timely(demand, seen);
+    if outcome != Outcome::Met {
+        outcome
+    } else if seen.cause.as_ref().is_some_and(is_wrong) {
+        Outcome::WrongCause
+    // Where either may be, strangers may command the drives as well.
+    } else if seen.is_left_on && !matches!(demand, Demand::Either(_)) {
+        Outcome::LeftOn
+    } else {
+        Outcome::Met
+    }
+}
+
+/// Compares only what happened, and when.
+fn timely(demand: Demand, seen: &Seen) -> Outcome {
     let is_latched = seen.detected.is_some();
     let in_time = |time: Option<Duration>, within: Duration| match time {
         Some(time) if time <= within => Outcome::Met,
@@ -133,12 +165,15 @@ fn outcome(demand: Demand, seen: &Seen) -> Outcome {
     match demand {
         Demand::Stop(_) if !seen.is_stopped => Outcome::Missed,
         Demand::Release(_) | Demand::LetGo(_) if !is_latched => Outcome::Missed,
+        Demand::Mute(_, given_up) if seen.given_up.is_none_or(|time| time > given_up) => {
+            Outcome::Missed
+        }
         Demand::Zero(_) | Demand::Disengage(_, MayStop::No) | Demand::GoOn if is_latched => {
             Outcome::FalseTrip
         }
         Demand::LetGo(within) if seen.detected.is_some_and(|time| time > within) => Outcome::Late,
         Demand::Stop(within) | Demand::Zero(within) => in_time(seen.zero, within),
-        Demand::Release(within) => in_time(seen.quiet, within),
+        Demand::Release(within) | Demand::Mute(within, _) => in_time(seen.quiet, within),
         Demand::LetGo(within) | Demand::Disengage(within, _) => in_time(seen.felt, within),
         Demand::GoOn | Demand::Either(_) => Outcome::Met,
     }
@@ -154,10 +189,81 @@ impl fmt::Display for Demand {
             Self::Release(within) => {
                 write!(f, "drives torque-free within {:.1} ms", millis(within))
             }
+            Self::Mute(within, given_up) => write!(
+                f,
+                "drives torque-free within {:.1} ms, bus given up within {:.1} ms",
+                millis(within),
+                millis(given_up)
+            ),
             Self::LetGo(within) => write!(f, "reflection off within {:.1} ms", millis(within)),
             Self::Disengage(within, _) => write!(f, "nothing felt after {:.1} ms", millis(within)),
             Self::GoOn => f.write_str("goes on"),
             Self::Either(why) => write!(f, "either way: {why}"),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WITHIN: Duration = Duration::from_millis(5);
+    const CAUSES: &[CauseKind] = &[CauseKind::SamplesMissing];
+
+    /// A stop in time, by this cause.
+    fn stopped_by(cause: Cause) -> Seen {
+        let time = Some(Duration::from_millis(4));
+        Seen {
+            detected: time,
+            is_stopped: true,
+            cause: Some(cause),
+            off: time,
+            given_up: None,
+            is_left_on: false,
+            zero: time,
+            quiet: time,
+            felt: time,
+            spread: None,
+            impulse: 0.0,
+            peak: 0.0,
+            speed: 0.0,
+            travel: 0.0,
+            stale: 0,
+            oldest: Duration::ZERO,
+            applied: 0,
+            unarmed: 0,
+            breaches: Vec::new(),
+            breach_count: 0,
+        }
+    }
+
+    const MISSING: Cause = Cause::SamplesMissing { joint: 3, cycles: 3 };
+
+    #[test]
+    fn stop_by_another_cause_is_a_wrong_cause() {
+        for demand in [Demand::Stop(WITHIN), Demand::Release(WITHIN), Demand::Either("")] {
+            let right = stopped_by(MISSING);
+            assert_eq!(outcome(demand, CAUSES, &right), Outcome::Met, "{demand:?}");
+            let wrong = stopped_by(Cause::Overspeed { joint: 3 });
+            assert_eq!(outcome(demand, CAUSES, &wrong), Outcome::WrongCause, "{demand:?}");
+        }
+    }
+
+    #[test]
+    fn drive_left_on_after_a_stop_is_a_failure() {
+        let left_on = Seen { is_left_on: true, ..stopped_by(MISSING) };
+        assert_eq!(outcome(Demand::Stop(WITHIN), CAUSES, &left_on), Outcome::LeftOn);
+    }
+
+    #[test]
+    fn bus_not_given_up_in_time_is_missed() {
+        let demand = Demand::Mute(WITHIN, WITHIN);
+        let seen = stopped_by(MISSING);
+        assert_eq!(outcome(demand, CAUSES, &seen), Outcome::Missed);
+        let given_up = |millis| Some(Duration::from_millis(millis));
+        let in_time = Seen { given_up: given_up(5), ..seen.clone() };
+        assert_eq!(outcome(demand, CAUSES, &in_time), Outcome::Met);
+        let late = Seen { given_up: given_up(6), ..seen };
+        assert_eq!(outcome(demand, CAUSES, &late), Outcome::Missed);
     }
 }

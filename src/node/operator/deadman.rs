@@ -11,7 +11,7 @@ use crate::telemetry::cause::Cause;
 use crate::time::Instant;
 
 /// For so long both contacts must say the same before it is believed: a contact bounces for 5 to 20 ms.
-const SETTLED_AFTER: Duration = Duration::from_millis(25);
+pub(super) const SETTLED_AFTER: Duration = Duration::from_millis(25);
 
 /// Two antivalent contacts may disagree for so long while a finger moves.
 const DISAGREEMENT: Duration = Duration::from_millis(50);

@@ -55,7 +55,7 @@ struct Swings {
 }
 
 impl Instability {
-    /// Takes the grip's twist and the work in J that what is felt has done since the last call `dt` ago.
+    /// Takes the grip's twist and the work in J that the felt torques did since the last call `dt` ago.
     pub(super) fn watch(
         &mut self,
         now: Instant,

@@ -4,10 +4,12 @@
 //! | file            | watches for                                            | hazard |
 //! |-----------------|--------------------------------------------------------|--------|
 //! | [`deadman`]     | released, stuck, bouncing, closed at power-up          | 38, 39 |
+//! | `buttons`       | reference and reflection switches that bounce          | 39     |
 //! | `taped`         | a deadman held for a minute over a grip that is still  | 39     |
 //! | `unheld`        | an arm that is driven away while its weight is taken up | 41    |
 //! | `instability`   | swings that do not die away, power into the hand       | 45     |
 
+mod buttons;
 pub mod deadman;
 mod instability;
 mod taped;
@@ -18,6 +20,9 @@ use std::time::Duration;
 use crate::canopen::pdo::SwitchInputs;
 use crate::controller::JointVector;
 use crate::controller::Output;
+use crate::controller::switches::Switches;
+use crate::controller::torque_delay::TorqueDelay;
+use crate::node::operator::buttons::Buttons;
 use crate::node::operator::deadman::Deadman;
 use crate::node::operator::deadman::Grasp;
 use crate::node::operator::instability::Instability;
@@ -32,11 +37,14 @@ use crate::time::Instant;
 pub(super) struct Operator {
     period: Duration,
     deadman: Deadman,
+    buttons: Buttons,
     taped: Taped,
     unheld: Unheld,
     instability: Instability,
-    /// The cycle before: the joints, all torques, and those of them that are felt.
-    before: Option<(JointVector, JointVector, JointVector)>,
+    /// Joint positions of the last cycle.
+    before: Option<JointVector>,
+    /// All torques sent, and the part of them that is felt.
+    sent: TorqueDelay<[JointVector; 2]>,
 }
 
 impl Operator {
@@ -45,16 +53,19 @@ impl Operator {
         Self {
             period,
             deadman: Deadman::unheard(),
+            buttons: Buttons::new(),
             taped: Taped::default(),
             unheld: Unheld::default(),
             instability: Instability::default(),
             before: None,
+            sent: TorqueDelay::new([JointVector::zeros(); 2]),
         }
     }
 
     /// Takes the switches of this cycle; `None` while the switch box is silent.
     pub(super) fn feel(&mut self, now: Instant, inputs: Option<SwitchInputs>) -> Option<Cause> {
         self.deadman.read(now, inputs.map(|inputs| inputs.deadman()));
+        self.buttons.read(now, inputs);
         self.deadman.disagrees(now)
     }
 
@@ -68,8 +79,17 @@ impl Operator {
         self.grasp() == Grasp::Held
     }
 
-    /// Watches the arm: where it came to by the torques of the cycle before. After a gap (`restart`) that
-    /// says nothing.
+    /// Returns the switches as the controller takes them: those of the box have settled.
+    pub(super) const fn switches(&self, is_engaged: bool) -> Switches {
+        Switches {
+            deadman: is_engaged,
+            reference: self.buttons.reference(),
+            reflection: self.buttons.reflection(),
+        }
+    }
+
+    /// Watches the arm: its motion since the last cycle, and the torques that acted meanwhile. After a gap
+    /// (`restart`) motion says nothing.
     pub(super) fn watch(
         &mut self,
         now: Instant,
@@ -79,18 +99,89 @@ impl Operator {
     ) -> Option<Cause> {
         let is_held = self.is_held();
         let felt = output.tau - output.ledger.gravity;
-        let before = self.before.replace((output.q, output.tau, felt));
+        let [acted, acted_felt] = self.sent.acted();
+        self.sent.push([output.tau, felt]);
+        let before = self.before.replace(output.q);
         let taped = self.taped.watch(now, is_held, &output.x_0_g);
-        let Some((q, tau, felt)) = before.filter(|_| !restart) else { return taped };
+        let Some(q) = before.filter(|_| !restart) else { return taped };
         let came = output.q - q;
         let dt = self.period.as_secs_f64();
-        let unheld = self.unheld.watch(dt, permit.takes_up && !is_held, &tau, &came);
+        let unheld = self.unheld.watch(dt, permit.takes_up && !is_held, &acted, &came);
         if !permit.engaged {
             self.instability.forget();
             return taped.or(unheld);
         }
         let v_g = &output.moving.v_g;
-        let unstable = self.instability.watch(now, self.period, v_g, felt.dot(&came));
+        let unstable = self.instability.watch(now, self.period, v_g, acted_felt.dot(&came));
         taped.or(unheld).or(unstable)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::controller::Controller;
+    use crate::controller::Input;
+    use crate::controller::calibration::Counts;
+    use crate::controller::switches::Mode as CommandMode;
+    use crate::controller::switches::Switches;
+    use crate::spatial::Wrench;
+    use crate::telemetry::record::Mode;
+    use nalgebra::Isometry3;
+    use std::path::Path;
+
+    /// A cycle at rest.
+    fn at_rest() -> Output {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        Controller::new(&config.controller).step(&Input {
+            counts: [Counts(0); 6],
+            f_s: Wrench::ZERO,
+            x_b_m: Isometry3::identity(),
+            switches: Switches { deadman: false, reference: false, reflection: false },
+            mode: CommandMode::Rate,
+            gravity_share: 0.0,
+            reflection_share: 0.0,
+            restart: true,
+        })
+    }
+
+    /// The first cause in 900 ms in which a torque that changes its sign every cycle drives the elbow at
+    /// 1.5 rad/s (up, so far as it may), `late` cycles after it was computed; and how often it then drove.
+    fn cause(late: usize, engaged: bool) -> Option<Cause> {
+        let mut operator = Operator::new(Duration::from_millis(1));
+        let template = at_rest();
+        let permit = Permit {
+            mode: if engaged { Mode::Engaged } else { Mode::Armed },
+            gravity_share: 0.5,
+            takes_up: !engaged,
+            reflection_share: 1.0,
+            engaged,
+            drives_on: true,
+        };
+        let torque = |cycle: usize| if cycle.is_multiple_of(2) { 20.0 } else { -20.0 };
+        let mut q = 0.0;
+        (0..900).find_map(|cycle: usize| {
+            let driving = cycle.checked_sub(late).map_or(0.0, torque);
+            q += driving / 20.0 * 1.5e-3;
+            let tau = JointVector::from([0.0, 0.0, torque(cycle), 0.0, 0.0, 0.0]);
+            let mut output = Output { q: template.q, tau, ..template };
+            output.ledger.gravity = JointVector::zeros();
+            output.q[2] += q;
+            let now = Instant::from_micros(1_000 * u64::try_from(cycle).unwrap());
+            operator.watch(now, &permit, &output, cycle == 0)
+        })
+    }
+
+    #[test]
+    fn hazard_41_motion_is_judged_by_the_torque_that_caused_it() {
+        assert_eq!(cause(2, false), Some(Cause::MovesUnheld));
+        assert_eq!(cause(1, false), None, "against the torque that acted");
+    }
+
+    #[test]
+    fn hazard_45_power_is_that_of_the_torque_that_acted() {
+        assert_eq!(cause(2, true), Some(Cause::Unstable));
+        assert_eq!(cause(1, true), None, "against the torque that acted");
     }
 }

@@ -14,6 +14,7 @@
 
 use std::time::Duration;
 
+use crate::node::plausibility::overdue::Overdue;
 use crate::node::plausibility::repeated::Repeated;
 use crate::time::Instant;
 
@@ -46,6 +47,7 @@ pub(super) struct Credit {
     crowded: Repeated,
     /// What a frame too many in this window is, once there was one.
     surplus: Option<Arrival>,
+    overdue: Overdue,
 }
 
 impl Credit {
@@ -60,11 +62,13 @@ impl Credit {
             is_answered: true,
             crowded: Repeated::new(SOON),
             surplus: None,
+            overdue: Overdue::new(),
         }
     }
 
     /// A SYNC goes out.
     pub(super) fn begin(&mut self, now: Instant) {
+        self.overdue.end_window(now, self.is_answered);
         if !self.is_answered {
             self.owed = self.most.min(self.owed + 1);
             self.emptied_at = now;
@@ -77,15 +81,28 @@ impl Credit {
 
     /// By how many cycles what comes may be late.
     pub(super) const fn lateness(&self) -> u32 {
-        if self.owed > 0 { self.most } else { 0 }
+        let overdue = self.overdue.count();
+        if self.owed > 0 && self.most > overdue { self.most } else { overdue }
+    }
+
+    /// Returns the samples that are overdue.
+    pub(super) const fn overdue(&self) -> &Overdue {
+        &self.overdue
+    }
+
+    /// An answer was thrown away because it waited too long to be read.
+    pub(super) const fn discard(&mut self) {
+        self.overdue.make_good();
     }
 
     /// An answer comes in the window of the SYNC of `now`.
     pub(super) fn on_frame(&mut self, now: Instant) -> Arrival {
         if !self.is_answered {
             self.is_answered = true;
-            Arrival::First
-        } else if self.owed > 0 {
+            return Arrival::First;
+        }
+        self.overdue.make_good();
+        if self.owed > 0 {
             self.owed -= 1;
             Arrival::Late
         } else {

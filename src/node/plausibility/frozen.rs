@@ -56,7 +56,7 @@ impl Frozen {
         self.still = [None; 6];
     }
 
-    /// Takes what joints said in this cycle and were told in the one before, in ‰ of rated torque.
+    /// Takes this cycle's samples, and the target torques that acted until then, in ‰ of rated torque.
     pub(super) fn judge(&mut self, sampled: &Sampled<'_>, told: &[i16; 6]) -> Option<Cause> {
         let positions = sampled.latest.map(|sample| sample.position);
         let clear = self.clear;
@@ -139,6 +139,34 @@ mod tests {
         assert_eq!(told(|_| 7, |cycle| cycle % 100, swinging), None, "its neighbour trembles");
         assert_eq!(told(|_| 7, |cycle| cycle, |_| 900), None, "its weight is carried");
         assert_eq!(told(|_| 7, |cycle| cycle, |cycle| swinging(cycle) - 200), None, "no push");
+    }
+
+    /// The same of joint 3, if this other joint (from 0) moves so.
+    fn told_beside(other: usize, moves: impl Fn(i32) -> i32) -> Option<i32> {
+        let mut frozen = Frozen::new(Duration::from_millis(500), [100; 6]);
+        (0..2_000).find(|&cycle| {
+            let at = Instant::from_micros(1_000 * u64::try_from(cycle).unwrap());
+            let mut latest = [DriveSample::default(); 6];
+            latest[other].position = Counts(moves(cycle));
+            let sampled = Sampled { at, latest: &latest, fresh: [true; 6], torques: [false; 6] };
+            frozen.judge(&sampled, &[0, 0, swinging(cycle), 0, 0, 0]).is_some()
+        })
+    }
+
+    #[test]
+    fn hazard_05_only_the_joints_next_to_it_are_neighbours() {
+        for other in [0, 4, 5] {
+            assert_eq!(told_beside(other, |cycle| cycle), None, "joint {}", other + 1);
+        }
+        for other in [1, 3] {
+            assert_eq!(told_beside(other, |cycle| cycle), Some(500), "joint {}", other + 1);
+        }
+    }
+
+    #[test]
+    fn property_14_neighbour_that_wraps_has_hardly_moved() {
+        let trembles = |cycle: i32| i32::MAX.wrapping_add(cycle % 90 - 45);
+        assert_eq!(told_beside(3, trembles), None);
     }
 
     #[test]

@@ -66,9 +66,21 @@ impl Intake {
         self.first = None;
     }
 
+    /// A position has come that waited too long to be read: it is none.
+    pub(in crate::node) const fn discard(&mut self) {
+        self.credit.discard();
+    }
+
+    /// Returns the cause to stop if too many samples are overdue.
+    pub(in crate::node) fn overdue(&self) -> Option<Cause> {
+        let cycles = self.credit.overdue().excess()?;
+        Some(Cause::SamplesOverdue { joint: self.joint, cycles })
+    }
+
     /// A position has come.
     pub(in crate::node) fn offer(&mut self, position: Counts) -> Offer {
         let late = self.period * self.credit.lateness();
+        let overdue = self.credit.overdue().remembered();
         match self.credit.on_frame(self.asked_at) {
             Arrival::First => {
                 self.first = Some(position);
@@ -76,9 +88,9 @@ impl Intake {
             }
             Arrival::Late | Arrival::Surplus => {
                 self.jump.doubt(self.period);
-                self.compare(position)
+                self.compare(position, overdue)
             }
-            Arrival::Duplicate => self.duplicate(),
+            Arrival::Duplicate => self.surplus(overdue),
         }
     }
 
@@ -91,17 +103,22 @@ impl Intake {
         }
     }
 
-    /// Another of the same window: both were sampled within the cycles that a joint may miss, so they
-    /// cannot be farther apart than it moves in those.
-    fn compare(&self, position: Counts) -> Offer {
-        let span = self.period * self.patience;
+    /// Another of the same window: both were sampled within the cycles that a joint may miss or that are overdue, so
+    /// they cannot be farther apart than it moves in those. `overdue` is how many were before it came.
+    fn compare(&self, position: Counts, overdue: u32) -> Offer {
+        let span = self.period * self.patience.saturating_add(overdue);
         let is_near = self.first.is_none_or(|first| self.reach.joins(first, position, span));
-        if is_near { Offer::Ignored } else { self.duplicate() }
+        if is_near { Offer::Ignored } else { self.surplus(overdue) }
     }
 
-    const fn duplicate(&self) -> Offer {
-        // Drives stand first in the list of nodes.
-        Offer::Wrong(Cause::Duplicate { node: self.joint.saturating_sub(1) })
+    /// One too many: of a delay that ends if any were overdue, of a second node otherwise.
+    const fn surplus(&self, overdue: u32) -> Offer {
+        let joint = self.joint;
+        Offer::Wrong(match overdue {
+            // Drives stand first in the list of nodes.
+            0 => Cause::Duplicate { node: joint.saturating_sub(1) },
+            cycles => Cause::SamplesOverdue { joint, cycles },
+        })
     }
 }
 
@@ -153,6 +170,21 @@ mod tests {
         use Offer::Sample;
         assert_eq!(offers(&[&[1 << 20], &[20]]), [[Ignored], [Sample]]);
         assert_eq!(offers(&[&[5_000], &[5_000]]), [[Ignored], [JUMPED]]);
+    }
+
+    #[test]
+    fn hazard_04_delay_that_ends_is_not_named_a_second_node() {
+        // Grown by a cycle every 50, then over: two positions a window, as a queue drains.
+        let mut windows: Vec<&[i32]> = Vec::new();
+        for _ in 0..5 {
+            windows.push(&[]);
+            windows.extend([&[10][..]; 49]);
+        }
+        windows.extend([&[10, 10][..]; 5]);
+        let offers = offers(&windows).concat();
+        assert!(!offers.contains(&DUPLICATE), "{offers:?}");
+        let delayed = |cycles| Offer::Wrong(Cause::SamplesOverdue { joint: 3, cycles });
+        assert!((1..=5).any(|cycles| offers.contains(&delayed(cycles))), "{offers:?}");
     }
 
     #[test]

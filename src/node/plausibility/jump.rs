@@ -149,9 +149,16 @@ mod tests {
     proptest! {
         #[test]
         fn property_14_a_wrap_at_any_count_and_any_speed_allowed_is_no_jump(
-            start in any::<i32>(),
-            motions in prop::collection::vec((-1_000..=1_000_i32, 1..4_u64), 1..200),
+            before in 0..20_000_i32,
+            is_upwards in any::<bool>(),
+            motions in prop::collection::vec((500..=1_000_i32, 1..4_u64), 50..200),
         ) {
+            // At least 25,000 counts one way, from less than 20,000 before the end: always over it.
+            let start = if is_upwards { i32::MAX - before } else { i32::MIN + before };
+            let motions = motions.into_iter().map(|(motion, cycles)| match is_upwards {
+                true => (motion, cycles),
+                false => (-motion, cycles),
+            });
             let (mut position, mut cycle) = (start, 0);
             let mut jump = Jump::new(reach());
             jump.take(at(0), Counts(start), Duration::ZERO);
@@ -161,6 +168,7 @@ mod tests {
                 let step = jump.take(at(cycle), Counts(position), Duration::ZERO);
                 prop_assert_eq!(step, Step::Possible);
             }
+            prop_assert!((position < start) == is_upwards, "{} to {}", start, position);
         }
 
         #[test]

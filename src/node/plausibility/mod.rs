@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!  a position comes      credit ─► jump               is it the sample of this SYNC?      (intake)
+//!                        overdue                      how old may it be?                  S2
 //!  the controller has    speed, frozen, torque        can the samples be true?            S2
 //!  stepped               limits, rate                 may the arm go on being felt?       S1
 //! ```
@@ -14,6 +15,7 @@ mod frozen;
 mod intake;
 mod jump;
 mod limits;
+mod overdue;
 mod rate;
 mod repeated;
 mod speed;
@@ -27,6 +29,7 @@ use crate::config::Config;
 use crate::controller::JointVector;
 use crate::controller::Output;
 use crate::controller::arm::JointKind;
+use crate::controller::torque_delay::TorqueDelay;
 use crate::node::plausibility::frozen::Frozen;
 use crate::node::plausibility::jump::Reach;
 use crate::node::plausibility::limits::Limits;
@@ -71,8 +74,8 @@ struct Watches {
     frozen: Frozen,
     torque: Torque,
     rate: Rate,
-    /// What the drives were told last, in ‰ of rated torque.
-    told: [i16; 6],
+    /// Target torques sent, in ‰ of rated torque.
+    sent: TorqueDelay<[i16; 6]>,
 }
 
 impl Plausibility {
@@ -98,7 +101,7 @@ impl Plausibility {
             frozen: Frozen::new(watched.frozen, clear),
             torque: Torque::new(watched.torque_tolerance, watched.torque_differs),
             rate: Rate::new(config.period, watched.max_missing_percent),
-            told: [0; 6],
+            sent: TorqueDelay::new([0; 6]),
         };
         Self { anew, watches: anew }
     }
@@ -124,7 +127,7 @@ impl Plausibility {
 
     /// The drives are told these torques, in ‰ of rated torque.
     pub(super) fn tell(&mut self, targets: &[i16; 6]) {
-        self.watches.told = *targets;
+        self.watches.sent.push(*targets);
         self.watches.torque.tell(targets);
     }
 }
@@ -136,7 +139,7 @@ impl Watches {
         let p_0_g = output.x_0_g.translation.vector;
         let moment = is_complete.then_some(Moment { at: sampled.at, q: output.q, p_0_g });
         let speed = moment.and_then(|moment| self.speed.judge(&moment));
-        let frozen = self.frozen.judge(sampled, &self.told);
+        let frozen = self.frozen.judge(sampled, &self.sent.acted());
         let torque = self.torque.judge(sampled);
         let limits = self.limits.judge(&output.q);
         let rate = self.rate.end(&sampled.fresh);

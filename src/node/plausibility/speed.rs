@@ -2,7 +2,8 @@
 //!
 //! By difference, between cycles in which every joint was sampled: where one is missing, neither the grip's
 //! pose nor a coupled joint's position is one of a single moment. Twice in a row is too fast; once may be a
-//! late sample, which puts the motion of two cycles into one.
+//! late sample, which puts the motion of two cycles into one. And over both together it must be too fast as well: a
+//! single wrong sample goes away and comes back.
 
 use std::time::Duration;
 
@@ -27,7 +28,8 @@ pub(super) struct Speed {
     most: Most,
     /// No two SYNCs are nearer to each other.
     nearest: Duration,
-    last: Option<Moment>,
+    /// The newest first.
+    last: [Option<Moment>; 2],
     /// Whether joints, and the grip, were too fast the last time.
     joints: [bool; 6],
     grip: bool,
@@ -47,26 +49,46 @@ pub(super) struct Moment {
 impl Speed {
     /// At rest, with one SYNC every `period`.
     pub(super) const fn new(most: Most, period: Duration) -> Self {
-        Self { most, nearest: period, last: None, joints: [false; 6], grip: false }
+        Self { most, nearest: period, last: [None; 2], joints: [false; 6], grip: false }
     }
 
     /// Takes where everything is now, in a cycle in which every joint was sampled.
     pub(super) fn judge(&mut self, now: &Moment) -> Option<Cause> {
-        let last = self.last.replace(*now)?;
+        let [last, before] = self.last;
+        self.last = [Some(*now), last];
+        let last = last?;
         // A SYNC may be late by half a period, and the next one in time.
-        let dt = now.at.since(last.at).max(self.nearest / 2).as_secs_f64();
-        let qd = (now.q - last.q) / dt;
-        let v_g_in_0 = (now.p_0_g - last.p_0_g) / dt;
+        let one = now.rates(&last, self.nearest / 2);
+        let both = now.rates(&before.unwrap_or(last), self.nearest);
         let mut cause = None;
-        for ((joint, was), (qd, most)) in
-            (1..).zip(&mut self.joints).zip(qd.iter().zip(self.most.joints))
-        {
-            if is_twice(was, is_above(qd.abs(), most)) {
+        let joints = (1..).zip(&mut self.joints).zip(one.qd.iter().zip(both.qd.iter()));
+        for (((joint, was), (one, both)), most) in joints.zip(self.most.joints) {
+            let is_repeated = is_twice(was, is_above(one.abs(), most));
+            if is_repeated && is_above(both.abs(), most) {
                 cause = cause.or(Some(Cause::Overspeed { joint }));
             }
         }
-        let grip = is_twice(&mut self.grip, is_above(v_g_in_0.norm(), self.most.grip));
+        let most = self.most.grip;
+        let is_repeated = is_twice(&mut self.grip, is_above(one.v_g_in_0, most));
+        let grip = is_repeated && is_above(both.v_g_in_0, most);
         cause.or(grip.then_some(Cause::GripOverspeed))
+    }
+}
+
+/// How fast everything has come from one moment to another.
+#[derive(Clone, Copy, Debug)]
+struct Rates {
+    /// Of the joints, in rad/s or m/s.
+    qd: JointVector,
+    /// Of the grip, in m/s.
+    v_g_in_0: f64,
+}
+
+impl Moment {
+    /// From `before`, at least `shortest` ago.
+    fn rates(&self, before: &Self, shortest: Duration) -> Rates {
+        let dt = self.at.since(before.at).max(shortest).as_secs_f64();
+        Rates { qd: (self.q - before.q) / dt, v_g_in_0: (self.p_0_g - before.p_0_g).norm() / dt }
     }
 }
 
@@ -121,6 +143,15 @@ mod tests {
         // At 5 rad/s. The sample of 2 is missing, that of 3 is the one of 2, late.
         let late = [(1, 0.005, 0.0), (3, 0.010, 0.0), (4, 0.020, 0.0), (5, 0.025, 0.0)];
         assert_eq!(told(late), [None; 4]);
+    }
+
+    #[test]
+    fn single_wrong_sample_of_any_size_is_not_too_fast() {
+        for (wrong, grip) in [(0.01, 0.0), (-3.0, 0.0), (0.0, 0.002), (0.0, -0.5), (1e3, 1e3)] {
+            let there =
+                [(0, 0.0, 0.0), (1, 0.0, 0.0), (2, wrong, grip), (3, 0.0, 0.0), (4, 0.0, 0.0)];
+            assert_eq!(told(there), [None; 5], "{wrong} rad, {grip} m");
+        }
     }
 
     #[test]

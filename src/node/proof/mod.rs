@@ -11,7 +11,9 @@
 //! | `run`    | who stays away, and what is listened to meanwhile   |
 //! | `trial`  | one timer of all drives: heard, asked, over         |
 //! | `report` | what was found                                      |
+//! | `recheck`| what it rests on, read again while the node runs    |
 
+mod recheck;
 mod report;
 mod run;
 mod trial;
@@ -36,6 +38,7 @@ use crate::config::Config;
 use crate::config::force_cap::ForceCap;
 use crate::config::force_cap::TooMuchForce;
 use crate::config::force_cap::UNPROVEN;
+use crate::node::proof::recheck::Recheck;
 use crate::node::proof::trial::Trial;
 use crate::time::Instant;
 
@@ -50,6 +53,7 @@ pub(super) struct Proof {
     report: ProofReport,
     /// Which drives have said that they are no longer operational.
     has_left: [bool; 6],
+    recheck: Recheck,
 }
 
 /// How far it is.
@@ -59,7 +63,7 @@ enum Phase {
     Before,
     /// Something stays away.
     Trying(Box<Trial>),
-    /// The drives are enabled again; what they cried may still be on its way.
+    /// The drives are enabled again; what they reported of their timers may still be on its way.
     Between,
     /// The drives may become ready.
     Over,
@@ -76,6 +80,7 @@ impl Proof {
             phase: Phase::Before,
             report: ProofReport::default(),
             has_left: [false; 6],
+            recheck: Recheck::default(),
         }
     }
 
@@ -89,6 +94,11 @@ impl Proof {
     /// What was found; empty where nothing was proven.
     pub(super) const fn report(&self) -> &ProofReport {
         &self.report
+    }
+
+    /// Number of objects that could not be read again.
+    pub(super) fn unread(&self) -> usize {
+        self.recheck.unread()
     }
 
     /// Whether the drives may become ready.
@@ -114,6 +124,7 @@ impl Proof {
             missing: master.missing(place).to_vec(),
         };
         self.report.drives = self.plans.iter().enumerate().map(drive).collect();
+        self.recheck = Recheck::new(&self.plans, master);
     }
 
     /// Every drive that has nothing to prove.
@@ -182,13 +193,16 @@ impl Proof {
                     return true;
                 }
                 let misses_master = error_codes::is_of_communication(emergency.code);
-                // One that has left operational may tell of anything; being off, it can do nothing.
-                let Some(trial) = self.trial() else { return true };
+                // Once the trial is over only what a timer reports belongs to it, and what a drive that is off says
+                // in words of its own.
+                let is_harmless = misses_master || error_codes::is_device_specific(emergency.code);
+                let Some(trial) = self.trial() else { return is_harmless };
                 if misses_master {
                     trial.on_emergency(now, *node);
                 }
                 trial.has_cried(*node)
             }
+            Event::ReadBack { .. } => self.recheck.takes(event),
             Event::Statusword { node, statusword } => {
                 if let Some(trial) = self.trial() {
                     trial.on_answer(now, *node, *statusword);
@@ -212,6 +226,7 @@ impl Proof {
             | Event::HeartbeatLost { .. }
             | Event::Rebooted { .. }
             | Event::Duplicate { .. }
+            | Event::ReadByAnother { .. }
             | Event::Stranger { .. }
             | Event::ForeignMaster { .. } => false,
         }
@@ -233,5 +248,38 @@ impl Proof {
     /// When the trial wants something done; `None` once it is over.
     fn deadline(&mut self, now: Instant) -> Option<Instant> {
         self.trial()?.deadline(now)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::emcy::Emergency;
+    use std::path::Path;
+
+    fn emergency(code: u16) -> Event {
+        let [low, high] = code.to_le_bytes();
+        let emergency = Emergency::decode(&[low, high, 1, 0, 0, 0, 0, 0]).unwrap();
+        Event::Emergency { node: 2, emergency }
+    }
+
+    #[test]
+    fn emergencies_between_two_trials_are_the_proofs_if_of_a_timer() {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        let mut proof = Proof::new(&config, &config.node_plans());
+        for (phase, code, is_its) in [
+            (Phase::Before, error_codes::RPDO_TIMEOUT, false),
+            (Phase::Between, error_codes::RPDO_TIMEOUT, true),
+            (Phase::Between, 0x8130, true),
+            (Phase::Between, 0x0000, true),
+            (Phase::Between, 0x3210, false),
+            (Phase::Between, 0x2310, false),
+            (Phase::Between, 0xFF00, true),
+            (Phase::Over, 0xFF00, false),
+            (Phase::Over, 0x3210, false),
+        ] {
+            proof.phase = phase;
+            assert_eq!(proof.takes(Instant::ZERO, &emergency(code)), is_its, "{code:04X}h");
+        }
     }
 }

@@ -57,6 +57,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             let quiet = self.bus.now() + SETTLE.max(self.period * 5);
             self.listen(quiet);
             self.master.start_again(&mut self.out);
+            self.samples.start_again();
             self.post();
             self.enable(give_up)?;
         }
@@ -102,7 +103,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 self.master.read_statusword(now, drive, &mut self.out);
                 self.post();
             }
-            self.send_targets(&[0; 6], true);
+            self.send_targets(sync_at, &[0; 6], true);
             self.send_request();
         }
     }

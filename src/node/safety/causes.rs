@@ -1,8 +1,10 @@
 //! What of all that is heard and computed is a cause to stop.
 
 use crate::bus::BusFault;
+use crate::canopen::NmtState;
 use crate::canopen::frame::Channel;
 use crate::canopen::master::event::Event;
+use crate::canopen::master::read_back::ReadBack;
 use crate::controller::Fault;
 use crate::telemetry::cause::Cause;
 
@@ -15,6 +17,14 @@ pub const fn of_event(event: &Event) -> Option<Cause> {
         Event::HeartbeatLost { node } => Some(Cause::HeartbeatLost { node: *node }),
         Event::Rebooted { node } => Some(Cause::Rebooted { node: *node }),
         Event::Duplicate { node, .. } => Some(Cause::Duplicate { node: *node }),
+        Event::StateChanged { state: NmtState::Operational, .. } => None,
+        Event::StateChanged { node, state } => {
+            Some(Cause::LeftOperational { node: *node, state: *state })
+        }
+        Event::ReadBack { node, object, read: ReadBack::Changed { expected, found } } => {
+            let (node, object, expected, found) = (*node, *object, *expected, *found);
+            Some(Cause::SettingChanged { node, object, expected, found })
+        }
         Event::ForeignMaster { .. } => Some(Cause::ForeignMaster),
         Event::Emergency { .. }
         | Event::Booted
@@ -25,8 +35,9 @@ pub const fn of_event(event: &Event) -> Option<Cause> {
         | Event::Joined { .. }
         | Event::ErrorHistory { .. }
         | Event::Statusword { .. }
-        | Event::Stranger { .. }
-        | Event::StateChanged { .. } => None,
+        | Event::ReadByAnother { .. }
+        | Event::ReadBack { read: ReadBack::Unchanged | ReadBack::Unread(_), .. }
+        | Event::Stranger { .. } => None,
     }
 }
 

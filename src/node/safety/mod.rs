@@ -61,6 +61,9 @@ pub enum Refusal {
     /// Arming starts from `Ready`.
     #[error("not ready: the node is {0}")]
     NotReady(Mode),
+    /// A stop is latched: its cause says why, whatever else would refuse.
+    #[error("stopped by {0}; reset first")]
+    Stopped(Cause),
     /// Arming with a closed deadman would engage at once, or hide a stuck one.
     #[error("the deadman is closed: release it first")]
     DeadmanClosed,
@@ -207,6 +210,9 @@ impl Safety {
     /// Unless the mode is `Ready`, the deadman is known to be released, and nothing is there that would
     /// stop the node as soon as it is armed.
     pub fn arm(&mut self, now: Instant, grasp: Grasp) -> Result<(), Refusal> {
+        if let Some(cause) = self.cause.filter(|_| self.mode.is_latched()) {
+            return Err(Refusal::Stopped(cause));
+        }
         if self.mode != Mode::Ready {
             return Err(Refusal::NotReady(self.mode));
         }

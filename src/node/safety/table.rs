@@ -89,6 +89,7 @@ pub const fn row(kind: Kind) -> Row {
         Kind::SamplesMissing => always(ZeroTorque, Node, true, &[1, 3, 4]),
         Kind::StatusMissing => always(ZeroTorque, Node, true, &[3]),
         Kind::SamplesRare => armed(ReflectionOff, &[3]),
+        Kind::SamplesOverdue => always(ZeroTorque, Node, true, &[4]),
         Kind::PositionFrozen => always(ZeroTorque, Node, false, &[5]),
         Kind::PositionJumped => always(ZeroTorque, Node, false, &[12]),
         Kind::TorqueDiffers => always(ZeroTorque, Node, false, &[10]),
@@ -101,8 +102,10 @@ pub const fn row(kind: Kind) -> Row {
         Kind::Emergency => always(ZeroTorque, Drive, false, &[7, 13]),
         Kind::HeartbeatLost => always(DrivesOff, Node, true, &[2]),
         Kind::Rebooted => always(DrivesOff, Drive, true, &[9]),
+        Kind::LeftOperational => always(ZeroTorque, Node, true, &[8]),
         Kind::Duplicate => always(ZeroTorque, Node, true, &[6]),
         Kind::ForeignMaster => always(DrivesOff, Node, true, &[26]),
+        Kind::SettingChanged => always(DrivesOff, Node, true, &[26]),
         Kind::ControllerFault => always(ZeroTorque, Node, false, &[42, 44]),
         Kind::QueueFull => always(ZeroTorque, Timers, true, &[21]),
         Kind::EchoMissing => always(DrivesOff, Timers, true, &[22]),
@@ -115,6 +118,7 @@ pub const fn row(kind: Kind) -> Row {
         Kind::Late => always(ZeroTorque, Node, false, &[29]),
         Kind::Suspended => always(DrivesOff, Timers, true, &[31]),
         Kind::EnableTimeout => always(ZeroTorque, Node, true, &[16]),
+        Kind::AwaitsReset => always(DrivesOff, Node, true, &[27]),
     }
 }
 

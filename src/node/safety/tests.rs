@@ -1,6 +1,9 @@
 use super::*;
+use crate::canopen::NmtState;
 use crate::canopen::error_codes;
+use crate::canopen::object::Object;
 use crate::controller::Fault;
+use crate::telemetry::cause::Awaited;
 use proptest::prelude::*;
 
 const RAMPS: Ramps =
@@ -59,6 +62,7 @@ fn sample(kind: Kind) -> Cause {
         Kind::SamplesMissing => Cause::SamplesMissing { joint, cycles: 3 },
         Kind::StatusMissing => Cause::StatusMissing { joint },
         Kind::SamplesRare => Cause::SamplesRare { joint, percent: 6 },
+        Kind::SamplesOverdue => Cause::SamplesOverdue { joint, cycles: 11 },
         Kind::PositionFrozen => Cause::PositionFrozen { joint },
         Kind::PositionJumped => Cause::PositionJumped { joint },
         Kind::TorqueDiffers => Cause::TorqueDiffers { joint },
@@ -72,8 +76,13 @@ fn sample(kind: Kind) -> Cause {
         Kind::Emergency => Cause::Emergency { node, code: error_codes::OVER_VOLTAGE },
         Kind::HeartbeatLost => Cause::HeartbeatLost { node },
         Kind::Rebooted => Cause::Rebooted { node },
+        Kind::LeftOperational => Cause::LeftOperational { node, state: NmtState::Stopped },
         Kind::Duplicate => Cause::Duplicate { node },
         Kind::ForeignMaster => Cause::ForeignMaster,
+        Kind::SettingChanged => {
+            let object = Object::rpdo_communication(1, 5);
+            Cause::SettingChanged { node, object, expected: 5, found: 0 }
+        }
         Kind::ControllerFault => Cause::ControllerFault { fault: Fault::WrenchNotFinite },
         Kind::QueueFull => Cause::QueueFull { channel },
         Kind::EchoMissing => Cause::EchoMissing { channel },
@@ -86,6 +95,7 @@ fn sample(kind: Kind) -> Cause {
         Kind::Late => Cause::Late,
         Kind::Suspended => Cause::Suspended,
         Kind::EnableTimeout => Cause::EnableTimeout { joint, statusword },
+        Kind::AwaitsReset => Cause::AwaitsReset { awaited: Awaited::NotEnded },
     }
 }
 

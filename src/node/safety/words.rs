@@ -10,6 +10,7 @@ pub const fn of_kind(kind: Kind) -> &'static str {
         Kind::SamplesMissing => "a drive's samples do not come, several cycles in a row",
         Kind::StatusMissing => "a drive does not tell its state, although its positions come",
         Kind::SamplesRare => "too many of a joint's samples are missing within a second",
+        Kind::SamplesOverdue => "more of a joint's samples are late or lost than may be",
         Kind::PositionFrozen => "a position stands still although the joint is pushed",
         Kind::PositionJumped => "a position jumps farther than the joint can move, twice",
         Kind::TorqueDiffers => "a drive exerts another torque than it is told",
@@ -23,8 +24,10 @@ pub const fn of_kind(kind: Kind) -> &'static str {
         Kind::Emergency => "a node sends an emergency message",
         Kind::HeartbeatLost => "a node's heartbeat stops",
         Kind::Rebooted => "a node starts anew in the middle of a run",
+        Kind::LeftOperational => "a running node reports another state than operational",
         Kind::Duplicate => "two nodes seem to have one node-id",
         Kind::ForeignMaster => "somebody else commands the network",
+        Kind::SettingChanged => "an object does not hold what the boot has proven",
         Kind::ControllerFault => "a number that the controller cannot use",
         Kind::QueueFull => "a torque frame cannot be sent",
         Kind::EchoMissing => "frames are taken and do not appear on the bus",
@@ -37,6 +40,7 @@ pub const fn of_kind(kind: Kind) -> &'static str {
         Kind::Late => "the loop is late, too often",
         Kind::Suspended => "the host was suspended",
         Kind::EnableTimeout => "a drive does not reach operation enabled",
+        Kind::AwaitsReset => "the last run did not end in order, or this one cannot be marked",
     }
 }
 

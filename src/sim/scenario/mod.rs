@@ -35,6 +35,7 @@ use crate::sim::scenario::operator::Switch;
 use crate::sim::scenario::problem::Misplaced;
 use crate::sim::scenario::problem::within;
 use crate::sim::temperament::Temperament;
+use crate::written;
 
 /// Nothing that takes time takes less, in s.
 const SHORTEST: f64 = 1e-3;
@@ -102,7 +103,13 @@ impl Scenario {
     pub fn parse(text: &str) -> Result<Self, ScenarioError> {
         let at = |span: Range<usize>, problem| ScenarioError { line: line(text, &span), problem };
         let script: Script = toml::from_str(text).map_err(|error| {
-            let problem = Problem::Toml(error.message().replace('\n', " "));
+            let message = error.message().replace('\n', " ");
+            let key = || error.span().map(|span| written::key_at(text, span.start));
+            let problem = match key().filter(|_| message.starts_with("must be")) {
+                Some(key) => format!("{key} {message}"),
+                None => message,
+            };
+            let problem = Problem::Toml(problem);
             at(error.span().unwrap_or_default(), problem)
         })?;
         Self::check(script).map_err(|(span, problem)| at(span, problem))
@@ -214,6 +221,21 @@ mod tests {
             ("at_s = 2", "at_s = nan", "line 6: at_s = NaN is not within 0 and 5"),
             ("to_m = [0.04, 0, 0]", "to_m = [nan, 0, 0]", "line 2: to_m = NaN"),
             ("to_m = [0.04, 0, 0]", "to_rad = [0, 4, 0]", "line 2: to_rad = 4"),
+            (
+                "to_m = [0.04, 0, 0]",
+                "to_m = [0.04, 0, 0, \"x\"]",
+                "line 5: move[0].to_m must be a list of 3, got 4",
+            ),
+            (
+                "to_m = [0.04, 0, 0]",
+                "to_rad = [0, 0]",
+                "line 5: move[0].to_rad must be a list of 3, got 2",
+            ),
+            (
+                "[[move]]",
+                "[hand]\ntremor_hz = [8, 9, 10]\n[[move]]",
+                "line 3: hand.tremor_hz must be a list of 2, got 3",
+            ),
             ("seconds = 5", "seconds = inf", "line 1: seconds = inf"),
             ("deadman = true", "dead_man = true", "line 8: unknown field `dead_man`"),
             ("\"arm\"", "\"fire\"", "line 11: unknown variant `fire`"),

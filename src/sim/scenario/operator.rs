@@ -11,6 +11,7 @@ use crate::sim::scenario::SHORTEST;
 use crate::sim::scenario::problem::Misplaced;
 use crate::sim::scenario::problem::in_order;
 use crate::sim::scenario::problem::within;
+use crate::written::List;
 
 /// No hand reaches farther, in m.
 const REACH: f64 = 2.0;
@@ -70,8 +71,8 @@ pub(super) struct Doings {
 pub(super) struct Move {
     at_s: f64,
     duration_s: f64,
-    to_m: Option<[f64; 3]>,
-    to_rad: Option<[f64; 3]>,
+    to_m: Option<List<f64, 3>>,
+    to_rad: Option<List<f64, 3>>,
 }
 
 /// Switches are pressed or released; those not named stay as they are.
@@ -112,8 +113,13 @@ impl Doings {
         let moves = in_order(moves, seconds, |step| {
             let Move { at_s, duration_s, to_m, to_rad } = *step;
             within("duration_s", duration_s, SHORTEST, seconds - at_s)?;
-            to_m.iter().flatten().try_for_each(|to| within("to_m", *to, -REACH, REACH))?;
-            to_rad.iter().flatten().try_for_each(|to| within("to_rad", *to, -PI, PI))?;
+            to_m.iter()
+                .flat_map(|list| &list.0)
+                .try_for_each(|to| within("to_m", *to, -REACH, REACH))?;
+            to_rad
+                .iter()
+                .flat_map(|list| &list.0)
+                .try_for_each(|to| within("to_rad", *to, -PI, PI))?;
             Ok((at_s, at_s + duration_s))
         })?;
         let switches = in_order(switches, seconds, |switch| Ok((switch.at_s, switch.at_s)))?;
@@ -132,8 +138,8 @@ impl Doings {
         let (mut place, mut turn) = (Vector3::zeros(), Vector3::zeros());
         for step in self.moves.iter().take_while(|step| step.at_s <= t) {
             let share = smooth((t - step.at_s) / step.duration_s);
-            place = place.lerp(&step.to_m.map_or(place, Vector3::from), share);
-            turn = turn.lerp(&step.to_rad.map_or(turn, Vector3::from), share);
+            place = place.lerp(&step.to_m.map_or(place, |to| Vector3::from(to.0)), share);
+            turn = turn.lerp(&step.to_rad.map_or(turn, |to| Vector3::from(to.0)), share);
         }
         let (mut deadman, mut reference, mut reflection) = (false, false, false);
         for switch in self.switches.iter().take_while(|switch| switch.at_s <= t) {

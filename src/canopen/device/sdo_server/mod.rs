@@ -70,6 +70,8 @@ pub(super) struct SdoServer {
     has_nudged: bool,
     /// When the next segment of a block goes out.
     due: Option<Instant>,
+    /// Where the next short value is read; kept, so that reading one allocates nothing.
+    spare: Vec<u8>,
 }
 
 /// A transfer under way.
@@ -93,7 +95,14 @@ type Reply = Result<Option<SdoPayload>, (Object, AbortCode)>;
 impl SdoServer {
     /// The server of `node`.
     pub(super) const fn new(node: NodeId) -> Self {
-        Self { node, transfer: None, heard: Instant::ZERO, has_nudged: false, due: None }
+        Self {
+            node,
+            transfer: None,
+            heard: Instant::ZERO,
+            has_nudged: false,
+            due: None,
+            spare: Vec::new(),
+        }
     }
 
     /// Forgets the transfer under way.

@@ -47,19 +47,25 @@ impl SdoServer {
         Ok(Some([SCS_DOWNLOAD << 5, low, high, sub, 0, 0, 0, 0]))
     }
 
+    /// Reads an object into the spare buffer, and takes it.
+    fn value_of(&mut self, object: Object, objects: &impl Access) -> Result<Vec<u8>, AbortCode> {
+        self.spare.clear();
+        objects.read(object, &mut self.spare)?;
+        Ok(std::mem::take(&mut self.spare))
+    }
+
     /// A read begins, and with one to four bytes ends.
     pub(super) fn on_upload(
         &mut self,
         object: Object,
         objects: &impl Access,
     ) -> Result<Option<SdoPayload>, AbortCode> {
-        let mut bytes = Vec::new();
-        objects.read(object, &mut bytes)?;
+        let bytes = self.value_of(object, objects)?;
         Ok(Some(self.open_upload(object, bytes, objects.tells_sizes())))
     }
 
     /// The reply that opens an upload of `bytes`, expedited or segmented, and tells how many they are.
-    fn open_upload(&mut self, object: Object, bytes: Vec<u8>, tells_size: bool) -> SdoPayload {
+    fn open_upload(&mut self, object: Object, mut bytes: Vec<u8>, tells_size: bool) -> SdoPayload {
         let [low, high] = object.index.to_le_bytes();
         let (command, [a, b, c, d]) = match *bytes.as_slice() {
             [a] => (EXPEDITED | 3 << 2, [a, 0, 0, 0]),
@@ -68,11 +74,12 @@ impl SdoServer {
             [a, b, c, d] => (EXPEDITED, [a, b, c, d]),
             _ => {
                 let size = announced(&bytes);
-                self.transfer =
-                    Some(Transfer { object, way: Way::Up(segmented::Upload::new(bytes)) });
+                let upload = segmented::Upload::new(std::mem::take(&mut bytes));
+                self.transfer = Some(Transfer { object, way: Way::Up(upload) });
                 (0, size)
             }
         };
+        self.spare = bytes;
         if !tells_size {
             let [a, b, c, d] = if command == 0 { [0; 4] } else { [a, b, c, d] };
             let command = SCS_UPLOAD << 5 | command & EXPEDITED;

@@ -95,8 +95,11 @@ fn one_list(lint: &mut Lint<'_>, list: Named, section: &Section<'_>, listed: &mu
         return;
     };
     let gap = (1..).zip(&numbers).find(|(wanted, found)| wanted != *found);
-    if i128::try_from(numbers.len()) != Ok(count) {
-        lint.error(spot, format_args!("{count}, but {} are listed", numbers.len()));
+    let listed = i128::try_from(numbers.len()).unwrap_or(i128::MAX);
+    if listed < count {
+        lint.gap(spot, format_args!("{count}, but {listed} are listed"));
+    } else if listed > count {
+        lint.error(spot, format_args!("{count}, but {listed} are listed"));
     } else if let Some((wanted, found)) = gap {
         lint.error(spot, format_args!("number {wanted} is missing, {found} is there"));
     }
@@ -118,7 +121,7 @@ fn listed_object(
     let has_objects =
         || lint.eds.objects().binary_search_by_key(&index, |one| one.object.index).is_ok();
     if lint.ini.section(Title::Object(index)).is_none() && !has_objects() {
-        lint.error(spot, format_args!("{index:04X}h is listed, but there is no [{index:04X}]"));
+        lint.gap(spot, format_args!("{index:04X}h is listed, but there is no [{index:04X}]"));
     }
     if listed.insert(index, list).is_some() {
         lint.warning(spot, format_args!("{index:04X}h is listed twice"));
@@ -148,7 +151,9 @@ fn head(lint: &mut Lint<'_>, section: &Section<'_>, index: u16, subs: &[u8]) {
     match (section.value("SubNumber"), read::integer(section, "SubNumber")) {
         (Some(_), None) => lint.error(spot, "not a number"),
         (Some(_), Some(told)) if i128::try_from(subs.len()) != Ok(told) => {
-            lint.error(spot, format_args!("{told}, but {} sub-indices are described", subs.len()));
+            let reason = format!("{told}, but {} sub-indices are described", subs.len());
+            let is_gap = i128::try_from(subs.len()).is_ok_and(|there| there < told);
+            if is_gap { lint.gap(spot, reason) } else { lint.error(spot, reason) }
         }
         (None, _) if !subs.is_empty() => lint.warning(spot, "is missing"),
         (None, _) if read::is_head(section) => {

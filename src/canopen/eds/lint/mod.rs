@@ -49,6 +49,8 @@ pub struct Finding {
     pub key: String,
     /// What is wrong with it.
     pub reason: String,
+    /// Whether something is missing that the file itself announces, as where it was cut off.
+    pub is_gap: bool,
 }
 
 /// As in `12: error: 1018h:1 DefaultValue: not a number`.
@@ -80,6 +82,17 @@ pub(super) fn lint(eds: &Eds) -> Vec<Finding> {
     found.append(&mut lint.warnings);
     found.sort_by_key(|finding| finding.line);
     found
+}
+
+/// The first sign that the file was cut off: something it announces is missing, or there is an error in its
+/// last section.
+pub(super) fn gap(eds: &Eds) -> Option<Finding> {
+    let end = Ini::read(&eds.text.text).sections().last().map_or(1, |section| section.line);
+    let is_sign = |finding: &Finding| {
+        let is_at_end = finding.severity == Severity::Error && finding.line >= end;
+        finding.is_gap || is_at_end
+    };
+    lint(eds).into_iter().find(is_sign)
 }
 
 /// A file under examination.
@@ -131,6 +144,13 @@ impl<'e> Lint<'e> {
         add(&mut self.errors, Severity::Error, spot, reason);
     }
 
+    /// An error: the file announces something that is not in it.
+    fn gap(&mut self, spot: Spot<'_>, reason: impl fmt::Display) {
+        let before = self.errors.len();
+        self.error(spot, reason);
+        self.errors.iter_mut().skip(before).for_each(|finding| finding.is_gap = true);
+    }
+
     fn warning(&mut self, spot: Spot<'_>, reason: impl fmt::Display) {
         add(&mut self.warnings, Severity::Warning, spot, reason);
     }
@@ -148,7 +168,7 @@ fn add(found: &mut Vec<Finding>, severity: Severity, spot: Spot<'_>, reason: imp
     if found.len() < MOST {
         let place = spot.title.map(place).unwrap_or_default();
         let (line, key, reason) = (spot.line, spot.key.to_owned(), reason.to_string());
-        found.push(Finding { line, severity, place, key, reason });
+        found.push(Finding { line, severity, place, key, reason, is_gap: false });
     }
 }
 

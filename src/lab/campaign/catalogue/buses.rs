@@ -8,55 +8,91 @@ use crate::bus::Mishap;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Frame;
 use crate::canopen::layout::Direction;
+use crate::canopen::sync;
 use crate::lab::campaign::case::Deed;
 use crate::lab::campaign::case::Demand;
 use crate::lab::campaign::case::Place;
 use crate::lab::campaign::catalogue::KILLED;
 use crate::lab::campaign::catalogue::Kind;
+use crate::lab::campaign::catalogue::NO_CAUSE;
 use crate::lab::campaign::catalogue::kind;
 use crate::lab::campaign::draw::Draw;
+use crate::telemetry::cause::Kind as Cause;
 
 pub(super) const KINDS: &[Kind] = &[
-    kind(21, "transmit queue full", |draw, at| {
+    kind(21, "transmit queue full", &[Cause::QueueFull], |draw, at| {
         let by_timers = timers(at);
         disturbed(draw, at, Disturbance::Full, by_timers)
     }),
-    kind(22, "adapter stuck", |draw, at| disturbed(draw, at, Disturbance::Stuck, timers(at))),
-    kind(22, "adapter stalls", |draw, at| stalled(draw, at, 10_000, timers(at))),
-    kind(22, "adapter stalls for a moment", |draw, at| stalled(draw, at, 0, MOMENT)),
-    kind(23, "bus-off", |draw, at| {
+    kind(22, "adapter stuck", &[Cause::EchoMissing, Cause::SamplesMissing], |draw, at| {
+        disturbed(draw, at, Disturbance::Stuck, timers(at))
+    }),
+    kind(22, "adapter stalls", &[Cause::EchoMissing, Cause::SamplesMissing], |draw, at| {
+        stalled(draw, at, 10_000, timers(at))
+    }),
+    kind(
+        22,
+        "adapter stalls for a moment",
+        &[Cause::EchoMissing, Cause::SamplesMissing],
+        |draw, at| stalled(draw, at, 0, MOMENT),
+    ),
+    kind(23, "bus-off", &[Cause::BusOff], |draw, at| {
         disturbed(draw, at, Disturbance::Fault(BusFault::Off), timers(at))
     }),
-    kind(23, "error passive", |draw, at| {
+    kind(23, "error passive", &[Cause::BusPassive], |draw, at| {
         let stop = Demand::Stop(at.cycles(2));
         disturbed(draw, at, Disturbance::Fault(BusFault::Passive), stop)
     }),
-    kind(23, "error warning", |draw, at| {
+    kind(23, "error warning", NO_CAUSE, |draw, at| {
         disturbed(draw, at, Disturbance::Fault(BusFault::Warning), Demand::GoOn)
     }),
-    kind(24, "interface down", |draw, at| disturbed(draw, at, Disturbance::Down, timers(at))),
-    kind(24, "adapter unplugged", |draw, at| {
+    kind(24, "interface down", &[Cause::BusDown], |draw, at| {
+        disturbed(draw, at, Disturbance::Down, timers(at))
+    }),
+    kind(24, "adapter unplugged", &[Cause::BusDown], |draw, at| {
         disturbed(draw, at, Disturbance::Fault(BusFault::Down), timers(at))
     }),
-    kind(25, "backlog after a stop", backlog),
-    kind(26, "bus flooded", flooded),
-    kind(26, "foreign SYNC", |draw, at| stranger(draw, at, "kind = \"foreign_sync\"")),
-    kind(26, "foreign NMT", foreign_nmt),
-    kind(26, "foreign targets", foreign_targets),
-    kind(26, "random frames, own identifiers", |draw, at| random_frames(draw, at, true)),
-    kind(26, "random frames, other identifiers", |draw, at| random_frames(draw, at, false)),
-    kind(27, KILLED, killed),
-    kind(28, "process stands still", stands_still),
-    kind(29, "one cycle late", one_cycle_late),
-    kind(31, "wall clock set", clock_set),
-    kind(31, "host suspended", suspended),
+    kind(25, "backlog after a stop", &[Cause::Overrun], backlog),
+    kind(26, "bus flooded", &[Cause::EchoMissing, Cause::SamplesMissing], flooded),
+    kind(26, "foreign SYNC", &[Cause::ForeignMaster], |draw, at| {
+        stranger(draw, at, "kind = \"foreign_sync\"")
+    }),
+    kind(26, "foreign NMT", &[Cause::ForeignMaster], foreign_nmt),
+    kind(26, "foreign targets", &[Cause::ForeignMaster], foreign_targets),
+    kind(26, "foreign download", &[Cause::ForeignMaster], foreign_download),
+    kind(
+        26,
+        "random frames, own identifiers",
+        &[
+            Cause::ForeignMaster,
+            Cause::Emergency,
+            Cause::Rebooted,
+            Cause::LeftOperational,
+            Cause::Duplicate,
+            Cause::SamplesMissing,
+        ],
+        |draw, at| random_frames(draw, at, true),
+    ),
+    kind(26, "random frames, other identifiers", NO_CAUSE, |draw, at| {
+        random_frames(draw, at, false)
+    }),
+    kind(27, KILLED, &[Cause::Overrun], killed),
+    kind(28, "process stands still", &[Cause::Overrun], stands_still),
+    kind(29, "one cycle late", NO_CAUSE, one_cycle_late),
+    kind(29, "stall within a cycle", &[Cause::Emergency, Cause::DriveLeft], stall_within_cycle),
+    kind(31, "wall clock set", NO_CAUSE, clock_set),
+    kind(31, "host suspended", &[Cause::Suspended], suspended),
 ];
 
 /// By the drives' own RPDO timers, or by the node where it still reaches them.
 fn timers(at: &Place<'_>) -> Demand {
     let timer = Duration::from_millis(u64::from(at.config.safety.rpdo_timer_ms) + 1);
-    Demand::Release(timer.max(at.cycles(6)))
+    Demand::Mute(timer.max(at.cycles(6)), at.cycles(GIVEN_UP))
 }
+
+/// Cycles until the node must have given up a bus: a cycle that has begun, two whose SYNC is not seen, and the one
+/// in which that is known.
+const GIVEN_UP: u32 = 4;
 
 fn bus(draw: &mut Draw, at: &Place<'_>) -> Channel {
     draw.among(&at.config.channels()).copied().unwrap_or_default()
@@ -130,6 +166,23 @@ fn foreign_targets(draw: &mut Draw, at: &Place<'_>) -> Deed {
     Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(2)))
 }
 
+/// SDO requests, before the node-id is added.
+const SDO_REQUEST: u16 = 0x600;
+
+/// Another client writes one of the timers by which a drive stops without its master.
+fn foreign_download(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let joint = at.config.joints.get(draw.joint() - 1);
+    let (bus, node) = joint.map_or((0, 1), |joint| (joint.channel.0, joint.node.raw()));
+    let cob_id = SDO_REQUEST + u16::from(node);
+    // 1400h:5 and 1016h:1 become zero; 1F50h:1 begins by blocks.
+    let payloads = ["2B00140500000000", "2316100100000000", "C2501F0100000000"];
+    let payload = draw.among(&payloads).copied().unwrap_or("2B00140500000000");
+    let keys = format!(
+        "kind = \"foreign_frame\"; cob_id = 0x{cob_id:03X}; payload = \"{payload}\"; bus = {bus}"
+    );
+    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(2)))
+}
+
 /// A dozen of random bytes within 50 ms, on identifiers that this network uses, or on others.
 fn random_frames(draw: &mut Draw, at: &Place<'_>, are_own: bool) -> Deed {
     let mut entries = String::new();
@@ -195,6 +248,23 @@ fn one_cycle_late(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let micros = u64::try_from(at.config.period.as_micros()).unwrap_or(1_000);
     let span = Duration::from_micros(1 + draw.below(micros));
     Deed::befallen(vec![(Duration::ZERO, Mishap::Stopped(span))], Demand::GoOn)
+}
+
+/// After any frame of a cycle that is sent or read: torques that are late then are dropped (I5).
+fn stall_within_cycle(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let plans = at.config.node_plans();
+    let of_every_sync = plans.iter().flat_map(|(_, plan)| &plan.pdos).filter(|pdo| {
+        let service = pdo.service.as_ref();
+        service.is_some_and(|service| service.transmission.syncs() == Some(1))
+    });
+    let frames: Vec<u16> =
+        [sync::COB_ID].into_iter().chain(of_every_sync.map(|pdo| pdo.cob_id)).collect();
+    let after = draw.among(&frames).copied().unwrap_or(sync::COB_ID);
+    let periods = draw.within(0.3, 3.9);
+    let mishap = Mishap::StoppedAfter(after, at.config.period.mul_f64(periods));
+    let why = "the drives' RPDO timers may run out before the next torque";
+    let demand = if periods < 1.2 { Demand::GoOn } else { Demand::Either(why) };
+    Deed::befallen(vec![(Duration::ZERO, mishap)], demand)
 }
 
 fn clock_set(draw: &mut Draw, _: &Place<'_>) -> Deed {

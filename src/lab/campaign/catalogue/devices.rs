@@ -13,25 +13,27 @@ use crate::lab::campaign::catalogue::engaged;
 use crate::lab::campaign::catalogue::in_contact;
 use crate::lab::campaign::catalogue::kind;
 use crate::lab::campaign::draw::Draw;
+use crate::telemetry::cause::Kind as Cause;
 
 pub(super) const KINDS: &[Kind] = &[
-    kind(1, "drive unplugged", |draw, at| lost(draw, at, "unplug")),
-    kind(1, "wire cut", |draw, at| lost(draw, at, "wire_cut")),
-    kind(1, "drive bus-off", |draw, at| lost(draw, at, "bus_off")),
-    kind(2, "drive heartbeat lost", heartbeat_lost),
-    kind(2, "switch box heartbeat lost", switches_silent),
-    kind(7, "emergency", emergency),
-    kind(7, "emergency of the switch box", emergency_of_switches),
-    kind(8, "drive fault", fault),
-    kind(8, "drive fault, untold", quiet_fault),
-    kind(8, "safe torque off", sto),
-    kind(9, "drive reboots", reboot),
-    kind(9, "switch box reboots", reboot_of_switches),
-    engaged(10, "torque actual wrong", torque_scaled),
-    kind(12, "encoder jumps", encoder_jump),
-    engaged(5, "encoder frozen", encoder_frozen),
-    in_contact(5, "encoder frozen in motion", frozen_in_motion),
-    kind(13, "several drives unplugged", several_lost),
+    kind(1, "drive unplugged", &[Cause::SamplesMissing], |draw, at| lost(draw, at, "unplug")),
+    kind(1, "wire cut", &[Cause::SamplesMissing], |draw, at| lost(draw, at, "wire_cut")),
+    kind(1, "drive bus-off", &[Cause::SamplesMissing], |draw, at| lost(draw, at, "bus_off")),
+    kind(2, "drive heartbeat lost", &[Cause::HeartbeatLost], heartbeat_lost),
+    kind(2, "switch box heartbeat lost", &[Cause::HeartbeatLost], switches_silent),
+    kind(8, "drive heartbeat says stopped", &[Cause::LeftOperational], heartbeat_stopped),
+    kind(7, "emergency", &[Cause::Emergency], emergency),
+    kind(7, "emergency of the switch box", &[Cause::Emergency], emergency_of_switches),
+    kind(8, "drive fault", &[Cause::Emergency, Cause::DriveLeft], fault),
+    kind(8, "drive fault, untold", &[Cause::DriveLeft], quiet_fault),
+    kind(8, "safe torque off", &[Cause::DriveLeft, Cause::Emergency], sto),
+    kind(9, "drive reboots", &[Cause::Rebooted], reboot),
+    kind(9, "switch box reboots", &[Cause::Rebooted], reboot_of_switches),
+    engaged(10, "torque actual wrong", &[Cause::TorqueDiffers], torque_scaled),
+    kind(12, "encoder jumps", &[Cause::PositionJumped], encoder_jump),
+    engaged(5, "encoder frozen", &[Cause::PositionFrozen], encoder_frozen),
+    in_contact(5, "encoder frozen in motion", &[Cause::PositionFrozen], frozen_in_motion),
+    kind(13, "several drives unplugged", &[Cause::SamplesMissing], several_lost),
 ];
 
 /// A drive that breaks: the other five in two cycles.
@@ -59,6 +61,21 @@ fn several_lost(draw: &mut Draw, at: &Place<'_>) -> Deed {
 fn heartbeat_lost(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let joint = draw.joint();
     silent(at, &format!("kind = \"heartbeat_stop\"; joint = {joint}"))
+}
+
+/// Heartbeats, before the node-id is added.
+const HEARTBEAT: u16 = 0x700;
+
+/// One heartbeat that says stopped, or pre-operational, as if of a drive; the drive goes on.
+fn heartbeat_stopped(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let joint = at.config.joints.get(draw.joint() - 1);
+    let (bus, node) = joint.map_or((0, 1), |joint| (joint.channel.0, joint.node.raw()));
+    let cob_id = HEARTBEAT + u16::from(node);
+    let state = if draw.is_heads() { "04" } else { "7F" };
+    let keys = format!(
+        "kind = \"foreign_frame\"; cob_id = 0x{cob_id:03X}; payload = \"{state}\"; bus = {bus}"
+    );
+    Deed::scripted(at.fault(&keys), drive_fault(at))
 }
 
 fn switches_silent(_: &mut Draw, at: &Place<'_>) -> Deed {

@@ -7,25 +7,38 @@ use crate::lab::campaign::case::Deed;
 use crate::lab::campaign::case::Demand;
 use crate::lab::campaign::case::Place;
 use crate::lab::campaign::catalogue::Kind;
+use crate::lab::campaign::catalogue::NO_CAUSE;
 use crate::lab::campaign::catalogue::kind;
 use crate::lab::campaign::draw::Draw;
+use crate::telemetry::cause::Kind as Cause;
 
 pub(super) const KINDS: &[Kind] = &[
-    kind(3, "TPDO lost", |draw, at| of_tpdo(draw, at, "drop", "")),
-    kind(3, "TPDOs lost now and then", tpdo_share),
-    kind(3, "one TPDO lost", one_tpdo),
-    kind(3, "SYNC not heard", sync_lost),
-    kind(3, "TPDO of another length", resized),
-    kind(4, "TPDO late by less than 3 cycles", a_bit_late),
-    kind(4, "TPDO late by more", late),
-    kind(4, "TPDOs overtake each other", reordered),
-    kind(5, "TPDO frozen", frozen),
-    kind(6, "TPDO twice", |draw, at| of_tpdo(draw, at, "duplicate", "")),
-    kind(6, "two drives of one node-id", impersonated),
-    kind(12, "TPDO corrupted", corrupted),
-    kind(13, "RPDO lost", rpdo_lost),
-    kind(13, "one RPDO lost", one_rpdo),
+    kind(3, "TPDO lost", &[Cause::SamplesMissing], |draw, at| of_tpdo(draw, at, "drop", "")),
+    kind(3, "TPDOs lost now and then", LOSSES, tpdo_share),
+    kind(3, "one TPDO lost", NO_CAUSE, one_tpdo),
+    kind(3, "SYNC not heard", &[Cause::SamplesMissing], sync_lost),
+    kind(3, "TPDO of another length", &[Cause::SamplesMissing], resized),
+    kind(4, "TPDO late by less than 3 cycles", LOSSES, a_bit_late),
+    kind(4, "TPDO late by more", LOSSES, late),
+    kind(4, "TPDOs overtake each other", OUT_OF_ORDER, reordered),
+    kind(4, "TPDOs grow old", &[Cause::SamplesOverdue], grow_old),
+    kind(5, "TPDO frozen", &[Cause::PositionFrozen], frozen),
+    kind(6, "TPDO twice", &[Cause::Duplicate], |draw, at| of_tpdo(draw, at, "duplicate", "")),
+    kind(6, "two drives of one node-id", TWO_DRIVES, impersonated),
+    kind(12, "TPDO corrupted", &[Cause::PositionJumped], corrupted),
+    kind(13, "RPDO lost", &[Cause::Emergency, Cause::DriveLeft], rpdo_lost),
+    kind(13, "one RPDO lost", NO_CAUSE, one_rpdo),
 ];
+
+/// Two drives that answer by turns look like one whose position jumps, where the second is first in its window.
+const TWO_DRIVES: &[Cause] = &[Cause::Duplicate, Cause::PositionJumped];
+
+/// Samples that overtake each other leave windows empty; those that come at last may be more than were asked for.
+const OUT_OF_ORDER: &[Cause] =
+    &[Cause::SamplesMissing, Cause::SamplesRare, Cause::SamplesOverdue, Cause::Duplicate];
+
+/// Samples that do not come, or not in time: three in a row, one in twenty, or more than ten overdue.
+const LOSSES: &[Cause] = &[Cause::SamplesMissing, Cause::SamplesRare, Cause::SamplesOverdue];
 
 /// What happens to every first TPDO of a drive: five cycles.
 fn of_tpdo(draw: &mut Draw, at: &Place<'_>, how: &str, more: &str) -> Deed {
@@ -84,6 +97,25 @@ fn reordered(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let more = "; share = 0.3; reorder = true";
     let why = "a late one fills the place it left";
     Deed::scripted(delayed(draw, at, cycles, more), Demand::Either(why))
+}
+
+/// By a cycle more every 50 cycles, as behind a queue that grows, up to 16.
+fn grow_old(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let joint = draw.joint();
+    let step = at.cycles(50);
+    let mut entries = String::new();
+    for age in 1..=16 {
+        let millis = at.cycles(age).as_secs_f64() * 1e3;
+        let keys = format!(
+            "kind = \"delay\"; joint = {joint}; frame = \"tpdo1\"; delay_ms = {millis:.3}; for_s = {:.6}",
+            step.as_secs_f64()
+        );
+        entries.push_str(&at.fault_after(step * (age - 1), &keys));
+    }
+    // Forgiven at one in 250 cycles: more than ten are overdue when they are 14 cycles old.
+    let within = at.cycles(14 * 50);
+    let demand = Demand::Stop(within);
+    Deed::scripted(entries, demand).watched_for(within + Duration::from_millis(150))
 }
 
 fn frozen(draw: &mut Draw, at: &Place<'_>) -> Deed {

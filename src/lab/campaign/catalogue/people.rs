@@ -7,26 +7,38 @@ use crate::lab::campaign::case::Demand;
 use crate::lab::campaign::case::MayStop;
 use crate::lab::campaign::case::Place;
 use crate::lab::campaign::catalogue::Kind;
+use crate::lab::campaign::catalogue::NO_CAUSE;
+use crate::lab::campaign::catalogue::armed;
 use crate::lab::campaign::catalogue::engaged;
 use crate::lab::campaign::catalogue::in_contact;
 use crate::lab::campaign::catalogue::kind;
 use crate::lab::campaign::draw::Draw;
+use crate::telemetry::cause::Kind as Cause;
 
 pub(super) const KINDS: &[Kind] = &[
-    in_contact(11, "hand too fast", too_fast),
-    engaged(33, "wrench no number", no_number),
-    engaged(33, "wrench too large", too_large),
-    engaged(33, "wrench large, but may be", large),
-    engaged(34, "link lost", |_, at| link(at, "link_loss")),
-    engaged(35, "link frozen", |_, at| link(at, "link_frozen")),
-    engaged(34, "link lost for a moment", link_blinks),
-    engaged(38, "deadman released", deadman_released),
-    kind(38, "switch box unplugged", switches_unplugged),
-    kind(38, "disarmed", disarmed),
-    kind(39, "deadman channel stuck", deadman_stuck),
-    kind(39, "deadman bounces", deadman_bounces),
-    engaged(40, "reference pressed in motion", reference_pressed),
-    engaged(41, "reflection switched on", reflection_switched),
+    in_contact(11, "hand too fast", &[Cause::GripOverspeed], too_fast),
+    engaged(33, "wrench no number", &[Cause::LinkLost], no_number),
+    engaged(33, "wrench too large", &[Cause::LinkLost], too_large),
+    engaged(33, "wrench large, but may be", NO_CAUSE, large),
+    engaged(34, "link lost", &[Cause::LinkLost], |_, at| link(at, "link_loss")),
+    engaged(35, "link frozen", &[Cause::LinkLost], |_, at| link(at, "link_frozen")),
+    engaged(34, "link lost for a moment", NO_CAUSE, link_blinks),
+    engaged(38, "deadman released", NO_CAUSE, deadman_released),
+    kind(
+        38,
+        "switch box unplugged",
+        &[Cause::HeartbeatLost, Cause::StatusMissing],
+        switches_unplugged,
+    ),
+    kind(38, "disarmed", NO_CAUSE, disarmed),
+    kind(39, "deadman channel stuck", &[Cause::DeadmanDisagrees], deadman_stuck),
+    kind(39, "deadman bounces", NO_CAUSE, deadman_bounces),
+    armed(39, "deadman touched", NO_CAUSE, deadman_touched),
+    armed(39, "deadman bounces when pressed", NO_CAUSE, deadman_bounces_when_pressed),
+    engaged(39, "reflection and reference bounce", NO_CAUSE, buttons_bounce),
+    engaged(39, "switch box silent, a switch closed", NO_CAUSE, silent_while_closed),
+    engaged(40, "reference pressed in motion", NO_CAUSE, reference_pressed),
+    engaged(41, "reflection switched on", NO_CAUSE, reflection_switched),
 ];
 
 fn senses(force: f64, demand: Demand) -> Deed {
@@ -126,6 +138,49 @@ fn deadman_bounces(draw: &mut Draw, at: &Place<'_>) -> Deed {
     Deed::scripted(at.fault(&keys), Demand::GoOn)
 }
 
+/// Each is pressed once, and its contacts bounce at both edges.
+fn buttons_bounce(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let mut entries = String::new();
+    for (millis, level) in [(0, true), (60, false)] {
+        for switch_name in ["reflection", "reference"] {
+            let after = Duration::from_millis(millis);
+            entries.push_str(&switch(at, after, &format!("{switch_name} = {level}")));
+            let seconds = draw.within(0.005, 0.020);
+            let keys = format!(
+                "kind = \"switch_bounce\"; switch = \"{switch_name}\"; for_s = {seconds:.6}"
+            );
+            entries.push_str(&at.fault_after(after, &keys));
+        }
+    }
+    Deed::scripted(entries, Demand::GoOn)
+}
+
+/// Its silence opens the deadman, which only a new press closes; it comes back long before its heartbeat is missed.
+fn silent_while_closed(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let name = if draw.is_heads() { "reflection" } else { "reference" };
+    let closed = switch(at, Duration::ZERO, &format!("{name} = true"));
+    let seconds = draw.within(0.025, 0.060);
+    let keys =
+        format!("kind = \"drop\"; device = \"switches\"; frame = \"tpdo1\"; for_s = {seconds:.6}");
+    let silent = at.fault_after(Duration::from_millis(30), &keys);
+    let demand = Demand::Disengage(Duration::from_millis(75), MayStop::No);
+    Deed::scripted(closed + &silent, demand)
+}
+
+/// Closed for less than the 25 ms contacts settle in: nothing engages.
+fn deadman_touched(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let pressed = switch(at, Duration::ZERO, "deadman = true");
+    let span = Duration::from_micros(1_000 + draw.below(21_000));
+    Deed::scripted(pressed + &switch(at, span, "deadman = false"), Demand::GoOn)
+}
+
+/// It engages 25 ms after the last bounce, not after the first.
+fn deadman_bounces_when_pressed(draw: &mut Draw, at: &Place<'_>) -> Deed {
+    let bounces = deadman_bounces(draw, at);
+    let entries = switch(at, Duration::ZERO, "deadman = true") + &bounces.entries;
+    Deed { entries, ..bounces }
+}
+
 fn reference_pressed(_: &mut Draw, at: &Place<'_>) -> Deed {
     let pressed = switch(at, Duration::ZERO, "reference = true");
     let released = switch(at, Duration::from_millis(60), "reference = false");
@@ -134,7 +189,7 @@ fn reference_pressed(_: &mut Draw, at: &Place<'_>) -> Deed {
 
 fn reflection_switched(_: &mut Draw, at: &Place<'_>) -> Deed {
     let mut entries = String::new();
-    for (millis, level) in [(0, true), (20, false), (60, true), (80, false)] {
+    for (millis, level) in [(0, true), (40, false), (80, true), (120, false)] {
         let keys = format!("reflection = {level}");
         entries.push_str(&switch(at, Duration::from_millis(millis), &keys));
     }

@@ -22,8 +22,8 @@ pub(super) struct Age {
     taken: Vec<VecDeque<(Instant, Frame)>>,
     /// The target that acts at the next SYNC, and since when it was on its way.
     waiting: [Option<(Instant, i16)>; 6],
-    /// Whether the target in force was stale when it began to act.
-    is_stale: [bool; 6],
+    /// How old the target in force was when it began to act; zero where it asks for no torque.
+    acting: [Duration; 6],
     /// Targets that were not zero, and stale, on the wire.
     pub(super) delivered: u64,
 }
@@ -33,7 +33,7 @@ impl Age {
         Self {
             taken: vec![VecDeque::new(); buses],
             waiting: [None; 6],
-            is_stale: [false; 6],
+            acting: [Duration::ZERO; 6],
             delivered: 0,
         }
     }
@@ -68,20 +68,20 @@ impl Age {
 
     /// A SYNC: what has come since the last one acts now.
     pub(super) fn on_sync(&mut self, sheet: &Sheet, at: Instant, channel: Channel) {
-        let joints = sheet.nodes.iter().zip(&mut self.waiting).zip(&mut self.is_stale);
-        for ((_, waiting), is_stale) in joints.filter(|((node, _), _)| node.channel == channel) {
+        let joints = sheet.nodes.iter().zip(&mut self.waiting).zip(&mut self.acting);
+        for ((_, waiting), acting) in joints.filter(|((node, _), _)| node.channel == channel) {
             if let Some((since, target)) = waiting.take() {
-                *is_stale = target != 0 && at.since(since) > stale(sheet.period);
+                *acting = if target == 0 { Duration::ZERO } else { at.since(since) };
             }
         }
     }
 
-    /// Which joints' targets in force were stale when they began to act.
-    pub(super) const fn stale(&self) -> [bool; 6] {
-        self.is_stale
+    /// Returns how old each joint's target in force was when it began to act.
+    pub(super) const fn acting(&self) -> [Duration; 6] {
+        self.acting
     }
 }
 
-fn stale(period: Duration) -> Duration {
+pub(super) fn stale(period: Duration) -> Duration {
     period * STALE
 }

@@ -11,7 +11,8 @@ pub enum Law {
     Cap,
     /// I2: no target grows faster than it may.
     Slew,
-    /// I3: none but zero while not armed, and none but the arm's weight while the deadman is open.
+    /// I3: none but zero while not armed, none but the arm's weight while the deadman is open, and no engagement
+    /// before the deadman's contacts have settled for 25 ms, open and then closed.
     Permitted,
     /// I4: none but zero after a trip, until reset, deadman edge and arm.
     Latched,

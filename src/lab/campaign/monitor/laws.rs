@@ -190,6 +190,29 @@ fn i3_more_than_the_weight_of_the_arm_is_seen_when_the_deadman_is_open_for_long(
     assert_eq!(bench.laws(), [Law::Permitted]);
 }
 
+/// A deadman that says each of these for so many ms; the mode is engaged at the end of the last.
+fn engaged_after(says: &[(u8, u64)]) -> Vec<Law> {
+    let mut bench = Bench::running();
+    bench.heard(0x190, &[0b10]);
+    bench.ask(Request::Arm, Mode::Armed);
+    for (contacts, millis) in says {
+        bench.heard(0x190, &[*contacts]);
+        bench.monitor.told(Instant::from_micros(bench.now), Mode::Armed);
+        bench.now += 1_000 * millis;
+    }
+    bench.monitor.told(Instant::from_micros(bench.now), Mode::Engaged);
+    bench.laws()
+}
+
+#[test]
+fn i3_deadman_that_has_not_settled_engages_nothing() {
+    assert_eq!(engaged_after(&[(0b10, 25), (0b01, 25)]), []);
+    assert_eq!(engaged_after(&[(0b10, 25), (0b01, 20)]), [Law::Permitted], "closed too briefly");
+    assert_eq!(engaged_after(&[(0b10, 20), (0b01, 25)]), [Law::Permitted], "open too briefly");
+    let bounces = [(0b10, 25), (0b01, 24), (0b11, 1), (0b01, 20)];
+    assert_eq!(engaged_after(&bounces), [Law::Permitted], "from the last bounce");
+}
+
 #[test]
 fn i3_a_deadman_whose_channels_disagree_permits_nothing() {
     let mut bench = Bench::running();
@@ -281,6 +304,11 @@ fn i5_a_process_that_stood_still_may_say_zero_late_and_nothing_else() {
     assert_eq!(bench.laws(), [Law::OncePerSync], "not for ever");
 }
 
+/// Which joints' targets in force were stale when they began to act.
+fn stale_joints(monitor: &Monitor) -> [bool; 6] {
+    monitor.acting_ages().map(|age| monitor.is_stale(age))
+}
+
 #[test]
 fn what_an_adapter_held_back_is_judged_by_when_it_was_given_away_and_counted_as_stale() {
     let mut bench = Bench::pushing();
@@ -291,10 +319,10 @@ fn what_an_adapter_held_back_is_judged_by_when_it_was_given_away_and_counted_as_
     bench.now += 10_000;
     bench.comes(held);
     assert_eq!((bench.laws(), bench.monitor.stale_targets()), (vec![], 1));
-    assert_eq!(bench.monitor.stale_joints(), [false; 6], "it acts at a SYNC");
+    assert_eq!(stale_joints(&bench.monitor), [false; 6], "it acts at a SYNC");
     bench.sent(0x80, &[]);
     assert_eq!(
-        bench.monitor.stale_joints(),
+        stale_joints(&bench.monitor),
         [true; 6],
         "the others' as well: they waited for a SYNC"
     );
@@ -303,7 +331,7 @@ fn what_an_adapter_held_back_is_judged_by_when_it_was_given_away_and_counted_as_
     assert!(bench.laws().contains(&Law::Latched), "given away after the trip");
     bench.target(1, ENABLE, 0);
     bench.sent(0x80, &[]);
-    assert_eq!(bench.monitor.stale_joints(), [false, false, true, true, true, true]);
+    assert_eq!(stale_joints(&bench.monitor), [false, false, true, true, true, true]);
 }
 
 #[test]

@@ -7,12 +7,14 @@
 //! |----------|---------------------------------------------------|
 //! | `torque` | what is asked of the motors: I1 to I4, I11        |
 //! | `rhythm` | when: I5, I7, I10                                 |
+//! | `grip`   | when the deadman may engage: I3                   |
 //! | `age`    | how late what the node gave away is on the wire   |
 //! | `order`  | of whom, and in which order: I6, I8, I9, I12      |
 //! | `sheet`  | what the configuration says                       |
 //! | `law`    | their names, and what is noted of a breach        |
 
 mod age;
+mod grip;
 mod law;
 #[cfg(test)]
 mod laws;
@@ -26,6 +28,7 @@ pub use law::Law;
 pub use rhythm::Excuse;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use crate::bus::Tap;
 use crate::canopen::frame::Channel;
@@ -33,6 +36,7 @@ use crate::canopen::frame::Telegram;
 use crate::canopen::sync;
 use crate::config::Config;
 use crate::lab::campaign::monitor::age::Age;
+use crate::lab::campaign::monitor::grip::Grip;
 use crate::lab::campaign::monitor::law::Breaches;
 use crate::lab::campaign::monitor::order::Order;
 use crate::lab::campaign::monitor::rhythm::Rhythm;
@@ -51,6 +55,7 @@ pub struct Monitor {
     rhythm: Rhythm,
     order: Order,
     age: Age,
+    grip: Grip,
     breaches: Breaches,
     log: Option<Vec<(Instant, Telegram)>>,
 }
@@ -64,6 +69,7 @@ impl Monitor {
             rhythm: Rhythm::new(&sheet, config.buses.len()),
             order: Order::new(&sheet),
             age: Age::new(config.buses.len()),
+            grip: Grip::default(),
             sheet: Arc::new(sheet),
             breaches: Breaches::default(),
             log: None,
@@ -92,10 +98,11 @@ impl Monitor {
     }
 
     /// The node says what mode it is in.
-    pub const fn told(&mut self, at: Instant, mode: Mode) {
+    pub fn told(&mut self, at: Instant, mode: Mode) {
         if mode.is_stopped() {
             self.torque.tripped(at);
         }
+        self.grip.told(&self.sheet, at, mode, &mut self.breaches);
     }
 
     /// Bus or process are broken, so that I5 is nobody's fault.
@@ -123,9 +130,15 @@ impl Monitor {
         self.age.delivered
     }
 
-    /// Which joints' targets in force were as old as that when they began to act, on a drive that is on.
-    pub const fn stale_joints(&self) -> [bool; 6] {
-        self.age.stale()
+    /// Returns how old each joint's target in force was when it began to act, on a drive that is on: from the moment
+    /// the node gave it away. Zero where it asks for no torque.
+    pub const fn acting_ages(&self) -> [Duration; 6] {
+        self.age.acting()
+    }
+
+    /// Returns whether a target of this age is stale.
+    pub fn is_stale(&self, age: Duration) -> bool {
+        age > age::stale(self.sheet.period)
     }
 
     /// Since when every joint is told zero, if it is.
@@ -162,6 +175,7 @@ impl Tap for Monitor {
         if let Some(Ok(heard)) = self.sheet.inbox.read(telegram) {
             self.torque.on_tpdo(at, &heard);
             self.order.on_tpdo(&heard);
+            self.grip.on_tpdo(&heard);
         }
     }
 

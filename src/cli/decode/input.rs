@@ -1,0 +1,62 @@
+//! Lines of a log or a pipe, of any bytes and any length.
+
+use std::io;
+use std::io::BufRead;
+use std::io::BufReader;
+use std::io::ErrorKind;
+use std::io::Read;
+use std::path::Path;
+
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::config::files;
+
+/// Bytes read at once.
+pub(super) const BUFFER: usize = 1 << 16;
+
+/// Bytes kept of a line; candump's longest have some 250.
+const MAX_LINE: usize = 1 << 12;
+
+/// Opens the file, or stdin for none and for `-`; returns it with its name for messages.
+pub(super) fn open(path: Option<&Path>) -> Result<(Box<dyn Read>, String), Failure> {
+    let Some(path) = path.filter(|path| path.as_os_str() != "-") else {
+        return Ok((Box::new(io::stdin().lock()), "stdin".to_owned()));
+    };
+    let name = path.display().to_string();
+    match files::open(path) {
+        Ok(file) => Ok((Box::new(file), name)),
+        Err(error) => {
+            let is_piped = error.kind() == ErrorKind::InvalidInput;
+            let remedy = if is_piped { "; send it to standard input" } else { "" };
+            Err(Failure::new(Kind::File, format!("{name}: {error}{remedy}")))
+        }
+    }
+}
+
+/// Reads the next line without its end; false after the last. Of an overlong one the beginning.
+pub(super) fn read_line<R: Read>(input: &mut BufReader<R>, line: &mut Vec<u8>) -> io::Result<bool> {
+    line.clear();
+    let mut has_read = false;
+    loop {
+        let available = match input.fill_buf() {
+            Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+            available => available?,
+        };
+        let end = available.iter().position(|byte| *byte == b'\n');
+        let (part, used) = match end {
+            Some(end) => (available.get(..end).unwrap_or_default(), end + 1),
+            None => (available, available.len()),
+        };
+        has_read |= used > 0;
+        let room = MAX_LINE.saturating_sub(line.len());
+        line.extend_from_slice(part.get(..room).unwrap_or(part));
+        input.consume(used);
+        if end.is_some() || used == 0 {
+            break;
+        }
+    }
+    if line.last() == Some(&b'\r') {
+        line.pop();
+    }
+    Ok(has_read)
+}

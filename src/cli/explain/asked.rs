@@ -1,0 +1,113 @@
+//! The question of `frhc explain` as JSON: on the command line, in a file or on stdin.
+
+use std::ffi::OsStr;
+use std::io;
+use std::io::IsTerminal;
+use std::io::Read;
+
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value as Json;
+
+use crate::cli::exit::Failure;
+use crate::cli::exit::Kind;
+use crate::config::files;
+use crate::lab::question::Question;
+
+/// Maximum length of a question, in bytes.
+const MAX_LENGTH: u64 = 1 << 20;
+
+/// A question by itself, or inside an object that says of which device it is.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct Asked {
+    /// The device, which names a configuration.
+    pub(super) device: Option<String>,
+    /// The question.
+    #[serde(alias = "inputs")]
+    pub(super) question: Question,
+}
+
+/// What the flags say of the question.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Flags {
+    /// Nothing.
+    Absent,
+    /// Something, but not where the arm is.
+    Some,
+    /// Where the arm is: no more is needed.
+    Position,
+}
+
+/// Reads the question that `given` is, names, or asks to read from stdin.
+///
+/// Without one stdin is read, too, unless it is a terminal or the flags are enough.
+pub(super) fn read(given: Option<&OsStr>, flags: Flags) -> Result<Asked, Failure> {
+    match given {
+        Some(given) if given == "-" => parse("stdin", &stdin()?),
+        Some(given) => match given.to_str().filter(|text| is_inline(text)) {
+            Some(text) => parse("QUESTION", text),
+            None => {
+                let name = given.display().to_string();
+                parse(&name, &text(&name, files::open(given.as_ref()))?)
+            }
+        },
+        None if flags == Flags::Position || io::stdin().is_terminal() => Ok(Asked::default()),
+        None => {
+            let text = stdin()?;
+            let is_answered_by_flags = text.trim().is_empty() && flags == Flags::Some;
+            if is_answered_by_flags { Ok(Asked::default()) } else { parse("stdin", &text) }
+        }
+    }
+}
+
+/// Returns whether this is JSON itself. A file of such a name can be called `./{…`.
+fn is_inline(text: &str) -> bool {
+    text.trim_start().starts_with(['{', '['])
+}
+
+fn stdin() -> Result<String, Failure> {
+    text("stdin", Ok(io::stdin().lock()))
+}
+
+fn text(name: &str, input: io::Result<impl Read>) -> Result<String, Failure> {
+    let mut text = String::new();
+    let read = input.and_then(|input| input.take(MAX_LENGTH).read_to_string(&mut text));
+    read.map_err(|error| Failure::new(Kind::File, format!("{name}: {error}")))?;
+    Ok(text)
+}
+
+/// Reads it twice: as a value, to see whether a device is around it, and as itself, which finds duplicate keys.
+fn parse(name: &str, text: &str) -> Result<Asked, Failure> {
+    let wrong = |reason: String| Failure::new(Kind::Usage, format!("{name}: {reason}"));
+    if text.trim().is_empty() {
+        let reason =
+            "empty; a question must be a JSON object such as {\"q\": [0, -0.8, 1.6, -0.7, 0, 0]}";
+        return Err(wrong(format!("{reason}, or flags such as --q; {{}} asks about the start")));
+    }
+    let whole: Json = strict(text).map_err(wrong)?;
+    let question = must_be_object("a question", &whole).map_err(wrong)?;
+    match question.get("inputs").or_else(|| question.get("question")) {
+        Some(inner) => {
+            must_be_object("the question", inner).map_err(wrong)?;
+            strict(text).map_err(wrong)
+        }
+        None => Ok(Asked { device: None, question: strict(text).map_err(wrong)? }),
+    }
+}
+
+fn strict<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+    serde_json::from_str(text).map_err(|error| error.to_string())
+}
+
+/// The members of an object. An array of values would be taken in the order of the keys.
+fn must_be_object<'j>(
+    what: &str,
+    json: &'j Json,
+) -> Result<&'j serde_json::Map<String, Json>, String> {
+    let kind = match json {
+        Json::Object(members) => return Ok(members),
+        Json::Array(_) => "an array",
+        Json::Null | Json::Bool(_) | Json::Number(_) | Json::String(_) => "a single value",
+    };
+    Err(format!("{what} must be a JSON object, got {kind}"))
+}

@@ -1,0 +1,97 @@
+//! Masses of `[arm]` and `[[joint]]`: what no body has, and a start that no motor can hold.
+
+use nalgebra::Matrix3;
+use nalgebra::Vector3;
+
+use crate::config::Config;
+use crate::config::problem::Problems;
+use crate::config::raw;
+use crate::controller::JointVector;
+
+/// Gravity that a hand controller on a planet or moon has, in m/s². 9810 is in mm/s².
+const GRAVITY: std::ops::RangeInclusive<f64> = 1.0..=20.0;
+
+/// Farthest centre of mass from its link's frame, in m. Counterweights lie behind their joint, so a link's
+/// length is no bound; but no hand controller is two metres long.
+const FARTHEST: f64 = 2.0;
+
+/// Excess of the largest principal moment over the sum of the others that is rounding of typed numbers.
+const ROUNDING: f64 = 1e-2;
+
+/// Gravity in {0}, in m/s², any direction; zero for an arm that springs or counterweights carry.
+pub(super) fn gravity(arm: &raw::Arm, problems: &mut Problems<'_>) -> [f64; 3] {
+    let key = "arm.gravity_m_per_s2";
+    let gravity = problems.all_finite(key, arm.gravity_m_per_s2.0);
+    if arm.gravity_balanced {
+        return [0.0; 3];
+    }
+    let strength = Vector3::from(gravity).norm();
+    if strength.is_finite() && !GRAVITY.contains(&strength) {
+        let (least, most) = (GRAVITY.start(), GRAVITY.end());
+        let reason = format!(
+            "must be {least} to {most} m/s² long, got {strength:.1}; an arm that springs carry says \
+             gravity_balanced = true"
+        );
+        problems.add(key, reason);
+    }
+    gravity
+}
+
+/// Centre of mass in its link, in m.
+pub(super) fn centre_of_mass(key: &str, centre: [f64; 3], problems: &mut Problems<'_>) -> [f64; 3] {
+    problems.all_finite(key, centre);
+    let distance = Vector3::from(centre).norm();
+    if distance.is_finite() && distance > FARTHEST {
+        let reason =
+            format!("must be within {FARTHEST} m of the link's frame, got {distance:.1} m");
+        problems.add(key, reason);
+    }
+    centre
+}
+
+/// Inertia about the centre of mass as xx yy zz xy xz yz, in kg·m²: of a body, or all zero for a point.
+pub(super) fn inertia(key: &str, inertia: [f64; 6], problems: &mut Problems<'_>) -> [f64; 6] {
+    problems.all_finite(key, inertia);
+    let is_point = inertia.iter().all(|part| part.abs() <= 0.0);
+    if is_point || !inertia.iter().all(|part| part.is_finite()) {
+        return inertia;
+    }
+    let [xx, yy, zz, xy, xz, yz] = inertia;
+    let matrix = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+    let mut principal = matrix.symmetric_eigenvalues();
+    principal.as_mut_slice().sort_by(f64::total_cmp);
+    let (least, middle, most) = (principal.x, principal.y, principal.z);
+    if least <= 0.0 {
+        let reason = format!(
+            "must be positive about every axis, got a principal moment of {least:.3e} kg·m²"
+        );
+        problems.add(key, reason);
+    } else if most > (least + middle) * (1.0 + ROUNDING) {
+        let reason = format!(
+            "must be that of a body: no principal moment above the sum of the others, got {most:.3e} kg·m² \
+             beside {middle:.3e} and {least:.3e}"
+        );
+        problems.add(key, reason);
+    }
+    inertia
+}
+
+/// The weight of the arm at its start must leave every actuator within its capacity.
+pub(super) fn check_start(config: &Config, problems: &mut Problems<'_>) {
+    let controller = &config.controller;
+    let q = JointVector::from(config.joints.each_ref().map(|joint| joint.start));
+    let tau = controller.arm.gravity(&controller.arm.posture(&q));
+    let needed = controller.calibration.coupling().at_actuators(&tau);
+    for (place, (joint, needed)) in config.joints.iter().zip(needed.iter()).enumerate() {
+        let (needed, most) = (needed.abs(), joint.max_torque);
+        // NaN is none that can be held.
+        if needed > most || needed.is_nan() {
+            let (name, unit) = joint.max_torque_key();
+            let reason = format!(
+                "must hold the arm at its start: {needed:.2} {unit} are needed, got {most} {unit}; choose \
+                 another start or motor"
+            );
+            problems.add(&format!("joint[{place}].{name}"), reason);
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! Names of joints and buses: on screens, in logs and in tables, where each must be one clear word or two.
+
+use crate::config::problem::Problems;
+
+/// Longest name, in characters.
+const LONGEST: usize = 32;
+
+/// Checks the names of all tables of one section: `joint`, `bus`.
+pub(super) fn check<'n>(
+    section: &str,
+    names: impl Iterator<Item = &'n str>,
+    problems: &mut Problems<'_>,
+) {
+    let mut taken: Vec<&str> = Vec::new();
+    for (place, name) in names.enumerate() {
+        let key = format!("{section}[{place}].name");
+        let shown = name.escape_debug();
+        if name.trim().is_empty() {
+            problems.add(&key, "must not be empty");
+        } else if name.chars().any(is_unprintable) {
+            problems
+                .add(&key, format_args!("must have printable characters alone, got \"{shown}\""));
+        } else if name.trim() != name {
+            problems.add(&key, format_args!("must not begin or end with blanks, got \"{shown}\""));
+        } else if name.chars().count() > LONGEST {
+            let length = name.chars().count();
+            problems
+                .add(&key, format_args!("must have at most {LONGEST} characters, got {length}"));
+        } else if taken.contains(&name) {
+            problems.add(&key, format_args!("\"{shown}\" is taken"));
+        }
+        taken.push(name);
+    }
+}
+
+/// Control characters, blanks other than a space, and what changes the direction or width of other text.
+fn is_unprintable(c: char) -> bool {
+    let is_invisible = matches!(
+        c,
+        '\u{AD}'
+            | '\u{200B}'..='\u{200F}'
+            | '\u{202A}'..='\u{202E}'
+            | '\u{2060}'..='\u{206F}'
+            | '\u{FEFF}'
+            | '\u{FFF9}'..='\u{FFFB}'
+    );
+    c.is_control() || c.is_whitespace() && c != ' ' || is_invisible
+}

@@ -1,0 +1,111 @@
+//! The files of `config/` and `eds/` inside the program, so that `frhc demo` and every scenario run anywhere.
+
+use std::path::Path;
+
+/// A table of names and contents.
+macro_rules! table {
+    ($($name:literal,)*) => {
+        &[$(($name, include_bytes!(concat!("../../", $name)).as_slice()),)*]
+    };
+}
+
+/// Every file, as it was when the program was built.
+const FILES: &[(&str, &[u8])] = table![
+    "config/kraft_like.toml",
+    "config/kraft_like_500hz.toml",
+    "config/jpl_like.toml",
+    "config/sixr_spherical.toml",
+    "config/scenarios/contact_10s.toml",
+    "config/scenarios/free.toml",
+    "config/scenarios/relaxed_10s.toml",
+    "config/scenarios/stiff-wall.toml",
+    "config/scenarios/teleoperation.toml",
+    "config/scenarios/faults/bus_off.toml",
+    "config/scenarios/faults/corrupt.toml",
+    "config/scenarios/faults/deadman_bounce.toml",
+    "config/scenarios/faults/deadman_stuck.toml",
+    "config/scenarios/faults/delay.toml",
+    "config/scenarios/faults/drop.toml",
+    "config/scenarios/faults/drop_some.toml",
+    "config/scenarios/faults/duplicate.toml",
+    "config/scenarios/faults/emergency.toml",
+    "config/scenarios/faults/encoder_frozen.toml",
+    "config/scenarios/faults/encoder_jump.toml",
+    "config/scenarios/faults/fault.toml",
+    "config/scenarios/faults/foreign_frame.toml",
+    "config/scenarios/faults/foreign_nmt.toml",
+    "config/scenarios/faults/foreign_sync.toml",
+    "config/scenarios/faults/freeze.toml",
+    "config/scenarios/faults/heartbeat_stop.toml",
+    "config/scenarios/faults/impersonate.toml",
+    "config/scenarios/faults/link_frozen.toml",
+    "config/scenarios/faults/link_loss.toml",
+    "config/scenarios/faults/reorder.toml",
+    "config/scenarios/faults/reset.toml",
+    "config/scenarios/faults/resize.toml",
+    "config/scenarios/faults/rpdo_lost.toml",
+    "config/scenarios/faults/sto.toml",
+    "config/scenarios/faults/switches_unplugged.toml",
+    "config/scenarios/faults/sync_lost.toml",
+    "config/scenarios/faults/torque_actual_scale.toml",
+    "config/scenarios/faults/unplug.toml",
+    "config/scenarios/faults/wire_cut.toml",
+    "config/scenarios/personalities/deaf-to-master.toml",
+    "config/scenarios/personalities/double-replies.toml",
+    "config/scenarios/personalities/emcy-storm.toml",
+    "config/scenarios/personalities/fixed-mapping.toml",
+    "config/scenarios/personalities/forgetful.toml",
+    "config/scenarios/personalities/heartbeat-liar.toml",
+    "config/scenarios/personalities/holds-torque.toml",
+    "config/scenarios/personalities/keeps-torque.toml",
+    "config/scenarios/personalities/late-boot.toml",
+    "config/scenarios/personalities/no-boot-up.toml",
+    "config/scenarios/personalities/no-rpdo-timer.toml",
+    "config/scenarios/personalities/no-sync-counter.toml",
+    "config/scenarios/personalities/open-rpdos.toml",
+    "config/scenarios/personalities/quiet-fault.toml",
+    "config/scenarios/personalities/running-at-start.toml",
+    "config/scenarios/personalities/slow-sdo.toml",
+    "config/scenarios/personalities/unsized-replies.toml",
+    "config/scenarios/personalities/vague-aborts.toml",
+    "config/scenarios/personalities/wrong-identity.toml",
+    "eds/frhc_drive.eds",
+    "eds/frhc_switches.eds",
+];
+
+/// The folder of the scenarios, and the end of their names.
+const SCENARIOS: (&str, &str) = ("config/scenarios/", ".toml");
+
+/// Returns the shipped file of this name.
+pub(super) fn file(path: &Path) -> Option<&'static [u8]> {
+    FILES.iter().find(|(name, _)| Path::new(name) == path).map(|(_, bytes)| *bytes)
+}
+
+/// Names of the shipped scenarios, as `frhc demo --scenario` takes them.
+pub fn scenarios() -> impl Iterator<Item = &'static str> {
+    let (folder, end) = SCENARIOS;
+    FILES.iter().filter_map(move |(name, _)| name.strip_prefix(folder)?.strip_suffix(end))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    /// Every file below `folder`.
+    fn below(folder: &str) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+        let names = entries.map(|path| (path.is_dir(), path.to_str().unwrap().to_owned()));
+        names
+            .flat_map(|(is_folder, name)| if is_folder { below(&name) } else { vec![name] })
+            .collect()
+    }
+
+    #[test]
+    fn every_configuration_scenario_and_eds_is_shipped() {
+        let files = [below("config"), below("eds")].concat();
+        let missing: Vec<_> = files.iter().filter(|name| file(Path::new(name)).is_none()).collect();
+        assert!(missing.is_empty(), "{missing:?}");
+        assert_eq!(files.len(), FILES.len());
+    }
+}

@@ -1,0 +1,140 @@
+//! Force with which joint torques push a hand, counted by the speed they give it.
+//!
+//! A force F gives a free hand of mass m the speed F t / m in a short time t. Joint torques τ give it
+//! `t J (M + m JᵀJ)⁻¹ τ`, with J the translations of the grip and M the arm's mass matrix, so they count as
+//! `F = m |J (M + m JᵀJ)⁻¹ τ|`. Unlike `J⁻ᵀ τ` that is bounded at singularities, where the arm itself takes
+//! the torque.
+//!
+//! Both quantities are the largest over `postures`, a sample of the range, not over all of it.
+
+use nalgebra::SMatrix;
+use nalgebra::SVector;
+
+use crate::controller::JointVector;
+use crate::controller::arm::Arm;
+use crate::controller::coupling::Coupling;
+use crate::controller::soft_stops::SoftStops;
+
+/// An arm with a hand at its grip.
+#[derive(Clone, Copy, Debug)]
+pub struct PushedHand<'a> {
+    /// The arm.
+    pub arm: &'a Arm<6>,
+    /// Actuators and the joints they move.
+    pub coupling: &'a Coupling<6>,
+    /// Mass of hand and grip, in kg.
+    pub mass: f64,
+}
+
+impl PushedHand<'_> {
+    /// Force in N of torques of any sign up to `most` of each actuator, in N·m or N.
+    pub fn by_actuators(&self, most: &JointVector) -> f64 {
+        self.largest(|_, forces| {
+            let shares = joint_shares(self.coupling, most);
+            let pushes: Vec<SVector<f64, 3>> = shares.map(|share| forces * share).collect();
+            // The sign of the first decides nothing.
+            (0..1_u32 << 5).map(|signs| sum(&pushes, signs).norm()).fold(0.0, f64::max)
+        })
+    }
+
+    /// Force in N of the soft stops of all joints that are at an end of their range.
+    pub fn by_soft_stops(&self, stops: &SoftStops<6>) -> f64 {
+        self.largest(|q, forces| (forces * stops.torques(q, &JointVector::zeros())).norm())
+    }
+
+    /// The largest value of `push`, which gets a posture and the matrix from joint torques to forces.
+    fn largest(&self, push: impl Fn(&JointVector, &SMatrix<f64, 3, 6>) -> f64) -> f64 {
+        let pushes = postures(&self.arm.ranges()).into_iter().filter_map(|q| {
+            let posture = self.arm.posture(&q);
+            let j = self.arm.jacobian(&posture).linear;
+            let mass = self.arm.mass_matrix(&posture) + j.tr_mul(&j) * self.mass;
+            Some(push(&q, &(j * mass.cholesky()?.inverse() * self.mass)))
+        });
+        pushes.fold(0.0, f64::max)
+    }
+}
+
+/// Joint torques of each actuator at its `most` alone.
+fn joint_shares<'a>(
+    coupling: &'a Coupling<6>,
+    most: &'a JointVector,
+) -> impl Iterator<Item = JointVector> + 'a {
+    most.iter().enumerate().map(|(place, most)| {
+        coupling
+            .at_joints(&JointVector::from_fn(|joint, _| if joint == place { *most } else { 0.0 }))
+    })
+}
+
+/// The sum of `pushes`, those after the first turned round where `signs` has a bit.
+fn sum(pushes: &[SVector<f64, 3>], signs: u32) -> SVector<f64, 3> {
+    let signed = pushes.iter().enumerate().map(|(place, push)| {
+        let is_turned = place > 0 && signs >> (place - 1) & 1 == 1;
+        if is_turned { -push } else { *push }
+    });
+    signed.sum()
+}
+
+/// All joints at their ends in every combination, each alone at an end, and none.
+fn postures(ranges: &[[f64; 2]; 6]) -> Vec<JointVector> {
+    let middle = JointVector::from(ranges.map(|[low, high]| f64::midpoint(low, high)));
+    let corner = |ends: u32| {
+        let at = |(place, [low, high]): (usize, &[f64; 2])| {
+            if ends >> place & 1 == 1 { *high } else { *low }
+        };
+        JointVector::from_iterator(ranges.iter().enumerate().map(at))
+    };
+    let alone = ranges.iter().enumerate().flat_map(|(place, ends)| {
+        ends.map(|end| {
+            let joint = |(other, middle): (usize, &f64)| if other == place { end } else { *middle };
+            JointVector::from_iterator(middle.iter().enumerate().map(joint))
+        })
+    });
+    (0..1 << 6).map(corner).chain(alone).chain([middle]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::controller::arm::Link;
+    use nalgebra::Isometry3;
+
+    /// A joint that turns the grip 0.5 m away from its axis, and five that turn it in place.
+    fn arm() -> Arm<6> {
+        let link = Link { rotor_inertia: 1e-3, range: [-1.0, 1.0], ..Link::TURNING };
+        let mut links = [link; 6];
+        links[1].a = 0.5;
+        Arm::new(links, Isometry3::identity(), [0.0; 3]).unwrap()
+    }
+
+    #[test]
+    fn push_of_a_light_arm_is_torque_over_lever() {
+        let (arm, coupling) = (arm(), Coupling::none());
+        let hand = PushedHand { arm: &arm, coupling: &coupling, mass: 1.0 };
+        let most = JointVector::from([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let force = hand.by_actuators(&most);
+        assert!((force - 2.0 / 0.5).abs() < 0.05, "{force} N");
+        let opposite = hand.by_actuators(&-most);
+        assert!((force - opposite).abs() < 1e-9);
+    }
+
+    #[test]
+    fn push_at_a_singularity_is_bounded() {
+        let (arm, coupling) = (arm(), Coupling::none());
+        let hand = PushedHand { arm: &arm, coupling: &coupling, mass: 1.0 };
+        // None of these joints moves the grip.
+        let most = JointVector::from([0.0, 5.0, 5.0, 5.0, 5.0, 5.0]);
+        assert!(hand.by_actuators(&most) < 1e-9);
+    }
+
+    #[test]
+    fn soft_stops_push_only_at_an_end() {
+        let arm = arm();
+        let coupling = Coupling::none();
+        let hand = PushedHand { arm: &arm, coupling: &coupling, mass: 1.0 };
+        let max = JointVector::from([2.0; 6]);
+        let stops = |push| SoftStops::new(arm.ranges(), &max, 0.1, push).unwrap();
+        assert!(hand.by_soft_stops(&stops(0.0)) == 0.0);
+        let force = hand.by_soft_stops(&stops(0.5));
+        assert!((force - 1.0 / 0.5).abs() < 0.05, "{force} N");
+    }
+}

@@ -1,0 +1,51 @@
+//! Delay between computing a torque and the motion it causes (CiA 301, 7.2.2.5.1: a synchronous RPDO acts
+//! from the next SYNC on).
+//!
+//! ```text
+//!  cycle k-2              cycle k-1               cycle k
+//!  SYNC ─── RPDO ───────► SYNC ─────────────────► SYNC ─── TPDO ──►
+//!           τ(k-2) sent   acts from here to here: its motion is q(k) - q(k-1)
+//! ```
+//!
+//! Everything that multiplies motion with torque takes the torque from here.
+
+/// Torques of the last two cycles; `T` is one number per joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TorqueDelay<T> {
+    sent: [T; 2],
+}
+
+impl<T: Copy> TorqueDelay<T> {
+    /// Starts with `none` sent in the cycles before.
+    pub const fn new(none: T) -> Self {
+        Self { sent: [none; 2] }
+    }
+
+    /// Torques that acted between the last SYNC and the one before it.
+    pub const fn acted(&self) -> T {
+        let [_, acted] = self.sent;
+        acted
+    }
+
+    /// Keeps the torques that this cycle sends.
+    pub const fn push(&mut self, torques: T) {
+        let [last, _] = self.sent;
+        self.sent = [torques, last];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn torque_is_returned_two_cycles_after_it_was_sent() {
+        let mut delay = TorqueDelay::new(0);
+        let acted = [1, 2, 3, 4].map(|sent| {
+            let acted = delay.acted();
+            delay.push(sent);
+            acted
+        });
+        assert_eq!(acted, [0, 0, 1, 2]);
+    }
+}

@@ -1,0 +1,141 @@
+//! The reference and reflection switches, once their contacts have come to rest.
+//!
+//! A level counts when it has lasted as long as the [deadman](crate::node::operator::deadman)'s: a contact that
+//! bounces is one press. While the switch box is silent the last levels stay, so that its return is no edge; a switch
+//! that is found closed then, or at power-up, counts as open until it was released.
+
+use crate::canopen::pdo::SwitchInputs;
+use crate::node::operator::deadman::SETTLED_AFTER;
+use crate::time::Instant;
+
+/// Both switches.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Buttons {
+    reference: Button,
+    reflection: Button,
+}
+
+impl Buttons {
+    /// Nothing received yet; both open.
+    pub(super) const fn new() -> Self {
+        Self { reference: Button::new(), reflection: Button::new() }
+    }
+
+    /// Takes the levels of this cycle; `None` while the switch box is silent.
+    pub(super) fn read(&mut self, now: Instant, inputs: Option<SwitchInputs>) {
+        self.reference.read(now, inputs.map(|inputs| inputs.reference));
+        self.reflection.read(now, inputs.map(|inputs| inputs.reflection));
+    }
+
+    /// Returns whether the reference switch is closed.
+    pub(super) const fn reference(&self) -> bool {
+        self.reference.is_closed
+    }
+
+    /// Returns whether the reflection switch is closed.
+    pub(super) const fn reflection(&self) -> bool {
+        self.reflection.is_closed
+    }
+}
+
+/// One switch.
+#[derive(Clone, Copy, Debug)]
+struct Button {
+    /// Its level, and since when; `None` while the switch box is silent.
+    level: Option<bool>,
+    since: Instant,
+    is_closed: bool,
+    /// It was open for long enough since the switch box was last silent.
+    may_close: bool,
+}
+
+impl Button {
+    const fn new() -> Self {
+        Self { level: None, since: Instant::ZERO, is_closed: false, may_close: false }
+    }
+
+    fn read(&mut self, now: Instant, level: Option<bool>) {
+        if level != self.level {
+            (self.level, self.since) = (level, now);
+        }
+        let has_settled = now.since(self.since) >= SETTLED_AFTER;
+        match level {
+            None => self.may_close = false,
+            Some(_) if !has_settled => {}
+            Some(false) => (self.is_closed, self.may_close) = (false, true),
+            Some(true) => self.is_closed |= self.may_close,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The levels that count while the switch says this, one millisecond each.
+    fn closed(levels: impl IntoIterator<Item = Option<bool>>) -> Vec<bool> {
+        let mut button = Button::new();
+        let mut read = |(millis, level): (u64, Option<bool>)| {
+            button.read(Instant::from_micros(millis * 1_000), level);
+            button.is_closed
+        };
+        (0..).zip(levels).map(&mut read).collect()
+    }
+
+    fn presses(closed: &[bool]) -> usize {
+        closed.windows(2).filter(|pair| !pair[0] && pair[1]).count()
+    }
+
+    fn held(level: Option<bool>, millis: usize) -> Vec<Option<bool>> {
+        vec![level; millis]
+    }
+
+    #[test]
+    fn switch_closed_for_25_ms_counts_then_and_not_before() {
+        let levels = [held(Some(false), 30), held(Some(true), 30)].concat();
+        assert_eq!(closed(levels).iter().position(|closed| *closed), Some(55));
+        let levels = [held(Some(false), 30), held(Some(true), 25), held(Some(false), 9)].concat();
+        assert_eq!(presses(&closed(levels)), 0, "24 ms are no press");
+    }
+
+    #[test]
+    fn silence_of_any_length_makes_no_press_and_no_release() {
+        for silent in [1, 15, 25, 500] {
+            for level in [true, false] {
+                let before = [held(Some(false), 30), held(Some(level), 30)].concat();
+                let levels = [before, held(None, silent), held(Some(level), 60)].concat();
+                let closed = closed(levels);
+                assert!(closed[56..].iter().all(|closed| *closed == level), "{silent} ms, {level}");
+            }
+        }
+    }
+
+    #[test]
+    fn switch_found_closed_counts_after_its_release() {
+        for before in [vec![], [held(Some(false), 30), held(None, 20)].concat()] {
+            let levels =
+                [before, held(Some(true), 300), held(Some(false), 26), held(Some(true), 26)];
+            let closed = closed(levels.concat());
+            assert_eq!(presses(&closed), 1);
+            assert!(closed.last().is_some_and(|closed| *closed));
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn bounce_of_20_ms_is_one_press_and_one_release(
+            closing in prop::collection::vec(any::<bool>(), 20),
+            opening in prop::collection::vec(any::<bool>(), 20),
+        ) {
+            let bounce = |levels: Vec<bool>| levels.into_iter().map(Some).collect::<Vec<_>>();
+            let levels = [
+                held(Some(false), 30), bounce(closing), held(Some(true), 60),
+                bounce(opening), held(Some(false), 60),
+            ];
+            let closed = closed(levels.concat());
+            prop_assert_eq!(presses(&closed), 1);
+            prop_assert!(closed[80] && !closed[189]);
+        }
+    }
+}

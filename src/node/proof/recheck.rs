@@ -1,0 +1,170 @@
+//! What the proof rests on, read again while the node runs: one object a second, drive by drive.
+//!
+//! Timers, stops and limits of a drive may be changed behind the node: by another client whose request was
+//! not received, by a drive that forgets. A value that differs stops the node. An object that cannot be
+//! read proves nothing: it is reported, counted, and asked for again in its turn.
+
+use std::time::Duration;
+
+use crate::bus::Bus;
+use crate::canopen::master::Master;
+use crate::canopen::master::event::Event;
+use crate::canopen::master::read_back::ReadBack;
+use crate::canopen::master::read_back::Setting;
+use crate::canopen::plan::NodePlan;
+use crate::node::Node;
+use crate::remote::Remote;
+use crate::time::Instant;
+
+/// Time from one object to the next.
+const INTERVAL: Duration = Duration::from_secs(1);
+
+/// The objects and whose turn it is.
+#[derive(Clone, Debug, Default)]
+pub(in crate::node) struct Recheck {
+    entries: Vec<Entry>,
+    /// Place of the next entry.
+    next: usize,
+    due: Option<Instant>,
+}
+
+/// One object of one drive.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    /// Place of the drive in the list of plans.
+    node: usize,
+    setting: Setting,
+    /// Its last reading failed.
+    is_unread: bool,
+}
+
+impl Recheck {
+    /// Begins anew for the drives of `plans`, but what each is known to lack. One drive after the other,
+    /// so that each is asked once in as many seconds as there are drives.
+    pub(super) fn new(plans: &[NodePlan], master: &Master) -> Self {
+        let of_drive = |(node, plan): (usize, &NodePlan)| -> Vec<Entry> {
+            let missing = master.missing(node);
+            let held = plan.protections().into_iter().filter(|it| !missing.contains(&it.object));
+            let settings = held.filter_map(|check| Setting::of(&check));
+            settings.map(|setting| Entry { node, setting, is_unread: false }).collect()
+        };
+        let drives: Vec<_> = plans.iter().enumerate().map(of_drive).collect();
+        let most = drives.iter().map(Vec::len).max().unwrap_or(0);
+        let turn = |at: usize| drives.iter().filter_map(move |entries| entries.get(at).copied());
+        Self { entries: (0..most).flat_map(turn).collect(), next: 0, due: None }
+    }
+
+    /// Returns the drive to be asked now, and the setting. The first is asked a second after it begins.
+    fn due(&mut self, now: Instant) -> Option<(usize, Setting)> {
+        let due = *self.due.get_or_insert(now + INTERVAL);
+        let Entry { node, setting, .. } = *self.entries.get(self.next)?;
+        (now >= due).then_some((node, setting))
+    }
+
+    /// The entry whose turn it was has been asked.
+    fn go_on(&mut self, now: Instant) {
+        self.due = Some(now + INTERVAL);
+        self.next = (self.next + 1).checked_rem(self.entries.len()).unwrap_or(0);
+    }
+
+    /// Takes an event; returns whether it is no news: an object that holds what was proven, or that could
+    /// not be read before either.
+    pub(super) fn takes(&mut self, event: &Event) -> bool {
+        let Event::ReadBack { node, object, read } = event else { return false };
+        let is_it = |entry: &&mut Entry| entry.node == *node && entry.setting.object == *object;
+        let Some(entry) = self.entries.iter_mut().find(is_it) else { return false };
+        match read {
+            ReadBack::Unchanged => {
+                entry.is_unread = false;
+                true
+            }
+            ReadBack::Unread(_) => std::mem::replace(&mut entry.is_unread, true),
+            ReadBack::Changed { .. } => false,
+        }
+    }
+
+    /// Number of objects whose last reading failed.
+    pub(super) fn unread(&self) -> usize {
+        self.entries.iter().filter(|entry| entry.is_unread).count()
+    }
+}
+
+impl<B: Bus, R: Remote> Node<B, R> {
+    /// Asks for the next object of the proof when its time has come, while nothing has stopped the node.
+    pub(in crate::node) fn recheck(&mut self, now: Instant) {
+        if !self.proof.is_over() || self.safety.mode().is_stopped() {
+            return;
+        }
+        if let Some((node, setting)) = self.proof.recheck.due(now)
+            && self.master.read_back(now, node, setting, &mut self.out)
+        {
+            self.proof.recheck.go_on(now);
+            self.post();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::canopen::frame::Channel;
+    use crate::canopen::object::Object;
+    use crate::canopen::plan::tests::elbow;
+    use crate::canopen::sdo::SdoError;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    fn recheck(drives: usize) -> Recheck {
+        let plans = vec![elbow(); drives];
+        let master = Master::new(plans.iter().cloned().map(|plan| (Channel(0), plan)).collect());
+        Recheck::new(&plans, &master)
+    }
+
+    fn asked(recheck: &mut Recheck, seconds: u32) -> Vec<(usize, Object)> {
+        let mut asked = Vec::new();
+        for millis in 0..seconds * 1_000 {
+            let now = Instant::ZERO + Duration::from_millis(millis.into());
+            if let Some((node, setting)) = recheck.due(now) {
+                recheck.go_on(now);
+                asked.push((node, setting.object));
+            }
+        }
+        asked
+    }
+
+    #[test]
+    fn each_object_of_each_drive_is_read_once_in_a_round() {
+        let mut recheck = recheck(6);
+        let all = recheck.entries.len();
+        assert_eq!(all, 60, "ten of each");
+        let mut round = asked(&mut recheck, 61);
+        let first: Vec<usize> = round.iter().take(6).map(|(node, _)| *node).collect();
+        assert_eq!((first, round.len()), (vec![0, 1, 2, 3, 4, 5], all));
+        round.sort_unstable();
+        round.dedup();
+        assert_eq!(round.len(), all);
+    }
+
+    #[test]
+    fn an_object_that_cannot_be_read_is_reported_once_and_counted() {
+        let mut recheck = recheck(1);
+        let object = Object::rpdo_communication(1, 5);
+        let event = |read| Event::ReadBack { node: 0, object, read };
+        let unread = event(ReadBack::Unread(SdoError::Silent));
+        assert!(!recheck.takes(&unread), "news");
+        assert!(recheck.takes(&unread));
+        assert_eq!(recheck.unread(), 1);
+        assert!(!recheck.takes(&event(ReadBack::Changed { expected: 5, found: 0 })));
+        assert!(recheck.takes(&event(ReadBack::Unchanged)));
+        assert_eq!(recheck.unread(), 0);
+        assert!(!recheck.takes(&unread), "news again");
+    }
+
+    #[test]
+    fn without_drives_nothing_is_asked() {
+        assert_eq!(asked(&mut recheck(0), 5), []);
+        let mut late = recheck(1);
+        assert_eq!(late.due(Instant::ZERO), None);
+        assert!(late.due(Instant::ZERO + SECOND).is_some());
+    }
+}

@@ -1,0 +1,71 @@
+//! A bus on which nothing answers, for tests of the node alone: waiting makes time pass, frames are kept.
+
+use std::path::Path;
+use std::time::Duration;
+
+use crate::bus::Bus;
+use crate::bus::Received;
+use crate::bus::SendError;
+use crate::canopen::frame::Telegram;
+use crate::config::Config;
+use crate::node::Node;
+use crate::remote::Remote;
+use crate::remote::Sensed;
+use crate::spatial::Motion;
+use crate::time::Instant;
+
+/// The bus.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Silent {
+    pub(super) now: Instant,
+    /// Every frame that was handed over, and when.
+    pub(super) sent: Vec<(Instant, Telegram)>,
+    /// Frames are refused with this.
+    pub(super) refuses: Option<SendError>,
+    /// The next wait takes so much longer: the process stands still.
+    pub(super) stands_still: Duration,
+}
+
+impl Bus for Silent {
+    fn now(&self) -> Instant {
+        self.now
+    }
+
+    fn wall(&self) -> Duration {
+        Duration::ZERO
+    }
+
+    fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
+        self.refuses.map_or(Ok(()), Err)?;
+        self.sent.push((self.now, telegram));
+        Ok(())
+    }
+
+    fn receive(&mut self, until: Instant) -> Option<Received> {
+        self.now = self.now.max(until) + std::mem::take(&mut self.stands_still);
+        None
+    }
+}
+
+impl Silent {
+    /// The identifiers of the frames since the last call, in their order.
+    pub(super) fn identifiers(&mut self) -> Vec<u16> {
+        self.sent.drain(..).map(|(_, telegram)| telegram.frame.cob_id).collect()
+    }
+}
+
+/// A commanded side that never reports.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Nowhere;
+
+impl Remote for Nowhere {
+    fn exchange(&mut self, _: Instant, _: &Motion) -> Option<Sensed> {
+        None
+    }
+}
+
+/// A node that was not booted, on one bus at 1 kHz with grouped targets.
+pub(super) fn node() -> Node<Silent, Nowhere> {
+    let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+    Node::new(&config, Silent::default(), Nowhere)
+}

@@ -1,0 +1,30 @@
+//! A start that enables nothing: the network boots and is read, and a stop is latched from the beginning.
+
+use crate::bus::Bus;
+use crate::node::BringUpError;
+use crate::node::Node;
+use crate::node::schedule::Schedule;
+use crate::remote::Remote;
+use crate::spatial::Motion;
+use crate::telemetry::cause::Cause;
+
+impl<B: Bus, R: Remote> Node<B, R> {
+    /// Boots every node as [`bring_up`](Self::bring_up) does, and enables none. `cause` is latched until a reset, which
+    /// boots again, enables the drives and lets them prove that they stop by themselves.
+    ///
+    /// # Errors
+    /// When a node or the bus fails, or `give_up` says so.
+    pub fn bring_up_unpowered(
+        &mut self,
+        cause: Cause,
+        give_up: &mut dyn FnMut() -> bool,
+    ) -> Result<(), BringUpError> {
+        self.start_network(give_up)?;
+        let now = self.bus.now();
+        self.schedule = Schedule::starting(now, self.period);
+        // While there were no cycles the commanded side was not asked: what is known has aged.
+        self.exchange(now, &Motion::Hold);
+        self.safety.stop(now, cause);
+        Ok(())
+    }
+}

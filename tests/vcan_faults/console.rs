@@ -1,0 +1,57 @@
+//! The control socket: what one client does to another, and what outlives a client. Rows 30 and 40.
+
+use std::io::Write;
+
+use crate::gateway::Gateway;
+use crate::gateway::NODE;
+use crate::rig::Rig;
+use crate::rig::Setup;
+use crate::rig::cycles;
+use crate::rig::millis;
+
+const ARM: &[u8] = b"{\"ask\":\"arm\"}\n";
+
+#[test]
+fn hazard_30_disarm_acts_beside_clients_that_hold_the_console() {
+    let _gateway = Gateway::at(NODE);
+    let mut rig = Rig::engaged("held-console", &Setup::default());
+    let idle = rig.client();
+    let mut half = rig.client();
+    half.write_all(b"{\"ask").unwrap();
+    let mut unread = rig.client();
+    unread.set_nonblocking(true).unwrap();
+    while unread.write_all(b"{\"ask\":\"status\"}\n").is_ok() {}
+    let mut arming = rig.client();
+    arming.write_all(&ARM.repeat(50)).unwrap();
+    let onset = rig.onset();
+    rig.ctl("disarm").succeeds();
+    rig.run_for(millis(60));
+    rig.is("ready");
+    let (outcome, _) = rig.terminate_node();
+    assert!(outcome.stderr.contains("console: disarm: "), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("uid="), "{}", outcome.stderr);
+    let seen = rig.seen_after(onset, millis(70));
+    // A ramp of 50 ms, and what the drives need for their zero.
+    seen.all_are_free_within(millis(50) + cycles(3));
+    drop((idle, half, unread, arming));
+}
+
+#[test]
+fn hazard_40_arm_asked_for_during_a_boot_never_acts() {
+    let _gateway = Gateway::at(NODE);
+    let mut rig = Rig::started("boot-arm", &Setup::default());
+    // The first request to a drive: the boot has begun.
+    rig.witness.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x601));
+    let status = rig.status();
+    assert_eq!(status["mode"], "boot", "{status}");
+    let refused = rig.ctl("arm");
+    assert_eq!(refused.code, Some(1), "{}", refused.stderr);
+    assert!(refused.stderr.contains("the node is booting"), "{}", refused.stderr);
+    // One that does not wait for its answer, and one that stays.
+    rig.client().write_all(ARM).unwrap();
+    let mut stays = rig.client();
+    stays.write_all(ARM).unwrap();
+    rig.ctl("--wait status").succeeds();
+    rig.run_for(millis(200));
+    rig.is("ready");
+}

@@ -101,7 +101,7 @@ impl Candump {
     /// Listens, and has heard its own first frame when it returns.
     pub(crate) fn of(interface: &str) -> Self {
         let mut child = Command::new("candump")
-            .args(["-L", interface])
+            .args(["-L", "-d", "-r", "8000000", interface]) // one that misses frames says so: no line of a log
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .spawn()

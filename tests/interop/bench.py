@@ -70,7 +70,9 @@ class Bench:
         self.network = None
         self.log = self.folder / "candump.log"
         with self.log.open("w") as log:
-            self.candump = subprocess.Popen(["candump", "-L", INTERFACE], stdout=log)
+            # A witness that misses frames (-d) is none; its buffer holds a boot's (-r).
+            witness = ["candump", "-L", "-d", "-r", "8000000", INTERFACE]
+            self.candump = subprocess.Popen(witness, stdout=log)
         time.sleep(0.05)
         return self
 
@@ -84,9 +86,12 @@ class Bench:
         self.candump.wait()
         if error is not None:
             error.frames = self.frames()[-40:]
+        missed = [line for line in self.frames() if line.startswith("DROPCOUNT")]
         if LOGS:
             shutil.copy(self.log, f"{LOGS}/{self.name}.log")
         shutil.rmtree(self.folder)
+        if error is None:
+            same(missed, [], "what candump missed")
 
     def frames(self):
         """Every candump line so far."""

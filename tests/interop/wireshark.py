@@ -93,7 +93,9 @@ def wireshark_sees_every_sdo_request_answered(logs):
         for number, (cob_id, info, _, _, index, sub, *_) in enumerate(rows, 1):
             node = int(cob_id) & 0x7F
             if info.startswith("Default-SDO (rx): Initiate"):
-                check(node not in waiting or not expects_answers(file), f"{file.name}:{number}")
+                so_far = file.read_text().splitlines()[max(0, number - 30) : number]
+                where = "\n".join([f"{file.name}:{number}: unanswered before it", *so_far])
+                check(node not in waiting or not expects_answers(file), where)
                 waiting[node] = (index, sub)
             elif info.startswith(("Default-SDO (tx): Initiate", "Default-SDO (tx): Abort")):
                 same((index, sub), waiting.pop(node, None), f"{file.name}:{number}: object")

@@ -7,11 +7,11 @@ use crate::gateway::NODE;
 use crate::gateway::Way;
 use crate::rig::Onset;
 use crate::rig::Rig;
-use crate::rig::Seen;
 use crate::rig::Setup;
 use crate::rig::cycles;
 use crate::rig::millis;
 use crate::script;
+use crate::seen::Seen;
 use crate::shaper::Shaper;
 
 /// The elbow: it carries, and its limit is far.

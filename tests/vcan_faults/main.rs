@@ -39,6 +39,7 @@ mod operator;
 mod queue;
 mod rig;
 mod script;
+mod seen;
 mod serial_can;
 mod shaper;
 mod signals;

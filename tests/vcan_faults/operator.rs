@@ -7,10 +7,10 @@ use crate::gateway::NODE;
 use crate::gateway::Way;
 use crate::rig::Onset;
 use crate::rig::Rig;
-use crate::rig::Seen;
 use crate::rig::Setup;
 use crate::rig::cycles;
 use crate::rig::millis;
+use crate::seen::Seen;
 
 /// The azimuth carries no weight: what it is told is all of it felt.
 const AZIMUTH: u16 = 1;

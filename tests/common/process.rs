@@ -13,6 +13,7 @@ use std::process::Stdio;
 use std::sync::mpsc::Receiver;
 use std::sync::mpsc::channel;
 use std::thread;
+use std::time::Duration;
 
 use frhc::telemetry::candump::Content;
 use frhc::telemetry::candump::Line;
@@ -63,12 +64,24 @@ impl Process {
         kill(Pid::from_raw(self.0.id().try_into().unwrap()), signal).unwrap();
     }
 
+    /// How it ended, if it has.
+    pub(crate) fn ended(&mut self) -> Option<Outcome> {
+        let status = self.0.try_wait().unwrap()?;
+        Some(Outcome { code: status.code(), stderr: self.last_words() })
+    }
+
     pub(crate) fn wait(mut self) -> Outcome {
+        let stderr = self.last_words();
+        Outcome { code: self.0.wait().unwrap().code(), stderr }
+    }
+
+    /// What it says on stderr until it ends.
+    fn last_words(&mut self) -> String {
         let mut stderr = String::new();
         if let Some(mut pipe) = self.0.stderr.take() {
             pipe.read_to_string(&mut stderr).unwrap();
         }
-        Outcome { code: self.0.wait().unwrap().code(), stderr }
+        stderr
     }
 }
 
@@ -135,10 +148,12 @@ impl Candump {
         })
     }
 
-    /// Reads up to the first line that is wanted. A bus that falls silent ends the test by its limit.
+    /// Reads up to the first line that is wanted. Fails on a bus that falls silent.
     pub(crate) fn until(&mut self, is_wanted: impl Fn(&Line<'_>) -> bool) -> Stamp {
         loop {
-            let text = self.lines.recv().unwrap_or_else(|_| panic!("candump has ended"));
+            let text = self.lines.recv_timeout(SILENCE).unwrap_or_else(|error| {
+                panic!("{} is silent, or candump has ended: {error}", self.interface)
+            });
             let line = Line::parse(&text).unwrap_or_else(|error| panic!("{text}: {error}"));
             let (wanted, nanos) = (is_wanted(&line), line.nanos);
             self.seen.push(text);
@@ -160,6 +175,9 @@ impl Candump {
         std::mem::take(&mut self.seen).into_iter().filter(|line| !line.contains(&mark)).collect()
     }
 }
+
+/// Time without a line in which somebody should have sent.
+const SILENCE: Duration = Duration::from_secs(60);
 
 /// When a line was stamped.
 pub(crate) struct Stamp {

@@ -41,7 +41,7 @@ fn hazard_40_arm_asked_for_during_a_boot_never_acts() {
     let _gateway = Gateway::at(NODE);
     let mut rig = Rig::started("boot-arm", &Setup::default());
     // The first request to a drive: the boot has begun.
-    rig.witness.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x601));
+    rig.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x601));
     let status = rig.status();
     assert_eq!(status["mode"], "boot", "{status}");
     let refused = rig.ctl("arm");

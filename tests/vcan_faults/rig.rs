@@ -1,7 +1,11 @@
 //! A node and its drives, each a process, and candump on the drives' side: what every test begins with.
 
+use std::cell::Cell;
 use std::os::unix::net::UnixStream;
 use std::time::Duration;
+
+use frhc::telemetry::candump::Line;
+use nix::sys::signal::Signal;
 
 use crate::common::log::Log;
 use crate::common::process::Candump;
@@ -9,6 +13,7 @@ use crate::common::process::Outcome;
 use crate::common::process::Process;
 use crate::common::process::Scratch;
 use crate::gateway::DRIVES;
+use crate::gateway::Gateway;
 use crate::gateway::NODE;
 use crate::script;
 use crate::seen::Seen;
@@ -70,14 +75,14 @@ impl Rig {
         let changes: Vec<_> = RAMPS.into_iter().chain(setup.changes.iter().copied()).collect();
         let config = scratch.variant(CONFIG, &changes);
         let script = scratch.write("script.toml", &setup.script);
-        let mut witness = Candump::of(DRIVES);
+        let witness = Candump::of(DRIVES);
         let words = ["sim", "--config", &config, "-i", DRIVES, "--scenario", &script];
         let drives = scratch.frhc(&words);
-        witness.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
         let random = name.bytes().fold(0xCBF2_9CE4_8422_2325, |hash: u64, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
         });
         let mut rig = Self { node: None, drives, witness, on: setup.node, config, scratch, random };
+        rig.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
         rig.start_node();
         rig
     }
@@ -90,9 +95,10 @@ impl Rig {
     /// Asks for arming until it is granted: a node whose deadman is closed refuses.
     fn arm(&mut self) {
         for _ in 0..100 {
-            if self.ctl("--wait arm").code == Some(0) {
+            if self.ctl("--wait=2 arm").code == Some(0) {
                 return;
             }
+            self.all_run();
             self.run_for(Duration::from_millis(20));
         }
         let refusal = self.ctl("arm").stderr;
@@ -113,19 +119,19 @@ impl Rig {
     fn engage(&mut self) {
         self.now();
         let is = |wanted: u8| {
-            move |line: &frhc::telemetry::candump::Line<'_>| {
+            move |line: &Line<'_>| {
                 line.canopen().is_some_and(|(id, data)| id == 0x190 && data[0] & 3 == wanted)
             }
         };
-        self.witness.until(is(2));
-        self.witness.until(is(1));
+        self.until(is(2));
+        self.until(is(1));
         self.run_for(RAMPED);
     }
 
     /// The data of the next frame with this identifier on the drives' side.
     pub(crate) fn next(&mut self, wanted: u16) -> Vec<u8> {
         let next = std::cell::RefCell::default();
-        self.witness.until(|line| {
+        self.until(|line| {
             let data =
                 line.canopen().filter(|(id, _)| *id == wanted).map(|(_, data)| data.to_vec());
             data.map(|data| next.replace(data)).is_some()
@@ -135,10 +141,34 @@ impl Rig {
 
     /// The deadman opens: when its word is on the bus.
     pub(crate) fn released(&mut self) -> Onset {
-        let opened = self
-            .witness
-            .until(|line| line.canopen().is_some_and(|(id, data)| id == 0x190 && data[0] & 3 != 1));
-        Onset(opened.nanos)
+        self.until(|line| line.canopen().is_some_and(|(id, data)| id == 0x190 && data[0] & 3 != 1))
+    }
+
+    /// Reads up to the first line that is wanted, while all run.
+    pub(crate) fn until(&mut self, is_wanted: impl Fn(&Line<'_>) -> bool) -> Onset {
+        let is_found = Cell::new(false);
+        loop {
+            let stamp = self.witness.until(|line| {
+                is_found.set(is_wanted(line));
+                is_found.get() || line.canopen().is_some_and(|(id, _)| id & 0x780 == 0x700)
+            });
+            if is_found.get() {
+                return Onset(stamp.nanos);
+            }
+            // A heartbeat, of either side: whoever is left sends them.
+            self.all_run();
+        }
+    }
+
+    /// Fails with its last words if node or drives have ended by themselves.
+    #[track_caller]
+    fn all_run(&mut self) {
+        let node = self.node.as_mut().map(|node| ("node", node));
+        for (name, process) in node.into_iter().chain([("drives", &mut self.drives)]) {
+            if let Some(Outcome { code, stderr }) = process.ended() {
+                panic!("the {name} ended with {code:?}: {stderr}");
+            }
+        }
     }
 
     /// What time it is on the bus.
@@ -154,7 +184,7 @@ impl Rig {
 
     /// A moment somewhere in a cycle: in virtual time a sleep ends when it should.
     pub(crate) fn onset(&mut self) -> Onset {
-        self.witness.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x080));
+        self.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x080));
         self.random ^= self.random << 13;
         self.random ^= self.random >> 7;
         self.random ^= self.random << 17;
@@ -240,4 +270,20 @@ pub(crate) fn cycles(count: u32) -> Duration {
 
 pub(crate) const fn millis(count: u64) -> Duration {
     Duration::from_millis(count)
+}
+
+#[test]
+#[should_panic(expected = "the node ended with Some(4): ")]
+fn node_that_ends_before_it_is_armed_fails_at_once() {
+    Rig::engaged("absent", &Setup { node: "vcan9", ..Setup::default() });
+}
+
+#[test]
+#[should_panic(expected = "the node ended with None: ")]
+fn node_that_ends_armed_fails_at_once() {
+    let _gateway = Gateway::at(NODE);
+    let mut rig = Rig::started("short", &Setup::default());
+    rig.arm();
+    rig.node.as_ref().unwrap().signal(Signal::SIGKILL);
+    rig.engage();
 }

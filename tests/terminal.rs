@@ -292,28 +292,3 @@ fn ctl_says_where_it_looked_for_a_node() {
     let user = "frhc: no node at /nowhere/frhc/node.sock: no such socket";
     assert!(ended.stderr.starts_with(user) && ended.stderr.contains(service), "{}", ended.stderr);
 }
-
-/// The lines of the README from the one that begins like this to the end of its block.
-fn shown(beginning: &str) -> Vec<&'static str> {
-    let lines =
-        include_str!("../README.md").lines().skip_while(|line| !line.starts_with(beginning));
-    let block: Vec<&str> = lines.take_while(|line| !line.starts_with("```")).collect();
-    assert!(!block.is_empty(), "{beginning}");
-    block
-}
-
-#[test]
-fn readme_examples_print_what_is_shown() {
-    // The place of a record is the choice of the user.
-    let is_printed = |line: &&&str| !line.starts_with("fault record: ");
-    for (args, beginning) in [
-        (&["demo", "--scenario", "faults/unplug"][..], "0.445055 s: the scenario begins"),
-        (&["plan", "--config", KRAFT, "--layout", "per-drive"], "what could be done"),
-    ] {
-        let ended = frhc(args);
-        let printed = ended.stdout + &ended.stderr;
-        for line in shown(beginning).iter().filter(is_printed) {
-            assert!(printed.lines().any(|printed| printed == *line), "{args:?}: {line}\n{printed}");
-        }
-    }
-}

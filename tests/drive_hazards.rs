@@ -324,6 +324,31 @@ fn hazard_26_a_setting_that_cannot_be_read_again_is_reported_and_counted() {
     assert_eq!(told, ["1400h:5 cannot be read again: no answer"]);
 }
 
+/// What is told to people of a boot in which the elbow sends this emergency so many ms after the first SYNC, and whether
+/// it succeeds.
+fn boot_with_emergency(code: u16, at_ms: u32) -> (Vec<String>, bool) {
+    let at_s = f64::from(at_ms) * 1e-3;
+    let fault =
+        format!("[[fault]]\nat_s = {at_s:.3}\nkind = \"emergency\"\njoint = 3\ncode = {code}\n");
+    let (mut bench, _) = bench_of(&config(KRAFT), &fault, &[]);
+    let is_booted = bench.bring_up().is_ok();
+    let told = std::iter::from_fn(|| bench.notice());
+    let told = told.filter(|event| event.node() == Some(ELBOW - 1)).map(|event| event.to_string());
+    (told.collect(), is_booted)
+}
+
+#[test]
+fn hazard_07_an_emergency_during_the_proof_is_always_reported() {
+    let mut is_stopped = [false; 2];
+    for at_ms in [30, 55, 65, 75, 85] {
+        let (told, is_booted) = boot_with_emergency(0xFF42, at_ms);
+        let is_told = told.iter().any(|told| told.starts_with("emergency FF42h"));
+        assert!(is_told, "{at_ms} ms: {told:?}");
+        is_stopped[usize::from(!is_booted)] = true;
+    }
+    assert_eq!(is_stopped, [true; 2], "some stop the boot and some do not");
+}
+
 #[test]
 fn hazard_01_a_bus_on_which_no_drive_answers_is_named_and_no_joint() {
     let unplugged = |joint| format!("[[fault]]\nat_s = 0.9\nkind = \"unplug\"\njoint = {joint}\n");

@@ -197,6 +197,27 @@ fn promise_12_a_boot_is_given_up_at_any_moment_and_leaves_no_drive_on() {
 }
 
 #[test]
+fn promise_12_a_boot_asks_every_50_ms_whether_to_give_up() {
+    // Drives that let a timer run out for long: SYNC or heartbeat are withheld all the while.
+    let text = fs::read_to_string(KRAFT).unwrap();
+    let slow = text.replace("node_lost_ms = 22 ", "node_lost_ms = 200 ");
+    assert_ne!(slow, text);
+    let config = Config::parse(Path::new(KRAFT), &slow).unwrap();
+    let wire = Wire::default();
+    let mut node = node(&config, wire.clone());
+    let (mut asked, mut longest) = (Instant::ZERO, Duration::ZERO);
+    let mut give_up = || {
+        let now = wire.all().last().map_or(asked, |(at, _)| *at);
+        wire.clear();
+        longest = longest.max(now.since(asked));
+        asked = now;
+        false
+    };
+    node.bring_up(&mut give_up).unwrap();
+    assert!(longest <= Duration::from_millis(55), "{longest:?}");
+}
+
+#[test]
 fn promise_12_a_reset_that_boots_again_is_given_up_too() {
     let config = config(KRAFT);
     let mut node = node(&config, ());

@@ -360,6 +360,32 @@ mod tests {
     }
 
     #[test]
+    fn hazard_23_bus_fault_before_the_boot_ends_it_before_it_sends() {
+        for (fault, stops) in
+            [(BusFault::Warning, false), (BusFault::Passive, true), (BusFault::Off, true)]
+        {
+            let mut node = node();
+            let at = node.bus().now() + LISTEN_FIRST / 2;
+            node.bus_mut().fault = Some((at, fault));
+            let error = node.bring_up(&mut || false).unwrap_err();
+            assert_eq!(matches!(error, BringUpError::Bus(_)), stops, "{error}");
+            assert_eq!(node.bus().sent.is_empty(), stops, "{fault:?}");
+        }
+    }
+
+    #[test]
+    fn hazard_23_bus_fault_behind_the_last_frame_of_a_boot_is_latched() {
+        let mut healthy = node();
+        assert!(healthy.bring_up(&mut || false).is_err());
+        let (last, _) = *healthy.bus().sent.last().unwrap();
+        let mut node = node();
+        node.bus_mut().fault = Some((last + node.period / 2, BusFault::Off));
+        assert!(node.bring_up(&mut || false).is_err());
+        assert_eq!(node.cause(), Some(Cause::BusOff { channel: 0 }));
+        assert!(node.transmission.is_shut());
+    }
+
+    #[test]
     fn stop_of_a_node_that_never_booted_is_over_at_once() {
         let mut node = node();
         let begun = node.bus().now();

@@ -19,6 +19,7 @@ use crate::canopen::master::event::Event;
 use crate::controller::Input;
 use crate::controller::calibration::Counts;
 use crate::node::Node;
+use crate::node::proof::Relation;
 use crate::node::safety::Permit;
 use crate::node::safety::causes;
 use crate::node::schedule::Due;
@@ -171,8 +172,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Keeps what the master says for people, and stops if it is a cause to.
     fn on_event(&mut self, now: Instant, event: Event) {
-        if self.proof.takes(now, &event) {
-            return;
+        match self.proof.takes(now, &event) {
+            Relation::Part => return,
+            Relation::Tolerated => return self.note(event),
+            Relation::Unrelated => {}
         }
         let cause = causes::of_event(&event);
         if let Some(Cause::Emergency { node, .. }) = cause {

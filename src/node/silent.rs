@@ -4,8 +4,11 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::bus::Bus;
+use crate::bus::BusFault;
+use crate::bus::Heard;
 use crate::bus::Received;
 use crate::bus::SendError;
+use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
 use crate::config::Config;
 use crate::node::Node;
@@ -22,6 +25,8 @@ pub(super) struct Silent {
     pub(super) sent: Vec<(Instant, Telegram)>,
     /// Frames are refused with this.
     pub(super) refuses: Option<SendError>,
+    /// A fault of its only bus, and when it is reported.
+    pub(super) fault: Option<(Instant, BusFault)>,
     /// The next wait takes so much longer: the process stands still.
     pub(super) stands_still: Duration,
 }
@@ -42,6 +47,10 @@ impl Bus for Silent {
     }
 
     fn receive(&mut self, until: Instant) -> Option<Received> {
+        if let Some((at, fault)) = self.fault.take_if(|(at, _)| *at <= until) {
+            self.now = self.now.max(at);
+            return Some(Received { at, channel: Channel(0), heard: Heard::Fault(fault) });
+        }
         self.now = self.now.max(until) + std::mem::take(&mut self.stands_still);
         None
     }

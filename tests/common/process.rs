@@ -150,15 +150,19 @@ impl Candump {
 
     /// Reads up to the first line that is wanted. Fails on a bus that falls silent.
     pub(crate) fn until(&mut self, is_wanted: impl Fn(&Line<'_>) -> bool) -> Stamp {
+        let stamp = self.until_silent(is_wanted);
+        stamp.unwrap_or_else(|| panic!("{} is silent, or candump has ended", self.interface))
+    }
+
+    /// The same; `None` on a bus that falls silent.
+    pub(crate) fn until_silent(&mut self, is_wanted: impl Fn(&Line<'_>) -> bool) -> Option<Stamp> {
         loop {
-            let text = self.lines.recv_timeout(SILENCE).unwrap_or_else(|error| {
-                panic!("{} is silent, or candump has ended: {error}", self.interface)
-            });
+            let text = self.lines.recv_timeout(SILENCE).ok()?;
             let line = Line::parse(&text).unwrap_or_else(|error| panic!("{text}: {error}"));
             let (wanted, nanos) = (is_wanted(&line), line.nanos);
             self.seen.push(text);
             if wanted {
-                return Stamp { nanos };
+                return Some(Stamp { nanos });
             }
         }
     }

@@ -119,6 +119,30 @@ fn hazard_24_an_interface_that_goes_down_leaves_the_drives_free_within_6_ms() {
 }
 
 #[test]
+fn hazard_24_an_interface_that_comes_up_again_is_judged_again_at_reset() {
+    let _adapter = Adapter::plugged("slcan0");
+    let mut rig = Rig::engaged("judged", &on("slcan0"));
+    let onset = rig.onset();
+    ip("link set slcan0 down");
+    rig.run_for(millis(20));
+    rig.is_stopped_by("interface down");
+    ip("link set slcan0 txqueuelen 1000 up");
+    rig.run_for(millis(20));
+    let refused = rig.ctl("reset");
+    let reason = "slcan0: txqueuelen must be at most";
+    assert_eq!(refused.code, Some(1), "{}", refused.stderr);
+    assert!(refused.stderr.contains(reason) && refused.stderr.contains("got 1000"), "{refused:?}");
+    rig.is("drives-off");
+    let note = rig.status()["note"].to_string();
+    assert!(note.contains("the last reset failed") && note.contains(reason), "{note}");
+    ip("link set slcan0 txqueuelen 16");
+    rig.ctl("reset").succeeds();
+    rig.run_for(millis(100));
+    rig.is("ready");
+    rig.seen_after(onset, millis(5)).all_are_free_within(TIMER);
+}
+
+#[test]
 fn hazard_24_an_interface_that_is_taken_away_leaves_the_drives_free_within_6_ms() {
     let _interface = Interface::vcan("vcan2");
     let gateway = Gateway::at("vcan2");

@@ -14,7 +14,7 @@ use crate::rig::millis;
 
 /// Drives that keep their torque for 200 ms when their master is gone, and a force that may be kept so
 /// long.
-const KEEPS: [(&str, &str); 7] = [
+pub(crate) const KEEPS: [(&str, &str); 7] = [
     ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 200 "),
     ("node_lost_ms = 22 ", "node_lost_ms = 200 "),
     ("max_force_n = 40.0 ", "max_force_n = 2.0 "),

@@ -27,6 +27,7 @@
 mod common;
 
 mod adapter;
+mod boot;
 mod console;
 mod drives;
 mod frames;

@@ -148,15 +148,16 @@ impl Rig {
     pub(crate) fn until(&mut self, is_wanted: impl Fn(&Line<'_>) -> bool) -> Onset {
         let is_found = Cell::new(false);
         loop {
-            let stamp = self.witness.until(|line| {
+            let stamp = self.witness.until_silent(|line| {
                 is_found.set(is_wanted(line));
                 is_found.get() || line.canopen().is_some_and(|(id, _)| id & 0x780 == 0x700)
             });
-            if is_found.get() {
+            if let Some(stamp) = stamp.as_ref().filter(|_| is_found.get()) {
                 return Onset(stamp.nanos);
             }
             // A heartbeat, of either side: whoever is left sends them.
             self.all_run();
+            assert!(stamp.is_some(), "{DRIVES} is silent");
         }
     }
 

@@ -25,6 +25,7 @@ pub use report::ProofReport;
 pub use report::Trip;
 
 use crate::canopen::NmtState;
+use crate::canopen::emcy::Emergency;
 use crate::canopen::error_codes;
 use crate::canopen::frame::Channel;
 use crate::canopen::master::Master;
@@ -54,6 +55,17 @@ pub(super) struct Proof {
     /// Which drives have said that they are no longer operational.
     has_left: [bool; 6],
     recheck: Recheck,
+}
+
+/// What an event of the master is to the proof.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Relation {
+    /// Part of it: neither a cause to stop nor news.
+    Part,
+    /// Not a cause to stop while the proof is under way, but news.
+    Tolerated,
+    /// Not of it.
+    Unrelated,
 }
 
 /// How far it is.
@@ -183,24 +195,13 @@ impl Proof {
         self.phase = Phase::Over;
     }
 
-    /// Whether what the master says is of the proof, and so neither a cause to stop nor news: that a
-    /// drive misses its master, what it answers, that it leaves and enters operational.
-    pub(super) fn takes(&mut self, now: Instant, event: &Event) -> bool {
+    /// Takes what the master says, and returns what it is to the proof: that a drive misses its master, what
+    /// it answers, that it leaves and enters operational.
+    pub(super) fn takes(&mut self, now: Instant, event: &Event) -> Relation {
         let is_under_way = matches!(self.phase, Phase::Trying(_) | Phase::Between);
-        match event {
+        let is_part = match event {
             Event::Emergency { node, emergency } if is_under_way && *node < self.plans.len() => {
-                if emergency.is_reset() {
-                    return true;
-                }
-                let misses_master = error_codes::is_of_communication(emergency.code);
-                // Once the trial is over only what a timer reports belongs to it, and what a drive that is off says
-                // in words of its own.
-                let is_harmless = misses_master || error_codes::is_device_specific(emergency.code);
-                let Some(trial) = self.trial() else { return is_harmless };
-                if misses_master {
-                    trial.on_emergency(now, *node);
-                }
-                trial.has_cried(*node)
+                return self.take_emergency(now, *node, emergency);
             }
             Event::ReadBack { .. } => self.recheck.takes(event),
             Event::Statusword { node, statusword } => {
@@ -210,10 +211,11 @@ impl Proof {
                 true
             }
             Event::StateChanged { node, state } => {
-                let Some(has_left) = self.has_left.get_mut(*node) else { return false };
+                let is_operational = *state == NmtState::Operational;
                 // Its next heartbeat may tell of its return when all is over.
-                let returns = std::mem::replace(has_left, *state != NmtState::Operational);
-                is_under_way || returns && *state == NmtState::Operational
+                let has_left = self.has_left.get_mut(*node);
+                let returns = has_left.map(|left| std::mem::replace(left, !is_operational));
+                returns.is_some_and(|returns| is_under_way || returns && is_operational)
             }
             Event::Emergency { .. }
             | Event::Booted
@@ -229,6 +231,29 @@ impl Proof {
             | Event::ReadByAnother { .. }
             | Event::Stranger { .. }
             | Event::ForeignMaster { .. } => false,
+        };
+        if is_part { Relation::Part } else { Relation::Unrelated }
+    }
+
+    /// Takes an emergency of a drive while the proof is under way. Once a drive misses its master, or has been off
+    /// for that, it may say more in words of its own: nobody but a person knows what they mean.
+    fn take_emergency(&mut self, now: Instant, node: usize, emergency: &Emergency) -> Relation {
+        let misses_master = error_codes::is_of_communication(emergency.code);
+        let tolerates = match self.trial() {
+            None => error_codes::is_device_specific(emergency.code),
+            Some(trial) => {
+                if misses_master {
+                    trial.on_emergency(now, node);
+                }
+                trial.has_cried(node)
+            }
+        };
+        if misses_master || emergency.is_reset() {
+            Relation::Part
+        } else if tolerates {
+            Relation::Tolerated
+        } else {
+            Relation::Unrelated
         }
     }
 
@@ -254,7 +279,6 @@ impl Proof {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::emcy::Emergency;
     use std::path::Path;
 
     fn emergency(code: u16) -> Event {
@@ -264,22 +288,27 @@ mod tests {
     }
 
     #[test]
-    fn emergencies_between_two_trials_are_the_proofs_if_of_a_timer() {
+    fn emergencies_of_the_proof_are_those_of_timers_and_others_are_reported() {
+        use Relation::Part;
+        use Relation::Tolerated;
+        use Relation::Unrelated;
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let mut proof = Proof::new(&config, &config.node_plans());
-        for (phase, code, is_its) in [
-            (Phase::Before, error_codes::RPDO_TIMEOUT, false),
-            (Phase::Between, error_codes::RPDO_TIMEOUT, true),
-            (Phase::Between, 0x8130, true),
-            (Phase::Between, 0x0000, true),
-            (Phase::Between, 0x3210, false),
-            (Phase::Between, 0x2310, false),
-            (Phase::Between, 0xFF00, true),
-            (Phase::Over, 0xFF00, false),
-            (Phase::Over, 0x3210, false),
+        proof.begin(&Master::new(config.node_plans()));
+        proof.try_timer(Awaited::Rpdo, Instant::ZERO);
+        let trying = proof.phase.clone();
+        for (phase, codes) in [
+            (&Phase::Before, [(0x8250, Unrelated), (0xFF00, Unrelated), (0x3210, Unrelated)]),
+            (&trying, [(0xFF00, Unrelated), (0x3210, Unrelated), (0x0000, Part)]),
+            (&trying, [(0x8250, Part), (0xFF00, Tolerated), (0x3210, Tolerated)]),
+            (&Phase::Between, [(0x8130, Part), (0xFF00, Tolerated), (0x3210, Unrelated)]),
+            (&Phase::Between, [(0x0000, Part), (0x2310, Unrelated), (0x8250, Part)]),
+            (&Phase::Over, [(0x8250, Unrelated), (0xFF00, Unrelated), (0x3210, Unrelated)]),
         ] {
-            proof.phase = phase;
-            assert_eq!(proof.takes(Instant::ZERO, &emergency(code)), is_its, "{code:04X}h");
+            proof.phase = phase.clone();
+            for (code, relation) in codes {
+                assert_eq!(proof.takes(Instant::ZERO, &emergency(code)), relation, "{code:04X}h");
+            }
         }
     }
 }

@@ -43,8 +43,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     fn prove_each(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         for awaited in [Awaited::Rpdo, Awaited::Heartbeat] {
             match awaited {
-                Awaited::Rpdo => self.withhold_rpdos(),
-                Awaited::Heartbeat => self.withhold_heartbeats(),
+                Awaited::Rpdo => self.withhold_rpdos(give_up)?,
+                Awaited::Heartbeat => self.withhold_heartbeats(give_up)?,
             }
             let refused = self.proof.end_trial();
             if let Some(cause) = self.cause() {
@@ -65,7 +65,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// SYNC and RPDOs stay away; the heartbeat goes on.
-    fn withhold_rpdos(&mut self) {
+    fn withhold_rpdos(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         self.proof.try_timer(Awaited::Rpdo, self.bus.now());
         loop {
             let now = self.bus.now();
@@ -78,7 +78,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
             while let Some(telegram) = self.master.release() {
                 self.send(telegram);
             }
-            let Some(due) = self.proof.deadline(now) else { break };
+            let Some(due) = self.proof.deadline(now) else { return Ok(()) };
+            if give_up() {
+                return Err(BringUpError::GivenUp);
+            }
             let until = due.min(now + LISTEN);
             if let Some(received) = self.bus.receive(until) {
                 self.hear(received);
@@ -88,10 +91,16 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// The heartbeat stays away, after a last one; SYNC and RPDOs at zero torque go on.
-    fn withhold_heartbeats(&mut self) {
+    fn withhold_heartbeats(
+        &mut self,
+        give_up: &mut dyn FnMut() -> bool,
+    ) -> Result<(), BringUpError> {
         self.send_last_heartbeat();
         self.proof.try_timer(Awaited::Heartbeat, self.bus.now());
         while self.proof.deadline(self.bus.now()).is_some() {
+            if give_up() {
+                return Err(BringUpError::GivenUp);
+            }
             let due = self.schedule.next(self.bus.now());
             self.listen(due.at);
             let sync_at = self.send_sync();
@@ -106,6 +115,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             self.send_targets(sync_at, &[0; 6], true);
             self.send_request();
         }
+        Ok(())
     }
 
     /// A heartbeat now, whether one is due or not.

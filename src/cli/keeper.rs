@@ -85,3 +85,99 @@ impl Keeper {
         (left, self.session.map_or(Ok(()), |session| session.finish(summary)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    use crate::canopen::frame::Channel;
+    use crate::canopen::frame::Frame;
+    use crate::config::Config;
+    use crate::lab::bench::Bench;
+    use crate::sim::scenario::Scenario;
+    use crate::telemetry::cause::Cause;
+    use crate::telemetry::record::Mode;
+
+    fn scratch(name: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
+        fs::remove_dir_all(&folder).ok();
+        folder
+    }
+
+    fn provenance() -> Provenance {
+        Provenance { interfaces: vec!["can0".to_owned()], ..Provenance::default() }
+    }
+
+    /// Shows it a SYNC and a cycle, and one more of each with a trip.
+    fn trip(keeper: &mut Keeper) {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        let script = Scenario::parse("seconds = 1").unwrap();
+        let record = Bench::new(&config, script, 1, false, ()).cycle();
+        let cause = Some(Cause::SamplesMissing { joint: 3, cycles: 3 });
+        let engaged = Record { mode: Mode::Engaged, cause: None, ..record };
+        let stopped = Record { mode: Mode::ZeroTorque, cause, ..record };
+        for (cycle, record) in [(1, engaged), (2, stopped)] {
+            let at = Instant::from_micros(1_000 * cycle);
+            let frame = Frame::new(0x80, []);
+            keeper.frame(at, &Telegram { channel: Channel(0), frame });
+            keeper.cycle(&Record { cycle, at, ..record });
+        }
+    }
+
+    #[test]
+    fn session_keeps_everything_and_its_trips_below_it() {
+        let folder = scratch("keeper");
+        let mut keeper = Keeper::of_session(&folder, &provenance()).unwrap();
+        trip(&mut keeper);
+        let fault = folder.join("faults/001-2-samples-missing");
+        assert_eq!(keeper.news(), Some(format!("fault record: {}", fault.display())));
+        assert_eq!(keeper.news(), None);
+        let (left, finished) = keeper.finish(&Summary::default());
+        finished.unwrap();
+        assert!(left.unwrap().ends_with("001-2-samples-missing"));
+        for log in [folder.join("bus.log"), fault.join("bus.log")] {
+            let log = fs::read_to_string(log).unwrap();
+            let lines = |text: &str| log.lines().filter(|line| line.contains(text)).count();
+            assert_eq!((lines(" can0 "), lines(" node0 ")), (2, 2), "{log}");
+        }
+        assert!(folder.join("summary.json").exists());
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn run_without_trip_leaves_no_fault_records() {
+        let folder = scratch("keeper-quiet");
+        let keeper = Keeper::of_faults(Some(folder.clone()), &provenance());
+        let (left, finished) = keeper.finish(&Summary::default());
+        finished.unwrap();
+        assert_eq!((left, folder.exists()), (None, false));
+    }
+
+    #[test]
+    fn missing_place_for_fault_records_is_reported_and_the_run_goes_on() {
+        let file = scratch("keeper-file");
+        fs::write(&file, "").unwrap();
+        for (folder, why) in
+            [(None, "neither STATE_DIRECTORY nor HOME"), (Some(&file), "keeper-file")]
+        {
+            let mut keeper = Keeper::of_faults(folder.cloned(), &provenance());
+            trip(&mut keeper);
+            let news = keeper.news().unwrap();
+            assert!(news.starts_with("no fault records") && news.contains(why), "{news}");
+            assert_eq!(keeper.news(), None);
+            let (left, finished) = keeper.finish(&Summary::default());
+            finished.unwrap();
+            assert_eq!(left, None);
+        }
+        fs::remove_file(&file).unwrap();
+    }
+
+    #[test]
+    fn session_that_cannot_begin_is_an_error() {
+        let folder = scratch("keeper-twice");
+        Keeper::of_session(&folder, &provenance()).unwrap();
+        assert!(Keeper::of_session(&folder, &provenance()).is_err());
+        fs::remove_dir_all(&folder).unwrap();
+    }
+}

@@ -37,7 +37,8 @@ impl Latch {
         Self::set_in(state::folder(), interfaces)
     }
 
-    fn set_in(folder: Option<PathBuf>, interfaces: &[String]) -> Self {
+    /// The same in this folder.
+    pub(super) fn set_in(folder: Option<PathBuf>, interfaces: &[String]) -> Self {
         let latch = Self { folder, name: name(interfaces), awaits: None, remark: None };
         let Some(path) = latch.path() else {
             let reason = "neither STATE_DIRECTORY nor HOME names a folder for the node's state";

@@ -156,20 +156,21 @@ fn attend<B: Bus, R: Remote>(
 ) -> Result<(), Failure> {
     let granted = realtime::ask();
     tracing::info!(%granted, "priority");
-    let Ended { is_orderly, outcome } = live(&mut node, &mut inbox, orders, &mut latch);
+    let stopping = || orders.stopping();
+    let Ended { is_orderly, outcome } = live(&mut node, &mut inbox, &mut latch, &stopping);
     let reason = || outcome.as_ref().err().map_or_else(String::new, ToString::to_string);
     let left = latch.end(if is_orderly { Ok(()) } else { Err(reason()) });
     left.iter().for_each(|line| tracing::warn!("{line}"));
     outcome
 }
 
+/// The same without priority and latch's end, until `stopping` says so.
 fn live<B: Bus, R: Remote>(
     node: &mut Node<Traced<B, Offer>, R>,
     inbox: &mut Inbox,
-    orders: &Orders,
     latch: &mut Latch,
+    stopping: &impl Fn() -> bool,
 ) -> Ended {
-    let stopping = || orders.stopping();
     let mut give_up = || {
         inbox.attend_boot();
         stopping()
@@ -188,7 +189,7 @@ fn live<B: Bus, R: Remote>(
     }
     inbox.booted(node.bus().now());
     while !stopping() {
-        grant(node, inbox, latch, &stopping);
+        grant(node, inbox, latch, stopping);
         cycle(node);
         pass_on(node);
     }
@@ -268,5 +269,192 @@ fn grant<B: Bus, R: Remote>(
 fn pass_on<B: Bus, R: Remote>(node: &mut Node<Traced<B, Offer>, R>) {
     while let Some(event) = node.notice() {
         node.bus_mut().tap_mut().event(event);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::Cell;
+    use std::fs;
+    use std::path::PathBuf;
+
+    use crate::bus::Memory;
+    use crate::canopen::frame::Channel;
+    use crate::canopen::frame::Frame;
+    use crate::canopen::frame::Telegram;
+    use crate::canopen::station::Station;
+    use crate::cli::console::Phase;
+    use crate::cli::console::Requests;
+    use crate::cli::rings::Taker;
+    use crate::config::Config;
+    use crate::controller::switches::Mode as CommandMode;
+    use crate::lab::world;
+    use crate::sim::scenario::Scenario;
+    use crate::sim::world::World;
+    use crate::telemetry::record::Mode;
+    use crate::time::Instant;
+
+    /// A run without its threads, in memory.
+    struct Bench<S> {
+        node: Node<Traced<Memory<S, ()>, Offer>, VirtualSite>,
+        requests: Requests,
+        inbox: Inbox,
+        latch: Latch,
+        folder: PathBuf,
+        /// Kept: a ring without its other end loses all.
+        _taker: Taker,
+    }
+
+    impl<S: Station> Bench<S> {
+        /// With a state folder of this test alone. `crashed` leaves it as a run does that crashed.
+        fn of(name: &str, crashed: bool, stations: S) -> Self {
+            let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
+            fs::remove_dir_all(&folder).ok();
+            let set = || Latch::set_in(Some(folder.clone()), &["can0".to_owned()]);
+            if crashed {
+                drop(set());
+            }
+            let latch = set();
+            let config = config();
+            let (offer, taker, _) = rings::rings();
+            let bus = Traced::new(Memory::new(&[1_000_000], stations, ()), offer);
+            let node = Node::new(&config, bus, VirtualSite::new(&config));
+            let (requests, inbox) = console::channel();
+            Self { node, requests, inbox, latch, folder, _taker: taker }
+        }
+
+        /// Lives until `stopping`, which is asked at least once a cycle and during boots.
+        fn live(&mut self, stopping: &impl Fn() -> bool) -> Ended {
+            live(&mut self.node, &mut self.inbox, &mut self.latch, stopping)
+        }
+
+        fn grant(&mut self) {
+            grant(&mut self.node, &mut self.inbox, &mut self.latch, &|| false);
+        }
+    }
+
+    impl<S> Drop for Bench<S> {
+        fn drop(&mut self) {
+            fs::remove_dir_all(&self.folder).ok();
+        }
+    }
+
+    /// Says so after so many cycles, of which it is asked once in each.
+    fn after_cycles(cycles: u32, requests: &Requests) -> impl Fn() -> bool + use<> {
+        let requests = requests.clone();
+        let asked = Cell::new(0);
+        move || {
+            asked.set(asked.get() + u32::from(requests.phase() == Phase::Running));
+            asked.get() > cycles
+        }
+    }
+
+    fn config() -> Config {
+        Config::load(Path::new("config/kraft_like.toml")).unwrap()
+    }
+
+    fn bench(name: &str, crashed: bool) -> Bench<World> {
+        let world = world::build(&config(), Scenario::parse("seconds = 60").unwrap(), 1);
+        Bench::of(name, crashed, world)
+    }
+
+    /// Cables without devices.
+    struct Nobody;
+
+    impl Station for Nobody {
+        fn on_frame(&mut self, _: Instant, _: Channel, _: &Frame, _: &mut Vec<Telegram>) {}
+
+        fn on_time(&mut self, _: Instant, _: &mut Vec<Telegram>) {}
+
+        fn deadline(&self) -> Option<Instant> {
+            None
+        }
+    }
+
+    #[test]
+    fn run_that_is_stopped_ends_in_order_with_all_drives_off() {
+        let mut bench = bench("run-orderly", false);
+        let ended = bench.live(&after_cycles(20, &bench.requests.clone()));
+        ended.outcome.unwrap();
+        assert!(ended.is_orderly && bench.node.is_off());
+        let denied = bench.requests.ask(Request::Arm, bench.node.bus().now(), &Arc::default());
+        assert_eq!(denied.unwrap_err().to_string(), "the node is stopping");
+    }
+
+    #[test]
+    fn boot_that_is_given_up_is_an_orderly_end() {
+        let mut bench = bench("run-given-up", false);
+        let ended = bench.live(&|| true);
+        ended.outcome.unwrap();
+        assert!(ended.is_orderly);
+    }
+
+    #[test]
+    fn boot_without_drives_fails_and_latches_nothing() {
+        let mut bench = Bench::of("run-nobody", false, Nobody);
+        let ended = bench.live(&|| false);
+        let [code, of_drives] =
+            [ended.outcome.unwrap_err(), Failure::new(Kind::Drive, "")].map(|it| it.code());
+        assert_eq!(format!("{code:?}"), format!("{of_drives:?}"));
+        assert!(ended.is_orderly, "no drive was enabled");
+    }
+
+    #[test]
+    fn run_after_a_crash_enables_nothing_and_ends_stopped() {
+        let mut bench = bench("run-crashed", true);
+        let ended = bench.live(&after_cycles(20, &bench.requests.clone()));
+        let failure = ended.outcome.unwrap_err();
+        assert!(failure.to_string().starts_with("stopped by "), "{failure}");
+        assert!(!ended.is_orderly && bench.node.is_off());
+    }
+
+    #[test]
+    fn disarm_is_granted_before_what_is_queued() {
+        let mut bench = bench("run-disarm", false);
+        bench.node.bring_up(&mut || false).unwrap();
+        bench.inbox.booted(bench.node.bus().now());
+        let now = bench.node.bus().now();
+        let arm = bench.requests.ask(Request::Arm, now, &Arc::default()).unwrap();
+        bench.grant();
+        assert_eq!(arm.blocking_recv().unwrap().unwrap(), Mode::Armed);
+        let rate = Request::Command(CommandMode::Rate);
+        let queued = bench.requests.ask(rate, now, &Arc::default()).unwrap();
+        let disarm = bench.requests.disarm();
+        bench.grant();
+        assert!(bench.requests.disarmed(disarm).is_some());
+        assert!(queued.blocking_recv().unwrap().is_err(), "void since the disarm");
+    }
+
+    #[test]
+    fn reset_boots_and_releases_the_latch_and_voids_what_was_asked_meanwhile() {
+        let mut bench = bench("run-reset", true);
+        let cause = bench.latch.cause().unwrap();
+        bench.node.bring_up_unpowered(cause, &mut || false).unwrap();
+        let begun = bench.node.bus().now();
+        bench.inbox.booted(begun);
+        let reset = bench.requests.ask(Request::Reset, begun, &Arc::default()).unwrap();
+        let arm = bench.requests.ask(Request::Arm, begun, &Arc::default()).unwrap();
+        bench.grant();
+        assert_eq!(reset.blocking_recv().unwrap().unwrap(), Mode::Ready);
+        assert_eq!(bench.latch.cause(), None);
+        assert!(arm.blocking_recv().unwrap().unwrap_err().to_string().contains("booting"));
+        bench.grant();
+        assert_eq!(bench.node.mode(), Mode::Ready);
+    }
+
+    #[test]
+    fn reset_that_fails_leaves_the_latch() {
+        let mut bench = bench("run-reset-fails", true);
+        let cause = bench.latch.cause().unwrap();
+        bench.node.bring_up_unpowered(cause, &mut || false).unwrap();
+        bench.inbox.booted(bench.node.bus().now());
+        let now = bench.node.bus().now();
+        let reset = bench.requests.ask(Request::Reset, now, &Arc::default()).unwrap();
+        // A signal ends the boot.
+        grant(&mut bench.node, &mut bench.inbox, &mut bench.latch, &|| true);
+        assert!(reset.blocking_recv().unwrap().is_err());
+        assert_eq!(bench.latch.cause(), Some(cause));
+        assert!(bench.node.mode().is_stopped() && bench.node.is_off());
     }
 }

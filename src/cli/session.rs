@@ -115,3 +115,120 @@ impl Kept for Session {
         Some(format!("session {}: the recording ends here: {error}", self.folder.display()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::pipe;
+    use std::os::fd::OwnedFd;
+    use std::os::unix::fs::PermissionsExt;
+
+    use serde_json::Value;
+
+    use crate::canopen::frame::Channel;
+    use crate::canopen::frame::Frame;
+
+    const ORIGIN: Origin = Origin::from_micros(1_795_331_563_123_456);
+
+    fn scratch(name: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
+        fs::remove_dir_all(&folder).ok();
+        folder
+    }
+
+    fn provenance() -> Provenance {
+        let interfaces = vec!["can0".to_owned()];
+        Provenance { interfaces, origin: ORIGIN, ..Provenance::default() }
+    }
+
+    fn sync() -> Telegram {
+        Telegram { channel: Channel(0), frame: Frame::new(0x80, []) }
+    }
+
+    fn mode_of(path: &Path) -> u32 {
+        fs::metadata(path).unwrap().permissions().mode() & 0o777
+    }
+
+    #[test]
+    fn session_leaves_log_and_summary_for_its_owner() {
+        let folder = scratch("session");
+        let mut session = Session::create(&folder, &provenance()).unwrap();
+        session.frame(Instant::from_micros(7), &sync());
+        assert_eq!(session.news(), None);
+        let mut summary = Summary::default();
+        summary.cycles = 42;
+        session.finish(&summary).unwrap();
+        let (log, summary) = (folder.join(LOG), folder.join(SUMMARY));
+        // The stamp is that of the wall: origin and time on the bus.
+        assert_eq!(fs::read_to_string(&log).unwrap(), "(1795331563.123463) can0 080#\n");
+        let said: Value = serde_json::from_slice(&fs::read(&summary).unwrap()).unwrap();
+        assert_eq!(said["cycles"], 42);
+        assert_eq!((mode_of(&folder), mode_of(&log), mode_of(&summary)), (0o700, 0o600, 0o600));
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn session_never_takes_the_log_of_an_earlier_one() {
+        let folder = scratch("session-twice");
+        let mut first = Session::create(&folder, &provenance()).unwrap();
+        first.frame(Instant::ZERO, &sync());
+        first.finish(&Summary::default()).unwrap();
+        let log = fs::read(folder.join(LOG)).unwrap();
+        let error = Session::create(&folder, &provenance()).unwrap_err();
+        assert!(format!("{error:#}").contains("exists"), "{error:#}");
+        assert_eq!(fs::read(folder.join(LOG)).unwrap(), log);
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn log_that_ends_early_is_reported_once_and_leaves_a_summary() {
+        let folder = scratch("session-full");
+        fs::create_dir(&folder).unwrap();
+        let (unread, disk) = pipe().unwrap();
+        drop(unread);
+        let mut session = Session::onto(File::from(OwnedFd::from(disk)), &folder, &provenance());
+        // As many as no buffer holds back.
+        (0..10_000).for_each(|at| session.frame(Instant::from_micros(at), &sync()));
+        assert!(session.news().unwrap().contains("the recording ends here: "));
+        assert_eq!(session.news(), None);
+        let error = session.finish(&Summary::default()).unwrap_err().to_string();
+        assert!(error.ends_with("session-full: not complete"), "{error}");
+        assert!(folder.join(SUMMARY).exists());
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn recorded_sessions_are_numbered_and_dated() {
+        let parent = scratch("sessions");
+        let names = ["001-20261122T071243Z", "002-20261122T071243Z"];
+        for name in names {
+            assert_eq!(numbered(&parent, ORIGIN).unwrap(), parent.join(name));
+        }
+        fs::write(parent.join("file"), "").unwrap();
+        let error = numbered(&parent.join("file"), ORIGIN).unwrap_err().to_string();
+        assert!(error.starts_with("--record "), "{error}");
+        fs::remove_dir_all(&parent).unwrap();
+    }
+
+    #[test]
+    fn earlier_session_is_refused_or_if_forced_removed_alone() {
+        let folder = scratch("session-room");
+        let record = folder.join(FAULTS).join("001-7-late");
+        fs::create_dir_all(&record).unwrap();
+        make_room(&scratch("session-none"), Force { force: false }).unwrap();
+        for file in [folder.join("notes"), record.join("bus.log")] {
+            fs::write(file, "").unwrap();
+        }
+        for file in [LOG, SUMMARY] {
+            fs::write(folder.join(file), "earlier").unwrap();
+            let refused = make_room(&folder, Force { force: false }).unwrap_err();
+            assert!(refused.to_string().contains("--force"), "{refused}");
+        }
+        assert_eq!(fs::read_to_string(folder.join(LOG)).unwrap(), "earlier");
+        make_room(&folder, Force { force: true }).unwrap();
+        let left: Vec<_> =
+            fs::read_dir(&folder).unwrap().map(|it| it.unwrap().file_name()).collect();
+        assert_eq!(left, ["notes"]);
+        fs::remove_dir_all(&folder).unwrap();
+    }
+}

@@ -245,3 +245,147 @@ const fn name(request: Request) -> &'static str {
         Request::Command(CommandMode::Pose) => "mode pose",
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    use crate::cli::console::Inbox;
+    use crate::cli::console::channel;
+    use crate::config::Config;
+    use crate::lab::bench::Bench;
+    use crate::node::Refused;
+    use crate::node::safety::Refusal;
+    use crate::sim::scenario::Scenario;
+    use crate::telemetry::losses::Losses;
+    use crate::telemetry::status::Status;
+
+    const NOW: Instant = Instant::from_micros(1_000_000);
+
+    /// Runs `test` at the desk of a node that runs, in a runtime whose timers end as soon as nothing else can happen.
+    fn run<T: Future<Output = ()>>(test: impl FnOnce(Arc<Desk>, Inbox, Latest) -> T) {
+        let (requests, mut inbox) = channel();
+        inbox.booted(Instant::ZERO);
+        let latest = Latest::default();
+        let note = Some("left of a run".to_owned());
+        let desk = Arc::new(Desk::new(requests, latest.clone(), || NOW, note));
+        let mut runtime = tokio::runtime::Builder::new_current_thread();
+        let runtime = runtime.enable_time().start_paused(true).build().unwrap();
+        runtime.block_on(test(desk, inbox, latest));
+    }
+
+    /// The answer to `ask`, while the cycle does with its request what `outcome` says.
+    async fn granted(
+        desk: &Arc<Desk>,
+        inbox: &mut Inbox,
+        ask: Ask,
+        outcome: Result<Mode, Refused>,
+    ) -> (Answer, Request) {
+        let cycle = async {
+            loop {
+                match inbox.next(NOW) {
+                    Some(due) => {
+                        let request = due.request;
+                        due.answer(outcome);
+                        return request;
+                    }
+                    None => sleep(Duration::from_millis(1)).await,
+                }
+            }
+        };
+        tokio::join!(desk.answer(ask, None), cycle)
+    }
+
+    #[test]
+    fn every_word_is_its_own_request() {
+        run(|desk, mut inbox, _| async move {
+            for (ask, request) in [
+                (Ask::Arm, Request::Arm),
+                (Ask::Reset, Request::Reset),
+                (Ask::Rate, Request::Command(CommandMode::Rate)),
+                (Ask::Pose, Request::Command(CommandMode::Pose)),
+            ] {
+                let (answer, asked) = granted(&desk, &mut inbox, ask, Ok(Mode::Armed)).await;
+                assert_eq!((asked, answer.ok, answer.mode), (request, true, Some("armed")));
+            }
+        });
+    }
+
+    #[test]
+    fn refused_request_is_answered_with_its_reason() {
+        run(|desk, mut inbox, _| async move {
+            let refusal = Err(Refused::Mode(Refusal::NotStopped(Mode::Ready)));
+            let (answer, _) = granted(&desk, &mut inbox, Ask::Arm, refusal).await;
+            let reason = Some("nothing to reset: the node is ready");
+            assert_eq!((answer.ok, answer.error.as_deref(), answer.mode), (false, reason, None));
+        });
+    }
+
+    #[test]
+    fn note_stands_in_the_status_until_a_reset_succeeds() {
+        run(|desk, mut inbox, _| async move {
+            let note = async || desk.answer(Ask::Status, None).await.note;
+            assert_eq!(note().await.as_deref(), Some("left of a run"));
+            granted(&desk, &mut inbox, Ask::Arm, Ok(Mode::Armed)).await;
+            assert_eq!(note().await.as_deref(), Some("left of a run"));
+            let refusal = Err(Refused::Mode(Refusal::NotStopped(Mode::Ready)));
+            granted(&desk, &mut inbox, Ask::Reset, refusal).await;
+            assert!(note().await.unwrap().starts_with("the last reset failed: "));
+            granted(&desk, &mut inbox, Ask::Reset, Ok(Mode::Ready)).await;
+            assert_eq!(note().await, None);
+        });
+    }
+
+    #[test]
+    fn disarm_without_a_cycle_stands_and_says_so() {
+        run(|desk, inbox, _| async move {
+            let answer = desk.answer(Ask::Disarm, None).await;
+            assert!(answer.error.unwrap().ends_with("within 1 s: the disarm stands"));
+            assert!(inbox.disarm().is_some());
+        });
+    }
+
+    #[test]
+    fn disarm_of_a_node_that_stops_is_not_waited_for() {
+        run(|desk, mut inbox, _| async move {
+            inbox.end();
+            let begun = tokio::time::Instant::now();
+            let answer = desk.answer(Ask::Disarm, None).await;
+            assert_eq!(answer.error.as_deref(), Some("the node is stopping"));
+            assert_eq!(begun.elapsed(), Duration::ZERO);
+        });
+    }
+
+    #[test]
+    fn reset_that_boots_is_waited_for_longer_than_a_second() {
+        run(|desk, mut inbox, _| async move {
+            let boot = async {
+                sleep(Duration::from_millis(1)).await;
+                let due = inbox.next(NOW).unwrap();
+                inbox.boots();
+                sleep(Duration::from_secs(30)).await;
+                inbox.booted(NOW);
+                due.answer(Ok(Mode::Ready));
+            };
+            let (answer, ()) = tokio::join!(desk.answer(Ask::Reset, None), boot);
+            assert_eq!((answer.ok, answer.mode), (true, Some("ready")));
+        });
+    }
+
+    #[test]
+    fn status_during_a_boot_shows_nothing_of_before() {
+        run(|desk, mut inbox, latest| async move {
+            let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+            let script = Scenario::parse("seconds = 1").unwrap();
+            let record = Bench::new(&config, script, 1, false, ()).cycle();
+            latest.set(NOW, Status::of(&record, 0, Losses::default()));
+            assert!(desk.answer(Ask::Status, None).await.status.is_some());
+            inbox.boots();
+            let answer = desk.answer(Ask::Status, None).await;
+            assert_eq!((answer.mode, answer.status.is_none()), (Some("boot"), true));
+            inbox.booted(NOW);
+            assert!(desk.answer(Ask::Status, None).await.status.is_some());
+        });
+    }
+}

@@ -19,6 +19,10 @@ mod socket;
 pub(super) use desk::Desk;
 pub(super) use requests::Due;
 pub(super) use requests::Inbox;
+#[cfg(test)]
+pub(super) use requests::Phase;
+#[cfg(test)]
+pub(super) use requests::Requests;
 pub(super) use requests::channel;
 pub(super) use socket::Socket;
 pub(super) use socket::default_socket;
@@ -76,5 +80,31 @@ impl Answer {
 
     fn granted(mode: Mode) -> Self {
         Self { ok: true, error: None, mode: Some(mode.name()), status: None, note: None }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn questions_are_the_words_of_the_protocol_and_no_others() {
+        let words = ["status", "arm", "disarm", "reset", "mode rate", "mode pose"];
+        let asks = [Ask::Status, Ask::Arm, Ask::Disarm, Ask::Reset, Ask::Rate, Ask::Pose];
+        for (word, ask) in words.into_iter().zip(asks) {
+            let line = format!("{{\"ask\":\"{word}\"}}");
+            assert_eq!(serde_json::from_str::<Question>(&line).unwrap().ask, ask);
+            assert_eq!(serde_json::to_string(&Question { ask }).unwrap(), line);
+        }
+        for line in ["{\"ask\":\"Arm\"}", "{\"ask\":\"arm\",\"force\":true}", "{}", "\"arm\""] {
+            assert!(serde_json::from_str::<Question>(line).is_err(), "{line}");
+        }
+    }
+
+    #[test]
+    fn answers_say_what_was_granted_or_why_not() {
+        let text = |answer: &Answer| serde_json::to_string(answer).unwrap();
+        assert_eq!(text(&Answer::granted(Mode::Armed)), r#"{"ok":true,"mode":"armed"}"#);
+        assert_eq!(text(&Answer::refused(&"no")), r#"{"ok":false,"error":"no"}"#);
     }
 }

@@ -157,17 +157,17 @@ pub(in crate::cli) struct Disarm(u64);
 
 impl Requests {
     /// The node's phase.
-    pub(super) fn phase(&self) -> Phase {
+    pub(in crate::cli) fn phase(&self) -> Phase {
         self.shared.phase()
     }
 
     /// Asks for a disarm. It cannot be lost, and is done however long the answer takes.
-    pub(super) fn disarm(&self) -> Disarm {
+    pub(in crate::cli) fn disarm(&self) -> Disarm {
         Disarm(self.shared.disarms.fetch_add(1, Ordering::AcqRel) + 1)
     }
 
     /// The mode it led to, once it is done.
-    pub(super) fn disarmed(&self, Disarm(number): Disarm) -> Option<Mode> {
+    pub(in crate::cli) fn disarmed(&self, Disarm(number): Disarm) -> Option<Mode> {
         let is_done = self.shared.disarmed.load(Ordering::Acquire) >= number;
         let place = usize::from(self.shared.disarmed_to.load(Ordering::Acquire));
         Mode::ALL.get(place).copied().filter(|_| is_done)
@@ -177,7 +177,7 @@ impl Requests {
     ///
     /// # Errors
     /// When the node boots or ends, or too many requests wait.
-    pub(super) fn ask(
+    pub(in crate::cli) fn ask(
         &self,
         request: Request,
         made_at: Instant,

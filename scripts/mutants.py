@@ -301,7 +301,9 @@ def written(mutants):
 
 def cargo(arguments):
     """Runs cargo in the copy; the errors, and the executables it made."""
-    environment = dict(os.environ, CARGO_TARGET_DIR=str(TARGET))
+    # Optimised a little: building takes half as long again, and every run of the tests a fraction.
+    environment = dict(os.environ, CARGO_TARGET_DIR=str(TARGET), CARGO_PROFILE_DEV_OPT_LEVEL="1",
+                       CARGO_PROFILE_DEV_DEBUG="0")
     command = ["cargo"] + arguments + ["--message-format=json", "--locked"]
     done = subprocess.run(command, cwd=TREE, env=environment, capture_output=True, text=True)
     errors, executables = [], {}

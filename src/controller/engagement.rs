@@ -127,6 +127,19 @@ mod tests {
     }
 
     #[test]
+    fn each_engagement_waits_and_ramps_anew() {
+        for (calm, first) in [(Some([0.2, 0.01]), 0.0), (None, 0.1)] {
+            let mut engagement = engagement(0.01, calm).unwrap();
+            (0..20).for_each(|_| _ = engagement.share(true, &push(0.1)));
+            assert!(engagement.share(true, &push(5.0)) >= 1.0);
+            assert!(engagement.share(false, &push(0.1)) == 0.0);
+            // Again, this time in contact.
+            let share = engagement.share(true, &push(5.0));
+            assert!((share - first).abs() < 1e-12, "{share}");
+        }
+    }
+
+    #[test]
     fn a_beginning_ends() {
         for wrong in [-1.0, 11.0, f64::NAN] {
             assert!(engagement(wrong, None).is_err());

@@ -170,8 +170,10 @@ mod tests {
             prop_assert_eq!(velocity.update(&elsewhere, false), Moving::default());
             velocity.update(&x_0_g, false);
             prop_assert_eq!(velocity.update(&elsewhere, true), Moving::default());
-            let still = velocity.update(&elsewhere, false).v_g_raw;
-            prop_assert!(still.components().iter().all(|part| part.abs() < 1e-9));
+            let Moving { v_g_raw, v_g } = velocity.update(&elsewhere, false);
+            for still in [v_g_raw, v_g] {
+                prop_assert!(still.components().iter().all(|part| part.abs() < 1e-9), "{still:?}");
+            }
         }
     }
 

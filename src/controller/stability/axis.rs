@@ -514,6 +514,48 @@ mod tests {
         assert_eq!(verdict(&weak, "rate reflection, held"), Verdict::Refuses);
     }
 
+    fn found(axis: &Axis, name: &str) -> Finding {
+        axis.findings().into_iter().find(|finding| finding.name == name).unwrap()
+    }
+
+    #[test]
+    fn virtual_coupling_is_a_spring_and_a_damper_as_felt() {
+        let gains = AxisGains { pose: 2.0, ..AXIS.gains };
+        // Felt at 0.3 times 2 of itself: K (T/2 + n T) of the spring, B of the damper.
+        for (delay, stiffness, damping, required) in
+            [(1, 400.0, 0.0, 0.36), (0, 400.0, 4.0, 2.52), (0, 0.0, 4.0, 2.4)]
+        {
+            let timing = Timing { torque_delay: delay, ..AXIS.timing };
+            let coupling = Some(Impedance { stiffness, damping });
+            let tied = Axis { coupling, gains, timing, ..AXIS };
+            let Side { value, .. } = found(&tied, "virtual coupling").left;
+            assert!((value - required).abs() < 1e-6 * required, "{value}");
+            let names: Vec<&str> = tied.findings().iter().map(|finding| finding.name).collect();
+            assert!(!names.contains(&"pose reflection"), "the surface is not felt");
+        }
+    }
+
+    #[test]
+    fn tank_damper_is_judged_together_with_damping() {
+        let tank = |tank_damping| found(&Axis { tank_damping, ..AXIS }, "tank, damper");
+        // 2 tan(π/8) M/T = 497.06 N·s/m, of which K_D takes 8.
+        let Finding { left, right, verdict, .. } = tank(485.0);
+        assert!((left.value - 493.0).abs() < 1e-9 && (right.value - 497.06).abs() < 0.01);
+        assert_eq!((verdict, tank(490.0).verdict), (Verdict::Holds, Verdict::Refuses));
+        assert!(AXIS.findings().iter().all(|finding| finding.name != "tank, damper"));
+    }
+
+    #[test]
+    fn quantum_is_borne_by_all_damping_or_by_friction() {
+        // Felt: 0.3 times 2,000 N/m. All damping: 0.1 + 8 + 15 N·s/m.
+        let Finding { left, right, .. } = found(&AXIS, "pose reflection, quantum");
+        assert!((left.value - 600.0).abs() < 1e-9, "{}", left.value);
+        assert!((right.value - 2.0 * 0.2 / 1e-5).abs() < 1e-6, "{}", right.value);
+        let fine = Axis { device: Device { quantum: 1e-6, ..AXIS.device }, ..AXIS };
+        let most = found(&fine, "pose reflection, quantum").right.value;
+        assert!((most - 2.0 * 23.1 / 1e-3).abs() < 1e-6, "{most}");
+    }
+
     #[test]
     fn a_warning_says_what_it_is_left_to() {
         let warning = |axis: &Axis| axis.findings().first().map(ToString::to_string).unwrap();

@@ -152,6 +152,27 @@ mod tests {
     }
 
     #[test]
+    fn bare_mass_bears_a_damper_up_to_its_bound() {
+        let (mass, period) = (0.6, 1e-3);
+        for delay in 0..5_u32 {
+            let bound = strongest_damper(mass, period, delay);
+            for (damping, rests) in [(0.9 * bound, true), (1.1 * bound, false)] {
+                let (mut x, mut v) = (0.0_f64, 1.0_f64);
+                let mut speeds =
+                    std::collections::VecDeque::from(vec![0.0; usize::try_from(delay).unwrap()]);
+                let mut before = 0.0;
+                for _ in 0..5_000 {
+                    speeds.push_back((x - std::mem::replace(&mut before, x)) / period);
+                    let acceleration = -damping * speeds.pop_front().unwrap() / mass;
+                    x += v * period + acceleration * period * period / 2.0;
+                    v = (v + acceleration * period).clamp(-1e9, 1e9);
+                }
+                assert_eq!(v.abs() < 1.0, rests, "{delay} late: {v} m/s with {damping} N·s/m");
+            }
+        }
+    }
+
+    #[test]
     fn without_accommodation_no_damping_makes_a_reflected_rate_passive() {
         let reflection = RateReflection { gain: 1.0, giving_way: 0.0 };
         assert!(reflection.required_damping(1e-3, 0).is_infinite());

@@ -350,10 +350,8 @@ mod tests {
     fn disarm_of_a_node_that_stops_is_not_waited_for() {
         run(|desk, mut inbox, _| async move {
             inbox.end();
-            let begun = tokio::time::Instant::now();
-            let answer = desk.answer(Ask::Disarm, None).await;
+            let answer = timeout(Duration::ZERO, desk.answer(Ask::Disarm, None)).await.unwrap();
             assert_eq!(answer.error.as_deref(), Some("the node is stopping"));
-            assert_eq!(begun.elapsed(), Duration::ZERO);
         });
     }
 

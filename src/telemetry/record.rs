@@ -54,6 +54,14 @@ impl Mode {
         matches!(self, Self::ZeroTorque | Self::DrivesOff)
     }
 
+    /// Returns whether anything but zero torque may be sent.
+    pub const fn may_push(self) -> bool {
+        match self {
+            Self::Armed | Self::Engaged | Self::ReflectionOff => true,
+            Self::Boot | Self::Ready | Self::ZeroTorque | Self::DrivesOff => false,
+        }
+    }
+
     /// In one lower-case word, as `ctl status` prints it.
     pub const fn name(self) -> &'static str {
         match self {

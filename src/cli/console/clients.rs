@@ -370,6 +370,27 @@ mod tests {
     }
 
     #[test]
+    fn disarm_is_answered_when_its_ramp_is_over() {
+        run_with("ramp", |path, inbox, latest| async move {
+            let record = any_record();
+            let of = |mode| Status::of(&Record { mode, ..record }, 0, Losses::default());
+            latest.set(NOW, of(Mode::Engaged));
+            let mut client = says(&path, DISARM).await;
+            sleep(Duration::from_millis(5)).await;
+            inbox.disarmed(inbox.disarm().unwrap(), Mode::Armed);
+            sleep(Duration::from_millis(50)).await;
+            latest.set(NOW, of(Mode::Ready));
+            assert_eq!(answer(&mut client).await, "{\"ok\":true,\"mode\":\"ready\"}\n");
+            // One whose ramp is never over is answered, too.
+            latest.set(NOW, of(Mode::Armed));
+            client.write_all(DISARM.as_bytes()).await.unwrap();
+            sleep(Duration::from_millis(5)).await;
+            inbox.disarmed(inbox.disarm().unwrap(), Mode::Armed);
+            assert_eq!(answer(&mut client).await, "{\"ok\":true,\"mode\":\"armed\"}\n");
+        });
+    }
+
+    #[test]
     fn client_that_sends_no_more_still_gets_its_answer() {
         run("half-closed", |path, mut inbox| async move {
             let mut client = says(&path, ARM).await;

@@ -37,6 +37,9 @@ const STATUS_POLL: Duration = Duration::from_millis(1);
 /// … until it shows what was granted, and the time allowed for that.
 const STATUS_TIMEOUT: Duration = Duration::from_millis(50);
 
+/// Time allowed for the ramp of a disarm, 50 ms, and for the status to show its end.
+const RAMP_TIMEOUT: Duration = Duration::from_millis(100);
+
 /// Interval between lines about requests, in the long run …
 const LINE_EVERY: Duration = Duration::from_millis(100);
 
@@ -178,9 +181,10 @@ impl Desk {
         };
         match timeout(ANSWER_TIMEOUT, done).await {
             Ok(Ok(mode)) => {
-                self.log(uid, Request::Disarm, mode.name());
+                let outcome = if mode.may_push() { "torque ramps to zero" } else { mode.name() };
+                self.log(uid, Request::Disarm, outcome);
                 self.show().await;
-                Answer::granted(mode)
+                Answer::granted(self.ramped(mode).await)
             }
             Ok(Err(denied)) => Answer::refused(&denied),
             Err(_) => {
@@ -201,6 +205,25 @@ impl Desk {
         };
         // The recorder may be late; what was granted holds.
         timeout(STATUS_TIMEOUT, shown).await.ok();
+    }
+
+    /// Returns the mode once the ramp of a disarm that led to `granted` is over, or the last one that is shown.
+    async fn ramped(&self, granted: Mode) -> Mode {
+        let shown = || {
+            let status = self.latest.get();
+            status.and_then(|status| Mode::ALL.into_iter().find(|mode| mode.name() == status.mode))
+        };
+        let over = async {
+            while granted.may_push() && self.requests.phase() == Phase::Running {
+                match shown() {
+                    Some(mode) if !mode.may_push() => break,
+                    Some(_) | None => sleep(STATUS_POLL).await,
+                }
+            }
+        };
+        // A recorder that is late, or who arms again, holds up no answer.
+        timeout(RAMP_TIMEOUT, over).await.ok();
+        if granted.may_push() { shown().unwrap_or(granted) } else { granted }
     }
 
     fn status(&self) -> Answer {

@@ -284,10 +284,7 @@ impl Safety {
 
     /// Whether anything but zero torque may be sent.
     pub const fn may_push(&self) -> bool {
-        match self.mode {
-            Mode::Armed | Mode::Engaged | Mode::ReflectionOff => true,
-            Mode::Boot | Mode::Ready | Mode::ZeroTorque | Mode::DrivesOff => false,
-        }
+        self.mode.may_push()
     }
 
     /// What changes by itself and with the deadman.

@@ -74,14 +74,16 @@ impl Latch {
         self.remark.as_deref()
     }
 
-    /// A reset is asked for, with the drives off. A latch that could not be set at the start is tried again; the reset
-    /// goes on either way.
+    /// A reset is asked for, with the drives off: the latch is that of this run from now on. One that could not be set
+    /// at the start is tried again; the reset goes on either way.
     pub(super) fn before_reset(&self) {
-        if self.awaits != Some(Awaited::Unmarked) {
-            return;
-        }
-        if let Err(error) = self.mark() {
-            tracing::warn!(%error, "a crash of this run will leave no trace");
+        let marked = match (self.awaits, self.path()) {
+            (None, _) => return,
+            (Some(Awaited::NotEnded), Some(path)) => fs::write(path, unended()),
+            (Some(Awaited::Unmarked), _) | (Some(Awaited::NotEnded), None) => self.mark().map(drop),
+        };
+        if let Err(error) = marked {
+            tracing::warn!(%error, "a crash of this run will leave no trace of its own");
         }
     }
 
@@ -128,7 +130,7 @@ impl Latch {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => return Ok(false),
             file => file?,
         };
-        writeln!(file, "process {} did not end in order", std::process::id())?;
+        file.write_all(unended().as_bytes())?;
         file.sync_all()?;
         self.sync()?;
         Ok(true)
@@ -138,6 +140,11 @@ impl Latch {
     fn sync(&self) -> io::Result<()> {
         File::open(self.folder.as_deref().unwrap_or(Path::new(".")))?.sync_all()
     }
+}
+
+/// Content of a latch until the run ends.
+fn unended() -> String {
+    format!("process {} did not end in order\n", std::process::id())
 }
 
 /// `running-vcan0+vcan1`; what no file's name should have is written as a number.
@@ -194,6 +201,22 @@ mod tests {
         latch.release();
         assert_eq!(latch.end(Ok(())), None);
         assert!(!file.exists());
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn hazard_27_latch_after_a_reset_is_that_of_the_new_run() {
+        let folder = scratch("latch-reset");
+        let latch = set(&folder, "can0");
+        assert!(latch.end(Err("stopped by joint 3".to_owned())).is_some());
+        let mut latch = set(&folder, "can0");
+        latch.before_reset();
+        assert!(folder.join("running-can0").exists());
+        latch.release();
+        // It crashes.
+        drop(latch);
+        let latch = set(&folder, "can0");
+        assert!(latch.remark().unwrap().ends_with("did not end in order"), "{:?}", latch.remark());
         fs::remove_dir_all(&folder).unwrap();
     }
 

@@ -111,6 +111,39 @@ fn a_spherical_wrist_is_carried_as_planned() {
     is_carried_as_planned("config/sixr_spherical.toml");
 }
 
+/// Whether the node, not a drive, sends frames of this identifier.
+fn is_of_the_node(cob_id: u16) -> bool {
+    match cob_id {
+        0x000 | 0x080 | 0x100 | 0x77F => true,
+        _ => matches!(cob_id & 0x780, 0x200 | 0x300 | 0x400 | 0x500 | 0x600) && cob_id & 0x7F != 0,
+    }
+}
+
+#[test]
+fn queue_that_is_allowed_holds_the_largest_burst_of_any_cycle() {
+    for (file, allowed) in [
+        ("config/kraft_like.toml", &[16][..]),
+        (SLOW, &[16]),
+        ("config/jpl_like.toml", &[8, 10]),
+        ("config/sixr_spherical.toml", &[8, 10]),
+    ] {
+        let (mut bench, wire) = common::bench::booted(file, "teleoperation");
+        wire.clear();
+        bench.run(1_500);
+        let config = common::bench::config(file);
+        assert_eq!(config.bursts(), allowed, "{file}");
+        for (channel, most) in (0..).map(Channel).zip(config.bursts()) {
+            let carried = wire.all();
+            let here = carried.iter().filter(|(_, telegram)| telegram.channel == channel);
+            let ids: Vec<u16> = here.map(|(_, telegram)| telegram.frame.cob_id).collect();
+            let cycles = ids.chunk_by(|_, next| *next != 0x80);
+            let burst = cycles.map(|ids| ids.iter().filter(|id| is_of_the_node(**id)).count());
+            let largest = u32::try_from(burst.max().unwrap()).unwrap();
+            assert!((3..=most).contains(&largest), "{file}: {largest} frames, {most} allowed");
+        }
+    }
+}
+
 /// How `frhc` ended, what it printed, and what it said of that.
 struct Ended {
     code: Option<i32>,

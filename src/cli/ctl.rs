@@ -246,4 +246,25 @@ mod tests {
         );
         fs::remove_dir_all(&folder).unwrap();
     }
+
+    #[test]
+    fn node_that_takes_no_connection_is_given_up_in_words() {
+        let folder = std::env::temp_dir().join(format!("frhc-{}-backlog", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let place = folder.join("node.sock");
+        let listener = UnixListener::bind(&place).unwrap();
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        let mut waiting = Vec::new();
+        while let Ok(stream) = runtime.block_on(UnixStream::connect(&place)) {
+            waiting.push(stream);
+        }
+        let error = runtime.block_on(async {
+            tokio::time::pause();
+            find(std::slice::from_ref(&place)).await.unwrap_err().to_string()
+        });
+        let reason = format!("the node at {} takes no connection within 3 s", place.display());
+        assert_eq!(error, reason);
+        drop((listener, waiting));
+        fs::remove_dir_all(&folder).unwrap();
+    }
 }

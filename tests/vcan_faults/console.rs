@@ -28,8 +28,9 @@ fn hazard_30_disarm_acts_beside_clients_that_hold_the_console() {
     rig.run_for(millis(60));
     rig.is("ready");
     let (outcome, _) = rig.terminate_node();
-    assert!(outcome.stderr.contains("console: disarm: "), "{}", outcome.stderr);
-    assert!(outcome.stderr.contains("uid="), "{}", outcome.stderr);
+    for done in ["console: arm: armed uid=", "console: disarm: torque ramps to zero uid="] {
+        assert!(outcome.stderr.contains(done), "{done}: {}", outcome.stderr);
+    }
     let seen = rig.seen_after(onset, millis(70));
     // A ramp of 50 ms, and what the drives need for their zero.
     seen.all_are_free_within(millis(50) + cycles(3));

@@ -446,7 +446,8 @@ def main():
         seconds = time.monotonic() - start
         steps.append((name, command, args.limit or max(20.0, 3 * seconds)))
     print("without any mutant: %s" % ", ".join("%s %.0f s" % (name, limit / 3) for name, _, limit in steps), flush=True)
-    for mutant in mutants:
+    # In no order of theirs: a run that is ended early is a fair sample, too.
+    for mutant in random.Random(args.seed).sample(mutants, len(mutants)):
         if not mutant.result:
             first = (own(mutant), [executables["frhc", True], own(mutant)], steps[0][2])
             judged(mutant, [first] + steps)

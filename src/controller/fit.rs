@@ -368,6 +368,35 @@ mod tests {
     }
 
     #[test]
+    fn hysteresis_is_measured_from_end_to_end_of_the_range() {
+        // 100 ‰ per N·m; the ways lie 2 (3 + t²/4) ‰ apart, so 24 ‰ at the ends and 12 ‰ in the mean.
+        let mut samples = exact();
+        for Sample { torque, per_mille, direction } in &mut samples {
+            let apart = 3.0 + torque.powi(2) / 4.0;
+            let way = if *direction == Direction::Up { 1.0 } else { -1.0 };
+            *per_mille = 100.0 * *torque + way * apart;
+        }
+        let Hysteresis { mean_per_mille, largest_per_mille, mean_torque, largest_torque } =
+            Calibrated::fit(&samples).unwrap().hysteresis;
+        assert!((largest_per_mille - 24.0).abs() < 1e-6, "{largest_per_mille}");
+        assert!((largest_torque - 0.24).abs() < 1e-8, "{largest_torque}");
+        // Of places at equal distances, the ends included: a little more than of the integral.
+        assert!((12.0..12.1).contains(&mean_per_mille), "{mean_per_mille}");
+        assert!((mean_torque - mean_per_mille / 100.0).abs() < 1e-8, "{mean_torque}");
+    }
+
+    #[test]
+    fn weak_joint_is_not_taken_for_a_reversed_one() {
+        let mut samples = exact();
+        for sample in &mut samples {
+            (sample.torque, sample.per_mille) = (sample.torque * 1e-3, sample.torque / 3.0);
+        }
+        let calibrated = Calibrated::fit(&samples).unwrap();
+        assert!(!calibrated.is_reversed);
+        assert!(distance(&samples, &calibrated.curve).unwrap() < 1e-9);
+    }
+
+    #[test]
     fn wide_hysteresis_flattens_the_curve_no_more_than_is_said() {
         for friction in [0.1, 0.2, 0.4, 0.6] {
             let calibrated = Calibrated::fit(&sweep(200, friction, || 0.0)).unwrap();

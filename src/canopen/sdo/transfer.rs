@@ -437,6 +437,24 @@ mod tests {
         }
     }
 
+    #[test]
+    fn every_segment_has_the_whole_timeout() {
+        let [started, first, second] = [[0x60, 0x08, 0x10, 0, 0, 0, 0, 0], [0x20; 8], [0x30; 8]];
+        let write = (writing(NAME, &[7; 20]).0, [started, first, second, first]);
+        let announced = [0x41, 0x08, 0x10, 0, 20, 0, 0, 0];
+        let read = (reading(NAME).0, [announced, [0x00; 8], [0x10; 8], [0x03; 8]]);
+        for (mut transfer, replies) in [write, read] {
+            let (mut now, mut out) = (NOW, Vec::new());
+            let [.., last] = replies.map(|payload| {
+                now = now + TIMEOUT * 9 / 10;
+                assert_eq!(transfer.on_time(now, &mut out), None, "after {now:?}");
+                transfer.on_frame(now, &reply(payload), &mut out)
+            });
+            assert!(matches!(last, Some(Ok(_))), "{last:?}");
+            assert_eq!(out.len(), 3, "three segments and no abort");
+        }
+    }
+
     // Bug 1 of the client in canopen-rs 0.6.1: the address of a reply was never checked.
 
     #[test]

@@ -130,6 +130,23 @@ mod tests {
         prop::array::uniform8(-2.5..2.5_f64).prop_map(SVector::from)
     }
 
+    #[test]
+    fn puma_turns_as_far_as_its_makers_say() {
+        let published = [
+            [-160.0, 160.0],
+            [-45.0, 225.0],
+            [-225.0, 45.0],
+            [-110.0, 170.0],
+            [-100.0, 100.0],
+            [-266.0, 266.0],
+        ];
+        for (range, published) in puma560().unwrap().ranges().into_iter().zip(published) {
+            for (end, published) in range.into_iter().zip(published) {
+                assert!((end.to_degrees() - published).abs() < 1e-9, "{range:?}");
+            }
+        }
+    }
+
     proptest! {
         #[test]
         fn eight_joints_move_the_grip_as_their_jacobian_says(q in joints(), qd in joints()) {

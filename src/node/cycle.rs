@@ -383,6 +383,15 @@ mod tests {
     }
 
     #[test]
+    fn process_that_stands_still_over_its_samples_stops_in_the_same_cycle() {
+        let mut node = node();
+        node.cycle();
+        node.bus_mut().stands_still_over_samples = node.period * 8;
+        let record = node.cycle();
+        assert_eq!(record.cause.map(|cause| cause.kind()), Some(Kind::Overrun));
+    }
+
+    #[test]
     fn heartbeat_comes_from_the_cycle() {
         let mut node = node();
         (0..50).for_each(|_| _ = node.cycle());

@@ -32,13 +32,12 @@ pub(super) struct Link {
     /// How old it may become.
     patience: Duration,
     known: Option<Sensed>,
-    rejected: u64,
 }
 
 impl Link {
     /// Nothing known yet, of a commanded side that is sampled every `period`.
     pub(super) fn new(period: Duration) -> Self {
-        Self { patience: (period * MISSED).clamp(LEAST, MOST), known: None, rejected: 0 }
+        Self { patience: (period * MISSED).clamp(LEAST, MOST), known: None }
     }
 
     /// Takes what an exchange brought, if anything.
@@ -47,8 +46,6 @@ impl Link {
         let is_newest = self.known.is_none_or(|known| known.at <= sensed.at);
         if is_newest && sensed.at <= now && sensed.is_possible() {
             self.known = Some(sensed);
-        } else {
-            self.rejected = self.rejected.saturating_add(1);
         }
     }
 
@@ -70,12 +67,6 @@ impl Link {
 }
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// How many samples of the commanded side were not believed: impossible, from the future, or older
-    /// than one before.
-    pub const fn rejected(&self) -> u64 {
-        self.link.rejected
-    }
-
     /// Hands over a command and takes what the commanded side has to say.
     pub(super) fn exchange(&mut self, now: Instant, command: &Motion) {
         let brought = self.remote.exchange(now, command);
@@ -132,7 +123,7 @@ mod tests {
             let mut link = Link::new(PERIOD);
             link.take(at(5_000), Some(good));
             link.take(now, Some(bad));
-            prop_assert_eq!((link.f_s(), link.x_b_m(), link.rejected), (good.f_s, good.x_b_m, 1));
+            prop_assert_eq!((link.f_s(), link.x_b_m()), (good.f_s, good.x_b_m));
             prop_assert_eq!(link.lost(at(25_001)), Some(Cause::LinkLost), "the good one ages on");
         }
 
@@ -174,7 +165,7 @@ mod tests {
     fn a_sample_from_the_future_would_never_age_and_is_not_taken() {
         let mut link = Link::new(PERIOD);
         link.take(at(10), Some(sensed(at(11), 1.0)));
-        assert_eq!((link.f_s(), link.rejected), (Wrench::ZERO, 1));
+        assert_eq!(link.f_s(), Wrench::ZERO);
     }
 
     #[test]

@@ -10,6 +10,7 @@ use crate::bus::Received;
 use crate::bus::SendError;
 use crate::canopen::frame::Channel;
 use crate::canopen::frame::Telegram;
+use crate::canopen::sync;
 use crate::config::Config;
 use crate::node::Node;
 use crate::remote::Remote;
@@ -29,6 +30,8 @@ pub(super) struct Silent {
     pub(super) fault: Option<(Instant, BusFault)>,
     /// The next wait takes so much longer: the process stands still.
     pub(super) stands_still: Duration,
+    /// The next wait right behind a SYNC does.
+    pub(super) stands_still_over_samples: Duration,
 }
 
 impl Bus for Silent {
@@ -52,6 +55,9 @@ impl Bus for Silent {
             return Some(Received { at, channel: Channel(0), heard: Heard::Fault(fault) });
         }
         self.now = self.now.max(until) + std::mem::take(&mut self.stands_still);
+        if self.sent.last().is_some_and(|(_, telegram)| telegram.frame.cob_id == sync::COB_ID) {
+            self.now = self.now + std::mem::take(&mut self.stands_still_over_samples);
+        }
         None
     }
 }

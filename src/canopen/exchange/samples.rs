@@ -144,6 +144,7 @@ mod tests {
     use crate::canopen::layout;
     use crate::canopen::layout::Group;
     use crate::canopen::plan::tests::elbow;
+    use crate::canopen::sync::Transmission;
 
     /// Nodes 1 and 2 on bus 1: state, torque and position in one TPDO, or grouped with the state apart.
     fn inbox(is_grouped: bool) -> Inbox {
@@ -190,6 +191,17 @@ mod tests {
         assert_eq!(read(&inbox(false), 0x183, &[0; 8]), None);
         let frame = Frame::from_slice(0x181, &[0; 8]).unwrap();
         assert_eq!(inbox(false).read(&Telegram { channel: Channel(0), frame }), None);
+    }
+
+    #[test]
+    fn position_that_no_sync_asks_for_is_no_sample() {
+        let node = NodeId::new(1).unwrap();
+        let mut plan = NodePlan { node, pdos: layout::per_drive(node, None), ..elbow() };
+        for service in plan.pdos.iter_mut().filter_map(|pdo| pdo.service.as_mut()) {
+            service.transmission = Transmission::EVENT_OF_PROFILE;
+        }
+        let inbox = Inbox::new(&[(Channel(1), plan)]);
+        assert!(!inbox.samples(0) && inbox.of(0).any(|tpdo| tpdo.position.is_some()));
     }
 
     #[test]

@@ -101,6 +101,33 @@ mod tests {
     use nalgebra::Isometry3;
 
     #[test]
+    fn dry_friction_of_all_joints_is_their_power_at_the_grip() {
+        let link = Link { alpha: 1.0, a: 0.1, d: 0.1, rotor_inertia: 1e-3, ..Link::TURNING };
+        let arm = Arm::new([link; 6], Isometry3::identity(), [0.0; 3]).unwrap();
+        let q = JointVector::from([0.1, 0.4, -0.3, 0.7, 0.2, -0.5]);
+        let rates = arm.jacobian(&arm.posture(&q));
+        let joint = |coulomb| JointResistance { coulomb, viscous: 0.1, quantum: 1e-5 };
+        let coulomb = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6];
+        let devices = Device::at_grip(&arm, &coulomb.map(joint), &q).unwrap();
+        for (axis, device) in devices.into_iter().enumerate() {
+            // Rates at which the grip moves by 1 along this axis alone.
+            let columns = |joint: usize| {
+                let mut one = JointVector::zeros();
+                one[joint] = 1.0;
+                JointVector::from(rates.twist(&one).components())
+            };
+            let matrix =
+                nalgebra::SMatrix::<f64, 6, 6>::from_columns(&[0, 1, 2, 3, 4, 5].map(columns));
+            let mut along = JointVector::zeros();
+            along[axis] = 1.0;
+            let qd = matrix.lu().solve(&along).unwrap();
+            let power: f64 = qd.iter().zip(coulomb).map(|(rate, torque)| rate.abs() * torque).sum();
+            let found = device.full_friction;
+            assert!((found / power - 1.0).abs() < 1e-9, "axis {axis}: {found}, not {power}");
+        }
+    }
+
+    #[test]
     fn an_arm_without_mass_is_none() {
         let link = Link { alpha: 1.0, a: 0.1, d: 0.1, ..Link::TURNING };
         let joint = JointResistance { coulomb: 0.1, viscous: 0.1, quantum: 1e-5 };

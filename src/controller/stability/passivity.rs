@@ -203,6 +203,31 @@ mod tests {
         }
 
         #[test]
+        fn filter_takes_from_a_damper_what_it_asks_for(
+            b in 0.1..20.0_f64, period in 1e-4..1e-2_f64, filter in 0.0..0.1_f64
+        ) {
+            // Its condition rises with the frequency, up to that of ωT = π: z = -1.
+            let law = Law::Impedance { stiffness: 0.0, damping: b, filter };
+            let law = SampledLaw { law, ..SampledLaw::impedance(0.0, 0.0, period) };
+            let expected = b * period / (period + 2.0 * filter);
+            prop_assert!(near(law.required_damping(), expected));
+        }
+
+        #[test]
+        fn required_damping_is_found_between_the_angles_looked_at(
+            stiffness in 0.0..200.0_f64, damping in 5.0..20.0_f64, delay in 1..3_u32
+        ) {
+            // These have one summit, well within 0 and π.
+            let law = Law::Impedance { stiffness, damping, filter: 2e-3 };
+            let law = SampledLaw { law, period: 1e-3, lag: 0.0, delay };
+            let finely = (1..20_000).map(|step| law.condition(PI * f64::from(step) / 20_000.0));
+            let summit = finely.fold(f64::NEG_INFINITY, f64::max);
+            let required = law.required_damping();
+            prop_assert!(required >= summit, "{required} for {summit}");
+            prop_assert!(required <= summit * (1.0 + 1e-6), "{required} for {summit}");
+        }
+
+        #[test]
         fn a_heavy_hand_swings_on_a_spring_with_less_damping_than_asked_for_and_not_with_more(
             k in 10.0..1e4_f64, period in 5e-4..5e-3_f64, delay in 0..5_u32
         ) {

@@ -118,6 +118,22 @@ mod tests {
     }
 
     #[test]
+    fn push_counts_by_the_share_of_the_hand_in_what_moves() {
+        // Torque over lever, of which the rotor takes its part: 1e-3 kg·m² against m (0.5 m)².
+        let (arm, coupling) = (arm(), Coupling::none());
+        let most = JointVector::from([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        for mass in [0.02, 0.5, 4.0] {
+            let force = PushedHand { arm: &arm, coupling: &coupling, mass }.by_actuators(&most);
+            let hand = mass * 0.5 * 0.5;
+            let expected = 4.0 * hand / (hand + 1e-3);
+            assert!(
+                (force / expected - 1.0).abs() < 0.02,
+                "{mass} kg: {force} N, not {expected} N"
+            );
+        }
+    }
+
+    #[test]
     fn push_at_a_singularity_is_bounded() {
         let (arm, coupling) = (arm(), Coupling::none());
         let hand = PushedHand { arm: &arm, coupling: &coupling, mass: 1.0 };

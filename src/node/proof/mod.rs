@@ -288,6 +288,18 @@ mod tests {
     }
 
     #[test]
+    fn statuswords_asked_for_are_no_news() {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        let mut proof = Proof::new(&config, &config.node_plans());
+        let statusword = crate::canopen::drive::Statusword(0x0208);
+        for phase in [Phase::Before, Phase::Between, Phase::Over] {
+            proof.phase = phase;
+            let answer = Event::Statusword { node: 2, statusword };
+            assert_eq!(proof.takes(Instant::ZERO, &answer), Relation::Part);
+        }
+    }
+
+    #[test]
     fn emergencies_of_the_proof_are_those_of_timers_and_others_are_reported() {
         use Relation::Part;
         use Relation::Tolerated;

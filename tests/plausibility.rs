@@ -114,6 +114,51 @@ fn hazard_04_delay_that_ends_is_no_second_node() {
 }
 
 #[test]
+fn hazard_03_samples_that_are_late_too_often_end_reflection() {
+    // One in ten is late by more than a cycle, and made good in the next: never more than two are overdue.
+    let fault = "kind = \"delay\"\njoint = 3\nframe = \"tpdo1\"\ndelay_ms = 1.2\nshare = 0.1\n";
+    let records = run(&config(KRAFT), &with_fault(fault), 1.6);
+    let stopped = records.iter().find(|record| record.cause.is_some()).unwrap();
+    let is_it = matches!(stopped.cause, Some(Cause::SamplesRare { joint: 3, percent: 5 }));
+    assert!(is_it && stopped.mode == Mode::ReflectionOff, "{:?}, {}", stopped.cause, stopped.mode);
+    let last = records.last().unwrap();
+    assert!(last.mode == Mode::ReflectionOff && last.targets != [0; 6], "the arm is carried on");
+}
+
+/// The targets of a joint in each cycle while engaged, in ‰ of rated torque.
+fn told(records: &[Record], joint: usize) -> Vec<f64> {
+    let engaged = records.iter().filter(|record| record.mode == Mode::Engaged);
+    engaged.map(|record| f64::from(record.targets[joint])).collect()
+}
+
+/// The root mean square of what these readings differ by from what was told so many cycles before.
+fn misfit(readings: &[f64], told: &[f64], age: usize) -> f64 {
+    let differences = readings[50..].iter().zip(&told[50 - age..]);
+    let squares: Vec<f64> = differences.map(|(read, told)| (read.round() - told).powi(2)).collect();
+    (squares.iter().sum::<f64>() / f64::from(u32::try_from(squares.len()).unwrap())).sqrt()
+}
+
+#[test]
+fn hazard_04_age_of_ten_cycles_in_6077h_looks_like_a_filter_of_10_ms() {
+    let records = run(&config(KRAFT), MOVING, 1.6);
+    // Those that carry weight.
+    for joint in 1..4 {
+        let told = told(&records, joint);
+        let older = misfit(&told, &told, 11);
+        assert!(older < 6.0, "joint {}: {older} ‰ in 11 cycles", joint + 1);
+        let filter = |sum: &mut f64, told: &f64| {
+            *sum += (told - *sum) / 10.0;
+            Some(*sum)
+        };
+        let filtered: Vec<f64> = told.iter().scan(told[0], filter).collect();
+        let best = (0..50).min_by(|one, other| {
+            misfit(&filtered, &told, *one).total_cmp(&misfit(&filtered, &told, *other))
+        });
+        assert!((8..=12).contains(&best.unwrap()), "joint {}: {best:?}", joint + 1);
+    }
+}
+
+#[test]
 fn hazard_12_a_single_sample_wrong_by_any_bit_is_forgiven() {
     for (name, before) in [(KRAFT, ""), ("config/kraft_like_500hz.toml", "0000")] {
         let config = config(name);

@@ -13,7 +13,8 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     (
         3,
         "One joint's samples stop, or are rare",
-        "zero torque within 5 cycles; zero torque, too, when more than ten are lost and not made good",
+        "zero torque within 5 cycles, and when more than ten are lost and not made good (one is forgiven every 250 \
+         cycles); reflection off when more than a twentieth within a second come late and are made good",
     ),
     (
         4,

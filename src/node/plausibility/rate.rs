@@ -1,5 +1,8 @@
 //! How many of a joint's samples are missing of late.
 //!
+//! Samples that are lost stop the node earlier, as overdue. This watch is for those that come late and are made good,
+//! or that are discarded because they cannot be: of each many windows stay empty, and few samples are overdue.
+//!
 //! Counted in tenths of a second over the last second, or over the last 200 cycles where those take longer:
 //! a share of fewer would be made by single losses. A thousandth of lost samples, one by one, never comes
 //! near a twentieth: 50 of 1,000 cycles where one is expected.

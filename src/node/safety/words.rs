@@ -9,7 +9,7 @@ pub const fn of_kind(kind: Kind) -> &'static str {
     match kind {
         Kind::SamplesMissing => "a drive's samples do not come, several cycles in a row",
         Kind::StatusMissing => "a drive does not tell its state, although its positions come",
-        Kind::SamplesRare => "too many of a joint's samples are missing within a second",
+        Kind::SamplesRare => "too many of a joint's samples within a second are late or impossible",
         Kind::SamplesOverdue => "more of a joint's samples are late or lost than may be",
         Kind::PositionFrozen => "a position stands still although the joint is pushed",
         Kind::PositionJumped => "a position jumps farther than the joint can move, twice",

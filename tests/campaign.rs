@@ -79,6 +79,16 @@ fn a_case_played_again_by_itself_comes_to_the_same() {
 }
 
 #[test]
+fn forged_statusword_among_random_frames_is_a_drive_that_left() {
+    let of_case = |number| Campaign::of_one(2, configs(), number).unwrap();
+    // A frame of joint 6's TPDO2 says 1476h.
+    let (verdict, _) = of_case(3379).replay(&mut |_, _| {}).unwrap().unwrap();
+    let cause = verdict.seen.cause.map(|cause| cause.kind());
+    assert_eq!(cause, Some(cause::Kind::DriveLeft), "another case: find one that is");
+    assert!(verdict.is_good(), "{verdict:?}");
+}
+
+#[test]
 fn boot_without_end_is_given_up_in_virtual_time() {
     let scenario = Scenario::parse("seconds = 1.0").unwrap();
     let config = config("config/kraft_like.toml");

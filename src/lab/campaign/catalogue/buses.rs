@@ -68,6 +68,7 @@ pub(super) const KINDS: &[Kind] = &[
             Cause::Emergency,
             Cause::Rebooted,
             Cause::LeftOperational,
+            Cause::DriveLeft,
             Cause::Duplicate,
             Cause::SamplesMissing,
         ],

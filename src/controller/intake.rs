@@ -143,16 +143,12 @@ mod tests {
         #[test]
         fn share_outside_0_to_1_is_zero_and_a_fault(value in any::<f64>()) {
             let is_share = (0.0..=1.0).contains(&value);
-            for input in [
-                Input { gravity_share: value, ..input() },
-                Input { reflection_share: value, ..input() },
-            ] {
-                let trusted = Trusted::of(&input, &before());
-                let shares = [trusted.gravity_share, trusted.reflection_share];
-                prop_assert!(shares.iter().all(|share| (0.0..=1.0).contains(share)));
-                prop_assert_eq!(trusted.fault.is_none(), is_share);
-                prop_assert!(!is_share || shares.contains(&value));
-            }
+            let used = if is_share { value } else { 0.0 };
+            let gravity = Trusted::of(&Input { gravity_share: value, ..input() }, &before());
+            prop_assert_eq!((gravity.gravity_share, gravity.reflection_share), (used, 0.25));
+            let felt = Trusted::of(&Input { reflection_share: value, ..input() }, &before());
+            prop_assert_eq!((felt.gravity_share, felt.reflection_share), (0.5, used));
+            prop_assert_eq!((gravity.fault.is_none(), felt.fault.is_none()), (is_share, is_share));
         }
     }
 }

@@ -30,7 +30,7 @@ TREE = WORK / "tree"
 TARGET = WORK / "target"
 WHERE = ["src/node", "src/controller", "src/canopen/exchange", "src/canopen/sdo"]
 # Tests that start no process and need no CAN interface, the quickest first.
-IN_MEMORY = ["operator", "link", "faults", "plausibility", "bus_hazards", "drive_hazards", "boot", "sdo", "laws",
+IN_MEMORY = ["config", "operator", "link", "faults", "plausibility", "bus_hazards", "drive_hazards", "boot", "sdo", "laws",
              "energy", "no_alloc", "stability", "oracles", "teleoperation", "golden", "scenarios", "campaign"]
 SWITCH = '''//! The switch of mutants: which of them is on, if any.
 #![allow(unsafe_code, static_mut_refs, missing_docs, reason = "only in the copy that mutants live in")]

@@ -388,4 +388,15 @@ mod tests {
             assert!(AssistFraction::new(wrong).is_err());
         }
     }
+
+    #[test]
+    fn torques_of_both_signs_end_within_twenty_milliseconds() {
+        let max = SVector::from([4.0]);
+        for sign in [1.0, -1.0] {
+            let mut slew = Slew::<1>::new(&max, 0.2, Period::new(1e-3).unwrap()).unwrap();
+            (0..300).for_each(|_| _ = slew.limit(&(max * sign)));
+            let cycles = (1..).find(|_| slew.limit(&SVector::zeros()).0[0] == 0.0);
+            assert!(cycles.is_some_and(|cycles| cycles <= 21), "{cycles:?} cycles of {sign}");
+        }
+    }
 }

@@ -162,6 +162,17 @@ mod tests {
     }
 
     #[test]
+    fn fault_that_the_controller_finds_stops_the_node() {
+        let mut node = crate::node::silent::node();
+        // What no sample may bring: as if this watch had failed.
+        node.link.known = Some(sensed(node.bus().now(), f64::NAN));
+        let record = node.cycle();
+        let kind = record.cause.map(|cause| cause.kind());
+        assert_eq!(kind, Some(crate::telemetry::cause::Kind::ControllerFault));
+        assert!(record.mode.is_stopped(), "{}", record.mode);
+    }
+
+    #[test]
     fn a_sample_from_the_future_would_never_age_and_is_not_taken() {
         let mut link = Link::new(PERIOD);
         link.take(at(10), Some(sensed(at(11), 1.0)));

@@ -14,13 +14,14 @@ use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
 
-use frhc::config::Config;
-use frhc::controller::Controller;
-use frhc::controller::Input;
-use frhc::controller::switches::Mode;
-use frhc::controller::switches::Switches;
-use frhc::spatial::Wrench;
 use nalgebra::SVector;
+
+use config::Config;
+use controller::Controller;
+use controller::Input;
+use controller::switches::Mode;
+use controller::switches::Switches;
+use units::spatial::Wrench;
 
 const TEXT: &str = include_str!("../config/kraft_like.toml");
 

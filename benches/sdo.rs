@@ -19,12 +19,13 @@ use std::time::Instant;
 use drive::carry;
 use drive::drive;
 use drive::node;
-use frhc::bus::Bus;
-use frhc::bus::Memory;
-use frhc::canopen::object::Object;
-use frhc::canopen::sdo::Block;
-use frhc::canopen::sdo::Terms;
-use frhc::canopen::sdo::Transfer;
+
+use bus::Bus;
+use bus::Memory;
+use canopen::object::Object;
+use canopen::sdo::Block;
+use canopen::sdo::Terms;
+use canopen::sdo::Transfer;
 
 const SIZE: usize = 1 << 20;
 

@@ -19,16 +19,16 @@ use std::rc::Rc;
 use std::time::Duration;
 use std::time::Instant as Clock;
 
-use frhc::canopen::frame::Channel;
-use frhc::canopen::frame::Telegram;
-use frhc::canopen::station::Station;
-use frhc::canopen::sync;
-use frhc::config::Config;
-use frhc::lab::bench::Bench;
-use frhc::sim::hand::Hand;
-use frhc::sim::scenario::Scenario;
-use frhc::sim::world::World;
-use frhc::time::Instant;
+use canopen::frame::Channel;
+use canopen::frame::Telegram;
+use canopen::station::Station;
+use canopen::sync;
+use config::Config;
+use lab::bench::Bench;
+use sim::hand::Hand;
+use sim::scenario::Scenario;
+use sim::world::World;
+use units::time::Instant;
 
 const CONFIG: &str = "config/kraft_like.toml";
 const SCENARIO: &str = include_str!("../config/scenarios/contact_10s.toml");

@@ -1,62 +1,90 @@
 #!/usr/bin/env bash
 # test.sh: every test, those on real vcan included, on a fresh machine (Debian, a Rust toolchain).
 #
-# Installs what is missing of can-utils and iproute2 and says so, as scripts/interop.sh does with what it
-# needs: python3-venv, tshark, and Python's packages. The tests on vcan run in virtual time, in a User-Mode
-# Linux kernel: $VCAN_KERNEL, or the one in ~/.cache/vcan-uml, which is built there when it is missing
-# (about 8 minutes, once).
+# usage: scripts/test.sh [--no-install]
+#
+# Installs what is missing by scripts/setup.sh, which says what that is and needs root, or sudo, and the network. With
+# --no-install it runs what can run, names what is missing, and ends with exit code 1 if anything is.
+#
+# The tests on the bus in memory come first; then those on real vcan, in virtual time (scripts/with_vcan.sh -v), side by
+# side with the campaigns: the program they start is the shipped one. How long each part took stands at the end.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-as_root() { if [[ $EUID -eq 0 ]]; then "$@"; else sudo -n "$@"; fi; }
+case $* in
+  "") installs=1 ;;
+  --no-install) installs= ;;
+  *) echo "usage: scripts/test.sh [--no-install]" >&2; exit 2 ;;
+esac
+export VCAN_KERNEL=${VCAN_KERNEL:-${VCAN_UML_HOME:-${XDG_CACHE_HOME:-$HOME/.cache}/vcan-uml}/linux-timetravel}
 
-missing=()
-command -v candump >/dev/null || missing+=(can-utils)
-[[ -x /usr/sbin/ip || -x /sbin/ip ]] || command -v ip >/dev/null || missing+=(iproute2)
-if ((${#missing[@]})); then
-  echo "test: installing ${missing[*]}" >&2
-  as_root apt-get update -q >/dev/null
-  as_root apt-get install -y -q "${missing[@]}" >/dev/null
-fi
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+: >"$work/failed"
 
-home=${VCAN_UML_HOME:-${XDG_CACHE_HOME:-$HOME/.cache}/vcan-uml}
-export VCAN_KERNEL=${VCAN_KERNEL:-$home/linux-timetravel}
-if [[ ! -x $VCAN_KERNEL ]]; then
-  echo "test: no kernel with virtual time at $VCAN_KERNEL; building one (about 8 minutes, once)" >&2
-  as_root apt-get update -q >/dev/null
-  scripts/build_timetravel_kernel.sh "$VCAN_KERNEL"
-fi
+# timed NAME COMMAND...: runs it, notes how long it took, and whether it failed.
+timed() {
+  local name=$1 begin=$SECONDS status=0
+  shift
+  echo "test: $name" >&2
+  "$@" || status=$?
+  printf '%5d s  %s\n' $((SECONDS - begin)) "$name" >>"$work/times"
+  ((status == 0)) || echo "$name (exit code $status)" >>"$work/failed"
+  return "$status"
+}
 
-echo "test: the library and everything on the in-memory bus" >&2
-cargo test --locked --release
+# lane NAME COMMAND...: as `timed`, to be run in the background; what it prints is kept for the end.
+lane() { timed "$@" >"$work/$1.out" 2>&1 || true; }
 
-echo "test: the demo" >&2
-scripts/test_demo.sh
-
-cargo build --locked --release
-
-echo "test: two thousand faults on the in-memory bus, and a million cycles without a false stop" >&2
-target/release/frhc -q campaign --seed 1 --faults 2000
-scripts/soak.sh 1000000
+# tests_of NAME: the executable of a test target.
+tests_of() {
+  cargo test --locked --profile quick --test "$1" --no-run --message-format=json 2>/dev/null |
+    sed -n 's/.*"executable":"\([^"]*\/'"$1"'-[0-9a-f]*\)".*/\1/p' | tail -n 1
+}
 
 # on_vcan CPU NAME: the tests of that target, in virtual time, on one CPU of this machine.
 on_vcan() {
   local tests
-  tests=$(cargo test --locked --release --test "$2" --no-run --message-format=json 2>/dev/null |
-    sed -n 's/.*"executable":"\([^"]*\/'"$2"'-[0-9a-f]*\)".*/\1/p' | tail -n 1)
+  tests=$(tests_of "$2")
   [[ -x $tests ]] || { echo "test: the tests $2 did not build" >&2; return 1; }
   VCAN_UML_CPU=$1 scripts/with_vcan.sh -v -t 600 -i "vcan0 vcan1" -- "$tests" --test-threads=1 --show-output
 }
-cargo test --locked --release --no-run --test vcan --test vcan_faults
-echo "test: two processes on real vcan, and the same faults there, side by side in virtual time" >&2
-faults=$(mktemp)
-trap 'rm -f "$faults"' EXIT
-on_vcan $(($(nproc) - 1)) vcan_faults >"$faults" 2>&1 &
-job=$!
-status=0
-on_vcan 0 vcan || status=$?
-wait "$job" || status=$?
-cat "$faults"
-((status == 0)) || exit "$status"
+interop() { VCAN_UML_CPU=$1 scripts/interop.sh; }
+campaign() { target/release/frhc -q campaign --seed 1 --faults 2000 --threads 1; }
 
-echo "test: other people's programs on real vcan" >&2
-scripts/interop.sh
+missing=
+[[ -z $installs ]] || scripts/setup.sh tools
+timed "build the tests" cargo test --workspace --locked --profile quick --no-run
+timed "library, and everything on the bus in memory" cargo test --workspace --locked --profile quick
+timed "build the program" cargo build --locked --release
+timed "demo" scripts/test_demo.sh
+[[ -z $installs ]] || scripts/setup.sh kernel
+missing=$(scripts/setup.sh --missing | paste -sd ' ') || true
+
+export FRHC_PROGRAM=$PWD/target/release/frhc
+last=$(($(nproc) - 1))
+if [[ -z $missing ]]; then
+  timed "build the tests on vcan" cargo test --locked --profile quick --no-run --test vcan --test vcan_faults
+  { lane "two processes on real vcan" on_vcan 0 vcan; lane "other people's programs on real vcan" interop 0; } &
+  first=$!
+fi
+{
+  [[ -n $missing ]] || lane "faults on real vcan" on_vcan "$last" vcan_faults
+  lane "two thousand faults on the bus in memory" campaign
+  lane "a million cycles without a false stop" scripts/soak.sh 1000000 1 --threads 1
+} &
+wait ${first:-} $!
+for output in "$work"/*.out; do
+  echo "--- $(basename "$output" .out)"
+  cat "$output"
+done
+
+echo "test: how long it took" >&2
+cat "$work/times" >&2
+if [[ -s $work/failed ]]; then
+  sed 's/^/test: FAILED: /' "$work/failed" >&2
+  exit 1
+fi
+if [[ -n $missing ]]; then
+  echo "test: what needs real vcan was not run, for want of: $missing (scripts/setup.sh installs it)" >&2
+  exit 1
+fi

@@ -27,6 +27,7 @@ if cmp --silent --bytes=2000000 "$out/first/bus.log" "$out/other/bus.log"; then
   exit 1
 fi
 
+command -v log2asc >/dev/null || { echo "demo: log2asc is not there to read the log (scripts/setup.sh tools)" >&2; exit; }
 lines=$(wc -l <"$out/first/bus.log")
 asc=$(log2asc -I "$out/first/bus.log" vcan0 vcan1 wrench0 node0 | grep -c -E ' (Rx|Tx) ')
 echo "demo: $lines lines, $asc of them in log2asc's words" >&2

@@ -1,8 +1,8 @@
-//! The `frhc` program: see [`frhc::cli`].
+//! The `frhc` program: see [`frhc`].
 #![forbid(unsafe_code)]
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    frhc::cli::main()
+    frhc::main()
 }

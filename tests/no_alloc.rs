@@ -19,8 +19,9 @@ use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering;
 
 use common::bench::scenario;
-use frhc::config::Config;
-use frhc::lab::bench::Bench;
+
+use config::Config;
+use lab::bench::Bench;
 
 /// Counts what is asked for while it is watched.
 struct Counting;

@@ -28,17 +28,18 @@ use common::process::Candump;
 use common::process::Outcome;
 use common::process::Process;
 use common::process::Scratch;
-use frhc::bus::Bus;
-use frhc::bus::Heard;
-use frhc::bus::SendError;
-use frhc::bus::SocketCan;
-use frhc::canopen::frame::Channel;
-use frhc::canopen::frame::Frame;
-use frhc::canopen::frame::Telegram;
-use frhc::config::Config;
-use frhc::lab::world;
-use frhc::telemetry::candump::Line;
 use nix::sys::signal::Signal;
+
+use bus::Bus;
+use bus::Heard;
+use bus::SendError;
+use bus::SocketCan;
+use bus::candump::Line;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use config::Config;
+use lab::world;
 
 const CONFIG: &str = "config/kraft_like.toml";
 
@@ -275,7 +276,7 @@ fn bench_tools_find_read_and_renumber_a_simulated_drive() {
     let scratch = Scratch::new("bench-tools");
     let mut candump = Candump::of("vcan0");
     let ended = |words: &str| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_frhc"));
+        let mut command = std::process::Command::new(common::program());
         command.args(words.split(' ')).args(["-i", "vcan0"]).output().unwrap()
     };
     let empty = ended("scan");
@@ -318,7 +319,7 @@ fn data_from_a_bus_that_cannot_be_written_fails_the_tool() {
     let mut candump = Candump::of("vcan0");
     let onto_full = |words: &[&str]| {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_frhc"));
+        let mut command = std::process::Command::new(common::program());
         command.args(words).stdout(full).stderr(Stdio::piped()).spawn().unwrap()
     };
     let fails = |words: &[&str], ended: std::process::Output| {
@@ -450,7 +451,7 @@ fn hazard_24_run_and_commission_on_an_interface_that_is_down_say_so() {
 #[test]
 fn waiting_ends_at_its_deadline() {
     let mut bus = SocketCan::open(&["vcan0".to_owned()]).unwrap();
-    frhc::bus::realtime::ask();
+    bus::realtime::ask();
     for micros in [100, 1_000, 12_345] {
         let until = bus.now() + Duration::from_micros(micros);
         assert_eq!(bus.receive(until), None);
@@ -465,7 +466,7 @@ fn an_interface_that_goes_down_is_told_and_takes_no_frame() {
     Process::of("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
     let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x80, []) };
     let heard = bus.receive(bus.now() + Duration::from_millis(5)).map(|received| received.heard);
-    assert_eq!(heard, Some(Heard::Fault(frhc::bus::BusFault::Down)));
+    assert_eq!(heard, Some(Heard::Fault(bus::BusFault::Down)));
     assert_eq!(bus.send(telegram), Err(SendError::Down));
     Process::of("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
 }
@@ -538,7 +539,7 @@ fn promise_12_a_console_that_does_not_read_and_a_terminal_that_is_stopped_delay_
     let scratch = Scratch::new("stopped");
     let (_unread, mut full) = UnixStream::pair().unwrap();
     full.set_nonblocking(true).unwrap();
-    while full.write_all(&[b'.']).is_ok() {}
+    while full.write_all(b".").is_ok() {}
     full.set_nonblocking(false).unwrap();
     let (candump, run, sim) = carried(&scratch, OwnedFd::from(full));
     let mut client = UnixStream::connect(scratch.path("frhc/node.sock")).unwrap();

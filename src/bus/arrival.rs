@@ -7,7 +7,7 @@
 
 use std::time::Duration;
 
-use crate::bus::clock::Reading;
+use crate::clock::Reading;
 
 /// Readings of two clocks agree within this: what adjusting them slowly makes of a millisecond, and what
 /// passes between reading the one and the other.
@@ -44,8 +44,9 @@ impl Arrivals {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     /// The clocks at `micros`, the one on the wall ahead by `ahead`.
     fn clocks(micros: u64, ahead: Duration) -> Reading {

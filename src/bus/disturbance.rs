@@ -1,16 +1,16 @@
-//! What can go wrong between the node and a bus of the [`Memory`](crate::bus::Memory), at any moment: the
+//! What can go wrong between the node and a bus of the [`Memory`](crate::Memory), at any moment: the
 //! adapter, its driver, the process and the host's clocks. What goes wrong with the devices is the
 //! simulation's.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::bus::BusFault;
-use crate::bus::Received;
-use crate::bus::SendError;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::time::Instant;
+use crate::BusFault;
+use crate::Received;
+use crate::SendError;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use units::time::Instant;
 
 /// Frames an adapter holds back at most while it stalls; later ones are lost.
 const HELD: usize = 32;
@@ -170,11 +170,11 @@ impl Adapter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bus::Bus;
-    use crate::bus::Heard;
-    use crate::bus::Memory;
-    use crate::canopen::frame::Telegram;
-    use crate::canopen::station::Station;
+    use crate::Bus;
+    use crate::Heard;
+    use crate::Memory;
+    use canopen::frame::Telegram;
+    use canopen::station::Station;
 
     const CHANNEL: Channel = Channel(0);
 

@@ -19,8 +19,8 @@ use nix::sys::socket::sendto;
 use nix::sys::socket::socket;
 use thiserror::Error;
 
-use crate::bus::netlink;
-use crate::bus::netlink::Link;
+use crate::netlink;
+use crate::netlink::Link;
 
 /// The driver shows a sent frame to its host when it was on the wire, and not before (linux/if.h).
 const IFF_ECHO: u32 = 1 << 18;

@@ -7,26 +7,26 @@ use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use crate::bus::Bus;
-use crate::bus::BusFault;
-use crate::bus::Heard;
-use crate::bus::Received;
-use crate::bus::ReopenError;
-use crate::bus::SendError;
-use crate::bus::Tap;
-use crate::bus::clock;
-use crate::bus::disturbance::Adapter;
-use crate::bus::disturbance::Agenda;
-use crate::bus::disturbance::Disturbance;
-use crate::bus::disturbance::Mishap;
-use crate::bus::disturbance::Taken;
-use crate::bus::wire::Sender;
-use crate::bus::wire::Wire;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Telegram;
-use crate::canopen::station::Station;
-use crate::canopen::sync;
-use crate::time::Instant;
+use crate::Bus;
+use crate::BusFault;
+use crate::Heard;
+use crate::Received;
+use crate::ReopenError;
+use crate::SendError;
+use crate::Tap;
+use crate::clock;
+use crate::disturbance::Adapter;
+use crate::disturbance::Agenda;
+use crate::disturbance::Disturbance;
+use crate::disturbance::Mishap;
+use crate::disturbance::Taken;
+use crate::wire::Sender;
+use crate::wire::Wire;
+use canopen::frame::Channel;
+use canopen::frame::Telegram;
+use canopen::station::Station;
+use canopen::sync;
+use units::time::Instant;
 
 /// The node's frames that may wait on one bus: about a cycle's worth.
 const QUEUE: usize = 32;
@@ -358,8 +358,8 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::bits;
-    use crate::canopen::frame::Frame;
+    use canopen::bits;
+    use canopen::frame::Frame;
 
     /// Answers every SYNC with three frames, the highest identifier first.
     #[derive(Debug, Default)]

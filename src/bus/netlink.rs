@@ -138,8 +138,9 @@ fn text(held: &[u8]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn attribute(kind: u16, held: &[u8]) -> Vec<u8> {
         let length = u16::try_from(4 + held.len()).unwrap();

@@ -16,9 +16,9 @@ use socketcan::id::CAN_ERR_FLAG;
 use socketcan::id::CAN_RTR_FLAG;
 use socketcan::id::CAN_SFF_MASK;
 
-use crate::bus::BusFault;
-use crate::bus::Heard;
-use crate::canopen::frame::Frame;
+use crate::BusFault;
+use crate::Heard;
+use canopen::frame::Frame;
 
 /// Bytes of a classical frame, `CAN_MTU`.
 pub(super) const SIZE: usize = 16;
@@ -92,8 +92,9 @@ fn fault(classes: u32, [_, reported, _, _, _, _, transmit, receive]: [u8; 8]) ->
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn bytes(id: u32, length: u8, data: [u8; 8]) -> [u8; SIZE] {
         let mut bytes = [0; SIZE];

@@ -30,13 +30,13 @@ use socketcan::StandardId;
 use socketcan::addr::AF_CAN;
 use socketcan::addr::CAN_RAW;
 
-use crate::bus::BusFault;
-use crate::bus::Heard;
-use crate::bus::SendError;
-use crate::bus::arrival::Arrivals;
-use crate::bus::clock::Reading;
-use crate::bus::raw_frame;
-use crate::canopen::frame::Frame;
+use crate::BusFault;
+use crate::Heard;
+use crate::SendError;
+use crate::arrival::Arrivals;
+use crate::clock::Reading;
+use crate::raw_frame;
+use canopen::frame::Frame;
 
 /// What may wait in a socket before the driver takes it, in bytes: about a cycle of frames. More would
 /// be a store of stale torques.

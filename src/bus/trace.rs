@@ -2,15 +2,15 @@
 
 use std::time::Duration;
 
-use crate::bus::Bus;
-use crate::bus::Heard;
-use crate::bus::Received;
-use crate::bus::ReopenError;
-use crate::bus::SendError;
-use crate::bus::Tap;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Telegram;
-use crate::time::Instant;
+use crate::Bus;
+use crate::Heard;
+use crate::Received;
+use crate::ReopenError;
+use crate::SendError;
+use crate::Tap;
+use canopen::frame::Channel;
+use canopen::frame::Telegram;
+use units::time::Instant;
 
 /// `B`, overheard by `T`. Frames that were not taken are not shown.
 #[derive(Debug)]

@@ -5,8 +5,8 @@
 
 use std::collections::VecDeque;
 
-use crate::canopen::bits;
-use crate::canopen::frame::Frame;
+use canopen::bits;
+use canopen::frame::Frame;
 
 /// Nanoseconds in a second.
 const SECOND: u64 = 1_000_000_000;

@@ -1,6 +1,6 @@
 //! Why an SDO transfer was aborted: the codes of CiA 301, 7.2.4.3.17, by name.
 //!
-//! Only the codes. Who aborted, and over which object, is said by [`sdo`](crate::canopen::sdo).
+//! Only the codes. Who aborted, and over which object, is said by [`sdo`](crate::sdo).
 
 use std::fmt;
 

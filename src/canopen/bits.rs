@@ -1,7 +1,7 @@
 //! How long a frame is on the wire, in bits: classical CAN with an 11-bit identifier (ISO 11898-1),
 //! the interframe space of 3 bits included.
 
-use crate::canopen::frame::Frame;
+use crate::frame::Frame;
 
 /// Start, identifier, RTR, IDE, r0, DLC, CRC, delimiters, acknowledge, end of frame and interframe space.
 const OVERHEAD: u32 = 47;

@@ -1,11 +1,11 @@
 //! Concise DCFs (CiA 302-3, the values of 1F22h): the writes that configure one device, in order, as a
 //! master keeps them.
 //!
-//! Only the bytes. What is to be written, and in which order, is in [`plan`](crate::canopen::plan).
+//! Only the bytes. What is to be written, and in which order, is in [`plan`](crate::plan).
 
 use thiserror::Error;
 
-use crate::canopen::object::Object;
+use crate::object::Object;
 
 /// One write.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -73,8 +73,9 @@ fn one(bytes: &[u8]) -> Option<(Download, &[u8])> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     #[test]
     fn the_bytes_are_those_of_the_standard() {

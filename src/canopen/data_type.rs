@@ -1,6 +1,6 @@
 //! The static data types of CiA 301 (7.4.7.1): number, name, length, what their bits are.
 //!
-//! Only types. How an EDS writes a value of one is in [`eds`](crate::canopen::eds).
+//! Only types. How an EDS writes a value of one is in [`eds`](crate::eds).
 
 use std::ops::RangeInclusive;
 

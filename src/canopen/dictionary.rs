@@ -1,18 +1,18 @@
 //! An object dictionary: what one device holds, as its EDS describes it and its node-id completes it.
 //!
 //! Not who may write what over which service: the dictionary says what the rules are, the
-//! [SDO server](crate::canopen::device) keeps them. Values are little-endian bytes, as on the wire.
+//! [SDO server](crate::device) keeps them. Values are little-endian bytes, as on the wire.
 
 use std::ops::RangeInclusive;
 
-use crate::canopen::NodeId;
-use crate::canopen::data_type;
-use crate::canopen::data_type::Kind;
-use crate::canopen::eds::Access;
-use crate::canopen::eds::Described;
-use crate::canopen::eds::Eds;
-use crate::canopen::eds::value;
-use crate::canopen::object::Object;
+use crate::NodeId;
+use crate::data_type;
+use crate::data_type::Kind;
+use crate::eds::Access;
+use crate::eds::Described;
+use crate::eds::Eds;
+use crate::eds::value;
+use crate::object::Object;
 
 /// One object and what it holds.
 #[derive(Clone, Debug, PartialEq)]

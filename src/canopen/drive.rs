@@ -202,8 +202,9 @@ impl PowerStage {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     /// What a drive in `state` makes of a controlword.
     fn follow(state: State, word: Controlword, rose: bool) -> State {

@@ -15,7 +15,7 @@ use canopen_rs::EmergencyMessage;
 use canopen_rs::NodeId;
 use canopen_rs::emcy::emcy_cob_id;
 
-use crate::canopen::error_codes;
+use crate::error_codes;
 
 /// The COB-ID of the predefined connection set, 80h + node-id.
 pub const fn default_cob_id(node: NodeId) -> u16 {

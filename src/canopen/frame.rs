@@ -1,7 +1,7 @@
 //! A classical CAN frame with an 11-bit identifier: the only kind CANopen uses (CiA 301, 4.2).
 //!
 //! Error frames, 29-bit identifiers and CAN FD are sorted out by the bus and never become a [`Frame`].
-//! A remote frame is one that the node sends, to guard a node ([`guarding`](crate::canopen::guarding));
+//! A remote frame is one that the node sends, to guard a node ([`guarding`](crate::guarding));
 //! it carries nothing, and a received one never reaches the node.
 
 use std::fmt;

@@ -16,10 +16,10 @@ use canopen_rs::NodeId;
 use canopen_rs::nmt::decode_heartbeat;
 use canopen_rs::nmt::heartbeat_cob_id;
 
-use crate::canopen::frame::Frame;
-use crate::canopen::heartbeat::Health;
-use crate::canopen::heartbeat::News;
-use crate::time::Instant;
+use crate::frame::Frame;
+use crate::heartbeat::Health;
+use crate::heartbeat::News;
+use units::time::Instant;
 
 /// How a node is guarded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -125,8 +125,9 @@ const TOGGLE: u8 = 0x80;
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const GUARDING: Guarding = Guarding { guard_time_ms: 20, life_time_factor: 3 };
     const OPERATIONAL: NmtState = NmtState::Operational;

@@ -14,10 +14,10 @@ use canopen_rs::nmt::decode_heartbeat;
 use canopen_rs::nmt::encode_heartbeat;
 use canopen_rs::nmt::heartbeat_cob_id;
 
-use crate::canopen::frame::Frame;
-use crate::canopen::master::duplicate::Rhythm;
-use crate::canopen::master::duplicate::Sign;
-use crate::time::Instant;
+use crate::frame::Frame;
+use crate::master::duplicate::Rhythm;
+use crate::master::duplicate::Sign;
+use units::time::Instant;
 
 /// Whether the frame is the boot-up message of `node`.
 pub fn is_boot_up(frame: &Frame, node: NodeId) -> bool {
@@ -154,8 +154,9 @@ impl Consumer {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const MS: Duration = Duration::from_millis(1);
 

@@ -2,7 +2,7 @@
 //! to 7.5.2.38).
 //!
 //! Only communication and mapping. Which bits are whose follows from it in
-//! [`exchange`](crate::canopen::exchange), what they cost in [`load`](crate::canopen::load). A further
+//! [`exchange`](crate::exchange), what they cost in [`load`](crate::load). A further
 //! layout is one more function here.
 
 use std::ops::RangeInclusive;
@@ -14,8 +14,8 @@ use canopen_rs::Value;
 use canopen_rs::pdo::PDO_COB_ID_INVALID;
 use canopen_rs::pdo::default_cob_id;
 
-use crate::canopen::object::Object;
-use crate::canopen::sync::Transmission;
+use crate::object::Object;
+use crate::sync::Transmission;
 
 /// Seen from the node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

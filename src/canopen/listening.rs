@@ -8,11 +8,11 @@ use canopen_rs::nmt::HEARTBEAT_COB_BASE;
 use canopen_rs::sdo::SDO_REQUEST_COB_BASE;
 use canopen_rs::sdo::SDO_RESPONSE_COB_BASE;
 
-use crate::canopen::frame::COB_ID_MAX;
-use crate::canopen::frame::Channel;
-use crate::canopen::nmt;
-use crate::canopen::plan::NodePlan;
-use crate::canopen::sync;
+use crate::frame::COB_ID_MAX;
+use crate::frame::Channel;
+use crate::nmt;
+use crate::plan::NodePlan;
+use crate::sync;
 
 /// The bits of a COB-ID that say what it is for; the others are the node-id.
 const FUNCTION: u16 = 0x780;

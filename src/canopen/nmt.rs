@@ -1,6 +1,6 @@
 //! NMT: the commands that start, stop and reset nodes (CiA 301, 7.2.8.3.1), decoded and encoded.
 //!
-//! Who is in which state is heard from [heartbeats](crate::canopen::heartbeat); this is only what
+//! Who is in which state is heard from [heartbeats](crate::heartbeat); this is only what
 //! is said. There is one NMT master, so a command that is *heard* is somebody else's.
 //!
 //! | byte | meaning                                   |
@@ -17,7 +17,7 @@ use canopen_rs::nmt::NMT_COMMAND_COB_ID;
 use canopen_rs::nmt::decode_command;
 use canopen_rs::nmt::encode_command;
 
-use crate::canopen::frame::Frame;
+use crate::frame::Frame;
 
 /// The highest priority on the bus.
 pub const COB_ID: u16 = NMT_COMMAND_COB_ID;

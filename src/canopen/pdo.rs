@@ -1,11 +1,11 @@
 //! What the cycle's PDOs carry, as values: a drive's sample, the operator's switches.
 //!
-//! Where their bits are is the layout's business: [`exchange`](crate::canopen::exchange) reads and
+//! Where their bits are is the layout's business: [`exchange`](crate::exchange) reads and
 //! writes the frames.
 
 use thiserror::Error;
 
-use crate::canopen::drive::Statusword;
+use crate::drive::Statusword;
 
 /// A position of an encoder, in its counts; wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

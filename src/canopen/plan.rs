@@ -1,7 +1,7 @@
 //! What a node must be and how it must be set, as data.
 //!
 //! Takes no steps itself: which steps there are, and in which order, is in
-//! [`steps`](crate::canopen::master::steps); taking them is [`commission`](crate::canopen::master::commission).
+//! [`steps`](crate::master::steps); taking them is [`commission`](crate::master::commission).
 
 use std::fmt;
 use std::time::Duration;
@@ -10,16 +10,16 @@ use canopen_rs::ByteString;
 use canopen_rs::NodeId;
 use canopen_rs::Value;
 
-use crate::canopen::drive;
-use crate::canopen::emcy;
-use crate::canopen::guarding::Guarding;
-use crate::canopen::layout;
-use crate::canopen::layout::Direction;
-use crate::canopen::layout::Pdo;
-use crate::canopen::master::check::COB_ID_INVALID;
-use crate::canopen::master::check::Check;
-use crate::canopen::master::configuration::Stamp;
-use crate::canopen::object::Object;
+use crate::drive;
+use crate::emcy;
+use crate::guarding::Guarding;
+use crate::layout;
+use crate::layout::Direction;
+use crate::layout::Pdo;
+use crate::master::check::COB_ID_INVALID;
+use crate::master::check::Check;
+use crate::master::configuration::Stamp;
+use crate::object::Object;
 
 /// Who a node must say it is (1000h and 1018h).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -389,38 +389,10 @@ const fn must(object: Object, value: Value) -> Setting {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-
-    pub(crate) const IDENTITY: Identity =
-        Identity { vendor: 0x0F8C, product: 0x0402_0010, revision: 0x0001_0000 };
-
-    pub(crate) fn watch() -> Watch {
-        Watch {
-            master: NodeId::new(127).unwrap(),
-            master_lost_ms: 22,
-            heartbeat_ms: 25,
-            node_lost_ms: 60,
-        }
-    }
-
-    /// The elbow of the examples.
-    pub(crate) fn elbow() -> NodePlan {
-        let node = NodeId::new(3).unwrap();
-        let pdos = layout::per_drive(node, Some(5));
-        NodePlan::drive("joint 3 (elbow)".into(), node, IDENTITY, pdos, &watch(), 1_000)
-    }
-
-    /// The switch box of the examples.
-    pub(crate) fn switch_box() -> NodePlan {
-        let node = NodeId::new(16).unwrap();
-        NodePlan::switches("switch box".into(), node, IDENTITY, &watch())
-    }
-
-    /// The elbow, guarded.
-    pub(crate) fn guarded_elbow() -> NodePlan {
-        elbow().guarded(Guarding { guard_time_ms: 10, life_time_factor: 3 })
-    }
+    use crate::testing::plans::elbow;
+    use crate::testing::plans::guarded_elbow;
 
     #[test]
     fn the_masters_heartbeat_is_watched_as_the_standard_packs_it() {

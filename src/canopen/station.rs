@@ -1,10 +1,10 @@
 //! The contract of everything that lives on a bus without being the bus: frames and time go in,
 //! frames come out. No I/O, no clock, the same inputs give the same outputs.
 
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::frame::Telegram;
-use crate::time::Instant;
+use crate::frame::Channel;
+use crate::frame::Frame;
+use crate::frame::Telegram;
+use units::time::Instant;
 
 /// One or more devices on one or more buses.
 pub trait Station {

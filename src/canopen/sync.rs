@@ -5,7 +5,7 @@
 
 use std::fmt;
 
-use crate::canopen::frame::Frame;
+use crate::frame::Frame;
 
 /// The COB-ID of the predefined connection set.
 pub const COB_ID: u16 = 0x80;

@@ -11,9 +11,9 @@ use std::time::Duration;
 
 use canopen_rs::time as codec;
 
-use crate::canopen::frame::COB_ID_MAX;
-use crate::canopen::frame::Frame;
-use crate::time::Instant;
+use crate::frame::COB_ID_MAX;
+use crate::frame::Frame;
+use units::time::Instant;
 
 /// The COB-ID of the predefined connection set.
 pub const COB_ID: u16 = codec::TIME_COB_ID;
@@ -117,8 +117,9 @@ impl Producer {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const MS: Duration = Duration::from_millis(1);
 

@@ -7,10 +7,10 @@ use std::fmt;
 
 use canopen_rs::Value;
 
-use crate::canopen::layout::Direction;
-use crate::canopen::master::check::Check;
-use crate::canopen::object::Object;
-use crate::canopen::plan::NodePlan;
+use crate::layout::Direction;
+use crate::master::check::Check;
+use crate::object::Object;
+use crate::plan::NodePlan;
 
 /// What a drive waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -87,9 +87,9 @@ impl NodePlan {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::plan::tests::elbow;
-    use crate::canopen::plan::tests::guarded_elbow;
-    use crate::canopen::plan::tests::switch_box;
+    use crate::testing::plans::elbow;
+    use crate::testing::plans::guarded_elbow;
+    use crate::testing::plans::switch_box;
 
     #[test]
     fn a_drive_waits_for_its_rpdo_and_for_the_master_and_a_guarded_one_for_its_rpdo_alone() {

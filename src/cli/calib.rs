@@ -11,13 +11,13 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::Subcommand;
 
-use crate::cli::configured::Configured;
-use crate::cli::exit::Failure;
-use crate::cli::results::Force;
+use run::configured::Configured;
+use run::exit::Failure;
+use run::results::Force;
 
 /// `frhc calib`.
 #[derive(Debug, Args)]
-pub(super) struct Calib {
+pub(crate) struct Calib {
     /// What to do.
     #[command(subcommand)]
     task: Task,

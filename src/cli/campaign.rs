@@ -15,25 +15,25 @@ use indicatif::ProgressStyle;
 use serde_json::json;
 use tempfile::TempDir;
 
-use crate::canopen::frame::Telegram;
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
-use crate::cli::print;
-use crate::cli::results;
-use crate::cli::results::Force;
 use crate::cli::story::Story;
-use crate::config::Config;
-use crate::lab::bench::Bench;
-use crate::lab::campaign::catalogue;
-use crate::lab::campaign::monitor::Monitor;
-use crate::lab::campaign::run::Campaign as Cases;
-use crate::lab::campaign::soak;
-use crate::lab::campaign::table::Table;
-use crate::lab::campaign::verdict::Verdict;
-use crate::telemetry::candump::LogWriter;
-use crate::telemetry::record::Record;
-use crate::time::Instant;
+use bus::candump::LogWriter;
+use canopen::frame::Telegram;
+use config::Config;
+use lab::bench::Bench;
+use lab::campaign::catalogue;
+use lab::campaign::monitor::Monitor;
+use lab::campaign::run::Campaign as Cases;
+use lab::campaign::soak;
+use lab::campaign::table::Table;
+use lab::campaign::verdict::Verdict;
+use node::record::Record;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::exit::OrFail;
+use run::print;
+use run::results;
+use run::results::Force;
+use units::time::Instant;
 
 /// The hand controllers of a campaign that names none.
 const CONFIGS: [&str; 3] =
@@ -44,7 +44,7 @@ const LOGS: usize = 20;
 
 /// `frhc campaign`.
 #[derive(Debug, Args)]
-pub(super) struct Campaign {
+pub(crate) struct Campaign {
     /// Of all chance: the same seed is the same campaign, bit for bit.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,

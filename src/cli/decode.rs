@@ -20,33 +20,33 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::canopen::decode::Annotation;
-use crate::canopen::decode::Bus;
-use crate::canopen::decode::Decoder;
-use crate::canopen::decode::error_frame::ErrorFrame;
-use crate::canopen::frame::Channel;
-use crate::canopen::signals::Member;
 use crate::cli::decode::complaints::Complaints;
 use crate::cli::decode::input::read_line;
 use crate::cli::decode::pseudo::Pseudo;
 use crate::cli::decode::stamps::Stamps;
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
-use crate::cli::interfaces;
-use crate::cli::interfaces::Interfaces;
-use crate::cli::print;
-use crate::config::Config;
-use crate::config::signals;
-use crate::telemetry::candump::Content;
-use crate::telemetry::candump::Line;
-use crate::telemetry::candump::NotALine;
-use crate::telemetry::screen;
-use crate::time::Instant;
+use bus::candump::Content;
+use bus::candump::Line;
+use bus::candump::NotALine;
+use bus::screen;
+use canopen::frame::Channel;
+use canopen_tools::decode::Annotation;
+use canopen_tools::decode::Bus;
+use canopen_tools::decode::Decoder;
+use canopen_tools::decode::error_frame::ErrorFrame;
+use canopen_tools::members;
+use canopen_tools::signals::Member;
+use config::Config;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::exit::OrFail;
+use run::interfaces;
+use run::interfaces::Interfaces;
+use run::print;
+use units::time::Instant;
 
 /// `frhc decode`.
 #[derive(Debug, Args)]
-pub(super) struct Decode {
+pub(crate) struct Decode {
     /// The configuration that names nodes and scales values; without it the predefined connection set.
     #[arg(short, long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -121,7 +121,7 @@ fn decoder(args: &Decode) -> Result<(Decoder, Names), Failure> {
     let channels = config.channels();
     let named = interfaces.into_iter().zip(channels.iter().copied());
     let names = named.chain(buses.zip(channels.iter().copied())).collect();
-    Ok((Decoder::new(signals::members(&config), signals::timing(&config)), names))
+    Ok((Decoder::new(members::members(&config), members::timing(&config)), names))
 }
 
 /// The members that are asked for; `None` for everything.
@@ -340,8 +340,9 @@ fn error_frame(id: u32, bytes: &[u8]) -> ErrorFrame {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     /// What becomes of `input`, and how many lines of it are malformed.
     fn transcribed(input: &[u8], is_json: bool) -> (Vec<u8>, u64) {

@@ -10,25 +10,25 @@ use clap::Args;
 use clap::Subcommand;
 use serde_json::Value as Json;
 
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
 use crate::cli::explain::asked::Flags;
-use crate::cli::faults;
-use crate::cli::faults::Faults;
-use crate::cli::print;
-use crate::config::Config;
-use crate::lab::explanation;
-use crate::lab::explanation::Entry;
-use crate::lab::explanation::Explanation;
-use crate::lab::explanation::Value;
-use crate::lab::world;
-use crate::telemetry::digits;
+use config::Config;
+use lab::explanation;
+use lab::explanation::Entry;
+use lab::explanation::Explanation;
+use lab::explanation::Value;
+use lab::world;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::exit::OrFail;
+use run::faults;
+use run::faults::Faults;
+use run::print;
+use telemetry::digits;
 
 /// `frhc explain`.
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true)]
-pub(super) struct Explain {
+pub(crate) struct Explain {
     #[command(subcommand)]
     topic: Option<Topic>,
     /// The configuration; config/kraft_like.toml, or the one named after the question's device.

@@ -11,7 +11,7 @@ use tokio::signal::unix::Signal;
 use tokio::signal::unix::SignalKind;
 use tokio::signal::unix::signal;
 
-use crate::cli::exit::INTERRUPTED;
+use run::exit::INTERRUPTED;
 
 /// A file has met its limit of size; so numbered by Linux on every architecture but MIPS.
 const SIGXFSZ: i32 = 25;

@@ -5,28 +5,28 @@ use std::time::Duration;
 use clap::Args;
 use clap::Subcommand;
 
-use crate::bus::Bus;
-use crate::canopen::NodeId;
-use crate::canopen::bench::scan::Found;
-use crate::canopen::bench::scan::Scan;
-use crate::canopen::lss::Address;
-use crate::canopen::lss::BitRate;
-use crate::canopen::lss::identify::Description;
-use crate::canopen::lss::identify::Identify;
-use crate::canopen::lss::job::Job;
-use crate::canopen::lss::job::Patience;
-use crate::canopen::lss::job::Report;
-use crate::canopen::lss::job::Selection;
-use crate::canopen::lss::master::Master;
 use crate::cli::bench::Beside;
 use crate::cli::bench::Line;
 use crate::cli::bench::Session;
 use crate::cli::bench::SessionError;
 use crate::cli::bench::words;
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
-use crate::cli::print;
+use bus::Bus;
+use canopen::NodeId;
+use canopen::lss::Address;
+use canopen::lss::BitRate;
+use canopen::lss::identify::Description;
+use canopen::lss::identify::Identify;
+use canopen::lss::job::Job;
+use canopen::lss::job::Patience;
+use canopen::lss::job::Report;
+use canopen::lss::job::Selection;
+use canopen::lss::master::Master;
+use canopen_tools::bench::scan::Found;
+use canopen_tools::bench::scan::Scan;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::exit::OrFail;
+use run::print;
 
 /// `frhc lss`.
 #[derive(Debug, Args)]
@@ -40,7 +40,7 @@ use crate::cli::print;
         frhc lss configure --select 0xF8C,0x04020010,0x00010000,3 --node-id 3 --store -i can0\n  \
         frhc lss configure --fastscan --node-id 4 --bit-timing 1000 --store -i can0"
 )]
-pub(super) struct Lss {
+pub(crate) struct Lss {
     #[command(subcommand)]
     task: Task,
     #[command(flatten)]

@@ -5,24 +5,24 @@ use std::time::Duration;
 use clap::Args;
 use clap::Subcommand;
 
-use crate::canopen::NmtCommand;
-use crate::canopen::NmtState;
-use crate::canopen::NodeId;
-use crate::canopen::bench::confirm::Confirmation;
-use crate::canopen::bench::confirm::Heard;
-use crate::canopen::bench::watch::News;
-use crate::canopen::bench::watch::Watch;
-use crate::canopen::heartbeat;
-use crate::canopen::nmt;
-use crate::canopen::nmt::Order;
 use crate::cli::bench::Beside;
 use crate::cli::bench::Line;
 use crate::cli::bench::SessionError;
 use crate::cli::bench::words;
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::print;
-use crate::time::Instant;
+use canopen::NmtCommand;
+use canopen::NmtState;
+use canopen::NodeId;
+use canopen::heartbeat;
+use canopen::nmt;
+use canopen::nmt::Order;
+use canopen_tools::bench::confirm::Confirmation;
+use canopen_tools::bench::confirm::Heard;
+use canopen_tools::bench::watch::News;
+use canopen_tools::bench::watch::Watch;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::print;
+use units::time::Instant;
 
 /// `frhc nmt`.
 #[derive(Debug, Args)]
@@ -34,7 +34,7 @@ use crate::time::Instant;
         Examples:\n  frhc nmt start 3 --wait -i can0\n  frhc nmt reset all --config config/kraft_like.toml --wait\n  \
         frhc nmt watch -i can0"
 )]
-pub(super) struct Nmt {
+pub(crate) struct Nmt {
     #[command(subcommand)]
     task: Task,
     #[command(flatten)]

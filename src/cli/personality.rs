@@ -4,12 +4,12 @@ use std::str::FromStr;
 
 use clap::Args;
 
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
-use crate::config::Config;
-use crate::sim::personality::Cast;
-use crate::sim::personality::Quirk;
+use config::Config;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::exit::OrFail;
+use sim::personality::Cast;
+use sim::personality::Quirk;
 
 /// What the drives are like.
 #[derive(Debug, Args)]
@@ -67,8 +67,9 @@ impl Personalities {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use std::path::Path;
+
+    use super::*;
 
     fn cast(parts: &[&str]) -> Result<Cast, String> {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();

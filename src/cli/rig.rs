@@ -4,21 +4,21 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::print;
-use crate::cli::results;
-use crate::cli::results::Force;
-use crate::config::Config;
-use crate::config::torque_data::Measured;
-use crate::config::torque_data::TorqueData;
-use crate::controller::arm::JointKind;
-use crate::controller::fit::Direction;
-use crate::controller::fit::Sample;
-use crate::lab::world;
-use crate::sim::rig::Reading;
-use crate::sim::rig::Rig;
-use crate::telemetry::digits::significant;
+use config::Config;
+use config::torque_data::Measured;
+use config::torque_data::TorqueData;
+use controller::arm::JointKind;
+use controller::fit::Direction;
+use controller::fit::Sample;
+use lab::world;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::print;
+use run::results;
+use run::results::Force;
+use sim::rig::Reading;
+use sim::rig::Rig;
+use telemetry::digits::significant;
 
 /// What `frhc sim` takes to be a calibration rig.
 #[derive(Debug, Args)]

@@ -4,11 +4,11 @@ use std::io::ErrorKind;
 use std::path::Path;
 use std::path::PathBuf;
 
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::config::files;
-use crate::config::shipped;
-use crate::sim::scenario::Scenario;
+use config::files;
+use config::shipped;
+use run::exit::Failure;
+use run::exit::Kind;
+use sim::scenario::Scenario;
 
 /// Reads the scenario called `name`, or in the file of that name.
 pub(super) fn load(name: &str) -> Result<Scenario, Failure> {

@@ -8,18 +8,6 @@ use anyhow::Context;
 use clap::Args;
 use clap::Subcommand;
 
-use crate::canopen::NodeId;
-use crate::canopen::eds::Described;
-use crate::canopen::eds::Eds;
-use crate::canopen::object::Object;
-use crate::canopen::sdo::Block;
-use crate::canopen::sdo::Content;
-use crate::canopen::sdo::MAX_BYTES;
-use crate::canopen::sdo::Terms;
-use crate::canopen::value;
-use crate::canopen::value::Octets;
-use crate::canopen::value::Value;
-use crate::canopen::value::gateway_type::GatewayType;
 use crate::cli::bench::Beside;
 use crate::cli::bench::Known;
 use crate::cli::bench::Line;
@@ -27,13 +15,25 @@ use crate::cli::bench::objects;
 use crate::cli::bench::objects::ObjectError;
 use crate::cli::bench::objects::Target;
 use crate::cli::bench::words;
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
-use crate::cli::print;
-use crate::cli::results;
-use crate::cli::results::Force;
-use crate::config::files;
+use canopen::NodeId;
+use canopen::eds::Described;
+use canopen::eds::Eds;
+use canopen::object::Object;
+use canopen::sdo::Block;
+use canopen::sdo::Content;
+use canopen::sdo::MAX_BYTES;
+use canopen::sdo::Terms;
+use canopen::value;
+use canopen::value::Octets;
+use canopen::value::Value;
+use canopen::value::gateway_type::GatewayType;
+use config::files;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::exit::OrFail;
+use run::print;
+use run::results;
+use run::results::Force;
 
 /// `frhc sdo`.
 #[derive(Debug, Args)]
@@ -45,7 +45,7 @@ use crate::config::files;
         Examples:\n  frhc sdo read 3 6041 u16 -i can0\n  frhc sdo read 3 1008 --config config/kraft_like.toml\n  \
         frhc sdo write 3 6071 i16 -100 --verify -i can0\n  frhc sdo write 3 1F50:1 d @firmware.bin --block -i can0"
 )]
-pub(super) struct Sdo {
+pub(crate) struct Sdo {
     #[command(subcommand)]
     task: Task,
     #[command(flatten)]

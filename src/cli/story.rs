@@ -1,14 +1,14 @@
 //! What breaks in a simulated run, and what the node makes of it, one line each, with the time on the bus
 //! as `bus.log` and `fault.json` have it.
 
-use crate::canopen::master::event::Event;
-use crate::cli::time_line;
-use crate::config::Config;
-use crate::sim::fault::Notice;
-use crate::sim::scenario::fault::Whom;
-use crate::telemetry::record::Mode;
-use crate::telemetry::record::Record;
-use crate::time::Instant;
+use canopen::master::event::Event;
+use config::Config;
+use node::record::Mode;
+use node::record::Record;
+use run::time_line;
+use sim::fault::Notice;
+use sim::scenario::fault::Whom;
+use units::time::Instant;
 
 /// Tells it, with the names of the configuration.
 #[derive(Debug)]

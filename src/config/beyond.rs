@@ -1,24 +1,24 @@
 //! `[controller]`: what stands beside the paper's law. What is not written down is off, but for one: what is
 //! felt always begins by a ramp.
 
-use crate::config::problem::Problems;
-use crate::config::raw;
-use crate::config::raw::six;
-use crate::controller::Beyond;
-use crate::controller::arm::Arm;
-use crate::controller::assist::ContactFade;
-use crate::controller::calibration::Calibration;
-use crate::controller::engagement::Engagement;
-use crate::controller::gains::Gains;
-use crate::controller::limits::Slew;
-use crate::controller::passivity::Passivity;
-use crate::controller::passivity::PassivitySettings;
-use crate::controller::period::Period;
-use crate::controller::soft_stops::SoftStops;
-use crate::controller::tank::Tank;
-use crate::controller::tank::TankSettings;
-use crate::controller::velocity::Filter;
-use crate::controller::virtual_coupling::VirtualCoupling;
+use crate::problem::Problems;
+use crate::raw;
+use crate::raw::six;
+use controller::Beyond;
+use controller::arm::Arm;
+use controller::assist::ContactFade;
+use controller::calibration::Calibration;
+use controller::engagement::Engagement;
+use controller::gains::Gains;
+use controller::limits::Slew;
+use controller::passivity::Passivity;
+use controller::passivity::PassivitySettings;
+use controller::period::Period;
+use controller::soft_stops::SoftStops;
+use controller::tank::Tank;
+use controller::tank::TankSettings;
+use controller::velocity::Filter;
+use controller::virtual_coupling::VirtualCoupling;
 
 /// What is felt begins over so many s if nothing else is asked for.
 const BEGINS_OVER: f64 = 0.3;

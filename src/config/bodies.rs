@@ -3,10 +3,10 @@
 use nalgebra::Matrix3;
 use nalgebra::Vector3;
 
-use crate::config::Config;
-use crate::config::problem::Problems;
-use crate::config::raw;
-use crate::controller::JointVector;
+use crate::Config;
+use crate::problem::Problems;
+use crate::raw;
+use controller::JointVector;
 
 /// Gravity that a hand controller on a planet or moon has, in m/s². 9810 is in mm/s².
 const GRAVITY: std::ops::RangeInclusive<f64> = 1.0..=20.0;

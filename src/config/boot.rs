@@ -1,13 +1,13 @@
 //! `[joint.boot]`, `[switches.boot]`: what more a node must be, and how it is booted and watched, where
 //! that is not as usual.
 
-use crate::canopen::ByteString;
-use crate::canopen::guarding::Guarding;
-use crate::canopen::plan::Admission;
-use crate::canopen::plan::NodePlan;
-use crate::canopen::plan::Revisions;
-use crate::config::problem::Problems;
-use crate::config::raw;
+use crate::problem::Problems;
+use crate::raw;
+use canopen::ByteString;
+use canopen::guarding::Guarding;
+use canopen::plan::Admission;
+use canopen::plan::NodePlan;
+use canopen::plan::Revisions;
 
 /// How one node is booted.
 #[derive(Clone, Debug, Default, PartialEq)]

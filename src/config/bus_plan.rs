@@ -3,16 +3,16 @@
 
 use nalgebra::SVector;
 
-use crate::canopen::frame::Channel;
-use crate::canopen::load::abilities::Abilities;
-use crate::canopen::load::network::Bus;
-use crate::canopen::load::network::Member;
-use crate::canopen::load::network::Network;
-use crate::canopen::load::payload::Signals;
-use crate::canopen::plan::NodePlan;
-use crate::config::BusSettings;
-use crate::config::Config;
-use crate::config::network;
+use crate::BusSettings;
+use crate::Config;
+use crate::network;
+use canopen::frame::Channel;
+use canopen::load::abilities::Abilities;
+use canopen::load::network::Bus;
+use canopen::load::network::Member;
+use canopen::load::network::Network;
+use canopen::load::payload::Signals;
+use canopen::plan::NodePlan;
 
 /// A joint in use moves so much of its range to either side of where it starts.
 const TRAVEL: f64 = 0.05;

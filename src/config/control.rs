@@ -4,22 +4,22 @@ use std::time::Duration;
 
 use nalgebra::Isometry3;
 
-use crate::config::beyond;
-use crate::config::joints;
-use crate::config::joints::Joint;
-use crate::config::problem::Problems;
-use crate::config::raw;
-use crate::config::raw::six;
-use crate::config::readings;
-use crate::controller::Settings;
-use crate::controller::arm::Arm;
-use crate::controller::channels::Channels;
-use crate::controller::command::CommandLaw;
-use crate::controller::gains::Gains;
-use crate::controller::limits::AssistFraction;
-use crate::controller::period::Period;
-use crate::controller::reflection::Reflection;
-use crate::controller::switches::Mode;
+use crate::beyond;
+use crate::joints;
+use crate::joints::Joint;
+use crate::problem::Problems;
+use crate::raw;
+use crate::raw::six;
+use crate::readings;
+use controller::Settings;
+use controller::arm::Arm;
+use controller::channels::Channels;
+use controller::command::CommandLaw;
+use controller::gains::Gains;
+use controller::limits::AssistFraction;
+use controller::period::Period;
+use controller::reflection::Reflection;
+use controller::switches::Mode;
 
 /// What a displacement of the hand means at the start.
 pub(super) fn mode(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Mode> {

@@ -16,11 +16,11 @@ use std::path::PathBuf;
 use nix::libc::O_NOCTTY;
 use nix::libc::O_NONBLOCK;
 
-use crate::config::problem::Invalid;
-use crate::config::problem::Problem;
-use crate::config::shipped;
-use crate::config::trust::Guarded;
-use crate::config::trust::Trust;
+use crate::problem::Invalid;
+use crate::problem::Problem;
+use crate::shipped;
+use crate::trust::Guarded;
+use crate::trust::Trust;
 
 /// Longest configuration or data sheet, in bytes.
 const LIMIT: u64 = 4 << 20;

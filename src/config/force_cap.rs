@@ -130,8 +130,9 @@ fn millis(span: &Duration) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn cap(reflected: f64) -> ForceCap {
         let pushes = Pushes { reflected, centring: 0.0, soft_stops: 0.0 };

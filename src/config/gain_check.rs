@@ -2,8 +2,8 @@
 //! surfaces and the network it describes.
 //!
 //! Only the description is made here; the inequalities stand in
-//! [`stability`](crate::controller::stability). How late each torque is follows from the cycle of
-//! [`node`](crate::node) and the exchange with the virtual object of [`lab`](crate::lab):
+//! [`stability`](controller::stability). How late each torque is follows from the cycle of
+//! `node` and the exchange with the virtual object of `remote`:
 //!
 //! ```text
 //!  SYNC k      joints sampled    step k: damping and return of k; the object is commanded, and moves
@@ -12,22 +12,22 @@
 //!  SYNC k + 3  it acts
 //! ```
 
-use crate::config::Config;
-use crate::config::Contact;
-use crate::config::problem::Problems;
-use crate::config::raw;
-use crate::controller::JointVector;
-use crate::controller::gains::AXES;
-use crate::controller::stability::axis::Axis;
-use crate::controller::stability::axis::AxisGains;
-use crate::controller::stability::axis::Impedance;
-use crate::controller::stability::axis::Timing;
-use crate::controller::stability::device::Device;
-use crate::controller::stability::device::JointResistance;
-use crate::controller::stability::device::Massless;
-use crate::controller::stability::finding::Culprit;
-use crate::controller::stability::finding::Finding;
-use crate::controller::stability::finding::Verdict;
+use crate::Config;
+use crate::problem::Problems;
+use crate::raw;
+use controller::JointVector;
+use controller::gains::AXES;
+use controller::stability::axis::Axis;
+use controller::stability::axis::AxisGains;
+use controller::stability::axis::Impedance;
+use controller::stability::axis::Timing;
+use controller::stability::device::Device;
+use controller::stability::device::JointResistance;
+use controller::stability::device::Massless;
+use controller::stability::finding::Culprit;
+use controller::stability::finding::Finding;
+use controller::stability::finding::Verdict;
+use remote::site::Contact;
 
 /// From SYNC k, which samples the joints, to SYNC k + 1, at which a synchronous RPDO acts: a cycle.
 const TORQUE_DELAY: u32 = 1;

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use crate::canopen::NodeId;
-use crate::canopen::eds::Eds;
-use crate::canopen::frame::Channel;
-use crate::config::files;
-use crate::config::problem::Problems;
-use crate::config::raw;
+use crate::files;
+use crate::problem::Problems;
+use crate::raw;
+use canopen::NodeId;
+use canopen::eds::Eds;
+use canopen::frame::Channel;
 
 /// A node-id, 1 to 127.
 pub(super) fn node_id(key: &str, raw: u8, problems: &mut Problems<'_>) -> Option<NodeId> {

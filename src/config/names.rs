@@ -1,6 +1,6 @@
 //! Names of joints and buses: on screens, in logs and in tables, where each must be one clear word or two.
 
-use crate::config::problem::Problems;
+use crate::problem::Problems;
 
 /// Longest name, in characters.
 const LONGEST: usize = 32;

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use crate::config::problem::Problems;
-use crate::config::raw;
-use crate::controller::arm::JointKind;
+use crate::problem::Problems;
+use crate::raw;
+use controller::arm::JointKind;
 
 /// What the samples of a whole arm may be.
 #[derive(Clone, Copy, Debug)]

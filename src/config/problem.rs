@@ -5,9 +5,8 @@ use std::fmt;
 use std::path::Path;
 use std::path::PathBuf;
 
-use crate::canopen::eds::Eds;
-use crate::config::trust::Trust;
-use crate::written;
+use crate::trust::Trust;
+use canopen::eds::Eds;
 
 /// One thing wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -6,21 +6,21 @@
 use std::f64::consts::TAU;
 use std::time::Duration;
 
-use crate::canopen::object::Object;
-use crate::canopen::plan::NodePlan;
-use crate::canopen::watchdog::Awaited;
-use crate::config::Config;
-use crate::config::force_cap::ForceCap;
-use crate::config::force_cap::Pushes;
-use crate::config::force_cap::UNPROVEN;
-use crate::config::joints::Joint;
-use crate::config::problem::Problems;
-use crate::config::raw;
-use crate::controller::JointVector;
-use crate::controller::Settings;
-use crate::controller::arm::JointKind;
-use crate::controller::arm::Link;
-use crate::controller::stability::push::PushedHand;
+use crate::Config;
+use crate::force_cap::ForceCap;
+use crate::force_cap::Pushes;
+use crate::force_cap::UNPROVEN;
+use crate::joints::Joint;
+use crate::problem::Problems;
+use crate::raw;
+use canopen::object::Object;
+use canopen::plan::NodePlan;
+use canopen::watchdog::Awaited;
+use controller::JointVector;
+use controller::Settings;
+use controller::arm::JointKind;
+use controller::arm::Link;
+use controller::stability::push::PushedHand;
 
 /// `[safety]`, as far as it is about the drives by themselves.
 #[derive(Clone, Copy, Debug)]

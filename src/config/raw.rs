@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use crate::written::List;
+use written::List;
 
 /// A whole file.
 #[derive(Debug, Deserialize)]

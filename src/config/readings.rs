@@ -1,15 +1,15 @@
 //! `[controller] preset` and `[controller.readings]`: how the paper is read.
 
-use crate::config::problem::Problems;
-use crate::config::raw;
-use crate::controller::orientation::Orientation;
-use crate::controller::readings::Centring;
-use crate::controller::readings::Difference;
-use crate::controller::readings::Displaced;
-use crate::controller::readings::Felt;
-use crate::controller::readings::Readings;
-use crate::controller::readings::Scaling;
-use crate::controller::readings::Weight;
+use crate::problem::Problems;
+use crate::raw;
+use controller::orientation::Orientation;
+use controller::readings::Centring;
+use controller::readings::Difference;
+use controller::readings::Displaced;
+use controller::readings::Felt;
+use controller::readings::Readings;
+use controller::readings::Scaling;
+use controller::readings::Weight;
 
 /// The preset, and over it what is said of single readings; `None` where a problem has been noted.
 pub(super) fn readings(given: &raw::Controller, problems: &mut Problems<'_>) -> Option<Readings> {

@@ -7,32 +7,13 @@ use nalgebra::Unit;
 use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 
-use crate::config::problem::Problems;
-use crate::config::raw;
-use crate::robot::accommodation::Accommodation;
-use crate::robot::object::Servo;
-use crate::robot::payload::Payload;
-
-/// A virtual object and what it can touch.
-#[derive(Clone, Debug)]
-pub struct Virtual {
-    /// First pose of the object in its base.
-    pub x_b_m: Isometry3<f64>,
-    /// Pose of the force sensor in the frame under control.
-    pub x_m_s: Isometry3<f64>,
-    /// What the sensor carries.
-    pub payload: Payload,
-    /// How the object follows.
-    pub servo: Servo,
-    /// How it gives way in rate mode.
-    pub accommodation: Accommodation,
-    /// A plane to push against.
-    pub wall: Option<(Vector3<f64>, Unit<Vector3<f64>>, Contact)>,
-    /// A box to bump into: its centre and half its sides.
-    pub block: Option<(Vector3<f64>, Vector3<f64>, Contact)>,
-    /// A ball to slide over: its centre and its radius.
-    pub sphere: Option<(Vector3<f64>, f64, Contact)>,
-}
+use crate::problem::Problems;
+use crate::raw;
+use remote::site::Contact;
+use remote::site::Virtual;
+use robot::accommodation::Accommodation;
+use robot::object::Servo;
+use robot::payload::Payload;
 
 /// No coefficient of friction is higher: rubber on rubber is below.
 const ROUGHEST: f64 = 2.0;
@@ -42,17 +23,6 @@ const SMALLEST: f64 = 0.03;
 
 /// No sphere is larger, in m: a larger one is a wall.
 const LARGEST: f64 = 10.0;
-
-/// How a surface yields, and how it holds back what slides on it.
-#[derive(Clone, Copy, Debug)]
-pub struct Contact {
-    /// In N/m.
-    pub stiffness: f64,
-    /// In N·s/m.
-    pub damping: f64,
-    /// Coefficient of dry friction.
-    pub friction: f64,
-}
 
 /// `None` where a problem has been noted.
 pub(super) fn settings(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Virtual> {

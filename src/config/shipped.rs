@@ -89,13 +89,18 @@ pub fn scenarios() -> impl Iterator<Item = &'static str> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use std::fs;
 
-    /// Every file below `folder`.
+    use super::*;
+
+    /// Every file below `folder` of the repository.
     fn below(folder: &str) -> Vec<String> {
-        let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-        let names = entries.map(|path| (path.is_dir(), path.to_str().unwrap().to_owned()));
+        const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+        let entries = fs::read_dir(format!("{ROOT}/{folder}")).unwrap().map(Result::unwrap);
+        let names = entries.map(|entry| {
+            let name = entry.file_name().into_string().unwrap();
+            (entry.path().is_dir(), format!("{folder}/{name}"))
+        });
         names
             .flat_map(|(is_folder, name)| if is_folder { below(&name) } else { vec![name] })
             .collect()

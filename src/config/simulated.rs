@@ -1,8 +1,8 @@
 //! `[joint.simulated]`: what a simulated motor and gear do that the controller is not told of.
 
-use crate::config::raw;
-use crate::config::units::Units;
-use crate::controller::calibration::TorqueCurve;
+use crate::raw;
+use crate::units::Units;
+use controller::calibration::TorqueCurve;
 
 /// The time constant of a current loop, in µs; 1600 µs are 100 Hz.
 const CURRENT_LOOP_US: std::ops::RangeInclusive<f64> = 0.0..=10_000.0;

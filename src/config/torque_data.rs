@@ -20,12 +20,12 @@ use std::fmt;
 use std::path::Path;
 use std::path::PathBuf;
 
-use crate::config::files;
-use crate::config::problem::Invalid;
-use crate::config::problem::Problem;
-use crate::config::trust::Trust;
-use crate::controller::fit::Direction;
-use crate::controller::fit::Sample;
+use crate::files;
+use crate::problem::Invalid;
+use crate::problem::Problem;
+use crate::trust::Trust;
+use controller::fit::Direction;
+use controller::fit::Sample;
 
 /// Problems that are told; a file that is wrong all over is told so by its first lines.
 const TOLD: usize = 20;
@@ -297,8 +297,9 @@ impl Reader {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn parse(text: &str) -> Result<TorqueData, String> {
         TorqueData::parse(Path::new("a.csv"), text).map_err(|invalid| invalid.to_string())

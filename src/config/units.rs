@@ -1,6 +1,6 @@
 //! Keys of a joint that stand in one unit where it turns and in another where it slides.
 
-use crate::config::problem::Problems;
+use crate::problem::Problems;
 
 /// Keys of which a turning joint has the first and a sliding one the second.
 pub(super) struct Units<'k, 'p, 't> {

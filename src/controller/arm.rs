@@ -15,9 +15,9 @@ use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use crate::spatial::Jacobian;
-use crate::spatial::Twist;
-use crate::spatial::Wrench;
+use units::spatial::Jacobian;
+use units::spatial::Twist;
+use units::spatial::Wrench;
 
 /// No length, mass or position is larger, so that the products of them stay finite.
 const LARGEST: f64 = 1e6;
@@ -391,8 +391,9 @@ pub(crate) fn is_pose(x: &Isometry3<f64>) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const REVOLUTE: Link = Link {
         mass: 2.0,

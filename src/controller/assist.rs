@@ -1,21 +1,21 @@
 //! What helps the hand: the return to centre as a wrench (Eq. 8) and damping (Eq. 9).
 //!
 //! Not gravity, which is no wrench at the grip (decision 12), and not the law of one axis, which is
-//! [`channels`](crate::controller::channels).
+//! [`channels`](crate::channels).
 
 use nalgebra::Isometry3;
 use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use crate::controller::channels::Channels;
-use crate::controller::gains::Gains;
-use crate::controller::orientation::Orientation;
-use crate::controller::period::Period;
-use crate::controller::readings::Difference;
-use crate::controller::reference::Displacement;
-use crate::spatial::Twist;
-use crate::spatial::Wrench;
+use crate::channels::Channels;
+use crate::gains::Gains;
+use crate::orientation::Orientation;
+use crate::period::Period;
+use crate::readings::Difference;
+use crate::reference::Displacement;
+use units::spatial::Twist;
+use units::spatial::Wrench;
 
 /// The wrench on the hand that draws it back to the reference, in {G} (Eq. 8): forces along the
 /// axes that ΔX is written along, turned by `r_g_dx` into those of {G} (decision 2); moments that
@@ -123,9 +123,10 @@ impl ContactFade {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::spatial::rotation;
     use proptest::prelude::*;
+
+    use super::*;
+    use units::spatial::rotation;
 
     const K_D: [f64; 6] = [6.0, 7.0, 8.0, 0.05, 0.06, 0.07];
 

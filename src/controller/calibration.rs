@@ -9,9 +9,9 @@ use std::f64::consts::TAU;
 use nalgebra::SVector;
 use thiserror::Error;
 
-use crate::controller::coupling::Coupling;
-pub use crate::controller::torque_curve::InvalidTorqueCurve;
-pub use crate::controller::torque_curve::TorqueCurve;
+use crate::coupling::Coupling;
+pub use crate::torque_curve::InvalidTorqueCurve;
+pub use crate::torque_curve::TorqueCurve;
 
 /// A position as a drive gives it (6064h).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -206,8 +206,9 @@ fn whole_i32(value: f64) -> i32 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn curve() -> TorqueCurve {
         TorqueCurve::new([300.0, -5.468_75, 0.878_906_25], 4.0).unwrap()

@@ -1,16 +1,16 @@
 //! One law for each Cartesian axis (Fig. 4): a deadband that separates six inputs in one hand, and
 //! the constant-force return to centre that marks its edge (3.3, Eq. 8).
 //!
-//! Not the wrench these make together, which is [`assist`](crate::controller::assist). Odd in the
+//! Not the wrench these make together, which is [`assist`](crate::assist). Odd in the
 //! displacement, as Fig. 4 is drawn and the text says (decision 14): as printed, the first line of
 //! Eq. 8 pushes a hand on the negative side away, without bound.
 
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use crate::controller::gains::Gains;
-use crate::controller::gains::InvalidGain;
-use crate::controller::reference::Displacement;
+use crate::gains::Gains;
+use crate::gains::InvalidGain;
+use crate::reference::Displacement;
 
 /// Deadband, plateau and wall of all six axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,8 +147,9 @@ impl Channel {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn channels() -> Channels {
         Channels::new([0.01, 0.02, 0.0, 0.05, 0.06, 0.07], [2.0, 3.0, 0.0, 0.1, 0.2, 0.3]).unwrap()

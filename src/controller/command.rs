@@ -7,17 +7,17 @@
 
 use nalgebra::Isometry3;
 
-use crate::controller::channels::Channels;
-use crate::controller::gains::Gains;
-use crate::controller::orientation::Orientation;
-use crate::controller::readings::Displaced;
-use crate::controller::readings::Readings;
-use crate::controller::reference::Displacement;
-use crate::controller::reference::Reference;
-use crate::controller::switches::Mode;
-use crate::controller::switches::Pressed;
-use crate::spatial::Motion;
-use crate::spatial::Twist;
+use crate::channels::Channels;
+use crate::gains::Gains;
+use crate::orientation::Orientation;
+use crate::readings::Displaced;
+use crate::readings::Readings;
+use crate::reference::Displacement;
+use crate::reference::Reference;
+use crate::switches::Mode;
+use crate::switches::Pressed;
+use units::spatial::Motion;
+use units::spatial::Twist;
 
 /// How a displacement is turned into a command.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -125,8 +125,9 @@ impl CommandLaw {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn law() -> CommandLaw {
         CommandLaw {

@@ -102,8 +102,9 @@ impl<const N: usize> Coupling<N> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn coupling() -> impl Strategy<Value = Coupling<4>> {
         let rows = prop::array::uniform4(prop::array::uniform4(-1.0..1.0_f64));

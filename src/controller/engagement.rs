@@ -6,8 +6,8 @@
 
 use thiserror::Error;
 
-use crate::controller::period::Period;
-use crate::spatial::Wrench;
+use crate::period::Period;
+use units::spatial::Wrench;
 
 /// So many cycles in a row the wrench must be small.
 const CALM_CYCLES: u32 = 3;
@@ -80,8 +80,9 @@ impl Engagement {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn engagement(ramp: f64, calm: Option<[f64; 2]>) -> Result<Engagement, InvalidEngagement> {
         Engagement::new(ramp, calm, Period::new(1e-3).unwrap())

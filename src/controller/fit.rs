@@ -15,9 +15,9 @@ use nalgebra::DMatrix;
 use nalgebra::DVector;
 use thiserror::Error;
 
-use crate::controller::least_squares;
-use crate::controller::torque_curve::InvalidTorqueCurve;
-use crate::controller::torque_curve::TorqueCurve;
+use crate::least_squares;
+use crate::torque_curve::InvalidTorqueCurve;
+use crate::torque_curve::TorqueCurve;
 
 /// The paper's curve: symmetric about the origin, of 5th order.
 const ODD: [u8; 3] = [1, 3, 5];
@@ -298,8 +298,9 @@ fn rms(residuals: &DVector<f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const CURVE: [f64; 3] = [133.144, -0.393_453, 0.019_672_6];
     const FRICTION: f64 = 0.06;

@@ -5,10 +5,10 @@
 
 use nalgebra::Isometry3;
 
-use crate::controller::Fault;
-use crate::controller::Input;
-use crate::controller::arm::is_pose;
-use crate::spatial::Wrench;
+use crate::Fault;
+use crate::Input;
+use crate::arm::is_pose;
+use units::spatial::Wrench;
 
 /// No sensor reads more, in N or N·m.
 const LARGEST_READING: f64 = 1e5;
@@ -64,11 +64,12 @@ fn share(value: f64) -> (f64, Option<Fault>) {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::controller::calibration::Counts;
-    use crate::controller::switches::Mode;
-    use crate::controller::switches::Switches;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::calibration::Counts;
+    use crate::switches::Mode;
+    use crate::switches::Switches;
 
     fn input() -> Input {
         Input {

@@ -8,8 +8,8 @@
 use nalgebra::SVector;
 use thiserror::Error;
 
-use crate::controller::period::Period;
-use crate::controller::readings::Scaling;
+use crate::period::Period;
+use crate::readings::Scaling;
 
 /// The share of each joint's capacity that the assist may take, 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -229,8 +229,9 @@ fn clamp(torque: f64, max: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     type Joints = SVector<f64, 6>;
 

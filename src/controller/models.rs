@@ -6,9 +6,9 @@ use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::Isometry3;
 
-use crate::controller::arm::Arm;
-use crate::controller::arm::InvalidArm;
-use crate::controller::arm::Link;
+use crate::arm::Arm;
+use crate::arm::InvalidArm;
+use crate::arm::Link;
 
 /// On Earth, z pointing up, in m/s².
 const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
@@ -119,12 +119,13 @@ fn rotor(gear: f64, inertia: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::spatial::Twist;
     use nalgebra::SVector;
     use nalgebra::UnitQuaternion;
     use nalgebra::Vector3;
     use proptest::prelude::*;
+
+    use super::*;
+    use units::spatial::Twist;
 
     fn joints() -> impl Strategy<Value = SVector<f64, 8>> {
         prop::array::uniform8(-2.5..2.5_f64).prop_map(SVector::from)

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 
-use crate::spatial::rotation;
+use units::spatial::rotation;
 
 /// How far from where the numbers jump the command is already held, in rad (decision 4): 10°.
 const MARGIN: f64 = PI / 18.0;
@@ -92,8 +92,9 @@ fn euler_moment(conjugate: &Vector3<f64>, angles: &Vector3<f64>) -> Vector3<f64>
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const BOTH: [Orientation; 2] = [Orientation::EulerZyx, Orientation::RotationVector];
 

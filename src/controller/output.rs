@@ -3,20 +3,20 @@
 use nalgebra::Isometry3;
 use thiserror::Error;
 
-use crate::controller::JointVector;
-use crate::controller::calibration::Counts;
-use crate::controller::calibration::PerMille;
-use crate::controller::command::Gate;
-use crate::controller::port::Passed;
-use crate::controller::reference::Displacement;
-use crate::controller::reference::Reference;
-use crate::controller::switches::Mode;
-use crate::controller::switches::Pressed;
-use crate::controller::switches::Switches;
-use crate::controller::velocity::Moving;
-use crate::spatial::Jacobian;
-use crate::spatial::Motion;
-use crate::spatial::Wrench;
+use crate::JointVector;
+use crate::calibration::Counts;
+use crate::calibration::PerMille;
+use crate::command::Gate;
+use crate::port::Passed;
+use crate::reference::Displacement;
+use crate::reference::Reference;
+use crate::switches::Mode;
+use crate::switches::Pressed;
+use crate::switches::Switches;
+use crate::velocity::Moving;
+use units::spatial::Jacobian;
+use units::spatial::Motion;
+use units::spatial::Wrench;
 
 /// What one cycle starts from.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,8 +9,8 @@
 
 use thiserror::Error;
 
-use crate::spatial::Twist;
-use crate::spatial::Wrench;
+use units::spatial::Twist;
+use units::spatial::Wrench;
 
 /// Slower than this the hand does not move: no damper could take anything, in m/s.
 const STILL: f64 = 1e-6;
@@ -127,8 +127,9 @@ fn one_sided(f_g: &Wrench, f_g_task: &Wrench) -> Wrench {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const SETTINGS: PassivitySettings = PassivitySettings {
         max_energy: 0.1,

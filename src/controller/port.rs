@@ -3,14 +3,14 @@
 //! Neither knows the task: both look only at the torques that were held and at how far the joints came.
 //! [`TorqueDelay`] says which torque acted until this sample.
 
-use crate::controller::JointVector;
-use crate::controller::passivity::Passivity;
-use crate::controller::period::Period;
-use crate::controller::tank::Tank;
-use crate::controller::torque_delay::TorqueDelay;
-use crate::controller::velocity::Moving;
-use crate::spatial::Twist;
-use crate::spatial::Wrench;
+use crate::JointVector;
+use crate::passivity::Passivity;
+use crate::period::Period;
+use crate::tank::Tank;
+use crate::torque_delay::TorqueDelay;
+use crate::velocity::Moving;
+use units::spatial::Twist;
+use units::spatial::Wrench;
 
 /// The port, with what it has passed on.
 #[derive(Clone, Copy, Debug)]
@@ -75,8 +75,8 @@ fn damper(strength: f64, v_g: &Twist) -> Wrench {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::controller::passivity::PassivitySettings;
-    use crate::controller::tank::TankSettings;
+    use crate::passivity::PassivitySettings;
+    use crate::tank::TankSettings;
 
     const DT: f64 = 1e-3;
 

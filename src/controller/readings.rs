@@ -15,7 +15,7 @@
 //! The odd reading of Eq. 8 (decision 14) is common to both: as printed, its first line pushes a hand
 //! on the negative side away without bound, and nobody should be able to choose that.
 
-use crate::controller::orientation::Orientation;
+use crate::orientation::Orientation;
 
 /// Along which axes the translation of ΔX is written (Eq. 2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,10 +8,10 @@ use nalgebra::Isometry3;
 use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 
-use crate::controller::orientation::Orientation;
-use crate::controller::readings::Displaced;
-use crate::controller::readings::Readings;
-use crate::controller::switches::Pressed;
+use crate::orientation::Orientation;
+use crate::readings::Displaced;
+use crate::readings::Readings;
+use crate::switches::Pressed;
 
 /// ΔX of Eq. 4: where the grip is, seen from its reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -126,8 +126,9 @@ impl Reference {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const SET: Pressed = Pressed { reference: true, ..Pressed::NOTHING };
 

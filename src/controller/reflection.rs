@@ -7,9 +7,9 @@
 use nalgebra::Isometry3;
 use thiserror::Error;
 
-use crate::controller::arm::is_pose;
-use crate::controller::gains::Gains;
-use crate::spatial::Wrench;
+use crate::arm::is_pose;
+use crate::gains::Gains;
+use units::spatial::Wrench;
 
 /// From the sensor to the grip.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,8 +88,9 @@ impl Reflection {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn reflection() -> Reflection {
         let gain = Gains::new([0.5, 0.5, 0.5, 0.25, 0.25, 0.25], "K_T").unwrap();

@@ -1,22 +1,22 @@
 //! What the law is made of: the paper's parts, and what stands beside them.
 
-use crate::controller::arm::Arm;
-use crate::controller::assist::ContactFade;
-use crate::controller::calibration::Calibration;
-use crate::controller::channels::Channels;
-use crate::controller::command::CommandLaw;
-use crate::controller::engagement::Engagement;
-use crate::controller::gains::Gains;
-use crate::controller::limits::AssistFraction;
-use crate::controller::limits::Slew;
-use crate::controller::passivity::Passivity;
-use crate::controller::period::Period;
-use crate::controller::readings::Readings;
-use crate::controller::reflection::Reflection;
-use crate::controller::soft_stops::SoftStops;
-use crate::controller::tank::Tank;
-use crate::controller::velocity::Filter;
-use crate::controller::virtual_coupling::VirtualCoupling;
+use crate::arm::Arm;
+use crate::assist::ContactFade;
+use crate::calibration::Calibration;
+use crate::channels::Channels;
+use crate::command::CommandLaw;
+use crate::engagement::Engagement;
+use crate::gains::Gains;
+use crate::limits::AssistFraction;
+use crate::limits::Slew;
+use crate::passivity::Passivity;
+use crate::period::Period;
+use crate::readings::Readings;
+use crate::reflection::Reflection;
+use crate::soft_stops::SoftStops;
+use crate::tank::Tank;
+use crate::velocity::Filter;
+use crate::virtual_coupling::VirtualCoupling;
 
 /// Everything the law is made of; each part cannot be wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -87,8 +87,9 @@ impl Stop {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const MAX: [f64; 2] = [6.0, 0.8];
     const RANGES: [[f64; 2]; 2] = [[-1.0, 2.0], [0.25, 0.6]];

@@ -2,35 +2,35 @@
 
 use nalgebra::Isometry3;
 
-use crate::controller::Beyond;
-use crate::controller::Fault;
-use crate::controller::Input;
-use crate::controller::JointVector;
-use crate::controller::Ledger;
-use crate::controller::Output;
-use crate::controller::Settings;
-use crate::controller::arm::Posture;
-use crate::controller::assist;
-use crate::controller::assist::Damping;
-use crate::controller::command::Gate;
-use crate::controller::intake::Trusted;
-use crate::controller::limits::Asked;
-use crate::controller::limits::Limited;
-use crate::controller::limits::Limits;
-use crate::controller::port::Port;
-use crate::controller::readings::Centring;
-use crate::controller::readings::Felt;
-use crate::controller::readings::Weight;
-use crate::controller::reference::Displacement;
-use crate::controller::reference::Reference;
-use crate::controller::switches::Mode;
-use crate::controller::switches::Panel;
-use crate::controller::switches::Pressed;
-use crate::controller::velocity::JointRates;
-use crate::controller::velocity::Velocity;
-use crate::spatial::Jacobian;
-use crate::spatial::Motion;
-use crate::spatial::Wrench;
+use crate::Beyond;
+use crate::Fault;
+use crate::Input;
+use crate::JointVector;
+use crate::Ledger;
+use crate::Output;
+use crate::Settings;
+use crate::arm::Posture;
+use crate::assist;
+use crate::assist::Damping;
+use crate::command::Gate;
+use crate::intake::Trusted;
+use crate::limits::Asked;
+use crate::limits::Limited;
+use crate::limits::Limits;
+use crate::port::Port;
+use crate::readings::Centring;
+use crate::readings::Felt;
+use crate::readings::Weight;
+use crate::reference::Displacement;
+use crate::reference::Reference;
+use crate::switches::Mode;
+use crate::switches::Panel;
+use crate::switches::Pressed;
+use crate::velocity::JointRates;
+use crate::velocity::Velocity;
+use units::spatial::Jacobian;
+use units::spatial::Motion;
+use units::spatial::Wrench;
 
 /// The law with what it remembers from cycle to cycle.
 #[derive(Clone, Copy, Debug)]
@@ -274,7 +274,7 @@ fn asked_pose(command: &Motion) -> Option<Isometry3<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spatial::Twist;
+    use units::spatial::Twist;
 
     #[test]
     fn wrench_acts_only_where_it_is_permitted() {

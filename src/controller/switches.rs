@@ -104,8 +104,9 @@ impl Panel {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const UP: Switches = Switches { deadman: false, reference: false, reflection: false };
     const DEADMAN: Switches = Switches { deadman: true, ..UP };

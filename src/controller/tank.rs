@@ -84,9 +84,10 @@ impl Tank {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::controller::torque_delay::TorqueDelay;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::torque_delay::TorqueDelay;
 
     const SETTINGS: TankSettings = TankSettings {
         initial: 0.006,

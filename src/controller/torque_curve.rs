@@ -164,8 +164,9 @@ fn first_flat([c1, c3, c5]: [f64; 3], max_torque: f64) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn curve() -> TorqueCurve {
         TorqueCurve::new([300.0, -5.468_75, 0.878_906_25], 4.0).unwrap()

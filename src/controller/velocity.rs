@@ -9,9 +9,9 @@ use nalgebra::SVector;
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use crate::controller::period::Period;
-use crate::spatial::Twist;
-use crate::spatial::rotation;
+use crate::period::Period;
+use units::spatial::Twist;
+use units::spatial::rotation;
 
 /// A filter whose time constant is none.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
@@ -113,8 +113,9 @@ impl Velocity {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn period(seconds: f64) -> Period {
         Period::new(seconds).unwrap()

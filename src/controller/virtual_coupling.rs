@@ -6,10 +6,10 @@
 
 use nalgebra::Isometry3;
 
-use crate::controller::gains::Gains;
-use crate::controller::period::Period;
-use crate::spatial::Twist;
-use crate::spatial::Wrench;
+use crate::gains::Gains;
+use crate::period::Period;
+use units::spatial::Twist;
+use units::spatial::Wrench;
 
 /// Spring and damper between where the object is and where it is asked to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,8 +53,9 @@ impl VirtualCoupling {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn coupling() -> VirtualCoupling {
         let stiffness = Gains::new([400.0, 400.0, 400.0, 5.0, 5.0, 5.0], "stiffness").unwrap();

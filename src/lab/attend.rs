@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use crate::bus::Bus;
-use crate::bus::BusFault;
-use crate::bus::Heard;
-use crate::canopen::frame::Telegram;
-use crate::canopen::station::Station;
-use crate::lab::outbox::Down;
-use crate::lab::outbox::Outbox;
-use crate::time::Instant;
+use crate::outbox::Down;
+use crate::outbox::Outbox;
+use bus::Bus;
+use bus::BusFault;
+use bus::Heard;
+use canopen::frame::Telegram;
+use canopen::station::Station;
+use units::time::Instant;
 
 /// Whoever may want to end it is asked this often.
 const ASK_EVERY: Duration = Duration::from_millis(50);

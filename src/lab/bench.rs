@@ -3,25 +3,27 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::bus::Bus;
-use crate::bus::Memory;
-use crate::bus::Tap;
-use crate::canopen::master::event::Event;
-use crate::config::Config;
-use crate::controller::switches::Mode as CommandMode;
-use crate::lab::site::VirtualSite;
-use crate::lab::world;
-use crate::node::BringUpError;
-use crate::node::Node;
-use crate::node::NotConfirmed;
-use crate::node::Refused;
-use crate::node::Request;
-use crate::sim::scenario::ConsoleRequest;
-use crate::sim::scenario::Scenario;
-use crate::sim::world::World;
-use crate::telemetry::record::Mode;
-use crate::telemetry::record::Record;
-use crate::time::Instant;
+use crate::world;
+use bus::Bus;
+use bus::Memory;
+use bus::Tap;
+use canopen::master::event::Event;
+use config::Config;
+use controller::switches::Mode as CommandMode;
+use node::BringUpError;
+use node::Node;
+use node::NotConfirmed;
+use node::Refused;
+use node::Request;
+use node::record::Mode;
+use node::record::Record;
+use remote::site::Link;
+use remote::site::VirtualSite;
+use sim::scenario::ConsoleRequest;
+use sim::scenario::Scenario;
+use sim::scenario::fault;
+use sim::world::World;
+use units::time::Instant;
 
 /// What a bus carried.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,7 +66,7 @@ impl<T: Tap> Bench<T> {
         let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
         let bus = Memory::new(&bitrates, world::build(world, scenario, seed), tap);
         let bus = if in_real_time { bus.in_real_time() } else { bus };
-        let node = Node::new(config, bus, VirtualSite::new(config));
+        let node = Node::new(config, bus, VirtualSite::new(&config.remote, config.period));
         Self { node, requests, bitrates, begun: None }
     }
 
@@ -114,7 +116,11 @@ impl<T: Tap> Bench<T> {
                 tracing::warn!(?request, %refused, "console");
             }
         }
-        let link = self.node.bus().stations().link();
+        let link = match self.node.bus().stations().link() {
+            fault::Link::Up => Link::Up,
+            fault::Link::Frozen => Link::Frozen,
+            fault::Link::Lost => Link::Lost,
+        };
         self.node.remote_mut().set_link(link);
         self.node.cycle()
     }

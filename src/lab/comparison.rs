@@ -5,12 +5,12 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::config::Config;
-use crate::controller::Beyond;
-use crate::controller::Settings;
-use crate::sim::scenario::Scenario;
-use crate::telemetry::contact::Contact;
-use crate::telemetry::summary::Summary;
+use config::Config;
+use controller::Beyond;
+use controller::Settings;
+use sim::scenario::Scenario;
+use telemetry::contact::Contact;
+use telemetry::summary::Summary;
 
 /// The layer bounds an oscillation if it leaves no more than this of the energy that drives it.
 const BOUNDED: f64 = 0.1;

@@ -6,25 +6,25 @@
 use nalgebra::Isometry3;
 use nalgebra::Vector3;
 
-use crate::config::Config;
-use crate::controller::Controller;
-use crate::controller::Input;
-use crate::controller::JointVector;
-use crate::controller::Output;
-use crate::controller::calibration::PerMille;
-use crate::controller::readings::Displaced;
-use crate::controller::readings::Readings;
-use crate::controller::reference::Displacement;
-use crate::controller::switches::Mode;
-use crate::controller::switches::Switches;
-use crate::lab::question::Posed;
-use crate::lab::question::Question;
-use crate::lab::question::Unanswerable;
-use crate::spatial::Jacobian;
-use crate::spatial::Motion;
-use crate::spatial::Twist;
-use crate::spatial::Wrench;
-use crate::spatial::rotation;
+use crate::question::Posed;
+use crate::question::Question;
+use crate::question::Unanswerable;
+use config::Config;
+use controller::Controller;
+use controller::Input;
+use controller::JointVector;
+use controller::Output;
+use controller::calibration::PerMille;
+use controller::readings::Displaced;
+use controller::readings::Readings;
+use controller::reference::Displacement;
+use controller::switches::Mode;
+use controller::switches::Switches;
+use units::spatial::Jacobian;
+use units::spatial::Motion;
+use units::spatial::Twist;
+use units::spatial::Wrench;
+use units::spatial::rotation;
 
 /// So long the hand rests where it was a cycle ago, in s, until every ramp is over.
 const SETTLING: f64 = 10.0;

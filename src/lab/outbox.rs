@@ -7,10 +7,10 @@
 
 use std::collections::VecDeque;
 
-use crate::bus::Bus;
-use crate::bus::SendError;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Telegram;
+use bus::Bus;
+use bus::SendError;
+use canopen::frame::Channel;
+use canopen::frame::Telegram;
 
 /// Room for a whole sub-block of each of six drives, and what else is said meanwhile.
 const ROOM: usize = 1_024;
@@ -97,12 +97,14 @@ fn is_refused<B: Bus>(bus: &mut B, telegram: Telegram, down: &mut Option<Down>) 
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::bus::Received;
-    use crate::canopen::frame::Frame;
-    use crate::time::Instant;
-    use proptest::prelude::*;
     use std::time::Duration;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use bus::Received;
+    use canopen::frame::Frame;
+    use units::time::Instant;
 
     /// Takes so many frames on each of its buses before it is full.
     #[derive(Default)]

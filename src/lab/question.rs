@@ -9,22 +9,22 @@ use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 use serde::Deserialize;
 
-use crate::controller::Beyond;
-use crate::controller::JointVector;
-use crate::controller::Settings;
-use crate::controller::calibration::Calibration;
-use crate::controller::calibration::JointCalibration;
-use crate::controller::calibration::TorqueCurve;
-use crate::controller::channels::Channels;
-use crate::controller::gains::Gains;
-use crate::controller::gains::InvalidGain;
-use crate::controller::gains::MAX_GAIN;
-use crate::controller::limits::AssistFraction;
-use crate::controller::period::Period;
-use crate::controller::readings::Readings;
-use crate::controller::reflection::Reflection;
-use crate::controller::switches::Mode;
-use crate::spatial::Wrench;
+use controller::Beyond;
+use controller::JointVector;
+use controller::Settings;
+use controller::calibration::Calibration;
+use controller::calibration::JointCalibration;
+use controller::calibration::TorqueCurve;
+use controller::channels::Channels;
+use controller::gains::Gains;
+use controller::gains::InvalidGain;
+use controller::gains::MAX_GAIN;
+use controller::limits::AssistFraction;
+use controller::period::Period;
+use controller::readings::Readings;
+use controller::reflection::Reflection;
+use controller::switches::Mode;
+use units::spatial::Wrench;
 
 /// A pose as its 4 × 4 matrix, row by row.
 type Rows = [[f64; 4]; 4];

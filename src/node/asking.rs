@@ -6,8 +6,8 @@
 
 use std::time::Duration;
 
-use crate::canopen::load::network::Assumptions;
-use crate::time::Instant;
+use canopen::load::network::Assumptions;
+use units::time::Instant;
 
 /// When the next request may go.
 #[derive(Clone, Copy, Debug)]

@@ -4,24 +4,24 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::bus::Bus;
-use crate::bus::BusFault;
-use crate::bus::Heard;
-use crate::bus::Received;
-use crate::bus::ReopenError;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Telegram;
-use crate::canopen::master::boot_error::BootError;
-use crate::canopen::master::event::Event;
-use crate::node::Node;
-use crate::node::power;
-use crate::node::proof::NotProven;
-use crate::node::safety::causes;
-use crate::node::schedule::Schedule;
-use crate::remote::Remote;
-use crate::spatial::Motion;
-use crate::telemetry::cause::Cause;
-use crate::telemetry::record::Mode;
+use crate::Node;
+use crate::cause::Cause;
+use crate::power;
+use crate::proof::NotProven;
+use crate::record::Mode;
+use crate::safety::causes;
+use crate::schedule::Schedule;
+use bus::Bus;
+use bus::BusFault;
+use bus::Heard;
+use bus::Received;
+use bus::ReopenError;
+use canopen::frame::Channel;
+use canopen::frame::Telegram;
+use canopen::master::boot_error::BootError;
+use canopen::master::event::Event;
+use remote::Remote;
+use units::spatial::Motion;
 
 /// What is on its way when a boot begins, such as boot-up messages, is let pass.
 const LISTEN_FIRST: Duration = Duration::from_millis(20);
@@ -73,7 +73,7 @@ pub struct NotConfirmed {
 
 impl<B: Bus, R: Remote> Node<B, R> {
     /// Boots every node (identity, configuration written and read back, NMT start), then runs cycles
-    /// at zero torque until every drive is enabled and has [proven](crate::node::proof) that it stops by
+    /// at zero torque until every drive is enabled and has [proven](crate::proof) that it stops by
     /// itself.
     ///
     /// # Errors
@@ -310,7 +310,7 @@ fn lines(errors: &[impl ToString]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::node::silent::node;
+    use crate::silent::node;
 
     /// NMT, and the requests of SDO: what a boot may send before any node has answered.
     fn is_of_a_boot(cob_id: u16) -> bool {
@@ -347,7 +347,7 @@ mod tests {
         let mut node = node();
         let given_up = node.bring_up(&mut || true);
         assert!(matches!(given_up, Err(BringUpError::GivenUp)), "{given_up:?}");
-        let took = node.bus().now().since(crate::time::Instant::ZERO);
+        let took = node.bus().now().since(units::time::Instant::ZERO);
         assert!(took < LISTEN_FIRST + ASK_EVERY, "{took:?}");
     }
 
@@ -356,7 +356,7 @@ mod tests {
         let mut node = node();
         assert!(node.bring_up(&mut || false).is_err());
         let (first, _) = node.bus().sent[0];
-        assert!(first.since(crate::time::Instant::ZERO) >= LISTEN_FIRST);
+        assert!(first.since(units::time::Instant::ZERO) >= LISTEN_FIRST);
     }
 
     #[test]

@@ -9,26 +9,26 @@
 //!    └ gather until complete ─┘       └ record (its owner's queue)           │
 //! ```
 
-use crate::bus::Bus;
-use crate::bus::Heard;
-use crate::bus::Received;
-use crate::canopen::drive::State;
-use crate::canopen::frame::Frame;
-use crate::canopen::frame::Telegram;
-use crate::canopen::master::event::Event;
-use crate::controller::Input;
-use crate::controller::calibration::Counts;
-use crate::node::Node;
-use crate::node::proof::Relation;
-use crate::node::safety::Permit;
-use crate::node::safety::causes;
-use crate::node::schedule::Due;
-use crate::node::timing;
-use crate::remote::Remote;
-use crate::telemetry::cause::Cause;
-use crate::telemetry::record::Mode;
-use crate::telemetry::record::Record;
-use crate::time::Instant;
+use crate::Node;
+use crate::cause::Cause;
+use crate::proof::Relation;
+use crate::record::Mode;
+use crate::record::Record;
+use crate::safety::Permit;
+use crate::safety::causes;
+use crate::schedule::Due;
+use crate::timing;
+use bus::Bus;
+use bus::Heard;
+use bus::Received;
+use canopen::drive::State;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use canopen::master::event::Event;
+use controller::Input;
+use controller::calibration::Counts;
+use remote::Remote;
+use units::time::Instant;
 
 /// So often the turn of a SYNC may be missed in one cycle before it is sent whatever the time.
 const MISSED: u64 = timing::OVERRUN;
@@ -319,9 +319,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bus::SendError;
-    use crate::node::silent::node;
-    use crate::telemetry::cause::Kind;
+    use crate::cause::Kind;
+    use crate::silent::node;
+    use bus::SendError;
 
     #[test]
     fn sync_comes_first_and_once_a_period() {

@@ -4,8 +4,8 @@
 //! It trusts nobody: not the controller's limits, not its slew, which asks for less under normal
 //! conditions.
 
-use crate::controller::JointVector;
-use crate::controller::calibration::PerMille;
+use controller::JointVector;
+use controller::calibration::PerMille;
 
 /// A torque grows by at most this part of the most, each cycle.
 const GROWTH: i16 = 10;
@@ -67,10 +67,12 @@ fn nearest(told: i16, target: i16, most: i16) -> i16 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::config::Config;
-    use proptest::prelude::*;
     use std::path::Path;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use config::Config;
 
     /// Any number: zeros of both signs, subnormals, infinities and those that are none among them.
     fn anything() -> impl Strategy<Value = f64> {

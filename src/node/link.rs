@@ -8,14 +8,14 @@ use std::time::Duration;
 
 use nalgebra::Isometry3;
 
-use crate::bus::Bus;
-use crate::node::Node;
-use crate::remote::Remote;
-use crate::remote::Sensed;
-use crate::spatial::Motion;
-use crate::spatial::Wrench;
-use crate::telemetry::cause::Cause;
-use crate::time::Instant;
+use crate::Node;
+use crate::cause::Cause;
+use bus::Bus;
+use remote::Remote;
+use remote::Sensed;
+use units::spatial::Motion;
+use units::spatial::Wrench;
+use units::time::Instant;
 
 /// A sample may be as old as this however fast samples come.
 const LEAST: Duration = Duration::from_millis(20);
@@ -76,11 +76,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use nalgebra::Quaternion;
     use nalgebra::Unit;
     use nalgebra::Vector3;
     use proptest::prelude::*;
+
+    use super::*;
 
     const PERIOD: Duration = Duration::from_millis(1);
 
@@ -163,12 +164,12 @@ mod tests {
 
     #[test]
     fn fault_that_the_controller_finds_stops_the_node() {
-        let mut node = crate::node::silent::node();
+        let mut node = crate::silent::node();
         // What no sample may bring: as if this watch had failed.
         node.link.known = Some(sensed(node.bus().now(), f64::NAN));
         let record = node.cycle();
         let kind = record.cause.map(|cause| cause.kind());
-        assert_eq!(kind, Some(crate::telemetry::cause::Kind::ControllerFault));
+        assert_eq!(kind, Some(crate::cause::Kind::ControllerFault));
         assert!(record.mode.is_stopped(), "{}", record.mode);
     }
 

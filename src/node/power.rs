@@ -5,15 +5,15 @@
 //! fallen silent may still hold a torque, as a synchronous RPDO waits for a SYNC it may not hear: it is
 //! told by SDO, which acts at once, to take its power off.
 
-use crate::bus::Bus;
-use crate::canopen::drive::Controlword;
-use crate::canopen::drive::Goal;
-use crate::canopen::drive::PowerStage;
-use crate::canopen::drive::State;
-use crate::canopen::drive::Statusword;
-use crate::node::Node;
-use crate::remote::Remote;
-use crate::telemetry::record::Mode;
+use crate::Node;
+use crate::record::Mode;
+use bus::Bus;
+use canopen::drive::Controlword;
+use canopen::drive::Goal;
+use canopen::drive::PowerStage;
+use canopen::drive::State;
+use canopen::drive::Statusword;
+use remote::Remote;
 
 /// Whether the power stage may still push. A state that is none counts as one that may.
 pub(super) const fn may_push(statusword: Statusword) -> bool {

@@ -2,15 +2,15 @@
 
 use thiserror::Error;
 
-use crate::bus::Bus;
-use crate::config::force_cap::TooMuchForce;
-use crate::controller::switches::Mode as CommandMode;
-use crate::node::BringUpError;
-use crate::node::Node;
-use crate::node::safety::Refusal;
-use crate::remote::Remote;
-use crate::telemetry::record::Mode;
-use crate::time::Instant;
+use crate::BringUpError;
+use crate::Node;
+use crate::record::Mode;
+use crate::safety::Refusal;
+use bus::Bus;
+use config::force_cap::TooMuchForce;
+use controller::switches::Mode as CommandMode;
+use remote::Remote;
+use units::time::Instant;
 
 /// What may be asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,7 +83,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::node::silent::node;
+    use crate::silent::node;
 
     fn ask(request: Request) -> (Result<Mode, Refused>, Mode) {
         let mut node = node();

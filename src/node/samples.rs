@@ -2,18 +2,18 @@
 
 use std::time::Duration;
 
-use crate::canopen::drive::Statusword;
-use crate::canopen::exchange::Inbox;
-use crate::canopen::exchange::Told;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Telegram;
-use crate::canopen::pdo::DriveSample;
-use crate::canopen::pdo::SwitchInputs;
-use crate::node::plausibility::Intake;
-use crate::node::plausibility::Offer;
-use crate::node::plausibility::Sampled;
-use crate::telemetry::cause::Cause;
-use crate::time::Instant;
+use crate::cause::Cause;
+use crate::plausibility::Intake;
+use crate::plausibility::Offer;
+use crate::plausibility::Sampled;
+use canopen::drive::Statusword;
+use canopen::exchange::Inbox;
+use canopen::exchange::Told;
+use canopen::frame::Channel;
+use canopen::frame::Telegram;
+use canopen::pdo::DriveSample;
+use canopen::pdo::SwitchInputs;
+use units::time::Instant;
 
 /// The switch box repeats its inputs every 5 ms; after three of those in silence it is not believed.
 const SWITCHES_STALE: Duration = Duration::from_millis(15);
@@ -208,14 +208,15 @@ impl Samples {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::exchange;
-    use crate::canopen::frame::Channel;
-    use crate::canopen::frame::Frame;
-    use crate::canopen::pdo::Counts;
-    use crate::config::Config;
-    use crate::node::plausibility;
     use std::path::Path;
+
+    use super::*;
+    use crate::plausibility;
+    use canopen::exchange;
+    use canopen::frame::Channel;
+    use canopen::frame::Frame;
+    use canopen::pdo::Counts;
+    use config::Config;
 
     /// As `name` has it: `kraft_like_500hz` with all in one TPDO, `kraft_like` with the state apart.
     fn samples(name: &str) -> Samples {

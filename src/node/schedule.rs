@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::time::Instant;
+use units::time::Instant;
 
 /// The SYNC schedule.
 #[derive(Clone, Copy, Debug)]

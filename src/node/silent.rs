@@ -3,20 +3,20 @@
 use std::path::Path;
 use std::time::Duration;
 
-use crate::bus::Bus;
-use crate::bus::BusFault;
-use crate::bus::Heard;
-use crate::bus::Received;
-use crate::bus::SendError;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Telegram;
-use crate::canopen::sync;
-use crate::config::Config;
-use crate::node::Node;
-use crate::remote::Remote;
-use crate::remote::Sensed;
-use crate::spatial::Motion;
-use crate::time::Instant;
+use crate::Node;
+use bus::Bus;
+use bus::BusFault;
+use bus::Heard;
+use bus::Received;
+use bus::SendError;
+use canopen::frame::Channel;
+use canopen::frame::Telegram;
+use canopen::sync;
+use config::Config;
+use remote::Remote;
+use remote::Sensed;
+use units::spatial::Motion;
+use units::time::Instant;
 
 /// The bus.
 #[derive(Clone, Debug, Default)]

@@ -9,12 +9,12 @@
 //! Between the clock and the bus an instruction remains, and nothing can be taken back that a bus has taken: how old
 //! a torque may then be is bounded by the drives' RPDO timers alone.
 
-use crate::bus::Bus;
-use crate::canopen::drive::Goal;
-use crate::canopen::pdo::PerMille;
-use crate::node::Node;
-use crate::remote::Remote;
-use crate::time::Instant;
+use crate::Node;
+use bus::Bus;
+use canopen::drive::Goal;
+use canopen::pdo::PerMille;
+use remote::Remote;
+use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
     /// Sends this cycle's targets and controlwords, made of the samples of the SYNC of `sync_at`, and returns which

@@ -1,13 +1,13 @@
 //! Whether the loop keeps time: what follows when it is late, when it stood still, when the host slept.
 //!
-//! A wake-up that is more than half a period late skips its cycle (the [schedule](crate::node::schedule)
+//! A wake-up that is more than half a period late skips its cycle (the [schedule](crate::schedule)
 //! does), and one such cycle harms nobody. Too many of them do, and so does standing still for long: the
 //! drives may have stopped by their own timers, and what waits to be read is old.
 
 use std::time::Duration;
 
-use crate::telemetry::cause::Cause;
-use crate::time::Instant;
+use crate::cause::Cause;
+use units::time::Instant;
 
 /// Standing still for more cycles than this is a fault; fewer are skipped and counted.
 pub(super) const OVERRUN: u64 = 5;

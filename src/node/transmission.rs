@@ -8,13 +8,13 @@
 
 use std::time::Duration;
 
-use crate::bus::BusFault;
-use crate::bus::SendError;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Telegram;
-use crate::canopen::sync;
-use crate::telemetry::cause::Cause;
-use crate::time::Instant;
+use crate::cause::Cause;
+use bus::BusFault;
+use bus::SendError;
+use canopen::frame::Channel;
+use canopen::frame::Telegram;
+use canopen::sync;
+use units::time::Instant;
 
 /// Cycles that do not get out until a bus is given up.
 const PATIENCE: u32 = 2;
@@ -158,7 +158,7 @@ impl Line {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::frame::Frame;
+    use canopen::frame::Frame;
 
     const BUS: Channel = Channel(0);
     const OTHER: Channel = Channel(1);

@@ -1,12 +1,12 @@
 //! A start that enables nothing: the network boots and is read, and a stop is latched from the beginning.
 
-use crate::bus::Bus;
-use crate::node::BringUpError;
-use crate::node::Node;
-use crate::node::schedule::Schedule;
-use crate::remote::Remote;
-use crate::spatial::Motion;
-use crate::telemetry::cause::Cause;
+use crate::BringUpError;
+use crate::Node;
+use crate::cause::Cause;
+use crate::schedule::Schedule;
+use bus::Bus;
+use remote::Remote;
+use units::spatial::Motion;
 
 impl<B: Bus, R: Remote> Node<B, R> {
     /// Boots every node as [`bring_up`](Self::bring_up) does, and enables none. `cause` is latched until a reset, which

@@ -7,8 +7,8 @@
 
 use thiserror::Error;
 
-use crate::spatial::Twist;
-use crate::spatial::Wrench;
+use units::spatial::Twist;
+use units::spatial::Wrench;
 
 /// No object gives way more easily, in m/s per N or rad/s per N·m.
 const LARGEST: f64 = 1e3;

@@ -8,11 +8,11 @@ use nalgebra::Isometry3;
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use crate::robot::accommodation::Accommodation;
-use crate::robot::payload::Payload;
-use crate::spatial::Motion;
-use crate::spatial::Twist;
-use crate::spatial::Wrench;
+use crate::accommodation::Accommodation;
+use crate::payload::Payload;
+use units::spatial::Motion;
+use units::spatial::Twist;
+use units::spatial::Wrench;
 
 /// No place is farther from the base, in m.
 const FARTHEST: f64 = 1e5;
@@ -170,8 +170,9 @@ fn is_here(x: &Isometry3<f64>) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn servo(time_constant: f64) -> Servo {
         Servo::new(time_constant, 10.0, 10.0).unwrap()

@@ -7,7 +7,7 @@ use nalgebra::Isometry3;
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use crate::spatial::Wrench;
+use units::spatial::Wrench;
 
 /// No payload is heavier, in kg, nor its centre of mass farther away, in m.
 const LARGEST: f64 = 1e4;
@@ -55,8 +55,9 @@ impl Payload {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const DOWN: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 

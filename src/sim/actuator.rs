@@ -175,8 +175,9 @@ const fn saturated(rate: f64) -> i32 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn settings(gear_ratio: f64) -> ActuatorSettings {
         ActuatorSettings {

@@ -4,7 +4,7 @@
 
 use std::time::Duration;
 
-use crate::time::Instant;
+use units::time::Instant;
 
 /// Time zero of a script.
 #[derive(Clone, Copy, Debug, Default)]

@@ -2,14 +2,14 @@
 //!
 //! A snapshot, for people and scripts; the drive side is what an SDO client would read from it.
 
-use crate::canopen::NmtState;
-use crate::canopen::NodeId;
-use crate::canopen::drive::State;
-use crate::canopen::frame::Channel;
-use crate::canopen::object::Object;
-use crate::sim::drive::Drive;
-use crate::sim::world::World;
-use crate::time::Instant;
+use crate::drive::Drive;
+use crate::world::World;
+use canopen::NmtState;
+use canopen::NodeId;
+use canopen::drive::State;
+use canopen::frame::Channel;
+use canopen::object::Object;
+use units::time::Instant;
 
 /// What one drive believes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,18 +96,20 @@ impl Report {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::dictionary::Dictionary;
-    use crate::canopen::eds::Eds;
-    use crate::canopen::frame::Frame;
-    use crate::canopen::nmt::Order;
-    use crate::canopen::station::Station;
-    use crate::sim::actuator::ActuatorSettings;
-    use crate::sim::drive::DriveSettings;
-    use crate::sim::drivetrain::Sensed;
-    use crate::sim::motion::Tuning;
-    use canopen_rs::NmtCommand;
     use std::time::Duration;
+
+    use canopen_rs::NmtCommand;
+
+    use super::*;
+    use crate::actuator::ActuatorSettings;
+    use crate::drive::DriveSettings;
+    use crate::drivetrain::Sensed;
+    use crate::motion::Tuning;
+    use canopen::dictionary::Dictionary;
+    use canopen::eds::Eds;
+    use canopen::frame::Frame;
+    use canopen::nmt::Order;
+    use canopen::station::Station;
 
     const RATED: f64 = 0.2;
 

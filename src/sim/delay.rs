@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::spatial::Wrench;
+use units::spatial::Wrench;
 
 /// What goes in is kept so often, in s.
 const TICK: f64 = 1e-3;

@@ -3,8 +3,8 @@
 use nalgebra::Isometry3;
 use nalgebra::Vector3;
 
-use crate::spatial::Twist;
-use crate::spatial::Wrench;
+use units::spatial::Twist;
+use units::spatial::Wrench;
 
 /// A hand's impedance.
 #[derive(Clone, Copy, Debug, PartialEq)]

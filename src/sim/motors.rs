@@ -1,9 +1,9 @@
 //! Six motors behind the linkage that turns them with the joints.
 
-use crate::sim::arm::Joints;
-use crate::sim::drivetrain::Drivetrain;
-use crate::sim::drivetrain::Sensed;
-use crate::sim::transmission::Transmission;
+use crate::arm::Joints;
+use crate::drivetrain::Drivetrain;
+use crate::drivetrain::Sensed;
+use crate::transmission::Transmission;
 
 /// The six drivetrains of an arm, base first.
 #[derive(Clone, Copy, Debug)]
@@ -65,9 +65,9 @@ impl Motors {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::actuator::ActuatorSettings;
-    use crate::sim::arm::JointMatrix;
-    use crate::sim::drivetrain::DrivetrainSettings;
+    use crate::actuator::ActuatorSettings;
+    use crate::arm::JointMatrix;
+    use crate::drivetrain::DrivetrainSettings;
 
     const SETTINGS: DrivetrainSettings = DrivetrainSettings::good(ActuatorSettings {
         counts_per_rev: 4_096.0,

@@ -1,4 +1,4 @@
-//! The operator: a [hand](crate::sim::hand) that follows its script late, shakes, answers late what it
+//! The operator: a [hand](crate::hand) that follows its script late, shakes, answers late what it
 //! feels, and may let go.
 //!
 //! What the hand feels reaches its will after the temperament's reaction time, and its muscles take a
@@ -18,11 +18,11 @@ use nalgebra::Translation3;
 use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 
-use crate::sim::delay::Delay;
-use crate::sim::hand::Hand;
-use crate::sim::temperament::Temperament;
-use crate::sim::tremor::Tremor;
-use crate::spatial::Wrench;
+use crate::delay::Delay;
+use crate::hand::Hand;
+use crate::temperament::Temperament;
+use crate::tremor::Tremor;
+use units::spatial::Wrench;
 
 /// How fast muscles take up what they are told, in s.
 const MUSCLES: f64 = 0.05;
@@ -127,11 +127,13 @@ fn approach(dt: f64, time_constant: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::sim::tremor::Shake;
-    use crate::spatial::Twist;
-    use proptest::prelude::*;
     use std::time::Duration;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::tremor::Shake;
+    use units::spatial::Twist;
 
     const MS: f64 = 1e-3;
 

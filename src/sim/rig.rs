@@ -8,9 +8,9 @@
 //!  reading = clamp(reading before, t - c, t + c)    t: the motor's torque, c: the dry friction
 //! ```
 
-use crate::sim::actuator::ActuatorSettings;
-use crate::sim::actuator::TorqueCurve;
-use crate::sim::random::SplitMix;
+use crate::actuator::ActuatorSettings;
+use crate::actuator::TorqueCurve;
+use crate::random::SplitMix;
 
 /// How far beyond the joint's largest torque is measured, so that the calibrated range contains it.
 const BEYOND: f64 = 1.05;

@@ -1,23 +1,23 @@
 //! The operator's switch box: a CiA 401 input module of one byte.
 //!
-//! What the bits mean is in [`SwitchInputs`](crate::canopen::pdo::SwitchInputs).
+//! What the bits mean is in [`SwitchInputs`](canopen::pdo::SwitchInputs).
 
 use std::time::Duration;
 
 use canopen_rs::NmtCommand;
 
-use crate::canopen::NodeId;
-use crate::canopen::device::Application;
-use crate::canopen::device::Device;
-use crate::canopen::device::Reset;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::frame::Telegram;
-use crate::canopen::nmt::Order;
-use crate::canopen::object::Object;
-use crate::canopen::station::Station;
-use crate::time::Instant;
+use canopen::NodeId;
+use canopen::device::Application;
+use canopen::device::Device;
+use canopen::device::Reset;
+use canopen::dictionary::Dictionary;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use canopen::nmt::Order;
+use canopen::object::Object;
+use canopen::station::Station;
+use units::time::Instant;
 
 /// One switch box.
 #[derive(Clone, Debug)]
@@ -127,7 +127,7 @@ impl SwitchBox {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::eds::Eds;
+    use canopen::eds::Eds;
 
     const BUS: Channel = Channel(1);
 
@@ -138,12 +138,12 @@ mod tests {
         let mut switches = SwitchBox::new(BUS, node, Dictionary::new(&eds, node));
         let mut out = Vec::new();
         switches.on_time(Instant::ZERO, &mut out);
-        for (object, value) in crate::canopen::layout::switches(node)
+        for (object, value) in canopen::layout::switches(node)
             .iter()
             .filter(|pdo| pdo.service.is_some())
-            .flat_map(crate::canopen::layout::Pdo::writes)
+            .flat_map(canopen::layout::Pdo::writes)
         {
-            let bytes = crate::canopen::sdo::bytes(&value);
+            let bytes = canopen::sdo::bytes(&value);
             let [low, high] = object.index.to_le_bytes();
             let mut request = [0x23, low, high, object.sub, 0, 0, 0, 0];
             request[0] |= u8::try_from(4 - bytes.len()).unwrap() << 2;

@@ -1,6 +1,6 @@
 //! Temperaments: what kind of hand holds the grip, as numbers, by name or from a scenario's `[hand]`.
 //!
-//! What a hand does with them is told in [`person`](crate::sim::person). The figures are of the order
+//! What a hand does with them is told in [`person`](crate::person). The figures are of the order
 //! that is measured; they are no one person's.
 //!
 //! - The hand of an arm held still: 50 to 800 N/m and 5 to 50 N·s/m, more with the grip's force
@@ -16,9 +16,9 @@ use std::ops::RangeInclusive;
 use serde::Deserialize;
 use thiserror::Error;
 
-use crate::sim::hand::Hand;
-use crate::sim::tremor::Shake;
-use crate::written::List;
+use crate::hand::Hand;
+use crate::tremor::Shake;
+use written::List;
 
 /// How a hand holds, and how it answers.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]

@@ -3,8 +3,8 @@
 //! Seen from the arm: where its joints put the actuators, and what the actuators' torques come to at
 //! the joints. The controller looks from the other side.
 
-use crate::sim::arm::JointMatrix;
-use crate::sim::arm::Joints;
+use crate::arm::JointMatrix;
+use crate::arm::Joints;
 
 /// A linkage without play or elasticity.
 #[derive(Clone, Copy, Debug)]
@@ -51,9 +51,10 @@ impl Transmission {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
     use serde_json::Value;
+
+    use super::*;
 
     /// An elbow whose actuator stands on the base, a differential in the wrist.
     fn linkage() -> Transmission {

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
-use crate::sim::random::SplitMix;
+use crate::random::SplitMix;
 
 /// How far and how fast a hand shakes.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -11,29 +11,29 @@ use std::time::Duration;
 use nalgebra::Isometry3;
 use nalgebra::Translation3;
 
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::frame::Telegram;
-use crate::canopen::station::Station;
-use crate::canopen::sync;
-use crate::sim::arm::Joints;
-use crate::sim::beginning::Beginning;
-use crate::sim::drive::Drive;
-use crate::sim::drivetrain::Drivetrain;
-use crate::sim::drivetrain::Sensed;
-use crate::sim::fault::Breakable;
-use crate::sim::fault::Devices;
-use crate::sim::fault::Faults;
-use crate::sim::fault::Notice;
-use crate::sim::motors::Motors;
-use crate::sim::person::Person;
-use crate::sim::plant;
-use crate::sim::plant::Plant;
-use crate::sim::scenario::Scenario;
-use crate::sim::scenario::fault::Link;
-use crate::sim::switches::SwitchBox;
-use crate::sim::transmission::Transmission;
-use crate::time::Instant;
+use crate::arm::Joints;
+use crate::beginning::Beginning;
+use crate::drive::Drive;
+use crate::drivetrain::Drivetrain;
+use crate::drivetrain::Sensed;
+use crate::fault::Breakable;
+use crate::fault::Devices;
+use crate::fault::Faults;
+use crate::fault::Notice;
+use crate::motors::Motors;
+use crate::person::Person;
+use crate::plant;
+use crate::plant::Plant;
+use crate::scenario::Scenario;
+use crate::scenario::fault::Link;
+use crate::switches::SwitchBox;
+use crate::transmission::Transmission;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use canopen::station::Station;
+use canopen::sync;
+use units::time::Instant;
 
 /// The arm is never older than this.
 const TICK: Duration = Duration::from_millis(1);
@@ -298,15 +298,16 @@ impl Inputs for SwitchBox {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::sim::actuator::ActuatorSettings;
-    use crate::sim::arm;
-    use crate::sim::drivetrain::DrivetrainSettings;
-    use crate::sim::fault::Way;
-    use crate::sim::plant::Resistance;
-    use crate::sim::scenario::fault::Service;
-    use crate::spatial::Wrench;
     use nalgebra::Vector3;
+
+    use super::*;
+    use crate::actuator::ActuatorSettings;
+    use crate::arm;
+    use crate::drivetrain::DrivetrainSettings;
+    use crate::fault::Way;
+    use crate::plant::Resistance;
+    use crate::scenario::fault::Service;
+    use units::spatial::Wrench;
 
     const SCRIPT: &str = "seconds = 5\n\
         [[switch]]\nat_s = 0.5\ndeadman = true\n\

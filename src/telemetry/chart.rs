@@ -1,7 +1,7 @@
 //! Charts as SVG text that stands alone: panels with two axes, and lines, bands and marks on them.
 //!
 //! Dark on white, for a screen or a printed page. What is drawn is
-//! [`torque_plot`](crate::telemetry::torque_plot)'s choice.
+//! [`torque_plot`](crate::torque_plot)'s choice.
 
 use std::fmt::Write;
 

@@ -4,9 +4,9 @@
 
 use serde::Serialize;
 
-use crate::controller::JointVector;
-use crate::spatial::Wrench;
-use crate::telemetry::record::Record;
+use controller::JointVector;
+use node::record::Record;
+use units::spatial::Wrench;
 
 /// Below this the hand stands still, in m/s: no reversal.
 const STILL: f64 = 5e-3;

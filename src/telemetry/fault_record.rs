@@ -6,11 +6,11 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::canopen::frame::Telegram;
-use crate::telemetry::cause::Cause;
-use crate::telemetry::record::Mode;
-use crate::telemetry::session::Brief;
-use crate::time::Instant;
+use crate::session::Brief;
+use canopen::frame::Telegram;
+use node::cause::Cause;
+use node::record::Mode;
+use units::time::Instant;
 
 /// How much of the past a record begins with.
 pub const BEFORE: Duration = Duration::from_secs(2);
@@ -129,11 +129,12 @@ impl FaultWatch {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::frame::Channel;
-    use crate::canopen::frame::Frame;
-    use crate::spatial::Wrench;
     use proptest::prelude::*;
+
+    use super::*;
+    use canopen::frame::Channel;
+    use canopen::frame::Frame;
+    use units::spatial::Wrench;
 
     const LEFT: Cause = Cause::DriveLeft { joint: 3, statusword: 0x218 };
 

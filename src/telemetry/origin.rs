@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde::Serializer;
 use serde::ser::SerializeMap;
 
-/// The clock on the wall at [`Instant::ZERO`](crate::time::Instant::ZERO). A stamp in `bus.log` less this is the
+/// The clock on the wall at [`Instant::ZERO`](units::time::Instant::ZERO). A stamp in `bus.log` less this is the
 /// time that stderr and `fault.json` show. Zero in virtual time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Origin(Duration);

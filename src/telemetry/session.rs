@@ -13,13 +13,13 @@
 use std::io;
 use std::io::Write;
 
-use crate::canopen::frame::Telegram;
-use crate::spatial::Wrench;
-use crate::telemetry::candump::LogWriter;
-use crate::telemetry::cause::Cause;
-use crate::telemetry::record::Mode;
-use crate::telemetry::record::Record;
-use crate::time::Instant;
+use bus::candump::LogWriter;
+use canopen::frame::Telegram;
+use node::cause::Cause;
+use node::record::Mode;
+use node::record::Record;
+use units::spatial::Wrench;
+use units::time::Instant;
 
 /// Where wrenches stand in the log.
 pub const WRENCH: (&str, u32) = ("wrench0", 0x18FF_0000);
@@ -143,8 +143,8 @@ const fn code(mode: Mode) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::frame::Channel;
-    use crate::canopen::frame::Frame;
+    use canopen::frame::Channel;
+    use canopen::frame::Frame;
 
     /// A disk with room for so many bytes.
     struct Disk {

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use crate::controller::Ledger;
-use crate::telemetry::losses::Losses;
-use crate::telemetry::record::Record;
+use crate::losses::Losses;
+use controller::Ledger;
+use node::record::Record;
 
 /// A snapshot of the node.
 #[derive(Clone, Debug, Serialize)]

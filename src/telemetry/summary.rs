@@ -5,13 +5,13 @@ use std::fmt;
 use nalgebra::Isometry3;
 use serde::Serialize;
 
-use crate::spatial::Motion;
-use crate::telemetry::contact::Contact;
-use crate::telemetry::losses::Losses;
-use crate::telemetry::origin::Origin;
-use crate::telemetry::record::Mode;
-use crate::telemetry::record::Record;
-use crate::time::Instant;
+use crate::contact::Contact;
+use crate::losses::Losses;
+use crate::origin::Origin;
+use node::record::Mode;
+use node::record::Record;
+use units::spatial::Motion;
+use units::time::Instant;
 
 /// Below this contact force the object moves freely and should follow its command, in N.
 const FREE_BELOW: f64 = 0.5;

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use crate::time::Instant;
+use units::time::Instant;
 
 /// The bucket, told as the time at which it would be full again: an integer, so nothing adds up.
 #[derive(Clone, Copy, Debug)]
@@ -34,8 +34,9 @@ impl TokenBucket {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     proptest! {
         #[test]

@@ -1,15 +1,15 @@
 //! A joint's torque curve in the manner of the paper's Fig. 6: measurements of both driving
 //! directions, the straight line, the polynomial; and below, how far the measurements lie from it.
 
-use crate::controller::fit::Calibrated;
-use crate::controller::fit::Direction;
-use crate::controller::fit::Sample;
-use crate::telemetry::chart::Axis;
-use crate::telemetry::chart::Chart;
-use crate::telemetry::chart::Ink;
-use crate::telemetry::chart::Panel;
-use crate::telemetry::chart::minus;
-use crate::telemetry::digits::significant;
+use crate::chart::Axis;
+use crate::chart::Chart;
+use crate::chart::Ink;
+use crate::chart::Panel;
+use crate::chart::minus;
+use crate::digits::significant;
+use controller::fit::Calibrated;
+use controller::fit::Direction;
+use controller::fit::Sample;
 
 /// Points of a curve.
 const POINTS: u16 = 160;

@@ -4,17 +4,17 @@ use std::cell::RefCell;
 use std::path::Path;
 use std::rc::Rc;
 
-use frhc::bus::Tap;
-use frhc::canopen::frame::Channel;
-use frhc::canopen::frame::Frame;
-use frhc::canopen::frame::Telegram;
-use frhc::config::Config;
-use frhc::config::files;
-use frhc::lab::bench::Bench;
-use frhc::sim::scenario::Scenario;
-use frhc::telemetry::record::Mode;
-use frhc::telemetry::record::Record;
-use frhc::time::Instant;
+use bus::Tap;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use config::Config;
+use config::files;
+use lab::bench::Bench;
+use node::record::Mode;
+use node::record::Record;
+use sim::scenario::Scenario;
+use units::time::Instant;
 
 /// Every frame of every bus, and when it was complete.
 #[derive(Clone, Debug, Default)]

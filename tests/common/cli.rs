@@ -14,7 +14,7 @@ pub(crate) struct Ended {
 }
 
 pub(crate) fn frhc<S: AsRef<OsStr>>(args: &[S]) -> Ended {
-    let output = Command::new(env!("CARGO_BIN_EXE_frhc")).args(args).output().unwrap();
+    let output = Command::new(crate::common::program()).args(args).output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
     let code = output.status.code().unwrap();
     Ended { code, stdout: text(output.stdout), stderr: text(output.stderr) }

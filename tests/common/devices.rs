@@ -4,23 +4,22 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use frhc::bus::Bus;
-use frhc::bus::Memory;
-use frhc::canopen::NodeId;
-use frhc::canopen::bench::watch::Watch;
-use frhc::canopen::device::Application;
-use frhc::canopen::device::Device;
-use frhc::canopen::dictionary::Dictionary;
-use frhc::canopen::eds::Eds;
-use frhc::canopen::frame::Channel;
-use frhc::canopen::frame::Frame;
-use frhc::canopen::frame::Telegram;
-use frhc::canopen::object::Object;
-use frhc::canopen::station::Station;
-use frhc::cli::bench::Session;
-use frhc::time::Instant;
-
 use super::bench::Wire;
+use bus::Bus;
+use bus::Memory;
+use canopen::NodeId;
+use canopen::device::Application;
+use canopen::device::Device;
+use canopen::dictionary::Dictionary;
+use canopen::eds::Eds;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use canopen::object::Object;
+use canopen::station::Station;
+use canopen_tools::bench::watch::Watch;
+use frhc::cli::bench::Session;
+use units::time::Instant;
 
 /// A device's application that has nothing to do, and does not keep the speed it is told.
 #[derive(Clone, Debug)]

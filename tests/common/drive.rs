@@ -2,22 +2,22 @@
 
 use std::time::Duration;
 
-use frhc::bus::Bus;
-use frhc::bus::Heard;
-use frhc::bus::Memory;
-use frhc::bus::Tap;
-use frhc::canopen::NodeId;
-use frhc::canopen::dictionary::Dictionary;
-use frhc::canopen::eds::Eds;
-use frhc::canopen::frame::Channel;
-use frhc::canopen::frame::Frame;
-use frhc::canopen::frame::Telegram;
-use frhc::canopen::sdo::Outcome;
-use frhc::canopen::sdo::Transfer;
-use frhc::sim::actuator::ActuatorSettings;
-use frhc::sim::drive::Drive;
-use frhc::sim::drive::DriveSettings;
-use frhc::sim::motion::Tuning;
+use bus::Bus;
+use bus::Heard;
+use bus::Memory;
+use bus::Tap;
+use canopen::NodeId;
+use canopen::dictionary::Dictionary;
+use canopen::eds::Eds;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use canopen::sdo::Outcome;
+use canopen::sdo::Transfer;
+use sim::actuator::ActuatorSettings;
+use sim::drive::Drive;
+use sim::drive::DriveSettings;
+use sim::motion::Tuning;
 
 /// How soon a frame is offered again that the bus had no room for.
 const AGAIN: Duration = Duration::from_micros(50);

@@ -1,14 +1,15 @@
 //! Whether what is felt is what the wall exerts, computed from a session's log alone, with the
 //! simulator's kinematics, which share nothing with the controller's.
 
-use frhc::config::Config;
-use frhc::sim::arm::Arm;
-use frhc::spatial::Wrench;
-use frhc::telemetry::candump::Content;
-use frhc::telemetry::candump::Line;
-use frhc::telemetry::session::NODE;
-use frhc::telemetry::session::WRENCH;
 use nalgebra::SVector;
+
+use bus::candump::Content;
+use bus::candump::Line;
+use config::Config;
+use sim::arm::Arm;
+use telemetry::session::NODE;
+use telemetry::session::WRENCH;
+use units::spatial::Wrench;
 
 /// What one cycle's lines say.
 #[derive(Default)]

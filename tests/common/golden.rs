@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use frhc::telemetry::candump::Line;
+use bus::candump::Line;
 
 /// Compares a transcript with the one in tests/golden, line by line, or with `GOLDEN=write` in the
 /// environment writes it anew.

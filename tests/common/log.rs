@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-use frhc::telemetry::candump::Line;
+use bus::candump::Line;
 
 /// The frames of torques, of the nodes 1 to 3 and 4 to 6.
 pub(crate) const GROUPS: [u16; 2] = [0x201, 0x204];

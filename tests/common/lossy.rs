@@ -3,22 +3,21 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use frhc::canopen::frame::Channel;
-use frhc::canopen::frame::Frame;
-use frhc::canopen::frame::Telegram;
-use frhc::canopen::object::Object;
-use frhc::canopen::sdo::Block;
-use frhc::canopen::sdo::Outcome;
-use frhc::canopen::sdo::Queue;
-use frhc::canopen::sdo::Request;
-use frhc::canopen::sdo::Task;
-use frhc::canopen::sdo::Terms;
-use frhc::canopen::station::Station;
-use frhc::sim::drive::Drive;
-use frhc::time::Instant;
-
 use crate::common::drive::drive;
 use crate::common::drive::node;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use canopen::object::Object;
+use canopen::sdo::Block;
+use canopen::sdo::Outcome;
+use canopen::sdo::Queue;
+use canopen::sdo::Request;
+use canopen::sdo::Task;
+use canopen::sdo::Terms;
+use canopen::station::Station;
+use sim::drive::Drive;
+use units::time::Instant;
 
 /// What happens to frames, of a thousand each.
 #[derive(Clone, Copy, Debug, Default)]

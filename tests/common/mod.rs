@@ -9,6 +9,9 @@
     reason = "what a test cannot do without has failed the test"
 )]
 
+use std::env;
+use std::sync::LazyLock;
+
 pub(crate) mod bench;
 pub(crate) mod cli;
 pub(crate) mod devices;
@@ -19,3 +22,11 @@ pub(crate) mod log;
 pub(crate) mod lossy;
 pub(crate) mod oracle;
 pub(crate) mod process;
+
+/// The program under test: the one that is shipped, where `$FRHC_PROGRAM` names it, or that of this build.
+pub(crate) fn program() -> &'static str {
+    static PROGRAM: LazyLock<String> = LazyLock::new(|| {
+        env::var("FRHC_PROGRAM").unwrap_or_else(|_| env!("CARGO_BIN_EXE_frhc").to_owned())
+    });
+    &PROGRAM
+}

@@ -4,11 +4,6 @@
 use std::fs;
 use std::path::Path;
 
-use frhc::controller::arm::Arm;
-use frhc::controller::arm::JointKind;
-use frhc::controller::arm::Link;
-use frhc::spatial::Twist;
-use frhc::spatial::Wrench;
 use nalgebra::Isometry3;
 use nalgebra::Matrix3;
 use nalgebra::Rotation3;
@@ -16,6 +11,12 @@ use nalgebra::SVector;
 use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 use serde_json::Value;
+
+use controller::arm::Arm;
+use controller::arm::JointKind;
+use controller::arm::Link;
+use units::spatial::Twist;
+use units::spatial::Wrench;
 
 /// How far an answer may be from a reference value.
 pub(crate) const TOLERANCE: f64 = 1e-9;

@@ -15,11 +15,12 @@ use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 
-use frhc::telemetry::candump::Content;
-use frhc::telemetry::candump::Line;
 use nix::sys::signal::Signal;
 use nix::sys::signal::kill;
 use nix::unistd::Pid;
+
+use bus::candump::Content;
+use bus::candump::Line;
 
 /// A running process.
 pub(crate) struct Process(Child);
@@ -243,20 +244,20 @@ impl Scratch {
 
     /// The same, with what it says to people going there.
     pub(crate) fn frhc_onto(&self, args: &[&str], stderr: impl Into<Stdio>) -> Process {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_frhc"));
+        let mut command = Command::new(crate::common::program());
         Process::spawn_onto(self.at_home(command.args(args)), stderr.into())
     }
 
     /// The same, under a limit of the shell's, such as `ulimit -f 100`.
     pub(crate) fn frhc_under(&self, limit: &str, args: &[&str]) -> Process {
         let mut command = Command::new("sh");
-        command.args(["-c", &format!("{limit}; exec \"$0\" \"$@\""), env!("CARGO_BIN_EXE_frhc")]);
+        command.args(["-c", &format!("{limit}; exec \"$0\" \"$@\""), crate::common::program()]);
         Process::spawn(self.at_home(command.args(args)))
     }
 
     /// The same, with what it prints.
     pub(crate) fn frhc_and_stdout(&self, args: &[&str]) -> (Process, BufReader<ChildStdout>) {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_frhc"));
+        let mut command = Command::new(crate::common::program());
         let command = self.at_home(command.args(args));
         let command = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();

@@ -1,7 +1,5 @@
 //! What reaches a node while it boots and withholds SYNC or its heartbeat from the drives. Rows 23 and 30.
 
-use frhc::telemetry::candump::Line;
-
 use crate::common::process::Process;
 use crate::gateway::Gateway;
 use crate::gateway::NODE;
@@ -10,6 +8,7 @@ use crate::rig::NODES;
 use crate::rig::Rig;
 use crate::rig::Setup;
 use crate::rig::millis;
+use bus::candump::Line;
 
 /// A boot in which the drives have just lost SYNC (`sync`) or the heartbeat of their master.
 fn boot_that_withholds(name: &str, sync: bool) -> Rig {

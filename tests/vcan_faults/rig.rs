@@ -4,7 +4,6 @@ use std::cell::Cell;
 use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
-use frhc::telemetry::candump::Line;
 use nix::sys::signal::Signal;
 
 use crate::common::log::Log;
@@ -18,6 +17,7 @@ use crate::gateway::NODE;
 use crate::script;
 use crate::seen::Seen;
 use crate::torque::CYCLE;
+use bus::candump::Line;
 
 const CONFIG: &str = "config/kraft_like.toml";
 

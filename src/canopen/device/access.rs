@@ -3,22 +3,22 @@
 //!
 //! What a write changes in the device is done by the [device](super::Device), from `written`.
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::device::Application;
-use crate::canopen::device::Manners;
-use crate::canopen::device::clock;
-use crate::canopen::device::heartbeat;
-use crate::canopen::device::history;
-use crate::canopen::device::mapping::number;
-use crate::canopen::device::parameter::Place;
-use crate::canopen::device::parameter::may_change_cob_id;
-use crate::canopen::device::sdo_server::Access;
-use crate::canopen::device::store;
-use crate::canopen::device::sync;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::dictionary::Entry;
-use crate::canopen::dictionary::OutOfRange;
-use crate::canopen::object::Object;
+use crate::abort::AbortCode;
+use crate::device::Application;
+use crate::device::Manners;
+use crate::device::clock;
+use crate::device::heartbeat;
+use crate::device::history;
+use crate::device::mapping::number;
+use crate::device::parameter::Place;
+use crate::device::parameter::may_change_cob_id;
+use crate::device::sdo_server::Access;
+use crate::device::store;
+use crate::device::sync;
+use crate::dictionary::Dictionary;
+use crate::dictionary::Entry;
+use crate::dictionary::OutOfRange;
+use crate::object::Object;
 
 /// The objects of a device, between two frames.
 #[derive(Debug)]

@@ -1,11 +1,11 @@
 //! What a device does, as the slave that carries it sees it.
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::device::condition;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::error_codes;
-use crate::canopen::object::Object;
-use crate::time::Instant;
+use crate::abort::AbortCode;
+use crate::device::condition;
+use crate::dictionary::Dictionary;
+use crate::error_codes;
+use crate::object::Object;
+use units::time::Instant;
 
 /// What a device does, apart from communicating.
 pub trait Application {

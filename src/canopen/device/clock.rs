@@ -5,14 +5,14 @@
 
 use std::time::Duration;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::device::parameter::consumed;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::frame::Frame;
-use crate::canopen::object::Object;
-use crate::canopen::time_stamp;
-use crate::canopen::time_stamp::TimeOfDay;
-use crate::time::Instant;
+use crate::abort::AbortCode;
+use crate::device::parameter::consumed;
+use crate::dictionary::Dictionary;
+use crate::frame::Frame;
+use crate::object::Object;
+use crate::time_stamp;
+use crate::time_stamp::TimeOfDay;
+use units::time::Instant;
 
 /// What time it is.
 #[derive(Clone, Copy, Debug, Default)]

@@ -1,6 +1,6 @@
 //! What may be wrong with a device, and the code its emergency has (CiA 301, 7.2.7.1, table 26).
 
-use crate::canopen::error_codes;
+use crate::error_codes;
 
 /// What may be wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,14 +10,14 @@ use std::time::Duration;
 use canopen_rs::EmergencyMessage;
 use canopen_rs::emcy::ErrorRegister;
 
-use crate::canopen::device::condition::Condition;
-use crate::canopen::device::condition::Conditions;
-use crate::canopen::device::history;
-use crate::canopen::device::parameter::cob_id;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::frame::Frame;
-use crate::canopen::object::Object;
-use crate::time::Instant;
+use crate::device::condition::Condition;
+use crate::device::condition::Conditions;
+use crate::device::history;
+use crate::device::parameter::cob_id;
+use crate::dictionary::Dictionary;
+use crate::frame::Frame;
+use crate::object::Object;
+use units::time::Instant;
 
 /// Everything that is wrong now, and what is still to be told of it.
 #[derive(Clone, Debug, Default)]

@@ -10,10 +10,10 @@ use canopen_rs::NodeId;
 use canopen_rs::nmt::encode_heartbeat;
 use canopen_rs::nmt::heartbeat_cob_id;
 
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::frame::Frame;
-use crate::canopen::object::Object;
-use crate::time::Instant;
+use crate::dictionary::Dictionary;
+use crate::frame::Frame;
+use crate::object::Object;
+use units::time::Instant;
 
 /// The toggle bit, and the watch over whoever asks.
 #[derive(Clone, Copy, Debug, Default)]

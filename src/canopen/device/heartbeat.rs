@@ -9,11 +9,11 @@ use canopen_rs::NodeId;
 use canopen_rs::nmt::encode_heartbeat;
 use canopen_rs::nmt::heartbeat_cob_id;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::frame::Frame;
-use crate::canopen::object::Object;
-use crate::time::Instant;
+use crate::abort::AbortCode;
+use crate::dictionary::Dictionary;
+use crate::frame::Frame;
+use crate::object::Object;
+use units::time::Instant;
 
 /// Both directions.
 #[derive(Clone, Debug, Default)]

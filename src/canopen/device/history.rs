@@ -1,8 +1,8 @@
 //! The errors of the past (1003h): CiA 301, 7.5.2.4. The newest is the first.
 
-use crate::canopen::device::mapping::byte;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::object::Object;
+use crate::device::mapping::byte;
+use crate::dictionary::Dictionary;
+use crate::object::Object;
 
 /// Whether a sub-index is one of an error that has not happened yet.
 pub(super) fn is_empty_at(dictionary: &Dictionary, object: Object) -> bool {

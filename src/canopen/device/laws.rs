@@ -16,16 +16,16 @@ use canopen_rs::NmtCommand;
 use proptest::prelude::*;
 
 use super::*;
-use crate::canopen::abort::AbortCode;
-use crate::canopen::device::parameter::Place;
-use crate::canopen::eds::Eds;
-use crate::canopen::layout::Direction;
-use crate::canopen::nmt::Order;
-use crate::canopen::object::Object;
-use crate::canopen::sdo::Outcome;
-use crate::canopen::sdo::SdoError;
-use crate::canopen::sdo::Transfer;
-use crate::canopen::sync::Sync;
+use crate::abort::AbortCode;
+use crate::device::parameter::Place;
+use crate::eds::Eds;
+use crate::layout::Direction;
+use crate::nmt::Order;
+use crate::object::Object;
+use crate::sdo::Outcome;
+use crate::sdo::SdoError;
+use crate::sdo::Transfer;
+use crate::sync::Sync;
 
 /// What an application has seen.
 #[derive(Clone, Debug, Default)]

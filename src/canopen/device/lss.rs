@@ -8,19 +8,19 @@ use std::time::Duration;
 
 use canopen_rs::NodeId;
 
-use crate::canopen::device::Application;
-use crate::canopen::device::Device;
-use crate::canopen::device::Reset;
-use crate::canopen::device::sdo_server::SdoServer;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::frame::Frame;
-use crate::canopen::lss::Address;
-use crate::canopen::lss::BitRate;
-use crate::canopen::lss::REQUEST_COB_ID;
-use crate::canopen::lss::slave::Effect;
-use crate::canopen::lss::slave::Slave;
-use crate::canopen::object::Object;
-use crate::time::Instant;
+use crate::device::Application;
+use crate::device::Device;
+use crate::device::Reset;
+use crate::device::sdo_server::SdoServer;
+use crate::dictionary::Dictionary;
+use crate::frame::Frame;
+use crate::lss::Address;
+use crate::lss::BitRate;
+use crate::lss::REQUEST_COB_ID;
+use crate::lss::slave::Effect;
+use crate::lss::slave::Slave;
+use crate::object::Object;
+use units::time::Instant;
 
 /// What one device is set to.
 #[derive(Clone, Debug)]
@@ -150,16 +150,17 @@ pub(super) const fn is_request(frame: &Frame) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::NmtCommand;
-    use crate::canopen::NmtState;
-    use crate::canopen::eds::Eds;
-    use crate::canopen::lss::codec::Answer;
-    use crate::canopen::lss::codec::Mode;
-    use crate::canopen::lss::codec::Reply;
-    use crate::canopen::lss::codec::Request;
-    use crate::canopen::nmt::Order;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::NmtCommand;
+    use crate::NmtState;
+    use crate::eds::Eds;
+    use crate::lss::codec::Answer;
+    use crate::lss::codec::Mode;
+    use crate::lss::codec::Reply;
+    use crate::lss::codec::Request;
+    use crate::nmt::Order;
 
     struct Idle;
 

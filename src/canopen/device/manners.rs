@@ -5,11 +5,11 @@
 
 use std::ops::RangeInclusive;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::device::Application;
-use crate::canopen::device::ConnectionLoss;
-use crate::canopen::device::Device;
-use crate::canopen::object::Object;
+use crate::abort::AbortCode;
+use crate::device::Application;
+use crate::device::ConnectionLoss;
+use crate::device::Device;
+use crate::object::Object;
 
 /// What a device does badly. By default nothing.
 #[derive(Clone, Debug, Default)]

@@ -3,11 +3,11 @@
 //! Says neither when a PDO is sent nor when it acts. Its eight bytes are one number of up to 64 bits,
 //! in which every mapped object has its place; the first is the lowest.
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::dictionary::Entry;
-use crate::canopen::layout::Direction;
-use crate::canopen::object::Object;
+use crate::abort::AbortCode;
+use crate::dictionary::Dictionary;
+use crate::dictionary::Entry;
+use crate::layout::Direction;
+use crate::object::Object;
 
 /// How many objects one PDO may hold here.
 const OBJECTS: usize = 8;

@@ -37,19 +37,19 @@ use std::time::Duration;
 use canopen_rs::NmtState;
 use canopen_rs::NodeId;
 
-use crate::canopen::device::clock::Clock;
-use crate::canopen::device::errors::Errors;
-use crate::canopen::device::guarding::Guarding;
-use crate::canopen::device::heartbeat::Heartbeat;
-use crate::canopen::device::lss::Layer;
-use crate::canopen::device::rpdo::Rpdo;
-use crate::canopen::device::sdo_server::SdoServer;
-use crate::canopen::device::sync::SyncConsumer;
-use crate::canopen::device::tpdo::Tpdo;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::frame::Frame;
-use crate::canopen::nmt::Order;
-use crate::time::Instant;
+use crate::device::clock::Clock;
+use crate::device::errors::Errors;
+use crate::device::guarding::Guarding;
+use crate::device::heartbeat::Heartbeat;
+use crate::device::lss::Layer;
+use crate::device::rpdo::Rpdo;
+use crate::device::sdo_server::SdoServer;
+use crate::device::sync::SyncConsumer;
+use crate::device::tpdo::Tpdo;
+use crate::dictionary::Dictionary;
+use crate::frame::Frame;
+use crate::nmt::Order;
+use units::time::Instant;
 
 /// One slave.
 #[derive(Clone, Debug)]

@@ -4,18 +4,18 @@
 //! Only the rules. A mapping changes while its PDO is off and its number of entries is zero; a PDO
 //! that is on keeps its identifier.
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::device::mapping::Mapping;
-use crate::canopen::device::mapping::byte;
-use crate::canopen::device::mapping::mappable;
-use crate::canopen::device::mapping::number;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::frame::COB_ID_MAX;
-use crate::canopen::layout::Direction;
-use crate::canopen::layout::MOST_PDOS;
-use crate::canopen::object::Object;
-use crate::canopen::sync;
-use crate::canopen::sync::Transmission;
+use crate::abort::AbortCode;
+use crate::device::mapping::Mapping;
+use crate::device::mapping::byte;
+use crate::device::mapping::mappable;
+use crate::device::mapping::number;
+use crate::dictionary::Dictionary;
+use crate::frame::COB_ID_MAX;
+use crate::layout::Direction;
+use crate::layout::MOST_PDOS;
+use crate::object::Object;
+use crate::sync;
+use crate::sync::Transmission;
 
 /// One PDO of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

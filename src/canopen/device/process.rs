@@ -3,18 +3,18 @@
 
 use canopen_rs::NmtState;
 
-use crate::canopen::device::Application;
-use crate::canopen::device::Device;
-use crate::canopen::device::clock;
-use crate::canopen::device::condition::Condition;
-use crate::canopen::device::parameter::Place;
-use crate::canopen::device::rpdo::Received;
-use crate::canopen::device::rpdo::Rpdo;
-use crate::canopen::device::tpdo::Tpdo;
-use crate::canopen::frame::Frame;
-use crate::canopen::layout::Direction;
-use crate::canopen::sync::Sync;
-use crate::time::Instant;
+use crate::device::Application;
+use crate::device::Device;
+use crate::device::clock;
+use crate::device::condition::Condition;
+use crate::device::parameter::Place;
+use crate::device::rpdo::Received;
+use crate::device::rpdo::Rpdo;
+use crate::device::tpdo::Tpdo;
+use crate::frame::Frame;
+use crate::layout::Direction;
+use crate::sync::Sync;
+use units::time::Instant;
 
 impl<A: Application> Device<A> {
     /// A PDO follows its parameters.

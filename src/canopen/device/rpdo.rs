@@ -7,15 +7,15 @@
 
 use std::time::Duration;
 
-use crate::canopen::device::condition::Condition;
-use crate::canopen::device::condition::Conditions;
-use crate::canopen::device::mapping::Mapping;
-use crate::canopen::device::parameter::Place;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::frame::Frame;
-use crate::canopen::layout::Direction;
-use crate::canopen::sync::Transmission;
-use crate::time::Instant;
+use crate::device::condition::Condition;
+use crate::device::condition::Conditions;
+use crate::device::mapping::Mapping;
+use crate::device::parameter::Place;
+use crate::dictionary::Dictionary;
+use crate::frame::Frame;
+use crate::layout::Direction;
+use crate::sync::Transmission;
+use units::time::Instant;
 
 /// What a frame is to an RPDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,15 +2,15 @@
 
 use std::time::Duration;
 
-use crate::canopen::device::Application;
-use crate::canopen::device::Device;
-use crate::canopen::device::access::Objects;
-use crate::canopen::device::history;
-use crate::canopen::device::parameter::Place;
-use crate::canopen::device::store;
-use crate::canopen::frame::Frame;
-use crate::canopen::object::Object;
-use crate::time::Instant;
+use crate::device::Application;
+use crate::device::Device;
+use crate::device::access::Objects;
+use crate::device::history;
+use crate::device::parameter::Place;
+use crate::device::store;
+use crate::frame::Frame;
+use crate::object::Object;
+use units::time::Instant;
 
 impl<A: Application> Device<A> {
     pub(super) fn serve(&mut self, now: Instant, request: [u8; 8], out: &mut Vec<Frame>) {

@@ -6,20 +6,20 @@ use canopen_rs::NmtState;
 use canopen_rs::nmt::encode_heartbeat;
 use canopen_rs::nmt::heartbeat_cob_id;
 
-use crate::canopen::device::Application;
-use crate::canopen::device::ConnectionLoss;
-use crate::canopen::device::Device;
-use crate::canopen::device::Reset;
-use crate::canopen::device::condition::Condition;
-use crate::canopen::device::heartbeat::Heartbeat;
-use crate::canopen::device::mapping;
-use crate::canopen::device::parameter::Place;
-use crate::canopen::device::rpdo::Rpdo;
-use crate::canopen::device::tpdo::Tpdo;
-use crate::canopen::frame::Frame;
-use crate::canopen::layout::Direction;
-use crate::canopen::object::Object;
-use crate::time::Instant;
+use crate::device::Application;
+use crate::device::ConnectionLoss;
+use crate::device::Device;
+use crate::device::Reset;
+use crate::device::condition::Condition;
+use crate::device::heartbeat::Heartbeat;
+use crate::device::mapping;
+use crate::device::parameter::Place;
+use crate::device::rpdo::Rpdo;
+use crate::device::tpdo::Tpdo;
+use crate::frame::Frame;
+use crate::layout::Direction;
+use crate::object::Object;
+use units::time::Instant;
 
 impl<A: Application> Device<A> {
     pub(super) fn obey(&mut self, now: Instant, command: NmtCommand, out: &mut Vec<Frame>) {

@@ -4,10 +4,10 @@
 //! Kept is every parameter that may be written, but for set-points and the error history. The stamp is
 //! void as soon as another write makes the device differ from what it has kept.
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::eds::Access;
-use crate::canopen::object::Object;
+use crate::abort::AbortCode;
+use crate::dictionary::Dictionary;
+use crate::eds::Access;
+use crate::object::Object;
 
 /// Whether a signature may be written to 1010h or 1011h; other objects are none of its business.
 ///

@@ -6,13 +6,13 @@
 
 use std::time::Duration;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::device::parameter::consumed;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::frame::COB_ID_MAX;
-use crate::canopen::frame::Frame;
-use crate::canopen::object::Object;
-use crate::time::Instant;
+use crate::abort::AbortCode;
+use crate::device::parameter::consumed;
+use crate::dictionary::Dictionary;
+use crate::frame::COB_ID_MAX;
+use crate::frame::Frame;
+use crate::object::Object;
+use units::time::Instant;
 
 /// What a device knows of SYNC.
 #[derive(Clone, Copy, Debug, Default)]

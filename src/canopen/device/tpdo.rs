@@ -8,16 +8,16 @@
 
 use std::time::Duration;
 
-use crate::canopen::device::mapping::Mapping;
-use crate::canopen::device::mapping::byte;
-use crate::canopen::device::parameter::NO_REMOTE;
-use crate::canopen::device::parameter::Place;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::frame::Frame;
-use crate::canopen::layout::Direction;
-use crate::canopen::sync::Sync;
-use crate::canopen::sync::Transmission;
-use crate::time::Instant;
+use crate::device::mapping::Mapping;
+use crate::device::mapping::byte;
+use crate::device::parameter::NO_REMOTE;
+use crate::device::parameter::Place;
+use crate::dictionary::Dictionary;
+use crate::frame::Frame;
+use crate::layout::Direction;
+use crate::sync::Sync;
+use crate::sync::Transmission;
+use units::time::Instant;
 
 /// One TPDO, as it is configured.
 #[derive(Clone, Copy, Debug)]

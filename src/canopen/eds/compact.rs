@@ -3,21 +3,21 @@
 use std::collections::HashMap;
 use std::collections::HashSet;
 
-use crate::canopen::data_type;
-use crate::canopen::data_type::UNSIGNED8;
-use crate::canopen::data_type::UNSIGNED32;
-use crate::canopen::eds::described::Access;
-use crate::canopen::eds::described::Described;
-use crate::canopen::eds::described::Setting;
-use crate::canopen::eds::ini::Entry;
-use crate::canopen::eds::ini::Ini;
-use crate::canopen::eds::ini::Section;
-use crate::canopen::eds::read;
-use crate::canopen::eds::title::Named;
-use crate::canopen::eds::title::Title;
-use crate::canopen::eds::value;
-use crate::canopen::eds::value::Number;
-use crate::canopen::object::Object;
+use crate::data_type;
+use crate::data_type::UNSIGNED8;
+use crate::data_type::UNSIGNED32;
+use crate::eds::described::Access;
+use crate::eds::described::Described;
+use crate::eds::described::Setting;
+use crate::eds::ini::Entry;
+use crate::eds::ini::Ini;
+use crate::eds::ini::Section;
+use crate::eds::read;
+use crate::eds::title::Named;
+use crate::eds::title::Title;
+use crate::eds::value;
+use crate::eds::value::Number;
+use crate::object::Object;
 
 /// How many sub-indices a section tells compactly, 0 to 254.
 pub(super) fn count(section: &Section<'_>) -> u8 {

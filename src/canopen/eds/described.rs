@@ -1,10 +1,10 @@
 //! One object as its maker describes it.
 
-use crate::canopen::NodeId;
-use crate::canopen::data_type;
-use crate::canopen::eds::value;
-use crate::canopen::eds::value::Number;
-use crate::canopen::object::Object;
+use crate::NodeId;
+use crate::data_type;
+use crate::eds::value;
+use crate::eds::value::Number;
+use crate::object::Object;
 
 /// Who may do what with an object, over SDO and PDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,7 +38,7 @@ impl Access {
     }
 
     /// The word of `AccessType`.
-    pub(super) const fn word(self) -> &'static str {
+    pub const fn word(self) -> &'static str {
         match self {
             Self::Constant => "const",
             Self::ReadOnly => "ro",

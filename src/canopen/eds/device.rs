@@ -1,11 +1,11 @@
 //! What a file says of the device as a whole: `[DeviceInfo]`, `[DummyUsage]`, and the
 //! `[DeviceComissioning]` of a DCF.
 
-use crate::canopen::NodeId;
-use crate::canopen::eds::ini::Ini;
-use crate::canopen::eds::read;
-use crate::canopen::eds::title::Named;
-use crate::canopen::eds::title::Title;
+use crate::NodeId;
+use crate::eds::ini::Ini;
+use crate::eds::read;
+use crate::eds::title::Named;
+use crate::eds::title::Title;
 
 /// What a maker says of a device (CiA 306, 4.4). Zero and empty where the file does not say.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -9,7 +9,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::collections::hash_map;
 
-use crate::canopen::eds::title::Title;
+use crate::eds::title::Title;
 
 /// A text in sections.
 #[derive(Debug, Default)]

@@ -1,7 +1,7 @@
 //! The keys CiA 306 knows, in its order and spelling.
 
-use crate::canopen::eds::title::Named;
-use crate::canopen::eds::title::Title;
+use crate::eds::title::Named;
+use crate::eds::title::Title;
 
 const FILE_INFO: &[&str] = &[
     "FileName",

@@ -1,7 +1,7 @@
 //! Electronic data sheets (CiA 306): what a device's maker says is in its object dictionary.
 //!
 //! Only what is described, not what a device holds: that is a
-//! [`Dictionary`](crate::canopen::dictionary::Dictionary). Reading is as tolerant as real files demand:
+//! [`Dictionary`](crate::dictionary::Dictionary). Reading is as tolerant as real files demand:
 //! what cannot be understood counts as not said, and [`Eds::lint`] tells of it with its line.
 
 mod compact;
@@ -13,10 +13,10 @@ mod lint;
 mod objects;
 mod pdo;
 mod read;
-mod sheet;
+pub mod sheet;
 mod text;
 mod title;
-pub(in crate::canopen) mod value;
+pub mod value;
 
 pub use described::Access;
 pub use described::Described;
@@ -26,7 +26,7 @@ pub use device::DeviceInfo;
 pub use lint::Finding;
 pub use lint::Severity;
 pub use pdo::PdoAbility;
-pub(in crate::canopen) use sheet::Sheet;
+pub(crate) use sheet::Sheet;
 pub use value::NoValue;
 pub use value::Number;
 
@@ -34,10 +34,10 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-use crate::canopen::data_type;
-use crate::canopen::eds::ini::Ini;
-use crate::canopen::eds::text::Text;
-use crate::canopen::object::Object;
+use crate::data_type;
+use crate::eds::ini::Ini;
+use crate::eds::text::Text;
+use crate::object::Object;
 
 /// The most bytes, lines and sections a file may have: what an EDS of 2 MiB has, and no more, so that
 /// any file is read in 100 ms.
@@ -119,7 +119,7 @@ impl Eds {
     }
 
     /// Its sections, to be changed.
-    pub(in crate::canopen) fn sheet(&self) -> Sheet<'_> {
+    pub fn sheet(&self) -> Sheet<'_> {
         Sheet::of(&Ini::read(&self.text.text))
     }
 

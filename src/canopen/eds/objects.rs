@@ -2,14 +2,14 @@
 
 use std::collections::HashSet;
 
-use crate::canopen::eds::Described;
-use crate::canopen::eds::EdsError;
-use crate::canopen::eds::compact;
-use crate::canopen::eds::ini::Ini;
-use crate::canopen::eds::read::is_head;
-use crate::canopen::eds::read::one;
-use crate::canopen::eds::title::Title;
-use crate::canopen::object::Object;
+use crate::eds::Described;
+use crate::eds::EdsError;
+use crate::eds::compact;
+use crate::eds::ini::Ini;
+use crate::eds::read::is_head;
+use crate::eds::read::one;
+use crate::eds::title::Title;
+use crate::object::Object;
 
 /// More objects than any device has, and more bytes than their descriptions take: what is told
 /// compactly could be any number.

@@ -1,8 +1,8 @@
 //! What a device's PDOs can be made to do, by its EDS: for whoever plans a bus.
 
-use crate::canopen::eds::Eds;
-use crate::canopen::layout::Direction;
-use crate::canopen::object::Object;
+use crate::eds::Eds;
+use crate::layout::Direction;
+use crate::object::Object;
 
 /// What can be set in one PDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,18 +1,18 @@
 //! From sections to objects: what is missing or wrong is taken as CiA 306 or good sense have it, and
-//! left to [`lint`](crate::canopen::eds::lint) to tell.
+//! left to [`lint`](crate::eds::lint) to tell.
 
-use crate::canopen::data_type;
-use crate::canopen::data_type::DOMAIN;
-use crate::canopen::data_type::DataType;
-use crate::canopen::eds::described::Access;
-use crate::canopen::eds::described::Described;
-use crate::canopen::eds::described::Setting;
-use crate::canopen::eds::ini::Entry;
-use crate::canopen::eds::ini::Ini;
-use crate::canopen::eds::ini::Section;
-use crate::canopen::eds::title::Title;
-use crate::canopen::eds::value;
-use crate::canopen::object::Object;
+use crate::data_type;
+use crate::data_type::DOMAIN;
+use crate::data_type::DataType;
+use crate::eds::described::Access;
+use crate::eds::described::Described;
+use crate::eds::described::Setting;
+use crate::eds::ini::Entry;
+use crate::eds::ini::Ini;
+use crate::eds::ini::Section;
+use crate::eds::title::Title;
+use crate::eds::value;
+use crate::object::Object;
 
 /// Object types (CiA 301, 7.4.3).
 pub(super) const DOMAIN_OBJECT: i128 = 2;

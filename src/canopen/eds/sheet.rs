@@ -4,18 +4,18 @@
 use std::borrow::Cow;
 use std::collections::HashSet;
 
-use crate::canopen::eds::described::Described;
-use crate::canopen::eds::ini::Ini;
-use crate::canopen::eds::ini::Section;
-use crate::canopen::eds::keys;
-use crate::canopen::eds::text;
-use crate::canopen::eds::title::Named;
-use crate::canopen::eds::title::Title;
-use crate::canopen::object::Object;
+use crate::eds::described::Described;
+use crate::eds::ini::Ini;
+use crate::eds::ini::Section;
+use crate::eds::keys;
+use crate::eds::text;
+use crate::eds::title::Named;
+use crate::eds::title::Title;
+use crate::object::Object;
 
 /// A file in sections.
 #[derive(Clone, Debug)]
-pub(in crate::canopen) struct Sheet<'t> {
+pub struct Sheet<'t> {
     sections: Vec<Part<'t>>,
 }
 
@@ -33,23 +33,23 @@ impl<'t> Sheet<'t> {
     }
 
     /// Sets a key of `[FileInfo]`.
-    pub(in crate::canopen) fn set_file_info(&mut self, key: &str, value: &str) {
+    pub fn set_file_info(&mut self, key: &str, value: &str) {
         self.set(Title::Named(Named::FileInfo), key, value);
     }
 
     /// What a key of `[FileInfo]` says.
-    pub(in crate::canopen) fn file_info(&self, key: &str) -> Option<&str> {
+    pub fn file_info(&self, key: &str) -> Option<&str> {
         self.get(Title::Named(Named::FileInfo), key)
     }
 
     /// Sets a key of `[DeviceComissioning]`.
-    pub(in crate::canopen) fn set_commissioning(&mut self, key: &str, value: &str) {
+    pub fn set_commissioning(&mut self, key: &str, value: &str) {
         self.set(Title::Named(Named::Commissioning), key, value);
     }
 
     /// Sets what an object is to hold, wherever the file describes it; one that only `CompactPDO` tells
     /// is spelt out first, as `all` describes it.
-    pub(in crate::canopen) fn set_value(&mut self, object: Object, value: &str, all: &[Described]) {
+    pub fn set_value(&mut self, object: Object, value: &str, all: &[Described]) {
         let Object { index, sub } = object;
         let is_compact = self.get(Title::Object(index), "CompactSubObj").is_some();
         let has = |title| self.find(title).is_some();
@@ -137,7 +137,7 @@ impl<'t> Sheet<'t> {
     }
 
     /// The file's bytes: ASCII, or Latin-1 where its names demand it.
-    pub(in crate::canopen) fn write(&self) -> Vec<u8> {
+    pub fn write(&self) -> Vec<u8> {
         let mut parts: Vec<_> = self.sections.iter().collect();
         parts.sort_by_cached_key(|part| order(Title::of(&part.name)));
         let mut text = String::new();
@@ -186,7 +186,7 @@ fn order(title: Title<'_>) -> (Named, u8, u16, u8, u8) {
 
 #[cfg(test)]
 mod tests {
-    use crate::canopen::eds::Eds;
+    use crate::eds::Eds;
 
     #[test]
     fn what_is_written_is_in_order() {

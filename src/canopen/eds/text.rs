@@ -80,8 +80,9 @@ pub(super) fn encode(text: String) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn read(bytes: &[u8]) -> (String, Encoding) {
         let Text { text, encoding } = Text::decode(bytes);

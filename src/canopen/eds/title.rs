@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::canopen::object::Object;
+use crate::object::Object;
 
 /// The name of a section, understood.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

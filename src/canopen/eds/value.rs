@@ -2,9 +2,9 @@
 
 use thiserror::Error;
 
-use crate::canopen::NodeId;
-use crate::canopen::data_type::DataType;
-use crate::canopen::data_type::Kind;
+use crate::NodeId;
+use crate::data_type::DataType;
+use crate::data_type::Kind;
 
 /// A number, or the node-id plus a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,7 +77,7 @@ pub(super) fn whole(text: &str) -> Option<(i128, Radix)> {
 ///
 /// # Errors
 /// When it is none, or no value of that type.
-pub(in crate::canopen) fn number(text: &str, data_type: &DataType) -> Result<Number, NoValue> {
+pub fn number(text: &str, data_type: &DataType) -> Result<Number, NoValue> {
     if data_type.kind == Kind::Boolean {
         let is = |word: &str| text.eq_ignore_ascii_case(word);
         if is("true") || is("false") {
@@ -175,7 +175,7 @@ fn octets(text: &str) -> Option<Vec<u8>> {
 
 /// How bytes are written as a value of a type: whole numbers that have a sign in decimal, others in
 /// hexadecimal. `None` where they are no value of it.
-pub(in crate::canopen) fn text(bytes: &[u8], data_type: &DataType) -> Option<String> {
+pub fn text(bytes: &[u8], data_type: &DataType) -> Option<String> {
     if data_type.bytes().is_some_and(|size| size != bytes.len()) {
         return None;
     }
@@ -217,13 +217,13 @@ fn hexadecimal<'b>(bytes: impl Iterator<Item = &'b u8>) -> String {
 }
 
 /// A whole number in two's complement of up to 16 bytes, little-endian.
-pub(in crate::canopen) fn signed(bytes: &[u8]) -> i128 {
+pub fn signed(bytes: &[u8]) -> i128 {
     let is_negative = bytes.last().is_some_and(|high| *high & 0x80 != 0);
     extended(bytes, if is_negative { 0xFF } else { 0 })
 }
 
 /// A whole number from zero of up to 15 bytes, little-endian.
-pub(in crate::canopen) fn unsigned(bytes: &[u8]) -> i128 {
+pub fn unsigned(bytes: &[u8]) -> i128 {
     extended(bytes, 0)
 }
 
@@ -237,9 +237,10 @@ fn extended(bytes: &[u8], fill: u8) -> i128 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::data_type;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::data_type;
 
     fn of(number: u16) -> DataType {
         data_type::of(number).unwrap()

@@ -1,7 +1,7 @@
 //! The cyclic exchange between master and nodes: which bits of which frame are whose.
 //!
 //! Resolved once from the nodes' layouts; every cycle then shifts and masks, and neither looks anything
-//! up in a dictionary nor allocates. What the layouts are is in [`layout`](crate::canopen::layout).
+//! up in a dictionary nor allocates. What the layouts are is in [`layout`](crate::layout).
 //!
 //! ```text
 //!             per-drive                                grouped
@@ -25,9 +25,9 @@ pub use targets::Outbox;
 
 use thiserror::Error;
 
-use crate::canopen::frame::Channel;
-use crate::canopen::object::Object;
-use crate::canopen::plan::NodePlan;
+use crate::frame::Channel;
+use crate::object::Object;
+use crate::plan::NodePlan;
 
 /// Why layouts are no cyclic exchange.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]

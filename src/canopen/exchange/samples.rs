@@ -2,21 +2,21 @@
 
 use std::time::Duration;
 
-use crate::canopen::drive::Statusword;
-use crate::canopen::exchange::slot::Slot;
-use crate::canopen::exchange::slot::content;
-use crate::canopen::exchange::slot::slots;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Telegram;
-use crate::canopen::layout::Direction;
-use crate::canopen::layout::Mapped;
-use crate::canopen::layout::Pdo;
-use crate::canopen::object::Object;
-use crate::canopen::pdo::Counts;
-use crate::canopen::pdo::PerMille;
-use crate::canopen::pdo::SwitchInputs;
-use crate::canopen::pdo::WrongLength;
-use crate::canopen::plan::NodePlan;
+use crate::drive::Statusword;
+use crate::exchange::slot::Slot;
+use crate::exchange::slot::content;
+use crate::exchange::slot::slots;
+use crate::frame::Channel;
+use crate::frame::Telegram;
+use crate::layout::Direction;
+use crate::layout::Mapped;
+use crate::layout::Pdo;
+use crate::object::Object;
+use crate::pdo::Counts;
+use crate::pdo::PerMille;
+use crate::pdo::SwitchInputs;
+use crate::pdo::WrongLength;
+use crate::plan::NodePlan;
 
 /// What one TPDO told; `None` for what is not in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -138,13 +138,13 @@ impl Tpdo {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::NodeId;
-    use crate::canopen::exchange::resolve;
-    use crate::canopen::frame::Frame;
-    use crate::canopen::layout;
-    use crate::canopen::layout::Group;
-    use crate::canopen::plan::tests::elbow;
-    use crate::canopen::sync::Transmission;
+    use crate::NodeId;
+    use crate::exchange::resolve;
+    use crate::frame::Frame;
+    use crate::layout;
+    use crate::layout::Group;
+    use crate::sync::Transmission;
+    use crate::testing::plans::elbow;
 
     /// Nodes 1 and 2 on bus 1: state, torque and position in one TPDO, or grouped with the state apart.
     fn inbox(is_grouped: bool) -> Inbox {

@@ -1,7 +1,7 @@
 //! A run of bits in a frame. The eight bytes are one number, the first byte its lowest (CiA 301, 7.2.2.5).
 
-use crate::canopen::layout::Mapped;
-use crate::canopen::layout::Service;
+use crate::layout::Mapped;
+use crate::layout::Service;
 
 /// Where a mapped object is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,10 +49,11 @@ pub(super) fn content(data: &[u8]) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::object::Object;
-    use crate::canopen::sync::Transmission;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::object::Object;
+    use crate::sync::Transmission;
 
     fn service(bits: &[u8]) -> Service {
         let mapping = bits.iter().map(|bits| Mapped { object: Object::STATUSWORD, bits: *bits });

@@ -5,19 +5,19 @@
 //! is room for one such frame and the drive's answer to it; more would keep the next SYNC waiting, which
 //! leaves the host behind them, whatever its priority.
 
-use crate::canopen::drive::Controlword;
-use crate::canopen::exchange::ExchangeError;
-use crate::canopen::exchange::slot::Slot;
-use crate::canopen::exchange::slot::slots;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::frame::Telegram;
-use crate::canopen::layout::Direction;
-use crate::canopen::layout::Pdo;
-use crate::canopen::layout::Service;
-use crate::canopen::object::Object;
-use crate::canopen::pdo::PerMille;
-use crate::canopen::plan::NodePlan;
+use crate::drive::Controlword;
+use crate::exchange::ExchangeError;
+use crate::exchange::slot::Slot;
+use crate::exchange::slot::slots;
+use crate::frame::Channel;
+use crate::frame::Frame;
+use crate::frame::Telegram;
+use crate::layout::Direction;
+use crate::layout::Pdo;
+use crate::layout::Service;
+use crate::object::Object;
+use crate::pdo::PerMille;
+use crate::plan::NodePlan;
 
 /// A frame that acts on arrival is repeated after so many cycles while its drive does not follow.
 const REPEAT: u32 = 20;
@@ -264,11 +264,11 @@ fn fields(node: usize, service: &Service) -> impl Iterator<Item = Field> + '_ {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::NodeId;
-    use crate::canopen::exchange::resolve;
-    use crate::canopen::layout;
-    use crate::canopen::layout::Group;
-    use crate::canopen::plan::tests::elbow;
+    use crate::NodeId;
+    use crate::exchange::resolve;
+    use crate::layout;
+    use crate::layout::Group;
+    use crate::testing::plans::elbow;
 
     fn plans(layout: impl Fn(NodeId, Group) -> Vec<Pdo>) -> Vec<(Channel, NodePlan)> {
         let nodes = [1, 2, 3, 4].map(|raw| NodeId::new(raw).unwrap());

@@ -6,10 +6,10 @@
 
 use std::fmt;
 
-use crate::canopen::eds::Eds;
-use crate::canopen::layout::Direction;
-use crate::canopen::layout::Group;
-use crate::canopen::object::Object;
+use crate::eds::Eds;
+use crate::layout::Direction;
+use crate::layout::Group;
+use crate::object::Object;
 
 /// Why a drive cannot listen to a shared RPDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,22 +1,22 @@
 //! The same network with something done differently: the layouts and moves that
-//! [`proposals`](crate::canopen::load::proposals) weighs, and that one may ask for.
+//! [`proposals`](crate::load::proposals) weighs, and that one may ask for.
 
 use std::fmt;
 
 use canopen_rs::NodeId;
 
-use crate::canopen::emcy;
-use crate::canopen::layout;
-use crate::canopen::layout::Direction;
-use crate::canopen::layout::Group;
-use crate::canopen::layout::Pdo;
-use crate::canopen::load::abilities::NoGroup;
-use crate::canopen::load::network::Bus;
-use crate::canopen::load::network::Member;
-use crate::canopen::load::network::Network;
-use crate::canopen::load::utilisation::BusLoad;
-use crate::canopen::plan::ErrorControl;
-use crate::canopen::plan::NodePlan;
+use crate::emcy;
+use crate::layout;
+use crate::layout::Direction;
+use crate::layout::Group;
+use crate::layout::Pdo;
+use crate::load::abilities::NoGroup;
+use crate::load::network::Bus;
+use crate::load::network::Member;
+use crate::load::network::Network;
+use crate::load::utilisation::BusLoad;
+use crate::plan::ErrorControl;
+use crate::plan::NodePlan;
 
 /// A heartbeat that suffices where a drive also watches its RPDO, in ms.
 const SLOW_HEARTBEAT_MS: u16 = 100;
@@ -216,9 +216,9 @@ fn laid_out(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::load::network::tests::network;
-    use crate::canopen::load::network::tests::six_drives_and_switches;
-    use crate::canopen::object::Object;
+    use crate::load::network::tests::network;
+    use crate::load::network::tests::six_drives_and_switches;
+    use crate::object::Object;
 
     fn overloaded() -> Network {
         network(six_drives_and_switches(), 1_000)

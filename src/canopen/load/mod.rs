@@ -1,6 +1,6 @@
 //! How full a bus is, how long every frame may take on it, and what would fit where this does not.
 //!
-//! Computed from what the nodes are to be told ([`NodePlan`](crate::canopen::plan::NodePlan)), before a
+//! Computed from what the nodes are to be told ([`NodePlan`](crate::plan::NodePlan)), before a
 //! frame is sent. One idea a file:
 //!
 //! | file | what it says |

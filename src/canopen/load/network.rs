@@ -4,24 +4,23 @@ use std::time::Duration;
 
 use canopen_rs::NodeId;
 
-use crate::canopen::load::abilities::Abilities;
-use crate::canopen::load::payload;
-use crate::canopen::load::payload::Signals;
-use crate::canopen::load::rates::Rates;
-use crate::canopen::load::response;
-use crate::canopen::load::response::Contender;
-
-use crate::canopen::load::streams::Role;
-use crate::canopen::load::streams::Stream;
-use crate::canopen::load::streams::by_chance;
-use crate::canopen::load::streams::streams;
-use crate::canopen::load::timeline::LoopDelay;
-use crate::canopen::load::timeline::Pauses;
-use crate::canopen::load::timeline::Timeline;
-use crate::canopen::load::utilisation::BusLoad;
-use crate::canopen::load::utilisation::Margin;
-use crate::canopen::load::utilisation::Utilisation;
-use crate::canopen::plan::NodePlan;
+use crate::load::abilities::Abilities;
+use crate::load::payload;
+use crate::load::payload::Signals;
+use crate::load::rates::Rates;
+use crate::load::response;
+use crate::load::response::Contender;
+use crate::load::streams::Role;
+use crate::load::streams::Stream;
+use crate::load::streams::by_chance;
+use crate::load::streams::streams;
+use crate::load::timeline::LoopDelay;
+use crate::load::timeline::Pauses;
+use crate::load::timeline::Timeline;
+use crate::load::utilisation::BusLoad;
+use crate::load::utilisation::Margin;
+use crate::load::utilisation::Utilisation;
+use crate::plan::NodePlan;
 
 /// A node on a bus.
 #[derive(Clone, Debug, PartialEq)]
@@ -320,12 +319,13 @@ fn worst_load(stream: &Stream) -> f64 {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use super::*;
-    use crate::canopen::load::streams::tests::drives;
-    use crate::canopen::load::streams::tests::grouped;
-    use crate::canopen::load::streams::tests::master;
-    use crate::canopen::plan::tests::switch_box;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::load::streams::tests::drives;
+    use crate::load::streams::tests::grouped;
+    use crate::load::streams::tests::master;
+    use crate::testing::plans::switch_box;
 
     /// One bus of `plans` at 1 Mbit/s with a limit of 90 %, whose drives permit everything.
     pub(crate) fn network(plans: Vec<NodePlan>, period_us: u32) -> Network {

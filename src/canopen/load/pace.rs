@@ -133,8 +133,9 @@ fn ns(us: u32) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const SWITCH: Pace =
         Pace::Change { gap_us: 1_000, timer_us: Some(5_000), values: Values::Rare };

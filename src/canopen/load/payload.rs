@@ -7,14 +7,14 @@
 
 use canopen_rs::NodeId;
 
-use crate::canopen::bits;
-use crate::canopen::drive;
-use crate::canopen::frame::Frame;
-use crate::canopen::load::pace::MOVING;
-use crate::canopen::load::streams::Role;
-use crate::canopen::load::streams::Slot;
-use crate::canopen::load::streams::Stream;
-use crate::canopen::object::Object;
+use crate::bits;
+use crate::drive;
+use crate::frame::Frame;
+use crate::load::pace::MOVING;
+use crate::load::streams::Role;
+use crate::load::streams::Slot;
+use crate::load::streams::Stream;
+use crate::object::Object;
 
 /// Frames that are drawn for a mean.
 const SAMPLES: u32 = 512;
@@ -125,12 +125,13 @@ impl Drawn {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::load::streams::streams;
-    use crate::canopen::load::streams::tests::drives;
-    use crate::canopen::load::streams::tests::grouped;
-    use crate::canopen::load::streams::tests::master;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::load::streams::streams;
+    use crate::load::streams::tests::drives;
+    use crate::load::streams::tests::grouped;
+    use crate::load::streams::tests::master;
 
     fn moving(_: NodeId) -> Signals {
         Signals { home: 20_000, travel: 60_000, holding: 100, effort: 200 }

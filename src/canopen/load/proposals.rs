@@ -3,11 +3,11 @@
 
 use std::time::Duration;
 
-use crate::canopen::load::alternatives::Change;
-use crate::canopen::load::alternatives::changed;
-use crate::canopen::load::network::Assumptions;
-use crate::canopen::load::network::Network;
-use crate::canopen::load::utilisation::BusLoad;
+use crate::load::alternatives::Change;
+use crate::load::alternatives::changed;
+use crate::load::network::Assumptions;
+use crate::load::network::Network;
+use crate::load::utilisation::BusLoad;
 
 /// SYNC periods people use, in µs: 1 kHz and what divides it evenly, or nearly.
 const PERIODS_US: [u32; 12] =
@@ -100,9 +100,9 @@ fn slower(network: &Network, assumed: &Assumptions) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::load::abilities::NoGroup;
-    use crate::canopen::load::network::tests::network;
-    use crate::canopen::load::network::tests::six_drives_and_switches;
+    use crate::load::abilities::NoGroup;
+    use crate::load::network::tests::network;
+    use crate::load::network::tests::six_drives_and_switches;
 
     fn overloaded() -> Network {
         network(six_drives_and_switches(), 1_000)

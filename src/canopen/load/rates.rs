@@ -4,7 +4,7 @@
 //! With K bits of frames that SYNC governs and r bit/s of all others, the load at f is K f + r, so the
 //! limit L of a bus of b bit/s is reached at f = (L b - r) / K.
 
-use crate::canopen::load::streams::Stream;
+use crate::load::streams::Stream;
 
 /// Rates in Hz; infinite where nothing bounds them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,14 +48,15 @@ fn quotient(dividend: f64, divisor: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::load::streams::streams;
-    use crate::canopen::load::streams::tests::drives;
-    use crate::canopen::load::streams::tests::grouped;
-    use crate::canopen::load::streams::tests::master;
-    use crate::canopen::load::utilisation::BusLoad;
-    use crate::canopen::plan::NodePlan;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::load::streams::streams;
+    use crate::load::streams::tests::drives;
+    use crate::load::streams::tests::grouped;
+    use crate::load::streams::tests::master;
+    use crate::load::utilisation::BusLoad;
+    use crate::plan::NodePlan;
 
     fn worst(stream: &Stream) -> f64 {
         stream.pace.planned_per_s() * f64::from(stream.worst_bits())

@@ -20,7 +20,7 @@
 
 use std::time::Duration;
 
-use crate::canopen::load::pace::Pace;
+use crate::load::pace::Pace;
 
 /// Bits of an error frame and the recovery from it, at most.
 const ERROR_BITS: u64 = 31;
@@ -191,10 +191,11 @@ fn fixed_point(from: u64, steps: &mut u32, next: impl Fn(u64) -> u64) -> Option<
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::bits;
-    use crate::canopen::load::pace::Values;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::bits;
+    use crate::load::pace::Values;
 
     const MBIT: u32 = 1_000_000;
 

@@ -7,17 +7,17 @@ use canopen_rs::NodeId;
 use canopen_rs::Value;
 use canopen_rs::nmt::heartbeat_cob_id;
 
-use crate::canopen::bits;
-use crate::canopen::layout::Direction;
-use crate::canopen::layout::Mapped;
-use crate::canopen::layout::Pdo;
-use crate::canopen::layout::Service;
-use crate::canopen::load::pace::Pace;
-use crate::canopen::load::pace::Values;
-use crate::canopen::object::Object;
-use crate::canopen::plan::ErrorControl;
-use crate::canopen::plan::NodePlan;
-use crate::canopen::sync;
+use crate::bits;
+use crate::layout::Direction;
+use crate::layout::Mapped;
+use crate::layout::Pdo;
+use crate::layout::Service;
+use crate::load::pace::Pace;
+use crate::load::pace::Values;
+use crate::object::Object;
+use crate::plan::ErrorControl;
+use crate::plan::NodePlan;
+use crate::sync;
 
 /// Objects that change when somebody or something acts; every other one is taken for a measured value.
 const RARE: [Object; 4] =
@@ -331,9 +331,9 @@ const SDO_RESPONSE: u16 = 0x580;
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::canopen::layout;
-    use crate::canopen::plan::tests::elbow;
-    use crate::canopen::plan::tests::switch_box;
+    use crate::layout;
+    use crate::testing::plans::elbow;
+    use crate::testing::plans::switch_box;
 
     pub(crate) fn node(raw: u8) -> NodeId {
         NodeId::new(raw).unwrap()

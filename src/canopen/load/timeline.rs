@@ -7,10 +7,10 @@
 //! The frames that SYNC governs alone, each right behind the one before: what the cycle takes if nothing
 //! else is on the bus. In front of SYNC, while the drives sample and while the host computes the bus is
 //! idle, and one other frame may begin each time: [`Timeline::blocked_us`] says when the cycle is done
-//! then. What comes on top is in [`response`](crate::canopen::load::response).
+//! then. What comes on top is in [`response`](crate::load::response).
 
-use crate::canopen::load::streams::Role;
-use crate::canopen::load::streams::Stream;
+use crate::load::streams::Role;
+use crate::load::streams::Stream;
 
 /// Moments in a cycle at which a frame that is not of the cycle may get in front.
 const OPENINGS: f64 = 3.0;
@@ -123,10 +123,10 @@ pub struct LoopDelay {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::load::streams::streams;
-    use crate::canopen::load::streams::tests::drives;
-    use crate::canopen::load::streams::tests::grouped;
-    use crate::canopen::load::streams::tests::master;
+    use crate::load::streams::streams;
+    use crate::load::streams::tests::drives;
+    use crate::load::streams::tests::grouped;
+    use crate::load::streams::tests::master;
 
     const PAUSES: Pauses = Pauses { drive_us: 100, host_us: 60 };
 

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::canopen::bits;
-use crate::canopen::load::streams::Stream;
+use crate::bits;
+use crate::load::streams::Stream;
 
 /// Bits of an expedited SDO exchange in the worst case: a request and a response of 8 bytes.
 const SDO_EXCHANGE: u32 = 2 * bits::worst_case(8);
@@ -145,16 +145,16 @@ pub struct Margin {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::layout::Mapped;
-    use crate::canopen::load::streams::by_chance;
-    use crate::canopen::load::streams::streams;
-    use crate::canopen::load::streams::tests::drives;
-    use crate::canopen::load::streams::tests::grouped;
-    use crate::canopen::load::streams::tests::master;
-    use crate::canopen::object::Object;
-    use crate::canopen::plan::ErrorControl;
-    use crate::canopen::plan::NodePlan;
-    use crate::canopen::plan::tests::switch_box;
+    use crate::layout::Mapped;
+    use crate::load::streams::by_chance;
+    use crate::load::streams::streams;
+    use crate::load::streams::tests::drives;
+    use crate::load::streams::tests::grouped;
+    use crate::load::streams::tests::master;
+    use crate::object::Object;
+    use crate::plan::ErrorControl;
+    use crate::plan::NodePlan;
+    use crate::testing::plans::switch_box;
 
     const MBIT: u32 = 1_000_000;
 

@@ -18,10 +18,10 @@
 
 use std::fmt;
 
-use crate::canopen::frame::Frame;
-use crate::canopen::lss::Part;
-use crate::canopen::lss::REPLY_COB_ID;
-use crate::canopen::lss::REQUEST_COB_ID;
+use crate::frame::Frame;
+use crate::lss::Part;
+use crate::lss::REPLY_COB_ID;
+use crate::lss::REQUEST_COB_ID;
 
 const SWITCH_GLOBAL: u8 = 0x04;
 const CONFIGURE_NODE_ID: u8 = 0x11;
@@ -76,7 +76,7 @@ impl Condition {
     ];
 }
 
-/// One question of a [fastscan](crate::canopen::lss::fastscan).
+/// One question of a [fastscan](crate::lss::fastscan).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Probe {
     /// What the number may be.
@@ -105,7 +105,7 @@ pub enum Request {
     ConfigureNodeId(u8),
     /// The bit rate from its activation on.
     ConfigureBitTiming {
-        /// Which table, [`STANDARD_TABLE`](crate::canopen::lss::STANDARD_TABLE) for that of CiA.
+        /// Which table, [`STANDARD_TABLE`](crate::lss::STANDARD_TABLE) for that of CiA.
         table: u8,
         /// Which place in it.
         index: u8,
@@ -322,9 +322,10 @@ impl<const N: usize> Padded for [u8; N] {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use canopen_rs::lss;
     use proptest::prelude::*;
+
+    use super::*;
 
     const ADDRESS: lss::LssAddress = lss::LssAddress {
         vendor_id: 0x1234_5678,

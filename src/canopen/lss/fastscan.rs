@@ -9,13 +9,13 @@
 
 use std::time::Duration;
 
-use crate::canopen::frame::Frame;
-use crate::canopen::lss::Address;
-use crate::canopen::lss::Part;
-use crate::canopen::lss::codec::Probe;
-use crate::canopen::lss::codec::Reply;
-use crate::canopen::lss::codec::Request;
-use crate::time::Instant;
+use crate::frame::Frame;
+use crate::lss::Address;
+use crate::lss::Part;
+use crate::lss::codec::Probe;
+use crate::lss::codec::Reply;
+use crate::lss::codec::Request;
+use units::time::Instant;
 
 /// What was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -126,12 +126,13 @@ impl Fastscan {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::lss::REPLY_COB_ID;
-    use crate::canopen::lss::codec::Mode;
-    use crate::canopen::lss::slave::Slave;
     use canopen_rs::lss;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::lss::REPLY_COB_ID;
+    use crate::lss::codec::Mode;
+    use crate::lss::slave::Slave;
 
     const WINDOW: Duration = Duration::from_millis(10);
 

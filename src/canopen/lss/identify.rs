@@ -5,12 +5,12 @@
 
 use std::time::Duration;
 
-use crate::canopen::bench::procedure::Procedure;
-use crate::canopen::frame::Frame;
-use crate::canopen::lss::codec::Condition;
-use crate::canopen::lss::codec::Reply;
-use crate::canopen::lss::codec::Request;
-use crate::time::Instant;
+use crate::frame::Frame;
+use crate::lss::codec::Condition;
+use crate::lss::codec::Reply;
+use crate::lss::codec::Request;
+use crate::procedure::Procedure;
+use units::time::Instant;
 
 /// The numbers slaves are described by, ends included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,14 +10,14 @@ use std::time::Duration;
 use canopen_rs::NodeId;
 use thiserror::Error;
 
-use crate::canopen::lss::Address;
-use crate::canopen::lss::BitRate;
-use crate::canopen::lss::Part;
-use crate::canopen::lss::STANDARD_TABLE;
-use crate::canopen::lss::codec::Answer;
-use crate::canopen::lss::codec::Mode;
-use crate::canopen::lss::codec::Request;
-use crate::canopen::lss::node_byte;
+use crate::lss::Address;
+use crate::lss::BitRate;
+use crate::lss::Part;
+use crate::lss::STANDARD_TABLE;
+use crate::lss::codec::Answer;
+use crate::lss::codec::Mode;
+use crate::lss::codec::Request;
+use crate::lss::node_byte;
 
 /// Whom a job concerns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

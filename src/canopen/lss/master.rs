@@ -1,4 +1,4 @@
-//! The master's side (CiA 305): carries a [job](crate::canopen::lss::job) to its end.
+//! The master's side (CiA 305): carries a [job](crate::lss::job) to its end.
 //!
 //! Whatever goes wrong on the way, and wherever the job is abandoned, the last word is that all slaves go
 //! to waiting: no slave is left in configuration, unless that is the job.
@@ -12,23 +12,23 @@ use std::time::Duration;
 
 use canopen_rs::NodeId;
 
-use crate::canopen::bench::procedure::Procedure;
-use crate::canopen::frame::Frame;
-use crate::canopen::heartbeat::is_boot_up;
-use crate::canopen::lss::codec::Answer;
-use crate::canopen::lss::codec::Reply;
-use crate::canopen::lss::codec::Request;
-use crate::canopen::lss::fastscan::Fastscan;
-use crate::canopen::lss::fastscan::Found;
-use crate::canopen::lss::job::Job;
-use crate::canopen::lss::job::LssError;
-use crate::canopen::lss::job::Patience;
-use crate::canopen::lss::job::Report;
-use crate::canopen::lss::job::Selection;
-use crate::canopen::lss::job::Step;
-use crate::canopen::lss::job::TO_WAITING;
-use crate::canopen::lss::node_of;
-use crate::time::Instant;
+use crate::frame::Frame;
+use crate::heartbeat::is_boot_up;
+use crate::lss::codec::Answer;
+use crate::lss::codec::Reply;
+use crate::lss::codec::Request;
+use crate::lss::fastscan::Fastscan;
+use crate::lss::fastscan::Found;
+use crate::lss::job::Job;
+use crate::lss::job::LssError;
+use crate::lss::job::Patience;
+use crate::lss::job::Report;
+use crate::lss::job::Selection;
+use crate::lss::job::Step;
+use crate::lss::job::TO_WAITING;
+use crate::lss::node_of;
+use crate::procedure::Procedure;
+use units::time::Instant;
 
 /// What is waited for.
 #[derive(Clone, Copy, Debug)]
@@ -254,16 +254,17 @@ impl Procedure for Master {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::lss::Address;
-    use crate::canopen::lss::BitRate;
-    use crate::canopen::lss::Part;
-    use crate::canopen::lss::REPLY_COB_ID;
-    use crate::canopen::lss::REQUEST_COB_ID;
-    use crate::canopen::lss::codec::Mode;
-    use crate::canopen::lss::slave::Effect;
-    use crate::canopen::lss::slave::Slave;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::lss::Address;
+    use crate::lss::BitRate;
+    use crate::lss::Part;
+    use crate::lss::REPLY_COB_ID;
+    use crate::lss::REQUEST_COB_ID;
+    use crate::lss::codec::Mode;
+    use crate::lss::slave::Effect;
+    use crate::lss::slave::Slave;
 
     const ADDRESS: Address = Address { vendor: 1, product: 2, revision: 3, serial: 4 };
     const PATIENCE: Patience = Patience {

@@ -10,7 +10,7 @@
 //! | 7E4h   | slave → master |
 //!
 //! Every frame has eight bytes, a command specifier first; [`codec`] has the table. Both sides here are
-//! pure machines: the [`slave`], which a [device](crate::canopen::device) carries, and the
+//! pure machines: the [`slave`], which a [device](crate::device) carries, and the
 //! [`master`] with its [`fastscan`].
 
 pub mod codec;

@@ -3,25 +3,25 @@
 //! The *pending* node-id is what the master has configured; it becomes *active* with the next reset of
 //! communication; the *stored* one is what a device wakes up with. What follows for the device from a
 //! changed node-id or bit rate is told as an [`Effect`], and done by
-//! [`device`](crate::canopen::device).
+//! [`device`](crate::device).
 
 use std::time::Duration;
 
 use canopen_rs::NodeId;
 
-use crate::canopen::frame::Frame;
-use crate::canopen::lss::Address;
-use crate::canopen::lss::BitRate;
-use crate::canopen::lss::Part;
-use crate::canopen::lss::STANDARD_TABLE;
-use crate::canopen::lss::codec::Answer;
-use crate::canopen::lss::codec::Condition;
-use crate::canopen::lss::codec::Mode;
-use crate::canopen::lss::codec::Probe;
-use crate::canopen::lss::codec::Reply;
-use crate::canopen::lss::codec::Request;
-use crate::canopen::lss::node_byte;
-use crate::canopen::lss::node_of;
+use crate::frame::Frame;
+use crate::lss::Address;
+use crate::lss::BitRate;
+use crate::lss::Part;
+use crate::lss::STANDARD_TABLE;
+use crate::lss::codec::Answer;
+use crate::lss::codec::Condition;
+use crate::lss::codec::Mode;
+use crate::lss::codec::Probe;
+use crate::lss::codec::Reply;
+use crate::lss::codec::Request;
+use crate::lss::node_byte;
+use crate::lss::node_of;
 
 /// What the device must do now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -233,8 +233,9 @@ const fn progress(before: usize, place: usize, fits: bool) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const ADDRESS: Address =
         Address { vendor: 0xF8C, product: 0x0402_0010, revision: 0x0001_0000, serial: 7 };

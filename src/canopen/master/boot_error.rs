@@ -6,14 +6,14 @@ use std::time::Duration;
 use canopen_rs::NodeId;
 use thiserror::Error;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::master::check::Check;
-use crate::canopen::master::check::Shown;
-use crate::canopen::master::duplicate::Sign;
-use crate::canopen::object::Object;
-use crate::canopen::plan::NodePlan;
-use crate::canopen::sdo::Content;
-use crate::canopen::sdo::SdoError;
+use crate::abort::AbortCode;
+use crate::master::check::Check;
+use crate::master::check::Shown;
+use crate::master::duplicate::Sign;
+use crate::object::Object;
+use crate::plan::NodePlan;
+use crate::sdo::Content;
+use crate::sdo::SdoError;
 
 /// Why a node could not be booted.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]

@@ -1,14 +1,14 @@
 //! What an object must hold, and how that and what it holds instead are shown to people.
 //!
-//! A comparison and its words; who reads the object is the [boot](crate::canopen::master::commission)'s business.
+//! A comparison and its words; who reads the object is the [boot](crate::master::commission)'s business.
 
 use std::fmt;
 
 use canopen_rs::Value;
 
-use crate::canopen::object::Object;
-use crate::canopen::sdo::Content;
-use crate::canopen::sdo::bytes;
+use crate::object::Object;
+use crate::sdo::Content;
+use crate::sdo::bytes;
 
 /// What an object must hold.
 #[derive(Clone, Debug, PartialEq)]
@@ -137,16 +137,18 @@ fn number(f: &mut fmt::Formatter<'_>, bytes: &[u8], mask: u64) -> fmt::Result {
 
 #[cfg(test)]
 pub(super) mod tests {
-    use super::*;
-    use crate::canopen::frame::Frame;
-    use crate::canopen::sdo::Transfer;
-    use crate::time::Instant;
-    use canopen_rs::ByteString;
-    use canopen_rs::NodeId;
     use std::time::Duration;
 
+    use canopen_rs::ByteString;
+    use canopen_rs::NodeId;
+
+    use super::*;
+    use crate::frame::Frame;
+    use crate::sdo::Transfer;
+    use units::time::Instant;
+
     /// What a node's expedited reply with these bytes is read as.
-    pub(in crate::canopen::master) fn content(object: Object, bytes: &[u8]) -> Content {
+    pub(crate) fn content(object: Object, bytes: &[u8]) -> Content {
         let (node, mut out) = (NodeId::new(3).unwrap(), Vec::new());
         let wait = Duration::from_millis(1);
         let mut read = Transfer::read(node, object, wait, Instant::ZERO, &mut out);

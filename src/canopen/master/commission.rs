@@ -1,7 +1,7 @@
-//! Boots one node: takes the [steps](crate::canopen::master::steps) of its plan, one SDO transfer at a time.
+//! Boots one node: takes the [steps](crate::master::steps) of its plan, one SDO transfer at a time.
 //!
 //! Ends with a node that is configured, read back and pre-operational; starting it is the
-//! [master](crate::canopen::master)'s. Every failure says which node, which object, what was expected
+//! [master](crate::master)'s. Every failure says which node, which object, what was expected
 //! and what was found.
 
 use std::time::Duration;
@@ -13,30 +13,30 @@ use canopen_rs::nmt::decode_heartbeat;
 use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::sdo::response_cob_id;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::drive::Controlword;
-use crate::canopen::frame::Frame;
-use crate::canopen::heartbeat::is_boot_up;
-use crate::canopen::master::boot_error::BootError;
-use crate::canopen::master::boot_error::Problem;
-use crate::canopen::master::duplicate::Exchange;
-use crate::canopen::master::duplicate::Reply;
-use crate::canopen::master::duplicate::Sign;
-use crate::canopen::master::rest::Rest;
-use crate::canopen::master::steps::Action;
-use crate::canopen::master::steps::Configuration;
-use crate::canopen::master::steps::Next;
-use crate::canopen::master::steps::Stage;
-use crate::canopen::master::steps::Step;
-use crate::canopen::nmt::Order;
-use crate::canopen::object::Object;
-use crate::canopen::plan::NodePlan;
-use crate::canopen::sdo::Content;
-use crate::canopen::sdo::Outcome;
-use crate::canopen::sdo::SdoError;
-use crate::canopen::sdo::Transfer;
-use crate::canopen::sdo::bytes;
-use crate::time::Instant;
+use crate::abort::AbortCode;
+use crate::drive::Controlword;
+use crate::frame::Frame;
+use crate::heartbeat::is_boot_up;
+use crate::master::boot_error::BootError;
+use crate::master::boot_error::Problem;
+use crate::master::duplicate::Exchange;
+use crate::master::duplicate::Reply;
+use crate::master::duplicate::Sign;
+use crate::master::rest::Rest;
+use crate::master::steps::Action;
+use crate::master::steps::Configuration;
+use crate::master::steps::Next;
+use crate::master::steps::Stage;
+use crate::master::steps::Step;
+use crate::nmt::Order;
+use crate::object::Object;
+use crate::plan::NodePlan;
+use crate::sdo::Content;
+use crate::sdo::Outcome;
+use crate::sdo::SdoError;
+use crate::sdo::Transfer;
+use crate::sdo::bytes;
+use units::time::Instant;
 
 /// How long a node has for one SDO reply.
 pub const REPLY: Duration = Duration::from_millis(500);
@@ -480,16 +480,17 @@ impl Boot {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::master::steps::tests::first_boot;
-    use crate::canopen::plan::Revisions;
-    use crate::canopen::plan::tests::elbow;
-    use crate::canopen::plan::tests::guarded_elbow;
-    use crate::canopen::plan::tests::switch_box;
-    use crate::canopen::scripted::Scripted;
-    use crate::canopen::scripted::stamp;
     use canopen_rs::ByteString;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::plan::Revisions;
+    use crate::testing::plans::elbow;
+    use crate::testing::plans::guarded_elbow;
+    use crate::testing::plans::switch_box;
+    use crate::testing::scripted::Scripted;
+    use crate::testing::scripted::first_boot;
+    use crate::testing::scripted::stamp;
 
     /// Boots `device` by `plan`: the outcome, how long it took, and everything the master said.
     fn boot(plan: &NodePlan, device: &mut Scripted) -> (BootOutcome, Duration, Vec<Frame>) {

@@ -7,8 +7,8 @@
 
 use canopen_rs::Value;
 
-use crate::canopen::object::Object;
-use crate::canopen::sdo::bytes;
+use crate::object::Object;
+use crate::sdo::bytes;
 
 /// What 1020h holds after a configuration that was stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,9 +51,10 @@ const DAY_MS: u64 = 86_400_000;
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::plan::tests::elbow;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing::plans::elbow;
 
     #[test]
     fn the_stamp_of_a_configuration_is_the_same_for_ever() {

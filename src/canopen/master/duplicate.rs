@@ -10,8 +10,8 @@ use canopen_rs::NmtState;
 use canopen_rs::NodeId;
 use canopen_rs::sdo::request_cob_id;
 
-use crate::canopen::frame::Frame;
-use crate::time::Instant;
+use crate::frame::Frame;
+use units::time::Instant;
 
 /// What two nodes of one node-id look like.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -169,8 +169,9 @@ const CHANGES: u32 = 6;
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const PERIOD: Duration = Duration::from_millis(25);
     const OPERATIONAL: NmtState = NmtState::Operational;

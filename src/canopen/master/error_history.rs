@@ -1,6 +1,6 @@
 //! The errors a node remembers (1003h, CiA 301, 7.5.2.4), read by SDO: how many, then the newest ones.
 //!
-//! One request at a time, and nothing that waits: the [master](crate::canopen::master) decides when its
+//! One request at a time, and nothing that waits: the [master](crate::master) decides when its
 //! frames go out. A node without a history has an empty one.
 
 use std::fmt;
@@ -8,12 +8,12 @@ use std::time::Duration;
 
 use canopen_rs::NodeId;
 
-use crate::canopen::error_codes;
-use crate::canopen::frame::Frame;
-use crate::canopen::object::Object;
-use crate::canopen::sdo::Outcome;
-use crate::canopen::sdo::Transfer;
-use crate::time::Instant;
+use crate::error_codes;
+use crate::frame::Frame;
+use crate::object::Object;
+use crate::sdo::Outcome;
+use crate::sdo::Transfer;
+use units::time::Instant;
 
 /// How many errors are read at most, the newest first.
 pub const MOST: usize = 8;
@@ -132,10 +132,11 @@ impl Reading {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::plan::tests::elbow;
-    use crate::canopen::scripted::Scripted;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing::plans::elbow;
+    use crate::testing::scripted::Scripted;
 
     /// What is read of a node that remembers so many errors, and how many frames it took.
     fn read(device: &mut Scripted) -> (History, usize) {

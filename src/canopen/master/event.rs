@@ -9,17 +9,17 @@ use canopen_rs::NmtState;
 use canopen_rs::sdo::SDO_REQUEST_COB_BASE;
 use canopen_rs::sdo::SDO_RESPONSE_COB_BASE;
 
-use crate::canopen::drive::Statusword;
-use crate::canopen::emcy::Emergency;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::master::boot_error::BootError;
-use crate::canopen::master::duplicate::Sign;
-use crate::canopen::master::error_history::History;
-use crate::canopen::master::read_back::ReadBack;
-use crate::canopen::master::steps::Configuration;
-use crate::canopen::nmt;
-use crate::canopen::object::Object;
+use crate::drive::Statusword;
+use crate::emcy::Emergency;
+use crate::frame::Channel;
+use crate::frame::Frame;
+use crate::master::boot_error::BootError;
+use crate::master::duplicate::Sign;
+use crate::master::error_history::History;
+use crate::master::read_back::ReadBack;
+use crate::master::steps::Configuration;
+use crate::nmt;
+use crate::object::Object;
 
 /// What the master has to say. `node` is the place of a node in the list of plans.
 #[derive(Clone, Debug, PartialEq)]

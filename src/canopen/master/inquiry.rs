@@ -1,24 +1,24 @@
 //! What a running node is asked or told by SDO, one thing at a time: what it remembers of its errors, the
 //! state of its power stage, to take its power off.
 //!
-//! Which, and when, is decided by the owner of the [master](crate::canopen::master).
+//! Which, and when, is decided by the owner of the [master](crate::master).
 
 use std::time::Duration;
 
 use canopen_rs::NodeId;
 use canopen_rs::Value;
 
-use crate::canopen::drive::Controlword;
-use crate::canopen::drive::Statusword;
-use crate::canopen::frame::Frame;
-use crate::canopen::master::error_history::History;
-use crate::canopen::master::error_history::Reading;
-use crate::canopen::object::Object;
-use crate::canopen::sdo::Content;
-use crate::canopen::sdo::Outcome;
-use crate::canopen::sdo::Transfer;
-use crate::canopen::sdo::bytes;
-use crate::time::Instant;
+use crate::drive::Controlword;
+use crate::drive::Statusword;
+use crate::frame::Frame;
+use crate::master::error_history::History;
+use crate::master::error_history::Reading;
+use crate::object::Object;
+use crate::sdo::Content;
+use crate::sdo::Outcome;
+use crate::sdo::Transfer;
+use crate::sdo::bytes;
+use units::time::Instant;
 
 /// How long a node has for its answer.
 const REPLY: Duration = Duration::from_millis(500);

@@ -1,15 +1,17 @@
 //! The laws of a master of several nodes on two buses, from its frames.
 
-use super::*;
-use crate::canopen::master::duplicate::Sign;
-use crate::canopen::master::steps::Configuration;
-use crate::canopen::object::Object;
-use crate::canopen::plan::tests::elbow;
-use crate::canopen::plan::tests::guarded_elbow;
-use crate::canopen::plan::tests::switch_box;
-use crate::canopen::scripted::Scripted;
-use proptest::prelude::*;
 use std::time::Duration;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::master::duplicate::Sign;
+use crate::master::steps::Configuration;
+use crate::object::Object;
+use crate::testing::plans::elbow;
+use crate::testing::plans::guarded_elbow;
+use crate::testing::plans::switch_box;
+use crate::testing::scripted::Scripted;
 
 const MS: Duration = Duration::from_millis(1);
 

@@ -1,7 +1,7 @@
 //! One object of a running node, read again and compared with what its boot has proven.
 //!
 //! One request and one reply, expedited in four bytes, so that nothing is allocated in a cycle. Which
-//! object, and when, is decided by the owner of the [master](crate::canopen::master).
+//! object, and when, is decided by the owner of the [master](crate::master).
 
 use std::fmt;
 use std::time::Duration;
@@ -10,13 +10,13 @@ use canopen_rs::NodeId;
 use canopen_rs::sdo::request_cob_id;
 use canopen_rs::sdo::response_cob_id;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::frame::Frame;
-use crate::canopen::master::check::Check;
-use crate::canopen::object::Object;
-use crate::canopen::sdo::SdoError;
-use crate::canopen::sdo::bytes;
-use crate::time::Instant;
+use crate::abort::AbortCode;
+use crate::frame::Frame;
+use crate::master::check::Check;
+use crate::object::Object;
+use crate::sdo::SdoError;
+use crate::sdo::bytes;
+use units::time::Instant;
 
 /// Time for the reply.
 const REPLY_TIMEOUT: Duration = Duration::from_millis(500);
@@ -198,9 +198,10 @@ const SIZE_INDICATED: u8 = 1;
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use canopen_rs::Value;
     use proptest::prelude::*;
+
+    use super::*;
 
     const NOW: Instant = Instant::ZERO;
 

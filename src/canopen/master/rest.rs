@@ -1,7 +1,7 @@
 //! Whether what a drive moves has come to rest, told from its position alone: every drive shows that one
 //! (6064h), few show a velocity in the mode they are in.
 
-use crate::canopen::sdo::Content;
+use crate::sdo::Content;
 
 /// So many positions in a row that hardly differ are a rest. They are read 100 ms apart, or later.
 const SAMPLES: u32 = 5;
@@ -36,10 +36,11 @@ impl Rest {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::master::check::tests::content;
-    use crate::canopen::object::Object;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::master::check::tests::content;
+    use crate::object::Object;
 
     /// After how many of these positions it has come to rest.
     fn reached(tolerance: u32, positions: impl IntoIterator<Item = i32>) -> Option<usize> {

@@ -10,9 +10,9 @@
 
 use std::time::Duration;
 
-use crate::canopen::frame::Frame;
-use crate::canopen::object::Object;
-use crate::time::Instant;
+use crate::frame::Frame;
+use crate::object::Object;
+use units::time::Instant;
 
 /// Downloads of this master whose confirmation may still come; the oldest is forgotten first.
 const MAX_OPEN: usize = 8;

@@ -1,7 +1,7 @@
 //! One node, as its master sees it: booting, watched, awaited or given up.
 //!
 //! It reports what it learns; what that means for all of them is the
-//! [master](crate::canopen::master)'s.
+//! [master](crate::master)'s.
 
 use std::time::Duration;
 
@@ -10,30 +10,30 @@ use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::sdo::request_cob_id;
 use canopen_rs::sdo::response_cob_id;
 
-use crate::canopen::drive::Statusword;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::guarding::Guard;
-use crate::canopen::heartbeat::Consumer;
-use crate::canopen::heartbeat::Health;
-use crate::canopen::heartbeat::News;
-use crate::canopen::master::boot_error::BootError;
-use crate::canopen::master::boot_error::Problem;
-use crate::canopen::master::commission::Boot;
-use crate::canopen::master::commission::BootOutcome;
-use crate::canopen::master::error_history::History;
-use crate::canopen::master::inquiry::Answer;
-use crate::canopen::master::inquiry::Inquiry;
-use crate::canopen::master::read_back;
-use crate::canopen::master::read_back::ReadBack;
-use crate::canopen::master::read_back::Setting;
-use crate::canopen::master::sdo_traffic::Foreign;
-use crate::canopen::master::sdo_traffic::SdoTraffic;
-use crate::canopen::master::steps::Configuration;
-use crate::canopen::object::Object;
-use crate::canopen::plan::ErrorControl;
-use crate::canopen::plan::NodePlan;
-use crate::time::Instant;
+use crate::drive::Statusword;
+use crate::frame::Channel;
+use crate::frame::Frame;
+use crate::guarding::Guard;
+use crate::heartbeat::Consumer;
+use crate::heartbeat::Health;
+use crate::heartbeat::News;
+use crate::master::boot_error::BootError;
+use crate::master::boot_error::Problem;
+use crate::master::commission::Boot;
+use crate::master::commission::BootOutcome;
+use crate::master::error_history::History;
+use crate::master::inquiry::Answer;
+use crate::master::inquiry::Inquiry;
+use crate::master::read_back;
+use crate::master::read_back::ReadBack;
+use crate::master::read_back::Setting;
+use crate::master::sdo_traffic::Foreign;
+use crate::master::sdo_traffic::SdoTraffic;
+use crate::master::steps::Configuration;
+use crate::object::Object;
+use crate::plan::ErrorControl;
+use crate::plan::NodePlan;
+use units::time::Instant;
 
 /// How often a missing optional node is looked for, should its boot-up message not be heard.
 const LOOK_EVERY: Duration = Duration::from_secs(1);

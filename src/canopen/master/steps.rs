@@ -11,7 +11,7 @@
 //!     └──► kept                  └──► Storing ──► stored
 //! ```
 //!
-//! Takes no steps: that is [`commission`](crate::canopen::master::commission).
+//! Takes no steps: that is [`commission`](crate::master::commission).
 
 use std::collections::HashSet;
 use std::fmt;
@@ -19,13 +19,13 @@ use std::fmt;
 use canopen_rs::NmtCommand;
 use canopen_rs::Value;
 
-use crate::canopen::drive::Controlword;
-use crate::canopen::drive::Statusword;
-use crate::canopen::master::check::Check;
-use crate::canopen::object::Object;
-use crate::canopen::plan::NodePlan;
-use crate::canopen::plan::Revisions;
-use crate::canopen::plan::Setting;
+use crate::drive::Controlword;
+use crate::drive::Statusword;
+use crate::master::check::Check;
+use crate::object::Object;
+use crate::plan::NodePlan;
+use crate::plan::Revisions;
+use crate::plan::Setting;
 
 /// One part of a boot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -325,20 +325,13 @@ const SAVE: u32 = u32::from_le_bytes(*b"save");
 const LOAD: u32 = u32::from_le_bytes(*b"load");
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-    use crate::canopen::plan::tests::IDENTITY;
-    use crate::canopen::plan::tests::elbow;
-    use crate::canopen::plan::tests::guarded_elbow;
-    use crate::canopen::plan::tests::switch_box;
-
-    /// Every step that a node which holds nothing yet is taken through.
-    pub(crate) fn first_boot(plan: &NodePlan) -> Vec<Step> {
-        [Stage::Finding, Stage::Looking, Stage::Meeting, Stage::Resetting, Stage::Downloading]
-            .into_iter()
-            .flat_map(|stage| stage.steps(plan))
-            .collect()
-    }
+    use crate::testing::plans::IDENTITY;
+    use crate::testing::plans::elbow;
+    use crate::testing::plans::guarded_elbow;
+    use crate::testing::plans::switch_box;
+    use crate::testing::scripted::first_boot;
 
     /// Where each object is written.
     fn writes(steps: &[Step]) -> Vec<(usize, Object)> {

@@ -5,9 +5,9 @@
 
 use canopen_rs::nmt::HEARTBEAT_COB_BASE;
 
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::plan::NodePlan;
+use crate::frame::Channel;
+use crate::frame::Frame;
+use crate::plan::NodePlan;
 
 /// Who is known on each bus: bit n stands for node n.
 #[derive(Clone, Debug)]
@@ -56,7 +56,7 @@ const EMCY_COB_BASE: u16 = 0x080;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::plan::tests::elbow;
+    use crate::testing::plans::elbow;
 
     const BUS: Channel = Channel(1);
 

@@ -18,10 +18,10 @@ use canopen_rs::sdo::block::decode_sub_response;
 use canopen_rs::sdo::block::encode_download_initiate;
 use canopen_rs::sdo::block::encode_end;
 
-use crate::canopen::sdo::content::Content;
-use crate::canopen::sdo::sender::Sender;
-use crate::canopen::sdo::step::Step;
-use crate::canopen::sdo::terms::Block;
+use crate::sdo::content::Content;
+use crate::sdo::sender::Sender;
+use crate::sdo::step::Step;
+use crate::sdo::terms::Block;
 
 /// A value on its way down.
 #[derive(Clone, Debug)]

@@ -19,15 +19,15 @@ use canopen_rs::sdo::block::encode_end_response;
 use canopen_rs::sdo::block::encode_upload_initiate;
 use canopen_rs::sdo::block::encode_upload_start;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::sdo::content::Content;
-use crate::canopen::sdo::content::Size;
-use crate::canopen::sdo::receiver::Promise;
-use crate::canopen::sdo::receiver::Receiver;
-use crate::canopen::sdo::receiver::Taken;
-use crate::canopen::sdo::segmented::SCS_UPLOAD;
-use crate::canopen::sdo::step::Step;
-use crate::canopen::sdo::terms::Block;
+use crate::abort::AbortCode;
+use crate::sdo::content::Content;
+use crate::sdo::content::Size;
+use crate::sdo::receiver::Promise;
+use crate::sdo::receiver::Receiver;
+use crate::sdo::receiver::Taken;
+use crate::sdo::segmented::SCS_UPLOAD;
+use crate::sdo::step::Step;
+use crate::sdo::terms::Block;
 
 /// A value on its way up.
 #[derive(Clone, Debug)]

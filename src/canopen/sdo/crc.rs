@@ -50,8 +50,9 @@ const fn table() -> [u16; 256] {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn crc(bytes: &[u8]) -> u16 {
         let mut crc = Crc::default();

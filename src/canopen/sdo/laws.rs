@@ -5,16 +5,16 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 
-use crate::canopen::NodeId;
-use crate::canopen::abort::AbortCode;
-use crate::canopen::frame::Frame;
-use crate::canopen::object::Object;
-use crate::canopen::sdo::Block;
-use crate::canopen::sdo::Outcome;
-use crate::canopen::sdo::SdoError;
-use crate::canopen::sdo::Terms;
-use crate::canopen::sdo::Transfer;
-use crate::time::Instant;
+use crate::NodeId;
+use crate::abort::AbortCode;
+use crate::frame::Frame;
+use crate::object::Object;
+use crate::sdo::Block;
+use crate::sdo::Outcome;
+use crate::sdo::SdoError;
+use crate::sdo::Terms;
+use crate::sdo::Transfer;
+use units::time::Instant;
 
 const TIMEOUT: Duration = Duration::from_millis(100);
 const BUFFER: Object = Object::SAMPLE_BUFFER;

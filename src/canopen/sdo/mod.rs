@@ -14,11 +14,11 @@
 //! ```
 //! use std::time::Duration;
 //!
-//! use frhc::canopen::NodeId;
-//! use frhc::canopen::frame::Frame;
-//! use frhc::canopen::object::Object;
-//! use frhc::canopen::sdo::Transfer;
-//! use frhc::time::Instant;
+//! use canopen::NodeId;
+//! use canopen::frame::Frame;
+//! use canopen::object::Object;
+//! use canopen::sdo::Transfer;
+//! use units::time::Instant;
 //!
 //! let (now, mut out) = (Instant::ZERO, Vec::new());
 //! let timeout = Duration::from_millis(500);
@@ -66,7 +66,7 @@ pub use transfer::Transfer;
 
 use thiserror::Error;
 
-use crate::canopen::abort::AbortCode;
+use crate::abort::AbortCode;
 
 /// Why a transfer failed, and on which side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]

@@ -9,13 +9,13 @@ use std::time::Duration;
 
 use canopen_rs::NodeId;
 
-use crate::canopen::frame::Frame;
-use crate::canopen::object::Object;
-use crate::canopen::sdo::Outcome;
-use crate::canopen::sdo::SdoError;
-use crate::canopen::sdo::terms::Terms;
-use crate::canopen::sdo::transfer::Transfer;
-use crate::time::Instant;
+use crate::frame::Frame;
+use crate::object::Object;
+use crate::sdo::Outcome;
+use crate::sdo::SdoError;
+use crate::sdo::terms::Terms;
+use crate::sdo::transfer::Transfer;
+use units::time::Instant;
 
 /// What is asked of a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -230,8 +230,8 @@ impl Line {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::abort::AbortCode;
-    use crate::canopen::sdo::Content;
+    use crate::abort::AbortCode;
+    use crate::sdo::Content;
 
     const TYPE: Object = Object::DEVICE_TYPE;
     const ERRORS: Object = Object::ERROR_REGISTER;

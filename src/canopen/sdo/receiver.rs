@@ -8,9 +8,9 @@ use canopen_rs::sdo::SEGMENT_DATA_MAX;
 use canopen_rs::sdo::SdoPayload;
 use canopen_rs::sdo::block::encode_sub_response;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::sdo::crc::Crc;
-use crate::canopen::sdo::sender::LAST;
+use crate::abort::AbortCode;
+use crate::sdo::crc::Crc;
+use crate::sdo::sender::LAST;
 
 /// What a segment is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,10 +15,10 @@ use canopen_rs::sdo::encode_download_initiate_segmented;
 use canopen_rs::sdo::encode_upload_request;
 use canopen_rs::sdo::encode_upload_segment_request;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::sdo::content::Content;
-use crate::canopen::sdo::content::Size;
-use crate::canopen::sdo::step::Step;
+use crate::abort::AbortCode;
+use crate::sdo::content::Content;
+use crate::sdo::content::Size;
+use crate::sdo::step::Step;
 
 /// A value on its way up.
 #[derive(Clone, Debug)]

@@ -8,9 +8,9 @@
 use canopen_rs::sdo::SEGMENT_DATA_MAX;
 use canopen_rs::sdo::SdoPayload;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::sdo::crc::Crc;
-use crate::canopen::sdo::terms::BLOCK_SIZE_MAX;
+use crate::abort::AbortCode;
+use crate::sdo::crc::Crc;
+use crate::sdo::terms::BLOCK_SIZE_MAX;
 
 /// How often in a row the other side may say that nothing has arrived.
 const IN_VAIN: u8 = 8;

@@ -2,8 +2,8 @@
 
 use canopen_rs::sdo::SdoPayload;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::sdo::content::Content;
+use crate::abort::AbortCode;
+use crate::sdo::content::Content;
 
 /// What a reply leads to.
 #[derive(Clone, Debug)]

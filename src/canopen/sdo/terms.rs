@@ -7,8 +7,8 @@ use thiserror::Error;
 /// The largest value carried either way, in bytes.
 pub const MAX_BYTES: usize = 16 << 20;
 
-/// The largest value [`Transfer::read`](crate::canopen::sdo::Transfer::read) and
-/// [`write`](crate::canopen::sdo::Transfer::write) carry, in bytes: 2 s on an idle bus of 1 Mbit/s.
+/// The largest value [`Transfer::read`](crate::sdo::Transfer::read) and
+/// [`write`](crate::sdo::Transfer::write) carry, in bytes: 2 s on an idle bus of 1 Mbit/s.
 pub const SEGMENTED_BYTES: usize = 1 << 16;
 
 /// The most segments a sub-block has (CiA 301, 7.2.4.3.9).

@@ -1,29 +1,29 @@
 //! One transfer between its request and its outcome: whose replies count, how long they may take, and
 //! when a segment may go out. What is said in it is known to its protocol.
 
+use std::time::Duration;
+
 use canopen_rs::Address;
 use canopen_rs::NodeId;
 use canopen_rs::sdo::SdoPayload;
 use canopen_rs::sdo::request_cob_id;
 use canopen_rs::sdo::response_cob_id;
 
-use std::time::Duration;
-
-use crate::canopen::abort::AbortCode;
-use crate::canopen::frame::Frame;
-use crate::canopen::object::Object;
-use crate::canopen::sdo::Outcome;
-use crate::canopen::sdo::SdoError;
-use crate::canopen::sdo::block_download::BlockDownload;
-use crate::canopen::sdo::block_upload::BlockUpload;
-use crate::canopen::sdo::segmented::Download;
-use crate::canopen::sdo::segmented::Upload;
-use crate::canopen::sdo::step::Step;
-use crate::canopen::sdo::terms::Protocol;
-use crate::canopen::sdo::terms::SEGMENTED_BYTES;
-use crate::canopen::sdo::terms::SHORT;
-use crate::canopen::sdo::terms::Terms;
-use crate::time::Instant;
+use crate::abort::AbortCode;
+use crate::frame::Frame;
+use crate::object::Object;
+use crate::sdo::Outcome;
+use crate::sdo::SdoError;
+use crate::sdo::block_download::BlockDownload;
+use crate::sdo::block_upload::BlockUpload;
+use crate::sdo::segmented::Download;
+use crate::sdo::segmented::Upload;
+use crate::sdo::step::Step;
+use crate::sdo::terms::Protocol;
+use crate::sdo::terms::SEGMENTED_BYTES;
+use crate::sdo::terms::SHORT;
+use crate::sdo::terms::Terms;
+use units::time::Instant;
 
 /// One transfer between its request and its outcome.
 #[derive(Clone, Debug)]
@@ -362,8 +362,9 @@ const CS_ABORT: u8 = 0x80;
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const TIMEOUT: Duration = Duration::from_millis(100);
     const NOW: Instant = Instant::ZERO;

@@ -1,6 +1,6 @@
 //! The data types of CiA 309-3, by their names there and by their numbers in an EDS.
 //!
-//! Only the types; [`value`](crate::canopen::value) makes bytes of texts, and texts of bytes.
+//! Only the types; [`value`](crate::value) makes bytes of texts, and texts of bytes.
 //!
 //! | name       | type (CiA 301, 7.4.7.1)      | as text                                                 |
 //! |------------|------------------------------|---------------------------------------------------------|
@@ -19,7 +19,7 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
-use crate::canopen::value::numeral::decimal;
+use crate::value::numeral::decimal;
 
 /// The bytes of a whole number: 1 to 8.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -9,12 +9,12 @@ use std::fmt;
 
 use thiserror::Error;
 
-use crate::canopen::time_stamp::TimeOfDay;
-use crate::canopen::value::gateway_type::GatewayType;
-use crate::canopen::value::gateway_type::Width;
-use crate::canopen::value::numeral::bare;
-use crate::canopen::value::numeral::hexadecimal;
-use crate::canopen::value::numeral::whole;
+use crate::time_stamp::TimeOfDay;
+use crate::value::gateway_type::GatewayType;
+use crate::value::gateway_type::Width;
+use crate::value::numeral::bare;
+use crate::value::numeral::hexadecimal;
+use crate::value::numeral::whole;
 
 /// Why a text is no value of a type.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -262,9 +262,10 @@ fn sized(bytes: &[u8], size: Option<usize>) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::value::gateway_type::names;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::value::gateway_type::names;
 
     fn bytes(data_type: &str, text: &str) -> Result<Vec<u8>, String> {
         let data_type: GatewayType = data_type.parse().unwrap();

@@ -28,8 +28,9 @@ pub fn hexadecimal(digits: &str) -> Option<i128> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     #[test]
     fn a_number_is_written_in_four_ways() {

@@ -7,10 +7,10 @@ use std::thread;
 
 use anyhow::Context;
 
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
-use crate::cli::signals;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::exit::OrFail;
+use run::signals;
 
 /// A flag that is set by the first of these signals. Its thread ends with the process.
 pub(super) fn flag() -> Result<Arc<AtomicBool>, Failure> {

@@ -4,23 +4,23 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::bus::SocketCan;
-use crate::canopen::NodeId;
-use crate::canopen::bench::presence::Presence;
-use crate::canopen::eds::Eds;
-use crate::canopen::frame::Channel;
-use crate::canopen::plan::NodePlan;
 use crate::cli::bench::Session;
 use crate::cli::bench::SessionError;
 use crate::cli::bench::interrupt;
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
-use crate::config::Config;
+use bus::SocketCan;
+use canopen::NodeId;
+use canopen::eds::Eds;
+use canopen::frame::Channel;
+use canopen::plan::NodePlan;
+use canopen_tools::bench::presence::Presence;
+use config::Config;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::exit::OrFail;
 
 /// What every tool takes to find its bus.
 #[derive(Debug, Args)]
-pub(in crate::cli) struct Line {
+pub(crate) struct Line {
     /// The SocketCAN interface; with a configuration also the name of one of its buses, or BUS=INTERFACE.
     #[arg(short, long, value_name = "INTERFACE", global = true)]
     interface: Option<String>,
@@ -31,24 +31,24 @@ pub(in crate::cli) struct Line {
 
 /// Whether a tool that commands or writes does so although a master runs.
 #[derive(Clone, Copy, Debug, Args)]
-pub(in crate::cli) struct Beside {
+pub(crate) struct Beside {
     /// Go on although a master sends SYNC on this bus: a node that runs there stops.
     #[arg(long, global = true)]
-    pub(in crate::cli) force: bool,
+    pub(crate) force: bool,
 }
 
 /// The bus that was meant.
 #[derive(Debug)]
-pub(in crate::cli) struct Known {
+pub(crate) struct Known {
     /// Its interface.
-    pub(in crate::cli) interface: String,
+    pub(crate) interface: String,
     /// What was configured, and which of its buses this is.
-    pub(in crate::cli) configured: Option<(Config, Channel)>,
+    pub(crate) configured: Option<(Config, Channel)>,
 }
 
 impl Line {
     /// Finds the bus; opens nothing.
-    pub(in crate::cli) fn find(&self) -> Result<Known, Failure> {
+    pub(crate) fn find(&self) -> Result<Known, Failure> {
         let given = self.interface.as_deref();
         let Some(file) = &self.config else {
             let interface = given.ok_or_else(|| {
@@ -64,13 +64,13 @@ impl Line {
 
 impl Known {
     /// Opens the interface.
-    pub(in crate::cli) fn open(&self) -> Result<Session<SocketCan>, Failure> {
+    pub(crate) fn open(&self) -> Result<Session<SocketCan>, Failure> {
         let bus = SocketCan::open(std::slice::from_ref(&self.interface)).or_fail(Kind::Bus)?;
         Ok(Session::new(bus, Channel(0), interrupt::flag()?))
     }
 
     /// Opens the interface to command or write: refused while a master sends SYNC there, unless forced.
-    pub(in crate::cli) fn open_to_command(
+    pub(crate) fn open_to_command(
         &self,
         Beside { force }: Beside,
     ) -> Result<Session<SocketCan>, Failure> {
@@ -86,7 +86,7 @@ impl Known {
     }
 
     /// A talk on this bus that has ended before its time.
-    pub(in crate::cli) fn fail(&self, error: SessionError) -> Failure {
+    pub(crate) fn fail(&self, error: SessionError) -> Failure {
         match error {
             SessionError::Interrupted => Failure::new(Kind::Negative, error),
             SessionError::Down | SessionError::BusOff | SessionError::Stuck => {
@@ -96,14 +96,14 @@ impl Known {
     }
 
     /// What is configured to be on this bus; `None` without a configuration.
-    pub(in crate::cli) fn plans(&self) -> Option<Vec<NodePlan>> {
+    pub(crate) fn plans(&self) -> Option<Vec<NodePlan>> {
         let (config, channel) = self.configured.as_ref()?;
         let plans = config.node_plans().into_iter().filter(|(of, _)| of == channel);
         Some(plans.map(|(_, plan)| plan).collect())
     }
 
     /// What the configuration says of a node's objects.
-    pub(in crate::cli) fn eds(&self, node: NodeId) -> Option<&Eds> {
+    pub(crate) fn eds(&self, node: NodeId) -> Option<&Eds> {
         let (config, channel) = self.configured.as_ref()?;
         let is_it = |(of, id): (Channel, NodeId)| of == *channel && id == node;
         let joint = config.joints.iter().find(|joint| is_it((joint.channel, joint.node)));

@@ -1,7 +1,7 @@
 //! Tools for the bench: short talks with nodes on a live bus.
 //!
-//! What is said is a [`Procedure`](crate::canopen::bench::procedure::Procedure); a [`Session`] carries it to its
-//! end on any [`Bus`](crate::bus::Bus), so the tests run the tools without SocketCAN. Which interface it
+//! What is said is a [`Procedure`](canopen::procedure::Procedure); a [`Session`] carries it to its
+//! end on any [`Bus`](bus::Bus), so the tests run the tools without SocketCAN. Which interface it
 //! is, `-i` or a configuration says.
 
 mod interrupt;

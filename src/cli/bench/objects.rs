@@ -2,16 +2,16 @@
 
 use std::fmt;
 
-use crate::bus::Bus;
-use crate::canopen::NodeId;
-use crate::canopen::object::Object;
-use crate::canopen::sdo::Content;
-use crate::canopen::sdo::SdoError;
-use crate::canopen::sdo::Terms;
-use crate::canopen::sdo::Transfer;
-use crate::canopen::value::Octets;
 use crate::cli::bench::Session;
 use crate::cli::bench::SessionError;
+use bus::Bus;
+use canopen::NodeId;
+use canopen::object::Object;
+use canopen::sdo::Content;
+use canopen::sdo::SdoError;
+use canopen::sdo::Terms;
+use canopen::sdo::Transfer;
+use canopen::value::Octets;
 
 /// Which object of which node, and on which terms it is carried.
 #[derive(Clone, Copy, Debug)]

@@ -10,15 +10,15 @@ use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use crate::bus::Bus;
-use crate::bus::BusFault;
-use crate::bus::Heard;
-use crate::bus::SendError;
-use crate::canopen::bench::procedure::Procedure;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::frame::Telegram;
-use crate::time::Instant;
+use bus::Bus;
+use bus::BusFault;
+use bus::Heard;
+use bus::SendError;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use canopen::procedure::Procedure;
+use units::time::Instant;
 
 /// Whether to stop is looked at this often.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -208,11 +208,11 @@ const fn words(fault: BusFault) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bus::Received;
-    use crate::canopen::NodeId;
-    use crate::canopen::object::Object;
-    use crate::canopen::sdo::SdoError;
-    use crate::canopen::sdo::Transfer;
+    use bus::Received;
+    use canopen::NodeId;
+    use canopen::object::Object;
+    use canopen::sdo::SdoError;
+    use canopen::sdo::Transfer;
 
     /// A bus nobody else is on.
     #[derive(Default)]

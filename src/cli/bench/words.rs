@@ -1,29 +1,29 @@
 //! Nodes, objects and numbers as people type them.
 
-use crate::canopen::NodeId;
-use crate::canopen::object::Object;
-use crate::canopen::value::numeral::hexadecimal;
-use crate::canopen::value::numeral::whole;
+use canopen::NodeId;
+use canopen::object::Object;
+use canopen::value::numeral::hexadecimal;
+use canopen::value::numeral::whole;
 
 /// A node-id: `3`, `0x10`, `10h`.
-pub(in crate::cli) fn node(text: &str) -> Result<NodeId, String> {
+pub(crate) fn node(text: &str) -> Result<NodeId, String> {
     let raw = whole(text).and_then(|number| u8::try_from(number).ok());
     let node = raw.and_then(|raw| NodeId::new(raw).ok());
     node.ok_or_else(|| "not a node-id within 1 and 127".to_owned())
 }
 
 /// A node-id, or none (`None`) for `all`.
-pub(in crate::cli) fn node_or_all(text: &str) -> Result<Option<NodeId>, String> {
+pub(crate) fn node_or_all(text: &str) -> Result<Option<NodeId>, String> {
     if text == "all" { Ok(None) } else { node(text).map(Some) }
 }
 
 /// A node-id, or none for `none` and 255.
-pub(in crate::cli) fn node_or_none(text: &str) -> Result<Option<NodeId>, String> {
+pub(crate) fn node_or_none(text: &str) -> Result<Option<NodeId>, String> {
     if text == "none" || whole(text) == Some(255) { Ok(None) } else { node(text).map(Some) }
 }
 
 /// Node-ids: `1-16,32`. In order, each once.
-pub(in crate::cli) fn nodes(text: &str) -> Result<Vec<NodeId>, String> {
+pub(crate) fn nodes(text: &str) -> Result<Vec<NodeId>, String> {
     let mut nodes = Vec::new();
     for part in text.split(',') {
         let (first, last) = part.split_once('-').unwrap_or((part, part));
@@ -40,7 +40,7 @@ pub(in crate::cli) fn nodes(text: &str) -> Result<Vec<NodeId>, String> {
 
 /// An object: its index in hexadecimal, `6041`, `0x6041`, `6041h`; its sub-index, 0 if none is given, in
 /// decimal or as `0x1F`, `6041:0`, or in hexadecimal as an EDS has it, `1A00sub1`.
-pub(in crate::cli) fn object(text: &str) -> Result<Object, String> {
+pub(crate) fn object(text: &str) -> Result<Object, String> {
     let wrong = || "not INDEX or INDEX:SUB, as 6041 or 1018:4".to_owned();
     let lower = text.to_ascii_lowercase();
     let (index, sub) = match (lower.split_once(':'), lower.split_once("sub")) {
@@ -55,21 +55,22 @@ pub(in crate::cli) fn object(text: &str) -> Result<Object, String> {
 }
 
 /// A length of time in s: more than nothing, a day at most.
-pub(in crate::cli) fn seconds(text: &str) -> Result<f64, String> {
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     let seconds = text.parse::<f64>().ok().filter(|seconds| *seconds > 0.0 && *seconds <= 86_400.0);
     seconds.ok_or_else(|| "must be a number above 0, and 86400 at most".to_owned())
 }
 
 /// A number of 32 bits: `7`, `0x402`, `402h`.
-pub(in crate::cli) fn number(text: &str) -> Result<u32, String> {
+pub(crate) fn number(text: &str) -> Result<u32, String> {
     let number = whole(text).and_then(|number| u32::try_from(number).ok());
     number.ok_or_else(|| "not a number of 32 bits".to_owned())
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     #[test]
     fn an_object_is_written_in_many_ways() {

@@ -1,14 +1,14 @@
 //! `frhc calib check`: the torque curves of a configuration, as its loading has proven them.
 
 use crate::cli::calib::Check;
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
-use crate::cli::print;
-use crate::config::Config;
-use crate::config::Joint;
-use crate::controller::arm::JointKind;
-use crate::telemetry::digits::significant;
+use config::Config;
+use config::Joint;
+use controller::arm::JointKind;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::exit::OrFail;
+use run::print;
+use telemetry::digits::significant;
 
 /// One curve, in numbers.
 struct Finding<'a> {

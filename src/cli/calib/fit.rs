@@ -12,20 +12,20 @@ use crate::cli::calib::report;
 use crate::cli::calib::session::Accepted;
 use crate::cli::calib::session::Fitted;
 use crate::cli::calib::session::Session;
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
-use crate::cli::print;
-use crate::cli::results;
-use crate::cli::results::Force;
-use crate::config::Config;
-use crate::config::Joint;
-use crate::config::torque_data::Measured;
-use crate::config::torque_data::TorqueData;
-use crate::controller::fit;
-use crate::controller::fit::Calibrated;
-use crate::controller::fit::Sample;
-use crate::telemetry::torque_plot::TorquePlot;
+use config::Config;
+use config::Joint;
+use config::torque_data::Measured;
+use config::torque_data::TorqueData;
+use controller::fit;
+use controller::fit::Calibrated;
+use controller::fit::Sample;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::exit::OrFail;
+use run::print;
+use run::results;
+use run::results::Force;
+use telemetry::torque_plot::TorquePlot;
 
 /// Fits, reports, writes.
 pub(super) fn run(args: &Fit) -> Result<(), Failure> {

@@ -4,9 +4,9 @@ use crate::cli::calib::report;
 use crate::cli::calib::session::Accepted;
 use crate::cli::calib::session::Fitted;
 use crate::cli::calib::session::Session;
-use crate::controller::calibration::InvalidTorqueCurve;
-use crate::controller::calibration::TorqueCurve;
-use crate::telemetry::digits::significant;
+use controller::calibration::InvalidTorqueCurve;
+use controller::calibration::TorqueCurve;
+use telemetry::digits::significant;
 
 /// Digits of a coefficient: what they leave out is a thousandth of a step of the drive.
 const DIGITS: usize = 7;

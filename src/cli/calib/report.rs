@@ -5,11 +5,11 @@ use std::fmt::Write;
 use crate::cli::calib::session::Accepted;
 use crate::cli::calib::session::Fitted;
 use crate::cli::calib::session::Session;
-use crate::controller::fit::Calibrated;
-use crate::controller::fit::Polynomial;
-use crate::controller::fit::Residuals;
-use crate::controller::fit::Sample;
-use crate::telemetry::digits::significant;
+use controller::fit::Calibrated;
+use controller::fit::Polynomial;
+use controller::fit::Residuals;
+use controller::fit::Sample;
+use telemetry::digits::significant;
 
 /// The unit of what was measured.
 pub(super) const fn unit(session: &Session<'_>) -> &'static str {

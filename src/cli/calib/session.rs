@@ -1,9 +1,9 @@
 //! What a file of measurements came to: what is reported, drawn and written.
 
-use crate::config::torque_data::TorqueData;
-use crate::controller::calibration::TorqueCurve;
-use crate::controller::fit::Calibrated;
-use crate::controller::fit::Sample;
+use config::torque_data::TorqueData;
+use controller::calibration::TorqueCurve;
+use controller::fit::Calibrated;
+use controller::fit::Sample;
 
 /// A file of measurements and what it came to.
 pub(super) struct Session<'a> {

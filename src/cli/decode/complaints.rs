@@ -1,10 +1,10 @@
 //! Lines that are not candump's: the first few by number and reason, all of them in the sum.
 
 use crate::cli::decode::Counts;
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::print;
-use crate::telemetry::candump::NotALine;
+use bus::candump::NotALine;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::print;
 
 /// Malformed lines reported one by one. A binary file has thousands.
 const MAX_REPORTED: u32 = 5;

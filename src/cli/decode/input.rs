@@ -7,9 +7,9 @@ use std::io::ErrorKind;
 use std::io::Read;
 use std::path::Path;
 
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::config::files;
+use config::files;
+use run::exit::Failure;
+use run::exit::Kind;
 
 /// Bytes read at once.
 pub(super) const BUFFER: usize = 1 << 16;

@@ -6,23 +6,23 @@ use std::io::Write;
 
 use serde_json::to_writer;
 
-use crate::canopen::decode::What;
-use crate::canopen::decode::sdo::Act;
-use crate::canopen::decode::sdo::Step;
-use crate::canopen::drive::Controlword;
-use crate::canopen::drive::State;
-use crate::canopen::drive::Statusword;
-use crate::canopen::object::Object;
-use crate::canopen::signals::PdoFrame;
-use crate::canopen::signals::Signal;
-use crate::canopen::words::Command;
-use crate::canopen::words::Switches;
 use crate::cli::decode::Said;
 use crate::cli::decode::pseudo::Pseudo;
 use crate::cli::decode::stamps::GoesBack;
-use crate::telemetry::candump::Content;
-use crate::telemetry::candump::Line;
-use crate::telemetry::candump::NotALine;
+use bus::candump::Content;
+use bus::candump::Line;
+use bus::candump::NotALine;
+use canopen::drive::Controlword;
+use canopen::drive::State;
+use canopen::drive::Statusword;
+use canopen::object::Object;
+use canopen_tools::decode::What;
+use canopen_tools::decode::sdo::Act;
+use canopen_tools::decode::sdo::Step;
+use canopen_tools::signals::PdoFrame;
+use canopen_tools::signals::Signal;
+use canopen_tools::words::Command;
+use canopen_tools::words::Switches;
 
 /// A line that says nothing.
 pub(super) fn plain(
@@ -140,7 +140,7 @@ fn what(what: &What<'_>, to: &mut impl Write) -> io::Result<()> {
             write!(to, ",\"code\":{},\"register\":{}", emergency.code, emergency.register)
         }
         What::Heartbeat(state, change) => {
-            let state = crate::canopen::decode::text::state_words(*state);
+            let state = canopen_tools::decode::text::state_words(*state);
             write!(to, ",\"state\":\"{state}\",\"is_new\":{}", change.is_some())
         }
         What::Sync { .. }

@@ -2,11 +2,11 @@
 
 use std::fmt;
 
-use crate::canopen::words::Switches;
-use crate::telemetry::candump::Line;
-use crate::telemetry::record::Mode;
-use crate::telemetry::session::NODE;
-use crate::telemetry::session::WRENCH;
+use bus::candump::Line;
+use canopen_tools::words::Switches;
+use node::record::Mode;
+use telemetry::session::NODE;
+use telemetry::session::WRENCH;
 
 /// A line of the recorder's.
 #[derive(Clone, Copy, Debug, PartialEq)]

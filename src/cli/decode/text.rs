@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-use crate::canopen::decode::Decoder;
 use crate::cli::decode::Said;
 use crate::cli::decode::stamps::GoesBack;
+use canopen_tools::decode::Decoder;
 
 /// Where columns begin.
 #[derive(Clone, Copy, Debug)]

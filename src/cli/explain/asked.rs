@@ -9,10 +9,10 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value as Json;
 
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::config::files;
-use crate::lab::question::Question;
+use config::files;
+use lab::question::Question;
+use run::exit::Failure;
+use run::exit::Kind;
 
 /// Maximum length of a question, in bytes.
 const MAX_LENGTH: u64 = 1 << 20;

@@ -4,30 +4,30 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::canopen::dbc::Field;
-use crate::canopen::dbc::Format;
-use crate::canopen::dbc::Message;
-use crate::canopen::dbc::Number;
-use crate::canopen::dbc::messages;
-use crate::canopen::dbc::messages::Master;
-use crate::canopen::frame::Channel;
-use crate::canopen::signals::identifier;
-use crate::cli::configured::Configured;
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
-use crate::cli::print;
-use crate::cli::results;
-use crate::cli::results::Force;
-use crate::config::Config;
-use crate::config::signals;
-use crate::telemetry::record::Mode;
-use crate::telemetry::session::NODE;
-use crate::telemetry::session::WRENCH;
+use canopen::frame::Channel;
+use canopen_tools::dbc::Field;
+use canopen_tools::dbc::Format;
+use canopen_tools::dbc::Message;
+use canopen_tools::dbc::Number;
+use canopen_tools::dbc::messages;
+use canopen_tools::dbc::messages::Master;
+use canopen_tools::members;
+use canopen_tools::signals::identifier;
+use config::Config;
+use node::record::Mode;
+use run::configured::Configured;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::exit::OrFail;
+use run::print;
+use run::results;
+use run::results::Force;
+use telemetry::session::NODE;
+use telemetry::session::WRENCH;
 
 /// `frhc export dbc`.
 #[derive(Debug, Args)]
-pub(in crate::cli) struct Dbc {
+pub(crate) struct Dbc {
     #[command(flatten)]
     config: Configured,
     /// Only the bus of this name; all of them if not given.
@@ -44,7 +44,7 @@ pub(in crate::cli) struct Dbc {
 pub(super) fn run(args: &Dbc) -> Result<(), Failure> {
     let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
     let channel = args.bus.as_ref().map(|name| channel(&config, name)).transpose()?;
-    let mut members = signals::members(&config);
+    let mut members = members::members(&config);
     members.retain(|member| channel.is_none_or(|channel| member.channel == channel));
     let master = Master {
         node: config.node_id.raw(),

@@ -9,25 +9,25 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::Args;
 
-use crate::canopen::concise;
-use crate::canopen::dcf;
-use crate::canopen::dcf::DcfError;
-use crate::canopen::eds::Commissioning;
-use crate::canopen::eds::Eds;
-use crate::canopen::frame::Channel;
-use crate::canopen::plan::NodePlan;
-use crate::cli::configured::Configured;
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
-use crate::cli::print;
-use crate::cli::results;
-use crate::cli::results::Force;
-use crate::config::Config;
+use canopen::concise;
+use canopen::eds::Commissioning;
+use canopen::eds::Eds;
+use canopen::frame::Channel;
+use canopen::plan::NodePlan;
+use canopen_tools::dcf;
+use canopen_tools::dcf::DcfError;
+use config::Config;
+use run::configured::Configured;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::exit::OrFail;
+use run::print;
+use run::results;
+use run::results::Force;
 
 /// `frhc export dcf`.
 #[derive(Debug, Args)]
-pub(in crate::cli) struct Dcf {
+pub(crate) struct Dcf {
     #[command(flatten)]
     config: Configured,
     /// Where the files go; made if it is not there.

@@ -5,11 +5,11 @@ mod dcf;
 
 use clap::Subcommand;
 
-use crate::cli::exit::Failure;
+use run::exit::Failure;
 
 /// `frhc export`.
 #[derive(Debug, Subcommand)]
-pub(super) enum Export {
+pub(crate) enum Export {
     /// The frames of the buses as a DBC file, with SI scales and joint names.
     #[command(
         after_help = "Examples:\n  frhc export dbc --config config/kraft_like.toml --out kraft_like.dbc\n  \

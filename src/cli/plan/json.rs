@@ -5,21 +5,21 @@ use std::time::Duration;
 use serde_json::Value as Json;
 use serde_json::json;
 
-use crate::canopen::load::network::Both;
-use crate::canopen::load::network::Bus;
-use crate::canopen::load::network::BusPlan;
-use crate::canopen::load::network::Planned;
-use crate::canopen::load::pace::Pace;
-use crate::canopen::load::proposals::Proposal;
-use crate::canopen::load::rates::Rates;
-use crate::canopen::load::streams::Sender;
-use crate::canopen::load::timeline::LoopDelay;
-use crate::canopen::load::timeline::Stage;
-use crate::canopen::load::timeline::Step;
-use crate::canopen::load::timeline::Timeline;
-use crate::canopen::load::utilisation::BusLoad;
 use crate::cli::plan::Report;
 use crate::cli::plan::text;
+use canopen::load::network::Both;
+use canopen::load::network::Bus;
+use canopen::load::network::BusPlan;
+use canopen::load::network::Planned;
+use canopen::load::pace::Pace;
+use canopen::load::proposals::Proposal;
+use canopen::load::rates::Rates;
+use canopen::load::streams::Sender;
+use canopen::load::timeline::LoopDelay;
+use canopen::load::timeline::Stage;
+use canopen::load::timeline::Step;
+use canopen::load::timeline::Timeline;
+use canopen::load::utilisation::BusLoad;
 
 /// The whole report as one object.
 pub(super) fn of(report: &Report<'_>) -> String {

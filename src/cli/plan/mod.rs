@@ -8,25 +8,25 @@ mod text;
 use clap::Args;
 use clap::ValueEnum;
 
-use crate::canopen::load::alternatives;
-use crate::canopen::load::alternatives::Change;
-use crate::canopen::load::alternatives::Obstacle;
-use crate::canopen::load::network::Assumptions;
-use crate::canopen::load::network::BusPlan;
-use crate::canopen::load::network::Network;
-use crate::canopen::load::proposals;
-use crate::canopen::load::proposals::Proposal;
-use crate::canopen::load::timeline::Pauses;
-use crate::cli::configured::Configured;
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::exit::OrFail;
-use crate::cli::print;
-use crate::config::Config;
+use canopen::load::alternatives;
+use canopen::load::alternatives::Change;
+use canopen::load::alternatives::Obstacle;
+use canopen::load::network::Assumptions;
+use canopen::load::network::BusPlan;
+use canopen::load::network::Network;
+use canopen::load::proposals;
+use canopen::load::proposals::Proposal;
+use canopen::load::timeline::Pauses;
+use config::Config;
+use run::configured::Configured;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::exit::OrFail;
+use run::print;
 
 /// `frhc plan`.
 #[derive(Debug, Args)]
-pub(super) struct Plan {
+pub(crate) struct Plan {
     #[command(flatten)]
     config: Configured,
     /// As if SYNC came so often.

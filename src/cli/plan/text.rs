@@ -2,18 +2,18 @@
 
 use std::time::Duration;
 
-use crate::canopen::load::network::Bus;
-use crate::canopen::load::network::BusPlan;
-use crate::canopen::load::network::Planned;
-use crate::canopen::load::pace::Pace;
-use crate::canopen::load::proposals::Proposal;
-use crate::canopen::load::streams::Role;
-use crate::canopen::load::streams::Stream;
-use crate::canopen::load::timeline::Stage;
-use crate::canopen::load::timeline::Step;
-use crate::canopen::load::utilisation::BusLoad;
 use crate::cli::plan::Report;
 use crate::cli::plan::obstacle;
+use canopen::load::network::Bus;
+use canopen::load::network::BusPlan;
+use canopen::load::network::Planned;
+use canopen::load::pace::Pace;
+use canopen::load::proposals::Proposal;
+use canopen::load::streams::Role;
+use canopen::load::streams::Stream;
+use canopen::load::timeline::Stage;
+use canopen::load::timeline::Step;
+use canopen::load::utilisation::BusLoad;
 
 /// Columns of the cycle's picture.
 const COLUMNS: u32 = 50;

@@ -6,16 +6,16 @@ use std::time::Duration;
 
 use clap::Args;
 
-use crate::canopen::NodeId;
-use crate::canopen::bench::scan::Found;
-use crate::canopen::nmt;
-use crate::canopen::plan::NodePlan;
 use crate::cli::bench::Line;
 use crate::cli::bench::words;
-use crate::cli::exit::Failure;
-use crate::cli::exit::Kind;
-use crate::cli::print;
 use crate::cli::scan::pdos::Pdos;
+use canopen::NodeId;
+use canopen::nmt;
+use canopen::plan::NodePlan;
+use canopen_tools::bench::scan::Found;
+use run::exit::Failure;
+use run::exit::Kind;
+use run::print;
 
 /// `frhc scan`.
 #[derive(Debug, Args)]
@@ -27,7 +27,7 @@ use crate::cli::scan::pdos::Pdos;
         Examples:\n  frhc scan -i can0\n  frhc scan --config config/kraft_like.toml --pdos\n  \
         frhc scan --config config/kraft_like.toml --json | jq .nodes"
 )]
-pub(super) struct Scan {
+pub(crate) struct Scan {
     #[command(flatten)]
     line: Line,
     /// Whom to ask, as 1-16,32.
@@ -76,7 +76,7 @@ pub(super) fn run(args: &Scan) -> Result<(), Failure> {
         (Duration::from_millis(args.timeout), Duration::from_millis(args.listen));
     let found = session
         .run(|now, out| {
-            crate::canopen::bench::scan::Scan::begin(&args.nodes, timeout, listen, now, out)
+            canopen_tools::bench::scan::Scan::begin(&args.nodes, timeout, listen, now, out)
         })
         .map_err(|error| known.fail(error))?;
     // Heartbeats tell of nodes that nobody asked about, too.

@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use crate::bus::Bus;
-use crate::canopen::NodeId;
-use crate::canopen::bench::effective::Reader;
-use crate::canopen::bench::effective::Unreadable;
-use crate::canopen::layout::Direction;
-use crate::canopen::layout::Pdo;
 use crate::cli::bench::Session;
 use crate::cli::bench::SessionError;
+use bus::Bus;
+use canopen::NodeId;
+use canopen::layout::Direction;
+use canopen::layout::Pdo;
+use canopen_tools::bench::effective::Reader;
+use canopen_tools::bench::effective::Unreadable;
 
 /// What one node's PDOs are, or why that is not known.
 pub(super) type Pdos = (NodeId, Result<Vec<Pdo>, Unreadable>);
@@ -78,8 +78,8 @@ fn name(pdo: &Pdo) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::layout;
-    use crate::canopen::layout::Group;
+    use canopen::layout;
+    use canopen::layout::Group;
 
     #[test]
     fn a_pdo_is_one_line() {

@@ -1,16 +1,16 @@
 //! What each drive believes, as a table for people or as one JSON object on one line.
 
-use crate::canopen::error_codes;
-use crate::canopen::frame::Channel;
-use crate::canopen::nmt;
-use crate::canopen::words::mode_of_operation;
-use crate::config::Config;
-use crate::config::Joint;
-use crate::controller::arm::JointKind;
-use crate::sim::belief::Axis;
-use crate::sim::belief::Belief;
-use crate::sim::belief::Report;
-use crate::time::Instant;
+use canopen::error_codes;
+use canopen::frame::Channel;
+use canopen::nmt;
+use canopen_tools::words::mode_of_operation;
+use config::Config;
+use config::Joint;
+use controller::arm::JointKind;
+use sim::belief::Axis;
+use sim::belief::Belief;
+use sim::belief::Report;
+use units::time::Instant;
 
 /// When, what the columns are, and a row for each drive.
 pub(super) fn text(config: &Config, report: &Report) -> String {

@@ -96,8 +96,9 @@ pub fn strongest_damper(mass: f64, period: f64, delay: u32) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     proptest! {
         #[test]

@@ -6,8 +6,8 @@
 
 use thiserror::Error;
 
-use crate::controller::JointVector;
-use crate::controller::arm::Arm;
+use crate::JointVector;
+use crate::arm::Arm;
 
 /// A Jacobian's entry this small moves nothing, in m or rad per rad.
 const NOTHING: f64 = 1e-9;
@@ -96,9 +96,10 @@ fn dry_power(qd: &JointVector, joints: &[JointResistance; 6]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::controller::arm::Link;
     use nalgebra::Isometry3;
+
+    use super::*;
+    use crate::arm::Link;
 
     #[test]
     fn dry_friction_of_all_joints_is_their_power_at_the_grip() {

@@ -9,7 +9,7 @@
 //!    = T/2 · (Re H - cot(ωT/2) Im H)
 //! ```
 //!
-//! Not closed forms: those are [`bounds`](crate::controller::stability::bounds).
+//! Not closed forms: those are [`bounds`](crate::stability::bounds).
 
 use std::f64::consts::PI;
 
@@ -167,8 +167,9 @@ fn highest(function: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn near(a: f64, b: f64) -> bool {
         (a - b).abs() <= 1e-6 * b.abs().max(1e-9)

@@ -10,10 +10,10 @@
 use nalgebra::SMatrix;
 use nalgebra::SVector;
 
-use crate::controller::JointVector;
-use crate::controller::arm::Arm;
-use crate::controller::coupling::Coupling;
-use crate::controller::soft_stops::SoftStops;
+use crate::JointVector;
+use crate::arm::Arm;
+use crate::coupling::Coupling;
+use crate::soft_stops::SoftStops;
 
 /// An arm with a hand at its grip.
 #[derive(Clone, Copy, Debug)]
@@ -94,9 +94,10 @@ fn postures(ranges: &[[f64; 2]; 6]) -> Vec<JointVector> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::controller::arm::Link;
     use nalgebra::Isometry3;
+
+    use super::*;
+    use crate::arm::Link;
 
     /// A joint that turns the grip 0.5 m away from its axis, and five that turn it in place.
     fn arm() -> Arm<6> {

@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use crate::bus::Mishap;
-use crate::config::Config;
-use crate::lab::campaign::catalogue;
-use crate::lab::campaign::catalogue::Kind;
-use crate::lab::campaign::draw::Draw;
-use crate::lab::campaign::situation::Situation;
-use crate::lab::world;
+use crate::campaign::catalogue;
+use crate::campaign::catalogue::Kind;
+use crate::campaign::draw::Draw;
+use crate::campaign::situation::Situation;
+use crate::world;
+use bus::Mishap;
+use config::Config;
 
 /// A fault begins so long after its situation is reached at the latest, in s.
 const SPREAD_S: f64 = 0.1;

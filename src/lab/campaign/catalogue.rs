@@ -9,11 +9,11 @@ mod devices;
 mod frames;
 mod people;
 
-use crate::lab::campaign::case::Deed;
-use crate::lab::campaign::case::Place;
-use crate::lab::campaign::draw::Draw;
-use crate::lab::campaign::situation::Situation;
-use crate::telemetry::cause::Kind as Cause;
+use crate::campaign::case::Deed;
+use crate::campaign::case::Place;
+use crate::campaign::draw::Draw;
+use crate::campaign::situation::Situation;
+use node::cause::Kind as Cause;
 
 /// The kind by which a node is killed: its figures are those of the drives' own timers.
 pub(super) const KILLED: &str = "process killed";
@@ -81,7 +81,7 @@ pub(super) fn kind_of(number: u32) -> Option<&'static Kind> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::node::safety::table;
+    use node::safety::table;
 
     #[test]
     fn cause_that_is_demanded_alone_is_of_the_hazard_it_is_demanded_for() {

@@ -1,6 +1,6 @@
 //! Chance of one case: the same again from the same seed.
 
-use crate::sim::random::SplitMix;
+use sim::random::SplitMix;
 
 /// A source of choices.
 #[derive(Clone, Debug)]

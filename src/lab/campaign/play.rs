@@ -5,27 +5,27 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 
-use crate::bus::BusFault;
-use crate::bus::Disturbance;
-use crate::bus::Mishap;
-use crate::canopen::drive::State;
-use crate::config::Config;
-use crate::lab::bench::Bench;
-use crate::lab::campaign::case::Case;
-use crate::lab::campaign::monitor::Excuse;
-use crate::lab::campaign::monitor::Monitor;
-use crate::lab::campaign::situation::Situation;
-use crate::lab::campaign::verdict::Seen;
-use crate::lab::campaign::verdict::Verdict;
-use crate::node::BringUpError;
-use crate::node::Request;
-use crate::sim::drive::Drive;
-use crate::sim::scenario::Scenario;
-use crate::sim::scenario::ScenarioError;
-use crate::spatial::Wrench;
-use crate::telemetry::record::Mode;
-use crate::telemetry::record::Record;
-use crate::time::Instant;
+use crate::bench::Bench;
+use crate::campaign::case::Case;
+use crate::campaign::monitor::Excuse;
+use crate::campaign::monitor::Monitor;
+use crate::campaign::situation::Situation;
+use crate::campaign::verdict::Seen;
+use crate::campaign::verdict::Verdict;
+use bus::BusFault;
+use bus::Disturbance;
+use bus::Mishap;
+use canopen::drive::State;
+use config::Config;
+use node::BringUpError;
+use node::Request;
+use node::record::Mode;
+use node::record::Record;
+use sim::drive::Drive;
+use sim::scenario::Scenario;
+use sim::scenario::ScenarioError;
+use units::spatial::Wrench;
+use units::time::Instant;
 
 /// The grip is watched for so long after the onset.
 const WATCH_GRIP: Duration = Duration::from_millis(100);

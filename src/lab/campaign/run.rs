@@ -6,17 +6,17 @@ use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering;
 use std::thread;
 
-use crate::canopen::frame::Telegram;
-use crate::config::Config;
-use crate::lab::bench::Bench;
-use crate::lab::campaign::case::Case;
-use crate::lab::campaign::monitor::Monitor;
-use crate::lab::campaign::play;
-use crate::lab::campaign::play::StageError;
-use crate::lab::campaign::situation::Situation;
-use crate::lab::campaign::verdict::Verdict;
-use crate::telemetry::record::Record;
-use crate::time::Instant;
+use crate::bench::Bench;
+use crate::campaign::case::Case;
+use crate::campaign::monitor::Monitor;
+use crate::campaign::play;
+use crate::campaign::play::StageError;
+use crate::campaign::situation::Situation;
+use crate::campaign::verdict::Verdict;
+use canopen::frame::Telegram;
+use config::Config;
+use node::record::Record;
+use units::time::Instant;
 
 /// A seed, hand controllers, and how many faults of which kind.
 #[derive(Clone, Debug)]

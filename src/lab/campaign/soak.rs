@@ -4,15 +4,15 @@
 use std::num::NonZero;
 use std::time::Duration;
 
-use crate::config::Config;
-use crate::lab::bench::Bench;
-use crate::lab::campaign::draw::Draw;
-use crate::lab::campaign::monitor::Monitor;
-use crate::lab::campaign::play;
-use crate::lab::campaign::play::StageError;
-use crate::lab::campaign::run::each;
-use crate::sim::scenario::Scenario;
-use crate::telemetry::cause::Cause;
+use crate::bench::Bench;
+use crate::campaign::draw::Draw;
+use crate::campaign::monitor::Monitor;
+use crate::campaign::play;
+use crate::campaign::play::StageError;
+use crate::campaign::run::each;
+use config::Config;
+use node::cause::Cause;
+use sim::scenario::Scenario;
 
 /// One lap takes so long, in s.
 const LAP_S: f64 = 20.0;
@@ -221,9 +221,10 @@ deadman = false
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::sim::scenario::fault::Fault;
     use std::path::Path;
+
+    use super::*;
+    use sim::scenario::fault::Fault;
 
     #[test]
     fn promise_14_a_thousandth_of_each_drives_samples_is_lost_and_never_two_in_a_row() {

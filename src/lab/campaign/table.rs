@@ -7,10 +7,10 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use crate::lab::campaign::case::Demand;
-use crate::lab::campaign::catalogue;
-use crate::lab::campaign::verdict::Outcome;
-use crate::lab::campaign::verdict::Verdict;
+use crate::campaign::case::Demand;
+use crate::campaign::catalogue;
+use crate::campaign::verdict::Outcome;
+use crate::campaign::verdict::Verdict;
 
 /// All lines, and what they come to together.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -3,12 +3,12 @@
 use std::fmt;
 use std::time::Duration;
 
-use crate::lab::campaign::case::Case;
-use crate::lab::campaign::case::Demand;
-use crate::lab::campaign::case::MayStop;
-use crate::lab::campaign::monitor::Breach;
-use crate::telemetry::cause::Cause;
-use crate::telemetry::cause::Kind as CauseKind;
+use crate::campaign::case::Case;
+use crate::campaign::case::Demand;
+use crate::campaign::case::MayStop;
+use crate::campaign::monitor::Breach;
+use node::cause::Cause;
+use node::cause::Kind as CauseKind;
 
 /// What was seen of one case. Times are since its onset.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,12 +1,12 @@
 //! The reference and reflection switches, once their contacts have come to rest.
 //!
-//! A level counts when it has lasted as long as the [deadman](crate::node::operator::deadman)'s: a contact that
+//! A level counts when it has lasted as long as the [deadman](crate::operator::deadman)'s: a contact that
 //! bounces is one press. While the switch box is silent the last levels stay, so that its return is no edge; a switch
 //! that is found closed then, or at power-up, counts as open until it was released.
 
-use crate::canopen::pdo::SwitchInputs;
-use crate::node::operator::deadman::SETTLED_AFTER;
-use crate::time::Instant;
+use crate::operator::deadman::SETTLED_AFTER;
+use canopen::pdo::SwitchInputs;
+use units::time::Instant;
 
 /// Both switches.
 #[derive(Clone, Copy, Debug)]
@@ -70,8 +70,9 @@ impl Button {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     /// The levels that count while the switch says this, one millisecond each.
     fn closed(levels: impl IntoIterator<Item = Option<bool>>) -> Vec<bool> {

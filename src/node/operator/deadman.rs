@@ -6,9 +6,9 @@
 
 use std::time::Duration;
 
-use crate::canopen::pdo::Deadman as Contacts;
-use crate::telemetry::cause::Cause;
-use crate::time::Instant;
+use crate::cause::Cause;
+use canopen::pdo::Deadman as Contacts;
+use units::time::Instant;
 
 /// For so long both contacts must say the same before it is believed: a contact bounces for 5 to 20 ms.
 pub(super) const SETTLED_AFTER: Duration = Duration::from_millis(25);
@@ -84,8 +84,9 @@ impl Deadman {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const OPEN: Option<Contacts> = Some(Contacts::Released);
     const CLOSED: Option<Contacts> = Some(Contacts::Pressed);

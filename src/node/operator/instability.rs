@@ -7,9 +7,9 @@
 
 use std::time::Duration;
 
-use crate::spatial::Twist;
-use crate::telemetry::cause::Cause;
-use crate::time::Instant;
+use crate::cause::Cause;
+use units::spatial::Twist;
+use units::time::Instant;
 
 /// Slower swings are none, in m/s.
 const FAST: f64 = 0.1;
@@ -110,8 +110,9 @@ impl Swings {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const CYCLE: Duration = Duration::from_millis(1);
 

@@ -17,20 +17,20 @@ mod unheld;
 
 use std::time::Duration;
 
-use crate::canopen::pdo::SwitchInputs;
-use crate::controller::JointVector;
-use crate::controller::Output;
-use crate::controller::switches::Switches;
-use crate::controller::torque_delay::TorqueDelay;
-use crate::node::operator::buttons::Buttons;
-use crate::node::operator::deadman::Deadman;
-use crate::node::operator::deadman::Grasp;
-use crate::node::operator::instability::Instability;
-use crate::node::operator::taped::Taped;
-use crate::node::operator::unheld::Unheld;
-use crate::node::safety::Permit;
-use crate::telemetry::cause::Cause;
-use crate::time::Instant;
+use crate::cause::Cause;
+use crate::operator::buttons::Buttons;
+use crate::operator::deadman::Deadman;
+use crate::operator::deadman::Grasp;
+use crate::operator::instability::Instability;
+use crate::operator::taped::Taped;
+use crate::operator::unheld::Unheld;
+use crate::safety::Permit;
+use canopen::pdo::SwitchInputs;
+use controller::JointVector;
+use controller::Output;
+use controller::switches::Switches;
+use controller::torque_delay::TorqueDelay;
+use units::time::Instant;
 
 /// All of it.
 #[derive(Clone, Debug)]
@@ -119,17 +119,19 @@ impl Operator {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::config::Config;
-    use crate::controller::Controller;
-    use crate::controller::Input;
-    use crate::controller::calibration::Counts;
-    use crate::controller::switches::Mode as CommandMode;
-    use crate::controller::switches::Switches;
-    use crate::spatial::Wrench;
-    use crate::telemetry::record::Mode;
-    use nalgebra::Isometry3;
     use std::path::Path;
+
+    use nalgebra::Isometry3;
+
+    use super::*;
+    use crate::record::Mode;
+    use config::Config;
+    use controller::Controller;
+    use controller::Input;
+    use controller::calibration::Counts;
+    use controller::switches::Mode as CommandMode;
+    use controller::switches::Switches;
+    use units::spatial::Wrench;
 
     /// A cycle at rest.
     fn at_rest() -> Output {

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use nalgebra::Isometry3;
 
-use crate::telemetry::cause::Cause;
-use crate::time::Instant;
+use crate::cause::Cause;
+use units::time::Instant;
 
 /// Nobody holds a grip so still for so long.
 const STILL_FOR: Duration = Duration::from_secs(60);

@@ -6,8 +6,8 @@
 //! move the arm as they like. A soft hand is lifted a little as the weight leaves it, and swings: one way is
 //! a motion only when it goes on. Who lifts the arm within this second looks the same, and has to arm again.
 
-use crate::controller::JointVector;
-use crate::telemetry::cause::Cause;
+use crate::cause::Cause;
+use controller::JointVector;
 
 /// Faster is a motion, in rad/s (m/s).
 const MOVES: f64 = 0.1;

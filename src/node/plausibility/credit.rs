@@ -14,9 +14,9 @@
 
 use std::time::Duration;
 
-use crate::node::plausibility::overdue::Overdue;
-use crate::node::plausibility::repeated::Repeated;
-use crate::time::Instant;
+use crate::plausibility::overdue::Overdue;
+use crate::plausibility::repeated::Repeated;
+use units::time::Instant;
 
 /// A second window with more answers than SYNCs within this is another node's. A single one is not: a
 /// receiver that misses the last bit of a frame lets it be sent again (ISO 11898-1, 10.6).
@@ -116,8 +116,9 @@ impl Credit {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     /// What comes of so many answers in each window, a millisecond each.
     fn arrivals(windows: &[u32]) -> Vec<Vec<Arrival>> {

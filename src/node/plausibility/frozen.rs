@@ -13,10 +13,10 @@
 
 use std::time::Duration;
 
-use crate::canopen::pdo::Counts;
-use crate::node::plausibility::Sampled;
-use crate::telemetry::cause::Cause;
-use crate::time::Instant;
+use crate::cause::Cause;
+use crate::plausibility::Sampled;
+use canopen::pdo::Counts;
+use units::time::Instant;
 
 /// A torque that pushes, in ‰ of rated torque.
 const PUSHES: u16 = 200;
@@ -102,7 +102,7 @@ impl Still {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::pdo::DriveSample;
+    use canopen::pdo::DriveSample;
 
     /// What is told of the third of three joints that move otherwise, at which cycle of a millisecond.
     fn told(

@@ -2,18 +2,18 @@
 
 use std::time::Duration;
 
-use crate::canopen::pdo::Counts;
-use crate::node::plausibility::credit::Arrival;
-use crate::node::plausibility::credit::Credit;
-use crate::node::plausibility::jump::Jump;
-use crate::node::plausibility::jump::Reach;
-use crate::node::plausibility::jump::Step;
-use crate::telemetry::cause::Cause;
-use crate::time::Instant;
+use crate::cause::Cause;
+use crate::plausibility::credit::Arrival;
+use crate::plausibility::credit::Credit;
+use crate::plausibility::jump::Jump;
+use crate::plausibility::jump::Reach;
+use crate::plausibility::jump::Step;
+use canopen::pdo::Counts;
+use units::time::Instant;
 
 /// What is to be made of a position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::node) enum Offer {
+pub(crate) enum Offer {
     /// It is the sample of this SYNC.
     Sample,
     /// It is none, and that may be: late, one too many, or farther away than the joint can be.
@@ -24,7 +24,7 @@ pub(in crate::node) enum Offer {
 
 /// One joint's positions.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::node) struct Intake {
+pub(crate) struct Intake {
     /// From 1.
     joint: usize,
     period: Duration,
@@ -53,32 +53,32 @@ impl Intake {
     }
 
     /// The network starts anew.
-    pub(in crate::node) fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.credit = Credit::new(self.patience);
         self.jump = Jump::new(self.reach);
         self.first = None;
     }
 
     /// A SYNC goes out at `now`.
-    pub(in crate::node) fn begin(&mut self, now: Instant) {
+    pub(crate) fn begin(&mut self, now: Instant) {
         self.credit.begin(now);
         self.asked_at = now;
         self.first = None;
     }
 
     /// A position has come that waited too long to be read: it is none.
-    pub(in crate::node) const fn discard(&mut self) {
+    pub(crate) const fn discard(&mut self) {
         self.credit.discard();
     }
 
     /// Returns the cause to stop if too many samples are overdue.
-    pub(in crate::node) fn overdue(&self) -> Option<Cause> {
+    pub(crate) fn overdue(&self) -> Option<Cause> {
         let cycles = self.credit.overdue().excess()?;
         Some(Cause::SamplesOverdue { joint: self.joint, cycles })
     }
 
     /// A position has come.
-    pub(in crate::node) fn offer(&mut self, position: Counts) -> Offer {
+    pub(crate) fn offer(&mut self, position: Counts) -> Offer {
         let late = self.period * self.credit.lateness();
         let overdue = self.credit.overdue().remembered();
         match self.credit.on_frame(self.asked_at) {
@@ -124,8 +124,9 @@ impl Intake {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     /// At most 1,000 counts in a cycle.
     fn intake() -> Intake {

@@ -5,9 +5,9 @@
 
 use std::time::Duration;
 
-use crate::canopen::pdo::Counts;
-use crate::node::plausibility::repeated::Repeated;
-use crate::time::Instant;
+use crate::plausibility::repeated::Repeated;
+use canopen::pdo::Counts;
+use units::time::Instant;
 
 /// A second rejected position within this is a jump.
 const SOON: Duration = Duration::from_millis(100);
@@ -100,8 +100,9 @@ impl Jump {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const T: Duration = Duration::from_millis(1);
 

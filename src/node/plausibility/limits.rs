@@ -4,8 +4,8 @@
 //! which gives way a little: that is no fault, and so the limits have a margin. A joint beyond it has lost its
 //! stop or its zero.
 
-use crate::controller::JointVector;
-use crate::telemetry::cause::Cause;
+use crate::cause::Cause;
+use controller::JointVector;
 
 /// The watch on all joints.
 #[derive(Clone, Copy, Debug)]

@@ -24,22 +24,22 @@ mod torque;
 pub(super) use intake::Intake;
 pub(super) use intake::Offer;
 
-use crate::canopen::pdo::DriveSample;
-use crate::config::Config;
-use crate::controller::JointVector;
-use crate::controller::Output;
-use crate::controller::arm::JointKind;
-use crate::controller::torque_delay::TorqueDelay;
-use crate::node::plausibility::frozen::Frozen;
-use crate::node::plausibility::jump::Reach;
-use crate::node::plausibility::limits::Limits;
-use crate::node::plausibility::rate::Rate;
-use crate::node::plausibility::speed::Moment;
-use crate::node::plausibility::speed::Most;
-use crate::node::plausibility::speed::Speed;
-use crate::node::plausibility::torque::Torque;
-use crate::telemetry::cause::Cause;
-use crate::time::Instant;
+use crate::cause::Cause;
+use crate::plausibility::frozen::Frozen;
+use crate::plausibility::jump::Reach;
+use crate::plausibility::limits::Limits;
+use crate::plausibility::rate::Rate;
+use crate::plausibility::speed::Moment;
+use crate::plausibility::speed::Most;
+use crate::plausibility::speed::Speed;
+use crate::plausibility::torque::Torque;
+use canopen::pdo::DriveSample;
+use config::Config;
+use controller::JointVector;
+use controller::Output;
+use controller::arm::JointKind;
+use controller::torque_delay::TorqueDelay;
+use units::time::Instant;
 
 /// A clear motion of a joint that turns, in rad: ten times what a hand trembles.
 const CLEAR_TURN: f64 = 0.02;

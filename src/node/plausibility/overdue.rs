@@ -7,7 +7,7 @@
 
 use std::time::Duration;
 
-use crate::time::Instant;
+use units::time::Instant;
 
 /// Maximum samples overdue.
 const MAX_OVERDUE: u32 = 10;
@@ -75,8 +75,9 @@ impl Overdue {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     /// After how many windows of a millisecond they are too many, if the `n`th is empty as `is_empty` says.
     fn exceeded(windows: u32, is_empty: impl Fn(u32) -> bool) -> Option<u32> {

@@ -9,7 +9,7 @@
 
 use std::time::Duration;
 
-use crate::telemetry::cause::Cause;
+use crate::cause::Cause;
 
 /// The parts of the time that is looked back on.
 const PARTS: usize = 10;
@@ -71,8 +71,9 @@ impl Rate {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const PERIODS_US: [u64; 4] = [250, 1_000, 2_000, 100_000];
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::time::Instant;
+use units::time::Instant;
 
 /// When it last happened.
 #[derive(Clone, Copy, Debug)]

@@ -9,9 +9,9 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 
-use crate::controller::JointVector;
-use crate::telemetry::cause::Cause;
-use crate::time::Instant;
+use crate::cause::Cause;
+use controller::JointVector;
+use units::time::Instant;
 
 /// The most that is allowed.
 #[derive(Clone, Copy, Debug)]
@@ -104,8 +104,9 @@ fn is_above(value: f64, most: f64) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const T: Duration = Duration::from_millis(1);
 

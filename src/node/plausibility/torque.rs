@@ -11,9 +11,9 @@
 
 use std::time::Duration;
 
-use crate::node::plausibility::Sampled;
-use crate::telemetry::cause::Cause;
-use crate::time::Instant;
+use crate::cause::Cause;
+use crate::plausibility::Sampled;
+use units::time::Instant;
 
 /// Cycles in which what is read may have been told.
 const DEPTH: usize = 5;
@@ -73,10 +73,11 @@ impl Torque {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::pdo::DriveSample;
-    use crate::canopen::pdo::PerMille;
     use proptest::prelude::*;
+
+    use super::*;
+    use canopen::pdo::DriveSample;
+    use canopen::pdo::PerMille;
 
     /// At which cycle of a millisecond it is told, if the elbow reads `actual` at every `every`th.
     fn told(

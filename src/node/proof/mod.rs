@@ -24,24 +24,24 @@ pub use report::NotProven;
 pub use report::ProofReport;
 pub use report::Trip;
 
-use crate::canopen::NmtState;
-use crate::canopen::emcy::Emergency;
-use crate::canopen::error_codes;
-use crate::canopen::frame::Channel;
-use crate::canopen::master::Master;
-use crate::canopen::master::event::Event;
-use crate::canopen::object::Object;
-use crate::canopen::pdo::DriveSample;
-use crate::canopen::plan::NodePlan;
-use crate::canopen::watchdog::Awaited;
-use crate::canopen::watchdog::Watchdog;
-use crate::config::Config;
-use crate::config::force_cap::ForceCap;
-use crate::config::force_cap::TooMuchForce;
-use crate::config::force_cap::UNPROVEN;
-use crate::node::proof::recheck::Recheck;
-use crate::node::proof::trial::Trial;
-use crate::time::Instant;
+use crate::proof::recheck::Recheck;
+use crate::proof::trial::Trial;
+use canopen::NmtState;
+use canopen::emcy::Emergency;
+use canopen::error_codes;
+use canopen::frame::Channel;
+use canopen::master::Master;
+use canopen::master::event::Event;
+use canopen::object::Object;
+use canopen::pdo::DriveSample;
+use canopen::plan::NodePlan;
+use canopen::watchdog::Awaited;
+use canopen::watchdog::Watchdog;
+use config::Config;
+use config::force_cap::ForceCap;
+use config::force_cap::TooMuchForce;
+use config::force_cap::UNPROVEN;
+use units::time::Instant;
 
 /// How far the proof is, and what it has found.
 #[derive(Clone, Debug)]
@@ -278,8 +278,9 @@ impl Proof {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use std::path::Path;
+
+    use super::*;
 
     fn emergency(code: u16) -> Event {
         let [low, high] = code.to_le_bytes();
@@ -291,7 +292,7 @@ mod tests {
     fn statuswords_asked_for_are_no_news() {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let mut proof = Proof::new(&config, &config.node_plans());
-        let statusword = crate::canopen::drive::Statusword(0x0208);
+        let statusword = canopen::drive::Statusword(0x0208);
         for phase in [Phase::Before, Phase::Between, Phase::Over] {
             proof.phase = phase;
             let answer = Event::Statusword { node: 2, statusword };

@@ -6,22 +6,22 @@
 
 use std::time::Duration;
 
-use crate::bus::Bus;
-use crate::canopen::master::Master;
-use crate::canopen::master::event::Event;
-use crate::canopen::master::read_back::ReadBack;
-use crate::canopen::master::read_back::Setting;
-use crate::canopen::plan::NodePlan;
-use crate::node::Node;
-use crate::remote::Remote;
-use crate::time::Instant;
+use crate::Node;
+use bus::Bus;
+use canopen::master::Master;
+use canopen::master::event::Event;
+use canopen::master::read_back::ReadBack;
+use canopen::master::read_back::Setting;
+use canopen::plan::NodePlan;
+use remote::Remote;
+use units::time::Instant;
 
 /// Time from one object to the next.
 const INTERVAL: Duration = Duration::from_secs(1);
 
 /// The objects and whose turn it is.
 #[derive(Clone, Debug, Default)]
-pub(in crate::node) struct Recheck {
+pub(crate) struct Recheck {
     entries: Vec<Entry>,
     /// Place of the next entry.
     next: usize,
@@ -91,7 +91,7 @@ impl Recheck {
 
 impl<B: Bus, R: Remote> Node<B, R> {
     /// Asks for the next object of the proof when its time has come, while nothing has stopped the node.
-    pub(in crate::node) fn recheck(&mut self, now: Instant) {
+    pub(crate) fn recheck(&mut self, now: Instant) {
         if !self.proof.is_over() || self.safety.mode().is_stopped() {
             return;
         }
@@ -107,10 +107,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::frame::Channel;
-    use crate::canopen::object::Object;
-    use crate::canopen::plan::tests::elbow;
-    use crate::canopen::sdo::SdoError;
+    use canopen::frame::Channel;
+    use canopen::object::Object;
+    use canopen::sdo::SdoError;
+    use canopen::testing::plans::elbow;
 
     const SECOND: Duration = Duration::from_secs(1);
 

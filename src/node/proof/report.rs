@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::canopen::NodeId;
-use crate::canopen::object::Object;
-use crate::canopen::watchdog::Watchdog;
-use crate::config::grain;
+use canopen::NodeId;
+use canopen::object::Object;
+use canopen::watchdog::Watchdog;
+use config::grain;
 
 /// One timer that ran out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -117,7 +117,7 @@ impl fmt::Display for NoTrip {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::watchdog::Awaited;
+    use canopen::watchdog::Awaited;
 
     fn trip(awaited: Awaited, millis: u16, measured: u64) -> Option<Trip> {
         let object = match awaited {

@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use crate::bus::Bus;
-use crate::canopen::watchdog::Awaited;
-use crate::node::BringUpError;
-use crate::node::Node;
-use crate::remote::Remote;
+use crate::BringUpError;
+use crate::Node;
+use bus::Bus;
+use canopen::watchdog::Awaited;
+use remote::Remote;
 
 /// While nothing of ours is on the bus, that is looked after at least so often.
 const LISTEN: Duration = Duration::from_millis(1);
@@ -20,10 +20,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     ///
     /// # Errors
     /// When a drive goes on without its master, or something else is wrong meanwhile.
-    pub(in crate::node) fn prove(
-        &mut self,
-        give_up: &mut dyn FnMut() -> bool,
-    ) -> Result<(), BringUpError> {
+    pub(crate) fn prove(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         self.proof.begin(&self.master);
         let untimed = if self.proof.is_wanted { self.proof.untimed() } else { Vec::new() };
         if !untimed.is_empty() {

@@ -13,13 +13,13 @@
 
 use std::time::Duration;
 
-use crate::canopen::drive::Statusword;
-use crate::canopen::watchdog::Awaited;
-use crate::canopen::watchdog::Watchdog;
-use crate::node::power;
-use crate::node::proof::report::NoTrip;
-use crate::node::proof::report::Trip;
-use crate::time::Instant;
+use crate::power;
+use crate::proof::report::NoTrip;
+use crate::proof::report::Trip;
+use canopen::drive::Statusword;
+use canopen::watchdog::Awaited;
+use canopen::watchdog::Watchdog;
+use units::time::Instant;
 
 /// A drive that does not stop so long after its timer says goes on.
 const GRACE: Duration = Duration::from_millis(35);
@@ -30,7 +30,7 @@ const ASK_AGAIN: Duration = Duration::from_millis(2);
 
 /// The trial of one timer on all drives.
 #[derive(Clone, Debug)]
-pub(in crate::node) struct Trial {
+pub(crate) struct Trial {
     awaited: Awaited,
     begun: Instant,
     drives: [Option<Subject>; 6],
@@ -60,11 +60,7 @@ enum Question {
 
 impl Trial {
     /// Begins with the last frame, at `begun`, for the drives that have a timer for it.
-    pub(in crate::node) fn new(
-        awaited: Awaited,
-        begun: Instant,
-        timers: [Option<Watchdog>; 6],
-    ) -> Self {
+    pub(crate) fn new(awaited: Awaited, begun: Instant, timers: [Option<Watchdog>; 6]) -> Self {
         let subject = |said: Watchdog| {
             let question = Question::Due(begun + span(said));
             Subject { said, cried: None, off: None, question }
@@ -73,24 +69,24 @@ impl Trial {
     }
 
     /// What stays away.
-    pub(in crate::node) const fn awaited(&self) -> Awaited {
+    pub(crate) const fn awaited(&self) -> Awaited {
         self.awaited
     }
 
     /// A drive, by its place from 0, says that something is wrong.
-    pub(in crate::node) fn on_emergency(&mut self, at: Instant, drive: usize) {
+    pub(crate) fn on_emergency(&mut self, at: Instant, drive: usize) {
         if let Some(Some(subject)) = self.drives.get_mut(drive) {
             subject.cried.get_or_insert(at);
         }
     }
 
     /// Whether a drive has said that something is wrong.
-    pub(in crate::node) fn has_cried(&self, drive: usize) -> bool {
+    pub(crate) fn has_cried(&self, drive: usize) -> bool {
         self.drives.get(drive).and_then(Option::as_ref).is_some_and(|it| it.cried.is_some())
     }
 
     /// A drive tells by itself what its power stage is in.
-    pub(in crate::node) fn on_statusword(&mut self, at: Instant, drive: usize, word: Statusword) {
+    pub(crate) fn on_statusword(&mut self, at: Instant, drive: usize, word: Statusword) {
         if let Some(Some(subject)) = self.drives.get_mut(drive)
             && !power::may_push(word)
         {
@@ -99,7 +95,7 @@ impl Trial {
     }
 
     /// A drive answers what its power stage is in.
-    pub(in crate::node) fn on_answer(&mut self, at: Instant, drive: usize, word: Statusword) {
+    pub(crate) fn on_answer(&mut self, at: Instant, drive: usize, word: Statusword) {
         self.on_statusword(at, drive, word);
         let begun = self.begun;
         if let Some(Some(subject)) = self.drives.get_mut(drive) {
@@ -110,7 +106,7 @@ impl Trial {
     }
 
     /// The next drive to be asked now, if one is.
-    pub(in crate::node) fn asks(&mut self, now: Instant) -> Option<usize> {
+    pub(crate) fn asks(&mut self, now: Instant) -> Option<usize> {
         let mut drives = self.drives.iter_mut().enumerate();
         drives.find_map(|(place, drive)| {
             let subject = drive.as_mut().filter(|subject| subject.off.is_none())?;
@@ -123,7 +119,7 @@ impl Trial {
     }
 
     /// When something is to be done, at the latest; `None` once it is over.
-    pub(in crate::node) fn deadline(&self, now: Instant) -> Option<Instant> {
+    pub(crate) fn deadline(&self, now: Instant) -> Option<Instant> {
         self.open(now)
             .map(|subject| match subject.question {
                 Question::Due(at) => at,
@@ -133,7 +129,7 @@ impl Trial {
     }
 
     /// How each drive did that has the timer.
-    pub(in crate::node) fn outcome(&self) -> [Option<Result<Trip, NoTrip>>; 6] {
+    pub(crate) fn outcome(&self) -> [Option<Result<Trip, NoTrip>>; 6] {
         self.drives.map(|drive| drive.map(|subject| self.verdict(&subject)))
     }
 
@@ -165,9 +161,10 @@ fn span(said: Watchdog) -> Duration {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::object::Object;
     use proptest::prelude::*;
+
+    use super::*;
+    use canopen::object::Object;
 
     const FAULT: Statusword = Statusword(0x0208);
     const ENABLED: Statusword = Statusword(0x0237);

@@ -1,12 +1,12 @@
 //! What of all that is heard and computed is a cause to stop.
 
-use crate::bus::BusFault;
-use crate::canopen::NmtState;
-use crate::canopen::frame::Channel;
-use crate::canopen::master::event::Event;
-use crate::canopen::master::read_back::ReadBack;
-use crate::controller::Fault;
-use crate::telemetry::cause::Cause;
+use crate::cause::Cause;
+use bus::BusFault;
+use canopen::NmtState;
+use canopen::frame::Channel;
+use canopen::master::event::Event;
+use canopen::master::read_back::ReadBack;
+use controller::Fault;
 
 /// What an event of the network stops the node for, if it does.
 pub const fn of_event(event: &Event) -> Option<Cause> {

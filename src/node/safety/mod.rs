@@ -36,15 +36,15 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::node::operator::deadman::Grasp;
-use crate::node::safety::ramp::Ramp;
-use crate::node::safety::seen::Seen;
-use crate::node::safety::table::Decides;
-use crate::node::safety::table::Reaction;
-use crate::telemetry::cause::Cause;
-use crate::telemetry::cause::Kind;
-use crate::telemetry::record::Mode;
-use crate::time::Instant;
+use crate::cause::Cause;
+use crate::cause::Kind;
+use crate::operator::deadman::Grasp;
+use crate::record::Mode;
+use crate::safety::ramp::Ramp;
+use crate::safety::seen::Seen;
+use crate::safety::table::Decides;
+use crate::safety::table::Reaction;
+use units::time::Instant;
 
 /// Drives must be enabled within this.
 const ENABLE_WITHIN: Duration = Duration::from_secs(2);

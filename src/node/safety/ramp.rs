@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::time::Instant;
+use units::time::Instant;
 
 /// A share, 0 to 1.
 #[derive(Clone, Copy, Debug)]
@@ -58,8 +58,9 @@ fn part(elapsed: Duration, whole: Duration) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     proptest! {
         #[test]

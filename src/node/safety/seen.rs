@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use crate::telemetry::cause::Cause;
-use crate::telemetry::cause::Kind;
-use crate::time::Instant;
+use crate::cause::Cause;
+use crate::cause::Kind;
+use units::time::Instant;
 
 /// A watch tells of what it sees in every cycle; what none has told of for so long is gone.
 const GONE_AFTER: Duration = Duration::from_millis(20);

@@ -1,12 +1,12 @@
 //! The fault table: what each kind of cause does in each mode, who sees to it, and how it is left again.
 //!
 //! A kind or a mode without an entry does not compile. `frhc explain faults` prints the table, and
-//! [`safety`](crate::node::safety) does what it says; nothing else decides what a cause leads to.
+//! [`safety`](crate::safety) does what it says; nothing else decides what a cause leads to.
 
 use std::time::Duration;
 
-use crate::telemetry::cause::Kind;
-use crate::telemetry::record::Mode;
+use crate::cause::Kind;
+use crate::record::Mode;
 
 /// What a cause leads to, mildest first; a worse one always replaces a milder one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

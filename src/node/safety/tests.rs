@@ -1,10 +1,11 @@
-use super::*;
-use crate::canopen::NmtState;
-use crate::canopen::error_codes;
-use crate::canopen::object::Object;
-use crate::controller::Fault;
-use crate::telemetry::cause::Awaited;
 use proptest::prelude::*;
+
+use super::*;
+use crate::cause::Awaited;
+use canopen::NmtState;
+use canopen::error_codes;
+use canopen::object::Object;
+use controller::Fault;
 
 const RAMPS: Ramps =
     Ramps { gravity: Duration::from_secs(1), reflection: Duration::from_millis(300) };

@@ -1,8 +1,8 @@
 //! The fault table in words, for those who read it.
 
-use crate::node::safety::table::Decides;
-use crate::node::safety::table::Reaction;
-use crate::telemetry::cause::Kind;
+use crate::cause::Kind;
+use crate::safety::table::Decides;
+use crate::safety::table::Reaction;
 
 /// What is wrong.
 pub const fn of_kind(kind: Kind) -> &'static str {

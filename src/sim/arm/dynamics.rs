@@ -12,25 +12,25 @@ use nalgebra::IsometryMatrix3;
 use nalgebra::Matrix3;
 use nalgebra::Vector3;
 
-use crate::sim::arm::Arm;
-use crate::sim::arm::JointMatrix;
-use crate::sim::arm::Joints;
-use crate::sim::arm::Link;
-use crate::sim::arm::Posture;
-use crate::spatial::Wrench;
+use crate::arm::Arm;
+use crate::arm::JointMatrix;
+use crate::arm::Joints;
+use crate::arm::Link;
+use crate::arm::Posture;
+use units::spatial::Wrench;
 
 /// What an arm's motion obeys where it is: `M qdd + bias = tau`.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::sim) struct Dynamics {
+pub(crate) struct Dynamics {
     /// The mass matrix.
-    pub(in crate::sim) mass: JointMatrix,
+    pub(crate) mass: JointMatrix,
     /// What joint velocities and gravity ask for: `C(q, qd) qd + g(q)`.
-    pub(in crate::sim) bias: Joints,
+    pub(crate) bias: Joints,
 }
 
 impl Arm {
     /// Mass matrix and bias, in one go.
-    pub(in crate::sim) fn dynamics(&self, posture: &Posture, qd: &Joints) -> Dynamics {
+    pub(crate) fn dynamics(&self, posture: &Posture, qd: &Joints) -> Dynamics {
         let (bodies, axes) = (self.bodies(posture), self.axes(posture));
         Dynamics { mass: self.mass(&bodies, &axes), bias: self.efforts(&bodies, &axes, qd) }
     }
@@ -130,11 +130,7 @@ impl Arm {
 }
 
 /// The accelerations that `push` gives to `mass`, the joints that are `held` having none.
-pub(in crate::sim) fn accelerations(
-    mut mass: JointMatrix,
-    push: &Joints,
-    held: &[bool; 6],
-) -> Joints {
+pub(crate) fn accelerations(mut mass: JointMatrix, push: &Joints, held: &[bool; 6]) -> Joints {
     let mut push = *push;
     for (joint, _) in held.iter().enumerate().filter(|(_, held)| **held) {
         mass.fill_row(joint, 0.0);

@@ -18,9 +18,9 @@ use nalgebra::Translation3;
 use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 
-use crate::sim::arm::dynamics::Body;
-use crate::spatial::Jacobian;
-use crate::spatial::Twist;
+use crate::arm::dynamics::Body;
+use units::spatial::Jacobian;
+use units::spatial::Twist;
 
 /// One number per joint, base first.
 pub type Joints = SVector<f64, 6>;
@@ -184,10 +184,11 @@ impl Link {
 }
 
 #[cfg(test)]
-pub(in crate::sim) mod tests {
-    use super::*;
-    use crate::spatial::Wrench;
+pub(crate) mod tests {
     use serde_json::Value;
+
+    use super::*;
+    use units::spatial::Wrench;
 
     fn numbers<const N: usize>(value: &Value) -> [f64; N] {
         std::array::from_fn(|place| value[place].as_f64().unwrap())
@@ -234,17 +235,17 @@ pub(in crate::sim) mod tests {
     }
 
     /// The arm of the default configuration.
-    pub(in crate::sim) fn kraft_like() -> Arm {
+    pub(crate) fn kraft_like() -> Arm {
         model(include_str!("../../../tests/oracles/kraft_like.json"))
     }
 
     /// An arm with a sliding joint.
-    pub(in crate::sim) fn jpl_like() -> Arm {
+    pub(crate) fn jpl_like() -> Arm {
         model(include_str!("../../../tests/oracles/jpl_like.json"))
     }
 
     /// An arm with a spherical wrist, and a grip apart from it.
-    pub(in crate::sim) fn sixr_spherical() -> Arm {
+    pub(crate) fn sixr_spherical() -> Arm {
         model(include_str!("../../../tests/oracles/sixr_spherical.json"))
     }
 

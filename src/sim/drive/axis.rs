@@ -4,36 +4,36 @@
 //! file of its own. In cyclic torque mode nothing happens between two set-points; in every other one, and
 //! while it stops, the loops run every [`SERVO_PERIOD`].
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::device::Application;
-use crate::canopen::device::ConnectionLoss;
-use crate::canopen::device::Reset;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::drive::Controlword;
-use crate::canopen::drive::State;
-use crate::canopen::object::Object;
-use crate::sim::actuator::ActuatorSettings;
-use crate::sim::actuator::Encoder;
-use crate::sim::drive::limits::Limits;
-use crate::sim::drive::monitor::Cause;
-use crate::sim::drive::monitor::Monitor;
-use crate::sim::drive::options::Abort;
-use crate::sim::drive::options::Options;
-use crate::sim::drive::power::Power;
-use crate::sim::drive::servo::Servo;
-use crate::sim::drive::status;
-use crate::sim::drive::status::Status;
-use crate::sim::drive::stop::Stop;
-use crate::sim::drive::task;
-use crate::sim::drive::task::Task;
-use crate::sim::drivetrain::Sensed;
-use crate::sim::motion::Asked;
-use crate::sim::motion::Feedback;
-use crate::sim::motion::Motion;
-use crate::sim::motion::Ramp;
-use crate::sim::motion::SERVO_PERIOD;
-use crate::sim::motion::Tuning;
-use crate::time::Instant;
+use crate::actuator::ActuatorSettings;
+use crate::actuator::Encoder;
+use crate::drive::limits::Limits;
+use crate::drive::monitor::Cause;
+use crate::drive::monitor::Monitor;
+use crate::drive::options::Abort;
+use crate::drive::options::Options;
+use crate::drive::power::Power;
+use crate::drive::servo::Servo;
+use crate::drive::status;
+use crate::drive::status::Status;
+use crate::drive::stop::Stop;
+use crate::drive::task;
+use crate::drive::task::Task;
+use crate::drivetrain::Sensed;
+use crate::motion::Asked;
+use crate::motion::Feedback;
+use crate::motion::Motion;
+use crate::motion::Ramp;
+use crate::motion::SERVO_PERIOD;
+use crate::motion::Tuning;
+use canopen::abort::AbortCode;
+use canopen::device::Application;
+use canopen::device::ConnectionLoss;
+use canopen::device::Reset;
+use canopen::dictionary::Dictionary;
+use canopen::drive::Controlword;
+use canopen::drive::State;
+use canopen::object::Object;
+use units::time::Instant;
 
 /// One axis.
 #[derive(Clone, Debug)]

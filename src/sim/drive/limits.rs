@@ -1,10 +1,10 @@
 //! How much a drive gives, and how fast it lets its motor turn: 6072h, 6073h, 60E0h, 60E1h, 6080h.
 //!
 //! The software position limits (607Dh) bound set-points, and so are of the
-//! [modes of operation](crate::sim::motion).
+//! [modes of operation](crate::motion).
 
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::object::Object;
+use canopen::dictionary::Dictionary;
+use canopen::object::Object;
 
 /// The limits of one drive.
 #[derive(Clone, Copy, Debug, Default)]
@@ -53,10 +53,11 @@ const TRIP: f64 = 1.1;
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::NodeId;
-    use crate::canopen::eds::Eds;
     use proptest::prelude::*;
+
+    use super::*;
+    use canopen::NodeId;
+    use canopen::eds::Eds;
 
     fn dictionary() -> Dictionary {
         let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();

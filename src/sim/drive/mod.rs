@@ -31,28 +31,28 @@ mod task;
 
 use std::time::Duration;
 
-use crate::canopen::NmtCommand;
-use crate::canopen::NmtState;
-use crate::canopen::NodeId;
-use crate::canopen::device::Device;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::drive::State;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::frame::Telegram;
-use crate::canopen::nmt::Order;
-use crate::canopen::station::Station;
-use crate::sim::actuator::ActuatorSettings;
-use crate::sim::drive::axis::Axis;
-use crate::sim::drive::monitor::Monitor;
-use crate::sim::drivetrain::Sensed;
-use crate::sim::motion::Feedback;
-use crate::sim::motion::Tuning;
-use crate::sim::personality;
-use crate::sim::personality::Makeup;
-use crate::sim::personality::Personality;
-use crate::sim::personality::Wire;
-use crate::time::Instant;
+use crate::actuator::ActuatorSettings;
+use crate::drive::axis::Axis;
+use crate::drive::monitor::Monitor;
+use crate::drivetrain::Sensed;
+use crate::motion::Feedback;
+use crate::motion::Tuning;
+use crate::personality;
+use crate::personality::Makeup;
+use crate::personality::Personality;
+use crate::personality::Wire;
+use canopen::NmtCommand;
+use canopen::NmtState;
+use canopen::NodeId;
+use canopen::device::Device;
+use canopen::dictionary::Dictionary;
+use canopen::drive::State;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use canopen::nmt::Order;
+use canopen::station::Station;
+use units::time::Instant;
 
 /// What one drive is made of.
 #[derive(Clone, Debug)]

@@ -2,8 +2,8 @@
 //!
 //! Not what it does about it: that is the [power stage's](super::power).
 
-use crate::canopen::error_codes;
-use crate::sim::drive::inputs::Inputs;
+use crate::drive::inputs::Inputs;
+use canopen::error_codes;
 
 /// What it sees.
 #[derive(Clone, Copy, Debug, PartialEq)]

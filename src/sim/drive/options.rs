@@ -1,11 +1,11 @@
 //! What a drive does when it is to stop: the option codes 605Ah to 605Eh, and 6007h for a lost master
 //! (CiA 402-2, 8.3.1 to 8.3.6 and 7.3.1).
 //!
-//! Only what the codes mean; what 605Dh means to a halt is the [mode's](crate::sim::motion) business. A voltage limit is taken for a current limit: this drive knows no other.
+//! Only what the codes mean; what 605Dh means to a halt is the [mode's](crate::motion) business. A voltage limit is taken for a current limit: this drive knows no other.
 
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::object::Object;
-use crate::sim::motion::Ramp;
+use crate::motion::Ramp;
+use canopen::dictionary::Dictionary;
+use canopen::object::Object;
 
 /// The option codes of one drive; each is what its object holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

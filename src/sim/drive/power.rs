@@ -8,13 +8,13 @@
 //! ```
 //!
 //! Only the states, and which stop must be over before the next one. How a motor is stopped is the
-//! business of [`stop`](super::stop) and [`motion`](crate::sim::motion).
+//! business of [`stop`](super::stop) and [`motion`](crate::motion).
 
-use crate::canopen::drive::Controlword;
-use crate::canopen::drive::State;
-use crate::canopen::drive::Statusword;
-use crate::sim::drive::options::Options;
-use crate::sim::motion::Ramp;
+use crate::drive::options::Options;
+use crate::motion::Ramp;
+use canopen::drive::Controlword;
+use canopen::drive::State;
+use canopen::drive::Statusword;
 
 /// The power stage of one drive.
 #[derive(Clone, Copy, Debug)]
@@ -239,10 +239,11 @@ impl Power {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::canopen::drive::Goal;
-    use crate::canopen::drive::PowerStage;
     use proptest::prelude::*;
+
+    use super::*;
+    use canopen::drive::Goal;
+    use canopen::drive::PowerStage;
 
     /// Every stop at once, but for a quick stop, which is a ramp that stays.
     const OPTIONS: Options = Options {

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use crate::sim::motion::SERVO_PERIOD;
-use crate::time::Instant;
+use crate::motion::SERVO_PERIOD;
+use units::time::Instant;
 
 /// The time of the loops.
 #[derive(Clone, Copy, Debug, Default)]
@@ -42,8 +42,9 @@ const MOST: u32 = 100;
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     proptest! {
         #[test]

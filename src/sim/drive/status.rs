@@ -2,12 +2,12 @@
 //!
 //! Torque is told in whole per mille, so that what trembles below does not make an event-driven TPDO talk.
 
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::drive::Statusword;
-use crate::canopen::object::Object;
-use crate::sim::drive::monitor::Monitor;
-use crate::sim::motion::Asked;
-use crate::sim::motion::Feedback;
+use crate::drive::monitor::Monitor;
+use crate::motion::Asked;
+use crate::motion::Feedback;
+use canopen::dictionary::Dictionary;
+use canopen::drive::Statusword;
+use canopen::object::Object;
 
 /// What follows from its state and its task.
 #[derive(Clone, Copy, Debug)]

@@ -1,10 +1,10 @@
 //! A stop that takes its time (605Ah to 605Eh), and no longer than [`LONGEST`], however it is meant.
 
-use crate::canopen::dictionary::Dictionary;
-use crate::sim::motion::Asked;
-use crate::sim::motion::Feedback;
-use crate::sim::motion::Motion;
-use crate::sim::motion::Ramp;
+use crate::motion::Asked;
+use crate::motion::Feedback;
+use crate::motion::Motion;
+use crate::motion::Ramp;
+use canopen::dictionary::Dictionary;
 
 /// A motor that does not stand still after so many seconds is let go.
 pub(super) const LONGEST: f64 = 4.0;
@@ -49,10 +49,10 @@ impl Stop {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::NodeId;
-    use crate::canopen::eds::Eds;
-    use crate::canopen::object::Object;
-    use crate::sim::motion::SERVO_PERIOD;
+    use crate::motion::SERVO_PERIOD;
+    use canopen::NodeId;
+    use canopen::eds::Eds;
+    use canopen::object::Object;
 
     const PROFILE_TORQUE: i8 = 4;
 

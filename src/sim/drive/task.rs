@@ -1,11 +1,11 @@
 //! What a drive does with its motor, given the state of its power stage.
 
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::drive::CYCLIC_SYNCHRONOUS_TORQUE;
-use crate::canopen::drive::State;
-use crate::canopen::object::Object;
-use crate::sim::drive::power::Power;
-use crate::sim::drive::stop::Stop;
+use crate::drive::power::Power;
+use crate::drive::stop::Stop;
+use canopen::dictionary::Dictionary;
+use canopen::drive::CYCLIC_SYNCHRONOUS_TORQUE;
+use canopen::drive::State;
+use canopen::object::Object;
 
 /// What is done with the motor.
 #[derive(Clone, Copy, Debug)]

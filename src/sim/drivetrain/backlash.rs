@@ -67,8 +67,9 @@ impl Backlash {
 #[cfg(test)]
 #[expect(clippy::float_cmp, reason = "what is not touched stays what it is, bit for bit")]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const WIDTH: f64 = 0.01;
     const H: f64 = 250e-6;

@@ -60,8 +60,9 @@ const LONG: f64 = 40.0;
 #[cfg(test)]
 #[expect(clippy::float_cmp, reason = "what is not touched stays what it is, bit for bit")]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const T: f64 = 0.2e-3;
 

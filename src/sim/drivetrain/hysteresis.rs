@@ -28,8 +28,9 @@ impl Hysteresis {
 #[cfg(test)]
 #[expect(clippy::float_cmp, reason = "what is not touched stays what it is, bit for bit")]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     proptest! {
         #[test]

@@ -9,12 +9,12 @@ mod current_loop;
 mod hysteresis;
 pub mod winding;
 
-use crate::sim::actuator::ActuatorSettings;
-use crate::sim::actuator::TorqueCurve;
-use crate::sim::drivetrain::backlash::Backlash;
-use crate::sim::drivetrain::current_loop::CurrentLoop;
-use crate::sim::drivetrain::hysteresis::Hysteresis;
-use crate::sim::drivetrain::winding::Winding;
+use crate::actuator::ActuatorSettings;
+use crate::actuator::TorqueCurve;
+use crate::drivetrain::backlash::Backlash;
+use crate::drivetrain::current_loop::CurrentLoop;
+use crate::drivetrain::hysteresis::Hysteresis;
+use crate::drivetrain::winding::Winding;
 
 /// What a drive senses of its motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -142,8 +142,9 @@ impl Drivetrain {
 #[cfg(test)]
 #[expect(clippy::float_cmp, reason = "what is not touched stays what it is, bit for bit")]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const H: f64 = 250e-6;
 

@@ -5,16 +5,16 @@ use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::sdo::request_cob_id;
 use canopen_rs::sdo::response_cob_id;
 
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::frame::COB_ID_MAX;
-use crate::canopen::frame::Channel;
-use crate::canopen::nmt;
-use crate::canopen::object::Object;
-use crate::canopen::station::Station;
-use crate::sim::drive::Drive;
-use crate::sim::scenario::fault::Service;
-use crate::sim::switches::SwitchBox;
-use crate::time::Instant;
+use crate::drive::Drive;
+use crate::scenario::fault::Service;
+use crate::switches::SwitchBox;
+use canopen::dictionary::Dictionary;
+use canopen::frame::COB_ID_MAX;
+use canopen::frame::Channel;
+use canopen::nmt;
+use canopen::object::Object;
+use canopen::station::Station;
+use units::time::Instant;
 
 /// A device that can be broken.
 pub trait Breakable: Station {

@@ -2,10 +2,10 @@
 
 use std::collections::VecDeque;
 
-use crate::canopen::frame::Telegram;
-use crate::sim::fault::breakable::Way;
-use crate::sim::fault::running::Place;
-use crate::time::Instant;
+use crate::fault::breakable::Way;
+use crate::fault::running::Place;
+use canopen::frame::Telegram;
+use units::time::Instant;
 
 /// A frame that is late, and between whom.
 #[derive(Clone, Copy, Debug)]

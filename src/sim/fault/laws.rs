@@ -4,20 +4,20 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 
-use crate::canopen::error_codes;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::frame::Telegram;
-use crate::canopen::station::Station;
-use crate::sim::drivetrain::Sensed;
-use crate::sim::fault::Breakable;
-use crate::sim::fault::Devices;
-use crate::sim::fault::Faults;
-use crate::sim::fault::Way;
-use crate::sim::scenario::Scenario;
-use crate::sim::scenario::fault::Link;
-use crate::sim::scenario::fault::Service;
-use crate::time::Instant;
+use crate::drivetrain::Sensed;
+use crate::fault::Breakable;
+use crate::fault::Devices;
+use crate::fault::Faults;
+use crate::fault::Way;
+use crate::scenario::Scenario;
+use crate::scenario::fault::Link;
+use crate::scenario::fault::Service;
+use canopen::error_codes;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use canopen::station::Station;
+use units::time::Instant;
 
 /// The first SYNC.
 const ZERO: Instant = Instant::from_micros(5_000);

@@ -22,17 +22,17 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::time::Duration;
 
-use crate::canopen::error_codes;
-use crate::canopen::frame::Telegram;
-use crate::sim::drivetrain::Sensed;
-use crate::sim::fault::held::Held;
-use crate::sim::fault::running::Running;
-use crate::sim::scenario::fault::Cut;
-use crate::sim::scenario::fault::Fault;
-use crate::sim::scenario::fault::Kind;
-use crate::sim::scenario::fault::Link;
-use crate::sim::scenario::fault::Trouble;
-use crate::time::Instant;
+use crate::drivetrain::Sensed;
+use crate::fault::held::Held;
+use crate::fault::running::Running;
+use crate::scenario::fault::Cut;
+use crate::scenario::fault::Fault;
+use crate::scenario::fault::Kind;
+use crate::scenario::fault::Link;
+use crate::scenario::fault::Trouble;
+use canopen::error_codes;
+use canopen::frame::Telegram;
+use units::time::Instant;
 
 /// The six drives and the switch box.
 pub type Devices<'a> = [&'a mut dyn Breakable; 7];

@@ -1,25 +1,25 @@
 //! A fault while it lasts: which frames it strikes, and what it has kept of before.
 
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::frame::Telegram;
-use crate::sim::drivetrain::Sensed;
-use crate::sim::fault::Devices;
-use crate::sim::fault::breakable::Breakable;
-use crate::sim::fault::breakable::Way;
-use crate::sim::random::SplitMix;
-use crate::sim::scenario::fault::Contact;
-use crate::sim::scenario::fault::Cut;
-use crate::sim::scenario::fault::Fault;
-use crate::sim::scenario::fault::Frames;
-use crate::sim::scenario::fault::Kind;
-use crate::sim::scenario::fault::Often;
-use crate::sim::scenario::fault::Selection;
-use crate::sim::scenario::fault::Sense;
-use crate::sim::scenario::fault::Service;
-use crate::sim::scenario::fault::Treatment;
-use crate::sim::scenario::fault::Whom;
-use crate::time::Instant;
+use crate::drivetrain::Sensed;
+use crate::fault::Devices;
+use crate::fault::breakable::Breakable;
+use crate::fault::breakable::Way;
+use crate::random::SplitMix;
+use crate::scenario::fault::Contact;
+use crate::scenario::fault::Cut;
+use crate::scenario::fault::Fault;
+use crate::scenario::fault::Frames;
+use crate::scenario::fault::Kind;
+use crate::scenario::fault::Often;
+use crate::scenario::fault::Selection;
+use crate::scenario::fault::Sense;
+use crate::scenario::fault::Service;
+use crate::scenario::fault::Treatment;
+use crate::scenario::fault::Whom;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use units::time::Instant;
 
 /// A place in the list of the six drives and the switch box, from 0.
 pub type Place = usize;

@@ -3,15 +3,15 @@
 use std::mem;
 use std::time::Duration;
 
-use crate::canopen::frame::Frame;
-use crate::canopen::frame::Telegram;
-use crate::sim::fault::Faults;
-use crate::sim::fault::breakable::Breakable;
-use crate::sim::fault::breakable::Way;
-use crate::sim::fault::held::Late;
-use crate::sim::fault::running::Place;
-use crate::sim::scenario::fault::Treatment;
-use crate::time::Instant;
+use crate::fault::Faults;
+use crate::fault::breakable::Breakable;
+use crate::fault::breakable::Way;
+use crate::fault::held::Late;
+use crate::fault::running::Place;
+use crate::scenario::fault::Treatment;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use units::time::Instant;
 
 /// What has become of a frame.
 #[derive(Clone, Copy, Debug)]

@@ -1,19 +1,19 @@
 //! What all modes share: where the shaft is, what is demanded of it, and the servo that obeys.
 
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::object::Object;
-use crate::sim::motion::limits::Limited;
-use crate::sim::motion::limits::TorqueLimits;
-use crate::sim::motion::limits::top_speed;
-use crate::sim::motion::ramp::Demand;
-use crate::sim::motion::servo::Aim;
-use crate::sim::motion::servo::Servo;
-use crate::sim::motion::shaft::Actual;
-use crate::sim::motion::shaft::Shaft;
-use crate::sim::motion::tuning::Tuning;
-use crate::sim::motion::units::Units;
-use crate::sim::motion::units::saturated;
-use crate::sim::motion::units::wrapped;
+use crate::motion::limits::Limited;
+use crate::motion::limits::TorqueLimits;
+use crate::motion::limits::top_speed;
+use crate::motion::ramp::Demand;
+use crate::motion::servo::Aim;
+use crate::motion::servo::Servo;
+use crate::motion::shaft::Actual;
+use crate::motion::shaft::Shaft;
+use crate::motion::tuning::Tuning;
+use crate::motion::units::Units;
+use crate::motion::units::saturated;
+use crate::motion::units::wrapped;
+use canopen::dictionary::Dictionary;
+use canopen::object::Object;
 
 /// One axis.
 #[derive(Clone, Copy, Debug, Default)]

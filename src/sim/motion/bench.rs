@@ -1,16 +1,16 @@
 //! A drive on a test bench: its modes move a [`Rotor`].
 
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::drive::Controlword;
-use crate::canopen::object::Object;
-use crate::sim::motion::Asked;
-use crate::sim::motion::Motion;
-use crate::sim::motion::Ramp;
-use crate::sim::motion::SERVO_PERIOD;
-use crate::sim::motion::Tuning;
-use crate::sim::motion::rotor::Rotor;
-use crate::sim::motion::tests::drive;
-use crate::sim::motion::tests::put;
+use crate::motion::Asked;
+use crate::motion::Motion;
+use crate::motion::Ramp;
+use crate::motion::SERVO_PERIOD;
+use crate::motion::Tuning;
+use crate::motion::rotor::Rotor;
+use crate::motion::tests::drive;
+use crate::motion::tests::put;
+use canopen::dictionary::Dictionary;
+use canopen::drive::Controlword;
+use canopen::object::Object;
 
 /// Enable operation, and nothing else.
 pub(super) const ENABLED: u16 = 0x0F;

@@ -1,6 +1,6 @@
 //! The bits of controlword and statusword that each mode has its own meaning for (CiA 402-2, 10 to 15).
 
-use crate::canopen::drive::Controlword;
+use canopen::drive::Controlword;
 
 /// Statusword, bit 10: the target is reached; while halted, the motor stands still.
 pub(super) const TARGET_REACHED: u16 = 1 << 10;

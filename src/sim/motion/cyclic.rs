@@ -4,21 +4,21 @@
 //! From one set-point to the next the demand goes in a straight line and takes 60C2h for it; then it
 //! stays until the next comes. Until the first has come the motor is kept where it is.
 
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::drive::Statusword;
-use crate::canopen::error_codes::FOLLOWING_ERROR;
-use crate::canopen::object::Object;
-use crate::sim::motion::Asked;
-use crate::sim::motion::axis::Axis;
-use crate::sim::motion::axis::Moment;
-use crate::sim::motion::bits;
-use crate::sim::motion::following::Following;
-use crate::sim::motion::limits;
-use crate::sim::motion::limits::Limited;
-use crate::sim::motion::limits::within;
-use crate::sim::motion::ramp::Demand;
-use crate::sim::motion::units::saturated;
-use crate::sim::motion::units::signed;
+use crate::motion::Asked;
+use crate::motion::axis::Axis;
+use crate::motion::axis::Moment;
+use crate::motion::bits;
+use crate::motion::following::Following;
+use crate::motion::limits;
+use crate::motion::limits::Limited;
+use crate::motion::limits::within;
+use crate::motion::ramp::Demand;
+use crate::motion::units::saturated;
+use crate::motion::units::signed;
+use canopen::dictionary::Dictionary;
+use canopen::drive::Statusword;
+use canopen::error_codes::FOLLOWING_ERROR;
+use canopen::object::Object;
 
 /// A straight line to a set-point.
 #[derive(Clone, Copy, Debug)]
@@ -188,11 +188,11 @@ const LONGEST: f64 = 10.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::motion::bench::Bench;
-    use crate::sim::motion::bench::ENABLED;
-    use crate::sim::motion::bench::HALT;
-    use crate::sim::motion::rotor::Rotor;
-    use crate::sim::motion::tests::put;
+    use crate::motion::bench::Bench;
+    use crate::motion::bench::ENABLED;
+    use crate::motion::bench::HALT;
+    use crate::motion::rotor::Rotor;
+    use crate::motion::tests::put;
 
     const POSITION: i8 = 8;
     const VELOCITY: i8 = 9;
@@ -261,7 +261,7 @@ mod tests {
             let way = saturated(20_000.0 * (1.0 - phase.cos()));
             cycle(&mut bench, Object::TARGET_POSITION, begin.wrapping_add(way), 1);
             assert!(bench.shown(Object::FOLLOWING_ERROR).abs() < 1_500);
-            assert_eq!(bench.position(), crate::sim::motion::units::wrapped(bench.rotor.place));
+            assert_eq!(bench.position(), crate::motion::units::wrapped(bench.rotor.place));
         }
         assert!(bench.rotor.velocity.abs() < 1e5);
     }
@@ -336,7 +336,7 @@ mod tests {
 
     #[test]
     fn an_interpolation_time_out_of_all_bounds_is_bounded() {
-        let mut dictionary = crate::sim::motion::tests::drive();
+        let mut dictionary = crate::motion::tests::drive();
         for (value, index, seconds) in
             [(1, -3, 1e-3), (255, -4, 25.5e-3), (1, -128, SHORTEST), (255, 63, LONGEST)]
         {

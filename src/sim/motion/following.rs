@@ -1,9 +1,9 @@
 //! Whether the motor follows its demand (CiA 402-2: 6065h, 6066h).
 
-use crate::canopen::object::Object;
-use crate::sim::motion::axis::Axis;
-use crate::sim::motion::axis::Moment;
-use crate::sim::motion::lasting::Lasting;
+use crate::motion::axis::Axis;
+use crate::motion::axis::Moment;
+use crate::motion::lasting::Lasting;
+use canopen::object::Object;
 
 /// A watch on the following error.
 #[derive(Clone, Copy, Debug, Default)]

@@ -3,17 +3,17 @@
 //!
 //! The home position is shown as the home offset (607Ch) from then on. 60E3h lists what is here.
 
-use crate::canopen::drive::Controlword;
-use crate::canopen::object::Object;
-use crate::sim::motion::Asked;
-use crate::sim::motion::axis::Axis;
-use crate::sim::motion::axis::Moment;
-use crate::sim::motion::bits;
-use crate::sim::motion::limits;
-use crate::sim::motion::ramp::Demand;
-use crate::sim::motion::ramp::Profile;
-use crate::sim::motion::reached::Standstill;
-use crate::sim::motion::units::signed;
+use crate::motion::Asked;
+use crate::motion::axis::Axis;
+use crate::motion::axis::Moment;
+use crate::motion::bits;
+use crate::motion::limits;
+use crate::motion::ramp::Demand;
+use crate::motion::ramp::Profile;
+use crate::motion::reached::Standstill;
+use crate::motion::units::signed;
+use canopen::drive::Controlword;
+use canopen::object::Object;
 
 /// What is looked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -176,15 +176,15 @@ fn set_home(axis: &mut Axis, place: f64, moment: &Moment<'_>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::object::Object;
-    use crate::sim::motion::bench::Bench;
-    use crate::sim::motion::bench::ENABLED;
-    use crate::sim::motion::bench::HALT;
-    use crate::sim::motion::bench::START;
-    use crate::sim::motion::bits::HOMING_ATTAINED;
-    use crate::sim::motion::bits::HOMING_ERROR;
-    use crate::sim::motion::bits::TARGET_REACHED;
-    use crate::sim::motion::rotor::Rotor;
+    use crate::motion::bench::Bench;
+    use crate::motion::bench::ENABLED;
+    use crate::motion::bench::HALT;
+    use crate::motion::bench::START;
+    use crate::motion::bits::HOMING_ATTAINED;
+    use crate::motion::bits::HOMING_ERROR;
+    use crate::motion::bits::TARGET_REACHED;
+    use crate::motion::rotor::Rotor;
+    use canopen::object::Object;
 
     const MODE: i8 = 6;
 
@@ -244,7 +244,7 @@ mod tests {
 
     #[test]
     fn every_method_the_data_sheet_lists_works_and_no_other_does() {
-        let dictionary = crate::sim::motion::tests::drive();
+        let dictionary = crate::motion::tests::drive();
         let count = dictionary.unsigned(Object::SUPPORTED_HOMING_METHODS);
         let listed: Vec<i8> = (1..=count)
             .map(|sub| {

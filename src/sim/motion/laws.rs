@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::canopen::eds::Eds;
+use canopen::eds::Eds;
 
 /// Bits 10, 12 and 13.
 const OWN: u16 = 1 << 10 | 1 << 12 | 1 << 13;

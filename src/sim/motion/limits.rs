@@ -1,10 +1,10 @@
 //! The limits that stand above every mode: torque, speed, acceleration, position.
 
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::object::Object;
-use crate::sim::motion::ramp::Profile;
-use crate::sim::motion::units::Units;
-use crate::sim::motion::units::signed;
+use crate::motion::ramp::Profile;
+use crate::motion::units::Units;
+use crate::motion::units::signed;
+use canopen::dictionary::Dictionary;
+use canopen::object::Object;
 
 /// Between which torques the motor may be asked, in ‰ of rated torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,10 +94,11 @@ pub(super) fn position(dictionary: &Dictionary, units: f64) -> Limited {
 #[cfg(test)]
 #[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
 mod tests {
-    use super::*;
-    use crate::sim::motion::tests::drive;
-    use crate::sim::motion::tests::put;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::motion::tests::drive;
+    use crate::motion::tests::put;
 
     #[test]
     fn a_target_stays_within_position_limits_where_there_are_any() {

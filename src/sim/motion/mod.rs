@@ -44,13 +44,14 @@ pub use tuning::Load;
 pub use tuning::Tuning;
 pub use tuning::Untunable;
 
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::drive::Controlword;
-use crate::canopen::object::Object;
 use axis::Axis;
 use axis::Moment;
 use mode::Mode;
 use stop::Stop;
+
+use canopen::dictionary::Dictionary;
+use canopen::drive::Controlword;
+use canopen::object::Object;
 use units::Units;
 
 /// How often the drive's position and velocity loops run, in s.
@@ -259,8 +260,8 @@ const LONGEST_STEP: f64 = 1.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::canopen::NodeId;
-    use crate::canopen::eds::Eds;
+    use canopen::NodeId;
+    use canopen::eds::Eds;
 
     /// A drive out of the box.
     pub(super) fn drive() -> Dictionary {

@@ -1,18 +1,18 @@
 //! The modes of operation (6060h), and what each makes of a controlword, of time, and of a halt.
 
-use crate::canopen::drive::Controlword;
-use crate::sim::motion::Asked;
-use crate::sim::motion::axis::Axis;
-use crate::sim::motion::axis::Moment;
-use crate::sim::motion::bits;
-use crate::sim::motion::cyclic::CyclicPosition;
-use crate::sim::motion::cyclic::CyclicVelocity;
-use crate::sim::motion::homing::Homing;
-use crate::sim::motion::profile_position::ProfilePosition;
-use crate::sim::motion::profile_velocity::ProfileVelocity;
-use crate::sim::motion::stop::Stopped;
-use crate::sim::motion::torque;
-use crate::sim::motion::torque::ProfileTorque;
+use crate::motion::Asked;
+use crate::motion::axis::Axis;
+use crate::motion::axis::Moment;
+use crate::motion::bits;
+use crate::motion::cyclic::CyclicPosition;
+use crate::motion::cyclic::CyclicVelocity;
+use crate::motion::homing::Homing;
+use crate::motion::profile_position::ProfilePosition;
+use crate::motion::profile_velocity::ProfileVelocity;
+use crate::motion::stop::Stopped;
+use crate::motion::torque;
+use crate::motion::torque::ProfileTorque;
+use canopen::drive::Controlword;
 
 /// A mode, and what it has in mind.
 #[derive(Clone, Copy, Debug, Default)]

@@ -4,19 +4,19 @@
 //! without stopping) is not heeded, and 60F2h is not there: a relative target counts from the target
 //! before it, and the axis is linear.
 
-use crate::canopen::drive::Controlword;
-use crate::canopen::error_codes::FOLLOWING_ERROR;
-use crate::canopen::object::Object;
-use crate::sim::motion::Asked;
-use crate::sim::motion::axis::Axis;
-use crate::sim::motion::axis::Moment;
-use crate::sim::motion::bits;
-use crate::sim::motion::following::Following;
-use crate::sim::motion::limits;
-use crate::sim::motion::ramp::Course;
-use crate::sim::motion::ramp::Profile;
-use crate::sim::motion::reached::Reached;
-use crate::sim::motion::units::signed;
+use crate::motion::Asked;
+use crate::motion::axis::Axis;
+use crate::motion::axis::Moment;
+use crate::motion::bits;
+use crate::motion::following::Following;
+use crate::motion::limits;
+use crate::motion::ramp::Course;
+use crate::motion::ramp::Profile;
+use crate::motion::reached::Reached;
+use crate::motion::units::signed;
+use canopen::drive::Controlword;
+use canopen::error_codes::FOLLOWING_ERROR;
+use canopen::object::Object;
 
 /// Where to go, and how.
 #[derive(Clone, Copy, Debug)]
@@ -142,15 +142,15 @@ impl ProfilePosition {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::motion::bench::Bench;
-    use crate::sim::motion::bench::ENABLED;
-    use crate::sim::motion::bench::HALT;
-    use crate::sim::motion::bench::IMMEDIATELY;
-    use crate::sim::motion::bench::RELATIVE;
-    use crate::sim::motion::bench::START;
-    use crate::sim::motion::bits::SET_POINT_ACKNOWLEDGED;
-    use crate::sim::motion::bits::TARGET_REACHED;
-    use crate::sim::motion::rotor::Rotor;
+    use crate::motion::bench::Bench;
+    use crate::motion::bench::ENABLED;
+    use crate::motion::bench::HALT;
+    use crate::motion::bench::IMMEDIATELY;
+    use crate::motion::bench::RELATIVE;
+    use crate::motion::bench::START;
+    use crate::motion::bits::SET_POINT_ACKNOWLEDGED;
+    use crate::motion::bits::TARGET_REACHED;
+    use crate::motion::rotor::Rotor;
 
     const MODE: i8 = 1;
 
@@ -358,8 +358,8 @@ mod tests {
     fn a_motor_that_does_not_follow_is_an_error_after_its_time() {
         let stuck = Rotor { coulomb: 5_000.0, ..Rotor::default() };
         let mut bench = Bench::with(MODE, stuck, |dictionary| {
-            crate::sim::motion::tests::put(dictionary, Object::FOLLOWING_ERROR_WINDOW, 1_000);
-            crate::sim::motion::tests::put(dictionary, Object::FOLLOWING_ERROR_TIME, 50);
+            crate::motion::tests::put(dictionary, Object::FOLLOWING_ERROR_WINDOW, 1_000);
+            crate::motion::tests::put(dictionary, Object::FOLLOWING_ERROR_TIME, 50);
         });
         send(&mut bench, 100_000, 0);
         let outside = bench.until(1_000, |b| b.shown(Object::FOLLOWING_ERROR) > 1_000);

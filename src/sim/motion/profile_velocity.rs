@@ -1,16 +1,16 @@
 //! Profile velocity mode (CiA 402-2, 12): 60FFh on the ramps of 6083h and 6084h.
 
-use crate::canopen::object::Object;
-use crate::sim::motion::Asked;
-use crate::sim::motion::axis::Axis;
-use crate::sim::motion::axis::Moment;
-use crate::sim::motion::bits;
-use crate::sim::motion::limits;
-use crate::sim::motion::limits::within;
-use crate::sim::motion::ramp::Profile;
-use crate::sim::motion::reached::Reached;
-use crate::sim::motion::reached::Standstill;
-use crate::sim::motion::units::signed;
+use crate::motion::Asked;
+use crate::motion::axis::Axis;
+use crate::motion::axis::Moment;
+use crate::motion::bits;
+use crate::motion::limits;
+use crate::motion::limits::within;
+use crate::motion::ramp::Profile;
+use crate::motion::reached::Reached;
+use crate::motion::reached::Standstill;
+use crate::motion::units::signed;
+use canopen::object::Object;
 
 /// The mode.
 #[derive(Clone, Copy, Debug, Default)]
@@ -50,12 +50,12 @@ impl ProfileVelocity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::motion::bench::Bench;
-    use crate::sim::motion::bench::ENABLED;
-    use crate::sim::motion::bench::HALT;
-    use crate::sim::motion::bits::SPEED_ZERO;
-    use crate::sim::motion::bits::TARGET_REACHED;
-    use crate::sim::motion::rotor::Rotor;
+    use crate::motion::bench::Bench;
+    use crate::motion::bench::ENABLED;
+    use crate::motion::bench::HALT;
+    use crate::motion::bits::SPEED_ZERO;
+    use crate::motion::bits::TARGET_REACHED;
+    use crate::motion::rotor::Rotor;
 
     const MODE: i8 = 3;
 

@@ -158,8 +158,9 @@ impl Course {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const DT: f64 = 1e-3;
 

@@ -1,10 +1,10 @@
 //! Whether the motor is where it was sent, or as fast, or at rest (CiA 402-2: 6067h to 6070h).
 
-use crate::canopen::object::Object;
-use crate::sim::motion::axis::Axis;
-use crate::sim::motion::axis::Moment;
-use crate::sim::motion::following::NO_WINDOW;
-use crate::sim::motion::lasting::Lasting;
+use crate::motion::axis::Axis;
+use crate::motion::axis::Moment;
+use crate::motion::following::NO_WINDOW;
+use crate::motion::lasting::Lasting;
+use canopen::object::Object;
 
 /// A watch on a target.
 #[derive(Clone, Copy, Debug, Default)]
@@ -64,12 +64,12 @@ fn time(moment: &Moment<'_>) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::motion::bench::Bench;
-    use crate::sim::motion::bench::ENABLED;
-    use crate::sim::motion::bench::START;
-    use crate::sim::motion::bits::SPEED_ZERO;
-    use crate::sim::motion::bits::TARGET_REACHED;
-    use crate::sim::motion::rotor::Rotor;
+    use crate::motion::bench::Bench;
+    use crate::motion::bench::ENABLED;
+    use crate::motion::bench::START;
+    use crate::motion::bits::SPEED_ZERO;
+    use crate::motion::bits::TARGET_REACHED;
+    use crate::motion::rotor::Rotor;
 
     #[test]
     fn without_a_window_the_demand_alone_says_that_the_target_is_reached() {

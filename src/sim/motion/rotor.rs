@@ -1,8 +1,8 @@
 //! A motor for tests: a rotor with friction and a constant load, behind a current loop.
 
-use crate::sim::motion::Feedback;
-use crate::sim::motion::shaft::Actual;
-use crate::sim::motion::units::wrapped;
+use crate::motion::Feedback;
+use crate::motion::shaft::Actual;
+use crate::motion::units::wrapped;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Rotor {

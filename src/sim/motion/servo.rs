@@ -6,12 +6,12 @@
 
 use std::f64::consts::TAU;
 
-use crate::sim::motion::limits::Limited;
-use crate::sim::motion::limits::TorqueLimits;
-use crate::sim::motion::limits::within;
-use crate::sim::motion::ramp::Demand;
-use crate::sim::motion::shaft::Actual;
-use crate::sim::motion::tuning::Tuning;
+use crate::motion::limits::Limited;
+use crate::motion::limits::TorqueLimits;
+use crate::motion::limits::within;
+use crate::motion::ramp::Demand;
+use crate::motion::shaft::Actual;
+use crate::motion::tuning::Tuning;
 
 /// Bandwidth of the velocity loop, in rad/s.
 const VELOCITY_BANDWIDTH: f64 = TAU * 20.0;
@@ -85,13 +85,13 @@ impl Servo {
 #[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
 mod tests {
     use super::*;
-    use crate::sim::motion::SERVO_PERIOD;
-    use crate::sim::motion::limits::top_speed;
-    use crate::sim::motion::ramp::Course;
-    use crate::sim::motion::ramp::Profile;
-    use crate::sim::motion::rotor::Rotor;
-    use crate::sim::motion::tests::drive;
-    use crate::sim::motion::units::Units;
+    use crate::motion::SERVO_PERIOD;
+    use crate::motion::limits::top_speed;
+    use crate::motion::ramp::Course;
+    use crate::motion::ramp::Profile;
+    use crate::motion::rotor::Rotor;
+    use crate::motion::tests::drive;
+    use crate::motion::units::Units;
 
     const TOP: f64 = 1.6e6;
 

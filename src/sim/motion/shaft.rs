@@ -3,9 +3,9 @@
 //! A *place* is in increments and goes on beyond 32 bits, so that no loop sees the counter wrap. What a
 //! master reads (6064h) is counted from home, in its units, and wraps.
 
-use crate::sim::motion::Feedback;
-use crate::sim::motion::units::Units;
-use crate::sim::motion::units::wrapped;
+use crate::motion::Feedback;
+use crate::motion::units::Units;
+use crate::motion::units::wrapped;
 
 /// The shaft of the motor, as the encoder tells of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -90,8 +90,9 @@ const fn bounded(number: f64, bound: f64) -> f64 {
 #[cfg(test)]
 #[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     fn at(position: i32) -> Feedback {
         Feedback { position, ..Feedback::default() }

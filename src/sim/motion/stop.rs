@@ -5,16 +5,16 @@
 //! away, on the slope of 6087h in profile torque mode, at once in the cyclic one, where a hand may hold
 //! the other end and whoever stops wants it to feel nothing more.
 
-use crate::canopen::object::Object;
-use crate::sim::motion::Ramp;
-use crate::sim::motion::axis::Axis;
-use crate::sim::motion::axis::Moment;
-use crate::sim::motion::limits::Limited;
-use crate::sim::motion::limits::deceleration;
-use crate::sim::motion::ramp::Demand;
-use crate::sim::motion::ramp::Profile;
-use crate::sim::motion::reached::Standstill;
-use crate::sim::motion::torque;
+use crate::motion::Ramp;
+use crate::motion::axis::Axis;
+use crate::motion::axis::Moment;
+use crate::motion::limits::Limited;
+use crate::motion::limits::deceleration;
+use crate::motion::ramp::Demand;
+use crate::motion::ramp::Profile;
+use crate::motion::reached::Standstill;
+use crate::motion::torque;
+use canopen::object::Object;
 
 /// What a mode leaves to be brought down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,10 +108,10 @@ impl Stop {
 #[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
 mod tests {
     use super::*;
-    use crate::sim::motion::SERVO_PERIOD;
-    use crate::sim::motion::bench::Bench;
-    use crate::sim::motion::rotor::Rotor;
-    use crate::sim::motion::tests::put;
+    use crate::motion::SERVO_PERIOD;
+    use crate::motion::bench::Bench;
+    use crate::motion::rotor::Rotor;
+    use crate::motion::tests::put;
 
     /// At 100,000 increments/s in profile velocity mode.
     fn moving() -> Bench {

@@ -4,13 +4,13 @@
 //! No slope in the cyclic mode: the master makes the profile there, and a torque that is reflected to a
 //! hand must not lag behind it.
 
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::drive::Statusword;
-use crate::canopen::object::Object;
-use crate::sim::motion::Asked;
-use crate::sim::motion::axis::Axis;
-use crate::sim::motion::axis::Moment;
-use crate::sim::motion::bits;
+use crate::motion::Asked;
+use crate::motion::axis::Axis;
+use crate::motion::axis::Moment;
+use crate::motion::bits;
+use canopen::dictionary::Dictionary;
+use canopen::drive::Statusword;
+use canopen::object::Object;
 
 /// Profile torque mode: the torque on the slope, in ‰.
 #[derive(Clone, Copy, Debug, Default)]
@@ -70,11 +70,11 @@ pub(super) fn step_cyclic(axis: &mut Axis, moment: &Moment<'_>) -> Asked {
 #[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
 mod tests {
     use super::*;
-    use crate::sim::motion::bench::Bench;
-    use crate::sim::motion::bench::ENABLED;
-    use crate::sim::motion::bench::HALT;
-    use crate::sim::motion::bits::TARGET_REACHED;
-    use crate::sim::motion::rotor::Rotor;
+    use crate::motion::bench::Bench;
+    use crate::motion::bench::ENABLED;
+    use crate::motion::bench::HALT;
+    use crate::motion::bits::TARGET_REACHED;
+    use crate::motion::rotor::Rotor;
 
     fn locked(mode: i8) -> Bench {
         Bench::with(mode, Rotor { inertia: 1e9, ..Rotor::default() }, |_| {})

@@ -4,8 +4,8 @@
 //! turns of the motor per turn of the shaft, units of feed per turn of the shaft. Velocities and
 //! accelerations are position units per s and s². 607Eh turns the signs round.
 
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::object::Object;
+use canopen::dictionary::Dictionary;
+use canopen::object::Object;
 
 /// What the objects of the factor group make of an increment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -124,10 +124,11 @@ pub(super) fn saturated(number: f64) -> i32 {
 #[cfg(test)]
 #[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
 mod tests {
-    use super::*;
-    use crate::sim::motion::tests::drive;
-    use crate::sim::motion::tests::put;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::motion::tests::drive;
+    use crate::motion::tests::put;
 
     #[test]
     fn out_of_the_box_a_unit_is_an_increment() {

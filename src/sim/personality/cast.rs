@@ -4,8 +4,8 @@
 use serde::Deserialize;
 use thiserror::Error;
 
-use crate::sim::personality::Personality;
-use crate::sim::personality::Quirk;
+use crate::personality::Personality;
+use crate::personality::Quirk;
 
 /// Joints there are.
 const JOINTS: u8 = 6;

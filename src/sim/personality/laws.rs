@@ -5,21 +5,21 @@ use std::time::Duration;
 use canopen_rs::NodeId;
 use proptest::prelude::*;
 
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::drive::State;
-use crate::canopen::eds::Eds;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::object::Object;
-use crate::canopen::station::Station;
-use crate::sim::actuator::ActuatorSettings;
-use crate::sim::drive::Drive;
-use crate::sim::drive::DriveSettings;
-use crate::sim::motion::Tuning;
-use crate::sim::personality::Makeup;
-use crate::sim::personality::Personality;
-use crate::sim::personality::Quirk;
-use crate::time::Instant;
+use crate::actuator::ActuatorSettings;
+use crate::drive::Drive;
+use crate::drive::DriveSettings;
+use crate::motion::Tuning;
+use crate::personality::Makeup;
+use crate::personality::Personality;
+use crate::personality::Quirk;
+use canopen::dictionary::Dictionary;
+use canopen::drive::State;
+use canopen::eds::Eds;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::object::Object;
+use canopen::station::Station;
+use units::time::Instant;
 
 const BUS: Channel = Channel(0);
 

@@ -2,40 +2,36 @@
 
 use std::time::Duration;
 
-use crate::canopen::NodeId;
-use crate::canopen::abort::AbortCode;
-use crate::canopen::device::Application;
-use crate::canopen::device::Manners;
-use crate::canopen::dictionary::Dictionary;
-use crate::canopen::drive::CYCLIC_SYNCHRONOUS_TORQUE;
-use crate::canopen::drive::Controlword;
-use crate::canopen::layout;
-use crate::canopen::object::Object;
-use crate::sim::personality::Habits;
-use crate::sim::personality::Personality;
-use crate::sim::personality::Quirk;
-use crate::time::Instant;
+use crate::personality::Habits;
+use crate::personality::Personality;
+use crate::personality::Quirk;
+use canopen::NodeId;
+use canopen::abort::AbortCode;
+use canopen::device::Application;
+use canopen::device::Manners;
+use canopen::dictionary::Dictionary;
+use canopen::drive::CYCLIC_SYNCHRONOUS_TORQUE;
+use canopen::drive::Controlword;
+use canopen::layout;
+use canopen::object::Object;
+use units::time::Instant;
 
 /// What a drive is made of, apart from what it does as a drive.
 #[derive(Clone, Debug)]
-pub(in crate::sim) struct Makeup {
+pub(crate) struct Makeup {
     /// What it holds after power-up.
-    pub(in crate::sim) dictionary: Dictionary,
+    pub(crate) dictionary: Dictionary,
     /// How it treats its SDO client and its master.
-    pub(in crate::sim) manners: Manners,
+    pub(crate) manners: Manners,
     /// What happens to its frames.
-    pub(in crate::sim) habits: Habits,
+    pub(crate) habits: Habits,
     /// What it pushes with before anybody has told it to, in ‰ of rated torque.
-    pub(in crate::sim) torque_at_start: Option<i16>,
+    pub(crate) torque_at_start: Option<i16>,
 }
 
 impl Makeup {
     /// Of the drive of `node`, where a good one holds `dictionary`.
-    pub(in crate::sim) fn of(
-        personality: &Personality,
-        dictionary: Dictionary,
-        node: NodeId,
-    ) -> Self {
+    pub(crate) fn of(personality: &Personality, dictionary: Dictionary, node: NodeId) -> Self {
         let mut makeup = Self {
             dictionary,
             manners: Manners::default(),
@@ -86,11 +82,7 @@ impl Makeup {
 }
 
 /// A drive pushes with `torque` ‰, as if its master had led it there.
-pub(in crate::sim) fn begin(
-    torque: i16,
-    drive: &mut impl Application,
-    dictionary: &mut Dictionary,
-) {
+pub(crate) fn begin(torque: i16, drive: &mut impl Application, dictionary: &mut Dictionary) {
     // It has been switched on a while ago.
     drive.on_time(Instant::ZERO, dictionary);
     let mut tell = |object, value: &[u8]| {

@@ -2,7 +2,7 @@
 //!
 //! A [`Quirk`] says what is bad; a [`Personality`] is a set of them. What makes a bad drive of a good one
 //! is in one table, `Makeup`: what its dictionary holds before it is switched on, its
-//! [`Manners`](crate::canopen::device::Manners) towards its SDO client and its master, what happens to
+//! [`Manners`](canopen::device::Manners) towards its SDO client and its master, what happens to
 //! its frames on the way to its bus, and what it does before anybody has told it to. A quirk changes what
 //! it names and nothing else; a drive without any is the good one, bit for bit.
 

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::canopen::object::Object;
-use crate::sim::personality::Quirk;
+use crate::personality::Quirk;
+use canopen::object::Object;
 
 /// Why a text names no quirk.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]

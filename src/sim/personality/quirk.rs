@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
-use crate::canopen::object::Object;
+use canopen::object::Object;
 
 /// What is bad. Its name, on the command line and in a scenario, stands in [`names`](Quirk::NAMES).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]

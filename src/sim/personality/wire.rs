@@ -12,18 +12,18 @@ use canopen_rs::emcy::ErrorRegister;
 use canopen_rs::nmt::heartbeat_cob_id;
 use canopen_rs::sdo::response_cob_id;
 
-use crate::canopen::device::Application;
-use crate::canopen::device::Device;
-use crate::canopen::frame::COB_ID_MAX;
-use crate::canopen::frame::Frame;
-use crate::canopen::heartbeat::is_boot_up;
-use crate::canopen::master::check::COB_ID_INVALID;
-use crate::canopen::object::Object;
-use crate::time::Instant;
+use canopen::device::Application;
+use canopen::device::Device;
+use canopen::frame::COB_ID_MAX;
+use canopen::frame::Frame;
+use canopen::heartbeat::is_boot_up;
+use canopen::master::check::COB_ID_INVALID;
+use canopen::object::Object;
+use units::time::Instant;
 
 /// What happens to frames. By default nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(in crate::sim) struct Habits {
+pub(crate) struct Habits {
     /// SDO replies come so much later.
     pub(super) reply_delay: Duration,
     /// SDO replies come twice.
@@ -42,7 +42,7 @@ pub(in crate::sim) struct Habits {
 
 /// One drive's way to its bus.
 #[derive(Clone, Debug, Default)]
-pub(in crate::sim) struct Wire {
+pub(crate) struct Wire {
     habits: Habits,
     /// What is on its way, the first to come first.
     late: VecDeque<(Instant, Frame)>,
@@ -83,17 +83,17 @@ impl Kind {
 
 impl Wire {
     /// A way on which nothing is yet.
-    pub(in crate::sim) fn new(habits: Habits) -> Self {
+    pub(crate) fn new(habits: Habits) -> Self {
         Self { habits, ..Self::default() }
     }
 
     /// Whether the drive hears what is on the bus.
-    pub(in crate::sim) fn hears(&self, now: Instant) -> bool {
+    pub(crate) fn hears(&self, now: Instant) -> bool {
         self.asleep_until.is_none_or(|awake| now >= awake)
     }
 
     /// Takes what `device` says now; what comes out of it now is appended to `out`.
-    pub(in crate::sim) fn carry<A: Application>(
+    pub(crate) fn carry<A: Application>(
         &mut self,
         now: Instant,
         device: &Device<A>,
@@ -118,7 +118,7 @@ impl Wire {
     }
 
     /// When [`carry`](Self::carry) must next be called, be it with nothing.
-    pub(in crate::sim) fn deadline(&self) -> Option<Instant> {
+    pub(crate) fn deadline(&self) -> Option<Instant> {
         let late = self.late.front().map(|(at, _)| *at);
         late.into_iter().chain(self.thunder).min()
     }

@@ -27,16 +27,16 @@ pub use resistance::Resistance;
 
 use nalgebra::Isometry3;
 
-use crate::sim::arm;
-use crate::sim::arm::Arm;
-use crate::sim::arm::Dynamics;
-use crate::sim::arm::JointMatrix;
-use crate::sim::arm::Joints;
-use crate::sim::arm::Posture;
-use crate::sim::hand::Hand;
-use crate::spatial::Jacobian;
-use crate::spatial::Twist;
-use crate::spatial::Wrench;
+use crate::arm;
+use crate::arm::Arm;
+use crate::arm::Dynamics;
+use crate::arm::JointMatrix;
+use crate::arm::Joints;
+use crate::arm::Posture;
+use crate::hand::Hand;
+use units::spatial::Jacobian;
+use units::spatial::Twist;
+use units::spatial::Wrench;
 
 /// The longest step, in s.
 const STEP: f64 = 500e-6;
@@ -215,9 +215,10 @@ fn inertia_of(j_g: &Jacobian<6>, h: f64, hand: &Hand) -> JointMatrix {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::sim::plant::resistance::STOP_STIFFNESS;
     use proptest::prelude::*;
+
+    use super::*;
+    use crate::plant::resistance::STOP_STIFFNESS;
 
     const NEUTRAL: [f64; 6] = [0.0, -0.873, 1.658, -0.785, 0.0, 0.0];
     const COULOMB: [f64; 6] = [0.06, 0.06, 0.04, 0.012, 0.01, 0.008];

@@ -7,32 +7,32 @@ use canopen_rs::NodeId;
 use toml::Spanned;
 use toml::Value;
 
-use crate::canopen::frame::COB_ID_MAX;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::layout::MOST_PDOS;
-use crate::canopen::nmt::Order;
-use crate::canopen::sync;
-use crate::sim::scenario::SHORTEST;
-use crate::sim::scenario::fault::Contact;
-use crate::sim::scenario::fault::Cut;
-use crate::sim::scenario::fault::Fault;
-use crate::sim::scenario::fault::Frames;
-use crate::sim::scenario::fault::Input;
-use crate::sim::scenario::fault::Kind;
-use crate::sim::scenario::fault::Link;
-use crate::sim::scenario::fault::Often;
-use crate::sim::scenario::fault::Selection;
-use crate::sim::scenario::fault::Sense;
-use crate::sim::scenario::fault::Service;
-use crate::sim::scenario::fault::Treatment;
-use crate::sim::scenario::fault::Trouble;
-use crate::sim::scenario::fault::Whom;
-use crate::sim::scenario::keys::Entry;
-use crate::sim::scenario::keys::Keys;
-use crate::sim::scenario::problem::Misplaced;
-use crate::sim::scenario::problem::Problem;
-use crate::sim::scenario::problem::follows;
+use crate::scenario::SHORTEST;
+use crate::scenario::fault::Contact;
+use crate::scenario::fault::Cut;
+use crate::scenario::fault::Fault;
+use crate::scenario::fault::Frames;
+use crate::scenario::fault::Input;
+use crate::scenario::fault::Kind;
+use crate::scenario::fault::Link;
+use crate::scenario::fault::Often;
+use crate::scenario::fault::Selection;
+use crate::scenario::fault::Sense;
+use crate::scenario::fault::Service;
+use crate::scenario::fault::Treatment;
+use crate::scenario::fault::Trouble;
+use crate::scenario::fault::Whom;
+use crate::scenario::keys::Entry;
+use crate::scenario::keys::Keys;
+use crate::scenario::problem::Misplaced;
+use crate::scenario::problem::Problem;
+use crate::scenario::problem::follows;
+use canopen::frame::COB_ID_MAX;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::layout::MOST_PDOS;
+use canopen::nmt::Order;
+use canopen::sync;
 
 /// No frame is held back longer, in ms.
 const LONGEST_DELAY_MS: f64 = 10_000.0;
@@ -296,8 +296,9 @@ fn foreign_frame(keys: &mut Keys) -> Result<(Whom, Kind), Misplaced> {
 
 #[cfg(test)]
 mod tests {
-    use crate::sim::scenario::Scenario;
     use proptest::prelude::*;
+
+    use crate::scenario::Scenario;
 
     fn read(keys: &str) -> Result<Scenario, String> {
         let text = format!("seconds = 5\n[[fault]]\nat_s = 1\n{}\n", keys.replace(", ", "\n"));

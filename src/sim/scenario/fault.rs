@@ -1,12 +1,12 @@
 //! What may break, and how: an entry `[[fault]]` of a script, checked.
 //!
-//! What becomes of it is in [`sim::fault`](crate::sim::fault).
+//! What becomes of it is in [`sim::fault`](crate::fault).
 
 use std::fmt;
 use std::time::Duration;
 
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
 
 /// Something breaks, once or for a while.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -204,7 +204,7 @@ pub enum Treatment {
     Resize(u8),
 }
 
-/// An input of the switch box, as [`SwitchInputs`](crate::canopen::pdo::SwitchInputs) has them.
+/// An input of the switch box, as [`SwitchInputs`](canopen::pdo::SwitchInputs) has them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
     /// High while the deadman is closed.

@@ -7,9 +7,9 @@ use std::ops::RangeInclusive;
 use toml::Spanned;
 use toml::Value;
 
-use crate::sim::scenario::problem::Misplaced;
-use crate::sim::scenario::problem::Problem;
-use crate::sim::scenario::problem::within;
+use crate::scenario::problem::Misplaced;
+use crate::scenario::problem::Problem;
+use crate::scenario::problem::within;
 
 /// A table as it is written.
 pub(super) type Entry = BTreeMap<String, Spanned<Value>>;

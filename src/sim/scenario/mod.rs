@@ -24,18 +24,18 @@ use std::ops::Range;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::sim::personality::Cast;
-use crate::sim::scenario::fault::Fault;
-use crate::sim::scenario::keys::Entry;
-use crate::sim::scenario::operator::Console;
-use crate::sim::scenario::operator::Doings;
-use crate::sim::scenario::operator::Hold;
-use crate::sim::scenario::operator::Move;
-use crate::sim::scenario::operator::Switch;
-use crate::sim::scenario::problem::Misplaced;
-use crate::sim::scenario::problem::within;
-use crate::sim::temperament::Temperament;
-use crate::written;
+use crate::personality::Cast;
+use crate::scenario::fault::Fault;
+use crate::scenario::keys::Entry;
+use crate::scenario::operator::Console;
+use crate::scenario::operator::Doings;
+use crate::scenario::operator::Hold;
+use crate::scenario::operator::Move;
+use crate::scenario::operator::Switch;
+use crate::scenario::problem::Misplaced;
+use crate::scenario::problem::within;
+use crate::temperament::Temperament;
+use written;
 
 /// Nothing that takes time takes less, in s.
 const SHORTEST: f64 = 1e-3;
@@ -188,8 +188,9 @@ fn line(text: &str, span: &Range<usize>) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     const SCRIPT: &str = "seconds = 5\n\
         [[move]]\nat_s = 1\nduration_s = 2\nto_m = [0.04, 0, 0]\n\

@@ -7,11 +7,11 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::sim::scenario::SHORTEST;
-use crate::sim::scenario::problem::Misplaced;
-use crate::sim::scenario::problem::in_order;
-use crate::sim::scenario::problem::within;
-use crate::written::List;
+use crate::scenario::SHORTEST;
+use crate::scenario::problem::Misplaced;
+use crate::scenario::problem::in_order;
+use crate::scenario::problem::within;
+use written::List;
 
 /// No hand reaches farther, in m.
 const REACH: f64 = 2.0;

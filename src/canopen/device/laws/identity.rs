@@ -1,11 +1,11 @@
 //! What a device says of itself, and what follows its node-id.
 
 use super::*;
-use crate::canopen::lss::codec::Answer;
-use crate::canopen::lss::codec::Mode;
-use crate::canopen::lss::codec::Reply;
-use crate::canopen::lss::codec::Request;
-use crate::canopen::time_stamp::TimeOfDay;
+use crate::lss::codec::Answer;
+use crate::lss::codec::Mode;
+use crate::lss::codec::Reply;
+use crate::lss::codec::Request;
+use crate::time_stamp::TimeOfDay;
 
 const CLIENT_TO_SERVER: Object = Object { index: 0x1200, sub: 1 };
 const SERVER_TO_CLIENT: Object = Object { index: 0x1200, sub: 2 };

@@ -1,12 +1,12 @@
 //! Block transfer, seen from the server (CiA 301, 7.2.4.3.9 to 7.2.4.3.16). The frames are shown with the
-//! client's [`block_upload`](crate::canopen::sdo) and `block_download`.
+//! client's [`block_upload`](crate::sdo) and `block_download`.
 
 use canopen_rs::sdo::SdoPayload;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::sdo::Receiver;
-use crate::canopen::sdo::Sender;
-use crate::canopen::sdo::Taken;
+use crate::abort::AbortCode;
+use crate::sdo::Receiver;
+use crate::sdo::Sender;
+use crate::sdo::Taken;
 
 /// A value on its way up.
 #[derive(Clone, Debug)]

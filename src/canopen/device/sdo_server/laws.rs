@@ -6,18 +6,18 @@ use canopen_rs::NodeId;
 use canopen_rs::sdo::SdoPayload;
 use proptest::prelude::*;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::device::sdo_server::Access;
-use crate::canopen::device::sdo_server::NUDGE;
-use crate::canopen::device::sdo_server::PACE;
-use crate::canopen::device::sdo_server::PATIENCE;
-use crate::canopen::device::sdo_server::SdoServer;
-use crate::canopen::device::sdo_server::abort;
-use crate::canopen::device::sdo_server::segmented::LAST;
-use crate::canopen::device::sdo_server::segmented::TOGGLE;
-use crate::canopen::frame::Frame;
-use crate::canopen::object::Object;
-use crate::time::Instant;
+use crate::abort::AbortCode;
+use crate::device::sdo_server::Access;
+use crate::device::sdo_server::NUDGE;
+use crate::device::sdo_server::PACE;
+use crate::device::sdo_server::PATIENCE;
+use crate::device::sdo_server::SdoServer;
+use crate::device::sdo_server::abort;
+use crate::device::sdo_server::segmented::LAST;
+use crate::device::sdo_server::segmented::TOGGLE;
+use crate::frame::Frame;
+use crate::object::Object;
+use units::time::Instant;
 
 /// One object of any size, and one of two bytes.
 #[derive(Default)]

@@ -19,13 +19,13 @@ use canopen_rs::sdo::SdoPayload;
 use canopen_rs::sdo::request_cob_id;
 use canopen_rs::sdo::response_cob_id;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::device::sdo_server::block::CONFIRMED;
-use crate::canopen::device::sdo_server::block::Next;
-use crate::canopen::device::sdo_server::opening::SIZE_INDICATED_IN_BLOCK;
-use crate::canopen::frame::Frame;
-use crate::canopen::object::Object;
-use crate::time::Instant;
+use crate::abort::AbortCode;
+use crate::device::sdo_server::block::CONFIRMED;
+use crate::device::sdo_server::block::Next;
+use crate::device::sdo_server::opening::SIZE_INDICATED_IN_BLOCK;
+use crate::frame::Frame;
+use crate::object::Object;
+use units::time::Instant;
 
 /// How long a client may be silent in the middle of a transfer. It must hear a sub-block first, which
 /// takes 1.7 s at 10 kbit/s.

@@ -5,20 +5,20 @@
 use canopen_rs::sdo::SdoPayload;
 use canopen_rs::sdo::block::encode_sub_response;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::device::sdo_server::Access;
-use crate::canopen::device::sdo_server::SdoServer;
-use crate::canopen::device::sdo_server::Transfer;
-use crate::canopen::device::sdo_server::Way;
-use crate::canopen::device::sdo_server::block;
-use crate::canopen::device::sdo_server::block::SCS_BLOCK_DOWNLOAD;
-use crate::canopen::device::sdo_server::block::SCS_BLOCK_UPLOAD;
-use crate::canopen::device::sdo_server::segmented;
-use crate::canopen::device::sdo_server::size::check_size;
-use crate::canopen::object::Object;
-use crate::canopen::sdo::MAX_BYTES;
-use crate::canopen::sdo::Promise;
-use crate::canopen::sdo::Receiver;
+use crate::abort::AbortCode;
+use crate::device::sdo_server::Access;
+use crate::device::sdo_server::SdoServer;
+use crate::device::sdo_server::Transfer;
+use crate::device::sdo_server::Way;
+use crate::device::sdo_server::block;
+use crate::device::sdo_server::block::SCS_BLOCK_DOWNLOAD;
+use crate::device::sdo_server::block::SCS_BLOCK_UPLOAD;
+use crate::device::sdo_server::segmented;
+use crate::device::sdo_server::size::check_size;
+use crate::object::Object;
+use crate::sdo::MAX_BYTES;
+use crate::sdo::Promise;
+use crate::sdo::Receiver;
 
 /// Segments that a sub-block of a download has.
 pub(super) const BLOCK_SIZE: u8 = 127;

@@ -4,9 +4,9 @@
 use canopen_rs::sdo::SEGMENT_DATA_MAX;
 use canopen_rs::sdo::SdoPayload;
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::device::sdo_server::size::check_size;
-use crate::canopen::sdo::MAX_BYTES;
+use crate::abort::AbortCode;
+use crate::device::sdo_server::size::check_size;
+use crate::sdo::MAX_BYTES;
 
 /// A value on its way up.
 #[derive(Clone, Debug)]

@@ -1,7 +1,7 @@
 //! How long a value must be.
 
-use crate::canopen::abort::AbortCode;
-use crate::canopen::sdo::MAX_BYTES;
+use crate::abort::AbortCode;
+use crate::sdo::MAX_BYTES;
 
 /// Whether `found` bytes are what an object of this size takes.
 pub(super) fn check_size(size: Option<usize>, found: usize) -> Result<(), AbortCode> {

@@ -1,14 +1,14 @@
 //! What a file says of itself, of the device as a whole, and of where it is.
 
-use crate::canopen::eds::device::BITRATES;
-use crate::canopen::eds::ini::Section;
-use crate::canopen::eds::lint::Lint;
-use crate::canopen::eds::lint::Spot;
-use crate::canopen::eds::read;
-use crate::canopen::eds::title::Named;
-use crate::canopen::eds::title::Title;
-use crate::canopen::eds::value;
-use crate::canopen::object::Object;
+use crate::eds::device::BITRATES;
+use crate::eds::ini::Section;
+use crate::eds::lint::Lint;
+use crate::eds::lint::Spot;
+use crate::eds::read;
+use crate::eds::title::Named;
+use crate::eds::title::Title;
+use crate::eds::value;
+use crate::object::Object;
 
 pub(super) fn check(lint: &mut Lint<'_>) {
     if lint.ini.section(Title::Named(Named::FileInfo)).is_none() {

@@ -5,15 +5,15 @@ use std::collections::HashMap;
 use std::collections::hash_map;
 use std::fmt;
 
-use crate::canopen::eds::ini::Oddity;
-use crate::canopen::eds::ini::Section;
-use crate::canopen::eds::keys;
-use crate::canopen::eds::lint::Lint;
-use crate::canopen::eds::lint::Spot;
-use crate::canopen::eds::text::Encoding;
-use crate::canopen::eds::title::Named;
-use crate::canopen::eds::title::Title;
-use crate::canopen::eds::value;
+use crate::eds::ini::Oddity;
+use crate::eds::ini::Section;
+use crate::eds::keys;
+use crate::eds::lint::Lint;
+use crate::eds::lint::Spot;
+use crate::eds::text::Encoding;
+use crate::eds::title::Named;
+use crate::eds::title::Title;
+use crate::eds::value;
 
 pub(super) fn check(lint: &mut Lint<'_>) {
     encoding(lint);

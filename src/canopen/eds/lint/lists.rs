@@ -3,17 +3,17 @@
 use std::collections::BTreeSet;
 use std::collections::HashMap;
 
-use crate::canopen::data_type::UNSIGNED8;
-use crate::canopen::eds::compact;
-use crate::canopen::eds::ini::Entry;
-use crate::canopen::eds::ini::Section;
-use crate::canopen::eds::lint::Lint;
-use crate::canopen::eds::lint::Spot;
-use crate::canopen::eds::read;
-use crate::canopen::eds::title::Named;
-use crate::canopen::eds::title::Title;
-use crate::canopen::eds::value;
-use crate::canopen::object::Object;
+use crate::data_type::UNSIGNED8;
+use crate::eds::compact;
+use crate::eds::ini::Entry;
+use crate::eds::ini::Section;
+use crate::eds::lint::Lint;
+use crate::eds::lint::Spot;
+use crate::eds::read;
+use crate::eds::title::Named;
+use crate::eds::title::Title;
+use crate::eds::value;
+use crate::object::Object;
 
 /// Where the objects proper begin; below are data types.
 const FIRST_OBJECT: u16 = 0x1000;

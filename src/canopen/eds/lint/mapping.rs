@@ -1,13 +1,13 @@
 //! PDOs as they are after power-up, or as a DCF wants them: identifiers that are free for PDOs, and
 //! mappings that can be (CiA 301, 7.3.5, 7.5.2.35 to 7.5.2.38).
 
-use crate::canopen::data_type;
-use crate::canopen::eds::described::Described;
-use crate::canopen::eds::lint::Lint;
-use crate::canopen::eds::value;
-use crate::canopen::eds::value::Number;
-use crate::canopen::layout::Direction;
-use crate::canopen::object::Object;
+use crate::data_type;
+use crate::eds::described::Described;
+use crate::eds::lint::Lint;
+use crate::eds::value;
+use crate::eds::value::Number;
+use crate::layout::Direction;
+use crate::object::Object;
 
 pub(super) fn check(lint: &mut Lint<'_>) {
     for described in lint.eds.objects() {

@@ -11,12 +11,12 @@ mod objects;
 
 use std::fmt;
 
-use crate::canopen::eds::Eds;
-use crate::canopen::eds::ini::Entry;
-use crate::canopen::eds::ini::Ini;
-use crate::canopen::eds::ini::Section;
-use crate::canopen::eds::title::Title;
-use crate::canopen::object::Object;
+use crate::eds::Eds;
+use crate::eds::ini::Entry;
+use crate::eds::ini::Ini;
+use crate::eds::ini::Section;
+use crate::eds::title::Title;
+use crate::object::Object;
 
 /// How bad a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,21 +1,21 @@
 //! Every object by itself: what must be said of it, and whether its values are of its type and within
 //! its limits (CiA 306, 4.6.3).
 
-use crate::canopen::NodeId;
-use crate::canopen::data_type;
-use crate::canopen::data_type::DataType;
-use crate::canopen::eds::compact;
-use crate::canopen::eds::described::Access;
-use crate::canopen::eds::described::Described;
-use crate::canopen::eds::ini::Entry;
-use crate::canopen::eds::ini::Section;
-use crate::canopen::eds::lint::Lint;
-use crate::canopen::eds::lint::Spot;
-use crate::canopen::eds::read;
-use crate::canopen::eds::title::Title;
-use crate::canopen::eds::value;
-use crate::canopen::eds::value::NoValue;
-use crate::canopen::object::Object;
+use crate::NodeId;
+use crate::data_type;
+use crate::data_type::DataType;
+use crate::eds::compact;
+use crate::eds::described::Access;
+use crate::eds::described::Described;
+use crate::eds::ini::Entry;
+use crate::eds::ini::Section;
+use crate::eds::lint::Lint;
+use crate::eds::lint::Spot;
+use crate::eds::read;
+use crate::eds::title::Title;
+use crate::eds::value;
+use crate::eds::value::NoValue;
+use crate::object::Object;
 
 pub(super) fn check(lint: &mut Lint<'_>) {
     for section in lint.ini.first_sections() {

@@ -2,22 +2,22 @@
 
 use std::time::Duration;
 
-use crate::bus::BusFault;
-use crate::bus::Disturbance;
-use crate::bus::Mishap;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::layout::Direction;
-use crate::canopen::sync;
-use crate::lab::campaign::case::Deed;
-use crate::lab::campaign::case::Demand;
-use crate::lab::campaign::case::Place;
-use crate::lab::campaign::catalogue::KILLED;
-use crate::lab::campaign::catalogue::Kind;
-use crate::lab::campaign::catalogue::NO_CAUSE;
-use crate::lab::campaign::catalogue::kind;
-use crate::lab::campaign::draw::Draw;
-use crate::telemetry::cause::Kind as Cause;
+use crate::campaign::case::Deed;
+use crate::campaign::case::Demand;
+use crate::campaign::case::Place;
+use crate::campaign::catalogue::KILLED;
+use crate::campaign::catalogue::Kind;
+use crate::campaign::catalogue::NO_CAUSE;
+use crate::campaign::catalogue::kind;
+use crate::campaign::draw::Draw;
+use bus::BusFault;
+use bus::Disturbance;
+use bus::Mishap;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::layout::Direction;
+use canopen::sync;
+use node::cause::Kind as Cause;
 
 pub(super) const KINDS: &[Kind] = &[
     kind(21, "transmit queue full", &[Cause::QueueFull], |draw, at| {

@@ -2,18 +2,18 @@
 
 use std::time::Duration;
 
-use crate::canopen::error_codes;
-use crate::canopen::layout::Service;
-use crate::canopen::object::Object;
-use crate::lab::campaign::case::Deed;
-use crate::lab::campaign::case::Demand;
-use crate::lab::campaign::case::Place;
-use crate::lab::campaign::catalogue::Kind;
-use crate::lab::campaign::catalogue::engaged;
-use crate::lab::campaign::catalogue::in_contact;
-use crate::lab::campaign::catalogue::kind;
-use crate::lab::campaign::draw::Draw;
-use crate::telemetry::cause::Kind as Cause;
+use crate::campaign::case::Deed;
+use crate::campaign::case::Demand;
+use crate::campaign::case::Place;
+use crate::campaign::catalogue::Kind;
+use crate::campaign::catalogue::engaged;
+use crate::campaign::catalogue::in_contact;
+use crate::campaign::catalogue::kind;
+use crate::campaign::draw::Draw;
+use canopen::error_codes;
+use canopen::layout::Service;
+use canopen::object::Object;
+use node::cause::Kind as Cause;
 
 pub(super) const KINDS: &[Kind] = &[
     kind(1, "drive unplugged", &[Cause::SamplesMissing], |draw, at| lost(draw, at, "unplug")),

@@ -2,15 +2,15 @@
 
 use std::time::Duration;
 
-use crate::config::Layout;
-use crate::lab::campaign::case::Deed;
-use crate::lab::campaign::case::Demand;
-use crate::lab::campaign::case::Place;
-use crate::lab::campaign::catalogue::Kind;
-use crate::lab::campaign::catalogue::NO_CAUSE;
-use crate::lab::campaign::catalogue::kind;
-use crate::lab::campaign::draw::Draw;
-use crate::telemetry::cause::Kind as Cause;
+use crate::campaign::case::Deed;
+use crate::campaign::case::Demand;
+use crate::campaign::case::Place;
+use crate::campaign::catalogue::Kind;
+use crate::campaign::catalogue::NO_CAUSE;
+use crate::campaign::catalogue::kind;
+use crate::campaign::draw::Draw;
+use config::Layout;
+use node::cause::Kind as Cause;
 
 pub(super) const KINDS: &[Kind] = &[
     kind(3, "TPDO lost", &[Cause::SamplesMissing], |draw, at| of_tpdo(draw, at, "drop", "")),

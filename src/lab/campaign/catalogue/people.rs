@@ -2,18 +2,18 @@
 
 use std::time::Duration;
 
-use crate::lab::campaign::case::Deed;
-use crate::lab::campaign::case::Demand;
-use crate::lab::campaign::case::MayStop;
-use crate::lab::campaign::case::Place;
-use crate::lab::campaign::catalogue::Kind;
-use crate::lab::campaign::catalogue::NO_CAUSE;
-use crate::lab::campaign::catalogue::armed;
-use crate::lab::campaign::catalogue::engaged;
-use crate::lab::campaign::catalogue::in_contact;
-use crate::lab::campaign::catalogue::kind;
-use crate::lab::campaign::draw::Draw;
-use crate::telemetry::cause::Kind as Cause;
+use crate::campaign::case::Deed;
+use crate::campaign::case::Demand;
+use crate::campaign::case::MayStop;
+use crate::campaign::case::Place;
+use crate::campaign::catalogue::Kind;
+use crate::campaign::catalogue::NO_CAUSE;
+use crate::campaign::catalogue::armed;
+use crate::campaign::catalogue::engaged;
+use crate::campaign::catalogue::in_contact;
+use crate::campaign::catalogue::kind;
+use crate::campaign::draw::Draw;
+use node::cause::Kind as Cause;
 
 pub(super) const KINDS: &[Kind] = &[
     in_contact(11, "hand too fast", &[Cause::GripOverspeed], too_fast),

@@ -6,11 +6,11 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::frame::Telegram;
-use crate::lab::campaign::monitor::sheet::Sheet;
-use crate::time::Instant;
+use crate::campaign::monitor::sheet::Sheet;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use units::time::Instant;
 
 /// A target that acts later is stale, in periods: 2 ms at 1 kHz.
 const STALE: u32 = 2;

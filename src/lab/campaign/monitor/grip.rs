@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use crate::canopen::exchange::Told as Heard;
-use crate::canopen::pdo::Deadman;
-use crate::lab::campaign::monitor::law::Breaches;
-use crate::lab::campaign::monitor::law::Law;
-use crate::lab::campaign::monitor::sheet::Sheet;
-use crate::telemetry::record::Mode;
-use crate::time::Instant;
+use crate::campaign::monitor::law::Breaches;
+use crate::campaign::monitor::law::Law;
+use crate::campaign::monitor::sheet::Sheet;
+use canopen::exchange::Told as Heard;
+use canopen::pdo::Deadman;
+use node::record::Mode;
+use units::time::Instant;
 
 /// Time both contacts must say the same before they count: a contact bounces for 5 to 20 ms.
 const SETTLING: Duration = Duration::from_millis(25);

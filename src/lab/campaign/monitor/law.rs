@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::time::Instant;
+use units::time::Instant;
 
 /// What must hold on the buses at any moment, whatever breaks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

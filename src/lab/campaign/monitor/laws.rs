@@ -4,8 +4,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use super::*;
-use crate::bus::Tap;
-use crate::canopen::frame::Frame;
+use bus::Tap;
+use canopen::frame::Frame;
 
 /// At 500 Hz, with one RPDO for each drive: controlword and target.
 const PERIOD: u64 = 2_000;

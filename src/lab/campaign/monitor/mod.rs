@@ -30,22 +30,22 @@ pub use rhythm::Excuse;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::bus::Tap;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Telegram;
-use crate::canopen::sync;
-use crate::config::Config;
-use crate::lab::campaign::monitor::age::Age;
-use crate::lab::campaign::monitor::grip::Grip;
-use crate::lab::campaign::monitor::law::Breaches;
-use crate::lab::campaign::monitor::order::Order;
-use crate::lab::campaign::monitor::rhythm::Rhythm;
-use crate::lab::campaign::monitor::sheet::Sheet;
-use crate::lab::campaign::monitor::sheet::Told;
-use crate::lab::campaign::monitor::torque::Torque;
-use crate::node::Request;
-use crate::telemetry::record::Mode;
-use crate::time::Instant;
+use crate::campaign::monitor::age::Age;
+use crate::campaign::monitor::grip::Grip;
+use crate::campaign::monitor::law::Breaches;
+use crate::campaign::monitor::order::Order;
+use crate::campaign::monitor::rhythm::Rhythm;
+use crate::campaign::monitor::sheet::Sheet;
+use crate::campaign::monitor::sheet::Told;
+use crate::campaign::monitor::torque::Torque;
+use bus::Tap;
+use canopen::frame::Channel;
+use canopen::frame::Telegram;
+use canopen::sync;
+use config::Config;
+use node::Request;
+use node::record::Mode;
+use units::time::Instant;
 
 /// The judge, with what it has seen.
 #[derive(Clone, Debug)]

@@ -1,23 +1,23 @@
 //! What the node does to whom, and in which order: I6, I8, I9 and I12.
 
-use crate::canopen::NmtCommand;
-use crate::canopen::drive::State;
-use crate::canopen::emcy::Emergency;
-use crate::canopen::error_codes;
-use crate::canopen::exchange::Told as Heard;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::nmt;
-use crate::canopen::nmt::Order as Nmt;
-use crate::canopen::object::Object;
-use crate::lab::campaign::monitor::law::Breaches;
-use crate::lab::campaign::monitor::law::Law;
-use crate::lab::campaign::monitor::sheet::ERROR_CONTROL;
-use crate::lab::campaign::monitor::sheet::Member;
-use crate::lab::campaign::monitor::sheet::SDO_REPLY;
-use crate::lab::campaign::monitor::sheet::SDO_REQUEST;
-use crate::lab::campaign::monitor::sheet::Sheet;
-use crate::time::Instant;
+use crate::campaign::monitor::law::Breaches;
+use crate::campaign::monitor::law::Law;
+use crate::campaign::monitor::sheet::ERROR_CONTROL;
+use crate::campaign::monitor::sheet::Member;
+use crate::campaign::monitor::sheet::SDO_REPLY;
+use crate::campaign::monitor::sheet::SDO_REQUEST;
+use crate::campaign::monitor::sheet::Sheet;
+use canopen::NmtCommand;
+use canopen::drive::State;
+use canopen::emcy::Emergency;
+use canopen::error_codes;
+use canopen::exchange::Told as Heard;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::nmt;
+use canopen::nmt::Order as Nmt;
+use canopen::object::Object;
+use units::time::Instant;
 
 /// Bits 0 to 3 of a controlword: enable operation.
 const ENABLE: u16 = 0x000F;

@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::sync;
-use crate::lab::campaign::monitor::law::Breaches;
-use crate::lab::campaign::monitor::law::Law;
-use crate::lab::campaign::monitor::sheet::Sheet;
-use crate::lab::campaign::monitor::sheet::Told;
-use crate::time::Instant;
+use crate::campaign::monitor::law::Breaches;
+use crate::campaign::monitor::law::Law;
+use crate::campaign::monitor::sheet::Sheet;
+use crate::campaign::monitor::sheet::Told;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::sync;
+use units::time::Instant;
 
 /// So many SYNCs are remembered.
 const REMEMBERED: usize = 10;

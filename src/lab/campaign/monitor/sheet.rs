@@ -2,26 +2,26 @@
 
 use std::time::Duration;
 
-use crate::canopen::NodeId;
-use crate::canopen::exchange::Inbox;
-use crate::canopen::frame::Channel;
-use crate::canopen::frame::Frame;
-use crate::canopen::layout::Direction;
-use crate::canopen::layout::Mapped;
-use crate::canopen::layout::Pdo;
-use crate::canopen::nmt;
-use crate::canopen::object::Object;
-use crate::canopen::plan::Identity;
-use crate::canopen::plan::NodePlan;
-use crate::canopen::sync;
-use crate::canopen::time_stamp;
-use crate::canopen::watchdog::Awaited;
-use crate::config::Config;
-use crate::controller::calibration::Counts;
-use crate::controller::calibration::TorqueCurve;
-use crate::lab::world;
-use crate::sim::arm::Arm;
-use crate::sim::arm::Joints;
+use crate::world;
+use canopen::NodeId;
+use canopen::exchange::Inbox;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::layout::Direction;
+use canopen::layout::Mapped;
+use canopen::layout::Pdo;
+use canopen::nmt;
+use canopen::object::Object;
+use canopen::plan::Identity;
+use canopen::plan::NodePlan;
+use canopen::sync;
+use canopen::time_stamp;
+use canopen::watchdog::Awaited;
+use config::Config;
+use controller::calibration::Counts;
+use controller::calibration::TorqueCurve;
+use sim::arm::Arm;
+use sim::arm::Joints;
 
 /// Of the predefined connection set (CiA 301, 7.3.3).
 pub(super) const SDO_REQUEST: u16 = 0x600;

@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use crate::canopen::exchange::Told as Heard;
-use crate::canopen::pdo::Deadman;
-use crate::lab::campaign::monitor::law::Breaches;
-use crate::lab::campaign::monitor::law::Law;
-use crate::lab::campaign::monitor::sheet::Sheet;
-use crate::time::Instant;
+use crate::campaign::monitor::law::Breaches;
+use crate::campaign::monitor::law::Law;
+use crate::campaign::monitor::sheet::Sheet;
+use canopen::exchange::Told as Heard;
+use canopen::pdo::Deadman;
+use units::time::Instant;
 
 /// What was felt may take so long to end when the deadman opens.
 const LETS_GO: Duration = Duration::from_millis(20);

@@ -1,8 +1,9 @@
 //! Whatever happens, in whatever order.
 
-use super::*;
-use crate::canopen::error_codes;
 use proptest::prelude::*;
+
+use super::*;
+use canopen::error_codes;
 
 /// What may happen to a drive.
 #[derive(Clone, Copy, Debug)]

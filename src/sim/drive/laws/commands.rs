@@ -1,8 +1,8 @@
 //! Commands, targets and modes, and what is told back.
 
 use super::*;
-use crate::canopen::abort::AbortCode;
-use crate::canopen::error_codes;
+use canopen::abort::AbortCode;
+use canopen::error_codes;
 
 #[test]
 fn the_master_boots_it_and_a_target_gives_its_torque_one_sync_later() {

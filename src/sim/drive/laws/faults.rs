@@ -1,7 +1,7 @@
 //! What goes wrong inside a drive, and what it takes to go on.
 
 use super::*;
-use crate::canopen::error_codes;
+use canopen::error_codes;
 
 #[test]
 fn safe_torque_off_takes_the_torque_at_once_and_holds_its_fault() {

@@ -1,7 +1,8 @@
 //! The modes that move the motor by themselves, with a motor that turns as its torque says.
 
-use super::*;
 use std::f64::consts::TAU;
+
+use super::*;
 
 /// In ‰ per increment/s²: that of a middle joint.
 const INERTIA: f64 = 2.5e-5;

@@ -1,7 +1,7 @@
 //! Stops that take their time: in profile torque mode, whose torque is lowered along 6087h.
 
 use super::*;
-use crate::canopen::error_codes;
+use canopen::error_codes;
 
 /// 6087h is 10,000 ‰/s by default: 500 ‰ are gone in 50 ms.
 const SLOPE_MS: std::ops::RangeInclusive<usize> = 48..=52;

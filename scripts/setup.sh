@@ -1,0 +1,67 @@
+#!/usr/bin/env bash
+# setup.sh: what the tests need beyond a Rust toolchain, on Debian and its like.
+#
+# usage: scripts/setup.sh [--missing] [tools|kernel]...          (both unless named)
+#
+#   tools    can-utils, iproute2, tshark, python3-venv from Debian (25 MB to fetch, 130 MB of disk, a minute; root or
+#            sudo), and Python's packages, pinned in tests/interop/requirements.txt, from PyPI into target/interop
+#            (40 MB, 20 s)
+#   kernel   a User-Mode Linux kernel that has vcan and virtual time, for $VCAN_KERNEL: one file of 7 MB in
+#            ~/.cache/vcan-uml, built from Debian's kernel source (150 MB to fetch, 2 GB while it is built, about 8
+#            minutes on two cores, once). It runs as an ordinary process; nothing of this machine's own kernel changes.
+#
+# Each step says what it installs. --missing installs nothing: it prints what is not there, a line each, and the exit
+# code is 1 if anything is not.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+as_root() { if [[ $EUID -eq 0 ]]; then "$@"; else sudo -n "$@"; fi; }
+
+only_tell=
+parts=()
+for word in "$@"; do
+  case $word in
+    --missing) only_tell=1 ;;
+    tools | kernel) parts+=("$word") ;;
+    *) sed -n '2,/^set/s/^# \?//p' "$0" >&2; exit 2 ;;
+  esac
+done
+((${#parts[@]})) || parts=(tools kernel)
+wanted() { [[ " ${parts[*]} " == *" $1 "* ]]; }
+
+kernel=${VCAN_KERNEL:-${VCAN_UML_HOME:-${XDG_CACHE_HOME:-$HOME/.cache}/vcan-uml}/linux-timetravel}
+packages=()
+command -v candump >/dev/null || packages+=(can-utils)
+PATH=$PATH:/usr/sbin:/sbin command -v ip >/dev/null || packages+=(iproute2)
+command -v tshark >/dev/null || packages+=(tshark)
+python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3 python3-venv)
+venv=target/interop/venv
+has_venv() { cmp -s tests/interop/requirements.txt target/interop/installed.txt && [[ -x $venv/bin/python ]]; }
+
+if [[ -n $only_tell ]]; then
+  missing=()
+  if wanted tools; then
+    missing+=("${packages[@]}")
+    has_venv || missing+=("$venv")
+  fi
+  if wanted kernel && [[ ! -x $kernel ]]; then missing+=("$kernel"); fi
+  ((${#missing[@]} == 0)) || { printf '%s\n' "${missing[@]}"; exit 1; }
+  exit
+fi
+
+if wanted tools && ((${#packages[@]})); then
+  echo "setup: installing ${packages[*]} from Debian" >&2
+  as_root apt-get update -q >/dev/null
+  as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "${packages[@]}" >/dev/null
+fi
+if wanted tools && ! has_venv; then
+  echo "setup: installing $(grep -v '^#' tests/interop/requirements.txt | paste -sd ' ') into $venv" >&2
+  rm -rf "$venv" && mkdir -p target/interop
+  python3 -m venv "$venv"
+  "$venv/bin/pip" install --quiet --disable-pip-version-check -r tests/interop/requirements.txt
+  cp tests/interop/requirements.txt target/interop/installed.txt
+fi
+if wanted kernel && [[ ! -x $kernel ]]; then
+  echo "setup: no kernel with virtual time at $kernel; building one (about 8 minutes, once)" >&2
+  as_root apt-get update -q >/dev/null
+  scripts/build_timetravel_kernel.sh "$kernel"
+fi

@@ -1,0 +1,232 @@
+//! Lines as `candump` shows them on a screen, read; and those of its logs, so that either may be piped in.
+//!
+//! ```text
+//!   can0  181   [8]  37 16 E8 03 00 00 FE FF                        no stamp
+//!  (1700000000.123456)  can0  181   [2]  37 16   '7.'               -t a, with the text of -a
+//!  (000.001000)  can0  RX - -  701   [0]  remote request            -t d or -t z, with the -x of a direction
+//!  (2026-01-31 08:15:00.123456)  can0  080   [0]                    -t A
+//!   can0  181   {E}  37 16 E8 03 00 00 FE FF                        -8: the data length code in braces
+//!  (1700000000.123456) can0 181#3716                                a line of a log
+//! ```
+
+use std::str::SplitAsciiWhitespace;
+
+use crate::candump::Bytes;
+use crate::candump::Content;
+use crate::candump::Line;
+use crate::candump::NotALine;
+use crate::candump::byte;
+use crate::candump::identifier;
+use crate::candump::is_error;
+use crate::candump::long_dlc;
+use crate::candump::stamp;
+
+const NANOS: u64 = 1_000_000_000;
+
+/// Reads a line of either form, and the nanoseconds of its stamp if it has one.
+///
+/// # Errors
+/// The first part that is not as it should be.
+pub fn parse(text: &str) -> Result<(Option<u64>, Line<'_>), NotALine> {
+    if text.bytes().any(|byte| byte == b'#') && !text.contains(['[', '{']) {
+        return Line::parse(text).map(|line| (Some(line.nanos), line));
+    }
+    let (stamp, rest) = leading_stamp(text)?;
+    let mut words = rest.split_ascii_whitespace();
+    let interface = words.next().ok_or(NotALine::Interface)?;
+    let (id, is_extended) = words
+        .next()
+        .and_then(|word| identifier(past_direction(word, &mut words)?))
+        .ok_or(NotALine::Identifier)?;
+    let (content, raw_dlc) = content(id, &mut words).ok_or(NotALine::Data)?;
+    let (nanos, is_fine) = stamp.unwrap_or_default();
+    let line = Line { nanos, is_fine, interface, id, is_extended, raw_dlc, content };
+    Ok((stamp.map(|(nanos, _)| nanos), line))
+}
+
+/// Nanoseconds, and whether there are nine digits of them; what follows.
+type Stamped<'t> = (Option<(u64, bool)>, &'t str);
+
+fn leading_stamp(text: &str) -> Result<Stamped<'_>, NotALine> {
+    let text = text.trim_start();
+    if !text.starts_with('(') {
+        return Ok((None, text));
+    }
+    let end = text.find(')').ok_or(NotALine::Stamp)?;
+    let (word, rest) = text.split_at_checked(end + 1).ok_or(NotALine::Stamp)?;
+    let read = stamp(word).or_else(|| date(word)).ok_or(NotALine::Stamp)?;
+    Ok((Some(read), rest))
+}
+
+/// `(2026-01-31 08:15:00.123456)`, as if it were universal time: only differences are looked at.
+fn date(word: &str) -> Option<(u64, bool)> {
+    let (day, time) = word.strip_prefix('(')?.strip_suffix(')')?.split_once(' ')?;
+    let mut day = day.splitn(3, '-').map(|part| part.parse::<u64>().ok());
+    let (year, month, day) = (day.next()??, day.next()??, day.next()??);
+    let (time, fraction) = time.split_once('.')?;
+    let mut time = time.splitn(3, ':').map(|part| part.parse::<u64>().ok());
+    let (hours, minutes, seconds) = (time.next()??, time.next()??, time.next()??);
+    let is_date = (1971..2500).contains(&year) && (1..=12).contains(&month) && day <= 31;
+    if !is_date || hours > 23 || minutes > 59 || seconds > 60 {
+        return None;
+    }
+    let (below, is_fine) = stamp_fraction(fraction)?;
+    let seconds =
+        ((days(year, month) + day - days(1970, 1)) * 24 + hours) * 3_600 + minutes * 60 + seconds;
+    Some((seconds * NANOS + below, is_fine))
+}
+
+/// Six or nine digits behind the point, in nanoseconds.
+fn stamp_fraction(digits: &str) -> Option<(u64, bool)> {
+    let scale = match digits.len() {
+        6 => 1_000,
+        9 => 1,
+        _ => return None,
+    };
+    Some((digits.parse::<u64>().ok()? * scale, scale == 1))
+}
+
+/// Days before the month, of a calendar whose year begins in March, so that the leap day is its last.
+const fn days(year: u64, month: u64) -> u64 {
+    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
+    year * 365 + year / 4 - year / 100 + year / 400 + (153 * month + 2) / 5
+}
+
+/// The identifier itself, where `-x` has put `RX - -` before it.
+fn past_direction<'t>(word: &'t str, words: &mut SplitAsciiWhitespace<'t>) -> Option<&'t str> {
+    if word != "RX" && word != "TX" {
+        return Some(word);
+    }
+    words.nth(2)
+}
+
+/// The length of a frame as it is written.
+struct Length {
+    bytes: u8,
+    is_fd: bool,
+    raw_dlc: Option<u8>,
+}
+
+/// `[8]` of a classical frame, `{8}` or `{E}` of one with its data length code, `[08]` of an FD frame.
+fn length(word: &str) -> Option<Length> {
+    let (digits, is_code) = match word.strip_prefix('{') {
+        Some(rest) => (rest.strip_suffix('}')?, true),
+        None => (word.strip_prefix('[')?.strip_suffix(']')?, false),
+    };
+    if let Some(dlc) = long_dlc(digits).filter(|_| is_code) {
+        return Some(Length { bytes: 8, is_fd: false, raw_dlc: Some(dlc) });
+    }
+    let bytes: u8 = digits.parse().ok().filter(|_| !digits.starts_with('+'))?;
+    let is_fd = digits.len() == 2;
+    if is_fd && is_code {
+        return None;
+    }
+    let most = if is_fd { 64 } else { 8 };
+    (bytes <= most).then_some(Length { bytes, is_fd, raw_dlc: None })
+}
+
+/// `[8]  37 16 …`: what a frame carries, and its data length code where that is above 8.
+fn content(id: u32, words: &mut SplitAsciiWhitespace<'_>) -> Option<(Content, Option<u8>)> {
+    let Length { bytes: length, is_fd, raw_dlc } = length(words.next()?)?;
+    let mut bytes = Bytes::empty();
+    for place in 0..length {
+        let word = words.next()?;
+        if place == 0 && word == "remote" {
+            return Some((Content::Remote(Some(length)), raw_dlc));
+        }
+        bytes.push(byte(word.as_bytes().try_into().ok()?)?)?;
+    }
+    let content = match words.next() {
+        Some("remote") => Content::Remote(Some(length)),
+        _ if is_fd => Content::Fd(0, bytes),
+        _ if is_error(id) => Content::Error(bytes),
+        _ => Content::Data(bytes),
+    };
+    (raw_dlc.is_none() || content.is_classical_of_8()).then_some((content, raw_dlc))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// What a line of the screen says, as a line of a log.
+    fn as_log(text: &str) -> String {
+        let (nanos, line) = parse(text).unwrap_or_else(|error| panic!("{text}: {error}"));
+        assert_eq!(nanos.unwrap_or_default(), line.nanos);
+        line.to_string()
+    }
+
+    #[test]
+    fn what_candump_shows_is_read() {
+        for (text, log) in [
+            ("  can0  181   [4]  37 16 E8 03", "(0.000000) can0 181#3716E803"),
+            (" (1.000002)  can0  181   [2]  37 16   '7.'", "(1.000002) can0 181#3716"),
+            (" (000.001000)  vcan0       080   [0]", "(0.001000) vcan0 080#"),
+            (" (1.000000)  can0  TX B -  701   [1]  05", "(1.000000) can0 701#05"),
+            ("(1.000000)  can0  701   [0]  remote request", "(1.000000) can0 701#R0"),
+            ("(1.000000)  can0  701   [8]  remote request", "(1.000000) can0 701#R8"),
+            ("  can0  1FFFFFFF   [1]  00      '.'", "(0.000000) can0 1FFFFFFF#00"),
+            ("  can0  18FF0000  [03]  00 11 22", "(0.000000) can0 18FF0000##0001122"),
+            (
+                "  can0  20000004   [8]  00 08 00 00 00 00 00 00   ERRORFRAME",
+                "(0.000000) can0 20000004#0008000000000000",
+            ),
+            ("(1.000000) can0 181#3716 R", "(1.000000) can0 181#3716"),
+            ("  can0  123   {2}  37 16", "(0.000000) can0 123#3716"),
+            (
+                " (1.000000)  can0  123   {B}  11 22 33 44 55 66 77 88   '.\"3DUfw#'",
+                "(1.000000) can0 123#1122334455667788_B",
+            ),
+            ("(1.000000)  can0  701   {F}  remote request", "(1.000000) can0 701#R8_F"),
+        ] {
+            assert_eq!(as_log(text), log);
+        }
+    }
+
+    #[test]
+    fn a_date_is_as_far_from_another_as_the_calendar_says() {
+        let nanos = |text| parse(text).unwrap().0.unwrap();
+        let before = nanos(" (2024-02-28 23:59:59.500000)  can0  080   [0]");
+        let after = nanos(" (2024-03-01 00:00:00.750000)  can0  080   [0]");
+        assert_eq!(after - before, (24 * 3_600 + 1) * NANOS + NANOS / 4);
+    }
+
+    #[test]
+    fn what_is_no_line_says_why() {
+        for (text, reason) in [
+            ("", NotALine::Interface),
+            ("(x)  can0  080   [0]", NotALine::Stamp),
+            ("  can0", NotALine::Identifier),
+            ("  can0  80   [0]", NotALine::Identifier),
+            ("  can0  080", NotALine::Data),
+            ("  can0  080   [2]  11", NotALine::Data),
+            ("  can0  080   [9]  11 22 33 44 55 66 77 88 99", NotALine::Data),
+            ("  can0  080   [1]  +1", NotALine::Data),
+            ("  can0  080   [E]  11 22 33 44 55 66 77 88", NotALine::Data),
+            ("  can0  080   {E}  11 22", NotALine::Data),
+            ("  can0  080   {08}  11", NotALine::Data),
+        ] {
+            assert_eq!(parse(text).map(|(_, line)| line.id), Err(reason), "{text}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_read_or_refused(text in ".*") {
+            parse(&text).ok();
+        }
+
+        #[test]
+        fn nearly_a_line_is_read_or_refused(
+            text in r" ?(\([0-9:. -]{0,26}\))? *can0 *(RX - -)? *[0-9A-F]{2,9} *\[[0-9]{1,3}\]( [0-9A-F]{2}){0,9}( remote)?",
+        ) {
+            if let Ok((_, line)) = parse(&text) {
+                let log = line.to_string();
+                let again = Line::parse(&log);
+                prop_assert_eq!(again.as_ref().map(ToString::to_string), Ok(log.clone()));
+            }
+        }
+    }
+}

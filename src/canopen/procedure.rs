@@ -1,0 +1,78 @@
+//! A pure machine that comes to an end: one SDO transfer, one scan, one LSS job. What a bench tool runs.
+//!
+//! Nothing here waits or sends. Whoever owns the bus calls the three verbs until there is an outcome;
+//! frames to send are appended to `out`. A procedure is on one bus.
+
+use std::time::Duration;
+
+use crate::frame::Frame;
+use crate::sdo;
+use crate::sdo::Transfer;
+use units::time::Instant;
+
+/// A machine with an outcome.
+pub trait Procedure {
+    /// What it comes to.
+    type Outcome;
+
+    /// Takes one received frame.
+    fn on_frame(
+        &mut self,
+        now: Instant,
+        frame: &Frame,
+        out: &mut Vec<Frame>,
+    ) -> Option<Self::Outcome>;
+
+    /// Does what is due at `now`.
+    fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Self::Outcome>;
+
+    /// When [`on_time`](Self::on_time) must next be called; `None` if only a frame can bring it further.
+    fn deadline(&self) -> Option<Instant>;
+
+    /// Leaves the bus as it should be left when the procedure is not carried on.
+    fn abandon(&mut self, _now: Instant, _out: &mut Vec<Frame>) {}
+}
+
+impl Procedure for Transfer {
+    type Outcome = sdo::Outcome;
+
+    fn on_frame(
+        &mut self,
+        now: Instant,
+        frame: &Frame,
+        out: &mut Vec<Frame>,
+    ) -> Option<Self::Outcome> {
+        self.on_frame(now, frame, out)
+    }
+
+    fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Self::Outcome> {
+        self.on_time(now, out)
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        self.deadline()
+    }
+
+    /// Tells the server that nobody waits any more.
+    fn abandon(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        self.on_time(now + Duration::MAX, out);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::NodeId;
+    use crate::object::Object;
+
+    #[test]
+    fn a_transfer_that_is_abandoned_is_aborted() {
+        let (node, mut out) = (NodeId::new(5).unwrap(), Vec::new());
+        let timeout = Duration::from_millis(100);
+        let now = Instant::from_micros(7);
+        let mut transfer = Transfer::read(node, Object::DEVICE_TYPE, timeout, now, &mut out);
+        transfer.abandon(now, &mut out);
+        assert_eq!(out.last(), Some(&Frame::new(0x605, [0x80, 0, 0x10, 0, 0, 0, 4, 5])));
+        assert_eq!(Procedure::deadline(&transfer), None);
+    }
+}

@@ -1,0 +1,164 @@
+//! A node of the tests: a few objects, answered as a faultless device would, and the faults a test asks
+//! for. Not a simulated drive: it holds bytes and knows nothing of what they mean.
+
+use std::collections::HashMap;
+
+use canopen_rs::NmtCommand;
+use canopen_rs::NodeId;
+
+use crate::abort::AbortCode;
+use crate::frame::Frame;
+use crate::master::steps::Stage;
+use crate::master::steps::Step;
+use crate::nmt::Order;
+use crate::object::Object;
+use crate::plan::NodePlan;
+use crate::sdo::bytes;
+
+/// Every step that a node which holds nothing yet is taken through.
+pub(crate) fn first_boot(plan: &NodePlan) -> Vec<Step> {
+    [Stage::Finding, Stage::Looking, Stage::Meeting, Stage::Resetting, Stage::Downloading]
+        .into_iter()
+        .flat_map(|stage| stage.steps(plan))
+        .collect()
+}
+
+/// What a node is and does.
+#[derive(Debug)]
+pub struct Scripted {
+    pub node: NodeId,
+    pub objects: HashMap<Object, Vec<u8>>,
+    /// Objects whose write is aborted, and why.
+    pub refuses: HashMap<Object, AbortCode>,
+    /// Objects whose write is confirmed and then forgotten.
+    pub forgets: Vec<Object>,
+    /// Requests left unanswered before the first answer.
+    pub deaf_for: u32,
+    /// Whether a reset is followed by a boot-up message.
+    pub boots: bool,
+    /// Whether it starts itself after that, as 1F80h can tell a device to.
+    pub starts_itself: bool,
+    /// Toggle bit of its next answer to guarding.
+    pub toggle: u8,
+    /// NMT state as the heartbeat tells it.
+    pub state: u8,
+    /// Every object written, in order.
+    pub written: Vec<Object>,
+}
+
+impl Scripted {
+    /// A node that `plan` suits.
+    pub fn suiting(plan: &NodePlan) -> Self {
+        let mut objects = HashMap::new();
+        for step in first_boot(plan) {
+            let Step::Object(action, check) = step else { continue };
+            let holds = bytes(&check.expected);
+            objects.insert(
+                check.object,
+                if action.writes() { vec![0xEE; holds.len()] } else { holds },
+            );
+        }
+        Self {
+            node: plan.node,
+            objects,
+            refuses: HashMap::new(),
+            forgets: Vec::new(),
+            deaf_for: 0,
+            boots: true,
+            starts_itself: false,
+            toggle: 0,
+            state: 0x7F,
+            written: Vec::new(),
+        }
+    }
+
+    /// A node that was configured by `plan` and has stored it.
+    pub fn holding(plan: &NodePlan) -> Self {
+        let mut device = Self::suiting(plan);
+        for (object, value) in plan.writes() {
+            device.objects.insert(object, bytes(&value));
+        }
+        device.objects.extend(stamp(plan));
+        device
+    }
+
+    /// What it says to one frame.
+    pub fn answer(&mut self, frame: &Frame) -> Option<Frame> {
+        if frame.is_remote() {
+            return self.answer_guard(frame);
+        }
+        let is_for_us = |order: &Order| order.node.is_none_or(|node| node == self.node);
+        if let Some(order) = Order::decode(frame).filter(is_for_us) {
+            match order.command {
+                NmtCommand::StartRemoteNode => self.state = 0x05,
+                NmtCommand::StopRemoteNode => self.state = 0x04,
+                NmtCommand::EnterPreOperational => self.state = 0x7F,
+                NmtCommand::ResetNode | NmtCommand::ResetCommunication => {
+                    self.state = if self.starts_itself { 0x05 } else { 0x7F };
+                    self.toggle = 0;
+                    return self.boots.then(|| self.heartbeat(0));
+                }
+            }
+            return None;
+        }
+        if frame.cob_id != 0x600 + u16::from(self.node.raw()) || self.state == 0x04 {
+            return None;
+        }
+        let request: [u8; 8] = frame.data().try_into().ok()?;
+        if request[0] == 0x80 {
+            return None;
+        }
+        if self.deaf_for > 0 {
+            self.deaf_for -= 1;
+            return None;
+        }
+        Some(Frame::new(0x580 + u16::from(self.node.raw()), self.serve(request)))
+    }
+
+    /// A question of its guard: its state, and a bit that alternates.
+    fn answer_guard(&mut self, frame: &Frame) -> Option<Frame> {
+        let is_asked = frame.cob_id == 0x700 + u16::from(self.node.raw()) && self.deaf_for == 0;
+        let answer = is_asked.then(|| self.heartbeat(self.toggle | self.state));
+        self.toggle ^= if is_asked { 0x80 } else { 0 };
+        answer
+    }
+
+    /// Its heartbeat, with `byte` in it.
+    pub fn heartbeat(&self, byte: u8) -> Frame {
+        Frame::new(0x700 + u16::from(self.node.raw()), [byte])
+    }
+
+    fn serve(&mut self, [command, low, high, sub, value @ ..]: [u8; 8]) -> [u8; 8] {
+        let object = Object { index: u16::from_le_bytes([low, high]), sub };
+        let Some(holds) = self.objects.get_mut(&object) else {
+            return abort(object, AbortCode::NO_OBJECT);
+        };
+        if command == 0x40 {
+            let mut reply =
+                [0x43 | (4 - u8::try_from(holds.len()).unwrap()) << 2, low, high, sub, 0, 0, 0, 0];
+            reply[4..4 + holds.len()].copy_from_slice(holds);
+            return reply;
+        }
+        if let Some(code) = self.refuses.get(&object) {
+            return abort(object, *code);
+        }
+        self.written.push(object);
+        if !self.forgets.contains(&object) {
+            *holds = value[..4 - usize::from(command >> 2 & 3)].to_vec();
+        }
+        [0x60, low, high, sub, 0, 0, 0, 0]
+    }
+}
+
+/// What 1020h holds after this plan.
+pub fn stamp(plan: &NodePlan) -> [(Object, Vec<u8>); 2] {
+    let stamp = plan.stamp();
+    [(Object::CONFIGURATION_DATE, stamp.date), (Object::CONFIGURATION_TIME, stamp.time)]
+        .map(|(object, part)| (object, part.to_le_bytes().to_vec()))
+}
+
+fn abort(object: Object, code: AbortCode) -> [u8; 8] {
+    let [low, high] = object.index.to_le_bytes();
+    let [a, b, c, d] = code.0.to_le_bytes();
+    [0x80, low, high, object.sub, a, b, c, d]
+}

@@ -1,0 +1,377 @@
+//! The PDOs a node really has, read from it by SDO: what counts, whatever its EDS and a plan say.
+//!
+//! Reads only. Every PDO that exists is told, those that are off included.
+
+use std::time::Duration;
+
+use canopen_rs::MappingEntry;
+use canopen_rs::NodeId;
+use canopen_rs::pdo::PDO_COB_ID_INVALID;
+use thiserror::Error;
+
+use canopen::abort::AbortCode;
+use canopen::frame::COB_ID_MAX;
+use canopen::frame::Frame;
+use canopen::layout::Direction;
+use canopen::layout::MOST_PDOS;
+use canopen::layout::Mapped;
+use canopen::layout::Pdo;
+use canopen::layout::Service;
+use canopen::object::Object;
+use canopen::procedure::Procedure;
+use canopen::sdo::Outcome;
+use canopen::sdo::SdoError;
+use canopen::sdo::Transfer;
+use canopen::sync::Transmission;
+use units::time::Instant;
+
+/// PDOs are numbered without larger gaps than this, or not all of them are found.
+const WIDEST_GAP: u16 = 8;
+
+/// The most objects a PDO can hold: its bits.
+const MOST_OBJECTS: u8 = 64;
+
+/// Why a node's PDOs are not known.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("node {}: {object}: {error}", node.raw())]
+pub struct Unreadable {
+    /// Whose.
+    pub node: NodeId,
+    /// What could not be read.
+    pub object: Object,
+    /// Why.
+    pub error: SdoError,
+}
+
+/// Reads the PDOs of one node.
+#[derive(Clone, Debug)]
+pub struct Reader {
+    node: NodeId,
+    timeout: Duration,
+    transfer: Option<Transfer>,
+    asked: Question,
+    /// The PDO in hand.
+    pdo: Pdo,
+    /// Numbers in a row that do not exist.
+    gap: u16,
+    found: Vec<Pdo>,
+}
+
+/// Which object is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Question {
+    CobId,
+    Transmission,
+    InhibitTime,
+    EventTimer,
+    Count,
+    Entry { sub: u8, count: u8 },
+    Nothing,
+}
+
+impl Reader {
+    /// A reader that asks with the first call of [`on_time`](Procedure::on_time); every object has `timeout`
+    /// for its reply.
+    pub const fn new(node: NodeId, timeout: Duration) -> Self {
+        Self {
+            node,
+            timeout,
+            transfer: None,
+            asked: Question::CobId,
+            pdo: blank(Direction::Receive, 1),
+            gap: 0,
+            found: Vec::new(),
+        }
+    }
+
+    fn object(&self) -> Object {
+        match self.asked {
+            Question::CobId | Question::Nothing => self.pdo.communication(1),
+            Question::Transmission => self.pdo.communication(2),
+            Question::InhibitTime => self.pdo.communication(3),
+            Question::EventTimer => self.pdo.communication(5),
+            Question::Count => self.pdo.mapping(0),
+            Question::Entry { sub, .. } => self.pdo.mapping(sub),
+        }
+    }
+
+    fn ask(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        let is_over = self.asked == Question::Nothing;
+        let object = Some(self.object()).filter(|_| !is_over);
+        self.transfer =
+            object.map(|object| Transfer::read(self.node, object, self.timeout, now, out));
+    }
+
+    fn on_outcome(
+        &mut self,
+        now: Instant,
+        outcome: Outcome,
+        out: &mut Vec<Frame>,
+    ) -> Option<Result<Vec<Pdo>, Unreadable>> {
+        match outcome {
+            Ok(content) => self.asked = self.learn(number(content.bytes())),
+            Err(SdoError::Refused(AbortCode::NO_OBJECT | AbortCode::NO_SUB_INDEX)) => {
+                self.asked = self.learn_absent();
+            }
+            Err(error) => {
+                let (node, object) = (self.node, self.object());
+                self.asked = Question::Nothing;
+                self.transfer = None;
+                return Some(Err(Unreadable { node, object, error }));
+            }
+        }
+        self.ask(now, out);
+        (self.asked == Question::Nothing).then(|| Ok(std::mem::take(&mut self.found)))
+    }
+
+    /// What was asked for is `number`; what is to be asked next.
+    fn learn(&mut self, number: u32) -> Question {
+        let [lowest, second, ..] = number.to_le_bytes();
+        let pair = u16::from_le_bytes([lowest, second]);
+        match self.asked {
+            Question::CobId => {
+                self.gap = 0;
+                self.pdo.cob_id = pair & COB_ID_MAX;
+                if number & PDO_COB_ID_INVALID != 0 {
+                    return self.next_pdo();
+                }
+                self.pdo.service = Some(unknown_service());
+                return Question::Transmission;
+            }
+            Question::Transmission => self.service(|s| s.transmission = Transmission(lowest)),
+            Question::InhibitTime => self.service(|s| s.inhibit_100us = Some(pair)),
+            Question::EventTimer => self.service(|s| s.event_timer_ms = Some(pair)),
+            Question::Count => {
+                return self.entry(1, lowest.min(MOST_OBJECTS));
+            }
+            Question::Entry { sub, count } => {
+                let MappingEntry { address, bit_length, .. } = MappingEntry::from_u32(number);
+                let object = Object { index: address.index, sub: address.subindex };
+                self.service(|s| s.mapping.push(Mapped { object, bits: bit_length }));
+                return self.entry(sub.saturating_add(1), count);
+            }
+            Question::Nothing => {}
+        }
+        self.next_question()
+    }
+
+    /// What was asked for does not exist; what is to be asked next.
+    fn learn_absent(&mut self) -> Question {
+        match self.asked {
+            Question::CobId => {
+                self.gap += 1;
+                self.pdo.cob_id = 0;
+                self.skip_pdo()
+            }
+            // A valid PDO without a mapping parameter has what its maker gave it: nothing is known of it.
+            Question::Count | Question::Entry { .. } => self.next_pdo(),
+            Question::Transmission
+            | Question::InhibitTime
+            | Question::EventTimer
+            | Question::Nothing => self.next_question(),
+        }
+    }
+
+    const fn next_question(&self) -> Question {
+        match self.asked {
+            Question::Transmission => Question::InhibitTime,
+            Question::InhibitTime => Question::EventTimer,
+            Question::EventTimer => Question::Count,
+            Question::CobId | Question::Count | Question::Entry { .. } | Question::Nothing => {
+                Question::Nothing
+            }
+        }
+    }
+
+    fn entry(&mut self, sub: u8, count: u8) -> Question {
+        if sub <= count { Question::Entry { sub, count } } else { self.next_pdo() }
+    }
+
+    /// The PDO in hand is known.
+    fn next_pdo(&mut self) -> Question {
+        let blank = blank(self.pdo.direction, self.pdo.number);
+        self.found.push(std::mem::replace(&mut self.pdo, blank));
+        self.skip_pdo()
+    }
+
+    fn skip_pdo(&mut self) -> Question {
+        let Pdo { direction, number, .. } = self.pdo;
+        let is_last = number == MOST_PDOS || self.gap > WIDEST_GAP;
+        self.pdo = match (direction, is_last) {
+            (_, false) => blank(direction, number + 1),
+            (Direction::Receive, true) => blank(Direction::Transmit, 1),
+            (Direction::Transmit, true) => return Question::Nothing,
+        };
+        if is_last {
+            self.gap = 0;
+        }
+        Question::CobId
+    }
+
+    fn service(&mut self, learn: impl FnOnce(&mut Service)) {
+        if let Some(service) = &mut self.pdo.service {
+            learn(service);
+        }
+    }
+}
+
+impl Procedure for Reader {
+    type Outcome = Result<Vec<Pdo>, Unreadable>;
+
+    fn on_frame(
+        &mut self,
+        now: Instant,
+        frame: &Frame,
+        out: &mut Vec<Frame>,
+    ) -> Option<Self::Outcome> {
+        let outcome = self.transfer.as_mut()?.on_frame(now, frame, out)?;
+        self.on_outcome(now, outcome, out)
+    }
+
+    fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Self::Outcome> {
+        match &mut self.transfer {
+            None => {
+                self.ask(now, out);
+                None
+            }
+            Some(transfer) => {
+                let outcome = transfer.on_time(now, out)?;
+                self.on_outcome(now, outcome, out)
+            }
+        }
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        match &self.transfer {
+            Some(transfer) => transfer.deadline(),
+            None => (self.asked != Question::Nothing).then_some(Instant::ZERO),
+        }
+    }
+
+    /// Tells the node that nobody waits any more.
+    fn abandon(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        if let Some(transfer) = &mut self.transfer {
+            transfer.abandon(now, out);
+        }
+    }
+}
+
+const fn blank(direction: Direction, number: u16) -> Pdo {
+    Pdo { direction, number, cob_id: 0, service: None }
+}
+
+const fn unknown_service() -> Service {
+    Service {
+        transmission: Transmission::EVENT_OF_PROFILE,
+        inhibit_100us: None,
+        event_timer_ms: None,
+        mapping: Vec::new(),
+    }
+}
+
+/// The lowest 32 bits of a value, little-endian.
+fn number(bytes: &[u8]) -> u32 {
+    bytes.iter().take(4).rev().fold(0, |number, byte| number << 8 | u32::from(*byte))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use canopen::layout;
+    use canopen::layout::Group;
+    use canopen::plan::NodePlan;
+    use canopen::sdo::bytes;
+    use canopen::testing::plans::elbow;
+    use canopen::testing::scripted::Scripted;
+
+    const TIMEOUT: Duration = Duration::from_millis(50);
+
+    fn node() -> NodeId {
+        NodeId::new(3).unwrap()
+    }
+
+    /// A device that has been told all of `plan`.
+    fn configured(plan: &NodePlan) -> Scripted {
+        let mut device = Scripted::suiting(plan);
+        for (object, value) in plan.pdos.iter().flat_map(Pdo::writes) {
+            device.objects.insert(object, bytes(&value));
+        }
+        device
+    }
+
+    fn read(device: &mut Scripted) -> Result<Vec<Pdo>, Unreadable> {
+        let (mut reader, mut queue) = (Reader::new(node(), TIMEOUT), Vec::new());
+        loop {
+            let now = reader.deadline().expect("a reader without an outcome has a deadline");
+            let mut outcome = reader.on_time(now, &mut queue);
+            while !queue.is_empty() {
+                let request = queue.remove(0);
+                if let Some(answer) = device.answer(&request) {
+                    outcome = outcome.or(reader.on_frame(now, &answer, &mut queue));
+                }
+            }
+            if let Some(outcome) = outcome {
+                assert_eq!(reader.deadline(), None);
+                return outcome;
+            }
+        }
+    }
+
+    /// In the order they are read, and with what a device does not leave open.
+    fn expected(plan: &NodePlan) -> Vec<Pdo> {
+        let mut pdos = plan.pdos.clone();
+        pdos.sort_by_key(|pdo| (pdo.direction == Direction::Transmit, pdo.number));
+        pdos
+    }
+
+    #[test]
+    fn what_was_planned_and_written_is_what_is_read() {
+        let group = Group { cob_id: 0x201, size: 3, slot: 2 };
+        for pdos in [
+            layout::per_drive(node(), Some(5)),
+            layout::grouped(node(), 2, group, Some(5)),
+            layout::grouped(node(), 2, group, None),
+        ] {
+            let plan = NodePlan { pdos, ..elbow() };
+            assert_eq!(read(&mut configured(&plan)).unwrap(), expected(&plan));
+        }
+    }
+
+    #[test]
+    fn a_gap_in_the_numbers_hides_nothing() {
+        let mut plan = elbow();
+        let far = Pdo { number: 9, cob_id: 0x3A5, ..plan.pdos[0].clone() };
+        plan.pdos.push(far);
+        assert_eq!(read(&mut configured(&plan)).unwrap(), expected(&plan));
+    }
+
+    #[test]
+    fn a_node_that_falls_silent_is_named_with_the_object() {
+        let mut device = Scripted { deaf_for: u32::MAX, ..configured(&elbow()) };
+        let message = "node 3: 1400h:1: no answer";
+        assert_eq!(read(&mut device).unwrap_err().to_string(), message);
+    }
+
+    proptest! {
+        #[test]
+        fn any_answers_lead_to_an_end(answers in proptest::collection::vec(any::<[u8; 8]>(), 0..300)) {
+            let (mut reader, mut out) = (Reader::new(node(), TIMEOUT), Vec::new());
+            let (mut now, mut outcomes) = (Instant::ZERO, 0);
+            for mut payload in answers {
+                outcomes += u32::from(reader.on_time(now, &mut out).is_some());
+                if let Some(request) = out.pop() {
+                    payload[..4].copy_from_slice(&[0x43, request.data()[1], request.data()[2], request.data()[3]]);
+                }
+                let frame = Frame::new(0x583, payload);
+                outcomes += u32::from(reader.on_frame(now, &frame, &mut out).is_some());
+            }
+            while let Some(due) = reader.deadline() {
+                now = now.max(due);
+                outcomes += u32::from(reader.on_time(now, &mut out).is_some());
+            }
+            prop_assert_eq!(outcomes, 1);
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! Detects a master that runs on a bus: it sends SYNC.
+//!
+//! Only listens. A master whose period is longer than the window, or that needs no SYNC, is not detected.
+
+use std::time::Duration;
+
+use canopen::frame::Frame;
+use canopen::procedure::Procedure;
+use canopen::sync;
+use units::time::Instant;
+
+/// Time that is listened: ten periods at 100 Hz, the slowest that moves anything.
+pub const WINDOW: Duration = Duration::from_millis(100);
+
+/// The wait for a SYNC.
+#[derive(Clone, Copy, Debug)]
+pub struct Presence {
+    until: Instant,
+}
+
+impl Presence {
+    /// Listens from `now` on for a [`WINDOW`].
+    pub fn begin(now: Instant) -> Self {
+        Self { until: now + WINDOW }
+    }
+}
+
+impl Procedure for Presence {
+    /// Whether a SYNC was received.
+    type Outcome = bool;
+
+    fn on_frame(&mut self, _: Instant, frame: &Frame, _: &mut Vec<Frame>) -> Option<bool> {
+        let is_sync = frame.cob_id == sync::COB_ID && !frame.is_remote();
+        is_sync.then_some(true)
+    }
+
+    fn on_time(&mut self, now: Instant, _: &mut Vec<Frame>) -> Option<bool> {
+        (now >= self.until).then_some(false)
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        Some(self.until)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sync_within_the_window_is_a_master() {
+        let mut out = Vec::new();
+        let mut presence = Presence::begin(Instant::ZERO);
+        let now = Instant::ZERO + WINDOW / 2;
+        for other in [Frame::new(0x000, [1, 3]), Frame::new(0x703, [5]), Frame::remote(0x080, 0)] {
+            assert_eq!(presence.on_frame(now, &other, &mut out), None, "{other}");
+        }
+        assert_eq!(presence.on_time(now, &mut out), None);
+        assert_eq!(presence.on_frame(now, &Frame::new(0x080, [7]), &mut out), Some(true));
+        assert_eq!(presence.on_time(Instant::ZERO + WINDOW, &mut out), Some(false));
+        assert_eq!(out, [], "it only listens");
+    }
+}

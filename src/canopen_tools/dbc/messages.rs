@@ -1,0 +1,431 @@
+//! What is in the DBC file of a network: the PDOs of the effective layout, and what every CANopen bus has.
+
+use thiserror::Error;
+
+use crate::dbc::Database;
+use crate::dbc::Field;
+use crate::dbc::Message;
+use crate::dbc::Number;
+use crate::signals;
+use crate::signals::ACTUATOR_POSITION;
+use crate::signals::Member;
+use crate::signals::PdoFrame;
+use crate::signals::Signal;
+use crate::words;
+use crate::words::Command;
+use canopen::drive::Controlword;
+use canopen::drive::State;
+use canopen::drive::Statusword;
+use canopen::error_codes;
+use canopen::nmt;
+use canopen::object::Object;
+use canopen::sync;
+
+/// What the master sends by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Master {
+    /// Its node-id.
+    pub node: u8,
+    /// From SYNC to SYNC, in µs.
+    pub period_us: u32,
+    /// Its heartbeat, in ms.
+    pub heartbeat_ms: u32,
+}
+
+/// Two buses that one file cannot hold.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{id:03X}h is {first} on one bus and {second} on another")]
+pub struct Collision {
+    /// The identifier.
+    pub id: u32,
+    /// What it is.
+    pub first: String,
+    /// What else it is.
+    pub second: String,
+}
+
+/// The network of `members`, which may be on several buses.
+///
+/// # Errors
+/// An identifier that means different things on two of them.
+pub fn database(members: &[Member], master: &Master) -> Result<Database, Collision> {
+    let mut nodes = vec![(MASTER.to_owned(), "the node that runs the hand controller".to_owned())];
+    nodes.extend(members.iter().map(|member| {
+        let comment = format!("{}, node-id {}", member.plan.name, member.node().raw());
+        (member.name.clone(), comment)
+    }));
+    let mut messages = vec![nmt_command(members), sync(master)];
+    messages.push(heartbeat(MASTER, master.node, master.heartbeat_ms));
+    messages.extend(signals::frames(members).iter().map(|frame| pdo(frame, members, master)));
+    for member in members {
+        let node = member.node().raw();
+        messages.push(emergency(member));
+        messages.push(heartbeat(
+            &member.name,
+            node,
+            u32::from(member.plan.error_control.period_ms()),
+        ));
+        messages.extend(sdo(&member.name, node));
+    }
+    messages.sort_by_key(|message| message.id);
+    for (first, second) in messages.iter().zip(messages.iter().skip(1)) {
+        if first.id == second.id {
+            let names = (first.name.clone(), second.name.clone());
+            return Err(Collision { id: first.id, first: names.0, second: names.1 });
+        }
+    }
+    Ok(Database { nodes, messages })
+}
+
+/// What the master is called.
+const MASTER: &str = "master";
+
+fn to_master() -> Vec<String> {
+    vec![MASTER.to_owned()]
+}
+
+/// A plain number.
+fn number(name: &str, start: u16, bits: u16) -> Field {
+    let most = (1_u128 << bits) - 1;
+    let most = u32::try_from(most).map_or(0.0, f64::from);
+    Field { name: name.to_owned(), start, bits, range: [0.0, most], ..Field::default() }
+}
+
+fn nmt_command(members: &[Member]) -> Message {
+    let commands = vec![
+        (1, "start"),
+        (2, "stop"),
+        (128, "enter pre-operational"),
+        (129, "reset node"),
+        (130, "reset communication"),
+    ];
+    let receivers: Vec<_> = members.iter().map(|member| member.name.clone()).collect();
+    let command =
+        Field { values: commands, receivers: receivers.clone(), ..number("command", 0, 8) };
+    let node = Field { values: vec![(0, "every node")], receivers, ..number("node", 8, 8) };
+    message(nmt::COB_ID, "NMT", 2, MASTER, vec![command, node], "starts, stops and resets nodes")
+}
+
+fn sync(master: &Master) -> Message {
+    let cycle_ms = Some(master.period_us.div_ceil(1_000));
+    let comment =
+        format!("every {} us: drives sample, and act on the targets before it", master.period_us);
+    Message { cycle_ms, ..message(sync::COB_ID, "SYNC", 0, MASTER, Vec::new(), &comment) }
+}
+
+fn heartbeat(name: &str, node: u8, period_ms: u32) -> Message {
+    let states = vec![(0, "boot-up"), (4, "stopped"), (5, "operational"), (127, "pre-operational")];
+    let state = Field { values: states, receivers: watchers(name), ..number("state", 0, 8) };
+    let cob_id = 0x700 + u16::from(node);
+    let message = message(cob_id, &format!("Heartbeat_{name}"), 1, name, vec![state], "");
+    Message { cycle_ms: Some(period_ms), ..message }
+}
+
+fn watchers(name: &str) -> Vec<String> {
+    if name == MASTER { Vec::new() } else { to_master() }
+}
+
+fn emergency(member: &Member) -> Message {
+    let codes = error_codes::all().map(|(code, words)| (i64::from(code), words)).collect();
+    let mut fields = vec![Field { values: codes, ..number("error_code", 0, 16) }];
+    let classes = [
+        ("generic", 16),
+        ("current", 17),
+        ("voltage", 18),
+        ("temperature", 19),
+        ("communication", 20),
+        ("profile", 21),
+        ("manufacturer", 23),
+    ];
+    fields.extend(classes.map(|(name, bit)| number(name, bit, 1)));
+    fields.push(number("manufacturer_bytes", 24, 40));
+    for field in &mut fields {
+        field.receivers = to_master();
+    }
+    let name = format!("EMCY_{}", member.name);
+    let comment = "an error that has come or, with code 0, gone; the register has all there are";
+    message(member.plan.emcy_cob_id, &name, 8, &member.name, fields, comment)
+}
+
+fn sdo(name: &str, node: u8) -> [Message; 2] {
+    let requests = vec![
+        (0x23, "write 4 bytes"),
+        (0x27, "write 3 bytes"),
+        (0x2B, "write 2 bytes"),
+        (0x2F, "write 1 byte"),
+        (0x21, "write in segments"),
+        (0x40, "read"),
+        (0x60, "next segment"),
+        (0x70, "next segment, toggled"),
+        (0x80, "abort"),
+    ];
+    let responses = vec![
+        (0x43, "read 4 bytes"),
+        (0x47, "read 3 bytes"),
+        (0x4B, "read 2 bytes"),
+        (0x4F, "read 1 byte"),
+        (0x41, "read in segments"),
+        (0x60, "written"),
+        (0x20, "segment written"),
+        (0x30, "segment written, toggled"),
+        (0x80, "abort"),
+    ];
+    let fields = |values: Vec<(i64, &'static str)>, receiver: &str| {
+        let command = Field { values, ..number("command", 0, 8) };
+        let rest =
+            [number("object_index", 8, 16), number("sub_index", 24, 8), number("value", 32, 32)];
+        let fields = [command].into_iter().chain(rest);
+        fields.map(|field| Field { receivers: vec![receiver.to_owned()], ..field }).collect()
+    };
+    let comment = "segments carry seven bytes of the value behind the command; an abort carries its code as value";
+    let request = 0x600 + u16::from(node);
+    let response = 0x580 + u16::from(node);
+    [
+        message(
+            request,
+            &format!("SDO_request_{name}"),
+            8,
+            MASTER,
+            fields(requests, name),
+            comment,
+        ),
+        message(
+            response,
+            &format!("SDO_response_{name}"),
+            8,
+            name,
+            fields(responses, MASTER),
+            comment,
+        ),
+    ]
+}
+
+fn message(
+    cob_id: u16,
+    name: &str,
+    bytes: usize,
+    sender: &str,
+    fields: Vec<Field>,
+    comment: &str,
+) -> Message {
+    Message {
+        id: u32::from(cob_id),
+        format: super::Format::Standard,
+        name: name.to_owned(),
+        bytes,
+        sender: sender.to_owned(),
+        comment: comment.to_owned(),
+        cycle_ms: None,
+        fields,
+    }
+}
+
+fn pdo(frame: &PdoFrame, members: &[Member], master: &Master) -> Message {
+    let names = |places: &[usize]| -> Vec<String> {
+        let name = |place: &usize| members.get(*place).map(|member| member.name.clone());
+        let names: Vec<_> = places.iter().filter_map(name).collect();
+        if names.is_empty() { to_master() } else { names }
+    };
+    let receivers = names(&frame.receivers);
+    let mut fields = Vec::new();
+    let mut comment = frame.transmission.to_string();
+    for signal in &frame.signals {
+        if signal.is_disputed {
+            comment.push_str(&format!("; {} is on bits of another: ", signal.name));
+            comment.push_str(&format!("{} bits from {}", signal.bits, signal.start));
+            continue;
+        }
+        // What the master sends to several, each takes its own part of.
+        let is_from_master = frame.senders.is_empty();
+        let takers = if is_from_master { names(&[signal.member]) } else { receivers.clone() };
+        fields.extend(
+            parts(signal).into_iter().map(|field| Field { receivers: takers.clone(), ..field }),
+        );
+    }
+    let syncs = frame.transmission.syncs().filter(|_| frame.transmission.0 != 0);
+    let by_sync = syncs.map(|syncs| (master.period_us * u32::from(syncs)).div_ceil(1_000));
+    let cycle_ms = by_sync.or(frame.event_timer_ms.map(u32::from));
+    let sender = names(&frame.senders).into_iter().next().unwrap_or_else(|| MASTER.to_owned());
+    let message = message(frame.cob_id, &frame.name, frame.bytes, &sender, fields, &comment);
+    Message { cycle_ms, ..message }
+}
+
+/// A signal of the layout as signals of the file: words of bits are taken apart.
+fn parts(signal: &Signal) -> Vec<Field> {
+    let start = u16::from(signal.start);
+    let stem = |object: &str| signal.name.strip_suffix(object).unwrap_or(&signal.name).to_owned();
+    let bits = |of: &str, named: &[(&str, u16, u16)]| -> Vec<Field> {
+        let stem = stem(of);
+        named
+            .iter()
+            .map(|(name, bit, bits)| number(&format!("{stem}{name}"), start + bit, *bits))
+            .collect()
+    };
+    match signal.object {
+        Object::STATUSWORD if signal.bits == 16 => {
+            let mut fields = bits("statusword", STATUS);
+            if let Some(state) = fields.first_mut() {
+                state.values = states();
+                state.comment =
+                    "bits 0 to 6 of the statusword: the state, and bit 4, voltage".to_owned();
+            }
+            fields
+        }
+        Object::CONTROLWORD if signal.bits == 16 => {
+            let mut fields = bits("controlword", CONTROL);
+            if let Some(command) = fields.first_mut() {
+                command.values = commands();
+                command.comment = "bits 0 to 3 of the controlword".to_owned();
+            }
+            fields
+        }
+        Object::DIGITAL_INPUTS if signal.bits == 8 => {
+            let mut fields = bits("digital_inputs", INPUTS);
+            if let Some(antivalent) = fields.get_mut(1) {
+                antivalent.comment = "antivalent: clear while the deadman is pressed".to_owned();
+            }
+            fields
+        }
+        Object::MODE_DISPLAY | Object::MODE_OF_OPERATION => {
+            let modes = (-1..=11_i8).filter(|mode| *mode != 5);
+            let values =
+                modes.map(|mode| (i64::from(mode), words::mode_of_operation(mode))).collect();
+            vec![Field { values, ..scaled(signal) }]
+        }
+        _ => vec![scaled(signal)],
+    }
+}
+
+/// A number with its scale.
+fn scaled(signal: &Signal) -> Field {
+    let plain = number(&signal.name, u16::from(signal.start), u16::from(signal.bits));
+    let plain = if signal.is_signed {
+        Field { number: Number::Signed, range: [0.0; 2], ..plain }
+    } else {
+        plain
+    };
+    let Some(measure) = &signal.measure else {
+        return Field { comment: signal.object.to_string(), ..plain };
+    };
+    let mut comment = signal.object.to_string();
+    if let Some(curve) = &measure.curve {
+        comment.push_str(" of the motor; the torque of the ");
+        comment.push_str(curve.place);
+        comment.push_str(" is on the calibrated curve, which is no straight line");
+    } else if measure.quantity == ACTUATOR_POSITION {
+        comment.push_str(" of the actuator; the joints are coupled");
+    }
+    Field {
+        step: measure.step,
+        offset: measure.offset(),
+        range: measure.range.unwrap_or_default(),
+        unit: measure.unit,
+        comment,
+        ..plain
+    }
+}
+
+/// The parts of a statusword: name, first bit, bits.
+const STATUS: &[(&str, u16, u16)] = &[
+    ("state", 0, 7),
+    ("warning", 7, 1),
+    ("manufacturer_8", 8, 1),
+    ("remote", 9, 1),
+    ("target_reached", 10, 1),
+    ("internal_limit", 11, 1),
+    ("target_followed", 12, 1),
+    ("mode_13", 13, 1),
+    ("manufacturer_14", 14, 2),
+];
+
+/// The parts of a controlword.
+const CONTROL: &[(&str, u16, u16)] = &[
+    ("command", 0, 4),
+    ("mode_4", 4, 3),
+    ("fault_reset", 7, 1),
+    ("halt", 8, 1),
+    ("mode_9", 9, 1),
+    ("manufacturer_11", 11, 5),
+];
+
+/// The switches.
+const INPUTS: &[(&str, u16, u16)] =
+    &[("deadman_a", 0, 1), ("deadman_b", 1, 1), ("reference", 2, 1), ("reflection", 3, 1)];
+
+/// Every value of bits 0 to 6 of a statusword that is a state.
+fn states() -> Vec<(i64, &'static str)> {
+    let named = |bits: u16| Some((i64::from(bits), Statusword(bits).state().map(State::words)?));
+    (0..128).filter_map(named).collect()
+}
+
+/// Every value of bits 0 to 3 of a controlword.
+fn commands() -> Vec<(i64, &'static str)> {
+    (0..16).map(|bits| (i64::from(bits), Command(Controlword(bits)).words())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+    use crate::signals::tests::grouped;
+    use crate::signals::tests::per_drive;
+    use canopen::frame::Channel;
+
+    const THE_MASTER: Master = Master { node: 127, period_us: 1_000, heartbeat_ms: 5 };
+
+    fn messages(members: &[Member]) -> Vec<Message> {
+        database(members, &THE_MASTER).unwrap().messages
+    }
+
+    #[test]
+    fn no_two_fields_of_a_message_share_a_bit_or_a_name() {
+        let mut disputed = grouped();
+        disputed[1].plan.pdos[0] = disputed[0].plan.pdos[0].clone();
+        for members in [per_drive(), grouped(), disputed] {
+            for message in messages(&members) {
+                let mut bits = HashSet::new();
+                let mut names = HashSet::new();
+                for field in &message.fields {
+                    assert!(names.insert(&field.name), "{}: {}", message.name, field.name);
+                    for bit in field.start..field.start + field.bits {
+                        assert!(bits.insert(bit), "{}: bit {bit}", message.name);
+                        assert!(usize::from(bit) < 8 * message.bytes, "{}", message.name);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_shared_frame_goes_to_each_its_own() {
+        let all = messages(&grouped());
+        let torques = all.iter().find(|message| message.name == "Torque_group1").unwrap();
+        assert_eq!((torques.id, torques.bytes, torques.cycle_ms), (0x201, 6, Some(1)));
+        let takers: Vec<_> = torques.fields.iter().map(|field| field.receivers.join(",")).collect();
+        assert_eq!(takers, ["shoulder", "elbow", "wrist"]);
+    }
+
+    #[test]
+    fn every_pattern_that_is_a_state_has_its_name() {
+        let states = states();
+        for bits in 0..128_u16 {
+            let named = states.iter().find(|(value, _)| *value == i64::from(bits));
+            let state = Statusword(bits).state().map(State::words);
+            assert_eq!(named.map(|(_, words)| *words), state);
+        }
+        assert_eq!(commands().len(), 16);
+    }
+
+    #[test]
+    fn two_buses_share_a_file_unless_an_identifier_is_two_things() {
+        let mut members = per_drive();
+        members[0].channel = Channel(1);
+        assert!(database(&members, &THE_MASTER).is_ok());
+        let twin = Member { name: "twin".to_owned(), channel: Channel(1), ..members[1].clone() };
+        members.push(twin);
+        let collision = database(&members, &THE_MASTER).unwrap_err();
+        let told = "082h is EMCY_elbow on one bus and EMCY_twin on another";
+        assert_eq!(collision.to_string(), told);
+    }
+}

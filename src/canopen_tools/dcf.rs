@@ -1,0 +1,239 @@
+//! Device configuration files (CiA 306, 5): the EDS of one device, and in it what a
+//! [`NodePlan`] leaves it with.
+//!
+//! The same plan as a list of writes, in order, is the device's concise DCF.
+
+use std::collections::BTreeMap;
+
+use canopen_rs::Value;
+use thiserror::Error;
+
+use canopen::concise::Download;
+use canopen::data_type;
+use canopen::eds::Commissioning;
+use canopen::eds::Eds;
+use canopen::eds::value;
+use canopen::object::Object;
+use canopen::plan::NodePlan;
+use canopen::plan::Setting;
+use canopen::sdo::bytes;
+
+/// Why a plan is none for the device an EDS describes.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum DcfError {
+    /// The device has no such object.
+    #[error("{0} is not in the EDS")]
+    Unknown(Object),
+    /// It has another length there.
+    #[error("{object} has {planned} bytes here, but is {described} in the EDS")]
+    Length {
+        /// Where.
+        object: Object,
+        /// Bytes of the value.
+        planned: usize,
+        /// Its data type by the EDS.
+        described: &'static str,
+    },
+    /// It does not take that value.
+    #[error("{object} = {value} is not within {low} and {high} of the EDS")]
+    OutOfRange {
+        /// Where.
+        object: Object,
+        /// What it is to hold.
+        value: i128,
+        /// The least it takes.
+        low: i128,
+        /// The most it takes.
+        high: i128,
+    },
+}
+
+/// The DCF of the device at `plan.node`, a file called `file_name`. Dates are those of the EDS: the
+/// same plan gives the same bytes.
+///
+/// # Errors
+/// When the device cannot hold what the plan says.
+pub fn write(
+    eds: &Eds,
+    plan: &NodePlan,
+    commissioning: &Commissioning,
+    file_name: &str,
+) -> Result<Vec<u8>, DcfError> {
+    let mut sheet = eds.sheet();
+    if let Some(last) = sheet.file_info("FileName").map(str::to_owned) {
+        sheet.set_file_info("LastEDS", &last);
+    }
+    sheet.set_file_info("FileName", file_name);
+    sheet.set_file_info("ModifiedBy", "frhc");
+    let mut set = |key, value: Option<String>| {
+        if let Some(value) = value {
+            sheet.set_commissioning(key, &value);
+        }
+    };
+    let named = |name: &String| Some(name.clone()).filter(|name| !name.is_empty());
+    set("NodeID", Some(format!("0x{:02X}", plan.node.raw())));
+    set("NodeName", named(&commissioning.node_name));
+    set("Baudrate", commissioning.bitrate.map(|rate| rate.to_string()));
+    set("NetNumber", commissioning.network.map(|number| number.to_string()));
+    set("NetworkName", named(&commissioning.network_name));
+    set("CANopenManager", Some(u8::from(commissioning.is_manager).to_string()));
+    set("LSS_SerialNumber", commissioning.serial.map(|serial| format!("0x{serial:08X}")));
+    for (object, content) in settings(eds, plan)? {
+        sheet.set_value(object, &text(eds, object, &content)?, eds.objects());
+    }
+    Ok(sheet.write())
+}
+
+/// Every write of a plan, in order: what a concise DCF holds.
+///
+/// # Errors
+/// When the device lacks an object.
+pub fn downloads(eds: &Eds, plan: &NodePlan) -> Result<Vec<Download>, DcfError> {
+    let mut downloads = Vec::new();
+    let mode = plan.mode.map(|mode| (Object::MODE_OF_OPERATION, Value::Integer8(mode)));
+    let settings = plan
+        .settings()
+        .into_iter()
+        .map(|Setting { check, if_there }| ((check.object, check.expected), if_there));
+    for ((object, value), if_there) in settings.chain(mode.map(|mode| (mode, false))) {
+        if eds.object(object).is_some() {
+            downloads.push(Download { object, content: bytes(&value) });
+        } else if !if_there {
+            return Err(DcfError::Unknown(object));
+        }
+    }
+    Ok(downloads)
+}
+
+/// What each object holds in the end.
+fn settings(eds: &Eds, plan: &NodePlan) -> Result<BTreeMap<Object, Vec<u8>>, DcfError> {
+    let downloads = downloads(eds, plan)?.into_iter();
+    Ok(downloads.map(|Download { object, content }| (object, content)).collect())
+}
+
+/// A value as the EDS's data type has it written.
+fn text(eds: &Eds, object: Object, content: &[u8]) -> Result<String, DcfError> {
+    let described = eds.object(object).ok_or(DcfError::Unknown(object))?;
+    let planned = content.len();
+    let data_type = data_type::of(described.data_type);
+    let data_type =
+        data_type.ok_or(DcfError::Length { object, planned, described: "of an unknown type" })?;
+    let wrong = DcfError::Length { object, planned, described: data_type.name };
+    let text = value::text(content, &data_type).ok_or(wrong)?;
+    if let Some(range) = data_type.range()
+        && let Ok(number) = value::number(&text, &data_type)
+    {
+        let low = described.low.unwrap_or(*range.start());
+        let high = described.high.unwrap_or(*range.end());
+        if !(low..=high).contains(&number.value) {
+            return Err(DcfError::OutOfRange { object, value: number.value, low, high });
+        }
+    }
+    Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canopen::NodeId;
+    use canopen::testing::plans::elbow;
+    use canopen::testing::plans::switch_box;
+
+    const DRIVE: &str = include_str!("../../eds/frhc_drive.eds");
+
+    fn parse(text: &str) -> Eds {
+        Eds::parse(text.as_bytes()).unwrap()
+    }
+
+    fn written(eds: &Eds, plan: &NodePlan) -> Result<Eds, DcfError> {
+        let name =
+            Commissioning { node_name: "elbow\r\n[2000]".into(), ..Commissioning::default() };
+        Ok(Eds::parse(&write(eds, plan, &name, "3_elbow.dcf")?).unwrap())
+    }
+
+    #[test]
+    fn a_dcf_holds_what_is_left_in_the_end() {
+        let plan = elbow();
+        let dcf = written(&parse(DRIVE), &plan).unwrap();
+        let value = |object| dcf.object(object).unwrap().setting.value.as_deref();
+        assert_eq!(value(Object::rpdo_communication(1, 1)), Some("0x00000203"), "on in the end");
+        assert_eq!(value(Object::rpdo_communication(2, 1)), Some("0x80000303"));
+        assert_eq!(value(Object::rpdo_mapping(1, 0)), Some("0x02"));
+        assert_eq!(value(Object::MODE_OF_OPERATION), Some("10"));
+        assert_eq!(value(Object::CONTROLWORD), None, "a command is no setting");
+        assert_eq!(value(Object::DEVICE_TYPE), None);
+        assert_eq!(dcf.commissioning().unwrap().node, Some(plan.node));
+    }
+
+    #[test]
+    fn a_name_cannot_break_its_line() {
+        let dcf = written(&parse(DRIVE), &elbow()).unwrap();
+        assert_eq!(dcf.commissioning().unwrap().node_name, "elbow  [2000]");
+        assert_eq!(dcf.objects().len(), parse(DRIVE).objects().len());
+    }
+
+    #[test]
+    fn pdos_that_are_told_compactly_are_spelt_out() {
+        let is_pdo = |section: &&str| {
+            !["14", "16", "18", "1A"].iter().any(|index| section.starts_with(index))
+        };
+        let sections: Vec<_> = DRIVE.split("\n[").filter(is_pdo).collect();
+        let text = sections.join("\n[").replace("Granularity=8", "Granularity=8\nCompactPDO=0x2E");
+        let (eds, plan) = (parse(&text), elbow());
+        let dcf = written(&eds, &plan).unwrap();
+        let identities = |eds: &Eds| {
+            let one =
+                |one: &canopen::eds::Described| (one.object, one.data_type, one.access, one.number);
+            eds.objects().iter().map(one).collect::<Vec<_>>()
+        };
+        assert_eq!(identities(&dcf), identities(&eds));
+        let configured = |object| dcf.object(object).unwrap().configured(plan.node);
+        assert_eq!(configured(Object::tpdo_communication(1, 1)), Some(vec![0x83, 1, 0, 0]));
+        assert_eq!(configured(Object::tpdo_mapping(1, 2)), Some(vec![0x20, 0, 0x64, 0x60]));
+    }
+
+    #[test]
+    fn arrays_that_are_told_compactly_stay_so() {
+        let (before, rest) = DRIVE.split_once("[1016]").unwrap();
+        let (_, behind) = rest.split_once("[1017]").unwrap();
+        let text = format!(
+            "{before}[1016]\nObjectType=8\nDataType=7\nAccessType=rw\nCompactSubObj=4\n\n[1017]{behind}"
+        );
+        let plan = elbow();
+        let dcf = written(&parse(&text), &plan).unwrap();
+        let watch = dcf.object(Object::CONSUMER_HEARTBEAT).unwrap();
+        assert_eq!(watch.configured(plan.node), Some(vec![22, 0, 0x7F, 0]));
+        assert_eq!(
+            dcf.object(Object { sub: 2, ..watch.object }).unwrap().configured(plan.node),
+            None
+        );
+    }
+
+    #[test]
+    fn what_the_device_cannot_hold_is_refused() {
+        let refusal = |from: &str, to: &str| {
+            assert!(DRIVE.contains(from));
+            written(&parse(&DRIVE.replacen(from, to, 1)), &elbow()).unwrap_err().to_string()
+        };
+        assert_eq!(refusal("[605E]", "[205E]"), "605Eh is not in the EDS");
+        let heartbeat = "Producer heartbeat time\nObjectType=0x7\nDataType=0x000";
+        assert_eq!(
+            refusal(&format!("{heartbeat}6"), &format!("{heartbeat}7")),
+            "1017h has 2 bytes here, but is UNSIGNED32 in the EDS"
+        );
+        let torque = "LowLimit=0\nHighLimit=3000";
+        assert_eq!(
+            refusal(torque, "LowLimit=0\nHighLimit=999"),
+            "6072h = 1000 is not within 0 and 999 of the EDS"
+        );
+    }
+
+    #[test]
+    fn what_is_not_there_need_not_be_switched_off() {
+        let eds = parse(include_str!("../../eds/frhc_switches.eds"));
+        let downloads = downloads(&eds, &switch_box()).unwrap();
+        assert!(downloads.iter().all(|download| eds.object(download.object).is_some()));
+        let node = NodeId::new(16).unwrap();
+        assert_eq!(written(&eds, &switch_box()).unwrap().commissioning().unwrap().node, Some(node));
+    }
+}

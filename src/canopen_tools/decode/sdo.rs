@@ -1,0 +1,503 @@
+//! SDO transfers, overheard: both sides' frames put together to what was read or written (CiA 301, 7.2.4.3).
+//!
+//! A listener commands nobody, so it is lenient: a frame it cannot place is told as it stands. Expedited,
+//! segmented and block transfers, both ways. Of long values the beginning is kept, of all their length is.
+
+use canopen::abort::AbortCode;
+use canopen::object::Object;
+
+/// So many bytes of a value are kept.
+const KEPT: usize = 256;
+
+/// The data bytes of a block or segment.
+const SEGMENT: usize = 7;
+
+/// Whose frame it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The client's: a request, or a segment of a download.
+    Client,
+    /// The server's.
+    Server,
+}
+
+/// What one frame does for its transfer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Step<'t> {
+    /// Whose frame it is.
+    pub side: Side,
+    /// Which object, where that is known.
+    pub object: Option<Object>,
+    /// What it does.
+    pub act: Act<'t>,
+}
+
+/// What a frame does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Act<'t> {
+    /// The client asks for a value.
+    AskRead,
+    /// The client asks for a value to be taken, which is in this frame.
+    AskWrite(Value<'t>),
+    /// A value that needs several frames begins, with the length that was announced.
+    Begin(Option<u32>),
+    /// It goes on: the bytes so far, and the length that was announced.
+    Part(usize, Option<u32>),
+    /// Done: this was read.
+    Read(Value<'t>),
+    /// Done: this was written.
+    Written(Value<'t>),
+    /// Given up.
+    Aborted(AbortCode),
+    /// A part of a transfer whose beginning was not heard.
+    Stray,
+}
+
+/// The value of an object, or its beginning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Value<'t> {
+    /// Its first bytes.
+    pub bytes: &'t [u8],
+    /// How many it has in all.
+    pub length: usize,
+    /// How many were announced, where that was said and was wrong.
+    pub announced: Option<u32>,
+}
+
+/// What is heard of one server.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Listener {
+    phase: Phase,
+    object: Option<Object>,
+    announced: Option<u32>,
+    kept: Vec<u8>,
+    length: usize,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Phase {
+    #[default]
+    Idle,
+    AskedRead,
+    AskedWrite,
+    Reading,
+    /// Whether the last segment has been sent.
+    Writing(bool),
+    /// A block transfer between its segments.
+    BlockAsked,
+    /// Segments of a block come from this side.
+    Block(Side, Block),
+    /// All segments are there.
+    BlockEnding,
+}
+
+/// One block of segments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Block {
+    /// Bytes before it.
+    before: usize,
+    /// The sequence number that comes next.
+    next: u8,
+    /// Whether the last segment of all was in it.
+    has_last: bool,
+}
+
+impl Listener {
+    /// Takes one frame of eight bytes; what it does is told in full by [`step`](Self::step).
+    pub(super) fn on_frame(&mut self, side: Side, data: [u8; 8]) -> What {
+        if let Phase::Block(sender, block) = self.phase
+            && sender == side
+        {
+            return self.on_block_segment(block, data);
+        }
+        match side {
+            Side::Client => self.on_request(data),
+            Side::Server => self.on_response(data),
+        }
+    }
+
+    /// What the newest frame did, with the value as it stands.
+    pub(super) fn step(&self, side: Side, what: What) -> Step<'_> {
+        let is_wrong = |said: &u32| usize::try_from(*said) != Ok(self.length);
+        let announced = self.announced.filter(is_wrong);
+        let value = Value { bytes: &self.kept, length: self.length, announced };
+        let act = match what {
+            What::AskRead => Act::AskRead,
+            What::AskWrite => Act::AskWrite(value),
+            What::Begin => Act::Begin(self.announced),
+            What::Part => Act::Part(self.length, self.announced),
+            What::Read => Act::Read(value),
+            What::Written => Act::Written(value),
+            What::Aborted(code) => Act::Aborted(code),
+            What::Stray => return Step { side, object: None, act: Act::Stray },
+        };
+        Step { side, object: self.object, act }
+    }
+
+    fn on_request(&mut self, data: [u8; 8]) -> What {
+        let [command, .., a, b, c, d] = data;
+        let object = multiplexor(data);
+        match command >> 5 {
+            0 => self.on_segment(data, matches!(self.phase, Phase::Writing(false)), false),
+            1 if command & EXPEDITED != 0 => {
+                self.begin(object, Phase::AskedWrite);
+                self.take_expedited(data);
+                What::AskWrite
+            }
+            1 => {
+                self.begin(object, Phase::Writing(false));
+                self.announced = announced(command & 1 != 0, [a, b, c, d]);
+                What::Begin
+            }
+            2 => {
+                self.begin(object, Phase::AskedRead);
+                What::AskRead
+            }
+            3 => self.part_if(self.phase == Phase::Reading),
+            4 => self.abort(data),
+            5 => match (command & 3, self.phase) {
+                (0, _) => {
+                    self.begin(object, Phase::BlockAsked);
+                    What::AskRead
+                }
+                (3, Phase::BlockAsked) => self.open_block(Side::Server),
+                (2, Phase::Block(Side::Server, block)) => {
+                    self.acknowledge(block, data, Side::Server)
+                }
+                (1, Phase::BlockEnding) => self.finish(What::Read),
+                _ => What::Stray,
+            },
+            6 if command & 1 == 0 => {
+                self.begin(object, Phase::BlockAsked);
+                self.announced = announced(command & 2 != 0, [a, b, c, d]);
+                What::Begin
+            }
+            6 if self.phase == Phase::BlockEnding => self.trim(command),
+            _ => What::Stray,
+        }
+    }
+
+    fn on_response(&mut self, data: [u8; 8]) -> What {
+        let [command, .., a, b, c, d] = data;
+        let object = multiplexor(data);
+        let is_same = self.object == Some(object);
+        match command >> 5 {
+            0 => self.on_segment(data, self.phase == Phase::Reading, true),
+            1 if self.phase == Phase::Writing(true) => self.finish(What::Written),
+            1 => self.part_if(self.phase == Phase::Writing(false)),
+            2 if command & EXPEDITED != 0 => {
+                self.begin(object, Phase::Idle);
+                self.take_expedited(data);
+                What::Read
+            }
+            2 => {
+                self.begin(object, Phase::Reading);
+                self.announced = announced(command & 1 != 0, [a, b, c, d]);
+                What::Begin
+            }
+            3 if is_same && self.phase == Phase::AskedWrite => self.finish(What::Written),
+            3 if is_same && self.phase == Phase::Writing(false) => What::Part,
+            4 => self.abort(data),
+            5 => match (command & 3, self.phase) {
+                (0, Phase::BlockAsked) if is_same => self.open_block(Side::Client),
+                (2, Phase::Block(Side::Client, block)) => {
+                    self.acknowledge(block, data, Side::Client)
+                }
+                (1, Phase::BlockEnding) => self.finish(What::Written),
+                _ => What::Stray,
+            },
+            6 if command & 1 == 0 && is_same && self.phase == Phase::BlockAsked => {
+                self.announced = announced(command & 2 != 0, [a, b, c, d]);
+                What::Begin
+            }
+            6 if command & 1 != 0 && self.phase == Phase::BlockEnding => self.trim(command),
+            _ => What::Stray,
+        }
+    }
+
+    /// A segment, up to seven bytes, the last one of a transfer or not.
+    fn on_segment(&mut self, data: [u8; 8], is_expected: bool, is_read: bool) -> What {
+        let [command, segment @ ..] = data;
+        if !is_expected {
+            return What::Stray;
+        }
+        let unused = usize::from(command >> 1 & 7);
+        self.append(segment.get(..SEGMENT - unused).unwrap_or_default());
+        match (command & 1 != 0, is_read) {
+            (true, true) => self.finish(What::Read),
+            (true, false) => {
+                self.phase = Phase::Writing(true);
+                What::Part
+            }
+            (false, _) => What::Part,
+        }
+    }
+
+    /// A segment of a block: a sequence number, and seven bytes that count if it is the next one.
+    fn on_block_segment(&mut self, mut block: Block, data: [u8; 8]) -> What {
+        let [command, segment @ ..] = data;
+        if command == ABORT {
+            return self.abort(data);
+        }
+        let Phase::Block(sender, _) = self.phase else { return What::Stray };
+        if command & 0x7F == block.next && !block.has_last {
+            self.append(&segment);
+            block.next = block.next.saturating_add(1);
+            block.has_last = command & 0x80 != 0;
+            self.phase = Phase::Block(sender, block);
+        }
+        What::Part
+    }
+
+    fn open_block(&mut self, sender: Side) -> What {
+        let block = Block { before: self.length, next: 1, has_last: false };
+        self.phase = Phase::Block(sender, block);
+        What::Part
+    }
+
+    /// The receiver says which segment it had last; those after it come again.
+    fn acknowledge(&mut self, block: Block, data: [u8; 8], sender: Side) -> What {
+        let [_, last, ..] = data;
+        if last.saturating_add(1) < block.next {
+            self.length = block.before + SEGMENT * usize::from(last);
+            self.kept.truncate(self.length);
+            self.open_block(sender)
+        } else if block.has_last {
+            self.phase = Phase::BlockEnding;
+            What::Part
+        } else {
+            self.open_block(sender)
+        }
+    }
+
+    /// The last segment had bytes that do not count.
+    fn trim(&mut self, command: u8) -> What {
+        self.length = self.length.saturating_sub(usize::from(command >> 2 & 7));
+        self.kept.truncate(self.length);
+        What::Part
+    }
+
+    fn begin(&mut self, object: Object, phase: Phase) {
+        self.phase = phase;
+        self.object = Some(object);
+        self.announced = None;
+        self.kept.clear();
+        self.length = 0;
+    }
+
+    fn take_expedited(&mut self, data: [u8; 8]) {
+        let [command, _, _, _, four @ ..] = data;
+        let unused = if command & 1 == 0 { 0 } else { usize::from(command >> 2 & 3) };
+        self.append(four.get(..4 - unused).unwrap_or_default());
+    }
+
+    fn append(&mut self, bytes: &[u8]) {
+        let room = KEPT.saturating_sub(self.kept.len());
+        self.kept.extend(bytes.iter().take(room));
+        self.length = self.length.saturating_add(bytes.len());
+    }
+
+    const fn part_if(&self, is_expected: bool) -> What {
+        if is_expected { What::Part } else { What::Stray }
+    }
+
+    const fn finish(&mut self, what: What) -> What {
+        self.phase = Phase::Idle;
+        what
+    }
+
+    fn abort(&mut self, data: [u8; 8]) -> What {
+        let [.., a, b, c, d] = data;
+        self.begin(multiplexor(data), Phase::Idle);
+        What::Aborted(AbortCode(u32::from_le_bytes([a, b, c, d])))
+    }
+}
+
+/// [`Act`] before its value is borrowed.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum What {
+    AskRead,
+    AskWrite,
+    Begin,
+    Part,
+    Read,
+    Written,
+    Aborted(AbortCode),
+    Stray,
+}
+
+/// Bit e: the value is in this frame.
+const EXPEDITED: u8 = 1 << 1;
+/// The whole command byte of an abort.
+const ABORT: u8 = 0x80;
+
+/// Index and sub-index.
+const fn multiplexor(data: [u8; 8]) -> Object {
+    let [_, low, high, sub, ..] = data;
+    Object { index: u16::from_le_bytes([low, high]), sub }
+}
+
+fn announced(is_said: bool, bytes: [u8; 4]) -> Option<u32> {
+    is_said.then(|| u32::from_le_bytes(bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The last of a listener's steps, as text.
+    fn heard(listener: &mut Listener, frames: &[(Side, [u8; 8])]) -> Vec<String> {
+        let step = |(side, data): &(Side, [u8; 8])| {
+            let what = listener.on_frame(*side, *data);
+            format!("{:?}", listener.step(*side, what).act)
+        };
+        frames.iter().map(step).collect()
+    }
+
+    /// The frames of a value in segments after an initiate.
+    fn segments(side: Side, bytes: &[u8]) -> Vec<(Side, [u8; 8])> {
+        let count = bytes.chunks(SEGMENT).count();
+        let other = if side == Side::Client { Side::Server } else { Side::Client };
+        let frame = |(place, chunk): (usize, &[u8])| {
+            let toggle = u8::from(place % 2 == 1) << 4;
+            let unused = u8::try_from(SEGMENT - chunk.len()).unwrap() << 1;
+            let mut data = [0; 8];
+            data[0] = toggle | unused | u8::from(place + 1 == count);
+            data[1..=chunk.len()].copy_from_slice(chunk);
+            let answer = if side == Side::Client { 0x20 } else { 0x60 } | toggle;
+            let answer = (other, [answer, 0, 0, 0, 0, 0, 0, 0]);
+            if side == Side::Client { [(side, data), answer] } else { [answer, (side, data)] }
+        };
+        bytes.chunks(SEGMENT).enumerate().flat_map(frame).collect()
+    }
+
+    const NAME: [u8; 3] = [0x08, 0x10, 0];
+
+    fn initiate(command: u8, length: usize) -> [u8; 8] {
+        let [a, b, c] = NAME;
+        let [l0, l1, l2, l3] = u32::try_from(length).unwrap().to_le_bytes();
+        [command, a, b, c, l0, l1, l2, l3]
+    }
+
+    #[test]
+    fn expedited_transfers_are_a_question_and_an_answer() {
+        let mut listener = Listener::default();
+        let steps = heard(
+            &mut listener,
+            &[
+                (Side::Client, [0x40, 0x18, 0x10, 1, 0, 0, 0, 0]),
+                (Side::Server, [0x4B, 0x18, 0x10, 1, 0x8C, 0x0F, 0, 0]),
+                (Side::Client, [0x2F, 0x60, 0x60, 0, 10, 0, 0, 0]),
+                (Side::Server, [0x60, 0x60, 0x60, 0, 0, 0, 0, 0]),
+                (Side::Server, [0x80, 0x60, 0x60, 0, 0x11, 0, 9, 6]),
+            ],
+        );
+        assert_eq!(
+            steps,
+            [
+                "AskRead",
+                "Read(Value { bytes: [140, 15], length: 2, announced: None })",
+                "AskWrite(Value { bytes: [10], length: 1, announced: None })",
+                "Written(Value { bytes: [10], length: 1, announced: None })",
+                "Aborted(AbortCode(101253137))",
+            ]
+        );
+    }
+
+    #[test]
+    fn an_answer_about_another_object_confirms_nothing() {
+        let mut listener = Listener::default();
+        let steps = heard(
+            &mut listener,
+            &[
+                (Side::Client, [0x2F, 0x60, 0x60, 0, 10, 0, 0, 0]),
+                (Side::Server, [0x60, 0x61, 0x60, 0, 0, 0, 0, 0]),
+            ],
+        );
+        assert_eq!(steps[1], "Stray");
+    }
+
+    /// A block transfer from `sender` whose second segment of the first block got lost once.
+    fn block(sender: Side, bytes: &[u8]) -> Vec<(Side, [u8; 8])> {
+        let other = if sender == Side::Client { Side::Server } else { Side::Client };
+        let mut frames = match sender {
+            Side::Client => {
+                vec![(sender, initiate(0xC6, bytes.len())), (other, initiate(0xA4, 127))]
+            }
+            Side::Server => vec![
+                (other, initiate(0xA4, 127)),
+                (sender, initiate(0xC6, bytes.len())),
+                (other, [0xA3, 0, 0, 0, 0, 0, 0, 0]),
+            ],
+        };
+        let count = bytes.len().div_ceil(SEGMENT);
+        let segment = |place: usize, number: usize| {
+            let from = place * SEGMENT;
+            let chunk = &bytes[from..bytes.len().min(from + SEGMENT)];
+            let last = u8::from(place + 1 == count) << 7;
+            let mut data = [0xEE; 8];
+            data[0] = u8::try_from(number).unwrap() | last;
+            data[1..=chunk.len()].copy_from_slice(chunk);
+            (sender, data)
+        };
+        let lost = usize::from(count > 2);
+        if lost == 1 {
+            frames.extend([segment(0, 1), segment(2, 3)]);
+            frames.push((other, [0xA2, 1, 127, 0, 0, 0, 0, 0]));
+        }
+        frames.extend((lost..count).map(|place| segment(place, place - lost + 1)));
+        let last = u8::try_from(count - lost).unwrap();
+        frames.push((other, [0xA2, last, 127, 0, 0, 0, 0, 0]));
+        let unused = u8::try_from(count * SEGMENT - bytes.len()).unwrap();
+        frames.push((sender, [0xC1 | unused << 2, 0, 0, 0, 0, 0, 0, 0]));
+        frames.push((other, [0xA1, 0, 0, 0, 0, 0, 0, 0]));
+        frames
+    }
+
+    proptest! {
+        #[test]
+        fn what_was_sent_in_pieces_is_heard_whole(
+            bytes in proptest::collection::vec(any::<u8>(), 1..400),
+        ) {
+            let kept = bytes.get(..KEPT).unwrap_or(&bytes);
+            let value = Value { bytes: kept, length: bytes.len(), announced: None };
+            let mut read = vec![
+                (Side::Client, initiate(0x40, 0)),
+                (Side::Server, initiate(0x41, bytes.len())),
+            ];
+            read.extend(segments(Side::Server, &bytes));
+            let mut written = vec![
+                (Side::Client, initiate(0x21, bytes.len())),
+                (Side::Server, initiate(0x60, 0)),
+            ];
+            written.extend(segments(Side::Client, &bytes));
+            let transfers = [
+                (read, Act::Read(value)),
+                (written, Act::Written(value)),
+                (block(Side::Client, &bytes), Act::Written(value)),
+                (block(Side::Server, &bytes), Act::Read(value)),
+            ];
+            let mut listener = Listener::default();
+            for (frames, act) in transfers {
+                let steps = heard(&mut listener, &frames);
+                prop_assert_eq!(steps.last(), Some(&format!("{act:?}")));
+                prop_assert!(!steps.contains(&"Stray".to_owned()), "{:?}", steps);
+            }
+        }
+
+        #[test]
+        fn any_frames_leave_a_bounded_listener(
+            frames in proptest::collection::vec((any::<bool>(), any::<[u8; 8]>()), 0..300),
+        ) {
+            let mut listener = Listener::default();
+            for (is_client, data) in frames {
+                let side = if is_client { Side::Client } else { Side::Server };
+                listener.on_frame(side, data);
+                prop_assert!(listener.kept.len() <= KEPT);
+                prop_assert!(listener.kept.len() == listener.length.min(KEPT));
+            }
+        }
+    }
+}

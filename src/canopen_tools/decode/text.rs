@@ -1,0 +1,332 @@
+//! Annotations as people read them: a name, what the frame says, and what is wrong with it.
+
+use std::fmt;
+
+use canopen_rs::NmtState;
+
+use crate::decode::Annotation;
+use crate::decode::What;
+use crate::decode::Who;
+use crate::decode::lss::Clock;
+use crate::decode::sdo::Act;
+use crate::decode::sdo::Side;
+use crate::decode::sdo::Step;
+use crate::decode::sdo::Value;
+use crate::decode::watch::Change;
+use crate::decode::watch::Remark;
+use crate::signals::ACTUATOR_POSITION;
+use crate::signals::PdoFrame;
+use crate::signals::Signal;
+use crate::words;
+use crate::words::Called;
+use crate::words::Command;
+use crate::words::InWords;
+use crate::words::Status;
+use crate::words::Switches;
+use canopen::drive::Controlword;
+use canopen::drive::Statusword;
+use canopen::layout::Direction;
+use canopen::object::Object;
+
+/// `elbow`, `node 3`.
+impl fmt::Display for Who<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Named(name) => f.write_str(name),
+            Self::Node(node) => write!(f, "node {node}"),
+        }
+    }
+}
+
+/// What a frame is: `TPDO1_elbow`, `SDO elbow`, `SYNC`.
+#[derive(Clone, Copy, Debug)]
+pub struct Name<'a, 'd>(pub(super) &'a Annotation<'d>);
+
+impl fmt::Display for Name<'_, '_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Annotation { what, who, .. } = self.0;
+        if let What::Pdo(frame, ..) = what {
+            return f.write_str(&frame.name);
+        }
+        f.write_str(match what {
+            What::Nmt(_) => "NMT",
+            What::Sync { .. } => "SYNC",
+            What::Time(_) => "TIME",
+            What::Emergency(_) => "EMCY",
+            What::OtherPdo(Direction::Transmit, _) => "TPDO",
+            What::OtherPdo(Direction::Receive, _) => "RPDO",
+            What::Sdo(_) => "SDO",
+            What::Heartbeat(..) => "heartbeat",
+            What::Lss(_) => "LSS",
+            What::Malformed(_) => "malformed",
+            What::Pdo(..) | What::Unknown => "unknown",
+        })?;
+        if let What::OtherPdo(_, number) = what {
+            write!(f, "{number}")?;
+        }
+        who.map_or(Ok(()), |who| write!(f, " {who}"))
+    }
+}
+
+impl fmt::Display for Annotation<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.what {
+            What::Nmt(order) => write!(f, "{order}"),
+            What::Sync { counter, period, jitter_us } => {
+                counter.map_or(Ok(()), |counter| write!(f, "counter {counter} "))?;
+                period.map_or(Ok(()), |period| write!(f, "{} µs", period.as_micros()))?;
+                jitter_us.map_or(Ok(()), |jitter| write!(f, " {jitter:+}"))
+            }
+            What::Time(time) => write!(f, "{}", Clock(*time)),
+            What::Emergency(emergency) => write!(f, "{emergency}"),
+            What::Pdo(frame, data, length) => pdo(frame, *data, *length, self, f),
+            What::OtherPdo(..) if self.member.is_some() => f.write_str("off in this layout"),
+            What::OtherPdo(..) | What::Unknown => Ok(()),
+            What::Sdo(step) => self.sdo(step, f),
+            What::Heartbeat(state, change) => heartbeat(*state, *change, f),
+            What::Lss(lss) => write!(f, "{lss}"),
+            What::Malformed(expected) => write!(f, "not {expected}"),
+        }
+    }
+}
+
+impl<'d> Annotation<'d> {
+    /// What the frame is: `TPDO1_elbow`, `SDO elbow`, `SYNC`.
+    pub const fn name(&self) -> Name<'_, 'd> {
+        Name(self)
+    }
+
+    /// One word for its kind.
+    pub const fn kind(&self) -> &'static str {
+        match self.what {
+            What::Nmt(_) => "nmt",
+            What::Sync { .. } => "sync",
+            What::Time(_) => "time",
+            What::Emergency(_) => "emcy",
+            What::Pdo(..) | What::OtherPdo(..) => "pdo",
+            What::Sdo(_) => "sdo",
+            What::Heartbeat(..) => "heartbeat",
+            What::Lss(_) => "lss",
+            What::Malformed(_) => "malformed",
+            What::Unknown => "unknown",
+        }
+    }
+
+    /// What is wrong, one thing each.
+    pub fn remarks(&self) -> impl Iterator<Item = Told<'_, 'd>> {
+        self.remarks.iter().map(|remark| Told { remark, of: self })
+    }
+
+    /// Whether somebody should look: an emergency, a refusal, a fault, a frame that is none.
+    pub fn is_alarming(&self) -> bool {
+        match &self.what {
+            What::Emergency(emergency) => !emergency.is_reset(),
+            What::Sdo(step) => matches!(step.act, Act::Aborted(_)),
+            What::Pdo(frame, data, length) => frame.signals.iter().any(|signal| {
+                signal.object == Object::STATUSWORD
+                    && signal.is_in(*length)
+                    && signal.raw(*data) & i64::from(Statusword::FAULT) != 0
+            }),
+            What::Malformed(_) => true,
+            What::Nmt(_)
+            | What::Sync { .. }
+            | What::Time(_)
+            | What::OtherPdo(..)
+            | What::Heartbeat(..)
+            | What::Lss(_)
+            | What::Unknown => false,
+        }
+    }
+
+    /// Whether it is about this member: its frame, for it, shared with others, or with a remark on it.
+    pub fn is_about(&self, member: usize) -> bool {
+        let is_in =
+            |frame: &PdoFrame| frame.senders.contains(&member) || frame.receivers.contains(&member);
+        let is_remarked = self.remarks.iter().any(|remark| match remark {
+            Remark::Missing(frame) => self.decoder.frames.get(*frame).is_some_and(is_in),
+            Remark::Silent(node, _) => {
+                let network = self.decoder.networks.get(self.network);
+                network.and_then(|network| network.member(*node)) == Some(member)
+            }
+            Remark::SyncGap(_) | Remark::Late(_) | Remark::Length(_) => false,
+        });
+        let shared = match &self.what {
+            What::Pdo(frame, ..) => is_in(frame),
+            What::Nmt(order) => {
+                let node = self.decoder.members.get(member).map(|member| member.node());
+                order.node.is_none() || order.node == node
+            }
+            What::Sync { .. }
+            | What::Time(_)
+            | What::Emergency(_)
+            | What::OtherPdo(..)
+            | What::Sdo(_)
+            | What::Heartbeat(..)
+            | What::Lss(_)
+            | What::Malformed(_)
+            | What::Unknown => false,
+        };
+        is_remarked || shared || self.member == Some(member)
+    }
+
+    fn sdo(&self, step: &Step<'_>, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match step.side {
+            Side::Client => "→ ",
+            Side::Server => "← ",
+        })?;
+        let Some(object) = step.object else { return f.write_str("of no transfer that was heard") };
+        let member = self.member.and_then(|member| self.decoder.members.get(member));
+        let described = member.and_then(|member| member.eds.as_ref()?.object(object));
+        let called = Called { object, else_called: described.map(|it| it.name.as_str()) };
+        let else_type = described.map(|described| described.data_type);
+        match &step.act {
+            Act::AskRead => write!(f, "read {called}"),
+            Act::AskWrite(value) => write!(f, "write {called} = {}", value.of(object, else_type)),
+            Act::Begin(None) => write!(f, "{called}, in pieces"),
+            Act::Begin(Some(length)) => write!(f, "{called}, {length} bytes in pieces"),
+            Act::Part(done, None) => write!(f, "{called}, {done} bytes"),
+            Act::Part(done, Some(all)) => write!(f, "{called}, {done} of {all} bytes"),
+            Act::Read(value) => {
+                write!(f, "{called} = {}{}", value.of(object, else_type), Cut(*value))
+            }
+            Act::Written(value) => {
+                write!(f, "written {called} = {}{}", value.of(object, else_type), Cut(*value))
+            }
+            Act::Aborted(code) => {
+                f.write_str(if step.side == Side::Client { "broken off " } else { "refused " })?;
+                write!(f, "{called}: {code}")
+            }
+            Act::Stray => Ok(()),
+        }
+    }
+}
+
+impl<'t> Value<'t> {
+    /// In words, as a value of `object`.
+    const fn of(&self, object: Object, else_type: Option<u16>) -> InWords<'t> {
+        InWords { object, bytes: self.bytes, length: self.length, else_type }
+    }
+}
+
+/// What is to be said of a value of another length than was announced.
+struct Cut<'t>(Value<'t>);
+
+impl fmt::Display for Cut<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Value { length, announced, .. } = self.0;
+        announced.map_or(Ok(()), |announced| write!(f, " ({length} of {announced} bytes)"))
+    }
+}
+
+fn heartbeat(state: NmtState, change: Option<Change>, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    match change {
+        None => Ok(()),
+        Some(Change::BootUp) => f.write_str("boot-up"),
+        Some(Change::First) => f.write_str(state_words(state)),
+        Some(Change::From(before)) => {
+            write!(f, "{}, was {}", state_words(state), state_words(before))
+        }
+        Some(Change::Back(silent)) => {
+            write!(f, "{}, back after {} ms", state_words(state), silent.as_millis())
+        }
+    }
+}
+
+/// An NMT state in words.
+pub const fn state_words(state: NmtState) -> &'static str {
+    match state {
+        NmtState::Initialising => "initialising",
+        NmtState::Stopped => "stopped",
+        NmtState::Operational => "operational",
+        NmtState::PreOperational => "pre-operational",
+    }
+}
+
+/// Every signal, in a column each; with its node where there are several.
+fn pdo(
+    frame: &PdoFrame,
+    data: [u8; 8],
+    length: usize,
+    of: &Annotation<'_>,
+    f: &mut fmt::Formatter<'_>,
+) -> fmt::Result {
+    let is_shared = frame.is_shared();
+    let common = frame.common_units().filter(|_| is_shared);
+    let mut lead = "";
+    for signal in frame.signals.iter().filter(|signal| signal.is_in(length)) {
+        f.write_str(lead)?;
+        lead = "  ";
+        if is_shared {
+            let member = of.decoder.members.get(signal.member);
+            write!(f, "{} ", member.map_or("?", |member| member.name.as_str()))?;
+        }
+        if signal.is_disputed {
+            f.write_str("(disputed) ")?;
+        }
+        let raw = signal.raw(data);
+        match (common, signal.measured()) {
+            (Some(_), Some((measure, curve))) => {
+                write!(f, "{:8.4} /{:8.4}", measure.value(raw), curve.at(raw))?;
+            }
+            (None, _) | (_, None) => value(signal, raw, f)?,
+        }
+    }
+    common.map_or(Ok(()), |[motor, joint]| {
+        if motor == joint { write!(f, "  {motor}") } else { write!(f, "  {motor} / {joint}") }?;
+        f.write_str(" motor / joint")
+    })
+}
+
+/// The longest state, so that what follows stands in a column.
+const STATE: usize = 22;
+
+fn value(signal: &Signal, raw: i64, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    if let Some((measure, curve)) = signal.measured() {
+        let (value, unit) = (measure.value(raw), measure.unit);
+        let (at, place) = (curve.at(raw), curve.place);
+        return write!(f, "{value:8.4} {unit} motor {at:8.4} {} {place}", curve.unit);
+    }
+    if let Some(measure) = &signal.measure {
+        let place = if measure.quantity == ACTUATOR_POSITION { " actuator" } else { "" };
+        return write!(f, "{:9.5} {}{place}", measure.value(raw), measure.unit);
+    }
+    let [low, high, ..] = raw.to_le_bytes();
+    let word = u16::from_le_bytes([low, high]);
+    match signal.object {
+        Object::STATUSWORD => write!(f, "{:STATE$}", Status(Statusword(word))),
+        Object::CONTROLWORD => write!(f, "{:STATE$}", Command(Controlword(word))),
+        Object::MODE_DISPLAY | Object::MODE_OF_OPERATION => {
+            f.write_str(words::mode_of_operation(i8::from_le_bytes([low])))
+        }
+        Object::DIGITAL_INPUTS => write!(f, "{}", Switches(low)),
+        object => {
+            write!(f, "{} {raw}", Called { object, else_called: None })
+        }
+    }
+}
+
+/// A remark in words: `TPDO1_elbow missing`, `912 µs after SYNC`.
+#[derive(Clone, Copy, Debug)]
+pub struct Told<'a, 'd> {
+    remark: &'a Remark,
+    of: &'a Annotation<'d>,
+}
+
+impl fmt::Display for Told<'_, '_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Annotation { decoder, network, .. } = self.of;
+        match self.remark {
+            Remark::SyncGap(periods) => write!(f, "SYNC gap of {periods} periods"),
+            Remark::Missing(frame) => {
+                let name = decoder.frames.get(*frame).map_or("a PDO", |frame| frame.name.as_str());
+                write!(f, "{name} missing")
+            }
+            Remark::Late(after) => write!(f, "{} µs after SYNC", after.as_micros()),
+            Remark::Silent(node, silent) => {
+                let who = decoder.who(*network, *node);
+                write!(f, "no heartbeat of {who} for {} ms", silent.as_millis())
+            }
+            Remark::Length(mapped) => write!(f, "{mapped} bytes are mapped"),
+        }
+    }
+}

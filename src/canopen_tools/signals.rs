@@ -1,0 +1,496 @@
+//! The effective PDO layout as named signals: which bits of which frame are what, and in which unit.
+//!
+//! A frame's signals are the union of what all its consumers map, so that a frame shared by several
+//! drives (each with dummies where the others' targets are) reads as one. Dummies are no signals; bits
+//! that two nodes read as different things are named twice. What the values say in words is in
+//! [`words`], what a log of them says in [`decode`](crate::decode).
+
+use canopen_rs::NodeId;
+
+use crate::words;
+use canopen::eds::Eds;
+use canopen::frame::Channel;
+use canopen::layout::Direction;
+use canopen::layout::Mapped;
+use canopen::layout::Pdo;
+use canopen::layout::Service;
+use canopen::object::Object;
+use canopen::plan::NodePlan;
+use canopen::sync::Transmission;
+
+/// What is measured where actuators and joints are coupled: no single signal says where a joint is.
+pub const ACTUATOR_POSITION: &str = "actuator_position";
+
+/// A node whose traffic is read.
+#[derive(Clone, Debug)]
+pub struct Member {
+    /// What it is called in the names of frames and signals: `elbow`.
+    pub name: String,
+    /// Its bus.
+    pub channel: Channel,
+    /// What it was told.
+    pub plan: NodePlan,
+    /// How its numbers are measured.
+    pub measures: Vec<(Object, Measure)>,
+    /// What its maker says of it.
+    pub eds: Option<Eds>,
+}
+
+impl Member {
+    /// Its node-id.
+    pub const fn node(&self) -> NodeId {
+        self.plan.node
+    }
+}
+
+/// How a raw number becomes a physical one: `(raw - zero) * step`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measure {
+    /// What is measured, where that is not the object's own name: `actuator_position`.
+    pub quantity: &'static str,
+    /// The raw number of zero.
+    pub zero: i32,
+    /// The physical value of one, in `unit`.
+    pub step: f64,
+    /// SI, as people write it: `rad`, `m`, `N·m`.
+    pub unit: &'static str,
+    /// Between which values it stays, in `unit`, where that is known.
+    pub range: Option<[f64; 2]>,
+    /// The same seen from the joint, where that is no straight line.
+    pub curve: Option<Curve>,
+}
+
+impl Measure {
+    /// The physical value. Numbers of 32 bits that have run over their end since zero are right.
+    pub fn value(&self, raw: i64) -> f64 {
+        let whole = i32::try_from(raw).map(|raw| raw.wrapping_sub(self.zero));
+        let steps = whole.map_or_else(|_| float(raw) - f64::from(self.zero), f64::from);
+        steps * self.step + 0.0 // never `-0`
+    }
+
+    /// The value of raw 0: what a straight line without wrapping is off by.
+    pub fn offset(&self) -> f64 {
+        0.0 - f64::from(self.zero) * self.step
+    }
+}
+
+/// The nearest number to `raw`.
+#[expect(
+    clippy::as_conversions,
+    clippy::cast_precision_loss,
+    reason = "a value of more than 53 bits is shown, not computed with"
+)]
+const fn float(raw: i64) -> f64 {
+    raw as f64
+}
+
+/// An odd rising curve, as a table: the value at every raw magnitude from 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// Where the value is seen: `joint`, or `actuator` where joints are coupled.
+    pub place: &'static str,
+    /// SI: `N·m`, or `N` for a sliding joint.
+    pub unit: &'static str,
+    /// The value of raw 0, 1, 2 …, times the sign of what turns against it; beyond its end, its end.
+    pub table: Vec<f64>,
+}
+
+impl Curve {
+    /// The value of a raw number.
+    pub fn at(&self, raw: i64) -> f64 {
+        let place = usize::try_from(raw.unsigned_abs()).unwrap_or(usize::MAX);
+        let value = self.table.get(place).or(self.table.last()).copied().unwrap_or_default();
+        if raw < 0 { 0.0 - value } else { value }
+    }
+}
+
+/// Some bits of a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Signal {
+    /// Its name: `elbow_position`.
+    pub name: String,
+    /// Whose object it is: a place in the list of members.
+    pub member: usize,
+    /// Which object.
+    pub object: Object,
+    /// The lowest of its bits; bit 0 is the lowest of byte 0.
+    pub start: u8,
+    /// How many bits it has.
+    pub bits: u8,
+    /// Whether its highest bit is a sign.
+    pub is_signed: bool,
+    /// How it is measured; `None` for a plain number or a set of bits.
+    pub measure: Option<Measure>,
+    /// Whether another signal before it has some of these bits: somebody reads the frame wrongly.
+    pub is_disputed: bool,
+}
+
+impl Signal {
+    /// Its number in the data of a frame.
+    pub fn raw(&self, data: [u8; 8]) -> i64 {
+        let shifted = u64::from_le_bytes(data).checked_shr(u32::from(self.start)).unwrap_or(0);
+        let bits = usize::from(self.bits.clamp(1, 64));
+        if self.is_signed {
+            return words::sign_extended(shifted, bits);
+        }
+        (shifted & u64::MAX >> (64 - bits)).cast_signed()
+    }
+
+    /// How it is measured, where it is seen from the joint as well.
+    pub fn measured(&self) -> Option<(&Measure, &Curve)> {
+        let measure = self.measure.as_ref()?;
+        Some((measure, measure.curve.as_ref()?))
+    }
+
+    /// Whether a frame of `bytes` bytes has all of it.
+    pub fn is_in(&self, bytes: usize) -> bool {
+        usize::from(self.start) + usize::from(self.bits) <= 8 * bytes
+    }
+
+    fn overlaps(&self, other: &Self) -> bool {
+        self.start < other.start + other.bits && other.start < self.start + self.bits
+    }
+}
+
+/// A PDO on a bus, whoever sends and takes it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PdoFrame {
+    /// Its bus.
+    pub channel: Channel,
+    /// Its identifier there.
+    pub cob_id: u16,
+    /// Its name: `TPDO1_elbow`, `Torque_group1`.
+    pub name: String,
+    /// Who sends it: places in the list of members; the master if nobody.
+    pub senders: Vec<usize>,
+    /// Who takes it; the master if nobody.
+    pub receivers: Vec<usize>,
+    /// How long it is.
+    pub bytes: usize,
+    /// When it is sent, or acts.
+    pub transmission: Transmission,
+    /// The longest time between two of them, if it is sent by a clock, in ms.
+    pub event_timer_ms: Option<u16>,
+    /// What is in it, in order of their first bits.
+    pub signals: Vec<Signal>,
+}
+
+impl PdoFrame {
+    /// Whether the signals are of several nodes.
+    pub fn is_shared(&self) -> bool {
+        let first = self.signals.first().map(|signal| signal.member);
+        self.signals.iter().any(|signal| Some(signal.member) != first)
+    }
+
+    /// The units at motor and joint, where all signals are seen from their joints and have the same.
+    pub fn common_units(&self) -> Option<[&'static str; 2]> {
+        let units = |signal: &Signal| {
+            let (measure, curve) = signal.measured()?;
+            (curve.place == "joint").then_some([measure.unit, curve.unit])
+        };
+        let first = units(self.signals.first()?)?;
+        self.signals.iter().all(|signal| units(signal) == Some(first)).then_some(first)
+    }
+}
+
+/// One node's part in a frame.
+struct Part<'m> {
+    member: usize,
+    of: &'m Member,
+    pdo: &'m Pdo,
+    service: &'m Service,
+}
+
+/// Every PDO in use, by bus and COB-ID.
+pub fn frames(members: &[Member]) -> Vec<PdoFrame> {
+    let mut parts: Vec<Part<'_>> = Vec::new();
+    for (member, of) in members.iter().enumerate() {
+        let used = of.plan.pdos.iter().filter_map(|pdo| Some((pdo, pdo.service.as_ref()?)));
+        parts.extend(used.map(|(pdo, service)| Part { member, of, pdo, service }));
+    }
+    parts.sort_by_key(|part| (part.of.channel, part.pdo.cob_id));
+    let same =
+        |a: &Part<'_>, b: &Part<'_>| (a.of.channel, a.pdo.cob_id) == (b.of.channel, b.pdo.cob_id);
+    let mut groups = 0;
+    parts.chunk_by(same).filter_map(|parts| frame(parts, &mut groups)).collect()
+}
+
+/// The frame of all the nodes that send or take it; `groups` counts those with several takers.
+fn frame(parts: &[Part<'_>], groups: &mut u32) -> Option<PdoFrame> {
+    let those = |direction| {
+        let of = move |part: &&Part<'_>| part.pdo.direction == direction;
+        parts.iter().filter(of).collect::<Vec<_>>()
+    };
+    let (senders, receivers) = (those(Direction::Transmit), those(Direction::Receive));
+    // What is in a frame is for its sender to say; the master says what its takers are told.
+    let authors = if senders.is_empty() { &receivers } else { &senders };
+    let first = authors.first()?;
+    let signals = signals(authors);
+    let name = if authors.len() == 1 {
+        let kind = if senders.is_empty() { "RPDO" } else { "TPDO" };
+        format!("{kind}{}_{}", first.pdo.number, first.of.name)
+    } else {
+        *groups += 1;
+        let is_torque = signals.iter().all(|signal| signal.object == Object::TARGET_TORQUE);
+        let kind = if is_torque { "Torque".to_owned() } else { format!("PDO{}", first.pdo.number) };
+        format!("{kind}_group{groups}")
+    };
+    let places = |parts: &[&Part<'_>]| parts.iter().map(|part| part.member).collect();
+    Some(PdoFrame {
+        channel: first.of.channel,
+        cob_id: first.pdo.cob_id,
+        name,
+        senders: places(&senders),
+        receivers: places(&receivers),
+        bytes: authors.iter().map(|part| bytes(part.service)).max().unwrap_or_default(),
+        transmission: first.service.transmission,
+        event_timer_ms: first.service.event_timer_ms.filter(|_| !senders.is_empty()),
+        signals,
+    })
+}
+
+fn bytes(service: &Service) -> usize {
+    usize::try_from(service.bytes()).unwrap_or(usize::MAX)
+}
+
+/// The union of what all of `authors` map.
+fn signals(authors: &[&Part<'_>]) -> Vec<Signal> {
+    let mut signals: Vec<Signal> = Vec::new();
+    for part in authors {
+        let mut start = 0_u8;
+        for mapped in &part.service.mapping {
+            if !words::is_dummy(mapped.object) {
+                signals.push(signal(part, *mapped, start));
+            }
+            start = start.saturating_add(mapped.bits);
+        }
+    }
+    signals.retain(|signal| signal.bits > 0 && signal.is_in(8));
+    signals.sort_by_key(|signal| (signal.start, signal.member));
+    for place in 1..signals.len() {
+        let (before, rest) = signals.split_at_mut(place);
+        if let Some(signal) = rest.first_mut() {
+            signal.is_disputed = before.iter().any(|other| signal.overlaps(other));
+        }
+    }
+    signals
+}
+
+fn signal(part: &Part<'_>, mapped: Mapped, start: u8) -> Signal {
+    let Mapped { object, bits } = mapped;
+    let of_object = part.of.measures.iter().find(|(measured, _)| *measured == object);
+    let measure = of_object.map(|(_, measure)| measure.clone());
+    let described = part.of.eds.as_ref().and_then(|eds| eds.object(object));
+    let data_type = words::data_type(object).or(described.map(|described| described.data_type));
+    let quantity = measure.as_ref().map(|measure| measure.quantity).filter(|name| !name.is_empty());
+    let what = match quantity.or(words::name(object)) {
+        Some(name) => identifier(name),
+        None => format!("{:04X}h_{}", object.index, object.sub),
+    };
+    Signal {
+        name: format!("{}_{what}", part.of.name),
+        member: part.member,
+        object,
+        start,
+        bits,
+        is_signed: data_type.is_some_and(words::is_signed),
+        measure,
+        is_disputed: false,
+    }
+}
+
+/// Letters, digits and underscores only, as the names of frames and signals have them.
+pub fn identifier(name: &str) -> String {
+    let legal = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+    name.chars().map(legal).collect()
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use canopen::layout;
+    use canopen::testing::plans::IDENTITY;
+    use canopen::testing::plans::watch;
+
+    fn node(id: u8) -> NodeId {
+        NodeId::new(id).unwrap()
+    }
+
+    pub(crate) fn torque() -> Measure {
+        let table = (0..=1_000).map(|raw| f64::from(raw) * 0.02).collect();
+        Measure {
+            quantity: "",
+            zero: 0,
+            step: 0.000_1,
+            unit: "N·m",
+            range: Some([-0.1, 0.1]),
+            curve: Some(Curve { place: "joint", unit: "N·m", table }),
+        }
+    }
+
+    pub(crate) fn position() -> Measure {
+        Measure { quantity: "", zero: 100, step: 0.001, unit: "rad", range: None, curve: None }
+    }
+
+    /// A drive as a member.
+    pub(crate) fn drive(name: &str, id: u8, pdos: Vec<Pdo>) -> Member {
+        let title = format!("joint {id} ({name})");
+        Member {
+            name: name.to_owned(),
+            channel: Channel(0),
+            plan: NodePlan::drive(title, node(id), IDENTITY, pdos, &watch(), 1_000),
+            measures: vec![
+                (Object::POSITION_ACTUAL, position()),
+                (Object::TARGET_TORQUE, torque()),
+                (Object::TORQUE_ACTUAL, torque()),
+            ],
+            eds: None,
+        }
+    }
+
+    pub(crate) fn switch_box() -> Member {
+        Member {
+            name: "switch_box".to_owned(),
+            channel: Channel(0),
+            plan: NodePlan::switches("switch box".to_owned(), node(16), IDENTITY, &watch()),
+            measures: Vec::new(),
+            eds: None,
+        }
+    }
+
+    /// Drives with a PDO each.
+    pub(crate) fn per_drive() -> Vec<Member> {
+        [("shoulder", 1), ("elbow", 2), ("wrist", 3)]
+            .map(|(name, id)| drive(name, id, layout::per_drive(node(id), Some(5))))
+            .into_iter()
+            .chain([switch_box()])
+            .collect()
+    }
+
+    const DUMMY: Object = Object { index: 3, sub: 0 };
+
+    fn pdo(
+        direction: Direction,
+        number: u16,
+        cob_id: u16,
+        transmission: Transmission,
+        mapping: &[(Object, u8)],
+    ) -> Pdo {
+        let mapping = mapping.iter().map(|(object, bits)| Mapped { object: *object, bits: *bits });
+        let service = Service {
+            transmission,
+            inhibit_100us: None,
+            event_timer_ms: None,
+            mapping: mapping.collect(),
+        };
+        Pdo { direction, number, cob_id, service: Some(service) }
+    }
+
+    /// Drives whose torques are in one frame, each with dummies where the others' are.
+    pub(crate) fn grouped() -> Vec<Member> {
+        let drives = [("shoulder", 1_u8), ("elbow", 2), ("wrist", 3)];
+        let member = |(slot, (name, id)): (usize, (&str, u8))| {
+            let mut targets = [(DUMMY, 16); 3];
+            targets[slot].0 = Object::TARGET_TORQUE;
+            let id16 = u16::from(id);
+            let sync = Transmission::EVERY_SYNC;
+            let event = Transmission::EVENT_OF_PROFILE;
+            let position = [(Object::POSITION_ACTUAL, 32)];
+            let state = [(Object::STATUSWORD, 16), (Object::TORQUE_ACTUAL, 16)];
+            let pdos = vec![
+                pdo(Direction::Receive, 1, 0x201, sync, &targets),
+                pdo(Direction::Receive, 2, 0x300 + id16, event, &[(Object::CONTROLWORD, 16)]),
+                pdo(Direction::Transmit, 1, 0x180 + id16, sync, &position),
+                pdo(Direction::Transmit, 2, 0x280 + id16, event, &state),
+            ];
+            drive(name, id, pdos)
+        };
+        drives.into_iter().enumerate().map(member).chain([switch_box()]).collect()
+    }
+
+    fn shown(frame: &PdoFrame) -> String {
+        let signals = frame
+            .signals
+            .iter()
+            .map(|signal| format!("{}@{}|{}", signal.name, signal.start, signal.bits));
+        format!("{:03X} {} {}", frame.cob_id, frame.name, signals.collect::<Vec<_>>().join(" "))
+    }
+
+    #[test]
+    fn a_frame_of_one_drive_has_its_objects_in_their_places() {
+        let frames = frames(&per_drive());
+        assert_eq!(
+            frames.iter().map(shown).take(5).collect::<Vec<_>>(),
+            [
+                "181 TPDO1_shoulder shoulder_statusword@0|16 shoulder_position@16|32 \
+                 shoulder_torque@48|16",
+                "182 TPDO1_elbow elbow_statusword@0|16 elbow_position@16|32 elbow_torque@48|16",
+                "183 TPDO1_wrist wrist_statusword@0|16 wrist_position@16|32 wrist_torque@48|16",
+                "190 TPDO1_switch_box switch_box_digital_inputs@0|8",
+                "201 RPDO1_shoulder shoulder_controlword@0|16 shoulder_target_torque@16|16",
+            ]
+        );
+        assert_eq!((frames[0].bytes, frames[4].bytes), (8, 4));
+    }
+
+    #[test]
+    fn a_shared_frame_is_the_union_of_what_its_takers_map() {
+        let frames = frames(&grouped());
+        let torques = frames.iter().find(|frame| frame.cob_id == 0x201).unwrap();
+        assert_eq!(
+            shown(torques),
+            "201 Torque_group1 shoulder_target_torque@0|16 elbow_target_torque@16|16 \
+             wrist_target_torque@32|16"
+        );
+        assert_eq!((torques.bytes, torques.receivers.len(), torques.senders.len()), (6, 3, 0));
+        assert!(torques.is_shared() && torques.signals.iter().all(|signal| !signal.is_disputed));
+    }
+
+    #[test]
+    fn bits_that_two_nodes_read_as_their_own_are_named_twice() {
+        let mut members = grouped();
+        let wrong = members[0].plan.pdos[0].clone();
+        members[1].plan.pdos[0] = wrong;
+        let frames = frames(&members);
+        let torques = frames.iter().find(|frame| frame.cob_id == 0x201).unwrap();
+        let disputed: Vec<_> = torques.signals.iter().filter(|signal| signal.is_disputed).collect();
+        assert_eq!(disputed.len(), 1);
+        assert_eq!((disputed[0].name.as_str(), disputed[0].start), ("elbow_target_torque", 0));
+    }
+
+    #[test]
+    fn a_count_that_ran_over_its_end_since_zero_is_near_zero() {
+        let measure = Measure { zero: i32::MAX, ..position() };
+        assert_eq!(measure.value(i64::from(i32::MIN)).to_string(), "0.001");
+    }
+
+    proptest! {
+        #[test]
+        fn a_signal_is_read_where_it_was_written(
+            start in 0_u8..64,
+            bits in 1_u8..=64,
+            value in any::<i64>(),
+            noise in any::<u64>(),
+            is_signed in any::<bool>(),
+        ) {
+            let bits = bits.min(64 - start);
+            let mask = u64::MAX >> (64 - bits);
+            let data = noise & !(mask << start) | (value.cast_unsigned() & mask) << start;
+            let signal = Signal {
+                name: String::new(),
+                member: 0,
+                object: Object::TARGET_TORQUE,
+                start,
+                bits,
+                is_signed,
+                measure: None,
+                is_disputed: false,
+            };
+            let raw = signal.raw(data.to_le_bytes());
+            prop_assert_eq!(raw.cast_unsigned() & mask, value.cast_unsigned() & mask);
+            prop_assert!(bits == 64 || is_signed || raw >= 0);
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! `frhc commission`: what is asked of the drives before they are used. Today their proof: every one must
+//! stop by itself when its master does.
+
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use anyhow::Context;
+use clap::Args;
+
+use crate::configured::Configured;
+use crate::exit::Failure;
+use crate::exit::Kind;
+use crate::exit::OrFail;
+use crate::interfaces;
+use crate::interfaces::Interfaces;
+use crate::print;
+use crate::signals;
+use canopen::master::check::Check;
+use canopen::plan::NodePlan;
+use config::Config;
+use node::BringUpError;
+use node::Node;
+use node::proof::DriveProof;
+use node::proof::ProofReport;
+use node::proof::Trip;
+use remote::site::VirtualSite;
+
+/// `frhc commission`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Needs no node running, as it is the master meanwhile. Nothing is armed.\n\nExamples:\n  \
+                  frhc commission --config config/kraft_like.toml --prove -i can0\n  \
+                  frhc commission --config config/kraft_like.toml --prove --json | jq .lasting_ms"
+)]
+pub struct Commission {
+    #[command(flatten)]
+    config: Configured,
+    #[command(flatten)]
+    interfaces: Interfaces,
+    /// Boots the drives, enables them at zero torque, and lets each show that it stops by itself.
+    #[arg(long)]
+    prove: bool,
+    /// The report as one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Does what is asked for.
+pub(super) fn run(args: &Commission) -> Result<(), Failure> {
+    if !args.prove {
+        let reason = "nothing to do: --prove is the only task so far";
+        return Err(Failure::new(Kind::Usage, reason));
+    }
+    let mut config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
+    // Whoever asks for the proof gets it, whatever the file says.
+    config.safety.protection.proves_drives = true;
+    let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
+    let stop = signals::stop_asked().context("no signals").or_fail(Kind::Bus)?;
+    let bus = interfaces::open(&config, &names)?;
+    let mut node = Node::new(&config, bus, VirtualSite::new(&config.remote, config.period));
+    let booted = node.bring_up(&mut || stop.load(Ordering::Relaxed));
+    if let Err(given_up @ (BringUpError::GivenUp | BringUpError::LeftOn(_))) = booted {
+        return Err(failure(given_up));
+    }
+    let report = Report { config: &config, plans: drives(&config), proof: node.proof().clone() };
+    print::line(&if args.json { report.json().to_string() } else { report.text() });
+    booted.map_err(failure)?;
+    node.stop().or_fail(Kind::Drive)
+}
+
+/// Warns where the drives are not asked to prove anything.
+pub(super) fn warn(config: &Config) {
+    if !config.safety.protection.proves_drives {
+        tracing::warn!(
+            "DRIVES NOT PROVEN: safety.prove_drives = false, so nothing is known to stop a drive whose \
+             master dies; forces stay below {} N",
+            config.controller.reflection.max_force()
+        );
+    }
+}
+
+fn failure(error: BringUpError) -> Failure {
+    let kind = match error {
+        BringUpError::Bus(_) | BringUpError::Unfit(_) => Kind::Bus,
+        BringUpError::Boot(_)
+        | BringUpError::NotEnabled(_)
+        | BringUpError::NotProven(_)
+        | BringUpError::GivenUp
+        | BringUpError::LeftOn(_) => Kind::Drive,
+    };
+    Failure::new(kind, error)
+}
+
+fn drives(config: &Config) -> Vec<NodePlan> {
+    config.node_plans().into_iter().map(|(_, plan)| plan).filter(NodePlan::is_drive).collect()
+}
+
+/// What was found, with what was asked for.
+struct Report<'c> {
+    config: &'c Config,
+    plans: Vec<NodePlan>,
+    proof: ProofReport,
+}
+
+impl Report<'_> {
+    fn text(&self) -> String {
+        let mut lines =
+            vec![format!("{:24} {:>18} {:>18}", "ms said/measured", "without RPDOs", "heartbeat")];
+        for (drive, plan) in self.proof.drives.iter().zip(&self.plans) {
+            let [rpdo, heartbeat] = [drive.rpdo, drive.heartbeat].map(cell);
+            lines.push(format!("{:24} {rpdo:>18} {heartbeat:>18}", drive.name));
+            let held = plan.protections().into_iter().map(|check| read_back(drive, &check));
+            lines.push(format!("  read back: {}", held.collect::<Vec<_>>().join(", ")));
+        }
+        lines.push(self.verdict());
+        lines.join("\n")
+    }
+
+    fn verdict(&self) -> String {
+        let max_force = self.config.controller.reflection.max_force();
+        match self.proof.lasting() {
+            None => "not every drive stops by itself: nothing may be armed".to_owned(),
+            Some(lasting) => match self.config.force_cap().allows(lasting) {
+                Ok(()) => format!(
+                    "a drive without its master pushes for {:.1} ms at most: max_force_n = {max_force} is allowed",
+                    millis(lasting)
+                ),
+                Err(refused) => format!("nothing may be armed: {refused}"),
+            },
+        }
+    }
+
+    fn json(&self) -> serde_json::Value {
+        let drive = |(drive, plan): (&DriveProof, &NodePlan)| {
+            let held = plan.protections().into_iter().map(|check| {
+                let value =
+                    (!drive.missing.contains(&check.object)).then(|| check.wanted().to_string());
+                (check.object.to_string(), serde_json::json!(value))
+            });
+            serde_json::json!({
+                "name": drive.name,
+                "node": drive.node.raw(),
+                "rpdo": drive.rpdo.map(timer),
+                "heartbeat": drive.heartbeat.map(timer),
+                "read_back": held.collect::<serde_json::Map<_, _>>(),
+            })
+        };
+        let lasting = self.proof.lasting();
+        let force = lasting.map(|lasting| self.config.force_cap().allows(lasting));
+        serde_json::json!({
+            "drives": self.proof.drives.iter().zip(&self.plans).map(drive).collect::<Vec<_>>(),
+            "lasting_ms": lasting.map(millis),
+            "max_force_n": self.config.controller.reflection.max_force(),
+            "may_arm": force.is_some_and(|allowed| allowed.is_ok()),
+        })
+    }
+}
+
+fn read_back(drive: &DriveProof, check: &Check) -> String {
+    if drive.missing.contains(&check.object) {
+        format!("{} missing", check.object)
+    } else {
+        format!("{} = {}", check.object, check.wanted())
+    }
+}
+
+fn cell(trip: Option<Trip>) -> String {
+    trip.map_or_else(
+        || "-".to_owned(),
+        |Trip { said, measured }| format!("{} / {:.1}", said.millis, millis(measured)),
+    )
+}
+
+fn timer(Trip { said, measured }: Trip) -> serde_json::Value {
+    serde_json::json!({
+        "object": said.object.to_string(),
+        "said_ms": said.millis,
+        "measured_ms": millis(measured),
+    })
+}
+
+fn millis(span: Duration) -> f64 {
+    span.as_secs_f64() * 1e3
+}

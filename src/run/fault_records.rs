@@ -1,0 +1,397 @@
+//! The folder of fault records: for every trip `NNN-CYCLE-CAUSE/` with `bus.log`, as a session has it, and
+//! `fault.json`. Readable by their owner alone, the newest fifty kept.
+//!
+//! What cannot be written is told once and left: a record of a fault is worth less than the run.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::fs::DirBuilder;
+use std::io;
+use std::io::BufWriter;
+use std::os::unix::fs::DirBuilderExt;
+use std::path::Path;
+use std::path::PathBuf;
+
+use serde_json::Value;
+use serde_json::json;
+
+use crate::archive::Kept;
+use crate::log_file::LogFile;
+use crate::provenance::Provenance;
+use crate::results;
+use crate::results::Access;
+use crate::results::number;
+use crate::state;
+use bus::candump::LogWriter;
+use canopen::frame::Telegram;
+use node::record::Record;
+use node::safety::table;
+use telemetry::fault_record::FaultWatch;
+use telemetry::fault_record::Moment;
+use telemetry::fault_record::Trip;
+use telemetry::losses::Losses;
+use telemetry::session::Brief;
+use telemetry::session::SessionLog;
+use telemetry::status::Status;
+use units::time::Instant;
+
+/// So many records are kept; then the oldest goes.
+const KEPT: usize = 50;
+
+/// The files of a record.
+const LOG: &str = "bus.log";
+const DOCUMENT: &str = "fault.json";
+
+/// Where records go if no session is recorded: systemd's folder, else the user's own.
+pub(super) fn default_folder() -> Option<PathBuf> {
+    state::folder().map(|folder| folder.join("faults"))
+}
+
+/// Watches for trips and writes what is to be kept of them.
+#[derive(Debug)]
+pub(super) struct Faults {
+    folder: PathBuf,
+    provenance: Provenance,
+    watch: FaultWatch,
+    /// The records in the folder, by their numbers.
+    records: BTreeMap<u64, PathBuf>,
+    open: Option<Open>,
+    is_refused: bool,
+    /// Records of this run.
+    written: Vec<PathBuf>,
+    news: Option<String>,
+}
+
+/// A record whose second is not over.
+#[derive(Debug)]
+struct Open {
+    folder: PathBuf,
+    log: SessionLog<BufWriter<LogFile>>,
+    document: Value,
+    tripped: Instant,
+    latest: Instant,
+}
+
+impl Faults {
+    /// Records of a run, in `folder`.
+    ///
+    /// # Errors
+    /// When there can be no such folder.
+    pub(super) fn open(folder: &Path, provenance: &Provenance) -> io::Result<Self> {
+        results::private_folder(folder)?;
+        let records = fs::read_dir(folder)?.flatten();
+        let records = records.filter_map(|entry| Some((number(&entry.file_name())?, entry.path())));
+        Ok(Self {
+            folder: folder.to_path_buf(),
+            provenance: provenance.clone(),
+            watch: FaultWatch::default(),
+            records: records.collect(),
+            open: None,
+            is_refused: false,
+            written: Vec::new(),
+            news: None,
+        })
+    }
+
+    /// Ends what is open, and says in one line what this run leaves.
+    pub(super) fn finish(mut self) -> Option<String> {
+        self.close();
+        // Goes if it is empty: whoever looks for records finds none.
+        fs::remove_dir(&self.folder).ok();
+        match self.written.as_slice() {
+            [] => None,
+            [one] => Some(format!("fault record      {}", one.display())),
+            [first, .., last] => {
+                let (count, last) = (self.written.len(), last.file_name().unwrap_or_default());
+                Some(format!("{count} fault records   {} to {}", first.display(), last.display()))
+            }
+        }
+    }
+
+    fn begin(&mut self, trip: &Trip, record: &Record) {
+        match self.create(trip, record) {
+            Ok(open) => {
+                self.news = Some(format!("fault record: {}", open.folder.display()));
+                self.written.push(open.folder.clone());
+                self.open = Some(open);
+            }
+            Err(error) if !self.is_refused => {
+                self.is_refused = true;
+                self.news = Some(format!("no fault record in {}: {error}", self.folder.display()));
+            }
+            Err(_) => {}
+        }
+    }
+
+    fn create(&mut self, trip: &Trip, record: &Record) -> io::Result<Open> {
+        self.make_room();
+        let next = self.records.last_key_value().map_or(1, |(last, _)| last.saturating_add(1));
+        let cause = hyphenated(&format!("{:?}", trip.cause.kind()));
+        let folder = self.folder.join(format!("{next:03}-{}-{cause}", trip.cycle));
+        DirBuilder::new().mode(0o700).create(&folder)?;
+        self.records.insert(next, folder.clone());
+        let seconds_before = self.watch.reach().as_secs_f64();
+        let document = document(trip, record, &self.provenance, seconds_before);
+        write_document(&folder, &document)?;
+        let file = LogFile::onto(results::private_file(&folder.join(LOG))?);
+        let Provenance { interfaces, origin, .. } = &self.provenance;
+        let writer = LogWriter::new(BufWriter::new(file), interfaces, origin.as_micros());
+        let mut log = SessionLog::new(writer);
+        for moment in self.watch.past() {
+            match moment {
+                Moment::Frame(at, telegram) => log.frame(*at, telegram),
+                Moment::Cycle(brief) => log.cycle(brief),
+            }
+        }
+        Ok(Open { folder, log, document, tripped: trip.at, latest: trip.at })
+    }
+
+    /// The oldest go, with what is ours in them: whatever else somebody keeps there stays.
+    fn make_room(&mut self) {
+        while self.records.len() >= KEPT {
+            let Some((_, oldest)) = self.records.pop_first() else { return };
+            discard(&oldest);
+        }
+    }
+
+    fn close_if_over(&mut self, now: Instant) {
+        if self.watch.is_over(now) {
+            self.close();
+        }
+    }
+
+    fn close(&mut self) {
+        let Some(Open { folder, log, mut document, tripped, latest }) = self.open.take() else {
+            return;
+        };
+        let ended = log.finish();
+        if let Some(said) = document.as_object_mut() {
+            said.insert("seconds_after".to_owned(), latest.since(tripped).as_secs_f64().into());
+            said.insert("is_complete".to_owned(), ended.is_ok().into());
+        }
+        let written = write_document(&folder, &document);
+        if let Err(error) = ended.and(written) {
+            let folder = folder.display();
+            self.news = Some(format!("fault record {folder}: not complete: {error}"));
+        }
+    }
+}
+
+impl Kept for Faults {
+    /// A frame has passed by.
+    fn frame(&mut self, at: Instant, telegram: &Telegram) {
+        self.close_if_over(at);
+        self.watch.frame(at, telegram);
+        if let Some(open) = &mut self.open {
+            open.latest = open.latest.max(at);
+            open.log.frame(at, telegram);
+        }
+    }
+
+    /// A cycle has run.
+    fn cycle(&mut self, record: &Record) {
+        self.close_if_over(record.at);
+        let brief = Brief::from(record);
+        if let Some(trip) = self.watch.cycle(&brief) {
+            self.begin(&trip, record);
+        } else if let Some(open) = &mut self.open {
+            open.latest = open.latest.max(record.at);
+            open.log.cycle(&brief);
+        }
+    }
+
+    /// What is to be told: where a record is, or why there is none.
+    fn news(&mut self) -> Option<String> {
+        self.news.take()
+    }
+}
+
+/// What `fault.json` says when the record begins: a run that ends within the second leaves it so.
+fn document(trip: &Trip, record: &Record, provenance: &Provenance, seconds_before: f64) -> Value {
+    let kind = trip.cause.kind();
+    let row = table::row(kind);
+    let reaction = table::reaction(kind, trip.from).mode();
+    let name = trip.cause.joint().and_then(|joint| provenance.joints.get(joint.checked_sub(1)?));
+    json!({
+        "cause": trip.cause.to_string(),
+        "kind": hyphenated(&format!("{kind:?}")),
+        "joint": trip.cause.joint(),
+        "joint_name": name,
+        "cycle": trip.cycle,
+        "seconds": trip.at.since(Instant::ZERO).as_secs_f64(),
+        "origin": provenance.origin,
+        "mode_before": trip.from.name(),
+        "mode": trip.to.name(),
+        "reaction": reaction.map_or("none", |mode| mode.name()),
+        "reset_boots": row.boots,
+        "hazards": row.hazards,
+        "seconds_before": seconds_before,
+        "seconds_after": 0.0,
+        "is_complete": false,
+        "joints": provenance.joints,
+        "status": Status::of(record, 0, Losses::default()),
+    })
+}
+
+fn write_document(folder: &Path, document: &Value) -> io::Result<()> {
+    let mut text = serde_json::to_string_pretty(document)?;
+    text.push('\n');
+    results::replace(&folder.join(DOCUMENT), text.as_bytes(), Access::Owner)
+}
+
+/// Removes every record in `folder`, and the folder if nothing else is in it.
+pub(super) fn clear(folder: &Path) -> io::Result<()> {
+    match fs::symlink_metadata(folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(error),
+        // The link goes, never what it leads to.
+        Ok(found) if !found.is_dir() => return fs::remove_file(folder),
+        Ok(_) => {}
+    }
+    let entries = fs::read_dir(folder)?.flatten();
+    let records = entries.filter(|entry| number(&entry.file_name()).is_some());
+    records.for_each(|entry| discard(&entry.path()));
+    fs::remove_dir(folder).ok();
+    Ok(())
+}
+
+/// Removes what is ours in a record, and its folder if nothing else is in it.
+fn discard(record: &Path) {
+    for file in [LOG, DOCUMENT] {
+        fs::remove_file(record.join(file)).ok();
+    }
+    fs::remove_dir(record).ok();
+}
+
+/// `SamplesMissing` as `samples-missing`.
+fn hyphenated(name: &str) -> String {
+    let mut words = String::new();
+    for letter in name.chars() {
+        if letter.is_ascii_uppercase() && !words.is_empty() {
+            words.push('-');
+        }
+        words.push(letter.to_ascii_lowercase());
+    }
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ffi::OsStr;
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+    use config::Config;
+    use lab::bench::Bench;
+    use node::cause::Cause;
+    use node::record::Mode;
+    use sim::scenario::Scenario;
+    use telemetry::origin::Origin;
+
+    const TRIP: Trip = Trip {
+        cycle: 4_213,
+        at: Instant::from_micros(4_300_000),
+        cause: Cause::SamplesMissing { joint: 3, cycles: 3 },
+        from: Mode::Engaged,
+        to: Mode::ZeroTorque,
+    };
+
+    /// A folder of this test alone.
+    fn scratch(name: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
+        fs::remove_dir_all(&folder).ok();
+        folder
+    }
+
+    fn provenance() -> Provenance {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        let origin = Origin::from_micros(1_795_331_563_123_456);
+        Provenance::of(&config, &["can0".to_owned()], origin)
+    }
+
+    fn any_record() -> Record {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        Bench::new(&config, Scenario::parse("seconds = 1").unwrap(), 1, false, ()).cycle()
+    }
+
+    fn mode_of(path: &Path) -> u32 {
+        fs::metadata(path).unwrap().permissions().mode() & 0o777
+    }
+
+    #[test]
+    fn promise_15_a_record_says_what_happened_and_is_its_owners_alone() {
+        let folder = scratch("record");
+        let mut faults = Faults::open(&folder, &provenance()).unwrap();
+        faults.begin(&TRIP, &any_record());
+        let record = folder.join("001-4213-samples-missing");
+        assert_eq!(faults.news(), Some(format!("fault record: {}", record.display())));
+        let said: Value =
+            serde_json::from_slice(&fs::read(record.join(DOCUMENT)).unwrap()).unwrap();
+        assert_eq!(said["cause"], "joint 3: no sample for 3 cycles");
+        assert_eq!((&said["joint"], &said["cycle"]), (&json!(3), &json!(4_213)));
+        assert_eq!((&said["joint_name"], &said["seconds"]), (&json!("elbow"), &json!(4.3)));
+        assert_eq!(said["origin"]["utc"], "2026-11-22T07:12:43.123456Z");
+        assert_eq!(said["joints"][2], "elbow");
+        assert_eq!(
+            (&said["mode_before"], &said["mode"]),
+            (&json!("engaged"), &json!("zero-torque"))
+        );
+        assert_eq!(
+            (&said["reaction"], &said["hazards"]),
+            (&json!("zero-torque"), &json!([1, 3, 4]))
+        );
+        assert_eq!(said["is_complete"], false, "until its second is over");
+        assert_eq!((mode_of(&folder), mode_of(&record)), (0o700, 0o700));
+        assert_eq!((mode_of(&record.join(LOG)), mode_of(&record.join(DOCUMENT))), (0o600, 0o600));
+        assert!(faults.finish().unwrap().contains("001-4213-samples-missing"));
+        let said: Value =
+            serde_json::from_slice(&fs::read(record.join(DOCUMENT)).unwrap()).unwrap();
+        assert_eq!(said["is_complete"], true);
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn hazard_32_the_newest_fifty_are_kept_and_what_is_not_ours_stays() {
+        let (folder, record) = (scratch("quota"), any_record());
+        for run in 0..6 {
+            let mut faults = Faults::open(&folder, &provenance()).unwrap();
+            for _ in 0..10 {
+                faults.begin(&TRIP, &record);
+                faults.close();
+            }
+            if run == 0 {
+                fs::write(folder.join("002-4213-samples-missing/notes"), "why?").unwrap();
+            }
+            assert!(faults.finish().unwrap().starts_with("10 fault records"));
+        }
+        let left = fs::read_dir(&folder).unwrap().flatten();
+        let mut left: Vec<_> = left.filter_map(|entry| number(&entry.file_name())).collect();
+        left.sort_unstable();
+        let kept: Vec<u64> = std::iter::once(2).chain(11..=60).collect();
+        assert_eq!(left, kept);
+        assert!(folder.join("002-4213-samples-missing/notes").exists());
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn hazard_32_a_place_that_cannot_be_written_is_told_once() {
+        let (folder, record) = (scratch("gone"), any_record());
+        let mut faults = Faults::open(&folder, &provenance()).unwrap();
+        fs::remove_dir(&folder).unwrap();
+        faults.begin(&TRIP, &record);
+        assert!(faults.news().unwrap().starts_with("no fault record in "));
+        faults.begin(&TRIP, &record);
+        assert_eq!((faults.news(), faults.finish()), (None, None));
+        fs::write(&folder, "").unwrap();
+        assert!(Faults::open(&folder.join("faults"), &provenance()).is_err());
+        fs::remove_file(&folder).unwrap();
+    }
+
+    #[test]
+    fn names_are_words_with_hyphens_and_begin_with_a_number() {
+        assert_eq!(hyphenated("SamplesMissing"), "samples-missing");
+        assert_eq!(number(OsStr::new("042-7-late")), Some(42));
+        assert_eq!(number(OsStr::new("notes")), None);
+        assert_eq!(number(OsStr::new("-7-late")), None);
+    }
+}

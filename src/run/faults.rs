@@ -1,0 +1,111 @@
+//! `frhc explain faults`: the fault table, for people and programs.
+
+use clap::Args;
+use serde_json::Value as Json;
+use serde_json::json;
+
+use crate::print;
+use node::cause::Kind;
+use node::record::Mode;
+use node::safety::table;
+use node::safety::table::Decides;
+use node::safety::table::Reaction;
+use node::safety::table::Row;
+use node::safety::words;
+
+/// `frhc explain faults`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  frhc explain faults | less -S\n  frhc explain faults --json | jq -r .cause"
+)]
+pub struct Faults {
+    /// One JSON object per line and cause.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Prints the table.
+pub fn run(args: &Faults) {
+    let lines = if args.json { objects() } else { text() };
+    print::line(&lines.join("\n"));
+}
+
+/// A line per cause: where it leads from every mode, and all else that its row says.
+fn objects() -> Vec<String> {
+    let object = |kind: Kind| {
+        let row = table::row(kind);
+        let reactions = Mode::ALL.map(|mode| {
+            let after = table::reaction(kind, mode).mode();
+            (mode.name().to_owned(), after.map_or(Json::Null, |after| json!(after.name())))
+        });
+        json!({
+            "cause": format!("{kind:?}"),
+            "words": words::of_kind(kind),
+            "leads_to": Json::Object(reactions.into_iter().collect()),
+            "torque_ends_within_ms": row.armed.ramp().as_millis(),
+            "first_by": words::of_decides(row.decides),
+            "reset": reset(row),
+            "hazards": row.hazards,
+        })
+    };
+    Kind::ALL.into_iter().map(|kind| object(kind).to_string()).collect()
+}
+
+/// A table, and what its abbreviations mean.
+fn text() -> Vec<String> {
+    let heads = ["cause", "ready", "armed", "first by", "reset", "hazards", "what is wrong"];
+    let mut lines = vec![line(heads.map(str::to_owned))];
+    lines.extend(Kind::ALL.into_iter().map(|kind| {
+        let row = table::row(kind);
+        let hazards: Vec<String> = row.hazards.iter().map(u8::to_string).collect();
+        line([
+            format!("{kind:?}"),
+            short(row.unarmed).to_owned(),
+            short(row.armed).to_owned(),
+            words::of_decides(row.decides).to_owned(),
+            reset(row).to_owned(),
+            hazards.join(" "),
+            words::of_kind(kind).to_owned(),
+        ])
+    }));
+    lines.extend(["", "ready: in boot and ready; armed: in armed and engaged"].map(str::to_owned));
+    let all = [Reaction::None, Reaction::ReflectionOff, Reaction::ZeroTorque, Reaction::DrivesOff];
+    lines.extend(all.map(|reaction| {
+        let ramp = match reaction.ramp().as_millis() {
+            0 => String::new(),
+            millis => format!(" within {millis} ms"),
+        };
+        format!("{:5}  {}{ramp}", short(reaction), words::of_reaction(reaction))
+    }));
+    lines.extend(
+        [
+            "A stop becomes worse by a worse cause, never milder, and keeps its first cause. It is left by a reset,",
+            "which boots the network where the table says so, and then needs a new press of the deadman.",
+        ]
+        .map(str::to_owned),
+    );
+    lines
+}
+
+fn line([cause, ready, armed, first, reset, hazards, words]: [String; 7]) -> String {
+    format!("{cause:17}{ready:6} {armed:6} {first:15}{reset:15}{hazards:8} {words}")
+}
+
+/// The numbers of the safe states.
+const fn short(reaction: Reaction) -> &'static str {
+    match reaction {
+        Reaction::None => "-",
+        Reaction::ReflectionOff => "S1",
+        Reaction::ZeroTorque => "S2",
+        Reaction::DrivesOff => "S3",
+    }
+}
+
+/// When a reset leaves it, and how.
+const fn reset(row: Row) -> &'static str {
+    match (row.boots, row.decides) {
+        (true, _) => "by a boot",
+        (false, Decides::Drive) => "in the drive",
+        (false, Decides::Node | Decides::Timers) => "when gone",
+    }
+}

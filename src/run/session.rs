@@ -1,0 +1,237 @@
+//! The folder of a session: `bus.log`, `summary.json` and fault records, for their owner alone. A session is never
+//! written over another.
+
+use std::fs;
+use std::fs::File;
+use std::io;
+use std::io::BufWriter;
+use std::path::Path;
+use std::path::PathBuf;
+
+use anyhow::Context;
+
+use crate::archive::Kept;
+use crate::exit::Failure;
+use crate::exit::Kind;
+use crate::exit::OrFail;
+use crate::fault_records;
+use crate::log_file::LogFile;
+use crate::provenance::Provenance;
+use crate::results;
+use crate::results::Access;
+use crate::results::Force;
+use bus::candump::LogWriter;
+use canopen::frame::Telegram;
+use node::record::Record;
+use telemetry::origin::Origin;
+use telemetry::session::Brief;
+use telemetry::session::SessionLog;
+use telemetry::summary::Summary;
+use units::time::Instant;
+
+/// The files of a session, and the folder of its fault records.
+const LOG: &str = "bus.log";
+const SUMMARY: &str = "summary.json";
+pub(super) const FAULTS: &str = "faults";
+
+/// A session that is being written.
+#[derive(Debug)]
+pub(super) struct Session {
+    folder: PathBuf,
+    log: SessionLog<BufWriter<LogFile>>,
+    is_told: bool,
+}
+
+impl Session {
+    /// Makes the folder and begins its log.
+    ///
+    /// # Errors
+    /// When there is no such folder, or it has a log already.
+    pub(super) fn create(folder: &Path, provenance: &Provenance) -> anyhow::Result<Self> {
+        let make = || -> io::Result<File> {
+            results::private_folder(folder)?;
+            results::private_file(&folder.join(LOG))
+        };
+        let file = make().with_context(|| format!("session {}", folder.display()))?;
+        Ok(Self::onto(file, folder, provenance))
+    }
+
+    /// A session whose log goes to `file`.
+    pub(super) fn onto(file: File, folder: &Path, provenance: &Provenance) -> Self {
+        let Provenance { interfaces, origin, .. } = provenance;
+        let file = BufWriter::new(LogFile::onto(file));
+        let writer = LogWriter::new(file, interfaces, origin.as_micros());
+        let folder = folder.to_path_buf();
+        Self { folder, log: SessionLog::new(writer), is_told: false }
+    }
+
+    /// Ends the log and writes the summary, which may find room where the log did not.
+    pub(super) fn finish(self, summary: &Summary) -> anyhow::Result<()> {
+        let Self { folder, log, is_told } = self;
+        let named = || format!("session {}", folder.display());
+        let ended = log.finish().map_err(|error| match is_told {
+            true => anyhow::anyhow!("{}: not complete", named()),
+            false => anyhow::anyhow!("{}: not complete: {error}", named()),
+        });
+        let mut text = serde_json::to_string_pretty(summary)?;
+        text.push('\n');
+        let written = results::replace(&folder.join(SUMMARY), text.as_bytes(), Access::Owner);
+        ended.and(written.with_context(named))
+    }
+}
+
+/// Makes a folder for a session of its own in `parent`: `NNN-UTC`, counted from 001.
+pub(super) fn numbered(parent: &Path, origin: Origin) -> anyhow::Result<PathBuf> {
+    let folder = results::numbered(parent, |number| format!("{number:03}-{}", origin.compact()));
+    folder.with_context(|| format!("--record {}", parent.display()))
+}
+
+/// Makes sure that `folder` has no session. An earlier one is refused or, if forced, removed.
+///
+/// # Errors
+/// The refusal, or what kept an earlier one from being removed.
+pub fn make_room(folder: &Path, force: Force) -> Result<(), Failure> {
+    let names = [LOG, SUMMARY, FAULTS].into_iter();
+    names.map(|name| folder.join(name)).try_for_each(|path| results::refuse(&path, force))?;
+    let gone = |file| match fs::remove_file(folder.join(file)) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        Ok(()) | Err(_) => Ok(()),
+    };
+    let cleared = [LOG, SUMMARY].into_iter().try_for_each(gone);
+    let cleared = cleared.and_then(|()| fault_records::clear(&folder.join(FAULTS)));
+    cleared.with_context(|| format!("session {}", folder.display())).or_fail(Kind::File)
+}
+
+impl Kept for Session {
+    fn frame(&mut self, at: Instant, telegram: &Telegram) {
+        self.log.frame(at, telegram);
+    }
+
+    fn cycle(&mut self, record: &Record) {
+        self.log.cycle(&Brief::from(record));
+    }
+
+    /// Why nothing is recorded any more, once.
+    fn news(&mut self) -> Option<String> {
+        let error = self.log.failure().filter(|_| !self.is_told)?;
+        self.is_told = true;
+        Some(format!("session {}: the recording ends here: {error}", self.folder.display()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::pipe;
+    use std::os::fd::OwnedFd;
+    use std::os::unix::fs::PermissionsExt;
+
+    use serde_json::Value;
+
+    use super::*;
+    use canopen::frame::Channel;
+    use canopen::frame::Frame;
+
+    const ORIGIN: Origin = Origin::from_micros(1_795_331_563_123_456);
+
+    fn scratch(name: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
+        fs::remove_dir_all(&folder).ok();
+        folder
+    }
+
+    fn provenance() -> Provenance {
+        let interfaces = vec!["can0".to_owned()];
+        Provenance { interfaces, origin: ORIGIN, ..Provenance::default() }
+    }
+
+    fn sync() -> Telegram {
+        Telegram { channel: Channel(0), frame: Frame::new(0x80, []) }
+    }
+
+    fn mode_of(path: &Path) -> u32 {
+        fs::metadata(path).unwrap().permissions().mode() & 0o777
+    }
+
+    #[test]
+    fn session_leaves_log_and_summary_for_its_owner() {
+        let folder = scratch("session");
+        let mut session = Session::create(&folder, &provenance()).unwrap();
+        session.frame(Instant::from_micros(7), &sync());
+        assert_eq!(session.news(), None);
+        let mut summary = Summary::default();
+        summary.cycles = 42;
+        session.finish(&summary).unwrap();
+        let (log, summary) = (folder.join(LOG), folder.join(SUMMARY));
+        // The stamp is that of the wall: origin and time on the bus.
+        assert_eq!(fs::read_to_string(&log).unwrap(), "(1795331563.123463) can0 080#\n");
+        let said: Value = serde_json::from_slice(&fs::read(&summary).unwrap()).unwrap();
+        assert_eq!(said["cycles"], 42);
+        assert_eq!((mode_of(&folder), mode_of(&log), mode_of(&summary)), (0o700, 0o600, 0o600));
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn session_never_takes_the_log_of_an_earlier_one() {
+        let folder = scratch("session-twice");
+        let mut first = Session::create(&folder, &provenance()).unwrap();
+        first.frame(Instant::ZERO, &sync());
+        first.finish(&Summary::default()).unwrap();
+        let log = fs::read(folder.join(LOG)).unwrap();
+        let error = Session::create(&folder, &provenance()).unwrap_err();
+        assert!(format!("{error:#}").contains("exists"), "{error:#}");
+        assert_eq!(fs::read(folder.join(LOG)).unwrap(), log);
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn log_that_ends_early_is_reported_once_and_leaves_a_summary() {
+        let folder = scratch("session-full");
+        fs::create_dir(&folder).unwrap();
+        let (unread, disk) = pipe().unwrap();
+        drop(unread);
+        let mut session = Session::onto(File::from(OwnedFd::from(disk)), &folder, &provenance());
+        // As many as no buffer holds back.
+        (0..10_000).for_each(|at| session.frame(Instant::from_micros(at), &sync()));
+        assert!(session.news().unwrap().contains("the recording ends here: "));
+        assert_eq!(session.news(), None);
+        let error = session.finish(&Summary::default()).unwrap_err().to_string();
+        assert!(error.ends_with("session-full: not complete"), "{error}");
+        assert!(folder.join(SUMMARY).exists());
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn recorded_sessions_are_numbered_and_dated() {
+        let parent = scratch("sessions");
+        let names = ["001-20261122T071243Z", "002-20261122T071243Z"];
+        for name in names {
+            assert_eq!(numbered(&parent, ORIGIN).unwrap(), parent.join(name));
+        }
+        fs::write(parent.join("file"), "").unwrap();
+        let error = numbered(&parent.join("file"), ORIGIN).unwrap_err().to_string();
+        assert!(error.starts_with("--record "), "{error}");
+        fs::remove_dir_all(&parent).unwrap();
+    }
+
+    #[test]
+    fn earlier_session_is_refused_or_if_forced_removed_alone() {
+        let folder = scratch("session-room");
+        let record = folder.join(FAULTS).join("001-7-late");
+        fs::create_dir_all(&record).unwrap();
+        make_room(&scratch("session-none"), Force { force: false }).unwrap();
+        for file in [folder.join("notes"), record.join("bus.log")] {
+            fs::write(file, "").unwrap();
+        }
+        for file in [LOG, SUMMARY] {
+            fs::write(folder.join(file), "earlier").unwrap();
+            let refused = make_room(&folder, Force { force: false }).unwrap_err();
+            assert!(refused.to_string().contains("--force"), "{refused}");
+        }
+        assert_eq!(fs::read_to_string(folder.join(LOG)).unwrap(), "earlier");
+        make_room(&folder, Force { force: true }).unwrap();
+        let left: Vec<_> =
+            fs::read_dir(&folder).unwrap().map(|it| it.unwrap().file_name()).collect();
+        assert_eq!(left, ["notes"]);
+        fs::remove_dir_all(&folder).unwrap();
+    }
+}

@@ -1,0 +1,121 @@
+//! Noise_IK over datagrams: who is who, the messages, and how a session comes of them.
+//!
+//! ```text
+//!  initiation, 128 bytes                    response, 64 bytes          cookie, 48 bytes
+//!    0  16  header                            0  16  header               0  16  header
+//!   16  96  Noise: e, es, s, ss              16  48  Noise: e, ee, se    16  16  first bytes of `e`
+//!  112  16  cookie, or zero                                              32  16  cookie
+//! ```
+//!
+//! No answer is longer than its question, so the link amplifies nothing. The prologue is the header of the
+//! initiation: version and epoch of both sides are the same, or nothing is authentic.
+
+use std::fmt;
+
+use snow::Builder;
+use snow::HandshakeState;
+use snow::StatelessTransportState;
+use thiserror::Error;
+
+use crate::datagram;
+use crate::datagram::HEADER;
+use crate::datagram::Kind;
+
+/// Bytes of an initiation.
+pub const INITIATION: usize = 128;
+
+/// Bytes of a response.
+pub const RESPONSE: usize = 64;
+
+/// The handshake and its primitives (Noise, revision 34).
+const PATTERN: &str = "Noise_IK_25519_ChaChaPoly_BLAKE2s";
+
+/// Bytes of a key of X25519.
+pub const KEY: usize = 32;
+
+/// Who we are, and the only one we speak to.
+#[derive(Clone)]
+pub struct Keys {
+    /// Our own secret key.
+    pub secret: [u8; KEY],
+    /// The peer's public key.
+    pub peer: [u8; KEY],
+}
+
+impl fmt::Debug for Keys {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Keys")
+    }
+}
+
+/// A new pair of keys.
+#[derive(Clone)]
+pub struct Pair {
+    /// For ourselves alone.
+    pub secret: [u8; KEY],
+    /// For the peer.
+    pub public: [u8; KEY],
+}
+
+impl fmt::Debug for Pair {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Pair({:02x?})", self.public)
+    }
+}
+
+/// The cryptography failed: no randomness, or no message of the handshake.
+#[derive(Debug, Error)]
+#[error("no handshake: {0}")]
+pub struct Failed(#[from] pub snow::Error);
+
+impl Pair {
+    /// From the operating system's randomness.
+    ///
+    /// # Errors
+    /// When it gives none.
+    pub fn generate() -> Result<Self, Failed> {
+        let pair = Builder::new(PATTERN.parse()?).generate_keypair()?;
+        let key = |bytes: &[u8]| bytes.try_into().map_err(|_| snow::Error::Input);
+        Ok(Self { secret: key(&pair.private)?, public: key(&pair.public)? })
+    }
+}
+
+/// Begins a handshake: its state, and the initiation.
+///
+/// # Errors
+/// When there is no randomness, or a key is none.
+pub fn initiate(keys: &Keys, epoch: u64) -> Result<(HandshakeState, [u8; INITIATION]), Failed> {
+    let prologue = datagram::header(Kind::Initiation, epoch);
+    let builder = Builder::new(PATTERN.parse()?).prologue(&prologue)?;
+    let builder = builder.local_private_key(&keys.secret)?.remote_public_key(&keys.peer)?;
+    let mut state = builder.build_initiator()?;
+    let mut bytes = [0; INITIATION];
+    let (header, rest) = bytes.split_at_mut(HEADER);
+    header.copy_from_slice(&prologue);
+    state.write_message(&[], rest)?;
+    Ok((state, bytes))
+}
+
+/// Answers an initiation: the session's ciphers, and the response. `message` is the part of it that is
+/// Noise's.
+///
+/// # Errors
+/// When it is not authentic, or not from the peer.
+pub fn respond(
+    keys: &Keys,
+    epoch: u64,
+    message: &[u8],
+) -> Result<(StatelessTransportState, [u8; RESPONSE]), Failed> {
+    let prologue = datagram::header(Kind::Initiation, epoch);
+    let builder = Builder::new(PATTERN.parse()?).prologue(&prologue)?;
+    let mut state = builder.local_private_key(&keys.secret)?.build_responder()?;
+    state.read_message(message, &mut [])?;
+    if state.get_remote_static() != Some(&keys.peer) {
+        return Err(Failed(snow::Error::Decrypt));
+    }
+    let mut bytes = [0; RESPONSE];
+    let (header, rest) = bytes.split_at_mut(HEADER);
+    header.copy_from_slice(&datagram::header(Kind::Response, epoch));
+    state.write_message(&[], rest)?;
+    Ok((state.into_stateless_transport_mode()?, bytes))
+}

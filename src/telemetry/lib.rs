@@ -1,0 +1,14 @@
+//! Records and changes, out of the loop: what the cycle leaves behind for people and files.
+#![forbid(unsafe_code)]
+
+mod chart;
+pub mod contact;
+pub mod digits;
+pub mod fault_record;
+pub mod losses;
+pub mod origin;
+pub mod session;
+pub mod status;
+pub mod summary;
+pub mod token_bucket;
+pub mod torque_plot;

@@ -1,0 +1,172 @@
+//! Orientations as three numbers: Z-Y-X Euler angles (Craig 1989, 2.8) and rotation vectors.
+
+use nalgebra::Matrix3;
+use nalgebra::Rotation3;
+use nalgebra::UnitQuaternion;
+use nalgebra::Vector3;
+
+/// Below this |cos β| the angles α and γ are one rotation; α is then zero (Craig 1989, 2.8).
+const DEGENERATE: f64 = 1e-9;
+
+/// The angles (γ, β, α) of `R = Rz(α) Ry(β) Rx(γ)`, in rad; β within ±π/2.
+pub fn euler_zyx(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
+    let r = rotation.to_rotation_matrix();
+    let cos_beta = r[(0, 0)].hypot(r[(1, 0)]);
+    let beta = (-r[(2, 0)]).atan2(cos_beta);
+    if cos_beta < DEGENERATE {
+        let gamma = beta.signum() * r[(0, 1)].atan2(r[(1, 1)]);
+        return Vector3::new(gamma, beta, 0.0);
+    }
+    Vector3::new(r[(2, 1)].atan2(r[(2, 2)]), beta, r[(1, 0)].atan2(r[(0, 0)]))
+}
+
+/// The orientation `Rz(α) Ry(β) Rx(γ)` of angles (γ, β, α) in rad.
+pub fn from_euler_zyx(angles: &Vector3<f64>) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_rotation_matrix(&Rotation3::from_euler_angles(
+        angles.x, angles.y, angles.z,
+    ))
+}
+
+/// The matrix E of Eq. 5: rates of (γ, β, α) to angular velocity in the turned frame. Its
+/// determinant is cos β.
+pub fn euler_rates(angles: &Vector3<f64>) -> Matrix3<f64> {
+    let (sin_gamma, cos_gamma) = angles.x.sin_cos();
+    let (sin_beta, cos_beta) = angles.y.sin_cos();
+    Matrix3::new(
+        1.0,
+        0.0,
+        -sin_beta, //
+        0.0,
+        cos_gamma,
+        cos_beta * sin_gamma, //
+        0.0,
+        -sin_gamma,
+        cos_beta * cos_gamma,
+    )
+}
+
+/// The rotation vector (axis times angle, within ±π), in rad. Continuous through every angle but π.
+pub fn rotation_vector(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
+    rotation.scaled_axis()
+}
+
+/// Below this angle, in rad, the coefficients are their series: the next term is under 1e-16.
+const SMALL: f64 = 1e-3;
+
+/// Rates of a rotation vector to angular velocity in the frame turned *from*: the left Jacobian of
+/// SO(3). It also bends the path of a body that turns while it moves (a screw motion).
+pub fn left_jacobian(vector: &Vector3<f64>) -> Matrix3<f64> {
+    let angle = vector.norm();
+    let cross = vector.cross_matrix();
+    let (first, second) = if angle < SMALL {
+        (0.5 - angle * angle / 24.0, 1.0 / 6.0 - angle * angle / 120.0)
+    } else {
+        let half = (angle / 2.0).sin() / angle;
+        (2.0 * half * half, (angle - angle.sin()) / angle.powi(3))
+    };
+    Matrix3::identity() + cross * first + cross * cross * second
+}
+
+/// The inverse of [`left_jacobian`], for angles below 2π. Its transpose takes angular velocity in
+/// the *turned* frame to rates of the rotation vector, so the moment conjugate to a rotation vector
+/// is this times what it does per rad.
+pub fn left_jacobian_inverse(vector: &Vector3<f64>) -> Matrix3<f64> {
+    let angle = vector.norm();
+    let cross = vector.cross_matrix();
+    let second = if angle < SMALL {
+        1.0 / 12.0 + angle * angle / 720.0
+    } else {
+        (1.0 / angle - 0.5 / (angle / 2.0).tan()) / angle
+    };
+    Matrix3::identity() - cross * 0.5 + cross * cross * second
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+    use std::f64::consts::PI;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn vector(size: f64) -> impl Strategy<Value = Vector3<f64>> {
+        prop::array::uniform3(-size..size).prop_map(Vector3::from)
+    }
+
+    proptest! {
+        #[test]
+        fn angles_name_the_orientation_they_came_from(r in vector(3.0)) {
+            let rotation = UnitQuaternion::from_scaled_axis(r);
+            let again = from_euler_zyx(&euler_zyx(&rotation));
+            prop_assert!(rotation.angle_to(&again) < 1e-7);
+        }
+
+        #[test]
+        fn angles_within_range_come_back(
+            gamma in -3.1..3.1_f64, beta in -1.5..1.5_f64, alpha in -3.1..3.1_f64
+        ) {
+            let angles = Vector3::new(gamma, beta, alpha);
+            prop_assert!((euler_zyx(&from_euler_zyx(&angles)) - angles).norm() < 1e-12);
+        }
+
+        #[test]
+        fn a_rotation_vector_within_half_a_turn_comes_back(r in vector(1.8)) {
+            let again = rotation_vector(&UnitQuaternion::from_scaled_axis(r));
+            prop_assert!((again - r).norm() < 1e-12);
+        }
+
+        #[test]
+        fn the_determinant_of_the_euler_rates_is_cos_beta(angles in vector(1.5)) {
+            prop_assert!((euler_rates(&angles).determinant() - angles.y.cos()).abs() < 1e-14);
+        }
+
+        #[test]
+        fn euler_rates_are_the_derivative_of_the_orientation(
+            angles in vector(1.4), rates in vector(1.0)
+        ) {
+            let step = 1e-6;
+            let before = from_euler_zyx(&(angles - rates * step));
+            let after = from_euler_zyx(&(angles + rates * step));
+            let omega = rotation_vector(&(before.inverse() * after)) / (2.0 * step);
+            prop_assert!((omega - euler_rates(&angles) * rates).norm() < 1e-8);
+        }
+
+        #[test]
+        fn the_left_jacobian_is_the_derivative_of_the_orientation(
+            r in vector(1.7), rates in vector(1.0)
+        ) {
+            let step = 1e-6;
+            let before = UnitQuaternion::from_scaled_axis(r - rates * step);
+            let after = UnitQuaternion::from_scaled_axis(r + rates * step);
+            let omega = rotation_vector(&(after * before.inverse())) / (2.0 * step);
+            prop_assert!((omega - left_jacobian(&r) * rates).norm() < 1e-8);
+        }
+
+        #[test]
+        fn the_inverse_of_the_left_jacobian_is_one(r in vector(1.7), scale in 0.0..1.0_f64) {
+            let r = r * scale.powi(8);
+            let product = left_jacobian(&r) * left_jacobian_inverse(&r);
+            prop_assert!((product - Matrix3::identity()).norm() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn at_a_quarter_turn_alpha_is_zero() {
+        for (gamma, beta, alpha) in [(0.5, FRAC_PI_2, 0.2), (0.5, -FRAC_PI_2, 0.2)] {
+            let rotation = from_euler_zyx(&Vector3::new(gamma, beta, alpha));
+            let angles = euler_zyx(&rotation);
+            assert!(angles.z.abs() < 1e-15 && (angles.y - beta).abs() < 1e-7);
+            assert!(rotation.angle_to(&from_euler_zyx(&angles)) < 1e-7);
+        }
+    }
+
+    #[test]
+    fn property_04_half_a_turn_has_a_rotation_vector() {
+        for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+            let r = rotation_vector(&UnitQuaternion::from_scaled_axis(axis * PI));
+            assert!((r.norm() - PI).abs() < 1e-12 && r.cross(&axis).norm() < 1e-12);
+            assert!(left_jacobian_inverse(&r).iter().all(|entry| entry.is_finite()));
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Force and moment, in N and N·m (Craig 1989, chapter 5).
+
+use std::ops::Add;
+use std::ops::Mul;
+use std::ops::Neg;
+use std::ops::Sub;
+
+use nalgebra::Isometry3;
+use nalgebra::UnitQuaternion;
+use nalgebra::Vector3;
+
+use crate::spatial::Twist;
+
+/// A force and a moment at a frame, written in it. It acts *on* the body it is named for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wrench {
+    /// Force, in N.
+    pub force: Vector3<f64>,
+    /// Moment about the frame's origin, in N·m.
+    pub moment: Vector3<f64>,
+}
+
+impl Wrench {
+    /// Neither force nor moment.
+    pub const ZERO: Self =
+        Self { force: Vector3::new(0.0, 0.0, 0.0), moment: Vector3::new(0.0, 0.0, 0.0) };
+
+    /// From fx, fy, fz, mx, my, mz.
+    pub const fn from_components([fx, fy, fz, mx, my, mz]: [f64; 6]) -> Self {
+        Self { force: Vector3::new(fx, fy, fz), moment: Vector3::new(mx, my, mz) }
+    }
+
+    /// fx, fy, fz, mx, my, mz.
+    pub fn components(&self) -> [f64; 6] {
+        [self.force.x, self.force.y, self.force.z, self.moment.x, self.moment.y, self.moment.z]
+    }
+
+    /// The same wrench, taken at the other frame of `x` and written in it: `f_m = f_s.at(&x_m_s)` (Eq. 6).
+    pub fn at(&self, x: &Isometry3<f64>) -> Self {
+        let force = x.rotation * self.force;
+        let moment = x.rotation * self.moment + x.translation.vector.cross(&force);
+        Self { force, moment }
+    }
+
+    /// The same wrench written along other axes, `r` taking the one to the other.
+    pub fn turned(&self, r: &UnitQuaternion<f64>) -> Self {
+        Self { force: r * self.force, moment: r * self.moment }
+    }
+
+    /// Each component multiplied by its own gain: a diagonal gain matrix.
+    pub fn scaled(&self, gains: &[f64; 6]) -> Self {
+        let [fx, fy, fz, mx, my, mz] = self.components();
+        let [a, b, c, d, e, f] = *gains;
+        Self::from_components([a * fx, b * fy, c * fz, d * mx, e * my, f * mz])
+    }
+
+    /// The power it puts into a body moving with `twist`, both at the same frame, in W.
+    pub fn power(&self, twist: &Twist) -> f64 {
+        self.force.dot(&twist.linear) + self.moment.dot(&twist.angular)
+    }
+
+    /// Whether every component is a finite number.
+    pub fn is_finite(&self) -> bool {
+        self.components().iter().all(|component| component.is_finite())
+    }
+}
+
+impl Add for Wrench {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { force: self.force + other.force, moment: self.moment + other.moment }
+    }
+}
+
+impl Sub for Wrench {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        Self { force: self.force - other.force, moment: self.moment - other.moment }
+    }
+}
+
+impl Neg for Wrench {
+    type Output = Self;
+
+    fn neg(self) -> Self {
+        Self { force: -self.force, moment: -self.moment }
+    }
+}
+
+impl Mul<f64> for Wrench {
+    type Output = Self;
+
+    fn mul(self, scale: f64) -> Self {
+        Self { force: self.force * scale, moment: self.moment * scale }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::UnitQuaternion;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn six(size: f64) -> impl Strategy<Value = [f64; 6]> {
+        prop::array::uniform6(-size..size)
+    }
+
+    fn pose() -> impl Strategy<Value = Isometry3<f64>> {
+        six(2.0).prop_map(|[x, y, z, a, b, c]| {
+            let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(a, b, c));
+            Isometry3::from_parts(Vector3::new(x, y, z).into(), rotation)
+        })
+    }
+
+    fn close(a: &Wrench, b: &Wrench) -> bool {
+        a.components().iter().zip(b.components()).all(|(a, b)| (a - b).abs() < 1e-10)
+    }
+
+    proptest! {
+        #[test]
+        fn property_02_a_moved_wrench_has_the_same_power(f in six(50.0), v in six(5.0), x_m_s in pose()) {
+            let f_s = Wrench::from_components(f);
+            let v_s = Twist::from_components(v);
+            let difference = f_s.power(&v_s) - f_s.at(&x_m_s).power(&v_s.at(&x_m_s));
+            prop_assert!(difference.abs() < 1e-9, "{difference} W appeared from nowhere");
+        }
+
+        #[test]
+        fn a_wrench_moved_there_and_back_is_itself(f in six(50.0), x_m_s in pose()) {
+            let f_s = Wrench::from_components(f);
+            prop_assert!(close(&f_s.at(&x_m_s).at(&x_m_s.inverse()), &f_s));
+        }
+
+        #[test]
+        fn moving_twice_is_moving_by_the_product(f in six(50.0), x_b_m in pose(), x_m_s in pose()) {
+            let f_s = Wrench::from_components(f);
+            prop_assert!(close(&f_s.at(&x_m_s).at(&x_b_m), &f_s.at(&(x_b_m * x_m_s))));
+        }
+    }
+
+    #[test]
+    fn a_force_has_a_moment_about_a_distant_point() {
+        let f_s = Wrench::from_components([0.0, 0.0, 2.0, 0.0, 0.0, 0.0]);
+        let f_m = f_s.at(&Isometry3::translation(0.5, 0.0, 0.0));
+        assert_eq!(f_m, Wrench::from_components([0.0, 0.0, 2.0, 0.0, -1.0, 0.0]));
+    }
+
+    #[test]
+    fn one_bad_component_is_not_finite() {
+        let mut f_s = Wrench::ZERO;
+        assert!(f_s.is_finite());
+        f_s.moment.y = f64::NAN;
+        assert!(!f_s.is_finite());
+    }
+}

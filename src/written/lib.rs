@@ -1,0 +1,158 @@
+//! TOML as people write it: lists of an exact length, and the key at a place of the text.
+//!
+//! A fixed-size array of serde stops reading after its last element, and `toml` does not ask whether
+//! anything follows: `[1, 2, 3, "x"]` would pass for three numbers. So no section has arrays; it has
+//! [`List`]s.
+#![forbid(unsafe_code)]
+
+use std::fmt;
+use std::marker::PhantomData;
+
+use serde::Deserialize;
+use serde::Deserializer;
+use serde::de::Error;
+use serde::de::SeqAccess;
+use serde::de::Visitor;
+use toml::Value;
+use toml::de::DeArray;
+use toml::de::DeTable;
+use toml::de::DeValue;
+
+/// Exactly `N` elements.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct List<T, const N: usize>(pub [T; N]);
+
+impl<T: Copy + Default, const N: usize> Default for List<T, N> {
+    fn default() -> Self {
+        Self([T::default(); N])
+    }
+}
+
+impl<'de, T: Deserialize<'de>, const N: usize> Deserialize<'de> for List<T, N> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_seq(Elements(PhantomData))
+    }
+}
+
+struct Elements<T, const N: usize>(PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for Elements<T, N> {
+    type Value = List<T, N>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "a list of {N}")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
+        let mut elements = Vec::with_capacity(N);
+        while elements.len() < N
+            && let Some(element) = list.next_element()?
+        {
+            elements.push(element);
+        }
+        let mut found = elements.len();
+        while list.next_element::<Value>()?.is_some() {
+            found += 1;
+        }
+        let wrong = || A::Error::custom(format_args!("must be a list of {N}, got {found}"));
+        if found > N {
+            return Err(wrong());
+        }
+        elements.try_into().map(List).map_err(|_| wrong())
+    }
+}
+
+/// The key, like `joint[2].torque_curve`, of the innermost value around a byte offset; empty where none is.
+pub fn key_at(text: &str, offset: usize) -> String {
+    let mut key = String::new();
+    if let Ok(document) = DeTable::parse(text) {
+        in_table(document.get_ref(), offset, &mut key);
+    }
+    key
+}
+
+fn in_table(table: &DeTable<'_>, offset: usize, key: &mut String) {
+    // A table under a header spans its header alone, so the values within are looked at first.
+    for (name, value) in table {
+        let before = key.len();
+        let dot = if key.is_empty() { "" } else { "." };
+        key.push_str(&format!("{dot}{}", name.get_ref()));
+        if in_value(value.get_ref(), offset, key) || value.span().contains(&offset) {
+            return;
+        }
+        key.truncate(before);
+    }
+}
+
+/// Whether the offset is in one of the values within.
+fn in_value(value: &DeValue<'_>, offset: usize, key: &mut String) -> bool {
+    let before = key.len();
+    match value {
+        DeValue::Table(table) => in_table(table, offset, key),
+        DeValue::Array(array) => in_array(array, offset, key),
+        DeValue::String(_)
+        | DeValue::Integer(_)
+        | DeValue::Float(_)
+        | DeValue::Boolean(_)
+        | DeValue::Datetime(_) => {}
+    }
+    key.len() > before
+}
+
+/// Elements that are tables or lists have keys of their own; other values are told by that of the list.
+fn in_array(array: &DeArray<'_>, offset: usize, key: &mut String) {
+    for (place, value) in array.iter().enumerate() {
+        let before = key.len();
+        let is_nested = matches!(value.get_ref(), DeValue::Table(_) | DeValue::Array(_));
+        key.push_str(&format!("[{place}]"));
+        if in_value(value.get_ref(), offset, key) || is_nested && value.span().contains(&offset) {
+            return;
+        }
+        key.truncate(before);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, Deserialize)]
+    struct Section {
+        three: List<f64, 3>,
+        rows: Option<List<List<f64, 2>, 2>>,
+    }
+
+    fn read(text: &str) -> Result<Section, String> {
+        toml::from_str(text).map_err(|error: toml::de::Error| error.message().to_owned())
+    }
+
+    #[test]
+    fn list_of_its_length_is_read() {
+        let section = read("three = [1, 2.5, -3]\nrows = [[1, 2], [3, 4]]").unwrap();
+        assert_eq!(section.three, List([1.0, 2.5, -3.0]));
+        assert_eq!(section.rows.unwrap().0[1], List([3.0, 4.0]));
+    }
+
+    #[test]
+    fn list_of_another_length_is_refused_with_both() {
+        for (list, found) in
+            [("[]", 0), ("[1, 2]", 2), ("[1, 2, 3, 4]", 4), ("[1, 2, 3, \"x\", nan, [1]]", 6)]
+        {
+            let refused = read(&format!("three = {list}")).unwrap_err();
+            assert_eq!(refused, format!("must be a list of 3, got {found}"));
+        }
+        let refused = read("three = [1, 2, 3]\nrows = [[1, 2], [3, 4, 5]]").unwrap_err();
+        assert_eq!(refused, "must be a list of 2, got 3");
+        assert!(read("three = [1, \"x\", 3]").unwrap_err().contains("invalid type"));
+        assert!(read("three = 1").unwrap_err().contains("a list of 3"));
+    }
+
+    #[test]
+    fn key_of_a_place_is_that_of_the_innermost_value() {
+        let text = "[node]\na = 1\n\n[[joint]]\nb = 2\n[[joint]]\nc = [1,\n 2]\nd = [[1], [2]]\n";
+        let at = |part: &str| key_at(text, text.find(part).unwrap());
+        assert_eq!((at("1\n\n").as_str(), at("2\n[[").as_str()), ("node.a", "joint[0].b"));
+        assert_eq!((at("2]").as_str(), at("[2]").as_str()), ("joint[1].c", "joint[1].d[1]"));
+        assert_eq!((key_at(text, 9_999), key_at("[", 0)), (String::new(), String::new()));
+    }
+}

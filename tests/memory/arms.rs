@@ -1,0 +1,197 @@
+//! Other arms than the default one, run as the default one is: with a sliding joint and without weight,
+//! with a spherical wrist and a grip apart from it, and with actuators that each move two joints.
+#![cfg(test)]
+
+use std::path::Path;
+
+use nalgebra::SVector;
+
+use crate::common::oracle;
+use config::Config;
+use controller::calibration::Counts;
+use controller::calibration::PerMille;
+use lab::bench::Bench;
+use lab::comparison;
+use lab::comparison::Comparison;
+use lab::world;
+use node::record::Mode;
+use node::record::Record;
+use sim::scenario::Scenario;
+use telemetry::summary::Summary;
+
+const CONTACT: &str = include_str!("../../config/scenarios/contact_10s.toml");
+const STIFF_WALL: &str = include_str!("../../config/scenarios/stiff-wall.toml");
+
+fn config(name: &str) -> Config {
+    let file = Path::new("config").join(name);
+    Config::load(&file).unwrap_or_else(|invalid| panic!("{invalid}"))
+}
+
+/// The default arm with the elbow's motor on the base, behind a parallelogram.
+fn coupled() -> Config {
+    let text = std::fs::read_to_string("config/kraft_like.toml").unwrap();
+    let coupling = "[coupling]\nmatrix = [\n    [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],\n    \
+        [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],\n    [0.0, -1.0, 1.0, 0.0, 0.0, 0.0],\n    \
+        [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],\n    [0.0, 0.0, 0.0, 0.0, 1.0, 0.0],\n    \
+        [0.0, 0.0, 0.0, 0.0, 0.0, 1.0],\n]\noffset_rad_or_m = [0.0, 0.0, 0.3, 0.0, 0.0, 0.0]\n\n";
+    let text = text.replacen("[switches]", &format!("{coupling}[switches]"), 1);
+    Config::parse(Path::new("config/kraft_like.toml"), &text).unwrap()
+}
+
+/// Runs ten seconds of contact, shows every cycle to `look`, and sums them up.
+fn contact(config: &Config, mut look: impl FnMut(&Record)) -> Summary {
+    let scenario = Scenario::parse(CONTACT).unwrap();
+    let mut bench = Bench::new(config, scenario, 1, false, ());
+    bench.bring_up().unwrap();
+    let mut summary = Summary::default();
+    for _ in 0..10_000 {
+        let record = bench.cycle();
+        look(&record);
+        summary.add(&record);
+    }
+    assert_eq!(bench.node().mode(), Mode::Armed, "{:?}", bench.node().cause());
+    summary
+}
+
+/// The wall was met and felt, and no sample was missed.
+fn assert_felt(summary: &Summary) {
+    assert_eq!(summary.missing_samples, 0);
+    assert!(summary.contact_seconds > 1.5, "{summary}");
+    assert!(summary.peak_felt_force_n > 0.9, "{summary}");
+}
+
+#[test]
+fn an_arm_with_a_sliding_joint_and_no_weight_feels_the_wall() {
+    let config = config("jpl_like.toml");
+    let summary = contact(&config, |record| {
+        assert!(record.output.ledger.gravity.norm() == 0.0, "a balanced arm is not carried");
+        let slide = record.output.q[2];
+        assert!((0.25..=0.6).contains(&slide), "the slide is at {slide} m");
+    });
+    assert_felt(&summary);
+}
+
+#[test]
+fn an_arm_whose_grip_is_apart_from_its_wrist_feels_the_wall() {
+    assert_felt(&contact(&config("sixr_spherical.toml"), |_| ()));
+}
+
+#[test]
+fn coupled_actuators_are_asked_for_what_the_joints_need() {
+    let config = coupled();
+    let arm = world::arm(&config);
+    let mut compared = 0;
+    let summary = contact(&config, |record| {
+        if record.mode != Mode::Armed && record.mode != Mode::Engaged {
+            return;
+        }
+        compared += 1;
+        let tau = record.output.tau;
+        // The elbow's motor also carries what it takes from the shoulder.
+        let tau_a = [tau[0], tau[1] - tau[2], tau[2], tau[3], tau[4], tau[5]];
+        for ((joint, torque), target) in config.joints.iter().zip(tau_a).zip(record.targets) {
+            let [c1, c3, c5] = joint.torque_curve;
+            let curve = c1 * torque + c3 * torque.powi(3) + c5 * torque.powi(5);
+            let expected = curve * joint.gear_ratio.signum();
+            assert!((expected - f64::from(target)).abs() <= 0.5 + 1e-6, "{}", joint.name);
+        }
+        // What the simulation carries, computed another way, is what the controller asks for.
+        let posture = arm.posture(&SVector::from(record.output.q));
+        let carried = arm.gravity(&posture);
+        let full = record.at.since(units::time::Instant::ZERO).as_secs_f64() > 3.0;
+        assert!(!full || (carried - record.output.ledger.gravity).norm() < 1e-9);
+    });
+    assert!(compared > 5_000);
+    assert_felt(&summary);
+}
+
+#[test]
+fn coupled_counts_and_torques_go_there_and_back() {
+    let calibration = coupled().controller.calibration;
+    let q = SVector::from([0.1, -0.7, 1.5, -0.7, 0.05, 0.2]);
+    let again = calibration.positions(&calibration.counts(&q));
+    assert!((again - q).norm() < 1e-4);
+    let targets = calibration.targets(&SVector::from([0.5, -2.0, 1.1, 0.2, -0.1, 0.05]));
+    let back = calibration.torques(&targets);
+    assert!((back - SVector::from([0.5, -2.0, 1.1, 0.2, -0.1, 0.05])).norm() < 0.02);
+    assert_ne!(targets, [PerMille(0); 6]);
+    assert_ne!(calibration.counts(&q), [Counts(0); 6]);
+}
+
+#[test]
+fn shipped_arms_are_those_of_the_oracles() {
+    for name in ["kraft_like", "jpl_like", "sixr_spherical"] {
+        let (ours, reference) = (config(&format!("{name}.toml")).controller.arm, oracle::arm(name));
+        for case in oracle::list(&oracle::oracle(&format!("{name}.json"))["configs"]) {
+            let q = oracle::joints(&case["q"]);
+            let (posture, expected) = (ours.posture(&q), reference.posture(&q));
+            oracle::assert_same_pose(name, &posture.x_0_g, &expected.x_0_g);
+            let mass = [ours.mass_matrix(&posture), reference.mass_matrix(&expected)];
+            oracle::assert_near(name, mass[0].as_slice(), mass[1].as_slice());
+            let down = [0.0, 0.0, -9.81];
+            let weight = ours.in_gravity(down).unwrap().gravity(&posture);
+            oracle::assert_near(name, weight.as_slice(), reference.gravity(&expected).as_slice());
+        }
+    }
+}
+
+/// Whether the arm stays where the hand leaves it; the last record.
+fn stays_where_it_is_left(config: &Config) -> Record {
+    let let_go = "seconds = 4\n[[console]]\nat_s = 0.3\nrequest = \"arm\"\n\
+        [[hold]]\nat_s = 1.8\nholding = false\n";
+    let mut bench = Bench::new(config, Scenario::parse(let_go).unwrap(), 1, false, ());
+    bench.bring_up().unwrap();
+    bench.run(1_900);
+    let left = *bench.world_mut().plant().q();
+    bench.run(2_000);
+    let record = bench.cycle();
+    let q = *bench.world_mut().plant().q();
+    assert!((q - left).amax() < 2e-3, "it sank from {left} to {q}");
+    assert_eq!(record.mode, Mode::Armed);
+    record
+}
+
+#[test]
+fn an_arm_stays_where_it_is_left() {
+    stays_where_it_is_left(&config("sixr_spherical.toml"));
+    stays_where_it_is_left(&coupled());
+}
+
+#[test]
+fn a_balanced_arm_stays_where_it_is_left_without_torque() {
+    assert_eq!(stays_where_it_is_left(&config("jpl_like.toml")).targets, [0; 6]);
+}
+
+#[test]
+fn hand_and_object_start_turned_alike() {
+    for name in ["kraft_like.toml", "jpl_like.toml", "sixr_spherical.toml"] {
+        let config = config(name);
+        let x_0_g = config.controller.arm.forward(&world::start(&config));
+        let angle = x_0_g.rotation.angle_to(&config.remote.x_b_m.rotation);
+        assert!(angle < 1e-5, "{name}: {angle} rad apart");
+    }
+}
+
+#[test]
+fn the_passivity_layer_bounds_a_wall_that_the_loop_cannot_render() {
+    let scenario = Scenario::parse(STIFF_WALL).unwrap();
+    let config = comparison::surrounded(&config("kraft_like.toml"), &scenario);
+    let run = |config: &Config| {
+        let mut bench = Bench::new(config, scenario.clone(), 1, false, ());
+        bench.bring_up().unwrap();
+        let mut summary = Summary::default();
+        for _ in 0..9_000 {
+            summary.add(&bench.cycle());
+        }
+        summary
+    };
+    let comparison = Comparison {
+        wall_stiffness_n_per_m: scenario.wall_stiffness().unwrap(),
+        without: run(&comparison::without_passivity(&config)),
+        with: run(&config),
+    };
+    let (without, with) = (&comparison.without.contact, &comparison.with.contact);
+    assert!(without.reversals > 10 && without.lowest_energy_j < -0.5, "{comparison}");
+    assert!(with.reversals < without.reversals / 2, "{comparison}");
+    assert!(comparison.is_active() && comparison.is_bounded(), "{comparison}");
+}

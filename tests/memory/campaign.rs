@@ -1,0 +1,201 @@
+//! Small campaigns: what they promise, and that they are the same again. The large ones run from
+//! scripts/test.sh and scripts/soak.sh.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::num::NonZero;
+use std::time::Duration;
+
+use crate::common::bench::Wire;
+use crate::common::bench::config;
+use config::Config;
+use lab::bench::Bench;
+use lab::campaign::catalogue;
+use lab::campaign::run::Campaign;
+use lab::campaign::situation::Situation;
+use lab::campaign::soak;
+use lab::campaign::table::Table;
+use lab::campaign::verdict::Outcome;
+use lab::campaign::verdict::Verdict;
+use node::BringUpError;
+use node::cause;
+use sim::scenario::Scenario;
+use units::time::Instant;
+
+const SEED: u64 = 7;
+
+fn configs() -> Vec<Config> {
+    ["config/kraft_like.toml", "config/kraft_like_500hz.toml", "config/jpl_like.toml"]
+        .map(config)
+        .to_vec()
+}
+
+fn threads(count: usize) -> NonZero<usize> {
+    NonZero::new(count).unwrap()
+}
+
+fn play(faults: usize, only: &str) -> Vec<Verdict> {
+    let campaign = Campaign::new(SEED, configs(), faults, Some(only));
+    assert!(!campaign.cases().is_empty(), "{only}");
+    campaign.run(threads(2), &|| {}).unwrap()
+}
+
+/// Every one went as demanded, and no law was broken.
+fn all_good(verdicts: &[Verdict]) {
+    for verdict in verdicts {
+        assert!(verdict.is_good(), "{verdict:?}");
+    }
+}
+
+#[test]
+fn a_seed_is_one_campaign_bit_for_bit_whatever_the_number_of_threads() {
+    let campaign =
+        |seed, count| Campaign::new(seed, configs(), 24, None).run(threads(count), &|| {}).unwrap();
+    let (one, two) = (campaign(SEED, 1), campaign(SEED, 2));
+    assert_eq!(one.len(), 24);
+    assert_eq!(format!("{one:?}"), format!("{two:?}"));
+    assert_eq!(Table::of(&one).to_string(), Table::of(&two).to_string());
+    assert_ne!(format!("{one:?}"), format!("{:?}", campaign(SEED + 1, 2)));
+}
+
+#[test]
+fn a_case_played_again_by_itself_comes_to_the_same() {
+    let campaign = Campaign::new(SEED, configs(), 3, Some("TPDO lost"));
+    let verdicts = campaign.run(threads(2), &|| {}).unwrap();
+    for verdict in verdicts {
+        let one = Campaign::of_one(SEED, configs(), verdict.number).unwrap();
+        let mut cycles = 0;
+        let (again, frames) = one.replay(&mut |_, _| cycles += 1).unwrap().unwrap();
+        assert_eq!(format!("{again:?}"), format!("{verdict:?}"));
+        assert!(cycles > 50 && frames.len() > 1_000);
+    }
+}
+
+#[test]
+fn forged_statusword_among_random_frames_is_a_drive_that_left() {
+    let of_case = |number| Campaign::of_one(2, configs(), number).unwrap();
+    // A frame of joint 6's TPDO2 says 1476h.
+    let (verdict, _) = of_case(3379).replay(&mut |_, _| {}).unwrap().unwrap();
+    let cause = verdict.seen.cause.map(|cause| cause.kind());
+    assert_eq!(cause, Some(cause::Kind::DriveLeft), "another case: find one that is");
+    assert!(verdict.is_good(), "{verdict:?}");
+}
+
+#[test]
+fn boot_without_end_is_given_up_in_virtual_time() {
+    let scenario = Scenario::parse("seconds = 1.0").unwrap();
+    let config = config("config/kraft_like.toml");
+    let mut bench = Bench::new(&config, scenario, SEED, false, Wire::default());
+    let given_up = bench.bring_up_within(Duration::from_millis(100));
+    assert!(matches!(given_up, Err(BringUpError::GivenUp | BringUpError::LeftOn(_))));
+    let took = bench.now().since(Instant::ZERO);
+    assert!(took < Duration::from_millis(700), "{took:?}");
+}
+
+#[test]
+fn process_that_stood_still_names_no_drive() {
+    for only in ["process killed", "process stands still", "backlog after a stop"] {
+        for verdict in play(6, only) {
+            let kind = verdict.seen.cause.map(|cause| cause.kind());
+            assert_eq!(kind, Some(cause::Kind::Overrun), "{verdict:?}");
+        }
+    }
+}
+
+#[test]
+fn drives_are_off_115_ms_after_zero_torque() {
+    for only in ["SYNC not heard", "deadman channel stuck", "heartbeat lost"] {
+        let verdicts = play(6, only);
+        all_good(&verdicts);
+        assert!(Table::of(&verdicts).total.off_ms.unwrap() <= 115.0);
+    }
+}
+
+#[test]
+fn every_kind_comes_up_in_every_round_and_its_script_can_be_followed() {
+    let count = catalogue::kinds().count();
+    let campaign = Campaign::new(SEED, configs(), 10 * count, None);
+    for round in campaign.cases().chunks(count) {
+        let mut names: Vec<&str> = round.iter().map(|case| case.kind.name).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), count);
+        for case in round {
+            Scenario::parse(&case.script()).unwrap_or_else(|error| panic!("{case:?}: {error}"));
+        }
+    }
+    let mut phases: Vec<_> =
+        campaign.cases().iter().map(|case| case.onset.as_micros() % 1_000).collect();
+    phases.sort_unstable();
+    phases.dedup();
+    assert!(phases.len() > 300, "at any microsecond of a cycle: {}", phases.len());
+    for situation in Situation::ALL {
+        assert!(campaign.cases().iter().any(|case| case.situation == situation));
+    }
+}
+
+#[test]
+fn promise_01_a_fault_that_is_seen_stops_all_joints_within_five_cycles() {
+    for only in ["drive unplugged", "wire cut", "SYNC not heard"] {
+        let verdicts = play(4, only);
+        all_good(&verdicts);
+        let line = Table::of(&verdicts).total;
+        assert!(line.t_zero.unwrap().max <= 5 && line.spread.is_none_or(|spread| spread <= 1));
+        assert_eq!((line.latched, line.missed, line.false_trips), (line.injected, 0, 0));
+    }
+}
+
+#[test]
+fn promise_02_a_node_that_is_killed_leaves_drives_that_let_go_by_themselves() {
+    let verdicts = play(6, "process killed");
+    for verdict in &verdicts {
+        assert_eq!(verdict.outcome, Outcome::Met, "{verdict:?}");
+    }
+}
+
+#[test]
+fn promise_04_a_drive_that_fails_stops_the_other_five_within_two_cycles() {
+    for only in ["drive fault", "safe torque off", "drive reboots"] {
+        let verdicts = play(4, only);
+        all_good(&verdicts);
+        assert!(Table::of(&verdicts).total.t_zero.unwrap().max <= 2);
+    }
+}
+
+#[test]
+fn promise_08_nothing_is_felt_20_ms_after_the_deadman_is_released() {
+    let verdicts = play(6, "deadman released");
+    all_good(&verdicts);
+    assert!(Table::of(&verdicts).total.t_zero_ms.unwrap() <= 20.0);
+}
+
+#[test]
+fn promise_10_no_torque_is_older_than_the_rpdo_timer_allows() {
+    let configs = configs();
+    let mut oldest = Duration::ZERO;
+    for only in ["adapter stalls", "adapter stalls for a moment", "stall within a cycle"] {
+        for verdict in play(16, only) {
+            assert_eq!(verdict.outcome, Outcome::Met, "{verdict:?}");
+            let config = &configs[verdict.config];
+            let timer = Duration::from_millis(u64::from(config.safety.rpdo_timer_ms));
+            // What came last before the timer runs out acts at the SYNC behind it.
+            assert!(verdict.seen.oldest <= timer + config.period, "{verdict:?}");
+            oldest = oldest.max(verdict.seen.oldest);
+        }
+    }
+    assert!(oldest > Duration::from_millis(2), "stalls let old torques out: {oldest:?}");
+}
+
+#[test]
+fn promise_14_lost_samples_and_a_bad_link_trip_nothing() {
+    let laps = soak::soak(SEED, &configs(), 30_000, threads(2), &|_| {}).unwrap();
+    assert!(laps.iter().map(|lap| lap.cycles).sum::<u64>() >= 30_000);
+    for lap in laps {
+        assert!(lap.is_good(), "{lap:?}");
+    }
+}

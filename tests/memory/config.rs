@@ -1,0 +1,598 @@
+//! Configurations that cannot be used: each is refused in words that name file, line and key.
+#![allow(
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::path::Path;
+
+use proptest::prelude::*;
+
+use canopen::object::Object;
+use config::Config;
+use controller::JointVector;
+
+const FILE: &str = "config/kraft_like.toml";
+const TEXT: &str = include_str!("../../config/kraft_like.toml");
+
+fn refusal(text: &str) -> String {
+    Config::parse(Path::new(FILE), text).map(|_| ()).unwrap_err().to_string()
+}
+
+/// The lines of [`TEXT`] that set a key, by number from 1, with the key.
+fn keys() -> impl Iterator<Item = (usize, &'static str)> {
+    (1..).zip(TEXT.lines()).filter_map(|(number, line)| {
+        let (key, _) = line.split_once(" = ")?;
+        (!key.starts_with('#')).then_some((number, key))
+    })
+}
+
+/// [`TEXT`] with one line changed.
+fn with(number: usize, change: impl Fn(&str) -> String) -> String {
+    let lines = (1..).zip(TEXT.lines());
+    let changed = lines.map(|(at, line)| if at == number { change(line) } else { line.to_owned() });
+    changed.collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn the_shipped_configurations_are_in_order() {
+    for file in
+        [FILE, "config/kraft_like_500hz.toml", "config/jpl_like.toml", "config/sixr_spherical.toml"]
+    {
+        if let Err(invalid) = Config::load(Path::new(file)) {
+            panic!("{invalid}");
+        }
+    }
+}
+
+#[test]
+fn a_number_that_is_none_is_refused_on_its_line() {
+    for (number, key) in keys() {
+        // Every number of the line in turn, but not of its comment.
+        let line = TEXT.lines().nth(number - 1).unwrap();
+        let (_, value) = line.split_once(" = ").unwrap();
+        let value = value.split('#').next().unwrap();
+        let is_float = |word: &&str| word.contains('.') && word.parse::<f64>().is_ok();
+        for word in value.split(['[', ']', ',', ' ']).filter(is_float) {
+            let at = word.as_ptr().addr() - line.as_ptr().addr();
+            for wrong in ["nan", "inf", "-inf"] {
+                let text =
+                    with(number, |_| format!("{}{wrong}{}", &line[..at], &line[at + word.len()..]));
+                let refusal = refusal(&text);
+                assert!(refusal.contains(key), "{line} with {wrong}: {refusal}");
+                assert!(refusal.contains(&format!("{FILE}:{number}")), "{line}: {refusal}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_missing_key_is_named() {
+    let optional = ["start_deg", "torque_rise_s", "one_sided"];
+    for (number, key) in keys().filter(|(_, key)| !optional.contains(key)) {
+        let refusal = refusal(&with(number, |_| String::new()));
+        assert!(refusal.contains(&format!("missing field `{key}`")), "{number}: {refusal}");
+    }
+}
+
+#[test]
+fn an_unknown_key_is_named_with_its_line() {
+    for (number, key) in keys() {
+        let refusal = refusal(&with(number, |line| format!("{line}\n{key}_x = 1")));
+        let unknown = format!("{FILE}:{}: ", number + 1);
+        assert!(refusal.contains(&unknown), "{refusal}");
+        assert!(refusal.contains(&format!("{key}_x: unknown key")), "{refusal}");
+    }
+}
+
+#[test]
+fn every_problem_is_found_in_one_run() {
+    let text = TEXT
+        .replace("a_m = 0.254", "a_m = 99.0")
+        .replace("preset = \"consistent\"", "preset = \"hopeful\"")
+        .replace("missing_samples = 3", "missing_samples = 300");
+    let refusal = refusal(&text);
+    for key in ["joint[2].a_m", "controller.preset", "safety.missing_samples"] {
+        assert!(refusal.contains(key), "{refusal}");
+    }
+    assert_eq!(refusal.lines().count(), 3, "{refusal}");
+}
+
+#[test]
+fn what_does_not_fit_together_is_refused() {
+    for (from, to, reason) in [
+        ("sync_period_us = 1000", "sync_period_us = 500", "bus[0].load_limit_percent: "),
+        ("node_id = 2\n", "node_id = 1\n", "joint[1].node_id: 1 is taken on this bus"),
+        ("node_id = 127", "node_id = 200", "node.node_id: 200 is no node-id"),
+        ("bus = \"joints\"", "bus = \"ankle\"", "joint[0].bus: no bus is called \"ankle\""),
+        ("0x0402_0010", "0x0402_0011", "joint[0].product_code: vendor 00000F8Ch product 04020011h"),
+        ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 1 ", "safety.rpdo_timer_ms: 1 ms is less than two"),
+        ("node_lost_ms = 22", "node_lost_ms = 9", "safety.node_lost_ms: "),
+        ("layout = \"grouped\"", "layout = \"groups\"", "bus[0].layout: \"groups\""),
+        (
+            "layout = \"grouped\"",
+            "layout = \"per-drive\"",
+            "bus[0].load_limit_percent: bus load of 14",
+        ),
+        ("limit_deg = [0.0, 140.0]", "limit_deg = [140.0, 0.0]", "joint[2].limit_deg: "),
+        ("normal = [-1.0, 0.0, 0.0]", "normal = [0.0, 0.0, 0.0]", "remote.wall.normal: "),
+        ("[133.144, -0.393453, 0.0196726]", "[0.0, 0.0, 0.0]", "joint[0].torque_curve: "),
+        ("deadband_m = [0.01", "deadband_m = [0.0", "controller.deadband_m: "),
+        (
+            "[switches]",
+            "[coupling]\nmatrix = [[1, 1, 0, 0, 0, 0], [1, 1, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0], \
+             [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]\n\n[switches]",
+            "coupling.matrix: the matrix is singular",
+        ),
+        ("torque_rise_s = 0.02", "torque_rise_s = 0.0", "controller.torque_rise_s: torque cannot"),
+        ("lever_m = 0.1", "lever_m = -0.1", "controller.passivity.lever_m: -0.1 is not within"),
+        ("margin = 0.04", "margin = 0.7", "controller.soft_stops.margin: 0.7 is not within"),
+        (
+            "name = \"yaw\"",
+            "name = \"yaw\"\nkind = \"screw\"",
+            "joint[4].kind: \"screw\": there is",
+        ),
+        (
+            "start_deg = 95.0",
+            "start_deg = 145.0",
+            "joint[2].start_deg: the joint would start out of",
+        ),
+        ("max_torque_nm = 4.0", "max_force_n = 4.0", "joint[2].max_force_n: a revolute joint has"),
+    ] {
+        assert!(TEXT.contains(from), "{from}");
+        let refusal = refusal(&TEXT.replacen(from, to, 1));
+        assert!(refusal.contains(reason), "{reason}: {refusal}");
+    }
+}
+
+/// [`TEXT`] with changes, each a part of it and what stands there instead.
+fn changed(changes: &[(&str, &str)]) -> String {
+    changes.iter().fold(TEXT.to_owned(), |text, (from, to)| {
+        assert!(text.contains(from), "{from}");
+        text.replacen(from, to, 1)
+    })
+}
+
+#[test]
+fn promise_02_heartbeat_shorter_than_its_cycle_is_refused() {
+    let slow = [
+        ("sync_period_us = 1000", "sync_period_us = 10000"),
+        ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 30 "),
+    ];
+    for (heartbeat, lost, reasons) in [
+        (
+            1,
+            2,
+            [
+                "node.heartbeat_ms: must be at least the cycle that sends it, 10000 µs",
+                "safety.node_lost_ms: ",
+            ],
+        ),
+        (5, 10, ["node.heartbeat_ms: ", "which leave every 1 cycles: 20000 µs, got 10 ms"]),
+        (
+            12,
+            30,
+            ["safety.node_lost_ms: must be at least two", "every 2 cycles: 40000 µs, got 30 ms"],
+        ),
+    ] {
+        let text = changed(&slow);
+        let text = text.replacen("heartbeat_ms = 5 ", &format!("heartbeat_ms = {heartbeat} "), 1);
+        let text = text.replacen("heartbeat_ms = 5\n", &format!("heartbeat_ms = {heartbeat}\n"), 1);
+        let text = text.replacen("node_lost_ms = 22 ", &format!("node_lost_ms = {lost} "), 1);
+        let refusal = refusal(&text);
+        for reason in reasons {
+            assert!(refusal.contains(reason), "{reason}: {refusal}");
+        }
+    }
+}
+
+/// Walls that begin in the air and push with all the assist may take.
+const WALLS: &str = "[controller.walls]\nat_m = [0.02, 0.02, 0.02]\nat_rad = [1.0, 1.0, 1.0]\n\
+    stiffness_n_per_m = [9000.0, 9000.0, 9000.0]\nstiffness_nm_per_rad = [0.0, 0.0, 0.0]\n\n[remote]\n";
+
+#[test]
+fn promise_03_every_force_counts_that_lasts_until_the_drives_stop() {
+    let heartbeat_only = ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 0 ");
+    let weak = ("max_force_n = 40.0 ", "max_force_n = 1.0 ");
+    let no_stops = ("push = 0.5 ", "push = 0.0 ");
+    let no_dampers = ("max_damping_ns_per_m = 60.0", "max_damping_ns_per_m = 1.0");
+    let strong_assist = ("assist_fraction = 0.35", "assist_fraction = 1.0");
+    let plain = changed(&[heartbeat_only, weak, no_stops, no_dampers, strong_assist]);
+    Config::parse(Path::new(FILE), &plain).unwrap();
+    for (change, reason) in [
+        (("[remote]\n", WALLS), "return to centre and walls"),
+        (
+            ("centring_n = [2.0, 2.0, 2.0]", "centring_n = [15.0, 15.0, 15.0]"),
+            "return to centre and walls",
+        ),
+        (("push = 0.0 ", "push = 1.0 "), "soft stops"),
+        (("max_damping_ns_per_m = 1.0", "max_damping_ns_per_m = 60.0"), "and dampers of 68 N·s/m"),
+    ] {
+        let refusal = refusal(&plain.replacen(change.0, change.1, 1));
+        let told =
+            refusal.lines().find(|line| line.contains("for the 25.0 ms until a drive stops"));
+        assert!(told.is_some_and(|told| told.contains(reason)), "{reason}: {refusal}");
+    }
+}
+
+#[test]
+fn joint_behind_a_coupling_has_its_own_capacity_and_speed() {
+    // The elbow moves against the second actuator, twice as far, and with its own.
+    let coupling = "[coupling]\nmatrix = [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, -2, 1, 0, 0, 0], \
+        [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]\n\n[switches]\n";
+    let config = Config::parse(Path::new(FILE), &changed(&[("[switches]\n", coupling)])).unwrap();
+    let stops = config.controller.beyond.soft_stops.unwrap();
+    let mut q = config.joints.each_ref().map(|joint| joint.start);
+    q[2] = config.joints[2].link.range[1];
+    let tau = stops.torques(&q.into(), &JointVector::zeros());
+    // Half of what 6 N·m of the second actuator and 4 N·m of the third can exert.
+    assert!((tau[2] + 1.5).abs() < 1e-9, "{tau}");
+    let speed_of = |config: &Config, joint: usize| {
+        let (_, plan) = &config.node_plans()[joint];
+        let limit =
+            plan.writes().into_iter().find(|(object, _)| *object == Object::MAX_MOTOR_SPEED);
+        format!("{:?}", limit.unwrap().1)
+    };
+    let plain = Config::parse(Path::new(FILE), TEXT).unwrap();
+    assert_eq!(speed_of(&config, 1), speed_of(&plain, 1));
+    assert_ne!(speed_of(&config, 2), speed_of(&plain, 2), "the third actuator may turn faster");
+}
+
+#[test]
+fn tank_damper_beyond_what_the_grip_bears_is_refused() {
+    let tank = |more: &str| {
+        let tank = format!(
+            "[controller.tank]\ninitial_j = 0.1\nmin_j = 0.0\nlow_j = 0.02\nmax_j = 0.5\n\
+             refill_ns_per_m_per_j = 2000.0\n{more}\n[remote]\n"
+        );
+        changed(&[("[remote]\n", &tank), ("[safety]\n", "[safety]\neffective_mass_kg = 3.0\n")])
+    };
+    let config = Config::parse(Path::new(FILE), &tank("")).unwrap();
+    assert!(config.findings().iter().any(|finding| finding.name == "tank, damper"));
+    let refusal = refusal(&tank("max_damping_ns_per_m = 600.0\n"));
+    assert!(refusal.contains("controller.tank.max_damping_ns_per_m: tank, damper, "), "{refusal}");
+}
+
+/// Sections with lists that the shipped configuration leaves out.
+const MORE_LISTS: &str = "[coupling]\n\
+    matrix = [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], \
+    [0, 0, 0, 0, 0, 1]]\noffset_rad_or_m = [0, 0, 0, 0, 0, 0]\n\n\
+    [controller.walls]\nat_m = [0.1, 0.1, 0.1]\nat_rad = [1, 1, 1]\nstiffness_n_per_m = [9, 9, 9]\n\
+    stiffness_nm_per_rad = [0, 0, 0]\n\n\
+    [controller.virtual_coupling]\nstiffness_n_per_m = [400, 400, 400]\nstiffness_nm_per_rad = [2, 2, 2]\n\
+    damping_ns_per_m = [2, 2, 2]\ndamping_nms_per_rad = [0.01, 0.01, 0.01]\n\n\
+    [remote.sphere]\ncentre_m = [0.4, -0.2, 0.3]\nradius_m = 0.08\nstiffness_n_per_m = 1500\n\
+    damping_ns_per_m = 10\n\n[safety]\n";
+
+#[test]
+fn hazard_18_lists_of_another_length_are_refused_by_key_with_both() {
+    let text = TEXT.replacen("[safety]\n", MORE_LISTS, 1);
+    let text = text.replacen("[arm]\n", "[arm]\ngrip_rad = [0, 0, 0]\n", 1);
+    let text = text.replacen(
+        "\n[[joint]]\nname = \"elevation\"",
+        "\n[joint.simulated]\n\
+        torque_curve_reverse = [130.0, 0.0, 0.0]\n\n[[joint]]\nname = \"elevation\"",
+        1,
+    );
+    let config = Config::parse(Path::new(FILE), &text);
+    config.map(|_| ()).unwrap_or_else(|invalid| panic!("{invalid}"));
+    let mut lists = 0;
+    for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| line.contains(" = [")) {
+        let (key, list) = line.split_once(" = ").unwrap();
+        let list = list.split_once(" #").map_or(list, |(list, _)| list).trim_end();
+        let inside = list.strip_suffix(']').unwrap();
+        let length = if key == "matrix" { 6 } else { list.split(',').count() };
+        let shorter = format!("{}]", inside.rsplit_once(',').unwrap().0);
+        let longer =
+            ["1.0", "\"x\"", "nan", "[]"].map(|more| (format!("{inside}, {more}]"), length + 1));
+        let shorter = (key != "matrix").then(|| (shorter, length - 1));
+        for (wrong, found) in longer.into_iter().chain(shorter) {
+            let spoilt = (1..).zip(text.lines()).map(|(at, line)| {
+                if at == number { format!("{key} = {wrong}") } else { line.to_owned() }
+            });
+            let refusal = refusal(&spoilt.collect::<Vec<_>>().join("\n"));
+            let expected = format!("{key}: must be a list of {length}, got {found}");
+            assert!(refusal.starts_with(&format!("{FILE}:{number}: ")), "{wrong}: {refusal}");
+            assert!(
+                refusal.ends_with(&expected) && refusal.lines().count() == 1,
+                "{wrong}: {refusal}"
+            );
+        }
+        lists += 1;
+    }
+    assert_eq!(lists, 56);
+    let row = text.replacen("[0, 1, 0, 0, 0, 0],", "[0, 1, 0, 0, 0, 0, 0],", 1);
+    assert!(
+        refusal(&row).contains("coupling.matrix[1]: must be a list of 6, got 7"),
+        "{}",
+        refusal(&row)
+    );
+}
+
+#[test]
+fn no_section_has_an_array_that_is_cut_silently() {
+    for file in [
+        "src/config/raw.rs",
+        "src/sim/scenario/mod.rs",
+        "src/sim/scenario/operator.rs",
+        "src/sim/temperament.rs",
+        "src/sim/personality/cast.rs",
+        "src/sim/personality/quirk.rs",
+    ] {
+        let text = std::fs::read_to_string(file).unwrap();
+        let mut in_section = false;
+        for line in text.lines() {
+            in_section |= line.contains("derive(") && line.contains("Deserialize");
+            assert!(
+                !(in_section && line.contains(": [f64;") || line.contains("Option<[")),
+                "{file}: {line}"
+            );
+            in_section &= line != "}";
+        }
+    }
+}
+
+#[test]
+fn hazard_18_arms_that_cannot_be_are_refused() {
+    for (from, to, reason) in [
+        (
+            "[0.0, 0.0, -9.81]",
+            "[0.0, 0.0, -9810.0]",
+            "arm.gravity_m_per_s2: must be 1 to 20 m/s² long, got 9810.0",
+        ),
+        (
+            "[0.0, 0.0, -9.81]",
+            "[0.0, 0.0, 0.0]",
+            "got 0.0; an arm that springs carry says gravity_balanced = true",
+        ),
+        (
+            "0.0007, 0.0045",
+            "-0.0007, 0.0045",
+            "joint[1].inertia_kg_m2: must be positive about every axis, got",
+        ),
+        (
+            "0.0007, 0.0045, 0.0046, 0.0",
+            "0.0007, 0.0045, 0.0046, 0.004",
+            "joint[1].inertia_kg_m2: must be positive",
+        ),
+        (
+            "0.0007, 0.0045",
+            "0.0007, 0.0095",
+            "joint[1].inertia_kg_m2: must be that of a body: no principal",
+        ),
+        (
+            "[0.11, 0.0, 0.01]",
+            "[0.11, 900.0, 0.01]",
+            "joint[1].centre_of_mass_m: must be within 2 m of the",
+        ),
+        ("name = \"elevation\"", "name = \"azimuth\"", "joint[1].name: \"azimuth\" is taken"),
+        ("name = \"elevation\"", "name = \"\"", "joint[1].name: must not be empty"),
+        (
+            "name = \"elevation\"",
+            "name = \" elevation\"",
+            "joint[1].name: must not begin or end with blanks",
+        ),
+        (
+            "name = \"elevation\"",
+            "name = \"a\\nb\"",
+            "joint[1].name: must have printable characters alone, got \"a\\nb\"",
+        ),
+        ("name = \"elevation\"", "name = \"\\u001B[2Ja\"", "joint[1].name: must have printable"),
+        ("name = \"elevation\"", "name = \"\\u202Eba\"", "joint[1].name: must have printable"),
+        (
+            "name = \"elevation\"",
+            "name = \"0123456789012345678901234567890123\"",
+            "at most 32 characters, got 34",
+        ),
+        ("name = \"joints\"", "name = \"joi\\tnts\"", "bus[0].name: must have printable"),
+        (
+            "interface = \"vcan0\"",
+            "interface = \"v\\u001Bn\"",
+            "bus[0].interface: \"v\\u{1b}n\" is no interface",
+        ),
+        (
+            "interface = \"vcan0\"",
+            "interface = \"a/b\"",
+            "bus[0].interface: \"a/b\" is no interface",
+        ),
+        (
+            "mass_kg = 0.28",
+            "mass_kg = 5.28",
+            "joint[1].max_torque_nm: must hold the arm at its start: ",
+        ),
+    ] {
+        assert!(TEXT.contains(from), "{from}");
+        let refusal = refusal(&TEXT.replacen(from, to, 1));
+        assert!(refusal.contains(reason), "{reason}: {refusal}");
+        assert!(refusal.lines().all(|line| line.starts_with(&format!("{FILE}:"))), "{refusal:?}");
+        assert!(!refusal.contains('\u{1b}'), "{refusal:?}");
+    }
+    let heavy = refusal(&TEXT.replacen("mass_kg = 0.28", "mass_kg = 5.28", 1));
+    assert!(heavy.contains("N·m are needed, got 6 N·m; choose another start or motor"), "{heavy}");
+}
+
+#[test]
+fn arms_that_hang_or_are_balanced_are_in_order() {
+    for (from, to) in [
+        ("[0.0, 0.0, -9.81]", "[0.0, 0.0, 9.81]"),
+        ("[0.0, 0.0, -9.81]", "[0.0, 9.0, -3.9]"),
+        ("[0.0, 0.0, -9.81]", "[0.0, 0.0, 0.0]\ngravity_balanced = true"),
+        ("[0.0007, 0.0045, 0.0046, 0.0, 0.0, 0.0]", "[0.0, 0.0, 0.0, 0.0, 0.0, 0.0]"),
+        ("[0.0007, 0.0045, 0.0046, 0.0, 0.0, 0.0]", "[0.00009, 0.0045, 0.0046, 0.0, 0.0, 0.0]"),
+        ("name = \"elevation\"", "name = \"Höhe (2)\""),
+    ] {
+        let text = TEXT.replacen(from, to, 1);
+        if let Err(invalid) = Config::parse(Path::new(FILE), &text) {
+            panic!("{to}: {invalid}");
+        }
+    }
+}
+
+#[test]
+fn what_is_no_configuration_at_all_is_refused() {
+    assert!(refusal("").contains("missing field `node`"));
+    assert!(refusal("[node\n").starts_with("config/kraft_like.toml:1: "));
+    let joints = TEXT.find("[[joint]]").unwrap();
+    let switches = TEXT.find("[switches]").unwrap();
+    let one = format!(
+        "{}{}",
+        &TEXT[..TEXT[joints + 1..].find("[[joint]]").unwrap() + joints + 1],
+        &TEXT[switches..]
+    );
+    assert!(refusal(&one).contains("joint: 1 joints; a hand controller has 6"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn a_spoilt_configuration_is_read_or_refused(at in 0..TEXT.len(), byte in 0x20..0x7F_u8) {
+        let mut bytes = TEXT.as_bytes().to_vec();
+        bytes[at] = byte;
+        if let Ok(text) = String::from_utf8(bytes) {
+            Config::parse(Path::new(FILE), &text).ok();
+        }
+    }
+}
+
+/// [`TEXT`] with these lines before the section of the switches' successor, and at the last joint.
+fn with_boot(of: &str, lines: &str) -> String {
+    let (before, after) = TEXT.split_once("\n[switches]\n").unwrap();
+    if of == "joint" {
+        return format!("{before}\n[joint.boot]\n{lines}\n\n[switches]\n{after}");
+    }
+    TEXT.replacen("\n[controller]\n", &format!("\n[switches.boot]\n{lines}\n\n[controller]\n"), 1)
+}
+
+#[test]
+fn what_no_node_can_be_booted_by_is_named() {
+    for (of, lines, reason) in [
+        ("joint", "optional = true", "joint[5].boot.optional: an arm has all its joints"),
+        (
+            "joint",
+            "keep_alive = true",
+            "joint[5].boot.keep_alive: what can push always begins anew",
+        ),
+        ("joint", "revisions = \"newer\"", "joint[5].boot.revisions: "),
+        ("switches", "guard_time_ms = 5", "needs a life_time_factor beside it"),
+        ("switches", "life_time_factor = 5", "needs a guard_time_ms beside it"),
+        ("switches", "guard_time_ms = 0\nlife_time_factor = 2", "switches.boot.guard_time_ms: "),
+        ("switches", "guard_time_ms = 50\nlife_time_factor = 9", "more than safety.drive_lost_ms"),
+        ("switches", "serial_number = 1", "switches.boot.serial_number: unknown key"),
+        (
+            "switches",
+            "software_version = \"0123456789012345678901234567890123456789\"",
+            "is longer than 32 bytes",
+        ),
+    ] {
+        let refusal = refusal(&with_boot(of, lines));
+        assert!(refusal.contains(reason), "{lines}: {refusal}");
+        assert!(refusal.contains(&format!("{FILE}:")), "{refusal}");
+    }
+}
+
+/// [`TEXT`] with these lines of its first joint's simulation.
+fn with_simulated(lines: &str) -> String {
+    let (first, rest) = TEXT.split_once("\n[[joint]]\nname = \"elevation\"").unwrap();
+    format!("{first}\n[joint.simulated]\n{lines}\n\n[[joint]]\nname = \"elevation\"{rest}")
+}
+
+#[test]
+fn what_no_motor_and_gear_can_be_simulated_by_is_named() {
+    for (lines, reason) in [
+        ("current_loop_us = -1.0", "joint[0].simulated.current_loop_us: -1 is not within 0 and"),
+        ("current_loop_us = nan", "joint[0].simulated.current_loop_us: NaN is not within 0 and"),
+        ("backlash_deg = 11.0", "joint[0].simulated.backlash_deg: 11 is not within 0 and 10"),
+        (
+            "backlash_m = 0.001",
+            "joint[0].simulated.backlash_m: a revolute joint has `backlash_deg`",
+        ),
+        ("hysteresis_n = 0.1", "joint[0].simulated.hysteresis_n: a revolute joint has"),
+        ("hysteresis_nm = 7.0", "joint[0].simulated.hysteresis_nm: 7 is not within 0 and 6"),
+        ("thermal_time_constant_s = 0", "joint[0].simulated.thermal_time_constant_s: 0 is not"),
+        ("torque_curve_reverse = [1.0, -9.0, 0.0]", "joint[0].simulated.torque_curve_reverse: "),
+        ("backlash = 0.1", "joint[0].simulated.backlash: unknown key"),
+    ] {
+        let refusal = refusal(&with_simulated(lines));
+        assert!(refusal.contains(reason), "{lines}: {refusal}");
+        assert!(refusal.contains(&format!("{FILE}:")), "{refusal}");
+    }
+}
+
+#[test]
+fn a_motor_and_gear_of_which_nothing_is_said_are_good_ones() {
+    let said = "current_loop_us = 300.0\nbacklash_deg = 0.2\nhysteresis_nm = 0.03\n\
+        thermal_time_constant_s = 12.5\ntorque_curve_reverse = [130.0, 0.0, 0.0]";
+    let config = Config::parse(Path::new(FILE), &with_simulated(said)).unwrap();
+    let ([first, second, ..], good) = (&config.joints, &config.joints[5].simulated);
+    let simulated = &first.simulated;
+    assert!((simulated.current_loop - 300e-6).abs() < 1e-12);
+    assert!((simulated.backlash - 0.2_f64.to_radians()).abs() < 1e-12);
+    assert_eq!((simulated.hysteresis, simulated.thermal_time_constant), (0.03, 12.5));
+    assert_eq!(simulated.torque_curve_reverse, Some([130.0, 0.0, 0.0]));
+    assert_eq!(&second.simulated, good);
+    assert!((good.current_loop - 200e-6).abs() < 1e-12);
+    assert_eq!((good.backlash, good.hysteresis, good.torque_curve_reverse), (0.0, 0.0, None));
+}
+
+#[test]
+fn counted_syncs_are_told_to_every_drive_and_counted_on_the_bus() {
+    let text = TEXT.replacen("[node]\n", "[node]\nsync_counter = 240\ntime_period_ms = 1000\n", 1);
+    let text = text.replace("load_limit_percent = 90", "load_limit_percent = 91");
+    let config = Config::parse(Path::new(FILE), &text).unwrap();
+    assert_eq!((config.sync_counter, config.time_period.unwrap().as_millis()), (Some(240), 1_000));
+    let counting = config.node_plans().into_iter().filter(|(_, plan)| {
+        plan.writes().iter().any(|(object, _)| *object == Object::SYNC_OVERFLOW)
+    });
+    assert_eq!(counting.count(), 6);
+    let plain = Config::parse(Path::new(FILE), TEXT).unwrap();
+    assert!((config.loads()[0].used - plain.loads()[0].used - 10.0).abs() < 1e-9);
+    for (line, reason) in [
+        ("sync_counter = 1", "node.sync_counter: 1 is not within"),
+        ("time_period_ms = 5", "node.time_period_ms: 5 is not within"),
+    ] {
+        let text = TEXT.replacen("[node]\n", &format!("[node]\n{line}\n"), 1);
+        assert!(refusal(&text).contains(reason));
+    }
+}
+
+#[test]
+fn an_unusual_boot_is_in_the_plan_of_its_node() {
+    let lines = "revisions = \"compatible\"\nserial = 7\nsoftware_version = \"0.1.0\"\n\
+                 guard_time_ms = 80\nlife_time_factor = 3\noptional = true\nkeep_alive = true";
+    let text = with_boot("switches", lines);
+    let text = text.replacen("[node]\n", "[node]\nstore_configuration = true\n", 1);
+    let config = Config::parse(Path::new(FILE), &text).unwrap();
+    let (_, plan) = config.node_plans().pop().unwrap();
+    assert!(plan.is_optional && plan.keep_alive && plan.stores_configuration);
+    assert_eq!(plan.admission.serial, Some(7));
+    assert_eq!(plan.admission.software.unwrap().as_bytes(), b"0.1.0");
+    assert_eq!(plan.error_control.lost_after(), std::time::Duration::from_millis(240));
+}
+
+#[test]
+fn what_the_object_touches_may_be_rough_and_round() {
+    let plain = Config::parse(Path::new(FILE), TEXT).unwrap();
+    assert!(plain.remote.sphere.is_none());
+    assert_eq!(plain.remote.wall.map(|(.., contact)| contact.friction), Some(0.0));
+    let sphere = "[remote.sphere]\ncentre_m = [0.4, -0.2, 0.3]\nradius_m = 0.08\n\
+                  stiffness_n_per_m = 1500.0\ndamping_ns_per_m = 10.0\nfriction = 0.4\n\n";
+    let text = TEXT.replacen("[safety]", &format!("{sphere}[safety]"), 1);
+    let config = Config::parse(Path::new(FILE), &text).unwrap();
+    let (centre, radius, contact) = config.remote.sphere.unwrap();
+    assert_eq!((centre.y, radius, contact.friction), (-0.2, 0.08, 0.4));
+    for (from, to, reason) in [
+        ("radius_m = 0.08", "radius_m = 0.01", "remote.sphere.radius_m: 0.01 is not within 0.03"),
+        ("friction = 0.4", "friction = -0.4", "remote.sphere.friction: -0.4 is not within 0 and 2"),
+        ("friction = 0.4", "friction = nan", "remote.sphere.friction: NaN is not within 0 and 2"),
+        ("friction = 0.4", "frictoin = 0.4", "remote.sphere.frictoin: unknown key"),
+        ("radius_m = 0.08\n", "", "missing field `radius_m`"),
+        ("[remote.box]", "[remote.box]\nfriction = 3.0", "remote.box.friction: 3 is not within"),
+    ] {
+        let refusal = refusal(&text.replacen(from, to, 1));
+        assert!(refusal.contains(reason), "{reason}: {refusal}");
+        assert!(refusal.starts_with(&format!("{FILE}:")), "{refusal}");
+    }
+}

@@ -1,0 +1,443 @@
+//! What a drive does wrong, or does without its master: rows 1 to 17 of the hazard table, as far as they are
+//! about drives, and the proof at every power-up.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::path::Path;
+use std::time::Duration;
+
+use canopen_rs::NmtState;
+
+use crate::common::bench::Wire;
+use crate::common::bench::config;
+use crate::common::bench::until;
+use bus::Bus;
+use bus::Disturbance;
+use canopen::drive::State;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::object::Object;
+use canopen::station::Station;
+use config::Config;
+use lab::bench::Bench;
+use node::Request;
+use node::cause::Cause;
+use node::record::Mode;
+use node::record::Record;
+use sim::personality::Quirk;
+use sim::scenario::Scenario;
+use units::time::Instant;
+
+const KRAFT: &str = "config/kraft_like.toml";
+const ELBOW: usize = 3;
+
+fn bench_of(config: &Config, faults: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) {
+    let mut script = Scenario::parse(&format!("seconds = 9\n{faults}")).unwrap();
+    script.cast_mut().add(ELBOW, quirks.iter().map(|it| it.parse::<Quirk>().unwrap())).unwrap();
+    let wire = Wire::default();
+    (Bench::new(config, script, 1, false, wire.clone()), wire)
+}
+
+/// A node that carries the arm, 0.3 s after it was armed.
+fn armed() -> (Bench<Wire>, Wire) {
+    let (mut bench, wire) = bench_of(&config(KRAFT), "", &[]);
+    bench.bring_up().unwrap();
+    arm(&mut bench);
+    wire.clear();
+    (bench, wire)
+}
+
+fn arm(bench: &mut Bench<Wire>) {
+    bench.run(20);
+    bench.ask(Request::Arm).unwrap();
+    bench.run(280);
+    assert!(is_told_to_push(&bench.cycle()), "it carries its weight");
+}
+
+fn is_told_to_push(record: &Record) -> bool {
+    record.targets != [0; 6]
+}
+
+/// Cycles until no drive is told to push, and the record of the last of them.
+fn cycles_to_zero(bench: &mut Bench<Wire>) -> (usize, Record) {
+    let mut cycles = 0;
+    loop {
+        let record = bench.cycle();
+        if !is_told_to_push(&record) {
+            return (cycles, record);
+        }
+        cycles += 1;
+        assert!(cycles < 1_000, "it goes on: {:?}", record.cause);
+    }
+}
+
+fn is_enabled(bench: &mut Bench<Wire>) -> [bool; 6] {
+    bench.world_mut().drives().each_ref().map(|drive| drive.state() == State::OperationEnabled)
+}
+
+/// Writes by SDO, after the first SYNC.
+fn writes(wire: &Wire) -> Vec<Frame> {
+    let all = wire.all();
+    let since = all.iter().position(|(_, telegram)| telegram.frame.cob_id == 0x80).unwrap();
+    let is_write = |frame: &Frame| {
+        frame.cob_id & 0x780 == 0x600 && frame.data().first().is_some_and(|it| it >> 5 == 1)
+    };
+    let frames = all[since..].iter().map(|(_, telegram)| telegram.frame);
+    frames.filter(is_write).collect()
+}
+
+/// A frame of a stranger on the one bus, so many seconds after the first SYNC.
+fn stranger(at_s: &str, cob_id: &str, payload: &str) -> String {
+    format!(
+        "[[fault]]\nat_s = {at_s}\nkind = \"foreign_frame\"\ncob_id = {cob_id}\npayload = \"{payload}\"\n"
+    )
+}
+
+/// The elbow takes an SDO request that the node does not receive; its answer is lost, too, if `is_lost`.
+fn write_unseen(bench: &mut Bench<Wire>, request: [u8; 8], is_lost: bool) {
+    let now = bench.node().bus().now();
+    let drive = bench.world_mut().drive_mut(ELBOW).unwrap();
+    let mut said = Vec::new();
+    drive.on_frame(now, Channel(0), &Frame::new(0x603, request), &mut said);
+    assert_eq!(said.len(), 1, "it answers at once");
+    if !is_lost {
+        let confirmed = said.remove(0).frame;
+        let flood = Disturbance::Flood(confirmed);
+        bench.bus_mut().disturb(Channel(0), Some(flood));
+        bench.cycle();
+        bench.bus_mut().disturb(Channel(0), None);
+    }
+}
+
+#[test]
+fn promise_03_every_timer_of_every_drive_is_let_run_out_before_anything_may_be_armed() {
+    for file in [KRAFT, "config/jpl_like.toml"] {
+        let (mut bench, wire) = bench_of(&config(file), "", &[]);
+        bench.bring_up().unwrap();
+        let report = bench.node().proof();
+        assert_eq!(report.drives.len(), 6, "{file}");
+        for drive in &report.drives {
+            let (rpdo, heartbeat) = (drive.rpdo.unwrap(), drive.heartbeat.unwrap());
+            assert!((5_000..7_500).contains(&rpdo.measured.as_micros()), "{file}: {rpdo:?}");
+            assert!(
+                (22_000..25_000).contains(&heartbeat.measured.as_micros()),
+                "{file}: {heartbeat:?}"
+            );
+            assert!(drive.missing.is_empty());
+        }
+        assert!(report.lasting().unwrap() < Duration::from_micros(7_500), "{file}");
+        let first = wire.since(Instant::ZERO, 0x80)[0].0;
+        let took = bench.node().bus().now().since(first);
+        assert!(
+            took < Duration::from_millis(700),
+            "{file}: enabled, proven twice, ready: {took:?}"
+        );
+    }
+}
+
+#[test]
+fn promise_09_nothing_is_told_to_push_before_it_is_armed_and_nobody_is_started_before_all_is_read_back()
+ {
+    let (mut bench, wire) = bench_of(&config(KRAFT), "", &[]);
+    bench.bring_up().unwrap();
+    bench.run(100);
+    for (at, telegram) in wire.all() {
+        let frame = telegram.frame;
+        let is_target = matches!(frame.cob_id, 0x201 | 0x204);
+        assert!(!is_target || frame.data() == [0; 6], "{at:?} {frame}");
+    }
+    let started = wire.since(Instant::ZERO, 0).into_iter().find(|(_, it)| it.data()[0] == 1);
+    let (started, _) = started.unwrap();
+    let asked = (0x601..=0x606).flat_map(|cob_id| wire.since(Instant::ZERO, cob_id));
+    assert!(asked.filter(|(at, _)| *at > started).all(|(_, it)| it.data()[0] == 0x40), "only read");
+}
+
+#[test]
+fn hazard_01_a_lost_drive_is_told_by_sdo_to_take_its_power_off_and_all_are_off_a_moment_later() {
+    let (mut bench, wire) = armed();
+    bench.world_mut().drive_mut(ELBOW).unwrap().unplug();
+    let (cycles, record) = cycles_to_zero(&mut bench);
+    assert_eq!(record.cause, Some(Cause::SamplesMissing { joint: ELBOW, cycles: 3 }));
+    assert_eq!(record.mode, Mode::ZeroTorque);
+    assert!(cycles <= 5, "{cycles}");
+    bench.run(130);
+    assert_eq!(bench.node().mode(), Mode::DrivesOff);
+    assert_eq!(is_enabled(&mut bench), [false; 6]);
+    assert_eq!(writes(&wire), [Frame::new(0x603, [0x2B, 0x40, 0x60, 0, 0, 0, 0, 0])], "I8");
+}
+
+#[test]
+fn hazard_01_a_drive_that_misses_its_syncs_holds_no_torque_for_longer_than_the_others() {
+    let fault = "[[fault]]\nat_s = 0.9\nkind = \"drop\"\njoint = 3\nframe = \"sync\"\n";
+    let (mut bench, _) = bench_of(&config(KRAFT), fault, &[]);
+    bench.bring_up().unwrap();
+    arm(&mut bench);
+    let record = until(&mut bench, |record| record.mode.is_stopped());
+    assert!(matches!(record.cause, Some(Cause::SamplesMissing { joint: ELBOW, .. })));
+    bench.run(3);
+    assert!(bench.world_mut().drives().iter().all(|drive| drive.demand() == 0.0));
+}
+
+#[test]
+fn hazard_02_a_drive_without_heartbeat_switches_all_off_within_the_time_it_is_watched() {
+    let fault = "[[fault]]\nat_s = 0.9\nkind = \"heartbeat_stop\"\njoint = 3\n";
+    let (mut bench, wire) = bench_of(&config(KRAFT), fault, &[]);
+    bench.bring_up().unwrap();
+    arm(&mut bench);
+    let record = until(&mut bench, |record| record.mode.is_stopped());
+    assert_eq!(record.cause, Some(Cause::HeartbeatLost { node: ELBOW - 1 }));
+    assert_eq!((record.mode, record.targets), (Mode::DrivesOff, [0; 6]));
+    let (last, _) = *wire.since(Instant::ZERO, 0x703).last().unwrap();
+    let silent = record.at.since(last);
+    assert!(silent <= Duration::from_millis(252), "{silent:?}");
+}
+
+#[test]
+fn hazard_07_any_of_thirty_emergencies_stops_all_within_two_cycles_and_its_drive_is_off() {
+    const CODES: [u16; 30] = [
+        0x1000, 0x2110, 0x2120, 0x2130, 0x2220, 0x2310, 0x2320, 0x3110, 0x3120, 0x3210, 0x3220,
+        0x3310, 0x4110, 0x4210, 0x4310, 0x5110, 0x5210, 0x5400, 0x6010, 0x6310, 0x7110, 0x7305,
+        0x7310, 0x8110, 0x8120, 0x8130, 0x8250, 0x8611, 0x9000, 0xFF01,
+    ];
+    let (mut bench, _) = armed();
+    for (place, code) in CODES.into_iter().enumerate() {
+        let joint = place % 6 + 1;
+        bench.world_mut().drive_mut(joint).unwrap().mention(code, 0x01);
+        let (cycles, record) = cycles_to_zero(&mut bench);
+        assert_eq!(record.cause, Some(Cause::Emergency { node: joint - 1, code }), "{code:04X}h");
+        assert!(cycles <= 2, "{code:04X}h: {cycles}");
+        bench.run(20);
+        let mut only_it_is_off = [true; 6];
+        only_it_is_off[joint - 1] = false;
+        assert_eq!(
+            is_enabled(&mut bench),
+            only_it_is_off,
+            "{code:04X}h: S2, and S3 for that drive"
+        );
+        bench.run(60);
+        bench.ask(Request::Reset).unwrap();
+        until(&mut bench, |record| record.mode == Mode::Ready);
+        bench.ask(Request::Arm).unwrap();
+        bench.run(60);
+    }
+}
+
+#[test]
+fn hazard_08_a_heartbeat_of_another_state_stops_all_in_two_cycles() {
+    for (payload, state) in [("04", NmtState::Stopped), ("7F", NmtState::PreOperational)] {
+        let fault = stranger("0.9", "0x703", payload);
+        let (mut bench, _) = bench_of(&config(KRAFT), &fault, &[]);
+        bench.bring_up().unwrap();
+        arm(&mut bench);
+        let begun = bench.node().bus().stations().begun().unwrap() + Duration::from_millis(900);
+        let record = until(&mut bench, |record| record.mode.is_stopped());
+        assert_eq!(record.cause, Some(Cause::LeftOperational { node: ELBOW - 1, state }));
+        assert_eq!((record.mode, record.targets), (Mode::ZeroTorque, [0; 6]));
+        assert!(record.at.since(begun) <= Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn hazard_26_a_download_of_another_client_switches_all_off() {
+    let timer = "2B00140500000000";
+    let by_blocks = "C2501F0100000000";
+    for (cob_id, payload) in [("0x603", timer), ("0x603", by_blocks), ("0x610", timer)] {
+        let fault = stranger("0.9", cob_id, payload);
+        let (mut bench, _) = bench_of(&config(KRAFT), &fault, &[]);
+        bench.bring_up().unwrap();
+        arm(&mut bench);
+        let begun = bench.node().bus().stations().begun().unwrap() + Duration::from_millis(900);
+        let record = until(&mut bench, |record| record.mode.is_stopped());
+        assert_eq!(record.cause, Some(Cause::ForeignMaster), "{cob_id} {payload}");
+        assert_eq!((record.mode, record.targets), (Mode::DrivesOff, [0; 6]));
+        assert!(record.at.since(begun) <= Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn hazard_26_the_confirmation_of_a_foreign_download_switches_all_off() {
+    let (mut bench, _) = armed();
+    write_unseen(&mut bench, [0x2B, 0x00, 0x14, 5, 5, 0, 0, 0], false);
+    let record = until(&mut bench, |record| record.mode.is_stopped());
+    assert_eq!(record.cause, Some(Cause::ForeignMaster), "only the confirmation was received");
+}
+
+#[test]
+fn hazard_26_uploads_of_another_client_change_nothing_and_are_counted() {
+    let reads: String = (0..50)
+        .map(|n| {
+            stranger(&format!("{:.3}", 0.7 + 0.01 * f64::from(n)), "0x603", "4041600000000000")
+        })
+        .collect();
+    let (mut bench, wire) = bench_of(&config(KRAFT), &reads, &[]);
+    bench.bring_up().unwrap();
+    arm(&mut bench);
+    bench.run(1_500);
+    let record = bench.cycle();
+    assert_eq!((record.cause, record.mode), (None, Mode::Armed));
+    assert_eq!((record.others.uploads, record.others.unread), (50, 0));
+    let told = std::iter::from_fn(|| bench.notice()).map(|event| event.to_string());
+    let told = told.filter(|told| told.starts_with("another SDO client reads")).count();
+    assert_eq!(told, 1, "reported once");
+    assert!(writes(&wire).is_empty());
+}
+
+#[test]
+fn hazard_26_a_proven_timer_that_changes_unseen_is_found_and_named() {
+    let (mut bench, wire) = bench_of(&config(KRAFT), "", &[]);
+    bench.bring_up().unwrap();
+    let begun = bench.node().bus().now();
+    write_unseen(&mut bench, [0x2B, 0x00, 0x14, 5, 0, 0, 0, 0], true);
+    let record = until(&mut bench, |record| record.mode.is_stopped());
+    let object = Object::rpdo_communication(1, 5);
+    let (node, expected, found) = (ELBOW - 1, 5, 0);
+    let cause = Cause::SettingChanged { node, object, expected, found };
+    assert_eq!((record.cause, record.mode), (Some(cause), Mode::DrivesOff));
+    assert_eq!(cause.to_string(), "joint 3: 1400h:5 is 0h, was proven as 5h");
+    assert!(record.at.since(begun) <= Duration::from_secs(7), "six drives, each in its second");
+    let asked = (0x601..=0x606).flat_map(|cob_id| wire.since(begun, cob_id)).count();
+    assert_eq!(asked, 3, "one object a second");
+    bench.run(10);
+    bench.ask(Request::Reset).unwrap();
+    assert_eq!(bench.node().mode(), Mode::Ready, "booted, written and proven again");
+}
+
+#[test]
+fn hazard_26_a_setting_that_cannot_be_read_again_is_reported_and_counted() {
+    let (mut bench, _) = bench_of(
+        &config(KRAFT),
+        "[[fault]]\nat_s = 1.0\nkind = \"drop\"\njoint = 3\nframe = \"sdo\"\n",
+        &[],
+    );
+    bench.bring_up().unwrap();
+    while bench.notice().is_some() {}
+    bench.run(4_500);
+    let record = bench.cycle();
+    assert_eq!((record.cause, record.mode, record.others.unread), (None, Mode::Ready, 1));
+    let told: Vec<_> = std::iter::from_fn(|| bench.notice()).map(|it| it.to_string()).collect();
+    assert_eq!(told, ["1400h:5 cannot be read again: no answer"]);
+}
+
+/// What is told to people of a boot in which the elbow sends this emergency so many ms after the first SYNC, and whether
+/// it succeeds.
+fn boot_with_emergency(code: u16, at_ms: u32) -> (Vec<String>, bool) {
+    let at_s = f64::from(at_ms) * 1e-3;
+    let fault =
+        format!("[[fault]]\nat_s = {at_s:.3}\nkind = \"emergency\"\njoint = 3\ncode = {code}\n");
+    let (mut bench, _) = bench_of(&config(KRAFT), &fault, &[]);
+    let is_booted = bench.bring_up().is_ok();
+    let told = std::iter::from_fn(|| bench.notice());
+    let told = told.filter(|event| event.node() == Some(ELBOW - 1)).map(|event| event.to_string());
+    (told.collect(), is_booted)
+}
+
+#[test]
+fn hazard_07_an_emergency_during_the_proof_is_always_reported() {
+    let mut is_stopped = [false; 2];
+    for at_ms in [30, 55, 65, 75, 85] {
+        let (told, is_booted) = boot_with_emergency(0xFF42, at_ms);
+        let is_told = told.iter().any(|told| told.starts_with("emergency FF42h"));
+        assert!(is_told, "{at_ms} ms: {told:?}");
+        is_stopped[usize::from(!is_booted)] = true;
+    }
+    assert_eq!(is_stopped, [true; 2], "some stop the boot and some do not");
+}
+
+#[test]
+fn hazard_01_a_bus_on_which_no_drive_answers_is_named_and_no_joint() {
+    let unplugged = |joint| format!("[[fault]]\nat_s = 0.9\nkind = \"unplug\"\njoint = {joint}\n");
+    let all: String = (1..=6).map(unplugged).collect();
+    let (mut bench, _) = bench_of(&config(KRAFT), &all, &[]);
+    bench.bring_up().unwrap();
+    arm(&mut bench);
+    let record = until(&mut bench, |record| record.mode.is_stopped());
+    let cause = Cause::BusSilent { channel: 0, cycles: 3 };
+    assert_eq!((record.cause, record.mode), (Some(cause), Mode::ZeroTorque));
+    assert_eq!(cause.to_string(), "bus 0: no sample of any drive for 3 cycles");
+}
+
+#[test]
+fn arming_a_latched_node_is_refused_with_its_cause() {
+    let (mut bench, _) = armed();
+    bench.world_mut().drive_mut(ELBOW).unwrap().mention(0x3210, 1);
+    until(&mut bench, |record| record.mode.is_stopped());
+    let refused = bench.ask(Request::Arm).unwrap_err().to_string();
+    assert!(refused.starts_with("stopped by joint 3: emergency 3210h"), "{refused}");
+    assert!(refused.ends_with("; reset first"), "{refused}");
+}
+
+#[test]
+fn hazard_09_a_drive_that_boots_in_the_middle_of_a_run_switches_all_off_within_two_cycles() {
+    let (mut bench, _) = armed();
+    let now = bench.node().bus().now();
+    bench.world_mut().drive_mut(ELBOW).unwrap().switch_on(now);
+    let (cycles, record) = cycles_to_zero(&mut bench);
+    assert_eq!(record.cause, Some(Cause::Rebooted { node: ELBOW - 1 }));
+    assert_eq!(record.mode, Mode::DrivesOff);
+    assert!(cycles <= 2, "{cycles}");
+    bench.run(40);
+    bench.ask(Request::Reset).unwrap();
+    assert_eq!(bench.node().proof().drives.len(), 6, "booted and proven again");
+}
+
+#[test]
+fn hazard_13_a_drive_without_its_rpdos_is_off_by_itself_within_six_milliseconds() {
+    let fault = "[[fault]]\nat_s = 0.9\nkind = \"drop\"\njoint = 3\nframe = \"rpdo1\"\n";
+    let (mut bench, wire) = bench_of(&config(KRAFT), fault, &[]);
+    bench.bring_up().unwrap();
+    arm(&mut bench);
+    let begun = bench.node().bus().stations().begun().unwrap() + Duration::from_millis(900);
+    let record = until(&mut bench, |record| record.mode.is_stopped());
+    assert_eq!(record.cause, Some(Cause::Emergency { node: ELBOW - 1, code: 0x8250 }));
+    // The last one came up to a cycle before; the drive is off when it says so.
+    let said = wire.since(begun, 0x783);
+    let said = said.first().or(None).map(|(at, _)| *at);
+    assert!(said.is_none() || said.unwrap().since(begun) <= Duration::from_millis(6));
+    assert!(record.at.since(begun) <= Duration::from_millis(8), "{:?}", record.at.since(begun));
+    assert_eq!(bench.world_mut().drives()[ELBOW - 1].demand(), 0.0);
+}
+
+#[test]
+fn hazard_14_another_device_is_refused_by_name_and_nobody_is_started() {
+    let (mut bench, wire) = bench_of(&config(KRAFT), "", &["wrong-identity"]);
+    let refused = bench.bring_up().unwrap_err().to_string();
+    assert!(refused.starts_with("joint 3 (elbow), node 3: 1018h:2 is "), "{refused}");
+    assert!(wire.since(Instant::ZERO, 0).iter().all(|(_, it)| it.data()[0] != 1), "NMT start");
+}
+
+#[test]
+fn hazard_15_a_mapping_that_is_not_taken_is_refused_by_node_and_object_and_nobody_is_started() {
+    for (quirk, object) in
+        [("fixed-mapping", "1A00h refused"), ("forgetful:1A00h:1", "1A00h:1 is ")]
+    {
+        let (mut bench, wire) = bench_of(&config(KRAFT), "", &[quirk]);
+        let refused = bench.bring_up().unwrap_err().to_string();
+        assert!(refused.starts_with(&format!("joint 3 (elbow), node 3: {object}")), "{refused}");
+        assert!(wire.since(Instant::ZERO, 0).iter().all(|(_, it)| it.data()[0] != 1), "NMT start");
+    }
+}
+
+#[test]
+fn hazard_16_drives_with_a_heartbeat_alone_are_proven_by_it_and_felt_less() {
+    let text = std::fs::read_to_string(KRAFT).unwrap();
+    let weak = text.replace("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 0 ");
+    let refused = Config::parse(Path::new(KRAFT), &weak).unwrap_err().to_string();
+    assert!(
+        refused.contains("controller.max_force_n: 58.6 N (max_force_n = 40, return to centre"),
+        "{refused}"
+    );
+    let weak = weak.replace("max_force_n = 40.0", "max_force_n = 13.0");
+    let weak = weak.replace("max_damping_ns_per_m = 60.0", "max_damping_ns_per_m = 30.0");
+    let weak = weak.replace("push = 0.5 ", "push = 0.1 ");
+    let (mut bench, _) = bench_of(&Config::parse(Path::new(KRAFT), &weak).unwrap(), "", &[]);
+    bench.bring_up().unwrap();
+    for drive in &bench.node().proof().drives {
+        assert!(drive.rpdo.is_none() && drive.heartbeat.is_some());
+    }
+    arm(&mut bench);
+}

@@ -1,0 +1,130 @@
+//! What goes wrong, and what the drives are told then. Times are read off the bus.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::time::Duration;
+
+use crate::common::bench::Wire;
+use crate::common::bench::booted;
+use crate::common::bench::until;
+use crate::common::bench::until_contact;
+use lab::bench::Bench;
+use node::Request;
+use node::cause::Cause;
+use node::record::Mode;
+use units::time::Instant;
+
+const ONE_KILOHERTZ: &str = "config/kraft_like.toml";
+
+/// Cycles from `onset` until every drive is told zero torque, and that none is told anything else after.
+fn cycles_to_zero(wire: &Wire, onset: Instant) -> usize {
+    let pushing = |group: u16| {
+        let told = wire.since(onset, group);
+        assert!(told.len() > 20, "{group:03X}h is not sent");
+        told.iter().rposition(|(_, frame)| frame.data() != [0; 6]).map_or(0, |last| last + 1)
+    };
+    [0x201, 0x204].map(pushing).into_iter().max().unwrap()
+}
+
+fn in_contact() -> (Bench<Wire>, Wire, Instant) {
+    let (mut bench, wire) = booted(ONE_KILOHERTZ, "contact_10s");
+    let record = until_contact(&mut bench);
+    wire.clear();
+    (bench, wire, record.at)
+}
+
+#[test]
+fn hazard_08_a_drive_that_fails_takes_the_torque_off_all_within_two_cycles() {
+    for joint in 1..=6 {
+        let (mut bench, wire, onset) = in_contact();
+        bench.world_mut().drive_mut(joint).unwrap().fail_with(0x3210);
+        until(&mut bench, |record| record.mode.is_stopped());
+        bench.run(150);
+        assert!(cycles_to_zero(&wire, onset) <= 2);
+    }
+}
+
+#[test]
+fn hazard_08_a_drive_that_only_its_statusword_tells_of_is_seen_when_that_may_be_sent_again() {
+    for joint in 1..=6 {
+        let (mut bench, wire, onset) = in_contact();
+        bench.world_mut().drive_mut(joint).unwrap().fail();
+        let record = until(&mut bench, |record| record.mode.is_stopped());
+        assert!(matches!(record.cause, Some(Cause::DriveLeft { joint: j, .. }) if j == joint));
+        bench.run(150);
+        // Between two of them lie 10 ms (1801h:3), or six at once would keep the next SYNC waiting.
+        assert!(cycles_to_zero(&wire, onset) <= 12);
+    }
+}
+
+#[test]
+fn a_drive_that_falls_silent_takes_the_torque_off_all_within_five_cycles() {
+    let (mut bench, wire, onset) = in_contact();
+    bench.world_mut().drive_mut(4).unwrap().unplug();
+    let record = until(&mut bench, |record| record.mode.is_stopped());
+    assert_eq!(record.cause, Some(Cause::SamplesMissing { joint: 4, cycles: 3 }));
+    bench.run(150);
+    assert!(cycles_to_zero(&wire, onset) <= 5);
+    assert!(bench.ask(Request::Reset).is_err(), "a drive that is not there cannot be booted");
+    assert!(bench.node().mode().is_stopped());
+}
+
+#[test]
+fn a_stop_is_left_only_by_a_reset_and_a_new_press() {
+    let (mut bench, _, _) = in_contact();
+    bench.world_mut().drive_mut(2).unwrap().fail();
+    until(&mut bench, |record| record.mode.is_stopped());
+    assert!(bench.ask(Request::Arm).is_err());
+    bench.ask(Request::Reset).unwrap();
+    until(&mut bench, |record| record.mode == Mode::Ready);
+    let refusal = bench.ask(Request::Arm).unwrap_err();
+    assert_eq!(refusal.to_string(), "the deadman is closed: release it first");
+}
+
+#[test]
+fn the_drives_stop_by_themselves_when_the_node_is_silent() {
+    let (mut bench, wire, _) = in_contact();
+    let fell_silent = bench.fall_silent_for(Duration::from_millis(6));
+    let drives = bench.node().bus().stations().drives();
+    assert!(drives.iter().all(|drive| drive.demand() == 0.0));
+    // The current dies away with the time constant of its loop, 0.2 ms.
+    bench.fall_silent_for(Duration::from_millis(2));
+    let left = bench.node().bus().stations().torques().amax();
+    assert!(left < 1e-3, "{left} N·m");
+    bench.fall_silent_for(Duration::from_millis(92));
+    for node in 1..=6 {
+        let told = wire.since(fell_silent - Duration::from_millis(2), 0x680 + node);
+        let (at, frame) = told.first().unwrap();
+        assert_eq!(frame.data()[..5], [0x50, 0x82, 0x11, 0, 0], "8250h, torque zero");
+        // Six emergencies at once wait for each other.
+        assert!(at.since(fell_silent) <= Duration::from_millis(7), "{:?}", at.since(fell_silent));
+    }
+    assert!(bench.node().bus().stations().torques().amax() < 1e-12);
+}
+
+#[test]
+fn the_second_run_finds_the_drives_as_ready_as_the_first() {
+    let (mut bench, _, _) = in_contact();
+    bench.stop().unwrap();
+    bench.fall_silent_for(Duration::from_secs(1));
+    bench.bring_up().unwrap();
+    assert_eq!(bench.node().mode(), Mode::Ready);
+}
+
+#[test]
+fn an_orderly_stop_ends_with_every_drive_off() {
+    let (mut bench, wire, _) = in_contact();
+    bench.stop().unwrap();
+    for group in [0x201, 0x204] {
+        assert_eq!(wire.since(Instant::ZERO, group).last().unwrap().1.data(), [0; 6]);
+    }
+    for node in 1..=6 {
+        let (_, last) = *wire.since(Instant::ZERO, 0x300 + node).last().unwrap();
+        assert_eq!(last.data(), [0, 0]);
+    }
+}

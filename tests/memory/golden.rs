@@ -1,0 +1,34 @@
+//! Golden transcripts: what a node says on the bus, frame for frame, as candump shows it.
+//!
+//! `GOLDEN=write cargo test --test memory golden::` writes them anew; read the difference before you commit it.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use crate::common::bench::booted;
+use crate::common::bench::until;
+use crate::common::golden::compare;
+use node::Request;
+use node::record::Mode;
+
+#[test]
+fn boot() {
+    let (_, wire) = booted("config/kraft_like_500hz.toml", "free");
+    compare("boot.log", &wire.transcript(12));
+}
+
+#[test]
+fn fault_reset() {
+    let (mut bench, wire) = booted("config/kraft_like_500hz.toml", "free");
+    bench.cycle();
+    wire.clear();
+    bench.world_mut().drive_mut(3).unwrap().fail();
+    until(&mut bench, |record| record.mode.is_stopped());
+    bench.ask(Request::Reset).unwrap();
+    until(&mut bench, |record| record.mode == Mode::Ready);
+    compare("fault_reset.log", &wire.transcript(usize::MAX));
+}

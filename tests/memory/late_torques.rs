@@ -1,0 +1,169 @@
+//! A process that stands still in the middle of a cycle, after any of its frames (row 29, promise 10): torques that
+//! are late are not sent, zeros are.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use crate::common::bench::config;
+use bus::Mishap;
+use bus::Tap;
+use canopen::frame::Frame;
+use canopen::frame::Telegram;
+use lab::bench::Bench;
+use node::cause::Kind;
+use node::record::Mode;
+use node::record::Record;
+use sim::scenario::Scenario;
+use telemetry::losses::Losses;
+use telemetry::status::Status;
+use telemetry::summary::Summary;
+use units::time::Instant;
+
+const GROUPED: &str = "config/kraft_like.toml";
+const PER_DRIVE: &str = "config/kraft_like_500hz.toml";
+
+/// The arm is held and moved, with torque on.
+const SCRIPT: &str = "seconds = 60\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
+    [[switch]]\nat_s = 0.2\ndeadman = true\n\
+    [[move]]\nat_s = 0.25\nduration_s = 2.0\nto_m = [0.0, 0.1, 0.0]\n";
+
+/// Every frame the node gave to its buses, and when.
+#[derive(Clone, Default)]
+struct Given(Rc<RefCell<Vec<(Instant, Frame)>>>);
+
+impl Tap for Given {
+    fn on_wire(&mut self, _: Instant, _: &Telegram) {}
+
+    fn on_taken(&mut self, at: Instant, telegram: &Telegram) {
+        self.0.borrow_mut().push((at, telegram.frame));
+    }
+}
+
+impl Given {
+    fn since(&self, from: Instant) -> Vec<(Instant, Frame)> {
+        self.0.borrow().iter().filter(|(at, _)| *at >= from).copied().collect()
+    }
+}
+
+struct Run {
+    bench: Bench<Given>,
+    given: Given,
+    period: Duration,
+    from: Instant,
+    records: Vec<Record>,
+}
+
+impl Run {
+    /// Engaged, with these stops planned: after which frame, for how many tenths of a period, in which cycle
+    /// from now on.
+    fn with(name: &str, stops: &[(u32, u16, u32)]) -> Self {
+        let (config, given) = (config(name), Given::default());
+        let script = Scenario::parse(SCRIPT).unwrap();
+        let mut bench = Bench::new(&config, script, 1, false, given.clone());
+        bench.bring_up().unwrap();
+        while bench.elapsed() < Duration::from_millis(800) {
+            bench.cycle();
+        }
+        let last = bench.cycle();
+        assert_eq!(last.mode, Mode::Engaged);
+        // Just before the next SYNC.
+        let from = last.at + config.period - Duration::from_micros(10);
+        for (cycle, after, tenths) in stops {
+            let at = from + config.period * *cycle;
+            bench.bus_mut().plan(at, Mishap::StoppedAfter(*after, config.period / 10 * *tenths));
+        }
+        Self { bench, given, period: config.period, from, records: vec![last] }
+    }
+
+    fn cycles(mut self, count: usize) -> Self {
+        self.records.extend((0..count).map(|_| self.bench.cycle()));
+        self
+    }
+
+    /// Torques that are not zero, and how long after the SYNC before them they were given away.
+    fn pushing(&self) -> Vec<(Duration, Frame)> {
+        let mut sync = None;
+        let mut pushing = Vec::new();
+        for (at, frame) in self.given.since(self.from) {
+            if frame.cob_id == 0x080 {
+                sync = Some(at);
+            } else if let (Some(sync), true) = (sync, asks(&frame)) {
+                pushing.push((at.since(sync), frame));
+            }
+        }
+        pushing
+    }
+}
+
+/// Whether a frame asks for torque; with a controlword before it or without.
+fn asks(frame: &Frame) -> bool {
+    match (frame.cob_id, frame.data()) {
+        (0x201..=0x206, &[_, _, low, high]) => (low, high) != (0, 0),
+        (0x201..=0x206, targets) => targets.iter().any(|byte| *byte != 0),
+        _ => false,
+    }
+}
+
+#[test]
+fn promise_10_torques_late_at_any_frame_of_the_cycle_are_dropped() {
+    for (name, frames) in [
+        (GROUPED, &[0x080, 0x181, 0x186, 0x201][..]),
+        (PER_DRIVE, &[0x080, 0x186, 0x201, 0x202, 0x205]),
+    ] {
+        for after in frames {
+            for tenths in [11, 16, 24, 39] {
+                let run = Run::with(name, &[(0, *after, tenths)]).cycles(10);
+                let pushing = run.pushing();
+                assert!(!pushing.is_empty() || tenths > 16, "{name}, after {after:03X}h, {tenths}");
+                for (late, frame) in pushing {
+                    let most = run.period + run.period / 2;
+                    assert!(late <= most, "{name}, after {after:03X}h, {tenths}: {frame} {late:?}");
+                }
+                // After a longer stop the drives' own timers may have ended their torque.
+                let last = run.records.last().unwrap();
+                let goes_on = (last.mode, last.cause) == (Mode::Engaged, None);
+                assert!(goes_on || tenths > 16, "{name}, after {after:03X}h, {tenths}: {last:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn hazard_29_torques_dropped_ten_times_in_a_second_stop_the_node() {
+    let stops: Vec<_> = (0..10).map(|turn| (20 * turn, 0x186, 11)).collect();
+    let run = Run::with(GROUPED, &stops).cycles(200);
+    let before = run.records[0].overruns;
+    let stopped = run.records.iter().find(|record| record.mode.is_stopped()).unwrap();
+    assert_eq!(stopped.cause.map(|cause| cause.kind()), Some(Kind::Late));
+    assert_eq!(stopped.targets, [0; 6]);
+    assert_eq!(stopped.overruns - before, 10);
+    assert_eq!(Status::of(stopped, 0, Losses::default()).overruns, stopped.overruns);
+    let mut summary = Summary::default();
+    run.records.iter().for_each(|record| summary.add(record));
+    assert_eq!(summary.overruns, stopped.overruns);
+    assert!(summary.to_string().contains("overruns          10 cycles"), "{summary}");
+}
+
+#[test]
+fn hazard_28_zero_torques_are_sent_however_late() {
+    // The third cycle without the sixth drive is the one in which the process stands still, after the fifth's sample.
+    let mut run = Run::with(GROUPED, &[(2, 0x185, 30)]);
+    run.bench.world_mut().drive_mut(6).unwrap().unplug();
+    let run = run.cycles(5);
+    let first = run.records.iter().position(|record| record.mode.is_stopped()).unwrap();
+    let [stopped, next] = [0, 1].map(|place| &run.records[first + place]);
+    assert_eq!(stopped.cause.map(|cause| cause.kind()), Some(Kind::SamplesMissing));
+    let given = run.given.since(stopped.at + run.period * 3);
+    let zeros = given.iter().filter(|(at, frame)| {
+        *at < next.at && matches!(frame.cob_id, 0x201 | 0x204) && frame.data() == [0; 6]
+    });
+    assert_eq!(zeros.count(), 2, "late, and in the same cycle");
+}

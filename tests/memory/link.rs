@@ -1,0 +1,253 @@
+//! What a commanded side that is lost, frozen, late or wrong can do to whoever holds the grip: rows 33 to 36
+//! of the hazard table.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::path::Path;
+use std::time::Duration;
+
+use crate::common::bench::config;
+use crate::common::bench::scenario;
+use bus::Memory;
+use config::Config;
+use lab::bench::Bench;
+use lab::world;
+use node::Node;
+use node::Request;
+use node::cause::Cause;
+use node::record::Mode;
+use node::record::Record;
+use remote::Remote;
+use remote::Sensed;
+use remote::site::VirtualSite;
+use sim::scenario::Scenario;
+use sim::scenario::fault::Link;
+use sim::world::World;
+use units::spatial::Motion;
+use units::spatial::Wrench;
+use units::time::Instant;
+
+const KRAFT: &str = "config/kraft_like.toml";
+
+/// The hand drives the object into the wall it stands at.
+const PRESSING: &str = "seconds = 10\n\
+    [[switch]]\nat_s = 0.2\ndeadman = true\n\
+    [[switch]]\nat_s = 0.25\nreflection = true\n\
+    [[switch]]\nat_s = 0.3\nreflection = false\n\
+    [[switch]]\nat_s = 0.35\nreference = true\n\
+    [[switch]]\nat_s = 0.4\nreference = false\n\
+    [[move]]\nat_s = 0.45\nduration_s = 0.3\nto_m = [0.045, 0.0, 0.0]\n";
+
+/// Cycles until the hand has pressed for a while.
+const CYCLES: usize = 1_200;
+
+/// A commanded side whose samples a law may change on their way; it counts them.
+struct Via<L> {
+    site: VirtualSite,
+    law: L,
+    count: u64,
+}
+
+impl<L: FnMut(u64, Sensed) -> Option<Sensed>> Remote for Via<L> {
+    fn exchange(&mut self, now: Instant, command: &Motion) -> Option<Sensed> {
+        self.count += 1;
+        let sensed = self.site.exchange(now, command)?;
+        (self.law)(self.count, sensed)
+    }
+}
+
+type Wired<L> = Node<Memory<World, ()>, Via<L>>;
+
+/// A node whose operator presses into the wall, once it is armed; with what `law` makes of its samples.
+fn booted<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Wired<L> {
+    let text = std::fs::read_to_string(KRAFT).unwrap();
+    let text = text.replace("start_m = [0.4,", "start_m = [0.5299,"); // 0.1 mm before the wall
+    let config = Config::parse(Path::new(KRAFT), &text).unwrap();
+    let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
+    let world = world::build(&config, Scenario::parse(PRESSING).unwrap(), 1);
+    let remote = Via { site: VirtualSite::new(&config.remote, config.period), law, count: 0 };
+    let mut node = Node::new(&config, Memory::new(&bitrates, world, ()), remote);
+    node.bring_up(&mut || false).unwrap();
+    node
+}
+
+/// The same, armed.
+fn pressing<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Wired<L> {
+    let mut node = booted(law);
+    while node.cycle().inputs.is_none() {}
+    node.request(Request::Arm, &mut || false).unwrap();
+    node
+}
+
+/// What the drives were told and the object was asked, cycle by cycle.
+fn run<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Vec<([i16; 6], Motion)> {
+    let mut node = pressing(law);
+    let records: Vec<_> = (0..CYCLES).map(|_| node.cycle()).collect();
+    assert!(records.iter().any(|record| record.output.f_g_task.force.norm() > 1.0), "it is felt");
+    records.iter().map(|record| (record.targets, record.output.command)).collect()
+}
+
+#[test]
+fn hazard_33_a_wrench_that_is_none_does_exactly_as_much_as_one_that_never_came() {
+    let poison = |count: u64, mut sensed: Sensed| {
+        match count % 7 {
+            0 => sensed.f_s = Wrench::from_components([f64::NAN; 6]),
+            1 => sensed.f_s.moment.y = f64::INFINITY,
+            2 => sensed.f_s.force.z = -1e9,
+            3 => sensed.x_b_m.translation.x = f64::NAN,
+            4 => sensed.at = sensed.at + Duration::from_secs(3_600),
+            _ => {}
+        }
+        Some(sensed)
+    };
+    let lose = |count: u64, sensed: Sensed| (count % 7 > 4).then_some(sensed);
+    assert!(run(poison) == run(lose));
+}
+
+#[test]
+fn hazard_33_a_wrench_that_is_large_and_legal_is_held_by_capacity_and_slew() {
+    let config = config(KRAFT);
+    let mut node = pressing(|count: u64, sensed: Sensed| {
+        let sign = if count % 2_000 < 1_000 { 1.0 } else { -1.0 };
+        Some(Sensed { f_s: Wrench::from_components([sign * 9e4; 6]), ..sensed })
+    });
+    let mut before = None;
+    let mut most = 0.0_f64;
+    for _ in 0..1_000 {
+        let record = node.cycle();
+        assert_eq!(record.cause, None);
+        most = most.max(steepest(&config, &mut before, &record));
+    }
+    assert!((0.9..=1.0 + 1e-9).contains(&most), "{most} of what the slew allows");
+}
+
+/// How steep this cycle's torques are against the last one's, as a share of what `torque_rise_s` = 20 ms
+/// allows.
+fn steepest(config: &Config, before: &mut Option<[f64; 6]>, record: &Record) -> f64 {
+    let tau: [f64; 6] = record.output.tau.into();
+    let allowed = config.period.as_secs_f64() / 0.02;
+    let joints = config.joints.iter().zip(tau).zip(before.replace(tau).unwrap_or(tau));
+    let steep = joints.map(|((joint, now), last)| {
+        assert!(now.abs() <= joint.max_torque * (1.0 + 1e-12), "beyond capacity");
+        (now - last).abs() / (joint.max_torque * allowed)
+    });
+    steep.fold(0.0, f64::max)
+}
+
+#[test]
+fn hazard_34_one_sample_in_a_hundred_lost_never_stops_the_node() {
+    let mut state = 1_u64;
+    let mut node = pressing(|_: u64, sensed: Sensed| {
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (!(state >> 33).is_multiple_of(100)).then_some(sensed)
+    });
+    let engaged = (0..2_500).map(|_| node.cycle()).filter(|record| record.mode == Mode::Engaged);
+    assert!(engaged.count() > 2_000);
+    assert_eq!(node.cause(), None);
+}
+
+#[test]
+fn hazard_36_what_is_late_or_comes_twice_does_as_much_as_if_it_had_not_come_again() {
+    let mut kept = Vec::new();
+    let shuffled = move |count: u64, sensed: Sensed| {
+        kept.push(sensed);
+        // Two cycles in five bring something old.
+        Some(if count % 5 > 2 { kept[kept.len() * 2 / 3] } else { sensed })
+    };
+    let lose = |count: u64, sensed: Sensed| (count % 5 <= 2).then_some(sensed);
+    assert!(run(shuffled) == run(lose));
+}
+
+#[test]
+fn nothing_is_armed_before_the_commanded_side_has_spoken() {
+    let mut node = booted(|count: u64, sensed: Sensed| (count > 150).then_some(sensed));
+    assert_eq!((node.mode(), node.cause()), (Mode::Ready, None), "it is no fault yet");
+    let refused = node.request(Request::Arm, &mut || false).unwrap_err().to_string();
+    assert_eq!(refused, "still there: no new wrench from the commanded side");
+    while node.remote().count < 151 || node.cycle().inputs.is_none() {
+        node.cycle();
+    }
+    // What was seen counts as there for 20 ms more.
+    for _ in 0..25 {
+        node.cycle();
+    }
+    assert_eq!(node.request(Request::Arm, &mut || false).unwrap(), Mode::Armed);
+}
+
+/// Plays a script whose link fails from 1.0 s on for half a second, to what the node does of it.
+fn fails_and_comes_back(name: &str, down: Link) {
+    let config = config(KRAFT);
+    let mut bench = Bench::new(&config, scenario(&format!("faults/{name}")), 1, false, ());
+    bench.bring_up().unwrap();
+    let (mut before, mut fell_at, mut felt_for) = (None, None, Duration::ZERO);
+    while bench.elapsed() < Duration::from_millis(1_450) {
+        let is_down = bench.world_mut().link() == down;
+        let record = bench.cycle();
+        let steep = steepest(&config, &mut before, &record);
+        if !is_down {
+            assert_eq!(record.cause, None);
+            continue;
+        }
+        let since = record.at.since(*fell_at.get_or_insert(record.at));
+        assert!(steep <= 1.0 + 1e-9, "a step of {steep} times the slew");
+        if (record.output.tau - record.output.ledger.gravity).amax() > 1e-9 {
+            felt_for = since;
+        }
+    }
+    let record = bench.cycle();
+    assert_eq!((record.mode, record.cause), (Mode::ReflectionOff, Some(Cause::LinkLost)));
+    assert_eq!(record.output.command, Motion::Hold);
+    assert!(record.output.tau.amax() > 0.1, "the arm is carried on");
+    let (least, most) = (Duration::from_millis(20), Duration::from_millis(70));
+    assert!((least..=most).contains(&felt_for), "{felt_for:?}");
+
+    let refused = bench.ask(Request::Reset).unwrap_err().to_string();
+    assert_eq!(refused, "still there: no new wrench from the commanded side");
+    // What was seen counts as there for 20 ms more.
+    while bench.elapsed() < Duration::from_millis(1_525) {
+        assert_eq!(bench.cycle().mode, Mode::ReflectionOff, "it is latched");
+    }
+    assert_eq!(bench.ask(Request::Reset).unwrap(), Mode::Armed);
+    let record = bench.cycle();
+    assert_eq!((record.mode, record.cause), (Mode::Armed, None), "the deadman is still pressed");
+    assert!(steepest(&config, &mut before, &record) <= 1.0 + 1e-9);
+}
+
+#[test]
+fn hazard_34_a_lost_link_ends_reflection_within_seventy_milliseconds_and_without_a_step() {
+    fails_and_comes_back("link_loss", Link::Lost);
+}
+
+#[test]
+fn hazard_35_a_frozen_sample_ends_reflection_as_a_lost_link_does() {
+    fails_and_comes_back("link_frozen", Link::Frozen);
+}
+
+#[test]
+fn promise_07_wherever_the_hand_is_a_lost_link_is_felt_for_seventy_milliseconds_at_most() {
+    let config = config(KRAFT);
+    for cut in [600, 1_003, 1_517] {
+        let mut node = pressing(move |count: u64, sensed: Sensed| (count < cut).then_some(sensed));
+        let (mut before, mut cut_at, mut felt_for) = (None, Instant::ZERO, Duration::ZERO);
+        for _ in 0..cut + 100 {
+            let record = node.cycle();
+            let steep = steepest(&config, &mut before, &record);
+            if node.remote().count < cut {
+                cut_at = record.at;
+                continue;
+            }
+            assert!(steep <= 1.0 + 1e-9, "a step of {steep} times the slew");
+            if (record.output.tau - record.output.ledger.gravity).amax() > 1e-9 {
+                felt_for = record.at.since(cut_at);
+            }
+        }
+        assert_eq!(node.cause(), Some(Cause::LinkLost));
+        assert!(felt_for <= Duration::from_millis(70), "{felt_for:?}");
+    }
+}

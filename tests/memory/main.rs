@@ -1,0 +1,27 @@
+//! Node, master and drives on the bus in memory, and the pure rooms: nothing here starts a process or opens a socket.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod arms;
+mod boot;
+mod bus_hazards;
+mod campaign;
+mod config;
+mod drive_hazards;
+mod energy;
+mod faults;
+mod golden;
+mod late_torques;
+mod laws;
+mod link;
+mod lss;
+mod operator;
+mod operators;
+mod oracles;
+mod personalities;
+mod plausibility;
+mod scenarios;
+mod sdo;
+mod teleoperation;
+mod torque_curve;

@@ -1,0 +1,320 @@
+//! What the operator does, and what happens to a hand: the deadman, the switches, arming, disarming, an arm
+//! that moves by itself. Runs on the in-memory bench; figures are those of docs/safety.md.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::path::Path;
+
+use nalgebra::Isometry3;
+
+use crate::common::bench::config;
+use crate::common::bench::scenario;
+use config::Config;
+use controller::arm::Arm;
+use controller::arm::Link;
+use lab::bench::Bench;
+use lab::comparison;
+use node::Request;
+use node::cause::Cause;
+use node::record::Mode;
+use node::record::Record;
+use sim::scenario::Scenario;
+use telemetry::summary::Summary;
+use units::spatial::Motion;
+
+const KRAFT: &str = "config/kraft_like.toml";
+
+/// Armed, engaged at 0.3 s, reflection on at 0.4 s; the hand goes aside from 0.55 s on, in motion at 1 s.
+const ENGAGED: &str = "[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
+    [[switch]]\nat_s = 0.3\ndeadman = true\n\
+    [[switch]]\nat_s = 0.4\nreflection = true\n[[switch]]\nat_s = 0.45\nreflection = false\n\
+    [[switch]]\nat_s = 0.5\nreference = true\n[[switch]]\nat_s = 0.55\nreference = false\n\
+    [[move]]\nat_s = 0.55\nduration_s = 0.6\nto_m = [0.0, 0.12, 0.0]\n";
+
+/// So much of its capacity a joint's torque may change each cycle: all of it in 20 ms.
+const SLEW: f64 = 0.05;
+
+fn bench_of(config: &Config, script: &str) -> Bench<()> {
+    let script = Scenario::parse(&format!("seconds = 100\n{script}")).unwrap();
+    let mut bench = Bench::new(config, script, 1, false, ());
+    bench.bring_up().unwrap();
+    bench
+}
+
+/// Every cycle of a script until `seconds`.
+fn records(config: &Config, script: &str, seconds: f64) -> Vec<Record> {
+    let mut bench = bench_of(config, script);
+    let mut records = Vec::new();
+    while bench.elapsed().as_secs_f64() < seconds {
+        records.push(bench.cycle());
+    }
+    records
+}
+
+/// When a switch that the script turns at `seconds` is seen by the node: the first cycle in which its inputs
+/// differ in `bit` from those before.
+fn turned(records: &[Record], from: usize, bit: u8) -> usize {
+    let is_turned = |pair: &[Record]| {
+        let [before, after] = [0, 1].map(|place: usize| pair[place].inputs.unwrap() & bit);
+        before != after
+    };
+    from + 1 + records[from..].windows(2).position(is_turned).unwrap()
+}
+
+/// The first cycle in a mode.
+fn first_in(records: &[Record], mode: Mode) -> usize {
+    records.iter().position(|record| record.mode == mode).unwrap()
+}
+
+/// The largest change of a torque from one of these cycles to the next, as part of its capacity.
+fn largest_step(config: &Config, records: &[Record]) -> f64 {
+    let capacities = config.joints.each_ref().map(|joint| joint.max_torque);
+    let steps = records.windows(2).flat_map(|pair| {
+        let by = pair[1].output.tau - pair[0].output.tau;
+        by.iter().zip(capacities).map(|(by, capacity)| by.abs() / capacity).collect::<Vec<_>>()
+    });
+    steps.fold(0.0, f64::max)
+}
+
+/// Torques beyond what carries the arm, as part of the joints' capacity.
+fn felt(config: &Config, record: &Record) -> f64 {
+    let felt = record.output.tau - record.output.ledger.gravity;
+    let parts = felt.iter().zip(&config.joints).map(|(tau, joint)| tau.abs() / joint.max_torque);
+    parts.fold(0.0, f64::max)
+}
+
+#[test]
+fn hazard_38_and_promise_08_a_released_deadman_ends_the_command_in_a_cycle_and_reflection_in_twenty()
+ {
+    let config = config(KRAFT);
+    let release = "[[switch]]\nat_s = 1.0\ndeadman = false\n";
+    let records = records(&config, &format!("{ENGAGED}{release}"), 1.2);
+    let engaged = first_in(&records, Mode::Engaged);
+    let open = turned(&records, engaged, 0b01);
+    assert!(
+        matches!(records[open - 1].output.command, Motion::Rate(v_m) if v_m.linear.norm() > 1e-3)
+    );
+    assert!(felt(&config, &records[open - 1]) > 1e-3, "something is felt");
+    // The contacts open a moment apart, if the frame between them is sent; the first one counts.
+    assert_eq!(records[open].mode, Mode::Armed);
+    assert!(records[open..].iter().all(|record| record.output.command == Motion::Hold));
+    assert!(records[open + 20..].iter().all(|record| felt(&config, record) < 1e-9));
+    assert!(largest_step(&config, &records[open - 1..]) <= SLEW + 1e-9);
+}
+
+#[test]
+fn hazard_38_a_switch_box_that_falls_silent_counts_as_a_released_deadman_after_three_repetitions() {
+    let config = config(KRAFT);
+    let mut bench = bench_of(&config, ENGAGED);
+    while bench.elapsed().as_secs_f64() < 1.0 {
+        bench.cycle();
+    }
+    bench.world_mut().switches_mut().unplug();
+    let last = (0..).find(|_| bench.cycle().mode != Mode::Engaged).unwrap();
+    assert!(last <= 15, "after {last} cycles");
+    assert_eq!(bench.node().mode(), Mode::Armed);
+}
+
+#[test]
+fn hazard_39_a_deadman_closed_at_power_up_refuses_arming_until_it_was_released_and_pressed() {
+    let config = config(KRAFT);
+    let script = "[[switch]]\nat_s = 0.0\ndeadman = true\n\
+        [[switch]]\nat_s = 1.0\ndeadman = false\n[[switch]]\nat_s = 1.2\ndeadman = true\n";
+    let mut bench = bench_of(&config, script);
+    bench.run(100);
+    let refusal = bench.ask(Request::Arm).unwrap_err();
+    assert_eq!(refusal.to_string(), "the deadman is closed: release it first");
+    while bench.elapsed().as_secs_f64() < 1.1 {
+        assert_eq!(bench.cycle().mode, Mode::Ready);
+    }
+    bench.ask(Request::Arm).unwrap();
+    while bench.elapsed().as_secs_f64() < 1.3 {
+        bench.cycle();
+    }
+    assert_eq!(bench.node().mode(), Mode::Engaged);
+}
+
+#[test]
+fn hazard_40_a_reference_or_a_change_of_mode_in_motion_gives_no_impulse_and_zero_rate_at_once() {
+    let config = config(KRAFT);
+    let changes = "[[switch]]\nat_s = 1.0\nreference = true\n[[switch]]\nat_s = 1.04\nreference = false\n\
+        [[console]]\nat_s = 1.1\nrequest = \"mode pose\"\n\
+        [[switch]]\nat_s = 1.15\nreference = true\n[[switch]]\nat_s = 1.2\nreference = false\n\
+        [[console]]\nat_s = 1.3\nrequest = \"mode rate\"\n";
+    let records = records(&config, &format!("{ENGAGED}{changes}"), 1.6);
+    let from = first_in(&records, Mode::Engaged);
+    assert!(largest_step(&config, &records[from..]) <= SLEW + 1e-9);
+    let moving = records.iter().filter(|record| record.output.moving.v_g.linear.norm() > 0.02);
+    assert!(moving.count() > 200, "the hand is in motion");
+
+    // 0.8 s: well after the reference of 0.5 s.
+    let second =
+        records.iter().position(|record| record.at.since(records[0].at).as_secs_f64() > 0.8);
+    let pressed = turned(&records, second.unwrap(), 0b100);
+    let counts = |record: &Record| record.output.pressed.reference;
+    let set = pressed + records[pressed..].iter().position(counts).unwrap();
+    assert!((25..=26).contains(&(set - pressed)), "a press counts when it has settled");
+    let rate = |record: &Record| match record.output.command {
+        Motion::Rate(v_m) => v_m.linear.norm(),
+        Motion::Hold | Motion::Pose(_) => 0.0,
+    };
+    assert!(rate(&records[set - 1]) > 1e-3 && rate(&records[set]) == 0.0);
+
+    // The object does not jump, whatever it is told by.
+    let poses = records[from..].windows(2);
+    let jumps = poses.map(|pair| {
+        let moved: Isometry3<f64> = pair[0].x_b_m.inverse() * pair[1].x_b_m;
+        moved.translation.vector.norm()
+    });
+    assert!(jumps.fold(0.0, f64::max) < 1e-3);
+}
+
+/// The records of a hand that turns reflection on and sets the reference, with these faults of the switch box.
+fn with_faults(seed: u64, faults: &str) -> Vec<Record> {
+    let script = Scenario::parse(&format!("seconds = 100\n{ENGAGED}{faults}")).unwrap();
+    let mut bench = Bench::new(&config(KRAFT), script, seed, false, ());
+    bench.bring_up().unwrap();
+    (0..1_400).map(|_| bench.cycle()).collect()
+}
+
+#[test]
+fn hazard_39_bounce_of_reflection_or_reference_is_one_press() {
+    for seed in 1..=8 {
+        let bounce = |(at, switch): (f64, &str)| {
+            let kind = format!("kind = \"switch_bounce\"\nswitch = \"{switch}\"\nfor_s = 0.02");
+            format!("[[fault]]\nat_s = {at}\n{kind}\n")
+        };
+        let edges = [0.4, 0.45].map(|at| (at, "reflection"));
+        let edges = edges.into_iter().chain([0.5, 0.55].map(|at| (at, "reference")));
+        let records = with_faults(seed, &edges.map(bounce).collect::<String>());
+        let presses = records.windows(2).filter(|pair| {
+            let [before, after] = [0, 1].map(|place: usize| pair[place].output.pressed.reference);
+            !before && after
+        });
+        assert_eq!(presses.count(), 1, "seed {seed}");
+        let last = records.last().unwrap();
+        assert_eq!((last.mode, last.output.pressed.task), (Mode::Engaged, true), "seed {seed}");
+    }
+}
+
+#[test]
+fn hazard_39_silent_switch_box_turns_nothing_when_it_returns() {
+    for for_s in [0.025, 0.1] {
+        // Reflection is pressed again at 0.7 s, which turns it off, and held through the silence.
+        let script = format!(
+            "[[switch]]\nat_s = 0.7\nreflection = true\n\
+             [[fault]]\nat_s = 0.8\nkind = \"drop\"\ndevice = \"switches\"\nframe = \"tpdo1\"\nfor_s = {for_s}\n\
+             [[switch]]\nat_s = 1.0\ndeadman = false\n[[switch]]\nat_s = 1.1\ndeadman = true\n"
+        );
+        let records = with_faults(1, &script);
+        let is_silent = |record: &&Record| record.inputs.is_none() && record.mode == Mode::Armed;
+        assert!(records.iter().filter(is_silent).count() >= 5, "{for_s} s");
+        let last = records.last().unwrap();
+        assert_eq!((last.mode, last.output.pressed.task), (Mode::Engaged, false), "{for_s} s");
+    }
+}
+
+#[test]
+fn hazard_41_reflection_switched_on_in_contact_begins_at_zero_and_takes_three_hundred_milliseconds()
+{
+    let config = config(KRAFT);
+    // Engaged in pose mode without reflection, the hand leans on the wall; then it is switched on.
+    let script = "[[console]]\nat_s = 0.05\nrequest = \"mode pose\"\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
+        [[switch]]\nat_s = 1.5\ndeadman = true\n\
+        [[move]]\nat_s = 1.8\nduration_s = 0.7\nto_m = [0.14, 0.0, 0.0]\n\
+        [[switch]]\nat_s = 3.0\nreflection = true\n[[switch]]\nat_s = 3.05\nreflection = false\n";
+    let records = records(&config, script, 3.6);
+    let on = records.iter().position(|record| record.output.pressed.task).unwrap();
+    let share = |after: usize| {
+        let record = &records[on + after];
+        record.output.f_g_task.force.norm() / record.output.f_m_task.force.norm()
+    };
+    assert!(records[on].output.f_m_task.force.norm() > 2.0, "a wall is leaned on");
+    assert!(share(0) < share(290) / 250.0, "{} of {}", share(0), share(290));
+    assert!((1..300).all(|cycle| share(cycle) <= share(290) * 1.1));
+    assert!((share(150) / share(310) - 0.5).abs() < 0.1, "{} of {}", share(150), share(310));
+    assert!(largest_step(&config, &records[on - 1..]) <= SLEW + 1e-9);
+}
+
+#[test]
+fn hazard_41_an_arm_that_is_believed_heavier_than_it_is_trips_when_it_rises_unheld() {
+    let text = include_str!("../../config/kraft_like.toml");
+    // So heavy that no file may say it: its motors could not hold it.
+    let mut believed = Config::parse(Path::new(KRAFT), text).unwrap();
+    let links = believed.joints.each_ref().map(|joint| Link {
+        mass: if joint.link.mass < 1.0 { joint.link.mass + 2.0 } else { joint.link.mass + 20.0 },
+        ..joint.link
+    });
+    believed.controller.arm = Arm::new(links, believed.x_6_g, believed.gravity).unwrap();
+    // A hand so soft that it hardly holds.
+    let script = "seconds = 10\n[hand]\ntemperament = \"relaxed\"\n\
+        [[console]]\nat_s = 0.1\nrequest = \"arm\"\n";
+    let script = Scenario::parse(script).unwrap();
+    let mut bench = Bench::in_world_of(&config(KRAFT), &believed, script.clone(), 1, false, ());
+    bench.bring_up().unwrap();
+    bench.run(1_200);
+    let cause = bench.node().cause();
+    // Whichever is met first: how far it is driven, or how fast its grip becomes.
+    assert!(matches!(cause, Some(Cause::MovesUnheld | Cause::GripOverspeed)), "{cause:?}");
+    assert!(bench.node().mode().is_stopped());
+
+    let mut right = Bench::new(&config(KRAFT), script, 1, false, ());
+    right.bring_up().unwrap();
+    right.run(1_500);
+    assert_eq!((right.node().mode(), right.node().cause()), (Mode::Armed, None));
+}
+
+#[test]
+fn hazard_30_and_hazard_41_disarming_lays_the_arm_down_within_fifty_milliseconds_and_without_a_step()
+ {
+    let config = config(KRAFT);
+    let mut bench = bench_of(&config, ENGAGED);
+    while bench.elapsed().as_secs_f64() < 1.5 {
+        bench.cycle();
+    }
+    let before = bench.cycle();
+    bench.ask(Request::Disarm).unwrap();
+    let mut records = vec![before];
+    records.extend((0..60).map(|_| bench.cycle()));
+    assert!(records[1..].iter().all(|record| record.output.command == Motion::Hold));
+    assert!(records[1..51].iter().any(|record| record.targets != [0; 6]));
+    assert!(records[52..].iter().all(|record| record.targets == [0; 6]));
+    assert_eq!(records[55].mode, Mode::Ready);
+    assert!(largest_step(&config, &records) <= SLEW + 1e-9);
+    let most = config.joints.each_ref().map(|joint| joint.calibration.max_target().0);
+    for pair in records.windows(2) {
+        let by =
+            pair[0].targets.iter().zip(pair[1].targets).map(|(one, other)| (one - other).abs());
+        assert!(by.zip(most).all(|(by, most)| by <= most / 15), "{:?}", pair[1].targets);
+    }
+}
+
+#[test]
+fn hazard_45_a_stiff_wall_within_what_the_gains_allow_for_is_not_taken_for_unstable() {
+    let script = scenario("stiff-wall");
+    let config = comparison::surrounded(&config(KRAFT), &script);
+    let mut bench = Bench::new(&config, script, 1, false, ());
+    bench.bring_up().unwrap();
+    while bench.elapsed().as_secs_f64() < 7.0 {
+        assert_eq!(bench.cycle().cause, None);
+    }
+}
+
+#[test]
+fn summary_counts_every_engagement() {
+    let twice = format!(
+        "{ENGAGED}[[switch]]\nat_s = 1.2\ndeadman = false\n[[switch]]\nat_s = 1.4\ndeadman = true\n"
+    );
+    let records = records(&config(KRAFT), &twice, 1.6);
+    let mut summary = Summary::default();
+    records.iter().for_each(|record| summary.add(record));
+    let engaged = records.iter().filter(|record| record.mode == Mode::Engaged).count();
+    assert_eq!(summary.engagements, 2);
+    let seconds = 1e-3 * f64::from(u32::try_from(engaged).unwrap());
+    assert!((summary.engaged_seconds - seconds).abs() < 0.01, "{}", summary.engaged_seconds);
+}

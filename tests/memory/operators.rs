@@ -1,0 +1,72 @@
+//! Operators of different temperaments, and rough surfaces, in the whole loop on the in-memory bus.
+#![allow(
+    clippy::float_cmp,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use config::Config;
+use lab::bench::Bench;
+use sim::scenario::Scenario;
+use telemetry::summary::Summary;
+
+const FILE: &str = "config/kraft_like.toml";
+const CONFIG: &str = include_str!("../../config/kraft_like.toml");
+const CONTACT: &str = include_str!("../../config/scenarios/contact_10s.toml");
+
+/// A script whose first move goes elsewhere, with these lines behind it.
+fn going(to_m: &str, more: &str) -> Scenario {
+    let script = CONTACT.replacen("to_m = [0.045, 0.0, 0.0]", &format!("to_m = {to_m}"), 1);
+    assert_ne!(script, CONTACT, "the first move goes straight ahead");
+    Scenario::parse(&format!("{script}\n{more}")).unwrap()
+}
+
+/// The first seconds of a script; each force felt at the grip, in {0}, is shown to `felt`.
+fn summary(config: &str, scenario: Scenario, mut felt: impl FnMut(Vector3<f64>)) -> Summary {
+    let config = Config::parse(Path::new(FILE), config).unwrap();
+    let mut bench = Bench::new(&config, scenario, 1, false, ());
+    bench.bring_up().unwrap();
+    let mut summary = Summary::default();
+    for _ in 0..6_000 {
+        let record = bench.cycle();
+        summary.add(&record);
+        felt(record.output.x_0_g.rotation * record.output.f_g_task.force);
+    }
+    bench.stop().unwrap();
+    summary
+}
+
+#[test]
+fn whoever_holds_the_grip_feels_the_wall_and_nothing_stops_the_arm() {
+    let felt = ["relaxed", "firm", "nervous"].map(|temperament| {
+        let hand = format!("[hand]\ntemperament = \"{temperament}\"\n");
+        let summary = summary(CONFIG, going("[0.08, 0.0, 0.0]", &hand), |_| {});
+        assert_eq!(summary.missing_samples, 0, "{temperament}: {summary}");
+        assert_eq!(summary.stopped_by, None, "{temperament}");
+        assert!(summary.contact_seconds > 0.5, "{temperament}: {summary}");
+        summary.peak_felt_force_n
+    });
+    let [relaxed, firm, _] = felt;
+    assert!(relaxed < 0.8 * firm, "who holds lightly presses lightly: {relaxed} N and {firm} N");
+}
+
+#[test]
+fn sliding_along_a_rough_wall_is_felt_against_the_motion_and_within_its_friction() {
+    let rough = CONFIG.replacen("[remote.wall]", "[remote.wall]\nfriction = 0.8", 1);
+    let sideways = "[0.05, 0.03, 0.0]";
+    let mut strongest = 0.0_f64;
+    summary(&rough, going(sideways, ""), |f_0| {
+        let along = f_0.yz().norm();
+        assert!(along <= 0.8 * f_0.x.abs() + 1e-3, "{f_0}");
+        strongest = strongest.max(-f_0.y);
+    });
+    assert!(strongest > 0.3, "only {strongest} N against the motion");
+    let mut smooth = 0.0_f64;
+    summary(CONFIG, going(sideways, ""), |f_0| smooth = smooth.max(f_0.yz().norm()));
+    assert!(smooth < 0.1 * strongest, "without friction {smooth} N");
+}

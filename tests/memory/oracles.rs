@@ -1,0 +1,866 @@
+//! Every equation against values computed by independent programs (`tests/oracles/*.json`), to
+//! 1e-9. Where the paper can be read in several ways, the reading taken is the one called
+//! "recommended" there; what must *not* come out is checked too.
+#![cfg(test)]
+
+use nalgebra::Isometry3;
+use nalgebra::SMatrix;
+use nalgebra::SVector;
+use nalgebra::UnitQuaternion;
+use nalgebra::Vector3;
+use serde_json::Value;
+
+use crate::common::oracle;
+use crate::common::oracle::assert_near;
+use crate::common::oracle::assert_same_pose;
+use crate::common::oracle::farthest;
+use crate::common::oracle::joints;
+use crate::common::oracle::list;
+use crate::common::oracle::number;
+use crate::common::oracle::numbers;
+use crate::common::oracle::pose;
+use crate::common::oracle::rotation;
+use crate::common::oracle::rows;
+use crate::common::oracle::twist;
+use crate::common::oracle::vector;
+use crate::common::oracle::wrench;
+use controller::Beyond;
+use controller::Controller;
+use controller::Input;
+use controller::Output;
+use controller::Settings;
+use controller::arm::Arm;
+use controller::arm::JointKind;
+use controller::arm::Link;
+use controller::arm::Posture;
+use controller::assist;
+use controller::assist::Damping;
+use controller::calibration::Calibration;
+use controller::calibration::Counts;
+use controller::calibration::JointCalibration;
+use controller::calibration::PerMille;
+use controller::calibration::TorqueCurve;
+use controller::channels::Channels;
+use controller::command::CommandLaw;
+use controller::coupling::Coupling;
+use controller::fit;
+use controller::fit::Direction;
+use controller::fit::Sample;
+use controller::gains::Gains;
+use controller::limits::Asked;
+use controller::limits::AssistFraction;
+use controller::limits::Limited;
+use controller::limits::Limits;
+use controller::models;
+use controller::orientation::Orientation;
+use controller::period::Period;
+use controller::readings::Difference;
+use controller::readings::Readings;
+use controller::readings::Scaling;
+use controller::reference::Displacement;
+use controller::reference::Reference;
+use controller::reflection::Reflection;
+use controller::switches::Mode;
+use controller::switches::Panel;
+use controller::switches::Switches;
+use controller::velocity::Filter;
+use controller::velocity::Velocity;
+use robot::accommodation::Accommodation;
+use robot::object::Object;
+use robot::object::Servo;
+use robot::payload::Payload;
+use units::spatial::Motion;
+use units::spatial::Twist;
+use units::spatial::Wrench;
+use units::spatial::rotation as rotations;
+
+/// Far above rounding: what is as far apart as this is not the same.
+const TINY: f64 = 1e-4;
+
+type Joints = SVector<f64, 6>;
+
+const MODELS: [&str; 4] = ["kraft_like", "jpl_like", "sixr_spherical", "puma560_corke_mdh"];
+
+fn gains(value: &Value) -> Gains {
+    Gains::new(numbers(value), "gain").unwrap()
+}
+
+/// Channels from the paper's deadband and parabolic constants: a plateau is `a DB²`.
+fn channels(inputs: &Value) -> Channels {
+    let deadband: [f64; 6] = numbers(&inputs["deadband"]);
+    let mut plateau: [f64; 6] = numbers(&inputs["a"]);
+    for (plateau, deadband) in plateau.iter_mut().zip(deadband) {
+        *plateau *= deadband * deadband;
+    }
+    Channels::new(deadband, plateau).unwrap()
+}
+
+fn law(inputs: &Value) -> CommandLaw {
+    CommandLaw {
+        rate_gain: gains(&inputs["K_V"]),
+        pose_gain: gains(&inputs["K_P"]),
+        pose_deadband: false,
+    }
+}
+
+/// A reflection that lets everything through that a hand may feel and more.
+fn reflection(x_m_s: Isometry3<f64>, inputs: &Value) -> Reflection {
+    Reflection::new(x_m_s, gains(&inputs["K_T"]), 1e4, 1e4).unwrap()
+}
+
+fn limits(inputs: &Value, scaling: Scaling) -> Limits<6> {
+    let fraction = AssistFraction::new(number(&inputs["assist_fraction"])).unwrap();
+    Limits::new(joints(&inputs["tau_cap"]), fraction, scaling)
+}
+
+fn period(inputs: &Value) -> Period {
+    Period::new(number(&inputs["T_cycle"])).unwrap()
+}
+
+/// The twist of a grip that came from `x_0_before` to `x_0_g` in a cycle.
+fn twist_between(period: Period, x_0_before: &Isometry3<f64>, x_0_g: &Isometry3<f64>) -> Twist {
+    let mut velocity = Velocity::new(period, Filter::default());
+    velocity.update(x_0_before, false);
+    velocity.update(x_0_g, false).v_g
+}
+
+/// What damps that motion by the reading of the twist.
+fn damping(
+    gain: Gains,
+    period: Period,
+    [x_0_h, x_0_before, x_0_g]: [&Isometry3<f64>; 3],
+) -> Wrench {
+    let x_h_g = x_0_h.inverse() * x_0_g;
+    let dx = Displacement::between(&x_h_g, Orientation::EulerZyx);
+    let mut damping = Damping::new(gain, period, Difference::Twist);
+    damping.wrench(&twist_between(period, x_0_before, x_0_g), &x_h_g, &dx, false)
+}
+
+/// Limited together, all let through.
+fn combine(limits: Limits<6>, gravity: Joints, task: Joints, assist: Joints) -> Limited<6> {
+    limits.combine(&Asked { gravity, task, assist }, 1.0)
+}
+
+// Arms: Eq. 1, the Jacobian of Eq. 7, gravity.
+
+#[test]
+fn forward_kinematics_of_four_arms() {
+    for model in MODELS {
+        let arm = oracle::arm(model);
+        for config in list(&oracle::oracle(&format!("{model}.json"))["configs"]) {
+            assert_same_pose(model, &arm.forward(&joints(&config["q"])), &pose(&config["T_0G"]));
+        }
+    }
+}
+
+#[test]
+fn body_jacobians_of_four_arms() {
+    for model in MODELS {
+        let arm = oracle::arm(model);
+        for config in list(&oracle::oracle(&format!("{model}.json"))["configs"]) {
+            let j_g = arm.jacobian(&arm.posture(&joints(&config["q"])));
+            let [a, b, c, d, e, f] = rows::<6, 6>(&config["J_body_G"]);
+            for (ours, reference) in [(j_g.linear, [a, b, c]), (j_g.angular, [d, e, f])] {
+                let reference = SMatrix::<f64, 3, 6>::from_fn(|row, joint| reference[row][joint]);
+                assert_near(model, ours.as_slice(), reference.as_slice());
+            }
+        }
+    }
+}
+
+#[test]
+fn gravity_of_four_arms() {
+    for model in MODELS {
+        let arm = oracle::arm(model);
+        for config in list(&oracle::oracle(&format!("{model}.json"))["configs"]) {
+            let tau = arm.gravity(&arm.posture(&joints(&config["q"])));
+            assert_near(model, tau.as_slice(), &numbers::<6>(&config["gravity"]));
+        }
+    }
+}
+
+#[test]
+fn mass_matrices_of_four_arms() {
+    for model in MODELS {
+        let arm = oracle::arm(model);
+        for config in list(&oracle::oracle(&format!("{model}.json"))["configs"]) {
+            let mass = arm.mass_matrix(&arm.posture(&joints(&config["q"])));
+            let reference = rows::<6, 6>(&config["M"]);
+            let reference = SMatrix::<f64, 6, 6>::from_fn(|row, joint| reference[row][joint]);
+            assert_near(model, mass.as_slice(), reference.as_slice());
+        }
+    }
+}
+
+#[test]
+fn the_shipped_puma_is_the_one_of_the_reference() {
+    let puma = models::puma560().unwrap();
+    for config in list(&oracle::oracle("puma560_corke_mdh.json")["configs"]) {
+        let posture = puma.posture(&joints(&config["q"]));
+        assert_same_pose("puma", &posture.x_0_g, &pose(&config["T_0G"]));
+        let tau = puma.gravity(&posture);
+        assert_near("gravity", tau.as_slice(), &numbers::<6>(&config["gravity"]));
+        let reference = rows::<6, 6>(&config["M"]);
+        let reference = SMatrix::<f64, 6, 6>::from_fn(|row, joint| reference[row][joint]);
+        assert_near("mass", puma.mass_matrix(&posture).as_slice(), reference.as_slice());
+    }
+}
+
+// Orientations: Eq. 4 and 5.
+
+#[test]
+fn orientations_as_three_numbers() {
+    for case in list(&oracle::oracle("paper.json")["euler_cases"]) {
+        let name = case["name"].as_str().unwrap();
+        let r = rotation(&case["R"]);
+        let (angles, reference) = (rotations::euler_zyx(&r), vector(&case["gamma_beta_alpha"]));
+        let again = rotations::from_euler_zyx(&angles).to_rotation_matrix();
+        assert_near(name, again.matrix().as_slice(), r.to_rotation_matrix().matrix().as_slice());
+        let rotation_vector = vector(&case["rotation_vector"]);
+        assert_near(name, rotations::rotation_vector(&r).as_slice(), rotation_vector.as_slice());
+        // π and -π are one angle; which of them comes out is a matter of rounding.
+        if reference.amax() < std::f64::consts::PI - TINY {
+            assert_near(name, angles.as_slice(), reference.as_slice());
+            let omega = Orientation::EulerZyx.rate(&angles);
+            assert_near(name, omega.as_slice(), vector(&case["omega_eq5"]).as_slice());
+            let determinant = rotations::euler_rates(&angles).determinant();
+            assert_near(name, &[determinant], &[number(&case["det_E"])]);
+        }
+    }
+}
+
+// The worked example, piece by piece.
+
+#[test]
+fn the_deadband_and_the_return_force_of_one_axis() {
+    let table = &oracle::oracle("paper.json")["eq8"]["table"];
+    let [a, deadband, wall, stiffness] =
+        ["a", "db", "wall", "k_wall"].map(|key| number(&table[key]));
+    let channels = Channels::new([deadband; 6], [a * deadband * deadband; 6]).unwrap();
+    let walled = channels.with_wall([wall; 6], [stiffness; 6]).unwrap();
+    let column = |key: &str| list(&table[key]).iter().map(number).collect::<Vec<_>>();
+    let x = column("x");
+    let each = |law: &dyn Fn(&Displacement) -> [f64; 6]| {
+        let along = |x: &f64| law(&Displacement::from_components([*x, 0.0, 0.0, 0.0, 0.0, 0.0]))[0];
+        x.iter().map(along).collect::<Vec<_>>()
+    };
+    assert_near("odd", &each(&|dx| channels.centring(dx)), &column("F_odd"));
+    assert_near("wall", &each(&|dx| walled.centring(dx)), &column("F_odd_wall"));
+    let left = each(&|dx| channels.beyond_deadband(dx).components());
+    assert_near("deadband", &left, &column("dX_db"));
+}
+
+#[test]
+fn eq_8_as_printed_does_not_come_out() {
+    let table = &oracle::oracle("paper.json")["eq8"]["table"];
+    let printed = list(&table["F_literal"]).iter().map(number).collect::<Vec<_>>();
+    let odd = list(&table["F_odd"]).iter().map(number).collect::<Vec<_>>();
+    let x = list(&table["x"]).iter().map(number).collect::<Vec<_>>();
+    for ((printed, odd), x) in printed.iter().zip(&odd).zip(&x) {
+        if *x < 0.0 {
+            assert!(printed * x > 0.0, "as printed it pushes away at {x} m");
+            assert!((printed - odd).abs() > TINY);
+        }
+    }
+}
+
+#[test]
+fn the_payload_is_removed() {
+    let paper = oracle::oracle("paper.json");
+    let (inputs, payload) = (&paper["inputs"], &paper["inputs"]["payload"]);
+    let model_gravity = &oracle::oracle("sixr_spherical.json")["model"]["g0"];
+    let removed = Payload::new(number(&payload["mass"]), numbers(&payload["r_cg_S"])).unwrap();
+    let r_b_s = rotations::from_euler_zyx(&vector(&payload["R_0S_euler_zyx_gba"]));
+    let x_b_s = Isometry3::from_parts(Vector3::zeros().into(), r_b_s);
+    let weight = removed.weight(&x_b_s, &vector(model_gravity));
+    let reference = &paper["payload"]["weight_wrench_S"];
+    assert_near("weight", &weight.components(), &numbers::<6>(reference));
+
+    let servo = Servo::new(0.01, 1.0, 1.0).unwrap();
+    let object =
+        Object::new(servo, x_b_s).carrying(Isometry3::identity(), removed, vector(model_gravity));
+    let f_s = object.contact(&wrench(&inputs["F_S_meas"]));
+    let reference = &paper["payload"]["F_S_after_static_removal"];
+    assert_near("contact", &f_s.components(), &numbers::<6>(reference));
+}
+
+#[test]
+fn a_jacobian_in_the_wrong_frame_would_be_noticed() {
+    let paper = oracle::oracle("paper.json");
+    let arm = oracle::arm("sixr_spherical");
+    let j_g = arm.jacobian(&arm.posture(&joints(&paper["inputs"]["q_now"])));
+    let tau = j_g.torques(&wrench(&paper["eq6b"]["G_F_T"]));
+    let right = numbers::<6>(&paper["eq7"]["tau_T"]);
+    let wrong = numbers::<6>(&paper["eq7_wrong_if_frame_mixed"]["tau_if_J0_used_with_W_wrench"]);
+    assert_near("tau_task", tau.as_slice(), &right);
+    assert!(farthest(tau.as_slice(), &wrong) > 0.1);
+}
+
+#[test]
+fn the_wrench_at_the_wrist_gives_the_same_torques() {
+    let paper = oracle::oracle("paper.json");
+    let f_g = wrench(&paper["eq6b"]["G_F_T"]);
+    let f_w = f_g.at(&pose(&paper["eq6b"]["T_W_G"]));
+    assert_near("f_w", &f_w.components(), &numbers::<6>(&paper["eq6b"]["W_F_T"]));
+    let j_w = rows::<6, 6>(&paper["eq7"]["J_W_in_W"]);
+    let mut tau = [0.0; 6];
+    for (row, part) in j_w.iter().zip(f_w.components()) {
+        for (torque, entry) in tau.iter_mut().zip(row) {
+            *torque += entry * part;
+        }
+    }
+    assert_near("tau", &tau, &numbers::<6>(&paper["eq7"]["tau_T_via_J_G"]));
+}
+
+#[test]
+fn gravity_as_one_wrench_at_the_grip_does_not_come_out() {
+    let paper = oracle::oracle("paper.json");
+    let arm = oracle::arm("sixr_spherical");
+    let tau = arm.gravity(&arm.posture(&joints(&paper["inputs"]["q_now"])));
+    let per_link = numbers::<6>(&paper["gravity"]["tau_GC_recommended_per_link"]);
+    assert_near("gravity", tau.as_slice(), &per_link);
+    let lumped = numbers::<6>(&paper["gravity"]["tau_GC_literal"]);
+    assert!(farthest(tau.as_slice(), &lumped) > 1.0);
+}
+
+#[test]
+fn the_hand_is_drawn_back_and_damped_whichever_way_it_is_turned() {
+    let paper = oracle::oracle("paper.json");
+    for case in list(&paper["frame_mismatch_power"]["cases"]) {
+        let yaw = number(&case["G_yaw_deg"]).to_radians();
+        let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
+        let x_0_h = Isometry3::identity();
+        let x_0_g = Isometry3::from_parts(Vector3::new(0.05, 0.0, 0.0).into(), turned);
+        let x_0_before = Isometry3::from_parts(Vector3::new(0.0499, 0.0, 0.0).into(), turned);
+        let mut reference = Reference::none();
+        reference.x_0_h = x_0_h;
+        let x_h_g = reference.displacement(&x_0_g);
+        let dx = Displacement::between(&x_h_g, Orientation::EulerZyx);
+        let v_g = Twist {
+            linear: x_0_g.rotation.inverse() * Vector3::new(0.1, 0.0, 0.0),
+            angular: Vector3::zeros(),
+        };
+        let channels = Channels::new([0.01; 6], [3.0, 3.0, 3.0, 0.3, 0.3, 0.3]).unwrap();
+        let r_g_h = x_h_g.rotation.inverse();
+        let f_g = assist::centring(&channels, Orientation::EulerZyx, &r_g_h, &dx);
+        assert_near("return", &[f_g.power(&v_g)], &[number(&case["consistent_power_RTC"])]);
+        let gain = Gains::new([6.0, 6.0, 6.0, 0.05, 0.05, 0.05], "K_D").unwrap();
+        let f_g = damping(gain, Period::new(1e-3).unwrap(), [&x_0_h, &x_0_before, &x_0_g]);
+        assert_near("damper", &[f_g.power(&v_g)], &[number(&case["consistent_power_damper"])]);
+        let literal = assist::centring_by_components(&channels, &dx.along(&x_0_h.rotation));
+        let power = number(&case["literal_power_on_hand_RTC"]);
+        assert_near("return, as printed", &[literal.power(&v_g)], &[power]);
+    }
+}
+
+#[test]
+fn saturation() {
+    let cases = &oracle::oracle("paper.json")["saturation_cases"];
+    let none = Joints::zeros();
+    for case in list(&cases["uniform"]) {
+        let fraction = AssistFraction::new(number(&case["fraction"])).unwrap();
+        let limits = Limits::new(joints(&case["cap"]), fraction, Scaling::GravityExempt);
+        let limited = combine(limits, none, none, joints(&case["tau"]));
+        assert_near("scale", &[limited.assist_scale], &[number(&case["scale"])]);
+        assert_near("tau", limited.tau.as_slice(), &numbers::<6>(&case["out"]));
+    }
+    for case in list(&cases["gravity_exempt"]) {
+        let whole = AssistFraction::new(1.0).unwrap();
+        let limits = Limits::new(joints(&case["cap"]), whole, Scaling::GravityExempt);
+        let limited = combine(limits, joints(&case["tau_g"]), joints(&case["tau_rest"]), none);
+        assert_near("scale", &[limited.rest_scale], &[number(&case["scale"])]);
+        assert_near("tau", limited.tau.as_slice(), &numbers::<6>(&case["out"]));
+    }
+}
+
+// Torque curves.
+
+/// The joints of the worked example, on encoders that count in thousandths of a rad.
+fn calibration(paper: &Value) -> Calibration<6> {
+    let caps = numbers::<6>(&paper["inputs"]["tau_cap"]);
+    let ratios = numbers::<6>(&paper["inputs"]["gear_ratio"]);
+    let curves = rows::<6, 3>(&paper["actuation"]["curve_coefficients"]);
+    Calibration::new([0, 1, 2, 3, 4, 5].map(|joint| {
+        let curve = TorqueCurve::new(curves[joint], caps[joint]).unwrap();
+        let ratio = std::f64::consts::TAU.copysign(ratios[joint]);
+        JointCalibration::new(1_000, ratio, 0, curve).unwrap()
+    }))
+}
+
+/// The oracle's counts, which leave out the direction the motor turns in.
+fn expected_targets(paper: &Value) -> [PerMille; 6] {
+    let counts = list(&paper["actuation"]["counts"]);
+    let ratios = numbers::<6>(&paper["inputs"]["gear_ratio"]);
+    [0, 1, 2, 3, 4, 5].map(|joint| {
+        let count = i16::try_from(counts[joint].as_i64().unwrap()).unwrap();
+        PerMille(if ratios[joint] < 0.0 { -count } else { count })
+    })
+}
+
+#[test]
+fn torques_become_the_very_counts() {
+    let paper = oracle::oracle("paper.json");
+    let targets = calibration(&paper).targets(&joints(&paper["actuation"]["tau_C"]));
+    assert_eq!(targets, expected_targets(&paper));
+}
+
+#[test]
+fn a_torque_curve_and_its_inverse() {
+    let table = &oracle::oracle("paper.json")["torque_curve"];
+    let [_, max_torque] = numbers::<2>(&table["domain"]);
+    let curve = TorqueCurve::new(numbers(&table["coeffs_c1_c3_c5"]), max_torque).unwrap();
+    let joint = JointCalibration::new(1_000, 1.0, 0, curve).unwrap();
+    let calibration = Calibration::new([joint]);
+    let torques = list(&table["samples_torque"]).iter().map(number);
+    for (torque, counts) in torques.zip(list(&table["samples_counts"]).iter().map(number)) {
+        let [PerMille(target)] = calibration.targets(&SVector::from([torque]));
+        assert!((f64::from(target) - counts).abs() <= 0.5);
+    }
+    let inverse = &table["inverse"];
+    let counts = [-1500, -900, -250, -1, 0, 1, 250, 900, 1500, 1750];
+    assert_near("counts", &counts.map(f64::from), &numbers::<10>(&inverse["counts"]));
+    for (counts, torque) in counts.into_iter().zip(list(&inverse["torque"])) {
+        let ours = calibration.torques(&[PerMille(counts)]);
+        assert_near("torque", ours.as_slice(), &[number(torque)]);
+    }
+}
+
+#[test]
+fn actuators_that_are_coupled() {
+    let case = &oracle::oracle("paper.json")["coupling"];
+    let coupling = Coupling::new(rows::<6, 6>(&case["C"]), [0.0; 6]).unwrap();
+    let theta = coupling.joints(&joints(&case["measured"]));
+    assert_near("theta", theta.as_slice(), &numbers::<6>(&case["theta"]));
+    let tau_a = coupling.at_actuators(&joints(&case["tau_joint"]));
+    assert_near("tau_actuator", tau_a.as_slice(), &numbers::<6>(&case["tau_actuator"]));
+}
+
+#[test]
+fn a_torque_curve_from_measurements() {
+    let table = &oracle::oracle("paper.json")["torque_curve"];
+    let samples = |counts: &Value| -> Vec<Sample> {
+        let pairs = list(&table["samples_torque"]).iter().zip(list(counts));
+        let sample = |(torque, counts)| Sample {
+            torque: number(torque),
+            per_mille: number(counts),
+            direction: Direction::Up,
+        };
+        pairs.map(sample).collect()
+    };
+    let fitted = fit::odd(&samples(&table["samples_counts"])).unwrap();
+    assert_near("fit", &fitted.coefficients, &numbers::<3>(&table["fit_odd"]));
+    let noisy = samples(&table["noisy_counts"]);
+    let fitted = fit::odd(&noisy).unwrap();
+    assert_near("noisy fit", &fitted.coefficients, &numbers::<3>(&table["noisy_fit_odd"]));
+    assert_near(
+        "residual",
+        &[fitted.residuals.rms, fit::line(&noisy).unwrap().residuals.rms],
+        &[number(&table["noisy_fit_rms_residual"]), number(&table["linear_fit_rms_residual"])],
+    );
+    let [_, max_torque] = numbers::<2>(&table["domain"]);
+    let curve = TorqueCurve::new(numbers(&table["coeffs_c1_c3_c5"]), max_torque).unwrap();
+    // The reference has it from samples, so it is met from below.
+    let above = number(&table["min_slope_on_domain"]) - curve.least_slope().0;
+    assert!((0.0..1e-3).contains(&above), "{above}");
+}
+
+// The whole step.
+
+/// The worked example, as one would run it: hold the deadman, set the reference, move.
+fn settings(paper: &Value, readings: Readings) -> Settings {
+    let inputs = &paper["inputs"];
+    Settings {
+        readings,
+        period: period(inputs),
+        arm: oracle::arm("sixr_spherical"),
+        calibration: calibration(paper),
+        channels: channels(inputs),
+        command: law(inputs),
+        reflection: reflection(pose(&paper["eq6"]["T_MRF_S"]), inputs),
+        damping: gains(&inputs["K_D_SI"]),
+        assist_fraction: AssistFraction::new(number(&inputs["assist_fraction"])).unwrap(),
+        beyond: Beyond::default(),
+    }
+}
+
+fn worked_example(paper: &Value, mode: Mode, readings: Readings) -> Output {
+    let inputs = &paper["inputs"];
+    let settings = settings(paper, readings);
+    let mut controller = Controller::new(&settings);
+    let up = Switches::default();
+    let deadman = Switches { deadman: true, ..up };
+    let pressed = Switches { reference: true, reflection: true, ..deadman };
+    let mut output = None;
+    for (q, switches, restart) in [
+        ("q_ref", up, true),
+        ("q_ref", pressed, false),
+        ("q_prev", deadman, false),
+        ("q_now", deadman, false),
+    ] {
+        let counts = settings.calibration.counts(&joints(&inputs[q]));
+        output = Some(controller.step(&Input {
+            counts,
+            f_s: wrench(&paper["payload"]["F_S_after_static_removal"]),
+            x_b_m: pose(&paper["pose_mode"]["T_ref_object"]),
+            switches,
+            mode,
+            gravity_share: 1.0,
+            reflection_share: 1.0,
+            restart,
+        }));
+    }
+    output.unwrap()
+}
+
+#[test]
+fn the_worked_example_in_rate_mode() {
+    let paper = oracle::oracle("paper.json");
+    let output = worked_example(&paper, Mode::Rate, Readings::CONSISTENT);
+    assert_near("q", output.q.as_slice(), &numbers::<6>(&paper["inputs"]["q_now"]));
+    assert_same_pose("Eq. 1", &output.x_0_g, &pose(&paper["eq1"]["T_0G"]));
+    assert_same_pose("reference", &output.reference.x_0_h, &pose(&paper["eq1"]["T_0G0"]));
+    let near = |what: &str, ours: [f64; 6], reference: &Value| {
+        assert_near(what, &ours, &numbers::<6>(reference));
+    };
+    near("dx", output.dx.components(), &paper["eq4"]["dX_recommended"]);
+    near("dx_db", output.dx_db.components(), &paper["deadband"]["dX_db_recommended"]);
+    let Motion::Rate(v_m) = output.command else { panic!("{:?}", output.command) };
+    near("v_m", v_m.components(), &paper["eq5"]["rate_command_recommended"]);
+    near("f_m_task", output.f_m_task.components(), &paper["eq6"]["F_MRF_T"]);
+    near("f_g_task", output.f_g_task.components(), &paper["eq6b"]["G_F_T"]);
+    let ledger = &output.ledger;
+    near("tau_task", ledger.task.into(), &paper["eq7"]["tau_T"]);
+    near("centring", output.f_g_centring.components(), &paper["eq8"]["G_F_R_recommended"]);
+    near("damping", output.f_g_damping.components(), &paper["eq9"]["G_F_D_recommended"]);
+    let total = &paper["eq10"]["recommended"];
+    near("tau_assist", (ledger.centring + ledger.damping).into(), &total["tau_assist"]);
+    near("tau_gravity", ledger.gravity.into(), &total["tau_gravity"]);
+    let scales = [ledger.assist_scale, ledger.rest_scale];
+    let expected = [number(&total["assist_scale"]), number(&total["rest_scale"])];
+    assert_near("scales", &scales, &expected);
+    near("tau", output.tau.into(), &total["tau_C"]);
+    assert_eq!(ledger.limiting_joint, Some(1));
+    assert_eq!(output.targets, expected_targets(&paper));
+    assert_eq!(output.fault, None);
+}
+
+#[test]
+fn the_worked_example_in_pose_mode() {
+    let paper = oracle::oracle("paper.json");
+    let output = worked_example(&paper, Mode::Pose, Readings::CONSISTENT);
+    let Motion::Pose(x_b_d) = output.command else { panic!("{:?}", output.command) };
+    let reference = pose(&paper["pose_mode"]["T_cmd_recommended_body_composition"]);
+    assert_same_pose("x_b_d", &x_b_d, &reference);
+    assert_eq!(output.f_g_centring, Wrench::ZERO);
+
+    let with_deadband = CommandLaw { pose_deadband: true, ..law(&paper["inputs"]) };
+    let left = with_deadband.effective(Mode::Pose, &channels(&paper["inputs"]), &output.dx);
+    let x_b_d = with_deadband.pose(&Readings::CONSISTENT, &output.reference, &left);
+    let reference = pose(&paper["pose_mode"]["T_cmd_recommended_with_deadband"]);
+    assert_same_pose("x_b_d with deadband", &x_b_d, &reference);
+}
+
+#[test]
+fn the_return_moment_of_a_rotation_vector() {
+    let paper = oracle::oracle("paper.json");
+    let x_h_g = pose(&paper["eq1"]["T_0G0"]).inverse() * pose(&paper["eq1"]["T_0G"]);
+    let dx = Displacement::between(&x_h_g, Orientation::RotationVector);
+    let numbers_of_it = vector(&paper["eq4"]["rotation_vector"]);
+    assert_near("rotation vector", dx.orientation.as_slice(), numbers_of_it.as_slice());
+    let channels = channels(&paper["inputs"]);
+    let r_g_h = x_h_g.rotation.inverse();
+    let f_g = assist::centring(&channels, Orientation::RotationVector, &r_g_h, &dx);
+    let reference = &paper["eq8"]["G_F_R_rotation_vector_variant"];
+    assert_near("centring", &f_g.components(), &numbers::<6>(reference));
+}
+
+#[test]
+fn a_closed_loop_of_orientations_gives_off_no_energy() {
+    let case = &oracle::oracle("paper.json")["euler_moment_loop_work"];
+    let channels = Channels::new([0.05; 6], [0.3; 6]).unwrap();
+    let steps = 4_000_u32;
+    let dt = std::f64::consts::TAU / f64::from(steps);
+    let (mut printed, mut conjugate) = (0.0, 0.0);
+    for step in 0..steps {
+        let t = dt * f64::from(step);
+        let phi =
+            Vector3::new(0.5, 0.6, 0.5) + Vector3::new(t.cos(), t.sin(), (2.0 * t).sin()) * 0.35;
+        let phi_rate = Vector3::new(-t.sin(), t.cos(), 2.0 * (2.0 * t).cos()) * 0.35;
+        let omega = rotations::euler_rates(&phi) * phi_rate;
+        let dx = Displacement { translation: Vector3::zeros(), orientation: phi };
+        let still = UnitQuaternion::identity();
+        let ours = assist::centring(&channels, Orientation::EulerZyx, &still, &dx).moment;
+        conjugate += ours.dot(&omega) * dt;
+        printed += assist::centring_by_components(&channels, &dx).moment.dot(&omega) * dt;
+    }
+    // The reference was integrated by another rule, to 1e-8.
+    assert!((printed.abs() - number(&case["literal_body_moment"])).abs() < 1e-8);
+    assert_near("conjugate", &[conjugate], &[0.0]);
+}
+
+#[test]
+fn random_cycles() {
+    for case in list(&oracle::oracle("paper_random.json")["cases"]) {
+        let (inputs, expected) = (&case["inputs"], &case["expected"]);
+        let near = |what: &str, ours: [f64; 6], key: &str| {
+            assert_near(what, &ours, &numbers::<6>(&expected[key]));
+        };
+        let arm = oracle::arm(case["device"].as_str().unwrap());
+        let channels = channels(inputs);
+        let law = law(inputs);
+
+        let mut reference = Reference::none();
+        reference.x_0_h = arm.forward(&joints(&inputs["q_ref"]));
+        reference.x_b_r = pose(&inputs["T_ref_object"]);
+        let posture = arm.posture(&joints(&inputs["q_now"]));
+        let x_0_g = posture.x_0_g;
+        assert_same_pose("x_0_h", &reference.x_0_h, &pose(&expected["T_0G0"]));
+        assert_same_pose("x_0_g", &x_0_g, &pose(&expected["T_0G"]));
+
+        let x_h_g = reference.displacement(&x_0_g);
+        let readings = Readings::CONSISTENT;
+        let dx = reference.dx(&readings, &x_h_g);
+        let dx_db = law.effective(Mode::Rate, &channels, &dx);
+        near("dx", dx.components(), "dX_recommended");
+        near("dx_db", dx_db.components(), "dX_db");
+        near("v_m", law.rate(Orientation::EulerZyx, &dx_db).components(), "rate_command");
+        let x_b_d = law.pose(&readings, &reference, &dx);
+        assert_same_pose("x_b_d", &x_b_d, &pose(&expected["pose_command"]));
+
+        let reflection = reflection(pose(&inputs["T_MRF_S"]), inputs);
+        let f_m_task = reflection.at_object(&wrench(&inputs["F_S_contact"]));
+        let f_g_task = reflection.at_grip(&f_m_task);
+        near("f_m_task", f_m_task.components(), "F_MRF_T");
+        near("f_g_task", f_g_task.components(), "G_F_T");
+
+        let r_g_h = x_h_g.rotation.inverse();
+        let f_g_centring = assist::centring(&channels, Orientation::EulerZyx, &r_g_h, &dx);
+        near("centring", f_g_centring.components(), "G_F_R");
+        let vector = Displacement::between(&x_h_g, Orientation::RotationVector);
+        let other = assist::centring(&channels, Orientation::RotationVector, &r_g_h, &vector);
+        near("centring by rotation vector", other.components(), "G_F_R_rotation_vector");
+        let x_0_before = arm.forward(&joints(&inputs["q_prev"]));
+        let way = [&reference.x_0_h, &x_0_before, &x_0_g];
+        let f_g_damping = damping(gains(&inputs["K_D_SI"]), period(inputs), way);
+        near("damping", f_g_damping.components(), "G_F_D");
+
+        let j_g = arm.jacobian(&posture);
+        let tau_task = j_g.torques(&f_g_task);
+        let tau_assist = j_g.torques(&(f_g_centring + f_g_damping));
+        let tau_gravity = arm.gravity(&posture);
+        near("tau_task", tau_task.into(), "tau_T");
+        near("tau_assist", tau_assist.into(), "tau_assist");
+        near("tau_gravity", tau_gravity.into(), "tau_gravity");
+        let limits = limits(inputs, Scaling::GravityExempt);
+        let limited = combine(limits, tau_gravity, tau_task, tau_assist);
+        let scales = [limited.assist_scale, limited.rest_scale];
+        let expected_scales = ["assist_scale", "rest_scale"].map(|key| number(&expected[key]));
+        assert_near("scales", &scales, &expected_scales);
+        near("tau", limited.tau.into(), "tau_C");
+
+        let none = arm.balanced().gravity(&posture);
+        let balanced = combine(limits, none, tau_task, tau_assist);
+        near("tau, balanced", balanced.tau.into(), "no_gravity_tau_C");
+        let scale = number(&expected["no_gravity_final_scale"]);
+        assert_near("scale, balanced", &[balanced.rest_scale], &[scale]);
+    }
+}
+
+// The paper as it is printed.
+
+#[test]
+fn the_worked_example_as_printed() {
+    let paper = oracle::oracle("paper.json");
+    let output = worked_example(&paper, Mode::Rate, Readings::PAPER_1997);
+    let near = |what: &str, ours: [f64; 6], reference: &Value| {
+        assert_near(what, &ours, &numbers::<6>(reference));
+    };
+    near("dx", output.dx.components(), &paper["eq4"]["dX_literal"]);
+    near("dx_db", output.dx_db.components(), &paper["deadband"]["dX_db_literal"]);
+    let Motion::Rate(v_m) = output.command else { panic!("{:?}", output.command) };
+    near("v_m", v_m.components(), &paper["eq5"]["rate_command_literal"]);
+    near("f_g_task", output.f_g_task.components(), &paper["eq6b"]["G_F_T"]);
+    let centring = &paper["eq8"]["G_F_R_literal_components_used_as_G"];
+    near("centring", output.f_g_centring.components(), centring);
+    near("damping", output.f_g_damping.components(), &paper["eq9"]["G_F_D_literal"]);
+    let ledger = &output.ledger;
+    near("gravity", ledger.gravity.into(), &paper["gravity"]["tau_GC_literal"]);
+    let total = &paper["eq10"]["literal"];
+    let tau_rg = ledger.gravity + ledger.centring + ledger.damping;
+    near("tau_RG", tau_rg.into(), &total["tau_RG"]);
+    let scales = [ledger.assist_scale, ledger.rest_scale];
+    let expected = [number(&total["assist_scale"]), number(&total["final_scale"])];
+    assert_near("scales", &scales, &expected);
+    near("tau", output.tau.into(), &total["tau_C"]);
+}
+
+#[test]
+fn the_pose_command_as_printed() {
+    let paper = oracle::oracle("paper.json");
+    let output = worked_example(&paper, Mode::Pose, Readings::PAPER_1997);
+    let Motion::Pose(x_b_d) = output.command else { panic!("{:?}", output.command) };
+    let reference = pose(&paper["pose_mode"]["T_cmd_translation_in_world_literal"]);
+    assert_same_pose("x_b_d", &x_b_d, &reference);
+}
+
+#[test]
+fn random_cycles_as_printed() {
+    for case in list(&oracle::oracle("paper_random.json")["cases"]) {
+        let (inputs, expected) = (&case["inputs"], &case["expected"]["literal"]);
+        let near = |what: &str, ours: [f64; 6]| {
+            assert_near(what, &ours, &numbers::<6>(&expected[what]));
+        };
+        let arm = oracle::arm(case["device"].as_str().unwrap());
+        let [at_reference, before, now] =
+            ["q_ref", "q_prev", "q_now"].map(|key| arm.posture(&joints(&inputs[key])));
+        let mut reference = Reference::none();
+        reference.x_0_h = at_reference.x_0_g;
+        let dx = |posture: &Posture<6>| {
+            let x_h_g = reference.displacement(&posture.x_0_g);
+            (reference.dx(&Readings::PAPER_1997, &x_h_g), x_h_g)
+        };
+        let ((dx_before, x_h_before), (dx_now, x_h_g)) = (dx(&before), dx(&now));
+        let literal = numbers::<6>(&case["expected"]["dX_literal"]);
+        assert_near("dX_literal", &dx_now.components(), &literal);
+
+        let j_g = arm.jacobian(&now);
+        let carried = arm.gravity_at_grip(&now);
+        let centring = assist::centring_by_components(&channels(inputs), &dx_now);
+        let gain = gains(&inputs["K_D_SI"]);
+        let mut damping = Damping::new(gain, period(inputs), Difference::Components);
+        damping.wrench(&Twist::ZERO, &x_h_before, &dx_before, false);
+        let damped = damping.wrench(&Twist::ZERO, &x_h_g, &dx_now, false);
+        near("G_F_GC", carried.components());
+        near("G_F_R", centring.components());
+        near("G_F_D", damped.components());
+
+        let (tau_gravity, tau_assist) = (j_g.torques(&carried), j_g.torques(&(centring + damped)));
+        near("tau_RG", (tau_gravity + tau_assist).into());
+        let tau_task = j_g.torques(&wrench(&case["expected"]["G_F_T"]));
+        let limits = limits(inputs, Scaling::AssistWithGravity);
+        let limited = combine(limits, tau_gravity, tau_task, tau_assist);
+        assert_near("scale", &[limited.assist_scale], &[number(&expected["assist_scale"])]);
+        assert_near("scale", &[limited.rest_scale], &[number(&expected["final_scale"])]);
+        near("tau_C", limited.tau.into());
+    }
+}
+
+#[test]
+fn gravity_read_correctly_but_scaled_as_printed() {
+    let paper = oracle::oracle("paper.json");
+    let readings = Readings { scaling: Scaling::AssistWithGravity, ..Readings::CONSISTENT };
+    let output = worked_example(&paper, Mode::Rate, readings);
+    let total = &paper["eq10"]["minimal_fix"];
+    assert_near("scale", &[output.ledger.assist_scale], &[number(&total["assist_scale"])]);
+    assert_near("tau", output.tau.as_slice(), &numbers::<6>(&total["tau_C"]));
+}
+
+// Switches.
+
+#[test]
+fn what_the_switches_permit() {
+    for row in list(&oracle::oracle("paper.json")["switch_truth_table"]["rows"]) {
+        let is = |key: &str| row[key].as_bool().unwrap_or_else(|| number(&row[key]) > 0.5);
+        let mut panel = Panel::new(Mode::Rate, true);
+        panel.read(Switches::default(), Mode::Rate);
+        let levels = Switches {
+            deadman: is("deadman"),
+            reflection: is("reflection_enabled"), // the press that enables it
+            reference: false,
+        };
+        for mode in [Mode::Rate, Mode::Pose] {
+            let mut panel = panel;
+            let pressed = panel.read(levels, mode);
+            assert_eq!(pressed.commands, is("commands"), "{row}");
+            assert_eq!(pressed.task, is("task_wrench"), "{row}");
+            assert_eq!(pressed.damping, is("damping"), "{row}");
+            assert_eq!(pressed.centring, is("rtc_rate_mode") && mode == Mode::Rate, "{row}");
+        }
+    }
+}
+
+#[test]
+fn indexing_through_a_large_workspace() {
+    let sequence = &oracle::oracle("paper.json")["index_sequence_pose_mode"];
+    let paper = oracle::oracle("paper.json");
+    let gain = number(&sequence["K_P"]);
+    let mut settings = settings(&paper, Readings::CONSISTENT);
+    settings.command.pose_gain = Gains::new([gain; 6], "K_P").unwrap();
+    settings.arm = gantry();
+    let mut controller = Controller::new(&settings);
+    let mut object = Isometry3::identity();
+    for row in list(&sequence["trace"]) {
+        let is = |key: &str| number(&row[key]) > 0.5;
+        let grip = SVector::from([number(&row["grip"]), 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let output = controller.step(&Input {
+            counts: settings.calibration.counts(&grip),
+            f_s: Wrench::ZERO,
+            x_b_m: object,
+            switches: Switches {
+                deadman: is("deadman"),
+                reference: is("ref_switch"),
+                reflection: false,
+            },
+            mode: Mode::Pose,
+            gravity_share: 1.0,
+            reflection_share: 1.0,
+            restart: false,
+        });
+        if let Motion::Pose(x_b_d) = output.command {
+            object = x_b_d;
+        }
+        assert_eq!(output.command == Motion::Hold, !is("deadman"), "{row}");
+        assert_near(&row.to_string(), &[object.translation.z], &[number(&row["object_cmd"])]);
+    }
+}
+
+/// Six slides along z of {0}.
+fn gantry() -> Arm<6> {
+    let slide = Link { kind: JointKind::Prismatic, mass: 1.0, range: [-1.0, 1.0], ..Link::TURNING };
+    Arm::new([slide; 6], Isometry3::identity(), [0.0; 3]).unwrap()
+}
+
+// The commanded side.
+
+#[test]
+fn rate_control_becomes_force_control_in_contact() {
+    let ntrfc = oracle::oracle("ntrfc.json");
+    let sim = &ntrfc["sim_no_delay"];
+    let [k_v, k_fa, k_e, dx_db, dt] =
+        ["K_V", "K_FA", "k_e", "dX_db", "T"].map(|key| number(&sim[key]));
+    let servo = Servo::new(0.0, 100.0, 100.0).unwrap();
+    let start = Isometry3::translation(number(&sim["x0"]), 0.0, 0.0);
+    let law = Accommodation::new([k_fa; 6], [0.0; 6]).unwrap();
+    let mut object = Object::new(servo, start).giving_way(law);
+    let v_m = Twist::from_components([k_v * dx_db, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let column = |key: &str| list(&sim[key]).iter().map(number).collect::<Vec<_>>();
+    let mut last = 0.0;
+    for ((x, force), speed) in column("x").into_iter().zip(column("F")).zip(column("v")) {
+        let here = object.pose().translation.x;
+        last = -k_e * (here - number(&sim["x_wall"])).max(0.0);
+        let f_m = Wrench::from_components([last, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        object.step(dt, &Motion::Rate(v_m), &f_m);
+        assert_near("x, F", &[here, last], &[x, force]);
+        assert_near("v", &[object.twist().linear.x], &[speed]);
+    }
+    assert!((last - number(&sim["expected_final_F"])).abs() < 1e-6);
+}
+
+#[test]
+fn the_equilibrium_of_accommodation() {
+    let ntrfc = oracle::oracle("ntrfc.json");
+    let equilibrium = &ntrfc["equilibrium"];
+    let law = Accommodation::new(numbers(&equilibrium["K_FA"]), [0.0; 6]).unwrap();
+    let rate = twist(&equilibrium["dX_db"]).scaled(&numbers(&equilibrium["K_V"]));
+    let f_m = -wrench(&equilibrium["wrench_exerted_on_environment"]);
+    assert_near("at rest", &law.rate(&rate, &f_m).components(), &[0.0; 6]);
+}
+
+#[test]
+fn counts_are_exact_in_the_worked_example() {
+    let paper = oracle::oracle("paper.json");
+    let calibration = calibration(&paper);
+    let counts = calibration.counts(&joints(&paper["inputs"]["q_now"]));
+    assert_eq!(counts[0], Counts(420));
+    assert_eq!(counts[1], Counts(500)); // -0.5 rad, the motor turning against the joint
+}

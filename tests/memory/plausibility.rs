@@ -1,0 +1,256 @@
+//! Samples that cannot be, in the whole loop on the in-memory bus: what of them acts, and that nothing stops
+//! the node without a cause. What each script of a fault comes to is in `tests/scenarios.rs`.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::path::Path;
+
+use crate::common::bench::config;
+use crate::common::bench::scenario;
+use config::Config;
+use lab::bench::Bench;
+use node::cause::Cause;
+use node::record::Mode;
+use node::record::Record;
+use sim::scenario::Scenario;
+
+const KRAFT: &str = "config/kraft_like.toml";
+
+/// Engaged after 0.3 s, and a hand that moves with 60 mm/s from 0.4 s on.
+const MOVING: &str = "seconds = 2\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
+    [[switch]]\nat_s = 0.3\ndeadman = true\n\
+    [[switch]]\nat_s = 0.35\nreference = true\n[[switch]]\nat_s = 0.4\nreference = false\n\
+    [[move]]\nat_s = 0.4\nduration_s = 1.0\nto_m = [0.06, 0.03, 0.0]\n";
+
+/// All cycles of so many seconds.
+fn run(config: &Config, script: &str, seconds: f64) -> Vec<Record> {
+    let script = Scenario::parse(script).unwrap();
+    let mut bench = Bench::new(config, script, 1, false, ());
+    bench.bring_up().unwrap();
+    let mut records = Vec::new();
+    while bench.elapsed().as_secs_f64() < seconds {
+        records.push(bench.cycle());
+    }
+    records
+}
+
+/// The most that any target of two runs differs, in ‰ of rated torque.
+fn apart(one: &[Record], other: &[Record]) -> u16 {
+    let targets = one.iter().zip(other).map(|(one, other)| (one.targets, other.targets));
+    let apart = targets.flat_map(|(one, other)| {
+        std::array::from_fn::<_, 6, _>(|joint| one[joint].abs_diff(other[joint]))
+    });
+    apart.max().unwrap()
+}
+
+fn with_fault(fault: &str) -> String {
+    format!("{MOVING}[[fault]]\nat_s = 0.6\n{fault}")
+}
+
+/// An elbow whose range ends soon after where it starts, at 95°.
+fn with_narrow_elbow() -> Config {
+    let text = std::fs::read_to_string(KRAFT).unwrap();
+    let narrow = text.replace("limit_deg = [0.0, 140.0]", "limit_deg = [93.0, 140.0]");
+    assert_ne!(narrow, text);
+    Config::parse(Path::new(KRAFT), &narrow).unwrap()
+}
+
+#[test]
+fn hazard_04_a_lateness_below_three_cycles_and_lost_order_hardly_change_what_is_felt() {
+    let config = config(KRAFT);
+    let in_time = run(&config, MOVING, 1.1);
+    for (delay, most) in [("1.2", 5), ("2.2", 8), ("1.7\nreorder = true\nshare = 0.05", 8)] {
+        let fault = format!(
+            "kind = \"delay\"\njoint = 3\nframe = \"tpdo1\"\ndelay_ms = {delay}\nfor_s = 0.3\n"
+        );
+        let late = run(&config, &with_fault(&fault), 1.1);
+        assert_eq!(late.last().unwrap().cause, None, "{delay} ms");
+        let apart = apart(&in_time, &late);
+        assert!((1..=most).contains(&apart), "{delay} ms: {apart} ‰");
+    }
+}
+
+/// The elbow's samples, late by a cycle more every 50 ms, up to so many cycles; the delay ends then.
+fn growing(config: &Config, most: u32) -> String {
+    let period_ms = config.period.as_secs_f64() * 1e3;
+    let step = |age: u32| {
+        let (at_s, delay_ms) = (0.6 + 0.05 * f64::from(age - 1), period_ms * f64::from(age));
+        let keys = "kind = \"delay\"\njoint = 3\nframe = \"tpdo1\"";
+        format!("[[fault]]\nat_s = {at_s}\n{keys}\ndelay_ms = {delay_ms}\nfor_s = 0.05\n")
+    };
+    (1..=most).map(step).collect()
+}
+
+#[test]
+fn hazard_04_samples_that_grow_old_stop_the_node_at_14_cycles() {
+    for name in [KRAFT, "config/kraft_like_500hz.toml", "config/jpl_like.toml"] {
+        let config = config(name);
+        let records = run(&config, &format!("{MOVING}{}", growing(&config, 26)), 1.6);
+        let begun = records[0].at;
+        let stopped = records.iter().find(|record| record.mode.is_stopped()).unwrap();
+        let is_it = matches!(stopped.cause, Some(Cause::SamplesOverdue { joint: 3, cycles: 11 }));
+        assert!(is_it, "{name}: {:?}", stopped.cause);
+        let age = (stopped.at.since(begun).as_secs_f64() - 0.6) / 0.05;
+        assert!(age <= 14.0, "{name}: {age} cycles old");
+    }
+}
+
+#[test]
+fn hazard_04_delay_that_ends_is_no_second_node() {
+    for most in [3, 6, 9] {
+        let config = config(KRAFT);
+        let records = run(&config, &format!("{MOVING}{}", growing(&config, most)), 1.6);
+        let cause = records.last().unwrap().cause;
+        let fits = matches!(cause, None | Some(Cause::SamplesOverdue { joint: 3, .. }));
+        assert!(fits, "{most} cycles: {cause:?}");
+    }
+}
+
+#[test]
+fn hazard_03_samples_that_are_late_too_often_end_reflection() {
+    // One in ten is late by more than a cycle, and made good in the next: never more than two are overdue.
+    let fault = "kind = \"delay\"\njoint = 3\nframe = \"tpdo1\"\ndelay_ms = 1.2\nshare = 0.1\n";
+    let records = run(&config(KRAFT), &with_fault(fault), 1.6);
+    let stopped = records.iter().find(|record| record.cause.is_some()).unwrap();
+    let is_it = matches!(stopped.cause, Some(Cause::SamplesRare { joint: 3, percent: 5 }));
+    assert!(is_it && stopped.mode == Mode::ReflectionOff, "{:?}, {}", stopped.cause, stopped.mode);
+    let last = records.last().unwrap();
+    assert!(last.mode == Mode::ReflectionOff && last.targets != [0; 6], "the arm is carried on");
+}
+
+/// The targets of a joint in each cycle while engaged, in ‰ of rated torque.
+fn told(records: &[Record], joint: usize) -> Vec<f64> {
+    let engaged = records.iter().filter(|record| record.mode == Mode::Engaged);
+    engaged.map(|record| f64::from(record.targets[joint])).collect()
+}
+
+/// The root mean square of what these readings differ by from what was told so many cycles before.
+fn misfit(readings: &[f64], told: &[f64], age: usize) -> f64 {
+    let differences = readings[50..].iter().zip(&told[50 - age..]);
+    let squares: Vec<f64> = differences.map(|(read, told)| (read.round() - told).powi(2)).collect();
+    (squares.iter().sum::<f64>() / f64::from(u32::try_from(squares.len()).unwrap())).sqrt()
+}
+
+#[test]
+fn hazard_04_age_of_ten_cycles_in_6077h_looks_like_a_filter_of_10_ms() {
+    let records = run(&config(KRAFT), MOVING, 1.6);
+    // Those that carry weight.
+    for joint in 1..4 {
+        let told = told(&records, joint);
+        let older = misfit(&told, &told, 11);
+        assert!(older < 6.0, "joint {}: {older} ‰ in 11 cycles", joint + 1);
+        let filter = |sum: &mut f64, told: &f64| {
+            *sum += (told - *sum) / 10.0;
+            Some(*sum)
+        };
+        let filtered: Vec<f64> = told.iter().scan(told[0], filter).collect();
+        let best = (0..50).min_by(|one, other| {
+            misfit(&filtered, &told, *one).total_cmp(&misfit(&filtered, &told, *other))
+        });
+        assert!((8..=12).contains(&best.unwrap()), "joint {}: {best:?}", joint + 1);
+    }
+}
+
+#[test]
+fn hazard_12_a_single_sample_wrong_by_any_bit_is_forgiven() {
+    for (name, before) in [(KRAFT, ""), ("config/kraft_like_500hz.toml", "0000")] {
+        let config = config(name);
+        for bit in [6, 8, 9, 10, 11, 16, 30] {
+            let mask: String =
+                (1_u32 << bit).to_le_bytes().iter().map(|byte| format!("{byte:02X}")).collect();
+            for joint in [1, 3, 6] {
+                let keys = format!("kind = \"corrupt\"\njoint = {joint}\nframe = \"tpdo1\"");
+                let fault = format!("{keys}\nxor = \"{before}{mask}\"\ncount = 1\n");
+                let records = run(&config, &with_fault(&fault), 0.7);
+                assert_eq!(records.last().unwrap().cause, None, "{name}: joint {joint}, bit {bit}");
+            }
+        }
+    }
+}
+
+#[test]
+fn hazard_12_a_sample_that_cannot_be_is_not_used_and_a_single_one_is_forgiven() {
+    let config = config(KRAFT);
+    let fault = "kind = \"corrupt\"\njoint = 3\nframe = \"tpdo1\"\nxor = \"00001000\"\ncount = 1\n";
+    let (good, struck) = (run(&config, MOVING, 0.8), run(&config, &with_fault(fault), 0.8));
+    assert_eq!(struck.last().unwrap().cause, None);
+    let missed: Vec<_> = struck.iter().filter(|record| !record.sampled[2]).collect();
+    assert_eq!(missed.len(), 1);
+    assert!(apart(&good, &struck) <= 5);
+}
+
+#[test]
+fn hazard_11_a_grip_faster_than_a_metre_in_a_second_has_no_torque_three_cycles_later() {
+    let script = MOVING.replace(
+        "duration_s = 1.0\nto_m = [0.06, 0.03, 0.0]",
+        "duration_s = 0.12\nto_m = [0.0, 0.1, 0.0]",
+    );
+    let records = run(&config(KRAFT), &script, 0.6);
+    let too_fast = |records: &[Record]| {
+        let [before, now] = [0, 1].map(|n| records[n].output.x_0_g.translation.vector);
+        (now - before).norm() > 1.0e-3
+    };
+    let first = records.windows(2).position(too_fast).unwrap() + 1;
+    let stopped = records.iter().position(|record| record.mode.is_stopped()).unwrap();
+    assert_eq!(records[stopped].cause, Some(Cause::GripOverspeed));
+    assert!(stopped - first <= 2, "too fast in cycle {first}, stopped in {stopped}");
+    assert!(records[stopped..].iter().all(|record| record.targets == [0; 6]));
+}
+
+#[test]
+fn hazard_43_a_joint_beyond_its_limit_ends_reflection_in_the_same_cycle_and_the_arm_is_carried() {
+    let narrow = with_narrow_elbow();
+    let script = Scenario::parse(MOVING).unwrap();
+    let mut bench = Bench::in_world_of(&config(KRAFT), &narrow, script, 1, false, ());
+    bench.bring_up().unwrap();
+    let records: Vec<_> = (0..1_600).map(|_| bench.cycle()).collect();
+    let beyond = records.iter().position(|record| record.output.q[2] < 93_f64.to_radians() - 0.02);
+    let beyond = beyond.unwrap();
+    assert_eq!(records[beyond - 1].mode, Mode::Engaged);
+    assert_eq!(records[beyond].mode, Mode::ReflectionOff);
+    assert_eq!(records[beyond].cause, Some(Cause::BeyondLimit { joint: 3 }));
+    assert_ne!(records.last().unwrap().targets, [0; 6]);
+}
+
+#[test]
+fn hazard_43_an_arm_pressed_against_its_stops_is_not_beyond_them() {
+    let records = run(&with_narrow_elbow(), MOVING, 1.6);
+    let last = records.last().unwrap();
+    assert_eq!(last.cause, None);
+    assert!(last.output.joint_out_of_range.is_some(), "{}", last.output.q);
+}
+
+#[test]
+fn promise_14_a_thousandth_of_the_samples_may_be_lost_one_by_one() {
+    for name in ["kraft_like", "kraft_like_500hz", "jpl_like"] {
+        let text = std::fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
+        let lost = "[[fault]]\nat_s = 0.0\nkind = \"drop\"\njoint = \"all\"\nframe = \"tpdo1\"\nshare = 0.001\n";
+        let records = run(&config(&format!("config/{name}.toml")), &format!("{text}{lost}"), 5.0);
+        assert_eq!(records.last().unwrap().cause, None, "{name}");
+        let lost = records.iter().filter(|record| record.sampled != [true; 6]).count();
+        assert!((5..60).contains(&lost), "{name}: {lost}");
+    }
+}
+
+#[test]
+fn promise_14_no_shipped_script_stops_the_node() {
+    for (config_name, script, seconds) in [
+        ("jpl_like", "stiff-wall", 7.0),
+        ("kraft_like_500hz", "stiff-wall", 7.0),
+        ("jpl_like", "relaxed_10s", 5.0),
+        ("sixr_spherical", "free", 6.0),
+    ] {
+        let config = config(&format!("config/{config_name}.toml"));
+        let mut bench = Bench::new(&config, scenario(script), 1, false, ());
+        bench.bring_up().unwrap();
+        while bench.elapsed().as_secs_f64() < seconds {
+            let record = bench.cycle();
+            assert_eq!(record.cause, None, "{config_name}, {script}");
+        }
+    }
+}

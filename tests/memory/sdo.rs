@@ -1,0 +1,305 @@
+//! SDO transfers between the client and a simulated drive: every size, every protocol, on a good wire
+//! and a bad one, and how long they take.
+#![allow(
+    clippy::expect_used,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::time::Duration;
+
+use proptest::prelude::*;
+
+use crate::common::bench::Wire;
+use crate::common::drive::carry;
+use crate::common::drive::drive;
+use crate::common::drive::node;
+use crate::common::golden::compare;
+use crate::common::lossy::Lossy;
+use crate::common::lossy::Weather;
+use bus::Bus;
+use bus::Memory;
+use bus::Tap;
+use canopen::abort::AbortCode;
+use canopen::object::Object;
+use canopen::sdo::Block;
+use canopen::sdo::Content;
+use canopen::sdo::Outcome;
+use canopen::sdo::SdoError;
+use canopen::sdo::Task;
+use canopen::sdo::Terms;
+use canopen::sdo::Transfer;
+use sim::drive::Drive;
+
+const BUFFER: Object = Object::SAMPLE_BUFFER;
+const TIMEOUT: Duration = Duration::from_secs(1);
+
+/// As fast as there is room.
+fn block(size: u8) -> Block {
+    Block::new(size).unwrap().every(Duration::ZERO)
+}
+
+/// Bytes that do not repeat soon.
+fn bytes(size: usize, seed: u64) -> Vec<u8> {
+    let mut state = seed.wrapping_mul(2) | 1;
+    std::iter::repeat_with(|| {
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state.to_be_bytes()[0]
+    })
+    .take(size)
+    .collect()
+}
+
+/// A drive that has booted up, alone on a bus of 1 Mbit/s.
+fn bus<T: Tap>(tap: T) -> Memory<Drive, T> {
+    let mut bus = Memory::new(&[1_000_000], drive(), tap);
+    assert!(bus.receive(bus.now() + Duration::from_millis(1)).is_some(), "boot-up");
+    bus
+}
+
+fn read<T: Tap>(bus: &mut Memory<Drive, T>, object: Object, terms: Terms) -> Outcome {
+    let mut out = Vec::new();
+    let transfer = Transfer::read_on(terms, node(), object, bus.now(), &mut out);
+    carry(bus, transfer, out)
+}
+
+fn write<T: Tap>(
+    bus: &mut Memory<Drive, T>,
+    object: Object,
+    bytes: &[u8],
+    terms: Terms,
+) -> Outcome {
+    let mut out = Vec::new();
+    let now = bus.now();
+    let transfer =
+        Transfer::write_on(terms, node(), object, bytes.to_vec(), now, &mut out).unwrap();
+    carry(bus, transfer, out)
+}
+
+fn every_protocol(block: Block) -> [Terms; 4] {
+    [
+        Terms::segmented(TIMEOUT),
+        Terms::best(TIMEOUT, block),
+        Terms::block(TIMEOUT, block),
+        Terms::block(TIMEOUT, block.without_crc()),
+    ]
+}
+
+#[test]
+fn every_size_goes_down_and_comes_up_by_every_protocol() {
+    let mut bus = bus(());
+    for size in 0..=1000 {
+        let value = bytes(size, 7);
+        let block_size = u8::try_from(size % 127 + 1).unwrap();
+        let terms = every_protocol(block(block_size));
+        for (down, up) in terms.into_iter().zip(terms.into_iter().cycle().skip(size % 4)) {
+            assert_eq!(write(&mut bus, BUFFER, &value, down), Ok(Content::default()), "{size}");
+            let content = read(&mut bus, BUFFER, up).unwrap();
+            assert_eq!(content.bytes(), value, "{size}");
+            assert!(content.is_size_told());
+        }
+    }
+}
+
+#[test]
+fn what_is_refused_one_way_is_refused_every_way() {
+    let mut bus = bus(());
+    let node = Object { index: BUFFER.index, sub: 9 };
+    let nowhere = Object { index: BUFFER.index + 0xFFF, sub: 0 };
+    for terms in every_protocol(block(127)) {
+        for (object, value, code) in [
+            (node, 1, AbortCode::NO_SUB_INDEX),
+            (nowhere, 1, AbortCode::NO_OBJECT),
+            (Object::DEVICE_NAME, 30, AbortCode::READ_ONLY),
+            (Object::TARGET_TORQUE, 3, AbortCode::LENGTH_TOO_HIGH),
+            (Object::TARGET_TORQUE, 1, AbortCode::LENGTH_TOO_LOW),
+            (Object::MODE_OF_OPERATION, 1, AbortCode::VALUE_TOO_HIGH),
+        ] {
+            let refused = write(&mut bus, object, &bytes(value, 1), terms);
+            assert_eq!(refused, Err(SdoError::Refused(code)), "{object} by {terms:?}");
+        }
+        for (object, code) in [(node, AbortCode::NO_SUB_INDEX), (nowhere, AbortCode::NO_OBJECT)] {
+            assert_eq!(read(&mut bus, object, terms), Err(SdoError::Refused(code)));
+        }
+    }
+}
+
+/// What the wire carries, as candump writes it, while `talk` goes on.
+fn transcript(talk: impl FnOnce(&mut Memory<Drive, Wire>)) -> String {
+    let wire = Wire::default();
+    let mut bus = bus(wire.clone());
+    wire.clear();
+    talk(&mut bus);
+    wire.transcript(0)
+}
+
+#[test]
+fn golden_expedited() {
+    let terms = Terms::segmented(TIMEOUT);
+    let text = transcript(|bus| {
+        read(bus, Object::DEVICE_TYPE, terms).unwrap();
+        read(bus, Object::ERROR_REGISTER, terms).unwrap();
+        write(bus, Object::TARGET_TORQUE, &[0xE8, 0x03], terms).unwrap();
+        write(bus, BUFFER, &[1, 2, 3], terms).unwrap();
+        read(bus, Object { index: BUFFER.index, sub: 1 }, terms).unwrap_err();
+        write(bus, Object::DEVICE_TYPE, &[0; 4], terms).unwrap_err();
+    });
+    compare("sdo_expedited.log", &text);
+}
+
+#[test]
+fn golden_segmented() {
+    let terms = Terms::segmented(TIMEOUT);
+    let text = transcript(|bus| {
+        read(bus, Object::DEVICE_NAME, terms).unwrap();
+        write(bus, BUFFER, &(1..=21).collect::<Vec<_>>(), terms).unwrap();
+        read(bus, BUFFER, terms).unwrap();
+        write(bus, BUFFER, &[], terms).unwrap();
+        read(bus, BUFFER, terms).unwrap();
+    });
+    compare("sdo_segmented.log", &text);
+}
+
+#[test]
+fn golden_block_upload() {
+    let text = transcript(|bus| {
+        write(bus, BUFFER, &(1..=60).collect::<Vec<_>>(), Terms::block(TIMEOUT, block(127)))
+            .unwrap();
+        read(bus, BUFFER, Terms::block(TIMEOUT, block(4))).unwrap();
+        read(bus, BUFFER, Terms::block(TIMEOUT, block(127).without_crc())).unwrap();
+        read(bus, Object::DEVICE_NAME, Terms::best(TIMEOUT, block(127))).unwrap();
+        read(bus, Object::DEVICE_TYPE, Terms::best(TIMEOUT, block(127))).unwrap();
+    });
+    compare("sdo_block_upload.log", &text);
+}
+
+#[test]
+fn golden_block_download() {
+    let text = transcript(|bus| {
+        write(bus, BUFFER, &(1..=60).collect::<Vec<_>>(), Terms::block(TIMEOUT, block(127)))
+            .unwrap();
+        let more = bytes(1_000, 3);
+        write(bus, BUFFER, &more, Terms::best(TIMEOUT, block(127).without_crc())).unwrap();
+        write(bus, Object::TARGET_TORQUE, &[0xE8, 0x03], Terms::block(TIMEOUT, block(1))).unwrap();
+        let refused = Terms::block(TIMEOUT, block(127));
+        write(bus, Object::DEVICE_NAME, &[0; 30], refused).unwrap_err();
+    });
+    compare("sdo_block_download.log", &text);
+}
+
+/// The least time `size` bytes can take by blocks at 1 Mbit/s: 111 bits a segment of 7 bytes, no stuffing.
+fn least(size: usize) -> Duration {
+    Duration::from_micros(111 * u64::try_from(size.div_ceil(7)).unwrap())
+}
+
+#[test]
+fn a_mebibyte_by_blocks_is_limited_by_the_wire_alone() {
+    let mut bus = bus(());
+    let value = bytes(1 << 20, 11);
+    let mut timed = |is_read: bool| {
+        let (begun, before) = (bus.now(), bus.carried().next().unwrap().1);
+        let terms = Terms::block(TIMEOUT, block(127));
+        if is_read {
+            assert!(read(&mut bus, BUFFER, terms).unwrap().bytes() == value);
+        } else {
+            write(&mut bus, BUFFER, &value, terms).unwrap();
+        }
+        let bits = bus.carried().next().unwrap().1 - before;
+        (bus.now().since(begun), Duration::from_micros(bits))
+    };
+    for is_read in [false, true] {
+        let (took, on_the_wire) = timed(is_read);
+        assert!(took < on_the_wire.mul_f64(1.01), "{took:?} for {on_the_wire:?} of bits");
+        assert!(took < least(value.len()).mul_f64(1.10), "{took:?}: stuffing and answers");
+    }
+}
+
+proptest! {
+    /// Frames are lost, come twice, and overtake each other.
+    #[test]
+    fn in_any_weather_a_checksum_lets_no_wrong_byte_through(
+        seed in any::<u64>(),
+        size in 0_usize..3_000,
+        block_size in 1_u8..=127,
+        is_read in any::<bool>(),
+        (loss, twice, late) in (0_u32..200, 0_u32..200, 0_u32..200),
+    ) {
+        let weather = Weather { loss, twice, late, nth: None };
+        let terms = Terms::block(TIMEOUT, block(block_size).every(Duration::from_micros(100)));
+        survive(seed, size, terms, is_read, weather)?;
+    }
+
+    /// Frames are lost.
+    #[test]
+    fn without_a_checksum_losses_let_no_wrong_byte_through(
+        seed in any::<u64>(),
+        size in 0_usize..3_000,
+        block_size in 1_u8..=127,
+        is_read in any::<bool>(),
+        loss in 0_u32..200,
+    ) {
+        let weather = Weather { loss, ..Weather::default() };
+        let block = block(block_size).every(Duration::from_micros(100)).without_crc();
+        survive(seed, size, Terms::best(TIMEOUT, block), is_read, weather)?;
+    }
+
+    /// Frames are lost or come twice, one right behind the other, as on CAN.
+    #[test]
+    fn segments_that_come_twice_let_no_wrong_byte_through(
+        seed in any::<u64>(),
+        size in 0_usize..300,
+        is_read in any::<bool>(),
+        (loss, twice) in (0_u32..50, 0_u32..50),
+    ) {
+        let weather = Weather { loss, twice, ..Weather::default() };
+        survive(seed, size, Terms::segmented(TIMEOUT), is_read, weather)?;
+    }
+}
+
+/// One transfer in bad weather: it ends in time, with the very bytes or with an error.
+fn survive(
+    seed: u64,
+    size: usize,
+    terms: Terms,
+    is_read: bool,
+    weather: Weather,
+) -> Result<(), TestCaseError> {
+    let (old, new) = (bytes(size / 2, seed ^ 1), bytes(size, seed));
+    let before = if is_read { &new } else { &old };
+    let task = if is_read { Task::Read } else { Task::Write(new.clone()) };
+    let mut lossy = Lossy::new(seed, before);
+    let outcome = lossy.carry(task, terms, weather);
+    let holds = lossy.holds();
+    match (&outcome, is_read) {
+        (Ok(content), true) => prop_assert_eq!(content.bytes(), new),
+        (Ok(_), false) => prop_assert_eq!(holds, new),
+        (Err(_), true) => prop_assert_eq!(holds, new),
+        (Err(_), false) => prop_assert!(holds == old || holds == new),
+    }
+    Ok(())
+}
+
+#[test]
+fn a_block_transfer_outlives_the_loss_of_any_frame_but_those_at_its_ends() {
+    let terms = Terms::block(TIMEOUT, block(5).every(Duration::from_micros(100)));
+    let value = bytes(100, 1);
+    for task in [Task::Read, Task::Write(value.clone())] {
+        let mut lossy = Lossy::new(1, &value);
+        lossy.carry(task.clone(), terms, Weather::default()).unwrap();
+        let frames = lossy.count();
+        // Of a read the confirmation may be lost: nothing follows it.
+        let last = if task == Task::Read { frames } else { frames - 1 };
+        for lost in 0..frames {
+            let mut lossy = Lossy::new(1, &value);
+            let outcome =
+                lossy.carry(task.clone(), terms, Weather { nth: Some(lost), ..Weather::default() });
+            let is_vital = lost < 2 || lost >= last;
+            let expected = if is_vital { Err(SdoError::Silent) } else { Ok(()) };
+            assert_eq!(outcome.map(|_| ()), expected, "frame {lost} of {frames} lost: {task:?}");
+            assert_eq!(lossy.holds(), value);
+        }
+    }
+}

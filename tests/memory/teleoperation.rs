@@ -1,0 +1,121 @@
+//! The main job on the in-memory bus: what an operator would say of it.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::path::Path;
+
+use crate::common::bench::booted;
+use crate::common::bench::config;
+use crate::common::bench::scenario;
+use crate::common::bench::until;
+use crate::common::bench::until_contact;
+use config::Config;
+use lab::bench::Bench;
+use node::record::Mode;
+use telemetry::summary::Summary;
+use units::spatial::Motion;
+
+const ONE_KILOHERTZ: &str = "config/kraft_like.toml";
+
+#[test]
+fn a_minute_of_teleoperation_misses_nothing_and_feels_the_wall() {
+    let config = config(ONE_KILOHERTZ);
+    let mut bench = Bench::new(&config, scenario("teleoperation"), 1, false, ());
+    bench.bring_up().unwrap();
+    let mut summary = Summary::default();
+    let mut modes = Vec::new();
+    for _ in 0..60_000 {
+        let record = bench.cycle();
+        summary.add(&record);
+        if modes.last() != Some(&record.mode) {
+            modes.push(record.mode);
+        }
+    }
+    use Mode::{Armed, Engaged, Ready};
+    let spells = [Ready, Armed, Engaged, Armed, Engaged, Armed, Engaged, Armed, Ready];
+    assert_eq!(modes, spells);
+    assert_eq!(summary.missing_samples, 0);
+    assert!((1.0..6.0).contains(&summary.peak_felt_force_n), "{summary}");
+    assert!(summary.contact_seconds > 5.0, "{summary}");
+    assert!(summary.rate_tracking_rms_m_per_s < 2e-3, "{summary}");
+    assert!(summary.pose_tracking_rms_m < 2e-3, "{summary}");
+    for bus in bench.carried() {
+        assert!((50.0..90.0).contains(&bus.percent), "{bus:?}");
+    }
+    bench.stop().unwrap();
+}
+
+#[test]
+fn the_same_seed_gives_the_same_frames_and_another_seed_others() {
+    let run = |seed| {
+        let config = config(ONE_KILOHERTZ);
+        let wire = crate::common::bench::Wire::default();
+        let mut bench = Bench::new(&config, scenario("contact_10s"), seed, false, wire.clone());
+        bench.bring_up().unwrap();
+        bench.run(4_000);
+        wire.transcript(usize::MAX)
+    };
+    let (first, again, other) = (run(1), run(1), run(2));
+    assert!(first == again, "the same seed gave other frames");
+    assert!(first != other, "another seed gave the same frames");
+}
+
+#[test]
+fn the_wall_pushes_the_hand_back_from_where_the_object_touches() {
+    let (mut bench, _) = booted(ONE_KILOHERTZ, "contact_10s");
+    let record = until_contact(&mut bench);
+    let f_0 = record.output.x_0_g.rotation * record.output.f_g_task.force;
+    // The hand went along +x to push the object along +x; it is pushed back along -x.
+    assert!(f_0.x < -0.5 && f_0.x.abs() > 10.0 * f_0.y.abs().max(f_0.z.abs()), "{f_0}");
+}
+
+#[test]
+fn letting_go_stops_the_object_and_the_wall_in_the_next_cycle() {
+    let (mut bench, _) = booted(ONE_KILOHERTZ, "contact_10s");
+    until_contact(&mut bench);
+    let record = until(&mut bench, |record| record.mode == Mode::Armed);
+    assert_eq!(record.output.command, Motion::Hold);
+    assert!(record.output.f_g_task.force.norm() < 1e-12);
+    assert!(
+        (record.output.tau - record.output.ledger.gravity).norm() < 1e-12,
+        "the arm is still carried"
+    );
+}
+
+#[test]
+fn nothing_pushes_while_the_node_is_not_armed() {
+    let (mut bench, _) = booted(ONE_KILOHERTZ, "contact_10s");
+    for _ in 0..12_000 {
+        let record = bench.cycle();
+        if !matches!(record.mode, Mode::Armed | Mode::Engaged) {
+            assert_eq!(record.targets, [0; 6]);
+        }
+    }
+}
+
+#[test]
+fn syncs_are_counted_and_the_time_is_told_where_they_are_asked_for() {
+    let keys = "[node]\nsync_counter = 4\ntime_period_ms = 100\n";
+    let text = include_str!("../../config/kraft_like.toml").replacen("[node]\n", keys, 1);
+    let text = text.replace("load_limit_percent = 90", "load_limit_percent = 91");
+    let config = Config::parse(Path::new(ONE_KILOHERTZ), &text).unwrap();
+    let wire = crate::common::bench::Wire::default();
+    let mut bench = Bench::new(&config, scenario("contact_10s"), 1, false, wire.clone());
+    bench.bring_up().unwrap();
+    let from = bench.cycle().at;
+    bench.run(400);
+    let counts: Vec<u8> = wire.since(from, 0x80).iter().map(|(_, sync)| sync.data()[0]).collect();
+    assert!(counts.len() >= 400);
+    assert!(counts.windows(2).all(|pair| pair[1] == pair[0] % 4 + 1), "{counts:?}");
+    let times = wire.since(from, 0x100);
+    assert!((4..=5).contains(&times.len()), "{}", times.len());
+    assert!(times.iter().all(|(at, time)| {
+        let millis = u64::from(u32::from_le_bytes(time.data()[..4].try_into().unwrap()));
+        time.data()[4..] == [0, 0] && at.as_micros().abs_diff(millis * 1_000) < 2_000
+    }));
+}

@@ -1,0 +1,393 @@
+//! What is refused before anything is sent: configurations, device descriptions and torque curves that are wrong,
+//! and files that others may write. And any single byte of a configuration.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::chown;
+use std::os::unix::fs::symlink;
+use std::path::Path;
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::Duration;
+
+use proptest::prelude::*;
+
+use crate::common::bench::config;
+use crate::common::cli::Ended;
+use crate::common::cli::folder;
+use crate::common::cli::frhc;
+use canopen::eds::Eds;
+use canopen::eds::Severity;
+use config::Config;
+use controller::calibration::TorqueCurve;
+
+const KRAFT: &str = "config/kraft_like.toml";
+const TEXT: &str = include_str!("../../config/kraft_like.toml");
+const SHIPPED: [(&str, &str); 4] = [
+    (KRAFT, TEXT),
+    ("config/kraft_like_500hz.toml", include_str!("../../config/kraft_like_500hz.toml")),
+    ("config/jpl_like.toml", include_str!("../../config/jpl_like.toml")),
+    ("config/sixr_spherical.toml", include_str!("../../config/sixr_spherical.toml")),
+];
+
+/// An interface that no host has: whatever comes as far as opening it ends with exit code 4.
+const NOWHERE: &str = "nosuchcan0";
+
+/// A folder with a configuration and the EDS files it names.
+fn installation(name: &str, text: &str) -> PathBuf {
+    let folder = folder("refused", name);
+    for eds in ["eds/frhc_drive.eds", "eds/frhc_switches.eds"] {
+        fs::create_dir_all(folder.join("eds")).unwrap();
+        fs::copy(eds, folder.join(eds)).unwrap();
+    }
+    fs::create_dir_all(folder.join("config")).unwrap();
+    fs::write(folder.join("config/arm.toml"), text.replace("vcan0", NOWHERE)).unwrap();
+    folder
+}
+
+/// `frhc run` there.
+fn run_in(folder: &Path, more: &[&str]) -> Ended {
+    let config = folder.join("config/arm.toml");
+    let mut command = Command::new(crate::common::program());
+    command.args(["run", "--config"]).arg(config).args(more);
+    for name in ["XDG_RUNTIME_DIR", "XDG_STATE_HOME", "RUNTIME_DIRECTORY", "STATE_DIRECTORY"] {
+        command.env(name, folder);
+    }
+    let output = command.output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    Ended {
+        code: output.status.code().unwrap(),
+        stdout: text(output.stdout),
+        stderr: text(output.stderr),
+    }
+}
+
+/// It is refused with exit code 3 and these words, before the bus is touched or a socket is made.
+#[track_caller]
+fn is_refused(folder: &Path, words: &[&str]) {
+    let ended = run_in(folder, &[]);
+    assert_eq!(ended.code, 3, "{words:?}: {}", ended.stderr);
+    for word in words {
+        assert!(ended.stderr.contains(word), "{word}: {}", ended.stderr);
+    }
+    assert!(!ended.stderr.contains(NOWHERE), "{}", ended.stderr);
+    assert!(!folder.join("node.sock").exists() && !folder.join("faults").exists());
+}
+
+#[test]
+fn promise_11_what_is_in_order_comes_as_far_as_the_bus() {
+    let folder = installation("in_order", TEXT);
+    let ended = run_in(&folder, &[]);
+    assert_eq!(ended.code, 4, "{}", ended.stderr);
+    assert!(ended.stderr.contains(NOWHERE), "{}", ended.stderr);
+}
+
+#[test]
+fn hazard_18_a_configuration_that_is_wrong_is_refused_with_key_and_reason_before_the_bus() {
+    for (place, (from, to, words)) in [
+        ("a_m = 0.254", "a_m = nan", ["joint[2].a_m", "NaN"]),
+        ("a_m = 0.254", "a_m = -inf", ["joint[2].a_m", "inf"]),
+        ("a_m = 0.254", "a_m = 99.0", ["joint[2].a_m", "99 is not within -10 and 10"]),
+        ("a_m = 0.254", "a_m = \"long\"", ["arm.toml:", "invalid type: string"]),
+        ("max_torque_nm = 6.0 ", "max_torque_nm = 1e300 ", ["joint[0].", "torque"]),
+        ("sync_period_us = 1000", "sync_period_us = 0", ["node.sync_period_us", "0 is not within"]),
+        ("heartbeat_ms = 5", "heartbeat_ms = 70000", ["arm.toml:", "70000"]),
+        ("heartbeat_ms = 5", "heartbeat_s = 5", ["node.heartbeat_s", "unknown key"]),
+        ("node_id = 127", "node_id = 128", ["node.node_id", "no node-id"]),
+        ("missing_samples = 3", "missing_samples = 300", ["safety.missing_samples", "300"]),
+        ("[safety]", "[safety", ["arm.toml:", "expected"]),
+        ("eds/frhc_drive.eds", "eds/nobody.eds", ["joint[0].eds", "nobody.eds"]),
+        ("eds/frhc_drive.eds", "eds", ["joint[0].eds", "is a directory"]),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        assert!(TEXT.contains(from), "{from}");
+        let folder = installation(&format!("wrong_{place}"), &TEXT.replace(from, to));
+        is_refused(&folder, &words);
+    }
+}
+
+#[test]
+fn hazard_18_a_device_description_that_is_wrong_is_refused_with_its_name_before_the_bus() {
+    let eds = fs::read_to_string("eds/frhc_drive.eds").unwrap();
+    let cut = eds.split_once("[6071]").unwrap().0;
+    for (place, (text, word)) in [
+        (String::new(), "frhc_drive.eds"),
+        ("not an EDS at all\n".to_owned(), "frhc_drive.eds"),
+        (eds.replace("0x04020010", "0x04020011"), "is not what its EDS describes"),
+        (cut.to_owned(), "is not in its EDS"),
+        ("[A]\n".repeat(2 << 20), "larger than 4 MiB"),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let folder = installation(&format!("eds_{place}"), TEXT);
+        fs::write(folder.join("eds/frhc_drive.eds"), text).unwrap();
+        is_refused(&folder, &["joint[0]", word]);
+    }
+}
+
+#[test]
+fn hazard_18_truncated_data_sheets_are_refused_where_check_finds_errors() {
+    let whole = fs::read("eds/frhc_drive.eds").unwrap();
+    let folder = installation("truncated", TEXT);
+    let (file, config) = (folder.join("eds/frhc_drive.eds"), folder.join("config/arm.toml"));
+    assert!(Config::load(&config).is_ok());
+    let mut refused = 0;
+    for place in 1..=40 {
+        let cut = &whole[..whole.len() * place / 41];
+        fs::write(&file, cut).unwrap();
+        let errors =
+            |eds: Eds| eds.lint().iter().filter(|it| it.severity == Severity::Error).count();
+        let errors = Eds::parse(cut).map(errors);
+        match Config::load(&config) {
+            Ok(_) => assert_eq!(errors, Ok(0), "cut at {} bytes", cut.len()),
+            Err(invalid) => {
+                let text = invalid.to_string();
+                assert!(text.contains("joint[0].eds") && text.contains("frhc_drive.eds"), "{text}");
+                refused += 1;
+            }
+        }
+    }
+    assert!(refused >= 39, "{refused} of 40 cuts were refused");
+    fs::write(&file, &whole[..whole.len() * 40 / 41]).unwrap();
+    is_refused(&folder, &["joint[0].eds", "the file is not whole; frhc check --eds"]);
+}
+
+/// What `frhc` says within 10 s; it hangs otherwise.
+fn within_ten_seconds(args: &[&str]) -> Ended {
+    let mut command = Command::new("timeout");
+    let output = command.args(["10", crate::common::program()]).args(args).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    let code = output.status.code().unwrap();
+    Ended { code, stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+#[test]
+fn hazard_18_pipes_devices_and_folders_are_no_files_anywhere() {
+    let folder = folder("refused", "irregular");
+    let pipe = folder.join("pipe.toml");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let zero = folder.join("zero.toml");
+    symlink("/dev/zero", &zero).unwrap();
+    for (path, kind) in [(&pipe, "pipe"), (&zero, "device"), (&folder, "directory")] {
+        let path = path.to_str().unwrap();
+        let at = format!("@{path}");
+        for args in [
+            &["check", "--config", path][..],
+            &["run", "--config", path, "--insecure"],
+            &["check", "--eds", path],
+            &["sdo", "read", "3", "6041", "--eds", path, "-i", NOWHERE],
+            &["sdo", "write", "3", "1F50:1", "d", &at, "-i", NOWHERE],
+            &["decode", path],
+            &["calib", "fit", path, "--config", KRAFT],
+            &["explain", path],
+        ] {
+            let ended = within_ten_seconds(args);
+            assert!([3, 4].contains(&ended.code), "{args:?}: {} {}", ended.code, ended.stderr);
+            let words = format!("is a {kind}, must be a regular file");
+            assert!(ended.stderr.contains(&words), "{args:?}: {}", ended.stderr);
+            assert!(!ended.stderr.contains(NOWHERE), "the interface comes later: {}", ended.stderr);
+        }
+    }
+    for path in [&pipe, &zero] {
+        let ended = within_ten_seconds(&["demo", "--scenario", path.to_str().unwrap()]);
+        assert_eq!(ended.code, 3, "{}", ended.stderr);
+        assert!(ended.stderr.contains("must be a regular file"), "{}", ended.stderr);
+    }
+}
+
+#[test]
+fn value_of_a_file_without_end_is_refused_before_the_bus() {
+    let folder = folder("refused", "endless");
+    let large = folder.join("large.bin");
+    fs::File::create(&large).unwrap().set_len((16 << 20) + 1).unwrap();
+    let at = format!("@{}", large.display());
+    let ended = within_ten_seconds(&["sdo", "write", "3", "1F50:1", "d", &at, "-i", NOWHERE]);
+    assert_eq!(ended.code, 4, "{}", ended.stderr);
+    assert!(ended.stderr.contains("larger than 16 MiB"), "{}", ended.stderr);
+    let ended = Command::new("timeout")
+        .args([
+            "10",
+            crate::common::program(),
+            "sdo",
+            "write",
+            "3",
+            "1F50:1",
+            "d",
+            "-",
+            "-i",
+            NOWHERE,
+        ])
+        .stdin(fs::File::open("/dev/zero").unwrap())
+        .output()
+        .unwrap();
+    assert_eq!(ended.status.code(), Some(4));
+    assert!(String::from_utf8(ended.stderr).unwrap().contains("larger than 16 MiB"));
+}
+
+#[test]
+fn campaign_of_too_many_threads_is_refused() {
+    for threads in ["100000", "257", "0", "many"] {
+        let ended = within_ten_seconds(&["campaign", "--faults", "1", "--threads", threads]);
+        assert_eq!(ended.code, 2, "{}", ended.stderr);
+        assert!(
+            ended.stderr.contains(&format!("must be 1 to 256, got {threads}")),
+            "{}",
+            ended.stderr
+        );
+    }
+}
+
+#[test]
+fn hazard_18_files_of_other_users_are_refused_by_run() {
+    let other = Some(54_321);
+    for (name, path) in [
+        ("others_config", "config/arm.toml"),
+        ("others_eds", "eds/frhc_drive.eds"),
+        ("others_folder", "config"),
+    ] {
+        let folder = installation(name, TEXT);
+        if chown(folder.join(path), other, None).is_err() {
+            // Only root can give files away; the rule itself has a test of its own.
+            return;
+        }
+        is_refused(&folder, &[path, "belongs to user 54321, must belong to root"]);
+        let ended = run_in(&folder, &["--insecure"]);
+        assert_eq!(ended.code, 4, "{}", ended.stderr);
+    }
+}
+
+#[test]
+fn hazard_18_files_that_others_may_write_are_refused_unless_it_is_said_that_they_are() {
+    let spoil = |name: &str, spoil: &dyn Fn(&Path), words: &[&str]| {
+        let folder = installation(name, TEXT);
+        spoil(&folder);
+        is_refused(&folder, words);
+        let ended = run_in(&folder, &["--insecure"]);
+        assert_eq!(ended.code, 4, "{}", ended.stderr);
+        fs::set_permissions(folder.join("config"), fs::Permissions::from_mode(0o755)).unwrap();
+    };
+    let set = |path: PathBuf, mode| fs::set_permissions(path, fs::Permissions::from_mode(mode));
+    let anyones = "anyone may write it (mode 0666): chmod o-w it, or say --insecure";
+    let of_config = |folder: &Path| set(folder.join("config/arm.toml"), 0o666).unwrap();
+    spoil("anyones_config", &of_config, &["config/arm.toml", anyones]);
+    let of_eds = |folder: &Path| set(folder.join("eds/frhc_switches.eds"), 0o666).unwrap();
+    spoil("anyones_eds", &of_eds, &["switches.eds", "frhc_switches.eds", anyones]);
+    let folder_too = |folder: &Path| set(folder.join("config"), 0o777).unwrap();
+    spoil("anyones_folder", &folder_too, &["anyone may write", "config (mode 0777)"]);
+    let link = |folder: &Path| {
+        let (file, real) = (folder.join("config/arm.toml"), folder.join("config/real.toml"));
+        fs::rename(&file, &real).unwrap();
+        symlink(real, file).unwrap();
+    };
+    spoil("link", &link, &["config/arm.toml", "is a symbolic link"]);
+}
+
+#[test]
+fn hazard_18_what_touches_no_drive_reads_what_others_may_write() {
+    let folder = installation("harmless", TEXT);
+    let file = folder.join("config/arm.toml");
+    fs::set_permissions(&file, fs::Permissions::from_mode(0o666)).unwrap();
+    let ended = frhc(&["check", "--config", file.to_str().unwrap()]);
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+}
+
+#[test]
+fn hazard_19_a_torque_curve_that_does_not_rise_everywhere_is_refused_before_the_bus() {
+    let curve = "torque_curve = [133.144, -0.393453, 0.0196726]";
+    for (place, (to, words)) in [
+        ("[133.144, -3.9, 0.0196726]", ["joint[0].torque_curve", "stops rising at"]),
+        ("[-133.144, 0.393453, -0.0196726]", ["joint[0].torque_curve", "stops rising at 0.000"]),
+        ("[0.0, 0.0, 0.0]", ["joint[0].torque_curve", "stops rising at 0.000"]),
+        ("[nan, 0.0, 0.0]", ["joint[0].torque_curve", "c1 = NaN"]),
+        ("[133.144, 0.0, 1e9]", ["joint[0].torque_curve", "the curve ends at"]),
+        ("[1e-9, 0.0, 0.0]", ["joint[0].torque_curve", "the curve ends at"]),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        assert!(TEXT.contains(curve));
+        let text = TEXT.replacen(curve, &format!("torque_curve = {to}"), 1);
+        is_refused(&installation(&format!("curve_{place}"), &text), &words);
+    }
+}
+
+#[test]
+fn hazard_19_at_run_time_a_curve_is_not_followed_beyond_its_measured_end() {
+    for joint in &config(KRAFT).joints {
+        let curve = TorqueCurve::new(joint.torque_curve, joint.max_torque).unwrap();
+        let end = curve.at(joint.max_torque);
+        assert_eq!((curve.at(1e6 * joint.max_torque), curve.at(f64::INFINITY)), (end, end));
+        assert_eq!(curve.at(0.0), 0.0, "an odd curve asks for nothing at nothing");
+    }
+}
+
+#[test]
+fn hazard_20_a_bus_that_cannot_carry_it_is_refused_before_the_bus() {
+    let slow = TEXT.replace("bitrate = 1_000_000", "bitrate = 500_000");
+    is_refused(&installation("slow", &slow), &["bus[0].load_limit_percent", "179.8 % is above"]);
+    let wide = TEXT.replace("layout = \"grouped\"", "layout = \"per-drive\"");
+    is_refused(&installation("wide", &wide), &["bus[0].load_limit_percent", "bus load of 14"]);
+}
+
+/// That all a loop runs on is a number it can run on.
+fn is_in_range(config: &Config) {
+    let micros = config.period.as_micros();
+    assert!((250..=100_000).contains(&micros));
+    assert!((1..=1_000).contains(&config.heartbeat.as_millis()));
+    assert!((1..=127).contains(&config.node_id.raw()));
+    for joint in &config.joints {
+        let link = &joint.link;
+        let [low, high] = link.range;
+        assert!(low < high && low.is_finite() && high.is_finite());
+        let lengths = [link.a, link.d, link.alpha, link.theta, link.mass, link.rotor_inertia];
+        assert!(lengths.into_iter().all(f64::is_finite), "{link:?}");
+        assert!(joint.max_torque > 0.0 && joint.max_torque.is_finite());
+        assert!((1e-3..=4e6).contains(&joint.rated_torque));
+        let most = joint.calibration.max_target().0;
+        assert!(most != 0 && most != i16::MIN, "{most}");
+    }
+    assert!(config.gravity.into_iter().all(f64::is_finite));
+    assert!(config.safety.gravity_ramp < Duration::from_secs(3_600));
+    assert!((1..=100).contains(&config.safety.missing_samples));
+    assert!(config.window() <= config.period);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn property_16_a_configuration_with_one_wrong_byte_is_in_range_or_refused(
+        (which, at, byte) in (0..SHIPPED.len(), any::<prop::sample::Index>(), any::<u8>()),
+    ) {
+        let (file, text) = SHIPPED[which];
+        let mut bytes = text.as_bytes().to_vec();
+        *at.get_mut(&mut bytes) = byte;
+        let Ok(text) = String::from_utf8(bytes) else { return Ok(()) };
+        match Config::parse(Path::new(file), &text) {
+            Ok(config) => is_in_range(&config),
+            Err(invalid) => {
+                prop_assert!(!invalid.0.is_empty());
+                prop_assert!(invalid.to_string().lines().all(|line| line.starts_with(file)));
+            }
+        }
+    }
+}
+
+#[test]
+fn property_16_a_configuration_written_anew_is_the_same() {
+    for (file, text) in SHIPPED {
+        let table: toml::Table = text.parse().unwrap();
+        let read = |text: &str| format!("{:?}", Config::parse(Path::new(file), text).unwrap());
+        assert_eq!(read(text), read(&table.to_string()), "{file}");
+    }
+}

@@ -1,0 +1,452 @@
+//! Gains that are not fit to be felt: the bounds against independent values
+//! (`tests/oracles/stability.json`), the device against the simulated arm, and every kind of unstable
+//! gain in the shipped configuration refused with its reason.
+#![cfg(test)]
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use nalgebra::Isometry3;
+use nalgebra::Vector3;
+use serde_json::Value;
+
+use crate::common::oracle;
+use crate::common::oracle::list;
+use crate::common::oracle::number;
+use config::Config;
+use controller::JointVector;
+use controller::stability::bounds;
+use controller::stability::bounds::Held;
+use controller::stability::bounds::RateReflection;
+use controller::stability::device::Device;
+use controller::stability::device::JointResistance;
+use controller::stability::finding::Verdict;
+use controller::stability::passivity::Law;
+use controller::stability::passivity::SampledLaw;
+use lab::world;
+use remote::Remote;
+use remote::scene::Scene;
+use remote::scene::Surface;
+use remote::scene::Wall;
+use remote::site::VirtualSite;
+use robot::accommodation::Accommodation;
+use sim::plant::Plant;
+use sim::plant::Resistance;
+use units::spatial::Motion;
+use units::spatial::Twist;
+use units::spatial::Wrench;
+use units::time::Instant;
+
+const FILE: &str = "config/kraft_like.toml";
+const TEXT: &str = include_str!("../../config/kraft_like.toml");
+const SHIPPED: [&str; 4] =
+    [FILE, "config/kraft_like_500hz.toml", "config/jpl_like.toml", "config/sixr_spherical.toml"];
+
+/// Within what a supremum on a grid may be from the true one.
+#[track_caller]
+fn assert_close(value: f64, reference: f64) {
+    assert!((value - reference).abs() <= 1e-6 * reference.abs(), "{value}, not {reference}");
+}
+
+fn cases(key: &str) -> Vec<Value> {
+    list(&oracle::oracle("stability.json")[key]["cases"]).to_vec()
+}
+
+fn wall(case: &Value) -> SampledLaw {
+    let or_zero = |key: &str| case.get(key).map_or(0.0, number);
+    let law = Law::Impedance {
+        stiffness: number(&case["K"]),
+        damping: or_zero("B"),
+        filter: or_zero("tau"),
+    };
+    let delay = case.get("delay_samples").and_then(Value::as_u64).unwrap_or(0);
+    SampledLaw { law, period: number(&case["T"]), lag: 0.0, delay: u32::try_from(delay).unwrap() }
+}
+
+fn reflection(case: &Value) -> RateReflection {
+    let [k_t, k_v, k_fa, k_e] = ["K_T", "K_V", "K_FA", "k_e"].map(|key| number(&case[key]));
+    RateReflection { gain: k_t * k_v * k_e, giving_way: k_fa * k_e }
+}
+
+#[test]
+fn walls_need_the_damping_of_colgate_and_schenkel() {
+    for key in ["virtual_wall", "spring_with_delay", "wall_filtered_velocity"] {
+        for case in cases(key) {
+            assert_close(wall(&case).required_damping(), number(&case["b_required_numeric"]));
+        }
+    }
+}
+
+#[test]
+fn quantisation_bounds_a_spring_as_abbott_and_okamura_say() {
+    for case in cases("quantisation") {
+        let [b, period, friction, quantum] =
+            ["b", "T", "fc", "Delta"].map(|key| number(&case[key]));
+        let most = bounds::stiffest_spring(b, period, friction, quantum);
+        assert_close(most, number(&case["K_max"]));
+    }
+}
+
+#[test]
+fn the_return_to_centre_has_its_slope_and_its_rest() {
+    for case in cases("cfrtc_sampling") {
+        let [a, deadband, period] = ["a", "DB", "T"].map(|key| number(&case[key]));
+        let plateau = a * deadband * deadband;
+        let slope = bounds::steepest_centring(plateau, deadband);
+        assert_close(slope, number(&case["K_max"]));
+        let law = SampledLaw::impedance(slope, 0.0, period);
+        assert_close(law.required_damping(), number(&case["b_required"]));
+        let rest = bounds::rest_offset(plateau, deadband, 1.0);
+        assert_close(rest, number(&case["rest_offset_for_Fc_1N"]));
+    }
+}
+
+#[test]
+fn a_reflected_rate_needs_the_damping_of_its_formula() {
+    for case in cases("rate_mode_reflection_continuous") {
+        let required = reflection(&case).required_damping(0.0, 0);
+        assert_close(required, number(&case["b_required_numeric"]));
+    }
+    for case in cases("rate_mode_reflection_sampled") {
+        let (reflection, period) = (reflection(&case), number(&case["T"]));
+        let RateReflection { gain, giving_way } = reflection;
+        let law = Law::Rate { gain, giving_way };
+        for delay in 0..3 {
+            let late = SampledLaw { law, period, lag: 0.0, delay };
+            assert_close(late.required_damping(), reflection.required_damping(period, delay));
+        }
+        let required = reflection.required_damping(period, 0);
+        assert_close(required, number(&case["b_required_formula"]));
+        assert_close(required, number(&case["b_required_numeric"]));
+    }
+}
+
+#[test]
+fn a_reflected_rate_is_held_stable_as_routh_says() {
+    for case in cases("rate_mode_routh") {
+        let [mass, stiffness, damping] = ["M", "K_h", "b"].map(|key| number(&case[key]));
+        let reflection = reflection(&case);
+        let most = reflection.largest_gain(&Held { mass, damping, stiffness });
+        assert_eq!(reflection.gain < most, case["routh_stable"].as_bool().unwrap());
+        assert_eq!(reflection.gain < most, number(&case["max_real_root"]) < 0.0);
+    }
+}
+
+#[test]
+fn contact_up_to_the_bound_settles_and_beyond_it_does_not() {
+    let (dt, gain) = (0.002, 0.002);
+    let law = Accommodation::new([gain; 6], [0.0; 6]).unwrap();
+    for late in [0_usize, 1, 2, 3] {
+        let bound = bounds::fastest_giving_way(dt, u32::try_from(late).unwrap()) / gain;
+        for (stiffness, settles) in [(0.98 * bound, true), (1.02 * bound, false)] {
+            let mut x = vec![1e-3; late + 1];
+            for _ in 0..4_000 {
+                let felt = x[x.len() - 1 - late];
+                let f_m = Wrench::from_components([-stiffness * felt, 0.0, 0.0, 0.0, 0.0, 0.0]);
+                let next = x[x.len() - 1] + law.rate(&Twist::ZERO, &f_m).linear.x * dt;
+                x.push(next);
+            }
+            assert_eq!(x[x.len() - 1].abs() < 1e-3, settles, "{late} late, {stiffness} N/m");
+        }
+    }
+}
+
+#[test]
+fn an_object_may_give_way_as_fast_as_its_delay_allows() {
+    for case in list(&oracle::oracle("ntrfc.json")["stability_bound"]["cases"]) {
+        let delay = u32::try_from(case["delay_samples"].as_u64().unwrap()).unwrap();
+        let period = 2e-3;
+        assert_close(bounds::fastest_giving_way(period, delay) * period, number(&case["numeric"]));
+    }
+}
+
+/// A posture with no two axes aligned, and what resists its joints.
+const POSTURE: [f64; 6] = [0.2, -0.8, 1.5, -0.6, 0.3, 0.4];
+
+/// The device of the shipped configuration, and the simulated arm with other friction.
+fn device_and_plant(change: impl Fn(&mut Resistance)) -> ([Device; 6], Plant, JointVector, Config) {
+    let mut config = Config::parse(Path::new(FILE), TEXT).unwrap();
+    config.gravity = [0.0; 3];
+    let q = JointVector::from(POSTURE);
+    let resistance = config.joints.each_ref().map(|joint| {
+        let (coulomb, viscous) = (joint.coulomb_friction, joint.viscous_friction);
+        let mut resistance = Resistance { coulomb, viscous, range: joint.link.range };
+        change(&mut resistance);
+        resistance
+    });
+    let joints = resistance.map(|Resistance { coulomb, viscous, .. }| JointResistance {
+        coulomb,
+        viscous,
+        quantum: 1e-5,
+    });
+    let device = Device::at_grip(&config.controller.arm, &joints, &q).unwrap();
+    (device, Plant::new(world::arm(&config), resistance, q), q, config)
+}
+
+/// The velocity along or about `axis` of the simulated arm's grip, `dt` s after `force` began to act.
+fn pushed(
+    plant: &Plant,
+    config: &Config,
+    q: &JointVector,
+    axis: usize,
+    force: f64,
+    dt: f64,
+) -> f64 {
+    let mut unit = [0.0; 6];
+    unit[axis] = force;
+    let arm = &config.controller.arm;
+    let tau = arm.jacobian(&arm.posture(q)).torques(&Wrench::from_components(unit));
+    let mut plant = *plant;
+    plant.advance(dt, &tau, None);
+    arm.jacobian(&arm.posture(plant.q())).twist(plant.qd()).components()[axis]
+}
+
+#[test]
+fn a_push_accelerates_the_mass_at_the_grip() {
+    let none = |resistance: &mut Resistance| (resistance.coulomb, resistance.viscous) = (0.0, 0.0);
+    let (device, plant, q, config) = device_and_plant(none);
+    for (axis, device) in device.iter().enumerate() {
+        let (force, dt) = (1.0, 1e-4);
+        let mass = force * dt / pushed(&plant, &config, &q, axis, force, dt);
+        assert!((mass / device.mass - 1.0).abs() < 1e-4, "{axis}: {mass}, {device:?}");
+    }
+}
+
+#[test]
+fn a_slow_push_moves_against_the_damping_at_the_grip() {
+    let syrup = |resistance: &mut Resistance| {
+        (resistance.coulomb, resistance.viscous) = (0.0, resistance.viscous * 1e4);
+    };
+    let (device, plant, q, config) = device_and_plant(syrup);
+    for (axis, device) in device.iter().enumerate() {
+        let force = 0.1;
+        let damping = force / pushed(&plant, &config, &q, axis, force, 0.1);
+        assert!((damping / device.damping - 1.0).abs() < 1e-2, "{axis}: {damping}, {device:?}");
+    }
+}
+
+#[test]
+fn a_push_within_the_friction_at_the_grip_moves_nothing_and_a_stronger_one_does() {
+    let (device, plant, q, config) = device_and_plant(|_| {});
+    for (axis, Device { friction, full_friction, .. }) in device.iter().enumerate() {
+        let speed = |force: f64| pushed(&plant, &config, &q, axis, force, 0.01).abs();
+        assert!(speed(0.98 * friction) < 1e-9 && speed(1.02 * friction) > 1e-9, "axis {axis}");
+        assert!(full_friction >= friction);
+    }
+}
+
+#[test]
+fn surfaces_resist_turning_as_the_check_takes_it() {
+    let (stiffness, turn) = (2_000.0, 1e-3);
+    let surface = Surface { stiffness, damping: 0.0, friction: 0.0 };
+    let wall = Wall { point: Vector3::zeros(), normal: -Vector3::x_axis(), surface };
+    let scene = Scene { wall: Some(wall), ..Scene::default() };
+    // With a whole face inside, and the other not.
+    let x_b_m = Isometry3::new(Vector3::new(-0.015, 0.0, 0.0), Vector3::new(0.0, turn, 0.0));
+    let moment = scene.wrench(&x_b_m, &Twist::ZERO).moment;
+    let config = Config::parse(Path::new(FILE), TEXT).unwrap();
+    let turning = config
+        .findings()
+        .into_iter()
+        .find(|finding| (finding.name, finding.axis) == ("pose reflection, quantum", "about y"));
+    let felt = turning.unwrap().left.value; // K_T K_P k_e
+    assert!((0.15 * moment.norm() / turn / felt - 1.0).abs() < 0.3, "{moment}, {felt}");
+}
+
+#[test]
+fn a_wrench_is_sensed_one_exchange_after_the_command_that_meets_it() {
+    let text = changed(&[("start_m = [0.4,", "start_m = [0.5299,")]); // 0.1 mm before the wall
+    let config = Config::parse(Path::new(FILE), &text).unwrap();
+    let mut site = VirtualSite::new(&config.remote, config.period);
+    let x_b_d = Isometry3::translation(0.02, 0.0, 0.0) * *site.pose();
+    let times = (1..4).map(|cycle| Instant::ZERO + config.period * cycle);
+    let commands = [Motion::Hold, Motion::Pose(x_b_d), Motion::Pose(x_b_d)];
+    let sensed = times.zip(commands).map(|(at, command)| site.exchange(at, &command).unwrap().f_s);
+    let forces: Vec<f64> = sensed.map(|f_s| f_s.force.norm()).collect();
+    assert!(forces[1] < 1e-9 && forces[2] > 0.1, "{forces:?}");
+}
+
+#[test]
+fn the_shipped_gains_are_fit() {
+    for file in SHIPPED {
+        let findings = Config::load(Path::new(file)).unwrap().findings();
+        assert_eq!(findings.len(), 60, "{file}");
+        assert!(findings.iter().all(|finding| finding.verdict < Verdict::Refuses), "{file}");
+    }
+}
+
+/// [`TEXT`] with `changes`, each a part of it and what stands there instead.
+fn changed(changes: &[(&str, &str)]) -> String {
+    changes.iter().fold(TEXT.to_owned(), |text, (from, to)| {
+        assert!(text.contains(from), "{from}");
+        text.replace(from, to)
+    })
+}
+
+/// A tie that no hand could hold.
+const COUPLING: &str = "[controller.virtual_coupling]\nstiffness_n_per_m = [1e5, 1e3, 1e3]\n\
+    stiffness_nm_per_rad = [1.0, 1.0, 1.0]\ndamping_ns_per_m = [0.0, 0.0, 0.0]\n\
+    damping_nms_per_rad = [0.0, 0.0, 0.0]\n\n[remote]\n";
+
+const WEAK_HAND: (&str, &str) = ("[safety]", "[operator]\nstiffness_n_per_m = 20.0\n\n[safety]");
+
+#[test]
+fn every_kind_of_unstable_gain_is_refused_with_its_reason() {
+    let linear_damping = "damping_ns_per_m = [8.0, 8.0, 8.0]";
+    for (changes, key, finding) in [
+        (vec![("[0.3, 0.3, 0.3,", "[1.5, 1.5, 1.5,")], "controller.wrench_gain", "pose reflection"),
+        (
+            vec![("stiffness_n_per_m = 2000.0", "stiffness_n_per_m = 50000.0")],
+            "controller.wrench_gain",
+            "pose reflection",
+        ),
+        (
+            vec![(linear_damping, "damping_ns_per_m = [30.0, 8.0, 8.0]")],
+            "controller.damping_ns_per_m",
+            "damping, x",
+        ),
+        (
+            vec![("damping_nms_per_rad = [0.02,", "damping_nms_per_rad = [0.3,")],
+            "controller.damping_nms_per_rad",
+            "damping, about x",
+        ),
+        (
+            vec![("centring_n = [2.0, 2.0, 2.0]", "centring_n = [2.0, 2.0, 0.05]")],
+            "controller.centring_n",
+            "return to centre, plateau, z",
+        ),
+        (
+            vec![("centring_nm = [0.08, 0.08", "centring_nm = [0.08, 0.001")],
+            "controller.centring_nm",
+            "return to centre, plateau, about y",
+        ),
+        (
+            vec![("deadband_m = [0.01,", "deadband_m = [0.0001,")],
+            "controller.centring_n",
+            "return to centre, slope, x",
+        ),
+        (
+            vec![WEAK_HAND, ("accommodation_m_per_ns = 0.01", "accommodation_m_per_ns = 0.0")],
+            "remote.accommodation_m_per_ns",
+            "rate reflection, held",
+        ),
+        (
+            vec![("rate_gain_per_s = [2.0, 2.0", "rate_gain_per_s = [200.0, 2.0")],
+            "controller.wrench_gain",
+            "rate reflection, held, x",
+        ),
+        (
+            vec![("accommodation_m_per_ns = 0.01", "accommodation_m_per_ns = 1.1")],
+            "remote.accommodation_m_per_ns",
+            "accommodation",
+        ),
+        (
+            vec![("damping_ns_per_m = 20.0", "damping_ns_per_m = 3000.0")],
+            "remote.accommodation_m_per_ns",
+            "accommodation, damper",
+        ),
+        (
+            vec![
+                ("accommodation_rad_per_nms = 0.5", "accommodation_rad_per_nms = 999.0"),
+                ("stiffness_n_per_m = 2000.0", "stiffness_n_per_m = 6000.0"),
+            ],
+            "remote.accommodation_rad_per_nms",
+            "accommodation",
+        ),
+        (
+            vec![("[remote]\n", COUPLING)],
+            "controller.virtual_coupling.stiffness_n_per_m",
+            "virtual coupling, x",
+        ),
+    ] {
+        let text = changed(&changes);
+        let refusal = Config::parse(Path::new(FILE), &text).map(|_| ()).unwrap_err().to_string();
+        let (_, name) = key.rsplit_once('.').unwrap();
+        let line = text.lines().position(|line| line.starts_with(&format!("{name} = "))).unwrap();
+        let expected = format!("{FILE}:{}: {key}: {finding}", line + 1);
+        let told = refusal.lines().find(|line| line.starts_with(&expected));
+        let told = told.unwrap_or_else(|| panic!("{expected}: {refusal}"));
+        assert!(told.matches(" = ").count() >= 2 && told.contains("must stay below"), "{told}");
+    }
+}
+
+#[test]
+fn one_unstable_gain_is_one_problem() {
+    let text =
+        changed(&[("damping_ns_per_m = [8.0, 8.0, 8.0]", "damping_ns_per_m = [30.0, 31.0, 32.0]")]);
+    let refusal = Config::parse(Path::new(FILE), &text).map(|_| ()).unwrap_err().to_string();
+    assert_eq!(refusal.lines().count(), 1, "{refusal}");
+    assert!(refusal.contains("damping, y: K_D = 31.0 N·s/m must stay below b = "), "{refusal}");
+}
+
+#[test]
+fn who_asks_to_be_warned_only_is_not_refused() {
+    let unstable = ("damping_ns_per_m = [8.0,", "damping_ns_per_m = [30.0,");
+    let text = |check| changed(&[unstable, ("max_moment_nm = 2.0", check)]);
+    let warn = text("max_moment_nm = 2.0\ngain_check = \"warn\"");
+    let findings = Config::parse(Path::new(FILE), &warn).unwrap().findings();
+    assert!(findings.iter().any(|finding| finding.verdict == Verdict::Refuses));
+    let refuse = text("max_moment_nm = 2.0\ngain_check = \"refuse\"");
+    assert!(Config::parse(Path::new(FILE), &refuse).is_err());
+    let neither = text("max_moment_nm = 2.0\ngain_check = \"hope\"");
+    let refusal = Config::parse(Path::new(FILE), &neither).map(|_| ()).unwrap_err().to_string();
+    assert!(refusal.contains("controller.gain_check: \"hope\": there is \"refuse\", \"warn\""));
+}
+
+#[test]
+fn an_operator_is_a_hand() {
+    for key in
+        ["stiffness_n_per_m", "damping_ns_per_m", "stiffness_nm_per_rad", "damping_nms_per_rad"]
+    {
+        let text = changed(&[("[safety]", &format!("[operator]\n{key} = -1.0\n\n[safety]"))]);
+        let refusal = Config::parse(Path::new(FILE), &text).map(|_| ()).unwrap_err().to_string();
+        assert!(refusal.contains(&format!("operator.{key}: -1 is not zero or above")), "{refusal}");
+    }
+}
+
+/// What `frhc check` says of `text`: its exit code, stdout and stderr.
+fn checked(name: &str, text: &str, json: bool) -> (Option<i32>, String, String) {
+    let root = env!("CARGO_MANIFEST_DIR");
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    fs::write(&file, text.replace("../eds", &format!("{root}/eds"))).unwrap();
+    let mut command = Command::new(crate::common::program());
+    command.args(["check", "--config"]).arg(&file).args(json.then_some("--json"));
+    let output = command.output().unwrap();
+    let [out, err] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+    (output.status.code(), out, err)
+}
+
+#[test]
+fn check_tells_a_person_both_sides_of_what_holds_and_what_does_not() {
+    let (code, out, _) = checked("fit.toml", TEXT, false);
+    assert_eq!(code, Some(0));
+    let told = |verdict: &str, inequality: &str| {
+        let line = out.lines().find(|line| line.contains(inequality)).unwrap();
+        assert!(line.starts_with(&format!("gains {verdict}")), "{line}");
+        assert!(line.contains(" must stay below "), "{line}");
+    };
+    told("warns", "damping, y: K_D = 8.00 N·s/m");
+    told("holds", "accommodation, servo, z: K_FA k_e τ_s = 0.200 must stay below 1/4 = 0.250");
+}
+
+#[test]
+fn check_tells_a_program_every_finding() {
+    let (code, out, _) = checked("json.toml", TEXT, true);
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((code, list(&report["gains"]).len()), (Some(0), 60));
+    for finding in list(&report["gains"]) {
+        let holds = number(&finding["left"]["value"]) < number(&finding["right"]["value"]);
+        assert_eq!(holds, finding["verdict"] == "holds", "{finding}");
+    }
+}
+
+#[test]
+fn check_ends_with_the_exit_code_of_a_configuration_where_it_refuses() {
+    let text = changed(&[("damping_ns_per_m = [8.0,", "damping_ns_per_m = [30.0,")]);
+    let (code, out, err) = checked("unfit.toml", &text, false);
+    assert_eq!((code, out.as_str()), (Some(3), ""));
+    let line = text.lines().position(|line| line.starts_with("damping_ns_per_m")).unwrap() + 1;
+    let expected = format!("unfit.toml:{line}: controller.damping_ns_per_m: damping, x: ");
+    assert!(err.contains(&expected), "{err}");
+}

@@ -1,0 +1,292 @@
+//! The command line as its user types it: help, output, exit codes.
+#![allow(
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::fs::File;
+use std::fs::OpenOptions;
+use std::io::BufRead;
+use std::io::BufReader;
+use std::io::Write;
+use std::os::unix::net::UnixListener;
+use std::path::Path;
+use std::process::Command;
+use std::process::Stdio;
+use std::thread;
+
+use crate::common::cli::Ended;
+use crate::common::cli::folder;
+use crate::common::cli::frhc;
+
+const KRAFT: &str = "config/kraft_like.toml";
+
+/// Commands that print data without a CAN interface. `SOCKET`, `FOLDER` and `DATA` are replaced.
+const PRINTING: &[&str] = &[
+    "--help",
+    "--version",
+    "help demo",
+    "demo --seconds 0.1",
+    "demo --seconds 0.1 --json",
+    "campaign --faults 1 --only emergency --threads 1",
+    "campaign --faults 1 --only emergency --threads 1 --json",
+    "campaign --replay 1 --out FOLDER/replay",
+    "campaign --soak 100 --threads 1",
+    "ctl status --socket SOCKET",
+    "ctl arm --socket SOCKET",
+    "ctl status --json --socket SOCKET",
+    "check --config config/kraft_like.toml",
+    "check --config config/kraft_like.toml --json",
+    "check --eds eds/frhc_drive.eds",
+    "plan --config config/kraft_like.toml",
+    "plan --config config/kraft_like.toml --json",
+    "explain --q 0,-0.8,1.6,-0.7,0,0",
+    "explain --q 0,-0.8,1.6,-0.7,0,0 --json",
+    "explain faults",
+    "calib fit DATA",
+    "calib fit DATA --json",
+    "calib check --config config/kraft_like.toml",
+    "decode tests/golden/sdo_segmented.log",
+    "decode --json tests/golden/sdo_segmented.log",
+    "export dbc --config config/kraft_like.toml",
+    "export dcf --config config/kraft_like.toml --out FOLDER/dcf",
+    "sim --config config/kraft_like.toml --calibrate elbow",
+];
+
+/// Commands whose data comes from a bus: `tests/vcan.rs` runs them. `run` prints messages alone.
+const ON_A_BUS: &[&str] = &["run", "commission", "scan", "sdo", "nmt", "lss"];
+
+/// A command with its data going to `stdout`.
+fn onto(stdout: impl Into<Stdio>, args: &[String]) -> Ended {
+    let mut command = Command::new(crate::common::program());
+    let command = command.args(args).stdin(Stdio::null()).stdout(stdout).stderr(Stdio::piped());
+    let output = command.output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    Ended { code: output.status.code().unwrap(), stdout: String::new(), stderr }
+}
+
+/// A node that grants every request, for one client after the other.
+fn node_at(socket: &Path) {
+    let listener = UnixListener::bind(socket).unwrap();
+    thread::spawn(move || {
+        for client in listener.incoming() {
+            let mut client = client.unwrap();
+            BufReader::new(client.try_clone().unwrap()).read_line(&mut String::new()).unwrap();
+            writeln!(client, "{{\"ok\":true,\"mode\":\"ready\"}}").unwrap();
+        }
+    });
+}
+
+/// Every row of [`PRINTING`] as arguments, in a folder of this test.
+fn printing(test: &str) -> Vec<Vec<String>> {
+    let folder = folder("terminal", test);
+    // The path of a socket has 108 bytes.
+    let socket = std::env::temp_dir().join(format!("frhc-{test}-{}.sock", std::process::id()));
+    node_at(&socket);
+    let data = folder.join("data.csv");
+    let data = data.to_str().unwrap();
+    let measured = frhc(&["sim", "--config", KRAFT, "--calibrate", "elbow", "--out", data]);
+    assert_eq!(measured.code, 0, "{}", measured.stderr);
+    let known = [
+        ("SOCKET", socket.to_str().unwrap()),
+        ("FOLDER", folder.to_str().unwrap()),
+        ("DATA", data),
+    ];
+    let replaced =
+        |word: &str| known.iter().fold(word.to_owned(), |word, (from, to)| word.replace(from, to));
+    PRINTING.iter().map(|line| line.split(' ').map(replaced).collect()).collect()
+}
+
+#[test]
+fn data_that_cannot_be_written_fails_every_command() {
+    for args in printing("full") {
+        let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let ended = onto(full, &args);
+        assert_eq!(ended.code, 4, "{args:?}: {}", ended.stderr);
+        let told = ended.stderr.matches("frhc: stdout: No space left on device").count();
+        assert_eq!(told, 1, "{args:?}: {}", ended.stderr);
+    }
+}
+
+#[test]
+fn stdout_that_is_not_open_for_writing_fails_the_command() {
+    for args in ["check --config config/kraft_like.toml", "decode tests/golden/sdo_segmented.log"] {
+        let args: Vec<String> = args.split(' ').map(str::to_owned).collect();
+        let ended = onto(File::open("/dev/null").unwrap(), &args);
+        assert_eq!(ended.code, 4, "{args:?}: {}", ended.stderr);
+        assert!(ended.stderr.contains("frhc: stdout: Bad file descriptor"), "{}", ended.stderr);
+    }
+}
+
+#[test]
+fn a_reader_that_hangs_up_fails_no_command() {
+    for args in printing("hung_up") {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let ended = onto(writer, &args);
+        assert!(!ended.stderr.contains("stdout"), "{args:?}: {}", ended.stderr);
+        assert_eq!(ended.code, 0, "{args:?}: {}", ended.stderr);
+    }
+}
+
+#[test]
+fn every_command_is_tested_for_output_that_fails() {
+    let help = frhc(&["--help"]).stdout;
+    let commands = help.lines().skip_while(|line| *line != "Commands:").skip(1);
+    let commands = commands.take_while(|line| !line.is_empty());
+    for command in commands.filter_map(|line| line.split_whitespace().next()) {
+        let is_tested = |line: &&str| line.split(' ').next() == Some(command);
+        assert!(PRINTING.iter().chain(ON_A_BUS).any(is_tested), "{command}");
+    }
+}
+
+/// The help of a command and of all below it.
+fn help_pages(command: &[String]) -> Vec<(String, String)> {
+    let page = frhc(&[command, &["--help".to_owned()]].concat()).stdout;
+    let listed = page.lines().skip_while(|line| *line != "Commands:").skip(1);
+    let names = listed.take_while(|line| !line.is_empty()).filter(|line| line.starts_with("  "));
+    let names = names.filter(|line| !line.starts_with("   "));
+    let names =
+        names.filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help");
+    let below: Vec<_> =
+        names.flat_map(|name| help_pages(&[command, &[name.to_owned()]].concat())).collect();
+    [vec![(command.join(" "), page.clone())], below].concat()
+}
+
+#[test]
+fn every_help_page_has_an_example() {
+    let pages = help_pages(&[]);
+    assert!(pages.len() > 40, "{}", pages.len());
+    for (command, page) in pages {
+        assert!(page.contains("Example") && page.contains("  frhc "), "{command}: {page}");
+    }
+}
+
+/// Fails with this code and words, and prints no data.
+#[track_caller]
+fn is_refused(args: &[&str], code: i32, words: &[&str]) -> String {
+    let ended = frhc(args);
+    assert_eq!(ended.code, code, "{args:?}: {}", ended.stderr);
+    for word in words {
+        assert!(ended.stderr.contains(word), "{args:?}: {word}: {}", ended.stderr);
+    }
+    assert_eq!(ended.stdout, "", "{args:?}");
+    ended.stderr
+}
+
+#[test]
+fn seconds_that_cannot_be_are_refused() {
+    for seconds in ["-1", "0", "nan", "inf", "-inf", "1e300", "86401"] {
+        let reason = ["--seconds", "must be a number above 0, and 86400 at most"];
+        // A value that begins with a dash and is no number looks like an option.
+        let given = format!("--seconds={seconds}");
+        is_refused(&["demo", &given], 2, &reason);
+        is_refused(&["nmt", "watch", &given, "-i", "can7"], 2, &reason);
+    }
+    is_refused(&["demo", "--seconds", "-1"], 2, &["invalid value '-1' for '--seconds <N>'"]);
+    is_refused(&["nmt", "watch", "--seconds", "-1"], 2, &["invalid value '-1'"]);
+}
+
+#[test]
+fn options_are_refused_where_they_do_nothing() {
+    for args in [
+        "nmt watch --wait -i can7",
+        "nmt start 3 --timeout 100 -i can7",
+        "nmt start 3 --json -i can7",
+        "lss store --probe 5 -i can7",
+        "lss inquire --global --probe 5 -i can7",
+        "lss inquire --probe 5 -i can7",
+        "lss inquire --selected --probe 5 -i can7",
+        "lss configure --global --yes --node-id 4 --probe 5 -i can7",
+        "decode -i can7 tests/golden/boot.log",
+        "sim --config config/kraft_like.toml --reveal",
+    ] {
+        is_refused(&args.split(' ').collect::<Vec<_>>(), 2, &[]);
+    }
+}
+
+#[test]
+fn an_unknown_scenario_lists_those_there_are() {
+    let listed =
+        ["contact_10s", "stiff-wall", "faults/: ", "unplug", "personalities/: ", "slow-sdo"];
+    is_refused(&["demo", "--scenario", "nope"], 2, &listed);
+    is_refused(&["demo", "--scenario", "unplug"], 2, &["unknown scenario; there is faults/unplug"]);
+    is_refused(&["demo", "--scenario", "nope.toml"], 3, &["nope.toml: No such file"]);
+}
+
+#[test]
+fn scenarios_are_known_outside_the_repository() {
+    let folder = folder("terminal", "elsewhere");
+    for scenario in ["faults/unplug", "personalities/vague-aborts", "contact_10s"] {
+        let mut command = Command::new(crate::common::program());
+        command.args(["demo", "--seconds", "0.2", "--scenario", scenario]).current_dir(&folder);
+        let output = command.output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{scenario}: {stderr}");
+    }
+}
+
+#[test]
+fn a_number_of_any_size_is_short_in_a_message() {
+    let folder = folder("terminal", "large");
+    let text = std::fs::read_to_string(KRAFT).unwrap();
+    let root = env!("CARGO_MANIFEST_DIR");
+    let check = |from: &str, to: &str| {
+        assert!(text.contains(from), "{from}");
+        let file = folder.join("large.toml");
+        let changed = text.replacen(from, to, 1).replace("../eds", &format!("{root}/eds"));
+        std::fs::write(&file, changed).unwrap();
+        is_refused(&["check", "--config", file.to_str().unwrap()], 3, &["1e300"])
+    };
+    for (from, to) in [
+        ("a_m = 0.254", "a_m = 1e300"),
+        ("gear_ratio = 40.0", "gear_ratio = 1e300"),
+        ("max_torque_nm = 6.0 ", "max_torque_nm = 1e300 "),
+        ("max_torque_nm = 6.0 ", "max_torque_nm = -1e300 "),
+        ("mass_kg = 1.2", "mass_kg = 1e300"),
+        ("node_id = 127", "node_id = 1e300"),
+    ] {
+        let said = check(from, to);
+        assert_eq!(said.lines().count(), 1, "one mistake, one line: {said}");
+        assert!(said.len() < 250, "{said}");
+    }
+    let answer = frhc(&["explain", "--q", "0,-0.8,1.6,-0.7,0,0", "--wrench", "1e300,0,0,0,0,0"]);
+    assert!(
+        answer.stdout.contains("1.000e300") && answer.stdout.len() < 9_000,
+        "{}",
+        answer.stdout
+    );
+}
+
+#[test]
+fn nothing_to_break_is_refused() {
+    is_refused(&["campaign", "--faults", "0"], 2, &["--faults"]);
+    is_refused(&["campaign", "--soak", "0"], 2, &["--soak"]);
+    is_refused(&["campaign", "--only", "nope"], 2, &["--only nope: no such kind of fault"]);
+}
+
+/// `frhc ctl status` with this folder for the user's sockets.
+fn status_in(runtime_dir: &str) -> Ended {
+    let mut command = Command::new(crate::common::program());
+    command.args(["ctl", "status"]).env("XDG_RUNTIME_DIR", runtime_dir);
+    let output = command.env_remove("RUNTIME_DIRECTORY").output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    let (stdout, stderr) = (text(output.stdout), text(output.stderr));
+    Ended { code: output.status.code().unwrap(), stdout, stderr }
+}
+
+#[test]
+fn ctl_says_where_it_looked_for_a_node() {
+    let service = "frhc: no node at /run/frhc/node.sock: no such socket";
+    for runtime_dir in ["", "relative", "./here"] {
+        let ended = status_in(runtime_dir);
+        assert_eq!(ended.code, 4, "{}", ended.stderr);
+        assert!(ended.stderr.starts_with(service), "{runtime_dir}: {}", ended.stderr);
+    }
+    let ended = status_in("/nowhere");
+    assert_eq!(ended.code, 4, "{}", ended.stderr);
+    let user = "frhc: no node at /nowhere/frhc/node.sock: no such socket";
+    assert!(ended.stderr.starts_with(user) && ended.stderr.contains(service), "{}", ended.stderr);
+}

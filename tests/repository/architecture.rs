@@ -1,0 +1,217 @@
+//! ARCHITECTURE.md against the sources, as far as Cargo does not hold them to it: the table of rooms is that of the
+//! manifests, pure rooms touch nothing outside, and object indices stand in `canopen` alone.
+#![allow(
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::collections::BTreeMap;
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+use std::path::PathBuf;
+
+/// Rooms that perform no I/O, read no clock and log nothing.
+const PURE: &[&str] = &[
+    "units",
+    "written",
+    "canopen",
+    "canopen_tools",
+    "controller",
+    "robot",
+    "remote",
+    "sealed_link",
+    "sim",
+];
+
+/// What a pure room may not name.
+const IMPURE: &[&str] = &[
+    "std::fs",
+    "std::net",
+    "std::thread",
+    "std::process",
+    "std::env",
+    "time::SystemTime",
+    "std::time::Instant",
+    "println!",
+    "eprintln!",
+];
+
+#[test]
+fn the_table_of_rooms_is_what_the_manifests_say() {
+    let in_the_manifests = rooms().map(|room| (room.clone(), dependencies(&room))).collect();
+    assert_eq!(told(), in_the_manifests);
+}
+
+#[test]
+fn a_room_depends_only_on_rooms_that_stand_below_it() {
+    let text = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
+    let plan = text.split("```text").find(|block| block.contains("units · written")).unwrap();
+    let mut level = BTreeMap::new();
+    for line in plan.lines() {
+        let mut columns = line.split("  ").map(str::trim).filter(|column| !column.is_empty());
+        let Some(Ok(number)) = columns.next().map(str::parse::<u32>) else { continue };
+        let names = columns.next().into_iter().flat_map(|names| names.split('·'));
+        level.extend(names.map(|name| (name.trim().to_owned(), number)));
+    }
+    let mut checked = 0;
+    for room in rooms() {
+        for below in dependencies(&room) {
+            assert!(level[&room] > level[&below], "{room} stands on {below}");
+            checked += 1;
+        }
+    }
+    assert!(checked > 30, "{checked} dependencies");
+}
+
+#[test]
+fn every_room_has_the_lints_and_nothing_that_is_found_by_itself() {
+    for room in rooms() {
+        let manifest = manifest(&room);
+        assert_eq!(manifest["lints"]["workspace"].as_bool(), Some(true), "{room}: lints");
+        let package = &manifest["package"];
+        for key in ["autotests", "autobenches", "autoexamples", "build", "publish"] {
+            assert_eq!(package[key].as_bool(), Some(false), "{room}: {key}");
+        }
+        assert_eq!(manifest["lib"]["name"].as_str(), Some(room.as_str()));
+        assert_eq!(package["name"].as_str().unwrap(), format!("frhc-{}", room.replace('_', "-")));
+        let lib = fs::read_to_string(src().join(&room).join("lib.rs")).unwrap();
+        assert!(lib.contains("#![forbid(unsafe_code)]"), "{room}: unsafe code");
+    }
+}
+
+#[test]
+fn what_a_room_builds_stands_in_the_workspace() {
+    let text = fs::read_to_string(root().join("Cargo.toml")).unwrap();
+    let manifest: toml::Table = text.parse().unwrap();
+    for list in ["members", "default-members"] {
+        let listed = manifest["workspace"][list].as_array().unwrap().iter();
+        let listed = listed.filter_map(|path| path.as_str()?.strip_prefix("src/"));
+        let listed: BTreeSet<String> = listed.map(str::to_owned).collect();
+        assert_eq!(listed, rooms().collect(), "{list}");
+    }
+}
+
+#[test]
+fn pure_rooms_touch_nothing_outside_and_object_indices_stand_in_canopen() {
+    let mut violations = Vec::new();
+    for room in rooms() {
+        for file in sources(&room) {
+            let text = fs::read_to_string(&file).unwrap();
+            let found = judge(&room, &text);
+            violations.extend(found.into_iter().map(|what| format!("{}: {what}", file.display())));
+        }
+    }
+    assert!(violations.is_empty(), "{}", violations.join("\n"));
+}
+
+#[test]
+fn what_is_not_pure_is_found() {
+    assert!(judge("controller", "let torque = 0x6071;\n#[cfg(test)]").len() == 1);
+    for (room, line) in [
+        ("canopen", "use std::time::Instant;"),
+        ("robot", "println!(\"here\");"),
+        ("node", "const TORQUE: u16 = 0x6071;"),
+    ] {
+        assert_eq!(judge(room, line).len(), 1, "{room}: {line}");
+    }
+    assert!(judge("canopen", "// by std::time::Instant, const TORQUE: u16 = 0x6071;").is_empty());
+}
+
+/// The rooms of ARCHITECTURE.md's table, and what each stands on there.
+fn told() -> BTreeMap<String, BTreeSet<String>> {
+    let text = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
+    let rows = text.lines().skip_while(|line| !line.starts_with("| room"));
+    let rows = rows.skip(2).take_while(|line| line.starts_with('|'));
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        let room = cells[1].trim_matches('`').to_owned();
+        let below = cells[3].split('`').skip(1).step_by(2).map(str::to_owned);
+        (room, below.collect())
+    };
+    rows.map(row).collect()
+}
+
+/// The folders of `src/` that are crates.
+fn rooms() -> impl Iterator<Item = String> {
+    let folders = fs::read_dir(src()).unwrap().map(|entry| entry.unwrap().path());
+    let rooms = folders.filter(|folder| folder.join("Cargo.toml").is_file());
+    rooms.map(|folder| folder.file_name().unwrap().to_str().unwrap().to_owned())
+}
+
+/// The rooms that a room depends on, its tests apart.
+fn dependencies(room: &str) -> BTreeSet<String> {
+    let manifest = manifest(room);
+    let all = manifest.get("dependencies").and_then(toml::Value::as_table);
+    let names = all.into_iter().flat_map(toml::Table::keys).cloned();
+    names.filter(|name| src().join(name).join("Cargo.toml").is_file()).collect()
+}
+
+fn manifest(room: &str) -> toml::Table {
+    fs::read_to_string(src().join(room).join("Cargo.toml")).unwrap().parse().unwrap()
+}
+
+/// What is wrong with `text` as a part of a room.
+fn judge(room: &str, text: &str) -> Vec<String> {
+    let mut violations = Vec::new();
+    let production = text.split("#[cfg(test)]").next().unwrap_or_default();
+    if PURE.contains(&room) {
+        for impure in IMPURE.iter().filter(|impure| names(production, impure)) {
+            violations.push(format!("names {impure}"));
+        }
+    }
+    if !room.starts_with("canopen") {
+        violations.extend(object_indices(production).map(|index| format!("writes {index} itself")));
+    }
+    violations
+}
+
+/// Numbers that are written like an index of an object dictionary: 0x1000 to 0x9FFF.
+fn object_indices(text: &str) -> impl Iterator<Item = &str> {
+    let code = text.lines().filter(|line| !is_comment(line));
+    let words = code.flat_map(|line| line.split(|c: char| !c.is_ascii_alphanumeric() && c != '_'));
+    words.filter(|word| {
+        let digits = word.strip_prefix("0x").unwrap_or_default();
+        digits.len() == 4
+            && digits.starts_with(|first: char| ('1'..='9').contains(&first))
+            && digits.chars().all(|digit| digit.is_ascii_hexdigit())
+    })
+}
+
+/// Whether a line of code (not a comment) names `path` as a whole.
+fn names(text: &str, path: &str) -> bool {
+    let begins = |line: &str, at: usize| {
+        !line[..at].ends_with(|before: char| before.is_alphanumeric() || "_:".contains(before))
+    };
+    text.lines()
+        .filter(|line| !is_comment(line))
+        .any(|line| line.match_indices(path).any(|(at, _)| begins(line, at)))
+}
+
+fn is_comment(line: &str) -> bool {
+    line.trim_start().starts_with("//")
+}
+
+/// The sources of a room.
+fn sources(room: &str) -> Vec<PathBuf> {
+    let (mut files, mut folders) = (Vec::new(), vec![src().join(room)]);
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+            match path.extension() {
+                _ if path.is_dir() => folders.push(path),
+                Some(extension) if extension == "rs" => files.push(path),
+                _ => {}
+            }
+        }
+    }
+    files
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn src() -> PathBuf {
+    root().join("src")
+}

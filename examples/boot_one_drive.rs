@@ -1,0 +1,99 @@
+//! Boots one simulated drive as a CANopen master does, and prints what the bus carried.
+//!
+//! `cargo run --release --example boot_one_drive`
+#![allow(clippy::print_stdout, reason = "an example prints")]
+
+use std::error::Error;
+use std::time::Duration;
+
+use bus::Bus;
+use bus::Heard;
+use bus::Memory;
+use bus::Received;
+use bus::Tap;
+use canopen::NodeId;
+use canopen::dictionary::Dictionary;
+use canopen::eds::Eds;
+use canopen::frame::Channel;
+use canopen::frame::Telegram;
+use canopen::layout;
+use canopen::master::Master;
+use canopen::plan::Identity;
+use canopen::plan::NodePlan;
+use canopen::plan::Watch;
+use sim::actuator::ActuatorSettings;
+use sim::drive::Drive;
+use sim::drive::DriveSettings;
+use sim::motion::Tuning;
+use units::time::Instant;
+
+/// Prints every frame as candump does.
+struct Print;
+
+impl Tap for Print {
+    fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
+        let micros = at.as_micros();
+        println!("({}.{:06}) can0 {}", micros / 1_000_000, micros % 1_000_000, telegram.frame);
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    // The drive: its data sheet, and the motor behind it.
+    let eds = Eds::parse(include_bytes!("../eds/frhc_drive.eds"))?;
+    let node = NodeId::new(5).ok().ok_or("1 to 127")?;
+    let drive = Drive::new(DriveSettings {
+        channel: Channel(0),
+        node,
+        dictionary: Dictionary::new(&eds, node),
+        actuator: ActuatorSettings {
+            counts_per_rev: 4096.0,
+            gear_ratio: 50.0,
+            zero_counts: 0,
+            rated_torque: 0.3,
+            torque_curve: [10.0, 0.0, 0.0],
+            max_torque: 30.0,
+        },
+        latency: Duration::from_micros(100),
+        tuning: Tuning::default(),
+    });
+    let mut bus = Memory::new(&[1_000_000], drive, Print);
+
+    // The plan: who is expected, its PDOs with an event timer of 5 ms, its watchdogs, at most 100 % of rated torque.
+    let identity = Identity { vendor: 0x0F8C, product: 0x0402_0010, revision: 0x0001_0000 };
+    let watch = Watch {
+        master: NodeId::new(127).ok().ok_or("1 to 127")?,
+        master_lost_ms: 22,
+        heartbeat_ms: 25,
+        node_lost_ms: 60,
+    };
+    let plan = NodePlan::drive(
+        "elbow".to_owned(),
+        node,
+        identity,
+        layout::per_drive(node, Some(5)),
+        &watch,
+        1_000,
+    );
+
+    // The master is a pure machine: frames and time in, frames and events out.
+    let mut master = Master::new(vec![(Channel(0), plan)]);
+    let mut out = Vec::new();
+    while master.is_booting() {
+        let until = master.deadline().unwrap_or(bus.now() + Duration::from_millis(10));
+        let event = match bus.receive(until) {
+            Some(Received { at, channel, heard: Heard::Frame(frame) }) => {
+                master.on_frame(at, &Telegram { channel, frame }, &mut out)
+            }
+            Some(_) => None,
+            None => master.on_time(bus.now(), &mut out),
+        };
+        if let Some(event) = event {
+            println!("# {event}");
+        }
+        for telegram in out.drain(..) {
+            bus.send(telegram)?;
+        }
+    }
+    println!("# {:?}", master.health(0));
+    Ok(())
+}

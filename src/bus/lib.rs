@@ -1,4 +1,12 @@
 //! Where frames and time enter: the [`Bus`] is the only thing here that waits or knows the time.
+//!
+//! ```
+//! use bus::candump::{Content, Line};
+//!
+//! let line = Line::parse("(1700000000.123456) can0 181#3706E803").unwrap();
+//! assert_eq!((line.interface, line.id), ("can0", 0x181));
+//! assert!(matches!(line.content, Content::Data(data) if data.len() == 4));
+//! ```
 #![forbid(unsafe_code)]
 
 mod arrival;

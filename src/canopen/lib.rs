@@ -1,4 +1,27 @@
 //! CANopen (CiA 301) and the drive profile (CiA 402), as pure machines: frames and time in, frames out.
+//!
+//! A machine has three verbs: `on_frame` takes a received frame, `on_time` does what is due, `deadline` says when that is.
+//! Frames to send are appended to a list. No machine waits, reads a clock or knows a socket; whoever owns it does.
+//! `examples/boot_one_drive.rs` boots a drive with the [`master`].
+//!
+//! ```
+//! use std::time::Duration;
+//!
+//! use canopen::NodeId;
+//! use canopen::frame::Frame;
+//! use canopen::object::Object;
+//! use canopen::sdo::Transfer;
+//! use units::time::Instant;
+//!
+//! // Reads the statusword (6041h) of node 3 by SDO.
+//! let (now, mut out) = (Instant::ZERO, Vec::new());
+//! let node = NodeId::new(3).unwrap();
+//! let mut read = Transfer::read(node, Object { index: 0x6041, sub: 0 }, Duration::from_millis(50), now, &mut out);
+//! assert_eq!(out, [Frame::new(0x603, [0x40, 0x41, 0x60, 0, 0, 0, 0, 0])]);
+//!
+//! let reply = Frame::new(0x583, [0x4B, 0x41, 0x60, 0, 0x37, 0x12, 0, 0]);
+//! assert!(read.on_frame(now, &reply, &mut out).is_some());
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod abort;

@@ -1,5 +1,17 @@
 //! TOML to values that cannot be wrong. Every problem of a file is found in one run and says file,
 //! line and key; afterwards nothing is checked again.
+//!
+//! ```
+//! use std::path::Path;
+//! use config::Config;
+//!
+//! // The shipped configurations are known without their files.
+//! let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+//! assert_eq!(config.period.as_micros(), 1_000);
+//!
+//! let invalid = Config::parse(Path::new("mine.toml"), "[node]\nperiod_ms = 1").unwrap_err();
+//! assert!(invalid.to_string().contains("mine.toml"));
+//! ```
 #![forbid(unsafe_code)]
 
 mod beyond;

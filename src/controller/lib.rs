@@ -28,6 +28,14 @@
 //!
 //! Where the paper leaves a choice, "decision n" names the one taken; each stands in one function,
 //! so that another reading can stand beside it.
+//!
+//! ```
+//! use controller::torque_curve::TorqueCurve;
+//!
+//! // Torque of a drive over ‰ of its rated torque: 12 x + x³ N·m, up to 6 N·m. It is proven to rise.
+//! let curve = TorqueCurve::new([12.0, 1.0, 0.0], 6.0).unwrap();
+//! assert!(TorqueCurve::new([12.0, -40.0, 0.0], 6.0).is_err());
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod arm;

@@ -1,4 +1,17 @@
 //! Node and simulation put together: what `demo`, `sim` and the tests stand on.
+//!
+//! ```
+//! use std::path::Path;
+//!
+//! use config::Config;
+//! use lab::bench::Bench;
+//! use sim::scenario::Scenario;
+//!
+//! let config = Config::load(Path::new("config/kraft_like_500hz.toml")).unwrap();
+//! let mut bench = Bench::new(&config, Scenario::parse("seconds = 1.0").unwrap(), 1, false, ());
+//! bench.bring_up().unwrap();
+//! assert_eq!(bench.cycle().mode.to_string(), "ready");
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod attend;

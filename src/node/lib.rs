@@ -2,6 +2,16 @@
 //!
 //! Its owner calls [`Node::bring_up`], then [`Node::cycle`] for as long as it runs, then
 //! [`Node::stop`]. All waiting happens in the [`Bus`].
+//!
+//! ```
+//! use node::cause::Cause;
+//! use node::safety::table::{Reaction, row};
+//!
+//! // What a cause leads to stands in one table.
+//! let lost = Cause::SamplesMissing { joint: 3, cycles: 3 };
+//! assert_eq!(lost.to_string(), "joint 3: no sample for 3 cycles");
+//! assert_eq!(row(lost.kind()).armed, Reaction::ZeroTorque);
+//! ```
 #![forbid(unsafe_code)]
 
 mod asking;

@@ -1,5 +1,21 @@
 //! Where commands go and wrenches come from: an object in this process, a robot over a network, a
 //! force/torque sensor. One exchange a cycle, which never waits.
+//!
+//! ```
+//! use remote::{Remote, Sensed};
+//! use units::spatial::{Motion, Wrench};
+//! use units::time::Instant;
+//!
+//! /// A robot that feels nothing.
+//! struct Deaf;
+//!
+//! impl Remote for Deaf {
+//!     fn exchange(&mut self, now: Instant, _: &Motion) -> Option<Sensed> {
+//!         Some(Sensed { at: now, f_s: Wrench::ZERO, x_b_m: nalgebra::Isometry3::identity() })
+//!     }
+//! }
+//! assert!(Deaf.exchange(Instant::ZERO, &Motion::Hold).unwrap().is_possible());
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod scene;

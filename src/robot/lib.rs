@@ -2,6 +2,17 @@
 //! 4.3).
 //!
 //! Not the world it touches: contact wrenches come in. Nothing here knows the hand controller.
+//!
+//! ```
+//! use nalgebra::Isometry3;
+//! use robot::object::{Object, Servo};
+//! use units::spatial::{Motion, Twist, Wrench};
+//!
+//! let servo = Servo::new(0.05, 0.5, 2.0).unwrap(); // a lag of 50 ms, at most 0.5 m/s and 2 rad/s
+//! let mut object = Object::new(servo, Isometry3::identity());
+//! object.step(0.001, &Motion::Hold, &Wrench::ZERO);
+//! assert_eq!(object.pose().translation.x, 0.0);
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod accommodation;

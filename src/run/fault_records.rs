@@ -298,7 +298,8 @@ mod tests {
 
     /// A folder of this test alone.
     fn scratch(name: &str) -> PathBuf {
-        let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
+        let folder =
+            std::env::temp_dir().join(format!("frhc-{}-faults-{name}", std::process::id()));
         fs::remove_dir_all(&folder).ok();
         folder
     }

@@ -103,7 +103,8 @@ mod tests {
     use sim::scenario::Scenario;
 
     fn scratch(name: &str) -> PathBuf {
-        let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
+        let folder =
+            std::env::temp_dir().join(format!("frhc-{}-keeper-{name}", std::process::id()));
         fs::remove_dir_all(&folder).ok();
         folder
     }

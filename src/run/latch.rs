@@ -167,7 +167,7 @@ mod tests {
     use super::*;
 
     fn scratch(name: &str) -> PathBuf {
-        let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
+        let folder = std::env::temp_dir().join(format!("frhc-{}-latch-{name}", std::process::id()));
         fs::remove_dir_all(&folder).ok();
         folder
     }

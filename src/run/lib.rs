@@ -1,4 +1,20 @@
 //! The programs of the rack: `run`, `commission`, `ctl`, `check`, and what they print, record and keep.
+//!
+//! | module | command |
+//! |---|---|
+//! | [`mod@run`] | `frhc run`: a thread for the cycle, one for signals, one for the console, one for each disk |
+//! | [`ctl`] | `frhc ctl`: one question to a running node |
+//! | [`check`] | `frhc check`: configuration, data sheets, gains; touches no bus |
+//! | [`commission`] | `frhc commission`: every drive shows that it stops by itself |
+//!
+//! [`command::Command`] has them all; [`exit`] the exit codes.
+//!
+//! ```
+//! use run::exit::{Failure, Kind};
+//!
+//! let failure = Failure::new(Kind::Configuration, "mine.toml:7: node.period_ms: must be within 1..=20, got 0");
+//! assert!(failure.to_string().contains("mine.toml:7"));
+//! ```
 #![forbid(unsafe_code)]
 
 mod archive;
@@ -22,7 +38,7 @@ pub mod print;
 pub mod provenance;
 mod recorder;
 pub mod results;
-mod rings;
+pub mod rings;
 pub mod run;
 pub mod session;
 pub mod signals;

@@ -38,7 +38,7 @@ enum Step {
 }
 
 /// What the cycle's thread hands over.
-pub(super) trait Entries {
+pub trait Entries {
     /// A frame that passed by.
     fn frame(&mut self, at: Instant, telegram: &Telegram);
     /// A cycle.
@@ -49,7 +49,7 @@ pub(super) trait Entries {
 
 /// The cycle's end. It overhears the buses.
 #[derive(Debug)]
-pub(super) struct Offer {
+pub struct Offer {
     order: Producer<Step>,
     records: Producer<Record>,
     events: Producer<Event>,
@@ -58,7 +58,7 @@ pub(super) struct Offer {
 
 /// The other end, which looks for entries from time to time.
 #[derive(Debug)]
-pub(super) struct Taker {
+pub struct Taker {
     order: Consumer<Step>,
     records: Consumer<Record>,
     events: Consumer<Event>,
@@ -66,7 +66,7 @@ pub(super) struct Taker {
 
 /// Entries lost so far, counted where they are lost.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Lost(Arc<Counters>);
+pub struct Lost(Arc<Counters>);
 
 #[derive(Debug, Default)]
 struct Counters {
@@ -103,7 +103,7 @@ impl Lost {
 }
 
 /// Both ends, and what is lost between them. All memory is taken here.
-pub(super) fn rings() -> (Offer, Taker, Lost) {
+pub fn rings() -> (Offer, Taker, Lost) {
     let (order, steps) = RingBuffer::new(FRAMES);
     let (records, recorded) = RingBuffer::new(RECORDS);
     let (events, happened) = RingBuffer::new(EVENTS);
@@ -114,7 +114,7 @@ pub(super) fn rings() -> (Offer, Taker, Lost) {
 
 impl Offer {
     /// Hands over a record.
-    pub(super) fn record(&mut self, record: &Record) {
+    pub fn record(&mut self, record: &Record) {
         let is_kept = self.order.slots() > 0 && self.records.push(*record).is_ok();
         // A place that was free stays free: nobody else writes here.
         let is_kept = is_kept && self.order.push(Step::Record).is_ok();
@@ -138,12 +138,12 @@ impl Tap for Offer {
 
 impl Taker {
     /// Returns whether the other end is gone. What it left is still to be taken.
-    pub(super) fn is_abandoned(&self) -> bool {
+    pub fn is_abandoned(&self) -> bool {
         self.order.is_abandoned()
     }
 
     /// Takes what waits, oldest first, `most` entries at most; returns how many there were.
-    pub(super) fn take(&mut self, most: usize, by: &mut impl Entries) -> usize {
+    pub fn take(&mut self, most: usize, by: &mut impl Entries) -> usize {
         let waiting = self.order.slots().min(most);
         for _ in 0..waiting {
             match self.order.pop() {

@@ -134,7 +134,8 @@ mod tests {
     const ORIGIN: Origin = Origin::from_micros(1_795_331_563_123_456);
 
     fn scratch(name: &str) -> PathBuf {
-        let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
+        let folder =
+            std::env::temp_dir().join(format!("frhc-{}-session-{name}", std::process::id()));
         fs::remove_dir_all(&folder).ok();
         folder
     }

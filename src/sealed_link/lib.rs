@@ -16,6 +16,16 @@
 //! The handshake is Noise_IK_25519_ChaChaPoly_BLAKE2s: each side knows the other's static key beforehand
 //! and accepts no other. A [`session`] has keys of its own, so what was recorded in one says nothing in the
 //! next; a node begins one at each arming.
+//!
+//! ```
+//! use sealed_link::window::Window;
+//!
+//! let mut window = Window::default();
+//! assert!(window.check(7).is_ok());
+//! window.take(7);
+//! assert!(window.check(7).is_err(), "a replay");
+//! assert!(window.check(6).is_ok(), "late, but new");
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod cookie;

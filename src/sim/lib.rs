@@ -20,6 +20,14 @@
 //! | [`world`]    | all of it, as a station on the buses                        |
 //! | [`belief`]   | what each drive believes, and what is so                    |
 //! | [`rig`]      | one joint against a load cell, to calibrate                 |
+//!
+//! ```
+//! use sim::scenario::Scenario;
+//!
+//! let scenario = Scenario::parse("seconds = 2.0\n[[fault]]\nat_s = 1.0\nkind = \"unplug\"\njoint = 3").unwrap();
+//! let error = Scenario::parse("seconds = 2.0\n[[fault]]\nat_s = 1.0\nkind = \"unplugged\"\njoint = 3").unwrap_err();
+//! assert!(error.to_string().contains("unplugged"));
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod actuator;

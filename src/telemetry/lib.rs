@@ -1,4 +1,10 @@
 //! Records and changes, out of the loop: what the cycle leaves behind for people and files.
+//!
+//! ```
+//! use telemetry::digits::significant;
+//!
+//! assert_eq!(significant(0.123_456, 3), 0.123);
+//! ```
 #![forbid(unsafe_code)]
 
 mod chart;

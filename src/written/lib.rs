@@ -3,6 +3,18 @@
 //! A fixed-size array of serde stops reading after its last element, and `toml` does not ask whether
 //! anything follows: `[1, 2, 3, "x"]` would pass for three numbers. So no section has arrays; it has
 //! [`List`]s.
+//!
+//! ```
+//! use serde::Deserialize;
+//! use written::List;
+//!
+//! #[derive(Deserialize)]
+//! struct Wall { point_m: List<f64, 3> }
+//!
+//! let wall: Wall = toml::from_str("point_m = [0.1, 0.2, 0.3]").unwrap();
+//! assert_eq!(wall.point_m.0[2], 0.3);
+//! assert!(toml::from_str::<Wall>("point_m = [0.1, 0.2, 0.3, 0.4]").is_err());
+//! ```
 #![forbid(unsafe_code)]
 
 use std::fmt;

@@ -149,7 +149,8 @@ mod tests {
 
     /// A folder of this test alone.
     fn folder(name: &str) -> PathBuf {
-        let folder = std::env::temp_dir().join(format!("frhc-{}-{name}", std::process::id()));
+        let folder =
+            std::env::temp_dir().join(format!("frhc-{}-socket-{name}", std::process::id()));
         fs::remove_dir_all(&folder).ok();
         fs::create_dir(&folder).unwrap();
         folder

@@ -1,0 +1,92 @@
+//! Cycles of the whole loop in memory without a recorder, with one that takes what is offered, and with one that hangs.
+//!
+//! `cargo bench --bench recorder` prints the median and the 99.9th percentile of each: promise 13 of docs/safety.md.
+//! The three run by turns, so that what else the machine does meets all of them.
+#![allow(
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    clippy::disallowed_methods,
+    reason = "a benchmark prints, and cannot go on without what it needs"
+)]
+
+use std::path::Path;
+use std::time::Duration;
+use std::time::Instant;
+
+use bus::Tap;
+use canopen::frame::Telegram;
+use canopen::master::event::Event;
+use config::Config;
+use lab::bench::Bench;
+use node::record::Record;
+use run::rings::Entries;
+use run::rings::Offer;
+use run::rings::rings;
+use sim::scenario::Scenario;
+
+const SCENARIO: &str = include_str!("../config/scenarios/contact_10s.toml");
+const TURNS: usize = 100;
+const CYCLES: usize = 90;
+
+/// A recorder's side that keeps nothing.
+struct Drain;
+
+impl Entries for Drain {
+    fn frame(&mut self, _: units::time::Instant, _: &Telegram) {}
+    fn record(&mut self, _: &Record) {}
+    fn event(&mut self, _: &Event) {}
+}
+
+fn main() {
+    let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+    let mut spans: [Vec<Duration>; 3] = Default::default();
+    for round in 0..10 {
+        let (taken, mut taker, _) = rings();
+        let (hanging, hung, _) = rings();
+        let mut alone = booted(&config, ());
+        let mut drained = booted(&config, taken);
+        let mut stuck = booted(&config, hanging);
+        for _ in 0..TURNS {
+            measure(&mut alone, |_, _| {}, &mut spans[0]);
+            measure(&mut drained, Offer::record, &mut spans[1]);
+            taker.take(usize::MAX, &mut Drain);
+            measure(&mut stuck, Offer::record, &mut spans[2]);
+        }
+        drop(hung);
+        if round == 0 {
+            spans.iter_mut().for_each(Vec::clear); // caches are warm from now on
+        }
+    }
+    for (name, spans) in ["no recorder", "recorder", "recorder that hangs"].iter().zip(&mut spans) {
+        spans.sort();
+        let at = |permille: usize| {
+            spans.get(spans.len() * permille / 1_000).unwrap().as_secs_f64() * 1e6
+        };
+        println!(
+            "{name:20} p50 {:6.2} µs, p99.9 {:6.2} µs ({} cycles)",
+            at(500),
+            at(999),
+            spans.len()
+        );
+    }
+}
+
+fn booted<T: Tap>(config: &Config, tap: T) -> Bench<T> {
+    let mut bench = Bench::new(config, Scenario::parse(SCENARIO).unwrap(), 1, false, tap);
+    bench.bring_up().unwrap();
+    bench
+}
+
+/// Cycles, each with what its owner does of its record.
+fn measure<T: Tap>(
+    bench: &mut Bench<T>,
+    mut offer: impl FnMut(&mut T, &Record),
+    spans: &mut Vec<Duration>,
+) {
+    for _ in 0..CYCLES {
+        let begun = Instant::now();
+        let record = bench.cycle();
+        offer(bench.tap_mut(), &record);
+        spans.push(begun.elapsed());
+    }
+}

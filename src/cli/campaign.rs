@@ -143,10 +143,10 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
 
 /// Case 137 (row 3, TPDO lost): late, and how to see it again.
 fn words(args: &Campaign, verdict: &Verdict) -> String {
-    let Verdict { number, row, kind, demand, outcome, seen, .. } = verdict;
+    let Verdict { number, row, kind, expectation, outcome, seen, .. } = verdict;
     let cause = seen.cause.map_or_else(String::new, |cause| format!(", stopped by {cause}"));
     let mut words =
-        format!("case {number} (row {row}, {kind}): {outcome}{cause}; demanded: {demand}");
+        format!("case {number} (row {row}, {kind}): {outcome}{cause}; demanded: {expectation}");
     for breach in &seen.breaches {
         words.push_str(&format!("\n  {breach}"));
     }
@@ -160,7 +160,7 @@ fn failure(args: &Campaign, verdict: &Verdict) -> serde_json::Value {
         "row": verdict.row,
         "kind": verdict.kind,
         "outcome": verdict.outcome.to_string(),
-        "demanded": verdict.demand.to_string(),
+        "demanded": verdict.expectation.to_string(),
         "cause": verdict.seen.cause.map(|cause| cause.to_string()),
         "breaches": breaches,
         "replay": command(args, verdict.number),
@@ -186,7 +186,7 @@ fn replay(args: &Campaign, configs: Vec<Config>, number: u32) -> Result<(), Fail
         "case {number} of seed {}: row {}, {}; {file}, {}",
         args.seed, case.kind.row, case.kind.name, case.situation
     ));
-    for (after, mishap) in &case.deed.mishaps {
+    for (after, mishap) in &case.injection.mishaps {
         let at = (case.onset + *after).as_secs_f64();
         print::line(&format!("scenario + {at:.6} s: {mishap:?}"));
     }

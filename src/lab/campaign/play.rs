@@ -157,7 +157,7 @@ pub(super) fn play(
     bench.follow(scenario, case.seed);
     bench.tap_mut().forget();
     let mut onset = bench.begun() + case.onset;
-    for (after, mishap) in &case.deed.mishaps {
+    for (after, mishap) in &case.injection.mishaps {
         bench.bus_mut().plan(onset + *after, *mishap);
         excuse(config.period, onset + *after, *mishap)
             .into_iter()
@@ -165,16 +165,16 @@ pub(super) fn play(
     }
     let mut watch = Watch::new(bench);
     let (mut is_tried, mut is_fast) = (false, false);
-    while bench.now() < onset + case.deed.watch {
+    while bench.now() < onset + case.injection.watch {
         if answer(bench) {
             onset = bench.now();
         }
-        if let Some(force) = case.deed.senses.filter(|_| bench.now() >= onset) {
+        if let Some(force) = case.injection.senses.filter(|_| bench.now() >= onset) {
             let force = Vector3::new(force, 0.0, 0.0);
             bench.site_mut().pretend(Wrench { force, moment: Vector3::zeros() });
         }
         // A latch is left by a reset alone.
-        if !is_tried && bench.now() > onset + case.deed.watch * 3 / 4 && watch.is_latched() {
+        if !is_tried && bench.now() > onset + case.injection.watch * 3 / 4 && watch.is_latched() {
             ask(bench, Request::Arm);
             is_tried = true;
         }
@@ -182,7 +182,7 @@ pub(super) fn play(
         let now = bench.now();
         bench.tap_mut().told(now, record.mode);
         watch.look(bench, config, onset, &record);
-        if case.deed.onset_speed.is_some_and(|limit| !is_fast && watch.seen.speed > limit) {
+        if case.injection.onset_speed.is_some_and(|limit| !is_fast && watch.seen.speed > limit) {
             (is_fast, onset) = (true, now);
         }
         witness(bench, &record);

@@ -7,8 +7,10 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use crate::campaign::case::Demand;
 use crate::campaign::catalogue;
+use crate::campaign::injection::Expectation;
+use crate::campaign::kind::KILLED;
+use crate::campaign::kind::Kind;
 use crate::campaign::verdict::Outcome;
 use crate::campaign::verdict::Verdict;
 
@@ -103,7 +105,7 @@ pub struct Spread {
 impl Table {
     /// Of these verdicts.
     pub fn of(verdicts: &[Verdict]) -> Self {
-        let line = |kind: &'static catalogue::Kind| {
+        let line = |kind: &'static Kind| {
             let of: Vec<&Verdict> = verdicts.iter().filter(|one| one.kind == kind.name).collect();
             (!of.is_empty()).then(|| Line::of(kind.row, kind.name, &of))
         };
@@ -116,9 +118,9 @@ impl Table {
 
 impl Killed {
     fn of(verdicts: &[Verdict]) -> Vec<Self> {
-        let killed = verdicts.iter().filter(|one| one.kind == catalogue::KILLED);
-        let timed = killed.filter_map(|one| match (one.demand, one.seen.quiet) {
-            (Demand::Release(within), Some(quiet)) => Some((within, quiet)),
+        let killed = verdicts.iter().filter(|one| one.kind == KILLED);
+        let timed = killed.filter_map(|one| match (one.expectation, one.seen.quiet) {
+            (Expectation::Release(within), Some(quiet)) => Some((within, quiet)),
             _ => None,
         });
         let mut by_timer: BTreeMap<Duration, Vec<u64>> = BTreeMap::new();

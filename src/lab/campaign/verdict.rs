@@ -4,8 +4,8 @@ use std::fmt;
 use std::time::Duration;
 
 use crate::campaign::case::Case;
-use crate::campaign::case::Demand;
-use crate::campaign::case::MayStop;
+use crate::campaign::injection::Expectation;
+use crate::campaign::injection::MayStop;
 use crate::campaign::monitor::Breach;
 use node::cause::Cause;
 use node::cause::Kind as CauseKind;
@@ -68,8 +68,8 @@ pub struct Verdict {
     pub config: usize,
     /// Its cycle.
     pub period: Duration,
-    /// What was demanded.
-    pub demand: Demand,
+    /// What was expected.
+    pub expectation: Expectation,
     /// What was seen.
     pub seen: Seen,
     /// Whether that is what was demanded.
@@ -115,8 +115,8 @@ impl Verdict {
             row: case.kind.row,
             config: case.config,
             period,
-            demand: case.deed.demand,
-            outcome: outcome(case.deed.demand, case.kind.causes, &seen),
+            expectation: case.injection.expectation,
+            outcome: outcome(case.injection.expectation, case.kind.causes, &seen),
             seen,
         }
     }
@@ -124,31 +124,31 @@ impl Verdict {
     /// Whether nothing is wrong with it: neither its outcome nor any law.
     pub const fn is_good(&self) -> bool {
         let is_met = matches!(self.outcome, Outcome::Met);
-        let may_act = matches!(self.demand, Demand::Either(_));
+        let may_act = matches!(self.expectation, Expectation::Either(_));
         is_met && self.seen.breach_count == 0 && (may_act || self.seen.applied == 0)
     }
 
     /// The time that was demanded of: until zero, silence or letting go.
     pub const fn time(&self) -> Option<Duration> {
-        match self.demand {
-            Demand::Stop(_) | Demand::Zero(_) => self.seen.zero,
-            Demand::Release(_) | Demand::Mute(..) => self.seen.quiet,
-            Demand::LetGo(_) | Demand::Disengage(..) => self.seen.felt,
-            Demand::GoOn | Demand::Either(_) => None,
+        match self.expectation {
+            Expectation::Stop(_) | Expectation::Zero(_) => self.seen.zero,
+            Expectation::Release(_) | Expectation::Mute(..) => self.seen.quiet,
+            Expectation::LetGo(_) | Expectation::Disengage(..) => self.seen.felt,
+            Expectation::GoOn | Expectation::Either(_) => None,
         }
     }
 }
 
-/// Compares what was seen with a demand, and the cause of a stop with those that may be.
-fn outcome(demand: Demand, causes: &[CauseKind], seen: &Seen) -> Outcome {
+/// Compares what was seen with a expectation, and the cause of a stop with those that may be.
+fn outcome(expectation: Expectation, causes: &[CauseKind], seen: &Seen) -> Outcome {
     let is_wrong = |cause: &Cause| !causes.contains(&cause.kind());
-    let outcome = timely(demand, seen);
+    let outcome = timely(expectation, seen);
     if outcome != Outcome::Met {
         outcome
     } else if seen.cause.as_ref().is_some_and(is_wrong) {
         Outcome::WrongCause
     // Where either may be, strangers may command the drives as well.
-    } else if seen.is_left_on && !matches!(demand, Demand::Either(_)) {
+    } else if seen.is_left_on && !matches!(expectation, Expectation::Either(_)) {
         Outcome::LeftOn
     } else {
         Outcome::Met
@@ -156,31 +156,37 @@ fn outcome(demand: Demand, causes: &[CauseKind], seen: &Seen) -> Outcome {
 }
 
 /// Compares only what happened, and when.
-fn timely(demand: Demand, seen: &Seen) -> Outcome {
+fn timely(expectation: Expectation, seen: &Seen) -> Outcome {
     let is_latched = seen.detected.is_some();
     let in_time = |time: Option<Duration>, within: Duration| match time {
         Some(time) if time <= within => Outcome::Met,
         Some(_) | None => Outcome::Late,
     };
-    match demand {
-        Demand::Stop(_) if !seen.is_stopped => Outcome::Missed,
-        Demand::Release(_) | Demand::LetGo(_) if !is_latched => Outcome::Missed,
-        Demand::Mute(_, given_up) if seen.given_up.is_none_or(|time| time > given_up) => {
+    match expectation {
+        Expectation::Stop(_) if !seen.is_stopped => Outcome::Missed,
+        Expectation::Release(_) | Expectation::LetGo(_) if !is_latched => Outcome::Missed,
+        Expectation::Mute(_, given_up) if seen.given_up.is_none_or(|time| time > given_up) => {
             Outcome::Missed
         }
-        Demand::Zero(_) | Demand::Disengage(_, MayStop::No) | Demand::GoOn if is_latched => {
+        Expectation::Zero(_) | Expectation::Disengage(_, MayStop::No) | Expectation::GoOn
+            if is_latched =>
+        {
             Outcome::FalseTrip
         }
-        Demand::LetGo(within) if seen.detected.is_some_and(|time| time > within) => Outcome::Late,
-        Demand::Stop(within) | Demand::Zero(within) => in_time(seen.zero, within),
-        Demand::Release(within) | Demand::Mute(within, _) => in_time(seen.quiet, within),
-        Demand::LetGo(within) | Demand::Disengage(within, _) => in_time(seen.felt, within),
-        Demand::GoOn | Demand::Either(_) => Outcome::Met,
+        Expectation::LetGo(within) if seen.detected.is_some_and(|time| time > within) => {
+            Outcome::Late
+        }
+        Expectation::Stop(within) | Expectation::Zero(within) => in_time(seen.zero, within),
+        Expectation::Release(within) | Expectation::Mute(within, _) => in_time(seen.quiet, within),
+        Expectation::LetGo(within) | Expectation::Disengage(within, _) => {
+            in_time(seen.felt, within)
+        }
+        Expectation::GoOn | Expectation::Either(_) => Outcome::Met,
     }
 }
 
 /// As in `within 5 ms`.
-impl fmt::Display for Demand {
+impl fmt::Display for Expectation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let millis = |time: &Duration| time.as_secs_f64() * 1e3;
         match self {
@@ -241,29 +247,35 @@ mod tests {
 
     #[test]
     fn stop_by_another_cause_is_a_wrong_cause() {
-        for demand in [Demand::Stop(WITHIN), Demand::Release(WITHIN), Demand::Either("")] {
+        for expectation in
+            [Expectation::Stop(WITHIN), Expectation::Release(WITHIN), Expectation::Either("")]
+        {
             let right = stopped_by(MISSING);
-            assert_eq!(outcome(demand, CAUSES, &right), Outcome::Met, "{demand:?}");
+            assert_eq!(outcome(expectation, CAUSES, &right), Outcome::Met, "{expectation:?}");
             let wrong = stopped_by(Cause::Overspeed { joint: 3 });
-            assert_eq!(outcome(demand, CAUSES, &wrong), Outcome::WrongCause, "{demand:?}");
+            assert_eq!(
+                outcome(expectation, CAUSES, &wrong),
+                Outcome::WrongCause,
+                "{expectation:?}"
+            );
         }
     }
 
     #[test]
     fn drive_left_on_after_a_stop_is_a_failure() {
         let left_on = Seen { is_left_on: true, ..stopped_by(MISSING) };
-        assert_eq!(outcome(Demand::Stop(WITHIN), CAUSES, &left_on), Outcome::LeftOn);
+        assert_eq!(outcome(Expectation::Stop(WITHIN), CAUSES, &left_on), Outcome::LeftOn);
     }
 
     #[test]
     fn bus_not_given_up_in_time_is_missed() {
-        let demand = Demand::Mute(WITHIN, WITHIN);
+        let expectation = Expectation::Mute(WITHIN, WITHIN);
         let seen = stopped_by(MISSING);
-        assert_eq!(outcome(demand, CAUSES, &seen), Outcome::Missed);
+        assert_eq!(outcome(expectation, CAUSES, &seen), Outcome::Missed);
         let given_up = |millis| Some(Duration::from_millis(millis));
         let in_time = Seen { given_up: given_up(5), ..seen.clone() };
-        assert_eq!(outcome(demand, CAUSES, &in_time), Outcome::Met);
+        assert_eq!(outcome(expectation, CAUSES, &in_time), Outcome::Met);
         let late = Seen { given_up: given_up(6), ..seen };
-        assert_eq!(outcome(demand, CAUSES, &late), Outcome::Missed);
+        assert_eq!(outcome(expectation, CAUSES, &late), Outcome::Missed);
     }
 }

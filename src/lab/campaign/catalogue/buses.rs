@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use crate::campaign::case::Deed;
-use crate::campaign::case::Demand;
-use crate::campaign::case::Place;
-use crate::campaign::catalogue::KILLED;
-use crate::campaign::catalogue::Kind;
-use crate::campaign::catalogue::NO_CAUSE;
-use crate::campaign::catalogue::kind;
 use crate::campaign::draw::Draw;
+use crate::campaign::injection::Expectation;
+use crate::campaign::injection::Injection;
+use crate::campaign::injection::Place;
+use crate::campaign::kind::KILLED;
+use crate::campaign::kind::Kind;
+use crate::campaign::kind::NO_CAUSE;
+use crate::campaign::kind::kind;
 use bus::BusFault;
 use bus::Disturbance;
 use bus::Mishap;
@@ -40,11 +40,11 @@ pub(super) const KINDS: &[Kind] = &[
         disturbed(draw, at, Disturbance::Fault(BusFault::Off), timers(at))
     }),
     kind(23, "error passive", &[Cause::BusPassive], |draw, at| {
-        let stop = Demand::Stop(at.cycles(2));
+        let stop = Expectation::Stop(at.cycles(2));
         disturbed(draw, at, Disturbance::Fault(BusFault::Passive), stop)
     }),
     kind(23, "error warning", NO_CAUSE, |draw, at| {
-        disturbed(draw, at, Disturbance::Fault(BusFault::Warning), Demand::GoOn)
+        disturbed(draw, at, Disturbance::Fault(BusFault::Warning), Expectation::GoOn)
     }),
     kind(24, "interface down", &[Cause::BusDown], |draw, at| {
         disturbed(draw, at, Disturbance::Down, timers(at))
@@ -86,9 +86,9 @@ pub(super) const KINDS: &[Kind] = &[
 ];
 
 /// By the drives' own RPDO timers, or by the node where it still reaches them.
-fn timers(at: &Place<'_>) -> Demand {
+fn timers(at: &Place<'_>) -> Expectation {
     let timer = Duration::from_millis(u64::from(at.config.safety.rpdo_timer_ms) + 1);
-    Demand::Mute(timer.max(at.cycles(6)), at.cycles(GIVEN_UP))
+    Expectation::Mute(timer.max(at.cycles(6)), at.cycles(GIVEN_UP))
 }
 
 /// Cycles until the node must have given up a bus: a cycle that has begun, two whose SYNC is not seen, and the one
@@ -99,42 +99,47 @@ fn bus(draw: &mut Draw, at: &Place<'_>) -> Channel {
     draw.among(&at.config.channels()).copied().unwrap_or_default()
 }
 
-fn disturbed(draw: &mut Draw, at: &Place<'_>, how: Disturbance, demand: Demand) -> Deed {
+fn disturbed(
+    draw: &mut Draw,
+    at: &Place<'_>,
+    how: Disturbance,
+    expectation: Expectation,
+) -> Injection {
     let channel = bus(draw, at);
-    Deed::befallen(vec![(Duration::ZERO, Mishap::Bus(channel, Some(how)))], demand)
+    Injection::mishaps(vec![(Duration::ZERO, Mishap::Bus(channel, Some(how)))], expectation)
 }
 
 /// Too short for drives to notice. What waits in the adapter nobody can take back, so it acts at the SYNC that
 /// waits behind it; not for longer than a drive's RPDO timer.
-const MOMENT: Demand =
-    Demand::Either("what comes late may act until the drives' RPDO timers run out");
+const MOMENT: Expectation =
+    Expectation::Either("what comes late may act until the drives' RPDO timers run out");
 
 /// For so many µs and more. What was queued meanwhile comes out at the end.
-fn stalled(draw: &mut Draw, at: &Place<'_>, least: u64, demand: Demand) -> Deed {
+fn stalled(draw: &mut Draw, at: &Place<'_>, least: u64, expectation: Expectation) -> Injection {
     let channel = bus(draw, at);
     let span = Duration::from_micros(least + draw.below(least.saturating_mul(4).max(10_000)));
     let mishaps = vec![
         (Duration::ZERO, Mishap::Bus(channel, Some(Disturbance::Stalled))),
         (span, Mishap::Bus(channel, None)),
     ];
-    Deed::befallen(mishaps, demand)
+    Injection::mishaps(mishaps, expectation)
 }
 
 /// With an identifier that wins against everything of the cycle.
-fn flooded(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn flooded(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let cob_id = u16::try_from(1 + draw.below(0x7E)).unwrap_or(1);
     let frame = Frame::new(cob_id, draw.bits().to_le_bytes());
     disturbed(draw, at, Disturbance::Flood(frame), timers(at))
 }
 
 /// Another master: nobody knows whom else it commands.
-fn stranger(draw: &mut Draw, at: &Place<'_>, keys: &str) -> Deed {
+fn stranger(draw: &mut Draw, at: &Place<'_>, keys: &str) -> Injection {
     let Channel(bus) = bus(draw, at);
     let keys = format!("{keys}; bus = {bus}");
-    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(2)))
+    Injection::scripted(at.fault(&keys), Expectation::Stop(at.cycles(2)))
 }
 
-fn foreign_nmt(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn foreign_nmt(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let commands = ["start", "stop", "pre_operational", "reset_node", "reset_communication"];
     let command = draw.among(&commands).copied().unwrap_or("stop");
     let node = draw.joint();
@@ -145,7 +150,7 @@ fn foreign_nmt(draw: &mut Draw, at: &Place<'_>) -> Deed {
     )
 }
 
-fn foreign_targets(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn foreign_targets(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let joint = draw.joint();
     let joint = at.config.joints.get(joint - 1);
     let bus = joint.map_or(0, |joint| joint.channel.0);
@@ -164,14 +169,14 @@ fn foreign_targets(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let keys = format!(
         "kind = \"foreign_frame\"; cob_id = 0x{cob_id:03X}; payload = \"{payload}\"; bus = {bus}"
     );
-    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(2)))
+    Injection::scripted(at.fault(&keys), Expectation::Stop(at.cycles(2)))
 }
 
 /// SDO requests, before the node-id is added.
 const SDO_REQUEST: u16 = 0x600;
 
 /// Another client writes one of the timers by which a drive stops without its master.
-fn foreign_download(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn foreign_download(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let joint = at.config.joints.get(draw.joint() - 1);
     let (bus, node) = joint.map_or((0, 1), |joint| (joint.channel.0, joint.node.raw()));
     let cob_id = SDO_REQUEST + u16::from(node);
@@ -181,11 +186,11 @@ fn foreign_download(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let keys = format!(
         "kind = \"foreign_frame\"; cob_id = 0x{cob_id:03X}; payload = \"{payload}\"; bus = {bus}"
     );
-    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(2)))
+    Injection::scripted(at.fault(&keys), Expectation::Stop(at.cycles(2)))
 }
 
 /// A dozen of random bytes within 50 ms, on identifiers that this network uses, or on others.
-fn random_frames(draw: &mut Draw, at: &Place<'_>, are_own: bool) -> Deed {
+fn random_frames(draw: &mut Draw, at: &Place<'_>, are_own: bool) -> Injection {
     let mut entries = String::new();
     let mut after = Duration::ZERO;
     for _ in 0..12 {
@@ -206,8 +211,8 @@ fn random_frames(draw: &mut Draw, at: &Place<'_>, are_own: bool) -> Deed {
         after += Duration::from_micros(draw.below(4_000));
     }
     let why = "some of them are as if from a node or a master";
-    let demand = if are_own { Demand::Either(why) } else { Demand::GoOn };
-    Deed::scripted(entries, demand)
+    let expectation = if are_own { Expectation::Either(why) } else { Expectation::GoOn };
+    Injection::scripted(entries, expectation)
 }
 
 /// Whether an identifier of the predefined connection set is one of nodes 1 to 6, 16 and 127 or of all.
@@ -218,41 +223,41 @@ const fn is_used(cob_id: u64) -> bool {
 }
 
 /// So long that it is as good as for ever.
-fn killed(_: &mut Draw, at: &Place<'_>) -> Deed {
+fn killed(_: &mut Draw, at: &Place<'_>) -> Injection {
     let timer = Duration::from_millis(u64::from(at.config.safety.rpdo_timer_ms) + 1);
     let mishap = Mishap::Stopped(Duration::from_millis(300));
-    Deed::befallen(vec![(Duration::ZERO, mishap)], Demand::Release(timer))
+    Injection::mishaps(vec![(Duration::ZERO, mishap)], Expectation::Release(timer))
         .watched_for(Duration::from_millis(350))
 }
 
 /// More than five cycles: the first frame after that is zero.
-fn stands_still(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn stands_still(draw: &mut Draw, at: &Place<'_>) -> Injection {
     stopped(draw, at, [7, 20])
 }
 
 /// So long that more samples wait to be read than may: what is read first is old.
-fn backlog(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn backlog(draw: &mut Draw, at: &Place<'_>) -> Injection {
     stopped(draw, at, [20, 120])
 }
 
 /// For so many cycles.
-fn stopped(draw: &mut Draw, at: &Place<'_>, [least, most]: [u32; 2]) -> Deed {
+fn stopped(draw: &mut Draw, at: &Place<'_>, [least, most]: [u32; 2]) -> Injection {
     let more = u64::try_from(at.cycles(most - least).as_micros()).unwrap_or(0);
     let span = at.cycles(least) + Duration::from_micros(draw.below(more));
-    let demand = Demand::Stop(span + at.cycles(2));
-    Deed::befallen(vec![(Duration::ZERO, Mishap::Stopped(span))], demand)
+    let expectation = Expectation::Stop(span + at.cycles(2));
+    Injection::mishaps(vec![(Duration::ZERO, Mishap::Stopped(span))], expectation)
         .watched_for(span + Duration::from_millis(150))
 }
 
 /// A cycle that is skipped and not made up for.
-fn one_cycle_late(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn one_cycle_late(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let micros = u64::try_from(at.config.period.as_micros()).unwrap_or(1_000);
     let span = Duration::from_micros(1 + draw.below(micros));
-    Deed::befallen(vec![(Duration::ZERO, Mishap::Stopped(span))], Demand::GoOn)
+    Injection::mishaps(vec![(Duration::ZERO, Mishap::Stopped(span))], Expectation::GoOn)
 }
 
 /// After any frame of a cycle that is sent or read: torques that are late then are dropped (I5).
-fn stall_within_cycle(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn stall_within_cycle(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let plans = at.config.node_plans();
     let of_every_sync = plans.iter().flat_map(|(_, plan)| &plan.pdos).filter(|pdo| {
         let service = pdo.service.as_ref();
@@ -264,18 +269,18 @@ fn stall_within_cycle(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let periods = draw.within(0.3, 3.9);
     let mishap = Mishap::StoppedAfter(after, at.config.period.mul_f64(periods));
     let why = "the drives' RPDO timers may run out before the next torque";
-    let demand = if periods < 1.2 { Demand::GoOn } else { Demand::Either(why) };
-    Deed::befallen(vec![(Duration::ZERO, mishap)], demand)
+    let expectation = if periods < 1.2 { Expectation::GoOn } else { Expectation::Either(why) };
+    Injection::mishaps(vec![(Duration::ZERO, mishap)], expectation)
 }
 
-fn clock_set(draw: &mut Draw, _: &Place<'_>) -> Deed {
+fn clock_set(draw: &mut Draw, _: &Place<'_>) -> Injection {
     let wall = Duration::from_secs(draw.below(4_000_000_000));
-    Deed::befallen(vec![(Duration::ZERO, Mishap::ClockSet(wall))], Demand::GoOn)
+    Injection::mishaps(vec![(Duration::ZERO, Mishap::ClockSet(wall))], Expectation::GoOn)
 }
 
-fn suspended(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn suspended(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let span = Duration::from_millis(50 + draw.below(200));
-    let demand = Demand::Stop(span + at.cycles(2));
-    Deed::befallen(vec![(Duration::ZERO, Mishap::Suspended(span))], demand)
+    let expectation = Expectation::Stop(span + at.cycles(2));
+    Injection::mishaps(vec![(Duration::ZERO, Mishap::Suspended(span))], expectation)
         .watched_for(span + Duration::from_millis(150))
 }

@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use crate::campaign::case::Deed;
-use crate::campaign::case::Demand;
-use crate::campaign::case::Place;
-use crate::campaign::catalogue::Kind;
-use crate::campaign::catalogue::engaged;
-use crate::campaign::catalogue::in_contact;
-use crate::campaign::catalogue::kind;
 use crate::campaign::draw::Draw;
+use crate::campaign::injection::Expectation;
+use crate::campaign::injection::Injection;
+use crate::campaign::injection::Place;
+use crate::campaign::kind::Kind;
+use crate::campaign::kind::engaged;
+use crate::campaign::kind::in_contact;
+use crate::campaign::kind::kind;
 use canopen::error_codes;
 use canopen::layout::Service;
 use canopen::object::Object;
@@ -37,28 +37,28 @@ pub(super) const KINDS: &[Kind] = &[
 ];
 
 /// A drive that breaks: the other five in two cycles.
-const fn drive_fault(at: &Place<'_>) -> Demand {
-    Demand::Stop(at.config.period.saturating_mul(2))
+const fn drive_fault(at: &Place<'_>) -> Expectation {
+    Expectation::Stop(at.config.period.saturating_mul(2))
 }
 
 /// What is seen by samples that do not come: five cycles.
-const fn unseen(at: &Place<'_>) -> Demand {
-    Demand::Stop(at.config.period.saturating_mul(5))
+const fn unseen(at: &Place<'_>) -> Expectation {
+    Expectation::Stop(at.config.period.saturating_mul(5))
 }
 
-fn lost(draw: &mut Draw, at: &Place<'_>, how: &str) -> Deed {
+fn lost(draw: &mut Draw, at: &Place<'_>, how: &str) -> Injection {
     let joint = draw.joint();
-    Deed::scripted(at.fault(&format!("kind = \"{how}\"; joint = {joint}")), unseen(at))
+    Injection::scripted(at.fault(&format!("kind = \"{how}\"; joint = {joint}")), unseen(at))
 }
 
-fn several_lost(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn several_lost(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let joints = [draw.joint(), draw.joint(), draw.joint()];
     let all = joints.map(|joint| at.fault(&format!("kind = \"unplug\"; joint = {joint}")));
-    Deed::scripted(all.concat(), unseen(at))
+    Injection::scripted(all.concat(), unseen(at))
 }
 
 /// As long as the configuration says, and the cycle in which it is seen.
-fn heartbeat_lost(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn heartbeat_lost(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let joint = draw.joint();
     silent(at, &format!("kind = \"heartbeat_stop\"; joint = {joint}"))
 }
@@ -67,7 +67,7 @@ fn heartbeat_lost(draw: &mut Draw, at: &Place<'_>) -> Deed {
 const HEARTBEAT: u16 = 0x700;
 
 /// One heartbeat that says stopped, or pre-operational, as if of a drive; the drive goes on.
-fn heartbeat_stopped(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn heartbeat_stopped(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let joint = at.config.joints.get(draw.joint() - 1);
     let (bus, node) = joint.map_or((0, 1), |joint| (joint.channel.0, joint.node.raw()));
     let cob_id = HEARTBEAT + u16::from(node);
@@ -75,17 +75,17 @@ fn heartbeat_stopped(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let keys = format!(
         "kind = \"foreign_frame\"; cob_id = 0x{cob_id:03X}; payload = \"{state}\"; bus = {bus}"
     );
-    Deed::scripted(at.fault(&keys), drive_fault(at))
+    Injection::scripted(at.fault(&keys), drive_fault(at))
 }
 
-fn switches_silent(_: &mut Draw, at: &Place<'_>) -> Deed {
+fn switches_silent(_: &mut Draw, at: &Place<'_>) -> Injection {
     silent(at, "kind = \"heartbeat_stop\"; device = \"switches\"")
 }
 
-fn silent(at: &Place<'_>, keys: &str) -> Deed {
+fn silent(at: &Place<'_>, keys: &str) -> Injection {
     let within = at.config.safety.drive_lost + at.cycles(2);
-    let deed = Deed::scripted(at.fault(keys), Demand::Stop(within));
-    deed.watched_for(within + Duration::from_millis(150))
+    let injection = Injection::scripted(at.fault(keys), Expectation::Stop(within));
+    injection.watched_for(within + Duration::from_millis(150))
 }
 
 /// One of those that a drive may tell.
@@ -93,23 +93,23 @@ fn error_code(draw: &mut Draw) -> u16 {
     draw.among(&error_codes::OF_DRIVES).copied().unwrap_or(error_codes::OVER_CURRENT)
 }
 
-fn emergency(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn emergency(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let (joint, code) = (draw.joint(), error_code(draw));
     let keys = format!("kind = \"emergency\"; joint = {joint}; code = 0x{code:04X}; register = 1");
-    Deed::scripted(at.fault(&keys), drive_fault(at))
+    Injection::scripted(at.fault(&keys), drive_fault(at))
 }
 
-fn emergency_of_switches(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn emergency_of_switches(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let code = error_code(draw);
     let keys =
         format!("kind = \"emergency\"; device = \"switches\"; code = 0x{code:04X}; register = 1");
-    Deed::scripted(at.fault(&keys), drive_fault(at))
+    Injection::scripted(at.fault(&keys), drive_fault(at))
 }
 
-fn fault(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn fault(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let (joint, code) = (draw.joint(), error_code(draw));
     let keys = format!("kind = \"fault\"; joint = {joint}; code = 0x{code:04X}");
-    Deed::scripted(at.fault(&keys), drive_fault(at))
+    Injection::scripted(at.fault(&keys), drive_fault(at))
 }
 
 /// How long a drive may keep a changed statusword to itself, after it has told another (1800h:3).
@@ -125,32 +125,32 @@ fn silence(at: &Place<'_>, joint: usize) -> Duration {
 }
 
 /// A statusword alone tells it.
-fn quiet_fault(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn quiet_fault(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let joint = draw.joint();
     let keys = format!("kind = \"fault\"; joint = {joint}");
-    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(2) + silence(at, joint)))
+    Injection::scripted(at.fault(&keys), Expectation::Stop(at.cycles(2) + silence(at, joint)))
 }
 
-fn sto(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn sto(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let keys = format!("kind = \"sto\"; joint = {}", draw.joint());
-    Deed::scripted(at.fault(&keys), drive_fault(at))
+    Injection::scripted(at.fault(&keys), drive_fault(at))
 }
 
-fn reboot(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn reboot(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let keys = format!("kind = \"reset\"; joint = {}", draw.joint());
-    Deed::scripted(at.fault(&keys), drive_fault(at))
+    Injection::scripted(at.fault(&keys), drive_fault(at))
 }
 
-fn reboot_of_switches(_: &mut Draw, at: &Place<'_>) -> Deed {
-    Deed::scripted(at.fault("kind = \"reset\"; device = \"switches\""), drive_fault(at))
+fn reboot_of_switches(_: &mut Draw, at: &Place<'_>) -> Injection {
+    Injection::scripted(at.fault("kind = \"reset\"; device = \"switches\""), drive_fault(at))
 }
 
 /// What only a joint that pushes shows: demanded of those that carry more than a little of the arm.
-fn where_pushed(at: &Place<'_>, joint: usize, within: Duration) -> Demand {
+fn where_pushed(at: &Place<'_>, joint: usize, within: Duration) -> Expectation {
     if at.weight(joint) > CARRIES {
-        Demand::Stop(within)
+        Expectation::Stop(within)
     } else {
-        Demand::Either("seen only where the joint is pushed enough")
+        Expectation::Either("seen only where the joint is pushed enough")
     }
 }
 
@@ -158,34 +158,35 @@ fn where_pushed(at: &Place<'_>, joint: usize, within: Duration) -> Demand {
 const CARRIES: f64 = 100.0;
 
 /// Shoulder joints carry the arm, so a wrong scale shows.
-fn torque_scaled(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn torque_scaled(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let joint = 2 + usize::from(draw.is_heads());
     let scale = draw.within(-10.0, -6.0);
     let keys = format!("kind = \"torque_actual_scale\"; joint = {joint}; scale = {scale:.2}");
     let within = Duration::from_millis(55).max(at.cycles(216));
-    Deed::scripted(at.fault(&keys), where_pushed(at, joint, within))
+    Injection::scripted(at.fault(&keys), where_pushed(at, joint, within))
         .watched_for(Duration::from_millis(600))
 }
 
-fn encoder_jump(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn encoder_jump(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let sign = if draw.is_heads() { 1.0 } else { -1.0 };
     let (joint, by) = (draw.joint(), sign * draw.within(0.2, 3.0));
     let keys = format!("kind = \"encoder_jump\"; joint = {joint}; by_rad = {by:.4}");
-    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(3)))
+    Injection::scripted(at.fault(&keys), Expectation::Stop(at.cycles(3)))
 }
 
-fn encoder_frozen(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn encoder_frozen(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let keys = format!("kind = \"encoder_frozen\"; joint = {}", draw.joint());
     let why = "seen only while it pushes and a neighbour moves";
-    Deed::scripted(at.fault(&keys), Demand::Either(why)).watched_for(Duration::from_millis(800))
+    Injection::scripted(at.fault(&keys), Expectation::Either(why))
+        .watched_for(Duration::from_millis(800))
 }
 
 /// The elevation, which carries the arm, while the hand moves it and its neighbour.
-fn frozen_in_motion(_: &mut Draw, at: &Place<'_>) -> Deed {
+fn frozen_in_motion(_: &mut Draw, at: &Place<'_>) -> Injection {
     let at_s = at.onset.as_secs_f64();
     let moved =
         format!("[[move]]\nat_s = {at_s:.6}\nduration_s = 1.0\nto_m = [0.1, 0.0, -0.05]\n\n");
     let frozen = at.fault_after(Duration::from_millis(100), "kind = \"encoder_frozen\"; joint = 2");
-    let demand = where_pushed(at, 2, Duration::from_millis(700));
-    Deed::scripted(moved + &frozen, demand).watched_for(Duration::from_millis(900))
+    let expectation = where_pushed(at, 2, Duration::from_millis(700));
+    Injection::scripted(moved + &frozen, expectation).watched_for(Duration::from_millis(900))
 }

@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use crate::campaign::case::Deed;
-use crate::campaign::case::Demand;
-use crate::campaign::case::Place;
-use crate::campaign::catalogue::Kind;
-use crate::campaign::catalogue::NO_CAUSE;
-use crate::campaign::catalogue::kind;
 use crate::campaign::draw::Draw;
+use crate::campaign::injection::Expectation;
+use crate::campaign::injection::Injection;
+use crate::campaign::injection::Place;
+use crate::campaign::kind::Kind;
+use crate::campaign::kind::NO_CAUSE;
+use crate::campaign::kind::kind;
 use config::Layout;
 use node::cause::Kind as Cause;
 
@@ -41,35 +41,35 @@ const OUT_OF_ORDER: &[Cause] =
 const LOSSES: &[Cause] = &[Cause::SamplesMissing, Cause::SamplesRare, Cause::SamplesOverdue];
 
 /// What happens to every first TPDO of a drive: five cycles.
-fn of_tpdo(draw: &mut Draw, at: &Place<'_>, how: &str, more: &str) -> Deed {
+fn of_tpdo(draw: &mut Draw, at: &Place<'_>, how: &str, more: &str) -> Injection {
     let joint = draw.joint();
     let keys = format!("kind = \"{how}\"; joint = {joint}; frame = \"tpdo1\"{more}");
-    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(5)))
+    Injection::scripted(at.fault(&keys), Expectation::Stop(at.cycles(5)))
 }
 
-fn resized(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn resized(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let bytes = draw.below(4);
     of_tpdo(draw, at, "resize", &format!("; bytes = {bytes}"))
 }
 
 /// More than 5 % within a second.
-fn tpdo_share(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn tpdo_share(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let (joint, share) = (draw.joint(), draw.within(0.1, 0.2));
     let keys = format!("kind = \"drop\"; joint = {joint}; frame = \"tpdo1\"; share = {share:.3}");
     let within = Duration::from_millis(1_100) + at.cycles(2);
-    let deed = Deed::scripted(at.fault(&keys), Demand::LetGo(within));
-    deed.watched_for(within + Duration::from_millis(50))
+    let injection = Injection::scripted(at.fault(&keys), Expectation::LetGo(within));
+    injection.watched_for(within + Duration::from_millis(50))
 }
 
-fn one_tpdo(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn one_tpdo(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let joint = draw.joint();
     let keys = format!("kind = \"drop\"; joint = {joint}; frame = \"tpdo1\"; count = 1");
-    Deed::scripted(at.fault(&keys), Demand::GoOn)
+    Injection::scripted(at.fault(&keys), Expectation::GoOn)
 }
 
-fn sync_lost(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn sync_lost(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let keys = format!("kind = \"drop\"; joint = {}; frame = \"sync\"", draw.joint());
-    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(5)))
+    Injection::scripted(at.fault(&keys), Expectation::Stop(at.cycles(5)))
 }
 
 /// In cycles, which a script tells in ms.
@@ -81,26 +81,26 @@ fn delayed(draw: &mut Draw, at: &Place<'_>, cycles: f64, more: &str) -> String {
     ))
 }
 
-fn a_bit_late(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn a_bit_late(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let cycles = draw.within(0.2, 2.0);
     let why = "a constant lateness cannot be told from none";
-    Deed::scripted(delayed(draw, at, cycles, ""), Demand::Either(why))
+    Injection::scripted(delayed(draw, at, cycles, ""), Expectation::Either(why))
 }
 
-fn late(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn late(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let cycles = draw.within(4.0, 20.0);
-    Deed::scripted(delayed(draw, at, cycles, ""), Demand::Stop(at.cycles(5)))
+    Injection::scripted(delayed(draw, at, cycles, ""), Expectation::Stop(at.cycles(5)))
 }
 
-fn reordered(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn reordered(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let cycles = draw.within(0.5, 3.0);
     let more = "; share = 0.3; reorder = true";
     let why = "a late one fills the place it left";
-    Deed::scripted(delayed(draw, at, cycles, more), Demand::Either(why))
+    Injection::scripted(delayed(draw, at, cycles, more), Expectation::Either(why))
 }
 
 /// By a cycle more every 50 cycles, as behind a queue that grows, up to 16.
-fn grow_old(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn grow_old(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let joint = draw.joint();
     let step = at.cycles(50);
     let mut entries = String::new();
@@ -114,29 +114,30 @@ fn grow_old(draw: &mut Draw, at: &Place<'_>) -> Deed {
     }
     // Forgiven at one in 250 cycles: more than ten are overdue when they are 14 cycles old.
     let within = at.cycles(14 * 50);
-    let demand = Demand::Stop(within);
-    Deed::scripted(entries, demand).watched_for(within + Duration::from_millis(150))
+    let expectation = Expectation::Stop(within);
+    Injection::scripted(entries, expectation).watched_for(within + Duration::from_millis(150))
 }
 
-fn frozen(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn frozen(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let why = "seen only while it pushes and a neighbour moves";
-    let deed = of_tpdo(draw, at, "freeze", "");
-    Deed { demand: Demand::Either(why), ..deed }.watched_for(Duration::from_millis(800))
+    let injection = of_tpdo(draw, at, "freeze", "");
+    Injection { expectation: Expectation::Either(why), ..injection }
+        .watched_for(Duration::from_millis(800))
 }
 
 /// Two drives of one bus with one node-id: positions that are not near each other.
-fn impersonated(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn impersonated(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let joint = draw.joint();
     let channel = |joint: usize| at.config.joints.get(joint - 1).map(|joint| joint.channel);
     let others: Vec<usize> =
         (1..=6).filter(|by| *by != joint && channel(*by) == channel(joint)).collect();
     let by = draw.among(&others).copied().unwrap_or(joint);
     let keys = format!("kind = \"impersonate\"; joint = {joint}; by = {by}; frame = \"tpdo1\"");
-    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(5)))
+    Injection::scripted(at.fault(&keys), Expectation::Stop(at.cycles(5)))
 }
 
 /// A high bit of the position, whose place is the layout's.
-fn corrupted(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn corrupted(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let joint = draw.joint();
     let channel = at.config.joints.get(joint - 1).map(|joint| joint.channel);
     let bus = channel.and_then(|channel| at.config.buses.get(usize::from(channel.0)));
@@ -148,17 +149,17 @@ fn corrupted(draw: &mut Draw, at: &Place<'_>) -> Deed {
     let mask: String = bit.to_le_bytes().iter().take(4).map(|byte| format!("{byte:02X}")).collect();
     let xor = format!("{}{mask}", "00".repeat(before));
     let keys = format!("kind = \"corrupt\"; joint = {joint}; frame = \"tpdo1\"; xor = \"{xor}\"");
-    Deed::scripted(at.fault(&keys), Demand::Stop(at.cycles(3)))
+    Injection::scripted(at.fault(&keys), Expectation::Stop(at.cycles(3)))
 }
 
 /// The drive's own timer, its emergency, and the others' next cycle.
-fn rpdo_lost(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn rpdo_lost(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let keys = format!("kind = \"drop\"; joint = {}; frame = \"rpdo1\"", draw.joint());
     let timer = Duration::from_millis(u64::from(at.config.safety.rpdo_timer_ms));
-    Deed::scripted(at.fault(&keys), Demand::Stop(timer + at.cycles(2)))
+    Injection::scripted(at.fault(&keys), Expectation::Stop(timer + at.cycles(2)))
 }
 
-fn one_rpdo(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn one_rpdo(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let keys = format!("kind = \"drop\"; joint = {}; frame = \"rpdo1\"; count = 1", draw.joint());
-    Deed::scripted(at.fault(&keys), Demand::GoOn)
+    Injection::scripted(at.fault(&keys), Expectation::GoOn)
 }

@@ -2,17 +2,17 @@
 
 use std::time::Duration;
 
-use crate::campaign::case::Deed;
-use crate::campaign::case::Demand;
-use crate::campaign::case::MayStop;
-use crate::campaign::case::Place;
-use crate::campaign::catalogue::Kind;
-use crate::campaign::catalogue::NO_CAUSE;
-use crate::campaign::catalogue::armed;
-use crate::campaign::catalogue::engaged;
-use crate::campaign::catalogue::in_contact;
-use crate::campaign::catalogue::kind;
 use crate::campaign::draw::Draw;
+use crate::campaign::injection::Expectation;
+use crate::campaign::injection::Injection;
+use crate::campaign::injection::MayStop;
+use crate::campaign::injection::Place;
+use crate::campaign::kind::Kind;
+use crate::campaign::kind::NO_CAUSE;
+use crate::campaign::kind::armed;
+use crate::campaign::kind::engaged;
+use crate::campaign::kind::in_contact;
+use crate::campaign::kind::kind;
 use node::cause::Kind as Cause;
 
 pub(super) const KINDS: &[Kind] = &[
@@ -41,51 +41,54 @@ pub(super) const KINDS: &[Kind] = &[
     engaged(41, "reflection switched on", NO_CAUSE, reflection_switched),
 ];
 
-fn senses(force: f64, demand: Demand) -> Deed {
-    Deed { senses: Some(force), ..Deed::scripted(String::new(), demand) }
+fn senses(force: f64, expectation: Expectation) -> Injection {
+    Injection { senses: Some(force), ..Injection::scripted(String::new(), expectation) }
 }
 
 /// What is refused is no new wrench: reflection ends as if the link were lost.
-const REFUSED: Demand = Demand::LetGo(Duration::from_millis(70));
+const REFUSED: Expectation = Expectation::LetGo(Duration::from_millis(70));
 
-fn no_number(draw: &mut Draw, _: &Place<'_>) -> Deed {
+fn no_number(draw: &mut Draw, _: &Place<'_>) -> Injection {
     let force = draw.among(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY]).copied();
     senses(force.unwrap_or(f64::NAN), REFUSED)
 }
 
 /// More than 1e5 N is no reading.
-fn too_large(draw: &mut Draw, _: &Place<'_>) -> Deed {
+fn too_large(draw: &mut Draw, _: &Place<'_>) -> Injection {
     let exponent = draw.within(5.1, 300.0);
     senses(10_f64.powf(exponent), REFUSED)
 }
 
 /// Cut off at the cap, and grows as any torque may.
-fn large(draw: &mut Draw, _: &Place<'_>) -> Deed {
+fn large(draw: &mut Draw, _: &Place<'_>) -> Injection {
     let force = draw.within(-400.0, 400.0);
-    senses(force, Demand::GoOn)
+    senses(force, Expectation::GoOn)
 }
 
-fn link(at: &Place<'_>, how: &str) -> Deed {
-    let demand = Demand::LetGo(Duration::from_millis(70));
-    Deed::scripted(at.fault(&format!("kind = \"{how}\"")), demand)
+fn link(at: &Place<'_>, how: &str) -> Injection {
+    let expectation = Expectation::LetGo(Duration::from_millis(70));
+    Injection::scripted(at.fault(&format!("kind = \"{how}\"")), expectation)
 }
 
 /// Shorter than any age that matters.
-fn link_blinks(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn link_blinks(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let seconds = draw.within(0.001, 0.010);
     let how = if draw.is_heads() { "link_loss" } else { "link_frozen" };
-    Deed::scripted(at.fault(&format!("kind = \"{how}\"; for_s = {seconds:.6}")), Demand::GoOn)
+    Injection::scripted(
+        at.fault(&format!("kind = \"{how}\"; for_s = {seconds:.6}")),
+        Expectation::GoOn,
+    )
 }
 
 /// From when the grip is faster than 1 m/s.
-fn too_fast(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn too_fast(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let (at_s, seconds) = (at.onset.as_secs_f64(), draw.within(0.08, 0.1));
     let y = if draw.is_heads() { 0.1 } else { -0.1 };
     let entries = format!(
         "[[move]]\nat_s = {at_s:.6}\nduration_s = {seconds:.6}\nto_m = [0.0, {y}, 0.0]\n\n"
     );
-    let deed = Deed::scripted(entries, Demand::Stop(at.cycles(5)));
-    Deed { onset_speed: Some(1.0), ..deed }.watched_for(Duration::from_millis(300))
+    let injection = Injection::scripted(entries, Expectation::Stop(at.cycles(5)));
+    Injection { onset_speed: Some(1.0), ..injection }.watched_for(Duration::from_millis(300))
 }
 
 fn switch(at: &Place<'_>, after: Duration, keys: &str) -> String {
@@ -94,52 +97,52 @@ fn switch(at: &Place<'_>, after: Duration, keys: &str) -> String {
 }
 
 /// The command is zero in the next cycle, and nothing is felt after 20 ms.
-fn deadman_released(_: &mut Draw, at: &Place<'_>) -> Deed {
+fn deadman_released(_: &mut Draw, at: &Place<'_>) -> Injection {
     let entries = switch(at, Duration::ZERO, "deadman = false");
-    Deed::scripted(entries, Demand::Disengage(Duration::from_millis(20), MayStop::No))
+    Injection::scripted(entries, Expectation::Disengage(Duration::from_millis(20), MayStop::No))
 }
 
 /// Its heartbeat is missed after a while; what is felt ends as soon as three of its words are.
-fn switches_unplugged(_: &mut Draw, at: &Place<'_>) -> Deed {
+fn switches_unplugged(_: &mut Draw, at: &Place<'_>) -> Injection {
     let within = at.config.safety.drive_lost + at.cycles(2);
     let entries = at.fault("kind = \"unplug\"; device = \"switches\"");
-    let demand = if at.situation.is_engaged() {
-        Demand::Disengage(Duration::from_millis(40), MayStop::Yes)
+    let expectation = if at.situation.is_engaged() {
+        Expectation::Disengage(Duration::from_millis(40), MayStop::Yes)
     } else {
-        Demand::Stop(within)
+        Expectation::Stop(within)
     };
-    Deed::scripted(entries, demand).watched_for(within + Duration::from_millis(150))
+    Injection::scripted(entries, expectation).watched_for(within + Duration::from_millis(150))
 }
 
 /// The weight of the arm may be laid down by a ramp.
 const LAYS_DOWN: Duration = Duration::from_millis(50);
 
-fn disarmed(_: &mut Draw, at: &Place<'_>) -> Deed {
+fn disarmed(_: &mut Draw, at: &Place<'_>) -> Injection {
     let at_s = at.onset.as_secs_f64();
     let entries = format!("[[console]]\nat_s = {at_s:.6}\nrequest = \"disarm\"\n");
-    Deed::scripted(entries, Demand::Zero(LAYS_DOWN + at.cycles(2)))
+    Injection::scripted(entries, Expectation::Zero(LAYS_DOWN + at.cycles(2)))
 }
 
 /// One channel says what the other does not.
-fn deadman_stuck(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn deadman_stuck(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let is_a = draw.is_heads();
     let input = if is_a { "deadman_a" } else { "deadman_b" };
     let level = if is_a == at.situation.is_engaged() { "low" } else { "high" };
     let keys = format!("kind = \"switch_stuck\"; switch = \"{input}\"; level = \"{level}\"");
-    let demand = Demand::Stop(Duration::from_millis(60));
-    Deed::scripted(at.fault(&keys), demand).watched_for(Duration::from_millis(220))
+    let expectation = Expectation::Stop(Duration::from_millis(60));
+    Injection::scripted(at.fault(&keys), expectation).watched_for(Duration::from_millis(220))
 }
 
 /// It may disengage, which is no reason to stop, and must not engage.
-fn deadman_bounces(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn deadman_bounces(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let input = if draw.is_heads() { "deadman_a" } else { "deadman_b" };
     let seconds = draw.within(0.002, 0.040);
     let keys = format!("kind = \"switch_bounce\"; switch = \"{input}\"; for_s = {seconds:.6}");
-    Deed::scripted(at.fault(&keys), Demand::GoOn)
+    Injection::scripted(at.fault(&keys), Expectation::GoOn)
 }
 
 /// Each is pressed once, and its contacts bounce at both edges.
-fn buttons_bounce(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn buttons_bounce(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let mut entries = String::new();
     for (millis, level) in [(0, true), (60, false)] {
         for switch_name in ["reflection", "reference"] {
@@ -152,46 +155,46 @@ fn buttons_bounce(draw: &mut Draw, at: &Place<'_>) -> Deed {
             entries.push_str(&at.fault_after(after, &keys));
         }
     }
-    Deed::scripted(entries, Demand::GoOn)
+    Injection::scripted(entries, Expectation::GoOn)
 }
 
 /// Its silence opens the deadman, which only a new press closes; it comes back long before its heartbeat is missed.
-fn silent_while_closed(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn silent_while_closed(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let name = if draw.is_heads() { "reflection" } else { "reference" };
     let closed = switch(at, Duration::ZERO, &format!("{name} = true"));
     let seconds = draw.within(0.025, 0.060);
     let keys =
         format!("kind = \"drop\"; device = \"switches\"; frame = \"tpdo1\"; for_s = {seconds:.6}");
     let silent = at.fault_after(Duration::from_millis(30), &keys);
-    let demand = Demand::Disengage(Duration::from_millis(75), MayStop::No);
-    Deed::scripted(closed + &silent, demand)
+    let expectation = Expectation::Disengage(Duration::from_millis(75), MayStop::No);
+    Injection::scripted(closed + &silent, expectation)
 }
 
 /// Closed for less than the 25 ms contacts settle in: nothing engages.
-fn deadman_touched(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn deadman_touched(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let pressed = switch(at, Duration::ZERO, "deadman = true");
     let span = Duration::from_micros(1_000 + draw.below(21_000));
-    Deed::scripted(pressed + &switch(at, span, "deadman = false"), Demand::GoOn)
+    Injection::scripted(pressed + &switch(at, span, "deadman = false"), Expectation::GoOn)
 }
 
 /// It engages 25 ms after the last bounce, not after the first.
-fn deadman_bounces_when_pressed(draw: &mut Draw, at: &Place<'_>) -> Deed {
+fn deadman_bounces_when_pressed(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let bounces = deadman_bounces(draw, at);
     let entries = switch(at, Duration::ZERO, "deadman = true") + &bounces.entries;
-    Deed { entries, ..bounces }
+    Injection { entries, ..bounces }
 }
 
-fn reference_pressed(_: &mut Draw, at: &Place<'_>) -> Deed {
+fn reference_pressed(_: &mut Draw, at: &Place<'_>) -> Injection {
     let pressed = switch(at, Duration::ZERO, "reference = true");
     let released = switch(at, Duration::from_millis(60), "reference = false");
-    Deed::scripted(pressed + &released, Demand::GoOn)
+    Injection::scripted(pressed + &released, Expectation::GoOn)
 }
 
-fn reflection_switched(_: &mut Draw, at: &Place<'_>) -> Deed {
+fn reflection_switched(_: &mut Draw, at: &Place<'_>) -> Injection {
     let mut entries = String::new();
     for (millis, level) in [(0, true), (40, false), (80, true), (120, false)] {
         let keys = format!("reflection = {level}");
         entries.push_str(&switch(at, Duration::from_millis(millis), &keys));
     }
-    Deed::scripted(entries, Demand::GoOn)
+    Injection::scripted(entries, Expectation::GoOn)
 }

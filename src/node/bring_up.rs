@@ -9,8 +9,6 @@ use crate::cause::Cause;
 use crate::power;
 use crate::proof::NotProven;
 use crate::record::Mode;
-use crate::safety::causes;
-use crate::schedule::Schedule;
 use bus::Bus;
 use bus::BusFault;
 use bus::Heard;
@@ -93,12 +91,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<(), BringUpError> {
         self.reopen()?;
-        self.master.restart();
+        self.network.restart();
         self.samples.restart();
         self.plausibility.restart();
         self.proof.restart();
-        self.outbox.restart();
-        self.sync.restart();
+        self.drives.rpdos.restart();
         self.listen_first()?;
         let booted = self.boot(give_up);
         if booted.is_err() {
@@ -109,31 +106,30 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Lets pass what is on its way when a boot begins. Nothing has been sent then.
     fn listen_first(&mut self) -> Result<(), BringUpError> {
-        let quiet = self.bus.now() + LISTEN_FIRST;
-        while let Some(Received { channel, heard, .. }) = self.bus.receive(quiet) {
+        let quiet = self.wire.now() + LISTEN_FIRST;
+        while let Some(Received { channel, heard, .. }) = self.wire.receive(quiet) {
             match heard {
                 Heard::Frame(frame) => {
                     // A boot would reset the nodes of a master that runs.
-                    if self.master.is_foreign(&Telegram { channel, frame }) {
+                    if self.network.master.is_foreign(&Telegram { channel, frame }) {
                         return Err(BringUpError::Bus(Cause::ForeignMaster));
                     }
                 }
-                Heard::Fault(fault) => self.heed_fault(channel, fault)?,
+                Heard::Fault(fault) => self.on_boot_fault(channel, fault)?,
             }
         }
         Ok(())
     }
 
     /// Draws the conclusions of a fault of the bus while nothing is enabled.
-    fn heed_fault(&mut self, channel: Channel, fault: BusFault) -> Result<(), BringUpError> {
-        self.transmission.heard(channel, fault);
-        let cause = causes::of_bus(channel, fault);
+    fn on_boot_fault(&mut self, channel: Channel, fault: BusFault) -> Result<(), BringUpError> {
+        let cause = self.wire.on_fault(channel, fault);
         cause.map_or(Ok(()), |cause| Err(BringUpError::Bus(cause)))
     }
 
     /// Fails where a frame was not taken: without it no node can be booted, whoever seems silent.
     fn all_was_taken(&self) -> Result<(), BringUpError> {
-        let Some(Channel(channel)) = self.transmission.closed() else { return Ok(()) };
+        let Some(Channel(channel)) = self.wire.transmission.closed() else { return Ok(()) };
         let cause = self.cause().unwrap_or(Cause::BusDown { channel });
         Err(BringUpError::Bus(cause))
     }
@@ -157,12 +153,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// # Errors
     /// When one does not come, something else is wrong, or `give_up` says so.
     pub(super) fn enable(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
-        let now = self.bus.now();
-        self.schedule = Schedule::starting(now, self.period);
+        let now = self.wire.now();
+        self.timing.restart(now);
         // While there were no cycles nobody was asked: what is known has aged.
-        self.exchange(now, &Motion::Hold);
+        self.remote.exchange(now, &Motion::Hold);
         self.safety.boot(now);
-        self.power.reset_faults();
+        self.drives.power.reset_faults();
         loop {
             if give_up() {
                 return Err(BringUpError::GivenUp);
@@ -179,49 +175,44 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// A bus on which nothing may be sent any more begins anew, whatever interface is there now.
     fn reopen(&mut self) -> Result<(), BringUpError> {
-        if self.transmission.is_shut() {
-            self.bus.reopen().map_err(|error| match error {
-                ReopenError::Gone(Channel(channel)) => {
-                    BringUpError::Bus(Cause::BusDown { channel })
-                }
-                ReopenError::Unfit(reason) => BringUpError::Unfit(reason),
-            })?;
-        }
-        self.transmission.reopen();
-        Ok(())
+        self.wire.reopen().map_err(|error| match error {
+            ReopenError::Gone(Channel(channel)) => BringUpError::Bus(Cause::BusDown { channel }),
+            ReopenError::Unfit(reason) => BringUpError::Unfit(reason),
+        })
     }
 
     /// Runs the master's boot until all nodes are operational, or it is known which are not.
     fn boot(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
         let mut failed = Vec::new();
-        while self.master.is_booting() {
+        while self.network.master.is_booting() {
             if give_up() {
                 return Err(BringUpError::GivenUp);
             }
-            let event = self.master.on_time(self.bus.now(), &mut self.out);
+            let event = self.network.master.on_time(self.wire.now(), &mut self.wire.out);
             self.post();
             self.all_was_taken()?;
-            self.heed_boot(event, &mut failed)?;
-            if !self.master.is_booting() {
+            self.on_boot_event(event, &mut failed)?;
+            if !self.network.master.is_booting() {
                 break;
             }
-            let ask = self.bus.now() + ASK_EVERY;
-            let until = self.master.deadline().map_or(ask, |due| due.min(ask));
-            let Some(received) = self.bus.receive(until) else { continue };
+            let ask = self.wire.now() + ASK_EVERY;
+            let until = self.network.master.deadline().map_or(ask, |due| due.min(ask));
+            let Some(received) = self.wire.receive(until) else { continue };
             let channel = received.channel;
             match received.heard {
                 Heard::Frame(frame) => {
                     let telegram = Telegram { channel, frame };
                     self.samples.on_frame(received.at, &telegram);
-                    let event = self.master.on_frame(received.at, &telegram, &mut self.out);
+                    let event =
+                        self.network.master.on_frame(received.at, &telegram, &mut self.wire.out);
                     self.post();
-                    self.heed_boot(event, &mut failed)?;
+                    self.on_boot_event(event, &mut failed)?;
                 }
-                Heard::Fault(fault) => self.heed_fault(channel, fault)?,
+                Heard::Fault(fault) => self.on_boot_fault(channel, fault)?,
             }
         }
-        while let Some(event) = self.master.on_time(self.bus.now(), &mut self.out) {
-            self.heed_boot(Some(event), &mut failed)?;
+        while let Some(event) = self.network.master.on_time(self.wire.now(), &mut self.wire.out) {
+            self.on_boot_event(Some(event), &mut failed)?;
         }
         self.post();
         if failed.is_empty() { Ok(()) } else { Err(BringUpError::Boot(failed)) }
@@ -229,7 +220,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Keeps what the master says: failures for whoever started the boot, everything else for people.
     /// What another master commands or writes meanwhile ends the boot: nothing is known then.
-    fn heed_boot(
+    fn on_boot_event(
         &mut self,
         event: Option<Event>,
         failed: &mut Vec<BootError>,
@@ -239,7 +230,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         if let Event::BootFailed(error) = event {
             failed.push(error);
         } else {
-            self.note(event);
+            self.network.note(event);
         }
         if is_foreign { Err(BringUpError::Bus(Cause::ForeignMaster)) } else { Ok(()) }
     }
@@ -262,10 +253,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Voltage off, confirmed by the statuswords, then NMT pre-operational.
     fn switch_off(&mut self) -> Result<(), NotConfirmed> {
-        self.safety.shut_down(self.bus.now());
-        let until = self.bus.now() + CONFIRM_WITHIN;
+        self.safety.shut_down(self.wire.now());
+        let until = self.wire.now() + CONFIRM_WITHIN;
         let mut on = self.first_on();
-        while on.is_some() && self.bus.now() < until {
+        while on.is_some() && self.wire.now() < until {
             self.cycle();
             on = self.first_on();
         }
@@ -290,13 +281,13 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Nobody is left operational: no PDO of ours acts any more.
     fn leave_pre_operational(&mut self) {
-        self.master.shut_down(&mut self.out);
+        self.network.master.shut_down(&mut self.wire.out);
         self.post();
-        let flushed = self.bus.now() + self.period;
-        while let Some(Received { at, channel, heard }) = self.bus.receive(flushed) {
+        let flushed = self.wire.now() + self.timing.period;
+        while let Some(Received { at, channel, heard }) = self.wire.receive(flushed) {
             if let Heard::Fault(fault) = heard {
-                self.transmission.heard(channel, fault);
-                self.heed(at, causes::of_bus(channel, fault));
+                let cause = self.wire.on_fault(channel, fault);
+                self.raise(at, [cause]);
             }
         }
     }
@@ -379,10 +370,10 @@ mod tests {
         assert!(healthy.bring_up(&mut || false).is_err());
         let (last, _) = *healthy.bus().sent.last().unwrap();
         let mut node = node();
-        node.bus_mut().fault = Some((last + node.period / 2, BusFault::Off));
+        node.bus_mut().fault = Some((last + node.timing.period / 2, BusFault::Off));
         assert!(node.bring_up(&mut || false).is_err());
         assert_eq!(node.cause(), Some(Cause::BusOff { channel: 0 }));
-        assert!(node.transmission.is_shut());
+        assert!(node.wire.transmission.is_shut());
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Whether the loop keeps time: what follows when it is late, when it stood still, when the host slept.
+//! Lateness of the loop: late wake-ups, standstill, a host that was suspended.
 //!
 //! A wake-up that is more than half a period late skips its cycle (the [schedule](crate::schedule)
 //! does), and one such cycle harms nobody. Too many of them do, and so does standing still for long: the
@@ -26,7 +26,7 @@ const SUSPENDED: Duration = Duration::from_millis(1);
 
 /// The watch over time itself.
 #[derive(Clone, Debug)]
-pub(super) struct Timing {
+pub(super) struct Lateness {
     period: Duration,
     in_a_row: u32,
     /// When it was late, the last times; the oldest is at `oldest`.
@@ -40,7 +40,7 @@ pub(super) struct Timing {
     has_dropped: bool,
 }
 
-impl Timing {
+impl Lateness {
     /// Never late so far.
     pub(super) const fn new(period: Duration, suspended: Duration) -> Self {
         let late = [None; OFTEN];
@@ -107,8 +107,8 @@ mod tests {
 
     const PERIOD: Duration = Duration::from_millis(1);
 
-    fn timing() -> Timing {
-        Timing::new(PERIOD, Duration::from_secs(40))
+    fn lateness() -> Lateness {
+        Lateness::new(PERIOD, Duration::from_secs(40))
     }
 
     fn at(millis: u64) -> Instant {
@@ -117,8 +117,8 @@ mod tests {
 
     /// What follows when a cycle begins at each of these, so many skipped before it.
     fn causes(begins: impl IntoIterator<Item = (u64, u64)>) -> Vec<Option<Cause>> {
-        let mut timing = timing();
-        begins.into_iter().map(|(millis, skipped)| timing.begins(at(millis), skipped)).collect()
+        let mut lateness = lateness();
+        begins.into_iter().map(|(millis, skipped)| lateness.begins(at(millis), skipped)).collect()
     }
 
     #[test]
@@ -137,40 +137,40 @@ mod tests {
 
     #[test]
     fn hazard_29_cycles_of_dropped_torques_count_once_as_overruns() {
-        let mut timing = timing();
+        let mut lateness = lateness();
         for cycle in 1..=3 {
-            assert_eq!(timing.overruns(), cycle - 1);
-            timing.dropped();
-            timing.dropped();
-            assert_eq!(timing.overruns(), cycle);
-            let late = timing.begins(at(2 * cycle), 1);
+            assert_eq!(lateness.overruns(), cycle - 1);
+            lateness.dropped();
+            lateness.dropped();
+            assert_eq!(lateness.overruns(), cycle);
+            let late = lateness.begins(at(2 * cycle), 1);
             assert_eq!(late, (cycle == 3).then_some(Cause::Late));
         }
-        assert_eq!(timing.begins(at(8), 1), Some(Cause::Late), "without a drop");
-        assert_eq!((timing.begins(at(9), 0), timing.overruns()), (None, 4));
+        assert_eq!(lateness.begins(at(8), 1), Some(Cause::Late), "without a drop");
+        assert_eq!((lateness.begins(at(9), 0), lateness.overruns()), (None, 4));
     }
 
     #[test]
     fn hazard_29_one_gap_of_more_than_five_periods_is_too_long() {
         assert_eq!(causes([(10, 5)]), [None]);
         assert_eq!(causes([(10, 6)]), [Some(Cause::Overrun { cycles: 6 })]);
-        assert_eq!(timing().gathered(at(10), at(15)), None);
+        assert_eq!(lateness().gathered(at(10), at(15)), None);
         let cause = Some(Cause::Overrun { cycles: 6 });
-        assert_eq!(timing().gathered(at(10), at(16)), cause);
+        assert_eq!(lateness().gathered(at(10), at(16)), cause);
     }
 
     #[test]
     fn what_is_older_than_a_period_and_a_half_is_stale() {
         let (sync_at, limit) = (at(10), Instant::from_micros(11_500));
-        assert!(!timing().is_stale(sync_at, limit));
-        assert!(timing().is_stale(sync_at, limit + Duration::from_micros(1)));
+        assert!(!lateness().is_stale(sync_at, limit));
+        assert!(lateness().is_stale(sync_at, limit + Duration::from_micros(1)));
     }
 
     #[test]
     fn hazard_31_a_host_that_was_suspended_is_found_out_once() {
-        let mut timing = timing();
+        let mut lateness = lateness();
         let told = [40_000, 40_001, 43_000, 43_000].map(Duration::from_millis);
-        let causes = told.map(|suspended| timing.resumed(suspended));
+        let causes = told.map(|suspended| lateness.resumed(suspended));
         assert_eq!(causes, [None, None, Some(Cause::Suspended), None]);
     }
 }

@@ -17,160 +17,101 @@
 mod asking;
 mod bring_up;
 pub mod cause;
+mod control;
 mod cycle;
+mod cycle_timing;
+mod drives;
 mod gate;
+mod lateness;
 mod link;
+mod network;
 pub mod operator;
 mod plausibility;
 mod power;
 pub mod proof;
+mod receive;
 pub mod record;
+mod remote_side;
 mod request;
 pub mod safety;
 mod samples;
 mod schedule;
+mod send;
 #[cfg(test)]
 mod silent;
 mod targets;
-mod timing;
 mod transmission;
 mod unpowered;
+mod wire;
 
 pub use bring_up::BringUpError;
 pub use bring_up::NotConfirmed;
 pub use request::Refused;
 pub use request::Request;
 
-use std::collections::VecDeque;
-use std::time::Duration;
-
-use crate::asking::Asking;
 use crate::cause::Cause;
-use crate::gate::Gate;
-use crate::link::Link;
+use crate::control::Control;
+use crate::cycle_timing::CycleTiming;
+use crate::drives::Drives;
+use crate::network::Network;
 use crate::operator::Operator;
 use crate::plausibility::Plausibility;
-use crate::power::PowerStages;
 use crate::proof::Proof;
 use crate::proof::ProofReport;
 use crate::record::Mode;
-use crate::record::Others;
+use crate::remote_side::RemoteSide;
 use crate::safety::Ramps;
 use crate::safety::Safety;
 use crate::samples::Samples;
-use crate::schedule::Schedule;
-use crate::timing::Timing;
-use crate::transmission::Transmission;
+use crate::wire::Wire;
 use bus::Bus;
-use canopen::NmtState;
-use canopen::exchange::Outbox;
-use canopen::frame::Channel;
-use canopen::frame::Telegram;
-use canopen::heartbeat::Producer;
-use canopen::master::Master;
 use canopen::master::event::Event;
-use canopen::sync::Counter;
-use canopen::time_stamp;
 use config::Config;
-use controller::Controller;
-use controller::switches::Mode as CommandMode;
 use remote::Remote;
-use units::spatial::Motion;
 
 /// One hand controller's node on its buses.
 #[derive(Clone, Debug)]
 pub struct Node<B, R> {
-    bus: B,
-    remote: R,
-    period: Duration,
-    /// How long after a SYNC samples are waited for.
-    window: Duration,
-    /// How long after one sample the next one may come.
-    next_answer: Duration,
-    channels: Vec<Channel>,
-    /// What the drives are told, in the frames of the layout.
-    outbox: Outbox,
-    master: Master,
-    heartbeat: Producer,
-    sync: Counter,
-    /// TIME, if it is told.
-    clock: Option<time_stamp::Producer>,
-    controller: Controller,
-    command_mode: CommandMode,
-    safety: Safety,
-    operator: Operator,
-    gate: Gate,
-    samples: Samples,
-    plausibility: Plausibility,
-    power: PowerStages,
+    wire: Wire<B>,
+    timing: CycleTiming,
+    network: Network,
     proof: Proof,
-    schedule: Schedule,
-    timing: Timing,
-    transmission: Transmission,
-    asking: Asking,
-    /// Frames read at most after a wait should have ended.
-    most_late: u64,
-    cycle: u64,
-    link: Link,
-    /// Frames on their way out.
-    out: Vec<Telegram>,
-    /// What has happened on the network and was not asked for yet.
-    notices: VecDeque<Event>,
+    samples: Samples,
+    drives: Drives,
+    remote: RemoteSide<R>,
+    control: Control,
+    operator: Operator,
+    plausibility: Plausibility,
+    safety: Safety,
 }
-
-/// Notices that may wait to be asked for; more are lost.
-const NOTICES: usize = 64;
 
 impl<B: Bus, R: Remote> Node<B, R> {
     /// A node that has sent nothing yet.
-    pub fn new(config: &Config, bus: B, mut remote: R) -> Self {
+    pub fn new(config: &Config, bus: B, remote: R) -> Self {
         let now = bus.now();
         let ramps = Ramps {
             gravity: config.safety.gravity_ramp,
             reflection: config.safety.reflection_ramp,
         };
-        let mut link = Link::new(config.link_period());
-        link.take(now, remote.exchange(now, &Motion::Hold));
-        let (inbox, outbox) = config.exchange();
+        let (inbox, rpdos) = config.exchange();
         let plans = config.node_plans();
-        let proof = Proof::new(config, &plans);
         Self {
-            period: config.period,
-            window: config.window(),
-            next_answer: config.longest_frame(),
-            channels: config.channels(),
-            outbox,
-            master: Master::new(plans),
-            sync: Counter::new(config.sync_counter),
-            clock: config
-                .time_period
-                .map(|period| time_stamp::Producer::new(time_stamp::COB_ID, period)),
-            heartbeat: Producer::new(config.node_id, config.heartbeat, NmtState::Operational),
-            controller: Controller::new(&config.controller),
-            command_mode: config.command_mode,
-            safety: Safety::new(ramps),
-            operator: Operator::new(config.period),
-            gate: Gate::new(config.joints.each_ref().map(|joint| joint.calibration.max_target())),
+            timing: CycleTiming::new(config, now, bus.suspended()),
+            wire: Wire::new(config, bus),
+            proof: Proof::new(config, &plans),
+            network: Network::new(config, plans),
             samples: Samples::new(
                 inbox,
                 plausibility::intakes(config),
                 config.joints.each_ref().map(|joint| joint.channel),
                 config.safety.missing_samples,
             ),
+            drives: Drives::new(config, rpdos),
+            remote: RemoteSide::new(config, now, remote),
+            control: Control::new(config),
+            operator: Operator::new(config.period),
             plausibility: Plausibility::new(config),
-            power: PowerStages::new(config.safety.missing_samples),
-            proof,
-            schedule: Schedule::starting(now, config.period),
-            timing: Timing::new(config.period, bus.suspended()),
-            transmission: Transmission::on(&config.channels()),
-            asking: Asking::new(),
-            most_late: config.most_frames(timing::OVERRUN + 1),
-            cycle: 0,
-            link,
-            out: Vec::with_capacity(64),
-            notices: VecDeque::with_capacity(NOTICES),
-            bus,
-            remote,
+            safety: Safety::new(ramps),
         }
     }
 
@@ -191,37 +132,26 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// What has happened on the network, for people: the oldest that was not asked for yet.
     pub fn notice(&mut self) -> Option<Event> {
-        self.notices.pop_front()
-    }
-
-    /// What was seen of other clients, and could not be read again.
-    fn others(&self) -> Others {
-        Others { uploads: self.master.foreign_uploads(), unread: self.proof.unread() }
-    }
-
-    fn note(&mut self, event: Event) {
-        if self.notices.len() < NOTICES {
-            self.notices.push_back(event);
-        }
+        self.network.notice()
     }
 
     /// The bus, to ask it for its statistics.
     pub const fn bus(&self) -> &B {
-        &self.bus
+        &self.wire.bus
     }
 
     /// The bus, to reach what is attached to it.
     pub const fn bus_mut(&mut self) -> &mut B {
-        &mut self.bus
+        &mut self.wire.bus
     }
 
     /// The commanded side.
     pub const fn remote(&self) -> &R {
-        &self.remote
+        &self.remote.remote
     }
 
     /// The commanded side, to reach what is behind it.
     pub const fn remote_mut(&mut self) -> &mut R {
-        &mut self.remote
+        &mut self.remote.remote
     }
 }

@@ -8,12 +8,8 @@ use std::time::Duration;
 
 use nalgebra::Isometry3;
 
-use crate::Node;
 use crate::cause::Cause;
-use bus::Bus;
-use remote::Remote;
 use remote::Sensed;
-use units::spatial::Motion;
 use units::spatial::Wrench;
 use units::time::Instant;
 
@@ -63,14 +59,6 @@ impl Link {
     /// The object's pose in its base; the base itself while nothing is known.
     pub(super) fn x_b_m(&self) -> Isometry3<f64> {
         self.known.map_or_else(Isometry3::identity, |known| known.x_b_m)
-    }
-}
-
-impl<B: Bus, R: Remote> Node<B, R> {
-    /// Hands over a command and takes what the commanded side has to say.
-    pub(super) fn exchange(&mut self, now: Instant, command: &Motion) {
-        let brought = self.remote.exchange(now, command);
-        self.link.take(now, brought);
     }
 }
 
@@ -166,7 +154,7 @@ mod tests {
     fn fault_that_the_controller_finds_stops_the_node() {
         let mut node = crate::silent::node();
         // What no sample may bring: as if this watch had failed.
-        node.link.known = Some(sensed(node.bus().now(), f64::NAN));
+        node.remote.link.known = Some(sensed(node.bus().now, f64::NAN));
         let record = node.cycle();
         let kind = record.cause.map(|cause| cause.kind());
         assert_eq!(kind, Some(crate::cause::Kind::ControllerFault));

@@ -5,15 +5,12 @@
 //! fallen silent may still hold a torque, as a synchronous RPDO waits for a SYNC it may not hear: it is
 //! told by SDO, which acts at once, to take its power off.
 
-use crate::Node;
 use crate::record::Mode;
-use bus::Bus;
 use canopen::drive::Controlword;
 use canopen::drive::Goal;
 use canopen::drive::PowerStage;
 use canopen::drive::State;
 use canopen::drive::Statusword;
-use remote::Remote;
 
 /// Whether the power stage may still push. A state that is none counts as one that may.
 pub(super) const fn may_push(statusword: Statusword) -> bool {
@@ -124,19 +121,6 @@ impl PowerStages {
             stage.reset_fault();
         }
         stage.controlword(state, goal)
-    }
-}
-
-impl<B: Bus, R: Remote> Node<B, R> {
-    /// Tells a drive that has fallen silent to take its power off: one, in this cycle. Whether it did.
-    pub(super) fn power_off_silent(&mut self) -> bool {
-        let is_stopped = self.safety.mode().is_stopped();
-        let Some(joint) = self.power.next_silent(self.samples.fresh(), is_stopped) else {
-            return false;
-        };
-        self.master.power_off(self.bus.now(), joint, &mut self.out);
-        self.post();
-        true
     }
 }
 

@@ -49,7 +49,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         request: Request,
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<Mode, Refused> {
-        let now = self.bus.now();
+        let now = self.wire.now();
         match request {
             Request::Arm => {
                 // Of a latched stop the cause is the reason, and not what its boot has not proven.
@@ -60,7 +60,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             }
             Request::Disarm => self.safety.disarm(),
             Request::Reset => self.reset(now, give_up)?,
-            Request::Command(mode) => self.command_mode = mode,
+            Request::Command(mode) => self.control.command_mode = mode,
         }
         Ok(self.mode())
     }
@@ -68,11 +68,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Leaves a stop, by a boot where any of its causes asks for one; if that fails the stop remains.
     fn reset(&mut self, now: Instant, give_up: &mut dyn FnMut() -> bool) -> Result<(), Refused> {
         let left = self.safety.reset(now)?;
-        self.power.reset_faults();
-        if left.must_boot || self.transmission.is_shut() {
+        self.drives.power.reset_faults();
+        if left.must_boot || self.wire.transmission.is_shut() {
             let booted = self.bring_up(give_up);
             if booted.is_err() {
-                self.safety.relapse(self.bus.now(), left);
+                self.safety.relapse(self.wire.now(), left);
             }
             booted?;
         }
@@ -116,7 +116,7 @@ mod tests {
         let mut node = node();
         for mode in [CommandMode::Pose, CommandMode::Rate] {
             let answer = node.request(Request::Command(mode), &mut || false);
-            assert_eq!((answer.unwrap(), node.command_mode), (Mode::Boot, mode));
+            assert_eq!((answer.unwrap(), node.control.command_mode), (Mode::Boot, mode));
         }
     }
 

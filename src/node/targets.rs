@@ -10,13 +10,29 @@
 //! a torque may then be is bounded by the drives' RPDO timers alone.
 
 use crate::Node;
+use crate::safety::Permit;
 use bus::Bus;
-use canopen::drive::Goal;
-use canopen::pdo::PerMille;
+use controller::Output;
 use remote::Remote;
 use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
+    /// Passes the controller's targets through the last gate and sends them; returns those that the drives now hold,
+    /// in ‰ of rated torque.
+    pub(super) fn command_drives(
+        &mut self,
+        sync_at: Instant,
+        permit: &Permit,
+        output: &Output,
+    ) -> [i16; 6] {
+        let gate = &mut self.drives.gate;
+        let targets = gate.pass(self.safety.may_push(), &output.tau, &output.targets);
+        let was_sent = self.send_targets(sync_at, &targets, permit.drives_on);
+        let targets = self.drives.gate.take_back(was_sent);
+        self.plausibility.on_sent(&targets);
+        targets
+    }
+
     /// Sends this cycle's targets and controlwords, made of the samples of the SYNC of `sync_at`, and returns which
     /// joints' targets were taken. A torque that is too late is dropped, and counts as an overrun.
     pub(super) fn send_targets(
@@ -25,46 +41,34 @@ impl<B: Bus, R: Remote> Node<B, R> {
         targets: &[i16; 6],
         drives_on: bool,
     ) -> [bool; 6] {
-        self.set_targets(targets, drives_on);
+        self.drives.set(self.samples.latest(), targets, self.safety.mode(), drives_on);
         let mut was_sent = [true; 6];
-        let mut out = std::mem::take(&mut self.out);
-        self.outbox.cyclic(&mut out);
+        let mut out = std::mem::take(&mut self.wire.out);
+        self.drives.rpdos.cyclic(&mut out);
         for telegram in out.drain(..) {
-            let in_time =
-                if self.is_late(sync_at) { self.outbox.late(&telegram) } else { Some(telegram) };
+            let in_time = if self.is_late(sync_at) {
+                self.drives.rpdos.late(&telegram)
+            } else {
+                Some(telegram)
+            };
             if in_time.is_none() {
-                self.timing.dropped();
+                self.timing.lateness.dropped();
             }
             if !in_time.is_some_and(|telegram| self.send(telegram)) {
-                for joint in self.outbox.pushed_by(&telegram) {
+                for joint in self.drives.rpdos.pushed_by(&telegram) {
                     was_sent.iter_mut().skip(joint).take(1).for_each(|was_sent| *was_sent = false);
                 }
             }
         }
-        self.out = out;
+        self.wire.out = out;
         let is_late = self.is_late(sync_at);
-        self.outbox.changed(is_late, &mut self.out);
+        self.drives.rpdos.changed(is_late, &mut self.wire.out);
         self.post();
         was_sent
     }
 
     /// Returns whether what was made of the samples of the SYNC of `sync_at` is too old to act on.
     pub(super) fn is_late(&self, sync_at: Instant) -> bool {
-        self.timing.is_stale(sync_at, self.bus.now())
-    }
-
-    /// Puts targets and controlwords into their frames.
-    fn set_targets(&mut self, targets: &[i16; 6], drives_on: bool) {
-        let mode = self.safety.mode();
-        for (joint, (sample, target)) in self.samples.latest().iter().zip(targets).enumerate() {
-            self.outbox.exert(joint, PerMille(*target));
-            let state = sample.statusword.state();
-            let goal = self.power.goal(joint, state, mode, drives_on);
-            // A fault is reset by an edge, so no word is replaced before it is sent, unless by "off".
-            if goal == Goal::VoltageDisabled || !self.outbox.is_waiting(joint) {
-                let word = self.power.controlword(joint, state, goal);
-                self.outbox.lead(joint, word, goal.is_reached(state));
-            }
-        }
+        self.timing.lateness.is_stale(sync_at, self.wire.now())
     }
 }

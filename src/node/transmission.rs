@@ -123,8 +123,8 @@ impl Transmission {
         }
     }
 
-    /// A bus reports a fault.
-    pub(super) fn heard(&mut self, channel: Channel, fault: BusFault) {
+    /// Takes a fault of a bus: one that is off or down is shut.
+    pub(super) fn on_fault(&mut self, channel: Channel, fault: BusFault) {
         match fault {
             BusFault::Off | BusFault::Down => {
                 let lines = self.lines.iter_mut().filter(|line| line.channel == channel);
@@ -228,7 +228,7 @@ mod tests {
             (BusFault::Down, false),
         ] {
             let mut sending = both();
-            sending.heard(BUS, fault);
+            sending.on_fault(BUS, fault);
             assert_eq!((sending.may(BUS), sending.may(OTHER)), (may, true), "{fault:?}");
         }
         let mut sending = both();

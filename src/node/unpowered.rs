@@ -3,7 +3,6 @@
 use crate::BringUpError;
 use crate::Node;
 use crate::cause::Cause;
-use crate::schedule::Schedule;
 use bus::Bus;
 use remote::Remote;
 use units::spatial::Motion;
@@ -20,11 +19,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<(), BringUpError> {
         self.start_network(give_up)?;
-        let now = self.bus.now();
-        self.schedule = Schedule::starting(now, self.period);
+        let now = self.wire.now();
+        self.timing.restart(now);
         // While there were no cycles the commanded side was not asked: what is known has aged.
-        self.exchange(now, &Motion::Hold);
-        self.safety.stop(now, cause);
+        self.remote.exchange(now, &Motion::Hold);
+        self.raise(now, [Some(cause)]);
         Ok(())
     }
 }

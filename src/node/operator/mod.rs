@@ -63,7 +63,7 @@ impl Operator {
     }
 
     /// Takes the switches of this cycle; `None` while the switch box is silent.
-    pub(super) fn feel(&mut self, now: Instant, inputs: Option<SwitchInputs>) -> Option<Cause> {
+    pub(super) fn update(&mut self, now: Instant, inputs: Option<SwitchInputs>) -> Option<Cause> {
         self.deadman.read(now, inputs.map(|inputs| inputs.deadman()));
         self.buttons.read(now, inputs);
         self.deadman.disagrees(now)

@@ -125,8 +125,8 @@ impl Plausibility {
         self.watches.judge(sampled, output)
     }
 
-    /// The drives are told these torques, in ‰ of rated torque.
-    pub(super) fn tell(&mut self, targets: &[i16; 6]) {
+    /// Takes the target torques that the drives hold, in ‰ of rated torque.
+    pub(super) fn on_sent(&mut self, targets: &[i16; 6]) {
         self.watches.sent.push(*targets);
         self.watches.torque.tell(targets);
     }

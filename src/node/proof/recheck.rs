@@ -96,7 +96,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             return;
         }
         if let Some((node, setting)) = self.proof.recheck.due(now)
-            && self.master.read_back(now, node, setting, &mut self.out)
+            && self.network.master.read_back(now, node, setting, &mut self.wire.out)
         {
             self.proof.recheck.go_on(now);
             self.post();

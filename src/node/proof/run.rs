@@ -21,16 +21,16 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// # Errors
     /// When a drive goes on without its master, or something else is wrong meanwhile.
     pub(crate) fn prove(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
-        self.proof.begin(&self.master);
+        self.proof.begin(&self.network.master);
         let untimed = if self.proof.is_wanted { self.proof.untimed() } else { Vec::new() };
         if !untimed.is_empty() {
             return Err(BringUpError::NotProven(untimed));
         }
         if self.proof.is_wanted {
             // What it is asked would stand in the way of its statusword.
-            self.master.asks_why(false);
+            self.network.master.asks_why(false);
             let proven = self.prove_each(give_up);
-            self.master.asks_why(true);
+            self.network.master.asks_why(true);
             proven?;
         }
         self.proof.finish();
@@ -51,9 +51,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 return Err(BringUpError::NotProven(refused));
             }
             // What is still on its way passes; then a drive that has left operational (1029h) is started again.
-            let quiet = self.bus.now() + SETTLE.max(self.period * 5);
+            let quiet = self.wire.now() + SETTLE.max(self.timing.period * 5);
             self.listen(quiet);
-            self.master.start_again(&mut self.out);
+            self.network.master.start_again(&mut self.wire.out);
             self.samples.start_again();
             self.post();
             self.enable(give_up)?;
@@ -63,16 +63,16 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// SYNC and RPDOs stay away; the heartbeat goes on.
     fn withhold_rpdos(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
-        self.proof.try_timer(Awaited::Rpdo, self.bus.now());
+        self.proof.try_timer(Awaited::Rpdo, self.wire.now());
         loop {
-            let now = self.bus.now();
+            let now = self.wire.now();
             self.send_heartbeat(now);
-            self.tend_master(now);
+            self.poll_master(now);
             while let Some(drive) = self.proof.asks(now) {
-                self.master.read_statusword(now, drive, &mut self.out);
+                self.network.master.read_statusword(now, drive, &mut self.wire.out);
             }
             self.post();
-            while let Some(telegram) = self.master.release() {
+            while let Some(telegram) = self.network.master.release() {
                 self.send(telegram);
             }
             let Some(due) = self.proof.deadline(now) else { return Ok(()) };
@@ -80,8 +80,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 return Err(BringUpError::GivenUp);
             }
             let until = due.min(now + LISTEN);
-            if let Some(received) = self.bus.receive(until) {
-                self.hear(received);
+            if let Some(received) = self.wire.receive(until) {
+                self.on_received(received);
                 self.proof.look(received.at, self.samples.latest());
             }
         }
@@ -93,20 +93,20 @@ impl<B: Bus, R: Remote> Node<B, R> {
         give_up: &mut dyn FnMut() -> bool,
     ) -> Result<(), BringUpError> {
         self.send_last_heartbeat();
-        self.proof.try_timer(Awaited::Heartbeat, self.bus.now());
-        while self.proof.deadline(self.bus.now()).is_some() {
+        self.proof.try_timer(Awaited::Heartbeat, self.wire.now());
+        while self.proof.deadline(self.wire.now()).is_some() {
             if give_up() {
                 return Err(BringUpError::GivenUp);
             }
-            let due = self.schedule.next(self.bus.now());
+            let due = self.timing.schedule.next(self.wire.now());
             self.listen(due.at);
             let sync_at = self.send_sync();
             self.gather(sync_at);
-            let now = self.bus.now();
-            self.tend_master(now);
+            let now = self.wire.now();
+            self.poll_master(now);
             self.proof.look(now, self.samples.latest());
             if let Some(drive) = self.proof.asks(now) {
-                self.master.read_statusword(now, drive, &mut self.out);
+                self.network.master.read_statusword(now, drive, &mut self.wire.out);
                 self.post();
             }
             self.send_targets(sync_at, &[0; 6], true);
@@ -117,7 +117,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// A heartbeat now, whether one is due or not.
     fn send_last_heartbeat(&mut self) {
-        let beat = self.heartbeat.beat(self.bus.now());
+        let beat = self.network.heartbeat.beat(self.wire.now());
         self.send_on_every_bus(beat);
     }
 }

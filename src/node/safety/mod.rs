@@ -168,15 +168,15 @@ impl Safety {
         }
     }
 
-    /// A drive is still not enabled: its joint and statusword.
-    pub fn not_enabled(&mut self, now: Instant, (joint, statusword): (usize, u16)) {
+    /// Cause to stop for while the drive of `joint` is not enabled and reports `statusword`.
+    pub fn watch_enabled(&self, now: Instant, joint: usize, statusword: u16) -> Option<Cause> {
         match self.mode {
-            Mode::Boot if now.since(self.since) <= ENABLE_WITHIN => {}
-            Mode::Boot => self.stop(now, Cause::EnableTimeout { joint, statusword }),
+            Mode::Boot if now.since(self.since) <= ENABLE_WITHIN => None,
+            Mode::Boot => Some(Cause::EnableTimeout { joint, statusword }),
             Mode::Ready | Mode::Armed | Mode::Engaged | Mode::ReflectionOff => {
-                self.stop(now, Cause::DriveLeft { joint, statusword });
+                Some(Cause::DriveLeft { joint, statusword })
             }
-            Mode::ZeroTorque | Mode::DrivesOff => {}
+            Mode::ZeroTorque | Mode::DrivesOff => None,
         }
     }
 

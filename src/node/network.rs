@@ -1,0 +1,67 @@
+//! CANopen services of the master beside the PDOs: NMT, SDO and error control, SYNC, heartbeat, TIME.
+
+use std::collections::VecDeque;
+
+use crate::asking::Asking;
+use canopen::NmtState;
+use canopen::frame::Channel;
+use canopen::heartbeat;
+use canopen::master::Master;
+use canopen::master::event::Event;
+use canopen::plan::NodePlan;
+use canopen::sync;
+use canopen::time_stamp;
+use config::Config;
+
+/// Maximum number of notices that wait to be taken; further ones are dropped.
+const MAX_NOTICES: usize = 64;
+
+/// The master and its producers.
+#[derive(Clone, Debug)]
+pub(super) struct Network {
+    pub(super) master: Master,
+    pub(super) heartbeat: heartbeat::Producer,
+    pub(super) sync: sync::Counter,
+    /// Producer of TIME, if configured.
+    pub(super) time_stamp: Option<time_stamp::Producer>,
+    pub(super) asking: Asking,
+    /// Events of the network for people, oldest first.
+    notices: VecDeque<Event>,
+}
+
+impl Network {
+    /// The master of the nodes of `plans`; nothing was sent yet.
+    pub(super) fn new(config: &Config, plans: Vec<(Channel, NodePlan)>) -> Self {
+        let producer = |period| time_stamp::Producer::new(time_stamp::COB_ID, period);
+        Self {
+            master: Master::new(plans),
+            heartbeat: heartbeat::Producer::new(
+                config.node_id,
+                config.heartbeat,
+                NmtState::Operational,
+            ),
+            sync: sync::Counter::new(config.sync_counter),
+            time_stamp: config.time_period.map(producer),
+            asking: Asking::new(),
+            notices: VecDeque::with_capacity(MAX_NOTICES),
+        }
+    }
+
+    /// Starts the master's boot and the SYNC counter again.
+    pub(super) fn restart(&mut self) {
+        self.master.restart();
+        self.sync.restart();
+    }
+
+    /// Keeps an event for people.
+    pub(super) fn note(&mut self, event: Event) {
+        if self.notices.len() < MAX_NOTICES {
+            self.notices.push_back(event);
+        }
+    }
+
+    /// Takes the oldest event.
+    pub(super) fn notice(&mut self) -> Option<Event> {
+        self.notices.pop_front()
+    }
+}

@@ -1,0 +1,119 @@
+//! Receiving: between two cycles, and in the window after a SYNC.
+
+use crate::Node;
+use crate::cause::Cause;
+use crate::lateness;
+use crate::proof::Relation;
+use crate::safety::causes;
+use crate::schedule::Due;
+use bus::Bus;
+use bus::Heard;
+use bus::Received;
+use canopen::frame::Telegram;
+use canopen::master::event::Event;
+use remote::Remote;
+use units::time::Instant;
+
+/// Maximum number of SYNC slots to skip in one cycle before one is sent late.
+const MAX_MISSED_SYNCS: u64 = lateness::OVERRUN;
+
+impl<B: Bus, R: Remote> Node<B, R> {
+    /// Receives until the next SYNC is due. A SYNC whose slot is missed is skipped.
+    pub(super) fn await_sync(&mut self) -> Due {
+        let mut due = self.timing.schedule.next(self.wire.now());
+        self.listen(due.at);
+        for _ in 0..MAX_MISSED_SYNCS {
+            if !self.timing.is_missed(due, self.wire.now()) {
+                break;
+            }
+            self.watch_standstill(due.at);
+            let next = self.timing.schedule.next(self.wire.now());
+            due = Due { at: next.at, skipped: due.skipped + 1 + next.skipped };
+            self.listen(due.at);
+        }
+        due
+    }
+
+    /// Receives until `until`. However much more has come by then, it ends.
+    pub(super) fn listen(&mut self, until: Instant) {
+        let mut late = 0;
+        while late < self.timing.max_late_frames
+            && let Some(received) = self.wire.receive(until)
+        {
+            late += u64::from(self.wire.now() >= until);
+            self.watch_standstill(until);
+            self.on_received(received);
+        }
+    }
+
+    /// Receives the drives' TPDOs of the SYNC of `sync_at`, until all have come or the window has ended. Each of
+    /// them extends the window for the next one: a SYNC that had to wait for the bus delays them all.
+    pub(super) fn gather(&mut self, sync_at: Instant) {
+        let mut answered = None;
+        while !self.samples.is_complete() {
+            let until = self.timing.window_end(sync_at, answered);
+            let Some(received) = self.wire.receive(until) else { break };
+            let (at, before) = (received.at, self.samples.fresh());
+            self.watch_standstill(sync_at);
+            self.on_received(received);
+            if self.samples.fresh() != before {
+                answered = answered.max(Some(at));
+            }
+        }
+    }
+
+    /// Watches whether the loop stood still since `due`. Comes before what waited meanwhile is read: drives that
+    /// miss their master report it, and their reports are not the first cause.
+    pub(super) fn watch_standstill(&mut self, due: Instant) {
+        let now = self.wire.now();
+        let causes = self.timing.watch_standstill(due, now, self.wire.suspended());
+        self.raise(now, causes);
+    }
+
+    /// Takes a frame or a fault of a bus.
+    pub(super) fn on_received(&mut self, received: Received) {
+        let Received { at, channel, heard } = received;
+        let cause = match heard {
+            Heard::Frame(frame) => self.on_frame(at, &Telegram { channel, frame }),
+            Heard::Fault(fault) => self.wire.on_fault(channel, fault),
+        };
+        self.raise(at, [cause]);
+    }
+
+    /// Discards stale samples. Other messages stay valid.
+    fn on_frame(&mut self, at: Instant, telegram: &Telegram) -> Option<Cause> {
+        let is_stale = self.timing.lateness.is_stale(at, self.wire.now());
+        if is_stale {
+            self.samples.discard(telegram);
+        } else if self.samples.on_frame(at, telegram) {
+            return None;
+        }
+        let event = self.network.master.on_frame(at, telegram, &mut self.wire.out);
+        self.post();
+        self.on_event(at, event?)
+    }
+
+    /// Does what is due at the master.
+    pub(super) fn poll_master(&mut self, now: Instant) {
+        while let Some(event) = self.network.master.on_time(now, &mut self.wire.out) {
+            let cause = self.on_event(now, event);
+            self.raise(now, [cause]);
+        }
+        self.post();
+    }
+
+    /// Keeps an event of the master for people; returns its cause to stop, if it is one.
+    fn on_event(&mut self, now: Instant, event: Event) -> Option<Cause> {
+        let relation = self.proof.takes(now, &event);
+        let cause = match relation {
+            Relation::Part => return None,
+            Relation::Tolerated => None,
+            Relation::Unrelated => causes::of_event(&event),
+        };
+        if let Some(Cause::Emergency { node, .. }) = cause {
+            self.drives.power.drop_drive(node);
+        }
+        self.network.note(event);
+        cause
+    }
+}

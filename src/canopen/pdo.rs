@@ -6,14 +6,8 @@
 use thiserror::Error;
 
 use crate::drive::Statusword;
-
-/// A position of an encoder, in its counts; wraps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct Counts(pub i32);
-
-/// A torque, in thousandths of the motor's rated torque (6076h).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct PerMille(pub i16);
+use units::drive::Counts;
+use units::drive::PerMille;
 
 /// A PDO of another length than its mapping gives it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]

@@ -138,8 +138,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use controller::calibration::Counts;
-    use controller::calibration::PerMille;
+    use units::drive::Counts;
+    use units::drive::PerMille;
 
     const CONFIGS: [&str; 2] = ["config/kraft_like.toml", "config/jpl_like.toml"];
 

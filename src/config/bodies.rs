@@ -3,7 +3,7 @@
 use nalgebra::Matrix3;
 use nalgebra::Vector3;
 
-use crate::Config;
+use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
 use controller::JointVector;
@@ -77,7 +77,7 @@ pub(super) fn inertia(key: &str, inertia: [f64; 6], problems: &mut Problems<'_>)
 }
 
 /// The weight of the arm at its start must leave every actuator within its capacity.
-pub(super) fn check_start(config: &Config, problems: &mut Problems<'_>) {
+pub(super) fn check_start(config: &Parameters, problems: &mut Problems<'_>) {
     let controller = &config.controller;
     let q = JointVector::from(config.joints.each_ref().map(|joint| joint.start));
     let tau = controller.arm.gravity(&controller.arm.posture(&q));

@@ -4,8 +4,8 @@
 use nalgebra::SVector;
 
 use crate::BusSettings;
-use crate::Config;
 use crate::network;
+use crate::parameters::Parameters;
 use canopen::frame::Channel;
 use canopen::load::abilities::Abilities;
 use canopen::load::network::Bus;
@@ -21,7 +21,7 @@ const TRAVEL: f64 = 0.05;
 const EFFORT: f64 = 0.15;
 
 /// All buses of `config`.
-pub(super) fn network(config: &Config) -> Network {
+pub(super) fn network(config: &Parameters) -> Network {
     let signals = signals(config);
     let buses = (0..).map(Channel).zip(&config.buses);
     let bus = |(channel, bus): (Channel, &BusSettings)| Bus {
@@ -39,7 +39,7 @@ pub(super) fn network(config: &Config) -> Network {
 }
 
 /// The nodes on one bus.
-fn members(config: &Config, channel: Channel, signals: &[Signals; 6]) -> Vec<Member> {
+fn members(config: &Parameters, channel: Channel, signals: &[Signals; 6]) -> Vec<Member> {
     let here = network::plans(config).into_iter().filter(|(place, _)| *place == channel);
     let member = |plan: NodePlan| {
         let mut joints = config.joints.iter().zip(signals);
@@ -55,7 +55,7 @@ fn members(config: &Config, channel: Channel, signals: &[Signals; 6]) -> Vec<Mem
 }
 
 /// What each joint's drive typically says and is told: near the start, holding the arm up.
-fn signals(config: &Config) -> [Signals; 6] {
+fn signals(config: &Parameters) -> [Signals; 6] {
     let controller = &config.controller;
     let q = SVector::from(config.joints.each_ref().map(|joint| joint.start));
     let tau = controller.arm.gravity(&controller.arm.posture(&q));

@@ -12,7 +12,7 @@
 //!  SYNC k + 3  it acts
 //! ```
 
-use crate::Config;
+use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
 use controller::JointVector;
@@ -97,7 +97,7 @@ pub(super) fn refuses(raw: &raw::File, problems: &mut Problems<'_>) -> bool {
 
 /// Notes what is refused: each inequality once, along axes and about them, for the worst of them.
 /// Silent where anything else is wrong, as the numbers may then mean nothing.
-pub(super) fn check(config: &Config, refuses: bool, problems: &mut Problems<'_>) {
+pub(super) fn check(config: &Parameters, refuses: bool, problems: &mut Problems<'_>) {
     if problems.count() > 0 {
         return;
     }
@@ -117,7 +117,7 @@ pub(super) fn check(config: &Config, refuses: bool, problems: &mut Problems<'_>)
 }
 
 /// Every inequality of every axis.
-pub(super) fn findings(config: &Config) -> Vec<Finding> {
+pub(super) fn findings(config: &Parameters) -> Vec<Finding> {
     axes(config).iter().flatten().flat_map(Axis::findings).collect()
 }
 
@@ -149,7 +149,7 @@ const fn key(culprit: Culprit, is_rotation: bool) -> &'static str {
 
 /// The six axes of the grip, with everything that closes a loop over them.
 #[expect(clippy::indexing_slicing, reason = "axes are numbered by an array of six")]
-fn axes(config: &Config) -> Result<[Axis; 6], Massless> {
+fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
     // Where the arm is judged: as it is at the start.
     let q = JointVector::from(config.joints.each_ref().map(|joint| joint.start));
     let controller = &config.controller;
@@ -199,12 +199,12 @@ fn axes(config: &Config) -> Result<[Axis; 6], Massless> {
 }
 
 /// The strongest damper of the tank, in N·s/m; it damps translations alone.
-fn tank_damping(config: &Config, is_rotation: bool) -> f64 {
+fn tank_damping(config: &Parameters, is_rotation: bool) -> f64 {
     let tank = config.controller.beyond.tank.filter(|_| !is_rotation);
     tank.map_or(0.0, |tank| tank.max_damping())
 }
 
-fn resistances(config: &Config) -> [JointResistance; 6] {
+fn resistances(config: &Parameters) -> [JointResistance; 6] {
     config.joints.each_ref().map(|joint| JointResistance {
         coulomb: joint.coulomb_friction,
         viscous: joint.viscous_friction,
@@ -213,7 +213,7 @@ fn resistances(config: &Config) -> [JointResistance; 6] {
 }
 
 /// The stiffest surface there is; nothing where there is none.
-fn stiffest(config: &Config) -> Impedance {
+fn stiffest(config: &Parameters) -> Impedance {
     let wall = config.remote.wall.map(|(.., contact)| contact);
     let block = config.remote.block.map(|(.., contact)| contact);
     let sphere = config.remote.sphere.map(|(.., contact)| contact);

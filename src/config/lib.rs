@@ -26,6 +26,7 @@ mod joints;
 mod lookup;
 mod names;
 mod network;
+mod parameters;
 mod plausibility;
 mod problem;
 mod protection;
@@ -44,6 +45,8 @@ pub use joints::Joint;
 pub use network::BusSettings;
 pub use network::Layout;
 pub use network::SwitchBox;
+pub use parameters::Parameters;
+pub use parameters::Safety;
 pub use plausibility::Plausibility;
 pub use problem::Invalid;
 pub use problem::Problem;
@@ -51,93 +54,33 @@ pub use protection::Protection;
 pub use protection::grain;
 pub use simulated::Simulated;
 
+use std::ops::Deref;
 use std::path::Path;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use nalgebra::Isometry3;
-
 use crate::problem::Problems;
 use crate::trust::Trust;
-use canopen::NodeId;
-use canopen::bits;
-use canopen::exchange;
-use canopen::exchange::Inbox;
-use canopen::exchange::Outbox;
+use ::remote::site::Virtual;
+use canopen::exchange::Exchange;
 use canopen::frame::Channel;
-use canopen::listening;
-use canopen::listening::Pattern;
-use canopen::load::BusLoad;
-use canopen::load::network::Network;
-use canopen::plan::NodePlan;
 use controller::Settings;
-use controller::stability::finding::Finding;
-use controller::switches::Mode;
 
-/// One hand controller and all around it.
+/// One hand controller and all around it: the values of a file, and the cyclic exchange that follows from them.
+///
+/// The values cannot be changed in place: the exchange must stay that of the values.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// Where it was read.
-    pub file: PathBuf,
-    /// From SYNC to SYNC.
-    pub period: Duration,
-    /// The master's own node-id, for its heartbeat.
-    pub node_id: NodeId,
-    /// How often the master's heartbeat is sent.
-    pub heartbeat: Duration,
-    /// Up to what SYNCs are counted (1019h), if they are.
-    pub sync_counter: Option<u8>,
-    /// How often TIME is told, if it is.
-    pub time_period: Option<Duration>,
-    /// Where the control socket is, if the file says so.
-    pub socket: Option<PathBuf>,
-    /// Whether nodes are told to store what is set in them.
-    pub stores_configuration: bool,
-    /// Whether nodes get their makers' defaults back before they are configured.
-    pub restores_defaults: bool,
-    /// The buses; a [`Channel`] is a place in this list.
-    pub buses: Vec<BusSettings>,
-    /// The joints, base first.
-    pub joints: [Joint; 6],
-    /// Pose of the grip in the last link.
-    pub x_6_g: Isometry3<f64>,
-    /// Gravity in {0}, in m/s².
-    pub gravity: [f64; 3],
-    /// The switch box.
-    pub switches: SwitchBox,
-    /// The controller.
-    pub controller: Settings,
-    /// What a displacement of the hand means at the start.
-    pub command_mode: Mode,
-    /// Whose hand the gains are judged with.
-    pub operator: Operator,
-    /// The commanded side.
-    pub remote: ::remote::site::Virtual,
-    /// Limits in time.
-    pub safety: Safety,
-    /// What samples may be before they are not believed.
-    pub plausibility: Plausibility,
+    parameters: Parameters,
+    exchange: Exchange,
 }
 
-/// How long what may last before torque goes off.
-#[derive(Clone, Copy, Debug)]
-pub struct Safety {
-    /// A drive without a fresh RPDO; 0 where only the heartbeat is to stop it.
-    pub rpdo_timer_ms: u16,
-    /// A drive without the master's heartbeat.
-    pub node_lost_ms: u16,
-    /// How often drives send their heartbeat.
-    pub drive_heartbeat_ms: u16,
-    /// The master without a node's heartbeat.
-    pub drive_lost: Duration,
-    /// Cycles in a row without a joint's sample.
-    pub missing_samples: u32,
-    /// Gravity compensation from zero to full.
-    pub gravity_ramp: Duration,
-    /// Reflection from zero to full.
-    pub reflection_ramp: Duration,
-    /// What the drives do by themselves.
-    pub protection: Protection,
+impl Deref for Config {
+    type Target = Parameters;
+
+    fn deref(&self) -> &Parameters {
+        &self.parameters
+    }
 }
 
 impl Config {
@@ -179,82 +122,62 @@ impl Config {
         file: &Path,
         text: &str,
         trust: Trust,
-        check: fn(&Self, &mut Problems<'_>),
+        check: fn(&Parameters, &mut Problems<'_>),
     ) -> Result<Self, Invalid> {
         let mut problems = Problems::new(file, text, trust);
         let Some(raw) = read(text, &mut problems) else {
             problems.finish()?;
             return Err(Invalid(Vec::new()));
         };
-        let config = convert(file, &raw, &mut problems);
+        let converted = convert(file, &raw, &mut problems);
         // A load that follows from a period or bit rate that is wrong says nothing.
         if !problems.is_noted("bus[") && !problems.is_noted("node.") {
-            config.iter().for_each(|config| check(config, &mut problems));
+            converted.iter().for_each(|(parameters, _)| check(parameters, &mut problems));
         }
         problems.finish()?;
         // Without a problem there is a value: every missing one was noted where it went missing.
+        let config = converted
+            .and_then(|(parameters, exchange)| Some(Self { parameters, exchange: exchange? }));
         config.ok_or_else(|| Invalid(Vec::new()))
     }
 
-    /// A joint by its name or its number, the base's being 1.
-    pub fn joint(&self, called: &str) -> Option<&Joint> {
-        let place = called.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
-        let named = self.joints.iter().find(|joint| joint.name == called);
-        named.or_else(|| self.joints.get(place?))
+    /// The same with another controller: no PDO depends on it.
+    #[must_use]
+    pub fn with_controller(mut self, controller: Settings) -> Self {
+        self.parameters.controller = controller;
+        self
     }
 
-    /// The buses, as the frames' channels.
-    pub fn channels(&self) -> Vec<Channel> {
-        (0..).zip(&self.buses).map(|(place, _)| Channel(place)).collect()
+    /// The same with another commanded side: no PDO depends on it.
+    #[must_use]
+    pub fn with_remote(mut self, remote: Virtual) -> Self {
+        self.parameters.remote = remote;
+        self
+    }
+
+    /// The same with every drive's proof at bring-up, whatever the file says: no PDO depends on it.
+    #[must_use]
+    pub const fn with_proof(mut self) -> Self {
+        self.parameters.safety.protection.proves_drives = true;
+        self
     }
 
     /// How long after a SYNC samples are waited for: what a period leaves when the RPDOs that must be
     /// there before the next SYNC are taken off.
     pub fn window(&self) -> Duration {
-        self.period.saturating_sub(network::rpdo_time(self))
+        self.period.saturating_sub(network::rpdo_time(self, &self.exchange.outbox))
     }
 
-    /// How often the commanded side is sampled.
-    pub const fn link_period(&self) -> Duration {
-        self.period
-    }
-
-    /// How long the longest frame takes on the slowest bus.
-    pub fn longest_frame(&self) -> Duration {
-        let bitrate = self.buses.iter().map(|bus| bus.bitrate).min().unwrap_or(1);
-        Duration::from_secs(1) * bits::worst_case(8) / bitrate.max(1)
-    }
-
-    /// How many frames all buses together can carry in so many periods, at the most.
-    pub fn most_frames(&self, periods: u64) -> u64 {
-        let micros = u64::try_from(self.period.as_micros()).unwrap_or(u64::MAX);
-        let bitrate: u64 = self.buses.iter().map(|bus| u64::from(bus.bitrate)).sum();
-        let bits = bitrate.saturating_mul(micros) / 1_000_000;
-        bits.div_ceil(bits::unstuffed(0).into()).saturating_mul(periods)
-    }
-
-    /// What every node is to be and to be told, in the order of the joints, then the switch box.
-    pub fn node_plans(&self) -> Vec<(Channel, NodePlan)> {
-        network::plans(self)
-    }
-
-    /// What a master must hear of each bus, in the order of the channels.
-    pub fn patterns(&self) -> Vec<Vec<Pattern>> {
-        let plans = self.node_plans();
-        self.channels().into_iter().map(|channel| listening::patterns(channel, &plans)).collect()
-    }
-
-    /// Which bits of which frame are whose. Layouts that contradict each other are a problem of the
-    /// file and so never get here.
-    pub fn exchange(&self) -> (Inbox, Outbox) {
-        exchange::resolve(&self.node_plans()).unwrap_or_default()
+    /// Returns which bits of which frame are whose, as resolved when the file was read.
+    pub const fn exchange(&self) -> &Exchange {
+        &self.exchange
     }
 
     /// The most frames that the node sends in one cycle on each bus, in the order of the channels: SYNC, targets, all
     /// controlwords, heartbeat, TIME and one request. Never less than a boot sends at once: two frames for each node and
     /// two for all.
     pub fn bursts(&self) -> Vec<u32> {
-        let (_, outbox) = self.exchange();
+        let outbox = &self.exchange.outbox;
         let plans = self.node_plans();
         let at_boot = |channel: Channel| {
             let nodes = plans.iter().filter(|(on, _)| *on == channel).count();
@@ -263,21 +186,6 @@ impl Config {
         let others = 3 + u32::from(self.time_period.is_some());
         let channels = self.channels().into_iter();
         channels.map(|channel| (outbox.frames_on(channel) + others).max(at_boot(channel))).collect()
-    }
-
-    /// What is to be said of the gains: every inequality of every axis, held or not.
-    pub fn findings(&self) -> Vec<Finding> {
-        gain_check::findings(self)
-    }
-
-    /// The network as the bus planner takes it.
-    pub fn network(&self) -> Network {
-        bus_plan::network(self)
-    }
-
-    /// The load of each bus in the worst case.
-    pub fn loads(&self) -> Vec<BusLoad> {
-        network::loads(self)
     }
 }
 
@@ -316,7 +224,11 @@ fn in_brackets(path: &str) -> String {
 }
 
 /// Meanings. `None` only where a problem has been noted.
-fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<Config> {
+fn convert(
+    file: &Path,
+    raw: &raw::File,
+    problems: &mut Problems<'_>,
+) -> Option<(Parameters, Option<Exchange>)> {
     let period_us = problems.within("node.sync_period_us", raw.node.sync_period_us, 250..=100_000);
     let period = Duration::from_micros(period_us);
     let node_id = lookup::node_id("node.node_id", raw.node.node_id, problems);
@@ -343,7 +255,7 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
     let refuses = gain_check::refuses(raw, problems);
     let remote = remote::settings(raw, problems);
 
-    let config = Config {
+    let config = Parameters {
         file: file.to_path_buf(),
         period,
         node_id: node_id?,
@@ -365,9 +277,9 @@ fn convert(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<
         safety,
         plausibility,
     };
-    network::check(&config, problems);
+    let exchange = network::check(&config, problems);
     bodies::check_start(&config, problems);
     protection::check(&config, problems);
     gain_check::check(&config, refuses, problems);
-    Some(config)
+    Some((config, exchange))
 }

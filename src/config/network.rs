@@ -5,13 +5,13 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::time::Duration;
 
-use crate::Config;
 use crate::Safety;
 use crate::boot;
 use crate::boot::BootSettings;
 use crate::joints::Joint;
 use crate::lookup;
 use crate::names;
+use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::protection;
 use crate::raw;
@@ -21,6 +21,8 @@ use canopen::eds::Described;
 use canopen::eds::Eds;
 use canopen::emcy;
 use canopen::exchange;
+use canopen::exchange::Exchange;
+use canopen::exchange::Outbox;
 use canopen::frame::Channel;
 use canopen::layout;
 use canopen::layout::Group;
@@ -213,8 +215,8 @@ fn node_heartbeat(raw: &raw::File, period: Duration, problems: &mut Problems<'_>
 }
 
 /// What no single section shows: node-ids taken twice, devices that are not what their EDS says or
-/// cannot do what the layout asks.
-pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
+/// cannot do what the layout asks. Returns the cyclic exchange, unless the layouts contradict each other.
+pub(super) fn check(config: &Parameters, problems: &mut Problems<'_>) -> Option<Exchange> {
     let mut taken = HashSet::new();
     for place in config.channels() {
         taken.insert((place, config.node_id.raw()));
@@ -233,11 +235,11 @@ pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
     }
     identity("switches.product_code", &config.switches.eds, &config.switches.identity, problems);
     abilities("switches.eds", &config.switches.eds, &switches_plan(config), problems);
-    problems.take("bus", exchange::resolve(&plans(config)));
+    problems.take("bus", exchange::resolve(&plans(config)))
 }
 
 /// Whether any bus carries too much.
-pub(super) fn check_loads(config: &Config, problems: &mut Problems<'_>) {
+pub(super) fn check_loads(config: &Parameters, problems: &mut Problems<'_>) {
     for (place, (bus, load)) in config.buses.iter().zip(loads(config)).enumerate() {
         let key = format!("bus[{place}].load_limit_percent");
         problems.take(&key, load.within(bus.load_limit_percent));
@@ -245,13 +247,13 @@ pub(super) fn check_loads(config: &Config, problems: &mut Problems<'_>) {
 }
 
 /// What every node is to be and to be told: the joints' drives, then the switch box.
-pub(super) fn plans(config: &Config) -> Vec<(Channel, NodePlan)> {
+pub(super) fn plans(config: &Parameters) -> Vec<(Channel, NodePlan)> {
     let joints = config.joints.iter().enumerate();
     let drives = joints.map(|(place, joint)| (joint.channel, drive_plan(config, place, joint)));
     drives.chain([(config.switches.channel, switches_plan(config))]).collect()
 }
 
-fn drive_plan(config: &Config, place: usize, joint: &Joint) -> NodePlan {
+fn drive_plan(config: &Parameters, place: usize, joint: &Joint) -> NodePlan {
     let name = format!("joint {} ({})", place + 1, joint.name);
     let timer = protection::rpdo_timer(config, joint);
     let group = group(config, joint);
@@ -280,7 +282,7 @@ const AT_REST: f64 = 0.002;
 const NOISE: u32 = 2;
 
 /// The drives that share a joint's frame of targets; `None` where each has its own.
-fn group(config: &Config, joint: &Joint) -> Option<Group> {
+fn group(config: &Parameters, joint: &Joint) -> Option<Group> {
     let bus = config.buses.get(usize::from(joint.channel.0))?;
     if bus.layout != Layout::Grouped {
         return None;
@@ -300,7 +302,7 @@ fn behind_the_pdos(plan: NodePlan, eds: &Eds) -> NodePlan {
     NodePlan { emcy_cob_id: low.unwrap_or(plan.emcy_cob_id), ..plan }
 }
 
-fn switches_plan(config: &Config) -> NodePlan {
+fn switches_plan(config: &Parameters) -> NodePlan {
     let SwitchBox { node, identity, boot, eds, .. } = &config.switches;
     let mut plan = NodePlan::switches(
         "switch box".to_owned(),
@@ -314,7 +316,7 @@ fn switches_plan(config: &Config) -> NodePlan {
 
 /// Whether a node keeps what it is told, and forgets first what it was told before. One that cannot,
 /// by its EDS, has nothing to forget.
-fn kept(config: &Config, eds: &Eds, plan: NodePlan) -> NodePlan {
+fn kept(config: &Parameters, eds: &Eds, plan: NodePlan) -> NodePlan {
     let can_forget = eds.object(Object::RESTORE_DEFAULTS).is_some();
     NodePlan {
         stores_configuration: config.stores_configuration,
@@ -325,7 +327,7 @@ fn kept(config: &Config, eds: &Eds, plan: NodePlan) -> NodePlan {
 
 /// How the node at `place` is watched. Each beats a hundredth faster than the one before, so that those
 /// of all nodes, which begin together, do not stay together: the next SYNC would have to wait for them.
-fn watch(config: &Config, place: usize) -> Watch {
+fn watch(config: &Parameters, place: usize) -> Watch {
     let place = u16::try_from(place).unwrap_or(u16::MAX);
     let period = config.safety.drive_heartbeat_ms;
     let lost = u16::try_from(config.safety.drive_lost.as_millis()).unwrap_or(u16::MAX);
@@ -351,7 +353,7 @@ fn identity(key: &str, eds: &Eds, identity: &Identity, problems: &mut Problems<'
 }
 
 /// The worst case of each bus.
-pub(super) fn loads(config: &Config) -> Vec<BusLoad> {
+pub(super) fn loads(config: &Parameters) -> Vec<BusLoad> {
     let buses = (0..).map(Channel).zip(&config.buses);
     let load = |(channel, bus): (Channel, &BusSettings)| {
         BusLoad::of(&streams(config, channel), bus.bitrate, period_us(config))
@@ -360,25 +362,24 @@ pub(super) fn loads(config: &Config) -> Vec<BusLoad> {
 }
 
 /// What is planned on one bus.
-fn streams(config: &Config, channel: Channel) -> Vec<Stream> {
+fn streams(config: &Parameters, channel: Channel) -> Vec<Stream> {
     let plans = plans(config);
     let here = plans.iter().filter(|(place, _)| *place == channel).map(|(_, plan)| plan);
     load::streams(here, period_us(config), config.node_id, heartbeat_ms(config))
 }
 
 /// From SYNC to SYNC, in µs.
-pub(super) fn period_us(config: &Config) -> u32 {
+pub(super) fn period_us(config: &Parameters) -> u32 {
     u32::try_from(config.period.as_micros()).unwrap_or(u32::MAX)
 }
 
 /// From one heartbeat of the master to the next, in ms.
-pub(super) fn heartbeat_ms(config: &Config) -> u16 {
+pub(super) fn heartbeat_ms(config: &Parameters) -> u16 {
     u16::try_from(config.heartbeat.as_millis()).unwrap_or(u16::MAX)
 }
 
 /// How long the RPDOs of every cycle take on the slowest bus, in the worst case.
-pub(super) fn rpdo_time(config: &Config) -> Duration {
-    let (_, outbox) = config.exchange();
+pub(super) fn rpdo_time(config: &Parameters, outbox: &Outbox) -> Duration {
     let time = |(channel, bus): (Channel, &BusSettings)| {
         let bits: u32 = outbox.bytes_on(channel).map(bits::worst_case).sum();
         Duration::from_secs(1) * bits / bus.bitrate.max(1)

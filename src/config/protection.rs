@@ -6,11 +6,11 @@
 use std::f64::consts::TAU;
 use std::time::Duration;
 
-use crate::Config;
 use crate::force_cap::ForceCap;
 use crate::force_cap::Pushes;
 use crate::force_cap::UNPROVEN;
 use crate::joints::Joint;
+use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
 use canopen::object::Object;
@@ -57,7 +57,7 @@ const SECOND_LAYER: f64 = 1.25;
     clippy::cast_sign_loss,
     reason = "finite and not negative by its checks; a float that is too large becomes the largest number"
 )]
-pub(super) fn motor_speed(config: &Config, place: usize, joint: &Joint) -> u32 {
+pub(super) fn motor_speed(config: &Parameters, place: usize, joint: &Joint) -> u32 {
     let speeds = JointVector::from(config.joints.each_ref().map(|joint| joint.max_speed));
     let speeds = config.controller.calibration.coupling().fastest(&speeds);
     let fastest = SECOND_LAYER * speeds.iter().nth(place).copied().unwrap_or_default();
@@ -71,12 +71,12 @@ pub(super) fn as_far_as_it_has(plan: NodePlan, joint: &Joint) -> NodePlan {
 
 /// How long a drive without a fresh RPDO takes to stop, if it has such a timer by its EDS; written as 0
 /// where the file wants none.
-pub(super) fn rpdo_timer(config: &Config, joint: &Joint) -> Option<u16> {
+pub(super) fn rpdo_timer(config: &Parameters, joint: &Joint) -> Option<u16> {
     let timer = Object::rpdo_communication(1, 5);
     joint.eds.object(timer).map(|_| config.safety.rpdo_timer_ms)
 }
 
-impl Config {
+impl Parameters {
     /// Everything that may push the hand at once.
     pub fn force_cap(&self) -> ForceCap {
         let Settings { arm, calibration, channels, assist_fraction, beyond, .. } = &self.controller;
@@ -127,7 +127,7 @@ impl Config {
 const WEAK: f64 = 5.0;
 
 /// Whether the force is too much even if every drive does what it is told.
-pub(super) fn check(config: &Config, problems: &mut Problems<'_>) {
+pub(super) fn check(config: &Parameters, problems: &mut Problems<'_>) {
     let plans = config.node_plans();
     let drives = plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());
     let lasting = if config.safety.protection.proves_drives {

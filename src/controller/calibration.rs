@@ -12,14 +12,8 @@ use thiserror::Error;
 use crate::coupling::Coupling;
 pub use crate::torque_curve::InvalidTorqueCurve;
 pub use crate::torque_curve::TorqueCurve;
-
-/// A position as a drive gives it (6064h).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts(pub i32);
-
-/// A torque as a drive takes it (6071h) or gives it (6077h): thousandths of its rated torque.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PerMille(pub i16);
+use units::drive::Counts;
+use units::drive::PerMille;
 
 /// Gear ratios between these keep positions exact and finite.
 const RATIOS: std::ops::RangeInclusive<f64> = 1e-3..=1e9;

@@ -67,9 +67,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::calibration::Counts;
     use crate::switches::Mode;
     use crate::switches::Switches;
+    use units::drive::Counts;
 
     fn input() -> Input {
         Input {

@@ -4,8 +4,6 @@ use nalgebra::Isometry3;
 use thiserror::Error;
 
 use crate::JointVector;
-use crate::calibration::Counts;
-use crate::calibration::PerMille;
 use crate::command::Gate;
 use crate::port::Passed;
 use crate::reference::Displacement;
@@ -14,6 +12,8 @@ use crate::switches::Mode;
 use crate::switches::Pressed;
 use crate::switches::Switches;
 use crate::velocity::Moving;
+use units::drive::Counts;
+use units::drive::PerMille;
 use units::spatial::Jacobian;
 use units::spatial::Motion;
 use units::spatial::Wrench;

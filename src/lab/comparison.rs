@@ -32,20 +32,18 @@ pub struct Comparison {
 /// `config` with the surroundings that `scenario` asks for.
 #[must_use]
 pub fn surrounded(config: &Config, scenario: &Scenario) -> Config {
-    let mut config = config.clone();
-    if let (Some(stiffness), Some((.., wall))) =
-        (scenario.wall_stiffness(), &mut config.remote.wall)
-    {
+    let mut remote = config.remote.clone();
+    if let (Some(stiffness), Some((.., wall))) = (scenario.wall_stiffness(), &mut remote.wall) {
         wall.stiffness = stiffness;
     }
-    config
+    config.clone().with_remote(remote)
 }
 
 /// `config` without its passivity layer.
 #[must_use]
 pub fn without_passivity(config: &Config) -> Config {
     let beyond = Beyond { passivity: None, tank: None, ..config.controller.beyond };
-    Config { controller: Settings { beyond, ..config.controller }, ..config.clone() }
+    config.clone().with_controller(Settings { beyond, ..config.controller })
 }
 
 impl Comparison {

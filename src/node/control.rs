@@ -8,7 +8,6 @@ use config::Config;
 use controller::Controller;
 use controller::Input;
 use controller::Output;
-use controller::calibration::Counts;
 use controller::switches::Mode as CommandMode;
 
 /// The controller with its command mode.
@@ -34,7 +33,7 @@ impl Control {
         restart: bool,
     ) -> Input {
         Input {
-            counts: samples.latest().map(|sample| Counts(sample.position.0)),
+            counts: samples.latest().map(|sample| sample.position),
             f_s: link.f_s(),
             x_b_m: link.x_b_m(),
             switches: operator.switches(permit.engaged),

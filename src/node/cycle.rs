@@ -23,6 +23,7 @@ use canopen::drive::State;
 use controller::Input;
 use controller::Output;
 use remote::Remote;
+use units::drive::PerMille;
 use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
@@ -123,7 +124,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         sync_at: Instant,
         input: &Input,
         output: Output,
-        targets: [i16; 6],
+        targets: [PerMille; 6],
     ) -> Record {
         Record {
             cycle: self.timing.cycle,
@@ -136,7 +137,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             f_s: input.f_s,
             x_b_m: input.x_b_m,
             output,
-            targets,
+            targets: targets.map(|PerMille(target)| target),
             others: Others {
                 uploads: self.network.master.foreign_uploads(),
                 unread: self.proof.unread(),

@@ -6,8 +6,8 @@ use crate::record::Mode;
 use canopen::drive::Goal;
 use canopen::exchange::Outbox;
 use canopen::pdo::DriveSample;
-use canopen::pdo::PerMille;
 use config::Config;
+use units::drive::PerMille;
 
 /// Controlwords and targets of the drives.
 #[derive(Clone, Debug)]
@@ -30,16 +30,16 @@ impl Drives {
         }
     }
 
-    /// Puts targets, in ‰ of rated torque, and the controlwords that follow from the drives' states into the RPDOs.
+    /// Puts targets and the controlwords that follow from the drives' states into the RPDOs.
     pub(super) fn set(
         &mut self,
         latest: &[DriveSample; 6],
-        targets: &[i16; 6],
+        targets: &[PerMille; 6],
         mode: Mode,
         drives_on: bool,
     ) {
         for (joint, (sample, target)) in latest.iter().zip(targets).enumerate() {
-            self.rpdos.exert(joint, PerMille(*target));
+            self.rpdos.exert(joint, *target);
             let state = sample.statusword.state();
             let goal = self.power.goal(joint, state, mode, drives_on);
             // A fault is reset by an edge, so no word is replaced before it is sent, unless by "off".

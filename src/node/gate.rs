@@ -5,7 +5,7 @@
 //! conditions.
 
 use controller::JointVector;
-use controller::calibration::PerMille;
+use units::drive::PerMille;
 
 /// A torque grows by at most this part of the most, each cycle.
 const GROWTH: i16 = 10;
@@ -37,23 +37,23 @@ impl Gate {
         may_be_torque: bool,
         tau: &JointVector,
         targets: &[PerMille; 6],
-    ) -> [i16; 6] {
+    ) -> [PerMille; 6] {
         let passes = may_be_torque && tau.iter().all(|tau| tau.is_finite());
         self.before = self.told;
         for ((told, most), PerMille(target)) in self.told.iter_mut().zip(self.most).zip(targets) {
             *told = if passes { nearest(*told, *target, most) } else { 0 };
         }
-        self.told
+        self.told.map(PerMille)
     }
 
     /// Takes back the torques that were not sent, and returns what the drives hold: those drives keep the
     /// torque of the cycle before, from which the next one grows. A zero is never taken back.
-    pub(super) fn take_back(&mut self, was_sent: [bool; 6]) -> [i16; 6] {
+    pub(super) fn take_back(&mut self, was_sent: [bool; 6]) -> [PerMille; 6] {
         let joints = self.told.iter_mut().zip(self.before).zip(was_sent);
         for ((told, before), _) in joints.filter(|((told, _), was_sent)| !was_sent && **told != 0) {
             *told = before;
         }
-        self.told
+        self.told.map(PerMille)
     }
 }
 
@@ -87,12 +87,12 @@ mod tests {
         ) {
             let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
             let calibration = config.controller.calibration;
-            let most = config.joints.map(|joint| joint.calibration.max_target());
+            let most = config.joints.each_ref().map(|joint| joint.calibration.max_target());
             let mut gate = Gate::new(most);
             let most = most.map(|PerMille(most)| most);
             let mut before = [0_i16; 6];
             for tau in path.into_iter().map(JointVector::from) {
-                let told = gate.pass(true, &tau, &calibration.targets(&tau));
+                let told = gate.pass(true, &tau, &calibration.targets(&tau)).map(|PerMille(told)| told);
                 for ((told, before), most) in told.into_iter().zip(before).zip(most) {
                     prop_assert!(told.abs() <= most);
                     let grows = told.signum() != before.signum() || told.abs() > before.abs();
@@ -114,7 +114,7 @@ mod tests {
             let mut gate = Gate::new(most.map(PerMille));
             for targets in asked {
                 let told = gate.pass(true, &JointVector::zeros(), &targets.map(PerMille));
-                let is_within = |(told, most): (i16, i16)| told.abs() <= most.saturating_abs();
+                let is_within = |(PerMille(told), most): (PerMille, i16)| told.abs() <= most.saturating_abs();
                 prop_assert!(told.into_iter().zip(most).all(is_within));
             }
         }
@@ -124,36 +124,40 @@ mod tests {
     fn what_is_asked_for_steadily_is_told_after_ten_cycles_and_ends_at_once() {
         let mut gate = Gate::new([PerMille(600); 6]);
         let asked = [600, -600, 599, 0, 61, 700].map(PerMille);
-        let mut told = [0; 6];
+        let mut told = [PerMille(0); 6];
         for _ in 0..10 {
             told = gate.pass(true, &JointVector::zeros(), &asked);
         }
-        assert_eq!(told, [600, -600, 599, 0, 61, 600]);
-        assert_eq!(gate.pass(true, &JointVector::zeros(), &[PerMille(0); 6]), [0; 6]);
+        assert_eq!(told, [600, -600, 599, 0, 61, 600].map(PerMille));
+        assert_eq!(gate.pass(true, &JointVector::zeros(), &[PerMille(0); 6]), [PerMille(0); 6]);
     }
 
     #[test]
     fn growth_counts_from_the_torque_that_was_sent() {
         let mut gate = Gate::new([PerMille(600); 6]);
         let mut pass = |target| gate.pass(true, &JointVector::zeros(), &[PerMille(target); 6]);
-        assert_eq!(pass(600), [60; 6]);
-        assert_eq!(pass(600), [120; 6]);
+        assert_eq!(pass(600), [PerMille(60); 6]);
+        assert_eq!(pass(600), [PerMille(120); 6]);
         let was_sent = [true, true, true, false, false, false];
-        assert_eq!(gate.take_back(was_sent), [120, 120, 120, 60, 60, 60]);
+        assert_eq!(gate.take_back(was_sent), [120, 120, 120, 60, 60, 60].map(PerMille));
         let told = gate.pass(true, &JointVector::zeros(), &[PerMille(600); 6]);
-        assert_eq!(told, [180, 180, 180, 120, 120, 120]);
+        assert_eq!(told, [180, 180, 180, 120, 120, 120].map(PerMille));
         gate.pass(true, &JointVector::zeros(), &[PerMille(0); 6]);
-        assert_eq!(gate.take_back([false; 6]), [0; 6], "zero is repeated until it is sent");
+        assert_eq!(
+            gate.take_back([false; 6]),
+            [PerMille(0); 6],
+            "zero is repeated until it is sent"
+        );
     }
 
     #[test]
     fn one_torque_that_is_no_number_or_no_permission_is_no_torque_at_all() {
         let asked = [PerMille(50); 6];
         let mut gate = Gate::new([PerMille(600); 6]);
-        assert_eq!(gate.pass(true, &JointVector::zeros(), &asked), [50; 6]);
+        assert_eq!(gate.pass(true, &JointVector::zeros(), &asked), [PerMille(50); 6]);
         let mut tau = JointVector::zeros();
         tau[4] = f64::NAN;
-        assert_eq!(gate.pass(true, &tau, &asked), [0; 6]);
-        assert_eq!(gate.pass(false, &JointVector::zeros(), &asked), [0; 6]);
+        assert_eq!(gate.pass(true, &tau, &asked), [PerMille(0); 6]);
+        assert_eq!(gate.pass(false, &JointVector::zeros(), &asked), [PerMille(0); 6]);
     }
 }

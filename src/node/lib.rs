@@ -65,6 +65,7 @@ use crate::safety::Safety;
 use crate::samples::Samples;
 use crate::wire::Wire;
 use bus::Bus;
+use canopen::exchange::Exchange;
 use canopen::master::event::Event;
 use config::Config;
 use remote::Remote;
@@ -93,7 +94,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             gravity: config.safety.gravity_ramp,
             reflection: config.safety.reflection_ramp,
         };
-        let (inbox, rpdos) = config.exchange();
+        let Exchange { inbox, outbox: rpdos } = config.exchange().clone();
         let plans = config.node_plans();
         Self {
             timing: CycleTiming::new(config, now, bus.suspended()),

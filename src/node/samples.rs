@@ -212,17 +212,20 @@ mod tests {
 
     use super::*;
     use crate::plausibility;
-    use canopen::exchange;
     use canopen::frame::Channel;
     use canopen::frame::Frame;
-    use canopen::pdo::Counts;
     use config::Config;
+    use units::drive::Counts;
 
     /// As `name` has it: `kraft_like_500hz` with all in one TPDO, `kraft_like` with the state apart.
     fn samples(name: &str) -> Samples {
         let config = Config::load(Path::new(&format!("config/{name}.toml"))).unwrap();
-        let (inbox, _) = exchange::resolve(&config.node_plans()).unwrap();
-        Samples::new(inbox, plausibility::intakes(&config), [Channel(0); 6], 3)
+        Samples::new(
+            config.exchange().inbox.clone(),
+            plausibility::intakes(&config),
+            [Channel(0); 6],
+            3,
+        )
     }
 
     fn hear(samples: &mut Samples, at: u64, cob_id: u16, data: &[u8]) -> bool {

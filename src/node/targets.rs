@@ -14,22 +14,22 @@ use crate::safety::Permit;
 use bus::Bus;
 use controller::Output;
 use remote::Remote;
+use units::drive::PerMille;
 use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Passes the controller's targets through the last gate and sends them; returns those that the drives now hold,
-    /// in ‰ of rated torque.
+    /// Passes the controller's targets through the last gate and sends them; returns those that the drives now hold.
     pub(super) fn command_drives(
         &mut self,
         sync_at: Instant,
         permit: &Permit,
         output: &Output,
-    ) -> [i16; 6] {
+    ) -> [PerMille; 6] {
         let gate = &mut self.drives.gate;
         let targets = gate.pass(self.safety.may_push(), &output.tau, &output.targets);
         let was_sent = self.send_targets(sync_at, &targets, permit.drives_on);
         let targets = self.drives.gate.take_back(was_sent);
-        self.plausibility.on_sent(&targets);
+        self.plausibility.on_sent(&targets.map(|PerMille(target)| target));
         targets
     }
 
@@ -38,7 +38,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     pub(super) fn send_targets(
         &mut self,
         sync_at: Instant,
-        targets: &[i16; 6],
+        targets: &[PerMille; 6],
         drives_on: bool,
     ) -> [bool; 6] {
         self.drives.set(self.samples.latest(), targets, self.safety.mode(), drives_on);

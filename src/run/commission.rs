@@ -51,9 +51,9 @@ pub(super) fn run(args: &Commission) -> Result<(), Failure> {
         let reason = "nothing to do: --prove is the only task so far";
         return Err(Failure::new(Kind::Usage, reason));
     }
-    let mut config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
+    let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
     // Whoever asks for the proof gets it, whatever the file says.
-    config.safety.protection.proves_drives = true;
+    let config = config.with_proof();
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let stop = signals::stop_asked().context("no signals").or_fail(Kind::Bus)?;
     let bus = interfaces::open(&config, &names)?;

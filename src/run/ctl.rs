@@ -149,7 +149,7 @@ fn places(args: &Ctl) -> Result<Vec<PathBuf>, Failure> {
         return Ok(vec![socket.clone()]);
     }
     let configured = match &args.config {
-        Some(file) => Config::load(file).or_fail(Kind::Configuration)?.socket,
+        Some(file) => Config::load(file).or_fail(Kind::Configuration)?.socket.clone(),
         None => None,
     };
     Ok(configured.map_or_else(usual_sockets, |socket| vec![socket]))

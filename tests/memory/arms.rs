@@ -8,8 +8,6 @@ use nalgebra::SVector;
 
 use crate::common::oracle;
 use config::Config;
-use controller::calibration::Counts;
-use controller::calibration::PerMille;
 use lab::bench::Bench;
 use lab::comparison;
 use lab::comparison::Comparison;
@@ -18,6 +16,8 @@ use node::record::Mode;
 use node::record::Record;
 use sim::scenario::Scenario;
 use telemetry::summary::Summary;
+use units::drive::Counts;
+use units::drive::PerMille;
 
 const CONTACT: &str = include_str!("../../config/scenarios/contact_10s.toml");
 const STIFF_WALL: &str = include_str!("../../config/scenarios/stiff-wall.toml");

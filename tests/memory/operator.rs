@@ -245,12 +245,14 @@ fn hazard_41_reflection_switched_on_in_contact_begins_at_zero_and_takes_three_hu
 fn hazard_41_an_arm_that_is_believed_heavier_than_it_is_trips_when_it_rises_unheld() {
     let text = include_str!("../../config/kraft_like.toml");
     // So heavy that no file may say it: its motors could not hold it.
-    let mut believed = Config::parse(Path::new(KRAFT), text).unwrap();
+    let believed = Config::parse(Path::new(KRAFT), text).unwrap();
     let links = believed.joints.each_ref().map(|joint| Link {
         mass: if joint.link.mass < 1.0 { joint.link.mass + 2.0 } else { joint.link.mass + 20.0 },
         ..joint.link
     });
-    believed.controller.arm = Arm::new(links, believed.x_6_g, believed.gravity).unwrap();
+    let arm = Arm::new(links, believed.x_6_g, believed.gravity).unwrap();
+    let controller = controller::Settings { arm, ..believed.controller };
+    let believed = believed.with_controller(controller);
     // A hand so soft that it hardly holds.
     let script = "seconds = 10\n[hand]\ntemperament = \"relaxed\"\n\
         [[console]]\nat_s = 0.1\nrequest = \"arm\"\n";

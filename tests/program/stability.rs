@@ -166,8 +166,9 @@ const POSTURE: [f64; 6] = [0.2, -0.8, 1.5, -0.6, 0.3, 0.4];
 
 /// The device of the shipped configuration, and the simulated arm with other friction.
 fn device_and_plant(change: impl Fn(&mut Resistance)) -> ([Device; 6], Plant, JointVector, Config) {
-    let mut config = Config::parse(Path::new(FILE), TEXT).unwrap();
-    config.gravity = [0.0; 3];
+    let weightless = TEXT.replace("[arm]\n", "[arm]\ngravity_balanced = true\n");
+    assert_ne!(weightless, TEXT);
+    let config = Config::parse(Path::new(FILE), &weightless).unwrap();
     let q = JointVector::from(POSTURE);
     let resistance = config.joints.each_ref().map(|joint| {
         let (coulomb, viscous) = (joint.coulomb_friction, joint.viscous_friction);

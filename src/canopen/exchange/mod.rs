@@ -60,12 +60,21 @@ pub enum ExchangeError {
     },
 }
 
-/// Both directions for these nodes, the drives first; a node is known by its place in the list.
+/// Both directions of the cyclic exchange.
+#[derive(Clone, Debug)]
+pub struct Exchange {
+    /// TPDOs of the nodes.
+    pub inbox: Inbox,
+    /// RPDOs of the nodes.
+    pub outbox: Outbox,
+}
+
+/// Resolves both directions for these nodes, the drives first; a node is known by its place in the list.
 ///
 /// # Errors
 /// When a drive's statusword, position, controlword or target is nowhere, or nodes contradict each
 /// other about a frame they share.
-pub fn resolve(plans: &[(Channel, NodePlan)]) -> Result<(Inbox, Outbox), ExchangeError> {
+pub fn resolve(plans: &[(Channel, NodePlan)]) -> Result<Exchange, ExchangeError> {
     let (inbox, outbox) = (Inbox::new(plans), Outbox::new(plans)?);
     for (place, (_, plan)) in plans.iter().enumerate().filter(|(_, (_, plan))| plan.is_drive()) {
         for (object, is_there) in [
@@ -79,5 +88,5 @@ pub fn resolve(plans: &[(Channel, NodePlan)]) -> Result<(Inbox, Outbox), Exchang
             }
         }
     }
-    Ok((inbox, outbox))
+    Ok(Exchange { inbox, outbox })
 }

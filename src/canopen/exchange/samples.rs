@@ -12,11 +12,11 @@ use crate::layout::Direction;
 use crate::layout::Mapped;
 use crate::layout::Pdo;
 use crate::object::Object;
-use crate::pdo::Counts;
-use crate::pdo::PerMille;
 use crate::pdo::SwitchInputs;
 use crate::pdo::WrongLength;
 use crate::plan::NodePlan;
+use units::drive::Counts;
+use units::drive::PerMille;
 
 /// What one TPDO told; `None` for what is not in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,7 +34,7 @@ pub struct Told {
 }
 
 /// Every TPDO that is listened to.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Inbox {
     tpdos: Vec<Tpdo>,
 }
@@ -157,7 +157,7 @@ mod tests {
             (Channel(1), NodePlan { node: *node, pdos, ..elbow() })
         };
         let plans: Vec<_> = nodes.iter().zip(&Group::threes(&nodes)).map(plan).collect();
-        resolve(&plans).unwrap().0
+        resolve(&plans).unwrap().inbox
     }
 
     fn read(inbox: &Inbox, cob_id: u16, data: &[u8]) -> Option<Result<Told, WrongLength>> {

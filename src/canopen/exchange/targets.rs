@@ -16,14 +16,14 @@ use crate::layout::Direction;
 use crate::layout::Pdo;
 use crate::layout::Service;
 use crate::object::Object;
-use crate::pdo::PerMille;
 use crate::plan::NodePlan;
+use units::drive::PerMille;
 
 /// A frame that acts on arrival is repeated after so many cycles while its drive does not follow.
 const REPEAT: u32 = 20;
 
 /// Every RPDO that is sent.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Outbox {
     cyclic: Vec<Rpdo>,
     on_change: Vec<Rpdo>,
@@ -281,7 +281,7 @@ mod tests {
 
     fn grouped() -> Outbox {
         let plans = plans(|node, group| layout::grouped(node, 0, group, Some(5)));
-        resolve(&plans).unwrap().1
+        resolve(&plans).unwrap().outbox
     }
 
     fn text(send: impl FnOnce(&mut Vec<Telegram>)) -> String {
@@ -302,7 +302,7 @@ mod tests {
 
     #[test]
     fn with_a_frame_for_each_drive_word_and_torque_go_together() {
-        let mut outbox = resolve(&plans(|node, _| layout::per_drive(node, None))).unwrap().1;
+        let mut outbox = resolve(&plans(|node, _| layout::per_drive(node, None))).unwrap().outbox;
         outbox.exert(1, PerMille(-1));
         outbox.lead(1, Controlword::ENABLE_OPERATION, false);
         let frames = "201#00000000 202#0F00FFFF 203#00000000 204#00000000";
@@ -315,7 +315,7 @@ mod tests {
     fn each_bus_has_a_word_of_its_own_in_a_cycle() {
         let mut plans = plans(|node, group| layout::grouped(node, 0, group, Some(5)));
         plans.iter_mut().skip(2).for_each(|(channel, _)| *channel = Channel(1));
-        let mut outbox = resolve(&plans).unwrap().1;
+        let mut outbox = resolve(&plans).unwrap().outbox;
         (0..4).for_each(|node| outbox.lead(node, Controlword::SHUTDOWN, true));
         let cycles: Vec<_> = (0..5).map(|_| text(|out| outbox.changed(false, out))).collect();
         assert_eq!(cycles.join("|"), "301#0600 303#0600||304#0600 302#0600||");
@@ -348,7 +348,7 @@ mod tests {
 
     #[test]
     fn late_words_that_take_power_away_are_sent_without_torque() {
-        let mut outbox = resolve(&plans(|node, _| layout::per_drive(node, None))).unwrap().1;
+        let mut outbox = resolve(&plans(|node, _| layout::per_drive(node, None))).unwrap().outbox;
         let words = [Controlword::ENABLE_OPERATION, Controlword::SHUTDOWN];
         for (node, word) in words.into_iter().enumerate() {
             outbox.exert(node, PerMille(300));

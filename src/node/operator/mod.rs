@@ -128,9 +128,9 @@ mod tests {
     use config::Config;
     use controller::Controller;
     use controller::Input;
-    use controller::calibration::Counts;
     use controller::switches::Mode as CommandMode;
     use controller::switches::Switches;
+    use units::drive::Counts;
     use units::spatial::Wrench;
 
     /// A cycle at rest.

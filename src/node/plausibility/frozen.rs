@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use crate::cause::Cause;
 use crate::plausibility::Sampled;
-use canopen::pdo::Counts;
+use units::drive::Counts;
 use units::time::Instant;
 
 /// A torque that pushes, in ‰ of rated torque.

@@ -8,7 +8,7 @@ use crate::plausibility::credit::Credit;
 use crate::plausibility::jump::Jump;
 use crate::plausibility::jump::Reach;
 use crate::plausibility::jump::Step;
-use canopen::pdo::Counts;
+use units::drive::Counts;
 use units::time::Instant;
 
 /// What is to be made of a position.

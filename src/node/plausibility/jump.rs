@@ -6,7 +6,7 @@
 use std::time::Duration;
 
 use crate::plausibility::repeated::Repeated;
-use canopen::pdo::Counts;
+use units::drive::Counts;
 use units::time::Instant;
 
 /// A second rejected position within this is a jump.

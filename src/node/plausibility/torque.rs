@@ -77,7 +77,7 @@ mod tests {
 
     use super::*;
     use canopen::pdo::DriveSample;
-    use canopen::pdo::PerMille;
+    use units::drive::PerMille;
 
     /// At which cycle of a millisecond it is told, if the elbow reads `actual` at every `every`th.
     fn told(

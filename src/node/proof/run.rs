@@ -7,6 +7,7 @@ use crate::Node;
 use bus::Bus;
 use canopen::watchdog::Awaited;
 use remote::Remote;
+use units::drive::PerMille;
 
 /// While nothing of ours is on the bus, that is looked after at least so often.
 const LISTEN: Duration = Duration::from_millis(1);
@@ -109,7 +110,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 self.network.master.read_statusword(now, drive, &mut self.wire.out);
                 self.post();
             }
-            self.send_targets(sync_at, &[0; 6], true);
+            self.send_targets(sync_at, &[PerMille(0); 6], true);
             self.send_request();
         }
         Ok(())

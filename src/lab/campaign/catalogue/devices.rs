@@ -37,12 +37,12 @@ pub(super) const KINDS: &[Kind] = &[
 ];
 
 /// A drive that breaks: the other five in two cycles.
-const fn drive_fault(at: &Place<'_>) -> Expectation {
+fn drive_fault(at: &Place<'_>) -> Expectation {
     Expectation::Stop(at.config.period.saturating_mul(2))
 }
 
 /// What is seen by samples that do not come: five cycles.
-const fn unseen(at: &Place<'_>) -> Expectation {
+fn unseen(at: &Place<'_>) -> Expectation {
     Expectation::Stop(at.config.period.saturating_mul(5))
 }
 

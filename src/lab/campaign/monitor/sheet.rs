@@ -18,10 +18,10 @@ use canopen::sync;
 use canopen::time_stamp;
 use canopen::watchdog::Awaited;
 use config::Config;
-use controller::calibration::Counts;
 use controller::calibration::TorqueCurve;
 use sim::arm::Arm;
 use sim::arm::Joints;
+use units::drive::Counts;
 
 /// Of the predefined connection set (CiA 301, 7.3.3).
 pub(super) const SDO_REQUEST: u16 = 0x600;
@@ -87,7 +87,7 @@ impl Sheet {
         let plans = config.node_plans();
         let nodes: Vec<Member> = plans.iter().map(Member::of).collect();
         let rpdos = rpdos(&plans);
-        let (inbox, _) = config.exchange();
+        let inbox = config.exchange().inbox.clone();
         let heartbeat = ERROR_CONTROL + u16::from(config.node_id.raw());
         let mut own: Vec<(Channel, u16)> =
             rpdos.iter().map(|rpdo| (rpdo.channel, rpdo.cob_id)).collect();

@@ -16,13 +16,13 @@ use canopen::layout;
 use canopen::master::Master;
 use canopen::master::event::Event;
 use canopen::object::Object;
-use canopen::pdo::Counts;
 use canopen::pdo::DriveSample;
-use canopen::pdo::PerMille;
 use canopen::plan::Identity;
 use canopen::plan::NodePlan;
 use canopen::plan::Watch;
 use canopen::sync::Sync;
+use units::drive::Counts;
+use units::drive::PerMille;
 
 const BUS: Channel = Channel(0);
 const MS: Duration = Duration::from_millis(1);

@@ -18,8 +18,14 @@ esac
 export VCAN_KERNEL=${VCAN_KERNEL:-${VCAN_UML_HOME:-${XDG_CACHE_HOME:-$HOME/.cache}/vcan-uml}/linux-timetravel}
 
 work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+ended() {
+  echo "test: how long it took" >&2
+  cat "$work/times" >&2
+  rm -rf "$work"
+}
+trap ended EXIT
 : >"$work/failed"
+: >"$work/times"
 
 # timed NAME COMMAND...: runs it, notes how long it took, and whether it failed.
 timed() {
@@ -78,8 +84,6 @@ for output in "$work"/*.out; do
   cat "$output"
 done
 
-echo "test: how long it took" >&2
-cat "$work/times" >&2
 if [[ -s $work/failed ]]; then
   sed 's/^/test: FAILED: /' "$work/failed" >&2
   exit 1

@@ -2,7 +2,7 @@
 
 use crate::link::Link;
 use crate::operator::Operator;
-use crate::safety::Permit;
+use crate::permit::Permit;
 use crate::samples::Samples;
 use config::Config;
 use controller::Controller;

@@ -14,9 +14,9 @@
 
 use crate::Node;
 use crate::cause::Cause;
+use crate::permit::Permit;
 use crate::record::Others;
 use crate::record::Record;
-use crate::safety::Permit;
 use crate::safety::causes;
 use bus::Bus;
 use canopen::drive::State;

@@ -26,6 +26,7 @@ mod lateness;
 mod link;
 mod network;
 pub mod operator;
+pub mod permit;
 mod plausibility;
 mod power;
 pub mod proof;

@@ -56,7 +56,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 if !self.mode().is_latched() {
                     self.proof.allows_force()?;
                 }
-                self.safety.arm(now, self.operator.grasp())?;
+                self.safety.arm(now, self.operator.enable_state())?;
             }
             Request::Disarm => self.safety.disarm(),
             Request::Reset => self.reset(now, give_up)?,

@@ -10,7 +10,7 @@
 //! a torque may then be is bounded by the drives' RPDO timers alone.
 
 use crate::Node;
-use crate::safety::Permit;
+use crate::permit::Permit;
 use bus::Bus;
 use controller::Output;
 use remote::Remote;

@@ -18,7 +18,7 @@ const DISAGREEMENT: Duration = Duration::from_millis(50);
 
 /// What the operator's hand does with the deadman.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Grasp {
+pub enum EnableState {
     /// The switch box is not heard.
     Silent,
     /// The contacts have not come to rest, or contradict each other.
@@ -36,7 +36,7 @@ pub enum Grasp {
 pub struct Deadman {
     contacts: Option<Contacts>,
     since: Instant,
-    grasp: Grasp,
+    enable_state: EnableState,
     /// It has been released, and not been held since: a closing counts.
     may_close: bool,
 }
@@ -44,7 +44,12 @@ pub struct Deadman {
 impl Deadman {
     /// Not heard yet.
     pub const fn unheard() -> Self {
-        Self { contacts: None, since: Instant::ZERO, grasp: Grasp::Silent, may_close: false }
+        Self {
+            contacts: None,
+            since: Instant::ZERO,
+            enable_state: EnableState::Silent,
+            may_close: false,
+        }
     }
 
     /// Takes what the contacts say now; `None` while the switch box is silent.
@@ -53,25 +58,25 @@ impl Deadman {
             (self.contacts, self.since) = (contacts, now);
         }
         let is_settled = now.since(self.since) >= SETTLED_AFTER;
-        self.grasp = match contacts {
-            None => Grasp::Silent,
-            Some(Contacts::Disagreeing) => Grasp::Moving,
-            Some(Contacts::Released) if is_settled => Grasp::Released,
-            Some(Contacts::Pressed) if self.grasp == Grasp::Held => Grasp::Held,
-            Some(Contacts::Pressed) if is_settled && self.may_close => Grasp::Held,
-            Some(Contacts::Pressed) if is_settled => Grasp::Closed,
-            Some(Contacts::Released | Contacts::Pressed) => Grasp::Moving,
+        self.enable_state = match contacts {
+            None => EnableState::Silent,
+            Some(Contacts::Disagreeing) => EnableState::Moving,
+            Some(Contacts::Released) if is_settled => EnableState::Released,
+            Some(Contacts::Pressed) if self.enable_state == EnableState::Held => EnableState::Held,
+            Some(Contacts::Pressed) if is_settled && self.may_close => EnableState::Held,
+            Some(Contacts::Pressed) if is_settled => EnableState::Closed,
+            Some(Contacts::Released | Contacts::Pressed) => EnableState::Moving,
         };
-        self.may_close = match self.grasp {
-            Grasp::Released => true,
-            Grasp::Silent | Grasp::Closed | Grasp::Held => false,
-            Grasp::Moving => self.may_close,
+        self.may_close = match self.enable_state {
+            EnableState::Released => true,
+            EnableState::Silent | EnableState::Closed | EnableState::Held => false,
+            EnableState::Moving => self.may_close,
         };
     }
 
     /// What the hand does with it.
-    pub const fn grasp(&self) -> Grasp {
-        self.grasp
+    pub const fn enable_state(&self) -> EnableState {
+        self.enable_state
     }
 
     /// A contact that sticks shows as two that contradict each other for longer than a finger takes.
@@ -109,7 +114,7 @@ mod tests {
         let mut deadman = Deadman::unheard();
         read(&mut deadman, 0..=25, OPEN);
         read(&mut deadman, 26..=51, CLOSED);
-        assert_eq!(deadman.grasp(), Grasp::Held);
+        assert_eq!(deadman.enable_state(), EnableState::Held);
         deadman
     }
 
@@ -117,13 +122,13 @@ mod tests {
     fn hazard_39_a_deadman_that_is_closed_at_power_up_is_not_held_before_it_was_released() {
         let mut deadman = Deadman::unheard();
         read(&mut deadman, 0..=1_000, CLOSED);
-        assert_eq!(deadman.grasp(), Grasp::Closed);
+        assert_eq!(deadman.enable_state(), EnableState::Closed);
         read(&mut deadman, 1_001..=1_020, OPEN);
         read(&mut deadman, 1_021..=2_000, CLOSED);
-        assert_eq!(deadman.grasp(), Grasp::Closed, "20 ms are no release");
+        assert_eq!(deadman.enable_state(), EnableState::Closed, "20 ms are no release");
         read(&mut deadman, 2_001..=2_026, OPEN);
         read(&mut deadman, 2_027..=2_052, CLOSED);
-        assert_eq!(deadman.grasp(), Grasp::Held);
+        assert_eq!(deadman.enable_state(), EnableState::Held);
     }
 
     #[test]
@@ -153,7 +158,7 @@ mod tests {
                     open_for = if contacts == OPEN { open_for + 1 } else { 0 };
                     closed_for = if contacts == CLOSED { closed_for + 1 } else { 0 };
                     may_close |= open_for > 25;
-                    if deadman.grasp() == Grasp::Held {
+                    if deadman.enable_state() == EnableState::Held {
                         prop_assert!(may_close && closed_for > 25);
                     }
                 }
@@ -166,9 +171,9 @@ mod tests {
         for bounce in [OPEN, TORN, None] {
             let mut deadman = held();
             deadman.read(at(60), bounce);
-            assert_ne!(deadman.grasp(), Grasp::Held);
+            assert_ne!(deadman.enable_state(), EnableState::Held);
             read(&mut deadman, 61..=500, CLOSED);
-            assert_ne!(deadman.grasp(), Grasp::Held, "after {bounce:?}");
+            assert_ne!(deadman.enable_state(), EnableState::Held, "after {bounce:?}");
         }
     }
 }

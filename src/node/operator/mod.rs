@@ -1,30 +1,30 @@
 //! What is watched of the operator and of the hand: whether somebody is there, and whether the arm does
 //! what a hand would not.
 //!
-//! | file            | watches for                                            | hazard |
-//! |-----------------|--------------------------------------------------------|--------|
-//! | [`deadman`]     | released, stuck, bouncing, closed at power-up          | 38, 39 |
-//! | `buttons`       | reference and reflection switches that bounce          | 39     |
-//! | `taped`         | a deadman held for a minute over a grip that is still  | 39     |
-//! | `unheld`        | an arm that is driven away while its weight is taken up | 41    |
-//! | `instability`   | swings that do not die away, power into the hand       | 45     |
+//! | file                 | watches for                                             | hazard |
+//! |----------------------|---------------------------------------------------------|--------|
+//! | [`deadman`]          | released, stuck, bouncing, closed at power-up           | 38, 39 |
+//! | `buttons`            | reference and reflection switches that bounce           | 39     |
+//! | `anti_tie_down`      | a deadman held for a minute over a grip that is still   | 39     |
+//! | `uncommanded_motion` | an arm driven away while gravity compensation ramps up  | 41     |
+//! | `instability`        | swings that do not die away, power into the hand        | 45     |
 
+mod anti_tie_down;
 mod buttons;
 pub mod deadman;
 mod instability;
-mod taped;
-mod unheld;
+mod uncommanded_motion;
 
 use std::time::Duration;
 
 use crate::cause::Cause;
+use crate::operator::anti_tie_down::AntiTieDown;
 use crate::operator::buttons::Buttons;
 use crate::operator::deadman::Deadman;
-use crate::operator::deadman::Grasp;
+use crate::operator::deadman::EnableState;
 use crate::operator::instability::Instability;
-use crate::operator::taped::Taped;
-use crate::operator::unheld::Unheld;
-use crate::safety::Permit;
+use crate::operator::uncommanded_motion::UncommandedMotion;
+use crate::permit::Permit;
 use canopen::pdo::SwitchInputs;
 use controller::JointVector;
 use controller::Output;
@@ -38,8 +38,8 @@ pub(super) struct Operator {
     period: Duration,
     deadman: Deadman,
     buttons: Buttons,
-    taped: Taped,
-    unheld: Unheld,
+    anti_tie_down: AntiTieDown,
+    uncommanded_motion: UncommandedMotion,
     instability: Instability,
     /// Joint positions of the last cycle.
     before: Option<JointVector>,
@@ -54,8 +54,8 @@ impl Operator {
             period,
             deadman: Deadman::unheard(),
             buttons: Buttons::new(),
-            taped: Taped::default(),
-            unheld: Unheld::default(),
+            anti_tie_down: AntiTieDown::default(),
+            uncommanded_motion: UncommandedMotion::default(),
             instability: Instability::default(),
             before: None,
             sent: TorqueDelay::new([JointVector::zeros(); 2]),
@@ -70,13 +70,13 @@ impl Operator {
     }
 
     /// What the hand does with the deadman.
-    pub(super) const fn grasp(&self) -> Grasp {
-        self.deadman.grasp()
+    pub(super) const fn enable_state(&self) -> EnableState {
+        self.deadman.enable_state()
     }
 
     /// Whether the deadman is held.
     pub(super) fn is_held(&self) -> bool {
-        self.grasp() == Grasp::Held
+        self.enable_state() == EnableState::Held
     }
 
     /// Returns the switches as the controller takes them: those of the box have settled.
@@ -102,18 +102,19 @@ impl Operator {
         let [acted, acted_felt] = self.sent.acted();
         self.sent.push([output.tau, felt]);
         let before = self.before.replace(output.q);
-        let taped = self.taped.watch(now, is_held, &output.x_0_g);
-        let Some(q) = before.filter(|_| !restart) else { return taped };
+        let tied_down = self.anti_tie_down.watch(now, is_held, &output.x_0_g);
+        let Some(q) = before.filter(|_| !restart) else { return tied_down };
         let came = output.q - q;
         let dt = self.period.as_secs_f64();
-        let unheld = self.unheld.watch(dt, permit.takes_up && !is_held, &acted, &came);
+        let uncommanded =
+            self.uncommanded_motion.watch(dt, permit.takes_up && !is_held, &acted, &came);
         if !permit.engaged {
             self.instability.forget();
-            return taped.or(unheld);
+            return tied_down.or(uncommanded);
         }
         let v_g = &output.moving.v_g;
         let unstable = self.instability.watch(now, self.period, v_g, acted_felt.dot(&came));
-        taped.or(unheld).or(unstable)
+        tied_down.or(uncommanded).or(unstable)
     }
 }
 

@@ -38,7 +38,8 @@ use thiserror::Error;
 
 use crate::cause::Cause;
 use crate::cause::Kind;
-use crate::operator::deadman::Grasp;
+use crate::operator::deadman::EnableState;
+use crate::permit::Permit;
 use crate::record::Mode;
 use crate::safety::ramp::Ramp;
 use crate::safety::seen::Seen;
@@ -88,23 +89,6 @@ pub struct Ramps {
     pub gravity: Duration,
     /// Reflection and assistance from zero to full, after engaging.
     pub reflection: Duration,
-}
-
-/// What one cycle may do.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Permit {
-    /// The mode.
-    pub mode: Mode,
-    /// Share of gravity compensation, 0 to 1.
-    pub gravity_share: f64,
-    /// Whether that share still grows: the weight of the arm is being taken up.
-    pub takes_up: bool,
-    /// Share of reflection, centring and damping, 0 to 1.
-    pub reflection_share: f64,
-    /// Whether commands and reflection may flow.
-    pub engaged: bool,
-    /// Whether the drives are to be enabled.
-    pub drives_on: bool,
 }
 
 /// A latched stop that was left, to return to it if what must follow fails.
@@ -209,18 +193,18 @@ impl Safety {
     /// # Errors
     /// Unless the mode is `Ready`, the deadman is known to be released, and nothing is there that would
     /// stop the node as soon as it is armed.
-    pub fn arm(&mut self, now: Instant, grasp: Grasp) -> Result<(), Refusal> {
+    pub fn arm(&mut self, now: Instant, enable_state: EnableState) -> Result<(), Refusal> {
         if let Some(cause) = self.cause.filter(|_| self.mode.is_latched()) {
             return Err(Refusal::Stopped(cause));
         }
         if self.mode != Mode::Ready {
             return Err(Refusal::NotReady(self.mode));
         }
-        match grasp {
-            Grasp::Released => {}
-            Grasp::Silent => return Err(Refusal::SwitchesSilent),
-            Grasp::Moving => return Err(Refusal::DeadmanMoves),
-            Grasp::Closed | Grasp::Held => return Err(Refusal::DeadmanClosed),
+        match enable_state {
+            EnableState::Released => {}
+            EnableState::Silent => return Err(Refusal::SwitchesSilent),
+            EnableState::Moving => return Err(Refusal::DeadmanMoves),
+            EnableState::Closed | EnableState::Held => return Err(Refusal::DeadmanClosed),
         }
         let would_stop = |kind| table::row(kind).armed > Reaction::None;
         if let Some(cause) = self.seen.present(now, would_stop) {

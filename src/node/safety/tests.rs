@@ -21,7 +21,7 @@ fn armed() -> Safety {
     let mut safety = Safety::new(RAMPS);
     safety.drives_are_enabled(at(0));
     safety.permit(at(0), false);
-    safety.arm(at(0), Grasp::Released).unwrap();
+    safety.arm(at(0), EnableState::Released).unwrap();
     safety
 }
 
@@ -160,10 +160,10 @@ fn what_would_stop_an_armed_node_refuses_arming_with_its_words() {
         let cause = sample(kind);
         safety.stop(at(LATER), cause);
         assert_eq!((safety.mode(), safety.cause()), (Mode::Ready, None));
-        let answer = safety.arm(at(LATER + 1), Grasp::Released);
+        let answer = safety.arm(at(LATER + 1), EnableState::Released);
         assert_eq!(answer, Err(Refusal::CausePresent(cause)));
         assert_eq!(answer.unwrap_err().to_string(), format!("still there: {cause}"));
-        assert_eq!(safety.arm(at(LATER + 21), Grasp::Released), Ok(()));
+        assert_eq!(safety.arm(at(LATER + 21), EnableState::Released), Ok(()));
     }
 }
 
@@ -177,10 +177,10 @@ fn hazard_39_after_any_stop_only_a_new_press_engages() {
         assert!(answer.is_ok());
         if safety.mode() == Mode::Boot {
             safety.drives_are_enabled(at(LATER));
-            let refused = safety.arm(at(LATER), Grasp::Held);
+            let refused = safety.arm(at(LATER), EnableState::Held);
             assert_eq!(refused, Err(Refusal::DeadmanClosed), "{kind:?}");
             safety.permit(at(LATER), false);
-            safety.arm(at(LATER), Grasp::Released).unwrap();
+            safety.arm(at(LATER), EnableState::Released).unwrap();
         } else {
             assert!(!safety.permit(at(LATER), true).engaged, "{kind:?}: still closed");
             safety.permit(at(LATER + 1), false);
@@ -217,21 +217,21 @@ fn nothing_pushes_before_it_is_armed() {
         assert_eq!((permit.gravity_share, permit.reflection_share), (0.0, 0.0));
         assert!(!permit.engaged && !safety.may_push());
     }
-    assert_eq!(safety.arm(at(2), Grasp::Released), Err(Refusal::NotReady(Mode::Boot)));
+    assert_eq!(safety.arm(at(2), EnableState::Released), Err(Refusal::NotReady(Mode::Boot)));
 }
 
 #[test]
 fn hazard_39_only_a_deadman_that_is_known_to_be_released_arms() {
     let mut safety = in_mode(Mode::Ready);
-    for (grasp, refusal) in [
-        (Grasp::Held, Refusal::DeadmanClosed),
-        (Grasp::Closed, Refusal::DeadmanClosed),
-        (Grasp::Moving, Refusal::DeadmanMoves),
-        (Grasp::Silent, Refusal::SwitchesSilent),
+    for (enable_state, refusal) in [
+        (EnableState::Held, Refusal::DeadmanClosed),
+        (EnableState::Closed, Refusal::DeadmanClosed),
+        (EnableState::Moving, Refusal::DeadmanMoves),
+        (EnableState::Silent, Refusal::SwitchesSilent),
     ] {
-        assert_eq!(safety.arm(at(1), grasp), Err(refusal));
+        assert_eq!(safety.arm(at(1), enable_state), Err(refusal));
     }
-    safety.arm(at(2), Grasp::Released).unwrap();
+    safety.arm(at(2), EnableState::Released).unwrap();
     assert!(!safety.permit(at(3), false).engaged);
     assert!(safety.permit(at(4), true).engaged);
 }

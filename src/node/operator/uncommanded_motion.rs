@@ -1,4 +1,4 @@
-//! An arm that is driven away while its weight is taken up: a wrong mass, a wrong sign, a wrong zero.
+//! Uncommanded motion while gravity compensation ramps up: a wrong mass, a wrong sign, a wrong zero.
 //!
 //! Gravity compensation that is right drives nothing: it takes the weight off the hand or the stop that
 //! carries it, or slows an arm that falls. So it is only watched for joints that move the way they are
@@ -9,20 +9,20 @@
 use crate::cause::Cause;
 use controller::JointVector;
 
-/// Faster is a motion, in rad/s (m/s).
-const MOVES: f64 = 0.1;
+/// Minimum speed of a joint that counts as motion, in rad/s (m/s).
+const MIN_SPEED: f64 = 0.1;
 
-/// Farther one way is no hand that is lifted as the weight leaves it, in rad (m): a relaxed one rises by
-/// 0.65 rad. What is faster than any hand is stopped before, by the speed of the grip.
-const FAR: f64 = 0.9;
+/// Maximum motion one way, in rad (m): a relaxed hand rises by 0.65 rad as the weight leaves it. An arm faster than
+/// any hand is stopped before, by the speed of the grip.
+const MAX_MOTION: f64 = 0.9;
 
 /// How far each joint has been driven without slowing down or turning back, in rad (m).
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Unheld {
+pub(super) struct UncommandedMotion {
     driven: [f64; 6],
 }
 
-impl Unheld {
+impl UncommandedMotion {
     /// Takes how far the joints came in the last `dt` s, in rad (m), and the torques that acted meanwhile.
     /// `is_watched` while the weight is taken up and nobody holds the deadman.
     pub(super) fn watch(
@@ -34,10 +34,10 @@ impl Unheld {
     ) -> Option<Cause> {
         let joints = self.driven.iter_mut().zip(tau.iter().zip(came.iter()));
         for (driven, (tau, came)) in joints {
-            let is_driven = is_watched && came.abs() > MOVES * dt && tau * came > 0.0;
+            let is_driven = is_watched && came.abs() > MIN_SPEED * dt && tau * came > 0.0;
             *driven = if is_driven { *driven + came.abs() } else { 0.0 };
         }
-        self.driven.iter().any(|driven| *driven > FAR).then_some(Cause::MovesUnheld)
+        self.driven.iter().any(|driven| *driven > MAX_MOTION).then_some(Cause::MovesUnheld)
     }
 }
 
@@ -51,9 +51,9 @@ mod tests {
 
     /// After how many ms a steady motion trips, if it does within a second.
     fn trips(is_watched: bool, tau: f64, qd: f64) -> Option<u32> {
-        let mut unheld = Unheld::default();
+        let mut watch = UncommandedMotion::default();
         let came = joints(qd * 1e-3);
-        (1..1_000).find(|_| unheld.watch(1e-3, is_watched, &joints(tau), &came).is_some())
+        (1..1_000).find(|_| watch.watch(1e-3, is_watched, &joints(tau), &came).is_some())
     }
 
     #[test]
@@ -69,11 +69,11 @@ mod tests {
 
     #[test]
     fn a_hand_that_swings_under_the_weight_is_not_driven_away() {
-        let mut unheld = Unheld::default();
+        let mut watch = UncommandedMotion::default();
         for ms in 0..1_000_u32 {
             // 5 Hz, 40 mrad to either side.
             let came = 0.04 * 31.4 * 1e-3 * (31.4e-3 * f64::from(ms)).cos();
-            assert_eq!(unheld.watch(1e-3, true, &joints(1.0), &joints(came)), None);
+            assert_eq!(watch.watch(1e-3, true, &joints(1.0), &joints(came)), None);
         }
     }
 }

@@ -14,7 +14,6 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod asking;
 mod bring_up;
 pub mod cause;
 mod control;
@@ -37,6 +36,7 @@ mod request;
 pub mod safety;
 mod samples;
 mod schedule;
+mod sdo_pacer;
 mod send;
 #[cfg(test)]
 mod silent;

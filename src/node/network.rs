@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::asking::Asking;
+use crate::sdo_pacer::SdoPacer;
 use canopen::NmtState;
 use canopen::frame::Channel;
 use canopen::heartbeat;
@@ -24,7 +24,7 @@ pub(super) struct Network {
     pub(super) sync: sync::Counter,
     /// Producer of TIME, if configured.
     pub(super) time_stamp: Option<time_stamp::Producer>,
-    pub(super) asking: Asking,
+    pub(super) sdo_pacer: SdoPacer,
     /// Events of the network for people, oldest first.
     notices: VecDeque<Event>,
 }
@@ -42,7 +42,7 @@ impl Network {
             ),
             sync: sync::Counter::new(config.sync_counter),
             time_stamp: config.time_period.map(producer),
-            asking: Asking::new(),
+            sdo_pacer: SdoPacer::new(),
             notices: VecDeque::with_capacity(MAX_NOTICES),
         }
     }

@@ -50,11 +50,13 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// than the bus was planned for. Power off, for a drive that has fallen silent, comes before all others.
     pub(super) fn send_request(&mut self) {
         let now = self.wire.now();
-        if self.power_off_silent() || self.mode() != Mode::Boot && !self.network.asking.may(now) {
+        if self.power_off_silent()
+            || self.mode() != Mode::Boot && !self.network.sdo_pacer.may_send(now)
+        {
             return;
         }
         if let Some(telegram) = self.network.master.release() {
-            self.network.asking.asked(now);
+            self.network.sdo_pacer.on_sent(now);
             self.send(telegram);
         }
     }

@@ -1,4 +1,4 @@
-//! How often the node asks its nodes something by SDO while it runs: as often as their bus was planned for.
+//! Pace of SDO requests while the node runs: no more of them than the bus load was planned for.
 //!
 //! On a bus that its cycle nearly fills, a request in each of them is more than it carries: the node's next
 //! SYNC waits behind it, each a bit longer, and those that follow come too soon after each other. While the
@@ -9,27 +9,27 @@ use std::time::Duration;
 use canopen::load::network::Assumptions;
 use units::time::Instant;
 
-/// When the next request may go.
+/// Time from which the next request may be sent.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Asking {
+pub(super) struct SdoPacer {
     gap: Duration,
     next: Instant,
 }
 
-impl Asking {
-    /// Nothing was asked yet.
+impl SdoPacer {
+    /// Nothing was requested yet.
     pub(super) fn new() -> Self {
         let gap = Assumptions::default().sdo_gap_us;
         Self { gap: Duration::from_micros(gap.into()), next: Instant::ZERO }
     }
 
-    /// Whether a request may go now.
-    pub(super) fn may(&self, now: Instant) -> bool {
+    /// Returns whether a request may be sent now.
+    pub(super) fn may_send(&self, now: Instant) -> bool {
         now >= self.next
     }
 
-    /// A request goes.
-    pub(super) fn asked(&mut self, now: Instant) {
+    /// Takes that a request is sent.
+    pub(super) fn on_sent(&mut self, now: Instant) {
         self.next = now + self.gap;
     }
 }
@@ -39,13 +39,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_request_goes_at_once_and_the_next_ones_every_ten_milliseconds() {
-        let mut asking = Asking::new();
+    fn first_request_goes_at_once_and_the_next_every_10_ms() {
+        let mut pacer = SdoPacer::new();
         let goes = |millis: &u64| {
             let now = Instant::from_micros(1_000 * millis);
-            let may = asking.may(now);
+            let may = pacer.may_send(now);
             if may {
-                asking.asked(now);
+                pacer.on_sent(now);
             }
             may
         };

@@ -14,7 +14,7 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
-use crate::plausibility::Sampled;
+use crate::plausibility::sampled::Sampled;
 use units::drive::Counts;
 use units::time::Instant;
 

@@ -18,11 +18,13 @@ mod limits;
 mod overdue;
 mod rate;
 mod repeated;
+mod sampled;
 mod speed;
 mod torque;
 
 pub(super) use intake::Intake;
 pub(super) use intake::Offer;
+pub(super) use sampled::Sampled;
 
 use crate::cause::Cause;
 use crate::plausibility::frozen::Frozen;
@@ -33,32 +35,17 @@ use crate::plausibility::speed::Moment;
 use crate::plausibility::speed::Most;
 use crate::plausibility::speed::Speed;
 use crate::plausibility::torque::Torque;
-use canopen::pdo::DriveSample;
 use config::Config;
 use controller::JointVector;
 use controller::Output;
 use controller::arm::JointKind;
 use controller::torque_delay::TorqueDelay;
-use units::time::Instant;
 
 /// A clear motion of a joint that turns, in rad: ten times what a hand trembles.
 const CLEAR_TURN: f64 = 0.02;
 
 /// The same of one that slides, in m.
 const CLEAR_SLIDE: f64 = 0.005;
-
-/// What one cycle's window has brought.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Sampled<'s> {
-    /// When its SYNC was sent.
-    pub(super) at: Instant,
-    /// The newest of each joint.
-    pub(super) latest: &'s [DriveSample; 6],
-    /// Which joints' positions are of this SYNC.
-    pub(super) fresh: [bool; 6],
-    /// Which joints have told their torque since the last cycle.
-    pub(super) torques: [bool; 6],
-}
 
 /// All watches that look at a whole cycle.
 #[derive(Clone, Copy, Debug)]

@@ -12,7 +12,7 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
-use crate::plausibility::Sampled;
+use crate::plausibility::sampled::Sampled;
 use units::time::Instant;
 
 /// Cycles in which what is read may have been told.

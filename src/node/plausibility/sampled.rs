@@ -1,0 +1,17 @@
+//! Samples of one cycle, as the watches over it take them.
+
+use canopen::pdo::DriveSample;
+use units::time::Instant;
+
+/// Samples of one cycle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sampled<'s> {
+    /// Time at which its SYNC was sent.
+    pub(crate) at: Instant,
+    /// Newest sample of each joint.
+    pub(crate) latest: &'s [DriveSample; 6],
+    /// Joints whose positions are of this SYNC.
+    pub(crate) fresh: [bool; 6],
+    /// Joints whose torque was received since the last cycle.
+    pub(crate) torques: [bool; 6],
+}

@@ -25,6 +25,7 @@ use sim::actuator::ActuatorSettings;
 use sim::drive::Drive;
 use sim::drive::DriveSettings;
 use sim::motion::Tuning;
+use units::numbering::NodeIndex;
 use units::time::Instant;
 
 /// Prints every frame as candump does.
@@ -94,6 +95,6 @@ fn main() -> Result<(), Box<dyn Error>> {
             bus.send(telegram)?;
         }
     }
-    println!("# {:?}", master.health(0));
+    println!("# {:?}", master.health(NodeIndex(0)));
     Ok(())
 }

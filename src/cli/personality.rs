@@ -7,9 +7,9 @@ use clap::Args;
 use config::Config;
 use run::exit::Failure;
 use run::exit::Kind;
-use run::exit::OrFail;
 use sim::personality::Cast;
 use sim::personality::Quirk;
+use units::numbering::Joint;
 
 /// What the drives are like.
 #[derive(Debug, Args)]
@@ -45,12 +45,12 @@ impl Personalities {
     /// Gives the drives of `config` theirs.
     pub(super) fn cast(&self, config: &Config, cast: &mut Cast) -> Result<(), Failure> {
         for Part { joint, quirks } in &self.personalities {
-            let is_meant = |number: usize, name: &str| match joint {
+            let is_meant = |number: Joint, name: &str| match joint {
                 None => true,
-                Some(wanted) => wanted == name || wanted.parse() == Ok(number),
+                Some(wanted) => wanted == name || wanted.parse() == Ok(number.number()),
             };
-            let joints = (1..).zip(&config.joints);
-            let meant: Vec<usize> = joints
+            let joints = Joint::ALL.into_iter().zip(&config.joints);
+            let meant: Vec<Joint> = joints
                 .filter_map(|(number, joint)| is_meant(number, &joint.name).then_some(number))
                 .collect();
             if meant.is_empty() {
@@ -58,7 +58,7 @@ impl Personalities {
                 return Err(Failure::new(Kind::Usage, format_args!("{file}: no joint {joint}")));
             }
             for number in meant {
-                cast.add(number, quirks.iter().copied()).or_fail(Kind::Usage)?;
+                cast.add(number, quirks.iter().copied());
             }
         }
         Ok(())
@@ -83,7 +83,7 @@ mod tests {
     fn joints_are_named_numbered_or_all_of_them() {
         let cast = cast(&["elbow=slow-sdo,forgetful:1016h:1", "4=no-boot-up", "all=quiet-fault"]);
         let cast = cast.unwrap();
-        let counts = [1, 2, 3, 4, 5, 6].map(|joint| cast.of(joint).quirks().count());
+        let counts = Joint::ALL.map(|joint| cast.of(joint).quirks().count());
         assert_eq!(counts, [1, 1, 3, 2, 1, 1]);
     }
 

@@ -36,7 +36,7 @@ impl Story {
     pub(super) fn fault(&self, begun: Instant, notice: &Notice) -> String {
         let whom = notice.fault.whom;
         let place = match whom {
-            Whom::Joint(joint) => joint.checked_sub(1),
+            Whom::Joint(joint) => Some(joint.index()),
             Whom::Switches => self.names.len().checked_sub(1),
             Whom::Drives | Whom::Bus(_) | Whom::Link => None,
         };
@@ -47,7 +47,7 @@ impl Story {
 
     /// `3.668022 s: node: joint 3 (elbow): heartbeat lost`.
     pub(super) fn event(&self, at: Instant, event: &Event) -> String {
-        match event.node().and_then(|place| self.names.get(place)) {
+        match event.node().and_then(|node| self.names.get(node.0)) {
             Some(name) => line(at, &format!("node: {name}: {event}")),
             None => line(at, &format!("node: {event}")),
         }

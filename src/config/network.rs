@@ -34,6 +34,7 @@ use canopen::plan::Demand;
 use canopen::plan::Identity;
 use canopen::plan::NodePlan;
 use canopen::plan::Watch;
+use units::numbering::Joint as JointNumber;
 
 /// Bit rates of CiA 301 (4.2), in bit/s.
 const BITRATES: [u32; 8] = [10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
@@ -221,14 +222,14 @@ pub(super) fn check(config: &Parameters, problems: &mut Problems<'_>) -> Option<
     for place in config.channels() {
         taken.insert((place, config.node_id.raw()));
     }
-    for (place, joint) in config.joints.iter().enumerate() {
-        let key = |name: &str| format!("joint[{place}].{name}");
+    for (number, joint) in JointNumber::ALL.into_iter().zip(&config.joints) {
+        let key = |name: &str| format!("joint[{}].{name}", number.index());
         if !taken.insert((joint.channel, joint.node.raw())) {
             problems
                 .add(&key("node_id"), format_args!("{} is taken on this bus", joint.node.raw()));
         }
         identity(&key("product_code"), &joint.eds, &joint.identity, problems);
-        abilities(&key("eds"), &joint.eds, &drive_plan(config, place, joint), problems);
+        abilities(&key("eds"), &joint.eds, &drive_plan(config, number, joint), problems);
     }
     if !taken.insert((config.switches.channel, config.switches.node.raw())) {
         problems.add("switches.node_id", "is taken on this bus");
@@ -248,13 +249,14 @@ pub(super) fn check_loads(config: &Parameters, problems: &mut Problems<'_>) {
 
 /// What every node is to be and to be told: the joints' drives, then the switch box.
 pub(super) fn plans(config: &Parameters) -> Vec<(Channel, NodePlan)> {
-    let joints = config.joints.iter().enumerate();
-    let drives = joints.map(|(place, joint)| (joint.channel, drive_plan(config, place, joint)));
+    let joints = JointNumber::ALL.into_iter().zip(&config.joints);
+    let drives = joints.map(|(number, joint)| (joint.channel, drive_plan(config, number, joint)));
     drives.chain([(config.switches.channel, switches_plan(config))]).collect()
 }
 
-fn drive_plan(config: &Parameters, place: usize, joint: &Joint) -> NodePlan {
-    let name = format!("joint {} ({})", place + 1, joint.name);
+fn drive_plan(config: &Parameters, number: JointNumber, joint: &Joint) -> NodePlan {
+    let place = number.index();
+    let name = format!("joint {number} ({})", joint.name);
     let timer = protection::rpdo_timer(config, joint);
     let group = group(config, joint);
     let mut pdos = match group {

@@ -25,6 +25,7 @@ use canopen::plan::NodePlan;
 use controller::Settings;
 use controller::stability::finding::Finding;
 use controller::switches::Mode;
+use units::numbering::Joint as JointNumber;
 
 /// Values of a configuration file: one hand controller and all around it.
 #[derive(Clone, Debug)]
@@ -95,9 +96,9 @@ pub struct Safety {
 impl Parameters {
     /// A joint by its name or its number, the base's being 1.
     pub fn joint(&self, called: &str) -> Option<&Joint> {
-        let place = called.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
+        let number = called.parse::<u8>().ok().and_then(JointNumber::new);
         let named = self.joints.iter().find(|joint| joint.name == called);
-        named.or_else(|| self.joints.get(place?))
+        named.or_else(|| self.joints.get(number?.index()))
     }
 
     /// The buses, as the frames' channels.

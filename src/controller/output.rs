@@ -14,6 +14,7 @@ use crate::switches::Switches;
 use crate::velocity::Moving;
 use units::drive::Counts;
 use units::drive::PerMille;
+use units::numbering::Joint;
 use units::spatial::Jacobian;
 use units::spatial::Motion;
 use units::spatial::Wrench;
@@ -107,10 +108,10 @@ pub struct Ledger {
     pub rest_scale: f64,
     /// How much of task and assist is let through at all, 0 to 1.
     pub share: f64,
-    /// The joint that left no more, from 0.
-    pub limiting_joint: Option<usize>,
-    /// The first joint whose torque could not change as fast as asked, from 0.
-    pub slewing_joint: Option<usize>,
+    /// The joint that left no more.
+    pub limiting_joint: Option<Joint>,
+    /// The first joint whose torque could not change as fast as asked.
+    pub slewing_joint: Option<Joint>,
 }
 
 impl Ledger {

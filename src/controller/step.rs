@@ -28,6 +28,7 @@ use crate::switches::Panel;
 use crate::switches::Pressed;
 use crate::velocity::JointRates;
 use crate::velocity::Velocity;
+use units::numbering::Joint;
 use units::spatial::Jacobian;
 use units::spatial::Motion;
 use units::spatial::Wrench;
@@ -253,6 +254,8 @@ impl Controller {
         let is_held = if is_broken { 0.0 } else { rest_scale * asked.share };
         self.port.hold(&(port * is_held));
         let broken = is_broken.then_some(Fault::TorqueNotFinite);
+        let [limiting_joint, slewing_joint] =
+            [limiting_joint, slewing_joint].map(|place| place.and_then(Joint::at));
         let ledger = Ledger { assist_scale, rest_scale, limiting_joint, slewing_joint, ..asked };
         (tau, ledger, broken)
     }

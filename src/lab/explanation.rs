@@ -177,7 +177,7 @@ fn torques(output: &Output) -> Vec<Entry> {
     let none = ["", ""];
     let fault = fault.map(|fault| fault.to_string());
     let [limiting, slewing] = [ledger.limiting_joint, ledger.slewing_joint]
-        .map(|joint| joint.map(|joint| (joint + 1).to_string()));
+        .map(|joint| joint.map(|joint| joint.to_string()));
     vec![
         entry("j_g", j_g, "7", ["m, 1", "g"], "Jacobian of the grip"),
         entry("tau_task", &ledger.task, "7", joints, "torques of the task"),

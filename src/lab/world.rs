@@ -30,22 +30,23 @@ use sim::scenario::Scenario;
 use sim::switches::SwitchBox;
 use sim::transmission::Transmission;
 use sim::world::World;
+use units::numbering::Joint as JointNumber;
 
 /// From a SYNC until a simulated drive begins to send its TPDO.
 const DRIVE_LATENCY: Duration = Duration::from_micros(60);
 
 /// Drives, switch box and arm of `config`, and an operator who follows `scenario`.
 pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
-    let mut places = (1..).zip(inertias(config));
-    let drives = config.joints.each_ref().map(|joint| {
-        let (number, moved) = places.next().unwrap_or_default();
+    let inertias = inertias(config);
+    let drives = JointNumber::ALL.map(|number| {
+        let joint = number.entry(&config.joints);
         let settings = DriveSettings {
             channel: joint.channel,
             node: joint.node,
             dictionary: furnished(joint),
             actuator: actuator(joint),
             latency: DRIVE_LATENCY,
-            tuning: tuning(joint, moved),
+            tuning: tuning(joint, *number.entry(&inertias)),
         };
         Drive::with(settings, &scenario.cast().of(number))
     });

@@ -24,6 +24,7 @@ use controller::Input;
 use controller::Output;
 use remote::Remote;
 use units::drive::PerMille;
+use units::numbering::Joint;
 use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
@@ -89,9 +90,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let before = self.cause();
         let cause = self.safety.watch_enabled(now, joint, statusword);
         self.raise(now, [cause]);
-        if before != self.cause() {
-            let drive = joint.saturating_sub(1);
-            self.network.master.read_history(now, drive, &mut self.wire.out);
+        if before != self.cause()
+            && let Some(joint) = Joint::new(joint)
+        {
+            self.network.master.read_history(now, joint.into(), &mut self.wire.out);
         }
     }
 

@@ -7,6 +7,7 @@ use bus::Bus;
 use canopen::frame::Frame;
 use canopen::frame::Telegram;
 use remote::Remote;
+use units::numbering::NodeIndex;
 use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
@@ -68,7 +69,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             return false;
         };
         let now = self.wire.now();
-        self.network.master.power_off(now, joint, &mut self.wire.out);
+        self.network.master.power_off(now, NodeIndex(joint), &mut self.wire.out);
         self.post();
         true
     }

@@ -33,6 +33,7 @@ use telemetry::losses::Losses;
 use telemetry::session::Brief;
 use telemetry::session::SessionLog;
 use telemetry::status::Status;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// So many records are kept; then the oldest goes.
@@ -211,7 +212,8 @@ fn document(trip: &Trip, record: &Record, provenance: &Provenance, seconds_befor
     let kind = trip.cause.kind();
     let row = table::row(kind);
     let reaction = table::reaction(kind, trip.from).mode();
-    let name = trip.cause.joint().and_then(|joint| provenance.joints.get(joint.checked_sub(1)?));
+    let name = trip.cause.joint().and_then(Joint::new);
+    let name = name.and_then(|joint| provenance.joints.get(joint.index()));
     json!({
         "cause": trip.cause.to_string(),
         "kind": hyphenated(&format!("{kind:?}")),

@@ -186,7 +186,7 @@ impl Teller {
 
 /// What happens on the network is worth a line, with the name of the node it is about.
 fn tell(event: &Event, names: &[String]) {
-    let name = event.node().and_then(|node| names.get(node)).map_or("network", String::as_str);
+    let name = event.node().and_then(|node| names.get(node.0)).map_or("network", String::as_str);
     match event {
         Event::Booted
         | Event::Configured { .. }
@@ -223,6 +223,7 @@ fn announce(record: &Record) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use units::numbering::NodeIndex;
 
     #[test]
     fn hazard_32_a_flood_of_events_is_told_by_a_few_lines_that_say_how_many_were_not() {
@@ -234,7 +235,7 @@ mod tests {
             for millis in 0..1_500 {
                 let now = Instant::from_micros(millis * 1_000);
                 let before = teller.suppressed;
-                teller.tell(now, mode, &Event::HeartbeatLost { node: 0 }, &[]);
+                teller.tell(now, mode, &Event::HeartbeatLost { node: NodeIndex(0) }, &[]);
                 told += u64::from(teller.suppressed != before + 1);
             }
             assert_eq!(told, most, "{mode}");

@@ -177,6 +177,7 @@ mod tests {
     use config::Config;
     use lab::bench::Bench;
     use sim::scenario::Scenario;
+    use units::numbering::NodeIndex;
 
     /// Keeps the order of what it takes.
     #[derive(Default)]
@@ -212,14 +213,14 @@ mod tests {
         let record = bench(()).cycle();
         offer.on_wire(Instant::from_micros(1), &sync());
         offer.record(&record);
-        offer.event(Event::HeartbeatLost { node: 0 });
+        offer.event(Event::HeartbeatLost { node: NodeIndex(0) });
         offer.on_wire(Instant::from_micros(2), &sync());
         offer.record(&Record { cycle: 7, ..record });
         let mut order = Order::default();
         assert_eq!(taker.take(4, &mut order), 4);
         assert_eq!(taker.take(usize::MAX, &mut order), 1);
         let first = format!("record {}", record.cycle);
-        let event = Event::HeartbeatLost { node: 0 }.to_string();
+        let event = Event::HeartbeatLost { node: NodeIndex(0) }.to_string();
         assert_eq!(order.0, ["frame 1", &first, &event, "frame 2", "record 7"]);
         assert_eq!(lost.so_far(), Losses::default());
         assert!(!taker.is_abandoned());
@@ -238,7 +239,7 @@ mod tests {
             offer.on_wire(Instant::from_micros(micros), &sync());
         }
         for _ in 0..3 {
-            offer.event(Event::HeartbeatLost { node: 0 });
+            offer.event(Event::HeartbeatLost { node: NodeIndex(0) });
             offer.record(&record);
         }
         let (frames, records) = (70_000 - (65_536 - 4_096), 5_000 - 4_096 + 3);

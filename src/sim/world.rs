@@ -33,6 +33,7 @@ use canopen::frame::Frame;
 use canopen::frame::Telegram;
 use canopen::station::Station;
 use canopen::sync;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// The arm is never older than this.
@@ -135,9 +136,9 @@ impl<M: Motor, I: Inputs> World<M, I> {
         &self.drives
     }
 
-    /// One drive, to break it; joints count from 1.
-    pub fn drive_mut(&mut self, joint: usize) -> Option<&mut M> {
-        self.drives.get_mut(joint.checked_sub(1)?)
+    /// The drive of a joint, to break it.
+    pub fn drive_mut(&mut self, joint: Joint) -> Option<&mut M> {
+        self.drives.get_mut(joint.index())
     }
 
     /// The switch box, to take it away.

@@ -5,6 +5,7 @@ use serde::Serialize;
 use crate::losses::Losses;
 use controller::Ledger;
 use node::record::Record;
+use units::numbering::Joint;
 
 /// A snapshot of the node.
 #[derive(Clone, Debug, Serialize)]
@@ -61,9 +62,9 @@ pub struct Budget {
     /// What is left of task and assist.
     pub rest_scale: f64,
     /// The joint that left no more.
-    pub limiting_joint: Option<usize>,
+    pub limiting_joint: Option<u8>,
     /// The joint that could not change as fast as asked.
-    pub slewing_joint: Option<usize>,
+    pub slewing_joint: Option<u8>,
 }
 
 impl From<&Ledger> for Budget {
@@ -77,8 +78,8 @@ impl From<&Ledger> for Budget {
             soft_stops: ledger.soft_stops.into(),
             assist_scale: ledger.assist_scale,
             rest_scale: ledger.rest_scale,
-            limiting_joint: ledger.limiting_joint.map(|joint| joint + 1),
-            slewing_joint: ledger.slewing_joint.map(|joint| joint + 1),
+            limiting_joint: ledger.limiting_joint.map(Joint::number),
+            slewing_joint: ledger.slewing_joint.map(Joint::number),
         }
     }
 }

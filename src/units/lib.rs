@@ -1,4 +1,4 @@
-//! What every room counts in: time, drive units, and the vectors of Cartesian space.
+//! What every room counts in: time, joints and nodes, drive units, and the vectors of Cartesian space.
 //!
 //! A position is a number of a drive's counts, a time a number of microseconds, a wrench two vectors whose names say which
 //! is which. Nothing here knows a frame's name; STYLE.md has the notation.
@@ -19,5 +19,6 @@
 #![forbid(unsafe_code)]
 
 pub mod drive;
+pub mod numbering;
 pub mod spatial;
 pub mod time;

@@ -25,6 +25,8 @@ use config::Config;
 use lab::bench::Bench;
 use node::BringUpError;
 use node::record::Mode;
+use units::numbering::Joint;
+use units::numbering::NodeIndex;
 use units::time::Instant;
 
 const FILE: &str = "config/kraft_like_500hz.toml";
@@ -50,7 +52,7 @@ fn notices(bench: &mut Bench<Wire>) -> Vec<Event> {
 fn configured(notices: &[Event], node: usize) -> Configuration {
     let of = |event: &Event| {
         let Event::Configured { node: of, configuration } = event else { return None };
-        (*of == node).then_some(*configuration)
+        (of.0 == node).then_some(*configuration)
     };
     notices.iter().find_map(of).unwrap()
 }
@@ -98,7 +100,7 @@ fn a_missing_optional_node_is_named_and_joins_when_it_is_switched_on() {
     bench.bring_up().unwrap();
     let booted = notices(&mut bench);
     let waited = Duration::from_secs(2);
-    assert!(booted.contains(&Event::Absent { node: SWITCHES, waited }), "{booted:?}");
+    assert!(booted.contains(&Event::Absent { node: NodeIndex(SWITCHES), waited }), "{booted:?}");
     compare("boot_absent.log", &wire.transcript_of(12, is_of_switches));
     assert_eq!(bench.node().mode(), Mode::Ready);
 
@@ -111,7 +113,7 @@ fn a_missing_optional_node_is_named_and_joins_when_it_is_switched_on() {
     assert_eq!(record.mode, Mode::Ready, "nothing else has changed");
     bench.run(50);
     let joined = notices(&mut bench);
-    assert_eq!(joined.last(), Some(&Event::Joined { node: SWITCHES }), "{joined:?}");
+    assert_eq!(joined.last(), Some(&Event::Joined { node: NodeIndex(SWITCHES) }), "{joined:?}");
     compare("boot_late.log", &wire.transcript_of(usize::MAX, is_of_switches));
     let syncs = wire.since(now, 0x080);
     let requests = wire.since(now, 0x610);
@@ -126,7 +128,7 @@ fn a_missing_optional_node_is_named_and_joins_when_it_is_switched_on() {
 fn every_missing_node_is_named_in_one_run_with_how_long_it_was_waited_for() {
     let (mut bench, _) = bench(&[]);
     for joint in [2, 5] {
-        bench.world_mut().drive_mut(joint).unwrap().unplug();
+        bench.world_mut().drive_mut(Joint::new(joint).unwrap()).unwrap().unplug();
     }
     let Err(BringUpError::Boot(failures)) = bench.bring_up() else { panic!("it cannot boot") };
     let words: Vec<_> = failures.iter().map(ToString::to_string).collect();
@@ -152,7 +154,7 @@ fn guarded_nodes_are_asked_and_their_loss_stops_the_node() {
     }
     bench.world_mut().switches_mut().unplug();
     until(&mut bench, |record| record.mode.is_stopped());
-    assert!(notices(&mut bench).contains(&Event::HeartbeatLost { node: SWITCHES }));
+    assert!(notices(&mut bench).contains(&Event::HeartbeatLost { node: NodeIndex(SWITCHES) }));
 }
 
 #[test]
@@ -162,7 +164,7 @@ fn a_drive_that_fails_tells_its_history_one_request_a_cycle() {
     bench.run(10);
     notices(&mut bench);
     let begun = bench.node().bus().now();
-    bench.world_mut().drive_mut(3).unwrap().fail_with(0x3210);
+    bench.world_mut().drive_mut(Joint::of::<3>()).unwrap().fail_with(0x3210);
     until(&mut bench, |record| record.mode.is_stopped());
     bench.run(20);
     let told: Vec<_> = notices(&mut bench).iter().map(ToString::to_string).collect();
@@ -186,7 +188,7 @@ fn a_drive_that_says_nothing_of_its_fault_is_asked() {
     let (mut bench, wire) = bench(&[]);
     bench.bring_up().unwrap();
     let begun = bench.node().bus().now();
-    bench.world_mut().drive_mut(4).unwrap().fail();
+    bench.world_mut().drive_mut(Joint::of::<4>()).unwrap().fail();
     until(&mut bench, |record| record.mode.is_stopped());
     bench.run(60);
     assert!(!wire.since(begun, 0x604).is_empty());

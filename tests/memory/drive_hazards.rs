@@ -31,6 +31,8 @@ use node::record::Mode;
 use node::record::Record;
 use sim::personality::Quirk;
 use sim::scenario::Scenario;
+use units::numbering::Joint;
+use units::numbering::NodeIndex;
 use units::time::Instant;
 
 const KRAFT: &str = "config/kraft_like.toml";
@@ -38,7 +40,8 @@ const ELBOW: usize = 3;
 
 fn bench_of(config: &Config, faults: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) {
     let mut script = Scenario::parse(&format!("seconds = 9\n{faults}")).unwrap();
-    script.cast_mut().add(ELBOW, quirks.iter().map(|it| it.parse::<Quirk>().unwrap())).unwrap();
+    let quirks = quirks.iter().map(|it| it.parse::<Quirk>().unwrap());
+    script.cast_mut().add(Joint::new(ELBOW).unwrap(), quirks);
     let wire = Wire::default();
     (Bench::new(config, script, 1, false, wire.clone()), wire)
 }
@@ -101,7 +104,7 @@ fn stranger(at_s: &str, cob_id: &str, payload: &str) -> String {
 /// The elbow takes an SDO request that the node does not receive; its answer is lost, too, if `is_lost`.
 fn write_unseen(bench: &mut Bench<Wire>, request: [u8; 8], is_lost: bool) {
     let now = bench.node().bus().now();
-    let drive = bench.world_mut().drive_mut(ELBOW).unwrap();
+    let drive = bench.world_mut().drive_mut(Joint::new(ELBOW).unwrap()).unwrap();
     let mut said = Vec::new();
     drive.on_frame(now, Channel(0), &Frame::new(0x603, request), &mut said);
     assert_eq!(said.len(), 1, "it answers at once");
@@ -160,7 +163,7 @@ fn promise_09_nothing_is_told_to_push_before_it_is_armed_and_nobody_is_started_b
 #[test]
 fn hazard_01_a_lost_drive_is_told_by_sdo_to_take_its_power_off_and_all_are_off_a_moment_later() {
     let (mut bench, wire) = armed();
-    bench.world_mut().drive_mut(ELBOW).unwrap().unplug();
+    bench.world_mut().drive_mut(Joint::new(ELBOW).unwrap()).unwrap().unplug();
     let (cycles, record) = cycles_to_zero(&mut bench);
     assert_eq!(record.cause, Some(Cause::SamplesMissing { joint: ELBOW, cycles: 3 }));
     assert_eq!(record.mode, Mode::ZeroTorque);
@@ -207,7 +210,7 @@ fn hazard_07_any_of_thirty_emergencies_stops_all_within_two_cycles_and_its_drive
     let (mut bench, _) = armed();
     for (place, code) in CODES.into_iter().enumerate() {
         let joint = place % 6 + 1;
-        bench.world_mut().drive_mut(joint).unwrap().mention(code, 0x01);
+        bench.world_mut().drive_mut(Joint::new(joint).unwrap()).unwrap().mention(code, 0x01);
         let (cycles, record) = cycles_to_zero(&mut bench);
         assert_eq!(record.cause, Some(Cause::Emergency { node: joint - 1, code }), "{code:04X}h");
         assert!(cycles <= 2, "{code:04X}h: {cycles}");
@@ -332,7 +335,9 @@ fn boot_with_emergency(code: u16, at_ms: u32) -> (Vec<String>, bool) {
     let (mut bench, _) = bench_of(&config(KRAFT), &fault, &[]);
     let is_booted = bench.bring_up().is_ok();
     let told = std::iter::from_fn(|| bench.notice());
-    let told = told.filter(|event| event.node() == Some(ELBOW - 1)).map(|event| event.to_string());
+    let told = told
+        .filter(|event| event.node() == Some(NodeIndex(ELBOW - 1)))
+        .map(|event| event.to_string());
     (told.collect(), is_booted)
 }
 
@@ -364,7 +369,7 @@ fn hazard_01_a_bus_on_which_no_drive_answers_is_named_and_no_joint() {
 #[test]
 fn arming_a_latched_node_is_refused_with_its_cause() {
     let (mut bench, _) = armed();
-    bench.world_mut().drive_mut(ELBOW).unwrap().mention(0x3210, 1);
+    bench.world_mut().drive_mut(Joint::new(ELBOW).unwrap()).unwrap().mention(0x3210, 1);
     until(&mut bench, |record| record.mode.is_stopped());
     let refused = bench.ask(Request::Arm).unwrap_err().to_string();
     assert!(refused.starts_with("stopped by joint 3: emergency 3210h"), "{refused}");
@@ -375,7 +380,7 @@ fn arming_a_latched_node_is_refused_with_its_cause() {
 fn hazard_09_a_drive_that_boots_in_the_middle_of_a_run_switches_all_off_within_two_cycles() {
     let (mut bench, _) = armed();
     let now = bench.node().bus().now();
-    bench.world_mut().drive_mut(ELBOW).unwrap().switch_on(now);
+    bench.world_mut().drive_mut(Joint::new(ELBOW).unwrap()).unwrap().switch_on(now);
     let (cycles, record) = cycles_to_zero(&mut bench);
     assert_eq!(record.cause, Some(Cause::Rebooted { node: ELBOW - 1 }));
     assert_eq!(record.mode, Mode::DrivesOff);

@@ -17,6 +17,7 @@ use lab::bench::Bench;
 use node::Request;
 use node::cause::Cause;
 use node::record::Mode;
+use units::numbering::Joint;
 use units::time::Instant;
 
 const ONE_KILOHERTZ: &str = "config/kraft_like.toml";
@@ -42,7 +43,7 @@ fn in_contact() -> (Bench<Wire>, Wire, Instant) {
 fn hazard_08_a_drive_that_fails_takes_the_torque_off_all_within_two_cycles() {
     for joint in 1..=6 {
         let (mut bench, wire, onset) = in_contact();
-        bench.world_mut().drive_mut(joint).unwrap().fail_with(0x3210);
+        bench.world_mut().drive_mut(Joint::new(joint).unwrap()).unwrap().fail_with(0x3210);
         until(&mut bench, |record| record.mode.is_stopped());
         bench.run(150);
         assert!(cycles_to_zero(&wire, onset) <= 2);
@@ -53,7 +54,7 @@ fn hazard_08_a_drive_that_fails_takes_the_torque_off_all_within_two_cycles() {
 fn hazard_08_a_drive_that_only_its_statusword_tells_of_is_seen_when_that_may_be_sent_again() {
     for joint in 1..=6 {
         let (mut bench, wire, onset) = in_contact();
-        bench.world_mut().drive_mut(joint).unwrap().fail();
+        bench.world_mut().drive_mut(Joint::new(joint).unwrap()).unwrap().fail();
         let record = until(&mut bench, |record| record.mode.is_stopped());
         assert!(matches!(record.cause, Some(Cause::DriveLeft { joint: j, .. }) if j == joint));
         bench.run(150);
@@ -65,7 +66,7 @@ fn hazard_08_a_drive_that_only_its_statusword_tells_of_is_seen_when_that_may_be_
 #[test]
 fn a_drive_that_falls_silent_takes_the_torque_off_all_within_five_cycles() {
     let (mut bench, wire, onset) = in_contact();
-    bench.world_mut().drive_mut(4).unwrap().unplug();
+    bench.world_mut().drive_mut(Joint::of::<4>()).unwrap().unplug();
     let record = until(&mut bench, |record| record.mode.is_stopped());
     assert_eq!(record.cause, Some(Cause::SamplesMissing { joint: 4, cycles: 3 }));
     bench.run(150);
@@ -77,7 +78,7 @@ fn a_drive_that_falls_silent_takes_the_torque_off_all_within_five_cycles() {
 #[test]
 fn a_stop_is_left_only_by_a_reset_and_a_new_press() {
     let (mut bench, _, _) = in_contact();
-    bench.world_mut().drive_mut(2).unwrap().fail();
+    bench.world_mut().drive_mut(Joint::of::<2>()).unwrap().fail();
     until(&mut bench, |record| record.mode.is_stopped());
     assert!(bench.ask(Request::Arm).is_err());
     bench.ask(Request::Reset).unwrap();

@@ -14,6 +14,7 @@ use crate::common::bench::until;
 use crate::common::golden::compare;
 use node::Request;
 use node::record::Mode;
+use units::numbering::Joint;
 
 #[test]
 fn boot() {
@@ -26,7 +27,7 @@ fn fault_reset() {
     let (mut bench, wire) = booted("config/kraft_like_500hz.toml", "free");
     bench.cycle();
     wire.clear();
-    bench.world_mut().drive_mut(3).unwrap().fail();
+    bench.world_mut().drive_mut(Joint::of::<3>()).unwrap().fail();
     until(&mut bench, |record| record.mode.is_stopped());
     bench.ask(Request::Reset).unwrap();
     until(&mut bench, |record| record.mode == Mode::Ready);

@@ -25,6 +25,7 @@ use sim::scenario::Scenario;
 use telemetry::losses::Losses;
 use telemetry::status::Status;
 use telemetry::summary::Summary;
+use units::numbering::Joint;
 use units::time::Instant;
 
 const GROUPED: &str = "config/kraft_like.toml";
@@ -156,7 +157,7 @@ fn hazard_29_torques_dropped_ten_times_in_a_second_stop_the_node() {
 fn hazard_28_zero_torques_are_sent_however_late() {
     // The third cycle without the sixth drive is the one in which the process stands still, after the fifth's sample.
     let mut run = Run::with(GROUPED, &[(2, 0x185, 30)]);
-    run.bench.world_mut().drive_mut(6).unwrap().unplug();
+    run.bench.world_mut().drive_mut(Joint::of::<6>()).unwrap().unplug();
     let run = run.cycles(5);
     let first = run.records.iter().position(|record| record.mode.is_stopped()).unwrap();
     let [stopped, next] = [0, 1].map(|place| &run.records[first + place]);

@@ -694,7 +694,7 @@ fn hazard_44_a_large_wrench_saturates_and_says_which_joint() {
     let mut bench = Bench::engaged(&settings(), Mode::Rate);
     bench.input.f_s = Wrench::from_components([300.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let output = bench.at(NEUTRAL);
-    let joint = output.ledger.limiting_joint.unwrap();
+    let joint = output.ledger.limiting_joint.unwrap().index();
     assert!(output.is_saturated() && output.ledger.rest_scale < 1.0);
     assert!((output.tau[joint].abs() - MAX_TORQUES[joint]).abs() < 1e-12);
 }

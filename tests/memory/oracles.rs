@@ -69,6 +69,7 @@ use robot::object::Servo;
 use robot::payload::Payload;
 use units::drive::Counts;
 use units::drive::PerMille;
+use units::numbering::Joint;
 use units::spatial::Motion;
 use units::spatial::Twist;
 use units::spatial::Wrench;
@@ -539,7 +540,7 @@ fn the_worked_example_in_rate_mode() {
     let expected = [number(&total["assist_scale"]), number(&total["rest_scale"])];
     assert_near("scales", &scales, &expected);
     near("tau", output.tau.into(), &total["tau_C"]);
-    assert_eq!(ledger.limiting_joint, Some(1));
+    assert_eq!(ledger.limiting_joint, Some(Joint::of::<2>()));
     assert_eq!(output.targets, expected_targets(&paper));
     assert_eq!(output.fault, None);
 }

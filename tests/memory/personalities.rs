@@ -60,6 +60,8 @@ use Outcome::NotProven;
 use Outcome::Refused;
 use Outcome::Runs;
 use Outcome::Unarmed;
+use units::numbering::Joint;
+use units::numbering::NodeIndex;
 
 /// Quirk, outcome at 1 kHz in groups, outcome at 500 Hz drive by drive.
 const TABLE: &[(&str, Outcome, Outcome)] = &[
@@ -117,7 +119,7 @@ fn config(text: &str) -> Config {
 fn bench(config: &Config, script: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) {
     let mut scenario = Scenario::parse(script).unwrap();
     let quirks = quirks.iter().map(|quirk| quirk.parse::<Quirk>().unwrap());
-    scenario.cast_mut().add(ELBOW, quirks).unwrap();
+    scenario.cast_mut().add(Joint::new(ELBOW).unwrap(), quirks);
     let wire = Wire::default();
     (Bench::new(config, scenario, 1, false, wire.clone()), wire)
 }
@@ -254,7 +256,7 @@ fn hazard_17_a_drive_that_runs_when_the_master_comes_is_off_before_anything_else
         assert!(off < asked, "whoever it is");
         assert!(off.since(Instant::ZERO) < Duration::from_millis(25), "{off:?}");
         let notices: Vec<_> = std::iter::from_fn(|| bench.notice()).collect();
-        assert!(notices.contains(&Event::FoundEnabled { node: ELBOW - 1 }));
+        assert!(notices.contains(&Event::FoundEnabled { node: NodeIndex(ELBOW - 1) }));
     }
 }
 
@@ -287,7 +289,7 @@ fn a_stray_frame_moves_nothing_once_the_master_has_booted_the_drive() {
         bench.bring_up().unwrap();
         let now = bench.node().bus().now();
         let stray = Frame::new(STRAY.0, STRAY.1);
-        let drive = bench.world_mut().drive_mut(ELBOW).unwrap();
+        let drive = bench.world_mut().drive_mut(Joint::new(ELBOW).unwrap()).unwrap();
         drive.on_frame(now, Channel(0), &stray, &mut Vec::new());
         for _ in 0..10 {
             assert!(!is_pushing(&mut bench));
@@ -301,7 +303,7 @@ fn a_fault_nobody_tells_of_is_seen_in_the_statusword() {
     let (mut bench, wire) = bench(&config(PER_DRIVE), SCRIPT, &["quiet-fault"]);
     bench.bring_up().unwrap();
     until(&mut bench, |record| record.mode == Mode::Engaged);
-    bench.world_mut().drive_mut(ELBOW).unwrap().fail_with(0x3210);
+    bench.world_mut().drive_mut(Joint::new(ELBOW).unwrap()).unwrap().fail_with(0x3210);
     let failed = bench.node().bus().now();
     let record = until(&mut bench, |record| record.mode.is_stopped());
     assert!(matches!(record.cause, Some(Cause::DriveLeft { joint: ELBOW, .. })));
@@ -321,7 +323,7 @@ fn every_personality_has_a_script_of_its_own() {
     for name in Quirk::NAMES {
         let file = format!("config/scenarios/personalities/{name}.toml");
         let script = Scenario::parse(&std::fs::read_to_string(&file).unwrap()).unwrap();
-        let quirks: Vec<_> = script.cast().of(ELBOW).quirks().collect();
+        let quirks: Vec<_> = script.cast().of(Joint::new(ELBOW).unwrap()).quirks().collect();
         assert_eq!(quirks, [name.parse().unwrap()], "{file}");
     }
     let files = std::fs::read_dir("config/scenarios/personalities").unwrap();

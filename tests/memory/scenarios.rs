@@ -57,6 +57,7 @@ use Node::Bears;
 use Node::Carries;
 use Node::Disengages;
 use Node::Stops;
+use units::numbering::Joint;
 
 const DRIVES: &[(&str, Node)] = &[
     ("unplug", Stops("joint 3: no sample for 3 cycles", within(5, 6))),
@@ -286,7 +287,7 @@ fn a_counter_that_wraps_is_no_fault() {
         bench.bring_up().unwrap();
         let cycle = |_| {
             let targets = bench.cycle().targets;
-            let drive = bench.world_mut().drive_mut(3).unwrap();
+            let drive = bench.world_mut().drive_mut(Joint::of::<3>()).unwrap();
             let counts = drive.dictionary().get(Object::POSITION_ACTUAL).unwrap();
             (targets, i32::from_le_bytes(counts.try_into().unwrap()))
         };

@@ -50,6 +50,7 @@ use node::cause::Cause;
 use node::record::Mode;
 use remote::site::VirtualSite;
 use sim::scenario::Scenario;
+use units::numbering::Joint;
 use units::time::Instant;
 
 const KRAFT: &str = "config/kraft_like.toml";
@@ -124,7 +125,7 @@ fn hazard_30_a_stop_is_orderly_within_a_second_from_every_mode() {
             }
             Mode::ReflectionOff | Mode::ZeroTorque | Mode::DrivesOff => {
                 until(&mut bench, |record| record.mode == Mode::Engaged);
-                bench.world_mut().drive_mut(2).unwrap().fail();
+                bench.world_mut().drive_mut(Joint::of::<2>()).unwrap().fail();
                 until(&mut bench, |record| record.mode.is_stopped());
                 bench.run(if mode == Mode::DrivesOff { 200 } else { 1 });
             }
@@ -147,7 +148,7 @@ fn promise_12_a_stop_is_orderly_at_any_moment_of_a_movement() {
 fn promise_12_a_drive_that_does_not_confirm_is_named_within_a_second() {
     let (mut bench, _) = moving();
     until(&mut bench, |record| record.mode == Mode::Engaged);
-    bench.world_mut().drive_mut(4).unwrap().unplug();
+    bench.world_mut().drive_mut(Joint::of::<4>()).unwrap().unplug();
     let told = bench.node().bus().now();
     assert_eq!(bench.stop().unwrap_err().joint, 4);
     assert!(bench.node().bus().now().since(told) <= ORDERLY);
@@ -226,9 +227,9 @@ fn promise_12_a_reset_that_boots_again_is_given_up_too() {
     let mut node = node(&config, ());
     node.bring_up(&mut || false).unwrap();
     // Whoever loses a drive must boot again; and its plug is in again.
-    node.bus_mut().stations_mut().drive_mut(3).unwrap().unplug();
+    node.bus_mut().stations_mut().drive_mut(Joint::of::<3>()).unwrap().unplug();
     while !node.cycle().mode.is_stopped() {}
-    node.bus_mut().stations_mut().drive_mut(3).unwrap().plug();
+    node.bus_mut().stations_mut().drive_mut(Joint::of::<3>()).unwrap().plug();
     let told = node.bus().now();
     let refused = node.request(Request::Reset, &mut after(2)).unwrap_err();
     assert_eq!(refused.to_string(), "boot given up");

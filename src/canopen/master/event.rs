@@ -20,8 +20,9 @@ use crate::master::read_back::ReadBack;
 use crate::master::steps::Configuration;
 use crate::nmt;
 use crate::object::Object;
+use units::numbering::NodeIndex;
 
-/// What the master has to say. `node` is the place of a node in the list of plans.
+/// What the master has to say.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
     /// Every node that must be there is configured, started, and says it is operational.
@@ -31,52 +32,52 @@ pub enum Event {
     /// A drive had its power on before anybody had told it to; it was taken off, and it stood still.
     FoundEnabled {
         /// Which.
-        node: usize,
+        node: NodeIndex,
     },
     /// A node holds its configuration.
     Configured {
         /// Which.
-        node: usize,
+        node: NodeIndex,
         /// How it came to it.
         configuration: Configuration,
     },
     /// An optional node is missing; the others go on, and it is booted when it appears.
     Absent {
         /// Which.
-        node: usize,
+        node: NodeIndex,
         /// For so long it was waited for.
         waited: Duration,
     },
     /// An optional node that was missing is now operational.
     Joined {
         /// Which.
-        node: usize,
+        node: NodeIndex,
     },
     /// A node reports an error, or that one is gone.
     Emergency {
         /// Which.
-        node: usize,
+        node: NodeIndex,
         /// What.
         emergency: Emergency,
     },
     /// What a node remembers of its errors (1003h), read because of a new one.
     ErrorHistory {
         /// Which.
-        node: usize,
+        node: NodeIndex,
         /// What it remembers, the newest first.
         history: History,
     },
     /// A drive has said what its power stage is in (6041h), because it was asked.
     Statusword {
         /// Which.
-        node: usize,
+        node: NodeIndex,
         /// What it said.
         statusword: Statusword,
     },
     /// An object that a boot has proven was read again.
     ReadBack {
         /// Of which node.
-        node: usize,
+        node: NodeIndex,
         /// Which object.
         object: Object,
         /// What came of it.
@@ -85,24 +86,24 @@ pub enum Event {
     /// A node was silent for too long.
     HeartbeatLost {
         /// Which.
-        node: usize,
+        node: NodeIndex,
     },
     /// A node has booted by itself: everything set in it is gone.
     Rebooted {
         /// Which.
-        node: usize,
+        node: NodeIndex,
     },
     /// A node has changed its NMT state, or is heard again after it was lost.
     StateChanged {
         /// Which.
-        node: usize,
+        node: NodeIndex,
         /// What it is in now.
         state: NmtState,
     },
     /// Two nodes seem to have one node-id.
     Duplicate {
         /// Which.
-        node: usize,
+        node: NodeIndex,
         /// What they gave themselves away by.
         sign: Sign,
     },
@@ -116,7 +117,7 @@ pub enum Event {
     /// Another SDO client reads from a node. Reported once for each node and boot.
     ReadByAnother {
         /// Which.
-        node: usize,
+        node: NodeIndex,
     },
     /// Somebody else commands this network.
     ForeignMaster {
@@ -130,7 +131,7 @@ pub enum Event {
 
 impl Event {
     /// The node it is about, by its place in the list of plans, unless it names that itself.
-    pub const fn node(&self) -> Option<usize> {
+    pub const fn node(&self) -> Option<NodeIndex> {
         match self {
             Self::FoundEnabled { node }
             | Self::Configured { node, .. }
@@ -209,18 +210,18 @@ mod tests {
         let configuration = Configuration::Skipped;
         for (event, words) in [
             (
-                Event::Configured { node: 0, configuration },
+                Event::Configured { node: NodeIndex(0), configuration },
                 "configuration already stored, verified",
             ),
             (
-                Event::Absent { node: 6, waited: Duration::from_secs(2) },
+                Event::Absent { node: NodeIndex(6), waited: Duration::from_secs(2) },
                 "missing, waited 2.0 s; optional, so the others start without it",
             ),
             (
                 Event::Stranger { channel: Channel(1), node_id: 9 },
                 "bus 1: node 9 is not in the configuration",
             ),
-            (Event::StateChanged { node: 0, state: NmtState::Stopped }, "is stopped"),
+            (Event::StateChanged { node: NodeIndex(0), state: NmtState::Stopped }, "is stopped"),
         ] {
             assert_eq!(event.to_string(), words);
         }

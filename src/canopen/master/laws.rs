@@ -12,6 +12,7 @@ use crate::testing::plans::elbow;
 use crate::testing::plans::guarded_elbow;
 use crate::testing::plans::switch_box;
 use crate::testing::scripted::Scripted;
+use units::numbering::NodeIndex;
 
 const MS: Duration = Duration::from_millis(1);
 
@@ -201,10 +202,10 @@ fn a_silent_node_is_lost_and_heard_again() {
     let mut bench = Bench::booted();
     let beat = bench.devices[1].1.objects.insert(Object::PRODUCER_HEARTBEAT, vec![0, 0]);
     bench.run(100);
-    assert_eq!(bench.events, [Event::HeartbeatLost { node: 1 }]);
+    assert_eq!(bench.events, [Event::HeartbeatLost { node: NodeIndex(1) }]);
     bench.devices[1].1.objects.insert(Object::PRODUCER_HEARTBEAT, beat.unwrap());
     bench.run(100);
-    let back = Event::StateChanged { node: 1, state: NmtState::Operational };
+    let back = Event::StateChanged { node: NodeIndex(1), state: NmtState::Operational };
     assert_eq!(bench.events[1..], [back]);
 }
 
@@ -213,15 +214,15 @@ fn all_nodes_lost_at_once_are_all_reported() {
     let mut bench = Bench::booted();
     bench.devices.clear();
     bench.run(100);
-    assert_eq!(bench.events, [0, 1, 2].map(|node| Event::HeartbeatLost { node }));
+    assert_eq!(bench.events, [0, 1, 2].map(NodeIndex).map(|node| Event::HeartbeatLost { node }));
 }
 
 #[test]
 fn a_reboot_is_no_mere_change_of_state() {
     let mut bench = Bench::booted();
     bench.hear(Channel(1), Frame::new(0x710, [0]));
-    assert_eq!(bench.events, [Event::Rebooted { node: 2 }]);
-    assert_eq!(bench.master.health(2), Some(Health::Alive(NmtState::PreOperational)));
+    assert_eq!(bench.events, [Event::Rebooted { node: NodeIndex(2) }]);
+    assert_eq!(bench.master.health(NodeIndex(2)), Some(Health::Alive(NmtState::PreOperational)));
 }
 
 #[test]
@@ -234,7 +235,7 @@ fn an_emergency_is_known_by_its_bus_and_by_both_its_places() {
     }
     let emergency = Emergency::decode(&data).unwrap();
     let emergencies = bench.events.iter().filter(|event| matches!(event, Event::Emergency { .. }));
-    let expected = [0, 1, 1].map(|node| Event::Emergency { node, emergency });
+    let expected = [0, 1, 1].map(NodeIndex).map(|node| Event::Emergency { node, emergency });
     assert!(emergencies.eq(&expected));
     let stranger = Event::Stranger { channel: Channel(1), node_id: 4 };
     assert_eq!(bench.events.last(), Some(&stranger));
@@ -272,8 +273,8 @@ fn a_download_of_another_client_is_a_foreign_master() {
 fn confirmations_of_own_downloads_are_not_foreign() {
     let mut bench = Bench::booted();
     let mut out = Vec::new();
-    bench.master.power_off(bench.now, 0, &mut out);
-    bench.master.power_off(bench.now, 0, &mut out);
+    bench.master.power_off(bench.now, NodeIndex(0), &mut out);
+    bench.master.power_off(bench.now, NodeIndex(0), &mut out);
     assert_eq!(out.len(), 2);
     let confirmed = Frame::new(0x583, [0x60, 0x40, 0x60, 0, 0, 0, 0, 0]);
     bench.hear(Channel(0), confirmed);
@@ -293,7 +294,7 @@ fn uploads_of_another_client_are_allowed_and_counted() {
     }
     bench.hear(Channel(0), Frame::new(0x603, [0xA4, 0x08, 0x10, 0, 21, 0, 0, 0]));
     bench.hear(Channel(0), Frame::new(0x583, [0x61, b'f', b'r', b'h', b'c', 0, 0, 0]));
-    assert_eq!(bench.events, [Event::ReadByAnother { node: 0 }], "reported once");
+    assert_eq!(bench.events, [Event::ReadByAnother { node: NodeIndex(0) }], "reported once");
     assert_eq!(bench.master.foreign_uploads(), 4);
 }
 
@@ -341,7 +342,10 @@ fn every_node_tells_how_it_came_to_its_configuration() {
         (1, Configuration::Skipped),
         (2, Configuration::Downloaded),
     ] {
-        assert!(bench.events.contains(&Event::Configured { node, configuration }), "{node}");
+        assert!(
+            bench.events.contains(&Event::Configured { node: NodeIndex(node), configuration }),
+            "{node}"
+        );
     }
     assert_eq!(bench.events.last(), Some(&Event::Booted));
 }
@@ -367,7 +371,7 @@ fn a_missing_optional_node_does_not_keep_the_others_and_joins_them_when_it_appea
     let mut bench = Bench::of(with_optional_switches());
     let (channel, switches) = bench.devices.pop().unwrap();
     bench.run(2_300);
-    let absent = Event::Absent { node: 2, waited: PATIENCE };
+    let absent = Event::Absent { node: NodeIndex(2), waited: PATIENCE };
     assert!(bench.events.contains(&absent));
     assert_eq!(bench.events.last(), Some(&Event::Booted));
     bench.events.clear();
@@ -381,14 +385,21 @@ fn a_missing_optional_node_does_not_keep_the_others_and_joins_them_when_it_appea
     let configuration = Configuration::Downloaded;
     assert_eq!(
         bench.events,
-        [Event::Configured { node: 2, configuration }, Event::Joined { node: 2 }]
+        [
+            Event::Configured { node: NodeIndex(2), configuration },
+            Event::Joined { node: NodeIndex(2) }
+        ]
     );
     assert_eq!(bench.devices[2].1.state, 0x05);
     bench.cycle(500);
     bench.devices.pop();
     bench.events.clear();
     bench.cycle(100);
-    assert_eq!(bench.events, [Event::HeartbeatLost { node: 2 }], "from now on it is one of them");
+    assert_eq!(
+        bench.events,
+        [Event::HeartbeatLost { node: NodeIndex(2) }],
+        "from now on it is one of them"
+    );
 }
 
 #[test]
@@ -398,7 +409,7 @@ fn an_optional_node_whose_boot_up_was_not_heard_is_looked_for() {
     bench.run(2_300);
     bench.devices.push(switches);
     bench.cycle(1_500);
-    assert_eq!(bench.events.last(), Some(&Event::Joined { node: 2 }));
+    assert_eq!(bench.events.last(), Some(&Event::Joined { node: NodeIndex(2) }));
 }
 
 #[test]
@@ -417,7 +428,7 @@ fn late_optional_node_that_goes_again_is_still_awaited() {
     assert_eq!(bench.events, [], "neither a failure nor told again");
     bench.devices.push((channel, switches));
     bench.cycle(3_000);
-    assert_eq!(bench.events.last(), Some(&Event::Joined { node: 2 }));
+    assert_eq!(bench.events.last(), Some(&Event::Joined { node: NodeIndex(2) }));
 }
 
 #[test]
@@ -446,7 +457,7 @@ fn nothing_is_asked_of_a_running_network_but_one_frame_a_cycle() {
         most = most.max(bench.said.len() - before);
         before = bench.said.len();
     }
-    assert_eq!((most, bench.events.last()), (1, Some(&Event::Joined { node: 2 })));
+    assert_eq!((most, bench.events.last()), (1, Some(&Event::Joined { node: NodeIndex(2) })));
 }
 
 #[test]
@@ -464,7 +475,10 @@ fn an_emergency_has_the_history_of_its_node_read() {
         bench.events.iter().filter(|e| matches!(e, Event::ErrorHistory { .. })).collect();
     let words = "error history (1003h): 8250h RPDO timeout, 3210h DC link over-voltage";
     assert_eq!(histories.len(), 1, "one reading at a time");
-    assert_eq!((histories[0].node(), histories[0].to_string().as_str()), (Some(1), words));
+    assert_eq!(
+        (histories[0].node(), histories[0].to_string().as_str()),
+        (Some(NodeIndex(1)), words)
+    );
     bench.events.clear();
     bench.hear(Channel(1), Frame::new(0x83, [0; 8]));
     bench.cycle(20);
@@ -479,7 +493,7 @@ fn two_nodes_of_one_node_id_are_told_of() {
         bench.hear(Channel(0), Frame::new(0x703, [5]));
     }
     let sign = Sign::BeatsTooOften;
-    assert_eq!(bench.events, [Event::Duplicate { node: 0, sign }]);
+    assert_eq!(bench.events, [Event::Duplicate { node: NodeIndex(0), sign }]);
 }
 
 #[test]
@@ -496,7 +510,7 @@ fn a_guarded_node_is_asked_and_is_lost_as_any_other() {
     assert_eq!((asked, bench.events.len()), (100, 0));
     bench.devices[0].1.deaf_for = u32::MAX;
     bench.run(40);
-    assert_eq!(bench.events, [Event::HeartbeatLost { node: 0 }]);
+    assert_eq!(bench.events, [Event::HeartbeatLost { node: NodeIndex(0) }]);
 }
 
 #[test]

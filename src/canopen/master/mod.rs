@@ -51,6 +51,7 @@ use crate::nmt::Order;
 use crate::object::Object;
 use crate::plan::NodePlan;
 use crate::sync;
+use units::numbering::NodeIndex;
 use units::time::Instant;
 
 /// Events and frames that may wait for whoever owns the master; more are lost.
@@ -118,9 +119,9 @@ impl Master {
         }
     }
 
-    /// What is known of a node, by its place in the list of plans.
-    pub fn health(&self, node: usize) -> Option<Health> {
-        self.slaves.get(node).map(Slave::health)
+    /// What is known of a node.
+    pub fn health(&self, node: NodeIndex) -> Option<Health> {
+        self.slaves.get(node.0).map(Slave::health)
     }
 
     /// Takes one received frame; telegrams to send are appended to `out`.
@@ -151,8 +152,8 @@ impl Master {
 
     /// Does what is due. It says one thing at a time: call it until its deadline lies ahead.
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>) -> Option<Event> {
-        for place in 0..self.slaves.len() {
-            let Some(slave) = self.slaves.get_mut(place) else { continue };
+        for place in (0..self.slaves.len()).map(NodeIndex) {
+            let Some(slave) = self.slaves.get_mut(place.0) else { continue };
             let report = slave.on_time(now, &mut self.frames);
             self.after(now, place, report, out);
         }
@@ -176,18 +177,18 @@ impl Master {
         self.outbox.pop_front()
     }
 
-    /// Reads what a node remembers of its errors, by its place in the list of plans; an
+    /// Reads what a node remembers of its errors; an
     /// [`Event::ErrorHistory`] tells it. A node that cannot be asked now is not.
-    pub fn read_history(&mut self, now: Instant, node: usize, out: &mut Vec<Telegram>) {
-        if let Some(slave) = self.slaves.get_mut(node) {
+    pub fn read_history(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) {
+        if let Some(slave) = self.slaves.get_mut(node.0) {
             slave.read_history(now, &mut self.frames);
             self.after(now, node, None, out);
         }
     }
 
-    /// What a node was to be told and does not have, by its place in the list of plans: it is not set.
-    pub fn missing(&self, node: usize) -> &[Object] {
-        self.slaves.get(node).map(|slave| slave.missing.as_slice()).unwrap_or_default()
+    /// What a node was to be told and does not have: it is not set.
+    pub fn missing(&self, node: NodeIndex) -> &[Object] {
+        self.slaves.get(node.0).map(|slave| slave.missing.as_slice()).unwrap_or_default()
     }
 
     /// Whether a node that tells of an error is asked for those it remembers from now on.
@@ -195,25 +196,25 @@ impl Master {
         self.asks_why = asks;
     }
 
-    /// Reads what a drive's power stage is in, by its place in the list of plans; an
+    /// Reads what a drive's power stage is in; an
     /// [`Event::Statusword`] tells it. A drive that cannot be asked now is not.
-    pub fn read_statusword(&mut self, now: Instant, node: usize, out: &mut Vec<Telegram>) {
-        if let Some(slave) = self.slaves.get_mut(node) {
+    pub fn read_statusword(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) {
+        if let Some(slave) = self.slaves.get_mut(node.0) {
             slave.read_statusword(now, &mut self.frames);
             self.after(now, node, None, out);
         }
     }
 
-    /// Reads an object of a node again, by its place in the list of plans; an [`Event::ReadBack`] reports
+    /// Reads an object of a node again; an [`Event::ReadBack`] reports
     /// what came of it. Returns whether it does: a node that is being asked is not asked more.
     pub fn read_back(
         &mut self,
         now: Instant,
-        node: usize,
+        node: NodeIndex,
         setting: Setting,
         out: &mut Vec<Telegram>,
     ) -> bool {
-        let slave = self.slaves.get_mut(node);
+        let slave = self.slaves.get_mut(node.0);
         let is_asked = slave.is_some_and(|it| it.read_back(now, setting, &mut self.frames));
         if is_asked {
             self.after(now, node, None, out);
@@ -221,10 +222,10 @@ impl Master {
         is_asked
     }
 
-    /// Tells a drive by SDO to take its power off, by its place in the list of plans: at once, without
+    /// Tells a drive by SDO to take its power off: at once, without
     /// waiting for a SYNC or behind anything else.
-    pub fn power_off(&mut self, now: Instant, node: usize, out: &mut Vec<Telegram>) {
-        if let Some(slave) = self.slaves.get_mut(node) {
+    pub fn power_off(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) {
+        if let Some(slave) = self.slaves.get_mut(node.0) {
             slave.power_off(now, &mut self.frames);
             self.frames.iter().for_each(|frame| slave.on_sent(frame));
             let channel = slave.channel;
@@ -250,17 +251,17 @@ impl Master {
     }
 
     /// Place of the node that a frame of the predefined connection set is from or to.
-    fn place(&self, channel: Channel, frame: &Frame) -> Option<usize> {
+    fn place(&self, channel: Channel, frame: &Frame) -> Option<NodeIndex> {
         let node_id = frame.cob_id & !FUNCTION;
         let is_its =
             |slave: &Slave| slave.channel == channel && u16::from(slave.plan.node.raw()) == node_id;
-        self.slaves.iter().position(is_its)
+        self.slaves.iter().position(is_its).map(NodeIndex)
     }
 
     /// An SDO request of another client: to write is a master's, to read is anyone's.
     fn request_of_another(&mut self, now: Instant, channel: Channel, frame: &Frame) {
         let Some(node) = self.place(channel, frame) else { return };
-        let Some(slave) = self.slaves.get_mut(node) else { return };
+        let Some(slave) = self.slaves.get_mut(node.0) else { return };
         match slave.on_foreign_request(now, frame) {
             Some(Foreign::Download) => self.tell(Event::ForeignMaster { channel, frame: *frame }),
             Some(Foreign::Upload) => {
@@ -276,7 +277,7 @@ impl Master {
     /// An SDO reply, a heartbeat, a boot-up message or an answer to guarding.
     fn answer(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
         let Some(place) = self.place(channel, frame) else { return };
-        let Some(slave) = self.slaves.get_mut(place) else { return };
+        let Some(slave) = self.slaves.get_mut(place.0) else { return };
         if slave.is_foreign_reply(now, frame) {
             return self.tell(Event::ForeignMaster { channel, frame: *frame });
         }
@@ -288,11 +289,11 @@ impl Master {
     fn after(
         &mut self,
         now: Instant,
-        node: usize,
+        node: NodeIndex,
         report: Option<Report>,
         out: &mut Vec<Telegram>,
     ) {
-        let Some(slave) = self.slaves.get_mut(node) else { return };
+        let Some(slave) = self.slaves.get_mut(node.0) else { return };
         self.frames.iter().for_each(|frame| slave.on_sent(frame));
         let (channel, is_late) = (slave.channel, slave.is_late);
         let is_configured = matches!(report, Some(Report::Configured(_)));
@@ -311,7 +312,7 @@ impl Master {
         match report {
             None => {}
             Some(Report::Configured(configuration)) => {
-                if self.slaves.get(node).is_some_and(|slave| slave.was_enabled) {
+                if self.slaves.get(node.0).is_some_and(|slave| slave.was_enabled) {
                     self.tell(Event::FoundEnabled { node });
                 }
                 self.tell(Event::Configured { node, configuration });
@@ -331,8 +332,8 @@ impl Master {
     }
 
     /// What is heard of an optional node on its way back to the others: nobody depends on it yet.
-    fn on_news_of_late(&mut self, now: Instant, node: usize, news: News) {
-        let Some(slave) = self.slaves.get_mut(node) else { return };
+    fn on_news_of_late(&mut self, now: Instant, node: NodeIndex, news: News) {
+        let Some(slave) = self.slaves.get_mut(node.0) else { return };
         match news {
             News::State(NmtState::Operational) => {
                 slave.is_late = false;
@@ -345,8 +346,8 @@ impl Master {
     }
 
     /// What a heartbeat, or its absence, means: a failed boot until all run, an event from then on.
-    fn on_news(&mut self, node: usize, news: News) {
-        let Some(slave) = self.slaves.get_mut(node) else { return };
+    fn on_news(&mut self, node: NodeIndex, news: News) {
+        let Some(slave) = self.slaves.get_mut(node.0) else { return };
         let is_running = self.phase == Phase::Running;
         let (problem, event) = match news {
             News::State(_) if !is_running => return,
@@ -426,7 +427,7 @@ impl Master {
             let cob_ids = [slave.plan.emcy_cob_id, emcy::default_cob_id(slave.plan.node)];
             slave.channel == channel && cob_ids.contains(&frame.cob_id)
         };
-        let Some(node) = self.slaves.iter().position(is_its) else { return };
+        let Some(node) = self.slaves.iter().position(is_its).map(NodeIndex) else { return };
         let Some(emergency) = Emergency::decode(frame.data()) else { return };
         self.tell(Event::Emergency { node, emergency });
         if self.asks_why && !emergency.is_reset() {

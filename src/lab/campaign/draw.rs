@@ -1,6 +1,7 @@
 //! Chance of one case: the same again from the same seed.
 
 use sim::random::SplitMix;
+use units::numbering::Joint;
 
 /// A source of choices.
 #[derive(Clone, Debug)]
@@ -35,9 +36,9 @@ impl Draw {
         these.get(usize::try_from(self.below(count)).ok()?)
     }
 
-    /// A joint, from 1.
-    pub(super) fn joint(&mut self) -> usize {
-        1 + usize::try_from(self.below(6)).unwrap_or(0)
+    /// A joint.
+    pub(super) fn joint(&mut self) -> Joint {
+        self.among(&Joint::ALL).copied().unwrap_or(Joint::of::<1>())
     }
 
     /// Whether a coin shows heads.
@@ -59,11 +60,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_joint_comes_up_and_none_that_is_not_there() {
+    fn every_joint_comes_up() {
         let mut draw = Draw::of(1, 1);
-        let mut seen = [0; 7];
-        (0..600).for_each(|_| seen[draw.joint()] += 1);
-        assert!(seen[0] == 0 && seen[1..].iter().all(|count| *count > 50), "{seen:?}");
+        let mut seen = [0; 6];
+        (0..600).for_each(|_| seen[draw.joint().index()] += 1);
+        assert!(seen.iter().all(|count| *count > 50), "{seen:?}");
     }
 
     #[test]

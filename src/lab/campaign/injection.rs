@@ -6,6 +6,7 @@ use crate::campaign::situation::Situation;
 use crate::world;
 use bus::Mishap;
 use config::Config;
+use units::numbering::Joint;
 
 /// A fault to inject, and what is expected of the node then.
 #[derive(Clone, Debug)]
@@ -72,13 +73,13 @@ impl Place<'_> {
         self.config.period * count
     }
 
-    /// What carries the arm's weight at a joint, from 1, where it starts: in ‰ of the most it may exert.
-    pub(super) fn weight(&self, joint: usize) -> f64 {
+    /// What carries the arm's weight at a joint where it starts: in ‰ of the most it may exert.
+    pub(super) fn weight(&self, joint: Joint) -> f64 {
         let calibration = &self.config.controller.calibration;
         let arm = world::arm(self.config);
         let gravity = arm.gravity(&arm.posture(&world::start(self.config)));
         let gravity = calibration.coupling().matrix().transpose() * gravity;
-        let mut joints = gravity.iter().zip(&self.config.joints).skip(joint.saturating_sub(1));
+        let mut joints = gravity.iter().zip(&self.config.joints).skip(joint.index());
         joints.next().map_or(0.0, |(weight, joint)| 1e3 * weight.abs() / joint.max_torque)
     }
 

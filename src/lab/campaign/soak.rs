@@ -13,6 +13,7 @@ use crate::campaign::run::each;
 use config::Config;
 use node::cause::Cause;
 use sim::scenario::Scenario;
+use units::numbering::Joint;
 
 /// One lap takes so long, in s.
 const LAP_S: f64 = 20.0;
@@ -109,7 +110,7 @@ fn script(draw: &mut Draw, config: &Config) -> String {
     script.push_str(&moves(draw));
     let period = config.period.as_secs_f64();
     let mut faults: Vec<(f64, String)> =
-        (1..=6).flat_map(|joint| losses(draw, joint, period)).collect();
+        Joint::ALL.into_iter().flat_map(|joint| losses(draw, joint, period)).collect();
     let words = LAP_S / period;
     let mut at_s = 0.0;
     // Losses that follow each other by chance, on average every hundredth word.
@@ -127,7 +128,7 @@ fn script(draw: &mut Draw, config: &Config) -> String {
 }
 
 /// Samples of one drive that are lost, each alone: never two in a row.
-fn losses(draw: &mut Draw, joint: usize, period: f64) -> Vec<(f64, String)> {
+fn losses(draw: &mut Draw, joint: Joint, period: f64) -> Vec<(f64, String)> {
     let keys = format!("kind = \"drop\"\njoint = {joint}\nframe = \"tpdo1\"\ncount = 1");
     let mut losses = Vec::new();
     let mut at_s = 0.0;

@@ -41,6 +41,7 @@ use config::Config;
 use config::force_cap::ForceCap;
 use config::force_cap::TooMuchForce;
 use config::force_cap::UNPROVEN;
+use units::numbering::NodeIndex;
 use units::time::Instant;
 
 /// How far the proof is, and what it has found.
@@ -133,7 +134,7 @@ impl Proof {
             node: plan.node,
             rpdo: None,
             heartbeat: None,
-            missing: master.missing(place).to_vec(),
+            missing: master.missing(NodeIndex(place)).to_vec(),
         };
         self.report.drives = self.plans.iter().enumerate().map(drive).collect();
         self.recheck = Recheck::new(&self.plans, master);
@@ -200,20 +201,20 @@ impl Proof {
     pub(super) fn takes(&mut self, now: Instant, event: &Event) -> Relation {
         let is_under_way = matches!(self.phase, Phase::Trying(_) | Phase::Between);
         let is_part = match event {
-            Event::Emergency { node, emergency } if is_under_way && *node < self.plans.len() => {
-                return self.take_emergency(now, *node, emergency);
+            Event::Emergency { node, emergency } if is_under_way && node.0 < self.plans.len() => {
+                return self.take_emergency(now, node.0, emergency);
             }
             Event::ReadBack { .. } => self.recheck.takes(event),
             Event::Statusword { node, statusword } => {
                 if let Some(trial) = self.trial() {
-                    trial.on_answer(now, *node, *statusword);
+                    trial.on_answer(now, node.0, *statusword);
                 }
                 true
             }
             Event::StateChanged { node, state } => {
                 let is_operational = *state == NmtState::Operational;
                 // Its next heartbeat may tell of its return when all is over.
-                let has_left = self.has_left.get_mut(*node);
+                let has_left = self.has_left.get_mut(node.0);
                 let returns = has_left.map(|left| std::mem::replace(left, !is_operational));
                 returns.is_some_and(|returns| is_under_way || returns && is_operational)
             }
@@ -285,7 +286,7 @@ mod tests {
     fn emergency(code: u16) -> Event {
         let [low, high] = code.to_le_bytes();
         let emergency = Emergency::decode(&[low, high, 1, 0, 0, 0, 0, 0]).unwrap();
-        Event::Emergency { node: 2, emergency }
+        Event::Emergency { node: NodeIndex(2), emergency }
     }
 
     #[test]
@@ -295,7 +296,7 @@ mod tests {
         let statusword = canopen::drive::Statusword(0x0208);
         for phase in [Phase::Before, Phase::Between, Phase::Over] {
             proof.phase = phase;
-            let answer = Event::Statusword { node: 2, statusword };
+            let answer = Event::Statusword { node: NodeIndex(2), statusword };
             assert_eq!(proof.takes(Instant::ZERO, &answer), Relation::Part);
         }
     }

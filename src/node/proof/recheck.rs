@@ -14,6 +14,7 @@ use canopen::master::read_back::ReadBack;
 use canopen::master::read_back::Setting;
 use canopen::plan::NodePlan;
 use remote::Remote;
+use units::numbering::NodeIndex;
 use units::time::Instant;
 
 /// Time from one object to the next.
@@ -43,7 +44,7 @@ impl Recheck {
     /// so that each is asked once in as many seconds as there are drives.
     pub(super) fn new(plans: &[NodePlan], master: &Master) -> Self {
         let of_drive = |(node, plan): (usize, &NodePlan)| -> Vec<Entry> {
-            let missing = master.missing(node);
+            let missing = master.missing(NodeIndex(node));
             let held = plan.protections().into_iter().filter(|it| !missing.contains(&it.object));
             let settings = held.filter_map(|check| Setting::of(&check));
             settings.map(|setting| Entry { node, setting, is_unread: false }).collect()
@@ -71,7 +72,7 @@ impl Recheck {
     /// not be read before either.
     pub(super) fn takes(&mut self, event: &Event) -> bool {
         let Event::ReadBack { node, object, read } = event else { return false };
-        let is_it = |entry: &&mut Entry| entry.node == *node && entry.setting.object == *object;
+        let is_it = |entry: &&mut Entry| entry.node == node.0 && entry.setting.object == *object;
         let Some(entry) = self.entries.iter_mut().find(is_it) else { return false };
         match read {
             ReadBack::Unchanged => {
@@ -96,7 +97,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             return;
         }
         if let Some((node, setting)) = self.proof.recheck.due(now)
-            && self.network.master.read_back(now, node, setting, &mut self.wire.out)
+            && self.network.master.read_back(now, NodeIndex(node), setting, &mut self.wire.out)
         {
             self.proof.recheck.go_on(now);
             self.post();
@@ -149,7 +150,7 @@ mod tests {
     fn an_object_that_cannot_be_read_is_reported_once_and_counted() {
         let mut recheck = recheck(1);
         let object = Object::rpdo_communication(1, 5);
-        let event = |read| Event::ReadBack { node: 0, object, read };
+        let event = |read| Event::ReadBack { node: NodeIndex(0), object, read };
         let unread = event(ReadBack::Unread(SdoError::Silent));
         assert!(!recheck.takes(&unread), "news");
         assert!(recheck.takes(&unread));

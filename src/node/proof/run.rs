@@ -8,6 +8,7 @@ use bus::Bus;
 use canopen::watchdog::Awaited;
 use remote::Remote;
 use units::drive::PerMille;
+use units::numbering::NodeIndex;
 
 /// While nothing of ours is on the bus, that is looked after at least so often.
 const LISTEN: Duration = Duration::from_millis(1);
@@ -70,7 +71,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             self.send_heartbeat(now);
             self.poll_master(now);
             while let Some(drive) = self.proof.asks(now) {
-                self.network.master.read_statusword(now, drive, &mut self.wire.out);
+                self.network.master.read_statusword(now, NodeIndex(drive), &mut self.wire.out);
             }
             self.post();
             while let Some(telegram) = self.network.master.release() {
@@ -107,7 +108,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             self.poll_master(now);
             self.proof.look(now, self.samples.latest());
             if let Some(drive) = self.proof.asks(now) {
-                self.network.master.read_statusword(now, drive, &mut self.wire.out);
+                self.network.master.read_statusword(now, NodeIndex(drive), &mut self.wire.out);
                 self.post();
             }
             self.send_targets(sync_at, &[PerMille(0); 6], true);

@@ -19,6 +19,7 @@ use crate::scenario::fault::Whom;
 use canopen::frame::Channel;
 use canopen::frame::Frame;
 use canopen::frame::Telegram;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// A place in the list of the six drives and the switch box, from 0.
@@ -60,9 +61,9 @@ struct Voice {
 
 impl Whom {
     /// Whether the device at a place is befallen.
-    pub(super) const fn has(self, place: Place) -> bool {
+    pub(super) fn has(self, place: Place) -> bool {
         match self {
-            Self::Joint(joint) => place + 1 == joint,
+            Self::Joint(joint) => place == joint.index(),
             Self::Drives => place < SWITCHES,
             Self::Switches => place == SWITCHES,
             Self::Bus(_) | Self::Link => false,
@@ -121,13 +122,13 @@ impl Running {
     }
 
     /// From now on what joint `by` says with `service` is said again as if by whom this befalls.
-    pub(super) fn impersonate(&mut self, by: usize, service: Service, devices: &Devices<'_>) {
+    pub(super) fn impersonate(&mut self, by: Joint, service: Service, devices: &Devices<'_>) {
         let says = |place: Place| {
             let device = devices.get(place)?;
             Some((device.channel(), device.cob_id(Way::Said, service)?))
         };
         let befallen = (0..devices.len()).find(|place| self.fault.whom.has(*place));
-        let of = by.saturating_sub(1);
+        let of = by.index();
         if let (Some((_, said)), Some((channel, again))) = (says(of), befallen.and_then(says)) {
             self.voice = Some(Voice { of, said, channel, again });
         }

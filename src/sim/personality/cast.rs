@@ -6,9 +6,7 @@ use thiserror::Error;
 
 use crate::personality::Personality;
 use crate::personality::Quirk;
-
-/// Joints there are.
-const JOINTS: u8 = 6;
+use units::numbering::Joint;
 
 /// Who has which personality. Whoever is not named has none.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -19,47 +17,37 @@ pub struct Cast(Vec<Part>);
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Part {
-    joint: Joint,
+    joint: Known,
     personality: Vec<Quirk>,
 }
 
-/// A joint, from 1.
+/// A joint by the number in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "i64")]
-struct Joint(u8);
+struct Known(Joint);
 
 /// A joint there is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("joint {0}: there are 1 to {JOINTS}")]
+#[error("joint {0}: there are 1 to 6")]
 pub struct UnknownJoint(i64);
 
-impl TryFrom<i64> for Joint {
+impl TryFrom<i64> for Known {
     type Error = UnknownJoint;
 
     fn try_from(joint: i64) -> Result<Self, UnknownJoint> {
-        let known = u8::try_from(joint).ok().filter(|joint| (1..=JOINTS).contains(joint));
-        known.map(Self).ok_or(UnknownJoint(joint))
+        Joint::new(joint).map(Self).ok_or(UnknownJoint(joint))
     }
 }
 
 impl Cast {
-    /// The drive of `joint`, from 1, has these quirks besides those it has.
-    ///
-    /// # Errors
-    /// When there is no such joint.
-    pub fn add(
-        &mut self,
-        joint: usize,
-        quirks: impl IntoIterator<Item = Quirk>,
-    ) -> Result<(), UnknownJoint> {
-        let joint = Joint::try_from(i64::try_from(joint).unwrap_or(i64::MAX))?;
-        self.0.push(Part { joint, personality: quirks.into_iter().collect() });
-        Ok(())
+    /// The drive of `joint` has these quirks besides those it has.
+    pub fn add(&mut self, joint: Joint, quirks: impl IntoIterator<Item = Quirk>) {
+        self.0.push(Part { joint: Known(joint), personality: quirks.into_iter().collect() });
     }
 
-    /// The personality of the drive of `joint`, from 1.
-    pub fn of(&self, joint: usize) -> Personality {
-        let its = self.0.iter().filter(|part| usize::from(part.joint.0) == joint);
+    /// The personality of the drive of `joint`.
+    pub fn of(&self, joint: Joint) -> Personality {
+        let its = self.0.iter().filter(|part| part.joint == Known(joint));
         Personality::new(its.flat_map(|part| part.personality.iter().copied()))
     }
 }
@@ -84,20 +72,24 @@ mod tests {
              [[drive]]\njoint = 6\npersonality = []\n",
         )
         .unwrap();
-        assert_eq!(cast.of(3), Personality::new([Quirk::NoBootUp, Quirk::QuietFault]));
-        cast.add(3, [Quirk::KeepsTorque]).unwrap();
-        assert_eq!(cast.of(3).quirks().count(), 3);
+        assert_eq!(
+            cast.of(Joint::of::<3>()),
+            Personality::new([Quirk::NoBootUp, Quirk::QuietFault])
+        );
+        cast.add(Joint::of::<3>(), [Quirk::KeepsTorque]);
+        assert_eq!(cast.of(Joint::of::<3>()).quirks().count(), 3);
         assert!(
-            (1..=6)
-                .filter(|joint| *joint != 3)
+            Joint::ALL
+                .into_iter()
+                .filter(|joint| joint.number() != 3)
                 .all(|joint| cast.of(joint) == Personality::default())
         );
-        assert_eq!(cast.add(7, []).unwrap_err().to_string(), "joint 7: there are 1 to 6");
     }
 
     #[test]
     fn whoever_and_whatever_there_is_not_is_refused_in_one_line() {
         for (text, words) in [
+            ("joint = 7\npersonality = []", "joint 7: there are 1 to 6"),
             ("joint = 0\npersonality = []", "joint 0: there are 1 to 6"),
             ("joint = 3\npersonality = [\"evil\"]", "`evil` is no personality; there are deaf"),
             ("joint = 3\npersonality = []\nseed = 1", "unknown field `seed`"),

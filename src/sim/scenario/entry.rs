@@ -33,6 +33,7 @@ use canopen::frame::Frame;
 use canopen::layout::MOST_PDOS;
 use canopen::nmt::Order;
 use canopen::sync;
+use units::numbering::Joint;
 
 /// No frame is held back longer, in ms.
 const LONGEST_DELAY_MS: f64 = 10_000.0;
@@ -137,8 +138,8 @@ fn drive(keys: &mut Keys) -> Result<Whom, Misplaced> {
     keys.needed("joint", whom)
 }
 
-fn joint(value: &Value) -> Option<usize> {
-    usize::try_from(value.as_integer()?).ok().filter(|joint| (1..=6).contains(joint))
+fn joint(value: &Value) -> Option<Joint> {
+    Joint::new(value.as_integer()?)
 }
 
 fn frames(keys: &mut Keys, treatment: Treatment) -> Result<(Whom, Kind), Misplaced> {

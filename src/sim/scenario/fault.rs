@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use canopen::frame::Channel;
 use canopen::frame::Frame;
+use units::numbering::Joint;
 
 /// Something breaks, once or for a while.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +26,7 @@ pub struct Fault {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Whom {
     /// The drive of one joint, from 1.
-    Joint(usize),
+    Joint(Joint),
     /// Every drive.
     Drives,
     /// The switch box.
@@ -46,7 +47,7 @@ pub enum Kind {
     /// Another node says what that joint's drive says, under this node's identifier.
     Impersonated {
         /// The joint, from 1, whose drive is heard twice.
-        by: usize,
+        by: Joint,
         /// What it says.
         service: Service,
     },

@@ -151,11 +151,10 @@ fn foreign_nmt(draw: &mut Draw, at: &Place<'_>) -> Injection {
 }
 
 fn foreign_targets(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let joint = draw.joint();
-    let joint = at.config.joints.get(joint - 1);
-    let bus = joint.map_or(0, |joint| joint.channel.0);
+    let joint = draw.joint().entry(&at.config.joints);
+    let bus = joint.channel.0;
     let plans = at.config.node_plans();
-    let plan = plans.iter().find(|(_, plan)| joint.is_some_and(|joint| joint.node == plan.node));
+    let plan = plans.iter().find(|(_, plan)| joint.node == plan.node);
     let rpdo = plan.and_then(|(_, plan)| {
         plan.pdos.iter().find(|pdo| {
             let is_rpdo = pdo.direction == Direction::Receive;
@@ -177,8 +176,8 @@ const SDO_REQUEST: u16 = 0x600;
 
 /// Another client writes one of the timers by which a drive stops without its master.
 fn foreign_download(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let joint = at.config.joints.get(draw.joint() - 1);
-    let (bus, node) = joint.map_or((0, 1), |joint| (joint.channel.0, joint.node.raw()));
+    let joint = draw.joint().entry(&at.config.joints);
+    let (bus, node) = (joint.channel.0, joint.node.raw());
     let cob_id = SDO_REQUEST + u16::from(node);
     // 1400h:5 and 1016h:1 become zero; 1F50h:1 begins by blocks.
     let payloads = ["2B00140500000000", "2316100100000000", "C2501F0100000000"];

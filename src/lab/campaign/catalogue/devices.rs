@@ -14,6 +14,7 @@ use canopen::error_codes;
 use canopen::layout::Service;
 use canopen::object::Object;
 use node::cause::Kind as Cause;
+use units::numbering::Joint;
 
 pub(super) const KINDS: &[Kind] = &[
     kind(1, "drive unplugged", &[Cause::SamplesMissing], |draw, at| lost(draw, at, "unplug")),
@@ -68,8 +69,8 @@ const HEARTBEAT: u16 = 0x700;
 
 /// One heartbeat that says stopped, or pre-operational, as if of a drive; the drive goes on.
 fn heartbeat_stopped(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let joint = at.config.joints.get(draw.joint() - 1);
-    let (bus, node) = joint.map_or((0, 1), |joint| (joint.channel.0, joint.node.raw()));
+    let joint = draw.joint().entry(&at.config.joints);
+    let (bus, node) = (joint.channel.0, joint.node.raw());
     let cob_id = HEARTBEAT + u16::from(node);
     let state = if draw.is_heads() { "04" } else { "7F" };
     let keys = format!(
@@ -113,9 +114,9 @@ fn fault(draw: &mut Draw, at: &Place<'_>) -> Injection {
 }
 
 /// How long a drive may keep a changed statusword to itself, after it has told another (1800h:3).
-fn silence(at: &Place<'_>, joint: usize) -> Duration {
+fn silence(at: &Place<'_>, joint: Joint) -> Duration {
     let plans = at.config.node_plans();
-    let pdos = joint.checked_sub(1).and_then(|place| plans.get(place)).map(|(_, plan)| &*plan.pdos);
+    let pdos = plans.get(joint.index()).map(|(_, plan)| &*plan.pdos);
     let mut services = pdos.unwrap_or_default().iter().filter_map(|pdo| pdo.service.as_ref());
     let is_status = |service: &&Service| {
         service.mapping.iter().any(|mapped| mapped.object == Object::STATUSWORD)
@@ -146,7 +147,7 @@ fn reboot_of_switches(_: &mut Draw, at: &Place<'_>) -> Injection {
 }
 
 /// What only a joint that pushes shows: demanded of those that carry more than a little of the arm.
-fn where_pushed(at: &Place<'_>, joint: usize, within: Duration) -> Expectation {
+fn where_pushed(at: &Place<'_>, joint: Joint, within: Duration) -> Expectation {
     if at.weight(joint) > CARRIES {
         Expectation::Stop(within)
     } else {
@@ -159,7 +160,7 @@ const CARRIES: f64 = 100.0;
 
 /// Shoulder joints carry the arm, so a wrong scale shows.
 fn torque_scaled(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let joint = 2 + usize::from(draw.is_heads());
+    let joint = if draw.is_heads() { Joint::of::<3>() } else { Joint::of::<2>() };
     let scale = draw.within(-10.0, -6.0);
     let keys = format!("kind = \"torque_actual_scale\"; joint = {joint}; scale = {scale:.2}");
     let within = Duration::from_millis(55).max(at.cycles(216));
@@ -186,7 +187,9 @@ fn frozen_in_motion(_: &mut Draw, at: &Place<'_>) -> Injection {
     let at_s = at.onset.as_secs_f64();
     let moved =
         format!("[[move]]\nat_s = {at_s:.6}\nduration_s = 1.0\nto_m = [0.1, 0.0, -0.05]\n\n");
-    let frozen = at.fault_after(Duration::from_millis(100), "kind = \"encoder_frozen\"; joint = 2");
-    let expectation = where_pushed(at, 2, Duration::from_millis(700));
+    let elevation = Joint::of::<2>();
+    let keys = format!("kind = \"encoder_frozen\"; joint = {elevation}");
+    let frozen = at.fault_after(Duration::from_millis(100), &keys);
+    let expectation = where_pushed(at, elevation, Duration::from_millis(700));
     Injection::scripted(moved + &frozen, expectation).watched_for(Duration::from_millis(900))
 }

@@ -11,6 +11,7 @@ use crate::campaign::kind::NO_CAUSE;
 use crate::campaign::kind::kind;
 use config::Layout;
 use node::cause::Kind as Cause;
+use units::numbering::Joint;
 
 pub(super) const KINDS: &[Kind] = &[
     kind(3, "TPDO lost", &[Cause::SamplesMissing], |draw, at| of_tpdo(draw, at, "drop", "")),
@@ -128,9 +129,11 @@ fn frozen(draw: &mut Draw, at: &Place<'_>) -> Injection {
 /// Two drives of one bus with one node-id: positions that are not near each other.
 fn impersonated(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let joint = draw.joint();
-    let channel = |joint: usize| at.config.joints.get(joint - 1).map(|joint| joint.channel);
-    let others: Vec<usize> =
-        (1..=6).filter(|by| *by != joint && channel(*by) == channel(joint)).collect();
+    let channel = |joint: Joint| joint.entry(&at.config.joints).channel;
+    let others: Vec<Joint> = Joint::ALL
+        .into_iter()
+        .filter(|by| *by != joint && channel(*by) == channel(joint))
+        .collect();
     let by = draw.among(&others).copied().unwrap_or(joint);
     let keys = format!("kind = \"impersonate\"; joint = {joint}; by = {by}; frame = \"tpdo1\"");
     Injection::scripted(at.fault(&keys), Expectation::Stop(at.cycles(5)))
@@ -139,8 +142,8 @@ fn impersonated(draw: &mut Draw, at: &Place<'_>) -> Injection {
 /// A high bit of the position, whose place is the layout's.
 fn corrupted(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let joint = draw.joint();
-    let channel = at.config.joints.get(joint - 1).map(|joint| joint.channel);
-    let bus = channel.and_then(|channel| at.config.buses.get(usize::from(channel.0)));
+    let channel = joint.entry(&at.config.joints).channel;
+    let bus = at.config.buses.get(usize::from(channel.0));
     let before = match bus.map(|bus| bus.layout) {
         Some(Layout::PerDrive) | None => 2,
         Some(Layout::Grouped) => 0,

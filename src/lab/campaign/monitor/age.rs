@@ -10,6 +10,7 @@ use crate::campaign::monitor::sheet::Sheet;
 use canopen::frame::Channel;
 use canopen::frame::Frame;
 use canopen::frame::Telegram;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// A target that acts later is stale, in periods: 2 ms at 1 kHz.
@@ -55,15 +56,19 @@ impl Age {
         gone.map_or(at, |(since, _)| since)
     }
 
-    /// A target that was taken at `since`; joints from 0.
+    /// A target that was taken at `since`.
     pub(super) fn on_target(
         &mut self,
         sheet: &Sheet,
         (at, since): (Instant, Instant),
-        (joint, target): (usize, i16),
+        (joint, target): (Joint, i16),
     ) {
         self.delivered += u64::from(target != 0 && at.since(since) > stale(sheet.period));
-        self.waiting.iter_mut().skip(joint).take(1).for_each(|one| *one = Some((since, target)));
+        self.waiting
+            .iter_mut()
+            .skip(joint.index())
+            .take(1)
+            .for_each(|one| *one = Some((since, target)));
     }
 
     /// A SYNC: what has come since the last one acts now.

@@ -17,6 +17,7 @@ use canopen::frame::Frame;
 use canopen::nmt;
 use canopen::nmt::Order as Nmt;
 use canopen::object::Object;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// Bits 0 to 3 of a controlword: enable operation.
@@ -119,9 +120,9 @@ impl Order {
         }
     }
 
-    /// Whether a drive has said that it acts on no target; joints from 0.
-    pub(super) fn is_off(&self, joint: usize) -> bool {
-        let state = self.nodes.get(joint).and_then(|known| known.state);
+    /// Whether a drive has said that it acts on no target.
+    pub(super) fn is_off(&self, joint: Joint) -> bool {
+        let state = self.nodes.get(joint.index()).and_then(|known| known.state);
         state.is_some_and(|state| state != State::OperationEnabled)
     }
 
@@ -145,44 +146,45 @@ impl Order {
         }
     }
 
-    /// A target; joints from 0. I6: there is none before its drive has shown that it stops by itself.
+    /// A target. I6: there is none before its drive has shown that it stops by itself.
     pub(super) fn on_target(
         &mut self,
         sheet: &Sheet,
         at: Instant,
-        (joint, target): (usize, i16),
+        (joint, target): (Joint, i16),
         breaches: &mut Breaches,
     ) {
-        let Some((known, member)) = self.nodes.get_mut(joint).zip(sheet.nodes.get(joint)) else {
+        let Some((known, member)) =
+            self.nodes.get_mut(joint.index()).zip(sheet.nodes.get(joint.index()))
+        else {
             return;
         };
         known.target = target;
         let is_on_its_way = known.booted.is_some_and(|booted| at <= booted + sheet.period * 2);
         if target != 0 && !known.is_proven(member) && !is_on_its_way {
-            let what = format!("joint {} is told {target} per mille, not proven", joint + 1);
+            let what = format!("joint {joint} is told {target} per mille, not proven");
             breaches.add(Law::KnownFirst, at, what);
         }
     }
 
-    /// A controlword; joints from 0. I6, and the second step of I12.
+    /// A controlword. I6, and the second step of I12.
     pub(super) fn on_controlword(
         &mut self,
         sheet: &Sheet,
         at: Instant,
-        (joint, word): (usize, u16),
+        (joint, word): (Joint, u16),
         breaches: &mut Breaches,
     ) {
-        let Some(known) = self.nodes.get_mut(joint) else { return };
+        let Some(known) = self.nodes.get_mut(joint.index()) else { return };
         let before = std::mem::replace(&mut known.controlword, word);
-        let number = joint + 1;
         // What was on its way when it booted cannot be taken back.
         let is_on_its_way = known.booted.is_some_and(|booted| at <= booted + sheet.period * 2);
         if is_enabling(word) && !known.is_started && !is_on_its_way {
-            let what = format!("joint {number} is enabled before it was started");
+            let what = format!("joint {joint} is enabled before it was started");
             breaches.add(Law::KnownFirst, at, what);
         }
         if is_enabling(before) && !is_enabling(word) && known.target != 0 {
-            let what = format!("joint {number} is disabled at {} per mille", known.target);
+            let what = format!("joint {joint} is disabled at {} per mille", known.target);
             breaches.add(Law::Shutdown, at, what);
         }
     }

@@ -22,6 +22,7 @@ use controller::calibration::TorqueCurve;
 use sim::arm::Arm;
 use sim::arm::Joints;
 use units::drive::Counts;
+use units::numbering::Joint;
 
 /// Of the predefined connection set (CiA 301, 7.3.3).
 pub(super) const SDO_REQUEST: u16 = 0x600;
@@ -78,8 +79,8 @@ pub(super) struct Rpdo {
     pub(super) cob_id: u16,
     /// It comes once for each SYNC.
     pub(super) is_cyclic: bool,
-    /// Joint from 0, what, and from which bit on; targets first.
-    fields: Vec<(usize, Object, u32)>,
+    /// Joint, what, and from which bit on; targets first.
+    fields: Vec<(Joint, Object, u32)>,
 }
 
 impl Sheet {
@@ -196,7 +197,7 @@ impl JointSheet {
 }
 
 impl Rpdo {
-    /// What it tells whom: joints from 0, targets first.
+    /// What it tells whom: targets first.
     pub(super) fn read<'a>(&'a self, frame: &'a Frame) -> impl Iterator<Item = Told> + 'a {
         let content = frame.data().iter().rev();
         let content = content.fold(0_u64, |content, byte| content << 8 | u64::from(*byte));
@@ -211,16 +212,16 @@ impl Rpdo {
     }
 }
 
-/// Something a drive is told; joints from 0.
+/// Something a drive is told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Told {
-    Target(usize, i16),
-    Controlword(usize, u16),
+    Target(Joint, i16),
+    Controlword(Joint, u16),
 }
 
 fn rpdos(plans: &[(Channel, NodePlan)]) -> Vec<Rpdo> {
     let mut rpdos: Vec<Rpdo> = Vec::new();
-    for (joint, (channel, plan)) in plans.iter().enumerate().take(6) {
+    for (joint, (channel, plan)) in Joint::ALL.into_iter().zip(plans) {
         let used = plan.pdos.iter().filter(|pdo| pdo.direction == Direction::Receive);
         for (pdo, service) in used.filter_map(|pdo| Some((pdo, pdo.service.as_ref()?))) {
             let is_cyclic = service.transmission.syncs().is_some();
@@ -236,7 +237,7 @@ fn rpdos(plans: &[(Channel, NodePlan)]) -> Vec<Rpdo> {
             }
         }
     }
-    let is_word = |field: &(usize, Object, u32)| field.1 != Object::TARGET_TORQUE;
+    let is_word = |field: &(Joint, Object, u32)| field.1 != Object::TARGET_TORQUE;
     rpdos.iter_mut().for_each(|rpdo| rpdo.fields.sort_by_key(is_word));
     rpdos
 }
@@ -246,7 +247,7 @@ fn is_same(rpdo: &Rpdo, channel: Channel, pdo: &Pdo) -> bool {
 }
 
 /// Targets and controlwords of a mapping, with the bit each begins at.
-fn fields(joint: usize, mapping: &[Mapped]) -> impl Iterator<Item = (usize, Object, u32)> {
+fn fields(joint: Joint, mapping: &[Mapped]) -> impl Iterator<Item = (Joint, Object, u32)> {
     let mut shift = 0;
     mapping.iter().filter_map(move |mapped| {
         let at = shift;

@@ -7,6 +7,7 @@ use crate::campaign::monitor::law::Law;
 use crate::campaign::monitor::sheet::Sheet;
 use canopen::exchange::Told as Heard;
 use canopen::pdo::Deadman;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// What was felt may take so long to end when the deadman opens.
@@ -141,35 +142,38 @@ impl Torque {
         }
     }
 
-    /// A target on the wire at `at` that was given away at `since`, in ‰ of rated torque; joints from 0.
+    /// A target on the wire at `at` that was given away at `since`, in ‰ of rated torque.
     /// `is_off` is that its drive says it acts on none.
     pub(super) fn on_target(
         &mut self,
         sheet: &Sheet,
         (at, since): (Instant, Instant),
-        ((joint, target), is_off): ((usize, i16), bool),
+        ((joint, target), is_off): ((Joint, i16), bool),
         breaches: &mut Breaches,
     ) {
-        let (Some(bounds), Some(told)) = (sheet.joints.get(joint), self.told.get_mut(joint)) else {
+        let (Some(bounds), Some(told)) =
+            (sheet.joints.get(joint.index()), self.told.get_mut(joint.index()))
+        else {
             return;
         };
         let before = std::mem::replace(told, target);
         let size = target.unsigned_abs();
         if size > bounds.cap.unsigned_abs() {
-            let what = format!("joint {} is told {target} of {} per mille", joint + 1, bounds.cap);
+            let what = format!("joint {joint} is told {target} of {} per mille", bounds.cap);
             breaches.add(Law::Cap, at, what);
         }
         let is_same_way = before.signum() == target.signum();
         let from = if is_same_way { before } else { 0 };
         // A cycle whose targets did not get out counts as well.
-        let told_at = self.told_at.get_mut(joint).and_then(|told_at| told_at.replace(since));
+        let told_at =
+            self.told_at.get_mut(joint.index()).and_then(|told_at| told_at.replace(since));
         let half = sheet.period / 2;
         let is_second = told_at.is_some_and(|told_at| since.since(told_at) > sheet.period + half);
         let cycles = if is_second { 2.0 } else { 1.0 };
         let may_grow = cycles * bounds.growth + 2.0 * bounds.resolution();
         let is_growth = size > from.unsigned_abs();
         if is_growth && bounds.torque(target) - bounds.torque(from) > may_grow {
-            let what = format!("joint {}: from {before} to {target} per mille", joint + 1);
+            let what = format!("joint {joint}: from {before} to {target} per mille");
             breaches.add(Law::Slew, at, what);
         }
         let is_torn =
@@ -184,12 +188,12 @@ impl Torque {
     fn note(
         &mut self,
         (at, given): (Instant, Instant),
-        joint: usize,
+        joint: Joint,
         is_zero: bool,
         is_torn: bool,
     ) {
         let places = self.zero_since.iter_mut().zip(&mut self.torn);
-        for (since, torn) in places.skip(joint).take(1) {
+        for (since, torn) in places.skip(joint.index()).take(1) {
             if is_torn {
                 *torn = Some(given);
             }
@@ -202,32 +206,31 @@ impl Torque {
         &mut self,
         sheet: &Sheet,
         at: Instant,
-        (joint, target): (usize, i16),
+        (joint, target): (Joint, i16),
         breaches: &mut Breaches,
     ) {
-        let number = joint + 1;
         match self.state {
             State::Idle(since) if at > since + sheet.period => {
                 self.unarmed += 1;
-                let what = format!("joint {number} is told {target} per mille, not armed");
+                let what = format!("joint {joint} is told {target} per mille, not armed");
                 breaches.add(Law::Permitted, at, what);
             }
             State::Tripped(since) if at > since + sheet.period => {
                 self.unarmed += 1;
-                let what = format!("joint {number} is told {target} per mille after a trip");
+                let what = format!("joint {joint} is told {target} per mille after a trip");
                 breaches.add(Law::Latched, at, what);
             }
             State::Armed | State::Idle(_) if !self.is_held(at, sheet.period) => {
                 let (weight, ends) = self.weight(sheet);
-                let of = sheet.joints.iter().zip(weight).zip(ends).nth(joint);
+                let of = sheet.joints.iter().zip(weight).zip(ends).nth(joint.index());
                 let Some(((bounds, weight), false)) = of else { return };
                 let most = weight.abs() + UNKNOWN * bounds.capacity();
                 let is_heavy = bounds.torque(target) > most;
-                let Some(heavy) = self.heavy.get_mut(joint) else { return };
+                let Some(heavy) = self.heavy.get_mut(joint.index()) else { return };
                 *heavy = if is_heavy { *heavy + 1 } else { 0 };
                 if *heavy >= IN_A_ROW {
                     let what = format!(
-                        "joint {number} is told {target} per mille, and only {weight:.3} N·m (N) carry it"
+                        "joint {joint} is told {target} per mille, and only {weight:.3} N·m (N) carry it"
                     );
                     breaches.add(Law::Permitted, at, what);
                 }
@@ -238,7 +241,7 @@ impl Torque {
             && at > *torn + sheet.period * 3 / 2
         {
             let what =
-                format!("joint {number} is told {target} per mille, and another was torn off");
+                format!("joint {joint} is told {target} per mille, and another was torn off");
             breaches.add(Law::Together, at, what);
         }
     }

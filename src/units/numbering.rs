@@ -1,0 +1,101 @@
+//! Numbers that count joints and nodes. Joints begin at 1, as people say them; places in lists begin at 0.
+
+use std::fmt;
+
+/// A joint of the arm, numbered from the base: 1 to 6.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Joint(u8);
+
+impl Joint {
+    /// All joints, the base's first.
+    pub const ALL: [Self; 6] = [Self(1), Self(2), Self(3), Self(4), Self(5), Self(6)];
+
+    /// Returns the joint of this number, from 1; `None` unless it is 1 to 6.
+    pub fn new(number: impl TryInto<u8>) -> Option<Self> {
+        number.try_into().ok().map(Self).filter(|joint| Self::ALL.contains(joint))
+    }
+
+    /// Returns the joint of this number, from 1, which is known when the program is built.
+    ///
+    /// ```
+    /// assert_eq!(units::numbering::Joint::of::<3>().index(), 2);
+    /// ```
+    /// ```compile_fail
+    /// units::numbering::Joint::of::<7>();
+    /// ```
+    pub const fn of<const NUMBER: u8>() -> Self {
+        const { assert!(1 <= NUMBER && NUMBER <= 6, "joints are 1 to 6") };
+        Self(NUMBER)
+    }
+
+    /// Returns the joint at this place in a list of all joints, from 0; `None` unless it is 0 to 5.
+    pub fn at(index: usize) -> Option<Self> {
+        Self::ALL.get(index).copied()
+    }
+
+    /// Number, from 1.
+    pub const fn number(self) -> u8 {
+        self.0
+    }
+
+    /// Place in a list of all joints, from 0.
+    pub fn index(self) -> usize {
+        usize::from(self.0 - 1)
+    }
+
+    /// Returns the entry of this joint in a list of all joints, the base's first.
+    pub const fn entry<T>(self, all: &[T; 6]) -> &T {
+        let [first, second, third, fourth, fifth, sixth] = all;
+        match self.0 {
+            1 => first,
+            2 => second,
+            3 => third,
+            4 => fourth,
+            5 => fifth,
+            _ => sixth,
+        }
+    }
+}
+
+/// The number, as people say it: from 1.
+impl fmt::Display for Joint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// Place of a node in the list of plans, from 0: the drives in the order of their joints, then the switch box.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct NodeIndex(pub usize);
+
+/// The place of a joint's drive.
+impl From<Joint> for NodeIndex {
+    fn from(joint: Joint) -> Self {
+        Self(joint.index())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn joint_number_outside_1_to_6_is_refused() {
+        assert_eq!(
+            [0, 1, 6, 7, 256].map(Joint::new),
+            [None, Joint::at(0), Joint::at(5), None, None]
+        );
+        assert_eq!(Joint::new(-1), None);
+        assert_eq!(Joint::at(6), None);
+    }
+
+    #[test]
+    fn joint_counts_from_1_and_its_index_from_0() {
+        for (index, joint) in Joint::ALL.into_iter().enumerate() {
+            assert_eq!((joint.index(), usize::from(joint.number())), (index, index + 1));
+            assert_eq!((Joint::at(index), NodeIndex::from(joint)), (Some(joint), NodeIndex(index)));
+            assert_eq!(joint.to_string(), (index + 1).to_string());
+            assert_eq!(joint.entry(&Joint::ALL), &joint);
+        }
+    }
+}

@@ -9,9 +9,9 @@ use canopen::drive::Controlword;
 use canopen::drive::State;
 use canopen::drive::Statusword;
 use canopen::object::Object;
-use canopen::pdo::Deadman;
-use canopen::pdo::SwitchInputs;
 use canopen::sync::Transmission;
+use config::switch_inputs::Deadman;
+use config::switch_inputs::SwitchInputs;
 
 // Data types by their numbers in CiA 301, 7.4.7.1.
 const I8: u16 = 0x02;

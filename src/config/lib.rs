@@ -35,6 +35,7 @@ mod readings;
 mod remote;
 pub mod shipped;
 mod simulated;
+pub mod switch_inputs;
 pub mod torque_data;
 pub mod trust;
 mod units;

@@ -157,3 +157,22 @@ fn tuning(joint: &Joint, inertia: f64) -> Tuning {
 fn inertia([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
+
+#[cfg(test)]
+mod tests {
+    use config::switch_inputs::SwitchInputs;
+    use sim::scenario::fault::Input;
+
+    #[test]
+    fn switches_of_the_simulation_are_those_the_node_reads() {
+        let none = SwitchInputs::default();
+        for (input, read) in [
+            (Input::DeadmanA, SwitchInputs { deadman_a: true, ..none }),
+            (Input::DeadmanB, SwitchInputs { deadman_b: true, ..none }),
+            (Input::Reference, SwitchInputs { reference: true, ..none }),
+            (Input::Reflection, SwitchInputs { reflection: true, ..none }),
+        ] {
+            assert_eq!(SwitchInputs::from_bits(input.bit()), read);
+        }
+    }
+}

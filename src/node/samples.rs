@@ -12,7 +12,7 @@ use canopen::exchange::Told;
 use canopen::frame::Channel;
 use canopen::frame::Telegram;
 use canopen::pdo::DriveSample;
-use canopen::pdo::SwitchInputs;
+use config::switch_inputs::SwitchInputs;
 use units::time::Instant;
 
 /// The switch box repeats its inputs every 5 ms; after three of those in silence it is not believed.
@@ -102,7 +102,7 @@ impl Samples {
 
     fn take(&mut self, at: Instant, told: Told) {
         if let Some(inputs) = told.inputs {
-            self.inputs = Some((at, inputs));
+            self.inputs = Some((at, SwitchInputs::from_bits(inputs)));
         }
         let node = told.node;
         let Some(sample) = self.latest.get_mut(node) else { return };

@@ -1,6 +1,6 @@
 //! The operator's switch box: a CiA 401 input module of one byte.
 //!
-//! What the bits mean is in [`SwitchInputs`](canopen::pdo::SwitchInputs).
+//! Which bit is which switch is the wiring of a scenario's [`Input`](crate::scenario::fault::Input).
 
 use std::time::Duration;
 

@@ -12,7 +12,6 @@ use crate::layout::Direction;
 use crate::layout::Mapped;
 use crate::layout::Pdo;
 use crate::object::Object;
-use crate::pdo::SwitchInputs;
 use crate::pdo::WrongLength;
 use crate::plan::NodePlan;
 use units::drive::Counts;
@@ -29,8 +28,8 @@ pub struct Told {
     pub statusword: Option<Statusword>,
     /// The torque it exerts.
     pub torque: Option<PerMille>,
-    /// The operator's switches.
-    pub inputs: Option<SwitchInputs>,
+    /// First eight digital inputs (6000h:1).
+    pub inputs: Option<u8>,
 }
 
 /// Every TPDO that is listened to.
@@ -130,7 +129,7 @@ impl Tpdo {
             statusword: at(self.statusword)
                 .map(|[a, b, ..]| Statusword(u16::from_le_bytes([a, b]))),
             torque: at(self.torque).map(|[a, b, ..]| PerMille(i16::from_le_bytes([a, b]))),
-            inputs: at(self.inputs).map(|[bits, ..]| SwitchInputs::from_bits(bits)),
+            inputs: at(self.inputs).map(|[bits, ..]| bits),
         })
     }
 }

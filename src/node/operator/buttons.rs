@@ -5,7 +5,7 @@
 //! that is found closed then, or at power-up, counts as open until it was released.
 
 use crate::operator::deadman::SETTLED_AFTER;
-use canopen::pdo::SwitchInputs;
+use config::switch_inputs::SwitchInputs;
 use units::time::Instant;
 
 /// Both switches.

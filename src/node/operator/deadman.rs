@@ -7,7 +7,7 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
-use canopen::pdo::Deadman as Contacts;
+use config::switch_inputs::Deadman as Contacts;
 use units::time::Instant;
 
 /// For so long both contacts must say the same before it is believed: a contact bounces for 5 to 20 ms.

@@ -25,7 +25,7 @@ use crate::operator::deadman::EnableState;
 use crate::operator::instability::Instability;
 use crate::operator::uncommanded_motion::UncommandedMotion;
 use crate::permit::Permit;
-use canopen::pdo::SwitchInputs;
+use config::switch_inputs::SwitchInputs;
 use controller::JointVector;
 use controller::Output;
 use controller::switches::Switches;

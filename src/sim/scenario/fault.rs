@@ -205,7 +205,8 @@ pub enum Treatment {
     Resize(u8),
 }
 
-/// An input of the switch box, as [`SwitchInputs`](canopen::pdo::SwitchInputs) has them.
+/// An input of the switch box. Its bits are stated here apart from those the node reads, so that a mistake in one
+/// does not cancel itself out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
     /// High while the deadman is closed.

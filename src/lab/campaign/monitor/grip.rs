@@ -6,7 +6,8 @@ use crate::campaign::monitor::law::Breaches;
 use crate::campaign::monitor::law::Law;
 use crate::campaign::monitor::sheet::Sheet;
 use canopen::exchange::Told as Heard;
-use canopen::pdo::Deadman;
+use config::switch_inputs::Deadman;
+use config::switch_inputs::SwitchInputs;
 use node::record::Mode;
 use units::time::Instant;
 
@@ -32,7 +33,8 @@ pub(super) struct Grip {
 impl Grip {
     /// Takes a report of the switch box.
     pub(super) fn on_tpdo(&mut self, heard: &Heard) {
-        self.reported = heard.inputs.map(|inputs| inputs.deadman()).or(self.reported);
+        self.reported =
+            heard.inputs.map(|bits| SwitchInputs::from_bits(bits).deadman()).or(self.reported);
     }
 
     /// Takes the mode after a cycle.

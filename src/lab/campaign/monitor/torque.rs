@@ -6,7 +6,8 @@ use crate::campaign::monitor::law::Breaches;
 use crate::campaign::monitor::law::Law;
 use crate::campaign::monitor::sheet::Sheet;
 use canopen::exchange::Told as Heard;
-use canopen::pdo::Deadman;
+use config::switch_inputs::Deadman;
+use config::switch_inputs::SwitchInputs;
 use units::numbering::Joint;
 use units::time::Instant;
 
@@ -91,7 +92,7 @@ impl Torque {
         if let Some((counts, position)) = self.counts.get_mut(heard.node).zip(heard.position) {
             *counts = position.0;
         }
-        if let Some(inputs) = heard.inputs {
+        if let Some(inputs) = heard.inputs.map(SwitchInputs::from_bits) {
             let deadman = inputs.deadman();
             match deadman {
                 Deadman::Pressed if self.state == State::Armed => self.open_since = None,

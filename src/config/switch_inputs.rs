@@ -1,0 +1,75 @@
+//! Wiring of the switch box: which bit of its inputs (CiA 401, 6000h:1) is which of the operator's switches.
+
+/// State of the operator's switches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SwitchInputs {
+    /// Bit 0: first channel of the deadman, set while it is pressed.
+    pub deadman_a: bool,
+    /// Bit 1: second channel, antivalent: *clear* while it is pressed.
+    pub deadman_b: bool,
+    /// Bit 2: the reference (index) button.
+    pub reference: bool,
+    /// Bit 3: reflection of forces is wanted.
+    pub reflection: bool,
+}
+
+/// What the two channels of the deadman say together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Deadman {
+    /// Both say pressed.
+    Pressed,
+    /// Both say released.
+    Released,
+    /// They disagree: moving for a moment, broken if it lasts.
+    Disagreeing,
+}
+
+impl SwitchInputs {
+    /// Decodes the byte of the switch box (6000h:1); bits 4 to 7 are not connected.
+    pub const fn from_bits(bits: u8) -> Self {
+        Self {
+            deadman_a: bits & 1 != 0,
+            deadman_b: bits & 1 << 1 != 0,
+            reference: bits & 1 << 2 != 0,
+            reflection: bits & 1 << 3 != 0,
+        }
+    }
+
+    /// Encodes them as the byte of the switch box (6000h:1).
+    pub fn bits(self) -> u8 {
+        u8::from(self.deadman_a)
+            | u8::from(self.deadman_b) << 1
+            | u8::from(self.reference) << 2
+            | u8::from(self.reflection) << 3
+    }
+
+    /// Whether the deadman is pressed, by both its channels.
+    pub const fn deadman(&self) -> Deadman {
+        match (self.deadman_a, self.deadman_b) {
+            (true, false) => Deadman::Pressed,
+            (false, true) => Deadman::Released,
+            (false, false) | (true, true) => Deadman::Disagreeing,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_written_are_bits_read() {
+        for bits in 0..16 {
+            assert_eq!(SwitchInputs::from_bits(bits).bits(), bits);
+        }
+    }
+
+    #[test]
+    fn a_broken_wire_never_reads_as_a_pressed_deadman() {
+        for bits in 0..16 {
+            let inputs = SwitchInputs::from_bits(bits);
+            assert_eq!(inputs.deadman() == Deadman::Pressed, bits & 3 == 1);
+            assert_eq!(inputs.deadman() == Deadman::Released, bits & 3 == 2);
+        }
+    }
+}

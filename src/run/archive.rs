@@ -17,6 +17,7 @@ use anyhow::Context;
 
 use crate::fault_records::Faults;
 use crate::keeper::Keeper;
+use crate::kept::Kept;
 use crate::rings::Lost;
 use crate::session::Session;
 use canopen::frame::Telegram;
@@ -39,16 +40,6 @@ enum Entry {
 
 /// Entries in their order.
 type Batch = Arc<[Entry]>;
-
-/// A place on a disk that takes entries.
-pub(super) trait Kept: Send + 'static {
-    /// Takes a frame that passed by.
-    fn frame(&mut self, at: Instant, telegram: &Telegram);
-    /// Takes a cycle.
-    fn cycle(&mut self, record: &Record);
-    /// Returns the next line for people: where something is kept, or what is not kept and why.
-    fn news(&mut self) -> Option<String>;
-}
 
 /// The threads of a run.
 #[derive(Debug)]

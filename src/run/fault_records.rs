@@ -15,7 +15,7 @@ use std::path::PathBuf;
 use serde_json::Value;
 use serde_json::json;
 
-use crate::archive::Kept;
+use crate::kept::Kept;
 use crate::log_file::LogFile;
 use crate::provenance::Provenance;
 use crate::results;

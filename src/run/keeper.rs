@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::path::PathBuf;
 
-use crate::archive::Kept;
 use crate::fault_records;
 use crate::fault_records::Faults;
+use crate::kept::Kept;
 use crate::provenance::Provenance;
 use crate::session;
 use crate::session::Session;

@@ -30,6 +30,7 @@ pub mod faults;
 pub mod gains;
 pub mod interfaces;
 pub mod keeper;
+mod kept;
 mod latch;
 mod log_file;
 pub mod orders;

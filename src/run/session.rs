@@ -10,11 +10,11 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 
-use crate::archive::Kept;
 use crate::exit::Failure;
 use crate::exit::Kind;
 use crate::exit::OrFail;
 use crate::fault_records;
+use crate::kept::Kept;
 use crate::log_file::LogFile;
 use crate::provenance::Provenance;
 use crate::results;

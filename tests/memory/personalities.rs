@@ -60,6 +60,7 @@ use Outcome::NotProven;
 use Outcome::Refused;
 use Outcome::Runs;
 use Outcome::Unarmed;
+
 use units::numbering::Joint;
 use units::numbering::NodeIndex;
 

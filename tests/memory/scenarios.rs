@@ -57,6 +57,7 @@ use Node::Bears;
 use Node::Carries;
 use Node::Disengages;
 use Node::Stops;
+
 use units::numbering::Joint;
 
 const DRIVES: &[(&str, Node)] = &[

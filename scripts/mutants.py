@@ -8,7 +8,7 @@ build is made again: these mutants are not viable. Then the unit tests and the t
 for each mutant, up to the first failure or the time limit.
 
 usage: scripts/mutants.sh [--count N] [--seed N] [--only TEXT] [--edits FILE] [--list] [--limit SECONDS]
-                          [--program COMMAND]
+                          [--build]
 """
 
 import argparse

@@ -7,7 +7,7 @@
 #            sudo), and Python's packages, pinned in tests/interop/requirements.txt, from PyPI into target/interop
 #            (40 MB, 20 s)
 #   kernel   a User-Mode Linux kernel that has vcan and virtual time, for $VCAN_KERNEL: one file of 7 MB in
-#            ~/.cache/vcan-uml, built from Debian's kernel source (150 MB to fetch, 2 GB while it is built, about 8
+#            ~/.cache/vcan-uml, built from Debian's kernel source (about 140 MB to fetch, some GB while it is built, about 8
 #            minutes on two cores, once). It runs as an ordinary process; nothing of this machine's own kernel changes.
 #
 # Each step says what it installs. --missing installs nothing: it prints what is not there, a line each, and the exit

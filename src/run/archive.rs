@@ -172,7 +172,6 @@ fn write<T: Kept>(mut kept: T, batches: &Receiver<Batch>, said: &Sender<String>)
 
 #[cfg(test)]
 mod tests {
-    use std::env;
     use std::fs;
     use std::fs::File;
     use std::io::Read;
@@ -223,8 +222,7 @@ mod tests {
 
     #[test]
     fn hazard_32_a_stalled_session_disk_leaves_faults_complete() {
-        let folder = env::temp_dir().join(format!("frhc-{}-archive-stalled", std::process::id()));
-        fs::remove_dir_all(&folder).ok();
+        let folder = crate::scratch::path("stalled");
         // A pipe that is read by nothing takes 64 kB and then holds up its writer, as a stalled disk does.
         let (mut unread, disk) = pipe().unwrap();
         let disk = File::from(OwnedFd::from(disk));
@@ -263,7 +261,7 @@ mod tests {
 
     #[test]
     fn hazard_32_a_disk_that_hangs_for_good_loses_and_counts() {
-        let folder = env::temp_dir().join(format!("frhc-{}-archive-hangs", std::process::id()));
+        let folder = crate::scratch::path("hangs");
         let (unread, disk) = pipe().unwrap();
         let disk = File::from(OwnedFd::from(disk));
         let session = Some(Session::onto(disk, &folder, &provenance()));

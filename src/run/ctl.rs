@@ -293,8 +293,7 @@ mod tests {
 
     #[test]
     fn the_first_place_with_a_node_is_taken() {
-        let folder = std::env::temp_dir().join(format!("frhc-{}-ctl-places", std::process::id()));
-        fs::remove_dir_all(&folder).ok();
+        let folder = crate::scratch::path("places");
         fs::create_dir_all(&folder).unwrap();
         let [absent, service] = ["user.sock", "service.sock"].map(|name| folder.join(name));
         let listener = UnixListener::bind(&service).unwrap();
@@ -314,8 +313,7 @@ mod tests {
 
     #[test]
     fn node_that_takes_no_connection_is_given_up_in_words() {
-        let folder = std::env::temp_dir().join(format!("frhc-{}-ctl-backlog", std::process::id()));
-        fs::remove_dir_all(&folder).ok();
+        let folder = crate::scratch::path("backlog");
         fs::create_dir_all(&folder).unwrap();
         let place = folder.join("node.sock");
         let listener = UnixListener::bind(&place).unwrap();

@@ -283,6 +283,7 @@ mod tests {
     use std::os::unix::fs::PermissionsExt;
 
     use super::*;
+    use crate::scratch::path as scratch;
     use config::Config;
     use lab::bench::Bench;
     use node::cause::Cause;
@@ -299,13 +300,6 @@ mod tests {
     };
 
     /// A folder of this test alone.
-    fn scratch(name: &str) -> PathBuf {
-        let folder =
-            std::env::temp_dir().join(format!("frhc-{}-faults-{name}", std::process::id()));
-        fs::remove_dir_all(&folder).ok();
-        folder
-    }
-
     fn provenance() -> Provenance {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let origin = Origin::from_micros(1_795_331_563_123_456);

@@ -94,6 +94,7 @@ mod tests {
     use std::fs;
 
     use super::*;
+    use crate::scratch::path as scratch;
     use canopen::frame::Channel;
     use canopen::frame::Frame;
     use config::Config;
@@ -101,13 +102,6 @@ mod tests {
     use node::cause::Cause;
     use node::record::Mode;
     use sim::scenario::Scenario;
-
-    fn scratch(name: &str) -> PathBuf {
-        let folder =
-            std::env::temp_dir().join(format!("frhc-{}-keeper-{name}", std::process::id()));
-        fs::remove_dir_all(&folder).ok();
-        folder
-    }
 
     fn provenance() -> Provenance {
         Provenance { interfaces: vec!["can0".to_owned()], ..Provenance::default() }

@@ -165,12 +165,7 @@ mod tests {
     use std::os::unix::fs::PermissionsExt;
 
     use super::*;
-
-    fn scratch(name: &str) -> PathBuf {
-        let folder = std::env::temp_dir().join(format!("frhc-{}-latch-{name}", std::process::id()));
-        fs::remove_dir_all(&folder).ok();
-        folder
-    }
+    use crate::scratch::path as scratch;
 
     fn set(folder: &Path, interface: &str) -> Latch {
         Latch::set_in(Some(folder.to_path_buf()), &[interface.to_owned()])

@@ -41,6 +41,8 @@ mod recorder;
 pub mod results;
 pub mod rings;
 pub mod run;
+#[cfg(test)]
+mod scratch;
 pub mod session;
 pub mod signals;
 mod state;

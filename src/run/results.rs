@@ -192,7 +192,6 @@ fn is_stream(path: &Path) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use std::env;
     use std::os::unix::fs::symlink;
 
     use super::*;
@@ -201,8 +200,7 @@ mod tests {
     const FORCE: Force = Force { force: true };
 
     fn scratch(name: &str) -> PathBuf {
-        let folder = env::temp_dir().join(format!("frhc-{}-results-{name}", std::process::id()));
-        fs::remove_dir_all(&folder).ok();
+        let folder = crate::scratch::path(name);
         private_folder(&folder).unwrap();
         folder
     }

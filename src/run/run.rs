@@ -331,9 +331,7 @@ mod tests {
     impl<S: Station> Bench<S> {
         /// With a state folder of this test alone. `crashed` leaves it as a run does that crashed.
         fn of(name: &str, crashed: bool, stations: S) -> Self {
-            let folder =
-                std::env::temp_dir().join(format!("frhc-{}-run-{name}", std::process::id()));
-            fs::remove_dir_all(&folder).ok();
+            let folder = crate::scratch::path(name);
             let set = || Latch::set_in(Some(folder.clone()), &["can0".to_owned()]);
             if crashed {
                 drop(set());

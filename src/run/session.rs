@@ -128,17 +128,11 @@ mod tests {
     use serde_json::Value;
 
     use super::*;
+    use crate::scratch::path as scratch;
     use canopen::frame::Channel;
     use canopen::frame::Frame;
 
     const ORIGIN: Origin = Origin::from_micros(1_795_331_563_123_456);
-
-    fn scratch(name: &str) -> PathBuf {
-        let folder =
-            std::env::temp_dir().join(format!("frhc-{}-session-{name}", std::process::id()));
-        fs::remove_dir_all(&folder).ok();
-        folder
-    }
 
     fn provenance() -> Provenance {
         let interfaces = vec!["can0".to_owned()];

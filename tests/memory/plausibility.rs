@@ -1,5 +1,5 @@
 //! Samples that cannot be, in the whole loop on the in-memory bus: what of them acts, and that nothing stops
-//! the node without a cause. What each script of a fault comes to is in `tests/scenarios.rs`.
+//! the node without a cause. What each script of a fault comes to is in `tests/memory/scenarios.rs`.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,

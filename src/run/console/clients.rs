@@ -216,9 +216,7 @@ mod tests {
     ) {
         let mut runtime = tokio::runtime::Builder::new_current_thread();
         runtime.enable_all().start_paused(true).build().unwrap().block_on(async {
-            let folder =
-                std::env::temp_dir().join(format!("frhc-{}-clients-{name}", std::process::id()));
-            fs::remove_dir_all(&folder).ok();
+            let folder = crate::scratch::path(name);
             let path = folder.join("node.sock");
             let (requests, mut inbox) = channel();
             inbox.booted(Instant::ZERO);

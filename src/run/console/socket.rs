@@ -149,9 +149,7 @@ mod tests {
 
     /// A folder of this test alone.
     fn folder(name: &str) -> PathBuf {
-        let folder =
-            std::env::temp_dir().join(format!("frhc-{}-socket-{name}", std::process::id()));
-        fs::remove_dir_all(&folder).ok();
+        let folder = crate::scratch::path(name);
         fs::create_dir(&folder).unwrap();
         folder
     }

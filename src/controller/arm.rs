@@ -20,21 +20,21 @@ use units::spatial::Twist;
 use units::spatial::Wrench;
 
 /// No length, mass or position is larger, so that the products of them stay finite.
-const LARGEST: f64 = 1e6;
+const MAX_MAGNITUDE: f64 = 1e6;
 
-/// How a joint moves along or about its z axis.
+/// Motion of a joint along or about its z axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointKind {
-    /// It turns: its position is in rad, its torque in N·m.
+    /// Revolute: its position is in rad, its torque in N·m.
     Revolute,
-    /// It slides: its position is in m, its "torque" a force in N.
+    /// Prismatic: its position is in m, its "torque" a force in N.
     Prismatic,
 }
 
 /// One joint and the link it moves. A plain description, checked by [`Arm::new`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Link {
-    /// Whether the joint turns or slides.
+    /// Revolute or prismatic.
     pub kind: JointKind,
     /// α of the axis before, in rad.
     pub alpha: f64,
@@ -64,7 +64,7 @@ pub struct Arm<const N: usize> {
     gravity: Vector3<f64>,
 }
 
-/// A link with what does not move worked out.
+/// A link with its constant transforms precomputed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Placed {
     kind: JointKind,
@@ -79,7 +79,7 @@ struct Placed {
     range: [f64; 2],
 }
 
-/// Where the links are: one forward pass, from which the Jacobian and the weights are taken.
+/// Poses of all links: one forward pass, from which Jacobian and gravity torques follow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Posture<const N: usize> {
     /// Poses of the links in {0}.
@@ -88,25 +88,25 @@ pub struct Posture<const N: usize> {
     pub x_0_g: Isometry3<f64>,
 }
 
-/// Why a description is no arm. Joints count from 1, as in the paper.
+/// Reason why a description is invalid. Joints count from 1, as in the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidArm {
     /// A length, angle or position that is not a reasonable number.
-    #[error("joint {joint}: {quantity} = {value} is not within ±{LARGEST}")]
+    #[error("joint {joint}: {quantity} = {value} is not within ±{MAX_MAGNITUDE}")]
     OutOfRange {
         /// The joint.
         joint: usize,
-        /// What of it.
+        /// The invalid quantity.
         quantity: &'static str,
-        /// What stood there.
+        /// The value given.
         value: f64,
     },
-    /// A link cannot pull upwards.
-    #[error("joint {joint}: mass = {value} kg is not within 0 and {LARGEST}")]
+    /// Mass must not be negative.
+    #[error("joint {joint}: mass = {value} kg is not within 0 and {MAX_MAGNITUDE}")]
     Mass {
         /// The joint.
         joint: usize,
-        /// What stood there, in kg.
+        /// The mass given, in kg.
         value: f64,
     },
     /// The lowest position must lie below the highest.
@@ -159,7 +159,7 @@ impl<const N: usize> Arm<N> {
     /// # Errors
     /// A vector that is not finite.
     pub fn in_gravity(self, gravity: [f64; 3]) -> Result<Self, InvalidArm> {
-        if gravity.iter().all(|part| part.abs() <= LARGEST) {
+        if gravity.iter().all(|part| part.abs() <= MAX_MAGNITUDE) {
             Ok(Self { gravity: gravity.into(), ..self })
         } else {
             Err(InvalidArm::Gravity)
@@ -171,7 +171,7 @@ impl<const N: usize> Arm<N> {
         &self.x_n_g
     }
 
-    /// Where everything is at joint positions `q`, in rad or m.
+    /// Computes the posture at joint positions `q`, in rad or m.
     pub fn posture(&self, q: &SVector<f64, N>) -> Posture<N> {
         let mut x_0_links = [Isometry3::identity(); N];
         let mut x_0_i = Isometry3::identity();
@@ -294,7 +294,7 @@ impl JointKind {
 }
 
 impl Link {
-    /// A joint that turns about z, its link without length or mass: where descriptions begin.
+    /// A revolute joint about z, its link without length or mass: a starting point for descriptions.
     pub const TURNING: Self = Self {
         kind: JointKind::Revolute,
         alpha: 0.0,
@@ -308,7 +308,7 @@ impl Link {
         range: [-3.0, 3.0],
     };
 
-    /// Whether every number of it is one.
+    /// Returns the first invalid number.
     fn check(&self, joint: usize) -> Result<(), InvalidArm> {
         let [x, y, z] = self.centre_of_mass;
         let [xx, yy, zz, xy, xz, yz] = self.inertia;
@@ -331,11 +331,11 @@ impl Link {
             ("lowest position", low),
             ("highest position", high),
         ] {
-            if !(-LARGEST..=LARGEST).contains(&value) {
+            if !(-MAX_MAGNITUDE..=MAX_MAGNITUDE).contains(&value) {
                 return Err(InvalidArm::OutOfRange { joint, quantity, value });
             }
         }
-        if !(0.0..=LARGEST).contains(&self.mass) {
+        if !(0.0..=MAX_MAGNITUDE).contains(&self.mass) {
             return Err(InvalidArm::Mass { joint, value: self.mass });
         }
         if low >= high {
@@ -383,9 +383,9 @@ impl From<Link> for Placed {
     }
 }
 
-/// Whether a pose is made of reasonable numbers and its rotation is one.
+/// Returns whether a pose is finite, of reasonable size, and its rotation a unit quaternion.
 pub(crate) fn is_pose(x: &Isometry3<f64>) -> bool {
-    let near = x.translation.vector.iter().all(|part| part.abs() <= LARGEST);
+    let near = x.translation.vector.iter().all(|part| part.abs() <= MAX_MAGNITUDE);
     near && (x.rotation.norm() - 1.0).abs() < 1e-6
 }
 
@@ -488,7 +488,7 @@ mod tests {
     }
 
     #[test]
-    fn a_level_link_hangs_on_its_joint_with_its_weight_times_its_arm() {
+    fn level_link_loads_its_joint_with_weight_times_lever() {
         let level = Link { alpha: std::f64::consts::FRAC_PI_2, ..REVOLUTE };
         let arm = Arm::new([level], Isometry3::identity(), [0.0, 0.0, -10.0]).unwrap();
         let tau = arm.gravity(&arm.posture(&SVector::from([0.0])));
@@ -504,7 +504,7 @@ mod tests {
     }
 
     #[test]
-    fn a_description_that_cannot_be_is_refused_by_joint_and_quantity() {
+    fn invalid_description_names_joint_and_quantity() {
         let build = |link| Arm::new([REVOLUTE, link], Isometry3::identity(), [0.0; 3]);
         let error = build(Link { d: f64::NAN, ..REVOLUTE }).unwrap_err();
         assert_eq!(error.to_string(), "joint 2: d = NaN is not within ±1000000");

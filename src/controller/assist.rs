@@ -1,4 +1,4 @@
-//! What helps the hand: the return to centre as a wrench (Eq. 8) and damping (Eq. 9).
+//! The operator assist: the return to centre as a wrench (Eq. 8) and damping (Eq. 9).
 //!
 //! Not gravity, which is no wrench at the grip (decision 12), and not the law of one axis, which is
 //! [`channels`](crate::channels).
@@ -42,7 +42,7 @@ pub fn centring_by_components(channels: &Channels, dx: &Displacement) -> Wrench 
 
 /// Damping of the hand's motion (Eq. 9), with gains in SI rather than per cycle (decision 19).
 ///
-/// Of a twist it remembers nothing, and a new reference is no motion; of ΔX it remembers the last one.
+/// Keeps nothing of a twist, so a new reference is no motion; keeps the last ΔX.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Damping {
     gain: Gains,
@@ -91,14 +91,13 @@ impl Damping {
     }
 }
 
-/// How the assist gives way to a task that is felt strongly (decision 23): it is multiplied by
-/// `1 / (1 + (|F| / F0)²)`.
+/// Fade of the assist in contact (decision 23): a factor of `1 / (1 + (|F| / F0)²)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactFade(f64);
 
-/// A fade that is none.
+/// The force F0 of a fade is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("the assist cannot fade at {0} N")]
+#[error("contact_fade_n must be positive and finite, got {0}")]
 pub struct InvalidFade(pub f64);
 
 impl ContactFade {
@@ -114,7 +113,7 @@ impl ContactFade {
         }
     }
 
-    /// What is left of the assist while `f_g_task` is felt, 0 to 1.
+    /// Returns the remaining share of the assist at task wrench `f_g_task`, 0 to 1.
     pub fn share(self, f_g_task: &Wrench) -> f64 {
         let strength = f_g_task.force.norm() / self.0;
         (1.0 + strength * strength).recip()

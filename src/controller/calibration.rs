@@ -2,7 +2,7 @@
 //! torques to per mille of rated torque by their torque curves (4.2, Fig. 6).
 //!
 //! Not the limits of the loop; a torque beyond the calibrated range is only cut off, so that the
-//! polynomial is never evaluated where nobody measured. Decisions 24 and 25.
+//! polynomial is never evaluated outside the measured range. Decisions 24 and 25.
 
 use std::f64::consts::TAU;
 
@@ -18,7 +18,7 @@ use units::drive::PerMille;
 /// Gear ratios between these keep positions exact and finite.
 const RATIOS: std::ops::RangeInclusive<f64> = 1e-3..=1e9;
 
-/// How one joint is counted and driven.
+/// Encoder, gear and torque curve of one joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointCalibration {
     /// Counts per rad, or per m of a sliding joint; negative where the motor turns against it.
@@ -27,13 +27,13 @@ pub struct JointCalibration {
     curve: TorqueCurve,
 }
 
-/// Why a joint cannot be counted.
+/// Reason why a joint's calibration is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidJointCalibration {
-    /// An encoder without counts.
+    /// Zero counts per revolution.
     #[error("an encoder of 0 counts per revolution")]
     NoCounts,
-    /// A gear that does not move, or is none.
+    /// A gear ratio of zero, not finite, or out of range.
     #[error("gear ratio {0} is not within 0.001 and 1e9 either way")]
     GearRatio(f64),
 }
@@ -86,7 +86,7 @@ impl JointCalibration {
         &self.curve
     }
 
-    /// The torque of one per mille near zero, in N·m: what a target cannot resolve.
+    /// Torque of one per mille near zero, in N·m: the resolution of a target.
     pub fn resolution(&self) -> f64 {
         self.curve.torque(1.0)
     }
@@ -96,7 +96,7 @@ impl JointCalibration {
         self.counts_per_unit.recip().abs()
     }
 
-    /// How many counts a motion in rad or m is, whichever way; at most 2³¹ - 1.
+    /// Magnitude of a motion in rad or m, in counts; at most 2³¹ - 1.
     pub fn span(&self, motion: f64) -> u32 {
         whole_i32(motion * self.counts_per_unit).unsigned_abs()
     }
@@ -112,7 +112,7 @@ impl JointCalibration {
     }
 }
 
-/// How all joints are counted and driven: actuator by actuator, and what couples them with the joints.
+/// Calibration of all actuators, and their coupling with the joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibration<const N: usize> {
     actuators: [JointCalibration; N],
@@ -120,7 +120,7 @@ pub struct Calibration<const N: usize> {
 }
 
 impl<const N: usize> Calibration<N> {
-    /// Of joints with an actuator each, base first.
+    /// Creates the calibration of joints with an actuator each, base first.
     pub fn new(actuators: [JointCalibration; N]) -> Self {
         Self { actuators, coupling: Coupling::none() }
     }
@@ -131,7 +131,7 @@ impl<const N: usize> Calibration<N> {
         Self { coupling, ..self }
     }
 
-    /// What couples actuators and joints.
+    /// Coupling of actuators and joints.
     pub const fn coupling(&self) -> &Coupling<N> {
         &self.coupling
     }
@@ -143,7 +143,7 @@ impl<const N: usize> Calibration<N> {
         self.coupling.joints(&SVector::from_iterator(m))
     }
 
-    /// The counts nearest to joint positions: what the drives would say there.
+    /// Converts joint positions to the nearest counts (6064h).
     pub fn counts(&self, q: &SVector<f64, N>) -> [Counts; N] {
         let m = self.coupling.actuators(q);
         let mut counts = [Counts(0); N];
@@ -153,7 +153,7 @@ impl<const N: usize> Calibration<N> {
         counts
     }
 
-    /// What to ask of the drives for joint torques in N·m or N, which must be finite.
+    /// Converts joint torques in N·m or N, which must be finite, to target torques (6071h).
     pub fn targets(&self, tau: &SVector<f64, N>) -> [PerMille; N] {
         let tau_a = self.coupling.at_actuators(tau);
         let mut targets = [PerMille(0); N];
@@ -165,14 +165,14 @@ impl<const N: usize> Calibration<N> {
         targets
     }
 
-    /// The joint torques that drives say they exert, in N·m or N.
+    /// Converts actual torques (6077h) to joint torques, in N·m or N.
     pub fn torques(&self, actual: &[PerMille; N]) -> SVector<f64, N> {
         let exerted = self.actuators.iter().zip(actual);
         let tau_a = exerted.map(|(actuator, actual)| actuator.torque(*actual));
         self.coupling.at_joints(&SVector::from_iterator(tau_a))
     }
 
-    /// The most each actuator may be asked for: the ends of the calibrated ranges, in N·m or N.
+    /// Largest torque of each actuator: the end of its calibrated range, in N·m or N.
     pub fn max_torques(&self) -> SVector<f64, N> {
         SVector::from_iterator(self.actuators.iter().map(|actuator| actuator.curve.max_torque()))
     }
@@ -256,13 +256,13 @@ mod tests {
     }
 
     #[test]
-    fn one_turn_of_the_joint_is_the_gear_ratio_in_turns_of_the_motor() {
+    fn one_joint_turn_is_gear_ratio_motor_turns() {
         let turned = |gear_ratio| joint(gear_ratio, 7).position(Counts(7 + 40 * 16_384));
         assert!((turned(40.0) - TAU).abs() < 1e-15 && (turned(-40.0) + TAU).abs() < 1e-15);
     }
 
     #[test]
-    fn an_encoder_without_counts_and_a_gear_that_is_none_are_refused() {
+    fn zero_counts_and_invalid_gear_ratio_are_refused() {
         let curve = curve();
         assert!(JointCalibration::new(0, 1.0, 0, curve).is_err());
         assert!(JointCalibration::new(1, 0.0, 0, curve).is_err());

@@ -21,8 +21,7 @@ pub struct Channels([Channel; 6]);
 struct Channel {
     deadband: f64,
     plateau: f64,
-    /// Whether the return force is a spring's, which reaches the plateau at the deadband's edge and
-    /// goes on.
+    /// Return force is a spring's, which reaches the plateau at the deadband's edge and goes on.
     is_spring: bool,
     wall: f64,
     stiffness: f64,
@@ -110,8 +109,7 @@ impl Channels {
         Vector3::new(x, y, z).norm()
     }
 
-    /// What is left of a displacement beyond the deadband: zero within, and continuous at its edge
-    /// (decision 17).
+    /// Subtracts the deadband: zero within, and continuous at its edge (decision 17).
     pub fn beyond_deadband(&self, dx: &Displacement) -> Displacement {
         Displacement::from_components(self.each(dx, Channel::beyond_deadband))
     }

@@ -1,4 +1,4 @@
-//! What the hand's displacement asks of the object: a rate (Eq. 5) or a pose (3.5).
+//! The command for the object: a rate (Eq. 5) or a pose (3.5) from the hand's displacement.
 //!
 //! Not what the object makes of it. A command begins without a jump (decision 29): in pose mode the
 //! reference is set anew, in rate mode the rate stays zero until the hand has been back at the
@@ -19,21 +19,21 @@ use crate::switches::Pressed;
 use units::spatial::Motion;
 use units::spatial::Twist;
 
-/// How a displacement is turned into a command.
+/// Gains from a displacement to a command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CommandLaw {
     /// K_V, in 1/s, applied after Eq. 5 in the axes of {MRF} (decision 6).
     pub rate_gain: Gains,
     /// K_P: by how much the object outreaches the hand.
     pub pose_gain: Gains,
-    /// Whether the deadband also holds in pose mode, where the paper did not find it useful.
+    /// Deadband also applies in pose mode, where the paper did not find it useful.
     pub pose_deadband: bool,
 }
 
-/// Whether the operator's command is passed on.
+/// Gate of the operator's command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gate {
-    /// The deadman is up.
+    /// Deadman open: the command is to hold.
     Released,
     /// The deadman is held; the hand must come back to the centre, or set a reference, first.
     Waiting,
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_displaced_hand_begins_with_no_rate_until_it_was_at_the_centre() {
+    fn displaced_hand_commands_no_rate_before_centre() {
         let next =
             |gate: Gate, pressed, centred| gate.next(pressed, Mode::Rate, false, centred, true);
         let gate = next(Gate::Released, &ENGAGED, false);

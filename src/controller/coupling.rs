@@ -1,4 +1,4 @@
-//! How joints and actuators are coupled where one motor moves several joints: parallelograms, cables.
+//! Coupling of joints and actuators where one motor moves several joints: parallelograms, cables.
 //!
 //! Joint positions are `θ = C m + offset` of the actuators' positions m, each behind its own gear; the
 //! virtual work of torques is the same on both sides, so `τ_a = Cᵀ τ` (decision 25).
@@ -39,7 +39,7 @@ impl<const N: usize> Coupling<N> {
     /// From C, row by row, and the joints' offsets in rad or m.
     ///
     /// # Errors
-    /// A number that is none, or a matrix without a usable inverse.
+    /// A number beyond ±1e6 or not finite, or a matrix without a usable inverse.
     pub fn new(rows: [[f64; N]; N], offset: [f64; N]) -> Result<Self, InvalidCoupling> {
         let numbers = rows.iter().flatten().chain(&offset);
         if let Some(number) = numbers.copied().find(|number| !(-1e6..=1e6).contains(number)) {
@@ -75,7 +75,7 @@ impl<const N: usize> Coupling<N> {
         self.inverse * (q - self.offset)
     }
 
-    /// How fast each actuator is at most while no joint is faster than `most`, in rad/s or m/s.
+    /// Maximum speed of each actuator while no joint is faster than `most`, in rad/s or m/s.
     pub fn fastest(&self, most: &SVector<f64, N>) -> SVector<f64, N> {
         self.inverse.abs() * most
     }
@@ -89,7 +89,7 @@ impl<const N: usize> Coupling<N> {
         }))
     }
 
-    /// What the actuators exert for joint torques `tau`: `Cᵀ τ`, in N·m or N.
+    /// Converts joint torques `tau` to actuator torques `Cᵀ τ`, in N·m or N.
     pub fn at_actuators(&self, tau: &SVector<f64, N>) -> SVector<f64, N> {
         self.matrix.tr_mul(tau)
     }

@@ -1,7 +1,7 @@
-//! How the task wrench and the return to centre begin to be felt: by a ramp, and if asked for only
-//! once there is next to nothing to be felt.
+//! Ramp of task wrench and return to centre after reflection is switched on, optionally held back
+//! until the wrench is small.
 //!
-//! Not whether they may be felt at all, which the switches say. A hand that switches reflection on while
+//! The switches permit reflection at all. A hand that switches it on while
 //! the object leans on a wall is not hit by it (what CHAI3D's tools call waiting for a small force).
 
 use thiserror::Error;
@@ -9,16 +9,16 @@ use thiserror::Error;
 use crate::period::Period;
 use units::spatial::Wrench;
 
-/// So many cycles in a row the wrench must be small.
-const CALM_CYCLES: u32 = 3;
+/// Consecutive cycles in which the wrench must be small before the ramp starts.
+const SMALL_WRENCH_CYCLES: u32 = 3;
 
-/// Longer than this is no beginning, in s.
-const LONGEST: f64 = 10.0;
+/// Maximum length of the ramp, in s.
+const MAX_RAMP_S: f64 = 10.0;
 
-/// The beginning of what is felt.
+/// State of the ramp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Engagement {
-    /// What each cycle adds to the share.
+    /// Increase of the share per cycle.
     step: f64,
     /// Waits until force and moment are below these, in N and N·m.
     calm: Option<[f64; 2]>,
@@ -27,14 +27,14 @@ pub struct Engagement {
     has_begun: bool,
 }
 
-/// Why there is no such beginning.
+/// Reason why a ramp is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidEngagement {
-    /// Its length.
-    #[error("a ramp of {0} s is not within 0 and {LONGEST} s")]
+    /// Length of the ramp, in s.
+    #[error("the engagement ramp must be within 0..={MAX_RAMP_S} s, got {0}")]
     Ramp(f64),
-    /// What counts as small.
-    #[error("waiting for a wrench below {0} would be for ever")]
+    /// Threshold of a small wrench, in N or N·m.
+    #[error("the wrench to wait for must be positive and finite, got {0}")]
     Calm(f64),
 }
 
@@ -43,13 +43,13 @@ impl Engagement {
     /// (N, N·m) for three.
     ///
     /// # Errors
-    /// A ramp that is too long or none, a wrench that cannot be met.
+    /// A ramp out of range, or a threshold that is not positive and finite.
     pub fn new(
         ramp: f64,
         calm: Option<[f64; 2]>,
         period: Period,
     ) -> Result<Self, InvalidEngagement> {
-        if !(0.0..=LONGEST).contains(&ramp) {
+        if !(0.0..=MAX_RAMP_S).contains(&ramp) {
             return Err(InvalidEngagement::Ramp(ramp));
         }
         let impossible = |size: &&f64| !(size.is_finite() && **size > 0.0);
@@ -60,7 +60,7 @@ impl Engagement {
         Ok(Self { step, calm, share: 0.0, calm_for: 0, has_begun: false })
     }
 
-    /// How much is felt this cycle, 0 to 1. `f_g` is what would be felt in full.
+    /// Returns the share felt this cycle, 0 to 1. `f_g` is the wrench at full share.
     pub fn share(&mut self, is_permitted: bool, f_g: &Wrench) -> f64 {
         if !is_permitted {
             (self.share, self.calm_for, self.has_begun) = (0.0, 0, false);
@@ -70,7 +70,7 @@ impl Engagement {
             .calm
             .is_none_or(|[force, moment]| f_g.force.norm() < force && f_g.moment.norm() < moment);
         self.calm_for = if is_calm { self.calm_for.saturating_add(1) } else { 0 };
-        self.has_begun |= self.calm.is_none() || self.calm_for >= CALM_CYCLES;
+        self.has_begun |= self.calm.is_none() || self.calm_for >= SMALL_WRENCH_CYCLES;
         if self.has_begun {
             self.share = (self.share + self.step).min(1.0);
         }

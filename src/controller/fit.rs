@@ -51,15 +51,15 @@ impl fmt::Display for Direction {
 /// One measurement at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// What the load cell read, in N·m at the joint (N for a sliding joint).
+    /// Load cell reading, in N·m at the joint (N for a sliding joint).
     pub torque: f64,
-    /// What the drive was asked for (6071h), in ‰ of rated torque.
+    /// Target torque (6071h), in ‰ of rated torque.
     pub per_mille: f64,
     /// Which way the joint was driven.
     pub direction: Direction,
 }
 
-/// How far samples lie from a fit, in ‰ of rated torque.
+/// Distance of samples from a fit, in ‰ of rated torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Residuals {
     /// Root mean square.
@@ -76,7 +76,7 @@ pub struct Polynomial<const P: usize> {
     powers: [u8; P],
     /// In ‰ per N·m to each power.
     pub coefficients: [f64; P],
-    /// How well it fits.
+    /// Quality of the fit.
     pub residuals: Residuals,
 }
 
@@ -121,8 +121,8 @@ pub fn line(samples: &[Sample]) -> Option<Polynomial<1>> {
     Polynomial::fit(samples, LINE)
 }
 
-/// How far samples lie from a curve within its range, in ‰ RMS; `None` if none is within, or any is not
-/// finite. A motor that turns against its joint is no difference.
+/// Distance of samples from a curve within its range, in ‰ RMS; `None` if all are outside, or any is not
+/// finite. The sign of the gear ratio does not matter.
 pub fn distance(samples: &[Sample], curve: &TorqueCurve) -> Option<f64> {
     let (samples, _) = along_the_joint(samples).ok()?;
     let within = samples.iter().filter(|sample| sample.torque.abs() <= curve.max_torque());
@@ -130,7 +130,7 @@ pub fn distance(samples: &[Sample], curve: &TorqueCurve) -> Option<f64> {
     (!misses.is_empty()).then(|| rms(&DVector::from_vec(misses)))
 }
 
-/// How far the two driving directions lie apart within the calibrated range.
+/// Distance of the two driving directions within the calibrated range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hysteresis {
     /// Mean width, in ‰ of rated torque at one torque.
@@ -143,14 +143,14 @@ pub struct Hysteresis {
     pub largest_torque: f64,
 }
 
-/// A joint's torque curve with all that speaks for and against it.
+/// A joint's torque curve with the evidence for and against it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibrated {
     /// The curve, proven to rise over the calibrated range: where both directions were measured, on
     /// both sides of zero.
     pub curve: TorqueCurve,
-    /// Whether the motor turns against the joint: the curve is that of the targets' negatives, and
-    /// `gear_ratio` must be negative.
+    /// Motor turns against the joint: the curve is that of the targets' negatives, and `gear_ratio` must
+    /// be negative.
     pub is_reversed: bool,
     /// Through all samples; `curve` has its coefficients.
     pub both: Polynomial<3>,
@@ -164,31 +164,31 @@ pub struct Calibrated {
     pub branch_up: Polynomial<6>,
     /// The middle of the samples driven down, likewise.
     pub branch_down: Polynomial<6>,
-    /// How far those lie apart.
+    /// Distance of the branches.
     pub hysteresis: Hysteresis,
 }
 
-/// Why samples give no torque curve.
+/// Reason why samples give no torque curve.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum NotCalibrated {
-    /// A number that is none.
+    /// NaN or infinite.
     #[error("sample {place} is not finite")]
     NotFinite {
         /// Which, from 1.
         place: usize,
     },
-    /// Nothing was measured while driving this way.
+    /// No sample in one driving direction.
     #[error("no sample was driven {0}")]
     DirectionMissing(Direction),
-    /// Less than can be judged.
+    /// Too few samples in one driving direction.
     #[error("{found} samples driven {direction}, and at least {LEAST} are needed")]
     TooFew {
         /// Which way.
         direction: Direction,
-        /// How many.
+        /// Number of samples.
         found: usize,
     },
-    /// Symmetry about the origin cannot be told from one side.
+    /// Symmetry about the origin needs samples on both sides of it.
     #[error("all samples driven {direction} lie on one side of zero torque")]
     OneSided {
         /// Which way.
@@ -281,7 +281,7 @@ fn one_way(
     fits.ok_or(NotCalibrated::Undetermined { direction })
 }
 
-/// How far from zero every direction among the samples was measured on both sides, in N·m.
+/// Range within which both directions were measured on both sides of zero, in N·m.
 fn range(samples: &[Sample]) -> f64 {
     let reach = |direction, sign: f64| {
         let of = samples.iter().filter(|sample| sample.direction == direction);
@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn hysteresis_is_twice_the_friction_and_leaves_the_curve_in_the_middle() {
+    fn hysteresis_is_twice_the_friction_around_the_curve() {
         let calibrated = Calibrated::fit(&sweep(48, FRICTION, || 0.0)).unwrap();
         let Hysteresis { mean_torque, largest_torque, .. } = calibrated.hysteresis;
         assert!((mean_torque - 2.0 * FRICTION).abs() < 1e-3, "{mean_torque}");
@@ -412,7 +412,7 @@ mod tests {
     }
 
     #[test]
-    fn the_range_ends_where_either_direction_was_not_measured_on_both_sides() {
+    fn range_ends_where_one_direction_lacks_a_side() {
         let mut samples = exact();
         samples.retain(|s| s.direction == Direction::Up || s.torque > -4.2);
         assert!((Calibrated::fit(&samples).unwrap().curve.max_torque() - 4.0).abs() < 1e-12);

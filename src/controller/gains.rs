@@ -15,15 +15,15 @@ pub const MAX_GAIN: f64 = 1e6;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gains([f64; 6]);
 
-/// Why six numbers are no gains.
+/// One of six gains is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("{quantity}, {axis}: {value} is not within 0 and {MAX_GAIN}")]
 pub struct InvalidGain {
-    /// What they were to be, in the words of the caller.
+    /// Name of the gains, as the caller has it.
     pub quantity: &'static str,
     /// The first axis that is wrong.
     pub axis: &'static str,
-    /// What stood there.
+    /// The value given.
     pub value: f64,
 }
 

@@ -1,7 +1,7 @@
-//! What may be trusted of numbers that come from outside.
+//! Checks of the numbers that come from outside.
 //!
-//! Not their age, nor whether they are plausible for the task. A number that is none is replaced by
-//! the harmless one and named as a fault; no later equation checks again.
+//! Not their age, nor whether they are plausible for the task. An invalid number is replaced by the
+//! harmless one and reported as a fault; no later equation checks again.
 
 use nalgebra::Isometry3;
 
@@ -10,15 +10,15 @@ use crate::Input;
 use crate::arm::is_pose;
 use units::spatial::Wrench;
 
-/// No sensor reads more, in N or N·m.
-const LARGEST_READING: f64 = 1e5;
+/// Largest reading of any sensor, in N or N·m.
+const MAX_READING: f64 = 1e5;
 
-/// An input whose numbers are numbers.
+/// A checked input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Trusted {
-    /// The sensed wrench, or none.
+    /// The sensed wrench; zero where it was invalid.
     pub(crate) f_s: Wrench,
-    /// The object's pose, or the last one that was one.
+    /// The object's pose, or the last valid one.
     pub(crate) x_b_m: Isometry3<f64>,
     /// 0 to 1.
     pub(crate) gravity_share: f64,
@@ -32,7 +32,7 @@ impl Trusted {
     /// Checks an input; `x_b_before` is the object's last good pose.
     pub(crate) fn of(input: &Input, x_b_before: &Isometry3<f64>) -> Self {
         let (f_s, wrench_fault) = match largest(&input.f_s) {
-            size if size <= LARGEST_READING => (input.f_s, None),
+            size if size <= MAX_READING => (input.f_s, None),
             size if size.is_finite() => (Wrench::ZERO, Some(Fault::WrenchTooLarge)),
             _ => (Wrench::ZERO, Some(Fault::WrenchNotFinite)),
         };
@@ -48,7 +48,7 @@ impl Trusted {
     }
 }
 
-/// The largest component, without sign; not a number if one is none.
+/// Largest magnitude of a component; NaN if one is not finite.
 fn largest(wrench: &Wrench) -> f64 {
     if wrench.is_finite() {
         wrench.components().iter().fold(0.0, |size: f64, part| size.max(part.abs()))
@@ -57,7 +57,7 @@ fn largest(wrench: &Wrench) -> f64 {
     }
 }
 
-/// A share of 0 to 1; what is no such share is none.
+/// A share of 0 to 1; zero and a fault where it is out of range.
 fn share(value: f64) -> (f64, Option<Fault>) {
     if (0.0..=1.0).contains(&value) { (value, None) } else { (0.0, Some(Fault::ShareOutOfRange)) }
 }
@@ -88,7 +88,7 @@ mod tests {
         Isometry3::translation(9.0, 0.0, 0.0)
     }
 
-    /// What is wrong with an input, if each of its parts that is wrong is replaced by a harmless one.
+    /// Returns the fault of an input, having checked that each invalid part was replaced.
     fn fault(input: &Input) -> Option<Fault> {
         Trusted::of(input, &before()).fault
     }
@@ -110,9 +110,9 @@ mod tests {
                     parts[place] = sign * value;
                     Input { f_s: Wrench::from_components(parts), ..input() }
                 };
-                let largest = Trusted::of(&reads(LARGEST_READING), &before());
-                assert_eq!((largest.f_s, largest.fault), (reads(LARGEST_READING).f_s, None));
-                let beyond = Trusted::of(&reads(LARGEST_READING * 1.001), &before());
+                let largest = Trusted::of(&reads(MAX_READING), &before());
+                assert_eq!((largest.f_s, largest.fault), (reads(MAX_READING).f_s, None));
+                let beyond = Trusted::of(&reads(MAX_READING * 1.001), &before());
                 assert_eq!(beyond.f_s, Wrench::ZERO);
                 assert_eq!(beyond.fault, Some(Fault::WrenchTooLarge));
                 let infinite = Trusted::of(&reads(f64::INFINITY), &before());
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn pose_that_is_none_leaves_the_one_before() {
+    fn invalid_pose_leaves_the_one_before() {
         let nowhere = Input { x_b_m: Isometry3::translation(f64::NAN, 0.0, 0.0), ..input() };
         let trusted = Trusted::of(&nowhere, &before());
         assert_eq!((trusted.x_b_m, trusted.fault), (before(), Some(Fault::ObjectPoseNotFinite)));

@@ -6,7 +6,7 @@
 use nalgebra::DMatrix;
 use nalgebra::DVector;
 
-/// A column this much smaller than the largest, once the others are taken out of it, is none.
+/// A column is dependent if it is this much smaller than the largest, once the others are taken out of it.
 const RANK: f64 = 1e-9;
 
 /// The best solution of `A x = b`.
@@ -77,7 +77,7 @@ mod tests {
         assert!(solve(&line(&[1.0, 1.0, 1.0]), &b).is_none());
         assert!(solve(&line(&[1.0, 2.0]), &DVector::zeros(2)).is_none());
         assert!(solve(&line(&[f64::NAN, 2.0, 3.0]), &b).is_none());
-        // Without its third row nothing tells the slope.
+        // Without its third row nothing determines the slope.
         assert!(solve(&line(&[1.0, 1.0, 3.0]), &b).is_none());
     }
 }

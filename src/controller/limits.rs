@@ -15,9 +15,9 @@ use crate::readings::Scaling;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AssistFraction(f64);
 
-/// No such share.
+/// A share outside 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("the assist cannot take {0} of capacity; 0 to 1 can be taken")]
+#[error("assist_fraction must be within 0..=1, got {0}")]
 pub struct InvalidAssistFraction(pub f64);
 
 impl AssistFraction {
@@ -47,29 +47,29 @@ pub struct Limits<const N: usize> {
     scaling: Scaling,
 }
 
-/// The torques that are asked for, in N·m or N.
+/// Requested torques, in N·m or N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Asked<const N: usize> {
-    /// What carries the arm.
+    /// Gravity compensation.
     pub gravity: SVector<f64, N>,
-    /// What the task asks for, and whatever else must not wait for the assist: passivity, soft stops.
+    /// Task wrench, passivity and soft stops: all that the assist must not delay.
     pub task: SVector<f64, N>,
     /// Return to centre and damping.
     pub assist: SVector<f64, N>,
 }
 
-/// The torque that is left, and what it cost.
+/// Torques within capacity, and the scales that led there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limited<const N: usize> {
-    /// What each joint is to exert, in N·m or N; never more than its capacity, always finite.
+    /// Torque of each joint, in N·m or N; never more than its capacity, always finite.
     pub tau: SVector<f64, N>,
-    /// What is left of the assist, 0 to 1.
+    /// Scale of the assist, 0 to 1.
     pub assist_scale: f64,
-    /// What is left of task and scaled assist together, 0 to 1; of gravity too, unless it is exempt.
+    /// Scale of task and scaled assist together, 0 to 1; of gravity too, unless it is exempt.
     pub rest_scale: f64,
-    /// The joint that set `rest_scale`, from 0; none where nothing had to give.
+    /// Joint that set `rest_scale`, from 0; `None` at full scale.
     pub limiting_joint: Option<usize>,
-    /// Whether a torque was no number: then all are zero.
+    /// A torque was not finite: then all are zero.
     pub is_broken: bool,
 }
 
@@ -144,11 +144,11 @@ impl<const N: usize> Limits<N> {
     }
 }
 
-/// Torque that is no longer asked for takes no longer than this to go from capacity to nothing, however
-/// slowly it may rise, in s: what a hand has let go of must end.
-const LONGEST_FALL: f64 = 0.02;
+/// Maximum time from capacity to zero once torque is no longer requested, however slowly it may rise,
+/// in s: a released hand must be free at once.
+const MAX_FALL_TIME: f64 = 0.02;
 
-/// How fast torques may change: per cycle and joint, in N·m or N.
+/// Limits on the change of torques: per cycle and joint, in N·m or N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slew<const N: usize> {
     rise: SVector<f64, N>,
@@ -156,17 +156,17 @@ pub struct Slew<const N: usize> {
     before: SVector<f64, N>,
 }
 
-/// A rise that is none.
+/// A rise time out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("torque cannot rise to capacity in {0} s; 0.001 to 10 s can be asked for")]
+#[error("torque_rise_s must be within 0.001..=10, got {0}")]
 pub struct InvalidRise(pub f64);
 
 impl<const N: usize> Slew<N> {
-    /// So that each joint takes `rise` s from nothing to its capacity, and as long back, but at most 20 ms.
-    /// It begins at nothing.
+    /// Creates limits by which each joint takes `rise` s from zero to its capacity, and as long back, but at
+    /// most 20 ms. The first torque is zero.
     ///
     /// # Errors
-    /// A time that is none.
+    /// A time out of range.
     pub fn new(
         max_torques: &SVector<f64, N>,
         rise: f64,
@@ -174,19 +174,19 @@ impl<const N: usize> Slew<N> {
     ) -> Result<Self, InvalidRise> {
         if (1e-3..=10.0).contains(&rise) {
             let in_a_cycle = |span: f64| max_torques * (period.seconds() / span).min(1.0);
-            let fall = in_a_cycle(rise.min(LONGEST_FALL));
+            let fall = in_a_cycle(rise.min(MAX_FALL_TIME));
             Ok(Self { rise: in_a_cycle(rise), fall, before: SVector::zeros() })
         } else {
             Err(InvalidRise(rise))
         }
     }
 
-    /// The most a torque may grow in one cycle, in N·m or N.
+    /// Maximum growth of a torque in one cycle, in N·m or N.
     pub const fn rise(&self) -> &SVector<f64, N> {
         &self.rise
     }
 
-    /// No torque at all, from now on: a fault does not wait for a ramp.
+    /// Sets all torques to zero without a ramp: a fault does not wait.
     pub fn drop_to_zero(&mut self) -> (SVector<f64, N>, Option<usize>) {
         self.before = SVector::zeros();
         (self.before, None)
@@ -210,8 +210,8 @@ impl<const N: usize> Slew<N> {
     }
 }
 
-/// How far a torque may go in a cycle: by `rise` away from nothing, by `fall`, which is not less, towards
-/// it, and on its way through it no farther than it must.
+/// Maximum change of a torque in a cycle: `rise` away from zero; towards zero `fall`, which is not less,
+/// but not beyond zero by more than `rise`.
 fn reach(before: f64, tau: f64, rise: f64, fall: f64) -> f64 {
     let falls = tau.abs() < before.abs() || tau * before < 0.0;
     if falls { before.abs().clamp(rise, fall) } else { rise }
@@ -268,7 +268,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn property_09_whatever_comes_in_the_torque_is_within_capacity(
+        fn property_09_torque_is_within_capacity_for_any_input(
             gravity in any_torques(), task in any_torques(), assist in any_torques(),
             share in 0.0..=1.0_f64, scaling in scaling()
         ) {
@@ -327,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn one_torque_that_is_no_number_stops_all() {
+    fn torque_that_is_not_finite_sets_all_to_zero() {
         for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             let mut task = Joints::repeat(0.1);
             task[3] = bad;
@@ -348,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_reaches_the_joints_as_a_ramp_and_ends_where_it_was_asked() {
+    fn step_becomes_a_ramp_that_reaches_its_target() {
         let period = Period::new(1e-3).unwrap();
         let mut slew = Slew::new(&Joints::from(MAX), 0.02, period).unwrap();
         let asked = Joints::from(MAX) * 0.5;
@@ -366,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn hazard_38_what_may_rise_slowly_still_ends_within_twenty_milliseconds() {
+    fn hazard_38_slow_torque_ends_within_twenty_milliseconds() {
         let mut slew = Slew::new(&Joints::from(MAX), 2.0, Period::new(1e-3).unwrap()).unwrap();
         (0..2_000).for_each(|_| {
             slew.limit(&Joints::from(MAX));
@@ -384,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fraction_is_one() {
+    fn fraction_outside_0_to_1_is_refused() {
         for wrong in [-0.1, 1.1, f64::NAN] {
             assert!(AssistFraction::new(wrong).is_err());
         }

@@ -11,10 +11,10 @@ use nalgebra::Vector3;
 
 use units::spatial::rotation;
 
-/// How far from where the numbers jump the command is already held, in rad (decision 4): 10°.
+/// Distance from the jump of the numbers at which the command is held, in rad (decision 4): 10°.
 const MARGIN: f64 = PI / 18.0;
 
-/// How an orientation is written as three numbers.
+/// Parametrisation of an orientation by three numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Orientation {
     /// Z-Y-X Euler angles in the order γ, β, α, as in the paper. They jump at β = ±90°; commands
@@ -63,7 +63,7 @@ impl Orientation {
         exact * (share * share)
     }
 
-    /// Whether the numbers are far enough from where they jump to be commanded (decision 4).
+    /// Returns whether the numbers are far enough from their jump to be commanded (decision 4).
     pub fn is_within(self, numbers: &Vector3<f64>) -> bool {
         self.share(numbers) >= 1.0
     }

@@ -1,4 +1,4 @@
-//! What goes into one cycle and what comes out, with every intermediate of Fig. 3.
+//! Input and output of one cycle, with every intermediate of Fig. 3.
 
 use nalgebra::Isometry3;
 use thiserror::Error;
@@ -19,28 +19,28 @@ use units::spatial::Jacobian;
 use units::spatial::Motion;
 use units::spatial::Wrench;
 
-/// What one cycle starts from.
+/// Input of one cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Input {
-    /// Where the drives are.
+    /// Actual positions of the drives (6064h).
     pub counts: [Counts; 6],
     /// The wrench of the environment on the object, at the sensor {S}, payload removed.
     pub f_s: Wrench,
-    /// Where the object is, in its base.
+    /// Pose of the object, in its base.
     pub x_b_m: Isometry3<f64>,
-    /// Which switches are closed.
+    /// Closed switches.
     pub switches: Switches,
-    /// What a displacement means.
+    /// Meaning of a displacement: rate or pose.
     pub mode: Mode,
-    /// How much of the arm's weight is to be carried, 0 to 1: whether, and how far it is ramped up.
+    /// Share of the arm's weight to compensate, 0 to 1; ramped by the caller.
     pub gravity_share: f64,
-    /// How much of task and assist is to be felt, 0 to 1, likewise.
+    /// Share of task and assist to reflect, 0 to 1; ramped by the caller.
     pub reflection_share: f64,
-    /// Whether earlier cycles are to be forgotten: the first one, or one after an overrun.
+    /// Forget earlier cycles: this is the first one, or follows an overrun.
     pub restart: bool,
 }
 
-/// What one cycle came to, with every intermediate of Fig. 3.
+/// Output of one cycle, with every intermediate of Fig. 3.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Output {
     /// Joint positions, in rad or m.
@@ -49,27 +49,27 @@ pub struct Output {
     pub joint_out_of_range: Option<usize>,
     /// The grip's pose (Eq. 1).
     pub x_0_g: Isometry3<f64>,
-    /// What the switches permit and ask for.
+    /// Permissions and requests of the switches.
     pub pressed: Pressed,
-    /// Where zero is, from this cycle on.
+    /// Reference from this cycle on.
     pub reference: Reference,
     /// The grip's pose seen from the reference (Eq. 2, 3).
     pub x_h_g: Isometry3<f64>,
     /// The same as six numbers (Eq. 4).
     pub dx: Displacement,
-    /// What of it commands: less the deadband.
+    /// The same less the deadband: the part that commands.
     pub dx_db: Displacement,
-    /// Whether the command is the operator's.
+    /// Gate of the operator's command.
     pub gate: Gate,
-    /// What is asked of the object (Eq. 5, 3.5).
+    /// Command for the object (Eq. 5, 3.5).
     pub command: Motion,
-    /// How the grip moves, in {G}.
+    /// Twist of the grip, in {G}.
     pub moving: Moving,
     /// The wrench on the object at {MRF} (Eq. 6), or that of the virtual coupling, felt or not.
     pub f_m_task: Wrench,
-    /// What of it the hand is to feel, at {G}.
+    /// The part of it to reflect, at {G}.
     pub f_g_task: Wrench,
-    /// What keeps that exchange passive, at {G}, and the energies it is kept by.
+    /// Wrench that keeps the reflection port passive, at {G}, with the energies it is computed from.
     pub port: Passed,
     /// The return to centre, at {G} (Eq. 8).
     pub f_g_centring: Wrench,
@@ -77,45 +77,45 @@ pub struct Output {
     pub f_g_damping: Wrench,
     /// The Jacobian of {G} in {G}.
     pub j_g: Jacobian<6>,
-    /// What every joint's torque is made of.
+    /// Components of every joint's torque.
     pub ledger: Ledger,
-    /// The joint torques asked for (Eq. 10), in N·m or N.
+    /// Commanded joint torques (Eq. 10), in N·m or N.
     pub tau: JointVector,
-    /// The same as the drives take it (Fig. 6).
+    /// The same as target torques (6071h, Fig. 6).
     pub targets: [PerMille; 6],
-    /// The worst that happened, if anything did. The torques are safe to send all the same.
+    /// The worst fault, if any. The torques are safe to send all the same.
     pub fault: Option<Fault>,
 }
 
-/// The torque budget of one cycle: who asked for what, and what was left of it. In N·m or N.
+/// Torque budget of one cycle: every request, and the scales applied to it. In N·m or N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ledger {
     /// The task (Eq. 7).
     pub task: JointVector,
-    /// Carrying the arm, as far as it is to be carried.
+    /// Gravity compensation times its share.
     pub gravity: JointVector,
     /// The return to centre, before its scaling.
     pub centring: JointVector,
     /// Damping, before its scaling.
     pub damping: JointVector,
-    /// Keeping the port passive.
+    /// Damper of the passivity layer.
     pub passivity: JointVector,
     /// The soft stops.
     pub soft_stops: JointVector,
-    /// What is left of return to centre and damping, 0 to 1.
+    /// Scale of return to centre and damping, 0 to 1.
     pub assist_scale: f64,
-    /// What is left of task and assist together, 0 to 1.
+    /// Scale of task and assist together, 0 to 1.
     pub rest_scale: f64,
-    /// How much of task and assist is let through at all, 0 to 1.
+    /// Share of task and assist that is reflected at all, 0 to 1.
     pub share: f64,
-    /// The joint that left no more.
+    /// Joint that set the scale.
     pub limiting_joint: Option<Joint>,
-    /// The first joint whose torque could not change as fast as asked.
+    /// First joint whose torque was limited in its rate of change.
     pub slewing_joint: Option<Joint>,
 }
 
 impl Ledger {
-    /// Nobody asks for anything.
+    /// No requests.
     pub(crate) fn nothing() -> Self {
         let none = JointVector::zeros();
         Self {
@@ -135,31 +135,31 @@ impl Ledger {
 }
 
 impl Output {
-    /// Whether the hand feels less than it should because a joint can do no more.
+    /// Returns whether a joint at its capacity reduces the reflected wrench.
     pub const fn is_saturated(&self) -> bool {
         self.ledger.limiting_joint.is_some()
     }
 }
 
-/// Something that cannot be, and was replaced. Worst first.
+/// An invalid value that was replaced. Worst first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Fault {
     /// All torques were replaced by zero.
     #[error("a torque is not a finite number")]
     TorqueNotFinite,
-    /// Nothing is felt.
+    /// Reflection is zero.
     #[error("the sensed wrench is not finite")]
     WrenchNotFinite,
-    /// Nothing is felt.
+    /// Reflection is zero.
     #[error("the sensed wrench is larger than any sensor reads")]
     WrenchTooLarge,
     /// The last good pose is used.
-    #[error("the object's pose is not one")]
+    #[error("the object's pose is not finite or its rotation is not a unit quaternion")]
     ObjectPoseNotFinite,
-    /// Nothing is carried, or nothing felt.
+    /// Gravity compensation or reflection is zero.
     #[error("a share is not within 0 and 1")]
     ShareOutOfRange,
-    /// Nothing is commanded until the hand begins anew.
+    /// The command is held until the operator takes a new reference.
     #[error("the hand is turned too far from its reference to be commanded")]
     TurnedTooFar,
 }

@@ -12,13 +12,13 @@ use thiserror::Error;
 use units::spatial::Twist;
 use units::spatial::Wrench;
 
-/// Slower than this the hand does not move: no damper could take anything, in m/s.
-const STILL: f64 = 1e-6;
+/// Minimum speed at which a damper can take energy, in m/s.
+const MIN_SPEED: f64 = 1e-6;
 
-/// What makes an observer and its controller.
+/// Parameters of observer and controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PassivitySettings {
-    /// The most the sum may come to, in J: credit from long ago must not hide what happens now.
+    /// Maximum of the observed energy, in J: old credit must not hide present activity.
     pub max_energy: f64,
     /// The strongest damper, in N·s/m.
     pub max_damping: f64,
@@ -27,33 +27,33 @@ pub struct PassivitySettings {
     pub lever: f64,
     /// Below this task force in N there is no contact.
     pub calm_force: f64,
-    /// So many cycles without contact end it, and what was seen of it is forgotten: fewer are a bounce.
+    /// Cycles without contact that end it and reset the observer: fewer are a bounce.
     pub calm_cycles: u32,
-    /// Whether a contact must never pull: the damper then stops short of turning the task's force round.
+    /// Contact must never pull: the damper then never reverses the task force.
     pub is_one_sided: bool,
 }
 
-/// A number of [`PassivitySettings`] that is none.
+/// A parameter of [`PassivitySettings`] out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("{quantity} of the passivity controller cannot be {value}")]
+#[error("{quantity} of the passivity controller must be positive and at most 1e6, got {value}")]
 pub struct InvalidPassivity {
-    /// Which.
+    /// Name of the parameter.
     pub quantity: &'static str,
-    /// What stood there.
+    /// The value given.
     pub value: f64,
 }
 
-/// The observer and what it has seen.
+/// Observer with its state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passivity {
     settings: PassivitySettings,
-    /// What the hand has put into the port, less what it got out, in J.
+    /// Energy from the hand into the port less energy out of it, in J.
     energy: f64,
     calm_for: u32,
 }
 
 impl Passivity {
-    /// Having seen nothing.
+    /// Creates an observer at zero energy.
     ///
     /// # Errors
     /// A number that is not positive and finite.
@@ -77,12 +77,12 @@ impl Passivity {
         self.settings.max_damping
     }
 
-    /// What the hand has put into the port, less what it got out, in J. Below zero the port was active.
+    /// Energy from the hand into the port less energy out of it, in J. Below zero the port was active.
     pub const fn energy(&self) -> f64 {
         self.energy
     }
 
-    /// Adds the work in J that the hand has just done against the port.
+    /// Adds the work in J that the hand did against the port since the last cycle.
     pub fn account(&mut self, work: f64, f_g_task: &Wrench) {
         let is_calm = f_g_task.force.norm() < self.settings.calm_force;
         self.calm_for = if is_calm { self.calm_for.saturating_add(1) } else { 0 };
@@ -99,7 +99,7 @@ impl Passivity {
     pub fn wrench(&self, dt: f64, v_g: &Twist, f_g_task: &Wrench) -> Wrench {
         let moving = self.weighted(v_g);
         let strength = moving.power(v_g);
-        if self.energy >= 0.0 || strength < STILL * STILL {
+        if self.energy >= 0.0 || strength < MIN_SPEED * MIN_SPEED {
             return Wrench::ZERO;
         }
         let damping = (-self.energy / (dt * strength)).min(self.settings.max_damping);
@@ -157,7 +157,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_was_given_too_much_is_taken_back(energy in -1e-3..0.0_f64, v_g in twist()) {
+        fn excess_energy_is_dissipated(energy in -1e-3..0.0_f64, v_g in twist()) {
             let both_sided = PassivitySettings { is_one_sided: false, ..SETTINGS };
             let mut passivity = Passivity::new(both_sided).unwrap();
             passivity.account(energy, &push(1.0));
@@ -196,10 +196,13 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_is_none_is_named() {
+    fn invalid_parameter_is_named() {
         let wrong = PassivitySettings { lever: 0.0, ..SETTINGS };
         let error = Passivity::new(wrong).unwrap_err();
-        assert_eq!(error.to_string(), "the lever of the passivity controller cannot be 0");
+        assert_eq!(
+            error.to_string(),
+            "the lever of the passivity controller must be positive and at most 1e6, got 0"
+        );
         for wrong in [f64::NAN, -1.0, f64::INFINITY] {
             assert!(Passivity::new(PassivitySettings { max_energy: wrong, ..SETTINGS }).is_err());
         }

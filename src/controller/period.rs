@@ -1,21 +1,21 @@
-//! The cycle, as the laws that differentiate, ramp and add up energy need it.
+//! The cycle period, for laws that differentiate, ramp and integrate.
 
 use thiserror::Error;
 
-/// From one cycle to the next, in s.
+/// Time from one cycle to the next, in s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Period(f64);
 
-/// A cycle that is none.
+/// A period out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("a cycle period of {0} s is not within 10 µs and 1 s")]
+#[error("the cycle period must be within 10 µs and 1 s, got {0} s")]
 pub struct InvalidPeriod(pub f64);
 
 impl Period {
     /// From seconds.
     ///
     /// # Errors
-    /// A period no control loop has.
+    /// A period out of range.
     pub fn new(seconds: f64) -> Result<Self, InvalidPeriod> {
         if (1e-5..=1.0).contains(&seconds) {
             Ok(Self(seconds))
@@ -29,7 +29,7 @@ impl Period {
         self.0
     }
 
-    /// How many cycles a time in s takes.
+    /// Number of cycles in a time in s, rounded up.
     #[expect(
         clippy::as_conversions,
         clippy::cast_possible_truncation,

@@ -12,7 +12,7 @@ use crate::velocity::Moving;
 use units::spatial::Twist;
 use units::spatial::Wrench;
 
-/// The port, with what it has passed on.
+/// The port with its state.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Port {
     period: Period,
@@ -22,16 +22,16 @@ pub(crate) struct Port {
     held: TorqueDelay<JointVector>,
 }
 
-/// What the port lets through.
+/// Output of the port.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Passed {
     /// The task wrench that may act, at {G}.
     pub f_g_task: Wrench,
     /// The wrench of the dampers that keep the port passive, at {G}.
     pub f_g_passivity: Wrench,
-    /// What the hand has put into the port less what it got out, in J, where it is observed.
+    /// Energy from the hand into the port less energy out of it, in J, where it is observed.
     pub energy: Option<f64>,
-    /// What is in the tank, in J, where there is one.
+    /// Level of the tank, in J, where there is one.
     pub tank: Option<f64>,
 }
 
@@ -116,7 +116,7 @@ mod tests {
         Moving::default()
     }
 
-    /// What is booked as the work of the hand in each cycle, if these torques are held, at these rates.
+    /// Work of the hand booked in each cycle, if these torques are held at these rates.
     fn booked(has_tank: bool, taus: &[f64], rates: &[f64]) -> Vec<f64> {
         let mut port = port(has_tank);
         let mut before = if has_tank { 0.1 } else { 0.0 };

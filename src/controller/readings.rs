@@ -1,5 +1,5 @@
-//! How the paper is read where it can be read in several ways: one choice per decision of the
-//! control notes, and the two presets.
+//! Interpretations of the paper where it can be read in several ways: one choice per decision of
+//! `docs/paper.md`, and the two presets.
 //!
 //! | reading          | decision | `consistent`                    | `paper1997`, and what it does wrong        |
 //! |------------------|----------|---------------------------------|--------------------------------------------|
@@ -13,7 +13,7 @@
 //! | [`Felt`]         | 30       | those of the grip               | the same                                   |
 //!
 //! The odd reading of Eq. 8 (decision 14) is common to both: as printed, its first line pushes a hand
-//! on the negative side away without bound, and nobody should be able to choose that.
+//! on the negative side away without bound, so it cannot be chosen.
 
 use crate::orientation::Orientation;
 
@@ -35,7 +35,7 @@ pub enum Felt {
     InReference,
 }
 
-/// How the return to centre becomes a wrench (Eq. 8).
+/// Conversion of the return to centre into a wrench (Eq. 8).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Centring {
     /// The wrench that does the same work on the grip as the six forces do on the six numbers.
@@ -44,7 +44,7 @@ pub enum Centring {
     Components,
 }
 
-/// What carries the arm (3.3).
+/// Model of the gravity compensation (3.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weight {
     /// `Σ J_ciᵀ (-m_i g)`.
@@ -53,7 +53,7 @@ pub enum Weight {
     AtGrip,
 }
 
-/// What of the torques is scaled to fit the joints (3.4).
+/// Torques that are scaled to fit the joints (3.4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scaling {
     /// The assist to its fraction, then task and assist to what gravity leaves.
@@ -64,7 +64,7 @@ pub enum Scaling {
     AssistWithGravity,
 }
 
-/// Whose change is damped (Eq. 9).
+/// Quantity whose rate of change is damped (Eq. 9).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Difference {
     /// The grip's pose: its twist.
@@ -76,19 +76,19 @@ pub enum Difference {
 /// One reading of the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Readings {
-    /// How an orientation is written as three numbers.
+    /// Parametrisation of an orientation.
     pub orientation: Orientation,
     /// Along which axes the translation of ΔX is written.
     pub displacement: Displaced,
-    /// How the return to centre becomes a wrench.
+    /// Conversion of the return to centre into a wrench.
     pub centring: Centring,
-    /// What carries the arm.
+    /// Model of the gravity compensation.
     pub weight: Weight,
-    /// What is scaled.
+    /// Torques that are scaled.
     pub scaling: Scaling,
-    /// Whose change is damped.
+    /// Quantity whose rate of change is damped.
     pub damping: Difference,
-    /// Whether closing the deadman in pose mode sets the reference.
+    /// Closing the deadman in pose mode sets the reference.
     pub latches: bool,
     /// Along which axes the task wrench is felt.
     pub task: Felt,

@@ -55,13 +55,13 @@ impl Displacement {
         Self::from_components([a * x, b * y, c * z, d * gamma, e * beta, f * alpha])
     }
 
-    /// Whether nothing is left on any axis.
+    /// Returns whether all six components are zero.
     pub fn is_zero(&self) -> bool {
         self.translation == Vector3::zeros() && self.orientation == Vector3::zeros()
     }
 }
 
-/// Where zero is: the grip's pose that commands nothing, and the object's pose that belongs to it.
+/// The grip's pose that commands nothing, and the object's pose that belongs to it.
 ///
 /// Until an operator has set one it follows the grip, so that nothing is displaced.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,12 +70,12 @@ pub struct Reference {
     pub x_0_h: Isometry3<f64>,
     /// The object's pose at the reference, in its base.
     pub x_b_r: Isometry3<f64>,
-    /// Whether an operator has set it.
+    /// Set by an operator.
     pub is_set: bool,
 }
 
 impl Reference {
-    /// None yet.
+    /// Creates a reference that follows the grip until an operator sets one.
     pub fn none() -> Self {
         Self { x_0_h: Isometry3::identity(), x_b_r: Isometry3::identity(), is_set: false }
     }

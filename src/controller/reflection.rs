@@ -26,12 +26,12 @@ pub enum InvalidReflection {
     /// The sensor's place on the object.
     #[error("the pose of the sensor in the frame under control is not finite")]
     Sensor,
-    /// The most a hand may feel.
-    #[error("a {quantity} of at most {value} at the grip is none")]
+    /// Limit of force or moment at the grip.
+    #[error("the maximum {quantity} at the grip must be positive and finite, got {value}")]
     Limit {
         /// Force or moment.
         quantity: &'static str,
-        /// What stood there, in N or N·m.
+        /// The value given, in N or N·m.
         value: f64,
     },
 }
@@ -40,7 +40,7 @@ impl Reflection {
     /// From the sensor's pose on the object, K_T, and the most a hand may feel in N and N·m.
     ///
     /// # Errors
-    /// A pose that is none, or a limit that is not positive and finite.
+    /// An invalid pose, or a limit that is not positive and finite.
     pub fn new(
         x_m_s: Isometry3<f64>,
         gain: Gains,
@@ -78,7 +78,7 @@ impl Reflection {
         f_s.at(&self.x_m_s)
     }
 
-    /// What the hand is to feel of it: K_T, then as a whole no more than a hand may feel.
+    /// Scales a wrench at {MRF} to the grip: by K_T, then as a whole to at most the limits.
     pub fn at_grip(&self, f_m: &Wrench) -> Wrench {
         let f_g = f_m.scaled(self.gain.values());
         let excess = (f_g.force.norm() / self.max_force).max(f_g.moment.norm() / self.max_moment);

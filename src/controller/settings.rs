@@ -1,4 +1,4 @@
-//! What the law is made of: the paper's parts, and what stands beside them.
+//! Parameters of the law: the paper's parts, and the extensions beside them.
 
 use crate::arm::Arm;
 use crate::assist::ContactFade;
@@ -18,10 +18,10 @@ use crate::tank::Tank;
 use crate::velocity::Filter;
 use crate::virtual_coupling::VirtualCoupling;
 
-/// Everything the law is made of; each part cannot be wrong.
+/// All parameters of the law; each part is checked when it is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// How the paper is read.
+    /// Interpretation of the paper.
     pub readings: Readings,
     /// The cycle.
     pub period: Period,
@@ -37,31 +37,31 @@ pub struct Settings {
     pub reflection: Reflection,
     /// K_D, against the hand's motion, in N·s/m and N·m·s/rad.
     pub damping: Gains,
-    /// What the assist may take of each joint's capacity.
+    /// Fraction of each joint's capacity that the assist may use.
     pub assist_fraction: AssistFraction,
-    /// What the paper does not have.
+    /// Extensions that the paper does not have.
     pub beyond: Beyond,
 }
 
-/// What stands beside the paper's law; everything off by default.
+/// Extensions beside the paper's law; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Beyond {
     /// A low pass on the grip's velocity.
     pub velocity_filter: Filter,
-    /// Whether the walls of the channels also stand in pose mode.
+    /// Walls of the channels also act in pose mode.
     pub walls_in_pose: bool,
-    /// How the assist gives way in contact.
+    /// Fade of the assist in contact.
     pub contact_fade: Option<ContactFade>,
-    /// How what is felt begins; at once without.
+    /// Ramp of reflection; without it reflection starts at once.
     pub engagement: Option<Engagement>,
-    /// What turns joints back before their ends.
+    /// Springs and dampers before the ends of the joints.
     pub soft_stops: Option<SoftStops<6>>,
-    /// How fast torques may change.
+    /// Limits on the rate of change of torques.
     pub slew: Option<Slew<6>>,
-    /// What takes back energy that a contact gives off.
+    /// Passivity observer and controller at the reflection port.
     pub passivity: Option<Passivity>,
-    /// What bounds the energy that can be given at all.
+    /// Energy tank at the reflection port.
     pub tank: Option<Tank>,
-    /// What ties the hand to the object in pose mode, in place of the sensor.
+    /// Virtual coupling of hand and object in pose mode, in place of the sensor.
     pub virtual_coupling: Option<VirtualCoupling>,
 }

@@ -16,22 +16,20 @@ pub struct SoftStops<const N: usize>([Stop; N]);
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Stop {
     range: [f64; 2],
-    /// How far before its ends it begins, in rad or m.
+    /// Distance from the ends at which it begins, in rad or m.
     margin: f64,
     /// The most it pushes, in N·m or N: at the ends.
     push: f64,
 }
 
-/// Why soft stops are none.
+/// Reason why soft stops are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidSoftStops {
-    /// How far before the end they begin.
-    #[error(
-        "a soft stop cannot take {0} of a joint's range; above 0 and up to 0.5 can be asked for"
-    )]
+    /// Fraction of the range at which they begin.
+    #[error("the margin of a soft stop must be above 0 and at most 0.5 of the range, got {0}")]
     Margin(f64),
-    /// What they may take of the joint's capacity.
-    #[error("a soft stop cannot push with {0} of capacity; 0 to 1 can be asked for")]
+    /// Fraction of the joint's capacity that they may use.
+    #[error("the push of a soft stop must be within 0..=1 of capacity, got {0}")]
     Push(f64),
 }
 
@@ -40,7 +38,7 @@ impl<const N: usize> SoftStops<N> {
     /// `push` of `max_torques`, what each joint (not its actuator) can exert.
     ///
     /// # Errors
-    /// A part that is none.
+    /// A margin or push out of range.
     pub fn new(
         ranges: [[f64; 2]; N],
         max_torques: &SVector<f64, N>,
@@ -61,7 +59,7 @@ impl<const N: usize> SoftStops<N> {
         Ok(Self(stops))
     }
 
-    /// What turns back joints that are at `q` and move with `qd`, in N·m or N.
+    /// Torques on joints at `q` that move with `qd`, in N·m or N.
     pub fn torques(&self, q: &SVector<f64, N>, qd: &SVector<f64, N>) -> SVector<f64, N> {
         let joints = self.0.iter().zip(q.iter()).zip(qd.iter());
         SVector::from_iterator(joints.map(|((stop, q), qd)| stop.torque(*q, *qd)))
@@ -104,7 +102,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_stop_never_pushes_outwards_and_never_with_more_than_its_part(
+        fn stop_pushes_inwards_with_at_most_its_fraction(
             q in prop::array::uniform2(-3.0..3.0_f64), qd in prop::array::uniform2(-50.0..50.0_f64)
         ) {
             let middle = RANGES.map(|[low, high]| f64::midpoint(low, high));

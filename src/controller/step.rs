@@ -33,11 +33,11 @@ use units::spatial::Jacobian;
 use units::spatial::Motion;
 use units::spatial::Wrench;
 
-/// The law with what it remembers from cycle to cycle.
+/// The law with its state.
 #[derive(Clone, Copy, Debug)]
 pub struct Controller {
     settings: Settings,
-    /// The layers beside the paper's law, with what they remember.
+    /// Extensions beside the paper's law, with their state.
     layers: Beyond,
     limits: Limits<6>,
     panel: Panel,
@@ -48,14 +48,14 @@ pub struct Controller {
     damping: Damping,
     port: Port,
     mode: Mode,
-    /// Where the object last was.
+    /// Last pose of the object.
     x_b_m: Isometry3<f64>,
-    /// Where the last command asked it to be, if it asked for a pose.
+    /// Last commanded pose, if the command was a pose.
     x_b_asked: Option<Isometry3<f64>>,
 }
 
 impl Controller {
-    /// Ready for its first cycle: no reference, reflection off.
+    /// Creates a controller before its first cycle: no reference, reflection off.
     pub fn new(settings: &Settings) -> Self {
         let Settings { readings, period, calibration, assist_fraction, beyond, .. } = *settings;
         Self {
@@ -75,13 +75,13 @@ impl Controller {
         }
     }
 
-    /// One cycle (Fig. 3).
+    /// Computes one cycle (Fig. 3).
     pub fn step(&mut self, input: &Input) -> Output {
         let q = self.settings.calibration.positions(&input.counts);
         self.step_at(&q, input)
     }
 
-    /// The same at joint positions that no encoder has counted, in rad or m, which must be finite.
+    /// Computes one cycle at given joint positions in rad or m, which must be finite, in place of counts.
     pub fn step_at(&mut self, q: &JointVector, input: &Input) -> Output {
         let Settings { readings, arm, calibration, channels, command: law, .. } = self.settings;
         let given = Trusted::of(input, &self.x_b_m);
@@ -160,7 +160,7 @@ impl Controller {
         }
     }
 
-    /// The wrench at {MRF}: what the sensor reads there (Eq. 6), or what ties the hand to the object.
+    /// Task wrench at {MRF}: the sensor's reading moved there (Eq. 6), or that of the virtual coupling.
     fn task(&mut self, given: &Trusted, command: &Motion) -> Wrench {
         let f_m_sensed = self.settings.reflection.at_object(&given.f_s);
         let Some(coupling) = &mut self.layers.virtual_coupling else { return f_m_sensed };
@@ -173,7 +173,7 @@ impl Controller {
         }
     }
 
-    /// What the hand is to feel of it, at {G}, along the axes the reading says (decision 30).
+    /// Reflects a wrench at {MRF} to {G}, along the axes of the chosen interpretation (decision 30).
     fn felt(&self, f_m_task: &Wrench, x_h_g: &Isometry3<f64>) -> Wrench {
         let f = self.settings.reflection.at_grip(f_m_task);
         match self.settings.readings.task {
@@ -182,7 +182,7 @@ impl Controller {
         }
     }
 
-    /// How much of what is felt has begun to be, 0 to 1.
+    /// Share of the engagement ramp, 0 to 1.
     fn begun(&mut self, pressed: &Pressed, f_g_felt: &Wrench) -> f64 {
         match &mut self.layers.engagement {
             Some(engagement) => engagement.share(pressed.task, f_g_felt),
@@ -214,12 +214,12 @@ impl Controller {
         }
     }
 
-    /// What the task leaves of the assist, 0 to 1 (decision 23).
+    /// Remaining share of the assist in contact, 0 to 1 (decision 23).
     fn fade(&self, f_g_task: &Wrench) -> f64 {
         self.layers.contact_fade.map_or(1.0, |fade| fade.share(f_g_task))
     }
 
-    /// What carries the arm (decision 12).
+    /// Gravity compensation (decision 12).
     fn gravity(&self, posture: &Posture<6>, j_g: &Jacobian<6>) -> JointVector {
         let arm = &self.settings.arm;
         match self.settings.readings.weight {
@@ -228,13 +228,13 @@ impl Controller {
         }
     }
 
-    /// What turns joints back before their ends, while the operator is there.
+    /// Torques of the soft stops, while the deadman is held.
     fn soft_stops(&self, pressed: &Pressed, q: &JointVector, qd: &JointVector) -> JointVector {
         let stops = self.layers.soft_stops.filter(|_| pressed.commands);
         stops.map_or_else(JointVector::zeros, |stops| stops.torques(q, qd))
     }
 
-    /// What the joints' actuators can exert of what is asked for, as fast as they may change.
+    /// Limits the requested torques to the actuators' capacities and rates of change.
     fn limit(&mut self, asked: Ledger) -> (JointVector, Ledger, Option<Fault>) {
         let coupling = self.settings.calibration.coupling();
         let port = asked.task + asked.passivity;
@@ -261,12 +261,12 @@ impl Controller {
     }
 }
 
-/// The wrench where it is permitted, none elsewhere.
+/// Returns the wrench where it is permitted, zero elsewhere.
 fn permitted(is_permitted: bool, f_g: Wrench) -> Wrench {
     if is_permitted { f_g } else { Wrench::ZERO }
 }
 
-/// Where a command asks the object to be, if it does.
+/// Pose that a command requests, if it is a pose command.
 fn asked_pose(command: &Motion) -> Option<Isometry3<f64>> {
     match command {
         Motion::Pose(x_b_d) => Some(*x_b_d),

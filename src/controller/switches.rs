@@ -13,7 +13,7 @@
 //! every cycle (the index button of the paper). A switch that is closed at the first cycle counts
 //! only after it has been released.
 
-/// What a hand's motion means to the object.
+/// Meaning of the hand's displacement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
     /// Displacement commands velocity (Fig. 3).
@@ -34,7 +34,7 @@ pub struct Switches {
     pub reflection: bool,
 }
 
-/// What the switches permit this cycle, and what they ask for.
+/// Permissions and requests of the switches in one cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pressed {
     /// The object may be commanded.
@@ -49,7 +49,7 @@ pub struct Pressed {
     pub reference: bool,
     /// Commanding begins: the deadman has just been pressed, or the mode changed under it.
     pub engaged: bool,
-    /// In this mode beginning to command needs a new reference, lest the object jump.
+    /// Commanding in this mode starts with a new reference, so that the object does not jump.
     pub latches: bool,
 }
 
@@ -66,7 +66,7 @@ impl Pressed {
     };
 }
 
-/// What the switches were, and what they have turned on.
+/// Debounced state of the switches, and the functions they have turned on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Panel {
     before: Switches,
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn the_reference_is_an_edge_in_rate_mode_and_a_clutch_in_pose_mode() {
+    fn reference_is_edge_in_rate_mode_and_clutch_in_pose_mode() {
         for (mode, expected) in
             [(Mode::Rate, [true, false, false]), (Mode::Pose, [true, true, false])]
         {

@@ -1,7 +1,7 @@
 //! An energy tank: the port may give the hand only what is in it (the outer layer of Franken and
-//! others 2011). It knows nothing of the task, so it bounds every mistake about it.
+//! others 2011). It uses no model of the task, so it bounds the effect of any wrong one.
 //!
-//! What the hand puts into the port fills it; a weak damper refills it when it runs low; when it is empty
+//! The hand's work on the port fills it; a weak damper refills it when it runs low; when it is empty
 //! the task wrench stops pushing the hand along and only resists.
 
 use thiserror::Error;
@@ -9,13 +9,13 @@ use thiserror::Error;
 /// Levels in J, and the damper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TankSettings {
-    /// What it begins with.
+    /// Initial level.
     pub initial: f64,
-    /// It is never emptied below this.
+    /// Minimum level.
     pub min: f64,
-    /// It holds no more.
+    /// Maximum level.
     pub max: f64,
-    /// Below this it is refilled.
+    /// Level below which the damper refills it.
     pub low: f64,
     /// The damper's strength per J that is missing, in N·s/m per J.
     pub refill: f64,
@@ -23,12 +23,12 @@ pub struct TankSettings {
     pub max_damping: f64,
 }
 
-/// Why levels make no tank.
+/// Reason why levels are invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("a tank needs 0 <= min <= low <= max, initial within min and max, and a damper: {0}")]
 pub struct InvalidTank(pub &'static str);
 
-/// A tank and what is in it.
+/// A tank with its level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tank {
     settings: TankSettings,
@@ -46,13 +46,13 @@ impl Tank {
         fits(min >= 0.0, "min is below 0")?;
         fits((min..=max).contains(&low), "low is not within min and max")?;
         fits((min..=max).contains(&initial), "initial is not within min and max")?;
-        fits(max <= 1e6, "max is no energy of a hand controller")?;
-        fits((0.0..=1e6).contains(&refill), "the damper is none")?;
-        fits((0.0..=1e6).contains(&max_damping), "the strongest damper is none")?;
+        fits(max <= 1e6, "max must be at most 1e6")?;
+        fits((0.0..=1e6).contains(&refill), "the damper must be within 0..=1e6")?;
+        fits((0.0..=1e6).contains(&max_damping), "the strongest damper must be within 0..=1e6")?;
         Ok(Self { settings, level: initial })
     }
 
-    /// What is in it, in J.
+    /// Level, in J.
     pub const fn level(&self) -> f64 {
         self.level
     }
@@ -62,7 +62,8 @@ impl Tank {
         self.level = (self.level + work).min(self.settings.max);
     }
 
-    /// How much of a task wrench may act that would give the hand `work` J by the next cycle, 0 to 1.
+    /// Returns the share of a task wrench that may act, 0 to 1, if it would give the hand `work` J by the next
+    /// cycle.
     pub fn share(&self, work: f64) -> f64 {
         let left = (self.level - self.settings.min).max(0.0);
         if work > left { left / work } else { 1.0 }

@@ -4,9 +4,9 @@
 
 use thiserror::Error;
 
-/// The largest torque a drive can be asked for, in ‰.
-const LARGEST: f64 = 32_767.0;
-/// What rounding may hide when a slope is compared with zero; such curves are refused.
+/// Largest target torque (6071h), in ‰.
+const MAX_PER_MILLE: f64 = 32_767.0;
+/// Tolerance for rounding when a slope is compared with zero; smaller slopes are refused.
 const ROUNDING: f64 = 1e-12;
 /// Halvings of the range that find a torque to within 1e-15 of it.
 const HALVINGS: u32 = 52;
@@ -20,21 +20,21 @@ pub struct TorqueCurve {
     max_torque: f64,
 }
 
-/// Why three coefficients are no torque curve.
+/// Reason why three coefficients are no torque curve.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidTorqueCurve {
     /// The end of the calibrated range.
-    #[error("a calibrated range up to {0} N·m is none")]
+    #[error("max_torque_nm must be positive and finite, got {0}")]
     MaxTorque(f64),
     /// A coefficient.
     #[error("c{power} = {value} is not a finite number")]
     NotFinite {
         /// 1, 3 or 5.
         power: u8,
-        /// What stood there.
+        /// The value given.
         value: f64,
     },
-    /// More torque must ask for more: there the slope vanishes.
+    /// Targets must rise with the torque; the slope vanishes here.
     #[error("the curve stops rising at {torque:.3} N·m, within its range up to {max_torque} N·m")]
     NotMonotone {
         /// Where its slope is zero for the first time, in N·m.
@@ -42,10 +42,12 @@ pub enum InvalidTorqueCurve {
         /// The end of its range, in N·m.
         max_torque: f64,
     },
-    /// No drive can be asked for so much, or would notice so little.
-    #[error("the curve ends at {per_mille} ‰ of rated torque, not within 1 ‰ and {LARGEST} ‰")]
+    /// Target out of the drive's range or below its resolution.
+    #[error(
+        "the curve ends at {per_mille} ‰ of rated torque, not within 1 ‰ and {MAX_PER_MILLE} ‰"
+    )]
     End {
-        /// What it gives at the end of its range.
+        /// Target at the end of the range, in ‰.
         per_mille: f64,
     },
 }
@@ -70,7 +72,7 @@ impl TorqueCurve {
         }
         let curve = Self { coefficients, max_torque };
         let per_mille = curve.evaluate(max_torque);
-        if (1.0..=LARGEST).contains(&per_mille) {
+        if (1.0..=MAX_PER_MILLE).contains(&per_mille) {
             Ok(curve)
         } else {
             Err(InvalidTorqueCurve::End { per_mille })
@@ -113,7 +115,7 @@ impl TorqueCurve {
     /// The slope is a parabola over `s = t²`: least at an end of the range or at its vertex.
     pub fn least_slope(&self) -> (f64, f64) {
         let [_, c3, c5] = self.coefficients;
-        let vertex = (-3.0 * c3 / (10.0 * c5)).sqrt(); // not a number if there is none
+        let vertex = (-3.0 * c3 / (10.0 * c5)).sqrt(); // NaN without a vertex
         let places = [0.0, vertex.min(self.max_torque), self.max_torque];
         let slopes = places.map(|torque| (self.slope(torque), torque));
         slopes.into_iter().fold(
@@ -180,7 +182,7 @@ mod tests {
         }
 
         #[test]
-        fn property_10_a_curve_is_odd_and_its_inverse_is_right_to_a_thousandth(torque in -4.0..4.0_f64) {
+        fn property_10_curve_is_odd_and_inverse_right_to_a_thousandth(torque in -4.0..4.0_f64) {
             prop_assert!((curve().at(-torque) + curve().at(torque)).abs() < 1e-12);
             let back = curve().torque(curve().at(torque));
             prop_assert!((back - torque).abs() <= 1e-3 * torque.abs() + 1e-12, "{back}");
@@ -225,7 +227,7 @@ mod tests {
             c in prop::array::uniform3(any::<f64>()), max in any::<f64>()
         ) {
             if let Ok(curve) = TorqueCurve::new(c, max) {
-                prop_assert!(curve.at(f64::INFINITY) > 0.0 && curve.at(f64::MAX) <= LARGEST);
+                prop_assert!(curve.at(f64::INFINITY) > 0.0 && curve.at(f64::MAX) <= MAX_PER_MILLE);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! How fast the grip moves, from where it was a cycle ago.
+//! Velocity of the grip, by difference to the last cycle.
 //!
 //! Not from joint rates: the drives do not send them. A first-order low pass may smooth what the
 //! encoders' steps make of a difference; without one the estimate is the difference itself (decision
@@ -13,9 +13,9 @@ use crate::period::Period;
 use units::spatial::Twist;
 use units::spatial::rotation;
 
-/// A filter whose time constant is none.
+/// A time constant out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("a velocity filter of {0} s is not within 0 and 1 s")]
+#[error("velocity_filter_s must be within 0..=1, got {0}")]
 pub struct InvalidFilter(pub f64);
 
 /// The time constant of a first-order low pass on velocities, in s; none by default.
@@ -37,7 +37,7 @@ impl Filter {
     }
 }
 
-/// How fast the joints came to where they are, by difference.
+/// Joint rates, by difference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointRates<const N: usize> {
     period: Period,
@@ -68,7 +68,7 @@ pub struct Velocity {
     angular: Vector3<f64>,
 }
 
-/// How the grip moves, both in {G}.
+/// Twist of the grip, raw and filtered, both in {G}.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moving {
     /// Since the last cycle, unfiltered: what its work is computed with.

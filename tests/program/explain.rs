@@ -181,7 +181,7 @@ fn a_question_that_cannot_be_is_refused_by_key() {
             r#"{"K_V": [1, 1, 1, 1, 1, -1]}"#,
             "rate_gain: about z must be within 0 and 1000000, got -1",
         ),
-        (r#"{"period_s": 0}"#, "period_s: a cycle period of 0 s"),
+        (r#"{"period_s": 0}"#, "period_s: the cycle period must be within 10 µs and 1 s, got 0 s"),
         (r#"{"T_MRF_S": [[1,0,0,0],[0,1,0,0],[0,0,2,0],[0,0,0,1]]}"#, "x_m_s: "),
         (r#"{"tau_cap": [0, 1, 1, 1, 1, 1]}"#, "max_torque: "),
     ] {

@@ -52,7 +52,7 @@ pub struct AxisGains {
     pub accommodation: f64,
 }
 
-/// How long what takes.
+/// Period, delays and time constants of the loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
     /// T, in s.
@@ -75,29 +75,29 @@ pub struct Timing {
 /// One axis of the grip with everything that closes a loop over it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {
-    /// What it is called.
+    /// Name of the axis.
     pub name: &'static str,
-    /// Whether it turns: the units are then those of moments.
+    /// Rotation: the units are then those of moments.
     pub is_rotation: bool,
     /// The device at the grip.
     pub device: Device,
     /// The operator's hand.
     pub hand: Impedance,
-    /// What the object touches.
+    /// Impedance of the environment.
     pub environment: Impedance,
-    /// What ties the hand to the object in pose mode, if anything does.
+    /// Virtual coupling in pose mode, if there is one.
     pub coupling: Option<Impedance>,
     /// The strongest damper that refills a tank, in N·s/m; zero without one.
     pub tank_damping: f64,
     /// The gains.
     pub gains: AxisGains,
-    /// How long what takes.
+    /// Period, delays and time constants of the loop.
     pub timing: Timing,
-    /// Whether a passivity layer watches the energy at run time.
+    /// A passivity layer watches the energy at run time.
     pub is_watched: bool,
 }
 
-/// What an axis counts in.
+/// Units of an axis.
 struct Units {
     stiffness: &'static str,
     damping: &'static str,
@@ -106,7 +106,7 @@ struct Units {
 }
 
 impl Axis {
-    /// Everything there is to say; nothing of a loop that its gains leave open.
+    /// Checks every loop that its gains close.
     pub fn findings(&self) -> Vec<Finding> {
         let loops = [
             self.damping(),
@@ -368,7 +368,7 @@ impl Axis {
         SampledLaw::impedance(stiffness, damping, self.timing.period)
     }
 
-    /// What a rate command makes of contact.
+    /// Contact felt through a rate command.
     fn reflected(&self) -> RateReflection {
         let AxisGains { rate, wrench, accommodation, .. } = self.gains;
         let stiffness = self.environment.stiffness;
@@ -379,7 +379,7 @@ impl Axis {
         Side { symbols: symbols.to_owned(), value, unit: self.units().damping }
     }
 
-    /// What resists slow motion without a hand.
+    /// Damping of device and law, without a hand.
     fn damped_side(&self) -> Side {
         self.damping_side("b + K_D", self.device.damping + self.gains.damping)
     }
@@ -496,7 +496,7 @@ mod tests {
     }
 
     #[test]
-    fn a_return_to_centre_that_friction_holds_is_refused_and_one_it_may_hold_is_not() {
+    fn return_to_centre_below_friction_is_refused() {
         for (plateau, expected) in
             [(0.2, Verdict::Refuses), (0.3, Verdict::Warns), (0.5, Verdict::Holds)]
         {
@@ -506,7 +506,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reflected_rate_without_accommodation_lives_on_the_hand_alone() {
+    fn reflected_rate_without_accommodation_needs_the_hand() {
         let gains = AxisGains { accommodation: 0.0, ..AXIS.gains };
         let stiff = Axis { gains, ..AXIS };
         assert_eq!(verdict(&stiff, "rate reflection"), Verdict::Warns);

@@ -7,7 +7,7 @@
 
 use std::f64::consts::PI;
 
-/// What a rate command makes of contact, felt at the hand: `Z(s) = G / (s (s + a))`. Its real part is
+/// Contact felt through a rate command: the impedance at the hand is `Z(s) = G / (s (s + a))`. Its real part is
 /// negative at every frequency, so some damping is always needed; without accommodation none is enough
 /// (Parker, Salcudean and Lawrence 1993).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,7 +59,7 @@ pub fn steepest_centring(plateau: f64, deadband: f64) -> f64 {
     2.0 * plateau / deadband
 }
 
-/// How far from the centre a hand that was let go comes to rest, where the return force no longer
+/// Distance from the centre at which a released grip comes to rest, where the return force no longer
 /// overcomes friction: `sqrt(f_c/a)`, with the paper's `a = F0/DB²`. In m (rad). Infinite where even
 /// the plateau does not.
 pub fn rest_offset(plateau: f64, deadband: f64, friction: f64) -> f64 {
@@ -73,8 +73,8 @@ pub fn fastest_giving_way(period: f64, delay: u32) -> f64 {
     2.0 * (n * PI / (2.0 * n + 1.0)).cos() / period
 }
 
-/// How much of contact an object whose servo lags by `lag` s may give way to, the surface's damper `d_e`
-/// counted in: `K_FA (k_e T/2 + d_e) < coth(T/2τ)`. By Jury's test of the sampled loop
+/// Bound on accommodation of an object whose servo lags by `lag` s, the surface's damper `d_e` counted
+/// in: `K_FA (k_e T/2 + d_e) < coth(T/2τ)`. By Jury's test of the sampled loop
 ///
 /// ```text
 ///  v' = (1 - p) v - p K_FA (k_e x + d_e v),  x' = x + T v',  p = 1 - exp(-T/τ)
@@ -102,7 +102,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_rate_reflected_within_its_bound_dies_out_and_beyond_it_does_not(
+        fn reflected_rate_decays_within_its_bound_and_not_beyond(
             mass in 0.3..3.0_f64, damping in 2.0..20.0_f64, stiffness in 50.0..500.0_f64,
             giving_way in 0.0..20.0_f64
         ) {
@@ -117,7 +117,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn an_object_rests_on_a_damped_surface_within_its_bound_and_beyond_it_does_not(
+        fn object_rests_on_damped_surface_within_its_bound_only(
             stiffness in 10.0..1e4_f64, damping in 0.0..100.0_f64, lag in 0.0..0.02_f64
         ) {
             let period = 1e-3;
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn without_accommodation_no_damping_makes_a_reflected_rate_passive() {
+    fn reflected_rate_needs_accommodation_to_be_passive() {
         let reflection = RateReflection { gain: 1.0, giving_way: 0.0 };
         assert!(reflection.required_damping(1e-3, 0).is_infinite());
     }

@@ -12,7 +12,7 @@ use crate::arm::Arm;
 /// A Jacobian's entry this small moves nothing, in m or rad per rad.
 const NOTHING: f64 = 1e-9;
 
-/// What one joint's motion meets, and how finely it is counted.
+/// Friction of one joint, and the resolution of its encoder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointResistance {
     /// Dry friction, in N·m.
@@ -23,7 +23,7 @@ pub struct JointResistance {
     pub quantum: f64,
 }
 
-/// What a hand feels along or about one axis of the grip, in m and N or in rad and N·m.
+/// Mass, damping and friction along or about one axis of the grip, in m and N or in rad and N·m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Device {
     /// `1 / (J M⁻¹ Jᵀ)_ii`, in kg or kg·m²: what a force along the axis accelerates.
@@ -69,7 +69,7 @@ impl Device {
         }))
     }
 
-    /// What does not need the whole arm, from an axis's row of the Jacobian.
+    /// The quantities that follow from an axis's row of the Jacobian alone.
     fn without_mass(moved_by: &JointVector, joints: &[JointResistance; 6]) -> Self {
         let mut mobility = 0.0;
         let mut device = Self {
@@ -89,7 +89,7 @@ impl Device {
     }
 }
 
-/// What dry friction takes from joints at rates `qd`, in W.
+/// Power of dry friction at joint rates `qd`, in W.
 fn dry_power(qd: &JointVector, joints: &[JointResistance; 6]) -> f64 {
     qd.iter().zip(joints).map(|(rate, joint)| rate.abs() * joint.coulomb).sum()
 }

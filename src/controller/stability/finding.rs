@@ -1,8 +1,8 @@
-//! What a check of the gains comes to: an inequality, both its sides, and what follows.
+//! Result of one check of the gains: an inequality, both its sides, and the consequence.
 
 use std::fmt;
 
-/// What an inequality leads to.
+/// Consequence of an inequality.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
     /// It holds.
@@ -35,7 +35,7 @@ pub enum Culprit {
 pub struct Side {
     /// In symbols.
     pub symbols: String,
-    /// What it comes to.
+    /// Its value.
     pub value: f64,
     /// In which unit; empty where it has none.
     pub unit: &'static str,
@@ -44,24 +44,24 @@ pub struct Side {
 /// An inequality that gains must obey on one axis: the left side stays below the right.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
-    /// What it is about.
+    /// Subject of the inequality.
     pub name: &'static str,
     /// On which axis.
     pub axis: &'static str,
-    /// What must stay below
+    /// Side that must stay below `right`.
     pub left: Side,
-    /// this.
+    /// Side that `left` must stay below.
     pub right: Side,
-    /// Whether it does, and what follows.
+    /// Holds, is covered, or is refused.
     pub verdict: Verdict,
-    /// What it means; where the inequality does not hold, what covers it or why nothing does.
+    /// Meaning; where the inequality does not hold, the layer that covers it or the reason why none does.
     pub reason: String,
     /// The gain to change.
     pub culprit: Culprit,
 }
 
 impl Finding {
-    /// How much of the right side the left takes: above 1 where the inequality does not hold.
+    /// Ratio of the left side to the right: above 1 where the inequality does not hold.
     pub fn share(&self) -> f64 {
         self.left.value / self.right.value
     }

@@ -1,5 +1,4 @@
-//! Which gains are fit to be felt: the bounds of sampled force reflection, with both sides of every
-//! inequality.
+//! Gain check: the bounds of sampled force reflection, with both sides of every inequality.
 //!
 //! Not what watches the energy at run time. Linear, one axis at a time, at one posture:
 //!
@@ -12,10 +11,10 @@
 //! | [`push`]       | force with which torques push a hand                                     |
 //! | [`finding`]    | an inequality in words and numbers                                       |
 //!
-//! What is unstable whatever the hand does, or contradicts itself, is refused: an object that swings on
+//! Gains that are unstable with any hand, or contradict each other, are refused: an object that swings on
 //! a surface by itself, a return to centre that friction stops, a rate reflected that swings in the
-//! operator's hand, a law that asks for more damping than device, law and hand have together. What only
-//! costs strict passivity is a warning: the hand's own damping then keeps the loop quiet, as all hand
+//! operator's hand, a law that needs more damping than device, law and hand have together. Gains that only
+//! cost strict passivity are a warning: the hand's own damping then keeps the loop quiet, as all hand
 //! controllers of this kind rely on, and a passivity layer where there is one.
 
 pub mod axis;

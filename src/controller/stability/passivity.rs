@@ -1,4 +1,4 @@
-//! How much damping at the grip makes a sampled law passive: the condition of Colgate and Schenkel
+//! Damping at the grip that makes a sampled law passive: the condition of Colgate and Schenkel
 //! (1997), computed for any linear law.
 //!
 //! A law that holds the force `H(z)` times the sampled displacement against the hand, for one period
@@ -25,13 +25,13 @@ const RATIOS: u32 = 512;
 const DISTANCES: u32 = 128;
 const DISTANCES_PER_CYCLE: u32 = 32;
 
-/// No law waits for more cycles than these, however many are asked for.
-const MOST_CYCLES: u32 = 1_000;
+/// Maximum delay considered, in cycles.
+const MAX_DELAY_CYCLES: u32 = 1_000;
 
 /// Steps of the search around the worst angle: each leaves 62 % of the interval.
 const SHRINKINGS: u32 = 60;
 
-/// What a law makes of the grip's displacement before its delay.
+/// Force of a law from the grip's displacement, before its delay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law {
     /// A spring and a damper: `K + B (z - 1) / ((T + τ) z - τ)`.
@@ -56,7 +56,7 @@ pub enum Law {
 /// A law in a sampled loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampledLaw {
-    /// What is computed.
+    /// The law.
     pub law: Law,
     /// T, in s.
     pub period: f64,
@@ -91,8 +91,8 @@ impl SampledLaw {
         highest(condition, below, above).max(most)
     }
 
-    /// Whether the law comes to rest when the hand does: an object that is commanded by a rate and
-    /// does not give way never does, nor one that gives way too fast for its sampling.
+    /// Returns whether the law comes to rest when the hand does. An object commanded by a rate does not if it
+    /// gives no way, or gives way too fast for its sampling.
     fn settles(&self) -> bool {
         match self.law {
             Law::Impedance { .. } => true,
@@ -146,7 +146,7 @@ fn angles(delay: u32) -> Vec<f64> {
         angles.push(angle);
         angle *= ratio;
     }
-    let steps = DISTANCES + DISTANCES_PER_CYCLE * delay.min(MOST_CYCLES);
+    let steps = DISTANCES + DISTANCES_PER_CYCLE * delay.min(MAX_DELAY_CYCLES);
     angles.extend((1..=steps).map(|step| PI * f64::from(step) / f64::from(steps)));
     angles
 }
@@ -179,7 +179,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         #[test]
-        fn a_wall_needs_half_a_period_of_its_spring_and_all_of_its_damper(
+        fn wall_needs_half_a_period_of_spring_and_all_of_damper(
             k in 1.0..1e4_f64, b in -20.0..20.0_f64, period in 1e-4..1e-2_f64
         ) {
             let required = SampledLaw::impedance(k, b, period).required_damping();
@@ -229,7 +229,7 @@ mod tests {
         }
 
         #[test]
-        fn a_heavy_hand_swings_on_a_spring_with_less_damping_than_asked_for_and_not_with_more(
+        fn heavy_hand_swings_below_required_damping_and_not_above(
             k in 10.0..1e4_f64, period in 5e-4..5e-3_f64, delay in 0..5_u32
         ) {
             let law = SampledLaw { delay, ..SampledLaw::impedance(k, 0.0, period) };
@@ -250,7 +250,7 @@ mod tests {
         }
     }
 
-    /// How many times larger a swing has become after many, of a mass so heavy that the sampled spring
+    /// Growth of a swing after many periods, of a mass so heavy that the sampled spring
     /// `k` swings it in 63 periods, with damping `b`: exact between the samples.
     fn growth(k: f64, period: f64, delay: u32, b: f64) -> f64 {
         let mass = k * (period / 0.1).powi(2);

@@ -236,7 +236,7 @@ fn hazard_16_commissioning_proves_every_drive_and_names_the_one_that_holds_its_t
     assert!(report["lasting_ms"].as_f64().unwrap() <= 6.0, "{json}");
     assert_eq!(report["may_arm"], true, "{json}");
 
-    let (table, outcome) = proven(&scratch, &["--personality", "3=holds-torque"], &[]);
+    let (table, outcome) = proven(&scratch, &["--quirks", "3=holds-torque"], &[]);
     assert_eq!(outcome.code, Some(5), "{}", outcome.stderr);
     let reason = "joint 3 (elbow), node 3: kept its power stage on for 40 ms without RPDOs";
     assert!(outcome.stderr.contains(reason), "{}", outcome.stderr);
@@ -553,7 +553,7 @@ fn promise_12_a_boot_is_ended_by_a_signal_and_starts_no_drive() {
     let scratch = Scratch::new("boot-ended");
     let mut candump = Candump::of("vcan0");
     // A drive that takes its time: the others' boot costs none in virtual time, and would be over before the signal.
-    let slow = ["--personality", "elbow=slow-sdo"];
+    let slow = ["--quirks", "elbow=slow-sdo"];
     let sim = scratch.frhc(&[&["sim", "--config", CONFIG][..], &slow].concat());
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
     let run = scratch.frhc(&["run", "--config", CONFIG]);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::cli::bench::words;
-use crate::cli::personality::Personalities;
+use crate::cli::quirks::QuirkArgs;
 use crate::cli::rig::Calibrate;
 use run::configured::Configured;
 use run::interfaces::Interfaces;
@@ -56,7 +56,7 @@ pub(crate) struct Sim {
     #[arg(long, conflicts_with = "calibrate")]
     pub(super) json: bool,
     #[command(flatten)]
-    pub(super) personalities: Personalities,
+    pub(super) quirks: QuirkArgs,
     #[command(flatten)]
     pub(super) rig: Calibrate,
 }

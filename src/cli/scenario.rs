@@ -44,7 +44,7 @@ fn unknown(name: &str) -> Failure {
         format!("--scenario {name}: unknown scenario{meant}"),
         format!("scenarios: {}", of_folder(None)),
         format!("faults/: {}", of_folder(Some("faults"))),
-        format!("personalities/: {}", of_folder(Some("personalities"))),
+        format!("quirks/: {}", of_folder(Some("quirks"))),
         "or a file whose name ends in .toml".to_owned(),
     ];
     Failure::new(Kind::Usage, lines.join("\n"))

@@ -48,7 +48,7 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
             latency: DRIVE_LATENCY,
             tuning: tuning(joint, *number.entry(&inertias)),
         };
-        Drive::with(settings, &scenario.cast().of(number))
+        Drive::with(settings, &scenario.quirks().of(number))
     });
     let drivetrains = config.joints.each_ref().map(|joint| Drivetrain::new(&drivetrain(joint)));
     let switches = &config.switches;

@@ -39,4 +39,4 @@ pub mod session;
 pub mod window;
 
 #[cfg(test)]
-mod laws;
+mod tests;

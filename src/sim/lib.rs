@@ -1,25 +1,25 @@
-//! What does not exist: drives and switches on the bus, the arm they move, the hand that holds it, and
-//! what the commanded object can touch.
+//! The simulation: drives and switch box on the bus, the arm they move, the operator's hand, and the contact of the
+//! commanded object.
 //!
-//! Imports neither the controller nor the commanded side. Kinematics and dynamics are written here a
-//! second time, another way, and both are held against the values of independent programs: a mistake
-//! cannot cancel itself out.
+//! Imports neither the controller nor the commanded side. Kinematics and dynamics are a second, different implementation,
+//! compared with independent programs: an error in one cannot hide in the other.
 //!
-//! | file         | what                                                        |
-//! |--------------|-------------------------------------------------------------|
-//! | [`drive`]    | a CiA 402 drive: power states, limits, faults               |
-//! | [`motion`]   | its modes of operation                                      |
-//! | [`drivetrain`] | its motor and gear, up to the joint: lag, curve, play, heat |
-//! | [`personality`] | what real drives do at their worst                      |
-//! | [`switches`] | a CiA 401 input module                                      |
-//! | [`arm`]      | rigid-body kinematics and dynamics                          |
-//! | [`plant`]    | the arm in motion: friction, end stops, integration         |
-//! | [`person`]   | the operator: a [`hand`], its [`tremor`], its [`temperament`] |
-//! | [`scenario`] | what the operator does and what breaks, and when            |
-//! | [`fault`]    | what breaks, between devices and buses                      |
-//! | [`world`]    | all of it, as a station on the buses                        |
-//! | [`belief`]   | what each drive believes, and what is so                    |
-//! | [`rig`]      | one joint against a load cell, to calibrate                 |
+//! | module                | content                                                     |
+//! |-----------------------|-------------------------------------------------------------|
+//! | [`drive`]             | a CiA 402 drive: power states, limits, faults               |
+//! | [`motion`]            | its modes of operation                                      |
+//! | [`drivetrain`]        | motor and gear: lag, torque curve, backlash, heat           |
+//! | [`quirks`]            | deviations of real drives                                   |
+//! | [`switches`]          | a CiA 401 input module                                      |
+//! | [`arm`]               | rigid-body kinematics and dynamics                          |
+//! | [`plant`]             | the arm in motion: friction, end stops, integration         |
+//! | [`operator_model`]    | the operator: a [`hand`] and its [`tremor`]                 |
+//! | [`operator_settings`] | presets of the operator model                               |
+//! | [`scenario`]          | script of operator actions and faults                       |
+//! | [`fault`]             | faults between devices and buses                            |
+//! | [`world`]             | all of these as one station on the buses                    |
+//! | [`drive_view`]        | drive values beside the ground truth                        |
+//! | [`rig`]               | one joint against a load cell, for calibration              |
 //!
 //! ```
 //! use sim::scenario::Scenario;
@@ -33,22 +33,22 @@
 pub mod actuator;
 pub mod arm;
 mod beginning;
-pub mod belief;
 mod delay;
 pub mod drive;
+pub mod drive_view;
 pub mod drivetrain;
 pub mod fault;
 pub mod hand;
 pub mod motion;
 mod motors;
-pub mod person;
-pub mod personality;
+pub mod operator_model;
+pub mod operator_settings;
 pub mod plant;
+pub mod quirks;
 pub mod random;
 pub mod rig;
 pub mod scenario;
 pub mod switches;
-pub mod temperament;
 pub mod transmission;
 pub mod tremor;
 pub mod world;

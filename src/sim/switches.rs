@@ -64,8 +64,8 @@ impl SwitchBox {
     }
 
     /// Something is wrong with it for a moment; `register` has the bits of its class (1001h).
-    pub fn mention(&mut self, code: u16, register: u8) {
-        self.device.mention(code, register);
+    pub fn report_transient_error(&mut self, code: u16, register: u8) {
+        self.device.report_transient_error(code, register);
     }
 
     /// Its bus.

@@ -21,7 +21,7 @@ use crate::fault::Devices;
 use crate::fault::Faults;
 use crate::fault::Notice;
 use crate::motors::Motors;
-use crate::person::Person;
+use crate::operator_model::OperatorModel;
 use crate::plant;
 use crate::plant::Plant;
 use crate::scenario::Scenario;
@@ -70,7 +70,7 @@ pub struct World<M = Drive, I = SwitchBox> {
     motors: Motors,
     switches: I,
     plant: Plant,
-    person: Person,
+    operator: OperatorModel,
     faults: Faults,
     scenario: Scenario,
     /// Where the grip was at the start: what the scenario's movements are relative to.
@@ -99,7 +99,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
             switches,
             x_0_start: *plant.x_0_g(),
             plant,
-            person: Person::new(scenario.temperament(), seed),
+            operator: OperatorModel::new(scenario.operator_settings(), seed),
             faults: Faults::new(scenario.faults(), seed),
             scenario,
             beginning: Beginning::default(),
@@ -185,16 +185,16 @@ impl<M: Motor, I: Inputs> World<M, I> {
         }
         let t = self.begun().map_or(0.0, |begun| now.since(begun).as_secs_f64());
         let operator = self.scenario.operator(t);
-        let x_0_meant = self.meant(t - self.person.reaction());
+        let x_0_meant = self.meant(t - self.operator.reaction());
         let felt = self.plant.f_g_hand();
-        let grasp = self.person.act(dt, &x_0_meant, operator.is_holding, felt);
+        let grasp = self.operator.step(dt, &x_0_meant, operator.is_holding, felt);
         let hand = grasp.as_ref().map(|grasp| (&grasp.hand, &grasp.x_0_d));
         for h in plant::steps(dt) {
             let tau = self.motors.exert(h);
             self.plant.step(h, &tau, hand);
             self.motors.follow(self.plant.q(), self.plant.qd());
         }
-        let is_startled = self.person.is_startled();
+        let is_startled = self.operator.is_startled();
         let inputs = if is_startled { operator.hand_off() } else { operator.inputs };
         self.switches.set(self.faults.inputs(inputs));
         self.now = now;
@@ -342,7 +342,7 @@ mod tests {
     }
 
     impl Breakable for FakeMotor {
-        fn mention(&mut self, _: u16, _: u8) {}
+        fn report_transient_error(&mut self, _: u16, _: u8) {}
 
         fn channel(&self) -> Channel {
             LEADING
@@ -383,7 +383,7 @@ mod tests {
     }
 
     impl Breakable for FakeSwitches {
-        fn mention(&mut self, _: u16, _: u8) {}
+        fn report_transient_error(&mut self, _: u16, _: u8) {}
 
         fn channel(&self) -> Channel {
             LEADING
@@ -425,9 +425,9 @@ mod tests {
         scripted(seed, SCRIPT)
     }
 
-    /// The same, held by a hand of this temperament.
-    fn held_by(temperament: &str) -> World<FakeMotor, FakeSwitches> {
-        scripted(1, &format!("{SCRIPT}[hand]\ntemperament = \"{temperament}\"\n"))
+    /// Returns the scripted world with this operator preset.
+    fn with_preset(preset: &str) -> World<FakeMotor, FakeSwitches> {
+        scripted(1, &format!("{SCRIPT}[hand]\npreset = \"{preset}\"\n"))
     }
 
     fn scripted(seed: u64, script: &str) -> World<FakeMotor, FakeSwitches> {
@@ -553,8 +553,8 @@ mod tests {
 
     #[test]
     fn a_relaxed_hand_sets_out_late_and_the_steady_one_at_once() {
-        let moved = |temperament| {
-            let mut world = held_by(temperament);
+        let moved = |preset| {
+            let mut world = with_preset(preset);
             let start = world.x_0_start.translation.vector.y;
             run(&mut world, 0, 1_200);
             world.plant.x_0_g().translation.vector.y - start
@@ -564,7 +564,7 @@ mod tests {
 
     #[test]
     fn a_startled_hand_is_off_the_grip_and_off_the_deadman() {
-        let mut world = held_by("nervous");
+        let mut world = with_preset("nervous");
         run(&mut world, 0, 700);
         assert_eq!(world.switches.0, 0b01);
         assert_ne!(*world.plant.f_g_hand(), Wrench::ZERO);

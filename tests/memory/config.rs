@@ -317,9 +317,9 @@ fn no_section_has_an_array_that_is_cut_silently() {
         "src/config/raw.rs",
         "src/sim/scenario/mod.rs",
         "src/sim/scenario/operator.rs",
-        "src/sim/temperament.rs",
-        "src/sim/personality/cast.rs",
-        "src/sim/personality/quirk.rs",
+        "src/sim/operator_settings.rs",
+        "src/sim/quirks/assignment.rs",
+        "src/sim/quirks/quirk.rs",
     ] {
         let text = std::fs::read_to_string(file).unwrap();
         let mut in_section = false;

@@ -29,7 +29,7 @@ use node::Request;
 use node::cause::Cause;
 use node::record::Mode;
 use node::record::Record;
-use sim::personality::Quirk;
+use sim::quirks::Quirk;
 use sim::scenario::Scenario;
 use units::numbering::Joint;
 use units::numbering::NodeIndex;
@@ -41,7 +41,7 @@ const ELBOW: usize = 3;
 fn bench_of(config: &Config, faults: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) {
     let mut script = Scenario::parse(&format!("seconds = 9\n{faults}")).unwrap();
     let quirks = quirks.iter().map(|it| it.parse::<Quirk>().unwrap());
-    script.cast_mut().add(Joint::new(ELBOW).unwrap(), quirks);
+    script.quirks_mut().add(Joint::new(ELBOW).unwrap(), quirks);
     let wire = Wire::default();
     (Bench::new(config, script, 1, false, wire.clone()), wire)
 }
@@ -210,7 +210,11 @@ fn hazard_07_any_of_thirty_emergencies_stops_all_within_two_cycles_and_its_drive
     let (mut bench, _) = armed();
     for (place, code) in CODES.into_iter().enumerate() {
         let joint = place % 6 + 1;
-        bench.world_mut().drive_mut(Joint::new(joint).unwrap()).unwrap().mention(code, 0x01);
+        bench
+            .world_mut()
+            .drive_mut(Joint::new(joint).unwrap())
+            .unwrap()
+            .report_transient_error(code, 0x01);
         let (cycles, record) = cycles_to_zero(&mut bench);
         assert_eq!(record.cause, Some(Cause::Emergency { node: joint - 1, code }), "{code:04X}h");
         assert!(cycles <= 2, "{code:04X}h: {cycles}");
@@ -369,7 +373,11 @@ fn hazard_01_a_bus_on_which_no_drive_answers_is_named_and_no_joint() {
 #[test]
 fn arming_a_latched_node_is_refused_with_its_cause() {
     let (mut bench, _) = armed();
-    bench.world_mut().drive_mut(Joint::new(ELBOW).unwrap()).unwrap().mention(0x3210, 1);
+    bench
+        .world_mut()
+        .drive_mut(Joint::new(ELBOW).unwrap())
+        .unwrap()
+        .report_transient_error(0x3210, 1);
     until(&mut bench, |record| record.mode.is_stopped());
     let refused = bench.ask(Request::Arm).unwrap_err().to_string();
     assert!(refused.starts_with("stopped by joint 3: emergency 3210h"), "{refused}");

@@ -254,7 +254,7 @@ fn hazard_41_an_arm_that_is_believed_heavier_than_it_is_trips_when_it_rises_unhe
     let controller = controller::Settings { arm, ..believed.controller };
     let believed = believed.with_controller(controller);
     // A hand so soft that it hardly holds.
-    let script = "seconds = 10\n[hand]\ntemperament = \"relaxed\"\n\
+    let script = "seconds = 10\n[hand]\npreset = \"relaxed\"\n\
         [[console]]\nat_s = 0.1\nrequest = \"arm\"\n";
     let script = Scenario::parse(script).unwrap();
     let mut bench = Bench::in_world_of(&config(KRAFT), &believed, script.clone(), 1, false, ());

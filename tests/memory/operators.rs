@@ -1,4 +1,4 @@
-//! Operators of different temperaments, and rough surfaces, in the whole loop on the in-memory bus.
+//! Operator presets, and rough surfaces, in the whole loop on the in-memory bus.
 #![allow(
     clippy::float_cmp,
     clippy::panic,
@@ -43,12 +43,12 @@ fn summary(config: &str, scenario: Scenario, mut felt: impl FnMut(Vector3<f64>))
 
 #[test]
 fn whoever_holds_the_grip_feels_the_wall_and_nothing_stops_the_arm() {
-    let felt = ["relaxed", "firm", "nervous"].map(|temperament| {
-        let hand = format!("[hand]\ntemperament = \"{temperament}\"\n");
+    let felt = ["relaxed", "firm", "nervous"].map(|preset| {
+        let hand = format!("[hand]\npreset = \"{preset}\"\n");
         let summary = summary(CONFIG, going("[0.08, 0.0, 0.0]", &hand), |_| {});
-        assert_eq!(summary.missing_samples, 0, "{temperament}: {summary}");
-        assert_eq!(summary.stopped_by, None, "{temperament}");
-        assert!(summary.contact_seconds > 0.5, "{temperament}: {summary}");
+        assert_eq!(summary.missing_samples, 0, "{preset}: {summary}");
+        assert_eq!(summary.stopped_by, None, "{preset}");
+        assert!(summary.contact_seconds > 0.5, "{preset}: {summary}");
         summary.peak_felt_force_n
     });
     let [relaxed, firm, _] = felt;

@@ -209,8 +209,7 @@ fn options_are_refused_where_they_do_nothing() {
 
 #[test]
 fn an_unknown_scenario_lists_those_there_are() {
-    let listed =
-        ["contact_10s", "stiff-wall", "faults/: ", "unplug", "personalities/: ", "slow-sdo"];
+    let listed = ["contact_10s", "stiff-wall", "faults/: ", "unplug", "quirks/: ", "slow-sdo"];
     is_refused(&["demo", "--scenario", "nope"], 2, &listed);
     is_refused(&["demo", "--scenario", "unplug"], 2, &["unknown scenario; there is faults/unplug"]);
     is_refused(&["demo", "--scenario", "nope.toml"], 3, &["nope.toml: No such file"]);
@@ -219,7 +218,7 @@ fn an_unknown_scenario_lists_those_there_are() {
 #[test]
 fn scenarios_are_known_outside_the_repository() {
     let folder = folder("terminal", "elsewhere");
-    for scenario in ["faults/unplug", "personalities/vague-aborts", "contact_10s"] {
+    for scenario in ["faults/unplug", "quirks/vague-aborts", "contact_10s"] {
         let mut command = Command::new(crate::common::program());
         command.args(["demo", "--seconds", "0.2", "--scenario", scenario]).current_dir(&folder);
         let output = command.output().unwrap();

@@ -5,7 +5,7 @@
 
 use crate::abort::AbortCode;
 use crate::device::Application;
-use crate::device::Manners;
+use crate::device::Misbehaviour;
 use crate::device::clock;
 use crate::device::heartbeat;
 use crate::device::history;
@@ -25,7 +25,7 @@ use crate::object::Object;
 pub(super) struct Objects<'a, A> {
     pub(super) dictionary: &'a mut Dictionary,
     pub(super) application: &'a mut A,
-    pub(super) manners: &'a Manners,
+    pub(super) misbehaviour: &'a Misbehaviour,
     /// What was written.
     pub(super) written: Option<Object>,
 }
@@ -47,13 +47,13 @@ impl<A: Application> Access for Objects<'_, A> {
         if !entry.access.is_writable() {
             return Err(AbortCode::READ_ONLY);
         }
-        self.manners.may_write(object)?;
+        self.misbehaviour.check_write(object)?;
         Ok(entry.size())
     }
 
     fn write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
-        self.may_write(object, bytes)?;
-        if self.manners.ignores(object) {
+        self.check_write(object, bytes)?;
+        if self.misbehaviour.ignores(object) {
             return Ok(());
         }
         if !self.dictionary.set(object, bytes) {
@@ -65,11 +65,11 @@ impl<A: Application> Access for Objects<'_, A> {
     }
 
     fn tells_sizes(&self) -> bool {
-        !self.manners.hides_sizes
+        !self.misbehaviour.hides_sizes
     }
 
     fn reason(&self, code: AbortCode) -> AbortCode {
-        self.manners.excuse(code)
+        self.misbehaviour.abort_code(code)
     }
 }
 
@@ -83,13 +83,13 @@ impl<A: Application> Objects<'_, A> {
 
     /// Whether `object` may be written with `bytes` now, which have its size: by the rules of CiA 301, its
     /// limits, and the application.
-    fn may_write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
+    fn check_write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
         follows_rules(self.dictionary, object, bytes)?;
         self.entry(object)?.in_range(bytes).map_err(|outside| match outside {
             OutOfRange::Below => AbortCode::VALUE_TOO_LOW,
             OutOfRange::Above => AbortCode::VALUE_TOO_HIGH,
         })?;
-        self.application.may_write(self.dictionary, object, bytes)
+        self.application.check_write(self.dictionary, object, bytes)
     }
 }
 
@@ -99,7 +99,7 @@ impl<A: Application> Objects<'_, A> {
 /// When a value is not to be written, or not now.
 fn follows_rules(dictionary: &Dictionary, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
     if let Some(place) = Place::of(object) {
-        return place.may_write(dictionary, object, bytes);
+        return place.check_write(dictionary, object, bytes);
     }
     let Ok(value) = u32::try_from(number(bytes)) else { return Ok(()) };
     match object {
@@ -108,7 +108,7 @@ fn follows_rules(dictionary: &Dictionary, object: Object, bytes: &[u8]) -> Resul
         Object::SYNC_OVERFLOW => sync::may_count(dictionary, value),
         Object::TIME_COB_ID => clock::may_listen(dictionary.unsigned(object), value),
         Object::EMCY_COB_ID => may_change_cob_id(dictionary.unsigned(object), value),
-        Object::STORE_PARAMETERS | Object::RESTORE_DEFAULTS => store::may_write(object, value),
+        Object::STORE_PARAMETERS | Object::RESTORE_DEFAULTS => store::check_write(object, value),
         Object { index, .. } if index == Object::CONSUMER_HEARTBEAT.index => {
             heartbeat::may_watch(dictionary, object, value)
         }

@@ -13,7 +13,7 @@ pub trait Application {
     ///
     /// # Errors
     /// When it may not, and why.
-    fn may_write(
+    fn check_write(
         &mut self,
         _dictionary: &Dictionary,
         _object: Object,

@@ -103,7 +103,12 @@ impl Errors {
 
     /// Something was wrong and is no more: told, and in the history, but not in 1001h. `register` says of
     /// what class it was.
-    pub(super) fn mention(&mut self, code: u16, register: u8, dictionary: &mut Dictionary) {
+    pub(super) fn report_transient_error(
+        &mut self,
+        code: u16,
+        register: u8,
+        dictionary: &mut Dictionary,
+    ) {
         history::remember(code, dictionary);
         self.queue(code, self.register() | register, [0; 5]);
     }

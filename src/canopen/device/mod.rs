@@ -12,11 +12,9 @@ mod errors;
 mod guarding;
 mod heartbeat;
 mod history;
-#[cfg(test)]
-mod laws;
 mod lss;
-mod manners;
 mod mapping;
+mod misbehaviour;
 mod parameter;
 mod process;
 mod rpdo;
@@ -25,12 +23,14 @@ mod settings;
 mod states;
 mod store;
 mod sync;
+#[cfg(test)]
+mod tests;
 mod tpdo;
 
 pub use application::Application;
 pub use application::ConnectionLoss;
 pub use application::Reset;
-pub use manners::Manners;
+pub use misbehaviour::Misbehaviour;
 
 use std::time::Duration;
 
@@ -70,7 +70,7 @@ pub struct Device<A> {
     errors: Errors,
     heartbeat: Heartbeat,
     guarding: Guarding,
-    manners: Manners,
+    misbehaviour: Misbehaviour,
     /// The application's objects may have changed since they were last looked at.
     is_touched: bool,
 }
@@ -94,7 +94,7 @@ impl<A: Application> Device<A> {
             errors: Errors::default(),
             heartbeat: Heartbeat::default(),
             guarding: Guarding::default(),
-            manners: Manners::default(),
+            misbehaviour: Misbehaviour::default(),
             is_touched: false,
             dictionary,
             application,
@@ -137,8 +137,8 @@ impl<A: Application> Device<A> {
 
     /// Something is wrong for a moment: an emergency tells of it with the next [`on_time`](Self::on_time),
     /// with the bits of its class in an error register, and the history has it.
-    pub fn mention(&mut self, code: u16, register: u8) {
-        self.errors.mention(code, register, &mut self.dictionary);
+    pub fn report_transient_error(&mut self, code: u16, register: u8) {
+        self.errors.report_transient_error(code, register, &mut self.dictionary);
     }
 
     /// Takes one received frame; frames to send are appended to `out`.

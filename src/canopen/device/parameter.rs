@@ -84,7 +84,7 @@ impl Place {
     ///
     /// # Errors
     /// When it may not, and why.
-    pub(super) fn may_write(
+    pub(super) fn check_write(
         self,
         dictionary: &Dictionary,
         object: Object,

@@ -14,8 +14,8 @@ use units::time::Instant;
 
 impl<A: Application> Device<A> {
     pub(super) fn serve(&mut self, now: Instant, request: [u8; 8], out: &mut Vec<Frame>) {
-        let Self { dictionary, application, manners, .. } = self;
-        let mut objects = Objects { dictionary, application, manners, written: None };
+        let Self { dictionary, application, misbehaviour, .. } = self;
+        let mut objects = Objects { dictionary, application, misbehaviour, written: None };
         self.sdo.serve(now, request, &mut objects, out);
         if let Some(object) = objects.written {
             self.follow(now, object);

@@ -13,7 +13,7 @@ use crate::object::Object;
 ///
 /// # Errors
 /// For another signature than the object's own.
-pub(super) fn may_write(object: Object, value: u32) -> Result<(), AbortCode> {
+pub(super) fn check_write(object: Object, value: u32) -> Result<(), AbortCode> {
     let signature = match object {
         Object::STORE_PARAMETERS => SAVE,
         Object::RESTORE_DEFAULTS => LOAD,

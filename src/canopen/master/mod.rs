@@ -445,4 +445,4 @@ fn telegram(slave: &Slave, command: NmtCommand) -> Telegram {
 }
 
 #[cfg(test)]
-mod laws;
+mod tests;

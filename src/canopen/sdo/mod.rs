@@ -35,14 +35,14 @@ mod block_download;
 mod block_upload;
 mod content;
 mod crc;
-#[cfg(test)]
-mod laws;
 mod queue;
 mod receiver;
 mod segmented;
 mod sender;
 mod step;
 mod terms;
+#[cfg(test)]
+mod tests;
 mod transfer;
 
 pub use content::Content;

@@ -31,7 +31,7 @@ use run::print;
 use run::signals;
 use run::signals::Inquiries;
 use run::time_line;
-use sim::belief::Report;
+use sim::drive_view::Report;
 use sim::fault::Notice;
 use sim::scenario::fault::Whom;
 use sim::world::World;
@@ -45,7 +45,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
         return rig::run(&args.rig, &config, joint, args.seed);
     }
     let mut scenario = scenario::load(&args.scenario)?;
-    args.personalities.cast(&config, scenario.cast_mut())?;
+    args.quirks.assign(&config, scenario.quirks_mut())?;
     if scenario.faults().iter().any(|fault| fault.whom == Whom::Link) {
         tracing::warn!("faults of the link have no effect: the commanded side is the node's");
     }

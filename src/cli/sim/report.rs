@@ -1,4 +1,4 @@
-//! What each drive believes, as a table for people or as one JSON object on one line.
+//! Drive views as a table, or as one JSON object per line.
 
 use canopen::error_codes;
 use canopen::frame::Channel;
@@ -7,9 +7,9 @@ use canopen_tools::words::mode_of_operation;
 use config::Config;
 use config::Joint;
 use controller::arm::JointKind;
-use sim::belief::Axis;
-use sim::belief::Belief;
-use sim::belief::Report;
+use sim::drive_view::Axis;
+use sim::drive_view::DriveView;
+use sim::drive_view::Report;
 use units::time::Instant;
 
 /// When, what the columns are, and a row for each drive.
@@ -42,7 +42,7 @@ fn columns() -> String {
 }
 
 fn row(config: &Config, joint: &Joint, axis: &Axis) -> String {
-    let Axis { belief, position, torque } = axis;
+    let Axis { view, position, torque } = axis;
     let (length, force) = match joint.link.kind {
         JointKind::Revolute => ("rad", "N·m"),
         JointKind::Prismatic => ("m", "N"),
@@ -50,18 +50,18 @@ fn row(config: &Config, joint: &Joint, axis: &Axis) -> String {
     format!(
         "{:<12} {:<10} {:>4} {:<15} {:<22} {:<27} {:>+9.4} {:>+9.4} {:>11} {:>6.1} {:>11} {:>12} {}",
         joint.name,
-        bus(config, belief),
-        belief.node.raw(),
-        nmt::words(belief.nmt),
-        belief.state.words(),
-        mode_of_operation(belief.mode),
-        belief.demanded,
-        belief.exerted,
-        belief.counts,
-        belief.temperature,
+        bus(config, view),
+        view.node.raw(),
+        nmt::words(view.nmt),
+        view.state.words(),
+        mode_of_operation(view.mode),
+        view.demand_torque,
+        view.actual_torque,
+        view.position_counts,
+        view.temperature,
         format!("{position:+.4} {length}"),
         format!("{torque:+.3} {force}"),
-        last_error(belief.error),
+        last_error(view.error),
     )
 }
 
@@ -73,22 +73,22 @@ pub(super) fn json(config: &Config, report: &Report) -> serde_json::Value {
 }
 
 fn drive(config: &Config, number: u8, joint: &Joint, axis: &Axis) -> serde_json::Value {
-    let Axis { belief, position, torque } = axis;
+    let Axis { view, position, torque } = axis;
     let mut drive = serde_json::json!({
         "joint": number,
         "name": joint.name,
-        "bus": bus(config, belief),
-        "node": belief.node.raw(),
-        "nmt": nmt::words(belief.nmt),
-        "state": belief.state.words(),
-        "mode": belief.mode,
-        "mode_name": mode_of_operation(belief.mode),
-        "torque_demanded_nm": belief.demanded,
-        "torque_actual_nm": belief.exerted,
-        "position_counts": belief.counts,
-        "temperature_c": belief.temperature,
-        "last_error": belief.error,
-        "last_error_name": last_error_name(belief.error),
+        "bus": bus(config, view),
+        "node": view.node.raw(),
+        "nmt": nmt::words(view.nmt),
+        "state": view.state.words(),
+        "mode": view.mode,
+        "mode_name": mode_of_operation(view.mode),
+        "torque_demanded_nm": view.demand_torque,
+        "torque_actual_nm": view.actual_torque,
+        "position_counts": view.position_counts,
+        "temperature_c": view.temperature,
+        "last_error": view.error,
+        "last_error_name": last_error_name(view.error),
     });
     let [position_key, torque_key] = match joint.link.kind {
         JointKind::Revolute => ["joint_position_rad", "joint_torque_nm"],
@@ -105,8 +105,8 @@ fn seconds(report: &Report) -> f64 {
     report.at.since(Instant::ZERO).as_secs_f64()
 }
 
-fn bus<'c>(config: &'c Config, belief: &Belief) -> &'c str {
-    let Channel(place) = belief.channel;
+fn bus<'c>(config: &'c Config, view: &DriveView) -> &'c str {
+    let Channel(place) = view.channel;
     config.buses.get(usize::from(place)).map_or("?", |bus| bus.name.as_str())
 }
 

@@ -63,7 +63,7 @@ pub(super) struct Axis {
 }
 
 impl Application for Axis {
-    fn may_write(
+    fn check_write(
         &mut self,
         dictionary: &Dictionary,
         object: Object,

@@ -1,25 +1,23 @@
-//! A CiA 402 drive, with the dangerous defaults of real ones: out of the box it watches nobody and holds
-//! its last torque for ever.
+//! A CiA 402 drive with the unsafe defaults of real ones: no heartbeat consumer, and the last torque is held when the
+//! master is lost.
 //!
-//! The motor is no part of it: the plant says where the joint is and asks for its torque.
+//! The motor is not part of it: the plant supplies the joint position and reads the torque demand.
 //!
 //! | file        | what                                                              |
 //! |-------------|-------------------------------------------------------------------|
-//! | `axis`      | dictionary, power stage, modes and limits, put together           |
-//! | `power`     | states and transitions                                            |
-//! | `task`      | what is done with the motor in which state                        |
-//! | `options`   | what the option codes mean                                        |
-//! | `stop`      | a stop that takes its time                                        |
-//! | `limits`    | the most torque, the highest speed                                |
+//! | `axis`      | the CiA 402 application: power stage, modes and limits            |
+//! | `power`     | power drive system states and transitions                         |
+//! | `task`      | motor task (off, follow, stop) of each state                      |
+//! | `options`   | option codes                                                      |
+//! | `stop`      | a stop on a ramp                                                  |
+//! | `limits`    | torque and speed limits                                           |
 //! | `monitor`   | temperature, voltage, speed: faults and warnings                  |
-//! | `inputs`    | its terminals, and safe torque off                                |
-//! | `servo`     | when its loops run                                                |
-//! | `status`    | what it tells of itself                                           |
+//! | `inputs`    | digital inputs, safe torque off                                   |
+//! | `servo`     | timing of the control loops                                       |
+//! | `status`    | actual values and statusword                                      |
 
 mod axis;
 mod inputs;
-#[cfg(test)]
-mod laws;
 mod limits;
 mod monitor;
 mod options;
@@ -28,6 +26,8 @@ mod servo;
 mod status;
 mod stop;
 mod task;
+#[cfg(test)]
+mod tests;
 
 use std::time::Duration;
 
@@ -37,10 +37,10 @@ use crate::drive::monitor::Monitor;
 use crate::drivetrain::Sensed;
 use crate::motion::Feedback;
 use crate::motion::Tuning;
-use crate::personality;
-use crate::personality::Makeup;
-use crate::personality::Personality;
-use crate::personality::Wire;
+use crate::quirks::QuirkEffects;
+use crate::quirks::Quirks;
+use crate::quirks::TransmitPath;
+use crate::quirks::start_running;
 use canopen::NmtCommand;
 use canopen::NmtState;
 use canopen::NodeId;
@@ -54,171 +54,171 @@ use canopen::nmt::Order;
 use canopen::station::Station;
 use units::time::Instant;
 
-/// What one drive is made of.
+/// Settings of one drive.
 #[derive(Clone, Debug)]
 pub struct DriveSettings {
-    /// Its bus.
+    /// CAN bus.
     pub channel: Channel,
-    /// Where it is on it.
+    /// Node-ID.
     pub node: NodeId,
-    /// Its objects, with their defaults.
+    /// Object dictionary with default values.
     pub dictionary: Dictionary,
-    /// Its motor, gear and encoder.
+    /// Motor, gear and encoder.
     pub actuator: ActuatorSettings,
-    /// How long after the SYNC its TPDOs are sent.
+    /// Time from a SYNC to the TPDOs sampled at it.
     pub latency: Duration,
-    /// What its servo knows of what it moves.
+    /// Servo tuning: inertia and friction of the load.
     pub tuning: Tuning,
 }
 
-/// One drive.
+/// A simulated CiA 402 drive.
 #[derive(Clone, Debug)]
 pub struct Drive {
     channel: Channel,
     is_on: bool,
     is_plugged: bool,
     device: Device<Axis>,
-    wire: Wire,
-    /// What the device has said, and what of it has reached the bus; kept, so that nothing is allocated.
+    transmit_path: TransmitPath,
+    /// Frames from the device; a buffer, so that a cycle does not allocate.
     frames: Vec<Frame>,
-    said: Vec<Frame>,
+    /// Frames out of the transmit path; a buffer, too.
+    sent: Vec<Frame>,
 }
 
 impl Drive {
-    /// A drive that is switched on.
+    /// Creates a drive at power-up.
     pub fn new(settings: DriveSettings) -> Self {
-        Self::with(settings, &Personality::default())
+        Self::with(settings, &Quirks::default())
     }
 
-    /// The same, with a personality.
-    pub fn with(settings: DriveSettings, personality: &Personality) -> Self {
+    /// Creates a drive with `quirks` at power-up.
+    pub fn with(settings: DriveSettings, quirks: &Quirks) -> Self {
         let DriveSettings { channel, node, dictionary, actuator, latency, tuning } = settings;
-        let Makeup { dictionary, manners, habits, torque_at_start } =
-            Makeup::of(personality, dictionary, node);
+        let QuirkEffects { dictionary, misbehaviour, frames, torque_at_start } =
+            QuirkEffects::of(quirks, dictionary, node);
         let axis = Axis::new(&actuator, tuning);
-        let mut device = Device::new(node, dictionary, axis, latency).behaving(manners);
+        let mut device =
+            Device::new(node, dictionary, axis, latency).with_misbehaviour(misbehaviour);
         if let Some(torque) = torque_at_start {
-            device.touch(|axis, dictionary| personality::begin(torque, axis, dictionary));
+            device.touch(|axis, dictionary| start_running(torque, axis, dictionary));
         }
         Self {
             channel,
             is_on: true,
             is_plugged: true,
             device,
-            wire: Wire::new(habits),
+            transmit_path: TransmitPath::new(frames),
             frames: Vec::with_capacity(FRAMES),
-            said: Vec::with_capacity(FRAMES),
+            sent: Vec::with_capacity(FRAMES),
         }
     }
 
-    /// Its bus.
+    /// Returns the CAN bus.
     pub const fn channel(&self) -> Channel {
         self.channel
     }
 
-    /// Where it is on its bus.
+    /// Returns the node-ID.
     pub const fn node(&self) -> NodeId {
         self.device.node()
     }
 
-    /// Whether it may communicate.
+    /// Returns the NMT state.
     pub const fn nmt_state(&self) -> NmtState {
         self.device.state()
     }
 
-    /// The state of its power stage.
+    /// Returns the state of the power drive system.
     pub const fn state(&self) -> State {
         self.device.application().state()
     }
 
-    /// The mode of operation in force (6061h), 0 for none.
+    /// Returns the active mode of operation (6061h), 0 for none.
     pub const fn mode(&self) -> i8 {
         self.device.application().mode()
     }
 
-    /// What it asks of its motor, in ‰ of rated torque.
+    /// Returns the torque demand, in ‰ of rated torque.
     pub const fn demand(&self) -> f64 {
         self.device.application().demand()
     }
 
-    /// What it believes its motor does.
+    /// Returns the feedback of motor and encoder.
     pub const fn feedback(&self) -> &Feedback {
         self.device.application().feedback()
     }
 
-    /// Of its winding, in °C.
+    /// Returns the winding temperature, in °C.
     pub const fn temperature(&self) -> f64 {
         self.device.application().monitor().temperature
     }
 
-    /// The code of the last error (603Fh), 0 for none since power-up or reset.
+    /// Returns the error code (603Fh), 0 for none since power-up or reset.
     pub const fn last_error(&self) -> u16 {
         self.device.application().last_error()
     }
 
-    /// Its objects, as they are now.
+    /// Returns the object dictionary.
     pub const fn dictionary(&self) -> &Dictionary {
         self.device.dictionary()
     }
 }
 
-/// What happens to it.
+/// Inputs from plant and faults.
 impl Drive {
-    /// What its motor does now.
+    /// Updates the motor and encoder values.
     pub fn sense(&mut self, sensed: &Sensed) {
         self.device.touch(|axis, dictionary| axis.sense(sensed, dictionary));
     }
 
-    /// Something breaks in the drive that only its statusword tells of.
+    /// Puts the drive in Fault without an EMCY.
     pub fn fail(&mut self) {
         self.fail_with(0);
     }
 
-    /// Something breaks in the drive, and an emergency tells of it with this error code; 0 for none.
+    /// Puts the drive in Fault and sends an EMCY with this error code, unless it is 0.
     pub fn fail_with(&mut self, code: u16) {
         self.device.touch(|axis, dictionary| axis.fail(code, dictionary));
     }
 
-    /// Something is wrong with it for a moment, and nothing follows but an emergency; `register` has the
-    /// bits of its class (1001h).
-    pub fn mention(&mut self, code: u16, register: u8) {
-        self.device.mention(code, register);
+    /// Sends an EMCY for a condition that passes by itself; no other reaction. `register` holds its bits of 1001h.
+    pub fn report_transient_error(&mut self, code: u16, register: u8) {
+        self.device.report_transient_error(code, register);
     }
 
-    /// Levels at its terminals (60FDh): bit 0 negative limit switch, 1 positive limit switch, 2 home switch,
-    /// 16 to 31 the maker's own. Bit 3 is safe torque off and is not set by this.
+    /// Sets the digital inputs (60FDh): bit 0 negative limit switch, 1 positive limit switch, 2 home switch,
+    /// 16 to 31 manufacturer-specific. Bit 3 (safe torque off) is not changed.
     pub fn set_inputs(&mut self, levels: u32) {
         self.observe(|monitor| monitor.inputs.levels = levels);
     }
 
-    /// Safe torque off is asked for, or no longer. It takes the torque at once and is a fault, which stays
-    /// until it is reset.
+    /// Requests or releases safe torque off: removes the torque at once and latches a fault until a fault reset.
     pub fn set_safe_torque_off(&mut self, is_torque_off: bool) {
         self.observe(|monitor| monitor.inputs.is_torque_off = is_torque_off);
     }
 
-    /// The voltage of its DC link, in V: 48 when nothing is wrong, a fault below 36 and above 60.
+    /// Sets the DC link voltage, in V: nominal 48, fault below 36 and above 60.
     pub fn set_link_voltage(&mut self, volts: f64) {
         self.observe(|monitor| monitor.link_voltage = volts);
     }
 
-    /// Takes it off its bus: it hears and says nothing any more, and does what it does without its master.
+    /// Disconnects the drive from its bus. It keeps its power.
     pub const fn unplug(&mut self) {
         self.is_plugged = false;
     }
 
-    /// Puts it back on its bus, as it is.
+    /// Connects the drive to its bus again.
     pub const fn plug(&mut self) {
         self.is_plugged = true;
     }
 
-    /// Takes its power: it has no torque, hears nothing and says nothing.
+    /// Removes the power: no torque, no communication.
     pub fn switch_off(&mut self) {
         self.is_on = false;
         self.device.touch(Axis::switch_off);
     }
 
-    /// Puts it back on its bus and switches it off and on, so that it boots up.
+    /// Connects the drive and cycles its power: it boots.
     pub fn switch_on(&mut self, now: Instant) {
         self.is_on = true;
         self.plug();
@@ -236,18 +236,22 @@ impl Drive {
 
     fn send(&mut self, now: Instant, out: &mut Vec<Telegram>) {
         let channel = self.channel;
-        self.wire.carry(now, &self.device, self.frames.drain(..), &mut self.said);
-        let said = self.said.drain(..).filter(|_| self.is_plugged);
-        out.extend(said.map(|frame| Telegram { channel, frame }));
+        self.transmit_path.forward(now, &self.device, self.frames.drain(..), &mut self.sent);
+        let sent = self.sent.drain(..).filter(|_| self.is_plugged);
+        out.extend(sent.map(|frame| Telegram { channel, frame }));
     }
 }
 
-/// Room for what a device says at once.
+/// Capacity of the frame buffers.
 const FRAMES: usize = 8;
 
 impl Station for Drive {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
-        if channel == self.channel && self.is_plugged && self.is_on && self.wire.hears(now) {
+        if channel == self.channel
+            && self.is_plugged
+            && self.is_on
+            && self.transmit_path.is_receiving(now)
+        {
             self.device.on_frame(now, frame, &mut self.frames);
             self.send(now, out);
         }
@@ -262,7 +266,7 @@ impl Station for Drive {
 
     fn deadline(&self) -> Option<Instant> {
         let unsent = (!self.frames.is_empty()).then_some(Instant::ZERO);
-        let own = self.device.deadline().into_iter().chain(self.wire.deadline());
+        let own = self.device.deadline().into_iter().chain(self.transmit_path.deadline());
         unsent.into_iter().chain(own).min().filter(|_| self.is_on)
     }
 }

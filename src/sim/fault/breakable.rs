@@ -31,7 +31,7 @@ pub trait Breakable: Station {
     fn switch_on(&mut self, now: Instant);
 
     /// It tells of an error, of the class `register` (1001h), and nothing follows.
-    fn mention(&mut self, code: u16, register: u8);
+    fn report_transient_error(&mut self, code: u16, register: u8);
 
     /// It fails with an error code, 0 for none, if it has anything to fail.
     fn fail_with(&mut self, _code: u16) {}
@@ -66,8 +66,8 @@ impl Breakable for Drive {
         self.switch_on(now);
     }
 
-    fn mention(&mut self, code: u16, register: u8) {
-        self.mention(code, register);
+    fn report_transient_error(&mut self, code: u16, register: u8) {
+        self.report_transient_error(code, register);
     }
 
     fn fail_with(&mut self, code: u16) {
@@ -96,8 +96,8 @@ impl Breakable for SwitchBox {
         self.switch_on(now);
     }
 
-    fn mention(&mut self, code: u16, register: u8) {
-        self.mention(code, register);
+    fn report_transient_error(&mut self, code: u16, register: u8) {
+        self.report_transient_error(code, register);
     }
 }
 

@@ -9,9 +9,9 @@
 
 mod breakable;
 mod held;
-#[cfg(test)]
-mod laws;
 mod running;
+#[cfg(test)]
+mod tests;
 mod wiring;
 
 pub use breakable::Breakable;
@@ -205,7 +205,8 @@ impl Faults {
             match fault.kind {
                 Kind::Cut(Cut::Plug) if is_back => device.switch_on(now),
                 Kind::Cut(Cut::BusOff) if is_back => {
-                    device.mention(error_codes::RECOVERED_FROM_BUS_OFF, COMMUNICATION);
+                    device
+                        .report_transient_error(error_codes::RECOVERED_FROM_BUS_OFF, COMMUNICATION);
                 }
                 Kind::Trouble(Trouble::SafeTorqueOff) if fault.whom.has(place) => {
                     device.set_safe_torque_off(false);
@@ -231,7 +232,9 @@ impl Faults {
                     device.switch_off();
                     device.switch_on(now);
                 }
-                Trouble::Emergency { code, register } => device.mention(code, register),
+                Trouble::Emergency { code, register } => {
+                    device.report_transient_error(code, register);
+                }
                 Trouble::Fails(code) => device.fail_with(code),
                 Trouble::SafeTorqueOff => device.set_safe_torque_off(true),
             }

@@ -188,48 +188,48 @@ const LONGEST: f64 = 10.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::bench::Bench;
-    use crate::motion::bench::ENABLED;
-    use crate::motion::bench::HALT;
+    use crate::motion::fixture::ENABLED;
+    use crate::motion::fixture::Fixture;
+    use crate::motion::fixture::HALT;
+    use crate::motion::fixture::put;
     use crate::motion::rotor::Rotor;
-    use crate::motion::tests::put;
 
     const POSITION: i8 = 8;
     const VELOCITY: i8 = 9;
 
-    fn bench(mode: i8) -> Bench {
-        Bench::with(mode, Rotor { coulomb: 30.0, ..Rotor::default() }, |_| {})
+    fn fixture(mode: i8) -> Fixture {
+        Fixture::with(mode, Rotor { coulomb: 30.0, ..Rotor::default() }, |_| {})
     }
 
     /// One SYNC, and `period` ms after it.
-    fn cycle(bench: &mut Bench, object: Object, set_point: i32, period: u32) {
-        bench.put(object, set_point);
-        bench.sync();
-        bench.run(period);
+    fn cycle(fixture: &mut Fixture, object: Object, set_point: i32, period: u32) {
+        fixture.put(object, set_point);
+        fixture.sync();
+        fixture.run(period);
     }
 
     #[test]
     fn an_old_set_point_moves_nothing_until_a_sync_says_so() {
-        let mut bench = Bench::with(POSITION, Rotor::default(), |dictionary| {
+        let mut fixture = Fixture::with(POSITION, Rotor::default(), |dictionary| {
             put(dictionary, Object::TARGET_POSITION, 1_000);
         });
-        bench.run(100);
-        assert!(bench.position().abs() < 5);
-        bench.sync();
-        bench.run(1_000);
-        assert!((bench.position() - 1_000).abs() < 50);
+        fixture.run(100);
+        assert!(fixture.position().abs() < 5);
+        fixture.sync();
+        fixture.run(1_000);
+        assert!((fixture.position() - 1_000).abs() < 50);
     }
 
     #[test]
     fn between_two_set_points_the_demand_goes_straight() {
-        let mut bench = bench(POSITION);
-        bench.put(Object::INTERPOLATION_TIME, 4);
-        bench.put(Object::TARGET_POSITION, 400);
-        bench.sync();
+        let mut fixture = fixture(POSITION);
+        fixture.put(Object::INTERPOLATION_TIME, 4);
+        fixture.put(Object::TARGET_POSITION, 400);
+        fixture.sync();
         let demands: Vec<_> = (0..6)
             .map(|_| {
-                bench.tick();
-                (bench.shown(Object::POSITION_DEMAND), bench.shown(Object::VELOCITY_DEMAND))
+                fixture.tick();
+                (fixture.shown(Object::POSITION_DEMAND), fixture.shown(Object::VELOCITY_DEMAND))
             })
             .collect();
         let expected =
@@ -239,13 +239,13 @@ mod tests {
 
     #[test]
     fn a_sine_of_the_master_is_followed() {
-        let mut bench = bench(POSITION);
+        let mut fixture = fixture(POSITION);
         let mut most = 0.0_f64;
         for millis in 0..4_000 {
             let phase = std::f64::consts::TAU * f64::from(millis) * 1e-3;
             let set_point = saturated(20_000.0 * (1.0 - phase.cos()));
-            cycle(&mut bench, Object::TARGET_POSITION, set_point, 1);
-            most = most.max(f64::from(bench.shown(Object::FOLLOWING_ERROR)).abs());
+            cycle(&mut fixture, Object::TARGET_POSITION, set_point, 1);
+            most = most.max(f64::from(fixture.shown(Object::FOLLOWING_ERROR)).abs());
         }
         // Its velocity goes up to 125,664 increments/s.
         assert!(most < 1_500.0, "{most} increments behind");
@@ -254,47 +254,47 @@ mod tests {
     #[test]
     fn a_sine_across_the_wrap_of_the_counter_is_followed_all_the_same() {
         let start = Rotor { place: f64::from(i32::MAX) - 10_000.0, ..Rotor::default() };
-        let mut bench = Bench::with(POSITION, start, |_| {});
-        let begin = bench.position();
+        let mut fixture = Fixture::with(POSITION, start, |_| {});
+        let begin = fixture.position();
         for millis in 0..2_000 {
             let phase = std::f64::consts::TAU * f64::from(millis) * 1e-3;
             let way = saturated(20_000.0 * (1.0 - phase.cos()));
-            cycle(&mut bench, Object::TARGET_POSITION, begin.wrapping_add(way), 1);
-            assert!(bench.shown(Object::FOLLOWING_ERROR).abs() < 1_500);
-            assert_eq!(bench.position(), crate::motion::units::wrapped(bench.rotor.place));
+            cycle(&mut fixture, Object::TARGET_POSITION, begin.wrapping_add(way), 1);
+            assert!(fixture.shown(Object::FOLLOWING_ERROR).abs() < 1_500);
+            assert_eq!(fixture.position(), crate::motion::units::wrapped(fixture.rotor.place));
         }
-        assert!(bench.rotor.velocity.abs() < 1e5);
+        assert!(fixture.rotor.velocity.abs() < 1e5);
     }
 
     #[test]
     fn offsets_are_added() {
-        let mut bench = bench(POSITION);
-        bench.put(Object::POSITION_OFFSET, -300);
-        cycle(&mut bench, Object::TARGET_POSITION, 1_000, 1);
-        assert_eq!(bench.shown(Object::POSITION_DEMAND), 700);
-        bench.put(Object::TORQUE_OFFSET, 200);
-        let before = bench.tick().per_mille;
-        bench.put(Object::TORQUE_OFFSET, 0);
-        let after = bench.tick().per_mille;
+        let mut fixture = fixture(POSITION);
+        fixture.put(Object::POSITION_OFFSET, -300);
+        cycle(&mut fixture, Object::TARGET_POSITION, 1_000, 1);
+        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 700);
+        fixture.put(Object::TORQUE_OFFSET, 200);
+        let before = fixture.tick().per_mille;
+        fixture.put(Object::TORQUE_OFFSET, 0);
+        let after = fixture.tick().per_mille;
         assert!(before - after > 100.0, "{before} ‰, then {after} ‰");
-        let mut bench = self::bench(VELOCITY);
-        bench.put(Object::VELOCITY_OFFSET, 500);
-        cycle(&mut bench, Object::TARGET_VELOCITY, -1_000, 1);
-        assert_eq!(bench.shown(Object::VELOCITY_DEMAND), -500);
+        let mut fixture = self::fixture(VELOCITY);
+        fixture.put(Object::VELOCITY_OFFSET, 500);
+        cycle(&mut fixture, Object::TARGET_VELOCITY, -1_000, 1);
+        assert_eq!(fixture.shown(Object::VELOCITY_DEMAND), -500);
     }
 
     #[test]
     fn a_torque_that_is_known_to_be_needed_spares_the_loops_an_error() {
         let dip = |offset| {
-            let mut bench = Bench::with(
+            let mut fixture = Fixture::with(
                 POSITION,
                 Rotor { load: 300.0, torque: 0.0, ..Rotor::default() },
                 |_| {},
             );
-            bench.put(Object::TORQUE_OFFSET, offset);
+            fixture.put(Object::TORQUE_OFFSET, offset);
             (0..300).fold(0, |most, _| {
-                bench.tick();
-                most.max(bench.position().abs())
+                fixture.tick();
+                most.max(fixture.position().abs())
             })
         };
         assert!(dip(300) * 10 < dip(0), "{} and {}", dip(300), dip(0));
@@ -302,41 +302,41 @@ mod tests {
 
     #[test]
     fn a_set_point_beyond_a_limit_is_followed_as_far_as_the_limit_lets() {
-        let mut bench = bench(POSITION);
-        bench.put(Object::MAX_POSITION_LIMIT, 500);
-        cycle(&mut bench, Object::TARGET_POSITION, 900, 2);
-        assert_eq!(bench.shown(Object::POSITION_DEMAND), 500);
-        assert!(bench.asked.is_limited);
-        bench.put(Object::MAX_PROFILE_VELOCITY, 10_000);
-        cycle(&mut bench, Object::TARGET_POSITION, 400, 2);
-        assert_eq!(bench.shown(Object::POSITION_DEMAND), 480);
-        assert!(bench.asked.is_limited);
-        bench.run(20);
-        assert_eq!(bench.shown(Object::POSITION_DEMAND), 400);
+        let mut fixture = fixture(POSITION);
+        fixture.put(Object::MAX_POSITION_LIMIT, 500);
+        cycle(&mut fixture, Object::TARGET_POSITION, 900, 2);
+        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 500);
+        assert!(fixture.asked.is_limited);
+        fixture.put(Object::MAX_PROFILE_VELOCITY, 10_000);
+        cycle(&mut fixture, Object::TARGET_POSITION, 400, 2);
+        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 480);
+        assert!(fixture.asked.is_limited);
+        fixture.run(20);
+        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 400);
     }
 
     #[test]
     fn a_velocity_is_followed_and_a_halt_ends_it() {
-        let mut bench = bench(VELOCITY);
+        let mut fixture = fixture(VELOCITY);
         for _ in 0..500 {
-            cycle(&mut bench, Object::TARGET_VELOCITY, 60_000, 1);
+            cycle(&mut fixture, Object::TARGET_VELOCITY, 60_000, 1);
         }
-        assert!((bench.rotor.velocity - 60_000.0).abs() < 500.0);
-        assert!(bench.has(Statusword::TARGET_FOLLOWED));
-        bench.word(ENABLED | HALT);
-        bench.run(500);
-        assert!(bench.rotor.velocity.abs() < 100.0);
-        assert!(!bench.has(Statusword::TARGET_FOLLOWED));
-        bench.word(ENABLED);
-        bench.run(500);
-        assert!(bench.rotor.velocity.abs() < 100.0, "until a set-point comes");
-        cycle(&mut bench, Object::TARGET_VELOCITY, 60_000, 500);
-        assert!((bench.rotor.velocity - 60_000.0).abs() < 500.0);
+        assert!((fixture.rotor.velocity - 60_000.0).abs() < 500.0);
+        assert!(fixture.has(Statusword::TARGET_FOLLOWED));
+        fixture.word(ENABLED | HALT);
+        fixture.run(500);
+        assert!(fixture.rotor.velocity.abs() < 100.0);
+        assert!(!fixture.has(Statusword::TARGET_FOLLOWED));
+        fixture.word(ENABLED);
+        fixture.run(500);
+        assert!(fixture.rotor.velocity.abs() < 100.0, "until a set-point comes");
+        cycle(&mut fixture, Object::TARGET_VELOCITY, 60_000, 500);
+        assert!((fixture.rotor.velocity - 60_000.0).abs() < 500.0);
     }
 
     #[test]
     fn an_interpolation_time_out_of_all_bounds_is_bounded() {
-        let mut dictionary = crate::motion::tests::drive();
+        let mut dictionary = crate::motion::fixture::drive();
         for (value, index, seconds) in
             [(1, -3, 1e-3), (255, -4, 25.5e-3), (1, -128, SHORTEST), (255, 63, LONGEST)]
         {

@@ -176,42 +176,42 @@ fn set_home(axis: &mut Axis, place: f64, moment: &Moment<'_>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::bench::Bench;
-    use crate::motion::bench::ENABLED;
-    use crate::motion::bench::HALT;
-    use crate::motion::bench::START;
     use crate::motion::bits::HOMING_ATTAINED;
     use crate::motion::bits::HOMING_ERROR;
     use crate::motion::bits::TARGET_REACHED;
+    use crate::motion::fixture::ENABLED;
+    use crate::motion::fixture::Fixture;
+    use crate::motion::fixture::HALT;
+    use crate::motion::fixture::START;
     use crate::motion::rotor::Rotor;
     use canopen::object::Object;
 
     const MODE: i8 = 6;
 
-    fn bench(method: i32, place: f64) -> Bench {
+    fn fixture(method: i32, place: f64) -> Fixture {
         let rotor = Rotor { place, coulomb: 30.0, ..Rotor::default() };
-        let mut bench = Bench::with(MODE, rotor, |_| {});
-        bench.put(Object::HOMING_METHOD, method);
-        bench.put(Object::HOME_OFFSET, -1_234);
-        bench.run(20);
-        bench
+        let mut fixture = Fixture::with(MODE, rotor, |_| {});
+        fixture.put(Object::HOMING_METHOD, method);
+        fixture.put(Object::HOME_OFFSET, -1_234);
+        fixture.run(20);
+        fixture
     }
 
-    fn status(bench: &Bench) -> (bool, bool, bool) {
-        (bench.has(HOMING_ERROR), bench.has(HOMING_ATTAINED), bench.has(TARGET_REACHED))
+    fn status(fixture: &Fixture) -> (bool, bool, bool) {
+        (fixture.has(HOMING_ERROR), fixture.has(HOMING_ATTAINED), fixture.has(TARGET_REACHED))
     }
 
     #[test]
     fn where_it_stands_is_home_and_is_shown_as_the_home_offset() {
         for method in [35, 37] {
-            let mut bench = bench(method, 40_000.0);
-            assert_eq!(bench.position(), 40_000);
-            assert_eq!(status(&bench), (false, false, true), "not started");
-            bench.word(ENABLED | START);
-            bench.run(20);
-            assert_eq!(status(&bench), (false, true, true), "completed");
-            assert!((bench.position() + 1_234).abs() < 20, "{}", bench.position());
-            assert!((bench.shown(Object::POSITION_DEMAND) + 1_234).abs() < 20);
+            let mut fixture = fixture(method, 40_000.0);
+            assert_eq!(fixture.position(), 40_000);
+            assert_eq!(status(&fixture), (false, false, true), "not started");
+            fixture.word(ENABLED | START);
+            fixture.run(20);
+            assert_eq!(status(&fixture), (false, true, true), "completed");
+            assert!((fixture.position() + 1_234).abs() < 20, "{}", fixture.position());
+            assert!((fixture.shown(Object::POSITION_DEMAND) + 1_234).abs() < 20);
         }
     }
 
@@ -220,31 +220,31 @@ mod tests {
         for (method, start, index) in
             [(33, 40_000.0, 32_768), (34, 40_000.0, 49_152), (33, 32_768.0, 16_384)]
         {
-            let mut bench = bench(method, start);
-            bench.word(ENABLED | START);
-            bench.run(50);
-            assert_eq!(status(&bench), (false, false, false), "in progress");
-            bench.until(5_000, |b| b.has(HOMING_ATTAINED) && b.has(TARGET_REACHED));
-            let counts = bench.rotor.feedback().position;
-            assert_eq!(bench.position(), counts - index - 1_234, "{method}");
+            let mut fixture = fixture(method, start);
+            fixture.word(ENABLED | START);
+            fixture.run(50);
+            assert_eq!(status(&fixture), (false, false, false), "in progress");
+            fixture.until(5_000, |b| b.has(HOMING_ATTAINED) && b.has(TARGET_REACHED));
+            let counts = fixture.rotor.feedback().position;
+            assert_eq!(fixture.position(), counts - index - 1_234, "{method}");
             assert!((counts - index).abs() < 2_000, "it stays near");
         }
     }
 
     #[test]
     fn polarity_turns_what_is_shown_and_not_what_is_looked_for() {
-        let mut bench = bench(34, 40_000.0);
-        bench.put(Object::POLARITY, 0x80);
-        bench.begin(MODE);
-        bench.word(ENABLED | START);
-        bench.until(5_000, |b| b.has(HOMING_ATTAINED) && b.has(TARGET_REACHED));
-        let beyond = bench.rotor.feedback().position - 49_152;
-        assert!(beyond >= 0 && bench.position() == -beyond - 1_234, "{beyond} beyond the index");
+        let mut fixture = fixture(34, 40_000.0);
+        fixture.put(Object::POLARITY, 0x80);
+        fixture.begin(MODE);
+        fixture.word(ENABLED | START);
+        fixture.until(5_000, |b| b.has(HOMING_ATTAINED) && b.has(TARGET_REACHED));
+        let beyond = fixture.rotor.feedback().position - 49_152;
+        assert!(beyond >= 0 && fixture.position() == -beyond - 1_234, "{beyond} beyond the index");
     }
 
     #[test]
     fn every_method_the_data_sheet_lists_works_and_no_other_does() {
-        let dictionary = crate::motion::tests::drive();
+        let dictionary = crate::motion::fixture::drive();
         let count = dictionary.unsigned(Object::SUPPORTED_HOMING_METHODS);
         let listed: Vec<i8> = (1..=count)
             .map(|sub| {
@@ -259,28 +259,28 @@ mod tests {
 
     #[test]
     fn a_method_that_is_not_there_is_an_error_and_moves_nothing() {
-        let mut bench = bench(17, 40_000.0);
-        bench.word(ENABLED | START);
-        bench.run(100);
-        assert_eq!(status(&bench), (true, false, true));
-        assert!((bench.position() - 40_000).abs() < 50);
+        let mut fixture = fixture(17, 40_000.0);
+        fixture.word(ENABLED | START);
+        fixture.run(100);
+        assert_eq!(status(&fixture), (true, false, true));
+        assert!((fixture.position() - 40_000).abs() < 50);
     }
 
     #[test]
     fn bit_4_that_falls_and_a_halt_interrupt_it() {
         for word in [ENABLED, ENABLED | START | HALT] {
-            let mut bench = bench(33, 40_000.0);
-            bench.word(ENABLED | START);
-            bench.run(50);
-            bench.word(word);
-            bench.until(1_000, |bench| bench.has(TARGET_REACHED));
-            assert_eq!(status(&bench), (false, false, true));
-            let place = bench.position();
-            bench.word(ENABLED);
-            bench.run(200);
-            assert!((bench.position() - place).abs() < 50, "it does not go on by itself");
-            bench.word(ENABLED | START);
-            bench.until(5_000, |bench| bench.has(HOMING_ATTAINED));
+            let mut fixture = fixture(33, 40_000.0);
+            fixture.word(ENABLED | START);
+            fixture.run(50);
+            fixture.word(word);
+            fixture.until(1_000, |fixture| fixture.has(TARGET_REACHED));
+            assert_eq!(status(&fixture), (false, false, true));
+            let place = fixture.position();
+            fixture.word(ENABLED);
+            fixture.run(200);
+            assert!((fixture.position() - place).abs() < 50, "it does not go on by itself");
+            fixture.word(ENABLED | START);
+            fixture.until(5_000, |fixture| fixture.has(HOMING_ATTAINED));
         }
     }
 }

@@ -97,8 +97,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::motion::tests::drive;
-    use crate::motion::tests::put;
+    use crate::motion::fixture::drive;
+    use crate::motion::fixture::put;
 
     #[test]
     fn a_target_stays_within_position_limits_where_there_are_any() {

@@ -16,15 +16,13 @@
 //! | `shaft`, `units`                                | increments, home, and the master's units    |
 
 mod axis;
-#[cfg(test)]
-mod bench;
 mod bits;
 mod cyclic;
+#[cfg(test)]
+mod fixture;
 mod following;
 mod homing;
 mod lasting;
-#[cfg(test)]
-mod laws;
 mod limits;
 mod mode;
 mod profile_position;
@@ -36,6 +34,8 @@ mod rotor;
 mod servo;
 mod shaft;
 mod stop;
+#[cfg(test)]
+mod tests;
 mod torque;
 mod tuning;
 mod units;
@@ -256,22 +256,3 @@ impl Motion {
 
 /// More than this is not made up for, in s.
 const LONGEST_STEP: f64 = 1.0;
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use canopen::NodeId;
-    use canopen::eds::Eds;
-
-    /// A drive out of the box.
-    pub(super) fn drive() -> Dictionary {
-        let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
-        Dictionary::new(&eds, NodeId::new(1).unwrap())
-    }
-
-    /// Makes an object hold a number, as much of it as it has bytes for.
-    pub(super) fn put(dictionary: &mut Dictionary, object: Object, number: u32) {
-        let size = dictionary.get(object).unwrap().len();
-        assert!(dictionary.set(object, &number.to_le_bytes()[..size]));
-    }
-}

@@ -142,42 +142,42 @@ impl ProfilePosition {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::bench::Bench;
-    use crate::motion::bench::ENABLED;
-    use crate::motion::bench::HALT;
-    use crate::motion::bench::IMMEDIATELY;
-    use crate::motion::bench::RELATIVE;
-    use crate::motion::bench::START;
     use crate::motion::bits::SET_POINT_ACKNOWLEDGED;
     use crate::motion::bits::TARGET_REACHED;
+    use crate::motion::fixture::ENABLED;
+    use crate::motion::fixture::Fixture;
+    use crate::motion::fixture::HALT;
+    use crate::motion::fixture::IMMEDIATELY;
+    use crate::motion::fixture::RELATIVE;
+    use crate::motion::fixture::START;
     use crate::motion::rotor::Rotor;
 
     const MODE: i8 = 1;
 
-    fn bench() -> Bench {
-        Bench::new(MODE)
+    fn fixture() -> Fixture {
+        Fixture::new(MODE)
     }
 
     /// Hands over a set-point as the standard wants it, whether it is taken or not.
-    fn send(bench: &mut Bench, target: i32, bits: u16) {
-        bench.put(Object::TARGET_POSITION, target);
-        bench.word(ENABLED | START | bits);
-        bench.tick();
-        bench.word(ENABLED);
-        bench.tick();
+    fn send(fixture: &mut Fixture, target: i32, bits: u16) {
+        fixture.put(Object::TARGET_POSITION, target);
+        fixture.word(ENABLED | START | bits);
+        fixture.tick();
+        fixture.word(ENABLED);
+        fixture.tick();
     }
 
-    fn arrive(bench: &mut Bench) -> u32 {
-        bench.until(10_000, |bench| bench.has(TARGET_REACHED))
+    fn arrive(fixture: &mut Fixture) -> u32 {
+        fixture.until(10_000, |fixture| fixture.has(TARGET_REACHED))
     }
 
     #[test]
     fn without_a_set_point_the_motor_stays_and_is_where_it_should_be() {
-        let mut bench = bench();
-        bench.put(Object::TARGET_POSITION, 50_000);
-        bench.run(100);
-        assert!(bench.position().abs() < 5);
-        assert!(bench.has(TARGET_REACHED) && !bench.has(SET_POINT_ACKNOWLEDGED));
+        let mut fixture = fixture();
+        fixture.put(Object::TARGET_POSITION, 50_000);
+        fixture.run(100);
+        assert!(fixture.position().abs() < 5);
+        assert!(fixture.has(TARGET_REACHED) && !fixture.has(SET_POINT_ACKNOWLEDGED));
     }
 
     /// CiA 402-2, 10.3: word, whether bit 12 is set then, whether the target is reached then.
@@ -225,155 +225,155 @@ mod tests {
                 ],
             ),
         ] {
-            let mut bench = bench();
-            bench.put(Object::TARGET_POSITION, 50_000);
+            let mut fixture = fixture();
+            fixture.put(Object::TARGET_POSITION, 50_000);
             for (step, (word, is_acknowledged)) in words.into_iter().enumerate() {
-                bench.word(word);
-                assert_eq!(bench.has(SET_POINT_ACKNOWLEDGED), is_acknowledged, "{what}: {step}");
-                bench.tick();
-                assert_eq!(bench.has(SET_POINT_ACKNOWLEDGED), is_acknowledged, "{what}: {step}");
+                fixture.word(word);
+                assert_eq!(fixture.has(SET_POINT_ACKNOWLEDGED), is_acknowledged, "{what}: {step}");
+                fixture.tick();
+                assert_eq!(fixture.has(SET_POINT_ACKNOWLEDGED), is_acknowledged, "{what}: {step}");
             }
         }
     }
 
     #[test]
     fn set_points_one_after_another_are_all_reached() {
-        let mut bench = bench();
-        send(&mut bench, 20_000, 0);
-        send(&mut bench, -10_000, 0);
-        assert!(bench.has(SET_POINT_ACKNOWLEDGED), "the second waits");
+        let mut fixture = fixture();
+        send(&mut fixture, 20_000, 0);
+        send(&mut fixture, -10_000, 0);
+        assert!(fixture.has(SET_POINT_ACKNOWLEDGED), "the second waits");
         let mut furthest = 0;
         for _ in 0..3_000 {
-            bench.tick();
-            furthest = furthest.max(bench.shown(Object::POSITION_DEMAND));
+            fixture.tick();
+            furthest = furthest.max(fixture.shown(Object::POSITION_DEMAND));
         }
         assert_eq!(furthest, 20_000);
-        assert_eq!(bench.shown(Object::POSITION_DEMAND), -10_000);
-        assert!(bench.has(TARGET_REACHED) && !bench.has(SET_POINT_ACKNOWLEDGED));
-        assert!((bench.position() + 10_000).abs() <= 100, "{}", bench.position());
+        assert_eq!(fixture.shown(Object::POSITION_DEMAND), -10_000);
+        assert!(fixture.has(TARGET_REACHED) && !fixture.has(SET_POINT_ACKNOWLEDGED));
+        assert!((fixture.position() + 10_000).abs() <= 100, "{}", fixture.position());
     }
 
     #[test]
     fn a_set_point_that_is_meant_at_once_takes_the_place_of_the_one_before() {
-        let mut bench = bench();
-        send(&mut bench, 200_000, 0);
-        bench.run(200);
-        send(&mut bench, -5_000, IMMEDIATELY);
+        let mut fixture = fixture();
+        send(&mut fixture, 200_000, 0);
+        fixture.run(200);
+        send(&mut fixture, -5_000, IMMEDIATELY);
         let mut furthest = 0;
         for _ in 0..3_000 {
-            bench.tick();
-            furthest = furthest.max(bench.shown(Object::POSITION_DEMAND));
+            fixture.tick();
+            furthest = furthest.max(fixture.shown(Object::POSITION_DEMAND));
         }
         assert!(furthest < 30_000, "{furthest}");
-        assert_eq!(bench.shown(Object::POSITION_DEMAND), -5_000);
+        assert_eq!(fixture.shown(Object::POSITION_DEMAND), -5_000);
     }
 
     #[test]
     fn relative_set_points_count_from_the_target_before() {
-        let mut bench = bench();
-        send(&mut bench, 7_000, 0);
-        send(&mut bench, 2_000, RELATIVE);
-        bench.run(2_000);
-        send(&mut bench, -500, RELATIVE);
-        bench.run(1_000);
-        assert_eq!(bench.shown(Object::POSITION_DEMAND), 8_500);
+        let mut fixture = fixture();
+        send(&mut fixture, 7_000, 0);
+        send(&mut fixture, 2_000, RELATIVE);
+        fixture.run(2_000);
+        send(&mut fixture, -500, RELATIVE);
+        fixture.run(1_000);
+        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 8_500);
     }
 
     #[test]
     fn what_was_set_when_bit_4_rose_is_what_counts() {
-        let mut bench = bench();
-        send(&mut bench, 10_000, 0);
-        bench.put(Object::TARGET_POSITION, 99_999);
-        bench.put(Object::PROFILE_VELOCITY, 1);
-        arrive(&mut bench);
-        assert_eq!(bench.shown(Object::POSITION_DEMAND), 10_000);
+        let mut fixture = fixture();
+        send(&mut fixture, 10_000, 0);
+        fixture.put(Object::TARGET_POSITION, 99_999);
+        fixture.put(Object::PROFILE_VELOCITY, 1);
+        arrive(&mut fixture);
+        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 10_000);
     }
 
     #[test]
     fn a_way_takes_as_long_as_its_profile() {
-        let mut bench = bench();
+        let mut fixture = fixture();
         for (object, value) in [
             (Object::PROFILE_VELOCITY, 50_000),
             (Object::PROFILE_ACCELERATION, 100_000),
             (Object::PROFILE_DECELERATION, 200_000),
         ] {
-            bench.put(object, value);
+            fixture.put(object, value);
         }
-        bench.put(Object::TARGET_POSITION, 100_000);
-        bench.word(ENABLED | START);
-        let taken = bench.until(5_000, |b| b.shown(Object::POSITION_DEMAND) == 100_000);
+        fixture.put(Object::TARGET_POSITION, 100_000);
+        fixture.word(ENABLED | START);
+        let taken = fixture.until(5_000, |b| b.shown(Object::POSITION_DEMAND) == 100_000);
         // 0.5 s up (12,500), 0.25 s down (6,250), 81,250 at 50,000/s.
         assert!((2_373..=2_376).contains(&taken), "{taken} ms");
-        let reached = taken + arrive(&mut bench);
+        let reached = taken + arrive(&mut fixture);
         assert!((2_385..2_900).contains(&reached), "{reached} ms with 6068h");
     }
 
     #[test]
     fn a_target_in_degrees_turns_the_motor_behind_its_gear() {
-        let mut bench = bench();
-        bench.put(Object::GEAR_MOTOR_REVOLUTIONS, 40);
-        bench.put(Object::FEED, 360_000);
-        bench.put(Object::PROFILE_VELOCITY, 90_000);
-        bench.begin(MODE);
-        send(&mut bench, 9_000, 0);
-        arrive(&mut bench);
-        bench.run(300);
-        assert!((bench.rotor.place - 16_384.0).abs() < 100.0, "{:?}", bench.rotor);
-        assert!((bench.position() - 9_000).abs() <= 55, "{}", bench.position());
+        let mut fixture = fixture();
+        fixture.put(Object::GEAR_MOTOR_REVOLUTIONS, 40);
+        fixture.put(Object::FEED, 360_000);
+        fixture.put(Object::PROFILE_VELOCITY, 90_000);
+        fixture.begin(MODE);
+        send(&mut fixture, 9_000, 0);
+        arrive(&mut fixture);
+        fixture.run(300);
+        assert!((fixture.rotor.place - 16_384.0).abs() < 100.0, "{:?}", fixture.rotor);
+        assert!((fixture.position() - 9_000).abs() <= 55, "{}", fixture.position());
     }
 
     #[test]
     fn a_halt_stops_the_motor_and_its_end_lets_it_go_on() {
-        let mut bench = bench();
-        send(&mut bench, 100_000, 0);
-        bench.run(500);
-        bench.word(ENABLED | HALT);
-        assert!(!bench.has(TARGET_REACHED));
-        let taken = bench.until(1_000, |bench| bench.has(TARGET_REACHED));
+        let mut fixture = fixture();
+        send(&mut fixture, 100_000, 0);
+        fixture.run(500);
+        fixture.word(ENABLED | HALT);
+        assert!(!fixture.has(TARGET_REACHED));
+        let taken = fixture.until(1_000, |fixture| fixture.has(TARGET_REACHED));
         assert!((100..400).contains(&taken), "{taken} ms, 6084h takes 100 of them");
-        let place = bench.position();
-        bench.run(200);
-        assert!((bench.position() - place).abs() < 50, "held");
-        bench.word(ENABLED);
-        bench.run(3_000);
-        assert!((bench.position() - 100_000).abs() <= 100);
-        assert!(bench.has(TARGET_REACHED));
+        let place = fixture.position();
+        fixture.run(200);
+        assert!((fixture.position() - place).abs() < 50, "held");
+        fixture.word(ENABLED);
+        fixture.run(3_000);
+        assert!((fixture.position() - 100_000).abs() <= 100);
+        assert!(fixture.has(TARGET_REACHED));
     }
 
     #[test]
     fn software_position_limits_keep_a_target_inside() {
-        let mut bench = bench();
-        bench.put(Object::MAX_POSITION_LIMIT, 5_000);
-        send(&mut bench, 9_000, 0);
-        assert!(bench.asked.is_limited);
-        bench.run(1_000);
-        assert_eq!(bench.shown(Object::POSITION_DEMAND), 5_000);
-        send(&mut bench, 4_000, 0);
-        bench.run(1_000);
-        assert_eq!(bench.shown(Object::POSITION_DEMAND), 4_000);
-        assert!(!bench.asked.is_limited);
+        let mut fixture = fixture();
+        fixture.put(Object::MAX_POSITION_LIMIT, 5_000);
+        send(&mut fixture, 9_000, 0);
+        assert!(fixture.asked.is_limited);
+        fixture.run(1_000);
+        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 5_000);
+        send(&mut fixture, 4_000, 0);
+        fixture.run(1_000);
+        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 4_000);
+        assert!(!fixture.asked.is_limited);
     }
 
     #[test]
     fn a_motor_that_does_not_follow_is_an_error_after_its_time() {
         let stuck = Rotor { coulomb: 5_000.0, ..Rotor::default() };
-        let mut bench = Bench::with(MODE, stuck, |dictionary| {
-            crate::motion::tests::put(dictionary, Object::FOLLOWING_ERROR_WINDOW, 1_000);
-            crate::motion::tests::put(dictionary, Object::FOLLOWING_ERROR_TIME, 50);
+        let mut fixture = Fixture::with(MODE, stuck, |dictionary| {
+            crate::motion::fixture::put(dictionary, Object::FOLLOWING_ERROR_WINDOW, 1_000);
+            crate::motion::fixture::put(dictionary, Object::FOLLOWING_ERROR_TIME, 50);
         });
-        send(&mut bench, 100_000, 0);
-        let outside = bench.until(1_000, |b| b.shown(Object::FOLLOWING_ERROR) > 1_000);
-        let lost = bench.until(1_000, |bench| bench.asked.error == FOLLOWING_ERROR);
+        send(&mut fixture, 100_000, 0);
+        let outside = fixture.until(1_000, |b| b.shown(Object::FOLLOWING_ERROR) > 1_000);
+        let lost = fixture.until(1_000, |fixture| fixture.asked.error == FOLLOWING_ERROR);
         assert!(outside > 0 && (48..=51).contains(&lost), "{outside} ms, {lost} ms");
-        assert!(bench.has(bits::FOLLOWING_ERROR));
+        assert!(fixture.has(bits::FOLLOWING_ERROR));
     }
 
     #[test]
     fn what_moves_when_the_mode_begins_comes_to_rest_on_its_profile() {
         let moving = Rotor { velocity: 50_000.0, ..Rotor::default() };
-        let mut bench = Bench::with(MODE, moving, |_| {});
-        arrive(&mut bench);
+        let mut fixture = Fixture::with(MODE, moving, |_| {});
+        arrive(&mut fixture);
         // 50,000²/2/1,000,000.
-        assert!((bench.position() - 1_250).abs() <= 100, "{}", bench.position());
+        assert!((fixture.position() - 1_250).abs() <= 100, "{}", fixture.position());
     }
 }

@@ -50,78 +50,78 @@ impl ProfileVelocity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::bench::Bench;
-    use crate::motion::bench::ENABLED;
-    use crate::motion::bench::HALT;
     use crate::motion::bits::SPEED_ZERO;
     use crate::motion::bits::TARGET_REACHED;
+    use crate::motion::fixture::ENABLED;
+    use crate::motion::fixture::Fixture;
+    use crate::motion::fixture::HALT;
     use crate::motion::rotor::Rotor;
 
     const MODE: i8 = 3;
 
-    fn bench() -> Bench {
-        Bench::with(MODE, Rotor { coulomb: 30.0, load: 100.0, ..Rotor::default() }, |_| {})
+    fn fixture() -> Fixture {
+        Fixture::with(MODE, Rotor { coulomb: 30.0, load: 100.0, ..Rotor::default() }, |_| {})
     }
 
     #[test]
     fn a_velocity_is_reached_on_its_ramp_and_kept_against_a_load() {
-        let mut bench = bench();
-        bench.put(Object::TARGET_VELOCITY, -80_000);
-        bench.put(Object::PROFILE_ACCELERATION, 400_000);
-        bench.run(100);
-        assert_eq!(bench.shown(Object::VELOCITY_DEMAND), -40_000);
-        assert!(!bench.has(TARGET_REACHED) && !bench.has(SPEED_ZERO));
-        bench.run(1_000);
-        assert_eq!(bench.shown(Object::VELOCITY_DEMAND), -80_000);
-        assert!((bench.rotor.velocity + 80_000.0).abs() < 500.0, "{}", bench.rotor.velocity);
-        assert!(bench.has(TARGET_REACHED) && !bench.has(SPEED_ZERO));
+        let mut fixture = fixture();
+        fixture.put(Object::TARGET_VELOCITY, -80_000);
+        fixture.put(Object::PROFILE_ACCELERATION, 400_000);
+        fixture.run(100);
+        assert_eq!(fixture.shown(Object::VELOCITY_DEMAND), -40_000);
+        assert!(!fixture.has(TARGET_REACHED) && !fixture.has(SPEED_ZERO));
+        fixture.run(1_000);
+        assert_eq!(fixture.shown(Object::VELOCITY_DEMAND), -80_000);
+        assert!((fixture.rotor.velocity + 80_000.0).abs() < 500.0, "{}", fixture.rotor.velocity);
+        assert!(fixture.has(TARGET_REACHED) && !fixture.has(SPEED_ZERO));
     }
 
     #[test]
     fn it_speeds_up_and_slows_down_each_at_its_rate() {
-        let mut bench = bench();
-        bench.put(Object::PROFILE_ACCELERATION, 500_000);
-        bench.put(Object::PROFILE_DECELERATION, 250_000);
-        bench.put(Object::TARGET_VELOCITY, 50_000);
-        let is_fast = |b: &mut Bench| b.shown(Object::VELOCITY_DEMAND) == 50_000;
-        assert_eq!(bench.until(500, is_fast), 100);
-        bench.put(Object::TARGET_VELOCITY, 0);
-        assert_eq!(bench.until(500, |b| b.shown(Object::VELOCITY_DEMAND) == 0), 200);
+        let mut fixture = fixture();
+        fixture.put(Object::PROFILE_ACCELERATION, 500_000);
+        fixture.put(Object::PROFILE_DECELERATION, 250_000);
+        fixture.put(Object::TARGET_VELOCITY, 50_000);
+        let is_fast = |b: &mut Fixture| b.shown(Object::VELOCITY_DEMAND) == 50_000;
+        assert_eq!(fixture.until(500, is_fast), 100);
+        fixture.put(Object::TARGET_VELOCITY, 0);
+        assert_eq!(fixture.until(500, |b| b.shown(Object::VELOCITY_DEMAND) == 0), 200);
     }
 
     #[test]
     fn a_speed_limit_counts_and_is_told() {
-        let mut bench = bench();
-        bench.put(Object::MAX_PROFILE_VELOCITY, 10_000);
-        bench.put(Object::TARGET_VELOCITY, 20_000);
-        bench.run(500);
-        assert_eq!(bench.shown(Object::VELOCITY_DEMAND), 10_000);
-        assert!(bench.asked.is_limited && !bench.has(TARGET_REACHED));
+        let mut fixture = fixture();
+        fixture.put(Object::MAX_PROFILE_VELOCITY, 10_000);
+        fixture.put(Object::TARGET_VELOCITY, 20_000);
+        fixture.run(500);
+        assert_eq!(fixture.shown(Object::VELOCITY_DEMAND), 10_000);
+        assert!(fixture.asked.is_limited && !fixture.has(TARGET_REACHED));
     }
 
     #[test]
     fn a_halt_brings_it_to_rest_and_its_end_to_speed_again() {
-        let mut bench = bench();
-        bench.put(Object::TARGET_VELOCITY, 50_000);
-        bench.run(500);
-        bench.word(ENABLED | HALT);
-        assert!(!bench.has(TARGET_REACHED));
-        bench.run(500);
-        assert!(bench.has(TARGET_REACHED) && bench.has(SPEED_ZERO));
-        bench.word(ENABLED);
-        bench.run(500);
-        assert!(bench.has(TARGET_REACHED) && !bench.has(SPEED_ZERO));
-        assert!((bench.rotor.velocity - 50_000.0).abs() < 1_000.0);
+        let mut fixture = fixture();
+        fixture.put(Object::TARGET_VELOCITY, 50_000);
+        fixture.run(500);
+        fixture.word(ENABLED | HALT);
+        assert!(!fixture.has(TARGET_REACHED));
+        fixture.run(500);
+        assert!(fixture.has(TARGET_REACHED) && fixture.has(SPEED_ZERO));
+        fixture.word(ENABLED);
+        fixture.run(500);
+        assert!(fixture.has(TARGET_REACHED) && !fixture.has(SPEED_ZERO));
+        assert!((fixture.rotor.velocity - 50_000.0).abs() < 1_000.0);
     }
 
     #[test]
     fn a_mode_that_begins_in_motion_begins_with_that_motion() {
         let moving = Rotor { velocity: 50_000.0, ..Rotor::default() };
-        let mut bench = Bench::with(MODE, moving, |_| {});
-        bench.put(Object::TARGET_VELOCITY, 50_000);
+        let mut fixture = Fixture::with(MODE, moving, |_| {});
+        fixture.put(Object::TARGET_VELOCITY, 50_000);
         for _ in 0..100 {
-            bench.tick();
-            assert!(bench.asked.per_mille.abs() < 5.0, "{:?}", bench.asked);
+            fixture.tick();
+            assert!(fixture.asked.per_mille.abs() < 5.0, "{:?}", fixture.asked);
         }
     }
 }

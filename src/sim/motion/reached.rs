@@ -64,37 +64,37 @@ fn time(moment: &Moment<'_>) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::bench::Bench;
-    use crate::motion::bench::ENABLED;
-    use crate::motion::bench::START;
     use crate::motion::bits::SPEED_ZERO;
     use crate::motion::bits::TARGET_REACHED;
+    use crate::motion::fixture::ENABLED;
+    use crate::motion::fixture::Fixture;
+    use crate::motion::fixture::START;
     use crate::motion::rotor::Rotor;
 
     #[test]
     fn without_a_window_the_demand_alone_says_that_the_target_is_reached() {
         for (window, is_reached) in [(NO_WINDOW, true), (100, false), (NO_WINDOW - 1, true)] {
             let stuck = Rotor { coulomb: 5_000.0, ..Rotor::default() };
-            let mut bench = Bench::with(1, stuck, |_| {});
-            bench.put(Object::POSITION_WINDOW, window.cast_signed());
-            bench.put(Object::TARGET_POSITION, 10_000);
-            bench.word(ENABLED | START);
-            bench.tick();
-            assert!(!bench.has(TARGET_REACHED), "the demand is on its way");
-            bench.run(500);
-            assert_eq!(bench.has(TARGET_REACHED), is_reached, "{window}");
+            let mut fixture = Fixture::with(1, stuck, |_| {});
+            fixture.put(Object::POSITION_WINDOW, window.cast_signed());
+            fixture.put(Object::TARGET_POSITION, 10_000);
+            fixture.word(ENABLED | START);
+            fixture.tick();
+            assert!(!fixture.has(TARGET_REACHED), "the demand is on its way");
+            fixture.run(500);
+            assert_eq!(fixture.has(TARGET_REACHED), is_reached, "{window}");
         }
     }
 
     #[test]
     fn a_motor_has_to_be_fast_for_a_while_before_it_is_said_to_move() {
-        let mut bench = Bench::with(3, Rotor { inertia: 1e9, ..Rotor::default() }, |_| {});
-        bench.put(Object::VELOCITY_THRESHOLD, 500);
-        bench.put(Object::VELOCITY_THRESHOLD_TIME, 5);
+        let mut fixture = Fixture::with(3, Rotor { inertia: 1e9, ..Rotor::default() }, |_| {});
+        fixture.put(Object::VELOCITY_THRESHOLD, 500);
+        fixture.put(Object::VELOCITY_THRESHOLD_TIME, 5);
         let seen = [501.0, 499.0, -501.0, -501.0, -501.0, -501.0, -501.0, 500.0].map(|velocity| {
-            bench.rotor.velocity = velocity;
-            bench.tick();
-            bench.has(SPEED_ZERO)
+            fixture.rotor.velocity = velocity;
+            fixture.tick();
+            fixture.has(SPEED_ZERO)
         });
         assert_eq!(seen, [true, true, true, true, true, true, false, true]);
     }

@@ -86,11 +86,11 @@ impl Servo {
 mod tests {
     use super::*;
     use crate::motion::SERVO_PERIOD;
+    use crate::motion::fixture::drive;
     use crate::motion::limits::top_speed;
     use crate::motion::ramp::Course;
     use crate::motion::ramp::Profile;
     use crate::motion::rotor::Rotor;
-    use crate::motion::tests::drive;
     use crate::motion::units::Units;
 
     const TOP: f64 = 1.6e6;

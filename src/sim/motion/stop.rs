@@ -109,25 +109,25 @@ impl Stop {
 mod tests {
     use super::*;
     use crate::motion::SERVO_PERIOD;
-    use crate::motion::bench::Bench;
+    use crate::motion::fixture::Fixture;
+    use crate::motion::fixture::put;
     use crate::motion::rotor::Rotor;
-    use crate::motion::tests::put;
 
     /// At 100,000 increments/s in profile velocity mode.
-    fn moving() -> Bench {
+    fn moving() -> Fixture {
         let moving = Rotor { velocity: 100_000.0, coulomb: 30.0, ..Rotor::default() };
-        let mut bench = Bench::with(3, moving, |dictionary| {
+        let mut fixture = Fixture::with(3, moving, |dictionary| {
             put(dictionary, Object::TARGET_VELOCITY, 100_000);
         });
-        bench.run(300);
-        bench
+        fixture.run(300);
+        fixture
     }
 
     /// How many ms a stop takes, and the most torque that is asked for on its way.
-    fn stop(bench: &mut Bench, ramp: Ramp) -> (u32, f64) {
+    fn stop(fixture: &mut Fixture, ramp: Ramp) -> (u32, f64) {
         let mut most = 0.0_f64;
         for millis in 0..10_000 {
-            let Some(asked) = bench.brake(ramp) else { return (millis, most) };
+            let Some(asked) = fixture.brake(ramp) else { return (millis, most) };
             most = most.max(asked.per_mille.abs());
         }
         panic!("no end");
@@ -139,30 +139,30 @@ mod tests {
         for (ramp, least, most) in
             [(Ramp::SlowDown, 100, 400), (Ramp::QuickStop, 10, 300), (Ramp::CurrentLimit, 1, 300)]
         {
-            let mut bench = moving();
-            let before = bench.rotor.velocity;
+            let mut fixture = moving();
+            let before = fixture.rotor.velocity;
             assert!((before - 100_000.0).abs() < 1_000.0, "{before}");
-            let (taken, _) = stop(&mut bench, ramp);
+            let (taken, _) = stop(&mut fixture, ramp);
             assert!((least..most).contains(&taken), "{ramp:?}: {taken} ms");
-            assert!(bench.rotor.velocity.abs() < 500.0, "{ramp:?}: {}", bench.rotor.velocity);
+            assert!(fixture.rotor.velocity.abs() < 500.0, "{ramp:?}: {}", fixture.rotor.velocity);
         }
     }
 
     #[test]
     fn all_the_torque_there_is_is_the_limit_and_no_more() {
-        let mut bench = moving();
-        bench.put(Object::NEGATIVE_TORQUE_LIMIT, 700);
-        let (_, most) = stop(&mut bench, Ramp::CurrentLimit);
+        let mut fixture = moving();
+        fixture.put(Object::NEGATIVE_TORQUE_LIMIT, 700);
+        let (_, most) = stop(&mut fixture, Ramp::CurrentLimit);
         assert_eq!(most, 700.0);
     }
 
     #[test]
     fn a_motor_that_cannot_be_stopped_is_given_up() {
         for ramp in [Ramp::SlowDown, Ramp::QuickStop, Ramp::CurrentLimit] {
-            let mut bench = moving();
-            bench.put(Object::MAX_TORQUE, 0);
-            bench.rotor.coulomb = 0.0;
-            let (taken, _) = stop(&mut bench, ramp);
+            let mut fixture = moving();
+            fixture.put(Object::MAX_TORQUE, 0);
+            fixture.rotor.coulomb = 0.0;
+            let (taken, _) = stop(&mut fixture, ramp);
             let bound = OVERTIME + 0.1;
             assert!(f64::from(taken) * SERVO_PERIOD <= bound + 0.01, "{ramp:?}: {taken} ms");
         }
@@ -170,17 +170,20 @@ mod tests {
 
     #[test]
     fn what_has_stopped_stays_where_it_is() {
-        let mut bench = moving();
-        stop(&mut bench, Ramp::QuickStop);
-        let place = bench.rotor.place;
-        bench.rotor.load = 300.0;
+        let mut fixture = moving();
+        stop(&mut fixture, Ramp::QuickStop);
+        let place = fixture.rotor.place;
+        fixture.rotor.load = 300.0;
         for _ in 0..2_000 {
-            let asked =
-                bench.motion.hold(SERVO_PERIOD, &bench.rotor.feedback(), &mut bench.dictionary);
-            bench.rotor.turn(SERVO_PERIOD, asked.per_mille);
+            let asked = fixture.motion.hold(
+                SERVO_PERIOD,
+                &fixture.rotor.feedback(),
+                &mut fixture.dictionary,
+            );
+            fixture.rotor.turn(SERVO_PERIOD, asked.per_mille);
         }
-        assert!((bench.rotor.place - place).abs() < 100.0);
-        assert!(bench.brake(Ramp::QuickStop).is_none(), "it is over for good");
+        assert!((fixture.rotor.place - place).abs() < 100.0);
+        assert!(fixture.brake(Ramp::QuickStop).is_none(), "it is over for good");
     }
 
     #[test]
@@ -193,11 +196,11 @@ mod tests {
             (4, Ramp::QuickStop, 49),
             (4, Ramp::CurrentLimit, 0),
         ] {
-            let mut bench = Bench::new(mode);
-            bench.put(Object::TARGET_TORQUE, 500);
-            bench.run(100);
-            assert_eq!(bench.asked.per_mille, 500.0);
-            let (taken, most) = stop(&mut bench, ramp);
+            let mut fixture = Fixture::new(mode);
+            fixture.put(Object::TARGET_TORQUE, 500);
+            fixture.run(100);
+            assert_eq!(fixture.asked.per_mille, 500.0);
+            let (taken, most) = stop(&mut fixture, ramp);
             assert_eq!(taken, expected, "{mode}, {ramp:?}");
             assert!(most < 500.0);
         }

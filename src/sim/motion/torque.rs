@@ -70,83 +70,83 @@ pub(super) fn step_cyclic(axis: &mut Axis, moment: &Moment<'_>) -> Asked {
 #[expect(clippy::float_cmp, reason = "whole numbers are exact, and limits are kept exactly")]
 mod tests {
     use super::*;
-    use crate::motion::bench::Bench;
-    use crate::motion::bench::ENABLED;
-    use crate::motion::bench::HALT;
     use crate::motion::bits::TARGET_REACHED;
+    use crate::motion::fixture::ENABLED;
+    use crate::motion::fixture::Fixture;
+    use crate::motion::fixture::HALT;
     use crate::motion::rotor::Rotor;
 
-    fn locked(mode: i8) -> Bench {
-        Bench::with(mode, Rotor { inertia: 1e9, ..Rotor::default() }, |_| {})
+    fn locked(mode: i8) -> Fixture {
+        Fixture::with(mode, Rotor { inertia: 1e9, ..Rotor::default() }, |_| {})
     }
 
     #[test]
     fn a_profile_torque_takes_its_slope_up_and_down() {
-        let mut bench = locked(4);
-        bench.put(Object::TORQUE_SLOPE, 2_000);
-        bench.put(Object::TARGET_TORQUE, 500);
-        bench.sync();
-        assert_eq!(bench.asked.per_mille, 0.0, "no time, no slope");
-        bench.run(100);
-        assert!((bench.asked.per_mille - 200.0).abs() < 1e-9);
-        assert!(!bench.has(TARGET_REACHED));
-        bench.run(160);
-        assert!(bench.has(TARGET_REACHED) && bench.asked.per_mille == 500.0);
-        bench.put(Object::TARGET_TORQUE, -500);
-        bench.run(250);
-        assert!(bench.asked.per_mille.abs() < 1e-9);
+        let mut fixture = locked(4);
+        fixture.put(Object::TORQUE_SLOPE, 2_000);
+        fixture.put(Object::TARGET_TORQUE, 500);
+        fixture.sync();
+        assert_eq!(fixture.asked.per_mille, 0.0, "no time, no slope");
+        fixture.run(100);
+        assert!((fixture.asked.per_mille - 200.0).abs() < 1e-9);
+        assert!(!fixture.has(TARGET_REACHED));
+        fixture.run(160);
+        assert!(fixture.has(TARGET_REACHED) && fixture.asked.per_mille == 500.0);
+        fixture.put(Object::TARGET_TORQUE, -500);
+        fixture.run(250);
+        assert!(fixture.asked.per_mille.abs() < 1e-9);
     }
 
     #[test]
     fn a_halted_torque_goes_down_and_comes_back() {
-        let mut bench = locked(4);
-        bench.put(Object::TARGET_TORQUE, 500);
-        bench.run(100);
-        bench.word(ENABLED | HALT);
-        bench.run(20);
-        assert!((bench.asked.per_mille - 300.0).abs() < 1e-9, "{:?}", bench.asked);
-        bench.run(40);
-        assert!(bench.asked.per_mille == 0.0 && bench.has(TARGET_REACHED));
-        bench.word(ENABLED);
-        bench.run(10);
-        assert!((bench.asked.per_mille - 100.0).abs() < 1e-9, "{:?}", bench.asked);
+        let mut fixture = locked(4);
+        fixture.put(Object::TARGET_TORQUE, 500);
+        fixture.run(100);
+        fixture.word(ENABLED | HALT);
+        fixture.run(20);
+        assert!((fixture.asked.per_mille - 300.0).abs() < 1e-9, "{:?}", fixture.asked);
+        fixture.run(40);
+        assert!(fixture.asked.per_mille == 0.0 && fixture.has(TARGET_REACHED));
+        fixture.word(ENABLED);
+        fixture.run(10);
+        assert!((fixture.asked.per_mille - 100.0).abs() < 1e-9, "{:?}", fixture.asked);
     }
 
     #[test]
     fn a_cyclic_torque_is_there_at_once() {
-        let mut bench = locked(10);
+        let mut fixture = locked(10);
         for (target, offset, asked) in
             [(100, 0, 100.0), (-250, 50, -200.0), (3_000, 1, 3_000.0), (0, 0, 0.0)]
         {
-            bench.put(Object::TARGET_TORQUE, target);
-            bench.put(Object::TORQUE_OFFSET, offset);
-            bench.sync();
-            assert_eq!(bench.asked.per_mille, asked);
-            assert_eq!(bench.asked.status, Statusword::TARGET_FOLLOWED);
-            assert_eq!(bench.asked.is_limited, target + offset > 3_000);
+            fixture.put(Object::TARGET_TORQUE, target);
+            fixture.put(Object::TORQUE_OFFSET, offset);
+            fixture.sync();
+            assert_eq!(fixture.asked.per_mille, asked);
+            assert_eq!(fixture.asked.status, Statusword::TARGET_FOLLOWED);
+            assert_eq!(fixture.asked.is_limited, target + offset > 3_000);
         }
     }
 
     #[test]
     fn a_halted_cyclic_torque_is_gone_at_once_and_follows_nothing() {
-        let mut bench = locked(10);
-        bench.put(Object::TARGET_TORQUE, 500);
-        bench.sync();
-        bench.word(ENABLED | HALT);
-        assert_eq!((bench.asked.per_mille, bench.asked.status), (0.0, 0));
-        bench.word(ENABLED);
-        assert_eq!(bench.asked.per_mille, 500.0);
+        let mut fixture = locked(10);
+        fixture.put(Object::TARGET_TORQUE, 500);
+        fixture.sync();
+        fixture.word(ENABLED | HALT);
+        assert_eq!((fixture.asked.per_mille, fixture.asked.status), (0.0, 0));
+        fixture.word(ENABLED);
+        assert_eq!(fixture.asked.per_mille, 500.0);
     }
 
     #[test]
     fn a_limit_holds_the_slope_back_with_the_torque() {
-        let mut bench = locked(4);
-        bench.put(Object::MAX_TORQUE, 100);
-        bench.put(Object::TARGET_TORQUE, 1_000);
-        bench.run(200);
-        assert!(bench.asked.per_mille == 100.0 && bench.asked.is_limited);
-        bench.put(Object::TARGET_TORQUE, 0);
-        bench.run(5);
-        assert!((bench.asked.per_mille - 50.0).abs() < 1e-9, "{:?}", bench.asked);
+        let mut fixture = locked(4);
+        fixture.put(Object::MAX_TORQUE, 100);
+        fixture.put(Object::TARGET_TORQUE, 1_000);
+        fixture.run(200);
+        assert!(fixture.asked.per_mille == 100.0 && fixture.asked.is_limited);
+        fixture.put(Object::TARGET_TORQUE, 0);
+        fixture.run(5);
+        assert!((fixture.asked.per_mille - 50.0).abs() < 1e-9, "{:?}", fixture.asked);
     }
 }

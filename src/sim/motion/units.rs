@@ -127,8 +127,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::motion::tests::drive;
-    use crate::motion::tests::put;
+    use crate::motion::fixture::drive;
+    use crate::motion::fixture::put;
 
     #[test]
     fn out_of_the_box_a_unit_is_an_increment() {

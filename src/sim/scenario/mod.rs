@@ -24,7 +24,8 @@ use std::ops::Range;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::personality::Cast;
+use crate::operator_settings::OperatorSettings;
+use crate::quirks::QuirkAssignment;
 use crate::scenario::fault::Fault;
 use crate::scenario::keys::Entry;
 use crate::scenario::operator::Console;
@@ -34,7 +35,6 @@ use crate::scenario::operator::Move;
 use crate::scenario::operator::Switch;
 use crate::scenario::problem::Misplaced;
 use crate::scenario::problem::within;
-use crate::temperament::Temperament;
 use written;
 
 /// Nothing that takes time takes less, in s.
@@ -55,8 +55,8 @@ pub struct Scenario {
     seconds: f64,
     wall_stiffness: Option<f64>,
     compares_passivity: bool,
-    hand: Temperament,
-    cast: Cast,
+    hand: OperatorSettings,
+    quirks: QuirkAssignment,
     doings: Doings,
     faults: Vec<Fault>,
 }
@@ -72,7 +72,7 @@ struct Script {
     #[serde(default)]
     compares_passivity: bool,
     #[serde(default)]
-    hand: Temperament,
+    hand: OperatorSettings,
     #[serde(default, rename = "move")]
     moves: Vec<Spanned<Move>>,
     #[serde(default, rename = "switch")]
@@ -83,9 +83,9 @@ struct Script {
     holds: Vec<Spanned<Hold>>,
     #[serde(default, rename = "fault")]
     faults: Vec<Spanned<Entry>>,
-    /// Which drives are dangerous.
+    /// Quirks of drives.
     #[serde(default, rename = "drive")]
-    cast: Cast,
+    quirks: QuirkAssignment,
 }
 
 /// What the object meets.
@@ -130,19 +130,19 @@ impl Scenario {
         self.compares_passivity
     }
 
-    /// What kind of hand the operator has.
-    pub const fn temperament(&self) -> Temperament {
+    /// Returns the settings of the operator model.
+    pub const fn operator_settings(&self) -> OperatorSettings {
         self.hand
     }
 
-    /// Which drive has which personality.
-    pub const fn cast(&self) -> &Cast {
-        &self.cast
+    /// Returns the quirks by joint.
+    pub const fn quirks(&self) -> &QuirkAssignment {
+        &self.quirks
     }
 
-    /// The same, to give a drive another one.
-    pub const fn cast_mut(&mut self) -> &mut Cast {
-        &mut self.cast
+    /// Returns the quirks by joint, to change them.
+    pub const fn quirks_mut(&mut self) -> &mut QuirkAssignment {
+        &mut self.quirks
     }
 
     /// What is asked of the console, and when, in s, in order.
@@ -166,11 +166,19 @@ impl Scenario {
             .map_err(|problem| (script.seconds.span(), problem))?;
         let wall_stiffness = script.environment.as_ref().map(wall_stiffness).transpose()?;
         let Script {
-            compares_passivity, hand, cast, moves, switches, console, holds, faults, ..
+            compares_passivity,
+            hand,
+            quirks,
+            moves,
+            switches,
+            console,
+            holds,
+            faults,
+            ..
         } = script;
         let doings = Doings::new(moves, switches, console, holds, seconds)?;
         let faults = entry::read_all(faults, seconds)?;
-        Ok(Self { seconds, wall_stiffness, compares_passivity, hand, cast, doings, faults })
+        Ok(Self { seconds, wall_stiffness, compares_passivity, hand, quirks, doings, faults })
     }
 }
 
@@ -242,11 +250,7 @@ mod tests {
             ("\"arm\"", "\"fire\"", "line 11: unknown variant `fire`"),
             ("[[hold]]", "[[switch]]\nat_s = 1.5\n[[hold]]", "line 12: begins at 1.5 s"),
             ("seconds = 5", "seconds", "line 1: "),
-            (
-                "[[move]]",
-                "[hand]\ntremor_mm = -1\n[[move]]",
-                "line 2: tremor_mm = -1 is not within",
-            ),
+            ("[[move]]", "[hand]\ntremor_mm = -1\n[[move]]", "line 2: tremor_mm must be within"),
             ("[[move]]", "[hand]\ntremble = 1\n[[move]]", "line 3: unknown field `tremble`"),
         ] {
             let error = Scenario::parse(&SCRIPT.replace(from, to)).unwrap_err().to_string();

@@ -6,11 +6,11 @@
 //! segments of a block come, every frame but an abort is one of them: their first byte is a number.
 
 mod block;
-#[cfg(test)]
-mod laws;
 mod opening;
 mod segmented;
 mod size;
+#[cfg(test)]
+mod tests;
 
 use std::time::Duration;
 

@@ -16,11 +16,11 @@
 mod age;
 mod grip;
 mod law;
-#[cfg(test)]
-mod laws;
 mod order;
 mod rhythm;
 mod sheet;
+#[cfg(test)]
+mod tests;
 mod torque;
 
 pub use law::Breach;

@@ -1,0 +1,116 @@
+//! Option `--quirks` of `frhc sim`.
+
+use std::str::FromStr;
+
+use clap::Args;
+
+use config::Config;
+use run::exit::Failure;
+use run::exit::Kind;
+use sim::quirks::Quirk;
+use sim::quirks::QuirkAssignment;
+use units::numbering::Joint;
+
+/// Quirks of simulated drives.
+#[derive(Debug, Args)]
+pub(super) struct QuirkArgs {
+    /// Quirks of the drive of one joint (name, number or `all`), as `elbow=slow-sdo,forgetful:6072h`;
+    /// repeatable, added to those of the scenario
+    #[arg(long = "quirks", value_name = "JOINT=QUIRK,…")]
+    quirks: Vec<Part>,
+
+    /// Former name of `--quirks`; refused.
+    #[arg(long = "personality", hide = true, value_parser = refuse_personality)]
+    personality: Option<String>,
+}
+
+/// Quirks of one joint.
+#[derive(Clone, Debug)]
+struct Part {
+    /// Name or number; `None` for all joints.
+    joint: Option<String>,
+    quirks: Vec<Quirk>,
+}
+
+impl FromStr for Part {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let Some((joint, quirks)) = text.split_once('=') else {
+            return Err("must be JOINT=QUIRK, such as elbow=slow-sdo".to_owned());
+        };
+        let quirks = quirks.split(',').map(str::parse::<Quirk>).collect::<Result<_, _>>();
+        let joint = (joint != "all").then(|| joint.to_owned());
+        Ok(Self { joint, quirks: quirks.map_err(|unknown| unknown.to_string())? })
+    }
+}
+
+impl QuirkArgs {
+    /// Adds the quirks to `assignment`; joints are those of `config`.
+    pub(super) fn assign(
+        &self,
+        config: &Config,
+        assignment: &mut QuirkAssignment,
+    ) -> Result<(), Failure> {
+        for Part { joint, quirks } in &self.quirks {
+            let is_meant = |number: Joint, name: &str| match joint {
+                None => true,
+                Some(wanted) => wanted == name || wanted.parse() == Ok(number.number()),
+            };
+            let joints = Joint::ALL.into_iter().zip(&config.joints);
+            let meant: Vec<Joint> = joints
+                .filter_map(|(number, joint)| is_meant(number, &joint.name).then_some(number))
+                .collect();
+            if meant.is_empty() {
+                let (file, joint) = (config.file.display(), joint.as_deref().unwrap_or("all"));
+                return Err(Failure::new(Kind::Usage, format_args!("{file}: no joint {joint}")));
+            }
+            for number in meant {
+                assignment.add(number, quirks.iter().copied());
+            }
+        }
+        Ok(())
+    }
+}
+
+fn refuse_personality(_: &str) -> Result<String, String> {
+    Err("--personality was renamed to --quirks".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn assign(parts: &[&str]) -> Result<QuirkAssignment, String> {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        let parts = parts.iter().map(|part| part.parse()).collect::<Result<_, String>>()?;
+        let mut assignment = QuirkAssignment::default();
+        let given = QuirkArgs { quirks: parts, personality: None }.assign(&config, &mut assignment);
+        given.map(|()| assignment).map_err(|failure| failure.to_string())
+    }
+
+    #[test]
+    fn joints_are_given_by_name_number_or_all() {
+        let assigned =
+            assign(&["elbow=slow-sdo,forgetful:1016h:1", "4=no-boot-up", "all=quiet-fault"]);
+        let assigned = assigned.unwrap();
+        let counts = Joint::ALL.map(|joint| assigned.of(joint).iter().count());
+        assert_eq!(counts, [1, 1, 3, 2, 1, 1]);
+    }
+
+    #[test]
+    fn unknown_joints_and_quirks_are_refused() {
+        for (part, words) in [
+            ("knee=slow-sdo", "config/kraft_like.toml: no joint knee"),
+            ("7=slow-sdo", "config/kraft_like.toml: no joint 7"),
+            ("elbow", "must be JOINT=QUIRK, such as elbow=slow-sdo"),
+            ("elbow=", "unknown quirk ``; expected one of deaf-to-master"),
+            ("elbow=slow-sdo,evil", "unknown quirk `evil`; expected one of deaf-to-master"),
+        ] {
+            let error = assign(&[part]).unwrap_err();
+            assert!(error.starts_with(words), "{error}");
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! Test fixture: the modes of operation move a [`Rotor`].
+
+use crate::motion::Asked;
+use crate::motion::Motion;
+use crate::motion::Ramp;
+use crate::motion::SERVO_PERIOD;
+use crate::motion::Tuning;
+use crate::motion::rotor::Rotor;
+use canopen::NodeId;
+use canopen::dictionary::Dictionary;
+use canopen::drive::Controlword;
+use canopen::eds::Eds;
+use canopen::object::Object;
+
+/// Returns the object dictionary of a drive with default values.
+pub(super) fn drive() -> Dictionary {
+    let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
+    Dictionary::new(&eds, NodeId::new(1).unwrap())
+}
+
+/// Sets an object to the low bytes of `number`.
+pub(super) fn put(dictionary: &mut Dictionary, object: Object, number: u32) {
+    let size = dictionary.get(object).unwrap().len();
+    assert!(dictionary.set(object, &number.to_le_bytes()[..size]));
+}
+
+/// Controlword: enable operation.
+pub(super) const ENABLED: u16 = 0x0F;
+/// Controlword bit 4: new set-point, start homing, enable interpolation.
+pub(super) const START: u16 = 1 << 4;
+/// Controlword bit 5: change set immediately.
+pub(super) const IMMEDIATELY: u16 = 1 << 5;
+/// Controlword bit 6: relative.
+pub(super) const RELATIVE: u16 = 1 << 6;
+/// Controlword bit 8: halt.
+pub(super) const HALT: u16 = 1 << 8;
+
+#[derive(Debug)]
+pub(super) struct Fixture {
+    pub(super) motion: Motion,
+    pub(super) rotor: Rotor,
+    pub(super) dictionary: Dictionary,
+    pub(super) asked: Asked,
+}
+
+impl Fixture {
+    /// Creates the fixture in `mode`, with the motor at rest at zero.
+    pub(super) fn new(mode: i8) -> Self {
+        Self::with(mode, Rotor::default(), |_| {})
+    }
+
+    /// Creates the fixture in `mode`; `set_up` changes objects first.
+    pub(super) fn with(mode: i8, rotor: Rotor, set_up: impl Fn(&mut Dictionary)) -> Self {
+        let mut dictionary = drive();
+        set_up(&mut dictionary);
+        let motion = Motion::new(Tuning::default(), &dictionary);
+        let mut fixture = Self { motion, rotor, dictionary, asked: Asked::default() };
+        fixture.begin(mode);
+        fixture.word(ENABLED);
+        fixture
+    }
+
+    pub(super) fn begin(&mut self, mode: i8) {
+        self.motion.begin(mode, &self.rotor.feedback(), &self.dictionary);
+    }
+
+    pub(super) fn put(&mut self, object: Object, number: i32) {
+        put(&mut self.dictionary, object, number.cast_unsigned());
+    }
+
+    pub(super) fn shown(&self, object: Object) -> i32 {
+        self.dictionary.unsigned(object).cast_signed()
+    }
+
+    pub(super) fn position(&mut self) -> i32 {
+        self.motion.position(&self.rotor.feedback())
+    }
+
+    pub(super) fn word(&mut self, word: u16) {
+        self.motion.on_controlword(Controlword(word), &self.rotor.feedback(), &self.dictionary);
+        self.sync();
+    }
+
+    /// Applies the objects as a SYNC does, with no time elapsed.
+    pub(super) fn sync(&mut self) -> Asked {
+        self.asked = self.motion.step(0.0, &self.rotor.feedback(), &mut self.dictionary);
+        self.asked
+    }
+
+    /// Runs one servo period.
+    pub(super) fn tick(&mut self) -> Asked {
+        self.asked = self.motion.step(SERVO_PERIOD, &self.rotor.feedback(), &mut self.dictionary);
+        self.rotor.turn(SERVO_PERIOD, self.asked.per_mille);
+        self.asked
+    }
+
+    /// Runs `millis` servo periods.
+    pub(super) fn run(&mut self, millis: u32) {
+        (0..millis).for_each(|_| {
+            self.tick();
+        });
+    }
+
+    /// Runs one servo period of a stop.
+    pub(super) fn brake(&mut self, ramp: Ramp) -> Option<Asked> {
+        let feedback = self.rotor.feedback();
+        let asked = self.motion.stop(SERVO_PERIOD, ramp, &feedback, &mut self.dictionary);
+        self.rotor.turn(SERVO_PERIOD, asked.unwrap_or_default().per_mille);
+        asked
+    }
+
+    pub(super) fn has(&self, bit: u16) -> bool {
+        self.asked.status & bit != 0
+    }
+
+    /// Runs until `is_so` and returns the time in ms; panics after `most`.
+    pub(super) fn until(&mut self, most: u32, is_so: impl Fn(&mut Self) -> bool) -> u32 {
+        for millis in 0..most {
+            if is_so(self) {
+                return millis;
+            }
+            self.tick();
+        }
+        panic!("not within {most} ms: {self:?}", self = (self.asked, self.rotor));
+    }
+}

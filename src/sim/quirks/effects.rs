@@ -1,0 +1,124 @@
+//! Effects of each quirk on a conforming drive.
+
+use std::time::Duration;
+
+use crate::quirks::FrameQuirks;
+use crate::quirks::Quirk;
+use crate::quirks::Quirks;
+use canopen::NodeId;
+use canopen::abort::AbortCode;
+use canopen::device::Application;
+use canopen::device::Misbehaviour;
+use canopen::dictionary::Dictionary;
+use canopen::drive::CYCLIC_SYNCHRONOUS_TORQUE;
+use canopen::drive::Controlword;
+use canopen::layout;
+use canopen::object::Object;
+use units::time::Instant;
+
+/// Deviations of one drive outside its CiA 402 application.
+#[derive(Clone, Debug)]
+pub(crate) struct QuirkEffects {
+    /// Object dictionary at power-up.
+    pub(crate) dictionary: Dictionary,
+    /// Deviations of the CANopen slave.
+    pub(crate) misbehaviour: Misbehaviour,
+    /// Deviations of its transmitted frames.
+    pub(crate) frames: FrameQuirks,
+    /// Torque applied before the first command, in ‰ of rated torque.
+    pub(crate) torque_at_start: Option<i16>,
+}
+
+impl QuirkEffects {
+    /// Applies `quirks` to the drive of `node`; `dictionary` is that of a conforming drive.
+    pub(crate) fn of(quirks: &Quirks, dictionary: Dictionary, node: NodeId) -> Self {
+        let mut effects = Self {
+            dictionary,
+            misbehaviour: Misbehaviour::default(),
+            frames: FrameQuirks::default(),
+            torque_at_start: None,
+        };
+        quirks.iter().for_each(|quirk| effects.add(quirk, node));
+        effects
+    }
+
+    fn add(&mut self, quirk: Quirk, node: NodeId) {
+        let Self { dictionary, misbehaviour, frames, torque_at_start } = self;
+        match quirk {
+            Quirk::DeafToMaster => self.confirm_and_discard(Object::CONSUMER_HEARTBEAT, &[0; 4]),
+            Quirk::KeepsTorque => self.confirm_and_discard(Object::ABORT_CONNECTION, &[0; 2]),
+            Quirk::HoldsTorque => misbehaviour.ignores_connection_loss = true,
+            Quirk::OpenRpdos => open_rpdos(dictionary, node),
+            Quirk::NoRpdoTimer => {
+                let timers = (1..=layout::MOST_PDOS).map(|n| Object::rpdo_communication(n, 5));
+                timers.for_each(|timer| dictionary.remove(timer));
+            }
+            Quirk::SlowSdo(time) => frames.response_delay = time,
+            Quirk::UnsizedReplies => misbehaviour.hides_sizes = true,
+            Quirk::FixedMapping => {
+                misbehaviour.refuses.extend(layout::MAPPINGS.map(|of| (of, AbortCode::READ_ONLY)));
+            }
+            Quirk::Forgetful(object) => misbehaviour.ignores.push(object),
+            Quirk::RunningAtStart(torque) => *torque_at_start = Some(torque),
+            Quirk::LateBoot(time) => frames.boot_delay = time,
+            Quirk::NoBootUp => frames.hides_boot_up = true,
+            Quirk::HeartbeatLiar => frames.min_heartbeat_period = COARSE_HEARTBEAT_PERIOD,
+            Quirk::EmcyStorm => frames.emcy_period = Some(STORM_PERIOD),
+            Quirk::DoubleReplies => frames.repeats_responses = true,
+            Quirk::VagueAborts => misbehaviour.only_abort = Some(AbortCode::GENERAL_ERROR),
+            Quirk::WrongIdentity => {
+                let product = !dictionary.unsigned(Object::PRODUCT_CODE);
+                dictionary.furnish(Object::PRODUCT_CODE, &product.to_le_bytes());
+            }
+            Quirk::NoSyncCounter => dictionary.remove(Object::SYNC_OVERFLOW),
+            Quirk::QuietFault => frames.hides_emergencies = true,
+        }
+    }
+
+    fn confirm_and_discard(&mut self, object: Object, value: &[u8]) {
+        self.dictionary.furnish(object, value);
+        self.misbehaviour.ignores.push(object);
+    }
+}
+
+/// Puts the drive in operation enabled with `torque`, in ‰ of rated torque, as a master would have.
+pub(crate) fn start_running(
+    torque: i16,
+    drive: &mut impl Application,
+    dictionary: &mut Dictionary,
+) {
+    // Leaves the power-up state: NMT initialisation is over.
+    drive.on_time(Instant::ZERO, dictionary);
+    let mut write = |object, value: &[u8]| {
+        dictionary.set(object, value);
+        drive.written(dictionary, object);
+    };
+    write(Object::MODE_OF_OPERATION, &CYCLIC_SYNCHRONOUS_TORQUE.to_le_bytes());
+    write(Object::TARGET_TORQUE, &torque.to_le_bytes());
+    for word in [Controlword::SHUTDOWN, Controlword::SWITCH_ON, Controlword::ENABLE_OPERATION] {
+        write(Object::CONTROLWORD, &word.0.to_le_bytes());
+    }
+}
+
+/// Enables RPDO 2 to 4, each asynchronous with controlword and target torque. A frame sent with one of
+/// their COB-IDs by mistake moves the drive.
+fn open_rpdos(dictionary: &mut Dictionary, node: NodeId) {
+    let entry = |object: Object| {
+        let [low, high] = object.index.to_le_bytes();
+        [16, object.sub, low, high]
+    };
+    for number in 2..=4 {
+        let cob_id = u32::from(layout::rpdo1(node)) + 0x100 * u32::from(number - 1);
+        dictionary.furnish(Object::rpdo_communication(number, 1), &cob_id.to_le_bytes());
+        dictionary.furnish(Object::rpdo_communication(number, 2), &[255]);
+        for (sub, object) in [(1, Object::CONTROLWORD), (2, Object::TARGET_TORQUE)] {
+            dictionary.furnish(Object::rpdo_mapping(number, sub), &entry(object));
+        }
+        dictionary.furnish(Object::rpdo_mapping(number, 0), &[2]);
+    }
+}
+
+/// Shortest heartbeat period of a coarse timer.
+const COARSE_HEARTBEAT_PERIOD: Duration = Duration::from_millis(100);
+/// Period of EMCY messages in a storm.
+const STORM_PERIOD: Duration = Duration::from_millis(5);

@@ -1,0 +1,39 @@
+//! Quirks: deviations of real drives from the standards, for tests of masters.
+//!
+//! A [`Quirk`] is one deviation; a drive may have several ([`Quirks`]). `QuirkEffects` holds the effects: dictionary
+//! values at power-up, [`Misbehaviour`](canopen::device::Misbehaviour) of the CANopen slave, delayed or dropped frames,
+//! and motion before the first command. A quirk changes nothing else; a drive without quirks is a conforming one.
+
+mod assignment;
+mod effects;
+mod name;
+mod quirk;
+mod transmit_path;
+
+pub use assignment::QuirkAssignment;
+pub use assignment::UnknownJoint;
+pub(super) use effects::QuirkEffects;
+pub(super) use effects::start_running;
+pub use name::UnknownQuirk;
+pub use quirk::Quirk;
+pub(super) use transmit_path::FrameQuirks;
+pub(super) use transmit_path::TransmitPath;
+
+/// Quirks of one drive.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Quirks(Vec<Quirk>);
+
+impl Quirks {
+    /// Returns the set of `quirks`. If two set the same value, the last one applies.
+    pub fn new(quirks: impl IntoIterator<Item = Quirk>) -> Self {
+        Self(quirks.into_iter().collect())
+    }
+
+    /// Iterates over the quirks, in their order of application.
+    pub fn iter(&self) -> impl Iterator<Item = Quirk> + '_ {
+        self.0.iter().copied()
+    }
+}
+
+#[cfg(test)]
+mod tests;

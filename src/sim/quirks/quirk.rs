@@ -1,0 +1,60 @@
+//! The quirks, each with the real drives that have it.
+//!
+//! Sources: defaults in drive manuals, and reports by users of open-source CANopen masters.
+
+use std::time::Duration;
+
+use serde::Deserialize;
+
+use canopen::object::Object;
+
+/// One deviation. [`NAMES`](Quirk::NAMES) lists the names used in scenarios and on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub enum Quirk {
+    /// Confirms a write of the consumer heartbeat (1016h:1) but does not store it. Every drive ships with an
+    /// empty 1016h; some firmware clears an entry written too early.
+    DeafToMaster,
+    /// Keeps 6007h at 0 (no action on connection loss) whatever is written. Default of several servo drives;
+    /// their manuals call it "the operating point is maintained".
+    KeepsTorque,
+    /// Stores 6007h and sends the EMCY, but keeps the last torque. Seen on positioning drives in cyclic
+    /// modes that kept moving after their master had gone.
+    HoldsTorque,
+    /// Enables RPDO 2 to 4 at power-up, each with controlword and target torque, asynchronous. Common: the
+    /// predefined connection set suggests all four.
+    OpenRpdos,
+    /// Lacks the event timer of RPDOs (sub-index 5). Common in drives with fixed communication parameters.
+    NoRpdoTimer,
+    /// Delays every SDO response. Seen on gateways, and on drives that serve SDO in an idle task.
+    SlowSdo(Duration),
+    /// Omits the size in SDO upload responses: command bytes 42h and 40h. Legal, and common in small stacks.
+    UnsizedReplies,
+    /// Has a read-only PDO mapping, as drives older than dynamic mapping.
+    FixedMapping,
+    /// Confirms a write of this object but does not store the value: firmware clips it silently, or needs a
+    /// restart.
+    Forgetful(Object),
+    /// Is already in operation enabled with this torque, in ‰ of rated torque: the master restarted during
+    /// motion, or the drive starts by itself.
+    RunningAtStart(i16),
+    /// Boots late: sends no boot-up message and receives nothing for this time. Large drives boot an
+    /// operating system.
+    LateBoot(Duration),
+    /// Never sends a boot-up message, as devices older than CiA 301 version 4.
+    NoBootUp,
+    /// Sends heartbeats at least 100 ms apart, although 1017h reads back as written: a coarse timer.
+    HeartbeatLiar,
+    /// Sends an EMCY every 5 ms in pre-operational: a missing encoder or supply, reported repeatedly.
+    EmcyStorm,
+    /// Sends every SDO response twice, as two drives with one node-id do, or a gateway that repeats.
+    DoubleReplies,
+    /// Uses one SDO abort code for everything: 0800 0000h, general error.
+    VagueAborts,
+    /// Has another product code (1018h:2): a spare part of another type.
+    WrongIdentity,
+    /// Lacks the synchronous counter overflow (1019h), as devices older than CiA 301 version 4.1.
+    NoSyncCounter,
+    /// Never sends an EMCY: only the statusword shows a fault.
+    QuietFault,
+}

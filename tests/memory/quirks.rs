@@ -1,0 +1,344 @@
+//! What our master makes of drives at their worst: a table, as a data sheet would have it.
+//!
+//! Each quirk is that of the elbow's drive, once with the targets of three drives in one frame at
+//! 1 kHz, once with a frame for each drive at 500 Hz.
+#![allow(
+    clippy::float_cmp,
+    clippy::indexing_slicing,
+    clippy::panic,
+    clippy::unwrap_used,
+    reason = "what a test cannot do without has failed the test"
+)]
+
+use std::path::Path;
+use std::time::Duration;
+
+use crate::common::bench::Wire;
+use crate::common::bench::until;
+use bus::Bus;
+use canopen::drive::State;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::master::event::Event;
+use canopen::object::Object;
+use canopen::station::Station;
+use config::Config;
+use lab::bench::Bench;
+use node::Request;
+use node::cause::Cause;
+use node::record::Mode;
+use sim::quirks::Quirk;
+use sim::scenario::Scenario;
+use units::time::Instant;
+
+const GROUPED: &str = include_str!("../../config/kraft_like.toml");
+const PER_DRIVE: &str = include_str!("../../config/kraft_like_500hz.toml");
+const ELBOW: usize = 3;
+
+/// Armed at once, the deadman closed 0.4 s after the first SYNC: the drives need some of that.
+const SCRIPT: &str = "seconds = 5\n\
+    [[console]]\nat_s = 0.02\nrequest = \"arm\"\n\
+    [[switch]]\nat_s = 0.4\ndeadman = true\n";
+
+/// Cycles by when it is engaged.
+const ENGAGED_WITHIN: u32 = 500;
+
+/// How it ends.
+#[derive(Clone, Copy, Debug)]
+enum Outcome {
+    /// It boots, arms, engages, pushes only as it is told, and stops.
+    Runs,
+    /// It is refused for this reason before anything can push.
+    Refused(&'static str),
+    /// It boots, and is not armed for this reason.
+    Unarmed(&'static str),
+    /// It boots, and is refused because it goes on without its master.
+    NotProven(&'static str),
+}
+
+use Outcome::NotProven;
+use Outcome::Refused;
+use Outcome::Runs;
+use Outcome::Unarmed;
+
+use units::numbering::Joint;
+use units::numbering::NodeIndex;
+
+/// Quirk, outcome at 1 kHz in groups, outcome at 500 Hz drive by drive.
+const TABLE: &[(&str, Outcome, Outcome)] = &[
+    ("deaf-to-master", Refused(DEAF), Refused(DEAF)),
+    ("keeps-torque", Refused(KEEPS), Refused(KEEPS)),
+    ("open-rpdos", Runs, Runs),
+    ("holds-torque", NotProven(HOLDS), NotProven(HOLDS_500)),
+    ("no-rpdo-timer", Unarmed(NO_TIMER), Unarmed(NO_TIMER_500)),
+    ("slow-sdo:10", Runs, Runs),
+    ("unsized-replies", Runs, Runs),
+    ("fixed-mapping", Refused(FIXED), Refused(FIXED)),
+    ("forgetful:6072h", Refused(MAX_TORQUE), Refused(MAX_TORQUE)),
+    ("forgetful:605Eh", Refused(FAULT_REACTION), Refused(FAULT_REACTION)),
+    ("forgetful:1400h:5", Refused(RPDO_TIMER), Refused(RPDO_TIMER_500)),
+    ("forgetful:6060h", Refused(MODE), Refused(MODE)),
+    ("running-at-start", Runs, Runs),
+    ("late-boot:300", Runs, Runs),
+    ("late-boot:2100", Refused(ABSENT), Refused(ABSENT)),
+    ("no-boot-up", Refused(NO_BOOT_UP), Refused(NO_BOOT_UP)),
+    // A heartbeat every 100 ms is what 1 kHz asks for, and too seldom at 500 Hz.
+    ("heartbeat-liar", Runs, Refused("no heartbeat")),
+    ("emcy-storm", Runs, Runs),
+    ("double-replies", Refused(TWO), Refused(TWO)),
+    ("vague-aborts", Runs, Runs),
+    ("wrong-identity", Refused(OTHER), Refused(OTHER)),
+    ("no-sync-counter", Runs, Runs),
+    ("quiet-fault", Runs, Runs),
+];
+
+const DEAF: &str = "1016h:1 is 00000000h, expected 007F0016h";
+const KEEPS: &str = "6007h is 0000h, expected 0001h";
+const HOLDS: &str = "kept its power stage on for 40 ms without RPDOs (1400h:5 says 5 ms)";
+const HOLDS_500: &str = "kept its power stage on for 43 ms without RPDOs (1400h:5 says 8 ms)";
+const NO_TIMER: &str = "58.6 N (max_force_n = 40, return to centre and walls 3.5, soft stops 15.1) and \
+    dampers of 68 N·s/m for the 25.0 ms until a drive stops by itself would make 1 kg of hand and grip 2.16 m/s \
+    fast, more than 0.5 m/s: at most 0.0 N in all";
+const NO_TIMER_500: &str = "49.5 N (max_force_n = 40, return to centre and walls 3.5, soft stops 6.0) for the \
+    25.0 ms until a drive stops by itself would make 1 kg of hand and grip 1.24 m/s fast, more than 0.5 m/s: at \
+    most 20.0 N in all";
+const FIXED: &str = "1A00h refused: 06010002h object is read only";
+const MAX_TORQUE: &str = "6072h is 0BB8h, expected 0364h";
+const FAULT_REACTION: &str = "605Eh is 0002h, expected 0000h";
+const RPDO_TIMER: &str = "1400h:5 is 0000h, expected 0005h";
+const RPDO_TIMER_500: &str = "1400h:5 is 0000h, expected 0008h";
+const MODE: &str = "6060h is 00h, expected 0Ah";
+const ABSENT: &str = "does not answer, waited 2.0 s";
+const NO_BOOT_UP: &str = "did not boot up after its reset";
+const TWO: &str = "answers one SDO request twice: are there two nodes with this node-id?";
+const OTHER: &str = "1018h:2 is FBFDFFEFh, expected 04020010h";
+
+fn config(text: &str) -> Config {
+    Config::parse(Path::new("config/test.toml"), text).unwrap()
+}
+
+fn bench(config: &Config, script: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) {
+    let mut scenario = Scenario::parse(script).unwrap();
+    let quirks = quirks.iter().map(|quirk| quirk.parse::<Quirk>().unwrap());
+    scenario.quirks_mut().add(Joint::new(ELBOW).unwrap(), quirks);
+    let wire = Wire::default();
+    (Bench::new(config, scenario, 1, false, wire.clone()), wire)
+}
+
+fn is_pushing(bench: &mut Bench<Wire>) -> bool {
+    bench.world_mut().drives().iter().any(|drive| drive.demand() != 0.0)
+}
+
+/// Every target and every controlword the master has sent by RPDO, and every controlword by SDO but the
+/// one that takes the power off.
+fn commands(wire: &Wire) -> usize {
+    let is_command = |frame: &Frame| {
+        let of_rpdo = matches!(frame.cob_id & 0x780, 0x200 | 0x300 | 0x400 | 0x500)
+            && !matches!(frame.cob_id, 0x281..=0x2FF | 0x381..=0x3FF | 0x481..=0x4FF);
+        let of_sdo = frame.cob_id & 0x780 == 0x600
+            && matches!(frame.data(), [0x2B, 0x40, 0x60, 0, word @ ..] if *word != [0; 4]);
+        of_rpdo || of_sdo
+    };
+    wire.all().iter().filter(|(_, telegram)| is_command(&telegram.frame)).count()
+}
+
+/// Boots, arms, engages, pushes only as it is told, and stops.
+fn runs(quirk: &str, mut bench: Bench<Wire>) {
+    bench.bring_up().unwrap_or_else(|error| panic!("{quirk}: {error}"));
+    for _ in 0..10 {
+        let record = bench.cycle();
+        assert_eq!(record.mode, Mode::Ready, "{quirk}: {:?}", record.cause);
+        assert!(!is_pushing(&mut bench), "{quirk}");
+    }
+    let engaged = (0..ENGAGED_WITHIN).map(|_| bench.cycle()).find(|it| it.mode == Mode::Engaged);
+    let mut told = engaged.unwrap_or_else(|| panic!("{quirk}: it does not engage")).targets;
+    for _ in 0..100 {
+        let record = bench.cycle();
+        assert_eq!((record.mode, record.cause), (Mode::Engaged, None), "{quirk}");
+        let takes = |drive: &sim::drive::Drive| drive.dictionary().i16(Object::TARGET_TORQUE);
+        assert_eq!(bench.world_mut().drives().each_ref().map(takes), told, "{quirk}");
+        told = record.targets;
+    }
+    assert!(is_pushing(&mut bench), "{quirk}: it carries its weight");
+    bench.stop().unwrap_or_else(|error| panic!("{quirk}: {error}"));
+    assert!(!is_pushing(&mut bench), "{quirk}");
+}
+
+/// Is refused, all others are off, and nobody was ever told to push.
+fn is_refused(quirk: &str, reason: &str, mut bench: Bench<Wire>, wire: &Wire) {
+    let Err(error) = bench.bring_up() else { panic!("{quirk}: it is taken") };
+    let error = error.to_string();
+    assert_eq!(error, format!("joint 3 (elbow), node 3: {reason}"), "{quirk}");
+    assert_eq!(commands(wire), 0, "{quirk}");
+    for drive in bench.world_mut().drives() {
+        assert_ne!(drive.state(), State::OperationEnabled, "{quirk}");
+        assert_eq!(drive.demand(), 0.0, "{quirk}");
+    }
+}
+
+/// Boots, and is not armed.
+fn is_not_armed(quirk: &str, reason: &str, mut bench: Bench<Wire>) {
+    bench.bring_up().unwrap_or_else(|error| panic!("{quirk}: {error}"));
+    let refused = bench.ask(Request::Arm).unwrap_err().to_string();
+    assert_eq!(refused, reason, "{quirk}");
+    assert_eq!(bench.node().mode(), Mode::Ready, "{quirk}");
+}
+
+/// Goes on without its master at zero torque, and is switched off with all others.
+fn is_not_proven(quirk: &str, reason: &str, mut bench: Bench<Wire>, wire: &Wire) {
+    let Err(error) = bench.bring_up() else { panic!("{quirk}: it is taken") };
+    assert_eq!(error.to_string(), format!("joint 3 (elbow), node 3: {reason}"), "{quirk}");
+    let is_target = |cob_id: u16| (0x201..=0x206).contains(&cob_id);
+    for (_, telegram) in wire.all().iter().filter(|(_, it)| is_target(it.frame.cob_id)) {
+        let data = telegram.frame.data();
+        let targets = if data.len() == 6 { data } else { &data[2..] };
+        assert!(targets.iter().all(|byte| *byte == 0), "{quirk}: {}", telegram.frame);
+    }
+    for drive in bench.world_mut().drives() {
+        assert_ne!(drive.state(), State::OperationEnabled, "{quirk}");
+        assert_eq!(drive.demand(), 0.0, "{quirk}");
+    }
+}
+
+fn try_all(text: &str, outcome: impl Fn(&(&str, Outcome, Outcome)) -> Outcome) {
+    let config = config(text);
+    for row in TABLE {
+        let (bench, wire) = bench(&config, SCRIPT, &[row.0]);
+        match outcome(row) {
+            Runs => runs(row.0, bench),
+            Refused(reason) => is_refused(row.0, reason, bench, &wire),
+            Unarmed(reason) => is_not_armed(row.0, reason, bench),
+            NotProven(reason) => is_not_proven(row.0, reason, bench, &wire),
+        }
+    }
+}
+
+#[test]
+fn hazard_16_quirks_at_1_khz_are_handled_or_refused_before_torque() {
+    try_all(GROUPED, |row| row.1);
+}
+
+#[test]
+fn hazard_16_quirks_at_500_hz_are_handled_or_refused_before_torque() {
+    try_all(PER_DRIVE, |row| row.2);
+}
+
+#[test]
+fn the_table_covers_all_quirks() {
+    let is_tried = |name: &&str| TABLE.iter().any(|row| row.0.split(':').next() == Some(*name));
+    let left: Vec<_> = Quirk::NAMES.iter().filter(|name| !is_tried(name)).collect();
+    assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn a_counter_that_a_drive_does_not_know_is_refused_by_name() {
+    let text = PER_DRIVE.replace("node_id = 127 ", "sync_counter = 240\nnode_id = 127 ");
+    let (bench, wire) = bench(&config(&text), SCRIPT, &["no-sync-counter"]);
+    let reason = "1019h refused: 06020000h object does not exist";
+    is_refused("no-sync-counter", reason, bench, &wire);
+}
+
+/// When the master first told the elbow to take its power off, and when it first asked who that is.
+fn off_and_asked(wire: &Wire) -> (Instant, Instant) {
+    let requests = wire.since(Instant::ZERO, 0x603);
+    let first = |start: &[u8]| {
+        requests.iter().find(|(_, frame)| frame.data().starts_with(start)).unwrap().0
+    };
+    (first(&[0x2B, 0x40, 0x60, 0, 0, 0]), first(&[0x40, 0x18, 0x10]))
+}
+
+#[test]
+fn hazard_17_a_drive_that_runs_when_the_master_comes_is_off_before_anything_else() {
+    for text in [GROUPED, PER_DRIVE] {
+        let (mut bench, wire) = bench(&config(text), SCRIPT, &["running-at-start"]);
+        assert!(is_pushing(&mut bench), "before anybody has said a word");
+        bench.bring_up().unwrap();
+        let (off, asked) = off_and_asked(&wire);
+        assert!(off < asked, "whoever it is");
+        assert!(off.since(Instant::ZERO) < Duration::from_millis(25), "{off:?}");
+        let notices: Vec<_> = std::iter::from_fn(|| bench.notice()).collect();
+        assert!(notices.contains(&Event::FoundEnabled { node: NodeIndex(ELBOW - 1) }));
+    }
+}
+
+#[test]
+fn an_arm_that_falls_is_waited_for_until_it_lies_still() {
+    let script = format!("{SCRIPT}[[hold]]\nat_s = 0\nholding = false\n");
+    let (mut bench, wire) = bench(&config(PER_DRIVE), &script, &["running-at-start:800"]);
+    bench.bring_up().unwrap();
+    let (off, asked) = off_and_asked(&wire);
+    assert!(asked.since(off) > Duration::from_millis(600), "it was moving: {asked:?}");
+    let speeds = bench.world_mut().plant().qd();
+    assert!(speeds[ELBOW - 1].abs() < 0.02, "{speeds}");
+}
+
+#[test]
+fn hazard_17_a_running_drive_is_off_even_if_it_is_then_refused() {
+    for (quirk, reason) in [("wrong-identity", OTHER), ("double-replies", TWO)] {
+        let (bench, wire) = bench(&config(PER_DRIVE), SCRIPT, &["running-at-start", quirk]);
+        is_refused(quirk, reason, bench, &wire);
+    }
+}
+
+/// RPDO 3 of the elbow as `open-rpdos` has it: enable, and all the torque there is.
+const STRAY: (u16, [u8; 4]) = (0x403, [0x0F, 0x00, 0xE8, 0x03]);
+
+#[test]
+fn a_stray_frame_moves_nothing_once_the_master_has_booted_the_drive() {
+    for text in [GROUPED, PER_DRIVE] {
+        let (mut bench, _) = bench(&config(text), SCRIPT, &["open-rpdos"]);
+        bench.bring_up().unwrap();
+        let now = bench.node().bus().now();
+        let stray = Frame::new(STRAY.0, STRAY.1);
+        let drive = bench.world_mut().drive_mut(Joint::new(ELBOW).unwrap()).unwrap();
+        drive.on_frame(now, Channel(0), &stray, &mut Vec::new());
+        for _ in 0..10 {
+            assert!(!is_pushing(&mut bench));
+            assert_eq!(bench.cycle().cause, None);
+        }
+    }
+}
+
+#[test]
+fn a_fault_nobody_tells_of_is_seen_in_the_statusword() {
+    let (mut bench, wire) = bench(&config(PER_DRIVE), SCRIPT, &["quiet-fault"]);
+    bench.bring_up().unwrap();
+    until(&mut bench, |record| record.mode == Mode::Engaged);
+    bench.world_mut().drive_mut(Joint::new(ELBOW).unwrap()).unwrap().fail_with(0x3210);
+    let failed = bench.node().bus().now();
+    let record = until(&mut bench, |record| record.mode.is_stopped());
+    assert!(matches!(record.cause, Some(Cause::DriveLeft { joint: ELBOW, .. })));
+    assert!(record.at.since(failed) <= Duration::from_millis(4));
+    assert!(wire.since(failed, 0x683).is_empty());
+}
+
+#[test]
+fn quirks_in_scenario_and_command_line_are_equal() {
+    let script = format!("{SCRIPT}[[drive]]\njoint = 3\nquirks = [\"keeps-torque\"]\n");
+    let (bench, wire) = bench(&config(PER_DRIVE), &script, &[]);
+    is_refused("keeps-torque", KEEPS, bench, &wire);
+}
+
+#[test]
+fn each_quirk_has_a_scenario() {
+    for name in Quirk::NAMES {
+        let file = format!("config/scenarios/quirks/{name}.toml");
+        let script = Scenario::parse(&std::fs::read_to_string(&file).unwrap()).unwrap();
+        let quirks: Vec<_> = script.quirks().of(Joint::new(ELBOW).unwrap()).iter().collect();
+        assert_eq!(quirks, [name.parse().unwrap()], "{file}");
+    }
+    let files = std::fs::read_dir("config/scenarios/quirks").unwrap();
+    assert_eq!(files.count(), Quirk::NAMES.len(), "each file has a quirk");
+}
+
+#[test]
+fn world_without_quirks_is_unchanged_bit_for_bit() {
+    let frames = |script: &str| {
+        let (mut bench, wire) = bench(&config(PER_DRIVE), script, &[]);
+        bench.bring_up().unwrap();
+        bench.run(100);
+        wire.all()
+    };
+    let named = format!("{SCRIPT}[[drive]]\njoint = 3\nquirks = []\n");
+    assert!(frames(SCRIPT) == frames(&named));
+}

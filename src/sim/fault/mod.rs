@@ -116,6 +116,8 @@ impl Faults {
             let over = self.running.remove(place);
             self.end(now, &over, devices);
         }
+        // Without an end of its own, a fault that applies no more would be matched against every later frame.
+        self.running.retain(|running| running.until.is_some() || !running.is_spent());
         while let Some(fault) = self.next(now) {
             self.start(now, fault, devices, out);
         }

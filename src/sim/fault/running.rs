@@ -162,12 +162,15 @@ impl Running {
         let Kind::Frames(Frames { selection, treatment, often }) = self.fault.kind else {
             return None;
         };
+        if !self.fault.whom.has(place) || self.is_spent() {
+            return None;
+        }
         let is_selected = match selection {
             Selection::All => true,
             Selection::Service(service) => device.cob_id(way, service) == Some(frame.cob_id),
             Selection::CobId(cob_id) => cob_id == frame.cob_id,
         };
-        if !is_selected || !self.fault.whom.has(place) {
+        if !is_selected {
             return None;
         }
         let is_struck = match often {
@@ -177,6 +180,21 @@ impl Running {
         };
         self.struck = self.struck.saturating_add(1);
         is_struck.then_some(treatment)
+    }
+
+    /// Returns whether the fault has applied to as many frames as its `count`.
+    pub(super) const fn is_spent(&self) -> bool {
+        match self.fault.kind {
+            Kind::Frames(Frames { often: Often::First(count), .. }) => self.struck >= count,
+            Kind::Frames(_)
+            | Kind::Cut(_)
+            | Kind::Impersonated { .. }
+            | Kind::Trouble(_)
+            | Kind::Sense(_)
+            | Kind::Contact(..)
+            | Kind::Stranger { .. }
+            | Kind::Link(_) => false,
+        }
     }
 
     /// The first frame of this identifier since the fault began.

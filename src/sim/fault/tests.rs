@@ -379,6 +379,26 @@ fn the_chances_of_a_fault_are_its_own() {
 }
 
 #[test]
+fn spent_fault_is_removed_when_the_next_one_starts() {
+    let one = |joint| format!("kind = \"drop\", joint = {joint}, frame = \"tpdo1\", count = 1");
+    let script = fault(&one(3)) + &fault(&one(3)).replace("at_s = 1", "at_s = 2");
+    let mut room = Room::of(&script, 1);
+    let frame = Frame::new(0x183, [1]);
+    for (millis, lost) in [(1_000.0, [true, false]), (2_000.0, [true, false])] {
+        room.pass(millis);
+        assert_eq!(room.faults.running.len(), 1, "{millis} ms");
+        assert_eq!(lost.map(|_| room.says(2, frame).is_empty()), lost, "{millis} ms");
+    }
+    let lasting = fault(&format!("{}, for_s = 2", one(3))) + &fault(&one(4));
+    let mut room = Room::of(&lasting, 1);
+    room.pass(1_000.0);
+    room.says(2, frame);
+    room.pass(3_000.0);
+    let ended = std::iter::from_fn(|| room.faults.notice()).filter(|notice| notice.is_over);
+    assert_eq!(ended.count(), 1, "a fault with a duration still reports its end");
+}
+
+#[test]
 fn without_faults_nothing_is_due_and_no_room_is_taken() {
     let mut room = Room::of("", 1);
     assert_eq!(room.pass(9_000.0), []);

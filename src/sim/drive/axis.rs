@@ -1,8 +1,8 @@
-//! The drive behind its communication: what is written becomes torque, and what the motor does is told.
+//! The CiA 402 application behind the communication: objects in, torque demand and status out.
 //!
-//! The one place where dictionary, power stage, modes, limits and stops meet; each of them decides in a
-//! file of its own. In cyclic torque mode nothing happens between two set-points; in every other one, and
-//! while it stops, the loops run every [`SERVO_PERIOD`].
+//! Combines dictionary, power state machine, modes, limits and stops; each of them decides in its own file. In cyclic
+//! synchronous torque mode nothing happens between two set-points. In every other mode, and during a stop, the control
+//! loops run every [`SERVO_PERIOD`].
 
 use crate::actuator::ActuatorSettings;
 use crate::actuator::Encoder;
@@ -19,11 +19,11 @@ use crate::drive::stop::Stop;
 use crate::drive::task;
 use crate::drive::task::Task;
 use crate::drivetrain::Sensed;
-use crate::motion::Asked;
 use crate::motion::Feedback;
 use crate::motion::Motion;
 use crate::motion::Ramp;
 use crate::motion::SERVO_PERIOD;
+use crate::motion::TorqueDemand;
 use crate::motion::Tuning;
 use canopen::abort::AbortCode;
 use canopen::device::Application;
@@ -39,15 +39,15 @@ use units::time::Instant;
 #[derive(Clone, Debug)]
 pub(super) struct Axis {
     encoder: Encoder,
-    /// Of the motor, in mN·m.
+    /// Rated torque of the motor, in mN·m.
     rated_torque: u32,
-    /// Of the encoder, per turn of the motor.
+    /// Encoder increments per motor revolution.
     increments: u32,
     power: Power,
-    /// The mode in force (6061h).
+    /// Active mode of operation (6061h).
     mode: i8,
     task: Task,
-    /// In operation, and not about to leave it.
+    /// In operation enabled and not stopping.
     is_enabled: bool,
     tuning: Tuning,
     motion: Motion,
@@ -56,9 +56,9 @@ pub(super) struct Axis {
     monitor: Monitor,
     servo: Servo,
     feedback: Feedback,
-    /// Of the current loop, within every limit.
-    asked: Asked,
-    /// Last error.
+    /// Torque demand to the current loop, after all limits.
+    demand: TorqueDemand,
+    /// Error code (603Fh).
     error: u16,
 }
 
@@ -69,16 +69,16 @@ impl Application for Axis {
         object: Object,
         bytes: &[u8],
     ) -> Result<(), AbortCode> {
-        let is_known = match (object, bytes) {
+        let is_valid = match (object, bytes) {
             (Object::MODE_OF_OPERATION, &[mode]) => task::has_mode(dictionary, mode),
-            _ => Options::may_be(object, bytes),
+            _ => Options::accepts(object, bytes),
         };
-        if is_known { Ok(()) } else { Err(AbortCode::VALUE_INVALID) }
+        if is_valid { Ok(()) } else { Err(AbortCode::VALUE_INVALID) }
     }
 
     fn written(&mut self, dictionary: &mut Dictionary, object: Object) {
         match object {
-            Object::CONTROLWORD => self.obey(dictionary),
+            Object::CONTROLWORD => self.on_controlword(dictionary),
             Object::MODE_OF_OPERATION => self.follow_power(dictionary),
             Object::TARGET_TORQUE
             | Object::TORQUE_OFFSET
@@ -86,9 +86,9 @@ impl Application for Axis {
             | Object::POSITION_OFFSET
             | Object::TARGET_VELOCITY
             | Object::VELOCITY_OFFSET => {
-                if task::takes_at_once(self.mode, object) {
-                    self.perform(0.0, dictionary);
-                    self.tell(dictionary);
+                if task::is_immediate_set_point(self.mode, object) {
+                    self.step(0.0, dictionary);
+                    self.show_status(dictionary);
                 }
             }
             parameter => {
@@ -101,14 +101,14 @@ impl Application for Axis {
 
     fn on_connection_lost(&mut self, dictionary: &mut Dictionary, why: ConnectionLoss) -> [u8; 5] {
         self.error = why.error_code();
-        match self.options.on_lost_master() {
+        match self.options.on_connection_loss() {
             Abort::Nothing => {}
             Abort::Fault => self.power.fail(self.options.fault_ramp()),
             Abort::DisableVoltage => self.power.disable_voltage(),
             Abort::QuickStop => self.power.quick_stop(&self.options),
         }
         self.follow_power(dictionary);
-        let [t0, t1] = status::whole(self.asked.per_mille).to_le_bytes();
+        let [t0, t1] = status::whole(self.demand.per_mille).to_le_bytes();
         let [s0, s1] = status::word(dictionary, Object::STATUSWORD).to_le_bytes();
         [t0, t1, s0, s1, 0]
     }
@@ -130,20 +130,20 @@ impl Application for Axis {
     fn on_time(&mut self, now: Instant, dictionary: &mut Dictionary) {
         if self.power.state() == State::NotReadyToSwitchOn {
             self.power.initialise();
-            self.watch();
+            self.check_monitor();
         }
-        if self.task.is_servoed(self.mode) {
+        if self.task.needs_servo(self.mode) {
             for _ in 0..self.servo.periods(now) {
-                self.perform(SERVO_PERIOD, dictionary);
+                self.step(SERVO_PERIOD, dictionary);
             }
         }
         self.follow_power(dictionary);
     }
 
     fn deadline(&self) -> Option<Instant> {
-        let is_new = self.power.state() == State::NotReadyToSwitchOn;
-        let servo = self.task.is_servoed(self.mode).then(|| self.servo.deadline());
-        if is_new { Some(Instant::ZERO) } else { servo }
+        let is_starting = self.power.state() == State::NotReadyToSwitchOn;
+        let servo = self.task.needs_servo(self.mode).then(|| self.servo.deadline());
+        if is_starting { Some(Instant::ZERO) } else { servo }
     }
 
     fn error_code(&self) -> u16 {
@@ -160,7 +160,7 @@ impl Application for Axis {
 }
 
 impl Axis {
-    /// That of a motor behind its gear, at rest.
+    /// Creates the axis of a motor and gear, at rest.
     pub(super) fn new(actuator: &ActuatorSettings, tuning: Tuning) -> Self {
         Self {
             encoder: Encoder::new(actuator),
@@ -177,42 +177,42 @@ impl Axis {
             monitor: Monitor::default(),
             servo: Servo::default(),
             feedback: Feedback { position: actuator.zero_counts, ..Feedback::default() },
-            asked: Asked::default(),
+            demand: TorqueDemand::default(),
             error: 0,
         }
     }
 
-    /// The state of its power stage.
+    /// Returns the state of the power drive system.
     pub(super) const fn state(&self) -> State {
         self.power.state()
     }
 
-    /// The mode in force.
+    /// Returns the active mode of operation.
     pub(super) const fn mode(&self) -> i8 {
         self.mode
     }
 
-    /// The last error, 0 for none since power-up or reset.
+    /// Returns the error code, 0 for none since power-up or reset.
     pub(super) const fn last_error(&self) -> u16 {
         self.error
     }
 
-    /// What is asked of the current loop, in ‰ of rated torque.
+    /// Returns the torque demand to the current loop, in ‰ of rated torque.
     pub(super) const fn demand(&self) -> f64 {
-        self.asked.per_mille
+        self.demand.per_mille
     }
 
-    /// What the motor does, as the drive believes.
+    /// Returns the feedback of motor and encoder.
     pub(super) const fn feedback(&self) -> &Feedback {
         &self.feedback
     }
 
-    /// What it sees of itself.
+    /// Returns the monitored quantities.
     pub(super) const fn monitor(&self) -> &Monitor {
         &self.monitor
     }
 
-    /// What its motor does now.
+    /// Updates the motor and encoder values.
     pub(super) fn sense(&mut self, sensed: &Sensed, dictionary: &mut Dictionary) {
         self.feedback = Feedback {
             position: self.encoder.counts(sensed.position),
@@ -225,42 +225,42 @@ impl Axis {
         self.observe(Monitor { temperature, is_too_fast, ..self.monitor }, dictionary);
     }
 
-    /// What it sees of itself now.
+    /// Updates the monitored quantities, and faults if one is out of its limits.
     pub(super) fn observe(&mut self, monitor: Monitor, dictionary: &mut Dictionary) {
         if self.monitor == monitor && monitor.cause().is_none() {
             return;
         }
-        let told = (self.monitor.has_warning(), self.monitor.has_voltage());
+        let before = (self.monitor.has_warning(), self.monitor.has_voltage());
         self.monitor = monitor;
         status::show_monitor(&self.monitor, dictionary);
-        let is_news = told != (self.monitor.has_warning(), self.monitor.has_voltage());
-        if is_news || self.monitor.cause().is_some() {
-            self.watch();
+        let has_changed = before != (self.monitor.has_warning(), self.monitor.has_voltage());
+        if has_changed || self.monitor.cause().is_some() {
+            self.check_monitor();
             self.follow_power(dictionary);
         }
     }
 
-    /// Something is wrong, with this error code, and the motor is stopped as 605Eh says.
+    /// Enters the fault reaction of 605Eh with this error code.
     pub(super) fn fail(&mut self, code: u16, dictionary: &mut Dictionary) {
-        self.give_up(code, self.options.fault_ramp());
+        self.enter_fault(code, self.options.fault_ramp());
         self.follow_power(dictionary);
     }
 
-    /// Its power is gone, and all that it knew.
+    /// Removes the power: all states are lost.
     pub(super) fn switch_off(&mut self, dictionary: &mut Dictionary) {
         self.power = Power::default();
         self.follow_power(dictionary);
     }
 
-    fn give_up(&mut self, code: u16, ramp: Option<Ramp>) {
+    fn enter_fault(&mut self, code: u16, ramp: Option<Ramp>) {
         self.error = code;
         self.power.fail(ramp);
     }
 
-    /// Gives up if it must, once. It is no matter how fast a motor turns that has no torque.
-    fn watch(&mut self) {
+    /// Enters Fault once for a monitored cause. Overspeed is no fault of a motor without torque.
+    fn check_monitor(&mut self) {
         let Some(cause) = self.monitor.cause() else { return };
-        let has_given_up = match self.power.state() {
+        let is_handled = match self.power.state() {
             State::NotReadyToSwitchOn | State::Fault => true,
             State::FaultReactionActive => !cause.is_torque_gone(),
             State::SwitchOnDisabled | State::ReadyToSwitchOn | State::SwitchedOn => {
@@ -268,9 +268,9 @@ impl Axis {
             }
             State::OperationEnabled | State::QuickStopActive => false,
         };
-        if !has_given_up {
+        if !is_handled {
             let ramp = self.options.fault_ramp().filter(|_| !cause.is_torque_gone());
-            self.give_up(cause.error_code(), ramp);
+            self.enter_fault(cause.error_code(), ramp);
         }
     }
 
@@ -279,13 +279,13 @@ impl Axis {
         self.limits = Limits::of(dictionary);
     }
 
-    /// Obeys the controlword. One that says the same again changes nothing, and costs nothing.
-    fn obey(&mut self, dictionary: &mut Dictionary) {
+    /// Applies the controlword. A repeated one has no effect and costs no time.
+    fn on_controlword(&mut self, dictionary: &mut Dictionary) {
         let word = Controlword(status::word(dictionary, Object::CONTROLWORD));
         let before = (self.power.state(), self.power.controlword());
-        self.power.obey(word, &self.options, self.monitor.cause().is_none());
+        self.power.on_controlword(word, &self.options, self.monitor.cause().is_none());
         if before != (self.power.state(), word) {
-            self.settle(dictionary);
+            self.update_task(dictionary);
             if self.is_enabled {
                 self.motion.on_controlword(word, &self.feedback, dictionary);
             }
@@ -293,20 +293,20 @@ impl Axis {
         }
     }
 
-    /// All that follows from another state of the power stage, or another limit.
+    /// Updates task, torque and status after a change of state or limit.
     fn follow_power(&mut self, dictionary: &mut Dictionary) {
-        self.settle(dictionary);
-        if matches!(self.task, Task::Operate) && self.task.is_servoed(self.mode) {
-            // Its loops take a step without time for a set-point that has come.
-            self.give(self.asked);
+        self.update_task(dictionary);
+        if matches!(self.task, Task::Operate) && self.task.needs_servo(self.mode) {
+            // Its loops already take a step of zero time for a new set-point.
+            self.set_demand(self.demand);
         } else {
-            self.perform(0.0, dictionary);
+            self.step(0.0, dictionary);
         }
-        self.tell(dictionary);
+        self.show_status(dictionary);
     }
 
-    /// Task and mode become those of the state.
-    fn settle(&mut self, dictionary: &Dictionary) {
+    /// Sets task and mode to those of the state.
+    fn update_task(&mut self, dictionary: &Dictionary) {
         self.task = self.next_task();
         let has_new_mode = self.adopt_mode(dictionary);
         if has_new_mode {
@@ -318,7 +318,7 @@ impl Axis {
             self.motion.begin(self.mode, &self.feedback, dictionary);
         }
         self.is_enabled = is_enabled;
-        if !self.task.is_servoed(self.mode) {
+        if !self.task.needs_servo(self.mode) {
             self.servo.stop();
         }
     }
@@ -327,11 +327,11 @@ impl Axis {
         self.task.next(&self.power, self.mode)
     }
 
-    /// Takes the mode that is asked for (6060h), unless a stop is under way; whether it is another one.
+    /// Takes the requested mode (6060h) unless a stop is in progress; returns whether it changed.
     fn adopt_mode(&mut self, dictionary: &Dictionary) -> bool {
         let mode = dictionary.i8(Object::MODE_OF_OPERATION);
         let is_new = mode != self.mode
-            && self.task.may_change_mode()
+            && self.task.allows_mode_change()
             && task::has_mode(dictionary, mode.cast_unsigned());
         if is_new {
             self.mode = mode;
@@ -339,49 +339,49 @@ impl Axis {
         is_new
     }
 
-    /// `dt` s have passed in its task; zero when only what is commanded has changed.
-    fn perform(&mut self, dt: f64, dictionary: &mut Dictionary) {
-        let asked = match self.task {
-            Task::Release => Asked::default(),
+    /// Advances the task by `dt` s; zero when only a command has changed.
+    fn step(&mut self, dt: f64, dictionary: &mut Dictionary) {
+        let demand = match self.task {
+            Task::Release => TorqueDemand::default(),
             Task::Operate => self.motion.step(dt, &self.feedback, dictionary),
             Task::Stop(stop) => self.stop(dt, stop, dictionary),
             Task::Hold => self.motion.hold(dt, &self.feedback, dictionary),
         };
-        if asked.error != 0 {
-            self.give_up(asked.error, self.options.fault_ramp());
-            self.settle(dictionary);
+        if demand.error != 0 {
+            self.enter_fault(demand.error, self.options.fault_ramp());
+            self.update_task(dictionary);
         }
-        self.give(if self.power.may_push() { asked } else { Asked::default() });
+        self.set_demand(if self.power.has_torque() { demand } else { TorqueDemand::default() });
     }
 
-    /// `dt` s have passed in a stop, which may be over by then, and the state it belongs to.
-    fn stop(&mut self, dt: f64, mut stop: Stop, dictionary: &mut Dictionary) -> Asked {
-        let asked = stop.step(dt, &mut self.motion, &self.feedback, dictionary);
-        self.task = match asked {
+    /// Advances a stop by `dt` s; completes the state transition when it is over.
+    fn stop(&mut self, dt: f64, mut stop: Stop, dictionary: &mut Dictionary) -> TorqueDemand {
+        let demand = stop.step(dt, &mut self.motion, &self.feedback, dictionary);
+        self.task = match demand {
             Some(_) => Task::Stop(stop),
-            None if stop.is_given_up() => Task::Release,
+            None if stop.has_timed_out() => Task::Release,
             None => Task::Hold,
         };
-        if asked.is_none() {
+        if demand.is_none() {
             self.power.on_stopped();
-            self.settle(dictionary);
+            self.update_task(dictionary);
         }
-        asked.unwrap_or_default()
+        demand.unwrap_or_default()
     }
 
-    /// The current loop is asked for it, within the limits.
-    fn give(&mut self, asked: Asked) {
-        let per_mille = self.limits.clamp(asked.per_mille);
-        let is_limited = asked.is_limited || (per_mille - asked.per_mille).abs() > 0.0;
-        self.asked = Asked { per_mille, is_limited, ..asked };
+    /// Passes the demand to the current loop, within the limits.
+    fn set_demand(&mut self, demand: TorqueDemand) {
+        let per_mille = self.limits.clamp(demand.per_mille);
+        let is_limited = demand.is_limited || (per_mille - demand.per_mille).abs() > 0.0;
+        self.demand = TorqueDemand { per_mille, is_limited, ..demand };
     }
 
-    fn tell(&self, dictionary: &mut Dictionary) {
+    fn show_status(&self, dictionary: &mut Dictionary) {
         let state = self.power.statusword();
         let status = Status {
-            statusword: status::statusword(state, &self.monitor, &self.asked),
+            statusword: status::statusword(state, &self.monitor, &self.demand),
             mode: self.mode,
-            torque_demand: self.asked.per_mille,
+            torque_demand: self.demand.per_mille,
             error: self.error,
         };
         status.show(dictionary);

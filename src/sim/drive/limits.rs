@@ -1,7 +1,6 @@
-//! How much a drive gives, and how fast it lets its motor turn: 6072h, 6073h, 60E0h, 60E1h, 6080h.
+//! Torque and speed limits of a drive: 6072h, 6073h, 60E0h, 60E1h, 6080h.
 //!
-//! The software position limits (607Dh) bound set-points, and so are of the
-//! [modes of operation](crate::motion).
+//! The software position limits (607Dh) apply to set-points, in the [modes of operation](crate::motion).
 
 use canopen::dictionary::Dictionary;
 use canopen::object::Object;
@@ -9,27 +8,27 @@ use canopen::object::Object;
 /// The limits of one drive.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Limits {
-    /// In ‰ of rated torque, not negative.
+    /// Positive limit, in ‰ of rated torque, not negative.
     positive: f64,
-    /// In ‰ of rated torque, not negative.
+    /// Magnitude of the negative limit, in ‰ of rated torque, not negative.
     negative: f64,
-    /// In increments/s.
+    /// Trip speed, in increments/s.
     max_speed: f64,
 }
 
 impl Limits {
-    /// What they are in `dictionary`. An object that is not there limits nothing.
+    /// Reads the limits from `dictionary`. An absent object is no limit.
     pub(super) fn of(dictionary: &Dictionary) -> Self {
         let limit = |object| match dictionary.get(object) {
             Some(_) => f64::from(dictionary.unsigned(object)),
             None => f64::INFINITY,
         };
-        // The current makes the torque: one per mille of it is one of the other.
+        // Torque is proportional to current: both limits have the same unit.
         let both = limit(Object::MAX_TORQUE).min(limit(Object::MAX_CURRENT));
         let increments = f64::from(dictionary.unsigned(Object::ENCODER_INCREMENTS));
         let revolutions = f64::from(dictionary.unsigned(Object::ENCODER_REVOLUTIONS).max(1));
         let max_rpm = limit(Object::MAX_MOTOR_SPEED);
-        let max_speed = TRIP * max_rpm / 60.0 * increments / revolutions;
+        let max_speed = TRIP_RATIO * max_rpm / 60.0 * increments / revolutions;
         Self {
             positive: both.min(limit(Object::POSITIVE_TORQUE_LIMIT)),
             negative: both.min(limit(Object::NEGATIVE_TORQUE_LIMIT)),
@@ -37,19 +36,19 @@ impl Limits {
         }
     }
 
-    /// What is given of `per_mille` of rated torque; nothing for what is no number.
+    /// Returns `per_mille` of rated torque within the limits, 0 for NaN.
     pub(super) fn clamp(&self, per_mille: f64) -> f64 {
         if per_mille.is_nan() { 0.0 } else { per_mille.clamp(-self.negative, self.positive) }
     }
 
-    /// Whether a motor of `velocity`, in increments/s, is faster than it may be.
+    /// Returns whether `velocity`, in increments/s, exceeds the trip speed.
     pub(super) fn is_too_fast(&self, velocity: f64) -> bool {
         velocity.abs() > self.max_speed
     }
 }
 
-/// A velocity loop at 6080h overshoots it a little; who is faster than this runs away.
-const TRIP: f64 = 1.1;
+/// Trip speed relative to 6080h: a velocity loop overshoots it a little.
+const TRIP_RATIO: f64 = 1.1;
 
 #[cfg(test)]
 mod tests {
@@ -65,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motor_is_too_fast_a_tenth_above_its_speed() {
+    fn overspeed_trips_ten_percent_above_6080h() {
         let mut dictionary = dictionary();
         dictionary.set(Object::MAX_MOTOR_SPEED, &3_000_u32.to_le_bytes());
         dictionary.set(Object::ENCODER_INCREMENTS, &4_096_u32.to_le_bytes());
@@ -80,7 +79,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn nothing_is_given_beyond_any_limit(
+        fn torque_stays_within_every_limit(
             limits in [0..=3_000_u16, 0..=3_000, 0..=3_000, 0..=3_000], asked in -1e5..1e5_f64,
         ) {
             let mut dictionary = dictionary();
@@ -102,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_gives_no_torque() {
+    fn nan_demand_gives_zero_torque() {
         assert!(Limits::of(&dictionary()).clamp(f64::NAN).abs() <= 0.0);
     }
 }

@@ -1,36 +1,34 @@
-//! What a drive watches of itself, and when it takes what it sees for a fault or a warning.
-//!
-//! Not what it does about it: that is the [power stage's](super::power).
+//! Monitored quantities of a drive, and their faults and warnings. The [power state machine](super::power) reacts.
 
 use crate::drive::inputs::Inputs;
 use canopen::error_codes;
 
-/// What it sees.
+/// Monitored quantities.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Monitor {
-    /// Of the winding, in °C.
+    /// Winding temperature, in °C.
     pub(super) temperature: f64,
-    /// Of the DC link, in V.
+    /// DC link voltage, in V.
     pub(super) link_voltage: f64,
-    /// Its terminals.
+    /// Digital inputs.
     pub(super) inputs: Inputs,
-    /// Whether the motor is faster than it may be.
+    /// The motor exceeds its trip speed.
     pub(super) is_too_fast: bool,
 }
 
 impl Default for Monitor {
-    /// Cold, at its nominal voltage, with nothing at its terminals.
+    /// Returns a cold drive at nominal voltage with all inputs low.
     fn default() -> Self {
         Self {
             temperature: 0.0,
-            link_voltage: NOMINAL,
+            link_voltage: NOMINAL_VOLTAGE,
             inputs: Inputs::default(),
             is_too_fast: false,
         }
     }
 }
 
-/// Why a drive gives up.
+/// Cause of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cause {
     SafeTorqueOff,
@@ -41,7 +39,7 @@ pub(super) enum Cause {
 }
 
 impl Cause {
-    /// What 603Fh and the emergency say.
+    /// Returns the error code of 603Fh and the EMCY.
     pub(super) const fn error_code(self) -> u16 {
         match self {
             Self::SafeTorqueOff => error_codes::SAFE_TORQUE_OFF,
@@ -52,7 +50,7 @@ impl Cause {
         }
     }
 
-    /// Whether there is nothing left to stop the motor with, whatever 605Eh says.
+    /// Returns whether the drive has no torque left to stop the motor with, whatever 605Eh says.
     pub(super) const fn is_torque_gone(self) -> bool {
         match self {
             Self::SafeTorqueOff | Self::UnderVoltage => true,
@@ -62,39 +60,39 @@ impl Cause {
 }
 
 impl Monitor {
-    /// What is wrong now, the worst of it.
+    /// Returns the most severe cause present.
     pub(super) fn cause(&self) -> Option<Cause> {
         let causes = [
             (self.inputs.is_torque_off, Cause::SafeTorqueOff),
-            (self.link_voltage < LOWEST, Cause::UnderVoltage),
-            (self.link_voltage > HIGHEST, Cause::OverVoltage),
-            (self.temperature >= HOTTEST, Cause::OverTemperature),
+            (self.link_voltage < MIN_VOLTAGE, Cause::UnderVoltage),
+            (self.link_voltage > MAX_VOLTAGE, Cause::OverVoltage),
+            (self.temperature >= MAX_TEMPERATURE, Cause::OverTemperature),
             (self.is_too_fast, Cause::OverSpeed),
         ];
-        causes.into_iter().find_map(|(is_so, cause)| is_so.then_some(cause))
+        causes.into_iter().find_map(|(is_present, cause)| is_present.then_some(cause))
     }
 
-    /// Whether it soon will be too hot (bit 7 of the statusword).
+    /// Returns whether the winding is near its limit (statusword bit 7).
     pub(super) fn has_warning(&self) -> bool {
-        self.temperature >= HOTTEST - MARGIN
+        self.temperature >= MAX_TEMPERATURE - WARNING_MARGIN
     }
 
-    /// Whether the power stage has its voltage (bit 4 of the statusword).
+    /// Returns whether the power stage has voltage (statusword bit 4).
     pub(super) fn has_voltage(&self) -> bool {
-        self.link_voltage >= LOWEST && !self.inputs.is_torque_off
+        self.link_voltage >= MIN_VOLTAGE && !self.inputs.is_torque_off
     }
 }
 
-/// Of the DC link, in V.
-const NOMINAL: f64 = 48.0;
-/// Of the DC link, in V.
-const LOWEST: f64 = 36.0;
-/// Of the DC link, in V.
-const HIGHEST: f64 = 60.0;
-/// Of the winding, in °C.
-const HOTTEST: f64 = 120.0;
-/// So far below the limit it is told, in K.
-const MARGIN: f64 = 10.0;
+/// Nominal DC link voltage, in V.
+const NOMINAL_VOLTAGE: f64 = 48.0;
+/// Under-voltage limit of the DC link, in V.
+const MIN_VOLTAGE: f64 = 36.0;
+/// Over-voltage limit of the DC link, in V.
+const MAX_VOLTAGE: f64 = 60.0;
+/// Over-temperature limit of the winding, in °C.
+const MAX_TEMPERATURE: f64 = 120.0;
+/// Distance of the warning from the over-temperature limit, in K.
+const WARNING_MARGIN: f64 = 10.0;
 
 #[cfg(test)]
 mod tests {
@@ -105,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn heat_is_told_before_it_is_a_fault() {
+    fn temperature_warns_before_it_faults() {
         for (temperature, has_warning, cause) in [
             (25.0, false, None),
             (109.9, false, None),
@@ -118,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn the_worst_is_told_first() {
+    fn most_severe_cause_comes_first() {
         let mut monitor = Monitor { is_too_fast: true, ..at(130.0) };
         assert_eq!(monitor.cause(), Some(Cause::OverTemperature));
         monitor.link_voltage = 70.0;
@@ -129,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn every_code_has_a_class_with_words() {
+    fn error_codes_have_descriptions() {
         for (cause, words) in [
             (Cause::SafeTorqueOff, "safe torque off"),
             (Cause::UnderVoltage, "DC link under-voltage"),

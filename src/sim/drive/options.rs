@@ -1,42 +1,43 @@
-//! What a drive does when it is to stop: the option codes 605Ah to 605Eh, and 6007h for a lost master
-//! (CiA 402-2, 8.3.1 to 8.3.6 and 7.3.1).
+//! Option codes 605Ah to 605Eh and 6007h: the reaction to stop commands, faults and connection loss (CiA 402-2, 8.3.1
+//! to 8.3.6 and 7.3.1).
 //!
-//! Only what the codes mean; what 605Dh means to a halt is the [mode's](crate::motion) business. A voltage limit is taken for a current limit: this drive knows no other.
+//! Decoding only; the [modes](crate::motion) evaluate 605Dh (halt). Stops at the voltage limit are stops at the current
+//! limit: this drive has no voltage limit.
 
 use crate::motion::Ramp;
 use canopen::dictionary::Dictionary;
 use canopen::object::Object;
 
-/// The option codes of one drive; each is what its object holds.
+/// Option codes of one drive, with the values of their objects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Options {
-    /// 6007h.
+    /// Abort connection option code, 6007h.
     pub(super) abort_connection: i16,
-    /// 605Ah.
+    /// Quick stop option code, 605Ah.
     pub(super) quick_stop: i16,
-    /// 605Bh.
+    /// Shutdown option code, 605Bh.
     pub(super) shutdown: i16,
-    /// 605Ch.
+    /// Disable operation option code, 605Ch.
     pub(super) disable_operation: i16,
-    /// 605Eh.
+    /// Fault reaction option code, 605Eh.
     pub(super) fault_reaction: i16,
 }
 
-/// What a drive does without its master.
+/// Reaction to a connection loss.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Abort {
-    /// It goes on.
+    /// No action.
     Nothing,
-    /// As for a fault.
+    /// Fault signal.
     Fault,
-    /// As a controlword that disables the voltage.
+    /// Command disable voltage.
     DisableVoltage,
-    /// As a controlword that asks for a quick stop.
+    /// Command quick stop.
     QuickStop,
 }
 
 impl Options {
-    /// What they are in `dictionary`. An object that is not there is 0: everything at once.
+    /// Reads the option codes from `dictionary`. An absent object counts as 0: immediate.
     pub(super) fn of(dictionary: &Dictionary) -> Self {
         Self {
             abort_connection: dictionary.i16(Object::ABORT_CONNECTION),
@@ -47,8 +48,8 @@ impl Options {
         }
     }
 
-    /// Whether a master may give `object` the value `bytes`; true for what is no option code.
-    pub(super) fn may_be(object: Object, bytes: &[u8]) -> bool {
+    /// Returns whether `bytes` is a valid value of `object`; true for objects that are not option codes.
+    pub(super) fn accepts(object: Object, bytes: &[u8]) -> bool {
         let codes = match object {
             Object::ABORT_CONNECTION => 0..=3,
             Object::QUICK_STOP_OPTION => 0..=8,
@@ -60,8 +61,8 @@ impl Options {
         bytes.try_into().is_ok_and(|bytes| codes.contains(&i16::from_le_bytes(bytes)))
     }
 
-    /// What is done without a master (6007h).
-    pub(super) const fn on_lost_master(&self) -> Abort {
+    /// Returns the reaction to a connection loss (6007h).
+    pub(super) const fn on_connection_loss(&self) -> Abort {
         match self.abort_connection {
             1 => Abort::Fault,
             2 => Abort::DisableVoltage,
@@ -70,7 +71,7 @@ impl Options {
         }
     }
 
-    /// How a quick stop is made (605Ah); `None` without any, by taking off the torque.
+    /// Returns the ramp of a quick stop (605Ah); `None` if it disables the drive at once.
     pub(super) const fn quick_stop_ramp(&self) -> Option<Ramp> {
         match self.quick_stop {
             1 | 5 => Some(Ramp::SlowDown),
@@ -80,22 +81,22 @@ impl Options {
         }
     }
 
-    /// Whether a drive stays in quick stop active once it stands still (605Ah).
+    /// Returns whether a quick stop ends in quick stop active (605Ah).
     pub(super) const fn stays_in_quick_stop(&self) -> bool {
         matches!(self.quick_stop, 5..=8)
     }
 
-    /// How operation is left for ready to switch on (605Bh); `None` at once.
+    /// Returns the ramp from operation enabled to ready to switch on (605Bh); `None` if immediate.
     pub(super) fn shutdown_ramp(&self) -> Option<Ramp> {
         (self.shutdown == 1).then_some(Ramp::SlowDown)
     }
 
-    /// How operation is left for switched on (605Ch); `None` at once.
+    /// Returns the ramp from operation enabled to switched on (605Ch); `None` if immediate.
     pub(super) fn disable_operation_ramp(&self) -> Option<Ramp> {
         (self.disable_operation == 1).then_some(Ramp::SlowDown)
     }
 
-    /// How a drive stops for a fault (605Eh); `None` without any, by taking off the torque.
+    /// Returns the ramp of the fault reaction (605Eh); `None` if it disables the drive at once.
     pub(super) const fn fault_ramp(&self) -> Option<Ramp> {
         match self.fault_reaction {
             1 => Some(Ramp::SlowDown),
@@ -111,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn codes_are_those_of_the_standard_and_no_others() {
+    fn accepted_codes_are_those_of_cia_402() {
         for (object, low, high) in [
             (Object::ABORT_CONNECTION, 0, 3),
             (Object::QUICK_STOP_OPTION, 0, 8),
@@ -121,15 +122,15 @@ mod tests {
             (Object::FAULT_REACTION, 0, 4),
         ] {
             for code in -10..20_i16 {
-                let taken = Options::may_be(object, &code.to_le_bytes());
+                let taken = Options::accepts(object, &code.to_le_bytes());
                 assert_eq!(taken, (low..=high).contains(&code), "{object} = {code}");
             }
         }
-        assert!(Options::may_be(Object::TARGET_TORQUE, &[0xFF, 0xFF]));
+        assert!(Options::accepts(Object::TARGET_TORQUE, &[0xFF, 0xFF]));
     }
 
     #[test]
-    fn every_code_has_the_ramp_the_standard_gives_it() {
+    fn codes_have_the_ramps_of_cia_402() {
         use Ramp::CurrentLimit;
         use Ramp::QuickStop;
         use Ramp::SlowDown;

@@ -1,4 +1,4 @@
-//! The power state machine of a drive, seen from inside (CiA 402-2, 6.1): controlword in, statusword out.
+//! The power state machine of a drive (CiA 402-2, 6.1): controlword in, statusword out.
 //!
 //! ```text
 //!  start ─0→ not ready ─1→ switch on ─2→ ready to ─3→ switched ─4→ operation ─11→ quick stop
@@ -7,8 +7,8 @@
 //!                            └──15── fault ←14─ fault reaction active ←13─ any state
 //! ```
 //!
-//! Only the states, and which stop must be over before the next one. How a motor is stopped is the
-//! business of [`stop`](super::stop) and [`motion`](crate::motion).
+//! Holds the states and the stop that must end before the next one. [`stop`](super::stop) and
+//! [`motion`](crate::motion) execute stops.
 
 use crate::drive::options::Options;
 use crate::motion::Ramp;
@@ -16,7 +16,7 @@ use canopen::drive::Controlword;
 use canopen::drive::State;
 use canopen::drive::Statusword;
 
-/// The power stage of one drive.
+/// Power state machine of one drive.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Power {
     state: State,
@@ -24,34 +24,34 @@ pub(super) struct Power {
     stop: Option<Stop>,
 }
 
-/// A stop that has to be made.
+/// A stop in progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Stop {
     ramp: Ramp,
-    /// The state it leads to.
+    /// State after the stop.
     end: State,
 }
 
 impl Default for Power {
-    /// As after power-up (transition 0).
+    /// Returns the state after power-up (transition 0).
     fn default() -> Self {
         Self { state: State::NotReadyToSwitchOn, last: Controlword::default(), stop: None }
     }
 }
 
-/// What a controlword asks for (CiA 402-2, table 29), a fault reset apart.
+/// Command of a controlword (CiA 402-2, table 29), except a fault reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Command {
     DisableVoltage,
     QuickStop,
     Shutdown,
-    /// In operation the same bits disable the operation.
+    /// In operation enabled the same bits disable operation.
     SwitchOn,
     EnableOperation,
 }
 
 impl Command {
-    /// What it asks for; `None` if bit 7 claims it for a fault reset.
+    /// Decodes the command; `None` for a fault reset (bit 7).
     const fn of(word: Controlword) -> Option<Self> {
         match word.0 & 0x8F {
             command if command & 0x82 == 0x00 => Some(Self::DisableVoltage),
@@ -65,54 +65,53 @@ impl Command {
 }
 
 impl Power {
-    /// The state it is in.
+    /// Returns the state.
     pub(super) const fn state(&self) -> State {
         self.state
     }
 
-    /// Whether the power stage may give torque.
-    pub(super) const fn may_push(&self) -> bool {
+    /// Returns whether the power stage can apply torque in this state.
+    pub(super) const fn has_torque(&self) -> bool {
         matches!(
             self.state,
             State::OperationEnabled | State::QuickStopActive | State::FaultReactionActive
         )
     }
 
-    /// The stop that has to be made now.
+    /// Returns the ramp of the stop in progress.
     pub(super) fn ramp(&self) -> Option<Ramp> {
         self.stop.map(|stop| stop.ramp)
     }
 
-    /// The last controlword.
+    /// Returns the last controlword.
     pub(super) const fn controlword(&self) -> Controlword {
         self.last
     }
 
-    /// The drive has tested itself (transition 1).
+    /// Ends the self-test (transition 1).
     pub(super) const fn initialise(&mut self) {
         if matches!(self.state, State::NotReadyToSwitchOn) {
             self.enter(State::SwitchOnDisabled);
         }
     }
 
-    /// Follows a controlword; stops are made as `options` say.
+    /// Applies a controlword; `options` select the stops.
     ///
-    /// A fault is reset by the *rising edge* of bit 7, so a bit that is held resets nothing more; and
-    /// only if it `may_reset`, its cause being gone.
-    pub(super) fn obey(&mut self, word: Controlword, options: &Options, may_reset: bool) {
+    /// A *rising edge* of bit 7 resets a fault if its cause is gone (`may_reset`). A bit that stays set has no effect.
+    pub(super) fn on_controlword(&mut self, word: Controlword, options: &Options, may_reset: bool) {
         let reset = Controlword::FAULT_RESET.0;
-        let has_risen = word.0 & reset != 0 && self.last.0 & reset == 0;
+        let is_rising_edge = word.0 & reset != 0 && self.last.0 & reset == 0;
         self.last = word;
         if self.state == State::Fault {
-            if has_risen && may_reset {
+            if is_rising_edge && may_reset {
                 self.enter(State::SwitchOnDisabled);
             }
         } else if let Some(command) = Command::of(word) {
-            self.follow(command, options);
+            self.execute(command, options);
         }
     }
 
-    fn follow(&mut self, command: Command, options: &Options) {
+    fn execute(&mut self, command: Command, options: &Options) {
         match (self.state, command) {
             (
                 State::ReadyToSwitchOn
@@ -142,7 +141,7 @@ impl Power {
                 self.leave(options.disable_operation_ramp(), State::SwitchedOn);
             }
             (State::OperationEnabled, Command::EnableOperation) => self.stop = None,
-            (State::QuickStopActive, Command::EnableOperation) if self.stays() => {
+            (State::QuickStopActive, Command::EnableOperation) if self.remains_in_quick_stop() => {
                 self.enter(State::OperationEnabled);
             }
             (
@@ -156,17 +155,16 @@ impl Power {
         }
     }
 
-    /// Whether a quick stop leads nowhere by itself.
-    fn stays(&self) -> bool {
+    /// Returns whether the quick stop ends in quick stop active.
+    fn remains_in_quick_stop(&self) -> bool {
         self.stop.is_none_or(|stop| stop.end == State::QuickStopActive)
     }
 
-    /// A fault, which ends on `ramp` if there is torque to be taken off, and else at once
-    /// (transitions 13 and 14).
+    /// Enters the fault reaction on `ramp` while the drive has torque, else Fault at once (transitions 13 and 14).
     pub(super) fn fail(&mut self, ramp: Option<Ramp>) {
         match ramp {
             Some(_) if self.state == State::FaultReactionActive => {}
-            Some(ramp) if self.may_push() => {
+            Some(ramp) if self.has_torque() => {
                 self.state = State::FaultReactionActive;
                 self.stop = Some(Stop { ramp, end: State::Fault });
             }
@@ -174,12 +172,12 @@ impl Power {
         }
     }
 
-    /// As a controlword that disables the voltage would; a fault stays one.
+    /// Acts as the command disable voltage. Fault stays.
     pub(super) fn disable_voltage(&mut self) {
-        self.follow(Command::DisableVoltage, &Options::default());
+        self.execute(Command::DisableVoltage, &Options::default());
     }
 
-    /// As a controlword that asks for a quick stop would.
+    /// Acts as the command quick stop.
     pub(super) fn quick_stop(&mut self, options: &Options) {
         match (self.state, options.quick_stop_ramp()) {
             (State::OperationEnabled, Some(ramp)) => {
@@ -202,14 +200,14 @@ impl Power {
         }
     }
 
-    /// The stop is over: the motor stands still, or has had its time.
+    /// Ends the stop: the motor is at standstill, or the stop has timed out.
     pub(super) fn on_stopped(&mut self) {
         if let Some(stop) = self.stop {
             self.enter(stop.end);
         }
     }
 
-    /// Leaves operation on `ramp`, enabled until it stands still, or at once.
+    /// Leaves operation enabled: after `ramp`, or at once.
     fn leave(&mut self, ramp: Option<Ramp>, end: State) {
         match ramp {
             Some(ramp) => self.stop = Some(Stop { ramp, end }),
@@ -222,7 +220,7 @@ impl Power {
         self.stop = None;
     }
 
-    /// The bits of the statusword that tell the state.
+    /// Returns the statusword bits of the state.
     pub(super) const fn statusword(&self) -> Statusword {
         Statusword(match self.state {
             State::NotReadyToSwitchOn => 0x00,
@@ -245,7 +243,7 @@ mod tests {
     use canopen::drive::Goal;
     use canopen::drive::PowerStage;
 
-    /// Every stop at once, but for a quick stop, which is a ramp that stays.
+    /// All stops immediate; the quick stop is a ramp that ends in quick stop active.
     const OPTIONS: Options = Options {
         abort_connection: 0,
         quick_stop: 6,
@@ -253,7 +251,7 @@ mod tests {
         disable_operation: 0,
         fault_reaction: 0,
     };
-    /// Every stop on a ramp; a quick stop does not stay.
+    /// All stops on a ramp; the quick stop ends in switch on disabled.
     const RAMPS: Options =
         Options { quick_stop: 2, shutdown: 1, disable_operation: 1, fault_reaction: 2, ..OPTIONS };
 
@@ -266,7 +264,7 @@ mod tests {
     const REACTION: State = State::FaultReactionActive;
     const FAULT: State = State::Fault;
 
-    /// Bits 7 to 0 of the commands, "x" for any (CiA 402-2, command coding).
+    /// Bits 7 to 0 of each command, "x" for any (CiA 402-2, command coding).
     const COMMANDS: [&str; 5] = [
         "0xxxxx0x", // disable voltage
         "0xxxx01x", // quick stop
@@ -275,7 +273,7 @@ mod tests {
         "0xxx1111", // enable operation
     ];
 
-    /// The state after each of those commands, and after the rising edge of bit 7 (CiA 402-2, transitions;
+    /// State after each of these commands, and after the rising edge of bit 7 (CiA 402-2, transitions;
     /// 605Ah is 5 to 8).
     #[rustfmt::skip]
     const TRANSITIONS: [(State, [State; 6]); 8] = [
@@ -297,41 +295,41 @@ mod tests {
         })
     }
 
-    fn being(state: State) -> Power {
+    fn in_state(state: State) -> Power {
         Power { state, ..Power::default() }
     }
 
-    fn obeying(mut power: Power, words: &[u16], options: &Options) -> Power {
-        words.iter().for_each(|word| power.obey(Controlword(*word), options, true));
+    fn after_words(mut power: Power, words: &[u16], options: &Options) -> Power {
+        words.iter().for_each(|word| power.on_controlword(Controlword(*word), options, true));
         power
     }
 
     #[test]
-    fn every_controlword_in_every_state_does_what_the_standard_says() {
+    fn controlwords_cause_the_transitions_of_cia_402() {
         for (state, ends) in TRANSITIONS {
             for word in 0..=0x0FFF_u16 {
                 let command = COMMANDS.iter().position(|pattern| is_like(word, pattern));
                 let end = ends[command.unwrap_or(5)];
-                let after = obeying(being(state), &[word], &OPTIONS).state();
+                let after = after_words(in_state(state), &[word], &OPTIONS).state();
                 assert_eq!(after, end, "{word:04X}h in {state}");
             }
         }
     }
 
     #[test]
-    fn a_self_test_ends_in_switch_on_disabled_and_ends_nothing_else() {
+    fn initialise_acts_in_not_ready_to_switch_on_only() {
         for (state, _) in TRANSITIONS {
-            let mut power = being(state);
+            let mut power = in_state(state);
             power.initialise();
             assert_eq!(power.state(), if state == NOT_READY { DISABLED } else { state });
         }
     }
 
     #[test]
-    fn a_fault_is_taken_from_every_state_and_its_ramp_where_there_is_torque() {
+    fn fault_uses_its_ramp_in_states_with_torque_only() {
         for (state, _) in TRANSITIONS {
             for ramp in [None, Some(Ramp::SlowDown)] {
-                let mut power = being(state);
+                let mut power = in_state(state);
                 power.fail(ramp);
                 let reacts = ramp.is_some() && matches!(state, ENABLED | QUICK_STOP | REACTION);
                 assert_eq!(power.state(), if reacts { REACTION } else { FAULT }, "{state}");
@@ -340,22 +338,26 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_reaction_ends_in_fault_and_no_controlword_ends_it_sooner() {
-        let mut power = being(ENABLED);
+    fn fault_reaction_ignores_controlwords_and_ends_in_fault() {
+        let mut power = in_state(ENABLED);
         power.fail(Some(Ramp::QuickStop));
-        power = obeying(power, &[0x00, 0x80, 0x06, 0x07, 0x0F, 0x02], &RAMPS);
+        power = after_words(power, &[0x00, 0x80, 0x06, 0x07, 0x0F, 0x02], &RAMPS);
         assert_eq!((power.state(), power.ramp()), (REACTION, Some(Ramp::QuickStop)));
         power.on_stopped();
         assert_eq!((power.state(), power.ramp()), (FAULT, None));
     }
 
     #[test]
-    fn operation_is_left_for_good_only_at_a_standstill() {
+    fn leaving_operation_completes_at_standstill() {
         for (word, end) in [(0x06, READY), (0x07, ON)] {
-            let mut power = obeying(being(ENABLED), &[word], &RAMPS);
+            let mut power = after_words(in_state(ENABLED), &[word], &RAMPS);
             assert_eq!((power.state(), power.ramp()), (ENABLED, Some(Ramp::SlowDown)));
-            assert_eq!(obeying(power, &[0x00], &RAMPS).state(), DISABLED, "the ramp is cut short");
-            let resumed = obeying(power, &[0x0F], &RAMPS);
+            assert_eq!(
+                after_words(power, &[0x00], &RAMPS).state(),
+                DISABLED,
+                "disable voltage ends the ramp"
+            );
+            let resumed = after_words(power, &[0x0F], &RAMPS);
             assert_eq!((resumed.state(), resumed.ramp()), (ENABLED, None));
             power.on_stopped();
             assert_eq!((power.state(), power.ramp()), (end, None));
@@ -363,25 +365,25 @@ mod tests {
     }
 
     #[test]
-    fn a_quick_stop_stays_as_605ah_says_and_only_then_leads_back() {
+    fn quick_stop_end_state_follows_605ah() {
         for quick_stop in 0..=8 {
             let options = Options { quick_stop, ..OPTIONS };
-            let mut power = obeying(being(ENABLED), &[0x02], &options);
+            let mut power = after_words(in_state(ENABLED), &[0x02], &options);
             let has_ramp = quick_stop > 0;
             assert_eq!(power.state(), if has_ramp { QUICK_STOP } else { DISABLED });
             let stays = quick_stop >= 5;
-            let back = obeying(power, &[0x0F], &options).state();
+            let back = after_words(power, &[0x0F], &options).state();
             let on_its_way = if has_ramp { QUICK_STOP } else { DISABLED };
             assert_eq!(back, if stays { ENABLED } else { on_its_way }, "605Ah = {quick_stop}");
             power.on_stopped();
             assert_eq!(power.state(), if stays { QUICK_STOP } else { DISABLED });
-            power = obeying(power, &[0x0F], &options);
+            power = after_words(power, &[0x0F], &options);
             assert_eq!(power.state(), if stays { ENABLED } else { DISABLED });
         }
     }
 
     #[test]
-    fn the_way_up_is_taken_step_by_step() {
+    fn enabling_passes_each_state_in_order() {
         let ways: [(&[u16], State); 6] = [
             (&[0x06], READY),
             (&[0x06, 0x07], ON),
@@ -391,37 +393,37 @@ mod tests {
             (&[0x0F], DISABLED),
         ];
         for (words, state) in ways {
-            let after = obeying(being(DISABLED), words, &OPTIONS);
+            let after = after_words(in_state(DISABLED), words, &OPTIONS);
             assert_eq!(after.state(), state, "{words:02X?}");
         }
     }
 
     #[test]
-    fn fault_reset_needs_an_edge() {
-        let mut power = obeying(being(DISABLED), &[0x06, 0x07, 0x80], &OPTIONS);
+    fn fault_reset_needs_a_rising_edge() {
+        let mut power = after_words(in_state(DISABLED), &[0x06, 0x07, 0x80], &OPTIONS);
         power.fail(None);
         for word in [0x80, 0x8F, 0x80] {
-            power = obeying(power, &[word], &OPTIONS);
-            assert_eq!(power.state(), FAULT, "the bit was high all the time");
+            power = after_words(power, &[word], &OPTIONS);
+            assert_eq!(power.state(), FAULT, "the bit was set all the time");
         }
-        power = obeying(power, &[0x0F], &OPTIONS);
-        assert_eq!(power.state(), FAULT, "nothing else leads out");
-        power = obeying(power, &[0x80], &OPTIONS);
+        power = after_words(power, &[0x0F], &OPTIONS);
+        assert_eq!(power.state(), FAULT, "no other command leaves Fault");
+        power = after_words(power, &[0x80], &OPTIONS);
         assert_eq!(power.state(), DISABLED);
     }
 
     #[test]
-    fn an_edge_that_is_refused_is_used_up() {
-        let mut power = being(FAULT);
-        power.obey(Controlword::FAULT_RESET, &OPTIONS, false);
-        power.obey(Controlword::FAULT_RESET, &OPTIONS, true);
+    fn refused_fault_reset_needs_a_new_edge() {
+        let mut power = in_state(FAULT);
+        power.on_controlword(Controlword::FAULT_RESET, &OPTIONS, false);
+        power.on_controlword(Controlword::FAULT_RESET, &OPTIONS, true);
         assert_eq!(power.state(), FAULT);
-        assert_eq!(obeying(power, &[0x00, 0x80], &OPTIONS).state(), DISABLED);
+        assert_eq!(after_words(power, &[0x00, 0x80], &OPTIONS).state(), DISABLED);
     }
 
     #[test]
-    fn the_masters_power_stage_leads_it_anywhere() {
-        let (mut stage, mut power) = (PowerStage::default(), being(FAULT));
+    fn master_power_stage_reaches_both_goals() {
+        let (mut stage, mut power) = (PowerStage::default(), in_state(FAULT));
         stage.reset_fault();
         for (goal, end) in [
             (Goal::OperationEnabled, State::OperationEnabled),
@@ -429,7 +431,7 @@ mod tests {
         ] {
             for _ in 0..6 {
                 let word = stage.controlword(power.statusword().state(), goal);
-                power.obey(word, &OPTIONS, true);
+                power.on_controlword(word, &OPTIONS, true);
             }
             assert_eq!(power.state(), end);
         }
@@ -437,13 +439,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_statusword_always_tells_the_state(words in proptest::collection::vec(any::<u16>(), 0..50)) {
-            let mut power = being(DISABLED);
+        fn statusword_encodes_the_state(words in proptest::collection::vec(any::<u16>(), 0..50)) {
+            let mut power = in_state(DISABLED);
             for word in words {
-                power.obey(Controlword(word), &RAMPS, true);
+                power.on_controlword(Controlword(word), &RAMPS, true);
                 prop_assert_eq!(power.statusword().state(), Some(power.state()));
                 let must_stop = matches!(power.state(), QUICK_STOP | REACTION);
-                prop_assert!(!must_stop || power.ramp().is_some(), "a stop nobody makes never ends");
+                prop_assert!(!must_stop || power.ramp().is_some(), "a state that waits for a stop has a ramp");
             }
         }
     }

@@ -1,35 +1,35 @@
-//! When the loops of a drive run: every [`SERVO_PERIOD`] while they are needed, and else never.
+//! Timing of the control loops: every [`SERVO_PERIOD`] while they are needed.
 
 use std::time::Duration;
 
 use crate::motion::SERVO_PERIOD;
 use units::time::Instant;
 
-/// The time of the loops.
+/// Schedule of the control loops.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Servo {
-    /// When they run next; `None` until it is known what time it is.
+    /// Time of the next run; `None` before the first call of [`periods`](Self::periods).
     next: Option<Instant>,
 }
 
 impl Servo {
-    /// When they run next: the first time at once, to see what time it is.
+    /// Returns the time of the next run; zero before the first call, which sets the schedule.
     pub(super) fn deadline(&self) -> Instant {
         self.next.unwrap_or(Instant::ZERO)
     }
 
-    /// They are not needed any more.
+    /// Stops the schedule.
     pub(super) const fn stop(&mut self) {
         self.next = None;
     }
 
-    /// How often they run to be up to date at `now`. Who comes much too late is not caught up with.
+    /// Returns the number of periods due at `now`, at most [`MAX_CATCH_UP`] and one.
     pub(super) fn periods(&mut self, now: Instant) -> u32 {
         let period = Duration::from_secs_f64(SERVO_PERIOD);
         let mut next = self.next.unwrap_or(now + period);
         let mut periods = 0;
         while next <= now {
-            next = if periods < MOST { next + period } else { now + period };
+            next = if periods < MAX_CATCH_UP { next + period } else { now + period };
             periods += 1;
         }
         self.next = Some(next);
@@ -37,8 +37,8 @@ impl Servo {
     }
 }
 
-/// So many periods are made up for.
-const MOST: u32 = 100;
+/// Maximum periods to catch up after a pause of the simulation.
+const MAX_CATCH_UP: u32 = 100;
 
 #[cfg(test)]
 mod tests {
@@ -48,7 +48,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_period_is_neither_lost_nor_made_up(steps in proptest::collection::vec(0..20_000_u64, 1..50)) {
+        fn periods_match_the_elapsed_time(steps in proptest::collection::vec(0..20_000_u64, 1..50)) {
             let mut servo = Servo::default();
             let start = Instant::from_micros(777);
             prop_assert_eq!(servo.periods(start), 0);
@@ -63,9 +63,9 @@ mod tests {
     }
 
     #[test]
-    fn a_stopped_simulation_is_not_caught_up_with() {
+    fn paused_simulation_catches_up_a_bounded_time() {
         let mut servo = Servo::default();
         servo.periods(Instant::ZERO);
-        assert!(servo.periods(Instant::from_micros(3_600_000_000)) <= MOST + 1);
+        assert!(servo.periods(Instant::from_micros(3_600_000_000)) <= MAX_CATCH_UP + 1);
     }
 }

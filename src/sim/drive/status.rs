@@ -1,29 +1,29 @@
-//! What a drive tells of itself in its objects.
+//! Actual values and statusword in the dictionary.
 //!
-//! Torque is told in whole per mille, so that what trembles below does not make an event-driven TPDO talk.
+//! Torque is in whole per mille: noise below that does not trigger an event-driven TPDO.
 
 use crate::drive::monitor::Monitor;
-use crate::motion::Asked;
 use crate::motion::Feedback;
+use crate::motion::TorqueDemand;
 use canopen::dictionary::Dictionary;
 use canopen::drive::Statusword;
 use canopen::object::Object;
 
-/// What follows from its state and its task.
+/// Status that follows from state and task.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Status {
-    /// 6041h.
+    /// Statusword (6041h).
     pub(super) statusword: Statusword,
-    /// 6061h: the mode in force.
+    /// Active mode of operation (6061h).
     pub(super) mode: i8,
-    /// 6074h, in ‰ of rated torque.
+    /// Torque demand (6074h), in ‰ of rated torque.
     pub(super) torque_demand: f64,
-    /// 603Fh: the last error.
+    /// Error code (603Fh).
     pub(super) error: u16,
 }
 
 impl Status {
-    /// Tells it.
+    /// Writes the objects.
     pub(super) fn show(&self, dictionary: &mut Dictionary) {
         dictionary.set(Object::STATUSWORD, &self.statusword.0.to_le_bytes());
         dictionary.set(Object::MODE_DISPLAY, &self.mode.to_le_bytes());
@@ -32,21 +32,25 @@ impl Status {
     }
 }
 
-/// The statusword of a power stage whose state is told by `state`, and whose task is told by `asked`.
-pub(super) fn statusword(state: Statusword, monitor: &Monitor, asked: &Asked) -> Statusword {
+/// Combines the statusword bits of `state`, monitor and mode.
+pub(super) fn statusword(
+    state: Statusword,
+    monitor: &Monitor,
+    demand: &TorqueDemand,
+) -> Statusword {
     let own = [
         (monitor.has_voltage(), Statusword::VOLTAGE_ENABLED),
         (monitor.has_warning(), Statusword::WARNING),
-        (asked.is_limited, Statusword::INTERNAL_LIMIT),
+        (demand.is_limited, Statusword::INTERNAL_LIMIT),
     ];
     let bits = own.into_iter().filter(|(is_set, _)| *is_set).fold(0, |bits, (_, bit)| bits | bit);
-    Statusword(state.0 | bits | Statusword::REMOTE | asked.status & OF_THE_MODE)
+    Statusword(state.0 | bits | Statusword::REMOTE | demand.status & MODE_BITS)
 }
 
-/// Bits 10, 12 and 13.
-const OF_THE_MODE: u16 = 1 << 10 | 1 << 12 | 1 << 13;
+/// Statusword bits of the mode: 10, 12 and 13.
+const MODE_BITS: u16 = 1 << 10 | 1 << 12 | 1 << 13;
 
-/// Tells what the motor does: where it is, in position units, how fast, and with which torque.
+/// Writes the motor values: position in position units, velocity, torque.
 pub(super) fn show_motor(
     position: i32,
     velocity: i32,
@@ -61,35 +65,35 @@ pub(super) fn show_motor(
     dictionary.set(Object::CURRENT_ACTUAL, &per_mille);
 }
 
-/// Tells what is watched: in 0.1 °C, mV and levels.
+/// Writes the monitored quantities: in 0.1 °C, mV and levels.
 pub(super) fn show_monitor(monitor: &Monitor, dictionary: &mut Dictionary) {
     dictionary.set(Object::WINDING_TEMPERATURE, &whole(10.0 * monitor.temperature).to_le_bytes());
     dictionary.set(Object::LINK_VOLTAGE, &natural(1e3 * monitor.link_voltage).to_le_bytes());
     dictionary.set(Object::DRIVE_INPUTS, &monitor.inputs.word().to_le_bytes());
 }
 
-/// An object of 16 bits; zero if it is not there.
+/// Returns an object of 16 bits; zero if absent.
 pub(super) fn word(dictionary: &Dictionary, object: Object) -> u16 {
     let [low, high, ..] = dictionary.unsigned(object).to_le_bytes();
     u16::from_le_bytes([low, high])
 }
 
-/// The nearest whole number; the nearest end beyond 16 bits.
+/// Rounds to i16; saturates.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,
-    reason = "such a cast saturates; NaN becomes 0"
+    reason = "a float-to-integer cast saturates; NaN becomes 0"
 )]
 pub(super) fn whole(value: f64) -> i16 {
     value.round() as i16
 }
 
-/// The nearest natural number; the nearest end beyond 32 bits.
+/// Rounds to u32; saturates.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
-    reason = "such a cast saturates; NaN becomes 0"
+    reason = "a float-to-integer cast saturates; NaN becomes 0"
 )]
 pub(super) fn natural(value: f64) -> u32 {
     value.round() as u32

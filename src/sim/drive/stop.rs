@@ -1,48 +1,48 @@
-//! A stop that takes its time (605Ah to 605Eh), and no longer than [`LONGEST`], however it is meant.
+//! A stop on a ramp (605Ah to 605Eh), with a timeout of [`MAX_STOP_TIME`].
 
-use crate::motion::Asked;
 use crate::motion::Feedback;
 use crate::motion::Motion;
 use crate::motion::Ramp;
+use crate::motion::TorqueDemand;
 use canopen::dictionary::Dictionary;
 
-/// A motor that does not stand still after so many seconds is let go.
-pub(super) const LONGEST: f64 = 4.0;
+/// Time after which a motor that still turns is released, in s.
+pub(super) const MAX_STOP_TIME: f64 = 4.0;
 
-/// One stop.
+/// A stop in progress.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stop {
     ramp: Ramp,
-    /// For how many s it has been going on.
+    /// Time since its start, in s.
     elapsed: f64,
 }
 
 impl Stop {
-    /// One that begins now.
+    /// Starts a stop.
     pub(super) const fn new(ramp: Ramp) -> Self {
         Self { ramp, elapsed: 0.0 }
     }
 
-    /// The same on another ramp, if it is another one.
+    /// Returns the same stop on another ramp.
     pub(super) const fn on(self, ramp: Ramp) -> Self {
         Self { ramp, ..self }
     }
 
-    /// Whether the motor is let go.
-    pub(super) const fn is_given_up(&self) -> bool {
-        self.elapsed >= LONGEST
+    /// Returns whether the stop has timed out.
+    pub(super) const fn has_timed_out(&self) -> bool {
+        self.elapsed >= MAX_STOP_TIME
     }
 
-    /// `dt` s have passed; `None` once it is over.
+    /// Advances by `dt` s; `None` once the stop is over.
     pub(super) fn step(
         &mut self,
         dt: f64,
         motion: &mut Motion,
         feedback: &Feedback,
         dictionary: &mut Dictionary,
-    ) -> Option<Asked> {
+    ) -> Option<TorqueDemand> {
         self.elapsed += dt;
-        if self.is_given_up() { None } else { motion.stop(dt, self.ramp, feedback, dictionary) }
+        if self.has_timed_out() { None } else { motion.stop(dt, self.ramp, feedback, dictionary) }
     }
 }
 
@@ -56,7 +56,7 @@ mod tests {
 
     const PROFILE_TORQUE: i8 = 4;
 
-    /// For how many periods a torque of 3,000 ‰ is lowered by `slope` ‰/s.
+    /// Returns the number of periods in which `slope` ‰/s lowers a torque of 3,000 ‰.
     fn periods(slope: u32) -> usize {
         let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
         let mut dictionary = Dictionary::new(&eds, NodeId::new(1).unwrap());
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn it_takes_as_long_as_its_ramp_but_never_longer_than_the_longest() {
+    fn stop_takes_its_ramp_time_up_to_the_timeout() {
         for (slope, millis) in [(30_000, 100), (1_000, 3_000), (100, 4_000), (1, 4_000)] {
             let taken = periods(slope);
             assert!(taken.abs_diff(millis) <= 2, "{slope} ‰/s: {taken} ms");

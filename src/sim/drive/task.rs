@@ -1,4 +1,4 @@
-//! What a drive does with its motor, given the state of its power stage.
+//! Motor task of each state of the power state machine.
 
 use crate::drive::power::Power;
 use crate::drive::stop::Stop;
@@ -7,22 +7,21 @@ use canopen::drive::CYCLIC_SYNCHRONOUS_TORQUE;
 use canopen::drive::State;
 use canopen::object::Object;
 
-/// What is done with the motor.
+/// Motor task.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Task {
-    /// It has no torque.
+    /// No torque.
     Release,
-    /// It follows the mode in force.
+    /// Follow the active mode.
     Operate,
-    /// It is brought to a standstill.
+    /// Stop on a ramp.
     Stop(Stop),
-    /// It is kept at a standstill.
+    /// Hold position at standstill.
     Hold,
 }
 
 impl Task {
-    /// What is to be done in `mode` now that this has been done. A stop that goes on over into another one
-    /// does not begin again.
+    /// Returns the next task in `mode`. A stop that continues in another state does not start again.
     pub(super) fn next(self, power: &Power, mode: i8) -> Self {
         match (power.state(), power.ramp(), self) {
             (
@@ -43,16 +42,16 @@ impl Task {
         }
     }
 
-    /// Whether another mode may come into force: not while it stops.
-    pub(super) const fn may_change_mode(&self) -> bool {
+    /// Returns whether the mode may change: not during a stop.
+    pub(super) const fn allows_mode_change(&self) -> bool {
         match self {
             Self::Release | Self::Operate => true,
             Self::Stop(_) | Self::Hold => false,
         }
     }
 
-    /// Whether loops have to run for it, in `mode`.
-    pub(super) const fn is_servoed(&self, mode: i8) -> bool {
+    /// Returns whether the task runs the control loops in `mode`.
+    pub(super) const fn needs_servo(&self, mode: i8) -> bool {
         match self {
             Self::Release => false,
             Self::Operate => mode != CYCLIC_SYNCHRONOUS_TORQUE,
@@ -61,8 +60,8 @@ impl Task {
     }
 }
 
-/// Whether `object` is a set-point that acts as soon as it comes: the cyclic mode's own.
-pub(super) const fn takes_at_once(mode: i8, object: Object) -> bool {
+/// Returns whether `object` is a set-point of a cyclic mode, which acts as soon as it is received.
+pub(super) const fn is_immediate_set_point(mode: i8, object: Object) -> bool {
     match mode {
         CYCLIC_SYNCHRONOUS_POSITION => {
             matches!(object, Object::TARGET_POSITION | Object::POSITION_OFFSET)
@@ -77,15 +76,15 @@ pub(super) const fn takes_at_once(mode: i8, object: Object) -> bool {
     }
 }
 
-/// Whether the drive has a mode of operation (6502h, mode 1 at bit 0); mode 0 is none, and any has it.
+/// Returns whether the drive supports a mode of operation (6502h, mode 1 at bit 0) or it is 0, no mode.
 pub(super) fn has_mode(dictionary: &Dictionary, mode: u8) -> bool {
     let modes = u64::from(dictionary.unsigned(Object::SUPPORTED_MODES)) << 1 | 1;
     modes.checked_shr(u32::from(mode)).is_some_and(|modes| modes & 1 == 1)
 }
 
-/// 6060h: 607Ah is taken at every SYNC.
+/// 6060h: cyclic synchronous position, 607Ah at every SYNC.
 const CYCLIC_SYNCHRONOUS_POSITION: i8 = 8;
-/// 6060h: 60FFh is taken at every SYNC.
+/// 6060h: cyclic synchronous velocity, 60FFh at every SYNC.
 const CYCLIC_SYNCHRONOUS_VELOCITY: i8 = 9;
-/// 6060h: none is chosen.
+/// 6060h: no mode.
 pub(super) const NO_MODE: i8 = 0;

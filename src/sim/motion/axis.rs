@@ -1,4 +1,4 @@
-//! What all modes share: where the shaft is, what is demanded of it, and the servo that obeys.
+//! State shared by all modes: shaft position, demand, and the servo loops.
 
 use crate::motion::limits::Limited;
 use crate::motion::limits::TorqueLimits;
@@ -21,13 +21,13 @@ pub(super) struct Axis {
     pub(super) shaft: Shaft,
     pub(super) demand: Demand,
     servo: Servo,
-    /// The torque asked for last, in ‰.
-    asked: Limited,
+    /// Last torque demand, in ‰.
+    last_torque: Limited,
 }
 
-/// What a mode has to go by: the time that has passed, in s, the motor, and the objects.
+/// Input of one step: elapsed time in s, motor values, and objects.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Moment<'a> {
+pub(super) struct StepInput<'a> {
     pub(super) dt: f64,
     pub(super) actual: Actual,
     pub(super) dictionary: &'a Dictionary,
@@ -38,74 +38,74 @@ impl Axis {
         Self { servo: Servo::new(tuning), shaft: Shaft::new(units), ..Self::default() }
     }
 
-    /// The motor keeps what it does.
+    /// Starts at the actual motion, without a step in torque.
     pub(super) const fn take_over(&mut self, actual: &Actual) {
         self.servo.take_over(actual);
         let Actual { place, velocity, per_mille } = *actual;
         self.demand = Demand { place, velocity, acceleration: 0.0 };
-        self.asked = Limited { value: per_mille, is_limited: false };
+        self.last_torque = Limited { value: per_mille, is_limited: false };
     }
 
-    /// The torque asked for last, in ‰.
+    /// Returns the last torque demand, in ‰.
     pub(super) const fn torque(&self) -> f64 {
-        self.asked.value
+        self.last_torque.value
     }
 
-    /// Asks for a torque, in ‰.
-    pub(super) fn push(&mut self, torque: f64, moment: &Moment<'_>) -> Limited {
-        self.asked = TorqueLimits::of(moment.dictionary).clamp(torque);
-        self.asked
+    /// Sets the torque demand, in ‰, within the limits.
+    pub(super) fn set_torque(&mut self, torque: f64, input: &StepInput<'_>) -> Limited {
+        self.last_torque = TorqueLimits::of(input.dictionary).clamp(torque);
+        self.last_torque
     }
 
-    /// Asks for the torque that keeps the motor at the demanded place.
-    pub(super) fn follow_place(&mut self, torque: f64, moment: &Moment<'_>) -> Limited {
-        self.follow(true, torque, moment)
+    /// Runs the position and velocity loops.
+    pub(super) fn follow_place(&mut self, torque: f64, input: &StepInput<'_>) -> Limited {
+        self.follow(true, torque, input)
     }
 
-    /// Asks for the torque that keeps the motor at the demanded velocity, wherever that leads.
-    pub(super) fn follow_velocity(&mut self, torque: f64, moment: &Moment<'_>) -> Limited {
-        self.demand.place = moment.actual.place;
-        self.follow(false, torque, moment)
+    /// Runs the velocity loop alone; the position demand follows the actual position.
+    pub(super) fn follow_velocity(&mut self, torque: f64, input: &StepInput<'_>) -> Limited {
+        self.demand.place = input.actual.place;
+        self.follow(false, torque, input)
     }
 
-    fn follow(&mut self, has_place: bool, torque: f64, moment: &Moment<'_>) -> Limited {
-        let limits = TorqueLimits::of(moment.dictionary);
-        let top_speed = top_speed(&self.shaft.units, moment.dictionary);
-        let aim = Aim { demand: self.demand, has_place, torque, top_speed };
-        self.asked = if moment.dt > 0.0 {
-            self.servo.torque(moment.dt, &aim, &moment.actual, &limits)
+    fn follow(&mut self, has_position: bool, torque: f64, input: &StepInput<'_>) -> Limited {
+        let limits = TorqueLimits::of(input.dictionary);
+        let top_speed = top_speed(&self.shaft.units, input.dictionary);
+        let aim = Aim { demand: self.demand, has_position, torque, top_speed };
+        self.last_torque = if input.dt > 0.0 {
+            self.servo.torque(input.dt, &aim, &input.actual, &limits)
         } else {
-            let last = limits.clamp(self.asked.value);
-            Limited { is_limited: last.is_limited || self.asked.is_limited, ..last }
+            let last = limits.clamp(self.last_torque.value);
+            Limited { is_limited: last.is_limited || self.last_torque.is_limited, ..last }
         };
-        self.asked
+        self.last_torque
     }
 
-    /// The hardest it can brake, in increments/s².
-    pub(super) fn hardest(&self, moment: &Moment<'_>) -> f64 {
-        let limits = TorqueLimits::of(moment.dictionary);
+    /// Returns the maximum deceleration at the torque limit, in increments/s².
+    pub(super) fn max_deceleration(&self, input: &StepInput<'_>) -> f64 {
+        let limits = TorqueLimits::of(input.dictionary);
         let against = if self.demand.velocity > 0.0 { f64::MIN } else { f64::MAX };
         self.servo.acceleration(limits.clamp(against).value.abs())
     }
 
-    /// How far the motor is behind the demand, in position units.
-    pub(super) fn behind(&self, moment: &Moment<'_>) -> f64 {
-        self.shaft.units.way_shown(self.demand.place - moment.actual.place)
+    /// Returns the following error, in position units.
+    pub(super) fn following_error(&self, input: &StepInput<'_>) -> f64 {
+        self.shaft.units.way_shown(self.demand.place - input.actual.place)
     }
 
-    /// 6062h, 60FCh and 60F4h tell of the demanded place.
+    /// Writes the position demand (6062h, 60FCh) and the following error (60F4h).
     pub(super) fn show_place(&self, actual: &Actual, dictionary: &mut Dictionary) {
-        let behind = self.shaft.units.way_shown(self.demand.place - actual.place);
+        let following_error = self.shaft.units.way_shown(self.demand.place - actual.place);
         for (object, value) in [
             (Object::POSITION_DEMAND, self.shaft.shown(self.demand.place)),
             (Object::POSITION_DEMAND_INTERNAL, wrapped(self.demand.place)),
-            (Object::FOLLOWING_ERROR, saturated(behind)),
+            (Object::FOLLOWING_ERROR, saturated(following_error)),
         ] {
             dictionary.set(object, &value.to_le_bytes());
         }
     }
 
-    /// 606Bh tells of the demanded velocity.
+    /// Writes the velocity demand (606Bh).
     pub(super) fn show_velocity(&self, dictionary: &mut Dictionary) {
         let velocity = saturated(self.shaft.units.velocity_shown(self.demand.velocity));
         dictionary.set(Object::VELOCITY_DEMAND, &velocity.to_le_bytes());

@@ -1,12 +1,12 @@
-//! Cyclic synchronous position and velocity modes (CiA 402-2, 15.2 and 15.3): the master makes the
-//! profile, one set-point a SYNC.
+//! Cyclic synchronous position and velocity modes (CiA 402-2, 15.2 and 15.3): one set-point per SYNC; the master
+//! generates the profile.
 //!
-//! From one set-point to the next the demand goes in a straight line and takes 60C2h for it; then it
-//! stays until the next comes. Until the first has come the motor is kept where it is.
+//! The demand moves linearly to each set-point within the interpolation time (60C2h) and then stays. Before the first
+//! set-point the motor holds its position.
 
-use crate::motion::Asked;
+use crate::motion::TorqueDemand;
 use crate::motion::axis::Axis;
-use crate::motion::axis::Moment;
+use crate::motion::axis::StepInput;
 use crate::motion::bits;
 use crate::motion::following::Following;
 use crate::motion::limits;
@@ -20,11 +20,11 @@ use canopen::drive::Statusword;
 use canopen::error_codes::FOLLOWING_ERROR;
 use canopen::object::Object;
 
-/// A straight line to a set-point.
+/// Linear interpolation to a set-point.
 #[derive(Clone, Copy, Debug)]
 struct Line {
     end: f64,
-    /// Per s.
+    /// Change per s.
     slope: f64,
 }
 
@@ -33,7 +33,7 @@ impl Line {
         Self { end, slope: 0.0 }
     }
 
-    /// The value `dt` s after `value`, and the slope it has come on.
+    /// Returns the value and its slope `dt` s after `value`.
     fn after(&self, value: f64, dt: f64) -> (f64, f64) {
         let left = self.end - value;
         let way = self.slope * dt;
@@ -42,23 +42,22 @@ impl Line {
     }
 }
 
-/// Tells whether a set-point has come.
+/// Detects new set-points.
 #[derive(Clone, Copy, Debug)]
 struct SetPoints {
     last: i32,
-    /// Some time has passed since the beginning of the mode.
+    /// Time has passed since the mode began.
     is_under_way: bool,
     is_any: bool,
 }
 
 impl SetPoints {
-    /// `old` is one from before.
+    /// Starts with `old`, a set-point from before the mode began.
     const fn begin(old: i32) -> Self {
         Self { last: old, is_under_way: false, is_any: false }
     }
 
-    /// The set-point, if it is another one, or the first that comes, same or not, as a SYNC does
-    /// (`dt` = 0).
+    /// Returns the set-point if it is new: another value, or the first SYNC (`dt` = 0) of the mode.
     fn take(&mut self, set_point: i32, dt: f64) -> Option<i32> {
         let is_sync = dt <= 0.0 && self.is_under_way;
         let is_new = set_point != self.last || (is_sync && !self.is_any);
@@ -89,20 +88,20 @@ impl CyclicPosition {
         }
     }
 
-    pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Asked {
-        let dictionary = moment.dictionary;
-        if let Some(target) = self.set_points.take(position(dictionary), moment.dt) {
-            self.aim_at(target, axis, dictionary);
+    pub(super) fn step(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> TorqueDemand {
+        let dictionary = input.dictionary;
+        if let Some(target) = self.set_points.take(position(dictionary), input.dt) {
+            self.set_target(target, axis, dictionary);
         }
-        let (place, slope) = self.line.after(axis.demand.place, moment.dt);
+        let (place, slope) = self.line.after(axis.demand.place, input.dt);
         let offset = f64::from(signed(dictionary, Object::VELOCITY_OFFSET));
-        // 60B1h is the velocity feed-forward of a master that has a better one than the line.
+        // A velocity offset (60B1h) is the master's feed-forward and replaces the slope.
         let has_offset = offset.abs() > 0.0;
         let velocity = if has_offset { axis.shaft.units.velocity(offset) } else { slope };
         axis.demand = Demand { place, velocity, acceleration: 0.0 };
-        let torque = axis.follow_place(f64::from(dictionary.i16(Object::TORQUE_OFFSET)), moment);
-        let is_lost = self.following.is_lost(axis, moment);
-        Asked {
+        let torque = axis.follow_place(f64::from(dictionary.i16(Object::TORQUE_OFFSET)), input);
+        let is_lost = self.following.is_lost(axis, input);
+        TorqueDemand {
             per_mille: torque.value,
             status: Statusword::TARGET_FOLLOWED | bits::bit(bits::FOLLOWING_ERROR, is_lost),
             is_limited: torque.is_limited || self.is_limited,
@@ -110,8 +109,8 @@ impl CyclicPosition {
         }
     }
 
-    /// A line to the nearest place that is shown as `target`, within 607Dh and the speed limits.
-    fn aim_at(&mut self, target: i32, axis: &Axis, dictionary: &Dictionary) {
+    /// Starts a line to the nearest position displayed as `target`, within 607Dh and the speed limits.
+    fn set_target(&mut self, target: i32, axis: &Axis, dictionary: &Dictionary) {
         let allowed = limits::position(dictionary, f64::from(target));
         let here = axis.demand.place;
         let end = axis.shaft.place_nearest(here, saturated(allowed.value));
@@ -122,7 +121,7 @@ impl CyclicPosition {
     }
 }
 
-/// 607Ah and 60B0h; the sum wraps as positions do.
+/// Sum of 607Ah and 60B0h; wraps as positions do.
 fn position(dictionary: &Dictionary) -> i32 {
     signed(dictionary, Object::TARGET_POSITION)
         .wrapping_add(signed(dictionary, Object::POSITION_OFFSET))
@@ -146,10 +145,10 @@ impl CyclicVelocity {
         }
     }
 
-    pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Asked {
-        let dictionary = moment.dictionary;
+    pub(super) fn step(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> TorqueDemand {
+        let dictionary = input.dictionary;
         let start = axis.demand.velocity;
-        if let Some(target) = self.set_points.take(velocity(dictionary), moment.dt) {
+        if let Some(target) = self.set_points.take(velocity(dictionary), input.dt) {
             let wanted = axis.shaft.units.velocity(f64::from(target));
             let Limited { value, is_limited } =
                 within(wanted, limits::top_speed(&axis.shaft.units, dictionary));
@@ -157,10 +156,10 @@ impl CyclicVelocity {
                 Line { end: value, slope: (value - start) / interpolation_time(dictionary) };
             self.is_limited = is_limited;
         }
-        let (velocity, _) = self.line.after(start, moment.dt);
+        let (velocity, _) = self.line.after(start, input.dt);
         axis.demand = Demand { velocity, acceleration: 0.0, ..axis.demand };
-        let torque = axis.follow_velocity(f64::from(dictionary.i16(Object::TORQUE_OFFSET)), moment);
-        Asked {
+        let torque = axis.follow_velocity(f64::from(dictionary.i16(Object::TORQUE_OFFSET)), input);
+        TorqueDemand {
             per_mille: torque.value,
             status: Statusword::TARGET_FOLLOWED,
             is_limited: torque.is_limited || self.is_limited,
@@ -169,21 +168,21 @@ impl CyclicVelocity {
     }
 }
 
-/// 60FFh and 60B1h.
+/// Sum of 60FFh and 60B1h; saturates.
 fn velocity(dictionary: &Dictionary) -> i32 {
     signed(dictionary, Object::TARGET_VELOCITY)
         .saturating_add(signed(dictionary, Object::VELOCITY_OFFSET))
 }
 
-/// 60C2h in s, from 0.1 ms to 10 s.
+/// Interpolation time (60C2h) in s, from 0.1 ms to 10 s.
 fn interpolation_time(dictionary: &Dictionary) -> f64 {
     let value = f64::from(dictionary.unsigned(Object::INTERPOLATION_TIME));
     let exponent = i32::from(dictionary.i8(Object::INTERPOLATION_TIME_INDEX));
-    (value * 10.0_f64.powi(exponent)).clamp(SHORTEST, LONGEST)
+    (value * 10.0_f64.powi(exponent)).clamp(MIN_INTERPOLATION_TIME, MAX_INTERPOLATION_TIME)
 }
 
-const SHORTEST: f64 = 1e-4;
-const LONGEST: f64 = 10.0;
+const MIN_INTERPOLATION_TIME: f64 = 1e-4;
+const MAX_INTERPOLATION_TIME: f64 = 10.0;
 
 #[cfg(test)]
 mod tests {
@@ -201,7 +200,7 @@ mod tests {
         Fixture::with(mode, Rotor { coulomb: 30.0, ..Rotor::default() }, |_| {})
     }
 
-    /// One SYNC, and `period` ms after it.
+    /// Runs one SYNC and the `period` ms after it.
     fn cycle(fixture: &mut Fixture, object: Object, set_point: i32, period: u32) {
         fixture.put(object, set_point);
         fixture.sync();
@@ -209,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn an_old_set_point_moves_nothing_until_a_sync_says_so() {
+    fn old_set_point_acts_at_the_first_sync() {
         let mut fixture = Fixture::with(POSITION, Rotor::default(), |dictionary| {
             put(dictionary, Object::TARGET_POSITION, 1_000);
         });
@@ -221,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn between_two_set_points_the_demand_goes_straight() {
+    fn demand_is_interpolated_linearly() {
         let mut fixture = fixture(POSITION);
         fixture.put(Object::INTERPOLATION_TIME, 4);
         fixture.put(Object::TARGET_POSITION, 400);
@@ -238,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_of_the_master_is_followed() {
+    fn cyclic_position_follows_a_sine() {
         let mut fixture = fixture(POSITION);
         let mut most = 0.0_f64;
         for millis in 0..4_000 {
@@ -252,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_across_the_wrap_of_the_counter_is_followed_all_the_same() {
+    fn cyclic_position_follows_a_sine_across_the_wrap() {
         let start = Rotor { place: f64::from(i32::MAX) - 10_000.0, ..Rotor::default() };
         let mut fixture = Fixture::with(POSITION, start, |_| {});
         let begin = fixture.position();
@@ -267,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn offsets_are_added() {
+    fn offsets_are_added_to_targets() {
         let mut fixture = fixture(POSITION);
         fixture.put(Object::POSITION_OFFSET, -300);
         cycle(&mut fixture, Object::TARGET_POSITION, 1_000, 1);
@@ -284,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn a_torque_that_is_known_to_be_needed_spares_the_loops_an_error() {
+    fn torque_offset_reduces_the_following_error() {
         let dip = |offset| {
             let mut fixture = Fixture::with(
                 POSITION,
@@ -301,22 +300,22 @@ mod tests {
     }
 
     #[test]
-    fn a_set_point_beyond_a_limit_is_followed_as_far_as_the_limit_lets() {
+    fn set_point_beyond_a_limit_is_followed_to_the_limit() {
         let mut fixture = fixture(POSITION);
         fixture.put(Object::MAX_POSITION_LIMIT, 500);
         cycle(&mut fixture, Object::TARGET_POSITION, 900, 2);
         assert_eq!(fixture.shown(Object::POSITION_DEMAND), 500);
-        assert!(fixture.asked.is_limited);
+        assert!(fixture.demand.is_limited);
         fixture.put(Object::MAX_PROFILE_VELOCITY, 10_000);
         cycle(&mut fixture, Object::TARGET_POSITION, 400, 2);
         assert_eq!(fixture.shown(Object::POSITION_DEMAND), 480);
-        assert!(fixture.asked.is_limited);
+        assert!(fixture.demand.is_limited);
         fixture.run(20);
         assert_eq!(fixture.shown(Object::POSITION_DEMAND), 400);
     }
 
     #[test]
-    fn a_velocity_is_followed_and_a_halt_ends_it() {
+    fn cyclic_velocity_follows_targets_and_halts() {
         let mut fixture = fixture(VELOCITY);
         for _ in 0..500 {
             cycle(&mut fixture, Object::TARGET_VELOCITY, 60_000, 1);
@@ -329,17 +328,20 @@ mod tests {
         assert!(!fixture.has(Statusword::TARGET_FOLLOWED));
         fixture.word(ENABLED);
         fixture.run(500);
-        assert!(fixture.rotor.velocity.abs() < 100.0, "until a set-point comes");
+        assert!(fixture.rotor.velocity.abs() < 100.0, "waits for a new set-point");
         cycle(&mut fixture, Object::TARGET_VELOCITY, 60_000, 500);
         assert!((fixture.rotor.velocity - 60_000.0).abs() < 500.0);
     }
 
     #[test]
-    fn an_interpolation_time_out_of_all_bounds_is_bounded() {
+    fn interpolation_time_is_bounded() {
         let mut dictionary = crate::motion::fixture::drive();
-        for (value, index, seconds) in
-            [(1, -3, 1e-3), (255, -4, 25.5e-3), (1, -128, SHORTEST), (255, 63, LONGEST)]
-        {
+        for (value, index, seconds) in [
+            (1, -3, 1e-3),
+            (255, -4, 25.5e-3),
+            (1, -128, MIN_INTERPOLATION_TIME),
+            (255, 63, MAX_INTERPOLATION_TIME),
+        ] {
             put(&mut dictionary, Object::INTERPOLATION_TIME, value);
             dictionary.set(Object::INTERPOLATION_TIME_INDEX, &i8::to_le_bytes(index));
             assert!((interpolation_time(&dictionary) - seconds).abs() < 1e-9);

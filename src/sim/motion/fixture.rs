@@ -1,9 +1,9 @@
 //! Test fixture: the modes of operation move a [`Rotor`].
 
-use crate::motion::Asked;
 use crate::motion::Motion;
 use crate::motion::Ramp;
 use crate::motion::SERVO_PERIOD;
+use crate::motion::TorqueDemand;
 use crate::motion::Tuning;
 use crate::motion::rotor::Rotor;
 use canopen::NodeId;
@@ -40,7 +40,7 @@ pub(super) struct Fixture {
     pub(super) motion: Motion,
     pub(super) rotor: Rotor,
     pub(super) dictionary: Dictionary,
-    pub(super) asked: Asked,
+    pub(super) demand: TorqueDemand,
 }
 
 impl Fixture {
@@ -54,7 +54,7 @@ impl Fixture {
         let mut dictionary = drive();
         set_up(&mut dictionary);
         let motion = Motion::new(Tuning::default(), &dictionary);
-        let mut fixture = Self { motion, rotor, dictionary, asked: Asked::default() };
+        let mut fixture = Self { motion, rotor, dictionary, demand: TorqueDemand::default() };
         fixture.begin(mode);
         fixture.word(ENABLED);
         fixture
@@ -82,16 +82,16 @@ impl Fixture {
     }
 
     /// Applies the objects as a SYNC does, with no time elapsed.
-    pub(super) fn sync(&mut self) -> Asked {
-        self.asked = self.motion.step(0.0, &self.rotor.feedback(), &mut self.dictionary);
-        self.asked
+    pub(super) fn sync(&mut self) -> TorqueDemand {
+        self.demand = self.motion.step(0.0, &self.rotor.feedback(), &mut self.dictionary);
+        self.demand
     }
 
     /// Runs one servo period.
-    pub(super) fn tick(&mut self) -> Asked {
-        self.asked = self.motion.step(SERVO_PERIOD, &self.rotor.feedback(), &mut self.dictionary);
-        self.rotor.turn(SERVO_PERIOD, self.asked.per_mille);
-        self.asked
+    pub(super) fn tick(&mut self) -> TorqueDemand {
+        self.demand = self.motion.step(SERVO_PERIOD, &self.rotor.feedback(), &mut self.dictionary);
+        self.rotor.turn(SERVO_PERIOD, self.demand.per_mille);
+        self.demand
     }
 
     /// Runs `millis` servo periods.
@@ -102,15 +102,15 @@ impl Fixture {
     }
 
     /// Runs one servo period of a stop.
-    pub(super) fn brake(&mut self, ramp: Ramp) -> Option<Asked> {
+    pub(super) fn brake(&mut self, ramp: Ramp) -> Option<TorqueDemand> {
         let feedback = self.rotor.feedback();
-        let asked = self.motion.stop(SERVO_PERIOD, ramp, &feedback, &mut self.dictionary);
-        self.rotor.turn(SERVO_PERIOD, asked.unwrap_or_default().per_mille);
-        asked
+        let demand = self.motion.stop(SERVO_PERIOD, ramp, &feedback, &mut self.dictionary);
+        self.rotor.turn(SERVO_PERIOD, demand.unwrap_or_default().per_mille);
+        demand
     }
 
     pub(super) fn has(&self, bit: u16) -> bool {
-        self.asked.status & bit != 0
+        self.demand.status & bit != 0
     }
 
     /// Runs until `is_so` and returns the time in ms; panics after `most`.
@@ -121,6 +121,6 @@ impl Fixture {
             }
             self.tick();
         }
-        panic!("not within {most} ms: {self:?}", self = (self.asked, self.rotor));
+        panic!("not within {most} ms: {self:?}", self = (self.demand, self.rotor));
     }
 }

@@ -1,11 +1,11 @@
-//! Homing mode (CiA 402-2, 11): methods 33 and 34, the next index pulse in negative or positive
-//! direction, and 37 with its older form 35, where the motor stands.
+//! Homing mode (CiA 402-2, 11): methods 33 and 34, index pulse in negative or positive direction, and 37 (formerly 35),
+//! current position.
 //!
-//! The home position is shown as the home offset (607Ch) from then on. 60E3h lists what is here.
+//! The home position then reads as the home offset (607Ch). 60E3h lists the methods.
 
-use crate::motion::Asked;
+use crate::motion::TorqueDemand;
 use crate::motion::axis::Axis;
-use crate::motion::axis::Moment;
+use crate::motion::axis::StepInput;
 use crate::motion::bits;
 use crate::motion::limits;
 use crate::motion::ramp::Demand;
@@ -15,7 +15,7 @@ use crate::motion::units::signed;
 use canopen::drive::Controlword;
 use canopen::object::Object;
 
-/// What is looked for.
+/// Homing method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Method {
     NegativeIndex,
@@ -34,25 +34,25 @@ impl Method {
     }
 }
 
-/// How far it has come.
+/// Progress of a homing.
 #[derive(Clone, Copy, Debug, Default)]
 enum Progress {
     #[default]
     NotStarted,
-    /// On the way to an index pulse at this place, 1 forward and -1 backward.
+    /// Searches the index pulse at this position; the sign is the direction.
     Searching {
         index: f64,
         sign: f64,
     },
-    /// Coming to rest with the home position known.
+    /// Decelerates with the home position known.
     Found,
     Done,
-    /// Coming to rest without one.
+    /// Decelerates without a home position.
     Interrupted,
     Failed,
 }
 
-/// The mode.
+/// State of homing mode.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Homing {
     progress: Progress,
@@ -61,35 +61,35 @@ pub(super) struct Homing {
 }
 
 impl Homing {
-    /// Bit 4 starts it, and interrupts it when it falls.
+    /// Handles bit 4: a rising edge starts homing, a falling edge interrupts it.
     pub(super) fn on_controlword(
         &mut self,
         word: Controlword,
-        has_risen: bool,
+        is_rising_edge: bool,
         axis: &mut Axis,
-        moment: &Moment<'_>,
+        input: &StepInput<'_>,
     ) {
-        if has_risen {
-            self.start(axis, moment);
+        if is_rising_edge {
+            self.start(axis, input);
         } else if !bits::is_started(word) {
             self.interrupt();
         }
     }
 
-    /// A halt, or bit 4 has fallen.
+    /// Interrupts the search, after a halt or a falling bit 4.
     pub(super) const fn interrupt(&mut self) {
         if matches!(self.progress, Progress::Searching { .. }) {
             self.progress = Progress::Interrupted;
         }
     }
 
-    fn start(&mut self, axis: &mut Axis, moment: &Moment<'_>) {
+    fn start(&mut self, axis: &mut Axis, input: &StepInput<'_>) {
         self.is_at_rest = false;
-        let place = moment.actual.place;
+        let place = input.actual.place;
         let turn = axis.shaft.units.turn();
-        self.progress = match Method::of(moment.dictionary.i8(Object::HOMING_METHOD)) {
+        self.progress = match Method::of(input.dictionary.i8(Object::HOMING_METHOD)) {
             Some(Method::Here) => {
-                set_home(axis, place, moment);
+                set_home(axis, place, input);
                 Progress::Found
             }
             Some(Method::NegativeIndex) => {
@@ -104,22 +104,22 @@ impl Homing {
         };
     }
 
-    pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Asked {
-        let speed = self.search(axis, moment);
+    pub(super) fn step(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> TorqueDemand {
+        let speed = self.search(axis, input);
         if !self.is_at_rest {
             let units = &axis.shaft.units;
-            let rate = limits::acceleration(units, moment.dictionary, Object::HOMING_ACCELERATION);
-            let top = limits::top_speed(units, moment.dictionary);
+            let rate = limits::acceleration(units, input.dictionary, Object::HOMING_ACCELERATION);
+            let top = limits::top_speed(units, input.dictionary);
             let profile = Profile::new(top, rate, rate);
-            axis.demand = axis.demand.toward_velocity(moment.dt, speed, &profile);
-            self.come_to_rest(axis, moment);
+            axis.demand = axis.demand.toward_velocity(input.dt, speed, &profile);
+            self.come_to_rest(axis, input);
         }
         let torque = if self.is_at_rest {
-            axis.follow_place(0.0, moment)
+            axis.follow_place(0.0, input)
         } else {
-            axis.follow_velocity(0.0, moment)
+            axis.follow_velocity(0.0, input)
         };
-        Asked {
+        TorqueDemand {
             per_mille: torque.value,
             status: self.status(self.is_at_rest),
             is_limited: torque.is_limited,
@@ -127,26 +127,26 @@ impl Homing {
         }
     }
 
-    /// The velocity it searches with, in increments/s; zero once it has found something.
-    fn search(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> f64 {
+    /// Returns the search velocity, in increments/s; zero once the index pulse is found.
+    fn search(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> f64 {
         let Progress::Searching { index, sign } = self.progress else { return 0.0 };
-        if (moment.actual.place - index) * sign >= 0.0 {
-            set_home(axis, index, moment);
+        if (input.actual.place - index) * sign >= 0.0 {
+            set_home(axis, index, input);
             self.progress = Progress::Found;
             return 0.0;
         }
-        sign * axis.shaft.units.size(moment.dictionary, Object::HOMING_SPEED_ZERO)
+        sign * axis.shaft.units.size(input.dictionary, Object::HOMING_SPEED_ZERO)
     }
 
-    /// Once the demand is zero and the motor at rest, its place is kept.
-    fn come_to_rest(&mut self, axis: &mut Axis, moment: &Moment<'_>) {
-        let is_slow = self.standstill.is_at_rest(axis, moment);
+    /// Holds the position once the demand is zero and the motor at standstill.
+    fn come_to_rest(&mut self, axis: &mut Axis, input: &StepInput<'_>) {
+        let is_slow = self.standstill.is_at_rest(axis, input);
         let is_searching = matches!(self.progress, Progress::Searching { .. });
         if is_searching || !is_slow || axis.demand.velocity.abs() > 0.0 {
             return;
         }
         self.is_at_rest = true;
-        axis.demand = Demand::at(moment.actual.place);
+        axis.demand = Demand::at(input.actual.place);
         self.progress = match self.progress {
             Progress::Found => Progress::Done,
             Progress::Interrupted => Progress::NotStarted,
@@ -157,7 +157,7 @@ impl Homing {
         };
     }
 
-    /// Bits 10, 12 and 13.
+    /// Returns statusword bits 10, 12 and 13.
     pub(super) const fn status(&self, is_at_rest: bool) -> u16 {
         let outcome = match self.progress {
             Progress::Found | Progress::Done => bits::HOMING_ATTAINED,
@@ -168,8 +168,8 @@ impl Homing {
     }
 }
 
-fn set_home(axis: &mut Axis, place: f64, moment: &Moment<'_>) {
-    let offset = f64::from(signed(moment.dictionary, Object::HOME_OFFSET));
+fn set_home(axis: &mut Axis, place: f64, input: &StepInput<'_>) {
+    let offset = f64::from(signed(input.dictionary, Object::HOME_OFFSET));
     axis.shaft.set_home(place, offset);
 }
 
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn where_it_stands_is_home_and_is_shown_as_the_home_offset() {
+    fn method_37_sets_the_home_offset_here() {
         for method in [35, 37] {
             let mut fixture = fixture(method, 40_000.0);
             assert_eq!(fixture.position(), 40_000);
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn an_index_pulse_is_found_in_either_direction() {
+    fn index_pulse_is_found_in_both_directions() {
         for (method, start, index) in
             [(33, 40_000.0, 32_768), (34, 40_000.0, 49_152), (33, 32_768.0, 16_384)]
         {
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn polarity_turns_what_is_shown_and_not_what_is_looked_for() {
+    fn polarity_inverts_the_display_not_the_search() {
         let mut fixture = fixture(34, 40_000.0);
         fixture.put(Object::POLARITY, 0x80);
         fixture.begin(MODE);
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn every_method_the_data_sheet_lists_works_and_no_other_does() {
+    fn supported_methods_are_those_of_60e3h() {
         let dictionary = crate::motion::fixture::drive();
         let count = dictionary.unsigned(Object::SUPPORTED_HOMING_METHODS);
         let listed: Vec<i8> = (1..=count)
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_method_that_is_not_there_is_an_error_and_moves_nothing() {
+    fn unsupported_method_is_a_homing_error_without_motion() {
         let mut fixture = fixture(17, 40_000.0);
         fixture.word(ENABLED | START);
         fixture.run(100);
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn bit_4_that_falls_and_a_halt_interrupt_it() {
+    fn falling_bit_4_and_halt_interrupt_homing() {
         for word in [ENABLED, ENABLED | START | HALT] {
             let mut fixture = fixture(33, 40_000.0);
             fixture.word(ENABLED | START);
@@ -278,7 +278,7 @@ mod tests {
             let place = fixture.position();
             fixture.word(ENABLED);
             fixture.run(200);
-            assert!((fixture.position() - place).abs() < 50, "it does not go on by itself");
+            assert!((fixture.position() - place).abs() < 50, "no motion without a new start");
             fixture.word(ENABLED | START);
             fixture.until(5_000, |fixture| fixture.has(HOMING_ATTAINED));
         }

@@ -1,4 +1,4 @@
-//! The limits that stand above every mode: torque, speed, acceleration, position.
+//! Limits that apply to all modes: torque, speed, acceleration, position.
 
 use crate::motion::ramp::Profile;
 use crate::motion::units::Units;
@@ -6,7 +6,7 @@ use crate::motion::units::signed;
 use canopen::dictionary::Dictionary;
 use canopen::object::Object;
 
-/// Between which torques the motor may be asked, in ‰ of rated torque.
+/// Torque range, in ‰ of rated torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TorqueLimits {
     low: f64,
@@ -14,8 +14,7 @@ pub(super) struct TorqueLimits {
 }
 
 impl TorqueLimits {
-    /// The least of 6072h, 6073h and, for each direction, 60E0h and 60E1h. A current in ‰ of rated current
-    /// makes a torque of as many ‰ of rated torque.
+    /// Reads the minimum of 6072h, 6073h and, per direction, 60E0h and 60E1h. Torque is proportional to current.
     pub(super) fn of(dictionary: &Dictionary) -> Self {
         let limit = |object| f64::from(dictionary.unsigned(object));
         let both = limit(Object::MAX_TORQUE).min(limit(Object::MAX_CURRENT));
@@ -25,7 +24,7 @@ impl TorqueLimits {
         }
     }
 
-    /// `wanted` as far as they let it.
+    /// Returns `wanted` within the range, 0 for NaN.
     pub(super) const fn clamp(&self, wanted: f64) -> Limited {
         if wanted > self.high {
             Limited { value: self.high, is_limited: true }
@@ -39,27 +38,27 @@ impl TorqueLimits {
     }
 }
 
-/// What a limit leaves of a value.
+/// A value within a limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Limited {
     pub(super) value: f64,
-    /// It leaves less.
+    /// The limit has changed the value.
     pub(super) is_limited: bool,
 }
 
-/// `wanted` within `-bound..=bound`, and never no number.
+/// Returns `wanted` within `-bound..=bound`, 0 for NaN.
 pub(super) const fn within(wanted: f64, bound: f64) -> Limited {
     let value = if wanted.is_nan() { 0.0 } else { wanted.min(bound).max(-bound) };
     Limited { value, is_limited: wanted > bound || wanted < -bound }
 }
 
-/// The fastest the motor may be asked to turn, in increments/s: 6080h and 607Fh.
+/// Returns the speed limit of 6080h and 607Fh, in increments/s.
 pub(super) fn top_speed(units: &Units, dictionary: &Dictionary) -> f64 {
     let motor = units.motor_speed(f64::from(dictionary.unsigned(Object::MAX_MOTOR_SPEED)));
     motor.min(units.size(dictionary, Object::MAX_PROFILE_VELOCITY))
 }
 
-/// 6081h, 6083h and 6084h, within [`top_speed`], 60C5h and 60C6h.
+/// Reads 6081h, 6083h and 6084h, within [`top_speed`], 60C5h and 60C6h.
 pub(super) fn profile(units: &Units, dictionary: &Dictionary) -> Profile {
     let wanted = units.size(dictionary, Object::PROFILE_VELOCITY);
     Profile::new(
@@ -69,18 +68,18 @@ pub(super) fn profile(units: &Units, dictionary: &Dictionary) -> Profile {
     )
 }
 
-/// What `object` says of an acceleration in increments/s², within 60C5h.
+/// Reads an acceleration in increments/s², within 60C5h.
 pub(super) fn acceleration(units: &Units, dictionary: &Dictionary, object: Object) -> f64 {
     units.size(dictionary, object).min(units.size(dictionary, Object::MAX_ACCELERATION))
 }
 
-/// What `object` says of a deceleration in increments/s², within 60C6h.
+/// Reads a deceleration in increments/s², within 60C6h.
 pub(super) fn deceleration(units: &Units, dictionary: &Dictionary, object: Object) -> f64 {
     units.size(dictionary, object).min(units.size(dictionary, Object::MAX_DECELERATION))
 }
 
-/// A target in position units, within 607Dh. A lower limit that is not below the upper one is none, and
-/// so are the ends of the counter, which a relative way may pass.
+/// Returns a target in position units, within 607Dh. Limits in the wrong order, and the ends of the
+/// counter, are no limits: a relative target may pass the ends.
 pub(super) fn position(dictionary: &Dictionary, units: f64) -> Limited {
     let low = signed(dictionary, Object::MIN_POSITION_LIMIT);
     let high = signed(dictionary, Object::MAX_POSITION_LIMIT);
@@ -101,7 +100,7 @@ mod tests {
     use crate::motion::fixture::put;
 
     #[test]
-    fn a_target_stays_within_position_limits_where_there_are_any() {
+    fn target_stays_within_configured_position_limits() {
         let mut dictionary = drive();
         for (low, high, target, left) in [
             (0, 0, 9.0, 9.0),
@@ -121,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn the_slower_of_motor_and_profile_counts() {
+    fn top_speed_is_the_lower_of_motor_and_profile_limit() {
         let mut dictionary = drive();
         let units = Units::of(&dictionary);
         assert_eq!(top_speed(&units, &dictionary), 1_600_000.0, "6000 rpm are 1,638,400");
@@ -131,7 +130,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_torque_limit_counts_in_its_direction(
+        fn torque_limits_apply_per_direction(
             max: u16, current: u16, positive: u16, negative: u16, wanted: f64,
         ) {
             let mut dictionary = drive();

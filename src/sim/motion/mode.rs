@@ -1,8 +1,8 @@
-//! The modes of operation (6060h), and what each makes of a controlword, of time, and of a halt.
+//! Dispatch to the modes of operation (6060h).
 
-use crate::motion::Asked;
+use crate::motion::TorqueDemand;
 use crate::motion::axis::Axis;
-use crate::motion::axis::Moment;
+use crate::motion::axis::StepInput;
 use crate::motion::bits;
 use crate::motion::cyclic::CyclicPosition;
 use crate::motion::cyclic::CyclicVelocity;
@@ -14,10 +14,10 @@ use crate::motion::torque;
 use crate::motion::torque::ProfileTorque;
 use canopen::drive::Controlword;
 
-/// A mode, and what it has in mind.
+/// Active mode with its state.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) enum Mode {
-    /// None is chosen, or one that is not there: no torque.
+    /// No mode selected, or an unsupported one: no torque.
     #[default]
     None,
     ProfilePosition(ProfilePosition),
@@ -30,15 +30,15 @@ pub(super) enum Mode {
 }
 
 impl Mode {
-    /// The mode of a number (6060h).
-    pub(super) fn begin(number: i8, axis: &mut Axis, moment: &Moment<'_>) -> Self {
+    /// Starts the mode of a number in 6060h.
+    pub(super) fn begin(number: i8, axis: &mut Axis, input: &StepInput<'_>) -> Self {
         match number {
-            1 => Self::ProfilePosition(ProfilePosition::begin(axis, moment)),
+            1 => Self::ProfilePosition(ProfilePosition::begin(axis, input)),
             3 => Self::ProfileVelocity(ProfileVelocity::default()),
             4 => Self::ProfileTorque(ProfileTorque::begin(axis)),
             6 => Self::Homing(Homing::default()),
-            8 => Self::CyclicPosition(CyclicPosition::begin(axis, moment.dictionary)),
-            9 => Self::CyclicVelocity(CyclicVelocity::begin(axis, moment.dictionary)),
+            8 => Self::CyclicPosition(CyclicPosition::begin(axis, input.dictionary)),
+            9 => Self::CyclicVelocity(CyclicVelocity::begin(axis, input.dictionary)),
             10 => Self::CyclicTorque,
             _ => Self::None,
         }
@@ -47,13 +47,13 @@ impl Mode {
     pub(super) fn on_controlword(
         &mut self,
         word: Controlword,
-        has_risen: bool,
+        is_rising_edge: bool,
         axis: &mut Axis,
-        moment: &Moment<'_>,
+        input: &StepInput<'_>,
     ) {
         match self {
-            Self::ProfilePosition(mode) => mode.on_controlword(word, has_risen, axis, moment),
-            Self::Homing(mode) => mode.on_controlword(word, has_risen, axis, moment),
+            Self::ProfilePosition(mode) => mode.on_controlword(word, is_rising_edge, axis, input),
+            Self::Homing(mode) => mode.on_controlword(word, is_rising_edge, axis, input),
             Self::None
             | Self::ProfileVelocity(_)
             | Self::ProfileTorque(_)
@@ -63,25 +63,28 @@ impl Mode {
         }
     }
 
-    pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Asked {
+    pub(super) fn step(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> TorqueDemand {
         match self {
-            Self::CyclicTorque => torque::step_cyclic(axis, moment),
-            Self::ProfilePosition(mode) => mode.step(axis, moment),
-            Self::ProfileVelocity(mode) => mode.step(axis, moment),
-            Self::ProfileTorque(mode) => mode.step(axis, moment),
-            Self::Homing(mode) => mode.step(axis, moment),
-            Self::CyclicPosition(mode) => mode.step(axis, moment),
-            Self::CyclicVelocity(mode) => mode.step(axis, moment),
-            Self::None => Asked { per_mille: axis.push(0.0, moment).value, ..Asked::default() },
+            Self::CyclicTorque => torque::step_cyclic(axis, input),
+            Self::ProfilePosition(mode) => mode.step(axis, input),
+            Self::ProfileVelocity(mode) => mode.step(axis, input),
+            Self::ProfileTorque(mode) => mode.step(axis, input),
+            Self::Homing(mode) => mode.step(axis, input),
+            Self::CyclicPosition(mode) => mode.step(axis, input),
+            Self::CyclicVelocity(mode) => mode.step(axis, input),
+            Self::None => TorqueDemand {
+                per_mille: axis.set_torque(0.0, input).value,
+                ..TorqueDemand::default()
+            },
         }
     }
 
-    /// Bits 10, 12 and 13 while halted; `is_over`: the motor stands still.
-    pub(super) fn halted(&mut self, is_over: bool, axis: &Axis, moment: &Moment<'_>) -> u16 {
+    /// Returns statusword bits 10, 12 and 13 while halted; `is_over` at standstill.
+    pub(super) fn halted(&mut self, is_over: bool, axis: &Axis, input: &StepInput<'_>) -> u16 {
         let at_rest = bits::bit(bits::TARGET_REACHED, is_over);
         match self {
             Self::ProfilePosition(mode) => at_rest | mode.acknowledgement(),
-            Self::ProfileVelocity(mode) => at_rest | mode.speed_zero(axis, moment),
+            Self::ProfileVelocity(mode) => at_rest | mode.speed_zero(axis, input),
             Self::ProfileTorque(_) => at_rest,
             Self::Homing(mode) => {
                 mode.interrupt();
@@ -93,23 +96,23 @@ impl Mode {
         }
     }
 
-    /// After a stop it goes on from where the motor is.
-    pub(super) fn resume(&mut self, axis: &mut Axis, moment: &Moment<'_>) {
+    /// Continues after a halt, from the actual motion.
+    pub(super) fn resume(&mut self, axis: &mut Axis, input: &StepInput<'_>) {
         match self {
             Self::ProfilePosition(mode) => mode.resume(axis),
             Self::ProfileTorque(mode) => *mode = ProfileTorque::begin(axis),
             Self::CyclicPosition(mode) => {
-                *mode = CyclicPosition::begin(axis, moment.dictionary);
+                *mode = CyclicPosition::begin(axis, input.dictionary);
             }
             Self::CyclicVelocity(mode) => {
-                *mode = CyclicVelocity::begin(axis, moment.dictionary);
+                *mode = CyclicVelocity::begin(axis, input.dictionary);
             }
             Self::Homing(mode) => mode.interrupt(),
             Self::None | Self::ProfileVelocity(_) | Self::CyclicTorque => {}
         }
     }
 
-    /// What a stop has to bring down.
+    /// Returns the quantity that a stop brings to zero.
     pub(super) const fn stopped(&self) -> Stopped {
         match self {
             Self::None | Self::CyclicTorque => Stopped::CyclicTorque,
@@ -122,8 +125,8 @@ impl Mode {
         }
     }
 
-    /// Whether there is a place it demands, for 6062h to tell.
-    pub(super) const fn has_place(&self) -> bool {
+    /// Returns whether the mode has a position demand (6062h).
+    pub(super) const fn has_position_demand(&self) -> bool {
         matches!(self, Self::ProfilePosition(_) | Self::CyclicPosition(_) | Self::Homing(_))
     }
 }

@@ -1,57 +1,57 @@
-//! Profile position mode (CiA 402-2, 10): set-points one after another, or one in place of another.
+//! Profile position mode (CiA 402-2, 10): single set-points and sets of set-points.
 //!
-//! One set-point can wait for the one before to be reached. Bit 9 of the controlword (to pass a target
-//! without stopping) is not heeded, and 60F2h is not there: a relative target counts from the target
-//! before it, and the axis is linear.
+//! One set-point can wait for the one before. Controlword bit 9 (change on set-point) is ignored and 60F2h is absent:
+//! a relative target is relative to the previous target, and the axis is linear.
 
-use crate::motion::Asked;
+use crate::motion::TorqueDemand;
 use crate::motion::axis::Axis;
-use crate::motion::axis::Moment;
+use crate::motion::axis::StepInput;
 use crate::motion::bits;
 use crate::motion::following::Following;
 use crate::motion::limits;
-use crate::motion::ramp::Course;
 use crate::motion::ramp::Profile;
+use crate::motion::ramp::Trajectory;
 use crate::motion::reached::Reached;
 use crate::motion::units::signed;
 use canopen::drive::Controlword;
 use canopen::error_codes::FOLLOWING_ERROR;
 use canopen::object::Object;
 
-/// Where to go, and how.
+/// Target position and profile.
 #[derive(Clone, Copy, Debug)]
 struct SetPoint {
-    /// A place.
+    /// Unwrapped position, in increments.
     target: f64,
     profile: Profile,
-    /// 607Dh has kept it from being further away.
+    /// 607Dh limits the target.
     is_limited: bool,
 }
 
-/// The mode.
+/// State of profile position mode.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ProfilePosition {
     now: SetPoint,
     next: Option<SetPoint>,
-    /// To `now`, and how long it has been under way, in s.
-    course: Course,
+    /// Trajectory to `now`.
+    trajectory: Trajectory,
+    /// Time on the trajectory, in s.
     time: f64,
-    /// Bit 4 has been answered, and is still set.
+    /// Bit 4 is acknowledged and still set.
     is_answered: bool,
     reached: Reached,
     following: Following,
 }
 
 impl ProfilePosition {
-    /// The motor comes to rest as the profile lets it, and stays.
-    pub(super) fn begin(axis: &Axis, moment: &Moment<'_>) -> Self {
-        let profile = limits::profile(&axis.shaft.units, moment.dictionary);
+    /// Starts the mode: the motor decelerates on its profile and stays.
+    pub(super) fn begin(axis: &Axis, input: &StepInput<'_>) -> Self {
+        let profile = limits::profile(&axis.shaft.units, input.dictionary);
         let target = profile.place_of_rest(&axis.demand);
         let now = SetPoint { target, profile, is_limited: false };
         Self {
             now,
             next: None,
-            course: Course::to_place(axis.demand, target, &profile),
+            trajectory: Trajectory::to_place(axis.demand, target, &profile),
             time: 0.0,
             is_answered: false,
             reached: Reached::default(),
@@ -59,41 +59,41 @@ impl ProfilePosition {
         }
     }
 
-    /// The handshake of bit 4 and bit 12 (CiA 402-2, figures 20 to 22).
+    /// Handles the handshake of bits 4 and 12 (CiA 402-2, figures 20 to 22).
     pub(super) fn on_controlword(
         &mut self,
         word: Controlword,
-        has_risen: bool,
+        is_rising_edge: bool,
         axis: &Axis,
-        moment: &Moment<'_>,
+        input: &StepInput<'_>,
     ) {
         if !bits::is_started(word) {
             self.is_answered = false;
         }
-        if !has_risen {
+        if !is_rising_edge {
             return;
         }
         if bits::is_immediate(word) || (self.is_arrived() && self.next.is_none()) {
             self.next = None;
             self.is_answered = true;
-            self.go_to(self.set_point(word, axis, moment), axis);
+            self.go_to(self.set_point(word, axis, input), axis);
         } else if self.next.is_none() {
             self.is_answered = true;
-            self.next = Some(self.set_point(word, axis, moment));
+            self.next = Some(self.set_point(word, axis, input));
         }
     }
 
-    pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Asked {
-        self.time += moment.dt;
+    pub(super) fn step(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> TorqueDemand {
+        self.time += input.dt;
         if let Some(next) = self.next.filter(|_| self.is_arrived()) {
             self.next = None;
             self.go_to(next, axis);
         }
-        axis.demand = self.course.at(self.time);
-        let torque = axis.follow_place(0.0, moment);
-        let is_there = self.reached.is_there(axis, moment, self.is_arrived());
-        let is_lost = self.following.is_lost(axis, moment);
-        Asked {
+        axis.demand = self.trajectory.at(self.time);
+        let torque = axis.follow_place(0.0, input);
+        let is_there = self.reached.is_there(axis, input, self.is_arrived());
+        let is_lost = self.following.is_lost(axis, input);
+        TorqueDemand {
             per_mille: torque.value,
             status: bits::bit(bits::TARGET_REACHED, is_there && self.next.is_none())
                 | self.acknowledgement()
@@ -103,39 +103,39 @@ impl ProfilePosition {
         }
     }
 
-    /// After a halt the way is continued.
+    /// Continues to the set-point after a halt.
     pub(super) fn resume(&mut self, axis: &Axis) {
         self.go_to(self.now, axis);
     }
 
-    /// Bit 12.
+    /// Returns statusword bit 12.
     pub(super) const fn acknowledgement(&self) -> u16 {
         bits::bit(bits::SET_POINT_ACKNOWLEDGED, self.is_answered || self.next.is_some())
     }
 
-    /// What the objects say now. They may change before it is its turn.
-    fn set_point(&self, word: Controlword, axis: &Axis, moment: &Moment<'_>) -> SetPoint {
+    /// Reads a set-point from the objects, which may change before it is executed.
+    fn set_point(&self, word: Controlword, axis: &Axis, input: &StepInput<'_>) -> SetPoint {
         let shaft = &axis.shaft;
-        let units = f64::from(signed(moment.dictionary, Object::TARGET_POSITION));
+        let units = f64::from(signed(input.dictionary, Object::TARGET_POSITION));
         let base = self.now.target;
         let from = if bits::is_relative(word) { f64::from(shaft.shown(base)) } else { 0.0 };
-        let limited = limits::position(moment.dictionary, from + units);
+        let limited = limits::position(input.dictionary, from + units);
         SetPoint {
             target: shaft.place_beside(base, limited.value),
-            profile: limits::profile(&shaft.units, moment.dictionary),
+            profile: limits::profile(&shaft.units, input.dictionary),
             is_limited: limited.is_limited,
         }
     }
 
     fn go_to(&mut self, set_point: SetPoint, axis: &Axis) {
         self.now = set_point;
-        self.course = Course::to_place(axis.demand, set_point.target, &set_point.profile);
+        self.trajectory = Trajectory::to_place(axis.demand, set_point.target, &set_point.profile);
         self.time = 0.0;
         self.reached = Reached::default();
     }
 
     fn is_arrived(&self) -> bool {
-        self.time >= self.course.duration()
+        self.time >= self.trajectory.duration()
     }
 }
 
@@ -158,7 +158,7 @@ mod tests {
         Fixture::new(MODE)
     }
 
-    /// Hands over a set-point as the standard wants it, whether it is taken or not.
+    /// Writes a set-point with the handshake of CiA 402-2.
     fn send(fixture: &mut Fixture, target: i32, bits: u16) {
         fixture.put(Object::TARGET_POSITION, target);
         fixture.word(ENABLED | START | bits);
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_set_point_the_motor_stays_and_is_where_it_should_be() {
+    fn without_a_set_point_the_position_is_held() {
         let mut fixture = fixture();
         fixture.put(Object::TARGET_POSITION, 50_000);
         fixture.run(100);
@@ -180,9 +180,9 @@ mod tests {
         assert!(fixture.has(TARGET_REACHED) && !fixture.has(SET_POINT_ACKNOWLEDGED));
     }
 
-    /// CiA 402-2, 10.3: word, whether bit 12 is set then, whether the target is reached then.
+    /// CiA 402-2, 10.3: controlword, and the expected bit 12.
     #[test]
-    fn the_handshake_is_that_of_the_standard() {
+    fn set_point_handshake_is_that_of_cia_402() {
         let set = ENABLED | START;
         for (what, words) in [
             ("one", vec![(set, true), (ENABLED, false)]),
@@ -203,7 +203,7 @@ mod tests {
                 ],
             ),
             (
-                "at once: none waits",
+                "immediate: none waits",
                 vec![
                     (set, true),
                     (ENABLED, false),
@@ -214,7 +214,7 @@ mod tests {
                 ],
             ),
             (
-                "at once: who waits is lost",
+                "immediate: the waiting one is lost",
                 vec![
                     (set, true),
                     (ENABLED, false),
@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn set_points_one_after_another_are_all_reached() {
+    fn set_of_set_points_reaches_each_target() {
         let mut fixture = fixture();
         send(&mut fixture, 20_000, 0);
         send(&mut fixture, -10_000, 0);
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn a_set_point_that_is_meant_at_once_takes_the_place_of_the_one_before() {
+    fn immediate_set_point_replaces_the_previous_one() {
         let mut fixture = fixture();
         send(&mut fixture, 200_000, 0);
         fixture.run(200);
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn relative_set_points_count_from_the_target_before() {
+    fn relative_set_points_add_to_the_previous_target() {
         let mut fixture = fixture();
         send(&mut fixture, 7_000, 0);
         send(&mut fixture, 2_000, RELATIVE);
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_set_when_bit_4_rose_is_what_counts() {
+    fn set_point_is_read_at_the_rising_edge_of_bit_4() {
         let mut fixture = fixture();
         send(&mut fixture, 10_000, 0);
         fixture.put(Object::TARGET_POSITION, 99_999);
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_takes_as_long_as_its_profile() {
+    fn motion_takes_the_time_of_its_profile() {
         let mut fixture = fixture();
         for (object, value) in [
             (Object::PROFILE_VELOCITY, 50_000),
@@ -309,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn a_target_in_degrees_turns_the_motor_behind_its_gear() {
+    fn target_in_degrees_uses_gear_and_feed() {
         let mut fixture = fixture();
         fixture.put(Object::GEAR_MOTOR_REVOLUTIONS, 40);
         fixture.put(Object::FEED, 360_000);
@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn a_halt_stops_the_motor_and_its_end_lets_it_go_on() {
+    fn halt_stops_the_motor_and_its_end_continues() {
         let mut fixture = fixture();
         send(&mut fixture, 100_000, 0);
         fixture.run(500);
@@ -341,21 +341,21 @@ mod tests {
     }
 
     #[test]
-    fn software_position_limits_keep_a_target_inside() {
+    fn software_position_limits_bound_the_target() {
         let mut fixture = fixture();
         fixture.put(Object::MAX_POSITION_LIMIT, 5_000);
         send(&mut fixture, 9_000, 0);
-        assert!(fixture.asked.is_limited);
+        assert!(fixture.demand.is_limited);
         fixture.run(1_000);
         assert_eq!(fixture.shown(Object::POSITION_DEMAND), 5_000);
         send(&mut fixture, 4_000, 0);
         fixture.run(1_000);
         assert_eq!(fixture.shown(Object::POSITION_DEMAND), 4_000);
-        assert!(!fixture.asked.is_limited);
+        assert!(!fixture.demand.is_limited);
     }
 
     #[test]
-    fn a_motor_that_does_not_follow_is_an_error_after_its_time() {
+    fn following_error_faults_after_its_time() {
         let stuck = Rotor { coulomb: 5_000.0, ..Rotor::default() };
         let mut fixture = Fixture::with(MODE, stuck, |dictionary| {
             crate::motion::fixture::put(dictionary, Object::FOLLOWING_ERROR_WINDOW, 1_000);
@@ -363,13 +363,13 @@ mod tests {
         });
         send(&mut fixture, 100_000, 0);
         let outside = fixture.until(1_000, |b| b.shown(Object::FOLLOWING_ERROR) > 1_000);
-        let lost = fixture.until(1_000, |fixture| fixture.asked.error == FOLLOWING_ERROR);
+        let lost = fixture.until(1_000, |fixture| fixture.demand.error == FOLLOWING_ERROR);
         assert!(outside > 0 && (48..=51).contains(&lost), "{outside} ms, {lost} ms");
         assert!(fixture.has(bits::FOLLOWING_ERROR));
     }
 
     #[test]
-    fn what_moves_when_the_mode_begins_comes_to_rest_on_its_profile() {
+    fn moving_motor_decelerates_on_the_profile_at_mode_start() {
         let moving = Rotor { velocity: 50_000.0, ..Rotor::default() };
         let mut fixture = Fixture::with(MODE, moving, |_| {});
         arrive(&mut fixture);

@@ -1,8 +1,8 @@
 //! Profile velocity mode (CiA 402-2, 12): 60FFh on the ramps of 6083h and 6084h.
 
-use crate::motion::Asked;
+use crate::motion::TorqueDemand;
 use crate::motion::axis::Axis;
-use crate::motion::axis::Moment;
+use crate::motion::axis::StepInput;
 use crate::motion::bits;
 use crate::motion::limits;
 use crate::motion::limits::within;
@@ -12,7 +12,7 @@ use crate::motion::reached::Standstill;
 use crate::motion::units::signed;
 use canopen::object::Object;
 
-/// The mode.
+/// State of profile velocity mode.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ProfileVelocity {
     reached: Reached,
@@ -20,8 +20,8 @@ pub(super) struct ProfileVelocity {
 }
 
 impl ProfileVelocity {
-    pub(super) fn step(&mut self, axis: &mut Axis, moment: &Moment<'_>) -> Asked {
-        let (units, dictionary) = (axis.shaft.units, moment.dictionary);
+    pub(super) fn step(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> TorqueDemand {
+        let (units, dictionary) = (axis.shaft.units, input.dictionary);
         let wanted = units.velocity(f64::from(signed(dictionary, Object::TARGET_VELOCITY)));
         let top = limits::top_speed(&units, dictionary);
         let target = within(wanted, top);
@@ -30,20 +30,20 @@ impl ProfileVelocity {
             limits::acceleration(&units, dictionary, Object::PROFILE_ACCELERATION),
             limits::deceleration(&units, dictionary, Object::PROFILE_DECELERATION),
         );
-        axis.demand = axis.demand.toward_velocity(moment.dt, target.value, &profile);
-        let torque = axis.follow_velocity(0.0, moment);
-        let is_reached = self.reached.is_as_fast(axis, moment, wanted);
-        Asked {
+        axis.demand = axis.demand.toward_velocity(input.dt, target.value, &profile);
+        let torque = axis.follow_velocity(0.0, input);
+        let is_reached = self.reached.is_as_fast(axis, input, wanted);
+        TorqueDemand {
             per_mille: torque.value,
-            status: bits::bit(bits::TARGET_REACHED, is_reached) | self.speed_zero(axis, moment),
+            status: bits::bit(bits::TARGET_REACHED, is_reached) | self.speed_zero(axis, input),
             is_limited: torque.is_limited || target.is_limited,
             error: 0,
         }
     }
 
-    /// Bit 12. Bit 13, the slip of an asynchronous motor, is never too much.
-    pub(super) fn speed_zero(&mut self, axis: &Axis, moment: &Moment<'_>) -> u16 {
-        bits::bit(bits::SPEED_ZERO, !self.standstill.has_left_rest(axis, moment))
+    /// Returns statusword bit 12. Bit 13, maximum slippage, is never set.
+    pub(super) fn speed_zero(&mut self, axis: &Axis, input: &StepInput<'_>) -> u16 {
+        bits::bit(bits::SPEED_ZERO, !self.standstill.has_left_rest(axis, input))
     }
 }
 
@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn a_velocity_is_reached_on_its_ramp_and_kept_against_a_load() {
+    fn velocity_ramps_to_its_target_and_holds_under_load() {
         let mut fixture = fixture();
         fixture.put(Object::TARGET_VELOCITY, -80_000);
         fixture.put(Object::PROFILE_ACCELERATION, 400_000);
@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn it_speeds_up_and_slows_down_each_at_its_rate() {
+    fn acceleration_and_deceleration_have_their_own_ramps() {
         let mut fixture = fixture();
         fixture.put(Object::PROFILE_ACCELERATION, 500_000);
         fixture.put(Object::PROFILE_DECELERATION, 250_000);
@@ -90,17 +90,17 @@ mod tests {
     }
 
     #[test]
-    fn a_speed_limit_counts_and_is_told() {
+    fn speed_limit_applies_and_sets_internal_limit() {
         let mut fixture = fixture();
         fixture.put(Object::MAX_PROFILE_VELOCITY, 10_000);
         fixture.put(Object::TARGET_VELOCITY, 20_000);
         fixture.run(500);
         assert_eq!(fixture.shown(Object::VELOCITY_DEMAND), 10_000);
-        assert!(fixture.asked.is_limited && !fixture.has(TARGET_REACHED));
+        assert!(fixture.demand.is_limited && !fixture.has(TARGET_REACHED));
     }
 
     #[test]
-    fn a_halt_brings_it_to_rest_and_its_end_to_speed_again() {
+    fn halt_stops_and_its_end_restores_the_velocity() {
         let mut fixture = fixture();
         fixture.put(Object::TARGET_VELOCITY, 50_000);
         fixture.run(500);
@@ -115,13 +115,13 @@ mod tests {
     }
 
     #[test]
-    fn a_mode_that_begins_in_motion_begins_with_that_motion() {
+    fn mode_start_in_motion_keeps_the_velocity() {
         let moving = Rotor { velocity: 50_000.0, ..Rotor::default() };
         let mut fixture = Fixture::with(MODE, moving, |_| {});
         fixture.put(Object::TARGET_VELOCITY, 50_000);
         for _ in 0..100 {
             fixture.tick();
-            assert!(fixture.asked.per_mille.abs() < 5.0, "{:?}", fixture.asked);
+            assert!(fixture.demand.per_mille.abs() < 5.0, "{:?}", fixture.demand);
         }
     }
 }

@@ -1,27 +1,26 @@
-//! Profile generators: demands that reach a target within bounds on velocity and acceleration (6086h = 0,
-//! linear ramps).
+//! Profile generators: trajectories to a target within velocity and acceleration limits (6086h = 0, linear ramps).
 //!
-//! A course is planned once and then read off, so it does not depend on how often, and it ends exactly at
-//! its target. All in increments and s.
+//! A trajectory is planned once and evaluated at any time: it does not depend on the sample time and ends exactly at its
+//! target. Units: increments and s.
 
-/// What is demanded of the motor at one moment.
+/// Motion demand at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Demand {
-    /// A place, in increments.
+    /// Unwrapped position, in increments.
     pub(super) place: f64,
-    /// In increments/s.
+    /// Velocity, in increments/s.
     pub(super) velocity: f64,
-    /// In increments/s².
+    /// Acceleration, in increments/s².
     pub(super) acceleration: f64,
 }
 
 impl Demand {
-    /// At rest.
+    /// Returns a demand at rest.
     pub(super) const fn at(place: f64) -> Self {
         Self { place, velocity: 0.0, acceleration: 0.0 }
     }
 
-    /// What it becomes in `dt` s of constant acceleration.
+    /// Returns the demand after `dt` s of constant acceleration.
     fn after(self, dt: f64, acceleration: f64) -> Self {
         Self {
             place: self.place + (self.velocity + acceleration * dt / 2.0) * dt,
@@ -30,13 +29,13 @@ impl Demand {
         }
     }
 
-    /// What it becomes in `dt` s on its way to `velocity`, which it then keeps.
+    /// Returns the demand after `dt` s on the way to `velocity`.
     pub(super) fn toward_velocity(self, dt: f64, velocity: f64, profile: &Profile) -> Self {
-        Course::to_velocity(self, velocity, profile).at(dt)
+        Trajectory::to_velocity(self, velocity, profile).at(dt)
     }
 }
 
-/// The bounds of a profile.
+/// Limits of a profile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Profile {
     velocity: f64,
@@ -45,25 +44,25 @@ pub(super) struct Profile {
 }
 
 impl Profile {
-    /// Of increments/s and increments/s²; what is not positive is as good as zero.
+    /// Creates a profile from increments/s and increments/s²; values that are not positive count as almost zero.
     pub(super) const fn new(velocity: f64, acceleration: f64, deceleration: f64) -> Self {
         Self {
-            velocity: velocity.max(LEAST),
-            acceleration: acceleration.max(LEAST),
-            deceleration: deceleration.max(LEAST),
+            velocity: velocity.max(MIN_LIMIT),
+            acceleration: acceleration.max(MIN_LIMIT),
+            deceleration: deceleration.max(MIN_LIMIT),
         }
     }
 
-    /// Where braking from `demand` at once ends.
+    /// Returns the position at which immediate braking from `demand` ends.
     pub(super) fn place_of_rest(&self, demand: &Demand) -> f64 {
         demand.place + demand.velocity * demand.velocity.abs() / (2.0 * self.deceleration)
     }
 }
 
-/// As good as zero, and yet something to divide by.
-const LEAST: f64 = 1e-9;
+/// Smallest limit: avoids a division by zero.
+const MIN_LIMIT: f64 = 1e-9;
 
-/// A time of constant acceleration.
+/// A phase of constant acceleration.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Phase {
     duration: f64,
@@ -71,33 +70,33 @@ struct Phase {
 }
 
 impl Phase {
-    /// From one velocity to another, at `rate` increments/s².
+    /// Changes the velocity at `rate` increments/s².
     fn between(from: f64, to: f64, rate: f64) -> Self {
         let change = to - from;
         Self { duration: change.abs() / rate, acceleration: rate * change.signum() }
     }
 
-    /// With the velocity kept.
+    /// Keeps the velocity.
     const fn cruise(duration: f64) -> Self {
         Self { duration, acceleration: 0.0 }
     }
 }
 
-/// The way from one demand to another.
+/// Piecewise trajectory from one demand to another.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Course {
+pub(super) struct Trajectory {
     start: Demand,
     phases: [Phase; 4],
     end: Demand,
 }
 
-impl Course {
-    /// To a standstill at `target`: as fast as `profile` lets it, with the least of turning round.
+impl Trajectory {
+    /// Plans the fastest way to a standstill at `target` within `profile`, with at most one reversal.
     pub(super) fn to_place(start: Demand, target: f64, profile: &Profile) -> Self {
         let Profile { velocity: top, acceleration: up, deceleration: down } = *profile;
         let brake = profile.place_of_rest(&start) - start.place;
         let way = target - start.place;
-        // Moving away from the target, or too fast to stop before it: first to a standstill.
+        // Moving away from the target, or too fast to stop before it: stop first.
         let must_turn = brake * way < 0.0 || brake.abs() > way.abs();
         let stop = Phase::between(start.velocity, 0.0, down);
         let (stop, way, speed) = if must_turn {
@@ -107,19 +106,19 @@ impl Course {
         };
         let sign = way.signum();
         let way = way.abs();
-        // The speed at which braking has to follow at once on speeding up.
+        // Peak speed: deceleration follows acceleration without a cruise phase.
         let peak = (down * (2.0 * up * way + speed * speed) / (up + down)).sqrt();
         let fast = peak.max(speed).min(top);
         let rate = if fast < speed { down } else { up };
         let change = Phase::between(sign * speed, sign * fast, rate);
         let halt = Phase::between(sign * fast, 0.0, down);
         let ramps = (speed + fast) / 2.0 * change.duration + fast / 2.0 * halt.duration;
-        let cruise = Phase::cruise((way - ramps).max(0.0) / fast.max(LEAST));
+        let cruise = Phase::cruise((way - ramps).max(0.0) / fast.max(MIN_LIMIT));
         Self { start, phases: [stop, change, cruise, halt], end: Demand::at(target) }
     }
 
-    /// To `velocity`, or as much of it as `profile` lets it, which it then keeps. Away from zero it
-    /// accelerates, toward zero it decelerates.
+    /// Plans the way to `velocity`, within `profile`. Speed rises with the acceleration and falls with the
+    /// deceleration.
     pub(super) fn to_velocity(start: Demand, velocity: f64, profile: &Profile) -> Self {
         let velocity = velocity.clamp(-profile.velocity, profile.velocity);
         let turns_round = start.velocity * velocity < 0.0;
@@ -137,12 +136,12 @@ impl Course {
         Self { start, phases, end: Demand { velocity, acceleration: 0.0, ..reached } }
     }
 
-    /// How long it takes, in s.
+    /// Returns the duration, in s.
     pub(super) fn duration(&self) -> f64 {
         self.phases.iter().map(|phase| phase.duration).sum()
     }
 
-    /// The demand `time` s after its start; after its end, what that leads to.
+    /// Returns the demand `time` s after the start; after the end it moves on at constant velocity.
     pub(super) fn at(&self, time: f64) -> Demand {
         let (mut demand, mut left) = (self.start, time);
         for phase in &self.phases {
@@ -164,78 +163,82 @@ mod tests {
 
     const DT: f64 = 1e-3;
 
-    fn run(course: &Course) -> Vec<Demand> {
+    fn run(trajectory: &Trajectory) -> Vec<Demand> {
         let mut time = 0.0;
         let mut seen = Vec::new();
-        while time < course.duration() + DT {
-            seen.push(course.at(time));
-            time += course.duration().max(DT) / 1_000.0;
+        while time < trajectory.duration() + DT {
+            seen.push(trajectory.at(time));
+            time += trajectory.duration().max(DT) / 1_000.0;
         }
         seen
     }
 
     #[test]
-    fn a_long_way_is_a_trapezium_and_a_short_one_a_triangle() {
+    fn long_motion_is_trapezoidal_and_short_one_triangular() {
         let profile = Profile::new(10.0, 5.0, 10.0);
-        let long = Course::to_place(Demand::at(0.0), 100.0, &profile);
+        let long = Trajectory::to_place(Demand::at(0.0), 100.0, &profile);
         // 2 s up (10), 1 s down (5), 85 at 10/s.
         assert!((long.duration() - 11.5).abs() < 1e-9, "{}", long.duration());
         assert!((long.at(2.0).velocity - 10.0).abs() < 1e-9);
         assert!((long.at(10.5).place - 95.0).abs() < 1e-9);
-        let short = Course::to_place(Demand::at(0.0), -3.75, &profile);
+        let short = Trajectory::to_place(Demand::at(0.0), -3.75, &profile);
         // To 5/s in 1 s (2.5), and down in 0.5 s (1.25).
         assert!((short.duration() - 1.5).abs() < 1e-9, "{}", short.duration());
         assert!((short.at(1.0).velocity + 5.0).abs() < 1e-9);
     }
 
     #[test]
-    fn what_is_too_fast_for_its_target_passes_it_and_comes_back() {
+    fn motion_too_fast_for_its_target_overshoots_and_returns() {
         let start = Demand { place: 0.0, velocity: 10.0, acceleration: 0.0 };
-        let course = Course::to_place(start, 1.0, &Profile::new(10.0, 10.0, 10.0));
-        let furthest = run(&course).iter().map(|demand| demand.place).fold(0.0, f64::max);
+        let trajectory = Trajectory::to_place(start, 1.0, &Profile::new(10.0, 10.0, 10.0));
+        let furthest = run(&trajectory).iter().map(|demand| demand.place).fold(0.0, f64::max);
         assert!((furthest - 5.0).abs() < 1e-3, "{furthest}");
-        assert_eq!(course.at(course.duration()), Demand::at(1.0));
+        assert_eq!(trajectory.at(trajectory.duration()), Demand::at(1.0));
     }
 
     #[test]
-    fn a_velocity_that_turns_round_slows_down_and_then_speeds_up() {
+    fn velocity_reversal_decelerates_then_accelerates() {
         let start = Demand { place: 0.0, velocity: 10.0, acceleration: 0.0 };
-        let course = Course::to_velocity(start, -4.0, &Profile::new(100.0, 2.0, 5.0));
-        assert!((course.duration() - 4.0).abs() < 1e-9);
-        assert!((course.at(2.0).velocity).abs() < 1e-9);
-        assert!((course.at(5.0).velocity + 4.0).abs() < 1e-9);
-        assert!((course.at(5.0).place - (10.0 - 4.0 - 4.0)).abs() < 1e-9, "{:?}", course.at(5.0));
+        let trajectory = Trajectory::to_velocity(start, -4.0, &Profile::new(100.0, 2.0, 5.0));
+        assert!((trajectory.duration() - 4.0).abs() < 1e-9);
+        assert!((trajectory.at(2.0).velocity).abs() < 1e-9);
+        assert!((trajectory.at(5.0).velocity + 4.0).abs() < 1e-9);
+        assert!(
+            (trajectory.at(5.0).place - (10.0 - 4.0 - 4.0)).abs() < 1e-9,
+            "{:?}",
+            trajectory.at(5.0)
+        );
     }
 
     proptest! {
         #[test]
-        fn a_course_ends_at_its_target_at_rest_and_keeps_its_bounds(
+        fn trajectory_ends_at_rest_at_its_target_within_limits(
             place in -1e9_f64..1e9, velocity in -1e6_f64..1e6, target in -1e9_f64..1e9,
             top in 1.0_f64..1e6, up in 1.0_f64..1e8, down in 1.0_f64..1e8,
         ) {
             let start = Demand { place, velocity, acceleration: 0.0 };
-            let course = Course::to_place(start, target, &Profile::new(top, up, down));
-            prop_assert_eq!(course.at(course.duration() * (1.0 + 1e-9) + DT), Demand::at(target));
+            let trajectory = Trajectory::to_place(start, target, &Profile::new(top, up, down));
+            prop_assert_eq!(trajectory.at(trajectory.duration() * (1.0 + 1e-9) + DT), Demand::at(target));
             let fastest = top.max(velocity.abs());
-            for demand in run(&course) {
+            for demand in run(&trajectory) {
                 prop_assert!(demand.velocity.abs() <= fastest * (1.0 + 1e-9), "{demand:?}");
                 prop_assert!(demand.acceleration.abs() <= up.max(down));
             }
-            // Nothing jumps at the end: what the phases lead to is the target.
-            let before = course.at(course.duration() * (1.0 - 1e-12));
-            let way = (target - place).abs() + course.duration() * fastest;
+            // The phases end at the target: no jump at the end.
+            let before = trajectory.at(trajectory.duration() * (1.0 - 1e-12));
+            let way = (target - place).abs() + trajectory.duration() * fastest;
             prop_assert!((before.place - target).abs() <= 1e-9 * way + 1e-3, "{before:?}");
-            let rounding = 1e-6 * fastest + 2e-12 * course.duration() * down;
+            let rounding = 1e-6 * fastest + 2e-12 * trajectory.duration() * down;
             prop_assert!(before.velocity.abs() <= rounding, "{before:?}");
         }
 
         #[test]
-        fn from_rest_a_course_never_turns_round(
+        fn trajectory_from_rest_never_reverses(
             target in -1e9_f64..1e9, top in 1.0_f64..1e6, up in 1.0_f64..1e8, down in 1.0_f64..1e8,
         ) {
-            let course = Course::to_place(Demand::at(0.0), target, &Profile::new(top, up, down));
+            let trajectory = Trajectory::to_place(Demand::at(0.0), target, &Profile::new(top, up, down));
             let mut before = 0.0;
-            for demand in run(&course) {
+            for demand in run(&trajectory) {
                 let gone = demand.place * target.signum();
                 prop_assert!(gone >= before - 1e-6 && gone <= target.abs() + 1e-6);
                 before = gone;
@@ -243,7 +246,7 @@ mod tests {
         }
 
         #[test]
-        fn a_velocity_is_reached_step_by_step_as_in_one(
+        fn velocity_steps_add_up_to_one_step(
             velocity in -1e6_f64..1e6, target in -1e6_f64..1e6, top in 1.0_f64..1e6,
             up in 1e3_f64..1e7, down in 1e3_f64..1e7,
         ) {
@@ -262,14 +265,14 @@ mod tests {
         }
 
         #[test]
-        fn no_bounds_whatever_make_a_demand_no_number(
+        fn any_limits_give_a_finite_demand(
             place: f64, velocity in -1e12_f64..1e12, target in -1e15_f64..1e15,
             top: f64, up: f64, down: f64, time in 0.0_f64..1e6,
         ) {
             let place = if place.is_finite() { place.clamp(-1e15, 1e15) } else { 0.0 };
             let start = Demand { place, velocity, acceleration: 0.0 };
             let [top, up, down] = [top, up, down].map(|bound| bound.min(1e18));
-            let demand = Course::to_place(start, target, &Profile::new(top, up, down)).at(time);
+            let demand = Trajectory::to_place(start, target, &Profile::new(top, up, down)).at(time);
             prop_assert!(!demand.place.is_nan() && !demand.velocity.is_nan());
         }
     }

@@ -1,64 +1,69 @@
-//! Whether the motor is where it was sent, or as fast, or at rest (CiA 402-2: 6067h to 6070h).
+//! Target reached and standstill detection (CiA 402-2: 6067h to 6070h).
 
 use crate::motion::axis::Axis;
-use crate::motion::axis::Moment;
+use crate::motion::axis::StepInput;
+use crate::motion::condition_timer::ConditionTimer;
 use crate::motion::following::NO_WINDOW;
-use crate::motion::lasting::Lasting;
 use canopen::object::Object;
 
-/// A watch on a target.
+/// Target reached detection.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Reached(Lasting);
+pub(super) struct Reached(ConditionTimer);
 
 impl Reached {
-    /// Whether the motor has been in the position window (6067h) for its time (6068h). `is_arrived`: the
-    /// demand is at the target; without a window that alone counts.
-    pub(super) fn is_there(&mut self, axis: &Axis, moment: &Moment<'_>, is_arrived: bool) -> bool {
-        let window = moment.dictionary.unsigned(Object::POSITION_WINDOW);
+    /// Returns whether the motor has been in the position window (6067h) for its time (6068h). `is_arrived`: the demand
+    /// is at the target, which is sufficient without a window.
+    pub(super) fn is_there(
+        &mut self,
+        axis: &Axis,
+        input: &StepInput<'_>,
+        is_arrived: bool,
+    ) -> bool {
+        let window = input.dictionary.unsigned(Object::POSITION_WINDOW);
         if window == NO_WINDOW {
             return is_arrived;
         }
-        let is_inside = is_arrived && axis.behind(moment).abs() <= f64::from(window);
-        let time = moment.dictionary.unsigned(Object::POSITION_WINDOW_TIME);
-        self.0.has_lasted(moment.dt, is_inside, time)
+        let is_inside = is_arrived && axis.following_error(input).abs() <= f64::from(window);
+        let time = input.dictionary.unsigned(Object::POSITION_WINDOW_TIME);
+        self.0.has_lasted(input.dt, is_inside, time)
     }
 
-    /// Whether the motor has been within the velocity window (606Dh) of `target`, in increments/s, for
-    /// its time (606Eh).
-    pub(super) fn is_as_fast(&mut self, axis: &Axis, moment: &Moment<'_>, target: f64) -> bool {
-        let window = axis.shaft.units.size(moment.dictionary, Object::VELOCITY_WINDOW);
-        let is_inside = (target - moment.actual.velocity).abs() <= window;
-        let time = moment.dictionary.unsigned(Object::VELOCITY_WINDOW_TIME);
-        self.0.has_lasted(moment.dt, is_inside, time)
+    /// Returns whether the motor has been within the velocity window (606Dh) of `target`, in increments/s, for its
+    /// time (606Eh).
+    pub(super) fn is_as_fast(&mut self, axis: &Axis, input: &StepInput<'_>, target: f64) -> bool {
+        let window = axis.shaft.units.size(input.dictionary, Object::VELOCITY_WINDOW);
+        let is_inside = (target - input.actual.velocity).abs() <= window;
+        let time = input.dictionary.unsigned(Object::VELOCITY_WINDOW_TIME);
+        self.0.has_lasted(input.dt, is_inside, time)
     }
 }
 
-/// A watch on motion as such.
+/// Standstill detection.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Standstill(Lasting);
+pub(super) struct Standstill(ConditionTimer);
 
 impl Standstill {
-    /// Whether the motor has not been faster than 606Fh for the time in 6070h.
-    pub(super) fn is_at_rest(&mut self, axis: &Axis, moment: &Moment<'_>) -> bool {
-        let is_slow = !is_moving(axis, moment);
-        self.0.has_lasted(moment.dt, is_slow, time(moment))
+    /// Returns whether the velocity has been below 606Fh for the time in 6070h.
+    pub(super) fn is_at_rest(&mut self, axis: &Axis, input: &StepInput<'_>) -> bool {
+        let is_slow = !is_moving(axis, input);
+        self.0.has_lasted(input.dt, is_slow, time(input))
     }
 
-    /// Whether the motor has been faster than 606Fh for the time in 6070h: bit 12 of profile velocity
-    /// mode is the contrary.
-    pub(super) fn has_left_rest(&mut self, axis: &Axis, moment: &Moment<'_>) -> bool {
-        let is_moving = is_moving(axis, moment);
-        self.0.has_lasted(moment.dt, is_moving, time(moment))
+    /// Returns whether the velocity has been above 606Fh for the time in 6070h; bit 12 of profile velocity mode is
+    /// its inverse.
+    pub(super) fn has_left_rest(&mut self, axis: &Axis, input: &StepInput<'_>) -> bool {
+        let is_moving = is_moving(axis, input);
+        self.0.has_lasted(input.dt, is_moving, time(input))
     }
 }
 
-fn is_moving(axis: &Axis, moment: &Moment<'_>) -> bool {
-    let threshold = axis.shaft.units.size(moment.dictionary, Object::VELOCITY_THRESHOLD);
-    moment.actual.velocity.abs() > threshold
+fn is_moving(axis: &Axis, input: &StepInput<'_>) -> bool {
+    let threshold = axis.shaft.units.size(input.dictionary, Object::VELOCITY_THRESHOLD);
+    input.actual.velocity.abs() > threshold
 }
 
-fn time(moment: &Moment<'_>) -> u32 {
-    moment.dictionary.unsigned(Object::VELOCITY_THRESHOLD_TIME)
+fn time(input: &StepInput<'_>) -> u32 {
+    input.dictionary.unsigned(Object::VELOCITY_THRESHOLD_TIME)
 }
 
 #[cfg(test)]
@@ -72,7 +77,7 @@ mod tests {
     use crate::motion::rotor::Rotor;
 
     #[test]
-    fn without_a_window_the_demand_alone_says_that_the_target_is_reached() {
+    fn disabled_window_reaches_the_target_with_the_demand() {
         for (window, is_reached) in [(NO_WINDOW, true), (100, false), (NO_WINDOW - 1, true)] {
             let stuck = Rotor { coulomb: 5_000.0, ..Rotor::default() };
             let mut fixture = Fixture::with(1, stuck, |_| {});
@@ -87,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motor_has_to_be_fast_for_a_while_before_it_is_said_to_move() {
+    fn speed_zero_clears_after_the_threshold_time() {
         let mut fixture = Fixture::with(3, Rotor { inertia: 1e9, ..Rotor::default() }, |_| {});
         fixture.put(Object::VELOCITY_THRESHOLD, 500);
         fixture.put(Object::VELOCITY_THRESHOLD_TIME, 5);

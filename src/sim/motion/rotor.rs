@@ -1,4 +1,4 @@
-//! A motor for tests: a rotor with friction and a constant load, behind a current loop.
+//! Test motor: a rotor with friction and a constant load, behind a current loop.
 
 use crate::motion::Feedback;
 use crate::motion::shaft::Actual;
@@ -6,17 +6,17 @@ use crate::motion::units::wrapped;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Rotor {
-    /// In ‰ per increment/s².
+    /// Inertia, in ‰ per increment/s².
     pub(super) inertia: f64,
-    /// Friction that does not depend on the speed, in ‰.
+    /// Coulomb friction, in ‰.
     pub(super) coulomb: f64,
-    /// What pulls it down, in ‰.
+    /// Constant load torque, in ‰.
     pub(super) load: f64,
-    /// In increments.
+    /// Unwrapped position, in increments.
     pub(super) place: f64,
-    /// In increments/s.
+    /// Velocity, in increments/s.
     pub(super) velocity: f64,
-    /// What the current makes, in ‰.
+    /// Motor torque, in ‰.
     pub(super) torque: f64,
 }
 
@@ -26,20 +26,20 @@ impl Default for Rotor {
     }
 }
 
-/// Steps of the current loop and the friction per servo period.
+/// Integration steps per servo period.
 const STEPS: u32 = 100;
-/// Of the current loop, in s.
+/// Time constant of the current loop, in s.
 const LAG: f64 = 0.2e-3;
-/// Below it Coulomb friction holds, in increments/s.
-const STICKING: f64 = 50.0;
+/// Velocity at which Coulomb friction saturates, in increments/s.
+const FRICTION_VELOCITY: f64 = 50.0;
 
 impl Rotor {
-    /// `demand`, in ‰, acts for `dt` s.
+    /// Applies a torque demand, in ‰, for `dt` s.
     pub(super) fn turn(&mut self, dt: f64, demand: f64) {
         let step = dt / f64::from(STEPS);
         for _ in 0..STEPS {
             self.torque += (demand - self.torque) * step / LAG;
-            let friction = self.coulomb * (self.velocity / STICKING).tanh();
+            let friction = self.coulomb * (self.velocity / FRICTION_VELOCITY).tanh();
             self.velocity += (self.torque - self.load - friction) / self.inertia * step;
             self.place += self.velocity * step;
         }

@@ -1,8 +1,8 @@
-//! The servo: a position loop around a velocity loop around the current loop (Ellis, Control System
-//! Design Guide, ch. 17: P/PI with feed-forward).
+//! Control loops: position loop around velocity loop around current loop (Ellis, Control System Design Guide, ch. 17:
+//! P/PI with feed-forward).
 //!
-//! The gains come from the inertia the motor has to move, so that one set of bandwidths does for every
-//! joint. They hold with the inertia three times off either way, 1 ms servo period and 2 ms of delay.
+//! The gains scale with the inertia, so all joints have the same bandwidths. The loops are stable with an inertia three
+//! times too large or too small, a period of 1 ms and a delay of 2 ms.
 
 use std::f64::consts::TAU;
 
@@ -15,28 +15,28 @@ use crate::motion::tuning::Tuning;
 
 /// Bandwidth of the velocity loop, in rad/s.
 const VELOCITY_BANDWIDTH: f64 = TAU * 20.0;
-/// Where its integrator takes over, in rad/s.
+/// Corner frequency of its integrator, in rad/s.
 const INTEGRATOR_CORNER: f64 = TAU * 2.5;
 /// Bandwidth of the position loop, in rad/s.
 const POSITION_BANDWIDTH: f64 = TAU * 4.0;
 
-/// What the loops aim at.
+/// Set-point of the loops.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Aim {
     pub(super) demand: Demand,
-    /// Whether the place counts, or the velocity alone.
-    pub(super) has_place: bool,
-    /// Torque that is known to be needed, in ‰.
+    /// The position loop is closed, not the velocity loop alone.
+    pub(super) has_position: bool,
+    /// Torque feed-forward, in ‰.
     pub(super) torque: f64,
-    /// The motor is not asked to turn faster, in increments/s.
+    /// Speed limit, in increments/s.
     pub(super) top_speed: f64,
 }
 
-/// Both loops.
+/// Position and velocity loop.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Servo {
     tuning: Tuning,
-    /// Of the velocity loop, in ‰.
+    /// Integrator of the velocity loop, in ‰.
     integral: f64,
 }
 
@@ -45,17 +45,17 @@ impl Servo {
         Self { tuning, integral: 0.0 }
     }
 
-    /// Takes over from whatever has made the torque until now, without a jump.
+    /// Sets the integrator to the actual torque: no step at the start.
     pub(super) const fn take_over(&mut self, actual: &Actual) {
         self.integral = actual.per_mille;
     }
 
-    /// What a torque in ‰ accelerates the motor by, in increments/s².
+    /// Returns the acceleration caused by a torque in ‰, in increments/s².
     pub(super) fn acceleration(&self, torque: f64) -> f64 {
         torque / self.tuning.inertia
     }
 
-    /// The torque for the next `dt` s, in ‰.
+    /// Returns the torque demand for the next `dt` s, in ‰.
     pub(super) fn torque(
         &mut self,
         dt: f64,
@@ -64,20 +64,20 @@ impl Servo {
         limits: &TorqueLimits,
     ) -> Limited {
         let demand = &aim.demand;
-        let behind = if aim.has_place { demand.place - actual.place } else { 0.0 };
-        let wanted = demand.velocity + POSITION_BANDWIDTH * behind;
-        let slower = within(wanted, aim.top_speed).value - actual.velocity;
+        let following_error = if aim.has_position { demand.place - actual.place } else { 0.0 };
+        let wanted = demand.velocity + POSITION_BANDWIDTH * following_error;
+        let velocity_error = within(wanted, aim.top_speed).value - actual.velocity;
         let gain = self.tuning.inertia * VELOCITY_BANDWIDTH;
         let forward = self.tuning.inertia * demand.acceleration
             + self.tuning.viscous * demand.velocity
             + aim.torque;
-        let grown = self.integral + gain * INTEGRATOR_CORNER * slower * dt;
-        let asked = limits.clamp(forward + gain * slower + grown);
-        // Anti-windup: at a limit the integrator only leaves it.
-        let is_winding_up = asked.is_limited && (grown - self.integral) * asked.value > 0.0;
+        let grown = self.integral + gain * INTEGRATOR_CORNER * velocity_error * dt;
+        let torque = limits.clamp(forward + gain * velocity_error + grown);
+        // Anti-windup: at a limit the integrator may only move away from it.
+        let is_winding_up = torque.is_limited && (grown - self.integral) * torque.value > 0.0;
         let integral = if is_winding_up { self.integral } else { grown };
         self.integral = limits.clamp(integral).value;
-        asked
+        torque
     }
 }
 
@@ -88,28 +88,28 @@ mod tests {
     use crate::motion::SERVO_PERIOD;
     use crate::motion::fixture::drive;
     use crate::motion::limits::top_speed;
-    use crate::motion::ramp::Course;
     use crate::motion::ramp::Profile;
+    use crate::motion::ramp::Trajectory;
     use crate::motion::rotor::Rotor;
     use crate::motion::units::Units;
 
     const TOP: f64 = 1.6e6;
 
     fn aim(demand: Demand) -> Aim {
-        Aim { demand, has_place: true, torque: 0.0, top_speed: TOP }
+        Aim { demand, has_position: true, torque: 0.0, top_speed: TOP }
     }
 
     fn limits() -> TorqueLimits {
         TorqueLimits::of(&drive())
     }
 
-    /// A rotor whose inertia is `ratio` of what the servo was tuned for.
+    /// Returns a rotor whose inertia is `ratio` times the tuned one.
     fn rotor(ratio: f64) -> Rotor {
         let tuning = Tuning::default();
         Rotor { inertia: tuning.inertia * ratio, ..Rotor::default() }
     }
 
-    /// Follows `demands` and says how far it is behind at each.
+    /// Follows `demands` and returns the following error at each.
     fn follow(rotor: &mut Rotor, demands: impl Iterator<Item = Demand>) -> Vec<f64> {
         let mut servo = Servo::new(Tuning::default());
         let limits = limits();
@@ -117,19 +117,19 @@ mod tests {
         for demand in demands {
             let actual = rotor.actual();
             behind.push(demand.place - actual.place);
-            let asked = servo.torque(SERVO_PERIOD, &aim(demand), &actual, &limits);
-            rotor.turn(SERVO_PERIOD, asked.value);
+            let torque = servo.torque(SERVO_PERIOD, &aim(demand), &actual, &limits);
+            rotor.turn(SERVO_PERIOD, torque.value);
         }
         behind
     }
 
     #[test]
-    fn the_factory_speed_limit_is_the_one_of_these_tests() {
+    fn default_speed_limit_is_that_of_these_tests() {
         assert_eq!(top_speed(&Units::of(&drive()), &drive()), TOP);
     }
 
     #[test]
-    fn a_load_that_comes_at_once_is_held_and_the_place_kept() {
+    fn position_is_held_against_a_load_step() {
         for ratio in [1.0 / 3.0, 1.0, 3.0] {
             let mut rotor = Rotor { load: 500.0, coulomb: 30.0, ..rotor(ratio) };
             let behind = follow(&mut rotor, std::iter::repeat_n(Demand::at(0.0), 3_000));
@@ -140,11 +140,11 @@ mod tests {
     }
 
     #[test]
-    fn a_profile_is_tracked_whatever_the_arm_weighs_just_then() {
-        let course = Course::to_place(Demand::at(0.0), 2e5, &Profile::new(1e5, 1e6, 1e6));
+    fn profile_is_tracked_with_any_inertia() {
+        let trajectory = Trajectory::to_place(Demand::at(0.0), 2e5, &Profile::new(1e5, 1e6, 1e6));
         for (ratio, allowed) in [(1.0 / 3.0, 1_500.0), (1.0, 1_500.0), (3.0, 1_500.0)] {
             let mut rotor = Rotor { coulomb: 30.0, ..rotor(ratio) };
-            let demands = (0..3_500).map(|tick| course.at(f64::from(tick) * SERVO_PERIOD));
+            let demands = (0..3_500).map(|tick| trajectory.at(f64::from(tick) * SERVO_PERIOD));
             let behind = follow(&mut rotor, demands);
             let most = behind.iter().fold(0.0, |most: f64, way| most.max(way.abs()));
             assert!(most < allowed, "{ratio}: {most} increments behind");
@@ -153,16 +153,16 @@ mod tests {
     }
 
     #[test]
-    fn what_was_stopped_by_force_comes_back_without_winding_up() {
+    fn blocked_motor_recovers_without_windup() {
         let mut rotor = rotor(1.0);
         let mut servo = Servo::new(Tuning::default());
         let (aim, limits) = (aim(Demand::at(20_000.0)), limits());
         let mut past = 0.0_f64;
         for tick in 0..4_000 {
             let actual = rotor.actual();
-            let asked = servo.torque(SERVO_PERIOD, &aim, &actual, &limits);
+            let torque = servo.torque(SERVO_PERIOD, &aim, &actual, &limits);
             if tick >= 2_000 {
-                rotor.turn(SERVO_PERIOD, asked.value);
+                rotor.turn(SERVO_PERIOD, torque.value);
                 past = past.max(actual.place - 20_000.0);
             }
         }
@@ -171,11 +171,11 @@ mod tests {
     }
 
     #[test]
-    fn it_takes_over_the_torque_there_is() {
+    fn take_over_keeps_the_actual_torque() {
         let mut servo = Servo::new(Tuning::default());
         let actual = Actual { per_mille: 321.0, ..Actual::default() };
         servo.take_over(&actual);
-        let asked = servo.torque(0.0, &aim(Demand::at(0.0)), &actual, &limits());
-        assert_eq!(asked.value, 321.0);
+        let torque = servo.torque(0.0, &aim(Demand::at(0.0)), &actual, &limits());
+        assert_eq!(torque.value, 321.0);
     }
 }

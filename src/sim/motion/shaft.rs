@@ -1,88 +1,88 @@
-//! Where the motor is: the encoder's 32 bits unwrapped, and the home that positions are counted from.
+//! Shaft position: the 32-bit encoder count unwrapped, and the home position.
 //!
-//! A *place* is in increments and goes on beyond 32 bits, so that no loop sees the counter wrap. What a
-//! master reads (6064h) is counted from home, in its units, and wraps.
+//! A *place* is an unwrapped position in increments, as the loops use it. 6064h is relative to home, in position units,
+//! and wraps.
 
 use crate::motion::Feedback;
 use crate::motion::units::Units;
 use crate::motion::units::wrapped;
 
-/// The shaft of the motor, as the encoder tells of it.
+/// Shaft of the motor, as the encoder measures it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Shaft {
     pub(super) units: Units,
-    /// What the encoder said last.
+    /// Last encoder count.
     counts: i32,
-    /// Where that is.
+    /// Unwrapped position of that count.
     place: f64,
-    /// The place shown as zero.
+    /// Unwrapped position that reads as zero.
     zero: f64,
 }
 
-/// What the motor does, in numbers that are there.
+/// Motor values after range checks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Actual {
-    /// Its place.
+    /// Unwrapped position, in increments.
     pub(super) place: f64,
-    /// In increments/s.
+    /// Velocity, in increments/s.
     pub(super) velocity: f64,
-    /// In ‰ of rated torque.
+    /// Torque, in ‰ of rated torque.
     pub(super) per_mille: f64,
 }
 
 impl Shaft {
-    /// With zero where the encoder has it.
+    /// Creates the shaft with zero at that of the encoder.
     pub(super) fn new(units: Units) -> Self {
         Self { units, ..Self::default() }
     }
 
-    /// Takes what the encoder says; between two calls it turns less than 2³¹ increments.
+    /// Takes the feedback; between two calls the encoder moves less than 2³¹ increments.
     pub(super) fn sense(&mut self, feedback: &Feedback) -> Actual {
         let way = feedback.position.wrapping_sub(self.counts);
         self.counts = feedback.position;
         self.place += f64::from(way);
         Actual {
             place: self.place,
-            velocity: bounded(feedback.velocity, FASTEST),
-            per_mille: bounded(feedback.per_mille, STRONGEST),
+            velocity: bounded(feedback.velocity, MAX_VELOCITY),
+            per_mille: bounded(feedback.per_mille, MAX_TORQUE),
         }
     }
 
-    /// What a place is shown as, in position units.
+    /// Converts an unwrapped position to position units.
     pub(super) fn shown(&self, place: f64) -> i32 {
         wrapped(self.units.way_shown(place - self.zero))
     }
 
-    /// The place shown as `units`, on the same side of a wrap as `here`: an axis is linear unless told
-    /// otherwise (60F2h, bits 6 and 7).
+    /// Converts position units to the unwrapped position in the same turn of the counter as `here`: the axis is
+    /// linear (60F2h, bits 6 and 7, absent).
     pub(super) fn place_beside(&self, here: f64, units: f64) -> f64 {
         here + self.units.way(units - f64::from(self.shown(here))) - self.rest(here)
     }
 
-    /// The place shown as `units` that is nearest to `here`, be there a wrap between them or not.
+    /// Converts position units to the unwrapped position nearest to `here`, across a wrap if need be.
     pub(super) fn place_nearest(&self, here: f64, units: i32) -> f64 {
         let way = units.wrapping_sub(self.shown(here));
         here + self.units.way(f64::from(way)) - self.rest(here)
     }
 
-    /// From now on `place` is shown as `units`.
+    /// Sets home: from now on `place` reads as `units`.
     pub(super) fn set_home(&mut self, place: f64, units: f64) {
         self.zero = place - self.units.way(units);
     }
 
-    /// How far `place` is from one that is shown as a whole number.
+    /// Returns the distance of `place` from a whole position unit, in increments.
     fn rest(&self, place: f64) -> f64 {
         let shown = self.units.way_shown(place - self.zero);
         self.units.way(shown - shown.round())
     }
 }
 
-/// In increments/s; no encoder is this fast.
-const FASTEST: f64 = 1e12;
-/// In ‰; no motor is this strong.
-const STRONGEST: f64 = 1e6;
+/// Velocity limit of the feedback, in increments/s.
+const MAX_VELOCITY: f64 = 1e12;
+/// Torque limit of the feedback, in ‰.
+const MAX_TORQUE: f64 = 1e6;
 
-/// `number` as far as it goes; zero for none.
+/// Returns `number` within the bound, 0 for NaN.
 const fn bounded(number: f64, bound: f64) -> f64 {
     if number.is_nan() { 0.0 } else { number.clamp(-bound, bound) }
 }
@@ -99,10 +99,10 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_nothing() {
+    fn nan_and_infinite_feedback_is_bounded() {
         let mut shaft = Shaft::default();
         for (nonsense, taken) in
-            [(f64::NAN, 0.0), (f64::INFINITY, FASTEST), (f64::NEG_INFINITY, -FASTEST)]
+            [(f64::NAN, 0.0), (f64::INFINITY, MAX_VELOCITY), (f64::NEG_INFINITY, -MAX_VELOCITY)]
         {
             let actual = shaft.sense(&Feedback { velocity: nonsense, ..Feedback::default() });
             assert_eq!(actual.velocity, taken);
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_linear_axis_goes_the_long_way_and_a_cyclic_one_the_near_way() {
+    fn wrap_is_crossed_by_the_nearest_target_only() {
         let mut shaft = Shaft::default();
         let here = shaft.sense(&at(i32::MAX)).place;
         assert_eq!(shaft.place_nearest(here, i32::MIN) - here, 1.0);
@@ -119,7 +119,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_step_of_the_counter_is_a_step_of_the_place(
+        fn counter_steps_add_up_across_wraps(
             start: i32, ways in proptest::collection::vec(any::<i32>(), 1..50),
         ) {
             let mut shaft = Shaft::default();
@@ -135,7 +135,7 @@ mod tests {
         }
 
         #[test]
-        fn home_is_shown_as_told_and_all_else_counts_from_it(
+        fn positions_are_relative_to_home(
             counts: i32, home in -1_000_000_i32..1_000_000, way in -1_000_000_i32..1_000_000,
         ) {
             let mut shaft = Shaft::default();

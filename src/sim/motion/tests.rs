@@ -1,4 +1,4 @@
-//! Laws that hold in every mode, whatever the objects and the encoder say.
+//! Properties of all modes, for any objects and feedback.
 
 use proptest::prelude::*;
 
@@ -7,12 +7,12 @@ use crate::motion::fixture::drive;
 use crate::motion::fixture::put;
 use canopen::eds::Eds;
 
-/// Bits 10, 12 and 13.
+/// Statusword bits 10, 12 and 13.
 const OWN: u16 = 1 << 10 | 1 << 12 | 1 << 13;
 
 const MODES: [i8; 9] = [0, 1, 3, 4, 6, 8, 9, 10, -5];
 
-/// Every object of the profile, whoever may write it, and its size.
+/// Returns each object of the profile, whatever its access, with its size.
 fn profile(dictionary: &Dictionary) -> Vec<(Object, usize)> {
     let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
     let objects = eds.objects().iter().map(|described| described.object);
@@ -22,7 +22,7 @@ fn profile(dictionary: &Dictionary) -> Vec<(Object, usize)> {
         .collect()
 }
 
-/// Numbers at the ends of every type, and others.
+/// Generates numbers at the ends of each type, and others.
 fn number() -> impl Strategy<Value = u32> {
     prop_oneof![
         Just(0),
@@ -78,24 +78,24 @@ fn act() -> impl Strategy<Value = Act> {
     ]
 }
 
-/// 6072h, 6073h, 60E0h and 60E1h, looked at on their own.
-fn is_within_limits(asked: &Asked, dictionary: &Dictionary) -> bool {
+/// Checks a demand against 6072h, 6073h, 60E0h and 60E1h.
+fn is_within_limits(demand: &TorqueDemand, dictionary: &Dictionary) -> bool {
     let limit = |object| f64::from(dictionary.unsigned(object));
     let both = limit(Object::MAX_TORQUE).min(limit(Object::MAX_CURRENT));
-    asked.per_mille <= both.min(limit(Object::POSITIVE_TORQUE_LIMIT))
-        && asked.per_mille >= -both.min(limit(Object::NEGATIVE_TORQUE_LIMIT))
+    demand.per_mille <= both.min(limit(Object::POSITIVE_TORQUE_LIMIT))
+        && demand.per_mille >= -both.min(limit(Object::NEGATIVE_TORQUE_LIMIT))
 }
 
 proptest! {
     #[test]
-    fn no_object_no_feedback_and_no_order_of_them_gets_a_torque_beyond_its_limits(
+    fn torque_stays_within_limits_for_any_input(
         acts in proptest::collection::vec((act(), feedback()), 1..150),
     ) {
         let mut dictionary = drive();
         let objects = profile(&dictionary);
         let mut motion = Motion::default();
         for (act, feedback) in acts {
-            let asked = match act {
+            let demand = match act {
                 Act::Write(which, number) => {
                     let (object, size) = objects[which % objects.len()];
                     dictionary.set(object, &number.to_le_bytes()[..size.min(4)]);
@@ -114,33 +114,33 @@ proptest! {
                 Act::Stop(dt, ramp) => motion.stop(dt, ramp, &feedback, &mut dictionary),
                 Act::Hold(dt) => Some(motion.hold(dt, &feedback, &mut dictionary)),
             };
-            if let Some(asked) = asked {
-                prop_assert!(is_within_limits(&asked, &dictionary), "{asked:?}");
-                prop_assert_eq!(asked.status & !OWN, 0, "other bits are not its own");
+            if let Some(demand) = demand {
+                prop_assert!(is_within_limits(&demand, &dictionary), "{demand:?}");
+                prop_assert_eq!(demand.status & !OWN, 0, "bits of other owners");
             }
         }
     }
 
     #[test]
-    fn a_mode_begins_without_a_jump(mode in 0..MODES.len(), torque in -3_000.0..3_000.0_f64) {
+    fn mode_start_keeps_the_torque(mode in 0..MODES.len(), torque in -3_000.0..3_000.0_f64) {
         let mode = MODES[mode];
         let mut dictionary = drive();
         let mut motion = Motion::default();
         let feedback = Feedback { per_mille: torque, ..Feedback::default() };
         motion.begin(mode, &feedback, &dictionary);
-        let asked = motion.step(SERVO_PERIOD, &feedback, &mut dictionary);
-        // 6071h is zero: the torque modes lead there, on a slope of 10 ‰/ms or at once.
+        let demand = motion.step(SERVO_PERIOD, &feedback, &mut dictionary);
+        // 6071h is zero: the torque modes go there, on a slope of 10 ‰/ms or at once.
         let expected = match mode {
             0 | -5 | 10 => 0.0,
             4 => torque.signum() * (torque.abs() - 10.0).max(0.0),
             _ => torque,
         };
-        prop_assert!((asked.per_mille - expected).abs() < 1e-9, "{mode}: {asked:?}");
+        prop_assert!((demand.per_mille - expected).abs() < 1e-9, "{mode}: {demand:?}");
     }
 }
 
 #[test]
-fn where_the_counter_wraps_makes_no_difference_to_any_mode() {
+fn position_of_the_wrap_changes_no_mode() {
     for mode in MODES {
         let run = |start: i32| {
             let mut dictionary = drive();

@@ -1,34 +1,33 @@
-//! Between increments of the encoder and the units a master speaks (CiA 402-2, factor group).
+//! Conversion between encoder increments and the master's units (CiA 402-2, factor group).
 //!
-//! One position unit is `608Fh · 6091h / 6092h` increments: encoder increments per turn of the motor,
-//! turns of the motor per turn of the shaft, units of feed per turn of the shaft. Velocities and
-//! accelerations are position units per s and s². 607Eh turns the signs round.
+//! One position unit is `608Fh · 6091h / 6092h` increments: increments per motor revolution, motor revolutions per
+//! shaft revolution, feed per shaft revolution. Velocities and accelerations are per s and s². 607Eh inverts signs.
 
 use canopen::dictionary::Dictionary;
 use canopen::object::Object;
 
-/// What the objects of the factor group make of an increment.
+/// Factors of the factor group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Units {
-    /// Increments that are one unit, positive.
+    /// Increments per position unit, positive.
     scale: f64,
-    /// Increments of one turn of the motor, positive.
+    /// Increments per motor revolution, positive.
     turn: f64,
-    /// Of positions, 1 or -1.
+    /// Sign of positions, 1 or -1.
     position_sign: f64,
-    /// Of velocities, 1 or -1.
+    /// Sign of velocities, 1 or -1.
     velocity_sign: f64,
 }
 
 impl Default for Units {
-    /// One unit is one increment.
+    /// Returns one increment per unit.
     fn default() -> Self {
         Self { scale: 1.0, turn: 1.0, position_sign: 1.0, velocity_sign: 1.0 }
     }
 }
 
 impl Units {
-    /// Those of a drive. A ratio with a zero in it is taken as 1.
+    /// Reads the factors of a drive. A ratio with a zero counts as 1.
     pub(super) fn of(dictionary: &Dictionary) -> Self {
         let ratio = |over, under| match (dictionary.unsigned(over), dictionary.unsigned(under)) {
             (0, _) | (_, 0) => 1.0,
@@ -47,61 +46,61 @@ impl Units {
         }
     }
 
-    /// Whether its units change when `object` does.
+    /// Returns whether the factors depend on `object`.
     pub(super) fn depend_on(object: Object) -> bool {
         [Object::ENCODER_INCREMENTS, Object::GEAR_MOTOR_REVOLUTIONS, Object::FEED, Object::POLARITY]
             .iter()
             .any(|factor| factor.index == object.index)
     }
 
-    /// Increments of a way in position units.
+    /// Converts a distance in position units to increments.
     pub(super) fn way(&self, units: f64) -> f64 {
         units * self.scale * self.position_sign
     }
 
-    /// Position units of a way in increments.
+    /// Converts a distance in increments to position units.
     pub(super) fn way_shown(&self, increments: f64) -> f64 {
         increments / self.scale * self.position_sign
     }
 
-    /// Increments/s of a velocity.
+    /// Converts a velocity to increments/s.
     pub(super) fn velocity(&self, units: f64) -> f64 {
         units * self.scale * self.velocity_sign
     }
 
-    /// The velocity that increments/s are shown as.
+    /// Converts increments/s to a velocity.
     pub(super) fn velocity_shown(&self, increments: f64) -> f64 {
         increments / self.scale * self.velocity_sign
     }
 
-    /// Increments (/s, /s²) of an object that has no sign: a limit, a window, an acceleration.
+    /// Reads an unsigned object (limit, window, acceleration) in increments (/s, /s²).
     pub(super) fn size(&self, dictionary: &Dictionary, object: Object) -> f64 {
         f64::from(dictionary.unsigned(object)) * self.scale
     }
 
-    /// Increments of one turn of the motor.
+    /// Returns the increments per motor revolution.
     pub(super) const fn turn(&self) -> f64 {
         self.turn
     }
 
-    /// Increments/s of a speed of the motor in turns per minute.
+    /// Converts a motor speed in rpm to increments/s.
     pub(super) fn motor_speed(&self, turns_per_minute: f64) -> f64 {
         turns_per_minute / SECONDS_PER_MINUTE * self.turn
     }
 }
 
-/// 607Eh, bit 7.
+/// Polarity of positions, bit 7 of 607Eh.
 const POSITION_POLARITY: u32 = 1 << 7;
-/// 607Eh, bit 6.
+/// Polarity of velocities, bit 6 of 607Eh.
 const VELOCITY_POLARITY: u32 = 1 << 6;
 const SECONDS_PER_MINUTE: f64 = 60.0;
 
-/// The signed number of 32 bits in an object; zero if it is not there.
+/// Reads a signed object of 32 bits; zero if absent.
 pub(super) fn signed(dictionary: &Dictionary, object: Object) -> i32 {
     dictionary.unsigned(object).cast_signed()
 }
 
-/// The lowest 32 bits of the nearest whole number: a counter wraps.
+/// Rounds to the low 32 bits: a counter wraps.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,
@@ -111,11 +110,11 @@ pub(super) fn wrapped(number: f64) -> i32 {
     number.round() as i64 as i32
 }
 
-/// The nearest whole number that has 32 bits.
+/// Rounds to i32; saturates.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,
-    reason = "such a cast saturates; NaN becomes 0"
+    reason = "a float-to-integer cast saturates; NaN becomes 0"
 )]
 pub(super) fn saturated(number: f64) -> i32 {
     number.round() as i32
@@ -131,14 +130,14 @@ mod tests {
     use crate::motion::fixture::put;
 
     #[test]
-    fn out_of_the_box_a_unit_is_an_increment() {
+    fn default_unit_is_one_increment() {
         let units = Units::of(&drive());
         assert_eq!((units.way(12.0), units.way_shown(12.0)), (12.0, 12.0));
         assert_eq!((units.velocity(-7.0), units.velocity_shown(-7.0)), (-7.0, -7.0));
     }
 
     #[test]
-    fn a_turn_of_the_shaft_is_the_feed_in_units() {
+    fn shaft_revolution_is_the_feed_in_units() {
         let mut dictionary = drive();
         put(&mut dictionary, Object::GEAR_MOTOR_REVOLUTIONS, 40);
         put(&mut dictionary, Object::FEED, 360_000);
@@ -148,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn polarity_turns_positions_and_velocities_each_by_its_own_bit() {
+    fn polarity_bits_invert_positions_and_velocities() {
         for (polarity, position, velocity) in
             [(0x00, 1.0, 1.0), (0x80, -1.0, 1.0), (0x40, 1.0, -1.0), (0xC0, -1.0, -1.0)]
         {
@@ -161,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motor_speed_is_counted_in_turns_of_the_motor_behind_no_gear() {
+    fn motor_speed_ignores_the_gear() {
         let mut dictionary = drive();
         put(&mut dictionary, Object::GEAR_MOTOR_REVOLUTIONS, 40);
         assert_eq!(Units::of(&dictionary).motor_speed(60.0), 16_384.0);
@@ -169,7 +168,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn there_and_back_is_where_it_began(
+        fn conversion_there_and_back_is_the_identity(
             gear in 1_u32.., shaft in 1_u32.., feed in 1_u32.., polarity: u8, way: i32,
         ) {
             let mut dictionary = drive();
@@ -185,7 +184,7 @@ mod tests {
         }
 
         #[test]
-        fn a_counter_wraps_and_a_rate_does_not(number: i32, turns in -1_000..1_000) {
+        fn positions_wrap_and_rates_saturate(number: i32, turns in -1_000..1_000) {
             let beyond = f64::from(number) + f64::from(turns) * 4_294_967_296.0;
             prop_assert_eq!(wrapped(beyond), number);
             prop_assert!(turns < 1 || saturated(beyond) == i32::MAX);

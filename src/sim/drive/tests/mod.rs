@@ -1,4 +1,4 @@
-//! A drive on a wire: what a master sees of it, whatever happens. The master's side of the wire.
+//! A drive on a bus, as its master sees it.
 
 mod anything;
 mod commands;
@@ -66,7 +66,7 @@ fn plan() -> NodePlan {
     NodePlan::drive("joint 3".into(), node(), identity, pdos, &watch, 1_000)
 }
 
-/// TPDO1 of the layout with one frame each way.
+/// Decodes TPDO1 of the layout with one frame each way.
 fn sample(data: &[u8]) -> Option<DriveSample> {
     let &[s0, s1, p0, p1, p2, p3, t0, t1] = data else { return None };
     Some(DriveSample {
@@ -76,10 +76,10 @@ fn sample(data: &[u8]) -> Option<DriveSample> {
     })
 }
 
-/// A drive and the master's side of its wire.
+/// A drive and its master's end of the bus.
 struct Wire {
     drive: Drive,
-    /// What its motor does, which makes the torque it is asked for.
+    /// Motor values; the motor applies the torque demand.
     motor: Sensed,
     now: Instant,
     stage: PowerStage,
@@ -99,7 +99,7 @@ impl Wire {
         }
     }
 
-    /// The real master boots it, and nothing is missing.
+    /// Boots the drive by the real master.
     fn booted() -> Self {
         let mut wire = Self::new();
         let mut master = Master::new(vec![(BUS, plan())]);
@@ -127,37 +127,37 @@ impl Wire {
         panic!("neither booted nor failed");
     }
 
-    /// Whether there is torque on the joint.
-    fn pushes(&self) -> bool {
+    /// Returns whether the drive demands torque.
+    fn has_torque(&self) -> bool {
         self.drive.demand().abs() > 0.0
     }
 
-    /// What the drive says to a frame.
-    fn say(&mut self, frame: Frame) {
-        let mut said = Vec::new();
-        self.drive.on_frame(self.now, BUS, &frame, &mut said);
-        self.hear(&said);
+    /// Sends a frame to the drive.
+    fn send(&mut self, frame: Frame) {
+        let mut sent = Vec::new();
+        self.drive.on_frame(self.now, BUS, &frame, &mut sent);
+        self.receive(&sent);
     }
 
-    /// The motor makes the torque it is asked for.
-    fn turn(&mut self) {
+    /// Updates the motor: it applies the torque demand.
+    fn update_motor(&mut self) {
         self.motor.per_mille = self.drive.demand();
         self.drive.sense(&self.motor);
     }
 
-    /// A millisecond passes.
-    fn pass(&mut self) {
+    /// Advances by 1 ms.
+    fn step(&mut self) {
         self.now = self.now + MS;
-        self.turn();
-        let mut said = Vec::new();
-        self.drive.on_time(self.now, &mut said);
-        self.hear(&said);
+        self.update_motor();
+        let mut sent = Vec::new();
+        self.drive.on_time(self.now, &mut sent);
+        self.receive(&sent);
     }
 
-    fn hear(&mut self, said: &[Telegram]) {
-        for Telegram { frame, .. } in said {
+    fn receive(&mut self, sent: &[Telegram]) {
+        for Telegram { frame, .. } in sent {
             match frame.cob_id {
-                // Until it is mapped, only the statusword is in it.
+                // Before it is mapped, it holds the statusword only.
                 0x183 => {
                     self.sample = sample(frame.data()).unwrap_or(self.sample);
                 }
@@ -169,22 +169,22 @@ impl Wire {
 
     fn write(&mut self, object: Object, bytes: [u8; 2]) {
         let [low, high] = object.index.to_le_bytes();
-        self.say(Frame::new(0x603, [0x2B, low, high, 0, bytes[0], bytes[1], 0, 0]));
+        self.send(Frame::new(0x603, [0x2B, low, high, 0, bytes[0], bytes[1], 0, 0]));
         assert_eq!(self.drive.dictionary().get(object), Some(&bytes[..]));
     }
 
-    /// A cycle of a millisecond: SYNC, its TPDO, the RPDO for the next one.
+    /// Runs a cycle of 1 ms: SYNC, TPDO, and the RPDO for the next cycle.
     fn cycle(&mut self, goal: Goal, torque: i16) {
-        self.say(Sync::default().frame());
-        self.pass();
+        self.send(Sync::default().frame());
+        self.step();
         let controlword = self.stage.controlword(self.sample.statusword.state(), goal);
         let [c0, c1] = controlword.0.to_le_bytes();
         let [t0, t1] = torque.to_le_bytes();
-        self.say(Frame::new(0x203, [c0, c1, t0, t1]));
+        self.send(Frame::new(0x203, [c0, c1, t0, t1]));
     }
 
-    /// Booted and enabled, with this target.
-    fn pushing(torque: i16) -> Self {
+    /// Boots and enables the drive with this target torque.
+    fn enabled_with(torque: i16) -> Self {
         let mut wire = Self::booted();
         for _ in 0..10 {
             wire.cycle(Goal::OperationEnabled, torque);
@@ -193,29 +193,29 @@ impl Wire {
         wire
     }
 
-    /// `ms` cycles go by with the same frames.
+    /// Runs `ms` cycles with the same frames.
     fn feed(&mut self, ms: usize, word: Controlword, torque: i16) {
         for _ in 0..ms {
-            self.say(Frame::new(0x77F, [5]));
+            self.send(Frame::new(0x77F, [5]));
             let ([c0, c1], [t0, t1]) = (word.0.to_le_bytes(), torque.to_le_bytes());
-            self.say(Frame::new(0x203, [c0, c1, t0, t1]));
-            self.say(Sync::default().frame());
-            self.pass();
+            self.send(Frame::new(0x203, [c0, c1, t0, t1]));
+            self.send(Sync::default().frame());
+            self.step();
         }
     }
 
-    /// Commands a mode of operation.
-    fn choose(&mut self, mode: u8) {
-        self.say(Frame::new(0x603, [0x2F, 0x60, 0x60, 0, mode, 0, 0, 0]));
+    /// Writes the mode of operation.
+    fn set_mode(&mut self, mode: u8) {
+        self.send(Frame::new(0x603, [0x2F, 0x60, 0x60, 0, mode, 0, 0, 0]));
     }
 
-    /// The statusword, as its object holds it.
+    /// Returns the statusword in the dictionary.
     fn statusword(&self) -> Statusword {
         Statusword(self.drive.dictionary().i16(Object::STATUSWORD).cast_unsigned())
     }
 
-    /// The codes of the emergencies, and their error registers.
-    fn told(&self) -> Vec<(u16, u8)> {
+    /// Returns error code and error register of each EMCY.
+    fn emcy_codes(&self) -> Vec<(u16, u8)> {
         let bytes = self.emergencies.iter().map(|frame| frame.data().to_vec());
         bytes.map(|data| (u16::from_le_bytes([data[0], data[1]]), data[2])).collect()
     }

@@ -1,16 +1,16 @@
-//! The modes that move the motor by themselves, with a motor that turns as its torque says.
+//! Position, velocity and stop functions, with a motor that accelerates under its torque.
 
 use std::f64::consts::TAU;
 
 use super::*;
 
-/// In ‰ per increment/s²: that of a middle joint.
+/// Inertia of a middle joint, in ‰ per increment/s².
 const INERTIA: f64 = 2.5e-5;
-/// Increments per turn of the joint.
+/// Increments per revolution of the joint.
 const INCREMENTS: f64 = 16_384.0 * -40.0;
 
 impl Wire {
-    /// Feeds the drive for so many ms; its motor turns.
+    /// Runs `ms` cycles in which the motor accelerates.
     fn run(&mut self, ms: usize, word: Controlword) {
         for _ in 0..ms {
             let pushed = self.drive.demand() / INERTIA / INCREMENTS * TAU;
@@ -26,14 +26,14 @@ impl Wire {
 
     fn command(&mut self, object: Object, value: i32) {
         let ([low, high], [b0, b1, b2, b3]) = (object.index.to_le_bytes(), value.to_le_bytes());
-        self.say(Frame::new(0x603, [0x23, low, high, object.sub, b0, b1, b2, b3]));
+        self.send(Frame::new(0x603, [0x23, low, high, object.sub, b0, b1, b2, b3]));
         assert_eq!(self.signed(object), value);
     }
 
-    /// Turns at 50,000 increments/s in profile velocity mode.
+    /// Turns the motor at 50,000 increments/s in profile velocity mode.
     fn turning() -> Self {
-        let mut wire = Self::pushing(0);
-        wire.choose(3);
+        let mut wire = Self::enabled_with(0);
+        wire.set_mode(3);
         wire.command(Object::TARGET_VELOCITY, 50_000);
         wire.run(300, Controlword::ENABLE_OPERATION);
         let velocity = wire.signed(Object::VELOCITY_ACTUAL);
@@ -43,7 +43,7 @@ impl Wire {
 }
 
 #[test]
-fn a_quick_stop_that_stays_holds_the_motor_where_it_has_stopped() {
+fn quick_stop_active_holds_the_position() {
     let mut wire = Wire::turning();
     wire.write(Object::QUICK_STOP_OPTION, [6, 0]);
     wire.run(500, Controlword::QUICK_STOP);
@@ -60,7 +60,7 @@ fn a_quick_stop_that_stays_holds_the_motor_where_it_has_stopped() {
 }
 
 #[test]
-fn every_ramp_stands_still_before_operation_is_left() {
+fn ramps_reach_standstill_before_operation_is_left() {
     for (object, code, word, end) in [
         (Object::QUICK_STOP_OPTION, 1, Controlword::QUICK_STOP, State::SwitchOnDisabled),
         (Object::QUICK_STOP_OPTION, 2, Controlword::QUICK_STOP, State::SwitchOnDisabled),
@@ -78,15 +78,15 @@ fn every_ramp_stands_still_before_operation_is_left() {
         }
         let velocity = wire.signed(Object::VELOCITY_ACTUAL);
         assert!(velocity.abs() < 2_000, "{object} = {code}: {velocity} after {ms} ms");
-        assert!(!wire.pushes());
+        assert!(!wire.has_torque());
     }
 }
 
 #[test]
-fn a_set_point_of_profile_position_mode_is_taken_at_its_edge_and_reached() {
-    let mut wire = Wire::pushing(0);
+fn profile_position_takes_the_set_point_at_the_edge() {
+    let mut wire = Wire::enabled_with(0);
     let start = wire.signed(Object::POSITION_ACTUAL);
-    wire.choose(1);
+    wire.set_mode(1);
     wire.command(Object::TARGET_POSITION, start + 20_000);
     wire.run(50, Controlword::ENABLE_OPERATION);
     assert!((wire.signed(Object::POSITION_ACTUAL) - start).abs() < 100);
@@ -96,15 +96,15 @@ fn a_set_point_of_profile_position_mode_is_taken_at_its_edge_and_reached() {
 }
 
 #[test]
-fn a_cyclic_position_is_followed_and_a_parameter_is_none() {
-    let mut wire = Wire::pushing(0);
+fn cyclic_position_follows_targets_not_parameters() {
+    let mut wire = Wire::enabled_with(0);
     let start = wire.signed(Object::POSITION_ACTUAL);
-    wire.choose(8);
+    wire.set_mode(8);
     wire.run(100, Controlword::ENABLE_OPERATION);
     wire.write(Object::MAX_TORQUE, 900_u16.to_le_bytes());
     wire.run(200, Controlword::ENABLE_OPERATION);
     let moved = wire.signed(Object::POSITION_ACTUAL) - start;
-    assert!(moved.abs() < 100, "607Ah is still what it was: {moved}");
+    assert!(moved.abs() < 100, "607Ah has not changed: {moved}");
     for step in 1..=200 {
         wire.command(Object::TARGET_POSITION, start + 50 * step);
         wire.run(1, Controlword::ENABLE_OPERATION);

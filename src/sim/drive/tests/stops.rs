@@ -1,24 +1,24 @@
-//! Stops that take their time: in profile torque mode, whose torque is lowered along 6087h.
+//! Stops on a ramp, in profile torque mode: the torque falls along 6087h.
 
 use super::*;
 use canopen::error_codes;
 
-/// 6087h is 10,000 ‰/s by default: 500 ‰ are gone in 50 ms.
+/// Time of the ramp: 6087h is 10,000 ‰/s by default, so 500 ‰ take 50 ms.
 const SLOPE_MS: std::ops::RangeInclusive<usize> = 48..=52;
 const SLOW_DOWN: [u8; 2] = [1, 0];
 const TARGET: i16 = 500;
 
-/// Pushes in this mode.
-fn pushing(mode: u8) -> Wire {
-    let mut wire = Wire::pushing(TARGET);
-    wire.choose(mode);
+/// Enables the drive with torque in this mode.
+fn torque_in_mode(mode: u8) -> Wire {
+    let mut wire = Wire::enabled_with(TARGET);
+    wire.set_mode(mode);
     wire.feed(200, Controlword::ENABLE_OPERATION, TARGET);
     assert!((wire.drive.demand() - f64::from(TARGET)).abs() < 1e-6);
     wire
 }
 
-/// How many ms it stays in `state`, up to 10 s, while the controlword is `word`.
-fn stays(wire: &mut Wire, state: State, word: Controlword) -> usize {
+/// Counts the ms, up to 10 s, that the drive stays in `state` with this controlword.
+fn time_in_state(wire: &mut Wire, state: State, word: Controlword) -> usize {
     let lasts = (0..10_000).take_while(|_| {
         wire.feed(1, word, TARGET);
         wire.drive.state() == state
@@ -27,7 +27,7 @@ fn stays(wire: &mut Wire, state: State, word: Controlword) -> usize {
 }
 
 #[test]
-fn a_torque_is_lowered_before_operation_is_left_where_the_option_codes_say_so() {
+fn option_codes_lower_torque_before_operation_is_left() {
     for (object, word, during, end) in [
         (
             Object::SHUTDOWN_OPTION,
@@ -48,34 +48,34 @@ fn a_torque_is_lowered_before_operation_is_left_where_the_option_codes_say_so() 
             State::SwitchOnDisabled,
         ),
     ] {
-        let mut wire = pushing(4);
-        assert!(stays(&mut wire, during, word) <= 1, "the master has set {object} to 0");
-        assert_eq!((wire.drive.state(), wire.pushes()), (end, false), "{object}");
-        let mut wire = pushing(4);
+        let mut wire = torque_in_mode(4);
+        assert!(time_in_state(&mut wire, during, word) <= 1, "the master sets {object} to 0");
+        assert_eq!((wire.drive.state(), wire.has_torque()), (end, false), "{object}");
+        let mut wire = torque_in_mode(4);
         wire.write(object, SLOW_DOWN);
-        let lasts = stays(&mut wire, during, word);
+        let lasts = time_in_state(&mut wire, during, word);
         assert!(SLOPE_MS.contains(&lasts), "{object}: {lasts} ms");
-        assert_eq!((wire.drive.state(), wire.pushes()), (end, false), "{object}");
+        assert_eq!((wire.drive.state(), wire.has_torque()), (end, false), "{object}");
     }
 }
 
 #[test]
-fn a_cyclic_torque_has_no_ramp_and_so_is_gone_at_once() {
+fn cyclic_torque_stops_at_once() {
     for word in [Controlword::SHUTDOWN, Controlword::SWITCH_ON, Controlword::QUICK_STOP] {
-        let mut wire = pushing(10);
+        let mut wire = torque_in_mode(10);
         for object in
             [Object::SHUTDOWN_OPTION, Object::DISABLE_OPERATION_OPTION, Object::QUICK_STOP_OPTION]
         {
             wire.write(object, SLOW_DOWN);
         }
         wire.write(Object::CONTROLWORD, word.0.to_le_bytes());
-        assert!(!wire.pushes() && wire.drive.state() != State::OperationEnabled);
+        assert!(!wire.has_torque() && wire.drive.state() != State::OperationEnabled);
     }
 }
 
 #[test]
-fn a_ramp_that_is_taken_back_leads_up_again() {
-    let mut wire = pushing(4);
+fn cancelled_shutdown_restores_the_torque() {
+    let mut wire = torque_in_mode(4);
     wire.write(Object::SHUTDOWN_OPTION, SLOW_DOWN);
     wire.feed(20, Controlword::SHUTDOWN, TARGET);
     assert_eq!(wire.drive.state(), State::OperationEnabled);
@@ -86,48 +86,48 @@ fn a_ramp_that_is_taken_back_leads_up_again() {
 }
 
 #[test]
-fn a_fault_reaction_is_told_when_it_begins_and_is_a_fault_when_it_ends() {
-    let mut wire = pushing(4);
+fn fault_reaction_sends_emcy_first_and_ends_in_fault() {
+    let mut wire = torque_in_mode(4);
     wire.write(Object::FAULT_REACTION, SLOW_DOWN);
     wire.drive.fail_with(error_codes::OVER_CURRENT);
-    assert_eq!((wire.drive.state(), wire.pushes()), (State::FaultReactionActive, true));
-    wire.pass();
-    assert_eq!(wire.told(), [(error_codes::OVER_CURRENT, 0x03)]);
-    let lasts = stays(&mut wire, State::FaultReactionActive, Controlword::ENABLE_OPERATION);
+    assert_eq!((wire.drive.state(), wire.has_torque()), (State::FaultReactionActive, true));
+    wire.step();
+    assert_eq!(wire.emcy_codes(), [(error_codes::OVER_CURRENT, 0x03)]);
+    let lasts = time_in_state(&mut wire, State::FaultReactionActive, Controlword::ENABLE_OPERATION);
     assert!(SLOPE_MS.contains(&lasts), "{lasts} ms");
-    assert_eq!((wire.drive.state(), wire.pushes()), (State::Fault, false));
-    assert_eq!(wire.told().len(), 1);
+    assert_eq!((wire.drive.state(), wire.has_torque()), (State::Fault, false));
+    assert_eq!(wire.emcy_codes().len(), 1);
 }
 
 #[test]
-fn safe_torque_off_cuts_a_fault_reaction_short() {
-    let mut wire = pushing(4);
+fn safe_torque_off_ends_a_fault_reaction() {
+    let mut wire = torque_in_mode(4);
     wire.write(Object::FAULT_REACTION, SLOW_DOWN);
     wire.drive.fail_with(error_codes::OVER_CURRENT);
     wire.feed(5, Controlword::ENABLE_OPERATION, TARGET);
-    assert!(wire.pushes());
+    assert!(wire.has_torque());
     wire.drive.set_safe_torque_off(true);
-    assert_eq!((wire.drive.state(), wire.pushes()), (State::Fault, false));
+    assert_eq!((wire.drive.state(), wire.has_torque()), (State::Fault, false));
 }
 
 #[test]
-fn a_stop_goes_on_when_nobody_listens() {
-    let mut wire = pushing(4);
+fn stop_continues_without_a_bus() {
+    let mut wire = torque_in_mode(4);
     wire.write(Object::FAULT_REACTION, SLOW_DOWN);
-    // To be stopped in operation is to lose the master (6007h = 1).
-    wire.say(Frame::new(0, [2, 3]));
+    // Stop remote node in NMT operational is a connection loss (6007h = 1).
+    wire.send(Frame::new(0, [2, 3]));
     assert_eq!(wire.drive.state(), State::FaultReactionActive);
     wire.drive.unplug();
-    (0..60).for_each(|_| wire.pass());
-    assert_eq!((wire.drive.state(), wire.pushes()), (State::Fault, false));
+    (0..60).for_each(|_| wire.step());
+    assert_eq!((wire.drive.state(), wire.has_torque()), (State::Fault, false));
 }
 
 #[test]
-fn a_halted_drive_stays_enabled_without_torque_and_goes_on_when_it_may() {
+fn halt_removes_torque_and_keeps_operation_enabled() {
     const HALT: Controlword = Controlword(Controlword::ENABLE_OPERATION.0 | 1 << 8);
-    let mut wire = pushing(10);
+    let mut wire = torque_in_mode(10);
     wire.feed(2, HALT, TARGET);
-    assert_eq!((wire.drive.state(), wire.pushes()), (State::OperationEnabled, false));
+    assert_eq!((wire.drive.state(), wire.has_torque()), (State::OperationEnabled, false));
     wire.feed(2, Controlword::ENABLE_OPERATION, TARGET);
-    assert!(wire.pushes());
+    assert!(wire.has_torque());
 }

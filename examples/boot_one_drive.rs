@@ -7,7 +7,7 @@ use std::error::Error;
 use std::time::Duration;
 
 use bus::Bus;
-use bus::Heard;
+use bus::BusEvent;
 use bus::Memory;
 use bus::Received;
 use bus::Tap;
@@ -82,7 +82,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     while master.is_booting() {
         let until = master.deadline().unwrap_or(bus.now() + Duration::from_millis(10));
         let event = match bus.receive(until) {
-            Some(Received { at, channel, heard: Heard::Frame(frame) }) => {
+            Some(Received { at, channel, event: BusEvent::Frame(frame) }) => {
                 master.on_frame(at, &Telegram { channel, frame }, &mut out)
             }
             Some(_) => None,

@@ -31,7 +31,7 @@ use common::process::Scratch;
 use nix::sys::signal::Signal;
 
 use bus::Bus;
-use bus::Heard;
+use bus::BusEvent;
 use bus::SendError;
 use bus::SocketCan;
 use bus::candump::Line;
@@ -412,7 +412,7 @@ fn only_data_frames_of_eleven_bits_are_heard() {
     let until = bus.now() + Duration::from_millis(5);
     let heard = bus.receive(until).unwrap();
     let frame = Frame::new(0x181, [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88]);
-    assert_eq!(heard.heard, Heard::Frame(frame));
+    assert_eq!(heard.event, BusEvent::Frame(frame));
     assert!(heard.at <= bus.now());
     assert_eq!(bus.receive(until), None);
 }
@@ -428,7 +428,7 @@ fn a_late_frame_on_one_bus_holds_up_no_other_bus() {
     other.receive(other.now() + Duration::from_millis(3));
     other.send(frame(0)).unwrap();
     let heard = bus.receive(until).unwrap();
-    assert_eq!((heard.channel, heard.heard), (Channel(1), Heard::Frame(frame(1).frame)));
+    assert_eq!((heard.channel, heard.event), (Channel(1), BusEvent::Frame(frame(1).frame)));
     assert_eq!(bus.receive(until), None, "the other came later");
     let later = bus.now() + Duration::from_millis(1);
     assert_eq!(bus.receive(later).unwrap().channel, Channel(0));
@@ -465,8 +465,8 @@ fn an_interface_that_goes_down_is_told_and_takes_no_frame() {
     let mut bus = SocketCan::open(&["vcan1".to_owned()]).unwrap();
     Process::of("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
     let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x80, []) };
-    let heard = bus.receive(bus.now() + Duration::from_millis(5)).map(|received| received.heard);
-    assert_eq!(heard, Some(Heard::Fault(bus::BusFault::Down)));
+    let heard = bus.receive(bus.now() + Duration::from_millis(5)).map(|received| received.event);
+    assert_eq!(heard, Some(BusEvent::Fault(bus::BusFault::Down)));
     assert_eq!(bus.send(telegram), Err(SendError::Down));
     Process::of("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
 }

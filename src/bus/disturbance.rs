@@ -23,7 +23,7 @@ pub enum Disturbance {
     Fault(BusFault),
     /// No frame is taken: the transmit queue is full. All is heard.
     Full,
-    /// Frames are taken and lost, and nothing is heard: the adapter's peer is gone.
+    /// Frames are taken and lost, and nothing is event: the adapter's peer is gone.
     Stuck,
     /// Frames are taken until the queue is full, nothing is heard; at the end all of it is sent and heard
     /// at once, as by an adapter that stalls.
@@ -36,7 +36,7 @@ pub enum Disturbance {
 
 /// What can be planned for a moment, so that it comes at any phase of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mishap {
+pub enum HostFault {
     /// A bus is disturbed; `None` heals it.
     Bus(Channel, Option<Disturbance>),
     /// The process stands still for so long. Its buses do not.
@@ -51,13 +51,13 @@ pub enum Mishap {
 
 /// What was planned and has not come yet, the earliest first.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Agenda(Vec<(Instant, Mishap)>);
+pub(super) struct Agenda(Vec<(Instant, HostFault)>);
 
 impl Agenda {
-    /// Adds `mishap`; of those of one moment, the first added comes first.
-    pub(super) fn plan(&mut self, at: Instant, mishap: Mishap) {
+    /// Adds `host_fault`; of those of one moment, the first added comes first.
+    pub(super) fn plan(&mut self, at: Instant, host_fault: HostFault) {
         let place = self.0.partition_point(|(planned, _)| *planned <= at);
-        self.0.insert(place, (at, mishap));
+        self.0.insert(place, (at, host_fault));
     }
 
     /// When the next one comes.
@@ -66,7 +66,7 @@ impl Agenda {
     }
 
     /// The next one, if it has come.
-    pub(super) fn due(&mut self, now: Instant) -> Option<Mishap> {
+    pub(super) fn due(&mut self, now: Instant) -> Option<HostFault> {
         self.next().filter(|at| *at <= now)?;
         Some(self.0.remove(0).1)
     }
@@ -147,7 +147,7 @@ impl Adapter {
     }
 
     /// When a SYNC was last seen on the wire.
-    pub(super) const fn echoed(&self) -> Instant {
+    pub(super) const fn transmit_confirmed_at(&self) -> Instant {
         self.echoed
     }
 
@@ -171,7 +171,7 @@ impl Adapter {
 mod tests {
     use super::*;
     use crate::Bus;
-    use crate::Heard;
+    use crate::BusEvent;
     use crate::Memory;
     use canopen::frame::Telegram;
     use canopen::station::Station;
@@ -217,9 +217,9 @@ mod tests {
     fn heard(bus: &mut Memory<Echo, ()>, until: u64) -> (Vec<u16>, Vec<BusFault>) {
         let (mut ids, mut faults) = (Vec::new(), Vec::new());
         while let Some(received) = bus.receive(at(until)) {
-            match received.heard {
-                Heard::Frame(frame) => ids.push(frame.cob_id),
-                Heard::Fault(fault) => faults.push(fault),
+            match received.event {
+                BusEvent::Frame(frame) => ids.push(frame.cob_id),
+                BusEvent::Fault(fault) => faults.push(fault),
             }
         }
         (ids, faults)
@@ -280,7 +280,7 @@ mod tests {
     fn a_process_that_stands_still_finds_the_oldest_frames_and_is_told_of_the_loss() {
         let mut bus = bus();
         bus.disturb(CHANNEL, Some(Disturbance::Flood(Frame::new(1, []))));
-        bus.plan(at(300), Mishap::Stopped(Duration::from_millis(50)));
+        bus.plan(at(300), HostFault::Stopped(Duration::from_millis(50)));
         assert!(!heard(&mut bus, 1_000).0.is_empty(), "those before it stood still");
         assert_eq!(bus.now(), at(50_300));
         let oldest = bus.receive(at(60_000)).unwrap();
@@ -292,10 +292,10 @@ mod tests {
     #[test]
     fn mishaps_come_in_the_middle_of_a_wait_and_in_their_order() {
         let mut bus = bus();
-        bus.plan(at(700), Mishap::Bus(CHANNEL, None));
-        bus.plan(at(500), Mishap::Bus(CHANNEL, Some(Disturbance::Fault(BusFault::Off))));
+        bus.plan(at(700), HostFault::Bus(CHANNEL, None));
+        bus.plan(at(500), HostFault::Bus(CHANNEL, Some(Disturbance::Fault(BusFault::Off))));
         let told = bus.receive(at(1_000)).unwrap();
-        assert_eq!((told.at, told.heard), (at(500), Heard::Fault(BusFault::Off)));
+        assert_eq!((told.at, told.event), (at(500), BusEvent::Fault(BusFault::Off)));
         assert_eq!(bus.receive(at(1_000)), None);
         send(&mut bus, 2).unwrap();
         assert_eq!(heard(&mut bus, 2_000).0, [3]);
@@ -304,7 +304,7 @@ mod tests {
     #[test]
     fn the_clock_on_the_wall_can_be_set_and_time_goes_on_as_before() {
         let mut bus = bus();
-        bus.plan(at(500), Mishap::ClockSet(Duration::from_secs(7)));
+        bus.plan(at(500), HostFault::ClockSet(Duration::from_secs(7)));
         assert_eq!(bus.receive(at(1_500)), None);
         assert_eq!((bus.now(), bus.wall()), (at(1_500), Duration::from_micros(7_001_000)));
     }

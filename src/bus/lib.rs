@@ -25,7 +25,7 @@ mod trace;
 mod wire;
 
 pub use disturbance::Disturbance;
-pub use disturbance::Mishap;
+pub use disturbance::HostFault;
 pub use memory::Memory;
 pub use memory::Watch;
 pub use socketcan::OpenError;
@@ -57,7 +57,7 @@ pub trait Bus {
 
     /// When a SYNC was last seen on the wire of a bus, or time zero if none was yet: what proves that
     /// frames which are taken are also sent. `None` where nobody can tell.
-    fn echoed(&self, _channel: Channel) -> Option<Instant> {
+    fn transmit_confirmed_at(&self, _channel: Channel) -> Option<Instant> {
         None
     }
 
@@ -99,12 +99,12 @@ pub struct Received {
     /// On which bus.
     pub channel: Channel,
     /// What it was.
-    pub heard: Heard,
+    pub event: BusEvent,
 }
 
 /// A frame, or word of the bus's own state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Heard {
+pub enum BusEvent {
     /// A data frame with an 11-bit identifier; a remote frame only where it was asked for.
     Frame(Frame),
     /// Something is wrong with the bus itself.

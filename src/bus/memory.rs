@@ -8,8 +8,8 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use crate::Bus;
+use crate::BusEvent;
 use crate::BusFault;
-use crate::Heard;
 use crate::Received;
 use crate::ReopenError;
 use crate::SendError;
@@ -18,7 +18,7 @@ use crate::clock;
 use crate::disturbance::Adapter;
 use crate::disturbance::Agenda;
 use crate::disturbance::Disturbance;
-use crate::disturbance::Mishap;
+use crate::disturbance::HostFault;
 use crate::disturbance::Taken;
 use crate::wire::Sender;
 use crate::wire::Wire;
@@ -159,28 +159,28 @@ impl<S: Station, T: Tap> Memory<S, T> {
             wire.forget_node();
         }
         if let Some(Disturbance::Fault(fault)) = wrong {
-            self.arrived.push_back(Received { at, channel, heard: Heard::Fault(fault) });
+            self.arrived.push_back(Received { at, channel, event: BusEvent::Fault(fault) });
         }
         self.post();
     }
 
-    /// Lets a mishap come at `at`, at whatever phase of a cycle that is.
-    pub fn plan(&mut self, at: Instant, mishap: Mishap) {
-        self.agenda.plan(at, mishap);
+    /// Lets a host_fault come at `at`, at whatever phase of a cycle that is.
+    pub fn plan(&mut self, at: Instant, host_fault: HostFault) {
+        self.agenda.plan(at, host_fault);
     }
 
     /// What was planned for now happens.
     fn befall(&mut self) {
-        while let Some(mishap) = self.agenda.due(self.now()) {
-            match mishap {
-                Mishap::Bus(channel, wrong) => self.disturb(channel, wrong),
-                Mishap::Stopped(time) => self.stand_still(time),
-                Mishap::StoppedAfter(cob_id, time) => self.stops_after = Some((cob_id, time)),
-                Mishap::Suspended(time) => {
+        while let Some(host_fault) = self.agenda.due(self.now()) {
+            match host_fault {
+                HostFault::Bus(channel, wrong) => self.disturb(channel, wrong),
+                HostFault::Stopped(time) => self.stand_still(time),
+                HostFault::StoppedAfter(cob_id, time) => self.stops_after = Some((cob_id, time)),
+                HostFault::Suspended(time) => {
                     self.suspended += time;
                     self.stand_still(time);
                 }
-                Mishap::ClockSet(wall) => {
+                HostFault::ClockSet(wall) => {
                     self.epoch = wall.saturating_sub(Duration::from_nanos(self.now_ns));
                 }
             }
@@ -248,13 +248,13 @@ impl<S: Station, T: Tap> Memory<S, T> {
                 adapter.witness(at);
             }
             if sender == Sender::Station && !frame.is_remote() {
-                let heard = Heard::Frame(frame);
-                let received = Received { at, channel: telegram.channel, heard };
+                let event = BusEvent::Frame(frame);
+                let received = Received { at, channel: telegram.channel, event };
                 match adapter.hear(received) {
                     Some(received) if self.arrived.len() < BACKLOG => {
                         if std::mem::take(&mut self.has_overrun) {
-                            let heard = Heard::Fault(BusFault::Overrun);
-                            self.arrived.push_back(Received { heard, ..received });
+                            let event = BusEvent::Fault(BusFault::Overrun);
+                            self.arrived.push_back(Received { event, ..received });
                         }
                         self.arrived.push_back(received);
                     }
@@ -303,8 +303,8 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
         self.suspended
     }
 
-    fn echoed(&self, Channel(place): Channel) -> Option<Instant> {
-        self.adapters.get(usize::from(place)).map(Adapter::echoed)
+    fn transmit_confirmed_at(&self, Channel(place): Channel) -> Option<Instant> {
+        self.adapters.get(usize::from(place)).map(Adapter::transmit_confirmed_at)
     }
 
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
@@ -331,7 +331,7 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
         loop {
             self.befall();
             if let Some(received) = self.fetch(until) {
-                if let Heard::Frame(frame) = received.heard {
+                if let BusEvent::Frame(frame) = received.event {
                     self.pass(frame.cob_id);
                 }
                 return Some(received);
@@ -395,7 +395,7 @@ mod tests {
         bus.send(sync()).unwrap();
         let mut heard = Vec::new();
         while let Some(received) = bus.receive(Instant::from_micros(10_000)) {
-            let Heard::Frame(frame) = received.heard else { panic!("no fault was made") };
+            let BusEvent::Frame(frame) = received.event else { panic!("no fault was made") };
             heard.push((received.at, frame.cob_id));
         }
         heard

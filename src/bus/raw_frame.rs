@@ -16,8 +16,8 @@ use socketcan::id::CAN_ERR_FLAG;
 use socketcan::id::CAN_RTR_FLAG;
 use socketcan::id::CAN_SFF_MASK;
 
+use crate::BusEvent;
 use crate::BusFault;
-use crate::Heard;
 use canopen::frame::Frame;
 
 /// Bytes of a classical frame, `CAN_MTU`.
@@ -54,22 +54,22 @@ const WARNING: u8 = 96;
 const PASSIVE: u8 = 128;
 
 /// What these bytes mean; `None` if they do not concern a CANopen node.
-pub(super) fn read(bytes: &[u8]) -> Option<Heard> {
+pub(super) fn read(bytes: &[u8]) -> Option<BusEvent> {
     let &[i0, i1, i2, i3, length, _, _, _, ref data @ ..] = bytes else { return None };
     let data: [u8; 8] = data.try_into().ok()?;
     let id = u32::from_ne_bytes([i0, i1, i2, i3]);
     if id & CAN_ERR_FLAG != 0 {
-        return fault(id, data).map(Heard::Fault);
+        return fault(id, data).map(BusEvent::Fault);
     }
     if id & CAN_EFF_FLAG != 0 || length > 8 {
         return None;
     }
     let cob_id = u16::try_from(id & CAN_SFF_MASK).ok()?;
     if id & CAN_RTR_FLAG != 0 {
-        return Some(Heard::Frame(Frame::remote(cob_id, length)));
+        return Some(BusEvent::Frame(Frame::remote(cob_id, length)));
     }
     let data = data.get(..usize::from(length))?;
-    Frame::from_slice(cob_id, data).map(Heard::Frame)
+    Frame::from_slice(cob_id, data).map(BusEvent::Frame)
 }
 
 /// The worst of what an error frame says. Single errors are the controller's to count.
@@ -104,15 +104,15 @@ mod tests {
         bytes
     }
 
-    fn error(classes: u32, data: [u8; 8]) -> Option<Heard> {
+    fn error(classes: u32, data: [u8; 8]) -> Option<BusEvent> {
         read(&bytes(CAN_ERR_FLAG | classes, 8, data))
     }
 
     #[test]
     fn a_data_frame_is_its_identifier_and_as_many_bytes_as_it_says() {
         let frame = Frame::new(0x181, [1, 2, 3]);
-        let heard = read(&bytes(0x181, 3, [1, 2, 3, 4, 5, 6, 7, 8]));
-        assert_eq!(heard, Some(Heard::Frame(frame)));
+        let received = read(&bytes(0x181, 3, [1, 2, 3, 4, 5, 6, 7, 8]));
+        assert_eq!(received, Some(BusEvent::Frame(frame)));
     }
 
     #[test]
@@ -122,7 +122,7 @@ mod tests {
             assert_eq!(read(&bytes(id, length, [0; 8])), None, "{id:X} {length}");
         }
         let remote = read(&bytes(CAN_RTR_FLAG | 0x181, 4, [0; 8]));
-        assert_eq!(remote, Some(Heard::Frame(Frame::remote(0x181, 4))), "told apart from data");
+        assert_eq!(remote, Some(BusEvent::Frame(Frame::remote(0x181, 4))), "told apart from data");
         assert_eq!(read(&[0; 72]), None, "CAN FD");
     }
 
@@ -153,7 +153,7 @@ mod tests {
             (0x200, counted(95, 95), None),
             (0x244, counted(255, 0), Some(BusFault::Off)),
         ] {
-            assert_eq!(error(classes, data), fault.map(Heard::Fault), "{classes:03X} {data:?}");
+            assert_eq!(error(classes, data), fault.map(BusEvent::Fault), "{classes:03X} {data:?}");
         }
     }
 
@@ -162,7 +162,7 @@ mod tests {
         fn hazard_26_any_bytes_are_a_frame_of_eleven_bits_a_fault_or_nothing(
             bytes in proptest::collection::vec(any::<u8>(), 0..80),
         ) {
-            if let Some(Heard::Frame(frame)) = read(&bytes) {
+            if let Some(BusEvent::Frame(frame)) = read(&bytes) {
                 prop_assert_eq!(bytes.len(), SIZE);
                 prop_assert!(frame.cob_id < 0x800 && frame.data().len() <= 8);
             }

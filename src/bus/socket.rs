@@ -30,8 +30,8 @@ use socketcan::StandardId;
 use socketcan::addr::AF_CAN;
 use socketcan::addr::CAN_RAW;
 
+use crate::BusEvent;
 use crate::BusFault;
-use crate::Heard;
 use crate::SendError;
 use crate::arrival::Arrivals;
 use crate::clock::Reading;
@@ -59,7 +59,7 @@ pub(super) struct Taken {
     /// When it arrived, on the monotonic clock.
     pub(super) arrived: Duration,
     /// What it was; `None` if it does not concern a CANopen node.
-    pub(super) heard: Option<Heard>,
+    pub(super) event: Option<BusEvent>,
     /// Whether frames before it were lost.
     pub(super) has_overrun: bool,
 }
@@ -137,8 +137,8 @@ impl Socket {
         };
         let has_overrun = lost != std::mem::replace(&mut self.lost, lost);
         let arrived = self.arrivals.of(stamp, Reading::now());
-        let heard = bytes.get(..length).and_then(raw_frame::read);
-        Ok(Some(Taken { arrived, heard, has_overrun }))
+        let event = bytes.get(..length).and_then(raw_frame::read);
+        Ok(Some(Taken { arrived, event, has_overrun }))
     }
 
     /// Nothing waited in it, at `at` or later.

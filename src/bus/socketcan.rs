@@ -6,7 +6,7 @@
 //! reader knows what is old.
 //!
 //! That a frame was taken proves nothing: a controller that is off the bus takes them all. A node
-//! therefore has a second socket on each bus, its [witness](SocketCan::with_witness), that hears nothing
+//! therefore has a second socket on each bus, its [witness](SocketCan::with_transmit_confirmation), that hears nothing
 //! but SYNC. A driver with `IFF_ECHO` shows a sent frame to the other sockets of its host once it was on
 //! the wire, so what the witness hears has been sent; and the node's own socket never hears what it sends
 //! itself. Other drivers have the kernel show it at once, and the witness proves no more than the sending.
@@ -27,8 +27,8 @@ use socketcan::id::CAN_SFF_MASK;
 use thiserror::Error;
 
 use crate::Bus;
+use crate::BusEvent;
 use crate::BusFault;
-use crate::Heard;
 use crate::Received;
 use crate::ReopenError;
 use crate::SendError;
@@ -100,7 +100,7 @@ struct Line {
 struct Witness {
     socket: Socket,
     /// When it last did.
-    heard: Instant,
+    event: Instant,
 }
 
 impl SocketCan {
@@ -123,7 +123,7 @@ impl SocketCan {
     ///
     /// # Errors
     /// The first interface that does not take the filters.
-    pub fn hearing_only(mut self, patterns: &[Vec<Pattern>]) -> Result<Self, OpenError> {
+    pub fn with_filters(mut self, patterns: &[Vec<Pattern>]) -> Result<Self, OpenError> {
         for (line, patterns) in self.lines.iter_mut().zip(patterns) {
             line.filters = patterns.iter().map(data_frames).collect();
             line.reopen()?;
@@ -149,7 +149,7 @@ impl SocketCan {
     ///
     /// # Errors
     /// The first interface that does not do so.
-    pub fn hearing_itself(mut self) -> Result<Self, OpenError> {
+    pub fn with_own_frames(mut self) -> Result<Self, OpenError> {
         for line in &mut self.lines {
             line.hears_itself = true;
             line.reopen()?;
@@ -161,7 +161,7 @@ impl SocketCan {
     ///
     /// # Errors
     /// The first interface that cannot be opened a second time.
-    pub fn with_witness(mut self) -> Result<Self, OpenError> {
+    pub fn with_transmit_confirmation(mut self) -> Result<Self, OpenError> {
         for line in &mut self.lines {
             line.witness = Some(Witness::open(&line.interface)?);
         }
@@ -239,14 +239,14 @@ impl SocketCan {
             line.witness.as_mut()?.read(opened);
             return None;
         }
-        let fault = |at, fault| Received { at, channel, heard: Heard::Fault(fault) };
+        let fault = |at, fault| Received { at, channel, event: BusEvent::Fault(fault) };
         match line.socket.read() {
             Ok(taken) => {
                 let taken = taken?;
                 let at = Instant::ZERO + taken.arrived.saturating_sub(opened);
                 let overrun = taken.has_overrun.then(|| fault(now, BusFault::Overrun));
                 self.overrun = self.overrun.or(overrun);
-                Some(Received { at, channel, heard: taken.heard? })
+                Some(Received { at, channel, event: taken.event? })
             }
             Err(down) => Some(fault(now, down)),
         }
@@ -266,8 +266,8 @@ impl Bus for SocketCan {
         clock::suspended()
     }
 
-    fn echoed(&self, Channel(place): Channel) -> Option<Instant> {
-        Some(self.lines.get(usize::from(place))?.witness.as_ref()?.heard)
+    fn transmit_confirmed_at(&self, Channel(place): Channel) -> Option<Instant> {
+        Some(self.lines.get(usize::from(place))?.witness.as_ref()?.event)
     }
 
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
@@ -354,13 +354,13 @@ impl Witness {
         let filters = [data_frames(&Pattern::only(sync::COB_ID))];
         let purpose = Purpose { filters: &filters, hears_errors: false, hears_itself: false };
         let socket = Socket::open(interface, &purpose).map_err(|error| why(interface, error))?;
-        Ok(Self { socket, heard: Instant::ZERO })
+        Ok(Self { socket, event: Instant::ZERO })
     }
 
     /// Takes what it heard. That its interface is down is the bus's own socket's to tell.
     fn read(&mut self, opened: Duration) {
         if let Ok(Some(taken)) = self.socket.read() {
-            self.heard = Instant::ZERO + taken.arrived.saturating_sub(opened);
+            self.event = Instant::ZERO + taken.arrived.saturating_sub(opened);
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::Bus;
-use crate::Heard;
+use crate::BusEvent;
 use crate::Received;
 use crate::ReopenError;
 use crate::SendError;
@@ -44,8 +44,8 @@ impl<B: Bus, T: Tap> Bus for Traced<B, T> {
         self.bus.suspended()
     }
 
-    fn echoed(&self, channel: Channel) -> Option<Instant> {
-        self.bus.echoed(channel)
+    fn transmit_confirmed_at(&self, channel: Channel) -> Option<Instant> {
+        self.bus.transmit_confirmed_at(channel)
     }
 
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
@@ -56,7 +56,7 @@ impl<B: Bus, T: Tap> Bus for Traced<B, T> {
 
     fn receive(&mut self, until: Instant) -> Option<Received> {
         let received = self.bus.receive(until)?;
-        if let Heard::Frame(frame) = received.heard {
+        if let BusEvent::Frame(frame) = received.event {
             self.tap.on_wire(received.at, &Telegram { channel: received.channel, frame });
         }
         Some(received)

@@ -186,9 +186,9 @@ fn replay(args: &Campaign, configs: Vec<Config>, number: u32) -> Result<(), Fail
         "case {number} of seed {}: row {}, {}; {file}, {}",
         args.seed, case.kind.row, case.kind.name, case.situation
     ));
-    for (after, mishap) in &case.injection.mishaps {
+    for (after, host_fault) in &case.injection.host_faults {
         let at = (case.onset + *after).as_secs_f64();
-        print::line(&format!("scenario + {at:.6} s: {mishap:?}"));
+        print::line(&format!("scenario + {at:.6} s: {host_fault:?}"));
     }
     let mut tell = |bench: &mut Bench<Monitor>, record: &Record| {
         if let Some(story) = &mut story {

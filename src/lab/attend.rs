@@ -5,8 +5,8 @@ use std::time::Duration;
 use crate::outbox::Down;
 use crate::outbox::Outbox;
 use bus::Bus;
+use bus::BusEvent;
 use bus::BusFault;
-use bus::Heard;
 use canopen::frame::Telegram;
 use canopen::station::Station;
 use units::time::Instant;
@@ -42,11 +42,11 @@ pub fn attend<B: Bus, S: Station>(
         let Some(received) = bus.receive(until) else { continue };
         // A stamp may be older than what was already done.
         latest = latest.max(received.at);
-        match received.heard {
-            Heard::Frame(frame) => station.on_frame(latest, received.channel, &frame, &mut said),
-            Heard::Fault(BusFault::Down) => return Err(Down(received.channel)),
-            Heard::Fault(BusFault::Off) => tracing::warn!(bus = received.channel.0, "bus-off"),
-            Heard::Fault(fault) => tracing::debug!(?fault, "bus"),
+        match received.event {
+            BusEvent::Frame(frame) => station.on_frame(latest, received.channel, &frame, &mut said),
+            BusEvent::Fault(BusFault::Down) => return Err(Down(received.channel)),
+            BusEvent::Fault(BusFault::Off) => tracing::warn!(bus = received.channel.0, "bus-off"),
+            BusEvent::Fault(fault) => tracing::debug!(?fault, "bus"),
         }
     }
     Ok(())

@@ -10,8 +10,8 @@ use crate::power;
 use crate::proof::NotProven;
 use crate::record::Mode;
 use bus::Bus;
+use bus::BusEvent;
 use bus::BusFault;
-use bus::Heard;
 use bus::Received;
 use bus::ReopenError;
 use canopen::frame::Channel;
@@ -107,15 +107,15 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Lets pass what is on its way when a boot begins. Nothing has been sent then.
     fn listen_first(&mut self) -> Result<(), BringUpError> {
         let quiet = self.wire.now() + LISTEN_FIRST;
-        while let Some(Received { channel, heard, .. }) = self.wire.receive(quiet) {
-            match heard {
-                Heard::Frame(frame) => {
+        while let Some(Received { channel, event, .. }) = self.wire.receive(quiet) {
+            match event {
+                BusEvent::Frame(frame) => {
                     // A boot would reset the nodes of a master that runs.
                     if self.network.master.is_foreign(&Telegram { channel, frame }) {
                         return Err(BringUpError::Bus(Cause::ForeignMaster));
                     }
                 }
-                Heard::Fault(fault) => self.on_boot_fault(channel, fault)?,
+                BusEvent::Fault(fault) => self.on_boot_fault(channel, fault)?,
             }
         }
         Ok(())
@@ -199,8 +199,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             let until = self.network.master.deadline().map_or(ask, |due| due.min(ask));
             let Some(received) = self.wire.receive(until) else { continue };
             let channel = received.channel;
-            match received.heard {
-                Heard::Frame(frame) => {
+            match received.event {
+                BusEvent::Frame(frame) => {
                     let telegram = Telegram { channel, frame };
                     self.samples.on_frame(received.at, &telegram);
                     let event =
@@ -208,7 +208,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                     self.post();
                     self.on_boot_event(event, &mut failed)?;
                 }
-                Heard::Fault(fault) => self.on_boot_fault(channel, fault)?,
+                BusEvent::Fault(fault) => self.on_boot_fault(channel, fault)?,
             }
         }
         while let Some(event) = self.network.master.on_time(self.wire.now(), &mut self.wire.out) {
@@ -284,8 +284,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.network.master.shut_down(&mut self.wire.out);
         self.post();
         let flushed = self.wire.now() + self.timing.period;
-        while let Some(Received { at, channel, heard }) = self.wire.receive(flushed) {
-            if let Heard::Fault(fault) = heard {
+        while let Some(Received { at, channel, event }) = self.wire.receive(flushed) {
+            if let BusEvent::Fault(fault) = event {
                 let cause = self.wire.on_fault(channel, fault);
                 self.raise(at, [cause]);
             }

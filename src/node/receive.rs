@@ -7,7 +7,7 @@ use crate::proof::Relation;
 use crate::safety::causes;
 use crate::schedule::Due;
 use bus::Bus;
-use bus::Heard;
+use bus::BusEvent;
 use bus::Received;
 use canopen::frame::Telegram;
 use canopen::master::event::Event;
@@ -72,10 +72,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Takes a frame or a fault of a bus.
     pub(super) fn on_received(&mut self, received: Received) {
-        let Received { at, channel, heard } = received;
-        let cause = match heard {
-            Heard::Frame(frame) => self.on_frame(at, &Telegram { channel, frame }),
-            Heard::Fault(fault) => self.wire.on_fault(channel, fault),
+        let Received { at, channel, event } = received;
+        let cause = match event {
+            BusEvent::Frame(frame) => self.on_frame(at, &Telegram { channel, frame }),
+            BusEvent::Fault(fault) => self.wire.on_fault(channel, fault),
         };
         self.raise(at, [cause]);
     }

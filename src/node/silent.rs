@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use crate::Node;
 use bus::Bus;
+use bus::BusEvent;
 use bus::BusFault;
-use bus::Heard;
 use bus::Received;
 use bus::SendError;
 use canopen::frame::Channel;
@@ -52,7 +52,7 @@ impl Bus for Silent {
     fn receive(&mut self, until: Instant) -> Option<Received> {
         if let Some((at, fault)) = self.fault.take_if(|(at, _)| *at <= until) {
             self.now = self.now.max(at);
-            return Some(Received { at, channel: Channel(0), heard: Heard::Fault(fault) });
+            return Some(Received { at, channel: Channel(0), event: BusEvent::Fault(fault) });
         }
         self.now = self.now.max(until) + std::mem::take(&mut self.stands_still);
         if self.sent.last().is_some_and(|(_, telegram)| telegram.frame.cob_id == sync::COB_ID) {

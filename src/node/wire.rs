@@ -82,7 +82,7 @@ impl<B: Bus> Wire<B> {
     /// Starts a cycle of transmission; returns a cause if SYNCs taken by a bus do not appear on its wire.
     pub(super) fn watch_sync_echo(&mut self) -> Option<Cause> {
         let bus = &self.bus;
-        self.transmission.begin(|channel| bus.echoed(channel))
+        self.transmission.begin(|channel| bus.transmit_confirmed_at(channel))
     }
 
     /// Takes a fault of a bus; returns its cause to stop, if it is one.

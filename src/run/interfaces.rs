@@ -42,7 +42,7 @@ pub fn resolve(config: &Config, overrides: &[String]) -> Result<Vec<String>, Fai
 /// The buses of a node, on interfaces that are fit for torques; what is to be said of them is a warning.
 pub(super) fn open(config: &Config, names: &[String]) -> Result<SocketCan, Failure> {
     let bus = SocketCan::open(names).or_fail(Kind::Bus)?;
-    let bus = bus.hearing_only(&config.patterns()).and_then(SocketCan::with_witness);
+    let bus = bus.with_filters(&config.patterns()).and_then(SocketCan::with_transmit_confirmation);
     let fit = bus.or_fail(Kind::Bus)?.fit_for_torques(config.bursts());
     let (bus, remarks) = fit.or_fail(Kind::Bus)?;
     for remark in remarks {

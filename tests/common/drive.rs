@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use bus::Bus;
-use bus::Heard;
+use bus::BusEvent;
 use bus::Memory;
 use bus::Tap;
 use canopen::NodeId;
@@ -60,9 +60,9 @@ pub(crate) fn carry<T: Tap>(
         out.drain(..count);
         let soon = bus.now() + AGAIN;
         let until = if out.is_empty() { transfer.deadline().unwrap() } else { soon };
-        let outcome = match bus.receive(until).map(|received| (received.at, received.heard)) {
-            Some((at, Heard::Frame(frame))) => transfer.on_frame(at, &frame, &mut out),
-            Some((_, Heard::Fault(_))) => None,
+        let outcome = match bus.receive(until).map(|received| (received.at, received.event)) {
+            Some((at, BusEvent::Frame(frame))) => transfer.on_frame(at, &frame, &mut out),
+            Some((_, BusEvent::Fault(_))) => None,
             // Segments wait until there is room.
             None if out.is_empty() => transfer.on_time(bus.now(), &mut out),
             None => None,

@@ -17,7 +17,7 @@ use crate::common::bench::config;
 use bus::Bus;
 use bus::BusFault;
 use bus::Disturbance;
-use bus::Mishap;
+use bus::HostFault;
 use canopen::frame::Channel;
 use canopen::frame::Frame;
 use lab::bench::Bench;
@@ -58,8 +58,8 @@ struct Run {
 }
 
 impl Run {
-    /// Runs until the arm is held, and plans `mishaps` for so many µs after the next SYNC is due.
-    fn with(mishaps: &[(u64, Mishap)]) -> Self {
+    /// Runs until the arm is held, and plans `host_faults` for so many µs after the next SYNC is due.
+    fn with(host_faults: &[(u64, HostFault)]) -> Self {
         let (config, wire) = (config(KRAFT), Wire::default());
         let script = Scenario::parse(SCRIPT).unwrap();
         let mut bench = Bench::new(&config, script, 1, false, wire.clone());
@@ -68,10 +68,11 @@ impl Run {
         let last = bench.cycle();
         assert_eq!(last.mode, Mode::Engaged);
         let due = last.at + config.period;
-        for (micros, mishap) in mishaps {
-            bench.bus_mut().plan(due + Duration::from_micros(*micros), *mishap);
+        for (micros, host_fault) in host_faults {
+            bench.bus_mut().plan(due + Duration::from_micros(*micros), *host_fault);
         }
-        let onset = due + Duration::from_micros(mishaps.first().map_or(0, |(micros, _)| *micros));
+        let onset =
+            due + Duration::from_micros(host_faults.first().map_or(0, |(micros, _)| *micros));
         Self { bench, wire, onset, records: Vec::new(), pushed: onset }
     }
 
@@ -130,8 +131,8 @@ fn micros(from: Instant, to: Instant) -> u64 {
     u64::try_from(to.since(from).as_micros()).unwrap()
 }
 
-fn on_bus(wrong: Disturbance) -> Mishap {
-    Mishap::Bus(BUS, Some(wrong))
+fn on_bus(wrong: Disturbance) -> HostFault {
+    HostFault::Bus(BUS, Some(wrong))
 }
 
 /// `wrong` on one bus at every phase: the drives are switched off for one of `kinds`, those that are still
@@ -187,7 +188,7 @@ fn hazard_24_an_interface_that_goes_down_ends_all_sending() {
 #[test]
 fn hazard_22_what_a_stalled_adapter_sends_at_last_meets_no_sync() {
     for (phase, stalls) in [(20, 3_000), (250, 4_400), (600, 8_000)] {
-        let heal = (phase + stalls, Mishap::Bus(BUS, None));
+        let heal = (phase + stalls, HostFault::Bus(BUS, None));
         let run = Run::with(&[(phase, on_bus(Disturbance::Stalled)), heal]).cycles(60);
         assert_eq!(run.end().1, Mode::DrivesOff, "{phase}");
         // The one under way when it began, and the one that was held.
@@ -203,7 +204,7 @@ fn hazard_22_what_a_stalled_adapter_sends_at_last_meets_no_sync() {
 fn a_bus_that_is_healed_is_found_again_by_a_reset_and_not_before() {
     for wrong in [Disturbance::Stuck, Disturbance::Down, Disturbance::Fault(BusFault::Off)] {
         let mut run =
-            Run::with(&[(250, on_bus(wrong)), (50_250, Mishap::Bus(BUS, None))]).cycles(80);
+            Run::with(&[(250, on_bus(wrong)), (50_250, HostFault::Bus(BUS, None))]).cycles(80);
         let (sent, now) = (run.last_sent(), micros(run.onset, run.bench.node().bus().now()));
         assert!(sent < 5_000 && now > 75_000, "{wrong:?}: nothing is sent although it is healed");
         let mode = run.bench.ask(Request::Reset).unwrap();
@@ -222,11 +223,11 @@ fn hazard_24_a_reset_without_the_interface_fails_and_one_with_it_succeeds() {
 }
 
 /// How a boot of the network ends, on which something goes wrong so many ms after it begins.
-fn booted(after_ms: u64, mishap: Mishap) -> (Result<(), String>, Wire) {
+fn booted(after_ms: u64, host_fault: HostFault) -> (Result<(), String>, Wire) {
     let wire = Wire::default();
     let script = Scenario::parse(SCRIPT).unwrap();
     let mut bench = Bench::new(&config(KRAFT), script, 1, false, wire.clone());
-    bench.bus_mut().plan(Instant::ZERO + Duration::from_millis(after_ms), mishap);
+    bench.bus_mut().plan(Instant::ZERO + Duration::from_millis(after_ms), host_fault);
     (bench.bring_up().map_err(|error| error.to_string()), wire)
 }
 
@@ -263,7 +264,7 @@ fn hazard_26_a_bus_of_another_master_is_not_booted() {
 #[test]
 fn hazard_25_after_a_short_gap_what_waited_is_drained_and_answers_no_sync() {
     for phase in PHASES {
-        let stopped = Mishap::Stopped(Duration::from_micros(2_800));
+        let stopped = HostFault::Stopped(Duration::from_micros(2_800));
         let run = Run::with(&[(phase, stopped)]).cycles(20);
         assert_eq!(run.end(), (None, Mode::Engaged), "{phase}");
         let gap = run.records.windows(2).map(|pair| micros(pair[0].at, pair[1].at)).max().unwrap();
@@ -276,7 +277,7 @@ fn hazard_25_after_a_short_gap_what_waited_is_drained_and_answers_no_sync() {
 #[test]
 fn hazard_25_samples_that_waited_too_long_are_missing() {
     // The process stands still while the drives answer.
-    let stopped = Mishap::Stopped(Duration::from_micros(2_800));
+    let stopped = HostFault::Stopped(Duration::from_micros(2_800));
     let run = Run::with(&[(100, stopped)]).cycles(3);
     assert_eq!(run.records[0].sampled, [false; 6]);
     assert_eq!(run.records[1].sampled, [true; 6]);
@@ -286,7 +287,7 @@ fn hazard_25_samples_that_waited_too_long_are_missing() {
 fn hazard_28_after_a_stop_the_first_torque_is_zero_and_no_sync_is_made_up_for() {
     for phase in PHASES {
         let stop = Duration::from_millis(50);
-        let run = Run::with(&[(phase, Mishap::Stopped(stop))]).cycles(30);
+        let run = Run::with(&[(phase, HostFault::Stopped(stop))]).cycles(30);
         let resumed = run.onset + stop;
         assert_eq!(run.end(), (Some(Kind::Overrun), Mode::ZeroTorque), "{phase}");
         let first = run.records.iter().position(|record| record.mode.is_stopped()).unwrap();
@@ -305,19 +306,20 @@ fn hazard_28_after_a_stop_the_first_torque_is_zero_and_no_sync_is_made_up_for() 
 
 #[test]
 fn hazard_29_a_loop_that_is_late_again_and_again_is_stopped() {
-    let mishaps: Vec<_> =
-        (0..10).map(|n| (n * 2_000 + 700, Mishap::Stopped(Duration::from_micros(1_000)))).collect();
-    let run = Run::with(&mishaps).cycles(40);
+    let host_faults: Vec<_> = (0..10)
+        .map(|n| (n * 2_000 + 700, HostFault::Stopped(Duration::from_micros(1_000))))
+        .collect();
+    let run = Run::with(&host_faults).cycles(40);
     assert_eq!(run.end(), (Some(Kind::Late), Mode::ZeroTorque));
     assert!(run.told() <= 7_000, "{} µs: three late wake-ups in a row", run.told());
-    let once = Run::with(&mishaps[..2]).cycles(40);
+    let once = Run::with(&host_faults[..2]).cycles(40);
     assert_eq!(once.end(), (None, Mode::Engaged));
 }
 
 #[test]
 fn hazard_31_a_host_that_was_suspended_switches_the_drives_off() {
     for phase in PHASES {
-        let slept = Mishap::Suspended(Duration::from_millis(40));
+        let slept = HostFault::Suspended(Duration::from_millis(40));
         let run = Run::with(&[(phase, slept)]).cycles(10);
         assert_eq!(run.end(), (Some(Kind::Suspended), Mode::DrivesOff), "{phase}");
     }
@@ -326,7 +328,7 @@ fn hazard_31_a_host_that_was_suspended_switches_the_drives_off() {
 #[test]
 fn hazard_31_the_clock_on_the_wall_may_be_set_at_any_moment() {
     let steps = [0, 3_000_000, 2_000_000_000].map(Duration::from_secs);
-    let set: Vec<_> = (250..).step_by(7_000).zip(steps.map(Mishap::ClockSet)).collect();
+    let set: Vec<_> = (250..).step_by(7_000).zip(steps.map(HostFault::ClockSet)).collect();
     let (set, plain) = (Run::with(&set).cycles(40), Run::with(&[]).cycles(40));
     assert_eq!(set.end(), (None, Mode::Engaged));
     for (set, plain) in set.records.iter().zip(&plain.records) {

@@ -13,7 +13,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use crate::common::bench::config;
-use bus::Mishap;
+use bus::HostFault;
 use bus::Tap;
 use canopen::frame::Frame;
 use canopen::frame::Telegram;
@@ -79,7 +79,7 @@ impl Run {
         let from = last.at + config.period - Duration::from_micros(10);
         for (cycle, after, tenths) in stops {
             let at = from + config.period * *cycle;
-            bench.bus_mut().plan(at, Mishap::StoppedAfter(*after, config.period / 10 * *tenths));
+            bench.bus_mut().plan(at, HostFault::StoppedAfter(*after, config.period / 10 * *tenths));
         }
         Self { bench, given, period: config.period, from, records: vec![last] }
     }

@@ -11,8 +11,8 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use bus::Bus;
+use bus::BusEvent;
 use bus::BusFault;
-use bus::Heard;
 use bus::SendError;
 use canopen::frame::Channel;
 use canopen::frame::Frame;
@@ -151,12 +151,14 @@ impl<B: Bus> Session<B> {
             return Ok(None);
         };
         self.latest = self.latest.max(received.at);
-        match received.heard {
-            Heard::Frame(frame) if received.channel == self.channel => Ok(Some(frame)),
-            Heard::Frame(_) => Ok(None),
-            Heard::Fault(BusFault::Down) => Err(SessionError::Down),
-            Heard::Fault(BusFault::Off) => Err(SessionError::BusOff),
-            Heard::Fault(fault @ (BusFault::Warning | BusFault::Overrun | BusFault::Passive)) => {
+        match received.event {
+            BusEvent::Frame(frame) if received.channel == self.channel => Ok(Some(frame)),
+            BusEvent::Frame(_) => Ok(None),
+            BusEvent::Fault(BusFault::Down) => Err(SessionError::Down),
+            BusEvent::Fault(BusFault::Off) => Err(SessionError::BusOff),
+            BusEvent::Fault(
+                fault @ (BusFault::Warning | BusFault::Overrun | BusFault::Passive),
+            ) => {
                 tracing::warn!("{}", words(fault));
                 Ok(None)
             }
@@ -243,8 +245,8 @@ mod tests {
 
         fn receive(&mut self, until: Instant) -> Option<Received> {
             self.now = self.now.max(until);
-            let heard = Heard::Fault(self.fault.take()?);
-            Some(Received { at: self.now, channel: Channel(0), heard })
+            let event = BusEvent::Fault(self.fault.take()?);
+            Some(Received { at: self.now, channel: Channel(0), event })
         }
     }
 

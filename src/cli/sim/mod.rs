@@ -56,7 +56,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     let inquiries = runtime.block_on(async { Inquiries::heard() });
     let inquiries = inquiries.context("no signals").or_fail(Kind::Bus)?;
     let bus = SocketCan::open(&names).and_then(SocketCan::with_remote_frames);
-    let bus = bus.and_then(SocketCan::hearing_itself);
+    let bus = bus.and_then(SocketCan::with_own_frames);
     let mut bus = bus.or_fail(Kind::Bus)?;
     time_line::start(bus.clock());
     tracing::info!("time counts from {}", Origin::from_micros(bus.epoch_micros()));

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::campaign::situation::Situation;
 use crate::world;
-use bus::Mishap;
+use bus::HostFault;
 use config::Config;
 use units::numbering::Joint;
 
@@ -14,7 +14,7 @@ pub struct Injection {
     /// Entries of a script, all of them at or after the onset.
     pub entries: String,
     /// Faults of buses and process, and their delays after the onset.
-    pub mishaps: Vec<(Duration, Mishap)>,
+    pub host_faults: Vec<(Duration, HostFault)>,
     /// The commanded side senses this from the onset on, in N.
     pub senses: Option<f64>,
     /// The onset is when the grip is faster than this, in m/s.
@@ -100,7 +100,7 @@ impl Injection {
     pub(super) fn scripted(entries: String, expectation: Expectation) -> Self {
         Self {
             entries,
-            mishaps: Vec::new(),
+            host_faults: Vec::new(),
             senses: None,
             onset_speed: None,
             expectation,
@@ -109,10 +109,13 @@ impl Injection {
     }
 
     /// Faults of buses or process.
-    pub(super) fn mishaps(mishaps: Vec<(Duration, Mishap)>, expectation: Expectation) -> Self {
+    pub(super) fn host_faults(
+        host_faults: Vec<(Duration, HostFault)>,
+        expectation: Expectation,
+    ) -> Self {
         Self {
             entries: String::new(),
-            mishaps,
+            host_faults,
             senses: None,
             onset_speed: None,
             expectation,

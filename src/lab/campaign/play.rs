@@ -14,7 +14,7 @@ use crate::campaign::verdict::Seen;
 use crate::campaign::verdict::Verdict;
 use bus::BusFault;
 use bus::Disturbance;
-use bus::Mishap;
+use bus::HostFault;
 use canopen::drive::State;
 use config::Config;
 use node::BringUpError;
@@ -157,9 +157,9 @@ pub(super) fn play(
     bench.follow(scenario, case.seed);
     bench.tap_mut().forget();
     let mut onset = bench.begun() + case.onset;
-    for (after, mishap) in &case.injection.mishaps {
-        bench.bus_mut().plan(onset + *after, *mishap);
-        excuse(config.period, onset + *after, *mishap)
+    for (after, host_fault) in &case.injection.host_faults {
+        bench.bus_mut().plan(onset + *after, *host_fault);
+        excuse(config.period, onset + *after, *host_fault)
             .into_iter()
             .for_each(|excuse| bench.tap_mut().excuse(excuse));
     }
@@ -194,17 +194,20 @@ pub(super) fn play(
     Ok(Verdict::of(case, config.period, watch.finish(bench, onset)))
 }
 
-/// What a mishap makes nobody's fault.
-fn excuse(period: Duration, at: Instant, mishap: Mishap) -> Option<Excuse> {
-    match mishap {
-        Mishap::Bus(_, None | Some(Disturbance::Fault(BusFault::Warning | BusFault::Passive)))
-        | Mishap::ClockSet(_) => None,
-        Mishap::Bus(channel, Some(_)) => Some(Excuse::Bus(channel, at)),
-        Mishap::Stopped(span) | Mishap::Suspended(span) => {
+/// What a host_fault makes nobody's fault.
+fn excuse(period: Duration, at: Instant, host_fault: HostFault) -> Option<Excuse> {
+    match host_fault {
+        HostFault::Bus(
+            _,
+            None | Some(Disturbance::Fault(BusFault::Warning | BusFault::Passive)),
+        )
+        | HostFault::ClockSet(_) => None,
+        HostFault::Bus(channel, Some(_)) => Some(Excuse::Bus(channel, at)),
+        HostFault::Stopped(span) | HostFault::Suspended(span) => {
             Some(Excuse::Process(at, at + span + period * 2))
         }
         // The frame comes within a period.
-        Mishap::StoppedAfter(_, span) => Some(Excuse::Process(at, at + span + period * 3)),
+        HostFault::StoppedAfter(_, span) => Some(Excuse::Process(at, at + span + period * 3)),
     }
 }
 

@@ -12,7 +12,7 @@ use crate::campaign::kind::NO_CAUSE;
 use crate::campaign::kind::kind;
 use bus::BusFault;
 use bus::Disturbance;
-use bus::Mishap;
+use bus::HostFault;
 use canopen::frame::Channel;
 use canopen::frame::Frame;
 use canopen::layout::Direction;
@@ -106,7 +106,7 @@ fn disturbed(
     expectation: Expectation,
 ) -> Injection {
     let channel = bus(draw, at);
-    Injection::mishaps(vec![(Duration::ZERO, Mishap::Bus(channel, Some(how)))], expectation)
+    Injection::host_faults(vec![(Duration::ZERO, HostFault::Bus(channel, Some(how)))], expectation)
 }
 
 /// Too short for drives to notice. What waits in the adapter nobody can take back, so it acts at the SYNC that
@@ -118,11 +118,11 @@ const MOMENT: Expectation =
 fn stalled(draw: &mut Draw, at: &Place<'_>, least: u64, expectation: Expectation) -> Injection {
     let channel = bus(draw, at);
     let span = Duration::from_micros(least + draw.below(least.saturating_mul(4).max(10_000)));
-    let mishaps = vec![
-        (Duration::ZERO, Mishap::Bus(channel, Some(Disturbance::Stalled))),
-        (span, Mishap::Bus(channel, None)),
+    let host_faults = vec![
+        (Duration::ZERO, HostFault::Bus(channel, Some(Disturbance::Stalled))),
+        (span, HostFault::Bus(channel, None)),
     ];
-    Injection::mishaps(mishaps, expectation)
+    Injection::host_faults(host_faults, expectation)
 }
 
 /// With an identifier that wins against everything of the cycle.
@@ -224,8 +224,8 @@ const fn is_used(cob_id: u64) -> bool {
 /// So long that it is as good as for ever.
 fn killed(_: &mut Draw, at: &Place<'_>) -> Injection {
     let timer = Duration::from_millis(u64::from(at.config.safety.rpdo_timer_ms) + 1);
-    let mishap = Mishap::Stopped(Duration::from_millis(300));
-    Injection::mishaps(vec![(Duration::ZERO, mishap)], Expectation::Release(timer))
+    let host_fault = HostFault::Stopped(Duration::from_millis(300));
+    Injection::host_faults(vec![(Duration::ZERO, host_fault)], Expectation::Release(timer))
         .watched_for(Duration::from_millis(350))
 }
 
@@ -244,7 +244,7 @@ fn stopped(draw: &mut Draw, at: &Place<'_>, [least, most]: [u32; 2]) -> Injectio
     let more = u64::try_from(at.cycles(most - least).as_micros()).unwrap_or(0);
     let span = at.cycles(least) + Duration::from_micros(draw.below(more));
     let expectation = Expectation::Stop(span + at.cycles(2));
-    Injection::mishaps(vec![(Duration::ZERO, Mishap::Stopped(span))], expectation)
+    Injection::host_faults(vec![(Duration::ZERO, HostFault::Stopped(span))], expectation)
         .watched_for(span + Duration::from_millis(150))
 }
 
@@ -252,7 +252,7 @@ fn stopped(draw: &mut Draw, at: &Place<'_>, [least, most]: [u32; 2]) -> Injectio
 fn one_cycle_late(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let micros = u64::try_from(at.config.period.as_micros()).unwrap_or(1_000);
     let span = Duration::from_micros(1 + draw.below(micros));
-    Injection::mishaps(vec![(Duration::ZERO, Mishap::Stopped(span))], Expectation::GoOn)
+    Injection::host_faults(vec![(Duration::ZERO, HostFault::Stopped(span))], Expectation::GoOn)
 }
 
 /// After any frame of a cycle that is sent or read: torques that are late then are dropped (I5).
@@ -266,20 +266,20 @@ fn stall_within_cycle(draw: &mut Draw, at: &Place<'_>) -> Injection {
         [sync::COB_ID].into_iter().chain(of_every_sync.map(|pdo| pdo.cob_id)).collect();
     let after = draw.among(&frames).copied().unwrap_or(sync::COB_ID);
     let periods = draw.within(0.3, 3.9);
-    let mishap = Mishap::StoppedAfter(after, at.config.period.mul_f64(periods));
+    let host_fault = HostFault::StoppedAfter(after, at.config.period.mul_f64(periods));
     let why = "the drives' RPDO timers may run out before the next torque";
     let expectation = if periods < 1.2 { Expectation::GoOn } else { Expectation::Either(why) };
-    Injection::mishaps(vec![(Duration::ZERO, mishap)], expectation)
+    Injection::host_faults(vec![(Duration::ZERO, host_fault)], expectation)
 }
 
 fn clock_set(draw: &mut Draw, _: &Place<'_>) -> Injection {
     let wall = Duration::from_secs(draw.below(4_000_000_000));
-    Injection::mishaps(vec![(Duration::ZERO, Mishap::ClockSet(wall))], Expectation::GoOn)
+    Injection::host_faults(vec![(Duration::ZERO, HostFault::ClockSet(wall))], Expectation::GoOn)
 }
 
 fn suspended(draw: &mut Draw, at: &Place<'_>) -> Injection {
     let span = Duration::from_millis(50 + draw.below(200));
     let expectation = Expectation::Stop(span + at.cycles(2));
-    Injection::mishaps(vec![(Duration::ZERO, Mishap::Suspended(span))], expectation)
+    Injection::host_faults(vec![(Duration::ZERO, HostFault::Suspended(span))], expectation)
         .watched_for(span + Duration::from_millis(150))
 }

@@ -1,29 +1,27 @@
-//! Why an SDO transfer was aborted: the codes of CiA 301, 7.2.4.3.17, by name.
-//!
-//! Only the codes. Who aborted, and over which object, is said by [`sdo`](crate::sdo).
+//! SDO abort codes (CiA 301, 7.2.4.3.17), by name.
 
 use std::fmt;
 
-/// The 32-bit reason an SDO abort carries. Devices send codes of their own, so any number is one.
+/// 32-bit reason in an SDO abort. Devices use codes of their own, so any value is possible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct AbortCode(pub u32);
 
-/// One line for each code: its name here, its number, its words.
+/// Defines each code by its name, number and text.
 macro_rules! codes {
-    ($($name:ident = $number:literal, $words:literal;)*) => {
+    ($($name:ident = $number:literal, $text:literal;)*) => {
         impl AbortCode {
-            $(#[doc = concat!("`", stringify!($number), "`: ", $words, ".")]
+            $(#[doc = concat!("`", stringify!($number), "`: ", $text, ".")]
             pub const $name: Self = Self($number);)*
 
-            /// What the code says, `None` for one that CiA 301 does not know.
-            pub const fn words(self) -> Option<&'static str> {
+            /// Text of the code; `None` for a code that CiA 301 does not define.
+            pub const fn description(self) -> Option<&'static str> {
                 match self {
-                    $(Self::$name => Some($words),)*
+                    $(Self::$name => Some($text),)*
                     Self(_) => None,
                 }
             }
 
-            /// Every code CiA 301 knows.
+            /// All codes of CiA 301.
             pub const ALL: &'static [Self] = &[$(Self::$name),*];
         }
     };
@@ -63,10 +61,10 @@ codes! {
     NO_DATA = 0x0800_0024, "no data available";
 }
 
-/// The number as the standard prints it, then its words: `06090011h sub-index does not exist`.
+/// The number as the standard prints it, then its text: `06090011h sub-index does not exist`
 impl fmt::Display for AbortCode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:08X}h {}", self.0, self.words().unwrap_or("unknown reason"))
+        write!(f, "{:08X}h {}", self.0, self.description().unwrap_or("unknown reason"))
     }
 }
 
@@ -75,13 +73,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_code_is_read_as_the_standard_prints_it() {
+    fn code_reads_as_the_standard_prints_it() {
         assert_eq!(AbortCode::NO_SUB_INDEX.to_string(), "06090011h sub-index does not exist");
         assert_eq!(AbortCode(0x0800_FFFF).to_string(), "0800FFFFh unknown reason");
     }
 
     #[test]
-    fn the_codes_are_those_of_the_standard_in_its_order() {
+    fn codes_are_those_of_the_standard_in_its_order() {
         assert_eq!(AbortCode::ALL.len(), 31);
         assert!(AbortCode::ALL.windows(2).all(|pair| pair[0] < pair[1]));
     }

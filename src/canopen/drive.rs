@@ -1,39 +1,39 @@
-//! The power state machine of a drive (CiA 402-2, 6.1): statusword in, controlword out.
+//! Power state machine of a drive (CiA 402-2, 6.1): statusword in, controlword out.
 //!
-//! Decides nothing: a [`Goal`] is given, and a fault is reset only when asked for. What the drive
-//! does once enabled (its mode, its target) is not here.
+//! The [`Goal`] comes from the caller, and a fault is reset only on request. Mode and target values of the
+//! enabled drive are not handled here.
 
 use std::fmt;
 
-/// The mode in which 6071h, target torque, is taken at every SYNC (6060h).
+/// Mode (6060h) in which the target torque (6071h) acts at every SYNC.
 pub const CYCLIC_SYNCHRONOUS_TORQUE: i8 = 10;
 
-/// What a drive says of itself (6041h).
+/// Statusword (6041h).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Statusword(pub u16);
 
 impl Statusword {
-    /// Bit 2: target values are acted upon.
+    /// Bit 2: target values act.
     pub const OPERATION_ENABLED: u16 = 1 << 2;
-    /// Bit 3: a fault is there.
+    /// Bit 3: a fault is present.
     pub const FAULT: u16 = 1 << 3;
-    /// Bit 4: the power stage has its voltage.
+    /// Bit 4: high voltage is applied to the power stage.
     pub const VOLTAGE_ENABLED: u16 = 1 << 4;
-    /// Bit 7: a warning is there; the state is as it was.
+    /// Bit 7: a warning is present; the state is unchanged.
     pub const WARNING: u16 = 1 << 7;
-    /// Bit 9: controlwords are acted upon.
+    /// Bit 9: controlwords act.
     pub const REMOTE: u16 = 1 << 9;
     /// Bit 11: a limit inside the drive is active, such as 6072h.
     pub const INTERNAL_LIMIT: u16 = 1 << 11;
-    /// Bit 12 in cyclic modes: the target is followed.
+    /// Bit 12 in cyclic modes: the drive follows the target.
     pub const TARGET_FOLLOWED: u16 = 1 << 12;
 
-    /// Whether every one of `bits` is set.
+    /// Returns whether all of `bits` are set.
     pub const fn has(self, bits: u16) -> bool {
         self.0 & bits == bits
     }
 
-    /// The state, `None` for a pattern CiA 402 does not know.
+    /// Decodes the state; `None` for a pattern that CiA 402 does not define.
     pub const fn state(self) -> Option<State> {
         match (self.0 & 0x4F, self.0 & 0x6F) {
             (0x00, _) => Some(State::NotReadyToSwitchOn),
@@ -49,30 +49,30 @@ impl Statusword {
     }
 }
 
-/// The states of the power stage.
+/// States of the power state machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum State {
     /// Initialising.
     NotReadyToSwitchOn,
-    /// Ready for parameters, no voltage.
+    /// No voltage; parameters may be set.
     SwitchOnDisabled,
     /// Voltage may be applied.
     ReadyToSwitchOn,
     /// Voltage is applied, no torque.
     SwitchedOn,
-    /// Target values are acted upon.
+    /// Target values act.
     OperationEnabled,
-    /// Stopping by itself.
+    /// Quick stop in progress.
     QuickStopActive,
-    /// Stopping because of a fault.
+    /// Fault reaction in progress.
     FaultReactionActive,
-    /// Stopped because of a fault.
+    /// Stopped after a fault.
     Fault,
 }
 
 impl State {
-    /// What CiA 402 calls it.
-    pub const fn words(self) -> &'static str {
+    /// Name in CiA 402.
+    pub const fn description(self) -> &'static str {
         match self {
             Self::NotReadyToSwitchOn => "not ready to switch on",
             Self::SwitchOnDisabled => "switch on disabled",
@@ -86,49 +86,49 @@ impl State {
     }
 }
 
-/// As CiA 402 calls it.
+/// Name in CiA 402.
 impl fmt::Display for State {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.words())
+        f.pad(self.description())
     }
 }
 
-/// What a drive is told to do (6040h).
+/// Controlword (6040h).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Controlword(pub u16);
 
 impl Controlword {
-    /// Power off, whatever the state: transitions 7, 9, 10, 12.
+    /// Disables voltage in any state: transitions 7, 9, 10, 12.
     pub const DISABLE_VOLTAGE: Self = Self(0x0000);
-    /// Stop as 605Ah says: transition 11.
+    /// Quick stop as 605Ah defines it: transition 11.
     pub const QUICK_STOP: Self = Self(0x0002);
-    /// To ready to switch on: transitions 2, 6, 8.
+    /// Enters ready to switch on: transitions 2, 6, 8.
     pub const SHUTDOWN: Self = Self(0x0006);
-    /// To switched on: transitions 3, 5.
+    /// Enters switched on: transitions 3, 5.
     pub const SWITCH_ON: Self = Self(0x0007);
-    /// To operation enabled: transition 4.
+    /// Enters operation enabled: transition 4.
     pub const ENABLE_OPERATION: Self = Self(0x000F);
-    /// Out of fault, by the rising edge of bit 7: transition 15.
+    /// Resets a fault by the rising edge of bit 7: transition 15.
     pub const FAULT_RESET: Self = Self(0x0080);
 
-    /// Returns whether it leads to operation enabled, or leaves a drive there (bits 0 to 3).
+    /// Returns whether the word enters or keeps operation enabled (bits 0 to 3).
     pub const fn enables(self) -> bool {
         self.0 & 0x000F == 0x000F
     }
 }
 
-/// Where a drive is to be led.
+/// Target state of a drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Goal {
-    /// Power stage off.
+    /// Power stage disabled.
     #[default]
     VoltageDisabled,
-    /// Target values acted upon.
+    /// Operation enabled.
     OperationEnabled,
 }
 
 impl Goal {
-    /// Whether a drive in `state` is there.
+    /// Returns whether a drive in `state` has reached the goal.
     pub const fn is_reached(self, state: Option<State>) -> bool {
         let Some(state) = state else { return false };
         match self {
@@ -140,7 +140,7 @@ impl Goal {
     }
 }
 
-/// The controlword for the next transition towards `goal`; no transition leads out of a fault here.
+/// Returns the controlword of the next transition towards `goal`. It never resets a fault.
 pub const fn next_controlword(state: Option<State>, goal: Goal) -> Controlword {
     let Some(state) = state else { return Controlword::DISABLE_VOLTAGE };
     match (goal, state) {
@@ -160,40 +160,42 @@ pub const fn next_controlword(state: Option<State>, goal: Goal) -> Controlword {
     }
 }
 
-/// Leads one drive, and resets a fault once for each time it is asked to.
+/// Controlwords of one drive; one fault reset per request.
 #[derive(Clone, Debug, Default)]
 pub struct PowerStage {
     reset: Reset,
     last: Option<Controlword>,
 }
 
-/// A fault reset is an edge, so it takes a controlword without bit 7 before the one with it.
+/// Progress of a fault reset. It is an edge: a controlword without bit 7 comes before the one with it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Reset {
     #[default]
     Idle,
-    Asked,
+    Requested,
     Raised,
 }
 
 impl PowerStage {
-    /// Asks for one fault reset. Without a fault there is nothing to reset, and the request lapses.
+    /// Requests one fault reset. The request lapses if there is no fault.
     pub const fn reset_fault(&mut self) {
-        self.reset = Reset::Asked;
+        self.reset = Reset::Requested;
     }
 
-    /// The controlword to send now, to a drive last heard in `state`.
+    /// Returns the controlword to send to a drive whose last reported state is `state`.
     pub fn controlword(&mut self, state: Option<State>, goal: Goal) -> Controlword {
         let bit_was_low = self.last.is_some_and(|last| last.0 & Controlword::FAULT_RESET.0 == 0);
         self.reset = match (self.reset, state) {
-            (Reset::Asked, Some(State::Fault)) if bit_was_low => Reset::Raised,
-            (Reset::Asked, Some(State::Fault | State::FaultReactionActive) | None) => Reset::Asked,
+            (Reset::Requested, Some(State::Fault)) if bit_was_low => Reset::Raised,
+            (Reset::Requested, Some(State::Fault | State::FaultReactionActive) | None) => {
+                Reset::Requested
+            }
             (Reset::Raised, Some(State::Fault)) => Reset::Raised,
-            (Reset::Idle | Reset::Asked | Reset::Raised, _) => Reset::Idle,
+            (Reset::Idle | Reset::Requested | Reset::Raised, _) => Reset::Idle,
         };
         let controlword = match self.reset {
             Reset::Raised => Controlword::FAULT_RESET,
-            Reset::Idle | Reset::Asked => next_controlword(state, goal),
+            Reset::Idle | Reset::Requested => next_controlword(state, goal),
         };
         self.last = Some(controlword);
         controlword
@@ -206,7 +208,7 @@ mod tests {
 
     use super::*;
 
-    /// What a drive in `state` makes of a controlword.
+    /// Returns the state of a drive after a controlword.
     fn follow(state: State, word: Controlword, rose: bool) -> State {
         match (state, word) {
             (State::Fault, _) if rose => State::SwitchOnDisabled,
@@ -243,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn every_drive_without_a_fault_can_be_enabled_and_disabled() {
+    fn drive_without_a_fault_can_be_enabled_and_disabled() {
         for (_, start) in STATES {
             let mut stage = PowerStage::default();
             let mut state = start;
@@ -259,12 +261,12 @@ mod tests {
     }
 
     #[test]
-    fn a_drive_of_unknown_state_is_powered_off() {
+    fn drive_in_unknown_state_is_disabled() {
         assert_eq!(next_controlword(None, Goal::OperationEnabled), Controlword::DISABLE_VOLTAGE);
     }
 
     #[test]
-    fn a_reset_without_a_fault_does_not_wait_for_one() {
+    fn reset_request_without_a_fault_lapses() {
         let mut stage = PowerStage::default();
         stage.reset_fault();
         stage.controlword(Some(State::SwitchOnDisabled), Goal::OperationEnabled);
@@ -276,13 +278,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_reset_bit_rises_at_most_once_for_each_request(
+        fn reset_bit_rises_at_most_once_per_request(
             steps in proptest::collection::vec((0_usize..9, prop::bool::weighted(0.1), any::<bool>()), 0..200),
         ) {
             let mut stage = PowerStage::default();
             let (mut requests, mut edges, mut high) = (0, 0, true);
-            for (state, asked, enable) in steps {
-                if asked {
+            for (state, requested, enable) in steps {
+                if requested {
                     stage.reset_fault();
                     requests += 1;
                 }
@@ -298,7 +300,7 @@ mod tests {
         }
     }
 
-    /// The words CiA 402 has a transition for in each state, when the drive is to be enabled.
+    /// Controlwords with a transition in each state of CiA 402, while the drive is being enabled.
     const fn is_legal(state: Option<State>, word: Controlword) -> bool {
         match word {
             Controlword::DISABLE_VOLTAGE => true,
@@ -314,34 +316,31 @@ mod tests {
 
     proptest! {
         #[test]
-        fn property_11_whatever_statuswords_come_only_legal_transitions_are_asked_for(
+        fn property_11_any_statuswords_lead_to_legal_transitions_only(
             steps in prop::collection::vec((any::<u16>(), any::<bool>(), any::<bool>()), 0..100),
         ) {
             let mut stage = PowerStage::default();
-            for (word, asked, enable) in steps {
-                if asked {
+            for (word, requested, enable) in steps {
+                if requested {
                     stage.reset_fault();
                 }
                 let state = Statusword(word).state();
                 let goal = if enable { Goal::OperationEnabled } else { Goal::VoltageDisabled };
-                let told = stage.controlword(state, goal);
-                prop_assert!(is_legal(state, told), "{told:?} in {state:?}");
-                prop_assert!(enable || told.0 & 0x0F == 0, "nothing is enabled that is to be off");
+                let sent = stage.controlword(state, goal);
+                prop_assert!(is_legal(state, sent), "{sent:?} in {state:?}");
+                prop_assert!(enable || sent.0 & 0x0F == 0, "no enable while voltage is to be disabled");
             }
         }
     }
 
     #[test]
-    fn a_fault_goes_away_by_one_edge_after_a_low_bit() {
+    fn fault_reset_is_one_edge_after_a_low_bit() {
         let mut stage = PowerStage::default();
         stage.reset_fault();
         let words: Vec<_> =
             (0..4).map(|_| stage.controlword(Some(State::Fault), Goal::OperationEnabled)).collect();
         assert_eq!(words[0], Controlword::DISABLE_VOLTAGE, "an edge needs a low bit first");
-        assert!(
-            words[1..].iter().all(|word| *word == Controlword::FAULT_RESET),
-            "held, not pulsed"
-        );
+        assert!(words[1..].iter().all(|word| *word == Controlword::FAULT_RESET), "the bit is held");
         let state = follow(State::Fault, words[1], true);
         let word = stage.controlword(Some(state), Goal::OperationEnabled);
         assert_eq!(word, Controlword::SHUTDOWN);

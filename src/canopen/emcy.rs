@@ -1,13 +1,12 @@
-//! Emergencies (CiA 301, 7.2.7), in words.
+//! Emergency messages (EMCY, CiA 301, 7.2.7) and their text.
 //!
-//! Only reads them. What a drive does after one is its own business, what the node does is
-//! `node::safety`'s.
+//! `node::safety` decides the reaction of the node.
 //!
 //! | byte | meaning                              |
 //! |------|--------------------------------------|
 //! | 0–1  | error code                           |
 //! | 2    | error register (1001h)               |
-//! | 3–7  | the manufacturer's own               |
+//! | 3–7  | manufacturer-specific                 |
 
 use std::fmt;
 
@@ -17,29 +16,29 @@ use canopen_rs::emcy::emcy_cob_id;
 
 use crate::error_codes;
 
-/// The COB-ID of the predefined connection set, 80h + node-id.
+/// COB-ID of the predefined connection set, 80h + node-id.
 pub const fn default_cob_id(node: NodeId) -> u16 {
     emcy_cob_id(node)
 }
 
-/// A COB-ID behind those of all PDOs, 680h + node-id; `None` where that is restricted (CiA 301, 7.3.5).
+/// COB-ID behind those of all PDOs, 680h + node-id; `None` where that is restricted (CiA 301, 7.3.5).
 pub fn low_cob_id(node: NodeId) -> Option<u16> {
     (node.raw() < 0x60).then(|| 0x680 + u16::from(node.raw()))
 }
 
-/// What a node reports to be wrong with it.
+/// Content of an EMCY message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Emergency {
-    /// The error code; 0000h says that an error is gone.
+    /// Error code; 0000h is an error reset.
     pub code: u16,
-    /// The error register (1001h): the classes of all errors there are now.
+    /// Error register (1001h): classes of all present errors.
     pub register: u8,
-    /// Five bytes only the manufacturer can read.
+    /// Manufacturer-specific bytes.
     pub manufacturer: [u8; 5],
 }
 
 impl Emergency {
-    /// Reads the eight bytes, `None` if there are not eight.
+    /// Decodes the eight bytes; `None` for another length.
     pub fn decode(data: &[u8]) -> Option<Self> {
         let message = EmergencyMessage::decode(data).ok()?;
         Some(Self {
@@ -49,25 +48,25 @@ impl Emergency {
         })
     }
 
-    /// Whether this says that an error is gone, rather than there.
+    /// Returns whether the message is an error reset.
     pub const fn is_reset(&self) -> bool {
         self.code == 0
     }
 
-    /// What the code says, by its class where it is not known itself.
-    pub fn words(&self) -> &'static str {
-        error_codes::words(self.code)
+    /// Text of the error code, or of its class where the code itself is unknown.
+    pub fn description(&self) -> &'static str {
+        error_codes::description(self.code)
     }
 }
 
-/// `3210h DC link over-voltage (voltage) 01 00 00 00 00`: the code, the classes in the error register,
-/// the manufacturer's bytes. What is all zeros is left out.
+/// `3210h DC link over-voltage (voltage) 01 00 00 00 00`: code, classes in the error register, manufacturer's
+/// bytes. Zero fields are omitted.
 impl fmt::Display for Emergency {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:04X}h {}", self.code, self.words())?;
+        write!(f, "{:04X}h {}", self.code, self.description())?;
         for (place, class) in error_codes::classes(self.register).enumerate() {
-            let lead = if place == 0 { " (" } else { ", " };
-            write!(f, "{lead}{class}")?;
+            let separator = if place == 0 { " (" } else { ", " };
+            write!(f, "{separator}{class}")?;
         }
         if self.register != 0 {
             f.write_str(")")?;
@@ -92,14 +91,14 @@ mod tests {
     }
 
     #[test]
-    fn an_error_reset_says_so() {
+    fn error_reset_reads_as_such() {
         let reset = Emergency::decode(&[0; 8]).unwrap();
         assert!(reset.is_reset());
         assert_eq!(reset.to_string(), "0000h error reset");
     }
 
     #[test]
-    fn other_lengths_are_no_emergency() {
+    fn other_lengths_are_invalid() {
         for length in (0..8).chain(9..12) {
             assert_eq!(Emergency::decode(&vec![0; length]), None);
         }

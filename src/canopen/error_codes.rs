@@ -1,31 +1,30 @@
-//! Error codes of emergencies (CiA 301, 7.2.7.1; those of drives after CiA 402) and the bits of the error
-//! register (1001h), in words.
+//! Error codes of emergencies (CiA 301, 7.2.7.1; for drives CiA 402) and bits of the error register (1001h),
+//! with their text.
 //!
-//! A table and two look-ups, nothing else. The same codes stand in 603Fh and in the history (1003h).
+//! The same codes appear in 603Fh and in the error history (1003h).
 
-/// The motor has had too much current for too long.
+/// Continuous over-current of the motor.
 pub const OVER_CURRENT: u16 = 0x2310;
-/// The DC link has more than the drive bears.
+/// Over-voltage of the DC link.
 pub const OVER_VOLTAGE: u16 = 0x3210;
-/// The DC link has less than the drive needs.
+/// Under-voltage of the DC link.
 pub const UNDER_VOLTAGE: u16 = 0x3220;
-/// The drive is too hot.
+/// Over-temperature of the drive.
 pub const OVER_TEMPERATURE: u16 = 0x4310;
-/// The motor is faster than 6080h lets it be.
+/// Motor speed above its maximum (6080h).
 pub const OVER_SPEED: u16 = 0x7310;
-/// Life guard or heartbeat error: whom it waits for is silent.
+/// Life guard or heartbeat error: the monitored node is lost.
 pub const MASTER_LOST: u16 = 0x8130;
-/// The device was off its bus, and is back.
+/// Recovered from bus-off.
 pub const RECOVERED_FROM_BUS_OFF: u16 = 0x8140;
-/// An RPDO has not come in its time.
+/// RPDO event timer expired.
 pub const RPDO_TIMEOUT: u16 = 0x8250;
-/// The motor is too far from where it should be.
+/// Following error.
 pub const FOLLOWING_ERROR: u16 = 0x8611;
-/// Safe torque off is asked for. CiA 402 has no code for it, but a class, control monitoring; makers choose
-/// from it, and this one is maxon's.
+/// Safe torque off requested. CiA 402 defines only its class, control monitoring; this is maxon's code.
 pub const SAFE_TORQUE_OFF: u16 = 0x8A88;
 
-/// Codes of every class of CiA 301 and 402, as drives may tell them.
+/// One code of every class of CiA 301 and 402, for tests.
 pub const OF_DRIVES: [u16; 12] = [
     0x1000, 0x2310, 0x2320, 0x3110, 0x3210, 0x4210, 0x4310, 0x5113, 0x6100, 0x7305, 0x8110, 0x8611,
 ];
@@ -35,29 +34,29 @@ pub const fn is_device_specific(code: u16) -> bool {
     code & 0xFF00 == 0xFF00
 }
 
-/// Whether it says that the device misses somebody, or something it should receive (81xxh, 82xxh).
+/// Returns whether the code reports a communication or protocol error (81xxh, 82xxh).
 pub const fn is_of_communication(code: u16) -> bool {
     matches!(code & 0xFF00, 0x8100 | 0x8200)
 }
 
-/// What an error code says, by its class where it is not known itself.
-pub fn words(code: u16) -> &'static str {
+/// Text of an error code, or of its class where the code itself is unknown.
+pub fn description(code: u16) -> &'static str {
     let known = |code: u16| CODES.iter().find(|(known, _)| *known == code);
     let class = [0xFFFF, 0xFFF0, 0xFF00, 0xF000].iter().find_map(|mask| known(code & mask));
-    class.map_or("unknown error", |(_, words)| *words)
+    class.map_or("unknown error", |(_, text)| *text)
 }
 
-/// Every code that has words of its own, with them.
+/// All codes with a text of their own.
 pub fn all() -> impl Iterator<Item = (u16, &'static str)> {
     CODES.iter().copied()
 }
 
-/// The classes of errors that an error register names, in the order of its bits.
+/// Error classes in an error register, in the order of its bits.
 pub fn classes(register: u8) -> impl Iterator<Item = &'static str> {
     REGISTER.into_iter().filter(move |(bit, _)| register & bit != 0).map(|(_, class)| class)
 }
 
-/// The bits of the error register (CiA 301, 7.5.2.2); the one that is reserved is named for it.
+/// Bits of the error register (CiA 301, 7.5.2.2), the reserved one included.
 const REGISTER: [(u8, &str); 8] = [
     (0x01, "generic"),
     (0x02, "current"),
@@ -277,8 +276,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_code_unknown_itself_is_named_by_its_class() {
-        for (code, words_of_it) in [
+    fn unknown_code_reads_as_its_class() {
+        for (code, text) in [
             (0x3210, "DC link over-voltage"),
             (0x5114, "supply U4"),
             (0x7305, "incremental sensor 1 fault"),
@@ -289,24 +288,24 @@ mod tests {
             (0xA000, "unknown error"),
             (0x0001, "error reset"),
         ] {
-            assert_eq!(words(code), words_of_it, "{code:04X}h");
+            assert_eq!(description(code), text, "{code:04X}h");
         }
     }
 
     #[test]
-    fn every_bit_of_the_register_has_a_word() {
+    fn every_register_bit_has_a_text() {
         assert_eq!(classes(0).count(), 0);
         assert_eq!(classes(0xFF).count(), 8);
         assert_eq!(classes(0x11).collect::<Vec<_>>(), ["generic", "communication"]);
     }
 
     #[test]
-    fn the_table_is_in_order_and_says_nothing_twice() {
+    fn table_is_sorted_without_duplicates() {
         assert!(CODES.windows(2).all(|pair| pair[0].0 < pair[1].0));
     }
 
     #[test]
-    fn every_class_of_the_standard_is_there() {
+    fn every_class_of_the_standard_is_present() {
         for class in (0x10..=0x90).step_by(0x10).chain([0xF0, 0xFF]) {
             assert!(CODES.iter().any(|(code, _)| *code == class << 8), "{class:02X}xxh");
         }

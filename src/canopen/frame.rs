@@ -1,18 +1,20 @@
-//! A classical CAN frame with an 11-bit identifier: the only kind CANopen uses (CiA 301, 4.2).
+//! Classical CAN frame with an 11-bit identifier, the only kind CANopen uses (CiA 301, 4.2).
 //!
-//! Error frames, 29-bit identifiers and CAN FD are sorted out by the bus and never become a [`Frame`].
-//! A remote frame is one that the node sends, to guard a node ([`guarding`](crate::guarding));
-//! it carries nothing, and a received one never reaches the node.
+//! The bus filters error frames, 29-bit identifiers and CAN FD frames; they never become a [`Frame`]. Remote
+//! frames are only sent, for [`guarding`](crate::guarding); the bus filters received ones.
 
 use std::fmt;
 
-/// The largest 11-bit identifier.
+/// Largest 11-bit identifier.
 pub const COB_ID_MAX: u16 = 0x7FF;
 
-/// One CAN frame: a data frame, unless made by [`remote`](Self::remote).
+/// Bits of a COB-ID that hold the function code (CiA 301, 7.3.5); the other seven hold the node-id.
+pub const FUNCTION_CODE: u16 = 0x780;
+
+/// CAN frame: a data frame, unless made by [`remote`](Self::remote).
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Frame {
-    /// The identifier: a COB-ID, 0 to 7FFh. Lower wins arbitration.
+    /// Identifier (COB-ID), 0 to 7FFh. The lower one wins arbitration.
     pub cob_id: u16,
     is_remote: bool,
     length: u8,
@@ -20,7 +22,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame of `N` ≤ 8 data bytes; more do not compile.
+    /// Returns a data frame of `N` ≤ 8 bytes; a larger `N` does not compile.
     pub fn new<const N: usize>(cob_id: u16, data: [u8; N]) -> Self {
         const { assert!(N <= 8, "a classical CAN frame has at most 8 data bytes") };
         debug_assert!(cob_id <= COB_ID_MAX, "COB-IDs here are constants or predefined sets");
@@ -37,14 +39,14 @@ impl Frame {
         Self { cob_id: cob_id & COB_ID_MAX, is_remote: false, length, bytes }
     }
 
-    /// A remote frame: asks whoever sends the data frame of this identifier to send it now. One of the
-    /// `length` bytes that are asked for, 8 at most.
+    /// Returns a remote frame, which requests the data frame with this identifier and `length` bytes (at
+    /// most 8).
     pub const fn remote(cob_id: u16, length: u8) -> Self {
         let length = if length > 8 { 8 } else { length };
         Self { cob_id: cob_id & COB_ID_MAX, is_remote: true, length, bytes: [0; 8] }
     }
 
-    /// A frame from outside: `None` if the identifier has more than 11 bits or the data more than 8 bytes.
+    /// Returns a frame with external content; `None` for more than 11 identifier bits or 8 data bytes.
     pub fn from_slice(cob_id: u16, data: &[u8]) -> Option<Self> {
         let length = u8::try_from(data.len()).ok().filter(|length| *length <= 8)?;
         if cob_id > COB_ID_MAX {
@@ -57,24 +59,24 @@ impl Frame {
         Some(Self { cob_id, is_remote: false, length, bytes })
     }
 
-    /// The data bytes, 0 to 8 of them; a remote frame has none.
+    /// Data bytes, 0 to 8; empty for a remote frame.
     pub fn data(&self) -> &[u8] {
         let length = if self.is_remote { 0 } else { self.length };
         self.bytes.get(..usize::from(length)).unwrap_or_default()
     }
 
-    /// Whether it asks for data rather than carrying some.
+    /// Returns whether this is a remote frame.
     pub const fn is_remote(&self) -> bool {
         self.is_remote
     }
 
-    /// The length it states, 0 to 8: of its data, or of the data it asks for.
+    /// Data length code, 0 to 8: of its data, or of the requested data.
     pub const fn length(&self) -> u8 {
         self.length
     }
 }
 
-/// As candump writes it: `181#3700E8030000`, and `701#R1` for a remote frame of one byte.
+/// Format of candump: `181#3700E8030000`, and `701#R1` for a remote frame of one byte.
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:03X}#", self.cob_id)?;
@@ -91,16 +93,16 @@ impl fmt::Debug for Frame {
     }
 }
 
-/// Which bus: its place in the configuration's list of buses.
+/// Bus, as its index in the configuration's list of buses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Channel(pub u8);
 
-/// A frame and the bus it is on.
+/// Frame with its bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Telegram {
-    /// The bus.
+    /// Bus.
     pub channel: Channel,
-    /// What is on it.
+    /// Frame.
     pub frame: Frame,
 }
 
@@ -109,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_frame_reads_as_candump_writes_it() {
+    fn frame_reads_as_candump_prints_it() {
         assert_eq!(Frame::new(0x80, []).to_string(), "080#");
         assert_eq!(Frame::new(0x601, [0x40, 0x18, 0x10, 0x01]).to_string(), "601#40181001");
         assert_eq!(Frame::remote(0x701, 1).to_string(), "701#R1");
@@ -117,14 +119,14 @@ mod tests {
     }
 
     #[test]
-    fn a_remote_frame_states_a_length_and_has_no_data() {
+    fn remote_frame_has_a_length_and_no_data() {
         let frame = Frame::remote(0x701, 1);
         assert_eq!((frame.length(), frame.data()), (1, &[][..]));
         assert_ne!(frame, Frame::new(0x701, [0]));
     }
 
     #[test]
-    fn what_no_classical_frame_can_hold_is_refused() {
+    fn oversized_content_is_refused() {
         assert_eq!(Frame::from_slice(0x800, &[]), None);
         assert_eq!(Frame::from_slice(0x181, &[0; 9]), None);
         assert_eq!(Frame::from_slice(0x181, &[1, 2]), Some(Frame::new(0x181, [1, 2])));

@@ -1,13 +1,13 @@
-//! Node guarding (CiA 301, 7.2.8.2.1): the watch over a node that has no heartbeat. The master asks by a
-//! remote frame, the node answers with its state and a bit that alternates.
+//! Node guarding (CiA 301, 7.2.8.2.1) of a node without a heartbeat: the master polls it by a remote frame, and
+//! the node answers with its NMT state and a toggle bit.
 //!
 //! | answer | meaning                                             |
 //! |--------|-----------------------------------------------------|
 //! | bit 7  | toggles from answer to answer, 0 after a boot-up     |
 //! | 6–0    | the NMT state                                       |
 //!
-//! An answer with the wrong toggle bit counts as none. What a node does that is no longer asked is its
-//! own business (life guarding); here it is told how long it may wait, by 100Ch and 100Dh.
+//! An answer with the wrong toggle bit is ignored. The node in turn detects a lost master by the missing polls
+//! (life guarding, 100Ch and 100Dh).
 
 use std::time::Duration;
 
@@ -18,59 +18,59 @@ use canopen_rs::nmt::heartbeat_cob_id;
 
 use crate::frame::Frame;
 use crate::heartbeat::Health;
-use crate::heartbeat::News;
+use crate::heartbeat::HeartbeatEvent;
 use units::time::Instant;
 
-/// How a node is guarded.
+/// Parameters of guarding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Guarding {
-    /// How often it is asked (100Ch), in ms, at least 1.
+    /// Guard time (100Ch), in ms, at least 1.
     pub guard_time_ms: u16,
-    /// It, and its guard, are lost after so many guard times without a word (100Dh), at least 1.
+    /// Life time factor (100Dh), at least 1: either side is lost after so many guard times.
     pub life_time_factor: u8,
 }
 
 impl Guarding {
-    /// From one question to the next.
+    /// Time between two polls.
     pub fn guard_time(self) -> Duration {
         Duration::from_millis(u64::from(self.guard_time_ms.max(1)))
     }
 
-    /// How long either may hear nothing of the other.
+    /// Time without a message after which either side is lost.
     pub fn life_time(self) -> Duration {
         self.guard_time() * u32::from(self.life_time_factor.max(1))
     }
 }
 
-/// The guard of one node.
+/// Guard of one node.
 #[derive(Clone, Debug)]
 pub struct Guard {
     node: NodeId,
     guarding: Guarding,
     health: Health,
-    /// The toggle bit that the next answer must have; `None` takes the first one as it comes.
+    /// Expected toggle bit of the next answer; `None` accepts either.
     toggle: Option<u8>,
-    /// When it is asked next.
-    ask: Instant,
-    /// When it will have been silent for too long.
+    /// Time of the next poll.
+    poll_at: Instant,
+    /// Time at which the node is lost.
     due: Instant,
 }
 
 impl Guard {
-    /// A guard that asks from `now` on. The node may have been guarded before: its first answer says
-    /// where its toggle bit is.
+    /// Returns a guard that polls from `now` on. The node may have been guarded before: its first answer sets
+    /// the expected toggle bit.
     pub fn new(node: NodeId, guarding: Guarding, now: Instant) -> Self {
         let due = now + guarding.life_time();
-        Self { node, guarding, health: Health::NeverSeen, toggle: None, ask: now, due }
+        Self { node, guarding, health: Health::NeverSeen, toggle: None, poll_at: now, due }
     }
 
-    /// What is known of the node.
+    /// NMT state of the node, as far as it is known.
     pub const fn health(&self) -> Health {
         self.health
     }
 
-    /// Listens to one frame.
-    pub fn on_frame(&mut self, now: Instant, frame: &Frame) -> Option<News> {
+    /// Takes one frame.
+    pub fn on_frame(&mut self, now: Instant, frame: &Frame) -> Option<HeartbeatEvent> {
         if frame.cob_id != heartbeat_cob_id(self.node) || frame.is_remote() {
             return None;
         }
@@ -79,8 +79,12 @@ impl Guard {
         let before = self.health;
         if state == NmtState::Initialising {
             self.toggle = Some(0);
-            self.heard(now, NmtState::PreOperational);
-            let news = if before == Health::NeverSeen { News::BootedUp } else { News::Rebooted };
+            self.on_state(now, NmtState::PreOperational);
+            let news = if before == Health::NeverSeen {
+                HeartbeatEvent::BootedUp
+            } else {
+                HeartbeatEvent::Rebooted
+            };
             return Some(news);
         }
         let toggle = answer & TOGGLE;
@@ -88,39 +92,39 @@ impl Guard {
             return None;
         }
         self.toggle = Some(toggle ^ TOGGLE);
-        self.heard(now, state);
-        (before != self.health).then_some(News::State(state))
+        self.on_state(now, state);
+        (before != self.health).then_some(HeartbeatEvent::State(state))
     }
 
-    /// Asks when it is time to, and says once when the node has been silent for too long.
-    pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<News> {
-        if now >= self.ask {
-            let on_beat = self.ask + self.guarding.guard_time();
-            self.ask = if on_beat > now { on_beat } else { now + self.guarding.guard_time() };
+    /// Polls the node when due, and reports its loss once.
+    pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<HeartbeatEvent> {
+        if now >= self.poll_at {
+            let on_beat = self.poll_at + self.guarding.guard_time();
+            self.poll_at = if on_beat > now { on_beat } else { now + self.guarding.guard_time() };
             out.push(Frame::remote(heartbeat_cob_id(self.node), 1));
         }
         if self.health == Health::Lost || now < self.due {
             return None;
         }
         self.health = Health::Lost;
-        // Whatever it says next is as good as a first word.
+        // The first answer after a loss may have either toggle bit.
         self.toggle = None;
-        Some(News::Lost)
+        Some(HeartbeatEvent::Lost)
     }
 
-    /// When [`on_time`](Self::on_time) must next be called: a node that is lost is asked on.
+    /// Time of the next call of [`on_time`](Self::on_time). A lost node is still polled.
     pub fn deadline(&self) -> Option<Instant> {
         let due = (self.health != Health::Lost).then_some(self.due);
-        Some(due.map_or(self.ask, |due| due.min(self.ask)))
+        Some(due.map_or(self.poll_at, |due| due.min(self.poll_at)))
     }
 
-    fn heard(&mut self, now: Instant, state: NmtState) {
+    fn on_state(&mut self, now: Instant, state: NmtState) {
         self.health = Health::Alive(state);
         self.due = now + self.guarding.life_time();
     }
 }
 
-/// The bit that alternates.
+/// Toggle bit of an answer.
 const TOGGLE: u8 = 0x80;
 
 #[cfg(test)]
@@ -145,20 +149,20 @@ mod tests {
     }
 
     #[test]
-    fn it_asks_once_a_guard_time_by_a_remote_frame() {
+    fn node_is_polled_once_per_guard_time() {
         let (mut guard, mut out) = (guard(), Vec::new());
-        let asked: Vec<u64> = (0..50)
+        let polled: Vec<u64> = (0..50)
             .filter(|ms| {
                 out.clear();
                 guard.on_time(at(*ms), &mut out);
                 out == [Frame::remote(0x703, 1)]
             })
             .collect();
-        assert_eq!(asked, [0, 20, 40]);
+        assert_eq!(polled, [0, 20, 40]);
     }
 
     #[test]
-    fn missed_questions_are_not_made_up_for() {
+    fn missed_polls_are_skipped() {
         let (mut guard, mut out) = (guard(), Vec::new());
         guard.on_frame(at(1), &answer(5));
         guard.on_time(at(50), &mut out);
@@ -168,19 +172,19 @@ mod tests {
     }
 
     #[test]
-    fn an_answer_that_does_not_toggle_is_none() {
+    fn answer_with_the_wrong_toggle_bit_is_ignored() {
         let mut guard = guard();
-        assert_eq!(guard.on_frame(at(1), &answer(0x85)), Some(News::State(OPERATIONAL)));
+        assert_eq!(guard.on_frame(at(1), &answer(0x85)), Some(HeartbeatEvent::State(OPERATIONAL)));
         for ms in [21, 41] {
             assert_eq!(guard.on_frame(at(ms), &answer(0x85)), None);
         }
         assert_eq!(guard.on_time(at(60), &mut Vec::new()), None);
-        assert_eq!(guard.on_time(at(61), &mut Vec::new()), Some(News::Lost));
-        assert_eq!(guard.on_time(at(62), &mut Vec::new()), None, "said once");
+        assert_eq!(guard.on_time(at(61), &mut Vec::new()), Some(HeartbeatEvent::Lost));
+        assert_eq!(guard.on_time(at(62), &mut Vec::new()), None, "reported once");
     }
 
     #[test]
-    fn a_node_that_toggles_is_alive() {
+    fn toggling_node_is_alive() {
         let mut guard = guard();
         for (turn, ms) in (1..1_000).step_by(20).enumerate() {
             let toggle = if turn % 2 == 0 { 0 } else { 0x80 };
@@ -191,29 +195,32 @@ mod tests {
     }
 
     #[test]
-    fn a_boot_up_of_a_guarded_node_is_a_reboot_and_its_toggle_begins_anew() {
+    fn boot_up_is_a_reboot_and_restarts_the_toggle() {
         let mut guard = guard();
-        assert_eq!(guard.on_frame(at(1), &answer(0)), Some(News::BootedUp));
-        assert_eq!(guard.on_frame(at(2), &answer(5)), Some(News::State(OPERATIONAL)));
-        assert_eq!(guard.on_frame(at(3), &answer(0)), Some(News::Rebooted));
+        assert_eq!(guard.on_frame(at(1), &answer(0)), Some(HeartbeatEvent::BootedUp));
+        assert_eq!(guard.on_frame(at(2), &answer(5)), Some(HeartbeatEvent::State(OPERATIONAL)));
+        assert_eq!(guard.on_frame(at(3), &answer(0)), Some(HeartbeatEvent::Rebooted));
         assert_eq!(guard.on_frame(at(4), &answer(0xFF)), None, "the first toggle bit is 0");
         assert_eq!(guard.on_frame(at(5), &answer(0x7F)), None, "a booted node is pre-operational");
-        assert_eq!(guard.on_frame(at(6), &answer(0x85)), Some(News::State(OPERATIONAL)));
+        assert_eq!(guard.on_frame(at(6), &answer(0x85)), Some(HeartbeatEvent::State(OPERATIONAL)));
     }
 
     #[test]
-    fn a_node_that_never_answers_is_lost_after_one_life_time_and_asked_on() {
+    fn silent_node_is_lost_after_its_life_time_and_still_polled() {
         let (mut guard, mut out) = (guard(), Vec::new());
         assert_eq!(guard.on_time(at(59), &mut out), None);
-        assert_eq!(guard.on_time(at(60), &mut out), Some(News::Lost));
+        assert_eq!(guard.on_time(at(60), &mut out), Some(HeartbeatEvent::Lost));
         out.clear();
         guard.on_time(at(100), &mut out);
         assert_eq!(out.len(), 1);
-        assert_eq!(guard.on_frame(at(101), &answer(0x85)), Some(News::State(OPERATIONAL)));
+        assert_eq!(
+            guard.on_frame(at(101), &answer(0x85)),
+            Some(HeartbeatEvent::State(OPERATIONAL))
+        );
     }
 
     #[test]
-    fn questions_of_others_and_frames_of_other_nodes_are_no_answer() {
+    fn polls_of_others_and_frames_of_other_nodes_are_ignored() {
         let mut guard = guard();
         for frame in [Frame::remote(0x703, 1), Frame::new(0x704, [5]), Frame::new(0x703, [5, 5])] {
             assert_eq!(guard.on_frame(at(1), &frame), None, "{frame}");
@@ -223,14 +230,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whatever_is_heard_it_asks_at_most_once_a_guard_time(
+        fn any_answers_keep_one_poll_per_guard_time(
             steps in proptest::collection::vec((0_u64..30, any::<u8>()), 0..100),
         ) {
             let (mut guard, mut out, mut now, mut lost) = (guard(), Vec::new(), 0, 0);
             for (step, byte) in steps {
                 now += step;
                 guard.on_frame(at(now), &answer(byte));
-                lost += u64::from(guard.on_time(at(now), &mut out) == Some(News::Lost));
+                lost += u64::from(guard.on_time(at(now), &mut out) == Some(HeartbeatEvent::Lost));
                 prop_assert!(guard.deadline().is_some_and(|due| due > at(now)));
             }
             prop_assert!(u64::try_from(out.len()).unwrap() <= now / 20 + 1);

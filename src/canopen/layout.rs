@@ -192,7 +192,7 @@ pub fn switches(node: NodeId) -> Vec<Pdo> {
 
 /// Switches off what `exists` besides the PDOs of a layout: drives power up with some of theirs valid.
 pub fn switch_off_others(pdos: &mut Vec<Pdo>, exists: impl Fn(Object) -> bool) {
-    for number in 1..=MOST_PDOS {
+    for number in 1..=MAX_PDOS {
         for direction in [Direction::Transmit, Direction::Receive] {
             let is_planned = |pdo: &Pdo| (pdo.direction, pdo.number) == (direction, number);
             let other = Pdo { direction, number, cob_id: 0, service: None };
@@ -204,12 +204,12 @@ pub fn switch_off_others(pdos: &mut Vec<Pdo>, exists: impl Fn(Object) -> bool) {
 }
 
 /// As many PDOs as a node can have in each direction (CiA 301, 7.5.1).
-pub const MOST_PDOS: u16 = 512;
+pub const MAX_PDOS: u16 = 512;
 
 /// The mapping parameters of all RPDOs, and of all TPDOs.
 pub const MAPPINGS: [RangeInclusive<u16>; 2] = [
-    Object::rpdo_mapping(1, 0).index..=Object::rpdo_mapping(MOST_PDOS, 0).index,
-    Object::tpdo_mapping(1, 0).index..=Object::tpdo_mapping(MOST_PDOS, 0).index,
+    Object::rpdo_mapping(1, 0).index..=Object::rpdo_mapping(MAX_PDOS, 0).index,
+    Object::tpdo_mapping(1, 0).index..=Object::tpdo_mapping(MAX_PDOS, 0).index,
 ];
 
 /// The COB-ID of a node's RPDO1 in the predefined connection set.

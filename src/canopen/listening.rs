@@ -1,8 +1,8 @@
-//! What a master must hear of a bus, as patterns that a kernel can filter by.
+//! Receive filters of a master, as patterns for the kernel.
 //!
-//! Of its nodes: their TPDOs, emergencies, SDO answers, heartbeats. Of others: SYNC, NMT commands, RPDOs and
-//! SDO requests, which are a foreign master's, and emergencies and heartbeats, which are a stranger's.
-//! Anything else may flood the bus without waking the node.
+//! A master receives its nodes' TPDOs, emergencies, SDO replies and heartbeats. SYNC, NMT commands, RPDOs and
+//! SDO requests show another master; emergencies and heartbeats show an unknown node. Other frames may flood
+//! the bus without waking the process.
 
 use canopen_rs::nmt::HEARTBEAT_COB_BASE;
 use canopen_rs::sdo::SDO_REQUEST_COB_BASE;
@@ -10,43 +10,41 @@ use canopen_rs::sdo::SDO_RESPONSE_COB_BASE;
 
 use crate::frame::COB_ID_MAX;
 use crate::frame::Channel;
+use crate::frame::FUNCTION_CODE;
 use crate::nmt;
 use crate::plan::NodePlan;
 use crate::sync;
 
-/// The bits of a COB-ID that say what it is for; the others are the node-id.
-const FUNCTION: u16 = 0x780;
-
-/// COB-IDs that agree with `cob_id` in the bits of `mask`.
+/// Set of the COB-IDs that equal `cob_id` in the bits of `mask`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Pattern {
-    /// What they agree with.
+    /// Reference COB-ID.
     pub cob_id: u16,
-    /// In which bits, of 11.
+    /// Compared bits, of 11.
     pub mask: u16,
 }
 
 impl Pattern {
-    /// All COB-IDs.
+    /// Matches all COB-IDs.
     pub const ANY: Self = Self { cob_id: 0, mask: 0 };
 
-    /// This one alone.
+    /// Matches one COB-ID.
     pub const fn only(cob_id: u16) -> Self {
         Self { cob_id, mask: COB_ID_MAX }
     }
 
-    /// All that are for the same as this one, whosever they are.
+    /// Matches all COB-IDs with the same function code.
     const fn all_like(cob_id: u16) -> Self {
-        Self { cob_id, mask: FUNCTION }
+        Self { cob_id, mask: FUNCTION_CODE }
     }
 
-    /// Whether this COB-ID is one of them.
+    /// Returns whether the pattern matches `cob_id`.
     pub const fn has(&self, cob_id: u16) -> bool {
         (cob_id ^ self.cob_id) & self.mask == 0
     }
 }
 
-/// What the master of `plans` must hear on `channel`.
+/// Receive filters of the master of `plans` on `channel`.
 pub fn patterns(channel: Channel, plans: &[(Channel, NodePlan)]) -> Vec<Pattern> {
     let mut patterns = vec![
         Pattern::only(nmt::COB_ID),

@@ -1,7 +1,7 @@
-//! NMT: the commands that start, stop and reset nodes (CiA 301, 7.2.8.3.1), decoded and encoded.
+//! NMT commands (CiA 301, 7.2.8.3.1): start, stop and reset nodes, decoded and encoded.
 //!
-//! Who is in which state is heard from [heartbeats](crate::heartbeat); this is only what
-//! is said. There is one NMT master, so a command that is *heard* is somebody else's.
+//! The state of each node comes from its [heartbeat](crate::heartbeat). There is one NMT master, so a
+//! received command comes from another master.
 //!
 //! | byte | meaning                                   |
 //! |------|-------------------------------------------|
@@ -19,30 +19,30 @@ use canopen_rs::nmt::encode_command;
 
 use crate::frame::Frame;
 
-/// The highest priority on the bus.
+/// COB-ID of NMT commands: the highest priority on the bus.
 pub const COB_ID: u16 = NMT_COMMAND_COB_ID;
 
-/// A command and whom it is for.
+/// NMT command with its target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Order {
-    /// What to do.
+    /// Command.
     pub command: NmtCommand,
-    /// Who: one node, or `None` for every node on the bus.
+    /// Target node; `None` for every node on the bus.
     pub node: Option<NodeId>,
 }
 
 impl Order {
-    /// For one node.
+    /// Addresses one node.
     pub const fn to(node: NodeId, command: NmtCommand) -> Self {
         Self { command, node: Some(node) }
     }
 
-    /// For every node on the bus.
+    /// Addresses every node on the bus.
     pub const fn to_all(command: NmtCommand) -> Self {
         Self { command, node: None }
     }
 
-    /// Reads a command, `None` if the frame is none or not a valid one.
+    /// Decodes a command; `None` for any other frame and for invalid commands.
     pub fn decode(frame: &Frame) -> Option<Self> {
         if frame.cob_id != COB_ID {
             return None;
@@ -51,7 +51,7 @@ impl Order {
         Some(Self { command, node: Some(node).filter(|node| *node != NodeId::BROADCAST) })
     }
 
-    /// The frame that says it.
+    /// Encodes the command.
     pub fn frame(self) -> Frame {
         Frame::new(COB_ID, encode_command(self.command, self.node.unwrap_or(NodeId::BROADCAST)))
     }
@@ -74,8 +74,8 @@ impl fmt::Display for Order {
     }
 }
 
-/// A state as CiA 301 calls it.
-pub const fn words(state: NmtState) -> &'static str {
+/// Name of an NMT state in CiA 301.
+pub const fn description(state: NmtState) -> &'static str {
     match state {
         NmtState::Initialising => "initialising",
         NmtState::Stopped => "stopped",
@@ -97,7 +97,7 @@ mod tests {
     ];
 
     #[test]
-    fn what_is_said_is_what_is_understood() {
+    fn encoded_commands_decode_to_themselves() {
         for (command, specifier) in COMMANDS {
             let one = Order::to(NodeId::new(3).unwrap(), command);
             assert_eq!(one.frame(), Frame::new(0, [specifier, 3]));
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_master_says_is_no_command() {
+    fn invalid_commands_do_not_decode() {
         for frame in [
             Frame::new(0, []),
             Frame::new(0, [1]),
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn an_order_reads_as_a_sentence() {
+    fn command_reads_as_a_sentence() {
         let order = Order::to_all(NmtCommand::ResetCommunication);
         assert_eq!(order.to_string(), "reset communication of every node");
     }

@@ -1,7 +1,6 @@
-//! What the cycle's PDOs carry, as values: a drive's sample.
+//! Content of the cyclic PDOs, as values.
 //!
-//! Where their bits are is the layout's business: [`exchange`](crate::exchange) reads and
-//! writes the frames.
+//! [`exchange`](crate::exchange) reads and writes their bits by the layout.
 
 use thiserror::Error;
 
@@ -9,25 +8,25 @@ use crate::drive::Statusword;
 use units::drive::Counts;
 use units::drive::PerMille;
 
-/// A PDO of another length than its mapping gives it.
+/// PDO whose length differs from its mapping.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("a PDO of {found} bytes, expected {expected}")]
+#[error("PDO must have {expected} bytes, got {found}")]
 pub struct WrongLength {
-    /// Whose: a place in the list of plans.
+    /// Index of the node in the list of plans.
     pub node: usize,
-    /// What the mapping gives.
+    /// Length of the mapping, in bytes.
     pub expected: usize,
-    /// What came.
+    /// Length received, in bytes.
     pub found: usize,
 }
 
-/// What a drive last told.
+/// Last sample of a drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriveSample {
-    /// Its state.
+    /// Statusword.
     pub statusword: Statusword,
-    /// Where its encoder was at the SYNC.
+    /// Position actual value at the SYNC.
     pub position: Counts,
-    /// The torque it exerts.
+    /// Torque actual value.
     pub torque: PerMille,
 }

@@ -1,7 +1,7 @@
-//! What a node must be and how it must be set, as data.
+//! Plan of a node: its required identity and its configuration, as data.
 //!
-//! Takes no steps itself: which steps there are, and in which order, is in
-//! [`steps`](crate::master::steps); taking them is [`commission`](crate::master::commission).
+//! [`steps`](crate::master::steps) derives the boot steps and their order from it;
+//! [`commission`](crate::master::commission) runs them.
 
 use std::fmt;
 use std::time::Duration;
@@ -21,7 +21,7 @@ use crate::master::check::Check;
 use crate::master::configuration::Stamp;
 use crate::object::Object;
 
-/// Who a node must say it is (1000h and 1018h).
+/// Required identity of a node (1000h and 1018h).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Identity {
     /// Vendor-ID, 1018h:1.
@@ -32,12 +32,12 @@ pub struct Identity {
     pub revision: u32,
 }
 
-/// What more a node must say to be taken. Nothing, unless it is asked for.
+/// Further criteria for accepting a node; none by default.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Admission {
-    /// Which revisions are taken.
+    /// Accepted revisions.
     pub revisions: Revisions,
-    /// Serial number, 1018h:4: this very device and no spare one.
+    /// Serial number, 1018h:4: accepts this very device and no spare one.
     pub serial: Option<u32>,
     /// Manufacturer software version, 100Ah.
     pub software: Option<ByteString>,
@@ -45,31 +45,31 @@ pub struct Admission {
     pub program: Option<u32>,
 }
 
-/// Which revisions of a device are taken (1018h:3: major revision in the high word, minor in the low).
+/// Accepted revisions of a device (1018h:3: major revision in the high word, minor in the low).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Revisions {
-    /// The planned one alone.
+    /// Only the planned revision.
     #[default]
     Exact,
-    /// The planned one, and later minor ones of the same major one, which behave the same and may do
-    /// more (CiA 301, 7.5.2.19).
+    /// The planned revision and later minor ones of the same major revision, which behave the same and may
+    /// do more (CiA 301, 7.5.2.19).
     Compatible,
 }
 
-/// What a node must be able to do with an object.
+/// Required access to an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Demand {
-    /// Take it by SDO.
+    /// Writable by SDO.
     Write,
-    /// Have it in a TPDO.
+    /// Mappable into a TPDO.
     Transmit,
-    /// Have it in an RPDO.
+    /// Mappable into an RPDO.
     Receive,
-    /// Skip as many bits of an RPDO as this data type has.
+    /// Dummy mapping in an RPDO: skips as many bits as this data type has.
     Skip,
 }
 
-/// As in "cannot be …".
+/// `cannot be …`
 impl fmt::Display for Demand {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -81,35 +81,35 @@ impl fmt::Display for Demand {
     }
 }
 
-/// How master and node watch each other.
+/// Mutual monitoring of master and node by heartbeats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Watch {
-    /// Node-id of the master's heartbeat.
+    /// Node-id of the master.
     pub master: NodeId,
-    /// A drive without that heartbeat for so long takes this for a fault (1016h:1), in ms.
+    /// Consumer heartbeat time of a drive (1016h:1), in ms: without the master's heartbeat it faults.
     pub master_lost_ms: u16,
-    /// How often the node sends its own (1017h), in ms.
+    /// Producer heartbeat time of the node (1017h), in ms.
     pub heartbeat_ms: u16,
-    /// A node without a heartbeat for so long is lost, in ms.
+    /// Consumer heartbeat time of the master for the node, in ms.
     pub node_lost_ms: u16,
 }
 
-/// How the master sees that a node is alive.
+/// Error control service of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorControl {
-    /// The node says so by itself.
+    /// The node produces a heartbeat.
     Heartbeat {
-        /// How often (1017h), in ms.
+        /// Producer heartbeat time (1017h), in ms.
         period_ms: u16,
-        /// Without one for so long it is lost.
+        /// Consumer heartbeat time of the master.
         lost_after: Duration,
     },
-    /// The master asks.
+    /// The master polls the node by remote frames.
     Guarding(Guarding),
 }
 
 impl ErrorControl {
-    /// How often the node says that it is alive, in ms; 0 for never.
+    /// Period at which the node reports its state, in ms; 0 for never.
     pub const fn period_ms(self) -> u16 {
         match self {
             Self::Heartbeat { period_ms, .. } => period_ms,
@@ -117,7 +117,7 @@ impl ErrorControl {
         }
     }
 
-    /// Without a word for so long it is lost.
+    /// Time without a report after which the node is lost.
     pub fn lost_after(self) -> Duration {
         match self {
             Self::Heartbeat { lost_after, .. } => lost_after,
@@ -126,46 +126,46 @@ impl ErrorControl {
     }
 }
 
-/// One node: who it is, and everything that is set in it before it is started.
+/// Plan of one node: its identity, and its configuration before it is started.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodePlan {
-    /// What people call it: `joint 3 (elbow)`.
+    /// Name in the configuration: `joint 3 (elbow)`.
     pub name: String,
-    /// Where it is.
+    /// Node-id.
     pub node: NodeId,
-    /// Number of its device profile, the low word of 1000h: 402 for drives, 401 for inputs.
+    /// Device profile, the low word of 1000h: 402 for drives, 401 for inputs.
     pub profile: u16,
-    /// Who it is.
+    /// Required identity.
     pub identity: Identity,
-    /// What more it must say.
+    /// Further criteria for accepting the node.
     pub admission: Admission,
-    /// Whether the others are started without it. It may be missing; it may not be another one.
+    /// Set if the other nodes start without it. It may be absent; it may not be another device.
     pub is_optional: bool,
-    /// Whether it may go on, without a reset, where it is found operational and set exactly as planned.
-    /// Not for what can push: a drive begins anew.
+    /// Set if the boot leaves it running, without a reset, where it is operational and configured exactly as
+    /// planned. Not for drives: these always boot anew.
     pub keep_alive: bool,
-    /// Whether it gets its maker's defaults back first (1011h:1), by a reset of the whole node.
+    /// Set if the boot first restores its default parameters (1011h:1), by a reset of the whole node.
     pub restores_defaults: bool,
-    /// Whether what is set in it is stored (1010h:1) with its [stamp](Stamp), so that the next boot
-    /// need not set it again.
+    /// Set if the node stores its configuration (1010h:1) with its [stamp](Stamp), so that the next boot need
+    /// not write it again.
     pub stores_configuration: bool,
-    /// Every PDO it has, those switched off included.
+    /// All its PDOs, those switched off included.
     pub pdos: Vec<Pdo>,
-    /// What it does after an error of communication (1029h:1), if it has the choice: 0 leaves
-    /// operational for pre-operational, 1 changes nothing, 2 stops. `None` leaves it alone.
+    /// Reaction to a communication error (1029h:1): 0 enters pre-operational, 1 changes nothing, 2 stops.
+    /// `None` leaves it as it is; a node without 1029h passes.
     pub error_behaviour: Option<u8>,
-    /// What makes it stop by itself, and its limits. A device without one of these objects refuses
-    /// it by name, unless it [need not have](OPTIONAL) it.
+    /// Reactions to errors, and limits. A device that lacks one of these objects is refused by that object,
+    /// unless it is [optional](OPTIONAL).
     pub safety: Vec<(Object, Value)>,
-    /// Mode of operation (6060h), confirmed by the node (6061h): commanded at every boot, not stored.
+    /// Mode of operation (6060h), confirmed by the display (6061h). Commanded at every boot, not stored.
     pub mode: Option<i8>,
-    /// Where its emergencies are: by default 80h + node-id, which outranks every PDO.
+    /// COB-ID of its emergencies: by default 80h + node-id, ahead of every PDO.
     pub emcy_cob_id: u16,
-    /// How it is watched.
+    /// Error control service.
     pub error_control: ErrorControl,
-    /// A drive found with its power on must come to rest, once it is off: how far (6064h) one at rest
-    /// turns in 100 ms at most, in counts. `None` for what does not move, or is not waited for.
-    pub rest: Option<u32>,
+    /// Maximum motion of a drive at standstill, in counts of 6064h per 100 ms. A drive found with its power on
+    /// must stand still before the boot continues. `None` skips the wait.
+    pub standstill_counts: Option<u32>,
 }
 
 /// Device profile of drives.
@@ -173,17 +173,16 @@ const PROFILE_DRIVE: u16 = 402;
 /// Device profile of input and output modules.
 const PROFILE_INPUTS: u16 = 401;
 
-/// 6007h: a lost connection is a malfunction, so 605Eh is done.
+/// 6007h: a lost connection is a malfunction, so 605Eh applies.
 const MALFUNCTION: Value = Value::Integer16(1);
-/// 605Ah, 605Bh, 605Ch, 605Eh: the drive function is disabled at once, the motor turns freely.
+/// 605Ah, 605Bh, 605Ch, 605Eh: the drive function is disabled at once and the motor coasts.
 const DISABLE_DRIVE: Value = Value::Integer16(0);
-/// 1029h: what CiA 301 does by default.
+/// 1029h: default of CiA 301.
 const TO_PRE_OPERATIONAL: u8 = 0;
 /// 605Dh: ramp down, stay enabled. The master does not use the halt bit.
 const SLOW_DOWN: Value = Value::Integer16(1);
 
-/// What a drive need not have (CiA 402-2): without them it has no choice how to stop, and no highest speed
-/// of its own.
+/// Objects that CiA 402-2 makes optional: stop option codes, and the maximum motor speed.
 pub const OPTIONAL: [Object; 5] = [
     Object::QUICK_STOP_OPTION,
     Object::SHUTDOWN_OPTION,
@@ -193,8 +192,8 @@ pub const OPTIONAL: [Object; 5] = [
 ];
 
 impl NodePlan {
-    /// A CiA 402 drive in cyclic synchronous torque mode that stops when the master does, and never
-    /// exceeds `max_torque`, in per mille of rated torque (6072h).
+    /// Plans a CiA 402 drive in cyclic synchronous torque mode that stops when the master is lost, limited to
+    /// `max_torque` in per mille of rated torque (6072h).
     pub fn drive(
         name: String,
         node: NodeId,
@@ -218,7 +217,7 @@ impl NodePlan {
         Self { safety, mode, ..Self::device(name, node, PROFILE_DRIVE, identity, pdos, watch) }
     }
 
-    /// The CiA 401 switch box, which moves nothing and so watches nobody.
+    /// Plans a CiA 401 switch box. It moves nothing and consumes no heartbeat.
     pub fn switches(name: String, node: NodeId, identity: Identity, watch: &Watch) -> Self {
         Self::device(name, node, PROFILE_INPUTS, identity, layout::switches(node), watch)
     }
@@ -250,45 +249,44 @@ impl NodePlan {
                 period_ms: watch.heartbeat_ms,
                 lost_after: Duration::from_millis(u64::from(watch.node_lost_ms)),
             },
-            rest: None,
+            standstill_counts: None,
         }
     }
 
-    /// The same drive, whose motor may turn so fast at most (6080h), in turns per minute.
+    /// Limits the motor speed (6080h), in revolutions per minute.
     #[must_use]
     pub fn no_faster_than(mut self, turns_per_minute: u32) -> Self {
         self.safety.push((Object::MAX_MOTOR_SPEED, Value::Unsigned32(turns_per_minute)));
         self
     }
 
-    /// The same node without what it `lacks` and need not have.
+    /// Removes optional objects that the device `lacks`.
     #[must_use]
     pub fn lacking(mut self, lacks: impl Fn(Object) -> bool) -> Self {
         self.safety.retain(|(object, _)| !OPTIONAL.contains(object) || !lacks(*object));
         self
     }
 
-    /// The same node for SYNCs that are counted up to `last` (1019h).
+    /// Sets the synchronous counter overflow value (1019h).
     #[must_use]
     pub fn counting(mut self, last: u8) -> Self {
         self.safety.push((Object::SYNC_OVERFLOW, Value::Unsigned8(last)));
         self
     }
 
-    /// The same node without a heartbeat: guarded by the master, and guarding it in turn, in place of
-    /// the watch over the master's heartbeat (1016h).
+    /// Replaces the heartbeats by guarding: the master guards the node, and the node its master (life guarding).
     #[must_use]
     pub fn guarded(mut self, guarding: Guarding) -> Self {
         self.safety.retain(|(object, _)| *object != Object::CONSUMER_HEARTBEAT);
         Self { error_control: ErrorControl::Guarding(guarding), ..self }
     }
 
-    /// Whether it is a drive, which can push.
+    /// Returns whether the node is a drive, which can exert torque.
     pub const fn is_drive(&self) -> bool {
         self.profile == PROFILE_DRIVE
     }
 
-    /// What the node must be able to do with which objects, for all of this to succeed.
+    /// Required access to each object, for the whole plan to succeed.
     pub fn demands(&self) -> impl Iterator<Item = (Object, Demand)> + '_ {
         let in_use = self.pdos.iter().filter_map(|pdo| Some((pdo, pdo.service.as_ref()?)));
         let mapped = in_use.clone().flat_map(|(pdo, service)| {
@@ -304,59 +302,58 @@ impl NodePlan {
         let safety = self.safety.iter().map(|(object, _)| *object);
         let mode = self.mode.map(|_| Object::MODE_OF_OPERATION);
         let watch = self.watch_settings();
-        let watch = watch.into_iter().filter(|setting| !setting.if_there);
+        let watch = watch.into_iter().filter(|setting| !setting.if_present);
         let watch = watch.map(|setting| setting.check.object);
         let written = pdos.chain(safety).chain(mode).chain(watch);
         mapped.chain(written.map(|object| (object, Demand::Write)))
     }
 
-    /// Everything that is set in it, in the order in which it is written: PDOs, emergencies, what it
-    /// does without its master, its limits, how it is watched. Its mode is no setting but a command.
+    /// Settings in the order of their writes: PDOs, emergencies, reactions and limits, error control. The mode
+    /// is a command, not a setting.
     pub fn settings(&self) -> Vec<Setting> {
         let mut settings = Vec::new();
         for pdo in &self.pdos {
             for (object, value) in pdo.writes() {
                 let is_cob_id = object == pdo.communication(1);
                 let check = if is_cob_id { Check::cob_id } else { Check::exactly };
-                // Whether a drive has the timer is known after the boot; what it means, to who arms it.
+                // The timer is optional here. Whether torques may be sent without it is decided before enabling.
                 let is_timer =
                     pdo.direction == Direction::Receive && object == pdo.communication(5);
-                let if_there = pdo.service.is_none() || is_timer;
-                settings.push(Setting { check: check(object, value), if_there });
+                let if_present = pdo.service.is_none() || is_timer;
+                settings.push(Setting { check: check(object, value), if_present });
             }
         }
         if self.emcy_cob_id != emcy::default_cob_id(self.node) {
             let valid = u32::from(self.emcy_cob_id);
             for raw in [COB_ID_INVALID | valid, valid] {
                 let check = Check::cob_id(Object::EMCY_COB_ID, Value::Unsigned32(raw));
-                settings.push(Setting { check, if_there: false });
+                settings.push(Setting { check, if_present: false });
             }
         }
         settings.extend(self.error_behaviour.map(|behaviour| Setting {
             check: Check::exactly(Object::ERROR_BEHAVIOUR, Value::Unsigned8(behaviour)),
-            if_there: true,
+            if_present: true,
         }));
         settings.extend(self.safety.iter().map(|(object, value)| Setting {
-            if_there: OPTIONAL.contains(object),
+            if_present: OPTIONAL.contains(object),
             ..must(*object, *value)
         }));
         settings.extend(self.watch_settings());
         settings
     }
 
-    /// The same as bare writes.
+    /// Settings as bare writes.
     pub fn writes(&self) -> Vec<(Object, Value)> {
         let settings = self.settings().into_iter();
         settings.map(|Setting { check, .. }| (check.object, check.expected)).collect()
     }
 
-    /// What 1020h holds once all of this is set and stored.
+    /// Stamp that 1020h holds once the whole configuration is stored.
     pub fn stamp(&self) -> Stamp {
         Stamp::of(&self.writes())
     }
 
-    /// How the node and its master watch each other. A guarded one has no heartbeat, which would
-    /// outrank the guarding.
+    /// Settings of the error control service. A guarded node sends no heartbeat, which would take precedence.
     fn watch_settings(&self) -> Vec<Setting> {
         match self.error_control {
             ErrorControl::Heartbeat { period_ms, .. } => {
@@ -365,7 +362,7 @@ impl NodePlan {
             ErrorControl::Guarding(Guarding { guard_time_ms, life_time_factor }) => {
                 let none = Check::exactly(Object::PRODUCER_HEARTBEAT, Value::Unsigned16(0));
                 vec![
-                    Setting { check: none, if_there: true },
+                    Setting { check: none, if_present: true },
                     must(Object::GUARD_TIME, Value::Unsigned16(guard_time_ms)),
                     must(Object::LIFE_TIME_FACTOR, Value::Unsigned8(life_time_factor)),
                 ]
@@ -374,18 +371,18 @@ impl NodePlan {
     }
 }
 
-/// One value that is set in a node.
+/// Value of one object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
-    /// Which object, what is written, and what is compared when it is read back.
+    /// Object, value to write, and comparison at the read-back.
     pub check: Check,
-    /// Whether a node without this object is as good: what does not exist is off.
-    pub if_there: bool,
+    /// Set if a node without this object passes.
+    pub if_present: bool,
 }
 
-/// A value that a node must take.
+/// Returns a mandatory setting.
 const fn must(object: Object, value: Value) -> Setting {
-    Setting { check: Check::exactly(object, value), if_there: false }
+    Setting { check: Check::exactly(object, value), if_present: false }
 }
 
 #[cfg(test)]
@@ -395,13 +392,13 @@ mod tests {
     use crate::testing::plans::guarded_elbow;
 
     #[test]
-    fn the_masters_heartbeat_is_watched_as_the_standard_packs_it() {
+    fn consumer_heartbeat_is_packed_as_the_standard_defines() {
         let safety = elbow().safety;
         assert!(safety.contains(&(Object::CONSUMER_HEARTBEAT, Value::Unsigned32(0x007F_0016))));
     }
 
     #[test]
-    fn an_emergency_elsewhere_is_moved_while_it_is_off() {
+    fn moved_emcy_cob_id_is_disabled_first() {
         let moved = |plan: &NodePlan| -> Vec<Value> {
             let writes = plan.writes().into_iter();
             writes.filter(|(object, _)| *object == Object::EMCY_COB_ID).map(|(_, v)| v).collect()
@@ -413,7 +410,7 @@ mod tests {
     }
 
     #[test]
-    fn a_guarded_node_has_no_heartbeat_and_watches_none() {
+    fn guarded_node_produces_and_consumes_no_heartbeat() {
         let writes = guarded_elbow().writes();
         let of = |object| writes.iter().find(|(o, _)| *o == object).map(|(_, value)| *value);
         assert_eq!(of(Object::CONSUMER_HEARTBEAT), None);

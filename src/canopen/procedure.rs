@@ -1,7 +1,7 @@
-//! A pure machine that comes to an end: one SDO transfer, one scan, one LSS job. What a bench tool runs.
+//! Machine that ends with an outcome: one SDO transfer, one scan, one LSS job.
 //!
-//! Nothing here waits or sends. Whoever owns the bus calls the three verbs until there is an outcome;
-//! frames to send are appended to `out`. A procedure is on one bus.
+//! It neither waits nor sends. The owner of the bus calls its verbs until there is an outcome; frames to send
+//! are appended to `out`. A procedure uses one bus.
 
 use std::time::Duration;
 
@@ -10,9 +10,9 @@ use crate::sdo;
 use crate::sdo::Transfer;
 use units::time::Instant;
 
-/// A machine with an outcome.
+/// Machine with an outcome.
 pub trait Procedure {
-    /// What it comes to.
+    /// Result of the procedure.
     type Outcome;
 
     /// Takes one received frame.
@@ -26,10 +26,10 @@ pub trait Procedure {
     /// Does what is due at `now`.
     fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Self::Outcome>;
 
-    /// When [`on_time`](Self::on_time) must next be called; `None` if only a frame can bring it further.
+    /// Time of the next call of [`on_time`](Self::on_time); `None` if only a frame can continue the procedure.
     fn deadline(&self) -> Option<Instant>;
 
-    /// Leaves the bus as it should be left when the procedure is not carried on.
+    /// Stops the procedure and leaves the bus in a defined state.
     fn abandon(&mut self, _now: Instant, _out: &mut Vec<Frame>) {}
 }
 
@@ -53,7 +53,7 @@ impl Procedure for Transfer {
         self.deadline()
     }
 
-    /// Tells the server that nobody waits any more.
+    /// Aborts the transfer at the server.
     fn abandon(&mut self, now: Instant, out: &mut Vec<Frame>) {
         self.on_time(now + Duration::MAX, out);
     }
@@ -66,7 +66,7 @@ mod tests {
     use crate::object::Object;
 
     #[test]
-    fn a_transfer_that_is_abandoned_is_aborted() {
+    fn abandoned_transfer_is_aborted() {
         let (node, mut out) = (NodeId::new(5).unwrap(), Vec::new());
         let timeout = Duration::from_millis(100);
         let now = Instant::from_micros(7);

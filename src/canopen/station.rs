@@ -1,5 +1,5 @@
-//! The contract of everything that lives on a bus without being the bus: frames and time go in,
-//! frames come out. No I/O, no clock, the same inputs give the same outputs.
+//! Contract of a device on a bus: frames and time in, frames out. No I/O and no clock; the same inputs give
+//! the same outputs.
 
 use crate::frame::Channel;
 use crate::frame::Frame;
@@ -14,6 +14,6 @@ pub trait Station {
     /// Does what is due at `now`.
     fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>);
 
-    /// When [`on_time`](Self::on_time) must next be called.
+    /// Time of the next call of [`on_time`](Self::on_time).
     fn deadline(&self) -> Option<Instant>;
 }

@@ -1,24 +1,24 @@
-//! SYNC, and what a transmission type makes of it (CiA 301, 7.2.5 and 7.5.2.38).
+//! SYNC and the transmission types of PDOs (CiA 301, 7.2.5 and 7.5.2.38).
 //!
-//! Only the frame: *when* it goes out is the cycle's business. A synchronous TPDO is sampled and sent
-//! at the SYNC; a synchronous RPDO acts at the *next* one.
+//! The cycle decides when a SYNC is sent. A synchronous TPDO is sampled and sent at the SYNC; a synchronous
+//! RPDO acts at the next one.
 
 use std::fmt;
 
 use crate::frame::Frame;
 
-/// The COB-ID of the predefined connection set.
+/// COB-ID of the predefined connection set.
 pub const COB_ID: u16 = 0x80;
 
-/// One SYNC, which may carry a counter of 1 to 240 (1019h).
+/// SYNC message, with an optional counter of 1 to 240 (1019h).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sync {
-    /// The place of this SYNC in the count, if they are counted.
+    /// Counter value, if SYNCs are counted.
     pub counter: Option<u8>,
 }
 
 impl Sync {
-    /// Reads a SYNC, `None` if the frame is none.
+    /// Decodes a SYNC; `None` for any other frame.
     pub fn decode(frame: &Frame) -> Option<Self> {
         match (frame.cob_id, frame.data()) {
             (COB_ID, []) => Some(Self { counter: None }),
@@ -27,7 +27,7 @@ impl Sync {
         }
     }
 
-    /// The frame that says it.
+    /// Encodes the SYNC.
     pub fn frame(self) -> Frame {
         match self.counter {
             None => Frame::new(COB_ID, []),
@@ -36,7 +36,7 @@ impl Sync {
     }
 }
 
-/// Counts SYNCs from 1 to their synchronous counter overflow value (1019h), and again from 1.
+/// SYNC counter: runs from 1 to the synchronous counter overflow value (1019h), then restarts at 1.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counter {
     overflow: Option<u8>,
@@ -44,53 +44,53 @@ pub struct Counter {
 }
 
 impl Counter {
-    /// Up to `overflow`, 2 to 240; `None` counts nothing.
+    /// Returns a counter up to `overflow`, 2 to 240; `None` disables counting.
     pub const fn new(overflow: Option<u8>) -> Self {
         Self { overflow, last: 0 }
     }
 
-    /// The next SYNC.
+    /// Returns the next SYNC.
     pub const fn next(&mut self) -> Sync {
         let Some(overflow) = self.overflow else { return Sync { counter: None } };
         self.last = if self.last >= overflow { 1 } else { self.last + 1 };
         Sync { counter: Some(self.last) }
     }
 
-    /// Begins again at 1, as whenever the network is started.
+    /// Restarts at 1, as at every start of the network.
     pub const fn restart(&mut self) {
         self.last = 0;
     }
 }
 
-/// When a PDO is sent, or acts: sub-index 2 of its communication parameter.
+/// Transmission type of a PDO: sub-index 2 of its communication parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Transmission(pub u8);
 
 impl Transmission {
-    /// At the SYNC after a change.
+    /// Acyclic synchronous: at the SYNC after a change.
     pub const SYNC_ON_CHANGE: Self = Self(0);
-    /// At every SYNC.
+    /// Cyclic synchronous: at every SYNC.
     pub const EVERY_SYNC: Self = Self(1);
-    /// Sampled at every SYNC, sent when a remote frame asks for it.
+    /// Sampled at every SYNC, sent on a remote frame.
     pub const SYNC_ON_REQUEST: Self = Self(252);
-    /// Sampled and sent when a remote frame asks for it.
+    /// Sampled and sent on a remote frame.
     pub const ON_REQUEST: Self = Self(253);
-    /// At once, on an event the manufacturer defines.
+    /// Event-driven, by an event of the manufacturer.
     pub const EVENT_OF_MANUFACTURER: Self = Self(254);
-    /// At once, on an event the device profile defines.
+    /// Event-driven, by an event of the device profile.
     pub const EVENT_OF_PROFILE: Self = Self(255);
 
-    /// Whether events alone govern it.
+    /// Returns whether the PDO is event-driven.
     pub const fn is_event_driven(self) -> bool {
         matches!(self, Self::EVENT_OF_MANUFACTURER | Self::EVENT_OF_PROFILE)
     }
 
-    /// Whether its content is of a SYNC.
+    /// Returns whether the content is sampled, or acts, at a SYNC.
     pub const fn is_synchronous(self) -> bool {
         matches!(self, Self(0..=240) | Self::SYNC_ON_REQUEST)
     }
 
-    /// The fewest SYNCs between two frames, at least 1; `None` if no SYNC governs them.
+    /// Minimum number of SYNCs between two frames, at least 1; `None` for types without SYNC.
     pub const fn syncs(self) -> Option<u8> {
         match self.0 {
             0 => Some(1),
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_sent_is_what_is_read() {
+    fn encoded_syncs_decode_to_themselves() {
         for sync in [Sync::default(), Sync { counter: Some(240) }] {
             assert_eq!(Sync::decode(&sync.frame()), Some(sync));
         }
@@ -127,20 +127,20 @@ mod tests {
     }
 
     #[test]
-    fn an_emergency_is_no_sync() {
+    fn emergency_is_no_sync() {
         assert_eq!(Sync::decode(&Frame::new(0x81, [])), None);
         assert_eq!(Sync::decode(&Frame::new(0x80, [0; 8])), None);
     }
 
     #[test]
-    fn sync_governs_types_0_to_240() {
+    fn types_0_to_240_are_synchronous() {
         for kind in 0..=u8::MAX {
             assert_eq!(Transmission(kind).syncs().is_some(), kind <= 240);
         }
     }
 
     #[test]
-    fn counted_syncs_begin_at_one_and_go_round() {
+    fn counter_starts_at_one_and_wraps() {
         let mut counter = Counter::new(Some(3));
         let counted: Vec<_> = (0..5).map(|_| counter.next().frame().to_string()).collect();
         assert_eq!(counted, ["080#01", "080#02", "080#03", "080#01", "080#02"]);

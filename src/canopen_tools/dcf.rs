@@ -94,11 +94,11 @@ pub fn downloads(eds: &Eds, plan: &NodePlan) -> Result<Vec<Download>, DcfError> 
     let settings = plan
         .settings()
         .into_iter()
-        .map(|Setting { check, if_there }| ((check.object, check.expected), if_there));
-    for ((object, value), if_there) in settings.chain(mode.map(|mode| (mode, false))) {
+        .map(|Setting { check, if_present }| ((check.object, check.expected), if_present));
+    for ((object, value), if_present) in settings.chain(mode.map(|mode| (mode, false))) {
         if eds.object(object).is_some() {
             downloads.push(Download { object, content: bytes(&value) });
-        } else if !if_there {
+        } else if !if_present {
             return Err(DcfError::Unknown(object));
         }
     }

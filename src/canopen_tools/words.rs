@@ -312,7 +312,7 @@ pub struct Command(pub Controlword);
 
 impl Command {
     /// The command in bits 0 to 3; bit 7 is not looked at.
-    pub const fn words(self) -> &'static str {
+    pub const fn description(self) -> &'static str {
         match self.0.0 & 0xF {
             0x0 | 0x1 | 0x4 | 0x5 | 0x8 | 0x9 | 0xC | 0xD => "disable voltage",
             0x2 | 0x3 | 0xA | 0xB => "quick stop",
@@ -326,7 +326,7 @@ impl Command {
 impl fmt::Display for Command {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let is_reset = self.0.0 & Controlword::FAULT_RESET.0 != 0;
-        let words = if is_reset { "fault reset" } else { self.words() };
+        let words = if is_reset { "fault reset" } else { self.description() };
         let halt = if self.0.0 & HALT == 0 { "" } else { ", halt" };
         f.pad(words)?;
         f.write_str(halt)
@@ -342,7 +342,7 @@ pub struct Status(pub Statusword);
 
 impl fmt::Display for Status {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.0.state().map_or("unknown state", State::words))?;
+        f.pad(self.0.state().map_or("unknown state", State::description))?;
         for (bit, words) in
             [(Statusword::WARNING, ", warning"), (Statusword::INTERNAL_LIMIT, ", internal limit")]
         {

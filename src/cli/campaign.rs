@@ -124,7 +124,7 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
         print::note(&format!(
             "{count} faults of seed {seed} in {seconds:.1} s: {rate:.0} a second"
         ));
-        bad.iter().for_each(|verdict| print::line(&words(args, verdict)));
+        bad.iter().for_each(|verdict| print::line(&description(args, verdict)));
     }
     if bad.is_empty() {
         return Ok(());
@@ -142,7 +142,7 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
 }
 
 /// Case 137 (row 3, TPDO lost): late, and how to see it again.
-fn words(args: &Campaign, verdict: &Verdict) -> String {
+fn description(args: &Campaign, verdict: &Verdict) -> String {
     let Verdict { number, row, kind, expectation, outcome, seen, .. } = verdict;
     let cause = seen.cause.map_or_else(String::new, |cause| format!(", stopped by {cause}"));
     let mut words =
@@ -198,7 +198,7 @@ fn replay(args: &Campaign, configs: Vec<Config>, number: u32) -> Result<(), Fail
     let folder = folder(args)?;
     let verdict = leave(&folder, args.force, &cases, &mut tell)?;
     let Some(verdict) = verdict else { return Ok(()) };
-    print::line(&words(args, &verdict));
+    print::line(&description(args, &verdict));
     print::line(&figures(&verdict));
     print::line(&format!("log and script: {}", folder.display()));
     match verdict.is_good() {

@@ -80,7 +80,7 @@ fn compare(
     scenario: &Scenario,
     seconds: f64,
 ) -> Result<(), Failure> {
-    if config.controller.beyond.passivity.is_none() {
+    if config.controller.extensions.passivity.is_none() {
         let reason = "this scenario compares with [controller.passivity], which it does not have";
         let file = args.config.display();
         return Err(Failure::new(Kind::Configuration, format!("{file}: {reason}")));

@@ -17,7 +17,7 @@ use canopen::nmt;
 use canopen::nmt::Order;
 use canopen_tools::bench::confirm::Confirmation;
 use canopen_tools::bench::confirm::Heard;
-use canopen_tools::bench::watch::News;
+use canopen_tools::bench::watch::NetworkEvent;
 use canopen_tools::bench::watch::Watch;
 use run::exit::Failure;
 use run::exit::Kind;
@@ -134,7 +134,7 @@ fn conclude(heard: &[Heard], timeout: u64) -> Result<(), Failure> {
     let failed = heard.iter().filter(|heard| !heard.has_obeyed).map(|heard| {
         let last = heard.state.map_or_else(
             || "nothing was heard; its heartbeat may be off (1017h)".to_owned(),
-            |state| format!("it is {}", nmt::words(state)),
+            |state| format!("it is {}", nmt::description(state)),
         );
         format!("node {}: not confirmed within {timeout} ms: {last}", heard.node.raw())
     });
@@ -163,7 +163,9 @@ fn show(json: bool, heard: &Heard) {
 const fn words_of(state: NmtState) -> &'static str {
     match state {
         NmtState::Initialising => "booted up",
-        NmtState::Stopped | NmtState::Operational | NmtState::PreOperational => nmt::words(state),
+        NmtState::Stopped | NmtState::Operational | NmtState::PreOperational => {
+            nmt::description(state)
+        }
     }
 }
 
@@ -185,19 +187,21 @@ fn watch(line: &Line, watching: Watching) -> Result<(), Failure> {
 }
 
 /// `12.345678 node 3 operational`: seconds since it began to listen.
-fn tell(json: bool, at: Instant, news: News) {
+fn tell(json: bool, at: Instant, news: NetworkEvent) {
     let (node, what) = match news {
-        News::Heartbeat(node, news) => (
+        NetworkEvent::Heartbeat(node, news) => (
             node,
             match news {
-                heartbeat::News::State(state) => nmt::words(state).to_owned(),
-                heartbeat::News::BootedUp => "booted up".to_owned(),
-                heartbeat::News::Rebooted => "booted up again".to_owned(),
-                heartbeat::News::Lost => "silent".to_owned(),
-                heartbeat::News::Duplicate(sign) => format!("two nodes of this node-id: {sign}"),
+                heartbeat::HeartbeatEvent::State(state) => nmt::description(state).to_owned(),
+                heartbeat::HeartbeatEvent::BootedUp => "booted up".to_owned(),
+                heartbeat::HeartbeatEvent::Rebooted => "booted up again".to_owned(),
+                heartbeat::HeartbeatEvent::Lost => "silent".to_owned(),
+                heartbeat::HeartbeatEvent::Duplicate(sign) => {
+                    format!("two nodes of this node-id: {sign}")
+                }
             },
         ),
-        News::Emergency(node, emergency) => (node, format!("EMCY {emergency}")),
+        NetworkEvent::Emergency(node, emergency) => (node, format!("EMCY {emergency}")),
     };
     let seconds = Duration::from_micros(at.as_micros()).as_secs_f64();
     if json {

@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use nalgebra::Isometry3;
 
-use crate::beyond;
+use crate::extensions;
+use crate::interpretation;
 use crate::joints;
 use crate::joints::Joint;
 use crate::problem::Problems;
 use crate::raw;
 use crate::raw::six;
-use crate::readings;
 use controller::Settings;
 use controller::arm::Arm;
 use controller::channels::Channels;
@@ -37,7 +37,7 @@ pub(super) fn settings(
     problems: &mut Problems<'_>,
 ) -> Option<Settings> {
     let given = &raw.controller;
-    let readings = readings::readings(given, problems);
+    let interpretation = interpretation::interpretation(given, problems);
     let period = problems.take("node.sync_period_us", Period::new(period.as_secs_f64()));
     let mut gains = |key: &str, values, quantity| {
         problems.take(&format!("controller.{key}"), Gains::new(values, quantity))
@@ -84,10 +84,10 @@ pub(super) fn settings(
     let arm = if is_noted { arm.ok() } else { problems.take("joint", arm) };
 
     let calibration = joints::calibration(joints, joints::coupling(raw, problems));
-    let beyond = beyond::beyond(given, arm.as_ref()?, &calibration, period?, problems);
+    let extensions = extensions::extensions(given, arm.as_ref()?, &calibration, period?, problems);
 
     Some(Settings {
-        readings: readings?,
+        interpretation: interpretation?,
         period: period?,
         arm: arm?,
         calibration,
@@ -100,7 +100,7 @@ pub(super) fn settings(
         reflection: reflection?,
         damping: damping?,
         assist_fraction: assist_fraction?,
-        beyond,
+        extensions,
     })
 }
 

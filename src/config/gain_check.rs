@@ -162,7 +162,7 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
         rate_delay: RATE_DELAY,
         accommodation_delay: ACCOMMODATION_DELAY,
         servo_lag: config.remote.servo.time_constant(),
-        velocity_filter: controller.beyond.velocity_filter.seconds(),
+        velocity_filter: controller.extensions.velocity_filter.seconds(),
     };
     let (deadbands, plateaus) = (controller.channels.deadbands(), controller.channels.plateaus());
     Ok([0, 1, 2, 3, 4, 5].map(|axis| {
@@ -178,7 +178,7 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
                 stiffness: environment.stiffness * share,
                 damping: environment.damping * share,
             },
-            coupling: controller.beyond.virtual_coupling.map(|coupling| Impedance {
+            coupling: controller.extensions.virtual_coupling.map(|coupling| Impedance {
                 stiffness: coupling.stiffness().values()[axis],
                 damping: coupling.damping().values()[axis],
             }),
@@ -193,14 +193,14 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
                 accommodation: config.remote.accommodation.gain()[axis],
             },
             timing,
-            is_watched: controller.beyond.passivity.is_some(),
+            is_watched: controller.extensions.passivity.is_some(),
         }
     }))
 }
 
 /// The strongest damper of the tank, in N·s/m; it damps translations alone.
 fn tank_damping(config: &Parameters, is_rotation: bool) -> f64 {
-    let tank = config.controller.beyond.tank.filter(|_| !is_rotation);
+    let tank = config.controller.extensions.tank.filter(|_| !is_rotation);
     tank.map_or(0.0, |tank| tank.max_damping())
 }
 

@@ -14,14 +14,15 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod beyond;
 mod bodies;
 mod boot;
 mod bus_plan;
 mod control;
+mod extensions;
 pub mod files;
 pub mod force_cap;
 mod gain_check;
+mod interpretation;
 mod joints;
 mod lookup;
 mod names;
@@ -31,7 +32,6 @@ mod plausibility;
 mod problem;
 mod protection;
 mod raw;
-mod readings;
 mod remote;
 pub mod shipped;
 mod simulated;

@@ -268,7 +268,7 @@ fn drive_plan(config: &Parameters, number: JointNumber, joint: &Joint) -> NodePl
     let watch = watch(config, place);
     let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch, most);
     let rest = joint.calibration.span(AT_REST).saturating_add(NOISE);
-    let plan = NodePlan { rest: Some(rest), ..plan };
+    let plan = NodePlan { standstill_counts: Some(rest), ..plan };
     let plan = plan.no_faster_than(protection::motor_speed(config, place, joint));
     let plan = protection::as_far_as_it_has(plan, joint);
     let plan = match config.sync_counter {

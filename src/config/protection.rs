@@ -79,7 +79,8 @@ pub(super) fn rpdo_timer(config: &Parameters, joint: &Joint) -> Option<u16> {
 impl Parameters {
     /// Everything that may push the hand at once.
     pub fn force_cap(&self) -> ForceCap {
-        let Settings { arm, calibration, channels, assist_fraction, beyond, .. } = &self.controller;
+        let Settings { arm, calibration, channels, assist_fraction, extensions, .. } =
+            &self.controller;
         let mass = self.safety.protection.effective_mass;
         let hand = PushedHand { arm, coupling: calibration.coupling(), mass };
         // Displaced from one end of the reach to the other; but no joint assists with more than its share.
@@ -90,7 +91,7 @@ impl Parameters {
         let pushes = Pushes {
             reflected: self.controller.reflection.max_force(),
             centring,
-            soft_stops: beyond.soft_stops.map_or(0.0, |stops| hand.by_soft_stops(&stops)),
+            soft_stops: extensions.soft_stops.map_or(0.0, |stops| hand.by_soft_stops(&stops)),
         };
         ForceCap {
             pushes,
@@ -115,10 +116,10 @@ impl Parameters {
 
     /// All dampers of translations together, in N·s/m.
     fn strongest_damping(&self) -> f64 {
-        let Settings { damping, beyond, .. } = &self.controller;
+        let Settings { damping, extensions, .. } = &self.controller;
         let [x, y, z, ..] = *damping.values();
-        let passivity = beyond.passivity.map_or(0.0, |passivity| passivity.max_damping());
-        let tank = beyond.tank.map_or(0.0, |tank| tank.max_damping());
+        let passivity = extensions.passivity.map_or(0.0, |passivity| passivity.max_damping());
+        let tank = extensions.tank.map_or(0.0, |tank| tank.max_damping());
         x.max(y).max(z) + passivity + tank
     }
 }

@@ -10,9 +10,9 @@ use thiserror::Error;
 
 use crate::channels::Channels;
 use crate::gains::Gains;
+use crate::interpretation::Difference;
 use crate::orientation::Orientation;
 use crate::period::Period;
-use crate::readings::Difference;
 use crate::reference::Displacement;
 use units::spatial::Twist;
 use units::spatial::Wrench;

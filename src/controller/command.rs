@@ -9,9 +9,9 @@ use nalgebra::Isometry3;
 
 use crate::channels::Channels;
 use crate::gains::Gains;
+use crate::interpretation::Displaced;
+use crate::interpretation::Interpretation;
 use crate::orientation::Orientation;
-use crate::readings::Displaced;
-use crate::readings::Readings;
 use crate::reference::Displacement;
 use crate::reference::Reference;
 use crate::switches::Mode;
@@ -83,7 +83,7 @@ impl CommandLaw {
     /// The command for `dx_db`, what the deadband left of the displacement.
     pub fn motion(
         &self,
-        readings: &Readings,
+        interpretation: &Interpretation,
         mode: Mode,
         gate: Gate,
         reference: &Reference,
@@ -91,8 +91,8 @@ impl CommandLaw {
     ) -> Motion {
         match (gate, mode) {
             (Gate::Released | Gate::Waiting | Gate::TurnedTooFar, _) => Motion::Hold,
-            (Gate::Open, Mode::Rate) => Motion::Rate(self.rate(readings.orientation, dx_db)),
-            (Gate::Open, Mode::Pose) => Motion::Pose(self.pose(readings, reference, dx_db)),
+            (Gate::Open, Mode::Rate) => Motion::Rate(self.rate(interpretation.orientation, dx_db)),
+            (Gate::Open, Mode::Pose) => Motion::Pose(self.pose(interpretation, reference, dx_db)),
         }
     }
 
@@ -106,17 +106,17 @@ impl CommandLaw {
     /// times K_P (decision 7); along the axes of its base if ΔX is along those of the hand's.
     pub fn pose(
         &self,
-        readings: &Readings,
+        interpretation: &Interpretation,
         reference: &Reference,
         dx_db: &Displacement,
     ) -> Isometry3<f64> {
         let enlarged = dx_db.scaled(self.pose_gain.values());
         let x_r_d = Isometry3::from_parts(
             enlarged.translation.into(),
-            readings.orientation.rotation(&enlarged.orientation),
+            interpretation.orientation.rotation(&enlarged.orientation),
         );
         let mut x_b_d = reference.x_b_r * x_r_d;
-        if readings.displacement == Displaced::InBase {
+        if interpretation.displacement == Displaced::InBase {
             x_b_d.translation.vector = reference.x_b_r.translation.vector + enlarged.translation;
         }
         x_b_d
@@ -150,8 +150,8 @@ mod tests {
             reference.x_b_r = Isometry3::new([z, x, y].into(), [c, a, b].into());
             for orientation in [Orientation::EulerZyx, Orientation::RotationVector] {
                 let dx = Displacement::between(&x_h_g, orientation);
-                let readings = Readings { orientation, ..Readings::CONSISTENT };
-                let x_b_d = law().pose(&readings, &reference, &dx);
+                let interpretation = Interpretation { orientation, ..Interpretation::CONSISTENT };
+                let x_b_d = law().pose(&interpretation, &reference, &dx);
                 let difference = x_b_d.to_homogeneous() - (reference.x_b_r * x_h_g).to_homogeneous();
                 prop_assert!(difference.norm() < 1e-12);
             }
@@ -226,7 +226,7 @@ mod tests {
         let mut reference = Reference::none();
         reference.x_b_r = Isometry3::translation(1.0, 2.0, 3.0);
         assert_eq!(
-            law.pose(&Readings::CONSISTENT, &reference, &Displacement::default()),
+            law.pose(&Interpretation::CONSISTENT, &reference, &Displacement::default()),
             reference.x_b_r
         );
     }

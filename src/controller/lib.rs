@@ -6,7 +6,7 @@
 //! | file                | paper         | what                                               |
 //! |---------------------|---------------|----------------------------------------------------|
 //! | [`mod@step`]        | Fig. 3        | one cycle, read from top to bottom                 |
-//! | [`readings`]        |               | how the paper is read where it can be read in several ways |
+//! | [`interpretation`]        |               | how the paper is read where it can be read in several ways |
 //! | [`calibration`]     | 4.2           | counts to positions, torques to per mille          |
 //! | [`torque_curve`]    | Fig. 6        | an odd polynomial that is proven to rise           |
 //! | [`fit`]             | Fig. 6        | such a curve from measurements                     |
@@ -48,6 +48,7 @@ pub mod engagement;
 pub mod fit;
 pub mod gains;
 mod intake;
+pub mod interpretation;
 mod least_squares;
 pub mod limits;
 pub mod models;
@@ -56,7 +57,6 @@ mod output;
 pub mod passivity;
 pub mod period;
 pub mod port;
-pub mod readings;
 pub mod reference;
 pub mod reflection;
 mod settings;
@@ -74,7 +74,7 @@ pub use output::Fault;
 pub use output::Input;
 pub use output::Ledger;
 pub use output::Output;
-pub use settings::Beyond;
+pub use settings::Extensions;
 pub use settings::Settings;
 pub use step::Controller;
 

@@ -8,8 +8,8 @@
 use nalgebra::SVector;
 use thiserror::Error;
 
+use crate::interpretation::Scaling;
 use crate::period::Period;
-use crate::readings::Scaling;
 
 /// The share of each joint's capacity that the assist may take, 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]

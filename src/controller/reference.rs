@@ -8,9 +8,9 @@ use nalgebra::Isometry3;
 use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 
+use crate::interpretation::Displaced;
+use crate::interpretation::Interpretation;
 use crate::orientation::Orientation;
-use crate::readings::Displaced;
-use crate::readings::Readings;
 use crate::switches::Pressed;
 
 /// ΔX of Eq. 4: where the grip is, seen from its reference.
@@ -110,9 +110,9 @@ impl Reference {
     }
 
     /// ΔX of a grip at `x_h_g` (Eq. 4), as it is read.
-    pub fn dx(&self, readings: &Readings, x_h_g: &Isometry3<f64>) -> Displacement {
-        let dx = Displacement::between(x_h_g, readings.orientation);
-        match readings.displacement {
+    pub fn dx(&self, interpretation: &Interpretation, x_h_g: &Isometry3<f64>) -> Displacement {
+        let dx = Displacement::between(x_h_g, interpretation.orientation);
+        match interpretation.displacement {
             Displaced::InReference => dx,
             Displaced::InBase => dx.along(&self.x_0_h.rotation),
         }

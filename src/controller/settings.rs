@@ -7,11 +7,11 @@ use crate::channels::Channels;
 use crate::command::CommandLaw;
 use crate::engagement::Engagement;
 use crate::gains::Gains;
+use crate::interpretation::Interpretation;
 use crate::limits::AssistFraction;
 use crate::limits::Slew;
 use crate::passivity::Passivity;
 use crate::period::Period;
-use crate::readings::Readings;
 use crate::reflection::Reflection;
 use crate::soft_stops::SoftStops;
 use crate::tank::Tank;
@@ -22,7 +22,7 @@ use crate::virtual_coupling::VirtualCoupling;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Interpretation of the paper.
-    pub readings: Readings,
+    pub interpretation: Interpretation,
     /// The cycle.
     pub period: Period,
     /// The hand controller's links.
@@ -40,12 +40,12 @@ pub struct Settings {
     /// Fraction of each joint's capacity that the assist may use.
     pub assist_fraction: AssistFraction,
     /// Extensions that the paper does not have.
-    pub beyond: Beyond,
+    pub extensions: Extensions,
 }
 
 /// Extensions beside the paper's law; all off by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Beyond {
+pub struct Extensions {
     /// A low pass on the grip's velocity.
     pub velocity_filter: Filter,
     /// Walls of the channels also act in pose mode.

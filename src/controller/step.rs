@@ -2,7 +2,7 @@
 
 use nalgebra::Isometry3;
 
-use crate::Beyond;
+use crate::Extensions;
 use crate::Fault;
 use crate::Input;
 use crate::JointVector;
@@ -14,18 +14,18 @@ use crate::assist;
 use crate::assist::Damping;
 use crate::command::Gate;
 use crate::intake::Trusted;
+use crate::interpretation::Centring;
+use crate::interpretation::Felt;
+use crate::interpretation::Weight;
 use crate::limits::Asked;
 use crate::limits::Limited;
 use crate::limits::Limits;
 use crate::port::Port;
-use crate::readings::Centring;
-use crate::readings::Felt;
-use crate::readings::Weight;
 use crate::reference::Displacement;
 use crate::reference::Reference;
 use crate::switches::Mode;
-use crate::switches::Panel;
 use crate::switches::Pressed;
+use crate::switches::SwitchLogic;
 use crate::velocity::JointRates;
 use crate::velocity::Velocity;
 use units::numbering::Joint;
@@ -38,9 +38,9 @@ use units::spatial::Wrench;
 pub struct Controller {
     settings: Settings,
     /// Extensions beside the paper's law, with their state.
-    layers: Beyond,
+    layers: Extensions,
     limits: Limits<6>,
-    panel: Panel,
+    switch_logic: SwitchLogic,
     reference: Reference,
     gate: Gate,
     rates: JointRates<6>,
@@ -57,18 +57,19 @@ pub struct Controller {
 impl Controller {
     /// Creates a controller before its first cycle: no reference, reflection off.
     pub fn new(settings: &Settings) -> Self {
-        let Settings { readings, period, calibration, assist_fraction, beyond, .. } = *settings;
+        let Settings { interpretation, period, calibration, assist_fraction, extensions, .. } =
+            *settings;
         Self {
             settings: *settings,
-            layers: beyond,
-            limits: Limits::new(calibration.max_torques(), assist_fraction, readings.scaling),
-            panel: Panel::new(Mode::Rate, readings.latches),
+            layers: extensions,
+            limits: Limits::new(calibration.max_torques(), assist_fraction, interpretation.scaling),
+            switch_logic: SwitchLogic::new(Mode::Rate, interpretation.latches),
             reference: Reference::none(),
             gate: Gate::Released,
             rates: JointRates::new(period),
-            velocity: Velocity::new(period, beyond.velocity_filter),
-            damping: Damping::new(settings.damping, period, readings.damping),
-            port: Port::new(period, beyond.passivity, beyond.tank),
+            velocity: Velocity::new(period, extensions.velocity_filter),
+            damping: Damping::new(settings.damping, period, interpretation.damping),
+            port: Port::new(period, extensions.passivity, extensions.tank),
             mode: Mode::Rate,
             x_b_m: Isometry3::identity(),
             x_b_asked: None,
@@ -83,9 +84,10 @@ impl Controller {
 
     /// Computes one cycle at given joint positions in rad or m, which must be finite, in place of counts.
     pub fn step_at(&mut self, q: &JointVector, input: &Input) -> Output {
-        let Settings { readings, arm, calibration, channels, command: law, .. } = self.settings;
+        let Settings { interpretation, arm, calibration, channels, command: law, .. } =
+            self.settings;
         let given = Trusted::of(input, &self.x_b_m);
-        let pressed = self.panel.read(input.switches, input.mode); // 4.1
+        let pressed = self.switch_logic.read(input.switches, input.mode); // 4.1
 
         let q = *q;
         let posture = arm.posture(&q);
@@ -97,12 +99,12 @@ impl Controller {
         let is_new = self.reference.update(&pressed, &x_0_g, &x_b_last);
         let reference = self.reference;
         let x_h_g = reference.displacement(&x_0_g); // Eq. 2, 3
-        let dx = reference.dx(&readings, &x_h_g); // Eq. 4
+        let dx = reference.dx(&interpretation, &x_h_g); // Eq. 4
 
         let dx_db = law.effective(input.mode, &channels, &dx);
-        let is_within = readings.orientation.is_within(&dx.orientation);
+        let is_within = interpretation.orientation.is_within(&dx.orientation);
         let gate = self.gate.next(&pressed, input.mode, is_new, dx_db.is_zero(), is_within);
-        let command = law.motion(&readings, input.mode, gate, &reference, &dx_db); // Eq. 5, 3.5
+        let command = law.motion(&interpretation, input.mode, gate, &reference, &dx_db); // Eq. 5, 3.5
 
         let f_m_task = self.task(&given, &command); // Eq. 6
         let f_g_felt = self.felt(&f_m_task, &x_h_g); // K_T
@@ -176,7 +178,7 @@ impl Controller {
     /// Reflects a wrench at {MRF} to {G}, along the axes of the chosen interpretation (decision 30).
     fn felt(&self, f_m_task: &Wrench, x_h_g: &Isometry3<f64>) -> Wrench {
         let f = self.settings.reflection.at_grip(f_m_task);
-        match self.settings.readings.task {
+        match self.settings.interpretation.task {
             Felt::InGrip => f,
             Felt::InReference => f.turned(&x_h_g.rotation.inverse()),
         }
@@ -199,17 +201,17 @@ impl Controller {
         x_0_g: &Isometry3<f64>,
         dx: &Displacement,
     ) -> Wrench {
-        let Settings { readings, channels, .. } = &self.settings;
+        let Settings { interpretation, channels, .. } = &self.settings;
         let channels = match mode {
             Mode::Rate if pressed.centring => *channels,
             Mode::Pose if self.layers.walls_in_pose => channels.walls_only(),
             Mode::Rate | Mode::Pose => return Wrench::ZERO,
         };
-        match readings.centring {
+        match interpretation.centring {
             Centring::Components => assist::centring_by_components(&channels, dx),
             Centring::Conjugate => {
-                let r_g_dx = self.reference.turn_to_grip(readings.displacement, x_0_g);
-                assist::centring(&channels, readings.orientation, &r_g_dx, dx)
+                let r_g_dx = self.reference.turn_to_grip(interpretation.displacement, x_0_g);
+                assist::centring(&channels, interpretation.orientation, &r_g_dx, dx)
             }
         }
     }
@@ -222,7 +224,7 @@ impl Controller {
     /// Gravity compensation (decision 12).
     fn gravity(&self, posture: &Posture<6>, j_g: &Jacobian<6>) -> JointVector {
         let arm = &self.settings.arm;
-        match self.settings.readings.weight {
+        match self.settings.interpretation.weight {
             Weight::PerLink => arm.gravity(posture),
             Weight::AtGrip => j_g.torques(&arm.gravity_at_grip(posture)),
         }

@@ -68,7 +68,7 @@ impl Pressed {
 
 /// Debounced state of the switches, and the functions they have turned on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Panel {
+pub struct SwitchLogic {
     before: Switches,
     mode: Mode,
     latches: bool,
@@ -76,7 +76,7 @@ pub struct Panel {
     reflecting: bool,
 }
 
-impl Panel {
+impl SwitchLogic {
     /// Before the first cycle: every switch taken for closed, reflection off. `latches` says whether
     /// closing the deadman in pose mode sets the reference (decision 29).
     pub const fn new(mode: Mode, latches: bool) -> Self {
@@ -113,10 +113,10 @@ mod tests {
     const REFERENCE: Switches = Switches { reference: true, ..DEADMAN };
     const REFLECTION: Switches = Switches { reflection: true, ..DEADMAN };
 
-    fn released(mode: Mode) -> Panel {
-        let mut panel = Panel::new(mode, true);
-        panel.read(UP, mode);
-        panel
+    fn released(mode: Mode) -> SwitchLogic {
+        let mut switches = SwitchLogic::new(mode, true);
+        switches.read(UP, mode);
+        switches
     }
 
     proptest! {
@@ -124,9 +124,9 @@ mod tests {
         fn without_the_deadman_nothing_is_permitted(
             presses in prop::collection::vec(any::<[bool; 3]>(), 0..20)
         ) {
-            let mut panel = Panel::new(Mode::Rate, true);
+            let mut switches = SwitchLogic::new(Mode::Rate, true);
             for [deadman, reference, reflection] in presses {
-                let pressed = panel.read(Switches { deadman, reference, reflection }, Mode::Rate);
+                let pressed = switches.read(Switches { deadman, reference, reflection }, Mode::Rate);
                 if !deadman {
                     let Pressed { commands, task, centring, damping, engaged, .. } = pressed;
                     prop_assert!(!(commands || task || centring || damping || engaged));
@@ -138,20 +138,20 @@ mod tests {
     #[test]
     fn a_switch_closed_from_the_start_counts_after_its_release() {
         let all = Switches { deadman: true, reference: true, reflection: true };
-        let mut panel = Panel::new(Mode::Rate, true);
+        let mut switches = SwitchLogic::new(Mode::Rate, true);
         for _ in 0..3 {
-            assert_eq!(panel.read(all, Mode::Rate), Pressed::NOTHING);
+            assert_eq!(switches.read(all, Mode::Rate), Pressed::NOTHING);
         }
-        panel.read(UP, Mode::Rate);
-        let pressed = panel.read(all, Mode::Rate);
+        switches.read(UP, Mode::Rate);
+        let pressed = switches.read(all, Mode::Rate);
         assert!(pressed.commands && pressed.engaged && pressed.reference && pressed.task);
     }
 
     #[test]
     fn reflection_is_turned_by_a_press_and_stays() {
-        let mut panel = released(Mode::Rate);
+        let mut switches = released(Mode::Rate);
         let felt = [DEADMAN, REFLECTION, REFLECTION, DEADMAN, UP, DEADMAN, REFLECTION, DEADMAN]
-            .map(|levels| panel.read(levels, Mode::Rate).task);
+            .map(|levels| switches.read(levels, Mode::Rate).task);
         assert_eq!(felt, [false, true, true, true, false, true, false, false]);
     }
 
@@ -160,18 +160,19 @@ mod tests {
         for (mode, expected) in
             [(Mode::Rate, [true, false, false]), (Mode::Pose, [true, true, false])]
         {
-            let mut panel = released(mode);
-            let asked = [REFERENCE, REFERENCE, DEADMAN].map(|now| panel.read(now, mode).reference);
+            let mut switches = released(mode);
+            let asked =
+                [REFERENCE, REFERENCE, DEADMAN].map(|now| switches.read(now, mode).reference);
             assert_eq!(asked, expected);
         }
     }
 
     #[test]
     fn commanding_begins_with_the_deadman_and_with_a_change_of_mode() {
-        let mut panel = released(Mode::Rate);
-        assert!(panel.read(DEADMAN, Mode::Rate).engaged);
-        assert!(!panel.read(DEADMAN, Mode::Rate).engaged);
-        let changed = panel.read(DEADMAN, Mode::Pose);
+        let mut switches = released(Mode::Rate);
+        assert!(switches.read(DEADMAN, Mode::Rate).engaged);
+        assert!(!switches.read(DEADMAN, Mode::Rate).engaged);
+        let changed = switches.read(DEADMAN, Mode::Pose);
         assert!(changed.engaged && changed.latches && !changed.centring);
     }
 }

@@ -6,7 +6,7 @@ use std::fmt;
 use serde::Serialize;
 
 use config::Config;
-use controller::Beyond;
+use controller::Extensions;
 use controller::Settings;
 use sim::scenario::Scenario;
 use telemetry::contact::Contact;
@@ -42,8 +42,8 @@ pub fn surrounded(config: &Config, scenario: &Scenario) -> Config {
 /// `config` without its passivity layer.
 #[must_use]
 pub fn without_passivity(config: &Config) -> Config {
-    let beyond = Beyond { passivity: None, tank: None, ..config.controller.beyond };
-    config.clone().with_controller(Settings { beyond, ..config.controller })
+    let extensions = Extensions { passivity: None, tank: None, ..config.controller.extensions };
+    config.clone().with_controller(Settings { extensions, ..config.controller })
 }
 
 impl Comparison {

@@ -14,8 +14,8 @@ use controller::Controller;
 use controller::Input;
 use controller::JointVector;
 use controller::Output;
-use controller::readings::Displaced;
-use controller::readings::Readings;
+use controller::interpretation::Displaced;
+use controller::interpretation::Interpretation;
 use controller::reference::Displacement;
 use controller::switches::Mode;
 use controller::switches::Switches;
@@ -125,16 +125,16 @@ fn entries(posed: &Posed, output: &Output) -> Vec<Entry> {
 /// Where the grip is, and what that commands.
 fn motion(posed: &Posed, output: &Output) -> Vec<Entry> {
     let settings = &posed.settings;
-    let (readings, law) = (&settings.readings, &settings.command);
+    let (interpretation, law) = (&settings.interpretation, &settings.command);
     let Output { q, reference, x_0_g, x_h_g, dx, dx_db, command, .. } = output;
     let rotation = rotation::rotation_vector(&x_h_g.rotation);
-    let omega = readings.orientation.rate(&dx_db.orientation);
+    let omega = interpretation.orientation.rate(&dx_db.orientation);
     // What either mode would command from here.
     let rate_db = law.effective(Mode::Rate, &settings.channels, dx);
     let pose_db = law.effective(Mode::Pose, &settings.channels, dx);
-    let v_m = law.rate(readings.orientation, &rate_db);
-    let x_b_d = law.pose(readings, reference, &pose_db);
-    let h = axes(readings);
+    let v_m = law.rate(interpretation.orientation, &rate_db);
+    let x_b_d = law.pose(interpretation, reference, &pose_db);
+    let h = axes(interpretation);
     vec![
         entry("q", q, "", ["rad, m", "joints"], "joint positions"),
         entry("x_0_h", &reference.x_0_h, "1", ["m", "0"], "grip at the reference"),
@@ -199,8 +199,8 @@ fn torques(output: &Output) -> Vec<Entry> {
 }
 
 /// Where the translation of ΔX is written.
-const fn axes(readings: &Readings) -> &'static str {
-    match readings.displacement {
+const fn axes(interpretation: &Interpretation) -> &'static str {
+    match interpretation.displacement {
         Displaced::InBase => "0",
         Displaced::InReference => "h",
     }

@@ -9,7 +9,7 @@ use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 use serde::Deserialize;
 
-use controller::Beyond;
+use controller::Extensions;
 use controller::JointVector;
 use controller::Settings;
 use controller::calibration::Calibration;
@@ -19,9 +19,9 @@ use controller::channels::Channels;
 use controller::gains::Gains;
 use controller::gains::InvalidGain;
 use controller::gains::MAX_GAIN;
+use controller::interpretation::Interpretation;
 use controller::limits::AssistFraction;
 use controller::period::Period;
-use controller::readings::Readings;
 use controller::reflection::Reflection;
 use controller::switches::Mode;
 use units::spatial::Wrench;
@@ -165,12 +165,12 @@ impl Question {
     fn over(&self, settings: &Settings) -> Result<Settings, Unanswerable> {
         let mut over = *settings;
         if !self.layers {
-            over.beyond = Beyond::default();
+            over.extensions = Extensions::default();
         }
-        over.readings = match self.preset.as_deref() {
-            None => over.readings,
-            Some("consistent") => Readings::CONSISTENT,
-            Some("paper1997") => Readings::PAPER_1997,
+        over.interpretation = match self.preset.as_deref() {
+            None => over.interpretation,
+            Some("consistent") => Interpretation::CONSISTENT,
+            Some("paper1997") => Interpretation::PAPER_1997,
             Some(other) => {
                 return Err(wrong("preset", format!("\"{other}\" is not consistent or paper1997")));
             }

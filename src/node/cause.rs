@@ -328,7 +328,7 @@ impl fmt::Display for Cause {
                 write!(f, "joint {joint}: drive left operation enabled (6041h = {statusword:04X}h)")
             }
             Self::Emergency { node, code } => {
-                let words = error_codes::words(*code);
+                let words = error_codes::description(*code);
                 write!(f, "{}: emergency {code:04X}h {words}", Who(*node))
             }
             Self::HeartbeatLost { node } => write!(f, "{}: heartbeat lost", Who(*node)),
@@ -338,7 +338,7 @@ impl fmt::Display for Cause {
             }
             Self::ForeignMaster => f.write_str("another master is on the bus"),
             Self::LeftOperational { node, state } => {
-                write!(f, "{}: left operational, is {}", Who(*node), nmt::words(*state))
+                write!(f, "{}: left operational, is {}", Who(*node), nmt::description(*state))
             }
             Self::SettingChanged { node, object, expected, found } => {
                 let who = Who(*node);

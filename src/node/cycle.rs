@@ -93,7 +93,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         if before != self.cause()
             && let Some(joint) = Joint::new(joint)
         {
-            self.network.master.read_history(now, joint.into(), &mut self.wire.out);
+            self.network.master.read_error_history(now, joint.into(), &mut self.wire.out);
         }
     }
 

@@ -133,8 +133,8 @@ impl Report<'_> {
     fn json(&self) -> serde_json::Value {
         let drive = |(drive, plan): (&DriveProof, &NodePlan)| {
             let held = plan.protections().into_iter().map(|check| {
-                let value =
-                    (!drive.missing.contains(&check.object)).then(|| check.wanted().to_string());
+                let value = (!drive.missing.contains(&check.object))
+                    .then(|| check.expected_value().to_string());
                 (check.object.to_string(), serde_json::json!(value))
             });
             serde_json::json!({
@@ -160,7 +160,7 @@ fn read_back(drive: &DriveProof, check: &Check) -> String {
     if drive.missing.contains(&check.object) {
         format!("{} missing", check.object)
     } else {
-        format!("{} = {}", check.object, check.wanted())
+        format!("{} = {}", check.object, check.expected_value())
     }
 }
 

@@ -206,7 +206,7 @@ fn tell(event: &Event, names: &[String]) {
         | Event::HeartbeatLost { .. }
         | Event::Rebooted { .. }
         | Event::Duplicate { .. }
-        | Event::Stranger { .. }
+        | Event::UnknownNode { .. }
         | Event::ForeignMaster { .. } => tracing::warn!("{name}: {event}"),
     }
 }

@@ -83,7 +83,7 @@ impl Lossy {
         let (mut queue, begun) = (Queue::default(), self.now);
         self.sent = 0;
         let request = Request { object: Object::SAMPLE_BUFFER, task, terms, within: WITHIN };
-        let ticket = queue.ask(self.now, node(), request);
+        let ticket = queue.submit(self.now, node(), request);
         let (mut requests, mut replies) = (Vec::new(), Vec::new());
         loop {
             let first = self.wire.keys().next().map(|(at, _)| *at);

@@ -223,7 +223,7 @@ fn joint_behind_a_coupling_has_its_own_capacity_and_speed() {
     let coupling = "[coupling]\nmatrix = [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, -2, 1, 0, 0, 0], \
         [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]\n\n[switches]\n";
     let config = Config::parse(Path::new(FILE), &changed(&[("[switches]\n", coupling)])).unwrap();
-    let stops = config.controller.beyond.soft_stops.unwrap();
+    let stops = config.controller.extensions.soft_stops.unwrap();
     let mut q = config.joints.each_ref().map(|joint| joint.start);
     q[2] = config.joints[2].link.range[1];
     let tau = stops.torques(&q.into(), &JointVector::zeros());

@@ -8,8 +8,8 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 
 use crate::common::oracle;
-use controller::Beyond;
 use controller::Controller;
+use controller::Extensions;
 use controller::Fault;
 use controller::Input;
 use controller::JointVector;
@@ -27,13 +27,13 @@ use controller::command::CommandLaw;
 use controller::command::Gate;
 use controller::engagement::Engagement;
 use controller::gains::Gains;
+use controller::interpretation::Interpretation;
 use controller::limits::AssistFraction;
 use controller::limits::Slew;
 use controller::orientation::Orientation;
 use controller::passivity::Passivity;
 use controller::passivity::PassivitySettings;
 use controller::period::Period;
-use controller::readings::Readings;
 use controller::reflection::Reflection;
 use controller::soft_stops::SoftStops;
 use controller::switches::Mode;
@@ -65,7 +65,7 @@ fn settings() -> Settings {
         JointCalibration::new(10_000, ratio, -5, curve(max_torque)).unwrap()
     };
     Settings {
-        readings: Readings::CONSISTENT,
+        interpretation: Interpretation::CONSISTENT,
         period: Period::new(PERIOD).unwrap(),
         arm: oracle::arm("kraft_like"),
         calibration: Calibration::new(MAX_TORQUES.map(joint)),
@@ -88,17 +88,20 @@ fn settings() -> Settings {
         .unwrap(),
         damping: gains([8.0, 8.0, 8.0, 0.02, 0.02, 0.02]),
         assist_fraction: AssistFraction::new(0.35).unwrap(),
-        beyond: Beyond::default(),
+        extensions: Extensions::default(),
     }
 }
 
 fn by_rotation_vector() -> Settings {
     let orientation = Orientation::RotationVector;
-    Settings { readings: Readings { orientation, ..Readings::CONSISTENT }, ..settings() }
+    Settings {
+        interpretation: Interpretation { orientation, ..Interpretation::CONSISTENT },
+        ..settings()
+    }
 }
 
 fn as_printed() -> Settings {
-    Settings { readings: Readings::PAPER_1997, ..settings() }
+    Settings { interpretation: Interpretation::PAPER_1997, ..settings() }
 }
 
 /// Every layer there is, so tuned that each has something to do.
@@ -108,7 +111,7 @@ fn everything() -> Settings {
         Gains::new([linear, linear, linear, angular, angular, angular], "gain").unwrap()
     };
     let max_torques = plain.calibration.max_torques();
-    let beyond = Beyond {
+    let extensions = Extensions {
         velocity_filter: Filter::new(0.005).unwrap(),
         walls_in_pose: true,
         contact_fade: Some(ContactFade::new(5.0).unwrap()),
@@ -144,7 +147,7 @@ fn everything() -> Settings {
         )),
     };
     let channels = plain.channels.with_wall([0.1; 6], [200.0; 6]).unwrap();
-    Settings { beyond, channels, ..plain }
+    Settings { extensions, channels, ..plain }
 }
 
 /// A controller and what goes into it.
@@ -346,8 +349,8 @@ proptest! {
     fn without_the_deadman_only_weight_is_carried_and_nothing_commanded(
         path in prop::collection::vec((joints(), switches(), wrench(50.0)), 1..20), mode in mode()
     ) {
-        let unslewed = Beyond { slew: None, ..everything().beyond };
-        for settings in [settings(), Settings { beyond: unslewed, ..everything() }] {
+        let unslewed = Extensions { slew: None, ..everything().extensions };
+        for settings in [settings(), Settings { extensions: unslewed, ..everything() }] {
             let mut bench = Bench::new(&settings, mode);
             for (q, switches, f_s) in &path {
                 bench.input.switches = *switches;
@@ -402,7 +405,7 @@ proptest! {
                 if !input.f_s.is_finite() {
                     prop_assert!(output.fault.is_some());
                     // The virtual coupling reads no sensor.
-                    let is_sensed = settings.beyond.virtual_coupling.is_none();
+                    let is_sensed = settings.extensions.virtual_coupling.is_none();
                     prop_assert!(!is_sensed || output.f_g_task == Wrench::ZERO);
                 }
                 if !(0.0..=1.0).contains(gravity) {
@@ -530,7 +533,7 @@ proptest! {
 
     #[test]
     fn the_ledger_adds_up(q in joints(), by in -1e-3..1e-3_f64, f_s in wrench(10.0), mode in mode()) {
-        let settings = Settings { beyond: Beyond { slew: None, ..everything().beyond }, ..everything() };
+        let settings = Settings { extensions: Extensions { slew: None, ..everything().extensions }, ..everything() };
         let mut bench = Bench::engaged(&settings, mode);
         bench.input.f_s = f_s;
         bench.at(q);

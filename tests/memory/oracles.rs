@@ -24,8 +24,8 @@ use crate::common::oracle::rows;
 use crate::common::oracle::twist;
 use crate::common::oracle::vector;
 use crate::common::oracle::wrench;
-use controller::Beyond;
 use controller::Controller;
+use controller::Extensions;
 use controller::Input;
 use controller::Output;
 use controller::Settings;
@@ -45,6 +45,9 @@ use controller::fit;
 use controller::fit::Direction;
 use controller::fit::Sample;
 use controller::gains::Gains;
+use controller::interpretation::Difference;
+use controller::interpretation::Interpretation;
+use controller::interpretation::Scaling;
 use controller::limits::Asked;
 use controller::limits::AssistFraction;
 use controller::limits::Limited;
@@ -52,14 +55,11 @@ use controller::limits::Limits;
 use controller::models;
 use controller::orientation::Orientation;
 use controller::period::Period;
-use controller::readings::Difference;
-use controller::readings::Readings;
-use controller::readings::Scaling;
 use controller::reference::Displacement;
 use controller::reference::Reference;
 use controller::reflection::Reflection;
 use controller::switches::Mode;
-use controller::switches::Panel;
+use controller::switches::SwitchLogic;
 use controller::switches::Switches;
 use controller::velocity::Filter;
 use controller::velocity::Velocity;
@@ -468,10 +468,10 @@ fn a_torque_curve_from_measurements() {
 // The whole step.
 
 /// The worked example, as one would run it: hold the deadman, set the reference, move.
-fn settings(paper: &Value, readings: Readings) -> Settings {
+fn settings(paper: &Value, interpretation: Interpretation) -> Settings {
     let inputs = &paper["inputs"];
     Settings {
-        readings,
+        interpretation,
         period: period(inputs),
         arm: oracle::arm("sixr_spherical"),
         calibration: calibration(paper),
@@ -480,13 +480,13 @@ fn settings(paper: &Value, readings: Readings) -> Settings {
         reflection: reflection(pose(&paper["eq6"]["T_MRF_S"]), inputs),
         damping: gains(&inputs["K_D_SI"]),
         assist_fraction: AssistFraction::new(number(&inputs["assist_fraction"])).unwrap(),
-        beyond: Beyond::default(),
+        extensions: Extensions::default(),
     }
 }
 
-fn worked_example(paper: &Value, mode: Mode, readings: Readings) -> Output {
+fn worked_example(paper: &Value, mode: Mode, interpretation: Interpretation) -> Output {
     let inputs = &paper["inputs"];
-    let settings = settings(paper, readings);
+    let settings = settings(paper, interpretation);
     let mut controller = Controller::new(&settings);
     let up = Switches::default();
     let deadman = Switches { deadman: true, ..up };
@@ -516,7 +516,7 @@ fn worked_example(paper: &Value, mode: Mode, readings: Readings) -> Output {
 #[test]
 fn the_worked_example_in_rate_mode() {
     let paper = oracle::oracle("paper.json");
-    let output = worked_example(&paper, Mode::Rate, Readings::CONSISTENT);
+    let output = worked_example(&paper, Mode::Rate, Interpretation::CONSISTENT);
     assert_near("q", output.q.as_slice(), &numbers::<6>(&paper["inputs"]["q_now"]));
     assert_same_pose("Eq. 1", &output.x_0_g, &pose(&paper["eq1"]["T_0G"]));
     assert_same_pose("reference", &output.reference.x_0_h, &pose(&paper["eq1"]["T_0G0"]));
@@ -548,7 +548,7 @@ fn the_worked_example_in_rate_mode() {
 #[test]
 fn the_worked_example_in_pose_mode() {
     let paper = oracle::oracle("paper.json");
-    let output = worked_example(&paper, Mode::Pose, Readings::CONSISTENT);
+    let output = worked_example(&paper, Mode::Pose, Interpretation::CONSISTENT);
     let Motion::Pose(x_b_d) = output.command else { panic!("{:?}", output.command) };
     let reference = pose(&paper["pose_mode"]["T_cmd_recommended_body_composition"]);
     assert_same_pose("x_b_d", &x_b_d, &reference);
@@ -556,7 +556,7 @@ fn the_worked_example_in_pose_mode() {
 
     let with_deadband = CommandLaw { pose_deadband: true, ..law(&paper["inputs"]) };
     let left = with_deadband.effective(Mode::Pose, &channels(&paper["inputs"]), &output.dx);
-    let x_b_d = with_deadband.pose(&Readings::CONSISTENT, &output.reference, &left);
+    let x_b_d = with_deadband.pose(&Interpretation::CONSISTENT, &output.reference, &left);
     let reference = pose(&paper["pose_mode"]["T_cmd_recommended_with_deadband"]);
     assert_same_pose("x_b_d with deadband", &x_b_d, &reference);
 }
@@ -619,13 +619,13 @@ fn random_cycles() {
         assert_same_pose("x_0_g", &x_0_g, &pose(&expected["T_0G"]));
 
         let x_h_g = reference.displacement(&x_0_g);
-        let readings = Readings::CONSISTENT;
-        let dx = reference.dx(&readings, &x_h_g);
+        let interpretation = Interpretation::CONSISTENT;
+        let dx = reference.dx(&interpretation, &x_h_g);
         let dx_db = law.effective(Mode::Rate, &channels, &dx);
         near("dx", dx.components(), "dX_recommended");
         near("dx_db", dx_db.components(), "dX_db");
         near("v_m", law.rate(Orientation::EulerZyx, &dx_db).components(), "rate_command");
-        let x_b_d = law.pose(&readings, &reference, &dx);
+        let x_b_d = law.pose(&interpretation, &reference, &dx);
         assert_same_pose("x_b_d", &x_b_d, &pose(&expected["pose_command"]));
 
         let reflection = reflection(pose(&inputs["T_MRF_S"]), inputs);
@@ -672,7 +672,7 @@ fn random_cycles() {
 #[test]
 fn the_worked_example_as_printed() {
     let paper = oracle::oracle("paper.json");
-    let output = worked_example(&paper, Mode::Rate, Readings::PAPER_1997);
+    let output = worked_example(&paper, Mode::Rate, Interpretation::PAPER_1997);
     let near = |what: &str, ours: [f64; 6], reference: &Value| {
         assert_near(what, &ours, &numbers::<6>(reference));
     };
@@ -698,7 +698,7 @@ fn the_worked_example_as_printed() {
 #[test]
 fn the_pose_command_as_printed() {
     let paper = oracle::oracle("paper.json");
-    let output = worked_example(&paper, Mode::Pose, Readings::PAPER_1997);
+    let output = worked_example(&paper, Mode::Pose, Interpretation::PAPER_1997);
     let Motion::Pose(x_b_d) = output.command else { panic!("{:?}", output.command) };
     let reference = pose(&paper["pose_mode"]["T_cmd_translation_in_world_literal"]);
     assert_same_pose("x_b_d", &x_b_d, &reference);
@@ -718,7 +718,7 @@ fn random_cycles_as_printed() {
         reference.x_0_h = at_reference.x_0_g;
         let dx = |posture: &Posture<6>| {
             let x_h_g = reference.displacement(&posture.x_0_g);
-            (reference.dx(&Readings::PAPER_1997, &x_h_g), x_h_g)
+            (reference.dx(&Interpretation::PAPER_1997, &x_h_g), x_h_g)
         };
         let ((dx_before, x_h_before), (dx_now, x_h_g)) = (dx(&before), dx(&now));
         let literal = numbers::<6>(&case["expected"]["dX_literal"]);
@@ -749,8 +749,9 @@ fn random_cycles_as_printed() {
 #[test]
 fn gravity_read_correctly_but_scaled_as_printed() {
     let paper = oracle::oracle("paper.json");
-    let readings = Readings { scaling: Scaling::AssistWithGravity, ..Readings::CONSISTENT };
-    let output = worked_example(&paper, Mode::Rate, readings);
+    let interpretation =
+        Interpretation { scaling: Scaling::AssistWithGravity, ..Interpretation::CONSISTENT };
+    let output = worked_example(&paper, Mode::Rate, interpretation);
     let total = &paper["eq10"]["minimal_fix"];
     assert_near("scale", &[output.ledger.assist_scale], &[number(&total["assist_scale"])]);
     assert_near("tau", output.tau.as_slice(), &numbers::<6>(&total["tau_C"]));
@@ -762,16 +763,16 @@ fn gravity_read_correctly_but_scaled_as_printed() {
 fn what_the_switches_permit() {
     for row in list(&oracle::oracle("paper.json")["switch_truth_table"]["rows"]) {
         let is = |key: &str| row[key].as_bool().unwrap_or_else(|| number(&row[key]) > 0.5);
-        let mut panel = Panel::new(Mode::Rate, true);
-        panel.read(Switches::default(), Mode::Rate);
+        let mut switches = SwitchLogic::new(Mode::Rate, true);
+        switches.read(Switches::default(), Mode::Rate);
         let levels = Switches {
             deadman: is("deadman"),
             reflection: is("reflection_enabled"), // the press that enables it
             reference: false,
         };
         for mode in [Mode::Rate, Mode::Pose] {
-            let mut panel = panel;
-            let pressed = panel.read(levels, mode);
+            let mut switches = switches;
+            let pressed = switches.read(levels, mode);
             assert_eq!(pressed.commands, is("commands"), "{row}");
             assert_eq!(pressed.task, is("task_wrench"), "{row}");
             assert_eq!(pressed.damping, is("damping"), "{row}");
@@ -785,7 +786,7 @@ fn indexing_through_a_large_workspace() {
     let sequence = &oracle::oracle("paper.json")["index_sequence_pose_mode"];
     let paper = oracle::oracle("paper.json");
     let gain = number(&sequence["K_P"]);
-    let mut settings = settings(&paper, Readings::CONSISTENT);
+    let mut settings = settings(&paper, Interpretation::CONSISTENT);
     settings.command.pose_gain = Gains::new([gain; 6], "K_P").unwrap();
     settings.arm = gantry();
     let mut controller = Controller::new(&settings);

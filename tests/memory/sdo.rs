@@ -99,7 +99,7 @@ fn every_size_goes_down_and_comes_up_by_every_protocol() {
             assert_eq!(write(&mut bus, BUFFER, &value, down), Ok(Content::default()), "{size}");
             let content = read(&mut bus, BUFFER, up).unwrap();
             assert_eq!(content.bytes(), value, "{size}");
-            assert!(content.is_size_told());
+            assert!(content.has_size());
         }
     }
 }
@@ -119,10 +119,10 @@ fn what_is_refused_one_way_is_refused_every_way() {
             (Object::MODE_OF_OPERATION, 1, AbortCode::VALUE_TOO_HIGH),
         ] {
             let refused = write(&mut bus, object, &bytes(value, 1), terms);
-            assert_eq!(refused, Err(SdoError::Refused(code)), "{object} by {terms:?}");
+            assert_eq!(refused, Err(SdoError::AbortedByServer(code)), "{object} by {terms:?}");
         }
         for (object, code) in [(node, AbortCode::NO_SUB_INDEX), (nowhere, AbortCode::NO_OBJECT)] {
-            assert_eq!(read(&mut bus, object, terms), Err(SdoError::Refused(code)));
+            assert_eq!(read(&mut bus, object, terms), Err(SdoError::AbortedByServer(code)));
         }
     }
 }
@@ -297,7 +297,7 @@ fn a_block_transfer_outlives_the_loss_of_any_frame_but_those_at_its_ends() {
             let outcome =
                 lossy.carry(task.clone(), terms, Weather { nth: Some(lost), ..Weather::default() });
             let is_vital = lost < 2 || lost >= last;
-            let expected = if is_vital { Err(SdoError::Silent) } else { Ok(()) };
+            let expected = if is_vital { Err(SdoError::Timeout) } else { Ok(()) };
             assert_eq!(outcome.map(|_| ()), expected, "frame {lost} of {frames} lost: {task:?}");
             assert_eq!(lossy.holds(), value);
         }

@@ -27,7 +27,7 @@ use canopen::value::gateway_type::GatewayType;
 use canopen_tools::bench::confirm::Confirmation;
 use canopen_tools::bench::scan::Found;
 use canopen_tools::bench::scan::Scan;
-use canopen_tools::bench::watch::News;
+use canopen_tools::bench::watch::NetworkEvent;
 use canopen_tools::bench::watch::Watch;
 use frhc::cli::bench::Session;
 use frhc::cli::bench::objects;
@@ -134,7 +134,7 @@ fn a_refusal_names_node_object_and_reason() {
     let (mut desk, _) = desk(Devices::of(&[(3, 1)]));
     let refused = objects::write(&mut desk, at(3, Object::DEVICE_NAME), b"mine", false);
     let refused = refused.unwrap_err();
-    let read_only = SdoError::Refused(AbortCode::READ_ONLY);
+    let read_only = SdoError::AbortedByServer(AbortCode::READ_ONLY);
     let (node, object) = (node(3), Object::DEVICE_NAME);
     assert_eq!(refused, ObjectError::Node { node, object, error: read_only });
     assert_eq!(refused.to_string(), "node 3: 1008h refused: 06010002h object is read only");
@@ -177,8 +177,11 @@ fn a_watch_tells_what_changes_until_it_is_time() {
     while let Some((_, what)) = desk.carry(&mut watch).unwrap() {
         news.push(what);
     }
-    let beat = |news| News::Heartbeat(node(3), news);
-    assert_eq!(news, [beat(heartbeat::News::BootedUp), beat(heartbeat::News::Lost)]);
+    let beat = |news| NetworkEvent::Heartbeat(node(3), news);
+    assert_eq!(
+        news,
+        [beat(heartbeat::HeartbeatEvent::BootedUp), beat(heartbeat::HeartbeatEvent::Lost)]
+    );
     assert_eq!(desk.now(), until);
 }
 

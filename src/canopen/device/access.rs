@@ -1,7 +1,6 @@
-//! Which objects may be read and written, and why not (CiA 301, 7.2.4.3.17): the way an SDO server, or
-//! the device's own code in its place, gets at the dictionary.
+//! Access rules of the objects (CiA 301, 7.2.4.3.17), between SDO server and dictionary.
 //!
-//! What a write changes in the device is done by the [device](super::Device), from `written`.
+//! The [device](super::Device) applies the effect of a write, by `written`.
 
 use crate::abort::AbortCode;
 use crate::device::Application;
@@ -11,7 +10,7 @@ use crate::device::heartbeat;
 use crate::device::history;
 use crate::device::mapping::number;
 use crate::device::parameter::Place;
-use crate::device::parameter::may_change_cob_id;
+use crate::device::parameter::check_cob_id_change;
 use crate::device::sdo_server::Access;
 use crate::device::store;
 use crate::device::sync;
@@ -20,13 +19,13 @@ use crate::dictionary::Entry;
 use crate::dictionary::OutOfRange;
 use crate::object::Object;
 
-/// The objects of a device, between two frames.
+/// Objects of a device, during one request.
 #[derive(Debug)]
 pub(super) struct Objects<'a, A> {
     pub(super) dictionary: &'a mut Dictionary,
     pub(super) application: &'a mut A,
     pub(super) misbehaviour: &'a Misbehaviour,
-    /// What was written.
+    /// Object written by the request.
     pub(super) written: Option<Object>,
 }
 
@@ -64,8 +63,8 @@ impl<A: Application> Access for Objects<'_, A> {
         Ok(())
     }
 
-    fn tells_sizes(&self) -> bool {
-        !self.misbehaviour.hides_sizes
+    fn indicates_size(&self) -> bool {
+        !self.misbehaviour.omits_sizes
     }
 
     fn reason(&self, code: AbortCode) -> AbortCode {
@@ -81,8 +80,7 @@ impl<A: Application> Objects<'_, A> {
         })
     }
 
-    /// Whether `object` may be written with `bytes` now, which have its size: by the rules of CiA 301, its
-    /// limits, and the application.
+    /// Checks a write of `bytes`, whose size matches, by the rules of CiA 301, the limits and the application.
     fn check_write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
         follows_rules(self.dictionary, object, bytes)?;
         self.entry(object)?.in_range(bytes).map_err(|outside| match outside {
@@ -93,10 +91,10 @@ impl<A: Application> Objects<'_, A> {
     }
 }
 
-/// What CiA 301 (7.5.2) says of the objects of the communication profile.
+/// Checks a write by the rules of the communication profile (CiA 301, 7.5.2).
 ///
 /// # Errors
-/// When a value is not to be written, or not now.
+/// Returns the abort code of a value that is invalid, or invalid in this state.
 fn follows_rules(dictionary: &Dictionary, object: Object, bytes: &[u8]) -> Result<(), AbortCode> {
     if let Some(place) = Place::of(object) {
         return place.check_write(dictionary, object, bytes);
@@ -104,13 +102,13 @@ fn follows_rules(dictionary: &Dictionary, object: Object, bytes: &[u8]) -> Resul
     let Ok(value) = u32::try_from(number(bytes)) else { return Ok(()) };
     match object {
         Object::ERROR_HISTORY if value > 0 => Err(AbortCode::VALUE_INVALID),
-        Object::SYNC_COB_ID => sync::may_listen(value),
-        Object::SYNC_OVERFLOW => sync::may_count(dictionary, value),
-        Object::TIME_COB_ID => clock::may_listen(dictionary.unsigned(object), value),
-        Object::EMCY_COB_ID => may_change_cob_id(dictionary.unsigned(object), value),
+        Object::SYNC_COB_ID => sync::check_cob_id(value),
+        Object::SYNC_OVERFLOW => sync::check_overflow(dictionary, value),
+        Object::TIME_COB_ID => clock::check_cob_id(dictionary.unsigned(object), value),
+        Object::EMCY_COB_ID => check_cob_id_change(dictionary.unsigned(object), value),
         Object::STORE_PARAMETERS | Object::RESTORE_DEFAULTS => store::check_write(object, value),
         Object { index, .. } if index == Object::CONSUMER_HEARTBEAT.index => {
-            heartbeat::may_watch(dictionary, object, value)
+            heartbeat::check_entry(dictionary, object, value)
         }
         _ => Ok(()),
     }

@@ -1,4 +1,4 @@
-//! What a device does, as the slave that carries it sees it.
+//! Function of a device behind its CANopen interface.
 
 use crate::abort::AbortCode;
 use crate::device::condition;
@@ -7,12 +7,12 @@ use crate::error_codes;
 use crate::object::Object;
 use units::time::Instant;
 
-/// What a device does, apart from communicating.
+/// Function of a device.
 pub trait Application {
-    /// Whether an object may be written; type, access, range and the rules of CiA 301 are checked before.
+    /// Checks a write. Type, access, range and the rules of CiA 301 are checked before.
     ///
     /// # Errors
-    /// When it may not, and why.
+    /// Returns the abort code of a refused write.
     fn check_write(
         &mut self,
         _dictionary: &Dictionary,
@@ -22,13 +22,13 @@ pub trait Application {
         Ok(())
     }
 
-    /// An object has been written, by SDO or by an RPDO, all of whose objects are there by then.
+    /// Handles a write by SDO, or by an RPDO after all its objects are set.
     fn written(&mut self, _dictionary: &mut Dictionary, _object: Object) {}
 
-    /// A SYNC in operational: the RPDOs have acted, the TPDOs are sampled next.
+    /// Handles a SYNC in operational: the RPDOs have acted, the TPDOs are sampled next.
     fn on_sync(&mut self, _dictionary: &mut Dictionary) {}
 
-    /// Nothing is heard of the master any more; gives the manufacturer's bytes of the emergency.
+    /// Handles the loss of the master. Returns the manufacturer's bytes of the emergency.
     fn on_connection_lost(
         &mut self,
         _dictionary: &mut Dictionary,
@@ -37,36 +37,36 @@ pub trait Application {
         [0; 5]
     }
 
-    /// The dictionary, or its communication part, has its defaults again.
+    /// Handles a reset, after the defaults are restored.
     fn on_reset(&mut self, _dictionary: &mut Dictionary, _reset: Reset) {}
 
-    /// Does what is due at `now`, whether or not anybody listens to the device.
+    /// Does what is due at `now`, in every NMT state.
     fn on_time(&mut self, _now: Instant, _dictionary: &mut Dictionary) {}
 
-    /// When [`on_time`](Self::on_time) must next be called.
+    /// Time of the next call of [`on_time`](Self::on_time).
     fn deadline(&self) -> Option<Instant> {
         None
     }
 
-    /// The error the application has now, as an emergency's code; 0 for none.
+    /// Error code of the present error; 0 for none.
     fn error_code(&self) -> u16 {
         0
     }
 }
 
-/// How the master was lost.
+/// Reason of a lost master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConnectionLoss {
-    /// Its heartbeat stays away (1016h).
+    /// Its heartbeat is lost (1016h).
     Heartbeat,
-    /// An RPDO stays away (sub-index 5 of its communication parameter).
+    /// An RPDO timed out (sub-index 5 of its communication parameter).
     RpdoTimeout,
-    /// It has stopped or reset the node in operation.
+    /// It has stopped or reset the operational node.
     Stopped,
 }
 
 impl ConnectionLoss {
-    /// The error code of the emergency (CiA 301, table 26): 8130h, 8250h, 8100h.
+    /// Error code of the emergency (CiA 301, table 26): 8130h, 8250h, 8100h.
     pub const fn error_code(self) -> u16 {
         match self {
             Self::Heartbeat => condition::HEARTBEAT_LOST,
@@ -76,11 +76,11 @@ impl ConnectionLoss {
     }
 }
 
-/// What has its defaults again.
+/// Scope of a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reset {
-    /// 1000h to 1FFFh.
+    /// Communication profile, 1000h to 1FFFh.
     Communication,
-    /// Everything, as after power-up.
+    /// All objects, as after power-up.
     Node,
 }

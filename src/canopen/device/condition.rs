@@ -1,30 +1,30 @@
-//! What may be wrong with a device, and the code its emergency has (CiA 301, 7.2.7.1, table 26).
+//! Error conditions of a device and their error codes (CiA 301, 7.2.7.1, table 26).
 
 use crate::error_codes;
 
-/// What may be wrong.
+/// Error condition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Condition {
-    /// A heartbeat stays away (1016h).
+    /// A heartbeat is lost (1016h).
     HeartbeatLost,
-    /// Nobody guards the node any more (100Ch, 100Dh).
+    /// The guarding master is lost (100Ch, 100Dh).
     GuardLost,
-    /// An RPDO stays away (sub-index 5 of its communication parameter).
+    /// An RPDO timed out (sub-index 5 of its communication parameter).
     RpdoTimeout,
     /// An RPDO is shorter than its mapping.
     RpdoTooShort,
     /// An RPDO is longer than its mapping.
     RpdoTooLong,
-    /// A SYNC has a counter where none is expected, or none where one is (1019h).
+    /// A SYNC has a counter although none is configured, or lacks a configured one (1019h).
     SyncLength,
-    /// A synchronous PDO came, or was ready, after the window (1007h).
+    /// A synchronous PDO missed the synchronous window (1007h).
     SyncWindow,
     /// An error of the application.
     Application,
 }
 
 impl Condition {
-    /// The error code of its emergency; the application has codes of its own.
+    /// Error code of its emergency; the application has codes of its own.
     pub(super) const fn code(self) -> u16 {
         match self {
             Self::HeartbeatLost | Self::GuardLost => HEARTBEAT_LOST,
@@ -51,32 +51,32 @@ impl Condition {
     }
 }
 
-/// The master does not communicate any more.
+/// Communication error, generic.
 pub(super) const COMMUNICATION_LOST: u16 = 0x8100;
-/// No heartbeat, or no guard, for too long.
+/// Life guard or heartbeat error.
 pub(super) const HEARTBEAT_LOST: u16 = 0x8130;
 
-/// Everything that is wrong.
+/// Present error conditions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Conditions(u8);
 
 impl Conditions {
-    /// Nothing is wrong.
+    /// Returns whether no error is present.
     pub(super) const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// Whether that is wrong.
+    /// Returns whether the condition is present.
     pub(super) const fn has(self, condition: Condition) -> bool {
         self.0 & condition.bit() != 0
     }
 
-    /// That is, or is not, wrong from now on.
-    pub(super) const fn set(&mut self, condition: Condition, is_wrong: bool) {
-        self.0 = if is_wrong { self.0 | condition.bit() } else { self.0 & !condition.bit() };
+    /// Sets or clears a condition.
+    pub(super) const fn set(&mut self, condition: Condition, is_present: bool) {
+        self.0 = if is_present { self.0 | condition.bit() } else { self.0 & !condition.bit() };
     }
 
-    /// Whether anything but the application is wrong.
+    /// Returns whether a condition other than the application's is present.
     pub(super) const fn is_of_communication(self) -> bool {
         self.0 & !Condition::Application.bit() != 0
     }

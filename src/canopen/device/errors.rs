@@ -1,8 +1,7 @@
-//! What is wrong with a device, told by emergencies (CiA 301, 7.2.7) and in the error register (1001h).
+//! Errors of a device: emergencies (CiA 301, 7.2.7) and error register (1001h).
 //!
-//! An error is told once when it comes; `0000h` once the last one is gone. Between two emergencies lies
-//! their inhibit time (1015h): what comes sooner waits its turn. What a device does about an error is its
-//! application's business.
+//! An emergency is sent once when an error occurs, and `0000h` once the last one is gone. Emergencies within
+//! the inhibit time (1015h) are queued. The reaction is the application's.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -19,37 +18,37 @@ use crate::frame::Frame;
 use crate::object::Object;
 use units::time::Instant;
 
-/// Everything that is wrong now, and what is still to be told of it.
+/// Present errors, and emergencies to be sent.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Errors {
     conditions: Conditions,
-    /// Of the application, 0 for none.
+    /// Error code of the application, 0 for none.
     code: u16,
-    /// Told last.
-    told: u16,
-    /// Where emergencies go, `None` while they are off.
+    /// Last reported error code.
+    reported: u16,
+    /// COB-ID of emergencies; `None` while they are disabled.
     cob_id: Option<u16>,
-    /// Whether the NMT state allows them.
+    /// Set if the NMT state allows emergencies.
     may_send: bool,
-    /// Between two emergencies.
+    /// Minimum time between two emergencies.
     inhibit: Duration,
-    /// Not before.
+    /// Earliest time of the next emergency.
     inhibited: Instant,
     waiting: VecDeque<Frame>,
 }
 
-/// How many emergencies wait at most. Of more the oldest is not told; the history has it.
-const MOST_WAITING: usize = 16;
+/// Maximum queued emergencies. More drop the oldest one; the error history still has it.
+const MAX_QUEUED: usize = 16;
 
 impl Errors {
-    /// Reads where emergencies go (1014h), and how often (1015h).
+    /// Applies COB-ID (1014h) and inhibit time (1015h).
     pub(super) fn configure(&mut self, dictionary: &Dictionary) {
         self.cob_id = cob_id(dictionary.unsigned(Object::EMCY_COB_ID));
         let inhibit = u64::from(dictionary.unsigned(Object::EMCY_INHIBIT_TIME));
         self.inhibit = Duration::from_micros(100 * inhibit);
     }
 
-    /// Whether the NMT state allows emergencies. Where it does not, none waits for another.
+    /// Sets whether the NMT state allows emergencies; queued ones are dropped if not.
     pub(super) fn allow(&mut self, may_send: bool) {
         self.may_send = may_send;
         if !may_send {
@@ -57,7 +56,7 @@ impl Errors {
         }
     }
 
-    /// Something is wrong; told if it was not before. `manufacturer` is for the manufacturer's bytes.
+    /// Sets a condition and reports it if it is new, with `manufacturer` in the manufacturer's bytes.
     pub(super) fn raise(
         &mut self,
         condition: Condition,
@@ -66,43 +65,43 @@ impl Errors {
     ) {
         if !self.conditions.has(condition) {
             self.conditions.set(condition, true);
-            self.tell(condition.code(), manufacturer, dictionary);
+            self.report(condition.code(), manufacturer, dictionary);
         }
     }
 
-    /// Something is right again.
-    pub(super) fn settle(&mut self, condition: Condition, dictionary: &mut Dictionary) {
+    /// Clears a condition.
+    pub(super) fn clear(&mut self, condition: Condition, dictionary: &mut Dictionary) {
         if !self.conditions.has(condition) {
             return;
         }
         self.conditions.set(condition, false);
         if self.conditions.is_empty() {
-            self.tell(0, [0; 5], dictionary);
+            self.report(0, [0; 5], dictionary);
         } else {
             dictionary.set(Object::ERROR_REGISTER, &[self.register()]);
         }
     }
 
-    /// The application has this error, or none with code 0. What has just been told is not repeated.
-    pub(super) fn of_application(&mut self, code: u16, dictionary: &mut Dictionary) {
+    /// Sets the application's error, 0 for none. The code reported last is not repeated.
+    pub(super) fn set_application_error(&mut self, code: u16, dictionary: &mut Dictionary) {
         if code == self.code {
             return;
         }
         self.code = code;
         if code == 0 {
-            self.settle(Condition::Application, dictionary);
+            self.clear(Condition::Application, dictionary);
         } else {
             self.conditions.set(Condition::Application, true);
-            if self.told == code {
+            if self.reported == code {
                 dictionary.set(Object::ERROR_REGISTER, &[self.register()]);
             } else {
-                self.tell(code, [0; 5], dictionary);
+                self.report(code, [0; 5], dictionary);
             }
         }
     }
 
-    /// Something was wrong and is no more: told, and in the history, but not in 1001h. `register` says of
-    /// what class it was.
+    /// Reports a transient error: in an emergency and in the history, but not in 1001h. `register` gives its
+    /// class.
     pub(super) fn report_transient_error(
         &mut self,
         code: u16,
@@ -113,12 +112,12 @@ impl Errors {
         self.queue(code, self.register() | register, [0; 5]);
     }
 
-    /// Whether an application with this error, or none with code 0, has something to tell.
-    pub(super) const fn is_news(&self, code: u16) -> bool {
+    /// Returns whether the application's error has changed.
+    pub(super) const fn has_changed(&self, code: u16) -> bool {
         self.code != code
     }
 
-    /// After a reset: all is forgotten but the application's error, of which no word is said.
+    /// Resets all but the application's error, which is not reported again.
     pub(super) fn reset(&mut self, code: u16, dictionary: &mut Dictionary) {
         *self = Self { code, ..Self::default() };
         self.conditions.set(Condition::Application, code != 0);
@@ -126,7 +125,7 @@ impl Errors {
         dictionary.set(Object::ERROR_REGISTER, &[self.register()]);
     }
 
-    /// Sends the emergencies whose time has come.
+    /// Sends the queued emergencies that are due.
     pub(super) fn send(&mut self, now: Instant, out: &mut Vec<Frame>) {
         while self.inhibited <= now {
             let Some(frame) = self.waiting.pop_front() else { return };
@@ -135,13 +134,13 @@ impl Errors {
         }
     }
 
-    /// When an emergency that waits may go.
+    /// Time of the next queued emergency.
     pub(super) fn deadline(&self) -> Option<Instant> {
         self.waiting.front().map(|_| self.inhibited)
     }
 
-    fn tell(&mut self, code: u16, manufacturer: [u8; 5], dictionary: &mut Dictionary) {
-        self.told = code;
+    fn report(&mut self, code: u16, manufacturer: [u8; 5], dictionary: &mut Dictionary) {
+        self.reported = code;
         let register = self.register();
         dictionary.set(Object::ERROR_REGISTER, &[register]);
         if code != 0 {
@@ -157,13 +156,13 @@ impl Errors {
             vendor_specific: manufacturer,
         };
         let Some(cob_id) = self.cob_id.filter(|_| self.may_send) else { return };
-        if self.waiting.len() == MOST_WAITING {
+        if self.waiting.len() == MAX_QUEUED {
             self.waiting.pop_front();
         }
         self.waiting.push_back(Frame::new(cob_id, message.encode()));
     }
 
-    /// The classes of all errors there are now (1001h).
+    /// Error register (1001h): classes of all present errors.
     const fn register(&self) -> u8 {
         let class = match self.code >> 8 {
             0x20..=0x2F => CURRENT,

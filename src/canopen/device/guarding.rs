@@ -1,7 +1,7 @@
-//! A device that is guarded (CiA 301, 7.2.8.2.1): it answers its master's remote frame, and guards it in
-//! turn by waiting for the next one (100Ch × 100Dh).
+//! Guarding of a device (CiA 301, 7.2.8.2.1): it answers its master's remote frames, and detects a lost master
+//! by their absence (life guarding, 100Ch × 100Dh).
 //!
-//! A device with a heartbeat is not guarded; the watch begins with the first question it hears.
+//! A device with a heartbeat is not guarded. Life guarding starts with the first poll.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ use crate::frame::Frame;
 use crate::object::Object;
 use units::time::Instant;
 
-/// The toggle bit, and the watch over whoever asks.
+/// Toggle bit, and life guarding of the master.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Guarding {
     toggle: u8,
@@ -24,29 +24,29 @@ pub(super) struct Guarding {
 }
 
 impl Guarding {
-    /// As after a reset: the first toggle bit is 0, and nobody has asked.
+    /// Restarts after a reset: toggle bit 0, no poll received.
     pub(super) fn restart(&mut self) {
         *self = Self::default();
     }
 
-    /// The watch begins anew with the next question: its time has changed, or a heartbeat takes its place.
+    /// Restarts life guarding at the next poll, after a change of its time or of the heartbeat.
     pub(super) const fn forget(&mut self) {
         self.missed = None;
         self.is_lost = false;
     }
 
-    /// The answer to a remote frame, if it is a question of error control and the device answers those.
+    /// Answers a remote frame, if it polls this device and the device is guarded.
     pub(super) fn answer(
         &mut self,
         now: Instant,
-        question: &Frame,
+        poll: &Frame,
         node: NodeId,
         state: NmtState,
         dictionary: &Dictionary,
     ) -> Option<Frame> {
         let cob_id = heartbeat_cob_id(node);
         let has_heartbeat = dictionary.unsigned(Object::PRODUCER_HEARTBEAT) > 0;
-        if question.cob_id != cob_id || has_heartbeat || !dictionary.has_index(GUARD_TIME) {
+        if poll.cob_id != cob_id || has_heartbeat || !dictionary.has_index(GUARD_TIME) {
             return None;
         }
         self.missed = life_time(dictionary).map(|life_time| now + life_time);
@@ -57,19 +57,19 @@ impl Guarding {
         Some(answer)
     }
 
-    /// Whether nobody has asked for too long, since this was asked last.
-    pub(super) fn loses(&mut self, now: Instant) -> bool {
-        let loses = self.missed.take_if(|missed| *missed <= now).is_some();
-        self.is_lost |= loses;
-        loses
+    /// Returns whether the life time has expired since the last call.
+    pub(super) fn detect_loss(&mut self, now: Instant) -> bool {
+        let is_expired = self.missed.take_if(|missed| *missed <= now).is_some();
+        self.is_lost |= is_expired;
+        is_expired
     }
 
-    /// Whether nobody asks any more.
+    /// Returns whether the master is lost.
     pub(super) const fn is_lost(&self) -> bool {
         self.is_lost
     }
 
-    /// When the next question will be overdue.
+    /// Time at which the life time expires.
     pub(super) const fn deadline(&self) -> Option<Instant> {
         self.missed
     }
@@ -77,10 +77,10 @@ impl Guarding {
 
 const GUARD_TIME: u16 = Object::GUARD_TIME.index;
 
-/// The bit that alternates.
+/// Toggle bit of an answer.
 const TOGGLE: u8 = 0x80;
 
-/// Guard time by life time factor; `None` while either is zero.
+/// Life time: guard time by life time factor; `None` while either is zero.
 fn life_time(dictionary: &Dictionary) -> Option<Duration> {
     let guard_time = dictionary.unsigned(Object::GUARD_TIME);
     let factor = dictionary.unsigned(Object::LIFE_TIME_FACTOR);

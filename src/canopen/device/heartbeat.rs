@@ -1,6 +1,6 @@
-//! A device's own heartbeat (1017h) and its watch over those of others (1016h): CiA 301, 7.2.8.3.2.
+//! Heartbeat producer (1017h) and consumer (1016h) of a device: CiA 301, 7.2.8.3.2.
 //!
-//! A watch begins with the first heartbeat it hears, so a master that never spoke is never missed.
+//! Monitoring starts with the first received heartbeat, so a master that never sent one is never lost.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ use crate::frame::Frame;
 use crate::object::Object;
 use units::time::Instant;
 
-/// Both directions.
+/// Producer and consumers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Heartbeat {
     period: Option<Duration>,
@@ -23,31 +23,36 @@ pub(super) struct Heartbeat {
     watches: Vec<Watch>,
 }
 
-/// Whose heartbeat is watched, and how long it may stay away.
+/// Consumer heartbeat entry (1016h).
 #[derive(Clone, Copy, Debug)]
 struct Watch {
     cob_id: u16,
     timeout: Duration,
-    /// When it will have stayed away for too long, once it has been heard.
+    /// Time at which the heartbeat is lost; `None` before the first one.
     missed: Option<Instant>,
     is_lost: bool,
 }
 
 impl Heartbeat {
-    /// Its own begins anew, `first` being the first one.
-    pub(super) fn produce(&mut self, dictionary: &Dictionary, now: Instant, first: Duration) {
+    /// Restarts the producer by 1017h; its first heartbeat is due after `first`.
+    pub(super) fn configure_producer(
+        &mut self,
+        dictionary: &Dictionary,
+        now: Instant,
+        first: Duration,
+    ) {
         let period = u64::from(dictionary.unsigned(Object::PRODUCER_HEARTBEAT));
         self.period = (period > 0).then_some(Duration::from_millis(period));
         self.next = self.period.map(|_| now + first);
     }
 
-    /// The period of its own, zero if there is none.
+    /// Producer heartbeat time; zero if disabled.
     pub(super) fn period(dictionary: &Dictionary) -> Duration {
         Duration::from_millis(u64::from(dictionary.unsigned(Object::PRODUCER_HEARTBEAT)))
     }
 
-    /// Watches whom the dictionary says. A watch that is there already goes on.
-    pub(super) fn watch(&mut self, dictionary: &Dictionary) {
+    /// Applies 1016h. Unchanged entries keep their state.
+    pub(super) fn configure_consumers(&mut self, dictionary: &Dictionary) {
         let before = std::mem::take(&mut self.watches);
         self.watches = entries(dictionary).filter_map(Watch::of).collect();
         for watch in &mut self.watches {
@@ -57,39 +62,39 @@ impl Heartbeat {
         }
     }
 
-    /// After a reset: nobody has been heard.
+    /// Restarts after a reset: no heartbeat received.
     pub(super) fn restart(&mut self, dictionary: &Dictionary) {
         self.watches.clear();
-        self.watch(dictionary);
+        self.configure_consumers(dictionary);
     }
 
-    /// Whether the frame is a heartbeat that is watched for.
+    /// Takes a heartbeat; returns whether it is monitored.
     pub(super) fn on_frame(&mut self, now: Instant, frame: &Frame) -> bool {
         let is_heartbeat = frame.data().len() == 1;
-        let heard = self.watches.iter_mut().find(|watch| watch.cob_id == frame.cob_id);
-        let Some(watch) = heard.filter(|_| is_heartbeat) else { return false };
+        let watch = self.watches.iter_mut().find(|watch| watch.cob_id == frame.cob_id);
+        let Some(watch) = watch.filter(|_| is_heartbeat) else { return false };
         watch.missed = Some(now + watch.timeout);
         watch.is_lost = false;
         true
     }
 
-    /// Whether one has stayed away for too long since this was asked last.
-    pub(super) fn loses(&mut self, now: Instant) -> bool {
-        let mut loses = false;
+    /// Returns whether a heartbeat was lost since the last call.
+    pub(super) fn detect_loss(&mut self, now: Instant) -> bool {
+        let mut has_lost = false;
         for watch in &mut self.watches {
             let is_lost = watch.missed.take_if(|missed| *missed <= now).is_some();
             watch.is_lost |= is_lost;
-            loses |= is_lost;
+            has_lost |= is_lost;
         }
-        loses
+        has_lost
     }
 
-    /// Whether one that was heard once stays away.
+    /// Returns whether a monitored heartbeat is lost.
     pub(super) fn is_lost(&self) -> bool {
         self.watches.iter().any(|watch| watch.is_lost)
     }
 
-    /// Its own, if one is due. Missed ones are not made up for.
+    /// Returns the own heartbeat if one is due. Missed ones are skipped.
     pub(super) fn due(&mut self, now: Instant, node: NodeId, state: NmtState) -> Option<Frame> {
         let (on_time, period) = (self.next.filter(|next| *next <= now)?, self.period?);
         let on_beat = on_time + period;
@@ -97,14 +102,14 @@ impl Heartbeat {
         Some(Frame::new(heartbeat_cob_id(node), encode_heartbeat(state)))
     }
 
-    /// When one of the two is due.
+    /// Time of the next heartbeat, or of the next loss.
     pub(super) fn deadline(&self) -> Option<Instant> {
         self.next.into_iter().chain(self.watches.iter().filter_map(|watch| watch.missed)).min()
     }
 }
 
 impl Watch {
-    /// What an entry of 1016h asks for; `None` for nothing: without a time, or a node-id of 1 to 127.
+    /// Decodes an entry of 1016h; `None` without a time or without a node-id of 1 to 127.
     fn of(raw: u32) -> Option<Self> {
         let [low, high, node, _] = raw.to_le_bytes();
         let millis = u64::from(u16::from_le_bytes([low, high]));
@@ -114,7 +119,7 @@ impl Watch {
     }
 }
 
-/// The entries of 1016h.
+/// Entries of 1016h.
 fn entries(dictionary: &Dictionary) -> impl Iterator<Item = u32> {
     subs(dictionary).map(|object| dictionary.unsigned(object))
 }
@@ -124,11 +129,11 @@ fn subs(dictionary: &Dictionary) -> impl Iterator<Item = Object> {
     objects.take_while(|object| dictionary.entry(*object).is_some())
 }
 
-/// Whether an entry of 1016h may become `raw`.
+/// Checks a write to an entry of 1016h.
 ///
 /// # Errors
-/// When reserved bits are set, or another entry watches the same node already.
-pub(super) fn may_watch(
+/// Returns an abort code if reserved bits are set, or if another entry already monitors the node.
+pub(super) fn check_entry(
     dictionary: &Dictionary,
     object: Object,
     raw: u32,

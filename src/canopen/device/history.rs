@@ -1,16 +1,16 @@
-//! The errors of the past (1003h): CiA 301, 7.5.2.4. The newest is the first.
+//! Error history (1003h): CiA 301, 7.5.2.4. Sub-index 1 is the newest error.
 
 use crate::device::mapping::byte;
 use crate::dictionary::Dictionary;
 use crate::object::Object;
 
-/// Whether a sub-index is one of an error that has not happened yet.
+/// Returns whether a sub-index holds no error yet.
 pub(super) fn is_empty_at(dictionary: &Dictionary, object: Object) -> bool {
     object.index == Object::ERROR_HISTORY.index
         && object.sub > byte(dictionary, Object::ERROR_HISTORY)
 }
 
-/// Puts an error at the head of the history, as far as there is one; the oldest falls out.
+/// Records an error as the newest; the oldest is dropped.
 pub(super) fn remember(code: u16, dictionary: &mut Dictionary) {
     let count = byte(dictionary, Object::ERROR_HISTORY);
     let (mut next, mut sub) = (u32::from(code), 1);
@@ -26,7 +26,7 @@ pub(super) fn remember(code: u16, dictionary: &mut Dictionary) {
     }
 }
 
-/// Forgets every error of the past.
+/// Clears the history.
 pub(super) fn clear(dictionary: &mut Dictionary) {
     dictionary.set(Object::ERROR_HISTORY, &[0]);
     let mut sub = 1;
@@ -36,7 +36,7 @@ pub(super) fn clear(dictionary: &mut Dictionary) {
     }
 }
 
-/// The `sub`-th error of the past, up to 254.
+/// Object of the `sub`-th error, up to 254.
 fn place(dictionary: &Dictionary, sub: u8) -> Option<Object> {
     let object = Object { sub, ..Object::ERROR_HISTORY };
     dictionary.entry(object).filter(|_| sub < u8::MAX).map(|_| object)

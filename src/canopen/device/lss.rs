@@ -1,8 +1,7 @@
-//! The layer settings of a device: what its LSS slave (CiA 305) lets it be, hear and say.
+//! LSS slave of a device (CiA 305), and its effect on the device.
 //!
-//! Without a node-id it says nothing, not even that it boots up, and hears nothing but LSS. While its bit
-//! rate changes it hears and says nothing at all. A simulated bus has one bit rate for all, so a device is
-//! heard again whichever it was given.
+//! Without a node-id a device only takes LSS frames and sends no boot-up message. During a change of the bit
+//! rate it neither sends nor receives. A simulated bus has one bit rate, so a device always returns.
 
 use std::time::Duration;
 
@@ -22,16 +21,16 @@ use crate::lss::slave::Slave;
 use crate::object::Object;
 use units::time::Instant;
 
-/// What one device is set to.
+/// Layer settings of one device.
 #[derive(Clone, Debug)]
 pub(super) struct Layer {
     slave: Slave,
-    /// Until then the bit rate changes.
+    /// End of the switch delay of a bit rate change.
     changing: Option<Instant>,
 }
 
 impl Layer {
-    /// Of a device that was delivered with a node-id, and the identity in its dictionary.
+    /// Returns the settings of a device delivered with a node-id, and the identity of its dictionary.
     pub(super) fn new(node: NodeId, dictionary: &Dictionary) -> Self {
         let address = Address {
             vendor: dictionary.unsigned(Object::VENDOR_ID),
@@ -42,28 +41,28 @@ impl Layer {
         Self { slave: Slave::new(address, Some(node)), changing: None }
     }
 
-    /// The node-id it has now.
+    /// Active node-id.
     pub(super) const fn node(&self) -> Option<NodeId> {
         self.slave.node()
     }
 
-    /// The bit rate it was configured for, `None` before.
+    /// Configured bit rate; `None` before the first configuration.
     pub(super) const fn bit_rate(&self) -> Option<BitRate> {
         self.slave.bit_rate()
     }
 
-    /// A bit rate that has changed by now has changed.
+    /// Ends a bit rate change that is over.
     pub(super) fn wake(&mut self, now: Instant) {
         self.changing.take_if(|until| *until <= now);
     }
 
-    /// Why it does not speak, `None` if it does.
+    /// Returns the reason why the device does not communicate; `None` if it does.
     pub(super) fn silence(&self) -> Option<Silence> {
         let unconfigured = self.node().is_none().then_some(Silence::Unconfigured);
         self.changing.map(Silence::Until).or(unconfigured)
     }
 
-    /// Takes a frame that is of LSS; true if the device must reset its communication.
+    /// Takes an LSS frame; returns true if the device must reset its communication.
     pub(super) fn on_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) -> bool {
         match self.slave.on_frame(frame, out) {
             Some(Effect::Reset) => true,
@@ -75,29 +74,29 @@ impl Layer {
         }
     }
 
-    /// Communication is reset: the configured node-id becomes its own.
+    /// Activates the pending node-id at a reset of communication.
     pub(super) const fn reset(&mut self) {
         self.slave.reset();
     }
 
-    /// Power is lost and comes back.
+    /// Restores the stored settings at power-up.
     pub(super) const fn power_cycle(&mut self) {
         self.slave.power_cycle();
         self.changing = None;
     }
 }
 
-/// Why a device does not speak.
+/// Reason why a device does not communicate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Silence {
-    /// Its bit rate changes.
+    /// Its bit rate is changing.
     Until(Instant),
     /// It has no node-id.
     Unconfigured,
 }
 
 impl Silence {
-    /// When it ends by itself.
+    /// Time at which it ends by itself.
     pub(super) const fn end(self) -> Option<Instant> {
         match self {
             Self::Until(end) => Some(end),
@@ -107,18 +106,18 @@ impl Silence {
 }
 
 impl<A: Application> Device<A> {
-    /// Whether it has a node-id.
+    /// Returns whether the device has a node-id.
     pub const fn is_configured(&self) -> bool {
         self.layer.node().is_some()
     }
 
-    /// The bit rate LSS has configured, `None` if it has not.
+    /// Bit rate configured by LSS; `None` without a configuration.
     pub const fn bit_rate(&self) -> Option<BitRate> {
         self.layer.bit_rate()
     }
 
-    /// Power is lost and comes back. It boots up with the next call of [`on_time`](Self::on_time), as the
-    /// node it was last told to be for good.
+    /// Cycles the power. The device boots up with the next call of [`on_time`](Self::on_time), with the stored
+    /// node-id.
     pub fn power_cycle(&mut self) {
         self.layer.power_cycle();
         self.adopt_node();
@@ -126,7 +125,7 @@ impl<A: Application> Device<A> {
         self.initialise(Reset::Node);
     }
 
-    /// Identifiers follow the node-id.
+    /// Takes over the active node-id; default COB-IDs follow it.
     pub(super) fn adopt_node(&mut self) {
         let Some(node) = self.layer.node().filter(|node| *node != self.node) else { return };
         self.dictionary.readdress(self.node, node);
@@ -134,16 +133,16 @@ impl<A: Application> Device<A> {
         self.node = node;
     }
 
-    /// LSS is heard in every state (CiA 305), and without a node-id, but not between two bit rates.
+    /// Takes an LSS frame: in every state (CiA 305) and without a node-id, but not during a bit rate change.
     pub(super) fn on_lss(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
-        let is_deaf = matches!(self.layer.silence(), Some(Silence::Until(end)) if now < end);
-        if !is_deaf && self.layer.on_frame(now, frame, out) {
+        let is_switching = matches!(self.layer.silence(), Some(Silence::Until(end)) if now < end);
+        if !is_switching && self.layer.on_frame(now, frame, out) {
             self.reset(now, Reset::Communication, out);
         }
     }
 }
 
-/// Whether a frame is one of LSS for slaves.
+/// Returns whether a frame is an LSS request.
 pub(super) const fn is_request(frame: &Frame) -> bool {
     frame.cob_id == REQUEST_COB_ID
 }
@@ -170,7 +169,7 @@ mod tests {
     const WAIT: Request = Request::SwitchGlobal(Mode::Waiting);
     const DONE: Reply = Reply::NodeIdConfigured(Answer::DONE);
 
-    /// A device that was delivered as node 5, switched on at time zero.
+    /// Device delivered as node 5, powered up at time zero.
     fn device() -> Device<Idle> {
         let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
         let node = NodeId::new(5).unwrap();
@@ -183,13 +182,13 @@ mod tests {
         Instant::from_micros(millis * 1_000)
     }
 
-    fn hear(device: &mut Device<Idle>, millis: u64, frame: &Frame) -> Vec<Frame> {
+    fn receive(device: &mut Device<Idle>, millis: u64, frame: &Frame) -> Vec<Frame> {
         let mut out = Vec::new();
         device.on_frame(at(millis), frame, &mut out);
         out
     }
 
-    /// What it says by itself until then.
+    /// Frames sent by itself until `millis`.
     fn wait(device: &mut Device<Idle>, millis: u64) -> Vec<Frame> {
         let mut out = Vec::new();
         while let Some(due) = device.deadline().filter(|due| *due <= at(millis)) {
@@ -198,44 +197,44 @@ mod tests {
         out
     }
 
-    fn ask(device: &mut Device<Idle>, request: Request) -> Vec<Frame> {
-        hear(device, 0, &request.frame())
+    fn request(device: &mut Device<Idle>, request: Request) -> Vec<Frame> {
+        receive(device, 0, &request.frame())
     }
 
     fn reset(device: &mut Device<Idle>, node: u8, command: NmtCommand) -> Vec<Frame> {
-        hear(device, 0, &Order::to(NodeId::new(node).unwrap(), command).frame())
+        receive(device, 0, &Order::to(NodeId::new(node).unwrap(), command).frame())
     }
 
-    /// Configures a node-id as LSS writes it, and lets the device wait again.
-    fn give(device: &mut Device<Idle>, node: u8, store: bool) -> Vec<Frame> {
-        ask(device, CONFIGURE);
-        assert_eq!(ask(device, Request::ConfigureNodeId(node)), [DONE.frame()]);
+    /// Configures a node-id, optionally stores it, and returns to the waiting state.
+    fn assign(device: &mut Device<Idle>, node: u8, store: bool) -> Vec<Frame> {
+        request(device, CONFIGURE);
+        assert_eq!(request(device, Request::ConfigureNodeId(node)), [DONE.frame()]);
         if store {
-            ask(device, Request::Store);
+            request(device, Request::Store);
         }
-        ask(device, WAIT)
+        request(device, WAIT)
     }
 
     #[test]
-    fn another_node_id_is_in_effect_after_a_reset_of_communication_and_everything_follows() {
+    fn new_node_id_acts_after_a_reset_of_communication() {
         for command in [NmtCommand::ResetCommunication, NmtCommand::ResetNode] {
             let mut device = device();
-            assert_eq!(give(&mut device, 9, false), []);
+            assert_eq!(assign(&mut device, 9, false), []);
             assert_eq!(device.node().raw(), 5);
             assert_eq!(reset(&mut device, 5, command), [Frame::new(0x709, [0])]);
             assert_eq!(device.dictionary().unsigned(Object::EMCY_COB_ID), 0x89);
             let read = [0x40, 0x14, 0x10, 0, 0, 0, 0, 0];
-            assert_eq!(hear(&mut device, 0, &Frame::new(0x605, read)), []);
+            assert_eq!(receive(&mut device, 0, &Frame::new(0x605, read)), []);
             let reply = Frame::new(0x589, [0x43, 0x14, 0x10, 0, 0x89, 0, 0, 0]);
-            assert_eq!(hear(&mut device, 0, &Frame::new(0x609, read)), [reply]);
+            assert_eq!(receive(&mut device, 0, &Frame::new(0x609, read)), [reply]);
         }
     }
 
     #[test]
-    fn what_was_not_stored_is_lost_with_power() {
+    fn unstored_node_id_is_lost_with_power() {
         for (store, node) in [(false, 5), (true, 9)] {
             let mut device = device();
-            give(&mut device, 9, store);
+            assign(&mut device, 9, store);
             device.power_cycle();
             assert_eq!(wait(&mut device, 0), [Frame::new(0x700 + node, [0])]);
             assert_eq!(u16::from(device.node().raw()), node);
@@ -243,11 +242,11 @@ mod tests {
     }
 
     #[test]
-    fn without_a_node_id_it_neither_speaks_nor_boots_nor_hears_but_lss() {
+    fn device_without_node_id_takes_lss_only() {
         let mut device = device();
-        // A heartbeat every 25 ms, which must end.
-        hear(&mut device, 0, &Frame::new(0x605, [0x2B, 0x17, 0x10, 0, 25, 0, 0, 0]));
-        give(&mut device, 255, false);
+        // A heartbeat every 25 ms, which must stop.
+        receive(&mut device, 0, &Frame::new(0x605, [0x2B, 0x17, 0x10, 0, 25, 0, 0, 0]));
+        assign(&mut device, 255, false);
         assert_eq!(reset(&mut device, 5, NmtCommand::ResetCommunication), []);
         assert!(!device.is_configured());
         assert_eq!((device.deadline(), device.state()), (None, NmtState::Initialising));
@@ -256,47 +255,47 @@ mod tests {
         assert_eq!(out, []);
         let read = [0x40, 0x00, 0x10, 0, 0, 0, 0, 0];
         for frame in [Frame::new(0x605, read), Frame::new(0x6FF, read), Frame::new(0, [1, 0])] {
-            assert_eq!(hear(&mut device, 1_000, &frame), []);
+            assert_eq!(receive(&mut device, 1_000, &frame), []);
         }
         assert_eq!(
-            ask(&mut device, Request::IdentifyNonConfigured),
+            request(&mut device, Request::IdentifyNonConfigured),
             [Reply::NonConfigured.frame()]
         );
-        assert_eq!(give(&mut device, 9, false), [Frame::new(0x709, [0])], "it boots up");
+        assert_eq!(assign(&mut device, 9, false), [Frame::new(0x709, [0])], "it boots up");
         assert_eq!(device.state(), NmtState::PreOperational);
     }
 
     #[test]
-    fn lss_is_heard_in_every_state() {
+    fn lss_is_taken_in_every_state() {
         for command in [NmtCommand::StartRemoteNode, NmtCommand::StopRemoteNode] {
             let mut device = device();
             reset(&mut device, 5, command);
-            ask(&mut device, CONFIGURE);
+            request(&mut device, CONFIGURE);
             let number = Reply::NodeId(5).frame();
-            assert_eq!(ask(&mut device, Request::InquireNodeId), [number]);
+            assert_eq!(request(&mut device, Request::InquireNodeId), [number]);
         }
     }
 
     #[test]
-    fn between_two_bit_rates_it_is_silent_and_deaf() {
+    fn device_changing_its_bit_rate_does_not_communicate() {
         let mut device = device();
-        hear(&mut device, 0, &Frame::new(0x605, [0x2B, 0x17, 0x10, 0, 25, 0, 0, 0]));
-        ask(&mut device, CONFIGURE);
-        assert_eq!(ask(&mut device, Request::ActivateBitTiming(50)), []);
+        receive(&mut device, 0, &Frame::new(0x605, [0x2B, 0x17, 0x10, 0, 25, 0, 0, 0]));
+        request(&mut device, CONFIGURE);
+        assert_eq!(request(&mut device, Request::ActivateBitTiming(50)), []);
         assert_eq!(wait(&mut device, 0), [], "no bit rate was configured, none is activated");
-        ask(&mut device, Request::ConfigureBitTiming { table: 0, index: 2 });
+        request(&mut device, Request::ConfigureBitTiming { table: 0, index: 2 });
         assert_eq!(device.bit_rate(), BitRate::of_kilobits(500));
-        ask(&mut device, Request::ActivateBitTiming(50));
+        request(&mut device, Request::ActivateBitTiming(50));
         assert_eq!(device.deadline(), Some(at(100)));
-        assert_eq!(hear(&mut device, 99, &Request::InquireNodeId.frame()), []);
+        assert_eq!(receive(&mut device, 99, &Request::InquireNodeId.frame()), []);
         assert_eq!(wait(&mut device, 99), []);
         assert_eq!(wait(&mut device, 100), [Frame::new(0x705, [0x7F])], "its heartbeat again");
-        assert_eq!(hear(&mut device, 100, &Request::InquireNodeId.frame()).len(), 1);
+        assert_eq!(receive(&mut device, 100, &Request::InquireNodeId.frame()).len(), 1);
     }
 
     proptest! {
         #[test]
-        fn any_sequence_of_lss_frames_never_panics_and_leaves_nothing_due(
+        fn any_lss_frames_never_panic_and_leave_nothing_due(
             steps in proptest::collection::vec(
                 (0_u64..30_000, 0_u8..0x60, any::<[u8; 7]>(), prop::sample::select(vec![0_u16, 0x605, 0x7E5, 0x7E5, 0x7E5])),
                 0..100,

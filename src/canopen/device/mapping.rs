@@ -1,7 +1,6 @@
-//! What is in a PDO: its mapping, resolved once when it is configured (CiA 301, 7.5.2.36 and 7.5.2.38).
+//! PDO mapping, resolved when it is configured (CiA 301, 7.5.2.36 and 7.5.2.38).
 //!
-//! Says neither when a PDO is sent nor when it acts. Its eight bytes are one number of up to 64 bits,
-//! in which every mapped object has its place; the first is the lowest.
+//! The data of a PDO is one number of up to 64 bits; the first mapped object has the lowest bits.
 
 use crate::abort::AbortCode;
 use crate::dictionary::Dictionary;
@@ -9,39 +8,39 @@ use crate::dictionary::Entry;
 use crate::layout::Direction;
 use crate::object::Object;
 
-/// How many objects one PDO may hold here.
-const OBJECTS: usize = 8;
+/// Maximum objects per PDO.
+const MAX_OBJECTS: usize = 8;
 
-/// How many bits a PDO has.
-const BITS: u32 = 64;
+/// Maximum bits per PDO.
+const MAX_BITS: u32 = 64;
 
-/// Data types that stand for bits of an RPDO nobody takes: BOOLEAN to UNSIGNED32, and their lengths.
+/// Data types for dummy mapping of RPDOs, BOOLEAN to UNSIGNED32, with their length in bits.
 const DUMMIES: [(u16, u8); 7] =
     [(0x0001, 1), (0x0002, 8), (0x0003, 16), (0x0004, 32), (0x0005, 8), (0x0006, 16), (0x0007, 32)];
 
-/// One mapped object and its place.
+/// Mapped object and its bits.
 #[derive(Clone, Copy, Debug, Default)]
 struct Slot {
-    /// `None` for a dummy.
+    /// Object; `None` for a dummy.
     object: Option<Object>,
-    /// The lowest bit.
+    /// Lowest bit.
     shift: u32,
-    /// As many ones as it has bits.
+    /// Mask of its width.
     mask: u64,
-    /// How many bytes it has in the dictionary.
+    /// Size in the dictionary, in bytes.
     bytes: usize,
 }
 
-/// The objects of one PDO.
+/// Objects of one PDO.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Mapping {
-    slots: [Slot; OBJECTS],
+    slots: [Slot; MAX_OBJECTS],
     used: usize,
     bits: u32,
 }
 
 impl Mapping {
-    /// What the mapping parameter at `parameter` (its sub-index 0) says; empty where it is not valid.
+    /// Resolves the mapping parameter `parameter` (its sub-index 0); empty if it is invalid.
     pub(super) fn resolve(
         dictionary: &Dictionary,
         parameter: Object,
@@ -50,7 +49,7 @@ impl Mapping {
         Self::of(dictionary, parameter, byte(dictionary, parameter), direction).unwrap_or_default()
     }
 
-    /// The first `count` entries of the mapping parameter, or why they are no mapping.
+    /// Resolves the first `count` entries of the mapping parameter.
     pub(super) fn of(
         dictionary: &Dictionary,
         parameter: Object,
@@ -65,34 +64,34 @@ impl Mapping {
             }
             let (object, bits) = mappable(dictionary, dictionary.unsigned(entry), direction)?;
             let slot = mapping.slots.get_mut(mapping.used).ok_or(AbortCode::PDO_TOO_LONG)?;
-            let mask = u64::MAX.checked_shr(BITS - u32::from(bits)).unwrap_or(0);
+            let mask = u64::MAX.checked_shr(MAX_BITS - u32::from(bits)).unwrap_or(0);
             let bytes = usize::from(bits.div_ceil(8));
             *slot = Slot { object, shift: mapping.bits, mask, bytes };
             mapping.used += 1;
             mapping.bits += u32::from(bits);
-            if mapping.bits > BITS {
+            if mapping.bits > MAX_BITS {
                 return Err(AbortCode::PDO_TOO_LONG);
             }
         }
         Ok(mapping)
     }
 
-    /// Whether nothing is in it: its PDO is off.
+    /// Returns whether no object is mapped: the PDO is disabled.
     pub(super) const fn is_empty(&self) -> bool {
         self.used == 0
     }
 
-    /// The bytes of its frame, 0 to 8.
+    /// Length of its frame in bytes, 0 to 8.
     pub(super) fn bytes(&self) -> usize {
         usize::try_from(self.bits.div_ceil(8)).unwrap_or(0)
     }
 
-    /// The mapped objects, dummies left out.
+    /// Mapped objects without dummies.
     pub(super) fn objects(&self) -> impl Iterator<Item = Object> {
         self.slots().filter_map(|slot| slot.object)
     }
 
-    /// What the objects hold now.
+    /// Packs the present values of the objects.
     pub(super) fn gather(&self, dictionary: &Dictionary) -> u64 {
         self.slots().fold(0, |content, slot| {
             let holds = slot.object.and_then(|object| dictionary.get(object)).unwrap_or_default();
@@ -100,7 +99,7 @@ impl Mapping {
         })
     }
 
-    /// Gives every object its part of `content`; one outside its limits stays as it was.
+    /// Sets every object from `content`; a value outside its limits is skipped.
     pub(super) fn scatter(&self, content: u64, dictionary: &mut Dictionary) {
         for slot in self.slots() {
             let part = (content >> slot.shift & slot.mask).to_le_bytes();
@@ -118,21 +117,21 @@ impl Mapping {
     }
 }
 
-/// The number whose lowest bytes these are, little-endian; no more than eight count.
+/// Little-endian number of up to eight bytes; further bytes are ignored.
 pub(super) fn number(bytes: &[u8]) -> u64 {
     bytes.iter().take(8).rev().fold(0, |number, byte| number << 8 | u64::from(*byte))
 }
 
-/// The lowest byte of an object; zero if it is not there.
+/// Lowest byte of an object; zero if it is absent.
 pub(super) fn byte(dictionary: &Dictionary, object: Object) -> u8 {
     let [lowest, ..] = dictionary.unsigned(object).to_le_bytes();
     lowest
 }
 
-/// The object (`None` for a dummy) and the bits that one mapping entry names.
+/// Decodes a mapping entry: object (`None` for a dummy) and length in bits.
 ///
 /// # Errors
-/// When there is no such object, or it cannot be mapped this way round with so many bits.
+/// Returns an abort code if the object is absent or cannot be mapped in this direction and length.
 pub(super) fn mappable(
     dictionary: &Dictionary,
     entry: u32,

@@ -1,8 +1,8 @@
-//! A CANopen slave (CiA 301), driven by its object dictionary: NMT, SDO server, PDOs, emergencies and
-//! heartbeats.
+//! CANopen device (CiA 301) driven by its object dictionary: NMT slave, SDO server, PDOs, emergencies and error
+//! control.
 //!
-//! What the device *does* is its [`Application`]'s: a drive, a switch box. A pure machine with three
-//! verbs; what happens every cycle allocates nothing.
+//! The function of the device is its [`Application`]: a drive, a switch box. A pure machine with three verbs;
+//! cyclic operation allocates nothing.
 
 mod access;
 mod application;
@@ -51,7 +51,7 @@ use crate::frame::Frame;
 use crate::nmt::Order;
 use units::time::Instant;
 
-/// One slave.
+/// CANopen device.
 #[derive(Clone, Debug)]
 pub struct Device<A> {
     node: NodeId,
@@ -61,7 +61,7 @@ pub struct Device<A> {
     state: NmtState,
     latency: Duration,
     sync: SyncConsumer,
-    /// Since the last SYNC a synchronous PDO was discarded.
+    /// A synchronous PDO was discarded since the last SYNC.
     is_late: bool,
     clock: Clock,
     sdo: SdoServer,
@@ -71,14 +71,14 @@ pub struct Device<A> {
     heartbeat: Heartbeat,
     guarding: Guarding,
     misbehaviour: Misbehaviour,
-    /// The application's objects may have changed since they were last looked at.
+    /// Objects may have changed since event-driven TPDOs were last compared.
     is_touched: bool,
 }
 
 impl<A: Application> Device<A> {
-    /// A device that is switched on: it boots up with the first call of [`on_time`](Self::on_time).
+    /// Returns a device after power-up; it boots up with the first call of [`on_time`](Self::on_time).
     ///
-    /// Its synchronous TPDOs are sent `latency` after the SYNC they were sampled at.
+    /// Synchronous TPDOs are sent `latency` after the SYNC at which they were sampled.
     pub fn new(node: NodeId, dictionary: Dictionary, application: A, latency: Duration) -> Self {
         let mut device = Self {
             node,
@@ -103,40 +103,40 @@ impl<A: Application> Device<A> {
         device
     }
 
-    /// Its node-id, or the last it had: LSS may take it away.
+    /// Node-id, or the last one if LSS has removed it.
     pub const fn node(&self) -> NodeId {
         self.node
     }
 
-    /// Its NMT state, initialising until it has booted up.
+    /// NMT state; initialising until the boot-up message is sent.
     pub const fn state(&self) -> NmtState {
         self.state
     }
 
-    /// Its application.
+    /// Application.
     pub const fn application(&self) -> &A {
         &self.application
     }
 
-    /// Its objects.
+    /// Object dictionary.
     pub const fn dictionary(&self) -> &Dictionary {
         &self.dictionary
     }
 
-    /// What the clock on the wall shows by the TIME it was told (1012h), since 1 January 1970; `None` before.
+    /// Time of day by the last TIME message (1012h), since 1 January 1970; `None` before the first one.
     pub fn since_1970(&self, now: Instant) -> Option<Duration> {
         self.clock.since_1970(now)
     }
 
-    /// Something happens to the application from outside, such as a moved shaft; event-driven TPDOs
-    /// tell of it with the next [`on_time`](Self::on_time).
-    pub fn touch(&mut self, happens: impl FnOnce(&mut A, &mut Dictionary)) {
-        happens(&mut self.application, &mut self.dictionary);
+    /// Changes the application from outside, such as a moved shaft. Event-driven TPDOs follow with the next
+    /// [`on_time`](Self::on_time).
+    pub fn touch(&mut self, change: impl FnOnce(&mut A, &mut Dictionary)) {
+        change(&mut self.application, &mut self.dictionary);
         self.is_touched = true;
     }
 
-    /// Something is wrong for a moment: an emergency tells of it with the next [`on_time`](Self::on_time),
-    /// with the bits of its class in an error register, and the history has it.
+    /// Reports a transient error: the next [`on_time`](Self::on_time) sends an emergency with `register`, and
+    /// the error history records it.
     pub fn report_transient_error(&mut self, code: u16, register: u8) {
         self.errors.report_transient_error(code, register, &mut self.dictionary);
     }
@@ -151,13 +151,13 @@ impl<A: Application> Device<A> {
             return;
         }
         if frame.is_remote() {
-            self.on_question(now, frame, out);
+            self.on_remote_frame(now, frame, out);
         } else if let Some(order) = Order::decode(frame) {
             if order.node.is_none_or(|node| node == self.node) {
-                self.obey(now, order.command, out);
+                self.on_nmt_command(now, order.command, out);
             }
         } else if self.heartbeat.on_frame(now, frame) {
-            self.tell_of_watches();
+            self.update_monitors();
         } else if let Some(request) = self.sdo.request(frame) {
             if self.state != NmtState::Stopped {
                 self.serve(now, request, out);
@@ -167,7 +167,7 @@ impl<A: Application> Device<A> {
         } else if self.state == NmtState::PreOperational {
             self.clock.on_frame(now, frame);
         }
-        self.catch_up(now, out);
+        self.send_pending(now, out);
     }
 
     /// Does what is due at `now`.
@@ -182,18 +182,18 @@ impl<A: Application> Device<A> {
         }
         self.watch(now, out);
         self.sdo.on_time(now, out);
-        self.catch_up(now, out);
+        self.send_pending(now, out);
     }
 
-    /// When [`on_time`](Self::on_time) must next be called.
+    /// Time of the next call of [`on_time`](Self::on_time).
     pub fn deadline(&self) -> Option<Instant> {
         let application = self.application.deadline();
         if let Some(silence) = self.layer.silence() {
             return silence.end().into_iter().chain(application).min();
         }
         let is_due = self.state == NmtState::Initialising
-            || self.must_look()
-            || self.errors.is_news(self.application.error_code());
+            || self.must_compare()
+            || self.errors.has_changed(self.application.error_code());
         let now = is_due.then_some(Instant::ZERO);
         let rpdos = self.rpdos.iter().filter_map(Rpdo::deadline);
         let tpdos = self.tpdos.iter().filter_map(Tpdo::deadline);
@@ -210,12 +210,12 @@ impl<A: Application> Device<A> {
         }
     }
 
-    /// A remote frame asks whether the device is alive, or for a TPDO.
-    fn on_question(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
+    /// Answers a remote frame: guarding, or a request of a TPDO.
+    fn on_remote_frame(&mut self, now: Instant, frame: &Frame, out: &mut Vec<Frame>) {
         if let Some(answer) =
             self.guarding.answer(now, frame, self.node, self.state, &self.dictionary)
         {
-            self.tell_of_watches();
+            self.update_monitors();
             self.errors.send(now, out);
             out.push(answer);
         } else if self.state == NmtState::Operational {
@@ -224,18 +224,18 @@ impl<A: Application> Device<A> {
         }
     }
 
-    /// Tells when the application has another error than before, or none any more.
-    fn tell_of_application(&mut self) {
+    /// Reports a change of the application's error.
+    fn update_application_error(&mut self) {
         let code = self.application.error_code();
-        self.errors.of_application(code, &mut self.dictionary);
+        self.errors.set_application_error(code, &mut self.dictionary);
     }
 
-    /// What may follow from anything that has happened.
-    fn catch_up(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        self.tell_of_application();
-        if self.must_look() {
+    /// Sends everything that follows from the last event.
+    fn send_pending(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        self.update_application_error();
+        if self.must_compare() {
             for tpdo in &mut self.tpdos {
-                tpdo.look(&self.dictionary);
+                tpdo.compare(&self.dictionary);
             }
         }
         self.is_touched = false;

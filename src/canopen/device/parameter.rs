@@ -1,8 +1,7 @@
-//! The communication and mapping parameters of the PDOs: which there are, and which writes they take
-//! (CiA 301, 7.5.2.35 to 7.5.2.38).
+//! Communication and mapping parameters of PDOs: addresses and write rules (CiA 301, 7.5.2.35 to 7.5.2.38).
 //!
-//! Only the rules. A mapping changes while its PDO is off and its number of entries is zero; a PDO
-//! that is on keeps its identifier.
+//! A mapping changes only while its PDO is disabled and its number of entries is zero. An enabled PDO keeps its
+//! COB-ID.
 
 use crate::abort::AbortCode;
 use crate::device::mapping::Mapping;
@@ -12,21 +11,21 @@ use crate::device::mapping::number;
 use crate::dictionary::Dictionary;
 use crate::frame::COB_ID_MAX;
 use crate::layout::Direction;
-use crate::layout::MOST_PDOS;
+use crate::layout::MAX_PDOS;
 use crate::object::Object;
 use crate::sync;
 use crate::sync::Transmission;
 
-/// One PDO of a device.
+/// PDO of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     pub(super) direction: Direction,
-    /// From 1.
+    /// PDO number, from 1.
     pub(super) number: u16,
 }
 
 impl Place {
-    /// The PDO that `object` is a parameter of, if it is one.
+    /// Returns the PDO that `object` is a parameter of.
     pub(super) fn of(object: Object) -> Option<Self> {
         let (direction, first) = match object.index {
             0x1400..=0x15FF => (Direction::Receive, 0x1400),
@@ -38,16 +37,16 @@ impl Place {
         Some(Self { direction, number: object.index - first + 1 })
     }
 
-    /// The PDOs a device has, by its dictionary, up to 512 each way.
+    /// PDOs in the dictionary of a device, up to 512 per direction.
     pub(super) fn all(
         dictionary: &Dictionary,
         direction: Direction,
     ) -> impl Iterator<Item = Self> + '_ {
-        let places = (1..=MOST_PDOS).map(move |number| Self { direction, number });
+        let places = (1..=MAX_PDOS).map(move |number| Self { direction, number });
         places.filter(|place| dictionary.entry(place.communication(1)).is_some())
     }
 
-    /// Sub-index `sub` of its communication parameter.
+    /// Sub-index `sub` of the communication parameter.
     pub(super) const fn communication(self, sub: u8) -> Object {
         match self.direction {
             Direction::Receive => Object::rpdo_communication(self.number, sub),
@@ -55,7 +54,7 @@ impl Place {
         }
     }
 
-    /// Sub-index `sub` of its mapping parameter.
+    /// Sub-index `sub` of the mapping parameter.
     pub(super) const fn mapping(self, sub: u8) -> Object {
         match self.direction {
             Direction::Receive => Object::rpdo_mapping(self.number, sub),
@@ -63,27 +62,27 @@ impl Place {
         }
     }
 
-    /// Its identifier; `None` while it is off, or where there is no such PDO.
+    /// COB-ID; `None` while the PDO is disabled or absent.
     pub(super) fn cob_id(self, dictionary: &Dictionary) -> Option<u16> {
         let object = self.communication(1);
         dictionary.entry(object)?;
         cob_id(dictionary.unsigned(object))
     }
 
-    /// Its transmission type.
+    /// Transmission type.
     pub(super) fn transmission(self, dictionary: &Dictionary) -> Transmission {
         Transmission(byte(dictionary, self.communication(2)))
     }
 
-    /// What its mapping parameter says.
+    /// Mapping by its mapping parameter.
     pub(super) fn resolve(self, dictionary: &Dictionary) -> Mapping {
         Mapping::resolve(dictionary, self.mapping(0), self.direction)
     }
 
-    /// Whether one of its parameters may be written now. `bytes` have the size of the object.
+    /// Checks a write to one of its parameters. `bytes` have the size of the object.
     ///
     /// # Errors
-    /// When it may not, and why.
+    /// Returns the abort code of a refused write.
     pub(super) fn check_write(
         self,
         dictionary: &Dictionary,
@@ -95,8 +94,8 @@ impl Place {
         let value = u32::try_from(number(bytes)).map_err(|_| AbortCode::VALUE_INVALID)?;
         if object.index == self.communication(0).index {
             return match (object.sub, bytes) {
-                (1, _) => may_change_cob_id(dictionary.unsigned(object), value),
-                (2, [kind]) => self.may_be(dictionary, Transmission(*kind)),
+                (1, _) => check_cob_id_change(dictionary.unsigned(object), value),
+                (2, [kind]) => self.check_transmission(dictionary, Transmission(*kind)),
                 (3 | 6, _) => while_off,
                 _ => Ok(()),
             };
@@ -113,8 +112,12 @@ impl Place {
         }
     }
 
-    /// Whether it may be of this transmission type. Only a TPDO that answers remote frames waits for them.
-    fn may_be(self, dictionary: &Dictionary, kind: Transmission) -> Result<(), AbortCode> {
+    /// Checks a transmission type. Types on request need a TPDO that answers remote frames.
+    fn check_transmission(
+        self,
+        dictionary: &Dictionary,
+        kind: Transmission,
+    ) -> Result<(), AbortCode> {
         let answers = self.direction == Direction::Transmit
             && dictionary.unsigned(self.communication(1)) & NO_REMOTE == 0;
         let is_possible = match kind {
@@ -125,14 +128,14 @@ impl Place {
     }
 }
 
-/// Bit 30 of a TPDO's COB-ID: remote frames are not answered.
+/// Bit 30 of a TPDO's COB-ID: no remote frames.
 pub(super) const NO_REMOTE: u32 = 1 << 30;
-/// Bit 31 of a COB-ID: the service is off.
+/// Bit 31 of a COB-ID: the service is disabled.
 const OFF: u32 = 1 << 31;
-/// Bit 29: an identifier of 29 bits.
+/// Bit 29: extended 29-bit identifier.
 const EXTENDED: u32 = 1 << 29;
 
-/// The identifier of a COB-ID entry; `None` while its service is off, or on with 29 bits.
+/// Identifier of a COB-ID entry; `None` while the service is disabled or the identifier has 29 bits.
 pub(super) fn cob_id(raw: u32) -> Option<u16> {
     if raw & (OFF | EXTENDED) != 0 {
         return None;
@@ -140,13 +143,13 @@ pub(super) fn cob_id(raw: u32) -> Option<u16> {
     u16::try_from(raw & u32::from(COB_ID_MAX)).ok().filter(|cob_id| !is_reserved(*cob_id))
 }
 
-/// Whether a COB-ID entry that holds `old` may become `new`: switched off always, on only with an
-/// identifier that is free, and never changed while on.
+/// Checks a change of a COB-ID entry from `old` to `new`: disabling is always allowed, enabling only with a free
+/// identifier, and an enabled one must not change.
 ///
 /// # Errors
-/// When it may not, and why.
-pub(super) fn may_change_cob_id(old: u32, new: u32) -> Result<(), AbortCode> {
-    if new & BEYOND_11_BITS != 0 {
+/// Returns the abort code of a refused change.
+pub(super) fn check_cob_id_change(old: u32, new: u32) -> Result<(), AbortCode> {
+    if new & ABOVE_11_BITS != 0 {
         return Err(AbortCode::VALUE_INVALID);
     }
     if new & OFF != 0 {
@@ -159,23 +162,23 @@ pub(super) fn may_change_cob_id(old: u32, new: u32) -> Result<(), AbortCode> {
     }
 }
 
-/// The identifier of SYNC or TIME, whose bit 30 says that the device makes it, which none here does.
+/// Identifier of SYNC or TIME, which no device here produces (bit 30).
 ///
 /// # Errors
-/// When bit 30 is set, or the identifier has 29 bits or is another service's.
+/// Returns an abort code if bit 30 is set, or the identifier has 29 bits or belongs to another service.
 pub(super) fn consumed(raw: u32) -> Result<u16, AbortCode> {
     let is_free = |cob_id: &u16| !is_reserved(*cob_id) || *cob_id == sync::COB_ID;
     let identifier = u16::try_from(raw & u32::from(COB_ID_MAX)).ok().filter(is_free);
-    let is_possible = raw & (PRODUCES | BEYOND_11_BITS) == 0;
+    let is_possible = raw & (PRODUCES | ABOVE_11_BITS) == 0;
     identifier.filter(|_| is_possible).ok_or(AbortCode::VALUE_INVALID)
 }
 
-/// Bit 30 of the COB-ID of SYNC or TIME: the device makes it.
+/// Bit 30 of the COB-ID of SYNC or TIME: the device produces it.
 const PRODUCES: u32 = 1 << 30;
-/// Bits 11 to 28 of a COB-ID, and bit 29, which says that they count.
-const BEYOND_11_BITS: u32 = 0x3FFF_F800;
+/// Bits 11 to 28 of a COB-ID, and bit 29, which makes them part of the identifier.
+const ABOVE_11_BITS: u32 = 0x3FFF_F800;
 
-/// Identifiers that no PDO or emergency may take (CiA 301, 7.3.5).
+/// Returns whether an identifier is restricted for PDOs and emergencies (CiA 301, 7.3.5).
 const fn is_reserved(cob_id: u16) -> bool {
     matches!(cob_id, 0..=0x80 | 0x101..=0x180 | 0x581..=0x5FF | 0x601..=0x67F | 0x6E0..=COB_ID_MAX)
 }

@@ -1,5 +1,4 @@
-//! What a device does with SYNC and its PDOs in operational (CiA 301, 7.2.2 and 7.2.5): in which order they
-//! act, and what is told when they are wrong.
+//! SYNC and PDOs of an operational device (CiA 301, 7.2.2 and 7.2.5): order of actions, and errors.
 
 use canopen_rs::NmtState;
 
@@ -17,7 +16,7 @@ use crate::sync::Sync;
 use units::time::Instant;
 
 impl<A: Application> Device<A> {
-    /// A PDO follows its parameters.
+    /// Applies changed parameters of a PDO.
     pub(super) fn resolve(&mut self, changed: Place) {
         match changed.direction {
             Direction::Receive => {
@@ -38,20 +37,20 @@ impl<A: Application> Device<A> {
         }
     }
 
-    /// A SYNC, a TIME or an RPDO, in operational.
+    /// Takes a SYNC, a TIME or an RPDO in operational.
     pub(super) fn on_process_frame(&mut self, now: Instant, frame: &Frame) {
-        if self.sync.hears(frame) {
+        if self.sync.is_sync(frame) {
             self.take_sync(now, frame);
         } else if !self.clock.on_frame(now, frame) {
             self.on_rpdo(now, frame);
         }
     }
 
-    /// A SYNC of another length is none, and that is told (CiA 301, 7.5.2.22).
+    /// Takes a SYNC; one of the wrong length is reported and ignored (CiA 301, 7.5.2.22).
     fn take_sync(&mut self, now: Instant, frame: &Frame) {
         let Self { sync, errors, dictionary, .. } = self;
         if sync.take(now, frame) {
-            errors.settle(Condition::SyncLength, dictionary);
+            errors.clear(Condition::SyncLength, dictionary);
             self.on_sync(now, Sync { counter: frame.data().first().copied() });
         } else {
             errors.raise(Condition::SyncLength, [0; 5], dictionary);
@@ -60,7 +59,7 @@ impl<A: Application> Device<A> {
 
     fn on_sync(&mut self, now: Instant, sync: Sync) {
         if !std::mem::take(&mut self.is_late) {
-            self.errors.settle(Condition::SyncWindow, &mut self.dictionary);
+            self.errors.clear(Condition::SyncWindow, &mut self.dictionary);
         }
         for place in 0..self.rpdos.len() {
             let Some(rpdo) = self.rpdos.get_mut(place) else { continue };
@@ -70,7 +69,7 @@ impl<A: Application> Device<A> {
         }
         self.application.on_sync(&mut self.dictionary);
         clock::stamp(now, &mut self.dictionary);
-        self.tell_of_application();
+        self.update_application_error();
         for tpdo in &mut self.tpdos {
             tpdo.on_sync(sync, now + self.latency, &self.dictionary);
         }
@@ -87,15 +86,15 @@ impl<A: Application> Device<A> {
             match received {
                 Received::Acts(content) => self.act(place, content),
                 Received::Late => self.miss_window(),
-                Received::Held | Received::Passed => {}
+                Received::Held | Received::Ignored => {}
             }
         }
         if is_mine {
-            self.tell_of_rpdos();
+            self.update_rpdo_errors();
         }
     }
 
-    /// Sends the TPDOs that are due, in operational.
+    /// Sends the TPDOs that are due in operational.
     pub(super) fn send_tpdos(&mut self, now: Instant, out: &mut Vec<Frame>) {
         let is_open = self.sync.is_open(now);
         let mut is_in_time = true;
@@ -107,24 +106,24 @@ impl<A: Application> Device<A> {
         }
     }
 
-    /// A synchronous PDO was discarded; told until a window passes without (CiA 301, 7.5.2.7).
+    /// Reports a discarded synchronous PDO, until a window passes without one (CiA 301, 7.5.2.7).
     fn miss_window(&mut self) {
         self.is_late = true;
         self.errors.raise(Condition::SyncWindow, [0; 5], &mut self.dictionary);
     }
 
-    /// What is wrong with one RPDO or more is told; what is wrong with none any more is over.
-    pub(super) fn tell_of_rpdos(&mut self) {
+    /// Sets or clears the error conditions of all RPDOs together.
+    pub(super) fn update_rpdo_errors(&mut self) {
         for condition in [Condition::RpdoTooShort, Condition::RpdoTooLong, Condition::RpdoTimeout] {
-            if self.rpdos.iter().any(|rpdo| rpdo.wrong().has(condition)) {
+            if self.rpdos.iter().any(|rpdo| rpdo.conditions().has(condition)) {
                 self.errors.raise(condition, [0; 5], &mut self.dictionary);
             } else {
-                self.errors.settle(condition, &mut self.dictionary);
+                self.errors.clear(condition, &mut self.dictionary);
             }
         }
     }
 
-    /// The RPDO at `place` says `content`: first every object has its part, then the application is told.
+    /// Applies `content` of the RPDO at `place`: sets all objects, then informs the application.
     fn act(&mut self, place: usize, content: u64) {
         let Some(rpdo) = self.rpdos.get(place) else { return };
         rpdo.mapping().scatter(content, &mut self.dictionary);
@@ -134,8 +133,8 @@ impl<A: Application> Device<A> {
         self.is_touched = true;
     }
 
-    /// Whether an event-driven TPDO may have something to tell.
-    pub(super) fn must_look(&self) -> bool {
+    /// Returns whether an event-driven TPDO may have changed.
+    pub(super) fn must_compare(&self) -> bool {
         self.is_touched
             && self.state == NmtState::Operational
             && self.tpdos.iter().any(Tpdo::is_event_driven)

@@ -1,9 +1,8 @@
-//! One RPDO: received, held until its time, and missed when it does not come (CiA 301, 7.2.2.2 to
-//! 7.2.2.5).
+//! One RPDO: received, held until it acts, and timed out if it is lost (CiA 301, 7.2.2.2 to 7.2.2.5).
 //!
-//! A synchronous one acts at the *next* SYNC, an event-driven one at once. Of a frame longer than the
-//! mapping the first bytes count; a shorter one is not taken (7.5.2.36). The event timer, armed by the
-//! first frame, runs in operational only. Its inhibit time means nothing to one who receives.
+//! A synchronous RPDO acts at the next SYNC, an event-driven one at once. A frame longer than the mapping is
+//! cut; a shorter one is ignored (7.5.2.36). The event timer starts with the first frame and runs in
+//! operational only. The inhibit time has no effect on reception.
 
 use std::time::Duration;
 
@@ -17,20 +16,20 @@ use crate::layout::Direction;
 use crate::sync::Transmission;
 use units::time::Instant;
 
-/// What a frame is to an RPDO.
+/// Effect of a received frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Received {
-    /// It waits for the next SYNC.
+    /// Held until the next SYNC.
     Held,
-    /// It acts now: this is what it says.
+    /// Acts now, with this content.
     Acts(u64),
-    /// Nothing is done: it is too short.
-    Passed,
-    /// Nothing is done: it is synchronous, and the window is closed.
+    /// Ignored: the frame is too short.
+    Ignored,
+    /// Ignored: the RPDO is synchronous and the window is closed.
     Late,
 }
 
-/// One RPDO, as it is configured.
+/// One configured RPDO.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rpdo {
     place: Place,
@@ -40,11 +39,11 @@ pub(super) struct Rpdo {
     mapping: Mapping,
     held: Option<u64>,
     due: Option<Instant>,
-    wrong: Conditions,
+    conditions: Conditions,
 }
 
 impl Rpdo {
-    /// The RPDO of this number, as `dictionary` says.
+    /// Returns the RPDO of this number, by the dictionary.
     pub(super) fn new(dictionary: &Dictionary, number: u16) -> Self {
         let place = Place { direction: Direction::Receive, number };
         let mapping = place.resolve(dictionary);
@@ -57,27 +56,27 @@ impl Rpdo {
             mapping,
             held: None,
             due: None,
-            wrong: Conditions::default(),
+            conditions: Conditions::default(),
         }
     }
 
-    /// Which PDO this is.
+    /// Place of the PDO.
     pub(super) const fn place(&self) -> Place {
         self.place
     }
 
-    /// What is in it.
+    /// Mapping of the PDO.
     pub(super) const fn mapping(&self) -> &Mapping {
         &self.mapping
     }
 
-    /// What is wrong with what it receives.
-    pub(super) const fn wrong(&self) -> Conditions {
-        self.wrong
+    /// Error conditions of its reception.
+    pub(super) const fn conditions(&self) -> Conditions {
+        self.conditions
     }
 
-    /// Takes a frame, in operational; `None` if it is another's. Synchronous ones are taken while the window
-    /// `is_open`.
+    /// Takes a frame in operational; `None` if it is not its own. Synchronous RPDOs are accepted while the
+    /// window `is_open`.
     pub(super) fn on_frame(
         &mut self,
         now: Instant,
@@ -88,16 +87,16 @@ impl Rpdo {
             return None;
         }
         let (length, mapped) = (frame.data().len(), self.mapping.bytes());
-        self.wrong.set(Condition::RpdoTooShort, length < mapped);
-        self.wrong.set(Condition::RpdoTooLong, length > mapped);
+        self.conditions.set(Condition::RpdoTooShort, length < mapped);
+        self.conditions.set(Condition::RpdoTooLong, length > mapped);
         if length < mapped {
-            return Some(Received::Passed);
+            return Some(Received::Ignored);
         }
         let is_synchronous = self.transmission.syncs().is_some();
         if is_synchronous && !is_open {
             return Some(Received::Late);
         }
-        self.wrong.set(Condition::RpdoTimeout, false);
+        self.conditions.set(Condition::RpdoTimeout, false);
         self.due = self.timeout.map(|timeout| now + timeout);
         let content = super::mapping::number(frame.data());
         if is_synchronous {
@@ -107,26 +106,26 @@ impl Rpdo {
         Some(Received::Acts(content))
     }
 
-    /// What has waited for this SYNC.
+    /// Takes the content held for this SYNC.
     pub(super) const fn on_sync(&mut self) -> Option<u64> {
         self.held.take()
     }
 
-    /// Whether the next frame has been waited for too long, since this was asked last.
-    pub(super) fn misses(&mut self, now: Instant) -> bool {
-        let misses = self.due.take_if(|due| *due <= now).is_some();
-        if misses {
-            self.wrong.set(Condition::RpdoTimeout, true);
+    /// Returns whether the event timer has expired since the last call.
+    pub(super) fn detect_timeout(&mut self, now: Instant) -> bool {
+        let is_expired = self.due.take_if(|due| *due <= now).is_some();
+        if is_expired {
+            self.conditions.set(Condition::RpdoTimeout, true);
         }
-        misses
+        is_expired
     }
 
-    /// When the next frame will have been waited for too long.
+    /// Time at which the event timer expires.
     pub(super) const fn deadline(&self) -> Option<Instant> {
         self.due
     }
 
-    /// Operational is left: nothing is waited for, and what is held never acts.
+    /// Leaves operational: stops the event timer and discards held content.
     pub(super) const fn stop(&mut self) {
         self.held = None;
         self.due = None;

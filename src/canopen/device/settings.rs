@@ -1,4 +1,4 @@
-//! A device follows its objects: what a write by SDO changes in it at once.
+//! Effect of SDO writes on a device.
 
 use std::time::Duration;
 
@@ -18,14 +18,14 @@ impl<A: Application> Device<A> {
         let mut objects = Objects { dictionary, application, misbehaviour, written: None };
         self.sdo.serve(now, request, &mut objects, out);
         if let Some(object) = objects.written {
-            self.follow(now, object);
+            self.apply(now, object);
         }
     }
 
-    /// Does as an object says that has just been written.
-    fn follow(&mut self, now: Instant, object: Object) {
+    /// Applies an object after a write.
+    fn apply(&mut self, now: Instant, object: Object) {
         self.is_touched = true;
-        store::follow(object, &mut self.dictionary);
+        store::apply(object, &mut self.dictionary);
         match object {
             Object::SYNC_COB_ID | Object::SYNC_WINDOW | Object::SYNC_OVERFLOW => {
                 self.sync.configure(&self.dictionary);
@@ -37,21 +37,21 @@ impl<A: Application> Device<A> {
             Object::ERROR_HISTORY => history::clear(&mut self.dictionary),
             Object::GUARD_TIME | Object::LIFE_TIME_FACTOR => {
                 self.guarding.forget();
-                self.tell_of_watches();
+                self.update_monitors();
             }
             Object::PRODUCER_HEARTBEAT => {
-                self.heartbeat.produce(&self.dictionary, now, Duration::ZERO);
+                self.heartbeat.configure_producer(&self.dictionary, now, Duration::ZERO);
                 self.guarding.forget();
-                self.tell_of_watches();
+                self.update_monitors();
             }
             Object { index, .. } if index == Object::CONSUMER_HEARTBEAT.index => {
-                self.heartbeat.watch(&self.dictionary);
-                self.tell_of_watches();
+                self.heartbeat.configure_consumers(&self.dictionary);
+                self.update_monitors();
             }
             object => {
                 if let Some(place) = Place::of(object) {
                     self.resolve(place);
-                    self.tell_of_rpdos();
+                    self.update_rpdo_errors();
                 }
             }
         }

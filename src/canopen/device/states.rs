@@ -1,5 +1,4 @@
-//! The NMT states of a device and what leads from one to another (CiA 301, 7.3.2.2): commands, resets,
-//! and a lost master.
+//! NMT states of a device and their transitions (CiA 301, 7.3.2.2): commands, resets, loss of the master.
 
 use canopen_rs::NmtCommand;
 use canopen_rs::NmtState;
@@ -22,7 +21,12 @@ use crate::object::Object;
 use units::time::Instant;
 
 impl<A: Application> Device<A> {
-    pub(super) fn obey(&mut self, now: Instant, command: NmtCommand, out: &mut Vec<Frame>) {
+    pub(super) fn on_nmt_command(
+        &mut self,
+        now: Instant,
+        command: NmtCommand,
+        out: &mut Vec<Frame>,
+    ) {
         match command {
             NmtCommand::StartRemoteNode => self.enter(NmtState::Operational),
             NmtCommand::EnterPreOperational => self.enter(NmtState::PreOperational),
@@ -38,7 +42,7 @@ impl<A: Application> Device<A> {
         }
     }
 
-    /// Everything, or communication, begins anew, with the node-id LSS has configured.
+    /// Resets all objects or communication only, and activates the node-id configured by LSS.
     pub(super) fn reset(&mut self, now: Instant, reset: Reset, out: &mut Vec<Frame>) {
         self.leave_operational();
         self.layer.reset();
@@ -53,14 +57,14 @@ impl<A: Application> Device<A> {
         }
     }
 
-    /// To be stopped or reset in operation is to lose the master; nothing is told of it.
+    /// Handles stop and reset in operational as a loss of the master, without an emergency.
     fn leave_operational(&mut self) {
         if self.state == NmtState::Operational {
             self.react_to(ConnectionLoss::Stopped);
         }
     }
 
-    /// Everything follows the dictionary, which has its defaults.
+    /// Applies the restored dictionary.
     pub(super) fn initialise(&mut self, reset: Reset) {
         self.state = NmtState::Initialising;
         self.sdo.reset();
@@ -83,8 +87,12 @@ impl<A: Application> Device<A> {
         let boot_up = encode_heartbeat(NmtState::Initialising);
         out.push(Frame::new(heartbeat_cob_id(self.node), boot_up));
         self.enter(NmtState::PreOperational);
-        // The boot-up message stands for the first heartbeat.
-        self.heartbeat.produce(&self.dictionary, now, Heartbeat::period(&self.dictionary));
+        // The boot-up message counts as the first heartbeat.
+        self.heartbeat.configure_producer(
+            &self.dictionary,
+            now,
+            Heartbeat::period(&self.dictionary),
+        );
     }
 
     pub(super) fn enter(&mut self, state: NmtState) {
@@ -104,18 +112,18 @@ impl<A: Application> Device<A> {
         }
     }
 
-    /// Finds out whether the master is lost: its heartbeat, its guarding, one of its RPDOs.
+    /// Detects the loss of the master: heartbeat, guarding, RPDOs.
     pub(super) fn watch(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        let no_heartbeat = self.heartbeat.loses(now).then_some(Condition::HeartbeatLost);
-        let no_guard = self.guarding.loses(now).then_some(Condition::GuardLost);
+        let no_heartbeat = self.heartbeat.detect_loss(now).then_some(Condition::HeartbeatLost);
+        let no_guard = self.guarding.detect_loss(now).then_some(Condition::GuardLost);
         for condition in no_heartbeat.into_iter().chain(no_guard) {
             self.lose_connection(condition, ConnectionLoss::Heartbeat);
             self.errors.send(now, out);
-            self.behave_on_error();
+            self.apply_error_behaviour();
         }
         let mut is_missed = false;
         for rpdo in &mut self.rpdos {
-            is_missed |= rpdo.misses(now);
+            is_missed |= rpdo.detect_timeout(now);
         }
         if is_missed {
             self.lose_connection(Condition::RpdoTimeout, ConnectionLoss::RpdoTimeout);
@@ -128,19 +136,19 @@ impl<A: Application> Device<A> {
         self.is_touched = true;
     }
 
-    /// Who was lost is heard again, or not watched any more.
-    pub(super) fn tell_of_watches(&mut self) {
+    /// Clears the conditions of monitors that are no longer lost.
+    pub(super) fn update_monitors(&mut self) {
         if !self.heartbeat.is_lost() {
-            self.errors.settle(Condition::HeartbeatLost, &mut self.dictionary);
+            self.errors.clear(Condition::HeartbeatLost, &mut self.dictionary);
         }
         if !self.guarding.is_lost() {
-            self.errors.settle(Condition::GuardLost, &mut self.dictionary);
+            self.errors.clear(Condition::GuardLost, &mut self.dictionary);
         }
     }
 
-    /// Leaves operational after a communication error, unless told otherwise (1029h:1). An RPDO that stays
-    /// away is none (CiA 301, 7.5.2.32).
-    fn behave_on_error(&mut self) {
+    /// Applies the error behaviour (1029h:1) after a communication error; by default the device leaves
+    /// operational. An RPDO timeout is not such an error (CiA 301, 7.5.2.32).
+    fn apply_error_behaviour(&mut self) {
         if self.state != NmtState::Operational {
             return;
         }
@@ -152,5 +160,5 @@ impl<A: Application> Device<A> {
     }
 }
 
-/// The objects of the communication profile.
+/// Objects of the communication profile.
 const COMMUNICATION_PROFILE: std::ops::RangeInclusive<u16> = 0x1000..=0x1FFF;

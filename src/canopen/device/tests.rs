@@ -1,13 +1,12 @@
-//! The laws of a whole device, from its frames: a drive's dictionary, and an application that only
-//! looks on.
+//! Tests of a whole device by its frames: a drive's dictionary, and an application that records its calls.
 
+mod error_control;
 mod errors;
 mod identity;
-mod kept;
 mod pdos;
 mod process;
 mod refusals;
-mod watches;
+mod stored;
 
 use std::sync::LazyLock;
 use std::time::Duration;
@@ -27,16 +26,16 @@ use crate::sdo::SdoError;
 use crate::sdo::Transfer;
 use crate::sync::Sync;
 
-/// What an application has seen.
+/// Application that records its calls.
 #[derive(Clone, Debug, Default)]
-struct Witness {
+struct Recorder {
     lost: Vec<ConnectionLoss>,
     resets: Vec<Reset>,
     written: Vec<Object>,
     code: u16,
 }
 
-impl Application for Witness {
+impl Application for Recorder {
     fn written(&mut self, _dictionary: &mut Dictionary, object: Object) {
         self.written.push(object);
     }
@@ -65,21 +64,21 @@ fn at(millis: u64) -> Instant {
     Instant::from_micros(millis * 1_000)
 }
 
-/// A device on a desk, with one who talks to it.
+/// Device under test, and its time.
 struct Desk {
-    device: Device<Witness>,
+    device: Device<Recorder>,
     now: Instant,
 }
 
 impl Desk {
-    /// Booted up.
+    /// Device after boot-up.
     fn new() -> Self {
         static EDS: LazyLock<Eds> =
             LazyLock::new(|| Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap());
         Self::of(&EDS)
     }
 
-    /// A device of another data sheet, booted up.
+    /// Device of another EDS, after boot-up.
     fn described(text: &str) -> Self {
         Self::of(&Eds::parse(text.as_bytes()).unwrap())
     }
@@ -87,13 +86,13 @@ impl Desk {
     fn of(eds: &Eds) -> Self {
         let node = NodeId::new(NODE).unwrap();
         let dictionary = Dictionary::new(eds, node);
-        let device = Device::new(node, dictionary, Witness::default(), Duration::ZERO);
+        let device = Device::new(node, dictionary, Recorder::default(), Duration::ZERO);
         let mut desk = Self { device, now: at(0) };
         assert_eq!(desk.wait_until(0), [Frame::new(0x705, [0])], "boot-up");
         desk
     }
 
-    /// Booted up, and every PDO off that is on after power-up.
+    /// Device after boot-up with every PDO disabled.
     fn silent() -> Self {
         let mut desk = Self::new();
         for direction in [Direction::Receive, Direction::Transmit] {
@@ -105,14 +104,14 @@ impl Desk {
         desk
     }
 
-    /// What it says to a frame.
-    fn say(&mut self, frame: Frame) -> Vec<Frame> {
+    /// Frames sent in reply to a frame.
+    fn deliver(&mut self, frame: Frame) -> Vec<Frame> {
         let mut out = Vec::new();
         self.device.on_frame(self.now, &frame, &mut out);
         out
     }
 
-    /// What it says by itself until then, called whenever it asks to be.
+    /// Frames sent by itself until `millis`.
     fn wait_until(&mut self, millis: u64) -> Vec<Frame> {
         let mut out = Vec::new();
         while let Some(due) = self.device.deadline().filter(|due| *due <= at(millis)) {
@@ -124,17 +123,18 @@ impl Desk {
     }
 
     fn order(&mut self, command: NmtCommand) -> Vec<Frame> {
-        self.say(Order::to(NodeId::new(NODE).unwrap(), command).frame())
+        self.deliver(Order::to(NodeId::new(NODE).unwrap(), command).frame())
     }
 
     fn sync(&mut self) -> Vec<Frame> {
-        self.say(Sync::default().frame())
+        self.deliver(Sync::default().frame())
     }
 
-    /// Carries a transfer of the master's own client to its end.
+    /// Runs a transfer of the master's SDO client to its end.
     fn carry(&mut self, mut transfer: Transfer, mut requests: Vec<Frame>) -> Outcome {
         loop {
-            let replies: Vec<_> = requests.drain(..).flat_map(|frame| self.say(frame)).collect();
+            let replies: Vec<_> =
+                requests.drain(..).flat_map(|frame| self.deliver(frame)).collect();
             assert!(!replies.is_empty(), "no reply");
             for reply in replies {
                 if let Some(outcome) = transfer.on_frame(self.now, &reply, &mut requests) {
@@ -156,7 +156,7 @@ impl Desk {
         self.carry(transfer, out).map(|_| ()).map_err(refusal)
     }
 
-    /// Maps the PDO of `place` anew: off, emptied, filled, counted, timed, on.
+    /// Maps the PDO of `place` again: disable, clear, fill, count, transmission type, enable.
     fn map(&mut self, place: Place, entries: &[u32], transmission: u8) -> Result<(), AbortCode> {
         let cob_id = match place.direction {
             Direction::Receive => u32::from(RPDO),
@@ -172,7 +172,7 @@ impl Desk {
         self.write(place.communication(1), &cob_id.to_le_bytes())
     }
 
-    /// Operational, with a target torque in RPDO1 of this transmission type, and nothing else.
+    /// Operational device with the target torque alone in RPDO1, of this transmission type.
     fn with_target(transmission: u8) -> Self {
         let mut desk = Self::silent();
         desk.map(RPDO1, &[TARGET], transmission).unwrap();
@@ -195,7 +195,7 @@ const EVERY_SYNC: u8 = 1;
 const AT_ONCE: u8 = 255;
 
 fn refusal(error: SdoError) -> AbortCode {
-    let SdoError::Refused(code) = error else { panic!("not refused but {error}") };
+    let SdoError::AbortedByServer(code) = error else { panic!("not refused but {error}") };
     code
 }
 
@@ -232,7 +232,7 @@ fn wrong_accesses_have_the_right_abort_codes() {
 }
 
 #[test]
-fn a_name_is_read_in_segments_as_it_stands_in_the_dictionary() {
+fn device_name_is_read_in_segments() {
     let mut desk = Desk::new();
     let name = desk.device.dictionary().get(Object::DEVICE_NAME).unwrap().to_vec();
     assert!(name.len() > 7, "more than a segment");
@@ -240,11 +240,11 @@ fn a_name_is_read_in_segments_as_it_stands_in_the_dictionary() {
 }
 
 #[test]
-fn a_stopped_node_says_nothing_but_its_heartbeat() {
+fn stopped_node_sends_its_heartbeat_only() {
     let mut desk = Desk::with_target(EVERY_SYNC);
     desk.order(NmtCommand::StopRemoteNode);
     assert_eq!(desk.device.application().lost, [ConnectionLoss::Stopped]);
-    assert_eq!(desk.say(Frame::new(0x605, [0x40, 0, 0x10, 0, 0, 0, 0, 0])), []);
+    assert_eq!(desk.deliver(Frame::new(0x605, [0x40, 0, 0x10, 0, 0, 0, 0, 0])), []);
     assert_eq!(desk.sync(), []);
     desk.device.touch(|application, _| application.code = 0x2310);
     assert_eq!(desk.wait_until(100), []);
@@ -268,10 +268,10 @@ fn communication_reset_restores_defaults() {
         for (object, bytes) in changes {
             desk.write(object, bytes).unwrap();
         }
-        desk.say(Frame::new(0x77F, [5]));
+        desk.deliver(Frame::new(0x77F, [5]));
         assert_eq!(desk.order(command), [Frame::new(0x705, [0])]);
         assert_eq!(desk.device.state(), NmtState::PreOperational);
-        assert_eq!(desk.wait_until(1_000), [], "no heartbeat, and nobody watched");
+        assert_eq!(desk.wait_until(1_000), [], "no heartbeat, and no consumer");
         assert_eq!(desk.device.application().resets, [Reset::Node, reset]);
         let now = desk.device.dictionary();
         let differs = |(object, _): &&(Object, &[u8])| now.get(*object) != before.get(*object);
@@ -281,7 +281,7 @@ fn communication_reset_restores_defaults() {
 }
 
 #[test]
-fn an_error_of_the_application_comes_goes_and_is_remembered() {
+fn application_error_is_reported_cleared_and_recorded() {
     let mut desk = Desk::new();
     let have = |desk: &mut Desk, code| {
         desk.device.touch(|application, _| application.code = code);
@@ -299,11 +299,11 @@ fn an_error_of_the_application_comes_goes_and_is_remembered() {
     assert_eq!(desk.read(before), Ok(vec![0x10, 0x23, 0, 0]));
     desk.write(Object::ERROR_HISTORY, &[0]).unwrap();
     assert_eq!(desk.read(Object::ERROR_HISTORY), Ok(vec![0]));
-    assert_eq!(desk.read(newest), Err(AbortCode::NO_DATA), "of an error that never was");
+    assert_eq!(desk.read(newest), Err(AbortCode::NO_DATA), "no error recorded");
 }
 
 #[test]
-fn a_history_that_is_full_forgets_the_oldest() {
+fn full_history_drops_the_oldest_error() {
     let mut desk = Desk::new();
     for number in 1..=20_u16 {
         desk.device.touch(|application, _| application.code = 0x2300 + number);
@@ -317,7 +317,7 @@ fn a_history_that_is_full_forgets_the_oldest() {
 }
 
 #[test]
-fn a_moved_emergency_is_where_it_was_moved_to() {
+fn emergency_uses_its_moved_cob_id() {
     let mut desk = Desk::new();
     desk.write(Object::EMCY_COB_ID, &(OFF | 0x685).to_le_bytes()).unwrap();
     desk.device.touch(|application, _| application.code = 0x2310);
@@ -329,7 +329,7 @@ fn a_moved_emergency_is_where_it_was_moved_to() {
 
 proptest! {
     #[test]
-    fn any_sequence_of_frames_never_panics_and_is_answered_in_bounds(
+    fn any_frames_never_panic_and_get_bounded_replies(
         steps in proptest::collection::vec(
             (
                 0_u64..30_000,

@@ -1,10 +1,8 @@
-//! One TPDO: sampled at the SYNC, sent when something has changed, or when it is asked for (CiA 301,
-//! 7.2.2.2 to 7.2.2.5).
+//! One TPDO: sampled at SYNC, sent after a change or on request (CiA 301, 7.2.2.2 to 7.2.2.5).
 //!
-//! A synchronous one may be sent a while after its SYNC, as real devices do, but what it says is what
-//! was true *at* the SYNC; what cannot go out while the window is open is discarded. An event-driven one is
-//! sent on every change, no sooner than its inhibit time and no later than its event timer allow. A remote
-//! frame is answered by all whose COB-ID allows it (bit 30 is 0), and by types 252 and 253 alone.
+//! A synchronous TPDO may be sent later than its SYNC, with the values sampled at it; it is discarded once the
+//! window is closed. An event-driven TPDO is sent on every change, between inhibit time and event timer. Remote
+//! frames are answered if bit 30 of the COB-ID is 0; types 252 and 253 send on them only.
 
 use std::time::Duration;
 
@@ -19,37 +17,37 @@ use crate::sync::Sync;
 use crate::sync::Transmission;
 use units::time::Instant;
 
-/// One TPDO, as it is configured.
+/// One configured TPDO.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tpdo {
     place: Place,
     cob_id: Option<u16>,
     transmission: Transmission,
-    /// Whether it answers a remote frame.
+    /// Set if remote frames are answered.
     is_remote: bool,
-    /// The counter of the SYNC that is its first, where SYNCs are counted; 0 for any (sub-index 6).
+    /// SYNC start value (sub-index 6): counter of the first SYNC; 0 for any.
     start: u8,
     inhibit: Duration,
     period: Option<Duration>,
     mapping: Mapping,
-    /// What was last said.
-    said: Option<u64>,
-    /// Its first SYNC has not come yet.
+    /// Content sent last.
+    sent: Option<u64>,
+    /// Set until the first SYNC.
     waits: bool,
     /// SYNCs since the last sample.
     syncs: u8,
-    /// Sampled, and when it goes out.
+    /// Sampled content, and its time of transmission.
     sampled: Option<(Instant, u64)>,
-    /// Something has changed since.
+    /// Set if the content has changed since.
     has_changed: bool,
-    /// Not before.
+    /// Earliest time of the next transmission.
     inhibited: Instant,
-    /// Not later.
+    /// Latest time of the next transmission.
     due: Option<Instant>,
 }
 
 impl Tpdo {
-    /// The TPDO of this number, as `dictionary` says.
+    /// Returns the TPDO of this number, by the dictionary.
     pub(super) fn new(dictionary: &Dictionary, number: u16) -> Self {
         let place = Place { direction: Direction::Transmit, number };
         let mapping = place.resolve(dictionary);
@@ -64,7 +62,7 @@ impl Tpdo {
             inhibit: Duration::from_micros(100 * inhibit),
             period: (period > 0).then_some(Duration::from_millis(period)),
             mapping,
-            said: None,
+            sent: None,
             waits: true,
             syncs: 0,
             sampled: None,
@@ -74,25 +72,25 @@ impl Tpdo {
         }
     }
 
-    /// Which PDO this is.
+    /// Place of the PDO.
     pub(super) const fn place(&self) -> Place {
         self.place
     }
 
-    /// Whether changes make it go out.
+    /// Returns whether changes trigger a transmission.
     pub(super) const fn is_event_driven(&self) -> bool {
         self.cob_id.is_some() && self.transmission.is_event_driven()
     }
 
-    /// Operational is entered: an event-driven one tells at once how things are.
+    /// Enters operational: an event-driven TPDO is sent at once.
     pub(super) const fn start(&mut self) {
         self.stop();
         self.has_changed = self.is_event_driven();
     }
 
-    /// Operational is left.
+    /// Leaves operational.
     pub(super) const fn stop(&mut self) {
-        self.said = None;
+        self.sent = None;
         self.waits = true;
         self.syncs = 0;
         self.sampled = None;
@@ -100,10 +98,10 @@ impl Tpdo {
         self.due = None;
     }
 
-    /// Samples at a SYNC, if this is one of its own; sent at `send`, or when it is asked for.
+    /// Samples at its SYNC; sent at `send`, or on request.
     pub(super) fn on_sync(&mut self, sync: Sync, send: Instant, dictionary: &Dictionary) {
         if self.transmission == Transmission::SYNC_ON_REQUEST {
-            self.said = Some(self.mapping.gather(dictionary));
+            self.sent = Some(self.mapping.gather(dictionary));
         }
         let (Some(syncs), Some(_)) = (self.transmission.syncs(), self.cob_id) else { return };
         let is_first = self.start == 0 || sync.counter.is_none_or(|counter| counter == self.start);
@@ -117,30 +115,30 @@ impl Tpdo {
         }
         self.syncs = 0;
         let content = self.mapping.gather(dictionary);
-        if self.transmission != Transmission::SYNC_ON_CHANGE || self.said != Some(content) {
+        if self.transmission != Transmission::SYNC_ON_CHANGE || self.sent != Some(content) {
             self.sampled = Some((send, content));
         }
     }
 
-    /// The answer to a remote frame, in operational; `None` if it is another's. A synchronous one says what
-    /// it sampled last.
+    /// Answers a remote frame in operational; `None` if it is not its own. A synchronous TPDO answers with its
+    /// last sample.
     pub(super) fn on_request(&self, request: &Frame, dictionary: &Dictionary) -> Option<Frame> {
         if self.cob_id != Some(request.cob_id) || !self.is_remote {
             return None;
         }
-        let sampled = self.said.filter(|_| self.transmission.is_synchronous());
+        let sampled = self.sent.filter(|_| self.transmission.is_synchronous());
         self.frame(sampled.unwrap_or_else(|| self.mapping.gather(dictionary)))
     }
 
-    /// Looks whether something has changed.
-    pub(super) fn look(&mut self, dictionary: &Dictionary) {
-        if self.is_event_driven() && self.said != Some(self.mapping.gather(dictionary)) {
+    /// Detects a change of the content.
+    pub(super) fn compare(&mut self, dictionary: &Dictionary) {
+        if self.is_event_driven() && self.sent != Some(self.mapping.gather(dictionary)) {
             self.has_changed = true;
         }
     }
 
-    /// Sends what is due, in operational. False if what was sampled had to be discarded, as the window is no
-    /// longer open.
+    /// Sends what is due in operational. Returns false if a sample was discarded because the window is
+    /// closed.
     pub(super) fn on_time(
         &mut self,
         now: Instant,
@@ -151,31 +149,31 @@ impl Tpdo {
         let sampled = self.sampled.take_if(|(send, _)| *send <= now);
         let is_in_time = is_open || sampled.is_none();
         if let Some((_, content)) = sampled.filter(|_| is_open) {
-            self.say(content, out);
+            self.transmit(content, out);
         }
         if self.event().is_some_and(|due| due <= now) {
             self.has_changed = false;
             self.inhibited = now + self.inhibit;
             self.due = self.period.map(|period| now + period);
-            self.say(self.mapping.gather(dictionary), out);
+            self.transmit(self.mapping.gather(dictionary), out);
         }
         is_in_time
     }
 
-    /// When [`on_time`](Self::on_time) must next be called.
+    /// Time of the next call of [`on_time`](Self::on_time).
     pub(super) fn deadline(&self) -> Option<Instant> {
         self.sampled.map(|(send, _)| send).into_iter().chain(self.event()).min()
     }
 
-    /// When an event-driven one goes out next, as far as that is known.
+    /// Next transmission of an event-driven TPDO, as far as it is known.
     fn event(&self) -> Option<Instant> {
         let changed = self.has_changed.then_some(self.inhibited);
         let due = self.due.map(|due| due.max(self.inhibited));
         changed.into_iter().chain(due).min().filter(|_| self.is_event_driven())
     }
 
-    fn say(&mut self, content: u64, out: &mut Vec<Frame>) {
-        self.said = Some(content);
+    fn transmit(&mut self, content: u64, out: &mut Vec<Frame>) {
+        self.sent = Some(content);
         out.extend(self.frame(content));
     }
 

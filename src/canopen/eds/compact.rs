@@ -100,7 +100,7 @@ fn plain(object: Object, name: &str, data_type: u16, access: Access, value: i128
 }
 
 /// The most PDOs of one direction.
-const MOST_PDOS: u16 = 512;
+const MAX_PDOS: u16 = 512;
 
 /// The most entries of a mapping.
 const MOST_ENTRIES: u8 = 64;
@@ -133,12 +133,12 @@ pub(super) fn pdos(ini: &Ini<'_>, objects: &mut Vec<Described>) {
     let known: HashSet<u16> = objects.iter().map(|described| described.object.index).collect();
     for (key, communication, mapping, cob_id) in DIRECTIONS {
         let (communication, mapping) = (communication.index, mapping.index);
-        let wanted: u16 = read::unsigned(device, key).unwrap_or(0).min(MOST_PDOS);
+        let wanted: u16 = read::unsigned(device, key).unwrap_or(0).min(MAX_PDOS);
         let is_told =
             |pdo: &u16| known.contains(&(communication + pdo)) || known.contains(&(mapping + pdo));
-        let told = (0..MOST_PDOS).filter(is_told).count();
+        let told = (0..MAX_PDOS).filter(is_told).count();
         let missing = usize::from(wanted).saturating_sub(told);
-        for pdo in (0..MOST_PDOS).filter(|pdo| !is_told(pdo)).take(missing) {
+        for pdo in (0..MAX_PDOS).filter(|pdo| !is_told(pdo)).take(missing) {
             communication_parameter(
                 communication + pdo,
                 mask,

@@ -1,5 +1,4 @@
-//! Why a node could not be booted, in words: which node, which object, what was expected and what was
-//! found.
+//! Error of a failed boot, with the node, the object, the expected and the found value.
 
 use std::time::Duration;
 
@@ -8,113 +7,113 @@ use thiserror::Error;
 
 use crate::abort::AbortCode;
 use crate::master::check::Check;
-use crate::master::check::Shown;
+use crate::master::check::DisplayedValue;
 use crate::master::duplicate::Sign;
 use crate::object::Object;
 use crate::plan::NodePlan;
 use crate::sdo::Content;
 use crate::sdo::SdoError;
 
-/// Why a node could not be booted.
+/// Error of a failed boot.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{name}, node {}: {problem}", node.raw())]
 pub struct BootError {
-    /// What people call it.
+    /// Name of the node in the configuration.
     pub name: String,
-    /// Where it is.
+    /// Node-id.
     pub node: NodeId,
-    /// What is wrong.
+    /// Reason.
     pub problem: Problem,
 }
 
-/// What is wrong with a node that cannot be booted.
+/// Reason why a node cannot be booted.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Problem {
-    /// It never answered.
+    /// It never replied.
     #[error("does not answer, waited {:.1} s", waited.as_secs_f64())]
     Absent {
-        /// For so long.
+        /// Time waited.
         waited: Duration,
     },
-    /// It fell silent.
+    /// It stopped replying.
     #[error("{0}: no answer")]
-    Silent(Object),
-    /// An object is not what it should be: another device, or a write that was not taken.
+    Timeout(Object),
+    /// An object differs: another device, or a write without effect.
     #[error("{object} is {found}, expected {expected}")]
     Differs {
-        /// Which object.
+        /// Object.
         object: Object,
-        /// What it should hold.
-        expected: Shown,
-        /// What it holds.
-        found: Shown,
+        /// Expected value.
+        expected: DisplayedValue,
+        /// Value found.
+        found: DisplayedValue,
     },
-    /// It aborted a transfer.
+    /// The node aborted a transfer.
     #[error("{0} refused: {1}")]
-    Refused(Object, AbortCode),
-    /// A transfer went wrong and was aborted here.
-    #[error("{0} broken off: {1}")]
-    BrokenOff(Object, AbortCode),
-    /// Found with its power on, it does not come to rest without it.
+    AbortedByServer(Object, AbortCode),
+    /// The master aborted a transfer.
+    #[error("{0} aborted by the master: {1}")]
+    AbortedLocally(Object, AbortCode),
+    /// The drive was found with its power on and does not stand still without it.
     #[error("still moves, {:.1} s after its power was taken off", waited.as_secs_f64())]
     Moving {
-        /// For so long.
+        /// Time waited.
         waited: Duration,
     },
     /// No boot-up message after a reset.
     #[error("did not boot up after its reset")]
     NoBootUp,
-    /// A boot-up message in between: its settings are gone.
+    /// A boot-up message during the boot: its configuration is lost.
     #[error("rebooted by itself")]
     Rebooted,
-    /// It is probably two.
+    /// Two nodes seem to share the node-id.
     #[error("{0}: are there two nodes with this node-id?")]
     Duplicate(Sign),
-    /// Configured, but neither a heartbeat nor an answer to its guard came.
+    /// Configured, but neither a heartbeat nor an answer to guarding was received.
     #[error("no heartbeat")]
     NoHeartbeat,
-    /// Told to start, but it did not say it had.
+    /// Started, but it did not report operational.
     #[error("did not become operational")]
     NotStarted,
 }
 
 impl BootError {
-    /// What is wrong with the node of `plan`.
+    /// Returns the error of the node of `plan`.
     pub fn new(plan: &NodePlan, problem: Problem) -> Self {
         Self { name: plan.name.clone(), node: plan.node, problem }
     }
 }
 
 impl Problem {
-    /// Whether it is of a node that comes and goes, rather than of a wrong one.
+    /// Returns whether the node may recover by itself, unlike a wrong node.
     pub const fn is_passing(&self) -> bool {
         match self {
             Self::Absent { .. }
-            | Self::Silent(_)
+            | Self::Timeout(_)
             | Self::NoBootUp
             | Self::Rebooted
             | Self::NoHeartbeat
             | Self::NotStarted => true,
             Self::Differs { .. }
-            | Self::Refused(..)
-            | Self::BrokenOff(..)
+            | Self::AbortedByServer(..)
+            | Self::AbortedLocally(..)
             | Self::Moving { .. }
             | Self::Duplicate(_) => false,
         }
     }
 
-    /// What a failed transfer says about its object.
+    /// Converts the error of a transfer.
     pub const fn of_transfer(object: Object, error: SdoError) -> Self {
         match error {
-            SdoError::Refused(code) => Self::Refused(object, code),
-            SdoError::BrokenOff(code) => Self::BrokenOff(object, code),
-            SdoError::Silent => Self::Silent(object),
+            SdoError::AbortedByServer(code) => Self::AbortedByServer(object, code),
+            SdoError::AbortedLocally(code) => Self::AbortedLocally(object, code),
+            SdoError::Timeout => Self::Timeout(object),
         }
     }
 
-    /// An object that holds something else than it must.
+    /// Returns the problem of an object that differs from `check`.
     pub fn differs(check: &Check, content: &Content) -> Self {
-        let (expected, found) = (check.wanted(), check.found(content));
+        let (expected, found) = (check.expected_value(), check.found_value(content));
         Self::Differs { object: check.object, expected, found }
     }
 }

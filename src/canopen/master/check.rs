@@ -1,6 +1,6 @@
-//! What an object must hold, and how that and what it holds instead are shown to people.
+//! Expected value of an object, its comparison with the value found, and the text of both.
 //!
-//! A comparison and its words; who reads the object is the [boot](crate::master::commission)'s business.
+//! The [boot](crate::master::commission) reads the object.
 
 use std::fmt;
 
@@ -10,41 +10,41 @@ use crate::object::Object;
 use crate::sdo::Content;
 use crate::sdo::bytes;
 
-/// What an object must hold.
+/// Expected value of an object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Check {
-    /// Which object.
+    /// Object.
     pub object: Object,
-    /// What it must hold; what is written, too.
+    /// Value to compare; also the value to write.
     pub expected: Value,
-    /// The bits that must be equal.
+    /// Bits that must be equal.
     pub mask: u64,
-    /// Whether what is not in the mask must be at least as large, rather than anything.
+    /// Set if the value must be at least as large in the bits outside the mask.
     pub or_later: bool,
 }
 
 impl Check {
-    /// Every bit is compared.
+    /// Compares every bit.
     pub const fn exactly(object: Object, expected: Value) -> Self {
         Self { object, expected, mask: u64::MAX, or_later: false }
     }
 
-    /// A COB-ID: bit 31 while it is off, else everything but bit 30, by which a device says whether
-    /// it answers remote frames.
+    /// Compares a COB-ID: only bit 31 where the expected one is invalid, else all but bit 30, which reports
+    /// support of remote frames.
     pub const fn cob_id(object: Object, expected: Value) -> Self {
         let is_off = matches!(expected, Value::Unsigned32(raw) if raw & COB_ID_INVALID != 0);
         let mask = if is_off { 1 << 31 } else { !(1 << 30) };
         Self { object, expected, mask, or_later: false }
     }
 
-    /// A revision number (1018h:3) of the same major revision, its high word, and the same minor one
-    /// or a later.
+    /// Accepts a revision number (1018h:3) with the same major revision (high word) and the same or a later
+    /// minor one.
     pub const fn revision_from(object: Object, revision: u32) -> Self {
         let expected = Value::Unsigned32(revision);
         Self { object, expected, mask: 0xFFFF_0000, or_later: true }
     }
 
-    /// Whether `content` is of the right size and every compared bit is as expected.
+    /// Returns whether `content` has the right size and every compared bit is as expected.
     pub fn accepts(&self, content: &Content) -> bool {
         let expected = bytes(&self.expected);
         content.exactly(expected.len()).is_some_and(|found| {
@@ -55,26 +55,26 @@ impl Check {
         })
     }
 
-    /// The expected value as people read it: `04020010h`, with `x` for what is not compared.
-    pub fn wanted(&self) -> Shown {
+    /// Expected value for display: `04020010h`, with `x` for digits that are not compared.
+    pub fn expected_value(&self) -> DisplayedValue {
         let bytes = bytes(&self.expected);
         if self.is_text() {
-            return Shown::Text(bytes);
+            return DisplayedValue::Text(bytes);
         }
         if self.or_later {
-            return Shown::OrLater(bytes);
+            return DisplayedValue::OrLater(bytes);
         }
-        Shown::Number { bytes, mask: self.mask }
+        DisplayedValue::Number { bytes, mask: self.mask }
     }
 
-    /// What was found, as people read it, cut to the expected size where its own is not told.
-    pub fn found(&self, content: &Content) -> Shown {
+    /// Found value for display, cut to the expected size where the reply does not indicate its own.
+    pub fn found_value(&self, content: &Content) -> DisplayedValue {
         let size = bytes(&self.expected).len();
         let found = content.exactly(size).unwrap_or(content.bytes()).to_vec();
         if self.is_text() {
-            return Shown::Text(found);
+            return DisplayedValue::Text(found);
         }
-        Shown::Number { bytes: found, mask: u64::MAX }
+        DisplayedValue::Number { bytes: found, mask: u64::MAX }
     }
 
     const fn is_text(&self) -> bool {
@@ -82,27 +82,27 @@ impl Check {
     }
 }
 
-/// Bit 31 of a COB-ID: the service is off.
+/// Bit 31 of a COB-ID: the service is disabled.
 pub const COB_ID_INVALID: u32 = 1 << 31;
 
-/// A value as people read it.
+/// Value for display.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Shown {
-    /// As CiA 301 writes numbers, the most significant digit first and an `h` at the end; `x` for a
-    /// digit that does not count, and the mask where a part of a digit does.
+pub enum DisplayedValue {
+    /// Number as CiA 301 prints it: most significant digit first, suffix `h`. `x` stands for a digit that is
+    /// not compared; a partly compared digit adds the mask.
     Number {
         /// Little-endian.
         bytes: Vec<u8>,
-        /// The bits that count.
+        /// Bits that are compared.
         mask: u64,
     },
-    /// A number, little-endian, and those above it of the same major revision.
+    /// Little-endian number, and later minor revisions of the same major one.
     OrLater(Vec<u8>),
-    /// In quotation marks.
+    /// Text in quotation marks.
     Text(Vec<u8>),
 }
 
-impl fmt::Display for Shown {
+impl fmt::Display for DisplayedValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Number { bytes, .. } if bytes.is_empty() => f.write_str("empty"),
@@ -147,7 +147,7 @@ pub(super) mod tests {
     use crate::sdo::Transfer;
     use units::time::Instant;
 
-    /// What a node's expedited reply with these bytes is read as.
+    /// Content of an expedited reply with these bytes.
     pub(crate) fn content(object: Object, bytes: &[u8]) -> Content {
         let (node, mut out) = (NodeId::new(3).unwrap(), Vec::new());
         let wait = Duration::from_millis(1);
@@ -160,18 +160,18 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn what_is_not_compared_reads_as_x() {
+    fn digits_not_compared_read_as_x() {
         let check =
             Check { mask: 0xFFFF, ..Check::exactly(Object::DEVICE_TYPE, Value::Unsigned32(402)) };
-        assert_eq!(check.wanted().to_string(), "xxxx0192h");
+        assert_eq!(check.expected_value().to_string(), "xxxx0192h");
         let check = Check { mask: 0x8000_0000, ..check };
-        assert_eq!(check.wanted().to_string(), "0xxxxxxxh in the bits 80000000h");
+        assert_eq!(check.expected_value().to_string(), "0xxxxxxxh in the bits 80000000h");
         let mode = Check::exactly(Object::MODE_DISPLAY, Value::Integer8(-1));
-        assert_eq!(mode.wanted().to_string(), "FFh");
+        assert_eq!(mode.expected_value().to_string(), "FFh");
     }
 
     #[test]
-    fn a_cob_id_may_come_back_with_the_bit_that_forbids_remote_frames() {
+    fn cob_id_may_be_read_back_with_bit_30() {
         let object = Object::tpdo_communication(1, 1);
         let check = Check::cob_id(object, Value::Unsigned32(0x183));
         for (byte, accepted) in [(0x40, true), (0x00, true), (0x80, false), (0x20, false)] {
@@ -181,7 +181,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_later_minor_revision_of_the_same_major_one_is_taken() {
+    fn later_minor_revision_is_accepted() {
         let check = Check::revision_from(Object::REVISION, 0x0002_0104);
         for (revision, accepted) in [
             (0x0002_0104_u32, true),
@@ -195,26 +195,26 @@ pub(super) mod tests {
             let content = content(Object::REVISION, &revision.to_le_bytes());
             assert_eq!(check.accepts(&content), accepted, "{revision:08X}");
         }
-        assert_eq!(check.wanted().to_string(), "00020104h or a later minor revision");
+        assert_eq!(check.expected_value().to_string(), "00020104h or a later minor revision");
     }
 
     #[test]
-    fn a_text_is_compared_as_a_whole_and_shown_in_quotation_marks() {
+    fn text_is_compared_as_a_whole_and_quoted() {
         let version = Value::VisibleString(ByteString::from_bytes(b"1.2").unwrap());
         let check = Check::exactly(Object::SOFTWARE_VERSION, version);
         assert!(check.accepts(&content(Object::SOFTWARE_VERSION, b"1.2")));
         let other = content(Object::SOFTWARE_VERSION, b"1.20");
         assert!(!check.accepts(&other));
-        assert_eq!(check.wanted().to_string(), "\"1.2\"");
-        assert_eq!(check.found(&other).to_string(), "\"1.20\"");
+        assert_eq!(check.expected_value().to_string(), "\"1.2\"");
+        assert_eq!(check.found_value(&other).to_string(), "\"1.20\"");
     }
 
     #[test]
-    fn a_number_of_another_size_is_not_taken_for_the_value() {
+    fn number_of_another_size_is_not_accepted() {
         let check = Check::exactly(Object::VENDOR_ID, Value::Unsigned32(0x0F8C));
         let short = content(Object::VENDOR_ID, &[0x8C, 0x0F]);
         assert!(!check.accepts(&short));
-        assert_eq!(check.found(&short).to_string(), "0F8Ch");
+        assert_eq!(check.found_value(&short).to_string(), "0F8Ch");
         assert!(
             !Check::exactly(Object::MODE_DISPLAY, Value::Integer8(10)).accepts(&Content::default())
         );

@@ -1,16 +1,15 @@
-//! The stamp of a configuration (1020h): how a master sees that a node still holds what it was given
+//! Stamp of a configuration (1020h): shows a master that a node still holds the configuration it was given
 //! (CiA 301, 7.5.2.23; CiA 302-2, 1F26h and 1F27h).
 //!
-//! The standard calls the two numbers the date and the time of the configuration. Here they are a
-//! checksum in the form of a date: the same writes give the same pair on every machine and in every
-//! year, and no clock is asked.
+//! The standard defines the date and time of the configuration. Here they are a checksum in that format:
+//! the same writes give the same stamp on every machine, without a clock.
 
 use canopen_rs::Value;
 
 use crate::object::Object;
 use crate::sdo::bytes;
 
-/// What 1020h holds after a configuration that was stored.
+/// Content of 1020h after a configuration was stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stamp {
     /// 1020h:1, in days since 1984-01-01: 1 to 65,535. A node that was never configured holds 0.
@@ -20,11 +19,10 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// The stamp of a configuration: of its writes, in their order.
+    /// Computes the stamp of a configuration from its writes, in their order.
     ///
-    /// Over index (little-endian), sub-index, length and value of every write runs the 64-bit FNV-1a
-    /// hash h. The date is 1 + h mod 65,535, the time ⌊h / 65,535⌋ mod 86,400,000: 5.7·10¹² stamps, so
-    /// that another configuration has the same one by chance once in as many times.
+    /// The 64-bit FNV-1a hash h runs over index (little-endian), sub-index, length and value of every write.
+    /// The date is 1 + h mod 65,535, the time ⌊h / 65,535⌋ mod 86,400,000: 5.7·10¹² different stamps.
     pub fn of<'a>(writes: impl IntoIterator<Item = &'a (Object, Value)>) -> Self {
         let mut hash = OFFSET_BASIS;
         let mut take = |byte: u8| hash = (hash ^ u64::from(byte)).wrapping_mul(PRIME);
@@ -40,13 +38,13 @@ impl Stamp {
     }
 }
 
-/// Where the 64-bit FNV-1a hash begins.
+/// Offset basis of the 64-bit FNV-1a hash.
 const OFFSET_BASIS: u64 = 0xCBF2_9CE4_8422_2325;
-/// What it is multiplied by.
+/// Prime of the 64-bit FNV-1a hash.
 const PRIME: u64 = 0x0000_0100_0000_01B3;
-/// Days that a date is told apart by.
+/// Number of distinct dates.
 const DAYS: u64 = 65_535;
-/// Milliseconds of a day.
+/// Milliseconds per day.
 const DAY_MS: u64 = 86_400_000;
 
 #[cfg(test)]
@@ -57,17 +55,17 @@ mod tests {
     use crate::testing::plans::elbow;
 
     #[test]
-    fn the_stamp_of_a_configuration_is_the_same_for_ever() {
+    fn stamp_of_a_configuration_never_changes() {
         let writes = [
             (Object::PRODUCER_HEARTBEAT, Value::Unsigned16(25)),
             (Object::MODE_OF_OPERATION, Value::Integer8(10)),
         ];
-        // Computed by a program of its own: FNV-1a of 17 10 00 02 19 00 60 60 00 01 0A.
+        // Computed by an independent program: FNV-1a of 17 10 00 02 19 00 60 60 00 01 0A.
         assert_eq!(Stamp::of(&writes), Stamp { date: 60_297, time: 72_227_272 });
     }
 
     #[test]
-    fn every_single_value_of_a_plan_counts() {
+    fn every_value_of_a_plan_changes_the_stamp() {
         let writes = elbow().writes();
         let stamp = Stamp::of(&writes);
         for place in 0..writes.len() {
@@ -82,7 +80,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_stamp_is_a_date_that_no_unconfigured_node_holds(
+        fn stamp_is_valid_and_never_zero(
             writes in proptest::collection::vec((any::<u16>(), any::<u8>(), any::<u32>()), 0..20),
         ) {
             let write = |(index, sub, raw)| (Object { index, sub }, Value::Unsigned32(raw));

@@ -1,7 +1,7 @@
-//! Signs that two nodes have the same node-id, which CANopen itself has no word for.
+//! Detection of two nodes with the same node-id, which CANopen does not provide.
 //!
-//! Each sign alone may have another reason, such as a second master; all of them are reasons not to
-//! trust what that node-id says.
+//! Each sign may have another reason, such as a second master. Each makes the node-id's messages
+//! unreliable.
 
 use std::fmt;
 use std::time::Duration;
@@ -13,107 +13,107 @@ use canopen_rs::sdo::request_cob_id;
 use crate::frame::Frame;
 use units::time::Instant;
 
-/// What two nodes of one node-id look like.
+/// Sign of two nodes with one node-id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Sign {
     /// Two boot-up messages for one reset, twice in a row.
-    BootsTwice,
-    /// The same SDO reply again, and nobody had asked again.
-    AnswersTwice,
-    /// More heartbeats than were ordered.
-    BeatsTooOften,
-    /// One state, then another, then the first again, over and over.
-    Contradicts,
+    TwoBootUps,
+    /// One SDO reply more than there were requests.
+    ExtraReply,
+    /// More heartbeats than configured (1017h).
+    ExtraHeartbeats,
+    /// Two NMT states that alternate.
+    AlternatingStates,
 }
 
-/// As in "node 3 …".
+/// `node 3 …`
 impl fmt::Display for Sign {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::BootsTwice => "boots up twice after one reset",
-            Self::AnswersTwice => "answers one SDO request twice",
-            Self::BeatsTooOften => "sends more heartbeats than it was told to",
-            Self::Contradicts => "is in two NMT states by turns",
+            Self::TwoBootUps => "boots up twice after one reset",
+            Self::ExtraReply => "answers one SDO request twice",
+            Self::ExtraHeartbeats => "sends more heartbeats than configured",
+            Self::AlternatingStates => "is in two NMT states by turns",
         })
     }
 }
 
-/// Listens to the heartbeats of one node for signs of a second one.
+/// Monitor of one node's heartbeats for signs of a second node.
 ///
-/// Every heartbeat adds one period to a level that sinks by three periods in two. A single node keeps it
-/// near one period, however its beats jitter and even if its clock is a third too fast, as one of coarse
-/// ticks is; two nodes raise it by half a period with every pair.
+/// Every heartbeat adds one period to a level that sinks by 1.5 periods per period. One node keeps it near
+/// one period despite jitter, even with a clock a third too fast. Two nodes raise it by half a period per
+/// pair of heartbeats.
 #[derive(Clone, Copy, Debug)]
-pub struct Rhythm {
+pub struct HeartbeatMonitor {
     period: Duration,
     level: Duration,
     last: Option<(Instant, NmtState)>,
-    /// Heartbeats in a row that each told another state than the one before.
+    /// Consecutive heartbeats that each reported another state than the one before.
     changes: u32,
-    is_told: bool,
+    is_reported: bool,
 }
 
-impl Rhythm {
-    /// Of a node that was told to send a heartbeat every `period`; zero for one whose period is unknown.
+impl HeartbeatMonitor {
+    /// Returns a monitor for a node that sends a heartbeat every `period`; zero if the period is unknown.
     pub const fn new(period: Duration) -> Self {
-        Self { period, level: Duration::ZERO, last: None, changes: 0, is_told: false }
+        Self { period, level: Duration::ZERO, last: None, changes: 0, is_reported: false }
     }
 
-    /// A heartbeat that tells `state`. A sign is given once.
-    pub fn beat(&mut self, now: Instant, state: NmtState) -> Option<Sign> {
+    /// Takes a heartbeat that reports `state`. Returns a sign once.
+    pub fn on_heartbeat(&mut self, now: Instant, state: NmtState) -> Option<Sign> {
         let before = self.last.replace((now, state));
         let passed = before.map_or(Duration::ZERO, |(at, _)| now.since(at));
         self.level = self.level.saturating_sub(passed * 3 / 2) + self.period;
         let has_changed = before.is_some_and(|(_, before)| before != state);
         self.changes = if has_changed { self.changes + 1 } else { 0 };
-        let sign = if self.changes >= CHANGES {
-            Sign::Contradicts
-        } else if self.level > self.period * BEATS {
-            Sign::BeatsTooOften
+        let sign = if self.changes >= MAX_STATE_CHANGES {
+            Sign::AlternatingStates
+        } else if self.level > self.period * MAX_LEVEL_PERIODS {
+            Sign::ExtraHeartbeats
         } else {
             return None;
         };
-        let is_news = !std::mem::replace(&mut self.is_told, true);
+        let is_news = !std::mem::replace(&mut self.is_reported, true);
         is_news.then_some(sign)
     }
 
-    /// The node has booted up: what it said before does not count.
+    /// Starts again after a boot-up.
     pub const fn restart(&mut self) {
         *self = Self::new(self.period);
     }
 }
 
-/// Counts the requests and replies of one node for the two objects asked for last: a reply more than
-/// there were requests is of a second node. Late replies to requests that were given up are none.
+/// Counter of one node's SDO requests and replies, for the last two objects requested. One reply more than
+/// requests comes from a second node; a late reply does not.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Exchange {
-    newest: Asked,
-    before: Asked,
+pub struct ReplyCounter {
+    newest: Counted,
+    before: Counted,
 }
 
-/// What a reply is.
+/// Kind of an SDO reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reply {
     /// One more than there were requests.
     OneTooMany,
-    /// To a request that was given up, for the object before the newest one.
+    /// To an abandoned request, for the object before the newest one.
     Late,
-    /// To the newest request, or of no request that is counted.
+    /// To the newest request, or to a request that is not counted.
     Other,
 }
 
-/// What was asked for, and how often, and how often it was answered.
+/// Requests and replies for one object.
 #[derive(Clone, Copy, Debug, Default)]
-struct Asked {
+struct Counted {
     /// Index, little-endian, and sub-index.
     object: [u8; 3],
     requests: u32,
     replies: u32,
 }
 
-impl Exchange {
-    /// Of these frames, those that ask `node` for an object.
-    pub fn asked(&mut self, node: NodeId, sent: &[Frame]) {
+impl ReplyCounter {
+    /// Counts those of the sent frames that request an object from `node`.
+    pub fn on_requests(&mut self, node: NodeId, sent: &[Frame]) {
         for frame in sent.iter().filter(|frame| frame.cob_id == request_cob_id(node)) {
             let &[command, low, high, sub, ..] = frame.data() else { continue };
             if !matches!(command >> 5, CCS_DOWNLOAD | CCS_UPLOAD) {
@@ -122,25 +122,26 @@ impl Exchange {
             let object = [low, high, sub];
             if self.newest.object != object {
                 self.before =
-                    std::mem::replace(&mut self.newest, Asked { object, ..Asked::default() });
+                    std::mem::replace(&mut self.newest, Counted { object, ..Counted::default() });
             }
             self.newest.requests = self.newest.requests.saturating_add(1);
         }
     }
 
-    /// Takes a frame of the node's SDO server.
-    pub fn take(&mut self, frame: &Frame) -> Reply {
+    /// Counts a reply of the node's SDO server.
+    pub fn on_reply(&mut self, frame: &Frame) -> Reply {
         let &[command, low, high, sub, _, _, _, _] = frame.data() else { return Reply::Other };
         if !matches!(command >> 5, SCS_DOWNLOAD | SCS_UPLOAD) {
             return Reply::Other;
         }
-        let is_about = |asked: &&mut Asked| asked.requests > 0 && asked.object == [low, high, sub];
+        let is_about =
+            |counted: &&mut Counted| counted.requests > 0 && counted.object == [low, high, sub];
         let is_late = self.newest.object != [low, high, sub];
-        let Some(asked) = [&mut self.newest, &mut self.before].into_iter().find(is_about) else {
+        let Some(counted) = [&mut self.newest, &mut self.before].into_iter().find(is_about) else {
             return Reply::Other;
         };
-        asked.replies = asked.replies.saturating_add(1);
-        if asked.replies > asked.requests {
+        counted.replies = counted.replies.saturating_add(1);
+        if counted.replies > counted.requests {
             Reply::OneTooMany
         } else if is_late {
             Reply::Late
@@ -149,23 +150,24 @@ impl Exchange {
         }
     }
 
-    /// Returns whether an object was answered at last, and requests for it are still to be answered.
+    /// Returns whether the server has started to answer an object but still owes replies for it.
     pub fn is_behind(&self) -> bool {
-        let is_behind = |asked: &Asked| asked.replies > 0 && asked.replies < asked.requests;
+        let is_behind =
+            |counted: &Counted| counted.replies > 0 && counted.replies < counted.requests;
         is_behind(&self.newest) || is_behind(&self.before)
     }
 }
 
-/// The three highest bits of the frames that open a transfer, of the client and of the server.
+/// Command specifiers of the frames that initiate a transfer: the three highest bits.
 const CCS_DOWNLOAD: u8 = 1;
 const CCS_UPLOAD: u8 = 2;
 const SCS_DOWNLOAD: u8 = 3;
 const SCS_UPLOAD: u8 = 2;
 
-/// So many beats may come at once, where a bus was busy or a state has changed.
-const BEATS: u32 = 6;
-/// So many changes of state in a row are no node's and no master's.
-const CHANGES: u32 = 6;
+/// Maximum level in periods: heartbeats may bunch on a busy bus or after a change of state.
+const MAX_LEVEL_PERIODS: u32 = 6;
+/// Consecutive changes of state that no single node or master causes.
+const MAX_STATE_CHANGES: u32 = 6;
 
 #[cfg(test)]
 mod tests {
@@ -181,88 +183,90 @@ mod tests {
     }
 
     #[test]
-    fn two_nodes_of_one_period_are_heard_within_fifteen_periods() {
-        let mut rhythm = Rhythm::new(PERIOD);
+    fn two_nodes_are_detected_within_fifteen_periods() {
+        let mut monitor = HeartbeatMonitor::new(PERIOD);
         let beats = (0..40).flat_map(|turn| [turn * 25, turn * 25 + 7]);
         let signs: Vec<_> =
-            beats.filter_map(|ms| Some((ms, rhythm.beat(at(ms), OPERATIONAL)?))).collect();
-        assert_eq!(signs.len(), 1, "told once: {signs:?}");
+            beats.filter_map(|ms| Some((ms, monitor.on_heartbeat(at(ms), OPERATIONAL)?))).collect();
+        assert_eq!(signs.len(), 1, "reported once: {signs:?}");
         let (ms, sign) = signs[0];
-        assert_eq!(sign, Sign::BeatsTooOften);
+        assert_eq!(sign, Sign::ExtraHeartbeats);
         assert!(ms <= 15 * 25, "{ms}");
     }
 
     #[test]
-    fn a_clock_that_is_a_third_too_fast_is_one_clock() {
-        let mut rhythm = Rhythm::new(PERIOD);
+    fn clock_a_third_too_fast_is_one_node() {
+        let mut monitor = HeartbeatMonitor::new(PERIOD);
         for turn in 0..1_000 {
-            assert_eq!(rhythm.beat(at(turn * 19), OPERATIONAL), None);
+            assert_eq!(monitor.on_heartbeat(at(turn * 19), OPERATIONAL), None);
         }
     }
 
     #[test]
-    fn two_states_by_turns_are_two_nodes() {
-        let mut rhythm = Rhythm::new(Duration::ZERO);
+    fn alternating_states_are_two_nodes() {
+        let mut monitor = HeartbeatMonitor::new(Duration::ZERO);
         let states = [OPERATIONAL, NmtState::PreOperational];
         let signs: Vec<_> = (0..20_u64)
-            .filter_map(|turn| rhythm.beat(at(turn * 25), states[usize::from(turn % 2 == 0)]))
+            .filter_map(|turn| {
+                monitor.on_heartbeat(at(turn * 25), states[usize::from(turn % 2 == 0)])
+            })
             .collect();
-        assert_eq!(signs, [Sign::Contradicts]);
+        assert_eq!(signs, [Sign::AlternatingStates]);
     }
 
     #[test]
-    fn a_node_that_is_started_and_stopped_is_one_node() {
-        let mut rhythm = Rhythm::new(PERIOD);
+    fn started_and_stopped_node_is_one_node() {
+        let mut monitor = HeartbeatMonitor::new(PERIOD);
         for turn in 0..100_u64 {
             let state = if turn / 2 % 2 == 0 { OPERATIONAL } else { NmtState::Stopped };
-            assert_eq!(rhythm.beat(at(turn * 25), state), None);
+            assert_eq!(monitor.on_heartbeat(at(turn * 25), state), None);
         }
     }
 
-    /// So many nodes of one node-id answer a read of each of these objects.
-    fn is_noticed(nodes: usize, subs: &[u8]) -> bool {
-        let (node, mut exchange) = (NodeId::new(3).unwrap(), Exchange::default());
+    /// Lets `nodes` nodes with one node-id answer a read of each sub-index; returns whether that is detected.
+    fn is_detected(nodes: usize, subs: &[u8]) -> bool {
+        let (node, mut replies) = (NodeId::new(3).unwrap(), ReplyCounter::default());
         let mut late = Vec::new();
-        let mut noticed = false;
+        let mut detected = false;
         for sub in subs {
-            exchange.asked(node, &[Frame::new(0x603, [0x40, 0x18, 0x10, *sub, 0, 0, 0, 0])]);
+            replies.on_requests(node, &[Frame::new(0x603, [0x40, 0x18, 0x10, *sub, 0, 0, 0, 0])]);
             let reply = Frame::new(0x583, [0x43, 0x18, 0x10, *sub, 1, 2, 3, 4]);
-            // All but the first reply come when the next request is out.
+            // All but the first reply arrive after the next request.
             late.push(reply);
             for frame in std::mem::replace(&mut late, vec![reply; nodes - 1]) {
-                noticed |= exchange.take(&frame) == Reply::OneTooMany;
+                detected |= replies.on_reply(&frame) == Reply::OneTooMany;
             }
         }
-        noticed
+        detected
     }
 
     #[test]
-    fn a_second_node_is_noticed_by_its_replies() {
-        assert!(!is_noticed(1, &[1, 2, 3, 4, 4, 4, 1]));
-        assert!(is_noticed(2, &[1, 2]));
-        assert!(is_noticed(2, &[1, 1, 2]));
+    fn second_node_is_detected_by_its_replies() {
+        assert!(!is_detected(1, &[1, 2, 3, 4, 4, 4, 1]));
+        assert!(is_detected(2, &[1, 2]));
+        assert!(is_detected(2, &[1, 1, 2]));
     }
 
     #[test]
-    fn aborts_and_segments_are_no_replies() {
-        let (node, mut exchange) = (NodeId::new(3).unwrap(), Exchange::default());
-        exchange.asked(node, &[Frame::new(0x603, [0x40, 0, 0x10, 0, 0, 0, 0, 0])]);
+    fn aborts_and_segments_are_not_counted() {
+        let (node, mut replies) = (NodeId::new(3).unwrap(), ReplyCounter::default());
+        replies.on_requests(node, &[Frame::new(0x603, [0x40, 0, 0x10, 0, 0, 0, 0, 0])]);
         for command in [0x80, 0x00, 0x10, 0x20, 0x30, 0xA0] {
             for _ in 0..3 {
                 let frame = Frame::new(0x583, [command, 0, 0x10, 0, 0, 0, 0, 0]);
-                assert_eq!(exchange.take(&frame), Reply::Other, "{command:02X}");
+                assert_eq!(replies.on_reply(&frame), Reply::Other, "{command:02X}");
             }
         }
     }
 
     proptest! {
         #[test]
-        fn one_node_is_never_taken_for_two_however_its_beats_jitter(
+        fn jitter_of_one_node_is_never_two_nodes(
             jitter in proptest::collection::vec(0_u64..60, 1..200),
         ) {
-            let mut rhythm = Rhythm::new(PERIOD);
+            let mut monitor = HeartbeatMonitor::new(PERIOD);
             for (turn, jitter) in (0..).zip(jitter) {
-                prop_assert_eq!(rhythm.beat(at(turn * 25 + jitter), OPERATIONAL), None);
+                prop_assert_eq!(monitor.on_heartbeat(at(turn * 25 + jitter), OPERATIONAL), None);
             }
         }
     }

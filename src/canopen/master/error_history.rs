@@ -1,7 +1,7 @@
-//! The errors a node remembers (1003h, CiA 301, 7.5.2.4), read by SDO: how many, then the newest ones.
+//! Error history of a node (1003h, CiA 301, 7.5.2.4), read by SDO: the count, then the newest errors.
 //!
-//! One request at a time, and nothing that waits: the [master](crate::master) decides when its
-//! frames go out. A node without a history has an empty one.
+//! One request at a time; the [master](crate::master) decides when its frames are sent. A node without a
+//! history reads as an empty one.
 
 use std::fmt;
 use std::time::Duration;
@@ -15,21 +15,21 @@ use crate::sdo::Outcome;
 use crate::sdo::Transfer;
 use units::time::Instant;
 
-/// How many errors are read at most, the newest first.
-pub const MOST: usize = 8;
+/// Maximum number of errors read, the newest first.
+pub const MAX_ERRORS: usize = 8;
 
-/// How long a node has for one SDO reply; a request may have to wait for its cycle.
-const REPLY: Duration = Duration::from_millis(500);
+/// Time allowed for one SDO reply; a request may have to wait for its cycle.
+const REPLY_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// What a node remembers, the newest error first.
+/// Error history of a node, the newest error first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct History {
-    entries: [u32; MOST],
+    entries: [u32; MAX_ERRORS],
     count: usize,
 }
 
 impl History {
-    /// The error codes, the newest first.
+    /// Error codes, the newest first.
     pub fn codes(&self) -> impl Iterator<Item = u16> + '_ {
         self.entries.iter().take(self.count).map(|entry| {
             let [low, high, ..] = entry.to_le_bytes();
@@ -38,42 +38,42 @@ impl History {
     }
 }
 
-/// `8250h RPDO timeout, 2310h continuous over-current at the output`, or `empty`.
+/// `8250h RPDO timeout, 2310h continuous over-current at the output`, or `empty`
 impl fmt::Display for History {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.count == 0 {
             return f.write_str("empty");
         }
         for (place, code) in self.codes().enumerate() {
-            let lead = if place == 0 { "" } else { ", " };
-            write!(f, "{lead}{code:04X}h {}", error_codes::words(code))?;
+            let separator = if place == 0 { "" } else { ", " };
+            write!(f, "{separator}{code:04X}h {}", error_codes::description(code))?;
         }
         Ok(())
     }
 }
 
-/// The reading of one node's history.
+/// Reader of one node's history.
 #[derive(Clone, Debug)]
-pub struct Reading {
+pub struct HistoryReader {
     node: NodeId,
     history: History,
-    /// Sub-index in hand; 0 is the count.
+    /// Current sub-index; 0 is the count.
     sub: u8,
-    /// The last sub-index to be read.
+    /// Last sub-index to read.
     last: u8,
     transfer: Transfer,
     has_failed: bool,
 }
 
-impl Reading {
-    /// Asks for the count.
+impl HistoryReader {
+    /// Requests the count.
     pub fn new(node: NodeId, now: Instant, out: &mut Vec<Frame>) -> Self {
-        let transfer = Transfer::read(node, Object::ERROR_HISTORY, REPLY, now, out);
+        let transfer = Transfer::read(node, Object::ERROR_HISTORY, REPLY_TIMEOUT, now, out);
         let history = History::default();
         Self { node, history, sub: 0, last: 0, transfer, has_failed: false }
     }
 
-    /// Takes one received frame; the history comes once.
+    /// Takes one received frame. Returns the history once.
     pub fn on_frame(
         &mut self,
         now: Instant,
@@ -84,13 +84,13 @@ impl Reading {
         self.on_outcome(now, outcome, out)
     }
 
-    /// Ends the wait for a reply whose deadline has come; then the history is what was read so far.
+    /// Ends the wait for an overdue reply. Returns the errors read so far.
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<History> {
         let outcome = self.transfer.on_time(now, out)?;
         self.on_outcome(now, outcome, out)
     }
 
-    /// When [`on_time`](Self::on_time) must next be called; `None` once it is over.
+    /// Time of the next call of [`on_time`](Self::on_time); `None` after the history.
     pub const fn deadline(&self) -> Option<Instant> {
         self.transfer.deadline()
     }
@@ -112,7 +112,7 @@ impl Reading {
         };
         if self.sub == 0 {
             let count = content.exactly(1).and_then(|count| count.first().copied()).unwrap_or(0);
-            self.last = count.min(u8::try_from(MOST).unwrap_or(u8::MAX));
+            self.last = count.min(u8::try_from(MAX_ERRORS).unwrap_or(u8::MAX));
         } else {
             let entry = content.exactly(4).and_then(|entry| <[u8; 4]>::try_from(entry).ok());
             let place = self.history.entries.get_mut(self.history.count);
@@ -125,7 +125,7 @@ impl Reading {
         }
         self.sub += 1;
         let object = Object { sub: self.sub, ..Object::ERROR_HISTORY };
-        self.transfer = Transfer::read(self.node, object, REPLY, now, out);
+        self.transfer = Transfer::read(self.node, object, REPLY_TIMEOUT, now, out);
         None
     }
 }
@@ -138,10 +138,10 @@ mod tests {
     use crate::testing::plans::elbow;
     use crate::testing::scripted::Scripted;
 
-    /// What is read of a node that remembers so many errors, and how many frames it took.
+    /// Reads a device's history. Returns it with the number of frames sent.
     fn read(device: &mut Scripted) -> (History, usize) {
         let (mut out, mut sent) = (Vec::new(), 0);
-        let mut reading = Reading::new(device.node, Instant::ZERO, &mut out);
+        let mut reading = HistoryReader::new(device.node, Instant::ZERO, &mut out);
         loop {
             assert!(out.len() <= 1, "one request at a time");
             let Some(request) = out.pop() else {
@@ -161,7 +161,7 @@ mod tests {
         }
     }
 
-    fn remembering(codes: &[u32]) -> Scripted {
+    fn with_errors(codes: &[u32]) -> Scripted {
         let mut device = Scripted::suiting(&elbow());
         let count = u8::try_from(codes.len()).unwrap();
         device.objects.insert(Object::ERROR_HISTORY, vec![count]);
@@ -173,35 +173,35 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_errors_are_read_and_named() {
-        let (history, sent) = read(&mut remembering(&[0xABCD_8250, 0x2310]));
+    fn newest_errors_are_read_and_named() {
+        let (history, sent) = read(&mut with_errors(&[0xABCD_8250, 0x2310]));
         assert_eq!(history.codes().collect::<Vec<_>>(), [0x8250, 0x2310]);
-        let words = "8250h RPDO timeout, 2310h continuous over-current at the output";
-        assert_eq!((history.to_string().as_str(), sent), (words, 3));
+        let expected = "8250h RPDO timeout, 2310h continuous over-current at the output";
+        assert_eq!((history.to_string().as_str(), sent), (expected, 3));
     }
 
     #[test]
-    fn no_more_than_eight_are_asked_for() {
-        let (history, sent) = read(&mut remembering(&[0x1000; 20]));
+    fn at_most_eight_errors_are_read() {
+        let (history, sent) = read(&mut with_errors(&[0x1000; 20]));
         assert_eq!((history.codes().count(), sent), (8, 9));
     }
 
     #[test]
-    fn a_node_without_a_history_has_an_empty_one() {
+    fn absent_history_reads_as_empty() {
         let mut device = Scripted::suiting(&elbow());
         assert_eq!(read(&mut device).0.to_string(), "empty");
-        let mut device = Scripted { deaf_for: u32::MAX, ..remembering(&[1]) };
+        let mut device = Scripted { deaf_for: u32::MAX, ..with_errors(&[1]) };
         assert_eq!(read(&mut device).0.to_string(), "empty");
-        assert_eq!(read(&mut remembering(&[])).0.to_string(), "empty");
+        assert_eq!(read(&mut with_errors(&[])).0.to_string(), "empty");
     }
 
     proptest! {
         #[test]
-        fn whatever_is_heard_the_history_comes_once(
+        fn any_replies_yield_the_history_once(
             replies in proptest::collection::vec((any::<[u8; 8]>(), 0_u8..10, 0_u64..700), 0..60),
         ) {
             let (mut out, mut now, mut histories) = (Vec::new(), Instant::ZERO, 0);
-            let mut reading = Reading::new(NodeId::new(3).unwrap(), now, &mut out);
+            let mut reading = HistoryReader::new(NodeId::new(3).unwrap(), now, &mut out);
             for (mut payload, sub, step) in replies {
                 now = now + Duration::from_millis(step);
                 [payload[1], payload[2], payload[3]] = [0x03, 0x10, sub];

@@ -1,6 +1,6 @@
-//! What a master has to say, in words for people.
+//! Events of a master, and their text.
 //!
-//! Only what is told; what follows from it is `node::safety`'s.
+//! `node::safety` decides the reaction to each.
 
 use std::fmt;
 use std::time::Duration;
@@ -12,6 +12,7 @@ use canopen_rs::sdo::SDO_RESPONSE_COB_BASE;
 use crate::drive::Statusword;
 use crate::emcy::Emergency;
 use crate::frame::Channel;
+use crate::frame::FUNCTION_CODE;
 use crate::frame::Frame;
 use crate::master::boot_error::BootError;
 use crate::master::duplicate::Sign;
@@ -22,106 +23,106 @@ use crate::nmt;
 use crate::object::Object;
 use units::numbering::NodeIndex;
 
-/// What the master has to say.
+/// Event of the master.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
-    /// Every node that must be there is configured, started, and says it is operational.
+    /// Every mandatory node is configured, started and operational.
     Booted,
-    /// A node is not what it should be. The others are booted on, but none is started.
+    /// A node could not be booted. The others are booted further, but none is started.
     BootFailed(BootError),
-    /// A drive had its power on before anybody had told it to; it was taken off, and it stood still.
+    /// A drive had its power on before its boot. The boot switched it off and waited for standstill.
     FoundEnabled {
-        /// Which.
+        /// Index of the node in the list of plans.
         node: NodeIndex,
     },
-    /// A node holds its configuration.
+    /// A node is configured.
     Configured {
-        /// Which.
+        /// Index of the node in the list of plans.
         node: NodeIndex,
-        /// How it came to it.
+        /// Origin of the configuration.
         configuration: Configuration,
     },
-    /// An optional node is missing; the others go on, and it is booted when it appears.
+    /// An optional node is absent. The others continue; it is booted when it appears.
     Absent {
-        /// Which.
+        /// Index of the node in the list of plans.
         node: NodeIndex,
-        /// For so long it was waited for.
+        /// Time waited.
         waited: Duration,
     },
-    /// An optional node that was missing is now operational.
+    /// An optional node that was absent is operational.
     Joined {
-        /// Which.
+        /// Index of the node in the list of plans.
         node: NodeIndex,
     },
-    /// A node reports an error, or that one is gone.
+    /// A node reports an error, or an error reset.
     Emergency {
-        /// Which.
+        /// Index of the node in the list of plans.
         node: NodeIndex,
-        /// What.
+        /// Content of the EMCY message.
         emergency: Emergency,
     },
-    /// What a node remembers of its errors (1003h), read because of a new one.
+    /// The error history (1003h) of a node was read after an emergency.
     ErrorHistory {
-        /// Which.
+        /// Index of the node in the list of plans.
         node: NodeIndex,
-        /// What it remembers, the newest first.
+        /// Error codes, the newest first.
         history: History,
     },
-    /// A drive has said what its power stage is in (6041h), because it was asked.
+    /// The statusword (6041h) of a drive was read on request.
     Statusword {
-        /// Which.
+        /// Index of the node in the list of plans.
         node: NodeIndex,
-        /// What it said.
+        /// Value read.
         statusword: Statusword,
     },
-    /// An object that a boot has proven was read again.
+    /// An object that the boot has verified was read again.
     ReadBack {
-        /// Of which node.
+        /// Index of the node in the list of plans.
         node: NodeIndex,
-        /// Which object.
+        /// Object read.
         object: Object,
-        /// What came of it.
+        /// Outcome.
         read: ReadBack,
     },
-    /// A node was silent for too long.
+    /// A node sent no heartbeat within its consumer heartbeat time.
     HeartbeatLost {
-        /// Which.
+        /// Index of the node in the list of plans.
         node: NodeIndex,
     },
-    /// A node has booted by itself: everything set in it is gone.
+    /// A node has rebooted by itself: its configuration is lost.
     Rebooted {
-        /// Which.
+        /// Index of the node in the list of plans.
         node: NodeIndex,
     },
-    /// A node has changed its NMT state, or is heard again after it was lost.
+    /// A node has changed its NMT state, or its heartbeat has returned after a loss.
     StateChanged {
-        /// Which.
+        /// Index of the node in the list of plans.
         node: NodeIndex,
-        /// What it is in now.
+        /// NMT state now.
         state: NmtState,
     },
-    /// Two nodes seem to have one node-id.
+    /// Two nodes seem to share one node-id.
     Duplicate {
-        /// Which.
+        /// Index of the node in the list of plans.
         node: NodeIndex,
-        /// What they gave themselves away by.
+        /// Evidence.
         sign: Sign,
     },
-    /// A node is on the bus that is in no plan. Said once.
-    Stranger {
-        /// On which bus.
+    /// A node that is in no plan sends on the bus. Reported once.
+    UnknownNode {
+        /// Bus it is on.
         channel: Channel,
-        /// Its node-id, 1 to 127.
+        /// Node-id, 1 to 127.
         node_id: u8,
     },
     /// Another SDO client reads from a node. Reported once for each node and boot.
     ReadByAnother {
-        /// Which.
+        /// Index of the node in the list of plans.
         node: NodeIndex,
     },
-    /// Somebody else commands this network.
+    /// Another master commands this network.
     ForeignMaster {
-        /// On which bus.
+        /// Bus it is on.
         channel: Channel,
         /// An NMT command, a SYNC, an RPDO or an SDO download that only the master may send, or the
         /// confirmation of such a download.
@@ -130,7 +131,8 @@ pub enum Event {
 }
 
 impl Event {
-    /// The node it is about, by its place in the list of plans, unless it names that itself.
+    /// Index of the affected node in the list of plans; `None` if the event concerns no planned node or
+    /// carries the name itself.
     pub const fn node(&self) -> Option<NodeIndex> {
         match self {
             Self::FoundEnabled { node }
@@ -148,13 +150,13 @@ impl Event {
             | Self::Duplicate { node, .. } => Some(*node),
             Self::Booted
             | Self::BootFailed(_)
-            | Self::Stranger { .. }
+            | Self::UnknownNode { .. }
             | Self::ForeignMaster { .. } => None,
         }
     }
 }
 
-/// What has happened, without the node's name: `emergency 3210h DC link over-voltage (voltage)`.
+/// Text without the node's name: `emergency 3210h DC link over-voltage (voltage)`
 impl fmt::Display for Event {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -175,17 +177,17 @@ impl fmt::Display for Event {
             Self::ReadBack { object, read, .. } => write!(f, "{object} {read}"),
             Self::HeartbeatLost { .. } => f.write_str("heartbeat lost"),
             Self::Rebooted { .. } => f.write_str("rebooted by itself"),
-            Self::StateChanged { state, .. } => write!(f, "is {}", nmt::words(*state)),
+            Self::StateChanged { state, .. } => write!(f, "is {}", nmt::description(*state)),
             Self::Duplicate { sign, .. } => {
                 write!(f, "{sign}: are there two nodes with this node-id?")
             }
-            Self::Stranger { channel, node_id } => {
+            Self::UnknownNode { channel, node_id } => {
                 write!(f, "bus {}: node {node_id} is not in the configuration", channel.0)
             }
             Self::ReadByAnother { .. } => {
                 f.write_str("another SDO client reads from it; transfers may disturb each other")
             }
-            Self::ForeignMaster { channel, frame } => match frame.cob_id & FUNCTION {
+            Self::ForeignMaster { channel, frame } => match frame.cob_id & FUNCTION_CODE {
                 SDO_REQUEST_COB_BASE => {
                     write!(f, "bus {}: another master writes: {frame}", channel.0)
                 }
@@ -198,15 +200,12 @@ impl fmt::Display for Event {
     }
 }
 
-/// The bits of a COB-ID that say what it is for; the others are the node-id.
-const FUNCTION: u16 = 0x780;
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn an_event_reads_as_a_sentence() {
+    fn event_reads_as_a_sentence() {
         let configuration = Configuration::Skipped;
         for (event, words) in [
             (
@@ -218,7 +217,7 @@ mod tests {
                 "missing, waited 2.0 s; optional, so the others start without it",
             ),
             (
-                Event::Stranger { channel: Channel(1), node_id: 9 },
+                Event::UnknownNode { channel: Channel(1), node_id: 9 },
                 "bus 1: node 9 is not in the configuration",
             ),
             (Event::StateChanged { node: NodeIndex(0), state: NmtState::Stopped }, "is stopped"),

@@ -1,7 +1,7 @@
-//! What a running node is asked or told by SDO, one thing at a time: what it remembers of its errors, the
-//! state of its power stage, to take its power off.
+//! SDO requests to a running node, one at a time: read its error history, read its statusword, switch its
+//! power off.
 //!
-//! Which, and when, is decided by the owner of the [master](crate::master).
+//! The owner of the [master](crate::master) decides which and when.
 
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use crate::drive::Controlword;
 use crate::drive::Statusword;
 use crate::frame::Frame;
 use crate::master::error_history::History;
-use crate::master::error_history::Reading;
+use crate::master::error_history::HistoryReader;
 use crate::object::Object;
 use crate::sdo::Content;
 use crate::sdo::Outcome;
@@ -20,14 +20,14 @@ use crate::sdo::Transfer;
 use crate::sdo::bytes;
 use units::time::Instant;
 
-/// How long a node has for its answer.
-const REPLY: Duration = Duration::from_millis(500);
+/// Time allowed for one reply.
+const REPLY_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Times that an inquiry which another client disturbed begins again.
+/// Maximum repetitions of an inquiry that another client disturbed.
 const MAX_REPEATS: u8 = 3;
 
-/// One transfer under way, or several in a row. Where it fails and another client of the same server has
-/// sent a request meanwhile, it begins again.
+/// One or several consecutive transfers. A transfer that fails after another client has sent a request to
+/// the same server is repeated.
 #[derive(Clone, Debug)]
 pub(super) struct Inquiry {
     node: NodeId,
@@ -36,44 +36,45 @@ pub(super) struct Inquiry {
     repeats: u8,
 }
 
-/// What is read or written.
+/// Object that is read or written.
 #[derive(Clone, Debug)]
 enum Task {
-    /// 1003h is read.
-    History(Reading),
-    /// 6041h is read.
+    /// Reads 1003h.
+    History(HistoryReader),
+    /// Reads 6041h.
     Statusword(Transfer),
-    /// 6040h = 0 is written.
+    /// Writes 6040h = 0.
     PowerOff(Transfer),
 }
 
-/// What came of it.
+/// Outcome of an inquiry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Answer {
-    /// What the node remembers.
+    /// Error history of the node.
     History(History),
-    /// The state of its power stage.
+    /// Statusword of the drive.
     Statusword(Statusword),
-    /// Nothing that is to be told: it was done, or the node did not say.
+    /// No content: the write is confirmed, or the node did not reply.
     Nothing,
 }
 
 impl Inquiry {
-    /// Asks for the history of `node`.
+    /// Requests the error history of `node`.
     pub(super) fn history(node: NodeId, now: Instant, out: &mut Vec<Frame>) -> Self {
-        Self::new(node, Task::History(Reading::new(node, now, out)))
+        Self::new(node, Task::History(HistoryReader::new(node, now, out)))
     }
 
-    /// Asks for the statusword of `node`.
+    /// Requests the statusword of `node`.
     pub(super) fn statusword(node: NodeId, now: Instant, out: &mut Vec<Frame>) -> Self {
-        let transfer = Transfer::read(node, Object::STATUSWORD, REPLY, now, out);
+        let transfer = Transfer::read(node, Object::STATUSWORD, REPLY_TIMEOUT, now, out);
         Self::new(node, Task::Statusword(transfer))
     }
 
-    /// Tells `node` to take its power off; `None` cannot be, as two bytes always fit.
+    /// Sends "disable voltage" to `node`. Never `None`: two bytes fit an expedited download.
     pub(super) fn power_off(node: NodeId, now: Instant, out: &mut Vec<Frame>) -> Option<Self> {
         let off = bytes(&Value::Unsigned16(Controlword::DISABLE_VOLTAGE.0));
-        let transfer = Transfer::write(node, Object::CONTROLWORD, off, REPLY, now, out).ok()?;
+        let transfer =
+            Transfer::write(node, Object::CONTROLWORD, off, REPLY_TIMEOUT, now, out).ok()?;
         Some(Self::new(node, Task::PowerOff(transfer)))
     }
 
@@ -81,12 +82,12 @@ impl Inquiry {
         Self { node, task, is_disturbed: false, repeats: 0 }
     }
 
-    /// Another client has sent a request to the same server.
+    /// Marks the inquiry as disturbed: another client has sent a request to the same server.
     pub(super) const fn disturb(&mut self) {
         self.is_disturbed = true;
     }
 
-    /// Takes one received frame; the answer comes once.
+    /// Takes one received frame. Returns the answer once.
     pub(super) fn on_frame(
         &mut self,
         now: Instant,
@@ -103,7 +104,7 @@ impl Inquiry {
         self.conclude(now, outcome?, out)
     }
 
-    /// Ends the wait for a reply whose time is over.
+    /// Ends the wait for an overdue reply.
     pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Answer> {
         let outcome = match &mut self.task {
             Task::History(reading) => {
@@ -115,7 +116,7 @@ impl Inquiry {
         self.conclude(now, outcome?, out)
     }
 
-    /// When [`on_time`](Self::on_time) must next be called; `None` once it is over.
+    /// Time of the next call of [`on_time`](Self::on_time); `None` after the answer.
     pub(super) const fn deadline(&self) -> Option<Instant> {
         match &self.task {
             Task::History(reading) => reading.deadline(),
@@ -123,7 +124,7 @@ impl Inquiry {
         }
     }
 
-    /// Returns the answer, or begins again.
+    /// Returns the answer, or repeats a disturbed inquiry.
     fn conclude(
         &mut self,
         now: Instant,
@@ -145,8 +146,8 @@ impl Inquiry {
     }
 }
 
-/// A history, `Err` if only a part of it was read.
-const fn of_history(reading: &Reading, history: History) -> Result<Answer, Answer> {
+/// Wraps a history; `Err` if it was read only in part.
+const fn of_history(reading: &HistoryReader, history: History) -> Result<Answer, Answer> {
     let answer = Answer::History(history);
     if reading.has_failed() { Err(answer) } else { Ok(answer) }
 }
@@ -160,7 +161,7 @@ fn of_power_off(outcome: Outcome) -> Result<Answer, Answer> {
     outcome.map(|_| Answer::Nothing).map_err(|_| Answer::Nothing)
 }
 
-/// A statusword, if these are the two bytes of one.
+/// Decodes a statusword; `None` unless it has two bytes.
 fn statusword(content: &Content) -> Option<Answer> {
     let raw = content.exactly(2)?.try_into().ok()?;
     Some(Answer::Statusword(Statusword(u16::from_le_bytes(raw))))
@@ -175,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_is_told_and_one_of_the_wrong_size_is_none() {
+    fn statusword_of_the_wrong_size_is_invalid() {
         for (reply, answer) in [
             ([0x4B, 0x41, 0x60, 0, 0x08, 0x02, 0, 0], Answer::Statusword(Statusword(0x0208))),
             ([0x43, 0x41, 0x60, 0, 0x08, 0x02, 0, 0], Answer::Nothing),
@@ -189,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn power_is_taken_off_by_one_frame() {
+    fn power_off_takes_one_frame() {
         let mut out = Vec::new();
         let inquiry = Inquiry::power_off(node(), Instant::ZERO, &mut out).unwrap();
         assert_eq!(out, [Frame::new(0x603, [0x2B, 0x40, 0x60, 0, 0, 0, 0, 0])]);
@@ -197,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn an_inquiry_that_another_client_breaks_begins_again() {
+    fn inquiry_disturbed_by_another_client_is_repeated() {
         let mut out = Vec::new();
         let mut inquiry = Inquiry::statusword(node(), Instant::ZERO, &mut out);
         let abort = Frame::new(0x583, [0x80, 0x41, 0x60, 0, 0, 0, 4, 5]);

@@ -1,11 +1,11 @@
-//! The NMT master: boots every node of every bus, starts them, and then watches them.
+//! NMT master (CiA 302-2): boots every node of every bus, starts them, then monitors them.
 //!
-//! The cyclic exchange is not here; TPDOs are passed over at once. Nor is any decision: what is heard
-//! is an [`Event`], what follows from it is `node::safety`'s. The bus does not hand a master its own
-//! frames, so a command, a SYNC or an RPDO that is heard is somebody else's.
+//! The master reports [`Event`]s; `node::safety` decides the reaction. TPDOs belong to the cyclic exchange
+//! and are ignored here. The bus does not return a master's own frames: every NMT command, SYNC or RPDO
+//! received comes from another master.
 //!
-//! Once the network runs, nothing but guarding is sent in a burst: what the master wants of a node by
-//! SDO waits in an outbox, of which the cycle [releases](Master::release) one frame at a time.
+//! Once the network runs, only guarding is sent at once. SDO requests wait in a queue, from which each
+//! cycle [releases](Master::release) one frame.
 
 pub mod boot_error;
 pub mod check;
@@ -15,17 +15,17 @@ pub mod duplicate;
 pub mod error_history;
 pub mod event;
 mod inquiry;
+mod phase;
 pub mod read_back;
-mod rest;
 mod sdo_traffic;
 mod slave;
+mod standstill;
 pub mod steps;
-mod strangers;
+mod unknown_nodes;
 
 use std::collections::VecDeque;
 
 use canopen_rs::NmtCommand;
-use canopen_rs::NmtState;
 use canopen_rs::nmt::HEARTBEAT_COB_BASE;
 use canopen_rs::sdo::SDO_REQUEST_COB_BASE;
 use canopen_rs::sdo::SDO_RESPONSE_COB_BASE;
@@ -33,19 +33,16 @@ use canopen_rs::sdo::SDO_RESPONSE_COB_BASE;
 use crate::emcy;
 use crate::emcy::Emergency;
 use crate::frame::Channel;
+use crate::frame::FUNCTION_CODE;
 use crate::frame::Frame;
 use crate::frame::Telegram;
 use crate::heartbeat::Health;
-use crate::heartbeat::News;
 use crate::layout::Direction;
-use crate::master::boot_error::Problem;
-use crate::master::commission::PATIENCE;
 use crate::master::event::Event;
 use crate::master::read_back::Setting;
 use crate::master::sdo_traffic::Foreign;
-use crate::master::slave::Report;
 use crate::master::slave::Slave;
-use crate::master::strangers::Strangers;
+use crate::master::unknown_nodes::UnknownNodes;
 use crate::nmt;
 use crate::nmt::Order;
 use crate::object::Object;
@@ -54,64 +51,64 @@ use crate::sync;
 use units::numbering::NodeIndex;
 use units::time::Instant;
 
-/// Events and frames that may wait for whoever owns the master; more are lost.
-const QUEUE: usize = 64;
+/// Maximum number of queued events, and of queued frames. Further ones are dropped.
+const MAX_QUEUED: usize = 64;
 
-/// The master of all nodes on all buses.
+/// Master of all nodes on all buses.
 #[derive(Clone, Debug)]
 pub struct Master {
     slaves: Vec<Slave>,
-    strangers: Strangers,
-    /// Uploads that other clients have begun.
+    unknown_nodes: UnknownNodes,
+    /// Number of uploads that other clients have initiated.
     foreign_uploads: u64,
     phase: Phase,
-    /// Whether a node that tells of an error is asked for those it remembers.
-    asks_why: bool,
-    /// What one node wants sent; kept, so that nothing is allocated later.
+    /// Set if an emergency triggers a read of the node's error history (1003h).
+    reads_error_history: bool,
+    /// Frames of the node being served. Kept to avoid allocation in the cycle.
     frames: Vec<Frame>,
-    /// What waits for its cycle while the network runs.
-    outbox: VecDeque<Telegram>,
-    /// What has not been told yet.
+    /// Frames waiting for a cycle while the network runs.
+    transmit_queue: VecDeque<Telegram>,
+    /// Events not returned yet.
     events: VecDeque<Event>,
 }
 
-/// How far they all are.
+/// Progress of the whole network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     Booting,
-    /// Told to start; all must have said they did until then.
+    /// Start commands are sent; every node must report operational until then.
     Starting(Instant),
     Running,
-    /// Not all of them could be booted.
+    /// At least one mandatory node could not be booted.
     Failed,
 }
 
 impl Master {
-    /// A master that begins to boot with the first call of [`on_time`](Self::on_time).
+    /// Returns a master that starts to boot with the first call of [`on_time`](Self::on_time).
     pub fn new(plans: Vec<(Channel, NodePlan)>) -> Self {
-        let strangers = Strangers::to(&plans);
+        let unknown_nodes = UnknownNodes::except(&plans);
         let slaves = plans.into_iter().map(|(channel, plan)| Slave::new(channel, plan));
         Self {
             slaves: slaves.collect(),
-            strangers,
+            unknown_nodes,
             foreign_uploads: 0,
             phase: Phase::Booting,
-            asks_why: true,
+            reads_error_history: true,
             frames: Vec::with_capacity(8),
-            outbox: VecDeque::with_capacity(QUEUE),
-            events: VecDeque::with_capacity(QUEUE),
+            transmit_queue: VecDeque::with_capacity(MAX_QUEUED),
+            events: VecDeque::with_capacity(MAX_QUEUED),
         }
     }
 
     /// Boots every node again, as after power-up.
     pub fn restart(&mut self) {
         self.slaves.iter_mut().for_each(Slave::restart);
-        self.outbox.clear();
+        self.transmit_queue.clear();
         self.events.clear();
         self.phase = Phase::Booting;
     }
 
-    /// Whether a node is still to be booted or started; false once it is known how that went.
+    /// Returns whether boot or start is under way; false after success and after failure.
     pub fn is_booting(&self) -> bool {
         match self.phase {
             Phase::Booting | Phase::Starting(_) => true,
@@ -119,7 +116,7 @@ impl Master {
         }
     }
 
-    /// What is known of a node.
+    /// Returns the NMT state of a node, as far as its heartbeats or guarding show it.
     pub fn health(&self, node: NodeIndex) -> Option<Health> {
         self.slaves.get(node.0).map(Slave::health)
     }
@@ -132,25 +129,25 @@ impl Master {
         out: &mut Vec<Telegram>,
     ) -> Option<Event> {
         let Telegram { channel, frame } = *telegram;
-        match frame.cob_id & FUNCTION {
-            // TPDO1 to TPDO4 of the predefined connection set: the cycle's.
+        match frame.cob_id & FUNCTION_CODE {
+            // TPDO1 to TPDO4 of the predefined connection set belong to the cyclic exchange.
             0x180 | 0x280 | 0x380 | 0x480 => return None,
             _ if frame.is_remote() => return None,
             SDO_RESPONSE_COB_BASE | HEARTBEAT_COB_BASE => self.answer(now, channel, &frame, out),
             SDO_REQUEST_COB_BASE => self.request_of_another(now, channel, &frame),
             _ if self.is_ours_alone(channel, &frame) => {
-                self.tell(Event::ForeignMaster { channel, frame });
+                self.report(Event::ForeignMaster { channel, frame });
             }
             _ => self.emergency(now, channel, &frame, out),
         }
-        if let Some(node_id) = self.strangers.heard(channel, &frame) {
-            self.tell(Event::Stranger { channel, node_id });
+        if let Some(node_id) = self.unknown_nodes.on_frame(channel, &frame) {
+            self.report(Event::UnknownNode { channel, node_id });
         }
         self.proceed(now, out);
         self.events.pop_front()
     }
 
-    /// Does what is due. It says one thing at a time: call it until its deadline lies ahead.
+    /// Does what is due. Returns one event per call: call it until its deadline lies ahead.
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>) -> Option<Event> {
         for place in (0..self.slaves.len()).map(NodeIndex) {
             let Some(slave) = self.slaves.get_mut(place.0) else { continue };
@@ -161,43 +158,43 @@ impl Master {
         self.events.pop_front()
     }
 
-    /// When [`on_time`](Self::on_time) must next be called.
+    /// Time of the next call of [`on_time`](Self::on_time).
     pub fn deadline(&self) -> Option<Instant> {
         let start = match self.phase {
             Phase::Starting(until) => Some(until),
             Phase::Booting | Phase::Running | Phase::Failed => None,
         };
-        let untold = (!self.events.is_empty()).then_some(Instant::ZERO);
+        let unreported = (!self.events.is_empty()).then_some(Instant::ZERO);
         let slaves = self.slaves.iter().filter_map(Slave::deadline);
-        slaves.chain(start).chain(untold).min()
+        slaves.chain(start).chain(unreported).min()
     }
 
-    /// The next frame that has waited for its cycle, the oldest first.
+    /// Takes the oldest frame from the transmit queue.
     pub fn release(&mut self) -> Option<Telegram> {
-        self.outbox.pop_front()
+        self.transmit_queue.pop_front()
     }
 
-    /// Reads what a node remembers of its errors; an
-    /// [`Event::ErrorHistory`] tells it. A node that cannot be asked now is not.
-    pub fn read_history(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) {
+    /// Starts to read the error history (1003h) of a node, reported as [`Event::ErrorHistory`]. Does nothing
+    /// while another request to the node is under way.
+    pub fn read_error_history(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) {
         if let Some(slave) = self.slaves.get_mut(node.0) {
-            slave.read_history(now, &mut self.frames);
+            slave.read_error_history(now, &mut self.frames);
             self.after(now, node, None, out);
         }
     }
 
-    /// What a node was to be told and does not have: it is not set.
-    pub fn missing(&self, node: NodeIndex) -> &[Object] {
+    /// Optional objects that the node lacks; they are not configured.
+    pub fn missing_objects(&self, node: NodeIndex) -> &[Object] {
         self.slaves.get(node.0).map(|slave| slave.missing.as_slice()).unwrap_or_default()
     }
 
-    /// Whether a node that tells of an error is asked for those it remembers from now on.
-    pub const fn asks_why(&mut self, asks: bool) {
-        self.asks_why = asks;
+    /// Sets whether an emergency triggers a read of the node's error history (1003h).
+    pub const fn set_reads_error_history(&mut self, enable: bool) {
+        self.reads_error_history = enable;
     }
 
-    /// Reads what a drive's power stage is in; an
-    /// [`Event::Statusword`] tells it. A drive that cannot be asked now is not.
+    /// Starts to read the statusword (6041h) of a drive, reported as [`Event::Statusword`]. Does nothing
+    /// while another request to the drive is under way.
     pub fn read_statusword(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) {
         if let Some(slave) = self.slaves.get_mut(node.0) {
             slave.read_statusword(now, &mut self.frames);
@@ -205,8 +202,8 @@ impl Master {
         }
     }
 
-    /// Reads an object of a node again; an [`Event::ReadBack`] reports
-    /// what came of it. Returns whether it does: a node that is being asked is not asked more.
+    /// Starts to read an object of a node again, reported as [`Event::ReadBack`]. Returns false while another
+    /// request to the node is under way.
     pub fn read_back(
         &mut self,
         now: Instant,
@@ -215,15 +212,14 @@ impl Master {
         out: &mut Vec<Telegram>,
     ) -> bool {
         let slave = self.slaves.get_mut(node.0);
-        let is_asked = slave.is_some_and(|it| it.read_back(now, setting, &mut self.frames));
-        if is_asked {
+        let is_requested = slave.is_some_and(|it| it.read_back(now, setting, &mut self.frames));
+        if is_requested {
             self.after(now, node, None, out);
         }
-        is_asked
+        is_requested
     }
 
-    /// Tells a drive by SDO to take its power off: at once, without
-    /// waiting for a SYNC or behind anything else.
+    /// Sends "disable voltage" (6040h = 0) to a drive by SDO at once, ahead of all queued frames.
     pub fn power_off(&mut self, now: Instant, node: NodeIndex, out: &mut Vec<Telegram>) {
         if let Some(slave) = self.slaves.get_mut(node.0) {
             slave.power_off(now, &mut self.frames);
@@ -233,174 +229,71 @@ impl Master {
         }
     }
 
-    /// Starts again every node that is watched: some may have left operational by themselves (1029h).
-    pub fn start_again(&self, out: &mut Vec<Telegram>) {
+    /// Starts every monitored node again: a node may have left operational by itself (1029h).
+    pub fn start_nodes(&self, out: &mut Vec<Telegram>) {
         let watched = self.slaves.iter().filter(|slave| slave.is_watched() && !slave.is_late);
         out.extend(watched.map(|slave| telegram(slave, NmtCommand::StartRemoteNode)));
     }
 
-    /// For an orderly stop, after torque and power are off: every node back to pre-operational.
+    /// Sets every node pre-operational. Call it after torque and power are off.
     pub fn shut_down(&self, out: &mut Vec<Telegram>) {
         let order = NmtCommand::EnterPreOperational;
         out.extend(self.slaves.iter().map(|slave| telegram(slave, order)));
     }
 
-    /// Number of uploads that other clients have begun at the nodes of this master.
+    /// Number of uploads that other clients have initiated at the nodes of this master.
     pub const fn foreign_uploads(&self) -> u64 {
         self.foreign_uploads
     }
 
-    /// Place of the node that a frame of the predefined connection set is from or to.
+    /// Returns the node that a frame of the predefined connection set comes from or goes to.
     fn place(&self, channel: Channel, frame: &Frame) -> Option<NodeIndex> {
-        let node_id = frame.cob_id & !FUNCTION;
+        let node_id = frame.cob_id & !FUNCTION_CODE;
         let is_its =
             |slave: &Slave| slave.channel == channel && u16::from(slave.plan.node.raw()) == node_id;
         self.slaves.iter().position(is_its).map(NodeIndex)
     }
 
-    /// An SDO request of another client: to write is a master's, to read is anyone's.
+    /// Takes an SDO request of another client: a download shows another master, an upload is allowed.
     fn request_of_another(&mut self, now: Instant, channel: Channel, frame: &Frame) {
         let Some(node) = self.place(channel, frame) else { return };
         let Some(slave) = self.slaves.get_mut(node.0) else { return };
         match slave.on_foreign_request(now, frame) {
-            Some(Foreign::Download) => self.tell(Event::ForeignMaster { channel, frame: *frame }),
+            Some(Foreign::Download) => self.report(Event::ForeignMaster { channel, frame: *frame }),
             Some(Foreign::Upload) => {
                 self.foreign_uploads += 1;
                 if slave.is_newly_read() {
-                    self.tell(Event::ReadByAnother { node });
+                    self.report(Event::ReadByAnother { node });
                 }
             }
             Some(Foreign::Other) | None => {}
         }
     }
 
-    /// An SDO reply, a heartbeat, a boot-up message or an answer to guarding.
+    /// Takes an SDO reply, a heartbeat, a boot-up message or an answer to guarding.
     fn answer(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
         let Some(place) = self.place(channel, frame) else { return };
         let Some(slave) = self.slaves.get_mut(place.0) else { return };
         if slave.is_foreign_reply(now, frame) {
-            return self.tell(Event::ForeignMaster { channel, frame: *frame });
+            return self.report(Event::ForeignMaster { channel, frame: *frame });
         }
         let report = slave.on_frame(now, frame, &mut self.frames);
         self.after(now, place, report, out);
     }
 
-    /// Sends what a node's part of the master wants sent, and draws the conclusion of its report.
-    fn after(
-        &mut self,
-        now: Instant,
-        node: NodeIndex,
-        report: Option<Report>,
-        out: &mut Vec<Telegram>,
-    ) {
-        let Some(slave) = self.slaves.get_mut(node.0) else { return };
-        self.frames.iter().for_each(|frame| slave.on_sent(frame));
-        let (channel, is_late) = (slave.channel, slave.is_late);
-        let is_configured = matches!(report, Some(Report::Configured(_)));
-        if is_configured && is_late && self.phase != Phase::Booting {
-            // The others have been started without it.
-            self.frames.push(Order::to(slave.plan.node, NmtCommand::StartRemoteNode).frame());
-        }
-        for frame in self.frames.drain(..) {
-            let telegram = Telegram { channel, frame };
-            if self.phase != Phase::Running || frame.is_remote() {
-                out.push(telegram);
-            } else if self.outbox.len() < QUEUE {
-                self.outbox.push_back(telegram);
-            }
-        }
-        match report {
-            None => {}
-            Some(Report::Configured(configuration)) => {
-                if self.slaves.get(node.0).is_some_and(|slave| slave.was_enabled) {
-                    self.tell(Event::FoundEnabled { node });
-                }
-                self.tell(Event::Configured { node, configuration });
-            }
-            Some(Report::Failed(error)) => self.tell(Event::BootFailed(error)),
-            Some(Report::Absent(waited)) => self.tell(Event::Absent { node, waited }),
-            Some(Report::History(history)) => self.tell(Event::ErrorHistory { node, history }),
-            Some(Report::Statusword(statusword)) => {
-                self.tell(Event::Statusword { node, statusword });
-            }
-            Some(Report::ReadBack(object, read)) => {
-                self.tell(Event::ReadBack { node, object, read });
-            }
-            Some(Report::News(news)) if is_late => self.on_news_of_late(now, node, news),
-            Some(Report::News(news)) => self.on_news(node, news),
-        }
-    }
-
-    /// What is heard of an optional node on its way back to the others: nobody depends on it yet.
-    fn on_news_of_late(&mut self, now: Instant, node: NodeIndex, news: News) {
-        let Some(slave) = self.slaves.get_mut(node.0) else { return };
-        match news {
-            News::State(NmtState::Operational) => {
-                slave.is_late = false;
-                self.tell(Event::Joined { node });
-            }
-            News::State(_) => {}
-            News::BootedUp | News::Rebooted | News::Lost => slave.look_again(now),
-            News::Duplicate(sign) => self.tell(Event::Duplicate { node, sign }),
-        }
-    }
-
-    /// What a heartbeat, or its absence, means: a failed boot until all run, an event from then on.
-    fn on_news(&mut self, node: NodeIndex, news: News) {
-        let Some(slave) = self.slaves.get_mut(node.0) else { return };
-        let is_running = self.phase == Phase::Running;
-        let (problem, event) = match news {
-            News::State(_) if !is_running => return,
-            News::State(state) => return self.tell(Event::StateChanged { node, state }),
-            News::BootedUp | News::Rebooted => (Problem::Rebooted, Event::Rebooted { node }),
-            News::Lost => (Problem::NoHeartbeat, Event::HeartbeatLost { node }),
-            News::Duplicate(sign) => (Problem::Duplicate(sign), Event::Duplicate { node, sign }),
-        };
-        let event = if is_running { event } else { Event::BootFailed(slave.fail(problem)) };
-        self.tell(event);
-    }
-
-    /// Goes on to the next phase if all nodes are ready for it.
-    fn proceed(&mut self, now: Instant, out: &mut Vec<Telegram>) {
-        let has_failed = self.slaves.iter().any(Slave::has_failed);
-        match self.phase {
-            Phase::Booting if self.slaves.iter().any(Slave::is_pending) => {}
-            Phase::Booting if has_failed => self.phase = Phase::Failed,
-            Phase::Booting => {
-                self.phase = Phase::Starting(now + PATIENCE);
-                let configured = self.slaves.iter().filter(|slave| slave.is_watched());
-                out.extend(configured.map(|slave| telegram(slave, NmtCommand::StartRemoteNode)));
-            }
-            Phase::Starting(_) if !self.slaves.iter().any(Slave::is_starting) => {
-                if has_failed {
-                    self.phase = Phase::Failed;
-                } else {
-                    self.phase = Phase::Running;
-                    self.tell(Event::Booted);
-                }
-            }
-            Phase::Starting(until) if now >= until => {
-                let late = self.slaves.iter_mut().find(|slave| slave.is_starting());
-                let failed = late.map(|slave| Event::BootFailed(slave.fail(Problem::NotStarted)));
-                failed.into_iter().for_each(|event| self.tell(event));
-            }
-            Phase::Starting(_) | Phase::Running | Phase::Failed => {}
-        }
-    }
-
-    /// Has something to say; nobody hears of it if too much has not been heard yet.
-    fn tell(&mut self, event: Event) {
-        if self.events.len() < QUEUE {
+    /// Queues an event; drops it if the queue is full.
+    fn report(&mut self, event: Event) {
+        if self.events.len() < MAX_QUEUED {
             self.events.push_back(event);
         }
     }
 
-    /// Returns whether only a master sends this, other than by SDO: a command, a SYNC or an RPDO.
+    /// Returns whether only a master sends this frame, SDO excepted: an NMT command, a SYNC or an RPDO.
     pub fn is_foreign(&self, Telegram { channel, frame }: &Telegram) -> bool {
         !frame.is_remote() && self.is_ours_alone(*channel, frame)
     }
 
-    /// Whether only the master may send this.
+    /// Returns whether only this master may send the frame.
     fn is_ours_alone(&self, channel: Channel, frame: &Frame) -> bool {
         let is_rpdo = |slave: &Slave| {
             slave.channel == channel
@@ -415,7 +308,7 @@ impl Master {
             || self.slaves.iter().any(is_rpdo)
     }
 
-    /// The emergency of one of the nodes, where it was planned to be or where it was before that.
+    /// Takes an emergency at the planned COB-ID or at the default one, which holds until 1014h is written.
     fn emergency(
         &mut self,
         now: Instant,
@@ -429,15 +322,12 @@ impl Master {
         };
         let Some(node) = self.slaves.iter().position(is_its).map(NodeIndex) else { return };
         let Some(emergency) = Emergency::decode(frame.data()) else { return };
-        self.tell(Event::Emergency { node, emergency });
-        if self.asks_why && !emergency.is_reset() {
-            self.read_history(now, node, out);
+        self.report(Event::Emergency { node, emergency });
+        if self.reads_error_history && !emergency.is_reset() {
+            self.read_error_history(now, node, out);
         }
     }
 }
-
-/// The bits of a COB-ID that say what it is for; the others are the node-id.
-const FUNCTION: u16 = 0x780;
 
 fn telegram(slave: &Slave, command: NmtCommand) -> Telegram {
     let frame = Order::to(slave.plan.node, command).frame();

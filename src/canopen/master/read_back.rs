@@ -1,7 +1,7 @@
-//! One object of a running node, read again and compared with what its boot has proven.
+//! Read-back of one object of a running node: compares it with the value its boot has verified.
 //!
-//! One request and one reply, expedited in four bytes, so that nothing is allocated in a cycle. Which
-//! object, and when, is decided by the owner of the [master](crate::master).
+//! One request and one expedited reply of at most four bytes, so that a cycle allocates nothing. The owner
+//! of the [master](crate::master) chooses object and time.
 
 use std::fmt;
 use std::time::Duration;
@@ -18,27 +18,27 @@ use crate::sdo::SdoError;
 use crate::sdo::bytes;
 use units::time::Instant;
 
-/// Time for the reply.
+/// Time allowed for the reply.
 const REPLY_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Times that a request which another client disturbed is sent again.
+/// Maximum repetitions of a request that another client disturbed.
 const MAX_REPEATS: u8 = 3;
 
-/// A value of at most four bytes that an object must hold.
+/// Expected value of an object, of at most four bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setting {
-    /// Which object.
+    /// Object to read.
     pub object: Object,
-    /// What it must hold.
+    /// Expected value.
     pub value: u32,
-    /// The bits that must be equal.
+    /// Bits that are compared.
     mask: u32,
     /// Number of bytes, 1 to 4.
     size: u8,
 }
 
 impl Setting {
-    /// The same as `check`; `None` for a value that is longer or empty.
+    /// Converts a check; `None` for a value that is longer or empty.
     pub fn of(check: &Check) -> Option<Self> {
         let expected = bytes(&check.expected);
         let size = u8::try_from(expected.len()).ok().filter(|size| (1..=4).contains(size))?;
@@ -49,7 +49,7 @@ impl Setting {
         Some(Self { object: check.object, value: u32::from_le_bytes(four), mask, size })
     }
 
-    /// Compares what an expedited reply holds; `size` is absent where the reply does not declare it.
+    /// Compares the value of an expedited reply; `size` is absent where the reply does not indicate it.
     fn compare(&self, found: u32, size: Option<u8>) -> ReadBack {
         let is_sized = size.is_none_or(|size| size == self.size);
         if is_sized && (found ^ self.value) & self.mask == 0 {
@@ -60,23 +60,23 @@ impl Setting {
     }
 }
 
-/// What came of it.
+/// Outcome of a read-back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReadBack {
-    /// The object holds what was proven.
+    /// The object holds the verified value.
     Unchanged,
-    /// It holds another value.
+    /// The object holds another value.
     Changed {
-        /// The proven value.
+        /// Verified value.
         expected: u32,
-        /// Its value now.
+        /// Value now.
         found: u32,
     },
-    /// It could not be read: nothing is known.
+    /// The object could not be read: its value is unknown.
     Unread(SdoError),
 }
 
-/// As in "1400h:5 is 0h, was proven as 5h".
+/// `1400h:5 is 0h, was proven as 5h`
 impl fmt::Display for ReadBack {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -89,9 +89,9 @@ impl fmt::Display for ReadBack {
     }
 }
 
-/// A request under way.
+/// Read-back under way.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Reading {
+pub(super) struct ObjectReader {
     node: NodeId,
     setting: Setting,
     until: Instant,
@@ -99,9 +99,9 @@ pub(super) struct Reading {
     repeats: u8,
 }
 
-impl Reading {
-    /// Asks `node` for the object of `setting`.
-    pub(super) fn begin(
+impl ObjectReader {
+    /// Requests the object of `setting` from `node`.
+    pub(super) fn start(
         node: NodeId,
         setting: Setting,
         now: Instant,
@@ -113,17 +113,17 @@ impl Reading {
         reading
     }
 
-    /// The object it reads.
+    /// Object being read.
     pub(super) const fn object(&self) -> Object {
         self.setting.object
     }
 
-    /// Another client has sent a request to the same server.
+    /// Marks the request as disturbed: another client has sent a request to the same server.
     pub(super) const fn disturb(&mut self) {
         self.is_disturbed = true;
     }
 
-    /// Takes one received frame; the outcome comes once.
+    /// Takes one received frame. Returns the outcome once.
     pub(super) fn on_frame(
         &mut self,
         now: Instant,
@@ -144,37 +144,37 @@ impl Reading {
                 let unused = 8 * u32::from(size.map_or(0, |size| 4 - size));
                 Some(self.setting.compare(four & (u32::MAX >> unused), size))
             }
-            // Four bytes in segments: the server may, and nobody does.
+            // A server may send four bytes in segments; none does.
             SCS_UPLOAD => {
                 let code = AbortCode::GENERAL_ERROR;
                 out.push(self.request(ABORT, code.0.to_le_bytes()));
-                Some(ReadBack::Unread(SdoError::BrokenOff(code)))
+                Some(ReadBack::Unread(SdoError::AbortedLocally(code)))
             }
-            CS_ABORT => self.fail(now, SdoError::Refused(AbortCode(four)), out),
+            CS_ABORT => self.fail(now, SdoError::AbortedByServer(AbortCode(four)), out),
             _ => None,
         }
     }
 
-    /// Ends the wait for a reply whose time is over.
+    /// Aborts a request whose reply is overdue.
     pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<ReadBack> {
         if now < self.until {
             return None;
         }
         out.push(self.request(ABORT, AbortCode::TIMED_OUT.0.to_le_bytes()));
-        self.fail(now, SdoError::Silent, out)
+        self.fail(now, SdoError::Timeout, out)
     }
 
-    /// When [`on_time`](Self::on_time) must next be called.
+    /// Time of the next call of [`on_time`](Self::on_time).
     pub(super) const fn deadline(&self) -> Instant {
         self.until
     }
 
-    /// Ends, or asks again where another client may be the reason.
+    /// Ends, or repeats a request that another client disturbed.
     fn fail(&mut self, now: Instant, error: SdoError, out: &mut Vec<Frame>) -> Option<ReadBack> {
         if !self.is_disturbed || self.repeats >= MAX_REPEATS {
             return Some(ReadBack::Unread(error));
         }
-        let again = Self::begin(self.node, self.setting, now, out);
+        let again = Self::start(self.node, self.setting, now, out);
         *self = Self { repeats: self.repeats + 1, ..again };
         None
     }
@@ -186,13 +186,13 @@ impl Reading {
     }
 }
 
-/// The whole first byte of the requests it sends (CiA 301, 7.2.4.3).
+/// First byte of the requests (CiA 301, 7.2.4.3).
 const UPLOAD: u8 = 0x40;
 const ABORT: u8 = 0x80;
-/// The three highest bits of a reply.
+/// Command specifiers of replies: the three highest bits.
 const SCS_UPLOAD: u8 = 2;
 const CS_ABORT: u8 = 4;
-/// Of the reply that opens an upload: the value is in it, and bits 2 and 3 say how many bytes are not.
+/// Upload response: bit e marks the value as inline, bits 2 and 3 count its unused bytes.
 const EXPEDITED: u8 = 1 << 1;
 const SIZE_INDICATED: u8 = 1;
 
@@ -214,20 +214,20 @@ mod tests {
         Setting::of(&Check::exactly(object, Value::Unsigned16(5))).unwrap()
     }
 
-    fn begun() -> (Reading, Vec<Frame>) {
+    fn started() -> (ObjectReader, Vec<Frame>) {
         let mut out = Vec::new();
-        let reading = Reading::begin(node(), timer(), NOW, &mut out);
+        let reading = ObjectReader::start(node(), timer(), NOW, &mut out);
         assert_eq!(out, [Frame::new(0x603, [0x40, 0x00, 0x14, 5, 0, 0, 0, 0])]);
         (reading, out)
     }
 
     fn outcome(reply: [u8; 8]) -> Option<ReadBack> {
-        let (mut reading, mut out) = begun();
+        let (mut reading, mut out) = started();
         reading.on_frame(NOW, &Frame::new(0x583, reply), &mut out)
     }
 
     #[test]
-    fn a_setting_that_was_changed_is_reported_with_both_values() {
+    fn changed_value_is_reported_with_the_verified_one() {
         let changed = |found| Some(ReadBack::Changed { expected: 5, found });
         for (reply, expected) in [
             ([0x4B, 0x00, 0x14, 5, 5, 0, 0, 0], Some(ReadBack::Unchanged)),
@@ -244,21 +244,24 @@ mod tests {
     }
 
     #[test]
-    fn a_refused_or_silent_read_back_is_never_unchanged() {
+    fn aborted_or_timed_out_read_back_is_unread() {
         let refused = outcome([0x80, 0x00, 0x14, 5, 0, 0, 1, 6]);
-        assert!(matches!(refused, Some(ReadBack::Unread(SdoError::Refused(_)))), "{refused:?}");
+        assert!(
+            matches!(refused, Some(ReadBack::Unread(SdoError::AbortedByServer(_)))),
+            "{refused:?}"
+        );
         let segmented = outcome([0x41, 0x00, 0x14, 5, 2, 0, 0, 0]);
-        assert!(matches!(segmented, Some(ReadBack::Unread(SdoError::BrokenOff(_)))));
-        let (mut reading, mut out) = begun();
+        assert!(matches!(segmented, Some(ReadBack::Unread(SdoError::AbortedLocally(_)))));
+        let (mut reading, mut out) = started();
         assert_eq!(reading.on_time(NOW + REPLY_TIMEOUT / 2, &mut out), None);
         let silent = reading.on_time(NOW + REPLY_TIMEOUT, &mut out);
-        assert_eq!(silent, Some(ReadBack::Unread(SdoError::Silent)));
+        assert_eq!(silent, Some(ReadBack::Unread(SdoError::Timeout)));
         assert_eq!(out.len(), 2, "the request and its abort");
     }
 
     #[test]
-    fn a_read_back_that_another_client_breaks_begins_again() {
-        let (mut reading, mut out) = begun();
+    fn read_back_disturbed_by_another_client_is_repeated() {
+        let (mut reading, mut out) = started();
         let abort = Frame::new(0x583, [0x80, 0x00, 0x14, 5, 0, 0, 4, 5]);
         reading.disturb();
         assert_eq!(reading.on_frame(NOW, &abort, &mut out), None);
@@ -267,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_bits_that_count_are_compared() {
+    fn only_masked_bits_are_compared() {
         let cob_id = Check::cob_id(Object::tpdo_communication(1, 1), Value::Unsigned32(0x183));
         let setting = Setting::of(&cob_id).unwrap();
         assert_eq!(setting.compare(0x4000_0183, Some(4)), ReadBack::Unchanged);
@@ -281,9 +284,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn only_the_proven_value_is_unchanged(data: [u8; 8]) {
+        fn only_the_verified_value_is_unchanged(data: [u8; 8]) {
             let [command, about @ ..] = data;
-            // Bit 4 is reserved; without a declared size bits 2 and 3 mean nothing.
+            // Bit 4 is reserved. Without an indicated size, bits 2 and 3 are meaningless.
             let is_two_bytes = command & 0xEF == 0x4B || command & 0xE3 == 0x42;
             let is_proven = is_two_bytes && about[..5] == [0x00, 0x14, 5, 5, 0];
             prop_assert_eq!(outcome(data) == Some(ReadBack::Unchanged), is_proven);

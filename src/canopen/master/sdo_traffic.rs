@@ -1,12 +1,11 @@
-//! SDO frames of one node that are not part of this master's transfers: another client reads, or commands.
+//! SDO frames of one node outside this master's transfers: another client reads or writes.
 //!
-//! The bus does not deliver a master its own frames, so every request it receives is another client's. A
-//! download (CiA 301, 7.2.4.3: ccs 1 initiates one, ccs 6 one by blocks, ccs 0 carries a segment of it)
-//! changes what was configured. An upload changes nothing; it may disturb a transfer of this master, as a
-//! server has one at a time.
+//! The bus does not return a master's own frames, so every received request comes from another client. A
+//! download (CiA 301, 7.2.4.3: ccs 1 initiates, ccs 6 by blocks, ccs 0 carries a segment) changes the
+//! configuration. An upload only disturbs: a server serves one transfer at a time.
 //!
 //! The confirmation of a download that this master did not request shows one whose request was not
-//! received. While another client reads by blocks, the bytes of a segment may look like any reply.
+//! received. During another client's block upload, a segment may look like any reply.
 
 use std::time::Duration;
 
@@ -14,34 +13,34 @@ use crate::frame::Frame;
 use crate::object::Object;
 use units::time::Instant;
 
-/// Downloads of this master whose confirmation may still come; the oldest is forgotten first.
+/// Maximum downloads of this master awaiting confirmation; the oldest is forgotten first.
 const MAX_OPEN: usize = 8;
 
-/// Time without a request after which an upload by blocks is over: a sub-block takes 1.7 s at 10 kbit/s.
+/// Time without a request after which a block upload is over: a sub-block takes 1.7 s at 10 kbit/s.
 const BLOCK_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Request of another client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Foreign {
-    /// Begins or carries a download: another master.
+    /// Initiates or continues a download: another master.
     Download,
-    /// Begins an upload.
+    /// Initiates an upload.
     Upload,
     /// Continues an upload, or aborts a transfer.
     Other,
 }
 
-/// Requests and confirmations of one node's SDO server.
+/// SDO requests and confirmations of one node's server.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SdoTraffic {
-    /// What this master has written and not seen confirmed, the newest first.
+    /// Unconfirmed downloads of this master, the newest first.
     open: [Option<Object>; MAX_OPEN],
-    /// When the last request of another client's upload by blocks was received.
+    /// Time of the last request in another client's block upload.
     block_upload: Option<Instant>,
 }
 
 impl SdoTraffic {
-    /// Takes a request that this master sends to the node.
+    /// Takes a request that this master sends.
     pub(super) fn on_sent(&mut self, frame: &Frame) {
         let (Some(command), Some(object)) = (specifier(frame), object(frame)) else { return };
         if matches!(command, CCS_DOWNLOAD | CCS_BLOCK_DOWNLOAD) {
@@ -52,8 +51,7 @@ impl SdoTraffic {
         }
     }
 
-    /// Takes a request that another client has sent to the node. One that is too short counts, as some
-    /// servers take it.
+    /// Takes a request of another client. A request that is too short counts, as some servers accept it.
     pub(super) fn on_request(&mut self, now: Instant, frame: &Frame) -> Option<Foreign> {
         let command = *frame.data().first()?;
         match command >> 5 {
@@ -73,7 +71,7 @@ impl SdoTraffic {
         }
     }
 
-    /// Takes a reply of the node; returns whether it confirms a download that this master did not request.
+    /// Takes a reply. Returns whether it confirms a download that this master did not request.
     pub(super) fn is_foreign_reply(&mut self, now: Instant, frame: &Frame) -> bool {
         if self.block_upload.is_some_and(|last| now.since(last) < BLOCK_TIMEOUT) {
             return false;
@@ -90,7 +88,7 @@ impl SdoTraffic {
         }
     }
 
-    /// Takes a download from those that are open; returns whether it was one of them.
+    /// Removes a download from the unconfirmed ones; returns whether it was among them.
     fn is_confirmed(&mut self, object: Option<Object>) -> bool {
         let mut open = self.open.iter_mut().rev();
         let place = open.find(|place| place.is_some() && **place == object);
@@ -98,30 +96,30 @@ impl SdoTraffic {
     }
 }
 
-/// The command specifier of a frame as long as every SDO is.
+/// Returns the command specifier of an eight-byte frame.
 fn specifier(frame: &Frame) -> Option<u8> {
     let &[command, _, _, _, _, _, _, _] = frame.data() else { return None };
     Some(command >> 5)
 }
 
-/// The object that a request or a reply names.
+/// Returns the object that a request or a reply names.
 fn object(frame: &Frame) -> Option<Object> {
     let &[_, low, high, sub, ..] = frame.data() else { return None };
     Some(Object { index: u16::from_le_bytes([low, high]), sub })
 }
 
-/// The three highest bits of a client's request (CiA 301, 7.2.4.3).
+/// Client command specifiers: the three highest bits (CiA 301, 7.2.4.3).
 const CCS_DOWNLOAD_SEGMENT: u8 = 0;
 const CCS_DOWNLOAD: u8 = 1;
 const CCS_UPLOAD: u8 = 2;
 const CCS_BLOCK_UPLOAD: u8 = 5;
 const CCS_BLOCK_DOWNLOAD: u8 = 6;
-/// Those of a server's reply.
+/// Server command specifiers.
 const SCS_DOWNLOAD: u8 = 3;
 const SCS_BLOCK_DOWNLOAD: u8 = 5;
-/// Those of an abort, of either side.
+/// Command specifier of an abort, from either side.
 const CS_ABORT: u8 = 4;
-/// The bits of a request of an upload by blocks that say what it does.
+/// Subcommand bits of a block upload request.
 const BLOCK_SUBCOMMAND: u8 = 0b11;
 const BLOCK_INITIATE: u8 = 0;
 const BLOCK_END: u8 = 1;
@@ -143,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn foreign_requests_that_write_are_downloads() {
+    fn foreign_write_requests_are_downloads() {
         let mut traffic = SdoTraffic::default();
         for (command, foreign) in [
             (0x2B, Foreign::Download),
@@ -168,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn a_confirmation_without_a_request_of_ours_is_foreign() {
+    fn confirmation_without_own_request_is_foreign() {
         let mut traffic = SdoTraffic::default();
         let confirmed = reply(0x60, 0x1400, 5);
         assert!(traffic.is_foreign_reply(NOW, &confirmed));
@@ -179,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn several_downloads_of_ours_are_each_confirmed_once() {
+    fn own_downloads_are_each_confirmed_once() {
         let mut traffic = SdoTraffic::default();
         for (index, sub) in [(0x6040, 0), (0x1400, 5), (0x6040, 0)] {
             traffic.on_sent(&request(0x2B, index, sub));

@@ -1,7 +1,6 @@
-//! One node, as its master sees it: booting, watched, awaited or given up.
+//! One node as its master sees it: booting, monitored, awaited or failed.
 //!
-//! It reports what it learns; what that means for all of them is the
-//! [master](crate::master)'s.
+//! Reports changes to the [master](crate::master), which decides the consequence for the network.
 
 use std::time::Duration;
 
@@ -16,7 +15,7 @@ use crate::frame::Frame;
 use crate::guarding::Guard;
 use crate::heartbeat::Consumer;
 use crate::heartbeat::Health;
-use crate::heartbeat::News;
+use crate::heartbeat::HeartbeatEvent;
 use crate::master::boot_error::BootError;
 use crate::master::boot_error::Problem;
 use crate::master::commission::Boot;
@@ -35,69 +34,69 @@ use crate::plan::ErrorControl;
 use crate::plan::NodePlan;
 use units::time::Instant;
 
-/// How often a missing optional node is looked for, should its boot-up message not be heard.
-const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// Period at which an absent optional node is polled, in case its boot-up message was lost.
+const POLL_PERIOD: Duration = Duration::from_secs(1);
 
-/// One node and what is known of it.
+/// One node and its state.
 #[derive(Clone, Debug)]
 pub(super) struct Slave {
     pub(super) channel: Channel,
     pub(super) plan: NodePlan,
     stage: Stage,
-    /// Whether it was missing when the others started.
+    /// Set if it was absent when the other nodes started.
     pub(super) is_late: bool,
-    /// Whether its last boot found it with its power on.
+    /// Set if its last boot found its power on.
     pub(super) was_enabled: bool,
-    /// What its last boot found that it does not have.
+    /// Optional objects that its last boot found absent.
     pub(super) missing: Vec<Object>,
     traffic: SdoTraffic,
-    /// Another client has read from it since its last boot.
+    /// Set if another client has read from it since its last boot.
     is_read_by_another: bool,
 }
 
-/// How far it is.
+/// Progress of the node.
 #[derive(Clone, Debug)]
 enum Stage {
     Booting(Box<Boot>),
     Watched {
         watch: Watch,
         inquiry: Option<Box<Inquiry>>,
-        /// A setting that is read again; given up for an inquiry.
-        reading: Option<read_back::Reading>,
+        /// Read-back under way; abandoned for an inquiry.
+        reading: Option<read_back::ObjectReader>,
     },
-    /// Missing and optional; looked for at this time, or when it is heard.
+    /// Absent and optional: polled at this time, or booted at its next heartbeat.
     Awaited(Instant),
     Failed,
 }
 
-/// How it is watched.
+/// Error control in use.
 #[derive(Clone, Debug)]
 enum Watch {
     Heartbeat(Consumer),
     Guarding(Guard),
 }
 
-/// What a node has come to.
+/// Change of a node.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Report {
-    /// It is configured, and watched from now on.
+    /// Configured, and monitored from now on.
     Configured(Configuration),
-    /// It could not be booted.
+    /// Boot failed.
     Failed(BootError),
-    /// It is optional and missing; said once.
+    /// Optional and absent. Reported once.
     Absent(Duration),
-    /// It has said something new, or nothing for too long.
-    News(News),
-    /// What it remembers of its errors.
+    /// Change of its NMT state, or loss of its heartbeat.
+    HeartbeatEvent(HeartbeatEvent),
+    /// Content of its error history (1003h).
     History(History),
-    /// What its power stage is in.
+    /// Content of its statusword (6041h).
     Statusword(Statusword),
-    /// What came of reading an object again.
+    /// Outcome of a read-back.
     ReadBack(Object, ReadBack),
 }
 
 impl Slave {
-    /// One that begins to boot with the first call of [`on_time`](Self::on_time).
+    /// Returns a slave that starts to boot with the first call of [`on_time`](Self::on_time).
     pub(super) fn new(channel: Channel, plan: NodePlan) -> Self {
         let stage = Stage::Booting(Box::new(Boot::new(&plan)));
         Self {
@@ -112,14 +111,14 @@ impl Slave {
         }
     }
 
-    /// Begins again, as after power-up.
+    /// Starts again, as after power-up.
     pub(super) fn restart(&mut self) {
         self.stage = Stage::Booting(Box::new(Boot::new(&self.plan)));
         self.is_late = false;
         self.is_read_by_another = false;
     }
 
-    /// What is known of it.
+    /// Returns the NMT state, as far as it is known.
     pub(super) const fn health(&self) -> Health {
         match &self.stage {
             Stage::Booting(_) | Stage::Awaited(_) => Health::NeverSeen,
@@ -129,28 +128,28 @@ impl Slave {
         }
     }
 
-    /// Whether the others wait for its boot.
+    /// Returns whether the other nodes wait for its boot.
     pub(super) const fn is_pending(&self) -> bool {
         !self.is_late && matches!(self.stage, Stage::Booting(_))
     }
 
-    /// Whether it is configured.
+    /// Returns whether it is configured and monitored.
     pub(super) const fn is_watched(&self) -> bool {
         matches!(self.stage, Stage::Watched { .. })
     }
 
-    /// Whether it is configured and in time, but not heard to be operational yet.
+    /// Returns whether it is configured in time but has not reported operational yet.
     pub(super) fn is_starting(&self) -> bool {
         let is_operational = self.health() == Health::Alive(NmtState::Operational);
         !self.is_late && self.is_watched() && !is_operational
     }
 
-    /// Whether it was given up.
+    /// Returns whether it has failed.
     pub(super) const fn has_failed(&self) -> bool {
         matches!(self.stage, Stage::Failed)
     }
 
-    /// Takes one frame that bears its node-id; frames to send are appended to `out`.
+    /// Takes one frame with its node-id; frames to send are appended to `out`.
     pub(super) fn on_frame(
         &mut self,
         now: Instant,
@@ -173,7 +172,7 @@ impl Slave {
                 if let Some(report) = finish(reading, read) {
                     return Some(report);
                 }
-                watch.on_frame(now, frame).map(Report::News)
+                watch.on_frame(now, frame).map(Report::HeartbeatEvent)
             }
             Stage::Awaited(_) => {
                 if frame.cob_id == heartbeat_cob_id(self.plan.node) {
@@ -185,36 +184,36 @@ impl Slave {
         }
     }
 
-    /// Takes a frame that this master sends to it.
+    /// Takes a frame that this master sends to the node.
     pub(super) fn on_sent(&mut self, frame: &Frame) {
         if frame.cob_id == request_cob_id(self.plan.node) {
             self.traffic.on_sent(frame);
         }
     }
 
-    /// Takes a request that another client has sent to its SDO server.
+    /// Takes a request that another client has sent to the node's SDO server.
     pub(super) fn on_foreign_request(&mut self, now: Instant, frame: &Frame) -> Option<Foreign> {
         let foreign = self.traffic.on_request(now, frame)?;
         match &mut self.stage {
             Stage::Booting(boot) => boot.on_foreign_request(frame),
             Stage::Watched { inquiry, reading, .. } => {
                 inquiry.iter_mut().for_each(|inquiry| inquiry.disturb());
-                reading.iter_mut().for_each(read_back::Reading::disturb);
+                reading.iter_mut().for_each(read_back::ObjectReader::disturb);
             }
             Stage::Awaited(_) | Stage::Failed => {}
         }
         Some(foreign)
     }
 
-    /// Returns whether a reply of its SDO server confirms a download that this master did not request.
-    /// While it boots, a second node of its node-id is the likelier reason.
+    /// Returns whether an SDO reply confirms a download that this master did not request. During the boot a
+    /// second node with the same node-id is the likelier reason.
     pub(super) fn is_foreign_reply(&mut self, now: Instant, frame: &Frame) -> bool {
         frame.cob_id == response_cob_id(self.plan.node)
             && self.traffic.is_foreign_reply(now, frame)
             && self.is_watched()
     }
 
-    /// Notes that another client reads from it; returns whether that is new.
+    /// Records an upload by another client; returns whether it is the first since the boot.
     pub(super) const fn is_newly_read(&mut self) -> bool {
         !std::mem::replace(&mut self.is_read_by_another, true)
     }
@@ -227,7 +226,8 @@ impl Slave {
                 self.after_boot(now, outcome)
             }
             Stage::Watched { watch, inquiry, reading } => {
-                if let Some(answer) = inquiry.as_mut().and_then(|asked| asked.on_time(now, out)) {
+                if let Some(answer) = inquiry.as_mut().and_then(|inquiry| inquiry.on_time(now, out))
+                {
                     *inquiry = None;
                     return Report::of(answer);
                 }
@@ -235,39 +235,39 @@ impl Slave {
                 if let Some(report) = finish(reading, read) {
                     return Some(report);
                 }
-                watch.on_time(now, out).map(Report::News)
+                watch.on_time(now, out).map(Report::HeartbeatEvent)
             }
-            Stage::Awaited(look) if now >= *look => {
-                self.stage = Stage::Booting(Box::new(Boot::looking(&self.plan)));
+            Stage::Awaited(poll_at) if now >= *poll_at => {
+                self.stage = Stage::Booting(Box::new(Boot::probe(&self.plan)));
                 None
             }
             Stage::Awaited(_) | Stage::Failed => None,
         }
     }
 
-    /// When [`on_time`](Self::on_time) must next be called.
+    /// Time of the next call of [`on_time`](Self::on_time).
     pub(super) fn deadline(&self) -> Option<Instant> {
         match &self.stage {
             Stage::Booting(boot) => boot.deadline(),
             Stage::Watched { watch, inquiry, reading } => {
                 let inquiry = inquiry.as_ref().and_then(|inquiry| inquiry.deadline());
-                let reading = reading.as_ref().map(read_back::Reading::deadline);
+                let reading = reading.as_ref().map(read_back::ObjectReader::deadline);
                 watch.deadline().into_iter().chain(inquiry).chain(reading).min()
             }
-            Stage::Awaited(look) => Some(*look),
+            Stage::Awaited(poll_at) => Some(*poll_at),
             Stage::Failed => None,
         }
     }
 
-    /// Begins to read what it remembers of its errors, if it can be asked and is not being asked.
-    pub(super) fn read_history(&mut self, now: Instant, out: &mut Vec<Frame>) {
+    /// Starts to read the error history, unless another request is under way.
+    pub(super) fn read_error_history(&mut self, now: Instant, out: &mut Vec<Frame>) {
         if let Stage::Watched { inquiry: inquiry @ None, reading, .. } = &mut self.stage {
             *reading = None;
             *inquiry = Some(Box::new(Inquiry::history(self.plan.node, now, out)));
         }
     }
 
-    /// Begins to read what its power stage is in, if it can be asked and is not being asked.
+    /// Starts to read the statusword, unless another request is under way.
     pub(super) fn read_statusword(&mut self, now: Instant, out: &mut Vec<Frame>) {
         if let Stage::Watched { inquiry: inquiry @ None, reading, .. } = &mut self.stage {
             *reading = None;
@@ -275,7 +275,7 @@ impl Slave {
         }
     }
 
-    /// Begins to read an object again, if it can be asked and is not being asked; returns whether it does.
+    /// Starts to read an object again; returns false while another request is under way.
     pub(super) fn read_back(
         &mut self,
         now: Instant,
@@ -285,11 +285,11 @@ impl Slave {
         let Stage::Watched { inquiry: None, reading: reading @ None, .. } = &mut self.stage else {
             return false;
         };
-        *reading = Some(read_back::Reading::begin(self.plan.node, setting, now, out));
+        *reading = Some(read_back::ObjectReader::start(self.plan.node, setting, now, out));
         true
     }
 
-    /// Tells it to take its power off. What it is being asked is given up for that.
+    /// Sends "disable voltage" and abandons any request under way.
     pub(super) fn power_off(&mut self, now: Instant, out: &mut Vec<Frame>) {
         if let Stage::Watched { inquiry, reading, .. } = &mut self.stage {
             *reading = None;
@@ -297,18 +297,18 @@ impl Slave {
         }
     }
 
-    /// It was late and has gone again: it is looked for at once, and nothing is said.
-    pub(super) fn look_again(&mut self, now: Instant) {
+    /// Awaits a late node that was lost again, without a report.
+    pub(super) fn await_again(&mut self, now: Instant) {
         self.stage = Stage::Awaited(now);
     }
 
-    /// Gives it up.
+    /// Marks the node as failed.
     pub(super) fn fail(&mut self, problem: Problem) -> BootError {
         self.stage = Stage::Failed;
         BootError::new(&self.plan, problem)
     }
 
-    /// Goes on to the watch; a missing optional node is awaited, with one report of it.
+    /// Handles the outcome of a boot: monitors the node, or awaits an absent optional one.
     fn after_boot(&mut self, now: Instant, outcome: BootOutcome) -> Option<Report> {
         if let Stage::Booting(boot) = &self.stage {
             self.was_enabled = boot.was_enabled();
@@ -321,12 +321,12 @@ impl Slave {
                 Some(Report::Configured(configuration))
             }
             Err(BootError { problem: Problem::Absent { waited }, .. }) if self.plan.is_optional => {
-                self.stage = Stage::Awaited(now + LOOK_EVERY);
+                self.stage = Stage::Awaited(now + POLL_PERIOD);
                 let was_known = std::mem::replace(&mut self.is_late, true);
                 (!was_known).then_some(Report::Absent(waited))
             }
             Err(error) if self.is_late && error.problem.is_passing() => {
-                self.stage = Stage::Awaited(now + LOOK_EVERY);
+                self.stage = Stage::Awaited(now + POLL_PERIOD);
                 None
             }
             Err(error) => {
@@ -337,15 +337,15 @@ impl Slave {
     }
 }
 
-/// The report of a reading that has ended, which it takes away.
-fn finish(reading: &mut Option<read_back::Reading>, read: Option<ReadBack>) -> Option<Report> {
+/// Removes a read-back that has ended and returns its report.
+fn finish(reading: &mut Option<read_back::ObjectReader>, read: Option<ReadBack>) -> Option<Report> {
     let (object, read) = (reading.as_ref()?.object(), read?);
     *reading = None;
     Some(Report::ReadBack(object, read))
 }
 
 impl Report {
-    /// What an answer comes to, if it is to be told.
+    /// Returns the report of an answer; `None` for a confirmed write.
     const fn of(answer: Answer) -> Option<Self> {
         match answer {
             Answer::History(history) => Some(Self::History(history)),
@@ -369,14 +369,14 @@ impl Watch {
         }
     }
 
-    fn on_frame(&mut self, now: Instant, frame: &Frame) -> Option<News> {
+    fn on_frame(&mut self, now: Instant, frame: &Frame) -> Option<HeartbeatEvent> {
         match self {
             Self::Heartbeat(consumer) => consumer.on_frame(now, frame),
             Self::Guarding(guard) => guard.on_frame(now, frame),
         }
     }
 
-    fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<News> {
+    fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<HeartbeatEvent> {
         match self {
             Self::Heartbeat(consumer) => consumer.on_time(now),
             Self::Guarding(guard) => guard.on_time(now, out),

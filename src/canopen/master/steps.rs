@@ -1,17 +1,17 @@
-//! The steps that boot one node, as data: CiA 302-2, "Boot NMT slave", in stages.
+//! Steps that boot one node, as data: CiA 302-2, "Boot NMT slave", in stages.
 //!
 //! ```text
-//!  Finding ──► Looking ─────────► Meeting
-//!              power on └► Disabling ──┘
+//!  Probe ──► CheckPowerOff ─────► CheckIdentity
+//!              power on └► SwitchOff ──┘
 //!
-//!  Meeting ──► Resetting ──► Recalling ──► Verifying ──► skipped
-//!     │ keep alive  ▲            │ another     │ differs
-//!     ▼     differs │            ▼ stamp       ▼
-//!  Keeping ─────────┘        Downloading ◄─────┘──► downloaded
-//!     └──► kept                  └──► Storing ──► stored
+//!  CheckIdentity ──► Reset ──► CheckStoredConfig ──► Verify ──► skipped
+//!     │ keep alive     ▲           │ stamp differs    │ differs
+//!     ▼        differs │           ▼                  ▼
+//!  CheckRunning ───────┘        Download ◄────────────┘──► downloaded
+//!     └──► kept                    └──► Store ──► stored
 //! ```
 //!
-//! Takes no steps: that is [`commission`](crate::master::commission).
+//! [`commission`](crate::master::commission) runs the steps.
 
 use std::collections::HashSet;
 use std::fmt;
@@ -27,45 +27,45 @@ use crate::plan::NodePlan;
 use crate::plan::Revisions;
 use crate::plan::Setting;
 
-/// One part of a boot.
+/// Stage of a boot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Stage {
-    /// Whether anybody is there, and of which profile.
-    Finding,
-    /// Whether a drive has its power off, as one that nobody commands has.
-    Looking,
-    /// It has not: whatever it is doing, that ends, and it comes to rest.
-    Disabling,
-    /// Who is there.
-    Meeting,
-    /// Whether it may go on as it is: operational, and set exactly as planned.
-    Keeping,
-    /// To a known beginning: reset, met again, its power off.
-    Resetting,
-    /// Whether it holds the stamp of this configuration (1020h).
-    Recalling,
-    /// Whether it holds what the stamp says: everything is read once, for a wrong layout moves a hand.
-    Verifying,
-    /// Everything is written and read back.
-    Downloading,
-    /// It is to keep that: stamp, then "save" (1010h).
-    Storing,
+    /// Waits for a reply and compares the device profile (1000h).
+    Probe,
+    /// Checks that a drive has its power off.
+    CheckPowerOff,
+    /// Switches a drive's power off and waits for standstill.
+    SwitchOff,
+    /// Compares the identity (1018h) and further admission criteria.
+    CheckIdentity,
+    /// Checks that the node is operational and configured exactly as planned.
+    CheckRunning,
+    /// Resets the node, waits for its boot-up, and switches a drive's power off.
+    Reset,
+    /// Compares the stamp of the stored configuration (1020h).
+    CheckStoredConfig,
+    /// Reads every object once: a wrong PDO layout would move the hand controller.
+    Verify,
+    /// Writes every object and reads it back.
+    Download,
+    /// Writes the stamp, then "save" (1010h).
+    Store,
 }
 
-/// How a node came to its configuration.
+/// Origin of a node's configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Configuration {
-    /// Everything was written and read back.
+    /// Every object was written and read back.
     Downloaded,
-    /// The same, and the node has stored it.
+    /// Written, read back and stored by the node.
     Stored,
-    /// The node had it stored: only read.
+    /// Already stored by the node: only read.
     Skipped,
-    /// The node was found operational with it and was not even reset.
+    /// Found operational with it: not even reset.
     Kept,
 }
 
-/// As in "configuration downloaded".
+/// `configuration downloaded`
 impl fmt::Display for Configuration {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -77,67 +77,63 @@ impl fmt::Display for Configuration {
     }
 }
 
-/// Where a stage leads.
+/// Successor of a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
-    /// To another one.
+    /// Another stage.
     Stage(Stage),
-    /// To a configured node.
+    /// End of the boot with a configured node.
     Done(Configuration),
 }
 
 impl Stage {
-    /// Where it leads once all its steps are done.
+    /// Returns the successor after all steps have succeeded.
     pub const fn next(self, plan: &NodePlan) -> Next {
         match self {
-            Self::Finding if plan.is_drive() => Next::Stage(Self::Looking),
-            Self::Finding | Self::Looking | Self::Disabling => Next::Stage(Self::Meeting),
-            Self::Meeting if plan.keep_alive => Next::Stage(Self::Keeping),
-            Self::Meeting => Next::Stage(Self::Resetting),
-            Self::Keeping => Next::Done(Configuration::Kept),
-            Self::Resetting => Next::Stage(Self::Recalling),
-            Self::Recalling => Next::Stage(Self::Verifying),
-            Self::Verifying => Next::Done(Configuration::Skipped),
-            Self::Downloading if plan.stores_configuration => Next::Stage(Self::Storing),
-            Self::Downloading => Next::Done(Configuration::Downloaded),
-            Self::Storing => Next::Done(Configuration::Stored),
+            Self::Probe if plan.is_drive() => Next::Stage(Self::CheckPowerOff),
+            Self::Probe | Self::CheckPowerOff | Self::SwitchOff => Next::Stage(Self::CheckIdentity),
+            Self::CheckIdentity if plan.keep_alive => Next::Stage(Self::CheckRunning),
+            Self::CheckIdentity => Next::Stage(Self::Reset),
+            Self::CheckRunning => Next::Done(Configuration::Kept),
+            Self::Reset => Next::Stage(Self::CheckStoredConfig),
+            Self::CheckStoredConfig => Next::Stage(Self::Verify),
+            Self::Verify => Next::Done(Configuration::Skipped),
+            Self::Download if plan.stores_configuration => Next::Stage(Self::Store),
+            Self::Download => Next::Done(Configuration::Downloaded),
+            Self::Store => Next::Done(Configuration::Stored),
         }
     }
 
-    /// Where it leads when the node holds something else, or refuses; `None` where that is a failure.
-    pub const fn otherwise(self) -> Option<Next> {
+    /// Returns the successor after a mismatch or an abort; `None` where that is a failure.
+    pub const fn on_mismatch(self) -> Option<Next> {
         match self {
-            Self::Finding
-            | Self::Disabling
-            | Self::Meeting
-            | Self::Resetting
-            | Self::Downloading => None,
-            Self::Looking => Some(Next::Stage(Self::Disabling)),
-            Self::Keeping => Some(Next::Stage(Self::Resetting)),
-            Self::Recalling | Self::Verifying => Some(Next::Stage(Self::Downloading)),
-            // A node that cannot keep it gets it again the next time.
-            Self::Storing => Some(Next::Done(Configuration::Downloaded)),
+            Self::Probe | Self::SwitchOff | Self::CheckIdentity | Self::Reset | Self::Download => {
+                None
+            }
+            Self::CheckPowerOff => Some(Next::Stage(Self::SwitchOff)),
+            Self::CheckRunning => Some(Next::Stage(Self::Reset)),
+            Self::CheckStoredConfig | Self::Verify => Some(Next::Stage(Self::Download)),
+            // A node that cannot store the configuration gets it again at the next boot.
+            Self::Store => Some(Next::Done(Configuration::Downloaded)),
         }
     }
 
-    /// Everything there is to do in it, in order.
+    /// Returns the steps of the stage, in order.
     pub fn steps(self, plan: &NodePlan) -> Vec<Step> {
         match self {
-            Self::Finding => vec![Step::Object(Action::Meet, device_type(plan))],
-            Self::Looking => vec![Step::Object(Action::Compare, power_is_off())],
-            Self::Disabling => disabling(plan),
-            Self::Meeting => meeting(plan),
-            Self::Keeping => {
+            Self::Probe => vec![Step::Object(Action::Probe, device_type(plan))],
+            Self::CheckPowerOff => vec![Step::Object(Action::Compare, power_is_off())],
+            Self::SwitchOff => switch_off(plan),
+            Self::CheckIdentity => check_identity(plan),
+            Self::CheckRunning => {
                 let mode = shown_mode(plan).map(|check| Step::Object(Action::Compare, check));
-                std::iter::once(Step::Listen).chain(verifying(plan)).chain(mode).collect()
+                std::iter::once(Step::AwaitHeartbeat).chain(verify(plan)).chain(mode).collect()
             }
-            Self::Resetting => resetting(plan),
-            Self::Recalling => stamp(plan, Action::Compare).to_vec(),
-            Self::Verifying => verifying(plan).chain(mode(plan)).collect(),
-            Self::Downloading => {
-                plan.settings().into_iter().map(download).chain(mode(plan)).collect()
-            }
-            Self::Storing => {
+            Self::Reset => reset(plan),
+            Self::CheckStoredConfig => stamp(plan, Action::Compare).to_vec(),
+            Self::Verify => verify(plan).chain(mode(plan)).collect(),
+            Self::Download => plan.settings().into_iter().map(download).chain(mode(plan)).collect(),
+            Self::Store => {
                 let save = Check::exactly(Object::STORE_PARAMETERS, Value::Unsigned32(SAVE));
                 let save = Step::Object(Action::Command, save);
                 stamp(plan, Action::Write).into_iter().chain([save]).collect()
@@ -146,84 +142,88 @@ impl Stage {
     }
 }
 
-/// One thing to do with a node.
+/// One step.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
-    /// Hear it say that it is operational.
-    Listen,
-    /// Back to what it has stored, or to its defaults, and wait for its boot-up message.
+    /// Waits for a heartbeat that reports operational.
+    AwaitHeartbeat,
+    /// Resets the node and waits for its boot-up message.
     Reset(NmtCommand),
-    /// Bring an object to what it must hold, or see that it is there.
+    /// Brings an object to its expected value, or checks it.
     Object(Action, Check),
 }
 
-/// How an object is brought to what it must hold.
+/// Access to an object in a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
-    /// Read until the node answers, and compare: it may be powering up.
-    Meet,
+    /// Reads until the node replies, then compares: the node may be powering up.
+    Probe,
     /// Read and compare.
     Compare,
-    /// The same, but what does not exist is off.
-    CompareIfThere,
-    /// Read until it compares: it may be changing.
+    /// As `Compare`; an absent object passes.
+    CompareIfPresent,
+    /// Reads until the value compares: it may be changing.
     Await,
-    /// Read until it changes no more than something at rest does.
-    Settle,
+    /// Reads the position until the drive stands still.
+    AwaitStandstill,
     /// Write, read back and compare.
     Write,
-    /// The same, but what does not exist is off.
-    WriteIfThere,
-    /// Write: the node acts on it, and what is read is something else.
+    /// As `Write`; an absent object passes.
+    WriteIfPresent,
+    /// Writes without read-back: the object reads as something else.
     Command,
 }
 
 impl Action {
-    /// Whether it writes.
+    /// Returns whether the action writes.
     pub const fn writes(self) -> bool {
         match self {
-            Self::Write | Self::WriteIfThere | Self::Command => true,
-            Self::Meet | Self::Compare | Self::CompareIfThere | Self::Await | Self::Settle => false,
+            Self::Write | Self::WriteIfPresent | Self::Command => true,
+            Self::Probe
+            | Self::Compare
+            | Self::CompareIfPresent
+            | Self::Await
+            | Self::AwaitStandstill => false,
         }
     }
 
-    /// Returns whether another value than expected ends the step.
+    /// Returns whether a different value ends the step at once.
     pub const fn compares_once(self) -> bool {
         match self {
-            Self::Meet
+            Self::Probe
             | Self::Compare
-            | Self::CompareIfThere
+            | Self::CompareIfPresent
             | Self::Write
-            | Self::WriteIfThere => true,
-            Self::Await | Self::Settle | Self::Command => false,
+            | Self::WriteIfPresent => true,
+            Self::Await | Self::AwaitStandstill | Self::Command => false,
         }
     }
 
-    /// Whether an object that does not exist is as good.
-    pub const fn may_be_missing(self) -> bool {
+    /// Returns whether an absent object passes.
+    pub const fn is_optional(self) -> bool {
         match self {
-            Self::CompareIfThere | Self::WriteIfThere => true,
-            Self::Meet
+            Self::CompareIfPresent | Self::WriteIfPresent => true,
+            Self::Probe
             | Self::Compare
             | Self::Await
-            | Self::Settle
+            | Self::AwaitStandstill
             | Self::Write
             | Self::Command => false,
         }
     }
 }
 
-/// Off at once, before it is known whose drive it is: nobody commands it any more, and an arm that is
-/// driven by nobody is nobody's (CiA 402-2, 6.1). The next stage waits until it stands still.
-fn disabling(plan: &NodePlan) -> Vec<Step> {
+/// Switches the power off before the identity is known: no master commands the drive (CiA 402-2, 6.1). The
+/// next stage waits for standstill.
+fn switch_off(plan: &NodePlan) -> Vec<Step> {
     let mut steps = power_off().to_vec();
     let position = Check::exactly(Object::POSITION_ACTUAL, Value::Integer32(0));
-    steps.extend(plan.rest.map(|_| Step::Object(Action::Settle, position)));
+    steps.extend(plan.standstill_counts.map(|_| Step::Object(Action::AwaitStandstill, position)));
     steps
 }
 
-/// Identity, and what more is asked for.
-fn meeting(plan: &NodePlan) -> Vec<Step> {
+/// Compares the identity and the further criteria of the plan.
+fn check_identity(plan: &NodePlan) -> Vec<Step> {
     let compare = |check| Step::Object(Action::Compare, check);
     let number = |object, value| compare(Check::exactly(object, Value::Unsigned32(value)));
     let revision = plan.identity.revision;
@@ -245,8 +245,8 @@ fn meeting(plan: &NodePlan) -> Vec<Step> {
     steps
 }
 
-/// A node restored to its defaults is reset as a whole, as only then they hold (CiA 301, 7.5.2.14).
-fn resetting(plan: &NodePlan) -> Vec<Step> {
+/// Resets the node. Restored defaults act only after a reset of the whole node (CiA 301, 7.5.2.14).
+fn reset(plan: &NodePlan) -> Vec<Step> {
     let mut steps = Vec::new();
     let mut command = NmtCommand::ResetCommunication;
     if plan.restores_defaults {
@@ -254,7 +254,7 @@ fn resetting(plan: &NodePlan) -> Vec<Step> {
         steps.push(Step::Object(Action::Command, load));
         command = NmtCommand::ResetNode;
     }
-    steps.extend([Step::Reset(command), Step::Object(Action::Meet, device_type(plan))]);
+    steps.extend([Step::Reset(command), Step::Object(Action::Probe, device_type(plan))]);
     if plan.is_drive() {
         steps.extend(power_off());
     }
@@ -266,7 +266,7 @@ fn device_type(plan: &NodePlan) -> Check {
     Check { mask: 0xFFFF, ..Check::exactly(Object::DEVICE_TYPE, expected) }
 }
 
-/// Takes the power off a drive, before anything is changed in it.
+/// Switches a drive's power off before any object is changed.
 fn power_off() -> [Step; 2] {
     let off = Value::Unsigned16(Controlword::DISABLE_VOLTAGE.0);
     [
@@ -289,23 +289,23 @@ fn stamp(plan: &NodePlan, action: Action) -> [Step; 2] {
         .map(|(object, part)| Step::Object(action, Check::exactly(object, part)))
 }
 
-fn download(Setting { check, if_there }: Setting) -> Step {
-    Step::Object(if if_there { Action::WriteIfThere } else { Action::Write }, check)
+fn download(Setting { check, if_present }: Setting) -> Step {
+    Step::Object(if if_present { Action::WriteIfPresent } else { Action::Write }, check)
 }
 
-/// One read of every object that is set, for the last value it is set to.
-fn verifying(plan: &NodePlan) -> impl Iterator<Item = Step> + use<> {
+/// Reads every configured object once and compares its last value.
+fn verify(plan: &NodePlan) -> impl Iterator<Item = Step> + use<> {
     let mut seen = HashSet::new();
     let mut last: Vec<Setting> = plan.settings();
     last.reverse();
     last.retain(|setting| seen.insert(setting.check.object));
-    last.into_iter().rev().map(|Setting { check, if_there }| {
-        let action = if if_there { Action::CompareIfThere } else { Action::Compare };
+    last.into_iter().rev().map(|Setting { check, if_present }| {
+        let action = if if_present { Action::CompareIfPresent } else { Action::Compare };
         Step::Object(action, check)
     })
 }
 
-/// The mode is commanded, and there when the drive shows it.
+/// Commands the mode (6060h) and waits until the drive displays it (6061h).
 fn mode(plan: &NodePlan) -> impl Iterator<Item = Step> + use<> {
     let mode = plan.mode.map(Value::Integer8);
     let command = mode.map(|mode| Check::exactly(Object::MODE_OF_OPERATION, mode));
@@ -319,9 +319,9 @@ fn shown_mode(plan: &NodePlan) -> Option<Check> {
     Some(Check::exactly(Object::MODE_DISPLAY, mode))
 }
 
-/// "save", as 1010h takes it.
+/// Signature "save" of 1010h.
 const SAVE: u32 = u32::from_le_bytes(*b"save");
-/// "load", as 1011h takes it.
+/// Signature "load" of 1011h.
 const LOAD: u32 = u32::from_le_bytes(*b"load");
 
 #[cfg(test)]
@@ -333,17 +333,17 @@ mod tests {
     use crate::testing::plans::switch_box;
     use crate::testing::scripted::first_boot;
 
-    /// Where each object is written.
+    /// Index of each write, with its object.
     fn writes(steps: &[Step]) -> Vec<(usize, Object)> {
         let written = |step: &Step| match step {
             Step::Object(action, check) if action.writes() => Some(check.object),
-            Step::Object(..) | Step::Reset(_) | Step::Listen => None,
+            Step::Object(..) | Step::Reset(_) | Step::AwaitHeartbeat => None,
         };
         steps.iter().enumerate().filter_map(|(at, step)| Some((at, written(step)?))).collect()
     }
 
     #[test]
-    fn nothing_is_written_before_identity_and_reset() {
+    fn identity_and_reset_come_before_every_write() {
         for plan in [elbow(), switch_box(), guarded_elbow()] {
             let steps = first_boot(&plan);
             let is_reset = |step: &Step| *step == Step::Reset(NmtCommand::ResetCommunication);
@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drive_is_off_before_a_pdo_is_touched_and_its_stops_are_set_before_its_mode() {
+    fn power_off_precedes_pdos_and_stop_options_precede_the_mode() {
         let writes = writes(&first_boot(&elbow()));
         let at = |object| writes.iter().find(|(_, written)| *written == object).unwrap().0;
         assert!(at(Object::CONTROLWORD) < at(Object::tpdo_communication(1, 1)));
@@ -366,9 +366,9 @@ mod tests {
     }
 
     #[test]
-    fn a_stored_configuration_is_read_once_and_not_written() {
+    fn stored_configuration_is_read_once_and_not_written() {
         let plan = elbow();
-        let steps = Stage::Verifying.steps(&plan);
+        let steps = Stage::Verify.steps(&plan);
         let written = writes(&steps).into_iter().map(|(_, object)| object);
         assert!(written.eq([Object::MODE_OF_OPERATION]), "a mode is a command");
         let mut objects: Vec<_> = plan.writes().into_iter().map(|(object, _)| object).collect();
@@ -380,22 +380,22 @@ mod tests {
     }
 
     #[test]
-    fn a_drive_with_its_power_on_is_taken_off_it_before_anything_else_is_asked_or_told() {
-        let plan = NodePlan { rest: Some(200), ..elbow() };
-        assert_eq!(Stage::Finding.next(&plan), Next::Stage(Stage::Looking));
-        assert_eq!(Stage::Looking.otherwise(), Some(Next::Stage(Stage::Disabling)));
-        let steps = Stage::Disabling.steps(&plan);
+    fn enabled_drive_is_switched_off_before_any_other_request() {
+        let plan = NodePlan { standstill_counts: Some(200), ..elbow() };
+        assert_eq!(Stage::Probe.next(&plan), Next::Stage(Stage::CheckPowerOff));
+        assert_eq!(Stage::CheckPowerOff.on_mismatch(), Some(Next::Stage(Stage::SwitchOff)));
+        let steps = Stage::SwitchOff.steps(&plan);
         assert_eq!(writes(&steps), [(0, Object::CONTROLWORD)]);
         let last = steps.last().unwrap();
         assert!(
-            matches!(last, Step::Object(Action::Settle, check) if check.object == Object::POSITION_ACTUAL)
+            matches!(last, Step::Object(Action::AwaitStandstill, check) if check.object == Object::POSITION_ACTUAL)
         );
-        assert_eq!(Stage::Finding.next(&switch_box()), Next::Stage(Stage::Meeting), "it has none");
+        assert_eq!(Stage::Probe.next(&switch_box()), Next::Stage(Stage::CheckIdentity), "no drive");
     }
 
     #[test]
-    fn the_stamp_stands_before_the_configuration_is_saved() {
-        let steps = Stage::Storing.steps(&elbow());
+    fn stamp_is_written_before_save() {
+        let steps = Stage::Store.steps(&elbow());
         let objects = writes(&steps).into_iter().map(|(_, object)| object);
         let stored =
             [Object::CONFIGURATION_DATE, Object::CONFIGURATION_TIME, Object::STORE_PARAMETERS];
@@ -403,16 +403,16 @@ mod tests {
     }
 
     #[test]
-    fn defaults_are_loaded_before_a_reset_of_the_whole_node() {
+    fn defaults_are_loaded_before_the_node_reset() {
         let plan = NodePlan { restores_defaults: true, ..elbow() };
-        let steps = Stage::Resetting.steps(&plan);
+        let steps = Stage::Reset.steps(&plan);
         assert_eq!(writes(&steps[..1]), [(0, Object::RESTORE_DEFAULTS)]);
         assert_eq!(steps[1], Step::Reset(NmtCommand::ResetNode));
     }
 
     #[test]
-    fn only_what_is_asked_for_is_compared_beyond_the_identity() {
-        let count = |plan: &NodePlan| Stage::Meeting.steps(plan).len();
+    fn only_planned_criteria_are_compared_beyond_the_identity() {
+        let count = |plan: &NodePlan| Stage::CheckIdentity.steps(plan).len();
         let mut plan = elbow();
         assert_eq!(count(&plan), 3);
         plan.admission.serial = Some(7);
@@ -421,14 +421,15 @@ mod tests {
     }
 
     #[test]
-    fn every_stage_comes_to_an_end() {
+    fn every_stage_reaches_an_end() {
         for keep_alive in [false, true] {
             for stores_configuration in [false, true] {
                 let plan = NodePlan { keep_alive, stores_configuration, ..elbow() };
-                let mut ways = vec![(Stage::Finding, 0)];
+                let mut ways = vec![(Stage::Probe, 0)];
                 while let Some((stage, length)) = ways.pop() {
-                    assert!(length < 10, "it goes round in circles");
-                    for next in [Some(stage.next(&plan)), stage.otherwise()].into_iter().flatten() {
+                    assert!(length < 10, "stages form a cycle");
+                    for next in [Some(stage.next(&plan)), stage.on_mismatch()].into_iter().flatten()
+                    {
                         if let Next::Stage(next) = next {
                             ways.push((next, length + 1));
                         }

@@ -1,10 +1,12 @@
-//! The laws of a master of several nodes on two buses, from its frames.
+//! Tests of a master with several nodes on two buses, by its frames.
 
 use std::time::Duration;
 
+use canopen_rs::NmtState;
 use proptest::prelude::*;
 
 use super::*;
+use crate::master::commission::BOOT_TIMEOUT;
 use crate::master::duplicate::Sign;
 use crate::master::steps::Configuration;
 use crate::object::Object;
@@ -16,13 +18,13 @@ use units::numbering::NodeIndex;
 
 const MS: Duration = Duration::from_millis(1);
 
-/// Nodes on two buses and their master; node 3 is on both.
+/// Nodes on two buses and their master; node-id 3 exists on both.
 struct Bench {
     master: Master,
     devices: Vec<(Channel, Scripted)>,
     now: Instant,
     events: Vec<Event>,
-    said: Vec<Telegram>,
+    sent: Vec<Telegram>,
 }
 
 fn plans() -> Vec<(Channel, NodePlan)> {
@@ -38,12 +40,12 @@ impl Bench {
         Self::of(plans())
     }
 
-    /// Every node of `plans` is there.
+    /// A master with a scripted device for each of `plans`.
     fn of(plans: Vec<(Channel, NodePlan)>) -> Self {
         let devices =
             plans.iter().map(|(channel, plan)| (*channel, Scripted::suiting(plan))).collect();
         let master = Master::new(plans);
-        Self { master, devices, now: Instant::ZERO, events: vec![], said: vec![] }
+        Self { master, devices, now: Instant::ZERO, events: vec![], sent: vec![] }
     }
 
     fn booted() -> Self {
@@ -54,7 +56,7 @@ impl Bench {
         bench
     }
 
-    /// Runs for so many milliseconds; devices that were told to send heartbeats do, every 25 ms.
+    /// Runs for `ms` milliseconds; configured devices send a heartbeat every 25 ms.
     fn run(&mut self, ms: u64) {
         for _ in 0..ms {
             self.now = self.now + MS;
@@ -63,7 +65,7 @@ impl Bench {
                 let configured = device.objects[&Object::PRODUCER_HEARTBEAT] == [25, 0];
                 if configured && self.now.as_micros().is_multiple_of(25_000) {
                     let frame = device.heartbeat(device.state);
-                    self.hear(*channel, frame);
+                    self.receive(*channel, frame);
                 }
             }
             for _ in 0..100 {
@@ -79,14 +81,14 @@ impl Bench {
         }
     }
 
-    fn hear(&mut self, channel: Channel, frame: Frame) {
+    fn receive(&mut self, channel: Channel, frame: Frame) {
         let mut out = Vec::new();
         let event = self.master.on_frame(self.now, &Telegram { channel, frame }, &mut out);
         self.events.extend(event);
         self.exchange(out);
     }
 
-    /// Runs as a cycle does: every millisecond one waiting frame goes out.
+    /// Runs like a cycle: releases one queued frame every millisecond.
     fn cycle(&mut self, ms: u64) {
         for _ in 0..ms {
             self.run(1);
@@ -95,11 +97,11 @@ impl Bench {
         }
     }
 
-    /// Delivers what the master says, and what is answered.
+    /// Delivers the master's frames and the replies.
     fn exchange(&mut self, mut out: Vec<Telegram>) {
         while !out.is_empty() {
             let telegram = out.remove(0);
-            self.said.push(telegram);
+            self.sent.push(telegram);
             for place in 0..self.devices.len() {
                 let (channel, device) = &mut self.devices[place];
                 let answer = if *channel == telegram.channel {
@@ -108,8 +110,8 @@ impl Bench {
                     None
                 };
                 if let Some(frame) = answer {
-                    let heard = Telegram { channel: telegram.channel, frame };
-                    self.events.extend(self.master.on_frame(self.now, &heard, &mut out));
+                    let received = Telegram { channel: telegram.channel, frame };
+                    self.events.extend(self.master.on_frame(self.now, &received, &mut out));
                 }
             }
         }
@@ -123,7 +125,7 @@ impl Bench {
     }
 
     fn was_started(&self) -> bool {
-        self.said.iter().any(|t| t.frame.cob_id == 0 && t.frame.data().first() == Some(&1))
+        self.sent.iter().any(|t| t.frame.cob_id == 0 && t.frame.data().first() == Some(&1))
     }
 }
 
@@ -132,19 +134,19 @@ fn every_node_of_every_bus_is_booted_and_started() {
     let bench = Bench::booted();
     assert!(bench.devices.iter().all(|(_, device)| device.state == 0x05));
     assert!(!bench.master.is_booting());
-    let starts: Vec<_> = bench.said.iter().rev().take(3).map(|t| (t.channel, t.frame)).collect();
+    let starts: Vec<_> = bench.sent.iter().rev().take(3).map(|t| (t.channel, t.frame)).collect();
     let start = |node| Frame::new(0, [1, node]);
     assert_eq!(starts, [(Channel(1), start(16)), (Channel(1), start(3)), (Channel(0), start(3))]);
 }
 
 #[test]
-fn a_node_has_one_transfer_at_a_time() {
+fn node_has_one_transfer_at_a_time() {
     let mut bench = Bench::new();
     bench.devices.clear();
     bench.run(1_950);
     for (channel, cob_id) in [(0, 0x603), (1, 0x603), (1, 0x610)] {
         let is_its = |t: &&Telegram| t.channel == Channel(channel) && t.frame.cob_id == cob_id;
-        let requests = bench.said.iter().filter(is_its).filter_map(|t| t.frame.data().first());
+        let requests = bench.sent.iter().filter(is_its).filter_map(|t| t.frame.data().first());
         let commands: Vec<u8> = requests.copied().collect();
         assert_eq!(commands, [[0x40, 0x80]; 20].concat()[..39], "read, abort, read, abort ...");
     }
@@ -162,7 +164,7 @@ fn one_wrong_node_is_named_and_none_is_started() {
 }
 
 #[test]
-fn every_missing_node_is_named() {
+fn every_absent_node_is_named() {
     let mut bench = Bench::new();
     bench.devices.clear();
     bench.run(3_000);
@@ -173,7 +175,7 @@ fn every_missing_node_is_named() {
 }
 
 #[test]
-fn a_node_that_falls_silent_while_another_boots_is_a_failure() {
+fn heartbeat_lost_while_another_node_boots_is_a_failure() {
     let mut bench = Bench::new();
     bench.devices[0].1.deaf_for = 15;
     bench.run(500);
@@ -198,7 +200,7 @@ fn nodes_that_do_not_start_are_named() {
 }
 
 #[test]
-fn a_silent_node_is_lost_and_heard_again() {
+fn lost_heartbeat_returns_as_a_state_change() {
     let mut bench = Bench::booted();
     let beat = bench.devices[1].1.objects.insert(Object::PRODUCER_HEARTBEAT, vec![0, 0]);
     bench.run(100);
@@ -218,54 +220,54 @@ fn all_nodes_lost_at_once_are_all_reported() {
 }
 
 #[test]
-fn a_reboot_is_no_mere_change_of_state() {
+fn reboot_is_reported_as_such() {
     let mut bench = Bench::booted();
-    bench.hear(Channel(1), Frame::new(0x710, [0]));
+    bench.receive(Channel(1), Frame::new(0x710, [0]));
     assert_eq!(bench.events, [Event::Rebooted { node: NodeIndex(2) }]);
     assert_eq!(bench.master.health(NodeIndex(2)), Some(Health::Alive(NmtState::PreOperational)));
 }
 
 #[test]
-fn an_emergency_is_known_by_its_bus_and_by_both_its_places() {
+fn emergency_is_matched_by_bus_and_both_cob_ids() {
     let mut bench = Bench::booted();
     bench.master.slaves[1].plan.emcy_cob_id = 0x683;
     let data = [0x50, 0x82, 0x11, 0, 0, 0, 0, 0];
     for (channel, cob_id) in [(0, 0x83), (1, 0x83), (1, 0x683), (0, 0x683), (1, 0x84)] {
-        bench.hear(Channel(channel), Frame::new(cob_id, data));
+        bench.receive(Channel(channel), Frame::new(cob_id, data));
     }
     let emergency = Emergency::decode(&data).unwrap();
     let emergencies = bench.events.iter().filter(|event| matches!(event, Event::Emergency { .. }));
     let expected = [0, 1, 1].map(NodeIndex).map(|node| Event::Emergency { node, emergency });
     assert!(emergencies.eq(&expected));
-    let stranger = Event::Stranger { channel: Channel(1), node_id: 4 };
-    assert_eq!(bench.events.last(), Some(&stranger));
+    let unknown = Event::UnknownNode { channel: Channel(1), node_id: 4 };
+    assert_eq!(bench.events.last(), Some(&unknown));
 }
 
 #[test]
-fn whoever_else_commands_is_heard() {
+fn command_of_another_master_is_reported() {
     let mut bench = Bench::booted();
     let foreign =
         [Frame::new(0, [0x81, 0]), Frame::new(0x80, []), Frame::new(0x203, [0x0F, 0, 1, 0])];
     for frame in foreign {
-        bench.hear(Channel(0), frame);
+        bench.receive(Channel(0), frame);
     }
     let channel = Channel(0);
     assert_eq!(bench.events, foreign.map(|frame| Event::ForeignMaster { channel, frame }));
 }
 
 #[test]
-fn a_download_of_another_client_is_a_foreign_master() {
+fn download_of_another_client_is_a_foreign_master() {
     let download = Frame::new(0x603, [0x2B, 0x00, 0x14, 5, 0, 0, 0, 0]);
     let by_blocks = Frame::new(0x603, [0xC2, 0x00, 0x14, 5, 0, 0, 0, 0]);
     let confirmed = Frame::new(0x583, [0x60, 0x00, 0x14, 5, 0, 0, 0, 0]);
     let mut bench = Bench::booted();
     let channel = Channel(0);
     for frame in [download, by_blocks, confirmed] {
-        bench.hear(channel, frame);
+        bench.receive(channel, frame);
         assert_eq!(bench.events, [Event::ForeignMaster { channel, frame }]);
         bench.events.clear();
     }
-    bench.hear(channel, Frame::new(0x604, *download.data().first_chunk::<8>().unwrap()));
+    bench.receive(channel, Frame::new(0x604, *download.data().first_chunk::<8>().unwrap()));
     assert_eq!(bench.events, [], "no node of this master");
 }
 
@@ -277,10 +279,10 @@ fn confirmations_of_own_downloads_are_not_foreign() {
     bench.master.power_off(bench.now, NodeIndex(0), &mut out);
     assert_eq!(out.len(), 2);
     let confirmed = Frame::new(0x583, [0x60, 0x40, 0x60, 0, 0, 0, 0, 0]);
-    bench.hear(Channel(0), confirmed);
-    bench.hear(Channel(0), confirmed);
+    bench.receive(Channel(0), confirmed);
+    bench.receive(Channel(0), confirmed);
     assert_eq!(bench.events, [], "the first came after the second was sent");
-    bench.hear(Channel(0), confirmed);
+    bench.receive(Channel(0), confirmed);
     let foreign = Event::ForeignMaster { channel: Channel(0), frame: confirmed };
     assert_eq!(bench.events, [foreign]);
 }
@@ -289,29 +291,29 @@ fn confirmations_of_own_downloads_are_not_foreign() {
 fn uploads_of_another_client_are_allowed_and_counted() {
     let mut bench = Bench::booted();
     for _ in 0..3 {
-        bench.hear(Channel(0), Frame::new(0x603, [0x40, 0x41, 0x60, 0, 0, 0, 0, 0]));
-        bench.hear(Channel(0), Frame::new(0x583, [0x4B, 0x41, 0x60, 0, 0x37, 2, 0, 0]));
+        bench.receive(Channel(0), Frame::new(0x603, [0x40, 0x41, 0x60, 0, 0, 0, 0, 0]));
+        bench.receive(Channel(0), Frame::new(0x583, [0x4B, 0x41, 0x60, 0, 0x37, 2, 0, 0]));
     }
-    bench.hear(Channel(0), Frame::new(0x603, [0xA4, 0x08, 0x10, 0, 21, 0, 0, 0]));
-    bench.hear(Channel(0), Frame::new(0x583, [0x61, b'f', b'r', b'h', b'c', 0, 0, 0]));
+    bench.receive(Channel(0), Frame::new(0x603, [0xA4, 0x08, 0x10, 0, 21, 0, 0, 0]));
+    bench.receive(Channel(0), Frame::new(0x583, [0x61, b'f', b'r', b'h', b'c', 0, 0, 0]));
     assert_eq!(bench.events, [Event::ReadByAnother { node: NodeIndex(0) }], "reported once");
     assert_eq!(bench.master.foreign_uploads(), 4);
 }
 
 #[test]
-fn the_cyclic_exchange_and_what_is_no_nodes_word_are_passed_over() {
+fn tpdos_and_unrelated_frames_are_ignored() {
     let mut bench = Bench::booted();
     bench.master.slaves[0].plan.pdos[0].cob_id = 0x310; // a TPDO, if not a predefined one
-    let before = bench.said.len();
+    let before = bench.sent.len();
     for cob_id in [0x183, 0x283, 0x383, 0x483, 0x605, 0x583, 0x205, 0x310, 0x585, 0x7E4] {
-        bench.hear(Channel(0), Frame::new(cob_id, [0; 8]));
+        bench.receive(Channel(0), Frame::new(cob_id, [0; 8]));
     }
-    bench.hear(Channel(0), Frame::remote(0x80, 0));
-    assert_eq!((bench.events.len(), bench.said.len()), (0, before));
+    bench.receive(Channel(0), Frame::remote(0x80, 0));
+    assert_eq!((bench.events.len(), bench.sent.len()), (0, before));
 }
 
 #[test]
-fn a_restart_configures_every_node_again() {
+fn restart_configures_every_node_again() {
     let mut bench = Bench::booted();
     for (_, device) in &mut bench.devices {
         device.written.clear();
@@ -324,7 +326,7 @@ fn a_restart_configures_every_node_again() {
 }
 
 #[test]
-fn an_orderly_stop_reaches_every_node() {
+fn shutdown_sets_every_node_pre_operational() {
     let mut bench = Bench::booted();
     let mut out = Vec::new();
     bench.master.shut_down(&mut out);
@@ -333,7 +335,7 @@ fn an_orderly_stop_reaches_every_node() {
 }
 
 #[test]
-fn every_node_tells_how_it_came_to_its_configuration() {
+fn origin_of_each_configuration_is_reported() {
     let mut bench = Bench::new();
     bench.devices[1].1 = Scripted::holding(&elbow());
     bench.run(300);
@@ -351,7 +353,7 @@ fn every_node_tells_how_it_came_to_its_configuration() {
 }
 
 #[test]
-fn failures_are_told_to_the_last_although_nothing_else_happens() {
+fn all_failures_are_reported_without_further_frames() {
     let mut bench = Bench::new();
     bench.devices.clear();
     bench.run(2_001);
@@ -359,7 +361,7 @@ fn failures_are_told_to_the_last_although_nothing_else_happens() {
     assert!(!bench.master.is_booting());
 }
 
-/// The switch box may be missing.
+/// Plans with an optional switch box.
 fn with_optional_switches() -> Vec<(Channel, NodePlan)> {
     let mut plans = plans();
     plans[2].1.is_optional = true;
@@ -367,20 +369,20 @@ fn with_optional_switches() -> Vec<(Channel, NodePlan)> {
 }
 
 #[test]
-fn a_missing_optional_node_does_not_keep_the_others_and_joins_them_when_it_appears() {
+fn absent_optional_node_joins_the_others_when_it_appears() {
     let mut bench = Bench::of(with_optional_switches());
     let (channel, switches) = bench.devices.pop().unwrap();
     bench.run(2_300);
-    let absent = Event::Absent { node: NodeIndex(2), waited: PATIENCE };
+    let absent = Event::Absent { node: NodeIndex(2), waited: BOOT_TIMEOUT };
     assert!(bench.events.contains(&absent));
     assert_eq!(bench.events.last(), Some(&Event::Booted));
     bench.events.clear();
     bench.cycle(5_000);
-    assert_eq!(bench.events, [], "told once");
+    assert_eq!(bench.events, [], "reported once");
 
     let boot_up = switches.heartbeat(0);
     bench.devices.push((channel, switches));
-    bench.hear(channel, boot_up);
+    bench.receive(channel, boot_up);
     bench.cycle(300);
     let configuration = Configuration::Downloaded;
     assert_eq!(
@@ -398,12 +400,12 @@ fn a_missing_optional_node_does_not_keep_the_others_and_joins_them_when_it_appea
     assert_eq!(
         bench.events,
         [Event::HeartbeatLost { node: NodeIndex(2) }],
-        "from now on it is one of them"
+        "it counts as the others now"
     );
 }
 
 #[test]
-fn an_optional_node_whose_boot_up_was_not_heard_is_looked_for() {
+fn optional_node_with_lost_boot_up_is_polled() {
     let mut bench = Bench::of(with_optional_switches());
     let switches = bench.devices.pop().unwrap();
     bench.run(2_300);
@@ -413,7 +415,7 @@ fn an_optional_node_whose_boot_up_was_not_heard_is_looked_for() {
 }
 
 #[test]
-fn late_optional_node_that_goes_again_is_still_awaited() {
+fn optional_node_lost_during_its_boot_is_still_awaited() {
     let mut bench = Bench::of(with_optional_switches());
     let (channel, switches) = bench.devices.pop().unwrap();
     bench.run(2_300);
@@ -421,18 +423,18 @@ fn late_optional_node_that_goes_again_is_still_awaited() {
     // It appears and is gone in the middle of its boot.
     let boot_up = switches.heartbeat(0);
     bench.devices.push((channel, switches));
-    bench.hear(channel, boot_up);
+    bench.receive(channel, boot_up);
     bench.cycle(3);
     let (channel, switches) = bench.devices.pop().unwrap();
     bench.cycle(8_000);
-    assert_eq!(bench.events, [], "neither a failure nor told again");
+    assert_eq!(bench.events, [], "neither a failure nor reported again");
     bench.devices.push((channel, switches));
     bench.cycle(3_000);
     assert_eq!(bench.events.last(), Some(&Event::Joined { node: NodeIndex(2) }));
 }
 
 #[test]
-fn an_optional_node_that_is_another_one_is_a_failure() {
+fn wrong_optional_node_is_a_failure() {
     let mut bench = Bench::of(with_optional_switches());
     bench.devices[2].1.objects.insert(Object::PRODUCT_CODE, vec![1, 0, 0, 0]);
     bench.run(2_300);
@@ -441,91 +443,91 @@ fn an_optional_node_that_is_another_one_is_a_failure() {
 }
 
 #[test]
-fn nothing_is_asked_of_a_running_network_but_one_frame_a_cycle() {
+fn running_network_gets_one_queued_frame_per_cycle() {
     let mut bench = Bench::of(with_optional_switches());
     let (channel, switches) = bench.devices.pop().unwrap();
     bench.run(2_300);
-    bench.said.clear();
+    bench.sent.clear();
     let boot_up = switches.heartbeat(0);
     bench.devices.push((channel, switches));
-    bench.hear(channel, boot_up);
+    bench.receive(channel, boot_up);
     bench.run(100);
-    assert_eq!(bench.said, [], "nothing goes out by itself");
+    assert_eq!(bench.sent, [], "nothing goes out by itself");
     let (mut before, mut most) = (0, 0);
     for _ in 0..300 {
         bench.cycle(1);
-        most = most.max(bench.said.len() - before);
-        before = bench.said.len();
+        most = most.max(bench.sent.len() - before);
+        before = bench.sent.len();
     }
     assert_eq!((most, bench.events.last()), (1, Some(&Event::Joined { node: NodeIndex(2) })));
 }
 
 #[test]
-fn an_emergency_has_the_history_of_its_node_read() {
+fn emergency_triggers_a_read_of_the_error_history() {
     let mut bench = Bench::booted();
     let device = &mut bench.devices[1].1;
     device.objects.insert(Object::ERROR_HISTORY, vec![2]);
     for (sub, code) in [(1, [0x50, 0x82, 0, 0]), (2, [0x10, 0x32, 0, 0])] {
         device.objects.insert(Object { sub, ..Object::ERROR_HISTORY }, code.to_vec());
     }
-    bench.hear(Channel(1), Frame::new(0x83, [0x50, 0x82, 0x11, 0, 0, 0, 0, 0]));
-    bench.hear(Channel(1), Frame::new(0x83, [0x10, 0x32, 0x15, 0, 0, 0, 0, 0]));
+    bench.receive(Channel(1), Frame::new(0x83, [0x50, 0x82, 0x11, 0, 0, 0, 0, 0]));
+    bench.receive(Channel(1), Frame::new(0x83, [0x10, 0x32, 0x15, 0, 0, 0, 0, 0]));
     bench.cycle(20);
     let histories: Vec<_> =
         bench.events.iter().filter(|e| matches!(e, Event::ErrorHistory { .. })).collect();
-    let words = "error history (1003h): 8250h RPDO timeout, 3210h DC link over-voltage";
+    let text = "error history (1003h): 8250h RPDO timeout, 3210h DC link over-voltage";
     assert_eq!(histories.len(), 1, "one reading at a time");
     assert_eq!(
         (histories[0].node(), histories[0].to_string().as_str()),
-        (Some(NodeIndex(1)), words)
+        (Some(NodeIndex(1)), text)
     );
     bench.events.clear();
-    bench.hear(Channel(1), Frame::new(0x83, [0; 8]));
+    bench.receive(Channel(1), Frame::new(0x83, [0; 8]));
     bench.cycle(20);
     assert_eq!(bench.events.len(), 1, "an error that is gone is no reason to ask");
 }
 
 #[test]
-fn two_nodes_of_one_node_id_are_told_of() {
+fn two_nodes_with_one_node_id_are_reported() {
     let mut bench = Bench::booted();
     for _ in 0..20 {
         bench.run(25);
-        bench.hear(Channel(0), Frame::new(0x703, [5]));
+        bench.receive(Channel(0), Frame::new(0x703, [5]));
     }
-    let sign = Sign::BeatsTooOften;
+    let sign = Sign::ExtraHeartbeats;
     assert_eq!(bench.events, [Event::Duplicate { node: NodeIndex(0), sign }]);
 }
 
 #[test]
-fn a_guarded_node_is_asked_and_is_lost_as_any_other() {
+fn guarded_node_is_polled_and_can_be_lost() {
     let mut plans = plans();
     plans[0].1 = guarded_elbow();
     let mut bench = Bench::of(plans);
     bench.run(300);
     assert_eq!(bench.events.last(), Some(&Event::Booted));
     bench.events.clear();
-    bench.said.clear();
+    bench.sent.clear();
     bench.run(1_000);
-    let asked = bench.said.iter().filter(|told| told.frame == Frame::remote(0x703, 1)).count();
-    assert_eq!((asked, bench.events.len()), (100, 0));
+    let polled = bench.sent.iter().filter(|t| t.frame == Frame::remote(0x703, 1)).count();
+    assert_eq!((polled, bench.events.len()), (100, 0));
     bench.devices[0].1.deaf_for = u32::MAX;
     bench.run(40);
     assert_eq!(bench.events, [Event::HeartbeatLost { node: NodeIndex(0) }]);
 }
 
 #[test]
-fn whoever_is_in_no_plan_is_told_of_once() {
+fn unknown_node_is_reported_once() {
     let mut bench = Bench::booted();
     for _ in 0..3 {
-        bench.hear(Channel(0), Frame::new(0x709, [5]));
-        bench.hear(Channel(1), Frame::new(0x703, [5]));
+        bench.receive(Channel(0), Frame::new(0x709, [5]));
+        bench.receive(Channel(1), Frame::new(0x703, [5]));
     }
-    assert_eq!(bench.events, [Event::Stranger { channel: Channel(0), node_id: 9 }]);
+    assert_eq!(bench.events, [Event::UnknownNode { channel: Channel(0), node_id: 9 }]);
 }
 
 proptest! {
     #[test]
-    fn any_frames_at_any_time_neither_panic_nor_stop_time(
+    fn any_frames_never_panic_and_deadlines_advance(
         is_booted in any::<bool>(),
         is_optional in any::<bool>(),
         steps in proptest::collection::vec(
@@ -543,7 +545,7 @@ proptest! {
         }
         for (ms, channel, cob_id, data) in steps {
             bench.run(ms);
-            bench.hear(Channel(channel), Frame::from_slice(cob_id, &data).unwrap());
+            bench.receive(Channel(channel), Frame::from_slice(cob_id, &data).unwrap());
         }
         bench.run(8_000);
         prop_assert!(!bench.master.is_booting());
@@ -551,11 +553,11 @@ proptest! {
         let booted = bench.events.contains(&Event::Booted);
         prop_assert!(is_booted || booted != failed, "one outcome: {:?}", bench.events);
         let waiting = std::iter::from_fn(|| bench.master.release()).count();
-        prop_assert!(waiting <= QUEUE);
+        prop_assert!(waiting <= MAX_QUEUED);
     }
 }
 
-/// Any identifier, and more often one that means something to this master.
+/// Any COB-ID, more often one that matters to this master.
 fn cob_ids() -> impl Strategy<Value = u16> {
     let known = prop::sample::select(vec![
         0x000_u16, 0x080, 0x083, 0x090, 0x183, 0x203, 0x583, 0x590, 0x703, 0x710, 0x705,

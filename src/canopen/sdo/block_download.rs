@@ -1,11 +1,11 @@
-//! Block download, seen from the client (CiA 301, 7.2.4.3.9 to 7.2.4.3.12).
+//! Client side of a block download (CiA 301, 7.2.4.3.9 to 7.2.4.3.12).
 //!
 //! ```text
 //! client                                server
-//! C6h index sub size ─────────────────►           or C2h: without a checksum
+//! C6h index sub size ─────────────────►           or C2h: without CRC
 //!           ◄────────── A4h index sub blksize     bit sc
 //! 01h … 7Fh, 7 bytes each ────────────►           bit 7 of the last
-//!           ◄────────── A2h ackseq blksize        again until all is there
+//!           ◄────────── A2h ackseq blksize        repeated until complete
 //! C1h | n << 2, CRC ──────────────────►
 //!           ◄────────── A1h
 //! ```
@@ -23,7 +23,7 @@ use crate::sdo::sender::Sender;
 use crate::sdo::step::Step;
 use crate::sdo::terms::Block;
 
-/// A value on its way down.
+/// Block download in progress.
 #[derive(Clone, Debug)]
 pub(super) struct BlockDownload {
     about: Address,
@@ -35,16 +35,16 @@ pub(super) struct BlockDownload {
 enum State {
     Opening { bytes: Vec<u8> },
     Sending { sender: Sender, has_crc: bool },
-    Ending { said: SdoPayload },
+    Ending { end: SdoPayload },
 }
 
 impl BlockDownload {
-    /// Nothing of `bytes` is sent yet.
+    /// Returns a download of `bytes`.
     pub(super) const fn new(about: Address, bytes: Vec<u8>, block: Block) -> Self {
         Self { about, block, state: State::Opening { bytes } }
     }
 
-    /// The request that opens it.
+    /// Initiating request.
     pub(super) fn request(&self) -> SdoPayload {
         let size = match &self.state {
             State::Opening { bytes } => u32::try_from(bytes.len()).ok(),
@@ -69,7 +69,7 @@ impl BlockDownload {
                         self.state = State::Sending { sender, has_crc };
                         Step::Stream
                     }
-                    Err(code) => Step::BreakOff(code),
+                    Err(code) => Step::Abort(code),
                 }
             }
             State::Sending { sender, has_crc } => {
@@ -79,25 +79,25 @@ impl BlockDownload {
                 match sender.answered(arrived, block_size) {
                     Ok(true) => {
                         let sum = if *has_crc { sender.sum() } else { 0 };
-                        let said = encode_end(sender.unused(), sum);
-                        self.state = State::Ending { said };
-                        Step::Send(said)
+                        let end = encode_end(sender.unused(), sum);
+                        self.state = State::Ending { end };
+                        Step::Send(end)
                     }
                     Ok(false) => Step::Stream,
-                    Err(code) => Step::BreakOff(code),
+                    Err(code) => Step::Abort(code),
                 }
             }
-            State::Ending { said } => {
+            State::Ending { end } => {
                 if decode_end_response(reply).is_ok() {
                     return Step::Done(Content::default());
                 }
-                // The last sub-block is answered again: the end was lost.
-                if decode_sub_response(reply).is_ok() { Step::Repeat(*said) } else { Step::Pass }
+                // The last sub-block is acknowledged again: the end request was lost.
+                if decode_sub_response(reply).is_ok() { Step::Repeat(*end) } else { Step::Pass }
             }
         }
     }
 
-    /// The next segment that may go out.
+    /// Returns the next segment to send.
     pub(super) fn next(&mut self) -> Option<SdoPayload> {
         match &mut self.state {
             State::Sending { sender, .. } => sender.next(),
@@ -105,7 +105,7 @@ impl BlockDownload {
         }
     }
 
-    /// Whether [`next`](Self::next) has a segment.
+    /// Returns whether [`next`](Self::next) has a segment.
     pub(super) const fn has_next(&self) -> bool {
         match &self.state {
             State::Sending { sender, .. } => sender.has_next(),
@@ -113,7 +113,7 @@ impl BlockDownload {
         }
     }
 
-    /// What was to be written, while nothing of it is sent.
+    /// Returns the value, as long as none of it is sent.
     pub(super) fn unsent(&mut self) -> Option<Vec<u8>> {
         match &mut self.state {
             State::Opening { bytes } => Some(std::mem::take(bytes)),

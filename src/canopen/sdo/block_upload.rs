@@ -1,12 +1,12 @@
-//! Block upload, seen from the client (CiA 301, 7.2.4.3.13 to 7.2.4.3.16).
+//! Client side of a block upload (CiA 301, 7.2.4.3.13 to 7.2.4.3.16).
 //!
 //! ```text
 //! client                                server
-//! A4h index sub blksize pst ──────────►           or A0h: without a checksum
-//!           ◄────────── C6h index sub size        bits sc, s; or a reply of the other protocol
+//! A4h index sub blksize pst ──────────►           or A0h: without CRC
+//!           ◄────────── C6h index sub size        bits sc, s; or a segmented upload response
 //! A3h ────────────────────────────────►
 //!           ◄────────── 01h … 7Fh, 7 bytes each   bit 7 of the last
-//! A2h ackseq blksize ─────────────────►           again until all is there
+//! A2h ackseq blksize ─────────────────►           repeated until complete
 //!           ◄────────── C1h | n << 2, CRC
 //! A1h ────────────────────────────────►
 //! ```
@@ -22,20 +22,20 @@ use canopen_rs::sdo::block::encode_upload_start;
 use crate::abort::AbortCode;
 use crate::sdo::content::Content;
 use crate::sdo::content::Size;
-use crate::sdo::receiver::Promise;
+use crate::sdo::receiver::BlockParameters;
 use crate::sdo::receiver::Receiver;
 use crate::sdo::receiver::Taken;
 use crate::sdo::segmented::SCS_UPLOAD;
 use crate::sdo::step::Step;
 use crate::sdo::terms::Block;
 
-/// A value on its way up.
+/// Block upload in progress.
 #[derive(Clone, Debug)]
 pub(super) struct BlockUpload {
     about: Address,
     limit: usize,
     block: Block,
-    /// From which size on block transfer is worth it, zero for always.
+    /// Protocol switch threshold in bytes; zero always uses blocks.
     threshold: u8,
     state: State,
 }
@@ -47,12 +47,12 @@ enum State {
 }
 
 impl BlockUpload {
-    /// Of at most `limit` bytes; the server is to use the other protocol for up to `threshold` bytes.
+    /// Returns an upload of at most `limit` bytes; up to `threshold` bytes the server may switch protocols.
     pub(super) const fn new(about: Address, limit: usize, block: Block, threshold: u8) -> Self {
         Self { about, limit, block, threshold, state: State::Opening }
     }
 
-    /// The request that opens it.
+    /// Initiating request.
     pub(super) fn request(&self) -> SdoPayload {
         let [c, low, high, sub, size, _, x, y] =
             encode_upload_initiate(self.about, self.block.size(), self.block.has_crc());
@@ -68,20 +68,20 @@ impl BlockUpload {
         }
     }
 
-    /// Asks again when nothing comes.
-    pub(super) fn nudge(&mut self) -> Option<SdoPayload> {
+    /// Repeats the last acknowledgement after a timeout.
+    pub(super) fn retry(&mut self) -> Option<SdoPayload> {
         match &mut self.state {
             State::Opening => None,
-            State::Receiving(receiver) => receiver.nudge(),
+            State::Receiving(receiver) => receiver.retry(),
         }
     }
 
-    /// Whether segments come, whose first byte may be any but that of an abort.
+    /// Returns whether segments are being received; any first byte but that of an abort is then valid.
     pub(super) const fn is_receiving(&self) -> bool {
         matches!(self.state, State::Receiving(_))
     }
 
-    /// The server agrees, or goes on by the other protocol.
+    /// Takes the upload response: by blocks, or by the segmented protocol.
     fn on_opened(&mut self, reply: &SdoPayload) -> Result<Step, AbortCode> {
         let [command, low, high, sub, ..] = *reply;
         if Address::new(u16::from_le_bytes([low, high]), sub) != self.about {
@@ -94,9 +94,9 @@ impl BlockUpload {
         let declared = opened.size.map(|size| usize::try_from(size).unwrap_or(usize::MAX));
         let has_crc = self.block.has_crc() && opened.crc_support;
         let (limit, block_size) = (self.limit, self.block.size());
-        let promise = Promise { declared, has_crc, limit, block_size };
+        let parameters = BlockParameters { declared, has_crc, limit, block_size };
         let start = encode_upload_start();
-        self.state = State::Receiving(Receiver::new([*reply, start], promise)?);
+        self.state = State::Receiving(Receiver::new([*reply, start], parameters)?);
         Ok(Step::Send(start))
     }
 }
@@ -104,8 +104,8 @@ impl BlockUpload {
 fn on_segment(receiver: &mut Receiver, reply: &SdoPayload) -> Result<Step, AbortCode> {
     Ok(match receiver.take(reply)? {
         Taken::InSequence => Step::Wait,
-        Taken::Passed => Step::Pass,
-        Taken::EndOfBlock if receiver.has_begun() => Step::Send(receiver.answer()),
+        Taken::Ignored => Step::Pass,
+        Taken::EndOfBlock if receiver.has_received() => Step::Send(receiver.answer()),
         Taken::EndOfBlock => Step::Repeat(receiver.answer()),
     })
 }
@@ -116,6 +116,6 @@ fn on_end(receiver: &mut Receiver, reply: &SdoPayload) -> Result<Step, AbortCode
         return Ok(Step::Pass);
     }
     let bytes = receiver.finish(unused, sum)?;
-    let size = if receiver.is_declared() { Size::Told } else { Size::Counted };
+    let size = if receiver.is_declared() { Size::Indicated } else { Size::Counted };
     Ok(Step::Confirm(encode_end_response(), Content::new(bytes, size)))
 }

@@ -1,24 +1,24 @@
-//! What a transfer brings back, and what it carries there.
+//! Content of a transfer.
 
 use canopen_rs::Value;
 
-/// What an object holds, as far as the transfer can tell.
+/// Content of an object, as the transfer delivers it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Content {
     bytes: Vec<u8>,
     size: Size,
 }
 
-/// How the number of bytes is known.
+/// Knowledge of the size.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Size {
-    /// The node told it.
+    /// Indicated by the server.
     #[default]
-    Told,
-    /// The node did not tell it, but every byte counts.
+    Indicated,
+    /// Not indicated; every received byte counts.
     Counted,
-    /// Expedited without a size: how many of the four bytes count is not said.
-    Open,
+    /// Expedited without an indicated size: some of the four bytes may be unused.
+    Unknown,
 }
 
 impl Content {
@@ -26,27 +26,27 @@ impl Content {
         Self { bytes, size }
     }
 
-    /// Every byte there is; an expedited reply that does not tell its size has four.
+    /// All received bytes; four for an expedited reply without an indicated size.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// The `size` bytes of the object's type, `None` if the node sent another number of them.
+    /// The `size` bytes of the object's type; `None` if the node sent another number of bytes.
     pub fn exactly(&self, size: usize) -> Option<&[u8]> {
-        if self.size == Size::Open { self.bytes.get(..size) } else { Some(self.bytes()) }
+        if self.size == Size::Unknown { self.bytes.get(..size) } else { Some(self.bytes()) }
             .filter(|bytes| bytes.len() == size)
     }
 
-    /// Whether the node told how many bytes there are.
-    pub fn is_size_told(&self) -> bool {
-        self.size == Size::Told
+    /// Returns whether the server indicated the size.
+    pub fn has_size(&self) -> bool {
+        self.size == Size::Indicated
     }
 }
 
-/// A value as SDO carries it, little-endian.
+/// Encodes a value for SDO, little-endian.
 pub fn bytes(value: &Value) -> Vec<u8> {
     let mut bytes = vec![0; value.size()];
-    // It fails only for a buffer that is too small, and then writes nothing.
+    // Encoding fails only for a buffer that is too small.
     value.encode_le(&mut bytes).map_or_else(|_| Vec::new(), |_| bytes)
 }
 
@@ -55,13 +55,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_a_reply_without_a_size_can_be_cut_to_the_size_of_the_type() {
-        for size in [Size::Told, Size::Counted] {
+    fn only_content_of_unknown_size_is_cut_to_the_type() {
+        for size in [Size::Indicated, Size::Counted] {
             let content = Content::new(vec![1, 2, 3, 4], size);
             assert_eq!((content.exactly(4), content.exactly(2)), (Some(&[1, 2, 3, 4][..]), None));
         }
-        let open = Content::new(vec![1, 2, 3, 4], Size::Open);
+        let open = Content::new(vec![1, 2, 3, 4], Size::Unknown);
         assert_eq!((open.exactly(2), open.exactly(5)), (Some(&[1, 2][..]), None));
-        assert!(!open.is_size_told());
+        assert!(!open.has_size());
     }
 }

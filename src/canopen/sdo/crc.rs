@@ -1,12 +1,12 @@
-//! The checksum of a block transfer (CiA 301, 7.2.4.3.16): CRC-16 with the polynomial x¹⁶ + x¹² + x⁵ + 1,
-//! begun with zero, most significant bit first.
+//! CRC of a block transfer (CiA 301, 7.2.4.3.16): CRC-16 with the polynomial x¹⁶ + x¹² + x⁵ + 1, initial value
+//! zero, most significant bit first.
 
-/// The CRC of what has been taken so far.
+/// CRC of the bytes taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Crc(u16);
 
 impl Crc {
-    /// Takes the bytes that follow.
+    /// Takes further bytes.
     pub(crate) fn take(&mut self, bytes: &[u8]) {
         for byte in bytes {
             let [high, low] = self.0.to_be_bytes();
@@ -15,7 +15,7 @@ impl Crc {
         }
     }
 
-    /// The sum.
+    /// CRC value.
     pub(crate) const fn sum(self) -> u16 {
         self.0
     }
@@ -23,7 +23,7 @@ impl Crc {
 
 const POLYNOMIAL: u16 = 0x1021;
 
-/// What each value of the byte shifted out adds.
+/// Contribution of each value of the byte shifted out.
 const TABLE: [u16; 256] = table();
 
 #[expect(
@@ -61,13 +61,13 @@ mod tests {
     }
 
     #[test]
-    fn the_check_value_of_the_standard_comes_out() {
+    fn check_value_is_that_of_the_standard() {
         assert_eq!(crc(b"123456789"), 0x31C3);
     }
 
     proptest! {
         #[test]
-        fn it_is_the_remainder_of_the_bitwise_division_however_the_bytes_are_cut(
+        fn crc_is_the_bitwise_remainder_for_any_split(
             bytes in proptest::collection::vec(any::<u8>(), 0..600),
             cut in 0_usize..600,
         ) {

@@ -1,13 +1,12 @@
-//! SDO transfers, seen from the client (CiA 301, 7.2.4.3): expedited, segmented and by blocks, up and
-//! down, one after the other at each node.
+//! SDO client transfers (CiA 301, 7.2.4.3): expedited, segmented and by blocks, in both directions, one after
+//! the other at each node.
 //!
-//! A reply counts only if it comes from the node that was asked *and* names the object that was asked
-//! for; everything else, late replies and stale aborts included, is passed over, and the deadline of
-//! the request ends the wait. (Segments name no object. A server sends in order, so none can be left
-//! over once the reply that opened the transfer is here.) A transfer broken off on this side tells the
-//! server so.
+//! A reply counts only if it comes from the requested node and names the requested object. All other frames
+//! are ignored, late replies and stale aborts included; the deadline of the request ends the wait. Segments
+//! name no object, but a server replies in order, so none is left over once the transfer is initiated.
 //!
-//! Every call adds one frame at most to what is to be sent, and the segments of a block go out by
+//! Each call appends at most one frame, and `on_time` alone sends the segments of a block: the caller limits
+//! the bus load by its calls. Segments that a server loses are sent again.
 //! `on_time` alone: whoever calls it when there is room, or once a cycle, keeps the bus from being
 //! flooded. Frames a server loses nevertheless are sent again.
 //!
@@ -52,7 +51,7 @@ pub use queue::Queue;
 pub use queue::Request;
 pub use queue::Task;
 pub use queue::Ticket;
-pub(crate) use receiver::Promise;
+pub(crate) use receiver::BlockParameters;
 pub(crate) use receiver::Receiver;
 pub(crate) use receiver::Taken;
 pub(crate) use sender::Sender;
@@ -68,19 +67,19 @@ use thiserror::Error;
 
 use crate::abort::AbortCode;
 
-/// Why a transfer failed, and on which side.
+/// Failure of a transfer, and the side that aborted it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum SdoError {
-    /// The node aborted it.
+    /// The server aborted the transfer.
     #[error("refused: {0}")]
-    Refused(AbortCode),
-    /// This side aborted it, and told the node.
-    #[error("broken off: {0}")]
-    BrokenOff(AbortCode),
-    /// The node did not reply in time; this side aborted it, and told the node.
+    AbortedByServer(AbortCode),
+    /// This client aborted the transfer.
+    #[error("aborted by the client: {0}")]
+    AbortedLocally(AbortCode),
+    /// The server did not reply in time; this client aborted the transfer.
     #[error("no answer")]
-    Silent,
+    Timeout,
 }
 
-/// A finished transfer: what was read, or nothing after a write.
+/// Outcome of a transfer: the content read, or no content after a write.
 pub type Outcome = Result<Content, SdoError>;

@@ -1,7 +1,7 @@
-//! Requests to several nodes, one transfer at a time at each.
+//! SDO requests to several nodes, one transfer at a time per node.
 //!
-//! Nodes are served side by side, the requests of one in the order they were asked. Every request has
-//! an outcome, once, unless it is cancelled.
+//! Nodes are served in parallel, the requests to one node in order. Every request has one outcome, unless it
+//! is cancelled.
 
 use std::collections::BTreeMap;
 use std::collections::VecDeque;
@@ -17,53 +17,53 @@ use crate::sdo::terms::Terms;
 use crate::sdo::transfer::Transfer;
 use units::time::Instant;
 
-/// What is asked of a node.
+/// Request to a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Request {
-    /// Of which object.
+    /// Object.
     pub object: Object,
-    /// To read or to write.
+    /// Read or write.
     pub task: Task,
-    /// By which protocol, and how patiently with each reply.
+    /// Protocol, and timeout of each reply.
     pub terms: Terms,
-    /// How long it may take in all, from when it is asked.
+    /// Maximum time from the request to its outcome.
     pub within: Duration,
 }
 
-/// What is to be done with an object.
+/// Access to an object.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Task {
-    /// Tell what it holds.
+    /// Uploads the object.
     Read,
-    /// Make it hold these bytes, little-endian.
+    /// Downloads these bytes, little-endian.
     Write(Vec<u8>),
 }
 
-/// By which a request is known.
+/// Identifier of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Ticket(u64);
 
-/// A request that is over.
+/// Finished request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Done {
-    /// Which.
+    /// Request.
     pub ticket: Ticket,
-    /// Who was asked.
+    /// Node.
     pub node: NodeId,
-    /// For which object.
+    /// Object.
     pub object: Object,
-    /// How it ended.
+    /// Outcome.
     pub outcome: Outcome,
 }
 
-/// Requests to several nodes.
+/// Queue of requests to several nodes.
 #[derive(Clone, Debug, Default)]
 pub struct Queue {
     issued: u64,
     lines: BTreeMap<u8, Line>,
 }
 
-/// The requests to one node.
+/// Requests to one node.
 #[derive(Clone, Debug)]
 struct Line {
     node: NodeId,
@@ -87,9 +87,8 @@ struct Running {
 }
 
 impl Queue {
-    /// Puts a request to `node` behind those it has; it begins with a call of
-    /// [`on_time`](Self::on_time).
-    pub fn ask(&mut self, now: Instant, node: NodeId, request: Request) -> Ticket {
+    /// Queues a request to `node`; the next call of [`on_time`](Self::on_time) starts it.
+    pub fn submit(&mut self, now: Instant, node: NodeId, request: Request) -> Ticket {
         let ticket = Ticket(self.issued);
         self.issued += 1;
         let until = now + request.within;
@@ -98,15 +97,14 @@ impl Queue {
         ticket
     }
 
-    /// Takes back a request, which then has no outcome; the server is told where it had begun. False
-    /// if it is over.
+    /// Cancels a request, without an outcome, and aborts its transfer. Returns false if it has already ended.
     pub fn cancel(&mut self, ticket: Ticket, out: &mut Vec<Frame>) -> bool {
         let is_cancelled = self.lines.values_mut().any(|line| line.cancel(ticket, out));
         self.lines.retain(|_, line| !line.is_empty());
         is_cancelled
     }
 
-    /// Takes back every request. To be called before a queue in use is dropped, or servers would wait.
+    /// Cancels every request. Call it before dropping a queue in use, as servers would wait otherwise.
     pub fn cancel_all(&mut self, out: &mut Vec<Frame>) {
         for line in std::mem::take(&mut self.lines).values_mut() {
             if let Some(running) = &mut line.running {
@@ -115,12 +113,12 @@ impl Queue {
         }
     }
 
-    /// How many requests are not over.
+    /// Number of pending requests.
     pub fn len(&self) -> usize {
         self.lines.values().map(Line::len).sum()
     }
 
-    /// Whether every request is over.
+    /// Returns whether no request is pending.
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty()
     }
@@ -132,14 +130,14 @@ impl Queue {
         done
     }
 
-    /// Does what is due, until one request is over; called again, it goes on.
+    /// Does what is due, up to one outcome per call.
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Done> {
         let done = self.lines.values_mut().find_map(|line| line.on_time(now, out));
         self.lines.retain(|_, line| !line.is_empty());
         done
     }
 
-    /// When [`on_time`](Self::on_time) must next be called; `None` when every request is over.
+    /// Time of the next call of [`on_time`](Self::on_time); `None` without pending requests.
     pub fn deadline(&self) -> Option<Instant> {
         self.lines.values().filter_map(Line::deadline).min()
     }
@@ -173,21 +171,21 @@ impl Line {
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Done> {
-        // One that waits for its turn may have waited too long.
+        // A queued request may time out before it is started.
         if let Some(place) = self.waiting.iter().position(|waiting| now >= waiting.until) {
             let Waiting { ticket, request, .. } = self.waiting.remove(place)?;
-            return Some(self.done(ticket, request.object, Err(SdoError::Silent)));
+            return Some(self.done(ticket, request.object, Err(SdoError::Timeout)));
         }
         if let Some(running) = &mut self.running {
             if now >= running.until {
                 running.transfer.cancel(out);
-                return self.end(Err(SdoError::Silent));
+                return self.end(Err(SdoError::Timeout));
             }
             let outcome = running.transfer.on_time(now, out)?;
             return self.end(outcome);
         }
         let waiting = self.waiting.pop_front()?;
-        self.begin(now, waiting, out)
+        self.start(now, waiting, out)
     }
 
     fn deadline(&self) -> Option<Instant> {
@@ -201,14 +199,14 @@ impl Line {
         waiting.chain(next).min()
     }
 
-    /// Begins the request whose turn it is; one that cannot be begun is over.
-    fn begin(&mut self, now: Instant, waiting: Waiting, out: &mut Vec<Frame>) -> Option<Done> {
+    /// Starts the next request. Returns its outcome if it cannot be started.
+    fn start(&mut self, now: Instant, waiting: Waiting, out: &mut Vec<Frame>) -> Option<Done> {
         let Waiting { ticket, request: Request { object, task, terms, .. }, until } = waiting;
-        let begun = match task {
+        let started = match task {
             Task::Read => Ok(Transfer::read_on(terms, self.node, object, now, out)),
             Task::Write(bytes) => Transfer::write_on(terms, self.node, object, bytes, now, out),
         };
-        match begun {
+        match started {
             Ok(transfer) => {
                 self.running = Some(Running { ticket, object, until, transfer });
                 None
@@ -247,7 +245,7 @@ mod tests {
         Request { object, task: Task::Read, terms, within: WITHIN }
     }
 
-    /// Everything that is due at `now`.
+    /// Calls `on_time` for everything that is due at `now`.
     fn due(queue: &mut Queue, now: Instant) -> (Vec<Done>, Vec<Frame>) {
         let (mut over, mut out) = (Vec::new(), Vec::new());
         while queue.deadline().is_some_and(|due| due <= now) {
@@ -278,11 +276,11 @@ mod tests {
     }
 
     #[test]
-    fn nodes_are_asked_side_by_side_and_each_one_thing_after_the_other() {
+    fn nodes_are_served_in_parallel_with_one_request_each() {
         let mut queue = Queue::default();
-        let first = queue.ask(NOW, node(5), reading(TYPE));
-        let second = queue.ask(NOW, node(5), reading(ERRORS));
-        let other = queue.ask(NOW, node(7), reading(TYPE));
+        let first = queue.submit(NOW, node(5), reading(TYPE));
+        let second = queue.submit(NOW, node(5), reading(ERRORS));
+        let other = queue.submit(NOW, node(7), reading(TYPE));
         let (over, out) = due(&mut queue, NOW);
         assert_eq!((over, out), (vec![], vec![request(5, TYPE), request(7, TYPE)]));
         let mut out = Vec::new();
@@ -298,46 +296,50 @@ mod tests {
     }
 
     #[test]
-    fn a_request_that_fails_leaves_the_next_its_turn() {
+    fn failed_request_starts_the_next_one() {
         let mut queue = Queue::default();
-        let first = queue.ask(NOW, node(5), reading(TYPE));
-        let second = queue.ask(NOW, node(5), reading(ERRORS));
+        let first = queue.submit(NOW, node(5), reading(TYPE));
+        let second = queue.submit(NOW, node(5), reading(ERRORS));
         due(&mut queue, NOW);
         let refusal = Frame::new(0x585, [0x80, 0x00, 0x10, 0, 0, 0, 2, 6]);
         let done = queue.on_frame(NOW, &refusal, &mut Vec::new()).unwrap();
         assert_eq!((done.ticket, done.node, done.object), (first, node(5), TYPE));
-        assert_eq!(done.outcome, Err(SdoError::Refused(AbortCode::NO_OBJECT)));
+        assert_eq!(done.outcome, Err(SdoError::AbortedByServer(AbortCode::NO_OBJECT)));
         assert_eq!(due(&mut queue, NOW).1, [request(5, ERRORS)]);
         let (over, out) = due(&mut queue, NOW + Duration::from_millis(100));
-        assert_eq!((over[0].ticket, &over[0].outcome), (second, &Err(SdoError::Silent)));
+        assert_eq!((over[0].ticket, &over[0].outcome), (second, &Err(SdoError::Timeout)));
         assert_eq!(out, [abort(5, ERRORS, AbortCode::TIMED_OUT)]);
     }
 
     #[test]
-    fn every_request_ends_in_its_own_time_begun_or_not() {
+    fn every_request_ends_within_its_time() {
         let mut queue = Queue::default();
         for _ in 0..5 {
-            queue.ask(NOW, node(5), reading(TYPE));
+            queue.submit(NOW, node(5), reading(TYPE));
         }
         let mut tickets = Vec::new();
         for millis in [0, 100, 200, 250] {
             let (over, _) = due(&mut queue, NOW + Duration::from_millis(millis));
-            assert!(over.iter().all(|done| done.outcome == Err(SdoError::Silent)));
+            assert!(over.iter().all(|done| done.outcome == Err(SdoError::Timeout)));
             tickets.push(over.len());
         }
-        assert_eq!(tickets, [0, 1, 1, 3], "two had their turn, one began, two never");
+        assert_eq!(
+            tickets,
+            [0, 1, 1, 3],
+            "two transfers timed out, one was started, two never were"
+        );
         assert!(queue.is_empty());
     }
 
     #[test]
-    fn what_is_cancelled_has_no_outcome_and_the_server_is_told() {
+    fn cancelled_request_has_no_outcome_and_is_aborted() {
         let mut queue = Queue::default();
-        let first = queue.ask(NOW, node(5), reading(TYPE));
-        let second = queue.ask(NOW, node(5), reading(ERRORS));
+        let first = queue.submit(NOW, node(5), reading(TYPE));
+        let second = queue.submit(NOW, node(5), reading(ERRORS));
         due(&mut queue, NOW);
         let mut out = Vec::new();
         assert!(queue.cancel(second, &mut out));
-        assert!(out.is_empty(), "it had not begun");
+        assert!(out.is_empty(), "it was not started");
         assert!(queue.cancel(first, &mut out));
         assert_eq!(out, [abort(5, TYPE, AbortCode::GENERAL_ERROR)]);
         assert!(!queue.cancel(first, &mut out));
@@ -346,10 +348,10 @@ mod tests {
     }
 
     #[test]
-    fn before_it_is_dropped_every_server_is_told() {
+    fn cancel_all_aborts_every_transfer() {
         let mut queue = Queue::default();
         for raw in [5, 5, 7] {
-            queue.ask(NOW, node(raw), reading(TYPE));
+            queue.submit(NOW, node(raw), reading(TYPE));
         }
         due(&mut queue, NOW);
         let mut out = Vec::new();
@@ -359,14 +361,18 @@ mod tests {
     }
 
     #[test]
-    fn a_write_that_is_too_long_is_over_before_it_begins() {
+    fn oversized_write_fails_before_it_is_started() {
         let mut queue = Queue::default();
         let terms = Terms { limit: 1, ..Terms::segmented(WITHIN) };
         let task = Task::Write(vec![1, 2]);
-        queue.ask(NOW, node(5), Request { object: TYPE, task, terms, within: WITHIN });
-        queue.ask(NOW, node(5), Request { task: Task::Write(vec![1]), terms, ..reading(ERRORS) });
+        queue.submit(NOW, node(5), Request { object: TYPE, task, terms, within: WITHIN });
+        queue.submit(
+            NOW,
+            node(5),
+            Request { task: Task::Write(vec![1]), terms, ..reading(ERRORS) },
+        );
         let (over, out) = due(&mut queue, NOW);
-        assert_eq!(over[0].outcome, Err(SdoError::BrokenOff(AbortCode::OUT_OF_MEMORY)));
+        assert_eq!(over[0].outcome, Err(SdoError::AbortedLocally(AbortCode::OUT_OF_MEMORY)));
         assert_eq!(out, [Frame::new(0x605, [0x2F, 0x01, 0x10, 0, 1, 0, 0, 0])]);
         let confirmed = Frame::new(0x585, [0x60, 0x01, 0x10, 0, 0, 0, 0, 0]);
         let done = queue.on_frame(NOW, &confirmed, &mut Vec::new()).unwrap();

@@ -1,8 +1,8 @@
-//! A value that arrives in sub-blocks (CiA 301, 7.2.4.3.9 to 7.2.4.3.16): the side that receives, be it
-//! the client of an upload or the server of a download.
+//! Receiver of a block transfer (CiA 301, 7.2.4.3.9 to 7.2.4.3.16): the client of an upload or the server of a
+//! download.
 //!
-//! Takes segments in sequence and no others. An answer is due at the end of a sub-block, lost segments
-//! or not. It grows by what arrives, never by what is merely announced.
+//! Accepts segments in sequence only. Each sub-block is acknowledged at its end. Memory grows with received
+//! bytes, not with the indicated size.
 
 use canopen_rs::sdo::SEGMENT_DATA_MAX;
 use canopen_rs::sdo::SdoPayload;
@@ -12,61 +12,61 @@ use crate::abort::AbortCode;
 use crate::sdo::crc::Crc;
 use crate::sdo::sender::LAST;
 
-/// What a segment is.
+/// Effect of a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Taken {
-    /// The next one; more follow.
+    /// The next segment; more follow.
     InSequence,
-    /// Not the next one: others were lost, or it came twice. More follow.
-    Passed,
-    /// The end of a sub-block; now [answer](Receiver::answer).
+    /// Out of sequence: segments were lost, or it is a repetition. More follow.
+    Ignored,
+    /// End of a sub-block: [acknowledge](Receiver::answer) it.
     EndOfBlock,
 }
 
-/// What has been agreed on.
+/// Parameters of a block transfer.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Promise {
-    /// The size that was announced, in bytes.
+pub(crate) struct BlockParameters {
+    /// Indicated size, in bytes.
     pub(crate) declared: Option<usize>,
-    /// Whether a checksum comes at the end.
+    /// Set if a CRC follows at the end.
     pub(crate) has_crc: bool,
-    /// The most that may come, in bytes.
+    /// Maximum size, in bytes.
     pub(crate) limit: usize,
-    /// Segments a sub-block has.
+    /// Segments per sub-block.
     pub(crate) block_size: u8,
 }
 
-/// A value, as far as it has come.
+/// Value in transfer, and its progress.
 #[derive(Clone, Debug)]
 pub(crate) struct Receiver {
     bytes: Vec<u8>,
-    /// Of the first `summed` bytes.
+    /// CRC of the first `summed` bytes.
     crc: Crc,
     summed: usize,
-    /// The size that was announced.
+    /// Indicated size, in bytes.
     declared: Option<usize>,
     limit: usize,
-    /// Segments a sub-block has.
+    /// Segments per sub-block.
     block_size: u8,
-    /// Segments of this sub-block that came in sequence.
+    /// Segments of the current sub-block received in sequence.
     arrived: u8,
-    /// The last frame that counted: what equals it is the same again.
+    /// Last accepted frame, to recognise its repetition.
     last: SdoPayload,
-    /// What this side said last.
-    said: SdoPayload,
-    /// Whether a checksum comes at the end.
+    /// Last reply of this side.
+    reply: SdoPayload,
+    /// Set if a CRC follows at the end.
     has_crc: bool,
     is_complete: bool,
 }
 
 impl Receiver {
-    /// Nothing has come yet but `opening`, the frame that said it would; of this side, `said`.
+    /// Returns a receiver after the frame `opening`, to which this side replied `reply`.
     ///
     /// # Errors
-    /// When more is announced than `limit` bytes.
+    /// Returns an abort code if the indicated size exceeds `limit`.
     pub(crate) fn new(
-        [opening, said]: [SdoPayload; 2],
-        Promise { declared, has_crc, limit, block_size }: Promise,
+        [opening, reply]: [SdoPayload; 2],
+        BlockParameters { declared, has_crc, limit, block_size }: BlockParameters,
     ) -> Result<Self, AbortCode> {
         if declared.is_some_and(|declared| declared > limit) {
             return Err(AbortCode::OUT_OF_MEMORY);
@@ -80,7 +80,7 @@ impl Receiver {
             block_size,
             arrived: 0,
             last: opening,
-            said,
+            reply,
             has_crc,
             is_complete: false,
         })
@@ -89,7 +89,7 @@ impl Receiver {
     /// Takes a segment.
     ///
     /// # Errors
-    /// When its number is none, or it is more than may come.
+    /// Returns an abort code for an invalid sequence number, or for more bytes than indicated.
     pub(crate) fn take(&mut self, segment: &SdoPayload) -> Result<Taken, AbortCode> {
         let &[command, ref seven @ ..] = segment;
         let (number, is_last) = (command & !LAST, command & LAST != 0);
@@ -103,59 +103,58 @@ impl Receiver {
             return Ok(if is_end { Taken::EndOfBlock } else { Taken::InSequence });
         }
         if *segment == self.last {
-            return Ok(Taken::Passed);
+            return Ok(Taken::Ignored);
         }
         if number == 0 || number > self.block_size {
             return Err(AbortCode::SEQUENCE_NUMBER_INVALID);
         }
-        Ok(if is_end { Taken::EndOfBlock } else { Taken::Passed })
+        Ok(if is_end { Taken::EndOfBlock } else { Taken::Ignored })
     }
 
-    /// Says how many segments of this sub-block came in sequence; the next begins after them.
+    /// Acknowledges the segments of this sub-block that arrived in sequence; the next starts after them.
     pub(crate) fn answer(&mut self) -> SdoPayload {
         let unknown = if self.is_complete { SEGMENT_DATA_MAX } else { 0 };
         let end = self.bytes.len().saturating_sub(unknown);
         self.crc.take(self.bytes.get(self.summed..end).unwrap_or_default());
         self.summed = end;
-        self.said = encode_sub_response(std::mem::take(&mut self.arrived), self.block_size);
-        self.said
+        self.reply = encode_sub_response(std::mem::take(&mut self.arrived), self.block_size);
+        self.reply
     }
 
-    /// What to say when nothing comes: which segments did, or what was said before. The other side may
-    /// take the latter for an answer to segments that were all lost, so that it needs a size or a
-    /// checksum to find out.
-    pub(crate) fn nudge(&mut self) -> Option<SdoPayload> {
-        if self.has_begun() {
+    /// Returns the acknowledgement, or the last reply, to send after a timeout. The last reply may look like
+    /// an acknowledgement of a lost sub-block, so it is repeated only if a size or CRC would reveal that.
+    pub(crate) fn retry(&mut self) -> Option<SdoPayload> {
+        if self.has_received() {
             return Some(self.answer());
         }
         let is_safe = self.has_crc || self.declared.is_some();
-        is_safe.then_some(self.said)
+        is_safe.then_some(self.reply)
     }
 
-    /// Whether something of this sub-block has come.
-    pub(crate) const fn has_begun(&self) -> bool {
+    /// Returns whether a segment of this sub-block was received.
+    pub(crate) const fn has_received(&self) -> bool {
         self.arrived > 0
     }
 
-    /// Whether the last segment has come.
+    /// Returns whether the last segment was received.
     pub(crate) const fn is_complete(&self) -> bool {
         self.is_complete
     }
 
-    /// Whether the size was announced.
+    /// Returns whether the size was indicated.
     pub(crate) const fn is_declared(&self) -> bool {
         self.declared.is_some()
     }
 
-    /// Whether `frame` is the last that counted, come again.
+    /// Returns whether `frame` repeats the last accepted one.
     pub(crate) fn is_again(&self, frame: &SdoPayload) -> bool {
         *frame == self.last
     }
 
-    /// The value, of whose last segment `unused` bytes mean nothing.
+    /// Returns the value without the `unused` bytes of its last segment.
     ///
     /// # Errors
-    /// When its checksum is not `sum`, where there is one, or it has another size than was announced.
+    /// Returns an abort code if the CRC differs from `sum`, or the size from the indicated one.
     pub(crate) fn finish(&mut self, unused: u8, sum: u16) -> Result<Vec<u8>, AbortCode> {
         self.bytes.truncate(self.bytes.len().saturating_sub(usize::from(unused)));
         let rest = self.bytes.get(self.summed..).ok_or(AbortCode::COMMAND_UNKNOWN)?;
@@ -171,7 +170,7 @@ impl Receiver {
         }
     }
 
-    /// All but the unused bytes of a last segment must have room.
+    /// Checks the size, except for bytes of a last segment that may be unused.
     fn check_room(&self) -> Result<(), AbortCode> {
         let certain = self.bytes.len().saturating_sub(SEGMENT_DATA_MAX);
         match self.declared {

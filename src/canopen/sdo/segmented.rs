@@ -1,5 +1,5 @@
-//! Expedited and segmented transfer, seen from the client (CiA 301, 7.2.4.3.3 to 7.2.4.3.8): a value in
-//! the frame that opens it, or seven bytes at a time, each asked for and answered.
+//! Client side of expedited and segmented transfers (CiA 301, 7.2.4.3.3 to 7.2.4.3.8): up to four bytes in the
+//! initiating frame, or seven bytes per request and reply.
 
 use canopen_rs::Address;
 use canopen_rs::ByteString;
@@ -20,24 +20,24 @@ use crate::sdo::content::Content;
 use crate::sdo::content::Size;
 use crate::sdo::step::Step;
 
-/// A value on its way up.
+/// Upload in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Upload {
     about: Address,
     limit: usize,
-    /// Toggle bit of the next segment; `None` until the transfer is opened.
+    /// Toggle bit of the next segment; `None` until the transfer is initiated.
     toggle: Option<bool>,
     declared: Option<usize>,
     bytes: Vec<u8>,
 }
 
 impl Upload {
-    /// Of at most `limit` bytes.
+    /// Returns an upload of at most `limit` bytes.
     pub(super) const fn new(about: Address, limit: usize) -> Self {
         Self { about, limit, toggle: None, declared: None, bytes: Vec::new() }
     }
 
-    /// The request that opens it.
+    /// Initiating request.
     pub(super) fn request(&self) -> SdoPayload {
         encode_upload_request(self.about)
     }
@@ -50,7 +50,7 @@ impl Upload {
         }
     }
 
-    /// All of a short value, or the size of a longer one.
+    /// Takes the upload response: a short value, or the size of a longer one.
     fn on_opened(&mut self, reply: &SdoPayload) -> Step {
         let &[command, low, high, sub, ref four @ ..] = reply;
         let about = Address::new(u16::from_le_bytes([low, high]), sub);
@@ -60,20 +60,20 @@ impl Upload {
         let (is_expedited, is_sized) = (command & EXPEDITED != 0, command & SIZE_INDICATED != 0);
         if is_expedited {
             let (unused, size) = match is_sized {
-                true => (usize::from(command >> 2 & 3), Size::Told),
-                false => (0, Size::Open),
+                true => (usize::from(command >> 2 & 3), Size::Indicated),
+                false => (0, Size::Unknown),
             };
             let bytes = four.iter().copied().take(4 - unused).collect();
             return Step::Done(Content::new(bytes, size));
         }
         self.declared = is_sized.then(|| size(*four));
         if self.declared.is_some_and(|declared| declared > self.limit) {
-            return Step::BreakOff(AbortCode::OUT_OF_MEMORY);
+            return Step::Abort(AbortCode::OUT_OF_MEMORY);
         }
-        self.ask(false)
+        self.request_segment(false)
     }
 
-    /// Seven bytes of a longer value.
+    /// Takes a segment of up to seven bytes.
     fn on_segment(&mut self, toggle: bool, reply: &SdoPayload) -> Result<Step, AbortCode> {
         let Ok(segment) = decode_data_segment(reply) else { return Ok(Step::Pass) };
         if segment.toggle != toggle {
@@ -87,37 +87,37 @@ impl Upload {
                 Err(AbortCode::LENGTH_TOO_LOW)
             }
             Some(_) | None if segment.last => {
-                let size = if self.declared.is_some() { Size::Told } else { Size::Counted };
+                let size = if self.declared.is_some() { Size::Indicated } else { Size::Counted };
                 Ok(Step::Done(Content::new(std::mem::take(&mut self.bytes), size)))
             }
-            // Nothing and more to come: this could go on for ever.
+            // An empty segment that is not the last: the transfer might never end.
             Some(_) | None if segment.data.is_empty() => Err(AbortCode::COMMAND_UNKNOWN),
-            Some(_) | None => Ok(self.ask(!toggle)),
+            Some(_) | None => Ok(self.request_segment(!toggle)),
         }
     }
 
-    fn ask(&mut self, toggle: bool) -> Step {
+    fn request_segment(&mut self, toggle: bool) -> Step {
         self.toggle = Some(toggle);
         Step::Send(encode_upload_segment_request(toggle))
     }
 }
 
-/// A value on its way down.
+/// Download in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Download {
     about: Address,
     bytes: Vec<u8>,
-    /// How much is sent, and the toggle bit it was sent with; `None` until the transfer is opened.
+    /// Number of bytes sent, and toggle bit of their segment; `None` until the transfer is initiated.
     sent: Option<(usize, bool)>,
 }
 
 impl Download {
-    /// Nothing of `bytes` is sent yet.
+    /// Returns a download of `bytes`.
     pub(super) const fn new(about: Address, bytes: Vec<u8>) -> Self {
         Self { about, bytes, sent: None }
     }
 
-    /// The request that opens it, and with one to four bytes is all of it.
+    /// Initiating request; it carries a value of one to four bytes.
     pub(super) fn request(&self) -> SdoPayload {
         let expedited = ByteString::from_bytes(&self.bytes)
             .and_then(|bytes| encode_download_expedited(self.about, &Value::Domain(bytes)));
@@ -136,35 +136,33 @@ impl Download {
             };
         };
         match decode_download_segment_response(reply) {
-            Ok(confirmed) if confirmed != toggle => {
-                Step::BreakOff(AbortCode::TOGGLE_NOT_ALTERNATED)
-            }
+            Ok(confirmed) if confirmed != toggle => Step::Abort(AbortCode::TOGGLE_NOT_ALTERNATED),
             Ok(_) if sent == self.bytes.len() => Step::Done(Content::default()),
             Ok(_) => self.segment(sent, !toggle),
             Err(_) => Step::Pass,
         }
     }
 
-    /// The segment that starts at byte `begin`.
+    /// Segment that starts at byte `begin`.
     fn segment(&mut self, begin: usize, toggle: bool) -> Step {
         let rest = self.bytes.get(begin..).unwrap_or_default();
         let piece = rest.get(..SEGMENT_DATA_MAX).unwrap_or(rest);
         self.sent = Some((begin + piece.len(), toggle));
         match encode_data_segment(piece, toggle, piece.len() == rest.len()) {
             Ok(payload) => Step::Send(payload),
-            Err(_) => Step::BreakOff(AbortCode::GENERAL_ERROR),
+            Err(_) => Step::Abort(AbortCode::GENERAL_ERROR),
         }
     }
 }
 
-/// A size as it is announced.
+/// Decodes an indicated size.
 pub(super) fn size(four: [u8; 4]) -> usize {
     usize::try_from(u32::from_le_bytes(four)).unwrap_or(usize::MAX)
 }
 
 /// Server command specifier of an upload response, in the three highest bits.
 pub(super) const SCS_UPLOAD: u8 = 2;
-/// Bit e: the value is in this frame.
+/// Bit e: the frame carries the value.
 const EXPEDITED: u8 = 1 << 1;
-/// Bit s: how long it is, is said.
+/// Bit s: the size is indicated.
 const SIZE_INDICATED: u8 = 1;

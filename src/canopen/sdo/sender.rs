@@ -1,9 +1,8 @@
-//! A value on its way in sub-blocks (CiA 301, 7.2.4.3.9 to 7.2.4.3.16): the side that sends, be it the
-//! client of a download or the server of an upload.
+//! Sender of a block transfer (CiA 301, 7.2.4.3.9 to 7.2.4.3.16): the client of a download or the server of an
+//! upload.
 //!
-//! Up to 127 segments of seven bytes, numbered from 1, go out before one answer says how many arrived
-//! in sequence. The next sub-block begins after those: what was lost is sent again. Who may send when,
-//! and the frames before and after, are not told here.
+//! A sub-block has up to 127 segments of seven bytes, numbered from 1. Its acknowledgement states how many
+//! arrived in sequence; the next sub-block starts after those, so lost segments are sent again.
 
 use canopen_rs::sdo::SEGMENT_DATA_MAX;
 use canopen_rs::sdo::SdoPayload;
@@ -12,38 +11,38 @@ use crate::abort::AbortCode;
 use crate::sdo::crc::Crc;
 use crate::sdo::terms::BLOCK_SIZE_MAX;
 
-/// How often in a row the other side may say that nothing has arrived.
-const IN_VAIN: u8 = 8;
+/// Maximum consecutive acknowledgements without progress.
+const MAX_FRUITLESS: u8 = 8;
 
-/// A value, and how far it has got.
+/// Value in transfer, and its progress.
 #[derive(Clone, Debug)]
 pub(crate) struct Sender {
     bytes: Vec<u8>,
-    /// Where the sub-block under way begins; what is before has arrived.
+    /// First byte of the current sub-block; the bytes before it have arrived.
     begin: usize,
-    /// Of what is before.
+    /// CRC of the bytes that have arrived.
     crc: Crc,
-    /// Segments the sub-block may have.
+    /// Segments per sub-block.
     block_size: u8,
-    /// Segments of it that have been sent.
+    /// Segments of the current sub-block that are sent.
     sent: u8,
-    /// What the answer to the sub-block before said.
+    /// Segments that arrived, by the previous acknowledgement.
     arrived: u8,
-    in_vain: u8,
+    fruitless: u8,
 }
 
 impl Sender {
-    /// Nothing of `bytes` is sent yet.
+    /// Returns a sender of `bytes`.
     ///
     /// # Errors
-    /// When `block_size` is not 1 to 127.
+    /// Returns an abort code unless `block_size` is within 1..=127.
     pub(crate) fn new(bytes: Vec<u8>, block_size: u8) -> Result<Self, AbortCode> {
         let block_size = checked(block_size)?;
         let crc = Crc::default();
-        Ok(Self { bytes, begin: 0, crc, block_size, sent: 0, arrived: 0, in_vain: 0 })
+        Ok(Self { bytes, begin: 0, crc, block_size, sent: 0, arrived: 0, fruitless: 0 })
     }
 
-    /// The next segment of the sub-block under way, `None` once an answer is due.
+    /// Returns the next segment; `None` once an acknowledgement is due.
     pub(crate) fn next(&mut self) -> Option<SdoPayload> {
         let at = self.place(self.sent);
         let is_over = self.sent > 0 && at >= self.bytes.len();
@@ -60,25 +59,26 @@ impl Sender {
         Some(segment)
     }
 
-    /// Whether [`next`](Self::next) has a segment.
+    /// Returns whether [`next`](Self::next) has a segment.
     pub(crate) const fn has_next(&self) -> bool {
         self.sent < self.block_size && (self.sent == 0 || self.place(self.sent) < self.bytes.len())
     }
 
-    /// Takes the answer to a sub-block: `arrived` segments in sequence, and what the next may have.
-    /// True once the whole value has arrived.
+    /// Takes the acknowledgement of a sub-block: `arrived` segments in sequence, and the size of the next
+    /// sub-block. Returns true once the whole value has arrived.
     ///
     /// # Errors
-    /// When more arrived than was sent, nothing arrives for ever, or `block_size` is not 1 to 127.
+    /// Returns an abort code if more arrived than was sent, if nothing arrives repeatedly, or if `block_size`
+    /// is not within 1..=127.
     pub(crate) fn answered(&mut self, arrived: u8, block_size: u8) -> Result<bool, AbortCode> {
-        // The answer to the sub-block before, said again: of this one nothing has arrived.
+        // A repeated acknowledgement of the previous sub-block: nothing of the current one has arrived.
         let is_again = arrived > self.sent && arrived == self.arrived;
         if arrived > self.sent && !is_again {
             return Err(AbortCode::SEQUENCE_NUMBER_INVALID);
         }
         let arrived = if is_again { 0 } else { arrived };
-        self.in_vain = if arrived == 0 { self.in_vain + 1 } else { 0 };
-        if self.in_vain > IN_VAIN {
+        self.fruitless = if arrived == 0 { self.fruitless + 1 } else { 0 };
+        if self.fruitless > MAX_FRUITLESS {
             return Err(AbortCode::SEQUENCE_NUMBER_INVALID);
         }
         let end = self.place(arrived);
@@ -96,15 +96,15 @@ impl Sender {
         Ok(false)
     }
 
-    /// Begins the sub-block under way again.
+    /// Starts the current sub-block again.
     ///
     /// # Errors
-    /// When that has been done too often.
+    /// Returns an abort code after too many repetitions.
     pub(crate) fn again(&mut self) -> Result<(), AbortCode> {
         self.answered(0, self.block_size).map(|_| ())
     }
 
-    /// How many bytes of the last segment mean nothing.
+    /// Number of unused bytes in the last segment.
     pub(crate) fn unused(&self) -> u8 {
         let used = match self.bytes.len() % SEGMENT_DATA_MAX {
             0 if !self.bytes.is_empty() => SEGMENT_DATA_MAX,
@@ -113,12 +113,12 @@ impl Sender {
         u8::try_from(SEGMENT_DATA_MAX - used).unwrap_or_default()
     }
 
-    /// The checksum of all that has arrived.
+    /// CRC of all bytes that have arrived.
     pub(crate) const fn sum(&self) -> u16 {
         self.crc.sum()
     }
 
-    /// The byte that segment `place`, from 0, begins with.
+    /// Offset of segment `place`, counted from 0.
     const fn place(&self, place: u8) -> usize {
         #[expect(clippy::as_conversions, reason = "a constant function has no `from`; u8 fits")]
         let place = place as usize;
@@ -126,12 +126,14 @@ impl Sender {
     }
 }
 
+/// Checks a block size.
+///
 /// # Errors
-/// When a sub-block cannot have that many segments.
+/// Returns an abort code unless it is within 1..=127.
 fn checked(block_size: u8) -> Result<u8, AbortCode> {
     let is_valid = (1..=BLOCK_SIZE_MAX).contains(&block_size);
     if is_valid { Ok(block_size) } else { Err(AbortCode::BLOCK_SIZE_INVALID) }
 }
 
-/// Bit c of a segment: no more come.
+/// Bit c of a segment: it is the last one.
 pub(super) const LAST: u8 = 0x80;

@@ -1,35 +1,35 @@
-//! What the parts of a transfer hand to the whole: they know the protocol, it knows the time.
+//! Steps of a transfer: a protocol returns them, [`Transfer`](crate::sdo::Transfer) adds the timing.
 
 use canopen_rs::sdo::SdoPayload;
 
 use crate::abort::AbortCode;
 use crate::sdo::content::Content;
 
-/// What a reply leads to.
+/// Consequence of a reply.
 #[derive(Clone, Debug)]
 pub(super) enum Step {
-    /// It is no reply to what was asked.
+    /// Ignores the frame: it is no reply to the request.
     Pass,
-    /// It belongs to the transfer; more follow by themselves.
+    /// Waits: more segments follow.
     Wait,
-    /// The next request.
+    /// Sends the next request.
     Send(SdoPayload),
-    /// The same request again: nothing has been gained.
+    /// Repeats a request without extending the deadline.
     Repeat(SdoPayload),
-    /// Segments are to go out, each in its time.
+    /// Sends segments at their interval.
     Stream,
-    /// The server goes on by the other protocol, to which its reply belongs.
+    /// Switches to the segmented protocol, to which the reply belongs.
     Switch,
-    /// It is over.
+    /// Ends the transfer.
     Done(Content),
-    /// It is over, and the server is told so.
+    /// Ends the transfer with a last frame to the server.
     Confirm(SdoPayload, Content),
-    /// It cannot go on.
-    BreakOff(AbortCode),
+    /// Aborts the transfer.
+    Abort(AbortCode),
 }
 
 impl From<Result<Self, AbortCode>> for Step {
     fn from(step: Result<Self, AbortCode>) -> Self {
-        step.unwrap_or_else(Self::BreakOff)
+        step.unwrap_or_else(Self::Abort)
     }
 }

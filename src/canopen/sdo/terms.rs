@@ -1,69 +1,67 @@
-//! On which terms a transfer is made: by which protocol, how patient, and how much at most.
+//! Terms of a transfer: protocol, timeout and maximum size.
 
 use std::time::Duration;
 
 use thiserror::Error;
 
-/// The largest value carried either way, in bytes.
+/// Maximum size of a value, in bytes.
 pub const MAX_BYTES: usize = 16 << 20;
 
-/// The largest value [`Transfer::read`](crate::sdo::Transfer::read) and
-/// [`write`](crate::sdo::Transfer::write) carry, in bytes: 2 s on an idle bus of 1 Mbit/s.
+/// Maximum size for [`Transfer::read`](crate::sdo::Transfer::read) and
+/// [`write`](crate::sdo::Transfer::write), in bytes: 2 s on an idle bus of 1 Mbit/s.
 pub const SEGMENTED_BYTES: usize = 1 << 16;
 
-/// The most segments a sub-block has (CiA 301, 7.2.4.3.9).
+/// Maximum segments of a sub-block (CiA 301, 7.2.4.3.9).
 pub(crate) const BLOCK_SIZE_MAX: u8 = 127;
 
-/// Up to this size, in bytes, a block transfer takes more frames than a segmented one.
-pub(super) const SHORT: u8 = 21;
+/// Size in bytes up to which a block transfer takes more frames than a segmented one.
+pub(super) const BLOCK_THRESHOLD: u8 = 21;
 
-/// How a transfer is made.
+/// Terms of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Terms {
-    /// How long the server may take for each reply. Amid the segments of a block it is asked once more
-    /// before it counts as silent, and has this time again.
+    /// Time allowed for each reply. During a block upload one retry doubles it.
     pub timeout: Duration,
-    /// The largest value that is taken, in bytes; at most [`MAX_BYTES`] count.
+    /// Maximum size in bytes; capped at [`MAX_BYTES`].
     pub limit: usize,
-    /// How what does not fit one frame is carried.
+    /// Protocol for values that do not fit one frame.
     pub protocol: Protocol,
 }
 
 impl Terms {
-    /// Expedited or segmented, up to [`MAX_BYTES`].
+    /// Uses expedited or segmented transfer, up to [`MAX_BYTES`].
     pub const fn segmented(timeout: Duration) -> Self {
         Self { timeout, limit: MAX_BYTES, protocol: Protocol::Segmented }
     }
 
-    /// Whatever takes the fewest frames and the server can do, up to [`MAX_BYTES`].
+    /// Uses the protocol with the fewest frames that the server supports, up to [`MAX_BYTES`].
     pub const fn best(timeout: Duration, block: Block) -> Self {
         Self { timeout, limit: MAX_BYTES, protocol: Protocol::Best(block) }
     }
 
-    /// By block transfer, up to [`MAX_BYTES`].
+    /// Uses block transfer, up to [`MAX_BYTES`].
     pub const fn block(timeout: Duration, block: Block) -> Self {
         Self { timeout, limit: MAX_BYTES, protocol: Protocol::Block(block) }
     }
 
-    /// The largest value that is taken.
-    pub(super) fn most(&self) -> usize {
+    /// Maximum size of the value, in bytes.
+    pub(super) fn max_bytes(&self) -> usize {
         self.limit.min(MAX_BYTES)
     }
 }
 
-/// How a value is carried that does not fit one frame.
+/// Protocol for values that do not fit one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
-    /// Each seven bytes are asked for and answered.
+    /// Segmented transfer: one reply per seven bytes.
     Segmented,
-    /// Up to 889 bytes have one answer. A value of any size is written so; one that is read may be
-    /// answered otherwise, as the server likes.
+    /// Block transfer: one reply per up to 889 bytes. The server may answer an upload by another protocol.
     Block(Block),
-    /// Block transfer where it is shorter; segmented with a server that does not know it.
+    /// Block transfer where it is shorter; segmented if the server does not support it.
     Best(Block),
 }
 
-/// How block transfer is done.
+/// Parameters of a block transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Block {
     size: u8,
@@ -71,59 +69,58 @@ pub struct Block {
     interval: Duration,
 }
 
-/// A sub-block that no protocol has.
+/// Error of an invalid block size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("a sub-block has 1 to 127 segments, not {0}")]
+#[error("block size must be within 1..=127 segments, got {0}")]
 pub struct InvalidBlockSize(pub u8);
 
 impl Block {
-    /// Sub-blocks of up to `size` segments when reading; when writing, the server decides. With a
-    /// checksum, and a segment a millisecond.
+    /// Returns parameters with `size` segments per sub-block of an upload (the server chooses those of a
+    /// download), a CRC, and an interval of 1 ms.
     ///
     /// # Errors
-    /// When `size` is not 1 to 127.
+    /// Returns an error unless `size` is within 1..=127.
     pub const fn new(size: u8) -> Result<Self, InvalidBlockSize> {
         if size == 0 || size > BLOCK_SIZE_MAX {
             return Err(InvalidBlockSize(size));
         }
-        Ok(Self { size, ..Self::LARGEST })
+        Ok(Self { size, ..Self::MAX })
     }
 
-    /// The same without a checksum.
+    /// Disables the CRC.
     #[must_use]
     pub const fn without_crc(self) -> Self {
         Self { has_crc: false, ..self }
     }
 
-    /// The same with this time between two segments that are written; zero leaves the pace to the owner,
-    /// who is asked for one with every call of `on_time`.
+    /// Sets the interval between two sent segments. With zero each call of `on_time` sends one.
     #[must_use]
     pub const fn every(self, interval: Duration) -> Self {
         Self { interval, ..self }
     }
 
-    /// Segments of a sub-block that is read, 1 to 127.
+    /// Segments per sub-block of an upload, 1 to 127.
     pub const fn size(self) -> u8 {
         self.size
     }
 
-    /// Whether a checksum is asked for.
+    /// Returns whether a CRC is requested.
     pub const fn has_crc(self) -> bool {
         self.has_crc
     }
 
-    /// The time between two segments that are written.
+    /// Interval between two sent segments.
     pub const fn interval(self) -> Duration {
         self.interval
     }
 
-    /// 127 segments, a checksum, and a segment a millisecond: no queue runs over, no process data waits.
-    pub const LARGEST: Self =
+    /// 127 segments, a CRC, and 1 ms between segments, so that no queue overflows and no process data waits.
+    pub const MAX: Self =
         Self { size: BLOCK_SIZE_MAX, has_crc: true, interval: Duration::from_millis(1) };
 }
 
 impl Default for Block {
     fn default() -> Self {
-        Self::LARGEST
+        Self::MAX
     }
 }

@@ -1,5 +1,5 @@
-//! One transfer between its request and its outcome: whose replies count, how long they may take, and
-//! when a segment may go out. What is said in it is known to its protocol.
+//! One transfer from its request to its outcome: matching of replies, timeouts, and pacing of segments. The
+//! protocols build the frames.
 
 use std::time::Duration;
 
@@ -19,28 +19,28 @@ use crate::sdo::block_upload::BlockUpload;
 use crate::sdo::segmented::Download;
 use crate::sdo::segmented::Upload;
 use crate::sdo::step::Step;
+use crate::sdo::terms::BLOCK_THRESHOLD;
 use crate::sdo::terms::Protocol;
 use crate::sdo::terms::SEGMENTED_BYTES;
-use crate::sdo::terms::SHORT;
 use crate::sdo::terms::Terms;
 use units::time::Instant;
 
-/// One transfer between its request and its outcome.
+/// One transfer from its request to its outcome.
 #[derive(Clone, Debug)]
 pub struct Transfer {
     node: NodeId,
     object: Object,
     terms: Terms,
     way: Way,
-    /// When a segment may go out, or the wait for a reply ends; `None` once finished.
+    /// Time to send a segment, or end of the wait for a reply; `None` once finished.
     deadline: Option<Instant>,
-    /// When the next segment may go out.
+    /// Earliest time of the next segment.
     free: Instant,
-    /// Whether it has asked again since the server was heard last.
-    has_nudged: bool,
+    /// Set if it has retried since the last reply.
+    has_retried: bool,
 }
 
-/// By which protocol, and which way.
+/// Protocol and direction.
 #[derive(Clone, Debug)]
 enum Way {
     Up(Upload),
@@ -51,8 +51,8 @@ enum Way {
 }
 
 impl Transfer {
-    /// Reads `object` of `node`, expedited or segmented, up to [`SEGMENTED_BYTES`]; every request has
-    /// `timeout` for its reply.
+    /// Uploads `object` of `node`, expedited or segmented, up to [`SEGMENTED_BYTES`]; `timeout` applies to
+    /// each reply.
     pub fn read(
         node: NodeId,
         object: Object,
@@ -64,11 +64,11 @@ impl Transfer {
         Self::read_on(terms, node, object, now, out)
     }
 
-    /// Writes `bytes`, little-endian, to `object` of `node`, expedited or segmented; every request has
-    /// `timeout` for its reply.
+    /// Downloads `bytes`, little-endian, to `object` of `node`, expedited or segmented; `timeout` applies to
+    /// each reply.
     ///
     /// # Errors
-    /// When there are more than [`SEGMENTED_BYTES`]; then nothing is sent.
+    /// Returns an error, and sends nothing, for more than [`SEGMENTED_BYTES`].
     pub fn write(
         node: NodeId,
         object: Object,
@@ -81,7 +81,7 @@ impl Transfer {
         Self::write_on(terms, node, object, bytes, now, out)
     }
 
-    /// Reads `object` of `node` on the terms told.
+    /// Uploads `object` of `node` by `terms`.
     pub fn read_on(
         terms: Terms,
         node: NodeId,
@@ -89,19 +89,21 @@ impl Transfer {
         now: Instant,
         out: &mut Vec<Frame>,
     ) -> Self {
-        let (about, limit) = (address(object), terms.most());
+        let (about, limit) = (address(object), terms.max_bytes());
         let way = match terms.protocol {
             Protocol::Segmented => Way::Up(Upload::new(about, limit)),
             Protocol::Block(block) => Way::BlockUp(BlockUpload::new(about, limit, block, 0)),
-            Protocol::Best(block) => Way::BlockUp(BlockUpload::new(about, limit, block, SHORT)),
+            Protocol::Best(block) => {
+                Way::BlockUp(BlockUpload::new(about, limit, block, BLOCK_THRESHOLD))
+            }
         };
-        Self::begin(terms, node, object, way, now, out)
+        Self::start(terms, node, object, way, now, out)
     }
 
-    /// Writes `bytes`, little-endian, to `object` of `node` on the terms told.
+    /// Downloads `bytes`, little-endian, to `object` of `node` by `terms`.
     ///
     /// # Errors
-    /// When there are more than the terms allow; then nothing is sent.
+    /// Returns an error, and sends nothing, for more bytes than the terms allow.
     pub fn write_on(
         terms: Terms,
         node: NodeId,
@@ -110,11 +112,11 @@ impl Transfer {
         now: Instant,
         out: &mut Vec<Frame>,
     ) -> Result<Self, SdoError> {
-        if bytes.len() > terms.most() {
-            return Err(SdoError::BrokenOff(AbortCode::OUT_OF_MEMORY));
+        if bytes.len() > terms.max_bytes() {
+            return Err(SdoError::AbortedLocally(AbortCode::OUT_OF_MEMORY));
         }
         let about = address(object);
-        let is_short = bytes.len() <= usize::from(SHORT);
+        let is_short = bytes.len() <= usize::from(BLOCK_THRESHOLD);
         let way = match terms.protocol {
             Protocol::Block(block) => Way::BlockDown(BlockDownload::new(about, bytes, block)),
             Protocol::Best(block) if !is_short => {
@@ -122,10 +124,10 @@ impl Transfer {
             }
             Protocol::Segmented | Protocol::Best(_) => Way::Down(Download::new(about, bytes)),
         };
-        Ok(Self::begin(terms, node, object, way, now, out))
+        Ok(Self::start(terms, node, object, way, now, out))
     }
 
-    fn begin(
+    fn start(
         terms: Terms,
         node: NodeId,
         object: Object,
@@ -134,7 +136,7 @@ impl Transfer {
         out: &mut Vec<Frame>,
     ) -> Self {
         let mut transfer =
-            Self { node, object, terms, way, deadline: None, free: now, has_nudged: false };
+            Self { node, object, terms, way, deadline: None, free: now, has_retried: false };
         transfer.open(now, out);
         transfer
     }
@@ -161,15 +163,15 @@ impl Transfer {
             Way::Finished => Step::Pass,
         };
         let Step::Switch = step else { return self.follow(now, step, out) };
-        let mut upload = Upload::new(address(self.object), self.terms.most());
+        let mut upload = Upload::new(address(self.object), self.terms.max_bytes());
         let step = upload.on_reply(&reply);
         self.way = Way::Up(upload);
         self.follow(now, step, out)
     }
 
-    /// Does what is due: sends a segment, asks again, or ends the wait for a reply.
+    /// Does what is due: sends a segment, retries, or ends the wait for a reply.
     ///
-    /// Segments of a block are sent here only, one a call, so that the owner keeps the pace.
+    /// Block segments are sent here only, one per call, so that the caller paces them.
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Outcome> {
         if self.deadline.is_none_or(|deadline| now < deadline) {
             return None;
@@ -180,29 +182,29 @@ impl Transfer {
             self.wait(now);
             return None;
         }
-        if let Some(request) = self.nudge() {
+        if let Some(request) = self.retry() {
             self.send(request, out);
             self.wait(now);
-            self.has_nudged = true;
+            self.has_retried = true;
             return None;
         }
         self.send_abort(AbortCode::TIMED_OUT, out);
-        Some(self.finish(Err(SdoError::Silent)))
+        Some(self.finish(Err(SdoError::Timeout)))
     }
 
-    /// Gives the server the whole timeout from now on, if a reply is awaited: it was busy until now.
+    /// Restarts the timeout of an awaited reply, for a server that was busy.
     pub fn extend(&mut self, now: Instant) {
         if self.deadline.is_some() {
             self.wait(now);
         }
     }
 
-    /// When [`on_time`](Self::on_time) must next be called; `None` once finished.
+    /// Time of the next call of [`on_time`](Self::on_time); `None` once finished.
     pub const fn deadline(&self) -> Option<Instant> {
         self.deadline
     }
 
-    /// Gives up, and tells the server so, unless it is finished.
+    /// Aborts the transfer, unless it is finished.
     pub fn cancel(&mut self, out: &mut Vec<Frame>) {
         if self.deadline.is_some() {
             self.send_abort(AbortCode::GENERAL_ERROR, out);
@@ -211,7 +213,7 @@ impl Transfer {
         }
     }
 
-    /// Sends the request that opens it.
+    /// Sends the initiating request.
     fn open(&mut self, now: Instant, out: &mut Vec<Frame>) {
         let request = match &self.way {
             Way::Up(upload) => upload.request(),
@@ -224,7 +226,7 @@ impl Transfer {
         self.wait(now);
     }
 
-    /// Does what a reply leads to.
+    /// Performs a step.
     fn follow(&mut self, now: Instant, step: Step, out: &mut Vec<Frame>) -> Option<Outcome> {
         match step {
             Step::Pass | Step::Switch => None,
@@ -246,14 +248,14 @@ impl Transfer {
                 self.send(confirmation, out);
                 Some(self.finish(Ok(content)))
             }
-            Step::BreakOff(code) => {
+            Step::Abort(code) => {
                 self.send_abort(code, out);
-                Some(self.finish(Err(SdoError::BrokenOff(code))))
+                Some(self.finish(Err(SdoError::AbortedLocally(code))))
             }
         }
     }
 
-    /// While segments come, only the whole byte tells an abort from the last of them.
+    /// Returns whether a reply is an abort. During a block upload only the whole command byte identifies it.
     const fn is_abort(&self, reply: &SdoPayload) -> bool {
         let [command, ..] = *reply;
         match &self.way {
@@ -265,7 +267,7 @@ impl Transfer {
         }
     }
 
-    /// The server aborts; if it does so because it knows no block transfer, there is the other way.
+    /// Takes an abort; switches protocols if the server does not support block transfer.
     fn on_abort(
         &mut self,
         now: Instant,
@@ -278,22 +280,22 @@ impl Transfer {
         }
         let code = AbortCode(u32::from_le_bytes(code));
         if code == AbortCode::COMMAND_UNKNOWN
-            && let Some(way) = self.other_way()
+            && let Some(way) = self.fallback()
         {
             self.way = way;
             self.open(now, out);
             return None;
         }
-        Some(self.finish(Err(SdoError::Refused(code))))
+        Some(self.finish(Err(SdoError::AbortedByServer(code))))
     }
 
-    /// The same by the segmented protocol, where that is allowed and nothing has been transferred yet.
-    fn other_way(&mut self) -> Option<Way> {
+    /// Returns the segmented transfer, if the terms allow it and no data was transferred yet.
+    fn fallback(&mut self) -> Option<Way> {
         let Protocol::Best(_) = self.terms.protocol else { return None };
         let about = address(self.object);
         match &mut self.way {
             Way::BlockUp(upload) if !upload.is_receiving() => {
-                Some(Way::Up(Upload::new(about, self.terms.most())))
+                Some(Way::Up(Upload::new(about, self.terms.max_bytes())))
             }
             Way::BlockDown(download) => {
                 download.unsent().map(|bytes| Way::Down(Download::new(about, bytes)))
@@ -309,17 +311,17 @@ impl Transfer {
         }
     }
 
-    /// What to ask again when nothing comes: once, and only where frames may have been lost.
-    fn nudge(&mut self) -> Option<SdoPayload> {
+    /// Returns the frame to repeat after a timeout: once, and only where segments may have been lost.
+    fn retry(&mut self) -> Option<SdoPayload> {
         match &mut self.way {
-            Way::BlockUp(upload) if !self.has_nudged => upload.nudge(),
+            Way::BlockUp(upload) if !self.has_retried => upload.retry(),
             Way::Up(_) | Way::Down(_) | Way::BlockUp(_) | Way::BlockDown(_) | Way::Finished => None,
         }
     }
 
-    /// The server has the whole timeout from now on, unless there are segments to send first.
+    /// Restarts the timeout, unless segments are to be sent first.
     fn wait(&mut self, now: Instant) {
-        self.has_nudged = false;
+        self.has_retried = false;
         self.deadline = Some(match &self.way {
             Way::BlockDown(download) if download.has_next() => self.free.max(now),
             Way::Up(_) | Way::Down(_) | Way::BlockUp(_) | Way::BlockDown(_) | Way::Finished => {
@@ -328,7 +330,7 @@ impl Transfer {
         });
     }
 
-    /// The time between two segments.
+    /// Interval between two segments.
     const fn interval(&self) -> Duration {
         match self.terms.protocol {
             Protocol::Block(block) | Protocol::Best(block) => block.interval(),
@@ -357,7 +359,7 @@ const fn address(object: Object) -> Address {
     Address::new(object.index, object.sub)
 }
 
-/// The whole command byte of an abort.
+/// Command byte of an abort.
 const CS_ABORT: u8 = 0x80;
 
 #[cfg(test)]
@@ -392,7 +394,7 @@ mod tests {
         (transfer, out)
     }
 
-    /// What a transfer makes of replies that come one after the other.
+    /// Feeds replies in turn; returns the last outcome and all frames sent.
     fn replies(transfer: &mut Transfer, payloads: &[[u8; 8]]) -> (Option<Outcome>, Vec<Frame>) {
         let mut out = Vec::new();
         let outcome =
@@ -405,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn a_request_is_the_frame_of_the_standard() {
+    fn initiating_request_is_that_of_the_standard() {
         assert_eq!(reading(POSITION).1, [Frame::new(0x605, [0x40, 0x64, 0x60, 0, 0, 0, 0, 0])]);
         let cases: [(&[u8], [u8; 8]); 6] = [
             (&[1], [0x2F, 0x64, 0x60, 0, 1, 0, 0, 0]),
@@ -421,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn an_expedited_reply_may_tell_its_size_or_not() {
+    fn expedited_reply_may_omit_its_size() {
         let cases: [(u8, &[u8]); 5] = [
             (0x43, &[1, 2, 3, 4]),
             (0x47, &[1, 2, 3]),
@@ -456,13 +458,13 @@ mod tests {
         }
     }
 
-    // Bug 1 of the client in canopen-rs 0.6.1: the address of a reply was never checked.
+    // Bug 1 of the client in canopen-rs 0.6.1: the address of a reply was not checked.
 
     #[test]
-    fn a_late_reply_about_another_object_is_no_answer() {
+    fn late_reply_about_another_object_is_ignored() {
         let (mut first, _) = reading(POSITION);
         let mut out = Vec::new();
-        assert_eq!(first.on_time(NOW + TIMEOUT, &mut out), Some(Err(SdoError::Silent)));
+        assert_eq!(first.on_time(NOW + TIMEOUT, &mut out), Some(Err(SdoError::Timeout)));
         let (mut second, _) = reading(Object { index: 0x60FF, sub: 0 });
         let late = [0x43, 0x64, 0x60, 0, 9, 9, 9, 9];
         let ours = [0x43, 0xFF, 0x60, 0, 1, 2, 3, 4];
@@ -473,7 +475,7 @@ mod tests {
     }
 
     #[test]
-    fn a_write_is_confirmed_only_by_its_own_object_and_node() {
+    fn write_is_confirmed_by_its_object_and_node_only() {
         let (mut transfer, _) = writing(Object { index: 0x1018, sub: 2 }, &[1]);
         let stale =
             [[0x60, 0x18, 0x10, 1, 0, 0, 0, 0], [0x60, 0x17, 0x10, 2, 0, 0, 0, 0], [0x20; 8]];
@@ -485,50 +487,54 @@ mod tests {
     }
 
     #[test]
-    fn a_stale_abort_kills_nothing() {
+    fn stale_abort_is_ignored() {
         let (mut transfer, _) = reading(POSITION);
         let stale = [0x80, 0xFF, 0x60, 0, 0, 0, 2, 6];
         assert_eq!(replies(&mut transfer, &[stale]).0, None);
         let ours = [0x80, 0x64, 0x60, 0, 0, 0, 2, 6];
-        let refused = Err(SdoError::Refused(AbortCode::NO_OBJECT));
+        let refused = Err(SdoError::AbortedByServer(AbortCode::NO_OBJECT));
         assert_eq!(replies(&mut transfer, &[ours]).0, Some(refused));
-        assert_eq!(replies(&mut transfer, &[ours]).0, None, "a finished transfer is deaf");
+        assert_eq!(
+            replies(&mut transfer, &[ours]).0,
+            None,
+            "a finished transfer ignores all frames"
+        );
     }
 
-    // Bug 2: no abort was ever sent, and a local failure looked like a remote one.
+    // Bug 2: no abort was sent, and a local failure looked like a remote one.
 
     #[test]
-    fn a_timeout_is_told_to_the_server() {
+    fn timeout_aborts_the_transfer_at_the_server() {
         let (mut transfer, _) = reading(POSITION);
         let mut out = Vec::new();
         assert_eq!(transfer.on_time(NOW, &mut out), None);
-        assert_eq!(transfer.on_time(NOW + TIMEOUT, &mut out), Some(Err(SdoError::Silent)));
+        assert_eq!(transfer.on_time(NOW + TIMEOUT, &mut out), Some(Err(SdoError::Timeout)));
         assert_eq!(out, [Frame::new(0x605, [0x80, 0x64, 0x60, 0, 0, 0, 4, 5])]);
         assert_eq!(transfer.on_time(NOW + TIMEOUT, &mut out), None);
     }
 
     #[test]
-    fn a_repeated_segment_is_broken_off_here_and_told_to_the_server() {
+    fn repeated_segment_is_aborted_by_the_client() {
         let (mut transfer, _) = reading(NAME);
         let opened = [0x41, 0x08, 0x10, 0, 14, 0, 0, 0];
         let (outcome, out) = replies(&mut transfer, &[opened, [0x00; 8], [0x00; 8]]);
-        assert_eq!(outcome, Some(Err(SdoError::BrokenOff(AbortCode::TOGGLE_NOT_ALTERNATED))));
+        assert_eq!(outcome, Some(Err(SdoError::AbortedLocally(AbortCode::TOGGLE_NOT_ALTERNATED))));
         assert_eq!(out.last(), Some(&Frame::new(0x605, [0x80, 0x08, 0x10, 0, 0, 0, 3, 5])));
     }
 
     #[test]
-    fn a_segment_confirmed_twice_is_broken_off() {
+    fn segment_confirmed_twice_is_aborted() {
         let (mut transfer, _) = writing(NAME, b"a long name of a device");
         let (confirmed, opened) = ([0x20, 0, 0, 0, 0, 0, 0, 0], [0x60, 0x08, 0x10, 0, 0, 0, 0, 0]);
         let (outcome, out) = replies(&mut transfer, &[opened, confirmed, confirmed]);
-        assert_eq!(outcome, Some(Err(SdoError::BrokenOff(AbortCode::TOGGLE_NOT_ALTERNATED))));
+        assert_eq!(outcome, Some(Err(SdoError::AbortedLocally(AbortCode::TOGGLE_NOT_ALTERNATED))));
         assert_eq!(out.len(), 3, "two segments and an abort");
     }
 
     // Bug 3: replies without a size were refused, expedited (42h, above) and segmented (40h).
 
     #[test]
-    fn a_segmented_reply_may_leave_its_size_open() {
+    fn segmented_reply_may_omit_its_size() {
         let (mut transfer, _) = reading(NAME);
         let opened = [0x40, 0x08, 0x10, 0, 0, 0, 0, 0];
         let last = [0x1B, b'h', b'i', 0, 0, 0, 0, 0];
@@ -540,10 +546,10 @@ mod tests {
         assert_eq!(out.len(), 2);
     }
 
-    // Bug 4: nothing above 32 bytes, and the declared size was not compared.
+    // Bug 4: values above 32 bytes failed, and the declared size was not compared.
 
     #[test]
-    fn a_value_of_any_size_up_to_the_bound_is_read_as_it_was_written() {
+    fn values_of_any_size_are_read_back_as_written() {
         for size in [0_usize, 1, 4, 5, 7, 8, 14, 40, 1_000, SEGMENTED_BYTES] {
             let sent: Vec<u8> = (0..size).map(|place| u8::try_from(place % 251).unwrap()).collect();
             let (mut write, mut requests) = writing(NAME, &sent);
@@ -570,21 +576,21 @@ mod tests {
     }
 
     #[test]
-    fn another_size_than_declared_is_no_value() {
+    fn wrong_size_is_aborted() {
         let last = [0x01, 1, 2, 3, 4, 5, 6, 7];
         for (declared, code) in [(20, AbortCode::LENGTH_TOO_LOW), (6, AbortCode::LENGTH_TOO_HIGH)] {
             let (mut transfer, _) = reading(NAME);
             let opened = [0x41, 0x08, 0x10, 0, declared, 0, 0, 0];
             let (outcome, _) = replies(&mut transfer, &[opened, last]);
-            assert_eq!(outcome, Some(Err(SdoError::BrokenOff(code))));
+            assert_eq!(outcome, Some(Err(SdoError::AbortedLocally(code))));
         }
     }
 
     #[test]
-    fn what_is_beyond_the_bound_is_refused_before_it_is_sent() {
+    fn oversized_values_are_refused() {
         let (mut transfer, _) = reading(NAME);
         let opened = [0x41, 0x08, 0x10, 0, 1, 0, 1, 0];
-        let too_long = Err(SdoError::BrokenOff(AbortCode::OUT_OF_MEMORY));
+        let too_long = Err(SdoError::AbortedLocally(AbortCode::OUT_OF_MEMORY));
         assert_eq!(replies(&mut transfer, &[opened]).0, Some(too_long.clone()));
         let mut out = Vec::new();
         let write =
@@ -594,19 +600,19 @@ mod tests {
     }
 
     #[test]
-    fn a_server_that_sends_nothing_for_ever_is_broken_off() {
+    fn endless_empty_segments_are_aborted() {
         let (mut transfer, _) = reading(NAME);
         let (outcome, _) = replies(
             &mut transfer,
             &[[0x40, 0x08, 0x10, 0, 0, 0, 0, 0], [0x0E, 0, 0, 0, 0, 0, 0, 0]],
         );
-        assert_eq!(outcome, Some(Err(SdoError::BrokenOff(AbortCode::COMMAND_UNKNOWN))));
+        assert_eq!(outcome, Some(Err(SdoError::AbortedLocally(AbortCode::COMMAND_UNKNOWN))));
     }
 
-    // Bug 5: a value of another width than asked for was an opaque error. Here bytes are bytes
-    // (`only_a_reply_without_a_size_can_be_cut_to_the_size_of_the_type`).
+    // Bug 5: a value of another width than requested was an opaque error. Here content is bytes
+    // (`only_content_of_unknown_size_is_cut_to_the_type`).
 
-    /// A server of one object, long enough for a transfer up and down.
+    /// Server of one object.
     #[derive(Default)]
     struct Server {
         value: Vec<u8>,
@@ -651,7 +657,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_frames_at_any_time_neither_panic_nor_outlast_the_deadline(
+        fn any_frames_never_panic_and_end_by_the_deadline(
             write in proptest::option::of(proptest::collection::vec(any::<u8>(), 0..40)),
             steps in proptest::collection::vec(
                 (0_u64..50_000, 0x584_u16..0x587, any::<[u8; 3]>(), proptest::collection::vec(any::<u8>(), 0..9)),

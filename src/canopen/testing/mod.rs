@@ -1,9 +1,9 @@
-//! What the tests of this room and others share.
+//! Test fixtures of this crate, shared with others.
 #![allow(
     clippy::indexing_slicing,
     clippy::missing_panics_doc,
     clippy::unwrap_used,
-    reason = "what a test cannot do without has failed the test"
+    reason = "a missing fixture fails the test"
 )]
 
 pub mod plans;

@@ -1,4 +1,4 @@
-//! Plans of nodes, as the examples have them.
+//! Node plans of the tests.
 
 use canopen_rs::NodeId;
 
@@ -20,20 +20,20 @@ pub fn watch() -> Watch {
     }
 }
 
-/// The elbow of the examples.
+/// The elbow drive.
 pub fn elbow() -> NodePlan {
     let node = NodeId::new(3).unwrap();
     let pdos = layout::per_drive(node, Some(5));
     NodePlan::drive("joint 3 (elbow)".into(), node, IDENTITY, pdos, &watch(), 1_000)
 }
 
-/// The switch box of the examples.
+/// The switch box.
 pub fn switch_box() -> NodePlan {
     let node = NodeId::new(16).unwrap();
     NodePlan::switches("switch box".into(), node, IDENTITY, &watch())
 }
 
-/// The elbow, guarded.
+/// The elbow drive, guarded.
 pub fn guarded_elbow() -> NodePlan {
     elbow().guarded(Guarding { guard_time_ms: 10, life_time_factor: 3 })
 }

@@ -1,5 +1,5 @@
-//! A node of the tests: a few objects, answered as a faultless device would, and the faults a test asks
-//! for. Not a simulated drive: it holds bytes and knows nothing of what they mean.
+//! Scripted node for tests: a few objects, correct replies, and the faults a test configures. It holds bytes
+//! without a meaning.
 
 use std::collections::HashMap;
 
@@ -15,39 +15,39 @@ use crate::object::Object;
 use crate::plan::NodePlan;
 use crate::sdo::bytes;
 
-/// Every step that a node which holds nothing yet is taken through.
+/// Steps of a node without a stored configuration.
 pub(crate) fn first_boot(plan: &NodePlan) -> Vec<Step> {
-    [Stage::Finding, Stage::Looking, Stage::Meeting, Stage::Resetting, Stage::Downloading]
+    [Stage::Probe, Stage::CheckPowerOff, Stage::CheckIdentity, Stage::Reset, Stage::Download]
         .into_iter()
         .flat_map(|stage| stage.steps(plan))
         .collect()
 }
 
-/// What a node is and does.
+/// Scripted node.
 #[derive(Debug)]
 pub struct Scripted {
     pub node: NodeId,
     pub objects: HashMap<Object, Vec<u8>>,
-    /// Objects whose write is aborted, and why.
+    /// Objects whose write is aborted, with the code.
     pub refuses: HashMap<Object, AbortCode>,
-    /// Objects whose write is confirmed and then forgotten.
+    /// Objects whose write is confirmed without effect.
     pub forgets: Vec<Object>,
-    /// Requests left unanswered before the first answer.
+    /// Requests left unanswered before the first reply.
     pub deaf_for: u32,
-    /// Whether a reset is followed by a boot-up message.
+    /// Set if a reset is followed by a boot-up message.
     pub boots: bool,
-    /// Whether it starts itself after that, as 1F80h can tell a device to.
+    /// Set if the node starts itself after a reset (1F80h).
     pub starts_itself: bool,
-    /// Toggle bit of its next answer to guarding.
+    /// Toggle bit of the next answer to guarding.
     pub toggle: u8,
-    /// NMT state as the heartbeat tells it.
+    /// NMT state in the heartbeat.
     pub state: u8,
-    /// Every object written, in order.
+    /// Written objects, in order.
     pub written: Vec<Object>,
 }
 
 impl Scripted {
-    /// A node that `plan` suits.
+    /// Returns a node that satisfies `plan` before its first configuration.
     pub fn suiting(plan: &NodePlan) -> Self {
         let mut objects = HashMap::new();
         for step in first_boot(plan) {
@@ -72,7 +72,7 @@ impl Scripted {
         }
     }
 
-    /// A node that was configured by `plan` and has stored it.
+    /// Returns a node that has stored the configuration of `plan`.
     pub fn holding(plan: &NodePlan) -> Self {
         let mut device = Self::suiting(plan);
         for (object, value) in plan.writes() {
@@ -82,7 +82,7 @@ impl Scripted {
         device
     }
 
-    /// What it says to one frame.
+    /// Returns the reply to one frame.
     pub fn answer(&mut self, frame: &Frame) -> Option<Frame> {
         if frame.is_remote() {
             return self.answer_guard(frame);
@@ -115,7 +115,7 @@ impl Scripted {
         Some(Frame::new(0x580 + u16::from(self.node.raw()), self.serve(request)))
     }
 
-    /// A question of its guard: its state, and a bit that alternates.
+    /// Answers a guarding request: NMT state and toggle bit.
     fn answer_guard(&mut self, frame: &Frame) -> Option<Frame> {
         let is_asked = frame.cob_id == 0x700 + u16::from(self.node.raw()) && self.deaf_for == 0;
         let answer = is_asked.then(|| self.heartbeat(self.toggle | self.state));
@@ -123,7 +123,7 @@ impl Scripted {
         answer
     }
 
-    /// Its heartbeat, with `byte` in it.
+    /// Heartbeat frame with `byte`.
     pub fn heartbeat(&self, byte: u8) -> Frame {
         Frame::new(0x700 + u16::from(self.node.raw()), [byte])
     }
@@ -150,7 +150,7 @@ impl Scripted {
     }
 }
 
-/// What 1020h holds after this plan.
+/// Content of 1020h after `plan`.
 pub fn stamp(plan: &NodePlan) -> [(Object, Vec<u8>); 2] {
     let stamp = plan.stamp();
     [(Object::CONFIGURATION_DATE, stamp.date), (Object::CONFIGURATION_TIME, stamp.time)]

@@ -13,7 +13,7 @@ use canopen::abort::AbortCode;
 use canopen::frame::COB_ID_MAX;
 use canopen::frame::Frame;
 use canopen::layout::Direction;
-use canopen::layout::MOST_PDOS;
+use canopen::layout::MAX_PDOS;
 use canopen::layout::Mapped;
 use canopen::layout::Pdo;
 use canopen::layout::Service;
@@ -110,7 +110,7 @@ impl Reader {
     ) -> Option<Result<Vec<Pdo>, Unreadable>> {
         match outcome {
             Ok(content) => self.asked = self.learn(number(content.bytes())),
-            Err(SdoError::Refused(AbortCode::NO_OBJECT | AbortCode::NO_SUB_INDEX)) => {
+            Err(SdoError::AbortedByServer(AbortCode::NO_OBJECT | AbortCode::NO_SUB_INDEX)) => {
                 self.asked = self.learn_absent();
             }
             Err(error) => {
@@ -196,7 +196,7 @@ impl Reader {
 
     fn skip_pdo(&mut self) -> Question {
         let Pdo { direction, number, .. } = self.pdo;
-        let is_last = number == MOST_PDOS || self.gap > WIDEST_GAP;
+        let is_last = number == MAX_PDOS || self.gap > WIDEST_GAP;
         self.pdo = match (direction, is_last) {
             (_, false) => blank(direction, number + 1),
             (Direction::Receive, true) => blank(Direction::Transmit, 1),

@@ -250,8 +250,8 @@ impl Asked {
         self.question += 1;
         match outcome {
             // Nobody, or somebody who has left: nothing more is asked.
-            Err(SdoError::Silent) => return,
-            Err(SdoError::Refused(_) | SdoError::BrokenOff(_)) => {}
+            Err(SdoError::Timeout) => return,
+            Err(SdoError::AbortedByServer(_) | SdoError::AbortedLocally(_)) => {}
             Ok(content) => {
                 if let Some(object) = object {
                     self.found.learn(object, &content);

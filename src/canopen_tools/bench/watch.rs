@@ -17,9 +17,9 @@ use units::time::Instant;
 
 /// What was heard of one node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum News {
+pub enum NetworkEvent {
     /// A change of its heartbeat.
-    Heartbeat(NodeId, heartbeat::News),
+    Heartbeat(NodeId, heartbeat::HeartbeatEvent),
     /// An emergency, by the predefined connection set.
     Emergency(NodeId, Emergency),
 }
@@ -31,7 +31,7 @@ pub struct Watch {
     until: Option<Instant>,
     nodes: Vec<(NodeId, Consumer)>,
     /// Said by nodes that fell silent at the same time.
-    news: VecDeque<(Instant, News)>,
+    news: VecDeque<(Instant, NetworkEvent)>,
 }
 
 impl Watch {
@@ -40,11 +40,11 @@ impl Watch {
         Self { silence, until, nodes: Vec::new(), news: VecDeque::new() }
     }
 
-    fn hear(&mut self, now: Instant, frame: &Frame) -> Option<News> {
+    fn hear(&mut self, now: Instant, frame: &Frame) -> Option<NetworkEvent> {
         let [_, low] = frame.cob_id.to_be_bytes();
         let node = NodeId::new(low & 0x7F).ok()?;
         if frame.cob_id == emcy::default_cob_id(node) {
-            return Some(News::Emergency(node, Emergency::decode(frame.data())?));
+            return Some(NetworkEvent::Emergency(node, Emergency::decode(frame.data())?));
         }
         if frame.cob_id != heartbeat_cob_id(node) {
             return None;
@@ -59,13 +59,13 @@ impl Watch {
             self.nodes.extend(news.map(|_| (node, consumer)));
             news
         };
-        news.map(|news| News::Heartbeat(node, news))
+        news.map(|news| NetworkEvent::Heartbeat(node, news))
     }
 }
 
 impl Procedure for Watch {
     /// One piece of news after another, and when it was heard; `None` when it is time to end.
-    type Outcome = Option<(Instant, News)>;
+    type Outcome = Option<(Instant, NetworkEvent)>;
 
     fn on_frame(
         &mut self,
@@ -80,7 +80,7 @@ impl Procedure for Watch {
 
     fn on_time(&mut self, now: Instant, _: &mut Vec<Frame>) -> Option<Self::Outcome> {
         for (node, consumer) in &mut self.nodes {
-            let lost = consumer.on_time(now).map(|news| News::Heartbeat(*node, news));
+            let lost = consumer.on_time(now).map(|news| NetworkEvent::Heartbeat(*node, news));
             self.news.extend(lost.map(|news| (now, news)));
         }
         let is_over = self.until.is_some_and(|until| until <= now);
@@ -115,11 +115,11 @@ mod tests {
             let news = watch.on_frame(at(millis), &Frame::new(cob_id, [byte]), &mut Vec::new());
             news.map(|news| news.unwrap().1)
         };
-        let pre_operational = heartbeat::News::State(NmtState::PreOperational);
-        let beat = |news| Some(News::Heartbeat(node(3), news));
+        let pre_operational = heartbeat::HeartbeatEvent::State(NmtState::PreOperational);
+        let beat = |news| Some(NetworkEvent::Heartbeat(node(3), news));
         assert_eq!(hear(0, 0x703, 0x7F), beat(pre_operational));
         assert_eq!(hear(50, 0x703, 0x7F), None);
-        assert_eq!(hear(60, 0x703, 0), beat(heartbeat::News::Rebooted));
+        assert_eq!(hear(60, 0x703, 0), beat(heartbeat::HeartbeatEvent::Rebooted));
         assert_eq!(hear(60, 0x704, 0x42), None, "no heartbeat");
         assert_eq!(hear(60, 0x083, 0), None, "no emergency");
         assert_eq!(watch.deadline(), Some(at(160)));
@@ -131,7 +131,12 @@ mod tests {
         for cob_id in [0x703, 0x704] {
             watch.on_frame(at(0), &Frame::new(cob_id, [5]), &mut Vec::new());
         }
-        let lost = |raw| Some(Some((at(100), News::Heartbeat(node(raw), heartbeat::News::Lost))));
+        let lost = |raw| {
+            Some(Some((
+                at(100),
+                NetworkEvent::Heartbeat(node(raw), heartbeat::HeartbeatEvent::Lost),
+            )))
+        };
         assert_eq!(watch.on_time(at(100), &mut Vec::new()), lost(3));
         assert_eq!(watch.deadline(), Some(at(100)));
         assert_eq!(watch.on_time(at(100), &mut Vec::new()), lost(4));
@@ -151,6 +156,8 @@ mod tests {
         let mut watch = Watch::new(Duration::from_millis(100), None);
         let frame = Frame::new(0x083, [0x10, 0x23, 3, 0, 0, 0, 0, 0]);
         let (_, news) = watch.on_frame(at(0), &frame, &mut Vec::new()).unwrap().unwrap();
-        assert!(matches!(news, News::Emergency(of, what) if of == node(3) && what.code == 0x2310));
+        assert!(
+            matches!(news, NetworkEvent::Emergency(of, what) if of == node(3) && what.code == 0x2310)
+        );
     }
 }

@@ -354,13 +354,14 @@ const INPUTS: &[(&str, u16, u16)] =
 
 /// Every value of bits 0 to 6 of a statusword that is a state.
 fn states() -> Vec<(i64, &'static str)> {
-    let named = |bits: u16| Some((i64::from(bits), Statusword(bits).state().map(State::words)?));
+    let named =
+        |bits: u16| Some((i64::from(bits), Statusword(bits).state().map(State::description)?));
     (0..128).filter_map(named).collect()
 }
 
 /// Every value of bits 0 to 3 of a controlword.
 fn commands() -> Vec<(i64, &'static str)> {
-    (0..16).map(|bits| (i64::from(bits), Command(Controlword(bits)).words())).collect()
+    (0..16).map(|bits| (i64::from(bits), Command(Controlword(bits)).description())).collect()
 }
 
 #[cfg(test)]
@@ -411,7 +412,7 @@ mod tests {
         let states = states();
         for bits in 0..128_u16 {
             let named = states.iter().find(|(value, _)| *value == i64::from(bits));
-            let state = Statusword(bits).state().map(State::words);
+            let state = Statusword(bits).state().map(State::description);
             assert_eq!(named.map(|(_, words)| *words), state);
         }
         assert_eq!(commands().len(), 16);

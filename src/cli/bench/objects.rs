@@ -56,7 +56,7 @@ impl fmt::Display for ObjectError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Session(error) => error.fmt(f),
-            Self::Node { node, object, error: error @ SdoError::Silent } => {
+            Self::Node { node, object, error: error @ SdoError::Timeout } => {
                 write!(f, "node {}: {object}: {error}", node.raw())
             }
             Self::Node { node, object, error } => {

@@ -159,7 +159,7 @@ impl<B: Bus> Session<B> {
             BusEvent::Fault(
                 fault @ (BusFault::Warning | BusFault::Overrun | BusFault::Passive),
             ) => {
-                tracing::warn!("{}", words(fault));
+                tracing::warn!("{}", description(fault));
                 Ok(None)
             }
         }
@@ -197,7 +197,7 @@ impl<B: Bus> Session<B> {
 }
 
 /// What the user should look for.
-const fn words(fault: BusFault) -> &'static str {
+const fn description(fault: BusFault) -> &'static str {
     match fault {
         BusFault::Warning => "many errors on the bus",
         BusFault::Overrun => "frames were lost before they were read",
@@ -263,7 +263,7 @@ mod tests {
     #[test]
     fn silence_ends_with_the_deadline_and_the_last_word_is_out() {
         let mut session = session(Lonely { room: 9, ..Lonely::default() });
-        assert_eq!(session.run(read), Ok(Err(SdoError::Silent)));
+        assert_eq!(session.run(read), Ok(Err(SdoError::Timeout)));
         assert_eq!(session.bus.sent.len(), 2, "the request and its abort");
         assert_eq!(session.now(), Instant::ZERO + TIMEOUT);
     }
@@ -288,7 +288,7 @@ mod tests {
         for (fault, outcome) in [
             (BusFault::Down, Err(SessionError::Down)),
             (BusFault::Off, Err(SessionError::BusOff)),
-            (BusFault::Passive, Ok(Err(SdoError::Silent))),
+            (BusFault::Passive, Ok(Err(SdoError::Timeout))),
         ] {
             let bus = Lonely { room: 9, fault: Some(fault), ..Lonely::default() };
             assert_eq!(session(bus).run(read), outcome);

@@ -200,7 +200,7 @@ fn value(signal: &Signal, raw: i64, to: &mut impl Write) -> io::Result<()> {
     let word = u16::from_le_bytes([low, high]);
     match signal.object {
         Object::STATUSWORD => {
-            let state = Statusword(word).state().map_or("unknown", State::words);
+            let state = Statusword(word).state().map_or("unknown", State::description);
             write!(to, ",\"{name}_state\":\"{state}\"")
         }
         Object::CONTROLWORD => {

@@ -161,7 +161,7 @@ fn conclude(judged: &[(&Found, Verdict)], missing: &[&NodePlan]) -> Result<(), F
 }
 
 impl Verdict {
-    const fn words(self) -> &'static str {
+    const fn description(self) -> &'static str {
         match self {
             Self::Unjudged => "",
             Self::Expected => "as configured",
@@ -184,7 +184,7 @@ fn table(judged: &[(&Found, Verdict)], plans: Option<&[NodePlan]>) {
         let mut line = format!(
             "{:>4} {:<15} {:>7} {:<8} {:<8} {:<8} {:<8} {}",
             found.node.raw(),
-            found.state.map_or("-", nmt::words),
+            found.state.map_or("-", nmt::description),
             profile.as_deref().unwrap_or("-"),
             number(found.vendor),
             number(found.product),
@@ -194,7 +194,7 @@ fn table(judged: &[(&Found, Verdict)], plans: Option<&[NodePlan]>) {
         );
         let expected = plan.map(|plan| format!(", {}", plan.name)).unwrap_or_default();
         if *verdict != Verdict::Unjudged {
-            line.push_str(&format!(" ({}{expected})", verdict.words()));
+            line.push_str(&format!(" ({}{expected})", verdict.description()));
         }
         if let Some(emergency) = found.emergency {
             line.push_str(&format!(" EMCY {emergency}"));
@@ -217,7 +217,7 @@ fn json(
         serde_json::json!({
             "node": found.node.raw(),
             "answers": found.answers,
-            "state": found.state.map(nmt::words),
+            "state": found.state.map(nmt::description),
             "device_type": found.device_type,
             "profile": found.device_type.map(|kind| kind & 0xFFFF),
             "vendor": found.vendor,
@@ -230,7 +230,7 @@ fn json(
             "emergency": found.emergency.map(|emergency| emergency.to_string()),
             "double": found.is_double(),
             "pdos": pdos_of(found.node),
-            "verdict": (*verdict != Verdict::Unjudged).then(|| verdict.words()),
+            "verdict": (*verdict != Verdict::Unjudged).then(|| verdict.description()),
         })
     });
     let missing = missing

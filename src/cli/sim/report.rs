@@ -52,8 +52,8 @@ fn row(config: &Config, joint: &Joint, axis: &Axis) -> String {
         joint.name,
         bus(config, view),
         view.node.raw(),
-        nmt::words(view.nmt),
-        view.state.words(),
+        nmt::description(view.nmt),
+        view.state.description(),
         mode_of_operation(view.mode),
         view.demand_torque,
         view.actual_torque,
@@ -79,8 +79,8 @@ fn drive(config: &Config, number: u8, joint: &Joint, axis: &Axis) -> serde_json:
         "name": joint.name,
         "bus": bus(config, view),
         "node": view.node.raw(),
-        "nmt": nmt::words(view.nmt),
-        "state": view.state.words(),
+        "nmt": nmt::description(view.nmt),
+        "state": view.state.description(),
         "mode": view.mode,
         "mode_name": mode_of_operation(view.mode),
         "torque_demanded_nm": view.demand_torque,
@@ -111,10 +111,14 @@ fn bus<'c>(config: &'c Config, view: &DriveView) -> &'c str {
 }
 
 fn last_error(code: u16) -> String {
-    if code == 0 { "none".to_owned() } else { format!("{code:04X}h {}", error_codes::words(code)) }
+    if code == 0 {
+        "none".to_owned()
+    } else {
+        format!("{code:04X}h {}", error_codes::description(code))
+    }
 }
 
 /// `None` where there was no error.
 fn last_error_name(code: u16) -> Option<&'static str> {
-    (code != 0).then(|| error_codes::words(code))
+    (code != 0).then(|| error_codes::description(code))
 }

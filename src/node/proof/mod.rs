@@ -134,7 +134,7 @@ impl Proof {
             node: plan.node,
             rpdo: None,
             heartbeat: None,
-            missing: master.missing(NodeIndex(place)).to_vec(),
+            missing: master.missing_objects(NodeIndex(place)).to_vec(),
         };
         self.report.drives = self.plans.iter().enumerate().map(drive).collect();
         self.recheck = Recheck::new(&self.plans, master);
@@ -230,7 +230,7 @@ impl Proof {
             | Event::Rebooted { .. }
             | Event::Duplicate { .. }
             | Event::ReadByAnother { .. }
-            | Event::Stranger { .. }
+            | Event::UnknownNode { .. }
             | Event::ForeignMaster { .. } => false,
         };
         if is_part { Relation::Part } else { Relation::Unrelated }

@@ -44,7 +44,7 @@ impl Recheck {
     /// so that each is asked once in as many seconds as there are drives.
     pub(super) fn new(plans: &[NodePlan], master: &Master) -> Self {
         let of_drive = |(node, plan): (usize, &NodePlan)| -> Vec<Entry> {
-            let missing = master.missing(NodeIndex(node));
+            let missing = master.missing_objects(NodeIndex(node));
             let held = plan.protections().into_iter().filter(|it| !missing.contains(&it.object));
             let settings = held.filter_map(|check| Setting::of(&check));
             settings.map(|setting| Entry { node, setting, is_unread: false }).collect()
@@ -151,7 +151,7 @@ mod tests {
         let mut recheck = recheck(1);
         let object = Object::rpdo_communication(1, 5);
         let event = |read| Event::ReadBack { node: NodeIndex(0), object, read };
-        let unread = event(ReadBack::Unread(SdoError::Silent));
+        let unread = event(ReadBack::Unread(SdoError::Timeout));
         assert!(!recheck.takes(&unread), "news");
         assert!(recheck.takes(&unread));
         assert_eq!(recheck.unread(), 1);

@@ -30,9 +30,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
         if self.proof.is_wanted {
             // What it is asked would stand in the way of its statusword.
-            self.network.master.asks_why(false);
+            self.network.master.set_reads_error_history(false);
             let proven = self.prove_each(give_up);
-            self.network.master.asks_why(true);
+            self.network.master.set_reads_error_history(true);
             proven?;
         }
         self.proof.finish();
@@ -55,7 +55,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             // What is still on its way passes; then a drive that has left operational (1029h) is started again.
             let quiet = self.wire.now() + SETTLE.max(self.timing.period * 5);
             self.listen(quiet);
-            self.network.master.start_again(&mut self.wire.out);
+            self.network.master.start_nodes(&mut self.wire.out);
             self.samples.start_again();
             self.post();
             self.enable(give_up)?;

@@ -37,7 +37,7 @@ pub const fn of_event(event: &Event) -> Option<Cause> {
         | Event::Statusword { .. }
         | Event::ReadByAnother { .. }
         | Event::ReadBack { read: ReadBack::Unchanged | ReadBack::Unread(_), .. }
-        | Event::Stranger { .. } => None,
+        | Event::UnknownNode { .. } => None,
     }
 }
 

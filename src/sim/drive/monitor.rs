@@ -135,7 +135,7 @@ mod tests {
             (Cause::OverTemperature, "drive temperature too high"),
             (Cause::OverSpeed, "speed"),
         ] {
-            assert_eq!(error_codes::words(cause.error_code()), words);
+            assert_eq!(error_codes::description(cause.error_code()), words);
         }
     }
 }

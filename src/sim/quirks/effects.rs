@@ -50,11 +50,11 @@ impl QuirkEffects {
             Quirk::HoldsTorque => misbehaviour.ignores_connection_loss = true,
             Quirk::OpenRpdos => open_rpdos(dictionary, node),
             Quirk::NoRpdoTimer => {
-                let timers = (1..=layout::MOST_PDOS).map(|n| Object::rpdo_communication(n, 5));
+                let timers = (1..=layout::MAX_PDOS).map(|n| Object::rpdo_communication(n, 5));
                 timers.for_each(|timer| dictionary.remove(timer));
             }
             Quirk::SlowSdo(time) => frames.response_delay = time,
-            Quirk::UnsizedReplies => misbehaviour.hides_sizes = true,
+            Quirk::UnsizedReplies => misbehaviour.omits_sizes = true,
             Quirk::FixedMapping => {
                 misbehaviour.refuses.extend(layout::MAPPINGS.map(|of| (of, AbortCode::READ_ONLY)));
             }
@@ -65,7 +65,7 @@ impl QuirkEffects {
             Quirk::HeartbeatLiar => frames.min_heartbeat_period = COARSE_HEARTBEAT_PERIOD,
             Quirk::EmcyStorm => frames.emcy_period = Some(STORM_PERIOD),
             Quirk::DoubleReplies => frames.repeats_responses = true,
-            Quirk::VagueAborts => misbehaviour.only_abort = Some(AbortCode::GENERAL_ERROR),
+            Quirk::VagueAborts => misbehaviour.only_abort_code = Some(AbortCode::GENERAL_ERROR),
             Quirk::WrongIdentity => {
                 let product = !dictionary.unsigned(Object::PRODUCT_CODE);
                 dictionary.furnish(Object::PRODUCT_CODE, &product.to_le_bytes());

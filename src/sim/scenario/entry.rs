@@ -30,7 +30,7 @@ use crate::scenario::problem::follows;
 use canopen::frame::COB_ID_MAX;
 use canopen::frame::Channel;
 use canopen::frame::Frame;
-use canopen::layout::MOST_PDOS;
+use canopen::layout::MAX_PDOS;
 use canopen::nmt::Order;
 use canopen::sync;
 use units::numbering::Joint;
@@ -159,7 +159,7 @@ fn service(keys: &mut Keys) -> Result<Option<Service>, Misplaced> {
     keys.word("frame", wanted, |word| {
         let number = |digits: &str| {
             digits.parse().ok().filter(|number: &u16| {
-                (1..=MOST_PDOS).contains(number) && number.to_string() == digits
+                (1..=MAX_PDOS).contains(number) && number.to_string() == digits
             })
         };
         match word {

@@ -1,5 +1,5 @@
-//! Block transfer, seen from the server (CiA 301, 7.2.4.3.9 to 7.2.4.3.16). The frames are shown with the
-//! client's [`block_upload`](crate::sdo) and `block_download`.
+//! Server side of block transfers (CiA 301, 7.2.4.3.9 to 7.2.4.3.16). The client's `block_upload` and
+//! `block_download` in [`sdo`](crate::sdo) show the frames.
 
 use canopen_rs::sdo::SdoPayload;
 
@@ -8,7 +8,7 @@ use crate::sdo::Receiver;
 use crate::sdo::Sender;
 use crate::sdo::Taken;
 
-/// A value on its way up.
+/// Block upload in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Upload {
     sender: Sender,
@@ -18,45 +18,45 @@ pub(super) struct Upload {
 
 #[derive(Clone, Copy, Debug)]
 enum State {
-    /// Agreed; the client says when to start.
+    /// Initiated; waits for the start request.
     Opened,
     Sending,
-    /// All is there; the client confirms.
+    /// All segments have arrived; waits for the end response.
     Ending(SdoPayload),
 }
 
-/// What follows from a request in an upload.
+/// Consequence of a request in an upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Next {
-    /// A sub-block.
+    /// Sends a sub-block.
     Segments,
-    /// A reply.
+    /// Sends a reply.
     Reply(SdoPayload),
-    /// Nothing: it is over.
+    /// Ends the transfer.
     Over,
 }
 
 impl Upload {
-    /// Of `bytes`, in sub-blocks of `block_size` segments.
+    /// Returns an upload of `bytes` in sub-blocks of `block_size` segments.
     ///
     /// # Errors
-    /// When that is not 1 to 127.
+    /// Returns an abort code unless `block_size` is within 1..=127.
     pub(super) fn new(bytes: Vec<u8>, block_size: u8, has_crc: bool) -> Result<Self, AbortCode> {
         let sender = Sender::new(bytes, block_size)?;
         Ok(Self { sender, has_crc, state: State::Opened })
     }
 
-    /// Takes a start, the answer to a sub-block, or the confirmation of all.
+    /// Takes a start, an acknowledgement of a sub-block, or the end response.
     ///
     /// # Errors
-    /// When it is none of these, or not its turn.
+    /// Returns an abort code for any other request, or one out of order.
     pub(super) fn on_request(
         &mut self,
         [command, arrived, block_size, ..]: SdoPayload,
     ) -> Result<Next, AbortCode> {
         match (command & 3, self.state) {
             (START, State::Opened) => self.state = State::Sending,
-            // The client has heard nothing yet.
+            // The client has received no segment yet.
             (START, State::Sending) => self.sender.again()?,
             (ANSWER, State::Sending) => {
                 if self.sender.answered(arrived, block_size)? {
@@ -68,7 +68,7 @@ impl Upload {
                     return Ok(Next::Reply(end));
                 }
             }
-            // The client has not heard the end.
+            // The client has not received the end request.
             (ANSWER, State::Ending(end)) => return Ok(Next::Reply(end)),
             (END, State::Ending(_)) => return Ok(Next::Over),
             _ => return Err(AbortCode::COMMAND_UNKNOWN),
@@ -76,7 +76,7 @@ impl Upload {
         Ok(Next::Segments)
     }
 
-    /// The next segment of the sub-block.
+    /// Returns the next segment of the sub-block.
     pub(super) fn next(&mut self) -> Option<SdoPayload> {
         match self.state {
             State::Sending => self.sender.next(),
@@ -84,13 +84,13 @@ impl Upload {
         }
     }
 
-    /// Whether [`next`](Self::next) has a segment.
+    /// Returns whether [`next`](Self::next) has a segment.
     pub(super) const fn has_next(&self) -> bool {
         matches!(self.state, State::Sending) && self.sender.has_next()
     }
 }
 
-/// A value on its way down.
+/// Block download in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Download {
     receiver: Receiver,
@@ -101,29 +101,29 @@ impl Download {
         Self { receiver }
     }
 
-    /// Whether segments come, whose first byte may be any but that of an abort.
+    /// Returns whether segments are being received; any first byte but that of an abort is then valid.
     pub(super) const fn is_receiving(&self) -> bool {
         !self.receiver.is_complete()
     }
 
-    /// Takes a segment; at the end of a sub-block it is answered.
+    /// Takes a segment; returns the acknowledgement at the end of a sub-block.
     ///
     /// # Errors
-    /// When it can be none.
+    /// Returns an abort code for an invalid segment.
     pub(super) fn on_segment(
         &mut self,
         segment: &SdoPayload,
     ) -> Result<Option<SdoPayload>, AbortCode> {
         Ok(match self.receiver.take(segment)? {
-            Taken::InSequence | Taken::Passed => None,
+            Taken::InSequence | Taken::Ignored => None,
             Taken::EndOfBlock => Some(self.receiver.answer()),
         })
     }
 
-    /// The whole value, at its end.
+    /// Takes the end request and returns the value.
     ///
     /// # Errors
-    /// When it is not what was sent.
+    /// Returns an abort code for a wrong CRC or size.
     pub(super) fn on_end(
         &mut self,
         [command, low, high, ..]: SdoPayload,
@@ -131,24 +131,24 @@ impl Download {
         self.receiver.finish(command >> 2 & 7, u16::from_le_bytes([low, high]))
     }
 
-    /// Whether a frame is the last segment, come again.
+    /// Returns whether a frame repeats the last segment.
     pub(super) fn is_again(&self, frame: &SdoPayload) -> bool {
         self.receiver.is_again(frame)
     }
 
-    /// What to say when nothing comes.
-    pub(super) fn nudge(&mut self) -> Option<SdoPayload> {
-        self.receiver.nudge()
+    /// Returns the acknowledgement to send after a timeout.
+    pub(super) fn retry(&mut self) -> Option<SdoPayload> {
+        self.receiver.retry()
     }
 }
 
-/// What a server says at the very end of a download.
+/// End response of a block download.
 pub(super) const CONFIRMED: SdoPayload = [SCS_BLOCK_DOWNLOAD << 5 | END, 0, 0, 0, 0, 0, 0, 0];
 
 pub(super) const SCS_BLOCK_DOWNLOAD: u8 = 5;
 pub(super) const SCS_BLOCK_UPLOAD: u8 = 6;
 
-// Subcommands: what a frame of a block transfer is.
+// Subcommands of a block transfer.
 const END: u8 = 1;
 const ANSWER: u8 = 2;
 const START: u8 = 3;

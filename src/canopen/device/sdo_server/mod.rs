@@ -1,9 +1,8 @@
-//! The default SDO server (CiA 301, 7.2.4.3): expedited, segmented and by blocks, up and down, with and
-//! without a declared size.
+//! Default SDO server (CiA 301, 7.2.4.3): expedited, segmented and block transfers in both directions, with and
+//! without an indicated size.
 //!
-//! One transfer at a time; whatever opens one ends the one before, and so does a client that falls
-//! silent. Whether an object may be read or written, and what follows, is told by [`Access`]. While the
-//! segments of a block come, every frame but an abort is one of them: their first byte is a number.
+//! One transfer at a time: a new initiation ends the one before, and so does a silent client. [`Access`]
+//! connects the objects. During a block download every frame but an abort is a segment.
 
 mod block;
 mod opening;
@@ -27,54 +26,54 @@ use crate::frame::Frame;
 use crate::object::Object;
 use units::time::Instant;
 
-/// How long a client may be silent in the middle of a transfer. It must hear a sub-block first, which
-/// takes 1.7 s at 10 kbit/s.
-const PATIENCE: Duration = Duration::from_secs(3);
+/// Time allowed between two requests of a transfer. A client must receive a sub-block in it, which takes 1.7 s
+/// at 10 kbit/s.
+const CLIENT_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// After how much of that the segments of a block that were lost are asked for.
-const NUDGE: Duration = Duration::from_millis(500);
+/// Time after which lost segments of a block download are requested again.
+const RETRY_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Between two segments of an upload by blocks: what one takes at 1 Mbit/s without its stuffing, so that a
-/// sub-block fills the bus and not the queue before it.
-const PACE: Duration = Duration::from_micros(100);
+/// Interval between two segments of a block upload: their time at 1 Mbit/s without stuff bits, so that a
+/// sub-block fills the bus and not the transmit queue.
+const SEGMENT_INTERVAL: Duration = Duration::from_micros(100);
 
-/// The objects, as a server sees them.
+/// Objects of a server.
 pub(super) trait Access {
-    /// Puts what an object holds into `bytes`, which is empty.
+    /// Appends the value of an object to `bytes`, which is empty.
     fn read(&self, object: Object, bytes: &mut Vec<u8>) -> Result<(), AbortCode>;
 
-    /// The size of an object that may be written now, `None` where it may be any.
+    /// Size of an object that may be written now; `None` for any size.
     fn size(&self, object: Object) -> Result<Option<usize>, AbortCode>;
 
-    /// Writes, and does what follows from it. `bytes` have the size told.
+    /// Writes an object and applies its effect. `bytes` have the required size.
     fn write(&mut self, object: Object, bytes: &[u8]) -> Result<(), AbortCode>;
 
-    /// Whether replies say how many bytes they hold, as they should.
-    fn tells_sizes(&self) -> bool {
+    /// Returns whether upload responses indicate the size, as they should.
+    fn indicates_size(&self) -> bool {
         true
     }
 
-    /// What is given as the reason of a refusal.
+    /// Abort code sent for a refusal.
     fn reason(&self, code: AbortCode) -> AbortCode {
         code
     }
 }
 
-/// The server of one device.
+/// SDO server of one device.
 #[derive(Clone, Debug)]
 pub(super) struct SdoServer {
     node: NodeId,
     transfer: Option<Transfer>,
-    /// When the client was heard last.
-    heard: Instant,
-    has_nudged: bool,
-    /// When the next segment of a block goes out.
+    /// Time of the last request.
+    last_request: Instant,
+    has_retried: bool,
+    /// Time of the next block segment.
     due: Option<Instant>,
-    /// Where the next short value is read; kept, so that reading one allocates nothing.
+    /// Buffer for short values; kept to avoid allocation.
     spare: Vec<u8>,
 }
 
-/// A transfer under way.
+/// Transfer in progress.
 #[derive(Clone, Debug)]
 struct Transfer {
     object: Object,
@@ -89,29 +88,29 @@ enum Way {
     BlockDown(block::Download),
 }
 
-/// What is answered, if anything; or why not, and over which object.
+/// Reply, if any, or the object and code of an abort.
 type Reply = Result<Option<SdoPayload>, (Object, AbortCode)>;
 
 impl SdoServer {
-    /// The server of `node`.
+    /// Returns the server of `node`.
     pub(super) const fn new(node: NodeId) -> Self {
         Self {
             node,
             transfer: None,
-            heard: Instant::ZERO,
-            has_nudged: false,
+            last_request: Instant::ZERO,
+            has_retried: false,
             due: None,
             spare: Vec::new(),
         }
     }
 
-    /// Forgets the transfer under way.
+    /// Discards the transfer in progress.
     pub(super) fn reset(&mut self) {
         self.transfer = None;
         self.due = None;
     }
 
-    /// The request in a frame, `None` if there is none of eight bytes for this server.
+    /// Returns the request in a frame; `None` unless it has eight bytes and addresses this server.
     pub(super) fn request(&self, frame: &Frame) -> Option<SdoPayload> {
         let is_ours = frame.cob_id == request_cob_id(self.node);
         if is_ours { frame.data().try_into().ok() } else { None }
@@ -125,8 +124,8 @@ impl SdoServer {
         objects: &mut impl Access,
         out: &mut Vec<Frame>,
     ) {
-        self.heard = now;
-        self.has_nudged = false;
+        self.last_request = now;
+        self.has_retried = false;
         let reply = match self.on_block_segment(&request) {
             Some(reply) => reply,
             None => self.on_command(request, objects),
@@ -141,44 +140,44 @@ impl SdoServer {
         self.send_segment(now, out);
     }
 
-    /// Sends the segment that is due, asks for what was lost, or ends a transfer whose client has fallen silent.
+    /// Sends the segment that is due, requests lost ones, or aborts the transfer of a silent client.
     pub(super) fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) {
         if self.due.is_some_and(|due| due <= now) {
             self.send_segment(now, out);
         }
-        if self.silence_ends().is_none_or(|due| now < due) {
+        if self.client_deadline().is_none_or(|due| now < due) {
             return;
         }
         let Some(Transfer { object, way }) = &mut self.transfer else { return };
-        let (object, is_over) = (*object, now >= self.heard + PATIENCE);
+        let (object, is_over) = (*object, now >= self.last_request + CLIENT_TIMEOUT);
         let payload = match way {
-            Way::BlockDown(download) if !is_over => download.nudge(),
+            Way::BlockDown(download) if !is_over => download.retry(),
             Way::Up(_) | Way::Down(_) | Way::BlockUp(_) | Way::BlockDown(_) => {
                 Some(abort(object, AbortCode::TIMED_OUT))
             }
         };
-        self.has_nudged = true;
+        self.has_retried = true;
         if is_over {
             self.reset();
         }
         out.extend(payload.map(|payload| self.frame(payload)));
     }
 
-    /// When [`on_time`](Self::on_time) must next be called.
+    /// Time of the next call of [`on_time`](Self::on_time).
     pub(super) fn deadline(&self) -> Option<Instant> {
-        self.due.into_iter().chain(self.silence_ends()).min()
+        self.due.into_iter().chain(self.client_deadline()).min()
     }
 
-    /// When a client will have been silent for too long.
-    fn silence_ends(&self) -> Option<Instant> {
-        let may_nudge = match &self.transfer.as_ref()?.way {
-            Way::BlockDown(_) => !self.has_nudged,
+    /// Time of the next retry or abort of a silent client.
+    fn client_deadline(&self) -> Option<Instant> {
+        let may_retry = match &self.transfer.as_ref()?.way {
+            Way::BlockDown(_) => !self.has_retried,
             Way::Up(_) | Way::Down(_) | Way::BlockUp(_) => false,
         };
-        Some(self.heard + if may_nudge { NUDGE } else { PATIENCE })
+        Some(self.last_request + if may_retry { RETRY_TIMEOUT } else { CLIENT_TIMEOUT })
     }
 
-    /// Takes a request as a segment of a block, if segments come and it is no abort.
+    /// Takes a request as a block segment, if segments are expected and it is no abort.
     fn on_block_segment(&mut self, request: &SdoPayload) -> Option<Reply> {
         let Transfer { object, way: Way::BlockDown(download) } = self.transfer.as_mut()? else {
             return None;
@@ -213,12 +212,12 @@ impl SdoServer {
         }
     }
 
-    /// A request within a transfer.
+    /// Takes a request within a transfer.
     fn on_request(&mut self, request: SdoPayload, objects: &mut impl Access) -> Reply {
         let [command, low, high, sub, ..] = request;
         let specifier = command >> 5;
         let Some(Transfer { object, way }) = &mut self.transfer else {
-            // A segment that nothing has opened names no object; a command nobody knows may.
+            // A stray segment names no object; an unknown command may.
             let named = if specifier == CS_RESERVED { [low, high, sub] } else { [0; 3] };
             let [low, high, sub] = named;
             let object = Object { index: u16::from_le_bytes([low, high]), sub };
@@ -261,14 +260,14 @@ impl SdoServer {
         Ok(reply)
     }
 
-    /// Sends the next segment of the sub-block under way, if there is one.
+    /// Sends the next segment of the current sub-block, if there is one.
     fn send_segment(&mut self, now: Instant, out: &mut Vec<Frame>) {
         self.due = None;
         if let Some(Transfer { way: Way::BlockUp(upload), .. }) = &mut self.transfer
             && let Some(segment) = upload.next()
         {
             out.push(Frame::new(response_cob_id(self.node), segment));
-            self.due = upload.has_next().then_some(now + PACE);
+            self.due = upload.has_next().then_some(now + SEGMENT_INTERVAL);
         }
     }
 
@@ -283,7 +282,7 @@ fn abort(object: Object, code: AbortCode) -> SdoPayload {
     [CS_ABORT << 5, low, high, object.sub, a, b, c, d]
 }
 
-// Command specifiers, in the three highest bits: of the client and of the server.
+// Command specifiers of client and server: the three highest bits.
 const CCS_DOWNLOAD_SEGMENT: u8 = 0;
 const CCS_DOWNLOAD: u8 = 1;
 const CCS_UPLOAD: u8 = 2;
@@ -292,5 +291,5 @@ const CS_ABORT: u8 = 4;
 const CCS_BLOCK_UPLOAD: u8 = 5;
 const CCS_BLOCK_DOWNLOAD: u8 = 6;
 const CS_RESERVED: u8 = 7;
-/// What a frame of a block transfer is.
+/// Subcommand bits of a block transfer.
 const SUBCOMMAND: u8 = 3;

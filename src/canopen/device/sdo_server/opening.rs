@@ -1,6 +1,6 @@
-//! What opens a transfer, seen from the server: the four requests that name an object, and the replies.
+//! Initiation of transfers at the server: the four requests that name an object, and their replies.
 //!
-//! The sizes of the object, of what was announced and of what may come at most must agree.
+//! The sizes of object, announcement and limit must agree.
 
 use canopen_rs::sdo::SdoPayload;
 use canopen_rs::sdo::block::encode_sub_response;
@@ -16,15 +16,15 @@ use crate::device::sdo_server::block::SCS_BLOCK_UPLOAD;
 use crate::device::sdo_server::segmented;
 use crate::device::sdo_server::size::check_size;
 use crate::object::Object;
+use crate::sdo::BlockParameters;
 use crate::sdo::MAX_BYTES;
-use crate::sdo::Promise;
 use crate::sdo::Receiver;
 
-/// Segments that a sub-block of a download has.
+/// Segments per sub-block of a download.
 pub(super) const BLOCK_SIZE: u8 = 127;
 
 impl SdoServer {
-    /// A write begins, and with four bytes or fewer ends.
+    /// Initiates a download; four bytes or fewer complete it.
     pub(super) fn on_download(
         &mut self,
         object: Object,
@@ -34,8 +34,8 @@ impl SdoServer {
         let size = objects.size(object)?;
         let is_sized = command & SIZE_INDICATED != 0;
         if command & EXPEDITED != 0 {
-            let told = is_sized.then_some(4 - usize::from(command >> 2 & 3));
-            let taken = told.or(size).unwrap_or(4).min(4);
+            let indicated = is_sized.then_some(4 - usize::from(command >> 2 & 3));
+            let taken = indicated.or(size).unwrap_or(4).min(4);
             let bytes = four.get(..taken).unwrap_or(&four);
             check_size(size, bytes.len())?;
             objects.write(object, bytes)?;
@@ -47,25 +47,25 @@ impl SdoServer {
         Ok(Some([SCS_DOWNLOAD << 5, low, high, sub, 0, 0, 0, 0]))
     }
 
-    /// Reads an object into the spare buffer, and takes it.
+    /// Reads an object into the spare buffer and takes it.
     fn value_of(&mut self, object: Object, objects: &impl Access) -> Result<Vec<u8>, AbortCode> {
         self.spare.clear();
         objects.read(object, &mut self.spare)?;
         Ok(std::mem::take(&mut self.spare))
     }
 
-    /// A read begins, and with one to four bytes ends.
+    /// Initiates an upload; one to four bytes complete it.
     pub(super) fn on_upload(
         &mut self,
         object: Object,
         objects: &impl Access,
     ) -> Result<Option<SdoPayload>, AbortCode> {
         let bytes = self.value_of(object, objects)?;
-        Ok(Some(self.open_upload(object, bytes, objects.tells_sizes())))
+        Ok(Some(self.open_upload(object, bytes, objects.indicates_size())))
     }
 
-    /// The reply that opens an upload of `bytes`, expedited or segmented, and tells how many they are.
-    fn open_upload(&mut self, object: Object, mut bytes: Vec<u8>, tells_size: bool) -> SdoPayload {
+    /// Returns the upload response for `bytes`, expedited or segmented.
+    fn open_upload(&mut self, object: Object, mut bytes: Vec<u8>, has_size: bool) -> SdoPayload {
         let [low, high] = object.index.to_le_bytes();
         let (command, [a, b, c, d]) = match *bytes.as_slice() {
             [a] => (EXPEDITED | 3 << 2, [a, 0, 0, 0]),
@@ -80,7 +80,7 @@ impl SdoServer {
             }
         };
         self.spare = bytes;
-        if !tells_size {
+        if !has_size {
             let [a, b, c, d] = if command == 0 { [0; 4] } else { [a, b, c, d] };
             let command = SCS_UPLOAD << 5 | command & EXPEDITED;
             return [command, low, high, object.sub, a, b, c, d];
@@ -88,7 +88,7 @@ impl SdoServer {
         [SCS_UPLOAD << 5 | SIZE_INDICATED | command, low, high, object.sub, a, b, c, d]
     }
 
-    /// A read by blocks begins; a short one goes the other way, if the client says so.
+    /// Initiates a block upload; a short value switches to segments if the client allows it.
     pub(super) fn on_block_upload(
         &mut self,
         object: Object,
@@ -98,7 +98,7 @@ impl SdoServer {
         let mut bytes = Vec::new();
         objects.read(object, &mut bytes)?;
         if threshold != 0 && bytes.len() <= usize::from(threshold) {
-            return Ok(Some(self.open_upload(object, bytes, objects.tells_sizes())));
+            return Ok(Some(self.open_upload(object, bytes, objects.indicates_size())));
         }
         let [a, b, c, d] = announced(&bytes);
         let upload = block::Upload::new(bytes, block_size, command & CRC != 0)?;
@@ -107,7 +107,7 @@ impl SdoServer {
         Ok(Some([command, low, high, sub, a, b, c, d]))
     }
 
-    /// A write by blocks begins.
+    /// Initiates a block download.
     pub(super) fn on_block_download(
         &mut self,
         object: Object,
@@ -117,14 +117,14 @@ impl SdoServer {
         let [command, low, high, sub, four @ ..] = request;
         let is_sized = command & SIZE_INDICATED_IN_BLOCK != 0;
         let declared = agreed_size(objects.size(object)?, is_sized, four)?;
-        let promise = Promise {
+        let parameters = BlockParameters {
             declared,
             has_crc: command & CRC != 0,
             limit: MAX_BYTES,
             block_size: BLOCK_SIZE,
         };
         let nothing_yet = encode_sub_response(0, BLOCK_SIZE);
-        let receiver = Receiver::new([request, nothing_yet], promise)?;
+        let receiver = Receiver::new([request, nothing_yet], parameters)?;
         self.transfer =
             Some(Transfer { object, way: Way::BlockDown(block::Download::new(receiver)) });
         let command = SCS_BLOCK_DOWNLOAD << 5 | command & CRC;
@@ -132,10 +132,10 @@ impl SdoServer {
     }
 }
 
-/// The size a value must have: as its object has it, or as it was announced.
+/// Returns the required size: that of the object, or the announced one.
 ///
 /// # Errors
-/// When these are not the same, or more is announced than may come.
+/// Returns an abort code if they differ, or if the announced size exceeds the limit.
 fn agreed_size(
     size: Option<usize>,
     is_announced: bool,
@@ -149,7 +149,7 @@ fn agreed_size(
     Ok(Some(announced))
 }
 
-/// The size of a value, as it is announced.
+/// Size of a value, as announced.
 fn announced(bytes: &[u8]) -> [u8; 4] {
     u32::try_from(bytes.len()).unwrap_or(u32::MAX).to_le_bytes()
 }
@@ -157,12 +157,12 @@ fn announced(bytes: &[u8]) -> [u8; 4] {
 const SCS_UPLOAD: u8 = 2;
 const SCS_DOWNLOAD: u8 = 3;
 
-/// Bit e: the value is in this frame.
+/// Bit e: the frame carries the value.
 const EXPEDITED: u8 = 1 << 1;
-/// Bit s: how long it is, is said.
+/// Bit s: the size is indicated.
 const SIZE_INDICATED: u8 = 1;
-/// The same where block transfer has it.
+/// Bit s of block transfers.
 pub(super) const SIZE_INDICATED_IN_BLOCK: u8 = 1 << 1;
-/// Bits cc and sc: a checksum is wanted, and there will be one. A server that offers one nobody wants
-/// is misread by clients that look at sc alone.
+/// Bits cc and sc: CRC support of client and server. Offered only on request, because some clients evaluate sc
+/// alone.
 const CRC: u8 = 1 << 2;

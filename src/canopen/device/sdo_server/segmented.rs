@@ -1,5 +1,4 @@
-//! Segmented transfer, seen from the server (CiA 301, 7.2.4.3.3 to 7.2.4.3.8): seven bytes at a time,
-//! each asked for and answered.
+//! Server side of segmented transfers (CiA 301, 7.2.4.3.3 to 7.2.4.3.8): seven bytes per request and reply.
 
 use canopen_rs::sdo::SEGMENT_DATA_MAX;
 use canopen_rs::sdo::SdoPayload;
@@ -8,7 +7,7 @@ use crate::abort::AbortCode;
 use crate::device::sdo_server::size::check_size;
 use crate::sdo::MAX_BYTES;
 
-/// A value on its way up.
+/// Segmented upload in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Upload {
     bytes: Vec<u8>,
@@ -18,15 +17,15 @@ pub(super) struct Upload {
 }
 
 impl Upload {
-    /// Nothing of `bytes` is sent yet.
+    /// Returns an upload of `bytes`.
     pub(super) const fn new(bytes: Vec<u8>) -> Self {
         Self { bytes, sent: 0, toggle: false }
     }
 
-    /// The next segment.
+    /// Returns the next segment.
     ///
     /// # Errors
-    /// When the request does not alternate.
+    /// Returns an abort code if the toggle bit does not alternate.
     pub(super) fn on_request(&mut self, command: u8) -> Result<SdoPayload, AbortCode> {
         if (command & TOGGLE != 0) != self.toggle {
             return Err(AbortCode::TOGGLE_NOT_ALTERNATED);
@@ -46,17 +45,17 @@ impl Upload {
         Ok(payload)
     }
 
-    /// Whether the last segment has been sent.
+    /// Returns whether the last segment was sent.
     pub(super) const fn is_over(&self) -> bool {
         self.sent > 0 && self.sent >= self.bytes.len()
     }
 }
 
-/// A value on its way down.
+/// Segmented download in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Download {
     bytes: Vec<u8>,
-    /// The size that was announced, or that the object has.
+    /// Size of the announcement or of the object.
     size: Option<usize>,
     /// Toggle bit of the next segment.
     toggle: bool,
@@ -64,15 +63,15 @@ pub(super) struct Download {
 }
 
 impl Download {
-    /// Nothing has come yet; `size` bytes should, where that is known.
+    /// Returns a download of `size` bytes, where the size is known.
     pub(super) const fn new(size: Option<usize>) -> Self {
         Self { bytes: Vec::new(), size, toggle: false, is_over: false }
     }
 
-    /// Takes a segment and confirms it.
+    /// Takes a segment and returns its confirmation.
     ///
     /// # Errors
-    /// When it does not alternate, or the value has not the size it should have.
+    /// Returns an abort code if the toggle bit does not alternate, or the size is wrong.
     pub(super) fn on_request(
         &mut self,
         [command, seven @ ..]: SdoPayload,
@@ -94,7 +93,7 @@ impl Download {
         Ok([SCS_DOWNLOAD_SEGMENT << 5 | command & TOGGLE, 0, 0, 0, 0, 0, 0, 0])
     }
 
-    /// The whole value, once the last segment has come.
+    /// Returns the value after the last segment.
     pub(super) fn value(&self) -> Option<&[u8]> {
         self.is_over.then_some(&self.bytes)
     }
@@ -103,7 +102,7 @@ impl Download {
 const SCS_UPLOAD_SEGMENT: u8 = 0;
 const SCS_DOWNLOAD_SEGMENT: u8 = 1;
 
-/// Bit t of a segment: it alternates.
+/// Bit t of a segment: toggles.
 pub(super) const TOGGLE: u8 = 1 << 4;
-/// Bit c of a segment: no more come.
+/// Bit c of a segment: it is the last one.
 pub(super) const LAST: u8 = 1;

@@ -1,9 +1,9 @@
-//! How long a value must be.
+//! Required size of a value.
 
 use crate::abort::AbortCode;
 use crate::sdo::MAX_BYTES;
 
-/// Whether `found` bytes are what an object of this size takes.
+/// Checks that an object of `size` accepts `found` bytes.
 pub(super) fn check_size(size: Option<usize>, found: usize) -> Result<(), AbortCode> {
     match size {
         Some(size) if found > size => Err(AbortCode::LENGTH_TOO_HIGH),

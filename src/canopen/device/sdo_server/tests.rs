@@ -1,4 +1,4 @@
-//! What the server does, frame by frame: the transfers of the standard, and what it refuses.
+//! Server side of SDO transfers, frame by frame: the sequences of the standard, and refusals.
 
 use std::time::Duration;
 
@@ -8,9 +8,9 @@ use proptest::prelude::*;
 
 use crate::abort::AbortCode;
 use crate::device::sdo_server::Access;
-use crate::device::sdo_server::NUDGE;
-use crate::device::sdo_server::PACE;
-use crate::device::sdo_server::PATIENCE;
+use crate::device::sdo_server::CLIENT_TIMEOUT;
+use crate::device::sdo_server::RETRY_TIMEOUT;
+use crate::device::sdo_server::SEGMENT_INTERVAL;
 use crate::device::sdo_server::SdoServer;
 use crate::device::sdo_server::abort;
 use crate::device::sdo_server::segmented::LAST;
@@ -78,7 +78,7 @@ fn refusal(object: Object, code: AbortCode) -> SdoPayload {
 }
 
 #[test]
-fn a_text_goes_down_with_or_without_its_size_and_comes_up_again() {
+fn text_is_downloaded_and_uploaded_in_segments() {
     for size in [0, 1, 4, 6, 7, 8, 14, 15, 100] {
         let text: Vec<u8> = (0..size).collect();
         for initiate in [[0x21, 0, 0x20, 0, size, 0, 0, 0], [0x20, 0, 0x20, 0, 0, 0, 0, 0]] {
@@ -124,7 +124,7 @@ fn uploaded(server: &mut SdoServer, shelf: &mut Shelf) -> Vec<u8> {
 }
 
 #[test]
-fn an_expedited_write_may_leave_its_size_to_the_object() {
+fn expedited_write_may_omit_its_size() {
     let (mut server, mut shelf) = (server(), Shelf::default());
     let confirmed = reply(&mut server, &mut shelf, [0x22, 1, 0x20, 3, 7, 8, 9, 9]);
     assert_eq!(confirmed, [0x60, 1, 0x20, 3, 0, 0, 0, 0]);
@@ -134,7 +134,7 @@ fn an_expedited_write_may_leave_its_size_to_the_object() {
 }
 
 #[test]
-fn a_wrong_length_is_refused_before_or_at_the_last_byte() {
+fn wrong_length_is_refused() {
     let (mut server, mut shelf) = (server(), Shelf::default());
     for (request, code) in [
         ([0x21, 1, 0x20, 3, 3, 0, 0, 0], AbortCode::LENGTH_TOO_HIGH),
@@ -153,7 +153,7 @@ fn a_wrong_length_is_refused_before_or_at_the_last_byte() {
 }
 
 #[test]
-fn a_segment_that_does_not_alternate_ends_the_transfer() {
+fn wrong_toggle_bit_ends_the_transfer() {
     let (mut server, mut shelf) = (server(), Shelf { text: vec![1; 20], ..Shelf::default() });
     for (initiate, segment) in [(0x20, 0x10), (0x40, 0x70)] {
         reply(&mut server, &mut shelf, [initiate, 0, 0x20, 0, 0, 0, 0, 0]);
@@ -166,7 +166,7 @@ fn a_segment_that_does_not_alternate_ends_the_transfer() {
 }
 
 #[test]
-fn a_new_initiate_ends_a_running_transfer() {
+fn new_initiation_ends_the_running_transfer() {
     let (mut server, mut shelf) = (server(), Shelf::default());
     reply(&mut server, &mut shelf, [0x20, 0, 0x20, 0, 0, 0, 0, 0]);
     reply(&mut server, &mut shelf, [0x2B, 1, 0x20, 3, 1, 2, 0, 0]);
@@ -176,7 +176,7 @@ fn a_new_initiate_ends_a_running_transfer() {
 }
 
 #[test]
-fn an_abort_ends_a_transfer_and_is_not_answered() {
+fn abort_ends_a_transfer_without_reply() {
     let (mut server, mut shelf) = (server(), Shelf::default());
     reply(&mut server, &mut shelf, [0x20, 0, 0x20, 0, 0, 0, 0, 0]);
     assert_eq!(replies(&mut server, &mut shelf, [0x80, 0, 0x20, 0, 0, 0, 4, 5]), NOTHING);
@@ -186,7 +186,7 @@ fn an_abort_ends_a_transfer_and_is_not_answered() {
 
 const NOTHING: [SdoPayload; 0] = [];
 
-/// 21 bytes are three segments.
+/// A text of 21 bytes: three segments.
 fn shelf_of_three() -> (SdoServer, Shelf) {
     (server(), Shelf { text: (1..=21).collect(), ..Shelf::default() })
 }
@@ -196,31 +196,31 @@ fn segment(number: u8, from: u8) -> SdoPayload {
     [number, a, b, c, d, e, f, g]
 }
 
-/// Of these bytes, as `binascii.crc_hqx` of Python has it.
+/// CRC of these bytes, from `binascii.crc_hqx` of Python.
 const SUM: [u8; 2] = [0xF0, 0xCD];
 
 #[test]
-fn a_block_goes_up_as_the_standard_has_it() {
+fn block_upload_follows_the_standard() {
     let (mut server, mut shelf) = shelf_of_three();
-    let mut say = |request| replies(&mut server, &mut shelf, request);
-    assert_eq!(say([0xA4, 0, 0x20, 0, 2, 0, 0, 0]), [[0xC6, 0, 0x20, 0, 21, 0, 0, 0]]);
+    let mut send = |request| replies(&mut server, &mut shelf, request);
+    assert_eq!(send([0xA4, 0, 0x20, 0, 2, 0, 0, 0]), [[0xC6, 0, 0x20, 0, 21, 0, 0, 0]]);
     let start = [0xA3, 0, 0, 0, 0, 0, 0, 0];
-    assert_eq!(say(start), [segment(1, 1), segment(2, 8)]);
-    assert_eq!(say([0xA2, 1, 2, 0, 0, 0, 0, 0]), [segment(1, 8), segment(0x82, 15)], "one lost");
-    assert_eq!(say([0xA2, 2, 2, 0, 0, 0, 0, 0]), [[0xC1, SUM[0], SUM[1], 0, 0, 0, 0, 0]]);
-    assert_eq!(say([0xA1, 0, 0, 0, 0, 0, 0, 0]), NOTHING);
-    assert_eq!(say(start)[0][0], 0x80, "it is over");
+    assert_eq!(send(start), [segment(1, 1), segment(2, 8)]);
+    assert_eq!(send([0xA2, 1, 2, 0, 0, 0, 0, 0]), [segment(1, 8), segment(0x82, 15)], "one lost");
+    assert_eq!(send([0xA2, 2, 2, 0, 0, 0, 0, 0]), [[0xC1, SUM[0], SUM[1], 0, 0, 0, 0, 0]]);
+    assert_eq!(send([0xA1, 0, 0, 0, 0, 0, 0, 0]), NOTHING);
+    assert_eq!(send(start)[0][0], 0x80, "it is over");
 }
 
 #[test]
-fn segments_of_a_block_go_up_one_at_a_time() {
+fn block_segments_are_sent_at_their_interval() {
     let (mut server, mut shelf) = shelf_of_three();
     reply(&mut server, &mut shelf, [0xA4, 0, 0x20, 0, 127, 0, 0, 0]);
     let mut out = Vec::new();
     server.serve(Instant::ZERO, [0xA3, 0, 0, 0, 0, 0, 0, 0], &mut shelf, &mut out);
     for place in 1..=3 {
         assert_eq!(out.len(), place, "one by {:?}", server.deadline());
-        let due = Instant::ZERO + PACE.saturating_mul(u32::try_from(place).unwrap());
+        let due = Instant::ZERO + SEGMENT_INTERVAL.saturating_mul(u32::try_from(place).unwrap());
         server.on_time(due - Duration::from_micros(1), &mut out);
         assert_eq!(out.len(), place, "no sooner than its time");
         server.on_time(due, &mut out);
@@ -229,11 +229,11 @@ fn segments_of_a_block_go_up_one_at_a_time() {
 }
 
 #[test]
-fn a_block_comes_down_as_the_standard_has_it() {
+fn block_download_follows_the_standard() {
     let (mut server, mut shelf) = (server(), Shelf::default());
     let opening = [0xC6, 0, 0x20, 0, 20, 0, 0, 0];
     assert_eq!(reply(&mut server, &mut shelf, opening), [0xA4, 0, 0x20, 0, 127, 0, 0, 0]);
-    for (segment, said) in [
+    for (segment, sent) in [
         (segment(1, 1), None),
         (segment(1, 1), None),
         (segment(0x83, 15), Some([0xA2, 1, 127, 0, 0, 0, 0, 0])),
@@ -241,7 +241,7 @@ fn a_block_comes_down_as_the_standard_has_it() {
         (segment(0x82, 15), Some([0xA2, 2, 127, 0, 0, 0, 0, 0])),
         (segment(0x82, 15), None),
     ] {
-        assert_eq!(replies(&mut server, &mut shelf, segment), Vec::from_iter(said));
+        assert_eq!(replies(&mut server, &mut shelf, segment), Vec::from_iter(sent));
     }
     let [low, high] = canopen_rs::sdo::block::crc16(&Vec::from_iter(1..=20)).to_le_bytes();
     let end = [0xC5, low, high, 0, 0, 0, 0, 0];
@@ -250,7 +250,7 @@ fn a_block_comes_down_as_the_standard_has_it() {
 }
 
 #[test]
-fn a_wrong_checksum_or_size_stores_nothing() {
+fn wrong_crc_or_size_stores_nothing() {
     let ours = canopen_rs::sdo::block::crc16(&[1, 2, 3, 4, 5, 6, 7]).to_le_bytes();
     for (opening, end, code) in [
         ([0xC6, 7], [0xC1, ours[0] ^ 1, ours[1]], AbortCode::CRC_ERROR),
@@ -267,7 +267,7 @@ fn a_wrong_checksum_or_size_stores_nothing() {
 }
 
 #[test]
-fn a_block_may_come_without_size_and_checksum() {
+fn block_may_omit_size_and_crc() {
     let (mut server, mut shelf) = (server(), Shelf::default());
     reply(&mut server, &mut shelf, [0xC0, 0, 0x20, 0, 0, 0, 0, 0]);
     reply(&mut server, &mut shelf, segment(0x81, 1));
@@ -276,7 +276,7 @@ fn a_block_may_come_without_size_and_checksum() {
 }
 
 #[test]
-fn a_block_without_its_size_still_has_that_of_its_object() {
+fn block_without_size_must_fit_its_object() {
     let (mut server, mut shelf) = (server(), Shelf::default());
     reply(&mut server, &mut shelf, [0xC0, 1, 0x20, 3, 0, 0, 0, 0]);
     reply(&mut server, &mut shelf, segment(0x81, 1));
@@ -286,7 +286,7 @@ fn a_block_without_its_size_still_has_that_of_its_object() {
 }
 
 #[test]
-fn what_no_block_can_be_is_refused() {
+fn invalid_block_requests_are_refused() {
     let (mut server, mut shelf) = shelf_of_three();
     for (requests, object, code) in [
         (vec![[0xA4, 0, 0x20, 0, 0, 0, 0, 0]], TEXT, AbortCode::BLOCK_SIZE_INVALID),
@@ -309,28 +309,28 @@ fn what_no_block_can_be_is_refused() {
             AbortCode::SEQUENCE_NUMBER_INVALID,
         ),
     ] {
-        let said: Vec<_> =
+        let sent: Vec<_> =
             requests.into_iter().map(|request| replies(&mut server, &mut shelf, request)).collect();
-        assert_eq!(said.last().unwrap(), &[refusal(object, code)]);
+        assert_eq!(sent.last().unwrap(), &[refusal(object, code)]);
         let [command, ..] = reply(&mut server, &mut shelf, [0x60, 0, 0, 0, 0, 0, 0, 0]);
         assert_eq!(command, 0x80, "nothing is under way");
     }
 }
 
 #[test]
-fn a_short_value_goes_up_the_other_way_if_the_client_says_so() {
+fn short_value_switches_to_segments_below_the_threshold() {
     let (mut server, mut shelf) = shelf_of_three();
     for (threshold, command) in [(20, 0xC6), (21, 0x41)] {
         let request = [0xA4, 0, 0x20, 0, 127, threshold, 0, 0];
-        let said = reply(&mut server, &mut shelf, request);
-        assert_eq!(said, [command, 0, 0x20, 0, 21, 0, 0, 0]);
+        let sent = reply(&mut server, &mut shelf, request);
+        assert_eq!(sent, [command, 0, 0x20, 0, 21, 0, 0, 0]);
     }
-    let said = reply(&mut server, &mut shelf, [0xA0, 1, 0x20, 3, 127, 2, 0, 0]);
-    assert_eq!(said, [0x4B, 1, 0x20, 3, 0, 0, 0, 0], "expedited");
+    let sent = reply(&mut server, &mut shelf, [0xA0, 1, 0x20, 3, 127, 2, 0, 0]);
+    assert_eq!(sent, [0x4B, 1, 0x20, 3, 0, 0, 0, 0], "expedited");
 }
 
 #[test]
-fn a_client_that_falls_silent_frees_the_server() {
+fn silent_client_is_aborted_after_its_timeout() {
     let openings: [&[SdoPayload]; 4] = [
         &[[0x20, 0, 0x20, 0, 0, 0, 0, 0]],
         &[[0x40, 0, 0x20, 0, 0, 0, 0, 0]],
@@ -344,7 +344,7 @@ fn a_client_that_falls_silent_frees_the_server() {
         }
         let mut out = Vec::new();
         while let Some(due) = server.deadline() {
-            assert!(due <= Instant::ZERO + PATIENCE);
+            assert!(due <= Instant::ZERO + CLIENT_TIMEOUT);
             out.clear();
             server.on_time(due, &mut out);
         }
@@ -353,24 +353,24 @@ fn a_client_that_falls_silent_frees_the_server() {
 }
 
 #[test]
-fn lost_segments_are_asked_for_when_nothing_comes() {
+fn lost_segments_are_requested_after_a_timeout() {
     let (mut server, mut shelf) = (server(), Shelf::default());
     reply(&mut server, &mut shelf, [0xC6, 0, 0x20, 0, 90, 0, 0, 0]);
-    let ask = |server: &mut SdoServer| {
+    let retry = |server: &mut SdoServer| {
         let mut out = Vec::new();
-        server.on_time(Instant::ZERO + NUDGE, &mut out);
+        server.on_time(Instant::ZERO + RETRY_TIMEOUT, &mut out);
         out
     };
-    assert_eq!(ask(&mut server), [Frame::new(0x585, [0xA2, 0, 127, 0, 0, 0, 0, 0])]);
-    assert_eq!(ask(&mut server), [], "once");
+    assert_eq!(retry(&mut server), [Frame::new(0x585, [0xA2, 0, 127, 0, 0, 0, 0, 0])]);
+    assert_eq!(retry(&mut server), [], "once");
     assert_eq!(replies(&mut server, &mut shelf, segment(1, 1)), NOTHING);
     assert_eq!(replies(&mut server, &mut shelf, segment(2, 8)), NOTHING);
-    assert_eq!(ask(&mut server), [Frame::new(0x585, [0xA2, 2, 127, 0, 0, 0, 0, 0])]);
+    assert_eq!(retry(&mut server), [Frame::new(0x585, [0xA2, 2, 127, 0, 0, 0, 0, 0])]);
 }
 
 proptest! {
     #[test]
-    fn any_requests_are_answered_in_bounds_and_end(
+    fn any_requests_get_bounded_replies_and_end(
         requests in proptest::collection::vec(
             (any::<[u8; 8]>(), 0_usize..16, any::<bool>(), 0_u64..400_000), 0..200,
         ),
@@ -392,7 +392,7 @@ proptest! {
             out.clear();
         }
         for _ in 0..2 {
-            server.on_time(now + PATIENCE, &mut out);
+            server.on_time(now + CLIENT_TIMEOUT, &mut out);
         }
         prop_assert_eq!(server.deadline(), None);
     }

@@ -1,4 +1,4 @@
-//! Emergencies: when they are told, and whom a device misses.
+//! Emergencies: inhibit time, and lost heartbeats.
 
 use super::*;
 
@@ -18,7 +18,7 @@ fn code(frame: &Frame) -> u16 {
 }
 
 #[test]
-fn between_two_emergencies_lies_their_inhibit_time_and_none_is_lost() {
+fn emergencies_keep_their_inhibit_time() {
     let mut desk = Desk::new();
     desk.write(Object::EMCY_INHIBIT_TIME, &[100, 0]).unwrap();
     let mut have = |code, millis| {
@@ -36,19 +36,19 @@ fn between_two_emergencies_lies_their_inhibit_time_and_none_is_lost() {
 }
 
 #[test]
-fn of_more_emergencies_than_may_wait_the_newest_are_told() {
+fn full_emergency_queue_keeps_the_newest() {
     let mut desk = Desk::new();
     desk.write(Object::EMCY_INHIBIT_TIME, &[10, 0]).unwrap();
     for number in 1..=100 {
         desk.device.touch(|application, _| application.code = 0x2300 + number);
         desk.device.on_time(desk.now, &mut Vec::new());
     }
-    let said: Vec<_> = desk.wait_until(1_000).iter().map(code).collect();
-    assert_eq!(said, (0x2300 + 85..=0x2300 + 100).collect::<Vec<_>>());
+    let sent: Vec<_> = desk.wait_until(1_000).iter().map(code).collect();
+    assert_eq!(sent, (0x2300 + 85..=0x2300 + 100).collect::<Vec<_>>());
 }
 
 #[test]
-fn emergencies_that_wait_are_not_told_by_a_node_that_is_stopped() {
+fn stopped_node_drops_queued_emergencies() {
     let mut desk = Desk::new();
     desk.write(Object::EMCY_INHIBIT_TIME, &[100, 0]).unwrap();
     for code in [0x2310, 0x4310] {
@@ -62,83 +62,87 @@ fn emergencies_that_wait_are_not_told_by_a_node_that_is_stopped() {
 }
 
 #[test]
-fn everyone_whose_heartbeat_is_watched_is_missed() {
+fn every_monitored_heartbeat_can_be_lost() {
     let mut desk =
         Desk::described(&format!("{}{WATCH_2}", include_str!("../../../../eds/frhc_drive.eds")));
     desk.write(Object::CONSUMER_HEARTBEAT, &MASTER_FOR_20_MS.to_le_bytes()).unwrap();
     desk.write(SECOND, &0x0007_0032_u32.to_le_bytes()).unwrap();
-    desk.say(Frame::new(0x77F, [5]));
-    desk.say(Frame::new(0x707, [5]));
+    desk.deliver(Frame::new(0x77F, [5]));
+    desk.deliver(Frame::new(0x707, [5]));
     assert_eq!(desk.wait_until(20), [emergency(0x8130, 0x11, [1, 2, 3, 4, 5])]);
-    assert_eq!(desk.wait_until(50), [], "one word for both");
+    assert_eq!(desk.wait_until(50), [], "one emergency for both");
     assert_eq!(desk.device.application().lost.len(), 2);
-    assert_eq!(desk.say(Frame::new(0x77F, [5])), [], "the other is still missed");
-    assert_eq!(desk.say(Frame::new(0x707, [5])), [emergency(0, 0, [0; 5])]);
+    assert_eq!(desk.deliver(Frame::new(0x77F, [5])), [], "the other is still lost");
+    assert_eq!(desk.deliver(Frame::new(0x707, [5])), [emergency(0, 0, [0; 5])]);
 }
 
 #[test]
-fn who_is_watched_no_more_is_missed_no_more() {
+fn removed_consumer_entry_clears_its_error() {
     let mut desk = Desk::new();
     desk.write(Object::CONSUMER_HEARTBEAT, &MASTER_FOR_20_MS.to_le_bytes()).unwrap();
-    desk.say(Frame::new(0x77F, [5]));
+    desk.deliver(Frame::new(0x77F, [5]));
     desk.wait_until(20);
-    let nobody = Frame::new(0x605, [0x23, 0x16, 0x10, 0x01, 0, 0, 0, 0]);
-    assert!(desk.say(nobody).contains(&emergency(0, 0, [0; 5])));
+    let clear = Frame::new(0x605, [0x23, 0x16, 0x10, 0x01, 0, 0, 0, 0]);
+    assert!(desk.deliver(clear).contains(&emergency(0, 0, [0; 5])));
 }
 
 #[test]
-fn an_entry_without_a_time_or_a_node_is_not_used() {
+fn consumer_entry_without_time_or_node_is_unused() {
     for raw in [0x007F_0000_u32, 0x0000_0014, 0x0080_0014, 0x00FF_0014] {
         let mut desk = Desk::new();
         desk.write(Object::CONSUMER_HEARTBEAT, &raw.to_le_bytes()).unwrap();
-        desk.say(Frame::new(0x77F, [5]));
+        desk.deliver(Frame::new(0x77F, [5]));
         assert_eq!(desk.wait_until(1_000), [], "{raw:X}h");
     }
 }
 
 #[test]
-fn the_same_time_for_the_same_node_keeps_the_watch_going() {
+fn unchanged_consumer_entry_keeps_its_state() {
     let mut desk = Desk::new();
     let write = |desk: &mut Desk| {
         desk.write(Object::CONSUMER_HEARTBEAT, &MASTER_FOR_20_MS.to_le_bytes()).unwrap();
     };
     write(&mut desk);
-    desk.say(Frame::new(0x77F, [5]));
+    desk.deliver(Frame::new(0x77F, [5]));
     desk.wait_until(10);
     write(&mut desk);
     assert_eq!(desk.wait_until(20).len(), 1);
 }
 
 #[test]
-fn a_heartbeat_of_its_own_ends_the_watch_over_its_guard() {
+fn enabled_heartbeat_ends_life_guarding() {
     let mut desk = Desk::silent();
     desk.write(Object::GUARD_TIME, &[20, 0]).unwrap();
     desk.write(Object::LIFE_TIME_FACTOR, &[3]).unwrap();
-    desk.say(Frame::remote(0x705, 1));
+    desk.deliver(Frame::remote(0x705, 1));
     desk.write(Object::PRODUCER_HEARTBEAT, &[0xE8, 3]).unwrap();
     desk.wait_until(100);
     assert_eq!(desk.device.application().lost, []);
 }
 
 #[test]
-fn a_guard_that_asks_again_does_not_excuse_a_heartbeat_that_is_missed() {
+fn guarding_poll_does_not_clear_a_lost_heartbeat() {
     let mut desk = Desk::silent();
     desk.write(Object::CONSUMER_HEARTBEAT, &MASTER_FOR_20_MS.to_le_bytes()).unwrap();
-    desk.say(Frame::new(0x77F, [5]));
+    desk.deliver(Frame::new(0x77F, [5]));
     assert_eq!(desk.wait_until(20).len(), 1);
-    assert_eq!(desk.say(Frame::remote(0x705, 1)), [Frame::new(0x705, [0x7F])]);
+    assert_eq!(desk.deliver(Frame::remote(0x705, 1)), [Frame::new(0x705, [0x7F])]);
 }
 
 #[test]
-fn a_reset_forgets_what_waits_and_who_was_heard() {
+fn reset_drops_emergencies_and_consumer_states() {
     for command in [NmtCommand::ResetCommunication, NmtCommand::ResetNode] {
         let mut desk = Desk::new();
         desk.write(Object::CONSUMER_HEARTBEAT, &MASTER_FOR_20_MS.to_le_bytes()).unwrap();
         desk.write(Object::STORE_PARAMETERS, b"save").unwrap();
-        desk.say(Frame::new(0x77F, [5]));
+        desk.deliver(Frame::new(0x77F, [5]));
         desk.order(command);
-        assert_eq!(desk.wait_until(1_000), [], "a kept watch begins with the next heartbeat");
-        desk.say(Frame::new(0x77F, [5]));
+        assert_eq!(
+            desk.wait_until(1_000),
+            [],
+            "a stored consumer entry starts with the next heartbeat"
+        );
+        desk.deliver(Frame::new(0x77F, [5]));
         assert_eq!(desk.wait_until(1_020).len(), 1);
     }
 }

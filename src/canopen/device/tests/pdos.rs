@@ -1,35 +1,35 @@
-//! PDOs: when they act, when they are sent, what may be in them (CiA 301, 7.2.2, 7.5.2.35 to 7.5.2.38).
+//! PDOs: action, transmission and mapping (CiA 301, 7.2.2, 7.5.2.35 to 7.5.2.38).
 
 use super::*;
 
 #[test]
 fn rpdo_acts_at_the_next_sync() {
     let mut desk = Desk::with_target(EVERY_SYNC);
-    desk.say(Frame::new(RPDO, [100, 0]));
+    desk.deliver(Frame::new(RPDO, [100, 0]));
     desk.wait_until(3);
     assert_eq!(desk.target(), 0, "held");
     desk.sync();
     assert_eq!(desk.target(), 100);
-    desk.say(Frame::new(RPDO, [7, 0]));
-    desk.say(Frame::new(RPDO, [8, 0]));
+    desk.deliver(Frame::new(RPDO, [7, 0]));
+    desk.deliver(Frame::new(RPDO, [8, 0]));
     assert_eq!(desk.target(), 100);
     desk.sync();
     assert_eq!(desk.target(), 8, "the last one counts");
 }
 
 #[test]
-fn a_sync_of_another_length_is_told_and_is_none() {
+fn sync_of_wrong_length_is_reported_and_ignored() {
     let mut desk = Desk::with_target(EVERY_SYNC);
-    desk.say(Frame::new(RPDO, [100, 0]));
-    let told = desk.say(Frame::new(0x80, [7]));
-    assert_eq!(told, [emergency(0x8240, 0x11, [0; 5])]);
+    desk.deliver(Frame::new(RPDO, [100, 0]));
+    let sent = desk.deliver(Frame::new(0x80, [7]));
+    assert_eq!(sent, [emergency(0x8240, 0x11, [0; 5])]);
     assert_eq!(desk.target(), 0);
     assert!(desk.sync().contains(&emergency(0, 0, [0; 5])));
     assert_eq!(desk.target(), 100);
 }
 
 #[test]
-fn a_pdo_of_any_number_is_one() {
+fn pdo_512_exists() {
     let text = include_str!("../../../../eds/frhc_drive.eds");
     let start = text.find("[1403]").unwrap();
     let communication = &text[start..text.find("[1600]").unwrap()];
@@ -42,27 +42,27 @@ fn a_pdo_of_any_number_is_one() {
     desk.map(place, &[0x6071_0010], 255).unwrap();
     desk.order(NmtCommand::StartRemoteNode);
     let cob_id = place.cob_id(desk.device.dictionary()).unwrap();
-    desk.say(Frame::new(cob_id, [0x2C, 0x01]));
+    desk.deliver(Frame::new(cob_id, [0x2C, 0x01]));
     assert_eq!(desk.target(), 300);
 }
 
 #[test]
-fn an_event_driven_rpdo_acts_at_once() {
+fn event_driven_rpdo_acts_at_once() {
     let mut desk = Desk::with_target(AT_ONCE);
-    desk.say(Frame::new(RPDO, [100, 0]));
+    desk.deliver(Frame::new(RPDO, [100, 0]));
     assert_eq!(desk.target(), 100);
-    desk.say(Frame::new(RPDO, 3_001_i16.to_le_bytes()));
+    desk.deliver(Frame::new(RPDO, 3_001_i16.to_le_bytes()));
     assert_eq!(desk.target(), 100, "a value outside its limits is not taken");
 }
 
 #[test]
-fn what_is_held_does_not_outlive_operational() {
+fn held_rpdo_is_discarded_on_leaving_operational() {
     for command in [NmtCommand::EnterPreOperational, NmtCommand::StopRemoteNode] {
         let mut desk = Desk::with_target(EVERY_SYNC);
-        desk.say(Frame::new(RPDO, [100, 0]));
+        desk.deliver(Frame::new(RPDO, [100, 0]));
         desk.order(command);
         desk.sync();
-        desk.say(Frame::new(RPDO, [100, 0]));
+        desk.deliver(Frame::new(RPDO, [100, 0]));
         desk.order(NmtCommand::StartRemoteNode);
         desk.sync();
         assert_eq!(desk.target(), 0);
@@ -70,37 +70,37 @@ fn what_is_held_does_not_outlive_operational() {
 }
 
 #[test]
-fn drives_of_a_group_take_each_its_own_part_of_one_frame() {
+fn group_drives_take_their_part_of_one_frame() {
     let mut desk = Desk::new();
     desk.map(RPDO1, &[DUMMY_16, DUMMY_16, TARGET], EVERY_SYNC).unwrap();
     desk.order(NmtCommand::StartRemoteNode);
-    desk.say(Frame::new(RPDO, [1, 0, 2, 0, 3, 0]));
+    desk.deliver(Frame::new(RPDO, [1, 0, 2, 0, 3, 0]));
     desk.sync();
     assert_eq!(desk.target(), 3);
 }
 
 #[test]
-fn a_frame_shorter_than_its_mapping_is_told_and_not_taken() {
+fn rpdo_shorter_than_its_mapping_is_ignored() {
     for data in [vec![9], vec![]] {
         let mut desk = Desk::with_target(AT_ONCE);
         let frame = Frame::from_slice(RPDO, &data).unwrap();
-        assert_eq!(desk.say(frame), [emergency(0x8210, 0x11, [0; 5])]);
-        assert_eq!(desk.say(frame), [], "told once");
+        assert_eq!(desk.deliver(frame), [emergency(0x8210, 0x11, [0; 5])]);
+        assert_eq!(desk.deliver(frame), [], "reported once");
         assert_eq!(desk.target(), 0);
-        assert_eq!(desk.say(Frame::new(RPDO, [9, 0])), [emergency(0, 0, [0; 5])]);
+        assert_eq!(desk.deliver(Frame::new(RPDO, [9, 0])), [emergency(0, 0, [0; 5])]);
         assert_eq!(desk.target(), 9);
     }
 }
 
 #[test]
-fn of_a_frame_longer_than_its_mapping_the_first_bytes_count_and_it_is_told() {
+fn rpdo_longer_than_its_mapping_is_cut_and_reported() {
     let mut desk = Desk::with_target(AT_ONCE);
-    assert_eq!(desk.say(Frame::new(RPDO, [9, 0, 7])), [emergency(0x8220, 0x11, [0; 5])]);
+    assert_eq!(desk.deliver(Frame::new(RPDO, [9, 0, 7])), [emergency(0x8220, 0x11, [0; 5])]);
     assert_eq!(desk.target(), 9);
-    assert_eq!(desk.say(Frame::new(RPDO, [8, 0, 7, 7])), [], "told once");
+    assert_eq!(desk.deliver(Frame::new(RPDO, [8, 0, 7, 7])), [], "reported once");
     assert_eq!(desk.target(), 8);
-    assert_eq!(desk.say(Frame::new(RPDO, [7])), [emergency(0x8210, 0x11, [0; 5])]);
-    assert_eq!(desk.say(Frame::new(RPDO, [7, 0])), [emergency(0, 0, [0; 5])]);
+    assert_eq!(desk.deliver(Frame::new(RPDO, [7])), [emergency(0x8210, 0x11, [0; 5])]);
+    assert_eq!(desk.deliver(Frame::new(RPDO, [7, 0])), [emergency(0, 0, [0; 5])]);
 }
 
 #[test]
@@ -123,7 +123,7 @@ fn remap_while_valid_is_refused() {
 }
 
 #[test]
-fn only_what_fits_and_may_be_mapped_is_mapped() {
+fn invalid_mappings_are_refused() {
     let refused = |place, entries: &[u32]| Desk::new().map(place, entries, EVERY_SYNC).unwrap_err();
     assert_eq!(refused(RPDO1, &[0x6064_0020]), AbortCode::NOT_MAPPABLE, "read only");
     assert_eq!(refused(RPDO1, &[0x6071_0020]), AbortCode::NOT_MAPPABLE, "another length");
@@ -139,7 +139,7 @@ fn only_what_fits_and_may_be_mapped_is_mapped() {
 }
 
 #[test]
-fn an_identifier_of_another_service_is_no_pdos() {
+fn cob_id_of_another_service_is_refused() {
     let mut desk = Desk::new();
     desk.write(RPDO1.communication(1), &(OFF | 0x205).to_le_bytes()).unwrap();
     for raw in [0, 0x80, 0x17F, 0x581, 0x605, 0x705, 0x2000_0205_u32] {
@@ -150,26 +150,26 @@ fn an_identifier_of_another_service_is_no_pdos() {
 }
 
 #[test]
-fn a_tpdo_of_type_n_comes_at_every_nth_sync() {
+fn tpdo_of_type_n_is_sent_at_every_nth_sync() {
     for n in [1, 2, 3, 7] {
         let mut desk = Desk::silent();
         desk.map(TPDO1, &[POSITION], n).unwrap();
         desk.order(NmtCommand::StartRemoteNode);
-        let said: Vec<_> = (0..21).map(|_| desk.sync().len()).collect();
+        let sent: Vec<_> = (0..21).map(|_| desk.sync().len()).collect();
         let period = usize::from(n);
-        assert_eq!(said.iter().sum::<usize>(), 21 / period);
-        assert!(said.chunks_exact(period).all(|syncs| *syncs.last().unwrap() == 1), "{said:?}");
+        assert_eq!(sent.iter().sum::<usize>(), 21 / period);
+        assert!(sent.chunks_exact(period).all(|syncs| *syncs.last().unwrap() == 1), "{sent:?}");
     }
 }
 
 #[test]
-fn a_tpdo_says_what_was_true_at_the_sync_however_late_it_is() {
+fn late_tpdo_carries_the_sample_of_its_sync() {
     let mut desk = Desk::silent();
     desk.device.latency = Duration::from_micros(60);
     desk.map(TPDO1, &[POSITION], EVERY_SYNC).unwrap();
     desk.order(NmtCommand::StartRemoteNode);
     let put = |position: i32| {
-        move |_: &mut Witness, dictionary: &mut Dictionary| {
+        move |_: &mut Recorder, dictionary: &mut Dictionary| {
             assert!(dictionary.set(Object::POSITION_ACTUAL, &position.to_le_bytes()));
         }
     };
@@ -181,7 +181,7 @@ fn a_tpdo_says_what_was_true_at_the_sync_however_late_it_is() {
 }
 
 #[test]
-fn an_event_driven_tpdo_keeps_between_inhibit_time_and_event_timer() {
+fn event_driven_tpdo_keeps_inhibit_time_and_event_timer() {
     let mut desk = Desk::silent();
     desk.write(TPDO1.communication(1), &(OFF | 0x185).to_le_bytes()).unwrap();
     desk.write(TPDO1.communication(3), &[100, 0]).unwrap();
@@ -193,7 +193,7 @@ fn an_event_driven_tpdo_keeps_between_inhibit_time_and_event_timer() {
             assert!(dictionary.set(Object::POSITION_ACTUAL, &[position, 0, 0, 0]));
         });
     };
-    assert_eq!(desk.wait_until(4), [], "told when operational was entered");
+    assert_eq!(desk.wait_until(4), [], "sent on entering operational");
     put(&mut desk, 1);
     put(&mut desk, 2);
     assert_eq!(desk.wait_until(9), [], "inhibited for 10 ms");

@@ -1,4 +1,4 @@
-//! SYNC and PDOs: windows, counters, remote frames, and what is told of RPDOs.
+//! SYNC and PDOs: windows, counters, remote frames, RPDO errors.
 
 use super::*;
 
@@ -9,7 +9,7 @@ const SYNC_ON_REQUEST: u8 = 252;
 const ON_REQUEST: u8 = 253;
 const NO_REMOTE: u32 = 1 << 30;
 
-/// Operational, with its position in TPDO1 of this transmission type, and nothing else.
+/// Operational device with its position alone in TPDO1, of this transmission type.
 fn with_position(transmission: u8) -> Desk {
     let mut desk = Desk::silent();
     desk.map(TPDO1, &[POSITION], transmission).unwrap();
@@ -25,110 +25,110 @@ impl Desk {
     }
 
     fn count(&mut self, counter: u8) -> Vec<Frame> {
-        self.say(Sync { counter: Some(counter) }.frame())
+        self.deliver(Sync { counter: Some(counter) }.frame())
     }
 }
 
-fn told(position: u8) -> [Frame; 1] {
+fn tpdo(position: u8) -> [Frame; 1] {
     [Frame::new(TPDO, [position, 0, 0, 0])]
 }
 
 #[test]
-fn a_synchronous_rpdo_after_the_window_is_discarded_and_told_until_a_window_passes_without() {
+fn rpdo_after_the_window_is_discarded_and_reported() {
     let mut desk = Desk::with_target(EVERY_SYNC);
     desk.write(Object::SYNC_WINDOW, &2_000_u32.to_le_bytes()).unwrap();
-    desk.say(Frame::new(RPDO, [1, 0]));
+    desk.deliver(Frame::new(RPDO, [1, 0]));
     desk.sync();
     assert_eq!(desk.target(), 1, "before the first SYNC it is open");
     desk.wait_until(2);
-    assert_eq!(desk.say(Frame::new(RPDO, [2, 0])), [], "2 ms are within 2 ms");
+    assert_eq!(desk.deliver(Frame::new(RPDO, [2, 0])), [], "2 ms are within 2 ms");
     desk.wait_until(3);
-    assert_eq!(desk.say(Frame::new(RPDO, [3, 0])), [emergency(0x8200, 0x11, [0; 5])]);
-    assert_eq!(desk.say(Frame::new(RPDO, [3, 0])), [], "told once");
+    assert_eq!(desk.deliver(Frame::new(RPDO, [3, 0])), [emergency(0x8200, 0x11, [0; 5])]);
+    assert_eq!(desk.deliver(Frame::new(RPDO, [3, 0])), [], "reported once");
     desk.wait_until(10);
     assert_eq!(desk.sync(), []);
     assert_eq!(desk.target(), 2);
     desk.wait_until(11);
-    desk.say(Frame::new(RPDO, [4, 0]));
+    desk.deliver(Frame::new(RPDO, [4, 0]));
     desk.wait_until(20);
     assert_eq!(desk.sync(), [emergency(0, 0, [0; 5])]);
     assert_eq!(desk.target(), 4);
 }
 
 #[test]
-fn an_event_driven_rpdo_knows_no_window() {
+fn event_driven_rpdo_ignores_the_window() {
     let mut desk = Desk::with_target(AT_ONCE);
     desk.write(Object::SYNC_WINDOW, &2_000_u32.to_le_bytes()).unwrap();
     desk.sync();
     desk.wait_until(5);
-    assert_eq!(desk.say(Frame::new(RPDO, [3, 0])), []);
+    assert_eq!(desk.deliver(Frame::new(RPDO, [3, 0])), []);
     assert_eq!(desk.target(), 3);
 }
 
 #[test]
-fn a_synchronous_tpdo_that_would_go_out_after_the_window_is_discarded() {
-    for (window, said) in [(50_u32, vec![emergency(0x8200, 0x11, [0; 5])]), (60, told(0).to_vec())]
+fn tpdo_after_the_window_is_discarded() {
+    for (window, sent) in [(50_u32, vec![emergency(0x8200, 0x11, [0; 5])]), (60, tpdo(0).to_vec())]
     {
         let mut desk = with_position(EVERY_SYNC);
         desk.device.latency = Duration::from_micros(60);
         desk.write(Object::SYNC_WINDOW, &window.to_le_bytes()).unwrap();
         assert_eq!(desk.sync(), []);
-        assert_eq!(desk.wait_until(1), said, "a window of {window} µs");
+        assert_eq!(desk.wait_until(1), sent, "a window of {window} µs");
     }
 }
 
 #[test]
-fn syncs_that_are_counted_are_counted_from_the_first_one_on() {
+fn sync_start_value_sets_the_first_sync() {
     let mut desk = Desk::silent();
     desk.write(Object::SYNC_OVERFLOW, &[12]).unwrap();
     desk.write(TPDO1.communication(6), &[5]).unwrap();
     desk.map(TPDO1, &[POSITION], 4).unwrap();
     desk.order(NmtCommand::StartRemoteNode);
     let counts: Vec<u8> = (3..=12).chain(1..=12).collect();
-    let said: Vec<u8> =
+    let sent: Vec<u8> =
         counts.into_iter().filter(|counter| !desk.count(*counter).is_empty()).collect();
-    assert_eq!(said, [8, 12, 4, 8, 12], "5 is the first, and every fourth is said");
+    assert_eq!(sent, [8, 12, 4, 8, 12], "5 is the first, and every fourth is sent");
 }
 
 #[test]
-fn a_first_sync_means_nothing_where_none_is_counted() {
+fn sync_start_value_needs_a_counter() {
     let mut desk = Desk::silent();
     desk.write(TPDO1.communication(6), &[5]).unwrap();
     desk.map(TPDO1, &[POSITION], EVERY_SYNC).unwrap();
     desk.order(NmtCommand::StartRemoteNode);
-    assert_eq!(desk.sync(), told(0));
+    assert_eq!(desk.sync(), tpdo(0));
 }
 
 #[test]
-fn a_tpdo_of_type_0_comes_at_the_sync_after_a_change() {
+fn tpdo_of_type_0_is_sent_at_the_sync_after_a_change() {
     let mut desk = with_position(SYNC_ON_CHANGE);
     desk.put(1);
     assert_eq!(desk.wait_until(5), [], "not before");
-    assert_eq!(desk.sync(), told(1));
+    assert_eq!(desk.sync(), tpdo(1));
     assert_eq!(desk.sync(), [], "nothing has changed");
     desk.put(2);
-    assert_eq!(desk.sync(), told(2));
+    assert_eq!(desk.sync(), tpdo(2));
 }
 
 #[test]
-fn a_tpdo_is_sent_to_who_asks_for_it_if_its_identifier_allows() {
+fn tpdo_answers_remote_frames_unless_bit_30_is_set() {
     let request = Frame::remote(TPDO, 4);
     for transmission in [AT_ONCE, ON_REQUEST, EVERY_SYNC] {
         let mut desk = with_position(transmission);
         desk.wait_until(1);
         desk.put(7);
-        assert!(desk.say(request).contains(&told(7)[0]), "type {transmission}");
+        assert!(desk.deliver(request).contains(&tpdo(7)[0]), "type {transmission}");
         desk.order(NmtCommand::EnterPreOperational);
-        assert_eq!(desk.say(request), [], "no PDO outside operational");
+        assert_eq!(desk.deliver(request), [], "no PDO outside operational");
         desk.order(NmtCommand::StartRemoteNode);
         desk.write(TPDO1.communication(1), &(NO_REMOTE | u32::from(TPDO)).to_le_bytes()).unwrap();
         desk.wait_until(2);
-        assert_eq!(desk.say(request), [], "bit 30");
+        assert_eq!(desk.deliver(request), [], "bit 30");
     }
 }
 
 #[test]
-fn a_tpdo_on_request_says_nothing_by_itself() {
+fn tpdo_on_request_is_not_sent_by_itself() {
     for transmission in [SYNC_ON_REQUEST, ON_REQUEST] {
         let mut desk = with_position(transmission);
         desk.put(7);
@@ -138,29 +138,29 @@ fn a_tpdo_on_request_says_nothing_by_itself() {
 }
 
 #[test]
-fn a_tpdo_of_type_252_says_what_was_true_at_the_last_sync() {
+fn tpdo_of_type_252_answers_with_the_last_sample() {
     let mut desk = with_position(SYNC_ON_REQUEST);
     desk.put(7);
     desk.sync();
     desk.put(8);
-    assert_eq!(desk.say(Frame::remote(TPDO, 4)), told(7));
+    assert_eq!(desk.deliver(Frame::remote(TPDO, 4)), tpdo(7));
     desk.sync();
-    assert_eq!(desk.say(Frame::remote(TPDO, 4)), told(8));
+    assert_eq!(desk.deliver(Frame::remote(TPDO, 4)), tpdo(8));
 }
 
 #[test]
-fn a_pdo_without_objects_is_off() {
+fn pdo_without_objects_is_disabled() {
     let mut desk = Desk::silent();
     desk.map(RPDO1, &[], AT_ONCE).unwrap();
     desk.map(TPDO1, &[], EVERY_SYNC).unwrap();
     desk.order(NmtCommand::StartRemoteNode);
     assert_eq!(desk.sync(), []);
-    assert_eq!(desk.say(Frame::new(RPDO, [1, 0])), []);
-    assert_eq!(desk.say(Frame::remote(TPDO, 8)), []);
+    assert_eq!(desk.deliver(Frame::new(RPDO, [1, 0])), []);
+    assert_eq!(desk.deliver(Frame::remote(TPDO, 8)), []);
 }
 
 #[test]
-fn what_is_wrong_with_one_rpdo_is_not_right_because_another_comes() {
+fn errors_of_one_rpdo_survive_frames_of_another() {
     let mut desk = Desk::silent();
     desk.map(RPDO1, &[TARGET], AT_ONCE).unwrap();
     desk.write(RPDO1.communication(5), &[5, 0]).unwrap();
@@ -169,39 +169,39 @@ fn what_is_wrong_with_one_rpdo_is_not_right_because_another_comes() {
     desk.write(RPDO2.mapping(0), &[1]).unwrap();
     desk.write(RPDO2.communication(1), &0x305_u32.to_le_bytes()).unwrap();
     desk.order(NmtCommand::StartRemoteNode);
-    desk.say(Frame::new(RPDO, [1, 0]));
+    desk.deliver(Frame::new(RPDO, [1, 0]));
     assert_eq!(desk.wait_until(10), [emergency(0x8250, 0x11, [1, 2, 3, 4, 5])]);
-    assert_eq!(desk.say(Frame::new(0x305, [1, 0])), []);
-    assert_eq!(desk.say(Frame::new(0x305, [1])), [emergency(0x8210, 0x11, [0; 5])]);
-    assert_eq!(desk.say(Frame::new(RPDO, [1, 0])), [], "the other is still too short");
-    assert_eq!(desk.say(Frame::new(0x305, [1, 0])), [emergency(0, 0, [0; 5])]);
+    assert_eq!(desk.deliver(Frame::new(0x305, [1, 0])), []);
+    assert_eq!(desk.deliver(Frame::new(0x305, [1])), [emergency(0x8210, 0x11, [0; 5])]);
+    assert_eq!(desk.deliver(Frame::new(RPDO, [1, 0])), [], "the other is still too short");
+    assert_eq!(desk.deliver(Frame::new(0x305, [1, 0])), [emergency(0, 0, [0; 5])]);
 }
 
 #[test]
-fn an_rpdo_that_is_switched_off_is_missed_no_more() {
+fn disabled_rpdo_clears_its_timeout() {
     let mut desk = Desk::with_target(AT_ONCE);
     desk.write(RPDO1.communication(5), &[5, 0]).unwrap();
-    desk.say(Frame::new(RPDO, [1, 0]));
+    desk.deliver(Frame::new(RPDO, [1, 0]));
     desk.wait_until(10);
     let off = Frame::new(0x605, [0x23, 0x00, 0x14, 0x01, 0x05, 0x02, 0x00, 0x80]);
-    assert!(desk.say(off).contains(&emergency(0, 0, [0; 5])));
+    assert!(desk.deliver(off).contains(&emergency(0, 0, [0; 5])));
 }
 
 #[test]
-fn the_inhibit_time_of_an_rpdo_is_kept_and_means_nothing() {
+fn inhibit_time_of_an_rpdo_has_no_effect() {
     let mut desk = Desk::silent();
     desk.write(RPDO1.communication(3), &[0x10, 0x27]).unwrap();
     desk.map(RPDO1, &[TARGET], AT_ONCE).unwrap();
     desk.order(NmtCommand::StartRemoteNode);
     for target in [1, 2, 3] {
-        desk.say(Frame::new(RPDO, [target, 0]));
+        desk.deliver(Frame::new(RPDO, [target, 0]));
         assert_eq!(desk.target(), i16::from(target));
     }
     assert_eq!(desk.read(RPDO1.communication(3)), Ok(vec![0x10, 0x27]));
 }
 
 #[test]
-fn the_clock_that_runs_is_sampled_at_every_sync() {
+fn running_clock_is_sampled_at_every_sync() {
     let mut desk = Desk::silent();
     desk.map(TPDO1, &[HIGH_RESOLUTION], EVERY_SYNC).unwrap();
     desk.order(NmtCommand::StartRemoteNode);

@@ -78,16 +78,16 @@ fn is_refused(what: &str, requests: &[&str], code: u32) {
     let mut desk = desk();
     let (last, before) = requests.split_last().unwrap();
     for text in before {
-        let said = desk.say(Frame::new(0x605, request(text)));
+        let sent = desk.deliver(Frame::new(0x605, request(text)));
         let is_abort = |frame: &Frame| frame.cob_id == 0x585 && frame.data()[0] == 0x80;
-        assert!(!said.iter().any(is_abort), "{what}: {text} gives {said:?}");
+        assert!(!sent.iter().any(is_abort), "{what}: {text} gives {sent:?}");
     }
-    let said = desk.say(Frame::new(0x605, request(last)));
+    let sent = desk.deliver(Frame::new(0x605, request(last)));
     let named = requests.iter().rev().find(|text| text.contains(':'));
     let [_, low, high, sub, ..] = named.map_or([0; 8], |text| request(text));
     let [a, b, c, d] = code.to_le_bytes();
     let abort = Frame::new(0x585, [0x80, low, high, sub, a, b, c, d]);
-    assert_eq!(said.last(), Some(&abort), "{what}: {requests:?}");
+    assert_eq!(sent.last(), Some(&abort), "{what}: {requests:?}");
 }
 
 #[test]
@@ -344,9 +344,9 @@ fn what_breaks_the_protocol_ends_the_transfer() {
 #[test]
 fn a_client_that_falls_silent_is_told_that_its_time_is_over() {
     let mut desk = desk();
-    desk.say(Frame::new(0x605, request("20 5001:0")));
-    let said = desk.wait_until(10_000);
-    assert_eq!(said, [Frame::new(0x585, [0x80, 0x01, 0x50, 0, 0, 0, 4, 5])], "05040000h");
+    desk.deliver(Frame::new(0x605, request("20 5001:0")));
+    let sent = desk.wait_until(10_000);
+    assert_eq!(sent, [Frame::new(0x585, [0x80, 0x01, 0x50, 0, 0, 0, 4, 5])], "05040000h");
 }
 
 #[test]
@@ -355,7 +355,7 @@ fn a_refused_write_changes_nothing() {
     let before = desk.device.dictionary().clone();
     for text in ["2B 6071:0 B9 0B", "23 1014:0 85 06", "2F 1003:0 01", "23 1010:1", "2F 1600:0 02"]
     {
-        desk.say(Frame::new(0x605, request(text)));
+        desk.deliver(Frame::new(0x605, request(text)));
     }
     assert_eq!(*desk.device.dictionary(), before);
     assert_eq!(desk.device.application().written, []);

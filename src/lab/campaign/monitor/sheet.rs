@@ -99,7 +99,7 @@ impl Sheet {
         for Member { channel, node, .. } in &nodes {
             own.push((*channel, SDO_REQUEST + u16::from(node.raw())));
         }
-        let slew = config.controller.beyond.slew;
+        let slew = config.controller.extensions.slew;
         let growth = slew.map_or(Joints::repeat(f64::INFINITY), |slew| *slew.rise());
         let mut growth = growth.iter().copied();
         let joints = config.joints.each_ref().map(|joint| JointSheet {

@@ -2,22 +2,26 @@
 
 use crate::problem::Problems;
 use crate::raw;
+use controller::interpretation::Centring;
+use controller::interpretation::Difference;
+use controller::interpretation::Displaced;
+use controller::interpretation::Felt;
+use controller::interpretation::Interpretation;
+use controller::interpretation::Scaling;
+use controller::interpretation::Weight;
 use controller::orientation::Orientation;
-use controller::readings::Centring;
-use controller::readings::Difference;
-use controller::readings::Displaced;
-use controller::readings::Felt;
-use controller::readings::Readings;
-use controller::readings::Scaling;
-use controller::readings::Weight;
 
 /// The preset, and over it what is said of single readings; `None` where a problem has been noted.
-pub(super) fn readings(given: &raw::Controller, problems: &mut Problems<'_>) -> Option<Readings> {
-    let presets = [("consistent", Readings::CONSISTENT), ("paper1997", Readings::PAPER_1997)];
+pub(super) fn interpretation(
+    given: &raw::Controller,
+    problems: &mut Problems<'_>,
+) -> Option<Interpretation> {
+    let presets =
+        [("consistent", Interpretation::CONSISTENT), ("paper1997", Interpretation::PAPER_1997)];
     let preset = problems.one_of("controller.preset", &given.preset, &presets)?;
     let over = &given.readings;
     let mut choice = Choice { problems, is_wrong: false };
-    let readings = Readings {
+    let interpretation = Interpretation {
         orientation: choice.of(
             ("orientation", &over.orientation, preset.orientation),
             &[
@@ -55,7 +59,7 @@ pub(super) fn readings(given: &raw::Controller, problems: &mut Problems<'_>) -> 
             &[("grip", Felt::InGrip), ("reference", Felt::InReference)],
         ),
     };
-    (!choice.is_wrong).then_some(readings)
+    (!choice.is_wrong).then_some(interpretation)
 }
 
 /// Takes one name after the other.

@@ -1,10 +1,10 @@
-//! What is kept without power (1010h, 1011h, 1020h).
+//! Stored parameters (1010h, 1011h, 1020h).
 
 use super::*;
 
 const STAMP: [u8; 4] = [1, 2, 3, 4];
 
-/// Configured, stamped and saved.
+/// Configured, stamped and stored.
 fn saved() -> Desk {
     let mut desk = Desk::new();
     desk.write(Object::PRODUCER_HEARTBEAT, &[25, 0]).unwrap();
@@ -15,7 +15,7 @@ fn saved() -> Desk {
 }
 
 #[test]
-fn what_was_saved_outlives_a_reset_and_nothing_else_does() {
+fn stored_parameters_alone_survive_a_reset() {
     let mut desk = saved();
     desk.write(Object::MAX_TORQUE, &[200, 0]).unwrap();
     desk.write(Object::CONTROLWORD, &[6, 0]).unwrap();
@@ -28,7 +28,7 @@ fn what_was_saved_outlives_a_reset_and_nothing_else_does() {
 }
 
 #[test]
-fn the_makers_defaults_come_back_with_the_reset_after_their_load() {
+fn restored_defaults_act_after_the_reset() {
     let mut desk = saved();
     desk.write(Object::RESTORE_DEFAULTS, b"load").unwrap();
     assert_eq!(desk.read(Object::MAX_TORQUE), Ok(vec![100, 0]), "not before");
@@ -38,7 +38,7 @@ fn the_makers_defaults_come_back_with_the_reset_after_their_load() {
 }
 
 #[test]
-fn a_stamp_is_void_once_the_device_differs_from_what_it_kept() {
+fn stamp_is_cleared_by_a_differing_parameter() {
     let mut desk = saved();
     desk.write(Object::MAX_TORQUE, &[100, 0]).unwrap();
     desk.write(Object::CONTROLWORD, &[6, 0]).unwrap();
@@ -49,7 +49,7 @@ fn a_stamp_is_void_once_the_device_differs_from_what_it_kept() {
 }
 
 #[test]
-fn another_signature_saves_and_loads_nothing() {
+fn wrong_signature_neither_stores_nor_restores() {
     let mut desk = Desk::new();
     for object in [Object::STORE_PARAMETERS, Object::RESTORE_DEFAULTS] {
         assert_eq!(desk.write(object, b"evas"), Err(AbortCode::NOT_STORED));

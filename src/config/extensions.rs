@@ -4,7 +4,7 @@
 use crate::problem::Problems;
 use crate::raw;
 use crate::raw::six;
-use controller::Beyond;
+use controller::Extensions;
 use controller::arm::Arm;
 use controller::assist::ContactFade;
 use controller::calibration::Calibration;
@@ -27,18 +27,18 @@ const BEGINS_OVER: f64 = 0.3;
 const TANK_DAMPING: f64 = 60.0;
 
 /// Every part that is asked for; one that cannot be is noted.
-pub(super) fn beyond(
+pub(super) fn extensions(
     given: &raw::Controller,
     arm: &Arm<6>,
     calibration: &Calibration<6>,
     period: Period,
     problems: &mut Problems<'_>,
-) -> Beyond {
+) -> Extensions {
     let max_torques = calibration.max_torques();
     let filter = Filter::new(given.velocity_filter_s);
     let fade = given.contact_fade_n.map(ContactFade::new);
     let slew = given.torque_rise_s.map(|rise| Slew::new(&max_torques, rise, period));
-    Beyond {
+    Extensions {
         velocity_filter: problems.take("controller.velocity_filter_s", filter).unwrap_or_default(),
         walls_in_pose: given.walls.as_ref().is_some_and(|walls| walls.in_pose_mode),
         contact_fade: fade.and_then(|fade| problems.take("controller.contact_fade_n", fade)),

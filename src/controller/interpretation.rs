@@ -75,7 +75,7 @@ pub enum Difference {
 
 /// One reading of the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Readings {
+pub struct Interpretation {
     /// Parametrisation of an orientation.
     pub orientation: Orientation,
     /// Along which axes the translation of ΔX is written.
@@ -94,7 +94,7 @@ pub struct Readings {
     pub task: Felt,
 }
 
-impl Readings {
+impl Interpretation {
     /// Frames, work and weight agree with each other. The default.
     pub const CONSISTENT: Self = Self {
         orientation: Orientation::EulerZyx,

@@ -1,24 +1,24 @@
-//! Who is watched, and what is done when nobody comes (CiA 301, 7.2.8).
+//! Error control: lost masters and the reaction (CiA 301, 7.2.8).
 
 use super::*;
 
 #[test]
-fn a_missing_rpdo_is_told_once_and_only_after_the_first_one() {
+fn rpdo_timeout_is_reported_once_after_the_first_frame() {
     let mut desk = Desk::with_target(EVERY_SYNC);
     desk.write(RPDO1.communication(5), &[5, 0]).unwrap();
     assert_eq!(desk.wait_until(100), [], "none has come yet");
-    desk.say(Frame::new(RPDO, [1, 0]));
+    desk.deliver(Frame::new(RPDO, [1, 0]));
     assert_eq!(desk.wait_until(104), []);
     assert_eq!(desk.wait_until(105), [emergency(0x8250, 0x11, [1, 2, 3, 4, 5])]);
     assert_eq!(desk.device.application().lost, [ConnectionLoss::RpdoTimeout]);
     assert_eq!(desk.wait_until(1_000), []);
-    assert_eq!(desk.say(Frame::new(RPDO, [1, 0])), [emergency(0, 0, [0; 5])]);
+    assert_eq!(desk.deliver(Frame::new(RPDO, [1, 0])), [emergency(0, 0, [0; 5])]);
     desk.order(NmtCommand::EnterPreOperational);
-    assert_eq!(desk.wait_until(2_000), [], "it is waited for in operational only");
+    assert_eq!(desk.wait_until(2_000), [], "the event timer runs in operational only");
 }
 
 #[test]
-fn a_silent_master_is_told_and_operational_is_left() {
+fn lost_master_is_reported_and_operational_is_left() {
     for (behaviour, state) in
         [(0, NmtState::PreOperational), (1, NmtState::Operational), (2, NmtState::Stopped)]
     {
@@ -27,57 +27,57 @@ fn a_silent_master_is_told_and_operational_is_left() {
         desk.write(Object::ERROR_BEHAVIOUR, &[behaviour]).unwrap();
         desk.order(NmtCommand::StartRemoteNode);
         desk.wait_until(500);
-        assert_eq!(desk.device.application().lost, [], "it has never been heard");
-        desk.say(Frame::new(0x77F, [5]));
+        assert_eq!(desk.device.application().lost, [], "no heartbeat received yet");
+        desk.deliver(Frame::new(0x77F, [5]));
         desk.wait_until(519);
         assert_eq!(desk.device.application().lost, []);
-        let told = desk.wait_until(520);
-        assert!(told.contains(&emergency(0x8130, 0x11, [1, 2, 3, 4, 5])), "{told:?}");
+        let sent = desk.wait_until(520);
+        assert!(sent.contains(&emergency(0x8130, 0x11, [1, 2, 3, 4, 5])), "{sent:?}");
         assert_eq!(desk.device.state(), state);
         assert_eq!(desk.device.application().lost, [ConnectionLoss::Heartbeat]);
     }
 }
 
 #[test]
-fn a_guarded_device_answers_with_its_state_and_a_bit_that_alternates() {
+fn guarded_device_answers_with_state_and_toggle_bit() {
     let mut desk = Desk::new();
     let question = Frame::remote(0x705, 1);
     let answer = |byte| [Frame::new(0x705, [byte])];
-    assert_eq!(desk.say(question), answer(0x7F));
+    assert_eq!(desk.deliver(question), answer(0x7F));
     desk.order(NmtCommand::StartRemoteNode);
-    assert_eq!(desk.say(question), answer(0x85));
-    assert_eq!(desk.say(question), answer(0x05));
-    assert_eq!(desk.say(Frame::remote(0x706, 1)), [], "another node is asked");
-    assert_eq!(desk.say(Frame::remote(0x80, 0)), [], "no SYNC");
+    assert_eq!(desk.deliver(question), answer(0x85));
+    assert_eq!(desk.deliver(question), answer(0x05));
+    assert_eq!(desk.deliver(Frame::remote(0x706, 1)), [], "another node is polled");
+    assert_eq!(desk.deliver(Frame::remote(0x80, 0)), [], "no SYNC");
     assert_eq!(desk.order(NmtCommand::ResetCommunication), answer(0), "boot-up");
-    assert_eq!(desk.say(question), answer(0x7F), "the bit begins anew");
+    assert_eq!(desk.deliver(question), answer(0x7F), "the toggle bit restarts");
     desk.write(Object::PRODUCER_HEARTBEAT, &[25, 0]).unwrap();
-    assert_eq!(desk.say(question), [], "a heartbeat takes the place of guarding");
+    assert_eq!(desk.deliver(question), [], "a heartbeat takes the place of guarding");
 }
 
 #[test]
-fn a_guard_that_falls_silent_is_told_once_and_operational_is_left() {
+fn lost_guard_is_reported_once_and_operational_is_left() {
     let mut desk = Desk::silent();
     desk.write(Object::GUARD_TIME, &[20, 0]).unwrap();
     desk.write(Object::LIFE_TIME_FACTOR, &[3]).unwrap();
     desk.order(NmtCommand::StartRemoteNode);
-    assert_eq!(desk.wait_until(500), [], "nobody has asked yet");
-    desk.say(Frame::remote(0x705, 1));
+    assert_eq!(desk.wait_until(500), [], "no poll received yet");
+    desk.deliver(Frame::remote(0x705, 1));
     assert_eq!(desk.wait_until(559), []);
     assert_eq!(desk.wait_until(560), [emergency(0x8130, 0x11, [1, 2, 3, 4, 5])]);
     assert_eq!(desk.device.state(), NmtState::PreOperational);
     assert_eq!(desk.device.application().lost, [ConnectionLoss::Heartbeat]);
     assert_eq!(desk.wait_until(5_000), []);
-    let told = desk.say(Frame::remote(0x705, 1));
-    assert_eq!(told, [emergency(0, 0, [0; 5]), Frame::new(0x705, [0xFF])]);
+    let sent = desk.deliver(Frame::remote(0x705, 1));
+    assert_eq!(sent, [emergency(0, 0, [0; 5]), Frame::new(0x705, [0xFF])]);
 }
 
 #[test]
-fn a_heartbeat_comes_as_soon_as_it_is_asked_for_and_once_a_period() {
+fn heartbeat_starts_when_configured_and_repeats() {
     let mut desk = Desk::new();
     let request = Frame::new(0x605, [0x2B, 0x17, 0x10, 0, 25, 0, 0, 0]);
     let beat = Frame::new(0x705, [0x7F]);
-    assert_eq!(desk.say(request).last(), Some(&beat));
+    assert_eq!(desk.deliver(request).last(), Some(&beat));
     assert_eq!(desk.wait_until(74), [beat; 2]);
     assert_eq!(desk.wait_until(75), [beat]);
 }

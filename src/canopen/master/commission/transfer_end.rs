@@ -1,0 +1,115 @@
+//! End of an SDO transfer in a boot: next step, retry, alternative stage or failure.
+
+use crate::abort::AbortCode;
+use crate::frame::Frame;
+use crate::master::boot_error::Problem;
+use crate::master::commission::Boot;
+use crate::master::commission::BootOutcome;
+use crate::master::commission::MAX_REPEATS;
+use crate::master::commission::RETRY_PERIOD;
+use crate::master::commission::STANDSTILL_TIMEOUT;
+use crate::master::commission::Wait;
+use crate::master::steps::Action;
+use crate::master::steps::Stage;
+use crate::master::steps::Step;
+use crate::nmt::Order;
+use crate::sdo::Content;
+use crate::sdo::Outcome;
+use crate::sdo::SdoError;
+use canopen_rs::NmtCommand;
+use units::time::Instant;
+
+impl Boot {
+    /// Handles the end of a transfer.
+    pub(super) fn on_outcome(
+        &mut self,
+        now: Instant,
+        outcome: Outcome,
+        out: &mut Vec<Frame>,
+    ) -> Option<BootOutcome> {
+        let Some(Step::Object(action, check)) = self.steps.get(self.at) else { return None };
+        let (action, object) = (*action, check.object);
+        let has_written = matches!(self.wait, Wait::Write(_));
+        let is_in_time = now < self.until;
+        let is_broken = match &outcome {
+            Ok(content) => !has_written && action.compares_once() && !check.accepts(content),
+            Err(_) => true,
+        };
+        let is_disturbed = std::mem::take(&mut self.is_disturbed);
+        if is_broken && is_disturbed && self.repeats < MAX_REPEATS {
+            self.repeats += 1;
+            return self.repeat(now, has_written, out);
+        }
+        self.repeats = 0;
+        match outcome {
+            Ok(_) if action == Action::Command => self.next_step(now, out),
+            Ok(_) if has_written => {
+                self.read(now, out);
+                None
+            }
+            Ok(content) if action == Action::AwaitStandstill => {
+                self.on_position(now, &content, out)
+            }
+            Ok(content) if check.accepts(&content) => {
+                self.resets.has_answered |= action == Action::Probe && self.resets.count > 0;
+                self.next_step(now, out)
+            }
+            Ok(_) if action == Action::Await && is_in_time => {
+                self.wait = Wait::Retry(now + RETRY_PERIOD);
+                None
+            }
+            Ok(content) => {
+                let problem = Problem::differs(check, &content);
+                self.on_mismatch(now, problem, out)
+            }
+            Err(SdoError::AbortedByServer(AbortCode::NO_OBJECT | AbortCode::NO_SUB_INDEX))
+                if action.is_optional() =>
+            {
+                self.missing.push(object);
+                self.next_step(now, out)
+            }
+            Err(SdoError::Timeout) if action == Action::Probe && is_in_time => {
+                // A stopped node takes NMT commands only.
+                out.push(Order::to(self.plan.node, NmtCommand::EnterPreOperational).frame());
+                self.read(now, out);
+                None
+            }
+            Err(SdoError::Timeout) if self.stage == Stage::Probe => {
+                self.fail(Problem::Absent { waited: self.probe_timeout })
+            }
+            Err(error @ SdoError::Timeout) => self.fail(Problem::of_transfer(object, error)),
+            Err(error) => self.on_mismatch(now, Problem::of_transfer(object, error), out),
+        }
+    }
+
+    /// Repeats the current transfer.
+    fn repeat(
+        &mut self,
+        now: Instant,
+        has_written: bool,
+        out: &mut Vec<Frame>,
+    ) -> Option<BootOutcome> {
+        if has_written {
+            return self.take_step(now, out);
+        }
+        self.read(now, out);
+        None
+    }
+
+    /// Handles a position of a drive that was switched off: the boot continues once the drive stands still.
+    fn on_position(
+        &mut self,
+        now: Instant,
+        content: &Content,
+        out: &mut Vec<Frame>,
+    ) -> Option<BootOutcome> {
+        if self.standstill.on_position(content) {
+            self.next_step(now, out)
+        } else if now < self.until {
+            self.wait = Wait::Retry(now + RETRY_PERIOD);
+            None
+        } else {
+            self.fail(Problem::Moving { waited: STANDSTILL_TIMEOUT })
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! Consequences of a node's report for the whole network: frames, events, the next phase.
+
+use canopen_rs::NmtCommand;
+use canopen_rs::NmtState;
+
+use crate::frame::Telegram;
+use crate::heartbeat::HeartbeatEvent;
+use crate::master::MAX_QUEUED;
+use crate::master::Master;
+use crate::master::Phase;
+use crate::master::boot_error::Problem;
+use crate::master::commission::BOOT_TIMEOUT;
+use crate::master::event::Event;
+use crate::master::slave::Report;
+use crate::master::slave::Slave;
+use crate::master::telegram;
+use crate::nmt::Order;
+use units::numbering::NodeIndex;
+use units::time::Instant;
+
+impl Master {
+    /// Sends the frames of a slave and turns its report into events.
+    pub(super) fn after(
+        &mut self,
+        now: Instant,
+        node: NodeIndex,
+        report: Option<Report>,
+        out: &mut Vec<Telegram>,
+    ) {
+        let Some(slave) = self.slaves.get_mut(node.0) else { return };
+        self.frames.iter().for_each(|frame| slave.on_sent(frame));
+        let (channel, is_late) = (slave.channel, slave.is_late);
+        let is_configured = matches!(report, Some(Report::Configured(_)));
+        if is_configured && is_late && self.phase != Phase::Booting {
+            // The other nodes have been started without it.
+            self.frames.push(Order::to(slave.plan.node, NmtCommand::StartRemoteNode).frame());
+        }
+        for frame in self.frames.drain(..) {
+            let telegram = Telegram { channel, frame };
+            if self.phase != Phase::Running || frame.is_remote() {
+                out.push(telegram);
+            } else if self.transmit_queue.len() < MAX_QUEUED {
+                self.transmit_queue.push_back(telegram);
+            }
+        }
+        match report {
+            None => {}
+            Some(Report::Configured(configuration)) => {
+                if self.slaves.get(node.0).is_some_and(|slave| slave.was_enabled) {
+                    self.report(Event::FoundEnabled { node });
+                }
+                self.report(Event::Configured { node, configuration });
+            }
+            Some(Report::Failed(error)) => self.report(Event::BootFailed(error)),
+            Some(Report::Absent(waited)) => self.report(Event::Absent { node, waited }),
+            Some(Report::History(history)) => self.report(Event::ErrorHistory { node, history }),
+            Some(Report::Statusword(statusword)) => {
+                self.report(Event::Statusword { node, statusword });
+            }
+            Some(Report::ReadBack(object, read)) => {
+                self.report(Event::ReadBack { node, object, read });
+            }
+            Some(Report::HeartbeatEvent(news)) if is_late => {
+                self.on_news_of_absent(now, node, news);
+            }
+            Some(Report::HeartbeatEvent(news)) => self.on_news(node, news),
+        }
+    }
+
+    /// Handles an optional node that returns after the others have started.
+    fn on_news_of_absent(&mut self, now: Instant, node: NodeIndex, news: HeartbeatEvent) {
+        let Some(slave) = self.slaves.get_mut(node.0) else { return };
+        match news {
+            HeartbeatEvent::State(NmtState::Operational) => {
+                slave.is_late = false;
+                self.report(Event::Joined { node });
+            }
+            HeartbeatEvent::State(_) => {}
+            HeartbeatEvent::BootedUp | HeartbeatEvent::Rebooted | HeartbeatEvent::Lost => {
+                slave.await_again(now);
+            }
+            HeartbeatEvent::Duplicate(sign) => self.report(Event::Duplicate { node, sign }),
+        }
+    }
+
+    /// Handles a change of a node's state: a failed boot until all nodes run, an event from then on.
+    fn on_news(&mut self, node: NodeIndex, news: HeartbeatEvent) {
+        let Some(slave) = self.slaves.get_mut(node.0) else { return };
+        let is_running = self.phase == Phase::Running;
+        let (problem, event) = match news {
+            HeartbeatEvent::State(_) if !is_running => return,
+            HeartbeatEvent::State(state) => {
+                return self.report(Event::StateChanged { node, state });
+            }
+            HeartbeatEvent::BootedUp | HeartbeatEvent::Rebooted => {
+                (Problem::Rebooted, Event::Rebooted { node })
+            }
+            HeartbeatEvent::Lost => (Problem::NoHeartbeat, Event::HeartbeatLost { node }),
+            HeartbeatEvent::Duplicate(sign) => {
+                (Problem::Duplicate(sign), Event::Duplicate { node, sign })
+            }
+        };
+        let event = if is_running { event } else { Event::BootFailed(slave.fail(problem)) };
+        self.report(event);
+    }
+
+    /// Enters the next phase once all nodes are ready for it.
+    pub(super) fn proceed(&mut self, now: Instant, out: &mut Vec<Telegram>) {
+        let has_failed = self.slaves.iter().any(Slave::has_failed);
+        match self.phase {
+            Phase::Booting if self.slaves.iter().any(Slave::is_pending) => {}
+            Phase::Booting if has_failed => self.phase = Phase::Failed,
+            Phase::Booting => {
+                self.phase = Phase::Starting(now + BOOT_TIMEOUT);
+                let configured = self.slaves.iter().filter(|slave| slave.is_watched());
+                out.extend(configured.map(|slave| telegram(slave, NmtCommand::StartRemoteNode)));
+            }
+            Phase::Starting(_) if !self.slaves.iter().any(Slave::is_starting) => {
+                if has_failed {
+                    self.phase = Phase::Failed;
+                } else {
+                    self.phase = Phase::Running;
+                    self.report(Event::Booted);
+                }
+            }
+            Phase::Starting(until) if now >= until => {
+                let late = self.slaves.iter_mut().find(|slave| slave.is_starting());
+                let failed = late.map(|slave| Event::BootFailed(slave.fail(Problem::NotStarted)));
+                failed.into_iter().for_each(|event| self.report(event));
+            }
+            Phase::Starting(_) | Phase::Running | Phase::Failed => {}
+        }
+    }
+}

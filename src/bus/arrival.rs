@@ -1,43 +1,42 @@
-//! When a frame arrived, in time that no hand sets.
+//! Receive times on the monotonic clock, from the kernel's wall-clock stamps.
 //!
-//! The kernel stamps frames by the clock on the wall, and somebody may set that clock while frames wait to
-//! be read. So a stamp is taken for the moment it would mean before such a step or after it, whichever
-//! can be: not before the socket was last found empty, and not in the future. A stamp that can mean neither
+//! The wall clock may step while frames wait in a socket. A stamp is converted with the clocks before and after such a
+//! step; the result must lie after the socket was last empty, and not in the future. If neither conversion does, the
+//! frame counts as old as possible: a stale frame never counts as fresh.
 //! is that of a frame as old as it can be, so that nothing old is ever taken for fresh.
 
 use std::time::Duration;
 
 use crate::clock::Reading;
 
-/// Readings of two clocks agree within this: what adjusting them slowly makes of a millisecond, and what
-/// passes between reading the one and the other.
+/// Tolerance between readings of the two clocks: their drift, and the time between the two readings.
 const SLACK: Duration = Duration::from_micros(100);
 
-/// What bounds the arrival of a frame that waits in a socket.
+/// Bounds of the receive time of a frame that waits in a socket.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arrivals {
-    /// The clocks when nothing waited: whatever waits came later.
+    /// The clocks when the socket was last empty: waiting frames came later.
     empty: Reading,
 }
 
 impl Arrivals {
-    /// Of a socket that was opened now.
+    /// Starts with a socket opened now.
     pub(super) const fn since(empty: Reading) -> Self {
         Self { empty }
     }
 
-    /// The socket had nothing to read, now or later than `at`.
+    /// Records that the socket was empty at `at` or later.
     pub(super) fn found_empty(&mut self, at: Reading) {
         self.empty = at;
     }
 
-    /// The monotonic time at which a frame of this stamp arrived that is read `now`.
+    /// Returns the monotonic receive time of a frame read `now` with this stamp.
     pub(super) fn of(&self, stamp: Option<Duration>, now: Reading) -> Duration {
         let (earliest, latest) = (self.empty.monotonic, now.monotonic);
         let Some(stamp) = stamp else { return earliest };
-        let meant = [self.empty, now].map(|clocks| clocks.monotonic_of(stamp));
-        let can_be = |at: &Duration| *at + SLACK >= earliest && *at <= latest + SLACK;
-        let arrived = meant.into_iter().flatten().filter(can_be).min();
+        let candidates = [self.empty, now].map(|clocks| clocks.monotonic_of(stamp));
+        let is_possible = |at: &Duration| *at + SLACK >= earliest && *at <= latest + SLACK;
+        let arrived = candidates.into_iter().flatten().filter(is_possible).min();
         arrived.map_or(earliest, |at| at.clamp(earliest, latest))
     }
 }
@@ -48,7 +47,7 @@ mod tests {
 
     use super::*;
 
-    /// The clocks at `micros`, the one on the wall ahead by `ahead`.
+    /// Returns the clocks at `micros`, with the wall clock `ahead`.
     fn clocks(micros: u64, ahead: Duration) -> Reading {
         let monotonic = Duration::from_micros(micros);
         Reading { monotonic, wall: monotonic + ahead }
@@ -57,7 +56,7 @@ mod tests {
     const BEFORE: Duration = Duration::from_secs(1_800_000_000);
 
     #[test]
-    fn hazard_31_a_frame_that_waits_while_the_clock_is_set_keeps_its_age() {
+    fn hazard_31_clock_step_keeps_the_age_of_waiting_frames() {
         let hour = Duration::from_secs(3_600);
         let step = Duration::from_millis(300);
         for after in [BEFORE, BEFORE + hour, BEFORE - hour, BEFORE + step, BEFORE - step] {
@@ -72,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stamp_that_means_nothing_is_as_old_as_can_be() {
+    fn impossible_stamp_gives_the_oldest_time() {
         let arrivals = Arrivals::since(clocks(1_000, BEFORE));
         let now = clocks(8_000, BEFORE);
         for stamp in [None, Some(Duration::ZERO), Some(now.wall * 2), Some(BEFORE)] {
@@ -81,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_found_empty_forgets_what_was_before() {
+    fn empty_socket_moves_the_lower_bound() {
         let mut arrivals = Arrivals::since(clocks(1_000, BEFORE));
         let after = BEFORE + Duration::from_secs(60);
         arrivals.found_empty(clocks(5_000, after));
@@ -91,7 +90,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_frame_is_never_taken_for_younger_than_it_is(
+        fn frame_never_appears_younger_than_it_is(
             waited in 0_u64..1_000_000,
             before in 0_u64..1_000_000,
             step_micros in -20_000_000_i64..20_000_000,

@@ -1,15 +1,15 @@
-//! Lines as `candump -L` writes them, written, and read back byte for byte.
+//! Lines of `candump -L` logs: parsing, and writing byte for byte.
 //!
 //! ```text
 //! (1700000000.123456) vcan0 181#3706E8030000FEFF       a data frame
 //! (1700000000.123456) wrench0 18FF0000##0001122…       CAN FD: flags, then data
 //! (1700000000.123456) can0 20000004#0008000000000000   an error frame
 //! (1700000000.123456) can0 701#R                       a remote frame
-//! (1700000000.123456) can0 181#3706E8030000FEFF_E      a data length code above 8: candump -8
+//! (1700000000.123456) can0 181#3706E8030000FEFF_E      raw DLC above 8: candump -8
 //! ```
 //!
-//! Stamps have six digits, or nine as `candump -N` writes them. Three digits of identifier are 11 bits,
-//! eight are 29 bits or an error frame.
+//! Stamps have six digits, or nine with `candump -N`. Three digits of identifier are 11 bits, eight are 29 bits or an
+//! error frame.
 
 use std::fmt;
 use std::io;
@@ -22,46 +22,46 @@ use canopen::frame::Channel;
 use canopen::frame::Telegram;
 use units::time::Instant;
 
-/// An identifier that marks an error frame.
+/// Flag of error frames in the identifier.
 const ERROR_FLAG: u32 = 0x2000_0000;
 
 /// One line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Line<'t> {
-    /// Nanoseconds of its stamp.
+    /// Time stamp, in ns.
     pub nanos: u64,
-    /// Whether the stamp has nine digits.
+    /// The stamp has nine digits.
     pub is_fine: bool,
-    /// The interface.
+    /// Interface name.
     pub interface: &'t str,
-    /// The identifier, with [`is_extended`](Self::is_extended) to tell 11 bits from 29.
+    /// Identifier; [`is_extended`](Self::is_extended) distinguishes 29 bits from 11.
     pub id: u32,
-    /// Whether it was written with eight digits.
+    /// The identifier has eight digits.
     pub is_extended: bool,
-    /// The data length code, where it was written apart from the length: 9 to 15, each of which means 8 bytes.
+    /// Raw data length code 9 to 15, which means 8 bytes, if the line has one.
     pub raw_dlc: Option<u8>,
-    /// What it carries.
+    /// Frame content.
     pub content: Content,
 }
 
-/// What a line carries.
+/// Frame content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Content {
     /// A data frame.
     Data(Bytes),
-    /// A CAN FD frame: its flags, one hexadecimal digit, and its data.
+    /// A CAN FD frame: flags (one hexadecimal digit) and data.
     Fd(u8, Bytes),
-    /// A remote frame, and the length it asks for, where it says one.
+    /// A remote frame, and its length if the line has one.
     Remote(Option<u8>),
-    /// What a CAN controller reports.
+    /// An error frame.
     Error(Bytes),
 }
 
-/// The most data a frame has: CAN FD's.
-const MOST: usize = 64;
+/// Maximum data bytes of a frame (CAN FD).
+const MAX_DATA: usize = 64;
 
 impl Content {
-    /// Returns whether this is a frame that may have a data length code above 8.
+    /// Returns whether the frame may have a data length code above 8.
     pub(super) fn is_classical_of_8(&self) -> bool {
         match self {
             Self::Data(data) => data.len() == 8,
@@ -71,17 +71,17 @@ impl Content {
     }
 }
 
-/// The data of a frame, in place: a log of a million lines is read without an allocation.
+/// Data of a frame, stored in place: parsing does not allocate.
 #[derive(Clone, Copy)]
 pub struct Bytes {
     length: usize,
-    bytes: [u8; MOST],
+    bytes: [u8; MAX_DATA],
 }
 
 impl Bytes {
-    const EMPTY: Self = Self { length: 0, bytes: [0; MOST] };
+    const EMPTY: Self = Self { length: 0, bytes: [0; MAX_DATA] };
 
-    /// Pairs of hexadecimal digits, `most` of them at most.
+    /// Parses pairs of hexadecimal digits, at most `most` pairs.
     fn parse(digits: &[u8], most: usize) -> Option<Self> {
         let mut bytes = Self::EMPTY;
         let (pairs, rest) = digits.as_chunks::<2>();
@@ -92,7 +92,7 @@ impl Bytes {
         Some(bytes)
     }
 
-    /// One more, `None` if there is no room.
+    /// Appends a byte; `None` if full.
     pub(super) fn push(&mut self, byte: u8) -> Option<()> {
         *self.bytes.get_mut(self.length)? = byte;
         self.length += 1;
@@ -132,13 +132,13 @@ impl fmt::Debug for Bytes {
     }
 }
 
-/// Two hexadecimal digits.
+/// Parses two hexadecimal digits.
 pub(super) fn byte(digits: [u8; 2]) -> Option<u8> {
     let [high, low] = digits.map(digit);
     Some(high? << 4 | low?)
 }
 
-/// One hexadecimal digit.
+/// Parses one hexadecimal digit.
 const fn digit(digit: u8) -> Option<u8> {
     match digit {
         b'0'..=b'9' => Some(digit - b'0'),
@@ -148,28 +148,28 @@ const fn digit(digit: u8) -> Option<u8> {
     }
 }
 
-/// Why a line is none.
+/// Reasons to refuse a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum NotALine {
-    /// No `(seconds.digits)` at its start.
+    /// The line does not start with `(seconds.digits)`.
     #[error("no stamp like (1700000000.123456)")]
     Stamp,
-    /// No interface after the stamp.
+    /// No interface follows the stamp.
     #[error("no interface")]
     Interface,
-    /// No identifier of three or eight digits before a `#`.
+    /// No identifier of three or eight digits precedes a `#`.
     #[error("no identifier of 3 or 8 hexadecimal digits")]
     Identifier,
-    /// Data that is not in pairs of hexadecimal digits, or too long.
+    /// The data is not pairs of hexadecimal digits, or too long.
     #[error("no data in pairs of hexadecimal digits")]
     Data,
 }
 
 impl<'t> Line<'t> {
-    /// Reads a line; a direction (` R` or ` T`) at its end is passed over.
+    /// Parses a line; a direction (` R` or ` T`) at its end is ignored.
     ///
     /// # Errors
-    /// The first part that is not as it should be.
+    /// The first invalid part.
     pub fn parse(line: &'t str) -> Result<Self, NotALine> {
         let mut words = line.split_ascii_whitespace();
         let (nanos, is_fine) = words.next().and_then(stamp).ok_or(NotALine::Stamp)?;
@@ -188,7 +188,7 @@ impl<'t> Line<'t> {
         Ok(Self { nanos, is_fine, interface, id, is_extended, raw_dlc, content })
     }
 
-    /// The data of an ordinary CANopen frame: 11 bits, at most eight bytes.
+    /// Returns COB-ID and data of a CANopen frame: 11 bits, at most eight bytes.
     pub fn canopen(&self) -> Option<(u16, &[u8])> {
         match &self.content {
             Content::Data(data) if !self.is_extended => Some((u16::try_from(self.id).ok()?, data)),
@@ -224,7 +224,7 @@ impl fmt::Display for Line<'_> {
     }
 }
 
-/// An identifier of three hexadecimal digits, or of eight, which makes it an extended one.
+/// Parses an identifier of three hexadecimal digits, or eight for an extended one.
 pub(super) fn identifier(digits: &str) -> Option<(u32, bool)> {
     if digits.len() != 3 && digits.len() != 8 || digits.starts_with('+') {
         return None;
@@ -232,12 +232,12 @@ pub(super) fn identifier(digits: &str) -> Option<(u32, bool)> {
     Some((u32::from_str_radix(digits, 16).ok()?, digits.len() == 8))
 }
 
-/// Whether this is the identifier of an error frame.
+/// Returns whether this is the identifier of an error frame.
 pub(super) const fn is_error(id: u32) -> bool {
     id & ERROR_FLAG != 0
 }
 
-/// Splits `_E` off what stands behind the `#`; without it there is no raw data length code.
+/// Splits off a raw data length code, as `_E`.
 fn raw_dlc(rest: &str) -> Option<(&str, Option<u8>)> {
     match rest.split_once('_') {
         None => Some((rest, None)),
@@ -245,17 +245,17 @@ fn raw_dlc(rest: &str) -> Option<(&str, Option<u8>)> {
     }
 }
 
-/// A data length code of 9 to 15, one hexadecimal digit.
+/// Parses a data length code of 9 to 15, one hexadecimal digit.
 pub(super) fn long_dlc(code: &str) -> Option<u8> {
     let &[code] = code.as_bytes() else { return None };
     digit(code).filter(|dlc| *dlc > 8)
 }
 
-/// What stands behind the `#`.
+/// Parses the content after the `#`.
 fn content(id: u32, rest: &str) -> Option<Content> {
     if let Some(fd) = rest.strip_prefix('#') {
         let (flags, data) = fd.as_bytes().split_first()?;
-        return Some(Content::Fd(digit(*flags)?, Bytes::parse(data, MOST)?));
+        return Some(Content::Fd(digit(*flags)?, Bytes::parse(data, MAX_DATA)?));
     }
     match rest.strip_prefix('R') {
         Some("") => Some(Content::Remote(None)),
@@ -265,7 +265,7 @@ fn content(id: u32, rest: &str) -> Option<Content> {
     }
 }
 
-/// `(seconds.digits)` in nanoseconds, and whether it has nine digits.
+/// Parses `(seconds.digits)` to ns, and whether it has nine digits.
 pub(super) fn stamp(word: &str) -> Option<(u64, bool)> {
     let (seconds, digits) = word.strip_prefix('(')?.strip_suffix(')')?.split_once('.')?;
     let scale = match digits.len() {
@@ -278,12 +278,12 @@ pub(super) fn stamp(word: &str) -> Option<(u64, bool)> {
     Some((nanos, scale == 1))
 }
 
-/// Decimal digits and nothing else.
+/// Parses decimal digits; `None` for anything else, such as a sign.
 fn number(digits: &str) -> Option<u64> {
     digits.bytes().all(|byte| byte.is_ascii_digit()).then(|| digits.parse().ok())?
 }
 
-/// Writes a log of several buses.
+/// Writer of a log of several buses.
 #[derive(Debug)]
 pub struct LogWriter<W> {
     to: W,
@@ -292,16 +292,15 @@ pub struct LogWriter<W> {
 }
 
 impl<W: Write> LogWriter<W> {
-    /// Onto `to`; a channel's frames are on the interface of its place. Stamps are `epoch_micros` plus
-    /// the bus's time.
+    /// Writes to `to`, with one interface name per channel. Stamps are `epoch_micros` plus the bus time.
     pub fn new(to: W, interfaces: &[String], epoch_micros: u64) -> Self {
         Self { to, interfaces: interfaces.to_vec(), epoch_micros }
     }
 
-    /// A frame on a bus.
+    /// Writes a frame.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// The write fails.
     pub fn frame(&mut self, at: Instant, telegram: &Telegram) -> io::Result<()> {
         self.stamp(at)?;
         let Channel(place) = telegram.channel;
@@ -309,10 +308,10 @@ impl<W: Write> LogWriter<W> {
         writeln!(self.to, "{name} {}", telegram.frame)
     }
 
-    /// Data on a pseudo-interface, as a CAN FD frame with a 29-bit identifier.
+    /// Writes data of a pseudo-interface, as a CAN FD frame with a 29-bit identifier.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// The write fails.
     pub fn pseudo(&mut self, at: Instant, name: &str, id: u32, data: &[u8]) -> io::Result<()> {
         self.stamp(at)?;
         write!(self.to, "{name} {id:08X}##0")?;
@@ -320,10 +319,10 @@ impl<W: Write> LogWriter<W> {
         writeln!(self.to)
     }
 
-    /// Everything written is handed on.
+    /// Flushes the writer.
     ///
     /// # Errors
-    /// When it cannot be.
+    /// The flush fails.
     pub fn flush(&mut self) -> io::Result<()> {
         self.to.flush()
     }
@@ -342,7 +341,7 @@ mod tests {
     use canopen::frame::Frame;
 
     #[test]
-    fn what_candump_writes_is_read_and_written_again() {
+    fn candump_lines_survive_parse_and_display() {
         for line in [
             "(1700000000.123456) vcan0 181#3706E8030000FEFF",
             "(1700000000.123456789) vcan0 080#",
@@ -359,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_line_says_why() {
+    fn invalid_lines_are_refused_with_a_reason() {
         for (line, reason) in [
             ("", NotALine::Stamp),
             ("(1.00000) can0 080#", NotALine::Stamp),
@@ -383,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn a_log_is_read_back() {
+    fn written_log_is_parsed() {
         let mut log = LogWriter::new(Vec::new(), &["vcan0".to_owned()], 1_700_000_000_000_000);
         let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x201, [0x0F, 0, 1, 2]) };
         log.frame(Instant::from_micros(42), &telegram).unwrap();
@@ -394,7 +393,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_text_is_read_or_refused(text in ".*") {
+        fn any_text_is_parsed_or_refused(text in ".*") {
             if let Ok(line) = Line::parse(&text) {
                 let again = line.to_string();
                 prop_assert_eq!(Line::parse(&again).unwrap(), line);

@@ -1,4 +1,4 @@
-//! The clocks of this machine, read nowhere else.
+//! Clocks of the host. No other file reads them.
 
 use std::time::Duration;
 
@@ -8,27 +8,27 @@ use nix::time::ClockNanosleepFlags;
 use nix::time::clock_gettime;
 use nix::time::clock_nanosleep;
 
-/// Two clocks read within this time count as read at once.
-const AT_ONCE: Duration = Duration::from_micros(20);
+/// Maximum time between two readings that count as simultaneous.
+const MAX_SPREAD: Duration = Duration::from_micros(20);
 
-/// So often it is tried to read them at once.
-const TRIES: usize = 4;
+/// Maximum attempts to read both clocks at once.
+const MAX_ATTEMPTS: usize = 4;
 
-/// Two clocks, read at once.
+/// Simultaneous reading of both clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Reading {
-    /// Time since the machine started, without what it was suspended for; no hand sets it.
+    /// Monotonic time since boot, without suspension.
     pub(super) monotonic: Duration,
-    /// Time since 1970.
+    /// Wall clock: time since 1970, UTC.
     pub(super) wall: Duration,
 }
 
 impl Reading {
-    /// Both clocks now.
+    /// Reads both clocks.
     pub(super) fn now() -> Self {
         let mut reading = Self::tried();
-        for _ in 1..TRIES {
-            if reading.1 <= AT_ONCE {
+        for _ in 1..MAX_ATTEMPTS {
+            if reading.1 <= MAX_SPREAD {
                 break;
             }
             reading = Self::tried();
@@ -36,46 +36,45 @@ impl Reading {
         reading.0
     }
 
-    /// Both clocks, and within what time they were read.
+    /// Reads both clocks once, and returns the time it took.
     fn tried() -> (Self, Duration) {
         let (before, wall, after) = (monotonic(), wall(), monotonic());
         (Self { monotonic: after, wall }, after.saturating_sub(before))
     }
 
-    /// What the monotonic clock showed when the one on the wall showed `stamp`, if neither was set
-    /// between then and this reading; `None` before the machine started.
+    /// Converts the wall-clock time `stamp` to monotonic time, if no clock was set in between; `None` before boot.
     pub(super) fn monotonic_of(&self, stamp: Duration) -> Option<Duration> {
         (self.monotonic + stamp).checked_sub(self.wall)
     }
 }
 
-/// Time since the machine started, without what it was suspended for; no hand sets it.
+/// Returns the monotonic time since boot, without suspension.
 pub(super) fn monotonic() -> Duration {
     read(ClockId::CLOCK_MONOTONIC)
 }
 
-/// Time since 1970.
+/// Returns the wall clock: time since 1970, UTC.
 pub(super) fn wall() -> Duration {
     read(ClockId::CLOCK_REALTIME)
 }
 
-/// How long the machine has been suspended since it started, or a moment less.
+/// Returns the total time suspended since boot, or slightly less.
 pub(super) fn suspended() -> Duration {
-    // In this order a delay between the two makes it less, never more.
+    // In this order a delay between the readings makes the result smaller, never larger.
     let since_start = read(ClockId::CLOCK_BOOTTIME);
     since_start.saturating_sub(monotonic())
 }
 
-/// Waits until [`monotonic`] shows `until`.
+/// Waits until [`monotonic`] reaches `until`.
 pub(super) fn wait(until: Duration) {
     let until = TimeSpec::from_duration(until);
     let absolute = ClockNanosleepFlags::TIMER_ABSTIME;
     while clock_nanosleep(ClockId::CLOCK_MONOTONIC, absolute, &until).is_err() {
-        // A signal came first.
+        // Interrupted by a signal.
     }
 }
 
-/// That a Linux kernel has these clocks is not in doubt.
+/// Reads a clock; every Linux kernel has it.
 fn read(id: ClockId) -> Duration {
     clock_gettime(id).map(Duration::from).unwrap_or_default()
 }

@@ -1,6 +1,5 @@
-//! What can go wrong between the node and a bus of the [`Memory`](crate::Memory), at any moment: the
-//! adapter, its driver, the process and the host's clocks. What goes wrong with the devices is the
-//! simulation's.
+//! Faults between the node and a [`Memory`](crate::Memory) bus: adapter, driver, process and host clocks. The
+//! simulation has the faults of devices.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -12,90 +11,90 @@ use canopen::frame::Channel;
 use canopen::frame::Frame;
 use units::time::Instant;
 
-/// Frames an adapter holds back at most while it stalls; later ones are lost.
-const HELD: usize = 32;
+/// Maximum frames that a stalled adapter holds back; later ones are lost.
+const MAX_HELD: usize = 32;
 
-/// What is wrong with one bus, until it is healed.
+/// Fault of one bus, until it is cleared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Disturbance {
-    /// The controller reports this, once. After `Off` nothing is sent or heard, although frames are
-    /// taken; after `Down` none is taken either; the others change nothing.
+    /// The controller reports this once. After `Off` frames are accepted, but none is sent or received; after `Down`
+    /// none is accepted; the others have no further effect.
     Fault(BusFault),
-    /// No frame is taken: the transmit queue is full. All is heard.
+    /// The transmit queue is full: no frame is accepted. Reception works.
     Full,
-    /// Frames are taken and lost, and nothing is event: the adapter's peer is gone.
+    /// Frames are accepted and lost, none is received: the adapter's firmware has stopped.
     Stuck,
-    /// Frames are taken until the queue is full, nothing is heard; at the end all of it is sent and heard
-    /// at once, as by an adapter that stalls.
+    /// Frames are accepted until the queue is full, none is received. At the end all are sent and received at once, as
+    /// by an adapter that stalls.
     Stalled,
-    /// No frame is taken, nothing is heard, and nobody says why: the interface is down.
+    /// No frame is accepted or received, and no fault is reported: the interface is down.
     Down,
-    /// Somebody else sends this frame whenever the bus is idle or its identifier wins.
+    /// Another station sends this frame whenever it wins arbitration.
     Flood(Frame),
 }
 
-/// What can be planned for a moment, so that it comes at any phase of a cycle.
+/// Fault of the host, scheduled at any phase of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HostFault {
-    /// A bus is disturbed; `None` heals it.
+    /// Sets the fault of a bus; `None` clears it.
     Bus(Channel, Option<Disturbance>),
-    /// The process stands still for so long. Its buses do not.
+    /// The process is stopped for this time; its buses are not.
     Stopped(Duration),
-    /// The same, right after the next frame with this identifier was sent or read: in the middle of a cycle.
+    /// The process is stopped right after the next frame with this identifier was sent or read.
     StoppedAfter(u16, Duration),
-    /// The host is suspended for so long. Its buses are not.
+    /// The host is suspended for this time; its buses are not.
     Suspended(Duration),
-    /// Somebody sets the clock on the wall to this, since 1970.
+    /// The wall clock is set to this time since 1970.
     ClockSet(Duration),
 }
 
-/// What was planned and has not come yet, the earliest first.
+/// Scheduled faults, the earliest first.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Agenda(Vec<(Instant, HostFault)>);
+pub(super) struct Schedule(Vec<(Instant, HostFault)>);
 
-impl Agenda {
-    /// Adds `host_fault`; of those of one moment, the first added comes first.
-    pub(super) fn plan(&mut self, at: Instant, host_fault: HostFault) {
+impl Schedule {
+    /// Schedules `host_fault`; those of the same time keep their order.
+    pub(super) fn add(&mut self, at: Instant, host_fault: HostFault) {
         let place = self.0.partition_point(|(planned, _)| *planned <= at);
         self.0.insert(place, (at, host_fault));
     }
 
-    /// When the next one comes.
+    /// Returns the time of the next fault.
     pub(super) fn next(&self) -> Option<Instant> {
         self.0.first().map(|(at, _)| *at)
     }
 
-    /// The next one, if it has come.
+    /// Removes and returns the next fault, if it is due.
     pub(super) fn due(&mut self, now: Instant) -> Option<HostFault> {
         self.next().filter(|at| *at <= now)?;
         Some(self.0.remove(0).1)
     }
 }
 
-/// The node's side of one bus: its adapter, and what is wrong with it.
+/// Node side of one bus: adapter and its fault.
 #[derive(Clone, Debug)]
 pub(super) struct Adapter {
     wrong: Option<Disturbance>,
     held: VecDeque<Received>,
-    echoed: Instant,
+    confirmed_at: Instant,
 }
 
-/// What becomes of a frame that was taken.
+/// Fate of an accepted frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Taken {
-    /// It waits for the wire.
+    /// Waits for the wire.
     Queued,
-    /// It is never seen again.
+    /// Lost.
     Lost,
 }
 
 impl Adapter {
-    /// A good one.
+    /// Creates an adapter without fault.
     pub(super) fn new() -> Self {
-        Self { wrong: None, held: VecDeque::with_capacity(HELD), echoed: Instant::ZERO }
+        Self { wrong: None, held: VecDeque::with_capacity(MAX_HELD), confirmed_at: Instant::ZERO }
     }
 
-    /// From now on this is wrong. What was held back until now is handed over.
+    /// Sets the fault, and releases the frames held back so far.
     pub(super) fn disturb(
         &mut self,
         wrong: Option<Disturbance>,
@@ -104,7 +103,7 @@ impl Adapter {
         self.held.drain(..)
     }
 
-    /// What becomes of a frame of the node's.
+    /// Accepts or refuses a frame of the node.
     pub(super) const fn take(&self) -> Result<Taken, SendError> {
         match self.wrong {
             Some(Disturbance::Full) => Err(SendError::Full),
@@ -119,16 +118,16 @@ impl Adapter {
         }
     }
 
-    /// Whether the node's frames get from the queue to the wire.
+    /// Returns whether queued frames reach the wire.
     pub(super) const fn is_sending(&self) -> bool {
         !matches!(self.wrong, Some(Disturbance::Stalled))
     }
 
-    /// What the node hears of what came in: nothing, this, or this at some later time.
-    pub(super) fn hear(&mut self, received: Received) -> Option<Received> {
+    /// Returns the received event, if the node receives it now.
+    pub(super) fn receive(&mut self, received: Received) -> Option<Received> {
         match (self.wrong, self.take()) {
             (Some(Disturbance::Stalled), _) => {
-                if self.held.len() < HELD {
+                if self.held.len() < MAX_HELD {
                     self.held.push_back(received);
                 }
                 None
@@ -138,20 +137,20 @@ impl Adapter {
         }
     }
 
-    /// A SYNC is complete on the wire: it is seen there, unless the adapter sees nothing.
-    pub(super) fn witness(&mut self, at: Instant) {
-        let is_blind = matches!(self.take(), Ok(Taken::Lost) | Err(SendError::Down));
-        if self.is_sending() && !is_blind {
-            self.echoed = at;
+    /// Confirms the transmission of a SYNC, unless the adapter receives nothing.
+    pub(super) fn confirm_transmit(&mut self, at: Instant) {
+        let is_deaf = matches!(self.take(), Ok(Taken::Lost) | Err(SendError::Down));
+        if self.is_sending() && !is_deaf {
+            self.confirmed_at = at;
         }
     }
 
-    /// When a SYNC was last seen on the wire.
+    /// Returns the time of the last SYNC seen on the wire.
     pub(super) const fn transmit_confirmed_at(&self) -> Instant {
-        self.echoed
+        self.confirmed_at
     }
 
-    /// What somebody else floods the bus with.
+    /// Returns the frame that floods the bus.
     pub(super) const fn flood(&self) -> Option<Frame> {
         match self.wrong {
             Some(Disturbance::Flood(frame)) => Some(frame),
@@ -178,7 +177,7 @@ mod tests {
 
     const CHANNEL: Channel = Channel(0);
 
-    /// Repeats every frame with the next identifier, so that what was sent is heard.
+    /// Answers each frame with the next identifier: proves that a frame was sent.
     struct Echo;
 
     impl Station for Echo {
@@ -213,8 +212,8 @@ mod tests {
         bus.send(Telegram { channel: CHANNEL, frame: Frame::new(cob_id, []) })
     }
 
-    /// The identifiers heard until `until`, and the faults.
-    fn heard(bus: &mut Memory<Echo, ()>, until: u64) -> (Vec<u16>, Vec<BusFault>) {
+    /// Returns the identifiers received until `until`, and the faults.
+    fn received(bus: &mut Memory<Echo, ()>, until: u64) -> (Vec<u16>, Vec<BusFault>) {
         let (mut ids, mut faults) = (Vec::new(), Vec::new());
         while let Some(received) = bus.receive(at(until)) {
             match received.event {
@@ -226,29 +225,29 @@ mod tests {
     }
 
     #[test]
-    fn after_bus_off_nothing_is_sent_or_heard_until_it_is_healed() {
+    fn bus_off_blocks_sending_and_receiving_until_cleared() {
         let mut bus = bus();
         bus.disturb(CHANNEL, Some(Disturbance::Fault(BusFault::Off)));
-        assert_eq!(send(&mut bus, 2), Ok(()), "taken all the same");
-        assert_eq!(heard(&mut bus, 1_000), (vec![], vec![BusFault::Off]));
+        assert_eq!(send(&mut bus, 2), Ok(()), "accepted all the same");
+        assert_eq!(received(&mut bus, 1_000), (vec![], vec![BusFault::Off]));
         bus.disturb(CHANNEL, None);
         send(&mut bus, 4).unwrap();
-        assert_eq!(heard(&mut bus, 2_000), (vec![5], vec![]), "what was taken before is gone");
+        assert_eq!(received(&mut bus, 2_000), (vec![5], vec![]), "frames accepted before are lost");
     }
 
     #[test]
-    fn an_adapter_that_stalls_takes_a_queue_of_frames_and_delivers_them_all_at_the_end() {
+    fn stalled_adapter_delivers_its_queue_at_the_end() {
         let mut bus = bus();
         bus.disturb(CHANNEL, Some(Disturbance::Stalled));
         let taken = (0..100).take_while(|_| send(&mut bus, 2).is_ok()).count();
         assert_eq!((taken, send(&mut bus, 2)), (32, Err(SendError::Full)));
-        assert_eq!(heard(&mut bus, 5_000), (vec![], vec![]));
+        assert_eq!(received(&mut bus, 5_000), (vec![], vec![]));
         bus.disturb(CHANNEL, None);
-        assert_eq!(heard(&mut bus, 20_000).0.len(), 32);
+        assert_eq!(received(&mut bus, 20_000).0.len(), 32);
     }
 
     #[test]
-    fn each_of_the_others_fails_as_its_driver_does() {
+    fn other_faults_fail_as_their_drivers_do() {
         for (wrong, sent, answered) in [
             (Disturbance::Full, Err(SendError::Full), false),
             (Disturbance::Down, Err(SendError::Down), false),
@@ -259,50 +258,50 @@ mod tests {
             let mut bus = bus();
             bus.disturb(CHANNEL, Some(wrong));
             assert_eq!(send(&mut bus, 2), sent, "{wrong:?}");
-            assert_eq!(!heard(&mut bus, 1_000).0.is_empty(), answered, "{wrong:?}");
+            assert_eq!(!received(&mut bus, 1_000).0.is_empty(), answered, "{wrong:?}");
             bus.disturb(CHANNEL, None);
-            assert_eq!((send(&mut bus, 2), heard(&mut bus, 2_000).0), (Ok(()), vec![3]));
+            assert_eq!((send(&mut bus, 2), received(&mut bus, 2_000).0), (Ok(()), vec![3]));
         }
     }
 
     #[test]
-    fn a_flood_of_a_winning_identifier_lets_nothing_else_pass() {
+    fn flood_with_a_low_identifier_blocks_other_frames() {
         let mut bus = bus();
         bus.disturb(CHANNEL, Some(Disturbance::Flood(Frame::new(1, []))));
         send(&mut bus, 2).unwrap();
-        let (ids, _) = heard(&mut bus, 10_000);
+        let (ids, _) = received(&mut bus, 10_000);
         assert!(ids.len() > 150 && ids.iter().all(|id| *id == 1), "{ids:?}");
         bus.disturb(CHANNEL, None);
-        assert!(heard(&mut bus, 11_000).0.contains(&3), "then it comes at last");
+        assert!(received(&mut bus, 11_000).0.contains(&3), "it is sent afterwards");
     }
 
     #[test]
-    fn a_process_that_stands_still_finds_the_oldest_frames_and_is_told_of_the_loss() {
+    fn stopped_process_reads_oldest_frames_then_an_overrun() {
         let mut bus = bus();
         bus.disturb(CHANNEL, Some(Disturbance::Flood(Frame::new(1, []))));
         bus.plan(at(300), HostFault::Stopped(Duration::from_millis(50)));
-        assert!(!heard(&mut bus, 1_000).0.is_empty(), "those before it stood still");
+        assert!(!received(&mut bus, 1_000).0.is_empty(), "frames before the stop");
         assert_eq!(bus.now(), at(50_300));
         let oldest = bus.receive(at(60_000)).unwrap();
         assert!(oldest.at < at(1_200), "{oldest:?}");
-        let (_, faults) = heard(&mut bus, 60_000);
+        let (_, faults) = received(&mut bus, 60_000);
         assert_eq!(faults, [BusFault::Overrun]);
     }
 
     #[test]
-    fn mishaps_come_in_the_middle_of_a_wait_and_in_their_order() {
+    fn host_faults_occur_during_a_wait_in_order() {
         let mut bus = bus();
         bus.plan(at(700), HostFault::Bus(CHANNEL, None));
         bus.plan(at(500), HostFault::Bus(CHANNEL, Some(Disturbance::Fault(BusFault::Off))));
-        let told = bus.receive(at(1_000)).unwrap();
-        assert_eq!((told.at, told.event), (at(500), BusEvent::Fault(BusFault::Off)));
+        let event = bus.receive(at(1_000)).unwrap();
+        assert_eq!((event.at, event.event), (at(500), BusEvent::Fault(BusFault::Off)));
         assert_eq!(bus.receive(at(1_000)), None);
         send(&mut bus, 2).unwrap();
-        assert_eq!(heard(&mut bus, 2_000).0, [3]);
+        assert_eq!(received(&mut bus, 2_000).0, [3]);
     }
 
     #[test]
-    fn the_clock_on_the_wall_can_be_set_and_time_goes_on_as_before() {
+    fn wall_clock_step_does_not_change_bus_time() {
         let mut bus = bus();
         bus.plan(at(500), HostFault::ClockSet(Duration::from_secs(7)));
         assert_eq!(bus.receive(at(1_500)), None);

@@ -1,8 +1,8 @@
-//! Whether an interface is fit for torques: that nothing of the node's queues in it for longer than a
-//! cycle, and that its controller does not come back from bus-off by itself.
+//! Check of a CAN interface: frames must not queue longer than a cycle, and the controller must not restart after
+//! bus-off by itself.
 //!
-//! The length of the queue (`txqueuelen`) means nothing to an interface without one (`noqueue`), and that
-//! of a virtual bus queues only where somebody set it up to: that is told, and not refused.
+//! The queue length (`txqueuelen`) has no effect with `noqueue`. A virtual bus has a queue only if configured; that
+//! gives a remark, not an error.
 
 use std::fmt;
 use std::io;
@@ -22,63 +22,63 @@ use thiserror::Error;
 use crate::netlink;
 use crate::netlink::Link;
 
-/// The driver shows a sent frame to its host when it was on the wire, and not before (linux/if.h).
+/// Interface flag: the driver loops sent frames back when they were on the wire (linux/if.h).
 const IFF_ECHO: u32 = 1 << 18;
 
-/// The kinds of interfaces that have no wire.
+/// Kinds of interfaces without a wire.
 const VIRTUAL: [&str; 2] = ["vcan", "vxcan"];
 
-/// The interface is up (linux/if.h).
+/// Interface flag: up (linux/if.h).
 const IFF_UP: u32 = 1;
 
-/// Why an interface is not taken.
+/// Reasons to refuse an interface.
 #[derive(Debug, Error)]
 pub enum Unfit {
-    /// No frame can be sent.
+    /// The interface is down.
     #[error("{interface}: the interface is down (ip link set {interface} up)")]
     Down { interface: String },
-    /// Torques would be old when they get out.
+    /// Torques would be stale when sent.
     #[error(
         "{interface}: txqueuelen must be at most {most}, the frames of one cycle, got {queue}: torques would \
          be old (ip link set {interface} txqueuelen {most})"
     )]
     Queues { interface: String, queue: u32, most: u32 },
-    /// After bus-off, only a boot of the network may go on.
+    /// Only a boot of the network may follow bus-off.
     #[error(
-        "{interface}: its controller restarts by itself {millis} ms after bus-off; it must not \
+        "{interface}: restart-ms must be 0, got {millis}: the controller would restart by itself after bus-off \
          (ip link set {interface} type can restart-ms 0)"
     )]
     Restarts { interface: String, millis: u32 },
-    /// The kernel did not say.
+    /// The kernel does not answer.
     #[error("{interface}: {error}")]
     Unknown { interface: String, error: io::Error },
 }
 
-/// What is to be told of an interface that is taken.
+/// Remarks about an accepted interface.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Remark {
-    /// That its frames were sent is not known, only that its driver took them.
+    /// The driver does not confirm transmissions.
     NoEcho { interface: String },
-    /// Somebody has set up a queue on a bus without a wire.
+    /// A virtual bus has a queue.
     VirtualQueue { interface: String, qdisc: String },
 }
 
-/// Asks the kernel for each interface; what is to be told of those that are fit. `bursts` are the most frames that
-/// the node sends on each in one cycle: more must not queue.
+/// Queries each interface and returns the remarks. `bursts` are the maximum frames that the node sends per cycle on
+/// each: the queue must not be longer.
 ///
 /// # Errors
-/// The first interface that is not fit, or of which nothing is known.
+/// The first interface that is not fit, or unknown.
 pub fn check(interfaces: &[String], bursts: &[u32]) -> Result<Vec<Remark>, Unfit> {
     let mut remarks = Vec::new();
     for (interface, burst) in interfaces.iter().zip(bursts) {
-        let link = ask(interface);
+        let link = query(interface);
         let unknown = |error| Unfit::Unknown { interface: interface.clone(), error };
         remarks.extend(judge(interface, &link.map_err(unknown)?, *burst)?);
     }
     Ok(remarks)
 }
 
-/// What follows from what is known of an interface.
+/// Checks the properties of an interface.
 fn judge(interface: &str, link: &Link, most: u32) -> Result<Vec<Remark>, Unfit> {
     let interface = interface.to_owned();
     if link.flags & IFF_UP == 0 {
@@ -104,16 +104,16 @@ fn judge(interface: &str, link: &Link, most: u32) -> Result<Vec<Remark>, Unfit> 
     Ok(remarks)
 }
 
-/// What the kernel says of an interface.
-fn ask(interface: &str) -> io::Result<Link> {
+/// Queries the kernel.
+fn query(interface: &str) -> io::Result<Link> {
     let (family, flags) = (AddressFamily::Netlink, SockFlag::SOCK_CLOEXEC);
     let kernel = socket(family, SockType::Raw, flags, SockProtocol::NetlinkRoute)?;
     let (fd, to_kernel) = (kernel.as_raw_fd(), NetlinkAddr::new(0, 0));
     sendto(fd, &netlink::request(interface), &to_kernel, MsgFlags::empty())?;
     let mut bytes = vec![0; 16 << 10];
     let length = recv(fd, &mut bytes, MsgFlags::empty())?;
-    let told = bytes.get(..length).and_then(netlink::answer);
-    told.ok_or_else(|| io::Error::other("the kernel does not say what it is"))
+    let link = bytes.get(..length).and_then(netlink::answer);
+    link.ok_or_else(|| io::Error::other("invalid RTM_GETLINK response"))
 }
 
 impl fmt::Display for Remark {
@@ -122,9 +122,9 @@ impl fmt::Display for Remark {
             Self::NoEcho { interface } => {
                 write!(
                     f,
-                    "{interface}: its driver has no echo; frames that are taken and not sent are "
+                    "{interface}: the driver has no IFF_ECHO; frames that are not sent are "
                 )?;
-                f.write_str("found by the samples that do not come")
+                f.write_str("detected by missing samples")
             }
             Self::VirtualQueue { interface, qdisc } => {
                 write!(f, "{interface}: frames may queue in its {qdisc}; torques may be old")
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn promise_10_an_interface_that_queues_for_longer_than_a_cycle_is_refused() {
+    fn promise_10_queue_longer_than_a_cycle_is_refused() {
         assert!(judge("can0", &link("can", "pfifo_fast", 11), 11).is_ok());
         let refused = judge("can0", &link("can", "pfifo_fast", 12), 11).unwrap_err().to_string();
         let reason = "can0: txqueuelen must be at most 11, the frames of one cycle, got 12";
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn what_never_queues_is_taken_whatever_its_length() {
+    fn interface_without_a_queue_is_accepted() {
         assert_eq!(judge("vcan0", &link("vcan", "noqueue", 1_000), 11).unwrap(), []);
         let remarks = judge("vcan0", &link("vcan", "tbf", 1_000), 11).unwrap();
         let (interface, qdisc) = ("vcan0".to_owned(), "tbf".to_owned());
@@ -162,21 +162,21 @@ mod tests {
     }
 
     #[test]
-    fn hazard_23_a_controller_that_restarts_by_itself_is_refused() {
+    fn hazard_23_automatic_restart_is_refused() {
         let restarts = Link { restart_millis: Some(100), ..link("can", "pfifo_fast", 10) };
         let refused = judge("can0", &restarts, 11).unwrap_err().to_string();
-        assert!(refused.contains("restarts by itself 100 ms after bus-off"), "{refused}");
+        assert!(refused.contains("restart-ms must be 0, got 100"), "{refused}");
     }
 
     #[test]
-    fn hazard_24_an_interface_that_is_down_is_refused() {
+    fn hazard_24_interface_that_is_down_is_refused() {
         let down = Link { flags: IFF_ECHO, ..link("can", "pfifo_fast", 10) };
         let refused = judge("can0", &down, 11).unwrap_err().to_string();
         assert_eq!(refused, "can0: the interface is down (ip link set can0 up)");
     }
 
     #[test]
-    fn a_driver_without_echo_is_told_of() {
+    fn driver_without_echo_gives_a_remark() {
         let silent = Link { flags: IFF_UP, ..link("can", "pfifo_fast", 10) };
         let interface = "can0".to_owned();
         assert_eq!(judge("can0", &silent, 11).unwrap(), [Remark::NoEcho { interface }]);

@@ -1,4 +1,4 @@
-//! Where frames and time enter: the [`Bus`] is the only thing here that waits or knows the time.
+//! CAN buses: frames, time and waiting. No other crate reads a clock or blocks.
 //!
 //! ```
 //! use bus::candump::{Content, Line};
@@ -41,95 +41,95 @@ use canopen::frame::Frame;
 use canopen::frame::Telegram;
 use units::time::Instant;
 
-/// One or more CAN buses under one clock.
+/// One or more CAN buses with a common clock.
 pub trait Bus {
-    /// The time now.
+    /// Returns the time.
     fn now(&self) -> Instant;
 
-    /// What the clock on the wall shows, since 1970, UTC; somebody may set it at any moment.
+    /// Returns the wall clock: UTC since 1970. It may step at any time.
     fn wall(&self) -> Duration;
 
-    /// How long the host has been suspended so far: only differences mean something. Time as
-    /// [`now`](Self::now) tells it stood still then, and the buses did not.
+    /// Returns the total time in which the host was suspended; only differences are meaningful. [`now`](Self::now) does
+    /// not advance then, but the buses do.
     fn suspended(&self) -> Duration {
         Duration::ZERO
     }
 
-    /// When a SYNC was last seen on the wire of a bus, or time zero if none was yet: what proves that
-    /// frames which are taken are also sent. `None` where nobody can tell.
+    /// Returns the time of the last SYNC seen on the wire, zero before the first: the confirmation that sent frames
+    /// reach the bus. `None` if the bus cannot confirm.
     fn transmit_confirmed_at(&self, _channel: Channel) -> Option<Instant> {
         None
     }
 
-    /// Hands a frame to its bus. It is on the wire within a cycle or never: nothing queues behind.
+    /// Passes a frame to its bus. It is sent within a cycle or not at all.
     ///
     /// # Errors
-    /// When the frame was not taken. It will not be sent later.
+    /// The frame was not accepted; it will not be sent later.
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError>;
 
-    /// Waits for the next frame or change of a bus, until `until` at the latest.
+    /// Waits for the next frame or bus event, until `until` at the latest.
     fn receive(&mut self, until: Instant) -> Option<Received>;
 
-    /// Begins anew with every bus: what waits to be read is lost, what was unplugged and is back is
-    /// found again. Nothing is sent.
+    /// Opens every bus again: discards frames not yet read, and finds an interface that was plugged in again. Sends
+    /// nothing.
     ///
     /// # Errors
-    /// The first bus that is not there, or not fit for torques any more.
+    /// The first bus that is missing, or no longer fit for torques.
     fn reopen(&mut self) -> Result<(), ReopenError> {
         Ok(())
     }
 }
 
-/// A bus that cannot begin anew.
+/// Reasons why a bus cannot be opened again.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ReopenError {
-    /// Its interface is not there.
-    #[error("bus {}: no interface", .0.0)]
+    /// The interface is missing.
+    #[error("bus {}: interface not found", .0.0)]
     Gone(Channel),
-    /// Its interface is there and not [fit](interface::check) for torques: why, and the remedy.
+    /// The interface is not [fit](interface::check) for torques: reason and remedy.
     #[error("{0}")]
     Unfit(String),
 }
 
-/// What came in, where and when.
+/// A received event, with time and bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Received {
-    /// When it was complete on the wire.
+    /// Time at which it was complete on the wire.
     pub at: Instant,
-    /// On which bus.
+    /// Bus.
     pub channel: Channel,
-    /// What it was.
+    /// Frame or fault.
     pub event: BusEvent,
 }
 
-/// A frame, or word of the bus's own state.
+/// A frame, or a change of the bus state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BusEvent {
-    /// A data frame with an 11-bit identifier; a remote frame only where it was asked for.
+    /// A data frame with an 11-bit identifier; a remote frame only if requested.
     Frame(Frame),
-    /// Something is wrong with the bus itself.
+    /// A fault of the bus.
     Fault(BusFault),
 }
 
-/// What a CAN controller or its driver reports, mildest first.
+/// Fault reported by a CAN controller or its driver, mildest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum BusFault {
-    /// Error counters above 96: the wire is bad, but frames still pass.
+    /// Error warning: an error counter is at least 96. Frames still pass.
     Warning,
-    /// Frames were lost before they were read.
+    /// Received frames were lost before they were read.
     Overrun,
-    /// Error counters above 127, or a frame that did not get out.
+    /// Error passive: an error counter is at least 128, or a transmit timeout.
     Passive,
-    /// The controller has left the bus.
+    /// Bus-off.
     Off,
     /// The interface went down or was unplugged.
     Down,
 }
 
-/// Why a frame was not taken.
+/// Reasons why a frame was not accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum SendError {
-    /// The transmit queue is full: what is in it is already stale.
+    /// The transmit queue is full; its frames are already stale.
     #[error("transmit queue full")]
     Full,
     /// The interface is down or gone.
@@ -137,26 +137,26 @@ pub enum SendError {
     Down,
 }
 
-/// Somebody who is shown every frame.
+/// Observer of all frames.
 pub trait Tap {
-    /// A frame has passed by.
+    /// Called for each frame on the wire.
     fn on_wire(&mut self, at: Instant, telegram: &Telegram);
 
-    /// One that the node itself sent, where the bus can tell, as `candump -x` does.
+    /// Called for each frame sent by this node, if the bus can distinguish it (as `candump -x`).
     fn on_sent(&mut self, at: Instant, telegram: &Telegram) {
         self.on_wire(at, telegram);
     }
 
-    /// One that the node gave away, and its bus has taken: it may be on the wire later, or never.
+    /// Called for each frame accepted for sending; it may reach the wire later, or never.
     fn on_taken(&mut self, _at: Instant, _telegram: &Telegram) {}
 }
 
-/// Nobody.
+/// Observer that ignores all frames.
 impl Tap for () {
     fn on_wire(&mut self, _at: Instant, _telegram: &Telegram) {}
 }
 
-/// Whoever can be called with it.
+/// Observer that calls a closure.
 impl<F: FnMut(Instant, &Telegram)> Tap for F {
     fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
         self(at, telegram);

@@ -1,5 +1,5 @@
-//! The in-memory bus that *is* the clock: waiting on it makes time pass, and everything attached to it
-//! lives in that time. The same inputs give the same outputs, bit for bit.
+//! A bus in memory that is also the clock: waiting on it advances time for all its stations. Equal inputs give equal
+//! outputs, bit for bit.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -16,9 +16,9 @@ use crate::SendError;
 use crate::Tap;
 use crate::clock;
 use crate::disturbance::Adapter;
-use crate::disturbance::Agenda;
 use crate::disturbance::Disturbance;
 use crate::disturbance::HostFault;
+use crate::disturbance::Schedule;
 use crate::disturbance::Taken;
 use crate::wire::Sender;
 use crate::wire::Wire;
@@ -28,59 +28,59 @@ use canopen::station::Station;
 use canopen::sync;
 use units::time::Instant;
 
-/// The node's frames that may wait on one bus: about a cycle's worth.
-const QUEUE: usize = 32;
+/// Maximum frames in the node's transmit queue: about one cycle.
+const MAX_QUEUED: usize = 32;
 
-/// Frames that wait to be fetched at most, as in a socket's buffer; later ones are lost.
-const BACKLOG: usize = 238;
+/// Maximum received frames not yet read, as in a socket's buffer; later ones are lost.
+const MAX_UNREAD: usize = 238;
 
-/// 1 January 1984, since 1970.
-const BEGINNING: Duration = Duration::from_secs(441_763_200);
+/// Initial wall clock: 1 January 1984, the epoch of CANopen's TIME (CiA 301, 7.1.6.5), since 1970.
+const CANOPEN_EPOCH: Duration = Duration::from_secs(441_763_200);
 
 /// Nanoseconds in a microsecond.
 const MICRO: u64 = 1_000;
 
-/// Buses in memory, with stations `S` attached and a tap `T` that sees every frame complete.
+/// Buses in memory with stations `S`, observed by `T`.
 #[derive(Clone, Debug)]
 pub struct Memory<S, T> {
     now_ns: u64,
     wires: Vec<Wire>,
-    /// The node's, one for each wire.
+    /// The node's adapter of each bus.
     adapters: Vec<Adapter>,
     stations: S,
     tap: T,
-    /// What has reached the node and was not yet fetched.
+    /// Events received by the node and not yet read.
     arrived: VecDeque<Received>,
-    /// Frames were lost since the last that arrived.
+    /// Frames were lost since the last received one.
     has_overrun: bool,
-    agenda: Agenda,
-    /// Until when the process stands still.
+    schedule: Schedule,
+    /// End of the time in which the process is stopped.
     stopped_until_ns: u64,
-    /// The identifier of the frame after which the process stands still, and for how long.
+    /// Identifier of the frame after which the process is stopped, and for how long.
     stops_after: Option<(u16, Duration)>,
     suspended: Duration,
-    /// What the clock on the wall showed at time zero.
+    /// Wall clock at time zero.
     epoch: Duration,
     out: Vec<Telegram>,
-    /// What the monotonic clock showed at time zero, where time is not to run faster than it.
+    /// Host clock at time zero, if the bus runs in real time.
     paced_from: Option<Duration>,
-    /// Readable by others while a node has the bus.
+    /// Copy of the time for other threads.
     watch: Option<Watch>,
 }
 
-/// Time of a memory bus, readable while a node has the bus.
+/// Time of a memory bus, for other threads.
 #[derive(Clone, Debug)]
 pub struct Watch(Arc<AtomicU64>);
 
 impl Watch {
-    /// Time on the bus.
+    /// Returns the time of the bus.
     pub fn now(&self) -> Instant {
         Instant::from_micros(self.0.load(Ordering::Relaxed) / MICRO)
     }
 }
 
 impl<S: Station, T: Tap> Memory<S, T> {
-    /// One bus for each bit rate, in bit/s.
+    /// Creates one bus for each bit rate, in bit/s.
     pub fn new(bitrates: &[u32], stations: S, tap: T) -> Self {
         Self {
             now_ns: 0,
@@ -88,63 +88,63 @@ impl<S: Station, T: Tap> Memory<S, T> {
             adapters: bitrates.iter().map(|_| Adapter::new()).collect(),
             stations,
             tap,
-            arrived: VecDeque::with_capacity(BACKLOG + 1),
+            arrived: VecDeque::with_capacity(MAX_UNREAD + 1),
             has_overrun: false,
-            agenda: Agenda::default(),
+            schedule: Schedule::default(),
             stopped_until_ns: 0,
             stops_after: None,
             suspended: Duration::ZERO,
-            epoch: BEGINNING,
+            epoch: CANOPEN_EPOCH,
             out: Vec::with_capacity(64),
             paced_from: None,
             watch: None,
         }
     }
 
-    /// Shows the time to whoever keeps the watch, until [`unwatch`](Self::unwatch).
+    /// Publishes the time, until [`unwatch`](Self::unwatch).
     pub fn watch(&mut self) -> Watch {
         let watch = Watch(Arc::new(AtomicU64::new(self.now_ns)));
         self.watch = Some(watch.clone());
         watch
     }
 
-    /// Shows the time to others no longer.
+    /// Stops publishing the time.
     pub fn unwatch(&mut self) {
         self.watch = None;
     }
 
-    /// The same, but no faster than the clock on the wall.
+    /// Limits the speed to real time.
     #[must_use]
     pub fn in_real_time(self) -> Self {
         Self { paced_from: Some(clock::monotonic()), ..self }
     }
 
-    /// All that is attached.
+    /// Returns the stations.
     pub const fn stations(&self) -> &S {
         &self.stations
     }
 
-    /// All that is attached, to change it between cycles.
+    /// Returns the stations, to change them between cycles.
     pub const fn stations_mut(&mut self) -> &mut S {
         &mut self.stations
     }
 
-    /// Who is shown every frame.
+    /// Returns the observer.
     pub const fn tap(&self) -> &T {
         &self.tap
     }
 
-    /// Who is shown every frame, to tell it something.
+    /// Returns the observer, to change it.
     pub const fn tap_mut(&mut self) -> &mut T {
         &mut self.tap
     }
 
-    /// What each bus has carried so far: frames, and the bits they took.
+    /// Returns the frames and bits transmitted on each bus.
     pub fn carried(&self) -> impl Iterator<Item = (u64, u64)> + '_ {
         self.wires.iter().map(|wire| (wire.frames, wire.bits))
     }
 
-    /// From now on this is wrong with a bus; `None` heals it. A channel that is none is let be.
+    /// Sets the fault of a bus; `None` clears it. An unknown channel is ignored.
     pub fn disturb(&mut self, channel: Channel, wrong: Option<Disturbance>) {
         let (at, place) = (self.now(), usize::from(channel.0));
         let (Some(adapter), Some(wire)) = (self.adapters.get_mut(place), self.wires.get_mut(place))
@@ -164,21 +164,21 @@ impl<S: Station, T: Tap> Memory<S, T> {
         self.post();
     }
 
-    /// Lets a host_fault come at `at`, at whatever phase of a cycle that is.
+    /// Schedules a host fault at `at`.
     pub fn plan(&mut self, at: Instant, host_fault: HostFault) {
-        self.agenda.plan(at, host_fault);
+        self.schedule.add(at, host_fault);
     }
 
-    /// What was planned for now happens.
-    fn befall(&mut self) {
-        while let Some(host_fault) = self.agenda.due(self.now()) {
+    /// Applies the host faults that are due.
+    fn apply_host_faults(&mut self) {
+        while let Some(host_fault) = self.schedule.due(self.now()) {
             match host_fault {
                 HostFault::Bus(channel, wrong) => self.disturb(channel, wrong),
-                HostFault::Stopped(time) => self.stand_still(time),
+                HostFault::Stopped(time) => self.stop_process(time),
                 HostFault::StoppedAfter(cob_id, time) => self.stops_after = Some((cob_id, time)),
                 HostFault::Suspended(time) => {
                     self.suspended += time;
-                    self.stand_still(time);
+                    self.stop_process(time);
                 }
                 HostFault::ClockSet(wall) => {
                     self.epoch = wall.saturating_sub(Duration::from_nanos(self.now_ns));
@@ -187,24 +187,24 @@ impl<S: Station, T: Tap> Memory<S, T> {
         }
     }
 
-    fn stand_still(&mut self, time: Duration) {
+    fn stop_process(&mut self, time: Duration) {
         let time_ns = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
         self.stopped_until_ns = self.now_ns.saturating_add(time_ns);
     }
 
-    /// The process has sent or read a frame: lets time pass if it stands still after this one.
+    /// Stops the process if it is to stop after this frame.
     fn pass(&mut self, cob_id: u16) {
         let Some((_, time)) = self.stops_after.take_if(|(after, _)| *after == cob_id) else {
             return;
         };
-        self.stand_still(time);
+        self.stop_process(time);
         while self.now_ns < self.stopped_until_ns {
-            self.befall();
+            self.apply_host_faults();
             self.advance(self.next(self.stopped_until_ns));
         }
     }
 
-    /// Lets time pass until `next_ns`, and happen what happens then.
+    /// Advances time to `next_ns`, and delivers what is due then.
     fn advance(&mut self, next_ns: u64) {
         self.now_ns = next_ns;
         if let Some(Watch(watch)) = &self.watch {
@@ -219,21 +219,21 @@ impl<S: Station, T: Tap> Memory<S, T> {
             self.stations.on_time(now, &mut self.out);
             self.post();
             if self.stations.deadline().is_some_and(|due| due <= now) {
-                // A station that is never done does not stop time.
+                // A station that is always due does not stop time.
                 self.now_ns = (self.now_ns / MICRO + 1) * MICRO;
             }
         }
     }
 
-    /// The next moment at which something happens, `until` at the latest.
+    /// Returns the time of the next event, at most `until`.
     fn next(&self, until_ns: u64) -> u64 {
         let wires = self.wires.iter().filter_map(Wire::done);
-        let planned = [self.stations.deadline(), self.agenda.next()].into_iter().flatten();
+        let planned = [self.stations.deadline(), self.schedule.next()].into_iter().flatten();
         let planned = planned.map(|due| due.as_micros() * MICRO);
         wires.chain(planned).fold(until_ns, u64::min).max(self.now_ns)
     }
 
-    /// Hands every frame that is complete now to all who did not send it.
+    /// Delivers complete frames to all receivers.
     fn deliver(&mut self) {
         for ((place, wire), adapter) in (0..).zip(&mut self.wires).zip(&mut self.adapters) {
             let Some((sender, frame)) = wire.complete(self.now_ns) else { continue };
@@ -245,13 +245,13 @@ impl<S: Station, T: Tap> Memory<S, T> {
             }
             self.stations.on_frame(at, telegram.channel, &frame, &mut self.out);
             if frame.cob_id == sync::COB_ID {
-                adapter.witness(at);
+                adapter.confirm_transmit(at);
             }
             if sender == Sender::Station && !frame.is_remote() {
                 let event = BusEvent::Frame(frame);
                 let received = Received { at, channel: telegram.channel, event };
-                match adapter.hear(received) {
-                    Some(received) if self.arrived.len() < BACKLOG => {
+                match adapter.receive(received) {
+                    Some(received) if self.arrived.len() < MAX_UNREAD => {
                         if std::mem::take(&mut self.has_overrun) {
                             let event = BusEvent::Fault(BusFault::Overrun);
                             self.arrived.push_back(Received { event, ..received });
@@ -266,7 +266,7 @@ impl<S: Station, T: Tap> Memory<S, T> {
         self.post();
     }
 
-    /// Puts what the stations send on the wires, and lets idle wires begin.
+    /// Queues the frames of the stations, and starts transmissions.
     fn post(&mut self) {
         for Telegram { channel: Channel(place), frame } in self.out.drain(..) {
             if let Some(wire) = self.wires.get_mut(usize::from(place)) {
@@ -281,11 +281,11 @@ impl<S: Station, T: Tap> Memory<S, T> {
         }
     }
 
-    /// What has arrived and belongs to a wait that ends at `until`.
+    /// Returns the next received event up to `until`, unless the process is stopped.
     fn fetch(&mut self, until: Instant) -> Option<Received> {
-        let is_awake = self.now_ns >= self.stopped_until_ns;
+        let is_running = self.now_ns >= self.stopped_until_ns;
         let first = self.arrived.front()?;
-        if is_awake && first.at <= until { self.arrived.pop_front() } else { None }
+        if is_running && first.at <= until { self.arrived.pop_front() } else { None }
     }
 }
 
@@ -294,7 +294,7 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
         Instant::from_micros(self.now_ns / MICRO)
     }
 
-    /// As if everything had begun at midnight of the first day of CANopen's calendar.
+    /// Returns the wall clock as if time zero were the CANopen epoch, unless it was set.
     fn wall(&self) -> Duration {
         self.epoch + Duration::from_nanos(self.now_ns)
     }
@@ -313,7 +313,7 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
         let wire = self.wires.get_mut(place).ok_or(SendError::Down)?;
         let adapter = self.adapters.get(place).ok_or(SendError::Down)?;
         let taken = adapter.take()?;
-        if taken == Taken::Queued && wire.waiting() >= QUEUE {
+        if taken == Taken::Queued && wire.waiting() >= MAX_QUEUED {
             return Err(SendError::Full);
         }
         let at = Instant::from_micros(self.now_ns / MICRO);
@@ -329,7 +329,7 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
 
     fn receive(&mut self, until: Instant) -> Option<Received> {
         loop {
-            self.befall();
+            self.apply_host_faults();
             if let Some(received) = self.fetch(until) {
                 if let BusEvent::Frame(frame) = received.event {
                     self.pass(frame.cob_id);
@@ -361,7 +361,7 @@ mod tests {
     use canopen::bits;
     use canopen::frame::Frame;
 
-    /// Answers every SYNC with three frames, the highest identifier first.
+    /// Answers each SYNC with three frames, the highest identifier first.
     #[derive(Debug, Default)]
     struct Answering;
 
@@ -393,22 +393,22 @@ mod tests {
     fn run(bitrate: u32) -> Vec<(Instant, u16)> {
         let mut bus = Memory::new(&[bitrate], Answering, ());
         bus.send(sync()).unwrap();
-        let mut heard = Vec::new();
+        let mut frames = Vec::new();
         while let Some(received) = bus.receive(Instant::from_micros(10_000)) {
             let BusEvent::Frame(frame) = received.event else { panic!("no fault was made") };
-            heard.push((received.at, frame.cob_id));
+            frames.push((received.at, frame.cob_id));
         }
-        heard
+        frames
     }
 
     #[test]
-    fn the_lowest_identifier_goes_first() {
+    fn lowest_identifier_wins_arbitration() {
         let order: Vec<_> = run(1_000_000).into_iter().map(|(_, id)| id).collect();
         assert_eq!(order, [0x181, 0x182, 0x183]);
     }
 
     #[test]
-    fn frames_follow_each_other_by_their_exact_length() {
+    fn frames_take_their_exact_length() {
         let answer = |id| u64::from(bits::exact(&Frame::new(id, [1, 2, 3])));
         let mut done = u64::from(bits::exact(&sync().frame));
         for (at, id) in run(1_000_000) {
@@ -418,7 +418,7 @@ mod tests {
     }
 
     #[test]
-    fn half_the_bit_rate_takes_twice_the_time() {
+    fn half_the_bit_rate_doubles_the_time() {
         let slow = run(500_000);
         for ((fast, _), (slow, _)) in run(1_000_000).into_iter().zip(slow) {
             assert_eq!(slow.as_micros(), 2 * fast.as_micros());
@@ -426,7 +426,7 @@ mod tests {
     }
 
     #[test]
-    fn waiting_makes_exactly_that_time_pass() {
+    fn waiting_advances_time_exactly() {
         let mut bus = Memory::new(&[1_000_000], Answering, ());
         let until = bus.now() + Duration::from_micros(12_345);
         assert_eq!(bus.receive(until), None);
@@ -434,15 +434,15 @@ mod tests {
     }
 
     #[test]
-    fn the_nodes_queue_holds_about_a_cycle_and_no_more() {
+    fn transmit_queue_is_bounded() {
         let mut bus = Memory::new(&[1_000_000], Answering, ());
         let taken = (0..100).take_while(|_| bus.send(sync()).is_ok()).count();
-        assert_eq!(taken, QUEUE + 1, "one is on the wire");
+        assert_eq!(taken, MAX_QUEUED + 1, "one is on the wire");
         assert_eq!(bus.send(sync()), Err(SendError::Full));
     }
 
     #[test]
-    fn a_station_that_is_never_done_does_not_stop_time() {
+    fn station_that_is_always_due_does_not_stop_time() {
         struct Restless;
         impl Station for Restless {
             fn on_frame(&mut self, _: Instant, _: Channel, _: &Frame, _: &mut Vec<Telegram>) {}

@@ -1,65 +1,65 @@
-//! What the kernel says of one network interface: an `RTM_GETLINK` request and its answer, byte by byte
-//! (linux/netlink.h, linux/rtnetlink.h, linux/if_link.h, linux/can/netlink.h).
+//! `RTM_GETLINK` request and response about one network interface (linux/netlink.h, linux/rtnetlink.h,
+//! linux/if_link.h, linux/can/netlink.h).
 //!
 //! ```text
 //!  nlmsghdr 16 │ ifinfomsg 16 │ attribute │ attribute │ …
-//!                              └ length 2, type 2, what it holds, padding to 4
+//!                              └ length 2, type 2, payload, padding to 4
 //! ```
 //!
-//! Only what a node must know is read. Bytes that are no such answer say nothing, and never panic.
+//! Reads only the attributes that a node needs. Malformed responses give `None`, never a panic.
 
-/// Of a request and of an answer.
+/// Size of the header of request and response.
 const HEADER: usize = 16;
 
-/// `struct ifinfomsg`, between the header and the attributes.
+/// Size of `struct ifinfomsg`, between header and attributes.
 const LINK: usize = 16;
 
-/// Types of messages.
+/// Message types.
 mod message {
-    /// An answer.
+    /// Response.
     pub(super) const NEW_LINK: u16 = 16;
-    /// A request.
+    /// Request.
     pub(super) const GET_LINK: u16 = 18;
-    /// The flag of every request.
+    /// Flag of a request.
     pub(super) const REQUEST: u16 = 1;
 }
 
-/// Types of attributes. Those that hold others are marked by a bit that is none of the type.
+/// Attribute types. A flag outside the type marks nested attributes.
 mod attribute {
-    /// The interface's name, ended by a zero.
+    /// Interface name, with a terminating zero.
     pub(super) const NAME: u16 = 3;
-    /// The name of its queueing discipline.
+    /// Name of the queueing discipline.
     pub(super) const QDISC: u16 = 6;
-    /// Frames that may wait for the driver.
+    /// Transmit queue length, in frames.
     pub(super) const QUEUE: u16 = 13;
-    /// Holds [`KIND`] and [`OF_KIND`].
+    /// Nested [`KIND`] and [`OF_KIND`].
     pub(super) const LINK_INFO: u16 = 18;
-    /// In it: the name of the kind of driver.
+    /// Nested: kind of driver.
     pub(super) const KIND: u16 = 1;
-    /// In it: what only this kind has.
+    /// Nested: attributes of this kind.
     pub(super) const OF_KIND: u16 = 2;
-    /// In that, of a CAN controller: milliseconds from bus-off to a restart; 0 is never.
+    /// Nested twice, for CAN: restart delay after bus-off, in ms; 0 for never.
     pub(super) const RESTART: u16 = 6;
-    /// The bits of a type that are its number.
+    /// Bits of the type number.
     pub(super) const TYPE: u16 = u16::MAX >> 2;
 }
 
-/// What is known of an interface.
+/// Properties of an interface.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Link {
-    /// `IFF_…`.
+    /// Interface flags (`IFF_…`).
     pub(super) flags: u32,
-    /// Its queueing discipline: `noqueue`, `pfifo_fast`, …
+    /// Queueing discipline: `noqueue`, `pfifo_fast`, …
     pub(super) qdisc: String,
-    /// Frames that may wait for the driver, where its queueing discipline lets any.
+    /// Transmit queue length, in frames, if the queueing discipline uses it.
     pub(super) queue: u32,
-    /// The kind of driver: `can`, `vcan`, …
+    /// Kind of driver: `can`, `vcan`, …
     pub(super) kind: String,
-    /// Milliseconds from bus-off to a restart by itself; 0 is never. `None` without a CAN controller.
+    /// Restart delay after bus-off, in ms; 0 for never. `None` without a CAN controller.
     pub(super) restart_millis: Option<u32>,
 }
 
-/// Asks for the interface of this name; names are shorter than 16 bytes.
+/// Encodes a request for the interface of this name, shorter than 16 bytes.
 pub(super) fn request(interface: &str) -> Vec<u8> {
     let mut bytes = vec![0; HEADER + LINK];
     let name = interface.as_bytes();
@@ -77,7 +77,7 @@ pub(super) fn request(interface: &str) -> Vec<u8> {
     bytes
 }
 
-/// Reads the answer; `None` if it is none.
+/// Decodes the response; `None` for anything else.
 pub(super) fn answer(bytes: &[u8]) -> Option<Link> {
     let kind = u16::from_ne_bytes(bytes.get(4..6)?.try_into().ok()?);
     if kind != message::NEW_LINK {
@@ -85,11 +85,11 @@ pub(super) fn answer(bytes: &[u8]) -> Option<Link> {
     }
     let flags = u32::from_ne_bytes(bytes.get(HEADER + 8..HEADER + 12)?.try_into().ok()?);
     let mut link = Link { flags, ..Link::default() };
-    for (kind, held) in Attributes(bytes.get(HEADER + LINK..)?) {
+    for (kind, payload) in Attributes(bytes.get(HEADER + LINK..)?) {
         match kind {
-            attribute::QDISC => link.qdisc = text(held),
-            attribute::QUEUE => link.queue = number(held)?,
-            attribute::LINK_INFO => link.of_driver(held),
+            attribute::QDISC => link.qdisc = text(payload),
+            attribute::QUEUE => link.queue = number(payload)?,
+            attribute::LINK_INFO => link.of_driver(payload),
             _ => {}
         }
     }
@@ -97,14 +97,14 @@ pub(super) fn answer(bytes: &[u8]) -> Option<Link> {
 }
 
 impl Link {
-    fn of_driver(&mut self, held: &[u8]) {
-        for (kind, held) in Attributes(held) {
+    fn of_driver(&mut self, payload: &[u8]) {
+        for (kind, payload) in Attributes(payload) {
             match kind {
-                attribute::KIND => self.kind = text(held),
+                attribute::KIND => self.kind = text(payload),
                 attribute::OF_KIND => {
                     let mut restart =
-                        Attributes(held).filter(|(kind, _)| *kind == attribute::RESTART);
-                    self.restart_millis = restart.find_map(|(_, held)| number(held));
+                        Attributes(payload).filter(|(kind, _)| *kind == attribute::RESTART);
+                    self.restart_millis = restart.find_map(|(_, payload)| number(payload));
                 }
                 _ => {}
             }
@@ -112,7 +112,7 @@ impl Link {
     }
 }
 
-/// Attributes that follow each other, by type and what they hold.
+/// Iterator over attributes: type and payload.
 struct Attributes<'a>(&'a [u8]);
 
 impl<'a> Iterator for Attributes<'a> {
@@ -121,18 +121,18 @@ impl<'a> Iterator for Attributes<'a> {
     fn next(&mut self) -> Option<Self::Item> {
         let &[l0, l1, k0, k1, ref rest @ ..] = self.0 else { return None };
         let length = usize::from(u16::from_ne_bytes([l0, l1])).checked_sub(4)?;
-        let held = rest.get(..length)?;
+        let payload = rest.get(..length)?;
         self.0 = rest.get(length.next_multiple_of(4)..).unwrap_or_default();
-        Some((u16::from_ne_bytes([k0, k1]) & attribute::TYPE, held))
+        Some((u16::from_ne_bytes([k0, k1]) & attribute::TYPE, payload))
     }
 }
 
-fn number(held: &[u8]) -> Option<u32> {
-    held.try_into().ok().map(u32::from_ne_bytes)
+fn number(payload: &[u8]) -> Option<u32> {
+    payload.try_into().ok().map(u32::from_ne_bytes)
 }
 
-fn text(held: &[u8]) -> String {
-    let until_zero = held.split(|byte| *byte == 0).next().unwrap_or_default();
+fn text(payload: &[u8]) -> String {
+    let until_zero = payload.split(|byte| *byte == 0).next().unwrap_or_default();
     String::from_utf8_lossy(until_zero).into_owned()
 }
 
@@ -142,10 +142,10 @@ mod tests {
 
     use super::*;
 
-    fn attribute(kind: u16, held: &[u8]) -> Vec<u8> {
-        let length = u16::try_from(4 + held.len()).unwrap();
+    fn attribute(kind: u16, payload: &[u8]) -> Vec<u8> {
+        let length = u16::try_from(4 + payload.len()).unwrap();
         let mut bytes = [length.to_ne_bytes(), kind.to_ne_bytes()].concat();
-        bytes.extend(held);
+        bytes.extend(payload);
         bytes.resize(bytes.len().next_multiple_of(4), 0);
         bytes
     }
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn an_answer_about_a_controller_says_how_it_queues_and_restarts() {
+    fn response_has_queue_and_restart_delay() {
         let restart = attribute(attribute::RESTART, &100_u32.to_ne_bytes());
         let of_can = attribute(attribute::OF_KIND | 0x8000, &restart);
         let driver = [attribute(attribute::KIND, b"can\0"), of_can].concat();
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn a_request_holds_its_own_length_and_the_name() {
+    fn request_has_its_length_and_the_name() {
         let bytes = request("vcan0");
         assert_eq!(bytes.len() % 4, 0);
         assert_eq!(bytes[..4], u32::try_from(bytes.len()).unwrap().to_ne_bytes());
@@ -186,7 +186,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_bytes_are_an_answer_or_none(
+        fn any_bytes_are_decoded_or_refused(
             mut bytes in proptest::collection::vec(any::<u8>(), 0..200),
             is_answer: bool,
         ) {

@@ -1,5 +1,5 @@
-//! `struct can_frame` of linux/can.h, 16 bytes as the kernel hands them over, and what it means to a CANopen
-//! node. Any bytes may come: what is no frame for such a node is `None`, never a panic.
+//! Decodes `struct can_frame` (linux/can.h, 16 bytes). Any bytes are safe: a frame that does not concern a CANopen node
+//! gives `None`.
 //!
 //! ```text
 //!  0      3  4       5         8                15
@@ -8,8 +8,8 @@
 //! └────────┴────────┴─────────┴──────────────────┘
 //! ```
 //!
-//! In an error frame (linux/can/error.h) data byte 1 is what the controller reports, bytes 6 and 7 are its
-//! transmit and receive error counters.
+//! In an error frame (linux/can/error.h) data byte 1 is the controller status, bytes 6 and 7 are the transmit and
+//! receive error counters.
 
 use socketcan::id::CAN_EFF_FLAG;
 use socketcan::id::CAN_ERR_FLAG;
@@ -23,37 +23,37 @@ use canopen::frame::Frame;
 /// Bytes of a classical frame, `CAN_MTU`.
 pub(super) const SIZE: usize = 16;
 
-/// Classes of an error, in the identifier.
+/// Error classes, in the identifier.
 mod class {
-    /// A frame did not get out in time.
+    /// Transmit timeout.
     pub(super) const TRANSMIT_TIMEOUT: u32 = 0x001;
-    /// See data byte 1.
+    /// Controller status, in data byte 1.
     pub(super) const CONTROLLER: u32 = 0x004;
-    /// The controller has left the bus.
+    /// Bus-off.
     pub(super) const BUS_OFF: u32 = 0x040;
-    /// It had left it, and is back by itself.
+    /// Controller restarted after bus-off.
     pub(super) const RESTARTED: u32 = 0x100;
-    /// Data bytes 6 and 7 hold the error counters.
+    /// Error counters, in data bytes 6 and 7.
     pub(super) const COUNTERS: u32 = 0x200;
 }
 
-/// What the controller reports, in data byte 1.
+/// Controller status in data byte 1.
 mod controller {
-    /// Frames lost before they were read, or before they were sent.
+    /// Receive or transmit buffer overflow.
     pub(super) const OVERFLOW: u8 = 0x03;
-    /// The receive or the transmit error counter has reached [`WARNING`](super::WARNING).
+    /// Error warning: a counter has reached [`WARNING`](super::WARNING).
     pub(super) const WARNING: u8 = 0x0C;
-    /// One of them has reached [`PASSIVE`](super::PASSIVE).
+    /// Error passive: a counter has reached [`PASSIVE`](super::PASSIVE).
     pub(super) const PASSIVE: u8 = 0x30;
 }
 
-/// An error counter at which a controller warns (ISO 11898-1).
+/// Error counter of the warning limit (ISO 11898-1).
 const WARNING: u8 = 96;
 
-/// An error counter from which it is error passive.
+/// Error counter of the error passive state (ISO 11898-1).
 const PASSIVE: u8 = 128;
 
-/// What these bytes mean; `None` if they do not concern a CANopen node.
+/// Decodes a frame; `None` if it does not concern a CANopen node.
 pub(super) fn read(bytes: &[u8]) -> Option<BusEvent> {
     let &[i0, i1, i2, i3, length, _, _, _, ref data @ ..] = bytes else { return None };
     let data: [u8; 8] = data.try_into().ok()?;
@@ -72,7 +72,7 @@ pub(super) fn read(bytes: &[u8]) -> Option<BusEvent> {
     Frame::from_slice(cob_id, data).map(BusEvent::Frame)
 }
 
-/// The worst of what an error frame says. Single errors are the controller's to count.
+/// Returns the worst fault in an error frame. Single bus errors are ignored: the controller counts them.
 fn fault(classes: u32, [_, reported, _, _, _, _, transmit, receive]: [u8; 8]) -> Option<BusFault> {
     let has = |class: u32| classes & class != 0;
     let reports = |problem: u8| has(class::CONTROLLER) && reported & problem != 0;
@@ -109,25 +109,25 @@ mod tests {
     }
 
     #[test]
-    fn a_data_frame_is_its_identifier_and_as_many_bytes_as_it_says() {
+    fn data_frame_has_identifier_and_length() {
         let frame = Frame::new(0x181, [1, 2, 3]);
         let received = read(&bytes(0x181, 3, [1, 2, 3, 4, 5, 6, 7, 8]));
         assert_eq!(received, Some(BusEvent::Frame(frame)));
     }
 
     #[test]
-    fn hazard_26_what_is_no_frame_of_eleven_bits_is_not_heard() {
+    fn hazard_26_frames_without_eleven_bits_are_ignored() {
         for (id, length) in [(CAN_EFF_FLAG | 0x181, 8), (0x181, 9), (0x181, 64), (CAN_EFF_FLAG, 0)]
         {
             assert_eq!(read(&bytes(id, length, [0; 8])), None, "{id:X} {length}");
         }
         let remote = read(&bytes(CAN_RTR_FLAG | 0x181, 4, [0; 8]));
-        assert_eq!(remote, Some(BusEvent::Frame(Frame::remote(0x181, 4))), "told apart from data");
+        assert_eq!(remote, Some(BusEvent::Frame(Frame::remote(0x181, 4))), "distinct from data");
         assert_eq!(read(&[0; 72]), None, "CAN FD");
     }
 
     #[test]
-    fn hazard_23_an_error_frame_says_how_bad_it_is() {
+    fn hazard_23_error_frames_give_the_worst_fault() {
         let reported = |byte| [0, byte, 0, 0, 0, 0, 0, 0];
         let counted = |transmit, receive| [0, 0, 0, 0, 0, 0, transmit, receive];
         for (classes, data, fault) in [
@@ -141,10 +141,10 @@ mod tests {
             (0x004, reported(0x01), Some(BusFault::Overrun)),
             (0x004, reported(0x02), Some(BusFault::Overrun)),
             (0x004, reported(0x2C), Some(BusFault::Passive)),
-            // Back to error active, no acknowledge, a lost arbitration: the controller counts.
+            // Error active again, no acknowledge, lost arbitration: no fault.
             (0x004, reported(0x40), None),
             (0x022, [0; 8], None),
-            // Byte 1 belongs to its class, bytes 6 and 7 to theirs.
+            // Byte 1 and bytes 6 and 7 count only with their classes.
             (0x020, reported(0x10), None),
             (0x088, counted(255, 255), None),
             (0x200, counted(0, 128), Some(BusFault::Passive)),
@@ -159,7 +159,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn hazard_26_any_bytes_are_a_frame_of_eleven_bits_a_fault_or_nothing(
+        fn hazard_26_any_bytes_give_an_11_bit_frame_fault_or_nothing(
             bytes in proptest::collection::vec(any::<u8>(), 0..80),
         ) {
             if let Some(BusEvent::Frame(frame)) = read(&bytes) {

@@ -1,4 +1,4 @@
-//! What a thread that must be on time asks of the kernel, and what it is granted.
+//! Real-time settings of a thread: requested from the kernel, and granted or refused.
 
 use std::fmt;
 
@@ -12,21 +12,21 @@ use thread_priority::ThreadSchedulePolicy;
 use thread_priority::set_thread_priority_and_policy;
 use thread_priority::thread_native_id;
 
-/// Of 99: above ordinary work, below the threads of the CAN interrupt.
+/// Priority of 99: above ordinary work, below the threads of the CAN interrupt.
 const PRIORITY: u8 = 80;
 
-/// What was granted.
+/// Settings granted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Granted {
     /// `SCHED_FIFO` at priority 80.
     pub is_fifo: bool,
-    /// No page of the process is swapped out.
+    /// Memory is locked: no page is swapped out.
     pub is_locked: bool,
-    /// Timers end when they are due, not up to 50 µs later.
+    /// Timer slack is 1 ns instead of 50 µs.
     pub is_exact: bool,
 }
 
-/// Asks for all of it, for the calling thread. What is refused is refused; nothing fails.
+/// Requests all settings for the calling thread. A refusal is not an error.
 pub fn ask() -> Granted {
     let fifo = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let priority = ThreadPriorityValue::try_from(PRIORITY).map(ThreadPriority::Crossplatform);

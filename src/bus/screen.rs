@@ -1,11 +1,11 @@
-//! Lines as `candump` shows them on a screen, read; and those of its logs, so that either may be piped in.
+//! Parses `candump` screen output, and lines of its logs, so that either can be piped in.
 //!
 //! ```text
-//!   can0  181   [8]  37 16 E8 03 00 00 FE FF                        no stamp
-//!  (1700000000.123456)  can0  181   [2]  37 16   '7.'               -t a, with the text of -a
-//!  (000.001000)  can0  RX - -  701   [0]  remote request            -t d or -t z, with the -x of a direction
+//!   can0  181   [8]  37 16 E8 03 00 00 FE FF                        without a stamp
+//!  (1700000000.123456)  can0  181   [2]  37 16   '7.'               -t a, with ASCII text (-a)
+//!  (000.001000)  can0  RX - -  701   [0]  remote request            -t d or -t z, with a direction (-x)
 //!  (2026-01-31 08:15:00.123456)  can0  080   [0]                    -t A
-//!   can0  181   {E}  37 16 E8 03 00 00 FE FF                        -8: the data length code in braces
+//!   can0  181   {E}  37 16 E8 03 00 00 FE FF                        -8: data length code in braces
 //!  (1700000000.123456) can0 181#3716                                a line of a log
 //! ```
 
@@ -23,10 +23,10 @@ use crate::candump::stamp;
 
 const NANOS: u64 = 1_000_000_000;
 
-/// Reads a line of either form, and the nanoseconds of its stamp if it has one.
+/// Parses a line of either form; returns the stamp in ns, if there is one.
 ///
 /// # Errors
-/// The first part that is not as it should be.
+/// The first invalid part.
 pub fn parse(text: &str) -> Result<(Option<u64>, Line<'_>), NotALine> {
     if text.bytes().any(|byte| byte == b'#') && !text.contains(['[', '{']) {
         return Line::parse(text).map(|line| (Some(line.nanos), line));
@@ -44,7 +44,7 @@ pub fn parse(text: &str) -> Result<(Option<u64>, Line<'_>), NotALine> {
     Ok((stamp.map(|(nanos, _)| nanos), line))
 }
 
-/// Nanoseconds, and whether there are nine digits of them; what follows.
+/// Stamp in ns and whether it has nine digits; the rest of the line.
 type Stamped<'t> = (Option<(u64, bool)>, &'t str);
 
 fn leading_stamp(text: &str) -> Result<Stamped<'_>, NotALine> {
@@ -58,7 +58,7 @@ fn leading_stamp(text: &str) -> Result<Stamped<'_>, NotALine> {
     Ok((Some(read), rest))
 }
 
-/// `(2026-01-31 08:15:00.123456)`, as if it were universal time: only differences are looked at.
+/// Parses `(2026-01-31 08:15:00.123456)` as UTC: only differences matter.
 fn date(word: &str) -> Option<(u64, bool)> {
     let (day, time) = word.strip_prefix('(')?.strip_suffix(')')?.split_once(' ')?;
     let mut day = day.splitn(3, '-').map(|part| part.parse::<u64>().ok());
@@ -76,7 +76,7 @@ fn date(word: &str) -> Option<(u64, bool)> {
     Some((seconds * NANOS + below, is_fine))
 }
 
-/// Six or nine digits behind the point, in nanoseconds.
+/// Parses six or nine decimals of a second, to ns.
 fn stamp_fraction(digits: &str) -> Option<(u64, bool)> {
     let scale = match digits.len() {
         6 => 1_000,
@@ -86,13 +86,13 @@ fn stamp_fraction(digits: &str) -> Option<(u64, bool)> {
     Some((digits.parse::<u64>().ok()? * scale, scale == 1))
 }
 
-/// Days before the month, of a calendar whose year begins in March, so that the leap day is its last.
+/// Returns the days before a month, in a calendar whose year starts in March: the leap day is its last.
 const fn days(year: u64, month: u64) -> u64 {
     let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
     year * 365 + year / 4 - year / 100 + year / 400 + (153 * month + 2) / 5
 }
 
-/// The identifier itself, where `-x` has put `RX - -` before it.
+/// Returns the identifier, after the `RX - -` of `-x`.
 fn past_direction<'t>(word: &'t str, words: &mut SplitAsciiWhitespace<'t>) -> Option<&'t str> {
     if word != "RX" && word != "TX" {
         return Some(word);
@@ -100,14 +100,14 @@ fn past_direction<'t>(word: &'t str, words: &mut SplitAsciiWhitespace<'t>) -> Op
     words.nth(2)
 }
 
-/// The length of a frame as it is written.
+/// Length of a frame in the line.
 struct Length {
     bytes: u8,
     is_fd: bool,
     raw_dlc: Option<u8>,
 }
 
-/// `[8]` of a classical frame, `{8}` or `{E}` of one with its data length code, `[08]` of an FD frame.
+/// Parses `[8]` (classical), `{8}` or `{E}` (data length code), `[08]` (CAN FD).
 fn length(word: &str) -> Option<Length> {
     let (digits, is_code) = match word.strip_prefix('{') {
         Some(rest) => (rest.strip_suffix('}')?, true),
@@ -125,7 +125,7 @@ fn length(word: &str) -> Option<Length> {
     (bytes <= most).then_some(Length { bytes, is_fd, raw_dlc: None })
 }
 
-/// `[8]  37 16 …`: what a frame carries, and its data length code where that is above 8.
+/// Parses `[8]  37 16 …` to content, and the data length code if it is above 8.
 fn content(id: u32, words: &mut SplitAsciiWhitespace<'_>) -> Option<(Content, Option<u8>)> {
     let Length { bytes: length, is_fd, raw_dlc } = length(words.next()?)?;
     let mut bytes = Bytes::empty();
@@ -151,7 +151,7 @@ mod tests {
 
     use super::*;
 
-    /// What a line of the screen says, as a line of a log.
+    /// Converts a line of the screen to a line of a log.
     fn as_log(text: &str) -> String {
         let (nanos, line) = parse(text).unwrap_or_else(|error| panic!("{text}: {error}"));
         assert_eq!(nanos.unwrap_or_default(), line.nanos);
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn what_candump_shows_is_read() {
+    fn candump_screen_lines_are_parsed() {
         for (text, log) in [
             ("  can0  181   [4]  37 16 E8 03", "(0.000000) can0 181#3716E803"),
             (" (1.000002)  can0  181   [2]  37 16   '7.'", "(1.000002) can0 181#3716"),
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn a_date_is_as_far_from_another_as_the_calendar_says() {
+    fn dates_differ_by_the_calendar() {
         let nanos = |text| parse(text).unwrap().0.unwrap();
         let before = nanos(" (2024-02-28 23:59:59.500000)  can0  080   [0]");
         let after = nanos(" (2024-03-01 00:00:00.750000)  can0  080   [0]");
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_line_says_why() {
+    fn invalid_lines_are_refused_with_a_reason() {
         for (text, reason) in [
             ("", NotALine::Interface),
             ("(x)  can0  080   [0]", NotALine::Stamp),
@@ -214,12 +214,12 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_text_is_read_or_refused(text in ".*") {
+        fn any_text_is_parsed_or_refused(text in ".*") {
             parse(&text).ok();
         }
 
         #[test]
-        fn nearly_a_line_is_read_or_refused(
+        fn almost_valid_lines_are_parsed_or_refused(
             text in r" ?(\([0-9:. -]{0,26}\))? *can0 *(RX - -)? *[0-9A-F]{2,9} *\[[0-9]{1,3}\]( [0-9A-F]{2}){0,9}( remote)?",
         ) {
             if let Ok((_, line)) = parse(&text) {

@@ -1,5 +1,4 @@
-//! One raw CAN socket: set up before it hears anything, read with the kernel's receive stamp and its
-//! count of what was lost, dead once its interface is gone.
+//! One raw CAN socket: configured before it receives, read with the kernel's receive stamp and overflow count.
 
 use std::io;
 use std::io::IoSliceMut;
@@ -38,54 +37,53 @@ use crate::clock::Reading;
 use crate::raw_frame;
 use canopen::frame::Frame;
 
-/// What may wait in a socket before the driver takes it, in bytes: about a cycle of frames. More would
-/// be a store of stale torques.
+/// Send buffer in bytes: about one cycle of frames. A larger one would store stale torques.
 const SEND_BUFFER: usize = 8 << 10;
 
 /// A raw socket bound to one interface.
 #[derive(Debug)]
 pub(super) struct Socket {
     raw: CanSocket,
-    /// Where the kernel puts stamps and counts; kept, so that reading allocates nothing.
+    /// Buffer for stamps and counts, so that reading does not allocate.
     control: Vec<u8>,
     arrivals: Arrivals,
-    /// Frames lost so far for want of room.
+    /// Total of frames lost for lack of buffer space.
     lost: u32,
 }
 
-/// What was read.
+/// Result of a read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Taken {
-    /// When it arrived, on the monotonic clock.
+    /// Receive time, on the monotonic clock.
     pub(super) arrived: Duration,
-    /// What it was; `None` if it does not concern a CANopen node.
+    /// Frame or fault; `None` if it does not concern a CANopen node.
     pub(super) event: Option<BusEvent>,
-    /// Whether frames before it were lost.
+    /// Frames before it were lost.
     pub(super) has_overrun: bool,
 }
 
-/// What a socket is for.
+/// Socket options.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Purpose<'a> {
-    /// What it hears.
+    /// Receive filters.
     pub(super) filters: &'a [CanFilter],
-    /// Whether it is told of errors of the bus.
-    pub(super) hears_errors: bool,
-    /// Whether it hears what it sends.
-    pub(super) hears_itself: bool,
+    /// Receives error frames.
+    pub(super) receives_errors: bool,
+    /// Receives its own frames.
+    pub(super) receives_own: bool,
 }
 
 impl Socket {
-    /// Opens one.
+    /// Opens a socket.
     pub(super) fn open(interface: &str, purpose: &Purpose<'_>) -> io::Result<Self> {
         let address = CanAddr::from_iface(interface)?;
         let raw = socket2::Socket::new_raw(AF_CAN.into(), Type::RAW, Some(CAN_RAW.into()))?;
         let raw = CanSocket::from(OwnedFd::from(raw));
         raw.set_filters(purpose.filters)?;
-        if purpose.hears_errors {
+        if purpose.receives_errors {
             raw.set_error_filter_accept_all()?;
         }
-        raw.set_recv_own_msgs(purpose.hears_itself)?;
+        raw.set_recv_own_msgs(purpose.receives_own)?;
         raw.set_recv_timestamp(true)?;
         setsockopt(&raw, RxqOvfl, &1)?;
         raw.as_raw_socket().set_send_buffer_size(SEND_BUFFER)?;
@@ -95,7 +93,7 @@ impl Socket {
         Ok(Self { raw, control, arrivals: Arrivals::since(Reading::now()), lost: 0 })
     }
 
-    /// Hands a frame to the driver, or fails at once.
+    /// Passes a frame to the driver; does not wait.
     pub(super) fn send(&self, frame: &Frame) -> Result<(), SendError> {
         let id = StandardId::new(frame.cob_id).ok_or(SendError::Down)?;
         let frame = if frame.is_remote() {
@@ -112,10 +110,10 @@ impl Socket {
         })
     }
 
-    /// Reads what is there; `None` if nothing was there after all.
+    /// Reads one frame; `None` if there is none.
     ///
     /// # Errors
-    /// When the interface is down or gone.
+    /// The interface is down or missing.
     pub(super) fn read(&mut self) -> Result<Option<Taken>, BusFault> {
         let mut bytes = [0; raw_frame::SIZE];
         let mut parts = [IoSliceMut::new(&mut bytes)];
@@ -123,10 +121,10 @@ impl Socket {
         let (mut stamp, mut lost) = (None, self.lost);
         let length = match recvmsg::<()>(fd, &mut parts, control, MsgFlags::empty()) {
             Ok(message) => {
-                for told in message.cmsgs().into_iter().flatten() {
-                    if let ControlMessageOwned::ScmTimestampns(at) = told {
+                for control in message.cmsgs().into_iter().flatten() {
+                    if let ControlMessageOwned::ScmTimestampns(at) = control {
                         stamp = Some(Duration::from(at));
-                    } else if let ControlMessageOwned::RxqOvfl(count) = told {
+                    } else if let ControlMessageOwned::RxqOvfl(count) = control {
                         lost = count;
                     }
                 }
@@ -141,7 +139,7 @@ impl Socket {
         Ok(Some(Taken { arrived, event, has_overrun }))
     }
 
-    /// Nothing waited in it, at `at` or later.
+    /// Records that the socket was empty at `at` or later.
     pub(super) fn found_empty(&mut self, at: Reading) {
         self.arrivals.found_empty(at);
     }

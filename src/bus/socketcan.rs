@@ -1,15 +1,13 @@
-//! SocketCAN: raw sockets of several buses, all waited for at once.
+//! SocketCAN: raw sockets of several buses with a common wait.
 //!
-//! Error frames and 29-bit identifiers are told apart here and never become a frame; remote frames
-//! neither, but where [simulated devices](SocketCan::with_remote_frames) answer them. Time is
-//! `CLOCK_MONOTONIC` since the bus was opened; a frame bears the time of its arrival, so that a late
-//! reader knows what is old.
+//! Error frames and 29-bit identifiers are filtered out here, and remote frames except for
+//! [simulated devices](SocketCan::with_remote_frames). Time is `CLOCK_MONOTONIC` since opening; each frame has its
+//! receive time, so that a late reader detects stale frames.
 //!
-//! That a frame was taken proves nothing: a controller that is off the bus takes them all. A node
-//! therefore has a second socket on each bus, its [witness](SocketCan::with_transmit_confirmation), that hears nothing
-//! but SYNC. A driver with `IFF_ECHO` shows a sent frame to the other sockets of its host once it was on
-//! the wire, so what the witness hears has been sent; and the node's own socket never hears what it sends
-//! itself. Other drivers have the kernel show it at once, and the witness proves no more than the sending.
+//! An accepted frame need not be on the wire: a controller in bus-off accepts all. A second socket per bus therefore
+//! receives SYNC only, for [transmit confirmation](SocketCan::with_transmit_confirmation): drivers with `IFF_ECHO` loop
+//! a frame back to other sockets once it was sent. With other drivers the kernel loops it back at once, which confirms
+//! nothing.
 
 use std::io;
 use std::os::fd::AsFd;
@@ -45,41 +43,42 @@ use canopen::listening::Pattern;
 use canopen::sync;
 use units::time::Instant;
 
-/// Most buses one node has.
-const MOST: usize = 8;
+/// Maximum buses of one node.
+const MAX_BUSES: usize = 8;
 
-/// Frames read at most after a wait should have ended: what a socket's buffer holds.
+/// Maximum frames read after the end of a wait: the capacity of a socket's buffer.
 const BACKLOG: usize = 256;
 
-/// Why no bus could be opened.
+/// Reasons open_error a bus cannot be opened.
 #[derive(Debug, Error)]
 pub enum OpenError {
-    /// This kernel has no CAN.
-    #[error("{interface}: this kernel has no CAN (scripts/with_vcan.sh runs where it has not)")]
+    /// The kernel has no CAN support.
+    #[error(
+        "{interface}: the kernel has no CAN support (scripts/with_vcan.sh runs a kernel that has)"
+    )]
     NoCan { interface: String },
-    /// There is no such interface.
+    /// The interface does not exist.
     #[error("{0}: no such interface")]
     Absent(String),
-    /// Anything else the kernel says.
+    /// Any other error of the kernel.
     #[error("{interface}: {error}")]
     Failed { interface: String, error: io::Error },
-    /// Too many at once.
-    #[error("{0} buses; at most 8")]
+    /// Too many buses.
+    #[error("at most 8 buses, got {0}")]
     TooMany(usize),
 }
 
-/// Several SocketCAN interfaces under one clock.
+/// Several SocketCAN interfaces with a common clock.
 #[derive(Debug)]
 pub struct SocketCan {
     lines: Vec<Line>,
     opened: Duration,
     epoch: Duration,
-    /// Frames that may queue on each interface, where all must be fit for torques, now and whenever they
-    /// are opened again.
+    /// Maximum frames that may queue on each interface, if they must be fit for torques; `reopen` checks again.
     bursts: Option<Vec<u32>>,
-    /// That frames were lost before the one that was read last.
+    /// Overrun before the last frame read.
     overrun: Option<Received>,
-    /// The socket looked at first, so that none is starved by another.
+    /// Socket polled first, in turn.
     first: usize,
 }
 
@@ -88,28 +87,28 @@ pub struct SocketCan {
 struct Line {
     interface: String,
     filters: Vec<CanFilter>,
-    hears_itself: bool,
+    receives_own: bool,
     socket: Socket,
-    /// A frame that came after the deadline of the call that read it. Its socket is not read on.
+    /// A frame received after the deadline of the call that read it. Its socket waits.
     held: Option<Received>,
-    witness: Option<Witness>,
+    confirmation: Option<ConfirmationSocket>,
 }
 
-/// Who hears nothing but SYNC, the node's own too.
+/// Socket that receives SYNC, also those of this node.
 #[derive(Debug)]
-struct Witness {
+struct ConfirmationSocket {
     socket: Socket,
-    /// When it last did.
+    /// Time of the last SYNC.
     event: Instant,
 }
 
 impl SocketCan {
-    /// Opens an interface for each bus, in the order of the channels.
+    /// Opens one interface per bus, in the order of the channels.
     ///
     /// # Errors
-    /// The first interface that cannot be opened. Nothing has been sent then.
+    /// The first interface that cannot be opened. Nothing was sent.
     pub fn open(interfaces: &[String]) -> Result<Self, OpenError> {
-        if interfaces.len() > MOST {
+        if interfaces.len() > MAX_BUSES {
             return Err(OpenError::TooMany(interfaces.len()));
         }
         let lines = interfaces.iter().map(|name| Line::open(name)).collect::<Result<_, _>>()?;
@@ -118,11 +117,10 @@ impl SocketCan {
         Ok(Self { lines, opened, epoch, bursts, overrun: None, first: 0 })
     }
 
-    /// The same, hearing of each bus only what is in its patterns, in the order of the channels: a flood
-    /// of anything else wakes nobody.
+    /// Limits reception on each bus to its patterns: a flood of other frames does not wake the node.
     ///
     /// # Errors
-    /// The first interface that does not take the filters.
+    /// The first interface that refuses the filters.
     pub fn with_filters(mut self, patterns: &[Vec<Pattern>]) -> Result<Self, OpenError> {
         for (line, patterns) in self.lines.iter_mut().zip(patterns) {
             line.filters = patterns.iter().map(data_frames).collect();
@@ -131,11 +129,10 @@ impl SocketCan {
         Ok(self)
     }
 
-    /// The same, hearing remote frames too: simulated devices answer them when they are guarded, or asked
-    /// for a TPDO. A master hears no remote frame at all.
+    /// Receives remote frames as well: simulated devices answer node guarding and TPDO requests. A master ignores them.
     ///
     /// # Errors
-    /// The first interface that does not take the filter.
+    /// The first interface that refuses the filter.
     pub fn with_remote_frames(mut self) -> Result<Self, OpenError> {
         for line in &mut self.lines {
             line.filters.push(remote_frames());
@@ -144,32 +141,31 @@ impl SocketCan {
         Ok(self)
     }
 
-    /// The same, but what is sent here is heard here too, once it is on the bus: simulated devices are
-    /// several that hear each other.
+    /// Receives its own frames once they are on the bus: simulated devices receive each other.
     ///
     /// # Errors
-    /// The first interface that does not do so.
+    /// The first interface that refuses it.
     pub fn with_own_frames(mut self) -> Result<Self, OpenError> {
         for line in &mut self.lines {
-            line.hears_itself = true;
+            line.receives_own = true;
             line.reopen()?;
         }
         Ok(self)
     }
 
-    /// The same, but of each SYNC it is known when it was on the bus.
+    /// Records the transmit confirmation of each SYNC.
     ///
     /// # Errors
     /// The first interface that cannot be opened a second time.
     pub fn with_transmit_confirmation(mut self) -> Result<Self, OpenError> {
         for line in &mut self.lines {
-            line.witness = Some(Witness::open(&line.interface)?);
+            line.confirmation = Some(ConfirmationSocket::open(&line.interface)?);
         }
         Ok(self)
     }
 
-    /// The same, on interfaces that are [fit](interface::check) for torques in such bursts, which is checked
-    /// again whenever they are opened again; and what is to be reported of them.
+    /// Checks that the interfaces are [fit](interface::check) for torques, now and in each `reopen`, and returns the
+    /// remarks.
     ///
     /// # Errors
     /// The first interface that is not fit.
@@ -183,24 +179,24 @@ impl SocketCan {
         self.lines.iter().map(|line| line.interface.clone()).collect()
     }
 
-    /// The wall clock when the bus was opened, in µs since 1970: what logs add to an [`Instant`].
+    /// Returns the wall clock at opening, in µs since 1970: logs add it to an [`Instant`].
     pub fn epoch_micros(&self) -> u64 {
         u64::try_from(self.epoch.as_micros()).unwrap_or(u64::MAX)
     }
 
-    /// The bus's clock, for other threads: what it shows compares with [`Bus::now`].
+    /// Returns the clock of the bus for other threads, equal to [`Bus::now`].
     pub fn clock(&self) -> impl Fn() -> Instant + Copy + Send + Sync + use<> {
         let opened = self.opened;
         move || Instant::ZERO + clock::monotonic().saturating_sub(opened)
     }
 
-    /// Waits until a socket can be read, `timeout` at most; its place. Sockets of even places are the
-    /// buses', those of odd places their witnesses'.
+    /// Waits until a socket is readable, at most `timeout`, and returns its index: even for buses, odd for their
+    /// confirmation sockets.
     fn wait(&mut self, timeout: Duration) -> Option<usize> {
         let before = Reading::now();
         let sockets = self.lines.iter().flat_map(Line::sockets);
         let anchor = self.lines.first()?.socket.as_fd();
-        let mut polled: [PollFd<'_>; 2 * MOST] =
+        let mut polled: [PollFd<'_>; 2 * MAX_BUSES] =
             std::array::from_fn(|_| PollFd::new(anchor, PollFlags::empty()));
         for (place, socket) in polled.iter_mut().zip(sockets) {
             if let Some(socket) = socket {
@@ -211,7 +207,7 @@ impl SocketCan {
         let outcome = ppoll(polled.get_mut(..count)?, Some(TimeSpec::from_duration(timeout)), None);
         // A signal may have come first: then nothing is known, and the caller looks at the clock.
         outcome.ok()?;
-        let ready: [bool; 2 * MOST] = polled.map(|place| place.any().unwrap_or_default());
+        let ready: [bool; 2 * MAX_BUSES] = polled.map(|place| place.any().unwrap_or_default());
         let is_ready = |place: &usize| ready.get(*place).copied().unwrap_or_default();
         let sockets = self.lines.iter_mut().flat_map(Line::sockets_mut);
         for (socket, is_ready) in sockets.zip(ready) {
@@ -222,21 +218,21 @@ impl SocketCan {
         (0..count).map(|turn| (self.first + turn) % count).find(is_ready)
     }
 
-    /// Takes the oldest of the frames that were held and came until `until`.
+    /// Returns the oldest held frame received until `until`.
     fn take_held(&mut self, until: Instant) -> Option<Received> {
         let at = |line: &Line| line.held.map(|held| held.at).filter(|at| *at <= until);
         let lines = self.lines.iter_mut().filter(|line| at(line).is_some());
         lines.min_by_key(|line| at(line))?.held.take()
     }
 
-    /// Reads what is there; `None` if it was nothing that concerns a CANopen node.
+    /// Reads one socket; `None` if there is nothing for a CANopen node.
     fn read(&mut self, place: usize) -> Option<Received> {
         self.first = place + 1;
         let (now, opened) = (self.now(), self.opened);
         let line = self.lines.get_mut(place / 2)?;
         let channel = Channel(u8::try_from(place / 2).unwrap_or(u8::MAX));
         if place % 2 == 1 {
-            line.witness.as_mut()?.read(opened);
+            line.confirmation.as_mut()?.read(opened);
             return None;
         }
         let fault = |at, fault| Received { at, channel, event: BusEvent::Fault(fault) };
@@ -267,7 +263,7 @@ impl Bus for SocketCan {
     }
 
     fn transmit_confirmed_at(&self, Channel(place): Channel) -> Option<Instant> {
-        Some(self.lines.get(usize::from(place))?.witness.as_ref()?.event)
+        Some(self.lines.get(usize::from(place))?.confirmation.as_ref()?.event)
     }
 
     fn send(&mut self, telegram: Telegram) -> Result<(), SendError> {
@@ -323,41 +319,42 @@ impl Line {
         let filters = vec![data_frames(&Pattern::ANY)];
         let socket = socket(interface, &filters, false)?;
         let interface = interface.to_owned();
-        Ok(Self { interface, filters, hears_itself: false, socket, held: None, witness: None })
+        Ok(Self { interface, filters, receives_own: false, socket, held: None, confirmation: None })
     }
 
-    /// Opens its sockets anew, as they were: what waited in them is gone, and an interface that was
-    /// unplugged and plugged in again is the new one.
+    /// Opens the sockets again with their options: discards frames not yet read, and finds an interface that was
+    /// plugged in again.
     fn reopen(&mut self) -> Result<(), OpenError> {
-        self.socket = socket(&self.interface, &self.filters, self.hears_itself)?;
+        self.socket = socket(&self.interface, &self.filters, self.receives_own)?;
         self.held = None;
-        if self.witness.is_some() {
-            self.witness = Some(Witness::open(&self.interface)?);
+        if self.confirmation.is_some() {
+            self.confirmation = Some(ConfirmationSocket::open(&self.interface)?);
         }
         Ok(())
     }
 
-    /// The bus's, unless a frame of it is held, then its witness's.
+    /// Returns the socket of the bus unless a frame is held, and the confirmation socket.
     fn sockets(&self) -> [Option<&Socket>; 2] {
         let own = Some(&self.socket).filter(|_| self.held.is_none());
-        [own, self.witness.as_ref().map(|witness| &witness.socket)]
+        [own, self.confirmation.as_ref().map(|confirmation| &confirmation.socket)]
     }
 
     fn sockets_mut(&mut self) -> [Option<&mut Socket>; 2] {
         let own = Some(&mut self.socket).filter(|_| self.held.is_none());
-        [own, self.witness.as_mut().map(|witness| &mut witness.socket)]
+        [own, self.confirmation.as_mut().map(|confirmation| &mut confirmation.socket)]
     }
 }
 
-impl Witness {
+impl ConfirmationSocket {
     fn open(interface: &str) -> Result<Self, OpenError> {
         let filters = [data_frames(&Pattern::only(sync::COB_ID))];
-        let purpose = Purpose { filters: &filters, hears_errors: false, hears_itself: false };
-        let socket = Socket::open(interface, &purpose).map_err(|error| why(interface, error))?;
+        let purpose = Purpose { filters: &filters, receives_errors: false, receives_own: false };
+        let socket =
+            Socket::open(interface, &purpose).map_err(|error| open_error(interface, error))?;
         Ok(Self { socket, event: Instant::ZERO })
     }
 
-    /// Takes what it heard. That its interface is down is the bus's own socket's to tell.
+    /// Records a SYNC. The socket of the bus reports an interface that is down.
     fn read(&mut self, opened: Duration) {
         if let Ok(Some(taken)) = self.socket.read() {
             self.event = Instant::ZERO + taken.arrived.saturating_sub(opened);
@@ -365,25 +362,25 @@ impl Witness {
     }
 }
 
-/// A bus's own socket.
-fn socket(interface: &str, filters: &[CanFilter], hears_itself: bool) -> Result<Socket, OpenError> {
-    let purpose = Purpose { filters, hears_errors: true, hears_itself };
-    Socket::open(interface, &purpose).map_err(|error| why(interface, error))
+/// Opens the socket of a bus.
+fn socket(interface: &str, filters: &[CanFilter], receives_own: bool) -> Result<Socket, OpenError> {
+    let purpose = Purpose { filters, receives_errors: true, receives_own };
+    Socket::open(interface, &purpose).map_err(|error| open_error(interface, error))
 }
 
-/// Data frames with 11 bits: the two flags are in the mask and not in the identifier.
+/// Filters data frames with 11 bits: the mask has both flags, the identifier has none.
 fn data_frames(pattern: &Pattern) -> CanFilter {
     let mask = u32::from(pattern.mask) & CAN_SFF_MASK;
     CanFilter::new(pattern.cob_id.into(), mask | CAN_EFF_FLAG | CAN_RTR_FLAG)
 }
 
-/// Remote frames with 11 bits.
+/// Filters remote frames with 11 bits.
 fn remote_frames() -> CanFilter {
     CanFilter::new(CAN_RTR_FLAG, CAN_EFF_FLAG | CAN_RTR_FLAG)
 }
 
-/// What an error of opening means.
-fn why(interface: &str, error: io::Error) -> OpenError {
+/// Maps an error of the kernel.
+fn open_error(interface: &str, error: io::Error) -> OpenError {
     let interface = interface.to_owned();
     match error.raw_os_error().map(Errno::from_raw) {
         Some(Errno::ENODEV) => OpenError::Absent(interface),

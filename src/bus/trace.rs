@@ -1,4 +1,4 @@
-//! A bus that shows every frame passing by to somebody else.
+//! A bus with an observer.
 
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use canopen::frame::Channel;
 use canopen::frame::Telegram;
 use units::time::Instant;
 
-/// `B`, overheard by `T`. Frames that were not taken are not shown.
+/// Bus `B` observed by `T`. Frames that were not accepted are not observed.
 #[derive(Debug)]
 pub struct Traced<B, T> {
     bus: B,
@@ -20,12 +20,12 @@ pub struct Traced<B, T> {
 }
 
 impl<B, T> Traced<B, T> {
-    /// Lets `tap` overhear `bus`.
+    /// Observes `bus` with `tap`.
     pub const fn new(bus: B, tap: T) -> Self {
         Self { bus, tap }
     }
 
-    /// The tap, to hand it more than frames.
+    /// Returns the observer.
     pub const fn tap_mut(&mut self) -> &mut T {
         &mut self.tap
     }

@@ -1,7 +1,7 @@
-//! One wire: frames take their exact time on it, and the lowest identifier goes first.
+//! Timing and arbitration of one bus: exact frame lengths, lowest identifier first.
 //!
-//! The node's frames wait in a queue of their own, first in first out, as behind a Linux driver: only
-//! its head takes part in arbitration. Every other station offers all it has.
+//! The node's frames wait in a FIFO queue, as in a Linux driver: only its head takes part in arbitration. The other
+//! stations offer all their frames.
 
 use std::collections::VecDeque;
 
@@ -11,16 +11,16 @@ use canopen::frame::Frame;
 /// Nanoseconds in a second.
 const SECOND: u64 = 1_000_000_000;
 
-/// Who sent a frame.
+/// Sender of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sender {
-    /// The node, whose bus this is.
+    /// The node under test.
     Node,
-    /// Anyone else.
+    /// Any other station.
     Station,
 }
 
-/// A frame under way.
+/// Frame being transmitted.
 #[derive(Clone, Copy, Debug)]
 struct Passing {
     sender: Sender,
@@ -28,7 +28,7 @@ struct Passing {
     done: u64,
 }
 
-/// One bus's wire. Times are in ns, so that no bit rate leaves a remainder.
+/// State of one bus. Times are in ns, so that bit times are exact.
 #[derive(Clone, Debug)]
 pub(super) struct Wire {
     bit_ns: u64,
@@ -36,16 +36,16 @@ pub(super) struct Wire {
     from_stations: Vec<Frame>,
     passing: Option<Passing>,
     idle_since: u64,
-    /// The node's frames wait, whatever their identifiers.
+    /// Frames of the node wait, whatever their identifiers.
     pub(super) node_is_cut: bool,
-    /// Frames that were complete.
+    /// Number of frames transmitted.
     pub(super) frames: u64,
-    /// Bits they took.
+    /// Number of bits transmitted.
     pub(super) bits: u64,
 }
 
 impl Wire {
-    /// An idle wire of `bitrate` bit/s, with room for as many waiting frames as are usual.
+    /// Creates an idle bus of `bitrate` bit/s.
     pub(super) fn new(bitrate: u32) -> Self {
         Self {
             bit_ns: SECOND / u64::from(bitrate.max(1)),
@@ -59,24 +59,24 @@ impl Wire {
         }
     }
 
-    /// How many of the node's frames wait.
+    /// Returns the number of frames in the node's queue.
     pub(super) fn waiting(&self) -> usize {
         self.from_node.len()
     }
 
-    /// What waits of the node's is lost.
+    /// Empties the node's queue.
     pub(super) fn forget_node(&mut self) {
         self.from_node.clear();
     }
 
-    /// Somebody always wants to send this frame.
+    /// Offers this frame whenever the bus is idle.
     pub(super) fn flood(&mut self, frame: Frame) {
         if !self.from_stations.contains(&frame) {
             self.from_stations.push(frame);
         }
     }
 
-    /// A frame wants to be sent; [`begin`](Self::begin) lets it.
+    /// Queues a frame; [`begin`](Self::begin) starts its transmission.
     pub(super) fn offer(&mut self, sender: Sender, frame: Frame) {
         match sender {
             Sender::Node => self.from_node.push_back(frame),
@@ -84,13 +84,13 @@ impl Wire {
         }
     }
 
-    /// When the frame under way is complete.
+    /// Returns the time at which the current transmission ends.
     pub(super) fn done(&self) -> Option<u64> {
         self.passing.map(|passing| passing.done)
     }
 
-    /// The frame that is complete at `now`, if one is. The next one has not begun: whoever hears this
-    /// frame may still have an answer of higher priority.
+    /// Returns the frame that is complete at `now`. The next one has not started: its receivers may still answer with a
+    /// higher priority.
     pub(super) fn complete(&mut self, now: u64) -> Option<(Sender, Frame)> {
         let passing = self.passing.take_if(|passing| passing.done <= now)?;
         self.idle_since = passing.done;
@@ -98,8 +98,8 @@ impl Wire {
         Some((passing.sender, passing.frame))
     }
 
-    /// Lets the waiting frame of the lowest identifier begin, if the wire is idle. Of equal ones the
-    /// node's, then the first to come.
+    /// Starts the frame with the lowest identifier if the bus is idle. Equal identifiers: the node first, then in
+    /// order of arrival.
     pub(super) fn begin(&mut self, now: u64) {
         if self.passing.is_some() {
             return;

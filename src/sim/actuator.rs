@@ -1,17 +1,17 @@
-//! What stands between a drive's numbers and a joint: its torque curve and its encoder.
+//! Torque curve and encoder of an actuator.
 //!
-//! Independent of `controller::calibration`, which turns the same equations round:
+//! Independent of `controller::calibration`, which has the inverse equations:
 //! per mille `p = sign(gear) (c1 t + c3 t³ + c5 t⁵)` for a joint torque `t` in N·m, and
 //! counts `n = round(q · counts per revolution · gear / 2π) + zero`.
 
 use std::f64::consts::TAU;
 
-/// A motor with its gear and its encoder.
+/// Parameters of a motor with its gear and encoder.
 #[derive(Clone, Copy, Debug)]
 pub struct ActuatorSettings {
-    /// Encoder counts per turn of the motor.
+    /// Encoder counts per motor revolution.
     pub counts_per_rev: f64,
-    /// Turns of the motor per turn of the joint; negative where they turn against each other.
+    /// Motor revolutions per joint revolution; negative if the directions differ.
     pub gear_ratio: f64,
     /// Encoder counts at joint position zero.
     pub zero_counts: i32,
@@ -19,45 +19,45 @@ pub struct ActuatorSettings {
     pub rated_torque: f64,
     /// `c1`, `c3`, `c5` in per mille per N·m, (N·m)³ and (N·m)⁵; the curve rises up to `max_torque`.
     pub torque_curve: [f64; 3],
-    /// The most torque the joint gets, in N·m.
+    /// Maximum joint torque, in N·m.
     pub max_torque: f64,
 }
 
 impl ActuatorSettings {
-    /// Rated torque in mN·m (6076h).
+    /// Returns the rated torque in mN·m (6076h).
     pub fn rated_millis(&self) -> u32 {
         saturated((self.rated_torque * 1e3).round()).unsigned_abs()
     }
 }
 
-/// The torque a joint gets for a target, in either direction.
+/// Joint torque for a target torque, in both directions.
 #[derive(Clone, Copy, Debug)]
 pub struct TorqueCurve {
     forward: Rise,
-    /// Where the joint's torque is negative.
+    /// Curve of negative joint torque.
     reverse: Rise,
     gear_sign: f64,
 }
 
 impl TorqueCurve {
-    /// That of a motor behind its gear, the same both ways.
+    /// Creates the curve of an actuator, equal in both directions.
     pub const fn new(settings: &ActuatorSettings) -> Self {
         let rise = Rise::new(settings.torque_curve, settings.max_torque.abs());
         Self { forward: rise, reverse: rise, gear_sign: settings.gear_ratio.signum() }
     }
 
-    /// The same, with other `c1`, `c3`, `c5` where the joint's torque is negative.
+    /// Replaces `c1`, `c3`, `c5` for negative joint torque.
     #[must_use]
     pub const fn reverse(self, coefficients: [f64; 3]) -> Self {
         Self { reverse: Rise::new(coefficients, self.reverse.max), ..self }
     }
 
-    /// The target, in per mille, that gives `torque` in N·m; not rounded and not limited.
+    /// Returns the target, in per mille, for `torque` in N·m; not rounded and not limited.
     pub fn target(&self, torque: f64) -> f64 {
         self.gear_sign * torque.signum() * self.towards(torque).at(torque.abs())
     }
 
-    /// The joint torque in N·m that `target`, in per mille, gives.
+    /// Returns the joint torque in N·m for `target`, in per mille.
     pub fn torque(&self, target: f64) -> f64 {
         let direction = target.signum() * self.gear_sign;
         direction * self.towards(direction).inverse(target.abs())
@@ -68,12 +68,12 @@ impl TorqueCurve {
     }
 }
 
-/// `c1 t + c3 t³ + c5 t⁵` for `t` from 0 to its end, where it rises.
+/// Polynomial `c1 t + c3 t³ + c5 t⁵`, which rises from 0 to its end.
 #[derive(Clone, Copy, Debug)]
 struct Rise {
     coefficients: [f64; 3],
     max: f64,
-    /// Its value at `max`.
+    /// Value at `max`.
     full: f64,
 }
 
@@ -96,15 +96,15 @@ impl Rise {
         c1 + square * (3.0 * c3 + square * 5.0 * c5)
     }
 
-    /// Where it is `wanted`, which is not negative; its end if nowhere. Newton's steps, halving where one
-    /// would leave what is left to search.
+    /// Returns the argument for `wanted`, which is not negative; `max` if there is none. Newton's method, with
+    /// bisection where a step would leave the bracket.
     fn inverse(&self, wanted: f64) -> f64 {
         if self.full <= wanted {
             return self.max;
         }
         let (mut low, mut high) = (0.0, self.max);
         let mut torque = self.max * wanted / self.full;
-        for _ in 0..HALVINGS {
+        for _ in 0..MAX_ITERATIONS {
             let error = self.at(torque) - wanted;
             if error > 0.0 {
                 high = torque;
@@ -124,36 +124,36 @@ impl Rise {
     }
 }
 
-/// As many as the mantissa of an `f64` has bits, and some more.
-const HALVINGS: u32 = 60;
+/// Maximum iterations: enough for bisection alone to reach the precision of an `f64`.
+const MAX_ITERATIONS: u32 = 60;
 
-/// Where an encoder says a joint is.
+/// Encoder of a joint.
 #[derive(Clone, Copy, Debug)]
 pub struct Encoder {
-    /// Counts of a whole turn of the joint, signed as the gear.
+    /// Counts per joint revolution, with the sign of the gear.
     counts_per_turn: f64,
     zero: i32,
 }
 
 impl Encoder {
-    /// That of a motor behind its gear.
+    /// Creates the encoder of an actuator.
     pub const fn new(settings: &ActuatorSettings) -> Self {
         let counts_per_turn = settings.counts_per_rev * settings.gear_ratio;
         Self { counts_per_turn, zero: settings.zero_counts }
     }
 
-    /// The counts at `position` in rad; they wrap.
+    /// Returns the counts at `position` in rad; they wrap.
     pub fn counts(&self, position: f64) -> i32 {
         wrapped((position * self.counts_per_turn / TAU).round()).wrapping_add(self.zero)
     }
 
-    /// The counts per second at `velocity` in rad/s.
+    /// Returns the counts per second at `velocity` in rad/s.
     pub fn rate(&self, velocity: f64) -> i32 {
         saturated((velocity * self.counts_per_turn / TAU).round())
     }
 }
 
-/// The lowest 32 bits of a whole number.
+/// Takes the low 32 bits of a whole number: a counter wraps.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,
@@ -163,11 +163,11 @@ const fn wrapped(counts: f64) -> i32 {
     counts as i64 as i32
 }
 
-/// The whole number nearest to it that has 32 bits.
+/// Converts to i32; saturates.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,
-    reason = "such a cast saturates; NaN becomes 0"
+    reason = "a float-to-integer cast saturates; NaN becomes 0"
 )]
 const fn saturated(rate: f64) -> i32 {
     rate as i32
@@ -213,7 +213,7 @@ mod tests {
         }
 
         #[test]
-        fn each_direction_is_inverted_by_its_own_curve(torque in -10.0..10.0_f64, third in -0.1..1.0_f64) {
+        fn each_direction_inverts_its_own_curve(torque in -10.0..10.0_f64, third in -0.1..1.0_f64) {
             let curve = curve([30.0, 0.1, 0.0], -80.0, 10.0).reverse([40.0, third / 3.0, 0.002]);
             let back = curve.torque(curve.target(torque));
             prop_assert!((back - torque).abs() <= 1e-12, "{torque} became {back}");
@@ -222,16 +222,16 @@ mod tests {
         }
 
         #[test]
-        fn no_target_gives_more_than_the_joint_bears(target in any::<i16>()) {
+        fn torque_stays_within_the_joint_maximum(target in any::<i16>()) {
             let curve = curve([30.0, 0.1, 0.0], -80.0, 12.0);
             let torque = curve.torque(f64::from(target));
             prop_assert!(torque.abs() <= 12.0);
-            prop_assert!(torque * f64::from(target) <= 0.0, "the gear turns it round");
+            prop_assert!(torque * f64::from(target) <= 0.0, "the gear inverts it");
         }
     }
 
     #[test]
-    fn a_whole_turn_of_the_joint_is_as_many_turns_of_the_motor_as_the_gear_says() {
+    fn joint_revolution_has_the_counts_of_the_gear() {
         let encoder = encoder(4_096.0, -80.0, 1_000);
         assert_eq!(encoder.counts(0.0), 1_000);
         assert_eq!(encoder.counts(TAU), 1_000 - 4_096 * 80);
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_wrap_where_their_register_ends() {
+    fn counts_wrap_at_32_bits() {
         let encoder = encoder(1.0, 1.0, i32::MAX);
         assert_eq!(encoder.counts(TAU), i32::MIN);
         let beyond = f64::from(u32::MAX) + 1.0;

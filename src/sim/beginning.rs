@@ -1,50 +1,49 @@
-//! When a script begins: at the first SYNC, and anew at one that comes after a silence, as long as nobody has
-//! pushed. A master that lets its drives prove that they stop without it pauses before it is ready; what an
-//! operator does is told from then on.
+//! Time zero of a scenario: the first SYNC, or a later one after a pause, while no drive has had torque. A master that
+//! runs its proof test pauses before it is ready; the times of the script count from then on.
 
 use std::time::Duration;
 
 use units::time::Instant;
 
-/// Time zero of a script.
+/// Time zero of a scenario.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Beginning {
     zero: Option<Instant>,
     last: Option<Instant>,
-    /// From the SYNC before the last one to that.
+    /// Time between the last two SYNCs.
     gap: Option<Duration>,
     is_final: bool,
 }
 
 impl Beginning {
-    /// Time zero, if it has come.
+    /// Returns time zero, after the first SYNC.
     pub(super) const fn zero(&self) -> Option<Instant> {
         self.zero
     }
 
-    /// Takes a SYNC. Whether the script begins with it.
+    /// Handles a SYNC; returns whether the scenario starts with it.
     pub(super) fn on_sync(&mut self, now: Instant) -> bool {
         let gap = self.last.map(|last| now.since(last));
-        let is_after_silence =
-            gap.zip(self.gap).is_some_and(|(gap, before)| gap > before * SILENCE);
+        let is_after_pause =
+            gap.zip(self.gap).is_some_and(|(gap, before)| gap > before * MIN_PAUSE_PERIODS);
         self.last = Some(now);
         self.gap = gap;
-        let begins = self.zero.is_none() || is_after_silence && !self.is_final;
-        if begins {
+        let starts = self.zero.is_none() || is_after_pause && !self.is_final;
+        if starts {
             self.zero = Some(now);
             self.gap = None;
         }
-        begins
+        starts
     }
 
-    /// Somebody pushes, or the script has done something: after the first SYNC it stays begun.
-    pub(super) const fn settle(&mut self) {
+    /// Fixes time zero, if it is set: a drive has torque, or the script has acted.
+    pub(super) const fn fix(&mut self) {
         self.is_final = self.zero.is_some();
     }
 }
 
-/// So many periods without a SYNC are a silence.
-const SILENCE: u32 = 3;
+/// SYNC periods without a SYNC that count as a pause.
+const MIN_PAUSE_PERIODS: u32 = 3;
 
 #[cfg(test)]
 mod tests {
@@ -58,17 +57,17 @@ mod tests {
     }
 
     #[test]
-    fn a_script_begins_anew_after_a_silence_until_somebody_pushes() {
+    fn scenario_restarts_after_a_pause_until_fixed() {
         let mut beginning = Beginning::default();
-        beginning.settle();
+        beginning.fix();
         assert_eq!(zero(&mut beginning, [1_000, 2_000, 3_000, 5_500, 6_500]), 1_000, "jitter");
         assert_eq!(zero(&mut beginning, [14_000, 15_000, 16_000]), 14_000);
-        beginning.settle();
+        beginning.fix();
         assert_eq!(zero(&mut beginning, [50_000, 51_000]), 14_000);
     }
 
     #[test]
-    fn a_slow_master_is_not_a_silent_one() {
+    fn slow_sync_is_not_a_pause() {
         let syncs = (1..50).map(|place| place * 100_000);
         assert_eq!(zero(&mut Beginning::default(), syncs), 100_000);
     }

@@ -89,7 +89,7 @@ impl OperatorModel {
     }
 
     fn react(&mut self, dt: f64, f_g: &Wrench, is_holding: bool) {
-        let known = self.reaction_delay.pass(dt, *f_g);
+        let known = self.reaction_delay.step(dt, *f_g);
         self.delayed_wrench =
             self.delayed_wrench + (known - self.delayed_wrench) * first_order(dt, MUSCLE_LAG);
         let surprise = known.force - self.average_force;
@@ -110,7 +110,7 @@ impl OperatorModel {
         let OperatorSettings { hand, yielding, .. } = self.settings;
         // The wrench is in {G}; its orientation differs from the script only by the small turn of the wrist.
         let given = self.delayed_wrench.force * (-yielding / hand.stiffness);
-        let turned = self.delayed_wrench.moment * (-yielding / hand.turning_stiffness);
+        let turned = self.delayed_wrench.moment * (-yielding / hand.rotational_stiffness);
         let place = x_0_meant.translation.vector + shaking + x_0_meant.rotation * given;
         Isometry3::from_parts(
             Translation3::from(place),

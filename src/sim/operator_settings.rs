@@ -73,8 +73,8 @@ impl OperatorSettings {
         hand: Hand {
             stiffness: 150.0,
             damping: 8.0,
-            turning_stiffness: 2.0,
-            turning_damping: 0.06,
+            rotational_stiffness: 2.0,
+            rotational_damping: 0.06,
             max_force: 15.0,
             max_moment: 0.8,
         },
@@ -90,8 +90,8 @@ impl OperatorSettings {
         hand: Hand {
             stiffness: 800.0,
             damping: 30.0,
-            turning_stiffness: 10.0,
-            turning_damping: 0.2,
+            rotational_stiffness: 10.0,
+            rotational_damping: 0.2,
             max_force: 60.0,
             max_moment: 3.0,
         },
@@ -107,8 +107,8 @@ impl OperatorSettings {
         hand: Hand {
             stiffness: 600.0,
             damping: 12.0,
-            turning_stiffness: 8.0,
-            turning_damping: 0.1,
+            rotational_stiffness: 8.0,
+            rotational_damping: 0.1,
             max_force: 40.0,
             max_moment: 2.0,
         },
@@ -175,21 +175,27 @@ impl TryFrom<Table> for OperatorSettings {
     fn try_from(table: Table) -> Result<Self, InvalidOperatorSettings> {
         let preset = table.preset.settings();
         let millimetres = |metres: f64| 1e3 * metres;
-        let Hand { stiffness, damping, turning_stiffness, turning_damping, max_force, max_moment } =
-            preset.hand;
+        let Hand {
+            stiffness,
+            damping,
+            rotational_stiffness,
+            rotational_damping,
+            max_force,
+            max_moment,
+        } = preset.hand;
         let hand = Hand {
             stiffness: within("stiffness_n_per_m", table.stiffness_n_per_m, stiffness, 1.0..=5e3)?,
             damping: within("damping_ns_per_m", table.damping_ns_per_m, damping, 0.0..=500.0)?,
-            turning_stiffness: within(
+            rotational_stiffness: within(
                 "stiffness_nm_per_rad",
                 table.stiffness_nm_per_rad,
-                turning_stiffness,
+                rotational_stiffness,
                 0.01..=100.0,
             )?,
-            turning_damping: within(
+            rotational_damping: within(
                 "damping_nms_per_rad",
                 table.damping_nms_per_rad,
-                turning_damping,
+                rotational_damping,
                 0.0..=10.0,
             )?,
             max_force: within("max_force_n", table.max_force_n, max_force, 0.1..=500.0)?,

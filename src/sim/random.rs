@@ -1,22 +1,22 @@
-//! Numbers that look random and are the same again from the same seed.
+//! Reproducible random numbers.
 
 /// SplitMix64 (Steele et al. 2014).
 #[derive(Clone, Copy, Debug)]
 pub struct SplitMix(u64);
 
 impl SplitMix {
-    /// The sequence of one seed.
+    /// Creates the sequence of a seed.
     pub const fn new(seed: u64) -> Self {
         Self(seed)
     }
 
-    /// The next number in 0 to 1.
+    /// Returns the next number, uniform in 0..=1.
     pub fn unit(&mut self) -> f64 {
         let [.., a, b, c, d] = self.bits().to_le_bytes();
         f64::from(u32::from_le_bytes([a, b, c, d])) / f64::from(u32::MAX)
     }
 
-    /// The next 64 bits.
+    /// Returns the next 64 bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
@@ -25,7 +25,8 @@ impl SplitMix {
         z ^ z >> 31
     }
 
-    /// The next number of a bell curve of mean 0 and standard deviation 1: the sum of twelve.
+    /// Returns the next number of a normal distribution (mean 0, standard deviation 1), as the sum of twelve uniform
+    /// ones.
     pub fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.unit()).sum::<f64>() - 6.0
     }
@@ -36,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_bell_curve_has_mean_0_and_deviation_1() {
+    fn normal_numbers_have_mean_0_and_deviation_1() {
         let mut random = SplitMix::new(1);
         let numbers: Vec<f64> = (0..10_000).map(|_| random.normal()).collect();
         let mean = numbers.iter().sum::<f64>() / 1e4;

@@ -1,40 +1,39 @@
-//! One joint against a load cell, driven slowly up and down: what a laboratory measures to calibrate its
-//! torque curve (4.2).
+//! Calibration rig: one joint against a load cell, driven slowly up and down to measure its torque curve (4.2).
 //!
-//! Not on a bus, and in no hurry: between any two targets the joint comes to rest. The load cell gives
-//! way a little, so the joint follows the motor, and dry friction holds it back:
+//! Not on a bus; the joint is at rest between two targets. The load cell yields a little, so the joint follows the
+//! motor, and dry friction opposes it:
 //!
 //! ```text
-//!  reading = clamp(reading before, t - c, t + c)    t: the motor's torque, c: the dry friction
+//!  reading = clamp(previous reading, t - c, t + c)    t: motor torque, c: dry friction
 //! ```
 
 use crate::actuator::ActuatorSettings;
 use crate::actuator::TorqueCurve;
 use crate::random::SplitMix;
 
-/// How far beyond the joint's largest torque is measured, so that the calibrated range contains it.
-const BEYOND: f64 = 1.05;
-/// How far beyond it the simulated motor goes on.
-const MOTOR: f64 = 1.25;
-/// Readings on the way from one end to the other.
+/// Measured range relative to the maximum joint torque: the calibrated range must contain it.
+const RANGE_RATIO: f64 = 1.05;
+/// Range of the simulated motor relative to the maximum joint torque.
+const MOTOR_RANGE_RATIO: f64 = 1.25;
+/// Readings per sweep.
 const STEPS: i16 = 40;
-/// How often from end to end: both ways twice.
+/// Number of sweeps: twice in each direction.
 const SWEEPS: i16 = 4;
-/// Noise of the load cell, as a standard deviation, of its largest reading.
+/// Standard deviation of the load cell, relative to its full scale.
 const NOISE: f64 = 0.002;
 
 /// One reading of the load cell, at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// Whether the joint's torque rose on the way there.
+    /// The joint torque rose before this reading.
     pub is_rising: bool,
-    /// What the drive was asked for, in ‰ of rated torque.
+    /// Target torque, in ‰ of rated torque.
     pub per_mille: i16,
-    /// What the load cell reads, in N·m at the joint.
+    /// Load cell value, in N·m at the joint.
     pub torque: f64,
 }
 
-/// A joint on its load cell.
+/// A joint at its load cell.
 #[derive(Clone, Copy, Debug)]
 pub struct Rig {
     settings: ActuatorSettings,
@@ -43,36 +42,35 @@ pub struct Rig {
     full_scale: f64,
     random: SplitMix,
     per_mille: i16,
-    /// What the load cell carries, in N·m.
+    /// True load of the load cell, in N·m.
     load: f64,
 }
 
 impl Rig {
-    /// A joint like `settings` with dry friction `coulomb` in N·m, but with a torque curve of its own,
-    /// which the seed decides.
+    /// Creates a joint as in `settings` with dry friction `coulomb` in N·m, but with a torque curve chosen by the seed.
     pub fn new(settings: ActuatorSettings, coulomb: f64, seed: u64) -> Self {
         let mut random = SplitMix::new(seed);
         let settings = ActuatorSettings {
-            torque_curve: unknown(&settings, &mut random),
-            max_torque: MOTOR * settings.max_torque,
+            torque_curve: random_curve(&settings, &mut random),
+            max_torque: MOTOR_RANGE_RATIO * settings.max_torque,
             ..settings
         };
-        let full_scale = settings.max_torque / MOTOR * BEYOND;
+        let full_scale = settings.max_torque / MOTOR_RANGE_RATIO * RANGE_RATIO;
         let curve = TorqueCurve::new(&settings);
         Self { settings, curve, coulomb, full_scale, random, per_mille: 0, load: 0.0 }
     }
 
-    /// c1, c3, c5 of its curve: what a calibration is to find out.
+    /// Returns c1, c3, c5 of the curve: the result expected of a calibration.
     pub const fn torque_curve(&self) -> [f64; 3] {
         self.settings.torque_curve
     }
 
-    /// Standard deviation of its load cell's noise, in N·m.
+    /// Returns the standard deviation of the load cell, in N·m.
     pub fn noise(&self) -> f64 {
         NOISE * self.full_scale
     }
 
-    /// Drives it to one end, then from end to end and back, twice, with a reading at every step.
+    /// Drives to one end, then twice from end to end and back, with a reading at each step.
     pub fn measure(mut self) -> Vec<Reading> {
         let end = self.find_end();
         let mut readings = Vec::new();
@@ -90,7 +88,7 @@ impl Rig {
         readings
     }
 
-    /// Raises the torque until the load cell reads all that is to be measured; the target there.
+    /// Raises the torque to the full scale of the load cell; returns the target there.
     fn find_end(&mut self) -> i16 {
         let towards = whole(f64::from(i16::MAX) * self.settings.gear_ratio.signum());
         while self.load < self.full_scale && self.per_mille != towards {
@@ -99,7 +97,7 @@ impl Rig {
         self.per_mille
     }
 
-    /// A per mille at a time: slowly.
+    /// Changes the target slowly, by one per mille at a time.
     fn drive_to(&mut self, target: i16) {
         while self.per_mille != target {
             self.step_towards(target);
@@ -114,10 +112,9 @@ impl Rig {
     }
 }
 
-/// Another curve: odd, 10 to 30 % steeper or flatter at zero than the one in `settings`, and bent
-/// otherwise. With `u = t / max` its slope is `c1 (1 + 3 a u² + 5 b u⁴)`, which is least where
-/// `u² = -3 a / (10 b)`: at least 0.73 c1.
-fn unknown(settings: &ActuatorSettings, random: &mut SplitMix) -> [f64; 3] {
+/// Returns an odd curve, 10 to 30 % steeper or flatter at zero than that of `settings`, with another bend. With
+/// `u = t / max` its slope is `c1 (1 + 3 a u² + 5 b u⁴)`, with a minimum at `u² = -3 a / (10 b)` of at least 0.73 c1.
+fn random_curve(settings: &ActuatorSettings, random: &mut SplitMix) -> [f64; 3] {
     let [c1, ..] = settings.torque_curve;
     let amount = 0.1 + 0.2 * random.unit();
     let c1 = c1 * if random.unit() < 0.5 { 1.0 - amount } else { 1.0 + amount };
@@ -127,7 +124,7 @@ fn unknown(settings: &ActuatorSettings, random: &mut SplitMix) -> [f64; 3] {
     [c1, c1 * a / square, c1 * b / (square * square)]
 }
 
-/// The nearest whole number; the nearest end beyond 16 bits.
+/// Rounds to i16; saturates.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,
@@ -154,13 +151,13 @@ mod tests {
     }
 
     #[test]
-    fn one_seed_measures_the_same_and_another_another_curve() {
+    fn seed_determines_the_curve() {
         assert_eq!(rig(40.0, 3).measure(), rig(40.0, 3).measure());
         assert_ne!(rig(40.0, 3).measure(), rig(40.0, 4).measure());
     }
 
     #[test]
-    fn every_unknown_curve_rises_as_far_as_the_motor_goes() {
+    fn random_curves_rise_over_the_motor_range() {
         for seed in 0..1_000 {
             let [c1, c3, c5] = rig(40.0, seed).torque_curve();
             for step in 0..=100 {
@@ -171,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn every_reading_is_within_friction_and_noise_of_the_curve() {
+    fn readings_are_within_friction_and_noise_of_the_curve() {
         for gear_ratio in [40.0, -40.0] {
             let rig = rig(gear_ratio, 5);
             let [c1, c3, c5] = rig.torque_curve();
@@ -186,19 +183,19 @@ mod tests {
     }
 
     #[test]
-    fn driven_up_less_is_read_than_driven_down() {
+    fn friction_separates_rising_and_falling_readings() {
         let readings = rig(40.0, 1).measure();
         let mean = |is_rising: bool| {
             let of = readings.iter().filter(|reading| reading.is_rising == is_rising);
             of.map(|reading| reading.torque).sum::<f64>() / 80.0
         };
-        // Over a sweep that begins at the end of the other: less a step's 1/40 of the range.
+        // A sweep starts at the end of the other: the difference lacks a step, 1/40 of the range.
         let shift = mean(false) - mean(true) + 2.0 * 6.3 / 40.0;
         assert!((shift - 0.12).abs() < 0.02, "{shift}");
     }
 
     #[test]
-    fn the_range_is_measured_to_its_ends_both_ways() {
+    fn range_is_measured_to_both_ends() {
         for seed in 0..20 {
             let readings = rig(-40.0, seed).measure();
             for is_rising in [true, false] {

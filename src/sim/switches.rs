@@ -1,6 +1,6 @@
 //! The operator's switch box: a CiA 401 input module of one byte.
 //!
-//! Which bit is which switch is the wiring of a scenario's [`Input`](crate::scenario::fault::Input).
+//! [`Input`](crate::scenario::fault::Input) has the wiring of the bits.
 
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ use canopen::object::Object;
 use canopen::station::Station;
 use units::time::Instant;
 
-/// One switch box.
+/// A simulated switch box.
 #[derive(Clone, Debug)]
 pub struct SwitchBox {
     channel: Channel,
@@ -28,7 +28,7 @@ pub struct SwitchBox {
     frames: Vec<Frame>,
 }
 
-/// The levels at its terminals.
+/// Levels of the inputs.
 #[derive(Clone, Copy, Debug, Default)]
 struct Inputs(u8);
 
@@ -45,45 +45,45 @@ impl Inputs {
 }
 
 impl SwitchBox {
-    /// A box that is switched on, with every input low.
+    /// Creates a box at power-up, with all inputs low.
     pub fn new(channel: Channel, node: NodeId, dictionary: Dictionary) -> Self {
         let device = Device::new(node, dictionary, Inputs::default(), Duration::ZERO);
         Self { channel, is_plugged: true, device, frames: Vec::with_capacity(FRAMES) }
     }
 
-    /// Takes it off its bus: it hears and says nothing any more.
+    /// Disconnects the box from its bus.
     pub const fn unplug(&mut self) {
         self.is_plugged = false;
     }
 
-    /// Puts it back on its bus and switches it on, so that it boots up.
+    /// Connects the box and cycles its power: it boots.
     pub fn switch_on(&mut self, now: Instant) {
         self.is_plugged = true;
         let power_up = Order::to(self.node(), NmtCommand::ResetNode).frame();
         self.device.on_frame(now, &power_up, &mut self.frames);
     }
 
-    /// Something is wrong with it for a moment; `register` has the bits of its class (1001h).
+    /// Sends an EMCY for a condition that passes by itself; `register` holds its bits of 1001h.
     pub fn report_transient_error(&mut self, code: u16, register: u8) {
         self.device.report_transient_error(code, register);
     }
 
-    /// Its bus.
+    /// Returns the CAN bus.
     pub const fn channel(&self) -> Channel {
         self.channel
     }
 
-    /// Its objects, as they are now.
+    /// Returns the object dictionary.
     pub const fn dictionary(&self) -> &Dictionary {
         self.device.dictionary()
     }
 
-    /// Where it is.
+    /// Returns the node-ID.
     pub const fn node(&self) -> NodeId {
         self.device.node()
     }
 
-    /// The levels at its terminals become `inputs`, the first one bit 0.
+    /// Sets the inputs, the first one in bit 0.
     pub fn set(&mut self, inputs: u8) {
         if self.device.application().0 != inputs {
             self.device.touch(|terminals, dictionary| {
@@ -94,7 +94,7 @@ impl SwitchBox {
     }
 }
 
-/// Room for what a device says at once.
+/// Capacity of the frame buffer.
 const FRAMES: usize = 8;
 
 impl Station for SwitchBox {
@@ -119,8 +119,8 @@ impl Station for SwitchBox {
 impl SwitchBox {
     fn send(&mut self, out: &mut Vec<Telegram>) {
         let channel = self.channel;
-        let said = self.frames.drain(..).filter(|_| self.is_plugged);
-        out.extend(said.map(|frame| Telegram { channel, frame }));
+        let sent = self.frames.drain(..).filter(|_| self.is_plugged);
+        out.extend(sent.map(|frame| Telegram { channel, frame }));
     }
 }
 
@@ -131,7 +131,7 @@ mod tests {
 
     const BUS: Channel = Channel(1);
 
-    /// Configured as the master does, and started.
+    /// Returns a box configured as by the master, and operational.
     fn switch_box() -> SwitchBox {
         let eds = Eds::parse(include_bytes!("../../eds/frhc_switches.eds")).unwrap();
         let node = NodeId::new(16).unwrap();
@@ -156,8 +156,8 @@ mod tests {
         switches
     }
 
-    /// When it says what, until then.
-    fn said(switches: &mut SwitchBox, from: u64, until: u64) -> Vec<(u64, u8)> {
+    /// Returns the times and input bytes of its TPDOs until `until`.
+    fn sent(switches: &mut SwitchBox, from: u64, until: u64) -> Vec<(u64, u8)> {
         let (mut now, mut all) = (from, Vec::new());
         while let Some(due) =
             switches.deadline().map(Instant::as_micros).filter(|due| *due <= until)
@@ -165,35 +165,35 @@ mod tests {
             now = now.max(due);
             let mut out = Vec::new();
             switches.on_time(Instant::from_micros(now), &mut out);
-            all.extend(out.iter().map(|told| (now, told.frame.data()[0])));
-            assert!(out.iter().all(|told| told.channel == BUS && told.frame.cob_id == 0x190));
+            all.extend(out.iter().map(|telegram| (now, telegram.frame.data()[0])));
+            assert!(out.iter().all(|sent| sent.channel == BUS && sent.frame.cob_id == 0x190));
         }
         all
     }
 
     #[test]
-    fn a_change_is_told_at_once_and_everything_every_five_milliseconds() {
+    fn changes_are_sent_at_once_and_inputs_every_5_ms() {
         let mut switches = switch_box();
-        assert_eq!(said(&mut switches, 0, 11_000), [(5_000, 0), (10_000, 0)]);
+        assert_eq!(sent(&mut switches, 0, 11_000), [(5_000, 0), (10_000, 0)]);
         switches.set(2);
-        assert_eq!(said(&mut switches, 12_000, 16_999), [(12_000, 2)]);
+        assert_eq!(sent(&mut switches, 12_000, 16_999), [(12_000, 2)]);
         switches.set(2);
-        assert_eq!(said(&mut switches, 16_999, 17_000), [(17_000, 2)], "no change, but due");
+        assert_eq!(sent(&mut switches, 16_999, 17_000), [(17_000, 2)], "no change, but due");
     }
 
     #[test]
-    fn a_bouncing_switch_is_told_no_more_than_once_a_millisecond() {
+    fn bouncing_switch_is_sent_once_per_ms_at_most() {
         let mut switches = switch_box();
-        let mut told = 0;
+        let mut count = 0;
         for now in 20_000..24_000 {
             switches.set(u8::from(now % 2 == 0));
-            told += said(&mut switches, now, now).len();
+            count += sent(&mut switches, now, now).len();
         }
-        assert_eq!(told, 4);
+        assert_eq!(count, 4);
     }
 
     #[test]
-    fn another_bus_is_not_its_own() {
+    fn frames_of_another_bus_are_ignored() {
         let mut switches = switch_box();
         let mut out = Vec::new();
         let reset = Frame::new(0, [0x81, 0]);

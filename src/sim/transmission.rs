@@ -1,49 +1,47 @@
-//! The linkage between six actuators and six joints: `q = C m + offset`.
+//! Transmission between six actuators and six joints: `q = C m + offset`.
 //!
-//! Seen from the arm: where its joints put the actuators, and what the actuators' torques come to at
-//! the joints. The controller looks from the other side.
+//! Maps joint motion to actuators, and actuator torques to joints. The controller has the inverse maps.
 
 use crate::arm::JointMatrix;
 use crate::arm::Joints;
 
-/// A linkage without play or elasticity.
+/// A rigid transmission without backlash.
 #[derive(Clone, Copy, Debug)]
 pub struct Transmission {
-    /// `C⁻¹`: how the actuators turn with the joints.
+    /// `C⁻¹`: actuator velocities per joint velocity.
     ratios: JointMatrix,
     offset: Joints,
 }
 
 impl Transmission {
-    /// From `C`, a row for each joint, and the joints' positions when all actuators are at zero.
-    /// Behind a `C` that has no inverse no actuator moves and none moves anything.
+    /// Creates a transmission from `C`, a row per joint, and the joint positions with all actuators at zero. With a
+    /// singular `C` no actuator moves, and none drives a joint.
     pub fn new(matrix: &JointMatrix, offset: Joints) -> Self {
         let ratios = matrix.full_piv_lu().try_inverse().unwrap_or_else(JointMatrix::zeros);
         Self { ratios, offset }
     }
 
-    /// Each joint on its own actuator.
+    /// Returns the transmission in which each actuator drives its own joint.
     pub fn direct() -> Self {
         Self { ratios: JointMatrix::identity(), offset: Joints::zeros() }
     }
 
-    /// Where the actuators are when the joints are at `q`, in rad or m.
+    /// Returns the actuator positions at joint positions `q`, in rad or m.
     pub fn positions(&self, q: &Joints) -> Joints {
         self.ratios * (q - self.offset)
     }
 
-    /// How fast the actuators move when the joints move with `qd`, in rad/s or m/s.
+    /// Returns the actuator velocities at joint velocities `qd`, in rad/s or m/s.
     pub fn velocities(&self, qd: &Joints) -> Joints {
         self.ratios * qd
     }
 
-    /// What the actuators' torques come to at the joints, in N·m or N.
+    /// Returns the joint torques of actuator torques, in N·m or N.
     pub fn joint_torques(&self, tau_m: &Joints) -> Joints {
         self.ratios.transpose() * tau_m
     }
 
-    /// What inertia at the actuators comes to at the joints: half of it times the actuators' speeds
-    /// squared is the same energy.
+    /// Maps an inertia matrix of the actuators to the joints, with equal kinetic energy.
     pub fn joint_inertia(&self, actuators: &JointMatrix) -> JointMatrix {
         self.ratios.transpose() * actuators * self.ratios
     }
@@ -56,7 +54,7 @@ mod tests {
 
     use super::*;
 
-    /// An elbow whose actuator stands on the base, a differential in the wrist.
+    /// An elbow driven from the base, and a differential wrist.
     fn linkage() -> Transmission {
         let mut matrix = JointMatrix::identity();
         matrix[(2, 1)] = -1.0;
@@ -70,14 +68,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_the_actuators_do_the_joints_do(qd in joints(), tau_m in joints()) {
+        fn actuator_and_joint_power_are_equal(qd in joints(), tau_m in joints()) {
             let at_joints = linkage().joint_torques(&tau_m).dot(&qd);
             let at_actuators = tau_m.dot(&linkage().velocities(&qd));
             prop_assert!((at_joints - at_actuators).abs() < 1e-12);
         }
 
         #[test]
-        fn a_rotor_has_one_energy(qd in joints()) {
+        fn rotor_energy_is_equal_on_both_sides(qd in joints()) {
             let rotors = JointMatrix::from_diagonal(&Joints::from([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]));
             let md = linkage().velocities(&qd);
             let difference =
@@ -86,14 +84,14 @@ mod tests {
         }
 
         #[test]
-        fn velocities_are_the_positions_derivative(q in joints(), qd in joints()) {
+        fn velocities_are_the_derivative_of_positions(q in joints(), qd in joints()) {
             let moved = linkage().positions(&(q + qd)) - linkage().positions(&q);
             prop_assert!((moved - linkage().velocities(&qd)).amax() < 1e-12);
         }
     }
 
     #[test]
-    fn a_parallelogram_is_what_an_independent_program_says() {
+    fn parallelogram_matches_an_independent_program() {
         let text = include_str!("../../tests/oracles/paper.json");
         let oracle = &serde_json::from_str::<Value>(text).unwrap()["coupling"];
         let six = |key: &str| Joints::from_fn(|row, _| oracle[key][row].as_f64().unwrap());

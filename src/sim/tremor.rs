@@ -1,4 +1,4 @@
-//! The little a hand shakes: smooth, small, and the same again from the same seed.
+//! Tremor of the operator's hand: smooth, small, and determined by its seed.
 
 use std::f64::consts::TAU;
 
@@ -6,19 +6,19 @@ use nalgebra::Vector3;
 
 use crate::random::SplitMix;
 
-/// How far and how fast a hand shakes.
+/// Amplitude and frequency of a tremor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shake {
-    /// The farthest on each axis, in m.
+    /// Maximum displacement per axis, in m.
     pub amplitude: f64,
-    /// Its slowest and its fastest waves, in Hz.
+    /// Lowest and highest frequency, in Hz.
     pub band: [f64; 2],
 }
 
-/// Waves on each axis.
+/// Waves per axis.
 const WAVES: usize = 3;
 
-/// A few waves of random frequency and phase on each axis.
+/// Sum of waves of random frequency and phase on each axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Tremor {
     amplitude: f64,
@@ -33,7 +33,7 @@ struct Wave {
 }
 
 impl Tremor {
-    /// The tremor of one seed.
+    /// Creates the tremor of a seed.
     pub fn new(shake: Shake, seed: u64) -> Self {
         let Shake { amplitude, band: [slowest, fastest] } = shake;
         let mut random = SplitMix::new(seed);
@@ -45,7 +45,7 @@ impl Tremor {
         Self { amplitude, waves, t: 0.0 }
     }
 
-    /// Where the hand has shaken to after `dt` s more, in m.
+    /// Advances by `dt` s and returns the displacement, in m.
     pub fn next(&mut self, dt: f64) -> Vector3<f64> {
         self.t += dt;
         let axis = |waves: &[Wave; WAVES]| {
@@ -69,13 +69,13 @@ mod tests {
     }
 
     #[test]
-    fn one_seed_shakes_one_way() {
+    fn seed_determines_the_tremor() {
         assert_eq!(path(7), path(7));
         assert_ne!(path(7), path(8));
     }
 
     #[test]
-    fn it_is_small_and_smooth() {
+    fn tremor_is_small_and_smooth() {
         let path = path(1);
         assert!(path.iter().all(|place| place.amax() <= AMPLITUDE));
         assert!(path.windows(2).all(|pair| (pair[1] - pair[0]).amax() < 0.1 * AMPLITUDE));

@@ -1,10 +1,8 @@
-//! All that is not the node: six drives and a switch box on their buses, the arm they move, and the
-//! hand that holds it.
+//! Everything but the node: six drives and a switch box on their buses, the arm they move, and the operator's hand.
 //!
-//! At every SYNC the arm is brought up to date first, with the torques that acted until then; then the
-//! drives see where it is, and the SYNC. Without SYNCs the arm moves all the same, a millisecond at a time;
-//! and whenever a demand changes, so that each acts exactly from when to when a drive makes it, with the lag
-//! of its current loop.
+//! At every SYNC the arm first advances to that time with the torques that acted until then; then the drives sample it
+//! and receive the SYNC. Without SYNCs it advances every millisecond, and at each change of a demand: a demand acts
+//! exactly from and to the times of the drive, with the lag of its current loop.
 
 use std::time::Duration;
 
@@ -36,34 +34,34 @@ use canopen::sync;
 use units::numbering::Joint;
 use units::time::Instant;
 
-/// The arm is never older than this.
+/// Maximum time between two steps of the arm.
 const TICK: Duration = Duration::from_millis(1);
 
-/// The most the arm moves at once.
-const LONGEST: Duration = Duration::from_millis(100);
+/// Maximum time that the arm advances at once.
+const MAX_ADVANCE: Duration = Duration::from_millis(100);
 
-/// Less than what a drive can be told, in ‰ of rated torque.
+/// Torque demand that counts as zero, in ‰ of rated torque: half the resolution of a target.
 const RESOLUTION: f64 = 0.5;
 
-/// The bus whose SYNC the arm and the scenario follow; the others' come microseconds later.
+/// Bus whose SYNC the arm and the scenario follow; the other buses follow within microseconds.
 const LEADING: Channel = Channel(0);
 
-/// A drive, seen from its joint.
+/// A drive as the plant sees it.
 pub trait Motor: Breakable {
-    /// What its motor does now.
+    /// Updates the motor and encoder values.
     fn sense(&mut self, sensed: &Sensed);
 
-    /// What it asks of its motor, now, in ‰ of rated torque.
+    /// Returns the torque demand, in ‰ of rated torque.
     fn demand(&self) -> f64;
 }
 
-/// An input module, seen from its switches.
+/// An input module as the operator sees it.
 pub trait Inputs: Breakable {
-    /// Sets its eight inputs.
+    /// Sets the eight inputs.
     fn set(&mut self, inputs: u8);
 }
 
-/// Everything on the buses but the node, and behind them.
+/// Everything on the buses but the node.
 #[derive(Clone, Debug)]
 pub struct World<M = Drive, I = SwitchBox> {
     drives: [M; 6],
@@ -73,18 +71,18 @@ pub struct World<M = Drive, I = SwitchBox> {
     operator: OperatorModel,
     faults: Faults,
     scenario: Scenario,
-    /// Where the grip was at the start: what the scenario's movements are relative to.
+    /// Pose of the grip at the start, to which the movements of the scenario are relative.
     x_0_start: Isometry3<f64>,
     /// Time zero of the scenario.
     beginning: Beginning,
-    /// Up to when the arm has moved.
+    /// Time of the arm.
     now: Instant,
-    /// Since when no drive asks for torque.
+    /// Time since which no drive demands torque.
     quiet_since: Option<Instant>,
 }
 
 impl<M: Motor, I: Inputs> World<M, I> {
-    /// With the arm at rest where `plant` is, held by the hand.
+    /// Creates the world with the arm at rest as in `plant`, held by the hand.
     pub fn new(
         drives: [M; 6],
         drivetrains: [Drivetrain; 6],
@@ -110,7 +108,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
         world
     }
 
-    /// The same, drives and joints being coupled.
+    /// Sets the transmission between drives and joints.
     #[must_use]
     pub fn coupled(self, transmission: Transmission) -> Self {
         let mut world = Self { motors: self.motors.coupled(transmission), ..self };
@@ -118,68 +116,67 @@ impl<M: Motor, I: Inputs> World<M, I> {
         world
     }
 
-    /// The script goes on as `scenario` does, at the same time of its own; faults of the past strike at
-    /// once. `seed` is of its faults' chances.
+    /// Replaces the scenario and keeps its time; faults of the past occur at once. `seed` is that of random faults.
     pub fn follow(&mut self, scenario: Scenario, seed: u64) {
         self.faults = Faults::new(scenario.faults(), seed);
         self.begun().into_iter().for_each(|begun| self.faults.begin(begun));
         self.scenario = scenario;
     }
 
-    /// Up to when the arm has moved.
+    /// Returns the time of the arm.
     pub const fn now(&self) -> Instant {
         self.now
     }
 
-    /// The drives, base first.
+    /// Returns the drives, base first.
     pub const fn drives(&self) -> &[M; 6] {
         &self.drives
     }
 
-    /// The drive of a joint, to break it.
+    /// Returns the drive of a joint, to inject faults.
     pub fn drive_mut(&mut self, joint: Joint) -> Option<&mut M> {
         self.drives.get_mut(joint.index())
     }
 
-    /// The switch box, to take it away.
+    /// Returns the switch box, to inject faults.
     pub const fn switches_mut(&mut self) -> &mut I {
         &mut self.switches
     }
 
-    /// What the motors exert on what they move, base first, in N·m (N).
+    /// Returns the actuator torques, base first, in N·m (N).
     pub fn torques(&self) -> Joints {
         self.motors.torques()
     }
 
-    /// The arm.
+    /// Returns the arm.
     pub const fn plant(&self) -> &Plant {
         &self.plant
     }
 
-    /// The oldest fault that has begun or is over, and was not asked for yet.
+    /// Returns the oldest notice of a fault's begin or end, once.
     pub fn notice(&mut self) -> Option<Notice> {
         self.faults.notice()
     }
 
-    /// How the commanded side is reached.
+    /// Returns the state of the link to the commanded side.
     pub fn link(&self) -> Link {
         self.faults.link()
     }
 
-    /// Since when no drive asks its motor for torque; `None` while one does.
+    /// Returns the time since which no drive demands torque; `None` while one does.
     pub const fn quiet_since(&self) -> Option<Instant> {
         self.quiet_since
     }
 
-    /// When the script began, if it has.
+    /// Returns time zero of the scenario, after the first SYNC.
     pub const fn begun(&self) -> Option<Instant> {
         self.beginning.zero()
     }
 
-    /// Lets the arm move until `now`, and operator and encoders follow.
+    /// Advances arm, operator and encoders to `now`.
     fn advance(&mut self, now: Instant) {
-        // A simulation that was stopped does not make up for it.
-        let dt = now.since(self.now).min(LONGEST).as_secs_f64();
+        // After a pause of the simulation the arm does not catch up.
+        let dt = now.since(self.now).min(MAX_ADVANCE).as_secs_f64();
         if dt <= 0.0 {
             return;
         }
@@ -190,7 +187,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
         let grasp = self.operator.step(dt, &x_0_meant, operator.is_holding, felt);
         let hand = grasp.as_ref().map(|grasp| (&grasp.hand, &grasp.x_0_d));
         for h in plant::steps(dt) {
-            let tau = self.motors.exert(h);
+            let tau = self.motors.step(h);
             self.plant.step(h, &tau, hand);
             self.motors.follow(self.plant.q(), self.plant.qd());
         }
@@ -201,7 +198,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
         self.show();
     }
 
-    /// Where the script means the grip to be at `t` s.
+    /// Returns the pose of the grip in the script at `t` s.
     fn meant(&self, t: f64) -> Isometry3<f64> {
         let operator = self.scenario.operator(t);
         let place = self.x_0_start.translation.vector + operator.translation;
@@ -209,22 +206,22 @@ impl<M: Motor, I: Inputs> World<M, I> {
         Isometry3::from_parts(Translation3::from(place), turned)
     }
 
-    /// Takes note of demands that have changed at `now`: until now the old ones acted.
-    fn heed(&mut self, now: Instant) {
+    /// Applies changed demands at `now`; until then the old ones acted.
+    fn update_demands(&mut self, now: Instant) {
         let demands = self.drives.each_ref().map(Motor::demand);
         if demands.iter().any(|demand| demand.abs() > 0.0) {
-            self.beginning.settle();
+            self.beginning.fix();
         }
         let mut pairs = demands.iter().zip(self.motors.demands());
         if pairs.any(|(new, old)| (new - old).abs() > 0.0) {
             self.advance(now);
-            self.motors.ask(demands);
+            self.motors.set_demands(demands);
         }
         let is_quiet = demands.iter().all(|demand| demand.abs() < RESOLUTION);
         self.quiet_since = is_quiet.then(|| self.quiet_since.unwrap_or(now));
     }
 
-    /// Shows every drive its motor.
+    /// Updates each drive with its motor values.
     fn show(&mut self) {
         self.motors.follow(self.plant.q(), self.plant.qd());
         for (joint, (drive, sensed)) in self.drives.iter_mut().zip(self.motors.sensed()).enumerate()
@@ -242,12 +239,12 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
             }
             self.advance(now);
         }
-        let heard = Telegram { channel, frame: *frame };
+        let received = Telegram { channel, frame: *frame };
         let devices = devices(&mut self.drives, &mut self.switches);
         for (place, device) in devices.into_iter().enumerate() {
-            self.faults.hear(now, place, device, heard, out);
+            self.faults.hear(now, place, device, received, out);
         }
-        self.heed(now);
+        self.update_demands(now);
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Telegram>) {
@@ -257,7 +254,7 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
         let is_due = |due: Option<Instant>| due.is_some_and(|due| due <= now);
         let mut devices = devices(&mut self.drives, &mut self.switches);
         if is_due(self.faults.deadline()) {
-            self.beginning.settle();
+            self.beginning.fix();
             self.faults.turn(now, &mut devices, out);
         }
         for (place, device) in devices.into_iter().enumerate() {
@@ -265,7 +262,7 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
                 self.faults.wake(now, place, device, out);
             }
         }
-        self.heed(now);
+        self.update_demands(now);
     }
 
     fn deadline(&self) -> Option<Instant> {
@@ -275,7 +272,7 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
     }
 }
 
-/// All devices, in their places.
+/// Returns all devices, in order of their indices.
 fn devices<'a, M: Motor, I: Inputs>(drives: &'a mut [M; 6], switches: &'a mut I) -> Devices<'a> {
     let [a, b, c, d, e, f] = drives;
     [a, b, c, d, e, f, switches]
@@ -315,7 +312,7 @@ mod tests {
         [[move]]\nat_s = 1\nduration_s = 0.5\nto_m = [0, 0.03, 0]\n\
         [[hold]]\nat_s = 2.5\nholding = false\n";
 
-    /// Turns with its joint, remembers what it saw at each SYNC, and loses its torque at `trips`.
+    /// Moves with its joint, records its motion at each SYNC, and loses its torque at `trips`.
     #[derive(Clone, Debug, Default)]
     struct FakeMotor {
         torque: f64,
@@ -404,7 +401,7 @@ mod tests {
         }
     }
 
-    /// So many per mille are a newton metre.
+    /// Per mille of rated torque per newton metre.
     const PER_NEWTON_METRE: f64 = 100.0;
 
     const ACTUATOR: ActuatorSettings = ActuatorSettings {
@@ -417,10 +414,10 @@ mod tests {
     };
 
     fn drivetrain() -> Drivetrain {
-        Drivetrain::new(&DrivetrainSettings::good(ACTUATOR))
+        Drivetrain::new(&DrivetrainSettings::ideal(ACTUATOR))
     }
 
-    /// The arm at neutral, its weight carried by the motors.
+    /// Returns the arm at neutral, with its weight balanced by the motors.
     fn world(seed: u64) -> World<FakeMotor, FakeSwitches> {
         scripted(seed, SCRIPT)
     }
@@ -458,16 +455,16 @@ mod tests {
         world.on_frame(at, LEADING, &Frame::new(sync::COB_ID, []), &mut Vec::new());
     }
 
-    /// One SYNC a millisecond, after `from` and until `to`, in ms.
+    /// Sends one SYNC per millisecond, after `from` until `to`, in ms.
     fn run(world: &mut World<FakeMotor, FakeSwitches>, from: u64, to: u64) {
         (from + 1..=to).for_each(|ms| sync(world, micros(1_000 * ms)));
     }
 
     #[test]
-    fn what_an_encoder_counts_at_a_sync_is_where_its_joint_is_then() {
+    fn encoder_samples_the_joint_at_the_sync() {
         let mut world = world(1);
         world.drives[0].torque = 1.0;
-        world.heed(Instant::ZERO);
+        world.update_demands(Instant::ZERO);
         run(&mut world, 0, 20);
         for (joint, drive) in world.drives.iter().enumerate() {
             let now = (world.plant.q()[joint], world.plant.qd()[joint]);
@@ -478,12 +475,12 @@ mod tests {
     }
 
     #[test]
-    fn a_torque_acts_until_the_drive_takes_it_off_and_no_longer() {
+    fn torque_acts_until_the_drive_removes_it() {
         let speed_when_off_after = |trip: u64| {
             let mut world = world(1);
             world.drives[0].torque = 1.0;
             world.drives[0].trips = Some(micros(trip));
-            world.heed(Instant::ZERO);
+            world.update_demands(Instant::ZERO);
             assert_eq!(world.deadline(), Some(micros(trip)));
             world.on_time(micros(trip), &mut Vec::new());
             sync(&mut world, micros(1_000));
@@ -495,13 +492,13 @@ mod tests {
     }
 
     #[test]
-    fn an_arm_with_play_in_every_joint_stays_in_the_hand_and_its_motors_within_the_play() {
+    fn backlash_in_every_joint_is_stable() {
         const PLAY: f64 = 0.01;
         let mut world = world(1);
-        let good = DrivetrainSettings::good(ACTUATOR);
+        let good = DrivetrainSettings::ideal(ACTUATOR);
         let loose = DrivetrainSettings { backlash: PLAY, rotor_inertia: 0.001, ..good };
         world.motors = Motors::new([Drivetrain::new(&loose); 6]);
-        world.heed(Instant::ZERO);
+        world.update_demands(Instant::ZERO);
         let start = world.x_0_start.translation.vector;
         for ms in 0..900 {
             run(&mut world, ms, ms + 1);
@@ -514,10 +511,10 @@ mod tests {
     }
 
     #[test]
-    fn without_a_sync_the_arm_moves_all_the_same() {
+    fn arm_advances_without_sync() {
         let mut world = world(1);
         world.drives[0].torque = 1.0;
-        world.heed(Instant::ZERO);
+        world.update_demands(Instant::ZERO);
         for _ in 0..20 {
             let before = world.plant.q()[0];
             let due = world.deadline().unwrap();
@@ -527,7 +524,7 @@ mod tests {
     }
 
     #[test]
-    fn the_script_begins_with_the_first_sync_on_the_leading_bus() {
+    fn scenario_starts_at_the_first_sync_of_the_leading_bus() {
         let mut world = world(1);
         let frame = Frame::new(sync::COB_ID, []);
         world.on_frame(micros(100), Channel(1), &frame, &mut Vec::new());
@@ -540,7 +537,7 @@ mod tests {
     }
 
     #[test]
-    fn the_hand_takes_the_grip_along_and_lets_it_go() {
+    fn hand_moves_the_grip_and_releases_it() {
         let mut world = world(1);
         let start = world.x_0_start.translation.vector;
         run(&mut world, 0, 2_400);
@@ -552,7 +549,7 @@ mod tests {
     }
 
     #[test]
-    fn a_relaxed_hand_sets_out_late_and_the_steady_one_at_once() {
+    fn relaxed_operator_starts_late_and_steady_one_at_once() {
         let moved = |preset| {
             let mut world = with_preset(preset);
             let start = world.x_0_start.translation.vector.y;
@@ -563,20 +560,20 @@ mod tests {
     }
 
     #[test]
-    fn a_startled_hand_is_off_the_grip_and_off_the_deadman() {
+    fn startled_operator_releases_grip_and_deadman() {
         let mut world = with_preset("nervous");
         run(&mut world, 0, 700);
         assert_eq!(world.switches.0, 0b01);
         assert_ne!(*world.plant.f_g_hand(), Wrench::ZERO);
         world.drives[0].torque = 8.0;
-        world.heed(micros(700_000));
+        world.update_demands(micros(700_000));
         run(&mut world, 700, 1_100);
         assert_eq!(*world.plant.f_g_hand(), Wrench::ZERO);
         assert_eq!(world.switches.0, 0b10);
     }
 
     #[test]
-    fn one_seed_is_one_world() {
+    fn seed_determines_the_world() {
         let end = |seed| {
             let mut world = world(seed);
             run(&mut world, 0, 200);
@@ -587,14 +584,14 @@ mod tests {
     }
 
     #[test]
-    fn a_simulation_that_was_stopped_does_not_make_up_for_it() {
+    fn paused_simulation_does_not_catch_up() {
         let end = |at| {
             let mut world = world(1);
             world.drives[0].torque = 1.0;
-            world.heed(Instant::ZERO);
+            world.update_demands(Instant::ZERO);
             world.on_time(at, &mut Vec::new());
             *world.plant.qd()
         };
-        assert_eq!(end(micros(10_000_000)), end(Instant::ZERO + LONGEST));
+        assert_eq!(end(micros(10_000_000)), end(Instant::ZERO + MAX_ADVANCE));
     }
 }

@@ -1,8 +1,7 @@
 //! The arm's dynamics: mass matrix, bias, accelerations, energy.
 //!
-//! All bodies, motions and efforts are taken at the origin of {0} and written in its axes (Featherstone
-//! 2008, spatial vectors), so they can be added as they are. The mass matrix comes from composite bodies
-//! (6.2), the bias from motions carried outward and efforts gathered inward (5.3):
+//! Bodies, motions and forces are expressed at the origin of {0} in its axes (Featherstone 2008, spatial vectors), so
+//! they add up. The mass matrix uses composite bodies (6.2), the bias the recursive Newton-Euler algorithm (5.3):
 //!
 //! ```text
 //!  M_ij = s_i · (I_j + I_j+1 + ..) s_j,  i <= j        bias_i = s_i · Σ_k>=i (I_k a_k + v_k x* I_k v_k)
@@ -19,38 +18,38 @@ use crate::arm::Link;
 use crate::arm::Posture;
 use units::spatial::Wrench;
 
-/// What an arm's motion obeys where it is: `M qdd + bias = tau`.
+/// Equation of motion at one state: `M qdd + bias = tau`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dynamics {
-    /// The mass matrix.
+    /// Mass matrix.
     pub(crate) mass: JointMatrix,
-    /// What joint velocities and gravity ask for: `C(q, qd) qd + g(q)`.
+    /// Bias: `C(q, qd) qd + g(q)`.
     pub(crate) bias: Joints,
 }
 
 impl Arm {
-    /// Mass matrix and bias, in one go.
+    /// Returns mass matrix and bias, in one pass.
     pub(crate) fn dynamics(&self, posture: &Posture, qd: &Joints) -> Dynamics {
         let (bodies, axes) = (self.bodies(posture), self.axes(posture));
         Dynamics { mass: self.mass(&bodies, &axes), bias: self.efforts(&bodies, &axes, qd) }
     }
 
-    /// The torques that hold the arm against gravity, in N·m or N.
+    /// Returns the joint torques that balance gravity, in N·m or N.
     pub fn gravity(&self, posture: &Posture) -> Joints {
         self.bias(posture, &Joints::zeros())
     }
 
-    /// What joint velocities and gravity ask for: `C(q, qd) qd + g(q)`.
+    /// Returns the bias: `C(q, qd) qd + g(q)`.
     pub fn bias(&self, posture: &Posture, qd: &Joints) -> Joints {
         self.efforts(&self.bodies(posture), &self.axes(posture), qd)
     }
 
-    /// The mass matrix.
+    /// Returns the mass matrix.
     pub fn mass_matrix(&self, posture: &Posture) -> JointMatrix {
         self.mass(&self.bodies(posture), &self.axes(posture))
     }
 
-    /// The accelerations that torques `tau` and a wrench on the grip, at {G} in {G}, give.
+    /// Returns the accelerations for torques `tau` and a wrench on the grip, at {G} in {G}.
     pub fn acceleration(
         &self,
         posture: &Posture,
@@ -63,7 +62,7 @@ impl Arm {
         accelerations(mass, &push, &[false; 6])
     }
 
-    /// Kinetic and potential energy, in J; the latter is zero where every link's mass is in the origin of {0}.
+    /// Returns kinetic plus potential energy, in J; the latter is zero for masses at the origin of {0}.
     pub fn energy(&self, posture: &Posture, qd: &Joints) -> f64 {
         let bodies = self.bodies(posture);
         let kinetic = qd.dot(&(self.mass(&bodies, &self.axes(posture)) * qd)) / 2.0;
@@ -78,7 +77,7 @@ impl Arm {
         bodies
     }
 
-    /// The motion of each joint at a rate of one.
+    /// Returns the motion of each joint at unit rate.
     fn axes(&self, posture: &Posture) -> [Motion; 6] {
         let mut axes = [Motion::NONE; 6];
         for (axis, (link, x_0_i)) in axes.iter_mut().zip(self.links.iter().zip(&posture.x_0_links))
@@ -88,8 +87,7 @@ impl Arm {
         axes
     }
 
-    /// That joint moves all links from itself outward as one body, and the joints before it hold what that
-    /// body needs.
+    /// Sums composite bodies inward: a joint moves all links outward of it as one body.
     fn mass(&self, bodies: &[Body; 6], axes: &[Motion; 6]) -> JointMatrix {
         let mut mass = JointMatrix::zeros();
         let mut composite = Body::NONE;
@@ -105,11 +103,11 @@ impl Arm {
         mass + self.rotors
     }
 
-    /// What each joint gives where the arm moves with `qd` and no joint accelerates.
+    /// Returns the joint torques at velocities `qd` and zero accelerations.
     fn efforts(&self, bodies: &[Body; 6], axes: &[Motion; 6], qd: &Joints) -> Joints {
         let mut efforts = [Effort::NONE; 6];
         let mut velocity = Motion::NONE;
-        // A base that accelerates upwards weighs like one that rests.
+        // Gravity as an upward acceleration of the base.
         let mut acceleration = Motion { angular: Vector3::zeros(), linear: -self.gravity };
         let links = bodies.iter().zip(axes).zip(qd.iter());
         for (effort, ((body, axis), qd)) in efforts.iter_mut().zip(links) {
@@ -129,7 +127,7 @@ impl Arm {
     }
 }
 
-/// The accelerations that `push` gives to `mass`, the joints that are `held` having none.
+/// Returns the accelerations of `mass` under `push`; joints that are `held` have none.
 pub(crate) fn accelerations(mut mass: JointMatrix, push: &Joints, held: &[bool; 6]) -> Joints {
     let mut push = *push;
     for (joint, _) in held.iter().enumerate().filter(|(_, held)| **held) {
@@ -142,7 +140,7 @@ pub(crate) fn accelerations(mut mass: JointMatrix, push: &Joints, held: &[bool; 
 }
 
 impl Link {
-    /// How this link moves at a rate of one of its joint.
+    /// Returns the motion of this link at unit rate of its joint.
     fn unit_motion(&self, x_0_i: &IsometryMatrix3<f64>) -> Motion {
         let axis = x_0_i.rotation * Vector3::z();
         if self.is_prismatic {
@@ -153,7 +151,7 @@ impl Link {
     }
 }
 
-/// How a body moves: its turning, and the motion of its point in the origin.
+/// Spatial motion: angular, and linear at the origin.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
     angular: Vector3<f64>,
@@ -172,7 +170,7 @@ impl Motion {
         Self { angular: self.angular * rate, linear: self.linear * rate }
     }
 
-    /// How `other` changes that is carried along with this motion.
+    /// Returns the spatial cross product of motions.
     fn cross(&self, other: &Self) -> Self {
         Self {
             angular: self.angular.cross(&other.angular),
@@ -180,7 +178,7 @@ impl Motion {
         }
     }
 
-    /// How `effort` changes that is carried along with this motion.
+    /// Returns the spatial cross product with a force.
     fn cross_effort(&self, effort: &Effort) -> Effort {
         Effort {
             moment: self.angular.cross(&effort.moment) + self.linear.cross(&effort.force),
@@ -188,13 +186,13 @@ impl Motion {
         }
     }
 
-    /// The power of `effort` on a body that moves like this.
+    /// Returns the power of `effort` at this motion.
     fn dot(&self, effort: &Effort) -> f64 {
         self.angular.dot(&effort.moment) + self.linear.dot(&effort.force)
     }
 }
 
-/// A force and its moment about the origin, or a momentum.
+/// Spatial force or momentum: moment about the origin, and force.
 #[derive(Clone, Copy, Debug)]
 struct Effort {
     moment: Vector3<f64>,
@@ -210,14 +208,14 @@ impl Effort {
     }
 }
 
-/// Mass that moves as one, about the origin of some frame and written in it.
+/// Spatial inertia about the origin of a frame, in its axes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Body {
-    /// In kg.
+    /// Mass, in kg.
     mass: f64,
     /// Mass times centre of mass, in kg·m.
     first_moment: Vector3<f64>,
-    /// About the origin, in kg·m².
+    /// Inertia about the origin, in kg·m².
     inertia: Matrix3<f64>,
 }
 
@@ -228,7 +226,7 @@ impl Body {
         inertia: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     };
 
-    /// A body of `mass` in kg with its centre of mass at `centre` in m, and `inertia` about that in kg·m².
+    /// Creates a body of `mass` in kg, centre of mass `centre` in m, and `inertia` about that in kg·m².
     pub(super) fn new(mass: f64, centre: &Vector3<f64>, inertia: Matrix3<f64>) -> Self {
         let about_centre = Self { mass, first_moment: Vector3::zeros(), inertia };
         about_centre.carried_in(&IsometryMatrix3::translation(centre.x, centre.y, centre.z))
@@ -242,7 +240,7 @@ impl Body {
         }
     }
 
-    /// The same body about the origin before `step`: the parallel axis theorem.
+    /// Transforms the body by `step`: parallel axis theorem.
     fn carried_in(&self, step: &IsometryMatrix3<f64>) -> Self {
         let p = step.translation.vector;
         let turned = step.rotation * self.first_moment;
@@ -256,7 +254,7 @@ impl Body {
         }
     }
 
-    /// Its momentum at a velocity, or what an acceleration asks for.
+    /// Returns its momentum at a velocity, or the force of an acceleration.
     fn times(&self, motion: &Motion) -> Effort {
         Effort {
             moment: self.inertia * motion.angular + self.first_moment.cross(&motion.linear),

@@ -1,7 +1,7 @@
-//! The arm as a body: kinematics and dynamics of a serial chain in Craig's modified DH.
+//! Rigid-body kinematics and dynamics of a serial chain in Craig's modified DH parameters.
 //!
-//! Nothing here is shared with the controller, which computes the same arm another way: its dynamics are
-//! those of `dynamics`, the Jacobian is gathered from the grip inward.
+//! Shares nothing with the controller, which computes the same arm by another method: the dynamics are those of
+//! `dynamics`, the Jacobian is accumulated from the grip inward.
 
 mod dynamics;
 
@@ -22,43 +22,43 @@ use crate::arm::dynamics::Body;
 use units::spatial::Jacobian;
 use units::spatial::Twist;
 
-/// One number per joint, base first.
+/// One value per joint, base first.
 pub type Joints = SVector<f64, 6>;
 
-/// One link and the joint before it.
+/// Parameters of a link and the joint before it.
 #[derive(Clone, Copy, Debug)]
 pub struct LinkSettings {
-    /// Whether the joint slides rather than turns.
+    /// The joint is prismatic, not revolute.
     pub is_prismatic: bool,
-    /// α of the axis before, in rad.
+    /// Angle α from the previous axis, in rad.
     pub alpha: f64,
-    /// a of the axis before, in m.
+    /// Distance a from the previous axis, in m.
     pub a: f64,
-    /// d, in m; a sliding joint's position comes on top.
+    /// Offset d, in m; the position of a prismatic joint is added.
     pub d: f64,
-    /// θ, in rad; a turning joint's position comes on top.
+    /// Angle θ, in rad; the position of a revolute joint is added.
     pub theta: f64,
-    /// In kg.
+    /// Mass, in kg.
     pub mass: f64,
-    /// In the link's frame, in m.
+    /// Centre of mass in the link frame, in m.
     pub centre_of_mass: Vector3<f64>,
-    /// About the centre of mass, in kg·m².
+    /// Inertia about the centre of mass, in kg·m².
     pub inertia: Matrix3<f64>,
-    /// Of the actuator's rotor, seen after its gear, in kg·m² (kg for a sliding joint).
+    /// Rotor inertia of the actuator after its gear, in kg·m² (kg for a prismatic joint).
     pub rotor_inertia: f64,
 }
 
 /// A matrix over pairs of joints.
 pub type JointMatrix = SMatrix<f64, 6, 6>;
 
-/// A whole arm.
+/// Parameters of an arm.
 #[derive(Clone, Copy, Debug)]
 pub struct ArmSettings {
-    /// Its links, base first.
+    /// Links, base first.
     pub links: [LinkSettings; 6],
     /// Pose of the grip in the last link.
     pub x_6_g: Isometry3<f64>,
-    /// In {0}, in m/s².
+    /// Gravity in {0}, in m/s².
     pub gravity: Vector3<f64>,
 }
 
@@ -68,21 +68,21 @@ pub struct Arm {
     links: [Link; 6],
     x_6_g: IsometryMatrix3<f64>,
     gravity: Vector3<f64>,
-    /// What the rotors add to the mass matrix.
+    /// Rotor inertia in the mass matrix.
     rotors: JointMatrix,
 }
 
-/// Where each link is.
+/// Poses of all links.
 #[derive(Clone, Copy, Debug)]
 pub struct Posture {
-    /// Seen from the one before.
+    /// Each link in the one before.
     steps: [IsometryMatrix3<f64>; 6],
-    /// Seen from {0}.
+    /// Each link in {0}.
     x_0_links: [IsometryMatrix3<f64>; 6],
 }
 
 impl Arm {
-    /// As described.
+    /// Creates an arm.
     pub fn new(settings: ArmSettings) -> Self {
         Self {
             links: settings.links.map(Link::new),
@@ -94,14 +94,13 @@ impl Arm {
         }
     }
 
-    /// The same arm behind a linkage, which its rotors turn with: `joint_inertia` says what theirs comes
-    /// to at the joints. Asked of an arm once.
+    /// Maps the rotor inertia through a transmission, with `joint_inertia` from actuators to joints. Call it once.
     #[must_use]
     pub fn driven_through(self, joint_inertia: impl FnOnce(&JointMatrix) -> JointMatrix) -> Self {
         Self { rotors: joint_inertia(&self.rotors), ..self }
     }
 
-    /// Where each link is at joint positions `q`, in rad or m.
+    /// Returns the link poses at joint positions `q`, in rad or m.
     pub fn posture(&self, q: &Joints) -> Posture {
         let mut posture = Posture {
             steps: [IsometryMatrix3::identity(); 6],
@@ -117,7 +116,7 @@ impl Arm {
         posture
     }
 
-    /// The pose of the grip in {0}.
+    /// Returns the pose of the grip in {0}.
     pub fn pose(&self, posture: &Posture) -> Isometry3<f64> {
         let [.., x_0_6] = posture.x_0_links;
         let x_0_g = x_0_6 * self.x_6_g;
@@ -125,10 +124,10 @@ impl Arm {
         Isometry3::from_parts(x_0_g.translation, rotation)
     }
 
-    /// The body Jacobian of the grip, in {G}.
+    /// Returns the body Jacobian of the grip, in {G}.
     pub fn jacobian(&self, posture: &Posture) -> Jacobian<6> {
         let mut columns = [Twist::ZERO; 6];
-        // From the grip inward: where the grip is, seen from link i.
+        // From the grip inward: pose of the grip in link i.
         let mut x_i_g = self.x_6_g;
         for ((column, link), step) in columns.iter_mut().zip(&self.links).zip(&posture.steps).rev()
         {
@@ -145,11 +144,11 @@ impl Arm {
     }
 }
 
-/// One link, with what does not change worked out once.
+/// Precomputed parameters of a link.
 #[derive(Clone, Copy, Debug)]
 struct Link {
     is_prismatic: bool,
-    /// Of α.
+    /// Sine of α.
     sin: f64,
     cos: f64,
     a: f64,
@@ -172,7 +171,7 @@ impl Link {
         }
     }
 
-    /// The pose of this link in the one before: `Rx(α) Tx(a) Rz(θ) Tz(d)` (Craig 1989, Eq. 3.6).
+    /// Returns the pose of this link in the one before: `Rx(α) Tx(a) Rz(θ) Tz(d)` (Craig 1989, Eq. 3.6).
     fn step(&self, q: f64) -> IsometryMatrix3<f64> {
         let (d, theta) =
             if self.is_prismatic { (self.d + q, self.theta) } else { (self.d, self.theta + q) };
@@ -234,23 +233,23 @@ pub(crate) mod tests {
         arm(&serde_json::from_str::<Value>(text).unwrap()["model"])
     }
 
-    /// The arm of the default configuration.
+    /// Returns the arm of the default configuration.
     pub(crate) fn kraft_like() -> Arm {
         model(include_str!("../../../tests/oracles/kraft_like.json"))
     }
 
-    /// An arm with a sliding joint.
+    /// Returns an arm with a prismatic joint.
     pub(crate) fn jpl_like() -> Arm {
         model(include_str!("../../../tests/oracles/jpl_like.json"))
     }
 
-    /// An arm with a spherical wrist, and a grip apart from it.
+    /// Returns an arm with a spherical wrist and an offset grip.
     pub(crate) fn sixr_spherical() -> Arm {
         model(include_str!("../../../tests/oracles/sixr_spherical.json"))
     }
 
     #[test]
-    fn every_arm_is_what_independent_programs_say() {
+    fn arms_match_independent_programs() {
         for text in [
             include_str!("../../../tests/oracles/kraft_like.json"),
             include_str!("../../../tests/oracles/jpl_like.json"),
@@ -279,10 +278,10 @@ pub(crate) mod tests {
                 let qdd = joints(&config["qdd_forward_dynamics"]);
                 let error = arm.acceleration(&posture, &qd, &tau, &f_g) - qdd;
                 assert!(error.norm() < 1e-9 * (1.0 + qdd.norm()), "{error}");
-                // And the other way: what these accelerations ask for is what was given.
-                let asked = arm.mass_matrix(&posture) * qdd + arm.bias(&posture, &qd);
+                // And the inverse: these accelerations need the given torques.
+                let needed = arm.mass_matrix(&posture) * qdd + arm.bias(&posture, &qd);
                 let given = tau + j_g.torques(&f_g);
-                assert!((asked - given).norm() < 1e-9 * (1.0 + given.norm()), "{asked}");
+                assert!((needed - given).norm() < 1e-9 * (1.0 + given.norm()), "{needed}");
             }
         }
     }

@@ -1,47 +1,46 @@
-//! Play between a motor and its joint: the encoder sees the motor, the joint may move without it.
+//! Backlash between motor and joint: the encoder is on the motor side.
 //!
-//! The motor is where the flanks of the gap leave it, a play operator with inertia. Between the flanks its
-//! rotor moves by its own torque and nothing reaches the joint; on a flank it goes with the joint, and what
-//! pushes the joint reaches it:
+//! A play operator with inertia. Inside the gap the motor torque accelerates the rotor only, and the joint moves
+//! without it. At a flank both move together, and torque is transmitted:
 //!
 //! ```text
-//!  J dmd/dt = tau,   |m - q| <= width / 2        tau_joint = tau on the flank it pushes, else 0
+//!  J dmd/dt = tau,   |m - q| <= width / 2        tau_joint = tau at the flank it pushes, else 0
 //! ```
 //!
-//! A rotor meets a flank without bouncing. The arm's inertia has the rotor in it all the time, the gap
-//! being crossed in milliseconds, so whatever happens here takes energy and gives none.
+//! The rotor meets a flank without rebound. Its inertia is part of the arm's at all times, since the gap is crossed in
+//! milliseconds: backlash dissipates energy and never adds any.
 
-/// The gap of one joint, and the motor in it.
+/// Backlash of one joint, with its motor.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Backlash {
     /// Half the width of the gap, at the joint, in rad (m).
     half: f64,
-    /// Of the rotor, seen at the joint, in kg·m² (kg).
+    /// Rotor inertia at the joint, in kg·m² (kg).
     rotor_inertia: f64,
     position: f64,
     velocity: f64,
-    /// 1 where the motor is ahead of the joint and touches it, -1 where it is behind, 0 between.
+    /// Flank in contact: 1 with the motor ahead of the joint, -1 behind, 0 for none.
     flank: f64,
 }
 
 impl Backlash {
-    /// A gap of `width` in rad (m) at the joint, and a rotor of this inertia there in kg·m² (kg).
+    /// Creates a gap of `width` in rad (m) and a rotor inertia in kg·m² (kg), both at the joint.
     pub(super) const fn new(width: f64, rotor_inertia: f64) -> Self {
         let half = width.abs() / 2.0;
         Self { half, rotor_inertia, position: 0.0, velocity: 0.0, flank: 0.0 }
     }
 
-    /// Of the motor, as its joint would have to be for it, in rad (m).
+    /// Returns the motor position in joint coordinates, in rad (m).
     pub(super) const fn position(&self) -> f64 {
         self.position
     }
 
-    /// The same, in rad/s (m/s).
+    /// Returns the motor velocity in joint coordinates, in rad/s (m/s).
     pub(super) const fn velocity(&self) -> f64 {
         self.velocity
     }
 
-    /// The motor turns with `tau` in N·m (N) for `h` s; what of it reaches the joint.
+    /// Applies `tau` in N·m (N) to the motor for `h` s and returns the torque transmitted to the joint.
     pub(super) fn transmit(&mut self, h: f64, tau: f64) -> f64 {
         if self.half <= 0.0 {
             return tau;
@@ -51,7 +50,7 @@ impl Backlash {
         if self.flank * tau > 0.0 { tau } else { 0.0 }
     }
 
-    /// The joint has moved to `q` with `qd`, in rad and rad/s (m and m/s).
+    /// Sets joint position and velocity, in rad and rad/s (m and m/s).
     pub(super) fn follow(&mut self, q: f64, qd: f64) {
         let ahead = self.position - q;
         if ahead.abs() < self.half {
@@ -75,7 +74,7 @@ mod tests {
     const H: f64 = 250e-6;
     const ROTOR: f64 = 0.008;
 
-    /// A joint of `INERTIA`, rotor and all, moved through the gap for so many steps.
+    /// A joint of `INERTIA`, including the rotor, with backlash.
     struct Geared {
         backlash: Backlash,
         q: f64,
@@ -92,17 +91,17 @@ mod tests {
         }
 
         fn step(&mut self, tau: f64) -> f64 {
-            let given = self.backlash.transmit(H, tau);
-            self.qd += H * given / INERTIA;
+            let transmitted = self.backlash.transmit(H, tau);
+            self.qd += H * transmitted / INERTIA;
             self.q += H * self.qd;
             self.backlash.follow(self.q, self.qd);
-            given
+            transmitted
         }
     }
 
     proptest! {
         #[test]
-        fn the_motor_never_leaves_the_gap(tau in prop::collection::vec(-3.0..3.0_f64, 1..200)) {
+        fn motor_stays_within_the_gap(tau in prop::collection::vec(-3.0..3.0_f64, 1..200)) {
             let mut geared = Geared::new(WIDTH);
             for tau in tau {
                 geared.step(tau);
@@ -111,22 +110,22 @@ mod tests {
         }
 
         #[test]
-        fn no_energy_comes_out_of_the_gap(tau in prop::collection::vec(-3.0..3.0_f64, 1..200)) {
+        fn backlash_adds_no_energy(tau in prop::collection::vec(-3.0..3.0_f64, 1..200)) {
             let mut geared = Geared::new(WIDTH);
             let (mut work, mut slack) = (0.0, 0.0);
             for tau in tau {
                 let before = (geared.backlash.position, geared.q);
-                let given = geared.step(tau);
+                let transmitted = geared.step(tau);
                 work += tau * (geared.backlash.position - before.0);
-                // What a semi-implicit step gives too much, and a rotor that is still within the gap.
-                slack += H * H * (given * given / INERTIA + tau * tau / ROTOR);
+                // Error of the semi-implicit step, and the rotor inside the gap.
+                slack += H * H * (transmitted * transmitted / INERTIA + tau * tau / ROTOR);
                 let kinetic = INERTIA * geared.qd * geared.qd / 2.0;
                 prop_assert!(kinetic <= work + slack + 3.0 * WIDTH, "{kinetic} J of {work} J");
             }
         }
 
         #[test]
-        fn without_a_gap_motor_and_joint_are_one(q in -3.0..3.0_f64, qd in -9.0..9.0_f64, tau in -3.0..3.0_f64) {
+        fn zero_backlash_transmits_everything(q in -3.0..3.0_f64, qd in -9.0..9.0_f64, tau in -3.0..3.0_f64) {
             let mut backlash = Backlash::new(0.0, ROTOR);
             prop_assert_eq!(backlash.transmit(H, tau), tau);
             backlash.follow(q, qd);
@@ -135,16 +134,16 @@ mod tests {
     }
 
     #[test]
-    fn a_torque_that_turns_round_crosses_the_gap_first() {
+    fn torque_reversal_crosses_the_gap_first() {
         let mut geared = Geared::new(WIDTH);
-        // From the middle to a flank, then pushing the joint, which then stands.
+        // From the middle to a flank; then the joint is stopped.
         while geared.step(1.0) == 0.0 {}
         (geared.qd, geared.backlash.velocity) = (0.0, 0.0);
         let held = geared.q;
         let mut free = 0.0;
         while geared.step(-1.0) == 0.0 {
             free += H;
-            assert_eq!(geared.q, held, "the joint moves although nothing pushes it");
+            assert_eq!(geared.q, held, "the joint moves without torque");
         }
         // width = tau t² / (2 J)
         let expected = (2.0 * WIDTH * ROTOR / 1.0).sqrt();
@@ -152,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_joint_that_is_moved_to_and_fro_within_the_gap_does_not_take_its_motor_along() {
+    fn joint_motion_within_the_gap_does_not_move_the_motor() {
         let mut backlash = Backlash::new(WIDTH, ROTOR);
         backlash.follow(0.0, 0.0);
         for step in 0..1_000 {

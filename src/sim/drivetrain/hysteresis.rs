@@ -1,27 +1,26 @@
-//! Hysteresis between what a motor makes and what leaves its gear: a play operator (Visintin 1994).
+//! Hysteresis between motor torque and gear output: a play operator (Visintin 1994).
 //!
-//! The torque given stays where it is until the torque made has gone half the width past it, then keeps
-//! that distance: whoever drives up reads half a width less, whoever drives down half a width more. What
-//! is left at zero current is at most half a width.
+//! The output stays until the input is half the width beyond it, then follows at that distance: rising torque is half a
+//! width too low, falling torque half a width too high. The remanence at zero current is at most half a width.
 
-/// The loop of one joint.
+/// Hysteresis of one joint.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hysteresis {
     /// Half the width of the loop, in N·m (N).
     half: f64,
-    given: f64,
+    output: f64,
 }
 
 impl Hysteresis {
-    /// Of this width in N·m (N), from nothing.
+    /// Creates a hysteresis of `width` in N·m (N), with zero output.
     pub(super) const fn new(width: f64) -> Self {
-        Self { half: width.abs() / 2.0, given: 0.0 }
+        Self { half: width.abs() / 2.0, output: 0.0 }
     }
 
-    /// What is given when `made` is made, in N·m (N).
-    pub(super) const fn follow(&mut self, made: f64) -> f64 {
-        self.given = self.given.max(made - self.half).min(made + self.half);
-        self.given
+    /// Returns the output for the input, in N·m (N).
+    pub(super) const fn follow(&mut self, input: f64) -> f64 {
+        self.output = self.output.max(input - self.half).min(input + self.half);
+        self.output
     }
 }
 
@@ -34,24 +33,24 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_keeps_within_half_its_width(made in prop::collection::vec(-9.0..9.0_f64, 1..50)) {
+        fn output_stays_within_half_the_width(input in prop::collection::vec(-9.0..9.0_f64, 1..50)) {
             let mut hysteresis = Hysteresis::new(0.4);
-            for made in made {
-                prop_assert!((hysteresis.follow(made) - made).abs() <= 0.2 + 1e-12);
+            for input in input {
+                prop_assert!((hysteresis.follow(input) - input).abs() <= 0.2 + 1e-12);
             }
         }
 
         #[test]
-        fn without_width_nothing_is_changed(made in -9.0..9.0_f64) {
-            prop_assert_eq!(Hysteresis::new(0.0).follow(made), made);
+        fn zero_width_changes_nothing(input in -9.0..9.0_f64) {
+            prop_assert_eq!(Hysteresis::new(0.0).follow(input), input);
         }
     }
 
     #[test]
-    fn a_loop_is_as_wide_as_it_is_said_to_be() {
+    fn loop_has_the_configured_width() {
         let mut hysteresis = Hysteresis::new(0.4);
-        let up = [-5.0, 1.0].map(|made| hysteresis.follow(made))[1];
-        let down = [5.0, 1.0].map(|made| hysteresis.follow(made))[1];
+        let up = [-5.0, 1.0].map(|input| hysteresis.follow(input))[1];
+        let down = [5.0, 1.0].map(|input| hysteresis.follow(input))[1];
         assert!((down - up - 0.4).abs() < 1e-12);
     }
 }

@@ -1,8 +1,7 @@
-//! What stands between a drive's current loop and the arm: a motor and its gear.
+//! Drivetrain between current loop and joint: a motor and its gear.
 //!
-//! Not the drive: it is asked for per mille of rated torque, and gives N·m at its joint. On the way lie
-//! the lag of the current loop, the torque curve of each direction, hysteresis and backlash; the current
-//! heats the winding.
+//! Input: torque demand in per mille of rated torque. Output: N·m at the joint. In between: lag of the current loop,
+//! torque curve per direction, hysteresis and backlash. The current heats the winding.
 
 mod backlash;
 mod current_loop;
@@ -16,42 +15,42 @@ use crate::drivetrain::current_loop::CurrentLoop;
 use crate::drivetrain::hysteresis::Hysteresis;
 use crate::drivetrain::winding::Winding;
 
-/// What a drive senses of its motor.
+/// Values that a drive measures of its motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sensed {
-    /// Of the motor, as its joint would have to be for it, in rad (m).
+    /// Motor position in joint coordinates, in rad (m).
     pub position: f64,
-    /// The same, in rad/s (m/s).
+    /// Motor velocity in joint coordinates, in rad/s (m/s).
     pub velocity: f64,
-    /// The torque its current makes, in ‰ of rated torque.
+    /// Torque from the motor current, in ‰ of rated torque.
     pub per_mille: f64,
-    /// Of its winding, in °C.
+    /// Winding temperature, in °C.
     pub temperature: f64,
 }
 
-/// What one motor and its gear are like.
+/// Parameters of a motor and gear.
 #[derive(Clone, Copy, Debug)]
 pub struct DrivetrainSettings {
-    /// Its torque curve, and where it ends.
+    /// Torque curve and its range.
     pub actuator: ActuatorSettings,
-    /// Its torque curve where the joint's torque is negative, if it is another one there: `c1`, `c3`, `c5`
-    /// as in [`ActuatorSettings::torque_curve`].
+    /// Torque curve for negative joint torque, if it differs: `c1`, `c3`, `c5` as in
+    /// [`ActuatorSettings::torque_curve`].
     pub torque_curve_reverse: Option<[f64; 3]>,
     /// Time constant of the current loop, in s.
     pub current_loop: f64,
     /// Width of the hysteresis, in N·m (N) at the joint.
     pub hysteresis: f64,
-    /// Width of the gap between motor and joint, in rad (m) at the joint.
+    /// Width of the backlash, in rad (m) at the joint.
     pub backlash: f64,
-    /// Of the rotor, seen at the joint, in kg·m² (kg); matters in a gap only.
+    /// Rotor inertia at the joint, in kg·m² (kg); used with backlash only.
     pub rotor_inertia: f64,
     /// Thermal time constant of the winding, in s.
     pub thermal_time_constant: f64,
 }
 
 impl DrivetrainSettings {
-    /// A good one: a fast current loop, no hysteresis, no backlash.
-    pub const fn good(actuator: ActuatorSettings) -> Self {
+    /// Returns an ideal drivetrain: fast current loop, no hysteresis, no backlash.
+    pub const fn ideal(actuator: ActuatorSettings) -> Self {
         Self {
             actuator,
             torque_curve_reverse: None,
@@ -64,7 +63,7 @@ impl DrivetrainSettings {
     }
 }
 
-/// The motor and the gear of one joint.
+/// Motor and gear of one joint.
 #[derive(Clone, Copy, Debug)]
 pub struct Drivetrain {
     current: CurrentLoop,
@@ -72,15 +71,15 @@ pub struct Drivetrain {
     curve: TorqueCurve,
     hysteresis: Hysteresis,
     backlash: Backlash,
-    /// What `torque` was worked out from, in ‰ of rated torque.
+    /// Mean current of the last step, in ‰ of rated torque.
     mean: f64,
-    /// What the motor made of it, in N·m (N).
-    made: f64,
+    /// Motor torque of that current, in N·m (N).
+    motor_torque: f64,
     torque: f64,
 }
 
 impl Drivetrain {
-    /// At rest and cold.
+    /// Creates a drivetrain at rest and at room temperature.
     pub fn new(settings: &DrivetrainSettings) -> Self {
         let curve = TorqueCurve::new(&settings.actuator);
         Self {
@@ -90,45 +89,45 @@ impl Drivetrain {
             hysteresis: Hysteresis::new(settings.hysteresis),
             backlash: Backlash::new(settings.backlash, settings.rotor_inertia),
             mean: 0.0,
-            made: 0.0,
+            motor_torque: 0.0,
             torque: 0.0,
         }
     }
 
-    /// The current loop is asked for `per_mille` of rated torque from now on.
-    pub const fn ask(&mut self, per_mille: f64) {
-        self.current.ask(per_mille);
+    /// Sets the torque demand, in ‰ of rated torque.
+    pub const fn set_demand(&mut self, per_mille: f64) {
+        self.current.set_demand(per_mille);
     }
 
-    /// What is asked of the current loop, in ‰ of rated torque.
+    /// Returns the torque demand, in ‰ of rated torque.
     pub const fn demand(&self) -> f64 {
         self.current.demand()
     }
 
-    /// Lets `h` s pass; what it exerted on its joint in their mean, in N·m (N).
-    pub fn exert(&mut self, h: f64) -> f64 {
+    /// Advances by `h` s and returns the mean joint torque, in N·m (N).
+    pub fn step(&mut self, h: f64) -> f64 {
         let mean = self.current.advance(h);
         self.winding.advance(h, mean);
         if (self.mean - mean).abs() > 0.0 {
             self.mean = mean;
-            self.made = self.curve.torque(mean);
+            self.motor_torque = self.curve.torque(mean);
         }
-        let given = self.hysteresis.follow(self.made);
-        self.torque = self.backlash.transmit(h, given);
+        let transmitted = self.hysteresis.follow(self.motor_torque);
+        self.torque = self.backlash.transmit(h, transmitted);
         self.torque
     }
 
-    /// Its end of the linkage has moved to `position` with `velocity`, in rad and rad/s (m and m/s).
+    /// Sets position and velocity of the joint side, in rad and rad/s (m and m/s).
     pub fn follow(&mut self, position: f64, velocity: f64) {
         self.backlash.follow(position, velocity);
     }
 
-    /// What it exerted on its joint last, in N·m (N).
+    /// Returns the last joint torque, in N·m (N).
     pub const fn torque(&self) -> f64 {
         self.torque
     }
 
-    /// What its drive senses of it.
+    /// Returns the values that the drive measures.
     pub const fn sensed(&self) -> Sensed {
         Sensed {
             position: self.backlash.position(),
@@ -157,17 +156,17 @@ mod tests {
         max_torque: 6.0,
     };
 
-    /// What it exerts once the current has come.
+    /// Returns the joint torque after the current has settled.
     fn settled(train: &mut Drivetrain, per_mille: f64) -> f64 {
-        train.ask(per_mille);
-        (0..100).map(|_| train.exert(H)).last().unwrap()
+        train.set_demand(per_mille);
+        (0..100).map(|_| train.step(H)).last().unwrap()
     }
 
     #[test]
-    fn a_demand_acts_with_the_lag_of_the_current_loop_and_is_sensed_with_it() {
-        let mut train = Drivetrain::new(&DrivetrainSettings::good(ACTUATOR));
-        train.ask(-500.0);
-        let first = train.exert(H);
+    fn demand_acts_with_the_lag_of_the_current_loop() {
+        let mut train = Drivetrain::new(&DrivetrainSettings::ideal(ACTUATOR));
+        train.set_demand(-500.0);
+        let first = train.step(H);
         let sensed = train.sensed().per_mille;
         assert!((sensed + 500.0 * (1.0 - (-1.25_f64).exp())).abs() < 1e-9, "{sensed} ‰");
         let end = settled(&mut train, -500.0);
@@ -177,21 +176,22 @@ mod tests {
     }
 
     #[test]
-    fn each_direction_has_its_own_curve() {
+    fn directions_have_their_own_curves() {
         let reverse = [150.0, 0.0, 0.0];
-        let good = DrivetrainSettings::good(ACTUATOR);
+        let ideal = DrivetrainSettings::ideal(ACTUATOR);
         let mut train =
-            Drivetrain::new(&DrivetrainSettings { torque_curve_reverse: Some(reverse), ..good });
-        // The gear turns it round: a negative target is a positive torque.
+            Drivetrain::new(&DrivetrainSettings { torque_curve_reverse: Some(reverse), ..ideal });
+        // The gear inverts: a negative target is a positive torque.
         assert!((settled(&mut train, 300.0) + 2.0).abs() < 1e-12);
         let forward = settled(&mut train, -300.0);
-        assert_eq!(forward, settled(&mut Drivetrain::new(&good), -300.0));
+        assert_eq!(forward, settled(&mut Drivetrain::new(&ideal), -300.0));
         assert!((forward - 2.0).abs() > 0.1);
     }
 
     #[test]
-    fn driven_up_and_down_it_shows_its_hysteresis() {
-        let settings = DrivetrainSettings { hysteresis: 0.2, ..DrivetrainSettings::good(ACTUATOR) };
+    fn torque_cycle_shows_the_hysteresis() {
+        let settings =
+            DrivetrainSettings { hysteresis: 0.2, ..DrivetrainSettings::ideal(ACTUATOR) };
         let mut train = Drivetrain::new(&settings);
         settled(&mut train, 700.0);
         let up = settled(&mut train, 0.0);
@@ -201,11 +201,11 @@ mod tests {
     }
 
     #[test]
-    fn an_encoder_sees_the_motor_and_not_the_joint() {
+    fn encoder_measures_the_motor_side() {
         let settings = DrivetrainSettings {
             backlash: 0.01,
             rotor_inertia: 0.008,
-            ..DrivetrainSettings::good(ACTUATOR)
+            ..DrivetrainSettings::ideal(ACTUATOR)
         };
         let mut train = Drivetrain::new(&settings);
         train.follow(0.003, 0.1);
@@ -217,14 +217,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn torque_never_exceeds_what_the_joint_bears(
+        fn torque_stays_within_the_joint_maximum(
             demands in prop::collection::vec(-32_768.0..32_767.0_f64, 1..40), width in 0.0..1.0_f64
         ) {
-            let settings = DrivetrainSettings { hysteresis: width, ..DrivetrainSettings::good(ACTUATOR) };
+            let settings = DrivetrainSettings { hysteresis: width, ..DrivetrainSettings::ideal(ACTUATOR) };
             let mut train = Drivetrain::new(&settings);
             for demand in demands {
-                train.ask(demand);
-                prop_assert!(train.exert(H).abs() <= ACTUATOR.max_torque + 1e-12);
+                train.set_demand(demand);
+                prop_assert!(train.step(H).abs() <= ACTUATOR.max_torque + 1e-12);
             }
         }
     }

@@ -1,25 +1,24 @@
 //! The arm in motion: motors, friction, end stops and a hand, integrated in small fixed steps.
 //!
-//! A step has two parts. First, what resists motion is found such that it resists the velocities `v` at the
-//! end of the step already, so a firm hand on a light wrist and a hard stop stay stable (time stepping
-//! after Stewart and Trinkle 1996):
+//! A step has two parts. The first finds the resisting torques for the velocities `v` at the end of the step, so that
+//! a firm hand on a light wrist and a hard stop are stable (time stepping after Stewart and Trinkle 1996):
 //!
 //! ```text
 //!  (M + h D + h² K) v + h c sgn(v) = M qd + h (tau - bias + Jᵀ f_g)
 //! ```
 //!
-//! At `v` = 0 the sign is any number within ±1: a joint that dry friction can hold does not creep. Then,
-//! these resisting torques `r` held, the arm moves as its own dynamics say, by Runge and Kutta's
-//! fourth-order step (Hairer, Nørsett, Wanner 1993, II.1):
+//! At `v` = 0 the sign is any number within ±1: a joint that dry friction can hold does not creep. The second part
+//! holds these resisting torques `r` constant and integrates the dynamics by a fourth-order Runge-Kutta step (Hairer,
+//! Nørsett, Wanner 1993, II.1):
 //!
 //! ```text
 //!  M(q) qdd + bias(q, qd) = tau + r
 //! ```
 //!
-//! Where nothing resists, `r` is zero, and energy is kept to the fifth order of the step. Joints that dry
-//! friction holds are locked meanwhile. For one mass the two parts together multiply its motion by a matrix
-//! of determinant `(1 + κ/2) / (1 + κ + δ)` and trace `1 + (1 - κ/2) / (1 + κ + δ)`, with `κ = h² k / m`
-//! and `δ = h d / m`: stable for every spring and every damper.
+//! Without resistance `r` is zero, and energy is conserved to the fifth order of the step. Joints that dry friction
+//! holds are locked meanwhile. For one mass both parts multiply its state by a matrix of determinant
+//! `(1 + κ/2) / (1 + κ + δ)` and trace `1 + (1 - κ/2) / (1 + κ + δ)`, with `κ = h² k / m` and `δ = h d / m`: stable
+//! for every spring and damper.
 
 mod resistance;
 
@@ -38,23 +37,23 @@ use units::spatial::Jacobian;
 use units::spatial::Twist;
 use units::spatial::Wrench;
 
-/// The longest step, in s.
-const STEP: f64 = 500e-6;
+/// Maximum step, in s.
+const MAX_STEP: f64 = 500e-6;
 
-/// A rest of time this short is a rounding error, in s.
+/// Remainder of time that counts as zero, in s.
 const ROUNDING: f64 = 1e-9;
 
-/// Velocities that a sweep changes by less are settled, in rad/s (m/s).
-const SETTLED: f64 = 1e-9;
+/// Change of velocity at which the iteration has converged, in rad/s (m/s).
+const CONVERGED: f64 = 1e-9;
 
-/// The most sweeps of one step; a handful is usual.
-const SWEEPS: usize = 100;
+/// Maximum iterations per step; a handful is usual.
+const MAX_SWEEPS: usize = 100;
 
-/// The steps that `dt` s are cut into, in s.
+/// Splits `dt` s into steps, in s.
 pub fn steps(dt: f64) -> impl Iterator<Item = f64> {
     let mut left = dt;
     std::iter::from_fn(move || {
-        let h = left.min(STEP);
+        let h = left.min(MAX_STEP);
         left -= h;
         (h > ROUNDING).then_some(h)
     })
@@ -72,51 +71,50 @@ pub struct Plant {
     f_g_hand: Wrench,
 }
 
-/// A hand, and where it wants the grip.
+/// A hand, and its desired pose of the grip.
 pub type Grasp<'h> = (&'h Hand, &'h Isometry3<f64>);
 
 impl Plant {
-    /// At rest at `q`.
+    /// Creates a plant at rest at `q`.
     pub fn new(arm: Arm, resistance: [Resistance; 6], q: Joints) -> Self {
         let posture = arm.posture(&q);
         let x_0_g = arm.pose(&posture);
         Self { arm, resistance, q, qd: Joints::zeros(), posture, x_0_g, f_g_hand: Wrench::ZERO }
     }
 
-    /// Joint positions, in rad.
+    /// Returns the joint positions, in rad.
     pub const fn q(&self) -> &Joints {
         &self.q
     }
 
-    /// Joint velocities, in rad/s.
+    /// Returns the joint velocities, in rad/s.
     pub const fn qd(&self) -> &Joints {
         &self.qd
     }
 
-    /// The pose of the grip.
+    /// Returns the pose of the grip.
     pub const fn x_0_g(&self) -> &Isometry3<f64> {
         &self.x_0_g
     }
 
-    /// The wrench of the hand on the grip, at {G} in {G}.
+    /// Returns the wrench of the hand on the grip, at {G} in {G}.
     pub const fn f_g_hand(&self) -> &Wrench {
         &self.f_g_hand
     }
 
-    /// The arm's kinetic and potential energy, in J; what end stops hold is not in it.
+    /// Returns the kinetic and potential energy of the arm, in J, without that of the end stops.
     pub fn energy(&self) -> f64 {
         self.arm.energy(&self.posture, &self.qd)
     }
 
-    /// Lets `dt` s pass with motor torques `tau` and, if it holds the grip, a hand that wants it
-    /// somewhere.
+    /// Advances by `dt` s with motor torques `tau`, and a hand if it holds the grip.
     pub fn advance(&mut self, dt: f64, tau: &Joints, hand: Option<Grasp<'_>>) {
         for h in steps(dt) {
             self.step(h, tau, hand);
         }
     }
 
-    /// One of the [`steps`] of a time.
+    /// Advances by one of the [`steps`].
     pub fn step(&mut self, h: f64, tau: &Joints, hand: Option<Grasp<'_>>) {
         let Dynamics { mass, bias } = self.arm.dynamics(&self.posture, &self.qd);
         let mut momentum = mass * self.qd + (tau - bias) * h;
@@ -127,7 +125,7 @@ impl Plant {
             let j_g = self.arm.jacobian(&self.posture);
             let v_g = j_g.twist(&self.qd);
             self.f_g_hand = hand.wrench(&self.x_0_g, &v_g, x_0_d);
-            // The damper acts on the velocity to come, not on the one that was.
+            // The damper acts on the velocity at the end of the step.
             pull = j_g.torques(&(self.f_g_hand + damping(hand, &v_g)));
             momentum += pull * h;
             yielding = inertia_of(&j_g, h, hand);
@@ -136,8 +134,8 @@ impl Plant {
         let r = impulse / h + pull - yielding * v / h;
         let held = self.held(&v);
         let first = arm::accelerations(mass, &(tau + r - bias), &held);
-        self.glide(h, &(tau + r), first, &held);
-        // A joint that friction brings to rest is at rest at the end of the step.
+        self.integrate(h, &(tau + r), first, &held);
+        // A joint that friction stops is at rest at the end of the step.
         for ((qd, v), resistance) in self.qd.iter_mut().zip(v.iter()).zip(&self.resistance) {
             if resistance.can_hold() && v.abs() <= 0.0 {
                 *qd = 0.0;
@@ -147,7 +145,7 @@ impl Plant {
         self.x_0_g = self.arm.pose(&self.posture);
     }
 
-    /// Which joints rest, and go on resting if `v` is what the step ends with.
+    /// Returns the joints that rest, and stay at rest if `v` is the velocity at the end of the step.
     fn held(&self, v: &Joints) -> [bool; 6] {
         let mut held = [false; 6];
         let joints = self.resistance.iter().zip(self.qd.iter()).zip(v.iter());
@@ -157,8 +155,8 @@ impl Plant {
         held
     }
 
-    /// `h` s of the arm's own dynamics with torques `tau`, which accelerate it by `a_1` now.
-    fn glide(&mut self, h: f64, tau: &Joints, a_1: Joints, held: &[bool; 6]) {
+    /// Integrates the dynamics for `h` s with torques `tau`; `a_1` is the initial acceleration.
+    fn integrate(&mut self, h: f64, tau: &Joints, a_1: Joints, held: &[bool; 6]) {
         let accelerate = |q: &Joints, qd: &Joints| {
             let Dynamics { mass, bias } = self.arm.dynamics(&self.arm.posture(q), qd);
             arm::accelerations(mass, &(tau - bias), held)
@@ -174,13 +172,12 @@ impl Plant {
         self.qd += (a_1 + (a_2 + a_3) * 2.0 + a_4) * (h / 6.0);
     }
 
-    /// The velocities that `momentum` gives to `inertia`, friction and stops resisting, and the impulses of
-    /// friction and stops. The velocities minimise a strictly convex function, and going from joint to
-    /// joint, each minimising its own part, gets there.
+    /// Returns the velocities of `inertia` with `momentum` against friction and stops, and the impulses of these.
+    /// Minimises a strictly convex function by coordinate descent over the joints.
     #[expect(clippy::indexing_slicing, reason = "joints are numbered by enumerating them")]
     fn resist(&self, h: f64, inertia: &JointMatrix, momentum: &Joints) -> (Joints, Joints) {
         let (mut v, mut impulse) = (self.qd, Joints::zeros());
-        for _ in 0..SWEEPS {
+        for _ in 0..MAX_SWEEPS {
             let mut change = 0.0_f64;
             for (joint, resistance) in self.resistance.iter().enumerate() {
                 let own = inertia[(joint, joint)];
@@ -190,7 +187,7 @@ impl Plant {
                 impulse[joint] = own * v[joint] - left;
                 change = change.max((v[joint] - before).abs());
             }
-            if change < SETTLED {
+            if change < CONVERGED {
                 break;
             }
         }
@@ -198,14 +195,13 @@ impl Plant {
     }
 }
 
-/// What the hand's damper takes from its pull at `v_g`.
+/// Returns the damping part of the hand's wrench at `v_g`.
 fn damping(hand: &Hand, v_g: &Twist) -> Wrench {
     let taken = v_g.scaled(&hand.dampings());
     Wrench { force: taken.linear, moment: taken.angular }
 }
 
-/// What the hand's damper and spring add to the inertia, as they act at the end of the step:
-/// `Jᵀ (h D + h² K) J`.
+/// Returns the inertia added by the hand's damper and spring at the end of the step: `Jᵀ (h D + h² K) J`.
 fn inertia_of(j_g: &Jacobian<6>, h: f64, hand: &Hand) -> JointMatrix {
     let ([d_linear, .., d_angular], [k_linear, .., k_angular]) =
         (hand.dampings(), hand.stiffnesses());
@@ -226,7 +222,7 @@ mod tests {
     const RANGES: [[f64; 2]; 6] =
         [[-1.22, 1.22], [-1.75, 0.7], [0.0, 2.44], [-1.4, 1.4], [-1.22, 1.22], [-2.79, 2.79]];
 
-    /// At rest at neutral, with `share` of the friction of kraft_like.
+    /// Returns a plant at rest at neutral, with `share` of the friction of kraft_like.
     fn plant(share: f64) -> Plant {
         let joint = |(coulomb, range): (f64, [f64; 2])| Resistance {
             coulomb: coulomb * share,
@@ -253,7 +249,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(8))]
 
         #[test]
-        fn torque_that_dry_friction_can_hold_moves_nothing_at_all(part in joints(0.99)) {
+        fn torque_below_dry_friction_causes_no_motion(part in joints(0.99)) {
             let mut plant = plant(1.0);
             let excess = Joints::from(COULOMB).component_mul(&Joints::from(part));
             plant.advance(0.05, &(weight(&plant) + excess), None);
@@ -261,7 +257,7 @@ mod tests {
         }
 
         #[test]
-        fn friction_brings_everything_to_rest_and_adds_no_energy(qd in joints(1.0)) {
+        fn friction_stops_all_joints_and_adds_no_energy(qd in joints(1.0)) {
             let mut plant = plant(10.0);
             plant.qd = Joints::from(qd);
             let mut before = kinetic(&plant);
@@ -276,7 +272,7 @@ mod tests {
         }
 
         #[test]
-        fn no_drive_is_strong_enough_for_an_end_stop(signs in prop::array::uniform6(any::<bool>())) {
+        fn end_stops_withstand_the_maximum_torque(signs in prop::array::uniform6(any::<bool>())) {
             let mut plant = plant(1.0);
             let push = |place: usize| if signs[place] { STRENGTH[place] } else { -STRENGTH[place] };
             let tau = Joints::from(std::array::from_fn::<f64, 6, _>(push));
@@ -290,28 +286,28 @@ mod tests {
         }
 
         #[test]
-        fn no_hand_however_firm_shakes_the_light_wrist(
+        fn stiff_hand_on_a_light_wrist_is_stable(
             firmness in 1.0..100.0_f64, turn in joints(0.2)
         ) {
             let mut plant = plant(1.0);
             let hand = Hand {
                 stiffness: 500.0 * firmness,
                 damping: 15.0 * firmness,
-                turning_stiffness: 6.0 * firmness,
-                turning_damping: 0.12 * firmness,
+                rotational_stiffness: 6.0 * firmness,
+                rotational_damping: 0.12 * firmness,
                 max_force: 1e6,
                 max_moment: 1e6,
             };
             let goal = plant.arm.posture(&(plant.q + Joints::from(turn)));
             let x_0_d = plant.arm.pose(&goal);
-            // The softest needs 1.1 s to come to rest, in steps of any length.
+            // The softest hand needs 1.1 s to come to rest.
             plant.advance(1.6, &Joints::zeros(), Some((&hand, &x_0_d)));
             prop_assert!(plant.qd.amax() < 1e-6, "{} rad/s", plant.qd.amax());
         }
     }
 
     #[test]
-    fn torque_beyond_dry_friction_turns_its_joint() {
+    fn torque_above_dry_friction_moves_its_joint() {
         let mut plant = plant(1.0);
         let tau = weight(&plant) + Joints::ith(5, 1.5 * COULOMB[5]);
         plant.advance(0.05, &tau, None);
@@ -319,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn a_joint_pressed_on_its_stop_rests_where_the_spring_says() {
+    fn joint_at_its_stop_rests_at_the_spring_deflection() {
         let mut plant = plant(1.0);
         let tau = |plant: &Plant| weight(plant) + Joints::ith(5, STRENGTH[5]);
         for _ in 0..1_500 {
@@ -332,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hand_carries_the_arm_and_is_felt_by_the_same_wrench() {
+    fn hand_carries_the_weight_of_the_arm() {
         let mut plant = plant(0.0);
         let hand = Hand::default();
         let x_0_d = *plant.x_0_g();
@@ -345,8 +341,8 @@ mod tests {
         assert!(plant.x_0_g().translation.z < x_0_d.translation.z - 0.01, "it does not fall");
     }
 
-    /// Ten seconds of free motion under gravity, far from any end stop: the largest kinetic energy, and how
-    /// far the whole energy ever was from what it was at the start, in J.
+    /// Simulates ten seconds of free motion under gravity; returns the maximum kinetic energy and the maximum change of
+    /// the total energy, in J.
     fn falling(arm: Arm, q: [f64; 6], qd: [f64; 6]) -> (f64, f64) {
         let free = Resistance { coulomb: 0.0, viscous: 0.0, range: [-1e9, 1e9] };
         let mut plant = Plant::new(arm, [free; 6], Joints::from(q));
@@ -362,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn ten_seconds_of_falling_without_friction_keep_the_energy() {
+    fn free_motion_conserves_energy_for_10_s() {
         let pushed = [0.5, -0.3, 0.4, 0.2, -0.6, 0.8];
         for (name, arm, q) in [
             ("kraft_like", arm::tests::kraft_like(), NEUTRAL),
@@ -376,13 +372,13 @@ mod tests {
     }
 
     #[test]
-    fn a_millisecond_is_its_steps_bit_for_bit() {
+    fn advance_equals_its_steps_bit_for_bit() {
         let (hand, x_0_d) = (Hand::default(), Isometry3::translation(0.4, 0.0, 0.1));
         let (mut whole, mut parts) = (plant(1.0), plant(1.0));
         for _ in 0..50 {
             whole.advance(1e-3, &Joints::zeros(), Some((&hand, &x_0_d)));
             for _ in 0..2 {
-                parts.advance(STEP, &Joints::zeros(), Some((&hand, &x_0_d)));
+                parts.advance(MAX_STEP, &Joints::zeros(), Some((&hand, &x_0_d)));
             }
         }
         assert_eq!((whole.q, whole.qd), (parts.q, parts.qd));

@@ -1,4 +1,4 @@
-//! How an entry `[[fault]]` is read: `at_s`, `kind`, whom it befalls, `for_s`, and the keys of its kind.
+//! Parser of `[[fault]]` entries: `at_s`, `kind`, the device, `for_s`, and the keys of the kind.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use canopen_rs::NodeId;
 use toml::Spanned;
 use toml::Value;
 
-use crate::scenario::SHORTEST;
+use crate::scenario::MIN_DURATION;
 use crate::scenario::fault::Contact;
 use crate::scenario::fault::Cut;
 use crate::scenario::fault::Fault;
@@ -35,16 +35,16 @@ use canopen::nmt::Order;
 use canopen::sync;
 use units::numbering::Joint;
 
-/// No frame is held back longer, in ms.
-const LONGEST_DELAY_MS: f64 = 10_000.0;
+/// Maximum delay of a frame, in ms.
+const MAX_DELAY_MS: f64 = 10_000.0;
 
-/// No stranger speaks more often, in ms.
-const SHORTEST_PAUSE_MS: f64 = 0.1;
+/// Minimum period of frames from an unknown station, in ms.
+const MIN_PERIOD_MS: f64 = 0.1;
 
-/// No encoder is farther off, in rad (m).
-const FARTHEST: f64 = 1e3;
+/// Maximum encoder offset, in rad (m).
+const MAX_ENCODER_OFFSET: f64 = 1e3;
 
-/// Reads all of them. They may overlap, but none begins before the one before it.
+/// Reads all faults, in order of their begin; they may overlap.
 pub(super) fn read_all(
     entries: Vec<Spanned<Entry>>,
     seconds: f64,
@@ -99,12 +99,12 @@ fn read(kind: &str, at_s: f64, seconds: f64, keys: &mut Keys) -> Result<Fault, M
     let lasts = if is_momentary(&kind) {
         None
     } else {
-        keys.number("for_s", SHORTEST..=seconds - at_s)?.map(Duration::from_secs_f64)
+        keys.number("for_s", MIN_DURATION..=seconds - at_s)?.map(Duration::from_secs_f64)
     };
     Ok(Fault { begins: Duration::from_secs_f64(at_s), lasts, whom, kind })
 }
 
-/// Whether it is over as soon as it has happened.
+/// Returns whether the fault has no duration.
 const fn is_momentary(kind: &Kind) -> bool {
     match kind {
         Kind::Trouble(trouble) => match trouble {
@@ -121,14 +121,14 @@ const fn is_momentary(kind: &Kind) -> bool {
     }
 }
 
-/// `joint = 3`, `joint = "all"` or `device = "switches"`.
+/// Reads `joint = 3`, `joint = "all"` or `device = "switches"`.
 fn device(keys: &mut Keys) -> Result<Whom, Misplaced> {
     let switches =
         keys.word("device", "\"switches\"", |word| (word == "switches").then_some(Whom::Switches))?;
     if switches.is_some() { keys.needed("device", switches) } else { drive(keys) }
 }
 
-/// `joint = 3` or `joint = "all"`.
+/// Reads `joint = 3` or `joint = "all"`.
 fn drive(keys: &mut Keys) -> Result<Whom, Misplaced> {
     let read = |value: &Value| match value.as_str() {
         Some(word) => (word == "all").then_some(Whom::Drives),
@@ -153,7 +153,7 @@ fn frames(keys: &mut Keys, treatment: Treatment) -> Result<(Whom, Kind), Misplac
     Ok((whom, Kind::Frames(Frames { selection, treatment, often: often(keys)? })))
 }
 
-/// `frame = "tpdo1"` and the like.
+/// Reads a communication object, as `frame = "tpdo1"`.
 fn service(keys: &mut Keys) -> Result<Option<Service>, Misplaced> {
     let wanted = "tpdo1 to tpdo512, rpdo1 to rpdo512, emcy, heartbeat, sdo, sync or nmt";
     keys.word("frame", wanted, |word| {
@@ -180,7 +180,7 @@ fn cob_id(keys: &mut Keys) -> Result<Option<u16>, Misplaced> {
     keys.whole("cob_id", "0 to 0x7FF", |cob_id| *cob_id <= COB_ID_MAX)
 }
 
-/// `share` or `count`, or neither.
+/// Reads `share` or `count`, if one is present.
 fn often(keys: &mut Keys) -> Result<Often, Misplaced> {
     if let Some(share) = keys.number("share", 0.0..=1.0)? {
         return Ok(Often::Share(share));
@@ -190,7 +190,7 @@ fn often(keys: &mut Keys) -> Result<Often, Misplaced> {
 }
 
 fn delay(keys: &mut Keys) -> Result<(Whom, Kind), Misplaced> {
-    let by = keys.number("delay_ms", 0.0..=LONGEST_DELAY_MS)?;
+    let by = keys.number("delay_ms", 0.0..=MAX_DELAY_MS)?;
     let by = Duration::from_secs_f64(keys.needed("delay_ms", by)? * 1e-3);
     let reorders = keys.value("reorder", "true or false", Value::as_bool)?.unwrap_or(false);
     frames(keys, Treatment::Delay { by, reorders })
@@ -236,7 +236,7 @@ fn emergency(keys: &mut Keys) -> Result<(Whom, Kind), Misplaced> {
 }
 
 fn encoder_jump(keys: &mut Keys) -> Result<(Whom, Kind), Misplaced> {
-    let by = keys.number("by_rad", -FARTHEST..=FARTHEST)?;
+    let by = keys.number("by_rad", -MAX_ENCODER_OFFSET..=MAX_ENCODER_OFFSET)?;
     Ok((drive(keys)?, Kind::Sense(Sense::EncoderOff(keys.needed("by_rad", by)?))))
 }
 
@@ -262,10 +262,10 @@ fn switch_stuck(keys: &mut Keys) -> Result<(Whom, Kind), Misplaced> {
     Ok((Whom::Switches, Kind::Contact(input(keys)?, stuck)))
 }
 
-/// On `bus`, the first one if none is named; once, or with `every_ms` again and again.
+/// Reads `bus` (default 0) and `every_ms`; without that the frame is sent once.
 fn stranger(keys: &mut Keys, frame: Frame) -> Result<(Whom, Kind), Misplaced> {
     let bus = keys.whole("bus", "a bus, from 0", |_: &u8| true)?.unwrap_or(0);
-    let every = keys.number("every_ms", SHORTEST_PAUSE_MS..=LONGEST_DELAY_MS)?;
+    let every = keys.number("every_ms", MIN_PERIOD_MS..=MAX_DELAY_MS)?;
     let every = every.map(|every| Duration::from_secs_f64(every * 1e-3));
     Ok((Whom::Bus(Channel(bus)), Kind::Stranger { frame, every }))
 }
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_what_is_told() {
+    fn faults_are_described_as_configured() {
         for (keys, words) in [
             ("kind = \"unplug\", joint = 3", "joint 3: unplugged"),
             ("kind = \"reset\", joint = \"all\"", "every drive: reboots by itself"),
@@ -368,14 +368,17 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused_in_one_line_where_it_stands() {
+    fn invalid_faults_are_refused_in_one_line() {
         for (keys, reason) in [
             ("joint = 3", "line 2: `fault` needs `kind`"),
-            ("kind = 3", "line 4: kind = 3 is not a word"),
-            ("kind = \"burn\"", "line 2: kind = burn is not a kind of fault"),
+            ("kind = 3", "line 4: kind must be a word, got 3"),
+            ("kind = \"burn\"", "line 2: kind must be a kind of fault, got burn"),
             ("kind = \"unplug\"", "line 2: `unplug` needs `joint`"),
-            ("kind = \"unplug\", joint = 7", "line 5: joint = 7 is not 1 to 6 or \"all\""),
-            ("kind = \"unplug\", device = \"me\"", "line 5: device = \"me\" is not \"switches\""),
+            ("kind = \"unplug\", joint = 7", "line 5: joint must be 1 to 6 or \"all\", got 7"),
+            (
+                "kind = \"unplug\", device = \"me\"",
+                "line 5: device must be \"switches\", got \"me\"",
+            ),
             ("kind = \"sto\", device = \"switches\"", "line 2: `sto` needs `joint`"),
             (
                 "kind = \"unplug\", joint = 1, code = 3",
@@ -387,36 +390,36 @@ mod tests {
             ),
             (
                 "kind = \"unplug\", joint = 1, for_s = 4.1",
-                "line 6: for_s = 4.1 is not within 0.001",
+                "line 6: for_s must be within 0.001..=4, got 4.1",
             ),
-            ("kind = \"unplug\", joint = 1, for_s = nan", "line 6: for_s = NaN is not within"),
-            ("kind = \"drop\", joint = 1, frame = \"tpdo0\"", "line 6: frame = \"tpdo0\" is not"),
-            ("kind = \"drop\", joint = 1, frame = \"tpdo01\"", "line 6: frame = \"tpdo01\" is not"),
+            ("kind = \"unplug\", joint = 1, for_s = nan", "line 6: for_s must be within"),
+            ("kind = \"drop\", joint = 1, frame = \"tpdo0\"", "line 6: frame must be tpdo1 to"),
+            ("kind = \"drop\", joint = 1, frame = \"tpdo01\"", "line 6: frame must be tpdo1 to"),
             (
                 "kind = \"drop\", joint = 1, frame = \"sync\", cob_id = 128",
                 "line 7: `cob_id` does not belong to `drop`",
             ),
             (
                 "kind = \"drop\", joint = 1, cob_id = 0x800",
-                "line 6: cob_id = 2048 is not 0 to 0x7FF",
+                "line 6: cob_id must be 0 to 0x7FF, got 2048",
             ),
             (
                 "kind = \"drop\", joint = 1, share = 1.5",
-                "line 6: share = 1.5 is not within 0 and 1",
+                "line 6: share must be within 0..=1, got 1.5",
             ),
             (
                 "kind = \"drop\", joint = 1, share = 1, count = 1",
                 "line 7: `count` does not belong to `drop`",
             ),
-            ("kind = \"drop\", joint = 1, count = 0", "line 6: count = 0 is not 1 or more"),
+            ("kind = \"drop\", joint = 1, count = 0", "line 6: count must be 1 or more, got 0"),
             ("kind = \"delay\", joint = 1", "line 2: `delay` needs `delay_ms`"),
-            ("kind = \"corrupt\", joint = 1, xor = \"1\"", "line 6: xor = \"1\" is not up to 8"),
-            ("kind = \"corrupt\", joint = 1, xor = \"+1\"", "line 6: xor = \"+1\" is not up to 8"),
+            ("kind = \"corrupt\", joint = 1, xor = \"1\"", "line 6: xor must be up to 8 bytes"),
+            ("kind = \"corrupt\", joint = 1, xor = \"+1\"", "line 6: xor must be up to 8 bytes"),
             ("kind = \"foreign_nmt\"", "line 2: `foreign_nmt` needs `command`"),
             ("kind = \"link_loss\", at_s = 2", "line 5: duplicate key"),
             (
                 "kind = \"link_loss\", [[fault]], kind = \"link_loss\", at_s = 0.5",
-                "line 5: begins at 0.5 s, when the one before it lasts until 1 s",
+                "line 5: at_s must be at least 1, the end of the entry before, got 0.5",
             ),
         ] {
             let error = read(keys).unwrap_err();
@@ -427,7 +430,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_entry_is_too_strange_to_be_refused_quietly(
+        fn any_entry_is_parsed_or_refused(
             kind in prop::sample::select(vec!["drop", "corrupt", "delay", "foreign_frame", "emergency"]),
             key in prop::sample::select(vec!["joint", "xor", "payload", "delay_ms", "code", "frame"]),
             value in prop_oneof!["\"[^\"\\\\\\n]*\"", "-?[1-9][0-9]{0,20}(\\.[0-9]+)?", "\\[\\]"],

@@ -1,4 +1,4 @@
-//! The keys of one `[[fault]]`: taken one by one, each checked where it stands, none left over.
+//! Keys of one `[[fault]]`: read one by one, each checked, none left over.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -11,10 +11,10 @@ use crate::scenario::problem::Misplaced;
 use crate::scenario::problem::Problem;
 use crate::scenario::problem::within;
 
-/// A table as it is written.
+/// A table of a file.
 pub(super) type Entry = BTreeMap<String, Spanned<Value>>;
 
-/// What has not been read yet of a table.
+/// Keys of a table not read yet.
 #[derive(Debug)]
 pub(super) struct Keys {
     kind: String,
@@ -23,7 +23,7 @@ pub(super) struct Keys {
 }
 
 impl Keys {
-    /// All of a table but its `kind`, and that.
+    /// Reads `kind`; returns it with the other keys.
     pub(super) fn of(entry: Spanned<Entry>) -> Result<(String, Self), Misplaced> {
         let span = entry.span();
         let mut keys = Self { kind: "fault".to_owned(), span, left: entry.into_inner() };
@@ -32,12 +32,12 @@ impl Keys {
         Ok((keys.kind.clone(), keys))
     }
 
-    /// A problem of the table as a whole.
+    /// Returns a problem with the span of the table.
     pub(super) fn misplaced(&self, problem: Problem) -> Misplaced {
         (self.span.clone(), problem)
     }
 
-    /// What a key says, if it is there, as `read` understands it; if it does not, it is not `wanted`.
+    /// Reads a key if it is present; `read` decodes its value, and `wanted` names the values allowed.
     pub(super) fn value<T>(
         &mut self,
         key: &'static str,
@@ -45,14 +45,14 @@ impl Keys {
         read: impl Fn(&Value) -> Option<T>,
     ) -> Result<Option<T>, Misplaced> {
         let Some(value) = self.left.remove(key) else { return Ok(None) };
-        let understood = read(value.get_ref()).map(Some);
-        understood.ok_or_else(|| {
-            let stands = value.get_ref().to_string().replace('\n', " ");
-            (value.span(), Problem::Value { key, value: stands, wanted })
+        let decoded = read(value.get_ref()).map(Some);
+        decoded.ok_or_else(|| {
+            let given = value.get_ref().to_string().replace('\n', " ");
+            (value.span(), Problem::Value { key, value: given, wanted })
         })
     }
 
-    /// A number within bounds, if it is there.
+    /// Reads a number within bounds, if the key is present.
     pub(super) fn number(
         &mut self,
         key: &'static str,
@@ -64,7 +64,7 @@ impl Keys {
         Ok(Some(number))
     }
 
-    /// A whole number that `T` can hold, if it is there.
+    /// Reads an integer in the range of `T`, if the key is present.
     pub(super) fn whole<T: TryFrom<i64>>(
         &mut self,
         key: &'static str,
@@ -76,7 +76,7 @@ impl Keys {
         })
     }
 
-    /// A word that `read` understands, if it is there.
+    /// Reads a word, if the key is present.
     pub(super) fn word<T>(
         &mut self,
         key: &'static str,
@@ -86,18 +86,18 @@ impl Keys {
         self.value(key, wanted, |value| read(value.as_str()?))
     }
 
-    /// Up to eight bytes in hexadecimal, if they are there.
+    /// Reads up to eight bytes in hexadecimal, if the key is present.
     pub(super) fn bytes(&mut self, key: &'static str) -> Result<Option<Vec<u8>>, Misplaced> {
         self.word(key, "up to 8 bytes as two hexadecimal digits each", bytes)
     }
 
-    /// What must be there.
+    /// Checks that a required key is present.
     pub(super) fn needed<T>(&self, key: &'static str, value: Option<T>) -> Result<T, Misplaced> {
         let missing = || self.misplaced(Problem::Missing { kind: self.kind.clone(), key });
         value.ok_or_else(missing)
     }
 
-    /// Nothing else is there.
+    /// Checks that no other key is present.
     pub(super) fn end(self) -> Result<(), Misplaced> {
         let Self { kind, mut left, .. } = self;
         match left.pop_first() {

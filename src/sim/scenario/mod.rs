@@ -1,12 +1,12 @@
-//! What happens and when: a script in TOML, read once, asked at any time.
+//! Scenarios: a script in TOML of operator actions and faults.
 //!
-//! Times are in s after the first SYNC. Hand movements are relative to where the grip was at the start:
-//! along the axes of {0} and about those of the grip.
+//! Times are in s after the first SYNC. Hand movements are relative to the grip's pose at the start, along the axes of
+//! {0} and about those of the grip.
 //!
-//! | file         | what                                                        |
+//! | file         | content                                                     |
 //! |--------------|-------------------------------------------------------------|
-//! | [`operator`] | moves, switches, holds, the console                         |
-//! | [`fault`]    | what breaks, told as `[[fault]]` entries                    |
+//! | [`operator`] | moves, switches, holds, console requests                    |
+//! | [`fault`]    | faults, from `[[fault]]` entries                            |
 
 mod entry;
 pub mod fault;
@@ -28,8 +28,8 @@ use crate::operator_settings::OperatorSettings;
 use crate::quirks::QuirkAssignment;
 use crate::scenario::fault::Fault;
 use crate::scenario::keys::Entry;
+use crate::scenario::operator::Actions;
 use crate::scenario::operator::Console;
-use crate::scenario::operator::Doings;
 use crate::scenario::operator::Hold;
 use crate::scenario::operator::Move;
 use crate::scenario::operator::Switch;
@@ -37,19 +37,19 @@ use crate::scenario::problem::Misplaced;
 use crate::scenario::problem::within;
 use written;
 
-/// Nothing that takes time takes less, in s.
-const SHORTEST: f64 = 1e-3;
+/// Shortest duration of anything that takes time, in s.
+const MIN_DURATION: f64 = 1e-3;
 
-/// No script is longer, in s.
-const LONGEST: f64 = 86_400.0;
+/// Maximum length of a scenario, in s.
+const MAX_LENGTH: f64 = 86_400.0;
 
-/// No wall is softer, in N/m.
-const SOFTEST: f64 = 1.0;
+/// Minimum stiffness of the wall, in N/m.
+const MIN_WALL_STIFFNESS: f64 = 1.0;
 
-/// No wall is stiffer, in N/m.
-const STIFFEST: f64 = 1e7;
+/// Maximum stiffness of the wall, in N/m.
+const MAX_WALL_STIFFNESS: f64 = 1e7;
 
-/// A whole script that can be followed.
+/// A checked scenario.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     seconds: f64,
@@ -57,18 +57,18 @@ pub struct Scenario {
     compares_passivity: bool,
     hand: OperatorSettings,
     quirks: QuirkAssignment,
-    doings: Doings,
+    actions: Actions,
     faults: Vec<Fault>,
 }
 
-/// A script as it is written.
+/// A scenario as read from a file.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Script {
     seconds: Spanned<f64>,
-    /// What is otherwise than configured around the object.
+    /// Changes of the configured environment.
     environment: Option<Spanned<Environment>>,
-    /// Whether it is played twice: without and with the passivity layer.
+    /// Plays the scenario twice: without and with the passivity layer.
     #[serde(default)]
     compares_passivity: bool,
     #[serde(default)]
@@ -88,7 +88,7 @@ struct Script {
     quirks: QuirkAssignment,
 }
 
-/// What the object meets.
+/// Environment of the commanded object.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Environment {
@@ -96,10 +96,10 @@ struct Environment {
 }
 
 impl Scenario {
-    /// Reads a script.
+    /// Parses a scenario.
     ///
     /// # Errors
-    /// The first thing that is wrong with it.
+    /// The first error, with its line.
     pub fn parse(text: &str) -> Result<Self, ScenarioError> {
         let at = |span: Range<usize>, problem| ScenarioError { line: line(text, &span), problem };
         let script: Script = toml::from_str(text).map_err(|error| {
@@ -115,17 +115,17 @@ impl Scenario {
         Self::check(script).map_err(|(span, problem)| at(span, problem))
     }
 
-    /// How long it is, in s.
+    /// Returns the length, in s.
     pub const fn seconds(&self) -> f64 {
         self.seconds
     }
 
-    /// How stiff the wall is, in N/m, if it is otherwise than configured.
+    /// Returns the stiffness of the wall, in N/m, if it replaces the configured one.
     pub const fn wall_stiffness(&self) -> Option<f64> {
         self.wall_stiffness
     }
 
-    /// Whether it is to be played twice: without and with the passivity layer.
+    /// Returns whether to play the scenario twice: without and with the passivity layer.
     pub const fn compares_passivity(&self) -> bool {
         self.compares_passivity
     }
@@ -145,24 +145,24 @@ impl Scenario {
         &mut self.quirks
     }
 
-    /// What is asked of the console, and when, in s, in order.
+    /// Returns the console requests with their times in s, in order.
     pub fn requests(&self) -> impl Iterator<Item = (f64, ConsoleRequest)> + '_ {
-        self.doings.requests()
+        self.actions.requests()
     }
 
-    /// What the operator does at `t` s.
+    /// Returns the operator's state at `t` s.
     pub fn operator(&self, t: f64) -> Operator {
-        self.doings.at(t)
+        self.actions.at(t)
     }
 
-    /// What breaks, in the order in which it begins.
+    /// Returns the faults, in order of their begin.
     pub fn faults(&self) -> &[Fault] {
         &self.faults
     }
 
     fn check(script: Script) -> Result<Self, Misplaced> {
         let seconds = *script.seconds.get_ref();
-        within("seconds", seconds, SHORTEST, LONGEST)
+        within("seconds", seconds, MIN_DURATION, MAX_LENGTH)
             .map_err(|problem| (script.seconds.span(), problem))?;
         let wall_stiffness = script.environment.as_ref().map(wall_stiffness).transpose()?;
         let Script {
@@ -176,20 +176,20 @@ impl Scenario {
             faults,
             ..
         } = script;
-        let doings = Doings::new(moves, switches, console, holds, seconds)?;
+        let actions = Actions::new(moves, switches, console, holds, seconds)?;
         let faults = entry::read_all(faults, seconds)?;
-        Ok(Self { seconds, wall_stiffness, compares_passivity, hand, quirks, doings, faults })
+        Ok(Self { seconds, wall_stiffness, compares_passivity, hand, quirks, actions, faults })
     }
 }
 
 fn wall_stiffness(around: &Spanned<Environment>) -> Result<f64, Misplaced> {
     let stiffness = around.get_ref().wall_stiffness_n_per_m;
-    within("wall_stiffness_n_per_m", stiffness, SOFTEST, STIFFEST)
+    within("wall_stiffness_n_per_m", stiffness, MIN_WALL_STIFFNESS, MAX_WALL_STIFFNESS)
         .map_err(|problem| (around.span(), problem))?;
     Ok(stiffness)
 }
 
-/// The line a span begins in, from 1.
+/// Returns the line in which a span begins, from 1.
 fn line(text: &str, span: &Range<usize>) -> usize {
     1 + text.bytes().take(span.start).filter(|byte| *byte == b'\n').count()
 }
@@ -207,7 +207,7 @@ mod tests {
         [[hold]]\nat_s = 4\nholding = false\n";
 
     #[test]
-    fn the_hand_goes_smoothly_from_where_it_was_to_where_it_is_told() {
+    fn hand_moves_smoothly_between_positions() {
         let scenario = Scenario::parse(SCRIPT).unwrap();
         let x = |t| scenario.operator(t).translation.x;
         assert!(x(1.0).abs() < 1e-12 && (x(2.0) - 0.02).abs() < 1e-12);
@@ -215,21 +215,25 @@ mod tests {
     }
 
     #[test]
-    fn the_deadman_has_two_channels_that_never_agree() {
+    fn deadman_channels_are_antivalent() {
         let scenario = Scenario::parse(SCRIPT).unwrap();
         assert_eq!(scenario.operator(1.9).inputs, 0b10);
         assert_eq!(scenario.operator(2.0).inputs, 0b01);
     }
 
     #[test]
-    fn a_script_that_cannot_be_followed_is_refused() {
+    fn invalid_scenarios_are_refused() {
         for (from, to, reason) in [
-            ("duration_s = 2", "duration_s = -2", "line 2: duration_s = -2 is not within"),
-            ("at_s = 1\n", "at_s = 1e308\n", "line 2: duration_s = 2 is not within"),
-            ("at_s = 0.5", "at_s = 5.1", "line 9: at_s = 5.1 is not within 0 and 5"),
-            ("at_s = 2", "at_s = nan", "line 6: at_s = NaN is not within 0 and 5"),
-            ("to_m = [0.04, 0, 0]", "to_m = [nan, 0, 0]", "line 2: to_m = NaN"),
-            ("to_m = [0.04, 0, 0]", "to_rad = [0, 4, 0]", "line 2: to_rad = 4"),
+            ("duration_s = 2", "duration_s = -2", "line 2: duration_s must be within"),
+            ("at_s = 1\n", "at_s = 1e308\n", "line 2: duration_s must be within"),
+            ("at_s = 0.5", "at_s = 5.1", "line 9: at_s must be within 0..=5, got 5.1"),
+            ("at_s = 2", "at_s = nan", "line 6: at_s must be within 0..=5, got NaN"),
+            (
+                "to_m = [0.04, 0, 0]",
+                "to_m = [nan, 0, 0]",
+                "line 2: to_m must be within -2..=2, got NaN",
+            ),
+            ("to_m = [0.04, 0, 0]", "to_rad = [0, 4, 0]", "line 2: to_rad must be within"),
             (
                 "to_m = [0.04, 0, 0]",
                 "to_m = [0.04, 0, 0, \"x\"]",
@@ -245,10 +249,10 @@ mod tests {
                 "[hand]\ntremor_hz = [8, 9, 10]\n[[move]]",
                 "line 3: hand.tremor_hz must be a list of 2, got 3",
             ),
-            ("seconds = 5", "seconds = inf", "line 1: seconds = inf"),
+            ("seconds = 5", "seconds = inf", "line 1: seconds must be within"),
             ("deadman = true", "dead_man = true", "line 8: unknown field `dead_man`"),
             ("\"arm\"", "\"fire\"", "line 11: unknown variant `fire`"),
-            ("[[hold]]", "[[switch]]\nat_s = 1.5\n[[hold]]", "line 12: begins at 1.5 s"),
+            ("[[hold]]", "[[switch]]\nat_s = 1.5\n[[hold]]", "line 12: at_s must be at least 2"),
             ("seconds = 5", "seconds", "line 1: "),
             ("[[move]]", "[hand]\ntremor_mm = -1\n[[move]]", "line 2: tremor_mm must be within"),
             ("[[move]]", "[hand]\ntremble = 1\n[[move]]", "line 3: unknown field `tremble`"),
@@ -261,7 +265,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_text_is_too_strange_to_be_refused_quietly(text in any::<String>(), cut in 0..200_usize) {
+        fn any_text_is_parsed_or_refused(text in any::<String>(), cut in 0..200_usize) {
             drop(Scenario::parse(&text));
             let script: String = SCRIPT.chars().take(cut).chain(text.chars()).collect();
             drop(Scenario::parse(&script));
@@ -269,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn every_shipped_script_can_be_followed() {
+    fn shipped_scenarios_are_valid() {
         for text in [
             include_str!("../../../config/scenarios/teleoperation.toml"),
             include_str!("../../../config/scenarios/contact_10s.toml"),

@@ -1,4 +1,4 @@
-//! What the operator does: where the hand goes, which switches it presses, what it asks of the console.
+//! Operator actions: hand motion, switches and console requests.
 
 use std::f64::consts::PI;
 
@@ -7,16 +7,16 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::scenario::SHORTEST;
+use crate::scenario::MIN_DURATION;
 use crate::scenario::problem::Misplaced;
 use crate::scenario::problem::in_order;
 use crate::scenario::problem::within;
 use written::List;
 
-/// No hand reaches farther, in m.
+/// Reach of the hand, in m.
 const REACH: f64 = 2.0;
 
-/// What the operator asks of the node's console.
+/// Request to the node's console.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 pub enum ConsoleRequest {
     /// Gravity compensation on.
@@ -25,47 +25,47 @@ pub enum ConsoleRequest {
     /// Torque off.
     #[serde(rename = "disarm")]
     Disarm,
-    /// Leave a stop.
+    /// Resets a stop.
     #[serde(rename = "reset")]
     Reset,
-    /// Command rates.
+    /// Rate mode.
     #[serde(rename = "mode rate")]
     Rate,
-    /// Command poses.
+    /// Pose mode.
     #[serde(rename = "mode pose")]
     Pose,
 }
 
-/// What the operator does at one moment.
+/// State of the operator at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Operator {
-    /// Where the hand wants the grip, from its start, along {0}, in m.
+    /// Desired translation of the grip from its start, along {0}, in m.
     pub translation: Vector3<f64>,
-    /// How it wants it turned, from its start.
+    /// Desired rotation of the grip from its start.
     pub rotation: UnitQuaternion<f64>,
     /// The switch box's inputs: deadman A and B (antivalent), reference, reflection.
     pub inputs: u8,
-    /// Whether it holds the grip at all.
+    /// The hand holds the grip.
     pub is_holding: bool,
 }
 
 impl Operator {
-    /// The switch box's inputs when the hand is off the grip, and so off the deadman switch.
+    /// Returns the inputs with the hand off the grip: the deadman switch is open.
     pub const fn hand_off(&self) -> u8 {
         self.inputs & !0b11 | 0b10
     }
 }
 
-/// All an operator does, each list in order.
+/// All operator actions, each list in order of time.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Doings {
+pub(super) struct Actions {
     moves: Vec<Move>,
     switches: Vec<Switch>,
     console: Vec<Console>,
     holds: Vec<Hold>,
 }
 
-/// The hand goes somewhere, smoothly; what is not named stays as it is.
+/// Moves the hand smoothly; absent keys leave their part as it is.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Move {
@@ -75,7 +75,7 @@ pub(super) struct Move {
     to_rad: Option<List<f64, 3>>,
 }
 
-/// Switches are pressed or released; those not named stay as they are.
+/// Operates switches; absent keys leave their switch as it is.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Switch {
@@ -85,7 +85,7 @@ pub(super) struct Switch {
     reflection: Option<bool>,
 }
 
-/// The operator asks something of the console.
+/// Sends a console request.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Console {
@@ -93,7 +93,7 @@ pub(super) struct Console {
     request: ConsoleRequest,
 }
 
-/// The hand lets go, or takes hold again.
+/// Releases or holds the grip.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Hold {
@@ -101,8 +101,8 @@ pub(super) struct Hold {
     holding: bool,
 }
 
-impl Doings {
-    /// What can be done within `seconds`.
+impl Actions {
+    /// Checks that all actions are possible within `seconds`.
     pub(super) fn new(
         moves: Vec<Spanned<Move>>,
         switches: Vec<Spanned<Switch>>,
@@ -112,7 +112,7 @@ impl Doings {
     ) -> Result<Self, Misplaced> {
         let moves = in_order(moves, seconds, |step| {
             let Move { at_s, duration_s, to_m, to_rad } = *step;
-            within("duration_s", duration_s, SHORTEST, seconds - at_s)?;
+            within("duration_s", duration_s, MIN_DURATION, seconds - at_s)?;
             to_m.iter()
                 .flat_map(|list| &list.0)
                 .try_for_each(|to| within("to_m", *to, -REACH, REACH))?;
@@ -128,12 +128,12 @@ impl Doings {
         Ok(Self { moves, switches, console, holds })
     }
 
-    /// What is asked of the console, and when, in s, in order.
+    /// Returns the console requests with their times in s, in order.
     pub(super) fn requests(&self) -> impl Iterator<Item = (f64, ConsoleRequest)> + '_ {
         self.console.iter().map(|console| (console.at_s, console.request))
     }
 
-    /// What is done at `t` s.
+    /// Returns the operator's state at `t` s.
     pub(super) fn at(&self, t: f64) -> Operator {
         let (mut place, mut turn) = (Vector3::zeros(), Vector3::zeros());
         for step in self.moves.iter().take_while(|step| step.at_s <= t) {
@@ -160,7 +160,7 @@ impl Doings {
     }
 }
 
-/// From 0 to 1 with the least jerk (Flash and Hogan 1985), and constant outside.
+/// Minimum-jerk step from 0 to 1 (Flash and Hogan 1985), constant outside.
 fn smooth(share: f64) -> f64 {
     let s = share.clamp(0.0, 1.0);
     s * s * s * (10.0 + s * (6.0 * s - 15.0))

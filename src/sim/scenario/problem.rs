@@ -1,81 +1,81 @@
-//! What is wrong with a script, and where.
+//! Errors in a scenario, with their lines.
 
 use std::ops::Range;
 
 use thiserror::Error;
 use toml::Spanned;
 
-/// Sums of decimal fractions may differ by less than this, in s.
+/// Tolerance for sums of decimal fractions, in s.
 const ROUNDING: f64 = 1e-9;
 
-/// Why a script is none, and where.
+/// Error in a scenario, with its line.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("line {line}: {problem}")]
 pub struct ScenarioError {
-    /// From 1.
+    /// Line, from 1.
     pub line: usize,
-    /// What is wrong there.
+    /// Problem.
     pub problem: Problem,
 }
 
-/// What cannot be followed.
+/// Kinds of errors.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Problem {
-    /// Not TOML, or not with these keys.
+    /// Invalid TOML, or unknown keys.
     #[error("{0}")]
     Toml(String),
-    /// A number beyond its bounds, or none.
-    #[error("{quantity} = {value} is not within {low} and {high}")]
+    /// A number is out of its range, or NaN.
+    #[error("{quantity} must be within {low}..={high}, got {value}")]
     Number {
-        /// Its key.
+        /// Key.
         quantity: &'static str,
-        /// What stands there.
+        /// Value given.
         value: f64,
-        /// The least it may be.
+        /// Lower limit.
         low: f64,
-        /// The most it may be.
+        /// Upper limit.
         high: f64,
     },
-    /// The entries of a list must follow each other in time.
-    #[error("begins at {at_s} s, when the one before it lasts until {free_s} s")]
+    /// The entries of a list overlap in time.
+    #[error("at_s must be at least {free_s}, the end of the entry before, got {at_s}")]
     Order {
-        /// When it begins.
+        /// Begin of the entry.
         at_s: f64,
-        /// When it could.
+        /// End of the entry before.
         free_s: f64,
     },
-    /// A fault without what it needs.
+    /// A key of the kind of fault is missing.
     #[error("`{kind}` needs `{key}`")]
     Missing {
-        /// The kind of fault.
+        /// Kind of fault.
         kind: String,
-        /// What it needs.
+        /// Missing key.
         key: &'static str,
     },
-    /// A key that this kind of fault does not have.
+    /// The kind of fault has no such key.
     #[error("`{key}` does not belong to `{kind}`")]
     Unrelated {
-        /// The kind of fault.
+        /// Kind of fault.
         kind: String,
-        /// What stands there all the same.
+        /// Key given.
         key: String,
     },
-    /// A value that the key does not have.
-    #[error("{key} = {value} is not {wanted}")]
+    /// Invalid value of a key.
+    #[error("{key} must be {wanted}, got {value}")]
     Value {
-        /// The key.
+        /// Key.
         key: &'static str,
-        /// What stands there.
+        /// Value given.
         value: String,
-        /// What could.
+        /// Values allowed.
         wanted: &'static str,
     },
 }
 
-/// A problem, and the bytes of the text that it is about.
+/// A problem, and its byte range in the text.
 pub(super) type Misplaced = (Range<usize>, Problem);
 
-/// Numbers out of bounds, and those that are none, are a problem.
+/// Checks a range; NaN is out of range.
 pub(super) fn within(
     quantity: &'static str,
     value: f64,
@@ -86,8 +86,7 @@ pub(super) fn within(
     if is_within { Ok(()) } else { Err(Problem::Number { quantity, value, low, high }) }
 }
 
-/// The entries themselves, if they lie within the script and none begins before the one before it has
-/// ended. `span` tells when one begins and ends.
+/// Returns the entries if they lie within the scenario and do not overlap. `span` returns begin and end of one.
 pub(super) fn in_order<T>(
     entries: Vec<Spanned<T>>,
     seconds: f64,
@@ -106,7 +105,7 @@ pub(super) fn in_order<T>(
     Ok(entries.into_iter().map(Spanned::into_inner).collect())
 }
 
-/// Whether what begins at `at_s` may, when it could from `free_s` on.
+/// Checks that an entry begins after the end of the one before.
 pub(super) fn follows(at_s: f64, free_s: f64) -> Result<(), Problem> {
     let is_after = at_s >= free_s - ROUNDING;
     if is_after { Ok(()) } else { Err(Problem::Order { at_s, free_s }) }

@@ -7,13 +7,14 @@ use thiserror::Error;
 use crate::drive::Statusword;
 use units::drive::Counts;
 use units::drive::PerMille;
+use units::numbering::NodeIndex;
 
 /// PDO whose length differs from its mapping.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("PDO must have {expected} bytes, got {found}")]
 pub struct WrongLength {
-    /// Index of the node in the list of plans.
-    pub node: usize,
+    /// Node that sent it.
+    pub node: NodeIndex,
     /// Length of the mapping, in bytes.
     pub expected: usize,
     /// Length received, in bytes.

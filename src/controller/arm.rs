@@ -88,36 +88,16 @@ pub struct Posture<const N: usize> {
     pub x_0_g: Isometry3<f64>,
 }
 
-/// Reason why a description is invalid. Joints count from 1, as in the paper.
+/// Reason why a description is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidArm {
-    /// A length, angle or position that is not a reasonable number.
-    #[error("joint {joint}: {quantity} = {value} is not within ±{MAX_MAGNITUDE}")]
-    OutOfRange {
-        /// The joint.
+    /// A joint or its link is invalid.
+    #[error("joint {joint}: {link}")]
+    Link {
+        /// The joint, from 1 to `N`: not every arm has six.
         joint: usize,
-        /// The invalid quantity.
-        quantity: &'static str,
-        /// The value given.
-        value: f64,
-    },
-    /// Mass must not be negative.
-    #[error("joint {joint}: mass = {value} kg is not within 0 and {MAX_MAGNITUDE}")]
-    Mass {
-        /// The joint.
-        joint: usize,
-        /// The mass given, in kg.
-        value: f64,
-    },
-    /// The lowest position must lie below the highest.
-    #[error("joint {joint}: range from {low} to {high} is empty")]
-    EmptyRange {
-        /// The joint.
-        joint: usize,
-        /// Its lowest position.
-        low: f64,
-        /// Its highest position.
-        high: f64,
+        /// Reason.
+        link: InvalidLink,
     },
     /// The grip's place in the last link.
     #[error("the pose of the grip in the last link is not finite")]
@@ -125,6 +105,33 @@ pub enum InvalidArm {
     /// Gravity.
     #[error("gravity is not a finite vector")]
     Gravity,
+}
+
+/// Reason why the description of a joint and its link is invalid.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum InvalidLink {
+    /// A length, angle or position that is not a reasonable number.
+    #[error("{quantity} = {value} is not within ±{MAX_MAGNITUDE}")]
+    OutOfRange {
+        /// The invalid quantity.
+        quantity: &'static str,
+        /// The value given.
+        value: f64,
+    },
+    /// Mass must not be negative.
+    #[error("mass = {value} kg is not within 0 and {MAX_MAGNITUDE}")]
+    Mass {
+        /// The mass given, in kg.
+        value: f64,
+    },
+    /// The lowest position must lie below the highest.
+    #[error("range from {low} to {high} is empty")]
+    EmptyRange {
+        /// Its lowest position.
+        low: f64,
+        /// Its highest position.
+        high: f64,
+    },
 }
 
 impl<const N: usize> Arm<N> {
@@ -138,7 +145,7 @@ impl<const N: usize> Arm<N> {
         gravity: [f64; 3],
     ) -> Result<Self, InvalidArm> {
         for (joint, link) in (1..).zip(&links) {
-            link.check(joint)?;
+            link.check().map_err(|link| InvalidArm::Link { joint, link })?;
         }
         if !is_pose(&x_n_g) {
             return Err(InvalidArm::Grip);
@@ -309,7 +316,7 @@ impl Link {
     };
 
     /// Returns the first invalid number.
-    fn check(&self, joint: usize) -> Result<(), InvalidArm> {
+    fn check(&self) -> Result<(), InvalidLink> {
         let [x, y, z] = self.centre_of_mass;
         let [xx, yy, zz, xy, xz, yz] = self.inertia;
         let [low, high] = self.range;
@@ -332,14 +339,14 @@ impl Link {
             ("highest position", high),
         ] {
             if !(-MAX_MAGNITUDE..=MAX_MAGNITUDE).contains(&value) {
-                return Err(InvalidArm::OutOfRange { joint, quantity, value });
+                return Err(InvalidLink::OutOfRange { quantity, value });
             }
         }
         if !(0.0..=MAX_MAGNITUDE).contains(&self.mass) {
-            return Err(InvalidArm::Mass { joint, value: self.mass });
+            return Err(InvalidLink::Mass { value: self.mass });
         }
         if low >= high {
-            return Err(InvalidArm::EmptyRange { joint, low, high });
+            return Err(InvalidLink::EmptyRange { low, high });
         }
         Ok(())
     }
@@ -509,9 +516,11 @@ mod tests {
         let error = build(Link { d: f64::NAN, ..REVOLUTE }).unwrap_err();
         assert_eq!(error.to_string(), "joint 2: d = NaN is not within ±1000000");
         let error = build(Link { mass: -1.0, ..REVOLUTE }).unwrap_err();
-        assert_eq!(error, InvalidArm::Mass { joint: 2, value: -1.0 });
+        assert_eq!(error.to_string(), "joint 2: mass = -1 kg is not within 0 and 1000000");
+        let link = InvalidLink::EmptyRange { low: 1.0, high: 1.0 };
         let error = build(Link { range: [1.0, 1.0], ..REVOLUTE }).unwrap_err();
-        assert_eq!(error, InvalidArm::EmptyRange { joint: 2, low: 1.0, high: 1.0 });
+        assert_eq!(error, InvalidArm::Link { joint: 2, link });
+        assert_eq!(error.to_string(), "joint 2: range from 1 to 1 is empty");
         let far = Isometry3::translation(f64::INFINITY, 0.0, 0.0);
         assert_eq!(Arm::new([REVOLUTE], far, [0.0; 3]).unwrap_err(), InvalidArm::Grip);
         let down = [0.0, 0.0, f64::NAN];

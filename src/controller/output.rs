@@ -45,8 +45,8 @@ pub struct Input {
 pub struct Output {
     /// Joint positions, in rad or m.
     pub q: JointVector,
-    /// The first joint outside its range, from 0.
-    pub joint_out_of_range: Option<usize>,
+    /// The first joint outside its range.
+    pub joint_out_of_range: Option<Joint>,
     /// The grip's pose (Eq. 1).
     pub x_0_g: Isometry3<f64>,
     /// Permissions and requests of the switches.

@@ -139,7 +139,7 @@ impl Controller {
         let turned = (gate == Gate::TurnedTooFar).then_some(Fault::TurnedTooFar);
         Output {
             q,
-            joint_out_of_range: arm.out_of_range(&q),
+            joint_out_of_range: arm.out_of_range(&q).and_then(Joint::at),
             x_0_g,
             pressed,
             reference,

@@ -19,6 +19,7 @@ use canopen::frame::Telegram;
 use canopen::master::boot_error::BootError;
 use canopen::master::event::Event;
 use remote::Remote;
+use units::numbering::Joint;
 use units::spatial::Motion;
 
 /// What is on its way when a boot begins, such as boot-up messages, is let pass.
@@ -63,8 +64,8 @@ pub enum BringUpError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("joint {joint}: drive did not confirm that it is off (6041h = {statusword:04X}h)")]
 pub struct NotConfirmed {
-    /// The first such joint, from 1.
-    pub joint: usize,
+    /// The first such joint.
+    pub joint: Joint,
     /// Its last statusword.
     pub statusword: u16,
 }
@@ -273,8 +274,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// The first joint whose drive still has its power stage on, and its statusword.
-    fn first_on(&self) -> Option<(usize, u16)> {
-        let mut joints = (1..).zip(self.samples.latest());
+    fn first_on(&self) -> Option<(Joint, u16)> {
+        let mut joints = Joint::each(self.samples.latest());
         let (joint, sample) = joints.find(|(_, sample)| power::may_push(sample.statusword))?;
         Some((joint, sample.statusword.0))
     }

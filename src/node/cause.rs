@@ -7,33 +7,34 @@ use canopen::error_codes;
 use canopen::nmt;
 use canopen::object::Object;
 use controller::Fault;
+use units::numbering::Joint;
+use units::numbering::NodeIndex;
 
-/// What stopped the node. Joints count from 1, as in the paper; nodes are places in the list of the
-/// joints' drives and the switch box, from 0.
+/// What stopped the node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
     /// A drive's samples did not come in time, several cycles in a row.
-    SamplesMissing { joint: usize, cycles: u32 },
+    SamplesMissing { joint: Joint, cycles: u32 },
     /// No drive of a bus answered in time, several cycles in a row.
     BusSilent { channel: u8, cycles: u32 },
     /// A drive no longer tells its state, although its positions come.
-    StatusMissing { joint: usize },
+    StatusMissing { joint: Joint },
     /// So many of a joint's samples were missing within the last second that it is no longer trusted.
-    SamplesRare { joint: usize, percent: u32 },
+    SamplesRare { joint: Joint, percent: u32 },
     /// So many of a joint's samples are late or lost that those that come may be too old.
-    SamplesOverdue { joint: usize, cycles: u32 },
+    SamplesOverdue { joint: Joint, cycles: u32 },
     /// A joint's position stands still to the last count although it is pushed and a neighbour moves.
-    PositionFrozen { joint: usize },
+    PositionFrozen { joint: Joint },
     /// A joint's position jumped farther than it can have moved, twice.
-    PositionJumped { joint: usize },
+    PositionJumped { joint: Joint },
     /// A drive exerts another torque than it is told.
-    TorqueDiffers { joint: usize },
+    TorqueDiffers { joint: Joint },
     /// A joint moves faster than it may.
-    Overspeed { joint: usize },
+    Overspeed { joint: Joint },
     /// The grip moves faster than it may.
     GripOverspeed,
     /// A joint is beyond its limit.
-    BeyondLimit { joint: usize },
+    BeyondLimit { joint: Joint },
     /// The arm moves by itself while its weight is taken up and nobody holds it.
     MovesUnheld,
     /// Motion that grows, or energy that comes from nowhere.
@@ -41,21 +42,21 @@ pub enum Cause {
     /// No word from the commanded side that is new enough.
     LinkLost,
     /// A drive left `Operation enabled` by itself.
-    DriveLeft { joint: usize, statusword: u16 },
+    DriveLeft { joint: Joint, statusword: u16 },
     /// A node sent an emergency message.
-    Emergency { node: usize, code: u16 },
+    Emergency { node: NodeIndex, code: u16 },
     /// A node's heartbeat stopped.
-    HeartbeatLost { node: usize },
+    HeartbeatLost { node: NodeIndex },
     /// A node started anew in the middle of a run.
-    Rebooted { node: usize },
+    Rebooted { node: NodeIndex },
     /// A node that runs reports another state than operational.
-    LeftOperational { node: usize, state: NmtState },
+    LeftOperational { node: NodeIndex, state: NmtState },
     /// Two nodes seem to have one node-id.
-    Duplicate { node: usize },
+    Duplicate { node: NodeIndex },
     /// Somebody else commands this network.
     ForeignMaster,
     /// An object does not hold what the boot has proven.
-    SettingChanged { node: usize, object: Object, expected: u32, found: u32 },
+    SettingChanged { node: NodeIndex, object: Object, expected: u32, found: u32 },
     /// The controller met a number it cannot use.
     ControllerFault { fault: Fault },
     /// A torque frame could not be sent.
@@ -79,7 +80,7 @@ pub enum Cause {
     /// The host was suspended.
     Suspended,
     /// A drive did not reach `Operation enabled`.
-    EnableTimeout { joint: usize, statusword: u16 },
+    EnableTimeout { joint: Joint, statusword: u16 },
     /// A run begins that a person must release first.
     AwaitsReset { awaited: Awaited },
 }
@@ -207,8 +208,8 @@ impl Kind {
 }
 
 impl Cause {
-    /// The joint it is about, from 1, if it is about one.
-    pub const fn joint(&self) -> Option<usize> {
+    /// The joint it is about, if it is about one.
+    pub fn joint(&self) -> Option<Joint> {
         match *self {
             Self::SamplesMissing { joint, .. }
             | Self::StatusMissing { joint }
@@ -221,19 +222,13 @@ impl Cause {
             | Self::BeyondLimit { joint }
             | Self::DriveLeft { joint, .. }
             | Self::EnableTimeout { joint, .. } => Some(joint),
-            Self::Emergency { node: drive @ 0..6, .. }
-            | Self::HeartbeatLost { node: drive @ 0..6 }
-            | Self::Rebooted { node: drive @ 0..6 }
-            | Self::LeftOperational { node: drive @ 0..6, .. }
-            | Self::SettingChanged { node: drive @ 0..6, .. }
-            | Self::Duplicate { node: drive @ 0..6 } => Some(drive + 1),
-            Self::Emergency { .. }
-            | Self::HeartbeatLost { .. }
-            | Self::Rebooted { .. }
-            | Self::LeftOperational { .. }
-            | Self::SettingChanged { .. }
-            | Self::Duplicate { .. }
-            | Self::BusSilent { .. }
+            Self::Emergency { node, .. }
+            | Self::HeartbeatLost { node }
+            | Self::Rebooted { node }
+            | Self::LeftOperational { node, .. }
+            | Self::SettingChanged { node, .. }
+            | Self::Duplicate { node } => node.joint(),
+            Self::BusSilent { .. }
             | Self::GripOverspeed
             | Self::MovesUnheld
             | Self::Unstable
@@ -372,14 +367,14 @@ impl fmt::Display for Cause {
     }
 }
 
-/// A node by its place in the list.
-struct Who(usize);
+/// A node in words.
+struct Who(NodeIndex);
 
 impl fmt::Display for Who {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            drive @ 0..6 => write!(f, "joint {}", drive + 1),
-            _ => f.write_str("switch box"),
+        match self.0.joint() {
+            Some(joint) => write!(f, "joint {joint}"),
+            None => f.write_str("switch box"),
         }
     }
 }

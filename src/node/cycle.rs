@@ -90,9 +90,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         let before = self.cause();
         let cause = self.safety.watch_enabled(now, joint, statusword);
         self.raise(now, [cause]);
-        if before != self.cause()
-            && let Some(joint) = Joint::new(joint)
-        {
+        if before != self.cause() {
             self.network.master.read_error_history(now, joint.into(), &mut self.wire.out);
         }
     }
@@ -107,8 +105,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// The first joint whose drive is not enabled, and its statusword.
-    pub(super) fn not_enabled(&self) -> Option<(usize, u16)> {
-        let mut joints = (1..).zip(self.samples.latest());
+    pub(super) fn not_enabled(&self) -> Option<(Joint, u16)> {
+        let mut joints = Joint::each(self.samples.latest());
         let (joint, sample) = joints
             .find(|(_, sample)| sample.statusword.state() != Some(State::OperationEnabled))?;
         Some((joint, sample.statusword.0))

@@ -8,6 +8,7 @@ use canopen::exchange::Outbox;
 use canopen::pdo::DriveSample;
 use config::Config;
 use units::drive::PerMille;
+use units::numbering::Joint;
 
 /// Controlwords and targets of the drives.
 #[derive(Clone, Debug)]
@@ -38,14 +39,15 @@ impl Drives {
         mode: Mode,
         drives_on: bool,
     ) {
-        for (joint, (sample, target)) in latest.iter().zip(targets).enumerate() {
-            self.rpdos.exert(joint, *target);
+        for (joint, (sample, target)) in Joint::each(latest.iter().zip(targets)) {
+            let node = joint.into();
+            self.rpdos.exert(node, *target);
             let state = sample.statusword.state();
             let goal = self.power.goal(joint, state, mode, drives_on);
             // A fault is reset by an edge, so no word is replaced before it is sent, unless by "off".
-            if goal == Goal::VoltageDisabled || !self.rpdos.is_waiting(joint) {
+            if goal == Goal::VoltageDisabled || !self.rpdos.is_waiting(node) {
                 let word = self.power.controlword(joint, state, goal);
-                self.rpdos.lead(joint, word, goal.is_reached(state));
+                self.rpdos.lead(node, word, goal.is_reached(state));
             }
         }
     }

@@ -6,9 +6,10 @@
 //! ```
 //! use node::cause::Cause;
 //! use node::safety::table::{Reaction, row};
+//! use units::numbering::Joint;
 //!
 //! // What a cause leads to stands in one table.
-//! let lost = Cause::SamplesMissing { joint: 3, cycles: 3 };
+//! let lost = Cause::SamplesMissing { joint: Joint::of::<3>(), cycles: 3 };
 //! assert_eq!(lost.to_string(), "joint 3: no sample for 3 cycles");
 //! assert_eq!(row(lost.kind()).armed, Reaction::ZeroTorque);
 //! ```

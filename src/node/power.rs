@@ -11,6 +11,7 @@ use canopen::drive::Goal;
 use canopen::drive::PowerStage;
 use canopen::drive::State;
 use canopen::drive::Statusword;
+use units::numbering::Joint;
 
 /// Whether the power stage may still push. A state that is none counts as one that may.
 pub(super) const fn may_push(statusword: Statusword) -> bool {
@@ -68,21 +69,19 @@ impl PowerStages {
         self.told = [false; 6];
     }
 
-    /// This drive, by its place from 0, is off for itself from now on.
-    pub(super) fn drop_drive(&mut self, joint: usize) {
-        if let Some(dropped) = self.dropped.get_mut(joint) {
-            *dropped = true;
-        }
+    /// The drive of this joint is off for itself from now on.
+    pub(super) const fn drop_drive(&mut self, joint: Joint) {
+        *joint.entry_mut(&mut self.dropped) = true;
     }
 
     /// Takes which drives have answered this SYNC. The next one that is silent and was not told to take
     /// its power off, if the node `is_stopped`: once each.
-    pub(super) fn next_silent(&mut self, fresh: [bool; 6], is_stopped: bool) -> Option<usize> {
+    pub(super) fn next_silent(&mut self, fresh: [bool; 6], is_stopped: bool) -> Option<Joint> {
         let patience = self.patience;
         for (silent, is_fresh) in self.silent.iter_mut().zip(fresh) {
             *silent = if is_fresh { 0 } else { silent.saturating_add(1) };
         }
-        let mut joints = self.silent.iter().zip(&mut self.told).enumerate();
+        let mut joints = Joint::each(self.silent.iter().zip(&mut self.told));
         let (joint, (_, told)) =
             joints.find(|(_, (silent, told))| is_stopped && **silent >= patience && !**told)?;
         *told = true;
@@ -93,12 +92,12 @@ impl PowerStages {
     /// Where a drive in `state` is led in `mode`, if `drives_on`.
     pub(super) fn goal(
         &self,
-        joint: usize,
+        joint: Joint,
         state: Option<State>,
         mode: Mode,
         drives_on: bool,
     ) -> Goal {
-        let is_dropped = self.dropped.get(joint).copied().unwrap_or(true);
+        let is_dropped = *joint.entry(&self.dropped);
         let may_be_on = mode == Mode::Boot || state == Some(State::OperationEnabled);
         if drives_on && may_be_on && !is_dropped {
             Goal::OperationEnabled
@@ -110,12 +109,12 @@ impl PowerStages {
     /// The controlword for a drive in `state` on its way to `goal`.
     pub(super) fn controlword(
         &mut self,
-        joint: usize,
+        joint: Joint,
         state: Option<State>,
         goal: Goal,
     ) -> Controlword {
-        let stage = self.stages.get_mut(joint).zip(self.may_reset.get_mut(joint));
-        let Some((stage, may_reset)) = stage else { return Controlword::DISABLE_VOLTAGE };
+        let stage = joint.entry_mut(&mut self.stages);
+        let may_reset = joint.entry_mut(&mut self.may_reset);
         let is_on_its_way = goal == Goal::OperationEnabled;
         if state == Some(State::Fault) && is_on_its_way && std::mem::take(may_reset) {
             stage.reset_fault();
@@ -129,17 +128,18 @@ mod tests {
     use super::*;
 
     const ENABLED: Option<State> = Some(State::OperationEnabled);
+    const FIRST: Joint = Joint::of::<1>();
 
     #[test]
     fn only_a_boot_leads_a_drive_up_and_what_has_left_stays_off() {
         let stages = PowerStages::new(3);
         for mode in Mode::ALL {
             for state in [None, Some(State::SwitchOnDisabled), Some(State::SwitchedOn)] {
-                let is_led = stages.goal(0, state, mode, true) == Goal::OperationEnabled;
+                let is_led = stages.goal(FIRST, state, mode, true) == Goal::OperationEnabled;
                 assert_eq!(is_led, mode == Mode::Boot, "{mode} {state:?}");
             }
-            assert_eq!(stages.goal(0, ENABLED, mode, true), Goal::OperationEnabled);
-            assert_eq!(stages.goal(0, ENABLED, mode, false), Goal::VoltageDisabled);
+            assert_eq!(stages.goal(FIRST, ENABLED, mode, true), Goal::OperationEnabled);
+            assert_eq!(stages.goal(FIRST, ENABLED, mode, false), Goal::VoltageDisabled);
         }
     }
 
@@ -147,7 +147,7 @@ mod tests {
     fn a_fault_that_is_heard_of_late_is_reset_and_the_one_after_it_is_not() {
         let mut stages = PowerStages::new(3);
         stages.reset_faults();
-        let mut word = |state| stages.controlword(0, Some(state), Goal::OperationEnabled);
+        let mut word = |state| stages.controlword(FIRST, Some(state), Goal::OperationEnabled);
         assert_eq!(word(State::OperationEnabled), Controlword::ENABLE_OPERATION, "an old word");
         assert_eq!(word(State::Fault), Controlword::FAULT_RESET);
         assert_eq!(word(State::SwitchOnDisabled), Controlword::SHUTDOWN);
@@ -157,14 +157,14 @@ mod tests {
     #[test]
     fn a_dropped_drive_is_off_alone_until_it_is_reset() {
         let mut stages = PowerStages::new(3);
-        stages.drop_drive(2);
+        stages.drop_drive(Joint::of::<3>());
         let goals = |stages: &PowerStages| {
-            [1, 2, 6].map(|joint| stages.goal(joint, ENABLED, Mode::ZeroTorque, true))
+            Joint::ALL.map(|joint| stages.goal(joint, ENABLED, Mode::ZeroTorque, true))
         };
         let (on, off) = (Goal::OperationEnabled, Goal::VoltageDisabled);
-        assert_eq!(goals(&stages), [on, off, off], "there is no seventh");
+        assert_eq!(goals(&stages), [on, on, off, on, on, on]);
         stages.reset_faults();
-        assert_eq!(goals(&stages), [on, on, off]);
+        assert_eq!(goals(&stages), [on; 6]);
     }
 
     #[test]
@@ -173,8 +173,9 @@ mod tests {
         let fresh = [true, false, true, false, true, true];
         let mut cycle = |is_stopped| stages.next_silent(fresh, is_stopped);
         assert_eq!([cycle(false), cycle(false), cycle(false)], [None; 3], "nothing has stopped");
-        assert_eq!([cycle(true), cycle(true), cycle(true)], [Some(1), Some(3), None]);
-        assert_eq!(stages.goal(1, ENABLED, Mode::ZeroTorque, true), Goal::VoltageDisabled);
-        assert_eq!(stages.goal(0, ENABLED, Mode::ZeroTorque, true), Goal::OperationEnabled);
+        let (second, fourth) = (Joint::of::<2>(), Joint::of::<4>());
+        assert_eq!([cycle(true), cycle(true), cycle(true)], [Some(second), Some(fourth), None]);
+        assert_eq!(stages.goal(second, ENABLED, Mode::ZeroTorque, true), Goal::VoltageDisabled);
+        assert_eq!(stages.goal(FIRST, ENABLED, Mode::ZeroTorque, true), Goal::OperationEnabled);
     }
 }

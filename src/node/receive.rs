@@ -110,8 +110,10 @@ impl<B: Bus, R: Remote> Node<B, R> {
             Relation::Tolerated => None,
             Relation::Unrelated => causes::of_event(&event),
         };
-        if let Some(Cause::Emergency { node, .. }) = cause {
-            self.drives.power.drop_drive(node);
+        if let Some(Cause::Emergency { node, .. }) = cause
+            && let Some(joint) = node.joint()
+        {
+            self.drives.power.drop_drive(joint);
         }
         self.network.note(event);
         cause

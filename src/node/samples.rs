@@ -13,6 +13,7 @@ use canopen::frame::Channel;
 use canopen::frame::Telegram;
 use canopen::pdo::DriveSample;
 use config::switch_inputs::SwitchInputs;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// The switch box repeats its inputs every 5 ms; after three of those in silence it is not believed.
@@ -56,12 +57,12 @@ impl Samples {
         channels: [Channel; 6],
         patience: u32,
     ) -> Self {
-        let stale = |joint| inbox.status_repeated(joint).map(|every| every * STATUS_MISSED);
+        let stale = |joint: Joint| Some(inbox.status_repeated(joint.into())? * STATUS_MISSED);
         Self {
             intakes,
             patience,
             channels,
-            status_stale: std::array::from_fn(stale),
+            status_stale: Joint::ALL.map(stale),
             latest: [DriveSample::default(); 6],
             status_at: [None; 6],
             asked_at: Instant::ZERO,
@@ -95,8 +96,8 @@ impl Samples {
     /// Takes a frame that waited too long to be read: its position is late, and not lost.
     pub(super) fn discard(&mut self, telegram: &Telegram) {
         let Some(Ok(told)) = self.inbox.read(telegram) else { return };
-        if told.position.is_some() {
-            self.intakes.iter_mut().skip(told.node).take(1).for_each(Intake::discard);
+        if let (Some(_), Some(joint)) = (told.position, told.node.joint()) {
+            joint.entry_mut(&mut self.intakes).discard();
         }
     }
 
@@ -104,18 +105,22 @@ impl Samples {
         if let Some(inputs) = told.inputs {
             self.inputs = Some((at, SwitchInputs::from_bits(inputs)));
         }
-        let node = told.node;
-        let Some(sample) = self.latest.get_mut(node) else { return };
-        if let (Some(torque), Some(is_told)) = (told.torque, self.torques.get_mut(node)) {
-            (sample.torque, *is_told) = (torque, true);
+        let Some(joint) = told.node.joint() else { return };
+        let sample = joint.entry_mut(&mut self.latest);
+        if let Some(torque) = told.torque {
+            sample.torque = torque;
+            *joint.entry_mut(&mut self.torques) = true;
         }
-        if let (Some(word), Some(heard)) = (told.statusword, self.status_at.get_mut(node)) {
-            (sample.statusword, *heard) = (word, Some(at));
+        if let Some(word) = told.statusword {
+            sample.statusword = word;
+            *joint.entry_mut(&mut self.status_at) = Some(at);
         }
-        let intake = self.intakes.get_mut(node).zip(self.fresh.get_mut(node));
-        if let Some((position, (intake, fresh))) = told.position.zip(intake) {
-            match intake.offer(position) {
-                Offer::Sample => (sample.position, *fresh) = (position, true),
+        if let Some(position) = told.position {
+            match joint.entry_mut(&mut self.intakes).offer(position) {
+                Offer::Sample => {
+                    sample.position = position;
+                    *joint.entry_mut(&mut self.fresh) = true;
+                }
                 Offer::Ignored => {}
                 Offer::Wrong(cause) => self.wrong = self.wrong.or(Some(cause)),
             }
@@ -131,7 +136,7 @@ impl Samples {
     /// for too long.
     pub(super) fn end(&mut self, now: Instant) -> Option<Cause> {
         let mut lost = self.wrong.take();
-        for (joint, (missing, fresh)) in (1..).zip(self.missing.iter_mut().zip(&self.fresh)) {
+        for (joint, (missing, fresh)) in Joint::each(self.missing.iter_mut().zip(&self.fresh)) {
             *missing = if *fresh { 0 } else { missing.saturating_add(1) };
             if *missing >= self.patience {
                 lost = lost.or(Some(Cause::SamplesMissing { joint, cycles: *missing }));
@@ -145,8 +150,8 @@ impl Samples {
     }
 
     /// The cause if the bus of `joint` is silent: none of its drives, and more than one, answers.
-    fn bus_silent(&self, joint: usize, cycles: u32) -> Option<Cause> {
-        let channel = self.channels.get(joint.checked_sub(1)?)?;
+    fn bus_silent(&self, joint: Joint, cycles: u32) -> Option<Cause> {
+        let channel = joint.entry(&self.channels);
         let drives = || self.channels.iter().zip(&self.missing).filter(|(of, _)| *of == channel);
         // Those that answered before the bus fell silent in the middle of a cycle are one behind.
         let is_silent = |missing: u32| missing > 0 && missing + 1 >= self.patience;
@@ -158,7 +163,7 @@ impl Samples {
     /// The first joint that has not told its state for too long. Before it ever has, that it is not
     /// enabled says enough.
     fn status_missing(&self, now: Instant) -> Option<Cause> {
-        let joints = (1..).zip(self.status_at.iter().zip(&self.status_stale));
+        let joints = Joint::each(self.status_at.iter().zip(&self.status_stale));
         let mut silent = joints.filter_map(|(joint, (heard, stale))| {
             let silent = now.since((*heard)?);
             (silent > (*stale)?).then_some(Cause::StatusMissing { joint })
@@ -261,7 +266,7 @@ mod tests {
         let (all, without_two) = ([1, 2, 3, 4, 5, 6], [1, 3, 4, 5, 6]);
         assert_eq!([cycle(&without_two), cycle(&without_two), cycle(&all)], [None; 3]);
         assert_eq!([cycle(&without_two), cycle(&without_two)], [None; 2]);
-        let cause = Cause::SamplesMissing { joint: 2, cycles: 3 };
+        let cause = Cause::SamplesMissing { joint: Joint::of::<2>(), cycles: 3 };
         assert_eq!(cycle(&without_two), Some(cause));
     }
 
@@ -302,7 +307,7 @@ mod tests {
         samples.begin(Instant::ZERO);
         (1..=6).for_each(|joint| assert!(hear(&mut samples, 1_000, 0x180 + joint, &[0; 4])));
         assert_eq!(samples.end(Instant::from_micros(151_000)), None);
-        let cause = Some(Cause::StatusMissing { joint: 3 });
+        let cause = Some(Cause::StatusMissing { joint: Joint::of::<3>() });
         assert_eq!(samples.end(Instant::from_micros(151_001)), cause);
         samples.restart();
         assert_eq!(samples.latest()[2].statusword, Statusword::default());

@@ -7,7 +7,6 @@ use bus::Bus;
 use canopen::frame::Frame;
 use canopen::frame::Telegram;
 use remote::Remote;
-use units::numbering::NodeIndex;
 use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
@@ -69,7 +68,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             return false;
         };
         let now = self.wire.now();
-        self.network.master.power_off(now, NodeIndex(joint), &mut self.wire.out);
+        self.network.master.power_off(now, joint.into(), &mut self.wire.out);
         self.post();
         true
     }

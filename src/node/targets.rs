@@ -15,6 +15,7 @@ use bus::Bus;
 use controller::Output;
 use remote::Remote;
 use units::drive::PerMille;
+use units::numbering::NodeIndex;
 use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
@@ -55,8 +56,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 self.timing.lateness.dropped();
             }
             if !in_time.is_some_and(|telegram| self.send(telegram)) {
-                for joint in self.drives.rpdos.pushed_by(&telegram) {
-                    was_sent.iter_mut().skip(joint).take(1).for_each(|was_sent| *was_sent = false);
+                for joint in self.drives.rpdos.pushed_by(&telegram).filter_map(NodeIndex::joint) {
+                    *joint.entry_mut(&mut was_sent) = false;
                 }
             }
         }

@@ -189,6 +189,7 @@ mod tests {
     use node::cause::Cause;
     use node::record::Mode;
     use sim::scenario::Scenario;
+    use units::numbering::Joint;
 
     /// Frames on two full buses in a cycle of 1 ms.
     const FRAMES: u64 = 18;
@@ -235,7 +236,7 @@ mod tests {
         let record = any_record();
         let engaged = Record { mode: Mode::Engaged, cause: None, ..record };
         cycles(&mut archive, 0..2_000, &engaged);
-        let cause = Some(Cause::SamplesMissing { joint: 3, cycles: 3 });
+        let cause = Some(Cause::SamplesMissing { joint: Joint::of::<3>(), cycles: 3 });
         let stopped = Record { mode: Mode::ZeroTorque, cause, ..record };
         cycles(&mut archive, 2_000..3_005, &stopped);
         // The record stands on its disk while the session's is still stalled.

@@ -212,12 +212,12 @@ fn document(trip: &Trip, record: &Record, provenance: &Provenance, seconds_befor
     let kind = trip.cause.kind();
     let row = table::row(kind);
     let reaction = table::reaction(kind, trip.from).mode();
-    let name = trip.cause.joint().and_then(Joint::new);
-    let name = name.and_then(|joint| provenance.joints.get(joint.index()));
+    let joint = trip.cause.joint();
+    let name = joint.and_then(|joint| provenance.joints.get(joint.index()));
     json!({
         "cause": trip.cause.to_string(),
         "kind": hyphenated(&format!("{kind:?}")),
-        "joint": trip.cause.joint(),
+        "joint": joint.map(Joint::number),
         "joint_name": name,
         "cycle": trip.cycle,
         "seconds": trip.at.since(Instant::ZERO).as_secs_f64(),
@@ -294,7 +294,7 @@ mod tests {
     const TRIP: Trip = Trip {
         cycle: 4_213,
         at: Instant::from_micros(4_300_000),
-        cause: Cause::SamplesMissing { joint: 3, cycles: 3 },
+        cause: Cause::SamplesMissing { joint: Joint::of::<3>(), cycles: 3 },
         from: Mode::Engaged,
         to: Mode::ZeroTorque,
     };

@@ -102,6 +102,7 @@ mod tests {
     use node::cause::Cause;
     use node::record::Mode;
     use sim::scenario::Scenario;
+    use units::numbering::Joint;
 
     fn provenance() -> Provenance {
         Provenance { interfaces: vec!["can0".to_owned()], ..Provenance::default() }
@@ -112,7 +113,7 @@ mod tests {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let script = Scenario::parse("seconds = 1").unwrap();
         let record = Bench::new(&config, script, 1, false, ()).cycle();
-        let cause = Some(Cause::SamplesMissing { joint: 3, cycles: 3 });
+        let cause = Some(Cause::SamplesMissing { joint: Joint::of::<3>(), cycles: 3 });
         let engaged = Record { mode: Mode::Engaged, cause: None, ..record };
         let stopped = Record { mode: Mode::ZeroTorque, cause, ..record };
         for (cycle, record) in [(1, engaged), (2, stopped)] {

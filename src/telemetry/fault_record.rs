@@ -134,9 +134,10 @@ mod tests {
     use super::*;
     use canopen::frame::Channel;
     use canopen::frame::Frame;
+    use units::numbering::Joint;
     use units::spatial::Wrench;
 
-    const LEFT: Cause = Cause::DriveLeft { joint: 3, statusword: 0x218 };
+    const LEFT: Cause = Cause::DriveLeft { joint: Joint::of::<3>(), statusword: 0x218 };
 
     fn brief(millis: u64, mode: Mode, cause: Option<Cause>) -> Brief {
         let at = Instant::from_micros(millis * 1_000);
@@ -182,7 +183,7 @@ mod tests {
     fn a_reset_that_fails_for_another_reason_is_a_trip_of_its_own() {
         let mut watch = FaultWatch::default();
         assert!(watch.cycle(&brief(0, Mode::DrivesOff, Some(LEFT))).is_some());
-        let timeout = Cause::EnableTimeout { joint: 1, statusword: 0 };
+        let timeout = Cause::EnableTimeout { joint: Joint::of::<1>(), statusword: 0 };
         let (over, trip) = shown(&mut watch, &brief(9_000, Mode::DrivesOff, Some(timeout)));
         assert!(over);
         assert_eq!(trip.unwrap().cause, timeout);

@@ -1,6 +1,8 @@
 //! Numbers that count joints and nodes. Joints begin at 1, as people say them; places in lists begin at 0.
 
+use std::array;
 use std::fmt;
+use std::iter::Zip;
 
 /// A joint of the arm, numbered from the base: 1 to 6.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -43,8 +45,26 @@ impl Joint {
         usize::from(self.0 - 1)
     }
 
+    /// Pairs the entries of a list of all joints, the base's first, with their joints.
+    pub fn each<I: IntoIterator>(all: I) -> Zip<array::IntoIter<Self, 6>, I::IntoIter> {
+        Self::ALL.into_iter().zip(all)
+    }
+
     /// Returns the entry of this joint in a list of all joints, the base's first.
     pub const fn entry<T>(self, all: &[T; 6]) -> &T {
+        let [first, second, third, fourth, fifth, sixth] = all;
+        match self.0 {
+            1 => first,
+            2 => second,
+            3 => third,
+            4 => fourth,
+            5 => fifth,
+            _ => sixth,
+        }
+    }
+
+    /// Returns the same to be changed.
+    pub const fn entry_mut<T>(self, all: &mut [T; 6]) -> &mut T {
         let [first, second, third, fourth, fifth, sixth] = all;
         match self.0 {
             1 => first,
@@ -67,6 +87,18 @@ impl fmt::Display for Joint {
 /// Place of a node in the list of plans, from 0: the drives in the order of their joints, then the switch box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct NodeIndex(pub usize);
+
+impl NodeIndex {
+    /// Pairs the entries of a list in the order of the plans with their places.
+    pub fn each<T>(all: impl IntoIterator<Item = T>) -> impl Iterator<Item = (Self, T)> {
+        (0..).map(Self).zip(all)
+    }
+
+    /// Returns the joint whose drive is at this place; `None` for the switch box.
+    pub fn joint(self) -> Option<Joint> {
+        Joint::at(self.0)
+    }
+}
 
 /// The place of a joint's drive.
 impl From<Joint> for NodeIndex {
@@ -96,6 +128,16 @@ mod tests {
             assert_eq!((Joint::at(index), NodeIndex::from(joint)), (Some(joint), NodeIndex(index)));
             assert_eq!(joint.to_string(), (index + 1).to_string());
             assert_eq!(joint.entry(&Joint::ALL), &joint);
+            let mut all = Joint::ALL;
+            assert_eq!(joint.entry_mut(&mut all), &joint);
         }
+    }
+
+    #[test]
+    fn nodes_are_the_joints_drives_then_the_switch_box() {
+        let joints: Vec<_> = NodeIndex::each(0..7).map(|(node, _)| node.joint()).collect();
+        assert_eq!(joints[..6], Joint::ALL.map(Some));
+        assert_eq!(joints[6], None);
+        assert!(Joint::each(0..7).map(|(joint, index)| joint.index() == index).eq([true; 6]));
     }
 }

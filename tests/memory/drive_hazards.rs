@@ -32,16 +32,15 @@ use node::record::Record;
 use sim::quirks::Quirk;
 use sim::scenario::Scenario;
 use units::numbering::Joint;
-use units::numbering::NodeIndex;
 use units::time::Instant;
 
 const KRAFT: &str = "config/kraft_like.toml";
-const ELBOW: usize = 3;
+const ELBOW: Joint = Joint::of::<3>();
 
 fn bench_of(config: &Config, faults: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) {
     let mut script = Scenario::parse(&format!("seconds = 9\n{faults}")).unwrap();
     let quirks = quirks.iter().map(|it| it.parse::<Quirk>().unwrap());
-    script.quirks_mut().add(Joint::new(ELBOW).unwrap(), quirks);
+    script.quirks_mut().add(ELBOW, quirks);
     let wire = Wire::default();
     (Bench::new(config, script, 1, false, wire.clone()), wire)
 }
@@ -104,7 +103,7 @@ fn stranger(at_s: &str, cob_id: &str, payload: &str) -> String {
 /// The elbow takes an SDO request that the node does not receive; its answer is lost, too, if `is_lost`.
 fn write_unseen(bench: &mut Bench<Wire>, request: [u8; 8], is_lost: bool) {
     let now = bench.node().bus().now();
-    let drive = bench.world_mut().drive_mut(Joint::new(ELBOW).unwrap()).unwrap();
+    let drive = bench.world_mut().drive_mut(ELBOW).unwrap();
     let mut said = Vec::new();
     drive.on_frame(now, Channel(0), &Frame::new(0x603, request), &mut said);
     assert_eq!(said.len(), 1, "it answers at once");
@@ -163,7 +162,7 @@ fn promise_09_nothing_is_told_to_push_before_it_is_armed_and_nobody_is_started_b
 #[test]
 fn hazard_01_a_lost_drive_is_told_by_sdo_to_take_its_power_off_and_all_are_off_a_moment_later() {
     let (mut bench, wire) = armed();
-    bench.world_mut().drive_mut(Joint::new(ELBOW).unwrap()).unwrap().unplug();
+    bench.world_mut().drive_mut(ELBOW).unwrap().unplug();
     let (cycles, record) = cycles_to_zero(&mut bench);
     assert_eq!(record.cause, Some(Cause::SamplesMissing { joint: ELBOW, cycles: 3 }));
     assert_eq!(record.mode, Mode::ZeroTorque);
@@ -193,7 +192,7 @@ fn hazard_02_a_drive_without_heartbeat_switches_all_off_within_the_time_it_is_wa
     bench.bring_up().unwrap();
     arm(&mut bench);
     let record = until(&mut bench, |record| record.mode.is_stopped());
-    assert_eq!(record.cause, Some(Cause::HeartbeatLost { node: ELBOW - 1 }));
+    assert_eq!(record.cause, Some(Cause::HeartbeatLost { node: ELBOW.into() }));
     assert_eq!((record.mode, record.targets), (Mode::DrivesOff, [0; 6]));
     let (last, _) = *wire.since(Instant::ZERO, 0x703).last().unwrap();
     let silent = record.at.since(last);
@@ -209,18 +208,15 @@ fn hazard_07_any_of_thirty_emergencies_stops_all_within_two_cycles_and_its_drive
     ];
     let (mut bench, _) = armed();
     for (place, code) in CODES.into_iter().enumerate() {
-        let joint = place % 6 + 1;
-        bench
-            .world_mut()
-            .drive_mut(Joint::new(joint).unwrap())
-            .unwrap()
-            .report_transient_error(code, 0x01);
+        let joint = Joint::at(place % 6).unwrap();
+        bench.world_mut().drive_mut(joint).unwrap().report_transient_error(code, 0x01);
         let (cycles, record) = cycles_to_zero(&mut bench);
-        assert_eq!(record.cause, Some(Cause::Emergency { node: joint - 1, code }), "{code:04X}h");
+        let node = joint.into();
+        assert_eq!(record.cause, Some(Cause::Emergency { node, code }), "{code:04X}h");
         assert!(cycles <= 2, "{code:04X}h: {cycles}");
         bench.run(20);
         let mut only_it_is_off = [true; 6];
-        only_it_is_off[joint - 1] = false;
+        only_it_is_off[joint.index()] = false;
         assert_eq!(
             is_enabled(&mut bench),
             only_it_is_off,
@@ -243,7 +239,7 @@ fn hazard_08_a_heartbeat_of_another_state_stops_all_in_two_cycles() {
         arm(&mut bench);
         let begun = bench.node().bus().stations().begun().unwrap() + Duration::from_millis(900);
         let record = until(&mut bench, |record| record.mode.is_stopped());
-        assert_eq!(record.cause, Some(Cause::LeftOperational { node: ELBOW - 1, state }));
+        assert_eq!(record.cause, Some(Cause::LeftOperational { node: ELBOW.into(), state }));
         assert_eq!((record.mode, record.targets), (Mode::ZeroTorque, [0; 6]));
         assert!(record.at.since(begun) <= Duration::from_millis(2));
     }
@@ -302,7 +298,7 @@ fn hazard_26_a_proven_timer_that_changes_unseen_is_found_and_named() {
     write_unseen(&mut bench, [0x2B, 0x00, 0x14, 5, 0, 0, 0, 0], true);
     let record = until(&mut bench, |record| record.mode.is_stopped());
     let object = Object::rpdo_communication(1, 5);
-    let (node, expected, found) = (ELBOW - 1, 5, 0);
+    let (node, expected, found) = (ELBOW.into(), 5, 0);
     let cause = Cause::SettingChanged { node, object, expected, found };
     assert_eq!((record.cause, record.mode), (Some(cause), Mode::DrivesOff));
     assert_eq!(cause.to_string(), "joint 3: 1400h:5 is 0h, was proven as 5h");
@@ -339,9 +335,8 @@ fn boot_with_emergency(code: u16, at_ms: u32) -> (Vec<String>, bool) {
     let (mut bench, _) = bench_of(&config(KRAFT), &fault, &[]);
     let is_booted = bench.bring_up().is_ok();
     let told = std::iter::from_fn(|| bench.notice());
-    let told = told
-        .filter(|event| event.node() == Some(NodeIndex(ELBOW - 1)))
-        .map(|event| event.to_string());
+    let told =
+        told.filter(|event| event.node() == Some(ELBOW.into())).map(|event| event.to_string());
     (told.collect(), is_booted)
 }
 
@@ -373,11 +368,7 @@ fn hazard_01_a_bus_on_which_no_drive_answers_is_named_and_no_joint() {
 #[test]
 fn arming_a_latched_node_is_refused_with_its_cause() {
     let (mut bench, _) = armed();
-    bench
-        .world_mut()
-        .drive_mut(Joint::new(ELBOW).unwrap())
-        .unwrap()
-        .report_transient_error(0x3210, 1);
+    bench.world_mut().drive_mut(ELBOW).unwrap().report_transient_error(0x3210, 1);
     until(&mut bench, |record| record.mode.is_stopped());
     let refused = bench.ask(Request::Arm).unwrap_err().to_string();
     assert!(refused.starts_with("stopped by joint 3: emergency 3210h"), "{refused}");
@@ -388,9 +379,9 @@ fn arming_a_latched_node_is_refused_with_its_cause() {
 fn hazard_09_a_drive_that_boots_in_the_middle_of_a_run_switches_all_off_within_two_cycles() {
     let (mut bench, _) = armed();
     let now = bench.node().bus().now();
-    bench.world_mut().drive_mut(Joint::new(ELBOW).unwrap()).unwrap().switch_on(now);
+    bench.world_mut().drive_mut(ELBOW).unwrap().switch_on(now);
     let (cycles, record) = cycles_to_zero(&mut bench);
-    assert_eq!(record.cause, Some(Cause::Rebooted { node: ELBOW - 1 }));
+    assert_eq!(record.cause, Some(Cause::Rebooted { node: ELBOW.into() }));
     assert_eq!(record.mode, Mode::DrivesOff);
     assert!(cycles <= 2, "{cycles}");
     bench.run(40);
@@ -406,13 +397,13 @@ fn hazard_13_a_drive_without_its_rpdos_is_off_by_itself_within_six_milliseconds(
     arm(&mut bench);
     let begun = bench.node().bus().stations().begun().unwrap() + Duration::from_millis(900);
     let record = until(&mut bench, |record| record.mode.is_stopped());
-    assert_eq!(record.cause, Some(Cause::Emergency { node: ELBOW - 1, code: 0x8250 }));
+    assert_eq!(record.cause, Some(Cause::Emergency { node: ELBOW.into(), code: 0x8250 }));
     // The last one came up to a cycle before; the drive is off when it says so.
     let said = wire.since(begun, 0x783);
     let said = said.first().or(None).map(|(at, _)| *at);
     assert!(said.is_none() || said.unwrap().since(begun) <= Duration::from_millis(6));
     assert!(record.at.since(begun) <= Duration::from_millis(8), "{:?}", record.at.since(begun));
-    assert_eq!(bench.world_mut().drives()[ELBOW - 1].demand(), 0.0);
+    assert_eq!(bench.world_mut().drives()[ELBOW.index()].demand(), 0.0);
 }
 
 #[test]

@@ -52,9 +52,9 @@ fn hazard_08_a_drive_that_fails_takes_the_torque_off_all_within_two_cycles() {
 
 #[test]
 fn hazard_08_a_drive_that_only_its_statusword_tells_of_is_seen_when_that_may_be_sent_again() {
-    for joint in 1..=6 {
+    for joint in Joint::ALL {
         let (mut bench, wire, onset) = in_contact();
-        bench.world_mut().drive_mut(Joint::new(joint).unwrap()).unwrap().fail();
+        bench.world_mut().drive_mut(joint).unwrap().fail();
         let record = until(&mut bench, |record| record.mode.is_stopped());
         assert!(matches!(record.cause, Some(Cause::DriveLeft { joint: j, .. }) if j == joint));
         bench.run(150);
@@ -68,7 +68,7 @@ fn a_drive_that_falls_silent_takes_the_torque_off_all_within_five_cycles() {
     let (mut bench, wire, onset) = in_contact();
     bench.world_mut().drive_mut(Joint::of::<4>()).unwrap().unplug();
     let record = until(&mut bench, |record| record.mode.is_stopped());
-    assert_eq!(record.cause, Some(Cause::SamplesMissing { joint: 4, cycles: 3 }));
+    assert_eq!(record.cause, Some(Cause::SamplesMissing { joint: Joint::of::<4>(), cycles: 3 }));
     bench.run(150);
     assert!(cycles_to_zero(&wire, onset) <= 5);
     assert!(bench.ask(Request::Reset).is_err(), "a drive that is not there cannot be booted");

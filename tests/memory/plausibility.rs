@@ -18,7 +18,9 @@ use node::cause::Cause;
 use node::record::Mode;
 use node::record::Record;
 use sim::scenario::Scenario;
+use units::numbering::Joint;
 
+const ELBOW: Joint = Joint::of::<3>();
 const KRAFT: &str = "config/kraft_like.toml";
 
 /// Engaged after 0.3 s, and a hand that moves with 60 mm/s from 0.4 s on.
@@ -93,7 +95,8 @@ fn hazard_04_samples_that_grow_old_stop_the_node_at_14_cycles() {
         let records = run(&config, &format!("{MOVING}{}", growing(&config, 26)), 1.6);
         let begun = records[0].at;
         let stopped = records.iter().find(|record| record.mode.is_stopped()).unwrap();
-        let is_it = matches!(stopped.cause, Some(Cause::SamplesOverdue { joint: 3, cycles: 11 }));
+        let is_it =
+            matches!(stopped.cause, Some(Cause::SamplesOverdue { joint: ELBOW, cycles: 11 }));
         assert!(is_it, "{name}: {:?}", stopped.cause);
         let age = (stopped.at.since(begun).as_secs_f64() - 0.6) / 0.05;
         assert!(age <= 14.0, "{name}: {age} cycles old");
@@ -106,7 +109,7 @@ fn hazard_04_delay_that_ends_is_no_second_node() {
         let config = config(KRAFT);
         let records = run(&config, &format!("{MOVING}{}", growing(&config, most)), 1.6);
         let cause = records.last().unwrap().cause;
-        let fits = matches!(cause, None | Some(Cause::SamplesOverdue { joint: 3, .. }));
+        let fits = matches!(cause, None | Some(Cause::SamplesOverdue { joint: ELBOW, .. }));
         assert!(fits, "{most} cycles: {cause:?}");
     }
 }
@@ -117,7 +120,7 @@ fn hazard_03_samples_that_are_late_too_often_end_reflection() {
     let fault = "kind = \"delay\"\njoint = 3\nframe = \"tpdo1\"\ndelay_ms = 1.2\nshare = 0.1\n";
     let records = run(&config(KRAFT), &with_fault(fault), 1.6);
     let stopped = records.iter().find(|record| record.cause.is_some()).unwrap();
-    let is_it = matches!(stopped.cause, Some(Cause::SamplesRare { joint: 3, percent: 5 }));
+    let is_it = matches!(stopped.cause, Some(Cause::SamplesRare { joint: ELBOW, percent: 5 }));
     assert!(is_it && stopped.mode == Mode::ReflectionOff, "{:?}, {}", stopped.cause, stopped.mode);
     let last = records.last().unwrap();
     assert!(last.mode == Mode::ReflectionOff && last.targets != [0; 6], "the arm is carried on");
@@ -213,7 +216,7 @@ fn hazard_43_a_joint_beyond_its_limit_ends_reflection_in_the_same_cycle_and_the_
     let beyond = beyond.unwrap();
     assert_eq!(records[beyond - 1].mode, Mode::Engaged);
     assert_eq!(records[beyond].mode, Mode::ReflectionOff);
-    assert_eq!(records[beyond].cause, Some(Cause::BeyondLimit { joint: 3 }));
+    assert_eq!(records[beyond].cause, Some(Cause::BeyondLimit { joint: ELBOW }));
     assert_ne!(records.last().unwrap().targets, [0; 6]);
 }
 

@@ -33,7 +33,7 @@ use units::time::Instant;
 
 const GROUPED: &str = include_str!("../../config/kraft_like.toml");
 const PER_DRIVE: &str = include_str!("../../config/kraft_like_500hz.toml");
-const ELBOW: usize = 3;
+const ELBOW: Joint = Joint::of::<3>();
 
 /// Armed at once, the deadman closed 0.4 s after the first SYNC: the drives need some of that.
 const SCRIPT: &str = "seconds = 5\n\
@@ -62,7 +62,6 @@ use Outcome::Runs;
 use Outcome::Unarmed;
 
 use units::numbering::Joint;
-use units::numbering::NodeIndex;
 
 /// Quirk, outcome at 1 kHz in groups, outcome at 500 Hz drive by drive.
 const TABLE: &[(&str, Outcome, Outcome)] = &[
@@ -120,7 +119,7 @@ fn config(text: &str) -> Config {
 fn bench(config: &Config, script: &str, quirks: &[&str]) -> (Bench<Wire>, Wire) {
     let mut scenario = Scenario::parse(script).unwrap();
     let quirks = quirks.iter().map(|quirk| quirk.parse::<Quirk>().unwrap());
-    scenario.quirks_mut().add(Joint::new(ELBOW).unwrap(), quirks);
+    scenario.quirks_mut().add(ELBOW, quirks);
     let wire = Wire::default();
     (Bench::new(config, scenario, 1, false, wire.clone()), wire)
 }
@@ -257,7 +256,7 @@ fn hazard_17_a_drive_that_runs_when_the_master_comes_is_off_before_anything_else
         assert!(off < asked, "whoever it is");
         assert!(off.since(Instant::ZERO) < Duration::from_millis(25), "{off:?}");
         let notices: Vec<_> = std::iter::from_fn(|| bench.notice()).collect();
-        assert!(notices.contains(&Event::FoundEnabled { node: NodeIndex(ELBOW - 1) }));
+        assert!(notices.contains(&Event::FoundEnabled { node: ELBOW.into() }));
     }
 }
 
@@ -269,7 +268,7 @@ fn an_arm_that_falls_is_waited_for_until_it_lies_still() {
     let (off, asked) = off_and_asked(&wire);
     assert!(asked.since(off) > Duration::from_millis(600), "it was moving: {asked:?}");
     let speeds = bench.world_mut().plant().qd();
-    assert!(speeds[ELBOW - 1].abs() < 0.02, "{speeds}");
+    assert!(speeds[ELBOW.index()].abs() < 0.02, "{speeds}");
 }
 
 #[test]
@@ -290,7 +289,7 @@ fn a_stray_frame_moves_nothing_once_the_master_has_booted_the_drive() {
         bench.bring_up().unwrap();
         let now = bench.node().bus().now();
         let stray = Frame::new(STRAY.0, STRAY.1);
-        let drive = bench.world_mut().drive_mut(Joint::new(ELBOW).unwrap()).unwrap();
+        let drive = bench.world_mut().drive_mut(ELBOW).unwrap();
         drive.on_frame(now, Channel(0), &stray, &mut Vec::new());
         for _ in 0..10 {
             assert!(!is_pushing(&mut bench));
@@ -304,7 +303,7 @@ fn a_fault_nobody_tells_of_is_seen_in_the_statusword() {
     let (mut bench, wire) = bench(&config(PER_DRIVE), SCRIPT, &["quiet-fault"]);
     bench.bring_up().unwrap();
     until(&mut bench, |record| record.mode == Mode::Engaged);
-    bench.world_mut().drive_mut(Joint::new(ELBOW).unwrap()).unwrap().fail_with(0x3210);
+    bench.world_mut().drive_mut(ELBOW).unwrap().fail_with(0x3210);
     let failed = bench.node().bus().now();
     let record = until(&mut bench, |record| record.mode.is_stopped());
     assert!(matches!(record.cause, Some(Cause::DriveLeft { joint: ELBOW, .. })));
@@ -324,7 +323,7 @@ fn each_quirk_has_a_scenario() {
     for name in Quirk::NAMES {
         let file = format!("config/scenarios/quirks/{name}.toml");
         let script = Scenario::parse(&std::fs::read_to_string(&file).unwrap()).unwrap();
-        let quirks: Vec<_> = script.quirks().of(Joint::new(ELBOW).unwrap()).iter().collect();
+        let quirks: Vec<_> = script.quirks().of(ELBOW).iter().collect();
         assert_eq!(quirks, [name.parse().unwrap()], "{file}");
     }
     let files = std::fs::read_dir("config/scenarios/quirks").unwrap();

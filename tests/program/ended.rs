@@ -150,7 +150,7 @@ fn promise_12_a_drive_that_does_not_confirm_is_named_within_a_second() {
     until(&mut bench, |record| record.mode == Mode::Engaged);
     bench.world_mut().drive_mut(Joint::of::<4>()).unwrap().unplug();
     let told = bench.node().bus().now();
-    assert_eq!(bench.stop().unwrap_err().joint, 4);
+    assert_eq!(bench.stop().unwrap_err().joint, Joint::of::<4>());
     assert!(bench.node().bus().now().since(told) <= ORDERLY);
 }
 

@@ -28,6 +28,7 @@ use thiserror::Error;
 use crate::frame::Channel;
 use crate::object::Object;
 use crate::plan::NodePlan;
+use units::numbering::NodeIndex;
 
 /// Why layouts are no cyclic exchange.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -76,12 +77,12 @@ pub struct Exchange {
 /// other about a frame they share.
 pub fn resolve(plans: &[(Channel, NodePlan)]) -> Result<Exchange, ExchangeError> {
     let (inbox, outbox) = (Inbox::new(plans), Outbox::new(plans)?);
-    for (place, (_, plan)) in plans.iter().enumerate().filter(|(_, (_, plan))| plan.is_drive()) {
+    for (node, (_, plan)) in NodeIndex::each(plans).filter(|(_, (_, plan))| plan.is_drive()) {
         for (object, is_there) in [
-            (Object::STATUSWORD, inbox.tells_status(place)),
-            (Object::POSITION_ACTUAL, inbox.samples(place)),
-            (Object::CONTROLWORD, outbox.reaches(place, Object::CONTROLWORD)),
-            (Object::TARGET_TORQUE, outbox.reaches(place, Object::TARGET_TORQUE)),
+            (Object::STATUSWORD, inbox.tells_status(node)),
+            (Object::POSITION_ACTUAL, inbox.samples(node)),
+            (Object::CONTROLWORD, outbox.reaches(node, Object::CONTROLWORD)),
+            (Object::TARGET_TORQUE, outbox.reaches(node, Object::TARGET_TORQUE)),
         ] {
             if !is_there {
                 return Err(ExchangeError::Missing { name: plan.name.clone(), object });

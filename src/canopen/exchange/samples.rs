@@ -16,12 +16,13 @@ use crate::pdo::WrongLength;
 use crate::plan::NodePlan;
 use units::drive::Counts;
 use units::drive::PerMille;
+use units::numbering::NodeIndex;
 
 /// What one TPDO told; `None` for what is not in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Told {
-    /// Whose it is: a place in the list of plans.
-    pub node: usize,
+    /// Whose it is.
+    pub node: NodeIndex,
     /// Where the drive's encoder was at the SYNC, if this is what answers it.
     pub position: Option<Counts>,
     /// The drive's state.
@@ -43,7 +44,7 @@ pub struct Inbox {
 struct Tpdo {
     channel: Channel,
     cob_id: u16,
-    node: usize,
+    node: NodeIndex,
     bytes: usize,
     /// The longest time between two of them; `None` if SYNC asks for each.
     repeated: Option<Duration>,
@@ -55,11 +56,11 @@ struct Tpdo {
 
 impl Inbox {
     pub(super) fn new(plans: &[(Channel, NodePlan)]) -> Self {
-        let of = |(node, (channel, plan)): (usize, &(Channel, NodePlan))| {
+        let of = |(node, (channel, plan)): (NodeIndex, &(Channel, NodePlan))| {
             let tpdos = plan.pdos.iter().filter(|pdo| pdo.direction == Direction::Transmit);
             tpdos.filter_map(|pdo| Tpdo::new(*channel, node, pdo)).collect::<Vec<_>>()
         };
-        Self { tpdos: plans.iter().enumerate().flat_map(of).collect() }
+        Self { tpdos: NodeIndex::each(plans).flat_map(of).collect() }
     }
 
     /// Reads a frame; `None` if it is none of these.
@@ -73,30 +74,30 @@ impl Inbox {
     }
 
     /// The longest time between two words of a node's state, if SYNC does not ask for them.
-    pub fn status_repeated(&self, node: usize) -> Option<Duration> {
+    pub fn status_repeated(&self, node: NodeIndex) -> Option<Duration> {
         self.of(node).find(|tpdo| tpdo.statusword.is_some())?.repeated
     }
 
     /// Whether a node tells its state, be it of itself and at least now and then.
-    pub(super) fn tells_status(&self, node: usize) -> bool {
+    pub(super) fn tells_status(&self, node: NodeIndex) -> bool {
         self.of(node).any(|tpdo| {
             tpdo.statusword.is_some() && tpdo.repeated.is_none_or(|repeated| !repeated.is_zero())
         })
     }
 
     /// Whether a node's position comes at every SYNC.
-    pub(super) fn samples(&self, node: usize) -> bool {
+    pub(super) fn samples(&self, node: NodeIndex) -> bool {
         self.of(node).any(|tpdo| tpdo.position.is_some() && tpdo.repeated.is_none())
     }
 
-    fn of(&self, node: usize) -> impl Iterator<Item = &Tpdo> {
+    fn of(&self, node: NodeIndex) -> impl Iterator<Item = &Tpdo> {
         self.tpdos.iter().filter(move |tpdo| tpdo.node == node)
     }
 }
 
 impl Tpdo {
     /// `None` if it is off.
-    fn new(channel: Channel, node: usize, pdo: &Pdo) -> Option<Self> {
+    fn new(channel: Channel, node: NodeIndex, pdo: &Pdo) -> Option<Self> {
         let service = pdo.service.as_ref()?;
         let place = |object: Object, bits: u8| {
             let wanted = Mapped { object, bits };
@@ -168,7 +169,7 @@ mod tests {
     fn tpdo_of_its_length_is_read_little_endian() {
         let data = [0x37, 0x12, 0xFE, 0xFF, 0xFF, 0xFF, 0x9C, 0xFF];
         let told = read(&inbox(false), 0x182, &data).unwrap().unwrap();
-        assert_eq!((told.node, told.inputs), (1, None));
+        assert_eq!((told.node, told.inputs), (NodeIndex(1), None));
         assert_eq!(told.statusword, Some(Statusword(0x1237)));
         assert_eq!(told.position, Some(Counts(-2)));
         assert_eq!(told.torque, Some(PerMille(-100)));
@@ -180,7 +181,8 @@ mod tests {
             for found in (0..=8).filter(|found| *found != expected) {
                 let data = vec![0; found];
                 let refused = read(&inbox(is_grouped), 0x181, &data);
-                assert_eq!(refused, Some(Err(WrongLength { node: 0, expected, found })));
+                let node = NodeIndex(0);
+                assert_eq!(refused, Some(Err(WrongLength { node, expected, found })));
             }
         }
     }
@@ -200,15 +202,21 @@ mod tests {
             service.transmission = Transmission::EVENT_OF_PROFILE;
         }
         let inbox = Inbox::new(&[(Channel(1), plan)]);
-        assert!(!inbox.samples(0) && inbox.of(0).any(|tpdo| tpdo.position.is_some()));
+        assert!(
+            !inbox.samples(NodeIndex(0))
+                && inbox.of(NodeIndex(0)).any(|tpdo| tpdo.position.is_some())
+        );
     }
 
     #[test]
     fn state_apart_is_repeated_and_with_the_position_it_is_not() {
-        assert_eq!(inbox(false).status_repeated(0), None);
-        assert!(inbox(false).tells_status(1) && inbox(false).samples(1));
-        assert!(inbox(true).status_repeated(0).is_some());
-        assert!(inbox(true).tells_status(0) && inbox(true).samples(0));
-        assert!(!inbox(true).tells_status(2) && !inbox(true).samples(2), "there is none");
+        assert_eq!(inbox(false).status_repeated(NodeIndex(0)), None);
+        assert!(inbox(false).tells_status(NodeIndex(1)) && inbox(false).samples(NodeIndex(1)));
+        assert!(inbox(true).status_repeated(NodeIndex(0)).is_some());
+        assert!(inbox(true).tells_status(NodeIndex(0)) && inbox(true).samples(NodeIndex(0)));
+        assert!(
+            !inbox(true).tells_status(NodeIndex(2)) && !inbox(true).samples(NodeIndex(2)),
+            "there is none"
+        );
     }
 }

@@ -18,6 +18,7 @@ use crate::layout::Service;
 use crate::object::Object;
 use crate::plan::NodePlan;
 use units::drive::PerMille;
+use units::numbering::NodeIndex;
 
 /// A frame that acts on arrival is repeated after so many cycles while its drive does not follow.
 const REPEAT: u32 = 20;
@@ -50,7 +51,7 @@ struct Rpdo {
 /// What is in it for whom.
 #[derive(Clone, Copy, Debug)]
 struct Field {
-    node: usize,
+    node: NodeIndex,
     object: Object,
     slot: Slot,
     /// The node already is where this leads.
@@ -60,7 +61,7 @@ struct Field {
 impl Outbox {
     pub(super) fn new(plans: &[(Channel, NodePlan)]) -> Result<Self, ExchangeError> {
         let mut rpdos: Vec<Rpdo> = Vec::new();
-        for (node, (channel, plan)) in plans.iter().enumerate() {
+        for (node, (channel, plan)) in NodeIndex::each(plans) {
             for pdo in plan.pdos.iter().filter(|pdo| pdo.direction == Direction::Receive) {
                 let Some(service) = &pdo.service else { continue };
                 let is_it =
@@ -77,18 +78,18 @@ impl Outbox {
     }
 
     /// The torque a drive is to exert from the next SYNC on.
-    pub fn exert(&mut self, node: usize, torque: PerMille) {
+    pub fn exert(&mut self, node: NodeIndex, torque: PerMille) {
         let value = u16::from_le_bytes(torque.0.to_le_bytes());
         self.rpdos().for_each(|rpdo| rpdo.set(node, Object::TARGET_TORQUE, value, true));
     }
 
     /// Where a drive's power stage is led, and whether it already is there.
-    pub fn lead(&mut self, node: usize, word: Controlword, is_followed: bool) {
+    pub fn lead(&mut self, node: NodeIndex, word: Controlword, is_followed: bool) {
         self.rpdos().for_each(|rpdo| rpdo.set(node, Object::CONTROLWORD, word.0, is_followed));
     }
 
     /// Whether something that acts on arrival has not been sent to a drive yet.
-    pub fn is_waiting(&self, node: usize) -> bool {
+    pub fn is_waiting(&self, node: NodeIndex) -> bool {
         let is_for = |rpdo: &&Rpdo| rpdo.fields.iter().any(|field| field.node == node);
         self.on_change.iter().filter(is_for).any(|rpdo| rpdo.sent != Some(rpdo.content))
     }
@@ -110,7 +111,7 @@ impl Outbox {
     }
 
     /// Returns the nodes that take a torque from a cyclic frame.
-    pub fn pushed_by(&self, telegram: &Telegram) -> impl Iterator<Item = usize> + '_ {
+    pub fn pushed_by(&self, telegram: &Telegram) -> impl Iterator<Item = NodeIndex> + '_ {
         let rpdo = self.cyclic_of(telegram).into_iter();
         let fields = rpdo.flat_map(|rpdo| &rpdo.fields);
         fields.filter(|field| field.object == Object::TARGET_TORQUE).map(|field| field.node)
@@ -166,14 +167,14 @@ impl Outbox {
         self.cyclic.iter_mut().chain(&mut self.on_change)
     }
 
-    pub(super) fn reaches(&self, node: usize, object: Object) -> bool {
+    pub(super) fn reaches(&self, node: NodeIndex, object: Object) -> bool {
         let mut fields = self.cyclic.iter().chain(&self.on_change).flat_map(|rpdo| &rpdo.fields);
         fields.any(|field| field.node == node && field.object == object)
     }
 }
 
 impl Rpdo {
-    fn new(channel: Channel, node: usize, pdo: &Pdo, service: &Service) -> Self {
+    fn new(channel: Channel, node: NodeIndex, pdo: &Pdo, service: &Service) -> Self {
         Self {
             channel,
             cob_id: pdo.cob_id,
@@ -186,7 +187,12 @@ impl Rpdo {
     }
 
     /// Another node takes it, too.
-    fn share(&mut self, name: &str, node: usize, service: &Service) -> Result<(), ExchangeError> {
+    fn share(
+        &mut self,
+        name: &str,
+        node: NodeIndex,
+        service: &Service,
+    ) -> Result<(), ExchangeError> {
         let cob_id = self.cob_id;
         if (service.bytes(), service.transmission)
             != (self.service.bytes(), self.service.transmission)
@@ -203,7 +209,7 @@ impl Rpdo {
         Ok(())
     }
 
-    fn set(&mut self, node: usize, object: Object, value: u16, is_followed: bool) {
+    fn set(&mut self, node: NodeIndex, object: Object, value: u16, is_followed: bool) {
         let is_it = |field: &&mut Field| field.node == node && field.object == object;
         for field in self.fields.iter_mut().filter(is_it) {
             self.content = field.slot.write(self.content, value);
@@ -255,7 +261,7 @@ impl Rpdo {
 }
 
 /// What a node takes of a frame, dummies left out.
-fn fields(node: usize, service: &Service) -> impl Iterator<Item = Field> + '_ {
+fn fields(node: NodeIndex, service: &Service) -> impl Iterator<Item = Field> + '_ {
     slots(service)
         .filter(|(mapped, _)| !mapped.object.is_dummy())
         .map(move |(mapped, slot)| Field { node, object: mapped.object, slot, is_followed: false })
@@ -295,7 +301,7 @@ mod tests {
     fn a_group_has_one_frame_with_a_place_for_each() {
         let mut outbox = grouped();
         for (node, torque) in [(0, 1), (1, -2), (2, 0x1234), (3, 5)] {
-            outbox.exert(node, PerMille(torque));
+            outbox.exert(NodeIndex(node), PerMille(torque));
         }
         assert_eq!(text(|out| outbox.cyclic(out)), "201#0100FEFF3412 204#0500");
     }
@@ -303,12 +309,12 @@ mod tests {
     #[test]
     fn with_a_frame_for_each_drive_word_and_torque_go_together() {
         let mut outbox = resolve(&plans(|node, _| layout::per_drive(node, None))).unwrap().outbox;
-        outbox.exert(1, PerMille(-1));
-        outbox.lead(1, Controlword::ENABLE_OPERATION, false);
+        outbox.exert(NodeIndex(1), PerMille(-1));
+        outbox.lead(NodeIndex(1), Controlword::ENABLE_OPERATION, false);
         let frames = "201#00000000 202#0F00FFFF 203#00000000 204#00000000";
         assert_eq!(text(|out| outbox.cyclic(out)), frames);
         assert_eq!(text(|out| outbox.changed(false, out)), "");
-        assert!(!outbox.is_waiting(1));
+        assert!(!outbox.is_waiting(NodeIndex(1)));
     }
 
     #[test]
@@ -316,7 +322,7 @@ mod tests {
         let mut plans = plans(|node, group| layout::grouped(node, 0, group, Some(5)));
         plans.iter_mut().skip(2).for_each(|(channel, _)| *channel = Channel(1));
         let mut outbox = resolve(&plans).unwrap().outbox;
-        (0..4).for_each(|node| outbox.lead(node, Controlword::SHUTDOWN, true));
+        (0..4).for_each(|node| outbox.lead(NodeIndex(node), Controlword::SHUTDOWN, true));
         let cycles: Vec<_> = (0..5).map(|_| text(|out| outbox.changed(false, out))).collect();
         assert_eq!(cycles.join("|"), "301#0600 303#0600||304#0600 302#0600||");
     }
@@ -324,12 +330,12 @@ mod tests {
     #[test]
     fn words_go_out_every_other_cycle_and_in_turn() {
         let mut outbox = grouped();
-        (0..4).for_each(|node| outbox.lead(node, Controlword::SHUTDOWN, true));
+        (0..4).for_each(|node| outbox.lead(NodeIndex(node), Controlword::SHUTDOWN, true));
         let cycles: Vec<_> = (0..9).map(|_| text(|out| outbox.changed(false, out))).collect();
         assert_eq!(cycles.join("|"), "301#0600||302#0600||303#0600||304#0600||");
-        outbox.lead(2, Controlword::SWITCH_ON, true);
-        outbox.lead(0, Controlword::SWITCH_ON, true);
-        assert!(outbox.is_waiting(2) && !outbox.is_waiting(1));
+        outbox.lead(NodeIndex(2), Controlword::SWITCH_ON, true);
+        outbox.lead(NodeIndex(0), Controlword::SWITCH_ON, true);
+        assert!(outbox.is_waiting(NodeIndex(2)) && !outbox.is_waiting(NodeIndex(1)));
         let cycles: Vec<_> = (0..4).map(|_| text(|out| outbox.changed(false, out))).collect();
         assert_eq!(cycles.join("|"), "301#0700||303#0700|");
     }
@@ -337,12 +343,12 @@ mod tests {
     #[test]
     fn late_torques_are_dropped_and_zeros_are_not() {
         let mut outbox = grouped();
-        outbox.exert(1, PerMille(-1));
+        outbox.exert(NodeIndex(1), PerMille(-1));
         let mut out = Vec::new();
         outbox.cyclic(&mut out);
         let sent: Vec<_> = out.iter().map(|telegram| outbox.late(telegram)).collect();
         assert_eq!(sent, [None, Some(out[1])], "one joint's torque holds back its group");
-        assert_eq!(outbox.pushed_by(&out[0]).collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!(outbox.pushed_by(&out[0]).collect::<Vec<_>>(), [0, 1, 2].map(NodeIndex));
         assert_eq!(outbox.late(&Telegram { channel: Channel(1), ..out[1] }), None, "unknown");
     }
 
@@ -350,7 +356,7 @@ mod tests {
     fn late_words_that_take_power_away_are_sent_without_torque() {
         let mut outbox = resolve(&plans(|node, _| layout::per_drive(node, None))).unwrap().outbox;
         let words = [Controlword::ENABLE_OPERATION, Controlword::SHUTDOWN];
-        for (node, word) in words.into_iter().enumerate() {
+        for (node, word) in NodeIndex::each(words) {
             outbox.exert(node, PerMille(300));
             outbox.lead(node, word, true);
         }
@@ -363,19 +369,19 @@ mod tests {
     #[test]
     fn late_words_that_enable_wait_and_others_do_not() {
         let mut outbox = grouped();
-        outbox.lead(0, Controlword::ENABLE_OPERATION, true);
-        outbox.lead(2, Controlword::DISABLE_VOLTAGE, true);
+        outbox.lead(NodeIndex(0), Controlword::ENABLE_OPERATION, true);
+        outbox.lead(NodeIndex(2), Controlword::DISABLE_VOLTAGE, true);
         let cycles: Vec<_> = (0..8).map(|_| text(|out| outbox.changed(true, out))).collect();
         let waits = !cycles.iter().any(|frames| frames.starts_with("301"));
         assert!(waits && cycles.contains(&"303#0000".to_owned()), "{cycles:?}");
-        assert!(outbox.is_waiting(0));
+        assert!(outbox.is_waiting(NodeIndex(0)));
         assert_eq!(text(|out| outbox.changed(false, out)), "301#0F00");
     }
 
     #[test]
     fn who_does_not_follow_is_told_again() {
         let mut outbox = grouped();
-        (0..4).for_each(|node| outbox.lead(node, Controlword::SHUTDOWN, node != 1));
+        (0..4).for_each(|node| outbox.lead(NodeIndex(node), Controlword::SHUTDOWN, node != 1));
         (0..4).for_each(|_| {
             assert_ne!(text(|out| outbox.changed(false, out)), "");
             assert_eq!(text(|out| outbox.changed(false, out)), "");
@@ -384,7 +390,7 @@ mod tests {
         assert_eq!(later.iter().filter(|frames| *frames == "302#0600").count(), 3);
         assert!(later.iter().all(|frames| frames.is_empty() || frames == "302#0600"));
         outbox.restart();
-        assert!((0..4).all(|node| outbox.is_waiting(node)));
+        assert!((0..4).all(|node| outbox.is_waiting(NodeIndex(node))));
     }
 
     #[test]

@@ -100,6 +100,7 @@ mod tests {
 
     use super::*;
     use crate::arm::Link;
+    use units::numbering::Joint;
 
     #[test]
     fn dry_friction_of_all_joints_is_their_power_at_the_grip() {
@@ -112,13 +113,12 @@ mod tests {
         let devices = Device::at_grip(&arm, &coulomb.map(joint), &q).unwrap();
         for (axis, device) in devices.into_iter().enumerate() {
             // Rates at which the grip moves by 1 along this axis alone.
-            let columns = |joint: usize| {
+            let columns = |joint: Joint| {
                 let mut one = JointVector::zeros();
-                one[joint] = 1.0;
+                one[joint.index()] = 1.0;
                 JointVector::from(rates.twist(&one).components())
             };
-            let matrix =
-                nalgebra::SMatrix::<f64, 6, 6>::from_columns(&[0, 1, 2, 3, 4, 5].map(columns));
+            let matrix = nalgebra::SMatrix::<f64, 6, 6>::from_columns(&Joint::ALL.map(columns));
             let mut along = JointVector::zeros();
             along[axis] = 1.0;
             let qd = matrix.lu().solve(&along).unwrap();

@@ -79,8 +79,8 @@ impl Place<'_> {
         let arm = world::arm(self.config);
         let gravity = arm.gravity(&arm.posture(&world::start(self.config)));
         let gravity = calibration.coupling().matrix().transpose() * gravity;
-        let mut joints = gravity.iter().zip(&self.config.joints).skip(joint.index());
-        joints.next().map_or(0.0, |(weight, joint)| 1e3 * weight.abs() / joint.max_torque)
+        let weight: f64 = *joint.entry(&gravity.into());
+        1e3 * weight.abs() / joint.entry(&self.config.joints).max_torque
     }
 
     /// An entry `[[fault]]` at the onset: its keys, one a line.

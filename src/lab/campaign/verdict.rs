@@ -212,6 +212,7 @@ impl fmt::Display for Expectation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use units::numbering::Joint;
 
     const WITHIN: Duration = Duration::from_millis(5);
     const CAUSES: &[CauseKind] = &[CauseKind::SamplesMissing];
@@ -243,7 +244,8 @@ mod tests {
         }
     }
 
-    const MISSING: Cause = Cause::SamplesMissing { joint: 3, cycles: 3 };
+    const ELBOW: Joint = Joint::of::<3>();
+    const MISSING: Cause = Cause::SamplesMissing { joint: ELBOW, cycles: 3 };
 
     #[test]
     fn stop_by_another_cause_is_a_wrong_cause() {
@@ -252,7 +254,7 @@ mod tests {
         {
             let right = stopped_by(MISSING);
             assert_eq!(outcome(expectation, CAUSES, &right), Outcome::Met, "{expectation:?}");
-            let wrong = stopped_by(Cause::Overspeed { joint: 3 });
+            let wrong = stopped_by(Cause::Overspeed { joint: ELBOW });
             assert_eq!(
                 outcome(expectation, CAUSES, &wrong),
                 Outcome::WrongCause,

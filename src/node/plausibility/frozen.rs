@@ -16,6 +16,7 @@ use std::time::Duration;
 use crate::cause::Cause;
 use crate::plausibility::sampled::Sampled;
 use units::drive::Counts;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// A torque that pushes, in ‰ of rated torque.
@@ -61,18 +62,18 @@ impl Frozen {
         let positions = sampled.latest.map(|sample| sample.position);
         let clear = self.clear;
         let mut frozen = None;
-        for (place, (still, told)) in self.still.iter_mut().zip(told).enumerate() {
-            if !sampled.fresh.get(place).copied().unwrap_or_default() {
+        for (joint, (still, told)) in Joint::each(self.still.iter_mut().zip(told)) {
+            if !joint.entry(&sampled.fresh) {
                 continue;
             }
-            let now = positions.get(place);
+            let now = joint.entry(&positions);
             let still = match still {
-                Some(still) if still.from.get(place) == now => still,
+                Some(still) if joint.entry(&still.from) == now => still,
                 moved => moved.insert(Still::since(sampled.at, positions, *told)),
             };
-            still.follow(place, &positions, &clear, *told);
+            still.follow(joint, &positions, &clear, *told);
             if sampled.at.since(still.since) >= self.lasting && still.is_impossible(*told) {
-                frozen = frozen.or(Some(Cause::PositionFrozen { joint: place + 1 }));
+                frozen = frozen.or(Some(Cause::PositionFrozen { joint }));
             }
         }
         frozen
@@ -84,11 +85,11 @@ impl Still {
         Self { since: at, from, told: [told; 2], beside_motion: false }
     }
 
-    fn follow(&mut self, place: usize, now: &[Counts; 6], clear: &[u32; 6], told: i16) {
+    fn follow(&mut self, joint: Joint, now: &[Counts; 6], clear: &[u32; 6], told: i16) {
         let [least, most] = self.told;
         self.told = [least.min(told), most.max(told)];
-        let joints = self.from.iter().zip(now).zip(clear).enumerate();
-        let mut beside = joints.filter(|(other, _)| other.abs_diff(place) == 1);
+        let joints = Joint::each(self.from.iter().zip(now).zip(clear));
+        let mut beside = joints.filter(|(other, _)| other.number().abs_diff(joint.number()) == 1);
         self.beside_motion |= beside
             .any(|(_, ((from, now), clear))| now.0.wrapping_sub(from.0).unsigned_abs() > *clear);
     }
@@ -118,7 +119,10 @@ mod tests {
                 .map(|counts| DriveSample { position: Counts(counts), ..DriveSample::default() });
             let sampled = Sampled { at, latest: &latest, fresh: [true; 6], torques: [false; 6] };
             let cause = frozen.judge(&sampled, &[0, 0, torque(cycle), 0, 0, 0]);
-            assert!(cause.is_none_or(|cause| cause == Cause::PositionFrozen { joint: 3 }));
+            assert!(
+                cause
+                    .is_none_or(|cause| cause == Cause::PositionFrozen { joint: Joint::of::<3>() })
+            );
             cause.is_some()
         })
     }
@@ -141,13 +145,13 @@ mod tests {
         assert_eq!(told(|_| 7, |cycle| cycle, |cycle| swinging(cycle) - 200), None, "no push");
     }
 
-    /// The same of joint 3, if this other joint (from 0) moves so.
-    fn told_beside(other: usize, moves: impl Fn(i32) -> i32) -> Option<i32> {
+    /// The same of joint 3, if this other joint moves so.
+    fn told_beside(other: Joint, moves: impl Fn(i32) -> i32) -> Option<i32> {
         let mut frozen = Frozen::new(Duration::from_millis(500), [100; 6]);
         (0..2_000).find(|&cycle| {
             let at = Instant::from_micros(1_000 * u64::try_from(cycle).unwrap());
             let mut latest = [DriveSample::default(); 6];
-            latest[other].position = Counts(moves(cycle));
+            other.entry_mut(&mut latest).position = Counts(moves(cycle));
             let sampled = Sampled { at, latest: &latest, fresh: [true; 6], torques: [false; 6] };
             frozen.judge(&sampled, &[0, 0, swinging(cycle), 0, 0, 0]).is_some()
         })
@@ -155,18 +159,17 @@ mod tests {
 
     #[test]
     fn hazard_05_only_the_joints_next_to_it_are_neighbours() {
-        for other in [0, 4, 5] {
-            assert_eq!(told_beside(other, |cycle| cycle), None, "joint {}", other + 1);
-        }
-        for other in [1, 3] {
-            assert_eq!(told_beside(other, |cycle| cycle), Some(500), "joint {}", other + 1);
+        for (other, told) in Joint::each([None, Some(500), None, Some(500), None, None]) {
+            if other != Joint::of::<3>() {
+                assert_eq!(told_beside(other, |cycle| cycle), told, "joint {other}");
+            }
         }
     }
 
     #[test]
     fn property_14_neighbour_that_wraps_has_hardly_moved() {
         let trembles = |cycle: i32| i32::MAX.wrapping_add(cycle % 90 - 45);
-        assert_eq!(told_beside(3, trembles), None);
+        assert_eq!(told_beside(Joint::of::<4>(), trembles), None);
     }
 
     #[test]

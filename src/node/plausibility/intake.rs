@@ -9,6 +9,7 @@ use crate::plausibility::jump::Jump;
 use crate::plausibility::jump::Reach;
 use crate::plausibility::jump::Step;
 use units::drive::Counts;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// What is to be made of a position.
@@ -25,8 +26,7 @@ pub(crate) enum Offer {
 /// One joint's positions.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Intake {
-    /// From 1.
-    joint: usize,
+    joint: Joint,
     period: Duration,
     patience: u32,
     reach: Reach,
@@ -38,8 +38,8 @@ pub(crate) struct Intake {
 }
 
 impl Intake {
-    /// Of a `joint`, from 1, that is asked every `period` and may miss `patience` cycles in a row.
-    pub(super) const fn new(joint: usize, period: Duration, patience: u32, reach: Reach) -> Self {
+    /// Of a `joint` that is asked every `period` and may miss `patience` cycles in a row.
+    pub(super) const fn new(joint: Joint, period: Duration, patience: u32, reach: Reach) -> Self {
         Self {
             joint,
             period,
@@ -112,11 +112,10 @@ impl Intake {
     }
 
     /// One too many: of a delay that ends if any were overdue, of a second node otherwise.
-    const fn surplus(&self, overdue: u32) -> Offer {
+    fn surplus(&self, overdue: u32) -> Offer {
         let joint = self.joint;
         Offer::Wrong(match overdue {
-            // Drives stand first in the list of nodes.
-            0 => Cause::Duplicate { node: joint.saturating_sub(1) },
+            0 => Cause::Duplicate { node: joint.into() },
             cycles => Cause::SamplesOverdue { joint, cycles },
         })
     }
@@ -127,11 +126,14 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use units::numbering::NodeIndex;
+
+    const ELBOW: Joint = Joint::of::<3>();
 
     /// At most 1,000 counts in a cycle.
     fn intake() -> Intake {
         let period = Duration::from_millis(1);
-        let mut intake = Intake::new(3, period, 3, Reach::new(1_000_000, period));
+        let mut intake = Intake::new(ELBOW, period, 3, Reach::new(1_000_000, period));
         intake.begin(Instant::from_micros(999_000));
         assert_eq!(intake.offer(Counts(0)), Offer::Sample);
         intake
@@ -147,8 +149,8 @@ mod tests {
         (1_000..).zip(windows).map(window).collect()
     }
 
-    const DUPLICATE: Offer = Offer::Wrong(Cause::Duplicate { node: 2 });
-    const JUMPED: Offer = Offer::Wrong(Cause::PositionJumped { joint: 3 });
+    const DUPLICATE: Offer = Offer::Wrong(Cause::Duplicate { node: NodeIndex(2) });
+    const JUMPED: Offer = Offer::Wrong(Cause::PositionJumped { joint: ELBOW });
 
     #[test]
     fn hazard_06_two_positions_in_one_window_too_far_apart_are_two_nodes_at_once() {
@@ -184,7 +186,7 @@ mod tests {
         windows.extend([&[10, 10][..]; 5]);
         let offers = offers(&windows).concat();
         assert!(!offers.contains(&DUPLICATE), "{offers:?}");
-        let delayed = |cycles| Offer::Wrong(Cause::SamplesOverdue { joint: 3, cycles });
+        let delayed = |cycles| Offer::Wrong(Cause::SamplesOverdue { joint: ELBOW, cycles });
         assert!((1..=5).any(|cycles| offers.contains(&delayed(cycles))), "{offers:?}");
     }
 

@@ -6,6 +6,7 @@
 
 use crate::cause::Cause;
 use controller::JointVector;
+use units::numbering::Joint;
 
 /// The watch on all joints.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +28,7 @@ impl Limits {
 
     /// Takes joint positions, in rad or m.
     pub(super) fn judge(&self, q: &JointVector) -> Option<Cause> {
-        let mut joints = (1..).zip(q.iter().zip(self.ranges));
+        let mut joints = Joint::each(q.iter().zip(self.ranges));
         let (joint, _) = joints.find(|(_, (q, [low, high]))| !(low..=high).contains(q))?;
         Some(Cause::BeyondLimit { joint })
     }
@@ -45,7 +46,7 @@ mod tests {
             assert_eq!(told(q), None);
         }
         for q in [-1.021, 2.021, f64::NAN, f64::INFINITY] {
-            assert_eq!(told(q), Some(Cause::BeyondLimit { joint: 6 }), "{q}");
+            assert_eq!(told(q), Some(Cause::BeyondLimit { joint: Joint::of::<6>() }), "{q}");
         }
     }
 }

@@ -40,6 +40,7 @@ use controller::JointVector;
 use controller::Output;
 use controller::arm::JointKind;
 use controller::torque_delay::TorqueDelay;
+use units::numbering::Joint;
 
 /// A clear motion of a joint that turns, in rad: ten times what a hand trembles.
 const CLEAR_TURN: f64 = 0.02;
@@ -140,10 +141,9 @@ pub(super) fn intakes(config: &Config) -> [Intake; 6] {
     let most = JointVector::from(config.joints.each_ref().map(|joint| joint.max_speed));
     let most = config.controller.calibration.coupling().fastest(&most);
     let patience = config.safety.missing_samples;
-    let (mut joints, mut fastest) = (1.., most.iter());
-    config.joints.each_ref().map(|joint| {
-        let reach = joint.calibration.span(fastest.next().copied().unwrap_or_default());
-        let number = joints.next().unwrap_or_default();
-        Intake::new(number, config.period, patience, Reach::new(reach, config.period))
+    let fastest: [f64; 6] = most.into();
+    Joint::ALL.map(|joint| {
+        let reach = joint.entry(&config.joints).calibration.span(*joint.entry(&fastest));
+        Intake::new(joint, config.period, patience, Reach::new(reach, config.period))
     })
 }

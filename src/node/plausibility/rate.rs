@@ -10,6 +10,7 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
+use units::numbering::Joint;
 
 /// The parts of the time that is looked back on.
 const PARTS: usize = 10;
@@ -57,15 +58,15 @@ impl Rate {
                 *missing += 1;
             }
         }
-        let mut joints = (1..=6).map(|joint| (joint, self.of(joint)));
+        let mut joints = Joint::ALL.into_iter().map(|joint| (joint, self.of(joint)));
         let (joint, missing) = joints.find(|(_, missing)| *missing > self.most)?;
         let percent = missing.saturating_mul(10) / self.part;
         Some(Cause::SamplesRare { joint, percent })
     }
 
-    /// How many of a joint's samples, from 1, are missing of late.
-    fn of(&self, joint: usize) -> u32 {
-        self.missing.iter().filter_map(|part| part.get(joint - 1)).sum()
+    /// How many of a joint's samples are missing of late.
+    fn of(&self, joint: Joint) -> u32 {
+        self.missing.iter().map(|part| joint.entry(part)).sum()
     }
 }
 
@@ -81,19 +82,19 @@ mod tests {
         Rate::new(Duration::from_micros(period_us), 5)
     }
 
-    fn but_joint(joint: usize, is_missing: bool) -> [bool; 6] {
-        std::array::from_fn(|place| !(is_missing && place + 1 == joint))
+    fn but_joint(joint: Joint, is_missing: bool) -> [bool; 6] {
+        Joint::ALL.map(|other| !(is_missing && other == joint))
     }
 
     #[test]
     fn hazard_03_more_than_a_twentieth_missing_is_told_within_the_second() {
         let mut rate = rate(1_000);
         let told = (1..=2_000).find_map(|cycle: u32| {
-            let cause = rate.end(&but_joint(4, cycle.is_multiple_of(19)));
+            let cause = rate.end(&but_joint(Joint::of::<4>(), cycle.is_multiple_of(19)));
             cause.map(|cause| (cycle, cause))
         });
         let (cycle, cause) = told.unwrap();
-        assert_eq!(cause, Cause::SamplesRare { joint: 4, percent: 5 });
+        assert_eq!(cause, Cause::SamplesRare { joint: Joint::of::<4>(), percent: 5 });
         assert!(cycle <= 1_000, "{cycle}");
     }
 
@@ -102,7 +103,11 @@ mod tests {
         for period in PERIODS_US {
             let mut rate = rate(period);
             for cycle in 1..20_000_u32 {
-                assert_eq!(rate.end(&but_joint(1, cycle.is_multiple_of(21))), None, "{period} µs");
+                assert_eq!(
+                    rate.end(&but_joint(Joint::of::<1>(), cycle.is_multiple_of(21))),
+                    None,
+                    "{period} µs"
+                );
             }
         }
     }
@@ -112,7 +117,7 @@ mod tests {
         let mut rate = rate(1_000);
         for _ in 0..20 {
             for cycle in 0..1_000 {
-                assert_eq!(rate.end(&but_joint(6, cycle < 50)), None);
+                assert_eq!(rate.end(&but_joint(Joint::of::<6>(), cycle < 50)), None);
             }
         }
     }
@@ -125,7 +130,7 @@ mod tests {
         ) {
             let mut rate = rate(PERIODS_US[period]);
             for lost in lost {
-                prop_assert_eq!(rate.end(&but_joint(2, lost)), None);
+                prop_assert_eq!(rate.end(&but_joint(Joint::of::<2>(), lost)), None);
             }
         }
     }

@@ -11,6 +11,7 @@ use nalgebra::Vector3;
 
 use crate::cause::Cause;
 use controller::JointVector;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// The most that is allowed.
@@ -61,7 +62,7 @@ impl Speed {
         let one = now.rates(&last, self.nearest / 2);
         let both = now.rates(&before.unwrap_or(last), self.nearest);
         let mut cause = None;
-        let joints = (1..).zip(&mut self.joints).zip(one.qd.iter().zip(both.qd.iter()));
+        let joints = Joint::each(&mut self.joints).zip(one.qd.iter().zip(both.qd.iter()));
         for (((joint, was), (one, both)), most) in joints.zip(self.most.joints) {
             let is_repeated = is_twice(was, is_above(one.abs(), most));
             if is_repeated && is_above(both.abs(), most) {
@@ -128,7 +129,7 @@ mod tests {
     #[test]
     fn hazard_11_a_joint_too_fast_twice_is_told_in_the_second_sample() {
         let at = |cycle: u32| (u64::from(cycle), 6.1e-3 * f64::from(cycle), 0.0);
-        let joint = Some(Cause::Overspeed { joint: 3 });
+        let joint = Some(Cause::Overspeed { joint: Joint::of::<3>() });
         assert_eq!(told((0..4).map(at)), [None, None, joint, joint]);
         assert_eq!(told([(0, 0.0, 0.0), (1, -0.1, 0.0), (2, -0.2, 0.0)])[2], joint, "either way");
     }
@@ -158,7 +159,7 @@ mod tests {
     #[test]
     fn a_number_that_is_none_is_too_fast() {
         let none = [(0, 0.0, 0.0), (1, f64::NAN, 0.0), (2, f64::NAN, 0.0)];
-        assert_eq!(told(none)[2], Some(Cause::Overspeed { joint: 3 }));
+        assert_eq!(told(none)[2], Some(Cause::Overspeed { joint: Joint::of::<3>() }));
     }
 
     proptest! {

@@ -13,6 +13,7 @@ use std::time::Duration;
 
 use crate::cause::Cause;
 use crate::plausibility::sampled::Sampled;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// Cycles in which what is read may have been told.
@@ -50,21 +51,21 @@ impl Torque {
     pub(super) fn judge(&mut self, sampled: &Sampled<'_>) -> Option<Cause> {
         let mut differs = None;
         let readings = sampled.latest.iter().zip(sampled.torques);
-        for (place, (sample, _)) in readings.enumerate().filter(|(_, (_, is_read))| *is_read) {
-            let is_off = self.is_off(place, i32::from(sample.torque.0));
-            let Some(since) = self.since.get_mut(place) else { continue };
+        for (joint, (sample, _)) in Joint::each(readings).filter(|(_, (_, is_read))| *is_read) {
+            let is_off = self.is_off(joint, i32::from(sample.torque.0));
+            let since = joint.entry_mut(&mut self.since);
             *since = if is_off { since.or(Some(sampled.at)) } else { None };
             let lasts = since.map(|since| sampled.at.since(since));
             if lasts.is_some_and(|lasts| lasts >= self.lasting) {
-                differs = differs.or(Some(Cause::TorqueDiffers { joint: place + 1 }));
+                differs = differs.or(Some(Cause::TorqueDiffers { joint }));
             }
         }
         differs
     }
 
     /// Whether a joint's reading is off all it was told lately.
-    fn is_off(&self, place: usize, actual: i32) -> bool {
-        let told = || self.told.iter().filter_map(|told| told.get(place)).copied().map(i32::from);
+    fn is_off(&self, joint: Joint, actual: i32) -> bool {
+        let told = || self.told.iter().map(|told| i32::from(*joint.entry(told)));
         let least = told().min().unwrap_or(0).saturating_sub(self.tolerance);
         let most = told().max().unwrap_or(0).saturating_add(self.tolerance);
         !(least..=most).contains(&actual)
@@ -95,7 +96,9 @@ mod tests {
             let sampled = Sampled { at, latest: &latest, fresh: [true; 6], torques };
             let cause = torque.judge(&sampled);
             torque.tell(&[0, 0, target(cycle), 0, 0, 0]);
-            assert!(cause.is_none_or(|cause| cause == Cause::TorqueDiffers { joint: 3 }));
+            assert!(
+                cause.is_none_or(|cause| cause == Cause::TorqueDiffers { joint: Joint::of::<3>() })
+            );
             cause.is_some()
         })
     }

@@ -41,6 +41,7 @@ use config::Config;
 use config::force_cap::ForceCap;
 use config::force_cap::TooMuchForce;
 use config::force_cap::UNPROVEN;
+use units::numbering::Joint;
 use units::numbering::NodeIndex;
 use units::time::Instant;
 
@@ -129,14 +130,14 @@ impl Proof {
 
     /// The boot is over: what each drive does not have is known.
     fn begin(&mut self, master: &Master) {
-        let drive = |(place, plan): (usize, &NodePlan)| DriveProof {
+        let drive = |(node, plan): (NodeIndex, &NodePlan)| DriveProof {
             name: plan.name.clone(),
             node: plan.node,
             rpdo: None,
             heartbeat: None,
-            missing: master.missing_objects(NodeIndex(place)).to_vec(),
+            missing: master.missing_objects(node).to_vec(),
         };
-        self.report.drives = self.plans.iter().enumerate().map(drive).collect();
+        self.report.drives = NodeIndex::each(&self.plans).map(drive).collect();
         self.recheck = Recheck::new(&self.plans, master);
     }
 
@@ -152,12 +153,12 @@ impl Proof {
 
     /// The timer of each drive that waits for this: planned, and not missing in the drive.
     fn timers(&self, awaited: Awaited) -> [Option<Watchdog>; 6] {
-        let timer = |place: usize| {
-            let dog = self.plans.get(place)?.watchdog(awaited)?;
-            let missing: &[Object] = &self.report.drives.get(place)?.missing;
+        let timer = |joint: Joint| {
+            let dog = self.plans.get(joint.index())?.watchdog(awaited)?;
+            let missing: &[Object] = &self.report.drives.get(joint.index())?.missing;
             (!missing.contains(&dog.object)).then_some(dog)
         };
-        std::array::from_fn(timer)
+        Joint::ALL.map(timer)
     }
 
     /// From `now` on this stays away.
@@ -201,20 +202,21 @@ impl Proof {
     pub(super) fn takes(&mut self, now: Instant, event: &Event) -> Relation {
         let is_under_way = matches!(self.phase, Phase::Trying(_) | Phase::Between);
         let is_part = match event {
-            Event::Emergency { node, emergency } if is_under_way && node.0 < self.plans.len() => {
-                return self.take_emergency(now, node.0, emergency);
-            }
+            Event::Emergency { node, emergency } if is_under_way => match node.joint() {
+                Some(joint) => return self.take_emergency(now, joint, emergency),
+                None => false,
+            },
             Event::ReadBack { .. } => self.recheck.takes(event),
             Event::Statusword { node, statusword } => {
-                if let Some(trial) = self.trial() {
-                    trial.on_answer(now, node.0, *statusword);
+                if let Some((trial, joint)) = self.trial().zip(node.joint()) {
+                    trial.on_answer(now, joint, *statusword);
                 }
                 true
             }
             Event::StateChanged { node, state } => {
                 let is_operational = *state == NmtState::Operational;
                 // Its next heartbeat may tell of its return when all is over.
-                let has_left = self.has_left.get_mut(node.0);
+                let has_left = node.joint().map(|joint| joint.entry_mut(&mut self.has_left));
                 let returns = has_left.map(|left| std::mem::replace(left, !is_operational));
                 returns.is_some_and(|returns| is_under_way || returns && is_operational)
             }
@@ -238,15 +240,15 @@ impl Proof {
 
     /// Takes an emergency of a drive while the proof is under way. Once a drive misses its master, or has been off
     /// for that, it may say more in words of its own: nobody but a person knows what they mean.
-    fn take_emergency(&mut self, now: Instant, node: usize, emergency: &Emergency) -> Relation {
+    fn take_emergency(&mut self, now: Instant, joint: Joint, emergency: &Emergency) -> Relation {
         let misses_master = error_codes::is_of_communication(emergency.code);
         let tolerates = match self.trial() {
             None => error_codes::is_device_specific(emergency.code),
             Some(trial) => {
                 if misses_master {
-                    trial.on_emergency(now, node);
+                    trial.on_emergency(now, joint);
                 }
-                trial.has_cried(node)
+                trial.has_cried(joint)
             }
         };
         if misses_master || emergency.is_reset() {
@@ -261,13 +263,13 @@ impl Proof {
     /// Takes what the drives tell of themselves by TPDO.
     fn look(&mut self, now: Instant, samples: &[DriveSample; 6]) {
         let Some(trial) = self.trial() else { return };
-        for (drive, sample) in samples.iter().enumerate() {
-            trial.on_statusword(now, drive, sample.statusword);
+        for (joint, sample) in Joint::each(samples) {
+            trial.on_statusword(now, joint, sample.statusword);
         }
     }
 
     /// The next drive to be asked for its statusword now.
-    fn asks(&mut self, now: Instant) -> Option<usize> {
+    fn asks(&mut self, now: Instant) -> Option<Joint> {
         self.trial()?.asks(now)
     }
 

@@ -32,8 +32,7 @@ pub(crate) struct Recheck {
 /// One object of one drive.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
-    /// Place of the drive in the list of plans.
-    node: usize,
+    node: NodeIndex,
     setting: Setting,
     /// Its last reading failed.
     is_unread: bool,
@@ -43,20 +42,20 @@ impl Recheck {
     /// Begins anew for the drives of `plans`, but what each is known to lack. One drive after the other,
     /// so that each is asked once in as many seconds as there are drives.
     pub(super) fn new(plans: &[NodePlan], master: &Master) -> Self {
-        let of_drive = |(node, plan): (usize, &NodePlan)| -> Vec<Entry> {
-            let missing = master.missing_objects(NodeIndex(node));
+        let of_drive = |(node, plan): (NodeIndex, &NodePlan)| -> Vec<Entry> {
+            let missing = master.missing_objects(node);
             let held = plan.protections().into_iter().filter(|it| !missing.contains(&it.object));
             let settings = held.filter_map(|check| Setting::of(&check));
             settings.map(|setting| Entry { node, setting, is_unread: false }).collect()
         };
-        let drives: Vec<_> = plans.iter().enumerate().map(of_drive).collect();
+        let drives: Vec<_> = NodeIndex::each(plans).map(of_drive).collect();
         let most = drives.iter().map(Vec::len).max().unwrap_or(0);
         let turn = |at: usize| drives.iter().filter_map(move |entries| entries.get(at).copied());
         Self { entries: (0..most).flat_map(turn).collect(), next: 0, due: None }
     }
 
     /// Returns the drive to be asked now, and the setting. The first is asked a second after it begins.
-    fn due(&mut self, now: Instant) -> Option<(usize, Setting)> {
+    fn due(&mut self, now: Instant) -> Option<(NodeIndex, Setting)> {
         let due = *self.due.get_or_insert(now + INTERVAL);
         let Entry { node, setting, .. } = *self.entries.get(self.next)?;
         (now >= due).then_some((node, setting))
@@ -72,7 +71,7 @@ impl Recheck {
     /// not be read before either.
     pub(super) fn takes(&mut self, event: &Event) -> bool {
         let Event::ReadBack { node, object, read } = event else { return false };
-        let is_it = |entry: &&mut Entry| entry.node == node.0 && entry.setting.object == *object;
+        let is_it = |entry: &&mut Entry| entry.node == *node && entry.setting.object == *object;
         let Some(entry) = self.entries.iter_mut().find(is_it) else { return false };
         match read {
             ReadBack::Unchanged => {
@@ -97,7 +96,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             return;
         }
         if let Some((node, setting)) = self.proof.recheck.due(now)
-            && self.network.master.read_back(now, NodeIndex(node), setting, &mut self.wire.out)
+            && self.network.master.read_back(now, node, setting, &mut self.wire.out)
         {
             self.proof.recheck.go_on(now);
             self.post();
@@ -121,7 +120,7 @@ mod tests {
         Recheck::new(&plans, &master)
     }
 
-    fn asked(recheck: &mut Recheck, seconds: u32) -> Vec<(usize, Object)> {
+    fn asked(recheck: &mut Recheck, seconds: u32) -> Vec<(NodeIndex, Object)> {
         let mut asked = Vec::new();
         for millis in 0..seconds * 1_000 {
             let now = Instant::ZERO + Duration::from_millis(millis.into());
@@ -139,8 +138,8 @@ mod tests {
         let all = recheck.entries.len();
         assert_eq!(all, 60, "ten of each");
         let mut round = asked(&mut recheck, 61);
-        let first: Vec<usize> = round.iter().take(6).map(|(node, _)| *node).collect();
-        assert_eq!((first, round.len()), (vec![0, 1, 2, 3, 4, 5], all));
+        let first: Vec<NodeIndex> = round.iter().take(6).map(|(node, _)| *node).collect();
+        assert_eq!((first, round.len()), ([0, 1, 2, 3, 4, 5].map(NodeIndex).to_vec(), all));
         round.sort_unstable();
         round.dedup();
         assert_eq!(round.len(), all);

@@ -8,7 +8,6 @@ use bus::Bus;
 use canopen::watchdog::Awaited;
 use remote::Remote;
 use units::drive::PerMille;
-use units::numbering::NodeIndex;
 
 /// While nothing of ours is on the bus, that is looked after at least so often.
 const LISTEN: Duration = Duration::from_millis(1);
@@ -70,8 +69,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             let now = self.wire.now();
             self.send_heartbeat(now);
             self.poll_master(now);
-            while let Some(drive) = self.proof.asks(now) {
-                self.network.master.read_statusword(now, NodeIndex(drive), &mut self.wire.out);
+            while let Some(joint) = self.proof.asks(now) {
+                self.network.master.read_statusword(now, joint.into(), &mut self.wire.out);
             }
             self.post();
             while let Some(telegram) = self.network.master.release() {
@@ -107,8 +106,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             let now = self.wire.now();
             self.poll_master(now);
             self.proof.look(now, self.samples.latest());
-            if let Some(drive) = self.proof.asks(now) {
-                self.network.master.read_statusword(now, NodeIndex(drive), &mut self.wire.out);
+            if let Some(joint) = self.proof.asks(now) {
+                self.network.master.read_statusword(now, joint.into(), &mut self.wire.out);
                 self.post();
             }
             self.send_targets(sync_at, &[PerMille(0); 6], true);

@@ -19,6 +19,7 @@ use crate::proof::report::Trip;
 use canopen::drive::Statusword;
 use canopen::watchdog::Awaited;
 use canopen::watchdog::Watchdog;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// A drive that does not stop so long after its timer says goes on.
@@ -73,21 +74,21 @@ impl Trial {
         self.awaited
     }
 
-    /// A drive, by its place from 0, says that something is wrong.
-    pub(crate) fn on_emergency(&mut self, at: Instant, drive: usize) {
-        if let Some(Some(subject)) = self.drives.get_mut(drive) {
+    /// A joint's drive says that something is wrong.
+    pub(crate) fn on_emergency(&mut self, at: Instant, joint: Joint) {
+        if let Some(subject) = joint.entry_mut(&mut self.drives) {
             subject.cried.get_or_insert(at);
         }
     }
 
     /// Whether a drive has said that something is wrong.
-    pub(crate) fn has_cried(&self, drive: usize) -> bool {
-        self.drives.get(drive).and_then(Option::as_ref).is_some_and(|it| it.cried.is_some())
+    pub(crate) fn has_cried(&self, joint: Joint) -> bool {
+        joint.entry(&self.drives).is_some_and(|drive| drive.cried.is_some())
     }
 
     /// A drive tells by itself what its power stage is in.
-    pub(crate) fn on_statusword(&mut self, at: Instant, drive: usize, word: Statusword) {
-        if let Some(Some(subject)) = self.drives.get_mut(drive)
+    pub(crate) fn on_statusword(&mut self, at: Instant, joint: Joint, word: Statusword) {
+        if let Some(subject) = joint.entry_mut(&mut self.drives)
             && !power::may_push(word)
         {
             subject.off.get_or_insert(at);
@@ -95,10 +96,10 @@ impl Trial {
     }
 
     /// A drive answers what its power stage is in.
-    pub(crate) fn on_answer(&mut self, at: Instant, drive: usize, word: Statusword) {
-        self.on_statusword(at, drive, word);
+    pub(crate) fn on_answer(&mut self, at: Instant, joint: Joint, word: Statusword) {
+        self.on_statusword(at, joint, word);
         let begun = self.begun;
-        if let Some(Some(subject)) = self.drives.get_mut(drive) {
+        if let Some(subject) = joint.entry_mut(&mut self.drives) {
             let is_last = at >= begun + span(subject.said) + GRACE;
             subject.question =
                 if is_last { Question::Settled } else { Question::Due(at + ASK_AGAIN) };
@@ -106,14 +107,14 @@ impl Trial {
     }
 
     /// The next drive to be asked now, if one is.
-    pub(crate) fn asks(&mut self, now: Instant) -> Option<usize> {
-        let mut drives = self.drives.iter_mut().enumerate();
-        drives.find_map(|(place, drive)| {
+    pub(crate) fn asks(&mut self, now: Instant) -> Option<Joint> {
+        let mut drives = Joint::each(&mut self.drives);
+        drives.find_map(|(joint, drive)| {
             let subject = drive.as_mut().filter(|subject| subject.off.is_none())?;
             let Question::Due(at) = subject.question else { return None };
             (at <= now).then(|| {
                 subject.question = Question::Open;
-                place
+                joint
             })
         })
     }
@@ -166,6 +167,7 @@ mod tests {
     use super::*;
     use canopen::object::Object;
 
+    const FIRST: Joint = Joint::of::<1>();
     const FAULT: Statusword = Statusword(0x0208);
     const ENABLED: Statusword = Statusword(0x0237);
 
@@ -190,9 +192,9 @@ mod tests {
     #[test]
     fn an_emergency_says_when_and_only_a_statusword_says_that() {
         let mut trial = one();
-        trial.on_emergency(at(5_300), 0);
+        trial.on_emergency(at(5_300), FIRST);
         assert_eq!(trial.deadline(at(5_400)), Some(at(5_000)), "not over yet");
-        trial.on_statusword(at(6_100), 0, FAULT);
+        trial.on_statusword(at(6_100), FIRST, FAULT);
         assert_eq!(trial.deadline(at(6_200)), None);
         assert_eq!(outcome(&trial), Ok(5_300));
     }
@@ -200,14 +202,14 @@ mod tests {
     #[test]
     fn a_drive_that_cries_and_goes_on_is_asked_until_the_grace_is_over() {
         let mut trial = one();
-        trial.on_emergency(at(5_300), 0);
+        trial.on_emergency(at(5_300), FIRST);
         let mut now = at(0);
         let mut asked = 0;
         while let Some(due) = trial.deadline(now) {
             now = now.max(due);
-            if trial.asks(now) == Some(0) {
+            if trial.asks(now) == Some(FIRST) {
                 asked += 1;
-                trial.on_answer(now, 0, ENABLED);
+                trial.on_answer(now, FIRST, ENABLED);
             }
         }
         assert_eq!((asked, now), (19, at(41_000)), "from 5 ms on, every 2 ms");
@@ -219,7 +221,7 @@ mod tests {
     fn one_that_never_answers_is_not_waited_for_for_ever() {
         let mut trial = one();
         assert_eq!(trial.asks(at(4_999)), None, "not before its timer says");
-        assert_eq!(trial.asks(at(5_000)), Some(0));
+        assert_eq!(trial.asks(at(5_000)), Some(FIRST));
         assert_eq!(trial.asks(at(5_000)), None, "one question at a time");
         assert_eq!(trial.deadline(at(5_000)), Some(at(240_000)));
         assert_eq!(trial.deadline(at(240_000)), None);
@@ -229,35 +231,35 @@ mod tests {
     #[test]
     fn a_slow_answer_to_an_early_question_still_counts() {
         let mut trial = one();
-        assert_eq!(trial.asks(at(5_000)), Some(0));
-        trial.on_answer(at(155_000), 0, FAULT);
+        assert_eq!(trial.asks(at(5_000)), Some(FIRST));
+        trial.on_answer(at(155_000), FIRST, FAULT);
         assert_eq!(outcome(&trial), Ok(155_000));
     }
 
     #[test]
     fn a_drive_whose_stop_takes_its_time_still_pushes() {
         let mut trial = one();
-        trial.on_statusword(at(5_300), 0, Statusword(0x021F));
+        trial.on_statusword(at(5_300), FIRST, Statusword(0x021F));
         assert!(outcome(&trial).is_err(), "fault reaction active");
-        trial.on_statusword(at(9_300), 0, FAULT);
+        trial.on_statusword(at(9_300), FIRST, FAULT);
         assert_eq!(outcome(&trial), Ok(9_300));
     }
 
     proptest! {
         #[test]
         fn whatever_is_heard_it_ends_and_only_a_drive_without_power_has_tripped(
-            told in proptest::collection::vec((0_u64..300_000, 0_usize..8, any::<u16>(), 0..3), 0..50),
+            told in proptest::collection::vec((0_u64..300_000, 0_usize..6, any::<u16>(), 0..3), 0..50),
         ) {
             let mut trial = Trial::new(Awaited::Rpdo, at(0), [timer(5); 6]);
             let mut off = [false; 6];
             for (micros, drive, word, kind) in told {
-                let word = Statusword(word);
+                let (joint, word) = (Joint::at(drive).unwrap(), Statusword(word));
                 match kind {
-                    0 => trial.on_emergency(at(micros), drive),
-                    1 => trial.on_statusword(at(micros), drive, word),
-                    _ => trial.on_answer(at(micros), drive, word),
+                    0 => trial.on_emergency(at(micros), joint),
+                    1 => trial.on_statusword(at(micros), joint, word),
+                    _ => trial.on_answer(at(micros), joint, word),
                 }
-                if kind > 0 && !power::may_push(word) && drive < 6 {
+                if kind > 0 && !power::may_push(word) {
                     off[drive] = true;
                 }
             }

@@ -12,17 +12,17 @@ use controller::Fault;
 pub const fn of_event(event: &Event) -> Option<Cause> {
     match event {
         Event::Emergency { node, emergency } if !emergency.is_reset() => {
-            Some(Cause::Emergency { node: node.0, code: emergency.code })
+            Some(Cause::Emergency { node: *node, code: emergency.code })
         }
-        Event::HeartbeatLost { node } => Some(Cause::HeartbeatLost { node: node.0 }),
-        Event::Rebooted { node } => Some(Cause::Rebooted { node: node.0 }),
-        Event::Duplicate { node, .. } => Some(Cause::Duplicate { node: node.0 }),
+        Event::HeartbeatLost { node } => Some(Cause::HeartbeatLost { node: *node }),
+        Event::Rebooted { node } => Some(Cause::Rebooted { node: *node }),
+        Event::Duplicate { node, .. } => Some(Cause::Duplicate { node: *node }),
         Event::StateChanged { state: NmtState::Operational, .. } => None,
         Event::StateChanged { node, state } => {
-            Some(Cause::LeftOperational { node: node.0, state: *state })
+            Some(Cause::LeftOperational { node: *node, state: *state })
         }
         Event::ReadBack { node, object, read: ReadBack::Changed { expected, found } } => {
-            let (node, object, expected, found) = (node.0, *object, *expected, *found);
+            let (node, object, expected, found) = (*node, *object, *expected, *found);
             Some(Cause::SettingChanged { node, object, expected, found })
         }
         Event::ForeignMaster { .. } => Some(Cause::ForeignMaster),

@@ -45,6 +45,7 @@ use crate::safety::ramp::Ramp;
 use crate::safety::seen::Seen;
 use crate::safety::table::Decides;
 use crate::safety::table::Reaction;
+use units::numbering::Joint;
 use units::time::Instant;
 
 /// Drives must be enabled within this.
@@ -153,7 +154,7 @@ impl Safety {
     }
 
     /// Cause to stop for while the drive of `joint` is not enabled and reports `statusword`.
-    pub fn watch_enabled(&self, now: Instant, joint: usize, statusword: u16) -> Option<Cause> {
+    pub fn watch_enabled(&self, now: Instant, joint: Joint, statusword: u16) -> Option<Cause> {
         match self.mode {
             Mode::Boot if now.since(self.since) <= ENABLE_WITHIN => None,
             Mode::Boot => Some(Cause::EnableTimeout { joint, statusword }),

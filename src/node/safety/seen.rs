@@ -40,6 +40,7 @@ impl Seen {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use units::numbering::Joint;
 
     fn at(millis: u64) -> Instant {
         Instant::from_micros(millis * 1_000)
@@ -48,9 +49,11 @@ mod tests {
     #[test]
     fn a_cause_is_there_while_it_is_told_of_and_a_moment_longer() {
         let mut seen = Seen::nothing();
-        seen.note(at(0), Cause::Overspeed { joint: 1 });
-        seen.note(at(10), Cause::Overspeed { joint: 2 });
-        assert_eq!(seen.present(at(30), |_| true), Some(Cause::Overspeed { joint: 2 }));
+        let [first, second] =
+            [Joint::of::<1>(), Joint::of::<2>()].map(|joint| Cause::Overspeed { joint });
+        seen.note(at(0), first);
+        seen.note(at(10), second);
+        assert_eq!(seen.present(at(30), |_| true), Some(second));
         assert_eq!(seen.present(at(30), |kind| kind == Kind::LinkLost), None);
         assert_eq!(seen.present(at(31), |_| true), None);
     }

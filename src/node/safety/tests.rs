@@ -6,6 +6,7 @@ use canopen::NmtState;
 use canopen::error_codes;
 use canopen::object::Object;
 use controller::Fault;
+use units::numbering::NodeIndex;
 
 const RAMPS: Ramps =
     Ramps { gravity: Duration::from_secs(1), reflection: Duration::from_millis(300) };
@@ -58,7 +59,8 @@ const FIRST: Cause = Cause::DeadmanTaped;
 
 /// One cause of a kind.
 fn sample(kind: Kind) -> Cause {
-    let (joint, node, channel, statusword) = (3, 2, 0, 0x0218);
+    let (joint, channel, statusword) = (Joint::of::<3>(), 0, 0x0218);
+    let node = joint.into();
     match kind {
         Kind::SamplesMissing => Cause::SamplesMissing { joint, cycles: 3 },
         Kind::StatusMissing => Cause::StatusMissing { joint },
@@ -322,7 +324,7 @@ fn where_only_reflection_ends_the_arm_is_carried_on_and_a_reset_lets_it_engage_a
 fn a_boot_that_fails_returns_to_the_stop_with_its_first_cause() {
     let mut safety = engaged();
     safety.stop(at(10), Cause::LinkLost);
-    safety.stop(at(11), Cause::HeartbeatLost { node: 2 });
+    safety.stop(at(11), Cause::HeartbeatLost { node: NodeIndex(2) });
     let left = safety.reset(at(LATER)).unwrap();
     assert_eq!((safety.mode(), left.must_boot), (Mode::Boot, true));
     safety.relapse(at(LATER + 1), left);

@@ -64,11 +64,7 @@ impl Age {
         (joint, target): (Joint, i16),
     ) {
         self.delivered += u64::from(target != 0 && at.since(since) > stale(sheet.period));
-        self.waiting
-            .iter_mut()
-            .skip(joint.index())
-            .take(1)
-            .for_each(|one| *one = Some((since, target)));
+        *joint.entry_mut(&mut self.waiting) = Some((since, target));
     }
 
     /// A SYNC: what has come since the last one acts now.

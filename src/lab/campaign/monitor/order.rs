@@ -18,6 +18,7 @@ use canopen::nmt;
 use canopen::nmt::Order as Nmt;
 use canopen::object::Object;
 use units::numbering::Joint;
+use units::numbering::NodeIndex;
 use units::time::Instant;
 
 /// Bits 0 to 3 of a controlword: enable operation.
@@ -86,8 +87,8 @@ impl Order {
             breaches.add(Law::OwnIdentifiers, at, what);
         } else if frame.cob_id == nmt::COB_ID {
             self.on_nmt(sheet, at, (channel, frame), breaches);
-        } else if let Some(place) = sheet.place(channel, frame.cob_id, SDO_REQUEST) {
-            self.on_request(sheet, at, (place, frame), breaches);
+        } else if let Some(node) = sheet.node(channel, frame.cob_id, SDO_REQUEST) {
+            self.on_request(sheet, at, (node, frame), breaches);
         }
     }
 
@@ -98,13 +99,13 @@ impl Order {
         at: Instant,
         (channel, frame): (Channel, &Frame),
     ) {
-        if let Some(place) = sheet.place(channel, frame.cob_id, SDO_REPLY) {
-            self.on_reply(place, frame);
-        } else if let Some(place) = sheet.crying(channel, frame.cob_id) {
-            self.on_emergency(place, frame);
-        } else if let Some(place) = sheet.place(channel, frame.cob_id, ERROR_CONTROL)
+        if let Some(node) = sheet.node(channel, frame.cob_id, SDO_REPLY) {
+            self.on_reply(node, frame);
+        } else if let Some(node) = sheet.crying(channel, frame.cob_id) {
+            self.on_emergency(node, frame);
+        } else if let Some(node) = sheet.node(channel, frame.cob_id, ERROR_CONTROL)
             && frame.data() == [0]
-            && let Some(known) = self.nodes.get_mut(place)
+            && let Some(known) = self.nodes.get_mut(node.0)
         {
             // Who was reset after it had said who it is, is still the same.
             let identity = if known.is_reset { known.identity } else { [None; 3] };
@@ -115,7 +116,7 @@ impl Order {
 
     /// What a TPDO says of its drive's state.
     pub(super) fn on_tpdo(&mut self, heard: &Heard) {
-        if let Some((known, word)) = self.nodes.get_mut(heard.node).zip(heard.statusword) {
+        if let Some((known, word)) = self.nodes.get_mut(heard.node.0).zip(heard.statusword) {
             known.state = word.state();
         }
     }
@@ -133,9 +134,9 @@ impl Order {
     }
 
     /// A drive that cries because its master is silent has shown that it notices.
-    fn on_emergency(&mut self, place: usize, frame: &Frame) {
+    fn on_emergency(&mut self, node: NodeIndex, frame: &Frame) {
         let Some((known, emergency)) =
-            self.nodes.get_mut(place).zip(Emergency::decode(frame.data()))
+            self.nodes.get_mut(node.0).zip(Emergency::decode(frame.data()))
         else {
             return;
         };
@@ -230,10 +231,10 @@ impl Order {
         &mut self,
         sheet: &Sheet,
         at: Instant,
-        (place, frame): (usize, &Frame),
+        (node, frame): (NodeIndex, &Frame),
         breaches: &mut Breaches,
     ) {
-        let Some((known, member)) = self.nodes.get_mut(place).zip(sheet.nodes.get(place)) else {
+        let Some((known, member)) = self.nodes.get_mut(node.0).zip(sheet.nodes.get(node.0)) else {
             return;
         };
         let &[command, low, high, sub, a, b, c, d] = frame.data() else { return };
@@ -255,8 +256,8 @@ impl Order {
         }
     }
 
-    fn on_reply(&mut self, place: usize, frame: &Frame) {
-        let Some(known) = self.nodes.get_mut(place) else { return };
+    fn on_reply(&mut self, node: NodeIndex, frame: &Frame) {
+        let Some(known) = self.nodes.get_mut(node.0) else { return };
         let &[command, low, high, sub, a, b, c, d] = frame.data() else { return };
         let object = Object { index: u16::from_le_bytes([low, high]), sub };
         if command & SPECIFIER == ABORT {

@@ -23,6 +23,7 @@ use sim::arm::Arm;
 use sim::arm::Joints;
 use units::drive::Counts;
 use units::numbering::Joint;
+use units::numbering::NodeIndex;
 
 /// Of the predefined connection set (CiA 301, 7.3.3).
 pub(super) const SDO_REQUEST: u16 = 0x600;
@@ -130,18 +131,18 @@ impl Sheet {
         self.rpdos.iter().enumerate().find(is_it)
     }
 
-    /// The place of the node with this identifier behind `base`.
-    pub(super) fn place(&self, channel: Channel, cob_id: u16, base: u16) -> Option<usize> {
+    /// The node with this identifier behind `base`.
+    pub(super) fn node(&self, channel: Channel, cob_id: u16, base: u16) -> Option<NodeIndex> {
         let is_it = |member: &Member| {
             member.channel == channel && base + u16::from(member.node.raw()) == cob_id
         };
-        self.nodes.iter().position(is_it)
+        self.nodes.iter().position(is_it).map(NodeIndex)
     }
 
-    /// The place of the node whose emergency this is.
-    pub(super) fn crying(&self, channel: Channel, cob_id: u16) -> Option<usize> {
+    /// The node whose emergency this is.
+    pub(super) fn crying(&self, channel: Channel, cob_id: u16) -> Option<NodeIndex> {
         let is_it = |member: &Member| member.channel == channel && member.emergency == cob_id;
-        self.nodes.iter().position(is_it)
+        self.nodes.iter().position(is_it).map(NodeIndex)
     }
 
     /// What carries the arm where the drives say it is, at the actuators in N·m (N), and which joints are

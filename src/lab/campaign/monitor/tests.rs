@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::*;
 use bus::Tap;
 use canopen::frame::Frame;
+use units::numbering::Joint;
 
 /// At 500 Hz, with one RPDO for each drive: controlword and target.
 const PERIOD: u64 = 2_000;
@@ -23,7 +24,7 @@ impl Bench {
         let mut bench = Self::cold();
         (1..=6).chain([16]).for_each(|node| bench.know(node));
         (1..=6).chain([16]).for_each(|node| bench.sent(0, &[1, node]));
-        (1..=6).for_each(|node| bench.prove(node));
+        Joint::ALL.into_iter().for_each(|joint| bench.prove(joint));
         (0..20).for_each(|_| bench.cycle([0; 6]));
         bench
     }
@@ -70,8 +71,8 @@ impl Bench {
     }
 
     /// A drive cries without RPDOs, and without heartbeats.
-    fn prove(&mut self, node: usize) {
-        let emergency = self.monitor.sheet.nodes[node - 1].emergency;
+    fn prove(&mut self, joint: Joint) {
+        let emergency = self.monitor.sheet.nodes[joint.index()].emergency;
         [0x50, 0x30].into_iter().zip([0x82, 0x81]).for_each(|(low, high)| {
             self.heard(emergency, &[low, high, 0x11, 0, 0, 0, 0, 0]);
         });
@@ -379,7 +380,7 @@ fn i6_torque_before_a_drive_has_shown_that_it_stops_by_itself_is_seen() {
     bench.cycle([10; 6]);
     assert_eq!(bench.laws(), [Law::KnownFirst]);
     bench.monitor.forget();
-    bench.prove(3);
+    bench.prove(Joint::of::<3>());
     bench.cycle([20; 6]);
     assert_eq!(bench.laws(), []);
 }

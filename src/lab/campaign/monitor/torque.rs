@@ -89,8 +89,8 @@ impl Torque {
 
     /// A TPDO: where a drive is, or what the switches are.
     pub(super) fn on_tpdo(&mut self, at: Instant, heard: &Heard) {
-        if let Some((counts, position)) = self.counts.get_mut(heard.node).zip(heard.position) {
-            *counts = position.0;
+        if let Some((joint, position)) = heard.node.joint().zip(heard.position) {
+            *joint.entry_mut(&mut self.counts) = position.0;
         }
         if let Some(inputs) = heard.inputs.map(SwitchInputs::from_bits) {
             let deadman = inputs.deadman();
@@ -152,12 +152,8 @@ impl Torque {
         ((joint, target), is_off): ((Joint, i16), bool),
         breaches: &mut Breaches,
     ) {
-        let (Some(bounds), Some(told)) =
-            (sheet.joints.get(joint.index()), self.told.get_mut(joint.index()))
-        else {
-            return;
-        };
-        let before = std::mem::replace(told, target);
+        let bounds = joint.entry(&sheet.joints);
+        let before = std::mem::replace(joint.entry_mut(&mut self.told), target);
         let size = target.unsigned_abs();
         if size > bounds.cap.unsigned_abs() {
             let what = format!("joint {joint} is told {target} of {} per mille", bounds.cap);
@@ -166,8 +162,7 @@ impl Torque {
         let is_same_way = before.signum() == target.signum();
         let from = if is_same_way { before } else { 0 };
         // A cycle whose targets did not get out counts as well.
-        let told_at =
-            self.told_at.get_mut(joint.index()).and_then(|told_at| told_at.replace(since));
+        let told_at = joint.entry_mut(&mut self.told_at).replace(since);
         let half = sheet.period / 2;
         let is_second = told_at.is_some_and(|told_at| since.since(told_at) > sheet.period + half);
         let cycles = if is_second { 2.0 } else { 1.0 };
@@ -193,13 +188,11 @@ impl Torque {
         is_zero: bool,
         is_torn: bool,
     ) {
-        let places = self.zero_since.iter_mut().zip(&mut self.torn);
-        for (since, torn) in places.skip(joint.index()).take(1) {
-            if is_torn {
-                *torn = Some(given);
-            }
-            *since = is_zero.then(|| since.unwrap_or(at));
+        if is_torn {
+            *joint.entry_mut(&mut self.torn) = Some(given);
         }
+        let since = joint.entry_mut(&mut self.zero_since);
+        *since = is_zero.then(|| since.unwrap_or(at));
     }
 
     /// Whether a target that is not zero might be given away at `at`.
@@ -223,11 +216,13 @@ impl Torque {
             }
             State::Armed | State::Idle(_) if !self.is_held(at, sheet.period) => {
                 let (weight, ends) = self.weight(sheet);
-                let of = sheet.joints.iter().zip(weight).zip(ends).nth(joint.index());
-                let Some(((bounds, weight), false)) = of else { return };
+                if *joint.entry(&ends) {
+                    return;
+                }
+                let (bounds, weight) = (joint.entry(&sheet.joints), joint.entry(&weight));
                 let most = weight.abs() + UNKNOWN * bounds.capacity();
                 let is_heavy = bounds.torque(target) > most;
-                let Some(heavy) = self.heavy.get_mut(joint.index()) else { return };
+                let heavy = joint.entry_mut(&mut self.heavy);
                 *heavy = if is_heavy { *heavy + 1 } else { 0 };
                 if *heavy >= IN_A_ROW {
                     let what = format!(

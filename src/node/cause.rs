@@ -1,7 +1,15 @@
 //! What can be wrong, with where and how much: what stopped the node, or what it was told of.
+//!
+//! A cause is one row of one table: its declaration, what is wrong in general, what one such cause says, and what
+//! it leads to. How a mode follows from that is in [`table`](crate::safety::table).
 
 use std::fmt;
 
+use crate::reaction::Decides;
+use crate::reaction::Reaction;
+use crate::reaction::Row;
+use crate::reaction::always;
+use crate::reaction::armed;
 use canopen::NmtState;
 use canopen::error_codes;
 use canopen::nmt;
@@ -10,79 +18,251 @@ use controller::Fault;
 use units::numbering::Joint;
 use units::numbering::NodeIndex;
 
-/// What stopped the node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cause {
-    /// A drive's samples did not come in time, several cycles in a row.
-    SamplesMissing { joint: Joint, cycles: u32 },
-    /// No drive of a bus answered in time, several cycles in a row.
-    BusSilent { channel: u8, cycles: u32 },
-    /// A drive no longer tells its state, although its positions come.
-    StatusMissing { joint: Joint },
-    /// So many of a joint's samples were missing within the last second that it is no longer trusted.
-    SamplesRare { joint: Joint, percent: u32 },
-    /// So many of a joint's samples are late or lost that those that come may be too old.
-    SamplesOverdue { joint: Joint, cycles: u32 },
-    /// A joint's position stands still to the last count although it is pushed and a neighbour moves.
-    PositionFrozen { joint: Joint },
-    /// A joint's position jumped farther than it can have moved, twice.
-    PositionJumped { joint: Joint },
-    /// A drive exerts another torque than it is told.
-    TorqueDiffers { joint: Joint },
-    /// A joint moves faster than it may.
-    Overspeed { joint: Joint },
-    /// The grip moves faster than it may.
-    GripOverspeed,
-    /// A joint is beyond its limit.
-    BeyondLimit { joint: Joint },
-    /// The arm moves by itself while its weight is taken up and nobody holds it.
-    MovesUnheld,
-    /// Motion that grows, or energy that comes from nowhere.
-    Unstable,
-    /// No word from the commanded side that is new enough.
-    LinkLost,
-    /// A drive left `Operation enabled` by itself.
-    DriveLeft { joint: Joint, statusword: u16 },
-    /// A node sent an emergency message.
-    Emergency { node: NodeIndex, code: u16 },
-    /// A node's heartbeat stopped.
-    HeartbeatLost { node: NodeIndex },
-    /// A node started anew in the middle of a run.
-    Rebooted { node: NodeIndex },
-    /// A node that runs reports another state than operational.
-    LeftOperational { node: NodeIndex, state: NmtState },
-    /// Two nodes seem to have one node-id.
-    Duplicate { node: NodeIndex },
-    /// Somebody else commands this network.
-    ForeignMaster,
-    /// An object does not hold what the boot has proven.
-    SettingChanged { node: NodeIndex, object: Object, expected: u32, found: u32 },
-    /// The controller met a number it cannot use.
-    ControllerFault { fault: Fault },
-    /// A torque frame could not be sent.
-    QueueFull { channel: u8 },
-    /// Frames are taken and do not appear on the bus.
-    EchoMissing { channel: u8 },
-    /// The bus is error passive.
-    BusPassive { channel: u8 },
-    /// The controller has left the bus.
-    BusOff { channel: u8 },
-    /// The interface is down.
-    BusDown { channel: u8 },
-    /// The deadman's two channels contradict each other.
-    DeadmanDisagrees,
-    /// The deadman has been closed for long, and nothing moved.
-    DeadmanTaped,
-    /// The loop stood still for several cycles.
-    Overrun { cycles: u64 },
-    /// The loop was late, too often.
-    Late,
-    /// The host was suspended.
-    Suspended,
-    /// A drive did not reach `Operation enabled`.
-    EnableTimeout { joint: Joint, statusword: u16 },
-    /// A run begins that a person must release first.
-    AwaitsReset { awaited: Awaited },
+/// Makes [`Cause`] and [`Kind`] of the table. The first field of a cause is where it is. A row has a second cause if
+/// one thing can be wrong in two places.
+macro_rules! causes {
+    ($(
+        $kind:ident $({ $at:ident: $place:ident $(, $field:ident: $type:ty)* })?
+            is $general:literal,
+            says ($($words:tt)+),
+            $(or $or:ident { $or_at:ident: $or_place:ident $(, $or_field:ident: $or_type:ty)* }
+                is $or_general:literal,
+                says ($($or_words:tt)+),)?
+            leads to $row:expr;
+    )+) => {
+        /// What stopped the node.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Cause {
+            $(
+                #[doc = $general]
+                $kind $({ $at: $place $(, $field: $type)* })?,
+                $(
+                    #[doc = $or_general]
+                    $or { $or_at: $or_place $(, $or_field: $or_type)* },
+                )?
+            )+
+        }
+
+        /// What kind of cause it is: a row of the fault table.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Kind {
+            $(#[doc = $general] $kind,)+
+        }
+
+        impl Cause {
+            /// The joint it is about, if it is about one.
+            pub fn joint(&self) -> Option<Joint> {
+                match *self {
+                    $(
+                        Self::$kind $({ $at, .. })? => joint!($($at: $place)?),
+                        $(Self::$or { $or_at, .. } => joint!($or_at: $or_place),)?
+                    )+
+                }
+            }
+
+            /// Its row of the fault table.
+            pub const fn kind(&self) -> Kind {
+                match self {
+                    $(Self::$kind { .. } $(| Self::$or { .. })? => Kind::$kind,)+
+                }
+            }
+        }
+
+        impl fmt::Display for Cause {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match *self {
+                    $(
+                        Self::$kind $({ $at $(, $field)* })? => write!(f, $($words)+),
+                        $(Self::$or { $or_at $(, $or_field)* } => write!(f, $($or_words)+),)?
+                    )+
+                }
+            }
+        }
+
+        impl Kind {
+            /// All of them, in the order of the table.
+            pub const ALL: [Self; [$(Self::$kind),+].len()] = [$(Self::$kind),+];
+
+            /// What is wrong.
+            pub const fn words(self) -> &'static str {
+                match self {
+                    $(Self::$kind => $general,)+
+                }
+            }
+
+            /// What it leads to.
+            pub const fn row(self) -> Row {
+                use Decides::Drive;
+                use Decides::Node;
+                use Decides::Timers;
+                use Reaction::DrivesOff;
+                use Reaction::ReflectionOff;
+                use Reaction::ZeroTorque;
+                match self {
+                    $(Self::$kind => $row,)+
+                }
+            }
+        }
+    };
+}
+
+/// The joint that the first field of a cause names, if it names one.
+macro_rules! joint {
+    () => {
+        None
+    };
+    ($joint:ident: Joint) => {
+        Some($joint)
+    };
+    ($node:ident: NodeIndex) => {
+        $node.joint()
+    };
+    ($other:ident: $place:ident) => {{
+        _ = $other;
+        None
+    }};
+}
+
+causes! {
+    SamplesMissing { joint: Joint, cycles: u32 }
+        is "a drive's samples do not come, several cycles in a row",
+        says ("joint {joint}: no sample for {cycles} cycles"),
+        or BusSilent { channel: u8, cycles: u32 }
+            is "no drive of a bus answers in time, several cycles in a row",
+            says ("bus {channel}: no sample of any drive for {cycles} cycles"),
+        leads to always(ZeroTorque, Node, true, &[1, 3, 4]);
+    StatusMissing { joint: Joint }
+        is "a drive does not tell its state, although its positions come",
+        says ("joint {joint}: statusword missing"),
+        leads to always(ZeroTorque, Node, true, &[3]);
+    SamplesRare { joint: Joint, percent: u32 }
+        is "too many of a joint's samples within a second are late or impossible",
+        says ("joint {joint}: {percent} % of its samples were missing within a second"),
+        leads to armed(ReflectionOff, &[3]);
+    SamplesOverdue { joint: Joint, cycles: u32 }
+        is "more of a joint's samples are late or lost than may be",
+        says ("joint {joint}: {cycles} samples late or lost, the others may be as old"),
+        leads to always(ZeroTorque, Node, true, &[4]);
+    PositionFrozen { joint: Joint }
+        is "a position stands still although the joint is pushed",
+        says ("joint {joint}: its position stands still under torque"),
+        leads to always(ZeroTorque, Node, false, &[5]);
+    PositionJumped { joint: Joint }
+        is "a position jumps farther than the joint can move, twice",
+        says ("joint {joint}: its position jumped"),
+        leads to always(ZeroTorque, Node, false, &[12]);
+    TorqueDiffers { joint: Joint }
+        is "a drive exerts another torque than it is told",
+        says ("joint {joint}: its drive exerts another torque than it is told"),
+        leads to always(ZeroTorque, Node, false, &[10]);
+    Overspeed { joint: Joint }
+        is "a joint is faster than it may be",
+        says ("joint {joint}: faster than it may move"),
+        leads to armed(ZeroTorque, &[11]);
+    GripOverspeed
+        is "the grip is faster than it may be",
+        says ("the grip is faster than it may move"),
+        leads to armed(ZeroTorque, &[11]);
+    BeyondLimit { joint: Joint }
+        is "a joint is beyond its limit",
+        says ("joint {joint}: beyond its limit"),
+        leads to armed(ReflectionOff, &[43]);
+    MovesUnheld
+        is "the arm is driven away while its weight is taken up",
+        says ("the arm moves although nobody holds it"),
+        leads to armed(ZeroTorque, &[41]);
+    Unstable
+        is "the hand is driven to and fro, or with too much power",
+        says ("the hand is driven to and fro"),
+        leads to armed(ReflectionOff, &[45]);
+    LinkLost
+        is "no wrench from the commanded side that is new enough",
+        says ("no new wrench from the commanded side"),
+        leads to armed(ReflectionOff, &[34, 35]);
+    DriveLeft { joint: Joint, statusword: u16 }
+        is "a drive leaves operation enabled by itself",
+        says ("joint {joint}: drive left operation enabled (6041h = {statusword:04X}h)"),
+        leads to always(ZeroTorque, Drive, false, &[8]);
+    Emergency { node: NodeIndex, code: u16 }
+        is "a node sends an emergency message",
+        says ("{}: emergency {code:04X}h {}", Who(node), error_codes::description(code)),
+        leads to always(ZeroTorque, Drive, false, &[7, 13]);
+    HeartbeatLost { node: NodeIndex }
+        is "a node's heartbeat stops",
+        says ("{}: heartbeat lost", Who(node)),
+        leads to always(DrivesOff, Node, true, &[2]);
+    Rebooted { node: NodeIndex }
+        is "a node starts anew in the middle of a run",
+        says ("{}: rebooted", Who(node)),
+        leads to always(DrivesOff, Drive, true, &[9]);
+    LeftOperational { node: NodeIndex, state: NmtState }
+        is "a running node reports another state than operational",
+        says ("{}: left operational, is {}", Who(node), nmt::description(state)),
+        leads to always(ZeroTorque, Node, true, &[8]);
+    Duplicate { node: NodeIndex }
+        is "two nodes seem to have one node-id",
+        says ("{}: two nodes seem to have its node-id", Who(node)),
+        leads to always(ZeroTorque, Node, true, &[6]);
+    ForeignMaster
+        is "somebody else commands the network",
+        says ("another master is on the bus"),
+        leads to always(DrivesOff, Node, true, &[26]);
+    SettingChanged { node: NodeIndex, object: Object, expected: u32, found: u32 }
+        is "an object does not hold what the boot has proven",
+        says ("{}: {object} is {found:X}h, was proven as {expected:X}h", Who(node)),
+        leads to always(DrivesOff, Node, true, &[26]);
+    ControllerFault { fault: Fault }
+        is "a number that the controller cannot use",
+        says ("controller: {fault}"),
+        leads to always(ZeroTorque, Node, false, &[42, 44]);
+    QueueFull { channel: u8 }
+        is "a torque frame cannot be sent",
+        says ("bus {channel}: transmit queue full"),
+        leads to always(ZeroTorque, Timers, true, &[21]);
+    EchoMissing { channel: u8 }
+        is "frames are taken and do not appear on the bus",
+        says ("bus {channel}: frames are taken and do not appear on it"),
+        leads to always(DrivesOff, Timers, true, &[22]);
+    BusPassive { channel: u8 }
+        is "the bus is error passive",
+        says ("bus {channel}: error passive"),
+        leads to always(ZeroTorque, Node, false, &[23]);
+    BusOff { channel: u8 }
+        is "the CAN controller has left the bus",
+        says ("bus {channel}: bus off"),
+        leads to always(DrivesOff, Timers, true, &[23]);
+    BusDown { channel: u8 }
+        is "the interface is down",
+        says ("bus {channel}: interface down"),
+        leads to always(DrivesOff, Timers, true, &[24]);
+    DeadmanDisagrees
+        is "the deadman's contacts contradict each other",
+        says ("the deadman's channels contradict each other"),
+        leads to always(ZeroTorque, Node, false, &[39]);
+    DeadmanTaped
+        is "the deadman is held for long, and nothing moves",
+        says ("the deadman has been closed for long, and nothing moved"),
+        leads to armed(ReflectionOff, &[39]);
+    Overrun { cycles: u64 }
+        is "the loop stands still for several cycles",
+        says ("the loop stood still for {cycles} cycles"),
+        leads to always(ZeroTorque, Timers, false, &[28, 29]);
+    Late
+        is "the loop is late, too often",
+        says ("the loop was late too often"),
+        leads to always(ZeroTorque, Node, false, &[29]);
+    Suspended
+        is "the host was suspended",
+        says ("the host was suspended"),
+        leads to always(DrivesOff, Timers, true, &[31]);
+    EnableTimeout { joint: Joint, statusword: u16 }
+        is "a drive does not reach operation enabled",
+        says ("joint {joint}: not enabled in time (6041h = {statusword:04X}h)"),
+        leads to always(ZeroTorque, Node, true, &[16]);
+    AwaitsReset { awaited: Awaited }
+        is "the last run did not end in order, or this one cannot be marked",
+        says ("{awaited}: waiting for a reset"),
+        leads to always(DrivesOff, Node, true, &[27]);
 }
 
 /// Reason why a run begins stopped.
@@ -94,276 +274,12 @@ pub enum Awaited {
     Unmarked,
 }
 
-/// What kind of cause it is: a row of the fault table.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Kind {
-    /// A drive's samples did not come in time, several cycles in a row.
-    SamplesMissing,
-    /// A drive no longer tells its state, although its positions come.
-    StatusMissing,
-    /// So many of a joint's samples were missing within the last second that it is no longer trusted.
-    SamplesRare,
-    /// So many of a joint's samples are late or lost that those that come may be too old.
-    SamplesOverdue,
-    /// A joint's position stands still to the last count although it is pushed and a neighbour moves.
-    PositionFrozen,
-    /// A joint's position jumped farther than it can have moved, twice.
-    PositionJumped,
-    /// A drive exerts another torque than it is told.
-    TorqueDiffers,
-    /// A joint moves faster than it may.
-    Overspeed,
-    /// The grip moves faster than it may.
-    GripOverspeed,
-    /// A joint is beyond its limit.
-    BeyondLimit,
-    /// The arm moves by itself while its weight is taken up and nobody holds it.
-    MovesUnheld,
-    /// Motion that grows, or energy that comes from nowhere.
-    Unstable,
-    /// No word from the commanded side that is new enough.
-    LinkLost,
-    /// A drive left `Operation enabled` by itself.
-    DriveLeft,
-    /// A node sent an emergency message.
-    Emergency,
-    /// A node's heartbeat stopped.
-    HeartbeatLost,
-    /// A node started anew in the middle of a run.
-    Rebooted,
-    /// A node that runs reports another state than operational.
-    LeftOperational,
-    /// Two nodes seem to have one node-id.
-    Duplicate,
-    /// Somebody else commands this network.
-    ForeignMaster,
-    /// An object does not hold what the boot has proven.
-    SettingChanged,
-    /// The controller met a number it cannot use.
-    ControllerFault,
-    /// A torque frame could not be sent.
-    QueueFull,
-    /// Frames are taken and do not appear on the bus.
-    EchoMissing,
-    /// The bus is error passive.
-    BusPassive,
-    /// The controller has left the bus.
-    BusOff,
-    /// The interface is down.
-    BusDown,
-    /// The deadman's two channels contradict each other.
-    DeadmanDisagrees,
-    /// The deadman has been closed for long, and nothing moved.
-    DeadmanTaped,
-    /// The loop stood still for several cycles.
-    Overrun,
-    /// The loop was late, too often.
-    Late,
-    /// The host was suspended.
-    Suspended,
-    /// A drive did not reach `Operation enabled`.
-    EnableTimeout,
-    /// A run begins that a person must release first.
-    AwaitsReset,
-}
-
-impl Kind {
-    /// All of them, in the order of their declaration.
-    pub const ALL: [Self; 34] = [
-        Self::SamplesMissing,
-        Self::StatusMissing,
-        Self::SamplesRare,
-        Self::SamplesOverdue,
-        Self::PositionFrozen,
-        Self::PositionJumped,
-        Self::TorqueDiffers,
-        Self::Overspeed,
-        Self::GripOverspeed,
-        Self::BeyondLimit,
-        Self::MovesUnheld,
-        Self::Unstable,
-        Self::LinkLost,
-        Self::DriveLeft,
-        Self::Emergency,
-        Self::HeartbeatLost,
-        Self::Rebooted,
-        Self::LeftOperational,
-        Self::Duplicate,
-        Self::ForeignMaster,
-        Self::SettingChanged,
-        Self::ControllerFault,
-        Self::QueueFull,
-        Self::EchoMissing,
-        Self::BusPassive,
-        Self::BusOff,
-        Self::BusDown,
-        Self::DeadmanDisagrees,
-        Self::DeadmanTaped,
-        Self::Overrun,
-        Self::Late,
-        Self::Suspended,
-        Self::EnableTimeout,
-        Self::AwaitsReset,
-    ];
-}
-
-impl Cause {
-    /// The joint it is about, if it is about one.
-    pub fn joint(&self) -> Option<Joint> {
-        match *self {
-            Self::SamplesMissing { joint, .. }
-            | Self::StatusMissing { joint }
-            | Self::SamplesRare { joint, .. }
-            | Self::SamplesOverdue { joint, .. }
-            | Self::PositionFrozen { joint }
-            | Self::PositionJumped { joint }
-            | Self::TorqueDiffers { joint }
-            | Self::Overspeed { joint }
-            | Self::BeyondLimit { joint }
-            | Self::DriveLeft { joint, .. }
-            | Self::EnableTimeout { joint, .. } => Some(joint),
-            Self::Emergency { node, .. }
-            | Self::HeartbeatLost { node }
-            | Self::Rebooted { node }
-            | Self::LeftOperational { node, .. }
-            | Self::SettingChanged { node, .. }
-            | Self::Duplicate { node } => node.joint(),
-            Self::BusSilent { .. }
-            | Self::GripOverspeed
-            | Self::MovesUnheld
-            | Self::Unstable
-            | Self::LinkLost
-            | Self::ForeignMaster
-            | Self::ControllerFault { .. }
-            | Self::QueueFull { .. }
-            | Self::EchoMissing { .. }
-            | Self::BusPassive { .. }
-            | Self::BusOff { .. }
-            | Self::BusDown { .. }
-            | Self::DeadmanDisagrees
-            | Self::DeadmanTaped
-            | Self::Overrun { .. }
-            | Self::Late
-            | Self::Suspended
-            | Self::AwaitsReset { .. } => None,
-        }
-    }
-
-    /// Its row of the fault table.
-    pub const fn kind(&self) -> Kind {
-        match self {
-            Self::SamplesMissing { .. } | Self::BusSilent { .. } => Kind::SamplesMissing,
-            Self::StatusMissing { .. } => Kind::StatusMissing,
-            Self::SamplesRare { .. } => Kind::SamplesRare,
-            Self::SamplesOverdue { .. } => Kind::SamplesOverdue,
-            Self::PositionFrozen { .. } => Kind::PositionFrozen,
-            Self::PositionJumped { .. } => Kind::PositionJumped,
-            Self::TorqueDiffers { .. } => Kind::TorqueDiffers,
-            Self::Overspeed { .. } => Kind::Overspeed,
-            Self::GripOverspeed => Kind::GripOverspeed,
-            Self::BeyondLimit { .. } => Kind::BeyondLimit,
-            Self::MovesUnheld => Kind::MovesUnheld,
-            Self::Unstable => Kind::Unstable,
-            Self::LinkLost => Kind::LinkLost,
-            Self::DriveLeft { .. } => Kind::DriveLeft,
-            Self::Emergency { .. } => Kind::Emergency,
-            Self::HeartbeatLost { .. } => Kind::HeartbeatLost,
-            Self::Rebooted { .. } => Kind::Rebooted,
-            Self::LeftOperational { .. } => Kind::LeftOperational,
-            Self::Duplicate { .. } => Kind::Duplicate,
-            Self::ForeignMaster => Kind::ForeignMaster,
-            Self::SettingChanged { .. } => Kind::SettingChanged,
-            Self::ControllerFault { .. } => Kind::ControllerFault,
-            Self::QueueFull { .. } => Kind::QueueFull,
-            Self::EchoMissing { .. } => Kind::EchoMissing,
-            Self::BusPassive { .. } => Kind::BusPassive,
-            Self::BusOff { .. } => Kind::BusOff,
-            Self::BusDown { .. } => Kind::BusDown,
-            Self::DeadmanDisagrees => Kind::DeadmanDisagrees,
-            Self::DeadmanTaped => Kind::DeadmanTaped,
-            Self::Overrun { .. } => Kind::Overrun,
-            Self::Late => Kind::Late,
-            Self::Suspended => Kind::Suspended,
-            Self::EnableTimeout { .. } => Kind::EnableTimeout,
-            Self::AwaitsReset { .. } => Kind::AwaitsReset,
-        }
-    }
-}
-
-impl fmt::Display for Cause {
+impl fmt::Display for Awaited {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::SamplesRare { joint, percent } => {
-                write!(f, "joint {joint}: {percent} % of its samples were missing within a second")
-            }
-            Self::SamplesOverdue { joint, cycles } => {
-                write!(f, "joint {joint}: {cycles} samples late or lost, the others may be as old")
-            }
-            Self::PositionFrozen { joint } => {
-                write!(f, "joint {joint}: its position stands still under torque")
-            }
-            Self::PositionJumped { joint } => write!(f, "joint {joint}: its position jumped"),
-            Self::TorqueDiffers { joint } => {
-                write!(f, "joint {joint}: its drive exerts another torque than it is told")
-            }
-            Self::Overspeed { joint } => write!(f, "joint {joint}: faster than it may move"),
-            Self::GripOverspeed => f.write_str("the grip is faster than it may move"),
-            Self::BeyondLimit { joint } => write!(f, "joint {joint}: beyond its limit"),
-            Self::MovesUnheld => f.write_str("the arm moves although nobody holds it"),
-            Self::Unstable => f.write_str("the hand is driven to and fro"),
-            Self::LinkLost => f.write_str("no new wrench from the commanded side"),
-            Self::StatusMissing { joint } => write!(f, "joint {joint}: statusword missing"),
-            Self::SamplesMissing { joint, cycles } => {
-                write!(f, "joint {joint}: no sample for {cycles} cycles")
-            }
-            Self::BusSilent { channel, cycles } => {
-                write!(f, "bus {channel}: no sample of any drive for {cycles} cycles")
-            }
-            Self::DriveLeft { joint, statusword } => {
-                write!(f, "joint {joint}: drive left operation enabled (6041h = {statusword:04X}h)")
-            }
-            Self::Emergency { node, code } => {
-                let words = error_codes::description(*code);
-                write!(f, "{}: emergency {code:04X}h {words}", Who(*node))
-            }
-            Self::HeartbeatLost { node } => write!(f, "{}: heartbeat lost", Who(*node)),
-            Self::Rebooted { node } => write!(f, "{}: rebooted", Who(*node)),
-            Self::Duplicate { node } => {
-                write!(f, "{}: two nodes seem to have its node-id", Who(*node))
-            }
-            Self::ForeignMaster => f.write_str("another master is on the bus"),
-            Self::LeftOperational { node, state } => {
-                write!(f, "{}: left operational, is {}", Who(*node), nmt::description(*state))
-            }
-            Self::SettingChanged { node, object, expected, found } => {
-                let who = Who(*node);
-                write!(f, "{who}: {object} is {found:X}h, was proven as {expected:X}h")
-            }
-            Self::ControllerFault { fault } => write!(f, "controller: {fault}"),
-            Self::QueueFull { channel } => write!(f, "bus {channel}: transmit queue full"),
-            Self::EchoMissing { channel } => {
-                write!(f, "bus {channel}: frames are taken and do not appear on it")
-            }
-            Self::BusPassive { channel } => write!(f, "bus {channel}: error passive"),
-            Self::BusOff { channel } => write!(f, "bus {channel}: bus off"),
-            Self::BusDown { channel } => write!(f, "bus {channel}: interface down"),
-            Self::DeadmanDisagrees => f.write_str("the deadman's channels contradict each other"),
-            Self::DeadmanTaped => {
-                f.write_str("the deadman has been closed for long, and nothing moved")
-            }
-            Self::Late => f.write_str("the loop was late too often"),
-            Self::Suspended => f.write_str("the host was suspended"),
-            Self::Overrun { cycles } => write!(f, "the loop stood still for {cycles} cycles"),
-            Self::EnableTimeout { joint, statusword } => {
-                write!(f, "joint {joint}: not enabled in time (6041h = {statusword:04X}h)")
-            }
-            Self::AwaitsReset { awaited: Awaited::NotEnded } => {
-                f.write_str("the last run did not end in order: waiting for a reset")
-            }
-            Self::AwaitsReset { awaited: Awaited::Unmarked } => {
-                f.write_str("the state folder cannot be written: waiting for a reset")
-            }
-        }
+        f.write_str(match self {
+            Self::NotEnded => "the last run did not end in order",
+            Self::Unmarked => "the state folder cannot be written",
+        })
     }
 }
 
@@ -376,5 +292,39 @@ impl fmt::Display for Who {
             Some(joint) => write!(f, "joint {joint}"),
             None => f.write_str("switch box"),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cause_at_a_drive_is_about_its_joint_and_one_at_the_switch_box_about_none() {
+        let (joint, node) = (Joint::of::<3>(), NodeIndex(2));
+        let switches = NodeIndex(6);
+        for (cause, about, words) in [
+            (
+                Cause::DriveLeft { joint, statusword: 0x0218 },
+                Some(joint),
+                "joint 3: drive left operation enabled (6041h = 0218h)",
+            ),
+            (Cause::Rebooted { node }, Some(joint), "joint 3: rebooted"),
+            (Cause::Rebooted { node: switches }, None, "switch box: rebooted"),
+            (
+                Cause::BusSilent { channel: 1, cycles: 3 },
+                None,
+                "bus 1: no sample of any drive for 3 cycles",
+            ),
+            (Cause::Late, None, "the loop was late too often"),
+        ] {
+            assert_eq!((cause.joint(), cause.to_string().as_str()), (about, words));
+        }
+    }
+
+    #[test]
+    fn cause_of_a_second_place_has_the_kind_of_its_row() {
+        let cause = Cause::BusSilent { channel: 0, cycles: 3 };
+        assert_eq!(cause.kind(), Kind::SamplesMissing);
     }
 }

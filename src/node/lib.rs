@@ -5,13 +5,13 @@
 //!
 //! ```
 //! use node::cause::Cause;
-//! use node::safety::table::{Reaction, row};
+//! use node::reaction::Reaction;
 //! use units::numbering::Joint;
 //!
-//! // What a cause leads to stands in one table.
+//! // What a cause says and leads to stands in one row of one table.
 //! let lost = Cause::SamplesMissing { joint: Joint::of::<3>(), cycles: 3 };
 //! assert_eq!(lost.to_string(), "joint 3: no sample for 3 cycles");
-//! assert_eq!(row(lost.kind()).armed, Reaction::ZeroTorque);
+//! assert_eq!(lost.kind().row().armed, Reaction::ZeroTorque);
 //! ```
 #![forbid(unsafe_code)]
 
@@ -30,6 +30,7 @@ pub mod permit;
 mod plausibility;
 mod power;
 pub mod proof;
+pub mod reaction;
 mod receive;
 pub mod record;
 mod remote_side;

@@ -210,7 +210,7 @@ impl Kept for Faults {
 /// What `fault.json` says when the record begins: a run that ends within the second leaves it so.
 fn document(trip: &Trip, record: &Record, provenance: &Provenance, seconds_before: f64) -> Value {
     let kind = trip.cause.kind();
-    let row = table::row(kind);
+    let row = kind.row();
     let reaction = table::reaction(kind, trip.from).mode();
     let joint = trip.cause.joint();
     let name = joint.and_then(|joint| provenance.joints.get(joint.index()));

@@ -6,11 +6,11 @@ use serde_json::json;
 
 use crate::print;
 use node::cause::Kind;
+use node::reaction::Decides;
+use node::reaction::Reaction;
+use node::reaction::Row;
 use node::record::Mode;
 use node::safety::table;
-use node::safety::table::Decides;
-use node::safety::table::Reaction;
-use node::safety::table::Row;
 use node::safety::words;
 
 /// `frhc explain faults`.
@@ -33,14 +33,14 @@ pub fn run(args: &Faults) {
 /// A line per cause: where it leads from every mode, and all else that its row says.
 fn objects() -> Vec<String> {
     let object = |kind: Kind| {
-        let row = table::row(kind);
+        let row = kind.row();
         let reactions = Mode::ALL.map(|mode| {
             let after = table::reaction(kind, mode).mode();
             (mode.name().to_owned(), after.map_or(Json::Null, |after| json!(after.name())))
         });
         json!({
             "cause": format!("{kind:?}"),
-            "words": words::of_kind(kind),
+            "words": kind.words(),
             "leads_to": Json::Object(reactions.into_iter().collect()),
             "torque_ends_within_ms": row.armed.ramp().as_millis(),
             "first_by": words::of_decides(row.decides),
@@ -56,7 +56,7 @@ fn text() -> Vec<String> {
     let heads = ["cause", "ready", "armed", "first by", "reset", "hazards", "what is wrong"];
     let mut lines = vec![line(heads.map(str::to_owned))];
     lines.extend(Kind::ALL.into_iter().map(|kind| {
-        let row = table::row(kind);
+        let row = kind.row();
         let hazards: Vec<String> = row.hazards.iter().map(u8::to_string).collect();
         line([
             format!("{kind:?}"),
@@ -65,7 +65,7 @@ fn text() -> Vec<String> {
             words::of_decides(row.decides).to_owned(),
             reset(row).to_owned(),
             hazards.join(" "),
-            words::of_kind(kind).to_owned(),
+            kind.words().to_owned(),
         ])
     }));
     lines.extend(["", "ready: in boot and ready; armed: in armed and engaged"].map(str::to_owned));

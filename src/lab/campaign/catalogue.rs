@@ -28,13 +28,12 @@ pub(super) fn kind_of(number: u32) -> Option<&'static Kind> {
 mod tests {
     use super::*;
     use node::cause::Kind as Cause;
-    use node::safety::table;
 
     #[test]
     fn cause_that_is_demanded_alone_is_of_the_hazard_it_is_demanded_for() {
         for cause in Cause::ALL {
             let mut alone = kinds().filter(|kind| kind.causes == [cause]).peekable();
-            let is_its = |kind: &Kind| table::row(cause).hazards.contains(&kind.row);
+            let is_its = |kind: &Kind| cause.row().hazards.contains(&kind.row);
             assert!(alone.peek().is_none() || alone.any(is_its), "{cause:?}");
         }
     }

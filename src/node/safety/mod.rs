@@ -24,7 +24,7 @@
 //! | [`causes`] | which events, bus faults and controller faults stop   |
 //! | `seen`     | which causes are still there                          |
 //! | `ramp`     | how shares of torque come and go                      |
-//! | [`words`]  | the table in words                                    |
+//! | [`words`]  | reactions in words                                    |
 
 pub mod causes;
 mod ramp;
@@ -40,11 +40,11 @@ use crate::cause::Cause;
 use crate::cause::Kind;
 use crate::operator::deadman::EnableState;
 use crate::permit::Permit;
+use crate::reaction::Decides;
+use crate::reaction::Reaction;
 use crate::record::Mode;
 use crate::safety::ramp::Ramp;
 use crate::safety::seen::Seen;
-use crate::safety::table::Decides;
-use crate::safety::table::Reaction;
 use units::numbering::Joint;
 use units::time::Instant;
 
@@ -183,7 +183,7 @@ impl Safety {
         self.seen.note(now, cause);
         let Some(mode) = table::reaction(cause.kind(), self.mode).mode() else { return };
         self.cause.get_or_insert(cause);
-        self.must_boot |= table::row(cause.kind()).boots;
+        self.must_boot |= cause.kind().row().boots;
         if mode != self.mode {
             self.enter(mode, now);
         }
@@ -207,7 +207,7 @@ impl Safety {
             EnableState::Moving => return Err(Refusal::DeadmanMoves),
             EnableState::Closed | EnableState::Held => return Err(Refusal::DeadmanClosed),
         }
-        let would_stop = |kind| table::row(kind).armed > Reaction::None;
+        let would_stop = |kind: Kind| kind.row().armed > Reaction::None;
         if let Some(cause) = self.seen.present(now, would_stop) {
             return Err(Refusal::CausePresent(cause));
         }
@@ -315,7 +315,7 @@ impl Safety {
 /// Whether a reset does not end it: what a drive did by itself is reset in the drive, and a boot proves
 /// by itself that all is well again.
 const fn outlasts_a_reset(kind: Kind) -> bool {
-    let row = table::row(kind);
+    let row = kind.row();
     match row.decides {
         Decides::Node | Decides::Timers => !row.boots,
         Decides::Drive => false,

@@ -144,7 +144,7 @@ fn what_a_watch_still_sees_refuses_a_reset_unless_the_reset_ends_it() {
         let mut safety = in_mode(Mode::ZeroTorque);
         let cause = sample(kind);
         safety.stop(at(LATER), cause);
-        let row = table::row(kind);
+        let row = kind.row();
         let answer = safety.reset(at(LATER + 20));
         if row.boots || row.decides == Decides::Drive {
             assert_eq!(answer.map(|left| left.must_boot), Ok(row.boots), "{kind:?}");
@@ -157,7 +157,7 @@ fn what_a_watch_still_sees_refuses_a_reset_unless_the_reset_ends_it() {
 
 #[test]
 fn what_would_stop_an_armed_node_refuses_arming_with_its_words() {
-    for kind in Kind::ALL.into_iter().filter(|kind| table::row(*kind).unarmed == Reaction::None) {
+    for kind in Kind::ALL.into_iter().filter(|kind| kind.row().unarmed == Reaction::None) {
         let mut safety = in_mode(Mode::Ready);
         let cause = sample(kind);
         safety.stop(at(LATER), cause);
@@ -201,7 +201,7 @@ proptest! {
         let worst = kinds.iter().map(|kind| table::reaction(*kind, mode)).max().unwrap();
         let is_cause = |kind: &&Kind| table::reaction(**kind, mode) > Reaction::None;
         let first = kinds.iter().find(is_cause).map(|kind| sample(*kind));
-        let must_boot = kinds.iter().filter(is_cause).any(|kind| table::row(*kind).boots);
+        let must_boot = kinds.iter().filter(is_cause).any(|kind| kind.row().boots);
         kinds.iter().for_each(|kind| safety.stop(at(10), sample(*kind)));
         prop_assert_eq!(safety.mode(), worst.mode().unwrap_or(mode));
         prop_assert_eq!(safety.cause(), first);

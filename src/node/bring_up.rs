@@ -285,10 +285,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.network.master.shut_down(&mut self.wire.out);
         self.post();
         let flushed = self.wire.now() + self.timing.period;
-        while let Some(Received { at, channel, event }) = self.wire.receive(flushed) {
-            if let BusEvent::Fault(fault) = event {
-                let cause = self.wire.on_fault(channel, fault);
-                self.raise(at, [cause]);
+        while let Some(received) = self.wire.receive(flushed) {
+            if matches!(received.event, BusEvent::Fault(_)) {
+                self.on_received(received);
             }
         }
     }

@@ -55,6 +55,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// Raises these causes, in this order. The first cause of a stop is kept.
+    ///
+    /// A step collects its causes and raises them at its end, because the next step needs the mode that they lead to.
     pub(super) fn raise(&mut self, at: Instant, causes: impl IntoIterator<Item = Option<Cause>>) {
         for cause in causes.into_iter().flatten() {
             self.safety.stop(at, cause);
@@ -79,7 +81,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     }
 
     /// Watches whether every drive is enabled. One that stopped the node by its statusword alone is asked for its
-    /// error history (1003h).
+    /// error history (1003h). Raises apart from the samples' causes: what a drive may be depends on the mode after them.
     fn watch_drives(&mut self, now: Instant) {
         let Some((joint, statusword)) = self.not_enabled() else {
             if self.samples.is_complete() && self.proof.is_over() {

@@ -70,7 +70,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.raise(now, causes);
     }
 
-    /// Takes a frame or a fault of a bus.
+    /// Takes a frame or a fault of a bus. Raises for each: as many can wait as a bus holds.
     pub(super) fn on_received(&mut self, received: Received) {
         let Received { at, channel, event } = received;
         let cause = match event {
@@ -93,7 +93,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.on_event(at, event?)
     }
 
-    /// Does what is due at the master.
+    /// Does what is due at the master. Raises for each event: how many there are is not bounded.
     pub(super) fn poll_master(&mut self, now: Instant) {
         while let Some(event) = self.network.master.on_time(now, &mut self.wire.out) {
             let cause = self.on_event(now, event);

@@ -87,7 +87,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.wire.out = out;
     }
 
-    /// Sends a frame now or never, and returns whether its bus has taken it.
+    /// Sends a frame now or never, and returns whether its bus has taken it. Raises here, so that no sender forgets to,
+    /// and what is sent next is made in the mode that follows.
     pub(super) fn send(&mut self, telegram: Telegram) -> bool {
         match self.wire.send(telegram) {
             Ok(()) => true,

@@ -23,6 +23,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.timing.restart(now);
         // While there were no cycles the commanded side was not asked: what is known has aged.
         self.remote.exchange(now, &Motion::Hold);
+        // No watch sees it: it is the caller's.
         self.raise(now, [Some(cause)]);
         Ok(())
     }

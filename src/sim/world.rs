@@ -32,6 +32,7 @@ use canopen::frame::Telegram;
 use canopen::station::Station;
 use canopen::sync;
 use units::numbering::Joint;
+use units::numbering::NodeIndex;
 use units::time::Instant;
 
 /// Maximum time between two steps of the arm.
@@ -224,7 +225,8 @@ impl<M: Motor, I: Inputs> World<M, I> {
     /// Updates each drive with its motor values.
     fn show(&mut self) {
         self.motors.follow(self.plant.q(), self.plant.qd());
-        for (joint, (drive, sensed)) in self.drives.iter_mut().zip(self.motors.sensed()).enumerate()
+        for (joint, (drive, sensed)) in
+            Joint::each(self.drives.iter_mut().zip(self.motors.sensed()))
         {
             drive.sense(&self.faults.sensed(joint, sensed));
         }
@@ -241,7 +243,7 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
         }
         let received = Telegram { channel, frame: *frame };
         let devices = devices(&mut self.drives, &mut self.switches);
-        for (place, device) in devices.into_iter().enumerate() {
+        for (place, device) in NodeIndex::each(devices) {
             self.faults.hear(now, place, device, received, out);
         }
         self.update_demands(now);
@@ -257,7 +259,7 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
             self.beginning.fix();
             self.faults.turn(now, &mut devices, out);
         }
-        for (place, device) in devices.into_iter().enumerate() {
+        for (place, device) in NodeIndex::each(devices) {
             if is_due(device.deadline()) {
                 self.faults.wake(now, place, device, out);
             }

@@ -3,15 +3,15 @@
 use std::collections::VecDeque;
 
 use crate::fault::breakable::Way;
-use crate::fault::running::Place;
 use canopen::frame::Telegram;
+use units::numbering::NodeIndex;
 use units::time::Instant;
 
 /// A frame that is late, and between whom.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Late {
     pub(super) due: Instant,
-    pub(super) place: Place,
+    pub(super) place: NodeIndex,
     pub(super) way: Way,
     pub(super) telegram: Telegram,
     /// Whether those of the same identifier behind it may come before it.
@@ -33,7 +33,7 @@ impl Held {
     }
 
     /// Until when a frame must wait, because one of its identifier is before it.
-    pub(super) fn before(&self, place: Place, way: Way, cob_id: u16) -> Option<Instant> {
+    pub(super) fn before(&self, place: NodeIndex, way: Way, cob_id: u16) -> Option<Instant> {
         let is_before = |late: &&Late| {
             let same = (late.place, late.way, late.telegram.frame.cob_id) == (place, way, cob_id);
             same && !late.may_be_overtaken

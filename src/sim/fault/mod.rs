@@ -16,7 +16,6 @@ mod wiring;
 
 pub use breakable::Breakable;
 pub use breakable::Way;
-pub use running::Place;
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -32,6 +31,8 @@ use crate::scenario::fault::Link;
 use crate::scenario::fault::Trouble;
 use canopen::error_codes;
 use canopen::frame::Telegram;
+use units::numbering::Joint;
+use units::numbering::NodeIndex;
 use units::time::Instant;
 
 /// The six drives and the switch box.
@@ -125,7 +126,7 @@ impl Faults {
             running.speak(now, out);
         }
         while let Some(late) = self.held.take_due(now) {
-            let Some(device) = devices.get_mut(late.place) else { continue };
+            let Some(device) = devices.get_mut(late.place.0) else { continue };
             match late.way {
                 _ if self.is_cut_off(late.place) => {}
                 Way::Said => out.push(late.telegram),
@@ -134,9 +135,9 @@ impl Faults {
         }
     }
 
-    /// What the drive at `place` senses of its motor, which does `sensed`.
-    pub fn sensed(&mut self, place: Place, sensed: Sensed) -> Sensed {
-        self.running.iter_mut().fold(sensed, |sensed, running| running.sensed(place, sensed))
+    /// What the drive of `joint` senses of its motor, which does `sensed`.
+    pub fn sensed(&mut self, joint: Joint, sensed: Sensed) -> Sensed {
+        self.running.iter_mut().fold(sensed, |sensed, running| running.sensed(joint, sensed))
     }
 
     /// The levels at the switch box's terminals, when its switches give `inputs`.
@@ -202,7 +203,7 @@ impl Faults {
     fn end(&mut self, now: Instant, over: &Running, devices: &mut Devices<'_>) {
         let fault = over.fault;
         self.note(now, fault, true);
-        for (place, device) in devices.iter_mut().enumerate() {
+        for (place, device) in NodeIndex::each(devices) {
             let is_back = over.is_cut_off(place) && !self.is_cut_off(place);
             match fault.kind {
                 Kind::Cut(Cut::Plug) if is_back => device.switch_on(now),
@@ -227,7 +228,7 @@ impl Faults {
 
     /// Something befalls devices themselves.
     fn afflict(&mut self, now: Instant, fault: Fault, trouble: Trouble, devices: &mut Devices<'_>) {
-        let befallen = devices.iter_mut().enumerate().filter(|(place, _)| fault.whom.has(*place));
+        let befallen = NodeIndex::each(devices).filter(|(place, _)| fault.whom.has(*place));
         for (_, device) in befallen {
             match trouble {
                 Trouble::Reboots => {

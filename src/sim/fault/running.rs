@@ -20,13 +20,8 @@ use canopen::frame::Channel;
 use canopen::frame::Frame;
 use canopen::frame::Telegram;
 use units::numbering::Joint;
+use units::numbering::NodeIndex;
 use units::time::Instant;
-
-/// A place in the list of the six drives and the switch box, from 0.
-pub type Place = usize;
-
-/// The switch box's place.
-const SWITCHES: Place = 6;
 
 /// One fault that has begun and is not over.
 #[derive(Clone, Debug)]
@@ -42,7 +37,7 @@ pub(super) struct Running {
     /// Chance of its own, so that no fault changes another's.
     random: SplitMix,
     struck: u32,
-    frames: Vec<(Place, Way, Frame)>,
+    frames: Vec<(NodeIndex, Way, Frame)>,
     senses: [Option<Sensed>; 6],
 }
 
@@ -50,7 +45,7 @@ pub(super) struct Running {
 #[derive(Clone, Copy, Debug)]
 struct Voice {
     /// Whose words.
-    of: Place,
+    of: NodeIndex,
     /// Under which identifier it says them itself.
     said: u16,
     /// On which bus they are said again.
@@ -61,11 +56,11 @@ struct Voice {
 
 impl Whom {
     /// Whether the device at a place is befallen.
-    pub(super) fn has(self, place: Place) -> bool {
+    pub(super) fn has(self, place: NodeIndex) -> bool {
         match self {
-            Self::Joint(joint) => place == joint.index(),
-            Self::Drives => place < SWITCHES,
-            Self::Switches => place == SWITCHES,
+            Self::Joint(joint) => place.joint() == Some(joint),
+            Self::Drives => place.joint().is_some(),
+            Self::Switches => place.joint().is_none(),
             Self::Bus(_) | Self::Link => false,
         }
     }
@@ -98,15 +93,15 @@ impl Running {
     /// Devices are off their bus: those it befalls, or for a wire also those behind them.
     pub(super) fn cut(&mut self, cut: Cut, devices: &mut Devices<'_>) {
         let mut ended: [Option<Channel>; 7] = [None; 7];
-        for (place, device) in devices.iter_mut().enumerate() {
+        for (place, device) in NodeIndex::each(devices) {
             let is_befallen = self.fault.whom.has(place);
             let channel = Some(device.channel());
             let is_behind = cut == Cut::Wire && ended.contains(&channel);
-            if let (true, Some(end)) = (is_befallen, ended.get_mut(place)) {
+            if let (true, Some(end)) = (is_befallen, ended.get_mut(place.0)) {
                 *end = channel;
             }
             if let (true, Some(is_cut_off)) =
-                (is_befallen || is_behind, self.cut_off.get_mut(place))
+                (is_befallen || is_behind, self.cut_off.get_mut(place.0))
             {
                 *is_cut_off = true;
                 if cut == Cut::Plug {
@@ -117,25 +112,26 @@ impl Running {
     }
 
     /// Whether the device at a place is off its bus by this fault.
-    pub(super) fn is_cut_off(&self, place: Place) -> bool {
-        self.cut_off.get(place).is_some_and(|is_cut_off| *is_cut_off)
+    pub(super) fn is_cut_off(&self, place: NodeIndex) -> bool {
+        self.cut_off.get(place.0).is_some_and(|is_cut_off| *is_cut_off)
     }
 
     /// From now on what joint `by` says with `service` is said again as if by whom this befalls.
     pub(super) fn impersonate(&mut self, by: Joint, service: Service, devices: &Devices<'_>) {
-        let says = |place: Place| {
-            let device = devices.get(place)?;
+        let says = |place: NodeIndex| {
+            let device = devices.get(place.0)?;
             Some((device.channel(), device.cob_id(Way::Said, service)?))
         };
-        let befallen = (0..devices.len()).find(|place| self.fault.whom.has(*place));
-        let of = by.index();
+        let mut places = NodeIndex::each(devices).map(|(place, _)| place);
+        let befallen = places.find(|place| self.fault.whom.has(*place));
+        let of = by.into();
         if let (Some((_, said)), Some((channel, again))) = (says(of), befallen.and_then(says)) {
             self.voice = Some(Voice { of, said, channel, again });
         }
     }
 
     /// What is said again of what the device at a place says.
-    pub(super) fn again(&self, place: Place, telegram: &Telegram) -> Option<Telegram> {
+    pub(super) fn again(&self, place: NodeIndex, telegram: &Telegram) -> Option<Telegram> {
         let voice = self.voice?;
         let is_said = (voice.of, voice.said) == (place, telegram.frame.cob_id);
         let frame = Frame::from_slice(voice.again, telegram.frame.data()).filter(|_| is_said)?;
@@ -155,7 +151,7 @@ impl Running {
     pub(super) fn strike(
         &mut self,
         device: &dyn Breakable,
-        place: Place,
+        place: NodeIndex,
         way: Way,
         frame: &Frame,
     ) -> Option<Treatment> {
@@ -198,8 +194,8 @@ impl Running {
     }
 
     /// The first frame of this identifier since the fault began.
-    pub(super) fn first(&mut self, place: Place, way: Way, frame: Frame) -> Frame {
-        let is_same = |kept: &&(Place, Way, Frame)| {
+    pub(super) fn first(&mut self, place: NodeIndex, way: Way, frame: Frame) -> Frame {
+        let is_same = |kept: &&(NodeIndex, Way, Frame)| {
             (kept.0, kept.1, kept.2.cob_id) == (place, way, frame.cob_id)
         };
         if let Some((.., kept)) = self.frames.iter().find(is_same) {
@@ -210,17 +206,16 @@ impl Running {
     }
 
     /// What a drive senses of its motor.
-    pub(super) fn sensed(&mut self, place: Place, sensed: Sensed) -> Sensed {
+    pub(super) fn sensed(&mut self, joint: Joint, sensed: Sensed) -> Sensed {
         let Kind::Sense(sense) = self.fault.kind else { return sensed };
-        if !self.fault.whom.has(place) {
+        if !self.fault.whom.has(joint.into()) {
             return sensed;
         }
         match sense {
             Sense::EncoderOff(by) => Sensed { position: sensed.position + by, ..sensed },
             Sense::EncoderFrozen => {
-                let kept = self.senses.get_mut(place).map(|kept| *kept.get_or_insert(sensed));
-                let position = kept.map_or(sensed.position, |kept| kept.position);
-                Sensed { position, velocity: 0.0, ..sensed }
+                let kept = joint.entry_mut(&mut self.senses).get_or_insert(sensed);
+                Sensed { position: kept.position, velocity: 0.0, ..sensed }
             }
             Sense::TorqueScaled(times) => Sensed { per_mille: sensed.per_mille * times, ..sensed },
         }

@@ -17,6 +17,8 @@ use canopen::frame::Channel;
 use canopen::frame::Frame;
 use canopen::frame::Telegram;
 use canopen::station::Station;
+use units::numbering::Joint;
+use units::numbering::NodeIndex;
 use units::time::Instant;
 
 /// The first SYNC.
@@ -130,7 +132,7 @@ impl Room {
     fn says(&mut self, place: usize, frame: Frame) -> Vec<Frame> {
         let mut out = Vec::new();
         self.talkers[place].says.push(frame);
-        self.faults.wake(self.now, place, &mut self.talkers[place], &mut out);
+        self.faults.wake(self.now, NodeIndex(place), &mut self.talkers[place], &mut out);
         out.into_iter().map(|telegram| telegram.frame).collect()
     }
 
@@ -139,7 +141,7 @@ impl Room {
         let talker = &mut self.talkers[place];
         let telegram = Telegram { channel: talker.channel, frame };
         talker.heard.clear();
-        self.faults.hear(self.now, place, talker, telegram, &mut Vec::new());
+        self.faults.hear(self.now, NodeIndex(place), talker, telegram, &mut Vec::new());
         talker.heard.iter().map(|(_, frame)| *frame).collect()
     }
 
@@ -256,9 +258,13 @@ fn after_its_time_all_is_as_before() {
     ] {
         let mut room = Room::of(&fault(&format!("{keys}, for_s = 1")), 1);
         let state = |room: &mut Room| {
-            room.faults.sensed(2, Sensed { position: -1.0, ..sensed });
+            room.faults.sensed(Joint::of::<3>(), Sensed { position: -1.0, ..sensed });
             (
-                (room.says(2, frame), room.hears(2, frame), room.faults.sensed(2, sensed)),
+                (
+                    room.says(2, frame),
+                    room.hears(2, frame),
+                    room.faults.sensed(Joint::of::<3>(), sensed),
+                ),
                 (room.faults.inputs(0b10), room.faults.link(), room.talkers[2].torque),
             )
         };

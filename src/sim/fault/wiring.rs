@@ -7,10 +7,10 @@ use crate::fault::Faults;
 use crate::fault::breakable::Breakable;
 use crate::fault::breakable::Way;
 use crate::fault::held::Late;
-use crate::fault::running::Place;
 use crate::scenario::fault::Treatment;
 use canopen::frame::Frame;
 use canopen::frame::Telegram;
+use units::numbering::NodeIndex;
 use units::time::Instant;
 
 /// What has become of a frame.
@@ -27,7 +27,7 @@ impl Faults {
     pub fn hear(
         &mut self,
         now: Instant,
-        place: Place,
+        place: NodeIndex,
         device: &mut dyn Breakable,
         heard: Telegram,
         out: &mut Vec<Telegram>,
@@ -48,7 +48,7 @@ impl Faults {
     pub fn wake(
         &mut self,
         now: Instant,
-        place: Place,
+        place: NodeIndex,
         device: &mut dyn Breakable,
         out: &mut Vec<Telegram>,
     ) {
@@ -68,7 +68,7 @@ impl Faults {
     }
 
     /// Whether the device at `place` is off its bus.
-    pub(super) fn is_cut_off(&self, place: Place) -> bool {
+    pub(super) fn is_cut_off(&self, place: NodeIndex) -> bool {
         self.running.iter().any(|running| running.is_cut_off(place))
     }
 
@@ -76,7 +76,7 @@ impl Faults {
     pub(super) fn let_hear(
         &mut self,
         now: Instant,
-        place: Place,
+        place: NodeIndex,
         device: &mut dyn Breakable,
         heard: &Telegram,
         out: &mut Vec<Telegram>,
@@ -91,7 +91,7 @@ impl Faults {
     fn say(
         &mut self,
         now: Instant,
-        place: Place,
+        place: NodeIndex,
         device: &dyn Breakable,
         said: &mut Vec<Telegram>,
         out: &mut Vec<Telegram>,
@@ -108,7 +108,7 @@ impl Faults {
         &mut self,
         now: Instant,
         device: &dyn Breakable,
-        (place, way): (Place, Way),
+        (place, way): (NodeIndex, Way),
         telegram: Telegram,
         to: &mut Vec<Telegram>,
     ) {
@@ -133,7 +133,7 @@ impl Faults {
     fn treat(
         &mut self,
         device: &dyn Breakable,
-        (place, way): (Place, Way),
+        (place, way): (NodeIndex, Way),
         frame: Frame,
     ) -> Option<Passing> {
         let mut passing = Passing { frame, copies: 1, by: Duration::ZERO, may_be_overtaken: false };

@@ -1,38 +1,37 @@
-//! Concise DCFs (CiA 302-3, the values of 1F22h): the writes that configure one device, in order, as a
-//! master keeps them.
+//! Concise DCF (CiA 302-3, value of 1F22h): the writes that configure one device, in order.
 //!
-//! Only the bytes. What is to be written, and in which order, is in [`plan`](crate::plan).
+//! [`plan`](crate::plan) defines the writes and their order.
 
 use thiserror::Error;
 
 use crate::object::Object;
 
-/// One write.
+/// Write to an object.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Download {
-    /// Where.
+    /// Object.
     pub object: Object,
-    /// What, little-endian as SDO carries it.
+    /// Content, little-endian as in SDO.
     pub content: Vec<u8>,
 }
 
-/// Why bytes are no concise DCF.
+/// Error of a malformed concise DCF.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Malformed {
-    /// They end early.
+    /// Too few bytes.
     #[error("ends within write {number} of {count}")]
     Short {
-        /// Which write, from 1; 0 is their number.
+        /// Number of the incomplete write, from 1; 0 is the count.
         number: u32,
-        /// How many there should be.
+        /// Announced count.
         count: u32,
     },
-    /// They go on.
+    /// Too many bytes.
     #[error("{0} bytes follow the last write")]
     Long(usize),
 }
 
-/// The number of writes, then each as index, sub-index, length and content.
+/// Encodes the count, then each write as index, sub-index, length and content.
 pub fn encode(downloads: &[Download]) -> Vec<u8> {
     let count = u32::try_from(downloads.len()).unwrap_or(u32::MAX);
     let mut bytes = count.to_le_bytes().to_vec();
@@ -45,10 +44,10 @@ pub fn encode(downloads: &[Download]) -> Vec<u8> {
     bytes
 }
 
-/// The writes in `bytes`. Takes no more memory than they do.
+/// Decodes a concise DCF. Memory is bounded by its size.
 ///
 /// # Errors
-/// When they are not as many and as long as they say.
+/// Returns an error if count or lengths do not match the bytes.
 pub fn decode(bytes: &[u8]) -> Result<Vec<Download>, Malformed> {
     let (count, mut rest) =
         bytes.split_first_chunk().ok_or(Malformed::Short { number: 0, count: 0 })?;
@@ -62,7 +61,7 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<Download>, Malformed> {
     if rest.is_empty() { Ok(downloads) } else { Err(Malformed::Long(rest.len())) }
 }
 
-/// The first write, and what is behind it.
+/// Decodes the first write; returns the bytes after it.
 fn one(bytes: &[u8]) -> Option<(Download, &[u8])> {
     let ([i0, i1, sub, l0, l1, l2, l3], rest) = bytes.split_first_chunk()?;
     let length = usize::try_from(u32::from_le_bytes([*l0, *l1, *l2, *l3])).ok()?;
@@ -78,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_bytes_are_those_of_the_standard() {
+    fn encoding_is_that_of_the_standard() {
         let heartbeat = Download { object: Object::PRODUCER_HEARTBEAT, content: vec![25, 0] };
         let bytes = [1, 0, 0, 0, 0x17, 0x10, 0, 2, 0, 0, 0, 25, 0];
         assert_eq!(encode(std::slice::from_ref(&heartbeat)), bytes);
@@ -87,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_short_or_too_long_is_refused() {
+    fn wrong_length_is_refused() {
         let bytes = [2, 0, 0, 0, 0x17, 0x10, 0, 2, 0, 0, 0, 25, 0];
         assert_eq!(decode(&bytes), Err(Malformed::Short { number: 2, count: 2 }));
         assert_eq!(decode(&bytes[..3]), Err(Malformed::Short { number: 0, count: 0 }));
@@ -110,7 +109,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_encoded_is_decoded(downloads in prop::collection::vec(download(), 0..20)) {
+        fn encoded_downloads_decode_to_themselves(downloads in prop::collection::vec(download(), 0..20)) {
             prop_assert_eq!(decode(&encode(&downloads)), Ok(downloads));
         }
 

@@ -1,49 +1,49 @@
-//! The static data types of CiA 301 (7.4.7.1): number, name, length, what their bits are.
+//! Static data types of CiA 301 (7.4.7.1): number, name, length and kind.
 //!
-//! Only types. How an EDS writes a value of one is in [`eds`](crate::eds).
+//! [`eds`](crate::eds) parses their values.
 
 use std::ops::RangeInclusive;
 
-/// What the bits of a value are.
+/// Kind of a data type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// 0 or 1.
+    /// Boolean.
     Boolean,
-    /// A whole number in two's complement.
+    /// Two's complement integer.
     Signed,
-    /// A whole number from zero.
+    /// Unsigned integer.
     Unsigned,
-    /// IEEE 754.
+    /// IEEE 754 floating-point number.
     Real,
-    /// Characters of eight bits.
+    /// Text of 8-bit characters.
     Text,
-    /// Characters of sixteen bits.
+    /// Text of 16-bit characters.
     UnicodeText,
-    /// Bytes of any number and meaning.
+    /// Any number of bytes.
     Octets,
 }
 
-/// One data type.
+/// Data type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DataType {
-    /// Its number, an index below 0020h.
+    /// Number: an index below 0020h.
     pub number: u16,
-    /// Its name in CiA 301.
+    /// Name in CiA 301.
     pub name: &'static str,
-    /// What its bits are.
+    /// Kind.
     pub kind: Kind,
-    /// How many there are; `None` for texts and domains.
+    /// Length in bits; `None` for texts and domains.
     pub bits: Option<u8>,
 }
 
-/// UNSIGNED8, of sub-index 0 of every array and record.
+/// UNSIGNED8: sub-index 0 of arrays and records.
 pub const UNSIGNED8: u16 = 0x05;
-/// UNSIGNED32, of COB-IDs and mapping entries.
+/// UNSIGNED32: COB-IDs and mapping entries.
 pub const UNSIGNED32: u16 = 0x07;
 /// DOMAIN.
 pub const DOMAIN: u16 = 0x0F;
 
-/// Every type there is.
+/// All types.
 const TYPES: [DataType; 25] = [
     fixed(0x01, "BOOLEAN", Kind::Boolean, 1),
     fixed(0x02, "INTEGER8", Kind::Signed, 8),
@@ -80,23 +80,23 @@ const fn any_length(number: u16, name: &'static str, kind: Kind) -> DataType {
     DataType { number, name, kind, bits: None }
 }
 
-/// The type of that number, `None` for records and for types of a manufacturer's own.
+/// Returns the type of a number; `None` for records and manufacturer-specific types.
 pub fn of(number: u16) -> Option<DataType> {
     TYPES.iter().find(|data_type| data_type.number == number).copied()
 }
 
-/// The bytes of a value of that type; `None` for those of any length.
+/// Size of a value in bytes; `None` for types of variable length.
 pub fn size(number: u16) -> Option<usize> {
     of(number)?.bytes()
 }
 
 impl DataType {
-    /// The bytes of a value; `None` for texts and domains.
+    /// Size of a value in bytes; `None` for texts and domains.
     pub fn bytes(&self) -> Option<usize> {
         self.bits.map(|bits| usize::from(bits.div_ceil(8)))
     }
 
-    /// Every value, for whole numbers and BOOLEAN.
+    /// Range of integers and BOOLEAN.
     pub fn range(&self) -> Option<RangeInclusive<i128>> {
         let bits = self.bits?;
         match self.kind {

@@ -1,7 +1,6 @@
-//! An object dictionary: what one device holds, as its EDS describes it and its node-id completes it.
+//! Object dictionary of one device, from its EDS and node-id.
 //!
-//! Not who may write what over which service: the dictionary says what the rules are, the
-//! [SDO server](crate::device) keeps them. Values are little-endian bytes, as on the wire.
+//! The dictionary states the access rules; the [SDO server](crate::device) applies them. Values are little-endian.
 
 use std::ops::RangeInclusive;
 
@@ -14,63 +13,63 @@ use crate::eds::Eds;
 use crate::eds::value;
 use crate::object::Object;
 
-/// One object and what it holds.
+/// Object with its value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    /// Which.
+    /// Object.
     pub object: Object,
     /// Data type, by its number in CiA 301, 7.4.7.1.
     pub data_type: u16,
-    /// Who may do what with it.
+    /// Access.
     pub access: Access,
-    /// The lowest value it takes.
+    /// Low limit.
     pub low: Option<i128>,
-    /// The highest value it takes.
+    /// High limit.
     pub high: Option<i128>,
-    /// Whether it may be mapped into a PDO.
+    /// Set if it can be mapped into a PDO.
     pub is_mappable: bool,
-    /// The node-id is a part of its default.
+    /// Set if the default contains the node-id.
     plus_node_id: bool,
     value: Vec<u8>,
     default: Vec<u8>,
-    /// The maker's.
+    /// Default of the manufacturer.
     factory: Vec<u8>,
 }
 
-/// Why a value is not taken.
+/// Error of a value out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutOfRange {
-    /// Below the lowest.
+    /// Below the low limit.
     Below,
-    /// Above the highest.
+    /// Above the high limit.
     Above,
 }
 
 impl Entry {
-    /// What it holds.
+    /// Current value.
     pub fn value(&self) -> &[u8] {
         &self.value
     }
 
-    /// What it holds after power-up.
+    /// Value after power-up.
     pub fn default(&self) -> &[u8] {
         &self.default
     }
 
-    /// The bytes a value of its type has; `None` for texts and domains.
+    /// Size of a value in bytes; `None` for texts and domains.
     pub fn size(&self) -> Option<usize> {
         data_type::size(self.data_type)
     }
 
-    /// The bits it takes in a PDO; `None` for what cannot be in one.
+    /// Length in a PDO, in bits; `None` if it cannot be mapped.
     pub fn bits(&self) -> Option<u8> {
         data_type::of(self.data_type)?.bits.filter(|bits| *bits <= 64)
     }
 
-    /// Whether `value`, of the right length, is one it takes.
+    /// Checks the range of `value`, which has the right length.
     ///
     /// # Errors
-    /// On which side it lies outside.
+    /// Returns the exceeded limit.
     pub fn in_range(&self, value: &[u8]) -> Result<(), OutOfRange> {
         let number = match data_type::of(self.data_type).map(|data_type| data_type.kind) {
             Some(Kind::Boolean | Kind::Unsigned) => value::unsigned(value),
@@ -89,41 +88,41 @@ impl Entry {
     }
 }
 
-/// All objects of a device, by index and sub-index.
+/// Objects of a device, by index and sub-index.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dictionary {
     entries: Vec<Entry>,
 }
 
 impl Dictionary {
-    /// As the device is after power-up, as `node`. A device with an object for its EDS (1021h, CiA 301,
-    /// 7.5.2.24) has the very file in it, uncompressed (1022h is 0).
+    /// Returns the dictionary of a device after power-up. A device with 1021h (CiA 301, 7.5.2.24) stores its EDS,
+    /// uncompressed (1022h is 0).
     pub fn new(eds: &Eds, node: NodeId) -> Self {
         let entries = eds.objects().iter().map(|described| entry(described, node)).collect();
         let mut dictionary = Self { entries };
         if dictionary.unsigned(Object::STORE_FORMAT) == 0 {
-            dictionary.furnish(Object::STORED_EDS, eds.source());
+            dictionary.set_default(Object::STORED_EDS, eds.source());
         }
         dictionary
     }
 
-    /// One object.
+    /// Returns one object.
     pub fn entry(&self, object: Object) -> Option<&Entry> {
         self.entries.get(self.place(object)?)
     }
 
-    /// Whether there is any object of this index.
+    /// Returns whether an object with this index exists.
     pub fn has_index(&self, index: u16) -> bool {
         self.entries.binary_search_by_key(&index, |entry| entry.object.index).is_ok()
     }
 
-    /// What an object holds.
+    /// Value of an object.
     pub fn get(&self, object: Object) -> Option<&[u8]> {
         self.entry(object).map(Entry::value)
     }
 
-    /// Makes an object hold `value`, whoever may write it; false if it is not there or of another
-    /// length. Allocates nothing for types of fixed length.
+    /// Sets the value of an object regardless of its access. Returns false if it is absent or of another length.
+    /// Allocates nothing for types of fixed length.
     pub fn set(&mut self, object: Object, value: &[u8]) -> bool {
         let Some(entry) = self.place(object).and_then(|place| self.entries.get_mut(place)) else {
             return false;
@@ -136,7 +135,7 @@ impl Dictionary {
         true
     }
 
-    /// An unsigned number of up to 32 bits; zero if the object is not there.
+    /// Unsigned value of up to 32 bits; zero if the object is absent.
     pub fn unsigned(&self, object: Object) -> u32 {
         let mut bytes = [0; 4];
         for (to, from) in bytes.iter_mut().zip(self.get(object).unwrap_or_default()) {
@@ -145,27 +144,27 @@ impl Dictionary {
         u32::from_le_bytes(bytes)
     }
 
-    /// A signed number of 16 bits; zero if the object is not there or of another length.
+    /// Signed 16-bit value; zero if the object is absent or of another length.
     pub fn i16(&self, object: Object) -> i16 {
         let bytes = self.get(object).and_then(|value| value.try_into().ok());
         i16::from_le_bytes(bytes.unwrap_or_default())
     }
 
-    /// A signed number of 8 bits; zero if the object is not there or of another length.
+    /// Signed 8-bit value; zero if the object is absent or of another length.
     pub fn i8(&self, object: Object) -> i8 {
         let bytes = self.get(object).and_then(|value| value.try_into().ok());
         i8::from_le_bytes(bytes.unwrap_or_default())
     }
 
-    /// Every object of these indices holds again what it held after power-up.
+    /// Restores the defaults of these indices.
     pub fn restore(&mut self, indices: RangeInclusive<u16>) {
         for entry in self.entries.iter_mut().filter(|entry| indices.contains(&entry.object.index)) {
             entry.value.clone_from(&entry.default);
         }
     }
 
-    /// Defaults the node-id is a part of become those of another node, from the next
-    /// [`restore`](Self::restore) on. What was [kept](Self::keep) in their place stays.
+    /// Adapts defaults with a node-id to another node, for the next [`restore`](Self::restore). Values
+    /// [stored](Self::keep) in their place stay.
     pub fn readdress(&mut self, from: NodeId, to: NodeId) {
         let shift = i128::from(to.raw()) - i128::from(from.raw());
         for entry in self.entries.iter_mut().filter(|entry| entry.plus_node_id) {
@@ -180,9 +179,9 @@ impl Dictionary {
         }
     }
 
-    /// What an object holds after power-up, other than its data sheet says: its serial number. False as for
-    /// [`set`](Self::set).
-    pub fn furnish(&mut self, object: Object, value: &[u8]) -> bool {
+    /// Sets value and default of an object that differs by device, such as the serial number. Returns false as
+    /// [`set`](Self::set) does.
+    pub fn set_default(&mut self, object: Object, value: &[u8]) -> bool {
         let is_set = self.set(object, value);
         if let Some(entry) = self.place(object).and_then(|place| self.entries.get_mut(place)) {
             entry.default.clone_from(&entry.value);
@@ -190,19 +189,19 @@ impl Dictionary {
         is_set
     }
 
-    /// The device has no such object, whatever its data sheet says.
+    /// Removes an object.
     pub fn remove(&mut self, object: Object) {
         self.entries.retain(|entry| entry.object != object);
     }
 
-    /// What the objects that `is_meant` picks hold now is what they hold after power-up.
+    /// Stores the values of the selected objects as their defaults.
     pub fn keep(&mut self, is_meant: impl Fn(Object, Access) -> bool) {
         for entry in self.entries.iter_mut().filter(|entry| is_meant(entry.object, entry.access)) {
             entry.default.clone_from(&entry.value);
         }
     }
 
-    /// What the maker gave the objects that `is_meant` picks is again what they hold after power-up.
+    /// Restores the manufacturer's defaults of the selected objects.
     pub fn forget(&mut self, is_meant: impl Fn(Object, Access) -> bool) {
         for entry in self.entries.iter_mut().filter(|entry| is_meant(entry.object, entry.access)) {
             entry.default.clone_from(&entry.factory);
@@ -240,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn the_node_id_completes_what_depends_on_it() {
+    fn node_id_is_added_to_defaults() {
         let dictionary = drive();
         assert_eq!(dictionary.unsigned(Object::EMCY_COB_ID), 0x85);
         assert_eq!(dictionary.unsigned(Object::rpdo_communication(1, 1)), 0x205);
@@ -248,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn another_node_id_completes_it_otherwise() {
+    fn changed_node_id_changes_defaults() {
         let eds = Eds::parse(include_bytes!("../../eds/frhc_drive.eds")).unwrap();
         let mut dictionary = drive();
         let (five, nine) = (NodeId::new(5).unwrap(), NodeId::new(9).unwrap());
@@ -262,10 +261,10 @@ mod tests {
     }
 
     #[test]
-    fn what_a_device_was_furnished_with_outlasts_a_reset() {
+    fn device_specific_default_survives_a_reset() {
         let mut dictionary = drive();
-        assert!(dictionary.furnish(Object::SERIAL, &7_u32.to_le_bytes()));
-        assert!(!dictionary.furnish(Object::SERIAL, &[7]), "of another length");
+        assert!(dictionary.set_default(Object::SERIAL, &7_u32.to_le_bytes()));
+        assert!(!dictionary.set_default(Object::SERIAL, &[7]), "of another length");
         dictionary.restore(0..=u16::MAX);
         assert_eq!(dictionary.unsigned(Object::SERIAL), 7);
     }
@@ -282,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_changed_is_restored() {
+    fn changed_values_are_restored() {
         let mut dictionary = drive();
         assert!(dictionary.set(Object::PRODUCER_HEARTBEAT, &[25, 0]));
         assert!(dictionary.set(Object::ABORT_CONNECTION, &[1, 0]));

@@ -268,7 +268,7 @@ const CODES: &[(u16, &str)] = &[
     (0xF002, "sub-synchronous run"),
     (0xF003, "stroke operation"),
     (0xF004, "control"),
-    (0xFF00, "manufacturer's own error"),
+    (0xFF00, "manufacturer-specific error"),
 ];
 
 #[cfg(test)]
@@ -284,7 +284,7 @@ mod tests {
             (0x2314, "continuous over-current at the output"),
             (0x23F1, "current at the output"),
             (0x2F00, "current"),
-            (0xFF42, "manufacturer's own error"),
+            (0xFF42, "manufacturer-specific error"),
             (0xA000, "unknown error"),
             (0x0001, "error reset"),
         ] {

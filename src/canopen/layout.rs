@@ -1,8 +1,6 @@
-//! Which PDOs a node sends and takes, as data, and the SDO writes that tell it so (CiA 301, 7.5.2.35
-//! to 7.5.2.38).
+//! PDO layouts of nodes, and the SDO writes that configure them (CiA 301, 7.5.2.35 to 7.5.2.38).
 //!
-//! Only communication and mapping. Which bits are whose follows from it in
-//! [`exchange`](crate::exchange), what they cost in [`load`](crate::load). A further
+//! [`exchange`](crate::exchange) derives bit positions from a layout, [`load`](crate::load) its bus load. A further
 //! layout is one more function here.
 
 use std::ops::RangeInclusive;
@@ -17,63 +15,62 @@ use canopen_rs::pdo::default_cob_id;
 use crate::object::Object;
 use crate::sync::Transmission;
 
-/// Seen from the node.
+/// Direction of a PDO, as seen from the node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Direction {
-    /// An RPDO: the master sends it.
+    /// RPDO: sent by the master.
     Receive,
-    /// A TPDO: the node sends it.
+    /// TPDO: sent by the node.
     Transmit,
 }
 
-/// One object in a PDO.
+/// Mapped object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mapped {
-    /// What.
+    /// Object.
     pub object: Object,
-    /// How long, in bits.
+    /// Length in bits.
     pub bits: u8,
 }
 
-/// One PDO of one node.
+/// PDO of a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pdo {
-    /// Which way it goes.
+    /// Direction.
     pub direction: Direction,
-    /// Its number, from 1.
+    /// Number, from 1.
     pub number: u16,
-    /// The identifier it has on the bus.
+    /// COB-ID.
     pub cob_id: u16,
-    /// How it is used; `None` switches it off, as drives power up with some of them valid.
+    /// Configuration; `None` disables the PDO, as drives power up with some enabled.
     pub service: Option<Service>,
 }
 
-/// How a PDO is used.
+/// Configuration of a PDO.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Service {
-    /// When it is sent, or acts.
+    /// Transmission type.
     pub transmission: Transmission,
-    /// The least time between two frames, in 100 µs; `None` leaves it alone.
+    /// Inhibit time, in 100 µs; `None` leaves it as it is.
     pub inhibit_100us: Option<u16>,
-    /// TPDO: the longest time between two frames. RPDO: how long the node waits for one before it
-    /// takes this for a fault. In ms; `None` leaves it alone.
+    /// Event timer in ms: maximum period of a TPDO, timeout of an RPDO. `None` leaves it as it is.
     pub event_timer_ms: Option<u16>,
-    /// What is in it, in order.
+    /// Mapped objects, in order.
     pub mapping: Vec<Mapped>,
 }
 
 impl Service {
-    /// The bytes of its frame.
+    /// Length of the frame, in bytes.
     pub fn bytes(&self) -> u32 {
         let bits: u32 = self.mapping.iter().map(|mapped| u32::from(mapped.bits)).sum();
         bits.div_ceil(8)
     }
 }
 
-/// One RPDO and one TPDO at every SYNC, for any CiA 402 drive; the others off.
+/// Layout for any CiA 402 drive: one RPDO and one TPDO, cyclic synchronous; all others disabled.
 ///
-/// A drive without a fresh RPDO for `rpdo_timer_ms` takes this for a fault (1400h:5). `None` is for
-/// drives that have no such timer: only the heartbeat stops those.
+/// A drive without an RPDO for `rpdo_timer_ms` faults (1400h:5). `None` is for drives without that timer, which
+/// stop by the heartbeat only.
 pub fn per_drive(node: NodeId, rpdo_timer_ms: Option<u16>) -> Vec<Pdo> {
     let sample = Service {
         transmission: Transmission::EVERY_SYNC,
@@ -97,23 +94,23 @@ pub fn per_drive(node: NodeId, rpdo_timer_ms: Option<u16>) -> Vec<Pdo> {
     predefined(node, vec![sample], vec![target])
 }
 
-/// The drives that share one frame of targets.
+/// Group of drives that share one RPDO of target torques.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Group {
-    /// The frame they all listen to: RPDO1 of the first of them.
+    /// COB-ID of the shared RPDO: RPDO1 of the first drive.
     pub cob_id: u16,
-    /// How many targets it holds.
+    /// Number of target torques.
     pub size: u8,
-    /// Which of them is this drive's, from 0.
+    /// Slot of this drive, from 0.
     pub slot: u8,
 }
 
 impl Group {
-    /// The most targets of 16 bits that leave room for one frame more behind two groups and six
-    /// positions, at 1 kHz and 1 Mbit/s. All four that a frame could hold would cost the same bits.
+    /// Maximum number of 16-bit targets that leaves time for one more frame beside two groups and six positions, at
+    /// 1 kHz and 1 Mbit/s.
     pub const SIZE: usize = 3;
 
-    /// The group of every one of `nodes`, in their order: threes, as far as they go.
+    /// Groups `nodes` by threes, in order.
     pub fn threes(nodes: &[NodeId]) -> Vec<Self> {
         let of = |members: &[NodeId]| {
             let first = members.first().map_or(0, |first| rpdo1(*first));
@@ -124,13 +121,12 @@ impl Group {
     }
 }
 
-/// The targets of a group in one frame at every SYNC, each position in a short one; what changes now
-/// and then has frames of its own: the statusword and the controlword when they change, the torque
-/// every hundredth SYNC or so. 1 kHz for six drives on 1 Mbit/s.
+/// Layout with shared target torques and short position TPDOs, both cyclic synchronous. Statusword and controlword
+/// are sent on change, the torque about every hundredth SYNC. Six drives fit 1 kHz on 1 Mbit/s.
 ///
-/// A drive skips the targets of the others with dummies (CiA 301, 7.4.7.1), which its EDS must declare
-/// in `[DummyUsage]`. `place` counts the drives of a bus: their repetitions have no common measure, so
-/// that never all of them fall into one cycle. The timer is [`per_drive`]'s.
+/// A drive skips the slots of others by dummies (CiA 301, 7.4.7.1), which its EDS must declare in `[DummyUsage]`.
+/// `place` is the index of the drive on its bus; periods differ by it so that not all repeat in one cycle.
+/// The timer is that of [`per_drive`].
 pub fn grouped(node: NodeId, place: usize, group: Group, rpdo_timer_ms: Option<u16>) -> Vec<Pdo> {
     let spread = |periods: &[u8]| periods.iter().copied().cycle().nth(place).unwrap_or(u8::MAX);
     let position = Service {
@@ -151,7 +147,7 @@ pub fn grouped(node: NodeId, place: usize, group: Group, rpdo_timer_ms: Option<u
         event_timer_ms: None,
         mapping: vec![Mapped { object: Object::TORQUE_ACTUAL, bits: 16 }],
     };
-    let whose = |slot: u8| {
+    let object_of = |slot: u8| {
         let is_own = slot == group.slot;
         if is_own { Object::TARGET_TORQUE } else { Object::DUMMY_INTEGER16 }
     };
@@ -159,7 +155,7 @@ pub fn grouped(node: NodeId, place: usize, group: Group, rpdo_timer_ms: Option<u
         transmission: Transmission::EVERY_SYNC,
         inhibit_100us: None,
         event_timer_ms: rpdo_timer_ms,
-        mapping: (0..group.size).map(|slot| Mapped { object: whose(slot), bits: 16 }).collect(),
+        mapping: (0..group.size).map(|slot| Mapped { object: object_of(slot), bits: 16 }).collect(),
     };
     let control = Service {
         transmission: Transmission::EVENT_OF_PROFILE,
@@ -173,13 +169,13 @@ pub fn grouped(node: NodeId, place: usize, group: Group, rpdo_timer_ms: Option<u
     pdos
 }
 
-/// How often a drive of a group repeats its statusword, in ms: about 50.
+/// Event timers of the statuswords in a group, in ms: about 50.
 const STATUS_MS: [u8; 6] = [47, 49, 50, 51, 53, 59];
 
-/// At which SYNCs a drive of a group tells its torque: about every hundredth.
+/// Transmission types of the torques in a group: about every hundredth SYNC.
 const TORQUE_SYNCS: [u8; 6] = [97, 99, 100, 101, 103, 107];
 
-/// The switch box: its inputs on every change and every 5 ms; the other PDOs off.
+/// Layout of the switch box: inputs on change and every 5 ms; all other PDOs disabled.
 pub fn switches(node: NodeId) -> Vec<Pdo> {
     let inputs = Service {
         transmission: Transmission::EVENT_OF_PROFILE,
@@ -190,7 +186,7 @@ pub fn switches(node: NodeId) -> Vec<Pdo> {
     predefined(node, vec![inputs], vec![])
 }
 
-/// Switches off what `exists` besides the PDOs of a layout: drives power up with some of theirs valid.
+/// Disables PDOs that `exists` beside a layout: drives power up with some of them enabled.
 pub fn switch_off_others(pdos: &mut Vec<Pdo>, exists: impl Fn(Object) -> bool) {
     for number in 1..=MAX_PDOS {
         for direction in [Direction::Transmit, Direction::Receive] {
@@ -203,21 +199,21 @@ pub fn switch_off_others(pdos: &mut Vec<Pdo>, exists: impl Fn(Object) -> bool) {
     }
 }
 
-/// As many PDOs as a node can have in each direction (CiA 301, 7.5.1).
+/// Maximum number of PDOs per direction (CiA 301, 7.5.1).
 pub const MAX_PDOS: u16 = 512;
 
-/// The mapping parameters of all RPDOs, and of all TPDOs.
+/// Mapping parameters of all RPDOs and all TPDOs.
 pub const MAPPINGS: [RangeInclusive<u16>; 2] = [
     Object::rpdo_mapping(1, 0).index..=Object::rpdo_mapping(MAX_PDOS, 0).index,
     Object::tpdo_mapping(1, 0).index..=Object::tpdo_mapping(MAX_PDOS, 0).index,
 ];
 
-/// The COB-ID of a node's RPDO1 in the predefined connection set.
+/// COB-ID of RPDO1 in the predefined connection set.
 pub fn rpdo1(node: NodeId) -> u16 {
     0x200 + u16::from(node.raw())
 }
 
-/// The eight PDOs of the predefined connection set, of which the first ones are used as given.
+/// The eight PDOs of the predefined connection set, the first ones configured as given.
 fn predefined(node: NodeId, tpdos: Vec<Service>, rpdos: Vec<Service>) -> Vec<Pdo> {
     let mut pdos = Vec::new();
     for (direction, kind, services) in [
@@ -234,7 +230,7 @@ fn predefined(node: NodeId, tpdos: Vec<Service>, rpdos: Vec<Service>) -> Vec<Pdo
 }
 
 impl Pdo {
-    /// Sub-index `sub` of its communication parameter.
+    /// Sub-index `sub` of the communication parameter.
     pub const fn communication(&self, sub: u8) -> Object {
         match self.direction {
             Direction::Receive => Object::rpdo_communication(self.number, sub),
@@ -242,7 +238,7 @@ impl Pdo {
         }
     }
 
-    /// Sub-index `sub` of its mapping parameter.
+    /// Sub-index `sub` of the mapping parameter.
     pub const fn mapping(&self, sub: u8) -> Object {
         match self.direction {
             Direction::Receive => Object::rpdo_mapping(self.number, sub),
@@ -250,8 +246,8 @@ impl Pdo {
         }
     }
 
-    /// The writes that set it up, in the order CiA 301 demands (7.5.2.36): off, mapping emptied,
-    /// entries, their number, when it is sent, and only then on.
+    /// Writes that configure the PDO, in the order of CiA 301 (7.5.2.36): disable, clear the mapping, map, count,
+    /// transmission, enable.
     pub fn writes(&self) -> Vec<(Object, Value)> {
         let cob_id = u32::from(self.cob_id);
         let mut writes =
@@ -295,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn the_frames_are_as_long_as_the_plan_says() {
+    fn frame_lengths_match_the_layout() {
         let lengths = layouts().map(|pdos| {
             used(&pdos).iter().map(|(cob_id, pdo)| (*cob_id, pdo.bytes())).collect::<Vec<_>>()
         });
@@ -306,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn drives_are_grouped_by_threes_in_their_order() {
+    fn drives_are_grouped_by_threes_in_order() {
         let nodes: Vec<NodeId> = [7, 2, 9, 4].map(|raw| NodeId::new(raw).unwrap()).into();
         let groups = Group::threes(&nodes);
         let found: Vec<_> = groups.iter().map(|g| (g.cob_id, g.size, g.slot)).collect();
@@ -314,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn what_drives_repeat_never_falls_together_for_all() {
+    fn repetitions_of_all_drives_never_coincide() {
         for periods in [STATUS_MS, TORQUE_SYNCS].map(|periods| periods.map(u32::from)) {
             let at_once = |time: &u32| periods.iter().filter(|p| time.is_multiple_of(**p)).count();
             assert_eq!((1..1_000_000).map(|time| at_once(&time)).max(), Some(3));
@@ -322,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn what_else_the_drive_has_is_switched_off() {
+    fn further_pdos_of_the_drive_are_disabled() {
         let mut pdos = per_drive(node(), None);
         let has = [Object::rpdo_communication(6, 1), Object::tpdo_communication(512, 1)];
         switch_off_others(&mut pdos, |object| has.contains(&object) || object.index == 0x1400);
@@ -332,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_is_not_used_is_switched_off() {
+    fn unused_pdos_are_disabled() {
         for pdos in layouts() {
             assert_eq!(pdos.len(), 8);
             for pdo in pdos.iter().filter(|pdo| pdo.service.is_none()) {
@@ -343,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pdo_is_set_up_in_the_order_of_the_standard() {
+    fn pdo_is_configured_in_the_order_of_the_standard() {
         let pdos = per_drive(node(), Some(5));
         let writes: Vec<_> = pdos[4].writes().iter().map(|(o, v)| format!("{o} {v:?}")).collect();
         assert_eq!(
@@ -362,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mapping_changes_only_while_its_pdo_is_off() {
+    fn mapping_changes_only_while_its_pdo_is_disabled() {
         for pdo in layouts().concat() {
             let writes = pdo.writes();
             let cob_ids: Vec<_> =
@@ -379,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drive_without_the_timer_is_not_asked_for_it() {
+    fn drive_without_rpdo_timer_gets_none() {
         let writes: Vec<_> = per_drive(node(), None).iter().flat_map(Pdo::writes).collect();
         assert!(writes.iter().all(|(object, _)| object.sub != 5 || object.index >= 0x1600));
     }

@@ -1,7 +1,7 @@
-//! CANopen (CiA 301) and the drive profile (CiA 402), as pure machines: frames and time in, frames out.
+//! CANopen (CiA 301) and the drive profile (CiA 402) as state machines without I/O: frames and time in, frames out.
 //!
-//! A machine has three verbs: `on_frame` takes a received frame, `on_time` does what is due, `deadline` says when that is.
-//! Frames to send are appended to a list. No machine waits, reads a clock or knows a socket; whoever owns it does.
+//! A state machine has three methods: `on_frame` takes a received frame, `on_time` does what is due, `deadline` returns
+//! the next due time. Frames to send are appended to a list. Waiting, the clock and the socket are the caller's.
 //! `examples/boot_one_drive.rs` boots a drive with the [`master`].
 //!
 //! ```

@@ -1,8 +1,8 @@
-//! The objects this program names: index, sub-index, name. An index appears as a number only here.
+//! Objects by index, sub-index and name. Index numbers appear in this file only.
 
 use std::fmt;
 
-/// One entry of an object dictionary.
+/// Entry of an object dictionary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Object {
     /// Index, 1000h to 9FFFh (CiA 301, 7.4.1).
@@ -11,7 +11,7 @@ pub struct Object {
     pub sub: u8,
 }
 
-/// As engineers write it: `1018h:1`, and `6071h` for sub-index 0.
+/// `1018h:1`, and `6071h` for sub-index 0.
 impl fmt::Display for Object {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.sub {
@@ -21,13 +21,13 @@ impl fmt::Display for Object {
     }
 }
 
-/// An object without a sub-index, or its sub-index 0.
+/// Returns an object with sub-index 0.
 const fn var(index: u16) -> Object {
     Object { index, sub: 0 }
 }
 
 impl Object {
-    /// INTEGER16 as a dummy: 16 bits of an RPDO that this node does not take (CiA 301, 7.4.7.1).
+    /// INTEGER16 as a dummy: 16 bits of an RPDO that this node skips (CiA 301, 7.4.7.1).
     pub const DUMMY_INTEGER16: Self = var(0x0003);
 
     // CiA 301, 7.5: communication profile.
@@ -143,7 +143,7 @@ impl Object {
     // CiA 401: the switch box.
     pub const DIGITAL_INPUTS: Self = Self { index: 0x6000, sub: 1 };
 
-    /// Whether it is a data type, and so stands for bits that nobody takes.
+    /// Returns whether this is a data type, used as a dummy mapping.
     pub const fn is_dummy(self) -> bool {
         self.index < 0x0020
     }

@@ -1,6 +1,6 @@
-//! TIME (CiA 301, 7.2.6): what the clock on the wall shows, told to every node.
+//! TIME (CiA 301, 7.2.6): time of day for every node.
 //!
-//! Reads no clock: whoever owns one says what it shows. Off unless somebody makes a [`Producer`].
+//! The caller supplies the time. Disabled unless a [`Producer`] is used.
 //!
 //! | bytes | meaning                                                        |
 //! |-------|----------------------------------------------------------------|
@@ -15,44 +15,44 @@ use crate::frame::COB_ID_MAX;
 use crate::frame::Frame;
 use units::time::Instant;
 
-/// The COB-ID of the predefined connection set.
+/// COB-ID of the predefined connection set.
 pub const COB_ID: u16 = codec::TIME_COB_ID;
 
-/// From 1 January 1970 to 1 January 1984: 14 years, three of them leap years.
+/// Time from 1 January 1970 to 1 January 1984: 14 years, three of them leap years.
 const UNIX_TO_CANOPEN: Duration = Duration::from_secs((14 * 365 + 3) * SECONDS_PER_DAY);
 const SECONDS_PER_DAY: u64 = 86_400;
 const MILLIS_PER_DAY: u128 = 86_400_000;
 
-/// A moment, as CANopen writes it (TIME_OF_DAY).
+/// Time of day (TIME_OF_DAY).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TimeOfDay {
-    /// Since 1 January 1984.
+    /// Days since 1 January 1984.
     pub days: u16,
-    /// Since midnight, below 86,400,000; after a leap second or from another node, anything of 28 bits.
+    /// Milliseconds since midnight, below 86,400,000; up to 28 bits after a leap second or from another node.
     pub millis: u32,
 }
 
 impl TimeOfDay {
-    /// The moment `since_1970` after 1 January 1970, UTC, whole milliseconds of it; `None` before 1984 and after
-    /// 6 June 2163, whose day has no number of 16 bits.
+    /// Converts a UTC time since 1 January 1970 to whole milliseconds; `None` before 1984 and after 6 June 2163, the
+    /// last day that fits 16 bits.
     pub fn from_unix(since_1970: Duration) -> Option<Self> {
         let millis = since_1970.checked_sub(UNIX_TO_CANOPEN)?.as_millis();
         let days = u16::try_from(millis / MILLIS_PER_DAY).ok()?;
         Some(Self { days, millis: u32::try_from(millis % MILLIS_PER_DAY).ok()? })
     }
 
-    /// How long after 1 January 1970 it is.
+    /// Time since 1 January 1970.
     pub fn since_1970(self) -> Duration {
         let days = Duration::from_secs(u64::from(self.days) * SECONDS_PER_DAY);
         UNIX_TO_CANOPEN + days + Duration::from_millis(u64::from(self.millis))
     }
 
-    /// The six bytes.
+    /// Encodes the six bytes.
     pub fn bytes(self) -> [u8; 6] {
         codec::TimeOfDay::new(self.millis, self.days).encode()
     }
 
-    /// Reads six bytes, `None` if there are not six.
+    /// Decodes six bytes; `None` for another length.
     pub fn decode(bytes: &[u8]) -> Option<Self> {
         let bytes: [u8; 6] = bytes.try_into().ok()?;
         let codec::TimeOfDay { milliseconds, days } = codec::TimeOfDay::decode(&bytes).ok()?;
@@ -60,13 +60,13 @@ impl TimeOfDay {
     }
 }
 
-/// Whether a device makes the TIME object, and under which COB-ID, by its object 1012h: bit 30 says that it
-/// does, bit 29 that the identifier has 29 bits, which none here has.
+/// COB-ID of a TIME producer, by object 1012h: bit 30 enables it, bit 29 marks a 29-bit identifier, which is not
+/// supported.
 pub fn produced(cob_id_time: u32) -> Option<u16> {
     identifier(cob_id_time, PRODUCES)
 }
 
-/// Whether a device takes the TIME object, likewise: bit 31 says that it does.
+/// COB-ID of a TIME consumer, by object 1012h: bit 31 enables it.
 pub fn consumed(cob_id_time: u32) -> Option<u16> {
     identifier(cob_id_time, CONSUMES)
 }
@@ -75,7 +75,7 @@ const CONSUMES: u32 = 1 << 31;
 const PRODUCES: u32 = 1 << 30;
 const EXTENDED: u32 = 1 << 29;
 
-/// The identifier of 1012h, if the bit `role` is set.
+/// Identifier of 1012h if the bit `role` is set.
 fn identifier(cob_id_time: u32, role: u32) -> Option<u16> {
     if cob_id_time & (role | EXTENDED) != role {
         return None;
@@ -84,7 +84,7 @@ fn identifier(cob_id_time: u32, role: u32) -> Option<u16> {
     u16::try_from(identifier).ok().filter(|identifier| *identifier <= COB_ID_MAX)
 }
 
-/// Tells the time once a period.
+/// Producer of TIME messages.
 #[derive(Clone, Debug)]
 pub struct Producer {
     cob_id: u16,
@@ -93,13 +93,13 @@ pub struct Producer {
 }
 
 impl Producer {
-    /// One that is due at once, then every `period`, which is at least a millisecond.
+    /// Returns a producer whose first message is due at once, then every `period`, at least 1 ms.
     pub fn new(cob_id: u16, period: Duration) -> Self {
         Self { cob_id, period: period.max(Duration::from_millis(1)), next: Instant::ZERO }
     }
 
-    /// The time, if it is due, where the clock on the wall shows `since_1970`. Missed ones are not made up
-    /// for; a clock that is not set yet is not told.
+    /// Returns the message if it is due, for a clock at `since_1970`. Missed ones are skipped; nothing is sent
+    /// before the clock is set.
     pub fn due(&mut self, now: Instant, since_1970: Duration) -> Option<Frame> {
         if now < self.next {
             return None;
@@ -109,7 +109,7 @@ impl Producer {
         Some(Frame::new(self.cob_id, TimeOfDay::from_unix(since_1970)?.bytes()))
     }
 
-    /// When it is due next.
+    /// Time of the next message.
     pub const fn deadline(&self) -> Instant {
         self.next
     }
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn the_frame_is_that_of_the_standard() {
+    fn frame_is_that_of_the_standard() {
         let mut producer = Producer::new(COB_ID, 1_000 * MS);
         let noon = UNIX_TO_CANOPEN + Duration::from_secs(86_400 + 43_200);
         let frame = producer.due(at(0), noon).unwrap();
@@ -152,23 +152,23 @@ mod tests {
     }
 
     #[test]
-    fn the_time_is_told_once_a_period_however_often_it_is_asked() {
+    fn time_is_sent_once_per_period() {
         let mut producer = Producer::new(COB_ID, 5 * MS);
-        let is_told = |ms: &u64| producer.due(at(*ms), UNIX_TO_CANOPEN).is_some();
-        let told: Vec<u64> = [0, 1, 4, 5, 9, 33, 34, 37, 38].into_iter().filter(is_told).collect();
-        assert_eq!(told, [0, 5, 33, 38]);
+        let is_sent = |ms: &u64| producer.due(at(*ms), UNIX_TO_CANOPEN).is_some();
+        let sent: Vec<u64> = [0, 1, 4, 5, 9, 33, 34, 37, 38].into_iter().filter(is_sent).collect();
+        assert_eq!(sent, [0, 5, 33, 38]);
         assert_eq!(producer.deadline(), at(43));
     }
 
     #[test]
-    fn a_clock_that_was_never_set_is_not_told() {
+    fn unset_clock_sends_no_time() {
         let mut producer = Producer::new(COB_ID, 5 * MS);
         assert_eq!(producer.due(at(0), Duration::ZERO), None);
         assert!(producer.due(at(5), UNIX_TO_CANOPEN).is_some());
     }
 
     #[test]
-    fn object_1012h_says_who_makes_it_and_who_takes_it() {
+    fn object_1012h_enables_producer_and_consumer() {
         let cases = [
             (0x4000_0100, Some(0x100), None),
             (0xC000_0101, Some(0x101), Some(0x101)),
@@ -184,7 +184,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_moment_survives_to_the_millisecond(days: u16, millis in 0_u32..86_400_000) {
+        fn time_of_day_round_trips_to_the_millisecond(days: u16, millis in 0_u32..86_400_000) {
             let time = TimeOfDay { days, millis };
             prop_assert_eq!(TimeOfDay::from_unix(time.since_1970()), Some(time));
             prop_assert_eq!(TimeOfDay::decode(&time.bytes()), Some(time));

@@ -1,7 +1,6 @@
-//! The timers by which a drive stops without its master: who stays away, which object says for how long.
+//! Timers by which a drive detects the loss of its master, with the object and time of each.
 //!
-//! Only what a plan says of them. Whether a drive has them is known after its boot; whether they work,
-//! once they were let run out.
+//! Derived from the plan. The boot shows whether a drive has them; the watchdog test, whether they work.
 
 use std::fmt;
 
@@ -12,16 +11,16 @@ use crate::master::check::Check;
 use crate::object::Object;
 use crate::plan::NodePlan;
 
-/// What a drive waits for.
+/// Message a drive waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Awaited {
-    /// The RPDO with its targets (event timer of an RPDO, CiA 301, 7.5.2.36).
+    /// RPDO with its targets (event timer of an RPDO, CiA 301, 7.5.2.36).
     Rpdo,
-    /// The master's heartbeat (1016h, CiA 301, 7.5.2.13).
+    /// Heartbeat of the master (1016h, CiA 301, 7.5.2.13).
     Heartbeat,
 }
 
-/// As in "without RPDOs".
+/// `without RPDOs`
 impl fmt::Display for Awaited {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -31,19 +30,19 @@ impl fmt::Display for Awaited {
     }
 }
 
-/// One timer of a drive, as it is set.
+/// Configured timer of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Watchdog {
-    /// What it waits for.
+    /// Message it waits for.
     pub awaited: Awaited,
-    /// What says for how long.
+    /// Object with its time.
     pub object: Object,
-    /// For how long, in ms, at least 1.
+    /// Time in ms, at least 1.
     pub millis: u16,
 }
 
 impl NodePlan {
-    /// The timer that waits for this, if one is planned. A guarded node waits for no heartbeat.
+    /// Planned timer for a message; `None` without one. A guarded node waits for no heartbeat.
     pub fn watchdog(&self, awaited: Awaited) -> Option<Watchdog> {
         let (object, millis) = match awaited {
             Awaited::Rpdo => self.rpdo_timer()?,
@@ -52,7 +51,7 @@ impl NodePlan {
         (millis > 0).then_some(Watchdog { awaited, object, millis })
     }
 
-    /// What makes the node stop by itself, and its limits, as it is read back in its boot.
+    /// Reactions to errors and limits, as read back in the boot.
     pub fn protections(&self) -> Vec<Check> {
         let timer = self.watchdog(Awaited::Rpdo).map(|dog| dog.object);
         let is_protection = |object: Object| {
@@ -92,7 +91,7 @@ mod tests {
     use crate::testing::plans::switch_box;
 
     #[test]
-    fn a_drive_waits_for_its_rpdo_and_for_the_master_and_a_guarded_one_for_its_rpdo_alone() {
+    fn guarded_drive_waits_for_rpdos_only() {
         let timers = |plan: NodePlan| {
             [Awaited::Rpdo, Awaited::Heartbeat]
                 .map(|awaited| plan.watchdog(awaited).map(|dog| (dog.object, dog.millis)))
@@ -104,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn protections_are_the_timers_the_stops_and_the_limits() {
+    fn protections_are_timers_stop_options_and_limits() {
         let objects = |plan: NodePlan| -> Vec<String> {
             plan.protections().iter().map(|check| check.object.to_string()).collect()
         };
@@ -121,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_timer_of_zero_is_none() {
+    fn timer_of_zero_is_disabled() {
         let mut plan = elbow();
         for service in plan.pdos.iter_mut().filter_map(|pdo| pdo.service.as_mut()) {
             service.event_timer_ms = service.event_timer_ms.map(|_| 0);

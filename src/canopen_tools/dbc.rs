@@ -1,93 +1,92 @@
-//! A network as a DBC file, which can-utils' neighbours (cantools, SavvyCAN, CANdb++) read.
+//! DBC file of a network, for cantools, SavvyCAN or CANdb++.
 //!
-//! Only the format; what is in it is said by [`messages`]. Plain ASCII, as tools guess differently at
-//! anything else: `Nm` is written for N·m. No multiplexing: an SDO frame could only be told by its
-//! command if every command were known, and segments carry bytes where others carry the object.
+//! [`messages`] defines the content, this file the format. The output is plain ASCII, as tools differ at anything
+//! else: `Nm` replaces N·m. There is no multiplexing: SDO segments carry data where other frames name the object.
 
 pub mod messages;
 
 use std::fmt;
 
-/// A whole file.
+/// Content of a DBC file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Database {
-    /// Those who send and take, and what they are.
+    /// Nodes with their comments.
     pub nodes: Vec<(String, String)>,
-    /// What they say.
+    /// Messages.
     pub messages: Vec<Message>,
 }
 
-/// One frame.
+/// Message.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {
-    /// Its identifier.
+    /// Identifier.
     pub id: u32,
-    /// How it is framed.
+    /// Frame format.
     pub format: Format,
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// How long it is.
+    /// Length, in bytes.
     pub bytes: usize,
-    /// Who sends it.
+    /// Sender.
     pub sender: String,
-    /// What there is to say of it.
+    /// Comment.
     pub comment: String,
-    /// The time from one to the next, in ms, if it is sent by a clock.
+    /// Cycle time in ms, for a periodic message.
     pub cycle_ms: Option<u32>,
-    /// What is in it.
+    /// Signals.
     pub fields: Vec<Field>,
 }
 
-/// How a frame is framed.
+/// Frame format.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Format {
-    /// Classical CAN with 11 bits.
+    /// Classical CAN with an 11-bit identifier.
     #[default]
     Standard,
-    /// CAN FD with 29 bits.
+    /// CAN FD with a 29-bit identifier.
     ExtendedFd,
 }
 
-/// How bits are read.
+/// Number format of a signal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Number {
-    /// Without a sign.
+    /// Unsigned.
     #[default]
     Unsigned,
-    /// With one.
+    /// Signed.
     Signed,
-    /// A double of IEEE 754, 64 bits.
+    /// IEEE 754 double, 64 bits.
     Double,
 }
 
-/// One signal.
+/// Signal.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Field {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its lowest bit, little-endian.
+    /// Start bit, little-endian.
     pub start: u16,
-    /// How many bits it has.
+    /// Length in bits.
     pub bits: u16,
-    /// How they are read.
+    /// Number format.
     pub number: Number,
-    /// The physical value of one; zero stands for one.
+    /// Factor; zero stands for one.
     pub step: f64,
-    /// The physical value of raw zero.
+    /// Offset.
     pub offset: f64,
-    /// Between which values it stays; equal where that is not known.
+    /// Range of values; equal limits if unknown.
     pub range: [f64; 2],
-    /// Its unit.
+    /// Unit.
     pub unit: &'static str,
-    /// Who takes it.
+    /// Receivers.
     pub receivers: Vec<String>,
-    /// Values with names.
+    /// Named values.
     pub values: Vec<(i64, &'static str)>,
-    /// What there is to say of it.
+    /// Comment.
     pub comment: String,
 }
 
-/// Bit 31 of an identifier in a DBC file: it has 29 bits.
+/// Bit 31 of an identifier in a DBC file: extended identifier.
 const EXTENDED: u32 = 1 << 31;
 
 impl Message {
@@ -98,7 +97,7 @@ impl Message {
         }
     }
 
-    /// What `VFrameFormat` calls it: a place in its list.
+    /// Index in the list of `VFrameFormat`.
     const fn frame_format(&self) -> u8 {
         match self.format {
             Format::Standard => 0,
@@ -107,7 +106,7 @@ impl Message {
     }
 }
 
-/// `reserved` at all places but those of [`Message::frame_format`] and their neighbours.
+/// Values of `VFrameFormat`; unused ones are `reserved`.
 const FRAME_FORMATS: [&str; 16] = {
     let mut formats = ["reserved"; 16];
     formats[0] = "StandardCAN";
@@ -157,10 +156,10 @@ impl Database {
         f.write_str(
             "BA_DEF_ BO_ \"GenMsgCycleTime\" INT 0 65535;\nBA_DEF_ BO_ \"VFrameFormat\" ENUM ",
         )?;
-        let mut lead = "";
+        let mut separator = "";
         for format in FRAME_FORMATS {
-            write!(f, "{lead}\"{format}\"")?;
-            lead = ",";
+            write!(f, "{separator}\"{format}\"")?;
+            separator = ",";
         }
         let is_fd = self.messages.iter().any(|message| message.format == Format::ExtendedFd);
         f.write_str(";\nBA_DEF_ \"BusType\" STRING;\n")?;
@@ -189,7 +188,7 @@ impl Database {
                 write!(f, "VAL_ {id} {name}")?;
                 values
                     .iter()
-                    .try_for_each(|(value, words)| write!(f, " {value} \"{}\"", Ascii(words)))?;
+                    .try_for_each(|(value, text)| write!(f, " {value} \"{}\"", Ascii(text)))?;
                 f.write_str(" ;\n")?;
             }
             for field in message.fields.iter().filter(|field| field.number == Number::Double) {
@@ -200,7 +199,7 @@ impl Database {
     }
 }
 
-/// ` SG_ elbow_torque : 48|16@1- (0.0001307,0) [-4.28|4.28] "Nm" master`.
+/// ` SG_ elbow_torque : 48|16@1- (0.0001307,0) [-4.28|4.28] "Nm" master`
 impl fmt::Display for Field {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { name, start, bits, number, step, offset, range: [low, high], unit, .. } = self;
@@ -218,7 +217,7 @@ impl fmt::Display for Field {
     }
 }
 
-/// A text as DBC files take it.
+/// Text converted to the ASCII of DBC files.
 struct Ascii<'t>(&'t str);
 
 impl fmt::Display for Ascii<'_> {
@@ -243,7 +242,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_signal_is_written_as_the_format_has_it() {
+    fn signal_line_follows_the_format() {
         let field = Field {
             name: "elbow_torque".into(),
             start: 48,
@@ -260,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_but_ascii_is_written() {
+    fn output_is_ascii() {
         let text = Ascii("±15 V \"N·m\" µ →\n").to_string();
         assert_eq!(text, "+/-15 V 'Nm' u ??");
     }

@@ -1,7 +1,6 @@
-//! Device configuration files (CiA 306, 5): the EDS of one device, and in it what a
-//! [`NodePlan`] leaves it with.
+//! Device configuration files (DCF, CiA 306, 5): the EDS of one device with the values of a [`NodePlan`].
 //!
-//! The same plan as a list of writes, in order, is the device's concise DCF.
+//! The same plan as a list of writes is the device's concise DCF.
 
 use std::collections::BTreeMap;
 
@@ -18,41 +17,41 @@ use canopen::plan::NodePlan;
 use canopen::plan::Setting;
 use canopen::sdo::bytes;
 
-/// Why a plan is none for the device an EDS describes.
+/// Error of a plan that a device cannot hold, by its EDS.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum DcfError {
-    /// The device has no such object.
+    /// The device lacks an object.
     #[error("{0} is not in the EDS")]
     Unknown(Object),
-    /// It has another length there.
-    #[error("{object} has {planned} bytes here, but is {described} in the EDS")]
+    /// An object has another length.
+    #[error("{object} has {planned} bytes in the plan, but is {described} in the EDS")]
     Length {
-        /// Where.
+        /// Object.
         object: Object,
-        /// Bytes of the value.
+        /// Length of the planned value, in bytes.
         planned: usize,
-        /// Its data type by the EDS.
+        /// Data type in the EDS.
         described: &'static str,
     },
-    /// It does not take that value.
-    #[error("{object} = {value} is not within {low} and {high} of the EDS")]
+    /// A value is out of range.
+    #[error("{object} must be within {low}..={high} of the EDS, got {value}")]
     OutOfRange {
-        /// Where.
+        /// Object.
         object: Object,
-        /// What it is to hold.
+        /// Planned value.
         value: i128,
-        /// The least it takes.
+        /// Low limit.
         low: i128,
-        /// The most it takes.
+        /// High limit.
         high: i128,
     },
 }
 
-/// The DCF of the device at `plan.node`, a file called `file_name`. Dates are those of the EDS: the
-/// same plan gives the same bytes.
+/// Writes the DCF of the device at `plan.node` for a file `file_name`. Dates are those of the EDS, so that one plan
+/// always gives the same bytes.
 ///
 /// # Errors
-/// When the device cannot hold what the plan says.
+/// Returns an error if the device cannot hold the plan.
 pub fn write(
     eds: &Eds,
     plan: &NodePlan,
@@ -84,10 +83,10 @@ pub fn write(
     Ok(sheet.write())
 }
 
-/// Every write of a plan, in order: what a concise DCF holds.
+/// Returns the writes of a plan, in order: the content of a concise DCF.
 ///
 /// # Errors
-/// When the device lacks an object.
+/// Returns an error if the device lacks an object.
 pub fn downloads(eds: &Eds, plan: &NodePlan) -> Result<Vec<Download>, DcfError> {
     let mut downloads = Vec::new();
     let mode = plan.mode.map(|mode| (Object::MODE_OF_OPERATION, Value::Integer8(mode)));
@@ -105,13 +104,13 @@ pub fn downloads(eds: &Eds, plan: &NodePlan) -> Result<Vec<Download>, DcfError> 
     Ok(downloads)
 }
 
-/// What each object holds in the end.
+/// Returns the final value of each object.
 fn settings(eds: &Eds, plan: &NodePlan) -> Result<BTreeMap<Object, Vec<u8>>, DcfError> {
     let downloads = downloads(eds, plan)?.into_iter();
     Ok(downloads.map(|Download { object, content }| (object, content)).collect())
 }
 
-/// A value as the EDS's data type has it written.
+/// Formats a value by the data type of the EDS.
 fn text(eds: &Eds, object: Object, content: &[u8]) -> Result<String, DcfError> {
     let described = eds.object(object).ok_or(DcfError::Unknown(object))?;
     let planned = content.len();
@@ -152,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dcf_holds_what_is_left_in_the_end() {
+    fn dcf_holds_the_final_values() {
         let plan = elbow();
         let dcf = written(&parse(DRIVE), &plan).unwrap();
         let value = |object| dcf.object(object).unwrap().setting.value.as_deref();
@@ -166,14 +165,14 @@ mod tests {
     }
 
     #[test]
-    fn a_name_cannot_break_its_line() {
+    fn name_cannot_break_its_line() {
         let dcf = written(&parse(DRIVE), &elbow()).unwrap();
         assert_eq!(dcf.commissioning().unwrap().node_name, "elbow  [2000]");
         assert_eq!(dcf.objects().len(), parse(DRIVE).objects().len());
     }
 
     #[test]
-    fn pdos_that_are_told_compactly_are_spelt_out() {
+    fn compact_pdos_are_expanded() {
         let is_pdo = |section: &&str| {
             !["14", "16", "18", "1A"].iter().any(|index| section.starts_with(index))
         };
@@ -193,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn arrays_that_are_told_compactly_stay_so() {
+    fn compact_arrays_stay_compact() {
         let (before, rest) = DRIVE.split_once("[1016]").unwrap();
         let (_, behind) = rest.split_once("[1017]").unwrap();
         let text = format!(
@@ -210,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_device_cannot_hold_is_refused() {
+    fn value_the_device_cannot_hold_is_refused() {
         let refusal = |from: &str, to: &str| {
             assert!(DRIVE.contains(from));
             written(&parse(&DRIVE.replacen(from, to, 1)), &elbow()).unwrap_err().to_string()
@@ -229,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_there_need_not_be_switched_off() {
+    fn absent_pdo_need_not_be_disabled() {
         let eds = parse(include_str!("../../eds/frhc_switches.eds"));
         let downloads = downloads(&eds, &switch_box()).unwrap();
         assert!(downloads.iter().all(|download| eds.object(download.object).is_some()));

@@ -1,6 +1,7 @@
-//! CANopen for people: frames in words, files for other programs, and what a bench asks of a network.
+//! CANopen tools: decoding of traffic, files for other programs, and diagnostic procedures.
 //!
-//! The decoder and the DBC share one description of the signals ([`signals`]), made from the plans of the nodes ([`members`]).
+//! Decoder and DBC share the description of the signals ([`signals`]), made from the plans of the nodes
+//! ([`members`]).
 //!
 //! ```
 //! use canopen_tools::decode::Decoder;
@@ -12,10 +13,10 @@
 //! ```
 #![forbid(unsafe_code)]
 
-pub mod bench;
 pub mod dbc;
 pub mod dcf;
 pub mod decode;
+pub mod diagnostics;
 pub mod members;
+pub mod object_text;
 pub mod signals;
-pub mod words;

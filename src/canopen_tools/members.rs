@@ -1,7 +1,6 @@
-//! What the numbers on the buses mean for this hand controller: names, units and scales of its signals,
-//! and how its buses are timed.
+//! Members of this hand controller's buses: names, units and scales of their signals, and bus timing.
 //!
-//! Only tells what `controller::calibration` computes with, for those who read along.
+//! Uses the figures that `controller::calibration` computes with.
 
 use std::collections::HashSet;
 use std::time::Duration;
@@ -19,7 +18,7 @@ use config::Config;
 use config::Joint;
 use controller::arm::JointKind;
 
-/// Every node of the configuration: the joints' drives, then the switch box.
+/// Nodes of the configuration: the joints' drives, then the switch box.
 pub fn members(config: &Config) -> Vec<Member> {
     let mut taken = HashSet::from(["master".to_owned()]);
     let member = |(channel, plan): (Channel, NodePlan)| {
@@ -43,7 +42,7 @@ pub fn members(config: &Config) -> Vec<Member> {
     config.node_plans().into_iter().map(member).collect()
 }
 
-/// What its buses should keep.
+/// Timing of the buses.
 pub fn timing(config: &Config) -> Timing {
     Timing {
         period: config.period,
@@ -76,18 +75,18 @@ fn measures(config: &Config, place: usize, joint: &Joint) -> Vec<(Object, Measur
     ]
 }
 
-/// 6071h and 6077h count thousandths of the rated torque.
+/// Resolution of 6071h and 6077h, in parts of the rated torque.
 const PER_MILLE: f64 = 1_000.0;
 
-/// What one actuator moves.
+/// Relation of an actuator to its joint.
 struct Moved {
-    /// Its joint's position is its own.
+    /// Set if it alone determines the joint's position.
     has_position_of_joint: bool,
-    /// Its joint's torque is its own.
+    /// Set if it alone determines the joint's torque.
     has_torque_of_joint: bool,
 }
 
-/// Whether row and column of the coupling are those of a joint with its own actuator.
+/// Returns whether row and column of the coupling are those of an uncoupled joint.
 fn moved(config: &Config, place: usize) -> Moved {
     let coupling = config.controller.calibration.coupling();
     let one = coupling.matrix() - nalgebra::SMatrix::<f64, 6, 6>::identity();
@@ -113,7 +112,7 @@ fn position(joint: &Joint, moved: &Moved) -> Measure {
     }
 }
 
-/// The joint's torque at every target its drive is ever given.
+/// Joint torque at every target of its drive.
 fn curve(joint: &Joint, moved: &Moved) -> Curve {
     let direction = joint.gear_ratio.signum();
     let last = joint.calibration.max_target().0.max(0);
@@ -147,7 +146,7 @@ mod tests {
         &member.measures.iter().find(|(measured, _)| *measured == object).unwrap().1
     }
 
-    /// The first, with two of its joints coupled.
+    /// Configuration of the first arm with two coupled joints.
     fn coupled() -> Config {
         let file = Path::new(CONFIGS[0]);
         let text = include_str!("../../config/kraft_like.toml");
@@ -166,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn a_coupled_joint_s_signals_are_its_actuator_s() {
+    fn signals_of_a_coupled_joint_are_its_actuators() {
         let members = members(&coupled());
         let position = |place: usize| measure(&members[place], Object::POSITION_ACTUAL).quantity;
         let torque = |place: usize| {
@@ -177,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn every_node_has_a_name_of_its_own() {
+    fn every_node_has_a_unique_name() {
         for file in CONFIGS {
             let members = members(&Config::load(Path::new(file)).unwrap());
             let names: HashSet<_> = members.iter().map(|member| &member.name).collect();
@@ -188,7 +187,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(16))]
         #[test]
-        fn signals_say_what_the_controller_computes_with(
+        fn signals_match_the_controllers_calibration(
             counts in any::<[i32; 6]>(),
             actual in proptest::array::uniform6(-900_i16..900),
         ) {

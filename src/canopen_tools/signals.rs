@@ -1,13 +1,12 @@
-//! The effective PDO layout as named signals: which bits of which frame are what, and in which unit.
+//! Named signals of the effective PDO layout, with bits and units.
 //!
-//! A frame's signals are the union of what all its consumers map, so that a frame shared by several
-//! drives (each with dummies where the others' targets are) reads as one. Dummies are no signals; bits
-//! that two nodes read as different things are named twice. What the values say in words is in
-//! [`words`], what a log of them says in [`decode`](crate::decode).
+//! The signals of a frame are the union of its consumers' mappings, so a frame shared by several drives reads as
+//! one. Dummies are skipped; bits that two nodes map differently are named twice. [`object_text`] formats values,
+//! [`decode`](crate::decode) log lines.
 
 use canopen_rs::NodeId;
 
-use crate::words;
+use crate::object_text;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
 use canopen::layout::Direction;
@@ -18,63 +17,63 @@ use canopen::object::Object;
 use canopen::plan::NodePlan;
 use canopen::sync::Transmission;
 
-/// What is measured where actuators and joints are coupled: no single signal says where a joint is.
+/// Signal of a coupled joint's actuator, as no single signal gives the joint's position.
 pub const ACTUATOR_POSITION: &str = "actuator_position";
 
-/// A node whose traffic is read.
+/// Node whose traffic is decoded.
 #[derive(Clone, Debug)]
 pub struct Member {
-    /// What it is called in the names of frames and signals: `elbow`.
+    /// Name in frames and signals: `elbow`.
     pub name: String,
-    /// Its bus.
+    /// Bus.
     pub channel: Channel,
-    /// What it was told.
+    /// Plan.
     pub plan: NodePlan,
-    /// How its numbers are measured.
+    /// Scale of each object.
     pub measures: Vec<(Object, Measure)>,
-    /// What its maker says of it.
+    /// EDS.
     pub eds: Option<Eds>,
 }
 
 impl Member {
-    /// Its node-id.
+    /// Node-id.
     pub const fn node(&self) -> NodeId {
         self.plan.node
     }
 }
 
-/// How a raw number becomes a physical one: `(raw - zero) * step`.
+/// Scale of a raw number: `(raw - zero) * step`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measure {
-    /// What is measured, where that is not the object's own name: `actuator_position`.
+    /// Name of the quantity, where it differs from the object's: `actuator_position`.
     pub quantity: &'static str,
-    /// The raw number of zero.
+    /// Raw number of zero.
     pub zero: i32,
-    /// The physical value of one, in `unit`.
+    /// Physical value of one step, in `unit`.
     pub step: f64,
-    /// SI, as people write it: `rad`, `m`, `N·m`.
+    /// Unit: `rad`, `m`, `N·m`.
     pub unit: &'static str,
-    /// Between which values it stays, in `unit`, where that is known.
+    /// Range in `unit`, if known.
     pub range: Option<[f64; 2]>,
-    /// The same seen from the joint, where that is no straight line.
+    /// Value at the joint, if it is not linear.
     pub curve: Option<Curve>,
 }
 
 impl Measure {
-    /// The physical value. Numbers of 32 bits that have run over their end since zero are right.
+    /// Physical value. A 32-bit number may have wrapped once since zero.
     pub fn value(&self, raw: i64) -> f64 {
         let whole = i32::try_from(raw).map(|raw| raw.wrapping_sub(self.zero));
         let steps = whole.map_or_else(|_| float(raw) - f64::from(self.zero), f64::from);
         steps * self.step + 0.0 // never `-0`
     }
 
-    /// The value of raw 0: what a straight line without wrapping is off by.
+    /// Physical value of raw 0, for a linear scale without wrapping.
     pub fn offset(&self) -> f64 {
         0.0 - f64::from(self.zero) * self.step
     }
 }
 
-/// The nearest number to `raw`.
+/// Converts `raw` to the nearest floating-point number.
 #[expect(
     clippy::as_conversions,
     clippy::cast_precision_loss,
@@ -84,19 +83,19 @@ const fn float(raw: i64) -> f64 {
     raw as f64
 }
 
-/// An odd rising curve, as a table: the value at every raw magnitude from 0.
+/// Odd rising curve, as a table of values by raw magnitude from 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
-    /// Where the value is seen: `joint`, or `actuator` where joints are coupled.
+    /// Place of the value: `joint`, or `actuator` for coupled joints.
     pub place: &'static str,
-    /// SI: `N·m`, or `N` for a sliding joint.
+    /// Unit: `N·m`, or `N` for a prismatic joint.
     pub unit: &'static str,
-    /// The value of raw 0, 1, 2 …, times the sign of what turns against it; beyond its end, its end.
+    /// Values of raw 0, 1, 2 …, with the sign of the direction; constant beyond the end.
     pub table: Vec<f64>,
 }
 
 impl Curve {
-    /// The value of a raw number.
+    /// Value of a raw number.
     pub fn at(&self, raw: i64) -> f64 {
         let place = usize::try_from(raw.unsigned_abs()).unwrap_or(usize::MAX);
         let value = self.table.get(place).or(self.table.last()).copied().unwrap_or_default();
@@ -104,45 +103,45 @@ impl Curve {
     }
 }
 
-/// Some bits of a frame.
+/// Signal of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Signal {
-    /// Its name: `elbow_position`.
+    /// Name: `elbow_position`.
     pub name: String,
-    /// Whose object it is: a place in the list of members.
+    /// Index of its member.
     pub member: usize,
-    /// Which object.
+    /// Object.
     pub object: Object,
-    /// The lowest of its bits; bit 0 is the lowest of byte 0.
+    /// Lowest bit; bit 0 is the lowest of byte 0.
     pub start: u8,
-    /// How many bits it has.
+    /// Length in bits.
     pub bits: u8,
-    /// Whether its highest bit is a sign.
+    /// Set if it is signed.
     pub is_signed: bool,
-    /// How it is measured; `None` for a plain number or a set of bits.
+    /// Scale; `None` for a plain number or bit field.
     pub measure: Option<Measure>,
-    /// Whether another signal before it has some of these bits: somebody reads the frame wrongly.
+    /// Set if an earlier signal has some of its bits: one node maps the frame wrongly.
     pub is_disputed: bool,
 }
 
 impl Signal {
-    /// Its number in the data of a frame.
+    /// Raw number in the data of a frame.
     pub fn raw(&self, data: [u8; 8]) -> i64 {
         let shifted = u64::from_le_bytes(data).checked_shr(u32::from(self.start)).unwrap_or(0);
         let bits = usize::from(self.bits.clamp(1, 64));
         if self.is_signed {
-            return words::sign_extended(shifted, bits);
+            return object_text::sign_extended(shifted, bits);
         }
         (shifted & u64::MAX >> (64 - bits)).cast_signed()
     }
 
-    /// How it is measured, where it is seen from the joint as well.
+    /// Scale and curve, if it has a value at the joint.
     pub fn measured(&self) -> Option<(&Measure, &Curve)> {
         let measure = self.measure.as_ref()?;
         Some((measure, measure.curve.as_ref()?))
     }
 
-    /// Whether a frame of `bytes` bytes has all of it.
+    /// Returns whether a frame of `bytes` bytes contains all of it.
     pub fn is_in(&self, bytes: usize) -> bool {
         usize::from(self.start) + usize::from(self.bits) <= 8 * bytes
     }
@@ -152,37 +151,37 @@ impl Signal {
     }
 }
 
-/// A PDO on a bus, whoever sends and takes it.
+/// PDO on a bus, with all its senders and receivers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PdoFrame {
-    /// Its bus.
+    /// Bus.
     pub channel: Channel,
-    /// Its identifier there.
+    /// COB-ID.
     pub cob_id: u16,
-    /// Its name: `TPDO1_elbow`, `Torque_group1`.
+    /// Name: `TPDO1_elbow`, `Torque_group1`.
     pub name: String,
-    /// Who sends it: places in the list of members; the master if nobody.
+    /// Indices of the senders; empty for the master.
     pub senders: Vec<usize>,
-    /// Who takes it; the master if nobody.
+    /// Indices of the receivers; empty for the master.
     pub receivers: Vec<usize>,
-    /// How long it is.
+    /// Length in bytes.
     pub bytes: usize,
-    /// When it is sent, or acts.
+    /// Transmission type.
     pub transmission: Transmission,
-    /// The longest time between two of them, if it is sent by a clock, in ms.
+    /// Period in ms, if it is periodic.
     pub event_timer_ms: Option<u16>,
-    /// What is in it, in order of their first bits.
+    /// Signals by their first bits.
     pub signals: Vec<Signal>,
 }
 
 impl PdoFrame {
-    /// Whether the signals are of several nodes.
+    /// Returns whether its signals belong to several nodes.
     pub fn is_shared(&self) -> bool {
         let first = self.signals.first().map(|signal| signal.member);
         self.signals.iter().any(|signal| Some(signal.member) != first)
     }
 
-    /// The units at motor and joint, where all signals are seen from their joints and have the same.
+    /// Units at motor and joint, if all signals have both and agree.
     pub fn common_units(&self) -> Option<[&'static str; 2]> {
         let units = |signal: &Signal| {
             let (measure, curve) = signal.measured()?;
@@ -193,7 +192,7 @@ impl PdoFrame {
     }
 }
 
-/// One node's part in a frame.
+/// Mapping of one node in a frame.
 struct Part<'m> {
     member: usize,
     of: &'m Member,
@@ -201,7 +200,7 @@ struct Part<'m> {
     service: &'m Service,
 }
 
-/// Every PDO in use, by bus and COB-ID.
+/// PDOs in use, by bus and COB-ID.
 pub fn frames(members: &[Member]) -> Vec<PdoFrame> {
     let mut parts: Vec<Part<'_>> = Vec::new();
     for (member, of) in members.iter().enumerate() {
@@ -215,14 +214,14 @@ pub fn frames(members: &[Member]) -> Vec<PdoFrame> {
     parts.chunk_by(same).filter_map(|parts| frame(parts, &mut groups)).collect()
 }
 
-/// The frame of all the nodes that send or take it; `groups` counts those with several takers.
+/// Merges the frame of all nodes that send or receive it; `groups` counts frames with several receivers.
 fn frame(parts: &[Part<'_>], groups: &mut u32) -> Option<PdoFrame> {
     let those = |direction| {
         let of = move |part: &&Part<'_>| part.pdo.direction == direction;
         parts.iter().filter(of).collect::<Vec<_>>()
     };
     let (senders, receivers) = (those(Direction::Transmit), those(Direction::Receive));
-    // What is in a frame is for its sender to say; the master says what its takers are told.
+    // The sender defines the content of a TPDO; the receivers define that of an RPDO.
     let authors = if senders.is_empty() { &receivers } else { &senders };
     let first = authors.first()?;
     let signals = signals(authors);
@@ -253,13 +252,13 @@ fn bytes(service: &Service) -> usize {
     usize::try_from(service.bytes()).unwrap_or(usize::MAX)
 }
 
-/// The union of what all of `authors` map.
+/// Union of the mappings of all `authors`.
 fn signals(authors: &[&Part<'_>]) -> Vec<Signal> {
     let mut signals: Vec<Signal> = Vec::new();
     for part in authors {
         let mut start = 0_u8;
         for mapped in &part.service.mapping {
-            if !words::is_dummy(mapped.object) {
+            if !object_text::is_dummy(mapped.object) {
                 signals.push(signal(part, *mapped, start));
             }
             start = start.saturating_add(mapped.bits);
@@ -281,9 +280,10 @@ fn signal(part: &Part<'_>, mapped: Mapped, start: u8) -> Signal {
     let of_object = part.of.measures.iter().find(|(measured, _)| *measured == object);
     let measure = of_object.map(|(_, measure)| measure.clone());
     let described = part.of.eds.as_ref().and_then(|eds| eds.object(object));
-    let data_type = words::data_type(object).or(described.map(|described| described.data_type));
+    let data_type =
+        object_text::data_type(object).or(described.map(|described| described.data_type));
     let quantity = measure.as_ref().map(|measure| measure.quantity).filter(|name| !name.is_empty());
-    let what = match quantity.or(words::name(object)) {
+    let what = match quantity.or(object_text::name(object)) {
         Some(name) => identifier(name),
         None => format!("{:04X}h_{}", object.index, object.sub),
     };
@@ -293,13 +293,13 @@ fn signal(part: &Part<'_>, mapped: Mapped, start: u8) -> Signal {
         object,
         start,
         bits,
-        is_signed: data_type.is_some_and(words::is_signed),
+        is_signed: data_type.is_some_and(object_text::is_signed),
         measure,
         is_disputed: false,
     }
 }
 
-/// Letters, digits and underscores only, as the names of frames and signals have them.
+/// Replaces all but letters, digits and underscores, for names of frames and signals.
 pub fn identifier(name: &str) -> String {
     let legal = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
     name.chars().map(legal).collect()
@@ -334,7 +334,7 @@ pub(crate) mod tests {
         Measure { quantity: "", zero: 100, step: 0.001, unit: "rad", range: None, curve: None }
     }
 
-    /// A drive as a member.
+    /// Drive as a member.
     pub(crate) fn drive(name: &str, id: u8, pdos: Vec<Pdo>) -> Member {
         let title = format!("joint {id} ({name})");
         Member {
@@ -360,7 +360,7 @@ pub(crate) mod tests {
         }
     }
 
-    /// Drives with a PDO each.
+    /// Drives with separate PDOs.
     pub(crate) fn per_drive() -> Vec<Member> {
         [("shoulder", 1), ("elbow", 2), ("wrist", 3)]
             .map(|(name, id)| drive(name, id, layout::per_drive(node(id), Some(5))))
@@ -388,7 +388,7 @@ pub(crate) mod tests {
         Pdo { direction, number, cob_id, service: Some(service) }
     }
 
-    /// Drives whose torques are in one frame, each with dummies where the others' are.
+    /// Drives with shared torque RPDOs and dummies for the others' slots.
     pub(crate) fn grouped() -> Vec<Member> {
         let drives = [("shoulder", 1_u8), ("elbow", 2), ("wrist", 3)];
         let member = |(slot, (name, id)): (usize, (&str, u8))| {
@@ -419,7 +419,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_frame_of_one_drive_has_its_objects_in_their_places() {
+    fn frame_of_one_drive_has_its_objects() {
         let frames = frames(&per_drive());
         assert_eq!(
             frames.iter().map(shown).take(5).collect::<Vec<_>>(),
@@ -436,7 +436,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_shared_frame_is_the_union_of_what_its_takers_map() {
+    fn shared_frame_is_the_union_of_its_mappings() {
         let frames = frames(&grouped());
         let torques = frames.iter().find(|frame| frame.cob_id == 0x201).unwrap();
         assert_eq!(
@@ -449,7 +449,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn bits_that_two_nodes_read_as_their_own_are_named_twice() {
+    fn bits_mapped_by_two_nodes_are_named_twice() {
         let mut members = grouped();
         let wrong = members[0].plan.pdos[0].clone();
         members[1].plan.pdos[0] = wrong;
@@ -461,14 +461,14 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_count_that_ran_over_its_end_since_zero_is_near_zero() {
+    fn wrapped_count_is_near_zero() {
         let measure = Measure { zero: i32::MAX, ..position() };
         assert_eq!(measure.value(i64::from(i32::MIN)).to_string(), "0.001");
     }
 
     proptest! {
         #[test]
-        fn a_signal_is_read_where_it_was_written(
+        fn signal_is_read_at_its_bits(
             start in 0_u8..64,
             bits in 1_u8..=64,
             value in any::<i64>(),

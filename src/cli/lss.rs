@@ -17,12 +17,12 @@ use canopen::lss::BitRate;
 use canopen::lss::identify::Description;
 use canopen::lss::identify::Identify;
 use canopen::lss::job::Job;
-use canopen::lss::job::Patience;
 use canopen::lss::job::Report;
 use canopen::lss::job::Selection;
+use canopen::lss::job::Timeouts;
 use canopen::lss::master::Master;
-use canopen_tools::bench::scan::Found;
-use canopen_tools::bench::scan::Scan;
+use canopen_tools::diagnostics::scan::Found;
+use canopen_tools::diagnostics::scan::Scan;
 use run::exit::Failure;
 use run::exit::Kind;
 use run::exit::OrFail;
@@ -205,7 +205,7 @@ impl Choice {
         match (self.select, self.fastscan) {
             (Some(address), _) => Selection::Address(address),
             (None, true) => Selection::Fastscan,
-            (None, false) => Selection::Everybody,
+            (None, false) => Selection::All,
         }
     }
 
@@ -295,8 +295,8 @@ fn plan(task: &Task) -> Result<Plan, Failure> {
 /// Carries a job out, and tells what has come of it.
 fn carry_out(args: &Lss, job: Job) -> Result<(), Failure> {
     let reply = Duration::from_millis(args.timeout);
-    let patience =
-        Patience { reply, store: reply.max(Duration::from_secs(1)), probe: args.task.probe() };
+    let timeouts =
+        Timeouts { reply, store: reply.max(Duration::from_secs(1)), probe: args.task.probe() };
     let known = args.line.find()?;
     let leaves_all_alone = matches!(args.task, Task::Deselect);
     let force = Beside { force: args.force.force || leaves_all_alone };
@@ -305,7 +305,7 @@ fn carry_out(args: &Lss, job: Job) -> Result<(), Failure> {
         let owner = owner(&mut session, node, reply).map_err(|error| known.fail(error))?;
         must_be_free(node, owner.as_ref(), job.selection)?;
     }
-    let outcome = session.run(|now, out| Master::begin(job, patience, now, out));
+    let outcome = session.run(|now, out| Master::start(job, timeouts, now, out));
     let report = outcome.map_err(|error| known.fail(error))?.or_fail(Kind::Drive)?;
     show(args.json, &report);
     tell(&job, &report);
@@ -318,7 +318,7 @@ fn owner<B: Bus>(
     node: NodeId,
     timeout: Duration,
 ) -> Result<Option<Found>, SessionError> {
-    let found = session.run(|now, out| Scan::begin(&[node], timeout, Duration::ZERO, now, out))?;
+    let found = session.run(|now, out| Scan::start(&[node], timeout, Duration::ZERO, now, out))?;
     Ok(found.into_iter().find(|found| found.node == node))
 }
 
@@ -328,7 +328,7 @@ fn must_be_free(node: NodeId, owner: Option<&Found>, selection: Selection) -> Re
     let is_its_own = |owner: &Found| match selection {
         Selection::Address(address) => owner.address() == Some(address),
         Selection::Fastscan => false,
-        Selection::Selected | Selection::Everybody => true,
+        Selection::Selected | Selection::All => true,
     };
     match owner.filter(|owner| !is_its_own(owner)) {
         None => Ok(()),

@@ -15,10 +15,10 @@ use canopen::NodeId;
 use canopen::heartbeat;
 use canopen::nmt;
 use canopen::nmt::Order;
-use canopen_tools::bench::confirm::Confirmation;
-use canopen_tools::bench::confirm::Heard;
-use canopen_tools::bench::watch::NetworkEvent;
-use canopen_tools::bench::watch::Watch;
+use canopen_tools::diagnostics::confirm::Confirmation;
+use canopen_tools::diagnostics::confirm::NodeResponse;
+use canopen_tools::diagnostics::watch::NetworkEvent;
+use canopen_tools::diagnostics::watch::Watch;
 use run::exit::Failure;
 use run::exit::Kind;
 use run::print;
@@ -120,28 +120,28 @@ pub(super) fn run(args: &Nmt) -> Result<(), Failure> {
         return session.say([order.frame()]).map_err(|error| known.fail(error));
     }
     let within = Duration::from_millis(timeout);
-    let heard = session
-        .run(|now, out| Confirmation::begin(order, &named, within, now, out))
+    let responses = session
+        .run(|now, out| Confirmation::start(order, &named, within, now, out))
         .map_err(|error| known.fail(error))?;
-    for heard in heard.iter().filter(|heard| heard.has_obeyed) {
-        show(json, heard);
+    for response in responses.iter().filter(|response| response.is_confirmed) {
+        show(json, response);
     }
-    conclude(&heard, timeout)
+    conclude(&responses, timeout)
 }
 
 /// Nothing, or one line for each node that was not heard to obey.
-fn conclude(heard: &[Heard], timeout: u64) -> Result<(), Failure> {
-    let failed = heard.iter().filter(|heard| !heard.has_obeyed).map(|heard| {
-        let last = heard.state.map_or_else(
-            || "nothing was heard; its heartbeat may be off (1017h)".to_owned(),
+fn conclude(responses: &[NodeResponse], timeout: u64) -> Result<(), Failure> {
+    let failed = responses.iter().filter(|response| !response.is_confirmed).map(|response| {
+        let last = response.state.map_or_else(
+            || "no heartbeat was received; the producer heartbeat time may be 0 (1017h)".to_owned(),
             |state| format!("it is {}", nmt::description(state)),
         );
-        format!("node {}: not confirmed within {timeout} ms: {last}", heard.node.raw())
+        format!("node {}: not confirmed within {timeout} ms: {last}", response.node.raw())
     });
     let failed: Vec<String> = failed.collect();
-    match (heard.is_empty(), failed.is_empty()) {
+    match (responses.is_empty(), failed.is_empty()) {
         (true, _) => {
-            let reason = format!("not confirmed within {timeout} ms: no node was heard");
+            let reason = format!("not confirmed within {timeout} ms: no node sent a heartbeat");
             Err(Failure::new(Kind::Drive, reason))
         }
         (false, true) => Ok(()),
@@ -149,13 +149,13 @@ fn conclude(heard: &[Heard], timeout: u64) -> Result<(), Failure> {
     }
 }
 
-fn show(json: bool, heard: &Heard) {
-    let state = heard.state.map(words_of);
+fn show(json: bool, response: &NodeResponse) {
+    let state = response.state.map(words_of);
     if json {
-        let report = serde_json::json!({ "node": heard.node.raw(), "state": state });
+        let report = serde_json::json!({ "node": response.node.raw(), "state": state });
         print::line(&report.to_string());
     } else {
-        print::line(&format!("node {} {}", heard.node.raw(), state.unwrap_or("-")));
+        print::line(&format!("node {} {}", response.node.raw(), state.unwrap_or("-")));
     }
 }
 

@@ -66,7 +66,7 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
 /// What a drive holds. Its position unit is an increment of its encoder, whichever that has.
 fn furnished(joint: &Joint) -> Dictionary {
     let mut dictionary = numbered(&joint.eds, joint.channel, joint.node);
-    dictionary.furnish(Object::FEED, &joint.counts_per_rev.to_le_bytes());
+    dictionary.set_default(Object::FEED, &joint.counts_per_rev.to_le_bytes());
     dictionary
 }
 
@@ -75,7 +75,7 @@ fn numbered(eds: &Eds, Channel(bus): Channel, node: NodeId) -> Dictionary {
     let mut dictionary = Dictionary::new(eds, node);
     let serial = u32::from(bus) << 8 | u32::from(node.raw());
     // An EDS may do without a serial number.
-    dictionary.furnish(Object::SERIAL, &serial.to_le_bytes());
+    dictionary.set_default(Object::SERIAL, &serial.to_le_bytes());
     dictionary
 }
 

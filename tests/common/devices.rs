@@ -17,7 +17,7 @@ use canopen::frame::Frame;
 use canopen::frame::Telegram;
 use canopen::object::Object;
 use canopen::station::Station;
-use canopen_tools::bench::watch::Watch;
+use canopen_tools::diagnostics::watch::Watch;
 use frhc::cli::bench::Session;
 use units::time::Instant;
 
@@ -44,7 +44,7 @@ impl Devices {
         let device = |(node, serial): &(u8, u32)| {
             let node = NodeId::new(*node).unwrap();
             let mut dictionary = Dictionary::new(&eds, node);
-            assert!(dictionary.furnish(Object::SERIAL, &serial.to_le_bytes()));
+            assert!(dictionary.set_default(Object::SERIAL, &serial.to_le_bytes()));
             Device::new(node, dictionary, Idle, Duration::ZERO)
         };
         Self(numbers.iter().map(device).collect())

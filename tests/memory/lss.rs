@@ -25,16 +25,16 @@ use canopen::lss::identify::Description;
 use canopen::lss::identify::Identify;
 use canopen::lss::job::Job;
 use canopen::lss::job::LssError;
-use canopen::lss::job::Patience;
 use canopen::lss::job::Report;
 use canopen::lss::job::Selection;
+use canopen::lss::job::Timeouts;
 use canopen::lss::master::Master;
 use canopen::nmt::Order;
 use canopen::procedure::Procedure;
 use frhc::cli::bench::Session;
 use units::time::Instant;
 
-const PATIENCE: Patience = Patience {
+const TIMEOUTS: Timeouts = Timeouts {
     reply: Duration::from_millis(50),
     store: Duration::from_secs(1),
     probe: Duration::from_millis(10),
@@ -52,7 +52,7 @@ fn node(raw: u8) -> NodeId {
 }
 
 fn carry(desk: &mut Desk, job: Job) -> Result<Report, LssError> {
-    let outcome = desk.run(|now, out| Master::begin(job, PATIENCE, now, out)).unwrap();
+    let outcome = desk.run(|now, out| Master::start(job, TIMEOUTS, now, out)).unwrap();
     settle(desk);
     outcome
 }
@@ -126,7 +126,7 @@ fn a_bus_of_new_devices_is_numbered_without_knowing_any() {
     // The lowest serial number is found first.
     assert_eq!(nodes(&desk), [Some(13), Some(12), Some(14), Some(11)]);
     let nobody = carry(&mut desk, configure(Selection::Fastscan, Some(node(15))));
-    assert_eq!(nobody, Err(LssError::NobodyUnconfigured));
+    assert_eq!(nobody, Err(LssError::NoneUnconfigured));
     assert_eq!(identify(&mut desk, None), 0);
     let boot_ups = (0x70B..=0x70E).map(|id| wire.since(Instant::ZERO, id).len());
     assert_eq!(boot_ups.collect::<Vec<_>>(), [1; 4]);
@@ -146,7 +146,7 @@ fn whoever_fits_a_description_answers() {
 #[test]
 fn several_devices_get_no_node_id_at_once() {
     let (mut desk, wire) = desk(Devices::of(&[(1, 7), (2, 8)]));
-    let refused = carry(&mut desk, configure(Selection::Everybody, Some(node(9))));
+    let refused = carry(&mut desk, configure(Selection::All, Some(node(9))));
     assert!(matches!(refused, Err(LssError::Several(_))), "{refused:?}");
     let said = wire.since(Instant::ZERO, 0x7E5);
     assert!(said.iter().all(|(_, frame)| frame.data()[0] != 0x11), "configured: {said:?}");
@@ -167,7 +167,7 @@ fn a_device_between_two_bit_rates_is_released_all_the_same() {
     assert!(desk.now().since(begun) > Duration::from_millis(200));
     assert_eq!(desk.bus().stations().0[0].bit_rate(), bit_rate);
     let silent = carry(&mut desk, Job { inquire: true, ..Job::new(Selection::Selected) });
-    assert!(matches!(silent, Err(LssError::Silent(_))), "{silent:?}");
+    assert!(matches!(silent, Err(LssError::Timeout(_))), "{silent:?}");
 }
 
 /// A job that is interrupted after some frames, wherever that is.
@@ -199,8 +199,8 @@ fn wherever_a_job_is_interrupted_no_device_is_left_in_configuration() {
     for frames in 1..=9 {
         let (mut desk, _) = desk(Devices::of(&[(1, 7)]));
         let job = configure(Selection::Address(drive(7)), Some(node(9)));
-        desk.run(|now, out| Interrupted(Master::begin(job, PATIENCE, now, out), frames)).unwrap();
+        desk.run(|now, out| Interrupted(Master::start(job, TIMEOUTS, now, out), frames)).unwrap();
         let silent = carry(&mut desk, Job { inquire: true, ..Job::new(Selection::Selected) });
-        assert!(matches!(silent, Err(LssError::Silent(_))), "after {frames} frames: {silent:?}");
+        assert!(matches!(silent, Err(LssError::Timeout(_))), "after {frames} frames: {silent:?}");
     }
 }

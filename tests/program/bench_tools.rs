@@ -24,11 +24,11 @@ use canopen::object::Object;
 use canopen::sdo::SdoError;
 use canopen::sdo::Terms;
 use canopen::value::gateway_type::GatewayType;
-use canopen_tools::bench::confirm::Confirmation;
-use canopen_tools::bench::scan::Found;
-use canopen_tools::bench::scan::Scan;
-use canopen_tools::bench::watch::NetworkEvent;
-use canopen_tools::bench::watch::Watch;
+use canopen_tools::diagnostics::confirm::Confirmation;
+use canopen_tools::diagnostics::scan::Found;
+use canopen_tools::diagnostics::scan::Scan;
+use canopen_tools::diagnostics::watch::NetworkEvent;
+use canopen_tools::diagnostics::watch::Watch;
 use frhc::cli::bench::Session;
 use frhc::cli::bench::objects;
 use frhc::cli::bench::objects::ObjectError;
@@ -50,14 +50,14 @@ fn at(node_id: u8, object: Object) -> Target {
 fn scan(desk: &mut Desk) -> Vec<Found> {
     let nodes: Vec<NodeId> = (1..=127).map(node).collect();
     let listen = Duration::from_millis(250);
-    desk.run(|now, out| Scan::begin(&nodes, TIMEOUT, listen, now, out)).unwrap()
+    desk.run(|now, out| Scan::start(&nodes, TIMEOUT, listen, now, out)).unwrap()
 }
 
 fn order(desk: &mut Desk, command: NmtCommand, nodes: &[u8]) -> Vec<(u8, Option<NmtState>, bool)> {
     let nodes: Vec<NodeId> = nodes.iter().map(|raw| node(*raw)).collect();
     let order = Order::to_all(command);
-    let heard = desk.run(|now, out| Confirmation::begin(order, &nodes, TIMEOUT, now, out));
-    heard.unwrap().iter().map(|heard| (heard.node.raw(), heard.state, heard.has_obeyed)).collect()
+    let heard = desk.run(|now, out| Confirmation::start(order, &nodes, TIMEOUT, now, out));
+    heard.unwrap().iter().map(|heard| (heard.node.raw(), heard.state, heard.is_confirmed)).collect()
 }
 
 /// Every request there was to write.
@@ -88,7 +88,7 @@ fn a_full_bus_is_scanned_and_nothing_is_written() {
         assert_eq!((found.node.raw(), found.serial), (raw, Some(serial)));
         assert_eq!(found.device_type.map(|kind| kind & 0xFFFF), Some(402));
         assert_eq!(found.name.as_deref(), Some("frhc simulated drive"));
-        assert!(found.answers && !found.is_double(), "node {raw}");
+        assert!(found.answers && !found.is_duplicate(), "node {raw}");
     }
     assert_eq!(writes(&wire), 0);
 }
@@ -97,7 +97,8 @@ fn a_full_bus_is_scanned_and_nothing_is_written() {
 fn two_devices_of_one_node_id_are_told_apart_from_one() {
     let (mut desk, _) = desk(Devices::of(&[(3, 1), (5, 2), (5, 3)]));
     let found = scan(&mut desk);
-    let double: Vec<_> = found.iter().map(|found| (found.node.raw(), found.is_double())).collect();
+    let double: Vec<_> =
+        found.iter().map(|found| (found.node.raw(), found.is_duplicate())).collect();
     assert_eq!(double, [(3, false), (5, true)]);
 }
 
@@ -196,10 +197,10 @@ fn what_is_typed_wrong_ends_with_2_before_any_bus_is_opened() {
         (&["sdo", "read", "3", "1000", "u7", "-i", "can7"], "no data type"),
         (
             &["sdo", "write", "3", "6071", "i16", "40000", "-i", "can7"],
-            "not within -32768 and 32767",
+            "must be within -32768..=32767",
         ),
         (&["sdo", "write", "3", "6071", "40", "-i", "can7"], "which type?"),
-        (&["sdo", "write", "3", "6071", "3001"], "not within -3000 and 3000"),
+        (&["sdo", "write", "3", "6071", "3001"], "must be within -3000..=3000"),
         (&["sdo", "write", "3", "6071", "-3001"], "6071h (Target torque)"),
         (&["nmt", "start", "128", "-i", "can7"], "not a node-id"),
         (&["lss", "configure", "--node-id", "9", "-i", "can7"], "which slave?"),

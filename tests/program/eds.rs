@@ -83,7 +83,7 @@ fn a_file_from_a_windows_editor_is_understood() {
     let torque = object(&eds, 0x6071, 0);
     assert_eq!((torque.low, torque.high), (Some(-1_000), Some(1_000)));
     let rpdo = eds.pdo(Direction::Receive, 1).unwrap();
-    assert_eq!((rpdo.can_move, rpdo.can_map, rpdo.most_entries), (false, true, 2));
+    assert_eq!((rpdo.can_move, rpdo.can_map, rpdo.max_entries), (false, true, 2));
     assert_eq!(count(WINDOWS).0, 0, "odd, but not wrong");
 }
 
@@ -109,7 +109,7 @@ fn what_is_told_compactly_is_spelt_out() {
     assert_eq!([0x1400, 0x1401, 0x1402, 0x1800, 0x1801].map(subs), [4, 4, 0, 4, 0]);
     assert_eq!([0x1600, 0x1601, 0x1A00].map(subs), [65; 3]);
     assert_eq!(initial(&eds, 0x1401, 1), [0x03, 3, 0, 0]);
-    assert_eq!(eds.pdo(Direction::Transmit, 1).unwrap().most_entries, 64);
+    assert_eq!(eds.pdo(Direction::Transmit, 1).unwrap().max_entries, 64);
     assert_eq!(count(COMPACT), (0, 0));
 }
 
@@ -134,7 +134,7 @@ fn a_file_from_a_simple_editor_is_understood() {
         "2001h DefaultValue: 0.0: not a number",
         "2001h HighLimit: 2: does not fit BOOLEAN; not used",
         "2002h: has no sub-indices: not read",
-        "1018h ObjectType: is not that of an array or record, but there are sub-indices",
+        "1018h ObjectType: must be an array or record, as there are sub-indices",
     ] {
         assert!(lint.iter().any(|found| found.contains(finding)), "{finding}: {lint:#?}");
     }
@@ -237,7 +237,7 @@ fn one_slip_is_told_where_it_stands() {
         (
             "[1029]\n",
             "[1029]\nSubNumber=2\n",
-            ": warning: 1029h SubNumber: is there again, with the same value",
+            ": warning: 1029h SubNumber: is repeated with the same value",
         ),
         ("[DummyUsage]", "[dummyusage]", ": warning: [dummyusage]: CiA 306 spells it [DummyUsage]"),
     ] {
@@ -264,7 +264,7 @@ fn sections_of_modules_and_tools_are_known() {
     let sections = "[SupportedModules]\nNrOfEntries=1\n[M1ModuleInfo]\n[M1SubExt1027]\n[Tool1]\n";
     let found = findings("[DummyUsage]", &format!("{sections}[Toolbox]\n[DummyUsage]"));
     assert_eq!(found.len(), 1, "{found:#?}");
-    assert!(found[0].ends_with(": warning: [Toolbox]: no section of CiA 306"));
+    assert!(found[0].ends_with(": warning: [Toolbox]: not a section of CiA 306"));
 }
 
 /// That two files describe the same device.

@@ -1,4 +1,4 @@
-//! What a file tells in few lines (CiA 306): arrays by `CompactSubObj`, PDOs by `CompactPDO`.
+//! Compact descriptions (CiA 306): arrays by `CompactSubObj`, PDOs by `CompactPDO`.
 
 use std::collections::HashMap;
 use std::collections::HashSet;
@@ -19,13 +19,13 @@ use crate::eds::value;
 use crate::eds::value::Number;
 use crate::object::Object;
 
-/// How many sub-indices a section tells compactly, 0 to 254.
+/// Number of sub-indices described compactly, 0 to 254.
 pub(super) fn count(section: &Section<'_>) -> u8 {
     read::unsigned(section, "CompactSubObj").filter(|count| *count != u8::MAX).unwrap_or(0)
 }
 
-/// Appends an array of `count` entries of one kind. Sub-indices with sections of their own are left to
-/// them; names and values may stand in `[xxxxName]`, `[xxxxValue]` and `[xxxxDenotation]`.
+/// Appends an array of `count` equal entries. Sub-indices with their own sections are skipped; names and values
+/// come from `[xxxxName]`, `[xxxxValue]` and `[xxxxDenotation]`.
 pub(super) fn array(
     ini: &Ini<'_>,
     section: &Section<'_>,
@@ -66,7 +66,7 @@ pub(super) fn array(
     }
 }
 
-/// The entries of a section whose keys are sub-indices, in decimal.
+/// Entries of a section whose keys are decimal sub-indices.
 pub(super) fn by_sub<'s, 't>(section: Option<&'s Section<'t>>) -> HashMap<u8, &'s Entry<'t>> {
     let mut found = HashMap::new();
     for entry in section.iter().flat_map(|section| &section.entries) {
@@ -79,7 +79,7 @@ pub(super) fn by_sub<'s, 't>(section: Option<&'s Section<'t>>) -> HashMap<u8, &'
     found
 }
 
-/// An object of which no more is known.
+/// Returns an object without further properties.
 fn plain(object: Object, name: &str, data_type: u16, access: Access, value: i128) -> Described {
     let data = data_type::of(data_type);
     let bytes = value.to_le_bytes();
@@ -99,20 +99,19 @@ fn plain(object: Object, name: &str, data_type: u16, access: Access, value: i128
     }
 }
 
-/// The most PDOs of one direction.
+/// Maximum number of PDOs per direction.
 const MAX_PDOS: u16 = 512;
 
-/// The most entries of a mapping.
-const MOST_ENTRIES: u8 = 64;
+/// Maximum number of mapping entries.
+const MAX_ENTRIES: u8 = 64;
 
-/// PDOs of one direction: how many there are by which key, the parameters of the first, and the COB-ID
-/// it has in the predefined connection set.
+/// Per direction: key of the number of PDOs, parameters of the first one, and its default COB-ID.
 const DIRECTIONS: [(&str, Object, Object, u32); 2] = [
     ("NrOfRXPDO", Object::rpdo_communication(1, 0), Object::rpdo_mapping(1, 0), 0x200),
     ("NrOfTXPDO", Object::tpdo_communication(1, 0), Object::tpdo_mapping(1, 0), 0x180),
 ];
 
-/// Sub-indices 1 to 6 of a communication parameter: name and type (CiA 301, 7.5.2.35).
+/// Sub-indices 1 to 6 of a communication parameter, with name and type (CiA 301, 7.5.2.35).
 const COMMUNICATION: [(u8, &str, u16); 6] = [
     (1, "COB-ID", UNSIGNED32),
     (2, "Transmission type", UNSIGNED8),
@@ -122,8 +121,8 @@ const COMMUNICATION: [(u8, &str, u16); 6] = [
     (6, "SYNC start value", UNSIGNED8),
 ];
 
-/// Appends the PDOs that `NrOfRXPDO` and `NrOfTXPDO` count but no section describes. `CompactPDO` is a
-/// mask of the sub-indices their communication parameters have; zero means that there are none.
+/// Appends the PDOs that `NrOfRXPDO` and `NrOfTXPDO` count but no section describes. `CompactPDO` is a mask of
+/// the sub-indices of their communication parameters; zero means none.
 pub(super) fn pdos(ini: &Ini<'_>, objects: &mut Vec<Described>) {
     let Some(device) = ini.section(Title::Named(Named::DeviceInfo)) else { return };
     let mask: u8 = read::unsigned(device, "CompactPDO").unwrap_or(0);
@@ -134,11 +133,11 @@ pub(super) fn pdos(ini: &Ini<'_>, objects: &mut Vec<Described>) {
     for (key, communication, mapping, cob_id) in DIRECTIONS {
         let (communication, mapping) = (communication.index, mapping.index);
         let wanted: u16 = read::unsigned(device, key).unwrap_or(0).min(MAX_PDOS);
-        let is_told =
+        let is_described =
             |pdo: &u16| known.contains(&(communication + pdo)) || known.contains(&(mapping + pdo));
-        let told = (0..MAX_PDOS).filter(is_told).count();
-        let missing = usize::from(wanted).saturating_sub(told);
-        for pdo in (0..MAX_PDOS).filter(|pdo| !is_told(pdo)).take(missing) {
+        let described = (0..MAX_PDOS).filter(is_described).count();
+        let missing = usize::from(wanted).saturating_sub(described);
+        for pdo in (0..MAX_PDOS).filter(|pdo| !is_described(pdo)).take(missing) {
             communication_parameter(
                 communication + pdo,
                 mask,
@@ -150,7 +149,7 @@ pub(super) fn pdos(ini: &Ini<'_>, objects: &mut Vec<Described>) {
     }
 }
 
-/// The COB-ID of a PDO in the predefined connection set, which has four; the others are off.
+/// Default COB-ID of a PDO; after the fourth, PDOs are disabled.
 fn default_cob_id(first: u32, pdo: u16) -> Number {
     if pdo < 4 {
         Number { value: i128::from(first) + 0x100 * i128::from(pdo), plus_node_id: true }
@@ -188,7 +187,7 @@ fn mapping_parameter(index: u16, objects: &mut Vec<Described>) {
         Access::ReadWrite,
         0,
     ));
-    for sub in 1..=MOST_ENTRIES {
+    for sub in 1..=MAX_ENTRIES {
         let name = format!("Mapped object {sub}");
         objects.push(plain(Object { index, sub }, &name, UNSIGNED32, Access::ReadWrite, 0));
     }

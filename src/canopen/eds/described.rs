@@ -1,4 +1,4 @@
-//! One object as its maker describes it.
+//! Description of one object.
 
 use crate::NodeId;
 use crate::data_type;
@@ -6,25 +6,25 @@ use crate::eds::value;
 use crate::eds::value::Number;
 use crate::object::Object;
 
-/// Who may do what with an object, over SDO and PDO.
+/// Access to an object by SDO and PDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// Never changes.
+    /// Constant.
     Constant,
-    /// Read.
+    /// Readable.
     ReadOnly,
-    /// Written.
+    /// Writable.
     WriteOnly,
-    /// Both.
+    /// Readable and writable.
     ReadWrite,
-    /// Both; as a process input it may be in a TPDO only.
+    /// Readable and writable; a process input for TPDOs only.
     ReadWriteInput,
-    /// Both; as a process output it may be in an RPDO only.
+    /// Readable and writable; a process output for RPDOs only.
     ReadWriteOutput,
 }
 
 impl Access {
-    /// Reads the word of `AccessType`, in any case, `r` and `w` included; `None` for any other.
+    /// Parses `AccessType`, in any case; also accepts `r` and `w`. `None` for any other word.
     pub(super) fn read(word: &str) -> Option<Self> {
         Some(match word.to_ascii_lowercase().as_str() {
             "const" => Self::Constant,
@@ -37,7 +37,7 @@ impl Access {
         })
     }
 
-    /// The word of `AccessType`.
+    /// Word of `AccessType`.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Constant => "const",
@@ -49,89 +49,89 @@ impl Access {
         }
     }
 
-    /// Whether SDO may read it.
+    /// Returns whether SDO may read it.
     pub const fn is_readable(self) -> bool {
         !matches!(self, Self::WriteOnly)
     }
 
-    /// Whether SDO may write it.
+    /// Returns whether SDO may write it.
     pub const fn is_writable(self) -> bool {
         !matches!(self, Self::Constant | Self::ReadOnly)
     }
 
-    /// Whether it may stand in a TPDO, if it may be mapped at all.
+    /// Returns whether a TPDO may contain it, if it can be mapped.
     pub const fn is_input(self) -> bool {
         !matches!(self, Self::WriteOnly | Self::ReadWriteOutput)
     }
 
-    /// Whether it may stand in an RPDO, if it may be mapped at all.
+    /// Returns whether an RPDO may contain it, if it can be mapped.
     pub const fn is_output(self) -> bool {
         matches!(self, Self::WriteOnly | Self::ReadWrite | Self::ReadWriteOutput)
     }
 }
 
-/// One object as it is described.
+/// Object as the EDS describes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Described {
-    /// Which.
+    /// Object.
     pub object: Object,
-    /// What its maker calls it.
+    /// Name by the manufacturer.
     pub name: String,
-    /// Data type, by its number in CiA 301, 7.4.7.1; zero where the file says nothing that is one.
+    /// Data type, by its number in CiA 301, 7.4.7.1; zero if absent or invalid.
     pub data_type: u16,
-    /// Who may do what with it; what the file does not say nobody may write.
+    /// Access; read-only if absent.
     pub access: Access,
-    /// What it holds after power-up, as it is written.
+    /// Default value, as written.
     pub default: String,
-    /// The same as a number, for types that are whole numbers.
+    /// Default value as a number, for integer types.
     pub number: Option<Number>,
-    /// The lowest value it takes, where the file says one that is a value of its type.
+    /// Low limit, if it is a value of the type.
     pub low: Option<i128>,
-    /// The highest value it takes, likewise.
+    /// High limit, if it is a value of the type.
     pub high: Option<i128>,
-    /// Whether it may be mapped into a PDO.
+    /// Set if it can be mapped into a PDO.
     pub is_mappable: bool,
-    /// `ObjFlags`: bit 0, not to be written when a configuration is loaded; bit 1, not to be read
-    /// when a device is scanned.
+    /// `ObjFlags`: bit 0, not written when a configuration is downloaded; bit 1, not read when a device is
+    /// scanned.
     pub flags: u32,
-    /// What a DCF adds.
+    /// Entries of a DCF.
     pub setting: Setting,
 }
 
-/// What a DCF says of one object, for one device in one system (CiA 306, 5.3).
+/// DCF entries of one object (CiA 306, 5.3).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Setting {
-    /// What it is to hold, as it is written.
+    /// Configured value, as written.
     pub value: Option<String>,
-    /// What this system calls it.
+    /// Name in this system.
     pub denotation: Option<String>,
-    /// Where what it holds is to be left (DOMAIN).
+    /// File for its uploaded content (DOMAIN).
     pub upload_file: Option<String>,
-    /// Where what it is to hold is found (DOMAIN).
+    /// File with its content for download (DOMAIN).
     pub download_file: Option<String>,
-    /// What a configuration tool knows it by.
+    /// Reference of the configuration tool.
     pub reference: Option<String>,
 }
 
 impl Described {
-    /// The bits of its values; `None` for texts, domains and types that are unknown.
+    /// Length of a value in bits; `None` for texts, domains and unknown types.
     pub fn bits(&self) -> Option<u8> {
         data_type::of(self.data_type)?.bits
     }
 
-    /// What it holds after power-up, little-endian: its default, or else zeros, or nothing.
+    /// Value after power-up, little-endian: its default, else zeros or empty.
     pub fn initial(&self, node: NodeId) -> Vec<u8> {
         let written = Some(&self.default).filter(|text| !text.is_empty());
         written.and_then(|text| self.bytes(text, node)).unwrap_or_else(|| {
             match data_type::size(self.data_type) {
                 Some(size) => vec![0; size],
-                // Some describe bytes by words.
+                // Some files describe bytes in words.
                 None => self.default.clone().into_bytes(),
             }
         })
     }
 
-    /// What a DCF wants it to hold, little-endian.
+    /// Configured value of a DCF, little-endian.
     pub fn configured(&self, node: NodeId) -> Option<Vec<u8>> {
         self.bytes(self.setting.value.as_ref()?, node)
     }

@@ -1,5 +1,4 @@
-//! What a file says of the device as a whole: `[DeviceInfo]`, `[DummyUsage]`, and the
-//! `[DeviceComissioning]` of a DCF.
+//! Sections about the device as a whole: `[DeviceInfo]`, `[DummyUsage]`, and `[DeviceComissioning]` of a DCF.
 
 use crate::NodeId;
 use crate::eds::ini::Ini;
@@ -7,28 +6,28 @@ use crate::eds::read;
 use crate::eds::title::Named;
 use crate::eds::title::Title;
 
-/// What a maker says of a device (CiA 306, 4.4). Zero and empty where the file does not say.
+/// Device information (CiA 306, 4.4). Zero or empty if absent.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DeviceInfo {
-    /// Who made it.
+    /// Name of the manufacturer.
     pub vendor_name: String,
     /// Vendor-ID, 1018h:1.
     pub vendor: u32,
-    /// What it is.
+    /// Name of the product.
     pub product_name: String,
     /// Product code, 1018h:2.
     pub product: u32,
     /// Revision number, 1018h:3.
     pub revision: u32,
-    /// Bit rates it can do, in kbit/s.
+    /// Supported bit rates, in kbit/s.
     pub bitrates: Vec<u32>,
-    /// The fewest bits an entry of its mappings may have; 0 where mappings cannot be changed.
+    /// Minimum bits of a mapping entry; 0 if mappings are fixed.
     pub granularity: u8,
-    /// How many RPDOs it has.
+    /// Number of RPDOs.
     pub rpdos: u16,
-    /// How many TPDOs it has.
+    /// Number of TPDOs.
     pub tpdos: u16,
-    /// Whether its node-id can be set by LSS.
+    /// Set if it supports LSS.
     pub has_lss: bool,
 }
 
@@ -56,7 +55,7 @@ pub(super) fn info(ini: &Ini<'_>) -> DeviceInfo {
     }
 }
 
-/// Which data types may stand in an RPDO for bits that nobody takes, a bit each: `[DummyUsage]`.
+/// Data types allowed as dummies in RPDOs, one bit each: `[DummyUsage]`.
 pub(super) fn dummies(ini: &Ini<'_>) -> u8 {
     let Some(section) = ini.section(Title::Named(Named::DummyUsage)) else { return 0 };
     let is_set = |index: &u8| {
@@ -65,22 +64,22 @@ pub(super) fn dummies(ini: &Ini<'_>) -> u8 {
     (1..=7).filter(is_set).fold(0, |dummies, index| dummies | 1 << index)
 }
 
-/// Where a configured device is (CiA 306, 5.2).
+/// Commissioning of a device (CiA 306, 5.2).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Commissioning {
-    /// Its node-id.
+    /// Node-id.
     pub node: Option<NodeId>,
-    /// What this system calls it.
+    /// Name in this system.
     pub node_name: String,
-    /// The bit rate of its network, in kbit/s.
+    /// Bit rate of its network, in kbit/s.
     pub bitrate: Option<u32>,
-    /// The number of its network.
+    /// Number of its network.
     pub network: Option<u32>,
-    /// The name of its network.
+    /// Name of its network.
     pub network_name: String,
-    /// Whether it manages the network.
+    /// Set if it manages the network.
     pub is_manager: bool,
-    /// Its serial number, by which LSS finds it.
+    /// Serial number, for LSS.
     pub serial: Option<u32>,
 }
 

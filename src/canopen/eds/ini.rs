@@ -1,9 +1,8 @@
-//! The lines of an EDS (CiA 306, 4.1): sections of `key=value`, as real files have them.
+//! Lines of an EDS (CiA 306, 4.1): sections of `key=value`, as in real files.
 //!
-//! Knows no object dictionary. Blanks anywhere, names in any case, `;` before a comment. A value is
-//! everything behind the first `=`, quotes and `#` included; where only one word can stand, a `;` ends
-//! it ([`Entry::word`]). Of two sections or keys of the same name the first counts, as it does for the
-//! functions of Windows this format was made for.
+//! Blanks are ignored, names are case-insensitive, `;` starts a comment. A value is everything after the first
+//! `=`; where only one word is valid, a `;` ends it ([`Entry::word`]). Of two sections or keys with one name the
+//! first counts, as in the Windows functions for this format.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -11,51 +10,51 @@ use std::collections::hash_map;
 
 use crate::eds::title::Title;
 
-/// A text in sections.
+/// Parsed sections of a text.
 #[derive(Debug, Default)]
 pub(super) struct Ini<'t> {
     sections: Vec<Section<'t>>,
-    /// Where the first section of each title is.
+    /// Index of the first section of each title.
     places: HashMap<Title<'t>, usize>,
     strays: Vec<Stray>,
 }
 
-/// One section.
+/// Section.
 #[derive(Debug)]
 pub(super) struct Section<'t> {
-    /// What stands in the brackets.
+    /// Text in the brackets.
     pub(super) name: &'t str,
-    /// What that says.
+    /// Parsed title.
     pub(super) title: Title<'t>,
-    /// The line it begins on, from 1.
+    /// First line, from 1.
     pub(super) line: usize,
-    /// Whether no section before it has this title.
+    /// Set if no earlier section has this title.
     pub(super) is_first: bool,
-    /// Its lines.
+    /// Entries, in order.
     pub(super) entries: Vec<Entry<'t>>,
 }
 
-/// One line of a section.
+/// Entry of a section.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry<'t> {
-    /// What stands before the `=`.
+    /// Text before the `=`.
     pub(super) key: &'t str,
-    /// What stands behind it.
+    /// Text after it.
     pub(super) value: &'t str,
-    /// Its line, from 1.
+    /// Line, from 1.
     pub(super) line: usize,
 }
 
-/// A line that is not as it should be.
+/// Invalid line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Stray {
-    /// Its line, from 1.
+    /// Line, from 1.
     pub(super) line: usize,
-    /// What is wrong with it.
+    /// Reason.
     pub(super) oddity: Oddity,
 }
 
-/// What is wrong with a line.
+/// Reason why a line is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Oddity {
     /// Neither a section, an entry nor a comment; skipped.
@@ -66,12 +65,12 @@ pub(super) enum Oddity {
     Hash,
     /// A section without `]`.
     Unclosed,
-    /// Something behind `]` that is no comment; skipped.
+    /// Text after `]` that is not a comment; skipped.
     BehindSection,
 }
 
 impl<'t> Ini<'t> {
-    /// Reads a text whose lines end with `\n`. Any text is one.
+    /// Parses a text whose lines end with `\n`. Any text is accepted.
     pub(super) fn read(text: &'t str) -> Self {
         let mut ini = Self::default();
         for (line, text) in (1..).zip(text.split('\n')) {
@@ -95,7 +94,7 @@ impl<'t> Ini<'t> {
         ini
     }
 
-    /// Begins the section whose `[` was taken off.
+    /// Opens the section whose `[` was removed.
     fn open(&mut self, text: &'t str, line: usize) -> Option<Oddity> {
         let (name, behind) = text.split_once(']').map_or((text, None), |(a, b)| (a, Some(b)));
         let name = trim(name);
@@ -115,52 +114,52 @@ impl<'t> Ini<'t> {
         }
     }
 
-    /// All sections, in their order.
+    /// Sections, in order.
     pub(super) fn sections(&self) -> &[Section<'t>] {
         &self.sections
     }
 
-    /// The first section of each title, in their order.
+    /// First sections of each title, in order.
     pub(super) fn first_sections(&self) -> impl Iterator<Item = &Section<'t>> {
         self.sections.iter().filter(|section| section.is_first)
     }
 
-    /// The first section of that title.
+    /// Returns the first section of a title.
     pub(super) fn section<'s>(&'s self, title: Title<'s>) -> Option<&'s Section<'t>> {
         let places: &HashMap<Title<'s>, usize> = &self.places;
         self.sections.get(*places.get(&title)?)
     }
 
-    /// Every line that is not as it should be.
+    /// Invalid lines.
     pub(super) fn strays(&self) -> &[Stray] {
         &self.strays
     }
 }
 
 impl<'t> Section<'t> {
-    /// The first entry of that name.
+    /// Returns the first entry of a key.
     pub(super) fn entry(&self, key: &str) -> Option<&Entry<'t>> {
         self.entries.iter().find(|entry| entry.key.eq_ignore_ascii_case(key))
     }
 
-    /// The same, if it is not empty.
+    /// Returns the first entry of a key, unless it is empty.
     pub(super) fn value(&self, key: &str) -> Option<&Entry<'t>> {
         self.entry(key).filter(|entry| !entry.word().is_empty())
     }
 
-    /// The bytes of all its values.
+    /// Total size of all values, in bytes.
     pub(super) fn bytes(&self) -> usize {
         self.entries.iter().map(|entry| entry.value.len()).sum()
     }
 
-    /// Its text; empty if there is none.
+    /// Returns the text of a key; empty if absent.
     pub(super) fn text(&self, key: &str) -> &'t str {
         self.entry(key).map_or("", |entry| entry.value)
     }
 }
 
 impl<'t> Entry<'t> {
-    /// The key for comparisons, in lower case.
+    /// Key in lower case, for comparisons.
     pub(super) fn folded(&self) -> Cow<'t, str> {
         if self.key.bytes().any(|byte| byte.is_ascii_uppercase()) {
             Cow::Owned(self.key.to_ascii_lowercase())
@@ -169,13 +168,13 @@ impl<'t> Entry<'t> {
         }
     }
 
-    /// The value without a comment behind it: for everything but names and texts.
+    /// Value without its comment: for everything but names and texts.
     pub(super) fn word(&self) -> &'t str {
         self.value.split_once(';').map_or(self.value, |(word, _)| trim(word))
     }
 }
 
-/// Without the blanks, and the NULs and the end-of-file mark of DOS, at its ends.
+/// Removes blanks, NULs, and the end-of-file mark of DOS.
 fn trim(text: &str) -> &str {
     text.trim_matches(|c: char| c.is_whitespace() || c.is_control() || c == '\u{FEFF}')
 }
@@ -185,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_value_keeps_what_may_belong_to_it() {
+    fn value_keeps_quotes_and_hashes() {
         let ini = Ini::read("[FileInfo]\nA=C:\\new;1 #3\nB = 0x10 ; a comment\nC==\nD=\n");
         let section = &ini.sections()[0];
         assert_eq!(section.text("a"), "C:\\new;1 #3");
@@ -195,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_of_two_counts() {
+    fn first_of_two_entries_counts() {
         let ini = Ini::read("[1000]\nA=1\na=2\n[ 1000 ]\nA=3\n[1000SUB0]\n");
         assert_eq!(ini.section(Title::Object(0x1000)).unwrap().text("A"), "1");
         assert_eq!(
@@ -205,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn odd_lines_are_remembered_and_passed_over() {
+    fn invalid_lines_are_recorded_and_skipped() {
         let ini = Ini::read("a=1\n[1000\nword\n# note\n[1001] x\n[1002] ; y\n\0\u{1A}");
         let found: Vec<_> = ini.strays().iter().map(|stray| (stray.line, stray.oddity)).collect();
         assert_eq!(

@@ -1,4 +1,4 @@
-//! The keys CiA 306 knows, in its order and spelling.
+//! Keys of CiA 306, in its order and spelling.
 
 use crate::eds::title::Named;
 use crate::eds::title::Title;
@@ -78,7 +78,7 @@ const OBJECT: &[&str] = &[
     "ParamRefd",
 ];
 
-/// The known keys of a section; those of a list are numbers behind the first.
+/// Known keys of a section; a list continues with numbers.
 pub(super) const fn of(title: Title<'_>) -> &'static [&'static str] {
     match title {
         Title::Named(Named::FileInfo) => FILE_INFO,
@@ -96,7 +96,7 @@ pub(super) const fn of(title: Title<'_>) -> &'static [&'static str] {
     }
 }
 
-/// Keys whose values are words for people, in which a leading zero or a `;` means nothing.
+/// Returns whether the value of a key is free text, in which leading zeros and `;` have no meaning.
 pub(super) fn is_text(key: &str) -> bool {
     const TEXTS: &[&str] = &[
         "ParameterName",
@@ -115,12 +115,12 @@ pub(super) fn is_text(key: &str) -> bool {
     TEXTS.iter().any(|text| text.eq_ignore_ascii_case(key))
 }
 
-/// A known key of a section in the spelling of CiA 306.
+/// Returns the spelling of CiA 306 for a known key.
 pub(super) fn canonical(title: Title<'_>, key: &str) -> Option<&'static str> {
     place(title, key).and_then(|place| of(title).get(place).copied())
 }
 
-/// Where a key stands in the order of CiA 306; `None` for one that is unknown.
+/// Order of a key in CiA 306; `None` if it is unknown.
 pub(super) fn place(title: Title<'_>, key: &str) -> Option<usize> {
     of(title).iter().position(|known| known.eq_ignore_ascii_case(key))
 }

@@ -1,8 +1,7 @@
-//! Electronic data sheets (CiA 306): what a device's maker says is in its object dictionary.
+//! Electronic data sheets (EDS, CiA 306): the object dictionary of a device as its manufacturer describes it.
 //!
-//! Only what is described, not what a device holds: that is a
-//! [`Dictionary`](crate::dictionary::Dictionary). Reading is as tolerant as real files demand:
-//! what cannot be understood counts as not said, and [`Eds::lint`] tells of it with its line.
+//! A [`Dictionary`](crate::dictionary::Dictionary) holds the values of a device. The parser is as tolerant as
+//! real files require: invalid parts count as absent, and [`Eds::lint`] reports them by line.
 
 mod compact;
 mod described;
@@ -39,30 +38,29 @@ use crate::eds::ini::Ini;
 use crate::eds::text::Text;
 use crate::object::Object;
 
-/// The most bytes, lines and sections a file may have: what an EDS of 2 MiB has, and no more, so that
-/// any file is read in 100 ms.
-const LARGEST: usize = 2 << 20;
-const MOST_LINES: usize = 200_000;
-const MOST_SECTIONS: usize = 60_000;
+/// Maximum size of a file, in bytes, lines and sections, so that any file is read in 100 ms.
+const MAX_BYTES: usize = 2 << 20;
+const MAX_LINES: usize = 200_000;
+const MAX_SECTIONS: usize = 60_000;
 
-/// Why a file is no EDS.
+/// Error of a file that is not an EDS.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum EdsError {
-    /// Too large to be one.
+    /// Too many bytes.
     #[error("larger than 2 MiB")]
     TooLarge,
-    /// More lines than that many bytes of an EDS have.
-    #[error("more than {MOST_LINES} lines")]
+    /// Too many lines.
+    #[error("more than {MAX_LINES} lines")]
     TooManyLines,
-    /// More objects than any device has.
+    /// Too many objects.
     #[error("more objects are described than any device has")]
     TooMany,
-    /// No objects at all.
+    /// No object.
     #[error("no object is described")]
     Empty,
 }
 
-/// A whole data sheet, or the configuration of one device.
+/// EDS of a device type, or DCF of one device.
 #[derive(Clone, Debug)]
 pub struct Eds {
     source: Arc<[u8]>,
@@ -74,20 +72,20 @@ pub struct Eds {
 }
 
 impl Eds {
-    /// Reads a file.
+    /// Parses a file.
     ///
     /// # Errors
-    /// When it is none: without objects, or larger than any. What is read takes 150 MiB at most.
+    /// Returns an error for a file without objects, or one above the limits. Parsing takes at most 150 MiB.
     pub fn parse(bytes: &[u8]) -> Result<Self, EdsError> {
-        if bytes.len() > LARGEST {
+        if bytes.len() > MAX_BYTES {
             return Err(EdsError::TooLarge);
         }
         let text = Text::decode(bytes);
         let count = |wanted| text.text.bytes().filter(|byte| *byte == wanted).count();
-        if count(b'\n') > MOST_LINES {
+        if count(b'\n') > MAX_LINES {
             return Err(EdsError::TooManyLines);
         }
-        if count(b'[') > MOST_SECTIONS {
+        if count(b'[') > MAX_SECTIONS {
             return Err(EdsError::TooMany);
         }
         let ini = Ini::read(&text.text);
@@ -98,75 +96,75 @@ impl Eds {
         Ok(Self { source: bytes.into(), text, device, commissioning, dummies, objects })
     }
 
-    /// The file itself, byte by byte.
+    /// Content of the file.
     pub fn source(&self) -> &[u8] {
         &self.source
     }
 
-    /// Everything that is wrong with the file, by line; at most 1,000 findings.
+    /// Findings in the file by line, at most 1,000 per severity.
     pub fn lint(&self) -> Vec<Finding> {
         lint::lint(self)
     }
 
-    /// The first sign that the file was cut off, or lost a part; `None` for one that is whole.
+    /// First sign of a truncated file; `None` for a complete one.
     pub fn gap(&self) -> Option<Finding> {
         lint::gap(self)
     }
 
-    /// The file written anew: the same description, in the order of CiA 306, without its comments.
+    /// Writes the file again: the same description in the order of CiA 306, without comments.
     pub fn write(&self) -> Vec<u8> {
         self.sheet().write()
     }
 
-    /// Its sections, to be changed.
+    /// Sections of the file, for changes.
     pub fn sheet(&self) -> Sheet<'_> {
         Sheet::of(&Ini::read(&self.text.text))
     }
 
-    /// Vendor-ID, zero if the file does not say.
+    /// Vendor-ID; zero if absent.
     pub fn vendor(&self) -> u32 {
         self.identity(self.device.vendor, Object::VENDOR_ID)
     }
 
-    /// Product code, zero if the file does not say.
+    /// Product code; zero if absent.
     pub fn product(&self) -> u32 {
         self.identity(self.device.product, Object::PRODUCT_CODE)
     }
 
-    /// What `[DeviceInfo]` says, or else the default of the identity object.
-    fn identity(&self, told: u32, object: Object) -> u32 {
+    /// Returns the value of `[DeviceInfo]`, or else the default of the identity object.
+    fn identity(&self, stated: u32, object: Object) -> u32 {
         let default =
             || self.object(object)?.number.and_then(|number| u32::try_from(number.value).ok());
-        if told == 0 { default().unwrap_or(0) } else { told }
+        if stated == 0 { default().unwrap_or(0) } else { stated }
     }
 
-    /// What it says of the device as a whole.
+    /// Content of `[DeviceInfo]`.
     pub const fn device(&self) -> &DeviceInfo {
         &self.device
     }
 
-    /// Where the device is, if this is a DCF.
+    /// Content of `[DeviceComissioning]` in a DCF.
     pub const fn commissioning(&self) -> Option<&Commissioning> {
         self.commissioning.as_ref()
     }
 
-    /// Whether data type `index` (1 to 7) may stand in an RPDO for bits that nobody takes.
+    /// Returns whether data type `index` (1 to 7) may be a dummy in an RPDO.
     pub fn dummy(&self, index: u16) -> bool {
         (1..=7).contains(&index) && self.dummies >> index & 1 == 1
     }
 
-    /// Every object, by index and sub-index.
+    /// Objects by index and sub-index.
     pub fn objects(&self) -> &[Described] {
         &self.objects
     }
 
-    /// One object.
+    /// Returns one object.
     pub fn object(&self, object: Object) -> Option<&Described> {
         let found = self.objects.binary_search_by_key(&object, |described| described.object);
         self.objects.get(found.ok()?)
     }
 
-    /// How long a value of an object is in a PDO, in bits, dummies included.
+    /// Length of an object in a PDO, in bits, dummies included.
     fn bits_in_pdo(&self, object: Object) -> Option<u8> {
         match self.object(object) {
             Some(described) => described.bits(),

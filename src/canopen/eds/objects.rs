@@ -1,4 +1,4 @@
-//! Which objects a file describes: by a section each, or many at once.
+//! Objects of a file: from a section each, or from compact descriptions.
 
 use std::collections::HashSet;
 
@@ -11,15 +11,15 @@ use crate::eds::read::one;
 use crate::eds::title::Title;
 use crate::object::Object;
 
-/// More objects than any device has, and more bytes than their descriptions take: what is told
-/// compactly could be any number.
-const MOST_OBJECTS: usize = 100_000;
-const MOST_COPIED: usize = 32 << 20;
+/// Maximum number of objects, and maximum bytes copied for compact descriptions, which could expand to any
+/// number.
+const MAX_OBJECTS: usize = 100_000;
+const MAX_COPIED: usize = 32 << 20;
 
-/// Every object a file describes, by index and sub-index.
+/// Objects of a file, by index and sub-index.
 ///
 /// # Errors
-/// When there are none or too many.
+/// Returns an error for no objects, or too many.
 pub(super) fn objects(ini: &Ini<'_>) -> Result<Vec<Described>, EdsError> {
     let heads = with_sub_sections(ini);
     let mut objects = Vec::new();
@@ -32,7 +32,7 @@ pub(super) fn objects(ini: &Ini<'_>) -> Result<Vec<Described>, EdsError> {
                 0 => objects.push(one(ini, section, Object { index, sub: 0 })),
                 count => {
                     copied += usize::from(count) * section.bytes();
-                    if copied > MOST_COPIED {
+                    if copied > MAX_COPIED {
                         return Err(EdsError::TooMany);
                     }
                     compact::array(ini, section, index, count, &mut objects);
@@ -45,19 +45,19 @@ pub(super) fn objects(ini: &Ini<'_>) -> Result<Vec<Described>, EdsError> {
             | Title::Links(_)
             | Title::Other(_) => {}
         }
-        enough(&objects)?;
+        check_count(&objects)?;
     }
     compact::pdos(ini, &mut objects);
-    enough(&objects)?;
+    check_count(&objects)?;
     objects.sort_by_key(|described| described.object);
     if objects.is_empty() { Err(EdsError::Empty) } else { Ok(objects) }
 }
 
-fn enough(objects: &[Described]) -> Result<(), EdsError> {
-    if objects.len() > MOST_OBJECTS { Err(EdsError::TooMany) } else { Ok(()) }
+fn check_count(objects: &[Described]) -> Result<(), EdsError> {
+    if objects.len() > MAX_OBJECTS { Err(EdsError::TooMany) } else { Ok(()) }
 }
 
-/// The objects that have sections for their sub-indices.
+/// Objects that have sections for their sub-indices.
 fn with_sub_sections(ini: &Ini<'_>) -> HashSet<u16> {
     let mut heads = HashSet::new();
     for section in ini.first_sections() {

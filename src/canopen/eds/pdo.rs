@@ -1,28 +1,28 @@
-//! What a device's PDOs can be made to do, by its EDS: for whoever plans a bus.
+//! Configurable properties of a device's PDOs by its EDS, for bus planning.
 
 use crate::eds::Eds;
 use crate::layout::Direction;
 use crate::object::Object;
 
-/// What can be set in one PDO.
+/// Configurable properties of one PDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PdoAbility {
-    /// Its identifier can be moved (1400h:1 or 1800h:1 is writable), so it can be shared.
+    /// Its COB-ID is writable (1400h:1 or 1800h:1), so it can be shared.
     pub can_move: bool,
-    /// Its mapping can be changed.
+    /// Its mapping is writable.
     pub can_map: bool,
-    /// How many objects it takes.
-    pub most_entries: u8,
-    /// Its transmission type can be set.
+    /// Maximum number of mapped objects.
+    pub max_entries: u8,
+    /// Its transmission type is writable.
     pub has_transmission: bool,
-    /// Its inhibit time can be set.
+    /// Its inhibit time is writable.
     pub has_inhibit_time: bool,
-    /// Its event timer can be set; that of an RPDO is a deadline.
+    /// Its event timer is writable; that of an RPDO is a timeout.
     pub has_event_timer: bool,
 }
 
 impl Eds {
-    /// What can be set in PDO `number` (1 to 512) of `direction`; `None` if there is no such PDO.
+    /// Properties of PDO `number` (1 to 512) of `direction`; `None` if it does not exist.
     pub fn pdo(&self, direction: Direction, number: u16) -> Option<PdoAbility> {
         if !(1..=512).contains(&number) {
             return None;
@@ -41,15 +41,14 @@ impl Eds {
         Some(PdoAbility {
             can_move: cob_id.access.is_writable(),
             can_map: is_writable(mapping) && is_writable(Object { sub: 1, ..mapping }),
-            most_entries: self.entries(mapping),
+            max_entries: self.entries(mapping),
             has_transmission: of(2),
             has_inhibit_time: of(3),
             has_event_timer: of(5),
         })
     }
 
-    /// How many entries a mapping can have: as many as are described, but no more than its
-    /// sub-index 0 takes.
+    /// Maximum number of mapping entries: those described, limited by the range of sub-index 0.
     fn entries(&self, mapping: Object) -> u8 {
         let described =
             (1..=64).filter(|sub| self.object(Object { sub: *sub, ..mapping }).is_some());
@@ -64,14 +63,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_planner_is_told_what_can_be_set() {
+    fn writable_properties_are_derived() {
         let text = b"[1400sub1]\nDataType=7\nAccessType=ro\n[1600sub0]\nDataType=5\nAccessType=rw\n\
             HighLimit=2\n[1600sub1]\nDataType=7\nAccessType=rw\n[1600sub2]\nDataType=7\n[1600sub3]\nDataType=7\n";
         let eds = Eds::parse(text).unwrap();
         let simple = PdoAbility {
             can_move: false,
             can_map: true,
-            most_entries: 2,
+            max_entries: 2,
             has_transmission: false,
             has_inhibit_time: false,
             has_event_timer: false,
@@ -83,9 +82,9 @@ mod tests {
     }
 
     #[test]
-    fn the_shipped_drive_can_share_an_rpdo() {
+    fn shipped_drive_can_share_an_rpdo() {
         let eds = Eds::parse(include_bytes!("../../../eds/frhc_drive.eds")).unwrap();
         let rpdo = eds.pdo(Direction::Receive, 1).unwrap();
-        assert!(rpdo.can_move && rpdo.can_map && rpdo.has_event_timer && rpdo.most_entries >= 3);
+        assert!(rpdo.can_move && rpdo.can_map && rpdo.has_event_timer && rpdo.max_entries >= 3);
     }
 }

@@ -1,5 +1,5 @@
-//! From sections to objects: what is missing or wrong is taken as CiA 306 or good sense have it, and
-//! left to [`lint`](crate::eds::lint) to tell.
+//! Conversion of sections to objects. Absent or invalid parts get the default of CiA 306 or a plausible one;
+//! [`lint`](crate::eds::lint) reports them.
 
 use crate::data_type;
 use crate::data_type::DOMAIN;
@@ -20,22 +20,22 @@ pub(super) const RECORD_TYPE: i128 = 6;
 pub(super) const ARRAY: i128 = 8;
 pub(super) const RECORD: i128 = 9;
 
-/// Whether a section is the head of an array or record, by its own word.
+/// Returns whether a section is the head of an array or record, by its object type.
 pub(super) fn is_head(section: &Section<'_>) -> bool {
     matches!(integer(section, "ObjectType"), Some(RECORD_TYPE | ARRAY | RECORD))
 }
 
-/// A whole number, if there is one.
+/// Parses a whole number.
 pub(super) fn integer(section: &Section<'_>, key: &str) -> Option<i128> {
     value::whole(section.value(key)?.word()).map(|(value, _)| value)
 }
 
-/// A number from zero, if there is one.
+/// Parses an unsigned number.
 pub(super) fn unsigned<T: TryFrom<i128>>(section: &Section<'_>, key: &str) -> Option<T> {
     T::try_from(integer(section, key)?).ok()
 }
 
-/// The one object a section describes.
+/// Converts the object of a section.
 pub(super) fn one(ini: &Ini<'_>, section: &Section<'_>, object: Object) -> Described {
     let number = data_type(ini, section);
     let data_type = data_type::of(number);
@@ -61,7 +61,7 @@ pub(super) fn one(ini: &Ini<'_>, section: &Section<'_>, object: Object) -> Descr
     }
 }
 
-/// What a DCF adds to a section.
+/// Converts the DCF entries of a section.
 fn setting(section: &Section<'_>, data_type: Option<DataType>) -> Setting {
     let text = |key| section.value(key).map(|entry| entry.value.to_owned());
     Setting {
@@ -73,13 +73,13 @@ fn setting(section: &Section<'_>, data_type: Option<DataType>) -> Setting {
     }
 }
 
-/// A value as it is written: a text with all there is, anything else without the comment behind it.
+/// Returns a value as written: a text in full, any other without its comment.
 pub(super) fn text_of(entry: &Entry<'_>, data_type: Option<DataType>) -> String {
     let is_fixed = data_type.is_some_and(|data_type| data_type.bits.is_some());
     if is_fixed { entry.word() } else { entry.value }.to_owned()
 }
 
-/// Whether a flag says yes.
+/// Returns whether a flag is set.
 pub(super) fn is_set(word: &str) -> bool {
     match value::whole(word) {
         Some((number, _)) => number != 0,
@@ -87,9 +87,9 @@ pub(super) fn is_set(word: &str) -> bool {
     }
 }
 
-/// The data type of a section, by number: what it says, DOMAIN for a domain, else zero. A type
-/// of the file's own counts as the one it is made of, as CANFestival's editor writes them:
-/// `DataType=0xA0`, and the type proper as the default of `[A0sub1]`.
+/// Returns the data type of a section by number: as stated, DOMAIN for a domain, else zero. A type defined in
+/// the file counts as the one it consists of, as CANFestival's editor writes it: `DataType=0xA0`, with the
+/// type itself as the default of `[A0sub1]`.
 fn data_type(ini: &Ini<'_>, section: &Section<'_>) -> u16 {
     let Some(number) = unsigned::<u16>(section, "DataType") else {
         let is_domain = integer(section, "ObjectType") == Some(DOMAIN_OBJECT);

@@ -1,5 +1,5 @@
-//! The sections of an EDS as they can be changed and written (CiA 306): known sections and keys in the
-//! standard's order and spelling, unknown ones behind them, lines ended as on Windows.
+//! Sections of an EDS, to change and write (CiA 306): known sections and keys in the standard's order and spelling,
+//! unknown ones after them, with Windows line ends.
 
 use std::borrow::Cow;
 use std::collections::HashSet;
@@ -13,13 +13,13 @@ use crate::eds::title::Named;
 use crate::eds::title::Title;
 use crate::object::Object;
 
-/// A file in sections.
+/// Sections of a file.
 #[derive(Clone, Debug)]
 pub struct Sheet<'t> {
     sections: Vec<Part<'t>>,
 }
 
-/// One section, by name, and its keys and values.
+/// Section with its entries.
 #[derive(Clone, Debug)]
 struct Part<'t> {
     name: String,
@@ -27,7 +27,7 @@ struct Part<'t> {
 }
 
 impl<'t> Sheet<'t> {
-    /// What of a text counts: the first section of each name, in it the first entry of each key.
+    /// Collects the effective entries: the first section of each name, in it the first entry of each key.
     pub(super) fn of(ini: &Ini<'t>) -> Self {
         Self { sections: ini.first_sections().map(part).collect() }
     }
@@ -37,7 +37,7 @@ impl<'t> Sheet<'t> {
         self.set(Title::Named(Named::FileInfo), key, value);
     }
 
-    /// What a key of `[FileInfo]` says.
+    /// Returns the value of a key of `[FileInfo]`.
     pub fn file_info(&self, key: &str) -> Option<&str> {
         self.get(Title::Named(Named::FileInfo), key)
     }
@@ -47,8 +47,8 @@ impl<'t> Sheet<'t> {
         self.set(Title::Named(Named::Commissioning), key, value);
     }
 
-    /// Sets what an object is to hold, wherever the file describes it; one that only `CompactPDO` tells
-    /// is spelt out first, as `all` describes it.
+    /// Sets the value of an object wherever the file describes it. An object described by `CompactPDO` alone gets
+    /// sections first, from `all`.
     pub fn set_value(&mut self, object: Object, value: &str, all: &[Described]) {
         let Object { index, sub } = object;
         let is_compact = self.get(Title::Object(index), "CompactSubObj").is_some();
@@ -60,7 +60,7 @@ impl<'t> Sheet<'t> {
         } else if has(Title::Object(index)) {
             Title::Object(index)
         } else {
-            self.spell_out(index, all);
+            self.expand_compact_pdo(index, all);
             Title::Sub(index, sub)
         };
         if home != Title::Values(index) {
@@ -73,8 +73,8 @@ impl<'t> Sheet<'t> {
         self.set(home, "NrOfEntries", &count.to_string());
     }
 
-    /// Gives the PDO that `CompactPDO` tells at `index` sections for both its parameters.
-    fn spell_out(&mut self, index: u16, all: &[Described]) {
+    /// Adds sections for both parameters of the PDO that `CompactPDO` describes at `index`.
+    fn expand_compact_pdo(&mut self, index: u16, all: &[Described]) {
         let communication = index & !0x0200;
         for index in [communication, communication | 0x0200] {
             let objects = all.iter().filter(|described| described.object.index == index);
@@ -90,7 +90,7 @@ impl<'t> Sheet<'t> {
         }
     }
 
-    /// Enters an object into its list.
+    /// Adds an object to its list.
     fn list(&mut self, index: u16) {
         let list = Title::Named(Named::list_of(index));
         let listed = self.get(list, "SupportedObjects").and_then(|count| count.parse().ok());
@@ -99,7 +99,7 @@ impl<'t> Sheet<'t> {
         self.set(list, "SupportedObjects", &count);
     }
 
-    /// Adds a section for an object that had none.
+    /// Adds a section for an object without one.
     fn describe(&mut self, described: &Described) {
         let Object { index, sub } = described.object;
         let section = Title::Sub(index, sub);
@@ -121,7 +121,7 @@ impl<'t> Sheet<'t> {
         found.map(|(_, value)| value.as_ref())
     }
 
-    /// Sets a key, in a new section if need be. What would break the line becomes a blank.
+    /// Sets a key, in a new section if needed. Control characters become blanks.
     fn set(&mut self, title: Title<'_>, key: &str, value: &str) {
         let value = value.replace(char::is_control, " ").trim().to_owned();
         let place = self.sections.iter().position(|part| Title::of(&part.name) == title);
@@ -136,7 +136,7 @@ impl<'t> Sheet<'t> {
         }
     }
 
-    /// The file's bytes: ASCII, or Latin-1 where its names demand it.
+    /// Writes the file: ASCII, or Latin-1 where names require it.
     pub fn write(&self) -> Vec<u8> {
         let mut parts: Vec<_> = self.sections.iter().collect();
         parts.sort_by_cached_key(|part| order(Title::of(&part.name)));
@@ -169,7 +169,7 @@ fn part<'t>(section: &Section<'t>) -> Part<'t> {
     Part { name: section.title.to_string(), entries: entries.collect() }
 }
 
-/// Where a section stands: every object behind the list it belongs in, its sub-indices behind it.
+/// Order of a section: objects after their list, sub-indices after their object.
 fn order(title: Title<'_>) -> (Named, u8, u16, u8, u8) {
     let of_object = |index, part, sub| (Named::list_of(index), 1, index, part, sub);
     match title {
@@ -189,7 +189,7 @@ mod tests {
     use crate::eds::Eds;
 
     #[test]
-    fn what_is_written_is_in_order() {
+    fn written_sections_are_in_order() {
         let text = "[Tools]\nx=1\n[2000SUB1]\nDataType=7\nparametername=B\n[2000]\nObjectType=9\n\
             SubNumber=1\nParameterName=A\n[DeviceCommissioning]\nNodeID=3\n[1000]\nDataType=7\n\
             [1000]\nDataType=8\n";

@@ -1,31 +1,31 @@
-//! The characters of an EDS: CiA 306 means ASCII, real files have whatever their editor had.
+//! Character encoding of an EDS: ASCII in CiA 306, any in real files.
 
 use std::sync::Arc;
 
-/// How the bytes of a file were read.
+/// Detected encoding of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
-    /// UTF-8, of which ASCII is a part.
+    /// UTF-8, including ASCII.
     Utf8,
-    /// The same behind a byte order mark.
+    /// UTF-8 with a byte order mark.
     Utf8Marked,
-    /// Latin-1, for want of another reading; the line of the first byte that is no UTF-8.
+    /// Latin-1, as the fallback; with the line of the first byte that is invalid in UTF-8.
     Latin1(usize),
-    /// UTF-16 behind a byte order mark.
+    /// UTF-16 with a byte order mark.
     Utf16,
 }
 
-/// The text of a file, each line ended by `\n`.
+/// Text of a file with lines ending in `\n`.
 #[derive(Clone, Debug)]
 pub(super) struct Text {
-    /// Its characters.
+    /// Characters.
     pub(super) text: Arc<str>,
-    /// How they were found.
+    /// Detected encoding.
     pub(super) encoding: Encoding,
 }
 
 impl Text {
-    /// Reads bytes; any bytes are a text.
+    /// Decodes bytes; any bytes are accepted.
     pub(super) fn decode(bytes: &[u8]) -> Self {
         let (text, encoding) = match bytes {
             [0xEF, 0xBB, 0xBF, rest @ ..] => (utf8_or_latin1(rest).0, Encoding::Utf8Marked),
@@ -33,7 +33,7 @@ impl Text {
             [0xFE, 0xFF, rest @ ..] => (utf16(rest, u16::from_be_bytes), Encoding::Utf16),
             _ => utf8_or_latin1(bytes),
         };
-        // As Windows, Unix and old Macs end their lines.
+        // Line ends of Windows, Unix and old Macs.
         let text =
             if text.contains('\r') { text.replace("\r\n", "\n").replace('\r', "\n") } else { text };
         Self { text: text.into(), encoding }
@@ -51,7 +51,7 @@ fn utf8_or_latin1(bytes: &[u8]) -> (String, Encoding) {
     }
 }
 
-/// Line ends of any kind, each counted once.
+/// Number of line ends of any kind.
 fn line_ends(bytes: &[u8]) -> usize {
     let next = bytes.iter().skip(1).map(Some).chain([None]);
     let ends = bytes.iter().zip(next);
@@ -65,7 +65,7 @@ fn utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> String {
     characters.map(|found| found.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
 }
 
-/// The bytes that [`Text::decode`] reads as `text`: ASCII or Latin-1 where that is unambiguous, else UTF-8.
+/// Encodes a text for [`Text::decode`]: ASCII, or Latin-1 where that is unambiguous, else UTF-8.
 pub(super) fn encode(text: String) -> Vec<u8> {
     if text.is_ascii() {
         return text.into_bytes();
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn every_way_to_write_a_degree_sign_is_read() {
+    fn every_encoding_of_a_degree_sign_is_decoded() {
         for (bytes, encoding) in [
             (&b"\xC2\xB0C"[..], Encoding::Utf8),
             (b"\xEF\xBB\xBF\xC2\xB0C", Encoding::Utf8Marked),
@@ -103,14 +103,14 @@ mod tests {
     }
 
     #[test]
-    fn every_line_end_is_one() {
+    fn every_kind_of_line_end_is_accepted() {
         assert_eq!(read(b"a\r\nb\rc\nd").0, "a\nb\nc\nd");
         assert_eq!(read(b"a\r\nb\rc\n\xB0").1, Encoding::Latin1(4));
     }
 
     proptest! {
         #[test]
-        fn what_is_encoded_is_read_again(text in "\\[[^\\r]*") {
+        fn encoded_texts_decode_to_themselves(text in "\\[[^\\r]*") {
             prop_assert_eq!(read(&encode(text.clone())).0, text);
         }
     }

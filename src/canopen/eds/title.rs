@@ -1,10 +1,10 @@
-//! What the name of a section says: which object, or which of the sections CiA 306 names.
+//! Titles of EDS sections: objects, and the named sections of CiA 306.
 
 use std::fmt;
 
 use crate::object::Object;
 
-/// The name of a section, understood.
+/// Parsed title of a section.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Title<'t> {
     /// One of [`NAMES`].
@@ -13,19 +13,19 @@ pub(super) enum Title<'t> {
     Object(u16),
     /// `[1A00sub1]`: an object with a sub-index.
     Sub(u16, u8),
-    /// `[1A00Name]`: names of what is told compactly.
+    /// `[1A00Name]`: names of compact sub-indices.
     Names(u16),
-    /// `[1A00Value]`: values of the same.
+    /// `[1A00Value]`: values of compact sub-indices.
     Values(u16),
-    /// `[1A00Denotation]`: names of the same, in one system.
+    /// `[1A00Denotation]`: denotations of compact sub-indices.
     Denotations(u16),
-    /// `[1A00ObjectLinks]`: what belongs together.
+    /// `[1A00ObjectLinks]`: links between objects.
     Links(u16),
-    /// Anything else.
+    /// Any other title.
     Other(&'t str),
 }
 
-/// The sections that are no objects, in the order they are written.
+/// Named sections, in the order they are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Named {
     FileInfo,
@@ -38,7 +38,7 @@ pub(super) enum Named {
     Manufacturer,
 }
 
-/// Their names. The missing `m` is the standard's.
+/// Names of the sections. The standard misspells `DeviceComissioning`.
 const NAMES: [(Named, &str); 8] = [
     (Named::FileInfo, "FileInfo"),
     (Named::DeviceInfo, "DeviceInfo"),
@@ -50,19 +50,19 @@ const NAMES: [(Named, &str); 8] = [
     (Named::Manufacturer, "ManufacturerObjects"),
 ];
 
-/// As everybody spells it first.
+/// Common spelling of `DeviceComissioning`.
 const COMMISSIONING: &str = "DeviceCommissioning";
 
 impl Named {
-    /// The three lists of objects.
+    /// Lists of objects.
     pub(super) const LISTS: [Self; 3] = [Self::Mandatory, Self::Optional, Self::Manufacturer];
 
-    /// As CiA 306 spells it.
+    /// Name in CiA 306.
     pub(super) fn name(self) -> &'static str {
         NAMES.into_iter().find(|(named, _)| *named == self).map_or("", |(_, name)| name)
     }
 
-    /// The list an object belongs in (CiA 306, 4.5.2).
+    /// Returns the list of an object (CiA 306, 4.5.2).
     pub(super) fn list_of(index: u16) -> Self {
         const MANDATORY: [u16; 3] =
             [Object::DEVICE_TYPE.index, Object::ERROR_REGISTER.index, Object::VENDOR_ID.index];
@@ -75,7 +75,7 @@ impl Named {
 }
 
 impl<'t> Title<'t> {
-    /// Reads a name.
+    /// Parses a title.
     pub(super) fn of(name: &'t str) -> Self {
         let objects = name.split_at_checked(4).and_then(|(index, rest)| {
             let index = hexadecimal(index)?;
@@ -97,7 +97,7 @@ impl<'t> Title<'t> {
     }
 }
 
-/// As CiA 306 spells it.
+/// Spelling of CiA 306.
 impl fmt::Display for Title<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_name_in_any_case_is_what_it_says() {
+    fn title_is_case_insensitive() {
         for (name, title, written) in [
             ("1a00", Title::Object(0x1A00), "1A00"),
             ("1A00SUB1", Title::Sub(0x1A00, 1), "1A00sub1"),

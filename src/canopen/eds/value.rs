@@ -1,4 +1,4 @@
-//! How an EDS writes values (CiA 306, 4.2): numbers, formulas with the node-id, texts, bytes.
+//! Values in an EDS (CiA 306, 4.2): numbers, formulas with the node-id, texts, bytes.
 
 use thiserror::Error;
 
@@ -6,58 +6,58 @@ use crate::NodeId;
 use crate::data_type::DataType;
 use crate::data_type::Kind;
 
-/// A number, or the node-id plus a number.
+/// Number, optionally plus the node-id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Number {
-    /// The number.
+    /// Number.
     pub value: i128,
-    /// Whether the node-id comes on top.
+    /// Set if the node-id is added.
     pub plus_node_id: bool,
 }
 
 impl Number {
-    /// For one node.
+    /// Resolves the number for one node.
     pub fn resolve(self, node: NodeId) -> i128 {
         let base = if self.plus_node_id { i128::from(node.raw()) } else { 0 };
         self.value.saturating_add(base)
     }
 }
 
-/// Why a text is no value of a type.
+/// Error of a text that is not a value of its type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum NoValue {
-    /// Neither decimal nor hexadecimal nor octal.
+    /// Not a decimal, hexadecimal or octal number.
     #[error("not a number")]
     NotANumber,
-    /// `$NODEID` and something that is no number.
+    /// `$NODEID` with an invalid number.
     #[error("not $NODEID plus a number")]
     NotASum,
-    /// No value of that type.
+    /// Out of range of the type.
     #[error("does not fit {0}")]
     TooLarge(&'static str),
-    /// No floating-point number.
+    /// Not a floating-point number.
     #[error("neither a floating-point number nor its bits in hexadecimal")]
     NotReal,
-    /// Not what a byte string should be written as.
+    /// Not a valid byte string.
     #[error("not bytes in hexadecimal")]
     NotBytes,
-    /// Not in eight bits.
+    /// Not representable in Latin-1.
     #[error("has characters that are not in Latin-1")]
     NotLatin1,
 }
 
-/// How a whole number is written.
+/// Radix of a whole number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Radix {
-    /// `31`, and `08`, which cannot be octal.
+    /// `31`; also `08`, which cannot be octal.
     Decimal,
     /// `0x1F`.
     Hexadecimal,
-    /// `037`, as C has it.
+    /// `037`, as in C.
     Octal,
 }
 
-/// A whole number, with or without a sign.
+/// Parses a whole number, with or without a sign.
 pub(super) fn whole(text: &str) -> Option<(i128, Radix)> {
     let unsigned = text.strip_prefix(['-', '+']).unwrap_or(text);
     let sign = if text.starts_with('-') { -1 } else { 1 };
@@ -72,11 +72,11 @@ pub(super) fn whole(text: &str) -> Option<(i128, Radix)> {
     Some((sign * value, radix))
 }
 
-/// A number of a type of whole numbers, or BOOLEAN. Bits of a negative number count as that number:
-/// `0xFFFF` of INTEGER16 is -1.
+/// Parses a number of an integer type or BOOLEAN. Hexadecimal bits of a negative number are accepted: `0xFFFF`
+/// of INTEGER16 is -1.
 ///
 /// # Errors
-/// When it is none, or no value of that type.
+/// Returns an error for other texts, and for numbers out of range.
 pub fn number(text: &str, data_type: &DataType) -> Result<Number, NoValue> {
     if data_type.kind == Kind::Boolean {
         let is = |word: &str| text.eq_ignore_ascii_case(word);
@@ -99,13 +99,13 @@ pub fn number(text: &str, data_type: &DataType) -> Result<Number, NoValue> {
     }
 }
 
-/// The largest node-id.
+/// Maximum node-id.
 const LAST_NODE_ID: i128 = 127;
 
-/// What stands behind the `$`.
+/// Name of the variable after `$`.
 const VARIABLE: &str = "NODEID";
 
-/// A number, with `$NODEID` before or behind it; whether it was there.
+/// Parses a number, with `$NODEID` before or after it; returns whether it was present.
 fn sum(text: &str) -> Result<(i128, Radix, bool), NoValue> {
     let Some((before, behind)) = text.split_once('$') else {
         let (value, radix) = whole(text).ok_or(NoValue::NotANumber)?;
@@ -127,10 +127,10 @@ fn sum(text: &str) -> Result<(i128, Radix, bool), NoValue> {
     Ok((value, radix, true))
 }
 
-/// The bytes of a value as they are on the wire, at `node`.
+/// Encodes a value for `node`, little-endian.
 ///
 /// # Errors
-/// When the text is no value of that type.
+/// Returns an error if the text is not a value of the type.
 pub(super) fn bytes(text: &str, data_type: &DataType, node: NodeId) -> Result<Vec<u8>, NoValue> {
     let word = text.split_once(';').map_or(text, |(word, _)| word.trim_end());
     match data_type.kind {
@@ -147,7 +147,7 @@ pub(super) fn bytes(text: &str, data_type: &DataType, node: NodeId) -> Result<Ve
     }
 }
 
-/// A floating-point number, or its bits.
+/// Parses a floating-point number or its bits.
 fn real(text: &str, data_type: &DataType) -> Option<Vec<u8>> {
     let bits = match whole(text) {
         Some((bits, Radix::Hexadecimal)) => Some(u64::try_from(bits).ok()?),
@@ -163,7 +163,7 @@ fn real(text: &str, data_type: &DataType) -> Option<Vec<u8>> {
     }
 }
 
-/// Bytes as pairs of digits, with or without blanks between them and `0x` before them.
+/// Parses pairs of hexadecimal digits, with optional blanks and prefix `0x`.
 fn octets(text: &str) -> Option<Vec<u8>> {
     let digits = text.strip_prefix("0x").or(text.strip_prefix("0X")).unwrap_or(text);
     let digits: Vec<u8> = digits.bytes().filter(|byte| !byte.is_ascii_whitespace()).collect();
@@ -173,8 +173,8 @@ fn octets(text: &str) -> Option<Vec<u8>> {
     rest.is_empty().then(|| pairs.iter().map(byte).collect()).flatten()
 }
 
-/// How bytes are written as a value of a type: whole numbers that have a sign in decimal, others in
-/// hexadecimal. `None` where they are no value of it.
+/// Formats bytes as a value of a type: signed numbers in decimal, others in hexadecimal. `None` if they are not
+/// a value of the type.
 pub fn text(bytes: &[u8], data_type: &DataType) -> Option<String> {
     if data_type.bytes().is_some_and(|size| size != bytes.len()) {
         return None;
@@ -195,7 +195,7 @@ pub fn text(bytes: &[u8], data_type: &DataType) -> Option<String> {
     })
 }
 
-/// A finite number in decimal, any other by its bits.
+/// Formats a finite number in decimal, any other by its bits.
 fn real_text(bytes: &[u8]) -> Option<String> {
     let (text, is_finite) = match *bytes {
         [a, b, c, d] => {
@@ -211,18 +211,18 @@ fn real_text(bytes: &[u8]) -> Option<String> {
     Some(if is_finite { text } else { hexadecimal(bytes.iter().rev()) })
 }
 
-/// A number by its digits, the most significant first.
+/// Formats a number in hexadecimal, most significant digit first.
 fn hexadecimal<'b>(bytes: impl Iterator<Item = &'b u8>) -> String {
     bytes.fold("0x".to_owned(), |digits, byte| format!("{digits}{byte:02X}"))
 }
 
-/// A whole number in two's complement of up to 16 bytes, little-endian.
+/// Decodes a two's complement number of up to 16 bytes, little-endian.
 pub fn signed(bytes: &[u8]) -> i128 {
     let is_negative = bytes.last().is_some_and(|high| *high & 0x80 != 0);
     extended(bytes, if is_negative { 0xFF } else { 0 })
 }
 
-/// A whole number from zero of up to 15 bytes, little-endian.
+/// Decodes an unsigned number of up to 15 bytes, little-endian.
 pub fn unsigned(bytes: &[u8]) -> i128 {
     extended(bytes, 0)
 }
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_read_as_real_files_write_them() {
+    fn numbers_of_real_files_are_parsed() {
         for (text, value) in [
             ("0x1F", 31),
             ("0X1f", 31),
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn the_node_id_stands_on_either_side() {
+    fn node_id_is_accepted_on_either_side() {
         for text in
             ["$NODEID+0x180", "0x180+$NODEID", "$nodeid + 384", " 0x180 + $NodeId", "$NODEID+0600"]
         {
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn bits_of_a_negative_number_are_that_number() {
+    fn bits_of_a_negative_number_are_accepted() {
         let value = |text, data_type| number(text, &of(data_type)).map(|number| number.value);
         assert_eq!(value("0xFFFFFFFF", 4), Ok(-1));
         assert_eq!(value("0x8000", 3), Ok(-32_768));
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn every_type_has_its_bytes() {
+    fn every_type_is_encoded() {
         let bytes = |text, data_type| bytes(text, &of(data_type), node());
         assert_eq!(bytes("0x1234 ; why", 6), Ok(vec![0x34, 0x12]));
         assert_eq!(bytes("-2", 0x10), Ok(vec![0xFE, 0xFF, 0xFF]));
@@ -322,7 +322,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_is_read_again(
+        fn formatted_values_parse_to_themselves(
             number in prop::sample::select(vec![1_u16, 2, 3, 4, 5, 6, 7, 8, 0xC, 0x10, 0x11, 0x15, 0x16, 0x1B]),
             content in prop::array::uniform8(any::<u8>()),
         ) {
@@ -336,7 +336,7 @@ mod tests {
         }
 
         #[test]
-        fn any_text_is_a_value_or_none(number in 0_u16..0x20, text in ".*") {
+        fn any_text_is_parsed_or_refused(number in 0_u16..0x20, text in ".*") {
             if let Some(data_type) = data_type::of(number) {
                 bytes(&text, &data_type, node()).ok();
             }

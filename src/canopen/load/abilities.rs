@@ -1,8 +1,8 @@
-//! What a device's data sheet permits of its layout.
+//! Changes of the layout that a drive's EDS permits.
 //!
-//! Torques of several drives in one frame need three things of each drive (CiA 301, 7.4.8): an RPDO
-//! whose COB-ID may be written, room for the whole group in its mapping, and INTEGER16 as a dummy for
-//! the others' slots, which is declared in `[DummyUsage]` (CiA 306).
+//! A shared RPDO needs three abilities of each drive (CiA 301, 7.4.8): a writable COB-ID, a mapping with room
+//! for the whole group, and INTEGER16 dummies for the slots of other drives, declared in `[DummyUsage]`
+//! (CiA 306).
 
 use std::fmt;
 
@@ -11,18 +11,18 @@ use crate::layout::Direction;
 use crate::layout::Group;
 use crate::object::Object;
 
-/// Why a drive cannot listen to a shared RPDO.
+/// Reason why a drive cannot take a shared RPDO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoGroup {
-    /// No dummy for a torque.
+    /// No INTEGER16 dummy.
     Dummy,
-    /// A COB-ID that is what it is.
+    /// The COB-ID is not writable.
     CobId,
-    /// A mapping too short.
+    /// The mapping is too short.
     Mapping,
 }
 
-/// What stands in its data sheet.
+/// Text of the reason.
 impl fmt::Display for NoGroup {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -37,17 +37,17 @@ impl fmt::Display for NoGroup {
     }
 }
 
-/// What a device's data sheet permits.
+/// Changes that a device's EDS permits.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Abilities {
-    /// Everything that keeps it out of a group; empty where it may be in one.
+    /// Reasons against a shared RPDO; empty if it is possible.
     pub no_group: Vec<NoGroup>,
-    /// Whether its emergencies may be moved (1014h).
+    /// Set if the EMCY COB-ID (1014h) is writable.
     pub moves_emergencies: bool,
 }
 
 impl Abilities {
-    /// As `eds` says.
+    /// Derives the abilities from an EDS.
     pub fn of(eds: &Eds) -> Self {
         let rpdo = eds.pdo(Direction::Receive, 1);
         let mut no_group = Vec::new();
@@ -57,7 +57,7 @@ impl Abilities {
         if !rpdo.is_some_and(|rpdo| rpdo.can_move) {
             no_group.push(NoGroup::CobId);
         }
-        if rpdo.is_none_or(|rpdo| usize::from(rpdo.most_entries) < Group::SIZE) {
+        if rpdo.is_none_or(|rpdo| usize::from(rpdo.max_entries) < Group::SIZE) {
             no_group.push(NoGroup::Mapping);
         }
         let emcy = eds.object(Object::EMCY_COB_ID);
@@ -77,13 +77,13 @@ mod tests {
     }
 
     #[test]
-    fn the_shipped_drive_may_share_and_move() {
+    fn shipped_drive_permits_every_change() {
         let all = Abilities { no_group: Vec::new(), moves_emergencies: true };
         assert_eq!(with("", ""), all);
     }
 
     #[test]
-    fn each_thing_missing_keeps_a_drive_out_of_a_group() {
+    fn each_missing_ability_prevents_grouping() {
         assert_eq!(with("Dummy0003=1", "Dummy0003=0").no_group, [NoGroup::Dummy]);
         let cob_id =
             "ParameterName=COB-ID used by RPDO\nObjectType=0x7\nDataType=0x0007\nAccessType=";
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_said() {
+    fn missing_abilities_are_named() {
         let all = [NoGroup::Dummy, NoGroup::CobId, NoGroup::Mapping].map(|why| why.to_string());
         let expected = [
             "its EDS has no dummy mapping for 0003h",

@@ -1,5 +1,4 @@
-//! The same network with something done differently: the layouts and moves that
-//! [`proposals`](crate::load::proposals) weighs, and that one may ask for.
+//! Variants of a network: layouts and changes that [`proposals`](crate::load::proposals) compares.
 
 use std::fmt;
 
@@ -18,29 +17,29 @@ use crate::load::utilisation::BusLoad;
 use crate::plan::ErrorControl;
 use crate::plan::NodePlan;
 
-/// A heartbeat that suffices where a drive also watches its RPDO, in ms.
+/// Heartbeat period of nodes that also monitor their RPDO, in ms.
 const SLOW_HEARTBEAT_MS: u16 = 100;
 
-/// One thing done differently.
+/// Change of a network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// One RPDO and one TPDO a drive, both at every SYNC.
+    /// One RPDO and one TPDO per drive, both cyclic synchronous.
     PerDrive,
-    /// Three drives listen to one torque RPDO; states go on change.
+    /// Three drives share one torque RPDO; states are sent on change.
     Grouped,
-    /// Statusword and controlword go on change, each in a PDO of its own.
+    /// Statusword and controlword are sent on change, in PDOs of their own.
     StatesOnChange,
-    /// Half of a bus's drives move to another one.
+    /// Half of a bus's drives move to a second bus.
     SecondBus,
-    /// SYNC comes every so many µs.
+    /// Another SYNC period, in µs.
     Period(u32),
-    /// Nodes that watch their RPDO, or nothing, send their heartbeat every 100 ms.
+    /// Nodes with an RPDO timer, or without torque, send a heartbeat every 100 ms.
     SlowHeartbeats,
-    /// Emergencies have identifiers behind the cycle's.
+    /// EMCY COB-IDs behind those of the cycle.
     EmergenciesMoved,
 }
 
-/// In words.
+/// Text of the change.
 impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -59,17 +58,16 @@ impl fmt::Display for Change {
     }
 }
 
-/// A drive that cannot do what would help.
+/// Drive that cannot take a shared RPDO.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Obstacle {
-    /// Its name.
+    /// Name of the drive.
     pub drive: String,
-    /// Why it cannot listen to a shared RPDO.
+    /// Reason.
     pub reason: NoGroup,
 }
 
-/// `network` with `changes` done to it, one after the other; `None` where one of them cannot be done or
-/// changes nothing.
+/// Applies `changes` to `network` in order; `None` if one is impossible or has no effect.
 pub fn changed(network: &Network, changes: &[Change]) -> Option<Network> {
     changes.iter().try_fold(network.clone(), |network, change| {
         let done = match change {
@@ -87,7 +85,7 @@ pub fn changed(network: &Network, changes: &[Change]) -> Option<Network> {
     })
 }
 
-/// The drives that keep torques from being grouped.
+/// Drives that prevent a grouping of the torques.
 pub fn obstacles(network: &Network) -> Vec<Obstacle> {
     let drives =
         network.buses.iter().flat_map(|bus| &bus.members).filter(|member| member.plan.is_drive());
@@ -110,18 +108,19 @@ fn on_every_bus(network: &Network, change: fn(&[NodePlan]) -> Vec<NodePlan>) -> 
     changed
 }
 
-/// Every bus that carries too much as two, or every bus where none does: the first half of its drives on
-/// one, everything else on the other.
+/// Splits every overloaded bus, or every bus if none is: the first half of its drives stays, the rest moves.
 fn split(network: &Network) -> Network {
     let loads = network.loads();
     let buses = network.buses.iter().zip(loads);
-    let is_crowded = |(bus, load): &(&Bus, BusLoad)| load.within(bus.load_limit_percent).is_err();
-    let none_is = !buses.clone().any(|bus| is_crowded(&bus));
-    let parts = |bus| if none_is || is_crowded(&bus) { halves(bus.0) } else { vec![bus.0.clone()] };
+    let is_overloaded =
+        |(bus, load): &(&Bus, BusLoad)| load.within(bus.load_limit_percent).is_err();
+    let none_is = !buses.clone().any(|bus| is_overloaded(&bus));
+    let parts =
+        |bus| if none_is || is_overloaded(&bus) { halves(bus.0) } else { vec![bus.0.clone()] };
     Network { buses: buses.flat_map(parts).collect(), ..network.clone() }
 }
 
-/// A bus as two; as it is if one of them would be empty.
+/// Splits a bus in two, unless one part would be empty.
 fn halves(bus: &Bus) -> Vec<Bus> {
     let drives = bus.members.iter().filter(|member| member.plan.is_drive()).count();
     let stay = drives.div_ceil(2);
@@ -148,8 +147,8 @@ fn emergencies_moved(network: &Network) -> Network {
     moved
 }
 
-/// Each drive's RPDO timer guards the torque, so the heartbeat is only for the rest of the node. How many
-/// may be missed stays as it is.
+/// Slows the heartbeats of drives with an RPDO timer, which guards the torque. The number of tolerated losses
+/// stays.
 fn slow_heartbeats(plans: &[NodePlan]) -> Vec<NodePlan> {
     let slow = |plan: &NodePlan| {
         let is_guarded = !plan.is_drive() || rpdo_timer_ms(plan).is_some();
@@ -166,23 +165,23 @@ fn slow_heartbeats(plans: &[NodePlan]) -> Vec<NodePlan> {
     plans.iter().map(slow).collect()
 }
 
-/// How long a drive waits for its first RPDO, if it has such a timer.
+/// RPDO event timer of a drive, if it has one, in ms.
 fn rpdo_timer_ms(plan: &NodePlan) -> Option<u16> {
     let mut rpdos = plan.pdos.iter().filter(|pdo| pdo.direction == Direction::Receive);
     rpdos.find_map(|pdo| pdo.service.as_ref()?.event_timer_ms)
 }
 
-/// The nodes of one bus, each drive with a pair of PDOs of its own.
+/// Plans of one bus with a pair of PDOs per drive.
 fn per_drive(plans: &[NodePlan]) -> Vec<NodePlan> {
     laid_out(plans, |_, node, _, timer| layout::per_drive(node, timer))
 }
 
-/// The nodes of one bus with torques in groups.
+/// Plans of one bus with grouped torques.
 fn grouped(plans: &[NodePlan]) -> Vec<NodePlan> {
     laid_out(plans, |place, node, group, timer| layout::grouped(node, place, group, timer))
 }
 
-/// The nodes of one bus as if they were grouped, every drive being a group of its own.
+/// Plans of one bus with groups of one drive.
 fn states_on_change(plans: &[NodePlan]) -> Vec<NodePlan> {
     laid_out(plans, |place, node, _, timer| {
         let alone = Group { cob_id: layout::rpdo1(node), size: 1, slot: 0 };
@@ -190,8 +189,8 @@ fn states_on_change(plans: &[NodePlan]) -> Vec<NodePlan> {
     })
 }
 
-/// The nodes of one bus, each drive with the PDOs that `pdos` has for its place among them, its node,
-/// its group and its RPDO timer. What is off beside those stays off.
+/// Replaces the PDOs of every drive by those of `pdos`, from its index, node, group and RPDO timer. Other
+/// disabled PDOs stay disabled.
 fn laid_out(
     plans: &[NodePlan],
     pdos: impl Fn(usize, NodeId, Group, Option<u16>) -> Vec<Pdo>,
@@ -229,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drive_that_cannot_share_is_named_and_nothing_is_grouped() {
+    fn unable_drive_is_named_and_prevents_grouping() {
         let mut network = overloaded();
         network.buses[0].members[2].abilities.no_group = vec![NoGroup::Dummy];
         let [obstacle] = &obstacles(&network)[..] else { panic!("one drive cannot") };
@@ -238,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn two_buses_keep_every_node() {
+    fn second_bus_keeps_every_node() {
         let two = changed(&overloaded(), &[Change::SecondBus]).unwrap();
         let sizes: Vec<_> = two.buses.iter().map(|bus| bus.members.len()).collect();
         assert_eq!(sizes, [3, 4], "the switch box goes with the wrist");
@@ -247,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn only_a_bus_that_carries_too_much_is_split() {
+    fn only_an_overloaded_bus_is_split() {
         let mut network = overloaded();
         let quiet =
             Bus { members: network.buses[0].members.split_off(5), ..network.buses[0].clone() };
@@ -260,14 +259,14 @@ mod tests {
     }
 
     #[test]
-    fn a_pair_of_pdos_a_drive_is_where_one_came_from() {
+    fn per_drive_layout_reverts_grouping() {
         let there = changed(&overloaded(), &[Change::Grouped]).unwrap();
         assert_eq!(changed(&there, &[Change::PerDrive]), Some(overloaded()));
         assert_eq!(changed(&overloaded(), &[Change::PerDrive]), None, "nothing to change");
     }
 
     #[test]
-    fn every_slot_of_a_group_is_one_drives_and_a_dummy_for_the_others() {
+    fn group_slot_is_mapped_by_one_drive_and_a_dummy_else() {
         let grouped = changed(&overloaded(), &[Change::Grouped]).unwrap();
         for (place, plan) in plans(&grouped).into_iter().take(6).enumerate() {
             let rpdo = plan.pdos.iter().find(|pdo| pdo.direction == Direction::Receive).unwrap();
@@ -281,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drive_without_an_rpdo_timer_keeps_its_quick_heartbeat() {
+    fn drive_without_rpdo_timer_keeps_its_heartbeat() {
         let mut network = overloaded();
         let pdos = &mut network.buses[0].members[0].plan.pdos;
         pdos.iter_mut().filter_map(|pdo| pdo.service.as_mut()).for_each(|service| {
@@ -295,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn emergencies_move_where_they_may() {
+    fn emergencies_move_where_permitted() {
         let mut network = overloaded();
         network.buses[0].members[0].abilities.moves_emergencies = false;
         let moved = changed(&network, &[Change::EmergenciesMoved]).unwrap();

@@ -1,21 +1,20 @@
-//! How full a bus is, how long every frame may take on it, and what would fit where this does not.
+//! Bus planning: load of each bus, response time of each frame, and alternatives where a plan does not fit.
 //!
-//! Computed from what the nodes are to be told ([`NodePlan`](crate::plan::NodePlan)), before a
-//! frame is sent. One idea a file:
+//! Computed from the node plans ([`NodePlan`](crate::plan::NodePlan)) before any frame is sent.
 //!
-//! | file | what it says |
+//! | file | content |
 //! |---|---|
-//! | [`pace`] | how often a frame comes: by the clock, on a change, by chance |
-//! | [`streams`](mod@streams) | which frames are planned on a bus, one for each COB-ID |
-//! | [`payload`] | how long they typically are, from the values they typically hold |
-//! | [`utilisation`] | how much of the bus they take, and what is left |
-//! | [`response`] | how long each may take from its queue to its end (Davis et al. 2007) |
-//! | [`timeline`] | what happens when in a cycle, and how old a torque is when it acts |
-//! | [`rates`] | the highest SYNC rate all this allows |
-//! | [`network`] | all buses and all of the above for each |
-//! | [`abilities`] | what the drives' data sheets permit |
-//! | [`alternatives`] | the same network with something done differently |
-//! | [`proposals`] | which of those to propose, each computed like the one in use |
+//! | [`pace`] | frequency of a frame: periodic, on change, sporadic |
+//! | [`streams`](mod@streams) | planned frames of a bus, one stream per COB-ID |
+//! | [`payload`] | typical frame lengths, from typical values |
+//! | [`utilisation`] | bus load and margin |
+//! | [`response`] | worst-case response time of each frame (Davis et al. 2007) |
+//! | [`timeline`] | schedule of a cycle, and delay from position to torque |
+//! | [`rates`] | maximum SYNC rate |
+//! | [`network`] | all of the above for all buses |
+//! | [`abilities`] | changes that a drive's EDS permits |
+//! | [`alternatives`] | variants of a network |
+//! | [`proposals`] | variants worth proposing, each computed like the one in use |
 
 pub mod abilities;
 pub mod alternatives;

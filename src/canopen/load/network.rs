@@ -1,4 +1,4 @@
-//! All buses of one master, and everything that can be said of them before a frame is sent.
+//! Plan of a network: all buses of one master, and every figure of each.
 
 use std::time::Duration;
 
@@ -22,58 +22,57 @@ use crate::load::utilisation::Margin;
 use crate::load::utilisation::Utilisation;
 use crate::plan::NodePlan;
 
-/// A node on a bus.
+/// Node on a bus.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Member {
-    /// What it is to be told.
+    /// Plan of the node.
     pub plan: NodePlan,
-    /// What its data sheet permits.
+    /// Changes that its EDS permits.
     pub abilities: Abilities,
-    /// What its values typically are.
+    /// Typical values of its objects.
     pub signals: Signals,
 }
 
-/// A bus and its nodes.
+/// Bus and its nodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bus {
-    /// What people call it.
+    /// Name in the configuration.
     pub name: String,
-    /// In bit/s.
+    /// Bit rate, in bit/s.
     pub bitrate: u32,
-    /// The most its worst case may take, in percent of the bit rate.
+    /// Limit of the worst-case load, in percent of the bit rate.
     pub load_limit_percent: f64,
-    /// Its nodes.
+    /// Nodes on the bus.
     pub members: Vec<Member>,
 }
 
-/// A master and its buses.
+/// Master and its buses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
-    /// From SYNC to SYNC, in µs.
+    /// SYNC period, in µs.
     pub period_us: u32,
-    /// The master's node-id, for its heartbeat.
+    /// Node-id of the master.
     pub master: NodeId,
-    /// How often it sends that, in ms.
+    /// Producer heartbeat time of the master, in ms.
     pub master_heartbeat_ms: u16,
-    /// The buses.
+    /// Buses.
     pub buses: Vec<Bus>,
 }
 
-/// What no configuration says.
+/// Assumptions that no configuration states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Assumptions {
-    /// How long drives and host take.
+    /// Processing times of drives and host.
     pub pauses: Pauses,
-    /// The least time between two emergencies of one node, in µs.
+    /// Minimum time between two emergencies of one node, in µs.
     pub emergency_gap_us: u32,
-    /// The least time between two SDO exchanges, in µs.
+    /// Minimum time between two SDO exchanges, in µs.
     pub sdo_gap_us: u32,
-    /// The least time between two errors on the wire, in µs; `None` for none at all.
+    /// Minimum time between two bit errors, in µs; `None` for an error-free bus.
     pub error_gap_us: Option<u32>,
 }
 
-/// Drives as quick as the simulated ones, a host that takes 60 µs, an emergency of each node every
-/// 100 ms, an SDO exchange every 10 ms, and a wire without errors.
+/// 60 µs for drives and host, one emergency per node and 100 ms, one SDO exchange per 10 ms, no bit errors.
 impl Default for Assumptions {
     fn default() -> Self {
         Self {
@@ -85,19 +84,19 @@ impl Default for Assumptions {
     }
 }
 
-/// A frame, how long it typically is, and how long it may take.
+/// Frame with its typical length and worst-case response time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Planned {
-    /// The frame.
+    /// Frame.
     pub stream: Stream,
-    /// Its typical length, in bits.
+    /// Typical length, in bits.
     pub typical_bits: f64,
-    /// From its queue to its end in the worst case; `None` where there is no bound.
+    /// Worst-case response time, from queueing to its end; `None` if unbounded.
     pub response: Option<Duration>,
 }
 
 impl Planned {
-    /// Whether it may come later than it is waited for.
+    /// Returns whether it may miss its deadline.
     pub fn is_late(&self) -> bool {
         is_late(&self.stream, self.response)
     }
@@ -108,52 +107,52 @@ fn is_late(stream: &Stream, response: Option<Duration>) -> bool {
     deadline.is_some_and(|deadline| response.is_none_or(|response| response > deadline))
 }
 
-/// The worst case and the typical one.
+/// Worst and typical case.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Both<T> {
-    /// Every frame as long as stuffing can make it.
+    /// With maximum bit stuffing.
     pub worst: T,
-    /// Every frame as long as it typically is.
+    /// With typical lengths.
     pub typical: T,
 }
 
-/// Everything that can be said of one bus.
+/// Figures of one bus.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BusPlan {
-    /// What people call it.
+    /// Name in the configuration.
     pub name: String,
-    /// In bit/s.
+    /// Bit rate, in bit/s.
     pub bitrate: u32,
-    /// The most its worst case may take, in percent of the bit rate.
+    /// Limit of the worst-case load, in percent of the bit rate.
     pub load_limit_percent: f64,
-    /// Every frame, the highest priority first.
+    /// Frames by descending priority.
     pub frames: Vec<Planned>,
-    /// How much of it they take.
+    /// Bus load.
     pub utilisation: Utilisation,
-    /// What is left.
+    /// Margin for unplanned traffic.
     pub margin: Margin,
-    /// What happens when in a cycle.
+    /// Schedule of a cycle.
     pub timeline: Both<Timeline>,
-    /// How old a torque is when it acts.
+    /// Delay from position to torque.
     pub loop_delay: Both<LoopDelay>,
-    /// How fast it could go.
+    /// Maximum SYNC rates.
     pub rates: Both<Rates>,
 }
 
 impl BusPlan {
-    /// Whether the load is within its limit.
+    /// Returns whether the load is within its limit.
     pub fn fits(&self) -> bool {
         self.utilisation.worst.within(self.load_limit_percent).is_ok()
     }
 
-    /// Whether a cycle is done before the next SYNC in the worst case.
+    /// Returns whether a worst-case cycle ends before the next SYNC.
     pub fn is_done_within(&self, period_us: u32) -> bool {
         self.timeline.worst.done_us <= f64::from(period_us)
     }
 }
 
 impl Network {
-    /// Everything that can be said of every bus.
+    /// Figures of every bus.
     pub fn plan(&self, assumed: &Assumptions) -> Vec<BusPlan> {
         self.buses.iter().map(|bus| self.plan_of(bus, assumed)).collect()
     }
@@ -204,14 +203,13 @@ impl Network {
         }
     }
 
-    /// The worst-case load of each bus.
+    /// Worst-case load of each bus.
     pub fn loads(&self) -> Vec<BusLoad> {
         let load = |bus| BusLoad::of(&self.planned(bus), bus.bitrate, self.period_us);
         self.buses.iter().map(load).collect()
     }
 
-    /// Whether every bus is within its limit and done with a cycle before the next SYNC, in the worst
-    /// case.
+    /// Returns whether every bus is within its load limit, and a worst-case cycle ends before the next SYNC.
     pub fn fits(&self, assumed: &Assumptions) -> bool {
         let loads = self.loads();
         let mut within = self.buses.iter().zip(loads);
@@ -219,7 +217,7 @@ impl Network {
             && self.cycle_us(assumed) <= f64::from(self.period_us)
     }
 
-    /// The highest SYNC rate all buses allow in the worst case, in Hz.
+    /// Maximum SYNC rate of all buses in the worst case, in Hz.
     pub fn highest_hz(&self, assumed: &Assumptions) -> f64 {
         let rate = |bus: &Bus| {
             let timeline = bus.timeline(&self.planned(bus), worst_bits, assumed);
@@ -228,14 +226,14 @@ impl Network {
         self.buses.iter().map(rate).fold(f64::INFINITY, f64::min)
     }
 
-    /// When the slowest bus is done with a cycle in the worst case, in µs.
+    /// Worst-case duration of a cycle on the slowest bus, in µs.
     fn cycle_us(&self, assumed: &Assumptions) -> f64 {
         let timelines =
             self.buses.iter().map(|bus| bus.timeline(&self.planned(bus), worst_bits, assumed));
         timelines.map(|timeline| timeline.done_us).fold(0.0, f64::max)
     }
 
-    /// The longest response of the torques; `None` if one of them has no bound.
+    /// Worst-case response time of the torques; `None` if one is unbounded.
     pub fn torque_response(&self, assumed: &Assumptions) -> Option<Duration> {
         let responses = self.buses.iter().flat_map(|bus| self.responses(bus, assumed));
         let torques = responses
@@ -245,18 +243,18 @@ impl Network {
             .try_fold(Duration::ZERO, |longest, response| Some(longest.max(response?)))
     }
 
-    /// Whether some frame of the cycle may be late.
+    /// Returns whether a cyclic frame may miss its deadline.
     pub fn is_late(&self, assumed: &Assumptions) -> bool {
         let mut responses = self.buses.iter().flat_map(|bus| self.responses(bus, assumed));
         responses.any(|(stream, response)| stream.is_cyclic() && is_late(&stream, response))
     }
 
-    /// The frames planned on `bus`.
+    /// Planned frames of `bus`.
     fn planned(&self, bus: &Bus) -> Vec<Stream> {
         streams(bus.plans(), self.period_us, self.master, self.master_heartbeat_ms)
     }
 
-    /// Every frame of `bus` and its longest response, the highest priority first.
+    /// Frames of `bus` with their worst-case response times, by descending priority.
     fn responses(&self, bus: &Bus, assumed: &Assumptions) -> Vec<(Stream, Option<Duration>)> {
         let mut all = self.planned(bus);
         all.extend(bus.by_chance(assumed));
@@ -282,7 +280,7 @@ impl Bus {
         by_chance(self.plans(), assumed.emergency_gap_us, assumed.sdo_gap_us)
     }
 
-    /// The cycle of what is `planned`, each frame as many bits as `length` says.
+    /// Schedule of the `planned` frames, with `length` in bits.
     fn timeline(
         &self,
         planned: &[Stream],
@@ -298,7 +296,7 @@ impl Bus {
     }
 }
 
-/// As it takes part in arbitration: a synchronous TPDO is queued when its drive has sampled.
+/// Converts a frame for the response time analysis. A synchronous TPDO is queued after its drive has sampled.
 fn contender(stream: &Stream, assumed: &Assumptions) -> Contender {
     let is_sampled = stream.syncs.is_some() && matches!(stream.role, Role::Tpdo(_));
     Contender {
@@ -327,7 +325,7 @@ pub(crate) mod tests {
     use crate::load::streams::tests::master;
     use crate::testing::plans::switch_box;
 
-    /// One bus of `plans` at 1 Mbit/s with a limit of 90 %, whose drives permit everything.
+    /// Bus of `plans` at 1 Mbit/s with a limit of 90 %, whose drives permit every change.
     pub(crate) fn network(plans: Vec<NodePlan>, period_us: u32) -> Network {
         let member = |plan| Member {
             plan,
@@ -350,7 +348,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn one_bus_per_drive_is_too_little_at_1_khz_and_enough_at_500_hz() {
+    fn six_drives_on_one_bus_fit_at_500_hz_only() {
         let assumed = Assumptions::default();
         let fast = network(six_drives_and_switches(), 1_000);
         assert!(!fast.fits(&assumed) && !fast.plan(&assumed)[0].fits());
@@ -359,7 +357,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn grouped_torques_fit_at_1_khz_and_every_frame_has_a_bound() {
+    fn grouped_torques_fit_at_1_khz_with_bounded_responses() {
         let assumed = Assumptions::default();
         let network = network(grouped(), 1_000);
         assert!(network.fits(&assumed));
@@ -373,7 +371,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn emergencies_in_front_make_torques_late() {
+    fn emergencies_of_higher_priority_delay_torques() {
         let pauses = Pauses { drive_us: 100, host_us: 60 };
         let assumed = Assumptions { pauses, ..Assumptions::default() };
         let drives = grouped().into_iter().filter(|plan| plan.profile == 402).collect();
@@ -383,12 +381,12 @@ pub(crate) mod tests {
             member.plan.emcy_cob_id = 0x680 + u16::from(member.plan.node.raw());
         }
         let after = network.torque_response(&assumed).unwrap();
-        // As an independent program has it.
+        // From an independent program.
         assert_eq!([before.as_micros(), after.as_micros()], [4_760, 990]);
     }
 
     #[test]
-    fn the_ways_to_plan_agree() {
+    fn figures_of_all_methods_agree() {
         let assumed = Assumptions::default();
         for plans in [grouped(), six_drives_and_switches()] {
             let network = network(plans, 1_000);
@@ -405,7 +403,7 @@ pub(crate) mod tests {
         #![proptest_config(ProptestConfig::with_cases(48))]
 
         #[test]
-        fn absurd_figures_are_borne(
+        fn absurd_figures_never_panic(
             period_us in any::<u32>(),
             bitrate in prop_oneof![Just(0_u32), Just(10_000), any::<u32>()],
             heartbeat_ms in any::<u16>(),

@@ -1,59 +1,58 @@
-//! How often a frame comes.
+//! Frequency of a frame.
 //!
-//! Three figures, for three questions. *Planned*: what recurs by the clock (SYNC, event timers,
-//! heartbeats); the load limit is for this, and leaves the rest of the bus to changes and chance.
-//! *Busiest*: measured values, which may never stand still, as often as the inhibit time lets them. And
-//! in a *window*: no more frames than so many, which response times are made of.
+//! Three figures answer three questions. *Planned* counts periodic frames (SYNC, event timers, heartbeats), which
+//! the load limit applies to. *Busiest* adds measured values at their inhibit time. The maximum count in a
+//! *window* serves the response time analysis.
 
-/// The share of time in which a joint moves and its measured values change.
+/// Share of time in which a joint moves and its measured values change.
 pub const MOVING: f64 = 0.25;
 
-/// The most changes in a row beyond what the event timer brings: as many as a drive's way from fault to
-/// operation enabled has (CiA 402: fault reset, shutdown, switch on, enable operation).
+/// Maximum burst beyond the event timer: the transitions of a drive from fault to operation enabled (CiA 402:
+/// fault reset, shutdown, switch on, enable operation).
 const BURST: u64 = 4;
 
-/// Microseconds in a second.
+/// Microseconds per second.
 const SECOND_US: u32 = 1_000_000;
 
-/// Nanoseconds in a microsecond.
+/// Nanoseconds per microsecond.
 const MICRO: u64 = 1_000;
 
-/// How often a frame comes. Times are in µs; zero is taken as 1.
+/// Frequency of a frame. Times are in µs; zero counts as 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// By the clock.
+    /// Periodic.
     Clock {
-        /// From one to the next.
+        /// Period.
         period_us: u32,
     },
-    /// When something has changed.
+    /// On change.
     Change {
-        /// The least time between two: the inhibit time.
+        /// Inhibit time: minimum time between two frames.
         gap_us: u32,
-        /// The longest time between two: the event timer.
+        /// Event timer: maximum time between two frames.
         timer_us: Option<u32>,
-        /// What changes.
+        /// Kind of values.
         values: Values,
     },
-    /// By chance: an emergency, a transfer somebody asks for. Not planned.
+    /// Sporadic: an emergency, or a requested transfer. Not planned.
     Chance {
-        /// The least time between two, as assumed.
+        /// Assumed minimum time between two frames.
         gap_us: u32,
     },
 }
 
-/// What makes a frame change.
+/// Kind of values in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Values {
-    /// States and switches: a change now and then, and at most four in a row.
+    /// States and switches: rare changes, at most four in a row.
     Rare,
-    /// Measured values: new whenever one looks.
+    /// Measured values: different at every sample.
     Restless,
 }
 
 impl Pace {
-    /// Frames in a second that are planned: those the clock sends. What measured values without an
-    /// event timer send, nothing but the inhibit time says.
+    /// Planned frames per second: periodic ones. Measured values without an event timer count at their inhibit
+    /// time.
     pub fn planned_per_s(self) -> f64 {
         match self {
             Self::Clock { period_us } => per_s(period_us),
@@ -65,13 +64,13 @@ impl Pace {
         }
     }
 
-    /// Frames in a second while the arm is used and nobody touches a switch.
+    /// Frames per second while the arm is used and no switch is pressed.
     pub fn typical_per_s(self) -> f64 {
         let at_rest = self.planned_per_s();
         at_rest + MOVING * (self.busiest_per_s() - at_rest)
     }
 
-    /// Frames in a second while everything that is measured changes all the time.
+    /// Frames per second while all measured values change permanently.
     pub fn busiest_per_s(self) -> f64 {
         match self {
             Self::Change { gap_us, values: Values::Restless, .. } => per_s(gap_us),
@@ -79,7 +78,7 @@ impl Pace {
         }
     }
 
-    /// Frames in a second as long as that may go on, chance included.
+    /// Maximum sustained frames per second, sporadic ones included.
     pub fn sustained_per_s(self) -> f64 {
         match self {
             Self::Clock { period_us: gap_us }
@@ -91,17 +90,16 @@ impl Pace {
         }
     }
 
-    /// The most frames queued in any half-open window of `window_ns`, when each may be queued up to
-    /// `jitter_ns` late: the smaller of ⌈(t + J) / T⌉ and, for rare changes, a burst of four more than the
-    /// timer brings.
-    pub fn most_in(self, window_ns: u64, jitter_ns: u64) -> u64 {
+    /// Maximum number of frames queued in a half-open window of `window_ns`, each up to `jitter_ns` late: the
+    /// smaller of ⌈(t + J) / T⌉ and, for rare changes, the event timer's count plus a burst of four.
+    pub fn max_in(self, window_ns: u64, jitter_ns: u64) -> u64 {
         let span = window_ns.saturating_add(jitter_ns);
         let (gap, burst) = self.buckets();
         let by_gap = span.div_ceil(gap);
         burst.map_or(by_gap, |timer| by_gap.min(BURST.saturating_add(span.div_ceil(timer))))
     }
 
-    /// When, in ns after the first, frame number `instance` can be due at the earliest; the first is 0.
+    /// Earliest release of frame `instance`, in ns after frame 0.
     pub fn earliest(self, instance: u64) -> u64 {
         let (gap, burst) = self.buckets();
         let by_gap = instance.saturating_mul(gap);
@@ -110,7 +108,7 @@ impl Pace {
         })
     }
 
-    /// The least gap in ns, and where changes are rare, the time in ns after which a burst has one more.
+    /// Minimum gap in ns, and for rare changes the time in ns after which a burst gains one frame.
     fn buckets(self) -> (u64, Option<u64>) {
         match self {
             Self::Clock { period_us: gap_us }
@@ -153,23 +151,23 @@ mod tests {
     }
 
     #[test]
-    fn measured_values_come_as_often_as_they_may_while_they_change() {
+    fn changing_measured_values_come_at_their_inhibit_time() {
         assert_eq!(TORQUE.typical_per_s().to_string(), "40");
         assert_eq!(TORQUE.busiest_per_s().to_string(), "100");
         assert_eq!(SWITCH.busiest_per_s().to_string(), "200");
     }
 
     #[test]
-    fn chance_is_not_planned_but_counts_in_a_window() {
+    fn sporadic_frames_are_not_planned_but_count_in_a_window() {
         let emergency = Pace::Chance { gap_us: 100_000 };
         assert_eq!(emergency.planned_per_s().to_string(), "0");
-        assert_eq!(emergency.most_in(1, 0), 1);
+        assert_eq!(emergency.max_in(1, 0), 1);
     }
 
     #[test]
-    fn a_burst_ends() {
-        // Five at 1 ms each, then as the timer says.
-        let ms = |ms: u64| SWITCH.most_in(ms * 1_000_000, 0);
+    fn burst_is_limited() {
+        // Five frames at 1 ms each, then at the event timer.
+        let ms = |ms: u64| SWITCH.max_in(ms * 1_000_000, 0);
         assert_eq!([ms(1), ms(3), ms(5), ms(6), ms(10), ms(11)], [1, 3, 5, 6, 6, 7]);
         assert_eq!(SWITCH.earliest(4), 4_000_000);
         assert_eq!(SWITCH.earliest(6), 10_000_000);
@@ -191,20 +189,20 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_frame_is_due_when_the_window_has_room_for_it(pace in pace(), instance in 0_u64..500) {
+        fn frame_is_due_when_the_window_admits_it(pace in pace(), instance in 0_u64..500) {
             let due = pace.earliest(instance);
-            prop_assert!(pace.most_in(due, 0) <= instance);
-            prop_assert!(pace.most_in(due + 1, 0) > instance);
+            prop_assert!(pace.max_in(due, 0) <= instance);
+            prop_assert!(pace.max_in(due + 1, 0) > instance);
         }
 
         #[test]
-        fn a_longer_window_holds_no_fewer(pace in pace(), window in any::<u32>(), more in any::<u32>()) {
+        fn longer_window_holds_no_fewer(pace in pace(), window in any::<u32>(), more in any::<u32>()) {
             let window = u64::from(window);
-            prop_assert!(pace.most_in(window, 0) <= pace.most_in(window, u64::from(more)));
+            prop_assert!(pace.max_in(window, 0) <= pace.max_in(window, u64::from(more)));
         }
 
         #[test]
-        fn what_is_planned_can_be_sustained(pace in pace()) {
+        fn planned_rate_is_sustainable(pace in pace()) {
             prop_assert!(pace.planned_per_s() <= pace.busiest_per_s());
             prop_assert!(pace.busiest_per_s() <= pace.sustained_per_s());
         }

@@ -1,9 +1,8 @@
-//! How long frames typically are: the mean exact length, stuff bits and CRC included, over the values
-//! they typically hold.
+//! Typical frame lengths: mean exact length, with stuff bits and CRC, over typical values.
 //!
-//! How much is stuffed depends on the values: small positive numbers are long runs of zero bits. So a
-//! drive is taken as it is used: three quarters of the time a joint rests at home, else it moves about
-//! there, with torques about those that hold the arm. The sample is drawn by a fixed sequence: the same plan, the same figure.
+//! Stuffing depends on the values: small positive numbers are long runs of zero bits. A joint rests at home for
+//! three quarters of the time and else moves about there, with torques around those that hold the arm. The
+//! samples come from a fixed sequence, so a plan always gives the same figures.
 
 use canopen_rs::NodeId;
 
@@ -16,91 +15,91 @@ use crate::load::streams::Slot;
 use crate::load::streams::Stream;
 use crate::object::Object;
 
-/// Frames that are drawn for a mean.
+/// Number of sampled frames per mean.
 const SAMPLES: u32 = 512;
 
-/// The statusword of a drive that follows: operation enabled, voltage on, remote (CiA 402).
+/// Statusword of an enabled drive: operation enabled, voltage on, remote (CiA 402).
 const STATUS: i64 = 0x1237;
 
-/// A heartbeat's state: operational (CiA 301, 7.2.8.3.2.2).
+/// Heartbeat in operational (CiA 301, 7.2.8.3.2.2).
 const OPERATIONAL: u8 = 5;
 
-/// The deadman held: contact A closed, B, its opposite, open.
+/// Digital inputs with the deadman held: contact A closed, the antivalent contact B open.
 const INPUTS: i64 = 0b0001;
 
-/// What a drive's measured and commanded values typically are, in the drive's own units.
+/// Typical values of a drive, in its own units.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Signals {
-    /// Counts (6064h) at home.
+    /// Position actual value (6064h) at home, in counts.
     pub home: i32,
-    /// How far it moves from there, in counts, to either side.
+    /// Maximum distance from home, in counts.
     pub travel: u32,
-    /// The torque (6071h, 6077h) that holds the arm at home, in per mille of rated torque.
+    /// Torque (6071h, 6077h) that holds the arm at home, in per mille of rated torque.
     pub holding: i16,
-    /// How far torques go from there, to either side.
+    /// Maximum deviation from that torque.
     pub effort: u16,
 }
 
-/// What is known of each node's values.
+/// Typical values by node.
 pub type Known<'a> = &'a dyn Fn(NodeId) -> Signals;
 
-/// The typical length of a frame, in bits.
+/// Typical length of a frame, in bits.
 pub fn typical_bits(stream: &Stream, known: Known<'_>) -> f64 {
-    let mut drawn = Drawn::new(stream.cob_id);
+    let mut random = Random::new(stream.cob_id);
     let mut sum = 0;
     for place in 0..SAMPLES {
-        drawn.is_at_rest = f64::from(place) >= MOVING * f64::from(SAMPLES);
-        let bytes = content(stream, known, &mut drawn);
+        random.is_at_rest = f64::from(place) >= MOVING * f64::from(SAMPLES);
+        let bytes = content(stream, known, &mut random);
         sum += Frame::from_slice(stream.cob_id, &bytes)
             .map_or_else(|| stream.worst_bits(), |frame| bits::exact(&frame));
     }
     f64::from(sum) / f64::from(SAMPLES)
 }
 
-/// One frame's bytes.
-fn content(stream: &Stream, known: Known<'_>, drawn: &mut Drawn) -> Vec<u8> {
+/// Bytes of one sampled frame.
+fn content(stream: &Stream, known: Known<'_>, random: &mut Random) -> Vec<u8> {
     match stream.role {
         Role::Sync => Vec::new(),
         Role::Heartbeat => vec![OPERATIONAL],
         Role::Tpdo(_) | Role::Rpdo(_) => {
             let mut bytes = Vec::new();
             for slot in &stream.slots {
-                let value = value(slot, known, drawn).to_le_bytes();
+                let value = value(slot, known, random).to_le_bytes();
                 let size = usize::from(slot.mapped.bits.div_ceil(8));
                 bytes.extend(value.into_iter().take(size));
             }
             bytes
         }
         Role::Emergency | Role::SdoRequest | Role::SdoResponse => {
-            drawn.next().to_le_bytes().to_vec()
+            random.next().to_le_bytes().to_vec()
         }
     }
 }
 
-/// What stands in a slot.
-fn value(slot: &Slot, known: Known<'_>, drawn: &mut Drawn) -> i64 {
+/// Sampled value of a slot.
+fn value(slot: &Slot, known: Known<'_>, random: &mut Random) -> i64 {
     let signals = known(slot.node);
     match slot.mapped.object {
         Object::STATUSWORD => STATUS,
         Object::CONTROLWORD => i64::from(drive::Controlword::ENABLE_OPERATION.0),
         Object::DIGITAL_INPUTS => INPUTS,
         Object::MODE_DISPLAY => i64::from(drive::CYCLIC_SYNCHRONOUS_TORQUE),
-        Object::POSITION_ACTUAL => drawn.about(signals.home.into(), signals.travel),
+        Object::POSITION_ACTUAL => random.about(signals.home.into(), signals.travel),
         Object::TARGET_TORQUE | Object::TORQUE_ACTUAL => {
-            drawn.about(signals.holding.into(), signals.effort.into())
+            random.about(signals.holding.into(), signals.effort.into())
         }
-        _ => i64::from_le_bytes(drawn.next().to_le_bytes()),
+        _ => i64::from_le_bytes(random.next().to_le_bytes()),
     }
 }
 
-/// A fixed sequence of numbers (a 64-bit xorshift with multiplier, Vigna 2016).
+/// Fixed pseudo-random sequence (64-bit xorshift with multiplier, Vigna 2016).
 #[derive(Clone, Copy, Debug)]
-struct Drawn {
+struct Random {
     state: u64,
     is_at_rest: bool,
 }
 
-impl Drawn {
+impl Random {
     fn new(seed: u16) -> Self {
         Self { state: 0x9E37_79B9_7F4A_7C15 ^ u64::from(seed), is_at_rest: true }
     }
@@ -112,7 +111,7 @@ impl Drawn {
         self.state.wrapping_mul(0x2545_F491_4F6C_DD1D)
     }
 
-    /// `centre` at rest, else a number up to `reach` from there, evenly.
+    /// Returns `centre` at rest, else a uniformly distributed number within `reach` of it.
     fn about(&mut self, centre: i64, reach: u32) -> i64 {
         if self.is_at_rest {
             return centre;
@@ -138,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn what_never_changes_has_its_exact_length() {
+    fn constant_frames_have_their_exact_length() {
         let streams = streams(&drives(1), 1_000, master(), 5);
         let exact = |cob_id, data: &[u8]| {
             let frame = Frame::from_slice(cob_id, data).unwrap();
@@ -154,9 +153,9 @@ mod tests {
     }
 
     #[test]
-    fn a_typical_frame_is_as_long_as_traffic_of_arms_is() {
-        // Means over traffic of a moving arm, measured apart from this program: 8 bytes 119 to 123 bits,
-        // 6 bytes 100, 4 bytes 84.
+    fn typical_lengths_match_measured_traffic() {
+        // Means over traffic of a moving arm, measured independently: 8 bytes 119 to 123 bits, 6 bytes 100, 4 bytes
+        // 84.
         for stream in streams(&drives(6), 1_000, master(), 5) {
             let bits = typical_bits(&stream, &moving);
             match stream.bytes {
@@ -175,7 +174,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn typical_lies_between_the_bounds(
+        fn typical_length_is_within_the_bounds(
             home in any::<i32>(),
             travel in any::<u32>(),
             holding in any::<i16>(),

@@ -1,5 +1,4 @@
-//! What would fit where this does not, and what would be quicker: other layouts of the same network,
-//! each planned like the one in use. Nothing here is a rule of thumb.
+//! Proposals: other layouts of the same network that fit or are faster, each computed like the one in use.
 
 use std::time::Duration;
 
@@ -9,27 +8,27 @@ use crate::load::network::Assumptions;
 use crate::load::network::Network;
 use crate::load::utilisation::BusLoad;
 
-/// SYNC periods people use, in µs: 1 kHz and what divides it evenly, or nearly.
+/// Usual SYNC periods, in µs.
 const PERIODS_US: [u32; 12] =
     [500, 625, 800, 1_000, 1_250, 1_600, 2_000, 2_500, 4_000, 5_000, 10_000, 20_000];
 
-/// A network that differs from the one in use, and what it comes to.
+/// Variant of a network, and its figures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
-    /// What is done differently.
+    /// Changes.
     pub changes: Vec<Change>,
-    /// The worst-case load of each bus.
+    /// Worst-case load of each bus.
     pub loads: Vec<BusLoad>,
-    /// Whether it fits.
+    /// Set if the variant fits.
     pub fits: bool,
-    /// The highest SYNC rate in the worst case, in Hz.
+    /// Maximum SYNC rate in the worst case, in Hz.
     pub highest_hz: f64,
-    /// The longest response of the torques in the worst case; `None` where there is no bound.
+    /// Worst-case response time of the torques; `None` if unbounded.
     pub torque_response: Option<Duration>,
 }
 
-/// What could be done about `network`: where it does not fit, every layout that carries less, whether
-/// it fits or not; where only emergencies make torques late, other identifiers for those.
+/// Proposes changes to `network`: every layout of lower load if it does not fit, else other EMCY COB-IDs if
+/// emergencies delay torques.
 pub fn proposals(network: &Network, assumed: &Assumptions) -> Vec<Proposal> {
     if network.fits(assumed) {
         let moved = proposal_of(network, &[Change::EmergenciesMoved], assumed);
@@ -47,10 +46,10 @@ pub fn proposals(network: &Network, assumed: &Assumptions) -> Vec<Proposal> {
     let slower = slower(network, assumed).map(|period_us| vec![Change::Period(period_us)]);
     let mut found: Vec<Proposal> = Vec::new();
     for changes in tried.into_iter().chain(slower) {
-        // Two big changes only where one is not enough.
+        // Two large changes are proposed only if one is not enough.
         let is_needed = changes.len() == 1 || !found.iter().any(|one| one.fits);
         let proposal = is_needed.then(|| refined(network, &changes, assumed)).flatten();
-        // Slower heartbeats alone are worth a line only if they are enough.
+        // Slower heartbeats alone are proposed only if they are enough.
         let is_worth_it = |one: &Proposal| {
             one.fits || one.highest_hz > now && one.changes != [Change::SlowHeartbeats]
         };
@@ -59,8 +58,8 @@ pub fn proposals(network: &Network, assumed: &Assumptions) -> Vec<Proposal> {
     found
 }
 
-/// `changes`, with slower heartbeats if only these make it fit, and with emergencies moved if torques are
-/// sooner there then.
+/// Adds slower heartbeats to `changes` if the variant fits only with them, and moved emergencies if they shorten
+/// the torque response.
 fn refined(network: &Network, changes: &[Change], assumed: &Assumptions) -> Option<Proposal> {
     let with = |proposal: &Proposal, change| {
         proposal_of(network, &[proposal.changes.as_slice(), &[change]].concat(), assumed)
@@ -88,7 +87,7 @@ fn is_shorter(this: Option<Duration>, that: Option<Duration>) -> bool {
     this.is_some_and(|this| that.is_none_or(|that| this < that))
 }
 
-/// The shortest usual period above the present one at which the network fits.
+/// Shortest usual period, above the present one, at which the network fits.
 fn slower(network: &Network, assumed: &Assumptions) -> Option<u32> {
     let longer = PERIODS_US.into_iter().filter(|period_us| *period_us > network.period_us);
     let fits = |period_us: &u32| {
@@ -113,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_told_what_would() {
+    fn overloaded_network_gets_proposals_that_fit() {
         let percent = |load: &BusLoad| format!("{:.1}", load.percent());
         let found = of(&overloaded());
         let found = found.iter().map(|one| {
@@ -132,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn where_little_is_missing_little_is_proposed() {
+    fn small_overload_gets_small_changes() {
         let grouped = changed(&overloaded(), &[Change::Grouped]).unwrap();
         let found = of(&grouped);
         let expected = [Change::SlowHeartbeats, Change::EmergenciesMoved];
@@ -141,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn drives_that_cannot_share_are_not_grouped() {
+    fn unable_drives_are_not_grouped() {
         let mut network = overloaded();
         network.buses[0].members[2].abilities.no_group = vec![NoGroup::Dummy];
         let found = of(&network);
@@ -150,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fits_is_left_alone_but_for_emergencies_in_front() {
+    fn fitting_network_gets_moved_emergencies_only() {
         let slow = network(six_drives_and_switches(), 2_000);
         let found = of(&slow);
         assert_eq!(found.len(), 1);
@@ -160,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn every_rate_that_is_proposed_fits() {
+    fn every_proposed_rate_fits() {
         for proposal in of(&overloaded()).into_iter().filter(|one| one.fits) {
             let mut network = changed(&overloaded(), &proposal.changes).unwrap();
             let shortest = (1e6 / proposal.highest_hz).ceil();

@@ -1,23 +1,22 @@
-//! The highest SYNC rate a bus allows: within its load limit, and so that a cycle is done before the
-//! next SYNC.
+//! Maximum SYNC rate of a bus: within its load limit, and with each cycle complete before the next SYNC.
 //!
-//! With K bits of frames that SYNC governs and r bit/s of all others, the load at f is K f + r, so the
-//! limit L of a bus of b bit/s is reached at f = (L b - r) / K.
+//! With K bits per cycle governed by SYNC and r bit/s of other frames, the load at rate f is K f + r. The limit L
+//! of a bus of b bit/s is reached at f = (L b - r) / K.
 
 use crate::load::streams::Stream;
 
-/// Rates in Hz; infinite where nothing bounds them.
+/// Rates in Hz; infinite if unbounded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
-    /// Up to here the load is within the limit.
+    /// Maximum rate by the load limit.
     pub load_hz: f64,
-    /// Up to here a cycle is done before the next SYNC.
+    /// Maximum rate by the duration of a cycle.
     pub cycle_hz: f64,
 }
 
 impl Rates {
-    /// The rates of `planned`, at present with a SYNC every `period_us`, on a bus that may carry
-    /// `allowed` bit/s and whose cycle is done after `done_us`. `load` says the bits a second of a stream.
+    /// Computes the rates of `planned`, now with a SYNC every `period_us`, on a bus with `allowed` bit/s and a
+    /// cycle of `done_us`. `load` returns the bit/s of a stream.
     pub fn of(
         planned: &[Stream],
         load: impl Fn(&Stream) -> f64,
@@ -36,7 +35,7 @@ impl Rates {
         }
     }
 
-    /// The lower of the two.
+    /// Lower of the two rates.
     pub const fn highest_hz(&self) -> f64 {
         self.load_hz.min(self.cycle_hz)
     }
@@ -63,9 +62,9 @@ mod tests {
     }
 
     #[test]
-    fn the_whole_wire_carries_what_an_independent_program_says() {
-        // SYNC, six positions of 4 bytes, two shared torques of 6: 1170 Hz. One RPDO of 4 bytes and one
-        // TPDO of 8 a drive: a million through 1435.
+    fn rates_match_an_independent_program() {
+        // SYNC, six positions of 4 bytes, two shared torques of 6: 1170 Hz. One 4-byte RPDO and one 8-byte TPDO per
+        // drive: a million divided by 1435.
         let silent = |plans: Vec<NodePlan>| -> Vec<Stream> {
             let all = streams(&plans, 1_000, master(), 0);
             all.into_iter().filter(Stream::is_cyclic).collect()
@@ -78,20 +77,20 @@ mod tests {
     }
 
     #[test]
-    fn a_cycle_that_takes_longer_is_slower() {
+    fn longer_cycle_lowers_the_rate() {
         let planned = streams(&grouped(), 1_000, master(), 5);
         let rates = Rates::of(&planned, worst, 1_000, 0.9e6, 1_250.0);
         assert_eq!(format!("{:.0} {:.0}", rates.load_hz, rates.highest_hz()), "1001 800");
     }
 
     #[test]
-    fn nothing_planned_has_no_highest_rate() {
+    fn empty_plan_has_an_infinite_rate() {
         assert!(Rates::of(&[], worst, 1_000, 1e6, 0.0).highest_hz().is_infinite());
     }
 
     proptest! {
         #[test]
-        fn at_the_highest_rate_the_load_is_the_limit(
+        fn load_at_the_maximum_rate_is_the_limit(
             count in 1_u8..7,
             period_us in 100_u32..100_000,
             limit in 50.0_f64..100.0,

@@ -1,56 +1,54 @@
-//! The longest time from a frame's queueing to its end, for every frame of a bus: the analysis of
-//! Davis, Burns, Bril and Lukkien, "Controller Area Network (CAN) schedulability analysis: Refuted,
-//! revisited and revised" (Real-Time Systems 35, 2007), which mends Tindell's of 1994.
+//! Worst-case response time of every frame of a bus: Davis, Burns, Bril and Lukkien, "Controller Area Network
+//! (CAN) schedulability analysis: Refuted, revisited and revised" (Real-Time Systems 35, 2007).
 //!
-//! A frame of priority m, of C bits, released late by up to J, waits for at most one frame of lower
-//! priority, B, and for every frame of higher priority. All its instances in the busy period count:
+//! A frame of priority m and C bits, released up to J late, waits for at most one frame of lower priority, B, and
+//! for all frames of higher priority. All its instances in the busy period count:
 //!
 //! ```text
 //! t = B + E(t) + Σ η_k(t) C_k                    over k of m's priority and above: the busy period
-//! w = B + E(w + C) + q C + Σ η_k(w + τ) C_k      over k above m: when instance q begins
-//! R = max J + w - δ(q) + C                       over all q whose release lies in the busy period
+//! w = B + E(w + C) + q C + Σ η_k(w + τ) C_k      over k above m: start of instance q
+//! R = max J + w - δ(q) + C                       over all q released in the busy period
 //! ```
 //!
-//! η_k(t) is the most frames in a window, for a periodic one ⌈(t + J_k) / T_k⌉, δ(q) the earliest
-//! release of instance q, τ one bit, and E(t) what errors cost: every T_err an error frame of at most
-//! 31 bits and the longest frame again.
+//! η_k(t) is the maximum number of frames in a window, ⌈(t + J_k) / T_k⌉ for a periodic one; δ(q) the earliest
+//! release of instance q; τ one bit; E(t) the cost of errors: every T_err an error frame of at most 31 bits and
+//! the longest frame again.
 //!
-//! Not modelled: a station whose driver sends in order of queueing, not of priority. The master keeps to
-//! it by queueing heartbeat and SDO behind the RPDOs of a cycle.
+//! Drivers are assumed to send by priority. The master, whose driver may send in order of queueing, queues
+//! heartbeat and SDO after the RPDOs of a cycle.
 
 use std::time::Duration;
 
 use crate::load::pace::Pace;
 
-/// Bits of an error frame and the recovery from it, at most.
+/// Maximum bits of an error frame with its recovery.
 const ERROR_BITS: u64 = 31;
 
-/// Nanoseconds in a second, and in a microsecond.
+/// Nanoseconds per second, and per microsecond.
 const SECOND: u64 = 1_000_000_000;
 const MICRO: u64 = 1_000;
 
-/// A busy period longer than this is taken for endless, in ns.
+/// Busy period taken as endless, in ns.
 const HORIZON: u64 = 2 * SECOND;
 
-/// Steps towards a fixed point after which none is expected.
-const STEPS: u32 = 200_000;
+/// Maximum iterations towards a fixed point.
+const MAX_STEPS: u32 = 200_000;
 
-/// A frame that takes part in arbitration.
+/// Frame that takes part in arbitration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Contender {
-    /// Its identifier: the lower, the higher its priority.
+    /// Identifier; the lower one has the higher priority.
     pub cob_id: u16,
-    /// How long it is, in bits.
+    /// Length, in bits.
     pub bits: u32,
-    /// How often it comes.
+    /// Frequency.
     pub pace: Pace,
-    /// By how much it may be queued late, in µs.
+    /// Queueing jitter, in µs.
     pub jitter_us: u32,
 }
 
-/// The longest response of each contender, in their order; `None` where there is no bound: the bus
-/// cannot carry it with all that goes before it. `error_gap_us` is the least time between two errors on
-/// the wire, `None` for none at all.
+/// Worst-case response time of each contender, in their order; `None` if unbounded because the bus is
+/// overloaded. `error_gap_us` is the minimum time between two bit errors, `None` for an error-free bus.
 pub fn responses(
     contenders: &[Contender],
     bitrate: u32,
@@ -61,7 +59,7 @@ pub fn responses(
     (0..contenders.len()).map(|place| bound(place).map(Duration::from_nanos)).collect()
 }
 
-/// The frame under analysis and all that may delay it. Times in ns.
+/// Frame under analysis, and the frames that may delay it. Times in ns.
 struct Analysis<'c> {
     frame: &'c Contender,
     length: u64,
@@ -96,14 +94,14 @@ impl<'c> Analysis<'c> {
         })
     }
 
-    /// The longest response.
+    /// Worst-case response time.
     fn bound(&self) -> Option<u64> {
         if self.share() >= 1.0 {
             return None;
         }
-        let mut steps = STEPS;
+        let mut steps = MAX_STEPS;
         let busy = self.busy_period(&mut steps)?;
-        let instances = most(self.frame, busy);
+        let instances = max_instances(self.frame, busy);
         let mut start = self.blocking;
         let mut longest = 0;
         for instance in 0..instances {
@@ -115,7 +113,7 @@ impl<'c> Analysis<'c> {
         Some(longest)
     }
 
-    /// The part of all time that this frame, those above it and errors take.
+    /// Share of bus time for this frame, those above it, and errors.
     fn share(&self) -> f64 {
         let bit_s = Duration::from_nanos(self.bit_ns).as_secs_f64();
         let frames = self.higher.iter().copied().chain([self.frame]);
@@ -127,10 +125,10 @@ impl<'c> Analysis<'c> {
         frames.map(of).sum::<f64>() + errors
     }
 
-    /// How long the bus may be busy with this priority and above, without a pause.
+    /// Maximum uninterrupted busy period of this priority and above.
     fn busy_period(&self, steps: &mut u32) -> Option<u64> {
         fixed_point(self.length, steps, |busy| {
-            let own = most(self.frame, busy).saturating_mul(self.length);
+            let own = max_instances(self.frame, busy).saturating_mul(self.length);
             let others = self.interference(busy);
             self.blocking
                 .saturating_add(self.errors(busy))
@@ -138,7 +136,7 @@ impl<'c> Analysis<'c> {
         })
     }
 
-    /// When `instance` begins at the latest, after the busy period's beginning; not before `from`.
+    /// Latest start of `instance` in the busy period; not before `from`.
     fn start(&self, instance: u64, from: u64, steps: &mut u32) -> Option<u64> {
         let own = instance.saturating_mul(self.length);
         fixed_point(from, steps, |start| {
@@ -148,32 +146,32 @@ impl<'c> Analysis<'c> {
         })
     }
 
-    /// What higher priorities take of a window.
+    /// Time of higher priorities in a window.
     fn interference(&self, window: u64) -> u64 {
         let time = |other: &&Contender| {
-            most(other, window).saturating_mul(u64::from(other.bits) * self.bit_ns)
+            max_instances(other, window).saturating_mul(u64::from(other.bits) * self.bit_ns)
         };
         self.higher.iter().map(time).fold(0, u64::saturating_add)
     }
 
-    /// What errors take of a window.
+    /// Time of errors in a window.
     fn errors(&self, window: u64) -> u64 {
         let each = ERROR_BITS * self.bit_ns + self.retransmitted;
         self.error_gap.map_or(0, |gap| window.div_ceil(gap).saturating_mul(each))
     }
 }
 
-/// The most instances of `contender` in a window.
-fn most(contender: &Contender, window: u64) -> u64 {
-    contender.pace.most_in(window, jitter(contender))
+/// Maximum instances of `contender` in a window.
+fn max_instances(contender: &Contender, window: u64) -> u64 {
+    contender.pace.max_in(window, jitter(contender))
 }
 
 fn jitter(contender: &Contender) -> u64 {
     u64::from(contender.jitter_us) * MICRO
 }
 
-/// Where `next` stays; `None` if that is beyond the horizon or too many steps away. `next` never falls,
-/// and `from` is not above the fixed point.
+/// Fixed point of `next`; `None` beyond the horizon or after too many steps. `next` is monotonic and `from` not
+/// above the fixed point.
 fn fixed_point(from: u64, steps: &mut u32, next: impl Fn(u64) -> u64) -> Option<u64> {
     let mut now = from;
     loop {
@@ -209,8 +207,8 @@ mod tests {
         bounds.into_iter().map(|bound| bound.map(|bound| bound.as_micros())).collect()
     }
 
-    /// SYNC, TPDOs and RPDOs of so many bytes, so many of them, on every SYNC, each TPDO up to 100 µs
-    /// late; of each node an emergency and a heartbeat every 100 ms; an SDO exchange every 10 ms.
+    /// SYNC; TPDOs and RPDOs of the given size and number at every SYNC, TPDOs up to 100 µs late; per node one
+    /// emergency and one heartbeat every 100 ms; one SDO exchange every 10 ms.
     fn layout(
         period_us: u32,
         [tpdo, nodes]: [u16; 2],
@@ -228,9 +226,9 @@ mod tests {
     }
 
     #[test]
-    fn responses_are_those_of_an_independent_program() {
-        // The last RPDO with emergencies at 80h + node and at 680h + node, in µs.
-        // Period, then bytes and number of TPDOs and of RPDOs.
+    fn responses_match_an_independent_program() {
+        // Response of the last RPDO with emergencies at 80h + node and at 680h + node, in µs, by period and by size
+        // and number of TPDOs and RPDOs.
         for (period_us, [tpdo, nodes], [rpdo, rpdos], expected) in [
             (2_000, [6, 6], [2, 6], [3_260, 1_330]),
             (1_250, [4, 6], [2, 6], [6_020, 1_210]),
@@ -249,10 +247,9 @@ mod tests {
     }
 
     #[test]
-    fn the_second_instance_may_be_the_worst() {
-        // The example by which Davis et al. refute the earlier analysis: three frames of 125 bits at
-        // 125 kbit/s, one ms each, with periods of 2.5, 3.5 and 3.5 ms. The third takes 3.5 ms in its
-        // second instance, and only 3.0 ms in its first.
+    fn second_instance_may_be_the_worst() {
+        // Example of Davis et al. against the earlier analysis: three frames of 125 bits at 125 kbit/s, 1 ms each,
+        // with periods of 2.5, 3.5 and 3.5 ms. The third takes 3.5 ms in its second instance, 3.0 ms in its first.
         let frame = |cob_id, period_us| Contender {
             cob_id,
             bits: 125,
@@ -265,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn an_overload_has_no_bound_and_the_frames_above_it_have_one() {
+    fn overload_is_unbounded_and_frames_above_are_bounded() {
         let bounds = micros(&[
             clock(1, 8, 400, 0),
             clock(2, 8, 400, 0),
@@ -276,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_costs_its_frame_and_the_longest_again() {
+    fn error_costs_its_frame_and_the_longest_frame() {
         let frames = [clock(1, 8, 10_000, 0), clock(2, 0, 10_000, 0)];
         let with = responses(&frames, MBIT, Some(100_000));
         let without = responses(&frames, MBIT, None);
@@ -286,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_without_end_leave_no_bound() {
+    fn permanent_errors_leave_no_bound() {
         assert_eq!(responses(&[clock(1, 8, 10_000, 0)], MBIT, Some(100)), [None]);
     }
 
@@ -304,7 +301,7 @@ mod tests {
         ]
     }
 
-    /// Up to a dozen frames of different identifiers.
+    /// Up to a dozen frames with different identifiers.
     fn frames() -> impl Strategy<Value = Vec<Contender>> {
         let frame = (0_u32..=8, pace(), 0_u32..400);
         prop::collection::btree_map(1_u16..0x7FF, frame, 1..12).prop_map(|frames| {
@@ -318,8 +315,8 @@ mod tests {
         })
     }
 
-    /// The longest responses, in µs, of a bus of 1 Mbit/s that is simulated bit by bit's end: every frame
-    /// comes as `released` says, and the lowest waiting identifier goes first, never interrupted.
+    /// Simulates a bus of 1 Mbit/s: frames are queued as `released` states, the lowest identifier wins, without
+    /// interruption. Returns the longest responses, in µs.
     fn simulated(contenders: &[Contender], released: &[Vec<(u64, u64)>]) -> Vec<u64> {
         let mut waiting: Vec<_> = released.iter().map(|times| times.iter().peekable()).collect();
         let mut longest = vec![0; contenders.len()];
@@ -328,7 +325,7 @@ mod tests {
             let queued = |place: usize| waiting[place].clone().next().map(|(_, queued)| *queued);
             let ready = (0..contenders.len()).filter(|place| queued(*place) <= Some(now));
             let mut ready = ready.filter(|place| queued(*place).is_some());
-            // Contenders stand in order of their identifiers.
+            // Contenders are sorted by identifier.
             if let Some(next) = ready.next() {
                 let (due, _) = waiting[next].next().unwrap();
                 now += u64::from(contenders[next].bits);
@@ -341,8 +338,8 @@ mod tests {
         }
     }
 
-    /// When the frames of `contender` are due and queued, in µs, as often as its pace allows from
-    /// `first` on: `late` says how much of its jitter each takes.
+    /// Release and queueing times of `contender` in µs, at its maximum frequency from `first` on; `late` selects the
+    /// jitter of each.
     fn releases(contender: &Contender, first: u64, late: &[u32]) -> Vec<(u64, u64)> {
         let mut queued = 0;
         let release = |(instance, late): (u64, &u32)| {
@@ -389,7 +386,7 @@ mod tests {
         }
 
         #[test]
-        fn the_analysis_ends_whatever_it_is_asked(
+        fn analysis_ends_for_any_input(
             frames in prop::collection::vec((any::<u16>(), 0_u32..200, any::<u32>(), any::<u32>()), 0..8),
             bitrate in prop_oneof![Just(0_u32), Just(10_000), Just(MBIT), any::<u32>()],
             errors in prop::option::of(any::<u32>()),

@@ -1,7 +1,7 @@
-//! Which frames come again and again on one bus: one [`Stream`] for each COB-ID, in order of priority.
+//! Recurring frames of one bus: one [`Stream`] per COB-ID, by priority.
 //!
-//! An RPDO that several drives listen to is one frame. What the master sends on change (a controlword)
-//! and what it sends every cycle (a torque) is told apart by what is mapped.
+//! An RPDO shared by several drives is one frame. Its mapping decides whether the master sends it on change (a
+//! controlword) or in every cycle (a torque).
 
 use canopen_rs::NodeId;
 use canopen_rs::Value;
@@ -19,14 +19,14 @@ use crate::plan::ErrorControl;
 use crate::plan::NodePlan;
 use crate::sync;
 
-/// Objects that change when somebody or something acts; every other one is taken for a measured value.
+/// Objects that change rarely; all others count as measured values.
 const RARE: [Object; 4] =
     [Object::CONTROLWORD, Object::STATUSWORD, Object::MODE_DISPLAY, Object::DIGITAL_INPUTS];
 
 /// Data bytes of an SDO frame and of an emergency.
 const FULL: u32 = 8;
 
-/// What a frame is.
+/// Kind of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// SYNC.
@@ -39,13 +39,13 @@ pub enum Role {
     Heartbeat,
     /// An emergency.
     Emergency,
-    /// What the master asks by SDO.
+    /// SDO request of the master.
     SdoRequest,
-    /// What a node answers.
+    /// SDO response of a node.
     SdoResponse,
 }
 
-/// Who sends a frame.
+/// Sender of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sender {
     /// The master.
@@ -54,40 +54,40 @@ pub enum Sender {
     Node(NodeId),
 }
 
-/// A place in a frame.
+/// Mapped object of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot {
-    /// What stands there; a data type where no drive looks.
+    /// Object; a dummy if no drive takes it.
     pub mapped: Mapped,
-    /// Whose it is.
+    /// Node that sends or takes it.
     pub node: NodeId,
 }
 
-/// A frame that comes again and again.
+/// Recurring frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stream {
-    /// Its identifier.
+    /// COB-ID.
     pub cob_id: u16,
-    /// What it is.
+    /// Kind.
     pub role: Role,
-    /// Who sends it.
+    /// Sender.
     pub sender: Sender,
-    /// The nodes it is from or for; none for SYNC and the master's heartbeat.
+    /// Nodes that send or take it; empty for SYNC and the master's heartbeat.
     pub nodes: Vec<NodeId>,
-    /// Its data bytes.
+    /// Number of data bytes.
     pub bytes: u32,
-    /// How often it comes.
+    /// Frequency.
     pub pace: Pace,
-    /// At every how many SYNCs, if SYNC governs it.
+    /// Transmission at every n-th SYNC, if SYNC governs it.
     pub syncs: Option<u8>,
-    /// What is in it, if it is a PDO.
+    /// Mapped objects of a PDO.
     pub slots: Vec<Slot>,
-    /// When it should be complete, in µs after it was queued; `None` if nobody waits for it.
+    /// Deadline in µs after queueing; `None` without one.
     pub deadline_us: Option<u32>,
 }
 
 impl Stream {
-    /// SYNC, without a counter.
+    /// SYNC without a counter.
     pub const fn sync(period_us: u32) -> Self {
         Self {
             cob_id: sync::COB_ID,
@@ -102,8 +102,7 @@ impl Stream {
         }
     }
 
-    /// The heartbeat of a node, or of the master; `None` if it has none. Whoever waits for it does so
-    /// for `lost_ms` from the last one.
+    /// Heartbeat of a node or the master; `None` if disabled. Its consumer heartbeat time is `lost_ms`.
     pub fn heartbeat(
         node: NodeId,
         sender: Sender,
@@ -128,23 +127,23 @@ impl Stream {
         })
     }
 
-    /// How a node is watched: its heartbeat, or the question of its guard and the answer.
+    /// Error control frames of a node: its heartbeat, or the guarding poll and its answer.
     fn error_control(plan: &NodePlan) -> impl Iterator<Item = Self> {
         let control = plan.error_control;
         let lost_ms = u32::try_from(control.lost_after().as_millis()).unwrap_or(u32::MAX);
         let answer =
             Self::heartbeat(plan.node, Sender::Node(plan.node), control.period_ms(), Some(lost_ms));
-        let is_asked = matches!(control, ErrorControl::Guarding(_));
-        let question = answer.clone().filter(|_| is_asked).map(|answer| Self {
+        let is_guarded = matches!(control, ErrorControl::Guarding(_));
+        let poll = answer.clone().filter(|_| is_guarded).map(|answer| Self {
             sender: Sender::Master,
             bytes: 0,
             deadline_us: None,
             ..answer
         });
-        answer.into_iter().chain(question)
+        answer.into_iter().chain(poll)
     }
 
-    /// A PDO of a node; `None` if it is off.
+    /// PDO of a node; `None` if disabled.
     pub fn pdo(pdo: &Pdo, plan: &NodePlan, sync_period_us: u32) -> Option<Self> {
         let service = pdo.service.as_ref()?;
         let (role, sender) = match pdo.direction {
@@ -174,7 +173,7 @@ impl Stream {
         })
     }
 
-    /// Something of eight bytes that comes by chance.
+    /// Sporadic frame of eight bytes.
     fn chance(cob_id: u16, role: Role, sender: Sender, node: NodeId, gap_us: u32) -> Self {
         Self {
             cob_id,
@@ -189,22 +188,22 @@ impl Stream {
         }
     }
 
-    /// Whether every cycle has it.
+    /// Returns whether every cycle has it.
     pub const fn is_cyclic(&self) -> bool {
         matches!(self.syncs, Some(1))
     }
 
-    /// The least bits it can take.
+    /// Minimum length, in bits.
     pub const fn least_bits(&self) -> u32 {
         bits::unstuffed(self.bytes)
     }
 
-    /// The most bits it can take.
+    /// Maximum length, in bits.
     pub const fn worst_bits(&self) -> u32 {
         bits::worst_case(self.bytes)
     }
 
-    /// The same frame, told for a further node: every drive of a group reads its own slot.
+    /// Merges the same frame of a further node: every drive of a group takes its own slot.
     fn join(&mut self, other: Self) {
         for (slot, theirs) in self.slots.iter_mut().zip(&other.slots) {
             if slot.mapped.object.is_dummy() {
@@ -217,8 +216,8 @@ impl Stream {
     }
 }
 
-/// At every how many SYNCs a PDO comes; `None` if no SYNC governs it. The master sends torques every
-/// cycle, whenever they act.
+/// Number of SYNCs between two frames of a PDO; `None` if SYNC does not govern it. Torques are sent in every
+/// cycle.
 fn syncs(direction: Direction, service: &Service) -> Option<u8> {
     let mut mapped = service.mapping.iter();
     let is_commanded = direction == Direction::Receive
@@ -226,7 +225,7 @@ fn syncs(direction: Direction, service: &Service) -> Option<u8> {
     service.transmission.syncs().or(is_commanded.then_some(1))
 }
 
-/// How often an event-driven PDO comes.
+/// Frequency of an event-driven PDO.
 fn change(direction: Direction, service: &Service, plan: &NodePlan, sync_period_us: u32) -> Pace {
     let is_rare = service.mapping.iter().all(|mapped| RARE.contains(&mapped.object));
     let values = if is_rare { Values::Rare } else { Values::Restless };
@@ -236,7 +235,7 @@ fn change(direction: Direction, service: &Service, plan: &NodePlan, sync_period_
             timer_us: timer_us(service),
             values,
         },
-        // The timer of an RPDO is how long the drive waits, not when the master sends.
+        // The timer of an RPDO is the drive's timeout, not the master's period.
         Direction::Receive => {
             Pace::Change { gap_us: answer_us(plan, sync_period_us), timer_us: None, values }
         }
@@ -251,7 +250,7 @@ fn timer_us(service: &Service) -> Option<u32> {
     service.event_timer_ms.filter(|timer| *timer > 0).map(|timer| u32::from(timer) * 1_000)
 }
 
-/// The least time between two controlwords: the master changes one in answer to a statusword.
+/// Minimum time between two controlwords: the master sends one in response to a statusword.
 fn answer_us(plan: &NodePlan, sync_period_us: u32) -> u32 {
     let services = plan.pdos.iter().filter(|pdo| pdo.direction == Direction::Transmit);
     let mut services = services.filter_map(|pdo| pdo.service.as_ref());
@@ -260,8 +259,7 @@ fn answer_us(plan: &NodePlan, sync_period_us: u32) -> u32 {
     status.and_then(inhibit_us).unwrap_or(sync_period_us).max(sync_period_us)
 }
 
-/// Everything planned on one bus, the highest priority first: SYNC, the master's heartbeat, and what
-/// the nodes of `plans` send and take.
+/// Planned frames of one bus by descending priority: SYNC, the master's heartbeat, and the frames of `plans`.
 pub fn streams<'a>(
     plans: impl IntoIterator<Item = &'a NodePlan>,
     sync_period_us: u32,
@@ -289,20 +287,20 @@ pub fn streams<'a>(
     streams
 }
 
-/// After how long without the master's heartbeat the node stops (1016h:1), in ms.
+/// Consumer heartbeat time of the node for its master (1016h:1), in ms.
 fn master_lost_ms(plan: &NodePlan) -> Option<u32> {
     let value = setting(plan, Object::CONSUMER_HEARTBEAT)?;
     if let Value::Unsigned32(raw) = value { Some(raw & 0xFFFF) } else { None }
 }
 
-/// What a node is to hold in an object that makes it stop by itself or keep time.
+/// Planned value of an object.
 fn setting(plan: &NodePlan, object: Object) -> Option<Value> {
     let mut settings = plan.safety.iter();
     settings.find(|(of, _)| *of == object).map(|(_, value)| *value)
 }
 
-/// What may come by chance on that bus: an emergency of each node every `emergency_gap_us`, and one SDO
-/// exchange every `sdo_gap_us`, with the node of the highest priority.
+/// Sporadic frames of a bus: one emergency per node every `emergency_gap_us`, one SDO exchange every
+/// `sdo_gap_us` with the node of the highest priority.
 pub fn by_chance<'a>(
     plans: impl IntoIterator<Item = &'a NodePlan>,
     emergency_gap_us: u32,
@@ -316,15 +314,15 @@ pub fn by_chance<'a>(
     let mut streams: Vec<Stream> = plans.iter().map(emergency).collect();
     if let Some(node) = plans.iter().map(|plan| plan.node).min_by_key(|node| node.raw()) {
         let [request, response] = [SDO_REQUEST, SDO_RESPONSE].map(|id| id + u16::from(node.raw()));
-        let (ask, answer) = (Role::SdoRequest, Role::SdoResponse);
-        streams.push(Stream::chance(request, ask, Sender::Master, node, sdo_gap_us));
-        streams.push(Stream::chance(response, answer, Sender::Node(node), node, sdo_gap_us));
+        let (request_role, response_role) = (Role::SdoRequest, Role::SdoResponse);
+        streams.push(Stream::chance(request, request_role, Sender::Master, node, sdo_gap_us));
+        streams.push(Stream::chance(response, response_role, Sender::Node(node), node, sdo_gap_us));
     }
     streams.sort_by_key(|stream| stream.cob_id);
     streams
 }
 
-/// COB-ID of a node's SDO request and response, less the node-id (CiA 301, 7.3.5).
+/// Function codes of SDO request and response (CiA 301, 7.3.5).
 const SDO_REQUEST: u16 = 0x600;
 const SDO_RESPONSE: u16 = 0x580;
 
@@ -343,7 +341,7 @@ pub(crate) mod tests {
         node(127)
     }
 
-    /// Drives 1 to `count`, with the per-drive layout.
+    /// Drives 1 to `count` with the per-drive layout.
     pub(crate) fn drives(count: u8) -> Vec<NodePlan> {
         let drive = |raw| {
             let pdos = layout::per_drive(node(raw), Some(5));
@@ -353,7 +351,7 @@ pub(crate) mod tests {
         (1..=count).map(drive).collect()
     }
 
-    /// Six drives in two groups and the switch box, heartbeats every 100 ms.
+    /// Six drives in two groups and the switch box, with heartbeats every 100 ms.
     pub(crate) fn grouped() -> Vec<NodePlan> {
         let nodes: Vec<NodeId> = (1..=6).map(node).collect();
         let group = |(place, plan): (usize, NodePlan)| {
@@ -370,7 +368,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_shared_rpdo_is_one_frame() {
+    fn shared_rpdo_is_one_frame() {
         let streams = streams(&grouped(), 1_000, master(), 5);
         let torques: Vec<_> = streams.iter().filter(|s| s.role == Role::Rpdo(1)).collect();
         assert_eq!(torques.iter().map(|s| s.cob_id).collect::<Vec<_>>(), [0x201, 0x204]);
@@ -383,7 +381,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn streams_stand_in_order_of_priority_and_no_identifier_twice() {
+    fn streams_are_sorted_by_priority_without_duplicates() {
         let mut all = streams(&grouped(), 1_000, master(), 5);
         assert!(all.windows(2).all(|pair| pair[0].cob_id < pair[1].cob_id));
         all.extend(by_chance(&grouped(), 100_000, 10_000));
@@ -392,7 +390,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_controlword_goes_on_change_and_a_torque_every_cycle() {
+    fn controlword_is_sent_on_change_and_torque_every_cycle() {
         let grouped = streams(&grouped(), 1_000, master(), 5);
         let of = |cob_id| grouped.iter().find(|stream| stream.cob_id == cob_id).unwrap().pace;
         let rare = Values::Rare;
@@ -408,7 +406,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_heartbeat_has_what_is_left_until_its_sender_is_lost() {
+    fn heartbeat_deadline_is_the_rest_of_its_timeout() {
         let streams = streams(&drives(1), 1_000, master(), 5);
         let left = |cob_id| streams.iter().find(|s| s.cob_id == cob_id).unwrap().deadline_us;
         assert_eq!(left(0x77F), Some(17_000));
@@ -416,7 +414,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_node_without_a_heartbeat_sends_none() {
+    fn node_without_heartbeat_has_no_stream() {
         assert_eq!(Stream::heartbeat(master(), Sender::Master, 0, None), None);
     }
 }

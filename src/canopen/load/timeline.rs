@@ -1,69 +1,68 @@
-//! What happens when in a cycle, and how old a torque is when it acts.
+//! Schedule of a cycle, and delay from position to torque.
 //!
 //! ```text
 //!  SYNC │ latency │ TPDO … TPDO │ host │ RPDO … RPDO │ free          │ SYNC
 //! ```
 //!
-//! The frames that SYNC governs alone, each right behind the one before: what the cycle takes if nothing
-//! else is on the bus. In front of SYNC, while the drives sample and while the host computes the bus is
-//! idle, and one other frame may begin each time: [`Timeline::blocked_us`] says when the cycle is done
-//! then. What comes on top is in [`response`](crate::load::response).
+//! The schedule holds the frames governed by SYNC, back to back. Before SYNC, while the drives sample, and
+//! while the host computes, one other frame may start: [`Timeline::blocked_us`] includes that. Further delays
+//! are in [`response`](crate::load::response).
 
 use crate::load::streams::Role;
 use crate::load::streams::Stream;
 
-/// Moments in a cycle at which a frame that is not of the cycle may get in front.
+/// Number of moments in a cycle at which another frame may start.
 const OPENINGS: f64 = 3.0;
 
-/// What the wire cannot tell, in µs.
+/// Processing times, in µs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pauses {
-    /// From the end of SYNC until the drives queue their TPDOs.
+    /// Time from the end of SYNC until the drives queue their TPDOs.
     pub drive_us: u32,
-    /// From the last TPDO to the first RPDO: the host wakes, computes and sends.
+    /// Time from the last TPDO to the first RPDO: the host wakes, computes and sends.
     pub host_us: u32,
 }
 
-/// What takes the time.
+/// Stage of a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// SYNC is on the wire.
+    /// Transmission of SYNC.
     Sync,
-    /// The drives sample.
+    /// Sampling by the drives.
     Drives,
-    /// A TPDO of this COB-ID is on the wire.
+    /// Transmission of the TPDO with this COB-ID.
     Tpdo(u16),
-    /// The host computes.
+    /// Computation by the host.
     Host,
-    /// An RPDO of this COB-ID is on the wire.
+    /// Transmission of the RPDO with this COB-ID.
     Rpdo(u16),
 }
 
-/// One thing that happens, in µs after the SYNC was due.
+/// Step of a cycle, in µs after the SYNC was due.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// What.
+    /// Stage.
     pub stage: Stage,
-    /// Its beginning.
+    /// Start time.
     pub start_us: f64,
-    /// Its end.
+    /// End time.
     pub end_us: f64,
 }
 
-/// A cycle.
+/// Schedule of a cycle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timeline {
-    /// What happens, in order.
+    /// Steps, in order.
     pub steps: Vec<Step>,
-    /// When the last RPDO is complete, in µs after the SYNC was due.
+    /// End of the last RPDO, in µs after the SYNC was due.
     pub done_us: f64,
-    /// The same if each pause of the wire is used by the longest frame that is not of the cycle.
+    /// End of the last RPDO if the longest other frame uses each opening.
     pub blocked_us: f64,
 }
 
 impl Timeline {
-    /// The cycle of `planned`, whose frames take as long as `length` says, in µs. `others_us` is the
-    /// longest frame that is not of the cycle.
+    /// Builds the schedule of the `planned` frames, with `length` and the longest other frame `others_us` in
+    /// µs.
     pub fn of(
         planned: &[Stream],
         length: impl Fn(&Stream) -> f64,
@@ -89,12 +88,12 @@ impl Timeline {
         Self { steps, done_us: now, blocked_us: now + OPENINGS * others_us }
     }
 
-    /// From the sampling of a position, at the end of SYNC, to the torque that answers it.
+    /// Delay from the sampling of a position, at the end of SYNC, to the torque computed from it.
     pub fn loop_delay(&self, period_us: f64) -> LoopDelay {
         let sampled = self.ends(|stage| stage == Stage::Sync).fold(0.0, f64::max);
         let arrivals: Vec<f64> =
             self.ends(|stage| matches!(stage, Stage::Rpdo(_))).map(|end| end - sampled).collect();
-        // SYNC takes as long every time: what is complete before the next begins acts at its end.
+        // SYNC always takes the same time: RPDOs complete before the next one starts act at its end.
         let periods = (self.done_us / period_us.max(1.0)).ceil().max(1.0);
         let first = arrivals.iter().copied().reduce(f64::min);
         LoopDelay {
@@ -109,14 +108,14 @@ impl Timeline {
     }
 }
 
-/// From sampling to torque, in µs, for both kinds of RPDO.
+/// Delay from sampling to torque, in µs, for both kinds of RPDO.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoopDelay {
-    /// Synchronous RPDOs (types 0 to 240) act together, at the SYNC after they came.
+    /// Synchronous RPDOs (types 0 to 240), which act together at the SYNC after their reception.
     pub synchronous_us: f64,
-    /// Event-driven RPDOs (254, 255) act as they come: the first one.
+    /// First event-driven RPDO (254, 255), which acts on reception.
     pub first_arrival_us: f64,
-    /// And the last one.
+    /// Last event-driven RPDO.
     pub last_arrival_us: f64,
 }
 
@@ -135,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cycle_is_its_frames_and_pauses_in_order() {
+    fn cycle_consists_of_frames_and_pauses_in_order() {
         let timeline = worst(&streams(&grouped(), 1_000, master(), 5));
         let stages: Vec<_> = timeline.steps.iter().map(|step| step.stage).collect();
         let positions = (0x181..=0x186).map(Stage::Tpdo);
@@ -149,9 +148,9 @@ mod tests {
     }
 
     #[test]
-    fn three_other_frames_may_get_in_front() {
-        // Three drives with 6-byte TPDOs, and 2-byte RPDOs or a shared one of 6 bytes: 1190 and 1080 µs,
-        // by an independent program.
+    fn three_other_frames_may_block_a_cycle() {
+        // Three drives with 6-byte TPDOs, and 2-byte RPDOs or a shared one of 6 bytes: 1190 and 1080 µs, from an
+        // independent program.
         let clock = |stream: &Stream, bytes| Stream { bytes, ..stream.clone() };
         let planned = streams(&drives(3), 1_000, master(), 5);
         let sized = |stream: &Stream| match stream.role {
@@ -173,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn a_synchronous_torque_acts_one_period_after_its_position() {
+    fn synchronous_torque_acts_one_period_after_its_position() {
         let timeline = worst(&streams(&drives(3), 1_000, master(), 5));
         let delay = timeline.loop_delay(1_000.0);
         assert_eq!(delay.synchronous_us.to_string(), "1000");
@@ -183,14 +182,14 @@ mod tests {
     }
 
     #[test]
-    fn a_torque_that_misses_the_next_sync_waits_for_the_one_after() {
+    fn torque_after_the_next_sync_acts_one_sync_later() {
         let timeline = worst(&streams(&grouped(), 1_000, master(), 5));
         assert_eq!(timeline.loop_delay(1_000.0).synchronous_us.to_string(), "2000");
         assert_eq!(timeline.loop_delay(1_015.0).synchronous_us.to_string(), "1015");
     }
 
     #[test]
-    fn a_bus_without_torques_has_no_delay_and_absurd_periods_are_borne() {
+    fn bus_without_torques_has_no_delay() {
         let timeline = worst(&streams(&drives(0), 0, master(), 0));
         let delay = timeline.loop_delay(0.0);
         assert!(delay.synchronous_us.is_finite() && delay.last_arrival_us >= 0.0);

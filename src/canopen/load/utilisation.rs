@@ -1,5 +1,4 @@
-//! How much of a bus its frames take: the worst-case load the configuration is held to, the other ways
-//! to count, and what is left.
+//! Bus load: the worst case that the configuration is checked against, other measures, and the margin.
 
 use std::fmt;
 use std::time::Duration;
@@ -9,22 +8,21 @@ use thiserror::Error;
 use crate::bits;
 use crate::load::streams::Stream;
 
-/// Bits of an expedited SDO exchange in the worst case: a request and a response of 8 bytes.
+/// Worst-case bits of an expedited SDO exchange: request and response of 8 bytes.
 const SDO_EXCHANGE: u32 = 2 * bits::worst_case(8);
 
-/// The worst-case load of one bus: every planned frame as long as stuffing can make it. Planned is what
-/// recurs by the clock: SYNC, synchronous PDOs, event timers, heartbeats. Changes, emergencies and SDO
-/// are not: they have what the limit leaves.
+/// Worst-case load of one bus: every planned frame with maximum bit stuffing. Planned frames are periodic: SYNC,
+/// synchronous PDOs, event timers, heartbeats. Changes, emergencies and SDO use the rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BusLoad {
-    /// Bits in use, in one SYNC period.
+    /// Bits used per SYNC period.
     pub used: f64,
-    /// Bits there are, in one SYNC period.
+    /// Bits available per SYNC period.
     pub available: f64,
 }
 
 impl BusLoad {
-    /// The load that `streams` put on a bus of `bitrate` bit/s.
+    /// Computes the load of `streams` on a bus of `bitrate` bit/s.
     pub fn of(streams: &[Stream], bitrate: u32, sync_period_us: u32) -> Self {
         let per_s: f64 = streams
             .iter()
@@ -33,13 +31,13 @@ impl BusLoad {
         Self::from_rate(per_s, bitrate, sync_period_us)
     }
 
-    /// The load of so many bits in a second.
+    /// Computes the load of `bits_per_s`.
     pub fn from_rate(bits_per_s: f64, bitrate: u32, sync_period_us: u32) -> Self {
         let cycle_s = Duration::from_micros(u64::from(sync_period_us)).as_secs_f64();
         Self { used: bits_per_s * cycle_s, available: f64::from(bitrate) * cycle_s }
     }
 
-    /// Percent of the bitrate; infinite where there are no bits at all.
+    /// Load in percent of the bit rate; infinite for a bit rate of zero.
     pub fn percent(&self) -> f64 {
         if self.available > 0.0 { 100.0 * self.used / self.available } else { f64::INFINITY }
     }
@@ -47,7 +45,7 @@ impl BusLoad {
     /// Checks the load against a limit in percent.
     ///
     /// # Errors
-    /// When it is above.
+    /// Returns an error above the limit.
     pub fn within(self, limit_percent: f64) -> Result<Self, Overload> {
         if self.percent() <= limit_percent {
             Ok(self)
@@ -57,7 +55,7 @@ impl BusLoad {
     }
 }
 
-/// `833.4 of 1000 bits a cycle, 83.3 %`.
+/// `833.4 of 1000 bits a cycle, 83.3 %`
 impl fmt::Display for BusLoad {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { used, available } = self;
@@ -65,37 +63,37 @@ impl fmt::Display for BusLoad {
     }
 }
 
-/// More planned than the bus is meant to carry.
+/// Error of a load above its limit.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("bus load of {load} is above the limit of {limit_percent} %")]
 pub struct Overload {
-    /// What is planned.
+    /// Load.
     pub load: BusLoad,
-    /// What is allowed, in percent.
+    /// Limit, in percent.
     pub limit_percent: f64,
 }
 
-/// One bus, counted in every way.
+/// Load of one bus by several measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Utilisation {
-    /// SYNC and synchronous PDOs without a stuff bit.
+    /// SYNC and synchronous PDOs without stuff bits.
     pub cycle_least: BusLoad,
-    /// The same with as many as there can be.
+    /// SYNC and synchronous PDOs with maximum bit stuffing.
     pub cycle_worst: BusLoad,
-    /// What is planned, without a stuff bit.
+    /// Planned frames without stuff bits.
     pub least: BusLoad,
-    /// What goes on while the arm moves, as long as frames typically are.
+    /// Typical traffic while the arm moves, with typical lengths.
     pub typical: BusLoad,
-    /// What is planned, in the worst case; what the limit is for.
+    /// Planned frames with maximum bit stuffing: checked against the limit.
     pub worst: BusLoad,
-    /// The same while everything measured changes as fast as inhibit times allow.
+    /// Worst case while all measured values change at their inhibit times.
     pub busiest: BusLoad,
-    /// The same with emergencies and SDO.
+    /// Busiest case with emergencies and SDO.
     pub with_chance: BusLoad,
 }
 
 impl Utilisation {
-    /// Of what is planned, and what comes by chance. `typical_bits` says how long a frame typically is.
+    /// Computes all measures from planned and sporadic frames. `typical_bits` returns the typical length.
     pub fn of(
         planned: &[Stream],
         chance: &[Stream],
@@ -126,19 +124,19 @@ impl Utilisation {
         }
     }
 
-    /// What the bus has left beside what is planned.
+    /// Margin beside the planned frames.
     pub fn margin(&self, bitrate: u32) -> Margin {
         let bits_per_s = f64::from(bitrate) * (1.0 - self.worst.percent() / 100.0).max(0.0);
         Margin { bits_per_s, expedited_sdo_per_s: bits_per_s / f64::from(SDO_EXCHANGE) }
     }
 }
 
-/// What is left for what is not planned.
+/// Margin for unplanned traffic.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Margin {
-    /// In bit/s.
+    /// Margin in bit/s.
     pub bits_per_s: f64,
-    /// As exchanges of expedited SDO in a second.
+    /// Margin in expedited SDO exchanges per second.
     pub expedited_sdo_per_s: f64,
 }
 
@@ -162,7 +160,7 @@ mod tests {
         BusLoad::of(&streams(plans, period_us, master(), heartbeat_ms), MBIT, period_us)
     }
 
-    /// Without heartbeats.
+    /// Load without heartbeats.
     fn cyclic(drives: &[NodePlan], period_us: u32) -> BusLoad {
         let error_control = ErrorControl::Heartbeat { period_ms: 0, lost_after: Duration::ZERO };
         let silent = drives.iter().map(|plan| NodePlan { error_control, ..plan.clone() });
@@ -170,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn six_drives_fill_one_bus_at_500_hz_and_overfill_it_at_1_khz() {
+    fn six_drives_fit_one_bus_at_500_hz_only() {
         // SYNC 55 + 6 x (8-byte TPDO 135 + 4-byte RPDO 95).
         let fast = cyclic(&drives(6), 1_000);
         assert_eq!(fast.to_string(), "1435.0 of 1000 bits a cycle, 143.5 %");
@@ -179,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn two_buses_of_three_drives_carry_1_khz_with_everything_else() {
+    fn two_buses_of_three_drives_carry_1_khz() {
         let mut plans = drives(3);
         plans.push(switch_box());
         let load = of(&plans, 1_000, 5);
@@ -189,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn grouped_torques_carry_1_khz_on_one_bus_within_ninety_percent() {
+    fn grouped_torques_carry_1_khz_on_one_bus() {
         // SYNC 55, 6 positions of 95, 2 times three targets of 115: 855. Six statuswords of 75 about every
         // 50 ms, 8.78, as many torques about every hundredth SYNC, 4.45, switches of 65 every 5 ms, 13.
         // Heartbeats of 65: the master's every 5 ms, 13; seven every 100 ms, 4.55.
@@ -199,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn every_way_to_count_has_its_place() {
+    fn every_measure_has_its_value() {
         // As grouped, but with the torque beside the statusword: 4 bytes, as often as every 10 ms.
         let mut plans = grouped();
         let services = plans.iter_mut().flat_map(|plan| &mut plan.pdos);
@@ -222,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn the_margin_is_what_sdo_could_have() {
+    fn margin_is_available_to_sdo() {
         // A cycle of 855 bits at 1 kHz and six heartbeats at 10 Hz leave 141 kbit/s, 523 exchanges a
         // second, by an independent program.
         let left = |worst: f64| {
@@ -245,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn an_overload_says_by_how_much() {
+    fn overload_reads_with_load_and_limit() {
         let overload = cyclic(&drives(6), 1_000).within(90.0).unwrap_err();
         let message = "bus load of 1435.0 of 1000 bits a cycle, 143.5 % is above the limit of 90 %";
         assert_eq!(overload.to_string(), message);
@@ -258,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bus_without_bits_carries_nothing() {
+    fn bus_without_bits_carries_nothing() {
         assert!(BusLoad::of(&[Stream::sync(0)], MBIT, 0).within(100.0).is_err());
     }
 }

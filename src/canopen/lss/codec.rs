@@ -1,6 +1,6 @@
-//! What master and slaves say to each other, byte for byte (CiA 305).
+//! LSS messages, encoded and decoded (CiA 305).
 //!
-//! Numbers are little-endian from byte 1 on. `n` is the place of a [`Part`].
+//! Numbers are little-endian from byte 1 on. `n` is the index of a [`Part`].
 //!
 //! | first byte | request                        | bytes 1 …                       | reply                        |
 //! |------------|--------------------------------|---------------------------------|------------------------------|
@@ -38,34 +38,34 @@ const FASTSCAN: u8 = 0x51;
 const INQUIRE: u8 = 0x5A;
 const INQUIRE_NODE_ID: u8 = 0x5E;
 
-/// The two states of a slave.
+/// State of an LSS slave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// It can be found, not set.
+    /// Can be selected and identified, but not configured.
     Waiting,
-    /// It is asked and set.
+    /// Can be inquired and configured.
     Configuration,
 }
 
-/// One of the six conditions of an identification, in the order they are sent.
+/// Condition of "identify remote slave", in the order of transmission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Condition {
-    /// This vendor-ID.
+    /// Vendor-ID equals the number.
     Vendor,
-    /// This product code.
+    /// Product code equals the number.
     Product,
-    /// At least this revision number.
+    /// Lowest revision number.
     LowestRevision,
-    /// At most this revision number.
+    /// Highest revision number.
     HighestRevision,
-    /// At least this serial number.
+    /// Lowest serial number.
     LowestSerial,
-    /// At most this serial number.
+    /// Highest serial number.
     HighestSerial,
 }
 
 impl Condition {
-    /// All of them, in order.
+    /// All conditions, in order.
     pub const ALL: [Self; 6] = [
         Self::Vendor,
         Self::Product,
@@ -76,58 +76,58 @@ impl Condition {
     ];
 }
 
-/// One question of a [fastscan](crate::lss::fastscan).
+/// Fastscan request; see [`fastscan`](crate::lss::fastscan).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Probe {
-    /// What the number may be.
+    /// IDNumber: value to compare.
     pub number: u32,
-    /// The lowest bit that must agree; [`EVERYBODY`](Self::EVERYBODY) asks who is there at all.
+    /// BitCheck: lowest bit to compare; [`EVERYBODY`](Self::EVERYBODY) addresses every unconfigured slave.
     pub bit: u8,
-    /// Which number, by its place.
+    /// LSSSub: index of the part to compare.
     pub part: u8,
-    /// Which is asked for next, by its place: all that has been asked is said when it comes first again.
+    /// LSSNext: index of the part compared next; the scan is complete when it is lower than the current one.
     pub next: u8,
 }
 
 impl Probe {
-    /// In place of a bit: every unconfigured slave answers, and begins anew.
+    /// BitCheck value that every unconfigured slave answers; it restarts the scan.
     pub const EVERYBODY: u8 = 0x80;
 }
 
-/// What the master says.
+/// LSS request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// Every slave changes its state.
+    /// Switches the state of every slave.
     SwitchGlobal(Mode),
-    /// A quarter of an address: the slave of all four enters configuration.
+    /// Selects by one part; the slave matching all four enters configuration.
     Select(Part, u32),
-    /// The node-id from now on, as LSS writes it.
+    /// Configures the node-id, as LSS encodes it.
     ConfigureNodeId(u8),
-    /// The bit rate from its activation on.
+    /// Configures the bit rate, which acts after its activation.
     ConfigureBitTiming {
-        /// Which table, [`STANDARD_TABLE`](crate::lss::STANDARD_TABLE) for that of CiA.
+        /// Table; [`STANDARD_TABLE`](crate::lss::STANDARD_TABLE) is that of CiA.
         table: u8,
-        /// Which place in it.
+        /// Index in the table.
         index: u8,
     },
-    /// The bit rate changes after this delay in ms, and for as long again nobody speaks.
+    /// Activates the bit rate after this delay in ms; no node sends for twice that time.
     ActivateBitTiming(u16),
-    /// Node-id and bit rate outlast a loss of power.
+    /// Stores node-id and bit rate.
     Store,
-    /// What one number of the identity is.
+    /// Inquires one part of the identity.
     Inquire(Part),
-    /// What the node-id is.
+    /// Inquires the node-id.
     InquireNodeId,
-    /// A sixth of a description: all slaves that fit all six answer.
+    /// Identifies by one condition; slaves that meet all six reply.
     IdentifyRemote(Condition, u32),
-    /// All slaves without a node-id answer.
+    /// Identifies unconfigured slaves.
     IdentifyNonConfigured,
-    /// All slaves without a node-id that a number fits answer.
+    /// Compares part of the identity of unconfigured slaves.
     Fastscan(Probe),
 }
 
 impl Request {
-    /// The frame that says it.
+    /// Encodes the request.
     pub fn frame(self) -> Frame {
         let bytes = match self {
             Self::SwitchGlobal(mode) => {
@@ -158,7 +158,7 @@ impl Request {
         Frame::new(REQUEST_COB_ID, bytes)
     }
 
-    /// Reads a request, `None` if the frame is none.
+    /// Decodes a request; `None` for any other frame.
     pub fn decode(frame: &Frame) -> Option<Self> {
         if frame.cob_id != REQUEST_COB_ID {
             return None;
@@ -186,7 +186,7 @@ impl Request {
     }
 }
 
-/// As it reads in a sentence: `configure node-id`, `inquire serial number`.
+/// `configure node-id`, `inquire serial number`
 impl fmt::Display for Request {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -205,49 +205,49 @@ impl fmt::Display for Request {
     }
 }
 
-/// Whether something was configured, and if not, why.
+/// Result of a configuration request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Answer {
-    /// 0 for done.
+    /// Error code, 0 for success.
     pub error: u8,
-    /// The manufacturer's own, where `error` is [`SPECIFIC`](Self::SPECIFIC).
+    /// Manufacturer-specific code, where `error` is [`SPECIFIC`](Self::SPECIFIC).
     pub specific: u8,
 }
 
 impl Answer {
-    /// It is done.
+    /// Success.
     pub const DONE: Self = Self { error: 0, specific: 0 };
     /// Node-id out of range; bit timing, or storing, not supported.
     pub const REFUSED: Self = Self { error: 1, specific: 0 };
-    /// Storing failed.
+    /// Storage access failed.
     pub const NO_ACCESS: Self = Self { error: 2, specific: 0 };
-    /// `error` for which the manufacturer has his own number.
+    /// Error code of a manufacturer-specific error.
     pub const SPECIFIC: u8 = 0xFF;
 }
 
-/// What a slave answers.
+/// LSS reply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reply {
-    /// The address is its own, and it is in configuration.
+    /// The slave is selected and in configuration.
     Selected,
-    /// To a node-id.
+    /// Result of "configure node-id".
     NodeIdConfigured(Answer),
-    /// To a bit rate.
+    /// Result of "configure bit timing".
     BitTimingConfigured(Answer),
-    /// To being told to store.
+    /// Result of "store configuration".
     Stored(Answer),
-    /// One number of its identity.
+    /// One part of the identity.
     Inquired(Part, u32),
-    /// Its node-id, as LSS writes it.
+    /// Node-id, as LSS encodes it.
     NodeId(u8),
-    /// What was described or probed fits.
+    /// All conditions, or the compared bits, match.
     Identified,
-    /// It has no node-id.
+    /// The slave has no node-id.
     NonConfigured,
 }
 
 impl Reply {
-    /// The frame that says it.
+    /// Encodes the reply.
     pub fn frame(self) -> Frame {
         let answer = |command, Answer { error, specific }| [command, error, specific].padded();
         let bytes = match self {
@@ -263,7 +263,7 @@ impl Reply {
         Frame::new(REPLY_COB_ID, bytes)
     }
 
-    /// Reads a reply, `None` if the frame is none.
+    /// Decodes a reply; `None` for any other frame.
     pub fn decode(frame: &Frame) -> Option<Self> {
         if frame.cob_id != REPLY_COB_ID {
             return None;
@@ -285,7 +285,7 @@ impl Reply {
         })
     }
 
-    /// Whether it is what `request` asks for.
+    /// Returns whether this replies to `request`.
     pub fn answers(self, request: Request) -> bool {
         match self {
             Self::Selected => matches!(request, Request::Select(..)),
@@ -302,13 +302,13 @@ impl Reply {
     }
 }
 
-/// A command and a number.
+/// Encodes a command specifier with a number.
 fn numbered(command: u8, number: u32) -> [u8; 8] {
     let [n0, n1, n2, n3] = number.to_le_bytes();
     [command, n0, n1, n2, n3, 0, 0, 0]
 }
 
-/// Zeros behind the bytes that mean something: they are reserved.
+/// Pads a message with zeros for its reserved bytes.
 trait Padded {
     fn padded(self) -> [u8; 8];
 }
@@ -335,7 +335,7 @@ mod tests {
     };
 
     #[test]
-    fn requests_are_those_of_another_implementation() {
+    fn requests_equal_those_of_canopen_rs() {
         let ours = |request: Request| request.frame().data().to_vec();
         assert_eq!(ours(Request::SwitchGlobal(Mode::Waiting)), lss::encode_switch_global(false));
         assert_eq!(
@@ -353,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_other_implementation_lacks_is_as_the_standard_has_it() {
+    fn further_requests_follow_the_standard() {
         for (request, bytes) in [
             (Request::ConfigureBitTiming { table: 0, index: 3 }, [0x13, 0, 3, 0, 0, 0, 0, 0]),
             (Request::ActivateBitTiming(1_000), [0x15, 0xE8, 3, 0, 0, 0, 0, 0]),
@@ -370,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_of_another_length_or_identifier_says_nothing() {
+    fn frames_of_wrong_length_or_cob_id_do_not_decode() {
         for frame in [Frame::new(0x7E5, [0x17; 7]), Frame::new(0x7E4, [0x17; 8])] {
             assert_eq!(Request::decode(&frame), None);
         }
@@ -382,7 +382,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_read_is_what_was_said(bytes in any::<[u8; 8]>(), command in 0_u8..0x60) {
+        fn encoded_messages_decode_to_themselves(bytes in any::<[u8; 8]>(), command in 0_u8..0x60) {
             let bytes = { let mut bytes = bytes; bytes[0] = command; bytes };
             if let Some(request) = Request::decode(&Frame::new(0x7E5, bytes)) {
                 prop_assert_eq!(Request::decode(&request.frame()), Some(request));

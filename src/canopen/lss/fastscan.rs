@@ -1,11 +1,10 @@
-//! Who is it, without asking: finds the identity of one unconfigured slave, bit by bit (CiA 305, LSS fastscan).
+//! LSS fastscan (CiA 305): finds the identity of one unconfigured slave, bit by bit.
 //!
-//! All unconfigured slaves are asked at once whether a number agrees with theirs in its high bits; silence
-//! says that the next bit is one. Where several answer, those with a one drop out, so the slave with the
-//! lowest numbers is found, and it alone enters configuration. 4 × (32 + 1) + 1 questions.
+//! All unconfigured slaves compare a number in its high bits; no reply means that the next bit is one. Slaves
+//! with a one drop out if others have a zero, so the lowest identity is found and that slave alone enters
+//! configuration, after 4 × (32 + 1) + 1 requests.
 //!
-//! An answer must never be taken for one to the next question. So every question has its whole window,
-//! however early the first answer comes: slower slaves may follow.
+//! A late reply must not count for the next request, so every request keeps its window open for slower slaves.
 
 use std::time::Duration;
 
@@ -17,30 +16,30 @@ use crate::lss::codec::Reply;
 use crate::lss::codec::Request;
 use units::time::Instant;
 
-/// What was found.
+/// Result of a fastscan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Found {
-    /// No slave is without a node-id.
-    Nobody,
-    /// One, and it is in configuration now.
+    /// No unconfigured slave replied.
+    None,
+    /// Identity of the slave, which is in configuration now.
     One(Address),
-    /// Somebody answered at first, and did not know its own number in the end: answers that came too
-    /// late, or a slave that was taken off.
+    /// A slave replied at first, but none confirmed the whole number: replies came too late, or a slave was
+    /// removed.
     Lost(Part),
 }
 
-/// One fastscan.
+/// Fastscan in progress.
 #[derive(Clone, Copy, Debug)]
 pub struct Fastscan {
     window: Duration,
     address: Address,
     stage: Stage,
     is_answered: bool,
-    /// When the window of the question that is out closes; `None` once all is known.
+    /// End of the current request's window; `None` after the result.
     deadline: Option<Instant>,
 }
 
-/// The question that is out.
+/// Current request.
 #[derive(Clone, Copy, Debug)]
 enum Stage {
     Everybody,
@@ -48,12 +47,12 @@ enum Stage {
     Whole(Part),
 }
 
-/// The highest bit of a number.
-const HIGHEST: u8 = 31;
+/// Highest bit of a number.
+const HIGHEST_BIT: u8 = 31;
 
 impl Fastscan {
-    /// Begins with who is there at all; every question is open for `window`.
-    pub fn begin(window: Duration, now: Instant, out: &mut Vec<Frame>) -> Self {
+    /// Starts a fastscan with a request to every unconfigured slave; each request has a reply window.
+    pub fn start(window: Duration, now: Instant, out: &mut Vec<Frame>) -> Self {
         let mut scan = Self {
             window,
             address: Address::default(),
@@ -61,23 +60,23 @@ impl Fastscan {
             is_answered: false,
             deadline: None,
         };
-        scan.ask(Stage::Everybody, now, out);
+        scan.request(Stage::Everybody, now, out);
         scan
     }
 
-    /// Listens to one frame.
+    /// Takes one frame.
     pub fn on_frame(&mut self, frame: &Frame) {
         self.is_answered |= Reply::decode(frame) == Some(Reply::Identified);
     }
 
-    /// Asks the next question when the window of the last one has closed.
+    /// Sends the next request at the end of a window. Returns the result once.
     pub fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Found> {
         if self.deadline.is_none_or(|deadline| now < deadline) {
             return None;
         }
         let next = match self.stage {
-            Stage::Everybody if !self.is_answered => return self.finish(Found::Nobody),
-            Stage::Everybody => Stage::Bit(Part::Vendor, HIGHEST),
+            Stage::Everybody if !self.is_answered => return self.finish(Found::None),
+            Stage::Everybody => Stage::Bit(Part::Vendor, HIGHEST_BIT),
             Stage::Bit(part, bit) => {
                 if !self.is_answered {
                     let known = self.address.part(part);
@@ -87,20 +86,20 @@ impl Fastscan {
             }
             Stage::Whole(part) if !self.is_answered => return self.finish(Found::Lost(part)),
             Stage::Whole(part) => match Part::at(part.place() + 1) {
-                Some(part) => Stage::Bit(part, HIGHEST),
+                Some(part) => Stage::Bit(part, HIGHEST_BIT),
                 None => return self.finish(Found::One(self.address)),
             },
         };
-        self.ask(next, now, out);
+        self.request(next, now, out);
         None
     }
 
-    /// When the window of the question that is out closes.
+    /// End of the current window.
     pub const fn deadline(&self) -> Option<Instant> {
         self.deadline
     }
 
-    fn ask(&mut self, stage: Stage, now: Instant, out: &mut Vec<Frame>) {
+    fn request(&mut self, stage: Stage, now: Instant, out: &mut Vec<Frame>) {
         let number = |part| self.address.part(part);
         let probe = match stage {
             Stage::Everybody => Probe { number: 0, bit: Probe::EVERYBODY, part: 0, next: 0 },
@@ -136,29 +135,29 @@ mod tests {
 
     const WINDOW: Duration = Duration::from_millis(10);
 
-    /// Carries a scan to its end; `answer` says how many answer a question.
+    /// Runs a scan to its end; `answer` returns the number of replies to a request.
     fn scan(mut answer: impl FnMut(&Frame) -> usize) -> (Found, usize) {
-        let (mut now, mut out, mut questions) = (Instant::ZERO, Vec::new(), 0);
-        let mut scan = Fastscan::begin(WINDOW, now, &mut out);
+        let (mut now, mut out, mut requests) = (Instant::ZERO, Vec::new(), 0);
+        let mut scan = Fastscan::start(WINDOW, now, &mut out);
         loop {
-            for question in out.drain(..) {
-                questions += 1;
-                for _ in 0..answer(&question) {
+            for request in out.drain(..) {
+                requests += 1;
+                for _ in 0..answer(&request) {
                     scan.on_frame(&Reply::Identified.frame());
                 }
             }
             now = scan.deadline().unwrap();
             if let Some(found) = scan.on_time(now, &mut out) {
                 assert_eq!((scan.deadline(), out.len()), (None, 0));
-                return (found, questions);
+                return (found, requests);
             }
         }
     }
 
-    fn answers(slaves: &mut [Slave], question: &Frame) -> usize {
+    fn answers(slaves: &mut [Slave], request: &Frame) -> usize {
         let mut out = Vec::new();
         for slave in slaves {
-            slave.on_frame(question, &mut out);
+            slave.on_frame(request, &mut out);
         }
         out.len()
     }
@@ -180,44 +179,44 @@ mod tests {
     }
 
     #[test]
-    fn where_all_have_a_node_id_one_question_is_enough() {
-        assert_eq!(scan(|_| 0), (Found::Nobody, 1));
+    fn one_request_suffices_without_unconfigured_slaves() {
+        assert_eq!(scan(|_| 0), (Found::None, 1));
     }
 
     #[test]
-    fn a_slave_that_falls_silent_is_lost_and_not_taken_for_another() {
-        let mut heard = 0;
+    fn slave_that_stops_replying_is_lost() {
+        let mut received = 0;
         let falls_silent = |_: &Frame| {
-            heard += 1;
-            usize::from(heard <= 40)
+            received += 1;
+            usize::from(received <= 40)
         };
         assert_eq!(scan(falls_silent).0, Found::Lost(Part::Product));
     }
 
     #[test]
-    fn only_an_answer_to_a_scan_counts() {
+    fn only_identify_replies_count() {
         let mut out = Vec::new();
-        let mut scan = Fastscan::begin(WINDOW, Instant::ZERO, &mut out);
+        let mut scan = Fastscan::start(WINDOW, Instant::ZERO, &mut out);
         for frame in [Reply::NonConfigured.frame(), Frame::new(REPLY_COB_ID, [0x4F])] {
             scan.on_frame(&frame);
         }
-        assert_eq!(scan.on_time(Instant::ZERO + WINDOW, &mut out), Some(Found::Nobody));
+        assert_eq!(scan.on_time(Instant::ZERO + WINDOW, &mut out), Some(Found::None));
     }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         #[test]
-        fn of_any_slaves_exactly_one_is_found_after_another(
+        fn slaves_are_found_one_after_another(
             mut addresses in proptest::collection::vec(address(), 1..5),
         ) {
             addresses.sort_by_key(|a| (a.vendor, a.product, a.revision, a.serial));
             addresses.dedup();
             let mut slaves: Vec<_> = addresses.iter().map(|a| Slave::new(*a, None)).collect();
             for (place, address) in addresses.iter().enumerate() {
-                let (found, questions) = scan(|question| answers(&mut slaves, question));
+                let (found, requests) = scan(|request| answers(&mut slaves, request));
                 prop_assert_eq!(found, Found::One(*address));
-                prop_assert_eq!(questions, 4 * 33 + 1);
+                prop_assert_eq!(requests, 4 * 33 + 1);
                 for (other, slave) in slaves.iter().enumerate() {
                     prop_assert_eq!(slave.mode() == Mode::Configuration, other == place);
                 }
@@ -229,7 +228,7 @@ mod tests {
         }
 
         #[test]
-        fn a_slave_of_another_implementation_is_found(address in address()) {
+        fn slave_of_canopen_rs_is_found(address in address()) {
             let mut slave = lss::LssSlave::new(theirs(address), lss::UNCONFIGURED_NODE_ID);
             let ask = |question: &Frame| {
                 usize::from(slave.handle(&question.data().try_into().unwrap()).is_some())
@@ -238,9 +237,9 @@ mod tests {
             prop_assert_eq!(slave.state(), lss::LssState::Configuration);
         }
 
-        // canopen-rs 0.6.1 begins with bit 32; CiA 305 says 80h, and 32 is reserved.
+        // canopen-rs 0.6.1 starts with bit 32; CiA 305 defines 80h, and 32 is reserved.
         #[test]
-        fn a_master_of_another_implementation_finds_our_slave(address in address()) {
+        fn master_of_canopen_rs_finds_our_slave(address in address()) {
             let mut slave = Slave::new(address, None);
             let mut master = lss::FastscanMaster::new();
             while let Some(mut question) = master.next_request() {

@@ -1,7 +1,6 @@
-//! Is anybody there: slaves of a description, or slaves without a node-id (CiA 305, LSS identification).
+//! LSS identification (CiA 305): slaves that match a description, or unconfigured slaves.
 //!
-//! Every slave it concerns answers the same frame, so answers that meet on the wire are one: it is known
-//! *whether* anybody is there, and not how many.
+//! All matching slaves send the same frame, so simultaneous replies merge: their number remains unknown.
 
 use std::time::Duration;
 
@@ -12,7 +11,7 @@ use crate::lss::codec::Request;
 use crate::procedure::Procedure;
 use units::time::Instant;
 
-/// The numbers slaves are described by, ends included.
+/// Ranges of identity parts, ends included.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Description {
     /// Vendor-ID.
@@ -25,39 +24,44 @@ pub struct Description {
     pub serial: [u32; 2],
 }
 
-/// One question to all slaves.
+/// Identification in progress.
 #[derive(Clone, Copy, Debug)]
 pub struct Identify {
-    question: Request,
+    request: Request,
     answers: u32,
     closes: Instant,
 }
 
 impl Identify {
-    /// Who fits a description?
-    pub fn remote(whom: Description, window: Duration, now: Instant, out: &mut Vec<Frame>) -> Self {
-        let Description { vendor, product, revision: [r0, r1], serial: [s0, s1] } = whom;
+    /// Starts an identification of slaves that match a description.
+    pub fn remote(
+        description: Description,
+        window: Duration,
+        now: Instant,
+        out: &mut Vec<Frame>,
+    ) -> Self {
+        let Description { vendor, product, revision: [r0, r1], serial: [s0, s1] } = description;
         let numbers = [vendor, product, r0, r1, s0, s1];
         let conditions = Condition::ALL.into_iter().zip(numbers);
         out.extend(conditions.map(|(c, number)| Request::IdentifyRemote(c, number).frame()));
-        let question = Request::IdentifyRemote(Condition::HighestSerial, s1);
-        Self { question, answers: 0, closes: now + window }
+        let request = Request::IdentifyRemote(Condition::HighestSerial, s1);
+        Self { request, answers: 0, closes: now + window }
     }
 
-    /// Who has no node-id?
+    /// Starts an identification of unconfigured slaves.
     pub fn non_configured(window: Duration, now: Instant, out: &mut Vec<Frame>) -> Self {
-        let question = Request::IdentifyNonConfigured;
-        out.push(question.frame());
-        Self { question, answers: 0, closes: now + window }
+        let request = Request::IdentifyNonConfigured;
+        out.push(request.frame());
+        Self { request, answers: 0, closes: now + window }
     }
 }
 
 impl Procedure for Identify {
-    /// The answers that were heard: 0 means nobody, more mean somebody.
+    /// Number of received replies: 0 without a matching slave, else at least 1.
     type Outcome = u32;
 
     fn on_frame(&mut self, _: Instant, frame: &Frame, _: &mut Vec<Frame>) -> Option<u32> {
-        let is_answer = Reply::decode(frame).is_some_and(|reply| reply.answers(self.question));
+        let is_answer = Reply::decode(frame).is_some_and(|reply| reply.answers(self.request));
         self.answers = self.answers.saturating_add(u32::from(is_answer));
         None
     }
@@ -78,13 +82,13 @@ mod tests {
     const WINDOW: Duration = Duration::from_millis(50);
 
     #[test]
-    fn six_frames_ask_for_a_description() {
-        let whom = Description { vendor: 1, product: 2, revision: [3, 4], serial: [5, 6] };
+    fn identification_by_description_sends_six_frames() {
+        let description = Description { vendor: 1, product: 2, revision: [3, 4], serial: [5, 6] };
         let mut out = Vec::new();
-        let mut identify = Identify::remote(whom, WINDOW, Instant::ZERO, &mut out);
+        let mut identify = Identify::remote(description, WINDOW, Instant::ZERO, &mut out);
         let bytes = |frame: &Frame| (frame.data()[0], frame.data()[1]);
-        let said: Vec<_> = out.iter().map(bytes).collect();
-        assert_eq!(said, [(0x46, 1), (0x47, 2), (0x48, 3), (0x49, 4), (0x4A, 5), (0x4B, 6)]);
+        let sent: Vec<_> = out.iter().map(bytes).collect();
+        assert_eq!(sent, [(0x46, 1), (0x47, 2), (0x48, 3), (0x49, 4), (0x4A, 5), (0x4B, 6)]);
         for frame in [Reply::Identified.frame(), Reply::NonConfigured.frame()] {
             assert_eq!(identify.on_frame(Instant::ZERO, &frame, &mut out), None);
         }
@@ -93,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_answers_where_nobody_is() {
+    fn no_reply_without_unconfigured_slaves() {
         let mut out = Vec::new();
         let mut identify = Identify::non_configured(WINDOW, Instant::ZERO, &mut out);
         assert_eq!(out, [Request::IdentifyNonConfigured.frame()]);

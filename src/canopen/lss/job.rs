@@ -1,7 +1,7 @@
-//! What an LSS master is to do with a slave, from its choice to its release, and what can come of it.
+//! Job of an LSS master with one slave: steps from selection to release, and errors.
 //!
 //! ```text
-//!  all to waiting ── select ── inquire ── node-id ── bit rate ── store ── activate ── all to waiting ── boot-up
+//!  waiting (all) ── select ── inquire ── node-id ── bit rate ── store ── activate ── waiting (all) ── boot-up
 //! ```
 
 use std::fmt;
@@ -19,47 +19,47 @@ use crate::lss::codec::Mode;
 use crate::lss::codec::Request;
 use crate::lss::node_byte;
 
-/// Whom a job concerns.
+/// Selection of the slave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Selection {
-    /// Whoever an earlier job has left in configuration.
+    /// Slave left in configuration by an earlier job.
     Selected,
-    /// Every slave on the bus: right where there is one only.
-    Everybody,
-    /// The slave of this address.
+    /// All slaves on the bus: correct if there is only one.
+    All,
+    /// Slave with this address.
     Address(Address),
-    /// The unconfigured slave a fastscan finds.
+    /// Unconfigured slave found by a fastscan.
     Fastscan,
 }
 
 impl Selection {
-    /// Whether it can only be one slave.
+    /// Returns whether exactly one slave can be selected.
     pub(super) const fn is_one(self) -> bool {
         matches!(self, Self::Address(_) | Self::Fastscan)
     }
 }
 
-/// What is to be done, in this order.
+/// Actions of a job, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Job {
-    /// With whom.
+    /// Selection of the slave.
     pub selection: Selection,
-    /// Find out who it is and what its node-id is.
+    /// Inquires identity and node-id.
     pub inquire: bool,
-    /// Its node-id from the next reset of communication on; `Some(None)` takes it away.
+    /// Node-id from the next reset of communication on; `Some(None)` removes it.
     pub node: Option<Option<NodeId>>,
-    /// Its bit rate from the activation on.
+    /// Bit rate from its activation on.
     pub bit_rate: Option<BitRate>,
-    /// Both outlast a loss of power.
+    /// Stores node-id and bit rate.
     pub store: bool,
-    /// The bit rate changes after so many ms.
+    /// Activates the bit rate after this delay in ms.
     pub activate: Option<u16>,
-    /// All slaves go to waiting in the end.
+    /// Switches all slaves to waiting at the end.
     pub release: bool,
 }
 
 impl Job {
-    /// Chooses, does nothing, and releases.
+    /// Returns a job that selects and releases only.
     pub const fn new(selection: Selection) -> Self {
         Self {
             selection,
@@ -72,140 +72,140 @@ impl Job {
         }
     }
 
-    /// What it comes to, one step after another.
+    /// Steps of the job.
     pub(super) fn steps(&self) -> Vec<Step> {
         let mut steps = Vec::new();
-        // A slave in configuration hears neither selection nor scan, and must not be set with the other.
+        // A slave in configuration takes neither selection nor scan and must not be configured as well.
         if self.selection.is_one() {
-            steps.push(Step::Say(TO_WAITING));
+            steps.push(Step::Send(TO_WAITING));
         }
         match self.selection {
             Selection::Selected => {}
-            Selection::Everybody => {
-                steps.push(Step::Say(Request::SwitchGlobal(Mode::Configuration)));
+            Selection::All => {
+                steps.push(Step::Send(Request::SwitchGlobal(Mode::Configuration)));
             }
             Selection::Address(address) => {
                 let select = |part| Request::Select(part, address.part(part));
                 steps.extend(
-                    [Part::Vendor, Part::Product, Part::Revision].map(select).map(Step::Say),
+                    [Part::Vendor, Part::Product, Part::Revision].map(select).map(Step::Send),
                 );
-                steps.push(Step::Ask(select(Part::Serial)));
+                steps.push(Step::Request(select(Part::Serial)));
             }
             Selection::Fastscan => steps.push(Step::Scan),
         }
         if self.inquire {
-            steps.extend(Part::ALL.map(Request::Inquire).map(Step::Ask));
-            steps.push(Step::Ask(Request::InquireNodeId));
+            steps.extend(Part::ALL.map(Request::Inquire).map(Step::Request));
+            steps.push(Step::Request(Request::InquireNodeId));
         }
         let node = self.node.map(|node| Request::ConfigureNodeId(node_byte(node)));
         let bit_rate = self
             .bit_rate
             .map(|rate| Request::ConfigureBitTiming { table: STANDARD_TABLE, index: rate.index() });
         let store = self.store.then_some(Request::Store);
-        steps.extend(node.into_iter().chain(bit_rate).chain(store).map(Step::Ask));
-        steps.extend(self.activate.map(Request::ActivateBitTiming).map(Step::Say));
+        steps.extend(node.into_iter().chain(bit_rate).chain(store).map(Step::Request));
+        steps.extend(self.activate.map(Request::ActivateBitTiming).map(Step::Send));
         if self.release {
-            steps.extend(self.activate.map(|delay| Step::Pause(silence(delay))));
-            steps.push(Step::Say(TO_WAITING));
+            steps.extend(self.activate.map(|delay| Step::Pause(switch_delay(delay))));
+            steps.push(Step::Send(TO_WAITING));
         }
         steps
     }
 }
 
-/// How long slaves have.
+/// Timeouts of a job.
 #[derive(Clone, Copy, Debug)]
-pub struct Patience {
-    /// For an answer.
+pub struct Timeouts {
+    /// Time allowed for a reply.
     pub reply: Duration,
-    /// For storing: flash memory is slow.
+    /// Time allowed for storing, as flash memory is slow.
     pub store: Duration,
-    /// For one question of a fastscan.
+    /// Reply window of one fastscan request.
     pub probe: Duration,
 }
 
-/// What is known after a job.
+/// Result of a job.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// Who it was, where it was chosen by that or asked for it.
+    /// Identity, where it was selected by it or inquired.
     pub address: Option<Address>,
-    /// Its node-id before the job, `Some(None)` if it had none; `None` if it was not asked.
+    /// Node-id before the job, `Some(None)` for an unconfigured slave; `None` if not inquired.
     pub node: Option<Option<NodeId>>,
-    /// Whether it was heard to boot up with a node-id that was its first.
+    /// Set if a boot-up message with the slave's first node-id was received.
     pub is_booted: bool,
 }
 
-/// Why a job was not done.
+/// Error of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum LssError {
-    /// No slave has the address that was selected.
+    /// No slave has the selected address.
     #[error("no slave has the address {0}")]
     NoSuchSlave(Address),
-    /// A fastscan found nobody.
+    /// A fastscan found no slave.
     #[error("no unconfigured slave answers")]
-    NobodyUnconfigured,
-    /// A fastscan lost whom it had found.
+    NoneUnconfigured,
+    /// A fastscan lost the slave it had found.
     #[error(
-        "fastscan: no slave knows the {0} that was found; answers come later than the probe's window, or a slave was taken off"
+        "fastscan: no slave confirms the {0} that was found; replies exceed the probe window, or a slave was removed"
     )]
     Lost(Part),
-    /// Nobody answered.
+    /// No slave replied.
     #[error("{0}: no slave answers")]
-    Silent(Request),
-    /// More than one slave answered.
+    Timeout(Request),
+    /// More than one slave replied.
     #[error("{0}: more than one slave answers; select one by its identity")]
     Several(Request),
-    /// The slave answered a node-id that is none.
-    #[error("the slave has node-id {0}, which is none")]
+    /// The slave reported an invalid node-id.
+    #[error("the slave's node-id must be within 1..=127 or 255, got {0}")]
     NoNodeId(u8),
-    /// The slave refused.
+    /// The slave refused the request.
     #[error("{request} refused: {}", Reason(*request, *answer))]
     Refused {
-        /// What.
+        /// Request.
         request: Request,
-        /// Why.
+        /// Error code.
         answer: Answer,
     },
 }
 
-/// An error code in words, which depend on the service.
+/// Text of an error code, which depends on the service.
 struct Reason(Request, Answer);
 
 impl fmt::Display for Reason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self(request, Answer { error, specific }) = *self;
         if error == Answer::SPECIFIC {
-            return write!(f, "255 error of the manufacturer's own, number {specific}");
+            return write!(f, "255 manufacturer-specific error, code {specific}");
         }
-        let words = match (request, error) {
+        let text = match (request, error) {
             (Request::ConfigureNodeId(_), 1) => "node-id out of range",
             (Request::ConfigureBitTiming { .. }, 1) => "bit timing not supported",
             (Request::Store, 1) => "storing is not supported",
             (Request::Store, 2) => "storage media access error",
             _ => "reserved error code",
         };
-        write!(f, "{error} {words}")
+        write!(f, "{error} {text}")
     }
 }
 
-/// One step of a job.
+/// Step of a job.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Step {
-    /// Said to all, answered by none.
-    Say(Request),
-    /// Answered by one.
-    Ask(Request),
-    /// Nobody's identity is known yet.
+    /// Sends a request without reply.
+    Send(Request),
+    /// Sends a request with one reply.
+    Request(Request),
+    /// Runs a fastscan.
     Scan,
-    /// Nobody hears anything.
+    /// Waits while no slave communicates.
     Pause(Duration),
-    /// The slave must be heard to boot up, or need not be, if it had a node-id.
+    /// Waits for the boot-up of a slave with its first node-id.
     BootUp(NodeId),
 }
 
-/// From the activation of a bit rate until slaves hear again: its delay, twice.
-fn silence(delay: u16) -> Duration {
+/// Time from the activation of a bit rate until slaves communicate again: twice its delay.
+fn switch_delay(delay: u16) -> Duration {
     Duration::from_millis(u64::from(delay)) * 2
 }
 
-/// The first word of a job, and the last: nobody is selected.
+/// First and last request of a job: no slave is selected.
 pub(super) const TO_WAITING: Request = Request::SwitchGlobal(Mode::Waiting);

@@ -1,11 +1,10 @@
-//! The master's side (CiA 305): carries a [job](crate::lss::job) to its end.
+//! LSS master (CiA 305): runs a [job](crate::lss::job) to its end.
 //!
-//! Whatever goes wrong on the way, and wherever the job is abandoned, the last word is that all slaves go
-//! to waiting: no slave is left in configuration, unless that is the job.
+//! After any failure, and when abandoned, it switches all slaves to waiting: none stays in configuration
+//! unless the job requires it.
 //!
-//! Slaves answer on one identifier, so two of them at once destroy each other's answers, or look like
-//! one. Where a job does not choose its slave by its identity, every answer therefore has its whole window,
-//! and a second one ends the job; that none came does not prove that there is one slave only.
+//! Slaves share one reply COB-ID, so simultaneous replies collide or merge. Unless the job selects by
+//! identity, every reply window stays open and a second reply ends the job. A single reply proves little.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -21,16 +20,16 @@ use crate::lss::fastscan::Fastscan;
 use crate::lss::fastscan::Found;
 use crate::lss::job::Job;
 use crate::lss::job::LssError;
-use crate::lss::job::Patience;
 use crate::lss::job::Report;
 use crate::lss::job::Selection;
 use crate::lss::job::Step;
 use crate::lss::job::TO_WAITING;
+use crate::lss::job::Timeouts;
 use crate::lss::node_of;
 use crate::procedure::Procedure;
 use units::time::Instant;
 
-/// What is waited for.
+/// Awaited event.
 #[derive(Clone, Copy, Debug)]
 enum Awaited {
     Reply { request: Request, reply: Option<Reply>, until: Instant },
@@ -39,25 +38,25 @@ enum Awaited {
     BootUp { node: NodeId, until: Instant },
 }
 
-/// A job under way.
+/// Job in progress.
 #[derive(Clone, Debug)]
 pub struct Master {
     job: Job,
-    patience: Patience,
+    timeouts: Timeouts,
     steps: VecDeque<Step>,
     awaited: Option<Awaited>,
-    /// What the step before asked for: a late answer comes from another slave.
+    /// Request of the step before: a late reply to it comes from another slave.
     before: Option<Request>,
     report: Report,
     failure: Option<LssError>,
 }
 
 impl Master {
-    /// Begins a job.
-    pub fn begin(job: Job, patience: Patience, now: Instant, out: &mut Vec<Frame>) -> Self {
+    /// Starts a job.
+    pub fn start(job: Job, timeouts: Timeouts, now: Instant, out: &mut Vec<Frame>) -> Self {
         let mut master = Self {
             job,
-            patience,
+            timeouts,
             steps: job.steps().into(),
             awaited: None,
             before: None,
@@ -67,29 +66,29 @@ impl Master {
         if let Selection::Address(address) = job.selection {
             master.report.address = Some(address);
         }
-        master.go_on(now, out);
+        master.proceed(now, out);
         master
     }
 
-    /// Takes steps until one has to be waited for, or none is left.
-    fn go_on(&mut self, now: Instant, out: &mut Vec<Frame>) {
+    /// Runs steps until one has to wait, or none is left.
+    fn proceed(&mut self, now: Instant, out: &mut Vec<Frame>) {
         self.awaited = None;
         while let Some(step) = self.steps.pop_front() {
             self.awaited = match step {
-                Step::Say(request) => {
+                Step::Send(request) => {
                     out.push(request.frame());
                     continue;
                 }
-                Step::Ask(request) => {
+                Step::Request(request) => {
                     out.push(request.frame());
                     Some(Awaited::Reply { request, reply: None, until: now + self.window(request) })
                 }
-                Step::Scan => Some(Awaited::Scan(Fastscan::begin(self.patience.probe, now, out))),
+                Step::Scan => Some(Awaited::Scan(Fastscan::start(self.timeouts.probe, now, out))),
                 Step::Pause(span) => {
-                    Some(Awaited::Pause { until: now + span + self.patience.reply })
+                    Some(Awaited::Pause { until: now + span + self.timeouts.reply })
                 }
                 Step::BootUp(node) => {
-                    Some(Awaited::BootUp { node, until: now + self.patience.store })
+                    Some(Awaited::BootUp { node, until: now + self.timeouts.store })
                 }
             };
             return;
@@ -97,17 +96,17 @@ impl Master {
     }
 
     fn window(&self, request: Request) -> Duration {
-        if request == Request::Store { self.patience.store } else { self.patience.reply }
+        if request == Request::Store { self.timeouts.store } else { self.timeouts.reply }
     }
 
-    /// Nothing further is done, but for the release.
+    /// Ends the job with an error after switching all slaves to waiting.
     fn fail(&mut self, why: LssError, now: Instant, out: &mut Vec<Frame>) {
         self.failure = Some(why);
-        self.steps = VecDeque::from([Step::Say(TO_WAITING)]);
-        self.go_on(now, out);
+        self.steps = VecDeque::from([Step::Send(TO_WAITING)]);
+        self.proceed(now, out);
     }
 
-    /// The one answer to a request, or the lack of it, is in.
+    /// Handles the reply to a request, or its absence.
     fn conclude(
         &mut self,
         request: Request,
@@ -116,25 +115,25 @@ impl Master {
         out: &mut Vec<Frame>,
     ) {
         let outcome = match reply {
-            None => Err(self.nobody(request)),
-            Some(reply) => self.note(request, reply),
+            None => Err(self.no_reply(request)),
+            Some(reply) => self.record(request, reply),
         };
         self.before = Some(request);
         match outcome {
-            Ok(()) => self.go_on(now, out),
+            Ok(()) => self.proceed(now, out),
             Err(why) => self.fail(why, now, out),
         }
     }
 
-    const fn nobody(&self, request: Request) -> LssError {
+    const fn no_reply(&self, request: Request) -> LssError {
         match (self.job.selection, request) {
             (Selection::Address(address), Request::Select(..)) => LssError::NoSuchSlave(address),
-            _ => LssError::Silent(request),
+            _ => LssError::Timeout(request),
         }
     }
 
-    /// Learns from an answer.
-    fn note(&mut self, request: Request, reply: Reply) -> Result<(), LssError> {
+    /// Records the content of a reply.
+    fn record(&mut self, request: Request, reply: Reply) -> Result<(), LssError> {
         match reply {
             Reply::Selected | Reply::Identified | Reply::NonConfigured => {}
             Reply::NodeIdConfigured(answer)
@@ -151,7 +150,7 @@ impl Master {
             Reply::NodeId(byte) => {
                 let node = node_of(byte).map_err(|_| LssError::NoNodeId(byte))?;
                 self.report.node = Some(node);
-                // A first node-id is the slave's own at once, and it boots up with it.
+                // The first node-id acts at once, and the slave boots up with it.
                 if let (None, Some(Some(first)), true) = (node, self.job.node, self.job.release) {
                     self.steps.push_back(Step::BootUp(first));
                 }
@@ -160,7 +159,7 @@ impl Master {
         Ok(())
     }
 
-    /// An answer to what was asked, or to what had been.
+    /// Takes a reply to the current request, or a late one to the request before.
     fn on_reply(&mut self, reply: Reply, now: Instant, out: &mut Vec<Frame>) {
         let Some(Awaited::Reply { request, reply: first, until }) = self.awaited else { return };
         if !reply.answers(request) {
@@ -202,7 +201,7 @@ impl Procedure for Master {
             Some(Awaited::BootUp { node, .. }) => {
                 if is_boot_up(frame, *node) {
                     self.report.is_booted = true;
-                    self.go_on(now, out);
+                    self.proceed(now, out);
                 }
             }
             Some(Awaited::Pause { .. }) | None => {}
@@ -220,13 +219,13 @@ impl Procedure for Master {
                 None => {}
                 Some(Found::One(address)) => {
                     self.report.address = Some(address);
-                    self.go_on(now, out);
+                    self.proceed(now, out);
                 }
-                Some(Found::Nobody) => self.fail(LssError::NobodyUnconfigured, now, out),
+                Some(Found::None) => self.fail(LssError::NoneUnconfigured, now, out),
                 Some(Found::Lost(part)) => self.fail(LssError::Lost(part), now, out),
             },
             Some(Awaited::Pause { until } | Awaited::BootUp { until, .. }) if *until <= now => {
-                self.go_on(now, out);
+                self.proceed(now, out);
             }
             Some(Awaited::Reply { .. } | Awaited::Pause { .. } | Awaited::BootUp { .. }) | None => {
             }
@@ -242,7 +241,7 @@ impl Procedure for Master {
                 | Awaited::BootUp { until, .. },
             ) => Some(*until),
             Some(Awaited::Scan(scan)) => scan.deadline(),
-            // Nothing had to be waited for: there is an outcome.
+            // No step has to wait: the outcome is ready.
             None => Some(Instant::ZERO),
         }
     }
@@ -267,7 +266,7 @@ mod tests {
     use crate::lss::slave::Slave;
 
     const ADDRESS: Address = Address { vendor: 1, product: 2, revision: 3, serial: 4 };
-    const PATIENCE: Patience = Patience {
+    const TIMEOUTS: Timeouts = Timeouts {
         reply: Duration::from_millis(50),
         store: Duration::from_secs(1),
         probe: Duration::from_millis(10),
@@ -277,16 +276,16 @@ mod tests {
         NodeId::new(raw).unwrap()
     }
 
-    /// Carries a job to its end, the slaves answering at once; also what the master said.
+    /// Runs a job to its end with slaves that reply at once. Also returns the master's frames.
     fn carry(job: Job, slaves: &mut [Slave]) -> (Result<Report, LssError>, Vec<Frame>) {
-        let (mut now, mut out, mut said) = (Instant::ZERO, Vec::new(), Vec::new());
-        let mut master = Master::begin(job, PATIENCE, now, &mut out);
+        let (mut now, mut out, mut sent) = (Instant::ZERO, Vec::new(), Vec::new());
+        let mut master = Master::start(job, TIMEOUTS, now, &mut out);
         let mut outcome = None;
         loop {
-            let replies: Vec<Frame> = out.iter().flat_map(|frame| tell(slaves, frame)).collect();
-            said.append(&mut out);
+            let replies: Vec<Frame> = out.iter().flat_map(|frame| deliver(slaves, frame)).collect();
+            sent.append(&mut out);
             if let Some(outcome) = outcome {
-                return (outcome, said);
+                return (outcome, sent);
             }
             outcome = replies.iter().find_map(|reply| master.on_frame(now, reply, &mut out));
             if outcome.is_none() && out.is_empty() {
@@ -296,8 +295,8 @@ mod tests {
         }
     }
 
-    /// What slaves answer; who gets its first node-id boots up.
-    fn tell(slaves: &mut [Slave], frame: &Frame) -> Vec<Frame> {
+    /// Replies of the slaves; a slave with its first node-id boots up.
+    fn deliver(slaves: &mut [Slave], frame: &Frame) -> Vec<Frame> {
         let mut replies = Vec::new();
         for slave in slaves {
             if slave.on_frame(frame, &mut replies) == Some(Effect::Reset) {
@@ -314,15 +313,15 @@ mod tests {
     }
 
     #[test]
-    fn the_slave_of_an_address_gets_its_node_id_and_no_other() {
+    fn only_the_addressed_slave_is_configured() {
         let other = Address { serial: 5, ..ADDRESS };
         let mut slaves = [Slave::new(ADDRESS, None), Slave::new(other, None)];
-        let (outcome, said) = carry(configure(Selection::Address(ADDRESS), 9), &mut slaves);
+        let (outcome, sent) = carry(configure(Selection::Address(ADDRESS), 9), &mut slaves);
         let report = Report { address: Some(ADDRESS), node: Some(None), is_booted: true };
         assert_eq!(outcome, Ok(report));
         assert_eq!(slaves.each_ref().map(Slave::node), [Some(node(9)), None]);
-        assert_eq!(said.first(), Some(&TO_WAITING.frame()));
-        assert_eq!(said.last(), Some(&TO_WAITING.frame()));
+        assert_eq!(sent.first(), Some(&TO_WAITING.frame()));
+        assert_eq!(sent.last(), Some(&TO_WAITING.frame()));
     }
 
     #[test]
@@ -334,32 +333,32 @@ mod tests {
             assert_eq!(outcome.unwrap().address, Some(address));
         }
         assert_eq!(slaves.each_ref().map(Slave::node), [Some(node(10)), Some(node(9))]);
-        let (outcome, said) = carry(configure(Selection::Fastscan, 11), &mut slaves);
-        assert_eq!(outcome, Err(LssError::NobodyUnconfigured));
-        assert_eq!(said.last(), Some(&TO_WAITING.frame()));
+        let (outcome, sent) = carry(configure(Selection::Fastscan, 11), &mut slaves);
+        assert_eq!(outcome, Err(LssError::NoneUnconfigured));
+        assert_eq!(sent.last(), Some(&TO_WAITING.frame()));
     }
 
     #[test]
-    fn one_slave_alone_needs_no_address() {
+    fn single_slave_needs_no_address() {
         let mut slaves = [Slave::new(ADDRESS, Some(node(5)))];
-        let job = Job { inquire: true, ..Job::new(Selection::Everybody) };
+        let job = Job { inquire: true, ..Job::new(Selection::All) };
         let report = Report { address: Some(ADDRESS), node: Some(Some(node(5))), is_booted: false };
         assert_eq!(carry(job, &mut slaves).0, Ok(report));
         assert_eq!(slaves[0].mode(), Mode::Waiting);
     }
 
     #[test]
-    fn nothing_is_configured_where_two_answer() {
+    fn two_replies_prevent_configuration() {
         let other = Address { serial: 5, ..ADDRESS };
         let mut slaves = [Slave::new(ADDRESS, None), Slave::new(other, None)];
-        let (outcome, said) = carry(configure(Selection::Everybody, 9), &mut slaves);
+        let (outcome, sent) = carry(configure(Selection::All, 9), &mut slaves);
         assert_eq!(outcome, Err(LssError::Several(Request::Inquire(Part::Vendor))));
-        assert!(!said.contains(&Request::ConfigureNodeId(9).frame()));
+        assert!(!sent.contains(&Request::ConfigureNodeId(9).frame()));
         assert!(slaves.iter().all(|slave| slave.mode() == Mode::Waiting));
     }
 
     #[test]
-    fn two_of_one_address_are_found_out_by_their_answers() {
+    fn two_slaves_of_one_address_are_detected() {
         let mut slaves = [Slave::new(ADDRESS, None), Slave::new(ADDRESS, None)];
         let (outcome, _) = carry(configure(Selection::Address(ADDRESS), 9), &mut slaves);
         assert!(matches!(outcome, Err(LssError::Several(_))), "{outcome:?}");
@@ -367,16 +366,16 @@ mod tests {
     }
 
     #[test]
-    fn an_address_nobody_has_is_told() {
+    fn absent_address_is_reported() {
         let (outcome, _) = carry(Job::new(Selection::Address(ADDRESS)), &mut []);
-        let words = outcome.unwrap_err().to_string();
-        assert_eq!(words, "no slave has the address 00000001h 00000002h 00000003h 00000004h");
+        let text = outcome.unwrap_err().to_string();
+        assert_eq!(text, "no slave has the address 00000001h 00000002h 00000003h 00000004h");
         let (outcome, _) = carry(configure(Selection::Selected, 9), &mut []);
         assert_eq!(outcome.unwrap_err().to_string(), "inquire vendor-ID: no slave answers");
     }
 
     #[test]
-    fn a_selected_slave_stays_so_until_it_is_released() {
+    fn selected_slave_stays_selected_until_released() {
         let mut slaves = [Slave::new(ADDRESS, Some(node(5)))];
         let select = Job { release: false, ..Job::new(Selection::Address(ADDRESS)) };
         carry(select, &mut slaves).0.unwrap();
@@ -394,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn every_refusal_is_told_in_words_and_ends_the_job() {
+    fn every_refusal_is_named_and_ends_the_job() {
         let job = Job {
             bit_rate: BitRate::of_kilobits(500),
             ..configure(Selection::Address(ADDRESS), 9)
@@ -405,38 +404,34 @@ mod tests {
             (0x13, 1, "configure bit timing refused: 1 bit timing not supported"),
             (0x17, 1, "store configuration refused: 1 storing is not supported"),
             (0x17, 2, "store configuration refused: 2 storage media access error"),
-            (
-                0x17,
-                255,
-                "store configuration refused: 255 error of the manufacturer's own, number 77",
-            ),
+            (0x17, 255, "store configuration refused: 255 manufacturer-specific error, code 77"),
             (0x17, 3, "store configuration refused: 3 reserved error code"),
         ];
-        for (command, error, words) in refusals {
+        for (command, error, text) in refusals {
             let mut out = Vec::new();
-            let mut master = Master::begin(job, PATIENCE, Instant::ZERO, &mut out);
+            let mut master = Master::start(job, TIMEOUTS, Instant::ZERO, &mut out);
             let outcome = [0x44, 0x11, 0x13, 0x17].into_iter().find_map(|answer| {
                 let error = if answer == command { error } else { 0 };
                 let frame = Frame::new(REPLY_COB_ID, [answer, error, 77, 0, 0, 0, 0, 0]);
                 master.on_frame(Instant::ZERO, &frame, &mut out)
             });
-            assert_eq!(outcome.unwrap().unwrap_err().to_string(), words);
+            assert_eq!(outcome.unwrap().unwrap_err().to_string(), text);
             assert_eq!(out.last(), Some(&TO_WAITING.frame()));
         }
     }
 
     #[test]
-    fn a_job_that_is_abandoned_releases_all() {
+    fn abandoned_job_releases_all_slaves() {
         let mut out = Vec::new();
         let select = Job { release: false, ..Job::new(Selection::Fastscan) };
-        let mut master = Master::begin(select, PATIENCE, Instant::ZERO, &mut out);
+        let mut master = Master::start(select, TIMEOUTS, Instant::ZERO, &mut out);
         master.abandon(Instant::ZERO, &mut out);
         assert_eq!(out.last(), Some(&TO_WAITING.frame()));
     }
 
     proptest! {
         #[test]
-        fn any_frames_at_any_time_end_in_bounds_and_in_waiting(
+        fn any_frames_end_in_time_and_in_waiting(
             kind in 0_usize..4,
             frames in proptest::collection::vec(
                 (
@@ -451,7 +446,7 @@ mod tests {
         ) {
             let selection = [
                 Selection::Selected,
-                Selection::Everybody,
+                Selection::All,
                 Selection::Address(ADDRESS),
                 Selection::Fastscan,
             ][kind];
@@ -461,7 +456,7 @@ mod tests {
                 ..configure(selection, 9)
             };
             let (mut now, mut out) = (Instant::ZERO, Vec::new());
-            let mut master = Master::begin(job, PATIENCE, now, &mut out);
+            let mut master = Master::start(job, TIMEOUTS, now, &mut out);
             let mut outcome = None;
             for (step, cob_id, command, [a, b, c, d, e, f, g], length) in frames {
                 let bytes = [command, a, b, c, d, e, f, g];
@@ -473,7 +468,7 @@ mod tests {
                 }
                 prop_assert!(master.deadline().is_some());
             }
-            let latest = now + PATIENCE.probe * (4 * 33 + 2) + PATIENCE.reply * 9 + PATIENCE.store * 2;
+            let latest = now + TIMEOUTS.probe * (4 * 33 + 2) + TIMEOUTS.reply * 9 + TIMEOUTS.store * 2;
             while outcome.is_none() {
                 now = master.deadline().unwrap().max(now);
                 prop_assert!(now <= latest);

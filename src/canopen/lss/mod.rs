@@ -1,17 +1,15 @@
-//! Layer setting services (CiA 305): node-id and bit rate of a device set over the bus.
+//! Layer setting services (LSS, CiA 305): configuration of node-id and bit rate over the bus.
 //!
-//! A device without a node-id hears nothing but these. It is addressed by what it *is*, the four numbers
-//! of its identity (1018h), which no two devices share. Two states: *waiting* and *configuration*; only in
-//! the second it is asked and set.
+//! A device without a node-id takes LSS only. Its LSS address is its identity (1018h), which is unique. An
+//! LSS slave has two states, *waiting* and *configuration*; only the second allows inquiry and configuration.
 //!
 //! | COB-ID | from → to      |
 //! |--------|----------------|
 //! | 7E5h   | master → slave |
 //! | 7E4h   | slave → master |
 //!
-//! Every frame has eight bytes, a command specifier first; [`codec`] has the table. Both sides here are
-//! pure machines: the [`slave`], which a [device](crate::device) carries, and the
-//! [`master`] with its [`fastscan`].
+//! Every frame has eight bytes, first a command specifier; [`codec`] has the table. Both sides are pure
+//! machines: the [`slave`] of a [device](crate::device), and the [`master`] with its [`fastscan`].
 
 pub mod codec;
 pub mod fastscan;
@@ -27,12 +25,12 @@ use canopen_rs::lss::LSS_MASTER_COB_ID;
 use canopen_rs::lss::LSS_SLAVE_COB_ID;
 use canopen_rs::lss::UNCONFIGURED_NODE_ID;
 
-/// What the master says.
+/// COB-ID of LSS requests.
 pub const REQUEST_COB_ID: u16 = LSS_MASTER_COB_ID;
-/// What slaves answer, all of them.
+/// COB-ID of LSS replies, shared by all slaves.
 pub const REPLY_COB_ID: u16 = LSS_SLAVE_COB_ID;
 
-/// One of the four numbers of an identity, in the order of 1018h:1 to 4.
+/// Part of an LSS address, in the order of 1018h:1 to 4.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Part {
     /// Vendor-ID.
@@ -46,10 +44,10 @@ pub enum Part {
 }
 
 impl Part {
-    /// All of them, in order.
+    /// All parts, in order.
     pub const ALL: [Self; 4] = [Self::Vendor, Self::Product, Self::Revision, Self::Serial];
 
-    /// Its place: 0 to 3.
+    /// Index of the part, 0 to 3.
     pub const fn place(self) -> u8 {
         match self {
             Self::Vendor => 0,
@@ -59,13 +57,13 @@ impl Part {
         }
     }
 
-    /// The one at a place, `None` beyond 3.
+    /// Returns the part at an index; `None` beyond 3.
     pub fn at(place: u8) -> Option<Self> {
         Self::ALL.get(usize::from(place)).copied()
     }
 }
 
-/// Its name in CiA 301.
+/// Name in CiA 301.
 impl fmt::Display for Part {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -77,7 +75,7 @@ impl fmt::Display for Part {
     }
 }
 
-/// The identity of one device among all there are (1018h): its LSS address.
+/// LSS address: the identity (1018h) of one device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Address {
     /// Vendor-ID.
@@ -91,7 +89,7 @@ pub struct Address {
 }
 
 impl Address {
-    /// One of its numbers.
+    /// Value of a part.
     pub const fn part(&self, part: Part) -> u32 {
         match part {
             Part::Vendor => self.vendor,
@@ -101,7 +99,7 @@ impl Address {
         }
     }
 
-    /// The same with one number replaced.
+    /// Replaces a part.
     #[must_use]
     pub const fn with(mut self, part: Part, number: u32) -> Self {
         match part {
@@ -114,7 +112,7 @@ impl Address {
     }
 }
 
-/// `00000F8Ch 04020010h 00010000h 00000003h`: vendor, product, revision, serial.
+/// `00000F8Ch 04020010h 00010000h 00000003h`: vendor, product, revision, serial
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { vendor, product, revision, serial } = self;
@@ -122,53 +120,53 @@ impl fmt::Display for Address {
     }
 }
 
-/// A bit rate of CiA 301, by its place in table 0 of CiA 305.
+/// Bit rate of CiA 301, by its index in table 0 of CiA 305.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct BitRate {
     kilobits: u16,
     index: u8,
 }
 
-/// The only table CiA defines. Place 5 is reserved, place 9 is automatic detection.
+/// Standard table of CiA 305. Index 5 is reserved, index 9 is automatic detection.
 pub const STANDARD_TABLE: u8 = 0;
 
-/// Kilobits per second and place in [`STANDARD_TABLE`].
+/// Bit rate in kbit/s, and its index in [`STANDARD_TABLE`].
 const BIT_RATES: [(u16, u8); 8] =
     [(1_000, 0), (800, 1), (500, 2), (250, 3), (125, 4), (50, 6), (20, 7), (10, 8)];
 
 impl BitRate {
-    /// The one with so many kbit/s, `None` if the table has none.
+    /// Returns the bit rate of `kilobits` kbit/s; `None` if the table lacks it.
     pub fn of_kilobits(kilobits: u16) -> Option<Self> {
         let (kilobits, index) = *BIT_RATES.iter().find(|(known, _)| *known == kilobits)?;
         Some(Self { kilobits, index })
     }
 
-    /// The one at a place of the table, `None` if there is none.
+    /// Returns the bit rate at an index of the table; `None` if it is not defined.
     pub fn of_index(index: u8) -> Option<Self> {
         let (kilobits, index) = *BIT_RATES.iter().find(|(_, known)| *known == index)?;
         Some(Self { kilobits, index })
     }
 
-    /// In kbit/s.
+    /// Bit rate in kbit/s.
     pub const fn kilobits(self) -> u16 {
         self.kilobits
     }
 
-    /// Its place in [`STANDARD_TABLE`].
+    /// Index in [`STANDARD_TABLE`].
     pub const fn index(self) -> u8 {
         self.index
     }
 }
 
-/// A node-id as LSS writes it: FFh for a device that has none.
+/// Encodes a node-id for LSS: FFh for an unconfigured device.
 pub fn node_byte(node: Option<NodeId>) -> u8 {
     node.map_or(UNCONFIGURED_NODE_ID, NodeId::raw)
 }
 
-/// What a byte says about the node-id: one of 1 to 127, or none for FFh.
+/// Decodes a node-id of LSS: 1 to 127, or `None` for FFh.
 ///
 /// # Errors
-/// When it says neither.
+/// Returns an error for any other byte.
 pub fn node_of(byte: u8) -> Result<Option<NodeId>, NoNodeId> {
     if byte == UNCONFIGURED_NODE_ID {
         return Ok(None);
@@ -176,7 +174,7 @@ pub fn node_of(byte: u8) -> Result<Option<NodeId>, NoNodeId> {
     NodeId::new(byte).map(Some).map_err(|_| NoNodeId)
 }
 
-/// Neither a node-id nor the absence of one.
+/// Error of an invalid node-id byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NoNodeId;
 
@@ -185,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_node_id_is_one_of_127_or_none() {
+    fn node_id_is_within_1_to_127_or_absent() {
         for byte in 0..=u8::MAX {
             match node_of(byte) {
                 Ok(node) => assert_eq!(node_byte(node), byte),
@@ -195,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bit_rate_is_found_by_either_of_its_numbers() {
+    fn bit_rate_is_found_by_rate_and_index() {
         for (kilobits, index) in BIT_RATES {
             let rate = BitRate::of_kilobits(kilobits).unwrap();
             assert_eq!((rate.index(), BitRate::of_index(index)), (index, Some(rate)));
@@ -204,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn an_address_is_its_four_parts() {
+    fn address_consists_of_four_parts() {
         let address = Address { vendor: 1, product: 2, revision: 3, serial: 0xABC };
         let again = Part::ALL.into_iter().fold(Address::default(), |again, part| {
             assert_eq!(Part::at(part.place()), Some(part));

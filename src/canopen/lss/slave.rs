@@ -1,9 +1,8 @@
-//! The device's side (CiA 305): which state, which answers, and three node-ids.
+//! LSS slave (CiA 305): state, replies, and three node-ids.
 //!
-//! The *pending* node-id is what the master has configured; it becomes *active* with the next reset of
-//! communication; the *stored* one is what a device wakes up with. What follows for the device from a
-//! changed node-id or bit rate is told as an [`Effect`], and done by
-//! [`device`](crate::device).
+//! The *pending* node-id is the configured one; it becomes *active* at the next reset of communication; the
+//! *stored* one is active after power-up. A change is reported as an [`Effect`], which the
+//! [`device`](crate::device) applies.
 
 use std::time::Duration;
 
@@ -23,16 +22,17 @@ use crate::lss::codec::Request;
 use crate::lss::node_byte;
 use crate::lss::node_of;
 
-/// What the device must do now.
+/// Effect of a request on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
-    /// It had no node-id and is left with one: it resets its communication, and boots up.
+    /// The device has its first node-id and left configuration: it resets communication and boots up.
     Reset,
-    /// For this long it is silent, changes to the configured bit rate, and is silent for as long again.
+    /// The device stops communicating, switches to the configured bit rate after this time, and resumes after
+    /// the same time again.
     BitRate(Duration),
 }
 
-/// One slave.
+/// LSS slave.
 #[derive(Clone, Debug)]
 pub struct Slave {
     address: Address,
@@ -42,16 +42,16 @@ pub struct Slave {
     stored: Option<NodeId>,
     bit_rate: Option<BitRate>,
     stored_bit_rate: Option<BitRate>,
-    /// The parts of an address that came in order and were its own.
+    /// Number of consecutive matching parts of a selection.
     selected: usize,
-    /// The conditions of a description that came in order and were met.
+    /// Number of consecutive met conditions of an identification.
     identified: usize,
-    /// Which number a fastscan asks for.
+    /// Part compared by the fastscan.
     scanned: Part,
 }
 
 impl Slave {
-    /// A slave that has woken up with this node-id, or none.
+    /// Returns a slave after power-up with its stored node-id, if any.
     pub const fn new(address: Address, stored: Option<NodeId>) -> Self {
         Self {
             address,
@@ -67,22 +67,22 @@ impl Slave {
         }
     }
 
-    /// Its state.
+    /// LSS state.
     pub const fn mode(&self) -> Mode {
         self.mode
     }
 
-    /// The node-id it has now.
+    /// Active node-id.
     pub const fn node(&self) -> Option<NodeId> {
         self.active
     }
 
-    /// The bit rate it was configured for, `None` before.
+    /// Configured bit rate; `None` before the first configuration.
     pub const fn bit_rate(&self) -> Option<BitRate> {
         self.bit_rate
     }
 
-    /// Communication is reset: the configured node-id becomes its own.
+    /// Activates the pending node-id at a reset of communication.
     pub const fn reset(&mut self) {
         *self = Self {
             bit_rate: self.bit_rate,
@@ -92,7 +92,7 @@ impl Slave {
         };
     }
 
-    /// Power is lost and comes back: what was not stored is gone.
+    /// Restores the stored node-id and bit rate at power-up.
     pub const fn power_cycle(&mut self) {
         *self = Self {
             bit_rate: self.stored_bit_rate,
@@ -101,7 +101,7 @@ impl Slave {
         };
     }
 
-    /// Takes one received frame; an answer is appended to `out`.
+    /// Takes one received frame; a reply is appended to `out`.
     pub fn on_frame(&mut self, frame: &Frame, out: &mut Vec<Frame>) -> Option<Effect> {
         let request = Request::decode(frame)?;
         let (reply, effect) = match request {
@@ -129,7 +129,7 @@ impl Slave {
         effect
     }
 
-    /// Neither has a node-id nor is about to get one.
+    /// Returns whether it has neither an active nor a pending node-id.
     const fn is_unconfigured(&self) -> bool {
         self.active.is_none() && self.pending.is_none()
     }
@@ -142,7 +142,7 @@ impl Slave {
         (is_left && gets_its_first).then_some(Effect::Reset)
     }
 
-    /// All four parts in order, and each its own.
+    /// Compares a part; the fourth consecutive match selects the slave.
     fn select(&mut self, part: Part, number: u32) -> Option<Reply> {
         let is_mine = number == self.address.part(part);
         self.selected = progress(self.selected, usize::from(part.place()), is_mine);
@@ -154,7 +154,7 @@ impl Slave {
         Some(Reply::Selected)
     }
 
-    /// All six conditions in order, and each met.
+    /// Checks a condition; the sixth consecutive one identifies the slave.
     fn identify(&mut self, condition: Condition, number: u32) -> Option<Reply> {
         let Address { vendor, product, revision, serial } = self.address;
         let is_met = match condition {
@@ -174,8 +174,7 @@ impl Slave {
         Some(Reply::Identified)
     }
 
-    /// Answers as long as what the master supposes agrees, down to a bit; enters configuration when all
-    /// of the last number does.
+    /// Replies while the compared bits match; enters configuration after the last part matches in all bits.
     fn scan(&mut self, probe: Probe) -> Option<Reply> {
         if !self.is_unconfigured() {
             return None;
@@ -225,7 +224,7 @@ impl Slave {
     }
 }
 
-/// How many of a sequence have come in order, after the one at `place` did or did not fit.
+/// Returns the number of consecutive matches after the element at `place`.
 const fn progress(before: usize, place: usize, fits: bool) -> usize {
     let is_next = place == 0 || place == before;
     if is_next && fits { place + 1 } else { 0 }
@@ -244,8 +243,8 @@ mod tests {
         NodeId::new(raw).unwrap()
     }
 
-    /// What a slave answers, and what follows.
-    fn ask(slave: &mut Slave, request: Request) -> (Option<Reply>, Option<Effect>) {
+    /// Reply and effect of a request.
+    fn request(slave: &mut Slave, request: Request) -> (Option<Reply>, Option<Effect>) {
         let mut out = Vec::new();
         let effect = slave.on_frame(&request.frame(), &mut out);
         assert!(out.len() <= 1);
@@ -253,7 +252,7 @@ mod tests {
     }
 
     fn answer(slave: &mut Slave, request: Request) -> Option<Reply> {
-        ask(slave, request).0
+        self::request(slave, request).0
     }
 
     fn select(slave: &mut Slave, address: Address) -> Vec<Reply> {
@@ -281,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn an_address_out_of_order_selects_nobody() {
+    fn address_out_of_order_selects_no_slave() {
         let mut slave = Slave::new(ADDRESS, None);
         for part in [Part::Vendor, Part::Revision, Part::Product, Part::Revision, Part::Serial] {
             assert_eq!(answer(&mut slave, Request::Select(part, ADDRESS.part(part))), None);
@@ -289,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn who_waits_is_neither_asked_nor_set() {
+    fn waiting_slave_is_neither_inquired_nor_configured() {
         let mut slave = Slave::new(ADDRESS, Some(node(5)));
         let inquiries = Part::ALL.map(Request::Inquire);
         let settings = [
@@ -300,14 +299,14 @@ mod tests {
             Request::Store,
         ];
         for request in inquiries.into_iter().chain(settings) {
-            assert_eq!(ask(&mut slave, request), (None, None), "{request}");
+            assert_eq!(self::request(&mut slave, request), (None, None), "{request}");
         }
         slave.reset();
         assert_eq!(slave.node(), Some(node(5)));
     }
 
     #[test]
-    fn who_is_configured_tells_who_it_is() {
+    fn slave_in_configuration_reports_its_identity() {
         let mut slave = configuring(Some(node(5)));
         for part in Part::ALL {
             let reply = answer(&mut slave, Request::Inquire(part));
@@ -317,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn a_node_id_waits_for_the_reset_and_is_lost_with_power_if_not_stored() {
+    fn node_id_acts_after_reset_and_is_lost_unless_stored() {
         for is_stored in [false, true] {
             let mut slave = configuring(Some(node(5)));
             let set = answer(&mut slave, Request::ConfigureNodeId(9));
@@ -326,7 +325,7 @@ mod tests {
                 let stored = answer(&mut slave, Request::Store);
                 assert_eq!(stored, Some(Reply::Stored(Answer::DONE)));
             }
-            assert_eq!(ask(&mut slave, TO_WAITING), (None, None));
+            assert_eq!(request(&mut slave, TO_WAITING), (None, None));
             assert_eq!(slave.node(), Some(node(5)));
             slave.reset();
             assert_eq!(slave.node(), Some(node(9)));
@@ -336,19 +335,19 @@ mod tests {
     }
 
     #[test]
-    fn the_first_node_id_a_slave_gets_is_its_own_as_soon_as_it_waits() {
+    fn first_node_id_acts_on_leaving_configuration() {
         let mut slave = configuring(None);
-        assert_eq!(ask(&mut slave, TO_WAITING), (None, None), "it still has none");
+        assert_eq!(request(&mut slave, TO_WAITING), (None, None), "no node-id yet");
         select(&mut slave, ADDRESS);
         answer(&mut slave, Request::ConfigureNodeId(9));
-        assert_eq!(ask(&mut slave, TO_WAITING), (None, Some(Effect::Reset)));
+        assert_eq!(request(&mut slave, TO_WAITING), (None, Some(Effect::Reset)));
         slave.reset();
         assert_eq!(slave.node(), Some(node(9)));
-        assert_eq!(ask(&mut slave, TO_WAITING), (None, None));
+        assert_eq!(request(&mut slave, TO_WAITING), (None, None));
     }
 
     #[test]
-    fn a_node_id_out_of_range_changes_nothing() {
+    fn node_id_out_of_range_is_refused() {
         for byte in [0, 128, 0xFE] {
             let mut slave = configuring(Some(node(5)));
             let refused = answer(&mut slave, Request::ConfigureNodeId(byte));
@@ -368,7 +367,7 @@ mod tests {
                 let expected = if is_known { Answer::DONE } else { Answer::REFUSED };
                 assert_eq!(reply, Some(Reply::BitTimingConfigured(expected)), "{table} {index}");
                 assert_eq!(slave.bit_rate().is_some(), is_known);
-                let effect = ask(&mut slave, Request::ActivateBitTiming(20));
+                let effect = request(&mut slave, Request::ActivateBitTiming(20));
                 let silence = Effect::BitRate(Duration::from_millis(20));
                 assert_eq!(effect, (None, is_known.then_some(silence)));
             }
@@ -376,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn a_description_is_answered_by_whom_it_fits_in_either_state() {
+    fn matching_slave_replies_in_either_state() {
         let fitting = [0xF8C, 0x0402_0010, 0x0001_0000, 0x0001_0000, 0, 7];
         let describe = |slave: &mut Slave, numbers: [u32; 6]| {
             let requests = Condition::ALL.into_iter().zip(numbers);
@@ -395,17 +394,21 @@ mod tests {
     }
 
     #[test]
-    fn only_who_has_no_node_id_says_so() {
+    fn only_unconfigured_slaves_reply_non_configured() {
         let replies = [None, Some(node(5))]
             .map(|stored| answer(&mut Slave::new(ADDRESS, stored), Request::IdentifyNonConfigured));
         assert_eq!(replies, [Some(Reply::NonConfigured), None]);
         let mut slave = configuring(None);
         answer(&mut slave, Request::ConfigureNodeId(9));
-        assert_eq!(answer(&mut slave, Request::IdentifyNonConfigured), None, "it has one coming");
+        assert_eq!(
+            answer(&mut slave, Request::IdentifyNonConfigured),
+            None,
+            "its node-id is pending"
+        );
     }
 
     #[test]
-    fn a_fastscan_concerns_who_waits_for_a_node_id() {
+    fn fastscan_concerns_unconfigured_waiting_slaves() {
         let everybody =
             Request::Fastscan(Probe { number: 0, bit: Probe::EVERYBODY, part: 0, next: 0 });
         assert_eq!(answer(&mut Slave::new(ADDRESS, Some(node(5))), everybody), None);
@@ -427,7 +430,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_frames_are_answered_at_most_once_and_leave_a_node_id_that_is_one(
+        fn any_frames_get_one_reply_and_keep_a_valid_node_id(
             frames in proptest::collection::vec(
                 (0x7E4_u16..0x7E7, 0_u8..0x60, any::<[u8; 7]>(), 1_usize..9), 0..100,
             ),

@@ -1,4 +1,4 @@
-//! SDO client transfers (CiA 301, 7.2.4.3): expedited, segmented and by blocks, in both directions, one after
+//! SDO client transfers (CiA 301, 7.2.4.3): expedited, segmented and block transfer, in both directions, one after
 //! the other at each node.
 //!
 //! A reply counts only if it comes from the requested node and names the requested object. All other frames
@@ -7,8 +7,6 @@
 //!
 //! Each call appends at most one frame, and `on_time` alone sends the segments of a block: the caller limits
 //! the bus load by its calls. Segments that a server loses are sent again.
-//! `on_time` alone: whoever calls it when there is room, or once a cycle, keeps the bus from being
-//! flooded. Frames a server loses nevertheless are sent again.
 //!
 //! ```
 //! use std::time::Duration;

@@ -1,6 +1,6 @@
-//! The data types of CiA 309-3, by their names there and by their numbers in an EDS.
+//! Data types of CiA 309-3, by name and by their number in an EDS.
 //!
-//! Only the types; [`value`](crate::value) makes bytes of texts, and texts of bytes.
+//! [`value`](crate::value) converts between text and bytes.
 //!
 //! | name       | type (CiA 301, 7.4.7.1)      | as text                                                 |
 //! |------------|------------------------------|---------------------------------------------------------|
@@ -21,28 +21,28 @@ use thiserror::Error;
 
 use crate::value::numeral::decimal;
 
-/// The bytes of a whole number: 1 to 8.
+/// Width of an integer, 1 to 8 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Width(u8);
 
 impl Width {
-    /// So many bits: 8, 16, … 64.
+    /// Returns a width of 8, 16, … 64 bits.
     pub const fn of_bits(bits: u8) -> Option<Self> {
         if bits.is_multiple_of(8) && bits >= 8 && bits <= 64 { Some(Self(bits / 8)) } else { None }
     }
 
-    /// In bits.
+    /// Width in bits.
     pub const fn bits(self) -> u8 {
         self.0 * 8
     }
 
-    /// In bytes.
+    /// Width in bytes.
     pub fn bytes(self) -> usize {
         usize::from(self.0)
     }
 }
 
-/// What an object holds.
+/// Data type of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum GatewayType {
     /// `b`
@@ -71,10 +71,10 @@ pub enum GatewayType {
     TimeDifference,
 }
 
-/// No name of a type.
+/// Error of an unknown type name.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error(
-    "{0}: no data type; there are b, u8 to u64, i8 to i64, x8 to x64, r32, r64, vs, us, os, d, t, td"
+    "unknown data type \"{0}\"; expected b, u8 to u64, i8 to i64, x8 to x64, r32, r64, vs, us, os, d, t, td"
 )]
 pub struct NoType(String);
 
@@ -128,7 +128,7 @@ impl fmt::Display for GatewayType {
 }
 
 impl GatewayType {
-    /// The type with a number in CiA 301, 7.4.7.1, as an EDS has it.
+    /// Returns the type with a number of CiA 301, 7.4.7.1, as used in an EDS.
     pub const fn of_number(number: u16) -> Option<Self> {
         Some(match number {
             0x01 => Self::Boolean,
@@ -160,7 +160,7 @@ impl GatewayType {
         })
     }
 
-    /// The bytes a value has; `None` where it may have any number of them.
+    /// Size of a value in bytes; `None` for types of variable length.
     pub fn size(self) -> Option<usize> {
         match self {
             Self::Boolean => Some(1),
@@ -174,7 +174,7 @@ impl GatewayType {
         }
     }
 
-    /// The lowest and the highest whole number of the type; `None` if it is no type of whole numbers.
+    /// Range of an integer type; `None` for others.
     pub fn range(self) -> Option<(i128, i128)> {
         match self {
             Self::Boolean => Some((0, 1)),
@@ -197,7 +197,7 @@ impl GatewayType {
     }
 }
 
-/// Every name there is.
+/// Names of all types.
 #[cfg(test)]
 pub(super) fn names() -> Vec<String> {
     let wide = |kind| (1..=8).map(move |width| format!("{kind}{}", width * 8));
@@ -210,7 +210,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_type_is_called_as_it_calls_itself() {
+    fn type_names_parse_to_themselves() {
         for name in names() {
             assert_eq!(name.parse::<GatewayType>().unwrap().to_string(), name);
         }
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_an_eds_are_types_of_their_size() {
+    fn type_numbers_match_their_sizes() {
         for (number, name) in
             [(1, "b"), (3, "i16"), (7, "u32"), (9, "vs"), (0x16, "u24"), (0x1B, "u64")]
         {

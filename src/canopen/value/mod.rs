@@ -1,6 +1,6 @@
-//! Values as people write them, and as objects hold them, little-endian: the two ways between text and bytes.
+//! Values as text and as the little-endian bytes of an object: conversion in both directions.
 //!
-//! What each [`GatewayType`] looks like as text is in [`gateway_type`].
+//! [`gateway_type`] defines the text of each [`GatewayType`].
 
 pub mod gateway_type;
 pub mod numeral;
@@ -16,63 +16,63 @@ use crate::value::numeral::bare;
 use crate::value::numeral::hexadecimal;
 use crate::value::numeral::whole;
 
-/// Why a text is no value of a type.
+/// Error of a text or content that is not a value of its type.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ValueError {
-    /// Not written as values of the type are.
+    /// Malformed text.
     #[error("{text}: not {expected}")]
     Malformed {
-        /// What was written.
+        /// Text.
         text: String,
-        /// What should have been.
+        /// Expected form.
         expected: &'static str,
     },
-    /// Outside of the type, or of the object.
-    #[error("{text}: not within {low} and {high}")]
+    /// Out of range of the type or the object.
+    #[error("{text}: must be within {low}..={high}")]
     OutOfRange {
-        /// What was written.
+        /// Text.
         text: String,
-        /// The lowest.
+        /// Low limit.
         low: i128,
-        /// The highest.
+        /// High limit.
         high: i128,
     },
-    /// The object holds another number of bytes.
-    #[error("{bytes} bytes are no {data_type}")]
+    /// Wrong number of bytes.
+    #[error("{bytes} bytes do not match {data_type}")]
     Length {
-        /// How many it holds.
+        /// Number of bytes.
         bytes: usize,
-        /// What it should hold.
+        /// Expected type.
         data_type: GatewayType,
     },
 }
 
-/// What an object holds, read as one of the types.
+/// Decoded value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// True or false.
+    /// Boolean.
     Boolean(bool),
-    /// A whole number.
+    /// Integer.
     Whole(i128),
-    /// A whole number that is a pattern of bits.
+    /// Unsigned integer, shown in hexadecimal.
     Pattern(u64, Width),
-    /// A number.
+    /// Floating-point number of 32 bits.
     Real32(f32),
-    /// A number.
+    /// Floating-point number of 64 bits.
     Real64(f64),
-    /// A text.
+    /// Text.
     Text(String),
     /// Bytes.
     Bytes(Vec<u8>),
-    /// A moment, or a span.
+    /// Time of day or time difference.
     Time(TimeOfDay),
 }
 
 impl GatewayType {
-    /// Reads a text.
+    /// Parses a text.
     ///
     /// # Errors
-    /// When it is no value of the type.
+    /// Returns an error if the text is not a value of the type.
     pub fn parse(self, text: &str) -> Result<Value, ValueError> {
         let malformed = |expected| ValueError::Malformed { text: text.to_owned(), expected };
         match self {
@@ -120,10 +120,10 @@ impl GatewayType {
         within(text, number, low, high)
     }
 
-    /// Reads what an object holds.
+    /// Decodes the content of an object.
     ///
     /// # Errors
-    /// When it has another length.
+    /// Returns an error for a wrong length.
     pub fn decode(self, bytes: &[u8]) -> Result<Value, ValueError> {
         let length = || ValueError::Length { bytes: bytes.len(), data_type: self };
         if self.size().is_some_and(|size| size != bytes.len()) {
@@ -162,8 +162,7 @@ impl GatewayType {
         })
     }
 
-    /// The bytes of a value that is of this type, as [`parse`](Self::parse) and [`decode`](Self::decode)
-    /// give them.
+    /// Encodes a value of this type, as returned by [`parse`](Self::parse) or [`decode`](Self::decode).
     pub fn encode(self, value: &Value) -> Vec<u8> {
         match value {
             Value::Boolean(is) => vec![u8::from(*is)],
@@ -181,7 +180,7 @@ impl GatewayType {
     }
 }
 
-/// As it is written: what [`GatewayType::parse`] reads.
+/// Text that [`GatewayType::parse`] accepts.
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -199,7 +198,7 @@ impl fmt::Display for Value {
     }
 }
 
-/// Bytes as a person reads them: `01 AB FF`.
+/// Bytes in hexadecimal: `01 AB FF`
 #[derive(Clone, Copy, Debug)]
 pub struct Octets<'a>(pub &'a [u8]);
 
@@ -213,10 +212,10 @@ impl fmt::Display for Octets<'_> {
     }
 }
 
-/// The number, if it is within its limits, ends included.
+/// Returns the number if it is within its limits, ends included.
 ///
 /// # Errors
-/// When it is not, as `text` wrote it.
+/// Returns an error with `text` otherwise.
 pub fn within(text: &str, number: i128, low: i128, high: i128) -> Result<i128, ValueError> {
     if (low..=high).contains(&number) {
         Ok(number)
@@ -225,7 +224,7 @@ pub fn within(text: &str, number: i128, low: i128, high: i128) -> Result<i128, V
     }
 }
 
-/// Pairs of hexadecimal digits, apart or not.
+/// Parses pairs of hexadecimal digits, with or without blanks.
 fn octets(text: &str) -> Option<Vec<u8>> {
     let mut bytes = Vec::new();
     for word in text.split_ascii_whitespace() {
@@ -243,13 +242,13 @@ fn octets(text: &str) -> Option<Vec<u8>> {
 }
 
 fn time(text: &str) -> Option<TimeOfDay> {
-    const MOST: u32 = (1 << 28) - 1;
+    const MAX_MILLIS: u32 = (1 << 28) - 1;
     let (days, millis) = text.split_once(':')?;
-    let millis = millis.parse().ok().filter(|millis| *millis <= MOST)?;
+    let millis = millis.parse().ok().filter(|millis| *millis <= MAX_MILLIS)?;
     Some(TimeOfDay { days: days.parse().ok()?, millis })
 }
 
-/// A text as devices hold it: up to the first zero, and what is no ASCII made visible.
+/// Decodes a text up to its first zero; replaces characters that are not visible ASCII.
 pub fn visible(bytes: &[u8]) -> String {
     let text = bytes.split(|byte| *byte == 0).next().unwrap_or_default();
     let show = |byte: &u8| if matches!(byte, 0x20..=0x7E) { char::from(*byte) } else { '\u{FFFD}' };
@@ -274,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_become_the_bytes_of_the_wire() {
+    fn texts_are_encoded() {
         for (data_type, text, expected) in [
             ("b", "true", vec![1]),
             ("u8", "255", vec![255]),
@@ -300,20 +299,20 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_value_of_its_type_is_told_before_it_is_sent() {
+    fn invalid_values_are_refused() {
         for (data_type, text, reason) in [
-            ("u8", "256", "256: not within 0 and 255"),
-            ("u8", "-1", "-1: not within 0 and 255"),
-            ("i16", "0xFFFF", "0xFFFF: not within -32768 and 32767"),
+            ("u8", "256", "256: must be within 0..=255"),
+            ("u8", "-1", "-1: must be within 0..=255"),
+            ("i16", "0xFFFF", "0xFFFF: must be within -32768..=32767"),
             ("i16", "1e3", "1e3: not a whole number"),
             ("i16", "", ": not a whole number"),
             ("i16", "--1", "--1: not a whole number"),
             (
                 "u64",
                 "0x10000000000000000",
-                "0x10000000000000000: not within 0 and 18446744073709551615",
+                "0x10000000000000000: must be within 0..=18446744073709551615",
             ),
-            ("x8", "100", "100: not within 0 and 255"),
+            ("x8", "100", "100: must be within 0..=255"),
             ("b", "2", "2: not 0, 1, false or true"),
             ("r32", "1e39", "1e39: not a number of 32 bits"),
             ("r64", "nan", "nan: not a number of 64 bits"),
@@ -328,18 +327,18 @@ mod tests {
     }
 
     #[test]
-    fn a_text_ends_at_its_zero_and_shows_what_it_cannot() {
+    fn text_ends_at_zero_and_replaces_invisible_characters() {
         let read =
             |data_type: GatewayType, bytes: &[u8]| data_type.decode(bytes).unwrap().to_string();
         assert_eq!(read(GatewayType::VisibleString, b"motor\0\0\0"), "motor");
         assert_eq!(read(GatewayType::VisibleString, b"a\x1B[31m"), "a\u{FFFD}[31m", "no escapes");
-        let odd = GatewayType::UnicodeString.decode(&[1, 2, 3]).unwrap_err();
-        assert_eq!(odd.to_string(), "3 bytes are no us");
+        let mismatch = GatewayType::UnicodeString.decode(&[1, 2, 3]).unwrap_err();
+        assert_eq!(mismatch.to_string(), "3 bytes do not match us");
     }
 
     proptest! {
         #[test]
-        fn what_is_shown_is_read_as_the_same_bytes(
+        fn displayed_values_parse_to_the_same_bytes(
             name in prop::sample::select(names()),
             random in proptest::collection::vec(any::<u8>(), 0..20),
         ) {
@@ -370,7 +369,7 @@ mod tests {
         }
 
         #[test]
-        fn any_text_is_a_value_of_the_right_size_or_an_error(
+        fn any_text_is_encoded_to_the_right_size_or_refused(
             name in prop::sample::select(names()),
             text in "\\PC{0,24}|-?[0-9a-fx:. ]{0,24}",
         ) {

@@ -1,26 +1,26 @@
-//! Whole numbers as engineers write them: `31`, `-5`, `0x1F`, `1Fh`. A leading zero is just that.
+//! Integers as text: `31`, `-5`, `0x1F`, `1Fh`. Leading zeros have no meaning.
 
-/// A whole number: `31`, `-5`, `0x1F`, `1Fh`.
+/// Parses an integer: `31`, `-5`, `0x1F`, `1Fh`.
 pub fn whole(text: &str) -> Option<i128> {
     let (sign, digits) = text.strip_prefix('-').map_or((1, text), |digits| (-1, digits));
     let number = if bare(digits) == digits { decimal(digits) } else { hexadecimal(bare(digits)) };
     number.map(|number| sign * number)
 }
 
-/// Without what says that the digits are hexadecimal.
+/// Removes the prefix or suffix of a hexadecimal number.
 pub(super) fn bare(text: &str) -> &str {
     let prefixed = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X"));
     let suffixed = || text.strip_suffix(['h', 'H']);
     prefixed.or_else(suffixed).unwrap_or(text)
 }
 
-/// `31`, without a sign.
+/// Parses decimal digits without a sign.
 pub(super) fn decimal(digits: &str) -> Option<i128> {
     let is_digits = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
     is_digits.then(|| digits.parse().ok()).flatten()
 }
 
-/// `1F`, without a sign and without what says that it is hexadecimal.
+/// Parses hexadecimal digits without sign, prefix or suffix.
 pub fn hexadecimal(digits: &str) -> Option<i128> {
     let is_digits = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_hexdigit());
     is_digits.then(|| i128::from_str_radix(digits, 16).ok()).flatten()
@@ -33,7 +33,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_number_is_written_in_four_ways() {
+    fn integer_has_four_notations() {
         let cases = [
             ("31", 31),
             ("-5", -5),
@@ -53,7 +53,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_number_is_read_as_it_was_written(number in -(1_i128 << 100)..(1 << 100)) {
+        fn formatted_integers_parse_to_themselves(number in -(1_i128 << 100)..(1 << 100)) {
             prop_assert_eq!(whole(&number.to_string()), Some(number));
             let (sign, size) = if number < 0 { ("-", -number) } else { ("", number) };
             prop_assert_eq!(whole(&format!("{sign}0x{size:x}")), Some(number));

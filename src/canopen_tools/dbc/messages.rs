@@ -1,4 +1,4 @@
-//! What is in the DBC file of a network: the PDOs of the effective layout, and what every CANopen bus has.
+//! Messages of a network's DBC file: PDOs of the effective layout, and the services of every CANopen bus.
 
 use thiserror::Error;
 
@@ -6,13 +6,13 @@ use crate::dbc::Database;
 use crate::dbc::Field;
 use crate::dbc::Message;
 use crate::dbc::Number;
+use crate::object_text;
+use crate::object_text::Command;
 use crate::signals;
 use crate::signals::ACTUATOR_POSITION;
 use crate::signals::Member;
 use crate::signals::PdoFrame;
 use crate::signals::Signal;
-use crate::words;
-use crate::words::Command;
 use canopen::drive::Controlword;
 use canopen::drive::State;
 use canopen::drive::Statusword;
@@ -21,33 +21,33 @@ use canopen::nmt;
 use canopen::object::Object;
 use canopen::sync;
 
-/// What the master sends by itself.
+/// Messages of the master itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Master {
-    /// Its node-id.
+    /// Node-id.
     pub node: u8,
-    /// From SYNC to SYNC, in µs.
+    /// SYNC period, in µs.
     pub period_us: u32,
-    /// Its heartbeat, in ms.
+    /// Producer heartbeat time, in ms.
     pub heartbeat_ms: u32,
 }
 
-/// Two buses that one file cannot hold.
+/// Error of two buses that do not fit one file.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{id:03X}h is {first} on one bus and {second} on another")]
 pub struct Collision {
-    /// The identifier.
+    /// Identifier.
     pub id: u32,
-    /// What it is.
+    /// Meaning on one bus.
     pub first: String,
-    /// What else it is.
+    /// Meaning on another bus.
     pub second: String,
 }
 
-/// The network of `members`, which may be on several buses.
+/// Returns the database of `members`, on one bus or several.
 ///
 /// # Errors
-/// An identifier that means different things on two of them.
+/// Returns an error for an identifier with two meanings.
 pub fn database(members: &[Member], master: &Master) -> Result<Database, Collision> {
     let mut nodes = vec![(MASTER.to_owned(), "the node that runs the hand controller".to_owned())];
     nodes.extend(members.iter().map(|member| {
@@ -77,14 +77,14 @@ pub fn database(members: &[Member], master: &Master) -> Result<Database, Collisi
     Ok(Database { nodes, messages })
 }
 
-/// What the master is called.
+/// Name of the master.
 const MASTER: &str = "master";
 
 fn to_master() -> Vec<String> {
     vec![MASTER.to_owned()]
 }
 
-/// A plain number.
+/// Plain number.
 fn number(name: &str, start: u16, bits: u16) -> Field {
     let most = (1_u128 << bits) - 1;
     let most = u32::try_from(most).map_or(0.0, f64::from);
@@ -235,7 +235,7 @@ fn pdo(frame: &PdoFrame, members: &[Member], master: &Master) -> Message {
             comment.push_str(&format!("{} bits from {}", signal.bits, signal.start));
             continue;
         }
-        // What the master sends to several, each takes its own part of.
+        // Each receiver of a shared RPDO takes its own signals.
         let is_from_master = frame.senders.is_empty();
         let takers = if is_from_master { names(&[signal.member]) } else { receivers.clone() };
         fields.extend(
@@ -250,7 +250,7 @@ fn pdo(frame: &PdoFrame, members: &[Member], master: &Master) -> Message {
     Message { cycle_ms, ..message }
 }
 
-/// A signal of the layout as signals of the file: words of bits are taken apart.
+/// Splits bit fields into signals.
 fn parts(signal: &Signal) -> Vec<Field> {
     let start = u16::from(signal.start);
     let stem = |object: &str| signal.name.strip_suffix(object).unwrap_or(&signal.name).to_owned();
@@ -289,14 +289,14 @@ fn parts(signal: &Signal) -> Vec<Field> {
         Object::MODE_DISPLAY | Object::MODE_OF_OPERATION => {
             let modes = (-1..=11_i8).filter(|mode| *mode != 5);
             let values =
-                modes.map(|mode| (i64::from(mode), words::mode_of_operation(mode))).collect();
+                modes.map(|mode| (i64::from(mode), object_text::mode_of_operation(mode))).collect();
             vec![Field { values, ..scaled(signal) }]
         }
         _ => vec![scaled(signal)],
     }
 }
 
-/// A number with its scale.
+/// Scaled number.
 fn scaled(signal: &Signal) -> Field {
     let plain = number(&signal.name, u16::from(signal.start), u16::from(signal.bits));
     let plain = if signal.is_signed {
@@ -325,7 +325,7 @@ fn scaled(signal: &Signal) -> Field {
     }
 }
 
-/// The parts of a statusword: name, first bit, bits.
+/// Fields of a statusword: name, first bit, bits.
 const STATUS: &[(&str, u16, u16)] = &[
     ("state", 0, 7),
     ("warning", 7, 1),
@@ -338,7 +338,7 @@ const STATUS: &[(&str, u16, u16)] = &[
     ("manufacturer_14", 14, 2),
 ];
 
-/// The parts of a controlword.
+/// Fields of a controlword.
 const CONTROL: &[(&str, u16, u16)] = &[
     ("command", 0, 4),
     ("mode_4", 4, 3),
@@ -348,18 +348,18 @@ const CONTROL: &[(&str, u16, u16)] = &[
     ("manufacturer_11", 11, 5),
 ];
 
-/// The switches.
+/// Fields of the switch box's inputs.
 const INPUTS: &[(&str, u16, u16)] =
     &[("deadman_a", 0, 1), ("deadman_b", 1, 1), ("reference", 2, 1), ("reflection", 3, 1)];
 
-/// Every value of bits 0 to 6 of a statusword that is a state.
+/// States with their values of bits 0 to 6 of the statusword.
 fn states() -> Vec<(i64, &'static str)> {
     let named =
         |bits: u16| Some((i64::from(bits), Statusword(bits).state().map(State::description)?));
     (0..128).filter_map(named).collect()
 }
 
-/// Every value of bits 0 to 3 of a controlword.
+/// Commands with their values of bits 0 to 3 of the controlword.
 fn commands() -> Vec<(i64, &'static str)> {
     (0..16).map(|bits| (i64::from(bits), Command(Controlword(bits)).description())).collect()
 }
@@ -380,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn no_two_fields_of_a_message_share_a_bit_or_a_name() {
+    fn fields_of_a_message_are_disjoint_and_unique() {
         let mut disputed = grouped();
         disputed[1].plan.pdos[0] = disputed[0].plan.pdos[0].clone();
         for members in [per_drive(), grouped(), disputed] {
@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shared_frame_goes_to_each_its_own() {
+    fn shared_frame_lists_its_receivers() {
         let all = messages(&grouped());
         let torques = all.iter().find(|message| message.name == "Torque_group1").unwrap();
         assert_eq!((torques.id, torques.bytes, torques.cycle_ms), (0x201, 6, Some(1)));
@@ -408,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn every_pattern_that_is_a_state_has_its_name() {
+    fn every_state_pattern_has_its_name() {
         let states = states();
         for bits in 0..128_u16 {
             let named = states.iter().find(|(value, _)| *value == i64::from(bits));
@@ -419,14 +419,14 @@ mod tests {
     }
 
     #[test]
-    fn two_buses_share_a_file_unless_an_identifier_is_two_things() {
+    fn two_buses_share_a_file_unless_identifiers_collide() {
         let mut members = per_drive();
         members[0].channel = Channel(1);
         assert!(database(&members, &THE_MASTER).is_ok());
         let twin = Member { name: "twin".to_owned(), channel: Channel(1), ..members[1].clone() };
         members.push(twin);
         let collision = database(&members, &THE_MASTER).unwrap_err();
-        let told = "082h is EMCY_elbow on one bus and EMCY_twin on another";
-        assert_eq!(collision.to_string(), told);
+        let message = "082h is EMCY_elbow on one bus and EMCY_twin on another";
+        assert_eq!(collision.to_string(), message);
     }
 }

@@ -1,15 +1,15 @@
-//! What a CAN controller reports, in words: the error frames of Linux (`linux/can/error.h`).
+//! Text of error frames of a CAN controller in Linux (`linux/can/error.h`).
 //!
-//! They come with a number that looks like an identifier and is none: 20000080h is a bus error, not a SYNC.
+//! Their identifier is a bit mask: 20000080h is a bus error, not a SYNC.
 
 use std::fmt;
 
-/// An error frame.
+/// Error frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ErrorFrame {
-    /// Its classes, a bit each.
+    /// Error classes, one bit each.
     pub classes: u32,
-    /// Its data, zeros where it has less.
+    /// Data, padded with zeros.
     pub data: [u8; 8],
 }
 
@@ -30,7 +30,7 @@ const CLASSES: [(u32, &str); 9] = [
     (0x100, "controller restarted"),
 ];
 
-/// Byte 1.
+/// Controller status, byte 1.
 const OF_CONTROLLER: [(u8, &str); 7] = [
     (0x01, "receive overflow"),
     (0x02, "transmit overflow"),
@@ -41,7 +41,7 @@ const OF_CONTROLLER: [(u8, &str); 7] = [
     (0x40, "active again"),
 ];
 
-/// Byte 2.
+/// Protocol error, byte 2.
 const OF_PROTOCOL: [(u8, &str); 8] = [
     (0x01, "single bit"),
     (0x02, "form"),
@@ -53,17 +53,17 @@ const OF_PROTOCOL: [(u8, &str); 8] = [
     (0x80, "while sending"),
 ];
 
-/// `bus off, controller (transmit passive), counters 128 sent 0 received`.
+/// `bus off, controller (transmit passive), counters 128 sent 0 received`
 impl fmt::Display for ErrorFrame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [bit, controller, protocol, _, _, _, sent, received] = self.data;
-        let mut lead = "";
-        for (class, words) in CLASSES {
+        let mut separator = "";
+        for (class, text) in CLASSES {
             if self.classes & class == 0 {
                 continue;
             }
-            write!(f, "{lead}{words}")?;
-            lead = ", ";
+            write!(f, "{separator}{text}")?;
+            separator = ", ";
             match class {
                 ARBITRATION if bit != 0 => write!(f, " in bit {bit}")?,
                 CONTROLLER => details(controller, &OF_CONTROLLER, f)?,
@@ -72,20 +72,20 @@ impl fmt::Display for ErrorFrame {
             }
         }
         if self.classes & COUNTERS != 0 || (sent, received) != (0, 0) {
-            write!(f, "{lead}counters {sent} sending, {received} receiving")?;
-            lead = ", ";
+            write!(f, "{separator}counters {sent} sending, {received} receiving")?;
+            separator = ", ";
         }
-        if lead.is_empty() { f.write_str("nothing in particular") } else { Ok(()) }
+        if separator.is_empty() { f.write_str("nothing in particular") } else { Ok(()) }
     }
 }
 
 fn details(bits: u8, of: &[(u8, &str)], f: &mut fmt::Formatter<'_>) -> fmt::Result {
-    let mut lead = " (";
-    for (_, words) in of.iter().filter(|(bit, _)| bits & bit != 0) {
-        write!(f, "{lead}{words}")?;
-        lead = ", ";
+    let mut separator = " (";
+    for (_, text) in of.iter().filter(|(bit, _)| bits & bit != 0) {
+        write!(f, "{separator}{text}")?;
+        separator = ", ";
     }
-    f.write_str(if lead == " (" { "" } else { ")" })
+    f.write_str(if separator == " (" { "" } else { ")" })
 }
 
 #[cfg(test)]
@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_are_told_by_class_and_detail() {
+    fn errors_read_by_class_and_detail() {
         let says = |classes, data| ErrorFrame { classes, data }.to_string();
         assert_eq!(says(0x80, [0; 8]), "bus error");
         assert_eq!(

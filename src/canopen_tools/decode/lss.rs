@@ -1,20 +1,20 @@
-//! LSS and TIME in words (CiA 305; CiA 301, 7.2.6).
+//! Text of LSS and TIME (CiA 305; CiA 301, 7.2.6).
 
 use std::fmt;
 
 use canopen_rs::lss::UNCONFIGURED_NODE_ID;
 use canopen_rs::time::TimeOfDay;
 
-/// One LSS message of eight bytes.
+/// LSS message of eight bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lss {
-    /// Whether the master says it.
+    /// Set for a request of the master.
     pub is_request: bool,
-    /// Its bytes.
+    /// Data.
     pub data: [u8; 8],
 }
 
-/// `→ node-id 3`, `← node-id taken`.
+/// `→ node-id 3`, `← node-id taken`
 impl fmt::Display for Lss {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(if self.is_request { "→ " } else { "← " })?;
@@ -56,7 +56,7 @@ impl fmt::Display for Lss {
     }
 }
 
-/// A part of the LSS address.
+/// Name of a part of the LSS address.
 const fn part(command: u8) -> &'static str {
     match command & 3 {
         0 => "vendor-ID",
@@ -66,7 +66,7 @@ const fn part(command: u8) -> &'static str {
     }
 }
 
-/// What a remote node is identified by.
+/// Name of an identification criterion.
 const fn range(command: u8) -> &'static str {
     match command {
         0x46 => "vendor-ID",
@@ -81,19 +81,19 @@ const fn range(command: u8) -> &'static str {
 fn outcome(what: &str, error: u8, specific: u8, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     match error {
         0 => write!(f, "{what} taken"),
-        0xFF => write!(f, "{what} refused: error {specific:02X}h of the manufacturer's own"),
+        0xFF => write!(f, "{what} refused: manufacturer-specific error {specific:02X}h"),
         _ => write!(f, "{what} refused: error {error:02X}h"),
     }
 }
 
-/// A point in time as people write it: `2026-01-31 08:15:00.250`.
+/// Time as text: `2026-01-31 08:15:00.250`
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock(pub TimeOfDay);
 
 impl fmt::Display for Clock {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let TimeOfDay { milliseconds, days } = self.0;
-        // From 1 March 1980, so that years of this century begin after their leap days.
+        // Counted from 1 March 1980: leap days then end a year.
         let mut days = u32::from(days) + 1_401;
         let cycles = days / 1_461;
         days %= 1_461;
@@ -124,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_master_sends_reads_as_it_was_meant() {
+    fn encoded_requests_have_their_text() {
         let address =
             LssAddress { vendor_id: 1, product_code: 2, revision_number: 3, serial_number: 4 };
         let mut requests = vec![encode_switch_global(true), encode_configure_node_id(3)];
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_date_is_that_of_the_calendar() {
+    fn dates_are_those_of_the_calendar() {
         let date = |days| Clock(TimeOfDay::new(0, days)).to_string();
         assert_eq!(date(0), "1984-01-01 00:00:00.000");
         assert_eq!(date(59), "1984-02-29 00:00:00.000");
@@ -163,7 +163,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_message_says_something(is_request: bool, data: [u8; 8], days: u16, millis: u32) {
+        fn any_message_has_a_text(is_request: bool, data: [u8; 8], days: u16, millis: u32) {
             let lss = Lss { is_request, data };
             prop_assert!(!lss.to_string().is_empty());
             prop_assert!(!Clock(TimeOfDay::new(millis, days)).to_string().is_empty());

@@ -1,15 +1,15 @@
-//! A bus in words: every frame to what it says, by name and SI value, as candump lines are read.
+//! Decoder of bus traffic: every frame to text, with names and SI values, as for candump lines.
 //!
-//! A listener, not a participant: it sends nothing, forgives everything, and its memory is bounded
-//! whatever it hears. With members it reads their layout; without, the predefined connection set.
+//! A tolerant listener with bounded memory; it sends nothing. With members it uses their layout; without, the
+//! predefined connection set.
 //!
 //! ```
 //! use canopen_tools::decode::Decoder;
 //!
 //! let mut decoder = Decoder::generic();
 //! let bus = decoder.listen(None);
-//! let said = decoder.on_frame(bus, None, 0x703, &[0]);
-//! assert_eq!((said.name().to_string(), said.to_string()), ("heartbeat node 3".into(), "boot-up".into()));
+//! let annotation = decoder.on_frame(bus, None, 0x703, &[0]);
+//! assert_eq!((annotation.name().to_string(), annotation.to_string()), ("heartbeat node 3".into(), "boot-up".into()));
 //! ```
 
 pub mod error_frame;
@@ -50,97 +50,97 @@ use canopen::nmt::Order;
 use canopen::sync::Sync;
 use units::time::Instant;
 
-/// More buses than this are heard as one.
-const MOST_BUSES: usize = 32;
+/// Maximum number of buses; further ones share the last.
+const MAX_BUSES: usize = 32;
 
-/// Reads the frames of some buses.
+/// Decoder of the frames of several buses.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     members: Vec<Member>,
     frames: Vec<PdoFrame>,
     timing: Option<Timing>,
-    /// One for each bus of the members, and one for a bus nobody has named.
+    /// Networks of the members' buses, and one for unknown buses.
     networks: Vec<Network>,
-    buses: Vec<Heard>,
+    buses: Vec<BusState>,
     remarks: Vec<Remark>,
 }
 
-/// A bus that is listened to.
+/// Bus of a decoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bus(usize);
 
-/// What was heard of one bus.
+/// State of one bus.
 #[derive(Clone, Debug)]
-struct Heard {
+struct BusState {
     network: usize,
     watch: Watch,
     sdo: Vec<Listener>,
 }
 
-/// A node by its name, or else by its number.
+/// Node by its name or number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Who<'d> {
-    /// It is in the configuration.
+    /// Configured node.
     Named(&'d str),
-    /// It is not.
+    /// Unknown node.
     Node(u8),
 }
 
-/// What a frame says.
+/// Decoded content of a frame.
 #[derive(Clone, Debug)]
 pub enum What<'d> {
-    /// A command of the NMT master.
+    /// NMT command.
     Nmt(Order),
-    /// SYNC, and when the last one was.
+    /// SYNC, with the time since the last one.
     Sync {
-        /// Its counter, if it has one.
+        /// Counter, if present.
         counter: Option<u8>,
-        /// The time since the last one.
+        /// Time since the last SYNC.
         period: Option<Duration>,
-        /// How much more that is than it should be, in µs.
+        /// Deviation from the period, in µs.
         jitter_us: Option<i64>,
     },
-    /// The time of day.
+    /// Time of day.
     Time(TimeOfDay),
-    /// An emergency.
+    /// Emergency.
     Emergency(Emergency),
-    /// A PDO of the layout, with its data, zeros where it has less, and its length.
+    /// PDO of the layout, with its zero-padded data and length.
     Pdo(&'d PdoFrame, [u8; 8], usize),
-    /// A PDO that is in no layout: whose, its direction and number.
+    /// PDO outside the layout: direction and number.
     OtherPdo(Direction, u8),
-    /// A part of an SDO transfer.
+    /// Step of an SDO transfer.
     Sdo(Step<'d>),
-    /// A heartbeat, and what is new in it.
+    /// Heartbeat, with its change.
     Heartbeat(NmtState, Option<Change>),
-    /// A layer setting service.
+    /// LSS message.
     Lss(Lss),
-    /// What should be there has another length or an unknown content: what it should be.
+    /// Invalid length or content, with the expected one.
     Malformed(&'static str),
-    /// Nobody knows.
+    /// Unknown.
     Unknown,
 }
 
-/// A frame in words. Its `Display` is what it says; [`name`](Self::name) is what it is.
+/// Annotation of a frame. `Display` is its content; [`name`](Self::name) its kind and node.
 #[derive(Clone, Debug)]
 pub struct Annotation<'d> {
-    /// Whose frame it is: who sends it, or for whom it is.
+    /// Node that sends the frame, or receives it.
     pub who: Option<Who<'d>>,
-    /// What it says.
+    /// Content.
     pub what: What<'d>,
     remarks: &'d [Remark],
     decoder: &'d Decoder,
     network: usize,
-    /// The member it is about, if there is one.
+    /// Index of its member.
     member: Option<usize>,
 }
 
 impl Decoder {
-    /// Of buses whose nodes are known, and of their timing.
+    /// Returns a decoder for buses with known nodes and timing.
     pub fn new(members: Vec<Member>, timing: Timing) -> Self {
         Self::of(members, Some(timing))
     }
 
-    /// Of a bus of which nothing is known.
+    /// Returns a decoder for a bus without a configuration.
     pub fn generic() -> Self {
         Self::of(Vec::new(), None)
     }
@@ -156,34 +156,34 @@ impl Decoder {
         Self { members, frames, timing, networks, buses: Vec::new(), remarks: Vec::new() }
     }
 
-    /// A further bus: one of the members', or one that nobody has named.
+    /// Adds a bus: one of the members', or an unknown one.
     pub fn listen(&mut self, channel: Option<Channel>) -> Bus {
-        if self.buses.len() >= MOST_BUSES {
-            return Bus(MOST_BUSES - 1);
+        if self.buses.len() >= MAX_BUSES {
+            return Bus(MAX_BUSES - 1);
         }
         let unnamed = self.networks.len().saturating_sub(1);
         let network = channel.map_or(unnamed, |Channel(place)| usize::from(place).min(unnamed));
         let node = |member: usize| self.members.get(member).map_or(0, |member| member.node().raw());
-        let Some(layout) = self.networks.get(network) else { return Bus(MOST_BUSES) };
+        let Some(layout) = self.networks.get(network) else { return Bus(MAX_BUSES) };
         let members = (0..128).filter_map(|node| self.members.get(layout.member(node)?));
         let lost_after =
             members.map(|member| (member.node().raw(), member.plan.error_control.lost_after()));
         let watch = Watch::new(self.timing, &self.frames, &layout.frames, node, lost_after);
-        self.buses.push(Heard { network, watch, sdo: vec![Listener::default(); 128] });
+        self.buses.push(BusState { network, watch, sdo: vec![Listener::default(); 128] });
         Bus(self.buses.len() - 1)
     }
 
-    /// Every node that is known.
+    /// Known nodes.
     pub fn members(&self) -> &[Member] {
         &self.members
     }
 
-    /// Every PDO of the layout.
+    /// PDOs of the layout.
     pub fn frames(&self) -> &[PdoFrame] {
         &self.frames
     }
 
-    /// Takes one data frame of a bus, with its stamp if it has one, and says what it is.
+    /// Decodes one data frame of a bus, with its time stamp if there is one.
     pub fn on_frame(
         &mut self,
         bus: Bus,
@@ -193,13 +193,13 @@ impl Decoder {
     ) -> Annotation<'_> {
         self.remarks.clear();
         let Bus(place) = bus;
-        let network = self.buses.get(place).map_or(usize::MAX, |heard| heard.network);
+        let network = self.buses.get(place).map_or(usize::MAX, |bus| bus.network);
         let use_of = self.networks.get(network).map_or(Use::Unknown, |n| n.use_of(cob_id));
-        let told = match (Frame::from_slice(cob_id, data), self.buses.get_mut(place)) {
-            (Some(frame), Some(heard)) => {
-                heard.told(at, use_of, &frame, &self.frames, &mut self.remarks)
+        let decoded = match (Frame::from_slice(cob_id, data), self.buses.get_mut(place)) {
+            (Some(frame), Some(bus)) => {
+                bus.decoded(at, use_of, &frame, &self.frames, &mut self.remarks)
             }
-            (None, _) | (_, None) => Told::Malformed("at most eight bytes"),
+            (None, _) | (_, None) => Decoded::Malformed("at most eight bytes"),
         };
         let node = use_of.node();
         let member = if let Use::Pdo(pdo) = use_of {
@@ -212,37 +212,37 @@ impl Decoder {
             (Some(member), _) => Some(Who::Named(&member.name)),
             (None, node) => node.map(|node| self.who(network, node)),
         };
-        let what = self.what(place, told);
+        let what = self.what(place, decoded);
         Annotation { who, what, member, network, remarks: &self.remarks, decoder: self }
     }
 
-    /// With everything it borrows.
-    fn what(&self, place: usize, told: Told) -> What<'_> {
-        match told {
-            Told::Pdo(pdo, data, length) => match self.frames.get(pdo) {
+    /// Adds the borrowed parts of a decoded frame.
+    fn what(&self, place: usize, decoded: Decoded) -> What<'_> {
+        match decoded {
+            Decoded::Pdo(pdo, data, length) => match self.frames.get(pdo) {
                 Some(frame) => What::Pdo(frame, data, length),
                 None => What::Unknown,
             },
-            Told::Sdo(node, side, what) => {
-                let heard = self.buses.get(place);
-                match heard.and_then(|heard| heard.sdo.get(usize::from(node))) {
+            Decoded::Sdo(node, side, what) => {
+                let bus = self.buses.get(place);
+                match bus.and_then(|bus| bus.sdo.get(usize::from(node))) {
                     Some(listener) => What::Sdo(listener.step(side, what)),
                     None => What::Unknown,
                 }
             }
-            Told::Sync(sync, beat) => What::Sync {
+            Decoded::Sync(sync, beat) => What::Sync {
                 counter: sync.counter,
                 period: beat.map(|(period, _)| period),
                 jitter_us: beat.and_then(|(_, jitter)| jitter),
             },
-            Told::Nmt(order) => What::Nmt(order),
-            Told::Time(time) => What::Time(time),
-            Told::Emergency(emergency) => What::Emergency(emergency),
-            Told::OtherPdo(direction, number) => What::OtherPdo(direction, number),
-            Told::Heartbeat(state, change) => What::Heartbeat(state, change),
-            Told::Lss(lss) => What::Lss(lss),
-            Told::Malformed(expected) => What::Malformed(expected),
-            Told::Unknown => What::Unknown,
+            Decoded::Nmt(order) => What::Nmt(order),
+            Decoded::Time(time) => What::Time(time),
+            Decoded::Emergency(emergency) => What::Emergency(emergency),
+            Decoded::OtherPdo(direction, number) => What::OtherPdo(direction, number),
+            Decoded::Heartbeat(state, change) => What::Heartbeat(state, change),
+            Decoded::Lss(lss) => What::Lss(lss),
+            Decoded::Malformed(expected) => What::Malformed(expected),
+            Decoded::Unknown => What::Unknown,
         }
     }
 
@@ -256,44 +256,46 @@ impl Decoder {
     }
 }
 
-impl Heard {
-    /// What one frame says, before anything is borrowed.
-    fn told(
+impl BusState {
+    /// Decodes one frame, without borrowed parts.
+    fn decoded(
         &mut self,
         at: Option<Instant>,
         use_of: Use,
         frame: &Frame,
         frames: &[PdoFrame],
         remarks: &mut Vec<Remark>,
-    ) -> Told {
+    ) -> Decoded {
         if let Some(now) = at {
             self.watch.on_time(now, remarks);
         }
         let eight = <[u8; 8]>::try_from(frame.data()).ok();
-        let told = match use_of {
+        let decoded = match use_of {
             Use::Nmt => Order::decode(frame).map(|order| {
                 self.watch.on_order(order);
-                Told::Nmt(order)
+                Decoded::Nmt(order)
             }),
             Use::Sync => {
-                Sync::decode(frame).map(|sync| Told::Sync(sync, self.watch.on_sync(at, remarks)))
+                Sync::decode(frame).map(|sync| Decoded::Sync(sync, self.watch.on_sync(at, remarks)))
             }
-            Use::Time => TimeOfDay::decode(frame.data()).ok().map(Told::Time),
-            Use::Emergency(_) => Emergency::decode(frame.data()).map(Told::Emergency),
+            Use::Time => TimeOfDay::decode(frame.data()).ok().map(Decoded::Time),
+            Use::Emergency(_) => Emergency::decode(frame.data()).map(Decoded::Emergency),
             Use::Pdo(pdo) => Some(self.on_pdo(at, pdo, frame, frames, remarks)),
-            Use::OtherPdo(direction, number, _) => Some(Told::OtherPdo(direction, number)),
+            Use::OtherPdo(direction, number, _) => Some(Decoded::OtherPdo(direction, number)),
             Use::SdoRequest(node) => eight.map(|data| self.on_sdo(node, Side::Client, data)),
             Use::SdoResponse(node) => eight.map(|data| self.on_sdo(node, Side::Server, data)),
             Use::Heartbeat(node) => {
                 let state =
                     frame.data().try_into().ok().and_then(|byte| decode_heartbeat(byte).ok());
-                state.map(|state| Told::Heartbeat(state, self.watch.on_heartbeat(at, node, state)))
+                state.map(|state| {
+                    Decoded::Heartbeat(state, self.watch.on_heartbeat(at, node, state))
+                })
             }
-            Use::LssRequest => eight.map(|data| Told::Lss(Lss { is_request: true, data })),
-            Use::LssResponse => eight.map(|data| Told::Lss(Lss { is_request: false, data })),
-            Use::Unknown => Some(Told::Unknown),
+            Use::LssRequest => eight.map(|data| Decoded::Lss(Lss { is_request: true, data })),
+            Use::LssResponse => eight.map(|data| Decoded::Lss(Lss { is_request: false, data })),
+            Use::Unknown => Some(Decoded::Unknown),
         };
-        told.unwrap_or_else(|| Told::Malformed(use_of.expects()))
+        decoded.unwrap_or_else(|| Decoded::Malformed(use_of.expects()))
     }
 
     fn on_pdo(
@@ -303,8 +305,8 @@ impl Heard {
         frame: &Frame,
         frames: &[PdoFrame],
         remarks: &mut Vec<Remark>,
-    ) -> Told {
-        let Some(layout) = frames.get(pdo) else { return Told::Unknown };
+    ) -> Decoded {
+        let Some(layout) = frames.get(pdo) else { return Decoded::Unknown };
         let length = frame.data().len();
         if length != layout.bytes {
             remarks.push(Remark::Length(layout.bytes));
@@ -314,20 +316,20 @@ impl Heard {
         for (to, from) in data.iter_mut().zip(frame.data()) {
             *to = *from;
         }
-        Told::Pdo(pdo, data, length)
+        Decoded::Pdo(pdo, data, length)
     }
 
-    fn on_sdo(&mut self, node: u8, side: Side, data: [u8; 8]) -> Told {
+    fn on_sdo(&mut self, node: u8, side: Side, data: [u8; 8]) -> Decoded {
         match self.sdo.get_mut(usize::from(node)) {
-            Some(listener) => Told::Sdo(node, side, listener.on_frame(side, data)),
-            None => Told::Unknown,
+            Some(listener) => Decoded::Sdo(node, side, listener.on_frame(side, data)),
+            None => Decoded::Unknown,
         }
     }
 }
 
-/// [`What`] before anything is borrowed.
+/// [`What`] without borrowed parts.
 #[derive(Clone, Copy, Debug)]
-enum Told {
+enum Decoded {
     Nmt(Order),
     Sync(Sync, Option<Beat>),
     Time(TimeOfDay),
@@ -341,7 +343,7 @@ enum Told {
     Unknown,
 }
 
-/// The one node a PDO is about: who sends it, or else who takes it; `None` if there are several.
+/// Returns the member of a PDO: its sender, or else its receiver; `None` for several.
 fn author(frame: &PdoFrame) -> Option<usize> {
     let authors = if frame.senders.is_empty() { &frame.receivers } else { &frame.senders };
     match authors.as_slice() {

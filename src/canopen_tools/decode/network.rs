@@ -1,5 +1,4 @@
-//! What every COB-ID of a bus is for: the predefined connection set (CiA 301, 7.3.3), and over it what
-//! the members are told.
+//! Use of every COB-ID of a bus: the predefined connection set (CiA 301, 7.3.3), overridden by the members' plans.
 
 use canopen_rs::NodeId;
 use canopen_rs::lss::LSS_MASTER_COB_ID;
@@ -15,19 +14,19 @@ use canopen::layout::Direction;
 use canopen::nmt;
 use canopen::sync;
 
-/// What a COB-ID is for.
+/// Use of a COB-ID.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Use {
-    /// Nobody knows.
+    /// Unknown.
     #[default]
     Unknown,
     Nmt,
     Sync,
     Time,
     Emergency(u8),
-    /// A PDO of the layout: a place in the list of frames.
+    /// PDO of the layout: index in the list of frames.
     Pdo(usize),
-    /// A PDO that is in no layout: its direction, number and node.
+    /// PDO outside the layout: direction, number and node.
     OtherPdo(Direction, u8, u8),
     SdoRequest(u8),
     SdoResponse(u8),
@@ -37,7 +36,7 @@ pub(super) enum Use {
 }
 
 impl Use {
-    /// The node it is about, by the COB-ID alone.
+    /// Returns the node by the COB-ID alone.
     pub(super) const fn node(self) -> Option<u8> {
         match self {
             Self::Emergency(node)
@@ -55,7 +54,7 @@ impl Use {
         }
     }
 
-    /// What its data should be.
+    /// Text of the expected data.
     pub(super) const fn expects(self) -> &'static str {
         match self {
             Self::Nmt => "an NMT command and a node-id",
@@ -71,19 +70,19 @@ impl Use {
     }
 }
 
-/// One bus: what its COB-IDs are for, and who its nodes are.
+/// Bus with the use of its COB-IDs, and its nodes.
 #[derive(Clone, Debug)]
 pub(super) struct Network {
     uses: Vec<Use>,
     members: [Option<usize>; 128],
-    /// Places of the PDOs of this bus in the list of frames.
+    /// Indices of this bus's PDOs in the list of frames.
     pub(super) frames: Vec<usize>,
 }
 
 impl Network {
-    /// A bus with these members, and those of `frames` that are theirs.
+    /// Returns a bus with these members and their frames.
     ///
-    /// A COB-ID or node-id that two of them have is nobody's: `members` may be of several buses.
+    /// A COB-ID or node-id of two members is unknown, as `members` may be on several buses.
     pub(super) fn new(
         members: &[Member],
         frames: &[PdoFrame],
@@ -119,12 +118,12 @@ impl Network {
         network
     }
 
-    /// What a COB-ID is for.
+    /// Returns the use of a COB-ID.
     pub(super) fn use_of(&self, cob_id: u16) -> Use {
         self.uses.get(usize::from(cob_id)).copied().unwrap_or_default()
     }
 
-    /// The member at a node-id: a place in the list of members.
+    /// Returns the index of the member at a node-id.
     pub(super) fn member(&self, node: u8) -> Option<usize> {
         self.members.get(usize::from(node)).copied().flatten()
     }
@@ -136,7 +135,7 @@ impl Network {
     }
 }
 
-/// The predefined connection set, and the COB-IDs of CiA 305.
+/// Predefined connection set, and the COB-IDs of CiA 305.
 fn predefined(cob_id: u16) -> Use {
     let [low, _] = cob_id.to_le_bytes();
     let node = low & 0x7F;
@@ -170,7 +169,7 @@ mod tests {
     use crate::signals::tests::per_drive;
 
     #[test]
-    fn the_predefined_connection_set_is_that_of_the_standard() {
+    fn predefined_connection_set_is_that_of_the_standard() {
         assert_eq!(predefined(0x000), Use::Nmt);
         assert_eq!(predefined(0x080), Use::Sync);
         assert_eq!(predefined(0x081), Use::Emergency(1));
@@ -184,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn an_identifier_of_two_buses_is_nobodys_where_the_bus_is_not_known() {
+    fn ambiguous_cob_id_of_an_unknown_bus_has_no_node() {
         let mut members = per_drive();
         members[0].channel = Channel(1);
         let twin = members[1].clone();

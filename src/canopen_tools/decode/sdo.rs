@@ -1,70 +1,70 @@
-//! SDO transfers, overheard: both sides' frames put together to what was read or written (CiA 301, 7.2.4.3).
+//! Reassembly of SDO transfers from the frames of both sides (CiA 301, 7.2.4.3).
 //!
-//! A listener commands nobody, so it is lenient: a frame it cannot place is told as it stands. Expedited,
-//! segmented and block transfers, both ways. Of long values the beginning is kept, of all their length is.
+//! Tolerant: an unexpected frame is decoded by itself. Covers expedited, segmented and block transfers. Of long
+//! values the beginning and the length are kept.
 
 use canopen::abort::AbortCode;
 use canopen::object::Object;
 
-/// So many bytes of a value are kept.
-const KEPT: usize = 256;
+/// Maximum stored bytes of a value.
+const MAX_STORED: usize = 256;
 
-/// The data bytes of a block or segment.
+/// Data bytes of a segment.
 const SEGMENT: usize = 7;
 
-/// Whose frame it is.
+/// Side of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// The client's: a request, or a segment of a download.
+    /// Client: a request, or a segment of a download.
     Client,
-    /// The server's.
+    /// Server.
     Server,
 }
 
-/// What one frame does for its transfer.
+/// Step of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step<'t> {
-    /// Whose frame it is.
+    /// Side.
     pub side: Side,
-    /// Which object, where that is known.
+    /// Object, if known.
     pub object: Option<Object>,
-    /// What it does.
+    /// Action.
     pub act: Act<'t>,
 }
 
-/// What a frame does.
+/// Action of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Act<'t> {
-    /// The client asks for a value.
+    /// Requests an upload.
     AskRead,
-    /// The client asks for a value to be taken, which is in this frame.
+    /// Requests an expedited download.
     AskWrite(Value<'t>),
-    /// A value that needs several frames begins, with the length that was announced.
+    /// Initiates a longer transfer, with the indicated size.
     Begin(Option<u32>),
-    /// It goes on: the bytes so far, and the length that was announced.
+    /// Continues a transfer: bytes so far, and the indicated size.
     Part(usize, Option<u32>),
-    /// Done: this was read.
+    /// Completes an upload.
     Read(Value<'t>),
-    /// Done: this was written.
+    /// Completes a download.
     Written(Value<'t>),
-    /// Given up.
+    /// Aborts a transfer.
     Aborted(AbortCode),
-    /// A part of a transfer whose beginning was not heard.
+    /// Part of a transfer whose initiation was not received.
     Stray,
 }
 
-/// The value of an object, or its beginning.
+/// Value of an object, or its beginning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Value<'t> {
-    /// Its first bytes.
+    /// First bytes.
     pub bytes: &'t [u8],
-    /// How many it has in all.
+    /// Total length.
     pub length: usize,
-    /// How many were announced, where that was said and was wrong.
+    /// Indicated size, if it differs.
     pub announced: Option<u32>,
 }
 
-/// What is heard of one server.
+/// Transfer state of one server.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Listener {
     phase: Phase,
@@ -81,29 +81,29 @@ enum Phase {
     AskedRead,
     AskedWrite,
     Reading,
-    /// Whether the last segment has been sent.
+    /// Set if the last segment was sent.
     Writing(bool),
-    /// A block transfer between its segments.
+    /// Block transfer between segments.
     BlockAsked,
-    /// Segments of a block come from this side.
+    /// Sub-block sent by this side.
     Block(Side, Block),
-    /// All segments are there.
+    /// Block transfer after its last segment.
     BlockEnding,
 }
 
-/// One block of segments.
+/// Sub-block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Block {
-    /// Bytes before it.
+    /// Bytes before the sub-block.
     before: usize,
-    /// The sequence number that comes next.
+    /// Next sequence number.
     next: u8,
-    /// Whether the last segment of all was in it.
+    /// Set if it contains the last segment.
     has_last: bool,
 }
 
 impl Listener {
-    /// Takes one frame of eight bytes; what it does is told in full by [`step`](Self::step).
+    /// Takes one frame of eight bytes; [`step`](Self::step) adds its value.
     pub(super) fn on_frame(&mut self, side: Side, data: [u8; 8]) -> What {
         if let Phase::Block(sender, block) = self.phase
             && sender == side
@@ -116,7 +116,7 @@ impl Listener {
         }
     }
 
-    /// What the newest frame did, with the value as it stands.
+    /// Step of the newest frame, with the current value.
     pub(super) fn step(&self, side: Side, what: What) -> Step<'_> {
         let is_wrong = |said: &u32| usize::try_from(*said) != Ok(self.length);
         let announced = self.announced.filter(is_wrong);
@@ -140,24 +140,24 @@ impl Listener {
         match command >> 5 {
             0 => self.on_segment(data, matches!(self.phase, Phase::Writing(false)), false),
             1 if command & EXPEDITED != 0 => {
-                self.begin(object, Phase::AskedWrite);
+                self.start(object, Phase::AskedWrite);
                 self.take_expedited(data);
                 What::AskWrite
             }
             1 => {
-                self.begin(object, Phase::Writing(false));
+                self.start(object, Phase::Writing(false));
                 self.announced = announced(command & 1 != 0, [a, b, c, d]);
                 What::Begin
             }
             2 => {
-                self.begin(object, Phase::AskedRead);
+                self.start(object, Phase::AskedRead);
                 What::AskRead
             }
             3 => self.part_if(self.phase == Phase::Reading),
             4 => self.abort(data),
             5 => match (command & 3, self.phase) {
                 (0, _) => {
-                    self.begin(object, Phase::BlockAsked);
+                    self.start(object, Phase::BlockAsked);
                     What::AskRead
                 }
                 (3, Phase::BlockAsked) => self.open_block(Side::Server),
@@ -168,7 +168,7 @@ impl Listener {
                 _ => What::Stray,
             },
             6 if command & 1 == 0 => {
-                self.begin(object, Phase::BlockAsked);
+                self.start(object, Phase::BlockAsked);
                 self.announced = announced(command & 2 != 0, [a, b, c, d]);
                 What::Begin
             }
@@ -186,12 +186,12 @@ impl Listener {
             1 if self.phase == Phase::Writing(true) => self.finish(What::Written),
             1 => self.part_if(self.phase == Phase::Writing(false)),
             2 if command & EXPEDITED != 0 => {
-                self.begin(object, Phase::Idle);
+                self.start(object, Phase::Idle);
                 self.take_expedited(data);
                 What::Read
             }
             2 => {
-                self.begin(object, Phase::Reading);
+                self.start(object, Phase::Reading);
                 self.announced = announced(command & 1 != 0, [a, b, c, d]);
                 What::Begin
             }
@@ -215,7 +215,7 @@ impl Listener {
         }
     }
 
-    /// A segment, up to seven bytes, the last one of a transfer or not.
+    /// Takes a segment of up to seven bytes.
     fn on_segment(&mut self, data: [u8; 8], is_expected: bool, is_read: bool) -> What {
         let [command, segment @ ..] = data;
         if !is_expected {
@@ -233,7 +233,7 @@ impl Listener {
         }
     }
 
-    /// A segment of a block: a sequence number, and seven bytes that count if it is the next one.
+    /// Takes a block segment: a sequence number, and seven bytes that count if they are next.
     fn on_block_segment(&mut self, mut block: Block, data: [u8; 8]) -> What {
         let [command, segment @ ..] = data;
         if command == ABORT {
@@ -255,7 +255,7 @@ impl Listener {
         What::Part
     }
 
-    /// The receiver says which segment it had last; those after it come again.
+    /// Takes an acknowledgement; segments after the acknowledged one are sent again.
     fn acknowledge(&mut self, block: Block, data: [u8; 8], sender: Side) -> What {
         let [_, last, ..] = data;
         if last.saturating_add(1) < block.next {
@@ -270,14 +270,14 @@ impl Listener {
         }
     }
 
-    /// The last segment had bytes that do not count.
+    /// Removes the unused bytes of the last segment.
     fn trim(&mut self, command: u8) -> What {
         self.length = self.length.saturating_sub(usize::from(command >> 2 & 7));
         self.kept.truncate(self.length);
         What::Part
     }
 
-    fn begin(&mut self, object: Object, phase: Phase) {
+    fn start(&mut self, object: Object, phase: Phase) {
         self.phase = phase;
         self.object = Some(object);
         self.announced = None;
@@ -292,7 +292,7 @@ impl Listener {
     }
 
     fn append(&mut self, bytes: &[u8]) {
-        let room = KEPT.saturating_sub(self.kept.len());
+        let room = MAX_STORED.saturating_sub(self.kept.len());
         self.kept.extend(bytes.iter().take(room));
         self.length = self.length.saturating_add(bytes.len());
     }
@@ -308,12 +308,12 @@ impl Listener {
 
     fn abort(&mut self, data: [u8; 8]) -> What {
         let [.., a, b, c, d] = data;
-        self.begin(multiplexor(data), Phase::Idle);
+        self.start(multiplexor(data), Phase::Idle);
         What::Aborted(AbortCode(u32::from_le_bytes([a, b, c, d])))
     }
 }
 
-/// [`Act`] before its value is borrowed.
+/// [`Act`] without its borrowed value.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum What {
     AskRead,
@@ -326,12 +326,12 @@ pub(super) enum What {
     Stray,
 }
 
-/// Bit e: the value is in this frame.
+/// Bit e: the frame carries the value.
 const EXPEDITED: u8 = 1 << 1;
-/// The whole command byte of an abort.
+/// Command byte of an abort.
 const ABORT: u8 = 0x80;
 
-/// Index and sub-index.
+/// Decodes index and sub-index.
 const fn multiplexor(data: [u8; 8]) -> Object {
     let [_, low, high, sub, ..] = data;
     Object { index: u16::from_le_bytes([low, high]), sub }
@@ -347,8 +347,8 @@ mod tests {
 
     use super::*;
 
-    /// The last of a listener's steps, as text.
-    fn heard(listener: &mut Listener, frames: &[(Side, [u8; 8])]) -> Vec<String> {
+    /// Text of the steps of these frames.
+    fn steps_of(listener: &mut Listener, frames: &[(Side, [u8; 8])]) -> Vec<String> {
         let step = |(side, data): &(Side, [u8; 8])| {
             let what = listener.on_frame(*side, *data);
             format!("{:?}", listener.step(*side, what).act)
@@ -356,7 +356,7 @@ mod tests {
         frames.iter().map(step).collect()
     }
 
-    /// The frames of a value in segments after an initiate.
+    /// Frames of a segmented value after its initiation.
     fn segments(side: Side, bytes: &[u8]) -> Vec<(Side, [u8; 8])> {
         let count = bytes.chunks(SEGMENT).count();
         let other = if side == Side::Client { Side::Server } else { Side::Client };
@@ -382,9 +382,9 @@ mod tests {
     }
 
     #[test]
-    fn expedited_transfers_are_a_question_and_an_answer() {
+    fn expedited_transfer_is_a_request_and_a_reply() {
         let mut listener = Listener::default();
-        let steps = heard(
+        let steps = steps_of(
             &mut listener,
             &[
                 (Side::Client, [0x40, 0x18, 0x10, 1, 0, 0, 0, 0]),
@@ -407,9 +407,9 @@ mod tests {
     }
 
     #[test]
-    fn an_answer_about_another_object_confirms_nothing() {
+    fn reply_about_another_object_confirms_nothing() {
         let mut listener = Listener::default();
-        let steps = heard(
+        let steps = steps_of(
             &mut listener,
             &[
                 (Side::Client, [0x2F, 0x60, 0x60, 0, 10, 0, 0, 0]),
@@ -419,7 +419,7 @@ mod tests {
         assert_eq!(steps[1], "Stray");
     }
 
-    /// A block transfer from `sender` whose second segment of the first block got lost once.
+    /// Block transfer of `sender` with one lost segment in the first sub-block.
     fn block(sender: Side, bytes: &[u8]) -> Vec<(Side, [u8; 8])> {
         let other = if sender == Side::Client { Side::Server } else { Side::Client };
         let mut frames = match sender {
@@ -458,10 +458,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_was_sent_in_pieces_is_heard_whole(
+        fn segmented_values_are_reassembled(
             bytes in proptest::collection::vec(any::<u8>(), 1..400),
         ) {
-            let kept = bytes.get(..KEPT).unwrap_or(&bytes);
+            let kept = bytes.get(..MAX_STORED).unwrap_or(&bytes);
             let value = Value { bytes: kept, length: bytes.len(), announced: None };
             let mut read = vec![
                 (Side::Client, initiate(0x40, 0)),
@@ -481,22 +481,22 @@ mod tests {
             ];
             let mut listener = Listener::default();
             for (frames, act) in transfers {
-                let steps = heard(&mut listener, &frames);
+                let steps = steps_of(&mut listener, &frames);
                 prop_assert_eq!(steps.last(), Some(&format!("{act:?}")));
                 prop_assert!(!steps.contains(&"Stray".to_owned()), "{:?}", steps);
             }
         }
 
         #[test]
-        fn any_frames_leave_a_bounded_listener(
+        fn any_frames_keep_memory_bounded(
             frames in proptest::collection::vec((any::<bool>(), any::<[u8; 8]>()), 0..300),
         ) {
             let mut listener = Listener::default();
             for (is_client, data) in frames {
                 let side = if is_client { Side::Client } else { Side::Server };
                 listener.on_frame(side, data);
-                prop_assert!(listener.kept.len() <= KEPT);
-                prop_assert!(listener.kept.len() == listener.length.min(KEPT));
+                prop_assert!(listener.kept.len() <= MAX_STORED);
+                prop_assert!(listener.kept.len() == listener.length.min(MAX_STORED));
             }
         }
     }

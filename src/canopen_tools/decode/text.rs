@@ -1,4 +1,4 @@
-//! Annotations as people read them: a name, what the frame says, and what is wrong with it.
+//! Text of annotations: name, content and remarks.
 
 use std::fmt;
 
@@ -14,21 +14,21 @@ use crate::decode::sdo::Step;
 use crate::decode::sdo::Value;
 use crate::decode::watch::Change;
 use crate::decode::watch::Remark;
+use crate::object_text;
+use crate::object_text::Command;
+use crate::object_text::ObjectText;
+use crate::object_text::Status;
+use crate::object_text::Switches;
+use crate::object_text::ValueText;
 use crate::signals::ACTUATOR_POSITION;
 use crate::signals::PdoFrame;
 use crate::signals::Signal;
-use crate::words;
-use crate::words::Called;
-use crate::words::Command;
-use crate::words::InWords;
-use crate::words::Status;
-use crate::words::Switches;
 use canopen::drive::Controlword;
 use canopen::drive::Statusword;
 use canopen::layout::Direction;
 use canopen::object::Object;
 
-/// `elbow`, `node 3`.
+/// `elbow`, `node 3`
 impl fmt::Display for Who<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -38,7 +38,7 @@ impl fmt::Display for Who<'_> {
     }
 }
 
-/// What a frame is: `TPDO1_elbow`, `SDO elbow`, `SYNC`.
+/// Kind and node of a frame: `TPDO1_elbow`, `SDO elbow`, `SYNC`
 #[derive(Clone, Copy, Debug)]
 pub struct Name<'a, 'd>(pub(super) &'a Annotation<'d>);
 
@@ -91,12 +91,12 @@ impl fmt::Display for Annotation<'_> {
 }
 
 impl<'d> Annotation<'d> {
-    /// What the frame is: `TPDO1_elbow`, `SDO elbow`, `SYNC`.
+    /// Kind and node of the frame: `TPDO1_elbow`, `SDO elbow`, `SYNC`
     pub const fn name(&self) -> Name<'_, 'd> {
         Name(self)
     }
 
-    /// One word for its kind.
+    /// Kind of the frame in one word.
     pub const fn kind(&self) -> &'static str {
         match self.what {
             What::Nmt(_) => "nmt",
@@ -112,12 +112,12 @@ impl<'d> Annotation<'d> {
         }
     }
 
-    /// What is wrong, one thing each.
-    pub fn remarks(&self) -> impl Iterator<Item = Told<'_, 'd>> {
-        self.remarks.iter().map(|remark| Told { remark, of: self })
+    /// Remarks on the frame.
+    pub fn remarks(&self) -> impl Iterator<Item = RemarkText<'_, 'd>> {
+        self.remarks.iter().map(|remark| RemarkText { remark, of: self })
     }
 
-    /// Whether somebody should look: an emergency, a refusal, a fault, a frame that is none.
+    /// Returns whether the frame needs attention: an emergency, an SDO abort, a drive fault, an invalid frame.
     pub fn is_alarming(&self) -> bool {
         match &self.what {
             What::Emergency(emergency) => !emergency.is_reset(),
@@ -138,7 +138,7 @@ impl<'d> Annotation<'d> {
         }
     }
 
-    /// Whether it is about this member: its frame, for it, shared with others, or with a remark on it.
+    /// Returns whether the frame concerns a member: sent or received by it, or with a remark on it.
     pub fn is_about(&self, member: usize) -> bool {
         let is_in =
             |frame: &PdoFrame| frame.senders.contains(&member) || frame.receivers.contains(&member);
@@ -174,10 +174,10 @@ impl<'d> Annotation<'d> {
             Side::Client => "→ ",
             Side::Server => "← ",
         })?;
-        let Some(object) = step.object else { return f.write_str("of no transfer that was heard") };
+        let Some(object) = step.object else { return f.write_str("of an unknown transfer") };
         let member = self.member.and_then(|member| self.decoder.members.get(member));
         let described = member.and_then(|member| member.eds.as_ref()?.object(object));
-        let called = Called { object, else_called: described.map(|it| it.name.as_str()) };
+        let called = ObjectText { object, fallback: described.map(|it| it.name.as_str()) };
         let else_type = described.map(|described| described.data_type);
         match &step.act {
             Act::AskRead => write!(f, "read {called}"),
@@ -202,13 +202,13 @@ impl<'d> Annotation<'d> {
 }
 
 impl<'t> Value<'t> {
-    /// In words, as a value of `object`.
-    const fn of(&self, object: Object, else_type: Option<u16>) -> InWords<'t> {
-        InWords { object, bytes: self.bytes, length: self.length, else_type }
+    /// Text of a value of `object`.
+    const fn of(&self, object: Object, fallback_type: Option<u16>) -> ValueText<'t> {
+        ValueText { object, bytes: self.bytes, length: self.length, fallback_type }
     }
 }
 
-/// What is to be said of a value of another length than was announced.
+/// Note on a value whose length differs from the indicated size.
 struct Cut<'t>(Value<'t>);
 
 impl fmt::Display for Cut<'_> {
@@ -222,18 +222,18 @@ fn heartbeat(state: NmtState, change: Option<Change>, f: &mut fmt::Formatter<'_>
     match change {
         None => Ok(()),
         Some(Change::BootUp) => f.write_str("boot-up"),
-        Some(Change::First) => f.write_str(state_words(state)),
+        Some(Change::First) => f.write_str(state_name(state)),
         Some(Change::From(before)) => {
-            write!(f, "{}, was {}", state_words(state), state_words(before))
+            write!(f, "{}, was {}", state_name(state), state_name(before))
         }
         Some(Change::Back(silent)) => {
-            write!(f, "{}, back after {} ms", state_words(state), silent.as_millis())
+            write!(f, "{}, back after {} ms", state_name(state), silent.as_millis())
         }
     }
 }
 
-/// An NMT state in words.
-pub const fn state_words(state: NmtState) -> &'static str {
+/// Name of an NMT state.
+pub const fn state_name(state: NmtState) -> &'static str {
     match state {
         NmtState::Initialising => "initialising",
         NmtState::Stopped => "stopped",
@@ -242,7 +242,7 @@ pub const fn state_words(state: NmtState) -> &'static str {
     }
 }
 
-/// Every signal, in a column each; with its node where there are several.
+/// Writes every signal in a column, with its node if there are several.
 fn pdo(
     frame: &PdoFrame,
     data: [u8; 8],
@@ -252,10 +252,10 @@ fn pdo(
 ) -> fmt::Result {
     let is_shared = frame.is_shared();
     let common = frame.common_units().filter(|_| is_shared);
-    let mut lead = "";
+    let mut separator = "";
     for signal in frame.signals.iter().filter(|signal| signal.is_in(length)) {
-        f.write_str(lead)?;
-        lead = "  ";
+        f.write_str(separator)?;
+        separator = "  ";
         if is_shared {
             let member = of.decoder.members.get(signal.member);
             write!(f, "{} ", member.map_or("?", |member| member.name.as_str()))?;
@@ -277,7 +277,7 @@ fn pdo(
     })
 }
 
-/// The longest state, so that what follows stands in a column.
+/// Width of the longest state.
 const STATE: usize = 22;
 
 fn value(signal: &Signal, raw: i64, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -296,23 +296,23 @@ fn value(signal: &Signal, raw: i64, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         Object::STATUSWORD => write!(f, "{:STATE$}", Status(Statusword(word))),
         Object::CONTROLWORD => write!(f, "{:STATE$}", Command(Controlword(word))),
         Object::MODE_DISPLAY | Object::MODE_OF_OPERATION => {
-            f.write_str(words::mode_of_operation(i8::from_le_bytes([low])))
+            f.write_str(object_text::mode_of_operation(i8::from_le_bytes([low])))
         }
         Object::DIGITAL_INPUTS => write!(f, "{}", Switches(low)),
         object => {
-            write!(f, "{} {raw}", Called { object, else_called: None })
+            write!(f, "{} {raw}", ObjectText { object, fallback: None })
         }
     }
 }
 
-/// A remark in words: `TPDO1_elbow missing`, `912 µs after SYNC`.
+/// Text of a remark: `TPDO1_elbow missing`, `912 µs after SYNC`
 #[derive(Clone, Copy, Debug)]
-pub struct Told<'a, 'd> {
+pub struct RemarkText<'a, 'd> {
     remark: &'a Remark,
     of: &'a Annotation<'d>,
 }
 
-impl fmt::Display for Told<'_, '_> {
+impl fmt::Display for RemarkText<'_, '_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Annotation { decoder, network, .. } = self.of;
         match self.remark {

@@ -1,7 +1,6 @@
-//! What of a bus is missing or late: SYNCs, PDOs that belong to them, heartbeats.
+//! Detection of missing or late frames: SYNCs, synchronous PDOs, heartbeats.
 //!
-//! A listener cannot know what it has not heard begin: a synchronous PDO is waited for once it has come,
-//! a heartbeat once it has been heard, and neither from a node that was stopped.
+//! A synchronous PDO or a heartbeat is expected after its first reception, unless its node was stopped.
 
 use std::time::Duration;
 
@@ -12,87 +11,88 @@ use crate::signals::PdoFrame;
 use canopen::nmt::Order;
 use units::time::Instant;
 
-/// What a bus is expected to keep, where a configuration says so.
+/// Configured timing of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
-    /// From SYNC to SYNC.
+    /// SYNC period.
     pub period: Duration,
-    /// How long after its SYNC a synchronous TPDO may come.
+    /// Maximum delay of a synchronous TPDO after its SYNC.
     pub window: Duration,
-    /// Node-id of the master's heartbeat.
+    /// Node-id of the master.
     pub master: u8,
-    /// The master without a heartbeat for so long is lost.
+    /// Consumer heartbeat time for the master.
     pub master_lost: Duration,
 }
 
-/// Something that is not as it should be.
+/// Remark on missing or late frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Remark {
-    /// The time since the last SYNC is so many periods or more.
+    /// Number of periods since the last SYNC.
     SyncGap(u32),
-    /// A PDO did not come with the last SYNC: its place in the list of frames.
+    /// PDO missing after the last SYNC: its index in the list of frames.
     Missing(usize),
-    /// A synchronous TPDO came so long after its SYNC.
+    /// Delay of a synchronous TPDO after its SYNC.
     Late(Duration),
-    /// A node's heartbeat has been silent for so long.
+    /// Node, and time since its last heartbeat.
     Silent(u8, Duration),
-    /// A PDO has other than the mapped bytes: those mapped.
+    /// Mapped length of a PDO whose length differs.
     Length(usize),
 }
 
-/// What a heartbeat says that the one before did not.
+/// Change between two heartbeats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// The node has started anew.
+    /// Boot-up.
     BootUp,
-    /// The first that was heard of it.
+    /// First heartbeat.
     First,
-    /// The node has changed from this state.
+    /// Change from this state.
     From(NmtState),
-    /// It had been lost, for so long.
+    /// Return after a loss of this duration.
     Back(Duration),
 }
 
-/// The time between two SYNCs, and how much more that is than it should be, in µs.
+/// Time between two SYNCs, and its deviation from the period in µs.
 pub(super) type Beat = (Duration, Option<i64>);
 
-/// The watch over one bus.
+/// Monitor of one bus.
 #[derive(Clone, Debug)]
 pub(super) struct Watch {
     timing: Option<Timing>,
     sync: Option<Instant>,
-    /// The time between SYNCs, as configured or else as it was so far.
+    /// SYNC period, configured or measured.
     period: Option<Duration>,
     pdos: Vec<Awaited>,
     nodes: Vec<Node>,
-    /// The first heartbeat that is due.
+    /// Earliest deadline of a heartbeat.
     due: Option<Instant>,
 }
 
-/// A synchronous PDO.
+/// Synchronous PDO.
 #[derive(Clone, Debug)]
 struct Awaited {
     frame: usize,
-    /// It comes with every so many SYNCs.
+    /// Number of SYNCs per frame.
     syncs: u8,
-    /// Those who must be operational for it.
+    /// Nodes that must be operational for it.
     nodes: Vec<u8>,
     has_come: bool,
-    /// SYNCs since it came; `None` before it ever has.
+    /// SYNCs since the last frame; `None` before the first one.
     age: Option<u8>,
 }
 
-/// One node.
+/// Node.
 #[derive(Clone, Copy, Debug, Default)]
 struct Node {
     lost_after: Option<Duration>,
-    heard: Option<(Instant, NmtState)>,
+    last_heartbeat: Option<(Instant, NmtState)>,
     is_lost: bool,
     is_stopped: bool,
 }
 
 impl Watch {
-    /// Over the PDOs at `places` of `frames`, whose nodes are told by `node`; `lost_after` is said of nodes.
+    /// Returns a monitor of the PDOs at `places` of `frames`; `node` returns the node of a member, `lost_after` its
+    /// consumer heartbeat time.
     pub(super) fn new(
         timing: Option<Timing>,
         frames: &[PdoFrame],
@@ -119,7 +119,7 @@ impl Watch {
         Self { timing, sync: None, period, pdos, nodes, due: None }
     }
 
-    /// A SYNC: the time since the last one; what has not come since then is remarked.
+    /// Takes a SYNC; returns the time since the last one and remarks missing PDOs.
     pub(super) fn on_sync(
         &mut self,
         now: Option<Instant>,
@@ -156,7 +156,7 @@ impl Watch {
         Some((apart, Some(more)))
     }
 
-    /// A PDO of the layout.
+    /// Takes a PDO of the layout.
     pub(super) fn on_pdo(
         &mut self,
         now: Option<Instant>,
@@ -173,7 +173,7 @@ impl Watch {
         }
     }
 
-    /// A heartbeat or boot-up message.
+    /// Takes a heartbeat or boot-up message.
     pub(super) fn on_heartbeat(
         &mut self,
         now: Option<Instant>,
@@ -182,10 +182,10 @@ impl Watch {
     ) -> Option<Change> {
         let node = self.nodes.get_mut(usize::from(id))?;
         node.is_stopped = state != NmtState::Operational;
-        let before = node.heard;
+        let before = node.last_heartbeat;
         let was_lost = std::mem::take(&mut node.is_lost);
         let now = now.unwrap_or_default();
-        node.heard = Some((now, state));
+        node.last_heartbeat = Some((now, state));
         if let Some(lost_after) = node.lost_after {
             let due = now + lost_after;
             self.due = Some(self.due.map_or(due, |first| first.min(due)));
@@ -193,13 +193,13 @@ impl Watch {
         match before {
             _ if state == NmtState::Initialising => Some(Change::BootUp),
             None => Some(Change::First),
-            Some((heard, _)) if was_lost => Some(Change::Back(now.since(heard))),
+            Some((last, _)) if was_lost => Some(Change::Back(now.since(last))),
             Some((_, before)) if before != state => Some(Change::From(before)),
             Some(_) => None,
         }
     }
 
-    /// A command of the NMT master: what it stops is no longer waited for.
+    /// Takes an NMT command: frames of a stopped node are no longer expected.
     pub(super) fn on_order(&mut self, order: Order) {
         let is_stopped = order.command != NmtCommand::StartRemoteNode;
         for (id, node) in (0..).zip(&mut self.nodes) {
@@ -209,23 +209,23 @@ impl Watch {
         }
     }
 
-    /// Remarks whose heartbeat has not come in time, once.
+    /// Remarks each overdue heartbeat once.
     pub(super) fn on_time(&mut self, now: Instant, remarks: &mut Vec<Remark>) {
         if self.due.is_none_or(|due| now < due) {
             return;
         }
         self.due = None;
         for (id, node) in (0..).zip(&mut self.nodes) {
-            let (Some(lost_after), Some((heard, _)), false) =
-                (node.lost_after, node.heard, node.is_lost)
+            let (Some(lost_after), Some((last, _)), false) =
+                (node.lost_after, node.last_heartbeat, node.is_lost)
             else {
                 continue;
             };
-            let due = heard + lost_after;
+            let due = last + lost_after;
             if now >= due {
                 node.is_lost = true;
                 node.is_stopped = true;
-                remarks.push(Remark::Silent(id, now.since(heard)));
+                remarks.push(Remark::Silent(id, now.since(last)));
             } else {
                 self.due = Some(self.due.map_or(due, |first| first.min(due)));
             }

@@ -12,7 +12,7 @@ use canopen::NodeId;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
 use canopen::plan::NodePlan;
-use canopen_tools::bench::presence::Presence;
+use canopen_tools::diagnostics::presence::Presence;
 use config::Config;
 use run::exit::Failure;
 use run::exit::Kind;
@@ -75,7 +75,7 @@ impl Known {
         Beside { force }: Beside,
     ) -> Result<Session<SocketCan>, Failure> {
         let mut session = self.open()?;
-        if force || !session.run(|now, _| Presence::begin(now)).map_err(|error| self.fail(error))? {
+        if force || !session.run(|now, _| Presence::start(now)).map_err(|error| self.fail(error))? {
             return Ok(session);
         }
         let reason = format!(

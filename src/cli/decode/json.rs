@@ -19,10 +19,10 @@ use canopen::object::Object;
 use canopen_tools::decode::What;
 use canopen_tools::decode::sdo::Act;
 use canopen_tools::decode::sdo::Step;
+use canopen_tools::object_text::Command;
+use canopen_tools::object_text::Switches;
 use canopen_tools::signals::PdoFrame;
 use canopen_tools::signals::Signal;
-use canopen_tools::words::Command;
-use canopen_tools::words::Switches;
 
 /// A line that says nothing.
 pub(super) fn plain(
@@ -140,7 +140,7 @@ fn what(what: &What<'_>, to: &mut impl Write) -> io::Result<()> {
             write!(to, ",\"code\":{},\"register\":{}", emergency.code, emergency.register)
         }
         What::Heartbeat(state, change) => {
-            let state = canopen_tools::decode::text::state_words(*state);
+            let state = canopen_tools::decode::text::state_name(*state);
             write!(to, ",\"state\":\"{state}\",\"is_new\":{}", change.is_some())
         }
         What::Sync { .. }

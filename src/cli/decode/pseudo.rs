@@ -3,7 +3,7 @@
 use std::fmt;
 
 use bus::candump::Line;
-use canopen_tools::words::Switches;
+use canopen_tools::object_text::Switches;
 use node::record::Mode;
 use telemetry::session::NODE;
 use telemetry::session::WRENCH;

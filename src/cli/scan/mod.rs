@@ -12,7 +12,7 @@ use crate::cli::scan::pdos::Pdos;
 use canopen::NodeId;
 use canopen::nmt;
 use canopen::plan::NodePlan;
-use canopen_tools::bench::scan::Found;
+use canopen_tools::diagnostics::scan::Found;
 use run::exit::Failure;
 use run::exit::Kind;
 use run::print;
@@ -76,7 +76,7 @@ pub(super) fn run(args: &Scan) -> Result<(), Failure> {
         (Duration::from_millis(args.timeout), Duration::from_millis(args.listen));
     let found = session
         .run(|now, out| {
-            canopen_tools::bench::scan::Scan::begin(&args.nodes, timeout, listen, now, out)
+            canopen_tools::diagnostics::scan::Scan::start(&args.nodes, timeout, listen, now, out)
         })
         .map_err(|error| known.fail(error))?;
     // Heartbeats tell of nodes that nobody asked about, too.
@@ -107,7 +107,7 @@ pub(super) fn run(args: &Scan) -> Result<(), Failure> {
             print::note(&error.to_string());
         }
     }
-    for found in found.iter().filter(|found| found.is_double()) {
+    for found in found.iter().filter(|found| found.is_duplicate()) {
         let why = if found.is_answered_twice { "answered twice" } else { "booted up twice" };
         print::note(&format!("node {}: {why}: two nodes may share this node-id", found.node.raw()));
     }
@@ -228,7 +228,7 @@ fn json(
             "hardware": found.hardware,
             "software": found.software,
             "emergency": found.emergency.map(|emergency| emergency.to_string()),
-            "double": found.is_double(),
+            "double": found.is_duplicate(),
             "pdos": pdos_of(found.node),
             "verdict": (*verdict != Verdict::Unjudged).then(|| verdict.description()),
         })

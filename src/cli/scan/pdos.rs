@@ -8,8 +8,8 @@ use bus::Bus;
 use canopen::NodeId;
 use canopen::layout::Direction;
 use canopen::layout::Pdo;
-use canopen_tools::bench::effective::Reader;
-use canopen_tools::bench::effective::Unreadable;
+use canopen_tools::diagnostics::effective::Reader;
+use canopen_tools::diagnostics::effective::Unreadable;
 
 /// What one node's PDOs are, or why that is not known.
 pub(super) type Pdos = (NodeId, Result<Vec<Pdo>, Unreadable>);

@@ -3,7 +3,7 @@
 use canopen::error_codes;
 use canopen::frame::Channel;
 use canopen::nmt;
-use canopen_tools::words::mode_of_operation;
+use canopen_tools::object_text::mode_of_operation;
 use config::Config;
 use config::Joint;
 use controller::arm::JointKind;

@@ -68,7 +68,7 @@ impl QuirkEffects {
             Quirk::VagueAborts => misbehaviour.only_abort_code = Some(AbortCode::GENERAL_ERROR),
             Quirk::WrongIdentity => {
                 let product = !dictionary.unsigned(Object::PRODUCT_CODE);
-                dictionary.furnish(Object::PRODUCT_CODE, &product.to_le_bytes());
+                dictionary.set_default(Object::PRODUCT_CODE, &product.to_le_bytes());
             }
             Quirk::NoSyncCounter => dictionary.remove(Object::SYNC_OVERFLOW),
             Quirk::QuietFault => frames.hides_emergencies = true,
@@ -76,7 +76,7 @@ impl QuirkEffects {
     }
 
     fn confirm_and_discard(&mut self, object: Object, value: &[u8]) {
-        self.dictionary.furnish(object, value);
+        self.dictionary.set_default(object, value);
         self.misbehaviour.ignores.push(object);
     }
 }
@@ -109,12 +109,12 @@ fn open_rpdos(dictionary: &mut Dictionary, node: NodeId) {
     };
     for number in 2..=4 {
         let cob_id = u32::from(layout::rpdo1(node)) + 0x100 * u32::from(number - 1);
-        dictionary.furnish(Object::rpdo_communication(number, 1), &cob_id.to_le_bytes());
-        dictionary.furnish(Object::rpdo_communication(number, 2), &[255]);
+        dictionary.set_default(Object::rpdo_communication(number, 1), &cob_id.to_le_bytes());
+        dictionary.set_default(Object::rpdo_communication(number, 2), &[255]);
         for (sub, object) in [(1, Object::CONTROLWORD), (2, Object::TARGET_TORQUE)] {
-            dictionary.furnish(Object::rpdo_mapping(number, sub), &entry(object));
+            dictionary.set_default(Object::rpdo_mapping(number, sub), &entry(object));
         }
-        dictionary.furnish(Object::rpdo_mapping(number, 0), &[2]);
+        dictionary.set_default(Object::rpdo_mapping(number, 0), &[2]);
     }
 }
 

@@ -1,4 +1,4 @@
-//! What a file says of itself, of the device as a whole, and of where it is.
+//! File information, device information and commissioning.
 
 use crate::eds::device::BITRATES;
 use crate::eds::ini::Section;
@@ -46,26 +46,26 @@ fn info(lint: &mut Lint<'_>, section: &Section<'_>) {
     }
 }
 
-/// A number of the identity, which the identity object repeats.
+/// Checks an identity number, which the identity object repeats.
 fn identity<'t>(lint: &mut Lint<'_>, section: &Section<'t>, key: &'t str, object: Object) {
     let spot = Spot::key(section, key);
     if section.value(key).is_none() {
         lint.warning(spot, "is missing");
         return;
     }
-    let Some(told) = read::unsigned::<u32>(section, key) else {
-        lint.error(spot, "not a number of 32 bits");
+    let Some(stated) = read::unsigned::<u32>(section, key) else {
+        lint.error(spot, "not a 32-bit number");
         return;
     };
     let default = lint.eds.object(object).and_then(|described| described.number);
     let default = default.map_or(0, |number| number.value);
-    if default != 0 && default != told.into() {
-        let but = format_args!("{told:08X}h, but the default of {object} is {default:08X}h");
+    if default != 0 && default != stated.into() {
+        let but = format_args!("{stated:08X}h, but the default of {object} is {default:08X}h");
         lint.warning(spot, but);
     }
 }
 
-/// What can only be 0 or 1.
+/// Checks flags, which must be 0 or 1.
 fn flags(lint: &mut Lint<'_>, section: &Section<'_>, prefix: &str) {
     let is_flag =
         |key: &str| key.get(..prefix.len()).is_some_and(|start| start.eq_ignore_ascii_case(prefix));
@@ -77,28 +77,28 @@ fn flags(lint: &mut Lint<'_>, section: &Section<'_>, prefix: &str) {
     }
 }
 
-/// How many PDOs there are, by that key and by their communication parameters from `first`.
+/// Checks a number of PDOs against the communication parameters from `first`.
 fn number_of_pdos<'t>(lint: &mut Lint<'_>, section: &Section<'t>, key: &'t str, first: Object) {
-    let Some(told) = read::integer(section, key) else { return };
+    let Some(stated) = read::integer(section, key) else { return };
     let range = first.index..first.index.saturating_add(512);
     let mut described: Vec<_> = lint.eds.objects().iter().map(|one| one.object.index).collect();
     described.retain(|index| range.contains(index));
     described.dedup();
-    if i128::try_from(described.len()) != Ok(told) {
-        let but = format_args!("{told}, but {} are described", described.len());
+    if i128::try_from(described.len()) != Ok(stated) {
+        let but = format_args!("{stated}, but {} are described", described.len());
         lint.warning(Spot::key(section, key), but);
     }
 }
 
 fn commissioning(lint: &mut Lint<'_>, section: &Section<'_>) {
-    let told = lint.eds.commissioning();
-    if told.is_some_and(|told| told.node.is_none()) {
-        lint.error(Spot::key(section, "NodeID"), "not 1 to 127");
+    let commissioning = lint.eds.commissioning();
+    if commissioning.is_some_and(|it| it.node.is_none()) {
+        lint.error(Spot::key(section, "NodeID"), "must be within 1..=127");
     }
-    let bitrate = told.and_then(|told| told.bitrate);
+    let bitrate = commissioning.and_then(|it| it.bitrate);
     if section.value("Baudrate").is_some() && !bitrate.is_some_and(|rate| BITRATES.contains(&rate))
     {
         let spot = Spot::key(section, "Baudrate");
-        lint.error(spot, format_args!("none of {BITRATES:?}, in kbit/s"));
+        lint.error(spot, format_args!("must be one of {BITRATES:?}, in kbit/s"));
     }
 }

@@ -1,4 +1,4 @@
-//! The file as a text: characters, lines, what is said twice, how names are spelt.
+//! File as a text: encoding, lines, duplicates, spelling.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -47,7 +47,7 @@ fn strays(lint: &mut Lint<'_>) {
             Oddity::NoEntry => {
                 lint.error(spot, "neither [section], key=value nor ; comment: skipped");
             }
-            Oddity::Homeless => lint.error(spot, "stands before any section: skipped"),
+            Oddity::Homeless => lint.error(spot, "before any section: skipped"),
             Oddity::BehindSection => lint.error(spot, "text behind the ]: skipped"),
             Oddity::Unclosed => lint.warning(spot, "the ] is missing"),
             Oddity::Hash => lint.warning(spot, "a comment begins with ;"),
@@ -55,11 +55,11 @@ fn strays(lint: &mut Lint<'_>) {
     }
 }
 
-/// A section's name: spelling, and whether it was there before.
+/// Checks the name of a section: spelling and duplicates.
 fn name(lint: &mut Lint<'_>, section: &Section<'_>) {
     let spot = Spot::section(section);
     if !section.is_first {
-        lint.error(spot, format_args!("[{}] is there again: the first counts", section.name));
+        lint.error(spot, format_args!("[{}] is repeated: the first counts", section.name));
     }
     match section.title {
         Title::Named(named) if section.name != named.name() => {
@@ -67,7 +67,7 @@ fn name(lint: &mut Lint<'_>, section: &Section<'_>) {
             spelling(lint, spot, format_args!("[{}]", named.name()));
         }
         Title::Other(name) if section.is_first && !is_of_modules_or_tools(name) => {
-            lint.warning(spot, "no section of CiA 306");
+            lint.warning(spot, "not a section of CiA 306");
         }
         Title::Named(_)
         | Title::Object(_)
@@ -80,7 +80,7 @@ fn name(lint: &mut Lint<'_>, section: &Section<'_>) {
     }
 }
 
-/// Whether a section is one of modular devices, or of tools, which are not read here:
+/// Returns whether a section belongs to modular devices or tools, which are not read here:
 /// `[SupportedModules]`, `[M1SubExt1027]`, `[Tool1]`.
 fn is_of_modules_or_tools(name: &str) -> bool {
     let known = ["SupportedModules", "ConnectedModules", "DynamicChannels", "Tools"];
@@ -96,7 +96,7 @@ fn spelling(lint: &mut Lint<'_>, spot: Spot<'_>, known: impl fmt::Display) {
     lint.warning(spot, format_args!("CiA 306 spells it {known}, and some tools know no other"));
 }
 
-/// Keys that are there twice, spelt differently, or followed by numbers that look octal.
+/// Checks keys for duplicates, spelling, and numbers that look octal.
 fn keys_of(lint: &mut Lint<'_>, section: &Section<'_>) {
     let mut seen: HashMap<Cow<'_, str>, &str> = HashMap::with_capacity(section.entries.len());
     for entry in &section.entries {
@@ -106,9 +106,9 @@ fn keys_of(lint: &mut Lint<'_>, section: &Section<'_>) {
                 place.insert(entry.value);
             }
             hash_map::Entry::Occupied(before) if *before.get() == entry.value => {
-                lint.warning(spot, "is there again, with the same value");
+                lint.warning(spot, "is repeated with the same value");
             }
-            hash_map::Entry::Occupied(_) => lint.error(spot, "is there again: the first counts"),
+            hash_map::Entry::Occupied(_) => lint.error(spot, "is repeated: the first counts"),
         }
         if let Some(known) = keys::canonical(section.title, entry.key)
             && known != entry.key
@@ -121,7 +121,7 @@ fn keys_of(lint: &mut Lint<'_>, section: &Section<'_>) {
     }
 }
 
-/// Whether values of a section's keys that are no texts are numbers.
+/// Returns whether the values of a section are numbers, except for texts.
 const fn holds_numbers(title: Title<'_>) -> bool {
     match title {
         Title::Named(Named::FileInfo | Named::Comments) | Title::Names(_) | Title::Other(_) => {

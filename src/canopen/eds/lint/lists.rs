@@ -1,4 +1,4 @@
-//! The lists of objects (CiA 306, 4.5.2), and whether what is listed, counted and described agree.
+//! Lists of objects (CiA 306, 4.5.2), and consistency of listed, counted and described objects.
 
 use std::collections::BTreeSet;
 use std::collections::HashMap;
@@ -15,10 +15,10 @@ use crate::eds::title::Title;
 use crate::eds::value;
 use crate::object::Object;
 
-/// Where the objects proper begin; below are data types.
+/// First index of objects; data types are below.
 const FIRST_OBJECT: u16 = 0x1000;
 
-/// Which list an object stands in, of those that stand in one.
+/// List of each listed object.
 type Listed = HashMap<u16, Named>;
 
 pub(super) fn check(lint: &mut Lint<'_>) {
@@ -45,7 +45,7 @@ pub(super) fn check(lint: &mut Lint<'_>) {
     sections(lint, &listed);
 }
 
-/// Every object must stand in a list, every sub-index in an object.
+/// Checks that every object is in a list, and every sub-index in an object.
 fn sections(lint: &mut Lint<'_>, listed: &Listed) {
     let subs = sub_sections(lint);
     for section in lint.ini.first_sections() {
@@ -68,7 +68,7 @@ fn sections(lint: &mut Lint<'_>, listed: &Listed) {
     }
 }
 
-/// The sub-indices that have sections, of each object, in order.
+/// Sub-indices with sections, by object, in order.
 fn sub_sections(lint: &Lint<'_>) -> HashMap<u16, Vec<u8>> {
     let mut subs: HashMap<u16, Vec<u8>> = HashMap::new();
     for section in lint.ini.first_sections() {
@@ -80,7 +80,7 @@ fn sub_sections(lint: &Lint<'_>) -> HashMap<u16, Vec<u8>> {
     subs
 }
 
-/// One list: every object in it, its count and its enumeration.
+/// Checks one list: its objects, count and enumeration.
 fn one_list(lint: &mut Lint<'_>, list: Named, section: &Section<'_>, listed: &mut Listed) {
     let mut numbers = BTreeSet::new();
     for entry in &section.entries {
@@ -91,7 +91,7 @@ fn one_list(lint: &mut Lint<'_>, list: Named, section: &Section<'_>, listed: &mu
     }
     let spot = Spot::key(section, "SupportedObjects");
     let Some(count) = read::integer(section, "SupportedObjects") else {
-        lint.error(spot, "is missing, or no number");
+        lint.error(spot, "is missing or not a number");
         return;
     };
     let gap = (1..).zip(&numbers).find(|(wanted, found)| wanted != *found);
@@ -101,11 +101,11 @@ fn one_list(lint: &mut Lint<'_>, list: Named, section: &Section<'_>, listed: &mu
     } else if listed > count {
         lint.error(spot, format_args!("{count}, but {listed} are listed"));
     } else if let Some((wanted, found)) = gap {
-        lint.error(spot, format_args!("number {wanted} is missing, {found} is there"));
+        lint.error(spot, format_args!("number {wanted} is missing, next is {found}"));
     }
 }
 
-/// One object of a list: described, in no other, and in the right one.
+/// Checks a listed object: described, listed once, and in the right list.
 fn listed_object(
     lint: &mut Lint<'_>,
     list: Named,
@@ -115,7 +115,7 @@ fn listed_object(
 ) {
     let index = value::whole(entry.word()).and_then(|(index, _)| u16::try_from(index).ok());
     let Some(index) = index else {
-        lint.error(spot, "no index of an object");
+        lint.error(spot, "not an object index");
         return;
     };
     let has_objects =
@@ -132,7 +132,7 @@ fn listed_object(
     }
 }
 
-/// The head of an object: whether it has the sub-indices it says, and no others.
+/// Checks the head of an object: its sub-indices must match its count.
 fn head(lint: &mut Lint<'_>, section: &Section<'_>, index: u16, subs: &[u8]) {
     if compact::count(section) > 0 {
         compact_head(lint, section);
@@ -141,18 +141,18 @@ fn head(lint: &mut Lint<'_>, section: &Section<'_>, index: u16, subs: &[u8]) {
     if section.value("CompactSubObj").is_some()
         && read::integer(section, "CompactSubObj") != Some(0)
     {
-        lint.error(Spot::key(section, "CompactSubObj"), "not 0 to 254");
+        lint.error(Spot::key(section, "CompactSubObj"), "must be within 0..=254");
     }
     if !read::is_head(section) && !subs.is_empty() {
-        let reason = "is not that of an array or record, but there are sub-indices";
+        let reason = "must be an array or record, as there are sub-indices";
         lint.error(Spot::key(section, "ObjectType"), reason);
     }
     let spot = Spot::key(section, "SubNumber");
     match (section.value("SubNumber"), read::integer(section, "SubNumber")) {
         (Some(_), None) => lint.error(spot, "not a number"),
-        (Some(_), Some(told)) if i128::try_from(subs.len()) != Ok(told) => {
-            let reason = format!("{told}, but {} sub-indices are described", subs.len());
-            let is_gap = i128::try_from(subs.len()).is_ok_and(|there| there < told);
+        (Some(_), Some(count)) if i128::try_from(subs.len()) != Ok(count) => {
+            let reason = format!("{count}, but {} sub-indices are described", subs.len());
+            let is_gap = i128::try_from(subs.len()).is_ok_and(|there| there < count);
             if is_gap { lint.gap(spot, reason) } else { lint.error(spot, reason) }
         }
         (None, _) if !subs.is_empty() => lint.warning(spot, "is missing"),
@@ -168,11 +168,11 @@ fn head(lint: &mut Lint<'_>, section: &Section<'_>, index: u16, subs: &[u8]) {
     }
 }
 
-/// The head of an array that is told compactly.
+/// Checks the head of a compact array.
 fn compact_head(lint: &mut Lint<'_>, section: &Section<'_>) {
     if read::integer(section, "SubNumber").is_some_and(|number| number > 0) {
         let spot = Spot::key(section, "SubNumber");
-        lint.error(spot, "cannot be there beside CompactSubObj");
+        lint.error(spot, "is invalid beside CompactSubObj");
     }
     if !read::is_head(section) {
         let spot = Spot::key(section, "ObjectType");
@@ -180,7 +180,7 @@ fn compact_head(lint: &mut Lint<'_>, section: &Section<'_>) {
     }
 }
 
-/// Sub-index 0, which says the highest there is. Mappings and histories say how many are in use.
+/// Checks sub-index 0, the highest sub-index. In mappings and histories it counts the entries in use.
 fn highest_sub_index(lint: &mut Lint<'_>, index: u16, last: u8) {
     let Some(described) = lint.eds.object(Object { index, sub: 0 }) else { return };
     if described.data_type != UNSIGNED8 {
@@ -190,20 +190,20 @@ fn highest_sub_index(lint: &mut Lint<'_>, index: u16, last: u8) {
     let Some(number) = described.number.filter(|number| !number.plus_node_id) else { return };
     let is_history = index == Object::ERROR_HISTORY.index;
     let is_count = described.access.is_writable() || is_mapping(index) || is_history;
-    let (told, last) = (number.value, i128::from(last));
-    if told != last && !(is_count && told < last) {
+    let (stated, last) = (number.value, i128::from(last));
+    if stated != last && !(is_count && stated < last) {
         let spot = lint.spot(described.object, "DefaultValue");
-        lint.warning(spot, format_args!("{told}, but the highest sub-index described is {last}"));
+        lint.warning(spot, format_args!("{stated}, but the highest sub-index described is {last}"));
     }
 }
 
-/// Whether an index is that of a mapping parameter.
+/// Returns whether an index is that of a mapping parameter.
 fn is_mapping(index: u16) -> bool {
     let within = |first: u16| (first..first.saturating_add(512)).contains(&index);
     within(Object::rpdo_mapping(1, 0).index) || within(Object::tpdo_mapping(1, 0).index)
 }
 
-/// Names, values or denotations of what is told compactly.
+/// Checks names, values or denotations of compact sub-indices.
 fn compact_entries(lint: &mut Lint<'_>, section: &Section<'_>, index: u16) {
     let count = lint.ini.section(Title::Object(index)).map_or(0, compact::count);
     if count == 0 {
@@ -212,11 +212,11 @@ fn compact_entries(lint: &mut Lint<'_>, section: &Section<'_>, index: u16) {
         return;
     }
     let there = compact::by_sub(Some(section)).len();
-    if let Some(told) = read::integer(section, "NrOfEntries")
-        && i128::try_from(there) != Ok(told)
+    if let Some(stated) = read::integer(section, "NrOfEntries")
+        && i128::try_from(there) != Ok(stated)
     {
         let spot = Spot::key(section, "NrOfEntries");
-        lint.warning(spot, format_args!("{told}, but there are {there}"));
+        lint.warning(spot, format_args!("{stated}, but there are {there}"));
     }
     for entry in &section.entries {
         if entry.key.parse::<u8>().is_ok_and(|sub| sub == 0 || sub > count) {

@@ -1,5 +1,5 @@
-//! PDOs as they are after power-up, or as a DCF wants them: identifiers that are free for PDOs, and
-//! mappings that can be (CiA 301, 7.3.5, 7.5.2.35 to 7.5.2.38).
+//! PDOs after power-up, or as a DCF configures them: free COB-IDs and valid mappings (CiA 301, 7.3.5, 7.5.2.35 to
+//! 7.5.2.38).
 
 use crate::data_type;
 use crate::eds::described::Described;
@@ -20,7 +20,7 @@ pub(super) fn check(lint: &mut Lint<'_>) {
     }
 }
 
-/// What an object is to hold: what a DCF sets, or else its default; and the key that says so.
+/// Effective value of an object, from the DCF or its default, with its key.
 fn effective(described: &Described) -> Option<(Number, &'static str)> {
     let set = described
         .setting
@@ -35,7 +35,7 @@ const fn is_within(index: u16, first: u16) -> bool {
     first <= index && index < first + 512
 }
 
-/// Whether an object holds the COB-ID of a PDO, SYNC, TIME or EMCY.
+/// Returns whether an object holds the COB-ID of a PDO, SYNC, TIME or EMCY.
 fn is_cob_id(object: Object) -> bool {
     let is_pdo = is_within(object.index, Object::rpdo_communication(1, 1).index)
         || is_within(object.index, Object::tpdo_communication(1, 1).index);
@@ -43,7 +43,7 @@ fn is_cob_id(object: Object) -> bool {
     (is_pdo && object.sub == 1) || others.contains(&object)
 }
 
-/// Identifiers that NMT, SDO, heartbeat and LSS use, and no other service may (CiA 301, 7.3.5).
+/// Restricted COB-IDs of NMT, SDO, heartbeat and LSS (CiA 301, 7.3.5).
 const RESTRICTED: [(i128, i128); 8] = [
     (0x000, 0x000),
     (0x001, 0x07F),
@@ -55,7 +55,7 @@ const RESTRICTED: [(i128, i128); 8] = [
     (0x780, 0x7FF),
 ];
 
-/// Bit 31 of a COB-ID: the service is off. Bit 29: the identifier has 29 bits.
+/// Bit 31 of a COB-ID: the service is disabled. Bit 29: the identifier has 29 bits.
 const INVALID: i128 = 1 << 31;
 const EXTENDED: i128 = 1 << 29;
 
@@ -78,7 +78,7 @@ fn cob_id(lint: &mut Lint<'_>, described: &Described) {
     }
 }
 
-/// Which way the PDO goes whose mapping begins here.
+/// Direction of the PDO with this mapping parameter.
 fn direction(object: Object) -> Option<Direction> {
     let is = |first: Object| object.sub == 0 && is_within(object.index, first.index);
     if is(Object::rpdo_mapping(1, 0)) {
@@ -90,19 +90,19 @@ fn direction(object: Object) -> Option<Direction> {
     }
 }
 
-/// Data types have the indices below this one.
+/// First index after the data types.
 const FIRST_NO_TYPE: u16 = 0x20;
 
-/// The most bits and entries of a PDO.
+/// Maximum bits and entries of a PDO.
 const BITS: u32 = 64;
-const MOST_ENTRIES: u8 = 64;
+const MAX_ENTRIES: u8 = 64;
 
 fn mapping(lint: &mut Lint<'_>, count: &Described, direction: Direction) {
     let Some((number, key)) = effective(count) else { return };
     let spot = lint.spot(count.object, key);
     let number = match u8::try_from(number.value) {
-        Ok(number @ 0..=MOST_ENTRIES) => number,
-        // FEh and FFh stand for the mappings of multiplexed PDOs.
+        Ok(number @ 0..=MAX_ENTRIES) => number,
+        // FEh and FFh mark multiplexed PDOs.
         Ok(0xFE..) => return,
         Ok(_) | Err(_) => {
             lint.error(spot, format_args!("{} objects; a PDO holds at most 64", number.value));
@@ -129,7 +129,7 @@ fn mapping(lint: &mut Lint<'_>, count: &Described, direction: Direction) {
     }
 }
 
-/// Whether a mapping entry names an object that can be there, with its length.
+/// Checks that a mapping entry names a mappable object with its length.
 fn is_mappable(lint: &Lint<'_>, raw: u32, direction: Direction) -> Result<(), String> {
     let [length, sub, low, high] = raw.to_le_bytes();
     let object = Object { index: u16::from_le_bytes([low, high]), sub };

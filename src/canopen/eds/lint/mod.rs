@@ -1,7 +1,6 @@
-//! What is wrong with an EDS, line by line: everything that makes it say something else than it means,
-//! or makes tools read it differently.
+//! Findings in an EDS by line: everything that makes it misleading, or that tools read differently.
 //!
-//! An error misleads whoever believes the file; a warning is odd, or read differently elsewhere.
+//! An error misleads a reader of the file; a warning is unusual, or read differently elsewhere.
 
 mod device;
 mod file;
@@ -18,12 +17,12 @@ use crate::eds::ini::Section;
 use crate::eds::title::Title;
 use crate::object::Object;
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Severity {
-    /// It misleads.
+    /// Misleading.
     Error,
-    /// It is odd.
+    /// Unusual.
     Warning,
 }
 
@@ -36,24 +35,24 @@ impl fmt::Display for Severity {
     }
 }
 
-/// One thing that is wrong.
+/// Finding in an EDS.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
-    /// Where, from 1; what is missing altogether is missed on the first.
+    /// Line, from 1; absent parts are reported at line 1.
     pub line: usize,
-    /// How bad.
+    /// Severity.
     pub severity: Severity,
-    /// The object, as in `1018h:1`, or the section in brackets; empty for the file as a whole.
+    /// Object, as in `1018h:1`, or section in brackets; empty for the whole file.
     pub place: String,
-    /// The key; empty for the section as a whole.
+    /// Key; empty for the whole section.
     pub key: String,
-    /// What is wrong with it.
+    /// Reason.
     pub reason: String,
-    /// Whether something is missing that the file itself announces, as where it was cut off.
+    /// Set if a part is missing that the file announces, as in a truncated file.
     pub is_gap: bool,
 }
 
-/// As in `12: error: 1018h:1 DefaultValue: not a number`.
+/// `12: error: 1018h:1 DefaultValue: not a number`
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}: ", self.line, self.severity)?;
@@ -66,10 +65,10 @@ impl fmt::Display for Finding {
     }
 }
 
-/// The most findings of one severity: who has more knows enough.
-const MOST: usize = 1_000;
+/// Maximum findings per severity.
+const MAX_FINDINGS: usize = 1_000;
 
-/// Everything that is wrong with a file, by line.
+/// Findings in a file, by line.
 pub(super) fn lint(eds: &Eds) -> Vec<Finding> {
     let ini = Ini::read(&eds.text.text);
     let mut lint = Lint { eds, ini: &ini, errors: Vec::new(), warnings: Vec::new() };
@@ -84,8 +83,7 @@ pub(super) fn lint(eds: &Eds) -> Vec<Finding> {
     found
 }
 
-/// The first sign that the file was cut off: something it announces is missing, or there is an error in its
-/// last section.
+/// First sign of a truncated file: a missing part that it announces, or an error in its last section.
 pub(super) fn gap(eds: &Eds) -> Option<Finding> {
     let end = Ini::read(&eds.text.text).sections().last().map_or(1, |section| section.line);
     let is_sign = |finding: &Finding| {
@@ -95,7 +93,7 @@ pub(super) fn gap(eds: &Eds) -> Option<Finding> {
     lint(eds).into_iter().find(is_sign)
 }
 
-/// A file under examination.
+/// Check in progress.
 struct Lint<'e> {
     eds: &'e Eds,
     ini: &'e Ini<'e>,
@@ -103,7 +101,7 @@ struct Lint<'e> {
     warnings: Vec<Finding>,
 }
 
-/// Where a finding is.
+/// Place of a finding.
 #[derive(Clone, Copy)]
 struct Spot<'t> {
     line: usize,
@@ -112,27 +110,27 @@ struct Spot<'t> {
 }
 
 impl<'t> Spot<'t> {
-    /// A line of the file that belongs to no section.
+    /// Line outside any section.
     const fn line(line: usize) -> Self {
         Self { line, title: None, key: "" }
     }
 
-    /// What is missing altogether.
+    /// Missing section.
     const fn missing(title: Title<'t>) -> Self {
         Self { line: 1, title: Some(title), key: "" }
     }
 
-    /// A section as a whole.
+    /// Whole section.
     const fn section(section: &Section<'t>) -> Self {
         Self { line: section.line, title: Some(section.title), key: "" }
     }
 
-    /// One of its entries.
+    /// Entry of a section.
     const fn entry(section: &Section<'t>, entry: &Entry<'t>) -> Self {
         Self { line: entry.line, title: Some(section.title), key: entry.key }
     }
 
-    /// Its entry of that key, there or not.
+    /// Entry of a key, present or not.
     fn key(section: &Section<'t>, key: &'t str) -> Self {
         let line = section.entry(key).map_or(section.line, |entry| entry.line);
         Self { line, title: Some(section.title), key }
@@ -144,7 +142,7 @@ impl<'e> Lint<'e> {
         add(&mut self.errors, Severity::Error, spot, reason);
     }
 
-    /// An error: the file announces something that is not in it.
+    /// Adds an error for a missing part that the file announces.
     fn gap(&mut self, spot: Spot<'_>, reason: impl fmt::Display) {
         let before = self.errors.len();
         self.error(spot, reason);
@@ -155,7 +153,7 @@ impl<'e> Lint<'e> {
         add(&mut self.warnings, Severity::Warning, spot, reason);
     }
 
-    /// The entry of an object, whichever section describes it.
+    /// Entry of an object, in whichever section describes it.
     fn spot(&self, object: Object, key: &'e str) -> Spot<'e> {
         let Object { index, sub } = object;
         let own = Title::Sub(index, sub);
@@ -165,14 +163,14 @@ impl<'e> Lint<'e> {
 }
 
 fn add(found: &mut Vec<Finding>, severity: Severity, spot: Spot<'_>, reason: impl fmt::Display) {
-    if found.len() < MOST {
+    if found.len() < MAX_FINDINGS {
         let place = spot.title.map(place).unwrap_or_default();
         let (line, key, reason) = (spot.line, spot.key.to_owned(), reason.to_string());
         found.push(Finding { line, severity, place, key, reason, is_gap: false });
     }
 }
 
-/// What a section is about, as people write it.
+/// Text of a section's subject.
 fn place(title: Title<'_>) -> String {
     match title {
         Title::Object(index) => Object { index, sub: 0 }.to_string(),

@@ -1,5 +1,4 @@
-//! Every object by itself: what must be said of it, and whether its values are of its type and within
-//! its limits (CiA 306, 4.6.3).
+//! Each object by itself: mandatory entries, and values within type and limits (CiA 306, 4.6.3).
 
 use crate::NodeId;
 use crate::data_type;
@@ -45,8 +44,8 @@ fn one_object(lint: &mut Lint<'_>, section: &Section<'_>) {
 }
 
 impl<'e> Lint<'e> {
-    /// The object, or the first of those, whose type and values a section tells; `None` for the head
-    /// of an array or record whose sub-indices do.
+    /// Returns the object, or the first of those, that a section describes; `None` for the head of an array or
+    /// record with described sub-indices.
     fn described_by(&self, section: &Section<'_>) -> Option<&'e Described> {
         let (index, sub) = match section.title {
             Title::Sub(index, sub) => return self.eds.object(Object { index, sub }),
@@ -62,7 +61,7 @@ impl<'e> Lint<'e> {
         self.eds.object(Object { index, sub }).filter(|_| !has_own)
     }
 
-    /// Whether the values of a section are texts.
+    /// Returns whether the values of a section are texts.
     pub(super) fn is_text(&self, section: &Section<'_>) -> bool {
         self.described_by(section).is_some_and(|described| described.bits().is_none())
     }
@@ -82,19 +81,22 @@ fn object_type(lint: &mut Lint<'_>, section: &Section<'_>) {
         // NULL, DOMAIN, DEFTYPE, DEFSTRUCT, VAR, ARRAY, RECORD.
         Some(0 | 2 | 5..=9) => {}
         Some(other) => {
-            lint.error(spot, format_args!("{other} is no object type of CiA 301: taken for VAR"));
+            lint.error(
+                spot,
+                format_args!("{other} is not an object type of CiA 301: taken for VAR"),
+            );
         }
     }
 }
 
-/// Type and access must be said, in words that mean something.
+/// Checks data type and access.
 fn type_and_access(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described) {
     let spot = Spot::key(section, "DataType");
     let number = described.data_type;
     if number == 0 {
-        lint.error(spot, "is missing, or no number");
+        lint.error(spot, "is missing or not a number");
     } else if data_type::of(number).is_none() {
-        lint.error(spot, format_args!("{number:04X}h is no data type of CiA 301"));
+        lint.error(spot, format_args!("{number:04X}h is not a data type of CiA 301"));
     }
     let spot = Spot::key(section, "AccessType");
     let known = "const, ro, wo, rw, rwr, rww";
@@ -102,14 +104,14 @@ fn type_and_access(lint: &mut Lint<'_>, section: &Section<'_>, described: &Descr
         None if number == data_type::DOMAIN => {}
         None => lint.error(spot, "is missing: taken for ro"),
         Some(word) if Access::read(word).is_none() => {
-            lint.error(spot, format_args!("\"{word}\" is none of {known}: taken for ro"));
+            lint.error(spot, format_args!("must be one of {known}, got \"{word}\": taken for ro"));
         }
         Some("r" | "R" | "w" | "W") => lint.warning(spot, format_args!("CiA 306 has {known}")),
         Some(_) => {}
     }
 }
 
-/// What may be mapped must be able to be in a PDO.
+/// Checks that a mappable object fits a PDO.
 fn mappable(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described) {
     let Some(word) = section.value("PDOMapping").map(Entry::word) else { return };
     let spot = Spot::key(section, "PDOMapping");
@@ -129,7 +131,7 @@ fn mappable(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described) {
     }
 }
 
-/// Defaults, settings and limits.
+/// Checks defaults, settings and limits.
 fn values(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described, data_type: &DataType) {
     for key in ["LowLimit", "HighLimit"] {
         let Some(entry) = section.value(key).filter(|_| data_type.bits.is_some()) else { continue };
@@ -151,7 +153,7 @@ fn values(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described, dat
     }
 }
 
-/// The values of what is told compactly.
+/// Checks the values of compact sub-indices.
 fn values_of(lint: &mut Lint<'_>, section: &Section<'_>, index: u16) {
     for entry in section.entries.iter().filter(|entry| !entry.value.is_empty()) {
         let sub = entry.key.parse().unwrap_or(0);
@@ -164,7 +166,7 @@ fn values_of(lint: &mut Lint<'_>, section: &Section<'_>, index: u16) {
     }
 }
 
-/// One value must be of its type and within the limits.
+/// Checks one value against type and limits.
 fn one_value(
     lint: &mut Lint<'_>,
     spot: Spot<'_>,

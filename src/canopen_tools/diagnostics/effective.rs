@@ -1,6 +1,6 @@
-//! The PDOs a node really has, read from it by SDO: what counts, whatever its EDS and a plan say.
+//! Effective PDOs of a node, read by SDO: its actual configuration, independent of EDS and plan.
 //!
-//! Reads only. Every PDO that exists is told, those that are off included.
+//! Writes nothing. Returns every existing PDO, disabled ones included.
 
 use std::time::Duration;
 
@@ -25,41 +25,41 @@ use canopen::sdo::Transfer;
 use canopen::sync::Transmission;
 use units::time::Instant;
 
-/// PDOs are numbered without larger gaps than this, or not all of them are found.
-const WIDEST_GAP: u16 = 8;
+/// Maximum gap in the numbers of PDOs; further ones are not found.
+const MAX_GAP: u16 = 8;
 
-/// The most objects a PDO can hold: its bits.
-const MOST_OBJECTS: u8 = 64;
+/// Maximum number of objects in a PDO: one per bit.
+const MAX_OBJECTS: u8 = 64;
 
-/// Why a node's PDOs are not known.
+/// Error of a node whose PDOs cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("node {}: {object}: {error}", node.raw())]
 pub struct Unreadable {
-    /// Whose.
+    /// Node.
     pub node: NodeId,
-    /// What could not be read.
+    /// Object.
     pub object: Object,
-    /// Why.
+    /// Reason.
     pub error: SdoError,
 }
 
-/// Reads the PDOs of one node.
+/// Reader of one node's PDOs.
 #[derive(Clone, Debug)]
 pub struct Reader {
     node: NodeId,
     timeout: Duration,
     transfer: Option<Transfer>,
-    asked: Question,
-    /// The PDO in hand.
+    asked: Query,
+    /// Current PDO.
     pdo: Pdo,
-    /// Numbers in a row that do not exist.
+    /// Consecutive numbers without a PDO.
     gap: u16,
     found: Vec<Pdo>,
 }
 
-/// Which object is read.
+/// Object being read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Question {
+enum Query {
     CobId,
     Transmission,
     InhibitTime,
@@ -70,14 +70,14 @@ enum Question {
 }
 
 impl Reader {
-    /// A reader that asks with the first call of [`on_time`](Procedure::on_time); every object has `timeout`
-    /// for its reply.
+    /// Returns a reader that starts with the first call of [`on_time`](Procedure::on_time); `timeout` applies to each
+    /// reply.
     pub const fn new(node: NodeId, timeout: Duration) -> Self {
         Self {
             node,
             timeout,
             transfer: None,
-            asked: Question::CobId,
+            asked: Query::CobId,
             pdo: blank(Direction::Receive, 1),
             gap: 0,
             found: Vec::new(),
@@ -86,17 +86,17 @@ impl Reader {
 
     fn object(&self) -> Object {
         match self.asked {
-            Question::CobId | Question::Nothing => self.pdo.communication(1),
-            Question::Transmission => self.pdo.communication(2),
-            Question::InhibitTime => self.pdo.communication(3),
-            Question::EventTimer => self.pdo.communication(5),
-            Question::Count => self.pdo.mapping(0),
-            Question::Entry { sub, .. } => self.pdo.mapping(sub),
+            Query::CobId | Query::Nothing => self.pdo.communication(1),
+            Query::Transmission => self.pdo.communication(2),
+            Query::InhibitTime => self.pdo.communication(3),
+            Query::EventTimer => self.pdo.communication(5),
+            Query::Count => self.pdo.mapping(0),
+            Query::Entry { sub, .. } => self.pdo.mapping(sub),
         }
     }
 
     fn ask(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        let is_over = self.asked == Question::Nothing;
+        let is_over = self.asked == Query::Nothing;
         let object = Some(self.object()).filter(|_| !is_over);
         self.transfer =
             object.map(|object| Transfer::read(self.node, object, self.timeout, now, out));
@@ -115,97 +115,94 @@ impl Reader {
             }
             Err(error) => {
                 let (node, object) = (self.node, self.object());
-                self.asked = Question::Nothing;
+                self.asked = Query::Nothing;
                 self.transfer = None;
                 return Some(Err(Unreadable { node, object, error }));
             }
         }
         self.ask(now, out);
-        (self.asked == Question::Nothing).then(|| Ok(std::mem::take(&mut self.found)))
+        (self.asked == Query::Nothing).then(|| Ok(std::mem::take(&mut self.found)))
     }
 
-    /// What was asked for is `number`; what is to be asked next.
-    fn learn(&mut self, number: u32) -> Question {
+    /// Records the value read; returns the next query.
+    fn learn(&mut self, number: u32) -> Query {
         let [lowest, second, ..] = number.to_le_bytes();
         let pair = u16::from_le_bytes([lowest, second]);
         match self.asked {
-            Question::CobId => {
+            Query::CobId => {
                 self.gap = 0;
                 self.pdo.cob_id = pair & COB_ID_MAX;
                 if number & PDO_COB_ID_INVALID != 0 {
                     return self.next_pdo();
                 }
                 self.pdo.service = Some(unknown_service());
-                return Question::Transmission;
+                return Query::Transmission;
             }
-            Question::Transmission => self.service(|s| s.transmission = Transmission(lowest)),
-            Question::InhibitTime => self.service(|s| s.inhibit_100us = Some(pair)),
-            Question::EventTimer => self.service(|s| s.event_timer_ms = Some(pair)),
-            Question::Count => {
-                return self.entry(1, lowest.min(MOST_OBJECTS));
+            Query::Transmission => self.service(|s| s.transmission = Transmission(lowest)),
+            Query::InhibitTime => self.service(|s| s.inhibit_100us = Some(pair)),
+            Query::EventTimer => self.service(|s| s.event_timer_ms = Some(pair)),
+            Query::Count => {
+                return self.entry(1, lowest.min(MAX_OBJECTS));
             }
-            Question::Entry { sub, count } => {
+            Query::Entry { sub, count } => {
                 let MappingEntry { address, bit_length, .. } = MappingEntry::from_u32(number);
                 let object = Object { index: address.index, sub: address.subindex };
                 self.service(|s| s.mapping.push(Mapped { object, bits: bit_length }));
                 return self.entry(sub.saturating_add(1), count);
             }
-            Question::Nothing => {}
+            Query::Nothing => {}
         }
         self.next_question()
     }
 
-    /// What was asked for does not exist; what is to be asked next.
-    fn learn_absent(&mut self) -> Question {
+    /// Records an absent object; returns the next query.
+    fn learn_absent(&mut self) -> Query {
         match self.asked {
-            Question::CobId => {
+            Query::CobId => {
                 self.gap += 1;
                 self.pdo.cob_id = 0;
                 self.skip_pdo()
             }
-            // A valid PDO without a mapping parameter has what its maker gave it: nothing is known of it.
-            Question::Count | Question::Entry { .. } => self.next_pdo(),
-            Question::Transmission
-            | Question::InhibitTime
-            | Question::EventTimer
-            | Question::Nothing => self.next_question(),
-        }
-    }
-
-    const fn next_question(&self) -> Question {
-        match self.asked {
-            Question::Transmission => Question::InhibitTime,
-            Question::InhibitTime => Question::EventTimer,
-            Question::EventTimer => Question::Count,
-            Question::CobId | Question::Count | Question::Entry { .. } | Question::Nothing => {
-                Question::Nothing
+            // An enabled PDO without a mapping parameter has an unknown, fixed mapping.
+            Query::Count | Query::Entry { .. } => self.next_pdo(),
+            Query::Transmission | Query::InhibitTime | Query::EventTimer | Query::Nothing => {
+                self.next_question()
             }
         }
     }
 
-    fn entry(&mut self, sub: u8, count: u8) -> Question {
-        if sub <= count { Question::Entry { sub, count } } else { self.next_pdo() }
+    const fn next_question(&self) -> Query {
+        match self.asked {
+            Query::Transmission => Query::InhibitTime,
+            Query::InhibitTime => Query::EventTimer,
+            Query::EventTimer => Query::Count,
+            Query::CobId | Query::Count | Query::Entry { .. } | Query::Nothing => Query::Nothing,
+        }
     }
 
-    /// The PDO in hand is known.
-    fn next_pdo(&mut self) -> Question {
+    fn entry(&mut self, sub: u8, count: u8) -> Query {
+        if sub <= count { Query::Entry { sub, count } } else { self.next_pdo() }
+    }
+
+    /// Completes the current PDO.
+    fn next_pdo(&mut self) -> Query {
         let blank = blank(self.pdo.direction, self.pdo.number);
         self.found.push(std::mem::replace(&mut self.pdo, blank));
         self.skip_pdo()
     }
 
-    fn skip_pdo(&mut self) -> Question {
+    fn skip_pdo(&mut self) -> Query {
         let Pdo { direction, number, .. } = self.pdo;
-        let is_last = number == MAX_PDOS || self.gap > WIDEST_GAP;
+        let is_last = number == MAX_PDOS || self.gap > MAX_GAP;
         self.pdo = match (direction, is_last) {
             (_, false) => blank(direction, number + 1),
             (Direction::Receive, true) => blank(Direction::Transmit, 1),
-            (Direction::Transmit, true) => return Question::Nothing,
+            (Direction::Transmit, true) => return Query::Nothing,
         };
         if is_last {
             self.gap = 0;
         }
-        Question::CobId
+        Query::CobId
     }
 
     fn service(&mut self, learn: impl FnOnce(&mut Service)) {
@@ -244,11 +241,11 @@ impl Procedure for Reader {
     fn deadline(&self) -> Option<Instant> {
         match &self.transfer {
             Some(transfer) => transfer.deadline(),
-            None => (self.asked != Question::Nothing).then_some(Instant::ZERO),
+            None => (self.asked != Query::Nothing).then_some(Instant::ZERO),
         }
     }
 
-    /// Tells the node that nobody waits any more.
+    /// Aborts the transfer at the node.
     fn abandon(&mut self, now: Instant, out: &mut Vec<Frame>) {
         if let Some(transfer) = &mut self.transfer {
             transfer.abandon(now, out);
@@ -269,7 +266,7 @@ const fn unknown_service() -> Service {
     }
 }
 
-/// The lowest 32 bits of a value, little-endian.
+/// Lowest 32 bits of a value, little-endian.
 fn number(bytes: &[u8]) -> u32 {
     bytes.iter().take(4).rev().fold(0, |number, byte| number << 8 | u32::from(*byte))
 }
@@ -292,7 +289,7 @@ mod tests {
         NodeId::new(3).unwrap()
     }
 
-    /// A device that has been told all of `plan`.
+    /// Device configured by `plan`.
     fn configured(plan: &NodePlan) -> Scripted {
         let mut device = Scripted::suiting(plan);
         for (object, value) in plan.pdos.iter().flat_map(Pdo::writes) {
@@ -319,7 +316,7 @@ mod tests {
         }
     }
 
-    /// In the order they are read, and with what a device does not leave open.
+    /// PDOs of the plan in reading order, with the values a device always has.
     fn expected(plan: &NodePlan) -> Vec<Pdo> {
         let mut pdos = plan.pdos.clone();
         pdos.sort_by_key(|pdo| (pdo.direction == Direction::Transmit, pdo.number));
@@ -327,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_planned_and_written_is_what_is_read() {
+    fn configured_pdos_are_read_back() {
         let group = Group { cob_id: 0x201, size: 3, slot: 2 };
         for pdos in [
             layout::per_drive(node(), Some(5)),
@@ -340,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_in_the_numbers_hides_nothing() {
+    fn gap_in_the_numbers_is_crossed() {
         let mut plan = elbow();
         let far = Pdo { number: 9, cob_id: 0x3A5, ..plan.pdos[0].clone() };
         plan.pdos.push(far);
@@ -348,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn a_node_that_falls_silent_is_named_with_the_object() {
+    fn timeout_names_node_and_object() {
         let mut device = Scripted { deaf_for: u32::MAX, ..configured(&elbow()) };
         let message = "node 3: 1400h:1: no answer";
         assert_eq!(read(&mut device).unwrap_err().to_string(), message);
@@ -356,7 +353,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_answers_lead_to_an_end(answers in proptest::collection::vec(any::<[u8; 8]>(), 0..300)) {
+        fn any_replies_lead_to_an_end(answers in proptest::collection::vec(any::<[u8; 8]>(), 0..300)) {
             let (mut reader, mut out) = (Reader::new(node(), TIMEOUT), Vec::new());
             let (mut now, mut outcomes) = (Instant::ZERO, 0);
             for mut payload in answers {

@@ -1,12 +1,10 @@
-//! Who is on the bus: asks every node who it is, and listens meanwhile. Never writes anything.
+//! Scan of a bus: reads the identity of every node, and listens meanwhile. Writes nothing.
 //!
-//! Several nodes are asked at once, a few frames each, so that an empty bus is known to be empty soon. A
-//! node that answers its device type is there; the rest is read from it one object after another, and
-//! what it does not have is left open.
+//! Several nodes are polled in parallel, a few frames each, so an empty bus is recognised soon. A node that replies
+//! about its device type exists; its other objects are read one by one, and absent ones stay open.
 //!
-//! A second answer to one question, or a second boot-up, says that two nodes share a node-id, unless
-//! another master reads the same object just now, or a node boots again and again. Answers that are the
-//! same, bit for bit and at once, are one on the wire: not every such pair can be seen.
+//! A second reply or a second boot-up indicates two nodes with one node-id, unless another master reads the same
+//! object, or a node reboots. Identical simultaneous replies merge, so not every pair is detected.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -29,10 +27,10 @@ use canopen::sdo::Transfer;
 use canopen::value::visible;
 use units::time::Instant;
 
-/// Nodes asked at once: their requests fit into any transmit queue, and 127 silent ones take seven turns.
-const AT_ONCE: usize = 20;
+/// Nodes polled in parallel: their requests fit any transmit queue; 127 absent nodes take seven rounds.
+const MAX_PARALLEL: usize = 20;
 
-/// What is read, in this order; silence at the first means that nobody is there.
+/// Objects to read, in this order; a timeout of the first means that the node is absent.
 const OBJECTS: [Object; 8] = [
     Object::DEVICE_TYPE,
     Object::VENDOR_ID,
@@ -44,16 +42,16 @@ const OBJECTS: [Object; 8] = [
     Object::SOFTWARE_VERSION,
 ];
 
-/// What was found out about one node.
+/// Properties of one node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
-    /// Where it is.
+    /// Node-id.
     pub node: NodeId,
-    /// Whether it answered a question; if not, it was only heard.
+    /// Set if it replied; otherwise it only sent by itself.
     pub answers: bool,
-    /// Its NMT state, if it was heard.
+    /// NMT state in its heartbeat.
     pub state: Option<NmtState>,
-    /// 1000h: the device profile in the low word.
+    /// 1000h; the low word is the device profile.
     pub device_type: Option<u32>,
     /// 1018h:1
     pub vendor: Option<u32>,
@@ -69,16 +67,16 @@ pub struct Found {
     pub hardware: Option<String>,
     /// 100Ah
     pub software: Option<String>,
-    /// The last emergency that was heard.
+    /// Last emergency received.
     pub emergency: Option<Emergency>,
-    /// Boot-ups that were heard.
+    /// Number of boot-ups received.
     pub boot_ups: u32,
-    /// A question was answered twice.
+    /// Set if one request got two replies.
     pub is_answered_twice: bool,
 }
 
 impl Found {
-    const fn nothing(node: NodeId) -> Self {
+    const fn new(node: NodeId) -> Self {
         Self {
             node,
             answers: false,
@@ -97,24 +95,24 @@ impl Found {
         }
     }
 
-    /// All four numbers of its identity, if it has told them.
+    /// LSS address, if all four numbers are known.
     pub fn address(&self) -> Option<Address> {
         let (vendor, product) = (self.vendor?, self.product?);
         Some(Address { vendor, product, revision: self.revision?, serial: self.serial? })
     }
 
-    /// Whether anything tells that it is there.
+    /// Returns whether the node exists.
     pub const fn is_there(&self) -> bool {
         self.answers || self.state.is_some() || self.emergency.is_some()
     }
 
-    /// Whether two nodes seem to share its node-id.
-    pub const fn is_double(&self) -> bool {
+    /// Returns whether two nodes seem to share its node-id.
+    pub const fn is_duplicate(&self) -> bool {
         self.is_answered_twice || self.boot_ups > 1
     }
 
-    /// Takes what an object holds.
-    fn learn(&mut self, object: Object, content: &Content) {
+    /// Records the content of an object.
+    fn record(&mut self, object: Object, content: &Content) {
         let number = || content.exactly(4).and_then(|bytes| bytes.try_into().ok());
         let number = || number().map(u32::from_le_bytes);
         let text = || Some(visible(content.bytes()));
@@ -131,8 +129,8 @@ impl Found {
         }
     }
 
-    /// Listens.
-    fn hear(&mut self, frame: &Frame) {
+    /// Takes a heartbeat or an emergency.
+    fn on_frame(&mut self, frame: &Frame) {
         if frame.cob_id == heartbeat_cob_id(self.node) {
             let state = frame.data().try_into().ok().and_then(|data| decode_heartbeat(data).ok());
             let Some(state) = state else { return };
@@ -145,33 +143,33 @@ impl Found {
     }
 }
 
-/// One node that is asked, or was.
+/// Node being polled, or already polled.
 #[derive(Clone, Debug)]
-struct Asked {
+struct Polled {
     found: Found,
-    /// What is asked now; the place in [`OBJECTS`].
+    /// Index of the current object in [`OBJECTS`].
     question: usize,
     transfer: Option<Transfer>,
-    /// What was answered last.
+    /// Object replied last.
     answered: Option<Object>,
 }
 
-/// A scan under way.
+/// Scan in progress.
 #[derive(Clone, Debug)]
 pub struct Scan {
     timeout: Duration,
     waiting: VecDeque<NodeId>,
-    asked: Vec<Asked>,
-    /// Nodes that were heard and are not to be asked.
-    heard: Vec<Found>,
-    /// Listened to until then, however soon all is answered.
+    asked: Vec<Polled>,
+    /// Nodes that sent by themselves and are not polled.
+    passive: Vec<Found>,
+    /// Minimum end of listening, even if all replies arrive sooner.
     listens_until: Instant,
     is_over: bool,
 }
 
 impl Scan {
-    /// Asks `nodes`, each question having `timeout` for its answer, and listens at least for `listen`.
-    pub fn begin(
+    /// Polls `nodes` with `timeout` per reply, and listens at least for `listen`.
+    pub fn start(
         nodes: &[NodeId],
         timeout: Duration,
         listen: Duration,
@@ -182,37 +180,38 @@ impl Scan {
             timeout,
             waiting: nodes.iter().copied().collect(),
             asked: Vec::with_capacity(nodes.len()),
-            heard: Vec::new(),
+            passive: Vec::new(),
             listens_until: now + listen,
             is_over: false,
         };
-        scan.ask_more(now, out);
+        scan.poll_more(now, out);
         scan
     }
 
-    /// Fills up the places that have become free.
-    fn ask_more(&mut self, now: Instant, out: &mut Vec<Frame>) {
+    /// Polls further nodes in free slots.
+    fn poll_more(&mut self, now: Instant, out: &mut Vec<Frame>) {
         let busy = self.asked.iter().filter(|asked| asked.transfer.is_some()).count();
-        for node in self.waiting.drain(..self.waiting.len().min(AT_ONCE.saturating_sub(busy))) {
-            let known = self.heard.iter().position(|found| found.node == node);
-            let found = known.map_or(Found::nothing(node), |place| self.heard.swap_remove(place));
-            let mut asked = Asked { found, question: 0, transfer: None, answered: None };
+        for node in self.waiting.drain(..self.waiting.len().min(MAX_PARALLEL.saturating_sub(busy)))
+        {
+            let known = self.passive.iter().position(|found| found.node == node);
+            let found = known.map_or(Found::new(node), |place| self.passive.swap_remove(place));
+            let mut asked = Polled { found, question: 0, transfer: None, answered: None };
             asked.ask(self.timeout, now, out);
             self.asked.push(asked);
         }
     }
 
-    /// The node a heartbeat or an emergency is of, asked already or not.
+    /// Takes a heartbeat or emergency of any node.
     fn listen(&mut self, frame: &Frame) {
-        let Some(node) = speaker(frame) else { return };
+        let Some(node) = sender(frame) else { return };
         if let Some(asked) = self.asked.iter_mut().find(|asked| asked.found.node == node) {
-            asked.found.hear(frame);
-        } else if let Some(found) = self.heard.iter_mut().find(|found| found.node == node) {
-            found.hear(frame);
+            asked.found.on_frame(frame);
+        } else if let Some(found) = self.passive.iter_mut().find(|found| found.node == node) {
+            found.on_frame(frame);
         } else {
-            let mut found = Found::nothing(node);
-            found.hear(frame);
-            self.heard.push(found);
+            let mut found = Found::new(node);
+            found.on_frame(frame);
+            self.passive.push(found);
         }
     }
 
@@ -223,21 +222,21 @@ impl Scan {
         }
         self.is_over = true;
         let asked = self.asked.drain(..).map(|asked| asked.found);
-        let all = asked.chain(self.heard.drain(..));
+        let all = asked.chain(self.passive.drain(..));
         let mut there: Vec<Found> = all.filter(Found::is_there).collect();
         there.sort_by_key(|found| found.node);
         Some(there)
     }
 }
 
-impl Asked {
-    /// Asks the next question, if there is one.
+impl Polled {
+    /// Sends the next request, if there is one.
     fn ask(&mut self, timeout: Duration, now: Instant, out: &mut Vec<Frame>) {
         let read = |object: &Object| Transfer::read(self.found.node, *object, timeout, now, out);
         self.transfer = OBJECTS.get(self.question).map(read);
     }
 
-    /// Takes what a question has come to, and asks the next.
+    /// Records the outcome of a request and sends the next.
     fn conclude(
         &mut self,
         outcome: Result<Content, SdoError>,
@@ -249,12 +248,12 @@ impl Asked {
         self.transfer = None;
         self.question += 1;
         match outcome {
-            // Nobody, or somebody who has left: nothing more is asked.
+            // Absent, or gone: nothing more is read.
             Err(SdoError::Timeout) => return,
             Err(SdoError::AbortedByServer(_) | SdoError::AbortedLocally(_)) => {}
             Ok(content) => {
                 if let Some(object) = object {
-                    self.found.learn(object, &content);
+                    self.found.record(object, &content);
                 }
             }
         }
@@ -263,7 +262,7 @@ impl Asked {
         self.ask(timeout, now, out);
     }
 
-    /// Whether an answer is about what has been answered already.
+    /// Returns whether a reply concerns the object replied last.
     fn is_repeated(&self, frame: &Frame) -> bool {
         let &[command, low, high, sub, ..] = frame.data() else { return false };
         let about = Object { index: u16::from_le_bytes([low, high]), sub };
@@ -272,12 +271,12 @@ impl Asked {
     }
 }
 
-/// Server command specifiers, in the three highest bits: what begins the answer to a read.
+/// Server command specifiers of replies to a read: the three highest bits.
 const UPLOAD_RESPONSE: u8 = 2;
 const ABORT: u8 = 4;
 
 impl Procedure for Scan {
-    /// The nodes that are there, by node-id.
+    /// Existing nodes, by node-id.
     type Outcome = Vec<Found>;
 
     fn on_frame(
@@ -287,7 +286,7 @@ impl Procedure for Scan {
         out: &mut Vec<Frame>,
     ) -> Option<Vec<Found>> {
         let timeout = self.timeout;
-        let is_answer = |asked: &&mut Asked| frame.cob_id == response_cob_id(asked.found.node);
+        let is_answer = |asked: &&mut Polled| frame.cob_id == response_cob_id(asked.found.node);
         if let Some(asked) = self.asked.iter_mut().find(is_answer) {
             asked.found.is_answered_twice |= asked.is_repeated(frame);
             let transfer = asked.transfer.as_mut();
@@ -298,7 +297,7 @@ impl Procedure for Scan {
         } else {
             self.listen(frame);
         }
-        self.ask_more(now, out);
+        self.poll_more(now, out);
         self.outcome(now)
     }
 
@@ -309,7 +308,7 @@ impl Procedure for Scan {
                 asked.conclude(outcome, self.timeout, now, out);
             }
         }
-        self.ask_more(now, out);
+        self.poll_more(now, out);
         self.outcome(now)
     }
 
@@ -326,12 +325,12 @@ impl Procedure for Scan {
     }
 }
 
-/// Whose heartbeat or emergency a frame is, by the predefined connection set.
-fn speaker(frame: &Frame) -> Option<NodeId> {
+/// Returns the node of a heartbeat or emergency, by the predefined connection set.
+fn sender(frame: &Frame) -> Option<NodeId> {
     let [_, low] = frame.cob_id.to_be_bytes();
     let node = NodeId::new(low & 0x7F).ok()?;
-    let is_heard = [heartbeat_cob_id(node), emcy::default_cob_id(node)].contains(&frame.cob_id);
-    is_heard.then_some(node)
+    let is_of_node = [heartbeat_cob_id(node), emcy::default_cob_id(node)].contains(&frame.cob_id);
+    is_of_node.then_some(node)
 }
 
 #[cfg(test)]
@@ -347,14 +346,14 @@ mod tests {
         raw.into_iter().map(|raw| NodeId::new(raw).unwrap()).collect()
     }
 
-    /// Carries a scan to its end: `answer` is shown what is asked. Also when it ended, and the most
-    /// frames it had for the bus at once.
+    /// Runs a scan to its end; `answer` replies to each request. Also returns its end, and the maximum number of
+    /// frames sent at once.
     fn scan(
         nodes: &[NodeId],
         mut answer: impl FnMut(&Frame) -> Vec<Frame>,
     ) -> (Vec<Found>, Instant, usize) {
         let (mut now, mut out, mut most) = (Instant::ZERO, Vec::new(), 0);
-        let mut scan = Scan::begin(nodes, TIMEOUT, LISTEN, now, &mut out);
+        let mut scan = Scan::start(nodes, TIMEOUT, LISTEN, now, &mut out);
         loop {
             let asked: Vec<Frame> = std::mem::take(&mut out);
             most = most.max(asked.len());
@@ -372,7 +371,7 @@ mod tests {
         }
     }
 
-    /// A node of this serial number, which has no names.
+    /// Node with this serial number and without names.
     fn device(cob_id: u16, serial: u8, frame: &Frame) -> Option<Frame> {
         let &[0x40, low, high, sub, ..] = frame.data() else { return None };
         if frame.cob_id != cob_id {
@@ -389,15 +388,15 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_bus_is_known_to_be_empty_within_a_second() {
+    fn empty_bus_is_recognised_within_a_second() {
         let (found, end, most) = scan(&nodes(1..=127), |_| Vec::new());
         assert_eq!(found, []);
         assert!(end <= Instant::from_micros(800_000), "{end:?}");
-        assert!(most <= 2 * AT_ONCE, "{most}: new requests, and aborts of the old");
+        assert!(most <= 2 * MAX_PARALLEL, "{most}: new requests, and aborts of the old");
     }
 
     #[test]
-    fn nodes_tell_who_they_are_and_nothing_is_written() {
+    fn identities_are_read_without_writes() {
         let answer = |frame: &Frame| {
             assert!(matches!(frame.data(), [0x40 | 0x80, ..]), "neither read nor abort: {frame}");
             device(0x603, 7, frame).into_iter().collect()
@@ -410,15 +409,15 @@ mod tests {
             product: Some(1),
             revision: Some(1),
             serial: Some(7),
-            ..Found::nothing(NodeId::new(3).unwrap())
+            ..Found::new(NodeId::new(3).unwrap())
         };
         assert_eq!(found, [expected]);
     }
 
     #[test]
-    fn a_node_that_is_only_heard_is_there() {
+    fn node_that_only_sends_is_found() {
         let (mut now, mut out) = (Instant::ZERO, Vec::new());
-        let mut scan = Scan::begin(&nodes([3]), TIMEOUT, LISTEN, now, &mut out);
+        let mut scan = Scan::start(&nodes([3]), TIMEOUT, LISTEN, now, &mut out);
         for frame in [
             Frame::new(0x705, [5]),
             Frame::new(0x703, [0]),
@@ -435,8 +434,9 @@ mod tests {
             }
         };
         assert_eq!(now, Instant::ZERO + LISTEN);
-        let told = |found: &Found| (found.node.raw(), found.answers, found.state, found.boot_ups);
-        let (three, five) = (told(&found[0]), told(&found[1]));
+        let summary =
+            |found: &Found| (found.node.raw(), found.answers, found.state, found.boot_ups);
+        let (three, five) = (summary(&found[0]), summary(&found[1]));
         assert_eq!(three, (3, false, Some(NmtState::PreOperational), 1));
         assert_eq!(five, (5, false, Some(NmtState::Operational), 0));
         assert_eq!(found[0].emergency.unwrap().code, 0x2310);
@@ -444,24 +444,24 @@ mod tests {
     }
 
     #[test]
-    fn two_nodes_of_one_node_id_are_told() {
+    fn two_nodes_with_one_node_id_are_detected() {
         let pair = |frame: &Frame| {
             [7, 8].into_iter().filter_map(|serial| device(0x603, serial, frame)).collect()
         };
-        assert!(scan(&nodes(1..=5), pair).0[0].is_double());
+        assert!(scan(&nodes(1..=5), pair).0[0].is_duplicate());
         let alone = |frame: &Frame| device(0x603, 7, frame).into_iter().collect();
-        assert!(!scan(&nodes(1..=5), alone).0[0].is_double());
+        assert!(!scan(&nodes(1..=5), alone).0[0].is_duplicate());
         let twice = |frame: &Frame| match frame.cob_id {
             0x601 => vec![Frame::new(0x709, [0]); 2],
             _ => Vec::new(),
         };
         let found = scan(&nodes([1]), twice).0;
-        assert!(found[0].is_double() && !found[0].answers);
+        assert!(found[0].is_duplicate() && !found[0].answers);
     }
 
     proptest! {
         #[test]
-        fn any_frames_at_any_time_end_in_bounds_and_nothing_is_written(
+        fn any_frames_end_in_time_without_writes(
             frames in proptest::collection::vec(
                 (
                     0_u64..20_000,
@@ -475,7 +475,7 @@ mod tests {
             ),
         ) {
             let (mut now, mut out) = (Instant::ZERO, Vec::new());
-            let mut scan = Scan::begin(&nodes([1, 2]), TIMEOUT, LISTEN, now, &mut out);
+            let mut scan = Scan::start(&nodes([1, 2]), TIMEOUT, LISTEN, now, &mut out);
             let mut outcome = None;
             for (step, cob_id, command, place, [a, b, c, d], length) in frames {
                 now = now + Duration::from_micros(step);

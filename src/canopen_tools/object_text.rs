@@ -1,7 +1,6 @@
-//! What objects are called and what their values say, for people: CiA 301, 401 and 402 in words.
+//! Names of objects and text of their values, from CiA 301, 401 and 402.
 //!
-//! Only the objects engineers meet on a bus. What a device has of its own is in its
-//! [EDS](canopen::eds).
+//! Covers the common objects. Names of device-specific ones come from an [EDS](canopen::eds).
 
 use std::fmt;
 
@@ -22,7 +21,7 @@ const U16: u16 = 0x06;
 const U32: u16 = 0x07;
 const TEXT: u16 = 0x09;
 
-/// Objects, their names, with the unit behind a comma, and their types.
+/// Objects with their name, unit after a comma, and data type.
 const OBJECTS: &[(Object, &str, u16)] = &[
     (Object::DEVICE_TYPE, "device type", U32),
     (Object::ERROR_REGISTER, "error register", U8),
@@ -89,7 +88,7 @@ const fn at(index: u16, sub: u8) -> Object {
     Object { index, sub }
 }
 
-/// A PDO parameter by its index: what it is of, and the number of its PDO.
+/// PDO of a PDO parameter: its kind, whether it is a mapping parameter, and its number.
 fn pdo_parameter(index: u16) -> Option<(&'static str, bool, u16)> {
     let (kind, is_mapping, first) = match index {
         0x1400..=0x15FF => ("RPDO", false, 0x1400),
@@ -101,18 +100,18 @@ fn pdo_parameter(index: u16) -> Option<(&'static str, bool, u16)> {
     Some((kind, is_mapping, index - first + 1))
 }
 
-/// A data type that an RPDO maps where it has nothing to take (CiA 301, 7.4.7.3).
+/// Returns whether this is a data type, used as a dummy mapping (CiA 301, 7.4.7.3).
 pub const fn is_dummy(object: Object) -> bool {
     object.index <= 0x1F
 }
 
-/// The name of an object that is none of the PDO parameters, without its unit.
+/// Returns the name of an object without its unit; `None` for PDO parameters and unknown objects.
 pub fn name(object: Object) -> Option<&'static str> {
     let (_, name, _) = OBJECTS.iter().find(|(known, ..)| *known == object)?;
     Some(name.split_once(", ").map_or(*name, |(name, _)| name))
 }
 
-/// The unit of an object's number.
+/// Returns the unit of an object.
 fn unit(object: Object) -> Option<&'static str> {
     if let Some((_, name, _)) = OBJECTS.iter().find(|(known, ..)| *known == object) {
         return name.split_once(", ").map(|(_, unit)| unit);
@@ -124,7 +123,7 @@ fn unit(object: Object) -> Option<&'static str> {
     }
 }
 
-/// The number of its data type.
+/// Returns the data type of an object, by number.
 pub fn data_type(object: Object) -> Option<u16> {
     if let Some((.., of)) = OBJECTS.iter().find(|(known, ..)| *known == object) {
         return Some(*of);
@@ -136,21 +135,21 @@ pub fn data_type(object: Object) -> Option<u16> {
     }
 }
 
-/// Whether numbers of a type have a sign.
+/// Returns whether a data type is a signed integer.
 pub const fn is_signed(data_type: u16) -> bool {
     matches!(data_type, I8 | I16 | I32 | 0x10 | 0x12..=0x15)
 }
 
-/// An object and its name: `6071h target torque`, `1600h:2 RPDO1 mapping 2`.
+/// Text of an object: `6071h target torque`, `1600h:2 RPDO1 mapping 2`
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Called<'n> {
-    /// Which.
+pub struct ObjectText<'n> {
+    /// Object.
     pub object: Object,
-    /// What its maker calls it, where the standard does not say.
-    pub else_called: Option<&'n str>,
+    /// Name by the manufacturer, for objects without a standard name.
+    pub fallback: Option<&'n str>,
 }
 
-impl fmt::Display for Called<'_> {
+impl fmt::Display for ObjectText<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let object = self.object;
         write!(f, "{object}")?;
@@ -166,32 +165,32 @@ impl fmt::Display for Called<'_> {
                 (false, sub) => write!(f, " {kind}{number} parameter {sub}"),
             };
         }
-        match name(object).or(self.else_called) {
+        match name(object).or(self.fallback) {
             Some(name) => write!(f, " {name}"),
             None => Ok(()),
         }
     }
 }
 
-/// What the bytes of an object say: `operation enabled`, `-2`, `"frhc drive"`, `6071h target torque, 16 bits`.
+/// Text of an object's value: `operation enabled`, `-2`, `"frhc drive"`, `6071h target torque, 16 bits`
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct InWords<'b> {
-    /// Of which object.
+pub struct ValueText<'b> {
+    /// Object.
     pub object: Object,
-    /// Its bytes as SDO carries them, the first ones if there are many.
+    /// Bytes of the value, as in SDO; the first ones of a long value.
     pub bytes: &'b [u8],
-    /// How many there are in all.
+    /// Total number of bytes.
     pub length: usize,
-    /// What its maker says its type is, where the standard does not.
-    pub else_type: Option<u16>,
+    /// Data type by the manufacturer, for objects without a standard one.
+    pub fallback_type: Option<u16>,
 }
 
-/// This many bytes of a long value are shown.
-const SHOWN: usize = 16;
+/// Maximum displayed bytes of a long value.
+const MAX_DISPLAYED: usize = 16;
 
-impl fmt::Display for InWords<'_> {
+impl fmt::Display for ValueText<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let data_type = data_type(self.object).or(self.else_type);
+        let data_type = data_type(self.object).or(self.fallback_type);
         if data_type == Some(TEXT) {
             return self.text(f);
         }
@@ -224,7 +223,7 @@ impl fmt::Display for InWords<'_> {
     }
 }
 
-impl InWords<'_> {
+impl ValueText<'_> {
     fn text(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("\"")?;
         for byte in self.bytes {
@@ -240,11 +239,11 @@ impl InWords<'_> {
             return f.write_str("nothing");
         }
         write!(f, "{} bytes", self.length)?;
-        self.bytes.iter().take(SHOWN).try_for_each(|byte| write!(f, " {byte:02X}"))?;
-        f.write_str(if self.length > SHOWN { " …" } else { "" })
+        self.bytes.iter().take(MAX_DISPLAYED).try_for_each(|byte| write!(f, " {byte:02X}"))?;
+        f.write_str(if self.length > MAX_DISPLAYED { " …" } else { "" })
     }
 
-    /// In decimal where the type is known, else both ways.
+    /// Writes a number: decimal if its type is known, else hexadecimal and decimal.
     fn number(&self, raw: u64, of: Option<u16>, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match of {
             Some(of) if is_signed(of) => write!(f, "{}", sign_extended(raw, self.length * 8)),
@@ -255,14 +254,14 @@ impl InWords<'_> {
     }
 }
 
-/// Up to eight bytes as a number.
+/// Decodes up to eight bytes.
 fn little_endian(bytes: &[u8]) -> Option<u64> {
     let mut eight = [0; 8];
     eight.get_mut(..bytes.len())?.copy_from_slice(bytes);
     (!bytes.is_empty()).then(|| u64::from_le_bytes(eight))
 }
 
-/// The lowest `bits` of `raw`, the highest of them being the sign.
+/// Extends the sign of the lowest `bits` of `raw`.
 pub fn sign_extended(raw: u64, bits: usize) -> i64 {
     let unused = 64_usize.saturating_sub(bits.clamp(1, 64));
     (raw << unused).cast_signed() >> unused
@@ -277,17 +276,17 @@ fn cob_id(raw: u32, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     }
 }
 
-/// A mapping entry: index, sub-index, length.
+/// Writes a mapping entry: object and length.
 fn mapped(raw: u32, f: &mut fmt::Formatter<'_>) -> fmt::Result {
     let [bits, sub, low, high] = raw.to_le_bytes();
     let object = Object { index: u16::from_le_bytes([low, high]), sub };
     if is_dummy(object) {
         return write!(f, "{object} dummy, {bits} bits");
     }
-    write!(f, "{}, {bits} bits", Called { object, else_called: None })
+    write!(f, "{}, {bits} bits", ObjectText { object, fallback: None })
 }
 
-/// A mode of operation (CiA 402-2, 6060h).
+/// Name of a mode of operation (CiA 402-2, 6060h).
 pub const fn mode_of_operation(mode: i8) -> &'static str {
     match mode {
         0 => "no mode",
@@ -301,17 +300,17 @@ pub const fn mode_of_operation(mode: i8) -> &'static str {
         9 => "cyclic synchronous velocity",
         10 => "cyclic synchronous torque",
         11 => "cyclic synchronous torque with commutation angle",
-        ..0 => "mode of the manufacturer's own",
+        ..0 => "manufacturer-specific mode",
         _ => "unknown mode",
     }
 }
 
-/// What a controlword commands (CiA 402-2, 6040h): `enable operation, halt`.
+/// Text of a controlword (CiA 402-2, 6040h): `enable operation, halt`
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Command(pub Controlword);
 
 impl Command {
-    /// The command in bits 0 to 3; bit 7 is not looked at.
+    /// Command of bits 0 to 3, without bit 7.
     pub const fn description(self) -> &'static str {
         match self.0.0 & 0xF {
             0x0 | 0x1 | 0x4 | 0x5 | 0x8 | 0x9 | 0xC | 0xD => "disable voltage",
@@ -326,9 +325,9 @@ impl Command {
 impl fmt::Display for Command {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let is_reset = self.0.0 & Controlword::FAULT_RESET.0 != 0;
-        let words = if is_reset { "fault reset" } else { self.description() };
+        let text = if is_reset { "fault reset" } else { self.description() };
         let halt = if self.0.0 & HALT == 0 { "" } else { ", halt" };
-        f.pad(words)?;
+        f.pad(text)?;
         f.write_str(halt)
     }
 }
@@ -336,33 +335,33 @@ impl fmt::Display for Command {
 /// Bit 8 of the controlword.
 const HALT: u16 = 1 << 8;
 
-/// What a statusword says (CiA 402-2, 6041h): `operation enabled, internal limit`.
+/// Text of a statusword (CiA 402-2, 6041h): `operation enabled, internal limit`
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Status(pub Statusword);
 
 impl fmt::Display for Status {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(self.0.state().map_or("unknown state", State::description))?;
-        for (bit, words) in
+        for (bit, text) in
             [(Statusword::WARNING, ", warning"), (Statusword::INTERNAL_LIMIT, ", internal limit")]
         {
-            f.write_str(if self.0.has(bit) { words } else { "" })?;
+            f.write_str(if self.0.has(bit) { text } else { "" })?;
         }
         Ok(())
     }
 }
 
-/// The byte of the switch box: `deadman pressed   reflection`.
+/// Text of the switch box's inputs: `deadman pressed   reflection`
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Switches(pub u8);
 
 impl Switches {
-    /// Each of its switches.
+    /// Decoded inputs.
     pub fn inputs(self) -> SwitchInputs {
         SwitchInputs::from_bits(self.0)
     }
 
-    /// What the two channels of the deadman say, in a word.
+    /// State of the deadman's two channels.
     pub fn deadman(self) -> &'static str {
         match self.inputs().deadman() {
             Deadman::Pressed => "pressed",
@@ -390,12 +389,12 @@ mod tests {
 
     use super::*;
 
-    fn says(object: Object, bytes: &[u8]) -> String {
-        InWords { object, bytes, length: bytes.len(), else_type: None }.to_string()
+    fn text_of(object: Object, bytes: &[u8]) -> String {
+        ValueText { object, bytes, length: bytes.len(), fallback_type: None }.to_string()
     }
 
     #[test]
-    fn values_are_told_by_what_they_mean() {
+    fn values_read_by_their_meaning() {
         let cases: [(Object, &[u8], &str); 16] = [
             (Object::STATUSWORD, &[0x37, 0x12], "1237h operation enabled"),
             (Object::CONTROLWORD, &[0x06, 0x00], "0006h shutdown"),
@@ -414,39 +413,39 @@ mod tests {
             (at(0x2000, 1), &[0xFE, 0xFF], "FFFEh (65534)"),
             (at(0x1F50, 1), &[1; 20], "20 bytes 01 01 01 01 01 01 01 01 01 01 01 01 01 01 01 01 …"),
         ];
-        for (object, bytes, words) in cases {
-            assert_eq!(says(object, bytes), words, "{object}");
+        for (object, bytes, expected) in cases {
+            assert_eq!(text_of(object, bytes), expected, "{object}");
         }
     }
 
     #[test]
-    fn objects_are_called_by_the_standard_and_else_by_their_maker() {
-        let called = |object, else_called| Called { object, else_called }.to_string();
-        assert_eq!(called(Object::TARGET_TORQUE, Some("M")), "6071h target torque");
-        assert_eq!(called(Object::tpdo_mapping(2, 1), None), "1A01h:1 TPDO2 mapping 1");
-        assert_eq!(called(at(0x2000, 1), Some("gain")), "2000h:1 gain");
-        assert_eq!(called(at(0x2000, 1), None), "2000h:1");
+    fn standard_names_come_before_those_of_the_manufacturer() {
+        let text = |object, fallback| ObjectText { object, fallback }.to_string();
+        assert_eq!(text(Object::TARGET_TORQUE, Some("M")), "6071h target torque");
+        assert_eq!(text(Object::tpdo_mapping(2, 1), None), "1A01h:1 TPDO2 mapping 1");
+        assert_eq!(text(at(0x2000, 1), Some("gain")), "2000h:1 gain");
+        assert_eq!(text(at(0x2000, 1), None), "2000h:1");
     }
 
     proptest! {
         #[test]
-        fn any_bytes_of_any_object_say_something(
+        fn any_bytes_of_any_object_have_a_text(
             index in any::<u16>(),
             sub in any::<u8>(),
             bytes in proptest::collection::vec(any::<u8>(), 0..40),
-            else_type in proptest::option::of(any::<u16>()),
+            fallback_type in proptest::option::of(any::<u16>()),
         ) {
-            let words = InWords {
+            let text = ValueText {
                 object: Object { index, sub },
                 bytes: &bytes,
                 length: bytes.len(),
-                else_type,
+                fallback_type,
             };
-            prop_assert!(!words.to_string().is_empty());
+            prop_assert!(!text.to_string().is_empty());
         }
 
         #[test]
-        fn a_sign_is_extended_as_two_s_complement_says(value in any::<i64>(), bits in 1_usize..64) {
+        fn sign_extension_is_twos_complement(value in any::<i64>(), bits in 1_usize..64) {
             let low = value.cast_unsigned() & (u64::MAX >> (64 - bits));
             let extended = sign_extended(low, bits);
             prop_assert_eq!(extended.cast_unsigned() & (u64::MAX >> (64 - bits)), low);

@@ -1,5 +1,4 @@
-//! What is to be heard of all nodes of a bus: who comes, who changes its state, who falls silent, who is
-//! in trouble. Says nothing itself.
+//! Monitor of all nodes of a bus: boot-up, change of state, loss, emergencies. Sends nothing.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -15,32 +14,32 @@ use canopen::heartbeat::Consumer;
 use canopen::procedure::Procedure;
 use units::time::Instant;
 
-/// What was heard of one node.
+/// Event of one node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NetworkEvent {
-    /// A change of its heartbeat.
+    /// Change of its health.
     Heartbeat(NodeId, heartbeat::HeartbeatEvent),
-    /// An emergency, by the predefined connection set.
+    /// Emergency at its COB-ID of the predefined connection set.
     Emergency(NodeId, Emergency),
 }
 
-/// The watch over a bus.
+/// Monitor of a bus.
 #[derive(Clone, Debug)]
 pub struct Watch {
     silence: Duration,
     until: Option<Instant>,
     nodes: Vec<(NodeId, Consumer)>,
-    /// Said by nodes that fell silent at the same time.
+    /// Events of nodes lost at the same time.
     news: VecDeque<(Instant, NetworkEvent)>,
 }
 
 impl Watch {
-    /// A node is lost after `silence`. Listens until `until`, or for ever.
+    /// Returns a monitor with consumer heartbeat time `silence`, until `until` or without end.
     pub const fn new(silence: Duration, until: Option<Instant>) -> Self {
         Self { silence, until, nodes: Vec::new(), news: VecDeque::new() }
     }
 
-    fn hear(&mut self, now: Instant, frame: &Frame) -> Option<NetworkEvent> {
+    fn receive(&mut self, now: Instant, frame: &Frame) -> Option<NetworkEvent> {
         let [_, low] = frame.cob_id.to_be_bytes();
         let node = NodeId::new(low & 0x7F).ok()?;
         if frame.cob_id == emcy::default_cob_id(node) {
@@ -55,7 +54,7 @@ impl Watch {
         } else {
             let mut consumer = Consumer::new(node, self.silence, now + self.silence);
             let news = consumer.on_frame(now, frame);
-            // What is no heartbeat is no node.
+            // An invalid heartbeat creates no node.
             self.nodes.extend(news.map(|_| (node, consumer)));
             news
         };
@@ -64,7 +63,7 @@ impl Watch {
 }
 
 impl Procedure for Watch {
-    /// One piece of news after another, and when it was heard; `None` when it is time to end.
+    /// Next event with its time of reception; `None` at the end.
     type Outcome = Option<(Instant, NetworkEvent)>;
 
     fn on_frame(
@@ -73,7 +72,7 @@ impl Procedure for Watch {
         frame: &Frame,
         _: &mut Vec<Frame>,
     ) -> Option<Self::Outcome> {
-        let news = self.hear(now, frame);
+        let news = self.receive(now, frame);
         self.news.extend(news.map(|news| (now, news)));
         self.news.pop_front().map(Some)
     }
@@ -109,24 +108,24 @@ mod tests {
     }
 
     #[test]
-    fn changes_are_told_and_nothing_else() {
+    fn only_changes_are_reported() {
         let mut watch = Watch::new(Duration::from_millis(100), None);
-        let mut hear = |millis, cob_id, byte: u8| {
+        let mut receive = |millis, cob_id, byte: u8| {
             let news = watch.on_frame(at(millis), &Frame::new(cob_id, [byte]), &mut Vec::new());
             news.map(|news| news.unwrap().1)
         };
         let pre_operational = heartbeat::HeartbeatEvent::State(NmtState::PreOperational);
         let beat = |news| Some(NetworkEvent::Heartbeat(node(3), news));
-        assert_eq!(hear(0, 0x703, 0x7F), beat(pre_operational));
-        assert_eq!(hear(50, 0x703, 0x7F), None);
-        assert_eq!(hear(60, 0x703, 0), beat(heartbeat::HeartbeatEvent::Rebooted));
-        assert_eq!(hear(60, 0x704, 0x42), None, "no heartbeat");
-        assert_eq!(hear(60, 0x083, 0), None, "no emergency");
+        assert_eq!(receive(0, 0x703, 0x7F), beat(pre_operational));
+        assert_eq!(receive(50, 0x703, 0x7F), None);
+        assert_eq!(receive(60, 0x703, 0), beat(heartbeat::HeartbeatEvent::Rebooted));
+        assert_eq!(receive(60, 0x704, 0x42), None, "no heartbeat");
+        assert_eq!(receive(60, 0x083, 0), None, "no emergency");
         assert_eq!(watch.deadline(), Some(at(160)));
     }
 
     #[test]
-    fn all_who_fall_silent_at_once_are_told_of() {
+    fn all_nodes_lost_at_once_are_reported() {
         let mut watch = Watch::new(Duration::from_millis(100), None);
         for cob_id in [0x703, 0x704] {
             watch.on_frame(at(0), &Frame::new(cob_id, [5]), &mut Vec::new());
@@ -144,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn it_listens_until_it_is_time() {
+    fn monitor_ends_at_its_time() {
         let mut watch = Watch::new(Duration::from_millis(100), Some(at(50)));
         assert_eq!(watch.deadline(), Some(at(50)));
         assert_eq!(watch.on_time(at(49), &mut Vec::new()), None);
@@ -152,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn an_emergency_is_told_with_its_node() {
+    fn emergency_is_reported_with_its_node() {
         let mut watch = Watch::new(Duration::from_millis(100), None);
         let frame = Frame::new(0x083, [0x10, 0x23, 3, 0, 0, 0, 0, 0]);
         let (_, news) = watch.on_frame(at(0), &frame, &mut Vec::new()).unwrap().unwrap();

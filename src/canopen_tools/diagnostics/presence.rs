@@ -1,6 +1,6 @@
-//! Detects a master that runs on a bus: it sends SYNC.
+//! Detection of a running master by its SYNC.
 //!
-//! Only listens. A master whose period is longer than the window, or that needs no SYNC, is not detected.
+//! Sends nothing. A master with a longer period, or without SYNC, is not detected.
 
 use std::time::Duration;
 
@@ -9,24 +9,24 @@ use canopen::procedure::Procedure;
 use canopen::sync;
 use units::time::Instant;
 
-/// Time that is listened: ten periods at 100 Hz, the slowest that moves anything.
+/// Listening time: ten periods at 100 Hz, the slowest rate of a moving arm.
 pub const WINDOW: Duration = Duration::from_millis(100);
 
-/// The wait for a SYNC.
+/// Detection in progress.
 #[derive(Clone, Copy, Debug)]
 pub struct Presence {
     until: Instant,
 }
 
 impl Presence {
-    /// Listens from `now` on for a [`WINDOW`].
-    pub fn begin(now: Instant) -> Self {
+    /// Starts to listen for a [`WINDOW`].
+    pub fn start(now: Instant) -> Self {
         Self { until: now + WINDOW }
     }
 }
 
 impl Procedure for Presence {
-    /// Whether a SYNC was received.
+    /// Set if a SYNC was received.
     type Outcome = bool;
 
     fn on_frame(&mut self, _: Instant, frame: &Frame, _: &mut Vec<Frame>) -> Option<bool> {
@@ -48,9 +48,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sync_within_the_window_is_a_master() {
+    fn sync_within_the_window_is_a_master() {
         let mut out = Vec::new();
-        let mut presence = Presence::begin(Instant::ZERO);
+        let mut presence = Presence::start(Instant::ZERO);
         let now = Instant::ZERO + WINDOW / 2;
         for other in [Frame::new(0x000, [1, 3]), Frame::new(0x703, [5]), Frame::remote(0x080, 0)] {
             assert_eq!(presence.on_frame(now, &other, &mut out), None, "{other}");

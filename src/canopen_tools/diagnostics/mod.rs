@@ -1,0 +1,16 @@
+//! Diagnostic procedures for tools beside a running bus.
+//!
+//! | machine       | purpose                                                          |
+//! |---------------|------------------------------------------------------------------|
+//! | [`scan`]      | nodes on the bus                                                 |
+//! | [`effective`] | configured PDOs of a node                                        |
+//! | [`confirm`]   | NMT command with its confirmation                                |
+//! | [`watch`]     | boot-up, change of state and loss of nodes                       |
+//! | [`presence`]  | detection of a running master by its SYNC                        |
+//! | [`Procedure`](canopen::procedure) | common interface                             |
+
+pub mod confirm;
+pub mod effective;
+pub mod presence;
+pub mod scan;
+pub mod watch;

@@ -88,7 +88,7 @@ fn main() {
 
 /// A hand that moves about in contact, now in rate mode and now in pose mode.
 fn inputs(config: &Config) -> Vec<Input> {
-    let start = SVector::from(config.joints.each_ref().map(|joint| joint.start));
+    let start = SVector::from(config.joints.each_ref().map(|joint| joint.plant.start));
     (0..4_000_u32)
         .map(|cycle| {
             let t = f64::from(cycle) * 1e-3;

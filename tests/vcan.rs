@@ -94,8 +94,11 @@ fn ten_seconds_of_teleoperation_miss_no_sample_and_the_wall_is_felt() {
 
     let config = Config::load(config.as_ref()).unwrap();
     let session = fs::read_to_string(session.join("bus.log")).unwrap();
-    let compared =
-        common::felt::torques_are_those_of_the_wall(&session, &config, &world::arm(&config));
+    let compared = common::felt::torques_are_those_of_the_wall(
+        &session,
+        &config,
+        &world::arm(&config.plant()),
+    );
     assert!(compared > 1_000, "only {compared} cycles in contact");
 }
 

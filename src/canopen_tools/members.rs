@@ -15,14 +15,14 @@ use canopen::frame::Channel;
 use canopen::object::Object;
 use canopen::plan::NodePlan;
 use config::Config;
-use config::Joint;
+use config::JointParameters;
 use controller::arm::JointKind;
 
 /// Nodes of the configuration: the joints' drives, then the switch box.
 pub fn members(config: &Config) -> Vec<Member> {
     let mut taken = HashSet::from(["master".to_owned()]);
     let member = |(channel, plan): (Channel, NodePlan)| {
-        let is_its = |joint: &&Joint| (joint.channel, joint.node) == (channel, plan.node);
+        let is_its = |joint: &&JointParameters| (joint.channel, joint.node) == (channel, plan.node);
         let joint = config.joints.iter().position(|joint| is_its(&joint));
         let joint = joint.and_then(|place| Some((place, config.joints.get(place)?)));
         let name = joint.map_or("switch_box", |(_, joint)| joint.name.as_str());
@@ -52,18 +52,18 @@ pub fn timing(config: &Config) -> Timing {
     }
 }
 
-fn measures(config: &Config, place: usize, joint: &Joint) -> Vec<(Object, Measure)> {
+fn measures(config: &Config, place: usize, joint: &JointParameters) -> Vec<(Object, Measure)> {
     let moved = moved(config, place);
     let position = position(joint, &moved);
     let most = f64::from(joint.calibration.max_target().0);
     let torque = |most: f64, quantity| Measure {
         quantity,
         zero: 0,
-        step: joint.rated_torque / PER_MILLE,
+        step: joint.plant.actuator.rated_torque / PER_MILLE,
         unit: "N·m",
         range: Some([
-            -most * joint.rated_torque / PER_MILLE,
-            most * joint.rated_torque / PER_MILLE,
+            -most * joint.plant.actuator.rated_torque / PER_MILLE,
+            most * joint.plant.actuator.rated_torque / PER_MILLE,
         ]),
         curve: Some(curve(joint, &moved)),
     };
@@ -97,24 +97,24 @@ fn moved(config: &Config, place: usize) -> Moved {
     Moved { has_position_of_joint: row && offset, has_torque_of_joint: column }
 }
 
-fn position(joint: &Joint, moved: &Moved) -> Measure {
-    let quantum = joint.calibration.quantum().copysign(joint.gear_ratio);
+fn position(joint: &JointParameters, moved: &Moved) -> Measure {
+    let quantum = joint.calibration.quantum().copysign(joint.plant.actuator.gear_ratio);
     Measure {
         quantity: if moved.has_position_of_joint { "position" } else { ACTUATOR_POSITION },
-        zero: joint.zero_counts,
+        zero: joint.plant.actuator.zero_counts,
         step: quantum,
-        unit: match joint.link.kind {
+        unit: match joint.plant.link.kind {
             JointKind::Revolute => "rad",
             JointKind::Prismatic => "m",
         },
-        range: moved.has_position_of_joint.then_some(joint.link.range),
+        range: moved.has_position_of_joint.then_some(joint.plant.link.range),
         curve: None,
     }
 }
 
 /// Joint torque at every target of its drive.
-fn curve(joint: &Joint, moved: &Moved) -> Curve {
-    let direction = joint.gear_ratio.signum();
+fn curve(joint: &JointParameters, moved: &Moved) -> Curve {
+    let direction = joint.plant.actuator.gear_ratio.signum();
     let last = joint.calibration.max_target().0.max(0);
     let torque = |target: i16| match target {
         0 => 0.0,
@@ -122,7 +122,7 @@ fn curve(joint: &Joint, moved: &Moved) -> Curve {
     };
     Curve {
         place: if moved.has_torque_of_joint { "joint" } else { "actuator" },
-        unit: match joint.link.kind {
+        unit: match joint.plant.link.kind {
             JointKind::Revolute => "N·m",
             JointKind::Prismatic => "N",
         },

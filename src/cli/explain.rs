@@ -102,7 +102,7 @@ pub(super) fn run(args: &Explain) -> Result<(), Failure> {
     let shipped = || Path::new("config").join(device).with_extension("toml");
     let file = args.config.clone().unwrap_or_else(shipped);
     let config = Config::load(&file).or_fail(Kind::Configuration)?;
-    let start = world::start(&config);
+    let start = world::start(&config.plant());
     let explanation =
         explanation::explain(&config, &start, &asked.question).or_fail(Kind::Usage)?;
     print::line(&if args.json { json(&explanation) } else { text(&explanation) });

@@ -47,12 +47,12 @@ pub(super) fn run(
     let joint = config.joint(joint).ok_or_else(|| {
         Failure::new(Kind::Usage, format_args!("{}: no joint {joint}", config.file.display()))
     })?;
-    let rig = Rig::new(world::actuator(joint), joint.coulomb_friction, seed);
+    let rig = Rig::new(world::actuator(&joint.plant.actuator), joint.plant.friction.coulomb, seed);
     if args.reveal {
         let [c1, c3, c5] = rig.torque_curve().map(|c| significant(c, 7));
         print::note(&format!("torque_curve = [{c1}, {c3}, {c5}]"));
     }
-    let is_force = joint.link.kind == JointKind::Prismatic;
+    let is_force = joint.plant.link.kind == JointKind::Prismatic;
     let unit = if is_force { "N" } else { "N·m" };
     let data = TorqueData {
         is_force,

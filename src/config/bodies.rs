@@ -1,12 +1,10 @@
-//! Masses of `[arm]` and `[[joint]]`: what no body has, and a start that no motor can hold.
+//! Masses of `[arm]` and `[[joint]]`: what no body has.
 
 use nalgebra::Matrix3;
 use nalgebra::Vector3;
 
-use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
-use controller::JointVector;
 
 /// Gravity that a hand controller on a planet or moon has, in m/s². 9810 is in mm/s².
 const GRAVITY: std::ops::RangeInclusive<f64> = 1.0..=20.0;
@@ -74,24 +72,4 @@ pub(super) fn inertia(key: &str, inertia: [f64; 6], problems: &mut Problems<'_>)
         problems.add(key, reason);
     }
     inertia
-}
-
-/// The weight of the arm at its start must leave every actuator within its capacity.
-pub(super) fn check_start(config: &Parameters, problems: &mut Problems<'_>) {
-    let controller = &config.controller;
-    let q = JointVector::from(config.joints.each_ref().map(|joint| joint.start));
-    let tau = controller.arm.gravity(&controller.arm.posture(&q));
-    let needed = controller.calibration.coupling().at_actuators(&tau);
-    for (place, (joint, needed)) in config.joints.iter().zip(needed.iter()).enumerate() {
-        let (needed, most) = (needed.abs(), joint.max_torque);
-        // NaN is none that can be held.
-        if needed > most || needed.is_nan() {
-            let (name, unit) = joint.max_torque_key();
-            let reason = format!(
-                "must hold the arm at its start: {needed:.2} {unit} are needed, got {most} {unit}; choose \
-                 another start or motor"
-            );
-            problems.add(&format!("joint[{place}].{name}"), reason);
-        }
-    }
 }

@@ -3,8 +3,7 @@
 
 use nalgebra::SVector;
 
-use crate::BusSettings;
-use crate::network;
+use crate::buses::BusSettings;
 use crate::parameters::Parameters;
 use canopen::frame::Channel;
 use canopen::load::abilities::Abilities;
@@ -20,27 +19,29 @@ const TRAVEL: f64 = 0.05;
 /// And its torque so much of what it may be to either side of gravity's.
 const EFFORT: f64 = 0.15;
 
-/// All buses of `config`.
-pub(super) fn network(config: &Parameters) -> Network {
-    let signals = signals(config);
-    let buses = (0..).map(Channel).zip(&config.buses);
-    let bus = |(channel, bus): (Channel, &BusSettings)| Bus {
-        name: bus.name.clone(),
-        bitrate: bus.bitrate,
-        load_limit_percent: bus.load_limit_percent,
-        members: members(config, channel, &signals),
-    };
-    Network {
-        period_us: network::period_us(config),
-        master: config.node_id,
-        master_heartbeat_ms: network::heartbeat_ms(config),
-        buses: buses.map(bus).collect(),
+impl Parameters {
+    /// The network as the bus planner takes it.
+    pub fn network(&self) -> Network {
+        let signals = signals(self);
+        let buses = (0..).map(Channel).zip(&self.buses);
+        let bus = |(channel, bus): (Channel, &BusSettings)| Bus {
+            name: bus.name.clone(),
+            bitrate: bus.bitrate,
+            load_limit_percent: bus.load_limit_percent,
+            members: members(self, channel, &signals),
+        };
+        Network {
+            period_us: self.period_us(),
+            master: self.node_id,
+            master_heartbeat_ms: self.heartbeat_ms(),
+            buses: buses.map(bus).collect(),
+        }
     }
 }
 
 /// The nodes on one bus.
 fn members(config: &Parameters, channel: Channel, signals: &[Signals; 6]) -> Vec<Member> {
-    let here = network::plans(config).into_iter().filter(|(place, _)| *place == channel);
+    let here = config.node_plans().into_iter().filter(|(place, _)| *place == channel);
     let member = |plan: NodePlan| {
         let mut joints = config.joints.iter().zip(signals);
         let joint = joints.find(|(joint, _)| (joint.channel, joint.node) == (channel, plan.node));
@@ -57,13 +58,13 @@ fn members(config: &Parameters, channel: Channel, signals: &[Signals; 6]) -> Vec
 /// What each joint's drive typically says and is told: near the start, holding the arm up.
 fn signals(config: &Parameters) -> [Signals; 6] {
     let controller = &config.controller;
-    let q = SVector::from(config.joints.each_ref().map(|joint| joint.start));
+    let q = SVector::from(config.joints.each_ref().map(|joint| joint.plant.start));
     let tau = controller.arm.gravity(&controller.arm.posture(&q));
     let homes = controller.calibration.counts(&q).map(|counts| counts.0);
     let holding = controller.calibration.targets(&tau).map(|target| target.0);
     std::array::from_fn(|place| {
         let joint = config.joints.get(place);
-        let [low, high] = joint.map_or([0.0, 0.0], |joint| joint.link.range);
+        let [low, high] = joint.map_or([0.0, 0.0], |joint| joint.plant.link.range);
         let quantum = joint.map_or(1.0, |joint| joint.calibration.quantum());
         let most = joint.map_or(0, |joint| joint.calibration.max_target().0.unsigned_abs());
         Signals {

@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use nalgebra::Isometry3;
 
+use crate::arm;
 use crate::extensions;
 use crate::interpretation;
-use crate::joints;
-use crate::joints::Joint;
+use crate::joints::JointParameters;
 use crate::problem::Problems;
 use crate::raw;
 use crate::raw::six;
@@ -30,7 +30,7 @@ pub(super) fn mode(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Mode>
 /// The controller; `None` where a problem has been noted.
 pub(super) fn settings(
     raw: &raw::File,
-    joints: &[Joint; 6],
+    joints: &[JointParameters; 6],
     x_6_g: &Isometry3<f64>,
     gravity: [f64; 3],
     period: Duration,
@@ -78,12 +78,12 @@ pub(super) fn settings(
     });
     let assist_fraction = AssistFraction::new(given.assist_fraction);
     let assist_fraction = problems.take("controller.assist_fraction", assist_fraction);
-    let links = joints.each_ref().map(|joint| joint.link);
+    let links = joints.each_ref().map(|joint| joint.plant.link);
     let arm = Arm::new(links, *x_6_g, gravity);
     let is_noted = problems.is_noted("joint[") || problems.is_noted("arm.");
     let arm = if is_noted { arm.ok() } else { problems.take("joint", arm) };
 
-    let calibration = joints::calibration(joints, joints::coupling(raw, problems));
+    let calibration = arm::calibration(joints, arm::coupling(raw, problems));
     let extensions = extensions::extensions(given, arm.as_ref()?, &calibration, period?, problems);
 
     Some(Settings {

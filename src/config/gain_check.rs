@@ -1,4 +1,4 @@
-//! `[operator]` and `gain_check`: the gains of a configuration, judged together with the device, the
+//! `gain_check`: the gains of a configuration, judged together with the device, the
 //! surfaces and the network it describes.
 //!
 //! Only the description is made here; the inequalities stand in
@@ -12,6 +12,7 @@
 //!  SYNC k + 3  it acts
 //! ```
 
+use crate::operator::Operator;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
@@ -44,43 +45,6 @@ const ACCOMMODATION_DELAY: u32 = 0;
 
 /// How far from its centre the object touches a surface, in m: `k` then resists turning with `k r²`.
 const TOUCH_RADIUS: f64 = 0.02;
-
-/// The impedance of the hand the gains are judged with.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Operator {
-    /// Along an axis, in N/m and N·s/m.
-    pub linear: Impedance,
-    /// About an axis, in N·m/rad and N·m·s/rad.
-    pub angular: Impedance,
-}
-
-/// A hand that holds firmly but not stiffly, as the simulated one.
-impl Default for Operator {
-    fn default() -> Self {
-        Self {
-            linear: Impedance { stiffness: 500.0, damping: 15.0 },
-            angular: Impedance { stiffness: 6.0, damping: 0.12 },
-        }
-    }
-}
-
-/// The hand of `[operator]`; the default one where the file says nothing.
-pub(super) fn operator(raw: &raw::Operator, problems: &mut Problems<'_>) -> Operator {
-    let Operator { linear, angular } = Operator::default();
-    let mut number = |key: &str, value: Option<f64>, otherwise: f64| {
-        problems.not_negative(&format!("operator.{key}"), value.unwrap_or(otherwise))
-    };
-    Operator {
-        linear: Impedance {
-            stiffness: number("stiffness_n_per_m", raw.stiffness_n_per_m, linear.stiffness),
-            damping: number("damping_ns_per_m", raw.damping_ns_per_m, linear.damping),
-        },
-        angular: Impedance {
-            stiffness: number("stiffness_nm_per_rad", raw.stiffness_nm_per_rad, angular.stiffness),
-            damping: number("damping_nms_per_rad", raw.damping_nms_per_rad, angular.damping),
-        },
-    }
-}
 
 /// Whether unstable gains make a configuration unfit; yes, unless it says `gain_check = "warn"`.
 pub(super) fn refuses(raw: &raw::File, problems: &mut Problems<'_>) -> bool {
@@ -116,9 +80,11 @@ pub(super) fn check(config: &Parameters, refuses: bool, problems: &mut Problems<
     }
 }
 
-/// Every inequality of every axis.
-pub(super) fn findings(config: &Parameters) -> Vec<Finding> {
-    axes(config).iter().flatten().flat_map(Axis::findings).collect()
+impl Parameters {
+    /// What is to be said of the gains: every inequality of every axis, held or not.
+    pub fn findings(&self) -> Vec<Finding> {
+        axes(self).iter().flatten().flat_map(Axis::findings).collect()
+    }
 }
 
 /// Of findings with the same name, the one farthest from holding.
@@ -151,7 +117,7 @@ const fn key(culprit: Culprit, is_rotation: bool) -> &'static str {
 #[expect(clippy::indexing_slicing, reason = "axes are numbered by an array of six")]
 fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
     // Where the arm is judged: as it is at the start.
-    let q = JointVector::from(config.joints.each_ref().map(|joint| joint.start));
+    let q = JointVector::from(config.joints.each_ref().map(|joint| joint.plant.start));
     let controller = &config.controller;
     let devices = Device::at_grip(&controller.arm, &resistances(config), &q)?;
     let environment = stiffest(config);
@@ -206,8 +172,8 @@ fn tank_damping(config: &Parameters, is_rotation: bool) -> f64 {
 
 fn resistances(config: &Parameters) -> [JointResistance; 6] {
     config.joints.each_ref().map(|joint| JointResistance {
-        coulomb: joint.coulomb_friction,
-        viscous: joint.viscous_friction,
+        coulomb: joint.plant.friction.coulomb,
+        viscous: joint.plant.friction.viscous,
         quantum: joint.calibration.quantum(),
     })
 }

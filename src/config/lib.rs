@@ -14,46 +14,60 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod arm;
 mod bodies;
 mod boot;
 mod bus_plan;
+mod buses;
 mod control;
+mod devices;
 mod extensions;
 pub mod files;
 pub mod force_cap;
 mod gain_check;
 mod interpretation;
+mod joint_plant;
 mod joints;
+mod loads;
 mod lookup;
 mod names;
-mod network;
+mod operator;
 mod parameters;
+mod plans;
+mod plant;
 mod plausibility;
 mod problem;
 mod protection;
 mod raw;
 mod remote;
+mod safety;
 pub mod shipped;
 mod simulated;
+mod start;
+mod switch_box;
 pub mod switch_inputs;
 pub mod torque_data;
 pub mod trust;
 mod units;
 
 pub use boot::BootSettings;
-pub use gain_check::Operator;
-pub use joints::Joint;
-pub use network::BusSettings;
-pub use network::Layout;
-pub use network::SwitchBox;
+pub use buses::BusSettings;
+pub use buses::Layout;
+pub use joints::JointParameters;
+pub use operator::Operator;
 pub use parameters::Parameters;
-pub use parameters::Safety;
+pub use plant::Actuator;
+pub use plant::Drivetrain;
+pub use plant::Friction;
+pub use plant::JointPlant;
+pub use plant::Plant;
 pub use plausibility::Plausibility;
 pub use problem::Invalid;
 pub use problem::Problem;
-pub use protection::Protection;
 pub use protection::grain;
-pub use simulated::Simulated;
+pub use safety::Protection;
+pub use safety::Safety;
+pub use switch_box::SwitchBox;
 
 use std::ops::Deref;
 use std::path::Path;
@@ -98,7 +112,7 @@ impl Config {
     /// # Errors
     /// Everything that is wrong with it.
     pub fn load_by(trust: Trust, file: &Path) -> Result<Self, Invalid> {
-        Self::checked(file, &files::text(trust, file)?, trust, network::check_loads)
+        Self::checked(file, &files::text(trust, file)?, trust, loads::check)
     }
 
     /// Checks `text`, which stands in `file`; names of other files are seen from there.
@@ -106,7 +120,7 @@ impl Config {
     /// # Errors
     /// Everything that is wrong with it.
     pub fn parse(file: &Path, text: &str) -> Result<Self, Invalid> {
-        Self::checked(file, text, Trust::Any, network::check_loads)
+        Self::checked(file, text, Trust::Any, loads::check)
     }
 
     /// As [`load`](Self::load), but buses may carry too much. Only for planning: such a network cannot
@@ -166,7 +180,7 @@ impl Config {
     /// How long after a SYNC samples are waited for: what a period leaves when the RPDOs that must be
     /// there before the next SYNC are taken off.
     pub fn window(&self) -> Duration {
-        self.period.saturating_sub(network::rpdo_time(self, &self.exchange.outbox))
+        self.period.saturating_sub(loads::rpdo_time(self, &self.exchange.outbox))
     }
 
     /// Returns which bits of which frame are whose, as resolved when the file was read.
@@ -242,17 +256,17 @@ fn convert(
         Duration::from_millis(u64::from(millis))
     });
 
-    let buses = network::buses(raw, problems);
-    let safety = network::safety(raw, period, problems);
+    let buses = buses::read(raw, problems);
+    let safety = safety::read(raw, period, problems);
     let plausibility = plausibility::read(&raw.safety, problems);
-    let joints = joints::joints(file, raw, problems);
-    let switches = network::switch_box(file, raw, problems);
-    let (x_6_g, gravity) = joints::grip_and_gravity(&raw.arm, problems);
+    let joints = joints::read(file, raw, problems);
+    let switches = switch_box::read(file, raw, problems);
+    let (x_6_g, gravity) = arm::grip_and_gravity(&raw.arm, problems);
     let controller = joints
         .as_ref()
         .and_then(|joints| control::settings(raw, joints, &x_6_g, gravity, period, problems));
     let command_mode = control::mode(raw, problems);
-    let operator = gain_check::operator(&raw.operator, problems);
+    let operator = operator::read(&raw.operator, problems);
     let refuses = gain_check::refuses(raw, problems);
     let remote = remote::settings(raw, problems);
 
@@ -278,8 +292,8 @@ fn convert(
         safety,
         plausibility,
     };
-    let exchange = network::check(&config, problems);
-    bodies::check_start(&config, problems);
+    let exchange = devices::check(&config, problems);
+    start::check(&config, problems);
     protection::check(&config, problems);
     gain_check::check(&config, refuses, problems);
     Some((config, exchange))

@@ -5,27 +5,20 @@ use std::time::Duration;
 
 use nalgebra::Isometry3;
 
-use crate::BusSettings;
-use crate::Joint;
-use crate::Operator;
-use crate::Plausibility;
-use crate::Protection;
-use crate::SwitchBox;
-use crate::bus_plan;
-use crate::gain_check;
-use crate::network;
+use crate::buses::BusSettings;
+use crate::joints::JointParameters;
+use crate::operator::Operator;
+use crate::plant::Plant;
+use crate::plausibility::Plausibility;
+use crate::safety::Safety;
+use crate::switch_box::SwitchBox;
 use canopen::NodeId;
 use canopen::bits;
 use canopen::frame::Channel;
-use canopen::listening;
-use canopen::listening::Pattern;
-use canopen::load::BusLoad;
-use canopen::load::network::Network;
-use canopen::plan::NodePlan;
 use controller::Settings;
-use controller::stability::finding::Finding;
 use controller::switches::Mode;
-use units::numbering::Joint as JointNumber;
+use remote::site::Virtual;
+use units::numbering::Joint;
 
 /// Values of a configuration file: one hand controller and all around it.
 #[derive(Clone, Debug)]
@@ -51,7 +44,7 @@ pub struct Parameters {
     /// The buses; a [`Channel`] is a place in this list.
     pub buses: Vec<BusSettings>,
     /// The joints, base first.
-    pub joints: [Joint; 6],
+    pub joints: [JointParameters; 6],
     /// Pose of the grip in the last link.
     pub x_6_g: Isometry3<f64>,
     /// Gravity in {0}, in m/s².
@@ -65,40 +58,29 @@ pub struct Parameters {
     /// Whose hand the gains are judged with.
     pub operator: Operator,
     /// The commanded side.
-    pub remote: ::remote::site::Virtual,
+    pub remote: Virtual,
     /// Limits in time.
     pub safety: Safety,
     /// What samples may be before they are not believed.
     pub plausibility: Plausibility,
 }
 
-/// How long what may last before torque goes off.
-#[derive(Clone, Copy, Debug)]
-pub struct Safety {
-    /// A drive without a fresh RPDO; 0 where only the heartbeat is to stop it.
-    pub rpdo_timer_ms: u16,
-    /// A drive without the master's heartbeat.
-    pub node_lost_ms: u16,
-    /// How often drives send their heartbeat.
-    pub drive_heartbeat_ms: u16,
-    /// The master without a node's heartbeat.
-    pub drive_lost: Duration,
-    /// Cycles in a row without a joint's sample.
-    pub missing_samples: u32,
-    /// Gravity compensation from zero to full.
-    pub gravity_ramp: Duration,
-    /// Reflection from zero to full.
-    pub reflection_ramp: Duration,
-    /// What the drives do by themselves.
-    pub protection: Protection,
-}
-
 impl Parameters {
     /// A joint by its name or its number, the base's being 1.
-    pub fn joint(&self, called: &str) -> Option<&Joint> {
-        let number = called.parse::<u8>().ok().and_then(JointNumber::new);
+    pub fn joint(&self, called: &str) -> Option<&JointParameters> {
+        let number = called.parse::<u8>().ok().and_then(Joint::new);
         let named = self.joints.iter().find(|joint| joint.name == called);
         named.or_else(|| self.joints.get(number?.index()))
+    }
+
+    /// The arm as it is built, for a simulation.
+    pub fn plant(&self) -> Plant {
+        Plant {
+            joints: self.joints.each_ref().map(|joint| joint.plant),
+            x_6_g: self.x_6_g,
+            gravity: self.gravity,
+            coupling: *self.controller.calibration.coupling(),
+        }
     }
 
     /// The buses, as the frames' channels.
@@ -125,29 +107,13 @@ impl Parameters {
         bits.div_ceil(bits::unstuffed(0).into()).saturating_mul(periods)
     }
 
-    /// What every node is to be and to be told, in the order of the joints, then the switch box.
-    pub fn node_plans(&self) -> Vec<(Channel, NodePlan)> {
-        network::plans(self)
+    /// From SYNC to SYNC, in µs.
+    pub(super) fn period_us(&self) -> u32 {
+        u32::try_from(self.period.as_micros()).unwrap_or(u32::MAX)
     }
 
-    /// What a master must hear of each bus, in the order of the channels.
-    pub fn patterns(&self) -> Vec<Vec<Pattern>> {
-        let plans = self.node_plans();
-        self.channels().into_iter().map(|channel| listening::patterns(channel, &plans)).collect()
-    }
-
-    /// What is to be said of the gains: every inequality of every axis, held or not.
-    pub fn findings(&self) -> Vec<Finding> {
-        gain_check::findings(self)
-    }
-
-    /// The network as the bus planner takes it.
-    pub fn network(&self) -> Network {
-        bus_plan::network(self)
-    }
-
-    /// The load of each bus in the worst case.
-    pub fn loads(&self) -> Vec<BusLoad> {
-        network::loads(self)
+    /// From one heartbeat of the master to the next, in ms.
+    pub(super) fn heartbeat_ms(&self) -> u16 {
+        u16::try_from(self.heartbeat.as_millis()).unwrap_or(u16::MAX)
     }
 }

@@ -1,35 +1,20 @@
-//! What the drives do by themselves: their timers, how fast they may turn, and how much force that allows.
+//! How much force the drives' own timers allow.
 //!
-//! What is planned here is written and read back at every boot; the timers are proven then, and the force
-//! is judged again by what was proven.
+//! The timers are written and read back at every boot and proven then; the force is judged again by what was proven.
 
-use std::f64::consts::TAU;
 use std::time::Duration;
 
 use crate::force_cap::ForceCap;
 use crate::force_cap::Pushes;
 use crate::force_cap::UNPROVEN;
-use crate::joints::Joint;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
-use crate::raw;
-use canopen::object::Object;
 use canopen::plan::NodePlan;
 use canopen::watchdog::Awaited;
-use controller::JointVector;
 use controller::Settings;
 use controller::arm::JointKind;
 use controller::arm::Link;
 use controller::stability::push::PushedHand;
-
-/// `[safety]`, as far as it is about the drives by themselves.
-#[derive(Clone, Copy, Debug)]
-pub struct Protection {
-    /// Whether every drive must show at every boot that it stops by itself.
-    pub proves_drives: bool,
-    /// Of hand and grip, in kg.
-    pub effective_mass: f64,
-}
 
 /// What a timer may take longer than it says: its frame on the way, and its own grain.
 pub const fn grain(awaited: Awaited) -> Duration {
@@ -38,42 +23,6 @@ pub const fn grain(awaited: Awaited) -> Duration {
         // A heartbeat may come up to a tenth of its period late without being late.
         Awaited::Heartbeat => Duration::from_millis(3),
     }
-}
-
-/// Checks those keys.
-pub(super) fn protection(raw: &raw::Safety, problems: &mut Problems<'_>) -> Protection {
-    let mass = problems.within("safety.effective_mass_kg", raw.effective_mass_kg, 0.1..=3.0);
-    Protection { proves_drives: raw.prove_drives, effective_mass: mass }
-}
-
-/// How many times the speed at which the node stops its drive lets a joint have: the second layer.
-const SECOND_LAYER: f64 = 1.25;
-
-/// The fastest the motor of an actuator may turn (6080h), in turns per minute, rounded up, where no joint
-/// behind it is faster than it may be.
-#[expect(
-    clippy::as_conversions,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "finite and not negative by its checks; a float that is too large becomes the largest number"
-)]
-pub(super) fn motor_speed(config: &Parameters, place: usize, joint: &Joint) -> u32 {
-    let speeds = JointVector::from(config.joints.each_ref().map(|joint| joint.max_speed));
-    let speeds = config.controller.calibration.coupling().fastest(&speeds);
-    let fastest = SECOND_LAYER * speeds.iter().nth(place).copied().unwrap_or_default();
-    (fastest * joint.gear_ratio.abs() / TAU * 60.0).ceil() as u32
-}
-
-/// Without what a drive of this EDS has not and need not have.
-pub(super) fn as_far_as_it_has(plan: NodePlan, joint: &Joint) -> NodePlan {
-    plan.lacking(|object| joint.eds.object(object).is_none())
-}
-
-/// How long a drive without a fresh RPDO takes to stop, if it has such a timer by its EDS; written as 0
-/// where the file wants none.
-pub(super) fn rpdo_timer(config: &Parameters, joint: &Joint) -> Option<u16> {
-    let timer = Object::rpdo_communication(1, 5);
-    joint.eds.object(timer).map(|_| config.safety.rpdo_timer_ms)
 }
 
 impl Parameters {
@@ -104,7 +53,7 @@ impl Parameters {
     /// Longest way from the base to the grip, in m.
     fn reach(&self) -> f64 {
         let links = self.joints.iter().map(|joint| {
-            let Link { kind, a, d, range: [low, high], .. } = joint.link;
+            let Link { kind, a, d, range: [low, high], .. } = joint.plant.link;
             let slides = match kind {
                 JointKind::Revolute => 0.0,
                 JointKind::Prismatic => low.abs().max(high.abs()),

@@ -1,11 +1,12 @@
 //! Keys of a joint that stand in one unit where it turns and in another where it slides.
 
 use crate::problem::Problems;
+use controller::arm::JointKind;
 
 /// Keys of which a turning joint has the first and a sliding one the second.
 pub(super) struct Units<'k, 'p, 't> {
     pub(super) key: &'k dyn Fn(&str) -> String,
-    pub(super) slides: bool,
+    pub(super) kind: JointKind,
     pub(super) problems: &'p mut Problems<'t>,
 }
 
@@ -29,10 +30,9 @@ impl Units<'_, '_, '_> {
         turning: (&'static str, Option<T>),
         sliding: (&'static str, Option<T>),
     ) -> Option<(&'static str, Option<T>)> {
-        let ((name, value), (other, misplaced), kind) = if self.slides {
-            (sliding, turning, "prismatic")
-        } else {
-            (turning, sliding, "revolute")
+        let ((name, value), (other, misplaced), kind) = match self.kind {
+            JointKind::Revolute => (turning, sliding, "revolute"),
+            JointKind::Prismatic => (sliding, turning, "prismatic"),
         };
         if misplaced.is_some() {
             let reason = format!("a {kind} joint has `{name}`");
@@ -40,5 +40,13 @@ impl Units<'_, '_, '_> {
             return None;
         }
         Some((name, value))
+    }
+
+    /// A position or width in rad or m: angles are typed in degrees.
+    pub(super) fn si(&self, typed: f64) -> f64 {
+        match self.kind {
+            JointKind::Revolute => typed.to_radians(),
+            JointKind::Prismatic => typed,
+        }
     }
 }

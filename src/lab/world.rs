@@ -10,8 +10,11 @@ use canopen::dictionary::Dictionary;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
 use canopen::object::Object;
+use config::Actuator;
 use config::Config;
-use config::Joint;
+use config::JointParameters;
+use config::JointPlant;
+use config::Plant;
 use controller::arm::JointKind;
 use sim::actuator::ActuatorSettings;
 use sim::arm::Arm;
@@ -24,49 +27,50 @@ use sim::drivetrain::Drivetrain;
 use sim::drivetrain::DrivetrainSettings;
 use sim::motion::Load;
 use sim::motion::Tuning;
-use sim::plant::Plant;
+use sim::plant;
 use sim::plant::Resistance;
 use sim::scenario::Scenario;
 use sim::switches::SwitchBox;
 use sim::transmission::Transmission;
 use sim::world::World;
-use units::numbering::Joint as JointNumber;
+use units::numbering::Joint;
 
 /// From a SYNC until a simulated drive begins to send its TPDO.
 const DRIVE_LATENCY: Duration = Duration::from_micros(60);
 
 /// Drives, switch box and arm of `config`, and an operator who follows `scenario`.
 pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
-    let inertias = inertias(config);
-    let drives = JointNumber::ALL.map(|number| {
+    let plant = config.plant();
+    let inertias = inertias(&plant);
+    let drives = Joint::ALL.map(|number| {
         let joint = number.entry(&config.joints);
         let settings = DriveSettings {
             channel: joint.channel,
             node: joint.node,
             dictionary: furnished(joint),
-            actuator: actuator(joint),
+            actuator: actuator(&joint.plant.actuator),
             latency: DRIVE_LATENCY,
-            tuning: tuning(joint, *number.entry(&inertias)),
+            tuning: tuning(&joint.plant, *number.entry(&inertias)),
         };
         Drive::with(settings, &scenario.quirks().of(number))
     });
-    let drivetrains = config.joints.each_ref().map(|joint| Drivetrain::new(&drivetrain(joint)));
+    let drivetrains = plant.joints.each_ref().map(|joint| Drivetrain::new(&drivetrain(joint)));
     let switches = &config.switches;
     let dictionary = numbered(&switches.eds, switches.channel, switches.node);
     let switches = SwitchBox::new(switches.channel, switches.node, dictionary);
-    let resistance = config.joints.each_ref().map(|joint| Resistance {
-        coulomb: joint.coulomb_friction,
-        viscous: joint.viscous_friction,
+    let resistance = plant.joints.each_ref().map(|joint| Resistance {
+        coulomb: joint.friction.coulomb,
+        viscous: joint.friction.viscous,
         range: joint.link.range,
     });
-    let plant = Plant::new(arm(config), resistance, start(config));
-    World::new(drives, drivetrains, switches, plant, scenario, seed).coupled(transmission(config))
+    let moving = plant::Plant::new(arm(&plant), resistance, start(&plant));
+    World::new(drives, drivetrains, switches, moving, scenario, seed).coupled(transmission(&plant))
 }
 
 /// What a drive holds. Its position unit is an increment of its encoder, whichever that has.
-fn furnished(joint: &Joint) -> Dictionary {
+fn furnished(joint: &JointParameters) -> Dictionary {
     let mut dictionary = numbered(&joint.eds, joint.channel, joint.node);
-    dictionary.set_default(Object::FEED, &joint.counts_per_rev.to_le_bytes());
+    dictionary.set_default(Object::FEED, &joint.plant.actuator.counts_per_rev.to_le_bytes());
     dictionary
 }
 
@@ -80,13 +84,13 @@ fn numbered(eds: &Eds, Channel(bus): Channel, node: NodeId) -> Dictionary {
 }
 
 /// Where the arm is at the start, in rad or m.
-pub fn start(config: &Config) -> Joints {
-    Joints::from(config.joints.each_ref().map(|joint| joint.start))
+pub fn start(plant: &Plant) -> Joints {
+    Joints::from(plant.joints.each_ref().map(|joint| joint.start))
 }
 
-/// The arm of `config`, as the simulation computes it.
-pub fn arm(config: &Config) -> Arm {
-    let links = config.joints.each_ref().map(|joint| LinkSettings {
+/// The arm, as the simulation computes it.
+pub fn arm(plant: &Plant) -> Arm {
+    let links = plant.joints.each_ref().map(|joint| LinkSettings {
         is_prismatic: joint.link.kind == JointKind::Prismatic,
         alpha: joint.link.alpha,
         a: joint.link.a,
@@ -97,57 +101,55 @@ pub fn arm(config: &Config) -> Arm {
         inertia: inertia(joint.link.inertia),
         rotor_inertia: joint.link.rotor_inertia,
     });
-    let gravity = Vector3::from(config.gravity);
-    Arm::new(ArmSettings { links, x_6_g: config.x_6_g, gravity })
-        .driven_through(|rotors| transmission(config).joint_inertia(rotors))
+    let gravity = Vector3::from(plant.gravity);
+    Arm::new(ArmSettings { links, x_6_g: plant.x_6_g, gravity })
+        .driven_through(|rotors| transmission(plant).joint_inertia(rotors))
 }
 
-fn transmission(config: &Config) -> Transmission {
-    let coupling = config.controller.calibration.coupling();
-    Transmission::new(coupling.matrix(), *coupling.offset())
+fn transmission(plant: &Plant) -> Transmission {
+    Transmission::new(plant.coupling.matrix(), *plant.coupling.offset())
 }
 
 /// Motor, gear and encoder of a joint, as the simulation computes them.
-pub fn actuator(joint: &Joint) -> ActuatorSettings {
+pub fn actuator(actuator: &Actuator) -> ActuatorSettings {
     ActuatorSettings {
-        counts_per_rev: f64::from(joint.counts_per_rev),
-        gear_ratio: joint.gear_ratio,
-        zero_counts: joint.zero_counts,
-        rated_torque: joint.rated_torque,
-        torque_curve: joint.torque_curve,
-        max_torque: joint.max_torque,
+        counts_per_rev: f64::from(actuator.counts_per_rev),
+        gear_ratio: actuator.gear_ratio,
+        zero_counts: actuator.zero_counts,
+        rated_torque: actuator.rated_torque,
+        torque_curve: actuator.torque_curve,
+        max_torque: actuator.max_torque,
     }
 }
 
 /// All between a joint's current loop and the arm.
-fn drivetrain(joint: &Joint) -> DrivetrainSettings {
-    let simulated = &joint.simulated;
+fn drivetrain(joint: &JointPlant) -> DrivetrainSettings {
     DrivetrainSettings {
-        actuator: actuator(joint),
-        torque_curve_reverse: simulated.torque_curve_reverse,
-        current_loop: simulated.current_loop,
-        hysteresis: simulated.hysteresis,
-        backlash: simulated.backlash,
+        actuator: actuator(&joint.actuator),
+        torque_curve_reverse: joint.drivetrain.torque_curve_reverse,
+        current_loop: joint.drivetrain.current_loop,
+        hysteresis: joint.drivetrain.hysteresis,
+        backlash: joint.drivetrain.backlash,
         rotor_inertia: joint.link.rotor_inertia,
-        thermal_time_constant: simulated.thermal_time_constant,
+        thermal_time_constant: joint.drivetrain.thermal_time_constant,
     }
 }
 
 /// What each actuator moves where the arm starts, in kg·m² (kg).
-fn inertias(config: &Config) -> [f64; 6] {
-    let arm = arm(config);
-    let joints = arm.mass_matrix(&arm.posture(&start(config)));
-    let matrix = config.controller.calibration.coupling().matrix();
+fn inertias(plant: &Plant) -> [f64; 6] {
+    let arm = arm(plant);
+    let joints = arm.mass_matrix(&arm.posture(&start(plant)));
+    let matrix = plant.coupling.matrix();
     (matrix.transpose() * joints * matrix).diagonal().into()
 }
 
 /// What a drive's servo knows of what it moves; of what cannot be, what is usual.
-fn tuning(joint: &Joint, inertia: f64) -> Tuning {
-    let [per_mille_per_newton_metre, ..] = joint.torque_curve;
+fn tuning(joint: &JointPlant, inertia: f64) -> Tuning {
+    let [per_mille_per_newton_metre, ..] = joint.actuator.torque_curve;
     let load = Load {
         inertia,
-        viscous: joint.viscous_friction,
-        counts_per_turn: f64::from(joint.counts_per_rev) * joint.gear_ratio,
+        viscous: joint.friction.viscous,
+        counts_per_turn: f64::from(joint.actuator.counts_per_rev) * joint.actuator.gear_ratio,
         per_mille_per_newton_metre,
     };
     Tuning::of(&load).unwrap_or_default()

@@ -92,7 +92,7 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
     }
     print::line(&gravity(&config));
     for joint in &config.joints {
-        let unit = match joint.link.kind {
+        let unit = match joint.plant.link.kind {
             JointKind::Revolute => "N·m",
             JointKind::Prismatic => "N",
         };
@@ -101,7 +101,7 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
             joint.name,
             joint.node.raw(),
             joint.calibration.resolution(),
-            joint.max_torque
+            joint.plant.actuator.max_torque
         ));
     }
     eds::doubts(&config).iter().for_each(|doubt| print::line(&doubt.to_string()));

@@ -34,7 +34,7 @@ pub(crate) fn torques_are_those_of_the_wall(log: &str, config: &Config, arm: &Ar
             continue;
         }
         let q = SVector::from(std::array::from_fn(|joint| {
-            let calibrated = &config.joints[joint];
+            let calibrated = &config.joints[joint].plant.actuator;
             let counts = cycle.counts[joint].unwrap().wrapping_sub(calibrated.zero_counts);
             let turns = f64::from(counts) / f64::from(calibrated.counts_per_rev);
             turns * std::f64::consts::TAU / calibrated.gear_ratio
@@ -42,7 +42,9 @@ pub(crate) fn torques_are_those_of_the_wall(log: &str, config: &Config, arm: &Ar
         let f_g = f_s.at(&config.remote.x_m_s).scaled(&[0.3, 0.3, 0.3, 0.15, 0.15, 0.15]);
         let posture = arm.posture(&q);
         let tau = arm.gravity(&posture) + arm.jacobian(&posture).torques(&f_g);
-        for (joint, calibrated) in config.joints.iter().enumerate() {
+        for (joint, calibrated) in
+            config.plant().joints.iter().map(|joint| joint.actuator).enumerate()
+        {
             let [c1, c3, c5] = calibrated.torque_curve;
             let t = tau[joint];
             let per_mille =

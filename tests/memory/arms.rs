@@ -79,7 +79,7 @@ fn an_arm_whose_grip_is_apart_from_its_wrist_feels_the_wall() {
 #[test]
 fn coupled_actuators_are_asked_for_what_the_joints_need() {
     let config = coupled();
-    let arm = world::arm(&config);
+    let arm = world::arm(&config.plant());
     let mut compared = 0;
     let summary = contact(&config, |record| {
         if record.mode != Mode::Armed && record.mode != Mode::Engaged {
@@ -90,9 +90,9 @@ fn coupled_actuators_are_asked_for_what_the_joints_need() {
         // The elbow's motor also carries what it takes from the shoulder.
         let tau_a = [tau[0], tau[1] - tau[2], tau[2], tau[3], tau[4], tau[5]];
         for ((joint, torque), target) in config.joints.iter().zip(tau_a).zip(record.targets) {
-            let [c1, c3, c5] = joint.torque_curve;
+            let [c1, c3, c5] = joint.plant.actuator.torque_curve;
             let curve = c1 * torque + c3 * torque.powi(3) + c5 * torque.powi(5);
-            let expected = curve * joint.gear_ratio.signum();
+            let expected = curve * joint.plant.actuator.gear_ratio.signum();
             assert!((expected - f64::from(target)).abs() <= 0.5 + 1e-6, "{}", joint.name);
         }
         // What the simulation carries, computed another way, is what the controller asks for.
@@ -166,7 +166,7 @@ fn a_balanced_arm_stays_where_it_is_left_without_torque() {
 fn hand_and_object_start_turned_alike() {
     for name in ["kraft_like.toml", "jpl_like.toml", "sixr_spherical.toml"] {
         let config = config(name);
-        let x_0_g = config.controller.arm.forward(&world::start(&config));
+        let x_0_g = config.controller.arm.forward(&world::start(&config.plant()));
         let angle = x_0_g.rotation.angle_to(&config.remote.x_b_m.rotation);
         assert!(angle < 1e-5, "{name}: {angle} rad apart");
     }

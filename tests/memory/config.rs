@@ -224,8 +224,8 @@ fn joint_behind_a_coupling_has_its_own_capacity_and_speed() {
         [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]\n\n[switches]\n";
     let config = Config::parse(Path::new(FILE), &changed(&[("[switches]\n", coupling)])).unwrap();
     let stops = config.controller.extensions.soft_stops.unwrap();
-    let mut q = config.joints.each_ref().map(|joint| joint.start);
-    q[2] = config.joints[2].link.range[1];
+    let mut q = config.joints.each_ref().map(|joint| joint.plant.start);
+    q[2] = config.joints[2].plant.link.range[1];
     let tau = stops.torques(&q.into(), &JointVector::zeros());
     // Half of what 6 N·m of the second actuator and 4 N·m of the third can exert.
     assert!((tau[2] + 1.5).abs() < 1e-9, "{tau}");
@@ -526,13 +526,13 @@ fn a_motor_and_gear_of_which_nothing_is_said_are_good_ones() {
     let said = "current_loop_us = 300.0\nbacklash_deg = 0.2\nhysteresis_nm = 0.03\n\
         thermal_time_constant_s = 12.5\ntorque_curve_reverse = [130.0, 0.0, 0.0]";
     let config = Config::parse(Path::new(FILE), &with_simulated(said)).unwrap();
-    let ([first, second, ..], good) = (&config.joints, &config.joints[5].simulated);
-    let simulated = &first.simulated;
+    let ([first, second, ..], good) = (&config.joints, &config.joints[5].plant.drivetrain);
+    let simulated = &first.plant.drivetrain;
     assert!((simulated.current_loop - 300e-6).abs() < 1e-12);
     assert!((simulated.backlash - 0.2_f64.to_radians()).abs() < 1e-12);
     assert_eq!((simulated.hysteresis, simulated.thermal_time_constant), (0.03, 12.5));
     assert_eq!(simulated.torque_curve_reverse, Some([130.0, 0.0, 0.0]));
-    assert_eq!(&second.simulated, good);
+    assert_eq!(&second.plant.drivetrain, good);
     assert!((good.current_loop - 200e-6).abs() < 1e-12);
     assert_eq!((good.backlash, good.hysteresis, good.torque_curve_reverse), (0.0, 0.0, None));
 }

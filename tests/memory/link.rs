@@ -133,8 +133,8 @@ fn steepest(config: &Config, before: &mut Option<[f64; 6]>, record: &Record) -> 
     let allowed = config.period.as_secs_f64() / 0.02;
     let joints = config.joints.iter().zip(tau).zip(before.replace(tau).unwrap_or(tau));
     let steep = joints.map(|((joint, now), last)| {
-        assert!(now.abs() <= joint.max_torque * (1.0 + 1e-12), "beyond capacity");
-        (now - last).abs() / (joint.max_torque * allowed)
+        assert!(now.abs() <= joint.plant.actuator.max_torque * (1.0 + 1e-12), "beyond capacity");
+        (now - last).abs() / (joint.plant.actuator.max_torque * allowed)
     });
     steep.fold(0.0, f64::max)
 }

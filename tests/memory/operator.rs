@@ -15,6 +15,7 @@ use nalgebra::Isometry3;
 use crate::common::bench::config;
 use crate::common::bench::scenario;
 use config::Config;
+use config::JointPlant;
 use controller::arm::Arm;
 use controller::arm::Link;
 use lab::bench::Bench;
@@ -73,7 +74,7 @@ fn first_in(records: &[Record], mode: Mode) -> usize {
 
 /// The largest change of a torque from one of these cycles to the next, as part of its capacity.
 fn largest_step(config: &Config, records: &[Record]) -> f64 {
-    let capacities = config.joints.each_ref().map(|joint| joint.max_torque);
+    let capacities = config.joints.each_ref().map(|joint| joint.plant.actuator.max_torque);
     let steps = records.windows(2).flat_map(|pair| {
         let by = pair[1].output.tau - pair[0].output.tau;
         by.iter().zip(capacities).map(|(by, capacity)| by.abs() / capacity).collect::<Vec<_>>()
@@ -84,7 +85,10 @@ fn largest_step(config: &Config, records: &[Record]) -> f64 {
 /// Torques beyond what carries the arm, as part of the joints' capacity.
 fn felt(config: &Config, record: &Record) -> f64 {
     let felt = record.output.tau - record.output.ledger.gravity;
-    let parts = felt.iter().zip(&config.joints).map(|(tau, joint)| tau.abs() / joint.max_torque);
+    let parts = felt
+        .iter()
+        .zip(&config.joints)
+        .map(|(tau, joint)| tau.abs() / joint.plant.actuator.max_torque);
     parts.fold(0.0, f64::max)
 }
 
@@ -246,9 +250,9 @@ fn hazard_41_an_arm_that_is_believed_heavier_than_it_is_trips_when_it_rises_unhe
     let text = include_str!("../../config/kraft_like.toml");
     // So heavy that no file may say it: its motors could not hold it.
     let believed = Config::parse(Path::new(KRAFT), text).unwrap();
-    let links = believed.joints.each_ref().map(|joint| Link {
-        mass: if joint.link.mass < 1.0 { joint.link.mass + 2.0 } else { joint.link.mass + 20.0 },
-        ..joint.link
+    let links = believed.plant().joints.map(|JointPlant { link, .. }| Link {
+        mass: if link.mass < 1.0 { link.mass + 2.0 } else { link.mass + 20.0 },
+        ..link
     });
     let arm = Arm::new(links, believed.x_6_g, believed.gravity).unwrap();
     let controller = controller::Settings { arm, ..believed.controller };

@@ -157,14 +157,14 @@ fn play(config: &Config, script: &Scenario) -> Run {
 /// quite gone.
 fn is_pushed(config: &Config, torques: &SVector<f64, 6>) -> bool {
     let mut joints = config.joints.iter().zip(torques);
-    joints.any(|(joint, torque)| torque.abs() > 0.01 * joint.max_torque)
+    joints.any(|(joint, torque)| torque.abs() > 0.01 * joint.plant.actuator.max_torque)
 }
 
 /// The most each drive may be told, in ‰ of its rated torque.
 fn most(config: &Config) -> [i16; 6] {
     config.joints.each_ref().map(|joint| {
-        let [c1, c3, c5] = joint.torque_curve;
-        let t = joint.max_torque;
+        let [c1, c3, c5] = joint.plant.actuator.torque_curve;
+        let t = joint.plant.actuator.max_torque;
         let per_mille = (c1 * t + c3 * t.powi(3) + c5 * t.powi(5)).round();
         i16::try_from(format!("{per_mille:.0}").parse::<i64>().unwrap()).unwrap()
     })

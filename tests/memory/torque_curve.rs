@@ -17,7 +17,7 @@ use nalgebra::SVector;
 
 use crate::common::bench::scenario;
 use config::Config;
-use config::Joint;
+use config::JointParameters;
 use config::files;
 use controller::Output;
 use controller::calibration::TorqueCurve;
@@ -107,14 +107,18 @@ fn wrench_of(j_g: &Jacobian<6>, tau: &SVector<f64, 6>) -> Wrench {
 }
 
 /// What a laboratory finds of a joint whose curve is the rig's secret, and the secret.
-fn calibrated(joint: &Joint, seed: u64) -> (TorqueCurve, TorqueCurve) {
-    let rig = Rig::new(world::actuator(joint), joint.coulomb_friction, seed);
-    let secret = TorqueCurve::new(rig.torque_curve(), joint.max_torque).unwrap();
+fn calibrated(joint: &JointParameters, seed: u64) -> (TorqueCurve, TorqueCurve) {
+    let rig = Rig::new(world::actuator(&joint.plant.actuator), joint.plant.friction.coulomb, seed);
+    let secret = TorqueCurve::new(rig.torque_curve(), joint.plant.actuator.max_torque).unwrap();
     let samples: Vec<Sample> = rig.measure().into_iter().map(sample).collect();
     let fit = Calibrated::fit(&samples).unwrap();
-    assert_eq!(fit.is_reversed, joint.gear_ratio < 0.0);
-    assert!(fit.curve.max_torque() >= joint.max_torque, "{}", fit.curve.max_torque());
-    (TorqueCurve::new(fit.curve.coefficients(), joint.max_torque).unwrap(), secret)
+    assert_eq!(fit.is_reversed, joint.plant.actuator.gear_ratio < 0.0);
+    assert!(
+        fit.curve.max_torque() >= joint.plant.actuator.max_torque,
+        "{}",
+        fit.curve.max_torque()
+    );
+    (TorqueCurve::new(fit.curve.coefficients(), joint.plant.actuator.max_torque).unwrap(), secret)
 }
 
 fn sample(reading: Reading) -> Sample {
@@ -155,20 +159,21 @@ fn curves_from_measurements_feel_like_the_true_ones() {
 fn a_fit_is_nearer_to_the_secret_curve_than_its_stated_error() {
     let config = Config::load(Path::new(CONFIG)).unwrap();
     for (seed, joint) in (0..48).zip(config.joints.iter().cycle()) {
-        let rig = Rig::new(world::actuator(joint), joint.coulomb_friction, seed);
-        let secret = TorqueCurve::new(rig.torque_curve(), joint.max_torque).unwrap();
+        let rig =
+            Rig::new(world::actuator(&joint.plant.actuator), joint.plant.friction.coulomb, seed);
+        let secret = TorqueCurve::new(rig.torque_curve(), joint.plant.actuator.max_torque).unwrap();
         let samples: Vec<Sample> = rig.measure().into_iter().map(sample).collect();
         let fit = Calibrated::fit(&samples).unwrap();
         let stated = fit.both.residuals.left_out_rms;
         for step in -20..=20 {
-            let torque = joint.max_torque * f64::from(step) / 20.0;
+            let torque = joint.plant.actuator.max_torque * f64::from(step) / 20.0;
             let error = (fit.curve.at(torque) - secret.at(torque)).abs();
             assert!(
-                error < stated && error < 0.01 * secret.at(joint.max_torque),
+                error < stated && error < 0.01 * secret.at(joint.plant.actuator.max_torque),
                 "{seed}: {error}"
             );
         }
         let friction = fit.hysteresis.mean_torque / 2.0;
-        assert!((friction / joint.coulomb_friction - 1.0).abs() < 0.1, "{seed}: {friction}");
+        assert!((friction / joint.plant.friction.coulomb - 1.0).abs() < 0.1, "{seed}: {friction}");
     }
 }

@@ -63,7 +63,7 @@ fn an_unknown_curve_is_measured_and_fitted_and_its_fragment_is_a_configuration()
     let old = config.lines().filter(|line| line.starts_with("torque_curve")).nth(3).unwrap();
     let new = text.lines().find(|line| line.starts_with("torque_curve")).unwrap();
     let config = Config::parse(Path::new(CONFIG), &config.replacen(old, new, 1)).unwrap();
-    assert_eq!(config.joints[3].torque_curve[0], curve[0].as_float().unwrap());
+    assert_eq!(config.joints[3].plant.actuator.torque_curve[0], curve[0].as_float().unwrap());
     assert!(fs::read_to_string(Path::new(out).join("pitch.svg")).unwrap().ends_with("</svg>\n"));
 }
 

@@ -324,9 +324,14 @@ fn hazard_19_a_torque_curve_that_does_not_rise_everywhere_is_refused_before_the_
 #[test]
 fn hazard_19_at_run_time_a_curve_is_not_followed_beyond_its_measured_end() {
     for joint in &config(KRAFT).joints {
-        let curve = TorqueCurve::new(joint.torque_curve, joint.max_torque).unwrap();
-        let end = curve.at(joint.max_torque);
-        assert_eq!((curve.at(1e6 * joint.max_torque), curve.at(f64::INFINITY)), (end, end));
+        let curve =
+            TorqueCurve::new(joint.plant.actuator.torque_curve, joint.plant.actuator.max_torque)
+                .unwrap();
+        let end = curve.at(joint.plant.actuator.max_torque);
+        assert_eq!(
+            (curve.at(1e6 * joint.plant.actuator.max_torque), curve.at(f64::INFINITY)),
+            (end, end)
+        );
         assert_eq!(curve.at(0.0), 0.0, "an odd curve asks for nothing at nothing");
     }
 }
@@ -346,13 +351,15 @@ fn is_in_range(config: &Config) {
     assert!((1..=1_000).contains(&config.heartbeat.as_millis()));
     assert!((1..=127).contains(&config.node_id.raw()));
     for joint in &config.joints {
-        let link = &joint.link;
+        let link = &joint.plant.link;
         let [low, high] = link.range;
         assert!(low < high && low.is_finite() && high.is_finite());
         let lengths = [link.a, link.d, link.alpha, link.theta, link.mass, link.rotor_inertia];
         assert!(lengths.into_iter().all(f64::is_finite), "{link:?}");
-        assert!(joint.max_torque > 0.0 && joint.max_torque.is_finite());
-        assert!((1e-3..=4e6).contains(&joint.rated_torque));
+        assert!(
+            joint.plant.actuator.max_torque > 0.0 && joint.plant.actuator.max_torque.is_finite()
+        );
+        assert!((1e-3..=4e6).contains(&joint.plant.actuator.rated_torque));
         let most = joint.calibration.max_target().0;
         assert!(most != 0 && most != i16::MIN, "{most}");
     }

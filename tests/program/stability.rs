@@ -171,8 +171,8 @@ fn device_and_plant(change: impl Fn(&mut Resistance)) -> ([Device; 6], Plant, Jo
     let config = Config::parse(Path::new(FILE), &weightless).unwrap();
     let q = JointVector::from(POSTURE);
     let resistance = config.joints.each_ref().map(|joint| {
-        let (coulomb, viscous) = (joint.coulomb_friction, joint.viscous_friction);
-        let mut resistance = Resistance { coulomb, viscous, range: joint.link.range };
+        let (coulomb, viscous) = (joint.plant.friction.coulomb, joint.plant.friction.viscous);
+        let mut resistance = Resistance { coulomb, viscous, range: joint.plant.link.range };
         change(&mut resistance);
         resistance
     });
@@ -182,7 +182,7 @@ fn device_and_plant(change: impl Fn(&mut Resistance)) -> ([Device; 6], Plant, Jo
         quantum: 1e-5,
     });
     let device = Device::at_grip(&config.controller.arm, &joints, &q).unwrap();
-    (device, Plant::new(world::arm(&config), resistance, q), q, config)
+    (device, Plant::new(world::arm(&config.plant()), resistance, q), q, config)
 }
 
 /// The velocity along or about `axis` of the simulated arm's grip, `dt` s after `force` began to act.

@@ -2,7 +2,7 @@
 
 use crate::cli::calib::Check;
 use config::Config;
-use config::Joint;
+use config::JointParameters;
 use controller::arm::JointKind;
 use run::exit::Failure;
 use run::exit::Kind;
@@ -39,11 +39,11 @@ pub(super) fn run(args: &Check) -> Result<(), Failure> {
 }
 
 impl<'a> Finding<'a> {
-    fn of(joint: &'a Joint) -> Self {
+    fn of(joint: &'a JointParameters) -> Self {
         let curve = joint.calibration.curve();
         Self {
             joint: &joint.name,
-            unit: match joint.link.kind {
+            unit: match joint.plant.link.kind {
                 JointKind::Revolute => "N·m",
                 JointKind::Prismatic => "N",
             },

@@ -12,8 +12,9 @@ use crate::cli::calib::report;
 use crate::cli::calib::session::Accepted;
 use crate::cli::calib::session::Fitted;
 use crate::cli::calib::session::Session;
+use config::Actuator;
 use config::Config;
-use config::Joint;
+use config::JointParameters;
 use config::torque_data::Measured;
 use config::torque_data::TorqueData;
 use controller::fit;
@@ -80,7 +81,7 @@ fn called<'c>(
     config: Option<&'c Config>,
     written: &str,
     kind: Kind,
-) -> Result<(String, Option<&'c Joint>), Failure> {
+) -> Result<(String, Option<&'c JointParameters>), Failure> {
     let Some(config) = config else { return Ok((written.to_owned(), None)) };
     let joint = config.joint(written).ok_or_else(|| {
         let file = config.file.display();
@@ -90,18 +91,21 @@ fn called<'c>(
 }
 
 /// The curve of `samples`, if it is one that `joint` can use.
-fn accept(samples: &[Sample], joint: Option<&Joint>) -> Result<Accepted, String> {
+fn accept(samples: &[Sample], joint: Option<&JointParameters>) -> Result<Accepted, String> {
     let fit = Calibrated::fit(samples).map_err(|error| error.to_string())?;
     let curve = fragment::written(&fit.curve).map_err(|error| error.to_string())?;
-    if let Some(joint) = joint.filter(|joint| (joint.gear_ratio < 0.0) != fit.is_reversed) {
+    if let Some(joint) =
+        joint.filter(|joint| (joint.plant.actuator.gear_ratio < 0.0) != fit.is_reversed)
+    {
         let motor = if fit.is_reversed { "against" } else { "with" };
-        let gear_ratio = joint.gear_ratio;
+        let gear_ratio = joint.plant.actuator.gear_ratio;
         return Err(format!("the motor turns {motor} the joint, but gear_ratio is {gear_ratio}"));
     }
     let [slope] = fit.line.coefficients;
     let line = joint.map_or(("best straight line", slope), |joint| {
         // What the manufacturers of motor and gear promise: 1000 ‰ at their product.
-        ("manufacturer (rated × gear)", 1e3 / (joint.rated_torque * joint.gear_ratio.abs()))
+        let Actuator { rated_torque, gear_ratio, .. } = joint.plant.actuator;
+        ("manufacturer (rated × gear)", 1e3 / (rated_torque * gear_ratio.abs()))
     });
     let before = joint.and_then(|joint| fit::distance(samples, joint.calibration.curve()));
     Ok(Accepted { fit, curve, before, line })

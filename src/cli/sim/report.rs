@@ -5,7 +5,7 @@ use canopen::frame::Channel;
 use canopen::nmt;
 use canopen_tools::object_text::mode_of_operation;
 use config::Config;
-use config::Joint;
+use config::JointParameters;
 use controller::arm::JointKind;
 use sim::drive_view::Axis;
 use sim::drive_view::DriveView;
@@ -41,9 +41,9 @@ fn columns() -> String {
     )
 }
 
-fn row(config: &Config, joint: &Joint, axis: &Axis) -> String {
+fn row(config: &Config, joint: &JointParameters, axis: &Axis) -> String {
     let Axis { view, position, torque } = axis;
-    let (length, force) = match joint.link.kind {
+    let (length, force) = match joint.plant.link.kind {
         JointKind::Revolute => ("rad", "N·m"),
         JointKind::Prismatic => ("m", "N"),
     };
@@ -72,7 +72,7 @@ pub(super) fn json(config: &Config, report: &Report) -> serde_json::Value {
     serde_json::json!({ "t_s": seconds(report), "drives": drives.collect::<Vec<_>>() })
 }
 
-fn drive(config: &Config, number: u8, joint: &Joint, axis: &Axis) -> serde_json::Value {
+fn drive(config: &Config, number: u8, joint: &JointParameters, axis: &Axis) -> serde_json::Value {
     let Axis { view, position, torque } = axis;
     let mut drive = serde_json::json!({
         "joint": number,
@@ -90,7 +90,7 @@ fn drive(config: &Config, number: u8, joint: &Joint, axis: &Axis) -> serde_json:
         "last_error": view.error,
         "last_error_name": last_error_name(view.error),
     });
-    let [position_key, torque_key] = match joint.link.kind {
+    let [position_key, torque_key] = match joint.plant.link.kind {
         JointKind::Revolute => ["joint_position_rad", "joint_torque_nm"],
         JointKind::Prismatic => ["joint_position_m", "joint_force_n"],
     };

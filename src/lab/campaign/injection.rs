@@ -75,12 +75,12 @@ impl Place<'_> {
 
     /// What carries the arm's weight at a joint where it starts: in ‰ of the most it may exert.
     pub(super) fn weight(&self, joint: Joint) -> f64 {
-        let calibration = &self.config.controller.calibration;
-        let arm = world::arm(self.config);
-        let gravity = arm.gravity(&arm.posture(&world::start(self.config)));
-        let gravity = calibration.coupling().matrix().transpose() * gravity;
+        let plant = self.config.plant();
+        let arm = world::arm(&plant);
+        let gravity = arm.gravity(&arm.posture(&world::start(&plant)));
+        let gravity = plant.coupling.matrix().transpose() * gravity;
         let weight: f64 = *joint.entry(&gravity.into());
-        1e3 * weight.abs() / joint.entry(&self.config.joints).max_torque
+        1e3 * weight.abs() / joint.entry(&plant.joints).actuator.max_torque
     }
 
     /// An entry `[[fault]]` at the onset: its keys, one a line.

@@ -384,5 +384,5 @@ fn is_felt(config: &Config, record: &Record) -> bool {
     }
     let rest = record.output.tau - record.output.ledger.gravity;
     let mut joints = rest.iter().zip(&config.joints);
-    joints.any(|(torque, joint)| torque.abs() > FELT * joint.max_torque)
+    joints.any(|(torque, joint)| torque.abs() > FELT * joint.plant.actuator.max_torque)
 }

@@ -72,7 +72,7 @@ impl Plausibility {
         let joints = config.joints.each_ref();
         let watched = &config.plausibility;
         let clear = joints.map(|joint| {
-            let clear = match joint.link.kind {
+            let clear = match joint.plant.link.kind {
                 JointKind::Revolute => CLEAR_TURN,
                 JointKind::Prismatic => CLEAR_SLIDE,
             };
@@ -82,8 +82,8 @@ impl Plausibility {
             Most { joints: joints.map(|joint| joint.max_speed), grip: watched.max_grip_speed };
         let anew = Watches {
             limits: Limits::new(
-                joints.map(|joint| joint.link.range),
-                joints.map(|joint| watched.limit_margin(joint.link.kind)),
+                joints.map(|joint| joint.plant.link.range),
+                joints.map(|joint| watched.limit_margin(joint.plant.link.kind)),
             ),
             speed: Speed::new(most, config.period),
             frozen: Frozen::new(watched.frozen, clear),

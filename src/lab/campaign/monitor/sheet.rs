@@ -107,9 +107,9 @@ impl Sheet {
             cap: joint.calibration.max_target().0,
             growth: growth.next().unwrap_or(f64::INFINITY),
             curve: *joint.calibration.curve(),
-            range: joint.link.range,
+            range: joint.plant.link.range,
         });
-        let (arm, config) = (world::arm(config), config.clone());
+        let (arm, config) = (world::arm(&config.plant()), config.clone());
         Self { period: config.period, inbox, rpdos, nodes, joints, heartbeat, own, config, arm }
     }
 

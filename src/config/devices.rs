@@ -1,0 +1,74 @@
+//! What no single section shows of the devices: node-ids taken twice, devices that are not what their EDS says or
+//! cannot do what the layout asks.
+
+use std::collections::HashSet;
+
+use crate::parameters::Parameters;
+use crate::plans;
+use crate::problem::Problems;
+use canopen::eds::Described;
+use canopen::eds::Eds;
+use canopen::exchange;
+use canopen::exchange::Exchange;
+use canopen::object::Object;
+use canopen::plan::Demand;
+use canopen::plan::Identity;
+use canopen::plan::NodePlan;
+use units::numbering::Joint;
+
+/// Notes all of that. Returns the cyclic exchange, unless the layouts contradict each other.
+pub(super) fn check(config: &Parameters, problems: &mut Problems<'_>) -> Option<Exchange> {
+    let mut taken = HashSet::new();
+    for place in config.channels() {
+        taken.insert((place, config.node_id.raw()));
+    }
+    for (number, joint) in Joint::ALL.into_iter().zip(&config.joints) {
+        let key = |name: &str| format!("joint[{}].{name}", number.index());
+        if !taken.insert((joint.channel, joint.node.raw())) {
+            problems
+                .add(&key("node_id"), format_args!("{} is taken on this bus", joint.node.raw()));
+        }
+        identity(&key("product_code"), &joint.eds, &joint.identity, problems);
+        abilities(&key("eds"), &joint.eds, &plans::drive(config, number, joint), problems);
+    }
+    if !taken.insert((config.switches.channel, config.switches.node.raw())) {
+        problems.add("switches.node_id", "is taken on this bus");
+    }
+    identity("switches.product_code", &config.switches.eds, &config.switches.identity, problems);
+    abilities("switches.eds", &config.switches.eds, &plans::switches(config), problems);
+    problems.take("bus", exchange::resolve(&config.node_plans()))
+}
+
+/// The configured device must be the one the EDS describes.
+fn identity(key: &str, eds: &Eds, identity: &Identity, problems: &mut Problems<'_>) {
+    let Identity { vendor, product, .. } = *identity;
+    let (eds_vendor, eds_product) = (eds.vendor(), eds.product());
+    if (vendor, product) != (eds_vendor, eds_product) {
+        let reason = format!(
+            "vendor {vendor:08X}h product {product:08X}h is not what its EDS describes: \
+             vendor {eds_vendor:08X}h product {eds_product:08X}h"
+        );
+        problems.add(key, reason);
+    }
+}
+
+/// The device must have, by its EDS, every object that is to be set in it.
+fn abilities(key: &str, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
+    for (object, demand) in plan.demands() {
+        if eds.object(object).is_none() && demand != Demand::Skip {
+            problems.add(key, format_args!("{}: {object} is not in its EDS", plan.name));
+        } else if !is_able(eds, object, demand) {
+            problems.add(key, format_args!("{}: {object} cannot be {demand}", plan.name));
+        }
+    }
+}
+
+fn is_able(eds: &Eds, object: Object, demand: Demand) -> bool {
+    let can = |is: fn(&Described) -> bool| eds.object(object).is_some_and(is);
+    match demand {
+        Demand::Write => can(|described| described.access.is_writable()),
+        Demand::Transmit => can(|described| described.is_mappable && described.access.is_input()),
+        Demand::Receive => can(|described| described.is_mappable && described.access.is_output()),
+        Demand::Skip => eds.dummy(object.index),
+    }
+}

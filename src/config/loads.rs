@@ -1,0 +1,48 @@
+//! How much the buses of a configuration carry in the worst case, and whether that is too much.
+
+use std::time::Duration;
+
+use crate::buses::BusSettings;
+use crate::parameters::Parameters;
+use crate::problem::Problems;
+use canopen::bits;
+use canopen::exchange::Outbox;
+use canopen::frame::Channel;
+use canopen::load;
+use canopen::load::BusLoad;
+use canopen::load::streams::Stream;
+
+impl Parameters {
+    /// The load of each bus in the worst case.
+    pub fn loads(&self) -> Vec<BusLoad> {
+        let buses = (0..).map(Channel).zip(&self.buses);
+        let load = |(channel, bus): (Channel, &BusSettings)| {
+            BusLoad::of(&streams(self, channel), bus.bitrate, self.period_us())
+        };
+        buses.map(load).collect()
+    }
+}
+
+/// Whether any bus carries too much.
+pub(super) fn check(config: &Parameters, problems: &mut Problems<'_>) {
+    for (place, (bus, load)) in config.buses.iter().zip(config.loads()).enumerate() {
+        let key = format!("bus[{place}].load_limit_percent");
+        problems.take(&key, load.within(bus.load_limit_percent));
+    }
+}
+
+/// What is planned on one bus.
+fn streams(config: &Parameters, channel: Channel) -> Vec<Stream> {
+    let plans = config.node_plans();
+    let here = plans.iter().filter(|(place, _)| *place == channel).map(|(_, plan)| plan);
+    load::streams(here, config.period_us(), config.node_id, config.heartbeat_ms())
+}
+
+/// How long the RPDOs of every cycle take on the slowest bus, in the worst case.
+pub(super) fn rpdo_time(config: &Parameters, outbox: &Outbox) -> Duration {
+    let time = |(channel, bus): (Channel, &BusSettings)| {
+        let bits: u32 = outbox.bytes_on(channel).map(bits::worst_case).sum();
+        Duration::from_secs(1) * bits / bus.bitrate.max(1)
+    };
+    (0..).map(Channel).zip(&config.buses).map(time).max().unwrap_or_default()
+}

@@ -1,0 +1,42 @@
+//! `[operator]`: the hand that the gains are judged with.
+
+use crate::problem::Problems;
+use crate::raw;
+use controller::stability::axis::Impedance;
+
+/// The impedance of the hand the gains are judged with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Operator {
+    /// Along an axis, in N/m and N·s/m.
+    pub linear: Impedance,
+    /// About an axis, in N·m/rad and N·m·s/rad.
+    pub angular: Impedance,
+}
+
+/// A hand that holds firmly but not stiffly, as the simulated one.
+impl Default for Operator {
+    fn default() -> Self {
+        Self {
+            linear: Impedance { stiffness: 500.0, damping: 15.0 },
+            angular: Impedance { stiffness: 6.0, damping: 0.12 },
+        }
+    }
+}
+
+/// The hand of `[operator]`; the default one where the file says nothing.
+pub(super) fn read(raw: &raw::Operator, problems: &mut Problems<'_>) -> Operator {
+    let Operator { linear, angular } = Operator::default();
+    let mut number = |key: &str, value: Option<f64>, otherwise: f64| {
+        problems.not_negative(&format!("operator.{key}"), value.unwrap_or(otherwise))
+    };
+    Operator {
+        linear: Impedance {
+            stiffness: number("stiffness_n_per_m", raw.stiffness_n_per_m, linear.stiffness),
+            damping: number("damping_ns_per_m", raw.damping_ns_per_m, linear.damping),
+        },
+        angular: Impedance {
+            stiffness: number("stiffness_nm_per_rad", raw.stiffness_nm_per_rad, angular.stiffness),
+            damping: number("damping_nms_per_rad", raw.damping_nms_per_rad, angular.damping),
+        },
+    }
+}

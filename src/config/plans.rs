@@ -1,0 +1,156 @@
+//! Node plans: what every node of a configuration is to be and to be told, as its master takes it.
+
+use std::f64::consts::TAU;
+
+use crate::buses::Layout;
+use crate::joints::JointParameters;
+use crate::parameters::Parameters;
+use crate::switch_box::SwitchBox;
+use canopen::NodeId;
+use canopen::eds::Eds;
+use canopen::emcy;
+use canopen::frame::Channel;
+use canopen::layout;
+use canopen::layout::Group;
+use canopen::listening;
+use canopen::listening::Pattern;
+use canopen::object::Object;
+use canopen::plan::NodePlan;
+use canopen::plan::Watch;
+use controller::JointVector;
+use units::numbering::Joint;
+
+/// How many times the speed at which the node stops its drive lets a joint have: the second layer.
+const SECOND_LAYER: f64 = 1.25;
+
+/// How far a joint at rest turns in 100 ms at most, in rad (m): no faster than 0.02 rad/s.
+const AT_REST: f64 = 0.002;
+
+/// Counts that an encoder at rest goes back and forth.
+const NOISE: u32 = 2;
+
+impl Parameters {
+    /// What every node is to be and to be told, in the order of the joints, then the switch box.
+    pub fn node_plans(&self) -> Vec<(Channel, NodePlan)> {
+        let joints = Joint::ALL.into_iter().zip(&self.joints);
+        let drives = joints.map(|(number, joint)| (joint.channel, drive(self, number, joint)));
+        drives.chain([(self.switches.channel, switches(self))]).collect()
+    }
+
+    /// What a master must hear of each bus, in the order of the channels.
+    pub fn patterns(&self) -> Vec<Vec<Pattern>> {
+        let plans = self.node_plans();
+        self.channels().into_iter().map(|channel| listening::patterns(channel, &plans)).collect()
+    }
+}
+
+/// The plan of a joint's drive.
+pub(super) fn drive(config: &Parameters, number: Joint, joint: &JointParameters) -> NodePlan {
+    let place = number.index();
+    let name = format!("joint {number} ({})", joint.name);
+    let timer = rpdo_timer(config, joint);
+    let group = group(config, joint);
+    let mut pdos = match group {
+        Some(group) => layout::grouped(joint.node, place, group, timer),
+        None => layout::per_drive(joint.node, timer),
+    };
+    layout::switch_off_others(&mut pdos, |object| joint.eds.object(object).is_some());
+    let most = joint.calibration.max_target().0.unsigned_abs();
+    let watch = watch(config, place);
+    let plan = NodePlan::drive(name, joint.node, joint.identity, pdos, &watch, most);
+    let rest = joint.calibration.span(AT_REST).saturating_add(NOISE);
+    let plan = NodePlan { standstill_counts: Some(rest), ..plan };
+    let plan = plan.no_faster_than(motor_speed(config, place, joint));
+    let plan = as_far_as_it_has(plan, joint);
+    let plan = match config.sync_counter {
+        Some(last) => plan.counting(last),
+        None => plan,
+    };
+    kept(config, &joint.eds, joint.boot.apply(behind_the_pdos(plan, &joint.eds)))
+}
+
+/// The drives that share a joint's frame of targets; `None` where each has its own.
+fn group(config: &Parameters, joint: &JointParameters) -> Option<Group> {
+    let bus = config.buses.get(usize::from(joint.channel.0))?;
+    if bus.layout != Layout::Grouped {
+        return None;
+    }
+    let here = config.joints.iter().filter(|other| other.channel == joint.channel);
+    let nodes: Vec<NodeId> = here.map(|other| other.node).collect();
+    let groups = nodes.iter().zip(Group::threes(&nodes));
+    groups.into_iter().find_map(|(node, group)| (*node == joint.node).then_some(group))
+}
+
+/// With its emergencies behind the PDOs, where the device lets them be moved: by default they outrank
+/// every PDO, and six at once would keep the torques off the bus for most of a millisecond.
+fn behind_the_pdos(plan: NodePlan, eds: &Eds) -> NodePlan {
+    let can_be_moved =
+        eds.object(Object::EMCY_COB_ID).is_some_and(|described| described.access.is_writable());
+    let low = emcy::low_cob_id(plan.node).filter(|_| can_be_moved);
+    NodePlan { emcy_cob_id: low.unwrap_or(plan.emcy_cob_id), ..plan }
+}
+
+/// The plan of the switch box.
+pub(super) fn switches(config: &Parameters) -> NodePlan {
+    let SwitchBox { node, identity, boot, eds, .. } = &config.switches;
+    let mut plan = NodePlan::switches(
+        "switch box".to_owned(),
+        *node,
+        *identity,
+        &watch(config, config.joints.len()),
+    );
+    layout::switch_off_others(&mut plan.pdos, |object| eds.object(object).is_some());
+    kept(config, eds, boot.apply(behind_the_pdos(plan, eds)))
+}
+
+/// Whether a node keeps what it is told, and forgets first what it was told before. One that cannot,
+/// by its EDS, has nothing to forget.
+fn kept(config: &Parameters, eds: &Eds, plan: NodePlan) -> NodePlan {
+    let can_forget = eds.object(Object::RESTORE_DEFAULTS).is_some();
+    NodePlan {
+        stores_configuration: config.stores_configuration,
+        restores_defaults: config.restores_defaults && can_forget,
+        ..plan
+    }
+}
+
+/// How the node at `place` is watched. Each beats a hundredth faster than the one before, so that those
+/// of all nodes, which begin together, do not stay together: the next SYNC would have to wait for them.
+fn watch(config: &Parameters, place: usize) -> Watch {
+    let place = u16::try_from(place).unwrap_or(u16::MAX);
+    let period = config.safety.drive_heartbeat_ms;
+    let lost = u16::try_from(config.safety.drive_lost.as_millis()).unwrap_or(u16::MAX);
+    Watch {
+        master: config.node_id,
+        master_lost_ms: config.safety.node_lost_ms,
+        heartbeat_ms: period - (period / 100).saturating_mul(place).min(period / 2),
+        node_lost_ms: lost,
+    }
+}
+
+/// The fastest the motor of an actuator may turn (6080h), in turns per minute, rounded up, where no joint
+/// behind it is faster than it may be.
+#[expect(
+    clippy::as_conversions,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "finite and not negative by its checks; a float that is too large becomes the largest number"
+)]
+fn motor_speed(config: &Parameters, place: usize, joint: &JointParameters) -> u32 {
+    let speeds = JointVector::from(config.joints.each_ref().map(|joint| joint.max_speed));
+    let speeds = config.controller.calibration.coupling().fastest(&speeds);
+    let fastest = SECOND_LAYER * speeds.iter().nth(place).copied().unwrap_or_default();
+    (fastest * joint.plant.actuator.gear_ratio.abs() / TAU * 60.0).ceil() as u32
+}
+
+/// Without what a drive of this EDS has not and need not have.
+fn as_far_as_it_has(plan: NodePlan, joint: &JointParameters) -> NodePlan {
+    plan.lacking(|object| joint.eds.object(object).is_none())
+}
+
+/// How long a drive without a fresh RPDO takes to stop, if it has such a timer by its EDS; written as 0
+/// where the file wants none.
+fn rpdo_timer(config: &Parameters, joint: &JointParameters) -> Option<u16> {
+    let timer = Object::rpdo_communication(1, 5);
+    joint.eds.object(timer).map(|_| config.safety.rpdo_timer_ms)
+}

@@ -1,0 +1,77 @@
+//! The plant: the arm as it is built. It is what a simulation takes, and needs no more than this.
+//!
+//! The controller has its own view of the same numbers: an arm, and a calibration for each joint.
+
+use nalgebra::Isometry3;
+
+use controller::arm::Link;
+use controller::coupling::Coupling;
+
+/// The whole arm.
+#[derive(Clone, Debug)]
+pub struct Plant {
+    /// Its joints, base first.
+    pub joints: [JointPlant; 6],
+    /// Pose of the grip in the last link.
+    pub x_6_g: Isometry3<f64>,
+    /// Gravity in {0}, in m/s².
+    pub gravity: [f64; 3],
+    /// How actuators move joints.
+    pub coupling: Coupling<6>,
+}
+
+/// One joint with its link, and all that moves it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointPlant {
+    /// Kinematics, masses and range.
+    pub link: Link,
+    /// Where it starts in simulation, in rad or m.
+    pub start: f64,
+    /// What resists at the joint.
+    pub friction: Friction,
+    /// What moves it.
+    pub actuator: Actuator,
+    /// What stands between its current loop and the link.
+    pub drivetrain: Drivetrain,
+}
+
+/// Friction at a joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Friction {
+    /// Dry friction, in N·m or N.
+    pub coulomb: f64,
+    /// Viscous friction, in N·m·s/rad or N·s/m.
+    pub viscous: f64,
+}
+
+/// A motor with its encoder and its gear.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Actuator {
+    /// Encoder counts per revolution of the motor.
+    pub counts_per_rev: u32,
+    /// Motor revolutions per joint revolution; negative where they turn against each other.
+    pub gear_ratio: f64,
+    /// Counts at joint position zero.
+    pub zero_counts: i32,
+    /// Rated torque of the motor, in N·m.
+    pub rated_torque: f64,
+    /// Maximum torque or force at the joint, in N·m or N.
+    pub max_torque: f64,
+    /// c1, c3, c5 of the torque curve.
+    pub torque_curve: [f64; 3],
+}
+
+/// What motor and gear do besides, of which the controller knows nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drivetrain {
+    /// Time constant of the current loop, in s.
+    pub current_loop: f64,
+    /// c1, c3, c5 of the torque curve where the joint's torque is negative, if they are others there.
+    pub torque_curve_reverse: Option<[f64; 3]>,
+    /// Width of the hysteresis of its torque, in N·m or N.
+    pub hysteresis: f64,
+    /// Width of the gap between motor and joint, in rad or m.
+    pub backlash: f64,
+    /// Thermal time constant of the motor's winding, in s.
+    pub thermal_time_constant: f64,
+}

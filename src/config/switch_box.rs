@@ -1,0 +1,44 @@
+//! `[switches]`: the switch box as a node of the network. What its bits mean stands in `switch_inputs`.
+
+use std::path::Path;
+
+use crate::boot;
+use crate::boot::BootSettings;
+use crate::lookup;
+use crate::problem::Problems;
+use crate::raw;
+use canopen::NodeId;
+use canopen::eds::Eds;
+use canopen::frame::Channel;
+use canopen::plan::Identity;
+
+/// The switch box on the network.
+#[derive(Clone, Debug)]
+pub struct SwitchBox {
+    /// Its bus.
+    pub channel: Channel,
+    /// Its node-id.
+    pub node: NodeId,
+    /// What it must be.
+    pub identity: Identity,
+    /// How it is booted.
+    pub boot: BootSettings,
+    /// What its maker says of it.
+    pub eds: Eds,
+}
+
+/// The switch box; `None` where a problem has been noted.
+pub(super) fn read(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<SwitchBox> {
+    let switches = &raw.switches;
+    let channel = lookup::channel("switches.bus", raw, &switches.bus, problems);
+    let node = lookup::node_id("switches.node_id", switches.node_id, problems);
+    let eds = lookup::eds("switches.eds", file, &switches.eds, problems);
+    let identity = Identity {
+        vendor: switches.vendor_id,
+        product: switches.product_code,
+        revision: switches.revision,
+    };
+    let lost_ms = raw.safety.drive_lost_ms;
+    let boot = boot::of_node("switches.boot", switches.boot.as_ref(), lost_ms, problems);
+    Some(SwitchBox { channel: channel?, node: node?, identity, boot, eds: eds? })
+}

@@ -1,5 +1,6 @@
 //! ARCHITECTURE.md against the sources, as far as Cargo does not hold them to it: the table of rooms is that of the
-//! manifests, pure rooms touch nothing outside, and object indices stand in `canopen` alone.
+//! manifests, no files import each other in a circle, pure rooms touch nothing outside, and object indices stand in
+//! `canopen` alone.
 #![allow(
     clippy::indexing_slicing,
     clippy::unwrap_used,
@@ -107,6 +108,31 @@ fn pure_rooms_touch_nothing_outside_and_object_indices_stand_in_canopen() {
 }
 
 #[test]
+fn no_files_of_a_room_import_each_other_in_a_circle() {
+    for room in rooms() {
+        let left = in_circles(imports(&room));
+        assert!(left.is_empty(), "{room}: {left:#?}");
+    }
+}
+
+#[test]
+fn files_that_import_each_other_in_a_circle_are_found() {
+    let graph = |arrows: &[(&str, &str)]| {
+        let mut graph = Imports::new();
+        for (from, to) in arrows {
+            graph.entry((*from).to_owned()).or_default().insert((*to).to_owned());
+            graph.entry((*to).to_owned()).or_default();
+        }
+        graph
+    };
+    let tree = [("lib", "a"), ("a", "b"), ("lib", "b")];
+    assert!(in_circles(graph(&tree)).is_empty());
+    let circle = [tree.as_slice(), &[("b", "c"), ("c", "a"), ("c", "d")]].concat();
+    let found: Vec<String> = in_circles(graph(&circle)).into_keys().collect();
+    assert_eq!(found, ["a", "b", "c"]);
+}
+
+#[test]
 fn what_is_not_pure_is_found() {
     assert!(judge("controller", "let torque = 0x6071;\n#[cfg(test)]").len() == 1);
     for (room, line) in [
@@ -191,6 +217,52 @@ fn names(text: &str, path: &str) -> bool {
 
 fn is_comment(line: &str) -> bool {
     line.trim_start().starts_with("//")
+}
+
+/// The files of a room as modules, and the modules that each imports.
+type Imports = BTreeMap<String, BTreeSet<String>>;
+
+fn imports(room: &str) -> Imports {
+    let folder = src().join(room);
+    let module = |file: &Path| {
+        let path = file.strip_prefix(&folder).unwrap().with_extension("");
+        let parts = path.iter().map(|part| part.to_str().unwrap());
+        parts.filter(|part| !["lib", "mod"].contains(part)).collect::<Vec<_>>().join("::")
+    };
+    let texts: BTreeMap<String, String> = sources(room)
+        .iter()
+        .map(|file| (module(file), fs::read_to_string(file).unwrap()))
+        .collect();
+    let imported = |(module, text): (&String, &String)| {
+        let production = text.split("#[cfg(test)]").next().unwrap_or_default();
+        let lines = production.lines().filter_map(|line| line.trim().strip_prefix("use crate::"));
+        let named = lines.map(|path| file_of(path.trim_end_matches(';'), &texts));
+        (module.clone(), named.filter(|named| named != module).collect())
+    };
+    texts.iter().map(imported).collect()
+}
+
+/// The module among `texts` that stands in a file of its own and has the item at `path`.
+fn file_of(path: &str, texts: &BTreeMap<String, String>) -> String {
+    let mut module = path;
+    while !texts.contains_key(module) {
+        module = module.rsplit_once("::").map_or("", |(outer, _)| outer);
+    }
+    module.to_owned()
+}
+
+/// What is left when modules that import nothing, or that nothing imports, are taken away again and again.
+fn in_circles(mut imports: Imports) -> Imports {
+    loop {
+        let imported: BTreeSet<String> = imports.values().flatten().cloned().collect();
+        let before = imports.len();
+        imports.retain(|module, below| !below.is_empty() && imported.contains(module));
+        let left: BTreeSet<String> = imports.keys().cloned().collect();
+        imports.values_mut().for_each(|below| below.retain(|module| left.contains(module)));
+        if imports.len() == before {
+            return imports;
+        }
+    }
 }
 
 /// The sources of a room.

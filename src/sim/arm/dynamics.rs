@@ -8,7 +8,6 @@
 //! ```
 
 use nalgebra::IsometryMatrix3;
-use nalgebra::Matrix3;
 use nalgebra::Vector3;
 
 use crate::arm::Arm;
@@ -16,6 +15,9 @@ use crate::arm::JointMatrix;
 use crate::arm::Joints;
 use crate::arm::Link;
 use crate::arm::Posture;
+use crate::arm::rigid::Body;
+use crate::arm::rigid::Effort;
+use crate::arm::rigid::Motion;
 use units::spatial::Wrench;
 
 /// Equation of motion at one state: `M qdd + bias = tau`.
@@ -147,118 +149,6 @@ impl Link {
             Motion { angular: Vector3::zeros(), linear: axis }
         } else {
             Motion { angular: axis, linear: x_0_i.translation.vector.cross(&axis) }
-        }
-    }
-}
-
-/// Spatial motion: angular, and linear at the origin.
-#[derive(Clone, Copy, Debug)]
-struct Motion {
-    angular: Vector3<f64>,
-    linear: Vector3<f64>,
-}
-
-impl Motion {
-    const NONE: Self =
-        Self { angular: Vector3::new(0.0, 0.0, 0.0), linear: Vector3::new(0.0, 0.0, 0.0) };
-
-    fn plus(&self, other: &Self) -> Self {
-        Self { angular: self.angular + other.angular, linear: self.linear + other.linear }
-    }
-
-    fn scaled(&self, rate: f64) -> Self {
-        Self { angular: self.angular * rate, linear: self.linear * rate }
-    }
-
-    /// Returns the spatial cross product of motions.
-    fn cross(&self, other: &Self) -> Self {
-        Self {
-            angular: self.angular.cross(&other.angular),
-            linear: self.angular.cross(&other.linear) + self.linear.cross(&other.angular),
-        }
-    }
-
-    /// Returns the spatial cross product with a force.
-    fn cross_effort(&self, effort: &Effort) -> Effort {
-        Effort {
-            moment: self.angular.cross(&effort.moment) + self.linear.cross(&effort.force),
-            force: self.angular.cross(&effort.force),
-        }
-    }
-
-    /// Returns the power of `effort` at this motion.
-    fn dot(&self, effort: &Effort) -> f64 {
-        self.angular.dot(&effort.moment) + self.linear.dot(&effort.force)
-    }
-}
-
-/// Spatial force or momentum: moment about the origin, and force.
-#[derive(Clone, Copy, Debug)]
-struct Effort {
-    moment: Vector3<f64>,
-    force: Vector3<f64>,
-}
-
-impl Effort {
-    const NONE: Self =
-        Self { moment: Vector3::new(0.0, 0.0, 0.0), force: Vector3::new(0.0, 0.0, 0.0) };
-
-    fn plus(&self, other: &Self) -> Self {
-        Self { moment: self.moment + other.moment, force: self.force + other.force }
-    }
-}
-
-/// Spatial inertia about the origin of a frame, in its axes.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Body {
-    /// Mass, in kg.
-    mass: f64,
-    /// Mass times centre of mass, in kg·m.
-    first_moment: Vector3<f64>,
-    /// Inertia about the origin, in kg·m².
-    inertia: Matrix3<f64>,
-}
-
-impl Body {
-    const NONE: Self = Self {
-        mass: 0.0,
-        first_moment: Vector3::new(0.0, 0.0, 0.0),
-        inertia: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    };
-
-    /// Creates a body of `mass` in kg, centre of mass `centre` in m, and `inertia` about that in kg·m².
-    pub(super) fn new(mass: f64, centre: &Vector3<f64>, inertia: Matrix3<f64>) -> Self {
-        let about_centre = Self { mass, first_moment: Vector3::zeros(), inertia };
-        about_centre.carried_in(&IsometryMatrix3::translation(centre.x, centre.y, centre.z))
-    }
-
-    fn plus(&self, other: &Self) -> Self {
-        Self {
-            mass: self.mass + other.mass,
-            first_moment: self.first_moment + other.first_moment,
-            inertia: self.inertia + other.inertia,
-        }
-    }
-
-    /// Transforms the body by `step`: parallel axis theorem.
-    fn carried_in(&self, step: &IsometryMatrix3<f64>) -> Self {
-        let p = step.translation.vector;
-        let turned = step.rotation * self.first_moment;
-        let arm = 2.0 * turned + p * self.mass;
-        let outer = arm * p.transpose();
-        let shift = Matrix3::from_diagonal_element(arm.dot(&p)) - (outer + outer.transpose()) / 2.0;
-        Self {
-            mass: self.mass,
-            first_moment: turned + p * self.mass,
-            inertia: step.rotation * self.inertia * step.rotation.transpose() + shift,
-        }
-    }
-
-    /// Returns its momentum at a velocity, or the force of an acceleration.
-    fn times(&self, motion: &Motion) -> Effort {
-        Effort {
-            moment: self.inertia * motion.angular + self.first_moment.cross(&motion.linear),
-            force: motion.linear * self.mass + motion.angular.cross(&self.first_moment),
         }
     }
 }

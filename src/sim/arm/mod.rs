@@ -4,6 +4,7 @@
 //! `dynamics`, the Jacobian is accumulated from the grip inward.
 
 mod dynamics;
+mod rigid;
 
 pub(super) use dynamics::Dynamics;
 pub(super) use dynamics::accelerations;
@@ -18,7 +19,7 @@ use nalgebra::Translation3;
 use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 
-use crate::arm::dynamics::Body;
+use crate::arm::rigid::Body;
 use units::spatial::Jacobian;
 use units::spatial::Twist;
 

@@ -7,7 +7,6 @@ use canopen_rs::NodeId;
 use toml::Spanned;
 use toml::Value;
 
-use crate::scenario::MIN_DURATION;
 use crate::scenario::fault::Contact;
 use crate::scenario::fault::Cut;
 use crate::scenario::fault::Fault;
@@ -24,6 +23,7 @@ use crate::scenario::fault::Trouble;
 use crate::scenario::fault::Whom;
 use crate::scenario::keys::Entry;
 use crate::scenario::keys::Keys;
+use crate::scenario::problem::MIN_DURATION;
 use crate::scenario::problem::Misplaced;
 use crate::scenario::problem::Problem;
 use crate::scenario::problem::follows;

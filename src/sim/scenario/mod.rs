@@ -33,12 +33,10 @@ use crate::scenario::operator::Console;
 use crate::scenario::operator::Hold;
 use crate::scenario::operator::Move;
 use crate::scenario::operator::Switch;
+use crate::scenario::problem::MIN_DURATION;
 use crate::scenario::problem::Misplaced;
 use crate::scenario::problem::within;
 use written;
-
-/// Shortest duration of anything that takes time, in s.
-const MIN_DURATION: f64 = 1e-3;
 
 /// Maximum length of a scenario, in s.
 const MAX_LENGTH: f64 = 86_400.0;

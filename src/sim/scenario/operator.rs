@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::scenario::MIN_DURATION;
+use crate::scenario::problem::MIN_DURATION;
 use crate::scenario::problem::Misplaced;
 use crate::scenario::problem::in_order;
 use crate::scenario::problem::within;

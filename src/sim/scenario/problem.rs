@@ -5,6 +5,9 @@ use std::ops::Range;
 use thiserror::Error;
 use toml::Spanned;
 
+/// Shortest duration of anything that takes time, in s.
+pub(super) const MIN_DURATION: f64 = 1e-3;
+
 /// Tolerance for sums of decimal fractions, in s.
 const ROUNDING: f64 = 1e-9;
 

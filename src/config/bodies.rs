@@ -5,6 +5,9 @@ use nalgebra::Vector3;
 
 use crate::problem::Problems;
 use crate::raw;
+use crate::value::Placed;
+use crate::value::Value;
+use written::List;
 
 /// Gravity that a hand controller on a planet or moon has, in m/s². 9810 is in mm/s².
 const GRAVITY: std::ops::RangeInclusive<f64> = 1.0..=20.0;
@@ -17,42 +20,48 @@ const FARTHEST: f64 = 2.0;
 const ROUNDING: f64 = 1e-2;
 
 /// Gravity in {0}, in m/s², any direction; zero for an arm that springs or counterweights carry.
-pub(super) fn gravity(arm: &raw::Arm, problems: &mut Problems<'_>) -> [f64; 3] {
-    let key = "arm.gravity_m_per_s2";
-    let gravity = problems.all_finite(key, arm.gravity_m_per_s2.0);
-    if arm.gravity_balanced {
-        return [0.0; 3];
+pub(super) fn gravity(arm: &raw::Arm, problems: &mut Problems<'_>) -> Option<[f64; 3]> {
+    let gravity = problems.all_finite(&arm.gravity_m_per_s2)?;
+    if arm.gravity_balanced.or(false).get()? {
+        return Some([0.0; 3]);
     }
     let strength = Vector3::from(gravity).norm();
     if strength.is_finite() && !GRAVITY.contains(&strength) {
         let (least, most) = (GRAVITY.start(), GRAVITY.end());
         let reason = format!(
             "must be {least} to {most} m/s² long, got {strength:.1}; an arm that springs carry says \
-             gravity_balanced = true"
+             {} = true",
+            arm.gravity_balanced.place().name()
         );
-        problems.add(key, reason);
+        problems.add(&arm.gravity_m_per_s2, reason);
     }
-    gravity
+    Some(gravity)
 }
 
 /// Centre of mass in its link, in m.
-pub(super) fn centre_of_mass(key: &str, centre: [f64; 3], problems: &mut Problems<'_>) -> [f64; 3] {
-    problems.all_finite(key, centre);
+pub(super) fn centre_of_mass(
+    value: &Value<List<f64, 3>>,
+    problems: &mut Problems<'_>,
+) -> Option<[f64; 3]> {
+    let centre = problems.all_finite(value)?;
     let distance = Vector3::from(centre).norm();
     if distance.is_finite() && distance > FARTHEST {
         let reason =
             format!("must be within {FARTHEST} m of the link's frame, got {distance:.1} m");
-        problems.add(key, reason);
+        problems.add(value, reason);
     }
-    centre
+    Some(centre)
 }
 
 /// Inertia about the centre of mass as xx yy zz xy xz yz, in kg·m²: of a body, or all zero for a point.
-pub(super) fn inertia(key: &str, inertia: [f64; 6], problems: &mut Problems<'_>) -> [f64; 6] {
-    problems.all_finite(key, inertia);
+pub(super) fn inertia(
+    value: &Value<List<f64, 6>>,
+    problems: &mut Problems<'_>,
+) -> Option<[f64; 6]> {
+    let inertia = problems.all_finite(value)?;
     let is_point = inertia.iter().all(|part| part.abs() <= 0.0);
     if is_point || !inertia.iter().all(|part| part.is_finite()) {
-        return inertia;
+        return Some(inertia);
     }
     let [xx, yy, zz, xy, xz, yz] = inertia;
     let matrix = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
@@ -63,13 +72,13 @@ pub(super) fn inertia(key: &str, inertia: [f64; 6], problems: &mut Problems<'_>)
         let reason = format!(
             "must be positive about every axis, got a principal moment of {least:.3e} kg·m²"
         );
-        problems.add(key, reason);
+        problems.add(value, reason);
     } else if most > (least + middle) * (1.0 + ROUNDING) {
         let reason = format!(
             "must be that of a body: no principal moment above the sum of the others, got {most:.3e} kg·m² \
              beside {middle:.3e} and {least:.3e}"
         );
-        problems.add(key, reason);
+        problems.add(value, reason);
     }
-    inertia
+    Some(inertia)
 }

@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use crate::names;
 use crate::problem::Problems;
 use crate::raw;
+use crate::value::Value;
 
 /// Bit rates of CiA 301 (4.2), in bit/s.
 const BITRATES: [u32; 8] = [10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
@@ -47,44 +48,60 @@ impl Layout {
     }
 }
 
-/// All of them, in the order of their channels.
-pub(super) fn read(raw: &raw::File, problems: &mut Problems<'_>) -> Vec<BusSettings> {
-    if raw.bus.is_empty() || raw.bus.len() > 8 {
-        problems.add("bus", format_args!("{} buses; there must be 1 to 8", raw.bus.len()));
+/// All of them, in the order of their channels; `None` where a problem has been noted.
+pub(super) fn read(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Vec<BusSettings>> {
+    let given = raw.bus.all();
+    if !raw.bus.is_noted() && !(1..=8).contains(&given.len()) {
+        problems.add(&raw.bus, format_args!("{} buses; there must be 1 to 8", given.len()));
     }
-    names::check("bus", raw.bus.iter().map(|bus| bus.name.as_str()), problems);
-    let mut interfaces = HashSet::new();
-    for (place, bus) in raw.bus.iter().enumerate() {
-        let key = |name: &str| format!("bus[{place}].{name}");
-        if !interfaces.insert(&bus.interface) {
-            problems.add(
-                &key("interface"),
-                format_args!("\"{}\" is taken", bus.interface.escape_debug()),
-            );
-        }
-        if !is_interface(&bus.interface) {
-            let shown = bus.interface.escape_debug();
-            problems.add(&key("interface"), format_args!("\"{shown}\" is no interface"));
-        }
-        if !BITRATES.contains(&bus.bitrate) {
-            problems.add(&key("bitrate"), format_args!("{} is none of {BITRATES:?}", bus.bitrate));
-        }
-        if Layout::called(&bus.layout).is_none() {
-            let reason = format!("\"{}\": there are \"per-drive\" and \"grouped\"", bus.layout);
-            problems.add(&key("layout"), reason);
-        }
-        problems.within(&key("load_limit_percent"), bus.load_limit_percent, 1.0..=100.0);
+    names::check(given.iter().map(|bus| &bus.name), problems);
+    let mut taken = HashSet::new();
+    let buses: Vec<_> = given.iter().map(|bus| one(bus, &mut taken, problems)).collect();
+    if raw.bus.is_noted() { None } else { buses.into_iter().collect() }
+}
+
+/// A bus, whose interface must be none of those that are `taken`.
+fn one<'r>(
+    bus: &'r raw::Bus,
+    taken: &mut HashSet<&'r str>,
+    problems: &mut Problems<'_>,
+) -> Option<BusSettings> {
+    let interface = interface(&bus.interface, taken, problems);
+    let bitrate = bus.bitrate.get();
+    if let Some(unusual) = bitrate.filter(|bitrate| !BITRATES.contains(bitrate)) {
+        problems.add(&bus.bitrate, format_args!("{unusual} is none of {BITRATES:?}"));
     }
-    raw.bus
-        .iter()
-        .map(|bus| BusSettings {
-            name: bus.name.clone(),
-            interface: bus.interface.clone(),
-            bitrate: bus.bitrate,
-            layout: Layout::called(&bus.layout).unwrap_or_default(),
-            load_limit_percent: bus.load_limit_percent,
+    let layout = bus.layout.as_ref().map(|called| {
+        Layout::called(called).unwrap_or_else(|| {
+            let reason = format!("\"{called}\": there are \"per-drive\" and \"grouped\"");
+            problems.add(&bus.layout, reason);
+            Layout::default()
         })
-        .collect()
+    });
+    let load_limit_percent = problems.within(&bus.load_limit_percent, 1.0..=100.0);
+    Some(BusSettings {
+        name: bus.name.as_ref()?.clone(),
+        interface: interface?.to_owned(),
+        bitrate: bitrate?,
+        layout: layout?,
+        load_limit_percent: load_limit_percent?,
+    })
+}
+
+fn interface<'r>(
+    value: &'r Value<String>,
+    taken: &mut HashSet<&'r str>,
+    problems: &mut Problems<'_>,
+) -> Option<&'r str> {
+    let name = value.as_ref()?.as_str();
+    let shown = name.escape_debug();
+    if !taken.insert(name) {
+        problems.add(value, format_args!("\"{shown}\" is taken"));
+    }
+    if !is_interface(name) {
+        problems.add(value, format_args!("\"{shown}\" is no interface"));
+    }
+    Some(name)
 }
 
 /// Whether Linux may have an interface of that name (`dev_valid_name`).

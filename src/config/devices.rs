@@ -6,6 +6,8 @@ use std::collections::HashSet;
 use crate::parameters::Parameters;
 use crate::plans;
 use crate::problem::Problems;
+use crate::raw;
+use crate::value::Placed;
 use canopen::eds::Described;
 use canopen::eds::Eds;
 use canopen::exchange;
@@ -17,30 +19,34 @@ use canopen::plan::NodePlan;
 use units::numbering::Joint;
 
 /// Notes all of that. Returns the cyclic exchange, unless the layouts contradict each other.
-pub(super) fn check(config: &Parameters, problems: &mut Problems<'_>) -> Option<Exchange> {
+pub(super) fn check(
+    config: &Parameters,
+    raw: &raw::File,
+    problems: &mut Problems<'_>,
+) -> Option<Exchange> {
     let mut taken = HashSet::new();
     for place in config.channels() {
         taken.insert((place, config.node_id.raw()));
     }
-    for (number, joint) in Joint::ALL.into_iter().zip(&config.joints) {
-        let key = |name: &str| format!("joint[{}].{name}", number.index());
+    let joints = Joint::ALL.into_iter().zip(&config.joints);
+    for ((number, joint), raw) in joints.zip(raw.joint.all()) {
         if !taken.insert((joint.channel, joint.node.raw())) {
-            problems
-                .add(&key("node_id"), format_args!("{} is taken on this bus", joint.node.raw()));
+            let taken = joint.node.raw();
+            problems.add(&raw.node_id, format_args!("{taken} is taken on this bus"));
         }
-        identity(&key("product_code"), &joint.eds, &joint.identity, problems);
-        abilities(&key("eds"), &joint.eds, &plans::drive(config, number, joint), problems);
+        identity(&raw.product_code, &joint.eds, &joint.identity, problems);
+        abilities(&raw.eds, &joint.eds, &plans::drive(config, number, joint), problems);
     }
     if !taken.insert((config.switches.channel, config.switches.node.raw())) {
-        problems.add("switches.node_id", "is taken on this bus");
+        problems.add(&raw.switches.node_id, "is taken on this bus");
     }
-    identity("switches.product_code", &config.switches.eds, &config.switches.identity, problems);
-    abilities("switches.eds", &config.switches.eds, &plans::switches(config), problems);
-    problems.take("bus", exchange::resolve(&config.node_plans()))
+    identity(&raw.switches.product_code, &config.switches.eds, &config.switches.identity, problems);
+    abilities(&raw.switches.eds, &config.switches.eds, &plans::switches(config), problems);
+    problems.take(&raw.bus, exchange::resolve(&config.node_plans()))
 }
 
 /// The configured device must be the one the EDS describes.
-fn identity(key: &str, eds: &Eds, identity: &Identity, problems: &mut Problems<'_>) {
+fn identity(at: &impl Placed, eds: &Eds, identity: &Identity, problems: &mut Problems<'_>) {
     let Identity { vendor, product, .. } = *identity;
     let (eds_vendor, eds_product) = (eds.vendor(), eds.product());
     if (vendor, product) != (eds_vendor, eds_product) {
@@ -48,17 +54,17 @@ fn identity(key: &str, eds: &Eds, identity: &Identity, problems: &mut Problems<'
             "vendor {vendor:08X}h product {product:08X}h is not what its EDS describes: \
              vendor {eds_vendor:08X}h product {eds_product:08X}h"
         );
-        problems.add(key, reason);
+        problems.add(at, reason);
     }
 }
 
 /// The device must have, by its EDS, every object that is to be set in it.
-fn abilities(key: &str, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
+fn abilities(at: &impl Placed, eds: &Eds, plan: &NodePlan, problems: &mut Problems<'_>) {
     for (object, demand) in plan.demands() {
         if eds.object(object).is_none() && demand != Demand::Skip {
-            problems.add(key, format_args!("{}: {object} is not in its EDS", plan.name));
+            problems.add(at, format_args!("{}: {object} is not in its EDS", plan.name));
         } else if !is_able(eds, object, demand) {
-            problems.add(key, format_args!("{}: {object} cannot be {demand}", plan.name));
+            problems.add(at, format_args!("{}: {object} cannot be {demand}", plan.name));
         }
     }
 }

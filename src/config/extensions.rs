@@ -4,6 +4,7 @@
 use crate::problem::Problems;
 use crate::raw;
 use crate::raw::six;
+use crate::value::Value;
 use controller::Extensions;
 use controller::arm::Arm;
 use controller::assist::ContactFade;
@@ -26,33 +27,40 @@ const BEGINS_OVER: f64 = 0.3;
 /// Strongest damper of a tank of which the file says none, in N·s/m: that of the shipped passivity layers.
 const TANK_DAMPING: f64 = 60.0;
 
+/// What the parts are made for; each `None` where a problem has been noted.
+#[derive(Clone, Copy)]
+pub(super) struct Made<'m> {
+    pub(super) arm: Option<&'m Arm<6>>,
+    pub(super) calibration: Option<&'m Calibration<6>>,
+    pub(super) period: Option<Period>,
+}
+
 /// Every part that is asked for; one that cannot be is noted.
 pub(super) fn extensions(
     given: &raw::Controller,
-    arm: &Arm<6>,
-    calibration: &Calibration<6>,
-    period: Period,
+    made: Made<'_>,
     problems: &mut Problems<'_>,
 ) -> Extensions {
-    let max_torques = calibration.max_torques();
-    let filter = Filter::new(given.velocity_filter_s);
-    let fade = given.contact_fade_n.map(ContactFade::new);
-    let slew = given.torque_rise_s.map(|rise| Slew::new(&max_torques, rise, period));
+    let period = made.period;
+    let filter = given
+        .velocity_filter_s
+        .get()
+        .and_then(|seconds| problems.take(&given.velocity_filter_s, Filter::new(seconds)));
+    let contact_fade = given
+        .contact_fade_n
+        .get()
+        .and_then(|force| problems.take(&given.contact_fade_n, ContactFade::new(force)));
     Extensions {
-        velocity_filter: problems.take("controller.velocity_filter_s", filter).unwrap_or_default(),
-        walls_in_pose: given.walls.as_ref().is_some_and(|walls| walls.in_pose_mode),
-        contact_fade: fade.and_then(|fade| problems.take("controller.contact_fade_n", fade)),
+        velocity_filter: filter.unwrap_or_default(),
+        walls_in_pose: given.walls.as_ref().and_then(|walls| walls.in_pose_mode.get())
+            == Some(true),
+        contact_fade,
         engagement: match &given.engagement {
             Some(given) => engagement(given, period, problems),
-            None => Engagement::new(BEGINS_OVER, None, period).ok(),
+            None => period.and_then(|period| Engagement::new(BEGINS_OVER, None, period).ok()),
         },
-        soft_stops: given.soft_stops.as_ref().and_then(|given| {
-            let margin = problems.within("controller.soft_stops.margin", given.margin, 1e-3..=0.5);
-            let push = problems.within("controller.soft_stops.push", given.push, 0.0..=1.0);
-            let capacities = calibration.coupling().capacities(&max_torques);
-            SoftStops::new(arm.ranges(), &capacities, margin, push).ok()
-        }),
-        slew: slew.and_then(|slew| problems.take("controller.torque_rise_s", slew)),
+        soft_stops: given.soft_stops.as_ref().and_then(|given| soft_stops(given, made, problems)),
+        slew: slew(given, made, problems),
         passivity: given.passivity.as_ref().and_then(|given| observer(given, period, problems)),
         tank: given.tank.as_ref().and_then(|given| tank(given, problems)),
         virtual_coupling: given
@@ -67,74 +75,91 @@ pub(super) fn extensions(
 
 fn engagement(
     given: &raw::Engagement,
-    period: Period,
+    period: Option<Period>,
     problems: &mut Problems<'_>,
 ) -> Option<Engagement> {
-    let ramp = problems.within("controller.engagement.ramp_s", given.ramp_s, 0.0..=10.0);
-    let force = given.calm_n.map(|force| problems.positive("controller.engagement.calm_n", force));
-    let moment =
-        given.calm_nm.map(|moment| problems.positive("controller.engagement.calm_nm", moment));
+    let ramp = problems.within(&given.ramp_s, 0.0..=10.0);
+    let force = problems.positive(&given.calm_n);
+    let moment = problems.positive(&given.calm_nm);
     let calm = match (force, moment) {
         (None, None) => None,
         (force, moment) => Some([force.unwrap_or(f64::MAX), moment.unwrap_or(f64::MAX)]),
     };
-    Engagement::new(ramp, calm, period).ok()
+    Engagement::new(ramp?, calm, period?).ok()
+}
+
+fn soft_stops(
+    given: &raw::SoftStops,
+    made: Made<'_>,
+    problems: &mut Problems<'_>,
+) -> Option<SoftStops<6>> {
+    let margin = problems.within(&given.margin, 1e-3..=0.5);
+    let push = problems.within(&given.push, 0.0..=1.0);
+    let calibration = made.calibration?;
+    let capacities = calibration.coupling().capacities(&calibration.max_torques());
+    SoftStops::new(made.arm?.ranges(), &capacities, margin?, push?).ok()
+}
+
+fn slew(given: &raw::Controller, made: Made<'_>, problems: &mut Problems<'_>) -> Option<Slew<6>> {
+    let (rise, max_torques) = (given.torque_rise_s.get()?, made.calibration?.max_torques());
+    problems.take(&given.torque_rise_s, Slew::new(&max_torques, rise, made.period?))
 }
 
 fn observer(
     given: &raw::Passivity,
-    period: Period,
+    period: Option<Period>,
     problems: &mut Problems<'_>,
 ) -> Option<Passivity> {
-    let mut above_zero = |key: &str, value| {
-        problems.within(&format!("controller.passivity.{key}"), value, 1e-6..=1e6)
-    };
+    let mut above_zero = |value: &Value<f64>| problems.within(value, 1e-6..=1e6);
+    let max_energy = above_zero(&given.max_energy_j);
+    let max_damping = above_zero(&given.max_damping_ns_per_m);
+    let lever = above_zero(&given.lever_m);
+    let calm_force = above_zero(&given.calm_n);
+    let calm_time = above_zero(&given.calm_s);
     let settings = PassivitySettings {
-        max_energy: above_zero("max_energy_j", given.max_energy_j),
-        max_damping: above_zero("max_damping_ns_per_m", given.max_damping_ns_per_m),
-        lever: above_zero("lever_m", given.lever_m),
-        calm_force: above_zero("calm_n", given.calm_n),
-        calm_cycles: period.cycles(above_zero("calm_s", given.calm_s)),
-        is_one_sided: given.one_sided,
+        max_energy: max_energy?,
+        max_damping: max_damping?,
+        lever: lever?,
+        calm_force: calm_force?,
+        calm_cycles: period?.cycles(calm_time?),
+        is_one_sided: given.one_sided.or(true).get()?,
     };
     Passivity::new(settings).ok()
 }
 
 fn tank(given: &raw::Tank, problems: &mut Problems<'_>) -> Option<Tank> {
     let before = problems.count();
-    let mut number =
-        |key: &str, value| problems.within(&format!("controller.tank.{key}"), value, 0.0..=1e6);
+    let mut number = |value: &Value<f64>| problems.within(value, 0.0..=1e6);
+    let initial = number(&given.initial_j);
+    let min = number(&given.min_j);
+    let low = number(&given.low_j);
+    let max = number(&given.max_j);
+    let refill = number(&given.refill_ns_per_m_per_j);
+    let max_damping = number(&given.max_damping_ns_per_m.or(TANK_DAMPING));
     let settings = TankSettings {
-        initial: number("initial_j", given.initial_j),
-        min: number("min_j", given.min_j),
-        low: number("low_j", given.low_j),
-        max: number("max_j", given.max_j),
-        refill: number("refill_ns_per_m_per_j", given.refill_ns_per_m_per_j),
-        max_damping: number(
-            "max_damping_ns_per_m",
-            given.max_damping_ns_per_m.unwrap_or(TANK_DAMPING),
-        ),
+        initial: initial?,
+        min: min?,
+        low: low?,
+        max: max?,
+        refill: refill?,
+        max_damping: max_damping?,
     };
-    problems.take_unless_noted(before, "controller.tank", Tank::new(settings))
+    problems.take_unless_noted(before, given, Tank::new(settings))
 }
 
 fn virtual_coupling(
     given: &raw::VirtualCoupling,
-    period: Period,
+    period: Option<Period>,
     problems: &mut Problems<'_>,
 ) -> Option<VirtualCoupling> {
-    let mut three = |key: &str, values| {
-        problems.none_negative(&format!("controller.virtual_coupling.{key}"), values)
-    };
-    let stiffness = six(
-        three("stiffness_n_per_m", given.stiffness_n_per_m.0),
-        three("stiffness_nm_per_rad", given.stiffness_nm_per_rad.0),
-    );
-    let damping = six(
-        three("damping_ns_per_m", given.damping_ns_per_m.0),
-        three("damping_nms_per_rad", given.damping_nms_per_rad.0),
-    );
-    let stiffness = Gains::new(stiffness, "stiffness").ok()?;
-    let damping = Gains::new(damping, "damping").ok()?;
-    Some(VirtualCoupling::new(stiffness, damping, period))
+    let [k_linear, k_angular, d_linear, d_angular] = [
+        &given.stiffness_n_per_m,
+        &given.stiffness_nm_per_rad,
+        &given.damping_ns_per_m,
+        &given.damping_nms_per_rad,
+    ]
+    .map(|value| problems.none_negative(value));
+    let stiffness = Gains::new(six(k_linear?, k_angular?), "stiffness").ok()?;
+    let damping = Gains::new(six(d_linear?, d_angular?), "damping").ok()?;
+    Some(VirtualCoupling::new(stiffness, damping, period?))
 }

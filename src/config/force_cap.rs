@@ -49,17 +49,28 @@ impl Pushes {
         reflected + centring + soft_stops
     }
 
-    /// Key of the configuration that sets the largest of them.
-    pub fn key(&self) -> &'static str {
+    /// Returns the largest of them.
+    pub fn largest(&self) -> Push {
         let Self { reflected, centring, soft_stops } = *self;
         if reflected >= centring && reflected >= soft_stops {
-            "controller.max_force_n"
+            Push::Reflected
         } else if centring >= soft_stops {
-            "controller.centring_n"
+            Push::Centring
         } else {
-            "controller.soft_stops.push"
+            Push::SoftStops
         }
     }
+}
+
+/// One of the forces of [`Pushes`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Push {
+    /// Sensed or by the virtual coupling.
+    Reflected,
+    /// Return to centre and walls.
+    Centring,
+    /// Soft stops.
+    SoftStops,
 }
 
 /// As in `43.5 N (max_force_n = 40, return to centre and walls 3.5)`.
@@ -160,10 +171,10 @@ mod tests {
         assert!(refused.to_string().starts_with(
             "21.0 N (max_force_n = 10, return to centre and walls 6.0, soft stops 5.0) for the 25.0 ms"
         ));
-        assert_eq!(refused.pushes.key(), "controller.max_force_n");
+        assert_eq!(refused.pushes.largest(), Push::Reflected);
         let walls = Pushes { centring: 30.0, ..pushes };
-        assert_eq!(walls.key(), "controller.centring_n");
-        assert_eq!(Pushes { soft_stops: 31.0, ..walls }.key(), "controller.soft_stops.push");
+        assert_eq!(walls.largest(), Push::Centring);
+        assert_eq!(Pushes { soft_stops: 31.0, ..walls }.largest(), Push::SoftStops);
         let enough = Pushes { reflected: 9.0, ..pushes };
         assert_eq!(ForceCap { pushes: enough, ..cap(0.0) }.allows(heartbeat), Ok(()));
     }

@@ -16,6 +16,8 @@ use crate::operator::Operator;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
+use crate::value::Place;
+use crate::value::Placed;
 use controller::JointVector;
 use controller::gains::AXES;
 use controller::stability::axis::Axis;
@@ -48,26 +50,25 @@ const TOUCH_RADIUS: f64 = 0.02;
 
 /// Whether unstable gains make a configuration unfit; yes, unless it says `gain_check = "warn"`.
 pub(super) fn refuses(raw: &raw::File, problems: &mut Problems<'_>) -> bool {
-    match raw.controller.gain_check.as_deref() {
-        None | Some("refuse") => true,
-        Some("warn") => false,
-        Some(other) => {
-            let reason = format!("\"{other}\": there is \"refuse\", \"warn\"");
-            problems.add("controller.gain_check", reason);
-            true
-        }
-    }
+    let choices = [("refuse", true), ("warn", false)];
+    let asked = raw.controller.gain_check.or("refuse".to_owned());
+    problems.one_of(&asked, &choices).unwrap_or(true)
 }
 
 /// Notes what is refused: each inequality once, along axes and about them, for the worst of them.
 /// Silent where anything else is wrong, as the numbers may then mean nothing.
-pub(super) fn check(config: &Parameters, refuses: bool, problems: &mut Problems<'_>) {
+pub(super) fn check(
+    config: &Parameters,
+    refuses: bool,
+    raw: &raw::File,
+    problems: &mut Problems<'_>,
+) {
     if problems.count() > 0 {
         return;
     }
     let findings = match axes(config) {
         Ok(axes) => axes,
-        Err(massless) => return problems.add("joint", massless),
+        Err(massless) => return problems.add(&raw.joint, massless),
     };
     for axes in findings.chunks(3).filter(|_| refuses) {
         let is_rotation = axes.iter().any(|axis| axis.is_rotation);
@@ -75,7 +76,7 @@ pub(super) fn check(config: &Parameters, refuses: bool, problems: &mut Problems<
         let refused: Vec<Finding> =
             found.filter(|finding| finding.verdict == Verdict::Refuses).collect();
         for worst in worst_of_each(&refused) {
-            problems.add(key(worst.culprit, is_rotation), worst);
+            problems.add(place(worst.culprit, is_rotation, raw), worst);
         }
     }
 }
@@ -97,20 +98,29 @@ fn worst_of_each(findings: &[Finding]) -> Vec<&Finding> {
     findings.iter().filter(is_worst).collect()
 }
 
-/// The key of a gain.
-const fn key(culprit: Culprit, is_rotation: bool) -> &'static str {
+/// Where the gain stands that a finding follows from.
+fn place(culprit: Culprit, is_rotation: bool, raw: &raw::File) -> &Place {
+    let raw::File { controller, remote, .. } = raw;
+    let (tank, coupling) = (controller.tank.as_ref(), controller.virtual_coupling.as_ref());
     match (culprit, is_rotation) {
-        (Culprit::Tank, _) => "controller.tank.max_damping_ns_per_m",
-        (Culprit::Damping, false) => "controller.damping_ns_per_m",
-        (Culprit::Damping, true) => "controller.damping_nms_per_rad",
-        (Culprit::Wrench, _) => "controller.wrench_gain",
-        (Culprit::Centring, false) => "controller.centring_n",
-        (Culprit::Centring, true) => "controller.centring_nm",
-        (Culprit::Accommodation, false) => "remote.accommodation_m_per_ns",
-        (Culprit::Accommodation, true) => "remote.accommodation_rad_per_nms",
-        (Culprit::Coupling, false) => "controller.virtual_coupling.stiffness_n_per_m",
-        (Culprit::Coupling, true) => "controller.virtual_coupling.stiffness_nm_per_rad",
+        (Culprit::Tank, _) => at(tank.map(|tank| &tank.max_damping_ns_per_m), controller),
+        (Culprit::Damping, false) => controller.damping_ns_per_m.place(),
+        (Culprit::Damping, true) => controller.damping_nms_per_rad.place(),
+        (Culprit::Wrench, _) => controller.wrench_gain.place(),
+        (Culprit::Centring, false) => controller.centring_n.place(),
+        (Culprit::Centring, true) => controller.centring_nm.place(),
+        (Culprit::Accommodation, false) => remote.accommodation_m_per_ns.place(),
+        (Culprit::Accommodation, true) => remote.accommodation_rad_per_nms.place(),
+        (Culprit::Coupling, false) => at(coupling.map(|made| &made.stiffness_n_per_m), controller),
+        (Culprit::Coupling, true) => {
+            at(coupling.map(|made| &made.stiffness_nm_per_rad), controller)
+        }
     }
+}
+
+/// Where a key of a section stands; a gain of one that is absent is no culprit.
+fn at<'r>(key: Option<&'r impl Placed>, controller: &'r raw::Controller) -> &'r Place {
+    key.map_or_else(|| controller.place(), Placed::place)
 }
 
 /// The six axes of the grip, with everything that closes a loop over them.

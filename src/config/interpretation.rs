@@ -2,6 +2,7 @@
 
 use crate::problem::Problems;
 use crate::raw;
+use crate::value::Optional;
 use controller::interpretation::Centring;
 use controller::interpretation::Difference;
 use controller::interpretation::Displaced;
@@ -18,31 +19,33 @@ pub(super) fn interpretation(
 ) -> Option<Interpretation> {
     let presets =
         [("consistent", Interpretation::CONSISTENT), ("paper1997", Interpretation::PAPER_1997)];
-    let preset = problems.one_of("controller.preset", &given.preset, &presets)?;
+    let preset = problems.one_of(&given.preset, &presets);
+    let is_known = preset.is_some();
+    let preset = preset.unwrap_or(Interpretation::CONSISTENT);
     let over = &given.readings;
     let mut choice = Choice { problems, is_wrong: false };
     let interpretation = Interpretation {
         orientation: choice.of(
-            ("orientation", &over.orientation, preset.orientation),
+            (&over.orientation, preset.orientation),
             &[
                 ("euler-zyx", Orientation::EulerZyx),
                 ("rotation-vector", Orientation::RotationVector),
             ],
         ),
         displacement: choice.of(
-            ("displacement", &over.displacement, preset.displacement),
+            (&over.displacement, preset.displacement),
             &[("reference", Displaced::InReference), ("base", Displaced::InBase)],
         ),
         centring: choice.of(
-            ("centring", &over.centring, preset.centring),
+            (&over.centring, preset.centring),
             &[("conjugate", Centring::Conjugate), ("components", Centring::Components)],
         ),
         weight: choice.of(
-            ("gravity", &over.gravity, preset.weight),
+            (&over.gravity, preset.weight),
             &[("per-link", Weight::PerLink), ("at-grip", Weight::AtGrip)],
         ),
         scaling: choice.of(
-            ("scaling", &over.scaling, preset.scaling),
+            (&over.scaling, preset.scaling),
             &[
                 ("gravity-exempt", Scaling::GravityExempt),
                 ("total", Scaling::Total),
@@ -50,16 +53,16 @@ pub(super) fn interpretation(
             ],
         ),
         damping: choice.of(
-            ("damping", &over.damping, preset.damping),
+            (&over.damping, preset.damping),
             &[("twist", Difference::Twist), ("components", Difference::Components)],
         ),
-        latches: over.latch_on_deadman.unwrap_or(preset.latches),
+        latches: over.latch_on_deadman.or(preset.latches).get()?,
         task: choice.of(
-            ("task_wrench", &over.task_wrench, preset.task),
+            (&over.task_wrench, preset.task),
             &[("grip", Felt::InGrip), ("reference", Felt::InReference)],
         ),
     };
-    (!choice.is_wrong).then_some(interpretation)
+    (is_known && !choice.is_wrong).then_some(interpretation)
 }
 
 /// Takes one name after the other.
@@ -70,13 +73,11 @@ struct Choice<'p, 't> {
 
 impl Choice<'_, '_> {
     /// What `name` stands for, or the preset's where nothing is said.
-    fn of<T: Copy>(
-        &mut self,
-        (key, name, preset): (&str, &Option<String>, T),
-        choices: &[(&str, T)],
-    ) -> T {
-        let Some(name) = name else { return preset };
-        let found = self.problems.one_of(&format!("controller.readings.{key}"), name, choices);
+    fn of<T: Copy>(&mut self, (name, preset): (&Optional<String>, T), choices: &[(&str, T)]) -> T {
+        if name.is_absent() {
+            return preset;
+        }
+        let found = self.problems.one_of(name, choices);
         self.is_wrong |= found.is_none();
         found.unwrap_or(preset)
     }

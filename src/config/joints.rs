@@ -13,6 +13,7 @@ use crate::plausibility;
 use crate::problem::Problems;
 use crate::raw;
 use crate::units::Units;
+use crate::value::Value;
 use canopen::NodeId;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
@@ -51,53 +52,48 @@ pub(super) fn read(
     problems: &mut Problems<'_>,
 ) -> Option<[JointParameters; 6]> {
     let mut joints = Vec::new();
-    let called = raw.joint.iter().map(|joint| joint.name.as_str());
-    names::check("joint", called, problems);
-    for (place, joint) in raw.joint.iter().enumerate() {
-        joints.push(read_one(file, raw, place, joint, problems));
+    let given = raw.joint.all();
+    names::check(given.iter().map(|joint| &joint.name), problems);
+    for joint in given {
+        joints.push(read_one(file, raw, joint, problems));
+    }
+    if given.len() != 6 && !raw.joint.is_noted() {
+        let found = given.len();
+        problems.add(&raw.joint, format_args!("{found} joints; a hand controller has 6"));
     }
     let joints: Vec<JointParameters> = joints.into_iter().collect::<Option<_>>()?;
-    let found = joints.len();
-    let all = joints.try_into().ok();
-    if all.is_none() {
-        problems.add("joint", format_args!("{found} joints; a hand controller has 6"));
-    }
-    all
+    joints.try_into().ok()
 }
 
 fn read_one(
     file: &Path,
     raw: &raw::File,
-    place: usize,
     joint: &raw::Joint,
     problems: &mut Problems<'_>,
 ) -> Option<JointParameters> {
-    let key = |name: &str| format!("joint[{place}].{name}");
-    let channel = lookup::channel(&key("bus"), raw, &joint.bus, problems);
-    let node = lookup::node_id(&key("node_id"), joint.node_id, problems);
-    let eds = lookup::eds(&key("eds"), file, &joint.eds, problems);
-    let lost_ms = raw.safety.drive_lost_ms;
-    let boot = boot::of_drive(&key("boot"), joint.boot.as_ref(), lost_ms, problems);
+    let channel = lookup::channel(&joint.bus, raw, problems);
+    let node = lookup::node_id(&joint.node_id, problems);
+    let eds = lookup::eds(&joint.eds, file, problems);
+    let boot = boot::of_drive(joint.boot.as_ref(), raw.safety.drive_lost_ms.get(), problems);
     let kinds = [("revolute", JointKind::Revolute), ("prismatic", JointKind::Prismatic)];
-    let kind = joint.kind.as_deref().unwrap_or("revolute");
-    let kind = problems.one_of(&key("kind"), kind, &kinds)?;
+    let kind = problems.one_of(&joint.kind.or("revolute".to_owned()), &kinds)?;
 
     // A torque that is wrong is reported itself, not the curve up to it.
     let before = problems.count();
-    let mut of = Units { key: &key, kind, problems };
-    let max_speed = max_speed(joint, plausibility::usual_speed(&raw.safety, kind), &mut of);
+    let mut of = Units { kind, problems };
+    let max_speed = max_speed(joint, &plausibility::usual_speed(&raw.safety, kind), &mut of);
     let actuator = joint_plant::actuator(joint, &mut of);
     let calibration =
-        actuator.and_then(|actuator| calibration(&actuator, before, &key, of.problems));
+        actuator.and_then(|actuator| calibration(joint, &actuator, before, of.problems));
     let plant = joint_plant::read(joint, actuator, &mut of);
     Some(JointParameters {
-        name: joint.name.clone(),
+        name: joint.name.as_ref()?.clone(),
         channel: channel?,
         node: node?,
         identity: Identity {
-            vendor: joint.vendor_id,
-            product: joint.product_code,
-            revision: joint.revision,
+            vendor: joint.vendor_id.get()?,
+            product: joint.product_code.get()?,
+            revision: joint.revision.get()?,
         },
         boot,
         eds: eds?,
@@ -108,25 +104,21 @@ fn read_one(
 }
 
 /// How fast it may move, in rad/s or m/s: `usual` where it does not say.
-fn max_speed(joint: &raw::Joint, usual: f64, of: &mut Units<'_, '_, '_>) -> Option<f64> {
-    let (name, given) = of.at_most_one(
-        ("max_speed_rad_per_s", joint.max_speed_rad_per_s),
-        ("max_speed_m_per_s", joint.max_speed_m_per_s),
-    )?;
-    let Some(speed) = given else { return Some(usual) };
-    Some(of.problems.within(&(of.key)(name), speed, plausibility::SPEEDS))
+fn max_speed(joint: &raw::Joint, usual: &Value<f64>, of: &mut Units<'_, '_>) -> Option<f64> {
+    let given = of.at_most_one(&joint.max_speed_rad_per_s, &joint.max_speed_m_per_s)?;
+    if given.is_absent() { usual.get() } else { of.problems.within(given, plausibility::SPEEDS) }
 }
 
 /// The actuator as the controller uses it; silent about a curve where there have been problems since `before`.
 fn calibration(
+    joint: &raw::Joint,
     actuator: &Actuator,
     before: usize,
-    key: &dyn Fn(&str) -> String,
     problems: &mut Problems<'_>,
 ) -> Option<JointCalibration> {
     let Actuator { counts_per_rev, gear_ratio, zero_counts, .. } = *actuator;
     let curve = TorqueCurve::new(actuator.torque_curve, actuator.max_torque);
-    let curve = problems.take_unless_noted(before, &key("torque_curve"), curve)?;
+    let curve = problems.take_unless_noted(before, &joint.torque_curve, curve)?;
     let made = JointCalibration::new(counts_per_rev, gear_ratio, zero_counts, curve);
-    problems.take(&key("gear_ratio"), made)
+    problems.take(&joint.gear_ratio, made)
 }

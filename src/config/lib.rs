@@ -41,6 +41,7 @@ mod protection;
 mod raw;
 mod remote;
 mod safety;
+mod section;
 pub mod shipped;
 mod simulated;
 mod start;
@@ -49,6 +50,7 @@ pub mod switch_inputs;
 pub mod torque_data;
 pub mod trust;
 mod units;
+mod value;
 
 pub use boot::BootSettings;
 pub use buses::BusSettings;
@@ -74,7 +76,12 @@ use std::path::Path;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use toml::de::DeTable;
+
+use crate::control::Given;
 use crate::problem::Problems;
+use crate::section::Section;
+use crate::section::Table;
 use crate::trust::Trust;
 use ::remote::site::Virtual;
 use canopen::exchange::Exchange;
@@ -129,7 +136,7 @@ impl Config {
     /// # Errors
     /// Everything else that is wrong with it.
     pub fn load_to_plan(file: &Path) -> Result<Self, Invalid> {
-        Self::checked(file, &files::text(Trust::Any, file)?, Trust::Any, |_, _| {})
+        Self::checked(file, &files::text(Trust::Any, file)?, Trust::Any, |_, _, _| {})
     }
 
     /// `text` as a configuration that also passes `check`.
@@ -137,17 +144,13 @@ impl Config {
         file: &Path,
         text: &str,
         trust: Trust,
-        check: fn(&Parameters, &mut Problems<'_>),
+        check: fn(&Parameters, &raw::File, &mut Problems<'_>),
     ) -> Result<Self, Invalid> {
         let mut problems = Problems::new(file, text, trust);
-        let Some(raw) = read(text, &mut problems) else {
-            problems.finish()?;
-            return Err(Invalid(Vec::new()));
-        };
-        let converted = convert(file, &raw, &mut problems);
-        // A load that follows from a period or bit rate that is wrong says nothing.
-        if !problems.is_noted("bus[") && !problems.is_noted("node.") {
-            converted.iter().for_each(|(parameters, _)| check(parameters, &mut problems));
+        let raw = read(text, &mut problems);
+        let converted = raw.as_ref().and_then(|raw| convert(file, raw, &mut problems));
+        if let Some((raw, (parameters, _))) = raw.as_ref().zip(converted.as_ref()) {
+            check(parameters, raw, &mut problems);
         }
         problems.finish()?;
         // Without a problem there is a value: every missing one was noted where it went missing.
@@ -204,38 +207,10 @@ impl Config {
     }
 }
 
-/// Types and keys: `None` when the text is no such file at all.
+/// Sections and keys: `None` when the text is no TOML at all.
 fn read(text: &str, problems: &mut Problems<'_>) -> Option<raw::File> {
-    let deserializer = toml::Deserializer::parse(text);
-    let deserializer = deserializer
-        .map_err(|error| problems.add_at(error.span().map(|span| span.start), error.message()))
-        .ok()?;
-    let mut unknown = Vec::new();
-    let read = serde_ignored::deserialize(deserializer, |path| unknown.push(path.to_string()));
-    for path in unknown {
-        problems.add(&in_brackets(&path), "unknown key");
-    }
-    let refused = |error: toml::de::Error| {
-        let place = error.span().map(|span| span.start);
-        problems.add_at(place, error.message());
-    };
-    read.map_err(refused).ok()
-}
-
-/// `joint.2.name` as `joint[2].name`; the `?` of an optional section is none of the file's.
-fn in_brackets(path: &str) -> String {
-    let mut key = String::new();
-    for part in path.split('.').filter(|part| *part != "?") {
-        if part.bytes().all(|byte| byte.is_ascii_digit()) {
-            key.push_str(&format!("[{part}]"));
-        } else {
-            if !key.is_empty() {
-                key.push('.');
-            }
-            key.push_str(part);
-        }
-    }
-    key
+    let document = DeTable::parse(text).map_err(|error| problems.add_error(&error)).ok()?;
+    Some(raw::File::from_table(&Table::root(&document, problems), problems))
 }
 
 /// Meanings. `None` only where a problem has been noted.
@@ -244,57 +219,51 @@ fn convert(
     raw: &raw::File,
     problems: &mut Problems<'_>,
 ) -> Option<(Parameters, Option<Exchange>)> {
-    let period_us = problems.within("node.sync_period_us", raw.node.sync_period_us, 250..=100_000);
-    let period = Duration::from_micros(period_us);
-    let node_id = lookup::node_id("node.node_id", raw.node.node_id, problems);
-    problems.within("node.heartbeat_ms", raw.node.heartbeat_ms, 1..=1_000);
-
-    let sync_counter = raw.node.sync_counter;
-    let sync_counter = sync_counter.map(|last| problems.within("node.sync_counter", last, 2..=240));
-    let time_period = raw.node.time_period_ms.map(|period| {
-        let millis = problems.within("node.time_period_ms", period, 10..=3_600_000);
-        Duration::from_millis(u64::from(millis))
-    });
+    let node = &raw.node;
+    let period = problems.within(&node.sync_period_us, 250..=100_000).map(Duration::from_micros);
+    let node_id = lookup::node_id(&node.node_id, problems);
+    let heartbeat = problems.within(&node.heartbeat_ms, 1..=1_000);
+    let sync_counter = problems.within(&node.sync_counter, 2..=240);
+    let time_period = problems.within(&node.time_period_ms, 10..=3_600_000);
 
     let buses = buses::read(raw, problems);
     let safety = safety::read(raw, period, problems);
     let plausibility = plausibility::read(&raw.safety, problems);
     let joints = joints::read(file, raw, problems);
     let switches = switch_box::read(file, raw, problems);
-    let (x_6_g, gravity) = arm::grip_and_gravity(&raw.arm, problems);
-    let controller = joints
-        .as_ref()
-        .and_then(|joints| control::settings(raw, joints, &x_6_g, gravity, period, problems));
+    let (x_6_g, gravity) = (arm::grip(&raw.arm, problems), bodies::gravity(&raw.arm, problems));
+    let around = Given { joints: joints.as_ref(), x_6_g, gravity, period };
+    let controller = control::settings(raw, &around, problems);
     let command_mode = control::mode(raw, problems);
     let operator = operator::read(&raw.operator, problems);
     let refuses = gain_check::refuses(raw, problems);
-    let remote = remote::settings(raw, problems);
+    let remote = remote::settings(&raw.remote, problems);
 
     let config = Parameters {
         file: file.to_path_buf(),
-        period,
+        period: period?,
         node_id: node_id?,
-        heartbeat: Duration::from_millis(u64::from(raw.node.heartbeat_ms)),
+        heartbeat: Duration::from_millis(u64::from(heartbeat?)),
         sync_counter,
-        time_period,
-        socket: raw.node.socket.as_ref().map(PathBuf::from),
-        stores_configuration: raw.node.store_configuration,
-        restores_defaults: raw.node.restore_defaults,
-        buses,
+        time_period: time_period.map(|millis| Duration::from_millis(u64::from(millis))),
+        socket: node.socket.as_ref().map(PathBuf::from),
+        stores_configuration: node.store_configuration.or(false).get()?,
+        restores_defaults: node.restore_defaults.or(false).get()?,
+        buses: buses?,
         joints: joints?,
-        x_6_g,
-        gravity,
+        x_6_g: x_6_g?,
+        gravity: gravity?,
         switches: switches?,
         controller: controller?,
         command_mode: command_mode?,
-        operator,
+        operator: operator?,
         remote: remote?,
-        safety,
-        plausibility,
+        safety: safety?,
+        plausibility: plausibility?,
     };
-    let exchange = devices::check(&config, problems);
-    start::check(&config, problems);
-    protection::check(&config, problems);
-    gain_check::check(&config, refuses, problems);
+    let exchange = devices::check(&config, raw, problems);
+    start::check(&config, raw, problems);
+    protection::check(&config, raw, problems);
+    gain_check::check(&config, refuses, raw, problems);
     Some((config, exchange))
 }

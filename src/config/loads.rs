@@ -5,6 +5,7 @@ use std::time::Duration;
 use crate::buses::BusSettings;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
+use crate::raw;
 use canopen::bits;
 use canopen::exchange::Outbox;
 use canopen::frame::Channel;
@@ -24,10 +25,13 @@ impl Parameters {
 }
 
 /// Whether any bus carries too much.
-pub(super) fn check(config: &Parameters, problems: &mut Problems<'_>) {
-    for (place, (bus, load)) in config.buses.iter().zip(config.loads()).enumerate() {
-        let key = format!("bus[{place}].load_limit_percent");
-        problems.take(&key, load.within(bus.load_limit_percent));
+pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
+    // A load that follows from a period or bit rate that is wrong says nothing.
+    if problems.is_noted_within(&raw.bus) || problems.is_noted_within(&raw.node) {
+        return;
+    }
+    for ((bus, load), raw) in config.buses.iter().zip(config.loads()).zip(raw.bus.all()) {
+        problems.take(&raw.load_limit_percent, load.within(bus.load_limit_percent));
     }
 }
 

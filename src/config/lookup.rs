@@ -5,56 +5,66 @@ use std::path::Path;
 use crate::files;
 use crate::problem::Problems;
 use crate::raw;
+use crate::value::Value;
 use canopen::NodeId;
 use canopen::eds::Eds;
 use canopen::frame::Channel;
 
 /// A node-id, 1 to 127.
-pub(super) fn node_id(key: &str, raw: u8, problems: &mut Problems<'_>) -> Option<NodeId> {
+pub(super) fn node_id(value: &Value<u8>, problems: &mut Problems<'_>) -> Option<NodeId> {
+    let raw = value.get()?;
     let node = NodeId::new(raw).ok();
     if node.is_none() {
-        problems.add(key, format_args!("{raw} is no node-id: 1 to 127"));
+        problems.add(value, format_args!("{raw} is no node-id: 1 to 127"));
     }
     node
 }
 
-/// The channel of the bus called `name`.
+/// The channel of the bus that is called like this.
 pub(super) fn channel(
-    key: &str,
+    value: &Value<String>,
     raw: &raw::File,
-    name: &str,
     problems: &mut Problems<'_>,
 ) -> Option<Channel> {
-    let found = (0..).map(Channel).zip(&raw.bus).find(|(_, bus)| bus.name == name);
-    if found.is_none() {
-        problems.add(key, format_args!("no bus is called \"{}\"", name.escape_debug()));
+    let name = value.as_ref()?;
+    let named = |bus: &raw::Bus| bus.name.as_ref() == Some(name);
+    let found = (0..).map(Channel).zip(raw.bus.all()).find(|(_, bus)| named(bus));
+    // A bus without a name may be the one.
+    let is_unsure =
+        raw.bus.is_noted() || raw.bus.all().iter().any(|bus| bus.name.as_ref().is_none());
+    if found.is_none() && !is_unsure {
+        problems.add(value, format_args!("no bus is called \"{}\"", name.escape_debug()));
     }
     found.map(|(channel, _)| channel)
 }
 
-/// The EDS called `name` in `file`.
-pub(super) fn eds(key: &str, file: &Path, name: &str, problems: &mut Problems<'_>) -> Option<Eds> {
-    let path = files::beside(file, name);
+/// The EDS that `file` calls like this.
+pub(super) fn eds(value: &Value<String>, file: &Path, problems: &mut Problems<'_>) -> Option<Eds> {
+    let path = files::beside(file, value.as_ref()?);
     let named = |reason: &dyn std::fmt::Display| format!("{}: {reason}", path.display());
     if let Some(known) = problems.sheets().get(&path) {
         let known = known.clone();
-        return whole(key, known, problems);
+        return whole(value, known, problems);
     }
     let read = files::read_by(problems.trust(), &path).map_err(|error| named(&error));
-    let bytes = problems.take(key, read)?;
+    let bytes = problems.take(value, read)?;
     let eds = Eds::parse(&bytes).map_err(|error| named(&error));
-    let eds = problems.take(key, eds)?;
+    let eds = problems.take(value, eds)?;
     let gap = eds.gap().map(|gap| {
         named(&format_args!(
             "{gap}: the file is not whole; frhc check --eds says all that is missing"
         ))
     });
     problems.sheets().insert(path.clone(), (eds.clone(), gap.clone()));
-    whole(key, (eds, gap), problems)
+    whole(value, (eds, gap), problems)
 }
 
-/// The EDS, and what it lost noted under `key`.
-fn whole(key: &str, (eds, gap): (Eds, Option<String>), problems: &mut Problems<'_>) -> Option<Eds> {
-    gap.into_iter().for_each(|gap| problems.add(key, gap));
+/// The EDS, and what it lost noted where it is named.
+fn whole(
+    value: &Value<String>,
+    (eds, gap): (Eds, Option<String>),
+    problems: &mut Problems<'_>,
+) -> Option<Eds> {
+    gap.into_iter().for_each(|gap| problems.add(value, gap));
     Some(eds)
 }

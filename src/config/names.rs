@@ -1,33 +1,32 @@
 //! Names of joints and buses: on screens, in logs and in tables, where each must be one clear word or two.
 
 use crate::problem::Problems;
+use crate::value::Value;
 
 /// Longest name, in characters.
 const LONGEST: usize = 32;
 
-/// Checks the names of all tables of one section: `joint`, `bus`.
+/// Checks the names of all tables of one section.
 pub(super) fn check<'n>(
-    section: &str,
-    names: impl Iterator<Item = &'n str>,
+    names: impl Iterator<Item = &'n Value<String>>,
     problems: &mut Problems<'_>,
 ) {
     let mut taken: Vec<&str> = Vec::new();
-    for (place, name) in names.enumerate() {
-        let key = format!("{section}[{place}].name");
+    for (value, name) in names.filter_map(|value| Some((value, value.as_ref()?.as_str()))) {
         let shown = name.escape_debug();
         if name.trim().is_empty() {
-            problems.add(&key, "must not be empty");
+            problems.add(value, "must not be empty");
         } else if name.chars().any(is_unprintable) {
             problems
-                .add(&key, format_args!("must have printable characters alone, got \"{shown}\""));
+                .add(value, format_args!("must have printable characters alone, got \"{shown}\""));
         } else if name.trim() != name {
-            problems.add(&key, format_args!("must not begin or end with blanks, got \"{shown}\""));
+            problems.add(value, format_args!("must not begin or end with blanks, got \"{shown}\""));
         } else if name.chars().count() > LONGEST {
             let length = name.chars().count();
             problems
-                .add(&key, format_args!("must have at most {LONGEST} characters, got {length}"));
+                .add(value, format_args!("must have at most {LONGEST} characters, got {length}"));
         } else if taken.contains(&name) {
-            problems.add(&key, format_args!("\"{shown}\" is taken"));
+            problems.add(value, format_args!("\"{shown}\" is taken"));
         }
         taken.push(name);
     }

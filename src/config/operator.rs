@@ -2,6 +2,7 @@
 
 use crate::problem::Problems;
 use crate::raw;
+use crate::value::Optional;
 use controller::stability::axis::Impedance;
 
 /// The impedance of the hand the gains are judged with.
@@ -23,20 +24,16 @@ impl Default for Operator {
     }
 }
 
-/// The hand of `[operator]`; the default one where the file says nothing.
-pub(super) fn read(raw: &raw::Operator, problems: &mut Problems<'_>) -> Operator {
+/// The hand of `[operator]`; the default one where the file says nothing; `None` where a problem
+/// has been noted.
+pub(super) fn read(raw: &raw::Operator, problems: &mut Problems<'_>) -> Option<Operator> {
     let Operator { linear, angular } = Operator::default();
-    let mut number = |key: &str, value: Option<f64>, otherwise: f64| {
-        problems.not_negative(&format!("operator.{key}"), value.unwrap_or(otherwise))
+    let mut impedance = |stiffness: &Optional<f64>, damping: &Optional<f64>, usual: Impedance| {
+        let stiffness = problems.not_negative(&stiffness.or(usual.stiffness));
+        let damping = problems.not_negative(&damping.or(usual.damping));
+        Some(Impedance { stiffness: stiffness?, damping: damping? })
     };
-    Operator {
-        linear: Impedance {
-            stiffness: number("stiffness_n_per_m", raw.stiffness_n_per_m, linear.stiffness),
-            damping: number("damping_ns_per_m", raw.damping_ns_per_m, linear.damping),
-        },
-        angular: Impedance {
-            stiffness: number("stiffness_nm_per_rad", raw.stiffness_nm_per_rad, angular.stiffness),
-            damping: number("damping_nms_per_rad", raw.damping_nms_per_rad, angular.damping),
-        },
-    }
+    let linear = impedance(&raw.stiffness_n_per_m, &raw.damping_ns_per_m, linear);
+    let angular = impedance(&raw.stiffness_nm_per_rad, &raw.damping_nms_per_rad, angular);
+    Some(Operator { linear: linear?, angular: angular? })
 }

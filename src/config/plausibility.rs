@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use crate::problem::Problems;
 use crate::raw;
+use crate::value::Value;
 use controller::arm::JointKind;
 
 /// What the samples of a whole arm may be.
@@ -35,41 +36,34 @@ impl Plausibility {
     }
 }
 
-/// The keys, or what they are without being written.
-pub(super) fn read(raw: &raw::Safety, problems: &mut Problems<'_>) -> Plausibility {
-    let grip = raw.max_grip_speed_m_per_s.unwrap_or(1.0);
-    let turning = raw.limit_margin_rad.unwrap_or(0.02);
-    let sliding = raw.limit_margin_m.unwrap_or(0.01);
-    let tolerance = raw.torque_tolerance_per_mille.unwrap_or(150);
-    let differs_ms = raw.torque_differs_ms.unwrap_or(50);
-    let frozen_ms = raw.frozen_ms.unwrap_or(500);
-    let missing = raw.max_missing_percent.unwrap_or(5);
-    let turns = usual_speed(raw, JointKind::Revolute);
-    problems.within("safety.max_joint_speed_rad_per_s", turns, SPEEDS);
-    let slides = usual_speed(raw, JointKind::Prismatic);
-    problems.within("safety.max_joint_speed_m_per_s", slides, SPEEDS);
-    problems.within("safety.torque_differs_ms", differs_ms, 1..=1_000);
-    problems.within("safety.frozen_ms", frozen_ms, 10..=10_000);
-    Plausibility {
-        max_grip_speed: problems.within("safety.max_grip_speed_m_per_s", grip, 0.01..=10.0),
-        limit_margin_turning: problems.within("safety.limit_margin_rad", turning, 0.0..=0.5),
-        limit_margin_sliding: problems.within("safety.limit_margin_m", sliding, 0.0..=0.1),
-        torque_tolerance: problems.within(
-            "safety.torque_tolerance_per_mille",
-            tolerance,
-            1..=1_000,
-        ),
-        torque_differs: Duration::from_millis(differs_ms),
-        frozen: Duration::from_millis(frozen_ms),
-        max_missing_percent: problems.within("safety.max_missing_percent", missing, 1..=50),
+/// The keys, or what they are without being written; `None` where a problem has been noted.
+pub(super) fn read(raw: &raw::Safety, problems: &mut Problems<'_>) -> Option<Plausibility> {
+    for kind in [JointKind::Revolute, JointKind::Prismatic] {
+        problems.within(&usual_speed(raw, kind), SPEEDS);
     }
+    let differs_ms = problems.within(&raw.torque_differs_ms.or(50), 1..=1_000);
+    let frozen_ms = problems.within(&raw.frozen_ms.or(500), 10..=10_000);
+    let grip = problems.within(&raw.max_grip_speed_m_per_s.or(1.0), 0.01..=10.0);
+    let turning = problems.within(&raw.limit_margin_rad.or(0.02), 0.0..=0.5);
+    let sliding = problems.within(&raw.limit_margin_m.or(0.01), 0.0..=0.1);
+    let tolerance = problems.within(&raw.torque_tolerance_per_mille.or(150), 1..=1_000);
+    let missing = problems.within(&raw.max_missing_percent.or(5), 1..=50);
+    Some(Plausibility {
+        max_grip_speed: grip?,
+        limit_margin_turning: turning?,
+        limit_margin_sliding: sliding?,
+        torque_tolerance: tolerance?,
+        torque_differs: Duration::from_millis(differs_ms?),
+        frozen: Duration::from_millis(frozen_ms?),
+        max_missing_percent: missing?,
+    })
 }
 
 /// How fast a joint of a kind may move, in rad/s or m/s, where the joint itself does not say.
-pub(super) fn usual_speed(raw: &raw::Safety, kind: JointKind) -> f64 {
+pub(super) fn usual_speed(raw: &raw::Safety, kind: JointKind) -> Value<f64> {
     match kind {
-        JointKind::Revolute => raw.max_joint_speed_rad_per_s.unwrap_or(10.0),
-        JointKind::Prismatic => raw.max_joint_speed_m_per_s.unwrap_or(1.0),
+        JointKind::Revolute => raw.max_joint_speed_rad_per_s.or(10.0),
+        JointKind::Prismatic => raw.max_joint_speed_m_per_s.or(1.0),
     }
 }
 

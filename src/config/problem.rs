@@ -2,11 +2,15 @@
 
 use std::collections::HashMap;
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::path::PathBuf;
 
 use crate::trust::Trust;
+use crate::value::Placed;
+use crate::value::Value;
 use canopen::eds::Eds;
+use written::List;
 
 /// One thing wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -57,6 +61,8 @@ impl std::error::Error for Invalid {}
 pub(super) struct Problems<'t> {
     file: PathBuf,
     text: &'t str,
+    /// Where lines end.
+    ends: Vec<usize>,
     trust: Trust,
     found: Vec<Problem>,
     sheets: Sheets,
@@ -68,7 +74,9 @@ pub(super) type Sheets = HashMap<PathBuf, (Eds, Option<String>)>;
 impl<'t> Problems<'t> {
     /// None yet, in `file` that reads `text`.
     pub(super) fn new(file: &Path, text: &'t str, trust: Trust) -> Self {
-        Self { file: file.to_path_buf(), text, trust, found: Vec::new(), sheets: Sheets::new() }
+        let ends = text.match_indices('\n').map(|(end, _)| end).collect();
+        let (file, found, sheets) = (file.to_path_buf(), Vec::new(), Sheets::new());
+        Self { file, text, ends, trust, found, sheets }
     }
 
     /// Data sheets read so far: joints share them.
@@ -81,34 +89,40 @@ impl<'t> Problems<'t> {
         self.trust
     }
 
-    /// The value of `key` is wrong.
-    pub(super) fn add(&mut self, key: &str, reason: impl fmt::Display) {
-        let line = line_of(self.text, key);
+    /// What stands at a place is wrong.
+    pub(super) fn add(&mut self, at: &impl Placed, reason: impl fmt::Display) {
+        let place = at.place();
         self.found.push(Problem {
             file: self.file.clone(),
-            line,
-            key: key.to_owned(),
+            line: place.line(),
+            key: place.key().to_owned(),
             reason: reason.to_string(),
         });
     }
 
-    /// The text is wrong at a byte offset, in the value of a key or anywhere else.
-    pub(super) fn add_at(&mut self, offset: Option<usize>, reason: impl fmt::Display) {
-        let line = offset.map(|offset| 1 + newlines(self.text, offset));
-        let reason = reason.to_string();
-        // What is missing has no place of its own.
-        let place = offset.filter(|_| !reason.starts_with("missing field"));
-        let key = place.map(|offset| written::key_at(self.text, offset)).unwrap_or_default();
-        self.found.push(Problem { file: self.file.clone(), line, key, reason });
+    /// The text is no TOML, or a value is of another type: wrong where the error says.
+    pub(super) fn add_error(&mut self, error: &toml::de::Error) {
+        let offset = error.span().map(|span| span.start);
+        self.found.push(Problem {
+            file: self.file.clone(),
+            line: offset.map(|offset| self.line_at(offset)),
+            key: offset.map(|offset| written::key_at(self.text, offset)).unwrap_or_default(),
+            reason: error.message().to_owned(),
+        });
     }
 
-    /// The value, or the problem noted under `key`.
+    /// The line, from 1, at a byte offset of the text.
+    pub(super) fn line_at(&self, offset: usize) -> usize {
+        1 + self.ends.partition_point(|end| *end < offset)
+    }
+
+    /// The value, or the problem noted where it stands.
     pub(super) fn take<T, E: fmt::Display>(
         &mut self,
-        key: &str,
+        at: &impl Placed,
         result: Result<T, E>,
     ) -> Option<T> {
-        result.map_err(|error| self.add(key, error)).ok()
+        result.map_err(|error| self.add(at, error)).ok()
     }
 
     /// How many were found so far.
@@ -121,144 +135,111 @@ impl<'t> Problems<'t> {
     pub(super) fn take_unless_noted<T, E: fmt::Display>(
         &mut self,
         before: usize,
-        key: &str,
+        at: &impl Placed,
         result: Result<T, E>,
     ) -> Option<T> {
-        if self.count() > before { result.ok() } else { self.take(key, result) }
+        if self.count() > before { result.ok() } else { self.take(at, result) }
     }
 
-    /// Returns whether a key that begins like this is noted already: its consequences need no line of their own.
-    pub(super) fn is_noted(&self, beginning: &str) -> bool {
-        self.found.iter().any(|problem| problem.key.starts_with(beginning))
+    /// Returns whether anything within is noted already: its consequences need no line of their own.
+    pub(super) fn is_noted_within(&self, at: &impl Placed) -> bool {
+        let is_within = |problem: &Problem| {
+            let rest = problem.key.strip_prefix(at.place().key());
+            rest.is_some_and(|rest| rest.starts_with(['.', '[']))
+        };
+        self.found.iter().any(is_within)
     }
 
-    /// `value` of `key` must be a finite number.
-    pub(super) fn finite(&mut self, key: &str, value: f64) -> f64 {
-        if !value.is_finite() {
-            self.add(key, format_args!("{value} is not a finite number"));
+    /// A finite number.
+    pub(super) fn finite<const NEEDED: bool>(&mut self, value: &Value<f64, NEEDED>) -> Option<f64> {
+        let number = value.get()?;
+        if !number.is_finite() {
+            self.add(value, format_args!("{number} is not a finite number"));
         }
-        value
+        Some(number)
     }
 
-    /// `value` of `key` must be finite and above zero.
-    pub(super) fn positive(&mut self, key: &str, value: f64) -> f64 {
-        if !(value.is_finite() && value > 0.0) {
-            self.add(key, format_args!("{value} is not above zero"));
+    /// A finite number above zero.
+    pub(super) fn positive<const NEEDED: bool>(
+        &mut self,
+        value: &Value<f64, NEEDED>,
+    ) -> Option<f64> {
+        let number = value.get()?;
+        if !(number.is_finite() && number > 0.0) {
+            self.add(value, format_args!("{number} is not above zero"));
         }
-        value
+        Some(number)
     }
 
-    /// `value` of `key` must be finite and not below zero.
-    pub(super) fn not_negative(&mut self, key: &str, value: f64) -> f64 {
-        if !(value.is_finite() && value >= 0.0) {
-            self.add(key, format_args!("{value} is not zero or above"));
+    /// A finite number that is not below zero.
+    pub(super) fn not_negative<const NEEDED: bool>(
+        &mut self,
+        value: &Value<f64, NEEDED>,
+    ) -> Option<f64> {
+        let number = value.get()?;
+        if !(number.is_finite() && number >= 0.0) {
+            self.add(value, format_args!("{number} is not zero or above"));
         }
-        value
+        Some(number)
     }
 
-    /// Every number of the list must be finite.
-    pub(super) fn all_finite<const N: usize>(&mut self, key: &str, values: [f64; N]) -> [f64; N] {
-        if let Some(wrong) = values.iter().find(|value| !value.is_finite()) {
-            self.add(key, format_args!("{wrong} is not a finite number"));
+    /// A list of finite numbers.
+    pub(super) fn all_finite<const N: usize, const NEEDED: bool>(
+        &mut self,
+        value: &Value<List<f64, N>, NEEDED>,
+    ) -> Option<[f64; N]> {
+        let List(numbers) = value.get()?;
+        if let Some(wrong) = numbers.iter().find(|number| !number.is_finite()) {
+            self.add(value, format_args!("{wrong} is not a finite number"));
         }
-        values
+        Some(numbers)
     }
 
-    /// Every number of the list must be finite and not below zero.
+    /// A list of finite numbers of which none is below zero.
     pub(super) fn none_negative<const N: usize>(
         &mut self,
-        key: &str,
-        values: [f64; N],
-    ) -> [f64; N] {
-        if let Some(wrong) = values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
-            self.add(key, format_args!("{wrong} is not zero or above"));
+        value: &Value<List<f64, N>>,
+    ) -> Option<[f64; N]> {
+        let List(numbers) = value.get()?;
+        let is_wrong = |number: &&f64| !(number.is_finite() && **number >= 0.0);
+        if let Some(wrong) = numbers.iter().find(is_wrong) {
+            self.add(value, format_args!("{wrong} is not zero or above"));
         }
-        values
+        Some(numbers)
     }
 
-    /// `value` of `key` must be one of the names of `choices`.
-    pub(super) fn one_of<T: Copy>(
+    /// One of the names of `choices`.
+    pub(super) fn one_of<T: Copy, const NEEDED: bool>(
         &mut self,
-        key: &str,
-        value: &str,
+        value: &Value<String, NEEDED>,
         choices: &[(&str, T)],
     ) -> Option<T> {
-        let found = choices.iter().find(|(name, _)| *name == value).map(|(_, choice)| *choice);
+        let given = value.as_ref()?;
+        let found = choices.iter().find(|(name, _)| name == given).map(|(_, choice)| *choice);
         if found.is_none() {
             let names: Vec<String> =
                 choices.iter().map(|(name, _)| format!("\"{name}\"")).collect();
-            self.add(key, format_args!("\"{value}\": there is {}", names.join(", ")));
+            self.add(value, format_args!("\"{given}\": there is {}", names.join(", ")));
         }
         found
     }
 
-    /// `value` of `key` must lie in `range`.
-    pub(super) fn within<T: PartialOrd + fmt::Display>(
+    /// A number in `range`.
+    pub(super) fn within<T: Copy + PartialOrd + fmt::Display, const NEEDED: bool>(
         &mut self,
-        key: &str,
-        value: T,
-        range: std::ops::RangeInclusive<T>,
-    ) -> T {
-        if !range.contains(&value) {
+        value: &Value<T, NEEDED>,
+        range: RangeInclusive<T>,
+    ) -> Option<T> {
+        let number = value.get()?;
+        if !range.contains(&number) {
             let (least, most) = (range.start(), range.end());
-            self.add(key, format_args!("{value} is not within {least} and {most}"));
+            self.add(value, format_args!("{number} is not within {least} and {most}"));
         }
-        value
+        Some(number)
     }
 
     /// The problems, if there are any.
     pub(super) fn finish(self) -> Result<(), Invalid> {
         if self.found.is_empty() { Ok(()) } else { Err(Invalid(self.found)) }
-    }
-}
-
-/// The line `key` stands on: of its value, or of the nearest table around it that is written down.
-fn line_of(text: &str, key: &str) -> Option<usize> {
-    let document = toml::de::DeTable::parse(text).ok()?;
-    let mut offset = None;
-    let mut table = Some(document.get_ref());
-    let mut array: Option<&toml::de::DeArray<'_>> = None;
-    for part in key.split(['.', '[']) {
-        let value = if let Some(place) = part.strip_suffix(']') {
-            array.take().zip(place.parse::<usize>().ok()).and_then(|(list, place)| list.get(place))
-        } else {
-            table.take().and_then(|table| table.get(part))
-        };
-        let Some(value) = value else { break };
-        offset = Some(value.span().start);
-        match value.get_ref() {
-            toml::de::DeValue::Table(inner) => table = Some(inner),
-            toml::de::DeValue::Array(inner) => array = Some(inner),
-            toml::de::DeValue::String(_)
-            | toml::de::DeValue::Integer(_)
-            | toml::de::DeValue::Float(_)
-            | toml::de::DeValue::Boolean(_)
-            | toml::de::DeValue::Datetime(_) => {}
-        }
-    }
-    offset.map(|offset| 1 + newlines(text, offset))
-}
-
-fn newlines(text: &str, before: usize) -> usize {
-    text.bytes().take(before).filter(|byte| *byte == b'\n').count()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const TEXT: &str = "[node]\na = 1\n\n[[joint]]\nb = 2\n\n[[joint]]\nb = 3\nc = [\n 1,\n 2]\n";
-
-    #[test]
-    fn a_key_is_found_on_its_line() {
-        assert_eq!(line_of(TEXT, "node.a"), Some(2));
-        assert_eq!(line_of(TEXT, "joint[0].b"), Some(5));
-        assert_eq!(line_of(TEXT, "joint[1].c"), Some(9));
-    }
-
-    #[test]
-    fn a_missing_key_is_missed_in_its_table() {
-        assert_eq!(line_of(TEXT, "joint[1].d"), Some(7));
-        assert_eq!(line_of(TEXT, "remote"), None);
     }
 }

@@ -5,10 +5,13 @@
 use std::time::Duration;
 
 use crate::force_cap::ForceCap;
+use crate::force_cap::Push;
 use crate::force_cap::Pushes;
 use crate::force_cap::UNPROVEN;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
+use crate::raw;
+use crate::value::Placed;
 use canopen::plan::NodePlan;
 use canopen::watchdog::Awaited;
 use controller::Settings;
@@ -77,7 +80,7 @@ impl Parameters {
 const WEAK: f64 = 5.0;
 
 /// Whether the force is too much even if every drive does what it is told.
-pub(super) fn check(config: &Parameters, problems: &mut Problems<'_>) {
+pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     let plans = config.node_plans();
     let drives = plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());
     let lasting = if config.safety.protection.proves_drives {
@@ -86,7 +89,14 @@ pub(super) fn check(config: &Parameters, problems: &mut Problems<'_>) {
         UNPROVEN
     };
     let cap = config.force_cap();
-    problems.take(cap.pushes.key(), cap.allows(lasting));
+    let given = &raw.controller;
+    let place = match (cap.pushes.largest(), &given.soft_stops) {
+        (Push::Reflected, _) => given.max_force_n.place(),
+        (Push::Centring, _) => given.centring_n.place(),
+        (Push::SoftStops, Some(stops)) => stops.push.place(),
+        (Push::SoftStops, None) => given.place(),
+    };
+    problems.take(place, cap.allows(lasting));
 }
 
 /// How long a drive may go on without its master, by what is planned: the quicker of its timers stops it.

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use crate::problem::Problems;
 use crate::raw;
+use crate::value::Placed;
 
 /// How long what may last before torque goes off.
 #[derive(Clone, Copy, Debug)]
@@ -36,62 +37,84 @@ pub struct Protection {
     pub effective_mass: f64,
 }
 
-/// Limits in time, and whether they can hold at this period.
-pub(super) fn read(raw: &raw::File, period: Duration, problems: &mut Problems<'_>) -> Safety {
+/// Limits in time, and whether they can hold at this period; `None` where a problem has been noted.
+pub(super) fn read(
+    raw: &raw::File,
+    period: Option<Duration>,
+    problems: &mut Problems<'_>,
+) -> Option<Safety> {
     let safety = &raw.safety;
-    let millis = |millis: u16| Duration::from_millis(u64::from(millis));
-    if safety.rpdo_timer_ms > 0 && millis(safety.rpdo_timer_ms) < period * 2 {
-        let two = (period * 2).as_micros();
-        let reason = format!("{} ms is less than two periods, {two} µs", safety.rpdo_timer_ms);
-        problems.add("safety.rpdo_timer_ms", reason);
-    }
+    rpdo_timer(safety, period, problems);
     node_heartbeat(raw, period, problems);
-    if safety.drive_lost_ms < safety.drive_heartbeat_ms.saturating_mul(2) {
-        let reason = "is less than two of the drives' heartbeats (safety.drive_heartbeat_ms)";
-        problems.add("safety.drive_lost_ms", reason);
-    }
-    problems.within("safety.drive_heartbeat_ms", safety.drive_heartbeat_ms, 1..=10_000);
-    problems.within("safety.missing_samples", safety.missing_samples, 1..=20);
-    let gravity = problems.within("safety.gravity_ramp_s", safety.gravity_ramp_s, 0.01..=60.0);
-    let reflection =
-        problems.within("safety.reflection_ramp_s", safety.reflection_ramp_s, 0.01..=60.0);
-    Safety {
-        rpdo_timer_ms: safety.rpdo_timer_ms,
-        node_lost_ms: safety.node_lost_ms,
-        drive_heartbeat_ms: safety.drive_heartbeat_ms,
-        drive_lost: millis(safety.drive_lost_ms),
-        missing_samples: safety.missing_samples,
-        gravity_ramp: Duration::try_from_secs_f64(gravity).unwrap_or_default(),
-        reflection_ramp: Duration::try_from_secs_f64(reflection).unwrap_or_default(),
-        protection: protection(safety, problems),
+    drive_heartbeat(safety, problems);
+    problems.within(&safety.missing_samples, 1..=20);
+    let gravity = problems.within(&safety.gravity_ramp_s, 0.01..=60.0);
+    let reflection = problems.within(&safety.reflection_ramp_s, 0.01..=60.0);
+    let protection = protection(safety, problems);
+    Some(Safety {
+        rpdo_timer_ms: safety.rpdo_timer_ms.get()?,
+        node_lost_ms: safety.node_lost_ms.get()?,
+        drive_heartbeat_ms: safety.drive_heartbeat_ms.get()?,
+        drive_lost: millis(safety.drive_lost_ms.get()?),
+        missing_samples: safety.missing_samples.get()?,
+        gravity_ramp: Duration::try_from_secs_f64(gravity?).unwrap_or_default(),
+        reflection_ramp: Duration::try_from_secs_f64(reflection?).unwrap_or_default(),
+        protection: protection?,
+    })
+}
+
+fn millis(millis: u16) -> Duration {
+    Duration::from_millis(u64::from(millis))
+}
+
+/// A drive's RPDO timer must outlast a SYNC that is late.
+fn rpdo_timer(safety: &raw::Safety, period: Option<Duration>, problems: &mut Problems<'_>) {
+    let Some((timer, period)) = safety.rpdo_timer_ms.get().zip(period) else { return };
+    if timer > 0 && millis(timer) < period * 2 {
+        let two = (period * 2).as_micros();
+        let reason = format!("{timer} ms is less than two periods, {two} µs");
+        problems.add(&safety.rpdo_timer_ms, reason);
     }
 }
 
 /// The node's heartbeat leaves with a cycle, so with no shorter interval, and with whole ones.
-fn node_heartbeat(raw: &raw::File, period: Duration, problems: &mut Problems<'_>) {
-    let heartbeat = Duration::from_millis(u64::from(raw.node.heartbeat_ms));
-    let lost = Duration::from_millis(u64::from(raw.safety.node_lost_ms));
+fn node_heartbeat(raw: &raw::File, period: Option<Duration>, problems: &mut Problems<'_>) {
+    let (given, lost_ms) = (&raw.node.heartbeat_ms, &raw.safety.node_lost_ms);
+    let Some((heartbeat_ms, period)) = given.get().zip(period) else { return };
+    let (heartbeat, cycle) = (millis(heartbeat_ms), period.as_micros());
     if heartbeat < period {
-        let (heartbeat, cycle) = (raw.node.heartbeat_ms, period.as_micros());
+        let key = raw.node.sync_period_us.place().key();
         let reason = format!(
-            "must be at least the cycle that sends it, {cycle} µs (node.sync_period_us), got {heartbeat} ms"
+            "must be at least the cycle that sends it, {cycle} µs ({key}), got {heartbeat_ms} ms"
         );
-        problems.add("node.heartbeat_ms", reason);
+        problems.add(given, reason);
     }
-    let cycles = heartbeat.as_micros().div_ceil(period.as_micros().max(1)).max(1);
+    let Some(lost) = lost_ms.get() else { return };
+    let cycles = heartbeat.as_micros().div_ceil(cycle.max(1)).max(1);
     let interval = period * u32::try_from(cycles).unwrap_or(u32::MAX);
-    if lost < interval * 2 {
-        let (two, got) = ((interval * 2).as_micros(), raw.safety.node_lost_ms);
+    if millis(lost) < interval * 2 {
+        let (two, key) = ((interval * 2).as_micros(), given.place().key());
         let reason = format!(
             "must be at least two of the node's heartbeats, which leave every {cycles} cycles: {two} µs, \
-             got {got} ms; see node.heartbeat_ms"
+             got {lost} ms; see {key}"
         );
-        problems.add("safety.node_lost_ms", reason);
+        problems.add(lost_ms, reason);
     }
 }
 
+/// A drive must not be missed before its second heartbeat is due.
+fn drive_heartbeat(safety: &raw::Safety, problems: &mut Problems<'_>) {
+    let (given, lost_ms) = (&safety.drive_heartbeat_ms, &safety.drive_lost_ms);
+    if lost_ms.get().zip(given.get()).is_some_and(|(lost, beat)| lost < beat.saturating_mul(2)) {
+        let key = given.place().key();
+        problems.add(lost_ms, format_args!("is less than two of the drives' heartbeats ({key})"));
+    }
+    problems.within(given, 1..=10_000);
+}
+
 /// Of the drives by themselves.
-fn protection(raw: &raw::Safety, problems: &mut Problems<'_>) -> Protection {
-    let mass = problems.within("safety.effective_mass_kg", raw.effective_mass_kg, 0.1..=3.0);
-    Protection { proves_drives: raw.prove_drives, effective_mass: mass }
+fn protection(raw: &raw::Safety, problems: &mut Problems<'_>) -> Option<Protection> {
+    let effective_mass = problems.within(&raw.effective_mass_kg.or(1.0), 0.1..=3.0);
+    let proves_drives = raw.prove_drives.or(true).get()?;
+    Some(Protection { proves_drives, effective_mass: effective_mass? })
 }

@@ -5,6 +5,7 @@ use crate::raw;
 use crate::units::Units;
 use controller::arm::JointKind;
 use controller::calibration::TorqueCurve;
+use written::List;
 
 /// The time constant of a current loop, in µs; 1600 µs are 100 Hz.
 const CURRENT_LOOP_US: std::ops::RangeInclusive<f64> = 0.0..=10_000.0;
@@ -15,43 +16,36 @@ const THERMAL_S: std::ops::RangeInclusive<f64> = 0.1..=36_000.0;
 /// The widest gap, in degrees and in m.
 const WIDEST: [f64; 2] = [10.0, 0.02];
 
-/// What is given, and what is usual where nothing is; `None` where a key of the other kind of joint stands.
+/// What is given, and what is usual where nothing is; `None` where a problem has been noted.
 pub(super) fn read(
     given: &raw::Simulated,
-    max_torque: f64,
-    of: &mut Units<'_, '_, '_>,
+    max_torque: Option<f64>,
+    of: &mut Units<'_, '_>,
 ) -> Option<Drivetrain> {
-    let hysteresis = of
-        .at_most_one(("hysteresis_nm", given.hysteresis_nm), ("hysteresis_n", given.hysteresis_n));
-    let backlash =
-        of.at_most_one(("backlash_deg", given.backlash_deg), ("backlash_m", given.backlash_m));
-    let Units { key, kind, problems } = of;
-    let current_loop_us = given.current_loop_us.unwrap_or(200.0);
-    let current_loop_us =
-        problems.within(&key("current_loop_us"), current_loop_us, CURRENT_LOOP_US);
-    let thermal_s = given.thermal_time_constant_s.unwrap_or(30.0);
-    let thermal_s = problems.within(&key("thermal_time_constant_s"), thermal_s, THERMAL_S);
+    let hysteresis = of.at_most_one(&given.hysteresis_nm, &given.hysteresis_n);
+    let backlash = of.at_most_one(&given.backlash_deg, &given.backlash_m);
+    let problems = &mut *of.problems;
+    let current_loop_us = problems.within(&given.current_loop_us.or(200.0), CURRENT_LOOP_US);
+    let thermal_s = problems.within(&given.thermal_time_constant_s.or(30.0), THERMAL_S);
     let before = problems.count();
-    let torque_curve_reverse =
-        given.torque_curve_reverse.map(|list| list.0).inspect(|coefficients| {
-            let curve = TorqueCurve::new(*coefficients, max_torque);
-            problems.take_unless_noted(before, &key("torque_curve_reverse"), curve);
-        });
-    let (name, hysteresis) = hysteresis?;
-    let hysteresis =
-        problems.within(&key(name), hysteresis.unwrap_or(0.0), 0.0..=max_torque.max(0.0));
-    let (name, backlash) = backlash?;
+    let reverse = given.torque_curve_reverse.get().map(|List(coefficients)| coefficients);
+    if let Some((coefficients, max_torque)) = reverse.zip(max_torque) {
+        let curve = TorqueCurve::new(coefficients, max_torque);
+        problems.take_unless_noted(before, &given.torque_curve_reverse, curve);
+    }
+    let most = max_torque.map_or(f64::INFINITY, |torque| torque.max(0.0));
+    let hysteresis = hysteresis.and_then(|given| problems.within(&given.or(0.0), 0.0..=most));
     let [degrees, metres] = WIDEST;
-    let widest = match kind {
+    let widest = match of.kind {
         JointKind::Revolute => degrees,
         JointKind::Prismatic => metres,
     };
-    let backlash = problems.within(&key(name), backlash.unwrap_or(0.0), 0.0..=widest);
+    let backlash = backlash.and_then(|given| problems.within(&given.or(0.0), 0.0..=widest));
     Some(Drivetrain {
-        current_loop: current_loop_us * 1e-6,
-        torque_curve_reverse,
-        hysteresis,
-        backlash: of.si(backlash),
-        thermal_time_constant: thermal_s,
+        current_loop: current_loop_us? * 1e-6,
+        torque_curve_reverse: reverse,
+        hysteresis: hysteresis?,
+        backlash: of.si(backlash?),
+        thermal_time_constant: thermal_s?,
     })
 }

@@ -2,28 +2,29 @@
 
 use crate::parameters::Parameters;
 use crate::problem::Problems;
+use crate::raw;
 use controller::JointVector;
 use controller::arm::JointKind;
 
 /// The weight of the arm at its start must leave every actuator within its capacity.
-pub(super) fn check(config: &Parameters, problems: &mut Problems<'_>) {
+pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     let controller = &config.controller;
     let q = JointVector::from(config.joints.each_ref().map(|joint| joint.plant.start));
     let tau = controller.arm.gravity(&controller.arm.posture(&q));
     let needed = controller.calibration.coupling().at_actuators(&tau);
-    for (place, (joint, needed)) in config.joints.iter().zip(needed.iter()).enumerate() {
+    for ((joint, needed), raw) in config.joints.iter().zip(needed.iter()).zip(raw.joint.all()) {
         let (needed, most) = (needed.abs(), joint.plant.actuator.max_torque);
         // NaN is none that can be held.
         if needed > most || needed.is_nan() {
-            let (name, unit) = match joint.plant.link.kind {
-                JointKind::Revolute => ("max_torque_nm", "N·m"),
-                JointKind::Prismatic => ("max_force_n", "N"),
+            let (given, unit) = match joint.plant.link.kind {
+                JointKind::Revolute => (&raw.max_torque_nm, "N·m"),
+                JointKind::Prismatic => (&raw.max_force_n, "N"),
             };
             let reason = format!(
                 "must hold the arm at its start: {needed:.2} {unit} are needed, got {most} {unit}; choose \
                  another start or motor"
             );
-            problems.add(&format!("joint[{place}].{name}"), reason);
+            problems.add(given, reason);
         }
     }
 }

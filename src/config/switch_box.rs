@@ -30,15 +30,15 @@ pub struct SwitchBox {
 /// The switch box; `None` where a problem has been noted.
 pub(super) fn read(file: &Path, raw: &raw::File, problems: &mut Problems<'_>) -> Option<SwitchBox> {
     let switches = &raw.switches;
-    let channel = lookup::channel("switches.bus", raw, &switches.bus, problems);
-    let node = lookup::node_id("switches.node_id", switches.node_id, problems);
-    let eds = lookup::eds("switches.eds", file, &switches.eds, problems);
+    let channel = lookup::channel(&switches.bus, raw, problems);
+    let node = lookup::node_id(&switches.node_id, problems);
+    let eds = lookup::eds(&switches.eds, file, problems);
+    let lost_ms = raw.safety.drive_lost_ms.get();
+    let boot = boot::of_node(switches.boot.as_ref(), lost_ms, problems);
     let identity = Identity {
-        vendor: switches.vendor_id,
-        product: switches.product_code,
-        revision: switches.revision,
+        vendor: switches.vendor_id.get()?,
+        product: switches.product_code.get()?,
+        revision: switches.revision.get()?,
     };
-    let lost_ms = raw.safety.drive_lost_ms;
-    let boot = boot::of_node("switches.boot", switches.boot.as_ref(), lost_ms, problems);
     Some(SwitchBox { channel: channel?, node: node?, identity, boot, eds: eds? })
 }

@@ -101,6 +101,44 @@ fn every_problem_is_found_in_one_run() {
 }
 
 #[test]
+fn type_error_hides_no_other_problem() {
+    let wrong = (
+        "a_m = 0.254",
+        "a_m = \"long\"",
+        "joint[2].a_m: invalid type: string \"long\", expected f64",
+    );
+    let more = [
+        (
+            "missing_samples = 3",
+            "missing_samples = 300",
+            "safety.missing_samples: 300 is not within 1 and 20",
+        ),
+        ("preset = ", "pre_set = ", "controller.pre_set: unknown key"),
+        ("preset = ", "pre_set = ", "missing field `preset`"),
+        (
+            "max_force_n = 40.0 ",
+            "max_force_n = -40.0 ",
+            "controller.max_force_n: -40 is not above zero",
+        ),
+        ("gear_ratio = ", "gear_ratio = 0.0 #", "joint[0].gear_ratio: "),
+        ("bitrate = 1_000_000", "bitrate = 1_000_001", "bus[0].bitrate: 1000001 is none of"),
+    ];
+    let text = more.iter().fold(changed(&[(wrong.0, wrong.1)]), |text, (from, to, _)| {
+        assert!(text.contains(from) || text.contains(to), "{from}");
+        text.replacen(from, to, 1)
+    });
+    let refusal = refusal(&text);
+    let reasons = more.map(|(.., reason)| reason);
+    for reason in reasons.into_iter().chain([wrong.2]) {
+        let told = refusal.lines().find(|line| line.contains(reason));
+        let line =
+            told.and_then(|told| told.strip_prefix(FILE)?.strip_prefix(':')?.split(':').next());
+        assert!(line.is_some_and(|line| line.parse::<usize>().is_ok()), "{reason}: {refusal}");
+    }
+    assert_eq!(refusal.lines().count(), more.len() + 1, "{refusal}");
+}
+
+#[test]
 fn what_does_not_fit_together_is_refused() {
     for (from, to, reason) in [
         ("sync_period_us = 1000", "sync_period_us = 500", "bus[0].load_limit_percent: "),

@@ -1,0 +1,392 @@
+//! Reads the sections of a configuration file, key by key, and notes every key that is missing, unknown or of another
+//! type than it must be. One such key hides no other: whatever else is wrong with the file is found in the same run.
+
+use std::fmt;
+use std::ops::Deref;
+
+use serde::Deserialize;
+use serde::Deserializer;
+use serde::de::DeserializeOwned;
+use serde::de::IgnoredAny;
+use serde::de::Visitor;
+use toml::Spanned;
+use toml::de::DeTable;
+use toml::de::DeValue;
+use toml::de::ValueDeserializer;
+
+use crate::problem::Problems;
+use crate::value::Place;
+use crate::value::Placed;
+use crate::value::Value;
+
+/// Declares sections: a struct each, whose fields are the keys.
+macro_rules! sections {
+    ($($(#[$about:meta])* $name:ident { $($key:ident: $of:ty,)* })*) => { $(
+        $(#[$about])*
+        #[derive(Debug)]
+        pub(super) struct $name {
+            place: $crate::value::Place,
+            $(pub(super) $key: $of,)*
+        }
+
+        impl $crate::section::Section for $name {
+            const NAME: &'static str = concat!("struct ", stringify!($name));
+
+            fn from_table(
+                table: &$crate::section::Table<'_>,
+                problems: &mut $crate::problem::Problems<'_>,
+            ) -> Self {
+                table.note_unknown(&[$(stringify!($key)),*], problems);
+                Self {
+                    place: $crate::value::Placed::place(table).clone(),
+                    $($key: $crate::section::Entry::read(table, stringify!($key), problems),)*
+                }
+            }
+        }
+
+        impl $crate::section::Entry for $name {
+            fn read(
+                table: &$crate::section::Table<'_>,
+                key: &str,
+                problems: &mut $crate::problem::Problems<'_>,
+            ) -> Self {
+                table.section(key, problems)
+            }
+        }
+
+        impl $crate::value::Placed for $name {
+            fn place(&self) -> &$crate::value::Place {
+                &self.place
+            }
+        }
+    )* };
+}
+pub(super) use sections;
+
+/// The keys of one table.
+pub(super) trait Section: Placed + Sized {
+    /// What it is called where something else stands in its place.
+    const NAME: &'static str;
+
+    /// Reads all of them.
+    fn from_table(table: &Table<'_>, problems: &mut Problems<'_>) -> Self;
+}
+
+/// What may stand at a key.
+pub(super) trait Entry: Sized {
+    /// Reads what stands at `key`.
+    fn read(table: &Table<'_>, key: &str, problems: &mut Problems<'_>) -> Self;
+}
+
+/// A table of the file; without entries where a problem has been noted of it as a whole.
+pub(super) struct Table<'d> {
+    place: Place,
+    /// Where it begins, for what is missing in it.
+    line: Option<usize>,
+    entries: Option<&'d DeTable<'d>>,
+}
+
+impl<'d> Table<'d> {
+    /// The whole file.
+    pub(super) fn root(document: &'d Spanned<DeTable<'d>>, problems: &Problems<'_>) -> Self {
+        let line = Some(problems.line_at(document.span().start));
+        let place = Place::new(String::new(), None);
+        Self { place, line, entries: Some(document.get_ref()) }
+    }
+
+    /// The table, or list of tables, that is noted to be something else or missing.
+    const fn noted(place: Place) -> Self {
+        Self { line: place.line(), place, entries: None }
+    }
+
+    /// The table that stands at a place as `value`.
+    fn at<T: Section>(
+        place: Place,
+        value: &'d Spanned<DeValue<'d>>,
+        problems: &mut Problems<'_>,
+    ) -> Self {
+        if let DeValue::Table(entries) = value.get_ref() {
+            return Self { line: place.line(), place, entries: Some(entries) };
+        }
+        let value = ValueDeserializer::from(value.clone());
+        if let Err(error) = value.deserialize_struct("", &[], Expected(T::NAME)) {
+            problems.add_error(&error);
+        }
+        Self::noted(place)
+    }
+
+    fn find(&self, key: &str) -> Option<&'d Spanned<DeValue<'d>>> {
+        self.entries?.get(bare(key))
+    }
+
+    /// Where `key` stands, or would.
+    fn place_of(&self, key: &str, problems: &Problems<'_>) -> Place {
+        let line = self.find(key).map(|value| problems.line_at(value.span().start));
+        let dot = if self.place.key().is_empty() { "" } else { "." };
+        Place::new(format!("{}{dot}{}", self.place.key(), bare(key)), line.or(self.place.line()))
+    }
+
+    fn note_missing(&self, key: &str, problems: &mut Problems<'_>) {
+        if self.entries.is_some() {
+            // What is missing has no place of its own.
+            let table = Place::new(String::new(), self.line);
+            problems.add(&table, format_args!("missing field `{}`", bare(key)));
+        }
+    }
+
+    /// Notes every key that is none of `known`.
+    pub(super) fn note_unknown(&self, known: &[&str], problems: &mut Problems<'_>) {
+        for key in self.entries.into_iter().flat_map(DeTable::keys) {
+            let key = key.get_ref();
+            if !known.iter().any(|known| bare(known) == key) {
+                problems.add(&self.place_of(key, problems), "unknown key");
+            }
+        }
+    }
+
+    /// The section at `key`, which must be there.
+    pub(super) fn section<T: Section>(&self, key: &str, problems: &mut Problems<'_>) -> T {
+        self.optional(key, problems).unwrap_or_else(|| {
+            self.note_missing(key, problems);
+            T::from_table(&Self::noted(self.place_of(key, problems)), problems)
+        })
+    }
+
+    fn optional<T: Section>(&self, key: &str, problems: &mut Problems<'_>) -> Option<T> {
+        let value = self.find(key)?;
+        let table = Table::at::<T>(self.place_of(key, problems), value, problems);
+        Some(T::from_table(&table, problems))
+    }
+}
+
+impl Placed for Table<'_> {
+    fn place(&self) -> &Place {
+        &self.place
+    }
+}
+
+/// A key without what lets it be a field's name.
+fn bare(key: &str) -> &str {
+    key.strip_prefix("r#").unwrap_or(key)
+}
+
+impl<T: DeserializeOwned, const NEEDED: bool> Entry for Value<T, NEEDED> {
+    fn read(table: &Table<'_>, key: &str, problems: &mut Problems<'_>) -> Self {
+        let place = table.place_of(key, problems);
+        let Some(value) = table.find(key) else {
+            if NEEDED {
+                table.note_missing(key, problems);
+            }
+            return if NEEDED || table.entries.is_none() {
+                Self::noted(place)
+            } else {
+                Self::absent(place)
+            };
+        };
+        match T::deserialize(ValueDeserializer::from(value.clone())) {
+            Ok(value) => Self::new(place, value),
+            Err(error) => {
+                problems.add_error(&error);
+                Self::noted(place)
+            }
+        }
+    }
+}
+
+/// A section that may be absent.
+impl<T: Section> Entry for Option<T> {
+    fn read(table: &Table<'_>, key: &str, problems: &mut Problems<'_>) -> Self {
+        table.optional(key, problems)
+    }
+}
+
+/// A section of which nothing need be said.
+#[derive(Debug)]
+pub(super) struct OrEmpty<T>(T);
+
+impl<T> Deref for OrEmpty<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.0
+    }
+}
+
+impl<T: Section> Entry for OrEmpty<T> {
+    fn read(table: &Table<'_>, key: &str, problems: &mut Problems<'_>) -> Self {
+        Self(table.optional(key, problems).unwrap_or_else(|| {
+            let (place, empty) = (table.place_of(key, problems), DeTable::new());
+            let entries = table.entries.map(|_| &empty);
+            T::from_table(&Table { line: place.line(), place, entries }, problems)
+        }))
+    }
+}
+
+/// Sections of the same name, which must be there: `[[joint]]`.
+#[derive(Debug)]
+pub(super) struct Sections<T> {
+    place: Place,
+    /// In the order of the file; `None` where they are none.
+    all: Option<Vec<T>>,
+}
+
+impl<T> Sections<T> {
+    /// In the order of the file; none where a problem has been noted.
+    pub(super) fn all(&self) -> &[T] {
+        self.all.as_deref().unwrap_or_default()
+    }
+
+    /// Returns whether they are no list at all, for which a problem has been noted.
+    pub(super) const fn is_noted(&self) -> bool {
+        self.all.is_none()
+    }
+}
+
+impl<T> Placed for Sections<T> {
+    fn place(&self) -> &Place {
+        &self.place
+    }
+}
+
+impl<T: Section> Entry for Sections<T> {
+    fn read(table: &Table<'_>, key: &str, problems: &mut Problems<'_>) -> Self {
+        let place = table.place_of(key, problems);
+        let Some(found) = table.find(key) else {
+            table.note_missing(key, problems);
+            return Self { place, all: None };
+        };
+        let DeValue::Array(list) = found.get_ref() else {
+            if let Err(error) =
+                Vec::<IgnoredAny>::deserialize(ValueDeserializer::from(found.clone()))
+            {
+                problems.add_error(&error);
+            }
+            return Self { place, all: None };
+        };
+        let one = |(number, value): (usize, &Spanned<DeValue<'_>>)| {
+            let line = problems.line_at(value.span().start);
+            let place = Place::new(format!("{}[{number}]", place.key()), Some(line));
+            T::from_table(&Table::at::<T>(place, value, problems), problems)
+        };
+        Self { all: Some(list.iter().enumerate().map(one).collect()), place }
+    }
+}
+
+/// Refuses what is no table, in the words of `serde`.
+struct Expected(&'static str);
+
+impl Visitor<'_> for Expected {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use written::List;
+
+    use super::*;
+    use crate::trust::Trust;
+    use crate::value::Optional;
+
+    sections! {
+        Whole {
+            node: Node,
+            joint: Sections<Joint>,
+            r#box: Option<Node>,
+            hand: OrEmpty<Hand>,
+        }
+
+        Node {
+            a: Value<u8>,
+            b: Optional<f64>,
+        }
+
+        Joint {
+            list: Value<List<f64, 2>>,
+            name: Optional<String>,
+        }
+
+        Hand {
+            stiffness: Optional<f64>,
+        }
+    }
+
+    const TEXT: &str = "[node]\na = 1\n\n[[joint]]\nlist = [1, 2]\n\n[[joint]]\nname = \"b\"\nlist = [\n 3,\n 4]\n";
+
+    /// What is read, and every problem on a line of its own.
+    fn read(text: &str) -> (Whole, String) {
+        let mut problems = Problems::new(Path::new("a.toml"), text, Trust::Any);
+        let document = DeTable::parse(text).unwrap();
+        let whole = Whole::from_table(&Table::root(&document, &problems), &mut problems);
+        (whole, problems.finish().map_or_else(|invalid| invalid.to_string(), |()| String::new()))
+    }
+
+    /// The key and the line of what stands there.
+    fn place(of: &impl Placed) -> (&str, Option<usize>) {
+        (of.place().key(), of.place().line())
+    }
+
+    #[test]
+    fn values_know_their_key_and_their_line() {
+        let (whole, problems) = read(TEXT);
+        assert_eq!(problems, "");
+        let [first, second] = whole.joint.all() else { panic!("two joints") };
+        assert_eq!((whole.node.a.get(), place(&whole.node.a)), (Some(1), ("node.a", Some(2))));
+        assert_eq!(place(&first.list), ("joint[0].list", Some(5)));
+        assert_eq!(place(&second.list), ("joint[1].list", Some(9)));
+        assert_eq!(second.list.get(), Some(List([3.0, 4.0])));
+        assert_eq!((place(second), second.list.place().name()), (("joint[1]", Some(7)), "list"));
+    }
+
+    #[test]
+    fn absent_keys_stand_in_their_table() {
+        let (whole, _) = read(TEXT);
+        let first = whole.joint.all().first().unwrap();
+        assert_eq!(place(&first.name), ("joint[0].name", Some(4)));
+        assert_eq!(place(&whole.hand.stiffness), ("hand.stiffness", None));
+        assert!(
+            first.name.is_absent() && whole.hand.stiffness.is_absent() && whole.r#box.is_none()
+        );
+        let usual = whole.hand.stiffness.or(2.0);
+        assert_eq!((usual.get(), place(&usual)), (Some(2.0), ("hand.stiffness", None)));
+    }
+
+    #[test]
+    fn keys_missing_unknown_or_of_another_type_are_noted_together() {
+        let text = "bax = 1\n[node]\nb = \"x\"\n[[joint]]\nlist = [1, \"y\"]\nname = 3\nnom = 4\n[[joint]]\n\
+            [box]\na = 256\n[hand]\nstiffness = 0.5\n";
+        let (whole, problems) = read(text);
+        let expected = "a.toml:1: bax: unknown key\n\
+            a.toml:2: missing field `a`\n\
+            a.toml:3: node.b: invalid type: string \"x\", expected f64\n\
+            a.toml:7: joint[0].nom: unknown key\n\
+            a.toml:5: joint[0].list: invalid type: string \"y\", expected f64\n\
+            a.toml:6: joint[0].name: invalid type: integer `3`, expected a string\n\
+            a.toml:8: missing field `list`\n\
+            a.toml:10: box.a: invalid value: integer `256`, expected u8";
+        assert_eq!(problems, expected);
+        assert_eq!((whole.node.a.get(), whole.node.b.get()), (None, None));
+        assert!(!whole.node.b.is_absent() && whole.node.b.or(1.0).get().is_none());
+        assert_eq!(whole.hand.stiffness.get(), Some(0.5));
+    }
+
+    #[test]
+    fn sections_that_are_no_tables_are_noted_once() {
+        let (whole, problems) = read("node = 1\njoint = [[], {}]\nhand = \"h\"");
+        let expected = "a.toml:1: node: invalid type: integer `1`, expected struct Node\n\
+            a.toml:2: joint[0]: invalid type: sequence, expected struct Joint\n\
+            a.toml:2: missing field `list`\n\
+            a.toml:3: hand: invalid type: string \"h\", expected struct Hand";
+        assert_eq!(problems, expected);
+        assert!(!whole.hand.stiffness.is_absent(), "its keys are not known to be absent");
+        let (whole, problems) = read("joint = 7");
+        let expected = "a.toml:1: missing field `node`\n\
+            a.toml:1: joint: invalid type: integer `7`, expected a sequence";
+        assert_eq!((problems.as_str(), whole.joint.is_noted()), (expected, true));
+    }
+}

@@ -1,0 +1,118 @@
+//! A value of a configuration file that knows where it stands: whoever finds it wrong need not name its key.
+
+/// Where something stands in the file, or would.
+#[derive(Clone, Debug)]
+pub(super) struct Place {
+    key: String,
+    line: Option<usize>,
+}
+
+impl Place {
+    /// A key like `joint[2].torque_curve`, and its line or that of the nearest table around it that is written down.
+    pub(super) const fn new(key: String, line: Option<usize>) -> Self {
+        Self { key, line }
+    }
+
+    /// The whole key.
+    pub(super) fn key(&self) -> &str {
+        &self.key
+    }
+
+    /// The line, from 1.
+    pub(super) const fn line(&self) -> Option<usize> {
+        self.line
+    }
+
+    /// The last part of the key.
+    pub(super) fn name(&self) -> &str {
+        self.key.rsplit('.').next().unwrap_or_default()
+    }
+}
+
+/// What knows where it stands.
+pub(super) trait Placed {
+    /// Returns where.
+    fn place(&self) -> &Place;
+}
+
+impl Placed for Place {
+    fn place(&self) -> &Place {
+        self
+    }
+}
+
+/// What stands at a key. A key that is `NEEDED` is noted where it is absent.
+#[derive(Clone, Debug)]
+pub(super) struct Value<T, const NEEDED: bool = true> {
+    place: Place,
+    found: Found<T>,
+}
+
+/// The same of a key that may be absent.
+pub(super) type Optional<T> = Value<T, false>;
+
+#[derive(Clone, Debug)]
+enum Found<T> {
+    Value(T),
+    /// Of another type, or absent though it is needed: a problem that has been noted, once.
+    Noted,
+    Absent,
+}
+
+impl<T, const NEEDED: bool> Value<T, NEEDED> {
+    pub(super) const fn new(place: Place, value: T) -> Self {
+        Self { place, found: Found::Value(value) }
+    }
+
+    /// A value that cannot be used, for which a problem has been noted.
+    pub(super) const fn noted(place: Place) -> Self {
+        Self { place, found: Found::Noted }
+    }
+
+    /// A key that is not in the file, and need not be.
+    pub(super) const fn absent(place: Place) -> Self {
+        Self { place, found: Found::Absent }
+    }
+
+    /// The value, if there is one.
+    pub(super) const fn as_ref(&self) -> Option<&T> {
+        match &self.found {
+            Found::Value(value) => Some(value),
+            Found::Noted | Found::Absent => None,
+        }
+    }
+}
+
+impl<T: Copy, const NEEDED: bool> Value<T, NEEDED> {
+    /// The value, if there is one.
+    pub(super) const fn get(&self) -> Option<T> {
+        match self.found {
+            Found::Value(value) => Some(value),
+            Found::Noted | Found::Absent => None,
+        }
+    }
+}
+
+impl<T> Optional<T> {
+    /// Returns whether the key is not in the file.
+    pub(super) const fn is_absent(&self) -> bool {
+        matches!(self.found, Found::Absent)
+    }
+}
+
+impl<T: Clone> Optional<T> {
+    /// The same with what is `usual` where the key is absent.
+    pub(super) fn or(&self, usual: T) -> Value<T> {
+        let found = match &self.found {
+            Found::Absent => Found::Value(usual),
+            found @ (Found::Value(_) | Found::Noted) => found.clone(),
+        };
+        Value { place: self.place.clone(), found }
+    }
+}
+
+impl<T, const NEEDED: bool> Placed for Value<T, NEEDED> {
+    fn place(&self) -> &Place {
+        &self.place
+    }
+}

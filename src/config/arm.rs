@@ -31,7 +31,7 @@ pub(super) fn calibration(
     coupling.map_or(calibration, |coupling| calibration.coupled(coupling))
 }
 
-/// What couples joints and actuators; `None` where nothing does, or a problem has been noted.
+/// Coupling of joints and actuators; `None` where nothing does, or a problem has been noted.
 pub(super) fn coupling(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Coupling<6>> {
     let given = raw.coupling.as_ref()?;
     let List(rows) = given.matrix.get()?;

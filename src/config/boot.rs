@@ -10,16 +10,16 @@ use canopen::plan::Admission;
 use canopen::plan::NodePlan;
 use canopen::plan::Revisions;
 
-/// How one node is booted.
+/// Boot of one node.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BootSettings {
-    /// What more it must say.
+    /// Answers that it must give besides its identity.
     pub admission: Admission,
-    /// How it is guarded; `None` for a node with a heartbeat.
+    /// Node guarding; `None` for a node with a heartbeat.
     pub guarding: Option<Guarding>,
-    /// Whether the others start without it.
+    /// The others start without it.
     pub is_optional: bool,
-    /// Whether it is left alone where it runs as planned.
+    /// It is left alone where it runs as planned.
     pub keep_alive: bool,
 }
 
@@ -39,7 +39,7 @@ impl BootSettings {
     }
 }
 
-/// Of a joint's drive, which must be there and always begins anew: it can push.
+/// Reads the boot of a joint's drive, which must be there and always begins anew: it can push.
 pub(super) fn of_drive(
     raw: Option<&raw::Boot>,
     lost_ms: Option<u16>,
@@ -56,7 +56,7 @@ pub(super) fn of_drive(
     settings
 }
 
-/// Of any node; one that is guarded must not be missed longer than `lost_ms`.
+/// Reads the boot of any node; one that is guarded must not be missed longer than `lost_ms`.
 pub(super) fn of_node(
     raw: Option<&raw::Boot>,
     lost_ms: Option<u16>,

@@ -1,5 +1,5 @@
-//! The configured network as the bus planner takes it: every node with what it is told, what its EDS
-//! permits, and what its values are while the arm is in use.
+//! The configured network as the bus planner takes it: every node with its plan, what its EDS permits, and what its
+//! values are while the arm is in use.
 
 use nalgebra::SVector;
 
@@ -55,7 +55,7 @@ fn members(config: &Parameters, channel: Channel, signals: &[Signals; 6]) -> Vec
     here.map(|(_, plan)| member(plan)).collect()
 }
 
-/// What each joint's drive typically says and is told: near the start, holding the arm up.
+/// Typical values that each joint's drive sends and receives: near the start, holding the arm up.
 fn signals(config: &Parameters) -> [Signals; 6] {
     let controller = &config.controller;
     let q = SVector::from(config.joints.each_ref().map(|joint| joint.plant.start));

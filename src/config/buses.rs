@@ -16,7 +16,7 @@ const LONGEST_INTERFACE: usize = 15;
 /// One CAN bus.
 #[derive(Clone, Debug)]
 pub struct BusSettings {
-    /// What people call it.
+    /// Name for people.
     pub name: String,
     /// Its SocketCAN interface.
     pub interface: String,
@@ -104,7 +104,7 @@ fn interface<'r>(
     Some(name)
 }
 
-/// Whether Linux may have an interface of that name (`dev_valid_name`).
+/// Returns whether Linux may have an interface of that name (`dev_valid_name`).
 fn is_interface(name: &str) -> bool {
     let is_odd = |c: char| c == '/' || c == ':' || c.is_whitespace() || c.is_control();
     (1..=LONGEST_INTERFACE).contains(&name.len())

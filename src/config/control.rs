@@ -24,13 +24,13 @@ use controller::reflection::Reflection;
 use controller::switches::Mode;
 use written::List;
 
-/// What a displacement of the hand means at the start.
+/// Meaning of a displacement of the hand at the start.
 pub(super) fn mode(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Mode> {
     let modes = [("rate", Mode::Rate), ("pose", Mode::Pose)];
     problems.one_of(&raw.controller.mode, &modes)
 }
 
-/// What the rest of the file says that the controller takes; each `None` where a problem has been noted.
+/// Values from other sections that the controller takes; each `None` where a problem has been noted.
 pub(super) struct Given<'g> {
     pub(super) joints: Option<&'g [JointParameters; 6]>,
     pub(super) x_6_g: Option<Isometry3<f64>>,

@@ -1,5 +1,5 @@
-//! What no single section shows of the devices: node-ids taken twice, devices that are not what their EDS says or
-//! cannot do what the layout asks.
+//! Checks of the devices that no single section allows: node-ids taken twice, devices that are not what their EDS says
+//! or cannot do what the layout asks.
 
 use std::collections::HashSet;
 

@@ -21,13 +21,13 @@ use controller::tank::TankSettings;
 use controller::velocity::Filter;
 use controller::virtual_coupling::VirtualCoupling;
 
-/// What is felt begins over so many s if nothing else is asked for.
+/// Ramp of what is felt where the file asks for none, in s.
 const BEGINS_OVER: f64 = 0.3;
 
 /// Strongest damper of a tank of which the file says none, in N·s/m: that of the shipped passivity layers.
 const TANK_DAMPING: f64 = 60.0;
 
-/// What the parts are made for; each `None` where a problem has been noted.
+/// Arm, calibration and period that the parts are made for; each `None` where a problem has been noted.
 #[derive(Clone, Copy)]
 pub(super) struct Made<'m> {
     pub(super) arm: Option<&'m Arm<6>>,

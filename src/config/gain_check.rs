@@ -45,10 +45,10 @@ const RATE_DELAY: u32 = 2;
 /// The object gives way to the wrench where it stands, in the same exchange.
 const ACCOMMODATION_DELAY: u32 = 0;
 
-/// How far from its centre the object touches a surface, in m: `k` then resists turning with `k r²`.
+/// Distance from its centre at which the object touches a surface, in m: `k` then resists turning with `k r²`.
 const TOUCH_RADIUS: f64 = 0.02;
 
-/// Whether unstable gains make a configuration unfit; yes, unless it says `gain_check = "warn"`.
+/// Returns whether unstable gains make a configuration unfit; yes, unless it says `gain_check = "warn"`.
 pub(super) fn refuses(raw: &raw::File, problems: &mut Problems<'_>) -> bool {
     let choices = [("refuse", true), ("warn", false)];
     let asked = raw.controller.gain_check.or("refuse".to_owned());
@@ -82,13 +82,13 @@ pub(super) fn check(
 }
 
 impl Parameters {
-    /// What is to be said of the gains: every inequality of every axis, held or not.
+    /// Findings about the gains: every inequality of every axis, held or not.
     pub fn findings(&self) -> Vec<Finding> {
         axes(self).iter().flatten().flat_map(Axis::findings).collect()
     }
 }
 
-/// Of findings with the same name, the one farthest from holding.
+/// The one farthest from holding of the findings with the same name.
 fn worst_of_each(findings: &[Finding]) -> Vec<&Finding> {
     let is_worst = |finding: &&Finding| {
         let others = findings.iter().filter(|other| other.name == finding.name);

@@ -72,7 +72,7 @@ struct Choice<'p, 't> {
 }
 
 impl Choice<'_, '_> {
-    /// What `name` stands for, or the preset's where nothing is said.
+    /// The choice called `name`, or the preset's where the key is absent.
     fn of<T: Copy>(&mut self, (name, preset): (&Optional<String>, T), choices: &[(&str, T)]) -> T {
         if name.is_absent() {
             return preset;

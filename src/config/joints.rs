@@ -25,23 +25,23 @@ use controller::calibration::TorqueCurve;
 /// One joint: where it is on the network, how it moves, what moves it.
 #[derive(Clone, Debug)]
 pub struct JointParameters {
-    /// What people call it.
+    /// Name for people.
     pub name: String,
     /// Its drive's bus.
     pub channel: Channel,
     /// Its drive's node-id.
     pub node: NodeId,
-    /// What its drive must be.
+    /// Identity that its drive must have.
     pub identity: Identity,
-    /// How its drive is booted.
+    /// Boot of its drive.
     pub boot: BootSettings,
-    /// What its drive's maker says of it.
+    /// Data sheet of its drive.
     pub eds: Eds,
-    /// How fast it may move before torque goes off, in rad/s or m/s.
+    /// Maximum speed before torque goes off, in rad/s or m/s.
     pub max_speed: f64,
     /// Encoder and torque curve, as the controller uses them.
     pub calibration: JointCalibration,
-    /// What it is made of.
+    /// Joint, link and actuator as they are built.
     pub plant: JointPlant,
 }
 
@@ -103,7 +103,7 @@ fn read_one(
     })
 }
 
-/// How fast it may move, in rad/s or m/s: `usual` where it does not say.
+/// Maximum speed, in rad/s or m/s: `usual` where the joint does not say.
 fn max_speed(joint: &raw::Joint, usual: &Value<f64>, of: &mut Units<'_, '_>) -> Option<f64> {
     let given = of.at_most_one(&joint.max_speed_rad_per_s, &joint.max_speed_m_per_s)?;
     if given.is_absent() { usual.get() } else { of.problems.within(given, plausibility::SPEEDS) }

@@ -180,7 +180,7 @@ impl Config {
         self
     }
 
-    /// How long after a SYNC samples are waited for: what a period leaves when the RPDOs that must be
+    /// Time after a SYNC in which samples are waited for: what a period leaves when the RPDOs that must be
     /// there before the next SYNC are taken off.
     pub fn window(&self) -> Duration {
         self.period.saturating_sub(loads::rpdo_time(self, &self.exchange.outbox))

@@ -1,4 +1,4 @@
-//! How much the buses of a configuration carry in the worst case, and whether that is too much.
+//! Worst-case load of the buses of a configuration, and its limit.
 
 use std::time::Duration;
 
@@ -24,7 +24,7 @@ impl Parameters {
     }
 }
 
-/// Whether any bus carries too much.
+/// Notes every bus that carries too much.
 pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     // A load that follows from a period or bit rate that is wrong says nothing.
     if problems.is_noted_within(&raw.bus) || problems.is_noted_within(&raw.node) {
@@ -35,14 +35,14 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
     }
 }
 
-/// What is planned on one bus.
+/// Streams that are planned on one bus.
 fn streams(config: &Parameters, channel: Channel) -> Vec<Stream> {
     let plans = config.node_plans();
     let here = plans.iter().filter(|(place, _)| *place == channel).map(|(_, plan)| plan);
     load::streams(here, config.period_us(), config.node_id, config.heartbeat_ms())
 }
 
-/// How long the RPDOs of every cycle take on the slowest bus, in the worst case.
+/// Worst-case time of the RPDOs of a cycle on the slowest bus.
 pub(super) fn rpdo_time(config: &Parameters, outbox: &Outbox) -> Duration {
     let time = |(channel, bus): (Channel, &BusSettings)| {
         let bits: u32 = outbox.bytes_on(channel).map(bits::worst_case).sum();

@@ -1,4 +1,4 @@
-//! What several sections name: buses, node-ids, EDS files.
+//! Buses, node-ids and EDS files, which several sections name.
 
 use std::path::Path;
 

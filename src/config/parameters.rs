@@ -29,17 +29,17 @@ pub struct Parameters {
     pub period: Duration,
     /// The master's own node-id, for its heartbeat.
     pub node_id: NodeId,
-    /// How often the master's heartbeat is sent.
+    /// Period of the master's heartbeat.
     pub heartbeat: Duration,
     /// Up to what SYNCs are counted (1019h), if they are.
     pub sync_counter: Option<u8>,
-    /// How often TIME is told, if it is.
+    /// Period of TIME, if it is sent.
     pub time_period: Option<Duration>,
     /// Where the control socket is, if the file says so.
     pub socket: Option<PathBuf>,
-    /// Whether nodes are told to store what is set in them.
+    /// Nodes store what is set in them (1010h).
     pub stores_configuration: bool,
-    /// Whether nodes get their makers' defaults back before they are configured.
+    /// Nodes get their makers' defaults back (1011h) before they are configured.
     pub restores_defaults: bool,
     /// The buses; a [`Channel`] is a place in this list.
     pub buses: Vec<BusSettings>,
@@ -53,15 +53,15 @@ pub struct Parameters {
     pub switches: SwitchBox,
     /// The controller.
     pub controller: Settings,
-    /// What a displacement of the hand means at the start.
+    /// Meaning of a displacement of the hand at the start.
     pub command_mode: Mode,
-    /// Whose hand the gains are judged with.
+    /// Hand that the gains are judged with.
     pub operator: Operator,
     /// The commanded side.
     pub remote: Virtual,
     /// Limits in time.
     pub safety: Safety,
-    /// What samples may be before they are not believed.
+    /// Bounds of plausible samples.
     pub plausibility: Plausibility,
 }
 
@@ -88,18 +88,18 @@ impl Parameters {
         (0..).zip(&self.buses).map(|(place, _)| Channel(place)).collect()
     }
 
-    /// How often the commanded side is sampled.
+    /// Sampling period of the commanded side.
     pub const fn link_period(&self) -> Duration {
         self.period
     }
 
-    /// How long the longest frame takes on the slowest bus.
+    /// Time of the longest frame on the slowest bus.
     pub fn longest_frame(&self) -> Duration {
         let bitrate = self.buses.iter().map(|bus| bus.bitrate).min().unwrap_or(1);
         Duration::from_secs(1) * bits::worst_case(8) / bitrate.max(1)
     }
 
-    /// How many frames all buses together can carry in so many periods, at the most.
+    /// Maximum number of frames that all buses together carry in so many periods.
     pub fn most_frames(&self, periods: u64) -> u64 {
         let micros = u64::try_from(self.period.as_micros()).unwrap_or(u64::MAX);
         let bitrate: u64 = self.buses.iter().map(|bus| u64::from(bus.bitrate)).sum();

@@ -1,4 +1,4 @@
-//! Node plans: what every node of a configuration is to be and to be told, as its master takes it.
+//! Node plans: identity, PDOs and settings of every node of a configuration, as its master takes them.
 
 use std::f64::consts::TAU;
 
@@ -20,24 +20,24 @@ use canopen::plan::Watch;
 use controller::JointVector;
 use units::numbering::Joint;
 
-/// How many times the speed at which the node stops its drive lets a joint have: the second layer.
+/// Speed limit in the drive over the speed at which the node stops: the second layer.
 const SECOND_LAYER: f64 = 1.25;
 
-/// How far a joint at rest turns in 100 ms at most, in rad (m): no faster than 0.02 rad/s.
+/// Maximum motion of a joint at rest in 100 ms, in rad (m): no faster than 0.02 rad/s.
 const AT_REST: f64 = 0.002;
 
 /// Counts that an encoder at rest goes back and forth.
 const NOISE: u32 = 2;
 
 impl Parameters {
-    /// What every node is to be and to be told, in the order of the joints, then the switch box.
+    /// Plans of all nodes, in the order of the joints, then the switch box.
     pub fn node_plans(&self) -> Vec<(Channel, NodePlan)> {
         let joints = Joint::ALL.into_iter().zip(&self.joints);
         let drives = joints.map(|(number, joint)| (joint.channel, drive(self, number, joint)));
         drives.chain([(self.switches.channel, switches(self))]).collect()
     }
 
-    /// What a master must hear of each bus, in the order of the channels.
+    /// Frames that a master must receive from each bus, in the order of the channels.
     pub fn patterns(&self) -> Vec<Vec<Pattern>> {
         let plans = self.node_plans();
         self.channels().into_iter().map(|channel| listening::patterns(channel, &plans)).collect()
@@ -103,8 +103,8 @@ pub(super) fn switches(config: &Parameters) -> NodePlan {
     kept(config, eds, boot.apply(behind_the_pdos(plan, eds)))
 }
 
-/// Whether a node keeps what it is told, and forgets first what it was told before. One that cannot,
-/// by its EDS, has nothing to forget.
+/// Adds storing and restoring of the configuration, as the file asks. A node that cannot restore defaults by its EDS
+/// has nothing to forget.
 fn kept(config: &Parameters, eds: &Eds, plan: NodePlan) -> NodePlan {
     let can_forget = eds.object(Object::RESTORE_DEFAULTS).is_some();
     NodePlan {
@@ -114,7 +114,7 @@ fn kept(config: &Parameters, eds: &Eds, plan: NodePlan) -> NodePlan {
     }
 }
 
-/// How the node at `place` is watched. Each beats a hundredth faster than the one before, so that those
+/// Error control of the node at `place`. Each beats a hundredth faster than the one before, so that those
 /// of all nodes, which begin together, do not stay together: the next SYNC would have to wait for them.
 fn watch(config: &Parameters, place: usize) -> Watch {
     let place = u16::try_from(place).unwrap_or(u16::MAX);
@@ -148,8 +148,8 @@ fn as_far_as_it_has(plan: NodePlan, joint: &JointParameters) -> NodePlan {
     plan.lacking(|object| joint.eds.object(object).is_none())
 }
 
-/// How long a drive without a fresh RPDO takes to stop, if it has such a timer by its EDS; written as 0
-/// where the file wants none.
+/// Time until a drive without a fresh RPDO stops, if it has such a timer by its EDS; written as 0 where the file wants
+/// none.
 fn rpdo_timer(config: &Parameters, joint: &JointParameters) -> Option<u16> {
     let timer = Object::rpdo_communication(1, 5);
     joint.eds.object(timer).map(|_| config.safety.rpdo_timer_ms)

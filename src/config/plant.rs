@@ -16,22 +16,22 @@ pub struct Plant {
     pub x_6_g: Isometry3<f64>,
     /// Gravity in {0}, in m/s².
     pub gravity: [f64; 3],
-    /// How actuators move joints.
+    /// Coupling of actuators and joints.
     pub coupling: Coupling<6>,
 }
 
-/// One joint with its link, and all that moves it.
+/// One joint with its link and its actuator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointPlant {
     /// Kinematics, masses and range.
     pub link: Link,
     /// Where it starts in simulation, in rad or m.
     pub start: f64,
-    /// What resists at the joint.
+    /// Friction at the joint.
     pub friction: Friction,
-    /// What moves it.
+    /// Motor, encoder and gear.
     pub actuator: Actuator,
-    /// What stands between its current loop and the link.
+    /// Imperfections between its current loop and the link.
     pub drivetrain: Drivetrain,
 }
 
@@ -61,7 +61,7 @@ pub struct Actuator {
     pub torque_curve: [f64; 3],
 }
 
-/// What motor and gear do besides, of which the controller knows nothing.
+/// Imperfections of motor and gear, of which the controller knows nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drivetrain {
     /// Time constant of the current loop, in s.

@@ -1,4 +1,4 @@
-//! What of `[safety]` is about samples: what a joint may do before its drive is not believed.
+//! `[safety]`, as far as it is about samples: bounds beyond which a sample is implausible.
 
 use std::time::Duration;
 
@@ -7,12 +7,12 @@ use crate::raw;
 use crate::value::Value;
 use controller::arm::JointKind;
 
-/// What the samples of a whole arm may be.
+/// Bounds of the samples of a whole arm.
 #[derive(Clone, Copy, Debug)]
 pub struct Plausibility {
-    /// How fast the grip may move, in m/s.
+    /// Maximum speed of the grip, in m/s.
     pub max_grip_speed: f64,
-    /// How far beyond its range a joint that turns may be, in rad.
+    /// Margin beyond the range of a joint that turns, in rad.
     pub limit_margin_turning: f64,
     /// The same of one that slides, in m.
     pub limit_margin_sliding: f64,
@@ -22,12 +22,12 @@ pub struct Plausibility {
     pub torque_differs: Duration,
     /// For how long a position may stand still under torque.
     pub frozen: Duration,
-    /// How many of a joint's samples may be missing within a second, in percent.
+    /// Maximum share of a joint's samples missing within a second, in percent.
     pub max_missing_percent: u32,
 }
 
 impl Plausibility {
-    /// How far beyond its range a joint of this kind may be, in rad or m.
+    /// Margin beyond the range of a joint of this kind, in rad or m.
     pub const fn limit_margin(&self, kind: JointKind) -> f64 {
         match kind {
             JointKind::Revolute => self.limit_margin_turning,
@@ -59,7 +59,7 @@ pub(super) fn read(raw: &raw::Safety, problems: &mut Problems<'_>) -> Option<Pla
     })
 }
 
-/// How fast a joint of a kind may move, in rad/s or m/s, where the joint itself does not say.
+/// Maximum speed of a joint of a kind, in rad/s or m/s, where the joint itself does not say.
 pub(super) fn usual_speed(raw: &raw::Safety, kind: JointKind) -> Value<f64> {
     match kind {
         JointKind::Revolute => raw.max_joint_speed_rad_per_s.or(10.0),

@@ -1,4 +1,4 @@
-//! What is wrong with a configuration, where, and why: one line each, all of them in one run.
+//! Problems of a configuration, with place and reason: one line each, all of them in one run.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -21,7 +21,7 @@ pub struct Problem {
     pub line: Option<usize>,
     /// The key, like `joint[2].torque_curve`; empty for the file as a whole.
     pub key: String,
-    /// What is wrong with its value.
+    /// Reason why its value is refused.
     pub reason: String,
 }
 
@@ -72,7 +72,7 @@ pub(super) struct Problems<'t> {
 pub(super) type Sheets = HashMap<PathBuf, (Eds, Option<String>)>;
 
 impl<'t> Problems<'t> {
-    /// None yet, in `file` that reads `text`.
+    /// Starts without problems, in `file` that reads `text`.
     pub(super) fn new(file: &Path, text: &'t str, trust: Trust) -> Self {
         let ends = text.match_indices('\n').map(|(end, _)| end).collect();
         let (file, found, sheets) = (file.to_path_buf(), Vec::new(), Sheets::new());
@@ -84,12 +84,12 @@ impl<'t> Problems<'t> {
         &mut self.sheets
     }
 
-    /// What the files it names must be worth.
+    /// Trust that the files it names must be worth.
     pub(super) const fn trust(&self) -> Trust {
         self.trust
     }
 
-    /// What stands at a place is wrong.
+    /// Notes a problem with what stands at a place.
     pub(super) fn add(&mut self, at: &impl Placed, reason: impl fmt::Display) {
         let place = at.place();
         self.found.push(Problem {
@@ -100,7 +100,7 @@ impl<'t> Problems<'t> {
         });
     }
 
-    /// The text is no TOML, or a value is of another type: wrong where the error says.
+    /// Notes that the text is invalid TOML, or a value of another type, where the error says.
     pub(super) fn add_error(&mut self, error: &toml::de::Error) {
         let offset = error.span().map(|span| span.start);
         self.found.push(Problem {
@@ -125,7 +125,7 @@ impl<'t> Problems<'t> {
         result.map_err(|error| self.add(at, error)).ok()
     }
 
-    /// How many were found so far.
+    /// Number of problems found so far.
     pub(super) const fn count(&self) -> usize {
         self.found.len()
     }
@@ -150,7 +150,7 @@ impl<'t> Problems<'t> {
         self.found.iter().any(is_within)
     }
 
-    /// A finite number.
+    /// Checks for a finite number.
     pub(super) fn finite<const NEEDED: bool>(&mut self, value: &Value<f64, NEEDED>) -> Option<f64> {
         let number = value.get()?;
         if !number.is_finite() {
@@ -159,7 +159,7 @@ impl<'t> Problems<'t> {
         Some(number)
     }
 
-    /// A finite number above zero.
+    /// Checks for a finite number above zero.
     pub(super) fn positive<const NEEDED: bool>(
         &mut self,
         value: &Value<f64, NEEDED>,
@@ -171,7 +171,7 @@ impl<'t> Problems<'t> {
         Some(number)
     }
 
-    /// A finite number that is not below zero.
+    /// Checks for a finite number that is not below zero.
     pub(super) fn not_negative<const NEEDED: bool>(
         &mut self,
         value: &Value<f64, NEEDED>,
@@ -183,7 +183,7 @@ impl<'t> Problems<'t> {
         Some(number)
     }
 
-    /// A list of finite numbers.
+    /// Checks for finite numbers.
     pub(super) fn all_finite<const N: usize, const NEEDED: bool>(
         &mut self,
         value: &Value<List<f64, N>, NEEDED>,
@@ -195,7 +195,7 @@ impl<'t> Problems<'t> {
         Some(numbers)
     }
 
-    /// A list of finite numbers of which none is below zero.
+    /// Checks for finite numbers, none of them below zero.
     pub(super) fn none_negative<const N: usize>(
         &mut self,
         value: &Value<List<f64, N>>,
@@ -208,7 +208,7 @@ impl<'t> Problems<'t> {
         Some(numbers)
     }
 
-    /// One of the names of `choices`.
+    /// Checks for one of the names of `choices`.
     pub(super) fn one_of<T: Copy, const NEEDED: bool>(
         &mut self,
         value: &Value<String, NEEDED>,
@@ -224,7 +224,7 @@ impl<'t> Problems<'t> {
         found
     }
 
-    /// A number in `range`.
+    /// Checks for a number in `range`.
     pub(super) fn within<T: Copy + PartialOrd + fmt::Display, const NEEDED: bool>(
         &mut self,
         value: &Value<T, NEEDED>,

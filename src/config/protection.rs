@@ -1,4 +1,4 @@
-//! How much force the drives' own timers allow.
+//! Maximum force that the drives' own timers allow.
 //!
 //! The timers are written and read back at every boot and proven then; the force is judged again by what was proven.
 
@@ -19,7 +19,7 @@ use controller::arm::JointKind;
 use controller::arm::Link;
 use controller::stability::push::PushedHand;
 
-/// What a timer may take longer than it says: its frame on the way, and its own grain.
+/// Tolerance of a timer: its frame on the way, and its own grain.
 pub const fn grain(awaited: Awaited) -> Duration {
     match awaited {
         Awaited::Rpdo => Duration::from_millis(1),
@@ -79,7 +79,7 @@ impl Parameters {
 /// Up to this force the return to centre need not be compared with what the joints can exert, in N.
 const WEAK: f64 = 5.0;
 
-/// Whether the force is too much even if every drive does what it is told.
+/// Notes a force that is too much even if every drive does as it is configured.
 pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     let plans = config.node_plans();
     let drives = plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());
@@ -99,7 +99,7 @@ pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problem
     problems.take(place, cap.allows(lasting));
 }
 
-/// How long a drive may go on without its master, by what is planned: the quicker of its timers stops it.
+/// Maximum time that a drive goes on without its master, by its plan: the quicker of its timers stops it.
 fn longest(plan: &NodePlan) -> Duration {
     let timers = [Awaited::Rpdo, Awaited::Heartbeat].into_iter();
     let timers = timers.filter_map(|awaited| plan.watchdog(awaited));

@@ -33,7 +33,7 @@ sections! {
         time_period_ms: Optional<u32>,
     }
 
-    /// What is unusual about one node's boot.
+    /// Unusual boot of one node.
     Boot {
         revisions: Optional<String>,
         serial: Optional<u32>,
@@ -104,7 +104,7 @@ sections! {
         simulated: OrEmpty<Simulated>,
     }
 
-    /// What a simulated motor and gear do that no controller is told of.
+    /// Imperfections of a simulated motor and gear.
     Simulated {
         current_loop_us: Optional<f64>,
         torque_curve_reverse: Optional<List<f64, 3>>,

@@ -60,7 +60,7 @@ pub(super) fn settings(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option
     })
 }
 
-/// What is absent, or can be used; `None` where a problem has been noted.
+/// Turns a section that was noted into `None`, and keeps one that is absent.
 fn given<T>(section: Option<Option<T>>) -> Option<Option<T>> {
     match section {
         None => Some(None),

@@ -7,14 +7,14 @@ use crate::problem::Problems;
 use crate::raw;
 use crate::value::Placed;
 
-/// How long what may last before torque goes off.
+/// Time limits of faults before torque goes off, and ramps.
 #[derive(Clone, Copy, Debug)]
 pub struct Safety {
     /// A drive without a fresh RPDO; 0 where only the heartbeat is to stop it.
     pub rpdo_timer_ms: u16,
     /// A drive without the master's heartbeat.
     pub node_lost_ms: u16,
-    /// How often drives send their heartbeat.
+    /// Heartbeat period of the drives.
     pub drive_heartbeat_ms: u16,
     /// The master without a node's heartbeat.
     pub drive_lost: Duration,
@@ -24,16 +24,16 @@ pub struct Safety {
     pub gravity_ramp: Duration,
     /// Reflection from zero to full.
     pub reflection_ramp: Duration,
-    /// What the drives do by themselves.
+    /// Protection by the drives themselves.
     pub protection: Protection,
 }
 
 /// `[safety]`, as far as it is about the drives by themselves.
 #[derive(Clone, Copy, Debug)]
 pub struct Protection {
-    /// Whether every drive must show at every boot that it stops by itself.
+    /// Every drive must show at every boot that it stops by itself.
     pub proves_drives: bool,
-    /// Of hand and grip, in kg.
+    /// Mass of hand and grip, in kg.
     pub effective_mass: f64,
 }
 
@@ -112,7 +112,7 @@ fn drive_heartbeat(safety: &raw::Safety, problems: &mut Problems<'_>) {
     problems.within(given, 1..=10_000);
 }
 
-/// Of the drives by themselves.
+/// Reads the protection by the drives themselves.
 fn protection(raw: &raw::Safety, problems: &mut Problems<'_>) -> Option<Protection> {
     let effective_mass = problems.within(&raw.effective_mass_kg.or(1.0), 0.1..=3.0);
     let proves_drives = raw.prove_drives.or(true).get()?;

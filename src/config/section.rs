@@ -65,14 +65,14 @@ pub(super) use sections;
 
 /// The keys of one table.
 pub(super) trait Section: Placed + Sized {
-    /// What it is called where something else stands in its place.
+    /// Name in the message where something else stands in its place.
     const NAME: &'static str;
 
     /// Reads all of them.
     fn from_table(table: &Table<'_>, problems: &mut Problems<'_>) -> Self;
 }
 
-/// What may stand at a key.
+/// Something that may stand at a key.
 pub(super) trait Entry: Sized {
     /// Reads what stands at `key`.
     fn read(table: &Table<'_>, key: &str, problems: &mut Problems<'_>) -> Self;
@@ -134,7 +134,7 @@ impl<'d> Table<'d> {
         }
     }
 
-    /// Notes every key that is none of `known`.
+    /// Notes every key that is not among `known`.
     pub(super) fn note_unknown(&self, known: &[&str], problems: &mut Problems<'_>) {
         for key in self.entries.into_iter().flat_map(DeTable::keys) {
             let key = key.get_ref();
@@ -318,7 +318,7 @@ mod tests {
 
     const TEXT: &str = "[node]\na = 1\n\n[[joint]]\nlist = [1, 2]\n\n[[joint]]\nname = \"b\"\nlist = [\n 3,\n 4]\n";
 
-    /// What is read, and every problem on a line of its own.
+    /// The file as read, and every problem on a line of its own.
     fn read(text: &str) -> (Whole, String) {
         let mut problems = Problems::new(Path::new("a.toml"), text, Trust::Any);
         let document = DeTable::parse(text).unwrap();

@@ -1,4 +1,4 @@
-//! `[joint.simulated]`: what a simulated motor and gear do that the controller is not told of.
+//! `[joint.simulated]`: imperfections of a simulated motor and gear, of which the controller knows nothing.
 
 use crate::plant::Drivetrain;
 use crate::raw;
@@ -16,7 +16,7 @@ const THERMAL_S: std::ops::RangeInclusive<f64> = 0.1..=36_000.0;
 /// The widest gap, in degrees and in m.
 const WIDEST: [f64; 2] = [10.0, 0.02];
 
-/// What is given, and what is usual where nothing is; `None` where a problem has been noted.
+/// Reads what is given, or what is usual; `None` where a problem has been noted.
 pub(super) fn read(
     given: &raw::Simulated,
     max_torque: Option<f64>,

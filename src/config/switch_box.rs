@@ -19,11 +19,11 @@ pub struct SwitchBox {
     pub channel: Channel,
     /// Its node-id.
     pub node: NodeId,
-    /// What it must be.
+    /// Identity that it must have.
     pub identity: Identity,
-    /// How it is booted.
+    /// Its boot.
     pub boot: BootSettings,
-    /// What its maker says of it.
+    /// Its data sheet.
     pub eds: Eds,
 }
 

@@ -1,6 +1,6 @@
-//! A value of a configuration file that knows where it stands: whoever finds it wrong need not name its key.
+//! A value of a configuration file that knows where it stands: a check of it need not name its key.
 
-/// Where something stands in the file, or would.
+/// Key and line of something in the file, or of where it would stand.
 #[derive(Clone, Debug)]
 pub(super) struct Place {
     key: String,
@@ -29,7 +29,7 @@ impl Place {
     }
 }
 
-/// What knows where it stands.
+/// Something that knows where it stands.
 pub(super) trait Placed {
     /// Returns where.
     fn place(&self) -> &Place;
@@ -41,7 +41,7 @@ impl Placed for Place {
     }
 }
 
-/// What stands at a key. A key that is `NEEDED` is noted where it is absent.
+/// Value at a key. A key that is `NEEDED` and absent is noted as a problem.
 #[derive(Clone, Debug)]
 pub(super) struct Value<T, const NEEDED: bool = true> {
     place: Place,
@@ -54,7 +54,7 @@ pub(super) type Optional<T> = Value<T, false>;
 #[derive(Clone, Debug)]
 enum Found<T> {
     Value(T),
-    /// Of another type, or absent though it is needed: a problem that has been noted, once.
+    /// A value of another type, or a needed key that is absent: noted as a problem, once.
     Noted,
     Absent,
 }

@@ -1,4 +1,5 @@
-//! One `Controller::step` with everything on: six joints, both energy layers, walls, soft stops, ledger.
+//! Benchmark of one `Controller::step` with all functions active: six joints, both energy layers, walls, soft stops,
+//! ledger.
 //!
 //! `cargo bench --bench cycle` prints the median, the 99th percentile and the maximum; with `-- --steps N`
 //! it runs N steps and prints nothing, for counting instructions (`scripts/bench.sh`).
@@ -25,7 +26,7 @@ use units::spatial::Wrench;
 
 const TEXT: &str = include_str!("../config/kraft_like.toml");
 
-/// What the shipped configuration leaves out.
+/// Functions that the shipped configuration leaves out.
 const MORE: &str = "
 [controller.walls]
 at_m = [0.1, 0.1, 0.1]
@@ -86,7 +87,7 @@ fn main() {
     );
 }
 
-/// A hand that moves about in contact, now in rate mode and now in pose mode.
+/// Generates inputs of a hand in contact, alternately in rate mode and pose mode.
 fn inputs(config: &Config) -> Vec<Input> {
     let start = SVector::from(config.joints.each_ref().map(|joint| joint.plant.start));
     (0..4_000_u32)

@@ -1,7 +1,7 @@
-//! Cycles of the whole loop in memory without a recorder, with one that takes what is offered, and with one that hangs.
+//! Benchmark of the whole loop in memory: without a recorder, with a recorder, and with one that hangs.
 //!
 //! `cargo bench --bench recorder` prints the median and the 99.9th percentile of each: promise 13 of docs/safety.md.
-//! The three run by turns, so that what else the machine does meets all of them.
+//! The three run alternately, so that other load of the machine affects all of them.
 #![allow(
     clippy::print_stdout,
     clippy::unwrap_used,
@@ -28,7 +28,7 @@ const SCENARIO: &str = include_str!("../config/scenarios/contact_10s.toml");
 const TURNS: usize = 100;
 const CYCLES: usize = 90;
 
-/// A recorder's side that keeps nothing.
+/// A recorder that keeps nothing.
 struct Drain;
 
 impl Entries for Drain {
@@ -54,7 +54,7 @@ fn main() {
         }
         drop(hung);
         if round == 0 {
-            spans.iter_mut().for_each(Vec::clear); // caches are warm from now on
+            spans.iter_mut().for_each(Vec::clear); // caches are warm
         }
     }
     for (name, spans) in ["no recorder", "recorder", "recorder that hangs"].iter().zip(&mut spans) {
@@ -77,7 +77,7 @@ fn booted<T: Tap>(config: &Config, tap: T) -> Bench<T> {
     bench
 }
 
-/// Cycles, each with what its owner does of its record.
+/// Measures cycles, with the recorder's work on each record.
 fn measure<T: Tap>(
     bench: &mut Bench<T>,
     mut offer: impl FnMut(&mut T, &Record),

@@ -1,5 +1,5 @@
-//! 1 MiB by SDO block transfer between the client and a simulated drive, over the in-memory bus: how
-//! long the wire takes at 1 Mbit/s, and how long this program takes to play all of it.
+//! Benchmark of 1 MiB by SDO block transfer between the client and a simulated drive on the in-memory bus: time on the
+//! wire at 1 Mbit/s, and computing time.
 //!
 //! `cargo bench --bench sdo`
 #![allow(

@@ -1,5 +1,5 @@
-//! What a millisecond of the simulated world costs: six drives that answer SYNC and take torques, the
-//! arm they move, and a hand that holds its grip.
+//! Benchmark of a millisecond of the simulated world: six drives with SYNC and target torques, the arm, and a hand on
+//! its grip.
 //!
 //! `cargo bench --bench world` prints the median, the 99th percentile and the maximum of a cycle, of the
 //! dynamics alone and of all of it; with `-- --cycles N` it plays N cycles and prints nothing, and with
@@ -33,13 +33,13 @@ use units::time::Instant;
 const CONFIG: &str = "config/kraft_like.toml";
 const SCENARIO: &str = include_str!("../config/scenarios/contact_10s.toml");
 
-/// When the hand presses the object into the wall, in cycles after the first.
+/// Time at which the hand presses the object into the wall, in cycles.
 const PRESSED: u64 = 4_500;
 
-/// As many cycles of the node's frames are played again and again, and one more is cut off.
+/// Number of cycles whose frames are replayed in a loop; one more is cut off.
 const SPAN: u64 = 500;
 
-/// What is measured.
+/// Quantity to measure.
 const CYCLES: usize = 100_000;
 
 fn main() {
@@ -71,28 +71,28 @@ fn print(what: &str, spans: impl Iterator<Item = Duration>) {
     );
 }
 
-/// The world while the hand presses, and what the node sends it from then on.
+/// Returns the world during contact, and the node's frames from then on.
 fn pressed() -> (World, Vec<(Instant, Telegram)>) {
     let config = Config::load(Path::new(CONFIG)).unwrap();
-    let heard = Rc::new(RefCell::new(Vec::new()));
-    let ear = Rc::clone(&heard);
-    let tap = move |at: Instant, telegram: &Telegram| ear.borrow_mut().push((at, *telegram));
+    let recorded = Rc::new(RefCell::new(Vec::new()));
+    let tap = Rc::clone(&recorded);
+    let tap = move |at: Instant, telegram: &Telegram| tap.borrow_mut().push((at, *telegram));
     let scenario = Scenario::parse(SCENARIO).unwrap();
     let mut bench = Bench::new(&config, scenario, 1, false, tap);
     bench.bring_up().unwrap();
     bench.run(PRESSED);
     let world = bench.world_mut().clone();
-    heard.borrow_mut().clear();
+    recorded.borrow_mut().clear();
     bench.run(SPAN + 1);
-    let frames = heard.take().into_iter().filter(|(_, telegram)| is_of_node(telegram));
+    let frames = recorded.take().into_iter().filter(|(_, telegram)| is_of_node(telegram));
     let mut frames: Vec<_> = frames.skip_while(|(_, telegram)| !is_sync(telegram)).collect();
-    // What the last cycle sent is still on the wire.
+    // Frames of the last cycle are still on the wire.
     let last = frames.iter().rposition(|(_, telegram)| is_sync(telegram)).unwrap();
     frames.truncate(last);
     (world, frames)
 }
 
-/// SYNC, the drives' torques and the node's heartbeat.
+/// Returns whether a frame is SYNC, a target torque or the node's heartbeat.
 fn is_of_node(telegram: &Telegram) -> bool {
     matches!(telegram.frame.cob_id, 0x080 | 0x200..0x280 | 0x77F)
 }
@@ -101,7 +101,7 @@ fn is_sync(telegram: &Telegram) -> bool {
     telegram.channel == Channel(0) && telegram.frame.cob_id == sync::COB_ID
 }
 
-/// A millisecond of the arm alone, again and again, and how long it took.
+/// Measures a millisecond of the arm's dynamics, repeatedly.
 fn dynamics(world: &World) -> impl Iterator<Item = Duration> + '_ {
     let (mut plant, hand, x_0_d) = (*world.plant(), Hand::default(), *world.plant().x_0_g());
     let tau = world.torques();
@@ -113,11 +113,11 @@ fn dynamics(world: &World) -> impl Iterator<Item = Duration> + '_ {
     })
 }
 
-/// Plays what the node sent to the world, over and over.
+/// Replays the node's frames to the world in a loop.
 struct Player<'f> {
     world: World,
     frames: std::iter::Peekable<std::iter::Cycle<std::slice::Iter<'f, (Instant, Telegram)>>>,
-    /// How much later it is than when the frame at hand was sent first.
+    /// Time offset of the present pass of the loop.
     shift: Duration,
     last: Instant,
     out: Vec<Telegram>,
@@ -134,7 +134,7 @@ impl<'f> Player<'f> {
         }
     }
 
-    /// Does what is due until `until`.
+    /// Runs the world until `until`.
     fn wait(&mut self, until: Instant) {
         while let Some(due) = self.world.deadline().filter(|due| *due <= until) {
             self.world.on_time(due.max(self.last), &mut self.out);
@@ -143,7 +143,7 @@ impl<'f> Player<'f> {
     }
 }
 
-/// From one SYNC until before the next.
+/// Runs from one SYNC until before the next.
 impl Iterator for Player<'_> {
     type Item = Duration;
 

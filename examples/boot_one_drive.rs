@@ -1,4 +1,4 @@
-//! Boots one simulated drive as a CANopen master does, and prints what the bus carried.
+//! Boots one simulated drive as a CANopen master does, and prints the frames on the bus.
 //!
 //! `cargo run --release --example boot_one_drive`
 #![allow(clippy::print_stdout, reason = "an example prints")]
@@ -28,7 +28,7 @@ use sim::motion::Tuning;
 use units::numbering::NodeIndex;
 use units::time::Instant;
 
-/// Prints every frame as candump does.
+/// Prints each frame in the format of candump.
 struct Print;
 
 impl Tap for Print {
@@ -39,7 +39,7 @@ impl Tap for Print {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // The drive: its data sheet, and the motor behind it.
+    // The drive: its EDS, and its motor.
     let eds = Eds::parse(include_bytes!("../eds/frhc_drive.eds"))?;
     let node = NodeId::new(5).ok().ok_or("1 to 127")?;
     let drive = Drive::new(DriveSettings {
@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     });
     let mut bus = Memory::new(&[1_000_000], drive, Print);
 
-    // The plan: who is expected, its PDOs with an event timer of 5 ms, its watchdogs, at most 100 % of rated torque.
+    // The plan: expected identity, PDOs with an event timer of 5 ms, heartbeats, at most 100 % of rated torque.
     let identity = Identity { vendor: 0x0F8C, product: 0x0402_0010, revision: 0x0001_0000 };
     let watch = Watch {
         master: NodeId::new(127).ok().ok_or("1 to 127")?,
@@ -76,7 +76,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         1_000,
     );
 
-    // The master is a pure machine: frames and time in, frames and events out.
+    // The master does no I/O: frames and time in, frames and events out.
     let mut master = Master::new(vec![(Channel(0), plan)]);
     let mut out = Vec::new();
     while master.is_booting() {

@@ -1,4 +1,4 @@
-//! Decodes a log of candump by joint and in SI units: a file, or the transcript of a boot that the tests keep.
+//! Decodes a candump log by joint in SI units: a file, or the transcript of a boot from the tests.
 //!
 //! `cargo run --release --example decode_a_log [LOG [CONFIG]]`
 #![allow(clippy::print_stdout, reason = "an example prints")]

@@ -1,4 +1,4 @@
-//! One cycle of the paper's law: joint positions and a sensed wrench in, torques and a command out.
+//! Runs one cycle of the paper's control law: joint positions and a measured wrench in, torques and a command out.
 //!
 //! `cargo run --release --example one_controller_step`
 #![allow(clippy::print_stdout, reason = "an example prints")]
@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let config = Config::load(Path::new("config/kraft_like.toml"))?;
     let mut controller = Controller::new(&config.controller);
 
-    // Joint positions in rad; -5 N along x, sensed on the object; the weight carried in full.
+    // Joint positions in rad; a wrench of -5 N along x on the object; full gravity compensation.
     let q = [0.05, -0.8, 1.6, -0.7, 0.1, 0.2].into();
     let input = Input {
         counts: config.controller.calibration.counts(&q),

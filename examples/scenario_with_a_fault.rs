@@ -1,4 +1,4 @@
-//! Unplugs a drive while an operator holds the grip, and prints how the node's mode changes.
+//! Unplugs a drive while an operator holds the grip, and prints the changes of the node's mode.
 //!
 //! `cargo run --release --example scenario_with_a_fault`
 #![allow(clippy::print_stdout, reason = "an example prints")]

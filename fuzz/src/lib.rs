@@ -1,7 +1,7 @@
-//! What must hold for any bytes: nothing panics, nothing answers without bound, nothing goes on for ever.
+//! Fuzz targets: for any bytes there is no panic, no unbounded response and no endless loop.
 //!
-//! Each function takes one input and asserts its laws. cargo-fuzz looks for inputs that break them;
-//! `tests/any_bytes.rs` includes this file and tries arbitrary ones in `cargo test`.
+//! Each function takes one input and asserts its properties. cargo-fuzz searches for violations; `tests/any_bytes.rs`
+//! includes this file and runs arbitrary inputs in `cargo test`.
 
 use std::path::Path;
 use std::sync::LazyLock;
@@ -30,13 +30,13 @@ use sim::drive::Drive;
 use sim::scenario::Scenario;
 use units::time::Instant;
 
-/// What one received frame or one deadline may lead to at most: a block of SDO segments to each node.
+/// Maximum frames caused by one received frame or one deadline: a block of SDO segments to each node.
 const MOST_ANSWERS: usize = 8 * 128;
 
-/// Deadlines that may fall due at one time.
+/// Maximum deadlines due at one time.
 const MOST_TURNS: usize = 100;
 
-/// Drives and their master at once, while a stranger sends what the bytes say.
+/// Runs drives and their master together, with frames of the input from an unknown station.
 pub fn frames(bytes: &[u8]) {
     let is_drive = |(_, plan): &(Channel, NodePlan)| plan.mode.is_some();
     let mut master = Master::new(CONFIG.node_plans().into_iter().filter(is_drive).collect());
@@ -53,15 +53,15 @@ pub fn frames(bytes: &[u8]) {
             assert!(turns <= MOST_TURNS, "the master's deadline does not move");
         }
         assert!(out.len() <= MOST_ANSWERS, "too much was due");
-        converse(now, &mut master, &mut drives, out);
+        exchange(now, &mut master, &mut drives, out);
     }
 }
 
-/// Both sides hear what is said, and what is said to that, for some turns.
-fn converse(now: Instant, master: &mut Master, drives: &mut [Drive], mut said: Vec<Telegram>) {
+/// Exchanges frames between both sides for some rounds.
+fn exchange(now: Instant, master: &mut Master, drives: &mut [Drive], mut sent: Vec<Telegram>) {
     for _ in 0..4 {
         let mut answers = Vec::new();
-        for telegram in &said {
+        for telegram in &sent {
             let before = answers.len();
             for drive in &mut *drives {
                 drive.on_frame(now, telegram.channel, &telegram.frame, &mut answers);
@@ -69,11 +69,11 @@ fn converse(now: Instant, master: &mut Master, drives: &mut [Drive], mut said: V
             master.on_frame(now, telegram, &mut answers);
             assert!(answers.len() - before <= MOST_ANSWERS, "{} led to too much", telegram.frame);
         }
-        said = answers;
+        sent = answers;
     }
 }
 
-/// A transfer of this side, and a server that answers what the bytes say.
+/// Runs an SDO client against a server that answers with the input.
 pub fn sdo_client(bytes: &[u8]) {
     let Some((&[kind, size], replies)) = bytes.split_first_chunk() else { return };
     let mut out = Vec::new();
@@ -108,7 +108,7 @@ pub fn sdo_client(bytes: &[u8]) {
     }
 }
 
-/// A drive, and a client that asks what the bytes say.
+/// Runs a drive with an SDO client that sends the input.
 pub fn sdo_server(bytes: &[u8]) {
     let mut drive = DRIVES.first().unwrap().clone();
     let mut now = Instant::ZERO;
@@ -124,7 +124,7 @@ pub fn sdo_server(bytes: &[u8]) {
     }
 }
 
-/// A device's description, and the dictionary made of it.
+/// Parses an EDS and creates its dictionary.
 pub fn eds(bytes: &[u8]) {
     let Ok(eds) = Eds::parse(bytes) else { return };
     let dictionary = Dictionary::new(&eds, node());
@@ -134,7 +134,7 @@ pub fn eds(bytes: &[u8]) {
     }
 }
 
-/// Lines of a log: what is read as a line is written as one that reads the same.
+/// Parses log lines: a parsed line survives display and parse.
 pub fn candump(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     for line in text.lines() {
@@ -148,7 +148,7 @@ pub fn candump(bytes: &[u8]) {
     }
 }
 
-/// A configuration: what is refused says why.
+/// Parses a configuration: a refusal has a reason.
 pub fn config(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     if let Err(invalid) = Config::parse(Path::new("config/any.toml"), &text) {
@@ -159,7 +159,7 @@ pub fn config(bytes: &[u8]) {
     }
 }
 
-/// Measured torques: what is refused says why.
+/// Parses measured torques: a refusal has a reason.
 pub fn torque_data(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     if let Err(invalid) = TorqueData::parse(Path::new("any.csv"), &text) {
@@ -167,14 +167,14 @@ pub fn torque_data(bytes: &[u8]) {
     }
 }
 
-/// Time that passes, and then a frame.
+/// Time step, then a frame.
 struct Step {
     after: Duration,
     frame: Frame,
 }
 
-/// The bytes as steps: half milliseconds, identifier, length, data. Identifiers are mostly those of a
-/// small network, so that something comes of them.
+/// Splits the input into steps: half milliseconds, identifier, length, data. Identifiers are mostly those of a small
+/// network, so that they have an effect.
 fn steps(bytes: &[u8]) -> impl Iterator<Item = Step> + '_ {
     bytes.chunks(12).filter_map(|chunk| {
         let (&[after, service, node, length], data) = chunk.split_first_chunk()?;
@@ -188,13 +188,13 @@ fn steps(bytes: &[u8]) -> impl Iterator<Item = Step> + '_ {
     })
 }
 
-/// The predefined connection set.
+/// Identifiers of the predefined connection set.
 const SERVICES: [u16; 16] = [
     0x000, 0x080, 0x100, 0x180, 0x200, 0x280, 0x300, 0x380, 0x400, 0x480, 0x500, 0x580, 0x600,
     0x700, 0x7E4, 0x7E5,
 ];
 
-/// The same data to or from the node of the transfers.
+/// Returns the frame with the identifier of the transfer's node.
 fn addressed(frame: &Frame, service: u16) -> Frame {
     Frame::from_slice(service + 1, frame.data()).unwrap()
 }
@@ -203,13 +203,13 @@ fn node() -> NodeId {
     NodeId::new(1).unwrap()
 }
 
-/// Six drives and a switch box on one bus.
+/// Returns the plan of six drives and a switch box on one bus.
 static CONFIG: LazyLock<Config> = LazyLock::new(|| {
     let file = Path::new("config/kraft_like_500hz.toml");
     Config::parse(file, include_str!("../../config/kraft_like_500hz.toml")).unwrap()
 });
 
-/// The drives of it, just switched on.
+/// Returns these drives at power-up.
 static DRIVES: LazyLock<Vec<Drive>> = LazyLock::new(|| {
     let free = include_str!("../../config/scenarios/free.toml");
     world::build(&CONFIG, Scenario::parse(free).unwrap(), 1).drives().to_vec()

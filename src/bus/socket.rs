@@ -110,7 +110,7 @@ impl Socket {
         })
     }
 
-    /// Reads one frame; `None` if there is none.
+    /// Reads one frame; `None` if no frame waits.
     ///
     /// # Errors
     /// The interface is down or missing.

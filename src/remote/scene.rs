@@ -1,14 +1,12 @@
-//! What the commanded object can touch: a wall, a box and a sphere, as springs, dampers and dry friction
-//! in six degrees of freedom.
+//! Contact model of the commanded object: a wall, a box and a sphere, as springs, dampers and dry friction in six
+//! degrees of freedom.
 //!
-//! The object touches with points fixed in it. Each point that is inside a surface is pushed out along
-//! the surface's normal by its share of the stiffness and, against its approach, of the damping; the
-//! moment follows from where the points are. A surface never pulls. Damping grows with the depth, so
-//! that nothing jumps at the touch (Hunt and Crossley 1975).
+//! The object touches with points fixed in it. A surface pushes each point inside it along its normal, with a share of
+//! its stiffness and, against the approach, of its damping; the moment follows from the points' positions. A surface
+//! never pulls. Damping grows with depth, so the force is continuous at contact (Hunt and Crossley 1975).
 //!
-//! Along the surface each point is held back by Coulomb friction, made viscous below [`FULL_SLIDING`] so
-//! that nothing jumps when the sliding turns round either. It only ever takes energy. What it leaves out
-//! is sticking: a point that is pushed along creeps.
+//! Coulomb friction acts along the surface; it is viscous below [`FULL_SLIDING`], so it is continuous when sliding
+//! reverses. Friction only dissipates energy. The model has no stiction: a point under tangential load creeps.
 //!
 //! ```text
 //!  f_t = -µ f_n v_t / max(|v_t|, FULL_SLIDING)      |f_t| ≤ µ f_n,   f_t · v_t ≤ 0
@@ -22,79 +20,79 @@ use nalgebra::Vector3;
 use units::spatial::Twist;
 use units::spatial::Wrench;
 
-/// How a surface yields, and how it holds back what slides on it.
+/// Stiffness, damping and friction of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
-    /// With all points of one face in contact, in N/m.
+    /// Stiffness with all points of one face in contact, in N/m.
     pub stiffness: f64,
-    /// The same at [`FULL_DAMPING`] depth, in N·s/m.
+    /// Damping with all points of one face in contact at [`FULL_DAMPING`] depth, in N·s/m.
     pub damping: f64,
-    /// Coefficient µ of dry friction, 0 or above: the most friction for a push of 1.
+    /// Friction coefficient µ, 0 or above.
     pub friction: f64,
 }
 
-/// At this depth the damping is all there, in m.
+/// Depth from which damping is complete, in m.
 pub const FULL_DAMPING: f64 = 1e-3;
 
-/// At this sliding speed the friction is all there, in m/s. Slower, and in a loop of 1 kHz that gives way
-/// to contact forces, friction would chatter.
+/// Sliding speed from which friction is complete, in m/s. With a lower value friction would chatter in a loop of 1 kHz
+/// with force accommodation.
 pub const FULL_SLIDING: f64 = 0.01;
 
 /// A plane that is solid behind its normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall {
-    /// Any point of it, in the object's base.
+    /// A point of the plane, in the object's base.
     pub point: Vector3<f64>,
-    /// Out of the solid.
+    /// Outward normal.
     pub normal: Unit<Vector3<f64>>,
-    /// How it yields.
+    /// Surface.
     pub surface: Surface,
 }
 
 /// A solid box along the axes of the object's base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
-    /// Its centre.
+    /// Centre.
     pub centre: Vector3<f64>,
-    /// Half its sides.
+    /// Half the edge lengths.
     pub half_size: Vector3<f64>,
-    /// How it yields.
+    /// Surface.
     pub surface: Surface,
 }
 
-/// A solid ball.
+/// A solid sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
-    /// Its centre, in the object's base.
+    /// Centre, in the object's base.
     pub centre: Vector3<f64>,
-    /// In m.
+    /// Radius, in m.
     pub radius: f64,
-    /// How it yields.
+    /// Surface.
     pub surface: Surface,
 }
 
-/// Half the side of the cube whose corners touch, in m.
+/// Half the edge of the cube whose corners are the contact points, in m.
 const HALF_CUBE: f64 = 0.02;
 
-/// Corners of one face: what shares a surface's stiffness when the object lies flat on it.
+/// Share of a surface's stiffness per contact point: a face has four.
 const SHARE: f64 = 0.25;
 
-/// A wall, a box, a sphere, any or none of them.
+/// Solids in the environment; all optional.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Scene {
-    /// The wall.
+    /// Wall.
     pub wall: Option<Wall>,
-    /// The box.
+    /// Box.
     pub block: Option<Block>,
-    /// The sphere.
+    /// Sphere.
     pub sphere: Option<Sphere>,
 }
 
-/// How deep a point is inside a solid, in m, and the way out.
+/// Depth of a point inside a solid, in m, and the direction out.
 type Inside = (f64, Unit<Vector3<f64>>);
 
 impl Scene {
-    /// The wrench on the object, at {MRF} in {MRF}, when it is at `x_b_m` with twist `v_m`.
+    /// Returns the wrench on the object, at {MRF} in {MRF}, for pose `x_b_m` and twist `v_m`.
     pub fn wrench(&self, x_b_m: &Isometry3<f64>, v_m: &Twist) -> Wrench {
         let mut f_m = Wrench::ZERO;
         for p_m in corners() {
@@ -109,7 +107,7 @@ impl Scene {
         f_m
     }
 
-    /// What a point is inside of.
+    /// Returns the contacts of a point.
     fn touches(&self, p_b: &Vector3<f64>) -> [Option<(Inside, Surface)>; 3] {
         [
             self.wall.and_then(|wall| Some((wall.depth(p_b)?, wall.surface))),
@@ -120,7 +118,7 @@ impl Scene {
 }
 
 impl Surface {
-    /// The force on one point, `depth` m inside and moving with `v` in m/s.
+    /// Returns the force on one point, `depth` m inside, with velocity `v` in m/s.
     fn force(&self, depth: f64, normal: &Unit<Vector3<f64>>, v: &Vector3<f64>) -> Vector3<f64> {
         let leaving = v.dot(normal);
         let push = self.push(depth, leaving);
@@ -129,7 +127,7 @@ impl Surface {
         normal.into_inner() * push - sliding * held_back
     }
 
-    /// The push on one point, `depth` m inside and leaving with `speed` m/s. Never a pull.
+    /// Returns the normal force on one point, `depth` m inside and leaving with `speed` m/s; not negative.
     fn push(&self, depth: f64, speed: f64) -> f64 {
         let damping = self.damping * (depth / FULL_DAMPING).min(1.0);
         (SHARE * (self.stiffness * depth - damping * speed)).max(0.0)
@@ -144,7 +142,7 @@ impl Wall {
 }
 
 impl Block {
-    /// The way out is the shortest.
+    /// Returns the depth along the shortest way out.
     fn depth(&self, p_b: &Vector3<f64>) -> Option<Inside> {
         let inside = p_b - self.centre;
         let depths = self.half_size - inside.abs();
@@ -161,7 +159,7 @@ impl Block {
 }
 
 impl Sphere {
-    /// From its very centre every way out is the same; it is up.
+    /// Returns the depth; at the centre, where the direction is undefined, the way out is up.
     fn depth(&self, p_b: &Vector3<f64>) -> Option<Inside> {
         let from_centre = p_b - self.centre;
         let depth = self.radius - from_centre.norm();
@@ -170,7 +168,7 @@ impl Sphere {
     }
 }
 
-/// Where the object touches, in {MRF}.
+/// Returns the contact points, in {MRF}.
 fn corners() -> impl Iterator<Item = Vector3<f64>> {
     let side = |corner: u8, bit: u8| if corner >> bit & 1 == 0 { -HALF_CUBE } else { HALF_CUBE };
     (0..8).map(move |corner| Vector3::new(side(corner, 0), side(corner, 1), side(corner, 2)))
@@ -199,7 +197,7 @@ mod tests {
         Surface { friction, ..SURFACE }
     }
 
-    /// All there is, everything of one surface.
+    /// Returns a scene with all solids of one surface.
     fn all_of(surface: Surface) -> Scene {
         let Scene { wall, block, .. } = scene();
         let centre = Vector3::new(0.4, -0.2, 0.3);
@@ -215,12 +213,12 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_felt_in_the_open() {
+    fn no_contact_gives_zero_wrench() {
         assert_eq!(scene().wrench(&at(0.4), &Twist::ZERO), Wrench::ZERO);
     }
 
     #[test]
-    fn lying_flat_is_the_whole_stiffness_and_no_moment() {
+    fn flat_contact_has_full_stiffness_and_no_moment() {
         let depth = 0.005;
         let f_m = scene().wrench(&at(0.55 - HALF_CUBE + depth), &Twist::ZERO);
         assert!((f_m.force - Vector3::new(-SURFACE.stiffness * depth, 0.0, 0.0)).norm() < 1e-9);
@@ -228,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn a_corner_pressed_alone_turns_the_object_away() {
+    fn contact_of_one_corner_gives_a_moment() {
         let tilt = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.2);
         let x_b_m = Isometry3::from_parts(at(0.53).translation, tilt);
         let f_m = scene().wrench(&x_b_m, &Twist::ZERO);
@@ -236,21 +234,21 @@ mod tests {
     }
 
     #[test]
-    fn the_box_pushes_out_through_its_nearest_side() {
+    fn box_pushes_out_at_its_nearest_side() {
         let x_b_m = Isometry3::translation(0.4, 0.25 - 0.05 - HALF_CUBE + 0.004, 0.3);
         let f_m = scene().wrench(&x_b_m, &Twist::ZERO);
         assert!((f_m.force - Vector3::new(0.0, -8.0, 0.0)).norm() < 1e-9, "{f_m:?}");
     }
 
     #[test]
-    fn nothing_jumps_at_the_touch() {
+    fn force_is_continuous_at_contact() {
         let v_m = Twist { linear: Vector3::new(0.3, 0.0, 0.0), angular: Vector3::zeros() };
         let f_m = scene().wrench(&at(0.55 - HALF_CUBE + 1e-9), &v_m);
         assert!(f_m.force.norm() < 1e-4, "{f_m:?}");
     }
 
     #[test]
-    fn lying_flat_and_sliding_fast_is_held_back_by_its_share_of_the_push() {
+    fn sliding_friction_is_mu_times_the_normal_force() {
         let (depth, friction) = (0.005, 0.3);
         let v_m = Twist::from_components([0.0, 0.1, 0.0, 0.0, 0.0, 0.0]);
         let f_m = all_of(rough(friction)).wrench(&at(0.55 - HALF_CUBE + depth), &v_m);
@@ -260,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sphere_pushes_out_from_its_centre() {
+    fn sphere_pushes_out_from_its_centre() {
         let scene = Scene { sphere: all_of(SURFACE).sphere, ..Scene::default() };
         let centre = scene.sphere.unwrap().centre;
         // A cube on a diagonal touches with one corner.
@@ -274,8 +272,8 @@ mod tests {
         assert!(f_m.moment.norm() < 1e-9, "it goes through the middle: {f_m:?}");
     }
 
-    /// What the scene does to an object on its way round `path`, from 0 to 1, in J; and what of it was
-    /// put in.
+    /// Returns the work of the scene on an object along the closed `path` (parameter 0 to 1), in J, and its positive
+    /// part.
     fn work(scene: &Scene, path: impl Fn(f64) -> Isometry3<f64>) -> (f64, f64) {
         const STEPS: u16 = 1_000;
         const SECONDS: f64 = 2.0;
@@ -288,7 +286,7 @@ mod tests {
         })
     }
 
-    /// Round and round, turning, near all there is to touch.
+    /// Returns a closed path with rotation, near all solids.
     fn round(middle: [f64; 3], reach: [f64; 6], share: f64) -> Isometry3<f64> {
         let wave = |times: f64, reach: f64| reach * (TAU * times * share).sin();
         let [x, y, z, a, b, c] = reach;
@@ -317,13 +315,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_wall_never_pulls(x in 0.5..0.6_f64, v in -1.0..1.0_f64, turn in -1.0..1.0_f64) {
+        fn wall_never_pulls(x in 0.5..0.6_f64, v in -1.0..1.0_f64, turn in -1.0..1.0_f64) {
             let v_m = Twist::from_components([v, 0.0, 0.0, 0.0, turn, 0.0]);
             prop_assert!(scene().wrench(&at(x), &v_m).force.x <= 0.0);
         }
 
         #[test]
-        fn friction_opposes_sliding_and_never_exceeds_its_share_of_the_push(
+        fn friction_opposes_sliding_up_to_mu_times_the_normal(
             friction in 0.0..1.5_f64, depth in 0.0..0.02_f64, normal in direction(), v in velocity()
         ) {
             let force = rough(friction).force(depth, &normal, &v);
@@ -339,7 +337,7 @@ mod tests {
         }
 
         #[test]
-        fn nothing_jumps_as_the_sliding_turns_round(
+        fn force_is_continuous_when_sliding_reverses(
             friction in 0.0..1.5_f64, depth in 0.0..0.02_f64, normal in direction(), v in velocity()
         ) {
             let force = |v: Vector3<f64>| rough(friction).force(depth, &normal, &v);
@@ -348,7 +346,7 @@ mod tests {
         }
 
         #[test]
-        fn nothing_jumps_as_the_sphere_is_touched(
+        fn force_is_continuous_at_contact_with_the_sphere(
             friction in 0.0..1.5_f64, out in direction(), v in velocity()
         ) {
             let scene = Scene { sphere: all_of(rough(friction)).sphere, ..Scene::default() };
@@ -362,7 +360,7 @@ mod tests {
         }
 
         #[test]
-        fn where_the_base_is_changes_nothing_the_object_feels(
+        fn wrench_does_not_depend_on_the_base(
             friction in 0.0..1.0_f64, v in prop::array::uniform6(-0.3..0.3_f64),
             moved in prop::array::uniform6(-1.0..1.0_f64), middle in middle(), reach in reach()
         ) {
@@ -392,7 +390,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(32))]
 
         #[test]
-        fn no_energy_comes_out_of_a_way_round_through_what_is_touched(
+        fn closed_paths_never_gain_energy(
             friction in 0.0..1.0_f64, damping in 0.0..40.0_f64, middle in middle(), reach in reach()
         ) {
             let scene = all_of(Surface { stiffness: 2_000.0, damping, friction });
@@ -401,7 +399,7 @@ mod tests {
         }
 
         #[test]
-        fn a_spring_alone_gives_back_all_it_took(middle in middle(), reach in reach()) {
+        fn undamped_contact_conserves_energy(middle in middle(), reach in reach()) {
             let scene = all_of(Surface { stiffness: 2_000.0, damping: 0.0, friction: 0.0 });
             let (total, given) = work(&scene, |share| round(middle, reach, share));
             prop_assert!(total.abs() <= 5e-3 * given + 1e-9, "{total} J, of {given} J");

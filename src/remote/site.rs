@@ -1,4 +1,4 @@
-//! The commanded side in this process: a virtual object, and a scene it can touch.
+//! Virtual commanded side in this process: an object, and a scene in contact with it.
 
 use std::time::Duration;
 
@@ -24,88 +24,96 @@ use units::time::Instant;
 /// Gravity in the object's base, in m/s².
 pub const GRAVITY: [f64; 3] = [0.0, 0.0, -9.81];
 
-/// A virtual object and what it can touch.
+/// Parameters of a virtual object and its scene.
 #[derive(Clone, Debug)]
 pub struct Virtual {
-    /// First pose of the object in its base.
+    /// Initial pose of the object in its base.
     pub x_b_m: Isometry3<f64>,
     /// Pose of the force sensor in the frame under control.
     pub x_m_s: Isometry3<f64>,
-    /// What the sensor carries.
+    /// Payload beyond the sensor.
     pub payload: Payload,
-    /// How the object follows.
+    /// Servo of the object.
     pub servo: Servo,
-    /// How it gives way in rate mode.
+    /// Force accommodation in rate mode.
     pub accommodation: Accommodation,
-    /// A plane to push against.
+    /// Wall: point, normal, surface.
     pub wall: Option<(Vector3<f64>, Unit<Vector3<f64>>, Contact)>,
-    /// A box to bump into: its centre and half its sides.
+    /// Box: centre, half the edge lengths, surface.
     pub block: Option<(Vector3<f64>, Vector3<f64>, Contact)>,
-    /// A ball to slide over: its centre and its radius.
+    /// Sphere: centre, radius, surface.
     pub sphere: Option<(Vector3<f64>, f64, Contact)>,
 }
 
-/// How a surface yields, and how it holds back what slides on it.
+/// Stiffness, damping and friction of a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Contact {
-    /// In N/m.
+    /// Stiffness, in N/m.
     pub stiffness: f64,
-    /// In N·s/m.
+    /// Damping, in N·s/m.
     pub damping: f64,
-    /// Coefficient of dry friction.
+    /// Friction coefficient.
     pub friction: f64,
 }
 
-/// How the site is reached.
+/// State of the link to the commanded side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Link {
-    /// As it should be.
+    /// Works.
     Up,
-    /// The same sample again and again, with the time it had.
+    /// Repeats the same sample with its old time.
     Frozen,
-    /// Nothing comes through, either way.
+    /// Transmits nothing in either direction.
     Lost,
 }
 
-/// An object under command in a scene.
+/// A virtual object under command, in a scene.
 #[derive(Clone, Debug)]
 pub struct VirtualSite {
     object: Object,
     scene: Scene,
     before: Option<Instant>,
-    longest: f64,
+    max_step: f64,
     link: Link,
-    /// What came over the link last.
+    /// Last sample over the link.
     known: Option<Sensed>,
-    /// What its sensor says in place of what it feels.
-    senses: Option<Wrench>,
+    /// Value of a broken sensor.
+    sensor_fault: Option<Wrench>,
 }
 
 impl VirtualSite {
-    /// The object and the scene of `remote`, at rest, exchanged with once a `period`.
+    /// Creates the object and scene of `remote`, at rest, with one exchange per `period`.
     pub fn new(remote: &Virtual, period: Duration) -> Self {
         let Virtual { x_b_m, x_m_s, payload, servo, accommodation, .. } = *remote;
-        let object = Object::new(servo, x_b_m).giving_way(accommodation).carrying(
+        let object = Object::new(servo, x_b_m).with_accommodation(accommodation).with_payload(
             x_m_s,
             payload,
             Vector3::from(GRAVITY),
         );
-        let longest = 10.0 * period.as_secs_f64();
+        let max_step = 10.0 * period.as_secs_f64();
         let scene = scene(remote);
-        Self { object, scene, before: None, longest, link: Link::Up, known: None, senses: None }
+        Self {
+            object,
+            scene,
+            before: None,
+            max_step,
+            link: Link::Up,
+            known: None,
+            sensor_fault: None,
+        }
     }
 
-    /// How it is reached from now on.
+    /// Sets the state of the link.
     pub const fn set_link(&mut self, link: Link) {
         self.link = link;
     }
 
-    /// Its sensor is broken from now on, and says this.
-    pub const fn pretend(&mut self, f_s: Wrench) {
-        self.senses = Some(f_s);
+    /// Breaks the force sensor: it reports this value.
+    pub const fn break_sensor(&mut self, f_s: Wrench) {
+        self.sensor_fault = Some(f_s);
     }
 
-    /// The pose of the object in its base.
+    /// Returns the pose of the object in its base.
     pub const fn pose(&self) -> &Isometry3<f64> {
         self.object.pose()
     }
@@ -116,11 +124,11 @@ impl Remote for VirtualSite {
         let command = if self.link == Link::Lost { &Motion::Hold } else { command };
         let f_m = self.scene.wrench(self.object.pose(), self.object.twist());
         let f_s = self.object.contact(&self.object.sensed(&f_m));
-        // The time since the last exchange; after an overrun, no more than the world can bear.
+        // Time since the last exchange, limited after an overrun so that the contact model stays stable.
         let dt = self.before.map_or(0.0, |before| now.since(before).as_secs_f64());
-        self.object.step(dt.min(self.longest), command, &f_m);
+        self.object.step(dt.min(self.max_step), command, &f_m);
         self.before = Some(now);
-        let f_s = self.senses.unwrap_or(f_s);
+        let f_s = self.sensor_fault.unwrap_or(f_s);
         let sensed = Sensed { at: now, f_s, x_b_m: *self.object.pose() };
         let known = self.known.filter(|_| self.link != Link::Up).unwrap_or(sensed);
         self.known = Some(known);
@@ -128,7 +136,7 @@ impl Remote for VirtualSite {
     }
 }
 
-/// What there is to touch.
+/// Builds the scene.
 fn scene(remote: &Virtual) -> Scene {
     let surface =
         |Contact { stiffness, damping, friction }| Surface { stiffness, damping, friction };

@@ -1,7 +1,6 @@
-//! The commanded side: what a robot or a virtual object does with a command (Williams 1997, 3.2 and
-//! 4.3).
+//! Commanded side: reaction of a robot or a virtual object to commands (Williams 1997, 3.2 and 4.3).
 //!
-//! Not the world it touches: contact wrenches come in. Nothing here knows the hand controller.
+//! Contact wrenches are inputs. Independent of the hand controller.
 //!
 //! ```
 //! use nalgebra::Isometry3;

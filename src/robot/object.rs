@@ -1,8 +1,7 @@
-//! The object under control at {MRF}: a body that follows commands like a well-servoed robot does,
-//! with a first-order lag and within its speed limits.
+//! The object under control at {MRF}: follows commands as a robot with servos does, with a first-order lag and speed
+//! limits.
 //!
-//! Not its dynamics: whatever touches it moves it only by accommodation. In rate mode it gives way
-//! to contact; in pose mode and when holding it does not (4.3).
+//! No dynamics: contact moves it by force accommodation only, and only in rate mode (4.3).
 
 use nalgebra::Isometry3;
 use nalgebra::Vector3;
@@ -14,10 +13,10 @@ use units::spatial::Motion;
 use units::spatial::Twist;
 use units::spatial::Wrench;
 
-/// No place is farther from the base, in m.
-const FARTHEST: f64 = 1e5;
+/// Maximum distance from the base, in m.
+const MAX_DISTANCE: f64 = 1e5;
 
-/// How an object follows.
+/// Servo of an object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Servo {
     time_constant: f64,
@@ -25,24 +24,24 @@ pub struct Servo {
     max_turn: f64,
 }
 
-/// Why an object cannot follow so.
+/// Servo parameter out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("{quantity} {value} of the servo is not within 0 and 1000")]
+#[error("{quantity} of the servo must be within 0..=1000, got {value}")]
 pub struct InvalidServo {
-    /// Time constant, speed or rate of turn.
+    /// Time constant, speed or angular velocity.
     pub quantity: &'static str,
-    /// What stood there.
+    /// Value given.
     pub value: f64,
 }
 
 impl Servo {
-    /// From the time constant in s, zero for none, and the speed limits in m/s and rad/s.
+    /// Creates a servo from its time constant in s, zero for none, and speed limits in m/s and rad/s.
     ///
     /// # Errors
-    /// A number that is negative or not finite.
+    /// A negative, too large or NaN value.
     pub fn new(time_constant: f64, max_speed: f64, max_turn: f64) -> Result<Self, InvalidServo> {
         for (quantity, value) in
-            [("time constant", time_constant), ("speed", max_speed), ("rate of turn", max_turn)]
+            [("time constant", time_constant), ("speed", max_speed), ("angular speed", max_turn)]
         {
             if !(0.0..=1_000.0).contains(&value) {
                 return Err(InvalidServo { quantity, value });
@@ -51,17 +50,17 @@ impl Servo {
         Ok(Self { time_constant, max_speed, max_turn })
     }
 
-    /// The time constant, in s; zero for none.
+    /// Returns the time constant, in s; zero for none.
     pub const fn time_constant(&self) -> f64 {
         self.time_constant
     }
 
-    /// The part of a distance that is covered in `dt` s.
+    /// Returns the fraction of a distance that is covered in `dt` s.
     fn part(&self, dt: f64) -> f64 {
         if self.time_constant > 0.0 { -(-dt / self.time_constant).exp_m1() } else { 1.0 }
     }
 
-    /// The twist, or as much of it as the limits let through: in the same direction.
+    /// Scales the twist to the speed limits; keeps its direction.
     fn limited(&self, v_m: Twist) -> Twist {
         let slower = |limit: f64, speed: f64| if speed > limit { limit / speed } else { 1.0 };
         let scale = slower(self.max_speed, v_m.linear.norm());
@@ -69,7 +68,7 @@ impl Servo {
     }
 }
 
-/// A body with a sensor, and a payload beyond it.
+/// A body with a force sensor, and a payload beyond the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Object {
     servo: Servo,
@@ -82,7 +81,7 @@ pub struct Object {
 }
 
 impl Object {
-    /// At rest at `x_b_m`, without sensor offset, payload or accommodation.
+    /// Creates an object at rest at `x_b_m`, without sensor offset, payload or accommodation.
     pub fn new(servo: Servo, x_b_m: Isometry3<f64>) -> Self {
         Self {
             servo,
@@ -95,15 +94,15 @@ impl Object {
         }
     }
 
-    /// The same, giving way to contact in rate mode.
+    /// Sets the force accommodation.
     #[must_use]
-    pub fn giving_way(self, accommodation: Accommodation) -> Self {
+    pub fn with_accommodation(self, accommodation: Accommodation) -> Self {
         Self { accommodation, ..self }
     }
 
-    /// The same, with its sensor at `x_m_s` carrying a payload in gravity written in its base, m/s².
+    /// Sets the sensor pose `x_m_s`, the payload, and gravity in the base, in m/s².
     #[must_use]
-    pub fn carrying(
+    pub fn with_payload(
         self,
         x_m_s: Isometry3<f64>,
         payload: Payload,
@@ -112,28 +111,28 @@ impl Object {
         Self { x_m_s, payload, gravity_in_b, ..self }
     }
 
-    /// The pose of {MRF} in its base.
+    /// Returns the pose of {MRF} in its base.
     pub const fn pose(&self) -> &Isometry3<f64> {
         &self.x_b_m
     }
 
-    /// The twist of {MRF}, in {MRF}.
+    /// Returns the twist of {MRF}, in {MRF}.
     pub const fn twist(&self) -> &Twist {
         &self.v_m
     }
 
-    /// What the sensor reads while `f_m_contact` acts on the object: the contact and the payload.
+    /// Returns the sensor value while `f_m_contact` acts on the object: contact and payload.
     pub fn sensed(&self, f_m_contact: &Wrench) -> Wrench {
         f_m_contact.at(&self.x_m_s.inverse()) + self.weight()
     }
 
-    /// What is left of a reading without the payload: the contact, at {S} (decision 8).
+    /// Subtracts the payload from a sensor value: returns the contact wrench, at {S} (decision 8).
     pub fn contact(&self, f_s_sensed: &Wrench) -> Wrench {
         *f_s_sensed - self.weight()
     }
 
-    /// Follows `command` for `dt` s, while `f_m_contact` acts on it at {MRF}. Stops rather than
-    /// follow what is no number, or out of the world.
+    /// Follows `command` for `dt` s while `f_m_contact` acts on it at {MRF}. Stops at an invalid command, or at one
+    /// that leaves the range of positions.
     pub fn step(&mut self, dt: f64, command: &Motion, f_m_contact: &Wrench) {
         let part = self.servo.part(dt);
         let v_m = match command {
@@ -143,7 +142,7 @@ impl Object {
         };
         let limited = self.servo.limited(v_m);
         let moved = self.x_b_m * limited.over(dt);
-        if limited.is_finite() && is_here(&moved) {
+        if limited.is_finite() && is_in_range(&moved) {
             self.v_m = limited;
             self.x_b_m = moved;
             self.x_b_m.rotation.renormalize();
@@ -152,7 +151,7 @@ impl Object {
         }
     }
 
-    /// The twist a bit later, on its way to another.
+    /// Returns the twist after one lag step towards another.
     fn towards(&self, v_m_other: &Twist, part: f64) -> Twist {
         self.v_m * (1.0 - part) + *v_m_other * part
     }
@@ -162,9 +161,9 @@ impl Object {
     }
 }
 
-/// Whether a pose is made of numbers that lie in this world.
-fn is_here(x: &Isometry3<f64>) -> bool {
-    x.translation.vector.iter().all(|part| part.abs() <= FARTHEST)
+/// Returns whether a pose is valid and within range.
+fn is_in_range(x: &Isometry3<f64>) -> bool {
+    x.translation.vector.iter().all(|part| part.abs() <= MAX_DISTANCE)
         && (x.rotation.norm() - 1.0).abs() < 1e-6
 }
 
@@ -198,12 +197,12 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_payload_removed_leaves_the_contact(
+        fn removing_the_payload_leaves_the_contact(
             x_b_m in pose(), x_m_s in pose(), f in six(50.0)
         ) {
             let payload = Payload::new(1.5, [0.0, 0.01, 0.04]).unwrap();
             let object = Object::new(servo(0.01), x_b_m)
-                .carrying(x_m_s, payload, Vector3::new(0.0, 0.0, -9.81));
+                .with_payload(x_m_s, payload, Vector3::new(0.0, 0.0, -9.81));
             let f_m = Wrench::from_components(f);
             let f_s = object.contact(&object.sensed(&f_m));
             for (a, b) in f_s.at(&x_m_s).components().iter().zip(f_m.components()) {
@@ -212,7 +211,7 @@ mod tests {
         }
 
         #[test]
-        fn a_held_pose_is_reached(x_b_d in pose()) {
+        fn constant_pose_command_is_reached(x_b_d in pose()) {
             let mut object = object(0.01);
             for _ in 0..2_000 {
                 object.step(1e-3, &Motion::Pose(x_b_d), &Wrench::ZERO);
@@ -221,7 +220,7 @@ mod tests {
         }
 
         #[test]
-        fn a_held_rate_is_taken_up(v in six(1.0)) {
+        fn constant_rate_command_is_reached(v in six(1.0)) {
             let mut object = object(0.01);
             let v_m = Twist::from_components(v);
             for _ in 0..500 {
@@ -233,7 +232,7 @@ mod tests {
         }
 
         #[test]
-        fn without_lag_a_rate_held_is_a_screw_however_it_is_cut(v in six(1.0)) {
+        fn constant_rate_without_lag_is_a_screw_motion(v in six(1.0)) {
             let v_m = Twist::from_components(v);
             let (mut fine, mut coarse) = (object(0.0), object(0.0));
             for _ in 0..10 {
@@ -244,7 +243,7 @@ mod tests {
         }
 
         #[test]
-        fn its_speed_is_limited_in_the_direction_it_has(v in six(100.0)) {
+        fn speed_limit_keeps_the_direction(v in six(100.0)) {
             let mut object = object(0.0);
             let v_m = Twist::from_components(v);
             object.step(1e-3, &Motion::Rate(v_m), &Wrench::ZERO);
@@ -255,7 +254,7 @@ mod tests {
         }
 
         #[test]
-        fn whatever_comes_in_it_stays_in_this_world(
+        fn any_input_keeps_the_pose_in_range(
             dt in any::<f64>(), v in prop::array::uniform6(any::<f64>()),
             f in prop::array::uniform6(any::<f64>()), kind in 0..3
         ) {
@@ -265,16 +264,16 @@ mod tests {
                 1 => Motion::Rate(Twist::from_components(v)),
                 _ => Motion::Pose(Isometry3::new([a, b, c].into(), [d, e, g].into())),
             };
-            let mut object = object(0.01).giving_way(Accommodation::new([0.1; 6], [0.0; 6]).unwrap());
+            let mut object = object(0.01).with_accommodation(Accommodation::new([0.1; 6], [0.0; 6]).unwrap());
             for _ in 0..3 {
                 object.step(dt, &command, &Wrench::from_components(f));
-                prop_assert!(is_here(object.pose()) && object.twist().is_finite());
+                prop_assert!(is_in_range(object.pose()) && object.twist().is_finite());
             }
         }
     }
 
     #[test]
-    fn a_rate_is_followed_with_the_time_constant() {
+    fn rate_command_is_followed_with_the_lag() {
         let mut object = object(0.1);
         let v_m = Twist::from_components([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         for _ in 0..100 {
@@ -284,12 +283,12 @@ mod tests {
     }
 
     #[test]
-    fn only_in_rate_mode_it_gives_way() {
+    fn accommodation_acts_in_rate_mode_only() {
         let push = Wrench::from_components([10.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         let law = Accommodation::new([0.01; 6], [0.0; 6]).unwrap();
         let here = *object(0.0).pose();
         let moved = |command| {
-            let mut object = object(0.0).giving_way(law);
+            let mut object = object(0.0).with_accommodation(law);
             object.step(0.1, &command, &push);
             object.pose().translation.x - here.translation.x
         };
@@ -298,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn a_servo_has_a_finite_time_constant_and_limits() {
+    fn invalid_servo_parameters_are_refused() {
         for wrong in [-1.0, f64::NAN, f64::INFINITY] {
             assert!(Servo::new(wrong, 1.0, 1.0).is_err());
             assert!(Servo::new(0.1, wrong, 1.0).is_err());

@@ -1,7 +1,7 @@
-//! The weight between the sensor and what touches the world (3.2).
+//! Payload between sensor and contact (3.2).
 //!
-//! Static: weight and its moment, not inertia (decision 8). The sensor reads the contact and the
-//! weight together; what is left without the weight is the contact.
+//! Static: weight and its moment, no inertia (decision 8). The sensor measures contact plus weight; subtracting the
+//! weight leaves the contact.
 
 use nalgebra::Isometry3;
 use nalgebra::Vector3;
@@ -9,44 +9,44 @@ use thiserror::Error;
 
 use units::spatial::Wrench;
 
-/// No payload is heavier, in kg, nor its centre of mass farther away, in m.
-const LARGEST: f64 = 1e4;
+/// Maximum mass, in kg, and distance of the centre of mass, in m.
+const MAX_VALUE: f64 = 1e4;
 
-/// A mass carried beyond the sensor {S}.
+/// Mass carried beyond the sensor {S}.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Payload {
     mass: f64,
     centre_of_mass: Vector3<f64>,
 }
 
-/// Why a payload is none.
+/// Reasons to refuse a payload.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum InvalidPayload {
-    /// Its mass.
-    #[error("a mass of {0} kg is not within 0 and {LARGEST}")]
+    /// Mass out of range.
+    #[error("payload mass must be within 0..={MAX_VALUE} kg, got {0}")]
     Mass(f64),
-    /// Its centre of mass.
-    #[error("a centre of mass at {0} m is not within ±{LARGEST}")]
+    /// Centre of mass out of range.
+    #[error("payload centre of mass must be within ±{MAX_VALUE} m, got {0}")]
     CentreOfMass(f64),
 }
 
 impl Payload {
-    /// From its mass in kg and its centre of mass in {S}, in m.
+    /// Creates a payload from its mass in kg and its centre of mass in {S}, in m.
     ///
     /// # Errors
-    /// A mass that is negative, or a number that is none.
+    /// A negative mass, or a value that is too large or NaN.
     pub fn new(mass: f64, centre_of_mass: [f64; 3]) -> Result<Self, InvalidPayload> {
-        if !(0.0..=LARGEST).contains(&mass) {
+        if !(0.0..=MAX_VALUE).contains(&mass) {
             return Err(InvalidPayload::Mass(mass));
         }
-        let far = centre_of_mass.into_iter().find(|part| !(-LARGEST..=LARGEST).contains(part));
+        let far = centre_of_mass.into_iter().find(|part| !(-MAX_VALUE..=MAX_VALUE).contains(part));
         match far {
             Some(part) => Err(InvalidPayload::CentreOfMass(part)),
             None => Ok(Self { mass, centre_of_mass: centre_of_mass.into() }),
         }
     }
 
-    /// Its weight, at the sensor whose pose is `x_b_s`, in gravity written in the base, m/s².
+    /// Returns its weight at a sensor with pose `x_b_s`, in gravity in the base, in m/s².
     pub fn weight(&self, x_b_s: &Isometry3<f64>, gravity_in_b: &Vector3<f64>) -> Wrench {
         let force = x_b_s.rotation.inverse() * gravity_in_b * self.mass;
         Wrench { force, moment: self.centre_of_mass.cross(&force) }
@@ -63,7 +63,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_payload_weighs_the_same_however_it_is_held(
+        fn weight_does_not_depend_on_the_orientation(
             [x, y, z, a, b, c] in prop::array::uniform6(-3.0..3.0_f64)
         ) {
             let payload = Payload::new(1.3, [0.01, -0.02, 0.09]).unwrap();
@@ -77,12 +77,12 @@ mod tests {
     }
 
     #[test]
-    fn no_payload_weighs_nothing() {
+    fn default_payload_has_zero_weight() {
         assert_eq!(Payload::default().weight(&Isometry3::identity(), &DOWN), Wrench::ZERO);
     }
 
     #[test]
-    fn a_payload_has_a_mass_and_a_place() {
+    fn invalid_payloads_are_refused() {
         assert_eq!(Payload::new(-1.0, [0.0; 3]), Err(InvalidPayload::Mass(-1.0)));
         assert!(Payload::new(f64::NAN, [0.0; 3]).is_err());
         assert!(Payload::new(1.0, [0.0, f64::INFINITY, 0.0]).is_err());

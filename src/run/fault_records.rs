@@ -27,7 +27,7 @@ use canopen::frame::Telegram;
 use node::record::Record;
 use node::safety::table;
 use telemetry::fault_record::FaultWatch;
-use telemetry::fault_record::Moment;
+use telemetry::fault_record::Observation;
 use telemetry::fault_record::Trip;
 use telemetry::losses::Losses;
 use telemetry::session::Brief;
@@ -140,8 +140,8 @@ impl Faults {
         let mut log = SessionLog::new(writer);
         for moment in self.watch.past() {
             match moment {
-                Moment::Frame(at, telegram) => log.frame(*at, telegram),
-                Moment::Cycle(brief) => log.cycle(brief),
+                Observation::Frame(at, telegram) => log.frame(*at, telegram),
+                Observation::Cycle(brief) => log.cycle(brief),
             }
         }
         Ok(Open { folder, log, document, tripped: trip.at, latest: trip.at })

@@ -1,8 +1,7 @@
-//! Cookies: whoever asks for a session must first show that it is at the address it writes from.
+//! Cookies: an initiator must prove that it receives at the address it sends from.
 //!
-//! A cookie is a keyed hash of address and time, so that nothing is kept of those who never come back. It is
-//! asked for always, not only in a flood: that costs one round trip at arming, and no state is ever bought
-//! with a forged address.
+//! A cookie is a keyed hash of address and time, so the responder stores nothing per address. It is always required,
+//! not only in a flood: one more round trip at arming, and no state for forged addresses.
 
 use std::fmt;
 
@@ -15,10 +14,10 @@ use units::time::Instant;
 /// Bytes of a cookie.
 pub const COOKIE: usize = 16;
 
-/// A cookie is good for one to two of these, in µs.
-const BUCKET: u64 = 60_000_000;
+/// Validity of a cookie: one to two of these, in µs.
+const BUCKET_US: u64 = 60_000_000;
 
-/// Makes cookies and knows them again.
+/// Creates and verifies cookies.
 #[derive(Clone)]
 pub struct Cookies {
     secret: [u8; 32],
@@ -31,24 +30,24 @@ impl fmt::Debug for Cookies {
 }
 
 impl Cookies {
-    /// From a secret that nobody else has.
+    /// Creates a generator from a random secret.
     pub const fn new(secret: [u8; 32]) -> Self {
         Self { secret }
     }
 
-    /// The cookie of an address now.
+    /// Returns the cookie of an address at `now`.
     pub fn of(&self, now: Instant, address: &[u8]) -> [u8; COOKIE] {
-        self.in_bucket(now.as_micros() / BUCKET, address)
+        self.in_bucket(now.as_micros() / BUCKET_US, address)
     }
 
-    /// Whether this is a cookie of that address, of now or of the bucket before.
-    pub fn is_good(&self, now: Instant, address: &[u8], cookie: &[u8; COOKIE]) -> bool {
-        let bucket = now.as_micros() / BUCKET;
+    /// Returns whether this is a valid cookie of the address: of the present or the previous bucket.
+    pub fn is_valid(&self, now: Instant, address: &[u8], cookie: &[u8; COOKIE]) -> bool {
+        let bucket = now.as_micros() / BUCKET_US;
         let is_of = |bucket| is_same(&self.in_bucket(bucket, address), cookie);
         is_of(bucket) || bucket.checked_sub(1).is_some_and(is_of)
     }
 
-    /// HMAC-BLAKE2s of address and bucket, cut to length.
+    /// Computes HMAC-BLAKE2s of address and bucket, truncated.
     fn in_bucket(&self, bucket: u64, address: &[u8]) -> [u8; COOKIE] {
         let mut digest = [0; 32];
         if let Some(mut hash) = DefaultResolver.resolve_hash(&HashChoice::Blake2s) {
@@ -61,7 +60,7 @@ impl Cookies {
     }
 }
 
-/// Compares in a time that does not tell where they differ.
+/// Compares in constant time.
 fn is_same(one: &[u8; COOKIE], other: &[u8; COOKIE]) -> bool {
     one.iter().zip(other).fold(0, |differing, (a, b)| differing | (a ^ b)) == 0
 }
@@ -71,20 +70,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_cookie_is_of_one_address_one_secret_and_two_minutes() {
+    fn cookie_is_valid_for_one_address_and_secret_for_two_minutes() {
         let cookies = Cookies::new([7; 32]);
         let at = |seconds: u64| Instant::from_micros(seconds * 1_000_000);
         let cookie = cookies.of(at(119), b"here");
         assert_ne!(cookie, [0; COOKIE]);
-        assert!(cookies.is_good(at(119), b"here", &cookie));
-        assert!(cookies.is_good(at(179), b"here", &cookie));
-        assert!(!cookies.is_good(at(180), b"here", &cookie));
-        assert!(!cookies.is_good(at(119), b"there", &cookie));
-        assert!(!Cookies::new([8; 32]).is_good(at(119), b"here", &cookie));
+        assert!(cookies.is_valid(at(119), b"here", &cookie));
+        assert!(cookies.is_valid(at(179), b"here", &cookie));
+        assert!(!cookies.is_valid(at(180), b"here", &cookie));
+        assert!(!cookies.is_valid(at(119), b"there", &cookie));
+        assert!(!Cookies::new([8; 32]).is_valid(at(119), b"here", &cookie));
         for bit in 0..128 {
             let mut forged = cookie;
             forged[bit / 8] ^= 1 << (bit % 8);
-            assert!(!cookies.is_good(at(119), b"here", &forged));
+            assert!(!cookies.is_valid(at(119), b"here", &forged));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The datagrams of the link, byte by byte. Numbers are little-endian.
+//! Datagrams of the link, byte by byte. Numbers are little-endian.
 //!
 //! Every datagram begins with 16 bytes:
 //!
@@ -8,26 +8,26 @@
 //!   4  1      version: 1
 //!   5  1      kind: 1 initiation, 2 cookie, 3 response, 4 content
 //!   6  2      zero
-//!   8  8      epoch of the session; mixed into its keys
+//!   8  8      epoch of the session; part of the key derivation
 //! ```
 //!
-//! One with content has 112, from the robot and to it alike:
+//! A datagram with content has 112 bytes, in both directions:
 //!
 //! ```text
-//!  16  8      counter, from 0; the nonce of what follows
+//!  16  8      counter, from 0; the nonce of the sealed part
 //!  24  88     sealed (ChaCha20-Poly1305): 72 bytes and a tag of 16
-//!             0   8   stamp: when this was sampled, on the sender's clock, in µs
-//!             8   8   echo: the newest stamp of the receiver's that the sender had then, in µs
-//!             16  4   flags: bit 0, there is an echo; bit 1, the sender is armed; bits 2 and 3, content:
+//!             0   8   stamp: sample time on the sender's clock, in µs
+//!             8   8   echo: newest stamp received from the peer by then, in µs
+//!             16  4   flags: bit 0, echo present; bit 1, sender armed; bits 2 and 3, content:
 //!                     0 hold, 1 rate, 2 pose, 3 sample; all others zero
 //!             20  24  six binary32: of a sample, force and moment at {S} in N and N·m; of a rate, the
 //!                     twist of {MRF} in m/s and rad/s; else zero
-//!             44  12  three binary32: the place of {MRF} in its base, in m; of a sample and of a pose
+//!             44  12  three binary32: position of {MRF} in its base, in m; of a sample and of a pose
 //!             56  16  four binary32: its rotation as w, x, y, z
 //! ```
 //!
-//! Header and counter are authenticated with the rest: another epoch has other keys, another counter is
-//! another nonce, and every other byte of them has one legal value.
+//! Header and counter are authenticated too: epoch and counter determine keys and nonce, and every other byte of them
+//! has one legal value.
 
 use nalgebra::Isometry3;
 use nalgebra::Quaternion;
@@ -44,20 +44,20 @@ use units::time::Instant;
 /// Bytes of a datagram with content.
 pub const LENGTH: usize = 112;
 
-/// Bytes every datagram begins with.
+/// Bytes of the header.
 pub const HEADER: usize = 16;
 
-/// Bytes of content before they are sealed.
+/// Bytes of the content before sealing.
 pub const PLAIN: usize = 72;
 
-/// What every datagram of this version begins with.
-const BEGINNING: [u8; 5] = [b'f', b'r', b'h', b'c', 1];
+/// Magic bytes and version.
+const MAGIC: [u8; 5] = [b'f', b'r', b'h', b'c', 1];
 
-/// No hand asks for more, in m/s or rad/s.
-const FASTEST: f64 = 100.0;
+/// Maximum component of a commanded twist, in m/s or rad/s.
+const MAX_RATE: f64 = 100.0;
 
-/// A rotation in binary32 may be off by so much from length one.
-const UNEVEN: f64 = 1e-3;
+/// Tolerance of a binary32 quaternion's norm.
+const NORM_TOLERANCE: f64 = 1e-3;
 
 const HAS_ECHO: u32 = 1;
 const ARMED: u32 = 1 << 1;
@@ -66,12 +66,12 @@ const RATE: u32 = 1 << 2;
 const POSE: u32 = 2 << 2;
 const SAMPLE: u32 = 3 << 2;
 
-/// What a datagram is for.
+/// Kind of datagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Asks for a session.
+    /// Requests a session.
     Initiation,
-    /// Asks for the initiation again, with this cookie.
+    /// Requests the initiation again, with this cookie.
     Cookie,
     /// Grants a session.
     Response,
@@ -92,14 +92,14 @@ impl Kind {
     }
 }
 
-/// The bytes every datagram begins with.
+/// Encodes a header.
 pub fn header(kind: Kind, epoch: u64) -> [u8; HEADER] {
-    let [f, r, h, c, version] = BEGINNING;
+    let [f, r, h, c, version] = MAGIC;
     let [e0, e1, e2, e3, e4, e5, e6, e7] = epoch.to_le_bytes();
     [f, r, h, c, version, kind.code(), 0, 0, e0, e1, e2, e3, e4, e5, e6, e7]
 }
 
-/// Kind and epoch of a datagram.
+/// Decodes kind and epoch.
 ///
 /// # Errors
 /// [`Reject::Length`] and [`Reject::Foreign`].
@@ -109,34 +109,34 @@ pub fn read_header(bytes: &[u8]) -> Result<(Kind, u64), Reject> {
         return Err(Reject::Foreign);
     };
     let kind = Kind::ALL.into_iter().find(|kind| kind.code() == code);
-    let kind = kind.filter(|_| beginning == BEGINNING).ok_or(Reject::Foreign)?;
+    let kind = kind.filter(|_| beginning == MAGIC).ok_or(Reject::Foreign)?;
     Ok((kind, u64::from_le_bytes([e0, e1, e2, e3, e4, e5, e6, e7])))
 }
 
-/// What is asked for or felt.
+/// Command or sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Content {
-    /// To the robot: what its object is to do.
+    /// To the robot: command of its object.
     Command(Motion),
-    /// From the robot: the wrench of the environment on the object at {S}, and the object's pose.
+    /// From the robot: wrench of the environment on the object at {S}, and pose of the object.
     Sample { f_s: Wrench, x_b_m: Isometry3<f64> },
 }
 
 /// Content with its stamps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Payload {
-    /// When it was sampled, on the sender's clock.
+    /// Sample time, on the sender's clock.
     pub stamp: Instant,
-    /// The newest stamp of the receiver's that the sender had then.
+    /// Newest stamp received from the peer by then.
     pub echo: Option<Instant>,
-    /// Whether the sender is armed.
+    /// The sender is armed.
     pub armed: bool,
-    /// What it is about.
+    /// Content.
     pub content: Content,
 }
 
 impl Payload {
-    /// As bytes.
+    /// Encodes the payload.
     pub fn encode(&self) -> [u8; PLAIN] {
         let (what, six, pose) = match self.content {
             Content::Command(Motion::Hold) => (HOLD, [0.0; 6], None),
@@ -156,10 +156,10 @@ impl Payload {
         plain
     }
 
-    /// From bytes.
+    /// Decodes a payload.
     ///
     /// # Errors
-    /// [`Reject::Impossible`]: numbers that no sensor and no hand can give, or flags of no meaning.
+    /// [`Reject::Impossible`]: values out of range, or undefined flags.
     pub fn decode(plain: &[u8; PLAIN]) -> Result<Self, Reject> {
         let mut reader = Reader(plain);
         let (stamp, echo) =
@@ -185,7 +185,7 @@ impl Payload {
     }
 }
 
-/// Bytes that were not read yet.
+/// Bytes not read yet.
 struct Reader<'b>(&'b [u8]);
 
 impl Reader<'_> {
@@ -204,29 +204,29 @@ impl Reader<'_> {
     }
 }
 
-/// A twist that a hand may ask for.
+/// Checks the range of a commanded twist.
 fn twist(six: [f64; 6]) -> Result<Twist, Reject> {
-    let is_possible = six.iter().all(|part| part.abs() <= FASTEST);
+    let is_possible = six.iter().all(|part| part.abs() <= MAX_RATE);
     is_possible.then_some(Twist::from_components(six)).ok_or(Reject::Impossible)
 }
 
-/// Place, then rotation as w, x, y, z.
+/// Returns position, then rotation as w, x, y, z.
 fn numbers(x: Isometry3<f64>) -> [f64; 7] {
     let (p, r) = (x.translation.vector, x.rotation);
     [p.x, p.y, p.z, r.w, r.i, r.j, r.k]
 }
 
-/// A pose that an object may have.
+/// Checks a pose.
 fn isometry([x, y, z, w, i, j, k]: [f64; 7]) -> Result<Isometry3<f64>, Reject> {
     let rotation = Quaternion::new(w, i, j, k);
-    let is_even = (rotation.norm() - 1.0).abs() <= UNEVEN;
+    let is_rotation = (rotation.norm() - 1.0).abs() <= NORM_TOLERANCE;
     let pose =
         Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::new_normalize(rotation));
     let sensed = Sensed { at: Instant::ZERO, f_s: Wrench::ZERO, x_b_m: pose };
-    (is_even && sensed.is_possible()).then_some(pose).ok_or(Reject::Impossible)
+    (is_rotation && sensed.is_possible()).then_some(pose).ok_or(Reject::Impossible)
 }
 
-/// The nearest binary32.
+/// Rounds to binary32.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,

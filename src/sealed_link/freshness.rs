@@ -1,31 +1,30 @@
-//! Whether what a datagram carries may still act.
+//! Age check of datagrams without synchronized clocks.
 //!
-//! Two clocks that nobody has set alike: so a sender stamps each sample with its own, and beside it puts the
-//! newest stamp of its peer that it had received *when it took the sample*. The peer takes its own stamp
-//! from its own clock and knows the sample to be no older than that. Whatever holds the datagram up on
-//! either way, and whoever sends an old sample anew, only makes the answer older.
+//! A sender puts two stamps beside each sample: its own, and the newest stamp of its peer that it had received *at
+//! sample time*. The peer recognizes its own stamp: the sample is no older than that. Delays in either direction, and
+//! old samples sent again, only make the result older.
 
 use std::time::Duration;
 
 use crate::reject::Reject;
 use units::time::Instant;
 
-/// What is older than this acts no more.
-pub const OLDEST: Duration = Duration::from_millis(100);
+/// Maximum age of content that takes effect.
+pub const MAX_AGE: Duration = Duration::from_millis(100);
 
-/// How far the newest datagram was counted.
+/// Newest counter accepted.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Freshness {
     newest: Option<u64>,
 }
 
 impl Freshness {
-    /// Judges an authentic datagram: its counter, and the stamp of ours that it echoes. Only one that is
-    /// newer than all before is fresh, and only if it is not too old.
+    /// Checks an authentic datagram by its counter and the echo of our stamp. Accepts it if it is newer than all
+    /// before, and not older than [`MAX_AGE`]; returns the echo.
     ///
     /// # Errors
     /// [`Reject::Overtaken`], [`Reject::Old`] and [`Reject::Future`].
-    pub fn judge(
+    pub fn check(
         &mut self,
         now: Instant,
         counter: u64,
@@ -37,7 +36,7 @@ impl Freshness {
         self.newest = Some(counter);
         match echo {
             Some(echo) if echo > now => Err(Reject::Future),
-            Some(echo) if now.since(echo) <= OLDEST => Ok(echo),
+            Some(echo) if now.since(echo) <= MAX_AGE => Ok(echo),
             Some(_) | None => Err(Reject::Old),
         }
     }
@@ -55,30 +54,30 @@ mod tests {
 
     proptest! {
         #[test]
-        fn property_13_what_is_too_old_does_not_become_fresh_again(
+        fn property_13_stale_content_stays_stale(
             echo in 0..1_000_000_u64, age in 0..200_000_u64, more in 0..200_000_u64,
         ) {
-            let judge = |age| Freshness::default().judge(at(echo + age), 1, Some(at(echo)));
-            prop_assert!(judge(age).is_ok() || judge(age + more).is_err());
-            prop_assert_eq!(judge(age).is_ok(), age <= 100_000);
+            let check = |age| Freshness::default().check(at(echo + age), 1, Some(at(echo)));
+            prop_assert!(check(age).is_ok() || check(age + more).is_err());
+            prop_assert_eq!(check(age).is_ok(), age <= 100_000);
         }
 
         #[test]
-        fn hazard_36_however_datagrams_are_shuffled_only_ever_newer_ones_act(
+        fn hazard_36_shuffled_datagrams_take_effect_in_order_only(
             counters in prop::collection::vec(0..50_u64, 1..100),
         ) {
             let mut freshness = Freshness::default();
-            let is_fresh = |counter: &u64| freshness.judge(at(5), *counter, Some(at(4))).is_ok();
+            let is_fresh = |counter: &u64| freshness.check(at(5), *counter, Some(at(4))).is_ok();
             let acted: Vec<u64> = counters.into_iter().filter(is_fresh).collect();
             prop_assert!(acted.windows(2).all(|pair| pair[0] < pair[1]));
         }
     }
 
     #[test]
-    fn what_answers_no_stamp_or_one_of_tomorrow_does_not_act() {
+    fn missing_or_future_echoes_are_rejected() {
         let mut freshness = Freshness::default();
-        assert_eq!(freshness.judge(at(10), 1, None), Err(Reject::Old));
-        assert_eq!(freshness.judge(at(10), 2, Some(at(11))), Err(Reject::Future));
-        assert_eq!(freshness.judge(at(10), 3, Some(at(10))), Ok(at(10)));
+        assert_eq!(freshness.check(at(10), 1, None), Err(Reject::Old));
+        assert_eq!(freshness.check(at(10), 2, Some(at(11))), Err(Reject::Future));
+        assert_eq!(freshness.check(at(10), 3, Some(at(10))), Ok(at(10)));
     }
 }

@@ -1,4 +1,4 @@
-//! Noise_IK over datagrams: who is who, the messages, and how a session comes of them.
+//! Noise_IK handshake over datagrams.
 //!
 //! ```text
 //!  initiation, 128 bytes                    response, 64 bytes          cookie, 48 bytes
@@ -7,8 +7,8 @@
 //!  112  16  cookie, or zero                                              32  16  cookie
 //! ```
 //!
-//! No answer is longer than its question, so the link amplifies nothing. The prologue is the header of the
-//! initiation: version and epoch of both sides are the same, or nothing is authentic.
+//! No response is longer than its request, so the link amplifies nothing. The prologue is the header of the initiation:
+//! both sides agree on version and epoch, or authentication fails.
 
 use std::fmt;
 
@@ -33,10 +33,10 @@ const PATTERN: &str = "Noise_IK_25519_ChaChaPoly_BLAKE2s";
 /// Bytes of a key of X25519.
 pub const KEY: usize = 32;
 
-/// Who we are, and the only one we speak to.
+/// Static keys: our own, and the only accepted peer's.
 #[derive(Clone)]
 pub struct Keys {
-    /// Our own secret key.
+    /// Our secret key.
     pub secret: [u8; KEY],
     /// The peer's public key.
     pub peer: [u8; KEY],
@@ -48,12 +48,12 @@ impl fmt::Debug for Keys {
     }
 }
 
-/// A new pair of keys.
+/// A key pair.
 #[derive(Clone)]
 pub struct Pair {
-    /// For ourselves alone.
+    /// Secret key.
     pub secret: [u8; KEY],
-    /// For the peer.
+    /// Public key, for the peer.
     pub public: [u8; KEY],
 }
 
@@ -63,16 +63,16 @@ impl fmt::Debug for Pair {
     }
 }
 
-/// The cryptography failed: no randomness, or no message of the handshake.
+/// Cryptographic failure: no randomness, or an invalid message.
 #[derive(Debug, Error)]
-#[error("no handshake: {0}")]
+#[error("handshake failed: {0}")]
 pub struct Failed(#[from] pub snow::Error);
 
 impl Pair {
-    /// From the operating system's randomness.
+    /// Generates a pair from the operating system's randomness.
     ///
     /// # Errors
-    /// When it gives none.
+    /// The system provides no randomness.
     pub fn generate() -> Result<Self, Failed> {
         let pair = Builder::new(PATTERN.parse()?).generate_keypair()?;
         let key = |bytes: &[u8]| bytes.try_into().map_err(|_| snow::Error::Input);
@@ -80,10 +80,10 @@ impl Pair {
     }
 }
 
-/// Begins a handshake: its state, and the initiation.
+/// Starts a handshake; returns its state and the initiation.
 ///
 /// # Errors
-/// When there is no randomness, or a key is none.
+/// No randomness, or an invalid key.
 pub fn initiate(keys: &Keys, epoch: u64) -> Result<(HandshakeState, [u8; INITIATION]), Failed> {
     let prologue = datagram::header(Kind::Initiation, epoch);
     let builder = Builder::new(PATTERN.parse()?).prologue(&prologue)?;
@@ -96,11 +96,11 @@ pub fn initiate(keys: &Keys, epoch: u64) -> Result<(HandshakeState, [u8; INITIAT
     Ok((state, bytes))
 }
 
-/// Answers an initiation: the session's ciphers, and the response. `message` is the part of it that is
-/// Noise's.
+/// Answers an initiation; returns the session's ciphers and the response. `message` is the Noise part of the
+/// initiation.
 ///
 /// # Errors
-/// When it is not authentic, or not from the peer.
+/// The initiation is not authentic, or not from the peer.
 pub fn respond(
     keys: &Keys,
     epoch: u64,

@@ -1,5 +1,4 @@
-//! The node's side: asks for a session, again until it has one, and for a new one at each arming or when
-//! nothing is heard any more, as after a start of the robot.
+//! Node side: requests a session, and a new one at each arming or after a silence of the robot.
 
 use std::time::Duration;
 
@@ -20,28 +19,28 @@ use crate::session::Received;
 use crate::session::Session;
 use units::time::Instant;
 
-/// What was not answered is asked again after this.
-const ASK_AGAIN: Duration = Duration::from_millis(100);
+/// Time after which an unanswered initiation is sent again.
+const RETRY_PERIOD: Duration = Duration::from_millis(100);
 
-/// A session in which nothing was let in for so long is given up for another.
-const SILENT: Duration = Duration::from_secs(1);
+/// Time without an accepted datagram after which a new session is requested.
+const SESSION_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// The side that asks.
+/// Side that requests sessions.
 #[derive(Debug)]
 pub struct Initiator {
     keys: Keys,
-    /// Of the session asked for last.
+    /// Epoch of the last session requested.
     epoch: u64,
-    /// When something of the peer's was last let in, or a session asked for.
-    heard_at: Instant,
+    /// Time of the last accepted datagram, or of the last request.
+    active_at: Instant,
     session: Option<Session>,
-    asking: Option<Asking>,
+    handshake: Option<Handshake>,
     rejects: Rejects,
 }
 
-/// A handshake under way.
+/// A handshake in progress.
 #[derive(Debug)]
-struct Asking {
+struct Handshake {
     state: Box<HandshakeState>,
     epoch: u64,
     initiation: [u8; INITIATION],
@@ -49,51 +48,51 @@ struct Asking {
 }
 
 impl Initiator {
-    /// Nothing is asked for yet. Sessions are numbered from `epoch` on.
+    /// Creates an initiator without a session. Epochs count from `epoch`.
     pub fn new(keys: Keys, epoch: u64) -> Self {
         Self {
             keys,
             epoch,
-            heard_at: Instant::ZERO,
+            active_at: Instant::ZERO,
             session: None,
-            asking: None,
+            handshake: None,
             rejects: Rejects::default(),
         }
     }
 
-    /// Asks for a new session; the one there is, if any, goes on until it is granted.
+    /// Requests a new session; the present one stays valid until the new one is granted.
     ///
     /// # Errors
-    /// When there is no randomness. Then the old session goes on.
+    /// No randomness; the present session stays valid.
     pub fn begin(&mut self, now: Instant) -> Result<(), Failed> {
-        (self.epoch, self.heard_at) = (self.epoch.wrapping_add(1), now);
+        (self.epoch, self.active_at) = (self.epoch.wrapping_add(1), now);
         let epoch = self.epoch;
         let (state, initiation) = handshake::initiate(&self.keys, epoch)?;
-        self.asking = Some(Asking { state: Box::new(state), epoch, initiation, due: now });
+        self.handshake = Some(Handshake { state: Box::new(state), epoch, initiation, due: now });
         Ok(())
     }
 
-    /// The session, to seal with.
+    /// Returns the session, for sealing.
     pub const fn session(&mut self) -> Option<&mut Session> {
         self.session.as_mut()
     }
 
-    /// What had no effect so far.
+    /// Returns the counts of rejected datagrams.
     pub const fn rejects(&self) -> &Rejects {
         &self.rejects
     }
 
-    /// The initiation, whenever it is due.
+    /// Returns the initiation when it is due.
     pub fn on_time(&mut self, now: Instant) -> Option<[u8; INITIATION]> {
-        if self.asking.is_none() && now.since(self.heard_at) > SILENT {
+        if self.handshake.is_none() && now.since(self.active_at) > SESSION_TIMEOUT {
             self.begin(now).ok()?;
         }
-        let asking = self.asking.as_mut().filter(|asking| asking.due <= now)?;
-        asking.due = now + ASK_AGAIN;
-        Some(asking.initiation)
+        let handshake = self.handshake.as_mut().filter(|handshake| handshake.due <= now)?;
+        handshake.due = now + RETRY_PERIOD;
+        Some(handshake.initiation)
     }
 
-    /// Takes a datagram: a sample, if it carries one that may act.
+    /// Handles a datagram; returns its content if that is accepted.
     pub fn on_datagram(&mut self, now: Instant, bytes: &[u8]) -> Option<Received> {
         let taken = self.take(now, bytes);
         taken.unwrap_or_else(|reject| {
@@ -107,7 +106,7 @@ impl Initiator {
         match kind {
             Kind::Content => {
                 let received = self.session.as_mut().ok_or(Reject::Epoch)?.open(now, bytes)?;
-                self.heard_at = now;
+                self.active_at = now;
                 Ok(Some(received))
             }
             Kind::Cookie => self.on_cookie(now, epoch, bytes).map(|()| None),
@@ -116,35 +115,35 @@ impl Initiator {
         }
     }
 
-    /// A cookie is not authentic, but who could not see the initiation does not know its beginning.
+    /// Handles a cookie. It is not authentic, but it must repeat the start of our initiation.
     fn on_cookie(&mut self, now: Instant, epoch: u64, bytes: &[u8]) -> Result<(), Reject> {
         let bytes: &[u8; COOKIE_REPLY] = bytes.try_into().map_err(|_| Reject::Length)?;
         let (_, rest) = bytes.split_at(HEADER);
         let (begun, cookie) = rest.split_at(rest.len() / 2);
-        let asking = self.asking.as_mut().filter(|asking| asking.epoch == epoch);
-        let asking = asking.ok_or(Reject::Epoch)?;
-        let (initiation, place) = asking.initiation.split_at_mut(INITIATION - cookie.len());
+        let handshake = self.handshake.as_mut().filter(|handshake| handshake.epoch == epoch);
+        let handshake = handshake.ok_or(Reject::Epoch)?;
+        let (initiation, place) = handshake.initiation.split_at_mut(INITIATION - cookie.len());
         if initiation.get(HEADER..).is_none_or(|noise| !noise.starts_with(begun)) {
             return Err(Reject::Epoch);
         }
-        // Asked again at once, but for the same cookie only once.
+        // Sends the initiation again at once, but only once per cookie.
         if place != cookie {
             place.copy_from_slice(cookie);
-            asking.due = now;
+            handshake.due = now;
         }
         Ok(())
     }
 
     fn on_response(&mut self, now: Instant, epoch: u64, bytes: &[u8]) -> Result<(), Reject> {
         let bytes: &[u8; RESPONSE] = bytes.try_into().map_err(|_| Reject::Length)?;
-        let asking = self.asking.as_mut().filter(|asking| asking.epoch == epoch);
-        let asking = asking.ok_or(Reject::Epoch)?;
+        let handshake = self.handshake.as_mut().filter(|handshake| handshake.epoch == epoch);
+        let handshake = handshake.ok_or(Reject::Epoch)?;
         let (_, message) = bytes.split_at(HEADER);
-        asking.state.read_message(message, &mut []).map_err(|_| Reject::Tag)?;
-        let Some(asking) = self.asking.take() else { return Err(Reject::Epoch) };
-        let transport = asking.state.into_stateless_transport_mode().map_err(|_| Reject::Tag)?;
+        handshake.state.read_message(message, &mut []).map_err(|_| Reject::Tag)?;
+        let Some(handshake) = self.handshake.take() else { return Err(Reject::Epoch) };
+        let transport = handshake.state.into_stateless_transport_mode().map_err(|_| Reject::Tag)?;
         self.session = Some(Session::new(transport, epoch));
-        self.heard_at = now;
+        self.active_at = now;
         Ok(())
     }
 }

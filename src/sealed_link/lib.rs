@@ -1,21 +1,20 @@
-//! The link to a commanded side elsewhere: authenticated datagrams that are fresh or have no effect.
+//! Link to a commanded side elsewhere: authenticated datagrams that are fresh or have no effect.
 //!
-//! Nothing here sends, receives or reads a clock. Bytes that are not authentic change nothing but a counter
-//! of [`reject::Rejects`]; what is authentic and late changes nothing that acts.
+//! No I/O and no clock. Bytes that are not authentic change only a counter of [`reject::Rejects`]; authentic but stale
+//! content takes no effect.
 //!
 //! ```text
 //!  node                                                        robot
 //!   [`initiator`] ── initiation ─────────────────────────────► [`responder`]
-//!                 ◄─ cookie: show that you are at that address ──
+//!                 ◄─ cookie: proof of the address required ──
 //!                 ── initiation, with the cookie ─────────────►
 //!                 ◄──────────────────────────────── response ──
-//!                 ── command ─────────────────────────────────►  the session is taken up
+//!                 ── command ─────────────────────────────────►  the session starts
 //!                 ◄───────────────────────────────── sample ──
 //! ```
 //!
-//! The handshake is Noise_IK_25519_ChaChaPoly_BLAKE2s: each side knows the other's static key beforehand
-//! and accepts no other. A [`session`] has keys of its own, so what was recorded in one says nothing in the
-//! next; a node begins one at each arming.
+//! The handshake is Noise_IK_25519_ChaChaPoly_BLAKE2s: each side knows the other's static key and accepts no other.
+//! Each [`session`] has keys of its own, so a recording is useless in the next; a node starts one at each arming.
 //!
 //! ```
 //! use sealed_link::window::Window;

@@ -1,53 +1,53 @@
-//! Why a datagram had no effect, and how often.
+//! Reasons to reject a datagram, with counters.
 
 use thiserror::Error;
 
-/// Why a datagram had no effect.
+/// Reason to reject a datagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Error)]
 pub enum Reject {
-    /// Not as long as a datagram of its kind.
-    #[error("not of the length of any datagram")]
+    /// Wrong length for its kind.
+    #[error("wrong length")]
     Length,
-    /// Not of this protocol or version.
-    #[error("none of this link's datagrams")]
+    /// Other protocol or version.
+    #[error("other protocol or version")]
     Foreign,
-    /// Of another session, or of none that is open.
-    #[error("of another session")]
+    /// Another session, or no session is open.
+    #[error("another session")]
     Epoch,
-    /// Its counter was taken already.
+    /// The counter was already received.
     #[error("replayed")]
     Replayed,
-    /// Its counter is so far behind the newest that nobody knows whether it was taken.
-    #[error("too far behind to tell whether it is a replay")]
+    /// The counter is too old for the replay window.
+    #[error("outside the replay window")]
     Behind,
-    /// Not from the peer, or changed on its way.
+    /// Not from the peer, or modified.
     #[error("not authentic")]
     Tag,
     /// Authentic, but older than one before.
     #[error("overtaken by a newer one")]
     Overtaken,
-    /// Authentic, but what it carries was sampled too long ago, or nobody knows when.
+    /// Authentic, but the content is too old, or its age is unknown.
     #[error("too old")]
     Old,
-    /// Authentic, but it answers a stamp that was never given.
-    #[error("from the future")]
+    /// Authentic, but it echoes a stamp that was never sent.
+    #[error("echo from the future")]
     Future,
-    /// Authentic, but its numbers are none that a sensor or a hand can give.
-    #[error("no such numbers")]
+    /// Authentic, but values are out of range.
+    #[error("values out of range")]
     Impossible,
-    /// An initiation without this address's cookie.
-    #[error("no cookie")]
+    /// Initiation without a valid cookie.
+    #[error("cookie missing")]
     Cookie,
-    /// More initiations than are worked at.
+    /// Initiation above the rate limit.
     #[error("too many initiations")]
     Busy,
-    /// An initiation while the session that is open is commanded.
+    /// Initiation while the present session is armed and active.
     #[error("a session is in use")]
     InUse,
 }
 
 impl Reject {
-    /// All of them.
+    /// All reasons.
     pub const ALL: [Self; 13] = [
         Self::Length,
         Self::Foreign,
@@ -65,12 +65,12 @@ impl Reject {
     ];
 }
 
-/// How many datagrams had no effect, by reason.
+/// Numbers of rejected datagrams by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rejects([u64; Reject::ALL.len()]);
 
 impl Rejects {
-    /// One more.
+    /// Counts a rejected datagram.
     pub fn count(&mut self, reject: Reject) {
         let of = self.0.iter_mut().zip(Reject::ALL).find(|(_, reason)| *reason == reject);
         if let Some((count, _)) = of {
@@ -78,17 +78,17 @@ impl Rejects {
         }
     }
 
-    /// How many of one reason.
+    /// Returns the number for one reason.
     pub fn of(&self, reject: Reject) -> u64 {
         self.each().find(|(reason, _)| *reason == reject).map_or(0, |(_, count)| count)
     }
 
-    /// How many of each.
+    /// Returns the number for each reason.
     pub fn each(&self) -> impl Iterator<Item = (Reject, u64)> + '_ {
         Reject::ALL.into_iter().zip(self.0)
     }
 
-    /// How many in all.
+    /// Returns the total.
     pub fn total(&self) -> u64 {
         self.0.iter().fold(0, |sum, count| sum.saturating_add(*count))
     }

@@ -1,8 +1,7 @@
-//! The robot's side: grants sessions to the one peer it knows, one at a time.
+//! Robot side: grants sessions to its one peer, one at a time.
 //!
-//! A session that was granted is taken up when its first authentic datagram comes: only the peer can have
-//! sent that, whoever sent the initiation. While the session there is is armed and heard, it is not replaced
-//! by any other.
+//! A granted session starts with its first authentic datagram: only the peer can have sent it, whatever the source of
+//! the initiation. A session that is armed and active is not replaced.
 
 use std::time::Duration;
 
@@ -11,7 +10,7 @@ use crate::cookie::Cookies;
 use crate::datagram;
 use crate::datagram::HEADER;
 use crate::datagram::Kind;
-use crate::freshness::OLDEST;
+use crate::freshness::MAX_AGE;
 use crate::handshake;
 use crate::handshake::INITIATION;
 use crate::handshake::Keys;
@@ -25,28 +24,28 @@ use units::time::Instant;
 /// Bytes of a cookie reply.
 pub const COOKIE_REPLY: usize = HEADER + 2 * COOKIE;
 
-/// Initiations that are worked at within [`REFILL`]; each costs four multiplications on the curve.
-const MOST: u32 = 8;
+/// Maximum initiations processed per [`LIMIT_PERIOD`]; each costs four curve multiplications.
+const MAX_INITIATIONS: u32 = 8;
 
-/// How often that many may come.
-const REFILL: Duration = Duration::from_secs(1);
+/// Period of that limit.
+const LIMIT_PERIOD: Duration = Duration::from_secs(1);
 
-/// The side that is asked.
+/// Side that grants sessions.
 #[derive(Debug)]
 pub struct Responder {
     keys: Keys,
     cookies: Cookies,
     session: Option<Session>,
     granted: Option<Granted>,
-    /// When the session last said that it is armed.
+    /// Time of the last datagram of an armed peer.
     armed_at: Option<Instant>,
-    /// Initiations worked at, since when.
+    /// Start of the limit period, and initiations in it.
     worked: (Instant, u32),
     rejects: Rejects,
 }
 
-/// A session that was granted and not taken up yet. The same initiation has the same answer, so that one
-/// which is answered late or twice leads to one session.
+/// A session granted but not started. The same initiation gets the same response, so a delayed or repeated one leads to
+/// one session.
 #[derive(Debug)]
 struct Granted {
     session: Session,
@@ -54,21 +53,21 @@ struct Granted {
     response: [u8; RESPONSE],
 }
 
-/// What came of a datagram.
+/// Result of a datagram.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// Nothing.
+    /// No effect.
     Nothing,
-    /// A command that may act.
+    /// Accepted command.
     Command(Received),
-    /// To be answered so: an initiation without its cookie.
+    /// Reply to an initiation without a cookie.
     Cookie([u8; COOKIE_REPLY]),
-    /// To be answered so: an initiation.
+    /// Reply to an initiation.
     Response([u8; RESPONSE]),
 }
 
 impl Responder {
-    /// Nobody has asked yet. `secret` is for cookies, and new at each start.
+    /// Creates a responder without a session. `secret` is for cookies, random at each start.
     pub fn new(keys: Keys, secret: [u8; 32]) -> Self {
         Self {
             keys,
@@ -81,17 +80,17 @@ impl Responder {
         }
     }
 
-    /// The session, to seal with.
+    /// Returns the session, for sealing.
     pub const fn session(&mut self) -> Option<&mut Session> {
         self.session.as_mut()
     }
 
-    /// What had no effect so far.
+    /// Returns the counts of rejected datagrams.
     pub const fn rejects(&self) -> &Rejects {
         &self.rejects
     }
 
-    /// Takes a datagram that came from `address`.
+    /// Handles a datagram from `address`.
     pub fn on_datagram(&mut self, now: Instant, address: &[u8], bytes: &[u8]) -> Outcome {
         let taken = datagram::read_header(bytes).and_then(|(kind, epoch)| match kind {
             Kind::Content => self.on_content(now, epoch, bytes),
@@ -105,12 +104,12 @@ impl Responder {
     }
 
     fn on_content(&mut self, now: Instant, epoch: u64, bytes: &[u8]) -> Result<Outcome, Reject> {
-        // Looked at first: a node that has started anew may number its sessions as before.
+        // The granted session comes first: a restarted node may use the same epochs again.
         if let Some(mut granted) = self.granted.take_if(|granted| granted.session.epoch() == epoch)
         {
             let opened = granted.session.open(now, bytes);
             if granted.session.is_confirmed() {
-                self.take_up(now, granted.session)?;
+                self.start_session(now, granted.session)?;
                 return opened.map(Outcome::Command);
             }
             self.granted = Some(granted);
@@ -121,8 +120,8 @@ impl Responder {
         Ok(Outcome::Command(received))
     }
 
-    /// From now on the session is this one, unless the one there is is in use.
-    fn take_up(&mut self, now: Instant, session: Session) -> Result<(), Reject> {
+    /// Replaces the session, unless the present one is in use.
+    fn start_session(&mut self, now: Instant, session: Session) -> Result<(), Reject> {
         if self.is_in_use(now) {
             return Err(Reject::InUse);
         }
@@ -140,9 +139,9 @@ impl Responder {
         let bytes: &[u8; INITIATION] = bytes.try_into().map_err(|_| Reject::Length)?;
         let (rest, cookie) = bytes.split_last_chunk::<COOKIE>().ok_or(Reject::Length)?;
         let (_, message) = rest.split_at(HEADER);
-        if !self.cookies.is_good(now, address, cookie) {
+        if !self.cookies.is_valid(now, address, cookie) {
             self.rejects.count(Reject::Cookie);
-            return Ok(Outcome::Cookie(self.ask_for_cookie(now, address, epoch, message)));
+            return Ok(Outcome::Cookie(self.cookie_reply(now, address, epoch, message)));
         }
         if self.is_in_use(now) {
             return Err(Reject::InUse);
@@ -151,7 +150,7 @@ impl Responder {
         {
             return Ok(Outcome::Response(granted.response));
         }
-        self.work(now)?;
+        self.limit_rate(now)?;
         let granted = handshake::respond(&self.keys, epoch, message);
         let (transport, response) = granted.map_err(|_| Reject::Tag)?;
         let session = Session::new(transport, epoch);
@@ -159,7 +158,7 @@ impl Responder {
         Ok(Outcome::Response(response))
     }
 
-    fn ask_for_cookie(
+    fn cookie_reply(
         &self,
         now: Instant,
         address: &[u8],
@@ -167,23 +166,24 @@ impl Responder {
         message: &[u8],
     ) -> [u8; COOKIE_REPLY] {
         let header = datagram::header(Kind::Cookie, epoch);
-        let begun = message.iter().copied().take(COOKIE);
-        let reply = header.into_iter().chain(begun).chain(self.cookies.of(now, address));
+        let first_bytes = message.iter().copied().take(COOKIE);
+        let reply = header.into_iter().chain(first_bytes).chain(self.cookies.of(now, address));
         let mut bytes = [0; COOKIE_REPLY];
         bytes.iter_mut().zip(reply).for_each(|(place, byte)| *place = byte);
         bytes
     }
 
-    /// Whether the session there is is armed and heard.
+    /// Returns whether the present session is armed and active.
     fn is_in_use(&self, now: Instant) -> bool {
-        self.armed_at.is_some_and(|at| now.since(at) <= OLDEST)
+        self.armed_at.is_some_and(|at| now.since(at) <= MAX_AGE)
     }
 
-    /// One more initiation, if that is not too many.
-    fn work(&mut self, now: Instant) -> Result<(), Reject> {
+    /// Counts an initiation against the rate limit.
+    fn limit_rate(&mut self, now: Instant) -> Result<(), Reject> {
         let (since, worked) = self.worked;
-        let (since, worked) = if now.since(since) >= REFILL { (now, 0) } else { (since, worked) };
-        if worked >= MOST {
+        let (since, worked) =
+            if now.since(since) >= LIMIT_PERIOD { (now, 0) } else { (since, worked) };
+        if worked >= MAX_INITIATIONS {
             return Err(Reject::Busy);
         }
         self.worked = (since, worked + 1);

@@ -1,4 +1,4 @@
-//! One session: what is sealed with its keys, and what of the peer's is let in.
+//! One session: sealing and opening datagrams.
 
 use snow::StatelessTransportState;
 use thiserror::Error;
@@ -15,40 +15,40 @@ use crate::reject::Reject;
 use crate::window::Window;
 use units::time::Instant;
 
-/// What both sides have in common until the next handshake.
+/// Keys and counters of a session.
 #[derive(Debug)]
 pub struct Session {
     transport: StatelessTransportState,
     epoch: u64,
-    /// Datagrams sealed so far: the counter of the next one.
+    /// Number of datagrams sealed: the counter of the next one.
     sealed: u64,
     window: Window,
     freshness: Freshness,
-    /// The newest stamp of the peer's, on its clock.
-    heard: Option<Instant>,
+    /// Newest stamp of the peer, on its clock.
+    peer_stamp: Option<Instant>,
 }
 
-/// When something was sampled, and what had been heard of the peer by then.
+/// Sample time, and the newest stamp received from the peer by then.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stamp {
     at: Instant,
     echo: Option<Instant>,
 }
 
-/// What was let in.
+/// Accepted content.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Received {
-    /// It was sampled then or later, on our own clock.
+    /// Lower bound of the sample time, on our clock.
     pub at: Instant,
-    /// Whether the peer is armed.
+    /// The peer is armed.
     pub armed: bool,
-    /// What it says.
+    /// Content.
     pub content: Content,
 }
 
-/// A session that has used up its counters, after 2⁶⁴ − 1 datagrams.
+/// The session has used all its 2⁶⁴ − 1 counters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("no counter is left in this session")]
+#[error("session counters exhausted")]
 pub struct Exhausted;
 
 impl Session {
@@ -59,29 +59,29 @@ impl Session {
             sealed: 0,
             window: Window::default(),
             freshness: Freshness::default(),
-            heard: None,
+            peer_stamp: None,
         }
     }
 
-    /// Which session it is.
+    /// Returns the epoch.
     pub const fn epoch(&self) -> u64 {
         self.epoch
     }
 
-    /// Whether an authentic datagram has come: only the peer has this session's keys.
+    /// Returns whether an authentic datagram was received: only the peer has the keys.
     pub const fn is_confirmed(&self) -> bool {
-        self.heard.is_some()
+        self.peer_stamp.is_some()
     }
 
-    /// To be taken when the sample is taken, and sent with it however often.
+    /// Returns the stamp of a sample taken at `now`; send it with that sample, however often.
     pub const fn stamp(&self, now: Instant) -> Stamp {
-        Stamp { at: now, echo: self.heard }
+        Stamp { at: now, echo: self.peer_stamp }
     }
 
-    /// A datagram that carries `content`, sampled at `stamp`.
+    /// Seals `content`, sampled at `stamp`.
     ///
     /// # Errors
-    /// When the session is at its end.
+    /// The counters are exhausted.
     pub fn seal(
         &mut self,
         stamp: Stamp,
@@ -100,11 +100,11 @@ impl Session {
         Ok(bytes)
     }
 
-    /// Lets a datagram with content in, if it is this session's, authentic, new and fresh. One that is not
-    /// authentic changes nothing.
+    /// Opens a datagram if it belongs to this session, and is authentic, new and fresh. One that is not authentic
+    /// changes nothing.
     ///
     /// # Errors
-    /// Why it is not let in.
+    /// The reason to reject it.
     pub fn open(&mut self, now: Instant, bytes: &[u8]) -> Result<Received, Reject> {
         let bytes: &[u8; LENGTH] = bytes.try_into().map_err(|_| Reject::Length)?;
         match datagram::read_header(bytes)? {
@@ -121,8 +121,8 @@ impl Session {
 
         self.window.take(counter);
         let payload = Payload::decode(&plain)?;
-        self.heard = self.heard.max(Some(payload.stamp));
-        let at = self.freshness.judge(now, counter, payload.echo)?;
+        self.peer_stamp = self.peer_stamp.max(Some(payload.stamp));
+        let at = self.freshness.check(now, counter, payload.echo)?;
         Ok(Received { at, armed: payload.armed, content: payload.content })
     }
 }

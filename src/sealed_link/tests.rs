@@ -1,4 +1,4 @@
-//! What the link promises, of both sides together and of whoever stands between them.
+//! Properties of the link: both sides together, with an attacker between them.
 
 use std::time::Duration;
 
@@ -33,27 +33,27 @@ fn at(millis: u64) -> Instant {
     Instant::from_micros(millis * 1_000)
 }
 
-/// A sample that says when it was taken.
+/// Returns a sample that encodes its time.
 fn taken(at: Instant) -> Content {
     let force = Vector3::new(at.since(Instant::ZERO).as_secs_f64() * 1_000.0, 0.0, 0.0);
     Content::Sample { f_s: Wrench { force, ..Wrench::ZERO }, x_b_m: Isometry3::identity() }
 }
 
-/// What such a sample says, in ms.
-fn said(received: &Received) -> f64 {
+/// Returns the time that such a sample encodes, in ms.
+fn sample_time(received: &Received) -> f64 {
     let Content::Sample { f_s, .. } = received.content else { panic!("{received:?}") };
     f_s.force.x
 }
 
-/// Both sides, who know each other.
-fn strangers() -> (Initiator, Responder) {
+/// Returns both sides with each other's keys.
+fn peers() -> (Initiator, Responder) {
     let (node, robot) = (Pair::generate().unwrap(), Pair::generate().unwrap());
     let node_keys = Keys { secret: node.secret, peer: robot.public };
     let robot_keys = Keys { secret: robot.secret, peer: node.public };
     (Initiator::new(node_keys, 0), Responder::new(robot_keys, [3; 32]))
 }
 
-/// The initiation with its cookie.
+/// Returns the initiation with its cookie.
 fn initiation(node: &mut Initiator, robot: &mut Responder, now: Instant) -> [u8; INITIATION] {
     let first = node.on_time(now).unwrap();
     let Outcome::Cookie(cookie) = robot.on_datagram(now, HERE, &first) else { panic!("no cookie") };
@@ -61,8 +61,8 @@ fn initiation(node: &mut Initiator, robot: &mut Responder, now: Instant) -> [u8;
     node.on_time(now).unwrap()
 }
 
-/// Lets the node have a session, and the robot take it up.
-fn meet(node: &mut Initiator, robot: &mut Responder, now: Instant) {
+/// Runs the handshake, and starts the session at the robot.
+fn connect(node: &mut Initiator, robot: &mut Responder, now: Instant) {
     node.begin(now).unwrap();
     let initiation = initiation(node, robot, now);
     let Outcome::Response(response) = robot.on_datagram(now, HERE, &initiation) else {
@@ -70,15 +70,15 @@ fn meet(node: &mut Initiator, robot: &mut Responder, now: Instant) {
     };
     assert_eq!(node.on_datagram(now, &response), None);
     let first = command(node, now, false);
-    assert_eq!(robot.on_datagram(now, HERE, &first), Outcome::Nothing, "nothing is echoed yet");
+    assert_eq!(robot.on_datagram(now, HERE, &first), Outcome::Nothing, "no echo yet");
     assert_eq!(robot.session().unwrap().epoch(), node.session().unwrap().epoch());
     let sample = sample(robot, now);
     assert!(node.on_datagram(now, &sample).is_some());
 }
 
 fn connected() -> (Initiator, Responder) {
-    let (mut node, mut robot) = strangers();
-    meet(&mut node, &mut robot, at(0));
+    let (mut node, mut robot) = peers();
+    connect(&mut node, &mut robot, at(0));
     (node, robot)
 }
 
@@ -92,12 +92,12 @@ fn sample(robot: &mut Responder, now: Instant) -> [u8; LENGTH] {
     session.seal(session.stamp(now), false, taken(now)).unwrap()
 }
 
-/// All of a session that can change but its keys.
+/// Returns all of a session's state but its keys.
 fn state(robot: &mut Responder) -> String {
     format!("{:?}", robot.session())
 }
 
-/// A generator that repeats itself (Knuth's MMIX).
+/// A reproducible generator (Knuth's MMIX).
 struct Dice(u64);
 
 impl Dice {
@@ -117,30 +117,30 @@ impl Dice {
 }
 
 #[test]
-fn promise_06_of_a_hundred_thousand_forged_datagrams_none_has_any_effect() {
+fn promise_06_100000_forged_datagrams_have_no_effect() {
     let (mut node, mut robot) = connected();
     let mut dice = Dice(37);
     let genuine: Vec<_> = (1..200).map(|now| command(&mut node, at(now), true)).collect();
     for (now, bytes) in (1..).zip(&genuine) {
         robot.on_datagram(at(now), HERE, bytes);
     }
-    let heard = sample(&mut robot, at(199));
-    node.on_datagram(at(199), &heard);
+    let received = sample(&mut robot, at(199));
+    node.on_datagram(at(199), &received);
     let unsent: Vec<_> = (200..400).map(|now| command(&mut node, at(now), true)).collect();
     let (before, rejected) = (state(&mut robot), robot.rejects().total());
     for round in 0..100_000_u64 {
         let forged: Vec<u8> = match round % 4 {
-            // Anything at all.
+            // Random bytes.
             0 => (0..dice.roll(200)).map(|_| dice.byte()).collect(),
-            // What was sent before.
+            // A datagram sent before.
             1 => genuine[dice.place(genuine.len())].to_vec(),
-            // What was not sent yet, with a bit turned over.
+            // A datagram not sent yet, with a bit inverted.
             2 => {
                 let mut bytes = unsent[dice.place(unsent.len())].to_vec();
                 bytes[dice.place(LENGTH)] ^= 1 << dice.roll(8);
                 bytes
             }
-            // With another counter, or cut, or longer.
+            // With another counter, or truncated, or longer.
             _ => {
                 let mut bytes = unsent[dice.place(unsent.len())].to_vec();
                 bytes[HEADER + dice.place(8)] = bytes[HEADER].wrapping_add(dice.byte().max(1));
@@ -161,17 +161,17 @@ fn promise_06_of_a_hundred_thousand_forged_datagrams_none_has_any_effect() {
     assert!(
         robot.rejects().of(Reject::Tag) > 20_000 && robot.rejects().of(Reject::Replayed) > 20_000
     );
-    let heard = unsent.iter().filter(|bytes| {
+    let received = unsent.iter().filter(|bytes| {
         matches!(robot.on_datagram(at(250), HERE, &bytes[..]), Outcome::Command(_))
     });
-    assert_eq!(heard.count(), unsent.len(), "the peer is heard as if nothing had been");
+    assert_eq!(received.count(), unsent.len(), "the peer's datagrams are accepted as before");
 }
 
 #[test]
-fn hazard_37_a_recorded_session_says_nothing_in_the_next_one() {
+fn hazard_37_recorded_session_is_rejected_in_the_next() {
     let (mut node, mut robot) = connected();
     let recorded: Vec<_> = (1..20).map(|now| command(&mut node, at(now), true)).collect();
-    meet(&mut node, &mut robot, at(500));
+    connect(&mut node, &mut robot, at(500));
     let before = state(&mut robot);
     for mut bytes in recorded {
         assert_eq!(robot.on_datagram(at(501), HERE, &bytes), Outcome::Nothing);
@@ -183,7 +183,7 @@ fn hazard_37_a_recorded_session_says_nothing_in_the_next_one() {
 }
 
 #[test]
-fn hazard_37_no_handshake_displaces_a_session_that_is_armed_and_heard() {
+fn hazard_37_armed_active_session_is_not_replaced() {
     let (mut node, mut robot) = connected();
     let sample = sample(&mut robot, at(10));
     node.on_datagram(at(10), &sample);
@@ -195,13 +195,13 @@ fn hazard_37_no_handshake_displaces_a_session_that_is_armed_and_heard() {
     assert_eq!(robot.on_datagram(at(110), HERE, &asked), Outcome::Nothing);
     assert_eq!((robot.rejects().of(Reject::InUse), robot.session().unwrap().epoch()), (1, 1));
     let outcome = robot.on_datagram(at(111), HERE, &asked);
-    assert!(matches!(outcome, Outcome::Response(_)), "silent for more than 100 ms");
+    assert!(matches!(outcome, Outcome::Response(_)), "inactive for more than 100 ms");
     assert_eq!(robot.session().unwrap().epoch(), 1, "not before the peer has used it");
 }
 
 #[test]
-fn hazard_37_a_replayed_initiation_is_granted_a_session_that_nobody_can_take_up() {
-    let (mut node, mut robot) = strangers();
+fn hazard_37_replayed_initiation_never_starts_a_session() {
+    let (mut node, mut robot) = peers();
     node.begin(at(0)).unwrap();
     let recorded = initiation(&mut node, &mut robot, at(0));
     let Outcome::Response(response) = robot.on_datagram(at(0), HERE, &recorded) else { panic!() };
@@ -213,11 +213,11 @@ fn hazard_37_a_replayed_initiation_is_granted_a_session_that_nobody_can_take_up(
     assert_eq!(state(&mut robot), before);
     let next = command(&mut node, at(301), false);
     robot.on_datagram(at(301), HERE, &next);
-    assert_ne!(state(&mut robot), before, "the session there is goes on");
+    assert_ne!(state(&mut robot), before, "the present session continues");
 }
 
 #[test]
-fn hazard_37_a_flood_of_initiations_costs_a_hash_each_and_a_few_multiplications_a_second() {
+fn hazard_37_flood_of_initiations_has_bounded_cost() {
     let (mut node, mut robot) = connected();
     let before = state(&mut robot);
     let mut dice = Dice(1);
@@ -240,20 +240,20 @@ fn hazard_37_a_flood_of_initiations_costs_a_hash_each_and_a_few_multiplications_
 }
 
 #[test]
-fn no_answer_is_longer_than_its_question() {
+fn responses_are_no_longer_than_their_requests() {
     const { assert!(COOKIE_REPLY <= INITIATION && RESPONSE <= INITIATION) }
 }
 
 #[test]
-fn hazard_37_forged_answers_do_not_spoil_a_handshake() {
-    let (mut node, mut robot) = strangers();
+fn hazard_37_forged_responses_do_not_break_a_handshake() {
+    let (mut node, mut robot) = peers();
     node.begin(at(0)).unwrap();
     let first = node.on_time(at(0)).unwrap();
     let Outcome::Cookie(cookie) = robot.on_datagram(at(0), HERE, &first) else { panic!() };
     let mut forged = cookie;
     forged[HEADER] ^= 1;
     node.on_datagram(at(0), &forged);
-    assert_eq!(node.on_time(at(0)), None, "who has not seen the initiation cannot answer it");
+    assert_eq!(node.on_time(at(0)), None, "a response needs the initiation");
     node.on_datagram(at(0), &cookie);
     let second = node.on_time(at(0)).unwrap();
     let Outcome::Response(response) = robot.on_datagram(at(0), HERE, &second) else { panic!() };
@@ -271,14 +271,18 @@ fn hazard_37_forged_answers_do_not_spoil_a_handshake() {
 }
 
 #[test]
-fn hazard_37_whoever_is_not_the_peer_gets_no_session() {
-    let (mut node, _) = strangers();
-    let (_, mut other) = strangers();
+fn hazard_37_only_the_peer_gets_a_session() {
+    let (mut node, _) = peers();
+    let (_, mut other) = peers();
     node.begin(at(0)).unwrap();
     let asked = initiation(&mut node, &mut other, at(0));
-    assert_eq!(other.on_datagram(at(0), HERE, &asked), Outcome::Nothing, "meant for another robot");
+    assert_eq!(
+        other.on_datagram(at(0), HERE, &asked),
+        Outcome::Nothing,
+        "addressed to another robot"
+    );
 
-    // Knows the robot's public key, but has another key of its own than the one the robot knows.
+    // Has the robot's public key, but not the static key that the robot expects.
     let (robots, own) = (Pair::generate().unwrap(), Pair::generate().unwrap());
     let keys = Keys { secret: robots.secret, peer: Pair::generate().unwrap().public };
     let mut robot = Responder::new(keys, [3; 32]);
@@ -290,7 +294,7 @@ fn hazard_37_whoever_is_not_the_peer_gets_no_session() {
     assert!(robot.session().is_none());
 }
 
-/// A network that loses, delays, shuffles and doubles what it is given.
+/// A network that loses, delays, shuffles and duplicates datagrams.
 struct Network {
     under_way: Vec<(Instant, Vec<u8>)>,
     dice: Dice,
@@ -324,12 +328,12 @@ impl Network {
 }
 
 #[test]
-fn hazard_36_over_any_network_each_sample_acts_once_in_order_and_is_no_older_than_it_says() {
-    // The robot's clock shows an hour more than the node's.
+fn hazard_36_samples_act_once_in_order_with_a_bounded_age() {
+    // The robot's clock is an hour ahead of the node's.
     let robots = |now: Instant| now + Duration::from_secs(3_600);
     for (seed, longest) in [(1, 0), (2, 5), (3, 40), (4, 90), (5, 300)] {
-        let (mut node, mut robot) = strangers();
-        meet(&mut node, &mut robot, at(0));
+        let (mut node, mut robot) = peers();
+        connect(&mut node, &mut robot, at(0));
         let (mut there, mut back) = (Network::new(seed, longest), Network::new(seed + 50, longest));
         let (mut felt, mut last) = (0, f64::MIN);
         for now in (1..3_000).map(at) {
@@ -342,7 +346,7 @@ fn hazard_36_over_any_network_each_sample_acts_once_in_order_and_is_no_older_tha
             back.send(now, &sealed);
             for bytes in back.arrived(now) {
                 let Some(received) = node.on_datagram(now, &bytes) else { continue };
-                let sampled = said(&received);
+                let sampled = sample_time(&received);
                 let believed = received.at.since(Instant::ZERO).as_secs_f64() * 1_000.0;
                 assert!(
                     sampled > last && believed <= sampled + 1e-3,
@@ -356,8 +360,8 @@ fn hazard_36_over_any_network_each_sample_acts_once_in_order_and_is_no_older_tha
     }
 }
 
-/// Lets both sides run over networks from one moment to another; how many samples acted.
-fn converse(
+/// Runs both sides over networks for a time span; returns the number of accepted samples.
+fn exchange(
     (node, robot): (&mut Initiator, &mut Responder),
     (there, back): (&mut Network, &mut Network),
     span: std::ops::Range<u64>,
@@ -387,7 +391,7 @@ fn converse(
 }
 
 #[test]
-fn hazard_34_over_a_bad_network_and_after_a_start_of_the_robot_both_find_each_other_again() {
+fn hazard_34_link_recovers_after_loss_and_a_robot_restart() {
     let (node_pair, robot_pair) = (Pair::generate().unwrap(), Pair::generate().unwrap());
     let keys = |own: &Pair, peer: &Pair| Keys { secret: own.secret, peer: peer.public };
     for seed in 0..4 {
@@ -396,30 +400,30 @@ fn hazard_34_over_a_bad_network_and_after_a_start_of_the_robot_both_find_each_ot
         let mut back = Network::new(seed + 100, 45);
         node.begin(at(0)).unwrap();
         for start in [0, 3_000] {
-            // Each robot has a secret of its own for its cookies.
+            // Each robot has its own cookie secret.
             let secret = [u8::try_from(start % 251).unwrap(); 32];
             let mut robot = Responder::new(keys(&robot_pair, &node_pair), secret);
             let span = start..start + 3_000;
-            let felt = converse((&mut node, &mut robot), (&mut there, &mut back), span);
+            let felt = exchange((&mut node, &mut robot), (&mut there, &mut back), span);
             assert!(felt > 50, "seed {seed}, from {start} ms: {felt}");
         }
     }
 }
 
 #[test]
-fn a_node_that_starts_anew_and_counts_as_before_is_known_again() {
+fn restarted_node_with_the_same_epochs_connects() {
     let (node_pair, robot_pair) = (Pair::generate().unwrap(), Pair::generate().unwrap());
     let keys = |own: &Pair, peer: &Pair| Keys { secret: own.secret, peer: peer.public };
     let mut robot = Responder::new(keys(&robot_pair, &node_pair), [3; 32]);
     for start in [0, 1_000, 2_000] {
         let mut node = Initiator::new(keys(&node_pair, &robot_pair), 0);
-        meet(&mut node, &mut robot, at(start));
+        connect(&mut node, &mut robot, at(start));
     }
 }
 
 #[test]
-fn an_initiation_that_comes_twice_has_one_answer() {
-    let (mut node, mut robot) = strangers();
+fn repeated_initiation_gets_the_same_response() {
+    let (mut node, mut robot) = peers();
     node.begin(at(0)).unwrap();
     let asked = initiation(&mut node, &mut robot, at(0));
     let first = robot.on_datagram(at(0), HERE, &asked);
@@ -428,7 +432,7 @@ fn an_initiation_that_comes_twice_has_one_answer() {
 }
 
 #[test]
-fn hazard_35_fresh_datagrams_with_an_old_sample_become_old() {
+fn hazard_35_new_datagrams_with_an_old_sample_are_stale() {
     let (mut node, mut robot) = connected();
     let session = robot.session().unwrap();
     let frozen = (session.stamp(at(1)), taken(at(1)));
@@ -438,7 +442,7 @@ fn hazard_35_fresh_datagrams_with_an_old_sample_become_old() {
         let (stamp, content) = frozen;
         let bytes = robot.session().unwrap().seal(stamp, false, content).unwrap();
         node.on_datagram(*now, &bytes).is_some_and(|received| {
-            assert_eq!(received.at, at(0), "what it had heard when it was taken");
+            assert_eq!(received.at, at(0), "the echo at sample time");
             true
         })
     });
@@ -447,7 +451,7 @@ fn hazard_35_fresh_datagrams_with_an_old_sample_become_old() {
 }
 
 #[test]
-fn hazard_34_a_link_that_was_lost_goes_on_in_the_same_session() {
+fn hazard_34_lost_link_resumes_in_the_same_session() {
     let (mut node, mut robot) = connected();
     for now in (1..2_000).map(at) {
         let is_down = (at(500)..at(1_500)).contains(&now);
@@ -467,7 +471,7 @@ fn hazard_34_a_link_that_was_lost_goes_on_in_the_same_session() {
 
 proptest! {
     #[test]
-    fn hazard_33_content_of_any_bytes_is_refused_or_made_of_possible_numbers(
+    fn hazard_33_any_content_is_refused_or_within_range(
         plain in prop::collection::vec(any::<u8>(), PLAIN), flags in 0..20_u32,
     ) {
         let mut plain: [u8; PLAIN] = plain.try_into().unwrap();
@@ -488,7 +492,7 @@ proptest! {
     }
 
     #[test]
-    fn content_comes_through_as_it_was_but_for_binary32(
+    fn content_is_preserved_up_to_binary32(
         six in prop::array::uniform6(-90.0..90.0_f64), place in prop::array::uniform3(-5.0..5.0_f64),
         turn in prop::array::uniform3(-1.5..1.5_f64), armed: bool, micros: u64, echo: Option<u64>,
     ) {

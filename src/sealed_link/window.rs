@@ -1,28 +1,28 @@
-//! Which counters were taken already: a sliding window over the last 1,024 (RFC 6479).
+//! Replay protection: a sliding window over the last 1,024 counters (RFC 6479).
 //!
-//! Not which of them may still act: that is [`freshness`](super::freshness).
+//! Counters only; [`freshness`](super::freshness) checks the age.
 
 use crate::reject::Reject;
 
-/// Counters that are told apart, the newest included.
+/// Size of the window, including the newest counter.
 pub const SIZE: u64 = 1_024;
 
-/// Counters in a word.
+/// Counters per word.
 const WORD: u64 = 64;
 
-/// Words in the ring: one more than the window needs, so that a whole word can be cleared at a time.
+/// Words in the ring: one more than the window needs, so that whole words can be cleared.
 const WORDS: u64 = SIZE / WORD + 1;
 
-/// The counters taken so far.
+/// Counters received.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Window {
     newest: Option<u64>,
-    /// One bit for each counter; counter n is in word n / 64, modulo the ring.
+    /// One bit per counter; counter n is in word n / 64, modulo the ring.
     taken: [u64; 17],
 }
 
 impl Window {
-    /// Whether a counter may be taken: it was not yet, and that can be told.
+    /// Checks that a counter is new and inside the window.
     ///
     /// # Errors
     /// [`Reject::Replayed`] and [`Reject::Behind`].
@@ -36,7 +36,7 @@ impl Window {
         }
     }
 
-    /// Takes a counter that may be.
+    /// Records a counter.
     pub fn take(&mut self, counter: u64) {
         let newest = self.newest.unwrap_or(0);
         let (block, next) = (newest / WORD, counter / WORD);
@@ -61,7 +61,7 @@ impl Window {
     }
 }
 
-/// Where the ring keeps a block of counters.
+/// Returns the ring index of a block of counters.
 fn place(block: u64) -> usize {
     usize::try_from(block % WORDS).unwrap_or(usize::MAX)
 }
@@ -78,7 +78,7 @@ mod tests {
 
     use super::*;
 
-    /// What a window is: all counters taken, and the newest.
+    /// Reference model: set of all counters, and the newest.
     #[derive(Default)]
     struct Reference(HashSet<u64>, Option<u64>);
 
@@ -99,7 +99,7 @@ mod tests {
         }
     }
 
-    /// Steps of a counter, mostly small, now and then across the window, seldom to the end of all numbers.
+    /// Generates steps of a counter: mostly small, some across the window, few to the end of the range.
     fn steps() -> impl Strategy<Value = Vec<i64>> {
         let step = prop_oneof![
             8 => -70..70_i64,
@@ -112,7 +112,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn property_12_the_window_says_what_a_set_of_all_counters_says(
+        fn property_12_window_matches_a_set_of_all_counters(
             begin in prop_oneof![0..5_000_u64, any::<u64>()], steps in steps(),
         ) {
             let (mut window, mut reference) = (Window::default(), Reference::default());
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn every_counter_is_taken_once_and_the_thousandth_before_is_still_told_apart() {
+    fn counters_are_accepted_once_within_the_window() {
         let mut window = Window::default();
         for counter in [0, 1_023, 1] {
             assert_eq!(window.check(counter), Ok(()));

@@ -96,7 +96,7 @@ impl Rise {
         c1 + square * (3.0 * c3 + square * 5.0 * c5)
     }
 
-    /// Returns the argument for `wanted`, which is not negative; `max` if there is none. Newton's method, with
+    /// Returns the argument for `wanted`, which is not negative; `max` beyond the range. Newton's method, with
     /// bisection where a step would leave the bracket.
     fn inverse(&self, wanted: f64) -> f64 {
         if self.full <= wanted {

@@ -153,8 +153,8 @@ impl Preset {
 #[serde(deny_unknown_fields, default)]
 struct Table {
     preset: Preset,
-    #[serde(deserialize_with = "refuse_temperament")]
-    temperament: (),
+    #[serde(rename = "temperament", deserialize_with = "refuse_former_key")]
+    _former_preset: (),
     stiffness_n_per_m: Option<f64>,
     damping_ns_per_m: Option<f64>,
     stiffness_nm_per_rad: Option<f64>,
@@ -248,7 +248,7 @@ fn checked(
     if is_within { Ok(value) } else { Err(InvalidOperatorSettings::Number { key, value, range }) }
 }
 
-fn refuse_temperament<'de, D: Deserializer<'de>>(_: D) -> Result<(), D::Error> {
+fn refuse_former_key<'de, D: Deserializer<'de>>(_: D) -> Result<(), D::Error> {
     Err(D::Error::custom("key `temperament` was renamed to `preset`"))
 }
 

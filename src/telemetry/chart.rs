@@ -1,16 +1,15 @@
-//! Charts as SVG text that stands alone: panels with two axes, and lines, bands and marks on them.
+//! Charts as standalone SVG text: panels with two axes, and lines, bands and marks on them.
 //!
-//! Dark on white, for a screen or a printed page. What is drawn is
-//! [`torque_plot`](crate::torque_plot)'s choice.
+//! Dark on white, for screen and paper. [`torque_plot`](crate::torque_plot) selects the content.
 
 use std::fmt::Write;
 
-/// The width of a picture, in px.
+/// Width of a picture, in px.
 const WIDTH: f64 = 860.0;
-/// Where panels begin and end, in px.
+/// Horizontal limits of panels, in px.
 const LEFT: f64 = 92.0;
 const RIGHT: f64 = 834.0;
-/// A box of text within a panel, in px.
+/// Width of a text box in a panel, in px.
 const BOX: f64 = 312.0;
 const ROW: f64 = 22.0;
 
@@ -24,21 +23,21 @@ font-size:14px;fill:#222}.title{font-size:20px;font-weight:bold}.small{font-size
 .up{fill:#1663a8;stroke:none}.down{fill:#fff;stroke:#c04a12;stroke-width:1.4}\
 .box{fill:#fff;fill-opacity:.92;stroke:#ccc;stroke-width:1}";
 
-/// A scale that is symmetric about zero.
+/// A scale symmetric about zero.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Axis<'a> {
-    /// What stands beside it.
+    /// Label.
     name: &'a str,
-    /// It goes from `-end` to `end`.
+    /// The scale extends from `-end` to `end`.
     end: f64,
-    /// From tick to tick.
+    /// Distance between ticks.
     step: f64,
-    /// Of the ticks' numbers.
+    /// Decimals of the tick labels.
     decimals: usize,
 }
 
 impl<'a> Axis<'a> {
-    /// With room for `extent` and at most `most` ticks, at 1, 2 or 5 times a power of ten.
+    /// Creates a scale for `extent` with at most `most` ticks, at 1, 2 or 5 times a power of ten.
     pub(super) fn new(name: &'a str, extent: f64, most: f64) -> Self {
         let extent = if extent.is_normal() { extent.abs() } else { 1.0 };
         let rough = 2.1 * extent / most;
@@ -49,7 +48,7 @@ impl<'a> Axis<'a> {
         Self { name, end: 1.05 * extent, step, decimals: decimals.unwrap_or(9).into() }
     }
 
-    /// Where its ticks are, and their numbers.
+    /// Returns the ticks with their labels.
     fn ticks(&self) -> Vec<(f64, String)> {
         let (step, decimals) = (self.step, self.decimals);
         let count = (self.end / step).floor();
@@ -59,7 +58,7 @@ impl<'a> Axis<'a> {
         places.map(|place| tick(place * step)).collect()
     }
 
-    /// How far along it a value is, 0 to 1.
+    /// Returns the position of a value on the scale, 0 to 1.
     fn part(&self, value: f64) -> f64 {
         f64::midpoint(value / self.end, 1.0).clamp(0.0, 1.0)
     }
@@ -68,34 +67,34 @@ impl<'a> Axis<'a> {
 /// Two axes and the frame around them.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Panel<'a> {
-    /// Along the lower edge.
+    /// Horizontal axis.
     pub(super) x: Axis<'a>,
-    /// Along the left edge.
+    /// Vertical axis.
     pub(super) y: Axis<'a>,
-    /// Its upper edge in the picture, in px.
+    /// Upper edge in the picture, in px.
     pub(super) top: f64,
-    /// Its lower edge in the picture, in px.
+    /// Lower edge in the picture, in px.
     pub(super) bottom: f64,
 }
 
 impl Panel<'_> {
-    /// A point, in px of the picture.
+    /// Converts a point to px of the picture.
     fn place(&self, (x, y): (f64, f64)) -> (f64, f64) {
         let (x, y) = (self.x.part(x), self.y.part(y));
         (LEFT + x * (RIGHT - LEFT), self.bottom - y * (self.bottom - self.top))
     }
 
-    /// Points in px, as SVG lists them.
+    /// Formats points in px as an SVG list.
     fn list(&self, points: impl Iterator<Item = (f64, f64)>) -> String {
         points.fold(String::new(), |mut list, point| {
             let (x, y) = self.place(point);
-            write!(list, "{x:.1},{y:.1} ").ok(); // a String takes everything
+            write!(list, "{x:.1},{y:.1} ").ok(); // infallible for a String
             list
         })
     }
 }
 
-/// How something is drawn, and so what it is in the legend.
+/// Style of a mark, line or area.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ink {
     /// A filled triangle that points up.
@@ -122,12 +121,12 @@ impl Ink {
     }
 }
 
-/// A picture in the making.
+/// A picture being drawn.
 #[derive(Clone, Debug)]
 pub(super) struct Chart(String);
 
 impl Chart {
-    /// A title and a line of small print, and room for panels down to `height` in px.
+    /// Starts a picture with a title, a line of small print, and room for panels down to `height` in px.
     pub(super) fn new(title: &str, small: &str, height: f64) -> Self {
         let name = escaped(title);
         let mut chart = Self(format!(
@@ -140,7 +139,7 @@ impl Chart {
         chart
     }
 
-    /// The axes of a panel, before what is drawn on it.
+    /// Draws the axes of a panel; call it before the content.
     pub(super) fn axes(&mut self, panel: &Panel<'_>) {
         let (top, bottom) = (panel.top, panel.bottom);
         let class = |value: f64| if value.abs() > 0.0 { "grid" } else { "zero" };
@@ -163,7 +162,7 @@ impl Chart {
         ));
     }
 
-    /// The frame of a panel, after what is drawn on it.
+    /// Draws the frame of a panel; call it after the content.
     pub(super) fn frame(&mut self, Panel { top, bottom, .. }: &Panel<'_>) {
         let (width, height) = (RIGHT - LEFT, bottom - top);
         self.put(&format!(
@@ -171,7 +170,7 @@ impl Chart {
         ));
     }
 
-    /// Points in order: a line through them, the area within them, or a mark at each.
+    /// Draws points in order: a line through them, the area within them, or a mark at each.
     pub(super) fn draw(
         &mut self,
         panel: &Panel<'_>,
@@ -187,7 +186,7 @@ impl Chart {
         self.put(&format!("<{shape} class=\"{class}\" points=\"{points}\"/>"));
     }
 
-    /// What is drawn how, in the upper left corner of a panel.
+    /// Draws a legend in the upper left corner of a panel.
     pub(super) fn legend(&mut self, panel: &Panel<'_>, entries: &[(Ink, &str)]) {
         let (left, top) = (LEFT + 16.0, panel.top + 16.0);
         let mut y = self.text_box(left, top, entries.len());
@@ -210,7 +209,7 @@ impl Chart {
         }
     }
 
-    /// Lines of text, in the lower right corner of a panel.
+    /// Draws lines of text in the lower right corner of a panel.
     pub(super) fn notes(&mut self, panel: &Panel<'_>, notes: &[String]) {
         let height = notes.iter().fold(16.0, |height, _| height + ROW);
         let left = RIGHT - 16.0 - BOX;
@@ -221,12 +220,12 @@ impl Chart {
         }
     }
 
-    /// The finished text.
+    /// Returns the finished SVG text.
     pub(super) fn finish(self) -> String {
         self.0 + "</svg>\n"
     }
 
-    /// A box for some rows of text; the middle of the first.
+    /// Draws a box for some rows of text; returns the vertical centre of the first.
     fn text_box(&mut self, left: f64, top: f64, rows: usize) -> f64 {
         let height = (0..rows).fold(16.0, |height, _| height + ROW);
         self.put(&format!(
@@ -235,7 +234,7 @@ impl Chart {
         top + 8.0 + ROW / 2.0
     }
 
-    /// A triangle at a place in px: filled and pointing up, or hollow and pointing down.
+    /// Draws a triangle at a point in px: filled and upward, or hollow and downward.
     fn mark(&mut self, ink: Ink, (x, y): (f64, f64)) {
         let up = if ink == Ink::Up { 1.0 } else { -1.0 };
         let (tip, base) = (y - 5.0 * up, y + 3.5 * up);
@@ -258,12 +257,12 @@ impl Chart {
     }
 }
 
-/// A number with a minus as wide as a plus.
+/// Formats a number with a minus as wide as a plus.
 pub(super) fn minus(number: &str) -> String {
     number.replace('-', "\u{2212}")
 }
 
-/// Text between tags.
+/// Escapes text between tags.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
@@ -286,13 +285,13 @@ mod tests {
     }
 
     #[test]
-    fn names_cannot_break_the_picture() {
+    fn names_are_escaped() {
         let chart = Chart::new("a<b", "\"c\" & d", 100.0).finish();
         assert!(chart.contains("<title>a&lt;b</title>") && chart.contains("\"c\" &amp; d"));
     }
 
     #[test]
-    fn what_is_beyond_an_axis_is_drawn_at_its_end() {
+    fn values_beyond_an_axis_are_drawn_at_its_end() {
         let axis = || Axis::new("x", 1.0, 9.0);
         let panel = Panel { x: axis(), y: axis(), top: 10.0, bottom: 110.0 };
         assert_eq!(panel.place((0.0, 0.0)), (f64::midpoint(LEFT, RIGHT), 60.0));

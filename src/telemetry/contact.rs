@@ -1,6 +1,6 @@
-//! What contact was like: whether the hand was shaken, and whether it got more energy than it gave.
+//! Quality of contact: reversals of the hand, and energy balance at the grip.
 //!
-//! From the records alone, and whether or not the controller watches the same.
+//! From the records alone, independent of the controller's own monitoring.
 
 use serde::Serialize;
 
@@ -8,23 +8,22 @@ use controller::JointVector;
 use node::record::Record;
 use units::spatial::Wrench;
 
-/// Below this the hand stands still, in m/s: no reversal.
-const STILL: f64 = 5e-3;
+/// Speed below which the hand is at standstill, in m/s: no reversal.
+const STANDSTILL_SPEED: f64 = 5e-3;
 
-/// Below this nothing touches, in N on the object.
-const TOUCHES: f64 = 0.5;
+/// Force on the object below which there is no contact, in N.
+const CONTACT_FORCE: f64 = 0.5;
 
 /// Counters of all contacts of a session.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Contact {
-    /// How often the hand turned round along what it felt.
+    /// Number of reversals of the hand along the reflected force.
     pub reversals: u32,
-    /// What the hand put into the reflected wrench less what it got out, over all contacts, in J.
-    /// Below zero it was driven.
+    /// Energy from the hand into the reflected wrench, over all contacts, in J; negative if the hand was driven.
     pub energy_j: f64,
-    /// The lowest that sum came to, in J.
+    /// Minimum of that energy, in J.
     pub lowest_energy_j: f64,
-    /// The fastest the grip moved in contact, in m/s.
+    /// Maximum speed of the grip in contact, in m/s.
     pub peak_speed_m_per_s: f64,
     #[serde(skip)]
     way: f64,
@@ -35,15 +34,15 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Takes the next record.
+    /// Adds the next record.
     pub fn add(&mut self, record: &Record) {
         let output = &record.output;
         let q_before = self.q_before.replace(output.q).unwrap_or(output.q);
-        let [last, acted] = self.held; // a target acts from the SYNC after the one it answers
+        let [last, acted] = self.held; // a target acts from the SYNC after next
         let ledger = &output.ledger;
         let let_through = ledger.rest_scale * ledger.share;
         self.held = [(ledger.task + ledger.passivity) * let_through, last];
-        if record.f_s.force.norm() < TOUCHES {
+        if record.f_s.force.norm() < CONTACT_FORCE {
             self.way = 0.0;
             return;
         }
@@ -54,16 +53,16 @@ impl Contact {
         self.turn(v_g.dot(&direction(&output.f_g_task)));
     }
 
-    /// The hand moves along what it feels with `speed`.
+    /// Handles the speed of the hand along the reflected force.
     fn turn(&mut self, speed: f64) {
-        if speed.abs() > STILL {
+        if speed.abs() > STANDSTILL_SPEED {
             self.reversals += u32::from(self.way * speed < 0.0);
             self.way = speed;
         }
     }
 }
 
-/// Which way a wrench pushes; none where it does not.
+/// Returns the direction of a force; zero for no force.
 fn direction(f_g: &Wrench) -> nalgebra::Vector3<f64> {
     f_g.force.try_normalize(1e-9).unwrap_or_default()
 }

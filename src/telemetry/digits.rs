@@ -1,12 +1,12 @@
-//! Numbers with as many digits as they deserve.
+//! Formatting of numbers.
 
-/// The nearest number of so many significant decimal digits; written out, it has no more.
+/// Rounds to `digits` significant decimal digits.
 pub fn significant(value: f64, digits: usize) -> f64 {
     let after_the_first = digits.saturating_sub(1);
     format!("{value:.after_the_first$e}").parse().unwrap_or(value)
 }
 
-/// A number with so many digits behind the point, in a column of that width; with an exponent where it would not fit.
+/// Formats with `decimals` in a column of `width`; with an exponent if it does not fit.
 pub fn column(value: f64, width: usize, decimals: usize) -> String {
     let plain = format!("{value:width$.decimals$}");
     if plain.len() <= width { plain } else { format!("{value:width$.3e}") }
@@ -15,7 +15,7 @@ pub fn column(value: f64, width: usize, decimals: usize) -> String {
 /// Maximum digits of a number in a message.
 const MAX_DIGITS: usize = 20;
 
-/// The text with its longest numbers rounded: `1e300`, not a one and three hundred zeros.
+/// Rounds the long numbers of a text: `1e300` instead of a one and three hundred zeros.
 pub fn shortened(text: &str) -> String {
     let is_inside = |c: char| c.is_alphanumeric() || c == '.' || c == '_';
     let mut short = String::with_capacity(text.len());
@@ -41,7 +41,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_long_number_in_a_message_has_an_exponent() {
+    fn long_numbers_in_messages_get_an_exponent() {
         for (value, is) in
             [(1e300, "1e300"), (-1.5e-9, "-1.5e-9"), (f64::MAX, "1.7976931348623157e308")]
         {
@@ -54,16 +54,16 @@ mod tests {
     }
 
     #[test]
-    fn other_text_is_as_it_was() {
+    fn other_text_is_unchanged() {
         for text in
-            ["", "no number", "µs ‰ 12345678901234567890.", "a12345678901234567890123 1.5.5"]
+            ["", "without digits", "µs ‰ 12345678901234567890.", "a12345678901234567890123 1.5.5"]
         {
             assert_eq!(shortened(text), text);
         }
     }
 
     #[test]
-    fn a_column_keeps_its_width() {
+    fn columns_keep_their_width() {
         assert_eq!(column(-1.5, 10, 5), "  -1.50000");
         assert_eq!(column(1e300, 10, 5), " 1.000e300");
         assert_eq!(column(123_456.0, 10, 5), "   1.235e5");
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn written_out_a_number_has_no_more_digits() {
+    fn rounded_numbers_print_without_more_digits() {
         let written = |value, digits| significant(value, digits).to_string();
         assert_eq!(written(133.144_067_3, 6), "133.144");
         assert_eq!(written(-0.019_672_649, 6), "-0.0196726");

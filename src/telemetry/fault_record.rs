@@ -1,7 +1,7 @@
-//! What is kept of a trip: everything on the buses and every cycle of the 2 s before it and the 1 s after.
+//! Fault records: everything on the buses and every cycle from 2 s before a trip to 1 s after it.
 //!
-//! A pure machine, off the cycle's thread. It is shown all that happens, remembers the newest 2 s in a ring
-//! that never grows, and says when a trip begins and when its second is over. Nothing is written here.
+//! No I/O, and not on the cycle's thread. Observes all events, keeps the last 2 s in a ring of constant size, and
+//! reports the begin of a trip and the end of its last second.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -12,26 +12,26 @@ use node::cause::Cause;
 use node::record::Mode;
 use units::time::Instant;
 
-/// How much of the past a record begins with.
-pub const BEFORE: Duration = Duration::from_secs(2);
+/// Time before a trip in its record.
+pub const PRE_TRIGGER: Duration = Duration::from_secs(2);
 
-/// How much of what follows it ends with.
-pub const AFTER: Duration = Duration::from_secs(1);
+/// Time after a trip in its record.
+pub const POST_TRIGGER: Duration = Duration::from_secs(1);
 
-/// Two buses at 1 Mbit/s carry some 36,000 frames of usual length in 2 s, and cycles stand between them. In
-/// a flood of the shortest frames the ring reaches back less far.
-const MOST: usize = 1 << 16;
+/// Capacity of the ring. Two buses at 1 Mbit/s carry some 36,000 frames of usual length in 2 s, plus the cycles. In a
+/// flood of the shortest frames the ring covers less time.
+const CAPACITY: usize = 1 << 16;
 
-/// Something that happened.
+/// An observed event.
 #[derive(Clone, Copy, Debug)]
-pub enum Moment {
-    /// A frame that passed by.
+pub enum Observation {
+    /// A frame.
     Frame(Instant, Telegram),
     /// A cycle.
     Cycle(Brief),
 }
 
-impl Moment {
+impl Observation {
     const fn at(&self) -> Instant {
         match self {
             Self::Frame(at, _) => *at,
@@ -40,45 +40,45 @@ impl Moment {
     }
 }
 
-/// An entry into a latched mode.
+/// Entry into a latched mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trip {
-    /// The cycle in which it happened, from 1.
+    /// Cycle of the entry, from 1.
     pub cycle: u64,
-    /// When its SYNC was sent.
+    /// Time of its SYNC.
     pub at: Instant,
-    /// What stopped the node: the first cause, if others followed within the cycle.
+    /// Cause of the stop: the first one of the cycle.
     pub cause: Cause,
-    /// The mode it left.
+    /// Mode before.
     pub from: Mode,
-    /// The mode it latched.
+    /// Latched mode.
     pub to: Mode,
 }
 
-/// The newest past, and the trip whose second is not over.
+/// Ring of recent events, and the trip in progress.
 #[derive(Debug)]
 pub struct FaultWatch {
-    past: VecDeque<Moment>,
-    most: usize,
+    past: VecDeque<Observation>,
+    capacity: usize,
     mode: Mode,
     cause: Option<Cause>,
-    /// When the second after the last trip is over.
+    /// End of the record of the last trip.
     until: Option<Instant>,
 }
 
 impl Default for FaultWatch {
     fn default() -> Self {
-        Self::remembering(MOST)
+        Self::with_capacity(CAPACITY)
     }
 }
 
 impl FaultWatch {
-    fn remembering(most: usize) -> Self {
-        let past = VecDeque::with_capacity(most);
-        Self { past, most, mode: Mode::Boot, cause: None, until: None }
+    fn with_capacity(capacity: usize) -> Self {
+        let past = VecDeque::with_capacity(capacity);
+        Self { past, capacity, mode: Mode::Boot, cause: None, until: None }
     }
 
-    /// Whether, by `now`, the second after the last trip is over; said once. To be asked before each moment.
+    /// Returns once whether the record of the last trip ends by `now`. Call it before each event.
     pub fn is_over(&mut self, now: Instant) -> bool {
         let is_over = self.until.is_some_and(|until| now >= until);
         if is_over {
@@ -87,38 +87,38 @@ impl FaultWatch {
         is_over
     }
 
-    /// A frame has passed by.
+    /// Observes a frame.
     pub fn frame(&mut self, at: Instant, telegram: &Telegram) {
-        self.remember(Moment::Frame(at, *telegram));
+        self.push(Observation::Frame(at, *telegram));
     }
 
-    /// A cycle has run. `Some` if it tripped the node: a latched mode was entered, or the cause of one is
-    /// another than before. Within the second after a trip everything belongs to that one.
+    /// Observes a cycle. Returns a trip if the cycle entered a latched mode, or changed its cause. Events within a
+    /// second of a trip belong to that trip.
     pub fn cycle(&mut self, brief: &Brief) -> Option<Trip> {
-        self.remember(Moment::Cycle(*brief));
+        self.push(Observation::Cycle(*brief));
         let &Brief { cycle, at, mode: to, cause, .. } = brief;
         let from = std::mem::replace(&mut self.mode, to);
         let earlier = std::mem::replace(&mut self.cause, cause);
         let is_new = to.is_latched() && (from, earlier) != (to, cause);
         let cause = cause.filter(|_| is_new && self.until.is_none())?;
-        self.until = Some(at + AFTER);
+        self.until = Some(at + POST_TRIGGER);
         Some(Trip { cycle, at, cause, from, to })
     }
 
-    /// The newest 2 s, oldest first; at a trip, with the cycle that tripped.
-    pub fn past(&self) -> impl Iterator<Item = &Moment> {
+    /// Returns the last 2 s, oldest first; at a trip, with the cycle that tripped.
+    pub fn past(&self) -> impl Iterator<Item = &Observation> {
         self.past.iter()
     }
 
-    /// How far back they reach.
+    /// Returns the time span of the ring.
     pub fn reach(&self) -> Duration {
         let ends = self.past.front().zip(self.past.back());
         ends.map_or(Duration::ZERO, |(oldest, newest)| newest.at().since(oldest.at()))
     }
 
-    fn remember(&mut self, moment: Moment) {
-        let horizon = moment.at() - BEFORE;
-        while self.past.len() >= self.most
+    fn push(&mut self, moment: Observation) {
+        let horizon = moment.at() - PRE_TRIGGER;
+        while self.past.len() >= self.capacity
             || self.past.front().is_some_and(|oldest| oldest.at() < horizon)
         {
             self.past.pop_front();
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn promise_15_a_trip_is_told_with_its_cause_and_the_two_seconds_before_it() {
+    fn promise_15_trip_has_its_cause_and_the_2_s_before() {
         let mut watch = FaultWatch::default();
         for millis in 0..5_000 {
             let (over, trip) = shown(&mut watch, &brief(millis, Mode::Engaged, None));
@@ -160,11 +160,11 @@ mod tests {
         let trip = trip.unwrap();
         assert_eq!((trip.cycle, trip.cause), (5_000, LEFT));
         assert_eq!((trip.from, trip.to), (Mode::Engaged, Mode::ZeroTorque));
-        assert_eq!((watch.reach(), watch.past().count()), (BEFORE, 2_001));
+        assert_eq!((watch.reach(), watch.past().count()), (PRE_TRIGGER, 2_001));
     }
 
     #[test]
-    fn promise_15_what_follows_within_a_second_belongs_to_the_first_trip() {
+    fn promise_15_events_within_1_s_belong_to_the_first_trip() {
         let mut watch = FaultWatch::default();
         assert!(watch.cycle(&brief(100, Mode::ZeroTorque, Some(LEFT))).is_some());
         for (millis, mode, cause) in [
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reset_that_fails_for_another_reason_is_a_trip_of_its_own() {
+    fn failed_reset_with_another_cause_is_a_new_trip() {
         let mut watch = FaultWatch::default();
         assert!(watch.cycle(&brief(0, Mode::DrivesOff, Some(LEFT))).is_some());
         let timeout = Cause::EnableTimeout { joint: Joint::of::<1>(), statusword: 0 };
@@ -190,8 +190,8 @@ mod tests {
     }
 
     #[test]
-    fn a_flood_is_remembered_less_far_back_and_takes_no_more_room() {
-        let mut watch = FaultWatch::remembering(100);
+    fn flood_shortens_the_ring_but_not_its_capacity() {
+        let mut watch = FaultWatch::with_capacity(100);
         let room = watch.past.capacity();
         let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x80, []) };
         for micros in 0..10_000 {
@@ -203,10 +203,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn promise_15_every_entry_into_a_latched_mode_is_within_a_second_of_a_trip(
+        fn promise_15_latched_modes_are_recorded_within_1_s(
             steps in proptest::collection::vec((1..800_u64, 0..Mode::ALL.len()), 1..60),
         ) {
-            let mut watch = FaultWatch::remembering(64);
+            let mut watch = FaultWatch::with_capacity(64);
             let (mut millis, mut mode, mut tripped) = (0, Mode::Boot, None);
             for (step, to) in steps {
                 millis += step;
@@ -215,10 +215,10 @@ mod tests {
                 let (_, trip) = shown(&mut watch, &now);
                 tripped = trip.map(|trip| trip.at).or(tripped);
                 if to.is_latched() && to != mode {
-                    prop_assert!(now.at.since(tripped.unwrap()) < AFTER);
+                    prop_assert!(now.at.since(tripped.unwrap()) < POST_TRIGGER);
                 }
                 mode = to;
-                prop_assert!(watch.reach() <= BEFORE);
+                prop_assert!(watch.reach() <= PRE_TRIGGER);
             }
         }
     }

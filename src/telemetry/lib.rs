@@ -1,4 +1,4 @@
-//! Records and changes, out of the loop: what the cycle leaves behind for people and files.
+//! Telemetry outside the loop: records, summaries and fault records for people and files.
 //!
 //! ```
 //! use telemetry::digits::significant;

@@ -1,4 +1,4 @@
-//! Entries that were lost between the cycle and the disk.
+//! Entries lost between the cycle and the disk.
 
 use std::fmt;
 
@@ -20,13 +20,13 @@ pub struct Losses {
 }
 
 impl Losses {
-    /// Returns whether nothing was lost.
+    /// Returns whether there are no losses.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }
 }
 
-/// `3616 frames, 12 records`: the kinds of which something was lost.
+/// Lists the kinds with losses, as `3616 frames, 12 records`.
 impl fmt::Display for Losses {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let kinds = [

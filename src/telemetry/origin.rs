@@ -1,4 +1,4 @@
-//! The one origin of time of a run: stderr, `bus.log`, `fault.json` and `summary.json` count from it.
+//! Origin of time of a run, common to stderr, `bus.log`, `fault.json` and `summary.json`.
 
 use std::fmt;
 use std::time::Duration;
@@ -8,30 +8,30 @@ use serde::Serialize;
 use serde::Serializer;
 use serde::ser::SerializeMap;
 
-/// The clock on the wall at [`Instant::ZERO`](units::time::Instant::ZERO). A stamp in `bus.log` less this is the
-/// time that stderr and `fault.json` show. Zero in virtual time.
+/// Wall clock at [`Instant::ZERO`](units::time::Instant::ZERO). A stamp in `bus.log` minus the origin is the time in
+/// stderr and `fault.json`. Zero in virtual time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Origin(Duration);
 
 impl Origin {
-    /// An origin `micros` µs after 1970.
+    /// Creates an origin `micros` µs after 1970.
     pub const fn from_micros(micros: u64) -> Self {
         Self(Duration::from_micros(micros))
     }
 
-    /// Microseconds since 1970.
+    /// Returns microseconds since 1970.
     pub fn as_micros(self) -> u64 {
         u64::try_from(self.0.as_micros()).unwrap_or(u64::MAX)
     }
 
-    /// UTC as part of a file's name: `20261122T071243Z`.
+    /// Formats UTC for a file name: `20261122T071243Z`.
     pub fn compact(self) -> String {
         let utc = humantime::format_rfc3339_seconds(UNIX_EPOCH + self.0).to_string();
         utc.replace(['-', ':'], "")
     }
 }
 
-/// `2026-11-22T07:12:43.123456Z (1795331563.123456)`.
+/// Formats as `2026-11-22T07:12:43.123456Z (1795331563.123456)`.
 impl fmt::Display for Origin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let utc = humantime::format_rfc3339_micros(UNIX_EPOCH + self.0);
@@ -39,7 +39,7 @@ impl fmt::Display for Origin {
     }
 }
 
-/// `{"utc": "2026-11-22T07:12:43.123456Z", "unix_seconds": 1795331563.123456}`.
+/// Serializes as `{"utc": "2026-11-22T07:12:43.123456Z", "unix_seconds": 1795331563.123456}`.
 impl Serialize for Origin {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let utc = humantime::format_rfc3339_micros(UNIX_EPOCH + self.0);

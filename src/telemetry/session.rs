@@ -1,14 +1,14 @@
-//! A session on disk: one candump log of everything, and a summary.
+//! Log of a session: one candump file of all buses and cycles.
 //!
-//! Between the frames of the buses stand lines on pseudo-interfaces, as CAN FD frames, so that one
-//! file holds the whole run and candump readers take it:
+//! Lines of pseudo-interfaces, as CAN FD frames, stand between the frames of the buses: one file holds the whole run,
+//! and candump readers accept it.
 //!
 //! | interface | identifier | bytes                                                                 |
 //! |-----------|------------|-----------------------------------------------------------------------|
-//! | `wrench0` | 18FF0000h  | the wrench on the object at {S} this cycle used: six f64, N and N·m   |
+//! | `wrench0` | 18FF0000h  | wrench on the object at {S} used in this cycle: six f64, N and N·m     |
 //! | `node0`   | 18FF0001h  | mode u8, inputs u8 (FFh: silent), sampled joints as bits u8, 0, cycle u32 |
 //!
-//! Numbers are little-endian, as CANopen's. Both lines come at the end of the cycle they are about.
+//! Numbers are little-endian, as in CANopen. Both lines come at the end of their cycle.
 
 use std::io;
 use std::io::Write;
@@ -21,28 +21,28 @@ use node::record::Record;
 use units::spatial::Wrench;
 use units::time::Instant;
 
-/// Where wrenches stand in the log.
+/// Pseudo-interface and identifier of wrenches.
 pub const WRENCH: (&str, u32) = ("wrench0", 0x18FF_0000);
 
-/// Where modes and switches stand in the log.
+/// Pseudo-interface and identifier of modes and switches.
 pub const NODE: (&str, u32) = ("node0", 0x18FF_0001);
 
-/// A cycle in brief: what a log keeps of its record.
+/// Part of a cycle's record that the log keeps.
 #[derive(Clone, Copy, Debug)]
 pub struct Brief {
-    /// Its number, from 1.
+    /// Number of the cycle, from 1.
     pub cycle: u64,
-    /// When its SYNC was sent.
+    /// Time of its SYNC.
     pub at: Instant,
-    /// The mode it ran in.
+    /// Mode.
     pub mode: Mode,
-    /// What stopped the node, while it is stopped.
+    /// Cause of the stop, while stopped.
     pub cause: Option<Cause>,
-    /// The switch box's inputs; `None` when it is silent.
+    /// Inputs of the switch box; `None` when they are stale.
     pub inputs: Option<u8>,
-    /// Whether each joint's sample came in time.
+    /// Joints with a sample in time.
     pub sampled: [bool; 6],
-    /// The wrench of the environment on the object at {S}, in N and N·m.
+    /// Wrench of the environment on the object at {S}, in N and N·m.
     pub f_s: Wrench,
 }
 
@@ -53,28 +53,27 @@ impl From<&Record> for Brief {
     }
 }
 
-/// Writes the log of a session. The first write that fails ends the log, never the session: what is on the
-/// disk then has no holes.
+/// Writer of a session log. The first failed write ends the log, but not the session: the log has no gaps.
 #[derive(Debug)]
 pub struct SessionLog<W: Write> {
     log: LogWriter<W>,
-    /// The newest stamp, before which nothing is written: a log goes forward.
+    /// Newest stamp; earlier events are written with it, so stamps never decrease.
     latest: Instant,
     failed: Option<io::Error>,
 }
 
 impl<W: Write> SessionLog<W> {
-    /// Onto `log`.
+    /// Creates a session log on `log`.
     pub const fn new(log: LogWriter<W>) -> Self {
         Self { log, latest: Instant::ZERO, failed: None }
     }
 
-    /// A frame on a bus.
+    /// Writes a frame.
     pub fn frame(&mut self, at: Instant, telegram: &Telegram) {
         self.write(at, |log, at| log.frame(at, telegram));
     }
 
-    /// A cycle: its wrench, mode, inputs and samples.
+    /// Writes a cycle: wrench, mode, inputs and samples.
     pub fn cycle(&mut self, brief: &Brief) {
         self.write(brief.at, |log, at| {
             let (interface, id) = WRENCH;
@@ -84,22 +83,22 @@ impl<W: Write> SessionLog<W> {
         });
     }
 
-    /// Why the log ended before the session, if it did.
+    /// Returns the error that ended the log.
     pub const fn failure(&self) -> Option<&io::Error> {
         self.failed.as_ref()
     }
 
-    /// Everything written is on its way to the disk.
+    /// Flushes the log.
     ///
     /// # Errors
-    /// The write that failed, if one did.
+    /// The write that failed.
     pub fn finish(mut self) -> io::Result<()> {
         let latest = self.latest;
         self.write(latest, |log, _| log.flush());
         self.failed.map_or(Ok(()), Err)
     }
 
-    /// Writes at a time not before the newest, unless the log has ended.
+    /// Writes at `at` or the newest stamp, whichever is later, unless the log has ended.
     fn write(
         &mut self,
         at: Instant,
@@ -127,7 +126,7 @@ fn state_bytes(brief: &Brief) -> [u8; 8] {
     [code(brief.mode), brief.inputs.unwrap_or(0xFF), sampled, 0, c0, c1, c2, c3]
 }
 
-/// A mode as a number, in the order of the mode graph.
+/// Returns the number of a mode, in the order of the mode graph.
 const fn code(mode: Mode) -> u8 {
     match mode {
         Mode::Boot => 0,
@@ -146,7 +145,7 @@ mod tests {
     use canopen::frame::Channel;
     use canopen::frame::Frame;
 
-    /// A disk with room for so many bytes.
+    /// A disk with limited room.
     struct Disk {
         room: usize,
         written: Vec<u8>,
@@ -170,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn hazard_32_a_full_disk_ends_the_log_at_once_and_for_good() {
+    fn hazard_32_full_disk_ends_the_log_for_good() {
         let mut disk = Disk { room: 100, written: Vec::new(), refused: 0 };
         let mut log = SessionLog::new(LogWriter::new(&mut disk, &["can0".to_owned()], 0));
         let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x181, [1, 2]) };
@@ -179,7 +178,7 @@ mod tests {
         }
         assert_eq!(log.failure().unwrap().kind(), io::ErrorKind::StorageFull);
         assert_eq!(log.finish().unwrap_err().kind(), io::ErrorKind::StorageFull);
-        assert_eq!(disk.refused, 1, "what has failed is not tried a thousand times");
+        assert_eq!(disk.refused, 1, "a failed write is not repeated");
         assert!(disk.written.starts_with(b"(0.000000) can0 181#0102\n(0.000001)"));
     }
 }

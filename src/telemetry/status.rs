@@ -1,4 +1,4 @@
-//! How the node is right now, as `frhc ctl status` tells it.
+//! Status of the node, for `frhc ctl status`.
 
 use serde::Serialize;
 
@@ -10,21 +10,21 @@ use units::numbering::Joint;
 /// A snapshot of the node.
 #[derive(Clone, Debug, Serialize)]
 pub struct Status {
-    /// The mode, in one word.
+    /// Mode.
     pub mode: &'static str,
-    /// What stopped the node, while it is stopped.
+    /// Cause of the stop, while stopped.
     pub stopped_by: Option<String>,
     /// Cycles run.
     pub cycle: u64,
-    /// Cycles so far that took longer than they may: torques too late to be sent, or a SYNC that was skipped.
+    /// Cycles over time: torques too late to be sent, or a skipped SYNC.
     pub overruns: u64,
-    /// Samples missed so far.
+    /// Missed samples.
     pub missing_samples: u64,
-    /// Frames, records and events lost on the way to the disk so far.
+    /// Frames, records and events lost before the disk.
     pub lost: Losses,
-    /// SDO uploads that other clients have begun so far.
+    /// SDO uploads of other clients.
     pub foreign_uploads: u64,
-    /// Objects that the boot has proven and that could not be read again, at this moment.
+    /// Objects verified at boot that could not be read again, at present.
     pub unread_settings: usize,
     /// Joint positions, in rad (m for a prismatic joint).
     pub q: [f64; 6],
@@ -32,38 +32,38 @@ pub struct Status {
     pub tau: [f64; 6],
     /// Target torques sent, in per mille of rated torque.
     pub targets: [i16; 6],
-    /// What those torques are made of.
+    /// Components of these torques.
     pub budget: Budget,
-    /// The wrench felt at the grip: force in N, moment in N·m.
+    /// Reflected wrench at the grip: force in N, moment in N·m.
     pub f_g_task: [f64; 6],
-    /// Place of the object in its base, in m.
+    /// Position of the object in its base, in m.
     pub p_b_m: [f64; 3],
-    /// Whether the switch box is heard.
-    pub switches_heard: bool,
+    /// Inputs of the switch box are up to date.
+    pub switches_online: bool,
 }
 
-/// The torque budget of the newest cycle, in N·m or N; joints count from 1.
+/// Torque budget of the newest cycle, in N·m or N; joints count from 1.
 #[derive(Clone, Debug, Serialize)]
 pub struct Budget {
-    /// Of the task.
+    /// Reflected wrench.
     pub task: [f64; 6],
-    /// Carrying the arm.
+    /// Gravity compensation.
     pub gravity: [f64; 6],
-    /// Of the return to centre, before its scaling.
+    /// Return to centre, before scaling.
     pub centring: [f64; 6],
-    /// Of damping, before its scaling.
+    /// Damping, before scaling.
     pub damping: [f64; 6],
-    /// Keeping contact passive.
+    /// Passivity layer.
     pub passivity: [f64; 6],
-    /// Of the soft stops.
+    /// Soft stops.
     pub soft_stops: [f64; 6],
-    /// What is left of return to centre and damping.
+    /// Scale of return to centre and damping.
     pub assist_scale: f64,
-    /// What is left of task and assist.
+    /// Scale of reflected wrench and assist.
     pub rest_scale: f64,
-    /// The joint that left no more.
+    /// Joint that limits the scale.
     pub limiting_joint: Option<u8>,
-    /// The joint that could not change as fast as asked.
+    /// Joint at its slew rate limit.
     pub slewing_joint: Option<u8>,
 }
 
@@ -85,7 +85,7 @@ impl From<&Ledger> for Budget {
 }
 
 impl Status {
-    /// Of the newest record, with the numbers of samples missed and of entries lost so far.
+    /// Creates the status from the newest record, and the numbers of missed samples and lost entries.
     pub fn of(record: &Record, missing_samples: u64, lost: Losses) -> Self {
         let p_b_m = record.x_b_m.translation.vector;
         Self {
@@ -103,7 +103,7 @@ impl Status {
             budget: Budget::from(&record.output.ledger),
             f_g_task: record.output.f_g_task.components(),
             p_b_m: [p_b_m.x, p_b_m.y, p_b_m.z],
-            switches_heard: record.inputs.is_some(),
+            switches_online: record.inputs.is_some(),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What a session comes to: counters and extremes over all its records.
+//! Summary of a session: counters and extremes over all its records.
 
 use std::fmt;
 
@@ -13,27 +13,27 @@ use node::record::Record;
 use units::spatial::Motion;
 use units::time::Instant;
 
-/// Below this contact force the object moves freely and should follow its command, in N.
-const FREE_BELOW: f64 = 0.5;
+/// Contact force below which the object moves freely and should follow its command, in N.
+const FREE_MOTION_FORCE: f64 = 0.5;
 
 /// Counters and extremes of a session.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Summary {
-    /// What `bus.log`, fault records and messages count their time from.
+    /// Origin of time of `bus.log`, fault records and messages.
     pub origin: Origin,
-    /// Ended by the user before its time.
+    /// The user ended the session before its time.
     pub is_interrupted: bool,
     /// Cycles run.
     pub cycles: u64,
-    /// From the first SYNC to the last, in s.
+    /// Time from the first SYNC to the last, in s.
     pub seconds: f64,
-    /// Cycles that took longer than they may: torques too late to be sent, or a SYNC that was skipped.
+    /// Cycles over time: torques too late to be sent, or a skipped SYNC.
     pub overruns: u64,
     /// Cycles in which at least one joint's sample was missing.
     pub cycles_with_missing_samples: u64,
-    /// Samples that did not come in time.
+    /// Missed samples.
     pub missing_samples: u64,
-    /// Frames, records and events lost on the way to the disk. The other figures are without lost records.
+    /// Frames, records and events lost before the disk. The other figures exclude lost records.
     pub lost: Losses,
     /// Time engaged, in s.
     pub engaged_seconds: f64,
@@ -45,25 +45,25 @@ pub struct Summary {
     pub peak_felt_moment_nm: f64,
     /// Peak contact force on the object, in N.
     pub peak_contact_force_n: f64,
-    /// Time the object touched something while engaged, in s.
+    /// Time in contact while engaged, in s.
     pub contact_seconds: f64,
-    /// What contact was like.
+    /// Quality of contact.
     pub contact: Contact,
-    /// Cycles in which torque was scaled down to fit the joints.
+    /// Cycles in which torque was scaled down to the limits of the joints.
     pub saturated_cycles: u64,
-    /// Rate mode, free motion: RMS of commanded against real speed, in m/s.
+    /// RMS of commanded minus actual speed in rate mode and free motion, in m/s.
     pub rate_tracking_rms_m_per_s: f64,
-    /// Pose mode, free motion: RMS of commanded against real position, in m.
+    /// RMS of commanded minus actual position in pose mode and free motion, in m.
     pub pose_tracking_rms_m: f64,
-    /// How far the object travelled, in m.
+    /// Distance travelled by the object, in m.
     pub object_travel_m: f64,
     /// Load of each bus, in percent of its bitrate.
     pub bus_load_percent: Vec<f64>,
-    /// Frames on each bus.
+    /// Number of frames on each bus.
     pub bus_frames: Vec<u64>,
-    /// The mode at the end.
+    /// Mode at the end.
     pub final_mode: String,
-    /// What stopped the node, if it was stopped at the end.
+    /// Cause of the stop, if stopped at the end.
     pub stopped_by: Option<String>,
     #[serde(skip)]
     rate_error: Rms,
@@ -76,7 +76,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Takes the next record.
+    /// Adds the next record.
     pub fn add(&mut self, record: &Record) {
         let missing = record.sampled.iter().filter(|sampled| !**sampled).count();
         self.cycles += 1;
@@ -109,7 +109,7 @@ impl Summary {
         self.peak_contact_force_n = self.peak_contact_force_n.max(contact);
         self.peak_felt_force_n = self.peak_felt_force_n.max(felt.force.norm());
         self.peak_felt_moment_nm = self.peak_felt_moment_nm.max(felt.moment.norm());
-        if contact > FREE_BELOW {
+        if contact > FREE_MOTION_FORCE {
             self.contact_seconds += dt;
             return;
         }
@@ -125,7 +125,7 @@ impl Summary {
     }
 }
 
-/// As people read it.
+/// Formats the summary for people.
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "cycles            {} in {:.3} s", self.cycles, self.seconds)?;
@@ -178,7 +178,7 @@ impl fmt::Display for Summary {
     }
 }
 
-/// A root mean square, one value at a time.
+/// Running root mean square.
 #[derive(Clone, Copy, Debug, Default)]
 struct Rms {
     sum_of_squares: f64,

@@ -1,34 +1,33 @@
-//! A token bucket: so many a second on average, and a few at once. It keeps a flood of the network's
-//! from becoming a flood of lines.
+//! Token bucket: limits messages about network events to a rate and a burst.
 
 use std::time::Duration;
 
 use units::time::Instant;
 
-/// The bucket, told as the time at which it would be full again: an integer, so nothing adds up.
+/// A token bucket, stored as the time at which it is full again: integer arithmetic does not accumulate errors.
 #[derive(Clone, Copy, Debug)]
 pub struct TokenBucket {
-    /// Until the next token comes.
+    /// Time per token.
     every: Duration,
-    /// Until all that fit have come.
+    /// Time to fill an empty bucket.
     depth: Duration,
     full_at: Instant,
 }
 
 impl TokenBucket {
-    /// A full one: `burst` tokens, and a new one `every` so often.
+    /// Creates a full bucket of `burst` tokens with one new token per `every`.
     pub const fn new(every: Duration, burst: u32) -> Self {
         Self { every, depth: every.saturating_mul(burst), full_at: Instant::ZERO }
     }
 
-    /// Takes a token at `now`, if there is one.
+    /// Takes a token at `now`; returns whether there was one.
     pub fn take(&mut self, now: Instant) -> bool {
         let full_at = self.full_at.max(now) + self.every;
-        let is_there = full_at.since(now) <= self.depth;
-        if is_there {
+        let is_available = full_at.since(now) <= self.depth;
+        if is_available {
             self.full_at = full_at;
         }
-        is_there
+        is_available
     }
 }
 
@@ -40,7 +39,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn hazard_32_never_more_pass_than_the_burst_and_the_rate_allow(
+        fn hazard_32_rate_and_burst_limit_the_tokens(
             steps in proptest::collection::vec(0..400_000_u64, 1..300),
             every in 1_000..1_000_000_u64,
             burst in 1..50_u32,
@@ -56,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn after_a_rest_the_burst_is_there_again() {
+    fn pause_refills_the_burst() {
         let mut bucket = TokenBucket::new(Duration::from_millis(100), 5);
         for second in [0, 1, 2] {
             let at = Instant::from_micros(second * 1_000_000);

@@ -1,5 +1,5 @@
-//! A joint's torque curve in the manner of the paper's Fig. 6: measurements of both driving
-//! directions, the straight line, the polynomial; and below, how far the measurements lie from it.
+//! Plot of a joint's torque curve as in the paper's Fig. 6: measurements in both driving directions, straight line and
+//! polynomial; below, the residuals of the measurements.
 
 use crate::chart::Axis;
 use crate::chart::Chart;
@@ -13,30 +13,30 @@ use controller::fit::Sample;
 
 /// Points of a curve.
 const POINTS: u16 = 160;
-/// Upper and lower edges of the two panels, and the height of all, in px.
+/// Upper and lower edges of the two panels, and the total height, in px.
 const CURVE: [f64; 2] = [74.0, 500.0];
 const REST: [f64; 2] = [566.0, 706.0];
 const HEIGHT: f64 = 768.0;
 
-/// What is drawn.
+/// Content of a plot.
 #[derive(Clone, Copy, Debug)]
 pub struct TorquePlot<'a> {
-    /// The joint's name.
+    /// Name of the joint.
     pub joint: &'a str,
-    /// Where the samples come from.
+    /// Source of the samples.
     pub provenance: &'a str,
-    /// `N·m`, or `N` of a sliding joint.
+    /// Unit: `N·m`, or `N` for a prismatic joint.
     pub unit: &'a str,
-    /// As they were measured.
+    /// Measured samples.
     pub samples: &'a [Sample],
-    /// What they gave.
+    /// Fit of the samples.
     pub calibrated: &'a Calibrated,
-    /// The straight line to compare with: what it is, and its slope in ‰ per N·m.
+    /// Straight line for comparison: name, and slope in ‰ per N·m.
     pub line: (&'a str, f64),
 }
 
 impl TorquePlot<'_> {
-    /// The picture, as SVG. Targets of a motor that turns against its joint are drawn negated.
+    /// Returns the plot as SVG. Targets of an inverted motor are drawn negated.
     pub fn svg(&self) -> String {
         let torque = format!("joint torque in {}", self.unit);
         let mut chart =
@@ -46,7 +46,7 @@ impl TorquePlot<'_> {
         chart.finish()
     }
 
-    /// The upper panel: targets over torques.
+    /// Draws the upper panel: target over torque.
     fn curve(&self, chart: &mut Chart, torque: &str) {
         let Self { calibrated, line: (line, slope), .. } = *self;
         let target = if calibrated.is_reversed {
@@ -78,7 +78,7 @@ impl TorquePlot<'_> {
         chart.frame(&panel);
     }
 
-    /// The lower panel: what is left when the polynomial is taken off.
+    /// Draws the lower panel: residuals of the polynomial.
     fn rest(&self, chart: &mut Chart, torque: &str) {
         let calibrated = self.calibrated;
         let rest = |t: f64, per_mille: f64| per_mille - calibrated.both.at(t);
@@ -96,7 +96,7 @@ impl TorquePlot<'_> {
         chart.frame(&panel);
     }
 
-    /// A mark for every sample, at its torque and what `of` makes of torque and target.
+    /// Draws a mark per sample, at its torque and the value that `of` computes.
     fn marks(&self, chart: &mut Chart, panel: &Panel<'_>, of: impl Fn(f64, f64) -> f64) {
         for (ink, direction) in [(Ink::Up, Direction::Up), (Ink::Down, Direction::Down)] {
             let samples = self.samples.iter().filter(|sample| sample.direction == direction);
@@ -105,24 +105,24 @@ impl TorquePlot<'_> {
         }
     }
 
-    /// A sample's target, rising with the torque.
+    /// Returns the target of a sample with the sign of its torque.
     fn target(&self, sample: &Sample) -> f64 {
         if self.calibrated.is_reversed { -sample.per_mille } else { sample.per_mille }
     }
 
-    /// The largest torque.
+    /// Returns the largest torque.
     fn reach(&self) -> f64 {
         self.most(|torque, _| torque)
     }
 
-    /// The largest of what `of` makes of torque and target, either way.
+    /// Returns the largest magnitude that `of` computes.
     fn most(&self, of: impl Fn(f64, f64) -> f64) -> f64 {
         let values = self.samples.iter().map(|sample| of(sample.torque, self.target(sample)).abs());
         values.fold(0.0, f64::max)
     }
 }
 
-/// What the fit came to.
+/// Returns the results of the fit as lines of text.
 fn notes(calibrated: &Calibrated, unit: &str) -> [String; 6] {
     let [c1, c3, c5] = calibrated.curve.coefficients().map(|c| significant(c, 5));
     let residuals = calibrated.both.residuals;
@@ -141,7 +141,7 @@ fn notes(calibrated: &Calibrated, unit: &str) -> [String; 6] {
     ]
 }
 
-/// Places from one torque to another.
+/// Samples torques from one to another.
 fn along(from: f64, to: f64) -> impl Iterator<Item = f64> {
     (0..=POINTS).map(move |place| from + (to - from) * f64::from(place) / f64::from(POINTS))
 }
@@ -151,7 +151,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_sample_is_a_mark_in_both_panels_and_the_tags_are_closed() {
+    fn samples_are_marked_in_both_panels() {
         let sample = |direction| {
             (-12..=12).map(move |step| Sample {
                 torque: f64::from(step) / 4.0,

@@ -1,7 +1,7 @@
-//! What every room counts in: time, joints and nodes, drive units, and the vectors of Cartesian space.
+//! Units common to all crates: time, joints and nodes, drive units, and vectors of Cartesian space.
 //!
-//! A position is a number of a drive's counts, a time a number of microseconds, a wrench two vectors whose names say which
-//! is which. Nothing here knows a frame's name; STYLE.md has the notation.
+//! A position is a number of a drive's counts, a time a number of microseconds, a wrench two vectors whose names say
+//! which is which. Nothing here knows a frame's name; STYLE.md has the notation.
 //!
 //! ```
 //! use nalgebra::Isometry3;

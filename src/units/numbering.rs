@@ -1,4 +1,4 @@
-//! Numbers that count joints and nodes. Joints begin at 1, as people say them; places in lists begin at 0.
+//! Numbers of joints and nodes. Joints count from 1, indices in lists from 0.
 
 use std::array;
 use std::fmt;
@@ -35,22 +35,22 @@ impl Joint {
         Self::ALL.get(index).copied()
     }
 
-    /// Number, from 1.
+    /// Returns the number, from 1.
     pub const fn number(self) -> u8 {
         self.0
     }
 
-    /// Place in a list of all joints, from 0.
+    /// Returns the index in a list of all joints, from 0.
     pub fn index(self) -> usize {
         usize::from(self.0 - 1)
     }
 
-    /// Pairs the entries of a list of all joints, the base's first, with their joints.
+    /// Pairs the entries of a list of all joints, base first, with their joints.
     pub fn each<I: IntoIterator>(all: I) -> Zip<array::IntoIter<Self, 6>, I::IntoIter> {
         Self::ALL.into_iter().zip(all)
     }
 
-    /// Returns the entry of this joint in a list of all joints, the base's first.
+    /// Returns the entry of this joint in a list of all joints, base first.
     pub const fn entry<T>(self, all: &[T; 6]) -> &T {
         let [first, second, third, fourth, fifth, sixth] = all;
         match self.0 {
@@ -63,7 +63,7 @@ impl Joint {
         }
     }
 
-    /// Returns the same to be changed.
+    /// Returns the entry of this joint, to change it.
     pub const fn entry_mut<T>(self, all: &mut [T; 6]) -> &mut T {
         let [first, second, third, fourth, fifth, sixth] = all;
         match self.0 {
@@ -77,7 +77,7 @@ impl Joint {
     }
 }
 
-/// The number, as people say it: from 1.
+/// Formats the number, from 1.
 impl fmt::Display for Joint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
@@ -89,18 +89,18 @@ impl fmt::Display for Joint {
 pub struct NodeIndex(pub usize);
 
 impl NodeIndex {
-    /// Pairs the entries of a list in the order of the plans with their places.
+    /// Pairs the entries of a list in the order of the plans with their indices.
     pub fn each<T>(all: impl IntoIterator<Item = T>) -> impl Iterator<Item = (Self, T)> {
         (0..).map(Self).zip(all)
     }
 
-    /// Returns the joint whose drive is at this place; `None` for the switch box.
+    /// Returns the joint whose drive has this index; `None` for the switch box.
     pub fn joint(self) -> Option<Joint> {
         Joint::at(self.0)
     }
 }
 
-/// The place of a joint's drive.
+/// Returns the index of the joint's drive.
 impl From<Joint> for NodeIndex {
     fn from(joint: Joint) -> Self {
         Self(joint.index())

@@ -11,20 +11,20 @@ use std::time::Duration;
 pub struct Instant(u64);
 
 impl Instant {
-    /// When the bus was opened.
+    /// Time at which the bus was opened.
     pub const ZERO: Self = Self(0);
 
-    /// The point `micros` µs after the bus was opened.
+    /// Creates the time `micros` µs after the bus was opened.
     pub const fn from_micros(micros: u64) -> Self {
         Self(micros)
     }
 
-    /// Microseconds since the bus was opened.
+    /// Returns the microseconds since the bus was opened.
     pub const fn as_micros(self) -> u64 {
         self.0
     }
 
-    /// How long after `earlier` this is; zero if it is not after it.
+    /// Returns the time since `earlier`; zero if that is later.
     pub const fn since(self, earlier: Self) -> Duration {
         Duration::from_micros(self.0.saturating_sub(earlier.0))
     }
@@ -33,7 +33,7 @@ impl Instant {
 impl Add<Duration> for Instant {
     type Output = Self;
 
-    /// Later by `span`, whose part below a microsecond is dropped.
+    /// Adds `span`; drops its part below a microsecond.
     fn add(self, span: Duration) -> Self {
         let micros = u64::try_from(span.as_micros()).unwrap_or(u64::MAX);
         Self(self.0.saturating_add(micros))
@@ -43,7 +43,7 @@ impl Add<Duration> for Instant {
 impl Sub<Duration> for Instant {
     type Output = Self;
 
-    /// Earlier by `span`, but not before the bus was opened.
+    /// Subtracts `span`, but not below zero.
     fn sub(self, span: Duration) -> Self {
         let micros = u64::try_from(span.as_micros()).unwrap_or(u64::MAX);
         Self(self.0.saturating_sub(micros))
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_span_added_is_the_span_between() {
+    fn adding_a_span_and_subtracting_it_are_inverse() {
         let start = Instant::from_micros(1_500);
         let span = Duration::from_micros(250);
         assert_eq!((start + span).since(start), span);
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn time_does_not_run_backwards() {
+    fn differences_are_never_negative() {
         let (early, late) = (Instant::from_micros(3), Instant::from_micros(5));
         assert_eq!(early.since(late), Duration::ZERO);
         assert_eq!(early - Duration::from_secs(1), Instant::ZERO);

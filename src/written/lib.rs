@@ -1,8 +1,7 @@
-//! TOML as people write it: lists of an exact length, and the key at a place of the text.
+//! TOML files: lists of an exact length, and the key at a position in the text.
 //!
-//! A fixed-size array of serde stops reading after its last element, and `toml` does not ask whether
-//! anything follows: `[1, 2, 3, "x"]` would pass for three numbers. So no section has arrays; it has
-//! [`List`]s.
+//! serde stops reading an array of fixed size after its last element, and `toml` does not check for more:
+//! `[1, 2, 3, "x"]` would pass for three numbers. Sections use [`List`] instead of arrays.
 //!
 //! ```
 //! use serde::Deserialize;
@@ -30,7 +29,7 @@ use toml::de::DeArray;
 use toml::de::DeTable;
 use toml::de::DeValue;
 
-/// Exactly `N` elements.
+/// A list of exactly `N` elements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct List<T, const N: usize>(pub [T; N]);
 
@@ -74,7 +73,7 @@ impl<'de, T: Deserialize<'de>, const N: usize> Visitor<'de> for Elements<T, N> {
     }
 }
 
-/// The key, like `joint[2].torque_curve`, of the innermost value around a byte offset; empty where none is.
+/// Returns the key, as `joint[2].torque_curve`, of the innermost value at a byte offset; empty outside all values.
 pub fn key_at(text: &str, offset: usize) -> String {
     let mut key = String::new();
     if let Ok(document) = DeTable::parse(text) {
@@ -84,7 +83,7 @@ pub fn key_at(text: &str, offset: usize) -> String {
 }
 
 fn in_table(table: &DeTable<'_>, offset: usize, key: &mut String) {
-    // A table under a header spans its header alone, so the values within are looked at first.
+    // A table under a header spans its header alone, so the nested values are searched first.
     for (name, value) in table {
         let before = key.len();
         let dot = if key.is_empty() { "" } else { "." };
@@ -96,7 +95,7 @@ fn in_table(table: &DeTable<'_>, offset: usize, key: &mut String) {
     }
 }
 
-/// Whether the offset is in one of the values within.
+/// Returns whether the offset is in a nested value.
 fn in_value(value: &DeValue<'_>, offset: usize, key: &mut String) -> bool {
     let before = key.len();
     match value {
@@ -111,7 +110,7 @@ fn in_value(value: &DeValue<'_>, offset: usize, key: &mut String) -> bool {
     key.len() > before
 }
 
-/// Elements that are tables or lists have keys of their own; other values are told by that of the list.
+/// Tables and lists in a list have keys of their own; other elements have that of the list.
 fn in_array(array: &DeArray<'_>, offset: usize, key: &mut String) {
     for (place, value) in array.iter().enumerate() {
         let before = key.len();

@@ -278,8 +278,11 @@ fn the_payload_is_removed() {
     assert_near("weight", &weight.components(), &numbers::<6>(reference));
 
     let servo = Servo::new(0.01, 1.0, 1.0).unwrap();
-    let object =
-        Object::new(servo, x_b_s).carrying(Isometry3::identity(), removed, vector(model_gravity));
+    let object = Object::new(servo, x_b_s).with_payload(
+        Isometry3::identity(),
+        removed,
+        vector(model_gravity),
+    );
     let f_s = object.contact(&wrench(&inputs["F_S_meas"]));
     let reference = &paper["payload"]["F_S_after_static_removal"];
     assert_near("contact", &f_s.components(), &numbers::<6>(reference));
@@ -833,7 +836,7 @@ fn rate_control_becomes_force_control_in_contact() {
     let servo = Servo::new(0.0, 100.0, 100.0).unwrap();
     let start = Isometry3::translation(number(&sim["x0"]), 0.0, 0.0);
     let law = Accommodation::new([k_fa; 6], [0.0; 6]).unwrap();
-    let mut object = Object::new(servo, start).giving_way(law);
+    let mut object = Object::new(servo, start).with_accommodation(law);
     let v_m = Twist::from_components([k_v * dx_db, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let column = |key: &str| list(&sim[key]).iter().map(number).collect::<Vec<_>>();
     let mut last = 0.0;

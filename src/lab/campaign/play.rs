@@ -171,7 +171,7 @@ pub(super) fn play(
         }
         if let Some(force) = case.injection.senses.filter(|_| bench.now() >= onset) {
             let force = Vector3::new(force, 0.0, 0.0);
-            bench.site_mut().pretend(Wrench { force, moment: Vector3::zeros() });
+            bench.site_mut().break_sensor(Wrench { force, moment: Vector3::zeros() });
         }
         // A latch is left by a reset alone.
         if !is_tried && bench.now() > onset + case.injection.watch * 3 / 4 && watch.is_latched() {

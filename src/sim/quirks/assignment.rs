@@ -20,8 +20,8 @@ pub struct QuirkAssignment(Vec<Entry>);
 struct Entry {
     joint: JointNumber,
     quirks: Vec<Quirk>,
-    #[serde(default, rename = "personality", deserialize_with = "refuse_personality")]
-    _personality: (),
+    #[serde(default, rename = "personality", deserialize_with = "refuse_former_key")]
+    _former_quirks: (),
 }
 
 /// A joint by its number in a file.
@@ -46,7 +46,7 @@ impl QuirkAssignment {
     /// Adds `quirks` to those of the drive of `joint`.
     pub fn add(&mut self, joint: Joint, quirks: impl IntoIterator<Item = Quirk>) {
         let quirks = quirks.into_iter().collect();
-        self.0.push(Entry { joint: JointNumber(joint), quirks, _personality: () });
+        self.0.push(Entry { joint: JointNumber(joint), quirks, _former_quirks: () });
     }
 
     /// Returns the quirks of the drive of `joint`.
@@ -56,7 +56,7 @@ impl QuirkAssignment {
     }
 }
 
-fn refuse_personality<'de, D: Deserializer<'de>>(_: D) -> Result<(), D::Error> {
+fn refuse_former_key<'de, D: Deserializer<'de>>(_: D) -> Result<(), D::Error> {
     Err(D::Error::custom("key `personality` was renamed to `quirks`"))
 }
 

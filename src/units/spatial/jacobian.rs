@@ -1,4 +1,4 @@
-//! The Jacobian of a serial chain: joint rates to the twist of a frame, wrench at it to joint torques.
+//! Jacobian of a serial chain: maps joint rates to the twist of a frame, and a wrench at it to joint torques.
 
 use nalgebra::SMatrix;
 use nalgebra::SVector;
@@ -6,17 +6,17 @@ use nalgebra::SVector;
 use crate::spatial::Twist;
 use crate::spatial::Wrench;
 
-/// The body Jacobian of a chain of `N` joints: `v_g = J qd`, `tau = Jᵀ f_g` (Eq. 7), all in {G}.
+/// Body Jacobian of a chain of `N` joints: `v_g = J qd`, `tau = Jᵀ f_g` (Eq. 7), all in {G}.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jacobian<const N: usize> {
-    /// Joint rates to the velocity of the frame's origin.
+    /// Maps joint rates to the velocity of the frame's origin.
     pub linear: SMatrix<f64, 3, N>,
-    /// Joint rates to its angular velocity.
+    /// Maps joint rates to its angular velocity.
     pub angular: SMatrix<f64, 3, N>,
 }
 
 impl<const N: usize> Jacobian<N> {
-    /// From the twist that a unit rate of each joint gives.
+    /// Creates the Jacobian from the twists at unit rate of each joint.
     pub fn from_columns(columns: &[Twist; N]) -> Self {
         let mut linear = SMatrix::<f64, 3, N>::zeros();
         let mut angular = SMatrix::<f64, 3, N>::zeros();
@@ -29,7 +29,7 @@ impl<const N: usize> Jacobian<N> {
         Self { linear, angular }
     }
 
-    /// Translations above rotations, a column for each joint.
+    /// Returns the matrix: translations above rotations, one column per joint.
     pub fn matrix(&self) -> SMatrix<f64, 6, N> {
         let mut matrix = SMatrix::<f64, 6, N>::zeros();
         matrix.fixed_rows_mut::<3>(0).copy_from(&self.linear);
@@ -37,12 +37,12 @@ impl<const N: usize> Jacobian<N> {
         matrix
     }
 
-    /// The twist that joint rates `qd` give.
+    /// Returns the twist at joint rates `qd`.
     pub fn twist(&self, qd: &SVector<f64, N>) -> Twist {
         Twist { linear: self.linear * qd, angular: self.angular * qd }
     }
 
-    /// The joint torques that exert `wrench` at the frame: the transpose, never an inverse.
+    /// Returns the joint torques for `wrench` at the frame: the transpose, never an inverse.
     pub fn torques(&self, wrench: &Wrench) -> SVector<f64, N> {
         self.linear.tr_mul(&wrench.force) + self.angular.tr_mul(&wrench.moment)
     }

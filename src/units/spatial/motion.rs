@@ -1,4 +1,4 @@
-//! What a commanded object is asked to do.
+//! Commands to the commanded object.
 
 use nalgebra::Isometry3;
 
@@ -7,10 +7,10 @@ use crate::spatial::Twist;
 /// A command to the object under control at {MRF}.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
-    /// Stay where you are: a rate of zero, and no pose.
+    /// Hold: a rate of zero, and no pose.
     Hold,
-    /// Move with this twist of {MRF}, written in {MRF} (Eq. 5).
+    /// Twist of {MRF}, written in {MRF} (Eq. 5).
     Rate(Twist),
-    /// Be at this pose `x_b_d` (3.5).
+    /// Pose `x_b_d` (3.5).
     Pose(Isometry3<f64>),
 }

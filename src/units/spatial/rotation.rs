@@ -5,10 +5,10 @@ use nalgebra::Rotation3;
 use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 
-/// Below this |cos β| the angles α and γ are one rotation; α is then zero (Craig 1989, 2.8).
+/// Limit of |cos β| below which α and γ are one rotation; α is then zero (Craig 1989, 2.8).
 const DEGENERATE: f64 = 1e-9;
 
-/// The angles (γ, β, α) of `R = Rz(α) Ry(β) Rx(γ)`, in rad; β within ±π/2.
+/// Returns the angles (γ, β, α) of `R = Rz(α) Ry(β) Rx(γ)`, in rad; β within ±π/2.
 pub fn euler_zyx(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
     let r = rotation.to_rotation_matrix();
     let cos_beta = r[(0, 0)].hypot(r[(1, 0)]);
@@ -20,14 +20,14 @@ pub fn euler_zyx(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
     Vector3::new(r[(2, 1)].atan2(r[(2, 2)]), beta, r[(1, 0)].atan2(r[(0, 0)]))
 }
 
-/// The orientation `Rz(α) Ry(β) Rx(γ)` of angles (γ, β, α) in rad.
+/// Returns the orientation `Rz(α) Ry(β) Rx(γ)` of angles (γ, β, α) in rad.
 pub fn from_euler_zyx(angles: &Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_euler_angles(
         angles.x, angles.y, angles.z,
     ))
 }
 
-/// The matrix E of Eq. 5: rates of (γ, β, α) to angular velocity in the turned frame. Its
+/// Returns the matrix E of Eq. 5, which maps rates of (γ, β, α) to angular velocity in the rotated frame. Its
 /// determinant is cos β.
 pub fn euler_rates(angles: &Vector3<f64>) -> Matrix3<f64> {
     let (sin_gamma, cos_gamma) = angles.x.sin_cos();
@@ -45,16 +45,16 @@ pub fn euler_rates(angles: &Vector3<f64>) -> Matrix3<f64> {
     )
 }
 
-/// The rotation vector (axis times angle, within ±π), in rad. Continuous through every angle but π.
+/// Returns the rotation vector (axis times angle, within ±π), in rad. Continuous except at π.
 pub fn rotation_vector(rotation: &UnitQuaternion<f64>) -> Vector3<f64> {
     rotation.scaled_axis()
 }
 
-/// Below this angle, in rad, the coefficients are their series: the next term is under 1e-16.
+/// Angle, in rad, below which series replace the coefficients: the next term is under 1e-16.
 const SMALL: f64 = 1e-3;
 
-/// Rates of a rotation vector to angular velocity in the frame turned *from*: the left Jacobian of
-/// SO(3). It also bends the path of a body that turns while it moves (a screw motion).
+/// Returns the left Jacobian of SO(3), which maps rates of a rotation vector to angular velocity in the frame rotated
+/// *from*. It also gives the translation of a screw motion.
 pub fn left_jacobian(vector: &Vector3<f64>) -> Matrix3<f64> {
     let angle = vector.norm();
     let cross = vector.cross_matrix();
@@ -67,9 +67,9 @@ pub fn left_jacobian(vector: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() + cross * first + cross * cross * second
 }
 
-/// The inverse of [`left_jacobian`], for angles below 2π. Its transpose takes angular velocity in
-/// the *turned* frame to rates of the rotation vector, so the moment conjugate to a rotation vector
-/// is this times what it does per rad.
+/// Returns the inverse of [`left_jacobian`], for angles below 2π. Its transpose maps angular velocity in the *rotated*
+/// frame to rates of the rotation vector; the moment conjugate to a rotation vector is this matrix times the work per
+/// rad.
 pub fn left_jacobian_inverse(vector: &Vector3<f64>) -> Matrix3<f64> {
     let angle = vector.norm();
     let cross = vector.cross_matrix();
@@ -96,14 +96,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn angles_name_the_orientation_they_came_from(r in vector(3.0)) {
+        fn euler_angles_give_their_orientation(r in vector(3.0)) {
             let rotation = UnitQuaternion::from_scaled_axis(r);
             let again = from_euler_zyx(&euler_zyx(&rotation));
             prop_assert!(rotation.angle_to(&again) < 1e-7);
         }
 
         #[test]
-        fn angles_within_range_come_back(
+        fn euler_angles_within_range_are_recovered(
             gamma in -3.1..3.1_f64, beta in -1.5..1.5_f64, alpha in -3.1..3.1_f64
         ) {
             let angles = Vector3::new(gamma, beta, alpha);
@@ -111,13 +111,13 @@ mod tests {
         }
 
         #[test]
-        fn a_rotation_vector_within_half_a_turn_comes_back(r in vector(1.8)) {
+        fn rotation_vectors_within_pi_are_recovered(r in vector(1.8)) {
             let again = rotation_vector(&UnitQuaternion::from_scaled_axis(r));
             prop_assert!((again - r).norm() < 1e-12);
         }
 
         #[test]
-        fn the_determinant_of_the_euler_rates_is_cos_beta(angles in vector(1.5)) {
+        fn determinant_of_euler_rates_is_cos_beta(angles in vector(1.5)) {
             prop_assert!((euler_rates(&angles).determinant() - angles.y.cos()).abs() < 1e-14);
         }
 
@@ -133,7 +133,7 @@ mod tests {
         }
 
         #[test]
-        fn the_left_jacobian_is_the_derivative_of_the_orientation(
+        fn left_jacobian_is_the_derivative_of_the_orientation(
             r in vector(1.7), rates in vector(1.0)
         ) {
             let step = 1e-6;
@@ -144,7 +144,7 @@ mod tests {
         }
 
         #[test]
-        fn the_inverse_of_the_left_jacobian_is_one(r in vector(1.7), scale in 0.0..1.0_f64) {
+        fn left_jacobian_inverse_inverts(r in vector(1.7), scale in 0.0..1.0_f64) {
             let r = r * scale.powi(8);
             let product = left_jacobian(&r) * left_jacobian_inverse(&r);
             prop_assert!((product - Matrix3::identity()).norm() < 1e-12);
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn at_a_quarter_turn_alpha_is_zero() {
+    fn alpha_is_zero_at_the_singularity() {
         for (gamma, beta, alpha) in [(0.5, FRAC_PI_2, 0.2), (0.5, -FRAC_PI_2, 0.2)] {
             let rotation = from_euler_zyx(&Vector3::new(gamma, beta, alpha));
             let angles = euler_zyx(&rotation);
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn property_04_half_a_turn_has_a_rotation_vector() {
+    fn property_04_half_turn_has_a_rotation_vector() {
         for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
             let r = rotation_vector(&UnitQuaternion::from_scaled_axis(axis * PI));
             assert!((r.norm() - PI).abs() < 1e-12 && r.cross(&axis).norm() < 1e-12);

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 
 use crate::spatial::rotation;
 
-/// The velocity of a frame: of its origin, and about it. Written in that frame.
+/// Velocity of a frame, written in that frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Twist {
     /// Velocity of the origin, in m/s.
@@ -20,16 +20,16 @@ pub struct Twist {
 }
 
 impl Twist {
-    /// At rest.
+    /// Zero velocity.
     pub const ZERO: Self =
         Self { linear: Vector3::new(0.0, 0.0, 0.0), angular: Vector3::new(0.0, 0.0, 0.0) };
 
-    /// From vx, vy, vz, ωx, ωy, ωz.
+    /// Creates a twist from vx, vy, vz, ωx, ωy, ωz.
     pub const fn from_components([vx, vy, vz, wx, wy, wz]: [f64; 6]) -> Self {
         Self { linear: Vector3::new(vx, vy, vz), angular: Vector3::new(wx, wy, wz) }
     }
 
-    /// vx, vy, vz, ωx, ωy, ωz.
+    /// Returns vx, vy, vz, ωx, ωy, ωz.
     pub fn components(&self) -> [f64; 6] {
         [
             self.linear.x,
@@ -41,30 +41,28 @@ impl Twist {
         ]
     }
 
-    /// Each component multiplied by its own gain: a diagonal gain matrix.
+    /// Multiplies each component by its own gain: a diagonal gain matrix.
     pub fn scaled(&self, gains: &[f64; 6]) -> Self {
         let [vx, vy, vz, wx, wy, wz] = self.components();
         let [a, b, c, d, e, f] = *gains;
         Self::from_components([a * vx, b * vy, c * vz, d * wx, e * wy, f * wz])
     }
 
-    /// The same motion of the same rigid body, taken at the other frame of `x` and written in it:
-    /// `v_m = v_s.at(&x_m_s)`.
+    /// Transforms the twist of a rigid body to the other frame of `x`: `v_m = v_s.at(&x_m_s)`.
     pub fn at(&self, x: &Isometry3<f64>) -> Self {
         let angular = x.rotation * self.angular;
         let linear = x.rotation * self.linear + x.translation.vector.cross(&angular);
         Self { linear, angular }
     }
 
-    /// Where a body that keeps this twist is after `dt` s, seen from where it was: a screw motion,
-    /// exact for any length.
+    /// Returns the motion of a body with this constant twist in `dt` s: a screw motion, exact for any length.
     pub fn over(&self, dt: f64) -> Isometry3<f64> {
         let turn = self.angular * dt;
         let shift = rotation::left_jacobian(&turn) * (self.linear * dt);
         Isometry3::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn))
     }
 
-    /// The twist that takes a body by `x` in `dt` s, turning by no more than π: the inverse of
+    /// Returns the twist that moves a body by `x` in `dt` s, rotating by at most π: the inverse of
     /// [`over`](Self::over).
     pub fn reaching(x: &Isometry3<f64>, dt: f64) -> Self {
         let turn = rotation::rotation_vector(&x.rotation);
@@ -72,7 +70,7 @@ impl Twist {
         Self { linear: shift / dt, angular: turn / dt }
     }
 
-    /// Whether every component is a finite number.
+    /// Returns whether all components are finite.
     pub fn is_finite(&self) -> bool {
         self.components().iter().all(|component| component.is_finite())
     }
@@ -106,21 +104,21 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_motion_is_undone_by_its_reverse(v_g in twist(), dt in 0.0..2.0_f64) {
+        fn reversed_twist_undoes_a_motion(v_g in twist(), dt in 0.0..2.0_f64) {
             let there_and_back = v_g.over(dt) * (v_g * -1.0).over(dt);
             prop_assert!(there_and_back.translation.vector.norm() < 1e-12);
             prop_assert!(there_and_back.rotation.angle() < 1e-7);
         }
 
         #[test]
-        fn two_halves_are_a_whole(v_g in twist(), dt in 0.0..2.0_f64) {
+        fn two_half_motions_equal_the_whole(v_g in twist(), dt in 0.0..2.0_f64) {
             let halves = v_g.over(dt / 2.0) * v_g.over(dt / 2.0);
             let whole = v_g.over(dt);
             prop_assert!((halves.to_homogeneous() - whole.to_homogeneous()).norm() < 1e-12);
         }
 
         #[test]
-        fn the_twist_that_reaches_a_pose_reaches_it(v_g in twist(), dt in 1e-4..0.5_f64) {
+        fn reaching_inverts_over(v_g in twist(), dt in 1e-4..0.5_f64) {
             let again = Twist::reaching(&v_g.over(dt), dt);
             for (a, b) in again.components().iter().zip(v_g.components()) {
                 prop_assert!((a - b).abs() < 1e-9, "{again:?} is not {v_g:?}");
@@ -129,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_motion_is_the_twist_times_the_time() {
+    fn slow_motion_is_twist_times_time() {
         let v_g = Twist::from_components([1.0, -2.0, 3.0, 0.5, 0.1, -0.7]);
         let x = v_g.over(1e-8);
         assert!((x.translation.vector / 1e-8 - v_g.linear).norm() < 1e-7);
@@ -137,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spinning_body_sees_its_straight_path_bend() {
+    fn rotating_body_moves_on_an_arc() {
         // Half a turn about z while moving along its own x: a semicircle of diameter 2/π.
         let half_turn = Twist::from_components([1.0, 0.0, 0.0, 0.0, 0.0, std::f64::consts::PI]);
         let end = half_turn.over(1.0).translation.vector;

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 
 use crate::spatial::Twist;
 
-/// A force and a moment at a frame, written in it. It acts *on* the body it is named for.
+/// A force and a moment at a frame, written in it. It acts *on* the body in its name.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wrench {
     /// Force, in N.
@@ -21,45 +21,45 @@ pub struct Wrench {
 }
 
 impl Wrench {
-    /// Neither force nor moment.
+    /// Zero force and moment.
     pub const ZERO: Self =
         Self { force: Vector3::new(0.0, 0.0, 0.0), moment: Vector3::new(0.0, 0.0, 0.0) };
 
-    /// From fx, fy, fz, mx, my, mz.
+    /// Creates a wrench from fx, fy, fz, mx, my, mz.
     pub const fn from_components([fx, fy, fz, mx, my, mz]: [f64; 6]) -> Self {
         Self { force: Vector3::new(fx, fy, fz), moment: Vector3::new(mx, my, mz) }
     }
 
-    /// fx, fy, fz, mx, my, mz.
+    /// Returns fx, fy, fz, mx, my, mz.
     pub fn components(&self) -> [f64; 6] {
         [self.force.x, self.force.y, self.force.z, self.moment.x, self.moment.y, self.moment.z]
     }
 
-    /// The same wrench, taken at the other frame of `x` and written in it: `f_m = f_s.at(&x_m_s)` (Eq. 6).
+    /// Transforms the wrench to the other frame of `x`: `f_m = f_s.at(&x_m_s)` (Eq. 6).
     pub fn at(&self, x: &Isometry3<f64>) -> Self {
         let force = x.rotation * self.force;
         let moment = x.rotation * self.moment + x.translation.vector.cross(&force);
         Self { force, moment }
     }
 
-    /// The same wrench written along other axes, `r` taking the one to the other.
+    /// Rotates the wrench by `r` to other axes.
     pub fn turned(&self, r: &UnitQuaternion<f64>) -> Self {
         Self { force: r * self.force, moment: r * self.moment }
     }
 
-    /// Each component multiplied by its own gain: a diagonal gain matrix.
+    /// Multiplies each component by its own gain: a diagonal gain matrix.
     pub fn scaled(&self, gains: &[f64; 6]) -> Self {
         let [fx, fy, fz, mx, my, mz] = self.components();
         let [a, b, c, d, e, f] = *gains;
         Self::from_components([a * fx, b * fy, c * fz, d * mx, e * my, f * mz])
     }
 
-    /// The power it puts into a body moving with `twist`, both at the same frame, in W.
+    /// Returns the power into a body with `twist`, both at the same frame, in W.
     pub fn power(&self, twist: &Twist) -> f64 {
         self.force.dot(&twist.linear) + self.moment.dot(&twist.angular)
     }
 
-    /// Whether every component is a finite number.
+    /// Returns whether all components are finite.
     pub fn is_finite(&self) -> bool {
         self.components().iter().all(|component| component.is_finite())
     }
@@ -121,7 +121,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn property_02_a_moved_wrench_has_the_same_power(f in six(50.0), v in six(5.0), x_m_s in pose()) {
+        fn property_02_transformed_wrench_has_the_same_power(f in six(50.0), v in six(5.0), x_m_s in pose()) {
             let f_s = Wrench::from_components(f);
             let v_s = Twist::from_components(v);
             let difference = f_s.power(&v_s) - f_s.at(&x_m_s).power(&v_s.at(&x_m_s));
@@ -129,27 +129,27 @@ mod tests {
         }
 
         #[test]
-        fn a_wrench_moved_there_and_back_is_itself(f in six(50.0), x_m_s in pose()) {
+        fn transform_there_and_back_is_the_identity(f in six(50.0), x_m_s in pose()) {
             let f_s = Wrench::from_components(f);
             prop_assert!(close(&f_s.at(&x_m_s).at(&x_m_s.inverse()), &f_s));
         }
 
         #[test]
-        fn moving_twice_is_moving_by_the_product(f in six(50.0), x_b_m in pose(), x_m_s in pose()) {
+        fn transforms_compose(f in six(50.0), x_b_m in pose(), x_m_s in pose()) {
             let f_s = Wrench::from_components(f);
             prop_assert!(close(&f_s.at(&x_m_s).at(&x_b_m), &f_s.at(&(x_b_m * x_m_s))));
         }
     }
 
     #[test]
-    fn a_force_has_a_moment_about_a_distant_point() {
+    fn force_has_a_moment_about_a_distant_point() {
         let f_s = Wrench::from_components([0.0, 0.0, 2.0, 0.0, 0.0, 0.0]);
         let f_m = f_s.at(&Isometry3::translation(0.5, 0.0, 0.0));
         assert_eq!(f_m, Wrench::from_components([0.0, 0.0, 2.0, 0.0, -1.0, 0.0]));
     }
 
     #[test]
-    fn one_bad_component_is_not_finite() {
+    fn one_infinite_component_is_not_finite() {
         let mut f_s = Wrench::ZERO;
         assert!(f_s.is_finite());
         f_s.moment.y = f64::NAN;

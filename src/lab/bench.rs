@@ -97,7 +97,7 @@ impl<T: Tap> Bench<T> {
         let elapsed = now.since(*self.begun.get_or_insert(now)).as_secs_f64();
         let requests = scenario.requests().filter(|(at, _)| *at > elapsed);
         self.requests = requests.map(|(at, asked)| (at, request(asked))).collect();
-        self.world_mut().follow(scenario, seed);
+        self.world_mut().set_scenario(scenario, seed);
     }
 
     /// What the scenario asks of the console by now, the oldest that was not asked yet.
@@ -188,14 +188,14 @@ impl<T: Tap> Bench<T> {
 
     /// When the script began: at the first SYNC.
     pub fn begun(&self) -> Instant {
-        self.node.bus().stations().begun().unwrap_or(Instant::ZERO)
+        self.node.bus().stations().scenario_start().unwrap_or(Instant::ZERO)
     }
 
     /// How long the script has run.
     pub fn elapsed(&self) -> Duration {
         let bus = self.node.bus();
         let now = bus.now();
-        now.since(bus.stations().begun().unwrap_or(now))
+        now.since(bus.stations().scenario_start().unwrap_or(now))
     }
 
     /// What is attached, to break it.

@@ -32,7 +32,6 @@
 
 pub mod actuator;
 pub mod arm;
-mod beginning;
 mod delay;
 pub mod drive;
 pub mod drive_view;
@@ -48,6 +47,7 @@ pub mod quirks;
 pub mod random;
 pub mod rig;
 pub mod scenario;
+mod scenario_start;
 pub mod switches;
 pub mod transmission;
 pub mod tremor;

@@ -43,11 +43,11 @@ impl Motors {
     }
 
     /// Sets joint positions and velocities, in rad and rad/s or m and m/s.
-    pub(super) fn follow(&mut self, q: &Joints, qd: &Joints) {
+    pub(super) fn set_joint_motion(&mut self, q: &Joints, qd: &Joints) {
         let m = self.transmission.positions(q);
         let md = self.transmission.velocities(qd);
         for (train, (position, velocity)) in self.trains.iter_mut().zip(m.iter().zip(md.iter())) {
-            train.follow(*position, *velocity);
+            train.set_joint_motion(*position, *velocity);
         }
     }
 
@@ -87,7 +87,7 @@ mod tests {
         motors.set_demands([100.0, -200.0, 300.0, 0.0, 50.0, -50.0]);
         let tau = (0..100).map(|_| motors.step(1e-3)).last().unwrap();
         let qd = Joints::from([0.3, -0.2, 0.5, 0.1, 0.7, -0.4]);
-        motors.follow(&Joints::zeros(), &qd);
+        motors.set_joint_motion(&Joints::zeros(), &qd);
         let velocities = Joints::from(motors.sensed().map(|sensed| sensed.velocity));
         assert!((tau.dot(&qd) - motors.torques().dot(&velocities)).abs() < 1e-12);
         assert!((motors.torques()[2] - 3.0).abs() < 1e-12 && (tau[1] - 1.0).abs() < 1e-12, "{tau}");

@@ -73,29 +73,29 @@ impl OperatorModel {
         self.is_startled
     }
 
-    /// Advances by `dt` s and returns the grasp, `None` when the hand is open. `x_0_meant` is the pose in the
+    /// Advances by `dt` s and returns the grasp, `None` when the hand is open. `x_0_script` is the pose in the
     /// script; `f_g` is the wrench of the hand on the grip, at {G} in {G}.
     pub fn step(
         &mut self,
         dt: f64,
-        x_0_meant: &Isometry3<f64>,
+        x_0_script: &Isometry3<f64>,
         is_holding: bool,
         f_g: &Wrench,
     ) -> Option<Grasp> {
         self.react(dt, f_g, is_holding);
-        let shaking = self.tremor.next(dt);
-        let grasp = Grasp { hand: self.hand(), x_0_d: self.aim(x_0_meant, &shaking) };
+        let tremor = self.tremor.next(dt);
+        let grasp = Grasp { hand: self.hand(), x_0_d: self.desired_pose(x_0_script, &tremor) };
         (is_holding && !self.is_startled).then_some(grasp)
     }
 
     fn react(&mut self, dt: f64, f_g: &Wrench, is_holding: bool) {
-        let known = self.reaction_delay.step(dt, *f_g);
+        let delayed = self.reaction_delay.step(dt, *f_g);
         self.delayed_wrench =
-            self.delayed_wrench + (known - self.delayed_wrench) * first_order(dt, MUSCLE_LAG);
-        let surprise = known.force - self.average_force;
-        self.average_force += surprise * first_order(dt, STARTLE_AVERAGING);
-        let is_jerked = self.settings.startle.is_some_and(|most| surprise.norm() > most);
-        self.is_startled = is_holding && (self.is_startled || is_jerked);
+            self.delayed_wrench + (delayed - self.delayed_wrench) * first_order(dt, MUSCLE_LAG);
+        let change = delayed.force - self.average_force;
+        self.average_force += change * first_order(dt, STARTLE_AVERAGING);
+        let is_startling = self.settings.startle.is_some_and(|most| change.norm() > most);
+        self.is_startled = is_holding && (self.is_startled || is_startling);
     }
 
     /// Returns the impedance at the present effort.
@@ -106,15 +106,15 @@ impl OperatorModel {
     }
 
     /// Returns the desired pose of the grip: the pose of the script with tremor and yielding.
-    fn aim(&self, x_0_meant: &Isometry3<f64>, shaking: &Vector3<f64>) -> Isometry3<f64> {
+    fn desired_pose(&self, x_0_script: &Isometry3<f64>, tremor: &Vector3<f64>) -> Isometry3<f64> {
         let OperatorSettings { hand, yielding, .. } = self.settings;
         // The wrench is in {G}; its orientation differs from the script only by the small turn of the wrist.
-        let given = self.delayed_wrench.force * (-yielding / hand.stiffness);
+        let yielded = self.delayed_wrench.force * (-yielding / hand.stiffness);
         let turned = self.delayed_wrench.moment * (-yielding / hand.rotational_stiffness);
-        let place = x_0_meant.translation.vector + shaking + x_0_meant.rotation * given;
+        let place = x_0_script.translation.vector + tremor + x_0_script.rotation * yielded;
         Isometry3::from_parts(
             Translation3::from(place),
-            x_0_meant.rotation * UnitQuaternion::from_scaled_axis(turned),
+            x_0_script.rotation * UnitQuaternion::from_scaled_axis(turned),
         )
     }
 }
@@ -154,11 +154,11 @@ mod tests {
     #[test]
     fn steady_operator_follows_the_script_under_load() {
         let mut operator = still(OperatorSettings::STEADY);
-        let x_0_meant = Isometry3::new([0.3, 0.1, -0.2].into(), [0.3, -0.2, 0.1].into());
+        let x_0_script = Isometry3::new([0.3, 0.1, -0.2].into(), [0.3, -0.2, 0.1].into());
         let felt = Wrench::from_components([30.0, -5.0, 3.0, 1.0, 0.5, -0.2]);
         for _ in 0..500 {
-            let grasp = operator.step(MS, &x_0_meant, true, &felt).unwrap();
-            assert_eq!(grasp, Grasp { hand: Hand::default(), x_0_d: x_0_meant });
+            let grasp = operator.step(MS, &x_0_script, true, &felt).unwrap();
+            assert_eq!(grasp, Grasp { hand: Hand::default(), x_0_d: x_0_script });
         }
     }
 
@@ -182,10 +182,10 @@ mod tests {
         let settings = OperatorSettings::RELAXED;
         let mut operator = still(settings);
         let x_0_g = Isometry3::translation(-0.02, 0.0, 0.0);
-        let x_0_meant = Isometry3::identity();
+        let x_0_script = Isometry3::identity();
         let mut felt = Wrench::ZERO;
         for _ in 0..4_000 {
-            let Grasp { hand, x_0_d } = operator.step(MS, &x_0_meant, true, &felt).unwrap();
+            let Grasp { hand, x_0_d } = operator.step(MS, &x_0_script, true, &felt).unwrap();
             felt = hand.wrench(&x_0_g, &Twist::ZERO, &x_0_d);
         }
         let alone = settings.hand.stiffness * 0.02;
@@ -239,8 +239,8 @@ mod tests {
             let most = pulls.iter().fold(0.0_f64, |most, pull| most.max(pull.abs()));
             for newtons in pulls {
                 let grasp = after(&mut operator, steps, pull(newtons)).unwrap();
-                let given = grasp.x_0_d.translation.vector.norm();
-                prop_assert!(given <= yielding * most / hand.stiffness + 1e-12);
+                let yielded = grasp.x_0_d.translation.vector.norm();
+                prop_assert!(yielded <= yielding * most / hand.stiffness + 1e-12);
             }
         }
     }

@@ -10,7 +10,6 @@ use nalgebra::Isometry3;
 use nalgebra::Translation3;
 
 use crate::arm::Joints;
-use crate::beginning::Beginning;
 use crate::drive::Drive;
 use crate::drivetrain::Drivetrain;
 use crate::drivetrain::Sensed;
@@ -24,6 +23,7 @@ use crate::plant;
 use crate::plant::Plant;
 use crate::scenario::Scenario;
 use crate::scenario::fault::Link;
+use crate::scenario_start::ScenarioStart;
 use crate::switches::SwitchBox;
 use crate::transmission::Transmission;
 use canopen::frame::Channel;
@@ -75,11 +75,11 @@ pub struct World<M = Drive, I = SwitchBox> {
     /// Pose of the grip at the start, to which the movements of the scenario are relative.
     x_0_start: Isometry3<f64>,
     /// Time zero of the scenario.
-    beginning: Beginning,
+    start: ScenarioStart,
     /// Time of the arm.
     now: Instant,
     /// Time since which no drive demands torque.
-    quiet_since: Option<Instant>,
+    zero_torque_since: Option<Instant>,
 }
 
 impl<M: Motor, I: Inputs> World<M, I> {
@@ -101,9 +101,9 @@ impl<M: Motor, I: Inputs> World<M, I> {
             operator: OperatorModel::new(scenario.operator_settings(), seed),
             faults: Faults::new(scenario.faults(), seed),
             scenario,
-            beginning: Beginning::default(),
+            start: ScenarioStart::default(),
             now: Instant::ZERO,
-            quiet_since: Some(Instant::ZERO),
+            zero_torque_since: Some(Instant::ZERO),
         };
         world.show();
         world
@@ -118,9 +118,9 @@ impl<M: Motor, I: Inputs> World<M, I> {
     }
 
     /// Replaces the scenario and keeps its time; faults of the past occur at once. `seed` is that of random faults.
-    pub fn follow(&mut self, scenario: Scenario, seed: u64) {
+    pub fn set_scenario(&mut self, scenario: Scenario, seed: u64) {
         self.faults = Faults::new(scenario.faults(), seed);
-        self.begun().into_iter().for_each(|begun| self.faults.begin(begun));
+        self.scenario_start().into_iter().for_each(|begun| self.faults.begin(begun));
         self.scenario = scenario;
     }
 
@@ -165,13 +165,13 @@ impl<M: Motor, I: Inputs> World<M, I> {
     }
 
     /// Returns the time since which no drive demands torque; `None` while one does.
-    pub const fn quiet_since(&self) -> Option<Instant> {
-        self.quiet_since
+    pub const fn zero_torque_since(&self) -> Option<Instant> {
+        self.zero_torque_since
     }
 
     /// Returns time zero of the scenario, after the first SYNC.
-    pub const fn begun(&self) -> Option<Instant> {
-        self.beginning.zero()
+    pub const fn scenario_start(&self) -> Option<Instant> {
+        self.start.zero()
     }
 
     /// Advances arm, operator and encoders to `now`.
@@ -181,16 +181,16 @@ impl<M: Motor, I: Inputs> World<M, I> {
         if dt <= 0.0 {
             return;
         }
-        let t = self.begun().map_or(0.0, |begun| now.since(begun).as_secs_f64());
+        let t = self.scenario_start().map_or(0.0, |begun| now.since(begun).as_secs_f64());
         let operator = self.scenario.operator(t);
-        let x_0_meant = self.meant(t - self.operator.reaction());
+        let x_0_script = self.scripted_pose(t - self.operator.reaction());
         let felt = self.plant.f_g_hand();
-        let grasp = self.operator.step(dt, &x_0_meant, operator.is_holding, felt);
+        let grasp = self.operator.step(dt, &x_0_script, operator.is_holding, felt);
         let hand = grasp.as_ref().map(|grasp| (&grasp.hand, &grasp.x_0_d));
         for h in plant::steps(dt) {
             let tau = self.motors.step(h);
             self.plant.step(h, &tau, hand);
-            self.motors.follow(self.plant.q(), self.plant.qd());
+            self.motors.set_joint_motion(self.plant.q(), self.plant.qd());
         }
         let is_startled = self.operator.is_startled();
         let inputs = if is_startled { operator.hand_off() } else { operator.inputs };
@@ -200,7 +200,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
     }
 
     /// Returns the pose of the grip in the script at `t` s.
-    fn meant(&self, t: f64) -> Isometry3<f64> {
+    fn scripted_pose(&self, t: f64) -> Isometry3<f64> {
         let operator = self.scenario.operator(t);
         let place = self.x_0_start.translation.vector + operator.translation;
         let turned = self.x_0_start.rotation * operator.rotation;
@@ -211,20 +211,20 @@ impl<M: Motor, I: Inputs> World<M, I> {
     fn update_demands(&mut self, now: Instant) {
         let demands = self.drives.each_ref().map(Motor::demand);
         if demands.iter().any(|demand| demand.abs() > 0.0) {
-            self.beginning.fix();
+            self.start.fix();
         }
         let mut pairs = demands.iter().zip(self.motors.demands());
         if pairs.any(|(new, old)| (new - old).abs() > 0.0) {
             self.advance(now);
             self.motors.set_demands(demands);
         }
-        let is_quiet = demands.iter().all(|demand| demand.abs() < RESOLUTION);
-        self.quiet_since = is_quiet.then(|| self.quiet_since.unwrap_or(now));
+        let is_zero_torque = demands.iter().all(|demand| demand.abs() < RESOLUTION);
+        self.zero_torque_since = is_zero_torque.then(|| self.zero_torque_since.unwrap_or(now));
     }
 
     /// Updates each drive with its motor values.
     fn show(&mut self) {
-        self.motors.follow(self.plant.q(), self.plant.qd());
+        self.motors.set_joint_motion(self.plant.q(), self.plant.qd());
         for (joint, (drive, sensed)) in
             Joint::each(self.drives.iter_mut().zip(self.motors.sensed()))
         {
@@ -236,7 +236,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
 impl<M: Motor, I: Inputs> Station for World<M, I> {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
         if frame.cob_id == sync::COB_ID && channel == LEADING {
-            if self.beginning.on_sync(now) {
+            if self.start.on_sync(now) {
                 self.faults.begin(now);
             }
             self.advance(now);
@@ -256,7 +256,7 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
         let is_due = |due: Option<Instant>| due.is_some_and(|due| due <= now);
         let mut devices = devices(&mut self.drives, &mut self.switches);
         if is_due(self.faults.deadline()) {
-            self.beginning.fix();
+            self.start.fix();
             self.faults.turn(now, &mut devices, out);
         }
         for (place, device) in NodeIndex::each(devices) {

@@ -237,7 +237,8 @@ fn hazard_08_a_heartbeat_of_another_state_stops_all_in_two_cycles() {
         let (mut bench, _) = bench_of(&config(KRAFT), &fault, &[]);
         bench.bring_up().unwrap();
         arm(&mut bench);
-        let begun = bench.node().bus().stations().begun().unwrap() + Duration::from_millis(900);
+        let begun =
+            bench.node().bus().stations().scenario_start().unwrap() + Duration::from_millis(900);
         let record = until(&mut bench, |record| record.mode.is_stopped());
         assert_eq!(record.cause, Some(Cause::LeftOperational { node: ELBOW.into(), state }));
         assert_eq!((record.mode, record.targets), (Mode::ZeroTorque, [0; 6]));
@@ -254,7 +255,8 @@ fn hazard_26_a_download_of_another_client_switches_all_off() {
         let (mut bench, _) = bench_of(&config(KRAFT), &fault, &[]);
         bench.bring_up().unwrap();
         arm(&mut bench);
-        let begun = bench.node().bus().stations().begun().unwrap() + Duration::from_millis(900);
+        let begun =
+            bench.node().bus().stations().scenario_start().unwrap() + Duration::from_millis(900);
         let record = until(&mut bench, |record| record.mode.is_stopped());
         assert_eq!(record.cause, Some(Cause::ForeignMaster), "{cob_id} {payload}");
         assert_eq!((record.mode, record.targets), (Mode::DrivesOff, [0; 6]));
@@ -395,7 +397,8 @@ fn hazard_13_a_drive_without_its_rpdos_is_off_by_itself_within_six_milliseconds(
     let (mut bench, wire) = bench_of(&config(KRAFT), fault, &[]);
     bench.bring_up().unwrap();
     arm(&mut bench);
-    let begun = bench.node().bus().stations().begun().unwrap() + Duration::from_millis(900);
+    let begun =
+        bench.node().bus().stations().scenario_start().unwrap() + Duration::from_millis(900);
     let record = until(&mut bench, |record| record.mode.is_stopped());
     assert_eq!(record.cause, Some(Cause::Emergency { node: ELBOW.into(), code: 0x8250 }));
     // The last one came up to a cycle before; the drive is off when it says so.

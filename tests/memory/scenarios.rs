@@ -124,7 +124,7 @@ fn play(config: &Config, script: &Scenario) -> Run {
     let most = most(config);
     let mut bench = Bench::new(config, script.clone(), 1, false, ());
     bench.bring_up().unwrap();
-    let begun = bench.node().bus().stations().begun().unwrap();
+    let begun = bench.node().bus().stations().scenario_start().unwrap();
     let fault = begun + script.faults()[0].begins;
     let (mut torque, mut felt) = (within(0, 0), 0);
     let (mut stopped, mut engaged) = (0, 0);

@@ -81,7 +81,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
             attend(&mut bus, &mut world, &mut |world: &mut World| {
                 while let Some(notice) = world.notice() {
                     // Whoever tells it may have gone before.
-                    let begun = world.begun().unwrap_or(Instant::ZERO);
+                    let begun = world.scenario_start().unwrap_or(Instant::ZERO);
                     notices.send((begun, notice)).ok();
                 }
                 flags.heed(world, &reports)

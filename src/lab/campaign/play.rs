@@ -355,7 +355,7 @@ impl Watch {
 
     fn finish(mut self, bench: &mut Bench<Monitor>, onset: Instant) -> Seen {
         let since = |at: Instant| at.since(onset);
-        let quiet = bench.node().bus().stations().quiet_since();
+        let quiet = bench.node().bus().stations().zero_torque_since();
         let monitor = bench.tap_mut();
         self.seen.detected = self.detected.map(since);
         self.seen.zero = monitor.all_zero_since().map(since);

@@ -51,7 +51,7 @@ impl Backlash {
     }
 
     /// Sets joint position and velocity, in rad and rad/s (m and m/s).
-    pub(super) fn follow(&mut self, q: f64, qd: f64) {
+    pub(super) fn set_joint_motion(&mut self, q: f64, qd: f64) {
         let ahead = self.position - q;
         if ahead.abs() < self.half {
             self.flank = 0.0;
@@ -86,7 +86,7 @@ mod tests {
     impl Geared {
         fn new(width: f64) -> Self {
             let mut backlash = Backlash::new(width, ROTOR);
-            backlash.follow(0.0, 0.0);
+            backlash.set_joint_motion(0.0, 0.0);
             Self { backlash, q: 0.0, qd: 0.0 }
         }
 
@@ -94,7 +94,7 @@ mod tests {
             let transmitted = self.backlash.transmit(H, tau);
             self.qd += H * transmitted / INERTIA;
             self.q += H * self.qd;
-            self.backlash.follow(self.q, self.qd);
+            self.backlash.set_joint_motion(self.q, self.qd);
             transmitted
         }
     }
@@ -128,7 +128,7 @@ mod tests {
         fn zero_backlash_transmits_everything(q in -3.0..3.0_f64, qd in -9.0..9.0_f64, tau in -3.0..3.0_f64) {
             let mut backlash = Backlash::new(0.0, ROTOR);
             prop_assert_eq!(backlash.transmit(H, tau), tau);
-            backlash.follow(q, qd);
+            backlash.set_joint_motion(q, qd);
             prop_assert_eq!((backlash.position, backlash.velocity), (q, qd));
         }
     }
@@ -153,11 +153,11 @@ mod tests {
     #[test]
     fn joint_motion_within_the_gap_does_not_move_the_motor() {
         let mut backlash = Backlash::new(WIDTH, ROTOR);
-        backlash.follow(0.0, 0.0);
+        backlash.set_joint_motion(0.0, 0.0);
         for step in 0..1_000 {
             let phase = f64::from(step) * 0.01;
             backlash.transmit(H, 0.0);
-            backlash.follow(0.49 * WIDTH * phase.sin(), 0.49 * WIDTH * phase.cos());
+            backlash.set_joint_motion(0.49 * WIDTH * phase.sin(), 0.49 * WIDTH * phase.cos());
             assert_eq!(backlash.position, 0.0);
         }
     }

@@ -18,7 +18,7 @@ impl Hysteresis {
     }
 
     /// Returns the output for the input, in N·m (N).
-    pub(super) const fn follow(&mut self, input: f64) -> f64 {
+    pub(super) const fn step(&mut self, input: f64) -> f64 {
         self.output = self.output.max(input - self.half).min(input + self.half);
         self.output
     }
@@ -36,21 +36,21 @@ mod tests {
         fn output_stays_within_half_the_width(input in prop::collection::vec(-9.0..9.0_f64, 1..50)) {
             let mut hysteresis = Hysteresis::new(0.4);
             for input in input {
-                prop_assert!((hysteresis.follow(input) - input).abs() <= 0.2 + 1e-12);
+                prop_assert!((hysteresis.step(input) - input).abs() <= 0.2 + 1e-12);
             }
         }
 
         #[test]
         fn zero_width_changes_nothing(input in -9.0..9.0_f64) {
-            prop_assert_eq!(Hysteresis::new(0.0).follow(input), input);
+            prop_assert_eq!(Hysteresis::new(0.0).step(input), input);
         }
     }
 
     #[test]
     fn loop_has_the_configured_width() {
         let mut hysteresis = Hysteresis::new(0.4);
-        let up = [-5.0, 1.0].map(|input| hysteresis.follow(input))[1];
-        let down = [5.0, 1.0].map(|input| hysteresis.follow(input))[1];
+        let up = [-5.0, 1.0].map(|input| hysteresis.step(input))[1];
+        let down = [5.0, 1.0].map(|input| hysteresis.step(input))[1];
         assert!((down - up - 0.4).abs() < 1e-12);
     }
 }

@@ -112,14 +112,14 @@ impl Drivetrain {
             self.mean = mean;
             self.motor_torque = self.curve.torque(mean);
         }
-        let transmitted = self.hysteresis.follow(self.motor_torque);
+        let transmitted = self.hysteresis.step(self.motor_torque);
         self.torque = self.backlash.transmit(h, transmitted);
         self.torque
     }
 
     /// Sets position and velocity of the joint side, in rad and rad/s (m and m/s).
-    pub fn follow(&mut self, position: f64, velocity: f64) {
-        self.backlash.follow(position, velocity);
+    pub fn set_joint_motion(&mut self, position: f64, velocity: f64) {
+        self.backlash.set_joint_motion(position, velocity);
     }
 
     /// Returns the last joint torque, in N·m (N).
@@ -208,9 +208,9 @@ mod tests {
             ..DrivetrainSettings::ideal(ACTUATOR)
         };
         let mut train = Drivetrain::new(&settings);
-        train.follow(0.003, 0.1);
+        train.set_joint_motion(0.003, 0.1);
         assert_eq!(train.sensed().position, 0.0);
-        train.follow(0.008, 0.1);
+        train.set_joint_motion(0.008, 0.1);
         assert!((train.sensed().position - 0.003).abs() < 1e-12);
         assert!((train.sensed().velocity - 0.1).abs() < 1e-12);
     }

@@ -4,7 +4,7 @@ use crate::motion::limits::Limited;
 use crate::motion::limits::TorqueLimits;
 use crate::motion::limits::top_speed;
 use crate::motion::ramp::Demand;
-use crate::motion::servo::Aim;
+use crate::motion::servo::Reference;
 use crate::motion::servo::Servo;
 use crate::motion::shaft::Actual;
 use crate::motion::shaft::Shaft;
@@ -41,8 +41,8 @@ impl Axis {
     /// Starts at the actual motion, without a step in torque.
     pub(super) const fn take_over(&mut self, actual: &Actual) {
         self.servo.take_over(actual);
-        let Actual { place, velocity, per_mille } = *actual;
-        self.demand = Demand { place, velocity, acceleration: 0.0 };
+        let Actual { position, velocity, per_mille } = *actual;
+        self.demand = Demand { position, velocity, acceleration: 0.0 };
         self.last_torque = Limited { value: per_mille, is_limited: false };
     }
 
@@ -58,22 +58,22 @@ impl Axis {
     }
 
     /// Runs the position and velocity loops.
-    pub(super) fn follow_place(&mut self, torque: f64, input: &StepInput<'_>) -> Limited {
+    pub(super) fn follow_position(&mut self, torque: f64, input: &StepInput<'_>) -> Limited {
         self.follow(true, torque, input)
     }
 
     /// Runs the velocity loop alone; the position demand follows the actual position.
     pub(super) fn follow_velocity(&mut self, torque: f64, input: &StepInput<'_>) -> Limited {
-        self.demand.place = input.actual.place;
+        self.demand.position = input.actual.position;
         self.follow(false, torque, input)
     }
 
     fn follow(&mut self, has_position: bool, torque: f64, input: &StepInput<'_>) -> Limited {
         let limits = TorqueLimits::of(input.dictionary);
         let top_speed = top_speed(&self.shaft.units, input.dictionary);
-        let aim = Aim { demand: self.demand, has_position, torque, top_speed };
+        let reference = Reference { demand: self.demand, has_position, torque, top_speed };
         self.last_torque = if input.dt > 0.0 {
-            self.servo.torque(input.dt, &aim, &input.actual, &limits)
+            self.servo.torque(input.dt, &reference, &input.actual, &limits)
         } else {
             let last = limits.clamp(self.last_torque.value);
             Limited { is_limited: last.is_limited || self.last_torque.is_limited, ..last }
@@ -90,15 +90,16 @@ impl Axis {
 
     /// Returns the following error, in position units.
     pub(super) fn following_error(&self, input: &StepInput<'_>) -> f64 {
-        self.shaft.units.way_shown(self.demand.place - input.actual.place)
+        self.shaft.units.position_units(self.demand.position - input.actual.position)
     }
 
     /// Writes the position demand (6062h, 60FCh) and the following error (60F4h).
-    pub(super) fn show_place(&self, actual: &Actual, dictionary: &mut Dictionary) {
-        let following_error = self.shaft.units.way_shown(self.demand.place - actual.place);
+    pub(super) fn show_position(&self, actual: &Actual, dictionary: &mut Dictionary) {
+        let following_error =
+            self.shaft.units.position_units(self.demand.position - actual.position);
         for (object, value) in [
-            (Object::POSITION_DEMAND, self.shaft.shown(self.demand.place)),
-            (Object::POSITION_DEMAND_INTERNAL, wrapped(self.demand.place)),
+            (Object::POSITION_DEMAND, self.shaft.position_units(self.demand.position)),
+            (Object::POSITION_DEMAND_INTERNAL, wrapped(self.demand.position)),
             (Object::FOLLOWING_ERROR, saturated(following_error)),
         ] {
             dictionary.set(object, &value.to_le_bytes());
@@ -107,7 +108,7 @@ impl Axis {
 
     /// Writes the velocity demand (606Bh).
     pub(super) fn show_velocity(&self, dictionary: &mut Dictionary) {
-        let velocity = saturated(self.shaft.units.velocity_shown(self.demand.velocity));
+        let velocity = saturated(self.shaft.units.velocity_units(self.demand.velocity));
         dictionary.set(Object::VELOCITY_DEMAND, &velocity.to_le_bytes());
     }
 }

@@ -36,9 +36,9 @@ impl Line {
     /// Returns the value and its slope `dt` s after `value`.
     fn after(&self, value: f64, dt: f64) -> (f64, f64) {
         let left = self.end - value;
-        let way = self.slope * dt;
+        let distance = self.slope * dt;
         let slope = if left.abs() > 0.0 { self.slope } else { 0.0 };
-        (if way.abs() < left.abs() { value + way } else { self.end }, slope)
+        (if distance.abs() < left.abs() { value + distance } else { self.end }, slope)
     }
 }
 
@@ -79,10 +79,10 @@ pub(super) struct CyclicPosition {
 
 impl CyclicPosition {
     pub(super) fn begin(axis: &mut Axis, dictionary: &Dictionary) -> Self {
-        axis.demand = Demand::at(axis.demand.place);
+        axis.demand = Demand::at(axis.demand.position);
         Self {
             set_points: SetPoints::begin(position(dictionary)),
-            line: Line::at(axis.demand.place),
+            line: Line::at(axis.demand.position),
             is_limited: false,
             following: Following::default(),
         }
@@ -93,13 +93,13 @@ impl CyclicPosition {
         if let Some(target) = self.set_points.take(position(dictionary), input.dt) {
             self.set_target(target, axis, dictionary);
         }
-        let (place, slope) = self.line.after(axis.demand.place, input.dt);
+        let (position, slope) = self.line.after(axis.demand.position, input.dt);
         let offset = f64::from(signed(dictionary, Object::VELOCITY_OFFSET));
         // A velocity offset (60B1h) is the master's feed-forward and replaces the slope.
         let has_offset = offset.abs() > 0.0;
         let velocity = if has_offset { axis.shaft.units.velocity(offset) } else { slope };
-        axis.demand = Demand { place, velocity, acceleration: 0.0 };
-        let torque = axis.follow_place(f64::from(dictionary.i16(Object::TORQUE_OFFSET)), input);
+        axis.demand = Demand { position, velocity, acceleration: 0.0 };
+        let torque = axis.follow_position(f64::from(dictionary.i16(Object::TORQUE_OFFSET)), input);
         let is_lost = self.following.is_lost(axis, input);
         TorqueDemand {
             per_mille: torque.value,
@@ -112,8 +112,8 @@ impl CyclicPosition {
     /// Starts a line to the nearest position displayed as `target`, within 607Dh and the speed limits.
     fn set_target(&mut self, target: i32, axis: &Axis, dictionary: &Dictionary) {
         let allowed = limits::position(dictionary, f64::from(target));
-        let here = axis.demand.place;
-        let end = axis.shaft.place_nearest(here, saturated(allowed.value));
+        let here = axis.demand.position;
+        let end = axis.shaft.nearest_target(here, saturated(allowed.value));
         let top = limits::top_speed(&axis.shaft.units, dictionary);
         let slope = within((end - here) / interpolation_time(dictionary), top);
         self.line = Line { end, slope: slope.value };
@@ -137,7 +137,7 @@ pub(super) struct CyclicVelocity {
 
 impl CyclicVelocity {
     pub(super) fn begin(axis: &mut Axis, dictionary: &Dictionary) -> Self {
-        axis.demand = Demand::at(axis.demand.place);
+        axis.demand = Demand::at(axis.demand.position);
         Self {
             set_points: SetPoints::begin(velocity(dictionary)),
             line: Line::at(0.0),
@@ -228,7 +228,7 @@ mod tests {
         let demands: Vec<_> = (0..6)
             .map(|_| {
                 fixture.tick();
-                (fixture.shown(Object::POSITION_DEMAND), fixture.shown(Object::VELOCITY_DEMAND))
+                (fixture.read(Object::POSITION_DEMAND), fixture.read(Object::VELOCITY_DEMAND))
             })
             .collect();
         let expected =
@@ -244,7 +244,7 @@ mod tests {
             let phase = std::f64::consts::TAU * f64::from(millis) * 1e-3;
             let set_point = saturated(20_000.0 * (1.0 - phase.cos()));
             cycle(&mut fixture, Object::TARGET_POSITION, set_point, 1);
-            most = most.max(f64::from(fixture.shown(Object::FOLLOWING_ERROR)).abs());
+            most = most.max(f64::from(fixture.read(Object::FOLLOWING_ERROR)).abs());
         }
         // Its velocity goes up to 125,664 increments/s.
         assert!(most < 1_500.0, "{most} increments behind");
@@ -252,15 +252,15 @@ mod tests {
 
     #[test]
     fn cyclic_position_follows_a_sine_across_the_wrap() {
-        let start = Rotor { place: f64::from(i32::MAX) - 10_000.0, ..Rotor::default() };
+        let start = Rotor { position: f64::from(i32::MAX) - 10_000.0, ..Rotor::default() };
         let mut fixture = Fixture::with(POSITION, start, |_| {});
         let begin = fixture.position();
         for millis in 0..2_000 {
             let phase = std::f64::consts::TAU * f64::from(millis) * 1e-3;
-            let way = saturated(20_000.0 * (1.0 - phase.cos()));
-            cycle(&mut fixture, Object::TARGET_POSITION, begin.wrapping_add(way), 1);
-            assert!(fixture.shown(Object::FOLLOWING_ERROR).abs() < 1_500);
-            assert_eq!(fixture.position(), crate::motion::units::wrapped(fixture.rotor.place));
+            let distance = saturated(20_000.0 * (1.0 - phase.cos()));
+            cycle(&mut fixture, Object::TARGET_POSITION, begin.wrapping_add(distance), 1);
+            assert!(fixture.read(Object::FOLLOWING_ERROR).abs() < 1_500);
+            assert_eq!(fixture.position(), crate::motion::units::wrapped(fixture.rotor.position));
         }
         assert!(fixture.rotor.velocity.abs() < 1e5);
     }
@@ -270,7 +270,7 @@ mod tests {
         let mut fixture = fixture(POSITION);
         fixture.put(Object::POSITION_OFFSET, -300);
         cycle(&mut fixture, Object::TARGET_POSITION, 1_000, 1);
-        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 700);
+        assert_eq!(fixture.read(Object::POSITION_DEMAND), 700);
         fixture.put(Object::TORQUE_OFFSET, 200);
         let before = fixture.tick().per_mille;
         fixture.put(Object::TORQUE_OFFSET, 0);
@@ -279,7 +279,7 @@ mod tests {
         let mut fixture = self::fixture(VELOCITY);
         fixture.put(Object::VELOCITY_OFFSET, 500);
         cycle(&mut fixture, Object::TARGET_VELOCITY, -1_000, 1);
-        assert_eq!(fixture.shown(Object::VELOCITY_DEMAND), -500);
+        assert_eq!(fixture.read(Object::VELOCITY_DEMAND), -500);
     }
 
     #[test]
@@ -304,14 +304,14 @@ mod tests {
         let mut fixture = fixture(POSITION);
         fixture.put(Object::MAX_POSITION_LIMIT, 500);
         cycle(&mut fixture, Object::TARGET_POSITION, 900, 2);
-        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 500);
+        assert_eq!(fixture.read(Object::POSITION_DEMAND), 500);
         assert!(fixture.demand.is_limited);
         fixture.put(Object::MAX_PROFILE_VELOCITY, 10_000);
         cycle(&mut fixture, Object::TARGET_POSITION, 400, 2);
-        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 480);
+        assert_eq!(fixture.read(Object::POSITION_DEMAND), 480);
         assert!(fixture.demand.is_limited);
         fixture.run(20);
-        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 400);
+        assert_eq!(fixture.read(Object::POSITION_DEMAND), 400);
     }
 
     #[test]
@@ -322,11 +322,11 @@ mod tests {
         }
         assert!((fixture.rotor.velocity - 60_000.0).abs() < 500.0);
         assert!(fixture.has(Statusword::TARGET_FOLLOWED));
-        fixture.word(ENABLED | HALT);
+        fixture.set_controlword(ENABLED | HALT);
         fixture.run(500);
         assert!(fixture.rotor.velocity.abs() < 100.0);
         assert!(!fixture.has(Statusword::TARGET_FOLLOWED));
-        fixture.word(ENABLED);
+        fixture.set_controlword(ENABLED);
         fixture.run(500);
         assert!(fixture.rotor.velocity.abs() < 100.0, "waits for a new set-point");
         cycle(&mut fixture, Object::TARGET_VELOCITY, 60_000, 500);

@@ -56,7 +56,7 @@ impl Fixture {
         let motion = Motion::new(Tuning::default(), &dictionary);
         let mut fixture = Self { motion, rotor, dictionary, demand: TorqueDemand::default() };
         fixture.begin(mode);
-        fixture.word(ENABLED);
+        fixture.set_controlword(ENABLED);
         fixture
     }
 
@@ -68,7 +68,7 @@ impl Fixture {
         put(&mut self.dictionary, object, number.cast_unsigned());
     }
 
-    pub(super) fn shown(&self, object: Object) -> i32 {
+    pub(super) fn read(&self, object: Object) -> i32 {
         self.dictionary.unsigned(object).cast_signed()
     }
 
@@ -76,7 +76,7 @@ impl Fixture {
         self.motion.position(&self.rotor.feedback())
     }
 
-    pub(super) fn word(&mut self, word: u16) {
+    pub(super) fn set_controlword(&mut self, word: u16) {
         self.motion.on_controlword(Controlword(word), &self.rotor.feedback(), &self.dictionary);
         self.sync();
     }
@@ -90,7 +90,7 @@ impl Fixture {
     /// Runs one servo period.
     pub(super) fn tick(&mut self) -> TorqueDemand {
         self.demand = self.motion.step(SERVO_PERIOD, &self.rotor.feedback(), &mut self.dictionary);
-        self.rotor.turn(SERVO_PERIOD, self.demand.per_mille);
+        self.rotor.step(SERVO_PERIOD, self.demand.per_mille);
         self.demand
     }
 
@@ -105,7 +105,7 @@ impl Fixture {
     pub(super) fn brake(&mut self, ramp: Ramp) -> Option<TorqueDemand> {
         let feedback = self.rotor.feedback();
         let demand = self.motion.stop(SERVO_PERIOD, ramp, &feedback, &mut self.dictionary);
-        self.rotor.turn(SERVO_PERIOD, demand.unwrap_or_default().per_mille);
+        self.rotor.step(SERVO_PERIOD, demand.unwrap_or_default().per_mille);
         demand
     }
 

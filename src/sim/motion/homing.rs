@@ -85,19 +85,19 @@ impl Homing {
 
     fn start(&mut self, axis: &mut Axis, input: &StepInput<'_>) {
         self.is_at_rest = false;
-        let place = input.actual.place;
-        let turn = axis.shaft.units.turn();
+        let position = input.actual.position;
+        let turn = axis.shaft.units.increments_per_revolution();
         self.progress = match Method::of(input.dictionary.i8(Object::HOMING_METHOD)) {
             Some(Method::Here) => {
-                set_home(axis, place, input);
+                set_home(axis, position, input);
                 Progress::Found
             }
             Some(Method::NegativeIndex) => {
-                let index = ((place / turn).ceil() - 1.0) * turn;
+                let index = ((position / turn).ceil() - 1.0) * turn;
                 Progress::Searching { index, sign: -1.0 }
             }
             Some(Method::PositiveIndex) => {
-                let index = ((place / turn).floor() + 1.0) * turn;
+                let index = ((position / turn).floor() + 1.0) * turn;
                 Progress::Searching { index, sign: 1.0 }
             }
             None => Progress::Failed,
@@ -112,10 +112,10 @@ impl Homing {
             let top = limits::top_speed(units, input.dictionary);
             let profile = Profile::new(top, rate, rate);
             axis.demand = axis.demand.toward_velocity(input.dt, speed, &profile);
-            self.come_to_rest(axis, input);
+            self.hold_at_standstill(axis, input);
         }
         let torque = if self.is_at_rest {
-            axis.follow_place(0.0, input)
+            axis.follow_position(0.0, input)
         } else {
             axis.follow_velocity(0.0, input)
         };
@@ -130,7 +130,7 @@ impl Homing {
     /// Returns the search velocity, in increments/s; zero once the index pulse is found.
     fn search(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> f64 {
         let Progress::Searching { index, sign } = self.progress else { return 0.0 };
-        if (input.actual.place - index) * sign >= 0.0 {
+        if (input.actual.position - index) * sign >= 0.0 {
             set_home(axis, index, input);
             self.progress = Progress::Found;
             return 0.0;
@@ -139,14 +139,14 @@ impl Homing {
     }
 
     /// Holds the position once the demand is zero and the motor at standstill.
-    fn come_to_rest(&mut self, axis: &mut Axis, input: &StepInput<'_>) {
+    fn hold_at_standstill(&mut self, axis: &mut Axis, input: &StepInput<'_>) {
         let is_slow = self.standstill.is_at_rest(axis, input);
         let is_searching = matches!(self.progress, Progress::Searching { .. });
         if is_searching || !is_slow || axis.demand.velocity.abs() > 0.0 {
             return;
         }
         self.is_at_rest = true;
-        axis.demand = Demand::at(input.actual.place);
+        axis.demand = Demand::at(input.actual.position);
         self.progress = match self.progress {
             Progress::Found => Progress::Done,
             Progress::Interrupted => Progress::NotStarted,
@@ -168,9 +168,9 @@ impl Homing {
     }
 }
 
-fn set_home(axis: &mut Axis, place: f64, input: &StepInput<'_>) {
+fn set_home(axis: &mut Axis, position: f64, input: &StepInput<'_>) {
     let offset = f64::from(signed(input.dictionary, Object::HOME_OFFSET));
-    axis.shaft.set_home(place, offset);
+    axis.shaft.set_home(position, offset);
 }
 
 #[cfg(test)]
@@ -188,8 +188,8 @@ mod tests {
 
     const MODE: i8 = 6;
 
-    fn fixture(method: i32, place: f64) -> Fixture {
-        let rotor = Rotor { place, coulomb: 30.0, ..Rotor::default() };
+    fn fixture(method: i32, position: f64) -> Fixture {
+        let rotor = Rotor { position, coulomb: 30.0, ..Rotor::default() };
         let mut fixture = Fixture::with(MODE, rotor, |_| {});
         fixture.put(Object::HOMING_METHOD, method);
         fixture.put(Object::HOME_OFFSET, -1_234);
@@ -207,11 +207,11 @@ mod tests {
             let mut fixture = fixture(method, 40_000.0);
             assert_eq!(fixture.position(), 40_000);
             assert_eq!(status(&fixture), (false, false, true), "not started");
-            fixture.word(ENABLED | START);
+            fixture.set_controlword(ENABLED | START);
             fixture.run(20);
             assert_eq!(status(&fixture), (false, true, true), "completed");
             assert!((fixture.position() + 1_234).abs() < 20, "{}", fixture.position());
-            assert!((fixture.shown(Object::POSITION_DEMAND) + 1_234).abs() < 20);
+            assert!((fixture.read(Object::POSITION_DEMAND) + 1_234).abs() < 20);
         }
     }
 
@@ -221,7 +221,7 @@ mod tests {
             [(33, 40_000.0, 32_768), (34, 40_000.0, 49_152), (33, 32_768.0, 16_384)]
         {
             let mut fixture = fixture(method, start);
-            fixture.word(ENABLED | START);
+            fixture.set_controlword(ENABLED | START);
             fixture.run(50);
             assert_eq!(status(&fixture), (false, false, false), "in progress");
             fixture.until(5_000, |b| b.has(HOMING_ATTAINED) && b.has(TARGET_REACHED));
@@ -236,7 +236,7 @@ mod tests {
         let mut fixture = fixture(34, 40_000.0);
         fixture.put(Object::POLARITY, 0x80);
         fixture.begin(MODE);
-        fixture.word(ENABLED | START);
+        fixture.set_controlword(ENABLED | START);
         fixture.until(5_000, |b| b.has(HOMING_ATTAINED) && b.has(TARGET_REACHED));
         let beyond = fixture.rotor.feedback().position - 49_152;
         assert!(beyond >= 0 && fixture.position() == -beyond - 1_234, "{beyond} beyond the index");
@@ -260,7 +260,7 @@ mod tests {
     #[test]
     fn unsupported_method_is_a_homing_error_without_motion() {
         let mut fixture = fixture(17, 40_000.0);
-        fixture.word(ENABLED | START);
+        fixture.set_controlword(ENABLED | START);
         fixture.run(100);
         assert_eq!(status(&fixture), (true, false, true));
         assert!((fixture.position() - 40_000).abs() < 50);
@@ -270,16 +270,16 @@ mod tests {
     fn falling_bit_4_and_halt_interrupt_homing() {
         for word in [ENABLED, ENABLED | START | HALT] {
             let mut fixture = fixture(33, 40_000.0);
-            fixture.word(ENABLED | START);
+            fixture.set_controlword(ENABLED | START);
             fixture.run(50);
-            fixture.word(word);
+            fixture.set_controlword(word);
             fixture.until(1_000, |fixture| fixture.has(TARGET_REACHED));
             assert_eq!(status(&fixture), (false, false, true));
-            let place = fixture.position();
-            fixture.word(ENABLED);
+            let position = fixture.position();
+            fixture.set_controlword(ENABLED);
             fixture.run(200);
-            assert!((fixture.position() - place).abs() < 50, "no motion without a new start");
-            fixture.word(ENABLED | START);
+            assert!((fixture.position() - position).abs() < 50, "no motion without a new start");
+            fixture.set_controlword(ENABLED | START);
             fixture.until(5_000, |fixture| fixture.has(HOMING_ATTAINED));
         }
     }

@@ -120,12 +120,12 @@ impl Motion {
     /// the drive is disabled.
     pub fn position(&mut self, feedback: &Feedback) -> i32 {
         let actual = self.axis.shaft.sense(feedback);
-        self.axis.shaft.shown(actual.place)
+        self.axis.shaft.position_units(actual.position)
     }
 
     /// Returns 606Ch in position units per second.
     pub fn velocity(&self, feedback: &Feedback) -> i32 {
-        units::saturated(self.axis.shaft.units.velocity_shown(feedback.velocity))
+        units::saturated(self.axis.shaft.units.velocity_units(feedback.velocity))
     }
 
     /// Starts a mode, after a change of 6060h or when the drive is enabled; the motor holds its position.
@@ -250,7 +250,7 @@ impl Motion {
     /// Writes the demand objects.
     fn show(&mut self, actual: &shaft::Actual, dictionary: &mut Dictionary) {
         if self.is_fresh || self.mode.has_position_demand() {
-            self.axis.show_place(actual, dictionary);
+            self.axis.show_position(actual, dictionary);
         }
         if self.is_fresh || self.mode.stopped() == stop::Stopped::Velocity {
             self.axis.show_velocity(dictionary);

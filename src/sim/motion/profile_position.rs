@@ -37,7 +37,7 @@ pub(super) struct ProfilePosition {
     /// Time on the trajectory, in s.
     time: f64,
     /// Bit 4 is acknowledged and still set.
-    is_answered: bool,
+    is_acknowledged: bool,
     reached: Reached,
     following: Following,
 }
@@ -46,14 +46,14 @@ impl ProfilePosition {
     /// Starts the mode: the motor decelerates on its profile and stays.
     pub(super) fn begin(axis: &Axis, input: &StepInput<'_>) -> Self {
         let profile = limits::profile(&axis.shaft.units, input.dictionary);
-        let target = profile.place_of_rest(&axis.demand);
+        let target = profile.rest_position(&axis.demand);
         let now = SetPoint { target, profile, is_limited: false };
         Self {
             now,
             next: None,
-            trajectory: Trajectory::to_place(axis.demand, target, &profile),
+            trajectory: Trajectory::to_position(axis.demand, target, &profile),
             time: 0.0,
-            is_answered: false,
+            is_acknowledged: false,
             reached: Reached::default(),
             following: Following::default(),
         }
@@ -68,17 +68,17 @@ impl ProfilePosition {
         input: &StepInput<'_>,
     ) {
         if !bits::is_started(word) {
-            self.is_answered = false;
+            self.is_acknowledged = false;
         }
         if !is_rising_edge {
             return;
         }
         if bits::is_immediate(word) || (self.is_arrived() && self.next.is_none()) {
             self.next = None;
-            self.is_answered = true;
-            self.go_to(self.set_point(word, axis, input), axis);
+            self.is_acknowledged = true;
+            self.start_motion(self.set_point(word, axis, input), axis);
         } else if self.next.is_none() {
-            self.is_answered = true;
+            self.is_acknowledged = true;
             self.next = Some(self.set_point(word, axis, input));
         }
     }
@@ -87,15 +87,15 @@ impl ProfilePosition {
         self.time += input.dt;
         if let Some(next) = self.next.filter(|_| self.is_arrived()) {
             self.next = None;
-            self.go_to(next, axis);
+            self.start_motion(next, axis);
         }
         axis.demand = self.trajectory.at(self.time);
-        let torque = axis.follow_place(0.0, input);
-        let is_there = self.reached.is_there(axis, input, self.is_arrived());
+        let torque = axis.follow_position(0.0, input);
+        let is_position_reached = self.reached.is_position_reached(axis, input, self.is_arrived());
         let is_lost = self.following.is_lost(axis, input);
         TorqueDemand {
             per_mille: torque.value,
-            status: bits::bit(bits::TARGET_REACHED, is_there && self.next.is_none())
+            status: bits::bit(bits::TARGET_REACHED, is_position_reached && self.next.is_none())
                 | self.acknowledgement()
                 | bits::bit(bits::FOLLOWING_ERROR, is_lost),
             is_limited: torque.is_limited || self.now.is_limited,
@@ -105,12 +105,12 @@ impl ProfilePosition {
 
     /// Continues to the set-point after a halt.
     pub(super) fn resume(&mut self, axis: &Axis) {
-        self.go_to(self.now, axis);
+        self.start_motion(self.now, axis);
     }
 
     /// Returns statusword bit 12.
     pub(super) const fn acknowledgement(&self) -> u16 {
-        bits::bit(bits::SET_POINT_ACKNOWLEDGED, self.is_answered || self.next.is_some())
+        bits::bit(bits::SET_POINT_ACKNOWLEDGED, self.is_acknowledged || self.next.is_some())
     }
 
     /// Reads a set-point from the objects, which may change before it is executed.
@@ -118,18 +118,20 @@ impl ProfilePosition {
         let shaft = &axis.shaft;
         let units = f64::from(signed(input.dictionary, Object::TARGET_POSITION));
         let base = self.now.target;
-        let from = if bits::is_relative(word) { f64::from(shaft.shown(base)) } else { 0.0 };
+        let from =
+            if bits::is_relative(word) { f64::from(shaft.position_units(base)) } else { 0.0 };
         let limited = limits::position(input.dictionary, from + units);
         SetPoint {
-            target: shaft.place_beside(base, limited.value),
+            target: shaft.linear_target(base, limited.value),
             profile: limits::profile(&shaft.units, input.dictionary),
             is_limited: limited.is_limited,
         }
     }
 
-    fn go_to(&mut self, set_point: SetPoint, axis: &Axis) {
+    fn start_motion(&mut self, set_point: SetPoint, axis: &Axis) {
         self.now = set_point;
-        self.trajectory = Trajectory::to_place(axis.demand, set_point.target, &set_point.profile);
+        self.trajectory =
+            Trajectory::to_position(axis.demand, set_point.target, &set_point.profile);
         self.time = 0.0;
         self.reached = Reached::default();
     }
@@ -161,9 +163,9 @@ mod tests {
     /// Writes a set-point with the handshake of CiA 402-2.
     fn send(fixture: &mut Fixture, target: i32, bits: u16) {
         fixture.put(Object::TARGET_POSITION, target);
-        fixture.word(ENABLED | START | bits);
+        fixture.set_controlword(ENABLED | START | bits);
         fixture.tick();
-        fixture.word(ENABLED);
+        fixture.set_controlword(ENABLED);
         fixture.tick();
     }
 
@@ -228,7 +230,7 @@ mod tests {
             let mut fixture = fixture();
             fixture.put(Object::TARGET_POSITION, 50_000);
             for (step, (word, is_acknowledged)) in words.into_iter().enumerate() {
-                fixture.word(word);
+                fixture.set_controlword(word);
                 assert_eq!(fixture.has(SET_POINT_ACKNOWLEDGED), is_acknowledged, "{what}: {step}");
                 fixture.tick();
                 assert_eq!(fixture.has(SET_POINT_ACKNOWLEDGED), is_acknowledged, "{what}: {step}");
@@ -242,13 +244,13 @@ mod tests {
         send(&mut fixture, 20_000, 0);
         send(&mut fixture, -10_000, 0);
         assert!(fixture.has(SET_POINT_ACKNOWLEDGED), "the second waits");
-        let mut furthest = 0;
+        let mut maximum = 0;
         for _ in 0..3_000 {
             fixture.tick();
-            furthest = furthest.max(fixture.shown(Object::POSITION_DEMAND));
+            maximum = maximum.max(fixture.read(Object::POSITION_DEMAND));
         }
-        assert_eq!(furthest, 20_000);
-        assert_eq!(fixture.shown(Object::POSITION_DEMAND), -10_000);
+        assert_eq!(maximum, 20_000);
+        assert_eq!(fixture.read(Object::POSITION_DEMAND), -10_000);
         assert!(fixture.has(TARGET_REACHED) && !fixture.has(SET_POINT_ACKNOWLEDGED));
         assert!((fixture.position() + 10_000).abs() <= 100, "{}", fixture.position());
     }
@@ -259,13 +261,13 @@ mod tests {
         send(&mut fixture, 200_000, 0);
         fixture.run(200);
         send(&mut fixture, -5_000, IMMEDIATELY);
-        let mut furthest = 0;
+        let mut maximum = 0;
         for _ in 0..3_000 {
             fixture.tick();
-            furthest = furthest.max(fixture.shown(Object::POSITION_DEMAND));
+            maximum = maximum.max(fixture.read(Object::POSITION_DEMAND));
         }
-        assert!(furthest < 30_000, "{furthest}");
-        assert_eq!(fixture.shown(Object::POSITION_DEMAND), -5_000);
+        assert!(maximum < 30_000, "{maximum}");
+        assert_eq!(fixture.read(Object::POSITION_DEMAND), -5_000);
     }
 
     #[test]
@@ -276,7 +278,7 @@ mod tests {
         fixture.run(2_000);
         send(&mut fixture, -500, RELATIVE);
         fixture.run(1_000);
-        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 8_500);
+        assert_eq!(fixture.read(Object::POSITION_DEMAND), 8_500);
     }
 
     #[test]
@@ -286,7 +288,7 @@ mod tests {
         fixture.put(Object::TARGET_POSITION, 99_999);
         fixture.put(Object::PROFILE_VELOCITY, 1);
         arrive(&mut fixture);
-        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 10_000);
+        assert_eq!(fixture.read(Object::POSITION_DEMAND), 10_000);
     }
 
     #[test]
@@ -300,8 +302,8 @@ mod tests {
             fixture.put(object, value);
         }
         fixture.put(Object::TARGET_POSITION, 100_000);
-        fixture.word(ENABLED | START);
-        let taken = fixture.until(5_000, |b| b.shown(Object::POSITION_DEMAND) == 100_000);
+        fixture.set_controlword(ENABLED | START);
+        let taken = fixture.until(5_000, |b| b.read(Object::POSITION_DEMAND) == 100_000);
         // 0.5 s up (12,500), 0.25 s down (6,250), 81,250 at 50,000/s.
         assert!((2_373..=2_376).contains(&taken), "{taken} ms");
         let reached = taken + arrive(&mut fixture);
@@ -318,7 +320,7 @@ mod tests {
         send(&mut fixture, 9_000, 0);
         arrive(&mut fixture);
         fixture.run(300);
-        assert!((fixture.rotor.place - 16_384.0).abs() < 100.0, "{:?}", fixture.rotor);
+        assert!((fixture.rotor.position - 16_384.0).abs() < 100.0, "{:?}", fixture.rotor);
         assert!((fixture.position() - 9_000).abs() <= 55, "{}", fixture.position());
     }
 
@@ -327,14 +329,14 @@ mod tests {
         let mut fixture = fixture();
         send(&mut fixture, 100_000, 0);
         fixture.run(500);
-        fixture.word(ENABLED | HALT);
+        fixture.set_controlword(ENABLED | HALT);
         assert!(!fixture.has(TARGET_REACHED));
         let taken = fixture.until(1_000, |fixture| fixture.has(TARGET_REACHED));
         assert!((100..400).contains(&taken), "{taken} ms, 6084h takes 100 of them");
-        let place = fixture.position();
+        let position = fixture.position();
         fixture.run(200);
-        assert!((fixture.position() - place).abs() < 50, "held");
-        fixture.word(ENABLED);
+        assert!((fixture.position() - position).abs() < 50, "held");
+        fixture.set_controlword(ENABLED);
         fixture.run(3_000);
         assert!((fixture.position() - 100_000).abs() <= 100);
         assert!(fixture.has(TARGET_REACHED));
@@ -347,10 +349,10 @@ mod tests {
         send(&mut fixture, 9_000, 0);
         assert!(fixture.demand.is_limited);
         fixture.run(1_000);
-        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 5_000);
+        assert_eq!(fixture.read(Object::POSITION_DEMAND), 5_000);
         send(&mut fixture, 4_000, 0);
         fixture.run(1_000);
-        assert_eq!(fixture.shown(Object::POSITION_DEMAND), 4_000);
+        assert_eq!(fixture.read(Object::POSITION_DEMAND), 4_000);
         assert!(!fixture.demand.is_limited);
     }
 
@@ -362,7 +364,7 @@ mod tests {
             crate::motion::fixture::put(dictionary, Object::FOLLOWING_ERROR_TIME, 50);
         });
         send(&mut fixture, 100_000, 0);
-        let outside = fixture.until(1_000, |b| b.shown(Object::FOLLOWING_ERROR) > 1_000);
+        let outside = fixture.until(1_000, |b| b.read(Object::FOLLOWING_ERROR) > 1_000);
         let lost = fixture.until(1_000, |fixture| fixture.demand.error == FOLLOWING_ERROR);
         assert!(outside > 0 && (48..=51).contains(&lost), "{outside} ms, {lost} ms");
         assert!(fixture.has(bits::FOLLOWING_ERROR));

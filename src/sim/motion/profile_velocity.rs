@@ -32,7 +32,7 @@ impl ProfileVelocity {
         );
         axis.demand = axis.demand.toward_velocity(input.dt, target.value, &profile);
         let torque = axis.follow_velocity(0.0, input);
-        let is_reached = self.reached.is_as_fast(axis, input, wanted);
+        let is_reached = self.reached.is_velocity_reached(axis, input, wanted);
         TorqueDemand {
             per_mille: torque.value,
             status: bits::bit(bits::TARGET_REACHED, is_reached) | self.speed_zero(axis, input),
@@ -69,10 +69,10 @@ mod tests {
         fixture.put(Object::TARGET_VELOCITY, -80_000);
         fixture.put(Object::PROFILE_ACCELERATION, 400_000);
         fixture.run(100);
-        assert_eq!(fixture.shown(Object::VELOCITY_DEMAND), -40_000);
+        assert_eq!(fixture.read(Object::VELOCITY_DEMAND), -40_000);
         assert!(!fixture.has(TARGET_REACHED) && !fixture.has(SPEED_ZERO));
         fixture.run(1_000);
-        assert_eq!(fixture.shown(Object::VELOCITY_DEMAND), -80_000);
+        assert_eq!(fixture.read(Object::VELOCITY_DEMAND), -80_000);
         assert!((fixture.rotor.velocity + 80_000.0).abs() < 500.0, "{}", fixture.rotor.velocity);
         assert!(fixture.has(TARGET_REACHED) && !fixture.has(SPEED_ZERO));
     }
@@ -83,10 +83,10 @@ mod tests {
         fixture.put(Object::PROFILE_ACCELERATION, 500_000);
         fixture.put(Object::PROFILE_DECELERATION, 250_000);
         fixture.put(Object::TARGET_VELOCITY, 50_000);
-        let is_fast = |b: &mut Fixture| b.shown(Object::VELOCITY_DEMAND) == 50_000;
+        let is_fast = |b: &mut Fixture| b.read(Object::VELOCITY_DEMAND) == 50_000;
         assert_eq!(fixture.until(500, is_fast), 100);
         fixture.put(Object::TARGET_VELOCITY, 0);
-        assert_eq!(fixture.until(500, |b| b.shown(Object::VELOCITY_DEMAND) == 0), 200);
+        assert_eq!(fixture.until(500, |b| b.read(Object::VELOCITY_DEMAND) == 0), 200);
     }
 
     #[test]
@@ -95,7 +95,7 @@ mod tests {
         fixture.put(Object::MAX_PROFILE_VELOCITY, 10_000);
         fixture.put(Object::TARGET_VELOCITY, 20_000);
         fixture.run(500);
-        assert_eq!(fixture.shown(Object::VELOCITY_DEMAND), 10_000);
+        assert_eq!(fixture.read(Object::VELOCITY_DEMAND), 10_000);
         assert!(fixture.demand.is_limited && !fixture.has(TARGET_REACHED));
     }
 
@@ -104,11 +104,11 @@ mod tests {
         let mut fixture = fixture();
         fixture.put(Object::TARGET_VELOCITY, 50_000);
         fixture.run(500);
-        fixture.word(ENABLED | HALT);
+        fixture.set_controlword(ENABLED | HALT);
         assert!(!fixture.has(TARGET_REACHED));
         fixture.run(500);
         assert!(fixture.has(TARGET_REACHED) && fixture.has(SPEED_ZERO));
-        fixture.word(ENABLED);
+        fixture.set_controlword(ENABLED);
         fixture.run(500);
         assert!(fixture.has(TARGET_REACHED) && !fixture.has(SPEED_ZERO));
         assert!((fixture.rotor.velocity - 50_000.0).abs() < 1_000.0);

@@ -7,7 +7,7 @@
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Demand {
     /// Unwrapped position, in increments.
-    pub(super) place: f64,
+    pub(super) position: f64,
     /// Velocity, in increments/s.
     pub(super) velocity: f64,
     /// Acceleration, in increments/s².
@@ -16,14 +16,14 @@ pub(super) struct Demand {
 
 impl Demand {
     /// Returns a demand at rest.
-    pub(super) const fn at(place: f64) -> Self {
-        Self { place, velocity: 0.0, acceleration: 0.0 }
+    pub(super) const fn at(position: f64) -> Self {
+        Self { position, velocity: 0.0, acceleration: 0.0 }
     }
 
     /// Returns the demand after `dt` s of constant acceleration.
     fn after(self, dt: f64, acceleration: f64) -> Self {
         Self {
-            place: self.place + (self.velocity + acceleration * dt / 2.0) * dt,
+            position: self.position + (self.velocity + acceleration * dt / 2.0) * dt,
             velocity: self.velocity + acceleration * dt,
             acceleration,
         }
@@ -54,8 +54,8 @@ impl Profile {
     }
 
     /// Returns the position at which immediate braking from `demand` ends.
-    pub(super) fn place_of_rest(&self, demand: &Demand) -> f64 {
-        demand.place + demand.velocity * demand.velocity.abs() / (2.0 * self.deceleration)
+    pub(super) fn rest_position(&self, demand: &Demand) -> f64 {
+        demand.position + demand.velocity * demand.velocity.abs() / (2.0 * self.deceleration)
     }
 }
 
@@ -92,28 +92,28 @@ pub(super) struct Trajectory {
 
 impl Trajectory {
     /// Plans the fastest way to a standstill at `target` within `profile`, with at most one reversal.
-    pub(super) fn to_place(start: Demand, target: f64, profile: &Profile) -> Self {
+    pub(super) fn to_position(start: Demand, target: f64, profile: &Profile) -> Self {
         let Profile { velocity: top, acceleration: up, deceleration: down } = *profile;
-        let brake = profile.place_of_rest(&start) - start.place;
-        let way = target - start.place;
+        let brake = profile.rest_position(&start) - start.position;
+        let distance = target - start.position;
         // Moving away from the target, or too fast to stop before it: stop first.
-        let must_turn = brake * way < 0.0 || brake.abs() > way.abs();
+        let must_turn = brake * distance < 0.0 || brake.abs() > distance.abs();
         let stop = Phase::between(start.velocity, 0.0, down);
-        let (stop, way, speed) = if must_turn {
-            (stop, way - brake, 0.0)
+        let (stop, distance, speed) = if must_turn {
+            (stop, distance - brake, 0.0)
         } else {
-            (Phase::default(), way, start.velocity.abs())
+            (Phase::default(), distance, start.velocity.abs())
         };
-        let sign = way.signum();
-        let way = way.abs();
+        let sign = distance.signum();
+        let distance = distance.abs();
         // Peak speed: deceleration follows acceleration without a cruise phase.
-        let peak = (down * (2.0 * up * way + speed * speed) / (up + down)).sqrt();
+        let peak = (down * (2.0 * up * distance + speed * speed) / (up + down)).sqrt();
         let fast = peak.max(speed).min(top);
         let rate = if fast < speed { down } else { up };
         let change = Phase::between(sign * speed, sign * fast, rate);
         let halt = Phase::between(sign * fast, 0.0, down);
         let ramps = (speed + fast) / 2.0 * change.duration + fast / 2.0 * halt.duration;
-        let cruise = Phase::cruise((way - ramps).max(0.0) / fast.max(MIN_LIMIT));
+        let cruise = Phase::cruise((distance - ramps).max(0.0) / fast.max(MIN_LIMIT));
         Self { start, phases: [stop, change, cruise, halt], end: Demand::at(target) }
     }
 
@@ -176,12 +176,12 @@ mod tests {
     #[test]
     fn long_motion_is_trapezoidal_and_short_one_triangular() {
         let profile = Profile::new(10.0, 5.0, 10.0);
-        let long = Trajectory::to_place(Demand::at(0.0), 100.0, &profile);
+        let long = Trajectory::to_position(Demand::at(0.0), 100.0, &profile);
         // 2 s up (10), 1 s down (5), 85 at 10/s.
         assert!((long.duration() - 11.5).abs() < 1e-9, "{}", long.duration());
         assert!((long.at(2.0).velocity - 10.0).abs() < 1e-9);
-        assert!((long.at(10.5).place - 95.0).abs() < 1e-9);
-        let short = Trajectory::to_place(Demand::at(0.0), -3.75, &profile);
+        assert!((long.at(10.5).position - 95.0).abs() < 1e-9);
+        let short = Trajectory::to_position(Demand::at(0.0), -3.75, &profile);
         // To 5/s in 1 s (2.5), and down in 0.5 s (1.25).
         assert!((short.duration() - 1.5).abs() < 1e-9, "{}", short.duration());
         assert!((short.at(1.0).velocity + 5.0).abs() < 1e-9);
@@ -189,22 +189,22 @@ mod tests {
 
     #[test]
     fn motion_too_fast_for_its_target_overshoots_and_returns() {
-        let start = Demand { place: 0.0, velocity: 10.0, acceleration: 0.0 };
-        let trajectory = Trajectory::to_place(start, 1.0, &Profile::new(10.0, 10.0, 10.0));
-        let furthest = run(&trajectory).iter().map(|demand| demand.place).fold(0.0, f64::max);
-        assert!((furthest - 5.0).abs() < 1e-3, "{furthest}");
+        let start = Demand { position: 0.0, velocity: 10.0, acceleration: 0.0 };
+        let trajectory = Trajectory::to_position(start, 1.0, &Profile::new(10.0, 10.0, 10.0));
+        let maximum = run(&trajectory).iter().map(|demand| demand.position).fold(0.0, f64::max);
+        assert!((maximum - 5.0).abs() < 1e-3, "{maximum}");
         assert_eq!(trajectory.at(trajectory.duration()), Demand::at(1.0));
     }
 
     #[test]
     fn velocity_reversal_decelerates_then_accelerates() {
-        let start = Demand { place: 0.0, velocity: 10.0, acceleration: 0.0 };
+        let start = Demand { position: 0.0, velocity: 10.0, acceleration: 0.0 };
         let trajectory = Trajectory::to_velocity(start, -4.0, &Profile::new(100.0, 2.0, 5.0));
         assert!((trajectory.duration() - 4.0).abs() < 1e-9);
         assert!((trajectory.at(2.0).velocity).abs() < 1e-9);
         assert!((trajectory.at(5.0).velocity + 4.0).abs() < 1e-9);
         assert!(
-            (trajectory.at(5.0).place - (10.0 - 4.0 - 4.0)).abs() < 1e-9,
+            (trajectory.at(5.0).position - (10.0 - 4.0 - 4.0)).abs() < 1e-9,
             "{:?}",
             trajectory.at(5.0)
         );
@@ -213,11 +213,11 @@ mod tests {
     proptest! {
         #[test]
         fn trajectory_ends_at_rest_at_its_target_within_limits(
-            place in -1e9_f64..1e9, velocity in -1e6_f64..1e6, target in -1e9_f64..1e9,
+            position in -1e9_f64..1e9, velocity in -1e6_f64..1e6, target in -1e9_f64..1e9,
             top in 1.0_f64..1e6, up in 1.0_f64..1e8, down in 1.0_f64..1e8,
         ) {
-            let start = Demand { place, velocity, acceleration: 0.0 };
-            let trajectory = Trajectory::to_place(start, target, &Profile::new(top, up, down));
+            let start = Demand { position, velocity, acceleration: 0.0 };
+            let trajectory = Trajectory::to_position(start, target, &Profile::new(top, up, down));
             prop_assert_eq!(trajectory.at(trajectory.duration() * (1.0 + 1e-9) + DT), Demand::at(target));
             let fastest = top.max(velocity.abs());
             for demand in run(&trajectory) {
@@ -226,8 +226,8 @@ mod tests {
             }
             // The phases end at the target: no jump at the end.
             let before = trajectory.at(trajectory.duration() * (1.0 - 1e-12));
-            let way = (target - place).abs() + trajectory.duration() * fastest;
-            prop_assert!((before.place - target).abs() <= 1e-9 * way + 1e-3, "{before:?}");
+            let distance = (target - position).abs() + trajectory.duration() * fastest;
+            prop_assert!((before.position - target).abs() <= 1e-9 * distance + 1e-3, "{before:?}");
             let rounding = 1e-6 * fastest + 2e-12 * trajectory.duration() * down;
             prop_assert!(before.velocity.abs() <= rounding, "{before:?}");
         }
@@ -236,10 +236,10 @@ mod tests {
         fn trajectory_from_rest_never_reverses(
             target in -1e9_f64..1e9, top in 1.0_f64..1e6, up in 1.0_f64..1e8, down in 1.0_f64..1e8,
         ) {
-            let trajectory = Trajectory::to_place(Demand::at(0.0), target, &Profile::new(top, up, down));
+            let trajectory = Trajectory::to_position(Demand::at(0.0), target, &Profile::new(top, up, down));
             let mut before = 0.0;
             for demand in run(&trajectory) {
-                let gone = demand.place * target.signum();
+                let gone = demand.position * target.signum();
                 prop_assert!(gone >= before - 1e-6 && gone <= target.abs() + 1e-6);
                 before = gone;
             }
@@ -251,7 +251,7 @@ mod tests {
             up in 1e3_f64..1e7, down in 1e3_f64..1e7,
         ) {
             let profile = Profile::new(top, up, down);
-            let start = Demand { place: 0.0, velocity, acceleration: 0.0 };
+            let start = Demand { position: 0.0, velocity, acceleration: 0.0 };
             let mut demand = start;
             for _ in 0..200 {
                 let next = demand.toward_velocity(DT, target, &profile);
@@ -261,19 +261,19 @@ mod tests {
             }
             let whole = start.toward_velocity(200.0 * DT, target, &profile);
             prop_assert!((whole.velocity - demand.velocity).abs() < 1e-6 * 1e6);
-            prop_assert!((whole.place - demand.place).abs() < 1e-6 * 1e6);
+            prop_assert!((whole.position - demand.position).abs() < 1e-6 * 1e6);
         }
 
         #[test]
         fn any_limits_give_a_finite_demand(
-            place: f64, velocity in -1e12_f64..1e12, target in -1e15_f64..1e15,
+            position: f64, velocity in -1e12_f64..1e12, target in -1e15_f64..1e15,
             top: f64, up: f64, down: f64, time in 0.0_f64..1e6,
         ) {
-            let place = if place.is_finite() { place.clamp(-1e15, 1e15) } else { 0.0 };
-            let start = Demand { place, velocity, acceleration: 0.0 };
+            let position = if position.is_finite() { position.clamp(-1e15, 1e15) } else { 0.0 };
+            let start = Demand { position, velocity, acceleration: 0.0 };
             let [top, up, down] = [top, up, down].map(|bound| bound.min(1e18));
-            let demand = Trajectory::to_place(start, target, &Profile::new(top, up, down)).at(time);
-            prop_assert!(!demand.place.is_nan() && !demand.velocity.is_nan());
+            let demand = Trajectory::to_position(start, target, &Profile::new(top, up, down)).at(time);
+            prop_assert!(!demand.position.is_nan() && !demand.velocity.is_nan());
         }
     }
 }

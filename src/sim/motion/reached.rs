@@ -13,7 +13,7 @@ pub(super) struct Reached(ConditionTimer);
 impl Reached {
     /// Returns whether the motor has been in the position window (6067h) for its time (6068h). `is_arrived`: the demand
     /// is at the target, which is sufficient without a window.
-    pub(super) fn is_there(
+    pub(super) fn is_position_reached(
         &mut self,
         axis: &Axis,
         input: &StepInput<'_>,
@@ -30,7 +30,12 @@ impl Reached {
 
     /// Returns whether the motor has been within the velocity window (606Dh) of `target`, in increments/s, for its
     /// time (606Eh).
-    pub(super) fn is_as_fast(&mut self, axis: &Axis, input: &StepInput<'_>, target: f64) -> bool {
+    pub(super) fn is_velocity_reached(
+        &mut self,
+        axis: &Axis,
+        input: &StepInput<'_>,
+        target: f64,
+    ) -> bool {
         let window = axis.shaft.units.size(input.dictionary, Object::VELOCITY_WINDOW);
         let is_inside = (target - input.actual.velocity).abs() <= window;
         let time = input.dictionary.unsigned(Object::VELOCITY_WINDOW_TIME);
@@ -83,9 +88,9 @@ mod tests {
             let mut fixture = Fixture::with(1, stuck, |_| {});
             fixture.put(Object::POSITION_WINDOW, window.cast_signed());
             fixture.put(Object::TARGET_POSITION, 10_000);
-            fixture.word(ENABLED | START);
+            fixture.set_controlword(ENABLED | START);
             fixture.tick();
-            assert!(!fixture.has(TARGET_REACHED), "the demand is on its way");
+            assert!(!fixture.has(TARGET_REACHED), "the demand has not arrived");
             fixture.run(500);
             assert_eq!(fixture.has(TARGET_REACHED), is_reached, "{window}");
         }

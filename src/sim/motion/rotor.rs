@@ -13,7 +13,7 @@ pub(super) struct Rotor {
     /// Constant load torque, in ‰.
     pub(super) load: f64,
     /// Unwrapped position, in increments.
-    pub(super) place: f64,
+    pub(super) position: f64,
     /// Velocity, in increments/s.
     pub(super) velocity: f64,
     /// Motor torque, in ‰.
@@ -22,7 +22,7 @@ pub(super) struct Rotor {
 
 impl Default for Rotor {
     fn default() -> Self {
-        Self { inertia: 2.5e-5, coulomb: 0.0, load: 0.0, place: 0.0, velocity: 0.0, torque: 0.0 }
+        Self { inertia: 2.5e-5, coulomb: 0.0, load: 0.0, position: 0.0, velocity: 0.0, torque: 0.0 }
     }
 }
 
@@ -35,22 +35,22 @@ const FRICTION_VELOCITY: f64 = 50.0;
 
 impl Rotor {
     /// Applies a torque demand, in ‰, for `dt` s.
-    pub(super) fn turn(&mut self, dt: f64, demand: f64) {
+    pub(super) fn step(&mut self, dt: f64, demand: f64) {
         let step = dt / f64::from(STEPS);
         for _ in 0..STEPS {
             self.torque += (demand - self.torque) * step / LAG;
             let friction = self.coulomb * (self.velocity / FRICTION_VELOCITY).tanh();
             self.velocity += (self.torque - self.load - friction) / self.inertia * step;
-            self.place += self.velocity * step;
+            self.position += self.velocity * step;
         }
     }
 
     pub(super) const fn actual(&self) -> Actual {
-        Actual { place: self.place.round(), velocity: self.velocity, per_mille: self.torque }
+        Actual { position: self.position.round(), velocity: self.velocity, per_mille: self.torque }
     }
 
     pub(super) fn feedback(&self) -> Feedback {
-        let Actual { place, velocity, per_mille } = self.actual();
-        Feedback { position: wrapped(place), velocity, per_mille }
+        let Actual { position, velocity, per_mille } = self.actual();
+        Feedback { position: wrapped(position), velocity, per_mille }
     }
 }

@@ -22,7 +22,7 @@ const POSITION_BANDWIDTH: f64 = TAU * 4.0;
 
 /// Set-point of the loops.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Aim {
+pub(super) struct Reference {
     pub(super) demand: Demand,
     /// The position loop is closed, not the velocity loop alone.
     pub(super) has_position: bool,
@@ -59,18 +59,19 @@ impl Servo {
     pub(super) fn torque(
         &mut self,
         dt: f64,
-        aim: &Aim,
+        reference: &Reference,
         actual: &Actual,
         limits: &TorqueLimits,
     ) -> Limited {
-        let demand = &aim.demand;
-        let following_error = if aim.has_position { demand.place - actual.place } else { 0.0 };
+        let demand = &reference.demand;
+        let following_error =
+            if reference.has_position { demand.position - actual.position } else { 0.0 };
         let wanted = demand.velocity + POSITION_BANDWIDTH * following_error;
-        let velocity_error = within(wanted, aim.top_speed).value - actual.velocity;
+        let velocity_error = within(wanted, reference.top_speed).value - actual.velocity;
         let gain = self.tuning.inertia * VELOCITY_BANDWIDTH;
         let forward = self.tuning.inertia * demand.acceleration
             + self.tuning.viscous * demand.velocity
-            + aim.torque;
+            + reference.torque;
         let grown = self.integral + gain * INTEGRATOR_CORNER * velocity_error * dt;
         let torque = limits.clamp(forward + gain * velocity_error + grown);
         // Anti-windup: at a limit the integrator may only move away from it.
@@ -95,8 +96,8 @@ mod tests {
 
     const TOP: f64 = 1.6e6;
 
-    fn aim(demand: Demand) -> Aim {
-        Aim { demand, has_position: true, torque: 0.0, top_speed: TOP }
+    fn reference(demand: Demand) -> Reference {
+        Reference { demand, has_position: true, torque: 0.0, top_speed: TOP }
     }
 
     fn limits() -> TorqueLimits {
@@ -116,9 +117,9 @@ mod tests {
         let mut behind = Vec::new();
         for demand in demands {
             let actual = rotor.actual();
-            behind.push(demand.place - actual.place);
-            let torque = servo.torque(SERVO_PERIOD, &aim(demand), &actual, &limits);
-            rotor.turn(SERVO_PERIOD, torque.value);
+            behind.push(demand.position - actual.position);
+            let torque = servo.torque(SERVO_PERIOD, &reference(demand), &actual, &limits);
+            rotor.step(SERVO_PERIOD, torque.value);
         }
         behind
     }
@@ -133,7 +134,8 @@ mod tests {
         for ratio in [1.0 / 3.0, 1.0, 3.0] {
             let mut rotor = Rotor { load: 500.0, coulomb: 30.0, ..rotor(ratio) };
             let behind = follow(&mut rotor, std::iter::repeat_n(Demand::at(0.0), 3_000));
-            let end = behind[2_700..].iter().fold(0.0, |most: f64, way| most.max(way.abs()));
+            let end =
+                behind[2_700..].iter().fold(0.0, |most: f64, distance| most.max(distance.abs()));
             assert!(end < 30.0, "{ratio}: {end} increments off after 3 s");
             assert!(rotor.velocity.abs() < 200.0, "{ratio}: {} increments/s", rotor.velocity);
         }
@@ -141,12 +143,13 @@ mod tests {
 
     #[test]
     fn profile_is_tracked_with_any_inertia() {
-        let trajectory = Trajectory::to_place(Demand::at(0.0), 2e5, &Profile::new(1e5, 1e6, 1e6));
+        let trajectory =
+            Trajectory::to_position(Demand::at(0.0), 2e5, &Profile::new(1e5, 1e6, 1e6));
         for (ratio, allowed) in [(1.0 / 3.0, 1_500.0), (1.0, 1_500.0), (3.0, 1_500.0)] {
             let mut rotor = Rotor { coulomb: 30.0, ..rotor(ratio) };
             let demands = (0..3_500).map(|tick| trajectory.at(f64::from(tick) * SERVO_PERIOD));
             let behind = follow(&mut rotor, demands);
-            let most = behind.iter().fold(0.0, |most: f64, way| most.max(way.abs()));
+            let most = behind.iter().fold(0.0, |most: f64, distance| most.max(distance.abs()));
             assert!(most < allowed, "{ratio}: {most} increments behind");
             assert!(behind[3_400].abs() < 100.0, "{ratio}: {} in the end", behind[3_400]);
         }
@@ -156,17 +159,17 @@ mod tests {
     fn blocked_motor_recovers_without_windup() {
         let mut rotor = rotor(1.0);
         let mut servo = Servo::new(Tuning::default());
-        let (aim, limits) = (aim(Demand::at(20_000.0)), limits());
+        let (reference, limits) = (reference(Demand::at(20_000.0)), limits());
         let mut past = 0.0_f64;
         for tick in 0..4_000 {
             let actual = rotor.actual();
-            let torque = servo.torque(SERVO_PERIOD, &aim, &actual, &limits);
+            let torque = servo.torque(SERVO_PERIOD, &reference, &actual, &limits);
             if tick >= 2_000 {
-                rotor.turn(SERVO_PERIOD, torque.value);
-                past = past.max(actual.place - 20_000.0);
+                rotor.step(SERVO_PERIOD, torque.value);
+                past = past.max(actual.position - 20_000.0);
             }
         }
-        assert!((rotor.place - 20_000.0).abs() < 100.0);
+        assert!((rotor.position - 20_000.0).abs() < 100.0);
         assert!(past < 20_000.0, "{past} increments beyond");
     }
 
@@ -175,7 +178,7 @@ mod tests {
         let mut servo = Servo::new(Tuning::default());
         let actual = Actual { per_mille: 321.0, ..Actual::default() };
         servo.take_over(&actual);
-        let torque = servo.torque(0.0, &aim(Demand::at(0.0)), &actual, &limits());
+        let torque = servo.torque(0.0, &reference(Demand::at(0.0)), &actual, &limits());
         assert_eq!(torque.value, 321.0);
     }
 }

@@ -1,6 +1,6 @@
 //! Shaft position: the 32-bit encoder count unwrapped, and the home position.
 //!
-//! A *place* is an unwrapped position in increments, as the loops use it. 6064h is relative to home, in position units,
+//! The loops use the unwrapped position in increments. 6064h is relative to home, in position units,
 //! and wraps.
 
 use crate::motion::Feedback;
@@ -14,7 +14,7 @@ pub(super) struct Shaft {
     /// Last encoder count.
     counts: i32,
     /// Unwrapped position of that count.
-    place: f64,
+    position: f64,
     /// Unwrapped position that reads as zero.
     zero: f64,
 }
@@ -23,7 +23,7 @@ pub(super) struct Shaft {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Actual {
     /// Unwrapped position, in increments.
-    pub(super) place: f64,
+    pub(super) position: f64,
     /// Velocity, in increments/s.
     pub(super) velocity: f64,
     /// Torque, in ‰ of rated torque.
@@ -38,42 +38,42 @@ impl Shaft {
 
     /// Takes the feedback; between two calls the encoder moves less than 2³¹ increments.
     pub(super) fn sense(&mut self, feedback: &Feedback) -> Actual {
-        let way = feedback.position.wrapping_sub(self.counts);
+        let distance = feedback.position.wrapping_sub(self.counts);
         self.counts = feedback.position;
-        self.place += f64::from(way);
+        self.position += f64::from(distance);
         Actual {
-            place: self.place,
+            position: self.position,
             velocity: bounded(feedback.velocity, MAX_VELOCITY),
             per_mille: bounded(feedback.per_mille, MAX_TORQUE),
         }
     }
 
     /// Converts an unwrapped position to position units.
-    pub(super) fn shown(&self, place: f64) -> i32 {
-        wrapped(self.units.way_shown(place - self.zero))
+    pub(super) fn position_units(&self, position: f64) -> i32 {
+        wrapped(self.units.position_units(position - self.zero))
     }
 
     /// Converts position units to the unwrapped position in the same turn of the counter as `here`: the axis is
     /// linear (60F2h, bits 6 and 7, absent).
-    pub(super) fn place_beside(&self, here: f64, units: f64) -> f64 {
-        here + self.units.way(units - f64::from(self.shown(here))) - self.rest(here)
+    pub(super) fn linear_target(&self, here: f64, units: f64) -> f64 {
+        here + self.units.increments(units - f64::from(self.position_units(here))) - self.rest(here)
     }
 
     /// Converts position units to the unwrapped position nearest to `here`, across a wrap if need be.
-    pub(super) fn place_nearest(&self, here: f64, units: i32) -> f64 {
-        let way = units.wrapping_sub(self.shown(here));
-        here + self.units.way(f64::from(way)) - self.rest(here)
+    pub(super) fn nearest_target(&self, here: f64, units: i32) -> f64 {
+        let distance = units.wrapping_sub(self.position_units(here));
+        here + self.units.increments(f64::from(distance)) - self.rest(here)
     }
 
-    /// Sets home: from now on `place` reads as `units`.
-    pub(super) fn set_home(&mut self, place: f64, units: f64) {
-        self.zero = place - self.units.way(units);
+    /// Sets home: from now on `position` reads as `units`.
+    pub(super) fn set_home(&mut self, position: f64, units: f64) {
+        self.zero = position - self.units.increments(units);
     }
 
-    /// Returns the distance of `place` from a whole position unit, in increments.
-    fn rest(&self, place: f64) -> f64 {
-        let shown = self.units.way_shown(place - self.zero);
-        self.units.way(shown - shown.round())
+    /// Returns the distance of `position` from a whole position unit, in increments.
+    fn rest(&self, position: f64) -> f64 {
+        let shown = self.units.position_units(position - self.zero);
+        self.units.increments(shown - shown.round())
     }
 }
 
@@ -112,39 +112,39 @@ mod tests {
     #[test]
     fn wrap_is_crossed_by_the_nearest_target_only() {
         let mut shaft = Shaft::default();
-        let here = shaft.sense(&at(i32::MAX)).place;
-        assert_eq!(shaft.place_nearest(here, i32::MIN) - here, 1.0);
-        assert_eq!(shaft.place_beside(here, f64::from(i32::MIN)) - here, -4_294_967_295.0);
+        let here = shaft.sense(&at(i32::MAX)).position;
+        assert_eq!(shaft.nearest_target(here, i32::MIN) - here, 1.0);
+        assert_eq!(shaft.linear_target(here, f64::from(i32::MIN)) - here, -4_294_967_295.0);
     }
 
     proptest! {
         #[test]
         fn counter_steps_add_up_across_wraps(
-            start: i32, ways in proptest::collection::vec(any::<i32>(), 1..50),
+            start: i32, distances in proptest::collection::vec(any::<i32>(), 1..50),
         ) {
             let mut shaft = Shaft::default();
-            let begin = shaft.sense(&at(start)).place;
-            let (mut counts, mut way_gone) = (start, 0.0);
-            for way in ways {
-                counts = counts.wrapping_add(way);
-                way_gone += f64::from(way);
-                let place = shaft.sense(&at(counts)).place;
-                prop_assert_eq!(place - begin, way_gone);
-                prop_assert_eq!(shaft.shown(place), counts);
+            let begin = shaft.sense(&at(start)).position;
+            let (mut counts, mut total) = (start, 0.0);
+            for distance in distances {
+                counts = counts.wrapping_add(distance);
+                total += f64::from(distance);
+                let position = shaft.sense(&at(counts)).position;
+                prop_assert_eq!(position - begin, total);
+                prop_assert_eq!(shaft.position_units(position), counts);
             }
         }
 
         #[test]
         fn positions_are_relative_to_home(
-            counts: i32, home in -1_000_000_i32..1_000_000, way in -1_000_000_i32..1_000_000,
+            counts: i32, home in -1_000_000_i32..1_000_000, distance in -1_000_000_i32..1_000_000,
         ) {
             let mut shaft = Shaft::default();
-            let place = shaft.sense(&at(counts)).place;
-            shaft.set_home(place, f64::from(home));
-            prop_assert_eq!(shaft.shown(place), home);
-            let place = shaft.sense(&at(counts.wrapping_add(way))).place;
-            prop_assert_eq!(shaft.shown(place), home + way);
-            prop_assert_eq!(shaft.place_nearest(place, home), place - f64::from(way));
+            let position = shaft.sense(&at(counts)).position;
+            shaft.set_home(position, f64::from(home));
+            prop_assert_eq!(shaft.position_units(position), home);
+            let position = shaft.sense(&at(counts.wrapping_add(distance))).position;
+            prop_assert_eq!(shaft.position_units(position), home + distance);
+            prop_assert_eq!(shaft.nearest_target(position, home), position - f64::from(distance));
         }
     }
 }

@@ -56,7 +56,7 @@ impl Stop {
     /// Returns the torque demand; after the stop zero in torque modes, else that which holds the position.
     pub(super) fn step(&mut self, axis: &mut Axis, input: &StepInput<'_>) -> Limited {
         match (self.is_over, self.what) {
-            (true, Stopped::Velocity) => axis.follow_place(0.0, input),
+            (true, Stopped::Velocity) => axis.follow_position(0.0, input),
             (true, Stopped::Torque) | (_, Stopped::CyclicTorque) => {
                 self.is_over = true;
                 axis.set_torque(0.0, input)
@@ -96,7 +96,7 @@ impl Stop {
         self.overtime += input.dt;
         if is_at_rest || self.overtime >= STANDSTILL_TIMEOUT {
             self.is_over = true;
-            axis.demand = Demand::at(input.actual.place);
+            axis.demand = Demand::at(input.actual.position);
         }
         torque
     }
@@ -170,7 +170,7 @@ mod tests {
     fn stopped_motor_holds_its_position() {
         let mut fixture = moving();
         stop(&mut fixture, Ramp::QuickStop);
-        let place = fixture.rotor.place;
+        let position = fixture.rotor.position;
         fixture.rotor.load = 300.0;
         for _ in 0..2_000 {
             let demand = fixture.motion.hold(
@@ -178,9 +178,9 @@ mod tests {
                 &fixture.rotor.feedback(),
                 &mut fixture.dictionary,
             );
-            fixture.rotor.turn(SERVO_PERIOD, demand.per_mille);
+            fixture.rotor.step(SERVO_PERIOD, demand.per_mille);
         }
-        assert!((fixture.rotor.place - place).abs() < 100.0);
+        assert!((fixture.rotor.position - position).abs() < 100.0);
         assert!(fixture.brake(Ramp::QuickStop).is_none(), "the stop stays completed");
     }
 

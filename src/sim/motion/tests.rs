@@ -145,8 +145,10 @@ fn position_of_the_wrap_changes_no_mode() {
         let run = |start: i32| {
             let mut dictionary = drive();
             let mut motion = Motion::default();
-            let at =
-                |way: i32| Feedback { position: start.wrapping_add(way), ..Feedback::default() };
+            let at = |distance: i32| Feedback {
+                position: start.wrapping_add(distance),
+                ..Feedback::default()
+            };
             motion.begin(mode, &at(0), &dictionary);
             put(&mut dictionary, Object::TARGET_POSITION, 2_000);
             put(&mut dictionary, Object::TARGET_VELOCITY, 3_000);

@@ -27,11 +27,11 @@ impl ProfileTorque {
         let torque = axis.set_torque(self.0, input);
         // The slope starts again at the limit, not beyond it.
         self.0 = torque.value;
-        let is_there = (torque.value - target).abs() <= 0.0
+        let is_position_reached = (torque.value - target).abs() <= 0.0
             && (input.actual.per_mille - target).abs() <= TORQUE_WINDOW;
         TorqueDemand {
             per_mille: torque.value,
-            status: bits::bit(bits::TARGET_REACHED, is_there),
+            status: bits::bit(bits::TARGET_REACHED, is_position_reached),
             is_limited: torque.is_limited,
             error: 0,
         }
@@ -101,12 +101,12 @@ mod tests {
         let mut fixture = locked(4);
         fixture.put(Object::TARGET_TORQUE, 500);
         fixture.run(100);
-        fixture.word(ENABLED | HALT);
+        fixture.set_controlword(ENABLED | HALT);
         fixture.run(20);
         assert!((fixture.demand.per_mille - 300.0).abs() < 1e-9, "{:?}", fixture.demand);
         fixture.run(40);
         assert!(fixture.demand.per_mille == 0.0 && fixture.has(TARGET_REACHED));
-        fixture.word(ENABLED);
+        fixture.set_controlword(ENABLED);
         fixture.run(10);
         assert!((fixture.demand.per_mille - 100.0).abs() < 1e-9, "{:?}", fixture.demand);
     }
@@ -131,9 +131,9 @@ mod tests {
         let mut fixture = locked(10);
         fixture.put(Object::TARGET_TORQUE, 500);
         fixture.sync();
-        fixture.word(ENABLED | HALT);
+        fixture.set_controlword(ENABLED | HALT);
         assert_eq!((fixture.demand.per_mille, fixture.demand.status), (0.0, 0));
-        fixture.word(ENABLED);
+        fixture.set_controlword(ENABLED);
         assert_eq!(fixture.demand.per_mille, 500.0);
     }
 

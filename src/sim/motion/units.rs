@@ -54,12 +54,12 @@ impl Units {
     }
 
     /// Converts a distance in position units to increments.
-    pub(super) fn way(&self, units: f64) -> f64 {
+    pub(super) fn increments(&self, units: f64) -> f64 {
         units * self.scale * self.position_sign
     }
 
     /// Converts a distance in increments to position units.
-    pub(super) fn way_shown(&self, increments: f64) -> f64 {
+    pub(super) fn position_units(&self, increments: f64) -> f64 {
         increments / self.scale * self.position_sign
     }
 
@@ -69,7 +69,7 @@ impl Units {
     }
 
     /// Converts increments/s to a velocity.
-    pub(super) fn velocity_shown(&self, increments: f64) -> f64 {
+    pub(super) fn velocity_units(&self, increments: f64) -> f64 {
         increments / self.scale * self.velocity_sign
     }
 
@@ -79,7 +79,7 @@ impl Units {
     }
 
     /// Returns the increments per motor revolution.
-    pub(super) const fn turn(&self) -> f64 {
+    pub(super) const fn increments_per_revolution(&self) -> f64 {
         self.turn
     }
 
@@ -132,8 +132,8 @@ mod tests {
     #[test]
     fn default_unit_is_one_increment() {
         let units = Units::of(&drive());
-        assert_eq!((units.way(12.0), units.way_shown(12.0)), (12.0, 12.0));
-        assert_eq!((units.velocity(-7.0), units.velocity_shown(-7.0)), (-7.0, -7.0));
+        assert_eq!((units.increments(12.0), units.position_units(12.0)), (12.0, 12.0));
+        assert_eq!((units.velocity(-7.0), units.velocity_units(-7.0)), (-7.0, -7.0));
     }
 
     #[test]
@@ -142,7 +142,7 @@ mod tests {
         put(&mut dictionary, Object::GEAR_MOTOR_REVOLUTIONS, 40);
         put(&mut dictionary, Object::FEED, 360_000);
         let units = Units::of(&dictionary);
-        assert_eq!(units.way_shown(16_384.0 * 40.0), 360_000.0);
+        assert_eq!(units.position_units(16_384.0 * 40.0), 360_000.0);
         assert_eq!(units.velocity(360_000.0), 16_384.0 * 40.0);
     }
 
@@ -154,8 +154,8 @@ mod tests {
             let mut dictionary = drive();
             put(&mut dictionary, Object::POLARITY, polarity);
             let units = Units::of(&dictionary);
-            assert_eq!((units.way(1.0), units.way_shown(1.0)), (position, position));
-            assert_eq!((units.velocity(1.0), units.velocity_shown(1.0)), (velocity, velocity));
+            assert_eq!((units.increments(1.0), units.position_units(1.0)), (position, position));
+            assert_eq!((units.velocity(1.0), units.velocity_units(1.0)), (velocity, velocity));
         }
     }
 
@@ -169,7 +169,7 @@ mod tests {
     proptest! {
         #[test]
         fn conversion_there_and_back_is_the_identity(
-            gear in 1_u32.., shaft in 1_u32.., feed in 1_u32.., polarity: u8, way: i32,
+            gear in 1_u32.., shaft in 1_u32.., feed in 1_u32.., polarity: u8, distance: i32,
         ) {
             let mut dictionary = drive();
             put(&mut dictionary, Object::GEAR_MOTOR_REVOLUTIONS, gear);
@@ -177,10 +177,10 @@ mod tests {
             put(&mut dictionary, Object::FEED, feed);
             put(&mut dictionary, Object::POLARITY, u32::from(polarity));
             let units = Units::of(&dictionary);
-            let way = f64::from(way);
-            let tolerance = 1e-12 * way.abs();
-            prop_assert!((units.way_shown(units.way(way)) - way).abs() <= tolerance);
-            prop_assert!((units.velocity_shown(units.velocity(way)) - way).abs() <= tolerance);
+            let distance = f64::from(distance);
+            let tolerance = 1e-12 * distance.abs();
+            prop_assert!((units.position_units(units.increments(distance)) - distance).abs() <= tolerance);
+            prop_assert!((units.velocity_units(units.velocity(distance)) - distance).abs() <= tolerance);
         }
 
         #[test]

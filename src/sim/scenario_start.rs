@@ -7,7 +7,7 @@ use units::time::Instant;
 
 /// Time zero of a scenario.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Beginning {
+pub(super) struct ScenarioStart {
     zero: Option<Instant>,
     last: Option<Instant>,
     /// Time between the last two SYNCs.
@@ -15,7 +15,7 @@ pub(super) struct Beginning {
     is_final: bool,
 }
 
-impl Beginning {
+impl ScenarioStart {
     /// Returns time zero, after the first SYNC.
     pub(super) const fn zero(&self) -> Option<Instant> {
         self.zero
@@ -49,26 +49,26 @@ const MIN_PAUSE_PERIODS: u32 = 3;
 mod tests {
     use super::*;
 
-    fn zero(beginning: &mut Beginning, syncs: impl IntoIterator<Item = u64>) -> u64 {
+    fn zero(start: &mut ScenarioStart, syncs: impl IntoIterator<Item = u64>) -> u64 {
         syncs.into_iter().for_each(|at| {
-            beginning.on_sync(Instant::from_micros(at));
+            start.on_sync(Instant::from_micros(at));
         });
-        beginning.zero().unwrap().as_micros()
+        start.zero().unwrap().as_micros()
     }
 
     #[test]
     fn scenario_restarts_after_a_pause_until_fixed() {
-        let mut beginning = Beginning::default();
-        beginning.fix();
-        assert_eq!(zero(&mut beginning, [1_000, 2_000, 3_000, 5_500, 6_500]), 1_000, "jitter");
-        assert_eq!(zero(&mut beginning, [14_000, 15_000, 16_000]), 14_000);
-        beginning.fix();
-        assert_eq!(zero(&mut beginning, [50_000, 51_000]), 14_000);
+        let mut start = ScenarioStart::default();
+        start.fix();
+        assert_eq!(zero(&mut start, [1_000, 2_000, 3_000, 5_500, 6_500]), 1_000, "jitter");
+        assert_eq!(zero(&mut start, [14_000, 15_000, 16_000]), 14_000);
+        start.fix();
+        assert_eq!(zero(&mut start, [50_000, 51_000]), 14_000);
     }
 
     #[test]
     fn slow_sync_is_not_a_pause() {
         let syncs = (1..50).map(|place| place * 100_000);
-        assert_eq!(zero(&mut Beginning::default(), syncs), 100_000);
+        assert_eq!(zero(&mut ScenarioStart::default(), syncs), 100_000);
     }
 }

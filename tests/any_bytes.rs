@@ -1,7 +1,6 @@
-//! Whatever comes in, from a bus or a file, panics nothing, takes no time and no memory to speak of.
+//! Arbitrary input from a bus or a file causes no panic and stays within limits of time and memory.
 //!
-//! The laws are the fuzz targets' (`fuzz/src/lib.rs`); here they are tried with arbitrary bytes and with
-//! damaged files, on every `cargo test`.
+//! Runs the fuzz targets (`fuzz/src/lib.rs`) with arbitrary bytes and damaged files on every `cargo test`.
 #![allow(
     clippy::panic,
     clippy::unwrap_used,
@@ -22,17 +21,17 @@ use nix::time::ClockId;
 use nix::time::clock_gettime;
 use proptest::prelude::*;
 
-/// The most time one input may take, of this thread on its processor.
-const MOST_TIME: Duration = Duration::from_millis(if cfg!(debug_assertions) { 1_000 } else { 100 });
+/// Limit on the processor time of this thread for one input.
+const MAX_TIME: Duration = Duration::from_millis(if cfg!(debug_assertions) { 1_000 } else { 100 });
 
-/// The most memory one input may take at once.
-const MOST_MEMORY: usize = 16 << 20;
+/// Limit on the memory allocated at once for one input.
+const MAX_MEMORY: usize = 16 << 20;
 
-/// The longest input.
-const LONGEST: usize = 4_096;
+/// Maximum length of an input.
+const MAX_LENGTH: usize = 4_096;
 
-/// Knows what each thread holds.
-struct Weighing;
+/// Counts the bytes allocated by each thread.
+struct CountingAllocator;
 
 thread_local! {
     static HELD: Cell<usize> = const { Cell::new(0) };
@@ -41,7 +40,7 @@ thread_local! {
 
 #[expect(unsafe_code, reason = "a global allocator is unsafe by its trait; this one only counts")]
 // SAFETY: every call is handed to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Weighing {
+unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let held = HELD.get().saturating_add(layout.size());
         HELD.set(held);
@@ -58,30 +57,30 @@ unsafe impl GlobalAlloc for Weighing {
 }
 
 #[global_allocator]
-static ALLOCATOR: Weighing = Weighing;
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
-/// Runs a target on one input, and fails if that took too much.
-fn within_bounds(target: fn(&[u8]), bytes: &[u8]) {
-    // What is made once for all inputs is no part of any.
+/// Runs a target on one input and checks time and memory.
+fn assert_within_limits(target: fn(&[u8]), bytes: &[u8]) {
+    // Lazy initialisation is not counted.
     target(&[]);
     PEAK.set(HELD.get());
     let (held, began) = (HELD.get(), processor_time());
     target(bytes);
     let (took, memory) = (processor_time() - began, PEAK.get() - held);
-    assert!(took < MOST_TIME, "{took:?} for {} bytes", bytes.len());
-    assert!(memory < MOST_MEMORY, "{memory} bytes for {} bytes", bytes.len());
+    assert!(took < MAX_TIME, "{took:?} for {} bytes", bytes.len());
+    assert!(memory < MAX_MEMORY, "{memory} bytes for {} bytes", bytes.len());
 }
 
-/// Of this thread: a busy machine does not change it.
+/// Processor time of this thread, independent of the load of the machine.
 fn processor_time() -> Duration {
     clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID).unwrap().into()
 }
 
 fn any_bytes() -> impl Strategy<Value = Vec<u8>> {
-    proptest::collection::vec(any::<u8>(), 0..LONGEST)
+    proptest::collection::vec(any::<u8>(), 0..MAX_LENGTH)
 }
 
-/// A file with some of its bytes changed, and cut off somewhere.
+/// File with changed bytes, possibly truncated.
 fn damaged(file: &'static str) -> impl Strategy<Value = Vec<u8>> {
     let change = (any::<prop::sample::Index>(), any::<u8>());
     let changes = proptest::collection::vec(change, 0..8);
@@ -97,7 +96,7 @@ fn damaged(file: &'static str) -> impl Strategy<Value = Vec<u8>> {
     })
 }
 
-/// A file with some of its lines gone, doubled or in another place.
+/// File with lines removed, repeated or moved.
 fn shuffled(file: &'static str) -> impl Strategy<Value = Vec<u8>> {
     let lines: Vec<&str> = file.lines().collect();
     let swap = (any::<prop::sample::Index>(), any::<prop::sample::Index>());
@@ -124,42 +123,42 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn any_frames_leave_master_and_drives_in_bounds(bytes in any_bytes()) {
-        within_bounds(targets::frames, &bytes);
+    fn any_frames_keep_master_and_drives_within_limits(bytes in any_bytes()) {
+        assert_within_limits(targets::frames, &bytes);
     }
 
     #[test]
-    fn any_reply_leaves_a_transfer_in_bounds(bytes in any_bytes()) {
-        within_bounds(targets::sdo_client, &bytes);
+    fn any_reply_keeps_a_transfer_within_limits(bytes in any_bytes()) {
+        assert_within_limits(targets::sdo_client, &bytes);
     }
 
     #[test]
-    fn any_request_leaves_a_server_in_bounds(bytes in any_bytes()) {
-        within_bounds(targets::sdo_server, &bytes);
+    fn any_request_keeps_a_server_within_limits(bytes in any_bytes()) {
+        assert_within_limits(targets::sdo_server, &bytes);
     }
 
     #[test]
-    fn any_eds_is_read_or_refused(bytes in text(EDS)) {
-        within_bounds(targets::eds, &bytes);
+    fn any_eds_is_parsed_or_refused(bytes in text(EDS)) {
+        assert_within_limits(targets::eds, &bytes);
     }
 
     #[test]
-    fn any_log_is_read_or_refused(bytes in text(LOG)) {
-        within_bounds(targets::candump, &bytes);
+    fn any_log_is_parsed_or_refused(bytes in text(LOG)) {
+        assert_within_limits(targets::candump, &bytes);
     }
 
     #[test]
-    fn any_configuration_is_read_or_refused(bytes in text(CONFIG)) {
-        within_bounds(targets::config, &bytes);
+    fn any_configuration_is_parsed_or_refused(bytes in text(CONFIG)) {
+        assert_within_limits(targets::config, &bytes);
     }
 
     #[test]
-    fn any_scenario_is_read_or_refused(bytes in text(SCENARIO)) {
-        within_bounds(targets::config, &bytes);
+    fn any_scenario_is_parsed_or_refused(bytes in text(SCENARIO)) {
+        assert_within_limits(targets::config, &bytes);
     }
 
     #[test]
-    fn any_measured_torques_are_read_or_refused(bytes in text(TORQUES)) {
-        within_bounds(targets::torque_data, &bytes);
+    fn any_measured_torques_are_parsed_or_refused(bytes in text(TORQUES)) {
+        assert_within_limits(targets::torque_data, &bytes);
     }
 }

@@ -1,4 +1,4 @@
-//! Devices that do nothing but communicate, on a bus in memory, and a bench tool that talks to them.
+//! Devices without an application on a bus in memory, and a session of the bench tools.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -21,7 +21,7 @@ use canopen_tools::diagnostics::watch::Watch;
 use frhc::cli::bench::Session;
 use units::time::Instant;
 
-/// A device's application that has nothing to do, and does not keep the speed it is told.
+/// Application that only resets a written max motor speed to 0.
 #[derive(Clone, Debug)]
 pub(crate) struct Idle;
 
@@ -33,12 +33,12 @@ impl Application for Idle {
     }
 }
 
-/// Some devices on one bus, with the dictionary of the shipped drive.
+/// Devices on one bus, with the dictionary of the shipped drive.
 #[derive(Debug, Default)]
 pub(crate) struct Devices(pub(crate) Vec<Device<Idle>>);
 
 impl Devices {
-    /// One device for each node-id and serial number.
+    /// Devices from pairs of node-ID and serial number.
     pub(crate) fn of(numbers: &[(u8, u32)]) -> Self {
         let eds = Eds::parse(&std::fs::read("eds/frhc_drive.eds").unwrap()).unwrap();
         let device = |(node, serial): &(u8, u32)| {
@@ -54,9 +54,9 @@ impl Devices {
 impl Station for Devices {
     fn on_frame(&mut self, now: Instant, channel: Channel, frame: &Frame, out: &mut Vec<Telegram>) {
         for device in &mut self.0 {
-            let mut said = Vec::new();
-            device.on_frame(now, frame, &mut said);
-            out.extend(said.into_iter().map(|frame| Telegram { channel, frame }));
+            let mut frames = Vec::new();
+            device.on_frame(now, frame, &mut frames);
+            out.extend(frames.into_iter().map(|frame| Telegram { channel, frame }));
         }
     }
 
@@ -64,10 +64,10 @@ impl Station for Devices {
         for device in
             self.0.iter_mut().filter(|device| device.deadline().is_some_and(|due| due <= now))
         {
-            let mut said = Vec::new();
-            device.on_time(now, &mut said);
+            let mut frames = Vec::new();
+            device.on_time(now, &mut frames);
             let channel = Channel(0);
-            out.extend(said.into_iter().map(|frame| Telegram { channel, frame }));
+            out.extend(frames.into_iter().map(|frame| Telegram { channel, frame }));
         }
     }
 
@@ -76,8 +76,8 @@ impl Station for Devices {
     }
 }
 
-/// A tool at a bus of 1 Mbit/s with some devices, which have booted up; and the frames since.
-pub(crate) fn desk(devices: Devices) -> (Session<Memory<Devices, Wire>>, Wire) {
+/// Session on a bus of 1 Mbit/s with devices after their boot-up, and the frames since then.
+pub(crate) fn session(devices: Devices) -> (Session<Memory<Devices, Wire>>, Wire) {
     let wire = Wire::default();
     let mut bus = Memory::new(&[1_000_000], devices, wire.clone());
     while bus.receive(Instant::from_micros(10_000)).is_some() {}
@@ -85,7 +85,7 @@ pub(crate) fn desk(devices: Devices) -> (Session<Memory<Devices, Wire>>, Wire) {
     (Session::new(bus, Channel(0), Arc::<AtomicBool>::default()), wire)
 }
 
-/// Lets a millisecond pass: what was said last is on the wire, and has been heard.
+/// Waits a millisecond, so that the last frames are sent and received.
 pub(crate) fn settle(session: &mut Session<Memory<Devices, Wire>>) {
     let until = session.now() + Duration::from_millis(1);
     let mut listening = Watch::new(Duration::from_secs(1), Some(until));

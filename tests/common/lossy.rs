@@ -1,4 +1,4 @@
-//! A simulated drive at the other end of a bad wire.
+//! SDO client and simulated drive on a disturbed bus.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -19,39 +19,39 @@ use canopen::station::Station;
 use sim::drive::Drive;
 use units::time::Instant;
 
-/// What happens to frames, of a thousand each.
+/// Frame faults, per thousand frames.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Weather {
-    /// Lost.
+pub(crate) struct ErrorRates {
+    /// Rate of loss.
     pub(crate) loss: u32,
-    /// Received twice.
-    pub(crate) twice: u32,
-    /// Overtaken by those behind.
-    pub(crate) late: u32,
-    /// This one is lost, whatever happens to the others.
+    /// Rate of repetition.
+    pub(crate) repeated: u32,
+    /// Rate of delay, which reorders frames.
+    pub(crate) delayed: u32,
+    /// Number of one frame that is lost in any case.
     pub(crate) nth: Option<u64>,
 }
 
-/// On the wire for this long.
-const FRAME: Duration = Duration::from_micros(130);
+/// Duration of a frame on the bus.
+const FRAME_TIME: Duration = Duration::from_micros(130);
 
-/// How long any transfer may take.
-const WITHIN: Duration = Duration::from_secs(60);
+/// Limit on the duration of a transfer.
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Client, wire and drive.
 pub(crate) struct Lossy {
     drive: Drive,
     now: Instant,
     random: u64,
-    /// Frames under way by when they arrive, and to whom: the drive, if true.
+    /// Frames in flight by arrival time and order; true: to the drive.
     wire: BTreeMap<(Instant, u64), (bool, Frame)>,
     sent: u64,
-    /// When the last frame will be complete.
+    /// End of the last frame on the bus.
     busy: Instant,
 }
 
 impl Lossy {
-    /// A drive whose buffer holds `value`.
+    /// Drive with `value` in its sample buffer.
     pub(crate) fn new(seed: u64, value: &[u8]) -> Self {
         let mut lossy = Self {
             drive: drive(),
@@ -64,25 +64,25 @@ impl Lossy {
         lossy.drive.on_time(lossy.now, &mut Vec::new());
         let block = Block::default().every(Duration::ZERO);
         let terms = Terms::block(Duration::from_secs(10), block);
-        lossy.carry(Task::Write(value.to_vec()), terms, Weather::default()).unwrap();
+        lossy.carry(Task::Write(value.to_vec()), terms, ErrorRates::default()).unwrap();
         lossy
     }
 
-    /// What the drive's buffer holds.
-    pub(crate) fn holds(&self) -> Vec<u8> {
+    /// Content of the drive's sample buffer.
+    pub(crate) fn buffer(&self) -> Vec<u8> {
         self.drive.dictionary().get(Object::SAMPLE_BUFFER).unwrap().to_vec()
     }
 
-    /// How many frames the last transfer took.
-    pub(crate) const fn count(&self) -> u64 {
+    /// Number of frames of the last transfer.
+    pub(crate) const fn sent(&self) -> u64 {
         self.sent
     }
 
-    /// Carries one request to its end, which must come in time.
-    pub(crate) fn carry(&mut self, task: Task, terms: Terms, weather: Weather) -> Outcome {
-        let (mut queue, begun) = (Queue::default(), self.now);
+    /// Runs one request to its end, which must come within [`TIMEOUT`].
+    pub(crate) fn carry(&mut self, task: Task, terms: Terms, rates: ErrorRates) -> Outcome {
+        let (mut queue, start) = (Queue::default(), self.now);
         self.sent = 0;
-        let request = Request { object: Object::SAMPLE_BUFFER, task, terms, within: WITHIN };
+        let request = Request { object: Object::SAMPLE_BUFFER, task, terms, within: TIMEOUT };
         let ticket = queue.submit(self.now, node(), request);
         let (mut requests, mut replies) = (Vec::new(), Vec::new());
         loop {
@@ -100,43 +100,44 @@ impl Lossy {
             }
             done = done.or_else(|| queue.on_time(self.now, &mut requests));
             self.drive.on_time(self.now, &mut replies);
-            let heard = replies.drain(..).map(|Telegram { frame, .. }| (false, frame));
-            for (is_request, frame) in heard.chain(requests.drain(..).map(|frame| (true, frame))) {
-                self.send(is_request, frame, weather);
+            let received = replies.drain(..).map(|Telegram { frame, .. }| (false, frame));
+            for (is_request, frame) in received.chain(requests.drain(..).map(|frame| (true, frame)))
+            {
+                self.send(is_request, frame, rates);
             }
-            assert!(self.now.since(begun) <= WITHIN, "it ends in time");
+            assert!(self.now.since(start) <= TIMEOUT, "it ends in time");
             if let Some(done) = done {
                 assert_eq!(done.ticket, ticket);
                 assert!(queue.is_empty());
-                // What is under way when it ends reaches nobody.
+                // Frames in flight at the end are dropped.
                 self.wire.clear();
                 return done.outcome;
             }
         }
     }
 
-    fn send(&mut self, is_request: bool, frame: Frame, weather: Weather) {
-        self.busy = self.busy.max(self.now) + FRAME;
+    fn send(&mut self, is_request: bool, frame: Frame, rates: ErrorRates) {
+        self.busy = self.busy.max(self.now) + FRAME_TIME;
         self.sent += 1;
-        if self.happens(weather.loss) || weather.nth == Some(self.sent - 1) {
+        if self.occurs(rates.loss) || rates.nth == Some(self.sent - 1) {
             return;
         }
         let mut at = self.busy;
-        if self.happens(weather.late) {
-            at = at + FRAME * (self.random() % 64);
+        if self.occurs(rates.delayed) {
+            at = at + FRAME_TIME * (self.random() % 64);
         }
-        for copy in 0..1 + u32::from(self.happens(weather.twice)) {
-            let again = if self.happens(weather.late) { self.random() % 64 } else { 0 };
+        for copy in 0..1 + u32::from(self.occurs(rates.repeated)) {
+            let again = if self.occurs(rates.delayed) { self.random() % 64 } else { 0 };
             let order = 2 * self.sent + u64::from(copy);
-            self.wire.insert((at + FRAME * (copy * again), order), (is_request, frame));
+            self.wire.insert((at + FRAME_TIME * (copy * again), order), (is_request, frame));
         }
     }
 
-    fn happens(&mut self, of_a_thousand: u32) -> bool {
-        self.random() % 1000 < of_a_thousand
+    fn occurs(&mut self, per_mille: u32) -> bool {
+        self.random() % 1000 < per_mille
     }
 
-    /// As xorshift64* has it.
+    /// Generator xorshift64*.
     fn random(&mut self) -> u32 {
         self.random ^= self.random >> 12;
         self.random ^= self.random << 25;

@@ -1,6 +1,6 @@
-//! The boot of the whole network as CiA 302-2 has it, from its frames and from what the node says of it.
+//! Boot of the whole network (CiA 302-2): frames on the bus and events of the node.
 //!
-//! `GOLDEN=write cargo test --test memory boot::` writes the transcripts anew; read the difference before you
+//! `GOLDEN=write cargo test --test memory boot::` rewrites the transcripts; check the difference before you
 //! commit it.
 #![allow(
     clippy::float_cmp,
@@ -33,7 +33,7 @@ const FILE: &str = "config/kraft_like_500hz.toml";
 const TEXT: &str = include_str!("../../config/kraft_like_500hz.toml");
 const SWITCHES: usize = 6;
 
-/// A bench of [`TEXT`] with changes, and its wire.
+/// Simulated robot of [`TEXT`] with replacements, and the frames on its buses.
 fn bench(changes: &[(&str, &str)]) -> (Bench<Wire>, Wire) {
     let mut text = TEXT.to_owned();
     for (from, to) in changes {
@@ -45,19 +45,19 @@ fn bench(changes: &[(&str, &str)]) -> (Bench<Wire>, Wire) {
     (Bench::new(&config, scenario("free"), 1, false, wire.clone()), wire)
 }
 
-fn notices(bench: &mut Bench<Wire>) -> Vec<Event> {
+fn events(bench: &mut Bench<Wire>) -> Vec<Event> {
     std::iter::from_fn(|| bench.notice()).collect()
 }
 
-fn configured(notices: &[Event], node: usize) -> Configuration {
+fn configured(events: &[Event], node: usize) -> Configuration {
     let of = |event: &Event| {
         let Event::Configured { node: of, configuration } = event else { return None };
         (of.0 == node).then_some(*configuration)
     };
-    notices.iter().find_map(of).unwrap()
+    events.iter().find_map(of).unwrap()
 }
 
-/// NMT, SYNC, and what is said to and by the switch box on its boot.
+/// Whether a frame is NMT, SYNC or of the boot of the switch box.
 fn is_of_switches(frame: &Frame) -> bool {
     matches!(frame.cob_id, 0x000 | 0x080 | 0x590 | 0x610 | 0x710)
 }
@@ -68,51 +68,51 @@ const OPTIONAL: (&str, &str) =
     ("[controller]\n", "[switches.boot]\noptional = true\n\n[controller]\n");
 
 #[test]
-fn what_was_stored_is_read_back_and_not_written_again() {
+fn stored_configuration_is_not_written_again() {
     let (mut bench, wire) = bench(&[STORE]);
     bench.bring_up().unwrap();
-    let first = notices(&mut bench);
+    let first = events(&mut bench);
     assert_eq!(configured(&first, 0), Configuration::Stored);
     assert_eq!(configured(&first, SWITCHES), Configuration::Downloaded, "it has no 1020h");
     bench.stop().unwrap();
     wire.clear();
-    let begun = bench.node().bus().now();
+    let start = bench.node().bus().now();
     bench.bring_up().unwrap();
-    assert_eq!(configured(&notices(&mut bench), 0), Configuration::Skipped);
+    assert_eq!(configured(&events(&mut bench), 0), Configuration::Skipped);
     compare("boot_stored.log", &wire.transcript(12));
     for node in 1..=6 {
-        let requests = wire.since(begun, 0x600 + node);
+        let requests = wire.since(start, 0x600 + node);
         let written: Vec<_> =
             requests.iter().filter(|(_, frame)| frame.data()[0] >> 5 == 1).collect();
         let objects = ["2B40600000000000", "2F6060000A000000"];
-        let told = written.iter().map(|(_, frame)| format!("{frame}"));
+        let reports = written.iter().map(|(_, frame)| format!("{frame}"));
         assert!(
-            told.eq(objects.map(|data| format!("{:03X}#{data}", 0x600 + node))),
+            reports.eq(objects.map(|data| format!("{:03X}#{data}", 0x600 + node))),
             "power off, mode"
         );
     }
 }
 
 #[test]
-fn a_missing_optional_node_is_named_and_joins_when_it_is_switched_on() {
+fn missing_optional_node_is_reported_and_joins_later() {
     let (mut bench, wire) = bench(&[OPTIONAL]);
     bench.world_mut().switches_mut().unplug();
     bench.bring_up().unwrap();
-    let booted = notices(&mut bench);
+    let booted = events(&mut bench);
     let waited = Duration::from_secs(2);
     assert!(booted.contains(&Event::Absent { node: NodeIndex(SWITCHES), waited }), "{booted:?}");
     compare("boot_absent.log", &wire.transcript_of(12, is_of_switches));
     assert_eq!(bench.node().mode(), Mode::Ready);
 
     bench.run(100);
-    assert_eq!(notices(&mut bench), [], "told once");
+    assert_eq!(events(&mut bench), [], "reported once");
     wire.clear();
     let now = bench.node().bus().now();
     bench.world_mut().switches_mut().switch_on(now);
     let record = until(&mut bench, |record| record.inputs.is_some());
-    assert_eq!(record.mode, Mode::Ready, "nothing else has changed");
+    assert_eq!(record.mode, Mode::Ready, "otherwise unchanged");
     bench.run(50);
-    let joined = notices(&mut bench);
+    let joined = events(&mut bench);
     assert_eq!(joined.last(), Some(&Event::Joined { node: NodeIndex(SWITCHES) }), "{joined:?}");
     compare("boot_late.log", &wire.transcript_of(usize::MAX, is_of_switches));
     let syncs = wire.since(now, 0x080);
@@ -125,75 +125,75 @@ fn a_missing_optional_node_is_named_and_joins_when_it_is_switched_on() {
 }
 
 #[test]
-fn every_missing_node_is_named_in_one_run_with_how_long_it_was_waited_for() {
+fn all_missing_nodes_are_reported_with_the_boot_timeout() {
     let (mut bench, _) = bench(&[]);
     for joint in [2, 5] {
         bench.world_mut().drive_mut(Joint::new(joint).unwrap()).unwrap().unplug();
     }
     let Err(BringUpError::Boot(failures)) = bench.bring_up() else { panic!("it cannot boot") };
-    let words: Vec<_> = failures.iter().map(ToString::to_string).collect();
+    let reports: Vec<_> = failures.iter().map(ToString::to_string).collect();
     let missing = |joint: &str| format!("{joint}: does not answer, waited 2.0 s");
     let names = ["joint 2 (elevation), node 2", "joint 5 (yaw), node 5"];
-    assert_eq!(words, names.map(missing));
+    assert_eq!(reports, names.map(missing));
 }
 
 #[test]
-fn guarded_nodes_are_asked_and_their_loss_stops_the_node() {
+fn node_guarding_polls_and_a_lost_node_stops_the_robot() {
     let guarding = "[switches.boot]\nguard_time_ms = 20\nlife_time_factor = 3\n\n[controller]\n";
     let drive = "[joint.boot]\nguard_time_ms = 20\nlife_time_factor = 3\n\n[switches]\n";
     let (mut bench, wire) = bench(&[("[controller]\n", guarding), ("[switches]\n", drive)]);
     bench.bring_up().unwrap();
-    let begun = bench.node().bus().now();
+    let start = bench.node().bus().now();
     bench.run(500);
     assert_eq!(bench.node().cause(), None);
     for cob_id in [0x710, 0x706] {
-        let guard = wire.since(begun, cob_id);
-        let asked = guard.iter().filter(|(_, frame)| frame.is_remote()).count();
-        assert!((49..=51).contains(&asked), "{asked}");
-        assert_eq!(guard.len(), 2 * asked, "each is answered");
+        let guard = wire.since(start, cob_id);
+        let requests = guard.iter().filter(|(_, frame)| frame.is_remote()).count();
+        assert!((49..=51).contains(&requests), "{requests}");
+        assert_eq!(guard.len(), 2 * requests, "one reply each");
     }
     bench.world_mut().switches_mut().unplug();
     until(&mut bench, |record| record.mode.is_stopped());
-    assert!(notices(&mut bench).contains(&Event::HeartbeatLost { node: NodeIndex(SWITCHES) }));
+    assert!(events(&mut bench).contains(&Event::HeartbeatLost { node: NodeIndex(SWITCHES) }));
 }
 
 #[test]
-fn a_drive_that_fails_tells_its_history_one_request_a_cycle() {
+fn error_history_is_read_at_one_request_per_cycle() {
     let (mut bench, wire) = bench(&[]);
     bench.bring_up().unwrap();
     bench.run(10);
-    notices(&mut bench);
-    let begun = bench.node().bus().now();
+    events(&mut bench);
+    let start = bench.node().bus().now();
     bench.world_mut().drive_mut(Joint::of::<3>()).unwrap().fail_with(0x3210);
     until(&mut bench, |record| record.mode.is_stopped());
     bench.run(20);
-    let told: Vec<_> = notices(&mut bench).iter().map(ToString::to_string).collect();
+    let reports: Vec<_> = events(&mut bench).iter().map(ToString::to_string).collect();
     assert!(
-        told[0].starts_with("emergency 3210h DC link over-voltage (generic, voltage)"),
-        "{told:?}"
+        reports[0].starts_with("emergency 3210h DC link over-voltage (generic, voltage)"),
+        "{reports:?}"
     );
-    // Below it stand those of the proof at power-up.
+    // The older entries come from the power-up test.
     let history = "error history (1003h): 3210h DC link over-voltage, 8130h life guard or heartbeat error, \
                    8250h RPDO timeout";
-    assert!(told.iter().any(|told| told == history), "{told:?}");
-    let requests = wire.since(begun, 0x603);
-    assert_eq!(requests.len(), 4, "how many, and each of them");
+    assert!(reports.iter().any(|report| report == history), "{reports:?}");
+    let requests = wire.since(start, 0x603);
+    assert_eq!(requests.len(), 4, "number of errors and three entries");
     let is_apart =
         |pair: &[(Instant, Frame)]| pair[1].0.since(pair[0].0) >= Duration::from_millis(1);
     assert!(requests.windows(2).all(is_apart));
 }
 
 #[test]
-fn a_drive_that_says_nothing_of_its_fault_is_asked() {
+fn error_history_is_read_without_an_emcy() {
     let (mut bench, wire) = bench(&[]);
     bench.bring_up().unwrap();
-    let begun = bench.node().bus().now();
+    let start = bench.node().bus().now();
     bench.world_mut().drive_mut(Joint::of::<4>()).unwrap().fail();
     until(&mut bench, |record| record.mode.is_stopped());
     bench.run(60);
-    assert!(!wire.since(begun, 0x604).is_empty());
-    let told: Vec<_> = notices(&mut bench).iter().map(ToString::to_string).collect();
-    // It tells nothing of this one: there are only those of the proof at power-up.
+    assert!(!wire.since(start, 0x604).is_empty());
+    let reports: Vec<_> = events(&mut bench).iter().map(ToString::to_string).collect();
+    // The fault itself is not in the history, only the errors of the power-up test.
     let history = "error history (1003h): 8130h life guard or heartbeat error, 8250h RPDO timeout";
-    assert!(told.iter().any(|told| told == history), "{told:?}");
+    assert!(reports.iter().any(|report| report == history), "{reports:?}");
 }

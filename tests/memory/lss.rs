@@ -1,4 +1,4 @@
-//! LSS (CiA 305) between master and simulated devices, on a bus with the wire's timing.
+//! LSS (CiA 305) between master and simulated devices, on a bus with bit timing.
 #![allow(
     clippy::indexing_slicing,
     clippy::panic,
@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use crate::common::bench::Wire;
 use crate::common::devices::Devices;
-use crate::common::devices::desk;
+use crate::common::devices::session;
 use crate::common::devices::settle;
 use crate::common::golden::compare;
 use bus::Memory;
@@ -40,9 +40,9 @@ const TIMEOUTS: Timeouts = Timeouts {
     probe: Duration::from_millis(10),
 };
 
-type Desk = Session<Memory<Devices, Wire>>;
+type TestSession = Session<Memory<Devices, Wire>>;
 
-/// The address of the shipped drive with a serial number.
+/// LSS address of the shipped drive with a serial number.
 const fn drive(serial: u32) -> Address {
     Address { vendor: 0xF8C, product: 0x0402_0010, revision: 0x0001_0000, serial }
 }
@@ -51,9 +51,9 @@ fn node(raw: u8) -> NodeId {
     NodeId::new(raw).unwrap()
 }
 
-fn carry(desk: &mut Desk, job: Job) -> Result<Report, LssError> {
-    let outcome = desk.run(|now, out| Master::start(job, TIMEOUTS, now, out)).unwrap();
-    settle(desk);
+fn carry(session: &mut TestSession, job: Job) -> Result<Report, LssError> {
+    let outcome = session.run(|now, out| Master::start(job, TIMEOUTS, now, out)).unwrap();
+    settle(session);
     outcome
 }
 
@@ -61,116 +61,116 @@ fn configure(selection: Selection, node: Option<NodeId>) -> Job {
     Job { inquire: true, node: Some(node), store: true, ..Job::new(selection) }
 }
 
-/// Devices of these serial numbers, whose node-ids have been taken away.
-fn unconfigured(serials: &[u32]) -> (Desk, Wire) {
+/// Devices with these serial numbers, without node-IDs.
+fn unconfigured(serials: &[u32]) -> (TestSession, Wire) {
     let numbers: Vec<(u8, u32)> = (1..).zip(serials.iter().copied()).collect();
-    let (mut desk, wire) = desk(Devices::of(&numbers));
+    let (mut session, wire) = session(Devices::of(&numbers));
     for (raw, serial) in numbers {
         let known = Some(Some(node(raw)));
-        let report = carry(&mut desk, configure(Selection::Address(drive(serial)), None));
+        let report = carry(&mut session, configure(Selection::Address(drive(serial)), None));
         assert_eq!(report.unwrap().node, known);
         let reset = Order::to(node(raw), NmtCommand::ResetCommunication);
-        desk.say([reset.frame()]).unwrap();
+        session.say([reset.frame()]).unwrap();
     }
-    settle(&mut desk);
+    settle(&mut session);
     wire.clear();
-    (desk, wire)
+    (session, wire)
 }
 
-fn identify(desk: &mut Desk, description: Option<Description>) -> u32 {
+fn identify(session: &mut TestSession, description: Option<Description>) -> u32 {
     let window = Duration::from_millis(20);
-    let asked = desk.run(|now, out| match description {
+    let requests = session.run(|now, out| match description {
         Some(description) => Identify::remote(description, window, now, out),
         None => Identify::non_configured(window, now, out),
     });
-    asked.unwrap()
+    requests.unwrap()
 }
 
-/// The node-ids there are, in the order of the devices.
-fn nodes(desk: &Desk) -> Vec<Option<u8>> {
-    let devices = desk.bus().stations().0.iter();
+/// Node-IDs in the order of the devices.
+fn nodes(session: &TestSession) -> Vec<Option<u8>> {
+    let devices = session.bus().stations().0.iter();
     devices.map(|device| device.is_configured().then(|| device.node().raw())).collect()
 }
 
 #[test]
-fn the_golden_fastscan_finds_one_device() {
-    let (mut desk, wire) = unconfigured(&[0x0A]);
+fn golden_fastscan_finds_one_device() {
+    let (mut session, wire) = unconfigured(&[0x0A]);
     let scan = Job { inquire: true, ..Job::new(Selection::Fastscan) };
-    let report = carry(&mut desk, scan).unwrap();
+    let report = carry(&mut session, scan).unwrap();
     assert_eq!((report.address, report.node), (Some(drive(0x0A)), Some(None)));
     compare("lss_fastscan.log", &wire.transcript(usize::MAX));
 }
 
 #[test]
-fn the_golden_configuration_gives_a_device_its_first_node_id() {
-    let (mut desk, wire) = unconfigured(&[0x0A]);
+fn golden_configuration_sets_the_first_node_id() {
+    let (mut session, wire) = unconfigured(&[0x0A]);
     let job = Job {
         bit_rate: BitRate::of_kilobits(500),
         ..configure(Selection::Address(drive(0x0A)), Some(node(9)))
     };
-    let report = carry(&mut desk, job).unwrap();
+    let report = carry(&mut session, job).unwrap();
     assert!(report.is_booted);
-    assert_eq!(desk.bus().stations().0[0].bit_rate(), BitRate::of_kilobits(500));
+    assert_eq!(session.bus().stations().0[0].bit_rate(), BitRate::of_kilobits(500));
     compare("lss_configure.log", &wire.transcript(usize::MAX));
 }
 
 #[test]
-fn a_bus_of_new_devices_is_numbered_without_knowing_any() {
+fn unconfigured_devices_get_node_ids_by_fastscan() {
     let serials = [77, 3, 0xFFFF_FFFF, 0];
-    let (mut desk, wire) = unconfigured(&serials);
-    assert_eq!(identify(&mut desk, None), 4);
+    let (mut session, wire) = unconfigured(&serials);
+    assert_eq!(identify(&mut session, None), 4);
     for raw in 11..=14 {
-        let report = carry(&mut desk, configure(Selection::Fastscan, Some(node(raw)))).unwrap();
+        let report = carry(&mut session, configure(Selection::Fastscan, Some(node(raw)))).unwrap();
         assert!(report.is_booted, "node {raw}");
     }
-    // The lowest serial number is found first.
-    assert_eq!(nodes(&desk), [Some(13), Some(12), Some(14), Some(11)]);
-    let nobody = carry(&mut desk, configure(Selection::Fastscan, Some(node(15))));
-    assert_eq!(nobody, Err(LssError::NoneUnconfigured));
-    assert_eq!(identify(&mut desk, None), 0);
+    // Fastscan finds the lowest serial number first.
+    assert_eq!(nodes(&session), [Some(13), Some(12), Some(14), Some(11)]);
+    let none = carry(&mut session, configure(Selection::Fastscan, Some(node(15))));
+    assert_eq!(none, Err(LssError::NoneUnconfigured));
+    assert_eq!(identify(&mut session, None), 0);
     let boot_ups = (0x70B..=0x70E).map(|id| wire.since(Instant::ZERO, id).len());
     assert_eq!(boot_ups.collect::<Vec<_>>(), [1; 4]);
 }
 
 #[test]
-fn whoever_fits_a_description_answers() {
-    let (mut desk, _) = desk(Devices::of(&[(1, 7), (2, 8), (3, 9)]));
+fn devices_in_the_identification_range_reply() {
+    let (mut session, _) = session(Devices::of(&[(1, 7), (2, 8), (3, 9)]));
     let whom =
         |revision, serial| Description { vendor: 0xF8C, product: 0x0402_0010, revision, serial };
     let every_revision = [0, u32::MAX];
-    assert_eq!(identify(&mut desk, Some(whom(every_revision, [8, 100]))), 2);
-    assert_eq!(identify(&mut desk, Some(whom(every_revision, [10, 100]))), 0);
-    assert_eq!(identify(&mut desk, Some(whom([0, 0xFFFF], [7, 9]))), 0);
+    assert_eq!(identify(&mut session, Some(whom(every_revision, [8, 100]))), 2);
+    assert_eq!(identify(&mut session, Some(whom(every_revision, [10, 100]))), 0);
+    assert_eq!(identify(&mut session, Some(whom([0, 0xFFFF], [7, 9]))), 0);
 }
 
 #[test]
-fn several_devices_get_no_node_id_at_once() {
-    let (mut desk, wire) = desk(Devices::of(&[(1, 7), (2, 8)]));
-    let refused = carry(&mut desk, configure(Selection::All, Some(node(9))));
+fn node_id_is_not_configured_on_several_devices_at_once() {
+    let (mut session, wire) = session(Devices::of(&[(1, 7), (2, 8)]));
+    let refused = carry(&mut session, configure(Selection::All, Some(node(9))));
     assert!(matches!(refused, Err(LssError::Several(_))), "{refused:?}");
-    let said = wire.since(Instant::ZERO, 0x7E5);
-    assert!(said.iter().all(|(_, frame)| frame.data()[0] != 0x11), "configured: {said:?}");
-    assert_eq!(said.last().unwrap().1, Request::SwitchGlobal(Mode::Waiting).frame());
+    let frames = wire.since(Instant::ZERO, 0x7E5);
+    assert!(frames.iter().all(|(_, frame)| frame.data()[0] != 0x11), "configured: {frames:?}");
+    assert_eq!(frames.last().unwrap().1, Request::SwitchGlobal(Mode::Waiting).frame());
 }
 
 #[test]
-fn a_device_between_two_bit_rates_is_released_all_the_same() {
-    let (mut desk, _) = desk(Devices::of(&[(1, 7)]));
+fn device_is_released_during_a_bit_rate_change() {
+    let (mut session, _) = session(Devices::of(&[(1, 7)]));
     let bit_rate = BitRate::of_kilobits(250);
     let job = Job {
         bit_rate,
         activate: Some(100),
         ..configure(Selection::Address(drive(7)), Some(node(9)))
     };
-    let begun = desk.now();
-    carry(&mut desk, job).unwrap();
-    assert!(desk.now().since(begun) > Duration::from_millis(200));
-    assert_eq!(desk.bus().stations().0[0].bit_rate(), bit_rate);
-    let silent = carry(&mut desk, Job { inquire: true, ..Job::new(Selection::Selected) });
+    let start = session.now();
+    carry(&mut session, job).unwrap();
+    assert!(session.now().since(start) > Duration::from_millis(200));
+    assert_eq!(session.bus().stations().0[0].bit_rate(), bit_rate);
+    let silent = carry(&mut session, Job { inquire: true, ..Job::new(Selection::Selected) });
     assert!(matches!(silent, Err(LssError::Timeout(_))), "{silent:?}");
 }
 
-/// A job that is interrupted after some frames, wherever that is.
+/// Procedure that is abandoned after a number of received frames.
 struct Interrupted<P>(P, u32);
 
 impl<P: Procedure> Procedure for Interrupted<P> {
@@ -195,12 +195,14 @@ impl<P: Procedure> Procedure for Interrupted<P> {
 }
 
 #[test]
-fn wherever_a_job_is_interrupted_no_device_is_left_in_configuration() {
+fn interrupted_job_leaves_no_device_in_configuration_state() {
     for frames in 1..=9 {
-        let (mut desk, _) = desk(Devices::of(&[(1, 7)]));
+        let (mut session, _) = session(Devices::of(&[(1, 7)]));
         let job = configure(Selection::Address(drive(7)), Some(node(9)));
-        desk.run(|now, out| Interrupted(Master::start(job, TIMEOUTS, now, out), frames)).unwrap();
-        let silent = carry(&mut desk, Job { inquire: true, ..Job::new(Selection::Selected) });
+        session
+            .run(|now, out| Interrupted(Master::start(job, TIMEOUTS, now, out), frames))
+            .unwrap();
+        let silent = carry(&mut session, Job { inquire: true, ..Job::new(Selection::Selected) });
         assert!(matches!(silent, Err(LssError::Timeout(_))), "after {frames} frames: {silent:?}");
     }
 }

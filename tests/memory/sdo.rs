@@ -1,5 +1,4 @@
-//! SDO transfers between the client and a simulated drive: every size, every protocol, on a good wire
-//! and a bad one, and how long they take.
+//! SDO transfers between client and simulated drive: sizes, protocols, disturbances of the bus, and durations.
 #![allow(
     clippy::expect_used,
     clippy::indexing_slicing,
@@ -17,8 +16,8 @@ use crate::common::drive::carry;
 use crate::common::drive::drive;
 use crate::common::drive::node;
 use crate::common::golden::compare;
+use crate::common::lossy::ErrorRates;
 use crate::common::lossy::Lossy;
-use crate::common::lossy::Weather;
 use bus::Bus;
 use bus::Memory;
 use bus::Tap;
@@ -36,12 +35,12 @@ use sim::drive::Drive;
 const BUFFER: Object = Object::SAMPLE_BUFFER;
 const TIMEOUT: Duration = Duration::from_secs(1);
 
-/// As fast as there is room.
+/// Block without a pause between segments.
 fn block(size: u8) -> Block {
     Block::new(size).unwrap().every(Duration::ZERO)
 }
 
-/// Bytes that do not repeat soon.
+/// Pseudo-random bytes.
 fn bytes(size: usize, seed: u64) -> Vec<u8> {
     let mut state = seed.wrapping_mul(2) | 1;
     std::iter::repeat_with(|| {
@@ -53,7 +52,7 @@ fn bytes(size: usize, seed: u64) -> Vec<u8> {
     .collect()
 }
 
-/// A drive that has booted up, alone on a bus of 1 Mbit/s.
+/// Bus of 1 Mbit/s with one drive after its boot-up.
 fn bus<T: Tap>(tap: T) -> Memory<Drive, T> {
     let mut bus = Memory::new(&[1_000_000], drive(), tap);
     assert!(bus.receive(bus.now() + Duration::from_millis(1)).is_some(), "boot-up");
@@ -89,7 +88,7 @@ fn every_protocol(block: Block) -> [Terms; 4] {
 }
 
 #[test]
-fn every_size_goes_down_and_comes_up_by_every_protocol() {
+fn values_of_every_size_pass_by_every_protocol() {
     let mut bus = bus(());
     for size in 0..=1000 {
         let value = bytes(size, 7);
@@ -105,7 +104,7 @@ fn every_size_goes_down_and_comes_up_by_every_protocol() {
 }
 
 #[test]
-fn what_is_refused_one_way_is_refused_every_way() {
+fn every_protocol_gives_the_same_abort_codes() {
     let mut bus = bus(());
     let node = Object { index: BUFFER.index, sub: 9 };
     let nowhere = Object { index: BUFFER.index + 0xFFF, sub: 0 };
@@ -127,7 +126,7 @@ fn what_is_refused_one_way_is_refused_every_way() {
     }
 }
 
-/// What the wire carries, as candump writes it, while `talk` goes on.
+/// Frames on the bus during `talk`, in candump format.
 fn transcript(talk: impl FnOnce(&mut Memory<Drive, Wire>)) -> String {
     let wire = Wire::default();
     let mut bus = bus(wire.clone());
@@ -190,17 +189,17 @@ fn golden_block_download() {
     compare("sdo_block_download.log", &text);
 }
 
-/// The least time `size` bytes can take by blocks at 1 Mbit/s: 111 bits a segment of 7 bytes, no stuffing.
+/// Minimum duration of a block transfer at 1 Mbit/s: 111 bits per segment of 7 bytes, no stuffing.
 fn least(size: usize) -> Duration {
     Duration::from_micros(111 * u64::try_from(size.div_ceil(7)).unwrap())
 }
 
 #[test]
-fn a_mebibyte_by_blocks_is_limited_by_the_wire_alone() {
+fn block_transfer_of_a_mebibyte_is_limited_by_the_bit_rate() {
     let mut bus = bus(());
     let value = bytes(1 << 20, 11);
     let mut timed = |is_read: bool| {
-        let (begun, before) = (bus.now(), bus.carried().next().unwrap().1);
+        let (start, before) = (bus.now(), bus.carried().next().unwrap().1);
         let terms = Terms::block(TIMEOUT, block(127));
         if is_read {
             assert!(read(&mut bus, BUFFER, terms).unwrap().bytes() == value);
@@ -208,7 +207,7 @@ fn a_mebibyte_by_blocks_is_limited_by_the_wire_alone() {
             write(&mut bus, BUFFER, &value, terms).unwrap();
         }
         let bits = bus.carried().next().unwrap().1 - before;
-        (bus.now().since(begun), Duration::from_micros(bits))
+        (bus.now().since(start), Duration::from_micros(bits))
     };
     for is_read in [false, true] {
         let (took, on_the_wire) = timed(is_read);
@@ -218,88 +217,91 @@ fn a_mebibyte_by_blocks_is_limited_by_the_wire_alone() {
 }
 
 proptest! {
-    /// Frames are lost, come twice, and overtake each other.
+    /// Lost, repeated and reordered frames.
     #[test]
-    fn in_any_weather_a_checksum_lets_no_wrong_byte_through(
+    fn block_transfer_with_crc_detects_every_corruption(
         seed in any::<u64>(),
         size in 0_usize..3_000,
         block_size in 1_u8..=127,
         is_read in any::<bool>(),
-        (loss, twice, late) in (0_u32..200, 0_u32..200, 0_u32..200),
+        (loss, repeated, delayed) in (0_u32..200, 0_u32..200, 0_u32..200),
     ) {
-        let weather = Weather { loss, twice, late, nth: None };
+        let rates = ErrorRates { loss, repeated, delayed, nth: None };
         let terms = Terms::block(TIMEOUT, block(block_size).every(Duration::from_micros(100)));
-        survive(seed, size, terms, is_read, weather)?;
+        assert_transfer(seed, size, terms, is_read, rates)?;
     }
 
-    /// Frames are lost.
+    /// Lost frames.
     #[test]
-    fn without_a_checksum_losses_let_no_wrong_byte_through(
+    fn block_transfer_without_crc_survives_losses(
         seed in any::<u64>(),
         size in 0_usize..3_000,
         block_size in 1_u8..=127,
         is_read in any::<bool>(),
         loss in 0_u32..200,
     ) {
-        let weather = Weather { loss, ..Weather::default() };
+        let rates = ErrorRates { loss, ..ErrorRates::default() };
         let block = block(block_size).every(Duration::from_micros(100)).without_crc();
-        survive(seed, size, Terms::best(TIMEOUT, block), is_read, weather)?;
+        assert_transfer(seed, size, Terms::best(TIMEOUT, block), is_read, rates)?;
     }
 
-    /// Frames are lost or come twice, one right behind the other, as on CAN.
+    /// Lost frames, and frames repeated back to back, as on CAN.
     #[test]
-    fn segments_that_come_twice_let_no_wrong_byte_through(
+    fn repeated_segments_do_not_corrupt_the_value(
         seed in any::<u64>(),
         size in 0_usize..300,
         is_read in any::<bool>(),
-        (loss, twice) in (0_u32..50, 0_u32..50),
+        (loss, repeated) in (0_u32..50, 0_u32..50),
     ) {
-        let weather = Weather { loss, twice, ..Weather::default() };
-        survive(seed, size, Terms::segmented(TIMEOUT), is_read, weather)?;
+        let rates = ErrorRates { loss, repeated, ..ErrorRates::default() };
+        assert_transfer(seed, size, Terms::segmented(TIMEOUT), is_read, rates)?;
     }
 }
 
-/// One transfer in bad weather: it ends in time, with the very bytes or with an error.
-fn survive(
+/// A disturbed transfer ends in time, with the correct value or an error.
+fn assert_transfer(
     seed: u64,
     size: usize,
     terms: Terms,
     is_read: bool,
-    weather: Weather,
+    rates: ErrorRates,
 ) -> Result<(), TestCaseError> {
     let (old, new) = (bytes(size / 2, seed ^ 1), bytes(size, seed));
     let before = if is_read { &new } else { &old };
     let task = if is_read { Task::Read } else { Task::Write(new.clone()) };
     let mut lossy = Lossy::new(seed, before);
-    let outcome = lossy.carry(task, terms, weather);
-    let holds = lossy.holds();
+    let outcome = lossy.carry(task, terms, rates);
+    let buffer = lossy.buffer();
     match (&outcome, is_read) {
         (Ok(content), true) => prop_assert_eq!(content.bytes(), new),
-        (Ok(_), false) => prop_assert_eq!(holds, new),
-        (Err(_), true) => prop_assert_eq!(holds, new),
-        (Err(_), false) => prop_assert!(holds == old || holds == new),
+        (Ok(_), false) => prop_assert_eq!(buffer, new),
+        (Err(_), true) => prop_assert_eq!(buffer, new),
+        (Err(_), false) => prop_assert!(buffer == old || buffer == new),
     }
     Ok(())
 }
 
 #[test]
-fn a_block_transfer_outlives_the_loss_of_any_frame_but_those_at_its_ends() {
+fn block_transfer_survives_any_lost_frame_but_first_and_last() {
     let terms = Terms::block(TIMEOUT, block(5).every(Duration::from_micros(100)));
     let value = bytes(100, 1);
     for task in [Task::Read, Task::Write(value.clone())] {
         let mut lossy = Lossy::new(1, &value);
-        lossy.carry(task.clone(), terms, Weather::default()).unwrap();
-        let frames = lossy.count();
-        // Of a read the confirmation may be lost: nothing follows it.
+        lossy.carry(task.clone(), terms, ErrorRates::default()).unwrap();
+        let frames = lossy.sent();
+        // The end of an upload is not confirmed, so its loss has no effect.
         let last = if task == Task::Read { frames } else { frames - 1 };
         for lost in 0..frames {
             let mut lossy = Lossy::new(1, &value);
-            let outcome =
-                lossy.carry(task.clone(), terms, Weather { nth: Some(lost), ..Weather::default() });
+            let outcome = lossy.carry(
+                task.clone(),
+                terms,
+                ErrorRates { nth: Some(lost), ..ErrorRates::default() },
+            );
             let is_vital = lost < 2 || lost >= last;
             let expected = if is_vital { Err(SdoError::Timeout) } else { Ok(()) };
             assert_eq!(outcome.map(|_| ()), expected, "frame {lost} of {frames} lost: {task:?}");
-            assert_eq!(lossy.holds(), value);
+            assert_eq!(lossy.buffer(), value);
         }
     }
 }

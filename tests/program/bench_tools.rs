@@ -1,5 +1,4 @@
-//! The bench tools against simulated devices, without SocketCAN: the same sessions and procedures that the
-//! commands carry.
+//! Bench tools with simulated devices, without SocketCAN: sessions and procedures of the commands.
 #![allow(
     clippy::indexing_slicing,
     clippy::panic,
@@ -12,7 +11,7 @@ use std::time::Duration;
 
 use crate::common::bench::Wire;
 use crate::common::devices::Devices;
-use crate::common::devices::desk;
+use crate::common::devices::session;
 use bus::Memory;
 use canopen::NmtCommand;
 use canopen::NmtState;
@@ -35,7 +34,7 @@ use frhc::cli::bench::objects::ObjectError;
 use frhc::cli::bench::objects::Target;
 use units::time::Instant;
 
-type Desk = Session<Memory<Devices, Wire>>;
+type TestSession = Session<Memory<Devices, Wire>>;
 
 const TIMEOUT: Duration = Duration::from_millis(100);
 
@@ -47,42 +46,50 @@ fn at(node_id: u8, object: Object) -> Target {
     Target { node: node(node_id), object, terms: Terms::segmented(TIMEOUT) }
 }
 
-fn scan(desk: &mut Desk) -> Vec<Found> {
+fn scan(session: &mut TestSession) -> Vec<Found> {
     let nodes: Vec<NodeId> = (1..=127).map(node).collect();
     let listen = Duration::from_millis(250);
-    desk.run(|now, out| Scan::start(&nodes, TIMEOUT, listen, now, out)).unwrap()
+    session.run(|now, out| Scan::start(&nodes, TIMEOUT, listen, now, out)).unwrap()
 }
 
-fn order(desk: &mut Desk, command: NmtCommand, nodes: &[u8]) -> Vec<(u8, Option<NmtState>, bool)> {
+fn order(
+    session: &mut TestSession,
+    command: NmtCommand,
+    nodes: &[u8],
+) -> Vec<(u8, Option<NmtState>, bool)> {
     let nodes: Vec<NodeId> = nodes.iter().map(|raw| node(*raw)).collect();
     let order = Order::to_all(command);
-    let heard = desk.run(|now, out| Confirmation::start(order, &nodes, TIMEOUT, now, out));
-    heard.unwrap().iter().map(|heard| (heard.node.raw(), heard.state, heard.is_confirmed)).collect()
+    let responses = session.run(|now, out| Confirmation::start(order, &nodes, TIMEOUT, now, out));
+    responses
+        .unwrap()
+        .iter()
+        .map(|response| (response.node.raw(), response.state, response.is_confirmed))
+        .collect()
 }
 
-/// Every request there was to write.
+/// Number of SDO download requests.
 fn writes(wire: &Wire) -> usize {
     let requests = (0x601..=0x67F).flat_map(|id| wire.since(Instant::ZERO, id));
     requests.filter(|(_, frame)| matches!(frame.data()[0] >> 5, 0 | 1)).count()
 }
 
 #[test]
-fn a_scan_of_an_empty_bus_takes_less_than_a_second() {
-    let (mut desk, wire) = desk(Devices::default());
-    let begun = desk.now();
-    assert_eq!(scan(&mut desk), []);
-    let took = desk.now().since(begun);
+fn scan_of_an_empty_bus_takes_less_than_a_second() {
+    let (mut session, wire) = session(Devices::default());
+    let start = session.now();
+    assert_eq!(scan(&mut session), []);
+    let took = session.now().since(start);
     assert!(took < Duration::from_secs(1), "{took:?}");
     let requests = (0x601..=0x67F).map(|id| wire.since(Instant::ZERO, id));
-    let reads = requests.map(|said| said.iter().filter(|(_, f)| f.data()[0] == 0x40).count());
-    assert!(reads.eq([1; 127]), "each was asked once");
+    let reads = requests.map(|frames| frames.iter().filter(|(_, f)| f.data()[0] == 0x40).count());
+    assert!(reads.eq([1; 127]), "one request per node");
 }
 
 #[test]
-fn a_full_bus_is_scanned_and_nothing_is_written() {
+fn scan_of_a_full_bus_writes_nothing() {
     let all: Vec<(u8, u32)> = (1..=127).map(|raw| (raw, 1_000 + u32::from(raw))).collect();
-    let (mut desk, wire) = desk(Devices::of(&all));
-    let found = scan(&mut desk);
+    let (mut session, wire) = session(Devices::of(&all));
+    let found = scan(&mut session);
     assert_eq!(found.len(), 127);
     for (found, (raw, serial)) in found.iter().zip(all) {
         assert_eq!((found.node.raw(), found.serial), (raw, Some(serial)));
@@ -94,100 +101,100 @@ fn a_full_bus_is_scanned_and_nothing_is_written() {
 }
 
 #[test]
-fn two_devices_of_one_node_id_are_told_apart_from_one() {
-    let (mut desk, _) = desk(Devices::of(&[(3, 1), (5, 2), (5, 3)]));
-    let found = scan(&mut desk);
+fn scan_reports_duplicate_node_ids() {
+    let (mut session, _) = session(Devices::of(&[(3, 1), (5, 2), (5, 3)]));
+    let found = scan(&mut session);
     let double: Vec<_> =
         found.iter().map(|found| (found.node.raw(), found.is_duplicate())).collect();
     assert_eq!(double, [(3, false), (5, true)]);
 }
 
 #[test]
-fn a_scan_hears_states_and_who_does_not_answer() {
-    let (mut desk, _) = desk(Devices::of(&[(3, 1), (4, 2)]));
+fn scan_reports_states_and_nodes_without_reply() {
+    let (mut session, _) = session(Devices::of(&[(3, 1), (4, 2)]));
     for raw in [3, 4] {
         let heartbeat = at(raw, Object::PRODUCER_HEARTBEAT);
-        objects::write(&mut desk, heartbeat, &50_u16.to_le_bytes(), true).unwrap();
+        objects::write(&mut session, heartbeat, &50_u16.to_le_bytes(), true).unwrap();
     }
     let stop = Order::to(node(4), NmtCommand::StopRemoteNode);
-    desk.say([stop.frame()]).unwrap();
-    let found = scan(&mut desk);
-    let told = |found: &Found| (found.node.raw(), found.answers, found.state);
+    session.say([stop.frame()]).unwrap();
+    let found = scan(&mut session);
+    let reports = |found: &Found| (found.node.raw(), found.answers, found.state);
     let expected = [(3, true, Some(NmtState::PreOperational)), (4, false, Some(NmtState::Stopped))];
-    assert_eq!(found.iter().map(told).collect::<Vec<_>>(), expected);
+    assert_eq!(found.iter().map(reports).collect::<Vec<_>>(), expected);
 }
 
 #[test]
-fn what_is_written_is_read_and_verified() {
-    let (mut desk, _) = desk(Devices::of(&[(3, 1)]));
+fn written_value_is_read_back_and_verified() {
+    let (mut session, _) = session(Devices::of(&[(3, 1)]));
     let torque = at(3, Object::TARGET_TORQUE);
     let data_type: GatewayType = "i16".parse().unwrap();
     let bytes = data_type.encode(&data_type.parse("-1000").unwrap());
-    objects::write(&mut desk, torque, &bytes, true).unwrap();
-    let content = objects::read(&mut desk, torque).unwrap();
+    objects::write(&mut session, torque, &bytes, true).unwrap();
+    let content = objects::read(&mut session, torque).unwrap();
     assert_eq!(data_type.decode(content.bytes()).unwrap().to_string(), "-1000");
-    let name = objects::read(&mut desk, at(3, Object::DEVICE_NAME)).unwrap();
+    let name = objects::read(&mut session, at(3, Object::DEVICE_NAME)).unwrap();
     assert_eq!(name.bytes(), b"frhc simulated drive");
 }
 
 #[test]
-fn a_refusal_names_node_object_and_reason() {
-    let (mut desk, _) = desk(Devices::of(&[(3, 1)]));
-    let refused = objects::write(&mut desk, at(3, Object::DEVICE_NAME), b"mine", false);
+fn sdo_abort_names_node_object_and_reason() {
+    let (mut session, _) = session(Devices::of(&[(3, 1)]));
+    let refused = objects::write(&mut session, at(3, Object::DEVICE_NAME), b"mine", false);
     let refused = refused.unwrap_err();
     let read_only = SdoError::AbortedByServer(AbortCode::READ_ONLY);
     let (node, object) = (node(3), Object::DEVICE_NAME);
     assert_eq!(refused, ObjectError::Node { node, object, error: read_only });
     assert_eq!(refused.to_string(), "node 3: 1008h refused: 06010002h object is read only");
-    let silent = objects::read(&mut desk, at(4, Object::DEVICE_TYPE)).unwrap_err();
+    let silent = objects::read(&mut session, at(4, Object::DEVICE_TYPE)).unwrap_err();
     assert_eq!(silent.to_string(), "node 4: 1000h: no answer");
 }
 
 #[test]
-fn a_value_the_device_does_not_keep_is_no_success() {
-    let (mut desk, _) = desk(Devices::of(&[(3, 1)]));
+fn value_that_the_device_does_not_keep_is_an_error() {
+    let (mut session, _) = session(Devices::of(&[(3, 1)]));
     let speed = at(3, Object::MAX_MOTOR_SPEED);
     let value = 3_000_u32.to_le_bytes();
-    assert_eq!(objects::write(&mut desk, speed, &value, false), Ok(()));
-    let differs = objects::write(&mut desk, speed, &value, true).unwrap_err();
+    assert_eq!(objects::write(&mut session, speed, &value, false), Ok(()));
+    let differs = objects::write(&mut session, speed, &value, true).unwrap_err();
     assert_eq!(differs.to_string(), "node 3: 6080h is 00 00 00 00, expected B8 0B 00 00");
 }
 
 #[test]
-fn resets_are_confirmed_by_boot_ups_and_states_by_heartbeats() {
-    let (mut desk, _) = desk(Devices::of(&[(3, 1), (4, 2)]));
+fn nmt_commands_are_confirmed_by_boot_up_or_heartbeat() {
+    let (mut session, _) = session(Devices::of(&[(3, 1), (4, 2)]));
     let booted = Some(NmtState::Initialising);
-    let reset = order(&mut desk, NmtCommand::ResetNode, &[3, 4]);
+    let reset = order(&mut session, NmtCommand::ResetNode, &[3, 4]);
     assert_eq!(reset, [(3, booted, true), (4, booted, true)]);
     let heartbeat = at(3, Object::PRODUCER_HEARTBEAT);
-    objects::write(&mut desk, heartbeat, &20_u16.to_le_bytes(), false).unwrap();
+    objects::write(&mut session, heartbeat, &20_u16.to_le_bytes(), false).unwrap();
     let operational = Some(NmtState::Operational);
-    let started = order(&mut desk, NmtCommand::StartRemoteNode, &[3, 4]);
+    let started = order(&mut session, NmtCommand::StartRemoteNode, &[3, 4]);
     assert_eq!(started, [(3, operational, true), (4, None, false)], "node 4 has no heartbeat");
-    let heard = order(&mut desk, NmtCommand::StopRemoteNode, &[]);
-    assert_eq!(heard, [(3, Some(NmtState::Stopped), true)]);
+    let responses = order(&mut session, NmtCommand::StopRemoteNode, &[]);
+    assert_eq!(responses, [(3, Some(NmtState::Stopped), true)]);
 }
 
 #[test]
-fn a_watch_tells_what_changes_until_it_is_time() {
-    let (mut desk, _) = desk(Devices::of(&[(3, 1)]));
-    let until = desk.now() + Duration::from_millis(300);
+fn watch_reports_changes_until_its_end() {
+    let (mut session, _) = session(Devices::of(&[(3, 1)]));
+    let until = session.now() + Duration::from_millis(300);
     let mut watch = Watch::new(Duration::from_millis(100), Some(until));
-    desk.queue([Order::to_all(NmtCommand::ResetNode).frame()]);
-    let mut news = Vec::new();
-    while let Some((_, what)) = desk.carry(&mut watch).unwrap() {
-        news.push(what);
+    session.queue([Order::to_all(NmtCommand::ResetNode).frame()]);
+    let mut events = Vec::new();
+    while let Some((_, what)) = session.carry(&mut watch).unwrap() {
+        events.push(what);
     }
-    let beat = |news| NetworkEvent::Heartbeat(node(3), news);
+    let beat = |event| NetworkEvent::Heartbeat(node(3), event);
     assert_eq!(
-        news,
+        events,
         [beat(heartbeat::HeartbeatEvent::BootedUp), beat(heartbeat::HeartbeatEvent::Lost)]
     );
-    assert_eq!(desk.now(), until);
+    assert_eq!(session.now(), until);
 }
 
 #[test]
-fn what_is_typed_wrong_ends_with_2_before_any_bus_is_opened() {
+fn invalid_arguments_end_with_2_before_a_bus_is_opened() {
     let config = ["--config", "config/kraft_like_500hz.toml"];
     let cases: [(&[&str], &str); 14] = [
         (&["scan"], "which bus?"),
@@ -211,29 +218,29 @@ fn what_is_typed_wrong_ends_with_2_before_any_bus_is_opened() {
             "four numbers",
         ),
     ];
-    for (words, reason) in cases {
-        let needs_config = words.starts_with(&["sdo", "write"]) && !words.contains(&"-i");
+    for (args, reason) in cases {
+        let needs_config = args.starts_with(&["sdo", "write"]) && !args.contains(&"-i");
         let given = if needs_config { &config[..] } else { &[] };
         let program = crate::common::program();
-        let ended = Command::new(program).args(words).args(given).output().unwrap();
+        let ended = Command::new(program).args(args).args(given).output().unwrap();
         let stderr = String::from_utf8_lossy(&ended.stderr);
-        assert_eq!(ended.status.code(), Some(2), "{words:?}: {stderr}");
-        assert!(stderr.contains(reason), "{words:?}: {stderr}");
+        assert_eq!(ended.status.code(), Some(2), "{args:?}: {stderr}");
+        assert!(stderr.contains(reason), "{args:?}: {stderr}");
     }
 }
 
 #[test]
-fn an_interface_that_is_not_there_ends_with_4() {
-    for words in [
+fn missing_interface_ends_with_4() {
+    for args in [
         &["scan"][..],
         &["sdo", "read", "3", "1000", "u32"],
         &["nmt", "start", "all"],
         &["lss", "inquire"],
     ] {
         let program = crate::common::program();
-        let ended = Command::new(program).args(words).args(["-i", "nocan7"]).output().unwrap();
+        let ended = Command::new(program).args(args).args(["-i", "nocan7"]).output().unwrap();
         let stderr = String::from_utf8_lossy(&ended.stderr);
-        assert_eq!(ended.status.code(), Some(4), "{words:?}: {stderr}");
-        assert!(stderr.starts_with("frhc: nocan7: "), "{words:?}: {stderr}");
+        assert_eq!(ended.status.code(), Some(4), "{args:?}: {stderr}");
+        assert!(stderr.starts_with("frhc: nocan7: "), "{args:?}: {stderr}");
     }
 }

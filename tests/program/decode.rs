@@ -1,6 +1,6 @@
-//! `frhc decode` and `frhc export dbc`, as a user runs them.
+//! `frhc decode` and `frhc export dbc` as programs.
 //!
-//! `GOLDEN=write cargo test --test program decode::` writes the transcript anew, after that of the golden tests.
+//! `GOLDEN=write cargo test --test program decode::` rewrites the transcript; run it after the golden tests.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -32,7 +32,7 @@ fn frhc(args: &[&str]) -> Command {
     command
 }
 
-/// What becomes of `input` on stdin.
+/// Output of a command with `input` on stdin.
 fn piped(args: &[&str], input: &str) -> Output {
     let mut child = frhc(args).spawn().unwrap();
     let mut stdin = child.stdin.take().unwrap();
@@ -55,34 +55,34 @@ fn decoded(args: &[&str]) -> String {
 }
 
 #[test]
-fn the_boot_is_told_as_it_was_last_time() {
-    let said = decoded(&["decode", "--config", CONFIG, LOG]);
+fn golden_boot_is_decoded() {
+    let output = decoded(&["decode", "--config", CONFIG, LOG]);
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/decode_boot.txt");
     if std::env::var_os("GOLDEN").is_some_and(|word| word == "write") {
-        fs::write(path, said).unwrap();
+        fs::write(path, output).unwrap();
         return;
     }
     let golden = fs::read_to_string(&path).unwrap();
-    for (number, (is, was)) in (1..).zip(said.lines().zip(golden.lines())) {
+    for (number, (is, was)) in (1..).zip(output.lines().zip(golden.lines())) {
         assert_eq!(is, was, "decode_boot.txt:{number}");
     }
-    assert_eq!(said.lines().count(), golden.lines().count());
+    assert_eq!(output.lines().count(), golden.lines().count());
 }
 
 #[test]
-fn each_line_is_there_as_it_was() {
+fn every_line_of_the_log_is_kept() {
     let log = fs::read_to_string(LOG).unwrap();
     for args in [&["decode", LOG][..], &["decode", "--config", CONFIG, LOG]] {
-        let said = decoded(args);
-        assert_eq!(said.lines().count(), log.lines().count());
-        for (said, was) in said.lines().zip(log.lines()) {
-            assert!(said.starts_with(was), "{said}");
+        let output = decoded(args);
+        assert_eq!(output.lines().count(), log.lines().count());
+        for (output, was) in output.lines().zip(log.lines()) {
+            assert!(output.starts_with(was), "{output}");
         }
     }
 }
 
 #[test]
-fn a_line_from_a_pipe_is_answered_before_the_next_one_comes() {
+fn line_from_a_pipe_is_decoded_at_once() {
     let mut child = frhc(&["decode", "--config", CONFIG]).spawn().unwrap();
     let mut stdin = child.stdin.take().unwrap();
     let mut stdout = BufReader::new(child.stdout.take().unwrap());
@@ -90,16 +90,16 @@ fn a_line_from_a_pipe_is_answered_before_the_next_one_comes() {
         [("  can0  703   [1]  00\n", "boot-up"), ("  can0  703   [1]  05\n", "operational")]
     {
         stdin.write_all(line.as_bytes()).unwrap();
-        let mut said = String::new();
-        stdout.read_line(&mut said).unwrap();
-        assert!(said.contains("heartbeat elbow") && said.contains(says), "{said}");
+        let mut output = String::new();
+        stdout.read_line(&mut output).unwrap();
+        assert!(output.contains("heartbeat elbow") && output.contains(says), "{output}");
     }
     drop(stdin);
     assert!(child.wait().unwrap().success());
 }
 
 #[test]
-fn a_reader_that_hangs_up_is_no_failure() {
+fn closed_output_is_not_an_error() {
     let mut child: Child = frhc(&["decode"]).spawn().unwrap();
     let mut stdin = child.stdin.take().unwrap();
     let log = fs::read_to_string(LOG).unwrap();
@@ -113,7 +113,7 @@ fn a_reader_that_hangs_up_is_no_failure() {
 }
 
 #[test]
-fn what_is_no_line_is_told_with_its_number_and_the_rest_is_read() {
+fn invalid_lines_are_reported_by_number_and_skipped() {
     let output = piped(&["decode"], "hello there\n(1.000000) can0 703#00\n(1.000000) can0 703#0\n");
     assert_eq!(output.status.code(), Some(0));
     assert_eq!(text(&output.stdout).lines().count(), 3);
@@ -126,13 +126,13 @@ fn what_is_no_line_is_told_with_its_number_and_the_rest_is_read() {
 
     let output = piped(&["decode"], "nothing\nat all\n");
     assert_eq!(output.status.code(), Some(1));
-    assert!(piped(&["decode"], "").status.success(), "nothing came, so nothing was wrong");
+    assert!(piped(&["decode"], "").status.success(), "empty input is valid");
     assert_eq!(frhc(&["decode", "/nowhere.log"]).output().unwrap().status.code(), Some(4));
 }
 
 #[test]
-fn garbage_is_reported_in_a_handful_of_lines() {
-    // Bytes of every value in no order, a thousand lines of them.
+fn report_of_garbage_is_short() {
+    // About a thousand lines of pseudo-random bytes.
     let byte = |n: u32| n.wrapping_mul(2_654_435_761).to_be_bytes()[0];
     let garbage: Vec<u8> = (0..300_000).map(byte).collect();
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("garbage.bin");
@@ -148,7 +148,7 @@ fn garbage_is_reported_in_a_handful_of_lines() {
 }
 
 #[test]
-fn a_log_that_cannot_be_read_is_named() {
+fn unreadable_log_is_named() {
     for name in ["/nowhere.log", "/proc"] {
         let output = frhc(&["decode", name]).output().unwrap();
         assert_eq!(output.status.code(), Some(4), "{name}");
@@ -157,11 +157,11 @@ fn a_log_that_cannot_be_read_is_named() {
 }
 
 #[test]
-fn a_stamp_that_goes_back_is_marked() {
+fn backward_time_stamp_is_marked() {
     let log = "(2.000000) can0 703#05\n(2.000100) wrench0 18FF0000##000\n(0.500000) can0 703#05\n\
         (0.600000) can0 703#05\n(1.000000) wrench0 18FF0000##000\n";
-    let said = piped(&["decode"], log);
-    let marks = text(&said.stdout).lines().map(|line| line.split("  ! ").nth(1));
+    let output = piped(&["decode"], log);
+    let marks = text(&output.stdout).lines().map(|line| line.split("  ! ").nth(1));
     let marks: Vec<_> = marks.collect();
     let [back, other] = ["stamp goes back 1.500000 s", "stamp goes back 1.000100 s"].map(Some);
     assert_eq!(marks, [None, None, back, None, other]);
@@ -171,30 +171,30 @@ fn a_stamp_that_goes_back_is_marked() {
 }
 
 #[test]
-fn raw_data_length_codes_are_read() {
+fn raw_data_length_codes_are_parsed() {
     let input =
         "(1.000000) can0 703#1122334455667788_E\n  can0  703   {B}  11 22 33 44 55 66 77 88\n";
-    let said = piped(&["decode", "--json"], input);
-    assert_eq!(text(&said.stderr), "");
+    let output = piped(&["decode", "--json"], input);
+    assert_eq!(text(&output.stderr), "");
     let dlc = |line| serde_json::from_str::<Json>(line).unwrap()["dlc"].clone();
-    let codes: Vec<Json> = text(&said.stdout).lines().map(dlc).collect();
+    let codes: Vec<Json> = text(&output.stdout).lines().map(dlc).collect();
     assert_eq!(codes, [14, 11]);
 }
 
 #[test]
-fn a_log_and_a_screen_say_the_same() {
+fn log_and_screen_format_decode_alike() {
     let log = fs::read_to_string(LOG).unwrap();
     let screen: Vec<String> = log.lines().map(on_screen).collect();
-    let said = piped(&["decode", "--config", CONFIG], &(screen.join("\n") + "\n"));
-    let behind = |said: &str, line: &str| said[line.len()..].trim_start().to_owned();
+    let output = piped(&["decode", "--config", CONFIG], &(screen.join("\n") + "\n"));
+    let behind = |output: &str, line: &str| output[line.len()..].trim_start().to_owned();
     let of_log = decoded(&["decode", "--config", CONFIG, LOG]);
-    let lines = text(&said.stdout).lines().zip(&screen).zip(of_log.lines().zip(log.lines()));
-    for ((screen, line), (said, was)) in lines {
-        assert_eq!(behind(screen, line), behind(said, was));
+    let lines = text(&output.stdout).lines().zip(&screen).zip(of_log.lines().zip(log.lines()));
+    for ((screen, line), (output, was)) in lines {
+        assert_eq!(behind(screen, line), behind(output, was));
     }
 }
 
-/// A line of a log as `candump -ta` shows it.
+/// Line of a log in the format of `candump -ta`.
 fn on_screen(line: &str) -> String {
     let mut words = line.split(' ');
     let (stamp, interface) = (words.next().unwrap(), words.next().unwrap());
@@ -204,10 +204,10 @@ fn on_screen(line: &str) -> String {
 }
 
 #[test]
-fn only_lines_about_a_joint_are_shown_when_asked_for() {
-    let said = decoded(&["decode", "--config", CONFIG, "--only", "elbow", LOG]);
-    assert!(said.lines().count() > 50);
-    for line in said.lines() {
+fn only_shows_the_lines_of_a_joint() {
+    let output = decoded(&["decode", "--config", CONFIG, "--only", "elbow", LOG]);
+    assert!(output.lines().count() > 50);
+    for line in output.lines() {
         assert!(
             line.contains("elbow") || line.contains("node 3") || line.contains("every node"),
             "{line}"
@@ -221,7 +221,7 @@ fn only_lines_about_a_joint_are_shown_when_asked_for() {
     );
 }
 
-/// A signal of a DBC file: where it is and how it is scaled.
+/// Position and scaling of a signal in a DBC file.
 struct Signal {
     start: u32,
     bits: u32,
@@ -231,7 +231,7 @@ struct Signal {
 }
 
 impl Signal {
-    /// The physical value, bit by bit.
+    /// Physical value.
     fn of(&self, data: &[u8]) -> f64 {
         let bit =
             |place: u32| u64::from(data[usize::try_from(place / 8).unwrap()] >> (place % 8) & 1);
@@ -244,7 +244,7 @@ impl Signal {
     }
 }
 
-/// The signals of a DBC file, by identifier.
+/// Signals of a DBC file by CAN identifier.
 fn signals(dbc: &str) -> HashMap<u32, HashMap<String, Signal>> {
     let mut messages: HashMap<u32, HashMap<String, Signal>> = HashMap::new();
     let mut id = 0;
@@ -272,13 +272,13 @@ fn signals(dbc: &str) -> HashMap<u32, HashMap<String, Signal>> {
 }
 
 #[test]
-fn the_dbc_file_scales_as_the_decoder_does() {
+fn dbc_file_scales_like_the_decoder() {
     let messages = signals(&decoded(&["export", "dbc", "--config", CONFIG]));
-    let said = [LOG, "tests/golden/fault_reset.log"]
+    let output = [LOG, "tests/golden/fault_reset.log"]
         .map(|log| decoded(&["decode", "--config", CONFIG, "--json", log]))
         .concat();
     let mut compared = 0;
-    for line in said.lines() {
+    for line in output.lines() {
         let line: Json = serde_json::from_str(line).unwrap();
         let Some(values) = line["signals"].as_object() else { continue };
         let id = u32::from_str_radix(line["id"].as_str().unwrap(), 16).unwrap();
@@ -297,7 +297,7 @@ fn the_dbc_file_scales_as_the_decoder_does() {
 }
 
 #[test]
-fn one_bus_or_all_of_them_are_exported() {
+fn export_is_limited_to_one_bus() {
     let config = "config/jpl_like.toml";
     let all = signals(&decoded(&["export", "dbc", "--config", config]));
     let wrist = signals(&decoded(&["export", "dbc", "--config", config, "--bus", "wrist"]));

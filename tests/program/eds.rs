@@ -1,7 +1,6 @@
-//! EDS and DCF files: what real files do to a reader, what `frhc check --eds` says of them, and the
-//! DCFs that `frhc export dcf` writes.
+//! EDS and DCF files: parsing of real files, findings of `frhc check --eds`, and the DCFs of `frhc export dcf`.
 //!
-//! `GOLDEN=write cargo test --test program eds::` writes the golden files anew; read the difference before you
+//! `GOLDEN=write cargo test --test program eds::` rewrites the golden files; check the difference before you
 //! commit it.
 #![allow(
     clippy::float_cmp,
@@ -56,7 +55,7 @@ fn count(bytes: &[u8]) -> (usize, usize) {
 }
 
 #[test]
-fn a_file_from_a_windows_editor_is_understood() {
+fn file_of_a_windows_editor_is_parsed() {
     let eds = Eds::parse(WINDOWS).unwrap();
     assert_eq!((eds.vendor(), eds.product()), (0xABC, 1));
     assert_eq!(eds.device().vendor_name, "Müller & Söhne; C:\\new");
@@ -84,11 +83,11 @@ fn a_file_from_a_windows_editor_is_understood() {
     assert_eq!((torque.low, torque.high), (Some(-1_000), Some(1_000)));
     let rpdo = eds.pdo(Direction::Receive, 1).unwrap();
     assert_eq!((rpdo.can_move, rpdo.can_map, rpdo.max_entries), (false, true, 2));
-    assert_eq!(count(WINDOWS).0, 0, "odd, but not wrong");
+    assert_eq!(count(WINDOWS).0, 0, "warnings only");
 }
 
 #[test]
-fn what_is_told_compactly_is_spelt_out() {
+fn compact_sections_are_expanded() {
     let eds = Eds::parse(COMPACT).unwrap();
     let commissioning = eds.commissioning().unwrap();
     assert_eq!((commissioning.node, commissioning.bitrate), (Some(node(127)), Some(1_000)));
@@ -114,21 +113,25 @@ fn what_is_told_compactly_is_spelt_out() {
 }
 
 #[test]
-fn a_file_from_a_simple_editor_is_understood() {
+fn file_of_a_simple_editor_is_parsed() {
     let eds = Eds::parse(EDITOR).unwrap();
-    assert_eq!(eds.vendor(), 0x1234, "by the identity object, where the device does not say");
-    assert_eq!(initial(&eds, 0x2000, 0), [0x2C, 1], "the file's own type is UNSIGNED16");
+    assert_eq!(eds.vendor(), 0x1234, "from the identity object, as DeviceInfo has none");
+    assert_eq!(initial(&eds, 0x2000, 0), [0x2C, 1], "the file types it as UNSIGNED16");
     assert_eq!(object(&eds, 0x1001, 0).access, Access::ReadOnly);
-    assert_eq!(object(&eds, 0x1018, 0).number.unwrap().value, 4, "a record that says it is none");
+    assert_eq!(
+        object(&eds, 0x1018, 0).number.unwrap().value,
+        4,
+        "record with the wrong object type"
+    );
     assert_eq!(eds.objects().iter().filter(|one| one.object.index == 0x1018).count(), 3);
     let switch = object(&eds, 0x2001, 0);
     assert_eq!(
         (switch.low, switch.high, switch.number),
         (None, None, None),
-        "nonsense is not said"
+        "invalid limits are ignored"
     );
     assert_eq!(initial(&eds, 0x2001, 0), [0]);
-    assert!(eds.object(Object { index: 0x2002, sub: 0 }).is_none(), "an array of nothing");
+    assert!(eds.object(Object { index: 0x2002, sub: 0 }).is_none(), "empty array");
     let lint: Vec<_> = eds.lint().iter().map(ToString::to_string).collect();
     for finding in [
         "2001h DefaultValue: 0.0: not a number",
@@ -141,7 +144,7 @@ fn a_file_from_a_simple_editor_is_understood() {
 }
 
 #[test]
-fn line_ends_marks_and_characters_do_not_matter() {
+fn line_ends_byte_order_marks_and_encodings_do_not_matter() {
     let text: String = WINDOWS.iter().copied().map(char::from).collect();
     let objects = Eds::parse(WINDOWS).unwrap().objects().to_vec();
     let utf16 = |text: &str| {
@@ -162,13 +165,13 @@ fn line_ends_marks_and_characters_do_not_matter() {
 }
 
 #[test]
-fn the_shipped_files_are_in_order() {
+fn shipped_files_have_no_findings() {
     for bytes in [DRIVE, SWITCHES] {
         assert_eq!(Eds::parse(bytes).unwrap().lint(), []);
     }
 }
 
-/// What is said of the drive's EDS when `from` is replaced by `to`.
+/// Findings in the drive's EDS with `from` replaced by `to`.
 fn findings(from: &str, to: &str) -> Vec<String> {
     let text = std::str::from_utf8(DRIVE).unwrap();
     assert!(text.contains(from), "{from}");
@@ -177,7 +180,7 @@ fn findings(from: &str, to: &str) -> Vec<String> {
 }
 
 #[test]
-fn one_slip_is_told_where_it_stands() {
+fn each_error_is_found_at_its_entry() {
     for (from, to, finding) in [
         (
             "SupportedObjects=3\n",
@@ -247,7 +250,7 @@ fn one_slip_is_told_where_it_stands() {
 }
 
 #[test]
-fn findings_stand_on_their_lines() {
+fn findings_have_line_numbers() {
     let line = |text: &str| {
         1 + std::str::from_utf8(DRIVE).unwrap().lines().position(|line| line == text).unwrap()
     };
@@ -260,14 +263,14 @@ fn findings_stand_on_their_lines() {
 }
 
 #[test]
-fn sections_of_modules_and_tools_are_known() {
+fn sections_of_modules_and_tools_are_accepted() {
     let sections = "[SupportedModules]\nNrOfEntries=1\n[M1ModuleInfo]\n[M1SubExt1027]\n[Tool1]\n";
     let found = findings("[DummyUsage]", &format!("{sections}[Toolbox]\n[DummyUsage]"));
     assert_eq!(found.len(), 1, "{found:#?}");
     assert!(found[0].ends_with(": warning: [Toolbox]: not a section of CiA 306"));
 }
 
-/// That two files describe the same device.
+/// Checks that two files describe the same device.
 fn assert_same(one: &Eds, other: &Eds) {
     assert_eq!(one.objects(), other.objects());
     assert_eq!(one.device(), other.device());
@@ -276,18 +279,18 @@ fn assert_same(one: &Eds, other: &Eds) {
 }
 
 #[test]
-fn what_is_written_describes_the_same() {
+fn written_file_describes_the_same_device() {
     for bytes in ALL {
         let eds = Eds::parse(bytes).unwrap();
         let written = eds.write();
         let again = Eds::parse(&written).unwrap();
         assert_same(&eds, &again);
-        assert_eq!(again.write(), written, "written once, it is in order");
+        assert_eq!(again.write(), written, "written form is stable");
     }
 }
 
 #[test]
-fn the_shipped_files_are_already_in_order() {
+fn shipped_files_are_written_without_changes() {
     let sorted = |bytes: &[u8]| {
         let text = String::from_utf8(bytes.to_vec()).unwrap().replace("\r\n", "\n");
         let mut lines: Vec<_> = text.lines().map(str::to_owned).collect();
@@ -298,13 +301,13 @@ fn the_shipped_files_are_already_in_order() {
         assert_eq!(
             sorted(&Eds::parse(bytes).unwrap().write()),
             sorted(bytes),
-            "not a line is lost"
+            "all lines are kept"
         );
     }
 }
 
 #[test]
-fn more_than_a_device_has_is_refused_at_once() {
+fn oversized_files_are_refused() {
     let refusal = |text: String| Eds::parse(text.as_bytes()).unwrap_err().to_string();
     let compact = |name: &str| {
         let array =
@@ -320,8 +323,8 @@ fn more_than_a_device_has_is_refused_at_once() {
     assert_eq!(refusal("DataType=7\n[Tools]\n".to_owned()), "no object is described");
 }
 
-/// What a byte of a real file may turn into.
-fn spoil(bytes: &mut Vec<u8>, kind: u8, at: usize, byte: u8) {
+/// Corrupts one place of a file.
+fn corrupt(bytes: &mut Vec<u8>, kind: u8, at: usize, byte: u8) {
     let at = at % bytes.len();
     match kind % 5 {
         0 => bytes[at] = byte,
@@ -329,7 +332,7 @@ fn spoil(bytes: &mut Vec<u8>, kind: u8, at: usize, byte: u8) {
         2 => drop(bytes.remove(at)),
         3 => bytes.truncate(at + 1),
         _ => {
-            // A line again, elsewhere.
+            // Repeat a line elsewhere.
             let line = bytes.split(|byte| *byte == b'\n').nth(at % 100).unwrap_or_default();
             let line = [line, b"\n"].concat();
             bytes.splice(at..at, line);
@@ -337,8 +340,8 @@ fn spoil(bytes: &mut Vec<u8>, kind: u8, at: usize, byte: u8) {
     }
 }
 
-/// Reads, judges and writes a file; what is written must describe the same.
-fn withstands(bytes: &[u8]) {
+/// Parses, lints and writes a file; the written one must describe the same device.
+fn assert_round_trip(bytes: &[u8]) {
     let Ok(eds) = Eds::parse(bytes) else { return };
     eds.lint();
     assert_same(&eds, &Eds::parse(&eds.write()).unwrap());
@@ -348,27 +351,27 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(100))]
 
     #[test]
-    fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
-        withstands(&bytes);
+    fn any_bytes_are_parsed_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
+        assert_round_trip(&bytes);
     }
 
     #[test]
-    fn anything_like_an_eds_is_read_or_refused(text in "(\\[(1[0468A]0[0-3](sub[0-9A])?|20[0-3][0-9](Value|Name)?|DeviceInfo)\\]\n|(ParameterName|DataType|DefaultValue|LowLimit|CompactSubObj|SubNumber|ObjectType|CompactPDO|NrOfRXPDO|[1-9])=(0x[0-9A-F]{1,8}|[0-9]{1,5}|\\$NODEID\\+[0-9]+|.{0,5})\n){0,60}") {
-        withstands(text.as_bytes());
+    fn any_eds_like_text_is_parsed_or_refused(text in "(\\[(1[0468A]0[0-3](sub[0-9A])?|20[0-3][0-9](Value|Name)?|DeviceInfo)\\]\n|(ParameterName|DataType|DefaultValue|LowLimit|CompactSubObj|SubNumber|ObjectType|CompactPDO|NrOfRXPDO|[1-9])=(0x[0-9A-F]{1,8}|[0-9]{1,5}|\\$NODEID\\+[0-9]+|.{0,5})\n){0,60}") {
+        assert_round_trip(text.as_bytes());
     }
 
     #[test]
-    fn a_spoilt_file_is_read_or_refused(
+    fn corrupted_files_are_parsed_or_refused(
         file in 0..ALL.len(),
-        spoils in prop::collection::vec((any::<u8>(), any::<usize>(), any::<u8>()), 1..8),
+        changes in prop::collection::vec((any::<u8>(), any::<usize>(), any::<u8>()), 1..8),
     ) {
         let mut bytes = ALL[file].to_vec();
-        for (kind, at, byte) in spoils {
+        for (kind, at, byte) in changes {
             if !bytes.is_empty() {
-                spoil(&mut bytes, kind, at, byte);
+                corrupt(&mut bytes, kind, at, byte);
             }
         }
-        withstands(&bytes);
+        assert_round_trip(&bytes);
     }
 }
 
@@ -387,7 +390,7 @@ fn compare(name: &str, text: &str) {
 }
 
 #[test]
-fn a_bad_file_is_told_line_by_line() {
+fn findings_of_a_bad_file_are_listed_by_line() {
     let outcome = frhc(&["check", "--eds", "tests/eds_files/bad.eds"]);
     compare("bad_eds.txt", &outcome.stdout);
     let (errors, warnings) = count(BAD);
@@ -402,7 +405,7 @@ fn a_bad_file_is_told_line_by_line() {
 }
 
 #[test]
-fn findings_are_data_too() {
+fn findings_are_written_as_json() {
     let outcome = frhc(&[
         "check",
         "--json",
@@ -422,7 +425,7 @@ fn findings_are_data_too() {
 }
 
 #[test]
-fn a_check_ends_with_its_code() {
+fn check_ends_with_its_exit_code() {
     let folder = folder("eds", "codes");
     let file = |name: &str, bytes: &[u8]| {
         fs::write(folder.join(name), bytes).unwrap();
@@ -456,7 +459,7 @@ fn a_check_ends_with_its_code() {
 const CONFIG: &str = "config/kraft_like.toml";
 
 #[test]
-fn a_configuration_with_a_doubtful_eds_is_told_so() {
+fn check_of_a_configuration_counts_the_errors_of_its_eds() {
     let folder = folder("eds", "doubt");
     let drive = std::str::from_utf8(DRIVE).unwrap();
     fs::write(folder.join("drive.eds"), drive.replacen("SubNumber=9", "SubNumber=7", 1)).unwrap();
@@ -468,16 +471,16 @@ fn a_configuration_with_a_doubtful_eds_is_told_so() {
         |args: &[&str]| frhc(&[&["check", "--config", file.to_str().unwrap()], args].concat());
     let outcome = check(&[]);
     assert_eq!((outcome.code, outcome.stderr.as_str()), (0, ""));
-    let told: Vec<_> = outcome.stdout.lines().filter(|line| line.starts_with("eds ")).collect();
-    assert_eq!(told.len(), 6);
-    assert_eq!(told[2], "eds   elbow            1 error, told by frhc check --eds");
+    let lines: Vec<_> = outcome.stdout.lines().filter(|line| line.starts_with("eds ")).collect();
+    assert_eq!(lines.len(), 6);
+    assert_eq!(lines[2], "eds   elbow            1 error; see frhc check --eds");
     let report: serde_json::Value = serde_json::from_str(&check(&["--json"]).stdout).unwrap();
     assert_eq!(report["eds"].as_array().unwrap().len(), 6);
     assert_eq!(report["eds"][5]["node"], "roll");
 }
 
 #[test]
-fn every_node_gets_a_dcf_that_says_what_the_plan_leaves() {
+fn dcf_of_each_node_matches_its_plan() {
     let out = folder("eds", "dcf").join("new");
     let outcome = frhc(&["export", "dcf", "--config", CONFIG, "--out", out.to_str().unwrap()]);
     assert_eq!((outcome.code, outcome.stderr.as_str()), (0, ""));
@@ -485,7 +488,7 @@ fn every_node_gets_a_dcf_that_says_what_the_plan_leaves() {
     let names: Vec<_> =
         outcome.stdout.lines().map(|line| line.rsplit('/').next().unwrap()).collect();
     assert_eq!(names.len(), 7);
-    assert_eq!(fs::read_dir(&out).unwrap().count(), 7, "and nothing half done");
+    assert_eq!(fs::read_dir(&out).unwrap().count(), 7, "no temporary files");
     for (name, (_, plan)) in names.iter().zip(config.node_plans()) {
         let bytes = fs::read(out.join(name)).unwrap();
         let eds = Eds::parse(&bytes).unwrap();
@@ -515,7 +518,7 @@ fn every_node_gets_a_dcf_that_says_what_the_plan_leaves() {
 }
 
 #[test]
-fn a_concise_dcf_is_every_write_in_order() {
+fn concise_dcf_contains_every_download_in_order() {
     let out = folder("eds", "concise");
     let args = ["export", "dcf", "--concise", "--config", CONFIG, "--out", out.to_str().unwrap()];
     assert_eq!(frhc(&args).code, 0);
@@ -532,7 +535,7 @@ fn a_concise_dcf_is_every_write_in_order() {
 }
 
 #[test]
-fn an_export_is_written_whole_or_not_at_all() {
+fn failed_export_writes_no_file() {
     let folder = folder("eds", "whole");
     let out = folder.join("out");
     let args = ["export", "dcf", "--config", CONFIG, "--out", out.to_str().unwrap()];
@@ -542,20 +545,20 @@ fn an_export_is_written_whole_or_not_at_all() {
     assert!(outcome.code != 0 && outcome.stderr.contains("out"), "{}", outcome.stderr);
     assert_eq!(fs::read(&out).unwrap(), b"a file");
     fs::remove_file(&out).unwrap();
-    // A folder where a file should go.
+    // A folder with the name of an output file.
     fs::create_dir_all(out.join("5_yaw.dcf")).unwrap();
     fs::write(out.join("3_elbow.dcf"), "mine").unwrap();
     for force in [&[][..], &["--force"]] {
         let outcome = export(force);
         let named = if force.is_empty() { "3_elbow.dcf exists" } else { "5_yaw.dcf" };
         assert!(outcome.code != 0 && outcome.stderr.contains(named), "{}", outcome.stderr);
-        assert_eq!(fs::read_dir(&out).unwrap().count(), 2, "nothing half done");
+        assert_eq!(fs::read_dir(&out).unwrap().count(), 2, "no temporary files");
         assert_eq!(fs::read(out.join("3_elbow.dcf")).unwrap(), b"mine");
     }
 }
 
 #[test]
-fn a_dcf_is_no_surprise_twice() {
+fn dcf_export_is_reproducible() {
     let out = folder("eds", "twice");
     let args = [
         "export",

@@ -65,12 +65,12 @@ fn at(millis: u64) -> Instant {
 }
 
 /// Device under test, and its time.
-struct Desk {
+struct Fixture {
     device: Device<Recorder>,
     now: Instant,
 }
 
-impl Desk {
+impl Fixture {
     /// Device after boot-up.
     fn new() -> Self {
         static EDS: LazyLock<Eds> =
@@ -87,21 +87,21 @@ impl Desk {
         let node = NodeId::new(NODE).unwrap();
         let dictionary = Dictionary::new(eds, node);
         let device = Device::new(node, dictionary, Recorder::default(), Duration::ZERO);
-        let mut desk = Self { device, now: at(0) };
-        assert_eq!(desk.wait_until(0), [Frame::new(0x705, [0])], "boot-up");
-        desk
+        let mut fixture = Self { device, now: at(0) };
+        assert_eq!(fixture.wait_until(0), [Frame::new(0x705, [0])], "boot-up");
+        fixture
     }
 
     /// Device after boot-up with every PDO disabled.
     fn silent() -> Self {
-        let mut desk = Self::new();
+        let mut fixture = Self::new();
         for direction in [Direction::Receive, Direction::Transmit] {
-            let places: Vec<_> = Place::all(desk.device.dictionary(), direction).collect();
+            let places: Vec<_> = Place::all(fixture.device.dictionary(), direction).collect();
             for place in places {
-                desk.write(place.communication(1), &OFF.to_le_bytes()).unwrap();
+                fixture.write(place.communication(1), &OFF.to_le_bytes()).unwrap();
             }
         }
-        desk
+        fixture
     }
 
     /// Frames sent in reply to a frame.
@@ -174,10 +174,10 @@ impl Desk {
 
     /// Operational device with the target torque alone in RPDO1, of this transmission type.
     fn with_target(transmission: u8) -> Self {
-        let mut desk = Self::silent();
-        desk.map(RPDO1, &[TARGET], transmission).unwrap();
-        desk.order(NmtCommand::StartRemoteNode);
-        desk
+        let mut fixture = Self::silent();
+        fixture.map(RPDO1, &[TARGET], transmission).unwrap();
+        fixture.order(NmtCommand::StartRemoteNode);
+        fixture
     }
 
     fn target(&self) -> i16 {
@@ -207,11 +207,11 @@ fn emergency(code: u16, register: u8, manufacturer: [u8; 5]) -> Frame {
 
 #[test]
 fn wrong_accesses_have_the_right_abort_codes() {
-    let mut desk = Desk::new();
+    let mut fixture = Fixture::new();
     let no_such_sub = Object { sub: 9, ..Object::VENDOR_ID };
     let no_such_index = Object { index: 0x5FFF, sub: 0 };
-    assert_eq!(desk.read(no_such_index), Err(AbortCode::NO_OBJECT));
-    assert_eq!(desk.read(no_such_sub), Err(AbortCode::NO_SUB_INDEX));
+    assert_eq!(fixture.read(no_such_index), Err(AbortCode::NO_OBJECT));
+    assert_eq!(fixture.read(no_such_sub), Err(AbortCode::NO_SUB_INDEX));
     let writes: [(Object, &[u8], AbortCode); 12] = [
         (no_such_index, &[0], AbortCode::NO_OBJECT),
         (no_such_sub, &[0], AbortCode::NO_SUB_INDEX),
@@ -227,27 +227,27 @@ fn wrong_accesses_have_the_right_abort_codes() {
         (Object::EMCY_COB_ID, &[0x83, 6, 0, 0], AbortCode::DEVICE_STATE),
     ];
     for (object, bytes, code) in writes {
-        assert_eq!(desk.write(object, bytes), Err(code), "{object} {bytes:X?}");
+        assert_eq!(fixture.write(object, bytes), Err(code), "{object} {bytes:X?}");
     }
 }
 
 #[test]
 fn device_name_is_read_in_segments() {
-    let mut desk = Desk::new();
-    let name = desk.device.dictionary().get(Object::DEVICE_NAME).unwrap().to_vec();
+    let mut fixture = Fixture::new();
+    let name = fixture.device.dictionary().get(Object::DEVICE_NAME).unwrap().to_vec();
     assert!(name.len() > 7, "more than a segment");
-    assert_eq!(desk.read(Object::DEVICE_NAME), Ok(name));
+    assert_eq!(fixture.read(Object::DEVICE_NAME), Ok(name));
 }
 
 #[test]
 fn stopped_node_sends_its_heartbeat_only() {
-    let mut desk = Desk::with_target(EVERY_SYNC);
-    desk.order(NmtCommand::StopRemoteNode);
-    assert_eq!(desk.device.application().lost, [ConnectionLoss::Stopped]);
-    assert_eq!(desk.deliver(Frame::new(0x605, [0x40, 0, 0x10, 0, 0, 0, 0, 0])), []);
-    assert_eq!(desk.sync(), []);
-    desk.device.touch(|application, _| application.code = 0x2310);
-    assert_eq!(desk.wait_until(100), []);
+    let mut fixture = Fixture::with_target(EVERY_SYNC);
+    fixture.order(NmtCommand::StopRemoteNode);
+    assert_eq!(fixture.device.application().lost, [ConnectionLoss::Stopped]);
+    assert_eq!(fixture.deliver(Frame::new(0x605, [0x40, 0, 0x10, 0, 0, 0, 0, 0])), []);
+    assert_eq!(fixture.sync(), []);
+    fixture.device.touch(|application, _| application.code = 0x2310);
+    assert_eq!(fixture.wait_until(100), []);
 }
 
 #[test]
@@ -262,18 +262,18 @@ fn communication_reset_restores_defaults() {
         (NmtCommand::ResetCommunication, Reset::Communication, 2),
         (NmtCommand::ResetNode, Reset::Node, 0),
     ] {
-        let mut desk = Desk::new();
-        let before = desk.device.dictionary().clone();
-        desk.map(RPDO1, &[TARGET], AT_ONCE).unwrap();
+        let mut fixture = Fixture::new();
+        let before = fixture.device.dictionary().clone();
+        fixture.map(RPDO1, &[TARGET], AT_ONCE).unwrap();
         for (object, bytes) in changes {
-            desk.write(object, bytes).unwrap();
+            fixture.write(object, bytes).unwrap();
         }
-        desk.deliver(Frame::new(0x77F, [5]));
-        assert_eq!(desk.order(command), [Frame::new(0x705, [0])]);
-        assert_eq!(desk.device.state(), NmtState::PreOperational);
-        assert_eq!(desk.wait_until(1_000), [], "no heartbeat, and no consumer");
-        assert_eq!(desk.device.application().resets, [Reset::Node, reset]);
-        let now = desk.device.dictionary();
+        fixture.deliver(Frame::new(0x77F, [5]));
+        assert_eq!(fixture.order(command), [Frame::new(0x705, [0])]);
+        assert_eq!(fixture.device.state(), NmtState::PreOperational);
+        assert_eq!(fixture.wait_until(1_000), [], "no heartbeat, and no consumer");
+        assert_eq!(fixture.device.application().resets, [Reset::Node, reset]);
+        let now = fixture.device.dictionary();
         let differs = |(object, _): &&(Object, &[u8])| now.get(*object) != before.get(*object);
         assert_eq!(changes.iter().filter(differs).count(), kept, "{command:?}");
         assert_eq!(now.get(RPDO1.mapping(1)), before.get(RPDO1.mapping(1)));
@@ -282,49 +282,49 @@ fn communication_reset_restores_defaults() {
 
 #[test]
 fn application_error_is_reported_cleared_and_recorded() {
-    let mut desk = Desk::new();
-    let have = |desk: &mut Desk, code| {
-        desk.device.touch(|application, _| application.code = code);
-        desk.wait_until(1)
+    let mut fixture = Fixture::new();
+    let have = |fixture: &mut Fixture, code| {
+        fixture.device.touch(|application, _| application.code = code);
+        fixture.wait_until(1)
     };
-    assert_eq!(have(&mut desk, 0x2310), [emergency(0x2310, 0x03, [0; 5])]);
-    assert_eq!(have(&mut desk, 0x2310), []);
-    assert_eq!(desk.read(Object::ERROR_REGISTER), Ok(vec![0x03]));
-    assert_eq!(have(&mut desk, 0), [emergency(0, 0, [0; 5])]);
-    assert_eq!(have(&mut desk, 0x4310), [emergency(0x4310, 0x09, [0; 5])]);
+    assert_eq!(have(&mut fixture, 0x2310), [emergency(0x2310, 0x03, [0; 5])]);
+    assert_eq!(have(&mut fixture, 0x2310), []);
+    assert_eq!(fixture.read(Object::ERROR_REGISTER), Ok(vec![0x03]));
+    assert_eq!(have(&mut fixture, 0), [emergency(0, 0, [0; 5])]);
+    assert_eq!(have(&mut fixture, 0x4310), [emergency(0x4310, 0x09, [0; 5])]);
     let newest = Object { sub: 1, ..Object::ERROR_HISTORY };
     let before = Object { sub: 2, ..Object::ERROR_HISTORY };
-    assert_eq!(desk.read(Object::ERROR_HISTORY), Ok(vec![2]));
-    assert_eq!(desk.read(newest), Ok(vec![0x10, 0x43, 0, 0]));
-    assert_eq!(desk.read(before), Ok(vec![0x10, 0x23, 0, 0]));
-    desk.write(Object::ERROR_HISTORY, &[0]).unwrap();
-    assert_eq!(desk.read(Object::ERROR_HISTORY), Ok(vec![0]));
-    assert_eq!(desk.read(newest), Err(AbortCode::NO_DATA), "no error recorded");
+    assert_eq!(fixture.read(Object::ERROR_HISTORY), Ok(vec![2]));
+    assert_eq!(fixture.read(newest), Ok(vec![0x10, 0x43, 0, 0]));
+    assert_eq!(fixture.read(before), Ok(vec![0x10, 0x23, 0, 0]));
+    fixture.write(Object::ERROR_HISTORY, &[0]).unwrap();
+    assert_eq!(fixture.read(Object::ERROR_HISTORY), Ok(vec![0]));
+    assert_eq!(fixture.read(newest), Err(AbortCode::NO_DATA), "no error recorded");
 }
 
 #[test]
 fn full_history_drops_the_oldest_error() {
-    let mut desk = Desk::new();
+    let mut fixture = Fixture::new();
     for number in 1..=20_u16 {
-        desk.device.touch(|application, _| application.code = 0x2300 + number);
-        desk.wait_until(u64::from(number));
+        fixture.device.touch(|application, _| application.code = 0x2300 + number);
+        fixture.wait_until(u64::from(number));
     }
-    assert_eq!(desk.read(Object::ERROR_HISTORY), Ok(vec![8]));
+    assert_eq!(fixture.read(Object::ERROR_HISTORY), Ok(vec![8]));
     for (sub, number) in (1..=8).zip((13..=20).rev()) {
         let place = Object { sub, ..Object::ERROR_HISTORY };
-        assert_eq!(desk.read(place), Ok(vec![number, 0x23, 0, 0]));
+        assert_eq!(fixture.read(place), Ok(vec![number, 0x23, 0, 0]));
     }
 }
 
 #[test]
 fn emergency_uses_its_moved_cob_id() {
-    let mut desk = Desk::new();
-    desk.write(Object::EMCY_COB_ID, &(OFF | 0x685).to_le_bytes()).unwrap();
-    desk.device.touch(|application, _| application.code = 0x2310);
-    assert_eq!(desk.wait_until(1), [], "off");
-    desk.write(Object::EMCY_COB_ID, &0x685_u32.to_le_bytes()).unwrap();
-    desk.device.touch(|application, _| application.code = 0);
-    assert_eq!(desk.wait_until(2).first().map(|frame| frame.cob_id), Some(0x685));
+    let mut fixture = Fixture::new();
+    fixture.write(Object::EMCY_COB_ID, &(OFF | 0x685).to_le_bytes()).unwrap();
+    fixture.device.touch(|application, _| application.code = 0x2310);
+    assert_eq!(fixture.wait_until(1), [], "off");
+    fixture.write(Object::EMCY_COB_ID, &0x685_u32.to_le_bytes()).unwrap();
+    fixture.device.touch(|application, _| application.code = 0);
+    assert_eq!(fixture.wait_until(2).first().map(|frame| frame.cob_id), Some(0x685));
 }
 
 proptest! {
@@ -341,22 +341,22 @@ proptest! {
             0..200,
         ),
     ) {
-        let mut desk = Desk::new();
-        desk.order(NmtCommand::StartRemoteNode);
+        let mut fixture = Fixture::new();
+        fixture.order(NmtCommand::StartRemoteNode);
         for (step, cob_id, mut data, index, shaped) in steps {
-            desk.now = desk.now + Duration::from_micros(step);
+            fixture.now = fixture.now + Duration::from_micros(step);
             if let ([command, low, high, sub, ..], true) = (&mut data[..], shaped) {
                 *command = [0x23, 0x2B, 0x2F, 0x40, 0x21, 0x00, 0x60, 0x01][usize::from(*command & 7)];
                 [*low, *high] = index.to_le_bytes();
                 *sub &= 7;
             }
             let mut out = Vec::new();
-            desk.device.on_time(desk.now, &mut out);
-            desk.device.on_frame(desk.now, &Frame::from_slice(cob_id, &data).unwrap(), &mut out);
+            fixture.device.on_time(fixture.now, &mut out);
+            fixture.device.on_frame(fixture.now, &Frame::from_slice(cob_id, &data).unwrap(), &mut out);
             prop_assert!(out.len() <= 16, "{out:?}");
-            desk.device.on_time(desk.now, &mut out);
-            let due = desk.device.deadline();
-            prop_assert!(due.is_none_or(|due| due > desk.now), "on_time leaves nothing due");
+            fixture.device.on_time(fixture.now, &mut out);
+            let due = fixture.device.deadline();
+            prop_assert!(due.is_none_or(|due| due > fixture.now), "on_time leaves nothing due");
         }
     }
 }

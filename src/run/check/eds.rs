@@ -30,11 +30,11 @@ pub(super) struct Doubt<'a> {
     errors: usize,
 }
 
-/// As in `eds   elbow            2 errors, told by frhc check --eds`.
+/// `eds   elbow            2 errors; see frhc check --eds`.
 impl fmt::Display for Doubt<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let errors = many(self.errors, "error");
-        write!(f, "eds   {:16} {errors}, told by frhc check --eds", self.node)
+        write!(f, "eds   {:16} {errors}; see frhc check --eds", self.node)
     }
 }
 

@@ -45,12 +45,12 @@ AccessType=rw
 HighLimit=0x10
 ";
 
-fn desk() -> Desk {
+fn fixture() -> Fixture {
     static EDS: LazyLock<Eds> = LazyLock::new(|| {
         let text = include_str!("../../../../eds/frhc_drive.eds");
         Eds::parse(format!("{text}{MORE}").as_bytes()).unwrap()
     });
-    Desk::of(&EDS)
+    Fixture::of(&EDS)
 }
 
 /// Request from text: `40 1018:9` and up to four bytes.
@@ -74,14 +74,14 @@ fn request(text: &str) -> SdoPayload {
 
 /// Sends `requests`: the last is aborted with this code and the multiplexer of its transfer, the others are not.
 fn assert_abort(what: &str, requests: &[&str], code: u32) {
-    let mut desk = desk();
+    let mut fixture = fixture();
     let (last, before) = requests.split_last().unwrap();
     for text in before {
-        let sent = desk.deliver(Frame::new(0x605, request(text)));
+        let sent = fixture.deliver(Frame::new(0x605, request(text)));
         let is_abort = |frame: &Frame| frame.cob_id == 0x585 && frame.data()[0] == 0x80;
         assert!(!sent.iter().any(is_abort), "{what}: {text} gives {sent:?}");
     }
-    let sent = desk.deliver(Frame::new(0x605, request(last)));
+    let sent = fixture.deliver(Frame::new(0x605, request(last)));
     let named = requests.iter().rev().find(|text| text.contains(':'));
     let [_, low, high, sub, ..] = named.map_or([0; 8], |text| request(text));
     let [a, b, c, d] = code.to_le_bytes();
@@ -362,20 +362,20 @@ fn protocol_violations_abort_the_transfer() {
 
 #[test]
 fn transfer_is_aborted_after_the_client_timeout() {
-    let mut desk = desk();
-    desk.deliver(Frame::new(0x605, request("20 5001:0")));
-    let sent = desk.wait_until(10_000);
+    let mut fixture = fixture();
+    fixture.deliver(Frame::new(0x605, request("20 5001:0")));
+    let sent = fixture.wait_until(10_000);
     assert_eq!(sent, [Frame::new(0x585, [0x80, 0x01, 0x50, 0, 0, 0, 4, 5])], "05040000h");
 }
 
 #[test]
 fn aborted_downloads_change_nothing() {
-    let mut desk = desk();
-    let before = desk.device.dictionary().clone();
+    let mut fixture = fixture();
+    let before = fixture.device.dictionary().clone();
     for text in ["2B 6071:0 B9 0B", "23 1014:0 85 06", "2F 1003:0 01", "23 1010:1", "2F 1600:0 02"]
     {
-        desk.deliver(Frame::new(0x605, request(text)));
+        fixture.deliver(Frame::new(0x605, request(text)));
     }
-    assert_eq!(*desk.device.dictionary(), before);
-    assert_eq!(desk.device.application().written, []);
+    assert_eq!(*fixture.device.dictionary(), before);
+    assert_eq!(fixture.device.application().written, []);
 }

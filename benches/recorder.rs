@@ -19,8 +19,8 @@ use canopen::master::event::Event;
 use config::Config;
 use lab::bench::Bench;
 use node::record::Record;
-use run::rings::Entries;
-use run::rings::Offer;
+use run::rings::EntryHandler;
+use run::rings::EntryProducer;
 use run::rings::rings;
 use sim::scenario::Scenario;
 
@@ -31,10 +31,10 @@ const CYCLES: usize = 90;
 /// A recorder that keeps nothing.
 struct Drain;
 
-impl Entries for Drain {
-    fn frame(&mut self, _: units::time::Instant, _: &Telegram) {}
-    fn record(&mut self, _: &Record) {}
-    fn event(&mut self, _: &Event) {}
+impl EntryHandler for Drain {
+    fn on_frame(&mut self, _: units::time::Instant, _: &Telegram) {}
+    fn on_record(&mut self, _: &Record) {}
+    fn on_event(&mut self, _: &Event) {}
 }
 
 fn main() {
@@ -48,9 +48,9 @@ fn main() {
         let mut stuck = booted(&config, hanging);
         for _ in 0..TURNS {
             measure(&mut alone, |_, _| {}, &mut spans[0]);
-            measure(&mut drained, Offer::record, &mut spans[1]);
+            measure(&mut drained, EntryProducer::push_record, &mut spans[1]);
             taker.take(usize::MAX, &mut Drain);
-            measure(&mut stuck, Offer::record, &mut spans[2]);
+            measure(&mut stuck, EntryProducer::push_record, &mut spans[2]);
         }
         drop(hung);
         if round == 0 {

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# bench.sh: what one step of the controller costs, in time and instructions, what pinocchio takes for
-# forward kinematics, Jacobian and gravity of the same arm, and what a millisecond of the simulation costs.
+# bench.sh: cost of one step of the controller in time and instructions, of forward kinematics, Jacobian and gravity of
+# the same arm in pinocchio, and of a millisecond of the simulation.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -27,12 +27,12 @@ if command -v valgrind >/dev/null; then
   echo "dynamics, hand holding, a millisecond of it: $(each "$world" --dynamics 2000) instructions"
   echo "the whole world, a millisecond of it: $(each "$world" --cycles 2000) instructions"
 else
-  echo "no valgrind here: instructions not counted" >&2
+  echo "valgrind is missing: instructions not counted" >&2
 fi
 
 venv=target/bench-venv
 if python3 -m venv "$venv" 2>/dev/null && "$venv/bin/pip" install -q pin numpy 2>/dev/null; then
   "$venv/bin/python" scripts/bench_pinocchio.py
 else
-  echo "no pinocchio here (pip install pin): not compared" >&2
+  echo "pinocchio is missing (pip install pin): not compared" >&2
 fi

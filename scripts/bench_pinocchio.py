@@ -1,5 +1,5 @@
-"""What pinocchio takes for forward kinematics, grip Jacobian and gravity of kraft_like: the part of a step
-that both programs do. Called by bench.sh."""
+"""Times forward kinematics, grip Jacobian and gravity of kraft_like in pinocchio: the part of a controller step that
+both programs compute. Called by bench.sh."""
 
 import json
 import time

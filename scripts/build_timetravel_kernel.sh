@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # build_timetravel_kernel.sh [OUTPUT]
 #
-# Builds the User-Mode Linux kernel that with_vcan.sh uses for virtual time, from Debian's own kernel
+# Builds the User-Mode Linux kernel that with_vcan.sh uses for virtual time, from Debian's kernel
 # source package (newest linux-source of its unstable suite), with SocketCAN, vcan, vxcan, slcan, the
 # CAN gateway (cangw) and netem/tbf built in. About 8 minutes on two cores; OUTPUT (default:
 # ~/.cache/vcan-uml/linux-timetravel) is one file of 7 MB that runs as an ordinary process.

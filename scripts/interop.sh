@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# interop.sh [NAME...]: frhc on real vcan with programs that nobody here wrote, in virtual time.
+# interop.sh [NAME...]: frhc with third-party programs on real vcan, in virtual time.
 #
-# python-canopen is six drives for `frhc run`, and master of the drives of `frhc sim`; strangers send
-# what is no CANopen. Then Wireshark's dissector and cantools read what candump saw of it. All the tests,
-# or those whose names contain one of the NAMEs.
+# python-canopen simulates six drives for `frhc run`, and is the master of the drives of `frhc sim`; other nodes send
+# frames that are not CANopen. Then Wireshark's dissector and cantools read the candump logs. Runs all tests, or those
+# whose names contain one of the NAMEs.
 #
-# Installs what is missing by scripts/setup.sh. Needs $VCAN_KERNEL, as scripts/test.sh has it.
+# Installs missing tools by scripts/setup.sh. Needs $VCAN_KERNEL, as scripts/test.sh sets it.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 scripts/setup.sh tools

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# mutants.sh: which faults put into the sources the unit tests and the tests on the in-memory bus find.
+# mutants.sh: mutation test: applies faults to the sources, and reports which the unit tests and the tests on the
+# in-memory bus detect.
 #
 # usage: scripts/mutants.sh [--count N] [--seed N] [--only TEXT] [--edits FILE] [--list] [--limit SECONDS]
 #

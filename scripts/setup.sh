@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# setup.sh: what the tests need beyond a Rust toolchain, on Debian and its like.
+# setup.sh: installs what the tests need beyond a Rust toolchain, on Debian and derivatives.
 #
-# usage: scripts/setup.sh [--missing] [tools|kernel]...          (both unless named)
+# usage: scripts/setup.sh [--missing] [tools|kernel]...          (default: both)
 #
 #   tools    can-utils, iproute2, tshark, python3-venv from Debian (25 MB to fetch, 130 MB of disk, a minute; root or
 #            sudo), and Python's packages, pinned in tests/interop/requirements.txt, from PyPI into target/interop
@@ -10,17 +10,17 @@
 #            ~/.cache/vcan-uml, built from Debian's kernel source (about 140 MB to fetch, some GB while it is built, about 8
 #            minutes on two cores, once). It runs as an ordinary process; nothing of this machine's own kernel changes.
 #
-# Each step says what it installs. --missing installs nothing: it prints what is not there, a line each, and the exit
-# code is 1 if anything is not.
+# Each step prints what it installs. --missing installs nothing: it lists what is missing, one per line, and exits with
+# 1 if anything is.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 as_root() { if [[ $EUID -eq 0 ]]; then "$@"; else sudo -n "$@"; fi; }
 
-only_tell=
+only_list=
 parts=()
 for word in "$@"; do
   case $word in
-    --missing) only_tell=1 ;;
+    --missing) only_list=1 ;;
     tools | kernel) parts+=("$word") ;;
     *) sed -n '2,/^set/s/^# \?//p' "$0" >&2; exit 2 ;;
   esac
@@ -37,7 +37,7 @@ python3 -c 'import ensurepip, venv' 2>/dev/null || packages+=(python3 python3-ve
 venv=target/interop/venv
 has_venv() { cmp -s tests/interop/requirements.txt target/interop/installed.txt && [[ -x $venv/bin/python ]]; }
 
-if [[ -n $only_tell ]]; then
+if [[ -n $only_list ]]; then
   missing=()
   if wanted tools; then
     missing+=("${packages[@]}")

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# soak.sh: ten million cycles in virtual time in which nothing may trip, with 1 % of the link's words and
-# 0.1 % of the drives' samples lost, and the invariants of the bus watched all the while.
+# soak.sh: ten million cycles in virtual time without a trip, with 1 % of the link's packets and 0.1 % of the
+# drives' samples lost. A monitor checks the invariants of the bus.
 #
 # usage: scripts/soak.sh [CYCLES [SEED [OPTION...]]]      (options of frhc campaign)
 #
-# 10,000,000 cycles are some minutes on two cores. CI takes 1,000,000. The exit code is 1 if anything
-# tripped or an invariant was broken; each such lap is named.
+# 10,000,000 cycles take some minutes on two cores; CI runs 1,000,000. The exit code is 1 after a trip or a violated
+# invariant; each such lap is listed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 cycles=${1:-10000000}

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# test.sh: every test, those on real vcan included, on a fresh machine (Debian, a Rust toolchain).
+# test.sh: runs all tests, including those on real vcan, on a fresh machine (Debian, a Rust toolchain).
 #
 # usage: scripts/test.sh [--no-install]
 #
-# Installs what is missing by scripts/setup.sh, which says what that is and needs root, or sudo, and the network. With
-# --no-install it runs what can run, names what is missing, and ends with exit code 1 if anything is.
+# Installs missing tools by scripts/setup.sh, which lists them and needs root or sudo, and the network. With
+# --no-install it runs the tests that can run, lists the missing tools, and exits with 1 if there are any.
 #
-# The tests on the bus in memory come first; then those on real vcan, in virtual time (scripts/with_vcan.sh -v), side by
-# side with the campaigns: the program they start is the shipped one. How long each part took stands at the end.
+# Runs the tests on the in-memory bus first, then those on real vcan in virtual time (scripts/with_vcan.sh -v), in
+# parallel with the campaigns. These use the release build. Prints the duration of each part at the end.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 case $* in
@@ -19,7 +19,7 @@ export VCAN_KERNEL=${VCAN_KERNEL:-${VCAN_UML_HOME:-${XDG_CACHE_HOME:-$HOME/.cach
 
 work=$(mktemp -d)
 ended() {
-  echo "test: how long it took" >&2
+  echo "test: durations" >&2
   cat "$work/times" >&2
   rm -rf "$work"
 }
@@ -27,7 +27,7 @@ trap ended EXIT
 : >"$work/failed"
 : >"$work/times"
 
-# timed NAME COMMAND...: runs it, notes how long it took, and whether it failed.
+# timed NAME COMMAND...: runs it, and records its duration and whether it failed.
 timed() {
   local name=$1 begin=$SECONDS status=0
   shift
@@ -38,7 +38,7 @@ timed() {
   return "$status"
 }
 
-# lane NAME COMMAND...: as `timed`, to be run in the background; what it prints is kept for the end.
+# lane NAME COMMAND...: as `timed`, for background jobs; its output is printed at the end.
 lane() { timed "$@" >"$work/$1.out" 2>&1 || true; }
 
 # tests_of NAME: the executable of a test target.
@@ -60,7 +60,7 @@ campaign() { target/release/frhc -q campaign --seed 1 --faults 2000 --threads 1;
 missing=
 [[ -z $installs ]] || scripts/setup.sh tools
 timed "build the tests" cargo test --workspace --locked --profile quick --no-run
-timed "library, and everything on the bus in memory" cargo test --workspace --locked --profile quick
+timed "unit tests and tests on the in-memory bus" cargo test --workspace --locked --profile quick
 timed "build the program" cargo build --locked --release
 timed "demo" scripts/test_demo.sh
 [[ -z $installs ]] || scripts/setup.sh kernel
@@ -70,12 +70,12 @@ export FRHC_PROGRAM=$PWD/target/release/frhc
 last=$(($(nproc) - 1))
 if [[ -z $missing ]]; then
   timed "build the tests on vcan" cargo test --locked --profile quick --no-run --test vcan --test vcan_faults
-  { lane "two processes on real vcan" on_vcan 0 vcan; lane "other people's programs on real vcan" interop 0; } &
+  { lane "two processes on real vcan" on_vcan 0 vcan; lane "third-party programs on real vcan" interop 0; } &
   first=$!
 fi
 {
   [[ -n $missing ]] || lane "faults on real vcan" on_vcan "$last" vcan_faults
-  lane "two thousand faults on the bus in memory" campaign
+  lane "campaign of two thousand faults" campaign
   lane "a million cycles without a false stop" scripts/soak.sh 1000000 1 --threads 1
 } &
 wait ${first:-} $!
@@ -89,6 +89,6 @@ if [[ -s $work/failed ]]; then
   exit 1
 fi
 if [[ -n $missing ]]; then
-  echo "test: what needs real vcan was not run, for want of: $missing (scripts/setup.sh installs it)" >&2
+  echo "test: tests on real vcan not run; missing: $missing (scripts/setup.sh installs it)" >&2
   exit 1
 fi

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# test_demo.sh: the main job as the README tells it: 60 s of teleoperation in under 20 s, a log that
-# can-utils reads, and the same bytes from the same seed.
+# test_demo.sh: the demo of the README: 60 s of teleoperation in under 20 s, a log that can-utils reads, and the same
+# bytes from the same seed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 out=$(mktemp -d)
@@ -12,10 +12,10 @@ begin=$(date +%s%N)
 demo --out "$out/first" | tee "$out/summary"
 took=$((($(date +%s%N) - begin) / 1000000))
 echo "demo: 60 s of teleoperation in $took ms" >&2
-((took < 20000)) || { echo "demo: that is over 20 s" >&2; exit 1; }
+((took < 20000)) || { echo "demo: took $took ms, must take less than 20000" >&2; exit 1; }
 
 if stale=$(grep -vxFf README.md "$out/summary"); then
-  echo "demo: the README shows another summary than: $stale" >&2
+  echo "demo: not in the summary of README.md: $stale" >&2
   exit 1
 fi
 
@@ -27,8 +27,8 @@ if cmp --silent --bytes=2000000 "$out/first/bus.log" "$out/other/bus.log"; then
   exit 1
 fi
 
-command -v log2asc >/dev/null || { echo "demo: log2asc is not there to read the log (scripts/setup.sh tools)" >&2; exit; }
+command -v log2asc >/dev/null || { echo "demo: log2asc is missing, log not compared (scripts/setup.sh tools installs it)" >&2; exit; }
 lines=$(wc -l <"$out/first/bus.log")
 asc=$(log2asc -I "$out/first/bus.log" vcan0 vcan1 wrench0 node0 | grep -c -E ' (Rx|Tx) ')
-echo "demo: $lines lines, $asc of them in log2asc's words" >&2
+echo "demo: $lines lines, $asc of them converted by log2asc" >&2
 ((asc == lines)) || { echo "demo: log2asc lost some" >&2; exit 1; }

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # vcan_setup.sh [--down] [INTERFACE...]
 #
-# Makes the virtual CAN interfaces (default vcan0 and vcan1) on a machine whose kernel has CAN, for
-# classical frames (MTU 16) and with a short transmit queue: a long one is a store of stale torques.
-# --down removes them. Run it twice, and nothing changes the second time. Root, or sudo.
+# Creates the virtual CAN interfaces (default vcan0 and vcan1) on a machine whose kernel has CAN, for classical frames
+# (MTU 16) and with a short transmit queue: a long one would hold stale torques. --down removes them. Idempotent.
+# Needs root or sudo.
 #
-# A kernel without CAN cannot be helped from here: see with_vcan.sh.
+# For a kernel without CAN see with_vcan.sh.
 set -euo pipefail
 
 as_root() { if [[ $EUID -eq 0 ]]; then "$@"; else sudo -n "$@"; fi; }

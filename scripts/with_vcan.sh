@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # with_vcan.sh [-i "vcan0 vcan1"] [-t SECONDS] [-v] [--] COMMAND [ARG...]
 #
-# Runs COMMAND where real Linux vcan interfaces are up, and exits with its status.
+# Runs COMMAND with real Linux vcan interfaces up, and exits with its status.
 #   -i NAMES    the interfaces (default vcan0)
-#   -t SECONDS  stop once COMMAND has printed nothing for so much wall-clock time (exit 124): a slow machine
-#               is no failure, a command that hangs is
+#   -t SECONDS  kill COMMAND after this much wall-clock time without output (exit 124): a hung command fails, a
+#               slow machine does not
 #   -v          virtual time: sleeping costs nothing and computing takes no time, so a 1 kHz loop
 #               keeps every deadline exactly and a run repeats (busy-waiting on a clock hangs)
 #

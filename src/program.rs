@@ -1,4 +1,4 @@
-//! The process: its command line, its log, its exit code.
+//! The process: command line, log and exit code.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -9,23 +9,23 @@ use tracing_subscriber::filter::LevelFilter;
 
 use run::exit::Failure;
 use run::exit::Kind;
-use run::orders;
+use run::log_time::TimestampedWriter;
 use run::panics;
 use run::print;
 use run::stderr;
-use run::time_line::Stamped;
+use run::stop_signals;
 
 const EXAMPLES: &str = if cfg!(feature = "simulation") {
-    "Every command has examples: frhc help decode. The exit codes: 0 done, 1 answered no, 2 command line, \
-     3 configuration, 4 interface or file, 5 drive, 6 latched stop.\n\nExamples:\n  \
-     frhc demo\n  frhc check --config config/kraft_like.toml\n  frhc explain faults"
+    "`frhc help COMMAND` shows examples of a command.\n\nExit codes: 0 success, 1 negative result, 2 usage, 3 invalid \
+    configuration, 4 interface or file, 5 drive, 6 latched stop.\n\nExamples:\n  \
+    frhc demo\n  frhc check --config config/kraft_like.toml\n  frhc explain faults"
 } else {
-    "Every command has examples: frhc help run. The exit codes: 0 done, 1 answered no, 2 command line, \
-     3 configuration, 4 interface or file, 5 drive, 6 latched stop.\n\nExamples:\n  \
-     frhc check --config config/kraft_like.toml\n  frhc ctl status"
+    "`frhc help COMMAND` shows examples of a command.\n\nExit codes: 0 success, 1 negative result, 2 usage, 3 invalid \
+    configuration, 4 interface or file, 5 drive, 6 latched stop.\n\nExamples:\n  \
+    frhc check --config config/kraft_like.toml\n  frhc ctl status"
 };
 
-/// The CANopen master of a force-reflecting hand controller.
+/// CANopen master and controller of a six-jointed force-reflecting hand controller.
 #[derive(Debug, Parser)]
 #[command(
     name = "frhc",
@@ -35,18 +35,17 @@ const EXAMPLES: &str = if cfg!(feature = "simulation") {
     after_help = EXAMPLES
 )]
 struct Cli {
-    /// What to do.
     #[command(subcommand)]
     command: Command,
-    /// Say less: errors only.
+    /// Log errors only.
     #[arg(short, long, global = true)]
     quiet: bool,
-    /// Say more; twice for everything.
+    /// Log more: -v debug, -vv trace.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
 }
 
-/// What to do.
+/// The commands of the program.
 #[derive(Debug, Subcommand)]
 enum Command {
     #[cfg(feature = "simulation")]
@@ -60,17 +59,17 @@ enum Command {
 pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        Err(answer) => return answered(&answer),
+        Err(error) => return print_usage(&error),
     };
     if matches!(&cli.command, Command::Rack(command) if command.is_run()) {
-        if let Err(error) = orders::block() {
-            let reason = format!("signals cannot be blocked: {error}");
+        if let Err(error) = stop_signals::block() {
+            let reason = format!("cannot block signals: {error}");
             return conclude(Err(Failure::new(Kind::Bus, reason)));
         }
         stderr::detach();
         panics::abort();
     }
-    log(cli.quiet, cli.verbose);
+    init_log(cli.quiet, cli.verbose);
     let done = match &cli.command {
         #[cfg(feature = "simulation")]
         Command::Bench(command) => command.execute(cli.quiet),
@@ -81,7 +80,7 @@ pub fn main() -> ExitCode {
     code
 }
 
-/// Prints what failed, the output included, and returns the code of the first failure.
+/// Prints the failures of the command and of its output; returns the exit code of the first.
 fn conclude(done: Result<(), Failure>) -> ExitCode {
     let failures = [done, print::finish()].map(Result::err);
     let failures: Vec<Failure> = failures.into_iter().flatten().collect();
@@ -89,18 +88,18 @@ fn conclude(done: Result<(), Failure>) -> ExitCode {
     failures.first().map_or(ExitCode::SUCCESS, Failure::code)
 }
 
-/// Prints help or version on stdout, or what is wrong with the command line on stderr.
-fn answered(answer: &clap::Error) -> ExitCode {
-    let printed = answer.print();
-    if answer.use_stderr() {
+/// Prints help or version on stdout, or the usage error on stderr.
+fn print_usage(error: &clap::Error) -> ExitCode {
+    let printed = error.print();
+    if error.use_stderr() {
         return ExitCode::from(2);
     }
-    print::keep(printed);
+    print::record_result(printed);
     conclude(Ok(()))
 }
 
-/// Messages for people go to stderr; `-q` leaves errors, `-v` adds detail.
-fn log(quiet: bool, verbose: u8) {
+/// Sets up the log on stderr; `-q` leaves errors only, `-v` adds detail.
+fn init_log(quiet: bool, verbose: u8) {
     let level = match (quiet, verbose) {
         (true, _) => LevelFilter::ERROR,
         (false, 0) => LevelFilter::INFO,
@@ -111,11 +110,11 @@ fn log(quiet: bool, verbose: u8) {
         && std::io::IsTerminal::is_terminal(&std::io::stderr());
     tracing_subscriber::fmt()
         .with_writer(|| {
-            let stderr: Box<dyn Write> = match stderr::lines() {
-                Some(lines) => Box::new(lines),
+            let stderr: Box<dyn Write> = match stderr::queue() {
+                Some(queue) => Box::new(queue),
                 None => Box::new(std::io::stderr()),
             };
-            Stamped(stderr)
+            TimestampedWriter(stderr)
         })
         .with_max_level(level)
         .with_target(false)

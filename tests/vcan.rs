@@ -532,7 +532,12 @@ fn hazard_32_limit_of_file_size_ends_the_recording_alone() {
     scratch.ctl("disarm").succeeds();
     let outcome = run.terminate();
     assert_eq!(outcome.code, Some(4), "what was asked for is not there: {}", outcome.stderr);
-    assert_eq!(outcome.stderr.matches("the recording ends here").count(), 1, "{}", outcome.stderr);
+    assert_eq!(
+        outcome.stderr.matches("the recording has stopped").count(),
+        1,
+        "{}",
+        outcome.stderr
+    );
     sim.terminate().succeeds();
     Log::parse(&candump.finish()).ends_with_every_drive_off(NODES);
 }

@@ -1,40 +1,40 @@
-//! What `demo` and `sim` take.
+//! Arguments of `demo` and `sim`.
 
 use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::cli::bench::words;
+use crate::cli::live_bus::parsers;
 use crate::cli::quirks::QuirkArgs;
-use crate::cli::rig::Calibrate;
-use run::configured::Configured;
+use crate::cli::rig::CalibrationRig;
+use run::config_arg::ConfigArg;
 use run::interfaces::Interfaces;
 use run::results::Force;
 
 /// `frhc demo`.
 #[derive(Debug, Args)]
 pub(crate) struct Demo {
-    /// The configuration.
+    /// Configuration file (TOML).
     #[arg(short, long, value_name = "FILE", default_value = "config/kraft_like.toml")]
     pub(super) config: PathBuf,
-    /// What the operator does and what breaks: a name as contact_10s or faults/unplug, or a file ending in .toml.
+    /// Scenario of the operator's actions and injected faults: a name such as contact_10s or faults/unplug, or a .toml file.
     #[arg(short, long, value_name = "NAME|FILE", default_value = "teleoperation")]
     pub(super) scenario: String,
-    /// How long, in simulated seconds; the scenario's own length if not given.
-    #[arg(long, value_name = "N", value_parser = words::seconds, allow_negative_numbers = true)]
+    /// Duration in simulated seconds [default: that of the scenario].
+    #[arg(long, value_name = "N", value_parser = parsers::seconds, allow_negative_numbers = true)]
     pub(super) seconds: Option<f64>,
     /// Seed of the operator's tremor.
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub(super) seed: u64,
-    /// As fast as the clock on the wall, not faster.
+    /// Run in real time instead of as fast as possible.
     #[arg(long)]
     pub(super) realtime: bool,
-    /// Leave bus.log (candump), summary.json and faults/ here; an earlier session is not written over.
+    /// Record bus.log (candump format), summary.json and faults/ in this folder.
     #[arg(short, long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
     #[command(flatten)]
     pub(super) force: Force,
-    /// The summary as one JSON object.
+    /// Print the summary as one JSON object.
     #[arg(long)]
     pub(super) json: bool,
 }
@@ -43,20 +43,20 @@ pub(crate) struct Demo {
 #[derive(Debug, Args)]
 pub(crate) struct Sim {
     #[command(flatten)]
-    pub(super) config: Configured,
+    pub(super) config: ConfigArg,
     #[command(flatten)]
     pub(super) interfaces: Interfaces,
-    /// What the operator does and what breaks: a name as contact_10s or faults/unplug, or a file ending in .toml.
+    /// Scenario of the operator's actions and injected faults: a name such as contact_10s or faults/unplug, or a .toml file.
     #[arg(short, long, value_name = "NAME|FILE", default_value = "free")]
     pub(super) scenario: String,
-    /// Seed of the operator's tremor, or of the unknown torque curve.
+    /// Seed of the operator's tremor, or of the torque curve with --calibrate.
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub(super) seed: u64,
-    /// What each drive believes as one JSON object per line.
+    /// Print each report of the drives' state as one JSON object per line.
     #[arg(long, conflicts_with = "calibrate")]
     pub(super) json: bool,
     #[command(flatten)]
     pub(super) quirks: QuirkArgs,
     #[command(flatten)]
-    pub(super) rig: Calibrate,
+    pub(super) rig: CalibrationRig,
 }

@@ -1,4 +1,4 @@
-//! `frhc calib`: torque curves from measurements, and those of a configuration looked at.
+//! `frhc calib`: torque curves fitted to measurements, and a check of those of a configuration.
 
 mod check;
 mod fit;
@@ -11,29 +11,28 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::Subcommand;
 
-use run::configured::Configured;
+use run::config_arg::ConfigArg;
 use run::exit::Failure;
 use run::results::Force;
 
 /// `frhc calib`.
 #[derive(Debug, Args)]
 pub(crate) struct Calib {
-    /// What to do.
     #[command(subcommand)]
     task: Task,
 }
 
-/// What to do with torque curves.
+/// Tasks of `frhc calib`.
 #[derive(Debug, Subcommand)]
 enum Task {
     /// Fits a torque curve to the measurements of each joint.
     #[command(
-        after_help = "The file has a line of column names: joint, direction (up or down), per_mille (6071h), and torque_nm \
-            (force_n for sliding joints). Lines that begin with # say where it comes from.\n\n\
+        after_help = "The CSV file has the columns joint, direction (up or down), per_mille (6071h) and torque_nm (force_n for \
+        prismatic joints), named in its first line. Lines that begin with # are comments on its origin.\n\n\
             Example:\n  frhc calib fit azimuth.csv --config config/kraft_like.toml --out /tmp/azimuth"
     )]
     Fit(Fit),
-    /// Shows the torque curves of a configuration: slope, range, resolution, largest target.
+    /// Shows slope, range, resolution and largest target of the torque curves of a configuration.
     #[command(after_help = "Example:\n  frhc calib check --config config/kraft_like.toml")]
     Check(Check),
 }
@@ -41,21 +40,21 @@ enum Task {
 /// `frhc calib fit`.
 #[derive(Debug, Args)]
 struct Fit {
-    /// The measurements.
+    /// Measurements.
     #[arg(value_name = "DATA.csv")]
     data: PathBuf,
-    /// This joint alone, by its name or number.
+    /// Fit only this joint, by name or number.
     #[arg(long, value_name = "JOINT")]
     joint: Option<String>,
-    /// The configuration, for the joints' names, gears and rated torques.
+    /// Configuration with the joints' names, gear ratios and rated torques.
     #[arg(short, long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Leave torque_curves.toml and a picture of every joint here.
+    /// Write torque_curves.toml and a plot of every joint to this folder.
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
     force: Force,
-    /// The result as one JSON object.
+    /// Print the result as one JSON object.
     #[arg(long)]
     json: bool,
 }
@@ -64,13 +63,13 @@ struct Fit {
 #[derive(Debug, Args)]
 struct Check {
     #[command(flatten)]
-    config: Configured,
-    /// The findings as one JSON object.
+    config: ConfigArg,
+    /// Print the findings as one JSON object.
     #[arg(long)]
     json: bool,
 }
 
-/// Does it.
+/// Executes the task.
 pub(super) fn run(args: &Calib) -> Result<(), Failure> {
     match &args.task {
         Task::Fit(args) => fit::run(args),

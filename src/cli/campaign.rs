@@ -15,7 +15,7 @@ use indicatif::ProgressStyle;
 use serde_json::json;
 use tempfile::TempDir;
 
-use crate::cli::story::Story;
+use crate::cli::event_narrator::EventNarrator;
 use bus::candump::LogWriter;
 use canopen::frame::Telegram;
 use config::Config;
@@ -57,7 +57,7 @@ pub(crate) struct Campaign {
     /// Only kinds of fault whose name contains this.
     #[arg(long, value_name = "KIND", conflicts_with_all = ["replay", "soak"])]
     only: Option<String>,
-    /// Plays one case again by itself, tells its story and leaves its log.
+    /// Plays one case again by itself, prints its events and leaves its log.
     #[arg(long, value_name = "CASE", conflicts_with_all = ["faults", "soak"])]
     replay: Option<u32>,
     /// Instead of faults: so many cycles with lost samples and a bad link, in which nothing may trip.
@@ -181,7 +181,7 @@ fn replay(args: &Campaign, configs: Vec<Config>, number: u32) -> Result<(), Fail
     let Some(case) = cases.cases().first() else { return Ok(()) };
     let config = cases.configs().get(case.config);
     let file = config.map_or_else(String::new, |config| config.file.display().to_string());
-    let mut story = config.map(Story::of);
+    let mut narrator = config.map(EventNarrator::of);
     print::line(&format!(
         "case {number} of seed {}: row {}, {}; {file}, {}",
         args.seed, case.kind.row, case.kind.name, case.situation
@@ -191,8 +191,8 @@ fn replay(args: &Campaign, configs: Vec<Config>, number: u32) -> Result<(), Fail
         print::line(&format!("scenario + {at:.6} s: {host_fault:?}"));
     }
     let mut tell = |bench: &mut Bench<Monitor>, record: &Record| {
-        if let Some(story) = &mut story {
-            tell(story, bench, record);
+        if let Some(narrator) = &mut narrator {
+            tell(narrator, bench, record);
         }
     };
     let folder = folder(args)?;
@@ -226,16 +226,16 @@ fn figures(verdict: &Verdict) -> String {
 }
 
 /// What has broken since the last cycle, and what the node has noticed.
-fn tell(story: &mut Story, bench: &mut Bench<Monitor>, record: &Record) {
-    story.beginning(bench.begun()).into_iter().for_each(|line| print::line(&line));
+fn tell(narrator: &mut EventNarrator, bench: &mut Bench<Monitor>, record: &Record) {
+    narrator.scenario_start(bench.begun()).into_iter().for_each(|line| print::line(&line));
     while let Some(notice) = bench.world_mut().notice() {
-        print::line(&story.fault(bench.begun(), &notice));
+        print::line(&narrator.fault(bench.begun(), &notice));
     }
     let now = bench.now();
     while let Some(event) = bench.notice() {
-        print::line(&story.event(now, &event));
+        print::line(&narrator.event(now, &event));
     }
-    story.mode(record).into_iter().for_each(|line| print::line(&line));
+    narrator.mode_change(record).into_iter().for_each(|line| print::line(&line));
 }
 
 /// Plays the only case again and leaves its frames and its script.

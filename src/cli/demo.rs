@@ -1,4 +1,4 @@
-//! `frhc demo`: the whole main job in one process.
+//! `frhc demo`: node and simulation in one process, in virtual time.
 
 use std::cell::RefCell;
 use std::path::Path;
@@ -10,9 +10,9 @@ use indicatif::ProgressDrawTarget;
 use indicatif::ProgressStyle;
 
 use crate::cli::args::Demo;
+use crate::cli::event_narrator::EventNarrator;
 use crate::cli::interrupt::Interrupt;
 use crate::cli::scenario;
-use crate::cli::story::Story;
 use bus::Tap;
 use canopen::frame::Telegram;
 use config::Config;
@@ -24,19 +24,19 @@ use run::exit::Failure;
 use run::exit::Kind;
 use run::exit::OrFail;
 use run::gains;
-use run::keeper::Keeper;
 use run::print;
 use run::provenance::Provenance;
+use run::run_recorder::RunRecorder;
 use run::session;
 use sim::scenario::Scenario;
 use telemetry::origin::Origin;
 use telemetry::summary::Summary;
 use units::time::Instant;
 
-/// The progress bar moves every so many cycles.
+/// Cycles between two updates of the progress bar.
 const BAR_EVERY: u64 = 500;
 
-/// Runs the scenario and prints what it came to.
+/// Runs the scenario and prints its summary.
 pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     let config = Config::load(&args.config).or_fail(Kind::Configuration)?;
     let scenario = scenario::load(&args.scenario)?;
@@ -61,7 +61,7 @@ pub(super) fn run(args: &Demo, quiet: bool) -> Result<(), Failure> {
     }
 }
 
-/// A run that was ended before its time is no result.
+/// Returns a failure if the run was interrupted.
 fn refuse_interrupted(summary: &Summary) -> Result<(), Failure> {
     match summary.is_interrupted {
         false => Ok(()),
@@ -72,7 +72,7 @@ fn refuse_interrupted(summary: &Summary) -> Result<(), Failure> {
     }
 }
 
-/// Plays it without and with the passivity layer.
+/// Runs the scenario without and with the passivity layer.
 fn compare(
     args: &Demo,
     quiet: bool,
@@ -81,7 +81,7 @@ fn compare(
     seconds: f64,
 ) -> Result<(), Failure> {
     if config.controller.extensions.passivity.is_none() {
-        let reason = "this scenario compares with [controller.passivity], which it does not have";
+        let reason = "the scenario compares passivity layers; add [controller.passivity]";
         let file = args.config.display();
         return Err(Failure::new(Kind::Configuration, format!("{file}: {reason}")));
     }
@@ -108,11 +108,11 @@ fn compare(
     if comparison.is_bounded() {
         Ok(())
     } else {
-        Err(Failure::new(Kind::Negative, "no loop was bounded"))
+        Err(Failure::new(Kind::Negative, "the loop was unbounded with the passivity layer"))
     }
 }
 
-/// One run, with its log and summary in `folder` if there is one.
+/// Runs the scenario once, and records it in `folder` if given.
 fn play(
     args: &Demo,
     folder: Option<&Path>,
@@ -123,19 +123,20 @@ fn play(
 ) -> Result<Summary, Failure> {
     let interfaces: Vec<_> = config.buses.iter().map(|bus| bus.interface.clone()).collect();
     let provenance = Provenance::of(config, &interfaces, Origin::default());
-    let keeper = folder.map(|folder| Keeper::of_session(folder, &provenance));
-    let mut keeper = keeper.transpose().or_fail(Kind::Bus)?.unwrap_or_default();
+    let recorder = folder.map(|folder| RunRecorder::with_session(folder, &provenance));
+    let mut recorder = recorder.transpose().or_fail(Kind::Bus)?.unwrap_or_default();
     let interrupt = folder.map(|_| Interrupt::watch()).transpose();
-    let interrupt = interrupt.context("no signals").or_fail(Kind::Bus)?.unwrap_or_default();
+    let interrupt = interrupt.context("cannot receive signals").or_fail(Kind::Bus)?;
+    let interrupt = interrupt.unwrap_or_default();
     let play = Play { args, quiet, config, seconds, interrupt };
-    let summary = play.simulate(scenario, &mut keeper)?;
-    let (left, finished) = keeper.finish(&summary);
-    left.iter().for_each(|line| print::note(line));
+    let summary = play.simulate(scenario, &mut recorder)?;
+    let (records, finished) = recorder.finish(&summary);
+    records.iter().for_each(|line| print::note(line));
     finished.or_fail(Kind::Bus)?;
     Ok(summary)
 }
 
-/// What is played, and how.
+/// Settings of one run.
 struct Play<'a> {
     args: &'a Demo,
     quiet: bool,
@@ -145,28 +146,28 @@ struct Play<'a> {
 }
 
 impl Play<'_> {
-    fn simulate(&self, scenario: Scenario, keeper: &mut Keeper) -> Result<Summary, Failure> {
+    fn simulate(&self, scenario: Scenario, recorder: &mut RunRecorder) -> Result<Summary, Failure> {
         let Self { args, quiet, config, seconds, interrupt } = self;
         let length = Duration::try_from_secs_f64(*seconds).or_fail(Kind::Usage)?;
         let cycles = length.as_micros().div_ceil(config.period.as_micros().max(1));
         let cycles = u64::try_from(cycles).or_fail(Kind::Usage)?;
         let bar = progress(cycles, *quiet);
-        let keeper = RefCell::new(keeper);
-        let tap = |at: Instant, telegram: &Telegram| keeper.borrow_mut().frame(at, telegram);
-        let mut story = (!scenario.faults().is_empty()).then(|| Story::of(config));
+        let recorder = RefCell::new(recorder);
+        let tap = |at: Instant, telegram: &Telegram| recorder.borrow_mut().on_frame(at, telegram);
+        let mut narrator = (!scenario.faults().is_empty()).then(|| EventNarrator::of(config));
         let mut bench = Bench::new(config, scenario, args.seed, args.realtime, tap);
         bench.bring_up().or_fail(Kind::Drive)?;
-        story.iter_mut().for_each(|story| tell_events(story, &mut bench));
+        narrator.iter_mut().for_each(|narrator| print_events(narrator, &mut bench));
         let mut summary = Summary::default();
         for cycle in 1..=cycles {
             let record = bench.cycle();
             summary.add(&record);
-            if let Some(story) = &mut story {
-                bar.suspend(|| tell(story, &mut bench, &record));
+            if let Some(narrator) = &mut narrator {
+                bar.suspend(|| print_cycle(narrator, &mut bench, &record));
             }
-            keeper.borrow_mut().cycle(&record);
-            while let Some(news) = keeper.borrow_mut().news() {
-                bar.suspend(|| print::note(&news));
+            recorder.borrow_mut().on_cycle(&record);
+            while let Some(message) = recorder.borrow_mut().next_message() {
+                bar.suspend(|| print::note(&message));
             }
             if cycle % BAR_EVERY == 0 || cycle == cycles {
                 bar.set_position(cycle);
@@ -182,35 +183,35 @@ impl Play<'_> {
         summary.bus_load_percent = carried.iter().map(|bus| bus.percent).collect();
         summary.bus_frames = carried.iter().map(|bus| bus.frames).collect();
         match bench.stop() {
-            // What is broken cannot confirm it.
-            Err(error) if story.is_some() => print::note(&error.to_string()),
+            // A drive with an injected fault may be unable to confirm the stop.
+            Err(error) if narrator.is_some() => print::note(&error.to_string()),
             stopped => stopped.or_fail(Kind::Drive)?,
         }
         Ok(summary)
     }
 }
 
-/// What has broken since the last cycle, and what the node has noticed.
-fn tell<T: Tap>(story: &mut Story, bench: &mut Bench<T>, record: &Record) {
+/// Prints faults injected since the last cycle, a mode change, and events on the network.
+fn print_cycle<T: Tap>(narrator: &mut EventNarrator, bench: &mut Bench<T>, record: &Record) {
     while let Some(notice) = bench.world_mut().notice() {
-        print::note(&story.fault(bench.begun(), &notice));
+        print::note(&narrator.fault(bench.begun(), &notice));
     }
-    if let Some(line) = story.mode(record) {
+    if let Some(line) = narrator.mode_change(record) {
         print::note(&line);
     }
-    tell_events(story, bench);
+    print_events(narrator, bench);
 }
 
-/// What the node has noticed on the network.
-fn tell_events<T: Tap>(story: &mut Story, bench: &mut Bench<T>) {
-    story.beginning(bench.begun()).iter().for_each(|line| print::note(line));
+/// Prints events that the node has detected on the network.
+fn print_events<T: Tap>(narrator: &mut EventNarrator, bench: &mut Bench<T>) {
+    narrator.scenario_start(bench.begun()).iter().for_each(|line| print::note(line));
     let now = bench.now();
     while let Some(event) = bench.notice() {
-        print::note(&story.event(now, &event));
+        print::note(&narrator.event(now, &event));
     }
 }
 
-/// A bar on a terminal, nothing anywhere else.
+/// Returns a progress bar, which is shown only on a terminal.
 fn progress(cycles: u64, quiet: bool) -> ProgressBar {
     let bar = ProgressBar::new(cycles);
     if quiet {

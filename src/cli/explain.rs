@@ -1,6 +1,6 @@
-//! `frhc explain`: one cycle of the controller, every intermediate of Fig. 3; or the fault table.
+//! `frhc explain`: one controller cycle with every intermediate value of Fig. 3, or the fault table.
 
-mod asked;
+mod input;
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -10,7 +10,7 @@ use clap::Args;
 use clap::Subcommand;
 use serde_json::Value as Json;
 
-use crate::cli::explain::asked::Flags;
+use crate::cli::explain::input::Flags;
 use config::Config;
 use lab::explanation;
 use lab::explanation::Entry;
@@ -31,63 +31,63 @@ use telemetry::digits;
 pub(crate) struct Explain {
     #[command(subcommand)]
     topic: Option<Topic>,
-    /// The configuration; config/kraft_like.toml, or the one named after the question's device.
+    /// Configuration [default: config/DEVICE.toml of the question's device, or config/kraft_like.toml].
     #[arg(short, long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Joint positions now, in rad or m: six numbers with commas between them.
+    /// Joint positions in rad or m: six comma-separated numbers.
     #[arg(long, value_name = "Q,...", value_parser = six, allow_hyphen_values = true)]
     q: Option<[f64; 6]>,
-    /// Joint positions a cycle ago; as now if not given.
+    /// Joint positions one cycle earlier [default: those of --q].
     #[arg(long, value_name = "Q,...", value_parser = six, allow_hyphen_values = true)]
     q_before: Option<[f64; 6]>,
-    /// Joint positions when the reference was set; as now if not given.
+    /// Joint positions when the reference was set [default: those of --q].
     #[arg(long, value_name = "Q,...", value_parser = six, allow_hyphen_values = true)]
     q_reference: Option<[f64; 6]>,
-    /// The wrench on the object at the sensor, payload removed, in N and N·m.
+    /// Wrench on the object at the sensor, payload removed, in N and N·m.
     #[arg(long, value_name = "F,...", value_parser = six, allow_hyphen_values = true)]
     wrench: Option<[f64; 6]>,
-    /// rate or pose; as configured if not given.
+    /// Control mode, rate or pose [default: as configured].
     #[arg(long)]
     mode: Option<String>,
-    /// consistent or paper1997; as configured if not given.
+    /// Variant of the control law, consistent or paper1997 [default: as configured].
     #[arg(long)]
     preset: Option<String>,
-    /// As if the deadman were up.
+    /// Compute with the deadman switch released.
     #[arg(long)]
     no_deadman: bool,
-    /// As if reflection were off.
+    /// Compute with force reflection off.
     #[arg(long)]
     no_reflection: bool,
-    /// Let the layers beside the paper's law act too (passivity, soft stops, ...).
+    /// Include the layers beyond the paper's control law (passivity, soft stops, ...).
     #[arg(long)]
     layers: bool,
-    /// One JSON object, each value with its unit, frame and equation.
+    /// Print one JSON object; each value has its unit, frame and equation.
     #[arg(long)]
     json: bool,
-    /// A JSON object with what the flags say and more, such as gains; or the file it is in. `-` is stdin, which
-    /// is also read if it is no terminal and no flag says where the arm is.
+    /// JSON object with the same inputs and more, such as gains, or a file with one. `-` reads stdin, which is
+    /// also read if it is not a terminal and --q is absent.
     #[arg(value_name = "QUESTION")]
     question: Option<OsString>,
 }
 
-/// What else can be explained.
+/// Other topics of `explain`.
 #[derive(Debug, Subcommand)]
 enum Topic {
-    /// The fault table: what each cause does in each mode, who acts first, and how it is left again.
+    /// Prints the fault table: for each cause the reaction in each mode, who acts first, and how to reset it.
     Faults(Faults),
 }
 
-/// Asks, and prints the answer.
+/// Computes the cycle and prints it.
 pub(super) fn run(args: &Explain) -> Result<(), Failure> {
     if let Some(Topic::Faults(args)) = &args.topic {
         faults::run(args);
         return Ok(());
     }
     if args.question.as_deref().is_some_and(|question| question == "faults") {
-        return Err(Failure::new(Kind::Usage, "`explain faults` takes no question"));
+        return Err(Failure::new(Kind::Usage, "`explain faults` accepts no options of `explain`"));
     }
-    let mut asked = asked::read(args.question.as_deref(), args.flags())?;
-    let question = &mut asked.question;
+    let mut input = input::read(args.question.as_deref(), args.flags())?;
+    let question = &mut input.question;
     question.q = args.q.or(question.q);
     question.q_before = args.q_before.or(question.q_before);
     question.q_reference = args.q_reference.or(question.q_reference);
@@ -98,19 +98,19 @@ pub(super) fn run(args: &Explain) -> Result<(), Failure> {
     question.reflection = if args.no_reflection { Some(false) } else { question.reflection };
     question.layers |= args.layers;
 
-    let device = asked.device.as_deref().unwrap_or("kraft_like");
+    let device = input.device.as_deref().unwrap_or("kraft_like");
     let shipped = || Path::new("config").join(device).with_extension("toml");
     let file = args.config.clone().unwrap_or_else(shipped);
     let config = Config::load(&file).or_fail(Kind::Configuration)?;
     let start = world::start(&config.plant());
     let explanation =
-        explanation::explain(&config, &start, &asked.question).or_fail(Kind::Usage)?;
+        explanation::explain(&config, &start, &input.question).or_fail(Kind::Usage)?;
     print::line(&if args.json { json(&explanation) } else { text(&explanation) });
     Ok(())
 }
 
 impl Explain {
-    /// What the flags say of the question.
+    /// Returns how much of the question the flags give.
     fn flags(&self) -> Flags {
         let numbers = [self.q_before, self.q_reference, self.wrench];
         let words = [&self.mode, &self.preset];
@@ -126,15 +126,15 @@ impl Explain {
     }
 }
 
-/// Six numbers with commas between them.
+/// Parses six comma-separated numbers.
 fn six(text: &str) -> Result<[f64; 6], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
     let numbers = numbers.map_err(|error| error.to_string())?;
     let found = numbers.len();
-    numbers.try_into().map_err(|_| format!("{found} numbers; six are needed"))
+    numbers.try_into().map_err(|_| format!("expected six numbers, got {found}"))
 }
 
-/// One object: name to value, unit, frame, place and what it is.
+/// Returns one object: name to value, unit, frame, equation and description.
 fn json(explanation: &Explanation) -> String {
     let Explanation(entries) = explanation;
     let object = entries.iter().map(|entry| {
@@ -162,7 +162,7 @@ fn json_value(value: &Value) -> Json {
     }
 }
 
-/// A line each; poses and matrices take several.
+/// Returns one line per value; poses and matrices take several.
 fn text(explanation: &Explanation) -> String {
     let Explanation(entries) = explanation;
     let lines: Vec<String> = entries.iter().map(line).collect();
@@ -184,7 +184,7 @@ fn line(entry: &Entry) -> String {
 }
 
 fn shown(value: &Value) -> String {
-    // A number that would read -0.00000 is zero.
+    // Shows values that round to -0.00000 as zero.
     let number = |number: &f64| if number.abs() < 5e-6 { 0.0 } else { *number };
     let row = |numbers: &[f64]| {
         numbers.iter().map(|n| digits::column(number(n), 10, 5)).collect::<Vec<_>>().join(" ")

@@ -1,4 +1,4 @@
-//! Ctrl-C for a command that leaves files: it ends them whole. A second one ends the process at once.
+//! SIGINT and SIGTERM of a command that writes files: the first completes them, a second ends the process at once.
 
 use std::io;
 use std::process;
@@ -13,16 +13,16 @@ use tokio::signal::unix::signal;
 
 use run::exit::INTERRUPTED;
 
-/// A file has met its limit of size; so numbered by Linux on every architecture but MIPS.
+/// Signal number of SIGXFSZ (file size limit exceeded) on Linux, except on MIPS.
 const SIGXFSZ: i32 = 25;
 
-/// Set by the first SIGINT or SIGTERM.
+/// Flag that the first SIGINT or SIGTERM sets.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Takes both signals over from their default action, and SIGXFSZ too: a limit of size is then an error of the
-    /// write that meets it.
+    /// Replaces the default actions of both signals and of SIGXFSZ; the write that exceeds the limit then returns an
+    /// error.
     pub(super) fn watch() -> io::Result<Self> {
         let interrupt = Self::default();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
@@ -39,7 +39,7 @@ impl Interrupt {
         Ok(interrupt)
     }
 
-    /// Returns whether a signal came.
+    /// Returns whether SIGINT or SIGTERM was received.
     pub(super) fn is_set(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
@@ -61,7 +61,7 @@ impl Interrupt {
     }
 }
 
-/// What is waited for.
+/// Handlers of the signals.
 struct Signals {
     interrupt: Signal,
     terminate: Signal,

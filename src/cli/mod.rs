@@ -1,14 +1,15 @@
-//! What the rack does without: demo, campaign and simulated drives, tools for a bus, files in words.
+//! Commands that the rack does not need: simulation, tools for a live bus, and offline tools for logs and configurations.
 
 mod args;
-pub mod bench;
 mod calib;
 mod campaign;
 mod decode;
 mod demo;
+mod event_narrator;
 mod explain;
 mod export;
 mod interrupt;
+pub mod live_bus;
 mod lss;
 mod nmt;
 mod plan;
@@ -18,7 +19,6 @@ mod scan;
 mod scenario;
 mod sdo;
 mod sim;
-mod story;
 
 use clap::Subcommand;
 
@@ -36,66 +36,66 @@ use crate::cli::scan::Scan;
 use crate::cli::sdo::Sdo;
 use run::exit::Failure;
 
-/// What there is beside the rack's commands.
+/// Commands that the rack does not need.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Everything in one process: node, six simulated drives, operator and a virtual object.
+    /// Runs node, simulated drives, operator and remote side in one process; opens no bus.
     #[command(after_help = "Examples:\n  frhc demo --scenario faults/unplug\n  \
                       frhc demo --seconds 20 --out /tmp/session && log2asc -I /tmp/session/bus.log vcan0 vcan1")]
     Demo(Demo),
-    /// Many faults, each alone, in one process and virtual time, and what came of each.
+    /// Injects many faults, one per simulated run, and checks the node's reaction to each.
     #[command(
-        after_help = "The exit code is 1 when a fault was missed, a law of the bus was broken or the node stopped without need. \
-                      Each such case can be played again by itself, and leaves its log.\n\nExamples:\n  \
+        after_help = "The exit code is 1 when a fault was missed or detected late, a rule of the bus was violated, or the node \
+        stopped without need. --replay runs such a case again and writes its log.\n\nExamples:\n  \
                       frhc campaign --seed 1 --faults 2000\n  \
                       frhc campaign --seed 1 --replay 137 --out /tmp/137\n  \
                       frhc campaign --seed 1 --soak 1000000"
     )]
     Campaign(Campaign),
-    /// The simulated drives, switch box, arm and operator on SocketCAN, for `run` or any other master.
+    /// Simulates the drives, switch box, arm and operator on SocketCAN, for `run` or any other master.
     #[command(
-        after_help = "Prints what each drive believes at the end, and whenever it gets SIGUSR1 or SIGQUIT (Ctrl-\\ at a terminal).\n\nExamples:\n  \
+        after_help = "Prints the state of each drive at the end, and on SIGUSR1 or SIGQUIT (Ctrl-\\ at a terminal).\n\nExamples:\n  \
                       frhc sim --config config/kraft_like_500hz.toml -i vcan0 --scenario contact_10s\n  \
                       frhc sim --config config/kraft_like.toml --json > drives.jsonl &\n  kill -USR1 $!"
     )]
     Sim(Sim),
-    /// What the buses will carry: every frame and its response, a cycle's timeline, load, highest rate,
-    /// loop delay; and what would fit where this does not.
+    /// Plans the buses of a configuration: frames and worst-case response times, cycle timeline, load, maximum rate, loop
+    /// delay; proposes changes if it does not fit.
     #[command(
         after_help = "Examples:\n  frhc plan --config config/kraft_like.toml\n  frhc plan --config config/kraft_like_500hz.toml --rate 1000 --layout grouped --json | jq .fits"
     )]
     Plan(Plan),
-    /// One cycle of the controller, with every intermediate of the paper's Fig. 3.
+    /// Computes one controller cycle and prints every intermediate value (Fig. 3 of the paper).
     #[command(
         after_help = "Examples:\n  frhc explain --q 0.05,-0.8,1.6,-0.7,0.1,0.2 --q-reference 0,-0.87,1.66,-0.79,0,0 --wrench -5,0,0,0,0,0\n  echo '{\"q\": [0,-0.8,1.6,-0.7,0,0], \"preset\": \"paper1997\"}' | frhc explain --json - | jq .tau.value\n  frhc explain '{\"q\": [0,-0.8,1.6,-0.7,0,0], \"rate_gain\": [1,1,1,2,2,2]}'"
     )]
     Explain(Box<Explain>),
-    /// Torque curves from measurements, and those of a configuration.
+    /// Fits torque curves to measurements, or checks those of a configuration.
     #[command(
         after_help = "Examples:\n  frhc sim --config config/kraft_like.toml --calibrate elbow --out elbow.csv\n  \
                       frhc calib fit elbow.csv --config config/kraft_like.toml\n  \
                       frhc calib check --config config/kraft_like.toml"
     )]
     Calib(Calib),
-    /// Who is on a bus: identity, state, and what the configuration says of it.
+    /// Lists the nodes on a bus: identity, NMT state, and whether the configuration expects them.
     Scan(Scan),
     /// Reads or writes one object of one node.
     Sdo(Sdo),
-    /// Starts, stops and resets nodes, and tells what is heard of them.
+    /// Sends NMT commands, or shows NMT states, heartbeats and emergencies.
     Nmt(Nmt),
-    /// Sets node-ids and bit rates of devices.
+    /// Sets node-ids and bit rates of devices by LSS (CiA 305).
     Lss(Lss),
-    /// What candump lines say, by joint and in SI units: behind each line, as it was.
+    /// Annotates a candump log by joint and in SI units.
     #[command(
-        after_help = "Behind a `!` stands what is missing, late or of the wrong length, and a stamp that goes back. Other lines \
-                      pass as they are; the first of them are reported on stderr, and the exit code is 1 when no \
-                      line is candump's.\n\nExamples:\n  \
+        after_help = "Each line is printed unchanged, followed by its meaning. Anomalies follow a `!`: a missing or late frame, \
+        a wrong length, a timestamp that goes back. Lines in another format pass unchanged; the first ones \
+        are reported on stderr. The exit code is 1 when no line is a candump line.\n\nExamples:\n  \
                       frhc decode --config config/kraft_like.toml /tmp/session/bus.log | less -S\n  \
                       candump -ta can0 | frhc decode --config config/kraft_like_500hz.toml -i can0 --only elbow\n  \
                       frhc decode --config config/kraft_like.toml --json bus.log | jq 'select(.remarks)'"
     )]
     Decode(Decode),
-    /// Files for other programs: the frames of the buses, what each node is left with.
+    /// Writes a DBC file of the buses, or DCF files of the nodes.
     #[command(
         subcommand,
         after_help = "Examples:\n  frhc export dbc --config config/kraft_like.toml --out kraft_like.dbc\n  \
@@ -105,7 +105,7 @@ pub(crate) enum Command {
 }
 
 impl Command {
-    /// Does it; `is_quiet` leaves progress out.
+    /// Executes the command; `is_quiet` hides the progress bar.
     pub(crate) fn execute(&self, is_quiet: bool) -> Result<(), Failure> {
         match self {
             Self::Demo(args) => demo::run(args, is_quiet),

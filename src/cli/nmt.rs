@@ -1,14 +1,14 @@
-//! `frhc nmt`: commands to one node or all of them, and what their heartbeats say.
+//! `frhc nmt`: NMT commands to one node or all of them, and their heartbeats.
 
 use std::time::Duration;
 
 use clap::Args;
 use clap::Subcommand;
 
-use crate::cli::bench::Beside;
-use crate::cli::bench::Line;
-use crate::cli::bench::SessionError;
-use crate::cli::bench::words;
+use crate::cli::live_bus::BusArgs;
+use crate::cli::live_bus::ForceArg;
+use crate::cli::live_bus::SessionError;
+use crate::cli::live_bus::parsers;
 use canopen::NmtCommand;
 use canopen::NmtState;
 use canopen::NodeId;
@@ -27,10 +27,10 @@ use units::time::Instant;
 /// `frhc nmt`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "NMT is never answered. --wait waits for what confirms it: the boot-up after a reset, otherwise \
-        the next heartbeat, which only nodes with a heartbeat time (1017h) send.\n\n\
-        Commands are refused while SYNCs are received, unless forced: a node that runs takes one for another \
-        master, and stops.\n\n\
+    after_help = "NMT commands are unconfirmed. --wait waits for the boot-up message after a reset, otherwise for a \
+    heartbeat with the new state, which only nodes with a producer heartbeat time (1017h) send.\n\n\
+    Commands are refused while a master sends SYNC, unless --force is given: a running node detects a second \
+    master and stops.\n\n\
         Examples:\n  frhc nmt start 3 --wait -i can0\n  frhc nmt reset all --config config/kraft_like.toml --wait\n  \
         frhc nmt watch -i can0"
 )]
@@ -38,67 +38,67 @@ pub(crate) struct Nmt {
     #[command(subcommand)]
     task: Task,
     #[command(flatten)]
-    line: Line,
+    bus: BusArgs,
 }
 
 #[derive(Clone, Copy, Debug, Subcommand)]
 enum Task {
-    /// To operational.
+    /// Start remote node: enter operational.
     Start(Command),
-    /// To stopped.
+    /// Stop remote node: enter stopped.
     Stop(Command),
-    /// To pre-operational.
+    /// Enter pre-operational.
     Preop(Command),
-    /// Reset the whole node.
+    /// Reset node: application and communication.
     Reset(Command),
-    /// Reset its communication only.
+    /// Reset communication only.
     ResetComm(Command),
-    /// Boot-ups, changes of state, silences and emergencies, until Ctrl-C.
+    /// Shows boot-ups, state changes, lost heartbeats and emergencies until Ctrl-C.
     #[command(after_help = "Example:\n  frhc nmt watch --seconds 10 --json -i can0 | jq .news")]
     Watch(Watching),
 }
 
-/// A command to a node or to all of them.
+/// An NMT command to one node or all nodes.
 #[derive(Clone, Copy, Debug, Args)]
 #[command(after_help = "Example, as for start:\n  frhc nmt start 3 --wait -i can0")]
 struct Command {
-    /// The node, 1 to 127, in decimal or as 0x10; or all.
-    #[arg(value_name = "NODE|all", value_parser = words::node_or_all)]
+    /// Node-id 1 to 127, decimal or as 0x10, or all.
+    #[arg(value_name = "NODE|all", value_parser = parsers::node_or_all)]
     node: Node,
-    /// Wait until every node is heard to have obeyed (exit 5 if not): the node, or for `all` the nodes of the
-    /// configuration, or whoever is heard.
+    /// Wait for confirmation and exit with 5 if it is missing. `all` waits for the nodes of the configuration, or
+    /// without one for any node.
     #[arg(short, long)]
     wait: bool,
-    /// How long to wait.
+    /// Time to wait for confirmation.
     #[arg(long, value_name = "MS", default_value_t = 2_000, requires = "wait",
         value_parser = clap::value_parser!(u64).range(1..=600_000))]
     timeout: u64,
-    /// What is heard as one JSON object per line.
+    /// Print each confirmation as one JSON object per line.
     #[arg(long, requires = "wait")]
     json: bool,
     #[command(flatten)]
-    force: Beside,
+    force: ForceArg,
 }
 
 /// `frhc nmt watch`.
 #[derive(Clone, Copy, Debug, Args)]
 struct Watching {
-    /// End after so many seconds.
-    #[arg(long, value_name = "N", value_parser = words::seconds, allow_negative_numbers = true)]
+    /// End after this many seconds.
+    #[arg(long, value_name = "N", value_parser = parsers::seconds, allow_negative_numbers = true)]
     seconds: Option<f64>,
-    /// How long a watched node may be silent.
+    /// Time without heartbeat after which a node is reported lost.
     #[arg(long, value_name = "MS", default_value_t = 2_000,
         value_parser = clap::value_parser!(u64).range(1..=600_000))]
     timeout: u64,
-    /// What is heard as one JSON object per line.
+    /// Print each event as one JSON object per line.
     #[arg(long)]
     json: bool,
 }
 
-/// A node, or all: as words say it, and not as an argument that may be left out.
+/// A node, or `None` for all. The alias keeps clap from taking the argument for an optional one.
 type Node = Option<NodeId>;
 
-/// Sends the command, and waits for what confirms it.
+/// Sends the command and, with `--wait`, waits for its confirmation.
 pub(super) fn run(args: &Nmt) -> Result<(), Failure> {
     let (command, to) = match args.task {
         Task::Start(to) => (NmtCommand::StartRemoteNode, to),
@@ -106,42 +106,43 @@ pub(super) fn run(args: &Nmt) -> Result<(), Failure> {
         Task::Preop(to) => (NmtCommand::EnterPreOperational, to),
         Task::Reset(to) => (NmtCommand::ResetNode, to),
         Task::ResetComm(to) => (NmtCommand::ResetCommunication, to),
-        Task::Watch(watching) => return watch(&args.line, watching),
+        Task::Watch(watching) => return watch(&args.bus, watching),
     };
     let Command { node, wait, timeout, json, force } = to;
-    let known = args.line.find()?;
+    let bus = args.bus.select()?;
     let order = Order { command, node };
     let named: Vec<NodeId> = match node {
         Some(node) => vec![node],
-        None => known.plans().iter().flatten().map(|plan| plan.node).collect(),
+        None => bus.plans().iter().flatten().map(|plan| plan.node).collect(),
     };
-    let mut session = known.open_to_command(force)?;
+    let mut session = bus.open_to_command(force)?;
     if !wait {
-        return session.say([order.frame()]).map_err(|error| known.fail(error));
+        return session.send([order.frame()]).map_err(|error| bus.fail(error));
     }
     let within = Duration::from_millis(timeout);
-    let responses = session
+    let confirmations = session
         .run(|now, out| Confirmation::start(order, &named, within, now, out))
-        .map_err(|error| known.fail(error))?;
-    for response in responses.iter().filter(|response| response.is_confirmed) {
-        show(json, response);
+        .map_err(|error| bus.fail(error))?;
+    for confirmation in confirmations.iter().filter(|it| it.is_confirmed) {
+        show(json, confirmation);
     }
-    conclude(&responses, timeout)
+    conclude(&confirmations, timeout)
 }
 
-/// Nothing, or one line for each node that was not heard to obey.
-fn conclude(responses: &[NodeResponse], timeout: u64) -> Result<(), Failure> {
-    let failed = responses.iter().filter(|response| !response.is_confirmed).map(|response| {
-        let last = response.state.map_or_else(
-            || "no heartbeat was received; the producer heartbeat time may be 0 (1017h)".to_owned(),
-            |state| format!("it is {}", nmt::description(state)),
+/// Returns a failure with one line for each node that has not confirmed.
+fn conclude(confirmations: &[NodeResponse], timeout: u64) -> Result<(), Failure> {
+    let failed = confirmations.iter().filter(|it| !it.is_confirmed).map(|it| {
+        let last = it.state.map_or_else(
+            || "no frame received; its heartbeat may be off (1017h)".to_owned(),
+            |state| format!("its state is {}", nmt::description(state)),
         );
-        format!("node {}: not confirmed within {timeout} ms: {last}", response.node.raw())
+        format!("node {}: not confirmed within {timeout} ms: {last}", it.node.raw())
     });
     let failed: Vec<String> = failed.collect();
-    match (responses.is_empty(), failed.is_empty()) {
+    match (confirmations.is_empty(), failed.is_empty()) {
         (true, _) => {
-            let reason = format!("not confirmed within {timeout} ms: no node sent a heartbeat");
+            let reason =
+                format!("not confirmed within {timeout} ms: no heartbeat or boot-up received");
             Err(Failure::new(Kind::Drive, reason))
         }
         (false, true) => Ok(()),
@@ -149,18 +150,18 @@ fn conclude(responses: &[NodeResponse], timeout: u64) -> Result<(), Failure> {
     }
 }
 
-fn show(json: bool, response: &NodeResponse) {
-    let state = response.state.map(words_of);
+fn show(json: bool, confirmation: &NodeResponse) {
+    let state = confirmation.state.map(state_name);
     if json {
-        let report = serde_json::json!({ "node": response.node.raw(), "state": state });
+        let report = serde_json::json!({ "node": confirmation.node.raw(), "state": state });
         print::line(&report.to_string());
     } else {
-        print::line(&format!("node {} {}", response.node.raw(), state.unwrap_or("-")));
+        print::line(&format!("node {} {}", confirmation.node.raw(), state.unwrap_or("-")));
     }
 }
 
-/// A node that has just booted says so, and is pre-operational.
-const fn words_of(state: NmtState) -> &'static str {
+/// Returns the name of a state. State 0 is the boot-up message, after which a node is pre-operational.
+const fn state_name(state: NmtState) -> &'static str {
     match state {
         NmtState::Initialising => "booted up",
         NmtState::Stopped | NmtState::Operational | NmtState::PreOperational => {
@@ -169,25 +170,25 @@ const fn words_of(state: NmtState) -> &'static str {
     }
 }
 
-/// Prints what is heard until it is interrupted.
-fn watch(line: &Line, watching: Watching) -> Result<(), Failure> {
-    let known = line.find()?;
-    let mut session = known.open()?;
+/// Prints events until interrupted.
+fn watch(bus: &BusArgs, watching: Watching) -> Result<(), Failure> {
+    let bus = bus.select()?;
+    let mut session = bus.open()?;
     let end = watching.seconds.map(|seconds| session.now() + Duration::from_secs_f64(seconds));
     let mut watch = Watch::new(Duration::from_millis(watching.timeout), end);
-    // A reader that hung up ends it, too.
-    while !print::is_over() {
-        match session.carry(&mut watch) {
-            Ok(Some((at, news))) => tell(watching.json, at, news),
+    // Ends when stdout is closed, too.
+    while !print::has_failed() {
+        match session.resume(&mut watch) {
+            Ok(Some((at, news))) => print_event(watching.json, at, news),
             Ok(None) | Err(SessionError::Interrupted) => return Ok(()),
-            Err(error) => return Err(known.fail(error)),
+            Err(error) => return Err(bus.fail(error)),
         }
     }
     Ok(())
 }
 
-/// `12.345678 node 3 operational`: seconds since it began to listen.
-fn tell(json: bool, at: Instant, news: NetworkEvent) {
+/// Prints an event as `12.345678 node 3 operational`: seconds since the start.
+fn print_event(json: bool, at: Instant, news: NetworkEvent) {
     let (node, what) = match news {
         NetworkEvent::Heartbeat(node, news) => (
             node,
@@ -195,10 +196,8 @@ fn tell(json: bool, at: Instant, news: NetworkEvent) {
                 heartbeat::HeartbeatEvent::State(state) => nmt::description(state).to_owned(),
                 heartbeat::HeartbeatEvent::BootedUp => "booted up".to_owned(),
                 heartbeat::HeartbeatEvent::Rebooted => "booted up again".to_owned(),
-                heartbeat::HeartbeatEvent::Lost => "silent".to_owned(),
-                heartbeat::HeartbeatEvent::Duplicate(sign) => {
-                    format!("two nodes of this node-id: {sign}")
-                }
+                heartbeat::HeartbeatEvent::Lost => "heartbeat lost".to_owned(),
+                heartbeat::HeartbeatEvent::Duplicate(sign) => format!("duplicate node-id: {sign}"),
             },
         ),
         NetworkEvent::Emergency(node, emergency) => (node, format!("EMCY {emergency}")),

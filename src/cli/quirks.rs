@@ -14,11 +14,10 @@ use units::numbering::Joint;
 /// Quirks of simulated drives.
 #[derive(Debug, Args)]
 pub(super) struct QuirkArgs {
-    /// Quirks of the drive of one joint (name, number or `all`), as `elbow=slow-sdo,forgetful:6072h`;
-    /// repeatable, added to those of the scenario
+    /// Quirks of the drive of one joint (name, number or `all`), as `elbow=slow-sdo,forgetful:6072h`, in addition to
+    /// those of the scenario. Repeatable.
     #[arg(long = "quirks", value_name = "JOINT=QUIRK,…")]
-    quirks: Vec<Part>,
-
+    drives: Vec<DriveQuirks>,
     /// Former name of `--quirks`; refused.
     #[arg(long = "personality", hide = true, value_parser = refuse_personality)]
     personality: Option<String>,
@@ -26,13 +25,13 @@ pub(super) struct QuirkArgs {
 
 /// Quirks of one joint.
 #[derive(Clone, Debug)]
-struct Part {
+struct DriveQuirks {
     /// Name or number; `None` for all joints.
     joint: Option<String>,
     quirks: Vec<Quirk>,
 }
 
-impl FromStr for Part {
+impl FromStr for DriveQuirks {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -52,20 +51,20 @@ impl QuirkArgs {
         config: &Config,
         assignment: &mut QuirkAssignment,
     ) -> Result<(), Failure> {
-        for Part { joint, quirks } in &self.quirks {
-            let is_meant = |number: Joint, name: &str| match joint {
+        for DriveQuirks { joint, quirks } in &self.drives {
+            let is_selected = |number: Joint, name: &str| match joint {
                 None => true,
                 Some(wanted) => wanted == name || wanted.parse() == Ok(number.number()),
             };
             let joints = Joint::ALL.into_iter().zip(&config.joints);
-            let meant: Vec<Joint> = joints
-                .filter_map(|(number, joint)| is_meant(number, &joint.name).then_some(number))
+            let selected: Vec<Joint> = joints
+                .filter_map(|(number, joint)| is_selected(number, &joint.name).then_some(number))
                 .collect();
-            if meant.is_empty() {
+            if selected.is_empty() {
                 let (file, joint) = (config.file.display(), joint.as_deref().unwrap_or("all"));
                 return Err(Failure::new(Kind::Usage, format_args!("{file}: no joint {joint}")));
             }
-            for number in meant {
+            for number in selected {
                 assignment.add(number, quirks.iter().copied());
             }
         }
@@ -73,6 +72,7 @@ impl QuirkArgs {
     }
 }
 
+/// Names the new option.
 fn refuse_personality(_: &str) -> Result<String, String> {
     Err("--personality was renamed to --quirks".to_owned())
 }
@@ -87,7 +87,7 @@ mod tests {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let parts = parts.iter().map(|part| part.parse()).collect::<Result<_, String>>()?;
         let mut assignment = QuirkAssignment::default();
-        let given = QuirkArgs { quirks: parts, personality: None }.assign(&config, &mut assignment);
+        let given = QuirkArgs { drives: parts, personality: None }.assign(&config, &mut assignment);
         given.map(|()| assignment).map_err(|failure| failure.to_string())
     }
 

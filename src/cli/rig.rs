@@ -1,4 +1,4 @@
-//! `frhc sim --calibrate`: measurements of a joint whose torque curve nobody knows, to practise on.
+//! `frhc sim --calibrate`: simulated measurements of a joint with an unknown torque curve, as practice for `calib fit`.
 
 use std::path::PathBuf;
 
@@ -20,26 +20,26 @@ use sim::rig::Reading;
 use sim::rig::Rig;
 use telemetry::digits::significant;
 
-/// What `frhc sim` takes to be a calibration rig.
+/// Options of the simulated calibration rig.
 #[derive(Debug, Args)]
-pub(super) struct Calibrate {
-    /// No bus: this joint, by name or number, against a load cell, with another torque curve than
-    /// configured. Writes what is measured, for `frhc calib fit`.
+pub(super) struct CalibrationRig {
+    /// Open no bus; simulate measurements of this joint (name or number) against a load cell, with a torque curve
+    /// other than configured, and print them as input of `frhc calib fit`.
     #[arg(long, value_name = "JOINT", conflicts_with_all = ["interfaces", "scenario"])]
     pub(super) calibrate: Option<String>,
-    /// Leave the measurements here, not on stdout.
+    /// Write the measurements to this file instead of stdout.
     #[arg(short, long, value_name = "FILE", requires = "calibrate")]
     pub(super) out: Option<PathBuf>,
     #[command(flatten)]
     pub(super) force: Force,
-    /// Tell the torque curve that is to be found out, on stderr.
+    /// Print the true torque curve on stderr.
     #[arg(long, requires = "calibrate")]
     pub(super) reveal: bool,
 }
 
-/// Measures `joint` and writes what was measured.
+/// Simulates measurements of `joint` and writes them.
 pub(super) fn run(
-    args: &Calibrate,
+    args: &CalibrationRig,
     config: &Config,
     joint: &str,
     seed: u64,
@@ -62,7 +62,7 @@ pub(super) fn run(
                 joint.name
             ),
             format!("load cell on a lever, noise {:.4} {unit} RMS at the joint", rig.noise()),
-            "driven slowly from end to end and back, twice; every reading at rest".to_owned(),
+            "driven slowly from end to end and back, twice; readings at rest".to_owned(),
         ],
         joints: vec![Measured {
             joint: joint.name.clone(),

@@ -1,4 +1,4 @@
-//! `frhc sdo`: one object of one node, as a value.
+//! `frhc sdo`: reads or writes one object of one node.
 
 use std::path::Path;
 use std::path::PathBuf;
@@ -8,13 +8,13 @@ use anyhow::Context;
 use clap::Args;
 use clap::Subcommand;
 
-use crate::cli::bench::Beside;
-use crate::cli::bench::Known;
-use crate::cli::bench::Line;
-use crate::cli::bench::objects;
-use crate::cli::bench::objects::ObjectError;
-use crate::cli::bench::objects::Target;
-use crate::cli::bench::words;
+use crate::cli::live_bus::BusArgs;
+use crate::cli::live_bus::ForceArg;
+use crate::cli::live_bus::SelectedBus;
+use crate::cli::live_bus::objects;
+use crate::cli::live_bus::objects::ObjectError;
+use crate::cli::live_bus::objects::Target;
+use crate::cli::live_bus::parsers;
 use canopen::NodeId;
 use canopen::eds::Described;
 use canopen::eds::Eds;
@@ -38,10 +38,10 @@ use run::results::Force;
 /// `frhc sdo`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Types: b u8..u64 i8..i64 x8..x64 r32 r64 vs us os d t td (CiA 309-3), or that of the EDS.\n\n\
-        A node serves one master's transfer at a time: do not use this on a node that another master \
-        configures just now. `write` is refused while SYNCs are received, unless forced: a node that runs \
-        takes it for another master, and stops.\n\n\
+    after_help = "Types: b u8..u64 i8..i64 x8..x64 r32 r64 vs us os d t td (CiA 309-3); with an EDS that of the object.\n\n\
+    An SDO server handles one transfer at a time: do not use this on a node while another master configures \
+    it. `write` is refused while a master sends SYNC, unless --force is given: a running node detects a second \
+    master and stops.\n\n\
         Examples:\n  frhc sdo read 3 6041 u16 -i can0\n  frhc sdo read 3 1008 --config config/kraft_like.toml\n  \
         frhc sdo write 3 6071 i16 -100 --verify -i can0\n  frhc sdo write 3 1F50:1 d @firmware.bin --block -i can0"
 )]
@@ -49,87 +49,86 @@ pub(crate) struct Sdo {
     #[command(subcommand)]
     task: Task,
     #[command(flatten)]
-    line: Line,
-    /// The node's EDS, for types and limits.
+    bus: BusArgs,
+    /// EDS of the node, for types and limits.
     #[arg(long, value_name = "FILE", global = true)]
     eds: Option<PathBuf>,
-    /// How long the node has for each answer.
+    /// Time allowed for each response of the node.
     #[arg(long, value_name = "MS", global = true, default_value_t = 500,
         value_parser = clap::value_parser!(u64).range(1..=600_000))]
     timeout: u64,
-    /// In blocks, where the node can: for what is long.
+    /// Use block transfer if the node supports it: faster for long values.
     #[arg(long, global = true)]
     block: bool,
-    /// The value as one JSON object.
+    /// Print the value as one JSON object.
     #[arg(long, global = true)]
     json: bool,
 }
 
 #[derive(Debug, Subcommand)]
 enum Task {
-    /// Prints what an object holds: numbers in decimal and hexadecimal.
+    /// Prints the value of an object; integers in decimal and hexadecimal.
     #[command(after_help = "Example:\n  frhc sdo read 3 6041 u16 -i can0")]
     Read {
         #[command(flatten)]
         place: Place,
-        /// Its type; without one, that of the EDS, or raw bytes.
+        /// Data type [default: that of the EDS, or raw bytes].
         #[arg(value_name = "TYPE")]
         data_type: Option<GatewayType>,
-        /// Leave the bytes in this file, and print nothing.
+        /// Write the bytes to this file instead of stdout.
         #[arg(short, long, value_name = "FILE", conflicts_with = "json")]
         out: Option<PathBuf>,
         #[command(flatten)]
         force: Force,
     },
-    /// Makes an object hold a value.
+    /// Writes a value to an object.
     #[command(after_help = "Example:\n  frhc sdo write 3 6071 i16 -100 --verify -i can0")]
     Write {
         #[command(flatten)]
         place: Place,
-        /// Its type, unless an EDS says it, and the value; for os and d also @FILE, or - for standard input.
+        /// Data type (optional with an EDS) and value; for os and d also @FILE, or - for stdin.
         #[arg(value_names = ["TYPE", "VALUE"], num_args = 1..=2, required = true, allow_negative_numbers = true)]
         value: Vec<String>,
-        /// Read it back, and compare.
+        /// Read the value back and compare.
         #[arg(long)]
         verify: bool,
         #[command(flatten)]
-        force: Beside,
+        force: ForceArg,
     },
 }
 
-/// Where an object is.
+/// Node and object.
 #[derive(Clone, Copy, Debug, Args)]
 struct Place {
-    /// The node, 1 to 127, in decimal or as 0x10.
-    #[arg(value_parser = words::node)]
+    /// Node-id 1 to 127, decimal or as 0x10.
+    #[arg(value_parser = parsers::node)]
     node: NodeId,
-    /// The object: INDEX or INDEX:SUB, the index in hexadecimal, as 6041, 0x1018:4 or 1A00sub1.
-    #[arg(value_parser = words::object)]
+    /// Object as INDEX or INDEX:SUB with the index in hexadecimal: 6041, 0x1018:4 or 1A00sub1.
+    #[arg(value_parser = parsers::object)]
     object: Object,
 }
 
-/// Reads or writes one object. What is no value of its type is refused before the bus is opened.
+/// Reads or writes one object. Rejects an invalid value before opening the bus.
 pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
-    let known = args.line.find()?;
+    let bus = args.bus.select()?;
     let own = args.eds.as_deref().map(load).transpose()?;
     let place = match &args.task {
         Task::Read { place, .. } | Task::Write { place, .. } => *place,
     };
-    let eds = own.as_ref().or_else(|| known.eds(place.node));
+    let eds = own.as_ref().or_else(|| bus.eds(place.node));
     let described = eds.and_then(|eds| eds.object(place.object));
     let described_type = described.and_then(|object| GatewayType::of_number(object.data_type));
     let timeout = Duration::from_millis(args.timeout);
-    // The session keeps what the driver has no room for, so it sets the pace.
+    // The session queues frames that the driver does not accept, so no pause between them is needed.
     let block = Block::default().every(Duration::ZERO);
     let terms = if args.block { Terms::best(timeout, block) } else { Terms::segmented(timeout) };
     let target = Target { node: place.node, object: place.object, terms };
     match &args.task {
         Task::Read { data_type, out, force, .. } => {
-            out.as_deref().map_or(Ok(()), |path| results::refuse(path, *force))?;
+            out.as_deref().map_or(Ok(()), |path| results::ensure_free(path, *force))?;
             let data_type = data_type.or(described_type).unwrap_or(GatewayType::Domain);
-            let mut session = known.open()?;
-            let content =
-                objects::read(&mut session, target).map_err(|error| fail(&known, error))?;
+            let mut session = bus.open()?;
+            let content = objects::read(&mut session, target).map_err(|error| fail(&bus, error))?;
             if let Some(path) = out {
                 return results::export(path, content.bytes(), *force);
             }
@@ -142,16 +141,17 @@ pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
         }
         Task::Write { value, verify, force, .. } => {
             let (data_type, text) = typed(value, described_type)?;
-            let value = given(data_type, text)?;
-            within_limits(text, &value, described)?;
+            let value = parse_value(data_type, text)?;
+            check_limits(text, &value, described)?;
             let bytes = data_type.encode(&value);
             if bytes.len() > MAX_BYTES {
-                let reason = format!("{} bytes; at most {MAX_BYTES}", bytes.len());
+                let reason =
+                    format!("value must have at most {MAX_BYTES} bytes, got {}", bytes.len());
                 return Err(Failure::new(Kind::Usage, reason));
             }
-            let mut session = known.open_to_command(*force)?;
+            let mut session = bus.open_to_command(*force)?;
             let written = objects::write(&mut session, target, &bytes, *verify);
-            written.map_err(|error| fail(&known, error))?;
+            written.map_err(|error| fail(&bus, error))?;
             if args.json {
                 show(true, target, data_type, &value, &bytes);
             }
@@ -160,10 +160,10 @@ pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The bus failed, or the node did.
-fn fail(known: &Known, error: ObjectError) -> Failure {
+/// Converts the error to a failure of the bus or of the node.
+fn fail(bus: &SelectedBus, error: ObjectError) -> Failure {
     match error {
-        ObjectError::Session(error) => known.fail(error),
+        ObjectError::Session(error) => bus.fail(error),
         ObjectError::Node { .. } | ObjectError::Differs { .. } => Failure::new(Kind::Drive, error),
     }
 }
@@ -174,13 +174,13 @@ fn load(path: &Path) -> Result<Eds, Failure> {
     Eds::parse(&bytes).with_context(name).or_fail(Kind::Configuration)
 }
 
-/// The bytes that count where a node did not say how many.
+/// Returns the valid bytes: an expedited response without size has four, of which the type uses some.
 fn trimmed(content: &Content, data_type: GatewayType) -> &[u8] {
     let sized = data_type.size().and_then(|size| content.exactly(size));
     sized.unwrap_or_else(|| content.bytes())
 }
 
-/// `TYPE VALUE`, or `VALUE` of the type an EDS says.
+/// Parses `TYPE VALUE`, or `VALUE` of the type in the EDS.
 fn typed(words: &[String], described: Option<GatewayType>) -> Result<(GatewayType, &str), Failure> {
     match words {
         [data_type, value] => {
@@ -191,29 +191,30 @@ fn typed(words: &[String], described: Option<GatewayType>) -> Result<(GatewayTyp
             let unknown = || {
                 Failure::new(
                     Kind::Usage,
-                    "which type? Say TYPE VALUE, or give an EDS that has the object",
+                    "unknown type of the object: give TYPE VALUE, or an EDS with --eds",
                 )
             };
             Ok((described.ok_or_else(unknown)?, value))
         }
-        _ => Err(Failure::new(Kind::Usage, "say TYPE VALUE")),
+        _ => Err(Failure::new(Kind::Usage, "expected TYPE VALUE")),
     }
 }
 
-/// [`MAX_BYTES`].
-const LONGEST: u64 = 16 << 20;
+/// Maximum length of a file to write, in bytes; the same as [`MAX_BYTES`].
+const MAX_FILE_BYTES: u64 = 16 << 20;
 
-/// The value, out of a file or from standard input where its type is bytes.
-fn given(data_type: GatewayType, text: &str) -> Result<Value, Failure> {
+/// Parses the value; reads one of a byte type from a file or stdin.
+fn parse_value(data_type: GatewayType, text: &str) -> Result<Value, Failure> {
     let is_bytes = matches!(data_type, GatewayType::OctetString | GatewayType::Domain);
     match text.strip_prefix('@') {
         Some(path) if is_bytes => {
-            let bytes = files::open(path.as_ref()).and_then(|file| files::at_most(LONGEST, file));
+            let bytes =
+                files::open(path.as_ref()).and_then(|file| files::at_most(MAX_FILE_BYTES, file));
             bytes.with_context(|| path.to_owned()).or_fail(Kind::File).map(Value::Bytes)
         }
         None if is_bytes && text == "-" => {
-            let bytes = files::at_most(LONGEST, std::io::stdin().lock());
-            bytes.context("standard input").or_fail(Kind::File).map(Value::Bytes)
+            let bytes = files::at_most(MAX_FILE_BYTES, std::io::stdin().lock());
+            bytes.context("stdin").or_fail(Kind::File).map(Value::Bytes)
         }
         Some(_) | None => {
             let value = data_type.parse(text);
@@ -222,8 +223,8 @@ fn given(data_type: GatewayType, text: &str) -> Result<Value, Failure> {
     }
 }
 
-/// The limits of the object, where an EDS has any.
-fn within_limits(text: &str, value: &Value, described: Option<&Described>) -> Result<(), Failure> {
+/// Checks the value against the limits of the EDS, if it has any.
+fn check_limits(text: &str, value: &Value, described: Option<&Described>) -> Result<(), Failure> {
     let (Value::Whole(number), Some(object)) = (value, described) else { return Ok(()) };
     let low = object.low.map_or(i128::MIN, i128::from);
     let high = object.high.map_or(i128::MAX, i128::from);
@@ -231,7 +232,7 @@ fn within_limits(text: &str, value: &Value, described: Option<&Described>) -> Re
     value::within(text, *number, low, high).with_context(name).or_fail(Kind::Usage).map(|_| ())
 }
 
-/// `1591 0x0637`; texts and bytes as they are.
+/// Prints an integer as `1591 0x0637`, texts and bytes unchanged.
 fn show(json: bool, target: Target, data_type: GatewayType, value: &Value, bytes: &[u8]) {
     if json {
         let report = serde_json::json!({
@@ -260,7 +261,7 @@ fn show(json: bool, target: Target, data_type: GatewayType, value: &Value, bytes
     }
 }
 
-/// Numbers as numbers, if JSON has them.
+/// Converts to JSON. Integers beyond 64 bits become strings.
 fn of_json(value: &Value) -> serde_json::Value {
     match value {
         Value::Boolean(is) => serde_json::json!(is),

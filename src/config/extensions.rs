@@ -79,13 +79,13 @@ fn engagement(
     problems: &mut Problems<'_>,
 ) -> Option<Engagement> {
     let ramp = problems.within(&given.ramp_s, 0.0..=10.0);
-    let force = problems.positive(&given.calm_n);
-    let moment = problems.positive(&given.calm_nm);
-    let calm = match (force, moment) {
+    let force = problems.positive(&given.wait_below_n);
+    let moment = problems.positive(&given.wait_below_nm);
+    let wait_below = match (force, moment) {
         (None, None) => None,
         (force, moment) => Some([force.unwrap_or(f64::MAX), moment.unwrap_or(f64::MAX)]),
     };
-    Engagement::new(ramp?, calm, period?).ok()
+    Engagement::new(ramp?, wait_below, period?).ok()
 }
 
 fn soft_stops(
@@ -114,14 +114,14 @@ fn observer(
     let max_energy = above_zero(&given.max_energy_j);
     let max_damping = above_zero(&given.max_damping_ns_per_m);
     let lever = above_zero(&given.lever_m);
-    let calm_force = above_zero(&given.calm_n);
-    let calm_time = above_zero(&given.calm_s);
+    let threshold = above_zero(&given.contact_threshold_n);
+    let release = above_zero(&given.contact_release_s);
     let settings = PassivitySettings {
         max_energy: max_energy?,
         max_damping: max_damping?,
         lever: lever?,
-        calm_force: calm_force?,
-        calm_cycles: period?.cycles(calm_time?),
+        calm_force: threshold?,
+        calm_cycles: period?.cycles(release?),
         is_one_sided: given.one_sided.or(true).get()?,
     };
     Passivity::new(settings).ok()

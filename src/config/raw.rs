@@ -177,8 +177,8 @@ sections! {
 
     Engagement {
         ramp_s: Value<f64>,
-        calm_n: Optional<f64>,
-        calm_nm: Optional<f64>,
+        wait_below_n: Optional<f64>,
+        wait_below_nm: Optional<f64>,
     }
 
     SoftStops {
@@ -190,8 +190,8 @@ sections! {
         max_energy_j: Value<f64>,
         max_damping_ns_per_m: Value<f64>,
         lever_m: Value<f64>,
-        calm_n: Value<f64>,
-        calm_s: Value<f64>,
+        contact_threshold_n: Value<f64>,
+        contact_release_s: Value<f64>,
         one_sided: Optional<bool>,
     }
 

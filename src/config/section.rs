@@ -19,6 +19,14 @@ use crate::value::Place;
 use crate::value::Placed;
 use crate::value::Value;
 
+/// Former keys and their present names (CHANGELOG.md, "Renamed").
+const RENAMED: [(&str, &str); 4] = [
+    ("controller.engagement.calm_n", "wait_below_n"),
+    ("controller.engagement.calm_nm", "wait_below_nm"),
+    ("controller.passivity.calm_n", "contact_threshold_n"),
+    ("controller.passivity.calm_s", "contact_release_s"),
+];
+
 /// Declares sections: a struct each, whose fields are the keys.
 macro_rules! sections {
     ($($(#[$about:meta])* $name:ident { $($key:ident: $of:ty,)* })*) => { $(
@@ -134,12 +142,16 @@ impl<'d> Table<'d> {
         }
     }
 
-    /// Notes every key that is not among `known`.
+    /// Reports every key that is not among `known`; a former one with its present name.
     pub(super) fn note_unknown(&self, known: &[&str], problems: &mut Problems<'_>) {
         for key in self.entries.into_iter().flat_map(DeTable::keys) {
             let key = key.get_ref();
             if !known.iter().any(|known| bare(known) == key) {
-                problems.add(&self.place_of(key, problems), "unknown key");
+                let place = self.place_of(key, problems);
+                match RENAMED.iter().find(|(before, _)| *before == place.key()) {
+                    Some((_, now)) => problems.add(&place, format_args!("was renamed to {now}")),
+                    None => problems.add(&place, "unknown key"),
+                }
             }
         }
     }

@@ -1,4 +1,4 @@
-//! `frhc check`: is this configuration, or this EDS, fit to run? Touches no bus.
+//! `frhc check`: validates a configuration or EDS files. Opens no bus.
 
 mod eds;
 
@@ -21,21 +21,21 @@ use controller::stability::finding::Verdict;
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("subject").required(true).args(["config", "eds"]))]
 pub struct Check {
-    /// The configuration.
+    /// Configuration file (TOML).
     #[arg(short, long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// An EDS or DCF, by itself: everything that is wrong with it, by line. Repeatable.
+    /// EDS or DCF to check by itself: lists every finding with its line. Repeatable.
     #[arg(long, value_name = "FILE")]
     pub eds: Vec<PathBuf>,
-    /// The findings as one JSON object.
+    /// Print the findings as one JSON object.
     #[arg(long)]
     pub json: bool,
 }
 
-/// Checks what is named.
+/// Checks the configuration or the EDS files.
 ///
 /// # Errors
-/// What is wrong with it (exit 3), or a file that cannot be read (exit 4).
+/// An invalid configuration (exit 3), or an EDS with errors (exit 1).
 pub fn run(args: &Check) -> Result<(), Failure> {
     match &args.config {
         Some(file) => configuration(file, args.json),
@@ -43,19 +43,19 @@ pub fn run(args: &Check) -> Result<(), Failure> {
     }
 }
 
-/// Strength and direction of gravity: a base that is mounted upside down is no mistake, but shall be seen.
+/// Describes strength and direction of gravity. A base mounted upside down is valid, but must be visible.
 fn gravity(config: &Config) -> String {
     let [x, y, z] = config.gravity;
     let strength = x.hypot(y).hypot(z);
     if strength <= 0.0 {
-        return "gravity balanced: the arm is carried by springs or counterweights".to_owned();
+        return "gravity 0: the arm is balanced by springs or counterweights".to_owned();
     }
     let [x, y, z] = config.gravity.map(|part| part / strength);
-    let mount = if z > 0.0 { ", z of the base points down" } else { "" };
-    format!("gravity {strength:.2} m/s² along ({x:.2}, {y:.2}, {z:.2}) of the base{mount}")
+    let mount = if z > 0.0 { "; the base is mounted upside down" } else { "" };
+    format!("gravity {strength:.2} m/s² along ({x:.2}, {y:.2}, {z:.2}) in the base frame{mount}")
 }
 
-/// Loads the configuration, which checks it, and prints what it comes to.
+/// Loads and thereby validates the configuration, and prints bus load, joints and findings.
 fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
     let config = Config::load(file).or_fail(Kind::Configuration)?;
     let loads = config.loads();
@@ -74,15 +74,15 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
             "sync_period_us": config.period.as_micros(),
             "buses": buses.collect::<Vec<_>>(),
             "gains": gains::json(&config.findings()),
-            "eds": eds::doubts_json(&config),
+            "eds": eds::faulty_json(&config),
         });
         print::line(&report.to_string());
         return Ok(());
     }
     let findings = config.findings();
     let is_unstable = findings.iter().any(|finding| finding.verdict == Verdict::Refuses);
-    let but = if is_unstable { ", but unstable, and insisted on" } else { "" };
-    print::line(&format!("{}: in order{but}", file.display()));
+    let but = if is_unstable { ", but unstable (allow_unstable is set)" } else { "" };
+    print::line(&format!("{}: valid{but}", file.display()));
     print::line(&format!("SYNC every {} µs", config.period.as_micros()));
     for (bus, load) in config.buses.iter().zip(&loads) {
         print::line(&format!(
@@ -97,14 +97,14 @@ fn configuration(file: &Path, json: bool) -> Result<(), Failure> {
             JointKind::Prismatic => "N",
         };
         print::line(&format!(
-            "joint {:16} node {:3}, {:.4} {unit} a step of 1 per mille, at most {} {unit}",
+            "joint {:16} node {:3}, {:.4} {unit} per step of 1 ‰ rated torque, at most {} {unit}",
             joint.name,
             joint.node.raw(),
             joint.calibration.resolution(),
             joint.plant.actuator.max_torque
         ));
     }
-    eds::doubts(&config).iter().for_each(|doubt| print::line(&doubt.to_string()));
+    eds::faulty(&config).iter().for_each(|node| print::line(&node.to_string()));
     for (verdict, line) in gains::lines(&findings) {
         print::line(&format!("gains {:10} {line}", verdict.to_string()));
     }

@@ -8,36 +8,36 @@ use crate::ctl;
 use crate::exit::Failure;
 use crate::run;
 
-/// What the rack's program does.
+/// Commands that the rack needs.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// The node on SocketCAN, until SIGINT or SIGTERM.
+    /// Runs the node on SocketCAN until SIGINT or SIGTERM.
     #[command(
-        after_help = "SIGINT and SIGTERM end it in order: torque to zero, drives off and confirmed, within a second. The \
-                      configuration is read once, at the start; nothing reloads it, and SIGHUP is ignored. Every trip \
-                      leaves a fault record, in faults/ of the recording or else in the user's state folder.\n\nExample:\n  \
+        after_help = "SIGINT and SIGTERM stop the node in order: torque ramps to zero, then the drives are disabled and \
+        confirm it, within a second. The configuration is read once, at the start; SIGHUP is ignored. Every \
+        trip leaves a fault record: in faults/ of the recording, or else in the user's state folder.\n\nExample:\n  \
                       frhc run --config config/kraft_like_500hz.toml -i can0 --record /var/lib/frhc"
     )]
     Run(run::Run),
-    /// Talks to a running node over its Unix socket.
+    /// Sends one request to a running node over its Unix socket: status, arm, disarm, reset, mode.
     #[command(
         after_help = "Examples:\n  frhc ctl --wait arm && frhc ctl status --json\n  frhc ctl disarm"
     )]
     Ctl(ctl::Ctl),
-    /// Checks configuration, EDS files, calibration, bus load and gains; touches no bus.
+    /// Checks a configuration (EDS files, calibration, bus load, gains) or an EDS; opens no bus.
     #[command(
         after_help = "Examples:\n  frhc check --config config/kraft_like.toml\n  frhc check --eds eds/frhc_drive.eds"
     )]
     Check(check::Check),
-    /// Boots the drives and lets each show that it stops by itself when its master does.
+    /// Boots the drives and tests that each one stops by its own timers when its master is lost.
     Commission(commission::Commission),
 }
 
 impl Command {
-    /// Does it.
+    /// Executes the command.
     ///
     /// # Errors
-    /// What failed, and the exit code of its kind.
+    /// The failure, with its exit code.
     pub fn execute(&self) -> Result<(), Failure> {
         match self {
             Self::Run(args) => run::run(args),
@@ -47,7 +47,7 @@ impl Command {
         }
     }
 
-    /// Whether it is the one that must not end out of order.
+    /// Returns whether this is `run`, which must stop the drives in order before it ends.
     pub const fn is_run(&self) -> bool {
         matches!(self, Self::Run(_))
     }

@@ -1,5 +1,4 @@
-//! `frhc commission`: what is asked of the drives before they are used. Today their proof: every one must
-//! stop by itself when its master does.
+//! `frhc commission`: the proof test of the drives before use. Each must stop by its own timers when its master is lost.
 
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -7,7 +6,7 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::Args;
 
-use crate::configured::Configured;
+use crate::config_arg::ConfigArg;
 use crate::exit::Failure;
 use crate::exit::Kind;
 use crate::exit::OrFail;
@@ -28,34 +27,34 @@ use remote::site::VirtualSite;
 /// `frhc commission`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Needs no node running, as it is the master meanwhile. Nothing is armed.\n\nExamples:\n  \
+    after_help = "No other master may run on the buses meanwhile. The drives are enabled at zero torque; the arm is not armed.\n\nExamples:\n  \
                   frhc commission --config config/kraft_like.toml --prove -i can0\n  \
                   frhc commission --config config/kraft_like.toml --prove --json | jq .lasting_ms"
 )]
 pub struct Commission {
     #[command(flatten)]
-    config: Configured,
+    config: ConfigArg,
     #[command(flatten)]
     interfaces: Interfaces,
-    /// Boots the drives, enables them at zero torque, and lets each show that it stops by itself.
+    /// Boot the drives, enable them at zero torque, then stop RPDOs and heartbeat in turn and measure when each disables itself.
     #[arg(long)]
     prove: bool,
-    /// The report as one JSON object.
+    /// Print the report as one JSON object.
     #[arg(long)]
     json: bool,
 }
 
-/// Does what is asked for.
+/// Runs the proof test and prints its report.
 pub(super) fn run(args: &Commission) -> Result<(), Failure> {
     if !args.prove {
-        let reason = "nothing to do: --prove is the only task so far";
+        let reason = "no task given; add --prove";
         return Err(Failure::new(Kind::Usage, reason));
     }
     let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
-    // Whoever asks for the proof gets it, whatever the file says.
+    // --prove overrides `safety.prove_drives = false`.
     let config = config.with_proof();
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
-    let stop = signals::stop_asked().context("no signals").or_fail(Kind::Bus)?;
+    let stop = signals::stop_flag().context("cannot receive signals").or_fail(Kind::Bus)?;
     let bus = interfaces::open(&config, &names)?;
     let mut node = Node::new(&config, bus, VirtualSite::new(&config.remote, config.period));
     let booted = node.bring_up(&mut || stop.load(Ordering::Relaxed));
@@ -68,12 +67,12 @@ pub(super) fn run(args: &Commission) -> Result<(), Failure> {
     node.stop().or_fail(Kind::Drive)
 }
 
-/// Warns where the drives are not asked to prove anything.
+/// Logs a warning if the proof test is disabled.
 pub(super) fn warn(config: &Config) {
     if !config.safety.protection.proves_drives {
         tracing::warn!(
-            "DRIVES NOT PROVEN: safety.prove_drives = false, so nothing is known to stop a drive whose \
-             master dies; forces stay below {} N",
+            "DRIVES NOT TESTED: safety.prove_drives = false, so no drive is known to stop when its master is \
+            lost; forces stay below {} N",
             config.controller.reflection.max_force()
         );
     }
@@ -95,7 +94,7 @@ fn drives(config: &Config) -> Vec<NodePlan> {
     config.node_plans().into_iter().map(|(_, plan)| plan).filter(NodePlan::is_drive).collect()
 }
 
-/// What was found, with what was asked for.
+/// Result of the proof test, with the configuration it belongs to.
 struct Report<'c> {
     config: &'c Config,
     plans: Vec<NodePlan>,
@@ -105,7 +104,7 @@ struct Report<'c> {
 impl Report<'_> {
     fn text(&self) -> String {
         let mut lines =
-            vec![format!("{:24} {:>18} {:>18}", "ms said/measured", "without RPDOs", "heartbeat")];
+            vec![format!("{:24} {:>18} {:>18}", "ms set/measured", "RPDO timeout", "heartbeat")];
         for (drive, plan) in self.proof.drives.iter().zip(&self.plans) {
             let [rpdo, heartbeat] = [drive.rpdo, drive.heartbeat].map(cell);
             lines.push(format!("{:24} {rpdo:>18} {heartbeat:>18}", drive.name));
@@ -119,13 +118,15 @@ impl Report<'_> {
     fn verdict(&self) -> String {
         let max_force = self.config.controller.reflection.max_force();
         match self.proof.lasting() {
-            None => "not every drive stops by itself: nothing may be armed".to_owned(),
+            None => {
+                "at least one drive does not stop by itself: the arm cannot be armed".to_owned()
+            }
             Some(lasting) => match self.config.force_cap().allows(lasting) {
                 Ok(()) => format!(
-                    "a drive without its master pushes for {:.1} ms at most: max_force_n = {max_force} is allowed",
+                    "a drive that loses its master exerts torque for at most {:.1} ms: max_force_n = {max_force} is allowed",
                     millis(lasting)
                 ),
-                Err(refused) => format!("nothing may be armed: {refused}"),
+                Err(refused) => format!("the arm cannot be armed: {refused}"),
             },
         }
     }

@@ -1,4 +1,4 @@
-//! `frhc ctl`: asks a running node one question and prints its answer.
+//! `frhc ctl`: sends one request to a running node and prints the response.
 
 use std::io;
 use std::path::Path;
@@ -18,37 +18,37 @@ use tokio::net::UnixStream;
 use tokio::time::sleep;
 use tokio::time::timeout;
 
-use crate::console::Ask;
-use crate::console::Question;
-use crate::console::usual_sockets;
+use crate::console::ConsoleCommand;
+use crate::console::RequestLine;
+use crate::console::default_sockets;
 use crate::exit::Failure;
 use crate::exit::Kind;
 use crate::exit::OrFail;
 use crate::print;
 use config::Config;
 
-/// Time allowed for a connection, and for an answer …
-const ANSWER_TIMEOUT: Duration = Duration::from_secs(3);
+/// Time allowed for a connection, and for a response except to a reset.
+const RESPONSE_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// … but for that of a reset, which may boot the network.
+/// Time allowed for the response to a reset, which may boot the network.
 const RESET_TIMEOUT: Duration = Duration::from_secs(120);
 
-/// Interval between two attempts, where the node is busy or boots.
-const RETRY: Duration = Duration::from_millis(20);
+/// Interval between two attempts while the node is busy or boots.
+const RETRY_INTERVAL: Duration = Duration::from_millis(20);
 
 /// `frhc ctl`.
 #[derive(Debug, Args)]
 pub struct Ctl {
-    /// What to ask.
+    /// The request.
     #[command(subcommand)]
     pub request: CtlRequest,
-    /// The node's socket; otherwise frhc/node.sock in $XDG_RUNTIME_DIR, then /run/frhc/node.sock, the service's.
+    /// Control socket of the node [default: $XDG_RUNTIME_DIR/frhc/node.sock, then /run/frhc/node.sock].
     #[arg(long, value_name = "PATH", global = true)]
     pub socket: Option<PathBuf>,
-    /// The configuration that names the socket.
+    /// Read the path of the control socket from this configuration.
     #[arg(short, long, value_name = "FILE", global = true, conflicts_with = "socket")]
     pub config: Option<PathBuf>,
-    /// Waits until a node listens and its boot is over, for so many seconds at most.
+    /// Wait until a node listens and has booted, for at most this many seconds.
     #[arg(
         long,
         value_name = "SECONDS",
@@ -59,56 +59,56 @@ pub struct Ctl {
         value_parser = clap::value_parser!(u64).range(1..=3_600)
     )]
     pub wait: Option<u64>,
-    /// The answer as one JSON object.
+    /// Print the response as one JSON object.
     #[arg(long, global = true)]
     pub json: bool,
 }
 
-/// What to ask a node.
+/// Requests to a running node.
 #[derive(Clone, Copy, Debug, Subcommand)]
 pub enum CtlRequest {
-    /// Mode, torques, pose, counters.
+    /// Shows mode, torques, pose and counters.
     #[command(after_help = "Example:\n  frhc ctl status --json | jq .status.mode")]
     Status,
-    /// Gravity compensation on; from now on the deadman engages.
+    /// Ramps up gravity compensation; afterwards the deadman switch engages.
     #[command(after_help = "Example:\n  frhc ctl arm && frhc ctl status")]
     Arm,
-    /// Torque off.
+    /// Ramps all torques to zero.
     #[command(after_help = "Example:\n  frhc ctl disarm")]
     Disarm,
-    /// Leave a latched stop, once its cause is gone.
+    /// Clears a latched stop, once its cause is gone.
     #[command(after_help = "Example:\n  frhc ctl reset && frhc ctl arm")]
     Reset,
-    /// Command rates or poses.
+    /// Selects rate or position (pose) control.
     #[command(after_help = "Example:\n  frhc ctl mode pose")]
     Mode {
-        /// Which.
+        /// Control mode.
         mode: CommandMode,
     },
 }
 
-/// What a displacement of the hand means.
+/// Control modes: the meaning of a displacement of the hand.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum CommandMode {
-    /// A velocity of the object.
+    /// A displacement of the hand commands a velocity of the object.
     Rate,
-    /// A pose of the object.
+    /// A displacement of the hand commands a pose of the object.
     Pose,
 }
 
-/// Asks, and prints the answer.
+/// Sends the request and prints the response.
 ///
 /// # Errors
-/// Without a node that answers (exit 4), or when it refuses (exit 1).
+/// When no node responds (exit 4), or it refuses the request (exit 1).
 pub fn run(args: &Ctl) -> Result<(), Failure> {
-    let places = places(args)?;
+    let paths = socket_paths(args)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.context("no runtime").or_fail(Kind::Bus)?;
+    let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
     let line = runtime.block_on(async {
         if let Some(seconds) = args.wait {
-            wait_for_boot(&places, seconds).await?;
+            wait_for_boot(&paths, seconds).await?;
         }
-        ask(&places, question(args.request)).await
+        send(&paths, command(args.request)).await
     });
     let line = line.or_fail(Kind::Bus)?;
     let answer: serde_json::Value = serde_json::from_str(&line).or_fail(Kind::Bus)?;
@@ -117,7 +117,7 @@ pub fn run(args: &Ctl) -> Result<(), Failure> {
     }
     let text = |key| answer.get(key).and_then(serde_json::Value::as_str);
     if answer.get("ok").and_then(serde_json::Value::as_bool) != Some(true) {
-        let reason = text("error").unwrap_or("the node's answer is not understood");
+        let reason = text("error").unwrap_or("invalid response from the node");
         return Err(Failure::new(Kind::Negative, reason));
     }
     if !args.json {
@@ -132,19 +132,19 @@ pub fn run(args: &Ctl) -> Result<(), Failure> {
     Ok(())
 }
 
-fn question(request: CtlRequest) -> Ask {
+const fn command(request: CtlRequest) -> ConsoleCommand {
     match request {
-        CtlRequest::Status => Ask::Status,
-        CtlRequest::Arm => Ask::Arm,
-        CtlRequest::Disarm => Ask::Disarm,
-        CtlRequest::Reset => Ask::Reset,
-        CtlRequest::Mode { mode: CommandMode::Rate } => Ask::Rate,
-        CtlRequest::Mode { mode: CommandMode::Pose } => Ask::Pose,
+        CtlRequest::Status => ConsoleCommand::Status,
+        CtlRequest::Arm => ConsoleCommand::Arm,
+        CtlRequest::Disarm => ConsoleCommand::Disarm,
+        CtlRequest::Reset => ConsoleCommand::Reset,
+        CtlRequest::Mode { mode: CommandMode::Rate } => ConsoleCommand::Rate,
+        CtlRequest::Mode { mode: CommandMode::Pose } => ConsoleCommand::Pose,
     }
 }
 
-/// Places of the node's socket: the one that is given or configured, else the usual ones.
-fn places(args: &Ctl) -> Result<Vec<PathBuf>, Failure> {
+/// Returns the paths to try: the one that is given or configured, else the default ones.
+fn socket_paths(args: &Ctl) -> Result<Vec<PathBuf>, Failure> {
     if let Some(socket) = &args.socket {
         return Ok(vec![socket.clone()]);
     }
@@ -152,90 +152,90 @@ fn places(args: &Ctl) -> Result<Vec<PathBuf>, Failure> {
         Some(file) => Config::load(file).or_fail(Kind::Configuration)?.socket.clone(),
         None => None,
     };
-    Ok(configured.map_or_else(usual_sockets, |socket| vec![socket]))
+    Ok(configured.map_or_else(default_sockets, |socket| vec![socket]))
 }
 
-/// Waits until a node listens that does not boot, for so many seconds at most.
-async fn wait_for_boot(places: &[PathBuf], seconds: u64) -> anyhow::Result<()> {
-    let boots = async {
+/// Waits until a node listens and has booted, for at most `seconds`.
+async fn wait_for_boot(paths: &[PathBuf], seconds: u64) -> anyhow::Result<()> {
+    let booted = async {
         loop {
-            let answer = ask(places, Ask::Status).await.unwrap_or_default();
+            let answer = send(paths, ConsoleCommand::Status).await.unwrap_or_default();
             let answer: serde_json::Value = serde_json::from_str(&answer).unwrap_or_default();
             match answer.get("mode").and_then(serde_json::Value::as_str) {
-                None | Some("boot") => sleep(RETRY).await,
+                None | Some("boot") => sleep(RETRY_INTERVAL).await,
                 Some(_) => return,
             }
         }
     };
-    let waited = timeout(Duration::from_secs(seconds), boots).await;
-    let tried = || places.iter().map(|place| place.display().to_string());
+    let waited = timeout(Duration::from_secs(seconds), booted).await;
+    let tried = || paths.iter().map(|path| path.display().to_string());
     waited.map_err(|_| {
         anyhow!("{}: no node is ready within {seconds} s", tried().collect::<Vec<_>>().join(", "))
     })
 }
 
-/// Asks one question; the line of the answer.
-async fn ask(places: &[PathBuf], ask: Ask) -> anyhow::Result<String> {
-    let (mut stream, place) = find(places).await?;
-    let place = place.display();
-    let limit = if ask == Ask::Reset { RESET_TIMEOUT } else { ANSWER_TIMEOUT };
-    let mut question = serde_json::to_string(&Question { ask })?;
-    question.push('\n');
+/// Sends one request; returns the line of the response.
+async fn send(paths: &[PathBuf], ask: ConsoleCommand) -> anyhow::Result<String> {
+    let (mut stream, path) = connect_to_first(paths).await?;
+    let path = path.display();
+    let limit = if ask == ConsoleCommand::Reset { RESET_TIMEOUT } else { RESPONSE_TIMEOUT };
+    let mut request = serde_json::to_string(&RequestLine { ask })?;
+    request.push('\n');
     let mut line = String::new();
-    let asked = async {
-        stream.write_all(question.as_bytes()).await?;
+    let exchange = async {
+        stream.write_all(request.as_bytes()).await?;
         BufReader::new(&mut stream).read_line(&mut line).await
     };
-    match timeout(limit, asked).await {
+    match timeout(limit, exchange).await {
         Ok(Ok(length)) if length > 0 => Ok(line),
-        Ok(Ok(_)) => bail!("the node at {place} closed the connection"),
-        Ok(Err(error)) => bail!("the node at {place} closed the connection: {}", reason(&error)),
-        Err(_) => bail!("the node at {place} does not answer within {} s", limit.as_secs()),
+        Ok(Ok(_)) => bail!("the node at {path} closed the connection"),
+        Ok(Err(error)) => bail!("the node at {path} closed the connection: {}", reason(&error)),
+        Err(_) => bail!("the node at {path} did not respond within {} s", limit.as_secs()),
     }
 }
 
-/// Connects to the first of these places at which a node listens.
-async fn find(places: &[PathBuf]) -> anyhow::Result<(UnixStream, &Path)> {
+/// Connects to the first of these sockets on which a node listens.
+async fn connect_to_first(paths: &[PathBuf]) -> anyhow::Result<(UnixStream, &Path)> {
     let mut absent = Vec::new();
-    for path in places {
-        let place = path.display();
-        match timeout(ANSWER_TIMEOUT, connect(path)).await {
+    for path in paths {
+        let shown = path.display();
+        match timeout(RESPONSE_TIMEOUT, connect(path)).await {
             Ok(Ok(stream)) => return Ok((stream, path)),
-            Ok(Err(error)) => absent.push(format!("no node at {place}: {}", reason(&error))),
+            Ok(Err(error)) => absent.push(format!("no node at {shown}: {}", reason(&error))),
             Err(_) => {
-                let limit = ANSWER_TIMEOUT.as_secs();
-                bail!("the node at {place} takes no connection within {limit} s")
+                let limit = RESPONSE_TIMEOUT.as_secs();
+                bail!("the node at {shown} accepts no connection within {limit} s")
             }
         }
     }
     bail!(absent.join("\n"))
 }
 
-/// Connects. A node whose queue of connections is full is asked again.
+/// Connects; retries while the backlog of the node is full.
 async fn connect(socket: &Path) -> io::Result<UnixStream> {
     loop {
         match UnixStream::connect(socket).await {
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => sleep(RETRY).await,
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => sleep(RETRY_INTERVAL).await,
             connected => return connected,
         }
     }
 }
 
-/// A system's error in words, without its number.
+/// Describes an I/O error, without its errno.
 fn reason(error: &io::Error) -> String {
     let kind = error.kind();
     if kind == io::ErrorKind::NotFound {
-        "no such socket: start `frhc run`, or give --socket".to_owned()
+        "no such socket; start `frhc run`, or give --socket".to_owned()
     } else if kind == io::ErrorKind::ConnectionRefused {
-        "no process listens there".to_owned()
+        "no process listens on it".to_owned()
     } else if kind == io::ErrorKind::PermissionDenied {
-        "permission denied: it is for the node's user and group".to_owned()
+        "permission denied; only the node's user and group may connect".to_owned()
     } else {
         kind.to_string()
     }
 }
 
-/// A status as rows of name and value; what is inside another value follows it, indented.
+/// Formats a status as rows of name and value; members of an object follow it, indented.
 fn table(status: &serde_json::Value) -> String {
     rows(status, 0).join("\n")
 }
@@ -278,7 +278,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_status_is_rows_of_names_and_numbers() {
+    fn status_is_rows_of_names_and_values() {
         let status = serde_json::json!({
             "mode": "armed", "stopped_by": null, "q": [0.5, -1.0],
             "budget": { "task": [0.0, 1.5], "assist_scale": 1.0, "limiting_joint": null },
@@ -292,17 +292,17 @@ mod tests {
     }
 
     #[test]
-    fn the_first_place_with_a_node_is_taken() {
+    fn first_socket_with_a_node_is_used() {
         let folder = crate::scratch::path("places");
         fs::create_dir_all(&folder).unwrap();
         let [absent, service] = ["user.sock", "service.sock"].map(|name| folder.join(name));
         let listener = UnixListener::bind(&service).unwrap();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-        let places = [absent.clone(), service.clone()];
-        let (_, found) = runtime.block_on(find(&places)).unwrap();
+        let paths = [absent.clone(), service.clone()];
+        let (_, found) = runtime.block_on(connect_to_first(&paths)).unwrap();
         assert_eq!(found, service);
         drop(listener);
-        let error = runtime.block_on(find(&places)).unwrap_err().to_string();
+        let error = runtime.block_on(connect_to_first(&paths)).unwrap_err().to_string();
         assert!(error.contains(&format!("no node at {}: no such socket", absent.display())));
         assert!(
             error.contains(&format!("no node at {}: no process", service.display())),
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn node_that_takes_no_connection_is_given_up_in_words() {
+    fn node_with_a_full_backlog_times_out() {
         let folder = crate::scratch::path("backlog");
         fs::create_dir_all(&folder).unwrap();
         let place = folder.join("node.sock");
@@ -324,9 +324,9 @@ mod tests {
         }
         let error = runtime.block_on(async {
             tokio::time::pause();
-            find(std::slice::from_ref(&place)).await.unwrap_err().to_string()
+            connect_to_first(std::slice::from_ref(&place)).await.unwrap_err().to_string()
         });
-        let reason = format!("the node at {} takes no connection within 3 s", place.display());
+        let reason = format!("the node at {} accepts no connection within 3 s", place.display());
         assert_eq!(error, reason);
         drop((listener, waiting));
         fs::remove_dir_all(&folder).unwrap();

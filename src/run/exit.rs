@@ -1,30 +1,30 @@
-//! How the program ends: one number a script can act on, one line a person can.
+//! Failures of commands: an exit code for scripts and one line of text for people.
 
 use std::fmt;
 use std::process::ExitCode;
 
-/// What kind of failure; the numbers are a contract (docs/commands.md, "Exit codes").
+/// Kinds of failure. The exit codes are stable (docs/commands.md, "Exit codes").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A check or comparison is negative.
+    /// A check, comparison or request had a negative result.
     Negative,
-    /// The command line is wrong.
+    /// The command line is invalid.
     Usage,
     /// Configuration, EDS or calibration is invalid; no frame was sent.
     Configuration,
-    /// Interface, bus or control socket.
+    /// An interface, bus or control socket failed.
     Bus,
-    /// A file that cannot be read or written, stdout included; the same number as [`Bus`](Self::Bus).
+    /// A file, or stdout, cannot be read or written; the same exit code as [`Bus`](Self::Bus).
     File,
-    /// A drive is missing, wrong or refused.
+    /// A drive is missing, has the wrong identity, or failed.
     Drive,
-    /// Ended with a latched safety stop.
+    /// The run ended with a latched safety stop.
     Stopped,
-    /// Ended by a signal before its time.
+    /// A signal ended the command before it was complete.
     Interrupted,
 }
 
-/// What a shell says of a command that Ctrl-C ended.
+/// Exit code that shells report for a command ended by SIGINT.
 pub const INTERRUPTED: u8 = 130;
 
 /// A failure and its kind.
@@ -35,12 +35,12 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// A failure told in words.
+    /// Returns a failure with this message.
     pub fn new(kind: Kind, message: impl fmt::Display) -> Self {
         Self { kind, error: anyhow::anyhow!("{message}") }
     }
 
-    /// The number of its kind.
+    /// Returns the exit code of its kind.
     pub fn code(&self) -> ExitCode {
         ExitCode::from(match self.kind {
             Kind::Negative => 1,
@@ -54,16 +54,16 @@ impl Failure {
     }
 }
 
-/// With all its causes on one line.
+/// Shows the error with all its causes on one line.
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:#}", self.error)
     }
 }
 
-/// Gives an error its kind.
+/// Conversion of errors to failures.
 pub trait OrFail<T> {
-    /// The value, or the failure of this kind.
+    /// Returns the value, or the error as a failure of this kind.
     ///
     /// # Errors
     /// The error, as a failure of this kind.

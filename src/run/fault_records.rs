@@ -1,7 +1,7 @@
-//! The folder of fault records: for every trip `NNN-CYCLE-CAUSE/` with `bus.log`, as a session has it, and
-//! `fault.json`. Readable by their owner alone, the newest fifty kept.
+//! Fault records: one folder `NNN-CYCLE-CAUSE/` per trip, with `bus.log` in the session's format and `fault.json`.
+//! Readable by their owner only; the newest 50 are kept.
 //!
-//! What cannot be written is told once and left: a record of a fault is worth less than the run.
+//! A record that cannot be written is reported once; the run goes on.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,9 +15,9 @@ use std::path::PathBuf;
 use serde_json::Value;
 use serde_json::json;
 
-use crate::kept::Kept;
 use crate::log_file::LogFile;
 use crate::provenance::Provenance;
+use crate::record_sink::RecordSink;
 use crate::results;
 use crate::results::Access;
 use crate::results::number;
@@ -36,34 +36,34 @@ use telemetry::status::Status;
 use units::numbering::Joint;
 use units::time::Instant;
 
-/// So many records are kept; then the oldest goes.
-const KEPT: usize = 50;
+/// Maximum number of records in the folder; a new one removes the oldest.
+const MAX_RECORDS: usize = 50;
 
-/// The files of a record.
+/// Files of a record.
 const LOG: &str = "bus.log";
 const DOCUMENT: &str = "fault.json";
 
-/// Where records go if no session is recorded: systemd's folder, else the user's own.
+/// Returns the folder of records when no session is recorded: `faults` in the state folder.
 pub(super) fn default_folder() -> Option<PathBuf> {
     state::folder().map(|folder| folder.join("faults"))
 }
 
-/// Watches for trips and writes what is to be kept of them.
+/// Detects trips and writes their records.
 #[derive(Debug)]
-pub(super) struct Faults {
+pub(super) struct FaultRecords {
     folder: PathBuf,
     provenance: Provenance,
     watch: FaultWatch,
-    /// The records in the folder, by their numbers.
+    /// Records in the folder, by number.
     records: BTreeMap<u64, PathBuf>,
     open: Option<Open>,
-    is_refused: bool,
-    /// Records of this run.
+    has_failed: bool,
+    /// Records that this run has written.
     written: Vec<PathBuf>,
-    news: Option<String>,
+    message: Option<String>,
 }
 
-/// A record whose second is not over.
+/// A record of the last second, still being written.
 #[derive(Debug)]
 struct Open {
     folder: PathBuf,
@@ -73,11 +73,11 @@ struct Open {
     latest: Instant,
 }
 
-impl Faults {
-    /// Records of a run, in `folder`.
+impl FaultRecords {
+    /// Opens or creates `folder`, and reads which records it has.
     ///
     /// # Errors
-    /// When there can be no such folder.
+    /// When the folder cannot be created or read.
     pub(super) fn open(folder: &Path, provenance: &Provenance) -> io::Result<Self> {
         results::private_folder(folder)?;
         let records = fs::read_dir(folder)?.flatten();
@@ -88,16 +88,16 @@ impl Faults {
             watch: FaultWatch::default(),
             records: records.collect(),
             open: None,
-            is_refused: false,
+            has_failed: false,
             written: Vec::new(),
-            news: None,
+            message: None,
         })
     }
 
-    /// Ends what is open, and says in one line what this run leaves.
+    /// Closes the open record; returns a line that names the records of this run, if any.
     pub(super) fn finish(mut self) -> Option<String> {
         self.close();
-        // Goes if it is empty: whoever looks for records finds none.
+        // Removes the folder only if it is empty.
         fs::remove_dir(&self.folder).ok();
         match self.written.as_slice() {
             [] => None,
@@ -112,13 +112,14 @@ impl Faults {
     fn begin(&mut self, trip: &Trip, record: &Record) {
         match self.create(trip, record) {
             Ok(open) => {
-                self.news = Some(format!("fault record: {}", open.folder.display()));
+                self.message = Some(format!("fault record: {}", open.folder.display()));
                 self.written.push(open.folder.clone());
                 self.open = Some(open);
             }
-            Err(error) if !self.is_refused => {
-                self.is_refused = true;
-                self.news = Some(format!("no fault record in {}: {error}", self.folder.display()));
+            Err(error) if !self.has_failed => {
+                self.has_failed = true;
+                self.message =
+                    Some(format!("no fault record in {}: {error}", self.folder.display()));
             }
             Err(_) => {}
         }
@@ -147,9 +148,9 @@ impl Faults {
         Ok(Open { folder, log, document, tripped: trip.at, latest: trip.at })
     }
 
-    /// The oldest go, with what is ours in them: whatever else somebody keeps there stays.
+    /// Removes the oldest records. Files of other origin in them stay.
     fn make_room(&mut self) {
-        while self.records.len() >= KEPT {
+        while self.records.len() >= MAX_RECORDS {
             let Some((_, oldest)) = self.records.pop_first() else { return };
             discard(&oldest);
         }
@@ -166,21 +167,20 @@ impl Faults {
             return;
         };
         let ended = log.finish();
-        if let Some(said) = document.as_object_mut() {
-            said.insert("seconds_after".to_owned(), latest.since(tripped).as_secs_f64().into());
-            said.insert("is_complete".to_owned(), ended.is_ok().into());
+        if let Some(members) = document.as_object_mut() {
+            members.insert("seconds_after".to_owned(), latest.since(tripped).as_secs_f64().into());
+            members.insert("is_complete".to_owned(), ended.is_ok().into());
         }
         let written = write_document(&folder, &document);
         if let Err(error) = ended.and(written) {
             let folder = folder.display();
-            self.news = Some(format!("fault record {folder}: not complete: {error}"));
+            self.message = Some(format!("fault record {folder}: incomplete: {error}"));
         }
     }
 }
 
-impl Kept for Faults {
-    /// A frame has passed by.
-    fn frame(&mut self, at: Instant, telegram: &Telegram) {
+impl RecordSink for FaultRecords {
+    fn on_frame(&mut self, at: Instant, telegram: &Telegram) {
         self.close_if_over(at);
         self.watch.frame(at, telegram);
         if let Some(open) = &mut self.open {
@@ -189,8 +189,7 @@ impl Kept for Faults {
         }
     }
 
-    /// A cycle has run.
-    fn cycle(&mut self, record: &Record) {
+    fn on_cycle(&mut self, record: &Record) {
         self.close_if_over(record.at);
         let brief = Brief::from(record);
         if let Some(trip) = self.watch.cycle(&brief) {
@@ -201,13 +200,13 @@ impl Kept for Faults {
         }
     }
 
-    /// What is to be told: where a record is, or why there is none.
-    fn news(&mut self) -> Option<String> {
-        self.news.take()
+    fn next_message(&mut self) -> Option<String> {
+        self.message.take()
     }
 }
 
-/// What `fault.json` says when the record begins: a run that ends within the second leaves it so.
+/// Returns `fault.json` as written at the trip. A run that ends within the second leaves it so, with
+/// `is_complete: false`.
 fn document(trip: &Trip, record: &Record, provenance: &Provenance, seconds_before: f64) -> Value {
     let kind = trip.cause.kind();
     let row = kind.row();
@@ -246,7 +245,7 @@ pub(super) fn clear(folder: &Path) -> io::Result<()> {
     match fs::symlink_metadata(folder) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
         Err(error) => return Err(error),
-        // The link goes, never what it leads to.
+        // Removes the link, never its target.
         Ok(found) if !found.is_dir() => return fs::remove_file(folder),
         Ok(_) => {}
     }
@@ -257,7 +256,7 @@ pub(super) fn clear(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes what is ours in a record, and its folder if nothing else is in it.
+/// Removes the files of a record, and its folder if nothing else is in it.
 fn discard(record: &Path) {
     for file in [LOG, DOCUMENT] {
         fs::remove_file(record.join(file)).ok();
@@ -265,16 +264,16 @@ fn discard(record: &Path) {
     fs::remove_dir(record).ok();
 }
 
-/// `SamplesMissing` as `samples-missing`.
+/// Converts `SamplesMissing` to `samples-missing`.
 fn hyphenated(name: &str) -> String {
-    let mut words = String::new();
+    let mut hyphenated = String::new();
     for letter in name.chars() {
-        if letter.is_ascii_uppercase() && !words.is_empty() {
-            words.push('-');
+        if letter.is_ascii_uppercase() && !hyphenated.is_empty() {
+            hyphenated.push('-');
         }
-        words.push(letter.to_ascii_lowercase());
+        hyphenated.push(letter.to_ascii_lowercase());
     }
-    words
+    hyphenated
 }
 
 #[cfg(test)]
@@ -299,7 +298,6 @@ mod tests {
         to: Mode::ZeroTorque,
     };
 
-    /// A folder of this test alone.
     fn provenance() -> Provenance {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let origin = Origin::from_micros(1_795_331_563_123_456);
@@ -316,42 +314,42 @@ mod tests {
     }
 
     #[test]
-    fn promise_15_a_record_says_what_happened_and_is_its_owners_alone() {
+    fn promise_15_record_has_cause_and_modes_for_its_owner_only() {
         let folder = scratch("record");
-        let mut faults = Faults::open(&folder, &provenance()).unwrap();
+        let mut faults = FaultRecords::open(&folder, &provenance()).unwrap();
         faults.begin(&TRIP, &any_record());
         let record = folder.join("001-4213-samples-missing");
-        assert_eq!(faults.news(), Some(format!("fault record: {}", record.display())));
-        let said: Value =
+        assert_eq!(faults.next_message(), Some(format!("fault record: {}", record.display())));
+        let document: Value =
             serde_json::from_slice(&fs::read(record.join(DOCUMENT)).unwrap()).unwrap();
-        assert_eq!(said["cause"], "joint 3: no sample for 3 cycles");
-        assert_eq!((&said["joint"], &said["cycle"]), (&json!(3), &json!(4_213)));
-        assert_eq!((&said["joint_name"], &said["seconds"]), (&json!("elbow"), &json!(4.3)));
-        assert_eq!(said["origin"]["utc"], "2026-11-22T07:12:43.123456Z");
-        assert_eq!(said["joints"][2], "elbow");
+        assert_eq!(document["cause"], "joint 3: no sample for 3 cycles");
+        assert_eq!((&document["joint"], &document["cycle"]), (&json!(3), &json!(4_213)));
+        assert_eq!((&document["joint_name"], &document["seconds"]), (&json!("elbow"), &json!(4.3)));
+        assert_eq!(document["origin"]["utc"], "2026-11-22T07:12:43.123456Z");
+        assert_eq!(document["joints"][2], "elbow");
         assert_eq!(
-            (&said["mode_before"], &said["mode"]),
+            (&document["mode_before"], &document["mode"]),
             (&json!("engaged"), &json!("zero-torque"))
         );
         assert_eq!(
-            (&said["reaction"], &said["hazards"]),
+            (&document["reaction"], &document["hazards"]),
             (&json!("zero-torque"), &json!([1, 3, 4]))
         );
-        assert_eq!(said["is_complete"], false, "until its second is over");
+        assert_eq!(document["is_complete"], false, "until one second after the trip");
         assert_eq!((mode_of(&folder), mode_of(&record)), (0o700, 0o700));
         assert_eq!((mode_of(&record.join(LOG)), mode_of(&record.join(DOCUMENT))), (0o600, 0o600));
         assert!(faults.finish().unwrap().contains("001-4213-samples-missing"));
-        let said: Value =
+        let document: Value =
             serde_json::from_slice(&fs::read(record.join(DOCUMENT)).unwrap()).unwrap();
-        assert_eq!(said["is_complete"], true);
+        assert_eq!(document["is_complete"], true);
         fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]
-    fn hazard_32_the_newest_fifty_are_kept_and_what_is_not_ours_stays() {
+    fn hazard_32_newest_fifty_records_and_foreign_files_are_kept() {
         let (folder, record) = (scratch("quota"), any_record());
         for run in 0..6 {
-            let mut faults = Faults::open(&folder, &provenance()).unwrap();
+            let mut faults = FaultRecords::open(&folder, &provenance()).unwrap();
             for _ in 0..10 {
                 faults.begin(&TRIP, &record);
                 faults.close();
@@ -371,21 +369,21 @@ mod tests {
     }
 
     #[test]
-    fn hazard_32_a_place_that_cannot_be_written_is_told_once() {
+    fn hazard_32_unwritable_fault_folder_is_reported_once() {
         let (folder, record) = (scratch("gone"), any_record());
-        let mut faults = Faults::open(&folder, &provenance()).unwrap();
+        let mut faults = FaultRecords::open(&folder, &provenance()).unwrap();
         fs::remove_dir(&folder).unwrap();
         faults.begin(&TRIP, &record);
-        assert!(faults.news().unwrap().starts_with("no fault record in "));
+        assert!(faults.next_message().unwrap().starts_with("no fault record in "));
         faults.begin(&TRIP, &record);
-        assert_eq!((faults.news(), faults.finish()), (None, None));
+        assert_eq!((faults.next_message(), faults.finish()), (None, None));
         fs::write(&folder, "").unwrap();
-        assert!(Faults::open(&folder.join("faults"), &provenance()).is_err());
+        assert!(FaultRecords::open(&folder.join("faults"), &provenance()).is_err());
         fs::remove_file(&folder).unwrap();
     }
 
     #[test]
-    fn names_are_words_with_hyphens_and_begin_with_a_number() {
+    fn record_names_begin_with_a_number_and_are_hyphenated() {
         assert_eq!(hyphenated("SamplesMissing"), "samples-missing");
         assert_eq!(number(OsStr::new("042-7-late")), Some(42));
         assert_eq!(number(OsStr::new("notes")), None);

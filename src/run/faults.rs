@@ -1,4 +1,4 @@
-//! `frhc explain faults`: the fault table, for people and programs.
+//! `frhc explain faults`: the fault table as text or JSON.
 
 use clap::Args;
 use serde_json::Value as Json;
@@ -19,7 +19,7 @@ use node::safety::words;
     after_help = "Examples:\n  frhc explain faults | less -S\n  frhc explain faults --json | jq -r .cause"
 )]
 pub struct Faults {
-    /// One JSON object per line and cause.
+    /// Print one JSON object per cause and line.
     #[arg(long)]
     json: bool,
 }
@@ -30,7 +30,7 @@ pub fn run(args: &Faults) {
     print::line(&lines.join("\n"));
 }
 
-/// A line per cause: where it leads from every mode, and all else that its row says.
+/// Returns one JSON object per cause: the mode it leads to from every mode, and the rest of its row.
 fn objects() -> Vec<String> {
     let object = |kind: Kind| {
         let row = kind.row();
@@ -51,7 +51,7 @@ fn objects() -> Vec<String> {
     Kind::ALL.into_iter().map(|kind| object(kind).to_string()).collect()
 }
 
-/// A table, and what its abbreviations mean.
+/// Returns the table and its legend.
 fn text() -> Vec<String> {
     let heads = ["cause", "ready", "armed", "first by", "reset", "hazards", "what is wrong"];
     let mut lines = vec![line(heads.map(str::to_owned))];
@@ -68,7 +68,10 @@ fn text() -> Vec<String> {
             kind.words().to_owned(),
         ])
     }));
-    lines.extend(["", "ready: in boot and ready; armed: in armed and engaged"].map(str::to_owned));
+    lines.extend(
+        ["", "ready: reaction in modes boot and ready; armed: reaction in armed and engaged"]
+            .map(str::to_owned),
+    );
     let all = [Reaction::None, Reaction::ReflectionOff, Reaction::ZeroTorque, Reaction::DrivesOff];
     lines.extend(all.map(|reaction| {
         let ramp = match reaction.ramp().as_millis() {
@@ -79,8 +82,8 @@ fn text() -> Vec<String> {
     }));
     lines.extend(
         [
-            "A stop becomes worse by a worse cause, never milder, and keeps its first cause. It is left by a reset,",
-            "which boots the network where the table says so, and then needs a new press of the deadman.",
+            "A stop keeps its first cause; a worse cause makes the stop stricter, never milder. A reset ends it and",
+            "boots the network where the table says so. The deadman must then be released and pressed again.",
         ]
         .map(str::to_owned),
     );
@@ -91,7 +94,7 @@ fn line([cause, ready, armed, first, reset, hazards, words]: [String; 7]) -> Str
     format!("{cause:17}{ready:6} {armed:6} {first:15}{reset:15}{hazards:8} {words}")
 }
 
-/// The numbers of the safe states.
+/// Returns the number of the safe state (docs/safety.md).
 const fn short(reaction: Reaction) -> &'static str {
     match reaction {
         Reaction::None => "-",
@@ -101,7 +104,7 @@ const fn short(reaction: Reaction) -> &'static str {
     }
 }
 
-/// When a reset leaves it, and how.
+/// Returns when a reset can end the stop.
 const fn reset(row: Row) -> &'static str {
     match (row.boots, row.decides) {
         (true, _) => "by a boot",

@@ -1,4 +1,4 @@
-//! What the check of the gains found, for people and for programs.
+//! Findings of the stability check of the gains, as text and JSON.
 
 use std::cmp::Reverse;
 
@@ -7,7 +7,7 @@ use controller::stability::finding::Finding;
 use controller::stability::finding::Side;
 use controller::stability::finding::Verdict;
 
-/// Warns once of every inequality that does not hold.
+/// Logs a warning for each inequality that does not hold.
 pub fn warn(config: &Config) {
     for (verdict, line) in lines(&config.findings()) {
         match verdict {
@@ -17,8 +17,8 @@ pub fn warn(config: &Config) {
     }
 }
 
-/// Findings in lines, the worst verdict first: an inequality that comes to the same on several axes is
-/// told for the one where it is tightest, with the names of the others.
+/// Returns the findings as lines, the worst verdict first. An inequality with the same verdict on several axes is one
+/// line, for the axis with the least margin, which names the others.
 pub(super) fn lines(findings: &[Finding]) -> Vec<(Verdict, String)> {
     let mut groups: Vec<Vec<&Finding>> = Vec::new();
     for finding in findings {
@@ -43,7 +43,7 @@ fn line(group: &[&Finding]) -> Option<(Verdict, String)> {
     Some((tightest.verdict, format!("{tightest}{also}")))
 }
 
-/// Every finding as an object; a side without bound is null.
+/// Returns every finding as an object; an infinite side is null.
 pub(super) fn json(findings: &[Finding]) -> serde_json::Value {
     findings.iter().map(object).collect()
 }
@@ -79,15 +79,15 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_to_the_same_is_told_once_the_worst_first() {
+    fn equal_verdicts_share_a_line_and_the_worst_is_first() {
         let findings = [
             finding("x", 1.0, Verdict::Holds),
             finding("y", 3.0, Verdict::Warns),
             finding("z", 1.5, Verdict::Holds),
         ];
-        let told: Vec<String> = lines(&findings).into_iter().map(|(_, line)| line).collect();
+        let lines: Vec<String> = lines(&findings).into_iter().map(|(_, line)| line).collect();
         assert_eq!(
-            told,
+            lines,
             [
                 "damping, y: l = 3.00 N must stay below r = 2.00 N; why",
                 "damping, z: l = 1.50 N must stay below r = 2.00 N (also x)",
@@ -96,8 +96,8 @@ mod tests {
     }
 
     #[test]
-    fn a_program_is_told_of_every_axis() {
-        let told = json(&[finding("x", f64::INFINITY, Verdict::Refuses)]);
+    fn json_has_every_axis_and_null_for_infinity() {
+        let objects = json(&[finding("x", f64::INFINITY, Verdict::Refuses)]);
         let expected = serde_json::json!([{
             "name": "damping",
             "axis": "x",
@@ -106,6 +106,6 @@ mod tests {
             "right": { "symbols": "r", "value": 2.0, "unit": "N" },
             "reason": "why",
         }]);
-        assert_eq!(told, expected);
+        assert_eq!(objects, expected);
     }
 }

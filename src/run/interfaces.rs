@@ -1,4 +1,4 @@
-//! `-i`: which SocketCAN interface each bus of the configuration is on.
+//! `-i`: the SocketCAN interface of each bus of the configuration.
 
 use clap::Args;
 
@@ -8,18 +8,18 @@ use crate::exit::OrFail;
 use bus::SocketCan;
 use config::Config;
 
-/// Overriding interfaces.
+/// Interfaces that override those of the configuration.
 #[derive(Debug, Args)]
 pub struct Interfaces {
-    /// The interface of the one bus, or NAME=INTERFACE of one of several. Repeatable.
+    /// SocketCAN interface of the bus; with several buses NAME=INTERFACE, once for each.
     #[arg(short = 'i', long = "interface", value_name = "[BUS=]INTERFACE")]
     pub interfaces: Vec<String>,
 }
 
-/// The interface of each bus, in the configuration's order, with the overrides applied.
+/// Returns the interface of each bus, in the configuration's order, with the overrides applied.
 ///
 /// # Errors
-/// An override of a bus that the configuration does not have.
+/// An override of a bus that is not in the configuration.
 pub fn resolve(config: &Config, overrides: &[String]) -> Result<Vec<String>, Failure> {
     let mut interfaces: Vec<String> =
         config.buses.iter().map(|bus| bus.interface.clone()).collect();
@@ -39,7 +39,7 @@ pub fn resolve(config: &Config, overrides: &[String]) -> Result<Vec<String>, Fai
     Ok(interfaces)
 }
 
-/// The buses of a node, on interfaces that are fit for torques; what is to be said of them is a warning.
+/// Opens the buses of a node, on interfaces that are fit for torque control; logs their deficiencies as warnings.
 pub(super) fn open(config: &Config, names: &[String]) -> Result<SocketCan, Failure> {
     let bus = SocketCan::open(names).or_fail(Kind::Bus)?;
     let bus = bus.with_filters(&config.patterns()).and_then(SocketCan::with_transmit_confirmation);
@@ -54,13 +54,16 @@ pub(super) fn open(config: &Config, names: &[String]) -> Result<SocketCan, Failu
 fn no_such_bus(config: &Config, name: &str) -> Failure {
     Failure::new(
         Kind::Usage,
-        format!("-i {name}=…: no bus of that name; there is {}", names(config)),
+        format!("-i {name}=…: unknown bus \"{name}\"; expected {}", names(config)),
     )
 }
 
 fn ambiguous(config: &Config, given: &str) -> Failure {
     let names = names(config);
-    Failure::new(Kind::Usage, format!("-i {given}: which bus? Say NAME={given}; there is {names}"))
+    Failure::new(
+        Kind::Usage,
+        format!("-i {given}: the configuration has several buses ({names}); give NAME={given}"),
+    )
 }
 
 fn names(config: &Config) -> String {

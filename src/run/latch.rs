@@ -1,8 +1,8 @@
-//! A latch that outlives the process: a file that is there while drives may be enabled (ADR 17).
+//! The persistent latch: a file that exists while drives may be enabled (ADR 17).
 //!
-//! It is on the disk before the first word that enables a drive, and is removed by an orderly end alone. A node that
-//! finds it, or cannot write it, enables nothing before a reset. It belongs to the interfaces, because these lead to
-//! the arm: two nodes on other interfaces have other files.
+//! It is on disk before the first controlword that enables a drive, and only an orderly end removes it. A node that
+//! finds it, or cannot write it, enables no drive before a reset. Its name contains the interfaces, which identify
+//! the arm: nodes on other interfaces have other latches.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -25,31 +25,31 @@ use node::cause::Cause;
 pub(super) struct Latch {
     folder: Option<PathBuf>,
     name: String,
-    /// Reason why the node begins stopped.
+    /// Reason why the node starts in a stop, if it does.
     awaits: Option<Awaited>,
-    /// The same in words, with the place.
+    /// Description of that reason, with the path.
     remark: Option<String>,
 }
 
 impl Latch {
-    /// Sets the latch of the node on these interfaces, unless the last run has left it.
+    /// Creates the latch of the node on these interfaces, or finds it left by the last run.
     pub(super) fn set(interfaces: &[String]) -> Self {
         Self::set_in(state::folder(), interfaces)
     }
 
-    /// The same in this folder.
+    /// Does the same in `folder`.
     pub(super) fn set_in(folder: Option<PathBuf>, interfaces: &[String]) -> Self {
         let latch = Self { folder, name: name(interfaces), awaits: None, remark: None };
         let Some(path) = latch.path() else {
             let reason = "neither STATE_DIRECTORY nor HOME names a folder for the node's state";
             return latch.awaiting(Awaited::Unmarked, reason);
         };
-        match latch.mark() {
+        match latch.create() {
             Ok(true) => latch,
             Ok(false) => {
                 let left = fs::read_to_string(&path).unwrap_or_default();
                 let left = left.lines().next().unwrap_or_default().to_owned();
-                let reason = format!("{} is left of a run: {left}", path.display());
+                let reason = format!("{} is left by an earlier run: {left}", path.display());
                 latch.awaiting(Awaited::NotEnded, &reason)
             }
             Err(error) => {
@@ -60,42 +60,44 @@ impl Latch {
 
     fn awaiting(mut self, awaits: Awaited, reason: &str) -> Self {
         self.awaits = Some(awaits);
-        self.remark = Some(format!("nothing is enabled before `frhc ctl reset`: {reason}"));
+        self.remark = Some(format!("no drive is enabled before `frhc ctl reset`: {reason}"));
         self
     }
 
-    /// The stop in which the node begins.
+    /// Returns the stop in which the node starts, if it does.
     pub(super) fn cause(&self) -> Option<Cause> {
         self.awaits.map(|awaited| Cause::AwaitsReset { awaited })
     }
 
-    /// That reason in words, with the place.
+    /// Returns the description of that stop, with the path.
     pub(super) fn remark(&self) -> Option<&str> {
         self.remark.as_deref()
     }
 
-    /// A reset is asked for, with the drives off: the latch is that of this run from now on. One that could not be set
-    /// at the start is tried again; the reset goes on either way.
+    /// Makes the latch that of this run, when a reset is requested with the drives off. Retries one that could not be
+    /// created at the start; the reset goes on either way.
     pub(super) fn before_reset(&self) {
-        let marked = match (self.awaits, self.path()) {
+        let written = match (self.awaits, self.path()) {
             (None, _) => return,
-            (Some(Awaited::NotEnded), Some(path)) => fs::write(path, unended()),
-            (Some(Awaited::Unmarked), _) | (Some(Awaited::NotEnded), None) => self.mark().map(drop),
+            (Some(Awaited::NotEnded), Some(path)) => fs::write(path, running_text()),
+            (Some(Awaited::Unmarked), _) | (Some(Awaited::NotEnded), None) => {
+                self.create().map(drop)
+            }
         };
-        if let Err(error) = marked {
-            tracing::warn!(%error, "a crash of this run will leave no trace of its own");
+        if let Err(error) = written {
+            tracing::warn!(%error, "cannot write the latch: after a crash the next run will not know of it");
         }
     }
 
-    /// A reset has succeeded.
+    /// Clears the stop after a successful reset.
     pub(super) const fn release(&mut self) {
         self.awaits = None;
     }
 
-    /// The run has ended: the latch goes if that was in order, and keeps the reason if not. Returns what to log.
+    /// Removes the latch after an orderly end, or writes the reason into it. Returns a message to log.
     pub(super) fn end(self, outcome: Result<(), String>) -> Option<String> {
         let path = self.path()?;
-        // What was left before is not known better now.
+        // Keeps the reason of the earlier run.
         if self.awaits.is_some() {
             return None;
         }
@@ -104,13 +106,13 @@ impl Latch {
                 Ok(()) => None,
                 Err(error) if error.kind() == io::ErrorKind::NotFound => None,
                 Err(error) => {
-                    Some(format!("{}: {error}: the next run waits for a reset", path.display()))
+                    Some(format!("{}: {error}; the next run waits for a reset", path.display()))
                 }
             },
             Err(reason) => {
                 let reason = reason.replace('\n', "; ");
                 fs::write(&path, format!("{reason}\n")).ok();
-                Some("the next run enables nothing before `frhc ctl reset`".to_owned())
+                Some("the next run enables no drive before `frhc ctl reset`".to_owned())
             }
         }
     }
@@ -119,8 +121,8 @@ impl Latch {
         Some(self.folder.as_ref()?.join(&self.name))
     }
 
-    /// Creates the file, so that it would survive a loss of power. Returns whether it was not there before.
-    fn mark(&self) -> io::Result<bool> {
+    /// Creates the file and syncs it to disk. Returns false if it existed.
+    fn create(&self) -> io::Result<bool> {
         let path = self.path().ok_or(io::Error::from(io::ErrorKind::NotFound))?;
         if let Some(folder) = &self.folder {
             DirBuilder::new().recursive(true).mode(0o700).create(folder)?;
@@ -130,24 +132,24 @@ impl Latch {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => return Ok(false),
             file => file?,
         };
-        file.write_all(unended().as_bytes())?;
+        file.write_all(running_text().as_bytes())?;
         file.sync_all()?;
         self.sync()?;
         Ok(true)
     }
 
-    /// Makes the folder's entries durable.
+    /// Syncs the folder.
     fn sync(&self) -> io::Result<()> {
         File::open(self.folder.as_deref().unwrap_or(Path::new(".")))?.sync_all()
     }
 }
 
-/// Content of a latch until the run ends.
-fn unended() -> String {
+/// Content of the latch until the run ends.
+fn running_text() -> String {
     format!("process {} did not end in order\n", std::process::id())
 }
 
-/// `running-vcan0+vcan1`; what no file's name should have is written as a number.
+/// Returns the file name, as `running-vcan0+vcan1`. Characters unsafe in file names are percent-encoded.
 fn name(interfaces: &[String]) -> String {
     let mut name = String::from("running-");
     for letter in interfaces.join("+").chars() {
@@ -172,21 +174,21 @@ mod tests {
     }
 
     #[test]
-    fn hazard_27_latch_is_released_by_an_orderly_end_alone() {
+    fn hazard_27_only_an_orderly_end_removes_the_latch() {
         let folder = scratch("latch");
         let latch = set(&folder, "can0");
         assert_eq!((latch.cause(), latch.remark()), (None, None));
         let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
         let file = folder.join("running-can0");
         assert_eq!((mode(&folder), mode(&file)), (0o700, 0o600));
-        // It crashes: nothing is said of its end.
+        // A crash: `end` is not called.
         drop(latch);
         let latch = set(&folder, "can0");
         let awaited = Awaited::NotEnded;
         assert_eq!(latch.cause(), Some(Cause::AwaitsReset { awaited }));
         assert!(latch.remark().unwrap().contains("did not end in order"));
         assert_eq!(set(&folder, "can1").cause(), None, "another arm");
-        // Ended before it was reset: it still waits.
+        // Ended without a reset: the latch stays.
         assert_eq!(latch.end(Ok(())), None);
         let mut latch = set(&folder, "can0");
         latch.release();
@@ -201,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn hazard_27_latch_after_a_reset_is_that_of_the_new_run() {
+    fn hazard_27_latch_belongs_to_the_new_run_after_a_reset() {
         let folder = scratch("latch-reset");
         let latch = set(&folder, "can0");
         assert!(latch.end(Err("stopped by joint 3".to_owned())).is_some());
@@ -209,7 +211,7 @@ mod tests {
         latch.before_reset();
         assert!(folder.join("running-can0").exists());
         latch.release();
-        // It crashes.
+        // A crash.
         drop(latch);
         let latch = set(&folder, "can0");
         assert!(latch.remark().unwrap().ends_with("did not end in order"), "{:?}", latch.remark());
@@ -217,13 +219,13 @@ mod tests {
     }
 
     #[test]
-    fn hazard_27_latch_that_cannot_be_set_awaits_a_reset() {
+    fn hazard_27_unwritable_latch_awaits_a_reset() {
         let folder = scratch("latch-refused");
         fs::write(&folder, "").unwrap();
         let latch = set(&folder, "can0");
         let awaited = Awaited::Unmarked;
         assert_eq!(latch.cause(), Some(Cause::AwaitsReset { awaited }));
-        // By then it can be written.
+        // The folder has become writable.
         fs::remove_file(&folder).unwrap();
         latch.before_reset();
         assert!(folder.join("running-can0").exists());
@@ -232,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn names_of_latches_are_names_of_files() {
+    fn latch_names_are_safe_file_names() {
         assert_eq!(name(&["can0".to_owned(), "can1".to_owned()]), "running-can0+can1");
         assert_eq!(name(&["a/b c".to_owned()]), "running-a%2Fb%20c");
     }

@@ -1,13 +1,13 @@
-//! The programs of the rack: `run`, `commission`, `ctl`, `check`, and what they print, record and keep.
+//! The commands that the rack needs (`run`, `commission`, `ctl`, `check`), with their output, recordings and exit codes.
 //!
 //! | module | command |
 //! |---|---|
-//! | [`mod@run`] | `frhc run`: a thread for the cycle, one for signals, one for the console, one for each disk |
-//! | [`ctl`] | `frhc ctl`: one question to a running node |
-//! | [`check`] | `frhc check`: configuration, data sheets, gains; touches no bus |
-//! | [`commission`] | `frhc commission`: every drive shows that it stops by itself |
+//! | [`mod@run`] | `frhc run`: separate threads for the cycle, signals, console and each recording |
+//! | [`ctl`] | `frhc ctl`: sends one request to a running node |
+//! | [`check`] | `frhc check`: checks configuration, EDS files and gains; opens no bus |
+//! | [`commission`] | `frhc commission`: proof test of each drive's own stop when its master is lost |
 //!
-//! [`command::Command`] has them all; [`exit`] the exit codes.
+//! [`command::Command`] lists the commands, [`exit`] the exit codes.
 //!
 //! ```
 //! use run::exit::{Failure, Kind};
@@ -17,34 +17,34 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod archive;
 pub mod check;
 pub mod command;
 pub mod commission;
-pub mod configured;
+pub mod config_arg;
 mod console;
 pub mod ctl;
+mod disk_writers;
 pub mod exit;
 pub mod fault_records;
 pub mod faults;
 pub mod gains;
 pub mod interfaces;
-pub mod keeper;
-mod kept;
 mod latch;
 mod log_file;
-pub mod orders;
+pub mod log_time;
 pub mod panics;
 pub mod print;
 pub mod provenance;
-mod recorder;
+mod record_sink;
+mod recorder_thread;
 pub mod results;
 pub mod rings;
 pub mod run;
+pub mod run_recorder;
 #[cfg(test)]
 mod scratch;
 pub mod session;
 pub mod signals;
 mod state;
 pub mod stderr;
-pub mod time_line;
+pub mod stop_signals;

@@ -1,19 +1,19 @@
-//! A log file that ends with a whole line, whatever ends it.
+//! A log file that always ends with a whole line.
 //!
-//! The first write that fails (a full disk, a limit of size, a disk that is gone) ends the file for good: what
-//! was cut is removed, so that a reader finds whole lines and no holes.
+//! The first write that fails (full disk, file size limit, lost disk) ends the file: the partial line is removed and
+//! nothing is written after it. A reader finds whole lines and no gaps.
 
 use std::fs::File;
 use std::io;
 use std::io::ErrorKind;
 use std::io::Write;
 
-/// A file that is written from its start.
+/// A file written from its start.
 #[derive(Debug)]
 pub(super) struct LogFile {
     file: File,
     written: u64,
-    /// Bytes up to the end of the last whole line.
+    /// Length up to the end of the last whole line, in bytes.
     whole: u64,
     has_failed: bool,
 }
@@ -27,7 +27,7 @@ impl LogFile {
     fn fail<T>(&mut self, error: io::Error) -> io::Result<T> {
         if error.kind() != ErrorKind::Interrupted {
             self.has_failed = true;
-            // A pipe cannot be cut, and a disk that is gone neither.
+            // Fails for a pipe and for a disk that is gone; the write error is reported anyway.
             self.file.set_len(self.whole).ok();
         }
         Err(error)
@@ -53,10 +53,10 @@ impl Write for LogFile {
         }
     }
 
-    /// All that was written is on the disk.
+    /// Waits until all that was written is on disk.
     fn flush(&mut self) -> io::Result<()> {
         match self.file.sync_data() {
-            // A pipe has no disk.
+            // fdatasync returns EINVAL for a pipe.
             Err(error) if error.kind() == ErrorKind::InvalidInput => Ok(()),
             Err(error) => self.fail(error),
             Ok(()) => Ok(()),
@@ -78,7 +78,7 @@ mod tests {
         let mut log = LogFile::onto(copy.try_clone().unwrap());
         log.write_all(b"one\ntwo\nthr").unwrap();
         log.fail::<()>(io::Error::from(ErrorKind::FileTooLarge)).unwrap_err();
-        // What a buffer still holds finds no way behind it.
+        // A later flush of a buffer writes nothing.
         assert!(log.write_all(b"ee\nfour\n").is_err());
         let mut text = String::new();
         copy.seek(SeekFrom::Start(0)).unwrap();

@@ -1,7 +1,7 @@
-//! The only place that prints: data on stdout, messages on stderr.
+//! All output of the program: data on stdout, messages on stderr.
 //!
-//! Data that cannot be written fails the command: the first error is kept, nothing is written after it, and
-//! [`finish`] returns it. A reader that hung up (`| head`) has seen enough, which is no failure.
+//! A failed write of data fails the command: nothing is written after the first error, and [`finish`] returns it. A
+//! closed pipe (`| head`) is not a failure.
 
 use std::fs::File;
 use std::io;
@@ -16,21 +16,21 @@ use crate::exit::Kind;
 use crate::stderr;
 use telemetry::digits;
 
-/// Stdout without buffer. `std::io::stdout` takes a descriptor that is not open for writing for a sink.
+/// Unbuffered stdout. `std::io::stdout` would silently discard output to a descriptor not open for writing.
 static STDOUT: LazyLock<io::Result<File>> =
     LazyLock::new(|| io::stdout().as_fd().try_clone_to_owned().map(File::from));
 
-/// The first failure to write data.
+/// The first error of writing data.
 static FAILED: OnceLock<io::Error> = OnceLock::new();
 
-/// Prints data.
+/// Prints a line of data.
 pub fn line(text: &str) {
-    if !is_over() {
-        keep(data().and_then(|mut to| to.write_all(format!("{text}\n").as_bytes())));
+    if !has_failed() {
+        record_result(data().and_then(|mut to| to.write_all(format!("{text}\n").as_bytes())));
     }
 }
 
-/// Stdout, for data that is written piece by piece; its outcome is to be [kept](keep).
+/// Returns stdout, for data written piece by piece; pass the result of each write to [`record_result`].
 ///
 /// # Errors
 /// When the descriptor cannot be duplicated.
@@ -38,23 +38,22 @@ pub fn data() -> io::Result<&'static File> {
     STDOUT.as_ref().map_err(|error| error.kind().into())
 }
 
-/// Keeps the error of writing data, for [`finish`].
-pub fn keep(written: io::Result<()>) {
+/// Records the result of writing data, for [`finish`]. Only the first error counts.
+pub fn record_result(written: io::Result<()>) {
     if let Err(error) = written {
-        // Only the first one counts.
         FAILED.set(error).ok();
     }
 }
 
-/// Returns whether data can no longer be written: a command that only prints may end.
-pub fn is_over() -> bool {
+/// Returns whether a write of data has failed: a command that only prints may end.
+pub fn has_failed() -> bool {
     FAILED.get().is_some()
 }
 
-/// Ends the output.
+/// Returns the result of the command's output.
 ///
 /// # Errors
-/// When data is missing because it could not be written.
+/// The first error of writing data.
 pub fn finish() -> Result<(), Failure> {
     match FAILED.get() {
         Some(error) if error.kind() != ErrorKind::BrokenPipe => {
@@ -66,14 +65,14 @@ pub fn finish() -> Result<(), Failure> {
 
 /// Prints a message.
 pub fn note(text: &str) {
-    match stderr::lines() {
-        Some(lines) => lines.say(format!("{text}\n").as_bytes()),
-        // Without stderr there is no place left to complain.
+    match stderr::queue() {
+        Some(queue) => queue.send(format!("{text}\n").as_bytes()),
+        // A failure of stderr cannot be reported anywhere.
         None => writeln!(io::stderr().lock(), "{text}").unwrap_or_default(),
     }
 }
 
-/// Prints an error, each of its lines with the program's name. A number in it may be anything somebody typed.
+/// Prints an error, each line after the program's name. Long digit strings, which users can type, are shortened.
 pub fn error(text: &str) {
     for line in digits::shortened(text).lines() {
         note(&format!("frhc: {line}"));

@@ -1,8 +1,7 @@
-//! Files that a command leaves: never over something that is there, never through a symbolic link, whole or not
-//! at all.
+//! Files that a command writes: atomically, never over an existing file, never through a symbolic link.
 //!
-//! Recordings (sessions, fault records) are for their owner alone; exports have the permissions that the umask
-//! gives. What `--force` replaces is replaced in one step, by renaming.
+//! Recordings (sessions, fault records) are readable by their owner only; exports have the permissions of the umask.
+//! `--force` replaces a file in one step, by renaming.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -28,20 +27,20 @@ use crate::exit::Failure;
 use crate::exit::Kind;
 use crate::exit::OrFail;
 
-/// Consent to replace results.
+/// Permission to replace existing results.
 #[derive(Clone, Copy, Debug, Args)]
 pub struct Force {
-    /// Replace results that are there already.
+    /// Replace existing results.
     #[arg(long, requires = "out")]
     pub(super) force: bool,
 }
 
-/// Permissions of a file that is left.
+/// Permissions of a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Access {
-    /// Its owner's alone: 0600.
+    /// Owner only: 0600.
     Owner,
-    /// What the umask gives.
+    /// 0666 less the umask.
     Umask,
 }
 
@@ -54,21 +53,21 @@ impl Access {
     }
 }
 
-/// Makes a folder for its owner alone, and those it is in; one that is there stays as it is.
+/// Creates a folder and its parents for their owner only; keeps an existing one as it is.
 pub(super) fn private_folder(folder: &Path) -> io::Result<()> {
     DirBuilder::new().recursive(true).mode(0o700).create(folder)
 }
 
-/// Makes a new file for its owner alone.
+/// Creates a file for its owner only.
 ///
 /// # Errors
-/// When something has this name, a symbolic link for instance.
+/// When the name is taken, also by a symbolic link.
 pub(super) fn private_file(path: &Path) -> io::Result<File> {
     OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)
 }
 
-/// Makes a folder for its owner alone in `parent`, under the next free number: `name` makes `001-…` of it.
-pub(super) fn numbered(parent: &Path, name: impl Fn(u64) -> String) -> io::Result<PathBuf> {
+/// Creates a folder for its owner only in `parent`, with the next free number; `name` formats it as `001-…`.
+pub(super) fn create_numbered(parent: &Path, name: impl Fn(u64) -> String) -> io::Result<PathBuf> {
     private_folder(parent)?;
     let taken = fs::read_dir(parent)?.flatten();
     let taken = taken.filter_map(|entry| number(&entry.file_name()));
@@ -76,24 +75,24 @@ pub(super) fn numbered(parent: &Path, name: impl Fn(u64) -> String) -> io::Resul
     loop {
         let folder = parent.join(name(next));
         match DirBuilder::new().mode(0o700).create(&folder) {
-            // Another run took the number meanwhile.
+            // Another run has taken the number meanwhile.
             Err(error) if error.kind() == ErrorKind::AlreadyExists => next += 1,
-            made => return made.map(|()| folder),
+            created => return created.map(|()| folder),
         }
     }
 }
 
-/// The number a name begins with: `001-…` has 1.
+/// Returns the number at the start of a name: 1 of `001-…`.
 pub(super) fn number(name: &OsStr) -> Option<u64> {
     let (digits, _) = name.to_str()?.split_once('-')?;
     digits.bytes().all(|byte| byte.is_ascii_digit()).then(|| digits.parse().ok())?
 }
 
-/// Refuses a path where something is already, unless forced. A device or a pipe may be written to.
+/// Returns an error if the path exists, unless forced. Devices and pipes are accepted.
 ///
 /// # Errors
-/// The refusal.
-pub fn refuse(path: &Path, force: Force) -> Result<(), Failure> {
+/// The path exists, or cannot be inspected.
+pub fn ensure_free(path: &Path, force: Force) -> Result<(), Failure> {
     if force.force || is_stream(path) {
         return Ok(());
     }
@@ -108,21 +107,21 @@ fn exists(path: &Path) -> Failure {
     let path = path.display();
     Failure::new(
         Kind::Usage,
-        format!("{path} exists; choose another place, or replace it with --force"),
+        format!("{path} exists; choose another path, or replace it with --force"),
     )
 }
 
-/// Writes a file whole: a temporary one beside it, synced and then renamed. It replaces a file of its name.
+/// Writes a file atomically: writes and syncs a temporary one beside it, and renames that. Replaces an existing file.
 pub(super) fn replace(path: &Path, content: &[u8], access: Access) -> io::Result<()> {
     let file = prepare(path, content, access)?;
     file.persist(path).map_err(|error| error.error)?;
     sync_folder(path)
 }
 
-/// Writes the file that `--out` names. A device or a pipe is written to as it is.
+/// Writes the file given by `--out`. Writes directly to a device or pipe.
 ///
 /// # Errors
-/// When a file is there and not to be replaced, or cannot be written.
+/// When the file exists and `--force` is not given, or cannot be written.
 pub fn export(path: &Path, content: &[u8], force: Force) -> Result<(), Failure> {
     let named = || path.display().to_string();
     if is_stream(path) {
@@ -133,12 +132,12 @@ pub fn export(path: &Path, content: &[u8], force: Force) -> Result<(), Failure> 
     export_all(&[(path.to_path_buf(), content)], force)
 }
 
-/// Writes several files: prepares all of them before the first gets its name, so that none is left half done.
+/// Writes several files: prepares all of them before renaming the first, so that a failure leaves none.
 ///
 /// # Errors
 /// As [`export`].
 pub fn export_all(files: &[(PathBuf, impl AsRef<[u8]>)], force: Force) -> Result<(), Failure> {
-    files.iter().try_for_each(|(path, _)| refuse(path, force))?;
+    files.iter().try_for_each(|(path, _)| ensure_free(path, force))?;
     let mut prepared = Vec::new();
     for (path, content) in files {
         let is_free = if path.is_dir() { Err(ErrorKind::IsADirectory.into()) } else { Ok(()) };
@@ -162,7 +161,7 @@ pub fn export_all(files: &[(PathBuf, impl AsRef<[u8]>)], force: Force) -> Result
     Ok(())
 }
 
-/// A temporary file beside `path` that holds `content` on the disk.
+/// Writes and syncs `content` to a temporary file beside `path`.
 fn prepare(path: &Path, content: &[u8], access: Access) -> io::Result<NamedTempFile> {
     let beside = tempfile::Builder::new()
         .prefix(".frhc-")
@@ -174,7 +173,7 @@ fn prepare(path: &Path, content: &[u8], access: Access) -> io::Result<NamedTempF
     Ok(file)
 }
 
-/// A name that was changed is on the disk once its folder is.
+/// Syncs the folder of `path`: a renaming is durable only then.
 fn sync_folder(path: &Path) -> io::Result<()> {
     File::open(folder_of(path))?.sync_all()
 }
@@ -215,7 +214,7 @@ mod tests {
         let file = folder.join("a.dbc");
         export(&file, b"one", KEEP).unwrap();
         let refused = export(&file, b"two", KEEP).unwrap_err().to_string();
-        assert!(refused.contains("a.dbc exists; choose another place"), "{refused}");
+        assert!(refused.contains("a.dbc exists; choose another path"), "{refused}");
         assert_eq!(fs::read(&file).unwrap(), b"one");
         export(&file, b"two", FORCE).unwrap();
         assert_eq!(fs::read(&file).unwrap(), b"two");
@@ -234,7 +233,7 @@ mod tests {
         export(&link, b"x", FORCE).unwrap();
         assert!(fs::symlink_metadata(&link).unwrap().is_file(), "the link itself was replaced");
         assert_eq!(fs::read(&other).unwrap(), b"mine");
-        // One that leads nowhere is there too.
+        // A dangling link is not followed either.
         let dangling = folder.join("dangling");
         symlink(folder.join("nowhere"), &dangling).unwrap();
         assert!(export(&dangling, b"x", KEEP).is_err() && private_file(&dangling).is_err());
@@ -242,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_is_written_to_and_stays_a_device() {
+    fn export_to_a_device_writes_to_it_and_keeps_it() {
         let failed = export(Path::new("/dev/full"), b"x", KEEP).unwrap_err().to_string();
         assert!(failed.starts_with("/dev/full: No space left"), "{failed}");
         export(Path::new("/dev/null"), b"x", KEEP).unwrap();
@@ -250,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn recordings_are_their_owners_alone() {
+    fn recordings_are_readable_by_their_owner_only() {
         let folder = scratch("private");
         assert_eq!(mode_of(&folder), 0o700);
         let (log, document) = (folder.join("bus.log"), folder.join("fault.json"));
@@ -263,15 +262,15 @@ mod tests {
     }
 
     #[test]
-    fn numbered_folders_count_on_and_never_meet() {
+    fn numbered_folders_continue_after_the_highest_number() {
         let folder = scratch("numbers");
         let name = |number| format!("{number:03}-now");
-        assert_eq!(numbered(&folder, name).unwrap(), folder.join("001-now"));
-        assert_eq!(numbered(&folder, name).unwrap(), folder.join("002-now"));
+        assert_eq!(create_numbered(&folder, name).unwrap(), folder.join("001-now"));
+        assert_eq!(create_numbered(&folder, name).unwrap(), folder.join("002-now"));
         fs::create_dir(folder.join("041-earlier")).unwrap();
         fs::write(folder.join("notes"), "").unwrap();
         symlink(folder.join("notes"), folder.join("042-now")).unwrap();
-        assert_eq!(numbered(&folder, name).unwrap(), folder.join("043-now"));
+        assert_eq!(create_numbered(&folder, name).unwrap(), folder.join("043-now"));
         fs::remove_dir_all(&folder).unwrap();
     }
 }

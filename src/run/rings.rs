@@ -1,9 +1,8 @@
-//! The way from the cycle's thread to everything that may wait: three rings with one producer each.
+//! Lock-free rings from the cycle thread to the recorder thread: three, with one producer and one consumer each.
 //!
-//! The cycle's end makes no system call, takes no lock, allocates nothing and never waits: an entry that finds
-//! no room is dropped and counted by its kind. One ring holds the order of all entries and the frames
-//! themselves, the other two the cycles' records and the network's events, which are a hundred and four times
-//! as large as a frame.
+//! The producer makes no system call, takes no lock, allocates nothing and never waits: an entry that does not fit is
+//! dropped and counted by its kind. One ring holds the order of all entries and the frames themselves. The others
+//! hold the records and events, which are a hundred and four times as large as a frame.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -20,53 +19,53 @@ use node::record::Record;
 use telemetry::losses::Losses;
 use units::time::Instant;
 
-/// Frames that may wait: more than 3 s of two buses at 1 Mbit/s with frames of usual length.
-const FRAMES: usize = 1 << 16;
+/// Capacity in frames: more than 3 s of two buses at 1 Mbit/s with frames of usual length.
+const FRAME_CAPACITY: usize = 1 << 16;
 
-/// Records that may wait: 4 s at 1 kHz.
-const RECORDS: usize = 1 << 12;
+/// Capacity in records: 4 s at 1 kHz.
+const RECORD_CAPACITY: usize = 1 << 12;
 
-/// Events that may wait.
-const EVENTS: usize = 1 << 10;
+/// Capacity in events.
+const EVENT_CAPACITY: usize = 1 << 10;
 
-/// An entry's place in the order of all; a frame stands there itself.
+/// A slot of the ring that orders all entries. Frames are stored inline; records and events have rings of their own.
 #[derive(Debug)]
-enum Step {
+enum Slot {
     Frame(Instant, Telegram),
     Record,
     Event,
 }
 
-/// What the cycle's thread hands over.
-pub trait Entries {
-    /// A frame that passed by.
-    fn frame(&mut self, at: Instant, telegram: &Telegram);
-    /// A cycle.
-    fn record(&mut self, record: &Record);
-    /// An event on the network.
-    fn event(&mut self, event: &Event);
+/// Handlers of the entries that the cycle thread produces.
+pub trait EntryHandler {
+    /// Handles a frame that was sent or received `at` this time.
+    fn on_frame(&mut self, at: Instant, telegram: &Telegram);
+    /// Handles the record of a cycle.
+    fn on_record(&mut self, record: &Record);
+    /// Handles an event on the network.
+    fn on_event(&mut self, event: &Event);
 }
 
-/// The cycle's end. It overhears the buses.
+/// The producer, owned by the cycle thread. As the [`Tap`] of the buses it also receives every frame.
 #[derive(Debug)]
-pub struct Offer {
-    order: Producer<Step>,
+pub struct EntryProducer {
+    order: Producer<Slot>,
     records: Producer<Record>,
     events: Producer<Event>,
-    lost: Lost,
+    lost: LossCounters,
 }
 
-/// The other end, which looks for entries from time to time.
+/// The consumer, which the recorder thread polls.
 #[derive(Debug)]
-pub struct Taker {
-    order: Consumer<Step>,
+pub struct EntryConsumer {
+    order: Consumer<Slot>,
     records: Consumer<Record>,
     events: Consumer<Event>,
 }
 
-/// Entries lost so far, counted where they are lost.
+/// Counters of lost entries, shared by all threads that may drop one.
 #[derive(Clone, Debug, Default)]
-pub struct Lost(Arc<Counters>);
+pub struct LossCounters(Arc<Counters>);
 
 #[derive(Debug, Default)]
 struct Counters {
@@ -77,9 +76,9 @@ struct Counters {
     of_faults: AtomicU64,
 }
 
-impl Lost {
-    /// The losses so far.
-    pub(super) fn so_far(&self) -> Losses {
+impl LossCounters {
+    /// Returns the losses so far.
+    pub(super) fn snapshot(&self) -> Losses {
         let Counters { frames, records, events, of_session, of_faults } = &*self.0;
         let count = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         Losses {
@@ -91,72 +90,72 @@ impl Lost {
         }
     }
 
-    /// Counts entries that the session's disk was too slow for.
-    pub(super) fn of_session(&self, entries: u64) {
+    /// Adds entries that the session's disk was too slow for.
+    pub(super) fn add_session(&self, entries: u64) {
         self.0.of_session.fetch_add(entries, Ordering::Relaxed);
     }
 
-    /// Counts entries that the disk of the fault records was too slow for.
-    pub(super) fn of_faults(&self, entries: u64) {
+    /// Adds entries that the disk of the fault records was too slow for.
+    pub(super) fn add_fault_records(&self, entries: u64) {
         self.0.of_faults.fetch_add(entries, Ordering::Relaxed);
     }
 }
 
-/// Both ends, and what is lost between them. All memory is taken here.
-pub fn rings() -> (Offer, Taker, Lost) {
-    let (order, steps) = RingBuffer::new(FRAMES);
-    let (records, recorded) = RingBuffer::new(RECORDS);
-    let (events, happened) = RingBuffer::new(EVENTS);
-    let lost = Lost::default();
-    let offer = Offer { order, records, events, lost: lost.clone() };
-    (offer, Taker { order: steps, records: recorded, events: happened }, lost)
+/// Returns producer, consumer and loss counters. Allocates all memory.
+pub fn rings() -> (EntryProducer, EntryConsumer, LossCounters) {
+    let (order, order_out) = RingBuffer::new(FRAME_CAPACITY);
+    let (records, records_out) = RingBuffer::new(RECORD_CAPACITY);
+    let (events, events_out) = RingBuffer::new(EVENT_CAPACITY);
+    let lost = LossCounters::default();
+    let producer = EntryProducer { order, records, events, lost: lost.clone() };
+    (producer, EntryConsumer { order: order_out, records: records_out, events: events_out }, lost)
 }
 
-impl Offer {
-    /// Hands over a record.
-    pub fn record(&mut self, record: &Record) {
-        let is_kept = self.order.slots() > 0 && self.records.push(*record).is_ok();
-        // A place that was free stays free: nobody else writes here.
-        let is_kept = is_kept && self.order.push(Step::Record).is_ok();
-        self.lost.0.records.fetch_add(u64::from(!is_kept), Ordering::Relaxed);
+impl EntryProducer {
+    /// Pushes the record of a cycle.
+    pub fn push_record(&mut self, record: &Record) {
+        let is_pushed = self.order.slots() > 0 && self.records.push(*record).is_ok();
+        // The free slot is still free: this is the only producer.
+        let is_pushed = is_pushed && self.order.push(Slot::Record).is_ok();
+        self.lost.0.records.fetch_add(u64::from(!is_pushed), Ordering::Relaxed);
     }
 
-    /// Hands over an event.
-    pub(super) fn event(&mut self, event: Event) {
-        let is_kept = self.order.slots() > 0 && self.events.push(event).is_ok();
-        let is_kept = is_kept && self.order.push(Step::Event).is_ok();
-        self.lost.0.events.fetch_add(u64::from(!is_kept), Ordering::Relaxed);
+    /// Pushes an event on the network.
+    pub(super) fn push_event(&mut self, event: Event) {
+        let is_pushed = self.order.slots() > 0 && self.events.push(event).is_ok();
+        let is_pushed = is_pushed && self.order.push(Slot::Event).is_ok();
+        self.lost.0.events.fetch_add(u64::from(!is_pushed), Ordering::Relaxed);
     }
 }
 
-impl Tap for Offer {
+impl Tap for EntryProducer {
     fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
-        let is_kept = self.order.push(Step::Frame(at, *telegram)).is_ok();
-        self.lost.0.frames.fetch_add(u64::from(!is_kept), Ordering::Relaxed);
+        let is_pushed = self.order.push(Slot::Frame(at, *telegram)).is_ok();
+        self.lost.0.frames.fetch_add(u64::from(!is_pushed), Ordering::Relaxed);
     }
 }
 
-impl Taker {
-    /// Returns whether the other end is gone. What it left is still to be taken.
+impl EntryConsumer {
+    /// Returns whether the producer was dropped. Its last entries may still be in the rings.
     pub fn is_abandoned(&self) -> bool {
         self.order.is_abandoned()
     }
 
-    /// Takes what waits, oldest first, `most` entries at most; returns how many there were.
-    pub fn take(&mut self, most: usize, by: &mut impl Entries) -> usize {
-        let waiting = self.order.slots().min(most);
+    /// Passes up to `max` entries to `handler`, oldest first; returns their number.
+    pub fn take(&mut self, max: usize, handler: &mut impl EntryHandler) -> usize {
+        let waiting = self.order.slots().min(max);
         for _ in 0..waiting {
             match self.order.pop() {
-                Ok(Step::Frame(at, telegram)) => by.frame(at, &telegram),
-                Ok(Step::Record) => {
+                Ok(Slot::Frame(at, telegram)) => handler.on_frame(at, &telegram),
+                Ok(Slot::Record) => {
                     if let Ok(record) = self.records.peek() {
-                        by.record(record);
+                        handler.on_record(record);
                     }
                     self.records.pop().ok();
                 }
-                Ok(Step::Event) => {
+                Ok(Slot::Event) => {
                     if let Ok(event) = self.events.pop() {
-                        by.event(&event);
+                        handler.on_event(&event);
                     }
                 }
                 Err(_) => {}
@@ -179,20 +178,20 @@ mod tests {
     use sim::scenario::Scenario;
     use units::numbering::NodeIndex;
 
-    /// Keeps the order of what it takes.
+    /// Logs the order of the entries.
     #[derive(Default)]
     struct Order(Vec<String>);
 
-    impl Entries for Order {
-        fn frame(&mut self, at: Instant, _telegram: &Telegram) {
+    impl EntryHandler for Order {
+        fn on_frame(&mut self, at: Instant, _telegram: &Telegram) {
             self.0.push(format!("frame {}", at.as_micros()));
         }
 
-        fn record(&mut self, record: &Record) {
+        fn on_record(&mut self, record: &Record) {
             self.0.push(format!("record {}", record.cycle));
         }
 
-        fn event(&mut self, event: &Event) {
+        fn on_event(&mut self, event: &Event) {
             self.0.push(event.to_string());
         }
     }
@@ -209,62 +208,62 @@ mod tests {
 
     #[test]
     fn rings_keep_the_order_of_frames_records_and_events() {
-        let (mut offer, mut taker, lost) = rings();
+        let (mut producer, mut consumer, lost) = rings();
         let record = bench(()).cycle();
-        offer.on_wire(Instant::from_micros(1), &sync());
-        offer.record(&record);
-        offer.event(Event::HeartbeatLost { node: NodeIndex(0) });
-        offer.on_wire(Instant::from_micros(2), &sync());
-        offer.record(&Record { cycle: 7, ..record });
+        producer.on_wire(Instant::from_micros(1), &sync());
+        producer.push_record(&record);
+        producer.push_event(Event::HeartbeatLost { node: NodeIndex(0) });
+        producer.on_wire(Instant::from_micros(2), &sync());
+        producer.push_record(&Record { cycle: 7, ..record });
         let mut order = Order::default();
-        assert_eq!(taker.take(4, &mut order), 4);
-        assert_eq!(taker.take(usize::MAX, &mut order), 1);
+        assert_eq!(consumer.take(4, &mut order), 4);
+        assert_eq!(consumer.take(usize::MAX, &mut order), 1);
         let first = format!("record {}", record.cycle);
         let event = Event::HeartbeatLost { node: NodeIndex(0) }.to_string();
         assert_eq!(order.0, ["frame 1", &first, &event, "frame 2", "record 7"]);
-        assert_eq!(lost.so_far(), Losses::default());
-        assert!(!taker.is_abandoned());
-        drop(offer);
-        assert!(taker.is_abandoned());
+        assert_eq!(lost.snapshot(), Losses::default());
+        assert!(!consumer.is_abandoned());
+        drop(producer);
+        assert!(consumer.is_abandoned());
     }
 
     #[test]
     fn full_rings_drop_entries_and_count_them_by_kind() {
-        let (mut offer, mut taker, lost) = rings();
+        let (mut producer, mut consumer, lost) = rings();
         let record = bench(()).cycle();
         for cycle in 0..5_000 {
-            offer.record(&Record { cycle, ..record });
+            producer.push_record(&Record { cycle, ..record });
         }
         for micros in 0..70_000 {
-            offer.on_wire(Instant::from_micros(micros), &sync());
+            producer.on_wire(Instant::from_micros(micros), &sync());
         }
         for _ in 0..3 {
-            offer.event(Event::HeartbeatLost { node: NodeIndex(0) });
-            offer.record(&record);
+            producer.push_event(Event::HeartbeatLost { node: NodeIndex(0) });
+            producer.push_record(&record);
         }
         let (frames, records) = (70_000 - (65_536 - 4_096), 5_000 - 4_096 + 3);
-        assert_eq!(lost.so_far(), Losses { frames, records, events: 3, ..Losses::default() });
+        assert_eq!(lost.snapshot(), Losses { frames, records, events: 3, ..Losses::default() });
         let mut order = Order::default();
-        assert_eq!(taker.take(usize::MAX, &mut order), 65_536);
+        assert_eq!(consumer.take(usize::MAX, &mut order), 65_536);
         assert_eq!((order.0[0].as_str(), order.0[4_095].as_str()), ("record 0", "record 4095"));
-        // What comes later stands in its place again: nothing is left behind in a ring.
-        offer.record(&Record { cycle: 9, ..record });
-        offer.on_wire(Instant::from_micros(9), &sync());
-        taker.take(usize::MAX, &mut order);
+        // Later entries are in order again: no dropped entry has left a record or event in its ring.
+        producer.push_record(&Record { cycle: 9, ..record });
+        producer.on_wire(Instant::from_micros(9), &sync());
+        consumer.take(usize::MAX, &mut order);
         assert_eq!(order.0[65_536..], ["record 9", "frame 9"]);
     }
 
     #[test]
     fn rings_fit_into_fifteen_megabytes() {
-        let order = FRAMES * size_of::<Step>();
-        let records = RECORDS * size_of::<Record>();
-        let events = EVENTS * size_of::<Event>();
+        let order = FRAME_CAPACITY * size_of::<Slot>();
+        let records = RECORD_CAPACITY * size_of::<Record>();
+        let events = EVENT_CAPACITY * size_of::<Event>();
         let sum = order + records + events;
-        assert!(size_of::<Step>() <= 24, "{} bytes a frame", size_of::<Step>());
+        assert!(size_of::<Slot>() <= 24, "{} bytes a frame", size_of::<Slot>());
         assert!(sum <= 15_000_000, "{order} + {records} + {events} bytes");
     }
 
-    /// The torques of so many cycles, arm carried, while the other end does as it likes.
+    /// Returns the torques of this many cycles with the arm held by gravity compensation.
     fn torques(tap: impl Tap, cycles: usize) -> Vec<(Instant, [i16; 6])> {
         let mut bench = bench(tap);
         bench.bring_up().unwrap();
@@ -272,15 +271,15 @@ mod tests {
     }
 
     #[test]
-    fn promise_13_a_recorder_that_hangs_or_is_gone_changes_no_torque() {
+    fn promise_13_hung_or_dropped_recorder_changes_no_torque() {
         let alone = torques((), 10_000);
         assert!(alone.iter().any(|(_, targets)| targets.iter().any(|target| *target != 0)));
-        let (hanging, taker, lost) = rings();
+        let (hanging, consumer, lost) = rings();
         assert_eq!(torques(hanging, 10_000), alone);
-        assert!(lost.so_far().frames > 0, "its ring was full");
-        drop(taker);
-        let (orphan, taker, _) = rings();
-        drop(taker);
+        assert!(lost.snapshot().frames > 0, "the ring was full");
+        drop(consumer);
+        let (orphan, consumer, _) = rings();
+        drop(consumer);
         assert_eq!(torques(orphan, 300), alone[..300]);
     }
 }

@@ -1,5 +1,5 @@
-//! `frhc run`: the node on SocketCAN. One thread runs the cycle and nothing else, one writes its
-//! records, one its messages, one reads signals, and this one serves the console.
+//! `frhc run`: the node on SocketCAN. Separate threads run the cycle, the recorder, stderr and signals; the main thread
+//! serves the console.
 
 use std::path::Path;
 use std::path::PathBuf;
@@ -10,33 +10,33 @@ use anyhow::Context;
 use clap::Args;
 use tokio::sync::oneshot;
 
-use crate::archive;
-use crate::archive::Archive;
 use crate::commission;
-use crate::configured::Guarded;
+use crate::config_arg::TrustedConfigArg;
 use crate::console;
-use crate::console::Desk;
-use crate::console::Due;
-use crate::console::Inbox;
+use crate::console::AcceptedRequest;
+use crate::console::RequestHandler;
+use crate::console::RequestReceiver;
 use crate::console::Socket;
 use crate::console::default_socket;
+use crate::disk_writers;
+use crate::disk_writers::DiskWriters;
 use crate::exit::Failure;
 use crate::exit::Kind;
 use crate::exit::OrFail;
 use crate::gains;
 use crate::interfaces;
 use crate::interfaces::Interfaces;
-use crate::keeper::Keeper;
 use crate::latch::Latch;
-use crate::orders::Orders;
+use crate::log_time;
 use crate::print;
 use crate::provenance::Provenance;
-use crate::recorder;
-use crate::recorder::Latest;
+use crate::recorder_thread;
+use crate::recorder_thread::LatestStatus;
 use crate::rings;
-use crate::rings::Offer;
+use crate::rings::EntryProducer;
+use crate::run_recorder::RunRecorder;
 use crate::session;
-use crate::time_line;
+use crate::stop_signals::StopSignals;
 use bus::Bus;
 use bus::Traced;
 use bus::realtime;
@@ -51,114 +51,115 @@ use telemetry::origin::Origin;
 #[derive(Debug, Args)]
 pub struct Run {
     #[command(flatten)]
-    pub config: Guarded,
+    pub config: TrustedConfigArg,
     #[command(flatten)]
     pub interfaces: Interfaces,
-    /// Leave bus.log (candump), summary.json and faults/ in a new folder of this one, NNN-UTC.
+    /// Record bus.log (candump format), summary.json and faults/ in a new folder DIR/NNN-UTC.
     #[arg(short, long, value_name = "DIR")]
     pub record: Option<PathBuf>,
 }
 
-/// Runs the node until a signal ends it.
+/// Runs the node until a stop signal.
 ///
 /// # Errors
-/// What kept the node from running, or stopped it; the exit code is that of its kind.
+/// The reason why the node could not start, or was stopped; its kind gives the exit code.
 pub fn run(args: &Run) -> Result<(), Failure> {
-    let orders = Orders::start().context("no signals").or_fail(Kind::Bus)?;
+    let signals = StopSignals::start().context("cannot receive signals").or_fail(Kind::Bus)?;
     let config = args.config.load()?;
     gains::warn(&config);
     commission::warn(&config);
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.context("no runtime").or_fail(Kind::Bus)?;
+    let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
     let path = config.socket.clone().unwrap_or_else(default_socket);
     let socket = runtime.block_on(Socket::bind(path.clone()));
     let socket = socket.with_context(|| format!("control socket {}", path.display()));
     let socket = socket.or_fail(Kind::Bus)?;
 
     let bus = interfaces::open(&config, &names)?;
-    time_line::start(bus.clock());
+    log_time::set_clock(bus.clock());
     tracing::info!("time counts from {}", Origin::from_micros(bus.epoch_micros()));
     let clock = bus.clock();
     let origin = Origin::from_micros(bus.epoch_micros());
-    let keeper = keep(args.record.as_deref(), &Provenance::of(&config, &names, origin))?;
+    let recorder = open_recorder(args.record.as_deref(), &Provenance::of(&config, &names, origin))?;
 
-    let (offer, entries, lost) = rings::rings();
-    let mut archive = Archive::of(keeper, lost.clone()).or_fail(Kind::Bus)?;
+    let (producer, entries, lost) = rings::rings();
+    let mut writers = DiskWriters::start(recorder, lost.clone()).or_fail(Kind::Bus)?;
     let node = Node::new(
         &config,
-        Traced::new(bus, offer),
+        Traced::new(bus, producer),
         VirtualSite::new(&config.remote, config.period),
     );
-    let (requests, inbox) = console::channel();
+    let (sender, requests) = console::channel();
     let (ended, end) = oneshot::channel();
-    let latest = Latest::default();
+    let latest = LatestStatus::default();
     let latch = Latch::set(&names);
     let remark = latch.remark().map(str::to_owned);
     remark.iter().for_each(|remark| tracing::warn!("{remark}"));
-    let desk = Arc::new(Desk::new(requests, latest.clone(), clock, remark));
-    orders.become_orderly();
+    let handler = Arc::new(RequestHandler::new(sender, latest.clone(), clock, remark));
+    signals.enable_orderly_stop();
 
     let (outcome, mut summary) = thread::scope(|threads| -> Result<_, Failure> {
-        let (archived, shown) = (&mut archive, latest);
+        let (writers, latest) = (&mut writers, latest);
         let names: Vec<_> = config.node_plans().into_iter().map(|(_, plan)| plan.name).collect();
         let recording = thread::Builder::new()
             .name("frhc-recorder".to_owned())
-            .stack_size(archive::STACK)
+            .stack_size(disk_writers::STACK)
             .spawn_scoped(threads, move || {
-                recorder::record(entries, archived, &shown, &names, &lost)
+                recorder_thread::run(entries, writers, &latest, &names, &lost)
             })
-            .context("no thread for the recorder")
+            .context("cannot start the recorder thread")
             .or_fail(Kind::Bus)?;
-        let orders = &orders;
+        let signals = &signals;
         let cycle = move || {
-            let outcome = attend(node, inbox, orders, latch);
-            // The main thread may have gone before.
+            let outcome = run_cycle_thread(node, requests, signals, latch);
+            // The main thread may have ended first.
             ended.send(outcome).ok();
         };
         thread::Builder::new()
             .name("frhc-cycle".to_owned())
             .spawn_scoped(threads, cycle)
-            .context("no thread for the cycle")
+            .context("cannot start the cycle thread")
             .or_fail(Kind::Bus)?;
-        let outcome = runtime.block_on(serve(&socket, &desk, end));
+        let outcome = runtime.block_on(serve(&socket, &handler, end));
         let summary = recording.join();
-        let summary = summary.map_err(|_| Failure::new(Kind::Bus, "the recorder failed"))?;
+        let summary =
+            summary.map_err(|_| Failure::new(Kind::Bus, "the recorder thread panicked"))?;
         Ok((outcome, summary))
     })?;
     summary.origin = origin;
-    let (left, finished) = archive.finish(&summary);
+    let (records, finished) = writers.finish(&summary);
     if summary.cycles > 0 {
         print::note(&summary.to_string());
     }
-    left.iter().for_each(|line| print::note(line));
+    records.iter().for_each(|line| print::note(line));
     outcome.and(finished.or_fail(Kind::Bus))
 }
 
-/// What is kept of the run: fault records and, in a numbered folder below `parent`, a session.
-fn keep(parent: Option<&Path>, provenance: &Provenance) -> Result<Keeper, Failure> {
-    let Some(parent) = parent else { return Ok(Keeper::of_faults_alone(provenance)) };
-    let folder = session::numbered(parent, provenance.origin).or_fail(Kind::Bus)?;
+/// Opens the recordings: fault records and, if `parent` is given, a session in a numbered folder of it.
+fn open_recorder(parent: Option<&Path>, provenance: &Provenance) -> Result<RunRecorder, Failure> {
+    let Some(parent) = parent else { return Ok(RunRecorder::fault_records_only(provenance)) };
+    let folder = session::create_numbered(parent, provenance.origin).or_fail(Kind::Bus)?;
     tracing::info!("recording in {}", folder.display());
-    Keeper::of_session(&folder, provenance).or_fail(Kind::Bus)
+    RunRecorder::with_session(&folder, provenance).or_fail(Kind::Bus)
 }
 
-/// Serves the console until the cycle's thread has ended.
+/// Serves the console until the cycle thread ends.
 async fn serve(
     socket: &Socket,
-    desk: &Arc<Desk>,
+    handler: &Arc<RequestHandler>,
     end: oneshot::Receiver<Result<(), Failure>>,
 ) -> Result<(), Failure> {
-    let failed = || Err(Failure::new(Kind::Bus, "the cycle failed"));
+    let failed = || Err(Failure::new(Kind::Bus, "the cycle thread failed"));
     tokio::select! {
         outcome = end => outcome.unwrap_or_else(|_| failed()),
-        () = socket.serve(desk) => failed(),
+        () = socket.serve(handler) => failed(),
     }
 }
 
-/// End of the cycle's thread.
+/// Result of the cycle thread.
 struct Ended {
-    /// Whether every drive is known to be off, and no stop is latched.
+    /// Every drive is confirmed disabled, and no stop is latched.
     is_orderly: bool,
     outcome: Result<(), Failure>,
 }
@@ -169,53 +170,53 @@ impl Ended {
     }
 }
 
-/// The cycle's thread: bring-up, cycles, stop. The latch goes if all of it was in order.
-fn attend<B: Bus, R: Remote>(
-    mut node: Node<Traced<B, Offer>, R>,
-    mut inbox: Inbox,
-    orders: &Orders,
+/// Runs the cycle thread: priority, bring-up, cycles, stop. Removes the latch after an orderly end.
+fn run_cycle_thread<B: Bus, R: Remote>(
+    mut node: Node<Traced<B, EntryProducer>, R>,
+    mut requests: RequestReceiver,
+    signals: &StopSignals,
     mut latch: Latch,
 ) -> Result<(), Failure> {
     let granted = realtime::ask();
     tracing::info!(%granted, "priority");
-    let stopping = || orders.stopping();
-    let Ended { is_orderly, outcome } = live(&mut node, &mut inbox, &mut latch, &stopping);
+    let stopping = || signals.is_stop_requested();
+    let Ended { is_orderly, outcome } = run_node(&mut node, &mut requests, &mut latch, &stopping);
     let reason = || outcome.as_ref().err().map_or_else(String::new, ToString::to_string);
-    let left = latch.end(if is_orderly { Ok(()) } else { Err(reason()) });
-    left.iter().for_each(|line| tracing::warn!("{line}"));
+    let message = latch.end(if is_orderly { Ok(()) } else { Err(reason()) });
+    message.iter().for_each(|line| tracing::warn!("{line}"));
     outcome
 }
 
-/// The same without priority and latch's end, until `stopping` says so.
-fn live<B: Bus, R: Remote>(
-    node: &mut Node<Traced<B, Offer>, R>,
-    inbox: &mut Inbox,
+/// Boots the node and runs cycles until `stopping` returns true, then stops the drives.
+fn run_node<B: Bus, R: Remote>(
+    node: &mut Node<Traced<B, EntryProducer>, R>,
+    requests: &mut RequestReceiver,
     latch: &mut Latch,
     stopping: &impl Fn() -> bool,
 ) -> Ended {
     let mut give_up = || {
-        inbox.attend_boot();
+        requests.answer_during_boot();
         stopping()
     };
     let booted = match latch.cause() {
         None => node.bring_up(&mut give_up),
         Some(cause) => node.bring_up_unpowered(cause, &mut give_up),
     };
-    pass_on(node);
+    forward_events(node);
     match booted {
         Ok(()) if latch.cause().is_some() => {
-            tracing::warn!("waiting for a reset: no drive is enabled");
+            tracing::warn!("waiting for `frhc ctl reset`: no drive is enabled");
         }
         Ok(()) => tracing::info!("ready: all drives enabled at zero torque"),
-        Err(error) => return not_booted(node, error),
+        Err(error) => return boot_failure(node, error),
     }
-    inbox.booted(node.bus().now());
+    requests.end_boot(node.bus().now());
     while !stopping() {
-        grant(node, inbox, latch, stopping);
-        cycle(node);
-        pass_on(node);
+        execute_requests(node, requests, latch, stopping);
+        run_cycle(node);
+        forward_events(node);
     }
-    inbox.end();
+    requests.close();
     let stopped_by = node.cause();
     let stop = |reason| Failure::new(Kind::Stopped, reason);
     match (stopped_by, node.stop()) {
@@ -227,9 +228,9 @@ fn live<B: Bus, R: Remote>(
     }
 }
 
-/// A boot that failed. Where it did before a drive was enabled, there is nothing to latch.
-fn not_booted<B: Bus, R: Remote>(
-    node: &mut Node<Traced<B, Offer>, R>,
+/// Returns the result of a failed boot. If no drive was enabled, the end is orderly and latches nothing.
+fn boot_failure<B: Bus, R: Remote>(
+    node: &mut Node<Traced<B, EntryProducer>, R>,
     error: BringUpError,
 ) -> Ended {
     match error {
@@ -241,56 +242,56 @@ fn not_booted<B: Bus, R: Remote>(
         BringUpError::NotProven(_) => Ended::of(node.is_off(), Err(error).or_fail(Kind::Drive)),
         BringUpError::LeftOn(_) => Ended::of(false, Err(error).or_fail(Kind::Drive)),
         BringUpError::NotEnabled(_) => {
-            // A trip like any other: it is recorded.
-            cycle(node);
+            // Records the trip.
+            run_cycle(node);
             Ended::of(false, Err(error).or_fail(Kind::Drive))
         }
     }
 }
 
-/// One cycle, recorded.
-fn cycle<B: Bus, R: Remote>(node: &mut Node<Traced<B, Offer>, R>) {
+/// Runs one cycle and queues its record.
+fn run_cycle<B: Bus, R: Remote>(node: &mut Node<Traced<B, EntryProducer>, R>) {
     let record = node.cycle();
-    node.bus_mut().tap_mut().record(&record);
+    node.bus_mut().tap_mut().push_record(&record);
 }
 
-/// Does what was asked for: a disarm, and one other request.
-fn grant<B: Bus, R: Remote>(
+/// Executes a pending disarm, and then at most one other request.
+fn execute_requests<B: Bus, R: Remote>(
     node: &mut Node<B, R>,
-    inbox: &mut Inbox,
+    requests: &mut RequestReceiver,
     latch: &mut Latch,
     stopping: &impl Fn() -> bool,
 ) {
-    if let Some(disarm) = inbox.disarm() {
+    if let Some(disarm) = requests.pending_disarm() {
         // A disarm is never refused.
         let mode = node.request(Request::Disarm, &mut || false).unwrap_or(node.mode());
-        inbox.disarmed(disarm, mode);
+        requests.complete_disarm(disarm, mode);
     }
-    let Some(due) = inbox.next(node.bus().now()) else { return };
-    let Due { request, .. } = due;
+    let Some(accepted) = requests.next(node.bus().now()) else { return };
+    let AcceptedRequest { request, .. } = accepted;
     let mut has_booted = false;
     if request == Request::Reset {
         latch.before_reset();
     }
     let outcome = node.request(request, &mut || {
         has_booted = true;
-        inbox.boots();
-        inbox.attend_boot();
+        requests.begin_boot();
+        requests.answer_during_boot();
         stopping()
     });
     if has_booted {
-        inbox.booted(node.bus().now());
+        requests.end_boot(node.bus().now());
     }
     if request == Request::Reset && outcome.is_ok() {
         latch.release();
     }
-    due.answer(outcome);
+    accepted.answer(outcome);
 }
 
-/// What has happened on the network goes to whoever writes messages.
-fn pass_on<B: Bus, R: Remote>(node: &mut Node<Traced<B, Offer>, R>) {
+/// Queues events on the network for the recorder thread.
+fn forward_events<B: Bus, R: Remote>(node: &mut Node<Traced<B, EntryProducer>, R>) {
     while let Some(event) = node.notice() {
-        node.bus_mut().tap_mut().event(event);
+        node.bus_mut().tap_mut().push_event(event);
     }
 }
 
@@ -302,8 +303,8 @@ mod tests {
 
     use super::*;
     use crate::console::Phase;
-    use crate::console::Requests;
-    use crate::rings::Taker;
+    use crate::console::RequestSender;
+    use crate::rings::EntryConsumer;
     use bus::Memory;
     use canopen::frame::Channel;
     use canopen::frame::Frame;
@@ -317,19 +318,19 @@ mod tests {
     use sim::world::World;
     use units::time::Instant;
 
-    /// A run without its threads, in memory.
+    /// A node without threads, on an in-memory bus.
     struct Bench<S> {
-        node: Node<Traced<Memory<S, ()>, Offer>, VirtualSite>,
-        requests: Requests,
-        inbox: Inbox,
+        node: Node<Traced<Memory<S, ()>, EntryProducer>, VirtualSite>,
+        sender: RequestSender,
+        requests: RequestReceiver,
         latch: Latch,
         folder: PathBuf,
-        /// Kept: a ring without its other end loses all.
-        _taker: Taker,
+        /// RecordSink: a ring without its other end loses all.
+        _consumer: EntryConsumer,
     }
 
     impl<S: Station> Bench<S> {
-        /// With a state folder of this test alone. `crashed` leaves it as a run does that crashed.
+        /// Uses a state folder of its own; `crashed` leaves the latch of a crashed run in it.
         fn of(name: &str, crashed: bool, stations: S) -> Self {
             let folder = crate::scratch::path(name);
             let set = || Latch::set_in(Some(folder.clone()), &["can0".to_owned()]);
@@ -338,20 +339,20 @@ mod tests {
             }
             let latch = set();
             let config = config();
-            let (offer, taker, _) = rings::rings();
-            let bus = Traced::new(Memory::new(&[1_000_000], stations, ()), offer);
+            let (producer, consumer, _) = rings::rings();
+            let bus = Traced::new(Memory::new(&[1_000_000], stations, ()), producer);
             let node = Node::new(&config, bus, VirtualSite::new(&config.remote, config.period));
-            let (requests, inbox) = console::channel();
-            Self { node, requests, inbox, latch, folder, _taker: taker }
+            let (sender, requests) = console::channel();
+            Self { node, sender, requests, latch, folder, _consumer: consumer }
         }
 
-        /// Lives until `stopping`, which is asked at least once a cycle and during boots.
-        fn live(&mut self, stopping: &impl Fn() -> bool) -> Ended {
-            live(&mut self.node, &mut self.inbox, &mut self.latch, stopping)
+        /// Runs until `stopping` returns true; it is called at least once a cycle and during boots.
+        fn run(&mut self, stopping: &impl Fn() -> bool) -> Ended {
+            run_node(&mut self.node, &mut self.requests, &mut self.latch, stopping)
         }
 
-        fn grant(&mut self) {
-            grant(&mut self.node, &mut self.inbox, &mut self.latch, &|| false);
+        fn execute_requests(&mut self) {
+            execute_requests(&mut self.node, &mut self.requests, &mut self.latch, &|| false);
         }
     }
 
@@ -361,12 +362,12 @@ mod tests {
         }
     }
 
-    /// Says so after so many cycles, of which it is asked once in each.
-    fn after_cycles(cycles: u32, requests: &Requests) -> impl Fn() -> bool + use<> {
-        let requests = requests.clone();
+    /// Returns a predicate that becomes true after this many cycles.
+    fn after_cycles(cycles: u32, sender: &RequestSender) -> impl Fn() -> bool + use<> {
+        let sender = sender.clone();
         let asked = Cell::new(0);
         move || {
-            asked.set(asked.get() + u32::from(requests.phase() == Phase::Running));
+            asked.set(asked.get() + u32::from(sender.phase() == Phase::Running));
             asked.get() > cycles
         }
     }
@@ -380,10 +381,10 @@ mod tests {
         Bench::of(name, crashed, world)
     }
 
-    /// Cables without devices.
-    struct Nobody;
+    /// A bus without devices.
+    struct NoDevices;
 
-    impl Station for Nobody {
+    impl Station for NoDevices {
         fn on_frame(&mut self, _: Instant, _: Channel, _: &Frame, _: &mut Vec<Telegram>) {}
 
         fn on_time(&mut self, _: Instant, _: &mut Vec<Telegram>) {}
@@ -394,27 +395,27 @@ mod tests {
     }
 
     #[test]
-    fn run_that_is_stopped_ends_in_order_with_all_drives_off() {
+    fn stopped_run_ends_in_order_with_all_drives_off() {
         let mut bench = bench("run-orderly", false);
-        let ended = bench.live(&after_cycles(20, &bench.requests.clone()));
+        let ended = bench.run(&after_cycles(20, &bench.sender.clone()));
         ended.outcome.unwrap();
         assert!(ended.is_orderly && bench.node.is_off());
-        let denied = bench.requests.ask(Request::Arm, bench.node.bus().now(), &Arc::default());
+        let denied = bench.sender.send(Request::Arm, bench.node.bus().now(), &Arc::default());
         assert_eq!(denied.unwrap_err().to_string(), "the node is stopping");
     }
 
     #[test]
-    fn boot_that_is_given_up_is_an_orderly_end() {
+    fn cancelled_boot_is_an_orderly_end() {
         let mut bench = bench("run-given-up", false);
-        let ended = bench.live(&|| true);
+        let ended = bench.run(&|| true);
         ended.outcome.unwrap();
         assert!(ended.is_orderly);
     }
 
     #[test]
     fn boot_without_drives_fails_and_latches_nothing() {
-        let mut bench = Bench::of("run-nobody", false, Nobody);
-        let ended = bench.live(&|| false);
+        let mut bench = Bench::of("run-no-devices", false, NoDevices);
+        let ended = bench.run(&|| false);
         let [code, of_drives] =
             [ended.outcome.unwrap_err(), Failure::new(Kind::Drive, "")].map(|it| it.code());
         assert_eq!(format!("{code:?}"), format!("{of_drives:?}"));
@@ -424,56 +425,56 @@ mod tests {
     #[test]
     fn run_after_a_crash_enables_nothing_and_ends_stopped() {
         let mut bench = bench("run-crashed", true);
-        let ended = bench.live(&after_cycles(20, &bench.requests.clone()));
+        let ended = bench.run(&after_cycles(20, &bench.sender.clone()));
         let failure = ended.outcome.unwrap_err();
         assert!(failure.to_string().starts_with("stopped by "), "{failure}");
         assert!(!ended.is_orderly && bench.node.is_off());
     }
 
     #[test]
-    fn disarm_is_granted_before_what_is_queued() {
+    fn disarm_precedes_queued_requests() {
         let mut bench = bench("run-disarm", false);
         bench.node.bring_up(&mut || false).unwrap();
-        bench.inbox.booted(bench.node.bus().now());
+        bench.requests.end_boot(bench.node.bus().now());
         let now = bench.node.bus().now();
-        let arm = bench.requests.ask(Request::Arm, now, &Arc::default()).unwrap();
-        bench.grant();
+        let arm = bench.sender.send(Request::Arm, now, &Arc::default()).unwrap();
+        bench.execute_requests();
         assert_eq!(arm.blocking_recv().unwrap().unwrap(), Mode::Armed);
         let rate = Request::Command(CommandMode::Rate);
-        let queued = bench.requests.ask(rate, now, &Arc::default()).unwrap();
-        let disarm = bench.requests.disarm();
-        bench.grant();
-        assert!(bench.requests.disarmed(disarm).is_some());
+        let queued = bench.sender.send(rate, now, &Arc::default()).unwrap();
+        let disarm = bench.sender.request_disarm();
+        bench.execute_requests();
+        assert!(bench.sender.disarm_result(disarm).is_some());
         assert!(queued.blocking_recv().unwrap().is_err(), "void since the disarm");
     }
 
     #[test]
-    fn reset_boots_and_releases_the_latch_and_voids_what_was_asked_meanwhile() {
+    fn reset_boots_releases_the_latch_and_voids_queued_requests() {
         let mut bench = bench("run-reset", true);
         let cause = bench.latch.cause().unwrap();
         bench.node.bring_up_unpowered(cause, &mut || false).unwrap();
         let begun = bench.node.bus().now();
-        bench.inbox.booted(begun);
-        let reset = bench.requests.ask(Request::Reset, begun, &Arc::default()).unwrap();
-        let arm = bench.requests.ask(Request::Arm, begun, &Arc::default()).unwrap();
-        bench.grant();
+        bench.requests.end_boot(begun);
+        let reset = bench.sender.send(Request::Reset, begun, &Arc::default()).unwrap();
+        let arm = bench.sender.send(Request::Arm, begun, &Arc::default()).unwrap();
+        bench.execute_requests();
         assert_eq!(reset.blocking_recv().unwrap().unwrap(), Mode::Ready);
         assert_eq!(bench.latch.cause(), None);
         assert!(arm.blocking_recv().unwrap().unwrap_err().to_string().contains("booting"));
-        bench.grant();
+        bench.execute_requests();
         assert_eq!(bench.node.mode(), Mode::Ready);
     }
 
     #[test]
-    fn reset_that_fails_leaves_the_latch() {
+    fn failed_reset_leaves_the_latch() {
         let mut bench = bench("run-reset-fails", true);
         let cause = bench.latch.cause().unwrap();
         bench.node.bring_up_unpowered(cause, &mut || false).unwrap();
-        bench.inbox.booted(bench.node.bus().now());
+        bench.requests.end_boot(bench.node.bus().now());
         let now = bench.node.bus().now();
-        let reset = bench.requests.ask(Request::Reset, now, &Arc::default()).unwrap();
+        let reset = bench.sender.send(Request::Reset, now, &Arc::default()).unwrap();
         // A signal ends the boot.
-        grant(&mut bench.node, &mut bench.inbox, &mut bench.latch, &|| true);
+        execute_requests(&mut bench.node, &mut bench.requests, &mut bench.latch, &|| true);
         assert!(reset.blocking_recv().unwrap().is_err());
         assert_eq!(bench.latch.cause(), Some(cause));
         assert!(bench.node.mode().is_stopped() && bench.node.is_off());

@@ -1,4 +1,4 @@
-//! A folder of one test alone.
+//! Temporary folders for tests.
 
 use std::env;
 use std::fs;
@@ -7,11 +7,11 @@ use std::process;
 use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering;
 
-/// Path of a folder that does not exist yet; no two calls of one process get the same.
+/// Returns the path of a folder that does not exist; every call returns another.
 pub(crate) fn path(name: &str) -> PathBuf {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     let number = NEXT.fetch_add(1, Ordering::Relaxed);
     let path = env::temp_dir().join(format!("frhc-{}-{number}-{name}", process::id()));
-    fs::remove_dir_all(&path).ok(); // of an earlier process with this number
+    fs::remove_dir_all(&path).ok(); // left by an earlier process with this id
     path
 }

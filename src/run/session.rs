@@ -1,5 +1,5 @@
-//! The folder of a session: `bus.log`, `summary.json` and fault records, for their owner alone. A session is never
-//! written over another.
+//! The folder of a session: `bus.log`, `summary.json` and fault records, readable by their owner only. A session never
+//! overwrites another.
 
 use std::fs;
 use std::fs::File;
@@ -14,9 +14,9 @@ use crate::exit::Failure;
 use crate::exit::Kind;
 use crate::exit::OrFail;
 use crate::fault_records;
-use crate::kept::Kept;
 use crate::log_file::LogFile;
 use crate::provenance::Provenance;
+use crate::record_sink::RecordSink;
 use crate::results;
 use crate::results::Access;
 use crate::results::Force;
@@ -29,49 +29,50 @@ use telemetry::session::SessionLog;
 use telemetry::summary::Summary;
 use units::time::Instant;
 
-/// The files of a session, and the folder of its fault records.
+/// Files of a session, and the folder of its fault records.
 const LOG: &str = "bus.log";
 const SUMMARY: &str = "summary.json";
 pub(super) const FAULTS: &str = "faults";
 
-/// A session that is being written.
+/// A session being written.
 #[derive(Debug)]
 pub(super) struct Session {
     folder: PathBuf,
     log: SessionLog<BufWriter<LogFile>>,
-    is_told: bool,
+    /// The failure of the log was reported.
+    is_reported: bool,
 }
 
 impl Session {
-    /// Makes the folder and begins its log.
+    /// Creates the folder and its log.
     ///
     /// # Errors
-    /// When there is no such folder, or it has a log already.
+    /// When the folder cannot be created, or has a log already.
     pub(super) fn create(folder: &Path, provenance: &Provenance) -> anyhow::Result<Self> {
-        let make = || -> io::Result<File> {
+        let create = || -> io::Result<File> {
             results::private_folder(folder)?;
             results::private_file(&folder.join(LOG))
         };
-        let file = make().with_context(|| format!("session {}", folder.display()))?;
+        let file = create().with_context(|| format!("session {}", folder.display()))?;
         Ok(Self::onto(file, folder, provenance))
     }
 
-    /// A session whose log goes to `file`.
+    /// Returns a session whose log is written to `file`.
     pub(super) fn onto(file: File, folder: &Path, provenance: &Provenance) -> Self {
         let Provenance { interfaces, origin, .. } = provenance;
         let file = BufWriter::new(LogFile::onto(file));
         let writer = LogWriter::new(file, interfaces, origin.as_micros());
         let folder = folder.to_path_buf();
-        Self { folder, log: SessionLog::new(writer), is_told: false }
+        Self { folder, log: SessionLog::new(writer), is_reported: false }
     }
 
-    /// Ends the log and writes the summary, which may find room where the log did not.
+    /// Closes the log and writes the summary, even if the log has failed.
     pub(super) fn finish(self, summary: &Summary) -> anyhow::Result<()> {
-        let Self { folder, log, is_told } = self;
+        let Self { folder, log, is_reported } = self;
         let named = || format!("session {}", folder.display());
-        let ended = log.finish().map_err(|error| match is_told {
-            true => anyhow::anyhow!("{}: not complete", named()),
-            false => anyhow::anyhow!("{}: not complete: {error}", named()),
+        let ended = log.finish().map_err(|error| match is_reported {
+            true => anyhow::anyhow!("{}: incomplete", named()),
+            false => anyhow::anyhow!("{}: incomplete: {error}", named()),
         });
         let mut text = serde_json::to_string_pretty(summary)?;
         text.push('\n');
@@ -80,19 +81,20 @@ impl Session {
     }
 }
 
-/// Makes a folder for a session of its own in `parent`: `NNN-UTC`, counted from 001.
-pub(super) fn numbered(parent: &Path, origin: Origin) -> anyhow::Result<PathBuf> {
-    let folder = results::numbered(parent, |number| format!("{number:03}-{}", origin.compact()));
+/// Creates a folder for a new session in `parent`: `NNN-UTC`, counted from 001.
+pub(super) fn create_numbered(parent: &Path, origin: Origin) -> anyhow::Result<PathBuf> {
+    let folder =
+        results::create_numbered(parent, |number| format!("{number:03}-{}", origin.compact()));
     folder.with_context(|| format!("--record {}", parent.display()))
 }
 
-/// Makes sure that `folder` has no session. An earlier one is refused or, if forced, removed.
+/// Ensures that `folder` has no session. Removes an earlier one if forced.
 ///
 /// # Errors
-/// The refusal, or what kept an earlier one from being removed.
+/// An earlier session exists and `--force` is not given, or cannot be removed.
 pub fn make_room(folder: &Path, force: Force) -> Result<(), Failure> {
     let names = [LOG, SUMMARY, FAULTS].into_iter();
-    names.map(|name| folder.join(name)).try_for_each(|path| results::refuse(&path, force))?;
+    names.map(|name| folder.join(name)).try_for_each(|path| results::ensure_free(&path, force))?;
     let gone = |file| match fs::remove_file(folder.join(file)) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
         Ok(()) | Err(_) => Ok(()),
@@ -102,20 +104,20 @@ pub fn make_room(folder: &Path, force: Force) -> Result<(), Failure> {
     cleared.with_context(|| format!("session {}", folder.display())).or_fail(Kind::File)
 }
 
-impl Kept for Session {
-    fn frame(&mut self, at: Instant, telegram: &Telegram) {
+impl RecordSink for Session {
+    fn on_frame(&mut self, at: Instant, telegram: &Telegram) {
         self.log.frame(at, telegram);
     }
 
-    fn cycle(&mut self, record: &Record) {
+    fn on_cycle(&mut self, record: &Record) {
         self.log.cycle(&Brief::from(record));
     }
 
-    /// Why nothing is recorded any more, once.
-    fn news(&mut self) -> Option<String> {
-        let error = self.log.failure().filter(|_| !self.is_told)?;
-        self.is_told = true;
-        Some(format!("session {}: the recording ends here: {error}", self.folder.display()))
+    /// Returns the write error that has ended the log, once.
+    fn next_message(&mut self) -> Option<String> {
+        let error = self.log.failure().filter(|_| !self.is_reported)?;
+        self.is_reported = true;
+        Some(format!("session {}: the recording has stopped: {error}", self.folder.display()))
     }
 }
 
@@ -148,28 +150,28 @@ mod tests {
     }
 
     #[test]
-    fn session_leaves_log_and_summary_for_its_owner() {
+    fn session_has_log_and_summary_for_its_owner_only() {
         let folder = scratch("session");
         let mut session = Session::create(&folder, &provenance()).unwrap();
-        session.frame(Instant::from_micros(7), &sync());
-        assert_eq!(session.news(), None);
+        session.on_frame(Instant::from_micros(7), &sync());
+        assert_eq!(session.next_message(), None);
         let mut summary = Summary::default();
         summary.cycles = 42;
         session.finish(&summary).unwrap();
         let (log, summary) = (folder.join(LOG), folder.join(SUMMARY));
-        // The stamp is that of the wall: origin and time on the bus.
+        // The timestamp is wall-clock time: origin plus time on the bus.
         assert_eq!(fs::read_to_string(&log).unwrap(), "(1795331563.123463) can0 080#\n");
-        let said: Value = serde_json::from_slice(&fs::read(&summary).unwrap()).unwrap();
-        assert_eq!(said["cycles"], 42);
+        let document: Value = serde_json::from_slice(&fs::read(&summary).unwrap()).unwrap();
+        assert_eq!(document["cycles"], 42);
         assert_eq!((mode_of(&folder), mode_of(&log), mode_of(&summary)), (0o700, 0o600, 0o600));
         fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]
-    fn session_never_takes_the_log_of_an_earlier_one() {
+    fn session_never_overwrites_the_log_of_an_earlier_one() {
         let folder = scratch("session-twice");
         let mut first = Session::create(&folder, &provenance()).unwrap();
-        first.frame(Instant::ZERO, &sync());
+        first.on_frame(Instant::ZERO, &sync());
         first.finish(&Summary::default()).unwrap();
         let log = fs::read(folder.join(LOG)).unwrap();
         let error = Session::create(&folder, &provenance()).unwrap_err();
@@ -185,12 +187,12 @@ mod tests {
         let (unread, disk) = pipe().unwrap();
         drop(unread);
         let mut session = Session::onto(File::from(OwnedFd::from(disk)), &folder, &provenance());
-        // As many as no buffer holds back.
-        (0..10_000).for_each(|at| session.frame(Instant::from_micros(at), &sync()));
-        assert!(session.news().unwrap().contains("the recording ends here: "));
-        assert_eq!(session.news(), None);
+        // More than the buffer holds.
+        (0..10_000).for_each(|at| session.on_frame(Instant::from_micros(at), &sync()));
+        assert!(session.next_message().unwrap().contains("the recording has stopped: "));
+        assert_eq!(session.next_message(), None);
         let error = session.finish(&Summary::default()).unwrap_err().to_string();
-        assert!(error.ends_with("session-full: not complete"), "{error}");
+        assert!(error.ends_with("session-full: incomplete"), "{error}");
         assert!(folder.join(SUMMARY).exists());
         fs::remove_dir_all(&folder).unwrap();
     }
@@ -200,16 +202,16 @@ mod tests {
         let parent = scratch("sessions");
         let names = ["001-20261122T071243Z", "002-20261122T071243Z"];
         for name in names {
-            assert_eq!(numbered(&parent, ORIGIN).unwrap(), parent.join(name));
+            assert_eq!(create_numbered(&parent, ORIGIN).unwrap(), parent.join(name));
         }
         fs::write(parent.join("file"), "").unwrap();
-        let error = numbered(&parent.join("file"), ORIGIN).unwrap_err().to_string();
+        let error = create_numbered(&parent.join("file"), ORIGIN).unwrap_err().to_string();
         assert!(error.starts_with("--record "), "{error}");
         fs::remove_dir_all(&parent).unwrap();
     }
 
     #[test]
-    fn earlier_session_is_refused_or_if_forced_removed_alone() {
+    fn earlier_session_is_refused_or_removed_if_forced() {
         let folder = scratch("session-room");
         let record = folder.join(FAULTS).join("001-7-late");
         fs::create_dir_all(&record).unwrap();

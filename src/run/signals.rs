@@ -1,5 +1,5 @@
 //! Signals to commands other than `run`: SIGINT and SIGTERM end one in order; SIGUSR1 and SIGQUIT (Ctrl-\ at a
-//! terminal) ask how it is. Those to a running node are [`orders`](crate::orders).
+//! terminal) request a status report. For `run` see [`stop_signals`](crate::stop_signals).
 
 use std::io;
 use std::sync::Arc;
@@ -11,12 +11,12 @@ use tokio::signal::unix::Signal;
 use tokio::signal::unix::SignalKind;
 use tokio::signal::unix::signal;
 
-/// Waits for one of them and names it.
-pub async fn wait() -> &'static str {
+/// Waits for SIGINT or SIGTERM and returns its name.
+pub async fn wait_for_stop() -> &'static str {
     let interrupt = signal(SignalKind::interrupt());
     let terminate = signal(SignalKind::terminate());
     let (Ok(mut interrupt), Ok(mut terminate)) = (interrupt, terminate) else {
-        // Without handlers the signals keep their default action: they end the process.
+        // Without handlers the signals keep their default action and end the process.
         return std::future::pending().await;
     };
     tokio::select! {
@@ -25,20 +25,20 @@ pub async fn wait() -> &'static str {
     }
 }
 
-/// Whether a signal has asked to stop since; for what is not served by a runtime anyway. A thread of its
-/// own hears them until the process ends.
-pub(super) fn stop_asked() -> io::Result<Arc<AtomicBool>> {
+/// Returns a flag that SIGINT and SIGTERM set, for commands without an async runtime of their own. Starts a thread
+/// that receives the signals until the process ends.
+pub(super) fn stop_flag() -> io::Result<Arc<AtomicBool>> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let listened = runtime.block_on(async {
+    let registered = runtime.block_on(async {
         let kinds = [SignalKind::interrupt(), SignalKind::terminate(), SignalKind::hangup()];
         let [interrupt, terminate, hang_up] = kinds.map(signal);
         io::Result::Ok((interrupt?, terminate?, hang_up?))
     });
-    let (mut interrupt, mut terminate, hang_up) = listened?;
-    let asked = Arc::new(AtomicBool::new(false));
-    let stop = Arc::clone(&asked);
-    let hear = async move {
-        // A terminal that was closed is no reason to stop.
+    let (mut interrupt, mut terminate, hang_up) = registered?;
+    let flag = Arc::new(AtomicBool::new(false));
+    let stop = Arc::clone(&flag);
+    let receive = async move {
+        // SIGHUP is caught and ignored: a closed terminal does not stop the drives.
         let _hang_up = hang_up;
         loop {
             tokio::select! {
@@ -48,29 +48,29 @@ pub(super) fn stop_asked() -> io::Result<Arc<AtomicBool>> {
             stop.store(true, Ordering::Relaxed);
         }
     };
-    let hear = move || runtime.block_on(hear);
-    thread::Builder::new().name("frhc-signals".to_owned()).spawn(hear)?;
-    Ok(asked)
+    let receive = move || runtime.block_on(receive);
+    thread::Builder::new().name("frhc-signals".to_owned()).spawn(receive)?;
+    Ok(flag)
 }
 
-/// Signals that ask a running program to tell of itself, as `ping` does at SIGQUIT and `dd` at SIGUSR1.
-/// Reading a terminal instead would stop a program that is put into the background.
+/// Signals that request a status report, as SIGQUIT does of `ping` and SIGUSR1 of `dd`. Reading the terminal instead
+/// would stop a program in the background.
 #[derive(Debug)]
-pub struct Inquiries {
+pub struct StatusSignals {
     user: Signal,
     quit: Signal,
 }
 
-impl Inquiries {
-    /// Takes the signals over from the default action, which ends the process. Within a runtime.
+impl StatusSignals {
+    /// Replaces the default action, which ends the process. Needs a Tokio runtime.
     ///
     /// # Errors
-    /// When the process may not.
-    pub fn heard() -> io::Result<Self> {
+    /// When a signal handler cannot be installed.
+    pub fn install() -> io::Result<Self> {
         Ok(Self { user: signal(SignalKind::user_defined1())?, quit: signal(SignalKind::quit())? })
     }
 
-    /// Waits for one of them.
+    /// Waits for the next request.
     pub async fn next(&mut self) {
         tokio::select! {
             _ = self.user.recv() => {}

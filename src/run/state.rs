@@ -1,15 +1,15 @@
-//! The folder of a node's state: systemd's, else the user's own.
+//! The folder of a node's persistent state: systemd's, else the user's.
 
 use std::env;
 use std::path::PathBuf;
 
-/// `STATE_DIRECTORY`, `XDG_STATE_HOME/frhc` or `HOME/.local/state/frhc`; `None` if none of them is set.
+/// Returns `STATE_DIRECTORY`, `XDG_STATE_HOME/frhc` or `HOME/.local/state/frhc`; `None` if no variable is set.
 pub(super) fn folder() -> Option<PathBuf> {
     let of = |name, below: &str| {
         let value = env::var_os(name).filter(|value| !value.is_empty())?;
-        // systemd names several folders with colons between them.
+        // systemd separates several folders by colons.
         let first = env::split_paths(&value).next()?;
-        // The XDG base directories demand that others are ignored.
+        // The XDG Base Directory Specification ignores relative paths.
         if !first.is_absolute() {
             return None;
         }

@@ -1,8 +1,7 @@
-//! Lines for people, for a program that must not wait for whoever reads them.
+//! Messages on stderr from a program that must not block on it.
 //!
-//! A terminal that was stopped with Ctrl-S or a pipe that nobody empties holds up whoever writes to it. So a
-//! thread of its own writes, from a bounded queue; what finds no room is lost and counted. Commands that
-//! hold up nobody write directly.
+//! A terminal stopped with Ctrl-S, or a pipe without a reader, blocks its writer. `run` therefore writes from a thread
+//! with a bounded queue, and drops and counts messages that do not fit. Other commands write directly.
 
 use std::io;
 use std::io::Write;
@@ -16,91 +15,93 @@ use std::sync::mpsc::sync_channel;
 use std::thread;
 use std::time::Duration;
 
-/// Lines that may wait to be read.
-const QUEUE: usize = 1_024;
+/// Capacity of the queue, in messages.
+const QUEUE_CAPACITY: usize = 1_024;
 
-/// How long what is left may take at the end.
-const FLUSH_WITHIN: Duration = Duration::from_millis(200);
+/// Time allowed for the queue to empty at the end of the process.
+const FLUSH_TIMEOUT: Duration = Duration::from_millis(200);
 
-/// The process's own, once there is one.
-static LINES: OnceLock<Lines> = OnceLock::new();
+/// The queue of this process, once [`detach`] was called.
+static QUEUE: OnceLock<StderrQueue> = OnceLock::new();
 
-/// From now on nobody waits for stderr.
+/// Starts the writer thread: from now on no message blocks its sender.
 pub fn detach() {
-    LINES.get_or_init(|| Lines::onto(io::stderr()));
+    QUEUE.get_or_init(|| StderrQueue::start(io::stderr()));
 }
 
-/// The end of the queue, if stderr has been detached.
-pub fn lines() -> Option<&'static Lines> {
-    LINES.get()
+/// Returns the queue, if stderr is detached.
+pub fn queue() -> Option<&'static StderrQueue> {
+    QUEUE.get()
 }
 
-/// Waits until what was said is written, but not for long.
+/// Waits up to 200 ms until the queued messages are written.
 pub fn flush() {
-    if let Some(lines) = LINES.get() {
-        lines.flush(FLUSH_WITHIN);
+    if let Some(queue) = QUEUE.get() {
+        queue.flush(FLUSH_TIMEOUT);
     }
 }
 
-/// The end of the queue that never waits.
+/// Sender of messages; never blocks.
 #[derive(Clone, Debug)]
-pub struct Lines {
+pub struct StderrQueue {
     queue: SyncSender<Message>,
     lost: Arc<AtomicU64>,
 }
 
 #[derive(Debug)]
 enum Message {
-    /// Whole lines.
+    /// One or more whole lines.
     Text(Vec<u8>),
-    /// Somebody waits until everything before it is written.
+    /// Request for a reply once all earlier messages are written.
     Flush(SyncSender<()>),
 }
 
-impl Lines {
-    /// Written to `to`, by a thread that ends with the process.
-    fn onto(to: impl Write + Send + 'static) -> Self {
-        let (queue, messages) = sync_channel(QUEUE);
+impl StderrQueue {
+    /// Starts a thread that writes to `to` until the process ends.
+    fn start(to: impl Write + Send + 'static) -> Self {
+        let (queue, messages) = sync_channel(QUEUE_CAPACITY);
         let lost = Arc::new(AtomicU64::new(0));
         let counted = Arc::clone(&lost);
         let writer = thread::Builder::new().name("frhc-stderr".to_owned());
-        // Without the thread nobody takes messages, and all of them are lost: still nobody waits.
+        // If the thread cannot be started, all messages are lost, and still no sender blocks.
         writer.spawn(move || write(to, &messages, &counted)).ok();
         Self { queue, lost }
     }
 
-    /// Says it, if there is room.
-    pub(super) fn say(&self, text: &[u8]) {
+    /// Queues a message; drops and counts it if the queue is full.
+    pub(super) fn send(&self, text: &[u8]) {
         if self.queue.try_send(Message::Text(text.to_vec())).is_err() {
             self.lost.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    /// Waits until all that was said is written; whether it is, `within` that time.
-    fn flush(&self, within: Duration) -> bool {
+    /// Waits until the queued messages are written; returns false after `limit`.
+    fn flush(&self, limit: Duration) -> bool {
         let (done, written) = sync_channel(1);
-        self.queue.try_send(Message::Flush(done)).is_ok() && written.recv_timeout(within).is_ok()
+        self.queue.try_send(Message::Flush(done)).is_ok() && written.recv_timeout(limit).is_ok()
     }
 }
 
 fn write(mut to: impl Write, messages: &Receiver<Message>, lost: &AtomicU64) {
     for message in messages {
         match message {
-            // A reader that hung up is no failure of ours.
+            // A closed stderr (`2>&1 | head`) is not a failure of the command.
             Message::Text(text) => to.write_all(&text).unwrap_or_default(),
             Message::Flush(done) => done.try_send(()).unwrap_or_default(),
         }
         match lost.swap(0, Ordering::Relaxed) {
             0 => {}
-            lost => writeln!(to, "frhc: {lost} lines lost: nobody read them").unwrap_or_default(),
+            lost => {
+                writeln!(to, "frhc: {lost} messages lost: stderr was blocked").unwrap_or_default()
+            }
         }
     }
 }
 
-/// For tracing, which writes every event in one piece.
-impl Write for &Lines {
+/// Writer for tracing, which writes every event with one call.
+impl Write for &StderrQueue {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.say(bytes);
+        self.send(bytes);
         Ok(bytes.len())
     }
 
@@ -115,7 +116,7 @@ mod tests {
 
     use super::*;
 
-    /// A terminal that was stopped: it takes nothing until somebody lets it go.
+    /// A stopped terminal: writes block until the other end of `go` is dropped.
     struct Stopped {
         go: Receiver<()>,
         shown: Arc<Mutex<Vec<u8>>>,
@@ -134,30 +135,30 @@ mod tests {
     }
 
     #[test]
-    fn hazard_32_a_stopped_terminal_holds_up_nobody_and_what_it_misses_is_counted() {
+    fn hazard_32_stopped_terminal_blocks_no_sender_and_is_counted() {
         let (release, go) = sync_channel(1);
         let shown = Arc::new(Mutex::new(Vec::new()));
-        let lines = Lines::onto(Stopped { go, shown: Arc::clone(&shown) });
-        let said = QUEUE + 100;
-        for number in 0..said {
-            lines.say(format!("line {number}\n").as_bytes());
+        let queue = StderrQueue::start(Stopped { go, shown: Arc::clone(&shown) });
+        let sent = QUEUE_CAPACITY + 100;
+        for number in 0..sent {
+            queue.send(format!("line {number}\n").as_bytes());
         }
-        assert!(!lines.flush(Duration::ZERO), "nothing is written, and nobody waits for it");
+        assert!(!queue.flush(Duration::ZERO), "nothing is written, and no sender blocks");
         drop(release);
-        // A place becomes free as soon as the thread goes on; until then there is none to ask in.
-        while !lines.flush(Duration::from_secs(60)) {
+        // The queue is full until the thread goes on; until then a flush request does not fit.
+        while !queue.flush(Duration::from_secs(60)) {
             thread::yield_now();
         }
         let shown = String::from_utf8(shown.lock().unwrap().clone()).unwrap();
         let written = shown.lines().filter(|line| line.starts_with("line")).count();
-        let owned_up = shown.lines().find(|line| line.contains("lines lost: nobody")).unwrap();
-        assert!(written < said && shown.starts_with("line 0\nfrhc: "), "{owned_up}");
-        let lost: usize = owned_up.split(' ').nth(1).unwrap().parse().unwrap();
-        assert_eq!(written + lost, said);
+        let report = shown.lines().find(|line| line.contains("messages lost")).unwrap();
+        assert!(written < sent && shown.starts_with("line 0\nfrhc: "), "{report}");
+        let lost: usize = report.split(' ').nth(1).unwrap().parse().unwrap();
+        assert_eq!(written + lost, sent);
     }
 
     #[test]
-    fn hazard_32_a_reader_that_hung_up_is_no_failure() {
+    fn hazard_32_closed_stderr_is_no_failure() {
         /// A pipe whose other end is closed.
         struct Broken;
         impl Write for Broken {
@@ -169,8 +170,8 @@ mod tests {
                 Ok(())
             }
         }
-        let lines = Lines::onto(Broken);
-        lines.say(b"line\n");
-        assert!(lines.flush(Duration::from_secs(60)));
+        let queue = StderrQueue::start(Broken);
+        queue.send(b"line\n");
+        assert!(queue.flush(Duration::from_secs(60)));
     }
 }

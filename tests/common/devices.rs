@@ -18,7 +18,7 @@ use canopen::frame::Telegram;
 use canopen::object::Object;
 use canopen::station::Station;
 use canopen_tools::diagnostics::watch::Watch;
-use frhc::cli::bench::Session;
+use frhc::cli::live_bus::Session;
 use units::time::Instant;
 
 /// Application that only resets a written max motor speed to 0.
@@ -89,5 +89,5 @@ pub(crate) fn session(devices: Devices) -> (Session<Memory<Devices, Wire>>, Wire
 pub(crate) fn settle(session: &mut Session<Memory<Devices, Wire>>) {
     let until = session.now() + Duration::from_millis(1);
     let mut listening = Watch::new(Duration::from_secs(1), Some(until));
-    while session.carry(&mut listening).unwrap().is_some() {}
+    while session.resume(&mut listening).unwrap().is_some() {}
 }

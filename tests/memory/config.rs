@@ -88,6 +88,21 @@ fn an_unknown_key_is_named_with_its_line() {
 }
 
 #[test]
+fn renamed_keys_are_refused_with_their_new_names() {
+    for (before, now) in [("calm_n", "contact_threshold_n"), ("calm_s", "contact_release_s")] {
+        let refusal = refusal(&TEXT.replace(now, before));
+        let expected = format!("controller.passivity.{before}: was renamed to {now}");
+        assert!(refusal.contains(&expected), "{refusal}");
+    }
+    let old = "ramp_s = 0.3\ncalm_n = 0.2\ncalm_nm = 0.02";
+    let refusal = refusal(&TEXT.replacen("ramp_s = 0.3", old, 1));
+    for (before, now) in [("calm_n", "wait_below_n"), ("calm_nm", "wait_below_nm")] {
+        let expected = format!("controller.engagement.{before}: was renamed to {now}");
+        assert!(refusal.contains(&expected), "{refusal}");
+    }
+}
+
+#[test]
 fn every_problem_is_found_in_one_run() {
     let text = TEXT
         .replace("a_m = 0.254", "a_m = 99.0")

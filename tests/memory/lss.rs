@@ -31,7 +31,7 @@ use canopen::lss::job::Timeouts;
 use canopen::lss::master::Master;
 use canopen::nmt::Order;
 use canopen::procedure::Procedure;
-use frhc::cli::bench::Session;
+use frhc::cli::live_bus::Session;
 use units::time::Instant;
 
 const TIMEOUTS: Timeouts = Timeouts {
@@ -70,7 +70,7 @@ fn unconfigured(serials: &[u32]) -> (TestSession, Wire) {
         let report = carry(&mut session, configure(Selection::Address(drive(serial)), None));
         assert_eq!(report.unwrap().node, known);
         let reset = Order::to(node(raw), NmtCommand::ResetCommunication);
-        session.say([reset.frame()]).unwrap();
+        session.send([reset.frame()]).unwrap();
     }
     settle(&mut session);
     wire.clear();

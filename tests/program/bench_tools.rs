@@ -28,10 +28,10 @@ use canopen_tools::diagnostics::scan::Found;
 use canopen_tools::diagnostics::scan::Scan;
 use canopen_tools::diagnostics::watch::NetworkEvent;
 use canopen_tools::diagnostics::watch::Watch;
-use frhc::cli::bench::Session;
-use frhc::cli::bench::objects;
-use frhc::cli::bench::objects::ObjectError;
-use frhc::cli::bench::objects::Target;
+use frhc::cli::live_bus::Session;
+use frhc::cli::live_bus::objects;
+use frhc::cli::live_bus::objects::ObjectError;
+use frhc::cli::live_bus::objects::Target;
 use units::time::Instant;
 
 type TestSession = Session<Memory<Devices, Wire>>;
@@ -117,7 +117,7 @@ fn scan_reports_states_and_nodes_without_reply() {
         objects::write(&mut session, heartbeat, &50_u16.to_le_bytes(), true).unwrap();
     }
     let stop = Order::to(node(4), NmtCommand::StopRemoteNode);
-    session.say([stop.frame()]).unwrap();
+    session.send([stop.frame()]).unwrap();
     let found = scan(&mut session);
     let reports = |found: &Found| (found.node.raw(), found.answers, found.state);
     let expected = [(3, true, Some(NmtState::PreOperational)), (4, false, Some(NmtState::Stopped))];
@@ -182,7 +182,7 @@ fn watch_reports_changes_until_its_end() {
     let mut watch = Watch::new(Duration::from_millis(100), Some(until));
     session.queue([Order::to_all(NmtCommand::ResetNode).frame()]);
     let mut events = Vec::new();
-    while let Some((_, what)) = session.carry(&mut watch).unwrap() {
+    while let Some((_, what)) = session.resume(&mut watch).unwrap() {
         events.push(what);
     }
     let beat = |event| NetworkEvent::Heartbeat(node(3), event);
@@ -197,22 +197,22 @@ fn watch_reports_changes_until_its_end() {
 fn invalid_arguments_end_with_2_before_a_bus_is_opened() {
     let config = ["--config", "config/kraft_like_500hz.toml"];
     let cases: [(&[&str], &str); 14] = [
-        (&["scan"], "which bus?"),
-        (&["scan", "-i", "can7", "--nodes", "0-3"], "not a node-id"),
-        (&["sdo", "read", "0", "1000", "-i", "can7"], "not a node-id"),
-        (&["sdo", "read", "3", "10000", "-i", "can7"], "not INDEX"),
+        (&["scan"], "no bus selected"),
+        (&["scan", "-i", "can7", "--nodes", "0-3"], "node-id must be"),
+        (&["sdo", "read", "0", "1000", "-i", "can7"], "node-id must be"),
+        (&["sdo", "read", "3", "10000", "-i", "can7"], "expected INDEX"),
         (&["sdo", "read", "3", "1000", "u7", "-i", "can7"], "no data type"),
         (
             &["sdo", "write", "3", "6071", "i16", "40000", "-i", "can7"],
             "must be within -32768..=32767",
         ),
-        (&["sdo", "write", "3", "6071", "40", "-i", "can7"], "which type?"),
+        (&["sdo", "write", "3", "6071", "40", "-i", "can7"], "unknown type"),
         (&["sdo", "write", "3", "6071", "3001"], "must be within -3000..=3000"),
         (&["sdo", "write", "3", "6071", "-3001"], "6071h (Target torque)"),
-        (&["nmt", "start", "128", "-i", "can7"], "not a node-id"),
-        (&["lss", "configure", "--node-id", "9", "-i", "can7"], "which slave?"),
+        (&["nmt", "start", "128", "-i", "can7"], "node-id must be"),
+        (&["lss", "configure", "--node-id", "9", "-i", "can7"], "no slave selected"),
         (&["lss", "configure", "--global", "--node-id", "9", "-i", "can7"], "--yes"),
-        (&["lss", "set-bit-timing", "300", "-i", "can7"], "none of 1000"),
+        (&["lss", "set-bit-timing", "300", "-i", "can7"], "must be 1000"),
         (
             &["lss", "configure", "--select", "1,2,3", "--node-id", "9", "-i", "can7"],
             "four numbers",

@@ -16,7 +16,7 @@ use config::Config;
 
 const CONFIG: &str = "config/kraft_like.toml";
 
-/// A file of readings in both directions of a joint whose target is `curve` of its torque.
+/// Writes measurements in both directions of a joint with this torque curve; returns the path.
 fn readings(name: &str, curve: impl Fn(f64) -> f64) -> String {
     let mut text = "joint,direction,per_mille,torque_nm\n".to_owned();
     for direction in ["up", "down"] {
@@ -31,7 +31,7 @@ fn readings(name: &str, curve: impl Fn(f64) -> f64) -> String {
 }
 
 #[test]
-fn an_unknown_curve_is_measured_and_fitted_and_its_fragment_is_a_configuration() {
+fn unknown_curve_is_fitted_and_its_fragment_is_a_valid_config() {
     let folder = folder("calib", "round_trip");
     let (csv, out) = (folder.join("pitch.csv"), folder.join("out"));
     let (csv, out) = (csv.to_str().unwrap(), out.to_str().unwrap());
@@ -68,7 +68,7 @@ fn an_unknown_curve_is_measured_and_fitted_and_its_fragment_is_a_configuration()
 }
 
 #[test]
-fn measurements_do_not_betray_the_curve_and_come_again_from_the_same_seed() {
+fn measurements_hide_the_curve_and_repeat_with_the_seed() {
     let measure =
         |args: &[&str]| frhc(&[&["sim", "--config", CONFIG, "--calibrate"], args].concat());
     let measured = measure(&["elbow", "--seed", "5"]);
@@ -82,7 +82,7 @@ fn measurements_do_not_betray_the_curve_and_come_again_from_the_same_seed() {
 }
 
 #[test]
-fn a_curve_that_does_not_rise_is_rejected_with_joint_and_torque() {
+fn curve_that_is_not_monotone_is_rejected_with_its_torque() {
     // Slope 100 (1 - 3 u + 2 u²) with u = t² / 16: zero at √8 N·m.
     let csv = readings("flat", |t| 1000.0 * (t - t.powi(3) / 16.0 + 0.4 * t.powi(5) / 256.0));
     let out = folder("calib", "flat_out");
@@ -99,7 +99,7 @@ fn a_curve_that_does_not_rise_is_rejected_with_joint_and_torque() {
 }
 
 #[test]
-fn a_motor_that_turns_other_than_configured_is_rejected() {
+fn reversed_motor_is_rejected() {
     let csv = readings("turned", |t| -200.0 * t);
     assert_eq!(frhc(&["calib", "fit", &csv]).code, 0);
     let fit = frhc(&["calib", "fit", &csv, "--config", CONFIG]);
@@ -108,7 +108,7 @@ fn a_motor_that_turns_other_than_configured_is_rejected() {
 }
 
 #[test]
-fn a_file_that_is_none_names_every_wrong_line_and_column() {
+fn invalid_csv_is_refused_with_every_line_and_column() {
     let path = folder("calib", "wrong").join("wrong.csv");
     let csv = path.to_str().unwrap();
     fs::write(&path, "joint,direction,per_mille,torque_nm\na,up,1,x\na,over,1,1\n").unwrap();
@@ -124,7 +124,7 @@ fn a_file_that_is_none_names_every_wrong_line_and_column() {
 }
 
 #[test]
-fn the_curves_of_a_configuration_are_checked() {
+fn curves_of_a_configuration_are_checked() {
     let check = frhc(&["calib", "check", "--config", CONFIG, "--json"]);
     assert_eq!(check.code, 0, "{}", check.stderr);
     let report: serde_json::Value = serde_json::from_str(&check.stdout).unwrap();

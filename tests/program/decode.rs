@@ -163,11 +163,12 @@ fn backward_time_stamp_is_marked() {
     let output = piped(&["decode"], log);
     let marks = text(&output.stdout).lines().map(|line| line.split("  ! ").nth(1));
     let marks: Vec<_> = marks.collect();
-    let [back, other] = ["stamp goes back 1.500000 s", "stamp goes back 1.000100 s"].map(Some);
+    let [back, other] =
+        ["timestamp goes back 1.500000 s", "timestamp goes back 1.000100 s"].map(Some);
     assert_eq!(marks, [None, None, back, None, other]);
     let json = piped(&["decode", "--json"], log);
     let third: Json = serde_json::from_str(text(&json.stdout).lines().nth(2).unwrap()).unwrap();
-    assert_eq!(third["remarks"], serde_json::json!(["stamp goes back 1.500000 s"]));
+    assert_eq!(third["remarks"], serde_json::json!(["timestamp goes back 1.500000 s"]));
 }
 
 #[test]
@@ -217,7 +218,7 @@ fn only_shows_the_lines_of_a_joint() {
     assert_eq!(wrong.status.code(), Some(2));
     assert!(
         text(&wrong.stderr)
-            .contains("--only knee: no such node; there is azimuth, elevation, elbow")
+            .contains("--only knee: unknown node; expected azimuth, elevation, elbow")
     );
 }
 

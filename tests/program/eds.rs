@@ -47,7 +47,7 @@ fn initial(eds: &Eds, index: u16, sub: u8) -> Vec<u8> {
     object(eds, index, sub).initial(node(3))
 }
 
-/// Errors and warnings.
+/// Returns the numbers of errors and warnings.
 fn count(bytes: &[u8]) -> (usize, usize) {
     let findings = Eds::parse(bytes).unwrap().lint();
     let errors = findings.iter().filter(|finding| finding.severity == Severity::Error).count();

@@ -1,4 +1,4 @@
-//! How a run ends, what it leaves of a trip, and that nothing of its host moves the arm.
+//! End of a run, recordings of a trip, and immunity of the torques to faults of the host.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -55,15 +55,15 @@ use units::time::Instant;
 
 const KRAFT: &str = "config/kraft_like.toml";
 
-/// From being told to end to the last frame.
-const ORDERLY: Duration = Duration::from_secs(1);
+/// Maximum time from the stop request to the last frame.
+const STOP_LIMIT: Duration = Duration::from_secs(1);
 
-/// Somebody takes the arm up and moves it.
+/// The operator arms, engages and moves the hand.
 const MOVES: &str = "seconds = 5\n[[console]]\nat_s = 0.05\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.1\ndeadman = true\n\
     [[move]]\nat_s = 0.15\nduration_s = 0.3\nto_m = [0.04, 0.0, 0.0]\n";
 
-/// A bench on which that has begun.
+/// Returns a bench with that scenario, booted.
 fn moving() -> (Bench<Wire>, Wire) {
     let wire = Wire::default();
     let script = Scenario::parse(MOVES).unwrap();
@@ -72,26 +72,27 @@ fn moving() -> (Bench<Wire>, Wire) {
     (bench, wire)
 }
 
-/// Stops the node and proves the order of it on the bus: zero torque, then voltage off, then pre-operational,
-/// and no other word to a drive.
-fn ends_in_order(bench: &mut Bench<Wire>, wire: &Wire) {
+/// Stops the node and checks the order of its frames: zero torque, disable voltage, pre-operational, and no other
+/// controlword.
+fn stops_in_order(bench: &mut Bench<Wire>, wire: &Wire) {
     wire.clear();
-    let told = bench.node().bus().now();
+    let requested = bench.node().bus().now();
     bench.stop().unwrap();
-    let took = bench.node().bus().now().since(told);
-    assert!(took <= ORDERLY, "{took:?}");
+    let took = bench.node().bus().now().since(requested);
+    assert!(took <= STOP_LIMIT, "{took:?}");
     every_drive_is_off(bench);
 
-    // The weight of the arm is laid down within 50 ms; a frame may have to wait for the next cycle.
-    let laid_down = told + Duration::from_millis(52);
+    // Gravity compensation ramps to zero in 50 ms; a frame may have to wait for the next cycle.
+    let ramped_down = requested + Duration::from_millis(52);
     let frames = wire.all();
-    let late = frames.iter().filter(|(at, _)| *at > laid_down).map(|(_, telegram)| telegram.frame);
+    let late =
+        frames.iter().filter(|(at, _)| *at > ramped_down).map(|(_, telegram)| telegram.frame);
     let is_torque = |frame: &Frame| [0x201, 0x204].contains(&frame.cob_id);
     assert!(late.filter(is_torque).all(|frame| frame.data() == [0; 6]));
     let mut torques = frames.iter().map(|(_, telegram)| telegram.frame).filter(is_torque);
     assert_eq!(torques.next_back().unwrap().data(), [0; 6]);
     let frames = frames.into_iter().map(|(_, telegram)| telegram.frame);
-    // What comes before the next SYNC was said before it was told.
+    // Frames before the next SYNC were queued before the request.
     let frames: Vec<Frame> = frames.skip_while(|frame| frame.cob_id != 0x80).collect();
     let is_word = |frame: &Frame| (0x301..=0x306).contains(&frame.cob_id);
     let first = |what: &dyn Fn(&Frame) -> bool| frames.iter().position(what).unwrap();
@@ -115,7 +116,7 @@ fn every_drive_is_off(bench: &Bench<Wire>) {
 }
 
 #[test]
-fn hazard_30_a_stop_is_orderly_within_a_second_from_every_mode() {
+fn hazard_30_stop_is_orderly_within_a_second_from_every_mode() {
     for mode in Mode::ALL.into_iter().filter(|mode| *mode != Mode::Boot) {
         let (mut bench, wire) = moving();
         match mode {
@@ -130,31 +131,31 @@ fn hazard_30_a_stop_is_orderly_within_a_second_from_every_mode() {
                 bench.run(if mode == Mode::DrivesOff { 200 } else { 1 });
             }
         }
-        ends_in_order(&mut bench, &wire);
+        stops_in_order(&mut bench, &wire);
     }
 }
 
 #[test]
-fn promise_12_a_stop_is_orderly_at_any_moment_of_a_movement() {
+fn promise_12_stop_is_orderly_at_any_moment_of_a_movement() {
     for cycles in (0..7).map(|step| 53 * step) {
         let (mut bench, wire) = moving();
         until(&mut bench, |record| record.mode == Mode::Engaged);
         bench.run(cycles);
-        ends_in_order(&mut bench, &wire);
+        stops_in_order(&mut bench, &wire);
     }
 }
 
 #[test]
-fn promise_12_a_drive_that_does_not_confirm_is_named_within_a_second() {
+fn promise_12_unconfirmed_drive_is_named_within_a_second() {
     let (mut bench, _) = moving();
     until(&mut bench, |record| record.mode == Mode::Engaged);
     bench.world_mut().drive_mut(Joint::of::<4>()).unwrap().unplug();
-    let told = bench.node().bus().now();
+    let requested = bench.node().bus().now();
     assert_eq!(bench.stop().unwrap_err().joint, Joint::of::<4>());
-    assert!(bench.node().bus().now().since(told) <= ORDERLY);
+    assert!(bench.node().bus().now().since(requested) <= STOP_LIMIT);
 }
 
-/// A node in its world, outside of a bench.
+/// Returns a node with a simulated world, outside of a bench.
 fn node<T: Tap>(config: &Config, tap: T) -> Node<Memory<sim::world::World, T>, VirtualSite> {
     let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
     let world = world::build(config, Scenario::parse("seconds = 5").unwrap(), 1);
@@ -165,19 +166,19 @@ fn node<T: Tap>(config: &Config, tap: T) -> Node<Memory<sim::world::World, T>, V
     )
 }
 
-/// Says that it is over when it is asked for the `n`th time.
+/// Returns a predicate that is true from call `n + 1` on.
 fn after(n: u32) -> impl FnMut() -> bool {
-    let mut asked = 0;
+    let mut calls = 0;
     move || {
-        asked += 1;
-        asked > n
+        calls += 1;
+        calls > n
     }
 }
 
 #[test]
-fn promise_12_a_boot_is_given_up_at_any_moment_and_leaves_no_drive_on() {
+fn promise_12_boot_cancelled_at_any_moment_leaves_no_drive_on() {
     let config = config(KRAFT);
-    let (mut n, mut gave_up) = (0, 0);
+    let (mut n, mut cancelled) = (0, 0);
     loop {
         let mut node = node(&config, ());
         let begun = node.bus().now();
@@ -187,34 +188,34 @@ fn promise_12_a_boot_is_given_up_at_any_moment_and_leaves_no_drive_on() {
             Ok(()) => break,
             Err(error) => assert!(matches!(error, BringUpError::GivenUp), "{error}"),
         }
-        gave_up += 1;
+        cancelled += 1;
         for drive in node.bus().stations().drives() {
             let state = drive.state();
             assert!(state != State::OperationEnabled && drive.demand() == 0.0, "{n}: {state:?}");
             assert_ne!(drive.nmt_state(), NmtState::Operational, "{n}");
         }
-        // It was not told to give up before it was asked; the boot itself takes some seconds.
+        // The whole boot takes some seconds; a cancelled one must not take longer.
         assert!(took < Duration::from_secs(10), "{took:?}");
         n += 1 + n / 2;
     }
-    assert!(gave_up > 8, "{gave_up}");
+    assert!(cancelled > 8, "{cancelled}");
 }
 
 #[test]
-fn promise_12_a_boot_asks_every_50_ms_whether_to_give_up() {
-    // Drives that let a timer run out for long: SYNC or heartbeat are withheld all the while.
+fn promise_12_boot_polls_for_cancellation_every_50_ms() {
+    // Long timeouts of the drives: the proof test stops SYNC or heartbeat for their whole duration.
     let text = fs::read_to_string(KRAFT).unwrap();
     let slow = text.replace("node_lost_ms = 22 ", "node_lost_ms = 200 ");
     assert_ne!(slow, text);
     let config = Config::parse(Path::new(KRAFT), &slow).unwrap();
     let wire = Wire::default();
     let mut node = node(&config, wire.clone());
-    let (mut asked, mut longest) = (Instant::ZERO, Duration::ZERO);
+    let (mut polled, mut longest) = (Instant::ZERO, Duration::ZERO);
     let mut give_up = || {
-        let now = wire.all().last().map_or(asked, |(at, _)| *at);
+        let now = wire.all().last().map_or(polled, |(at, _)| *at);
         wire.clear();
-        longest = longest.max(now.since(asked));
-        asked = now;
+        longest = longest.max(now.since(polled));
+        polled = now;
         false
     };
     node.bring_up(&mut give_up).unwrap();
@@ -222,24 +223,24 @@ fn promise_12_a_boot_asks_every_50_ms_whether_to_give_up() {
 }
 
 #[test]
-fn promise_12_a_reset_that_boots_again_is_given_up_too() {
+fn promise_12_reset_with_a_boot_can_be_cancelled() {
     let config = config(KRAFT);
     let mut node = node(&config, ());
     node.bring_up(&mut || false).unwrap();
-    // Whoever loses a drive must boot again; and its plug is in again.
+    // A lost drive requires a boot; the drive is plugged in again.
     node.bus_mut().stations_mut().drive_mut(Joint::of::<3>()).unwrap().unplug();
     while !node.cycle().mode.is_stopped() {}
     node.bus_mut().stations_mut().drive_mut(Joint::of::<3>()).unwrap().plug();
-    let told = node.bus().now();
+    let requested = node.bus().now();
     let refused = node.request(Request::Reset, &mut after(2)).unwrap_err();
     assert_eq!(refused.to_string(), "boot given up");
     assert!(node.mode().is_stopped(), "latched as before");
     node.stop().unwrap();
-    assert!(node.bus().now().since(told) <= ORDERLY);
+    assert!(node.bus().now().since(requested) <= STOP_LIMIT);
 }
 
 #[test]
-fn hazard_27_start_after_a_crash_enables_nothing_before_a_reset() {
+fn hazard_27_start_after_a_crash_enables_no_drive_before_a_reset() {
     let wire = Wire::default();
     let mut node = node(&config(KRAFT), wire.clone());
     let cause = Cause::AwaitsReset { awaited: Awaited::NotEnded };
@@ -249,7 +250,7 @@ fn hazard_27_start_after_a_crash_enables_nothing_before_a_reset() {
         assert_eq!((record.mode, record.targets), (Mode::DrivesOff, [0; 6]));
     }
     let record = node.cycle();
-    assert_eq!((record.cause, record.sampled), (Some(cause), [true; 6]), "it is read");
+    assert_eq!((record.cause, record.sampled), (Some(cause), [true; 6]), "samples are received");
     assert!(record.output.q.iter().any(|angle| *angle != 0.0));
     let is_word = |frame: &Frame| (0x301..=0x306).contains(&frame.cob_id);
     let words = |wire: &Wire| -> Vec<u8> {
@@ -263,12 +264,12 @@ fn hazard_27_start_after_a_crash_enables_nothing_before_a_reset() {
     assert!(node.request(Request::Arm, &mut || false).is_err());
     let ready = node.request(Request::Reset, &mut || false).unwrap();
     assert_eq!((ready, node.cause()), (Mode::Ready, None));
-    assert!(node.proof().lasting().is_some(), "proven as at any boot");
+    assert!(node.proof().lasting().is_some(), "proof test passed as at any boot");
     node.request(Request::Arm, &mut || false).unwrap();
 }
 
 #[test]
-fn hazard_27_service_restarts_where_no_person_must_look() {
+fn hazard_27_service_restarts_only_after_harmless_failures() {
     let unit = fs::read_to_string("systemd/frhc.service").unwrap();
     for line in [
         "Restart=on-failure",
@@ -281,11 +282,11 @@ fn hazard_27_service_restarts_where_no_person_must_look() {
     }
 }
 
-/// A host whose clock on the wall somebody sets while the node runs.
+/// A bus on a host whose wall clock is stepped while the node runs.
 struct Stepped<B> {
     bus: B,
-    /// How often it was read: each time it has been put forward or back.
-    asked: Cell<u32>,
+    /// Number of reads; each read returns another step.
+    reads: Cell<u32>,
 }
 
 impl<B: Bus> Bus for Stepped<B> {
@@ -294,8 +295,8 @@ impl<B: Bus> Bus for Stepped<B> {
     }
 
     fn wall(&self) -> Duration {
-        let asked = self.asked.replace(self.asked.get() + 1);
-        match asked % 3 {
+        let reads = self.reads.replace(self.reads.get() + 1);
+        match reads % 3 {
             0 => self.bus.wall(),
             1 => self.bus.wall() + Duration::from_secs(86_400 * 365),
             _ => self.bus.wall() + Duration::from_secs(1),
@@ -312,12 +313,12 @@ impl<B: Bus> Bus for Stepped<B> {
 }
 
 #[test]
-fn hazard_31_a_step_of_the_clock_on_the_wall_changes_no_torque_and_trips_nothing() {
+fn hazard_31_wall_clock_step_changes_no_torque_and_trips_nothing() {
     let text = fs::read_to_string(KRAFT).unwrap();
-    // TIME is the only frame that tells of that clock.
-    let told = text.replacen("[node]\n", "[node]\ntime_period_ms = 50\n", 1);
-    let told = told.replacen("load_limit_percent = 90", "load_limit_percent = 95", 1);
-    let config = Config::parse(Path::new(KRAFT), &told).unwrap();
+    // TIME is the only frame that contains the wall clock.
+    let text = text.replacen("[node]\n", "[node]\ntime_period_ms = 50\n", 1);
+    let text = text.replacen("load_limit_percent = 90", "load_limit_percent = 95", 1);
+    let config = Config::parse(Path::new(KRAFT), &text).unwrap();
     let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
     let memory = |wire: &Wire| {
         let script = Scenario::parse("seconds = 5").unwrap();
@@ -329,7 +330,7 @@ fn hazard_31_a_step_of_the_clock_on_the_wall_changes_no_torque_and_trips_nothing
     let (plain, stepped) = (Wire::default(), Wire::default());
     let mut one =
         Node::new(&config, memory(&plain), VirtualSite::new(&config.remote, config.period));
-    let bus = Stepped { bus: memory(&stepped), asked: Cell::new(0) };
+    let bus = Stepped { bus: memory(&stepped), reads: Cell::new(0) };
     let mut other = Node::new(&config, bus, VirtualSite::new(&config.remote, config.period));
     one.bring_up(&mut || false).unwrap();
     other.bring_up(&mut || false).unwrap();
@@ -337,7 +338,7 @@ fn hazard_31_a_step_of_the_clock_on_the_wall_changes_no_torque_and_trips_nothing
     other.request(Request::Arm, &mut || false).unwrap();
     let of_one = torques(&mut || one.cycle().targets);
     let of_other = torques(&mut || other.cycle().targets);
-    assert!(of_one.iter().any(|targets| *targets != [0; 6]), "the arm was carried");
+    assert!(of_one.iter().any(|targets| *targets != [0; 6]), "gravity was compensated");
     assert_eq!(of_one, of_other);
     assert_eq!((one.mode(), other.cause()), (Mode::Armed, None));
     let times = |wire: &Wire| wire.since(Instant::ZERO, 0x100);
@@ -345,7 +346,7 @@ fn hazard_31_a_step_of_the_clock_on_the_wall_changes_no_torque_and_trips_nothing
     assert_eq!(times(&plain).len(), times(&stepped).len());
 }
 
-/// The one record in a folder of fault records: its folder, `fault.json` and `bus.log`.
+/// Returns the only fault record in a folder: its path, `fault.json` and `bus.log`.
 fn only_record(folder: &Path) -> (PathBuf, serde_json::Value, String) {
     let mut records = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let record = records.next().unwrap();
@@ -355,13 +356,13 @@ fn only_record(folder: &Path) -> (PathBuf, serde_json::Value, String) {
     (record, serde_json::from_slice(&fault).unwrap(), log)
 }
 
-/// Seconds of the stamp of a line.
+/// Returns the timestamp of a line in seconds.
 fn stamp(line: &str) -> f64 {
     Duration::from_nanos(Line::parse(line).unwrap().nanos).as_secs_f64()
 }
 
 #[test]
-fn promise_15_a_trip_leaves_its_cause_and_what_was_on_the_bus_around_it() {
+fn promise_15_trip_leaves_its_cause_and_the_frames_around_it() {
     for (script, kind, joint, hazard) in [
         ("unplug", "samples-missing", Some(3), 1),
         ("sto", "drive-left", Some(1), 8),
@@ -393,7 +394,7 @@ fn promise_15_a_trip_leaves_its_cause_and_what_was_on_the_bus_around_it() {
         let (first, last) = (log.lines().next().unwrap(), log.lines().last().unwrap());
         assert!((tripped - before - stamp(first)).abs() < 1e-6, "{first}");
         assert!((tripped + after - stamp(last)).abs() < 0.002, "{last}");
-        // It is the same as the session's, of that time.
+        // The log is an excerpt of the session's.
         let session = fs::read_to_string(out.join("bus.log")).unwrap();
         assert!(session.contains(&log));
         let decoded = frhc(&["decode", "--config", KRAFT, &format!("{name}/bus.log")]);
@@ -402,14 +403,14 @@ fn promise_15_a_trip_leaves_its_cause_and_what_was_on_the_bus_around_it() {
 }
 
 #[test]
-fn a_run_without_a_trip_leaves_no_fault_records() {
+fn run_without_a_trip_leaves_no_fault_records() {
     let out = folder("ended", "no_trip");
     let ended = frhc(&["demo", "--seconds", "1", "--out", out.to_str().unwrap()]);
     assert_eq!(ended.code, 0, "{}", ended.stderr);
     assert!(!out.join("faults").exists() && !ended.stderr.contains("fault record"));
 }
 
-/// `frhc demo` for `seconds`, leaving its files in `out`.
+/// Runs `frhc demo` for `seconds`, recorded in `out`.
 fn demo(out: &Path, seconds: &str, more: &[&str]) -> Ended {
     let args = ["demo", "--seconds", seconds, "--out", out.to_str().unwrap()];
     frhc(&[&args, more].concat())
@@ -419,13 +420,13 @@ fn summary(out: &Path) -> serde_json::Value {
     serde_json::from_str(&fs::read_to_string(out.join("summary.json")).unwrap()).unwrap()
 }
 
-/// Every line is one, and the last is whole.
+/// Returns whether every line is a candump line, the last one complete.
 fn is_whole(log: &str) -> bool {
     log.ends_with('\n') && log.lines().all(|line| Line::parse(line).is_ok())
 }
 
 #[test]
-fn hazard_32_a_size_limit_ends_the_recording_not_the_run() {
+fn hazard_32_size_limit_ends_the_recording_not_the_run() {
     let out = folder("ended", "limit").join("out");
     let limited = format!(
         "ulimit -f 100; exec {} demo --seconds 1 --out {}",
@@ -434,8 +435,8 @@ fn hazard_32_a_size_limit_ends_the_recording_not_the_run() {
     );
     let ended = Command::new("sh").args(["-c", &limited]).output().unwrap();
     let stderr = String::from_utf8(ended.stderr).unwrap();
-    assert_eq!(ended.status.code(), Some(4), "what was asked for is not there: {stderr}");
-    assert_eq!(stderr.matches("the recording ends here: File too large").count(), 1, "{stderr}");
+    assert_eq!(ended.status.code(), Some(4), "the recording is incomplete: {stderr}");
+    assert_eq!(stderr.matches("the recording has stopped: File too large").count(), 1, "{stderr}");
     assert_eq!(stderr.matches("File too large").count(), 1, "{stderr}");
     let log = fs::read_to_string(out.join("bus.log")).unwrap();
     assert!(log.len() > 40_000 && is_whole(&log), "{} bytes", log.len());
@@ -445,7 +446,7 @@ fn hazard_32_a_size_limit_ends_the_recording_not_the_run() {
 }
 
 #[test]
-fn a_session_is_replaced_by_force_alone_and_then_whole() {
+fn session_is_replaced_completely_and_only_with_force() {
     let out = folder("ended", "again");
     let unplug = ["--scenario", "config/scenarios/faults/unplug.toml"];
     assert_eq!(demo(&out, "3", &unplug).code, 6);
@@ -453,7 +454,7 @@ fn a_session_is_replaced_by_force_alone_and_then_whole() {
     let log = fs::read(out.join("bus.log")).unwrap();
     let refused = demo(&out, "1", &[]);
     assert_eq!(refused.code, 2);
-    assert!(refused.stderr.contains("bus.log exists; choose another place"), "{}", refused.stderr);
+    assert!(refused.stderr.contains("bus.log exists; choose another path"), "{}", refused.stderr);
     assert_eq!(fs::read(out.join("bus.log")).unwrap(), log);
     let forced = demo(&out, "1", &["--force"]);
     assert_eq!(forced.code, 0, "{}", forced.stderr);
@@ -462,7 +463,7 @@ fn a_session_is_replaced_by_force_alone_and_then_whole() {
 }
 
 #[test]
-fn a_session_never_goes_through_a_symbolic_link() {
+fn session_never_follows_a_symbolic_link() {
     let out = folder("ended", "links");
     let other = out.join("other");
     fs::write(&other, "mine").unwrap();
@@ -478,7 +479,7 @@ fn a_session_never_goes_through_a_symbolic_link() {
 }
 
 #[test]
-fn an_interrupted_demo_leaves_whole_lines_and_a_summary() {
+fn interrupted_demo_leaves_whole_lines_and_a_summary() {
     let out = folder("ended", "interrupted");
     let args = ["demo", "--realtime", "--seconds", "600", "--scenario"];
     let args = [&args[..], &["config/scenarios/faults/unplug.toml", "--out"]].concat();
@@ -498,14 +499,14 @@ fn an_interrupted_demo_leaves_whole_lines_and_a_summary() {
 }
 
 #[test]
-fn an_event_has_one_time_on_stderr_in_the_log_and_its_record() {
+fn event_has_the_same_time_on_stderr_in_log_and_record() {
     let out = folder("ended", "one_clock");
     let ended = demo(&out, "3", &["--scenario", "config/scenarios/faults/unplug.toml"]);
     let (_, fault, log) = only_record(&out.join("faults"));
     let seconds = fault["seconds"].as_f64().unwrap();
     let line = format!("{seconds:.6} s: node: zero-torque, joint 3: no sample for 3 cycles");
-    assert!(ended.stderr.lines().any(|told| told == line), "{line}\n{}", ended.stderr);
-    // A frame is in the log when it is complete: the shortest lasts 44 bits and stuffing.
+    assert!(ended.stderr.lines().any(|printed| printed == line), "{line}\n{}", ended.stderr);
+    // The log has the end of a frame: the shortest takes 44 bits and stuffing.
     let mut syncs = log.lines().filter(|line| line.ends_with(" vcan0 080#")).map(stamp);
     assert!(syncs.any(|sync| (4.4e-5..6e-5).contains(&(sync - seconds))), "{seconds}");
     assert_eq!(fault["joint_name"], "elbow");

@@ -1,4 +1,4 @@
-//! `frhc explain`, run as a user runs it, against the independently computed cycles.
+//! `frhc explain`, run as a user runs it, against independently computed cycles.
 #![cfg(test)]
 
 use std::io::Write;
@@ -16,7 +16,7 @@ use node::cause::Kind;
 use node::record::Mode;
 use node::safety::table;
 
-/// What the oracle calls what.
+/// Names of the values: the oracle's and ours.
 const CONSISTENT: [(&str, &str); 18] = [
     ("T_0G0", "x_0_h"),
     ("T_0G", "x_0_g"),
@@ -38,7 +38,7 @@ const CONSISTENT: [(&str, &str); 18] = [
     ("tau_C", "tau"),
 ];
 
-/// The same for the paper as it is printed.
+/// The same for the preset `paper1997`.
 const PRINTED: [(&str, &str); 6] = [
     ("G_F_R", "f_g_centring"),
     ("G_F_D", "f_g_damping"),
@@ -65,8 +65,8 @@ fn explain(flags: &[&str], question: &str) -> Output {
 
 fn answer(flags: &[&str], question: &Value) -> Value {
     let output = explain(flags, &question.to_string());
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{said}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{stderr}");
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
@@ -93,7 +93,7 @@ fn assert_explained(answer: &Value, expected: &Value, names: &[(&str, &str)]) {
 fn every_random_cycle_is_reproduced_from_stdin() {
     for case in list(&oracle::oracle("paper_random.json")["cases"]) {
         let mut case = case.clone();
-        // The balanced arm is asked as if nothing balanced it: the reference has both.
+        // Adds gravity to the balanced arm: the oracle has values for both.
         case["inputs"]["gravity_m_per_s2"] = serde_json::json!([0.0, 0.0, -9.81]);
         let found = answer(&["--json", "-"], &case);
         assert_explained(&found, &case["expected"], &CONSISTENT);
@@ -106,7 +106,7 @@ fn every_random_cycle_is_reproduced_from_stdin() {
 }
 
 #[test]
-fn a_balanced_arm_is_not_carried() {
+fn balanced_arm_has_no_gravity_torque() {
     for case in list(&oracle::oracle("paper_random.json")["cases"]) {
         if case["device"] == "jpl_like" {
             let found = answer(&["--json", "-"], case);
@@ -116,7 +116,7 @@ fn a_balanced_arm_is_not_carried() {
 }
 
 #[test]
-fn flags_say_the_same_as_a_question() {
+fn flags_and_json_question_give_the_same_cycle() {
     let flags = [
         "--json",
         "--q",
@@ -141,7 +141,7 @@ fn flags_say_the_same_as_a_question() {
 }
 
 #[test]
-fn other_capacities_leave_the_coupling_as_it_is() {
+fn other_torque_limits_keep_the_joint_coupling() {
     let root = env!("CARGO_MANIFEST_DIR");
     let coupling = "[coupling]\nmatrix = [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], \
         [0, -1, 1, 0, 0, 0], [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]\n\n[switches]";
@@ -153,7 +153,7 @@ fn other_capacities_leave_the_coupling_as_it_is() {
     let question = serde_json::json!({ "q": [0.0, -0.8, 1.6, -0.7, 0.0, 0.0], "max_torque": [10, 10, 10, 10, 10, 10] });
     let answer = answer(&["--json", "--config", file.to_str().unwrap(), "-"], &question);
     let (tau, targets) = (flat(&answer["tau"]["value"]), flat(&answer["targets"]["value"]));
-    // The shoulder's motor also carries what the elbow's takes from it.
+    // The elbow motor's reaction acts on the shoulder motor.
     assert!((targets[1] - 100.0 * (tau[1] - tau[2])).abs() <= 0.5, "{targets:?} for {tau:?}");
     assert!((targets[2] - 100.0 * tau[2]).abs() <= 0.5 && tau[2].abs() > 1.0);
 }
@@ -171,7 +171,7 @@ fn every_value_has_its_name_and_every_quantity_its_unit() {
 }
 
 #[test]
-fn a_question_that_cannot_be_is_refused_by_key() {
+fn invalid_question_is_refused_with_its_key() {
     for (question, expected) in [
         (r#"{"q": [0, 0]}"#, "stdin: "),
         (r#"{"r": 1}"#, "unknown field `r`"),
@@ -186,15 +186,15 @@ fn a_question_that_cannot_be_is_refused_by_key() {
         (r#"{"tau_cap": [0, 1, 1, 1, 1, 1]}"#, "max_torque: "),
     ] {
         let output = explain(&["-"], question);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(2), "{question}: {said}");
-        assert!(said.contains(expected) && said.lines().count() == 1, "{question}: {said}");
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{question}: {stderr}");
+        assert!(stderr.contains(expected) && stderr.lines().count() == 1, "{question}: {stderr}");
         assert!(output.stdout.is_empty());
     }
 }
 
 #[test]
-fn a_question_may_stand_on_the_command_line() {
+fn question_is_accepted_on_the_command_line() {
     let question = r#" {"q": [0, -0.8, 1.6, -0.7, 0, 0]}"#;
     let [inline, from_stdin] = [&["--json", question][..], &["--json", "-"]];
     let inline = explain(inline, "");
@@ -205,7 +205,7 @@ fn a_question_may_stand_on_the_command_line() {
 }
 
 #[test]
-fn what_is_no_question_gets_no_answer() {
+fn input_that_is_not_a_question_is_refused() {
     for (flags, question, expected) in [
         (&["-"][..], "", "stdin: empty; a question must be a JSON object"),
         (&[], " \n", "stdin: empty; a question must be a JSON object"),
@@ -220,17 +220,17 @@ fn what_is_no_question_gets_no_answer() {
         (&["-"], r#"{"inputs": {}, "question": {}}"#, "duplicate field `question`"),
     ] {
         let output = explain(flags, question);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(2), "{question}: {said}");
-        assert!(said.contains(expected) && said.lines().count() == 1, "{question}: {said}");
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{question}: {stderr}");
+        assert!(stderr.contains(expected) && stderr.lines().count() == 1, "{question}: {stderr}");
         assert!(output.stdout.is_empty(), "{question}");
     }
     assert!(explain(&["--mode", "rate"], "").status.success(), "the flags are a question");
-    assert!(explain(&["{}"], "").status.success(), "the start is asked about");
+    assert!(explain(&["{}"], "").status.success(), "{{}} uses the start pose");
 }
 
 #[test]
-fn the_fault_table_has_a_line_for_every_cause_and_says_the_same_to_programs() {
+fn fault_table_has_every_cause_as_text_and_json() {
     let text = String::from_utf8(explain(&["faults"], "").stdout).unwrap();
     let json = String::from_utf8(explain(&["faults", "--json"], "").stdout).unwrap();
     let rows: Vec<Value> = json.lines().map(|line| serde_json::from_str(line).unwrap()).collect();

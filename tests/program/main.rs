@@ -1,4 +1,4 @@
-//! The program as a user starts it: command lines, files, exit codes, what it prints.
+//! The program as a user runs it: command lines, files, output and exit codes.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -20,9 +20,8 @@ use units::time::Instant;
 
 const SLOW: &str = "config/kraft_like_500hz.toml";
 
-/// Everything on the simulated wire while the arm is armed, engaged and moved: as much as was planned,
-/// and none of it later than planned.
-fn is_carried_as_planned(config: &str) {
+/// Asserts that the simulated buses of a moved arm carry the planned load, with no frame later than planned.
+fn assert_carried_as_planned(config: &str) {
     let (mut bench, wire) = crate::common::bench::booted(config, "teleoperation");
     crate::common::bench::until(&mut bench, |record| record.mode == Mode::Armed);
     wire.clear();
@@ -40,9 +39,9 @@ fn is_carried_as_planned(config: &str) {
     no_frame_is_late(&plan, &carried);
 }
 
-/// Returns whether a frame with this identifier is planned as `planned`. One SDO exchange at a time is planned, with
-/// the node of the highest priority.
-fn stands_for(planned: &Planned, cob_id: u16) -> bool {
+/// Returns whether `planned` includes frames with this identifier. The plan has one SDO exchange at a time, with the
+/// node of the highest priority.
+fn includes(planned: &Planned, cob_id: u16) -> bool {
     match planned.stream.role {
         Role::SdoRequest => (0x601..=0x67F).contains(&cob_id),
         Role::SdoResponse => (0x581..=0x5FF).contains(&cob_id),
@@ -52,7 +51,7 @@ fn stands_for(planned: &Planned, cob_id: u16) -> bool {
     }
 }
 
-/// Positions are on time after their SYNC, torques after the last position of any bus.
+/// Asserts that positions follow their SYNC, and torques the last position of any bus, within the planned time.
 fn no_frame_is_late(plan: &[BusPlan], carried: &[(Instant, Telegram)]) {
     let mut synced = vec![None; plan.len()];
     let mut sampled = None;
@@ -61,7 +60,7 @@ fn no_frame_is_late(plan: &[BusPlan], carried: &[(Instant, Telegram)]) {
         let place = usize::from(*place);
         let mut planned = plan[place].frames.iter();
         let planned: &Planned = planned
-            .find(|planned| stands_for(planned, frame.cob_id))
+            .find(|planned| includes(planned, frame.cob_id))
             .unwrap_or_else(|| panic!("{frame} is not planned"));
         assert!(bits::exact(frame) <= planned.stream.worst_bits());
         let queued = match planned.stream.role {
@@ -92,26 +91,26 @@ fn no_frame_is_late(plan: &[BusPlan], carried: &[(Instant, Telegram)]) {
 
 #[test]
 fn one_bus_at_500_hz_is_carried_as_planned() {
-    is_carried_as_planned(SLOW);
+    assert_carried_as_planned(SLOW);
 }
 
 #[test]
 fn kraft_like_is_carried_as_planned() {
-    is_carried_as_planned("config/kraft_like.toml");
+    assert_carried_as_planned("config/kraft_like.toml");
 }
 
 #[test]
 fn jpl_like_is_carried_as_planned() {
-    is_carried_as_planned("config/jpl_like.toml");
+    assert_carried_as_planned("config/jpl_like.toml");
 }
 
 #[test]
-fn a_spherical_wrist_is_carried_as_planned() {
-    is_carried_as_planned("config/sixr_spherical.toml");
+fn spherical_wrist_is_carried_as_planned() {
+    assert_carried_as_planned("config/sixr_spherical.toml");
 }
 
-/// Whether the node, not a drive, sends frames of this identifier.
-fn is_of_the_node(cob_id: u16) -> bool {
+/// Returns whether the master sends frames with this identifier.
+fn is_sent_by_master(cob_id: u16) -> bool {
     match cob_id {
         0x000 | 0x080 | 0x100 | 0x77F => true,
         _ => matches!(cob_id & 0x780, 0x200 | 0x300 | 0x400 | 0x500 | 0x600) && cob_id & 0x7F != 0,
@@ -119,7 +118,7 @@ fn is_of_the_node(cob_id: u16) -> bool {
 }
 
 #[test]
-fn queue_that_is_allowed_holds_the_largest_burst_of_any_cycle() {
+fn transmit_queue_holds_the_largest_burst_of_any_cycle() {
     for (file, allowed) in [
         ("config/kraft_like.toml", &[16][..]),
         (SLOW, &[16]),
@@ -131,19 +130,19 @@ fn queue_that_is_allowed_holds_the_largest_burst_of_any_cycle() {
         bench.run(1_500);
         let config = crate::common::bench::config(file);
         assert_eq!(config.bursts(), allowed, "{file}");
-        for (channel, most) in (0..).map(Channel).zip(config.bursts()) {
+        for (channel, max) in (0..).map(Channel).zip(config.bursts()) {
             let carried = wire.all();
             let here = carried.iter().filter(|(_, telegram)| telegram.channel == channel);
             let ids: Vec<u16> = here.map(|(_, telegram)| telegram.frame.cob_id).collect();
             let cycles = ids.chunk_by(|_, next| *next != 0x80);
-            let burst = cycles.map(|ids| ids.iter().filter(|id| is_of_the_node(**id)).count());
+            let burst = cycles.map(|ids| ids.iter().filter(|id| is_sent_by_master(**id)).count());
             let largest = u32::try_from(burst.max().unwrap()).unwrap();
-            assert!((3..=most).contains(&largest), "{file}: {largest} frames, {most} allowed");
+            assert!((3..=max).contains(&largest), "{file}: {largest} frames, {max} allowed");
         }
     }
 }
 
-/// How `frhc` ended, what it printed, and what it said of that.
+/// Exit code and output of `frhc`.
 struct Ended {
     code: Option<i32>,
     out: String,
@@ -155,7 +154,7 @@ impl Ended {
         serde_json::from_str(&self.out).unwrap()
     }
 
-    /// The one bus.
+    /// Returns the only bus.
     fn bus(&self) -> Value {
         self.json()["buses"][0].clone()
     }
@@ -172,7 +171,7 @@ fn plan(args: &[&str]) -> Ended {
     frhc("plan", Path::new(SLOW), args)
 }
 
-/// The 500 Hz configuration with lines and its drive's EDS changed, in a place of its own.
+/// Writes the 500 Hz configuration with changes to it and to its drive's EDS; returns its path.
 fn changed(name: &str, lines: &[(&str, &str)], eds: &[(&str, &str)]) -> PathBuf {
     let replace = |text: String, changes: &[(&str, &str)]| {
         changes.iter().fold(text, |text, (from, to)| {
@@ -201,7 +200,7 @@ const QUIET: [(&str, &str); 3] = [
 ];
 
 #[test]
-fn what_is_shipped_fits() {
+fn shipped_configurations_fit() {
     for entry in fs::read_dir("config").unwrap() {
         let file = entry.unwrap().path();
         if file.extension().is_some_and(|extension| extension == "toml") {
@@ -231,7 +230,7 @@ fn six_drives_at_1_khz_on_one_bus_are_planned_and_refused() {
 }
 
 #[test]
-fn what_plan_refuses_check_and_run_refuse_as_before() {
+fn check_and_run_refuse_an_overloaded_bus_as_plan_does() {
     let file = changed("refused", &[AT_1_KHZ], &[]);
     for task in ["check", "run"] {
         let ended = frhc(task, &file, &[]);
@@ -251,7 +250,7 @@ fn grouped_torques_fit_at_1_khz() {
 }
 
 #[test]
-fn an_overload_is_told_what_would_fit_and_that_does() {
+fn proposals_for_an_overload_fit() {
     let ended = plan(&["--rate", "1000", "--json"]);
     assert_eq!(ended.code, Some(3));
     let proposals = ended.json()["proposals"].as_array().unwrap().clone();
@@ -260,7 +259,7 @@ fn an_overload_is_told_what_would_fit_and_that_does() {
     let expected = ["three torques in one RPDO", "a second bus for half of the drives", "500 Hz"];
     assert_eq!(fitting, expected);
     assert_eq!(plan(&["--rate", "500"]).code, Some(0));
-    // The highest rate that is told is one, and the next is none.
+    // The reported highest rate fits, a slightly higher one does not.
     let highest = proposals[0]["highest_rate_hz"].as_f64().unwrap();
     let quiet = changed("highest", &QUIET, &[]);
     let at = |hz: f64| frhc("plan", &quiet, &["--layout", "grouped", "--rate", &hz.to_string()]);
@@ -269,7 +268,7 @@ fn an_overload_is_told_what_would_fit_and_that_does() {
 }
 
 #[test]
-fn drives_that_cannot_share_are_named() {
+fn drives_that_cannot_share_an_rpdo_are_named() {
     let file = changed("no-dummy", &[AT_1_KHZ], &[("Dummy0003=1", "Dummy0003=0")]);
     let ended = frhc("plan", &file, &[]);
     assert_eq!(ended.code, Some(3));
@@ -282,7 +281,7 @@ fn drives_that_cannot_share_are_named() {
 }
 
 #[test]
-fn half_the_bit_rate_is_twice_the_load() {
+fn half_the_bit_rate_doubles_the_load() {
     let percent = |args: &[&str]| {
         let ended = plan(&[args, &["--json"]].concat());
         ended.bus()["load"]["worst"]["percent"].as_f64().unwrap()
@@ -292,7 +291,7 @@ fn half_the_bit_rate_is_twice_the_load() {
 }
 
 #[test]
-fn every_frame_is_told_with_its_response() {
+fn every_frame_is_listed_with_its_response_time() {
     let bus = plan(&["--json"]).bus();
     let frames = bus["frames"].as_array().unwrap();
     // SYNC, 7 emergencies, 7 TPDOs, 6 RPDOs, an SDO exchange, 8 heartbeats.
@@ -305,7 +304,7 @@ fn every_frame_is_told_with_its_response() {
 }
 
 #[test]
-fn a_slower_host_and_errors_cost_time() {
+fn slower_host_and_bus_errors_add_time() {
     let done = |args: &[&str]| {
         let bus = plan(&[args, &["--json"]].concat()).bus();
         (
@@ -313,13 +312,13 @@ fn a_slower_host_and_errors_cost_time() {
             bus["frames"][20]["response_us"].as_f64().unwrap(),
         )
     };
-    let (quick, calm) = done(&[]);
-    assert!((done(&["--host-us", "260"]).0 - quick - 200.0).abs() < 1e-9);
-    assert!(done(&["--error-every-ms", "20"]).1 >= calm + 31.0 + 135.0);
+    let (done_us, response_us) = done(&[]);
+    assert!((done(&["--host-us", "260"]).0 - done_us - 200.0).abs() < 1e-9);
+    assert!(done(&["--error-every-ms", "20"]).1 >= response_us + 31.0 + 135.0);
 }
 
 #[test]
-fn arguments_that_are_none_are_a_wrong_usage() {
+fn invalid_arguments_are_usage_errors() {
     for args in [["--rate", "0"], ["--rate", "x"], ["--bitrate", "1"], ["--layout", "none"]] {
         assert_eq!(plan(&args).code, Some(2));
     }

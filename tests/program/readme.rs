@@ -1,4 +1,4 @@
-//! The examples of the README and of docs/ print what is shown there.
+//! The examples in README and docs/ print the output shown there.
 #![allow(
     clippy::indexing_slicing,
     clippy::panic,
@@ -14,7 +14,7 @@ use crate::common::cli::frhc;
 
 const KRAFT: &str = "config/kraft_like.toml";
 
-/// What users read.
+/// Pages with examples.
 const PAGES: &str = concat!(
     include_str!("../../README.md"),
     include_str!("../../docs/bus.md"),
@@ -22,7 +22,7 @@ const PAGES: &str = concat!(
     include_str!("../../docs/simulation.md"),
 );
 
-/// The lines of a page from the one that begins like this to the end of its block.
+/// Returns the lines of a page from the one with this beginning to the end of its code block.
 fn shown(beginning: &str) -> Vec<&'static str> {
     let lines = PAGES.lines().skip_while(|line| !line.starts_with(beginning));
     let block: Vec<&str> = lines.take_while(|line| !line.starts_with("```")).collect();
@@ -30,19 +30,19 @@ fn shown(beginning: &str) -> Vec<&'static str> {
     block
 }
 
-/// What these arguments print, on both streams.
+/// Returns the output of these arguments on stdout and stderr.
 fn printed(args: &[&str]) -> String {
     let ended = frhc(args);
     ended.stdout + &ended.stderr
 }
 
 #[test]
-fn examples_print_what_is_shown() {
-    // The place of a record is the choice of the user.
+fn examples_print_the_output_shown() {
+    // The path of a record is chosen by the user.
     let is_printed = |line: &&&str| !line.starts_with("fault record: ");
     for (args, beginning) in [
         (&["demo", "--scenario", "faults/unplug"][..], "0.445055 s: the scenario begins"),
-        (&["plan", "--config", KRAFT, "--layout", "per-drive"], "what could be done"),
+        (&["plan", "--config", KRAFT, "--layout", "per-drive"], "proposals to make it fit"),
         (&["demo", "--scenario", "stiff-wall"], "wall of 30000 N/m"),
     ] {
         let printed = printed(args);
@@ -53,7 +53,7 @@ fn examples_print_what_is_shown() {
 }
 
 #[test]
-fn decoded_cycle_is_that_of_the_demo() {
+fn decoded_cycle_shown_is_that_of_the_demo() {
     let out = folder("readme", "cycle").join("demo");
     let ended = frhc(&["demo", "--seconds", "3", "--out", out.to_str().unwrap()]);
     assert_eq!(ended.code, 0, "{}", ended.stderr);
@@ -65,8 +65,8 @@ fn decoded_cycle_is_that_of_the_demo() {
     assert_eq!(cycle, Some(&*shown), "docs/bus.md shows another cycle");
 }
 
-/// A copy of the configuration, at `path`, in which the first `from` of each pair is `to`.
-fn spoilt(path: &Path, slips: &[(&str, &str)]) {
+/// Writes a copy of the configuration to `path`, with the first `from` of each pair replaced by `to`.
+fn write_changed(path: &Path, slips: &[(&str, &str)]) {
     let mut text = fs::read_to_string(KRAFT)
         .unwrap()
         .replace("../eds", concat!(env!("CARGO_MANIFEST_DIR"), "/eds"));
@@ -86,11 +86,11 @@ fn refusals_name_file_line_and_key_as_shown() {
         [("broken.toml", &broken[..], "frhc: broken.toml:"), ("bad.toml", &bad, "frhc: bad.toml:")]
     {
         let path = folder("readme", name).join(name);
-        spoilt(&path, slips);
+        write_changed(&path, slips);
         let ended = frhc(&["check", "--config", path.to_str().unwrap()]);
         assert_eq!(ended.code, 3, "{}", ended.stderr);
-        let told = ended.stderr.replace(path.to_str().unwrap(), name);
-        let told: Vec<&str> = told.lines().filter(|line| line.starts_with("frhc: ")).collect();
-        assert_eq!(told, shown(beginning));
+        let stderr = ended.stderr.replace(path.to_str().unwrap(), name);
+        let errors: Vec<&str> = stderr.lines().filter(|line| line.starts_with("frhc: ")).collect();
+        assert_eq!(errors, shown(beginning));
     }
 }

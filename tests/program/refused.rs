@@ -1,5 +1,5 @@
-//! What is refused before anything is sent: configurations, device descriptions and torque curves that are wrong,
-//! and files that others may write. And any single byte of a configuration.
+//! Refusals before any frame is sent: invalid configurations, EDS files and torque curves, files that others may write,
+//! and configurations with one corrupted byte.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -37,10 +37,10 @@ const SHIPPED: [(&str, &str); 4] = [
     ("config/sixr_spherical.toml", include_str!("../../config/sixr_spherical.toml")),
 ];
 
-/// An interface that no host has: whatever comes as far as opening it ends with exit code 4.
-const NOWHERE: &str = "nosuchcan0";
+/// An interface that does not exist: opening it ends the command with exit code 4.
+const NO_INTERFACE: &str = "nosuchcan0";
 
-/// A folder with a configuration and the EDS files it names.
+/// Creates a folder with a configuration and its EDS files.
 fn installation(name: &str, text: &str) -> PathBuf {
     let folder = folder("refused", name);
     for eds in ["eds/frhc_drive.eds", "eds/frhc_switches.eds"] {
@@ -48,11 +48,11 @@ fn installation(name: &str, text: &str) -> PathBuf {
         fs::copy(eds, folder.join(eds)).unwrap();
     }
     fs::create_dir_all(folder.join("config")).unwrap();
-    fs::write(folder.join("config/arm.toml"), text.replace("vcan0", NOWHERE)).unwrap();
+    fs::write(folder.join("config/arm.toml"), text.replace("vcan0", NO_INTERFACE)).unwrap();
     folder
 }
 
-/// `frhc run` there.
+/// Runs `frhc run` with the configuration of `folder`.
 fn run_in(folder: &Path, more: &[&str]) -> Ended {
     let config = folder.join("config/arm.toml");
     let mut command = Command::new(crate::common::program());
@@ -69,7 +69,7 @@ fn run_in(folder: &Path, more: &[&str]) -> Ended {
     }
 }
 
-/// It is refused with exit code 3 and these words, before the bus is touched or a socket is made.
+/// Asserts that `run` is refused with exit code 3 and these words, before it opens a bus or socket.
 #[track_caller]
 fn is_refused(folder: &Path, words: &[&str]) {
     let ended = run_in(folder, &[]);
@@ -77,20 +77,20 @@ fn is_refused(folder: &Path, words: &[&str]) {
     for word in words {
         assert!(ended.stderr.contains(word), "{word}: {}", ended.stderr);
     }
-    assert!(!ended.stderr.contains(NOWHERE), "{}", ended.stderr);
+    assert!(!ended.stderr.contains(NO_INTERFACE), "{}", ended.stderr);
     assert!(!folder.join("node.sock").exists() && !folder.join("faults").exists());
 }
 
 #[test]
-fn promise_11_what_is_in_order_comes_as_far_as_the_bus() {
+fn promise_11_valid_configuration_gets_as_far_as_the_bus() {
     let folder = installation("in_order", TEXT);
     let ended = run_in(&folder, &[]);
     assert_eq!(ended.code, 4, "{}", ended.stderr);
-    assert!(ended.stderr.contains(NOWHERE), "{}", ended.stderr);
+    assert!(ended.stderr.contains(NO_INTERFACE), "{}", ended.stderr);
 }
 
 #[test]
-fn hazard_18_a_configuration_that_is_wrong_is_refused_with_key_and_reason_before_the_bus() {
+fn hazard_18_invalid_config_is_refused_by_key_before_the_bus() {
     for (place, (from, to, words)) in [
         ("a_m = 0.254", "a_m = nan", ["joint[2].a_m", "NaN"]),
         ("a_m = 0.254", "a_m = -inf", ["joint[2].a_m", "inf"]),
@@ -103,7 +103,7 @@ fn hazard_18_a_configuration_that_is_wrong_is_refused_with_key_and_reason_before
         ("node_id = 127", "node_id = 128", ["node.node_id", "no node-id"]),
         ("missing_samples = 3", "missing_samples = 300", ["safety.missing_samples", "300"]),
         ("[safety]", "[safety", ["arm.toml:", "expected"]),
-        ("eds/frhc_drive.eds", "eds/nobody.eds", ["joint[0].eds", "nobody.eds"]),
+        ("eds/frhc_drive.eds", "eds/absent.eds", ["joint[0].eds", "absent.eds"]),
         ("eds/frhc_drive.eds", "eds", ["joint[0].eds", "is a directory"]),
     ]
     .into_iter()
@@ -116,7 +116,7 @@ fn hazard_18_a_configuration_that_is_wrong_is_refused_with_key_and_reason_before
 }
 
 #[test]
-fn hazard_18_a_device_description_that_is_wrong_is_refused_with_its_name_before_the_bus() {
+fn hazard_18_invalid_eds_is_refused_by_name_before_the_bus() {
     let eds = fs::read_to_string("eds/frhc_drive.eds").unwrap();
     let cut = eds.split_once("[6071]").unwrap().0;
     for (place, (text, word)) in [
@@ -136,7 +136,7 @@ fn hazard_18_a_device_description_that_is_wrong_is_refused_with_its_name_before_
 }
 
 #[test]
-fn hazard_18_truncated_data_sheets_are_refused_where_check_finds_errors() {
+fn hazard_18_truncated_eds_is_refused_where_check_finds_errors() {
     let whole = fs::read("eds/frhc_drive.eds").unwrap();
     let folder = installation("truncated", TEXT);
     let (file, config) = (folder.join("eds/frhc_drive.eds"), folder.join("config/arm.toml"));
@@ -162,7 +162,7 @@ fn hazard_18_truncated_data_sheets_are_refused_where_check_finds_errors() {
     is_refused(&folder, &["joint[0].eds", "the file is not whole; frhc check --eds"]);
 }
 
-/// What `frhc` says within 10 s; it hangs otherwise.
+/// Runs `frhc` with a timeout of 10 s.
 fn within_ten_seconds(args: &[&str]) -> Ended {
     let mut command = Command::new("timeout");
     let output = command.args(["10", crate::common::program()]).args(args).output().unwrap();
@@ -172,7 +172,7 @@ fn within_ten_seconds(args: &[&str]) -> Ended {
 }
 
 #[test]
-fn hazard_18_pipes_devices_and_folders_are_no_files_anywhere() {
+fn hazard_18_pipes_devices_and_folders_are_refused_as_files() {
     let folder = folder("refused", "irregular");
     let pipe = folder.join("pipe.toml");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
@@ -185,8 +185,8 @@ fn hazard_18_pipes_devices_and_folders_are_no_files_anywhere() {
             &["check", "--config", path][..],
             &["run", "--config", path, "--insecure"],
             &["check", "--eds", path],
-            &["sdo", "read", "3", "6041", "--eds", path, "-i", NOWHERE],
-            &["sdo", "write", "3", "1F50:1", "d", &at, "-i", NOWHERE],
+            &["sdo", "read", "3", "6041", "--eds", path, "-i", NO_INTERFACE],
+            &["sdo", "write", "3", "1F50:1", "d", &at, "-i", NO_INTERFACE],
             &["decode", path],
             &["calib", "fit", path, "--config", KRAFT],
             &["explain", path],
@@ -195,7 +195,11 @@ fn hazard_18_pipes_devices_and_folders_are_no_files_anywhere() {
             assert!([3, 4].contains(&ended.code), "{args:?}: {} {}", ended.code, ended.stderr);
             let words = format!("is a {kind}, must be a regular file");
             assert!(ended.stderr.contains(&words), "{args:?}: {}", ended.stderr);
-            assert!(!ended.stderr.contains(NOWHERE), "the interface comes later: {}", ended.stderr);
+            assert!(
+                !ended.stderr.contains(NO_INTERFACE),
+                "the interface comes later: {}",
+                ended.stderr
+            );
         }
     }
     for path in [&pipe, &zero] {
@@ -206,12 +210,12 @@ fn hazard_18_pipes_devices_and_folders_are_no_files_anywhere() {
 }
 
 #[test]
-fn value_of_a_file_without_end_is_refused_before_the_bus() {
+fn oversized_or_endless_value_file_is_refused_before_the_bus() {
     let folder = folder("refused", "endless");
     let large = folder.join("large.bin");
     fs::File::create(&large).unwrap().set_len((16 << 20) + 1).unwrap();
     let at = format!("@{}", large.display());
-    let ended = within_ten_seconds(&["sdo", "write", "3", "1F50:1", "d", &at, "-i", NOWHERE]);
+    let ended = within_ten_seconds(&["sdo", "write", "3", "1F50:1", "d", &at, "-i", NO_INTERFACE]);
     assert_eq!(ended.code, 4, "{}", ended.stderr);
     assert!(ended.stderr.contains("larger than 16 MiB"), "{}", ended.stderr);
     let ended = Command::new("timeout")
@@ -225,7 +229,7 @@ fn value_of_a_file_without_end_is_refused_before_the_bus() {
             "d",
             "-",
             "-i",
-            NOWHERE,
+            NO_INTERFACE,
         ])
         .stdin(fs::File::open("/dev/zero").unwrap())
         .output()
@@ -235,7 +239,7 @@ fn value_of_a_file_without_end_is_refused_before_the_bus() {
 }
 
 #[test]
-fn campaign_of_too_many_threads_is_refused() {
+fn campaign_with_too_many_threads_is_refused() {
     for threads in ["100000", "257", "0", "many"] {
         let ended = within_ten_seconds(&["campaign", "--faults", "1", "--threads", threads]);
         assert_eq!(ended.code, 2, "{}", ended.stderr);
@@ -257,7 +261,7 @@ fn hazard_18_files_of_other_users_are_refused_by_run() {
     ] {
         let folder = installation(name, TEXT);
         if chown(folder.join(path), other, None).is_err() {
-            // Only root can give files away; the rule itself has a test of its own.
+            // Only root can change the owner; `config::trust` has a test of the rule.
             return;
         }
         is_refused(&folder, &[path, "belongs to user 54321, must belong to root"]);
@@ -267,10 +271,10 @@ fn hazard_18_files_of_other_users_are_refused_by_run() {
 }
 
 #[test]
-fn hazard_18_files_that_others_may_write_are_refused_unless_it_is_said_that_they_are() {
-    let spoil = |name: &str, spoil: &dyn Fn(&Path), words: &[&str]| {
+fn hazard_18_files_writable_by_others_need_insecure() {
+    let check = |name: &str, change: &dyn Fn(&Path), words: &[&str]| {
         let folder = installation(name, TEXT);
-        spoil(&folder);
+        change(&folder);
         is_refused(&folder, words);
         let ended = run_in(&folder, &["--insecure"]);
         assert_eq!(ended.code, 4, "{}", ended.stderr);
@@ -279,21 +283,21 @@ fn hazard_18_files_that_others_may_write_are_refused_unless_it_is_said_that_they
     let set = |path: PathBuf, mode| fs::set_permissions(path, fs::Permissions::from_mode(mode));
     let anyones = "anyone may write it (mode 0666): chmod o-w it, or say --insecure";
     let of_config = |folder: &Path| set(folder.join("config/arm.toml"), 0o666).unwrap();
-    spoil("anyones_config", &of_config, &["config/arm.toml", anyones]);
+    check("anyones_config", &of_config, &["config/arm.toml", anyones]);
     let of_eds = |folder: &Path| set(folder.join("eds/frhc_switches.eds"), 0o666).unwrap();
-    spoil("anyones_eds", &of_eds, &["switches.eds", "frhc_switches.eds", anyones]);
+    check("anyones_eds", &of_eds, &["switches.eds", "frhc_switches.eds", anyones]);
     let folder_too = |folder: &Path| set(folder.join("config"), 0o777).unwrap();
-    spoil("anyones_folder", &folder_too, &["anyone may write", "config (mode 0777)"]);
+    check("anyones_folder", &folder_too, &["anyone may write", "config (mode 0777)"]);
     let link = |folder: &Path| {
         let (file, real) = (folder.join("config/arm.toml"), folder.join("config/real.toml"));
         fs::rename(&file, &real).unwrap();
         symlink(real, file).unwrap();
     };
-    spoil("link", &link, &["config/arm.toml", "is a symbolic link"]);
+    check("link", &link, &["config/arm.toml", "is a symbolic link"]);
 }
 
 #[test]
-fn hazard_18_what_touches_no_drive_reads_what_others_may_write() {
+fn hazard_18_check_reads_files_writable_by_others() {
     let folder = installation("harmless", TEXT);
     let file = folder.join("config/arm.toml");
     fs::set_permissions(&file, fs::Permissions::from_mode(0o666)).unwrap();
@@ -302,7 +306,7 @@ fn hazard_18_what_touches_no_drive_reads_what_others_may_write() {
 }
 
 #[test]
-fn hazard_19_a_torque_curve_that_does_not_rise_everywhere_is_refused_before_the_bus() {
+fn hazard_19_non_monotone_torque_curve_is_refused_before_the_bus() {
     let curve = "torque_curve = [133.144, -0.393453, 0.0196726]";
     for (place, (to, words)) in [
         ("[133.144, -3.9, 0.0196726]", ["joint[0].torque_curve", "stops rising at"]),
@@ -322,7 +326,7 @@ fn hazard_19_a_torque_curve_that_does_not_rise_everywhere_is_refused_before_the_
 }
 
 #[test]
-fn hazard_19_at_run_time_a_curve_is_not_followed_beyond_its_measured_end() {
+fn hazard_19_torque_curve_saturates_at_its_measured_end() {
     for joint in &config(KRAFT).joints {
         let curve =
             TorqueCurve::new(joint.plant.actuator.torque_curve, joint.plant.actuator.max_torque)
@@ -332,19 +336,19 @@ fn hazard_19_at_run_time_a_curve_is_not_followed_beyond_its_measured_end() {
             (curve.at(1e6 * joint.plant.actuator.max_torque), curve.at(f64::INFINITY)),
             (end, end)
         );
-        assert_eq!(curve.at(0.0), 0.0, "an odd curve asks for nothing at nothing");
+        assert_eq!(curve.at(0.0), 0.0, "an odd curve is zero at zero");
     }
 }
 
 #[test]
-fn hazard_20_a_bus_that_cannot_carry_it_is_refused_before_the_bus() {
+fn hazard_20_overloaded_bus_is_refused_before_the_bus() {
     let slow = TEXT.replace("bitrate = 1_000_000", "bitrate = 500_000");
     is_refused(&installation("slow", &slow), &["bus[0].load_limit_percent", "179.8 % is above"]);
     let wide = TEXT.replace("layout = \"grouped\"", "layout = \"per-drive\"");
     is_refused(&installation("wide", &wide), &["bus[0].load_limit_percent", "bus load of 14"]);
 }
 
-/// That all a loop runs on is a number it can run on.
+/// Asserts that all numbers of the control loop are valid.
 fn is_in_range(config: &Config) {
     let micros = config.period.as_micros();
     assert!((250..=100_000).contains(&micros));
@@ -360,8 +364,8 @@ fn is_in_range(config: &Config) {
             joint.plant.actuator.max_torque > 0.0 && joint.plant.actuator.max_torque.is_finite()
         );
         assert!((1e-3..=4e6).contains(&joint.plant.actuator.rated_torque));
-        let most = joint.calibration.max_target().0;
-        assert!(most != 0 && most != i16::MIN, "{most}");
+        let max_target = joint.calibration.max_target().0;
+        assert!(max_target != 0 && max_target != i16::MIN, "{max_target}");
     }
     assert!(config.gravity.into_iter().all(f64::is_finite));
     assert!(config.safety.gravity_ramp < Duration::from_secs(3_600));
@@ -373,7 +377,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn property_16_a_configuration_with_one_wrong_byte_is_in_range_or_refused(
+    fn property_16_config_with_one_wrong_byte_is_valid_or_refused(
         (which, at, byte) in (0..SHIPPED.len(), any::<prop::sample::Index>(), any::<u8>()),
     ) {
         let (file, text) = SHIPPED[which];
@@ -391,7 +395,7 @@ proptest! {
 }
 
 #[test]
-fn property_16_a_configuration_written_anew_is_the_same() {
+fn property_16_rewritten_configuration_is_the_same() {
     for (file, text) in SHIPPED {
         let table: toml::Table = text.parse().unwrap();
         let read = |text: &str| format!("{:?}", Config::parse(Path::new(file), text).unwrap());

@@ -1,6 +1,5 @@
-//! Gains that are not fit to be felt: the bounds against independent values
-//! (`tests/oracles/stability.json`), the device against the simulated arm, and every kind of unstable
-//! gain in the shipped configuration refused with its reason.
+//! Stability check of the gains: bounds against independent values (`tests/oracles/stability.json`), device model
+//! against the simulated arm, and refusal of every kind of unstable gain.
 #![cfg(test)]
 
 use std::fs;
@@ -43,7 +42,7 @@ const TEXT: &str = include_str!("../../config/kraft_like.toml");
 const SHIPPED: [&str; 4] =
     [FILE, "config/kraft_like_500hz.toml", "config/jpl_like.toml", "config/sixr_spherical.toml"];
 
-/// Within what a supremum on a grid may be from the true one.
+/// Asserts equality within the error of a supremum on a grid.
 #[track_caller]
 fn assert_close(value: f64, reference: f64) {
     assert!((value - reference).abs() <= 1e-6 * reference.abs(), "{value}, not {reference}");
@@ -70,7 +69,7 @@ fn reflection(case: &Value) -> RateReflection {
 }
 
 #[test]
-fn walls_need_the_damping_of_colgate_and_schenkel() {
+fn virtual_walls_need_the_damping_of_colgate_and_schenkel() {
     for key in ["virtual_wall", "spring_with_delay", "wall_filtered_velocity"] {
         for case in cases(key) {
             assert_close(wall(&case).required_damping(), number(&case["b_required_numeric"]));
@@ -79,17 +78,17 @@ fn walls_need_the_damping_of_colgate_and_schenkel() {
 }
 
 #[test]
-fn quantisation_bounds_a_spring_as_abbott_and_okamura_say() {
+fn quantisation_bounds_stiffness_as_in_abbott_and_okamura() {
     for case in cases("quantisation") {
         let [b, period, friction, quantum] =
             ["b", "T", "fc", "Delta"].map(|key| number(&case[key]));
-        let most = bounds::stiffest_spring(b, period, friction, quantum);
-        assert_close(most, number(&case["K_max"]));
+        let max = bounds::stiffest_spring(b, period, friction, quantum);
+        assert_close(max, number(&case["K_max"]));
     }
 }
 
 #[test]
-fn the_return_to_centre_has_its_slope_and_its_rest() {
+fn centring_has_the_expected_slope_and_rest_offset() {
     for case in cases("cfrtc_sampling") {
         let [a, deadband, period] = ["a", "DB", "T"].map(|key| number(&case[key]));
         let plateau = a * deadband * deadband;
@@ -103,7 +102,7 @@ fn the_return_to_centre_has_its_slope_and_its_rest() {
 }
 
 #[test]
-fn a_reflected_rate_needs_the_damping_of_its_formula() {
+fn rate_reflection_needs_the_damping_of_its_formula() {
     for case in cases("rate_mode_reflection_continuous") {
         let required = reflection(&case).required_damping(0.0, 0);
         assert_close(required, number(&case["b_required_numeric"]));
@@ -123,18 +122,18 @@ fn a_reflected_rate_needs_the_damping_of_its_formula() {
 }
 
 #[test]
-fn a_reflected_rate_is_held_stable_as_routh_says() {
+fn held_rate_reflection_is_stable_by_the_routh_criterion() {
     for case in cases("rate_mode_routh") {
         let [mass, stiffness, damping] = ["M", "K_h", "b"].map(|key| number(&case[key]));
         let reflection = reflection(&case);
-        let most = reflection.largest_gain(&Held { mass, damping, stiffness });
-        assert_eq!(reflection.gain < most, case["routh_stable"].as_bool().unwrap());
-        assert_eq!(reflection.gain < most, number(&case["max_real_root"]) < 0.0);
+        let max = reflection.largest_gain(&Held { mass, damping, stiffness });
+        assert_eq!(reflection.gain < max, case["routh_stable"].as_bool().unwrap());
+        assert_eq!(reflection.gain < max, number(&case["max_real_root"]) < 0.0);
     }
 }
 
 #[test]
-fn contact_up_to_the_bound_settles_and_beyond_it_does_not() {
+fn contact_settles_up_to_the_bound_only() {
     let (dt, gain) = (0.002, 0.002);
     let law = Accommodation::new([gain; 6], [0.0; 6]).unwrap();
     for late in [0_usize, 1, 2, 3] {
@@ -153,7 +152,7 @@ fn contact_up_to_the_bound_settles_and_beyond_it_does_not() {
 }
 
 #[test]
-fn an_object_may_give_way_as_fast_as_its_delay_allows() {
+fn accommodation_bound_depends_on_the_delay() {
     for case in list(&oracle::oracle("ntrfc.json")["stability_bound"]["cases"]) {
         let delay = u32::try_from(case["delay_samples"].as_u64().unwrap()).unwrap();
         let period = 2e-3;
@@ -161,10 +160,10 @@ fn an_object_may_give_way_as_fast_as_its_delay_allows() {
     }
 }
 
-/// A posture with no two axes aligned, and what resists its joints.
+/// A posture without aligned axes.
 const POSTURE: [f64; 6] = [0.2, -0.8, 1.5, -0.6, 0.3, 0.4];
 
-/// The device of the shipped configuration, and the simulated arm with other friction.
+/// Returns the device model of the shipped configuration, and the simulated arm with changed friction.
 fn device_and_plant(change: impl Fn(&mut Resistance)) -> ([Device; 6], Plant, JointVector, Config) {
     let weightless = TEXT.replace("[arm]\n", "[arm]\ngravity_balanced = true\n");
     assert_ne!(weightless, TEXT);
@@ -185,7 +184,7 @@ fn device_and_plant(change: impl Fn(&mut Resistance)) -> ([Device; 6], Plant, Jo
     (device, Plant::new(world::arm(&config.plant()), resistance, q), q, config)
 }
 
-/// The velocity along or about `axis` of the simulated arm's grip, `dt` s after `force` began to act.
+/// Returns the velocity along or about `axis` of the simulated grip, `dt` s after `force` began to act.
 fn pushed(
     plant: &Plant,
     config: &Config,
@@ -204,7 +203,7 @@ fn pushed(
 }
 
 #[test]
-fn a_push_accelerates_the_mass_at_the_grip() {
+fn push_accelerates_the_mass_at_the_grip() {
     let none = |resistance: &mut Resistance| (resistance.coulomb, resistance.viscous) = (0.0, 0.0);
     let (device, plant, q, config) = device_and_plant(none);
     for (axis, device) in device.iter().enumerate() {
@@ -215,7 +214,7 @@ fn a_push_accelerates_the_mass_at_the_grip() {
 }
 
 #[test]
-fn a_slow_push_moves_against_the_damping_at_the_grip() {
+fn slow_push_moves_against_the_damping_at_the_grip() {
     let syrup = |resistance: &mut Resistance| {
         (resistance.coulomb, resistance.viscous) = (0.0, resistance.viscous * 1e4);
     };
@@ -228,7 +227,7 @@ fn a_slow_push_moves_against_the_damping_at_the_grip() {
 }
 
 #[test]
-fn a_push_within_the_friction_at_the_grip_moves_nothing_and_a_stronger_one_does() {
+fn only_a_push_beyond_the_friction_moves_the_grip() {
     let (device, plant, q, config) = device_and_plant(|_| {});
     for (axis, Device { friction, full_friction, .. }) in device.iter().enumerate() {
         let speed = |force: f64| pushed(&plant, &config, &q, axis, force, 0.01).abs();
@@ -238,12 +237,12 @@ fn a_push_within_the_friction_at_the_grip_moves_nothing_and_a_stronger_one_does(
 }
 
 #[test]
-fn surfaces_resist_turning_as_the_check_takes_it() {
+fn surfaces_resist_rotation_as_the_check_assumes() {
     let (stiffness, turn) = (2_000.0, 1e-3);
     let surface = Surface { stiffness, damping: 0.0, friction: 0.0 };
     let wall = Wall { point: Vector3::zeros(), normal: -Vector3::x_axis(), surface };
     let scene = Scene { wall: Some(wall), ..Scene::default() };
-    // With a whole face inside, and the other not.
+    // One whole face is inside the wall.
     let x_b_m = Isometry3::new(Vector3::new(-0.015, 0.0, 0.0), Vector3::new(0.0, turn, 0.0));
     let moment = scene.wrench(&x_b_m, &Twist::ZERO).moment;
     let config = Config::parse(Path::new(FILE), TEXT).unwrap();
@@ -256,7 +255,7 @@ fn surfaces_resist_turning_as_the_check_takes_it() {
 }
 
 #[test]
-fn a_wrench_is_sensed_one_exchange_after_the_command_that_meets_it() {
+fn contact_wrench_is_sensed_one_exchange_after_its_command() {
     let text = changed(&[("start_m = [0.4,", "start_m = [0.5299,")]); // 0.1 mm before the wall
     let config = Config::parse(Path::new(FILE), &text).unwrap();
     let mut site = VirtualSite::new(&config.remote, config.period);
@@ -269,7 +268,7 @@ fn a_wrench_is_sensed_one_exchange_after_the_command_that_meets_it() {
 }
 
 #[test]
-fn the_shipped_gains_are_fit() {
+fn shipped_gains_are_not_refused() {
     for file in SHIPPED {
         let findings = Config::load(Path::new(file)).unwrap().findings();
         assert_eq!(findings.len(), 60, "{file}");
@@ -277,7 +276,7 @@ fn the_shipped_gains_are_fit() {
     }
 }
 
-/// [`TEXT`] with `changes`, each a part of it and what stands there instead.
+/// Returns [`TEXT`] with `changes`, each a part of it and its replacement.
 fn changed(changes: &[(&str, &str)]) -> String {
     changes.iter().fold(TEXT.to_owned(), |text, (from, to)| {
         assert!(text.contains(from), "{from}");
@@ -285,7 +284,7 @@ fn changed(changes: &[(&str, &str)]) -> String {
     })
 }
 
-/// A tie that no hand could hold.
+/// A virtual coupling too stiff to be stable.
 const COUPLING: &str = "[controller.virtual_coupling]\nstiffness_n_per_m = [1e5, 1e3, 1e3]\n\
     stiffness_nm_per_rad = [1.0, 1.0, 1.0]\ndamping_ns_per_m = [0.0, 0.0, 0.0]\n\
     damping_nms_per_rad = [0.0, 0.0, 0.0]\n\n[remote]\n";
@@ -366,14 +365,14 @@ fn every_kind_of_unstable_gain_is_refused_with_its_reason() {
         let (_, name) = key.rsplit_once('.').unwrap();
         let line = text.lines().position(|line| line.starts_with(&format!("{name} = "))).unwrap();
         let expected = format!("{FILE}:{}: {key}: {finding}", line + 1);
-        let told = refusal.lines().find(|line| line.starts_with(&expected));
-        let told = told.unwrap_or_else(|| panic!("{expected}: {refusal}"));
-        assert!(told.matches(" = ").count() >= 2 && told.contains("must stay below"), "{told}");
+        let line = refusal.lines().find(|line| line.starts_with(&expected));
+        let line = line.unwrap_or_else(|| panic!("{expected}: {refusal}"));
+        assert!(line.matches(" = ").count() >= 2 && line.contains("must stay below"), "{line}");
     }
 }
 
 #[test]
-fn one_unstable_gain_is_one_problem() {
+fn unstable_gain_on_several_axes_is_one_error() {
     let text =
         changed(&[("damping_ns_per_m = [8.0, 8.0, 8.0]", "damping_ns_per_m = [30.0, 31.0, 32.0]")]);
     let refusal = Config::parse(Path::new(FILE), &text).map(|_| ()).unwrap_err().to_string();
@@ -382,7 +381,7 @@ fn one_unstable_gain_is_one_problem() {
 }
 
 #[test]
-fn who_asks_to_be_warned_only_is_not_refused() {
+fn gain_check_warn_accepts_unstable_gains() {
     let unstable = ("damping_ns_per_m = [8.0,", "damping_ns_per_m = [30.0,");
     let text = |check| changed(&[unstable, ("max_moment_nm = 2.0", check)]);
     let warn = text("max_moment_nm = 2.0\ngain_check = \"warn\"");
@@ -396,7 +395,7 @@ fn who_asks_to_be_warned_only_is_not_refused() {
 }
 
 #[test]
-fn an_operator_is_a_hand() {
+fn negative_operator_impedance_is_refused() {
     for key in
         ["stiffness_n_per_m", "damping_ns_per_m", "stiffness_nm_per_rad", "damping_nms_per_rad"]
     {
@@ -406,7 +405,7 @@ fn an_operator_is_a_hand() {
     }
 }
 
-/// What `frhc check` says of `text`: its exit code, stdout and stderr.
+/// Runs `frhc check` on `text`; returns exit code, stdout and stderr.
 fn checked(name: &str, text: &str, json: bool) -> (Option<i32>, String, String) {
     let root = env!("CARGO_MANIFEST_DIR");
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
@@ -419,20 +418,23 @@ fn checked(name: &str, text: &str, json: bool) -> (Option<i32>, String, String) 
 }
 
 #[test]
-fn check_tells_a_person_both_sides_of_what_holds_and_what_does_not() {
+fn check_prints_both_sides_of_every_inequality() {
     let (code, out, _) = checked("fit.toml", TEXT, false);
     assert_eq!(code, Some(0));
-    let told = |verdict: &str, inequality: &str| {
+    let assert_printed = |verdict: &str, inequality: &str| {
         let line = out.lines().find(|line| line.contains(inequality)).unwrap();
         assert!(line.starts_with(&format!("gains {verdict}")), "{line}");
         assert!(line.contains(" must stay below "), "{line}");
     };
-    told("warns", "damping, y: K_D = 8.00 N·s/m");
-    told("holds", "accommodation, servo, z: K_FA k_e τ_s = 0.200 must stay below 1/4 = 0.250");
+    assert_printed("warns", "damping, y: K_D = 8.00 N·s/m");
+    assert_printed(
+        "holds",
+        "accommodation, servo, z: K_FA k_e τ_s = 0.200 must stay below 1/4 = 0.250",
+    );
 }
 
 #[test]
-fn check_tells_a_program_every_finding() {
+fn check_json_has_every_finding() {
     let (code, out, _) = checked("json.toml", TEXT, true);
     let report: Value = serde_json::from_str(&out).unwrap();
     assert_eq!((code, list(&report["gains"]).len()), (Some(0), 60));
@@ -443,7 +445,7 @@ fn check_tells_a_program_every_finding() {
 }
 
 #[test]
-fn check_ends_with_the_exit_code_of_a_configuration_where_it_refuses() {
+fn check_of_refused_gains_ends_with_3() {
     let text = changed(&[("damping_ns_per_m = [8.0,", "damping_ns_per_m = [30.0,")]);
     let (code, out, err) = checked("unfit.toml", &text, false);
     assert_eq!((code, out.as_str()), (Some(3), ""));

@@ -1,4 +1,4 @@
-//! The command line as its user types it: help, output, exit codes.
+//! The command line: help, output and exit codes.
 #![allow(
     clippy::indexing_slicing,
     clippy::panic,
@@ -55,10 +55,10 @@ const PRINTING: &[&str] = &[
     "sim --config config/kraft_like.toml --calibrate elbow",
 ];
 
-/// Commands whose data comes from a bus: `tests/vcan.rs` runs them. `run` prints messages alone.
+/// Commands that need a bus: `tests/vcan.rs` runs them. `run` prints no data.
 const ON_A_BUS: &[&str] = &["run", "commission", "scan", "sdo", "nmt", "lss"];
 
-/// A command with its data going to `stdout`.
+/// Runs a command with this stdout.
 fn onto(stdout: impl Into<Stdio>, args: &[String]) -> Ended {
     let mut command = Command::new(crate::common::program());
     let command = command.args(args).stdin(Stdio::null()).stdout(stdout).stderr(Stdio::piped());
@@ -67,7 +67,7 @@ fn onto(stdout: impl Into<Stdio>, args: &[String]) -> Ended {
     Ended { code: output.status.code().unwrap(), stdout: String::new(), stderr }
 }
 
-/// A node that grants every request, for one client after the other.
+/// Starts a node that grants every request, one client after the other.
 fn node_at(socket: &Path) {
     let listener = UnixListener::bind(socket).unwrap();
     thread::spawn(move || {
@@ -79,10 +79,10 @@ fn node_at(socket: &Path) {
     });
 }
 
-/// Every row of [`PRINTING`] as arguments, in a folder of this test.
+/// Returns the rows of [`PRINTING`] as arguments, in a folder of this test.
 fn printing(test: &str) -> Vec<Vec<String>> {
     let folder = folder("terminal", test);
-    // The path of a socket has 108 bytes.
+    // The path of a socket has at most 108 bytes.
     let socket = std::env::temp_dir().join(format!("frhc-{test}-{}.sock", std::process::id()));
     node_at(&socket);
     let data = folder.join("data.csv");
@@ -100,13 +100,13 @@ fn printing(test: &str) -> Vec<Vec<String>> {
 }
 
 #[test]
-fn data_that_cannot_be_written_fails_every_command() {
+fn failed_write_to_stdout_fails_every_command() {
     for args in printing("full") {
         let full = OpenOptions::new().write(true).open("/dev/full").unwrap();
         let ended = onto(full, &args);
         assert_eq!(ended.code, 4, "{args:?}: {}", ended.stderr);
-        let told = ended.stderr.matches("frhc: stdout: No space left on device").count();
-        assert_eq!(told, 1, "{args:?}: {}", ended.stderr);
+        let reports = ended.stderr.matches("frhc: stdout: No space left on device").count();
+        assert_eq!(reports, 1, "{args:?}: {}", ended.stderr);
     }
 }
 
@@ -121,7 +121,7 @@ fn stdout_that_is_not_open_for_writing_fails_the_command() {
 }
 
 #[test]
-fn a_reader_that_hangs_up_fails_no_command() {
+fn closed_stdout_fails_no_command() {
     for args in printing("hung_up") {
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);
@@ -132,7 +132,7 @@ fn a_reader_that_hangs_up_fails_no_command() {
 }
 
 #[test]
-fn every_command_is_tested_for_output_that_fails() {
+fn every_command_is_tested_for_failing_output() {
     let help = frhc(&["--help"]).stdout;
     let commands = help.lines().skip_while(|line| *line != "Commands:").skip(1);
     let commands = commands.take_while(|line| !line.is_empty());
@@ -142,7 +142,7 @@ fn every_command_is_tested_for_output_that_fails() {
     }
 }
 
-/// The help of a command and of all below it.
+/// Returns the help pages of a command and its subcommands.
 fn help_pages(command: &[String]) -> Vec<(String, String)> {
     let page = frhc(&[command, &["--help".to_owned()]].concat()).stdout;
     let listed = page.lines().skip_while(|line| *line != "Commands:").skip(1);
@@ -164,7 +164,7 @@ fn every_help_page_has_an_example() {
     }
 }
 
-/// Fails with this code and words, and prints no data.
+/// Asserts that the command fails with this code and message and prints no data; returns its stderr.
 #[track_caller]
 fn is_refused(args: &[&str], code: i32, words: &[&str]) -> String {
     let ended = frhc(args);
@@ -177,10 +177,10 @@ fn is_refused(args: &[&str], code: i32, words: &[&str]) -> String {
 }
 
 #[test]
-fn seconds_that_cannot_be_are_refused() {
+fn invalid_seconds_are_refused() {
     for seconds in ["-1", "0", "nan", "inf", "-inf", "1e300", "86401"] {
-        let reason = ["--seconds", "must be a number above 0, and 86400 at most"];
-        // A value that begins with a dash and is no number looks like an option.
+        let reason = ["--seconds", "must be a number above 0 and at most 86400"];
+        // clap takes a separate value with a leading dash that is not a number for an option.
         let given = format!("--seconds={seconds}");
         is_refused(&["demo", &given], 2, &reason);
         is_refused(&["nmt", "watch", &given, "-i", "can7"], 2, &reason);
@@ -190,7 +190,7 @@ fn seconds_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn options_are_refused_where_they_do_nothing() {
+fn options_without_effect_are_refused() {
     for args in [
         "nmt watch --wait -i can7",
         "nmt start 3 --timeout 100 -i can7",
@@ -208,7 +208,7 @@ fn options_are_refused_where_they_do_nothing() {
 }
 
 #[test]
-fn an_unknown_scenario_lists_those_there_are() {
+fn unknown_scenario_lists_the_shipped_ones() {
     let listed = ["contact_10s", "stiff-wall", "faults/: ", "unplug", "quirks/: ", "slow-sdo"];
     is_refused(&["demo", "--scenario", "nope"], 2, &listed);
     is_refused(&["demo", "--scenario", "unplug"], 2, &["unknown scenario; there is faults/unplug"]);
@@ -216,7 +216,7 @@ fn an_unknown_scenario_lists_those_there_are() {
 }
 
 #[test]
-fn scenarios_are_known_outside_the_repository() {
+fn shipped_scenarios_are_found_outside_the_repository() {
     let folder = folder("terminal", "elsewhere");
     for scenario in ["faults/unplug", "quirks/vague-aborts", "contact_10s"] {
         let mut command = Command::new(crate::common::program());
@@ -228,7 +228,7 @@ fn scenarios_are_known_outside_the_repository() {
 }
 
 #[test]
-fn a_number_of_any_size_is_short_in_a_message() {
+fn large_numbers_are_short_in_messages() {
     let folder = folder("terminal", "large");
     let text = std::fs::read_to_string(KRAFT).unwrap();
     let root = env!("CARGO_MANIFEST_DIR");
@@ -247,9 +247,9 @@ fn a_number_of_any_size_is_short_in_a_message() {
         ("mass_kg = 1.2", "mass_kg = 1e300"),
         ("node_id = 127", "node_id = 1e300"),
     ] {
-        let said = check(from, to);
-        assert_eq!(said.lines().count(), 1, "one mistake, one line: {said}");
-        assert!(said.len() < 250, "{said}");
+        let stderr = check(from, to);
+        assert_eq!(stderr.lines().count(), 1, "one mistake, one line: {stderr}");
+        assert!(stderr.len() < 250, "{stderr}");
     }
     let answer = frhc(&["explain", "--q", "0,-0.8,1.6,-0.7,0,0", "--wrench", "1e300,0,0,0,0,0"]);
     assert!(
@@ -260,13 +260,13 @@ fn a_number_of_any_size_is_short_in_a_message() {
 }
 
 #[test]
-fn nothing_to_break_is_refused() {
+fn campaign_without_faults_is_refused() {
     is_refused(&["campaign", "--faults", "0"], 2, &["--faults"]);
     is_refused(&["campaign", "--soak", "0"], 2, &["--soak"]);
     is_refused(&["campaign", "--only", "nope"], 2, &["--only nope: no such kind of fault"]);
 }
 
-/// `frhc ctl status` with this folder for the user's sockets.
+/// Runs `frhc ctl status` with this runtime folder of the user.
 fn status_in(runtime_dir: &str) -> Ended {
     let mut command = Command::new(crate::common::program());
     command.args(["ctl", "status"]).env("XDG_RUNTIME_DIR", runtime_dir);
@@ -277,7 +277,7 @@ fn status_in(runtime_dir: &str) -> Ended {
 }
 
 #[test]
-fn ctl_says_where_it_looked_for_a_node() {
+fn ctl_names_the_sockets_it_tried() {
     let service = "frhc: no node at /run/frhc/node.sock: no such socket";
     for runtime_dir in ["", "relative", "./here"] {
         let ended = status_in(runtime_dir);

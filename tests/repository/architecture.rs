@@ -1,6 +1,5 @@
-//! ARCHITECTURE.md against the sources, as far as Cargo does not hold them to it: the table of rooms is that of the
-//! manifests, no files import each other in a circle, pure rooms touch nothing outside, and object indices stand in
-//! `canopen` alone.
+//! ARCHITECTURE.md against the sources: the table of rooms matches the manifests, files have no circular imports, rooms
+//! without side effects name no I/O, clock or log, and object indices are only in `canopen`.
 #![allow(
     clippy::indexing_slicing,
     clippy::unwrap_used,
@@ -13,7 +12,7 @@ use std::fs;
 use std::path::Path;
 use std::path::PathBuf;
 
-/// Rooms that perform no I/O, read no clock and log nothing.
+/// Rooms without side effects: no I/O, no clock, no log.
 const PURE: &[&str] = &[
     "units",
     "written",
@@ -26,7 +25,7 @@ const PURE: &[&str] = &[
     "sim",
 ];
 
-/// What a pure room may not name.
+/// Names that a pure room must not use.
 const IMPURE: &[&str] = &[
     "std::fs",
     "std::net",
@@ -40,13 +39,13 @@ const IMPURE: &[&str] = &[
 ];
 
 #[test]
-fn the_table_of_rooms_is_what_the_manifests_say() {
-    let in_the_manifests = rooms().map(|room| (room.clone(), dependencies(&room))).collect();
-    assert_eq!(told(), in_the_manifests);
+fn table_of_rooms_matches_the_manifests() {
+    let in_manifests = rooms().map(|room| (room.clone(), dependencies(&room))).collect();
+    assert_eq!(documented_rooms(), in_manifests);
 }
 
 #[test]
-fn a_room_depends_only_on_rooms_that_stand_below_it() {
+fn room_depends_only_on_rooms_of_lower_levels() {
     let text = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
     let plan = text.split("```text").find(|block| block.contains("units · written")).unwrap();
     let mut level = BTreeMap::new();
@@ -59,7 +58,7 @@ fn a_room_depends_only_on_rooms_that_stand_below_it() {
     let mut checked = 0;
     for room in rooms() {
         for below in dependencies(&room) {
-            assert!(level[&room] > level[&below], "{room} stands on {below}");
+            assert!(level[&room] > level[&below], "{room} depends on {below}");
             checked += 1;
         }
     }
@@ -67,7 +66,7 @@ fn a_room_depends_only_on_rooms_that_stand_below_it() {
 }
 
 #[test]
-fn every_room_has_the_lints_and_nothing_that_is_found_by_itself() {
+fn every_room_has_the_lints_and_no_automatic_targets() {
     for room in rooms() {
         let manifest = manifest(&room);
         assert_eq!(manifest["lints"]["workspace"].as_bool(), Some(true), "{room}: lints");
@@ -83,7 +82,7 @@ fn every_room_has_the_lints_and_nothing_that_is_found_by_itself() {
 }
 
 #[test]
-fn what_a_room_builds_stands_in_the_workspace() {
+fn every_room_is_a_workspace_member() {
     let text = fs::read_to_string(root().join("Cargo.toml")).unwrap();
     let manifest: toml::Table = text.parse().unwrap();
     for list in ["members", "default-members"] {
@@ -95,12 +94,12 @@ fn what_a_room_builds_stands_in_the_workspace() {
 }
 
 #[test]
-fn pure_rooms_touch_nothing_outside_and_object_indices_stand_in_canopen() {
+fn pure_rooms_have_no_side_effects_and_no_object_indices() {
     let mut violations = Vec::new();
     for room in rooms() {
         for file in sources(&room) {
             let text = fs::read_to_string(&file).unwrap();
-            let found = judge(&room, &text);
+            let found = violations_in(&room, &text);
             violations.extend(found.into_iter().map(|what| format!("{}: {what}", file.display())));
         }
     }
@@ -108,15 +107,15 @@ fn pure_rooms_touch_nothing_outside_and_object_indices_stand_in_canopen() {
 }
 
 #[test]
-fn no_files_of_a_room_import_each_other_in_a_circle() {
+fn files_of_a_room_have_no_circular_imports() {
     for room in rooms() {
-        let left = in_circles(imports(&room));
+        let left = in_cycles(imports(&room));
         assert!(left.is_empty(), "{room}: {left:#?}");
     }
 }
 
 #[test]
-fn files_that_import_each_other_in_a_circle_are_found() {
+fn circular_imports_are_found() {
     let graph = |arrows: &[(&str, &str)]| {
         let mut graph = Imports::new();
         for (from, to) in arrows {
@@ -126,27 +125,30 @@ fn files_that_import_each_other_in_a_circle_are_found() {
         graph
     };
     let tree = [("lib", "a"), ("a", "b"), ("lib", "b")];
-    assert!(in_circles(graph(&tree)).is_empty());
+    assert!(in_cycles(graph(&tree)).is_empty());
     let circle = [tree.as_slice(), &[("b", "c"), ("c", "a"), ("c", "d")]].concat();
-    let found: Vec<String> = in_circles(graph(&circle)).into_keys().collect();
+    let found: Vec<String> = in_cycles(graph(&circle)).into_keys().collect();
     assert_eq!(found, ["a", "b", "c"]);
 }
 
 #[test]
-fn what_is_not_pure_is_found() {
-    assert!(judge("controller", "let torque = 0x6071;\n#[cfg(test)]").len() == 1);
+fn side_effects_and_object_indices_are_found() {
+    assert!(violations_in("controller", "let torque = 0x6071;\n#[cfg(test)]").len() == 1);
     for (room, line) in [
         ("canopen", "use std::time::Instant;"),
         ("robot", "println!(\"here\");"),
         ("node", "const TORQUE: u16 = 0x6071;"),
     ] {
-        assert_eq!(judge(room, line).len(), 1, "{room}: {line}");
+        assert_eq!(violations_in(room, line).len(), 1, "{room}: {line}");
     }
-    assert!(judge("canopen", "// by std::time::Instant, const TORQUE: u16 = 0x6071;").is_empty());
+    assert!(
+        violations_in("canopen", "// by std::time::Instant, const TORQUE: u16 = 0x6071;")
+            .is_empty()
+    );
 }
 
-/// The rooms of ARCHITECTURE.md's table, and what each stands on there.
-fn told() -> BTreeMap<String, BTreeSet<String>> {
+/// Returns the rooms of the table in ARCHITECTURE.md with their dependencies.
+fn documented_rooms() -> BTreeMap<String, BTreeSet<String>> {
     let text = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
     let rows = text.lines().skip_while(|line| !line.starts_with("| room"));
     let rows = rows.skip(2).take_while(|line| line.starts_with('|'));
@@ -159,14 +161,14 @@ fn told() -> BTreeMap<String, BTreeSet<String>> {
     rows.map(row).collect()
 }
 
-/// The folders of `src/` that are crates.
+/// Returns the folders of `src/` that are crates.
 fn rooms() -> impl Iterator<Item = String> {
     let folders = fs::read_dir(src()).unwrap().map(|entry| entry.unwrap().path());
     let rooms = folders.filter(|folder| folder.join("Cargo.toml").is_file());
     rooms.map(|folder| folder.file_name().unwrap().to_str().unwrap().to_owned())
 }
 
-/// The rooms that a room depends on, its tests apart.
+/// Returns the rooms that a room depends on, except for its tests.
 fn dependencies(room: &str) -> BTreeSet<String> {
     let manifest = manifest(room);
     let all = manifest.get("dependencies").and_then(toml::Value::as_table);
@@ -178,8 +180,8 @@ fn manifest(room: &str) -> toml::Table {
     fs::read_to_string(src().join(room).join("Cargo.toml")).unwrap().parse().unwrap()
 }
 
-/// What is wrong with `text` as a part of a room.
-fn judge(room: &str, text: &str) -> Vec<String> {
+/// Returns the violations in `text` as a file of `room`.
+fn violations_in(room: &str, text: &str) -> Vec<String> {
     let mut violations = Vec::new();
     let production = text.split("#[cfg(test)]").next().unwrap_or_default();
     if PURE.contains(&room) {
@@ -193,7 +195,7 @@ fn judge(room: &str, text: &str) -> Vec<String> {
     violations
 }
 
-/// Numbers that are written like an index of an object dictionary: 0x1000 to 0x9FFF.
+/// Returns the numbers written like an index of an object dictionary: 0x1000 to 0x9FFF.
 fn object_indices(text: &str) -> impl Iterator<Item = &str> {
     let code = text.lines().filter(|line| !is_comment(line));
     let words = code.flat_map(|line| line.split(|c: char| !c.is_ascii_alphanumeric() && c != '_'));
@@ -205,7 +207,7 @@ fn object_indices(text: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// Whether a line of code (not a comment) names `path` as a whole.
+/// Returns whether a line of code, not a comment, uses `path`.
 fn names(text: &str, path: &str) -> bool {
     let begins = |line: &str, at: usize| {
         !line[..at].ends_with(|before: char| before.is_alphanumeric() || "_:".contains(before))
@@ -219,7 +221,7 @@ fn is_comment(line: &str) -> bool {
     line.trim_start().starts_with("//")
 }
 
-/// The files of a room as modules, and the modules that each imports.
+/// The modules of a room with the modules that each imports.
 type Imports = BTreeMap<String, BTreeSet<String>>;
 
 fn imports(room: &str) -> Imports {
@@ -242,7 +244,7 @@ fn imports(room: &str) -> Imports {
     texts.iter().map(imported).collect()
 }
 
-/// The module among `texts` that stands in a file of its own and has the item at `path`.
+/// Returns the module of `texts` that contains the item at `path`.
 fn file_of(path: &str, texts: &BTreeMap<String, String>) -> String {
     let mut module = path;
     while !texts.contains_key(module) {
@@ -251,8 +253,8 @@ fn file_of(path: &str, texts: &BTreeMap<String, String>) -> String {
     module.to_owned()
 }
 
-/// What is left when modules that import nothing, or that nothing imports, are taken away again and again.
-fn in_circles(mut imports: Imports) -> Imports {
+/// Returns the modules on import cycles: repeatedly removes those that import nothing or are imported by none.
+fn in_cycles(mut imports: Imports) -> Imports {
     loop {
         let imported: BTreeSet<String> = imports.values().flatten().cloned().collect();
         let before = imports.len();
@@ -265,7 +267,7 @@ fn in_circles(mut imports: Imports) -> Imports {
     }
 }
 
-/// The sources of a room.
+/// Returns the source files of a room.
 fn sources(room: &str) -> Vec<PathBuf> {
     let (mut files, mut folders) = (Vec::new(), vec![src().join(room)]);
     while let Some(folder) = folders.pop() {

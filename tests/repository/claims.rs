@@ -1,20 +1,20 @@
-//! What is claimed: the hazards, the promises and the properties, by their numbers.
+//! Hazards, promises and properties of docs/safety.md, by number.
 
-/// A number, what it is about, and the figure that is promised for it.
+/// Number, subject and promised reaction or figure.
 pub(crate) type Claim = (u8, &'static str, &'static str);
 
 pub(crate) const HAZARDS: [Claim; 45] = [
     (
         1,
         "A drive loses its power or its cable",
-        "zero torque at all within 5 cycles of its last sample",
+        "zero torque on all joints within 5 cycles of its last sample",
     ),
-    (2, "A heartbeat stops though samples come", "drives off when its configured time is over"),
+    (2, "A heartbeat stops while samples arrive", "drives off when its configured time is over"),
     (
         3,
         "One joint's samples stop, or are rare",
-        "zero torque within 5 cycles, and when more than ten are lost and not made good (one is forgiven every 250 \
-         cycles); reflection off when more than a twentieth within a second come late and are made good",
+        "zero torque within 5 cycles, and when more than ten are lost and not compensated (one is forgiven every 250 \
+         cycles); reflection off when more than a twentieth within a second come late and are compensated",
     ),
     (
         4,
@@ -36,40 +36,40 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     ),
     (
         9,
-        "A drive starts anew in the middle of a run",
-        "all drives off within 2 cycles; identity and configuration again",
+        "A drive reboots in the middle of a run",
+        "all drives off within 2 cycles; identity and configuration are checked again",
     ),
-    (10, "A drive exerts another torque than it is told", "zero torque within 55 ms"),
+    (10, "A drive exerts another torque than its target", "zero torque within 55 ms"),
     (11, "A joint or the grip moves too fast", "zero torque within 3 cycles"),
     (
         12,
         "A position jumps; a counter wraps",
         "the jump is not used, the second one trips within 2 cycles; a single wrong sample is forgiven; a wrap \
-         is none",
+         is no jump",
     ),
     (
         13,
-        "A drive no longer hears its torques",
+        "A drive no longer receives its RPDOs",
         "it is off by its own timer within 6 ms, the others follow",
     ),
-    (14, "Another device than configured", "no drive is started"),
+    (14, "A device with another identity than configured", "no drive is started"),
     (
         15,
-        "A PDO mapping is refused, or silently another one",
+        "A PDO mapping is refused, or silently differs",
         "no drive is started; node and object are named",
     ),
-    (16, "The drives' own protection is not taken, or does not act", "no arming"),
+    (16, "The drives' own protection is not accepted, or does not act", "no arming"),
     (
         17,
         "The node starts while drives are enabled or the arm moves",
-        "voltage off is the first thing said; no boot before rest",
+        "disable voltage is the first command; no boot before standstill",
     ),
     (
         18,
-        "A configuration, EDS or calibration that cannot be",
+        "An invalid configuration, EDS or calibration",
         "no frame at all; one line names file and key",
     ),
-    (19, "A torque curve that does not rise", "no frame at all"),
+    (19, "A torque curve that is not monotone", "no frame at all"),
     (20, "The frames do not fit the bus", "no frame at all"),
     (
         21,
@@ -78,15 +78,15 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     ),
     (
         22,
-        "Frames are taken and never reach the bus",
+        "Frames are accepted by the driver and never reach the bus",
         "nothing more is sent; the drives stop by their timers",
     ),
     (23, "Bus off, error passive", "nothing more is sent after bus off; zero torque when passive"),
     (24, "The interface goes down or is unplugged", "drives off; only a whole boot leads back"),
-    (25, "Old frames wait in the receive queue", "they are thrown away within 2 cycles"),
+    (25, "Old frames wait in the receive queue", "they are discarded within 2 cycles"),
     (
         26,
-        "Frames of strangers: SYNC, NMT, PDOs, SDO downloads, malformed ones",
+        "Frames of unknown nodes: SYNC, NMT, PDOs, SDO downloads, malformed ones",
         "ignored and counted, or the stop of what they imitate within 2 cycles; a proven setting that \
          differs: drives off when its turn to be read again has come",
     ),
@@ -98,7 +98,7 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     (
         28,
         "The node is stopped for a while",
-        "as 27; the first frame after it is zero, nothing is caught up",
+        "as 27; the first torque after it is zero, no missed cycle is caught up",
     ),
     (
         29,
@@ -112,8 +112,8 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     ),
     (31, "The wall clock steps; the host sleeps", "no effect; drives off"),
     (32, "The disk is full or slow, the log floods", "no effect on the cycle"),
-    (33, "A wrench that is no number, or huge", "no effect beyond cap and slew"),
-    (34, "The link to the commanded side is lost", "no reflection after 70 ms"),
+    (33, "A wrench that is NaN, infinite or huge", "no effect beyond cap and slew"),
+    (34, "The link to the remote side is lost", "no reflection after 70 ms"),
     (35, "The link repeats an old wrench", "no reflection after 70 ms"),
     (36, "Wrenches come late, twice or in another order", "an older one is never used"),
     (37, "Wrenches are forged, replayed, or from another session", "no effect at all"),
@@ -124,7 +124,7 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     ),
     (
         39,
-        "The deadman sticks, bounces or is taped",
+        "The deadman sticks, bounces or is tied down",
         "disagreement stops after 50 ms; closed at power-up refuses arming; 60 s without motion end reflection; \
          a press of reflection or reference counts after 25 ms",
     ),
@@ -135,7 +135,7 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     ),
     (
         41,
-        "Reflection begins with a large wrench; power comes on and nobody holds the arm",
+        "Reflection begins with a large wrench; power comes on while the arm is not held",
         "ramps of 300 ms and 1 s from zero; an arm driven one way for 0.9 rad, or whose grip reaches 1 m/s, stops",
     ),
     (
@@ -150,18 +150,18 @@ pub(crate) const HAZARDS: [Claim; 45] = [
     ),
     (
         44,
-        "More torque is asked for than there is",
+        "The required torque exceeds the drives' limits",
         "all joints are scaled together: the direction is kept",
     ),
     (
         45,
-        "The loop drives the hand to and fro",
-        "reflection ends within 400 ms of swings that do not die away, or of 20 W",
+        "The control loop oscillates",
+        "reflection ends within 400 ms of undamped oscillation, or of 20 W into the hand",
     ),
 ];
 
 pub(crate) const PROMISES: [Claim; 15] = [
-    (1, "Whatever the node can see ends torque on all six joints", "5 cycles"),
+    (1, "Every fault that the node detects ends torque on all six joints", "5 cycles"),
     (
         2,
         "A node that is killed, stopped or crashes leaves drives without torque",
@@ -169,21 +169,21 @@ pub(crate) const PROMISES: [Claim; 15] = [
     ),
     (
         3,
-        "The drives' timers are proven at each power-up, and cap the force",
+        "The drives' timers are proof-tested at each power-up, and limit the force",
         "six of six, or no arming",
     ),
     (4, "When one drive faults the others end", "2 cycles"),
     (
         5,
         "Torque is bounded, at the last gate before the bus",
-        "never above the lesser of capacity and 6072h; growth of a tenth of it in a cycle",
+        "never above the lesser of capacity and 6072h; rise of at most a tenth of it per cycle",
     ),
     (6, "A wrench that is invalid or not authentic has no effect", "none of 100,000"),
-    (7, "A link that is lost or frozen ends reflection", "70 ms, no step beyond the slew"),
+    (7, "A lost or frozen link ends reflection", "70 ms, no step beyond the slew"),
     (8, "A released deadman ends command and reflection", "1 cycle, 20 ms"),
     (
         9,
-        "No torque before identity, mapping, protection, proof, a press of the deadman and arming",
+        "No torque before identity, mapping, protection, proof test, a press of the deadman and arming",
         "no such frame",
     ),
     (
@@ -192,12 +192,12 @@ pub(crate) const PROMISES: [Claim; 15] = [
         "none is sent later than 1.5 periods after its SYNC; what an adapter held back acts no later than the \
          RPDO timer and a period",
     ),
-    (11, "A configuration that cannot be is refused", "no frame, exit code 3, within 1 s"),
+    (11, "An invalid configuration is refused", "no frame, exit code 3, within 1 s"),
     (12, "An orderly stop is confirmed", "drives off, exit code 0, within 1 s"),
     (13, "Disk, log and clock of the host do not matter", "no stop, cycle times within a tenth"),
     (
         14,
-        "It does not stop for nothing",
+        "No false stops",
         "no false stop in 10⁸ cycles with 1 % of the link's and 0.1 % of the samples lost",
     ),
     (15, "Every stop is recorded", "cause, joint, cycle, 2 s before and 1 s after"),
@@ -205,19 +205,23 @@ pub(crate) const PROMISES: [Claim; 15] = [
 
 pub(crate) const PROPERTIES: [Claim; 16] = [
     (1, "The Jacobian is the derivative of the kinematics", "by differences"),
-    (2, "A wrench taken elsewhere has the same power", ""),
-    (3, "The return to centre is odd, bounded, without a step, and never leads away", ""),
-    (4, "Orientations have no step at half a turn", ""),
-    (5, "Damping takes energy, and a new reference gives no impulse", ""),
-    (6, "All is finite for all finite joints, singular poses among them", ""),
+    (2, "A wrench transformed to another frame has the same power", ""),
+    (
+        3,
+        "The centring force is odd, bounded, continuous, and never points away from the centre",
+        "",
+    ),
+    (4, "Orientation errors are continuous at half a turn", ""),
+    (5, "Damping dissipates energy, and a new reference gives no impulse", ""),
+    (6, "All outputs are finite for all finite joint positions, singular poses included", ""),
     (7, "Saturation keeps the direction", ""),
     (8, "The assist keeps to its fraction, and the task comes first", ""),
     (9, "Cap and slew hold for any number", "NaN, infinities, -0 and subnormals"),
-    (10, "Torque curves rise, are odd, and their inverse is right", "a thousandth"),
-    (11, "Drives are led by legal transitions only", "any sequence of statuswords"),
+    (10, "Torque curves are monotone and odd, and their inverse is exact", "a thousandth"),
+    (11, "Drives get legal transitions only", "any sequence of statuswords"),
     (12, "The replay window is a set", ""),
     (13, "What is stale stays so with age", ""),
     (14, "Differences of positions are right across 2³¹", ""),
-    (15, "Any causes in any order end in the most restrictive of their states", ""),
-    (16, "A configuration with one byte changed is refused, or its numbers are in range", ""),
+    (15, "Causes in any order end in the most restrictive of their states", ""),
+    (16, "A configuration with one byte changed is refused, or its values are in range", ""),
 ];

@@ -1,7 +1,7 @@
-//! docs/safety.md against the tests: every hazard, promise and property has one, and the page names them.
+//! docs/safety.md against the tests: every hazard, promise and property has a test, and the page lists them.
 //!
-//! A test says by the beginning of its name what it shows: `hazard_12_…`, `promise_08_…`,
-//! `hazard_40_and_property_05_…`. `GOLDEN=write cargo test --test repository` writes the page's lists anew.
+//! The name of a test begins with the claims it covers: `hazard_12_…`, `promise_08_…`,
+//! `hazard_40_and_property_05_…`. `GOLDEN=write cargo test --test repository` rewrites the page's lists.
 #![allow(
     clippy::indexing_slicing,
     clippy::panic,
@@ -21,24 +21,24 @@ use crate::claims::PROPERTIES;
 
 const PAGE: &str = "docs/safety.md";
 
-/// Behind this line of the page stands what is written here.
+/// The part of the page after this line is generated.
 const MARK: &str = "<!-- from here on written by: GOLDEN=write cargo test --test repository -->\n";
 
-/// What a test may show: the word its name begins with, the title of its list, and its claims.
+/// Families of claims: prefix of test names, title of the list, and claims.
 const FAMILIES: [(&str, &str, &[Claim]); 3] = [
     ("promise", "Promises", &PROMISES),
     ("hazard", "Hazards", &HAZARDS),
     ("property", "Properties", &PROPERTIES),
 ];
 
-/// A claim: a family and a number in it.
-type Shown = (&'static str, u8);
+/// Family and number of a claim.
+type ClaimId = (&'static str, u8);
 
-/// Where a test is, and what its name says.
+/// File of a test, and the rest of its name as words.
 type Test = (String, String);
 
-/// What a name says that it shows, and the words behind that.
-fn shown(name: &str) -> Option<(Vec<Shown>, String)> {
+/// Splits a test name into the claims it covers and the remaining words.
+fn parse_name(name: &str) -> Option<(Vec<ClaimId>, String)> {
     let mut words = name.split('_').peekable();
     let mut claims = Vec::new();
     let mut family = None;
@@ -48,7 +48,7 @@ fn shown(name: &str) -> Option<(Vec<Shown>, String)> {
             family = Some(*known);
         } else if let (2, Ok(number), Some(family)) = (word.len(), word.parse(), family) {
             claims.push((family, number));
-        } else if word != "and" || !is_about_more(words.clone().nth(1)) {
+        } else if word != "and" || !begins_claim(words.clone().nth(1)) {
             break;
         }
         words.next();
@@ -56,24 +56,24 @@ fn shown(name: &str) -> Option<(Vec<Shown>, String)> {
     (!claims.is_empty()).then(|| (claims, words.collect::<Vec<_>>().join(" ")))
 }
 
-/// Whether the word behind an "and" begins another claim.
-fn is_about_more(word: Option<&str>) -> bool {
+/// Returns whether the word after an "and" begins another claim.
+fn begins_claim(word: Option<&str>) -> bool {
     let is_family = |word: &str| FAMILIES.iter().any(|(known, ..)| *known == word);
     word.is_some_and(|word| is_family(word) || word.len() == 2 && word.parse::<u8>().is_ok())
 }
 
-/// Every test that shows something, by what it shows.
-fn tests() -> BTreeMap<Shown, Vec<Test>> {
+/// Returns the tests of each claim.
+fn tests() -> BTreeMap<ClaimId, Vec<Test>> {
     let mut files = Vec::new();
     for folder in ["src", "tests"] {
         sources(Path::new(folder), &mut files);
     }
     files.sort();
-    let mut tests = BTreeMap::<Shown, Vec<Test>>::new();
+    let mut tests = BTreeMap::<ClaimId, Vec<Test>>::new();
     for file in files {
         let text = fs::read_to_string(&file).unwrap();
         let place = file.display().to_string();
-        for (claims, words) in text.lines().filter_map(function).filter_map(shown) {
+        for (claims, words) in text.lines().filter_map(function).filter_map(parse_name) {
             for claim in claims {
                 tests.entry(claim).or_default().push((place.clone(), words.clone()));
             }
@@ -82,14 +82,14 @@ fn tests() -> BTreeMap<Shown, Vec<Test>> {
     tests
 }
 
-/// The name of the function that begins on a line of Rust or Python.
+/// Returns the name of the function that begins on a line of Rust or Python.
 fn function(line: &str) -> Option<&str> {
     let line = line.trim_start().trim_start_matches("async ");
     let name = line.strip_prefix("fn ").or_else(|| line.strip_prefix("def "))?;
     name.split(['(', '<']).next()
 }
 
-/// Every file of a folder and those in it that may hold tests.
+/// Collects the Rust and Python files of a folder and its subfolders.
 fn sources(folder: &Path, files: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
@@ -101,8 +101,8 @@ fn sources(folder: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// The lists of the page.
-fn lists(tests: &BTreeMap<Shown, Vec<Test>>) -> String {
+/// Returns the lists of the page.
+fn lists(tests: &BTreeMap<ClaimId, Vec<Test>>) -> String {
     let mut lines = Vec::new();
     for (family, title, claims) in FAMILIES {
         lines.push(format!("\n## {title}\n"));
@@ -131,7 +131,7 @@ fn every_hazard_promise_and_property_has_a_test() {
 }
 
 #[test]
-fn every_test_shows_something_that_is_claimed() {
+fn every_number_in_a_test_name_is_a_claim() {
     for (claim, tests) in tests() {
         let (family, number) = claim;
         let (.., claims) = FAMILIES.iter().find(|(known, ..)| *known == family).unwrap();
@@ -141,7 +141,7 @@ fn every_test_shows_something_that_is_claimed() {
 }
 
 #[test]
-fn the_page_names_the_tests_that_are_there() {
+fn page_lists_the_existing_tests() {
     let page = fs::read_to_string(PAGE).unwrap();
     let (head, found) = page.split_once(MARK).unwrap();
     let expected = lists(&tests());
@@ -152,16 +152,16 @@ fn the_page_names_the_tests_that_are_there() {
     let differs = found.lines().zip(expected.lines()).find(|(found, expected)| found != expected);
     assert!(
         found == expected,
-        "{PAGE}: {differs:?}; write it anew by GOLDEN=write cargo test --test repository"
+        "{PAGE}: {differs:?}; rewrite it with GOLDEN=write cargo test --test repository"
     );
 }
 
 #[test]
-fn a_name_says_what_it_shows() {
+fn test_names_are_split_into_claims_and_words() {
     let one = (vec![("hazard", 12)], "a jump and a wrap".to_owned());
-    assert_eq!(shown("hazard_12_a_jump_and_a_wrap"), Some(one));
+    assert_eq!(parse_name("hazard_12_a_jump_and_a_wrap"), Some(one));
     let three = (vec![("hazard", 6), ("hazard", 7), ("promise", 8)], "end".to_owned());
-    assert_eq!(shown("hazard_06_and_07_and_promise_08_end"), Some(three));
-    assert_eq!(shown("a_hazard_12_in_words"), None);
-    assert_eq!(shown("hazard_of_a_jump"), None);
+    assert_eq!(parse_name("hazard_06_and_07_and_promise_08_end"), Some(three));
+    assert_eq!(parse_name("a_hazard_12_in_words"), None);
+    assert_eq!(parse_name("hazard_of_a_jump"), None);
 }

@@ -1,4 +1,4 @@
-//! What is written about the program against its sources: the plan of its rooms, the tests behind every hazard.
+//! Documents against the sources: the rooms of ARCHITECTURE.md, and the tests of every hazard.
 
 mod architecture;
 mod claims;

@@ -1,4 +1,4 @@
-//! `frhc calib check`: the torque curves of a configuration, as its loading has proven them.
+//! `frhc calib check`: properties of the torque curves of a configuration, whose loading has proven them monotone.
 
 use crate::cli::calib::Check;
 use config::Config;
@@ -10,21 +10,21 @@ use run::exit::OrFail;
 use run::print;
 use telemetry::digits::significant;
 
-/// One curve, in numbers.
+/// Properties of one torque curve.
 struct Finding<'a> {
     joint: &'a str,
-    /// N·m, or N where the joint slides.
+    /// N·m, or N for a prismatic joint.
     unit: &'static str,
     max_torque: f64,
-    /// In ‰ per unit, and where.
+    /// Smallest slope in ‰ per unit, and the torque at which it occurs.
     least_slope: (f64, f64),
-    /// The torque of one step near zero.
+    /// Torque of one step of 6071h near zero.
     resolution: f64,
-    /// What its end asks for: 6072h.
+    /// Target at the end of the range (6072h), in ‰.
     max_target: i16,
 }
 
-/// Loads the configuration, which refuses curves that do not rise, and prints what they come to.
+/// Loads the configuration, which rejects curves that are not monotone, and prints their properties.
 pub(super) fn run(args: &Check) -> Result<(), Failure> {
     let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
     let findings = config.joints.iter().map(Finding::of);
@@ -32,7 +32,7 @@ pub(super) fn run(args: &Check) -> Result<(), Failure> {
         let joints: Vec<_> = findings.map(|finding| finding.json()).collect();
         print::line(&serde_json::json!({ "ok": true, "joints": joints }).to_string());
     } else {
-        print::line(&format!("{}: every torque curve rises", args.config.config.display()));
+        print::line(&format!("{}: every torque curve is monotone", args.config.config.display()));
         findings.for_each(|finding| print::line(&finding.line()));
     }
     Ok(())
@@ -54,7 +54,7 @@ impl<'a> Finding<'a> {
         }
     }
 
-    /// How many times the largest target fits into 6071h, which has 16 bits.
+    /// Ratio of the largest value of 6071h (16 bits) to the largest target.
     fn margin(&self) -> f64 {
         f64::from(i16::MAX) / f64::from(self.max_target)
     }
@@ -62,8 +62,8 @@ impl<'a> Finding<'a> {
     fn line(&self) -> String {
         let (unit, (slope, at)) = (self.unit, self.least_slope);
         format!(
-            "joint {:16} up to ±{} {unit}, slope at least {} ‰/{unit} (at {at:.2} {unit}), {:.4} {unit} a \
-             step, 6072h {} ‰, 16 bits hold {:.0} times that",
+            "joint {:16} up to ±{} {unit}, slope at least {} ‰/{unit} (at {at:.2} {unit}), {:.4} {unit} per \
+            step, 6072h {} ‰, i16 range is {:.0} times that",
             self.joint,
             self.max_torque,
             significant(slope, 5),

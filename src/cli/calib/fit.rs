@@ -1,5 +1,4 @@
-//! `frhc calib fit`: a file of measurements to torque curves, and what is left of them: a report, a
-//! fragment of a configuration, pictures.
+//! `frhc calib fit`: fits torque curves to measurements; writes a report, a fragment of a configuration, and plots.
 
 use std::fs;
 use std::path::Path;
@@ -28,7 +27,7 @@ use run::results;
 use run::results::Force;
 use telemetry::torque_plot::TorquePlot;
 
-/// Fits, reports, writes.
+/// Fits the curves, prints the report and writes the files.
 pub(super) fn run(args: &Fit) -> Result<(), Failure> {
     let data = TorqueData::load(&args.data).or_fail(Kind::Configuration)?;
     let config = args.config.as_deref().map(Config::load).transpose();
@@ -50,7 +49,7 @@ pub(super) fn run(args: &Fit) -> Result<(), Failure> {
     verdict(&session)
 }
 
-/// Fits every joint of the data, or the one that is wanted.
+/// Fits every joint of the data, or the `wanted` one.
 fn fit_all<'a>(
     data: &'a TorqueData,
     config: Option<&Config>,
@@ -61,7 +60,7 @@ fn fit_all<'a>(
     for Measured { joint, samples } in &data.joints {
         let (name, joint) = called(config, joint, Kind::Configuration)?;
         if joints.iter().any(|other| other.joint == name) {
-            let reason = format_args!("joint {name} is written in two ways, by name and by number");
+            let reason = format_args!("joint {name} occurs both by name and by number");
             return Err(Failure::new(Kind::Configuration, reason));
         }
         if wanted.as_ref().is_none_or(|(wanted, _)| *wanted == name) {
@@ -70,13 +69,13 @@ fn fit_all<'a>(
     }
     match wanted {
         Some((name, _)) if joints.is_empty() => {
-            Err(Failure::new(Kind::Usage, format_args!("nothing was measured of joint {name}")))
+            Err(Failure::new(Kind::Usage, format_args!("no measurements of joint {name}")))
         }
         Some(_) | None => Ok(joints),
     }
 }
 
-/// A joint of the configuration by its name or number, and what it is called; without one, as written.
+/// Returns name and entry of a joint given by name or number; without a configuration the name as written.
 fn called<'c>(
     config: Option<&'c Config>,
     written: &str,
@@ -90,7 +89,7 @@ fn called<'c>(
     Ok((joint.name.clone(), Some(joint)))
 }
 
-/// The curve of `samples`, if it is one that `joint` can use.
+/// Fits a curve to `samples` and checks it against `joint`.
 fn accept(samples: &[Sample], joint: Option<&JointParameters>) -> Result<Accepted, String> {
     let fit = Calibrated::fit(samples).map_err(|error| error.to_string())?;
     let curve = fragment::written(&fit.curve).map_err(|error| error.to_string())?;
@@ -103,7 +102,7 @@ fn accept(samples: &[Sample], joint: Option<&JointParameters>) -> Result<Accepte
     }
     let [slope] = fit.line.coefficients;
     let line = joint.map_or(("best straight line", slope), |joint| {
-        // What the manufacturers of motor and gear promise: 1000 ‰ at their product.
+        // Nominal data of motor and gear: 1000 ‰ at their product.
         let Actuator { rated_torque, gear_ratio, .. } = joint.plant.actuator;
         ("manufacturer (rated × gear)", 1e3 / (rated_torque * gear_ratio.abs()))
     });
@@ -111,7 +110,7 @@ fn accept(samples: &[Sample], joint: Option<&JointParameters>) -> Result<Accepte
     Ok(Accepted { fit, curve, before, line })
 }
 
-/// Leaves the fragment and the pictures in `folder`, all or none.
+/// Writes the fragment and the plots to `folder`, all or none.
 fn write(folder: &Path, session: &Session<'_>, force: Force) -> Result<(), Failure> {
     fs::create_dir_all(folder).with_context(|| folder.display().to_string()).or_fail(Kind::File)?;
     let mut files = vec![(folder.join("torque_curves.toml"), fragment::text(session))];
@@ -130,13 +129,13 @@ fn write(folder: &Path, session: &Session<'_>, force: Force) -> Result<(), Failu
     results::export_all(&files, force)
 }
 
-/// A joint's name without what a file's name cannot have.
+/// Replaces characters that are unsafe in file names.
 fn file_name(joint: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || c == '-';
     joint.chars().map(|c| if is_plain(c) { c } else { '_' }).collect()
 }
 
-/// Negative if a joint has no curve.
+/// Returns a failure if a joint has no valid curve.
 fn verdict(session: &Session<'_>) -> Result<(), Failure> {
     let rejected = session.joints.iter().filter_map(|fitted| {
         let reason = fitted.outcome.as_ref().err()?;

@@ -1,4 +1,4 @@
-//! `torque_curves.toml`: the keys of every joint that a calibration replaces, and where they come from.
+//! `torque_curves.toml`: the keys of every joint that a calibration replaces, with their origin.
 
 use crate::cli::calib::report;
 use crate::cli::calib::session::Accepted;
@@ -8,21 +8,21 @@ use controller::calibration::InvalidTorqueCurve;
 use controller::calibration::TorqueCurve;
 use telemetry::digits::significant;
 
-/// Digits of a coefficient: what they leave out is a thousandth of a step of the drive.
+/// Significant digits of a coefficient; the rounding error is a thousandth of a step of the drive.
 const DIGITS: usize = 7;
-/// Steps of a range's end per N·m.
+/// Resolution of the end of a range: steps per N·m.
 const ENDS: f64 = 1e4;
 
-/// The curve with as many digits as are written, its range not a digit longer.
+/// Returns the curve rounded to the digits that are written, its range rounded down.
 ///
 /// # Errors
-/// Unless it rises as written.
+/// When the rounded curve is not monotone.
 pub(super) fn written(curve: &TorqueCurve) -> Result<TorqueCurve, InvalidTorqueCurve> {
     let coefficients = curve.coefficients().map(|c| significant(c, DIGITS));
     TorqueCurve::new(coefficients, (curve.max_torque() * ENDS).floor() / ENDS)
 }
 
-/// The file.
+/// Returns the content of the file.
 pub(super) fn text(session: &Session<'_>) -> String {
     let mut lines = vec![
         format!(
@@ -30,10 +30,10 @@ pub(super) fn text(session: &Session<'_>) -> String {
             env!("CARGO_PKG_VERSION"),
             session.file
         ),
-        "# They replace the keys of the same names in the [[joint]] of that name.".to_owned(),
+        "# Replace the keys of the same names in the [[joint]] of the same name.".to_owned(),
     ];
     if !session.data.provenance.is_empty() {
-        lines.push("#\n# Of the measurements:".to_owned());
+        lines.push("#\n# Origin of the measurements:".to_owned());
     }
     lines.extend(session.data.provenance.iter().map(|comment| format!("#   {comment}")));
     lines.extend(session.joints.iter().map(|fitted| joint(session, fitted)));
@@ -55,7 +55,7 @@ fn joint(session: &Session<'_>, Fitted { joint, samples, outcome }: &Fitted<'_>)
         format!("name = {}", toml_string(joint)),
         format!("# {origin}"),
         format!(
-            "# residual {:.2} ‰ RMS, {:.2} ‰ at most; each sample left out {:.2} ‰ RMS",
+            "# residual {:.2} ‰ RMS, {:.2} ‰ at most; leave-one-out {:.2} ‰ RMS",
             residuals.rms, residuals.largest, residuals.left_out_rms
         ),
         format!(
@@ -64,14 +64,14 @@ fn joint(session: &Session<'_>, Fitted { joint, samples, outcome }: &Fitted<'_>)
         ),
         format!("{end} = {:?}", curve.max_torque()),
         format!(
-            "torque_curve = [{c1:?}, {c3:?}, {c5:?}]    # rises by {} ‰/{unit} at least",
+            "torque_curve = [{c1:?}, {c3:?}, {c5:?}]    # slope at least {} ‰/{unit}",
             significant(curve.least_slope().0, 4)
         ),
     ];
     lines.join("\n")
 }
 
-/// A string of one line, as TOML writes it.
+/// Formats a one-line string as TOML.
 fn toml_string(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\t', "\\t"))
 }

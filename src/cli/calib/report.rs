@@ -1,4 +1,4 @@
-//! What `frhc calib fit` says of every joint, for people and as JSON.
+//! Report of `frhc calib fit` on every joint, as text and JSON.
 
 use std::fmt::Write;
 
@@ -11,12 +11,12 @@ use controller::fit::Residuals;
 use controller::fit::Sample;
 use telemetry::digits::significant;
 
-/// The unit of what was measured.
+/// Returns the unit of the measurements.
 pub(super) const fn unit(session: &Session<'_>) -> &'static str {
     if session.data.is_force { "N" } else { "N·m" }
 }
 
-/// Where a joint's samples come from, in a line.
+/// Returns file, number and dates of a joint's samples in one line.
 pub(super) fn origin(session: &Session<'_>, samples: &[Sample]) -> String {
     let mut origin = format!("{}: {} samples", session.file, samples.len());
     if let Some(first) = session.data.dates.first() {
@@ -28,7 +28,7 @@ pub(super) fn origin(session: &Session<'_>, samples: &[Sample]) -> String {
     origin
 }
 
-/// A table for every joint.
+/// Returns a table for every joint.
 pub(super) fn text(session: &Session<'_>) -> String {
     let joints = session.joints.iter().map(|Fitted { joint, samples, outcome }| {
         let origin = origin(session, samples);
@@ -43,7 +43,7 @@ pub(super) fn text(session: &Session<'_>) -> String {
 fn table(Accepted { fit, curve, before, .. }: &Accepted, unit: &str) -> String {
     let mut table = format!(
         "  {:18}{:>12}{:>12}{:>12}{:>9}{:>11}{:>11}\n",
-        "c in ‰ of rated", "c1", "c3", "c5", "RMS ‰", "largest ‰", "left out ‰"
+        "c in ‰ of rated", "c1", "c3", "c5", "RMS ‰", "largest ‰", "LOO ‰"
     );
     let odd = [("both directions", &fit.both), ("driven up", &fit.up), ("driven down", &fit.down)];
     for (name, polynomial) in odd {
@@ -54,7 +54,7 @@ fn table(Accepted { fit, curve, before, .. }: &Accepted, unit: &str) -> String {
     let hysteresis = fit.hysteresis;
     let turned = if fit.is_reversed { "against" } else { "with" };
     let mut lines = vec![
-        format!("range        ±{} {unit}; beyond it targets stay at its end", curve.max_torque()),
+        format!("range        ±{} {unit}; targets saturate at its ends", curve.max_torque()),
         format!("monotone     yes, slope at least {slope:.2} ‰/{unit}, at {at:.3} {unit}"),
         format!(
             "hysteresis   {:.4} {unit} wide on average, {:.4} {unit} at most; {:.1} ‰ and {:.1} ‰",
@@ -65,14 +65,14 @@ fn table(Accepted { fit, curve, before, .. }: &Accepted, unit: &str) -> String {
         ),
         format!("motor        turns {turned} the joint"),
     ];
-    lines.extend(before.map(|rms| format!("configured   its curve is {rms:.2} ‰ RMS off")));
+    lines.extend(before.map(|rms| format!("configured   residual of its curve {rms:.2} ‰ RMS")));
     for line in lines {
-        write!(table, "\n  {line}").ok(); // a String takes everything
+        write!(table, "\n  {line}").ok(); // writing to a String cannot fail
     }
     table
 }
 
-/// A polynomial's coefficients and residuals.
+/// Formats a polynomial's coefficients and residuals.
 fn row<const P: usize>(name: &str, polynomial: &Polynomial<P>) -> String {
     let Residuals { rms, largest, left_out_rms } = polynomial.residuals;
     let mut row = format!("  {name:18}");
@@ -83,7 +83,7 @@ fn row<const P: usize>(name: &str, polynomial: &Polynomial<P>) -> String {
     row + &format!("{rms:>9.2}{largest:>11.2}{left_out_rms:>11.2}\n")
 }
 
-/// The whole session as one object.
+/// Returns the report as one JSON object.
 pub(super) fn json(session: &Session<'_>) -> serde_json::Value {
     let joints = session.joints.iter().map(|Fitted { joint, samples, outcome }| match outcome {
         Ok(accepted) => accepted_json(joint, samples.len(), accepted),

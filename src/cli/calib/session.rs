@@ -1,34 +1,34 @@
-//! What a file of measurements came to: what is reported, drawn and written.
+//! Results of fitting a file of measurements.
 
 use config::torque_data::TorqueData;
 use controller::calibration::TorqueCurve;
 use controller::fit::Calibrated;
 use controller::fit::Sample;
 
-/// A file of measurements and what it came to.
+/// A file of measurements and the results of its joints.
 pub(super) struct Session<'a> {
-    /// The file's name, without its folder.
+    /// File name without its folder.
     pub(super) file: String,
     pub(super) data: &'a TorqueData,
     pub(super) joints: Vec<Fitted<'a>>,
 }
 
-/// What one joint's measurements came to.
+/// Result of one joint.
 pub(super) struct Fitted<'a> {
-    /// Its name, the configuration's if there is one.
+    /// Name of the joint: that of the configuration, if given.
     pub(super) joint: String,
     pub(super) samples: &'a [Sample],
-    /// The curve, or why there is none.
+    /// The curve, or the reason of its rejection.
     pub(super) outcome: Result<Accepted, String>,
 }
 
-/// A curve that can be used.
+/// A valid curve.
 pub(super) struct Accepted {
     pub(super) fit: Calibrated,
-    /// With as many digits as are written, and proven to rise once more.
+    /// Curve rounded to the digits that are written; proven monotone.
     pub(super) curve: TorqueCurve,
-    /// How far the samples are from the curve of the configuration, in ‰ RMS.
+    /// Residual of the samples against the configured curve, in ‰ RMS.
     pub(super) before: Option<f64>,
-    /// The straight line to compare with: what it is, and its slope in ‰ per N·m.
+    /// Straight line to compare with: its name, and its slope in ‰ per N·m.
     pub(super) line: (&'static str, f64),
 }

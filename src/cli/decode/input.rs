@@ -1,4 +1,4 @@
-//! Lines of a log or a pipe, of any bytes and any length.
+//! Input of `decode`: lines of a log or pipe, of any bytes and any length.
 
 use std::io;
 use std::io::BufRead;
@@ -11,13 +11,13 @@ use config::files;
 use run::exit::Failure;
 use run::exit::Kind;
 
-/// Bytes read at once.
+/// Size of the read buffer, in bytes.
 pub(super) const BUFFER: usize = 1 << 16;
 
-/// Bytes kept of a line; candump's longest have some 250.
+/// Maximum length kept of a line, in bytes; the longest candump lines have about 250.
 const MAX_LINE: usize = 1 << 12;
 
-/// Opens the file, or stdin for none and for `-`; returns it with its name for messages.
+/// Opens the file, or stdin for `None` and `-`; returns it with its name for messages.
 pub(super) fn open(path: Option<&Path>) -> Result<(Box<dyn Read>, String), Failure> {
     let Some(path) = path.filter(|path| path.as_os_str() != "-") else {
         return Ok((Box::new(io::stdin().lock()), "stdin".to_owned()));
@@ -33,7 +33,7 @@ pub(super) fn open(path: Option<&Path>) -> Result<(Box<dyn Read>, String), Failu
     }
 }
 
-/// Reads the next line without its end; false after the last. Of an overlong one the beginning.
+/// Reads the next line without its line end; returns false after the last. Truncates an overlong line.
 pub(super) fn read_line<R: Read>(input: &mut BufReader<R>, line: &mut Vec<u8>) -> io::Result<bool> {
     line.clear();
     let mut has_read = false;

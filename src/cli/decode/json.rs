@@ -1,4 +1,4 @@
-//! A line for programs: one JSON object each.
+//! JSON output of `decode`: one object per line.
 
 use std::fmt::Write as _;
 use std::io;
@@ -6,9 +6,9 @@ use std::io::Write;
 
 use serde_json::to_writer;
 
-use crate::cli::decode::Said;
-use crate::cli::decode::pseudo::Pseudo;
-use crate::cli::decode::stamps::GoesBack;
+use crate::cli::decode::recorder_line::RecorderLine;
+use crate::cli::decode::timestamps::GoesBack;
+use crate::cli::decode::transcriber::Decoded;
 use bus::candump::Content;
 use bus::candump::Line;
 use bus::candump::NotALine;
@@ -24,7 +24,7 @@ use canopen_tools::object_text::Switches;
 use canopen_tools::signals::PdoFrame;
 use canopen_tools::signals::Signal;
 
-/// A line that says nothing.
+/// Writes a line that is not a candump line.
 pub(super) fn plain(
     number: u64,
     raw: &[u8],
@@ -39,12 +39,12 @@ pub(super) fn plain(
     to.write_all(b"}\n")
 }
 
-/// A frame, and what it says.
+/// Writes a frame with its meaning.
 pub(super) fn frame(
     number: u64,
     nanos: Option<u64>,
     line: &Line<'_>,
-    said: &Said<'_>,
+    decoded: &Decoded<'_>,
     back: Option<GoesBack>,
     scratch: &mut String,
     to: &mut impl Write,
@@ -68,8 +68,8 @@ pub(super) fn frame(
     if let Some(dlc) = line.raw_dlc {
         write!(to, ",\"dlc\":{dlc}")?;
     }
-    match said {
-        Said::Frame(annotation) => {
+    match decoded {
+        Decoded::Frame(annotation) => {
             write!(to, ",\"kind\":\"{}\"", annotation.kind())?;
             text("name", &annotation.name(), scratch, to)?;
             if let Some(who) = &annotation.who {
@@ -78,28 +78,28 @@ pub(super) fn frame(
             text("text", annotation, scratch, to)?;
             what(&annotation.what, to)?;
         }
-        Said::Pseudo(pseudo) => {
+        Decoded::RecorderLine(pseudo) => {
             write!(to, ",\"kind\":\"{}\"", pseudo.name())?;
             cycle(pseudo, to)?;
         }
-        Said::Error(error) => {
+        Decoded::Error(error) => {
             to.write_all(b",\"kind\":\"error frame\"")?;
             text("text", error, scratch, to)?;
         }
-        Said::Other(kind) => write!(to, ",\"kind\":\"{kind}\"")?,
+        Decoded::Other(kind) => write!(to, ",\"kind\":\"{kind}\"")?,
     }
-    remarks(said, back, to)?;
+    remarks(decoded, back, to)?;
     to.write_all(b"}\n")
 }
 
-/// Everything that is wrong with a line.
-fn remarks(said: &Said<'_>, back: Option<GoesBack>, to: &mut impl Write) -> io::Result<()> {
+/// Writes the anomalies of a line.
+fn remarks(decoded: &Decoded<'_>, back: Option<GoesBack>, to: &mut impl Write) -> io::Result<()> {
     let mut lead = ",\"remarks\":[";
     if let Some(back) = back {
         write!(to, "{lead}\"{back}\"")?;
         lead = ",";
     }
-    if let Said::Frame(annotation) = said {
+    if let Decoded::Frame(annotation) = decoded {
         for remark in annotation.remarks() {
             write!(to, "{lead}\"{remark}\"")?;
             lead = ",";
@@ -108,7 +108,7 @@ fn remarks(said: &Said<'_>, back: Option<GoesBack>, to: &mut impl Write) -> io::
     to.write_all(if lead == "," { b"]" } else { b"" })
 }
 
-/// A member that is a text.
+/// Writes a string member.
 fn text(
     key: &str,
     value: &impl std::fmt::Display,
@@ -127,7 +127,7 @@ fn hex(data: &[u8], to: &mut impl Write) -> io::Result<()> {
     data.iter().try_for_each(|byte| write!(to, "{byte:02X}"))
 }
 
-/// What has numbers of its own.
+/// Writes the members specific to the kind of frame.
 fn what(what: &What<'_>, to: &mut impl Write) -> io::Result<()> {
     match what {
         What::Pdo(frame, data, length) => signals(frame, *data, *length, to),
@@ -175,7 +175,7 @@ fn sdo(step: &Step<'_>, to: &mut impl Write) -> io::Result<()> {
     to.write_all(b"\"")
 }
 
-/// Every signal by its name.
+/// Writes the signals of a PDO by name.
 fn signals(frame: &PdoFrame, data: [u8; 8], length: usize, to: &mut impl Write) -> io::Result<()> {
     let mut lead = ",\"signals\":{";
     for signal in frame.signals.iter().filter(|signal| signal.is_in(length)) {
@@ -217,14 +217,14 @@ fn value(signal: &Signal, raw: i64, to: &mut impl Write) -> io::Result<()> {
     }
 }
 
-fn cycle(pseudo: &Pseudo, to: &mut impl Write) -> io::Result<()> {
+fn cycle(pseudo: &RecorderLine, to: &mut impl Write) -> io::Result<()> {
     match pseudo {
-        Pseudo::Wrench(numbers) => {
+        RecorderLine::Wrench(numbers) => {
             to.write_all(b",\"f_s\":")?;
             to_writer(to, numbers)?;
             Ok(())
         }
-        Pseudo::Cycle { mode, inputs, sampled, number } => {
+        RecorderLine::Cycle { mode, inputs, sampled, number } => {
             write!(to, ",\"cycle\":{number},\"mode\":\"{mode}\",\"sampled\":{sampled}")?;
             let Some(switches) = inputs else { return Ok(()) };
             let inputs = switches.inputs();

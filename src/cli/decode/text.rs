@@ -1,37 +1,37 @@
-//! A line for people: the line as it was, what it is, what it says, what is wrong; in columns.
+//! Text output of `decode`: in columns the unchanged line, the frame's name, its meaning, and its anomalies.
 
 use std::fmt::Write;
 
-use crate::cli::decode::Said;
-use crate::cli::decode::stamps::GoesBack;
+use crate::cli::decode::timestamps::GoesBack;
+use crate::cli::decode::transcriber::Decoded;
 use canopen_tools::decode::Decoder;
 
-/// Where columns begin.
+/// Positions and widths of the columns.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Columns {
-    /// Annotations; as far right as the longest classical frame so far would need.
+    /// Position of the annotation: behind the longest classical frame so far.
     annotation: usize,
-    /// How wide the names are.
+    /// Width of the names.
     name: usize,
     is_coloured: bool,
 }
 
-/// Longer lines push what is behind them to the right, but not what is behind the others.
-const LONGEST: usize = 100;
+/// Maximum line length that moves the annotation column; longer lines overrun it.
+const MAX_LINE_WIDTH: usize = 100;
 
-/// The width of `heartbeat node 127`.
-const NARROWEST: usize = 18;
+/// Minimum width of the names: that of `heartbeat node 127`.
+const MIN_NAME_WIDTH: usize = 18;
 
 impl Columns {
-    /// For the names of a decoder.
+    /// Returns columns wide enough for the names of a decoder.
     pub(super) fn new(decoder: &Decoder, is_coloured: bool) -> Self {
         let frames = decoder.frames().iter().map(|frame| frame.name.len());
         let members = decoder.members().iter().map(|member| "heartbeat ".len() + member.name.len());
-        let name = frames.chain(members).max().unwrap_or_default().max(NARROWEST);
+        let name = frames.chain(members).max().unwrap_or_default().max(MIN_NAME_WIDTH);
         Self { annotation: 0, name, is_coloured }
     }
 
-    /// Makes room for eight bytes behind the identifier of `raw`.
+    /// Widens the first column to eight data bytes after the identifier of `raw`.
     fn fit(&mut self, raw: &str) {
         let end = match raw.find(['#', ']', '}']) {
             Some(hash) if raw.as_bytes().get(hash) == Some(&b'#') => {
@@ -40,7 +40,7 @@ impl Columns {
             Some(bracket) => bracket + "]  00 11 22 33 44 55 66 77".len(),
             None => raw.len(),
         };
-        self.annotation = self.annotation.max(end.max(raw.len().min(LONGEST)) + 2);
+        self.annotation = self.annotation.max(end.max(raw.len().min(MAX_LINE_WIDTH)) + 2);
     }
 }
 
@@ -49,27 +49,27 @@ const CYAN: &str = "\x1b[36m";
 const RED: &str = "\x1b[1;31m";
 const PLAIN: &str = "\x1b[0m";
 
-/// Writes a line into `to`, whatever was there.
+/// Replaces the content of `to` by the output line.
 pub(super) fn line(
     raw: &str,
-    said: &Said<'_>,
+    decoded: &Decoded<'_>,
     back: Option<GoesBack>,
     columns: &mut Columns,
     to: &mut String,
 ) {
-    if !matches!(said, Said::Pseudo(_)) {
+    if !matches!(decoded, Decoded::RecorderLine(_)) {
         columns.fit(raw);
     }
     to.clear();
     // Writing into a String cannot fail.
-    write(raw, said, back, columns, to).ok();
+    write(raw, decoded, back, columns, to).ok();
     to.truncate(to.trim_end().len());
     to.push('\n');
 }
 
 fn write(
     raw: &str,
-    said: &Said<'_>,
+    decoded: &Decoded<'_>,
     back: Option<GoesBack>,
     columns: &Columns,
     to: &mut String,
@@ -80,29 +80,29 @@ fn write(
     let gap = column.saturating_sub(raw.len()).max(2);
     write!(to, "{}{raw}{plain}{:gap$}{}", colour(DIM), "", colour(CYAN))?;
     let start = to.len();
-    match said {
-        Said::Frame(annotation) => write!(to, "{}", annotation.name())?,
-        Said::Pseudo(pseudo) => to.push_str(pseudo.name()),
-        Said::Error(_) => to.push_str("error frame"),
-        Said::Other(what) => to.push_str(what),
+    match decoded {
+        Decoded::Frame(annotation) => write!(to, "{}", annotation.name())?,
+        Decoded::RecorderLine(pseudo) => to.push_str(pseudo.name()),
+        Decoded::Error(_) => to.push_str("error frame"),
+        Decoded::Other(what) => to.push_str(what),
     }
     let gap = width.saturating_sub(to.len() - start) + 1;
     write!(to, "{plain}{:gap$}", "")?;
-    match said {
-        Said::Frame(annotation) if annotation.is_alarming() => {
+    match decoded {
+        Decoded::Frame(annotation) if annotation.is_alarming() => {
             write!(to, "{}{annotation}{plain}", colour(RED))?;
         }
-        Said::Frame(annotation) => write!(to, "{annotation}")?,
-        Said::Pseudo(pseudo) => write!(to, "{pseudo}")?,
-        Said::Error(error) => write!(to, "{}{error}{plain}", colour(RED))?,
-        Said::Other(_) => {}
+        Decoded::Frame(annotation) => write!(to, "{annotation}")?,
+        Decoded::RecorderLine(pseudo) => write!(to, "{pseudo}")?,
+        Decoded::Error(error) => write!(to, "{}{error}{plain}", colour(RED))?,
+        Decoded::Other(_) => {}
     }
     let mut lead = "  ! ";
     if let Some(back) = back {
         write!(to, "{}{lead}{back}{plain}", colour(RED))?;
         lead = ", ";
     }
-    let Said::Frame(annotation) = said else { return Ok(()) };
+    let Decoded::Frame(annotation) = decoded else { return Ok(()) };
     for remark in annotation.remarks() {
         write!(to, "{}{lead}{remark}{plain}", colour(RED))?;
         lead = ", ";

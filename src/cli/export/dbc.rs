@@ -1,4 +1,4 @@
-//! `frhc export dbc`: the effective PDO layout as a DBC file, and what the session recorder adds.
+//! `frhc export dbc`: the PDO layout of a configuration and the recorder's own frames as a DBC file.
 
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ use canopen_tools::members;
 use canopen_tools::signals::identifier;
 use config::Config;
 use node::record::Mode;
-use run::configured::Configured;
+use run::config_arg::ConfigArg;
 use run::exit::Failure;
 use run::exit::Kind;
 use run::exit::OrFail;
@@ -29,11 +29,11 @@ use telemetry::session::WRENCH;
 #[derive(Debug, Args)]
 pub(crate) struct Dbc {
     #[command(flatten)]
-    config: Configured,
-    /// Only the bus of this name; all of them if not given.
+    config: ConfigArg,
+    /// Export only the bus of this name [default: all].
     #[arg(long, value_name = "NAME")]
     bus: Option<String>,
-    /// Write it here rather than to stdout.
+    /// Write to this file instead of stdout.
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -52,7 +52,7 @@ pub(super) fn run(args: &Dbc) -> Result<(), Failure> {
         heartbeat_ms: u32::try_from(config.heartbeat.as_millis()).or_fail(Kind::Configuration)?,
     };
     let mut database = messages::database(&members, &master).map_err(|collision| {
-        Failure::new(Kind::Usage, format!("{collision}: --bus NAME takes one of them"))
+        Failure::new(Kind::Usage, format!("{collision}; export one bus with --bus NAME"))
     })?;
     let joints = config.joints.iter().map(|joint| identifier(&joint.name));
     database.messages.extend([wrench(), cycle(joints)]);
@@ -71,12 +71,12 @@ fn channel(config: &Config, name: &str) -> Result<Channel, Failure> {
         let names: Vec<_> = config.buses.iter().map(|bus| bus.name.as_str()).collect();
         Failure::new(
             Kind::Usage,
-            format!("--bus {name}: no such bus; there is {}", names.join(", ")),
+            format!("--bus {name}: unknown bus; expected {}", names.join(", ")),
         )
     })
 }
 
-/// What the session recorder says of the wrench.
+/// Returns the recorder's message with the wrench.
 fn wrench() -> Message {
     let axes = [
         ("force_x", "N"),
@@ -101,14 +101,13 @@ fn wrench() -> Message {
         name: "Wrench".to_owned(),
         bytes: 48,
         sender: "master".to_owned(),
-        comment: "of the session recorder: the wrench on the object at {S} that a cycle used"
-            .to_owned(),
+        comment: "session recorder: the wrench on the object at {S} used in a cycle".to_owned(),
         cycle_ms: None,
         fields: (0..).zip(axes).map(field).collect(),
     }
 }
 
-/// What the session recorder says of a cycle.
+/// Returns the recorder's message at the end of a cycle.
 fn cycle(joints: impl Iterator<Item = String>) -> Message {
     let plain = |name: &str, start: u16, bits: u16| Field {
         name: name.to_owned(),
@@ -124,7 +123,7 @@ fn cycle(joints: impl Iterator<Item = String>) -> Message {
         plain("reference", 10, 1),
         plain("reflection", 11, 1),
         Field {
-            comment: "the switch box has not been heard, and its bits say nothing".to_owned(),
+            comment: "no frame of the switch box was received; its bits are invalid".to_owned(),
             ..plain("switch_box_silent", 15, 1)
         },
     ];
@@ -138,7 +137,7 @@ fn cycle(joints: impl Iterator<Item = String>) -> Message {
         name: "Cycle".to_owned(),
         bytes: 8,
         sender: "master".to_owned(),
-        comment: "of the session recorder: the end of a cycle".to_owned(),
+        comment: "session recorder: the end of a cycle".to_owned(),
         cycle_ms: None,
         fields,
     }

@@ -1,5 +1,4 @@
-//! `frhc export dcf`: what every node is left with, as one file each that other masters and
-//! configuration tools read.
+//! `frhc export dcf`: the configuration of each node as a DCF file, for other masters and configuration tools.
 
 use std::collections::HashSet;
 use std::fs;
@@ -17,7 +16,7 @@ use canopen::plan::NodePlan;
 use canopen_tools::dcf;
 use canopen_tools::dcf::DcfError;
 use config::Config;
-use run::configured::Configured;
+use run::config_arg::ConfigArg;
 use run::exit::Failure;
 use run::exit::Kind;
 use run::exit::OrFail;
@@ -29,24 +28,24 @@ use run::results::Force;
 #[derive(Debug, Args)]
 pub(crate) struct Dcf {
     #[command(flatten)]
-    config: Configured,
-    /// Where the files go; made if it is not there.
+    config: ConfigArg,
+    /// Folder of the files; created if absent.
     #[arg(short, long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
     force: Force,
-    /// As lists of writes (CiA 302-3, 1F22h) instead: binary, `.cdcf`.
+    /// Write concise DCFs (CiA 302-3, 1F22h) instead: binary, `.cdcf`.
     #[arg(long)]
     concise: bool,
 }
 
-/// A file to be written.
+/// A file to write.
 struct File {
     name: String,
     content: Vec<u8>,
 }
 
-/// Makes every file before it writes the first.
+/// Generates every file before writing the first.
 pub(super) fn run(args: &Dcf) -> Result<(), Failure> {
     let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
     let mut taken = HashSet::new();
@@ -66,13 +65,13 @@ pub(super) fn run(args: &Dcf) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A node as people and its EDS know it.
+/// A node's name and EDS.
 struct Node<'a> {
     name: &'a str,
     eds: &'a Eds,
 }
 
-/// In the order of the plans: the joints' drives, then the switch box.
+/// Returns the nodes in the order of the plans: the joints' drives, then the switch box.
 fn nodes(config: &Config) -> Vec<Node<'_>> {
     let drives = config.joints.iter().map(|joint| Node { name: &joint.name, eds: &joint.eds });
     drives.chain([Node { name: "switch box", eds: &config.switches.eds }]).collect()
@@ -102,7 +101,7 @@ fn render(
     dcf::write(node.eds, plan, &commissioning, file_name)
 }
 
-/// `3_elbow.dcf`; with the bus where two would be called the same.
+/// Returns `3_elbow.dcf`; appends the bus if the name is taken.
 fn file_name(
     config: &Config,
     node: &Node<'_>,
@@ -123,13 +122,13 @@ fn file_name(
     long
 }
 
-/// A name that is safe as part of a file's.
+/// Replaces characters that are unsafe in file names.
 fn plain(name: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || c == '-' { c } else { '_' };
     name.chars().take(100).map(plain).collect()
 }
 
-/// Writes every file, or none.
+/// Writes all files, or none.
 fn write(folder: &Path, files: &[File], force: Force) -> Result<(), Failure> {
     fs::create_dir_all(folder).with_context(|| folder.display().to_string()).or_fail(Kind::File)?;
     let files = files.iter().map(|file| (folder.join(&file.name), &file.content));

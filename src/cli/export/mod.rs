@@ -1,4 +1,4 @@
-//! `frhc export`: files for other programs, made from a configuration.
+//! `frhc export`: DBC and DCF files of a configuration, for other tools.
 
 mod dbc;
 mod dcf;
@@ -10,21 +10,21 @@ use run::exit::Failure;
 /// `frhc export`.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Export {
-    /// The frames of the buses as a DBC file, with SI scales and joint names.
+    /// Writes a DBC file of the buses, with SI scaling and joint names.
     #[command(
         after_help = "Examples:\n  frhc export dbc --config config/kraft_like.toml --out kraft_like.dbc\n  \
                       cantools decode kraft_like.dbc < session/bus.log\n  \
                       frhc export dbc --config config/jpl_like.toml --bus wrist | less"
     )]
     Dbc(dbc::Dbc),
-    /// A device configuration file (CiA 306) for each drive and the switch box.
+    /// Writes a device configuration file (CiA 306) for each drive and the switch box.
     #[command(
         after_help = "Example:\n  frhc export dcf --config config/kraft_like_500hz.toml --out /tmp/dcf"
     )]
     Dcf(dcf::Dcf),
 }
 
-/// Writes what is asked for.
+/// Executes the export.
 pub(super) fn run(export: &Export) -> Result<(), Failure> {
     match export {
         Export::Dbc(args) => dbc::run(args),

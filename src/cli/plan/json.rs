@@ -1,4 +1,4 @@
-//! A plan for programs: everything, in SI-suffixed keys. A bound that does not exist is null.
+//! A plan as JSON, with the units in the keys. An unbounded value is null.
 
 use std::time::Duration;
 
@@ -21,7 +21,7 @@ use canopen::load::timeline::Step;
 use canopen::load::timeline::Timeline;
 use canopen::load::utilisation::BusLoad;
 
-/// The whole report as one object.
+/// Returns the report as one object.
 pub(super) fn of(report: &Report<'_>) -> String {
     let assumed = &report.assumed;
     let network = report.network;

@@ -1,6 +1,6 @@
-//! `frhc plan`: what a network will carry, before a frame is sent. Touches no bus.
+//! `frhc plan`: bus load and timing of a configuration, computed offline.
 //!
-//! The plan is printed whether it fits or not; what `run` would refuse, this refuses behind it.
+//! The plan is printed even if it does not fit; the command then fails as `run` would.
 
 mod json;
 mod text;
@@ -18,7 +18,7 @@ use canopen::load::proposals;
 use canopen::load::proposals::Proposal;
 use canopen::load::timeline::Pauses;
 use config::Config;
-use run::configured::Configured;
+use run::config_arg::ConfigArg;
 use run::exit::Failure;
 use run::exit::Kind;
 use run::exit::OrFail;
@@ -28,40 +28,40 @@ use run::print;
 #[derive(Debug, Args)]
 pub(crate) struct Plan {
     #[command(flatten)]
-    config: Configured,
-    /// As if SYNC came so often.
+    config: ConfigArg,
+    /// Assume this SYNC rate instead of the configured one.
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// As if the buses had this layout.
+    /// Assume this PDO layout instead of the configured one.
     #[arg(long)]
     layout: Option<Layout>,
-    /// As if the buses had this bit rate, in bit/s.
+    /// Assume this bit rate, in bit/s, instead of the configured one.
     #[arg(long, value_name = "BPS", value_parser = clap::value_parser!(u32).range(10_000..=1_000_000))]
     bitrate: Option<u32>,
-    /// From SYNC until a drive queues its TPDO, in µs.
+    /// Time from SYNC until a drive queues its TPDO, in µs.
     #[arg(long, value_name = "US", default_value_t = Assumptions::default().pauses.drive_us)]
     drive_us: u32,
-    /// From the last TPDO to the first RPDO, in µs: the host wakes, computes and sends.
+    /// Time from the last TPDO to the first RPDO, in µs: the host wakes up, computes and sends.
     #[arg(long, value_name = "US", default_value_t = Assumptions::default().pauses.host_us)]
     host_us: u32,
-    /// The least time between two errors on the wire, in ms; none if not given.
+    /// Minimum time between two bus errors, in ms [default: no errors].
     #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u32).range(1..=4_000_000))]
     error_every_ms: Option<u32>,
-    /// Everything as one JSON object.
+    /// Print the plan as one JSON object.
     #[arg(long)]
     json: bool,
 }
 
-/// A layout by its name in the configuration.
+/// PDO layouts, by their names in the configuration.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Layout {
-    /// One RPDO and one TPDO a drive, at every SYNC.
+    /// One RPDO and one TPDO per drive at every SYNC.
     PerDrive,
-    /// Three torques in one RPDO; states on change.
+    /// Three target torques in one RPDO; statuswords on change.
     Grouped,
 }
 
-/// A plan and what could be done about it.
+/// A plan and proposals to improve it.
 struct Report<'r> {
     network: &'r Network,
     assumed: Assumptions,
@@ -70,11 +70,11 @@ struct Report<'r> {
     obstacles: Vec<Obstacle>,
 }
 
-/// Plans, prints, and refuses what cannot run.
+/// Prints the plan; fails if it cannot run.
 pub(super) fn run(args: &Plan) -> Result<(), Failure> {
     let file = &args.config.config;
     let config = Config::load_to_plan(file).or_fail(Kind::Configuration)?;
-    let network = as_asked(config.network(), args)?;
+    let network = with_flags(config.network(), args)?;
     let assumed = Assumptions {
         pauses: Pauses { drive_us: args.drive_us, host_us: args.host_us },
         error_gap_us: args.error_every_ms.map(|ms| ms.saturating_mul(1_000)),
@@ -91,12 +91,12 @@ pub(super) fn run(args: &Plan) -> Result<(), Failure> {
     if network == config.network() {
         Config::load(file).map(|_| ()).or_fail(Kind::Configuration)
     } else {
-        refuse(&report)
+        check_load(&report)
     }
 }
 
-/// `network` with what the flags say otherwise.
-fn as_asked(mut network: Network, args: &Plan) -> Result<Network, Failure> {
+/// Returns `network` changed by the flags.
+fn with_flags(mut network: Network, args: &Plan) -> Result<Network, Failure> {
     for bus in &mut network.buses {
         bus.bitrate = args.bitrate.unwrap_or(bus.bitrate);
     }
@@ -109,15 +109,15 @@ fn as_asked(mut network: Network, args: &Plan) -> Result<Network, Failure> {
         return Err(Failure::new(Kind::Configuration, cannot.join("\n")));
     }
     let period = args.rate.map(|hz| Change::Period(period_us(hz)));
-    // What changes nothing was so already.
+    // `changed` returns None for a change that is already in effect.
     let asked = layout.into_iter().chain(period);
     Ok(asked.fold(network, |network, change| {
         alternatives::changed(&network, &[change]).unwrap_or(network)
     }))
 }
 
-/// Refuses the buses that carry too much.
-fn refuse(report: &Report<'_>) -> Result<(), Failure> {
+/// Returns a failure for the buses above their load limit.
+fn check_load(report: &Report<'_>) -> Result<(), Failure> {
     let overloads = report.buses.iter().filter_map(|bus| {
         let overload = bus.utilisation.worst.within(bus.load_limit_percent).err()?;
         Some(format!("bus {}: {overload}", bus.name))
@@ -133,13 +133,13 @@ fn obstacle(obstacle: &Obstacle) -> String {
     format!("{}: torques cannot be grouped: {}", obstacle.drive, obstacle.reason)
 }
 
-/// A rate in Hz, within what SYNC periods can be.
+/// Parses a SYNC rate in Hz.
 fn rate(text: &str) -> Result<f64, String> {
-    let rate: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (1.0..=10_000.0).contains(&rate) { Ok(rate) } else { Err("not within 1 and 10000".into()) }
+    let rate: f64 = text.parse().map_err(|_| "must be a number".to_owned())?;
+    if (1.0..=10_000.0).contains(&rate) { Ok(rate) } else { Err("must be within 1..=10000".into()) }
 }
 
-/// The period of a rate within 1 and 10000 Hz, in whole µs.
+/// Converts a rate within 1 and 10000 Hz to a period in whole µs.
 #[expect(
     clippy::as_conversions,
     clippy::cast_possible_truncation,

@@ -1,4 +1,4 @@
-//! A plan for people: a screen or two a bus.
+//! A plan as text: a screen or two per bus.
 
 use std::time::Duration;
 
@@ -15,10 +15,10 @@ use canopen::load::timeline::Stage;
 use canopen::load::timeline::Step;
 use canopen::load::utilisation::BusLoad;
 
-/// Columns of the cycle's picture.
+/// Width of the timeline, in columns.
 const COLUMNS: u32 = 50;
 
-/// The whole report, without a line end behind it.
+/// Returns the report, without a final line end.
 pub(super) fn of(report: &Report<'_>) -> String {
     let mut lines = vec![head(report)];
     for (plan, bus) in report.buses.iter().zip(&report.network.buses) {
@@ -38,7 +38,7 @@ fn head(report: &Report<'_>) -> String {
     let assumed = &report.assumed;
     let errors = assumed
         .error_gap_us
-        .map_or_else(String::new, |gap| format!(", an error on the wire every {}", span(gap)));
+        .map_or_else(String::new, |gap| format!(", a bus error every {}", span(gap)));
     format!(
         "SYNC every {}, {:.0} Hz\nassumed: drives answer SYNC after {} µs, the host their last TPDO after \
          {} µs;\n  an emergency of each node every {}, an SDO exchange every {}{errors}",
@@ -79,21 +79,21 @@ fn load_lines(bus: &BusPlan) -> Vec<String> {
     let mut lines = vec![
         line("SYNC and its PDOs, unstuffed", &all.cycle_least, "a cycle"),
         line("SYNC and its PDOs, worst case", &all.cycle_worst, ""),
-        line("all that is planned, unstuffed", &all.least, ""),
-        line("all that goes on, typically", &all.typical, ""),
-        line("all that is planned, worst case", &all.worst, &limit),
+        line("all planned frames, unstuffed", &all.least, ""),
+        line("all planned frames, typically", &all.typical, ""),
+        line("all planned frames, worst case", &all.worst, &limit),
     ];
     lines.extend(busiest);
     lines.push(line("with emergencies and SDO", &all.with_chance, ""));
     lines.push(format!(
         "  {:<34}{:>9.1} kbit/s, {:.0} expedited SDO/s",
-        "left",
+        "free",
         bus.margin.bits_per_s / 1e3,
         bus.margin.expedited_sdo_per_s
     ));
     for (what, worst, typical) in [
-        ("within the limit up to", rates.worst.load_hz, rates.typical.load_hz),
-        ("a cycle before the next SYNC up to", rates.worst.cycle_hz, rates.typical.cycle_hz),
+        ("max rate by the load limit", rates.worst.load_hz, rates.typical.load_hz),
+        ("max rate with the cycle in time", rates.worst.cycle_hz, rates.typical.cycle_hz),
     ] {
         lines.push(format!("  {what:<34}{worst:>9.0} Hz worst case, {typical:.0} Hz typically"));
     }
@@ -127,11 +127,8 @@ fn frame_lines(plan: &BusPlan, bus: &Bus) -> Vec<String> {
     let mut lines = vec![head];
     lines.extend(plan.frames.iter().map(line));
     if plan.frames.iter().any(Planned::is_late) {
-        let late = "late: if all that may come comes at once, as long as can be, this is after the next SYNC,";
-        lines.extend([
-            format!("  {late}"),
-            "  or after whoever waits for it has given up".to_owned(),
-        ]);
+        let late = "late: in the worst case, with all frames queued at once, this frame arrives after the next SYNC";
+        lines.extend([format!("  {late}"), "  or after its receiver has timed out".to_owned()]);
     }
     lines
 }
@@ -156,16 +153,16 @@ fn cycle_lines(plan: &BusPlan, bus: &Bus, period_us: u32) -> Vec<String> {
     }
     let delay = &plan.loop_delay;
     lines.push(format!(
-        "  {:<30}{:>14.0} {:>14.0} if other frames use every pause of the wire",
+        "  {:<30}{:>14.0} {:>14.0} if other frames fill every gap",
         "done", worst.blocked_us, typical.blocked_us
     ));
     lines.push(format!(
-        "  {:<30}{:>14.0} {:>14.0} synchronous RPDO: acts at a SYNC, all at once",
+        "  {:<30}{:>14.0} {:>14.0} synchronous RPDO: all act at the next SYNC",
         "position to torque", delay.worst.synchronous_us, delay.typical.synchronous_us
     ));
     let arrivals = |first: f64, last: f64| format!("{first:.0}-{last:.0}");
     lines.push(format!(
-        "  {:<30}{:>14} {:>14} event-driven RPDO: acts as it comes, joint by joint",
+        "  {:<30}{:>14} {:>14} event-driven RPDO: each acts on reception",
         "",
         arrivals(delay.worst.first_arrival_us, delay.worst.last_arrival_us),
         arrivals(delay.typical.first_arrival_us, delay.typical.last_arrival_us)
@@ -173,7 +170,7 @@ fn cycle_lines(plan: &BusPlan, bus: &Bus, period_us: u32) -> Vec<String> {
     lines
 }
 
-/// Filled where the wire is in use, dotted where it waits.
+/// Draws a step of the timeline: filled while a frame is sent, dotted while drives or host compute.
 fn bar(step: &Step, width_us: f64) -> String {
     let mark = match step.stage {
         Stage::Drives | Stage::Host => '·',
@@ -192,8 +189,8 @@ fn proposal_lines(report: &Report<'_>) -> Vec<String> {
     let is_wanting = !report.buses.iter().all(is_fine);
     let mut lines = Vec::new();
     if !report.proposals.is_empty() {
-        let why = if is_wanting { "what could be done" } else { "what would be quicker" };
-        lines.push(format!("{why}, each computed in the worst case:"));
+        let why = if is_wanting { "proposals to make it fit" } else { "faster alternatives" };
+        lines.push(format!("{why}, computed for the worst case:"));
     }
     lines.extend(report.proposals.iter().map(proposal));
     if is_wanting {
@@ -219,7 +216,7 @@ fn proposal(proposal: &Proposal) -> String {
     )
 }
 
-/// Whose a frame is: the joints' names, or the nodes'.
+/// Returns the nodes of a frame by joint or node name.
 pub(super) fn nodes(stream: &Stream, bus: &Bus) -> String {
     let member = |node| {
         let found = bus.members.iter().find(|member| member.plan.node == node);
@@ -229,13 +226,13 @@ pub(super) fn nodes(stream: &Stream, bus: &Bus) -> String {
     if names.is_empty() { "master".to_owned() } else { names.join("+") }
 }
 
-/// `elbow` of `joint 3 (elbow)`.
+/// Returns `elbow` of `joint 3 (elbow)`.
 fn short(name: &str) -> &str {
     let inside = name.split_once('(').and_then(|(_, rest)| rest.split_once(')'));
     inside.map_or(name, |(inside, _)| inside)
 }
 
-/// What a frame is, in words.
+/// Returns the name of a frame's role.
 pub(super) fn role(role: Role) -> String {
     match role {
         Role::Sync => "SYNC".into(),
@@ -259,7 +256,7 @@ fn pace(pace: Pace) -> String {
     }
 }
 
-/// `5 ms`, `1250 µs`.
+/// Formats a time as `5 ms` or `1250 µs`.
 fn span(us: u32) -> String {
     if us > 0 && us.is_multiple_of(1_000) {
         format!("{} ms", us / 1_000)
@@ -268,7 +265,7 @@ fn span(us: u32) -> String {
     }
 }
 
-/// Whole µs, rounded up: it is a bound.
+/// Formats a bound in whole µs, rounded up.
 fn response(response: Option<Duration>) -> String {
     response.map_or_else(|| "none".into(), |bound| bound.as_nanos().div_ceil(1_000).to_string())
 }

@@ -1,4 +1,4 @@
-//! `frhc scan`: who is on the bus, and who should be.
+//! `frhc scan`: the nodes on a bus, compared with the configuration.
 
 mod pdos;
 
@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use clap::Args;
 
-use crate::cli::bench::Line;
-use crate::cli::bench::words;
+use crate::cli::live_bus::BusArgs;
+use crate::cli::live_bus::parsers;
 use crate::cli::scan::pdos::Pdos;
 use canopen::NodeId;
 use canopen::nmt;
@@ -20,69 +20,69 @@ use run::print;
 /// `frhc scan`.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "It reads 1000h, 1018h, 1008h, 1009h and 100Ah, and writes nothing. But a node serves one master's \
-        transfer at a time: do not scan while another master configures its nodes.\n\n\
-        With a configuration it also says who is missing (exit 5), who is another device (exit 5), and who is \
-        not expected. The exit code is 1 when no node answers and none is expected.\n\n\
+    after_help = "Reads 1000h, 1018h, 1008h, 1009h and 100Ah, and writes nothing. An SDO server handles one transfer at a \
+    time: do not scan while another master configures its nodes.\n\n\
+    With a configuration it also reports missing nodes (exit 5), nodes with another identity (exit 5) and \
+    unexpected ones. The exit code is 1 when no node responds and none is expected.\n\n\
         Examples:\n  frhc scan -i can0\n  frhc scan --config config/kraft_like.toml --pdos\n  \
         frhc scan --config config/kraft_like.toml --json | jq .nodes"
 )]
 pub(crate) struct Scan {
     #[command(flatten)]
-    line: Line,
-    /// Whom to ask, as 1-16,32.
-    #[arg(long, value_name = "LIST", default_value = "1-127", value_parser = words::nodes)]
+    bus: BusArgs,
+    /// Node-ids to scan, as 1-16,32.
+    #[arg(long, value_name = "LIST", default_value = "1-127", value_parser = parsers::nodes)]
     nodes: Nodes,
-    /// How long a node has for each answer.
+    /// Time allowed for each response of a node.
     #[arg(long, value_name = "MS", default_value_t = 100,
         value_parser = clap::value_parser!(u64).range(1..=60_000))]
     timeout: u64,
-    /// How long to listen for heartbeats at least.
+    /// Minimum time to listen for heartbeats.
     #[arg(long, value_name = "MS", default_value_t = 250)]
     listen: u64,
-    /// Read the PDOs of every node that answers, too: what it really has, whatever was planned.
+    /// Read the PDO configuration of every node that responds, too.
     #[arg(long)]
     pdos: bool,
-    /// The findings as one JSON object.
+    /// Print the result as one JSON object.
     #[arg(long)]
     json: bool,
 }
 
-/// What clap takes for one value, not for several.
+/// Alias that makes clap parse the list as one value.
 type Nodes = Vec<NodeId>;
 
-/// What the configuration says of a node that was found.
+/// Comparison of a node with the configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Verdict {
-    /// There is no configuration.
-    Unjudged,
-    /// It is who it should be.
+    /// No configuration was given.
+    Unchecked,
+    /// Its identity is as configured.
     Expected,
-    /// It is there, and somebody else.
+    /// Its identity differs.
     Other,
-    /// It is there, and does not answer.
+    /// Its heartbeat is received, but it does not respond to SDO requests.
     Mute,
-    /// Nobody expects it.
+    /// It is not in the configuration.
     Unexpected,
 }
 
-/// Scans, and prints what was found.
+/// Scans the bus and prints the nodes.
 pub(super) fn run(args: &Scan) -> Result<(), Failure> {
-    let known = args.line.find()?;
-    let plans = known.plans();
-    let master = known.configured.as_ref().map(|(config, _)| config.node_id);
-    let mut session = known.open()?;
+    let bus = args.bus.select()?;
+    let plans = bus.plans();
+    let master = bus.configured.as_ref().map(|(config, _)| config.node_id);
+    let mut session = bus.open()?;
     let (timeout, listen) =
         (Duration::from_millis(args.timeout), Duration::from_millis(args.listen));
     let found = session
         .run(|now, out| {
             canopen_tools::diagnostics::scan::Scan::start(&args.nodes, timeout, listen, now, out)
         })
-        .map_err(|error| known.fail(error))?;
-    // Heartbeats tell of nodes that nobody asked about, too.
+        .map_err(|error| bus.fail(error))?;
+    // Heartbeats also reveal nodes outside of `--nodes`.
     let asked = found.iter().filter(|found| args.nodes.contains(&found.node));
-    let judged: Vec<(&Found, Verdict)> =
-        asked.map(|found| (found, judge(found, plans.as_deref(), master))).collect();
+    let checked: Vec<(&Found, Verdict)> =
+        asked.map(|found| (found, check(found, plans.as_deref(), master))).collect();
     let missing: Vec<&NodePlan> = plans
         .iter()
         .flatten()
@@ -91,11 +91,11 @@ pub(super) fn run(args: &Scan) -> Result<(), Failure> {
         .collect();
     let answering = found.iter().filter(|found| args.pdos && found.answers);
     let pdos = pdos::read(&mut session, answering.map(|found| found.node), timeout)
-        .map_err(|error| known.fail(error))?;
+        .map_err(|error| bus.fail(error))?;
     if args.json {
-        print::line(&json(&known.interface, &judged, &missing, &pdos).to_string());
+        print::line(&json(&bus.interface, &checked, &missing, &pdos).to_string());
     } else {
-        table(&judged, plans.as_deref());
+        table(&checked, plans.as_deref());
         for (node, pdos) in &pdos {
             for pdo in pdos.iter().flatten() {
                 print::line(&pdos::line(*node, pdo));
@@ -108,15 +108,15 @@ pub(super) fn run(args: &Scan) -> Result<(), Failure> {
         }
     }
     for found in found.iter().filter(|found| found.is_duplicate()) {
-        let why = if found.is_answered_twice { "answered twice" } else { "booted up twice" };
-        print::note(&format!("node {}: {why}: two nodes may share this node-id", found.node.raw()));
+        let why = if found.is_answered_twice { "two responses" } else { "two boot-ups" };
+        print::note(&format!("node {}: {why}: node-id may be duplicate", found.node.raw()));
     }
-    conclude(&judged, &missing)
+    conclude(&checked, &missing)
 }
 
-/// Who it is, by the configuration; the master itself is nobody's surprise.
-fn judge(found: &Found, plans: Option<&[NodePlan]>, master: Option<NodeId>) -> Verdict {
-    let Some(plans) = plans else { return Verdict::Unjudged };
+/// Compares a node with the configuration. The master's own node-id is expected.
+fn check(found: &Found, plans: Option<&[NodePlan]>, master: Option<NodeId>) -> Verdict {
+    let Some(plans) = plans else { return Verdict::Unchecked };
     let Some(plan) = plans.iter().find(|plan| plan.node == found.node) else {
         let is_master = master == Some(found.node);
         return if is_master { Verdict::Expected } else { Verdict::Unexpected };
@@ -132,38 +132,38 @@ fn judge(found: &Found, plans: Option<&[NodePlan]>, master: Option<NodeId>) -> V
     }
 }
 
-/// Nothing, or one line for each node that is missing or another, or one for all where none answers.
-fn conclude(judged: &[(&Found, Verdict)], missing: &[&NodePlan]) -> Result<(), Failure> {
+/// Returns a failure with one line for each missing or different node, or if no node responds.
+fn conclude(checked: &[(&Found, Verdict)], missing: &[&NodePlan]) -> Result<(), Failure> {
     let absent = missing
         .iter()
-        .map(|plan| format!("{}, node {}: does not answer", plan.name, plan.node.raw()));
-    let wrong = judged.iter().filter_map(|(found, verdict)| {
+        .map(|plan| format!("{}, node {}: does not respond", plan.name, plan.node.raw()));
+    let wrong = checked.iter().filter_map(|(found, verdict)| {
         let reason = match verdict {
-            Verdict::Other => "is another device than configured",
-            Verdict::Mute => "is heard, and does not answer",
-            Verdict::Unjudged | Verdict::Expected | Verdict::Unexpected => return None,
+            Verdict::Other => "its identity differs from the configuration",
+            Verdict::Mute => "sends heartbeats, but does not respond to SDO requests",
+            Verdict::Unchecked | Verdict::Expected | Verdict::Unexpected => return None,
         };
         Some(format!("node {}: {reason}", found.node.raw()))
     });
     let problems: Vec<String> = absent.chain(wrong).collect();
     if !problems.is_empty() {
         Err(Failure::new(Kind::Drive, problems.join("\n")))
-    } else if judged.iter().any(|(found, _)| found.answers) {
+    } else if checked.iter().any(|(found, _)| found.answers) {
         Ok(())
     } else {
-        let received = match judged.len() {
-            0 => "no heartbeat is received".to_owned(),
-            1 => "the heartbeat of one is received".to_owned(),
-            count => format!("the heartbeats of {count} are received"),
+        let received = match checked.len() {
+            0 => "no heartbeat was received".to_owned(),
+            1 => "the heartbeat of one was received".to_owned(),
+            count => format!("the heartbeats of {count} were received"),
         };
-        Err(Failure::new(Kind::Negative, format!("no node answers; {received}")))
+        Err(Failure::new(Kind::Negative, format!("no node responds; {received}")))
     }
 }
 
 impl Verdict {
     const fn description(self) -> &'static str {
         match self {
-            Self::Unjudged => "",
+            Self::Unchecked => "",
             Self::Expected => "as configured",
             Self::Other => "another device",
             Self::Mute => "does not answer",
@@ -172,12 +172,12 @@ impl Verdict {
     }
 }
 
-fn table(judged: &[(&Found, Verdict)], plans: Option<&[NodePlan]>) {
-    if judged.is_empty() {
+fn table(checked: &[(&Found, Verdict)], plans: Option<&[NodePlan]>) {
+    if checked.is_empty() {
         return;
     }
     print::line("node state           profile vendor   product  revision serial   name");
-    for (found, verdict) in judged {
+    for (found, verdict) in checked {
         let number = |number: Option<u32>| number.map_or("-".to_owned(), |n| format!("{n:08X}"));
         let profile = found.device_type.map(|kind| (kind & 0xFFFF).to_string());
         let plan = plans.iter().copied().flatten().find(|plan| plan.node == found.node);
@@ -193,7 +193,7 @@ fn table(judged: &[(&Found, Verdict)], plans: Option<&[NodePlan]>) {
             found.name.as_deref().unwrap_or("-"),
         );
         let expected = plan.map(|plan| format!(", {}", plan.name)).unwrap_or_default();
-        if *verdict != Verdict::Unjudged {
+        if *verdict != Verdict::Unchecked {
             line.push_str(&format!(" ({}{expected})", verdict.description()));
         }
         if let Some(emergency) = found.emergency {
@@ -205,7 +205,7 @@ fn table(judged: &[(&Found, Verdict)], plans: Option<&[NodePlan]>) {
 
 fn json(
     interface: &str,
-    judged: &[(&Found, Verdict)],
+    checked: &[(&Found, Verdict)],
     missing: &[&NodePlan],
     pdos: &[Pdos],
 ) -> serde_json::Value {
@@ -213,7 +213,7 @@ fn json(
         let (_, pdos) = pdos.iter().find(|(of, _)| *of == node)?;
         pdos.as_ref().ok().map(|pdos| pdos.iter().map(pdos::json).collect::<Vec<_>>())
     };
-    let nodes = judged.iter().map(|(found, verdict)| {
+    let nodes = checked.iter().map(|(found, verdict)| {
         serde_json::json!({
             "node": found.node.raw(),
             "answers": found.answers,
@@ -230,7 +230,7 @@ fn json(
             "emergency": found.emergency.map(|emergency| emergency.to_string()),
             "double": found.is_duplicate(),
             "pdos": pdos_of(found.node),
-            "verdict": (*verdict != Verdict::Unjudged).then(|| verdict.description()),
+            "verdict": (*verdict != Verdict::Unchecked).then(|| verdict.description()),
         })
     });
     let missing = missing

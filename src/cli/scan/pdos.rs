@@ -1,9 +1,9 @@
-//! `frhc scan --pdos`: the PDOs a node really has.
+//! `frhc scan --pdos`: the effective PDO configuration of nodes.
 
 use std::time::Duration;
 
-use crate::cli::bench::Session;
-use crate::cli::bench::SessionError;
+use crate::cli::live_bus::Session;
+use crate::cli::live_bus::SessionError;
 use bus::Bus;
 use canopen::NodeId;
 use canopen::layout::Direction;
@@ -11,13 +11,13 @@ use canopen::layout::Pdo;
 use canopen_tools::diagnostics::effective::Reader;
 use canopen_tools::diagnostics::effective::Unreadable;
 
-/// What one node's PDOs are, or why that is not known.
+/// PDOs of one node, or the reason why they could not be read.
 pub(super) type Pdos = (NodeId, Result<Vec<Pdo>, Unreadable>);
 
 /// Reads the PDOs of `nodes`, one after the other.
 ///
 /// # Errors
-/// When the bus does not carry it.
+/// When the bus fails or the command is interrupted.
 pub(super) fn read<B: Bus>(
     session: &mut Session<B>,
     nodes: impl Iterator<Item = NodeId>,
@@ -26,8 +26,8 @@ pub(super) fn read<B: Bus>(
     nodes.map(|node| Ok((node, session.run(|_, _| Reader::new(node, timeout))?))).collect()
 }
 
-/// `node 3 RPDO1 201h every SYNC, timer 5 ms: 6071h/16 0003h/16 0003h/16`; the mapped objects with their
-/// bits.
+/// Formats a PDO as `node 3 RPDO1 201h every SYNC, timer 5 ms: 6071h/16 0003h/16 0003h/16`: the mapped objects with
+/// their lengths in bits.
 pub(super) fn line(node: NodeId, pdo: &Pdo) -> String {
     let kind = name(pdo);
     let Some(service) = &pdo.service else {
@@ -49,7 +49,7 @@ pub(super) fn line(node: NodeId, pdo: &Pdo) -> String {
     )
 }
 
-/// The same as data.
+/// Returns a PDO as JSON.
 pub(super) fn json(pdo: &Pdo) -> serde_json::Value {
     let service = pdo.service.as_ref().map(|service| {
         let mapped = service
@@ -82,7 +82,7 @@ mod tests {
     use canopen::layout::Group;
 
     #[test]
-    fn a_pdo_is_one_line() {
+    fn pdo_is_formatted_as_one_line() {
         let node = NodeId::new(3).unwrap();
         let group = Group { cob_id: 0x201, size: 3, slot: 2 };
         let lines: Vec<_> =

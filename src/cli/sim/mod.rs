@@ -1,7 +1,7 @@
 //! `frhc sim`: simulated drives, switch box, arm and operator on SocketCAN, for any master.
 //!
-//! One thread lives on the bus and owns the world; this one waits for signals and prints. Between them
-//! stand two flags and a queue, so that nobody who reads slowly holds up a drive.
+//! One thread serves the bus and owns the simulated world; the main thread waits for signals and prints. They share
+//! two flags and a queue, so that slow output never delays a drive.
 
 mod report;
 
@@ -13,9 +13,9 @@ use anyhow::Context;
 use tokio::sync::mpsc;
 
 use crate::cli::args::Sim;
+use crate::cli::event_narrator::EventNarrator;
 use crate::cli::rig;
 use crate::cli::scenario;
-use crate::cli::story::Story;
 use bus::SocketCan;
 use bus::realtime;
 use canopen::frame::Channel;
@@ -27,10 +27,10 @@ use run::exit::Failure;
 use run::exit::Kind;
 use run::exit::OrFail;
 use run::interfaces;
+use run::log_time;
 use run::print;
 use run::signals;
-use run::signals::Inquiries;
-use run::time_line;
+use run::signals::StatusSignals;
 use sim::drive_view::Report;
 use sim::fault::Notice;
 use sim::scenario::fault::Whom;
@@ -38,7 +38,7 @@ use sim::world::World;
 use telemetry::origin::Origin;
 use units::time::Instant;
 
-/// Lives on the bus until a signal ends it; tells what each drive believes when asked to, and then.
+/// Serves the bus until a stop signal; prints the state of the drives at the end and on request.
 pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     let config = Config::load(&args.config.config).or_fail(Kind::Configuration)?;
     if let Some(joint) = &args.rig.calibrate {
@@ -47,23 +47,23 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     let mut scenario = scenario::load(&args.scenario)?;
     args.quirks.assign(&config, scenario.quirks_mut())?;
     if scenario.faults().iter().any(|fault| fault.whom == Whom::Link) {
-        tracing::warn!("faults of the link have no effect: the commanded side is the node's");
+        tracing::warn!("link faults have no effect here: the remote side runs inside the node");
     }
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.context("no runtime").or_fail(Kind::Bus)?;
-    // From here on an inquiry is answered; before, it would have ended the process.
-    let inquiries = runtime.block_on(async { Inquiries::heard() });
-    let inquiries = inquiries.context("no signals").or_fail(Kind::Bus)?;
+    let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
+    // Before this a status signal would end the process.
+    let status_signals = runtime.block_on(async { StatusSignals::install() });
+    let status_signals = status_signals.context("cannot receive signals").or_fail(Kind::Bus)?;
     let bus = SocketCan::open(&names).and_then(SocketCan::with_remote_frames);
     let bus = bus.and_then(SocketCan::with_own_frames);
     let mut bus = bus.or_fail(Kind::Bus)?;
-    time_line::start(bus.clock());
+    log_time::set_clock(bus.clock());
     tracing::info!("time counts from {}", Origin::from_micros(bus.epoch_micros()));
     let mut world = world::build(&config, scenario, args.seed);
 
     tracing::info!(interfaces = names.join(" "), "simulated drives are on the bus");
-    let tell = |report: &Report| {
+    let print_report = |report: &Report| {
         print::line(&if args.json {
             report::json(&config, report).to_string()
         } else {
@@ -71,80 +71,80 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
         });
     };
     let flags = Flags::default();
-    let (reports, told) = mpsc::channel(1);
-    let (notices, broken) = mpsc::unbounded_channel();
-    let story = Story::of(&config);
-    let left = thread::scope(|threads| {
-        let living = threads.spawn(|| {
+    let (report_sender, reports) = mpsc::channel(1);
+    let (fault_sender, faults) = mpsc::unbounded_channel();
+    let narrator = EventNarrator::of(&config);
+    let ended = thread::scope(|threads| {
+        let bus_thread = threads.spawn(|| {
             realtime::ask();
-            let (reports, notices) = (reports, notices);
+            let (report_sender, fault_sender) = (report_sender, fault_sender);
             attend(&mut bus, &mut world, &mut |world: &mut World| {
                 while let Some(notice) = world.notice() {
-                    // Whoever tells it may have gone before.
+                    // The main thread may have ended first.
                     let begun = world.scenario_start().unwrap_or(Instant::ZERO);
-                    notices.send((begun, notice)).ok();
+                    fault_sender.send((begun, notice)).ok();
                 }
-                flags.heed(world, &reports)
+                flags.apply(world, &report_sender)
             })
         });
-        runtime.block_on(serve(inquiries, told, broken, &flags, &story, tell));
-        living.join()
+        runtime.block_on(serve(status_signals, reports, faults, &flags, &narrator, print_report));
+        bus_thread.join()
     });
-    tell(&Report::of(&world));
-    match left {
+    print_report(&Report::of(&world));
+    match ended {
         Ok(Ok(())) => Ok(()),
         Ok(Err(Down(channel))) => Err(Failure::new(Kind::Bus, down(&names, channel))),
-        Err(_) => Err(Failure::new(Kind::Bus, "the simulation failed")),
+        Err(_) => Err(Failure::new(Kind::Bus, "the simulation thread panicked")),
     }
 }
 
-/// What the thread on the bus is asked.
+/// Requests to the bus thread.
 #[derive(Debug, Default)]
 struct Flags {
-    is_over: AtomicBool,
-    is_asked: AtomicBool,
+    stop: AtomicBool,
+    report: AtomicBool,
 }
 
 impl Flags {
-    /// Answers an inquiry if there is one and the last report has been taken; whether to end.
-    fn heed(&self, world: &World, reports: &mpsc::Sender<Report>) -> bool {
-        if self.is_asked.load(Ordering::Relaxed)
+    /// Sends a report if one is requested and the last was received; returns whether to stop.
+    fn apply(&self, world: &World, reports: &mpsc::Sender<Report>) -> bool {
+        if self.report.load(Ordering::Relaxed)
             && let Ok(room) = reports.try_reserve()
         {
-            self.is_asked.store(false, Ordering::Relaxed);
+            self.report.store(false, Ordering::Relaxed);
             room.send(Report::of(world));
         }
-        self.is_over.load(Ordering::Relaxed)
+        self.stop.load(Ordering::Relaxed)
     }
 }
 
-/// Passes on signals, prints reports and tells what breaks, until the thread on the bus has ended.
+/// Forwards signals and prints reports and injected faults, until the bus thread has ended.
 async fn serve(
-    mut inquiries: Inquiries,
-    mut told: mpsc::Receiver<Report>,
-    mut broken: mpsc::UnboundedReceiver<(Instant, Notice)>,
+    mut status_signals: StatusSignals,
+    mut reports: mpsc::Receiver<Report>,
+    mut faults: mpsc::UnboundedReceiver<(Instant, Notice)>,
     flags: &Flags,
-    story: &Story,
-    tell: impl Fn(&Report),
+    narrator: &EventNarrator,
+    print_report: impl Fn(&Report),
 ) {
-    let ended = signals::wait();
+    let ended = signals::wait_for_stop();
     tokio::pin!(ended);
     loop {
         tokio::select! {
-            report = told.recv() => match report {
-                Some(report) => tell(&report),
+            report = reports.recv() => match report {
+            Some(report) => print_report(&report),
                 None => return,
             },
-            Some((begun, notice)) = broken.recv() => {
-                // The commanded side is not here.
+            Some((begun, notice)) = faults.recv() => {
+                // Link faults act only inside the node.
                 if notice.fault.whom != Whom::Link {
-                    print::note(&story.fault(begun, &notice));
+                    print::note(&narrator.fault(begun, &notice));
                 }
             }
-            () = inquiries.next() => flags.is_asked.store(true, Ordering::Relaxed),
-            signal = &mut ended, if !flags.is_over.load(Ordering::Relaxed) => {
+            () = status_signals.next() => flags.report.store(true, Ordering::Relaxed),
+            signal = &mut ended, if !flags.stop.load(Ordering::Relaxed) => {
                 tracing::info!(signal, "leaving the bus");
-                flags.is_over.store(true, Ordering::Relaxed);
+                flags.stop.store(true, Ordering::Relaxed);
             }
         }
     }

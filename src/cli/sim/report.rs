@@ -1,4 +1,4 @@
-//! Drive views as a table, or as one JSON object per line.
+//! State of each simulated drive, as a table or as one JSON object per line.
 
 use canopen::error_codes;
 use canopen::frame::Channel;
@@ -12,7 +12,7 @@ use sim::drive_view::DriveView;
 use sim::drive_view::Report;
 use units::time::Instant;
 
-/// When, what the columns are, and a row for each drive.
+/// Returns the time, a heading and a row for each drive.
 pub(super) fn text(config: &Config, report: &Report) -> String {
     let mut text = format!("{:.3} s after the start\n{}", seconds(report), columns());
     for (joint, axis) in config.joints.iter().zip(&report.axes) {
@@ -31,12 +31,12 @@ fn columns() -> String {
         "NMT",
         "state",
         "mode",
-        "asks N·m",
-        "gives N·m",
+        "demand N·m",
+        "actual N·m",
         "counts",
         "°C",
-        "joint at",
-        "joint gets",
+        "joint pos",
+        "joint torque",
         "last error",
     )
 }
@@ -65,7 +65,7 @@ fn row(config: &Config, joint: &JointParameters, axis: &Axis) -> String {
     )
 }
 
-/// One report, one line.
+/// Returns the report as one JSON object.
 pub(super) fn json(config: &Config, report: &Report) -> serde_json::Value {
     let pairs = (1..).zip(config.joints.iter().zip(&report.axes));
     let drives = pairs.map(|(number, (joint, axis))| drive(config, number, joint, axis));
@@ -118,7 +118,7 @@ fn last_error(code: u16) -> String {
     }
 }
 
-/// `None` where there was no error.
+/// Returns the name of the last error, `None` without one.
 fn last_error_name(code: u16) -> Option<&'static str> {
     (code != 0).then(|| error_codes::description(code))
 }

@@ -1,5 +1,4 @@
-//! `frhc check --eds`: what is wrong with data sheets, line by line; and which of a configuration's
-//! have anything wrong.
+//! `frhc check --eds`: findings in EDS files by line, and the nodes of a configuration whose EDS has errors.
 
 use std::fmt;
 use std::path::Path;
@@ -17,43 +16,43 @@ use canopen::eds::Severity;
 use config::Config;
 use config::files;
 
-/// One file, and what is wrong with it.
+/// A file and its findings.
 struct Report<'a> {
     file: &'a Path,
     objects: usize,
     findings: Vec<Finding>,
 }
 
-/// A node whose EDS has errors: it was read as well as could be.
-pub(super) struct Doubt<'a> {
+/// A node whose EDS has errors; its readable objects are used.
+pub(super) struct FaultyEds<'a> {
     node: &'a str,
     errors: usize,
 }
 
-/// `eds   elbow            2 errors; see frhc check --eds`.
-impl fmt::Display for Doubt<'_> {
+/// Formats as `eds   elbow            2 errors; see frhc check --eds`.
+impl fmt::Display for FaultyEds<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let errors = many(self.errors, "error");
         write!(f, "eds   {:16} {errors}; see frhc check --eds", self.node)
     }
 }
 
-/// The nodes of a configuration whose EDS have errors.
-pub(super) fn doubts(config: &Config) -> Vec<Doubt<'_>> {
+/// Returns the nodes of a configuration whose EDS has errors.
+pub(super) fn faulty(config: &Config) -> Vec<FaultyEds<'_>> {
     let joints = config.joints.iter().map(|joint| (joint.name.as_str(), &joint.eds));
     let nodes = joints.chain([("switch box", &config.switches.eds)]);
-    let doubts =
-        nodes.map(|(node, eds)| Doubt { node, errors: number(&eds.lint(), Severity::Error) });
-    doubts.filter(|doubt| doubt.errors > 0).collect()
+    let faulty =
+        nodes.map(|(node, eds)| FaultyEds { node, errors: number(&eds.lint(), Severity::Error) });
+    faulty.filter(|eds_of_node| eds_of_node.errors > 0).collect()
 }
 
-/// The same as data.
-pub(super) fn doubts_json(config: &Config) -> serde_json::Value {
-    let one = |doubt: &Doubt<'_>| serde_json::json!({ "node": doubt.node, "errors": doubt.errors });
-    doubts(config).iter().map(one).collect()
+/// Returns the nodes of [`faulty`] as JSON.
+pub(super) fn faulty_json(config: &Config) -> serde_json::Value {
+    let one = |eds_of_node: &FaultyEds<'_>| serde_json::json!({ "node": eds_of_node.node, "errors": eds_of_node.errors });
+    faulty(config).iter().map(one).collect()
 }
 
-/// Reads all files, then prints what is wrong with them.
+/// Reads all files, then prints their findings.
 pub(super) fn run(paths: &[PathBuf], json: bool) -> Result<(), Failure> {
     let reports = paths.iter().map(|file| read(file)).collect::<Result<Vec<_>, _>>()?;
     let (errors, warnings) = (count(&reports, Severity::Error), count(&reports, Severity::Warning));
@@ -79,7 +78,7 @@ impl Report<'_> {
             print::line(&format!("{}:{finding}", self.file.display()));
         }
         if self.findings.is_empty() {
-            print::line(&format!("{}: in order, {} objects", self.file.display(), self.objects));
+            print::line(&format!("{}: valid, {} objects", self.file.display(), self.objects));
         }
     }
 }

@@ -1,5 +1,4 @@
-//! A task for each client, so that none waits for another: not for one that keeps its connection, does not read, or
-//! sends half a line.
+//! One task per client: a client that stays connected, does not read or sends half a line delays no other.
 
 use std::io;
 use std::sync::Arc;
@@ -21,38 +20,38 @@ use tokio::task::JoinSet;
 use tokio::time::sleep;
 use tokio::time::timeout;
 
-use crate::console::Answer;
-use crate::console::Ask;
-use crate::console::Question;
+use crate::console::ConsoleCommand;
+use crate::console::RequestLine;
+use crate::console::Response;
 use crate::console::Socket;
-use crate::console::desk::Desk;
+use crate::console::request_handler::RequestHandler;
 
-/// Clients at once. For one more the one that has been idle longest is closed.
+/// Maximum number of clients. A further connection closes the client that has been idle longest.
 const MAX_CLIENTS: usize = 16;
 
-/// Bytes of a request.
+/// Maximum length of a request, in bytes.
 const MAX_LINE: u64 = 1_024;
 
-/// Time for a line to be complete after its first byte, and for an answer to be taken.
+/// Time allowed for a line after its first byte, and for writing a response.
 const LINE_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Pause after a connection that could not be accepted, such as for want of file descriptors.
+/// Pause after a failed accept, for example when file descriptors are exhausted.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// Interval at which a client that waits for its answer is looked after.
+/// Interval of the check whether a client that waits for its response has disconnected.
 const HANG_UP_POLL: Duration = Duration::from_millis(10);
 
 impl Socket {
-    /// Serves clients for ever.
-    pub(crate) async fn serve(&self, desk: &Arc<Desk>) {
+    /// Serves clients; never returns.
+    pub(crate) async fn serve(&self, handler: &Arc<RequestHandler>) {
         let mut clients = Clients::default();
         let mut is_failing = false;
         loop {
             match self.listener.accept().await {
                 Ok((stream, _)) => {
                     is_failing = false;
-                    clients.admit(stream, desk);
-                    // What it has to say is read before the next one may take its place.
+                    clients.admit(stream, handler);
+                    // Lets its task read a request before the next connection may close it.
                     tokio::task::yield_now().await;
                 }
                 Err(error) => {
@@ -67,7 +66,7 @@ impl Socket {
     }
 }
 
-/// Connected clients.
+/// The connected clients.
 #[derive(Debug, Default)]
 struct Clients {
     tasks: JoinSet<()>,
@@ -80,33 +79,33 @@ struct Client {
     activity: Arc<Activity>,
 }
 
-/// State of a client, for the choice of the one to close.
+/// State that decides which client to close.
 #[derive(Debug, Default)]
 struct Activity {
-    /// From the first byte of a request to the end of its answer.
+    /// True from the first byte of a request to the end of its response.
     is_busy: AtomicBool,
-    /// When it last began to wait for a request, in µs of the bus's clock.
+    /// Time since when it waits for a request, in µs of the bus clock.
     idle_since: AtomicU64,
 }
 
 impl Clients {
-    fn admit(&mut self, stream: UnixStream, desk: &Arc<Desk>) {
+    fn admit(&mut self, stream: UnixStream, handler: &Arc<RequestHandler>) {
         while self.tasks.try_join_next().is_some() {}
         self.open.retain(|client| !client.task.is_finished());
         if self.open.len() >= MAX_CLIENTS {
             self.close_one();
         }
         let activity = Arc::new(Activity::default());
-        let (desk, seen) = (Arc::clone(desk), Arc::clone(&activity));
+        let (handler, seen) = (Arc::clone(handler), Arc::clone(&activity));
         let task = self.tasks.spawn(async move {
-            if let Err(error) = converse(stream, &desk, &seen).await {
+            if let Err(error) = converse(stream, &handler, &seen).await {
                 tracing::debug!(%error, "console client left");
             }
         });
         self.open.push(Client { task, activity });
     }
 
-    /// Closes the client that has been idle longest; if none is idle, the one that has been busy longest.
+    /// Closes the client that has been idle longest; if all are busy, the one that has been busy longest.
     fn close_one(&mut self) {
         let rank = |(_, client): &(usize, &Client)| {
             let Activity { is_busy, idle_since } = &*client.activity;
@@ -119,29 +118,33 @@ impl Clients {
     }
 }
 
-/// Answers a client's lines until it hangs up, sends one that is too long, or takes too long.
-async fn converse(mut stream: UnixStream, desk: &Arc<Desk>, activity: &Activity) -> io::Result<()> {
+/// Answers a client's requests until it disconnects, sends a line that is too long, or exceeds a timeout.
+async fn converse(
+    mut stream: UnixStream,
+    handler: &Arc<RequestHandler>,
+    activity: &Activity,
+) -> io::Result<()> {
     let uid = stream.peer_cred().ok().map(|peer| peer.uid());
     let (read, mut write) = stream.split();
     let mut read = BufReader::new(read);
     loop {
-        activity.idle_since.store(desk.now().as_micros(), Ordering::Relaxed);
+        activity.idle_since.store(handler.now().as_micros(), Ordering::Relaxed);
         activity.is_busy.store(false, Ordering::Relaxed);
         if read.fill_buf().await?.is_empty() {
             return Ok(());
         }
         activity.is_busy.store(true, Ordering::Relaxed);
         let line = timeout(LINE_TIMEOUT, line(&mut read)).await??;
-        let answer = match serde_json::from_str::<Question>(&line) {
-            // It is done even for a client that has left.
-            Ok(Question { ask: Ask::Disarm }) => desk.disarm(uid).await,
-            Ok(Question { ask }) => tokio::select! {
-                // A client that has left is noticed before anything is done for it.
+        let answer = match serde_json::from_str::<RequestLine>(&line) {
+            // Executed even if the client disconnects.
+            Ok(RequestLine { ask: ConsoleCommand::Disarm }) => handler.disarm(uid).await,
+            Ok(RequestLine { ask }) => tokio::select! {
+                // Polls the connection first: nothing is executed for a disconnected client.
                 biased;
                 error = hang_up(&write) => return Err(error),
-                answer = desk.answer(ask, uid) => answer,
+                answer = handler.answer(ask, uid) => answer,
             },
-            Err(error) => Answer::refused(&format!("not understood: {error}")),
+            Err(error) => Response::refused(&format!("invalid request: {error}")),
         };
         let mut text = serde_json::to_string(&answer)?;
         text.push('\n');
@@ -149,18 +152,18 @@ async fn converse(mut stream: UnixStream, desk: &Arc<Desk>, activity: &Activity)
     }
 }
 
-/// One request, up to the end of its line or of what the client sends.
+/// Reads one request, up to the end of the line or of the stream.
 async fn line(read: &mut BufReader<ReadHalf<'_>>) -> io::Result<String> {
     let mut line = String::new();
     read.take(MAX_LINE).read_line(&mut line).await?;
     if u64::try_from(line.len()).is_ok_and(|length| length < MAX_LINE) {
         Ok(line)
     } else {
-        Err(io::Error::new(io::ErrorKind::InvalidData, "a request is too long"))
+        Err(io::Error::new(io::ErrorKind::InvalidData, "request too long"))
     }
 }
 
-/// Waits until the client has closed its end. One that only sends no more may still wait for its answer.
+/// Waits until the client has closed the connection. One that only shut down its sending side may still wait.
 async fn hang_up(write: &WriteHalf<'_>) -> io::Error {
     loop {
         match write.ready(Interest::WRITABLE).await {
@@ -180,9 +183,9 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
-    use crate::console::Inbox;
+    use crate::console::RequestReceiver;
     use crate::console::channel;
-    use crate::recorder::Latest;
+    use crate::recorder_thread::LatestStatus;
     use config::Config;
     use lab::bench;
     use node::Refused;
@@ -195,37 +198,38 @@ mod tests {
     use telemetry::status::Status;
     use units::time::Instant;
 
-    /// A console without a node, in a folder of this test alone.
+    /// A console without a node, in a folder of its own.
     struct Bench {
         folder: PathBuf,
-        desk: Arc<Desk>,
+        handler: Arc<RequestHandler>,
         socket: Socket,
     }
 
-    /// The time on the bus, which stands still.
+    /// Time on the bus; constant.
     const NOW: Instant = Instant::from_micros(1_000_000);
 
-    fn run<T: Future<Output = ()>>(name: &str, test: impl FnOnce(PathBuf, Inbox) -> T) {
-        run_with(name, |path, inbox, _latest| test(path, inbox));
+    fn run<T: Future<Output = ()>>(name: &str, test: impl FnOnce(PathBuf, RequestReceiver) -> T) {
+        run_with(name, |path, receiver, _latest| test(path, receiver));
     }
 
-    /// Runs `test` beside a console, in a runtime whose timers end as soon as nothing else can happen.
+    /// Runs `test` beside a console, with paused time: timers expire as soon as no task can proceed.
     fn run_with<T: Future<Output = ()>>(
         name: &str,
-        test: impl FnOnce(PathBuf, Inbox, Latest) -> T,
+        test: impl FnOnce(PathBuf, RequestReceiver, LatestStatus) -> T,
     ) {
         let mut runtime = tokio::runtime::Builder::new_current_thread();
         runtime.enable_all().start_paused(true).build().unwrap().block_on(async {
             let folder = crate::scratch::path(name);
             let path = folder.join("node.sock");
-            let (requests, mut inbox) = channel();
-            inbox.booted(Instant::ZERO);
-            let latest = Latest::default();
-            let desk = Arc::new(Desk::new(requests, latest.clone(), || NOW, None));
-            let bench = Bench { socket: Socket::bind(path.clone()).await.unwrap(), folder, desk };
+            let (sender, mut receiver) = channel();
+            receiver.end_boot(Instant::ZERO);
+            let latest = LatestStatus::default();
+            let handler = Arc::new(RequestHandler::new(sender, latest.clone(), || NOW, None));
+            let bench =
+                Bench { socket: Socket::bind(path.clone()).await.unwrap(), folder, handler };
             tokio::select! {
-                () = bench.socket.serve(&bench.desk) => {}
-                () = test(path, inbox, latest) => {}
+                () = bench.socket.serve(&bench.handler) => {}
+                () = test(path, receiver, latest) => {}
             }
             drop(bench.socket);
             fs::remove_dir_all(&bench.folder).unwrap();
@@ -242,7 +246,7 @@ mod tests {
         UnixStream::connect(path).await.unwrap()
     }
 
-    async fn says(path: &PathBuf, text: &str) -> UnixStream {
+    async fn send(path: &PathBuf, text: &str) -> UnixStream {
         let mut client = connect(path).await;
         client.write_all(text.as_bytes()).await.unwrap();
         client
@@ -254,11 +258,11 @@ mod tests {
         line
     }
 
-    /// Grants every disarm, as cycles do.
-    async fn disarms(inbox: &Inbox) {
+    /// Completes every disarm, as the cycle does.
+    async fn complete_disarms(receiver: &RequestReceiver) {
         loop {
-            if let Some(disarm) = inbox.disarm() {
-                inbox.disarmed(disarm, Mode::Ready);
+            if let Some(disarm) = receiver.pending_disarm() {
+                receiver.complete_disarm(disarm, Mode::Ready);
             }
             sleep(Duration::from_millis(1)).await;
         }
@@ -269,33 +273,33 @@ mod tests {
     const STATUS: &str = "{\"ask\":\"status\"}\n";
 
     #[test]
-    fn disarm_is_granted_beside_clients_that_hold_the_console() {
-        run("held", |path, inbox| async move {
+    fn disarm_is_executed_beside_clients_that_block_the_console() {
+        run("held", |path, receiver| async move {
             let mut others = Vec::new();
             for number in 0..3 * MAX_CLIENTS {
                 let client = match number % 4 {
                     0 => connect(&path).await,
-                    1 => says(&path, "{\"ask").await,
-                    2 => says(&path, ARM).await,
-                    _ => says(&path, &STATUS.repeat(1_000)).await,
+                    1 => send(&path, "{\"ask").await,
+                    2 => send(&path, ARM).await,
+                    _ => send(&path, &STATUS.repeat(1_000)).await,
                 };
                 others.push(client);
             }
             let asks = async {
-                let mut client = says(&path, DISARM).await;
+                let mut client = send(&path, DISARM).await;
                 assert_eq!(answer(&mut client).await, "{\"ok\":true,\"mode\":\"ready\"}\n");
             };
             tokio::select! {
                 () = asks => {}
-                () = disarms(&inbox) => {}
+                () = complete_disarms(&receiver) => {}
             }
         });
     }
 
     #[test]
-    fn client_that_holds_half_a_line_is_closed() {
+    fn client_that_sends_half_a_line_is_closed() {
         run("half", |path, _inbox| async move {
-            let mut client = says(&path, "{\"ask").await;
+            let mut client = send(&path, "{\"ask").await;
             assert_eq!(answer(&mut client).await, "", "closed, without an answer");
         });
     }
@@ -305,7 +309,7 @@ mod tests {
         run("unread", |path, _inbox| async move {
             let mut client = connect(&path).await;
             let question = STATUS.repeat(100);
-            // Until nothing more is taken, and then until the other end is closed.
+            // Blocks when the buffers are full, and fails when the server closes the connection.
             while client.write_all(question.as_bytes()).await.is_ok() {}
         });
     }
@@ -316,7 +320,7 @@ mod tests {
             let mut clients = Vec::new();
             for _ in 0..=MAX_CLIENTS {
                 clients.push(connect(&path).await);
-                // The server has time to take it.
+                // Lets the server accept it.
                 sleep(Duration::from_millis(1)).await;
             }
             assert_eq!(answer(&mut clients[0]).await, "");
@@ -328,38 +332,38 @@ mod tests {
     }
 
     #[test]
-    fn request_of_a_client_that_left_is_not_done() {
-        run("left", |path, mut inbox| async move {
-            drop(says(&path, ARM).await);
+    fn request_of_a_disconnected_client_is_not_executed() {
+        run("left", |path, mut receiver| async move {
+            drop(send(&path, ARM).await);
             sleep(Duration::from_millis(100)).await;
-            assert!(inbox.next(Instant::ZERO).is_none());
-            let waits = says(&path, ARM).await;
+            assert!(receiver.next(Instant::ZERO).is_none());
+            let waits = send(&path, ARM).await;
             sleep(Duration::from_millis(100)).await;
             drop(waits);
             sleep(Duration::from_millis(100)).await;
-            assert!(inbox.next(Instant::ZERO).is_none());
+            assert!(receiver.next(Instant::ZERO).is_none());
         });
     }
 
     #[test]
-    fn disarm_of_a_client_that_left_is_done() {
-        run("left-disarmed", |path, inbox| async move {
-            drop(says(&path, DISARM).await);
+    fn disarm_of_a_disconnected_client_is_executed() {
+        run("left-disarmed", |path, receiver| async move {
+            drop(send(&path, DISARM).await);
             sleep(Duration::from_millis(100)).await;
-            assert!(inbox.disarm().is_some());
+            assert!(receiver.pending_disarm().is_some());
         });
     }
 
     #[test]
-    fn status_asked_for_after_an_answer_shows_what_was_granted() {
-        run_with("shown", |path, mut inbox, latest| async move {
+    fn status_after_a_response_shows_the_granted_mode() {
+        run_with("shown", |path, mut receiver, latest| async move {
             let record = any_record();
             let of = |mode| Status::of(&Record { mode, ..record }, 0, Losses::default());
             latest.set(Instant::ZERO, of(Mode::Ready));
-            let mut client = says(&path, ARM).await;
+            let mut client = send(&path, ARM).await;
             sleep(Duration::from_millis(100)).await;
-            inbox.next(NOW).unwrap().answer(Ok(Mode::Armed));
-            // The recorder is some cycles behind.
+            receiver.next(NOW).unwrap().answer(Ok(Mode::Armed));
+            // The recorder thread is some cycles behind.
             sleep(Duration::from_millis(5)).await;
             latest.set(NOW, of(Mode::Armed));
             assert_eq!(answer(&mut client).await, "{\"ok\":true,\"mode\":\"armed\"}\n");
@@ -369,58 +373,58 @@ mod tests {
     }
 
     #[test]
-    fn disarm_is_answered_when_its_ramp_is_over() {
-        run_with("ramp", |path, inbox, latest| async move {
+    fn disarm_is_answered_after_its_ramp() {
+        run_with("ramp", |path, receiver, latest| async move {
             let record = any_record();
             let of = |mode| Status::of(&Record { mode, ..record }, 0, Losses::default());
             latest.set(NOW, of(Mode::Engaged));
-            let mut client = says(&path, DISARM).await;
+            let mut client = send(&path, DISARM).await;
             sleep(Duration::from_millis(5)).await;
-            inbox.disarmed(inbox.disarm().unwrap(), Mode::Armed);
+            receiver.complete_disarm(receiver.pending_disarm().unwrap(), Mode::Armed);
             sleep(Duration::from_millis(50)).await;
             latest.set(NOW, of(Mode::Ready));
             assert_eq!(answer(&mut client).await, "{\"ok\":true,\"mode\":\"ready\"}\n");
-            // One whose ramp is never over is answered, too.
+            // A disarm whose ramp never ends is answered, too.
             latest.set(NOW, of(Mode::Armed));
             client.write_all(DISARM.as_bytes()).await.unwrap();
             sleep(Duration::from_millis(5)).await;
-            inbox.disarmed(inbox.disarm().unwrap(), Mode::Armed);
+            receiver.complete_disarm(receiver.pending_disarm().unwrap(), Mode::Armed);
             assert_eq!(answer(&mut client).await, "{\"ok\":true,\"mode\":\"armed\"}\n");
         });
     }
 
     #[test]
-    fn client_that_sends_no_more_still_gets_its_answer() {
-        run("half-closed", |path, mut inbox| async move {
-            let mut client = says(&path, ARM).await;
+    fn client_that_shut_down_sending_gets_its_response() {
+        run("half-closed", |path, mut receiver| async move {
+            let mut client = send(&path, ARM).await;
             client.shutdown().await.unwrap();
             sleep(Duration::from_millis(100)).await;
-            inbox.next(Instant::ZERO).unwrap().answer(Ok(Mode::Armed));
+            receiver.next(Instant::ZERO).unwrap().answer(Ok(Mode::Armed));
             assert_eq!(answer(&mut client).await, "{\"ok\":true,\"mode\":\"armed\"}\n");
         });
     }
 
     #[test]
     fn request_without_an_answer_is_withdrawn_after_a_second() {
-        run("unanswered", |path, mut inbox| async move {
-            let mut client = says(&path, ARM).await;
+        run("unanswered", |path, mut receiver| async move {
+            let mut client = send(&path, ARM).await;
             assert!(answer(&mut client).await.contains("within 1 s: the request is withdrawn"));
-            assert!(inbox.next(Instant::ZERO).is_none());
+            assert!(receiver.next(Instant::ZERO).is_none());
         });
     }
 
     #[test]
-    fn failed_reset_is_in_the_status_though_its_client_left() {
-        run("reset", |path, mut inbox| async move {
-            let client = says(&path, "{\"ask\":\"reset\"}\n").await;
+    fn failed_reset_is_in_the_status_after_its_client_left() {
+        run("reset", |path, mut receiver| async move {
+            let client = send(&path, "{\"ask\":\"reset\"}\n").await;
             sleep(Duration::from_millis(100)).await;
-            let due = inbox.next(Instant::ZERO).unwrap();
-            assert_eq!(due.request, Request::Reset);
+            let accepted = receiver.next(Instant::ZERO).unwrap();
+            assert_eq!(accepted.request, Request::Reset);
             drop(client);
             sleep(Duration::from_millis(100)).await;
-            due.answer(Err(Refused::Mode(Refusal::NotStopped(Mode::Ready))));
+            accepted.answer(Err(Refused::Mode(Refusal::NotStopped(Mode::Ready))));
             sleep(Duration::from_millis(100)).await;
-            let mut client = says(&path, STATUS).await;
+            let mut client = send(&path, STATUS).await;
             let status = answer(&mut client).await;
             let note = "the last reset failed: nothing to reset: the node is ready";
             assert!(status.contains(note), "{status}");
@@ -428,12 +432,12 @@ mod tests {
     }
 
     #[test]
-    fn node_that_boots_says_so_and_refuses_to_arm() {
-        run("boots", |path, inbox| async move {
-            inbox.boots();
-            let mut client = says(&path, STATUS).await;
+    fn booting_node_reports_boot_and_refuses_to_arm() {
+        run("boots", |path, receiver| async move {
+            receiver.begin_boot();
+            let mut client = send(&path, STATUS).await;
             assert_eq!(answer(&mut client).await, "{\"ok\":true,\"mode\":\"boot\"}\n");
-            let mut client = says(&path, ARM).await;
+            let mut client = send(&path, ARM).await;
             assert!(answer(&mut client).await.contains("the node is booting"));
         });
     }

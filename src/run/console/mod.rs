@@ -3,30 +3,30 @@
 //! `{"ask":"status"}`, `{"ask":"arm"}`, `{"ask":"disarm"}`, `{"ask":"reset"}`, `{"ask":"mode rate"}`,
 //! `{"ask":"mode pose"}`; answered by `{"ok":true,…}` or `{"ok":false,"error":"…"}`.
 //!
-//! | file       | what                                                              |
-//! |------------|-------------------------------------------------------------------|
-//! | `mod`      | the protocol                                                      |
-//! | `socket`   | the socket's place, rights, and what it may replace               |
-//! | `clients`  | a task for each client, their number, and their limits of time    |
-//! | `desk`     | what a client asks for, answered and logged                       |
-//! | `requests` | requests on their way to the cycle; disarm before all others      |
+//! | file              | content                                                         |
+//! |-------------------|-----------------------------------------------------------------|
+//! | `mod`             | the protocol                                                    |
+//! | `socket`          | path and permissions of the socket, replacement of a stale one  |
+//! | `clients`         | one task per client, their maximum number and their timeouts    |
+//! | `request_handler` | execution and logging of a client's request                     |
+//! | `request_queue`   | queue of requests to the cycle; disarm precedes all others      |
 
 mod clients;
-mod desk;
-mod requests;
+mod request_handler;
+mod request_queue;
 mod socket;
 
-pub(super) use desk::Desk;
-pub(super) use requests::Due;
-pub(super) use requests::Inbox;
+pub(super) use request_handler::RequestHandler;
+pub(super) use request_queue::AcceptedRequest;
 #[cfg(test)]
-pub(super) use requests::Phase;
+pub(super) use request_queue::Phase;
+pub(super) use request_queue::RequestReceiver;
 #[cfg(test)]
-pub(super) use requests::Requests;
-pub(super) use requests::channel;
+pub(super) use request_queue::RequestSender;
+pub(super) use request_queue::channel;
 pub(super) use socket::Socket;
 pub(super) use socket::default_socket;
-pub(super) use socket::usual_sockets;
+pub(super) use socket::default_sockets;
 
 use serde::Deserialize;
 use serde::Serialize;
@@ -34,9 +34,9 @@ use serde::Serialize;
 use node::record::Mode;
 use telemetry::status::Status;
 
-/// Requests, in the words of the protocol.
+/// Requests of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) enum Ask {
+pub(super) enum ConsoleCommand {
     #[serde(rename = "status")]
     Status,
     #[serde(rename = "arm")]
@@ -51,16 +51,16 @@ pub(super) enum Ask {
     Pose,
 }
 
-/// One line in.
+/// A line from a client.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Question {
-    pub(super) ask: Ask,
+pub(super) struct RequestLine {
+    pub(super) ask: ConsoleCommand,
 }
 
-/// One line out.
+/// A line to a client.
 #[derive(Debug, Serialize)]
-struct Answer {
+struct Response {
     ok: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<String>,
@@ -68,12 +68,12 @@ struct Answer {
     mode: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     status: Option<Status>,
-    /// Remark on the status, such as why the last reset failed.
+    /// Remark on the status, such as the reason why the last reset failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     note: Option<String>,
 }
 
-impl Answer {
+impl Response {
     fn refused(reason: &impl ToString) -> Self {
         Self { ok: false, error: Some(reason.to_string()), mode: None, status: None, note: None }
     }
@@ -88,23 +88,30 @@ mod tests {
     use super::*;
 
     #[test]
-    fn questions_are_the_words_of_the_protocol_and_no_others() {
-        let words = ["status", "arm", "disarm", "reset", "mode rate", "mode pose"];
-        let asks = [Ask::Status, Ask::Arm, Ask::Disarm, Ask::Reset, Ask::Rate, Ask::Pose];
-        for (word, ask) in words.into_iter().zip(asks) {
-            let line = format!("{{\"ask\":\"{word}\"}}");
-            assert_eq!(serde_json::from_str::<Question>(&line).unwrap().ask, ask);
-            assert_eq!(serde_json::to_string(&Question { ask }).unwrap(), line);
+    fn request_lines_are_those_of_the_protocol_only() {
+        let names = ["status", "arm", "disarm", "reset", "mode rate", "mode pose"];
+        let asks = [
+            ConsoleCommand::Status,
+            ConsoleCommand::Arm,
+            ConsoleCommand::Disarm,
+            ConsoleCommand::Reset,
+            ConsoleCommand::Rate,
+            ConsoleCommand::Pose,
+        ];
+        for (name, ask) in names.into_iter().zip(asks) {
+            let line = format!("{{\"ask\":\"{name}\"}}");
+            assert_eq!(serde_json::from_str::<RequestLine>(&line).unwrap().ask, ask);
+            assert_eq!(serde_json::to_string(&RequestLine { ask }).unwrap(), line);
         }
         for line in ["{\"ask\":\"Arm\"}", "{\"ask\":\"arm\",\"force\":true}", "{}", "\"arm\""] {
-            assert!(serde_json::from_str::<Question>(line).is_err(), "{line}");
+            assert!(serde_json::from_str::<RequestLine>(line).is_err(), "{line}");
         }
     }
 
     #[test]
-    fn answers_say_what_was_granted_or_why_not() {
-        let text = |answer: &Answer| serde_json::to_string(answer).unwrap();
-        assert_eq!(text(&Answer::granted(Mode::Armed)), r#"{"ok":true,"mode":"armed"}"#);
-        assert_eq!(text(&Answer::refused(&"no")), r#"{"ok":false,"error":"no"}"#);
+    fn responses_have_the_mode_or_the_reason_of_a_refusal() {
+        let text = |answer: &Response| serde_json::to_string(answer).unwrap();
+        assert_eq!(text(&Response::granted(Mode::Armed)), r#"{"ok":true,"mode":"armed"}"#);
+        assert_eq!(text(&Response::refused(&"no")), r#"{"ok":false,"error":"no"}"#);
     }
 }

@@ -1,4 +1,4 @@
-//! The socket's place in the file system: who may connect, and what may be replaced.
+//! Path and permissions of the control socket, and replacement of a stale one.
 
 use std::ffi::OsStr;
 use std::ffi::OsString;
@@ -16,15 +16,15 @@ use std::path::PathBuf;
 use tokio::net::UnixListener;
 use tokio::net::UnixStream;
 
-/// Read and write for this user and group alone.
-const RIGHTS: u32 = 0o660;
+/// Permissions: read and write for this user and group only.
+const PERMISSIONS: u32 = 0o660;
 
-/// Place of the service's socket.
-const OF_SERVICE: &str = "/run/frhc/node.sock";
+/// Socket of the systemd service.
+const SERVICE_SOCKET: &str = "/run/frhc/node.sock";
 
-/// Place of a node's socket unless configured otherwise.
+/// Returns the path of a node's socket if none is configured.
 ///
-/// A variable that is empty or names a relative path is ignored, as the XDG base directories demand.
+/// Ignores a variable that is empty or a relative path, as the XDG Base Directory Specification requires.
 pub(crate) fn default_socket() -> PathBuf {
     default_of(|name| std::env::var_os(name))
 }
@@ -33,17 +33,17 @@ fn default_of(variable: impl Fn(&str) -> Option<OsString>) -> PathBuf {
     let folder = |name| variable(name).map(PathBuf::from).filter(|folder| folder.is_absolute());
     let service = folder("RUNTIME_DIRECTORY").map(|folder| folder.join("node.sock"));
     let user = || folder("XDG_RUNTIME_DIR").map(|folder| folder.join("frhc/node.sock"));
-    service.or_else(user).unwrap_or_else(|| PathBuf::from(OF_SERVICE))
+    service.or_else(user).unwrap_or_else(|| PathBuf::from(SERVICE_SOCKET))
 }
 
-/// Places at which a node may listen that nobody has configured: the user's own, then the service.
-pub(crate) fn usual_sockets() -> Vec<PathBuf> {
-    let mut places = vec![default_socket(), PathBuf::from(OF_SERVICE)];
+/// Returns the paths that `ctl` tries if none is configured: the user's own node, then the service.
+pub(crate) fn default_sockets() -> Vec<PathBuf> {
+    let mut places = vec![default_socket(), PathBuf::from(SERVICE_SOCKET)];
     places.dedup();
     places
 }
 
-/// The socket, removed when dropped.
+/// The listening socket; removes its file when dropped.
 #[derive(Debug)]
 pub(crate) struct Socket {
     path: PathBuf,
@@ -51,18 +51,18 @@ pub(crate) struct Socket {
 }
 
 impl Socket {
-    /// Listens at `path`. A socket that refuses connections is replaced, and nothing else.
+    /// Listens at `path`. Replaces a stale socket, which refuses connections, and no other file.
     ///
     /// # Errors
-    /// When a node listens there, something other than a socket is there, or the folder cannot be written.
+    /// When another node listens there, the file is not a socket, or the folder cannot be written.
     pub(crate) async fn bind(path: PathBuf) -> io::Result<Self> {
         let folder = path.parent().filter(|folder| *folder != Path::new(""));
         let folder = folder.unwrap_or(Path::new("."));
         fs::create_dir_all(folder)?;
-        // Held until the socket is in its place: of two nodes that start together one is refused.
+        // Held until the socket exists: of two nodes that start together one is refused.
         let lock = File::open(folder)?;
-        lock.try_lock().map_err(|_| in_use("another node is starting here"))?;
-        make_room(&path).await?;
+        lock.try_lock().map_err(|_| in_use("another node is starting on this socket"))?;
+        remove_stale(&path).await?;
         let listener = listen_at(folder, &path)?;
         Ok(Self { path, listener })
     }
@@ -81,37 +81,37 @@ fn in_use(reason: &str) -> io::Error {
 }
 
 /// Removes a socket that refuses connections.
-async fn make_room(path: &Path) -> io::Result<()> {
+async fn remove_stale(path: &Path) -> io::Result<()> {
     let kind = match fs::symlink_metadata(path) {
         Ok(found) => found.file_type(),
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
         Err(error) => return Err(error),
     };
     if !kind.is_socket() {
-        let reason = "not a socket: remove it, or name another place in [node] socket";
+        let reason = "not a socket: remove it, or set [node] socket to another path";
         return Err(io::Error::new(io::ErrorKind::AlreadyExists, reason));
     }
     match UnixStream::connect(path).await {
         Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => fs::remove_file(path),
-        // The queue of those who wait to connect is full: it is alive.
+        // The backlog is full, so a process listens.
         Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
-            Err(in_use("another node listens here and is busy"))
+            Err(in_use("another node listens on this socket and is busy"))
         }
-        Ok(_) => Err(in_use("another node listens here")),
+        Ok(_) => Err(in_use("another node listens on this socket")),
         Err(error) => Err(error),
     }
 }
 
-/// A socket made in a folder that only this user enters, and linked to its place with its final rights.
+/// Creates the socket in a private folder, sets its permissions, and only then links it to `path`.
 fn listen_at(folder: &Path, path: &Path) -> io::Result<UnixListener> {
     let private = folder.join(format!(".{}", std::process::id()));
-    // Left by a process of this number that was killed here.
+    // Left by a killed process with the same id.
     clear(&private);
     DirBuilder::new().mode(0o700).create(&private)?;
     let made = private.join(OsStr::new("s"));
     let listener = UnixListener::bind(&made).and_then(|listener| {
-        fs::set_permissions(&made, Permissions::from_mode(RIGHTS))?;
-        // Unlike a renaming this replaces nothing.
+        fs::set_permissions(&made, Permissions::from_mode(PERMISSIONS))?;
+        // A hard link, unlike a rename, never replaces a file.
         fs::hard_link(&made, path)?;
         Ok(listener)
     });
@@ -119,7 +119,7 @@ fn listen_at(folder: &Path, path: &Path) -> io::Result<UnixListener> {
     listener
 }
 
-/// Removes the private folder, if it is there.
+/// Removes the private folder, if it exists.
 fn clear(private: &Path) {
     fs::remove_file(private.join("s")).ok();
     fs::remove_dir(private).ok();
@@ -130,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_absolute_folders_are_places_of_the_socket() {
+    fn relative_folders_are_ignored_for_the_socket() {
         let place = |runtime: Option<&str>, user: Option<&str>| {
             default_of(|name| {
                 if name == "RUNTIME_DIRECTORY" { runtime } else { user }.map(OsString::from)
@@ -147,7 +147,7 @@ mod tests {
     use std::os::unix::net::UnixListener as Blocking;
     use std::os::unix::net::UnixStream as Stream;
 
-    /// A folder of this test alone.
+    /// Creates a folder for one test.
     fn folder(name: &str) -> PathBuf {
         let folder = crate::scratch::path(name);
         fs::create_dir(&folder).unwrap();
@@ -160,11 +160,11 @@ mod tests {
     }
 
     #[test]
-    fn socket_appears_with_its_final_rights_and_leaves_nothing() {
+    fn socket_appears_with_its_permissions_and_leaves_no_files() {
         let folder = folder("rights");
         let path = folder.join("node.sock");
         let socket = bind(&path).unwrap();
-        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, RIGHTS);
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, PERMISSIONS);
         Stream::connect(&path).unwrap();
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
         drop(socket);
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn file_or_link_at_the_sockets_place_is_kept() {
+    fn file_or_link_at_the_socket_path_is_kept() {
         let folder = folder("kept");
         let (file, link) = (folder.join("results.csv"), folder.join("link"));
         fs::write(&file, "1,2,3").unwrap();
@@ -200,14 +200,14 @@ mod tests {
         let folder = folder("backlog");
         let path = folder.join("node.sock");
         let living = Blocking::bind(&path).unwrap();
-        assert_eq!(bind(&path).unwrap_err().to_string(), "another node listens here");
+        assert_eq!(bind(&path).unwrap_err().to_string(), "another node listens on this socket");
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         let mut waiting = Vec::new();
         while let Ok(stream) = runtime.block_on(UnixStream::connect(&path)) {
             waiting.push(stream);
         }
         let refused = bind(&path).unwrap_err().to_string();
-        assert_eq!(refused, "another node listens here and is busy");
+        assert_eq!(refused, "another node listens on this socket and is busy");
         drop((living, waiting));
         fs::remove_dir_all(&folder).unwrap();
     }

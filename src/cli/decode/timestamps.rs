@@ -1,23 +1,23 @@
-//! Stamps that go back: a log that was cut together, a clock that was set, a file in the wrong order.
+//! Detection of timestamps that go back: a concatenated log, a clock that was set, or a file in the wrong order.
 
 use std::fmt;
 
-/// Interfaces with a stamp of their own; further ones share the last.
+/// Maximum number of interfaces tracked separately; further ones share the last.
 const MAX_INTERFACES: usize = 32;
 
-/// The newest stamp of each interface, in ns. Interfaces of one log may overtake each other a little.
+/// Newest timestamp of each interface, in ns. Lines of different interfaces may be slightly out of order.
 #[derive(Debug, Default)]
-pub(super) struct Stamps {
+pub(super) struct Timestamps {
     newest: Vec<(String, u64)>,
 }
 
-/// Time in ns by which a stamp is earlier than the one before it on the same interface.
+/// Time in ns by which a timestamp is earlier than the previous one of the same interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct GoesBack(u64);
 
-impl Stamps {
-    /// Takes the next stamp of an interface.
-    pub(super) fn on_stamp(&mut self, interface: &str, nanos: u64) -> Option<GoesBack> {
+impl Timestamps {
+    /// Checks the next timestamp of an interface.
+    pub(super) fn on_timestamp(&mut self, interface: &str, nanos: u64) -> Option<GoesBack> {
         let is_full = self.newest.len() >= MAX_INTERFACES;
         let known = self.newest.iter().position(|(name, _)| name == interface);
         let place = known.or(is_full.then(|| self.newest.len().saturating_sub(1)));
@@ -31,13 +31,13 @@ impl Stamps {
     }
 }
 
-/// `stamp goes back 1.500000 s`.
+/// Formats as `timestamp goes back 1.500000 s`.
 impl fmt::Display for GoesBack {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self(nanos) = self;
         write!(
             f,
-            "stamp goes back {}.{:06} s",
+            "timestamp goes back {}.{:06} s",
             nanos / 1_000_000_000,
             nanos % 1_000_000_000 / 1_000
         )
@@ -49,18 +49,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_an_earlier_stamp_of_the_same_interface_goes_back() {
-        let mut stamps = Stamps::default();
+    fn earlier_timestamp_of_the_same_interface_goes_back() {
+        let mut stamps = Timestamps::default();
         let stamped = [("can0", 5), ("can1", 3), ("can0", 5), ("can0", 2), ("can0", 4)];
-        let back = stamped.map(|(interface, nanos)| stamps.on_stamp(interface, nanos));
+        let back = stamped.map(|(interface, nanos)| stamps.on_timestamp(interface, nanos));
         assert_eq!(back, [None, None, None, Some(GoesBack(3)), None]);
     }
 
     #[test]
-    fn any_number_of_interfaces_fits() {
-        let mut stamps = Stamps::default();
+    fn interfaces_beyond_the_maximum_share_one_entry() {
+        let mut stamps = Timestamps::default();
         for number in 0..1_000 {
-            stamps.on_stamp(&format!("can{number}"), number);
+            stamps.on_timestamp(&format!("can{number}"), number);
         }
         assert_eq!(stamps.newest.len(), MAX_INTERFACES);
     }

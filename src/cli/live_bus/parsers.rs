@@ -1,35 +1,35 @@
-//! Nodes, objects and numbers as people type them.
+//! Parsers of node-ids, objects and numbers on the command line.
 
 use canopen::NodeId;
 use canopen::object::Object;
 use canopen::value::numeral::hexadecimal;
 use canopen::value::numeral::whole;
 
-/// A node-id: `3`, `0x10`, `10h`.
+/// Parses a node-id: `3`, `0x10`, `10h`.
 pub(crate) fn node(text: &str) -> Result<NodeId, String> {
     let raw = whole(text).and_then(|number| u8::try_from(number).ok());
     let node = raw.and_then(|raw| NodeId::new(raw).ok());
-    node.ok_or_else(|| "not a node-id within 1 and 127".to_owned())
+    node.ok_or_else(|| "node-id must be within 1..=127".to_owned())
 }
 
-/// A node-id, or none (`None`) for `all`.
+/// Parses a node-id; `None` for `all`.
 pub(crate) fn node_or_all(text: &str) -> Result<Option<NodeId>, String> {
     if text == "all" { Ok(None) } else { node(text).map(Some) }
 }
 
-/// A node-id, or none for `none` and 255.
+/// Parses a node-id; `None` for `none` and 255.
 pub(crate) fn node_or_none(text: &str) -> Result<Option<NodeId>, String> {
     if text == "none" || whole(text) == Some(255) { Ok(None) } else { node(text).map(Some) }
 }
 
-/// Node-ids: `1-16,32`. In order, each once.
+/// Parses node-ids such as `1-16,32`; returns them sorted without duplicates.
 pub(crate) fn nodes(text: &str) -> Result<Vec<NodeId>, String> {
     let mut nodes = Vec::new();
     for part in text.split(',') {
         let (first, last) = part.split_once('-').unwrap_or((part, part));
         let (first, last) = (node(first)?, node(last)?);
         if first > last {
-            return Err("a range must begin before it ends, as 1-16".to_owned());
+            return Err("the first node-id of a range must not exceed the last, as 1-16".to_owned());
         }
         nodes.extend((first.raw()..=last.raw()).filter_map(|raw| NodeId::new(raw).ok()));
     }
@@ -38,10 +38,10 @@ pub(crate) fn nodes(text: &str) -> Result<Vec<NodeId>, String> {
     Ok(nodes)
 }
 
-/// An object: its index in hexadecimal, `6041`, `0x6041`, `6041h`; its sub-index, 0 if none is given, in
-/// decimal or as `0x1F`, `6041:0`, or in hexadecimal as an EDS has it, `1A00sub1`.
+/// Parses an object. The index is hexadecimal: `6041`, `0x6041`, `6041h`. The sub-index defaults to 0; it is decimal
+/// or as `0x1F` in `6041:0`, hexadecimal in the EDS notation `1A00sub1`.
 pub(crate) fn object(text: &str) -> Result<Object, String> {
-    let wrong = || "not INDEX or INDEX:SUB, as 6041 or 1018:4".to_owned();
+    let wrong = || "expected INDEX or INDEX:SUB, as 6041 or 1018:4".to_owned();
     let lower = text.to_ascii_lowercase();
     let (index, sub) = match (lower.split_once(':'), lower.split_once("sub")) {
         (Some((index, sub)), _) => (index, whole(sub).ok_or_else(wrong)?),
@@ -54,16 +54,16 @@ pub(crate) fn object(text: &str) -> Result<Object, String> {
     Ok(Object { index, sub: u8::try_from(sub).map_err(|_| wrong())? })
 }
 
-/// A length of time in s: more than nothing, a day at most.
+/// Parses a duration in s, above 0 and at most a day.
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     let seconds = text.parse::<f64>().ok().filter(|seconds| *seconds > 0.0 && *seconds <= 86_400.0);
-    seconds.ok_or_else(|| "must be a number above 0, and 86400 at most".to_owned())
+    seconds.ok_or_else(|| "must be a number above 0 and at most 86400".to_owned())
 }
 
-/// A number of 32 bits: `7`, `0x402`, `402h`.
+/// Parses an unsigned 32-bit number: `7`, `0x402`, `402h`.
 pub(crate) fn number(text: &str) -> Result<u32, String> {
     let number = whole(text).and_then(|number| u32::try_from(number).ok());
-    number.ok_or_else(|| "not a number of 32 bits".to_owned())
+    number.ok_or_else(|| "must be an unsigned 32-bit number".to_owned())
 }
 
 #[cfg(test)]
@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_object_is_written_in_many_ways() {
+    fn object_notations_are_equivalent() {
         for (text, index, sub) in [
             ("6041", 0x6041, 0),
             ("0x6041", 0x6041, 0),
@@ -127,7 +127,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_text_is_an_object_or_none(text in "\\PC{0,12}|[0-9a-fhxsub:]{0,12}") {
+        fn any_text_parses_or_fails_and_objects_round_trip(text in "\\PC{0,12}|[0-9a-fhxsub:]{0,12}") {
             if let Ok(found) = object(&text) {
                 prop_assert_eq!(object(&found.to_string()), Ok(found));
             }

@@ -1,5 +1,5 @@
-//! What a running node leaves behind, off the cycle's thread: the session on disk, fault records, the
-//! summary, the newest status, and lines for people.
+//! The recorder thread: passes the cycle thread's entries to the disk writers, the summary, the status for the console
+//! and the log.
 
 use std::sync::Arc;
 use std::sync::Mutex;
@@ -7,11 +7,11 @@ use std::sync::PoisonError;
 use std::thread;
 use std::time::Duration;
 
-use crate::archive::Archive;
-use crate::rings::Entries;
-use crate::rings::Lost;
-use crate::rings::Taker;
-use crate::time_line;
+use crate::disk_writers::DiskWriters;
+use crate::log_time;
+use crate::rings::EntryConsumer;
+use crate::rings::EntryHandler;
+use crate::rings::LossCounters;
 use canopen::frame::Telegram;
 use canopen::master::event::Event;
 use node::record::Mode;
@@ -21,36 +21,36 @@ use telemetry::summary::Summary;
 use telemetry::token_bucket::TokenBucket;
 use units::time::Instant;
 
-/// Time between two looks for entries. The recorder polls: a cycle that wakes it would make a system call.
+/// Polling interval of the rings. The recorder polls because waking it would cost the cycle thread a system call.
 const POLL: Duration = Duration::from_millis(5);
 
-/// Entries in a batch at most.
+/// Maximum number of entries in a batch.
 const MAX_BATCH: usize = 4_096;
 
-/// Time between two lines about the network during a boot, in the long run.
+/// Mean interval between log lines about the network during a boot.
 const BOOT_LINE_EVERY: Duration = Duration::from_millis(100);
 
-/// Lines at once during a boot: what it says of seven nodes.
+/// Burst of log lines during a boot: enough for seven nodes.
 const BOOT_LINES_AT_ONCE: u32 = 50;
 
-/// Time between two lines about the network afterwards, in the long run: a flood of forged frames is not read.
+/// Mean interval between log lines about the network after the boot; limits a flood of forged frames.
 const LINE_EVERY: Duration = Duration::from_secs(1);
 
-/// Lines at once afterwards: what six drives say that stop.
+/// Burst of log lines after the boot: enough for a stop of six drives.
 const LINES_AT_ONCE: u32 = 20;
 
 /// The newest status, for the console.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Latest(Arc<Mutex<Option<(Instant, Status)>>>);
+pub(super) struct LatestStatus(Arc<Mutex<Option<(Instant, Status)>>>);
 
-impl Latest {
-    /// The newest status, `None` before the first cycle.
+impl LatestStatus {
+    /// Returns the newest status, `None` before the first cycle.
     pub(super) fn get(&self) -> Option<Status> {
         let latest = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         latest.as_ref().map(|(_, status)| status.clone())
     }
 
-    /// Time of the SYNC that the newest status belongs to.
+    /// Returns the time of the SYNC of the newest status.
     pub(super) fn at(&self) -> Option<Instant> {
         let latest = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         latest.as_ref().map(|(at, _)| *at)
@@ -61,122 +61,125 @@ impl Latest {
     }
 }
 
-/// Takes entries until the cycle's thread has gone; returns the summary of them all. `names` are the
-/// nodes', in the order of their plans.
-pub(super) fn record(
-    mut entries: Taker,
-    archive: &mut Archive,
-    latest: &Latest,
+/// Records entries until the cycle thread has ended; returns the summary of the run. `names` are those of the nodes,
+/// in the order of their plans.
+pub(super) fn run(
+    mut entries: EntryConsumer,
+    writers: &mut DiskWriters,
+    latest: &LatestStatus,
     names: &[String],
-    lost: &Lost,
+    lost: &LossCounters,
 ) -> Summary {
     let mut recorder = Recorder {
-        archive,
+        writers,
         names,
         summary: Summary::default(),
         mode: Mode::Boot,
-        teller: Teller::new(),
+        event_log: EventLog::new(),
         now: Instant::ZERO,
         newest: None,
     };
     loop {
-        // In this order what was left at the end is taken too.
+        // Read before the last `take`, so that entries pushed before the end are not missed.
         let is_over = entries.is_abandoned();
         while entries.take(MAX_BATCH, &mut recorder) > 0 {
-            recorder.hand_on(latest, lost);
+            recorder.flush(latest, lost);
         }
-        recorder.pass_news();
+        recorder.log_messages();
         if is_over {
-            return recorder.end(lost);
+            return recorder.finish(lost);
         }
         thread::park_timeout(POLL);
     }
 }
 
-/// What is made of the entries, in their order.
+/// State of the recorder thread; handles entries in their order.
 #[derive(Debug)]
 struct Recorder<'a> {
-    archive: &'a mut Archive,
+    writers: &'a mut DiskWriters,
     names: &'a [String],
     summary: Summary,
     mode: Mode,
-    teller: Teller,
+    event_log: EventLog,
     now: Instant,
     newest: Option<Record>,
 }
 
-impl Entries for Recorder<'_> {
-    fn frame(&mut self, at: Instant, telegram: &Telegram) {
+impl EntryHandler for Recorder<'_> {
+    fn on_frame(&mut self, at: Instant, telegram: &Telegram) {
         self.now = self.now.max(at);
-        self.archive.frame(at, telegram);
+        self.writers.push_frame(at, telegram);
     }
 
-    fn record(&mut self, record: &Record) {
+    fn on_record(&mut self, record: &Record) {
         self.now = self.now.max(record.at);
-        self.archive.cycle(record);
+        self.writers.push_cycle(record);
         if record.mode != self.mode {
             self.mode = record.mode;
-            time_line::at(record.at, || announce(record));
+            log_time::stamp_with(record.at, || log_mode(record));
         }
         self.summary.add(record);
         self.newest = Some(*record);
     }
 
-    fn event(&mut self, event: &Event) {
-        time_line::at(self.now, || self.teller.tell(self.now, self.mode, event, self.names));
+    fn on_event(&mut self, event: &Event) {
+        log_time::stamp_with(self.now, || {
+            self.event_log.log(self.now, self.mode, event, self.names)
+        });
     }
 }
 
 impl Recorder<'_> {
-    /// Hands what was taken to the disks, and the newest status to the console.
-    fn hand_on(&mut self, latest: &Latest, lost: &Lost) {
-        self.archive.flush();
+    /// Hands the entries to the disk writers, and the newest status to the console.
+    fn flush(&mut self, latest: &LatestStatus, lost: &LossCounters) {
+        self.writers.flush();
         if let Some(record) = self.newest.take() {
-            latest.set(record.at, Status::of(&record, self.summary.missing_samples, lost.so_far()));
+            latest
+                .set(record.at, Status::of(&record, self.summary.missing_samples, lost.snapshot()));
         }
     }
 
-    fn pass_news(&mut self) {
-        while let Some(news) = self.archive.news() {
-            tracing::warn!("{news}");
+    fn log_messages(&mut self) {
+        while let Some(message) = self.writers.next_message() {
+            tracing::warn!("{message}");
         }
     }
 
-    fn end(mut self, lost: &Lost) -> Summary {
-        time_line::at(self.now, || self.teller.own_up());
-        self.summary.lost = lost.so_far();
+    fn finish(mut self, lost: &LossCounters) -> Summary {
+        log_time::stamp_with(self.now, || self.event_log.log_suppressed());
+        self.summary.lost = lost.snapshot();
         self.summary
     }
 }
 
-/// Tells what happens on the network, but no flood of it.
+/// Logs events on the network at a limited rate.
 #[derive(Debug)]
-struct Teller {
+struct EventLog {
     boot: TokenBucket,
     /// Outside of a boot.
     run: TokenBucket,
     suppressed: u64,
 }
 
-impl Teller {
+impl EventLog {
     const fn new() -> Self {
         let boot = TokenBucket::new(BOOT_LINE_EVERY, BOOT_LINES_AT_ONCE);
         let run = TokenBucket::new(LINE_EVERY, LINES_AT_ONCE);
         Self { boot, run, suppressed: 0 }
     }
 
-    fn tell(&mut self, now: Instant, mode: Mode, event: &Event, names: &[String]) {
+    fn log(&mut self, now: Instant, mode: Mode, event: &Event, names: &[String]) {
         let bucket = if mode == Mode::Boot { &mut self.boot } else { &mut self.run };
         if bucket.take(now) {
-            self.own_up();
-            tell(event, names);
+            self.log_suppressed();
+            log_event(event, names);
         } else {
             self.suppressed += 1;
         }
     }
 
-    /// Says how many lines were not told.
-    fn own_up(&mut self) {
+    /// Logs the number of lines suppressed since the last call, if any.
+    fn log_suppressed(&mut self) {
         match std::mem::take(&mut self.suppressed) {
             0 => {}
             suppressed => tracing::warn!("network: {suppressed} more suppressed"),
@@ -184,8 +187,8 @@ impl Teller {
     }
 }
 
-/// What happens on the network is worth a line, with the name of the node it is about.
-fn tell(event: &Event, names: &[String]) {
+/// Logs an event with the name of its node.
+fn log_event(event: &Event, names: &[String]) {
     let name = event.node().and_then(|node| names.get(node.0)).map_or("network", String::as_str);
     match event {
         Event::Booted
@@ -211,8 +214,8 @@ fn tell(event: &Event, names: &[String]) {
     }
 }
 
-/// A change of mode is worth a line.
-fn announce(record: &Record) {
+/// Logs a change of mode, and the cause of a stop.
+fn log_mode(record: &Record) {
     let mode = record.mode;
     match record.cause {
         Some(cause) => tracing::warn!(%mode, %cause, "mode"),
@@ -226,22 +229,22 @@ mod tests {
     use units::numbering::NodeIndex;
 
     #[test]
-    fn hazard_32_a_flood_of_events_is_told_by_a_few_lines_that_say_how_many_were_not() {
-        for (mode, most) in
+    fn hazard_32_flood_of_events_is_logged_at_a_limited_rate() {
+        for (mode, expected) in
             [(Mode::Boot, 50 + 14), (Mode::Engaged, 20 + 1), (Mode::ZeroTorque, 20 + 1)]
         {
-            let mut teller = Teller::new();
-            let mut told = 0;
+            let mut log = EventLog::new();
+            let mut logged = 0;
             for millis in 0..1_500 {
                 let now = Instant::from_micros(millis * 1_000);
-                let before = teller.suppressed;
-                teller.tell(now, mode, &Event::HeartbeatLost { node: NodeIndex(0) }, &[]);
-                told += u64::from(teller.suppressed != before + 1);
+                let before = log.suppressed;
+                log.log(now, mode, &Event::HeartbeatLost { node: NodeIndex(0) }, &[]);
+                logged += u64::from(log.suppressed != before + 1);
             }
-            assert_eq!(told, most, "{mode}");
-            assert!(teller.suppressed > 0);
-            teller.own_up();
-            assert_eq!(teller.suppressed, 0);
+            assert_eq!(logged, expected, "{mode}");
+            assert!(log.suppressed > 0);
+            log.log_suppressed();
+            assert_eq!(log.suppressed, 0);
         }
     }
 }

@@ -1,7 +1,6 @@
-//! A talk on one bus: the only loop of the bench tools, and the only place where they wait.
+//! A session on one bus: the event loop of the live-bus tools.
 //!
-//! In no hurry: a frame the driver has no room for is kept and sent a little later. The node's cycle
-//! must not do that, a tool may.
+//! A frame that the driver does not accept is queued and sent later. A tool may do so; the node's cycle must not.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -20,23 +19,23 @@ use canopen::frame::Telegram;
 use canopen::procedure::Procedure;
 use units::time::Instant;
 
-/// Whether to stop is looked at this often.
-const LOOK_EVERY: Duration = Duration::from_millis(50);
-/// A full transmit queue is tried again this often.
-const RETRY_EVERY: Duration = Duration::from_millis(1);
-/// With no room for so long, nothing leaves at all.
-const STUCK_AFTER: Duration = Duration::from_millis(500);
+/// Interval of checks of the stop flag.
+const STOP_POLL: Duration = Duration::from_millis(50);
+/// Interval of retries while the transmit queue of the driver is full.
+const RETRY_INTERVAL: Duration = Duration::from_millis(1);
+/// Time for which the transmit queue may be full before the session fails.
+const TRANSMIT_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Why a talk ended before its time.
+/// Reasons why a session ended early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SessionError {
-    /// Somebody wanted it to stop.
+    /// The stop flag was set.
     Interrupted,
     /// The interface went down or was unplugged.
     Down,
     /// The controller has left the bus.
     BusOff,
-    /// Frames do not leave.
+    /// The controller transmits no frames.
     Stuck,
 }
 
@@ -46,49 +45,47 @@ impl fmt::Display for SessionError {
             Self::Interrupted => "interrupted",
             Self::Down => "the interface is down",
             Self::BusOff => "bus-off: the controller has left the bus",
-            Self::Stuck => {
-                "frames do not leave: nobody acknowledges them, or the bit rate is another"
-            }
+            Self::Stuck => "no frame is transmitted: no node acknowledges, or the bit rate differs",
         })
     }
 }
 
 impl std::error::Error for SessionError {}
 
-/// One bus, and who talks on it.
+/// A session on one bus.
 #[derive(Debug)]
 pub struct Session<B> {
     bus: B,
     channel: Channel,
     stop: Arc<AtomicBool>,
-    /// What the driver had no room for yet, and since when.
+    /// Frames that the driver has not accepted yet.
     queue: VecDeque<Frame>,
     full_since: Option<Instant>,
-    /// Time does not run backwards, though stamps of frames may.
+    /// Newest time seen: timestamps of frames may go back, the session's time may not.
     latest: Instant,
 }
 
 impl<B: Bus> Session<B> {
-    /// On one bus of `bus`, until `stop` is set.
+    /// Returns a session on one channel of `bus`, which ends when `stop` is set.
     pub const fn new(bus: B, channel: Channel, stop: Arc<AtomicBool>) -> Self {
         let queue = VecDeque::new();
         Self { bus, channel, stop, queue, full_since: None, latest: Instant::ZERO }
     }
 
-    /// The time now.
+    /// Returns the current time.
     pub fn now(&self) -> Instant {
         self.bus.now().max(self.latest)
     }
 
-    /// The bus.
+    /// Returns the bus.
     pub const fn bus(&self) -> &B {
         &self.bus
     }
 
-    /// Begins a procedure and carries it to its end.
+    /// Begins a procedure and runs it to its outcome.
     ///
     /// # Errors
-    /// When the bus fails first, or it is to stop; the procedure has been abandoned then.
+    /// When the bus fails or `stop` is set; the procedure is then aborted.
     pub fn run<P: Procedure>(
         &mut self,
         begin: impl FnOnce(Instant, &mut Vec<Frame>) -> P,
@@ -96,17 +93,17 @@ impl<B: Bus> Session<B> {
         let mut out = Vec::new();
         let mut procedure = begin(self.now(), &mut out);
         self.queue.extend(out);
-        self.carry(&mut procedure)
+        self.resume(&mut procedure)
     }
 
-    /// Carries a procedure that has begun to its end, or to its next outcome if it has several.
+    /// Runs a procedure that has begun to its next outcome.
     ///
     /// # Errors
     /// As [`run`](Self::run).
-    pub fn carry<P: Procedure>(&mut self, procedure: &mut P) -> Result<P::Outcome, SessionError> {
+    pub fn resume<P: Procedure>(&mut self, procedure: &mut P) -> Result<P::Outcome, SessionError> {
         let mut out = Vec::new();
         loop {
-            self.post()?;
+            self.transmit()?;
             if self.stop.load(Ordering::Relaxed) {
                 procedure.abandon(self.now(), &mut out);
                 self.queue.extend(out);
@@ -129,24 +126,24 @@ impl<B: Bus> Session<B> {
         }
     }
 
-    /// Sends frames nothing is to come of.
+    /// Sends frames without waiting for responses.
     ///
     /// # Errors
     /// As [`run`](Self::run).
-    pub fn say(&mut self, frames: impl IntoIterator<Item = Frame>) -> Result<(), SessionError> {
+    pub fn send(&mut self, frames: impl IntoIterator<Item = Frame>) -> Result<(), SessionError> {
         self.queue(frames);
         self.flush()
     }
 
-    /// What a procedure begins with, to be sent when it is [carried](Self::carry) on.
+    /// Queues the first frames of a procedure; [`resume`](Self::resume) sends them.
     pub fn queue(&mut self, frames: impl IntoIterator<Item = Frame>) {
         self.queue.extend(frames);
     }
 
-    /// The next frame until `due`, if one comes that soon.
+    /// Returns the next frame received before `due`, if any.
     fn next(&mut self, due: Option<Instant>) -> Result<Option<Frame>, SessionError> {
         let now = self.now();
-        let look = now + if self.queue.is_empty() { LOOK_EVERY } else { RETRY_EVERY };
+        let look = now + if self.queue.is_empty() { STOP_POLL } else { RETRY_INTERVAL };
         let Some(received) = self.bus.receive(due.map_or(look, |due| due.min(look))) else {
             return Ok(None);
         };
@@ -165,8 +162,8 @@ impl<B: Bus> Session<B> {
         }
     }
 
-    /// Hands over all there is room for.
-    fn post(&mut self) -> Result<(), SessionError> {
+    /// Hands queued frames to the driver, as far as it accepts them.
+    fn transmit(&mut self) -> Result<(), SessionError> {
         while let Some(frame) = self.queue.front() {
             match self.bus.send(Telegram { channel: self.channel, frame: *frame }) {
                 Ok(()) => {
@@ -177,7 +174,7 @@ impl<B: Bus> Session<B> {
                 Err(SendError::Full) => {
                     let now = self.now();
                     let since = *self.full_since.get_or_insert(now);
-                    let is_stuck = now.since(since) >= STUCK_AFTER;
+                    let is_stuck = now.since(since) >= TRANSMIT_TIMEOUT;
                     return if is_stuck { Err(SessionError::Stuck) } else { Ok(()) };
                 }
             }
@@ -185,23 +182,23 @@ impl<B: Bus> Session<B> {
         Ok(())
     }
 
-    /// Hands over everything: the last word must be out before the program ends.
+    /// Hands all queued frames to the driver, so that an abort is sent before the program ends.
     fn flush(&mut self) -> Result<(), SessionError> {
-        self.post()?;
+        self.transmit()?;
         while !self.queue.is_empty() {
             self.next(None)?;
-            self.post()?;
+            self.transmit()?;
         }
         Ok(())
     }
 }
 
-/// What the user should look for.
+/// Describes a fault of the bus.
 const fn description(fault: BusFault) -> &'static str {
     match fault {
         BusFault::Warning => "many errors on the bus",
         BusFault::Overrun => "frames were lost before they were read",
-        BusFault::Passive => "error-passive: nobody acknowledges, or the bit rate is another",
+        BusFault::Passive => "error-passive: no node acknowledges, or the bit rate differs",
         BusFault::Off => "bus-off",
         BusFault::Down => "the interface is down",
     }
@@ -216,16 +213,16 @@ mod tests {
     use canopen::sdo::SdoError;
     use canopen::sdo::Transfer;
 
-    /// A bus nobody else is on.
+    /// A bus without other nodes.
     #[derive(Default)]
-    struct Lonely {
+    struct EmptyBus {
         now: Instant,
         room: usize,
         sent: Vec<Frame>,
         fault: Option<BusFault>,
     }
 
-    impl Bus for Lonely {
+    impl Bus for EmptyBus {
         fn now(&self) -> Instant {
             self.now
         }
@@ -252,7 +249,7 @@ mod tests {
 
     const TIMEOUT: Duration = Duration::from_millis(100);
 
-    fn session(bus: Lonely) -> Session<Lonely> {
+    fn session(bus: EmptyBus) -> Session<EmptyBus> {
         Session::new(bus, Channel(0), Arc::default())
     }
 
@@ -261,36 +258,36 @@ mod tests {
     }
 
     #[test]
-    fn silence_ends_with_the_deadline_and_the_last_word_is_out() {
-        let mut session = session(Lonely { room: 9, ..Lonely::default() });
+    fn timeout_ends_the_session_after_the_abort_is_sent() {
+        let mut session = session(EmptyBus { room: 9, ..EmptyBus::default() });
         assert_eq!(session.run(read), Ok(Err(SdoError::Timeout)));
         assert_eq!(session.bus.sent.len(), 2, "the request and its abort");
         assert_eq!(session.now(), Instant::ZERO + TIMEOUT);
     }
 
     #[test]
-    fn who_is_to_stop_says_so_before() {
-        let mut session = session(Lonely { room: 9, ..Lonely::default() });
+    fn interrupted_session_sends_the_abort_first() {
+        let mut session = session(EmptyBus { room: 9, ..EmptyBus::default() });
         session.stop.store(true, Ordering::Relaxed);
         assert_eq!(session.run(read), Err(SessionError::Interrupted));
         assert_eq!(session.bus.sent.len(), 2, "the request and its abort");
     }
 
     #[test]
-    fn what_never_leaves_is_told() {
-        let mut session = session(Lonely::default());
-        assert_eq!(session.say([Frame::new(0x80, [])]), Err(SessionError::Stuck));
-        assert!(session.now() >= Instant::ZERO + STUCK_AFTER);
+    fn full_transmit_queue_ends_the_session_as_stuck() {
+        let mut session = session(EmptyBus::default());
+        assert_eq!(session.send([Frame::new(0x80, [])]), Err(SessionError::Stuck));
+        assert!(session.now() >= Instant::ZERO + TRANSMIT_TIMEOUT);
     }
 
     #[test]
-    fn a_bus_that_fails_ends_the_talk_and_one_that_is_troubled_does_not() {
+    fn bus_faults_end_the_session_but_warnings_do_not() {
         for (fault, outcome) in [
             (BusFault::Down, Err(SessionError::Down)),
             (BusFault::Off, Err(SessionError::BusOff)),
             (BusFault::Passive, Ok(Err(SdoError::Timeout))),
         ] {
-            let bus = Lonely { room: 9, fault: Some(fault), ..Lonely::default() };
+            let bus = EmptyBus { room: 9, fault: Some(fault), ..EmptyBus::default() };
             assert_eq!(session(bus).run(read), outcome);
         }
     }

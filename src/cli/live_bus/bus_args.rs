@@ -1,12 +1,12 @@
-//! Which bus a tool talks on, and what is known of it.
+//! Selection of the bus of a tool, and its part of the configuration.
 
 use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::cli::bench::Session;
-use crate::cli::bench::SessionError;
-use crate::cli::bench::interrupt;
+use crate::cli::live_bus::Session;
+use crate::cli::live_bus::SessionError;
+use crate::cli::live_bus::stop_flag;
 use bus::SocketCan;
 use canopen::NodeId;
 use canopen::eds::Eds;
@@ -18,74 +18,74 @@ use run::exit::Failure;
 use run::exit::Kind;
 use run::exit::OrFail;
 
-/// What every tool takes to find its bus.
+/// Options that select the bus.
 #[derive(Debug, Args)]
-pub(crate) struct Line {
-    /// The SocketCAN interface; with a configuration also the name of one of its buses, or BUS=INTERFACE.
+pub(crate) struct BusArgs {
+    /// SocketCAN interface; with a configuration also the name of one of its buses, or BUS=INTERFACE.
     #[arg(short, long, value_name = "INTERFACE", global = true)]
     interface: Option<String>,
-    /// A configuration: its interface, its nodes and their EDS files.
+    /// Configuration with interface, nodes and EDS files.
     #[arg(short, long, value_name = "FILE", global = true)]
     config: Option<PathBuf>,
 }
 
-/// Whether a tool that commands or writes does so although a master runs.
+/// Permission to command or write while a master runs.
 #[derive(Clone, Copy, Debug, Args)]
-pub(crate) struct Beside {
-    /// Go on although a master sends SYNC on this bus: a node that runs there stops.
+pub(crate) struct ForceArg {
+    /// Proceed although a master sends SYNC on this bus; a running node stops.
     #[arg(long, global = true)]
     pub(crate) force: bool,
 }
 
-/// The bus that was meant.
+/// The selected bus.
 #[derive(Debug)]
-pub(crate) struct Known {
-    /// Its interface.
+pub(crate) struct SelectedBus {
+    /// SocketCAN interface.
     pub(crate) interface: String,
-    /// What was configured, and which of its buses this is.
+    /// Configuration, and the channel of this bus in it.
     pub(crate) configured: Option<(Config, Channel)>,
 }
 
-impl Line {
-    /// Finds the bus; opens nothing.
-    pub(crate) fn find(&self) -> Result<Known, Failure> {
+impl BusArgs {
+    /// Selects the bus without opening it.
+    pub(crate) fn select(&self) -> Result<SelectedBus, Failure> {
         let given = self.interface.as_deref();
         let Some(file) = &self.config else {
             let interface = given.ok_or_else(|| {
-                Failure::new(Kind::Usage, "which bus? Say -i INTERFACE or --config FILE")
+                Failure::new(Kind::Usage, "no bus selected: give -i INTERFACE or --config FILE")
             })?;
-            return Ok(Known { interface: interface.to_owned(), configured: None });
+            return Ok(SelectedBus { interface: interface.to_owned(), configured: None });
         };
         let config = Config::load(file).or_fail(Kind::Configuration)?;
         let (channel, interface) = choose(&config, given)?;
-        Ok(Known { interface, configured: Some((config, channel)) })
+        Ok(SelectedBus { interface, configured: Some((config, channel)) })
     }
 }
 
-impl Known {
+impl SelectedBus {
     /// Opens the interface.
     pub(crate) fn open(&self) -> Result<Session<SocketCan>, Failure> {
         let bus = SocketCan::open(std::slice::from_ref(&self.interface)).or_fail(Kind::Bus)?;
-        Ok(Session::new(bus, Channel(0), interrupt::flag()?))
+        Ok(Session::new(bus, Channel(0), stop_flag::new()?))
     }
 
-    /// Opens the interface to command or write: refused while a master sends SYNC there, unless forced.
+    /// Opens the interface to command or write; refuses while a master sends SYNC on it, unless forced.
     pub(crate) fn open_to_command(
         &self,
-        Beside { force }: Beside,
+        ForceArg { force }: ForceArg,
     ) -> Result<Session<SocketCan>, Failure> {
         let mut session = self.open()?;
         if force || !session.run(|now, _| Presence::start(now)).map_err(|error| self.fail(error))? {
             return Ok(session);
         }
         let reason = format!(
-            "{}: a master sends SYNC here, and would be disturbed; stop it first, or say --force",
+            "{}: a master sends SYNC on this bus and would be disturbed; stop it first, or add --force",
             self.interface
         );
         Err(Failure::new(Kind::Bus, reason))
     }
 
-    /// A talk on this bus that has ended before its time.
+    /// Converts the error of a session on this bus to a failure.
     pub(crate) fn fail(&self, error: SessionError) -> Failure {
         match error {
             SessionError::Interrupted => Failure::new(Kind::Negative, error),
@@ -95,14 +95,14 @@ impl Known {
         }
     }
 
-    /// What is configured to be on this bus; `None` without a configuration.
+    /// Returns the configured nodes of this bus; `None` without a configuration.
     pub(crate) fn plans(&self) -> Option<Vec<NodePlan>> {
         let (config, channel) = self.configured.as_ref()?;
         let plans = config.node_plans().into_iter().filter(|(of, _)| of == channel);
         Some(plans.map(|(_, plan)| plan).collect())
     }
 
-    /// What the configuration says of a node's objects.
+    /// Returns the EDS of a node of this bus, if configured.
     pub(crate) fn eds(&self, node: NodeId) -> Option<&Eds> {
         let (config, channel) = self.configured.as_ref()?;
         let is_it = |(of, id): (Channel, NodeId)| of == *channel && id == node;
@@ -112,8 +112,8 @@ impl Known {
     }
 }
 
-/// The bus of a configuration, and its interface: `joints`, `joints=can0`, `can0`, or nothing where there
-/// is one bus only.
+/// Selects a bus of a configuration and its interface by `joints`, `joints=can0` or `can0`; `None` selects the only
+/// bus.
 fn choose(config: &Config, given: Option<&str>) -> Result<(Channel, String), Failure> {
     let (name, interface) = match given.and_then(|given| given.split_once('=')) {
         Some((name, interface)) => (Some(name), Some(interface)),
@@ -128,19 +128,19 @@ fn choose(config: &Config, given: Option<&str>) -> Result<(Channel, String), Fai
     let found = name.map_or(only, named);
     match (found, only, name) {
         (Some((channel, bus)), ..) => Ok((channel, interface.unwrap_or(&bus.interface).to_owned())),
-        // An interface the configuration does not know, on the one bus there is.
+        // An interface that is not in the configuration, for its only bus.
         (None, Some((channel, _)), Some(given)) if interface.is_none() => {
             Ok((channel, given.to_owned()))
         }
         _ => {
             let names: Vec<&str> = config.buses.iter().map(|bus| bus.name.as_str()).collect();
-            let given =
-                given.map_or("which bus?".to_owned(), |given| format!("-i {given}: which bus?"));
+            let given = given
+                .map_or("no bus selected".to_owned(), |given| format!("-i {given}: unknown bus"));
             let example = names.first().unwrap_or(&"joints");
             Err(Failure::new(
                 Kind::Usage,
                 format!(
-                    "{given} Say -i {example}, or {example}=INTERFACE; there is {}",
+                    "{given}; expected -i BUS or BUS=INTERFACE, as {example} or {example}=can0, with BUS one of {}",
                     names.join(", ")
                 ),
             ))

@@ -1,4 +1,4 @@
-//! The one argument nearly every task has.
+//! `--config`, the option that nearly every command has.
 
 use std::path::PathBuf;
 
@@ -10,29 +10,29 @@ use crate::exit::OrFail;
 use config::Config;
 use config::trust::Trust;
 
-/// Where the configuration is.
+/// Path of the configuration.
 #[derive(Debug, Args)]
-pub struct Configured {
-    /// The configuration.
+pub struct ConfigArg {
+    /// Configuration file (TOML).
     #[arg(short, long, value_name = "FILE")]
     pub config: PathBuf,
 }
 
-/// The same for a task that tells drives what it says.
+/// Path of the configuration of a command that enables drives: the file must not be writable by others.
 #[derive(Debug, Args)]
-pub struct Guarded {
+pub struct TrustedConfigArg {
     #[command(flatten)]
-    configured: Configured,
-    /// Use configuration and EDS files that others may write, or that are symbolic links.
+    configured: ConfigArg,
+    /// Accept configuration and EDS files that other users may write, or that are symbolic links.
     #[arg(long)]
     insecure: bool,
 }
 
-impl Guarded {
-    /// Reads and checks it.
+impl TrustedConfigArg {
+    /// Loads and validates the configuration.
     pub(super) fn load(&self) -> Result<Config, Failure> {
         if self.insecure {
-            tracing::warn!("--insecure: whoever may write the configuration decides what moves");
+            tracing::warn!("--insecure: any user who can write the configuration controls the arm");
         }
         let trust = if self.insecure { Trust::Any } else { Trust::Guarded };
         Config::load_by(trust, &self.configured.config).or_fail(Kind::Configuration)

@@ -1,8 +1,8 @@
-//! Signals to a running node: some stop it in order, the others do nothing.
+//! Signals to a running node: some stop it in order, the others are ignored.
 //!
-//! Every signal whose default ends or stops a process is blocked in all threads and read here from a descriptor, so
-//! none interrupts a system call and none acts by its default. Excepted are SIGKILL and SIGSTOP, which cannot be
-//! blocked, those of a defect, and 32 and 33, which the C library keeps to itself.
+//! Every signal whose default action ends or stops a process is blocked in all threads and read here from a signalfd.
+//! So none interrupts a system call or has its default action. Exceptions are SIGKILL and SIGSTOP, which cannot be
+//! blocked, signals of a program error, and 32 and 33, which the C library reserves.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -17,8 +17,8 @@ use nix::sys::signal::raise;
 use nix::sys::signalfd::SfdFlags;
 use nix::sys::signalfd::SignalFd;
 
-/// Signals of a defect: the process must end, and leave its core.
-const DEFECTS: [Signal; 7] = [
+/// Signals of a program error: the process must end with a core dump.
+const PROGRAM_ERRORS: [Signal; 7] = [
     Signal::SIGABRT,
     Signal::SIGBUS,
     Signal::SIGFPE,
@@ -28,47 +28,48 @@ const DEFECTS: [Signal; 7] = [
     Signal::SIGTRAP,
 ];
 
-/// Signals whose default is harmless.
-const HARMLESS: [Signal; 4] = [Signal::SIGCHLD, Signal::SIGCONT, Signal::SIGURG, Signal::SIGWINCH];
+/// Signals whose default action neither ends nor stops a process.
+const IGNORED_BY_DEFAULT: [Signal; 4] =
+    [Signal::SIGCHLD, Signal::SIGCONT, Signal::SIGURG, Signal::SIGWINCH];
 
-/// Signals that stop the node in order. SIGXCPU comes before the limit of CPU time that kills.
-const STOPS: [Signal; 5] =
+/// Signals that stop the node in order. SIGXCPU is sent at the soft limit of CPU time, before SIGKILL at the hard one.
+const STOP_SIGNALS: [Signal; 5] =
     [Signal::SIGINT, Signal::SIGTERM, Signal::SIGQUIT, Signal::SIGPWR, Signal::SIGXCPU];
 
-/// Number of SIGHUP, which asks other programs to read their configuration again.
+/// Number of SIGHUP, which makes other daemons reload their configuration.
 const HANG_UP: u32 = 1;
 
 fn blocked() -> SigSet {
     let mut set = SigSet::all();
-    DEFECTS.into_iter().chain(HARMLESS).for_each(|signal| set.remove(signal));
+    PROGRAM_ERRORS.into_iter().chain(IGNORED_BY_DEFAULT).for_each(|signal| set.remove(signal));
     set
 }
 
-/// Blocks them in the calling thread and in those it starts from now on: call it before any is started.
+/// Blocks the signals in the calling thread and in threads it starts later. Call it before any is started.
 ///
 /// # Errors
-/// When the system refuses.
+/// When the signal mask cannot be set.
 pub fn block() -> io::Result<()> {
     Ok(blocked().thread_block()?)
 }
 
-/// Outcome of the signals sent to this process.
+/// Receiver of the signals sent to this process.
 #[derive(Debug)]
-pub(super) struct Orders(Arc<State>);
+pub(super) struct StopSignals(Arc<State>);
 
 #[derive(Debug, Default)]
 struct State {
-    /// A stop is in order from now on.
+    /// Set once a stop signal must stop the drives in order instead of ending the process.
     is_orderly: AtomicBool,
     stop: AtomicBool,
 }
 
-impl Orders {
-    /// Reads signals, since [`block`], in a thread of its own. One that stops ends the process at once until there is
-    /// something to stop in order.
+impl StopSignals {
+    /// Starts a thread that reads the signals blocked by [`block`]. A stop signal ends the process at once until
+    /// [`enable_orderly_stop`](Self::enable_orderly_stop).
     ///
     /// # Errors
-    /// When the system refuses a descriptor or a thread.
+    /// When the signalfd or the thread cannot be created.
     pub(super) fn start() -> io::Result<Self> {
         let signals = SignalFd::with_flags(&blocked(), SfdFlags::SFD_CLOEXEC)?;
         let state = Arc::new(State::default());
@@ -78,18 +79,18 @@ impl Orders {
         Ok(Self(state))
     }
 
-    /// From now on a signal that stops only sets what [`stopping`](Self::stopping) returns.
-    pub(super) fn become_orderly(&self) {
+    /// Makes later stop signals set [`is_stop_requested`](Self::is_stop_requested) instead of ending the process.
+    pub(super) fn enable_orderly_stop(&self) {
         self.0.is_orderly.store(true, Ordering::Release);
     }
 
-    /// Returns whether a signal asks for a stop.
-    pub(super) fn stopping(&self) -> bool {
+    /// Returns whether a stop signal was received.
+    pub(super) fn is_stop_requested(&self) -> bool {
         self.0.stop.load(Ordering::Acquire)
     }
 }
 
-/// Reads signals for as long as the process lives.
+/// Reads signals until the process ends.
 fn read(signals: &SignalFd, state: &State) {
     let mut counts: BTreeMap<u32, u64> = BTreeMap::new();
     while let Ok(Some(received)) = signals.read_signal() {
@@ -99,9 +100,9 @@ fn read(signals: &SignalFd, state: &State) {
         let (pid, uid) = (received.ssi_pid, received.ssi_uid);
         let count = counts.entry(number).or_default();
         *count += 1;
-        // No flood of them.
+        // Limits the log when a signal is sent repeatedly.
         let is_logged = count.is_power_of_two();
-        match signal.filter(|signal| STOPS.contains(signal)) {
+        match signal.filter(|signal| STOP_SIGNALS.contains(signal)) {
             Some(signal) if !state.is_orderly.load(Ordering::Acquire) => end_at_once(signal),
             Some(_) => {
                 let is_new = !state.stop.swap(true, Ordering::AcqRel);
@@ -115,7 +116,7 @@ fn read(signals: &SignalFd, state: &State) {
                 tracing::info!(
                     pid,
                     uid,
-                    "{name}: ignored, the configuration is read at the start alone"
+                    "{name}: ignored; the configuration is read only at the start"
                 );
             }
             None if is_logged => tracing::info!(pid, uid, count, "{name}: ignored"),
@@ -124,7 +125,7 @@ fn read(signals: &SignalFd, state: &State) {
     }
 }
 
-/// Ends the process as the signal does by default.
+/// Ends the process by the default action of the signal.
 fn end_at_once(signal: Signal) {
     let mut set = SigSet::empty();
     set.add(signal);
@@ -138,12 +139,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_signal_that_ends_or_stops_is_blocked_but_defects() {
+    fn signals_that_end_or_stop_are_blocked_except_program_errors() {
         let blocked = blocked();
         for signal in Signal::iterator() {
-            let is_kept = DEFECTS.contains(&signal) || HARMLESS.contains(&signal);
-            assert_eq!(blocked.contains(signal), !is_kept, "{signal}");
+            let is_default =
+                PROGRAM_ERRORS.contains(&signal) || IGNORED_BY_DEFAULT.contains(&signal);
+            assert_eq!(blocked.contains(signal), !is_default, "{signal}");
         }
-        assert!(STOPS.iter().all(|signal| blocked.contains(*signal)));
+        assert!(STOP_SIGNALS.iter().all(|signal| blocked.contains(*signal)));
     }
 }

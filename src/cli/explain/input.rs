@@ -1,4 +1,4 @@
-//! The question of `frhc explain` as JSON: on the command line, in a file or on stdin.
+//! JSON input of `frhc explain`: on the command line, in a file or on stdin.
 
 use std::ffi::OsStr;
 use std::io;
@@ -14,34 +14,34 @@ use lab::question::Question;
 use run::exit::Failure;
 use run::exit::Kind;
 
-/// Maximum length of a question, in bytes.
+/// Maximum length of the input, in bytes.
 const MAX_LENGTH: u64 = 1 << 20;
 
-/// A question by itself, or inside an object that says of which device it is.
+/// A question, and the device it is about if the input names one.
 #[derive(Debug, Default, Deserialize)]
-pub(super) struct Asked {
-    /// The device, which names a configuration.
+pub(super) struct Input {
+    /// Name of a shipped configuration, as `kraft_like`.
     pub(super) device: Option<String>,
     /// The question.
     #[serde(alias = "inputs")]
     pub(super) question: Question,
 }
 
-/// What the flags say of the question.
+/// Part of the question that the command-line flags give.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Flags {
     /// Nothing.
     Absent,
-    /// Something, but not where the arm is.
+    /// Some inputs, but not the joint positions.
     Some,
-    /// Where the arm is: no more is needed.
+    /// The joint positions: no further input is needed.
     Position,
 }
 
-/// Reads the question that `given` is, names, or asks to read from stdin.
+/// Reads the question: `given` is JSON, a file name, or `-` for stdin.
 ///
-/// Without one stdin is read, too, unless it is a terminal or the flags are enough.
-pub(super) fn read(given: Option<&OsStr>, flags: Flags) -> Result<Asked, Failure> {
+/// If it is absent, reads stdin unless that is a terminal or the flags suffice.
+pub(super) fn read(given: Option<&OsStr>, flags: Flags) -> Result<Input, Failure> {
     match given {
         Some(given) if given == "-" => parse("stdin", &stdin()?),
         Some(given) => match given.to_str().filter(|text| is_inline(text)) {
@@ -51,16 +51,16 @@ pub(super) fn read(given: Option<&OsStr>, flags: Flags) -> Result<Asked, Failure
                 parse(&name, &text(&name, files::open(given.as_ref()))?)
             }
         },
-        None if flags == Flags::Position || io::stdin().is_terminal() => Ok(Asked::default()),
+        None if flags == Flags::Position || io::stdin().is_terminal() => Ok(Input::default()),
         None => {
             let text = stdin()?;
             let is_answered_by_flags = text.trim().is_empty() && flags == Flags::Some;
-            if is_answered_by_flags { Ok(Asked::default()) } else { parse("stdin", &text) }
+            if is_answered_by_flags { Ok(Input::default()) } else { parse("stdin", &text) }
         }
     }
 }
 
-/// Returns whether this is JSON itself. A file of such a name can be called `./{…`.
+/// Returns whether this is JSON text. A file with such a name can be given as `./{…`.
 fn is_inline(text: &str) -> bool {
     text.trim_start().starts_with(['{', '['])
 }
@@ -76,13 +76,13 @@ fn text(name: &str, input: io::Result<impl Read>) -> Result<String, Failure> {
     Ok(text)
 }
 
-/// Reads it twice: as a value, to see whether a device is around it, and as itself, which finds duplicate keys.
-fn parse(name: &str, text: &str) -> Result<Asked, Failure> {
+/// Parses twice: as any JSON to find out whether it names a device, then as the type, which rejects duplicate keys.
+fn parse(name: &str, text: &str) -> Result<Input, Failure> {
     let wrong = |reason: String| Failure::new(Kind::Usage, format!("{name}: {reason}"));
     if text.trim().is_empty() {
         let reason =
             "empty; a question must be a JSON object such as {\"q\": [0, -0.8, 1.6, -0.7, 0, 0]}";
-        return Err(wrong(format!("{reason}, or flags such as --q; {{}} asks about the start")));
+        return Err(wrong(format!("{reason}, or flags such as --q; {{}} uses the start pose")));
     }
     let whole: Json = strict(text).map_err(wrong)?;
     let question = must_be_object("a question", &whole).map_err(wrong)?;
@@ -91,7 +91,7 @@ fn parse(name: &str, text: &str) -> Result<Asked, Failure> {
             must_be_object("the question", inner).map_err(wrong)?;
             strict(text).map_err(wrong)
         }
-        None => Ok(Asked { device: None, question: strict(text).map_err(wrong)? }),
+        None => Ok(Input { device: None, question: strict(text).map_err(wrong)? }),
     }
 }
 
@@ -99,7 +99,7 @@ fn strict<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     serde_json::from_str(text).map_err(|error| error.to_string())
 }
 
-/// The members of an object. An array of values would be taken in the order of the keys.
+/// Returns the members of an object. Serde would accept an array too, in the order of the fields.
 fn must_be_object<'j>(
     what: &str,
     json: &'j Json,

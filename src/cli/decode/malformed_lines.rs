@@ -1,25 +1,25 @@
-//! Lines that are not candump's: the first few by number and reason, all of them in the sum.
+//! Reports of lines that are not candump lines: the first few by number and reason, then their total.
 
-use crate::cli::decode::Counts;
+use crate::cli::decode::transcriber::Counts;
 use bus::candump::NotALine;
 use run::exit::Failure;
 use run::exit::Kind;
 use run::print;
 
-/// Malformed lines reported one by one. A binary file has thousands.
+/// Maximum number of lines reported one by one; a binary file has thousands.
 const MAX_REPORTED: u32 = 5;
 
 /// Reports malformed lines of one input.
 #[derive(Debug)]
-pub(super) struct Complaints {
+pub(super) struct MalformedLines {
     /// The input, as the user named it.
     input: String,
     is_quiet: bool,
     reported: u32,
 }
 
-impl Complaints {
-    /// About `input`; with `is_quiet` only an input without any valid line.
+impl MalformedLines {
+    /// Reports on `input`; with `is_quiet` only an input without any valid line.
     pub(super) const fn new(input: String, is_quiet: bool) -> Self {
         Self { input, is_quiet, reported: 0 }
     }
@@ -38,7 +38,7 @@ impl Complaints {
         }
     }
 
-    /// The sum: a failure where no line was candump's.
+    /// Prints the total; returns a failure if no line is a candump line.
     pub(super) fn conclude(&self, counts: Counts) -> Result<(), Failure> {
         let Counts { lines, malformed, .. } = counts;
         let input = &self.input;

@@ -1,4 +1,4 @@
-//! What the session recorder says between the frames of the buses: see `telemetry::session`.
+//! Lines that the session recorder writes between the frames of the buses: see `telemetry::session`.
 
 use std::fmt;
 
@@ -8,26 +8,26 @@ use node::record::Mode;
 use telemetry::session::NODE;
 use telemetry::session::WRENCH;
 
-/// A line of the recorder's.
+/// A line of the session recorder.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Pseudo {
+pub(super) enum RecorderLine {
     /// The wrench on the object at {S}: force in N, moment in N·m.
     Wrench([f64; 6]),
-    /// A cycle.
+    /// The end of a cycle.
     Cycle {
-        /// The node's mode.
+        /// Mode of the node.
         mode: Mode,
-        /// The switches; `None` while the switch box is silent.
+        /// Switch inputs; `None` before the first frame of the switch box.
         inputs: Option<Switches>,
-        /// Joints whose samples came, a bit each.
+        /// Bit mask of the joints whose samples were received.
         sampled: u8,
-        /// Its number.
+        /// Number of the cycle.
         number: u32,
     },
 }
 
-impl Pseudo {
-    /// Reads one, `None` if the line is of somebody else.
+impl RecorderLine {
+    /// Parses a line; `None` if the recorder has not written it.
     pub(super) fn read(line: &Line<'_>, data: &[u8]) -> Option<Self> {
         if (line.interface, line.id) == WRENCH {
             let (numbers, rest) = data.as_chunks::<8>();
@@ -43,7 +43,7 @@ impl Pseudo {
         Some(Self::Cycle { mode, inputs, sampled, number: u32::from_le_bytes([c0, c1, c2, c3]) })
     }
 
-    /// What it is called.
+    /// Returns the name of the line's kind.
     pub(super) const fn name(&self) -> &'static str {
         match self {
             Self::Wrench(_) => "wrench",
@@ -52,10 +52,10 @@ impl Pseudo {
     }
 }
 
-/// Inputs of a switch box that is not there.
+/// Inputs byte before the first frame of the switch box.
 const SILENT: u8 = 0xFF;
 
-impl fmt::Display for Pseudo {
+impl fmt::Display for RecorderLine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Wrench([x, y, z, a, b, c]) => {
@@ -77,10 +77,10 @@ impl fmt::Display for Pseudo {
     }
 }
 
-/// The six joints.
+/// Bit mask of the six joints.
 const ALL: u8 = 0b11_1111;
 
-/// Joints by number, the base's being 1.
+/// Bit mask shown as joint numbers from 1, base first.
 struct Joints(u8);
 
 impl fmt::Display for Joints {

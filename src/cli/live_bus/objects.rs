@@ -1,9 +1,9 @@
-//! One object of one node, read or written on any bus.
+//! Reading and writing one object of one node.
 
 use std::fmt;
 
-use crate::cli::bench::Session;
-use crate::cli::bench::SessionError;
+use crate::cli::live_bus::Session;
+use crate::cli::live_bus::SessionError;
 use bus::Bus;
 use canopen::NodeId;
 use canopen::object::Object;
@@ -13,45 +13,45 @@ use canopen::sdo::Terms;
 use canopen::sdo::Transfer;
 use canopen::value::Octets;
 
-/// Which object of which node, and on which terms it is carried.
+/// An object of a node, and the terms of its transfer.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
-    /// The node.
+    /// Node-id.
     pub node: NodeId,
-    /// The object.
+    /// Object.
     pub object: Object,
-    /// How long the node has for each answer, in segments or in blocks.
+    /// Response timeout, and segmented or block transfer.
     pub terms: Terms,
 }
 
-/// Why it was not read or written.
+/// Error of reading or writing an object.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ObjectError {
-    /// The bus.
+    /// The bus failed, or the session was interrupted.
     Session(SessionError),
-    /// The node.
+    /// The node aborted the transfer or did not respond.
     Node {
-        /// Which.
+        /// Node-id.
         node: NodeId,
-        /// About which object.
+        /// Object.
         object: Object,
-        /// What it said.
+        /// Error of the transfer.
         error: SdoError,
     },
-    /// The node took it, and holds something else.
+    /// The value read back differs from the one written.
     Differs {
-        /// Which.
+        /// Node-id.
         node: NodeId,
-        /// Which object.
+        /// Object.
         object: Object,
-        /// What was written.
+        /// Bytes written.
         written: Vec<u8>,
-        /// What it holds.
+        /// Bytes read back.
         read: Vec<u8>,
     },
 }
 
-/// `node 3: 6071h refused: 06090030h value is invalid`.
+/// Formats as `node 3: 6071h refused: 06090030h value is invalid`.
 impl fmt::Display for ObjectError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -72,20 +72,20 @@ impl fmt::Display for ObjectError {
 
 impl std::error::Error for ObjectError {}
 
-/// Reads what an object holds.
+/// Reads the value of an object.
 ///
 /// # Errors
-/// When bus or node do not give it.
+/// When the bus fails, or the node aborts or does not respond.
 pub fn read<B: Bus>(session: &mut Session<B>, target: Target) -> Result<Content, ObjectError> {
     let Target { node, object, terms } = target;
     let outcome = session.run(|now, out| Transfer::read_on(terms, node, object, now, out));
     outcome.map_err(ObjectError::Session)?.map_err(|error| target.failed(error))
 }
 
-/// Writes `bytes`, and reads them back if they are to be verified.
+/// Writes `bytes`; with `verify` reads them back and compares.
 ///
 /// # Errors
-/// When bus or node do not take it, or the object then holds something else.
+/// As [`read`], or when the value read back differs.
 pub fn write<B: Bus>(
     session: &mut Session<B>,
     target: Target,
@@ -97,13 +97,13 @@ pub fn write<B: Bus>(
     let transfer = Transfer::write_on(terms, node, object, bytes.to_vec(), session.now(), &mut out);
     let mut transfer = transfer.map_err(|error| target.failed(error))?;
     session.queue(out);
-    let outcome = session.carry(&mut transfer);
+    let outcome = session.resume(&mut transfer);
     outcome.map_err(ObjectError::Session)?.map_err(|error| target.failed(error))?;
     if !verify {
         return Ok(());
     }
     let content = read(session, target)?;
-    // A reply without a size has four bytes, of which the type decides how many count.
+    // An expedited response without size has four bytes, of which the type uses some.
     if content.exactly(bytes.len()) == Some(bytes) {
         return Ok(());
     }

@@ -1,4 +1,4 @@
-//! SIGINT and SIGTERM end a talk in order: what is in the middle of something is told so.
+//! A flag set by SIGINT and SIGTERM: a session then aborts its transfer in order.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -12,14 +12,14 @@ use run::exit::Kind;
 use run::exit::OrFail;
 use run::signals;
 
-/// A flag that is set by the first of these signals. Its thread ends with the process.
-pub(super) fn flag() -> Result<Arc<AtomicBool>, Failure> {
+/// Returns a flag that the first of these signals sets. Its thread ends with the process.
+pub(super) fn new() -> Result<Arc<AtomicBool>, Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.context("no runtime").or_fail(Kind::Bus)?;
+    let runtime = runtime.context("cannot start the async runtime").or_fail(Kind::Bus)?;
     let stop = Arc::new(AtomicBool::new(false));
     let set = Arc::clone(&stop);
     thread::spawn(move || {
-        runtime.block_on(signals::wait());
+        runtime.block_on(signals::wait_for_stop());
         set.store(true, Ordering::Relaxed);
     });
     Ok(stop)

@@ -1,0 +1,17 @@
+//! Short exchanges with nodes on a live bus, for the tools `scan`, `sdo`, `nmt` and `lss`.
+//!
+//! An exchange is a [`Procedure`](canopen::procedure::Procedure); a [`Session`] runs it on any [`Bus`](bus::Bus), so
+//! the tests need no SocketCAN. `-i` or a configuration selects the interface.
+
+mod bus_args;
+pub mod objects;
+pub(super) mod parsers;
+pub mod session;
+mod stop_flag;
+
+pub(super) use bus_args::BusArgs;
+pub(super) use bus_args::ForceArg;
+pub(super) use bus_args::SelectedBus;
+
+pub use session::Session;
+pub use session::SessionError;

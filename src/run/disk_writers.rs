@@ -1,0 +1,280 @@
+//! One writer thread for the session and one for the fault records: a stalled disk delays only its own recording.
+//!
+//! The recorder thread hands every entry to both in batches, to the fault records first. The fault records' thread
+//! keeps the last 2 s in memory, so a trip is complete even when the session's disk stalls. After about 5 s of
+//! stall the queue is full; further batches are dropped and counted.
+
+use std::sync::Arc;
+use std::sync::mpsc::Receiver;
+use std::sync::mpsc::Sender;
+use std::sync::mpsc::SyncSender;
+use std::sync::mpsc::channel;
+use std::sync::mpsc::sync_channel;
+use std::thread;
+use std::thread::JoinHandle;
+
+use anyhow::Context;
+
+use crate::fault_records::FaultRecords;
+use crate::record_sink::RecordSink;
+use crate::rings::LossCounters;
+use crate::run_recorder::RunRecorder;
+use crate::session::Session;
+use canopen::frame::Telegram;
+use node::record::Record;
+use telemetry::summary::Summary;
+use units::time::Instant;
+
+/// Capacity of a writer's queue in batches: 5 s at one batch per poll of the recorder thread.
+const QUEUE_CAPACITY: usize = 1_000;
+
+/// Stack of a writer thread, in bytes. It is locked memory; the default is eight times as large.
+pub(super) const STACK: usize = 256 * 1_024;
+
+/// A frame or cycle to be written.
+#[derive(Debug)]
+enum Entry {
+    Frame(Instant, Telegram),
+    Cycle(Box<Record>),
+}
+
+/// Entries in their order on the buses.
+type Batch = Arc<[Entry]>;
+
+/// The writer threads of a run.
+#[derive(Debug)]
+pub(super) struct DiskWriters {
+    faults: Option<Writer<FaultRecords>>,
+    session: Option<Writer<Session>>,
+    batch: Vec<Entry>,
+    message: Option<String>,
+    lost: LossCounters,
+}
+
+impl DiskWriters {
+    /// Starts one thread for each part of `recorder`.
+    ///
+    /// # Errors
+    /// When a thread cannot be started.
+    pub(super) fn start(recorder: RunRecorder, lost: LossCounters) -> anyhow::Result<Self> {
+        let RunRecorder { faults, session, message } = recorder;
+        let faults = faults.map(|faults| Writer::spawn("frhc-faults", faults)).transpose()?;
+        let session = session.map(|session| Writer::spawn("frhc-session", session)).transpose()?;
+        Ok(Self { faults, session, batch: Vec::new(), message, lost })
+    }
+
+    /// Adds a frame to the batch.
+    pub(super) fn push_frame(&mut self, at: Instant, telegram: &Telegram) {
+        self.batch.push(Entry::Frame(at, *telegram));
+    }
+
+    /// Adds a cycle to the batch.
+    pub(super) fn push_cycle(&mut self, record: &Record) {
+        self.batch.push(Entry::Cycle(Box::new(*record)));
+    }
+
+    /// Hands the batch to the writers, to the fault records first. Never blocks.
+    pub(super) fn flush(&mut self) {
+        let batch: Batch = self.batch.drain(..).collect();
+        if batch.is_empty() {
+            return;
+        }
+        let lost = |writer: &Result<(), u64>| writer.err().unwrap_or(0);
+        let of_faults = self.faults.as_ref().map_or(Ok(()), |writer| writer.send(&batch));
+        let of_session = self.session.as_ref().map_or(Ok(()), |writer| writer.send(&batch));
+        self.lost.add_fault_records(lost(&of_faults));
+        self.lost.add_session(lost(&of_session));
+    }
+
+    /// Returns the next message to log, if there is one.
+    pub(super) fn next_message(&mut self) -> Option<String> {
+        let message = self.message.take();
+        let message = message.or_else(|| self.faults.as_ref().and_then(Writer::next_message));
+        message.or_else(|| self.session.as_ref().and_then(Writer::next_message))
+    }
+
+    /// Waits for the threads and returns their sinks.
+    ///
+    /// # Errors
+    /// When a thread has panicked.
+    pub(super) fn close(mut self) -> anyhow::Result<RunRecorder> {
+        self.flush();
+        let faults = self.faults.map(Writer::close).transpose()?;
+        let session = self.session.map(Writer::close).transpose()?;
+        Ok(RunRecorder { faults, session, message: self.message })
+    }
+
+    /// Waits for the threads and closes their recordings, as [`RunRecorder::finish`] does.
+    ///
+    /// # Errors
+    /// As [`RunRecorder::finish`], or when a thread has panicked.
+    pub(super) fn finish(self, summary: &Summary) -> (Option<String>, anyhow::Result<()>) {
+        match self.close() {
+            Ok(recorder) => recorder.finish(summary),
+            Err(error) => (None, Err(error)),
+        }
+    }
+}
+
+/// A thread that writes batches to its sink, and the queue to it.
+#[derive(Debug)]
+struct Writer<T> {
+    name: &'static str,
+    batches: SyncSender<Batch>,
+    messages: Receiver<String>,
+    thread: JoinHandle<T>,
+}
+
+impl<T: RecordSink> Writer<T> {
+    fn spawn(name: &'static str, sink: T) -> anyhow::Result<Self> {
+        let (batches, received) = sync_channel(QUEUE_CAPACITY);
+        let (sender, messages) = channel();
+        let thread = thread::Builder::new().name(name.to_owned()).stack_size(STACK);
+        let thread = thread.spawn(move || write(sink, &received, &sender));
+        let thread = thread.with_context(|| format!("cannot start thread {name}"))?;
+        Ok(Self { name, batches, messages, thread })
+    }
+
+    /// Queues a batch without blocking; returns the number of entries dropped when the queue is full.
+    fn send(&self, batch: &Batch) -> Result<(), u64> {
+        let sent = self.batches.try_send(Arc::clone(batch));
+        sent.map_err(|_| u64::try_from(batch.len()).unwrap_or(u64::MAX))
+    }
+
+    fn next_message(&self) -> Option<String> {
+        self.messages.try_recv().ok()
+    }
+
+    fn close(self) -> anyhow::Result<T> {
+        drop(self.batches);
+        let sink = self.thread.join();
+        self.messages.try_iter().for_each(|message| tracing::warn!("{message}"));
+        sink.map_err(|_| anyhow::anyhow!("thread {} panicked", self.name))
+    }
+}
+
+/// Writes batches until the sender is dropped; returns the sink.
+fn write<T: RecordSink>(mut sink: T, batches: &Receiver<Batch>, messages: &Sender<String>) -> T {
+    for batch in batches {
+        for entry in &*batch {
+            match entry {
+                Entry::Frame(at, telegram) => sink.on_frame(*at, telegram),
+                Entry::Cycle(record) => sink.on_cycle(record),
+            }
+        }
+        while let Some(message) = sink.next_message() {
+            // The receiver is gone once the run has ended.
+            messages.send(message).ok();
+        }
+    }
+    sink
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::fs::File;
+    use std::io::Read;
+    use std::io::pipe;
+    use std::os::fd::OwnedFd;
+    use std::path::Path;
+    use std::time::Duration;
+
+    use super::*;
+    use crate::provenance::Provenance;
+    use canopen::frame::Channel;
+    use canopen::frame::Frame;
+    use config::Config;
+    use lab::bench::Bench;
+    use node::cause::Cause;
+    use node::record::Mode;
+    use sim::scenario::Scenario;
+    use units::numbering::Joint;
+
+    /// Frames on two full buses in a cycle of 1 ms.
+    const FRAMES: u64 = 18;
+
+    const LIMIT: Duration = Duration::from_secs(60);
+
+    fn provenance() -> Provenance {
+        Provenance { interfaces: vec!["can0".to_owned()], ..Provenance::default() }
+    }
+
+    fn any_record() -> Record {
+        let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
+        Bench::new(&config, Scenario::parse("seconds = 1").unwrap(), 1, false, ()).cycle()
+    }
+
+    /// Pushes cycles of 1 ms with their frames, and flushes every fifth, as the recorder thread does.
+    fn push_cycles(writers: &mut DiskWriters, cycles: std::ops::Range<u64>, record: &Record) {
+        for cycle in cycles {
+            let begun = 1_000 * cycle;
+            for frame in 0..FRAMES {
+                let at = Instant::from_micros(begun + 50 * frame);
+                let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x80, []) };
+                writers.push_frame(at, &telegram);
+            }
+            writers.push_cycle(&Record { cycle, at: Instant::from_micros(begun), ..*record });
+            if cycle % 5 == 4 {
+                writers.flush();
+            }
+        }
+    }
+
+    #[test]
+    fn hazard_32_a_stalled_session_disk_leaves_faults_complete() {
+        let folder = crate::scratch::path("stalled");
+        // A pipe without a reader accepts 64 kB and then blocks its writer, as a stalled disk does.
+        let (mut unread, disk) = pipe().unwrap();
+        let disk = File::from(OwnedFd::from(disk));
+        let session = Some(Session::onto(disk, &folder, &provenance()));
+        let faults = Some(FaultRecords::open(&folder, &provenance()).unwrap());
+        let lost = LossCounters::default();
+        let recorder = RunRecorder { session, faults, message: None };
+        let mut writers = DiskWriters::start(recorder, lost.clone()).unwrap();
+
+        let record = any_record();
+        let engaged = Record { mode: Mode::Engaged, cause: None, ..record };
+        push_cycles(&mut writers, 0..2_000, &engaged);
+        let cause = Some(Cause::SamplesMissing { joint: Joint::of::<3>(), cycles: 3 });
+        let stopped = Record { mode: Mode::ZeroTorque, cause, ..record };
+        push_cycles(&mut writers, 2_000..3_005, &stopped);
+        // The record is on its disk while the session's disk is still stalled.
+        let message = writers.faults.as_ref().unwrap().messages.recv_timeout(LIMIT).unwrap();
+        assert!(message.contains("001-2000-samples-missing"), "{message}");
+
+        let session = thread::spawn(move || {
+            let mut log = String::new();
+            unread.read_to_string(&mut log).unwrap();
+            log
+        });
+        let RunRecorder { session: closed, faults, .. } = writers.close().unwrap();
+        assert!(faults.unwrap().finish().unwrap().contains("001-2000-samples-missing"));
+        drop(closed);
+        let log = fs::read_to_string(folder.join("001-2000-samples-missing/bus.log")).unwrap();
+        let frames = |log: &str| log.lines().filter(|line| line.contains(" can0 ")).count();
+        // From 2 s before the last frame of the cycle that tripped to 1 s after its SYNC.
+        assert_eq!(frames(&log), 3_000 * usize::try_from(FRAMES).unwrap() - 17);
+        assert_eq!(frames(&session.join().unwrap()), 3_005 * usize::try_from(FRAMES).unwrap());
+        assert!(lost.snapshot().is_empty(), "{}", lost.snapshot());
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn hazard_32_hung_disk_drops_entries_and_counts_them() {
+        let folder = crate::scratch::path("hangs");
+        let (unread, disk) = pipe().unwrap();
+        let disk = File::from(OwnedFd::from(disk));
+        let session = Some(Session::onto(disk, &folder, &provenance()));
+        let lost = LossCounters::default();
+        let recorder = RunRecorder { session, ..RunRecorder::default() };
+        let mut writers = DiskWriters::start(recorder, lost.clone()).unwrap();
+        push_cycles(&mut writers, 0..7_000, &any_record());
+        let of_session = lost.snapshot().of_session;
+        assert!(of_session > 0 && of_session % (5 * (FRAMES + 1)) == 0, "{of_session}");
+        // The disk is gone: the thread ends and reports why the recording stopped.
+        drop(unread);
+        let mut session = writers.close().unwrap().session.unwrap();
+        assert_eq!(session.next_message(), None, "already reported");
+    }
+}

@@ -1,5 +1,5 @@
-//! Faults between the node and a [`Memory`](crate::Memory) bus: adapter, driver, process and host clocks. The
-//! simulation has the faults of devices.
+//! The faults that the [`Memory`](crate::Memory) applies at any moment: those of the adapter and its driver, of the
+//! process and of the host's clocks. The faults of devices are the simulation's.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -9,124 +9,150 @@ use crate::Received;
 use crate::SendError;
 use canopen::frame::Channel;
 use canopen::frame::Frame;
+use faults::Disturbance;
+use faults::Fault;
+use faults::HostFault;
+use faults::Kind;
+use faults::Target;
 use units::time::Instant;
 
-/// Maximum frames that a stalled adapter holds back; later ones are lost.
+/// Most frames that a stalled adapter keeps; later ones are lost.
 const MAX_HELD: usize = 32;
 
-/// Fault of one bus, until it is cleared.
+/// A change of bus or host at a moment of virtual time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Disturbance {
-    /// The controller reports this once. After `Off` frames are accepted, but none is sent or received; after `Down`
-    /// none is accepted; the others have no further effect.
-    Fault(BusFault),
-    /// The transmit queue is full: no frame is accepted. Reception works.
-    Full,
-    /// Frames are accepted and lost, none is received: the adapter's firmware has stopped.
-    Stuck,
-    /// Frames are accepted until the queue is full, none is received. At the end all are sent and received at once, as
-    /// by an adapter that stalls.
-    Stalled,
-    /// No frame is accepted or received, and no fault is reported: the interface is down.
-    Down,
-    /// Another station sends this frame whenever it wins arbitration.
-    Flood(Frame),
-}
-
-/// Fault of the host, scheduled at any phase of a cycle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum HostFault {
-    /// Sets the fault of a bus; `None` clears it.
+pub(super) enum Change {
+    /// A bus is disturbed; `None` ends it.
     Bus(Channel, Option<Disturbance>),
-    /// The process is stopped for this time; its buses are not.
-    Stopped(Duration),
-    /// The process is stopped right after the next frame with this identifier was sent or read.
-    StoppedAfter(u16, Duration),
-    /// The host is suspended for this time; its buses are not.
-    Suspended(Duration),
-    /// The wall clock is set to this time since 1970.
-    ClockSet(Duration),
+    /// The process does not run for this long.
+    Stop(Duration),
+    /// The same, after the next frame with this COB-ID.
+    StopAfter(u16, Duration),
+    /// The host is suspended for this long.
+    Suspend(Duration),
+    /// The wall clock is set to this, since 1970.
+    SetClock(Duration),
 }
 
-/// Scheduled faults, the earliest first.
+/// Changes to come, the earliest first.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Schedule(Vec<(Instant, HostFault)>);
+pub(super) struct Schedule(Vec<(Instant, Change)>);
 
 impl Schedule {
-    /// Schedules `host_fault`; those of the same time keep their order.
-    pub(super) fn add(&mut self, at: Instant, host_fault: HostFault) {
-        let place = self.0.partition_point(|(planned, _)| *planned <= at);
-        self.0.insert(place, (at, host_fault));
+    /// Adds what a fault changes, and when; `zero` is the first SYNC. A fault of a device changes nothing here.
+    pub(super) fn add_fault(&mut self, zero: Instant, fault: &Fault) {
+        let at = zero + fault.start;
+        let span = fault.duration.unwrap_or_default();
+        match (fault.kind, fault.target) {
+            (Kind::Bus(disturbance), Target::Bus(channel)) => {
+                self.add(at, Change::Bus(channel, Some(disturbance)));
+                if let Some(duration) = fault.duration {
+                    self.add(at + duration, Change::Bus(channel, None));
+                }
+            }
+            (Kind::Host(HostFault::ProcessStopped), _) => self.add(at, Change::Stop(span)),
+            (Kind::Host(HostFault::ProcessStoppedAfter(cob_id)), _) => {
+                self.add(at, Change::StopAfter(cob_id, span));
+            }
+            (Kind::Host(HostFault::Suspended), _) => self.add(at, Change::Suspend(span)),
+            (Kind::Host(HostFault::ClockSet(wall)), _) => self.add(at, Change::SetClock(wall)),
+            (
+                Kind::Bus(_)
+                | Kind::Disconnection(_)
+                | Kind::Frames(_)
+                | Kind::Imitation { .. }
+                | Kind::Device(_)
+                | Kind::Sensor(_)
+                | Kind::Contact(..)
+                | Kind::ForeignFrame { .. }
+                | Kind::Link(_)
+                | Kind::SensedForce(_),
+                _,
+            ) => {}
+        }
     }
 
-    /// Returns the time of the next fault.
+    /// Adds a change, behind those of the same moment.
+    fn add(&mut self, at: Instant, change: Change) {
+        let place = self.0.partition_point(|(planned, _)| *planned <= at);
+        self.0.insert(place, (at, change));
+    }
+
+    /// Returns the time of the next change.
     pub(super) fn next(&self) -> Option<Instant> {
         self.0.first().map(|(at, _)| *at)
     }
 
-    /// Removes and returns the next fault, if it is due.
-    pub(super) fn due(&mut self, now: Instant) -> Option<HostFault> {
+    /// Takes the next change if it is due.
+    pub(super) fn due(&mut self, now: Instant) -> Option<Change> {
         self.next().filter(|at| *at <= now)?;
         Some(self.0.remove(0).1)
     }
 }
 
-/// Node side of one bus: adapter and its fault.
+/// The node's adapter to one bus, and its disturbance.
 #[derive(Clone, Debug)]
 pub(super) struct Adapter {
-    wrong: Option<Disturbance>,
+    disturbance: Option<Disturbance>,
     held: VecDeque<Received>,
     confirmed_at: Instant,
 }
 
-/// Fate of an accepted frame.
+/// State of a frame that the adapter has accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Taken {
-    /// Waits for the wire.
+    /// The frame waits for the wire.
     Queued,
-    /// Lost.
+    /// The frame never reaches the wire.
     Lost,
 }
 
 impl Adapter {
-    /// Creates an adapter without fault.
+    /// An adapter without a disturbance.
     pub(super) fn new() -> Self {
-        Self { wrong: None, held: VecDeque::with_capacity(MAX_HELD), confirmed_at: Instant::ZERO }
+        Self {
+            disturbance: None,
+            held: VecDeque::with_capacity(MAX_HELD),
+            confirmed_at: Instant::ZERO,
+        }
     }
 
-    /// Sets the fault, and releases the frames held back so far.
+    /// Sets the disturbance, and returns the frames that were held back until now.
     pub(super) fn disturb(
         &mut self,
-        wrong: Option<Disturbance>,
+        disturbance: Option<Disturbance>,
     ) -> impl Iterator<Item = Received> + '_ {
-        self.wrong = wrong;
+        self.disturbance = disturbance;
         self.held.drain(..)
     }
 
-    /// Accepts or refuses a frame of the node.
+    /// Returns what the adapter does with a frame of the node.
     pub(super) const fn take(&self) -> Result<Taken, SendError> {
-        match self.wrong {
-            Some(Disturbance::Full) => Err(SendError::Full),
-            Some(Disturbance::Down | Disturbance::Fault(BusFault::Down)) => Err(SendError::Down),
-            Some(Disturbance::Stuck | Disturbance::Fault(BusFault::Off)) => Ok(Taken::Lost),
+        match self.disturbance {
+            Some(Disturbance::QueueFull) => Err(SendError::Full),
+            Some(Disturbance::InterfaceDown | Disturbance::AdapterUnplugged) => {
+                Err(SendError::Down)
+            }
+            Some(Disturbance::AdapterStuck | Disturbance::BusOff) => Ok(Taken::Lost),
             Some(
-                Disturbance::Stalled
+                Disturbance::AdapterStalled
                 | Disturbance::Flood(_)
-                | Disturbance::Fault(BusFault::Warning | BusFault::Overrun | BusFault::Passive),
+                | Disturbance::ErrorPassive
+                | Disturbance::ErrorWarning,
             )
             | None => Ok(Taken::Queued),
         }
     }
 
-    /// Returns whether queued frames reach the wire.
+    /// Returns whether queued frames get to the wire.
     pub(super) const fn is_sending(&self) -> bool {
-        !matches!(self.wrong, Some(Disturbance::Stalled))
+        !matches!(self.disturbance, Some(Disturbance::AdapterStalled))
     }
 
-    /// Returns the received event, if the node receives it now.
+    /// Passes a received frame to the node, keeps it until the adapter goes on, or loses it.
     pub(super) fn receive(&mut self, received: Received) -> Option<Received> {
-        match (self.wrong, self.take()) {
-            (Some(Disturbance::Stalled), _) => {
+        match (self.disturbance, self.take()) {
+            (Some(Disturbance::AdapterStalled), _) => {
                 if self.held.len() < MAX_HELD {
                     self.held.push_back(received);
                 }
@@ -137,7 +163,7 @@ impl Adapter {
         }
     }
 
-    /// Confirms the transmission of a SYNC, unless the adapter receives nothing.
+    /// Records that a SYNC is complete on the wire, unless the adapter receives nothing.
     pub(super) fn confirm_transmit(&mut self, at: Instant) {
         let is_deaf = matches!(self.take(), Ok(Taken::Lost) | Err(SendError::Down));
         if self.is_sending() && !is_deaf {
@@ -145,24 +171,42 @@ impl Adapter {
         }
     }
 
-    /// Returns the time of the last SYNC seen on the wire.
+    /// Returns the time of the last SYNC that was seen on the wire.
     pub(super) const fn transmit_confirmed_at(&self) -> Instant {
         self.confirmed_at
     }
 
-    /// Returns the frame that floods the bus.
+    /// Returns the frame with which another node floods the bus.
     pub(super) const fn flood(&self) -> Option<Frame> {
-        match self.wrong {
+        match self.disturbance {
             Some(Disturbance::Flood(frame)) => Some(frame),
             Some(
-                Disturbance::Fault(_)
-                | Disturbance::Full
-                | Disturbance::Stuck
-                | Disturbance::Stalled
-                | Disturbance::Down,
+                Disturbance::QueueFull
+                | Disturbance::AdapterStuck
+                | Disturbance::AdapterStalled
+                | Disturbance::AdapterUnplugged
+                | Disturbance::InterfaceDown
+                | Disturbance::BusOff
+                | Disturbance::ErrorPassive
+                | Disturbance::ErrorWarning,
             )
             | None => None,
         }
+    }
+}
+
+/// Returns what controller or driver report at the start of a disturbance.
+pub(super) const fn reported(disturbance: Disturbance) -> Option<BusFault> {
+    match disturbance {
+        Disturbance::BusOff => Some(BusFault::Off),
+        Disturbance::ErrorPassive => Some(BusFault::Passive),
+        Disturbance::ErrorWarning => Some(BusFault::Warning),
+        Disturbance::AdapterUnplugged => Some(BusFault::Down),
+        Disturbance::QueueFull
+        | Disturbance::AdapterStuck
+        | Disturbance::AdapterStalled
+        | Disturbance::InterfaceDown
+        | Disturbance::Flood(_) => None,
     }
 }
 
@@ -177,7 +221,7 @@ mod tests {
 
     const CHANNEL: Channel = Channel(0);
 
-    /// Answers each frame with the next identifier: proves that a frame was sent.
+    /// Repeats every frame with the next COB-ID, so that a sent frame has an answer.
     struct Echo;
 
     impl Station for Echo {
@@ -212,7 +256,7 @@ mod tests {
         bus.send(Telegram { channel: CHANNEL, frame: Frame::new(cob_id, []) })
     }
 
-    /// Returns the identifiers received until `until`, and the faults.
+    /// The COB-IDs received until `until`, and the faults.
     fn received(bus: &mut Memory<Echo, ()>, until: u64) -> (Vec<u16>, Vec<BusFault>) {
         let (mut ids, mut faults) = (Vec::new(), Vec::new());
         while let Some(received) = bus.receive(at(until)) {
@@ -225,20 +269,20 @@ mod tests {
     }
 
     #[test]
-    fn bus_off_blocks_sending_and_receiving_until_cleared() {
+    fn bus_off_sends_and_receives_nothing_until_its_end() {
         let mut bus = bus();
-        bus.disturb(CHANNEL, Some(Disturbance::Fault(BusFault::Off)));
+        bus.disturb(CHANNEL, Some(Disturbance::BusOff));
         assert_eq!(send(&mut bus, 2), Ok(()), "accepted all the same");
         assert_eq!(received(&mut bus, 1_000), (vec![], vec![BusFault::Off]));
         bus.disturb(CHANNEL, None);
         send(&mut bus, 4).unwrap();
-        assert_eq!(received(&mut bus, 2_000), (vec![5], vec![]), "frames accepted before are lost");
+        assert_eq!(received(&mut bus, 2_000), (vec![5], vec![]), "accepted frames are lost");
     }
 
     #[test]
     fn stalled_adapter_delivers_its_queue_at_the_end() {
         let mut bus = bus();
-        bus.disturb(CHANNEL, Some(Disturbance::Stalled));
+        bus.disturb(CHANNEL, Some(Disturbance::AdapterStalled));
         let taken = (0..100).take_while(|_| send(&mut bus, 2).is_ok()).count();
         assert_eq!((taken, send(&mut bus, 2)), (32, Err(SendError::Full)));
         assert_eq!(received(&mut bus, 5_000), (vec![], vec![]));
@@ -247,13 +291,13 @@ mod tests {
     }
 
     #[test]
-    fn other_faults_fail_as_their_drivers_do() {
+    fn disturbance_fails_as_its_driver_does() {
         for (wrong, sent, answered) in [
-            (Disturbance::Full, Err(SendError::Full), false),
-            (Disturbance::Down, Err(SendError::Down), false),
-            (Disturbance::Fault(BusFault::Down), Err(SendError::Down), false),
-            (Disturbance::Stuck, Ok(()), false),
-            (Disturbance::Fault(BusFault::Passive), Ok(()), true),
+            (Disturbance::QueueFull, Err(SendError::Full), false),
+            (Disturbance::InterfaceDown, Err(SendError::Down), false),
+            (Disturbance::AdapterUnplugged, Err(SendError::Down), false),
+            (Disturbance::AdapterStuck, Ok(()), false),
+            (Disturbance::ErrorPassive, Ok(()), true),
         ] {
             let mut bus = bus();
             bus.disturb(CHANNEL, Some(wrong));
@@ -265,22 +309,24 @@ mod tests {
     }
 
     #[test]
-    fn flood_with_a_low_identifier_blocks_other_frames() {
+    fn flood_that_wins_the_arbitration_blocks_all_others() {
         let mut bus = bus();
         bus.disturb(CHANNEL, Some(Disturbance::Flood(Frame::new(1, []))));
         send(&mut bus, 2).unwrap();
         let (ids, _) = received(&mut bus, 10_000);
         assert!(ids.len() > 150 && ids.iter().all(|id| *id == 1), "{ids:?}");
         bus.disturb(CHANNEL, None);
-        assert!(received(&mut bus, 11_000).0.contains(&3), "it is sent afterwards");
+        assert!(received(&mut bus, 11_000).0.contains(&3), "the frame is sent after the flood");
     }
 
     #[test]
-    fn stopped_process_reads_oldest_frames_then_an_overrun() {
+    fn stopped_process_finds_the_oldest_frames_and_an_overrun() {
         let mut bus = bus();
         bus.disturb(CHANNEL, Some(Disturbance::Flood(Frame::new(1, []))));
-        bus.plan(at(300), HostFault::Stopped(Duration::from_millis(50)));
-        assert!(!received(&mut bus, 1_000).0.is_empty(), "frames before the stop");
+        let start = Duration::from_micros(300);
+        let stop = Fault::of_host(start, HostFault::ProcessStopped, Duration::from_millis(50));
+        bus.inject(Instant::ZERO, &stop);
+        assert!(!received(&mut bus, 1_000).0.is_empty(), "those before the stop");
         assert_eq!(bus.now(), at(50_300));
         let oldest = bus.receive(at(60_000)).unwrap();
         assert!(oldest.at < at(1_200), "{oldest:?}");
@@ -289,21 +335,22 @@ mod tests {
     }
 
     #[test]
-    fn host_faults_occur_during_a_wait_in_order() {
+    fn faults_start_and_end_in_the_middle_of_a_wait() {
         let mut bus = bus();
-        bus.plan(at(700), HostFault::Bus(CHANNEL, None));
-        bus.plan(at(500), HostFault::Bus(CHANNEL, Some(Disturbance::Fault(BusFault::Off))));
-        let event = bus.receive(at(1_000)).unwrap();
-        assert_eq!((event.at, event.event), (at(500), BusEvent::Fault(BusFault::Off)));
+        let off = Fault::of_bus(Duration::from_micros(500), CHANNEL, Disturbance::BusOff);
+        bus.inject(Instant::ZERO, &off.lasting(Duration::from_micros(200)));
+        let first = bus.receive(at(1_000)).unwrap();
+        assert_eq!((first.at, first.event), (at(500), BusEvent::Fault(BusFault::Off)));
         assert_eq!(bus.receive(at(1_000)), None);
         send(&mut bus, 2).unwrap();
         assert_eq!(received(&mut bus, 2_000).0, [3]);
     }
 
     #[test]
-    fn wall_clock_step_does_not_change_bus_time() {
+    fn set_wall_clock_leaves_the_time_on_the_bus() {
         let mut bus = bus();
-        bus.plan(at(500), HostFault::ClockSet(Duration::from_secs(7)));
+        let set = Kind::Host(HostFault::ClockSet(Duration::from_secs(7)));
+        bus.inject(Instant::ZERO, &Fault::new(Duration::from_micros(500), Target::Host, set));
         assert_eq!(bus.receive(at(1_500)), None);
         assert_eq!((bus.now(), bus.wall()), (at(1_500), Duration::from_micros(7_001_000)));
     }

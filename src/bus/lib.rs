@@ -24,8 +24,6 @@ mod socketcan;
 mod trace;
 mod wire;
 
-pub use disturbance::Disturbance;
-pub use disturbance::HostFault;
 pub use memory::Memory;
 pub use memory::Watch;
 pub use socketcan::OpenError;

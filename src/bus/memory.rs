@@ -16,16 +16,18 @@ use crate::SendError;
 use crate::Tap;
 use crate::clock;
 use crate::disturbance::Adapter;
-use crate::disturbance::Disturbance;
-use crate::disturbance::HostFault;
+use crate::disturbance::Change;
 use crate::disturbance::Schedule;
 use crate::disturbance::Taken;
+use crate::disturbance::reported;
 use crate::wire::Sender;
 use crate::wire::Wire;
 use canopen::frame::Channel;
 use canopen::frame::Telegram;
 use canopen::station::Station;
 use canopen::sync;
+use faults::Disturbance;
+use faults::Fault;
 use units::time::Instant;
 
 /// Maximum frames in the node's transmit queue: about one cycle.
@@ -144,43 +146,44 @@ impl<S: Station, T: Tap> Memory<S, T> {
         self.wires.iter().map(|wire| (wire.frames, wire.bits))
     }
 
-    /// Sets the fault of a bus; `None` clears it. An unknown channel is ignored.
-    pub fn disturb(&mut self, channel: Channel, wrong: Option<Disturbance>) {
+    /// Disturbs a bus from now on; `None` ends it. An unknown channel is ignored.
+    pub fn disturb(&mut self, channel: Channel, disturbance: Option<Disturbance>) {
         let (at, place) = (self.now(), usize::from(channel.0));
         let (Some(adapter), Some(wire)) = (self.adapters.get_mut(place), self.wires.get_mut(place))
         else {
             return;
         };
-        for held in adapter.disturb(wrong) {
+        for held in adapter.disturb(disturbance) {
             self.arrived.push_back(Received { at, ..held });
         }
         wire.node_is_cut = !adapter.is_sending();
         if adapter.take() != Ok(Taken::Queued) {
             wire.forget_node();
         }
-        if let Some(Disturbance::Fault(fault)) = wrong {
+        if let Some(fault) = disturbance.and_then(reported) {
             self.arrived.push_back(Received { at, channel, event: BusEvent::Fault(fault) });
         }
         self.post();
     }
 
-    /// Schedules a host fault at `at`.
-    pub fn plan(&mut self, at: Instant, host_fault: HostFault) {
-        self.schedule.add(at, host_fault);
+    /// Schedules a fault of a bus or of the host, at any phase of a cycle; `zero` is the first SYNC. Faults of devices
+    /// are the stations'.
+    pub fn inject(&mut self, zero: Instant, fault: &Fault) {
+        self.schedule.add_fault(zero, fault);
     }
 
-    /// Applies the host faults that are due.
-    fn apply_host_faults(&mut self) {
-        while let Some(host_fault) = self.schedule.due(self.now()) {
-            match host_fault {
-                HostFault::Bus(channel, wrong) => self.disturb(channel, wrong),
-                HostFault::Stopped(time) => self.stop_process(time),
-                HostFault::StoppedAfter(cob_id, time) => self.stops_after = Some((cob_id, time)),
-                HostFault::Suspended(time) => {
+    /// Applies the changes that are due.
+    fn apply_changes(&mut self) {
+        while let Some(change) = self.schedule.due(self.now()) {
+            match change {
+                Change::Bus(channel, disturbance) => self.disturb(channel, disturbance),
+                Change::Stop(time) => self.stop_process(time),
+                Change::StopAfter(cob_id, time) => self.stops_after = Some((cob_id, time)),
+                Change::Suspend(time) => {
                     self.suspended += time;
                     self.stop_process(time);
                 }
-                HostFault::ClockSet(wall) => {
+                Change::SetClock(wall) => {
                     self.epoch = wall.saturating_sub(Duration::from_nanos(self.now_ns));
                 }
             }
@@ -199,7 +202,7 @@ impl<S: Station, T: Tap> Memory<S, T> {
         };
         self.stop_process(time);
         while self.now_ns < self.stopped_until_ns {
-            self.apply_host_faults();
+            self.apply_changes();
             self.advance(self.next(self.stopped_until_ns));
         }
     }
@@ -329,7 +332,7 @@ impl<S: Station, T: Tap> Bus for Memory<S, T> {
 
     fn receive(&mut self, until: Instant) -> Option<Received> {
         loop {
-            self.apply_host_faults();
+            self.apply_changes();
             if let Some(received) = self.fetch(until) {
                 if let BusEvent::Frame(frame) = received.event {
                     self.pass(frame.cob_id);

@@ -1,4 +1,4 @@
-//! `frhc campaign`: faults by the thousand, and what came of each.
+//! `frhc campaign`: thousands of faults, with a verdict on each.
 
 use std::fs;
 use std::num::NonZero;
@@ -20,6 +20,7 @@ use bus::candump::LogWriter;
 use canopen::frame::Telegram;
 use config::Config;
 use lab::bench::Bench;
+use lab::campaign::case::Case;
 use lab::campaign::catalogue;
 use lab::campaign::monitor::Monitor;
 use lab::campaign::run::Campaign as Cases;
@@ -35,23 +36,23 @@ use run::results;
 use run::results::Force;
 use units::time::Instant;
 
-/// The hand controllers of a campaign that names none.
+/// The hand controllers of a campaign without `--config`.
 const CONFIGS: [&str; 3] =
     ["config/kraft_like.toml", "config/kraft_like_500hz.toml", "config/jpl_like.toml"];
 
-/// So many of the cases that went wrong leave a log.
-const LOGS: usize = 20;
+/// Most failed cases that leave a log.
+const MAX_LOGS: usize = 20;
 
 /// `frhc campaign`.
 #[derive(Debug, Args)]
 pub(crate) struct Campaign {
-    /// Of all chance: the same seed is the same campaign, bit for bit.
+    /// Seed of all random numbers: the same seed is the same campaign, bit for bit.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// How many faults are injected.
+    /// Number of faults to inject.
     #[arg(long, value_name = "N", default_value = "200")]
     faults: NonZero<usize>,
-    /// A configuration; repeatable. Three of those in config/ if none is given.
+    /// A configuration; repeatable. Default: three of those in config/.
     #[arg(short, long, value_name = "FILE")]
     config: Vec<PathBuf>,
     /// Only kinds of fault whose name contains this.
@@ -60,27 +61,26 @@ pub(crate) struct Campaign {
     /// Plays one case again by itself, prints its events and leaves its log.
     #[arg(long, value_name = "CASE", conflicts_with_all = ["faults", "soak"])]
     replay: Option<u32>,
-    /// Instead of faults: so many cycles with lost samples and a bad link, in which nothing may trip.
+    /// Plays this many cycles with lost samples and a bad link instead, in which nothing may stop.
     #[arg(long, value_name = "CYCLES", conflicts_with = "faults")]
     soak: Option<NonZero<u64>>,
-    /// Where cases that went wrong leave their logs; a folder of their own in the system's temporary one if
-    /// not given.
+    /// Folder for the logs of failed cases. Default: a new one in the system's temporary folder.
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
     force: Force,
-    /// How many threads play; as many as there are cores if not given. Changes nothing but the time.
+    /// Number of threads; changes nothing but the time. Default: one for each core.
     #[arg(long, value_name = "N", value_parser = thread_count)]
     threads: Option<NonZero<usize>>,
-    /// Table and failures as one JSON object.
+    /// Prints table and failures as one JSON object.
     #[arg(long)]
     json: bool,
-    /// The table as Markdown.
+    /// Prints the table as Markdown.
     #[arg(long, conflicts_with_all = ["json", "replay", "soak"])]
     markdown: bool,
 }
 
-/// Plays it and prints what it came to.
+/// Plays the campaign and prints its verdicts.
 pub(super) fn run(args: &Campaign, quiet: bool) -> Result<(), Failure> {
     let configs = match &*args.config {
         [] => CONFIGS.iter().map(PathBuf::from).collect(),
@@ -100,8 +100,8 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
     if cases.cases().is_empty() {
         let names: Vec<&str> = catalogue::kinds().map(|kind| kind.name).collect();
         let only = args.only.as_deref().unwrap_or_default();
-        let reason =
-            format!("--only {only}: no such kind of fault; there are: {}", names.join(", "));
+        let names = names.join(", ");
+        let reason = format!("--only {only}: unknown kind of fault; expected one of: {names}");
         return Err(Failure::new(Kind::Usage, reason));
     }
     let bar = bar(u64::try_from(cases.cases().len()).unwrap_or(0), "faults", quiet);
@@ -130,10 +130,10 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
         return Ok(());
     }
     let folder = folder(args)?;
-    for verdict in bad.iter().take(LOGS) {
+    for verdict in bad.iter().take(MAX_LOGS) {
         let one = Cases::of_one(args.seed, cases.configs().to_vec(), verdict.number);
         if let Some(one) = one {
-            leave(&folder, args.force, &one, &mut |_, _| {})?;
+            export(&folder, args.force, &one, &mut |_, _| {})?;
         }
     }
     let count = bad.len();
@@ -141,33 +141,34 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
     Err(Failure::new(Kind::Negative, reason))
 }
 
-/// Case 137 (row 3, TPDO lost): late, and how to see it again.
+/// Returns `case 137 (hazard 3, TPDO lost): late`, with what was demanded and the command that replays it.
 fn description(args: &Campaign, verdict: &Verdict) -> String {
-    let Verdict { number, row, kind, expectation, outcome, seen, .. } = verdict;
-    let cause = seen.cause.map_or_else(String::new, |cause| format!(", stopped by {cause}"));
-    let mut words =
-        format!("case {number} (row {row}, {kind}): {outcome}{cause}; demanded: {expectation}");
-    for breach in &seen.breaches {
-        words.push_str(&format!("\n  {breach}"));
+    let Verdict { number, hazard, kind, criterion, outcome, observed, .. } = verdict;
+    let cause = observed.cause.map_or_else(String::new, |cause| format!(", stopped by {cause}"));
+    let mut text =
+        format!("case {number} (hazard {hazard}, {kind}): {outcome}{cause}; demanded: {criterion}");
+    for violation in &observed.violations {
+        text.push_str(&format!("\n  {violation}"));
     }
-    format!("{words}\n  {}", command(args, *number))
+    format!("{text}\n  {}", command(args, *number))
 }
 
 fn failure(args: &Campaign, verdict: &Verdict) -> serde_json::Value {
-    let breaches: Vec<String> = verdict.seen.breaches.iter().map(ToString::to_string).collect();
+    let violations = verdict.observed.violations.iter();
+    let violations: Vec<String> = violations.map(ToString::to_string).collect();
     json!({
         "case": verdict.number,
-        "row": verdict.row,
+        "row": verdict.hazard,
         "kind": verdict.kind,
         "outcome": verdict.outcome.to_string(),
-        "demanded": verdict.expectation.to_string(),
-        "cause": verdict.seen.cause.map(|cause| cause.to_string()),
-        "breaches": breaches,
+        "demanded": verdict.criterion.to_string(),
+        "cause": verdict.observed.cause.map(|cause| cause.to_string()),
+        "breaches": violations,
         "replay": command(args, verdict.number),
     })
 }
 
-/// What plays exactly this case again.
+/// Returns the command that replays a case.
 fn command(args: &Campaign, number: u32) -> String {
     let configs = args.config.iter().map(|file| format!(" --config {}", file.display()));
     let configs: String = configs.collect();
@@ -176,31 +177,34 @@ fn command(args: &Campaign, number: u32) -> String {
 
 fn replay(args: &Campaign, configs: Vec<Config>, number: u32) -> Result<(), Failure> {
     let Some(cases) = Cases::of_one(args.seed, configs, number) else {
-        return Err(Failure::new(Kind::Usage, format!("--replay {number}: cases count from 1")));
+        return Err(Failure::new(
+            Kind::Usage,
+            format!("--replay must be a case from 1, got {number}"),
+        ));
     };
     let Some(case) = cases.cases().first() else { return Ok(()) };
     let config = cases.configs().get(case.config);
     let file = config.map_or_else(String::new, |config| config.file.display().to_string());
     let mut narrator = config.map(EventNarrator::of);
     print::line(&format!(
-        "case {number} of seed {}: row {}, {}; {file}, {}",
-        args.seed, case.kind.row, case.kind.name, case.situation
+        "case {number} of seed {}: hazard {}, {}; {file}, {}",
+        args.seed, case.kind.hazard, case.kind.name, case.situation
     ));
-    for (after, host_fault) in &case.injection.host_faults {
-        let at = (case.onset + *after).as_secs_f64();
-        print::line(&format!("scenario + {at:.6} s: {host_fault:?}"));
+    for fault in case.injection.faults().filter(|fault| fault.is_of_host()) {
+        let at = fault.start.as_secs_f64();
+        print::line(&format!("scenario + {at:.6} s: {fault}"));
     }
-    let mut tell = |bench: &mut Bench<Monitor>, record: &Record| {
+    let mut print_events = |bench: &mut Bench<Monitor>, record: &Record| {
         if let Some(narrator) = &mut narrator {
-            tell(narrator, bench, record);
+            print_new(narrator, bench, record);
         }
     };
     let folder = folder(args)?;
-    let verdict = leave(&folder, args.force, &cases, &mut tell)?;
+    let verdict = export(&folder, args.force, &cases, &mut print_events)?;
     let Some(verdict) = verdict else { return Ok(()) };
     print::line(&description(args, &verdict));
     print::line(&figures(&verdict));
-    print::line(&format!("log and script: {}", folder.display()));
+    print::line(&format!("log and scenario: {}", folder.display()));
     match verdict.is_good() {
         true => Ok(()),
         false => Err(Failure::new(Kind::Negative, format!("case {number}: {}", verdict.outcome))),
@@ -213,22 +217,22 @@ fn figures(verdict: &Verdict) -> String {
         time.map_or_else(|| "-".to_owned(), |time| format!("{:.3} ms", time.as_secs_f64() * 1e3))
     };
     format!(
-        "latched after {}, every drive told zero after {}, drives torque-free after {}, nothing felt after {}; \
+        "latched after {}, target torques zero after {}, drives torque-free after {}, reflection off after {}; \
          impulse {:.2} mN·m·s, grip {:.3} m/s and {:.2} mm",
-        millis(verdict.seen.detected),
-        millis(verdict.seen.zero),
-        millis(verdict.seen.quiet),
-        millis(verdict.seen.felt),
-        1e3 * verdict.seen.impulse,
+        millis(verdict.observed.detected),
+        millis(verdict.observed.zero),
+        millis(verdict.observed.torque_free),
+        millis(verdict.observed.reflection_off),
+        1e3 * verdict.observed.impulse,
         total.grip_speed_m_per_s,
         total.grip_travel_mm
     )
 }
 
-/// What has broken since the last cycle, and what the node has noticed.
-fn tell(narrator: &mut EventNarrator, bench: &mut Bench<Monitor>, record: &Record) {
+/// Prints the faults and the node's events since the last cycle.
+fn print_new(narrator: &mut EventNarrator, bench: &mut Bench<Monitor>, record: &Record) {
     narrator.scenario_start(bench.begun()).into_iter().for_each(|line| print::line(&line));
-    while let Some(notice) = bench.world_mut().notice() {
+    while let Some(notice) = bench.fault_notice() {
         print::line(&narrator.fault(bench.begun(), &notice));
     }
     let now = bench.now();
@@ -238,14 +242,14 @@ fn tell(narrator: &mut EventNarrator, bench: &mut Bench<Monitor>, record: &Recor
     narrator.mode_change(record).into_iter().for_each(|line| print::line(&line));
 }
 
-/// Plays the only case again and leaves its frames and its script.
-fn leave(
+/// Plays the only case again, and writes its frames and its scenario.
+fn export(
     folder: &Path,
     force: Force,
     cases: &Cases,
-    witness: &mut dyn FnMut(&mut Bench<Monitor>, &Record),
+    on_cycle: &mut dyn FnMut(&mut Bench<Monitor>, &Record),
 ) -> Result<Option<Verdict>, Failure> {
-    let Some((verdict, frames)) = cases.replay(witness).or_fail(Kind::Bus)? else {
+    let Some((verdict, frames)) = cases.replay(on_cycle).or_fail(Kind::Bus)? else {
         return Ok(None);
     };
     let files = || -> anyhow::Result<_> {
@@ -253,17 +257,18 @@ fn leave(
         let config = cases.configs().get(verdict.config);
         let buses = config.map(|config| &*config.buses).unwrap_or_default();
         let interfaces: Vec<String> = buses.iter().map(|bus| bus.interface.clone()).collect();
-        let script = cases.cases().first().map(|case| case.script()).unwrap_or_default();
+        let scenario = cases.cases().first().map(Case::scenario).transpose()?;
+        let scenario = scenario.map(|scenario| scenario.to_toml()).unwrap_or_default();
         let file = |extension| folder.join(&name).with_extension(extension);
         let log = log(&interfaces, &frames)?;
-        Ok([(file("log"), log), (file("toml"), script.into_bytes())])
+        Ok([(file("log"), log), (file("toml"), scenario.into_bytes())])
     };
     let files = files().with_context(|| folder.display().to_string()).or_fail(Kind::Bus)?;
     results::export_all(&files, force)?;
     Ok(Some(verdict))
 }
 
-/// As candump writes it.
+/// Returns the frames in candump's format.
 fn log(interfaces: &[String], frames: &[(Instant, Telegram)]) -> anyhow::Result<Vec<u8>> {
     let mut text = Vec::new();
     let mut writer = LogWriter::new(&mut text, interfaces, 0);
@@ -272,7 +277,7 @@ fn log(interfaces: &[String], frames: &[(Instant, Telegram)]) -> anyhow::Result<
     Ok(text)
 }
 
-/// The folder for logs: the one that is named, or a new one.
+/// Returns the folder for logs: the one of `--out`, or a new one.
 fn folder(args: &Campaign) -> Result<PathBuf, Failure> {
     let made = match &args.out {
         Some(out) => {
@@ -294,15 +299,15 @@ fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result
     bar.finish_and_clear();
     let played: u64 = laps.iter().map(|lap| lap.cycles).sum();
     let bad: Vec<_> = laps.iter().filter(|lap| !lap.is_good()).collect();
-    for lap in bad.iter().take(LOGS) {
+    for lap in bad.iter().take(MAX_LOGS) {
         let file = configs.get(lap.config).map(|config| config.file.display().to_string());
         let file = file.unwrap_or_default();
         if let Some((at, cause)) = lap.trip {
             let at = at.as_secs_f64();
             print::line(&format!("lap {} ({file}): {at:.3} s: stopped by {cause}", lap.number));
         }
-        lap.breach.iter().for_each(|breach| {
-            print::line(&format!("lap {} ({file}): {breach}", lap.number));
+        lap.violation.iter().for_each(|violation| {
+            print::line(&format!("lap {} ({file}): {violation}", lap.number));
         });
     }
     if args.json {
@@ -311,7 +316,7 @@ fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result
         print::line(&found.to_string());
     } else {
         print::line(&format!(
-            "{played} cycles in {} laps, {} with a trip or a breach",
+            "{played} cycles in {} laps, {} with a stop or a violation",
             laps.len(),
             bad.len()
         ));
@@ -322,7 +327,7 @@ fn soak(args: &Campaign, quiet: bool, configs: &[Config], cycles: u64) -> Result
     }
 }
 
-/// Most threads that play: each has a bench of its own, and more than cores gain nothing.
+/// Most threads: each has a bench of its own, and more than cores gain nothing.
 const MAX_THREADS: usize = 256;
 
 fn thread_count(word: &str) -> Result<NonZero<usize>, String> {
@@ -336,7 +341,7 @@ fn threads(args: &Campaign) -> NonZero<usize> {
     args.threads.unwrap_or_else(all)
 }
 
-/// A bar on a terminal, nothing anywhere else.
+/// Returns a progress bar, which is shown on a terminal alone.
 fn bar(length: u64, of: &str, quiet: bool) -> ProgressBar {
     let bar = ProgressBar::new(length);
     if quiet {

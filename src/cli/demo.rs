@@ -193,7 +193,7 @@ impl Play<'_> {
 
 /// Prints faults injected since the last cycle, a mode change, and events on the network.
 fn print_cycle<T: Tap>(narrator: &mut EventNarrator, bench: &mut Bench<T>, record: &Record) {
-    while let Some(notice) = bench.world_mut().notice() {
+    while let Some(notice) = bench.fault_notice() {
         print::note(&narrator.fault(bench.begun(), &notice));
     }
     if let Some(line) = narrator.mode_change(record) {

@@ -3,11 +3,11 @@
 
 use canopen::master::event::Event;
 use config::Config;
+use faults::Target;
 use node::record::Mode;
 use node::record::Record;
 use run::log_time;
 use sim::fault::Notice;
-use sim::scenario::fault::Whom;
 use units::time::Instant;
 
 /// Formats those lines, with the names of the configuration.
@@ -34,14 +34,14 @@ impl EventNarrator {
 
     /// Returns `3.643022 s: joint 3 (elbow): unplugged`, for a scenario that began at `begun`.
     pub(super) fn fault(&self, begun: Instant, notice: &Notice) -> String {
-        let whom = notice.fault.whom;
-        let place = match whom {
-            Whom::Joint(joint) => Some(joint.index()),
-            Whom::Switches => self.names.len().checked_sub(1),
-            Whom::Drives | Whom::Bus(_) | Whom::Link => None,
+        let target = notice.fault.target;
+        let place = match target {
+            Target::Joint(joint) => Some(joint.index()),
+            Target::SwitchBox => self.names.len().checked_sub(1),
+            Target::Drives | Target::Bus(_) | Target::Link | Target::Host => None,
         };
         let name = place.and_then(|place| self.names.get(place));
-        let name = name.map_or_else(|| whom.to_string(), Clone::clone);
+        let name = name.map_or_else(|| target.to_string(), Clone::clone);
         line(begun + notice.at, &format!("{name}: {notice}"))
     }
 

@@ -1,7 +1,9 @@
-//! The whole loop in one process: a node on the in-memory bus, with everything it needs attached.
+//! The whole loop in one process: a node on the in-memory bus with drives, operator and object.
 
 use std::collections::VecDeque;
 use std::time::Duration;
+
+use nalgebra::Vector3;
 
 use crate::world;
 use bus::Bus;
@@ -10,6 +12,9 @@ use bus::Tap;
 use canopen::master::event::Event;
 use config::Config;
 use controller::switches::Mode as CommandMode;
+use faults::Fault;
+use faults::Kind;
+use faults::LinkFault;
 use node::BringUpError;
 use node::Node;
 use node::NotConfirmed;
@@ -19,18 +24,19 @@ use node::record::Mode;
 use node::record::Record;
 use remote::site::Link;
 use remote::site::VirtualSite;
+use sim::fault::Notice;
 use sim::scenario::ConsoleRequest;
 use sim::scenario::Scenario;
-use sim::scenario::fault;
 use sim::world::World;
+use units::spatial::Wrench;
 use units::time::Instant;
 
-/// What a bus carried.
+/// Traffic of a bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Carried {
-    /// Frames that were complete.
+    /// Number of complete frames.
     pub frames: u64,
-    /// Their bits, of all there could have been, in percent.
+    /// Bus load, in percent.
     pub percent: f64,
 }
 
@@ -38,21 +44,74 @@ pub struct Carried {
 #[derive(Clone, Debug)]
 pub struct Bench<T> {
     node: Node<Memory<World, T>, VirtualSite>,
-    /// What the scenario asks of the console, and when, in s after the first SYNC.
+    /// Requests of the scenario to the console, and their times in s after the first SYNC.
     requests: VecDeque<(f64, Request)>,
     bitrates: Vec<u32>,
     begun: Option<Instant>,
+    host_faults: HostFaults,
+}
+
+/// Faults that the simulated world does not apply: those of buses, host and commanded side.
+#[derive(Clone, Debug, Default)]
+struct HostFaults {
+    /// Faults that were not planned on the bus yet.
+    to_plan: Vec<Fault>,
+    forces: Vec<Fault>,
+    /// Starts and ends that were not reported, in order.
+    notices: VecDeque<Notice>,
+}
+
+impl HostFaults {
+    /// The faults of a scenario that start after `elapsed`.
+    fn of(scenario: &Scenario, elapsed: Duration) -> Self {
+        let faults = scenario.faults().iter().copied();
+        let to_plan: Vec<Fault> =
+            faults.filter(|fault| fault.is_of_host() && fault.start >= elapsed).collect();
+        let is_force = |fault: &&Fault| matches!(fault.kind, Kind::SensedForce(_));
+        let forces = to_plan.iter().filter(is_force).copied().collect();
+        let mut notices: Vec<Notice> = to_plan.iter().flat_map(notices).collect();
+        notices.sort_by_key(|notice| notice.at);
+        Self { to_plan, forces, notices: notices.into() }
+    }
+
+    /// Returns the force that the commanded side reports, in N.
+    fn force(&self, elapsed: Duration) -> Option<f64> {
+        let runs = |fault: &&Fault| {
+            let end = fault.duration.map_or(Duration::MAX, |span| fault.start + span);
+            (fault.start..end).contains(&elapsed)
+        };
+        self.forces.iter().rfind(runs).and_then(|fault| match fault.kind {
+            Kind::SensedForce(force) => Some(force),
+            Kind::Disconnection(_)
+            | Kind::Frames(_)
+            | Kind::Imitation { .. }
+            | Kind::Device(_)
+            | Kind::Sensor(_)
+            | Kind::Contact(..)
+            | Kind::ForeignFrame { .. }
+            | Kind::Link(_)
+            | Kind::Bus(_)
+            | Kind::Host(_) => None,
+        })
+    }
+}
+
+/// Returns start and end of a fault.
+fn notices(fault: &Fault) -> impl Iterator<Item = Notice> + use<> {
+    let fault = *fault;
+    let end = fault.duration.map(|duration| fault.start + duration);
+    let end = end.map(|at| Notice { at, fault, is_over: true });
+    [Notice { at: fault.start, fault, is_over: false }].into_iter().chain(end)
 }
 
 impl<T: Tap> Bench<T> {
-    /// Everything `config` says, with an operator who follows `scenario` with the tremor of `seed`.
-    /// `tap` is shown every frame. `in_real_time` lets no time pass faster than on the wall.
+    /// A bench of `config`, whose operator follows `scenario` with the tremor of `seed`. `tap` receives every frame.
+    /// `in_real_time` bounds the speed of virtual time by that of the wall clock.
     pub fn new(config: &Config, scenario: Scenario, seed: u64, in_real_time: bool, tap: T) -> Self {
         Self::in_world_of(config, config, scenario, seed, in_real_time, tap)
     }
 
-    /// As [`new`](Self::new), but drives, switch box and arm are those of `world`: what `config` makes
-    /// the node believe of them may be wrong.
+    /// As [`new`](Self::new), with drives, switch box and arm of another configuration than the node's.
     pub fn in_world_of(
         world: &Config,
         config: &Config,
@@ -63,11 +122,12 @@ impl<T: Tap> Bench<T> {
     ) -> Self {
         let requests = scenario.requests().map(|(at, asked)| (at, request(asked)));
         let requests = requests.collect();
+        let host_faults = HostFaults::of(&scenario, Duration::ZERO);
         let bitrates: Vec<u32> = config.buses.iter().map(|bus| bus.bitrate).collect();
         let bus = Memory::new(&bitrates, world::build(world, scenario, seed), tap);
         let bus = if in_real_time { bus.in_real_time() } else { bus };
         let node = Node::new(config, bus, VirtualSite::new(&config.remote, config.period));
-        Self { node, requests, bitrates, begun: None }
+        Self { node, requests, bitrates, begun: None, host_faults }
     }
 
     /// Boots the network and enables the drives.
@@ -78,7 +138,7 @@ impl<T: Tap> Bench<T> {
         self.node.bring_up(&mut || false)
     }
 
-    /// The same, given up when it takes longer than `limit` of virtual time.
+    /// Boots the network, and gives up after `limit` of virtual time.
     ///
     /// # Errors
     /// As [`Node::bring_up`].
@@ -90,17 +150,18 @@ impl<T: Tap> Bench<T> {
         booted
     }
 
-    /// The script goes on otherwise from now on: what it says of the past is past. `seed` is of its
-    /// faults' chances.
+    /// Continues with another scenario; its entries of the past are skipped. `seed` is that of its faults.
     pub fn follow(&mut self, scenario: Scenario, seed: u64) {
         let now = self.node.bus().now();
         let elapsed = now.since(*self.begun.get_or_insert(now)).as_secs_f64();
         let requests = scenario.requests().filter(|(at, _)| *at > elapsed);
         self.requests = requests.map(|(at, asked)| (at, request(asked))).collect();
+        self.host_faults = HostFaults::of(&scenario, self.elapsed());
         self.world_mut().set_scenario(scenario, seed);
+        self.plan_host_faults();
     }
 
-    /// What the scenario asks of the console by now, the oldest that was not asked yet.
+    /// Takes the oldest request of the scenario that is due.
     pub fn due(&mut self) -> Option<Request> {
         let now = self.node.bus().now();
         let elapsed = now.since(*self.begun.get_or_insert(now)).as_secs_f64();
@@ -109,30 +170,54 @@ impl<T: Tap> Bench<T> {
         Some(request)
     }
 
-    /// Does what the scenario asks of the console by now, then one cycle.
+    /// Makes the requests of the scenario that are due, then runs one cycle.
     pub fn cycle(&mut self) -> Record {
         while let Some(request) = self.due() {
             if let Err(refused) = self.ask(request) {
                 tracing::warn!(?request, %refused, "console");
             }
         }
+        self.plan_host_faults();
         let link = match self.node.bus().stations().link() {
-            fault::Link::Up => Link::Up,
-            fault::Link::Frozen => Link::Frozen,
-            fault::Link::Lost => Link::Lost,
+            None => Link::Up,
+            Some(LinkFault::Frozen) => Link::Frozen,
+            Some(LinkFault::Lost) => Link::Lost,
         };
         self.node.remote_mut().set_link(link);
+        if !self.host_faults.forces.is_empty() {
+            let force = self.host_faults.force(self.elapsed());
+            let along_x =
+                |force| Wrench { force: Vector3::new(force, 0.0, 0.0), moment: Vector3::zeros() };
+            self.node.remote_mut().set_sensor_fault(force.map(along_x));
+        }
         self.node.cycle()
     }
 
-    /// Runs so many cycles.
+    /// Plans the faults of buses and host, once the first SYNC has set their time zero.
+    fn plan_host_faults(&mut self) {
+        let Some(zero) = self.node.bus().stations().scenario_start() else { return };
+        for fault in std::mem::take(&mut self.host_faults.to_plan) {
+            self.node.bus_mut().inject(zero, &fault);
+        }
+    }
+
+    /// Takes the oldest start or end of a fault that was not reported yet.
+    pub fn fault_notice(&mut self) -> Option<Notice> {
+        let elapsed = self.elapsed();
+        let notices = &mut self.host_faults.notices;
+        let is_due = notices.front().is_some_and(|notice| notice.at <= elapsed);
+        let of_host = if is_due { notices.pop_front() } else { None };
+        of_host.or_else(|| self.world_mut().notice())
+    }
+
+    /// Runs this many cycles.
     pub fn run(&mut self, cycles: u64) {
         for _ in 0..cycles {
             self.cycle();
         }
     }
 
-    /// Asks the node something between two cycles.
+    /// Makes a request to the node between two cycles.
     ///
     /// # Errors
     /// As [`Node::request`].
@@ -140,7 +225,7 @@ impl<T: Tap> Bench<T> {
         self.node.request(request, &mut || false)
     }
 
-    /// The node stands still, as if it had been killed; what is attached lives on. When that began.
+    /// Stops the node's process, as if it had been killed, while the stations go on. Returns the time of the stop.
     pub fn fall_silent_for(&mut self, span: Duration) -> Instant {
         let bus = self.node.bus_mut();
         let begun = bus.now();
@@ -148,7 +233,7 @@ impl<T: Tap> Bench<T> {
         begun
     }
 
-    /// Torque off, drives off, confirmed.
+    /// Stops the node in order: torque off, drives off, confirmed.
     ///
     /// # Errors
     /// As [`Node::stop`].
@@ -161,22 +246,22 @@ impl<T: Tap> Bench<T> {
         &self.node
     }
 
-    /// Who is shown every frame, to tell it something.
+    /// The tap that receives every frame.
     pub const fn tap_mut(&mut self) -> &mut T {
         self.node.bus_mut().tap_mut()
     }
 
-    /// The commanded side, to break it.
+    /// The commanded side.
     pub const fn site_mut(&mut self) -> &mut VirtualSite {
         self.node.remote_mut()
     }
 
-    /// The buses, to disturb them.
+    /// The buses.
     pub const fn bus_mut(&mut self) -> &mut Memory<World, T> {
         self.node.bus_mut()
     }
 
-    /// What has happened on the network, for people: the oldest that was not asked for yet.
+    /// Takes the oldest event of the network.
     pub fn notice(&mut self) -> Option<Event> {
         self.node.notice()
     }
@@ -186,24 +271,24 @@ impl<T: Tap> Bench<T> {
         self.node.bus().now()
     }
 
-    /// When the script began: at the first SYNC.
+    /// Time zero of the scenario: the first SYNC.
     pub fn begun(&self) -> Instant {
         self.node.bus().stations().scenario_start().unwrap_or(Instant::ZERO)
     }
 
-    /// How long the script has run.
+    /// Time since the start of the scenario.
     pub fn elapsed(&self) -> Duration {
         let bus = self.node.bus();
         let now = bus.now();
         now.since(bus.stations().scenario_start().unwrap_or(now))
     }
 
-    /// What is attached, to break it.
+    /// The stations.
     pub const fn world_mut(&mut self) -> &mut World {
         self.node.bus_mut().stations_mut()
     }
 
-    /// What each bus has carried so far.
+    /// Returns the traffic of each bus so far.
     pub fn carried(&self) -> Vec<Carried> {
         let bus = self.node.bus();
         let seconds = bus.now().since(Instant::ZERO).as_secs_f64();

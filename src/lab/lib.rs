@@ -1,4 +1,4 @@
-//! Node and simulation put together: what `demo`, `sim` and the tests stand on.
+//! Node and simulation put together, for `demo`, `sim`, campaigns and tests.
 //!
 //! ```
 //! use std::path::Path;
@@ -19,6 +19,6 @@ pub mod bench;
 pub mod campaign;
 pub mod comparison;
 pub mod explanation;
-pub mod outbox;
 pub mod question;
+pub mod transmit_queue;
 pub mod world;

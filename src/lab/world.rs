@@ -35,7 +35,7 @@ use sim::transmission::Transmission;
 use sim::world::World;
 use units::numbering::Joint;
 
-/// From a SYNC until a simulated drive begins to send its TPDO.
+/// Time from a SYNC until a simulated drive sends its TPDO.
 const DRIVE_LATENCY: Duration = Duration::from_micros(60);
 
 /// Drives, switch box and arm of `config`, and an operator who follows `scenario`.
@@ -47,7 +47,7 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
         let settings = DriveSettings {
             channel: joint.channel,
             node: joint.node,
-            dictionary: furnished(joint),
+            dictionary: drive_dictionary(joint),
             actuator: actuator(&joint.plant.actuator),
             latency: DRIVE_LATENCY,
             tuning: tuning(&joint.plant, *number.entry(&inertias)),
@@ -56,7 +56,7 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
     });
     let drivetrains = plant.joints.each_ref().map(|joint| Drivetrain::new(&drivetrain(joint)));
     let switches = &config.switches;
-    let dictionary = numbered(&switches.eds, switches.channel, switches.node);
+    let dictionary = dictionary(&switches.eds, switches.channel, switches.node);
     let switches = SwitchBox::new(switches.channel, switches.node, dictionary);
     let resistance = plant.joints.each_ref().map(|joint| Resistance {
         coulomb: joint.friction.coulomb,
@@ -67,28 +67,28 @@ pub fn build(config: &Config, scenario: Scenario, seed: u64) -> World {
     World::new(drives, drivetrains, switches, moving, scenario, seed).coupled(transmission(&plant))
 }
 
-/// What a drive holds. Its position unit is an increment of its encoder, whichever that has.
-fn furnished(joint: &JointParameters) -> Dictionary {
-    let mut dictionary = numbered(&joint.eds, joint.channel, joint.node);
+/// Returns the dictionary of a drive, whose position unit is an increment of its encoder.
+fn drive_dictionary(joint: &JointParameters) -> Dictionary {
+    let mut dictionary = dictionary(&joint.eds, joint.channel, joint.node);
     dictionary.set_default(Object::FEED, &joint.plant.actuator.counts_per_rev.to_le_bytes());
     dictionary
 }
 
-/// What a device holds, with a serial number no other has, by which LSS can tell it from its like.
-fn numbered(eds: &Eds, Channel(bus): Channel, node: NodeId) -> Dictionary {
+/// Returns the dictionary of a device with a serial number of its own, for LSS.
+fn dictionary(eds: &Eds, Channel(bus): Channel, node: NodeId) -> Dictionary {
     let mut dictionary = Dictionary::new(eds, node);
     let serial = u32::from(bus) << 8 | u32::from(node.raw());
-    // An EDS may do without a serial number.
+    // A serial number is optional in an EDS.
     dictionary.set_default(Object::SERIAL, &serial.to_le_bytes());
     dictionary
 }
 
-/// Where the arm is at the start, in rad or m.
+/// Returns the joint positions at the start, in rad or m.
 pub fn start(plant: &Plant) -> Joints {
     Joints::from(plant.joints.each_ref().map(|joint| joint.start))
 }
 
-/// The arm, as the simulation computes it.
+/// Returns the arm, as the simulation computes it.
 pub fn arm(plant: &Plant) -> Arm {
     let links = plant.joints.each_ref().map(|joint| LinkSettings {
         is_prismatic: joint.link.kind == JointKind::Prismatic,
@@ -110,7 +110,7 @@ fn transmission(plant: &Plant) -> Transmission {
     Transmission::new(plant.coupling.matrix(), *plant.coupling.offset())
 }
 
-/// Motor, gear and encoder of a joint, as the simulation computes them.
+/// Returns motor, gear and encoder of a joint, as the simulation computes them.
 pub fn actuator(actuator: &Actuator) -> ActuatorSettings {
     ActuatorSettings {
         counts_per_rev: f64::from(actuator.counts_per_rev),
@@ -122,7 +122,7 @@ pub fn actuator(actuator: &Actuator) -> ActuatorSettings {
     }
 }
 
-/// All between a joint's current loop and the arm.
+/// Returns the drivetrain from a joint's current loop to the arm.
 fn drivetrain(joint: &JointPlant) -> DrivetrainSettings {
     DrivetrainSettings {
         actuator: actuator(&joint.actuator),
@@ -135,7 +135,7 @@ fn drivetrain(joint: &JointPlant) -> DrivetrainSettings {
     }
 }
 
-/// What each actuator moves where the arm starts, in kg·m² (kg).
+/// Returns the inertia at each actuator where the arm starts, in kg·m² (kg).
 fn inertias(plant: &Plant) -> [f64; 6] {
     let arm = arm(plant);
     let joints = arm.mass_matrix(&arm.posture(&start(plant)));
@@ -143,7 +143,7 @@ fn inertias(plant: &Plant) -> [f64; 6] {
     (matrix.transpose() * joints * matrix).diagonal().into()
 }
 
-/// What a drive's servo knows of what it moves; of what cannot be, what is usual.
+/// Returns the servo gains for a load; the default ones where none follow from it.
 fn tuning(joint: &JointPlant, inertia: f64) -> Tuning {
     let [per_mille_per_newton_metre, ..] = joint.actuator.torque_curve;
     let load = Load {
@@ -155,7 +155,7 @@ fn tuning(joint: &JointPlant, inertia: f64) -> Tuning {
     Tuning::of(&load).unwrap_or_default()
 }
 
-/// From xx, yy, zz, xy, xz, yz.
+/// Returns the inertia tensor of xx, yy, zz, xy, xz, yz.
 fn inertia([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
@@ -163,7 +163,7 @@ fn inertia([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> Matrix3<f64> {
 #[cfg(test)]
 mod tests {
     use config::switch_inputs::SwitchInputs;
-    use sim::scenario::fault::Input;
+    use faults::Input;
 
     #[test]
     fn switches_of_the_simulation_are_those_the_node_reads() {

@@ -142,7 +142,7 @@ causes! {
     SamplesOverdue { joint: Joint, cycles: u32 }
         is "more of a joint's samples are late or lost than may be",
         says ("joint {joint}: {cycles} samples late or lost, the others may be as old"),
-        leads to always(ZeroTorque, Node, true, &[4]);
+        leads to always(ZeroTorque, Node, true, &[3, 4]);
     PositionFrozen { joint: Joint }
         is "a position stands still although the joint is pushed",
         says ("joint {joint}: its position stands still under torque"),

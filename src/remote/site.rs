@@ -108,9 +108,9 @@ impl VirtualSite {
         self.link = link;
     }
 
-    /// Breaks the force sensor: it reports this value.
-    pub const fn break_sensor(&mut self, f_s: Wrench) {
-        self.sensor_fault = Some(f_s);
+    /// Sets the wrench that a broken sensor reports; `None` repairs it.
+    pub const fn set_sensor_fault(&mut self, reported: Option<Wrench>) {
+        self.sensor_fault = reported;
     }
 
     /// Returns the pose of the object in its base.

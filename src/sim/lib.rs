@@ -15,8 +15,8 @@
 //! | [`plant`]             | the arm in motion: friction, end stops, integration         |
 //! | [`operator_model`]    | the operator: a [`hand`] and its [`tremor`]                 |
 //! | [`operator_settings`] | presets of the operator model                               |
-//! | [`scenario`]          | script of operator actions and faults                       |
-//! | [`fault`]             | faults between devices and buses                            |
+//! | [`scenario`]          | the operator's actions and the faults of a run              |
+//! | [`fault`]             | faults of devices, applied between them and their buses     |
 //! | [`world`]             | all of these as one station on the buses                    |
 //! | [`drive_view`]        | drive values beside the ground truth                        |
 //! | [`rig`]               | one joint against a load cell, for calibration              |

@@ -14,6 +14,7 @@ use std::ops::RangeInclusive;
 
 use serde::Deserialize;
 use serde::Deserializer;
+use serde::Serialize;
 use serde::de::Error as _;
 use thiserror::Error;
 
@@ -22,8 +23,8 @@ use crate::tremor::Shake;
 use written::List;
 
 /// Impedance, reaction and tremor of an operator.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(try_from = "Table")]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(try_from = "Table", into = "Table")]
 pub struct OperatorSettings {
     /// Impedance without load.
     pub(super) hand: Hand,
@@ -127,7 +128,7 @@ impl Default for OperatorSettings {
 }
 
 /// Names of the presets.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum Preset {
     #[default]
@@ -149,11 +150,11 @@ impl Preset {
 }
 
 /// `[hand]`: a preset, and values that replace those of the preset.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 struct Table {
     preset: Preset,
-    #[serde(rename = "temperament", deserialize_with = "refuse_former_key")]
+    #[serde(skip_serializing, rename = "temperament", deserialize_with = "refuse_former_key")]
     _former_preset: (),
     stiffness_n_per_m: Option<f64>,
     damping_ns_per_m: Option<f64>,
@@ -214,6 +215,29 @@ impl TryFrom<Table> for OperatorSettings {
             startle: startle.map(|force| checked("startle_n", force, 0.1..=500.0)).transpose()?,
             shake,
         })
+    }
+}
+
+/// Every number, so that the preset does not matter.
+impl From<OperatorSettings> for Table {
+    fn from(settings: OperatorSettings) -> Self {
+        let OperatorSettings { hand, reaction, yielding, stiffening, startle, shake } = settings;
+        Self {
+            preset: Preset::default(),
+            _former_preset: (),
+            stiffness_n_per_m: Some(hand.stiffness),
+            damping_ns_per_m: Some(hand.damping),
+            stiffness_nm_per_rad: Some(hand.rotational_stiffness),
+            damping_nms_per_rad: Some(hand.rotational_damping),
+            max_force_n: Some(hand.max_force),
+            max_moment_nm: Some(hand.max_moment),
+            reaction_s: Some(reaction),
+            yielding: Some(yielding),
+            stiffening: Some(stiffening),
+            startle_n: startle,
+            tremor_mm: Some(1e3 * shake.amplitude),
+            tremor_hz: Some(List(shake.band)),
+        }
     }
 }
 

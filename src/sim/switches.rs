@@ -1,6 +1,6 @@
 //! The operator's switch box: a CiA 401 input module of one byte.
 //!
-//! [`Input`](crate::scenario::fault::Input) has the wiring of the bits.
+//! [`Input`](faults::Input) has the wiring of the bits.
 
 use std::time::Duration;
 

@@ -22,7 +22,6 @@ use crate::operator_model::OperatorModel;
 use crate::plant;
 use crate::plant::Plant;
 use crate::scenario::Scenario;
-use crate::scenario::fault::Link;
 use crate::scenario_start::ScenarioStart;
 use crate::switches::SwitchBox;
 use crate::transmission::Transmission;
@@ -31,6 +30,7 @@ use canopen::frame::Frame;
 use canopen::frame::Telegram;
 use canopen::station::Station;
 use canopen::sync;
+use faults::LinkFault;
 use units::numbering::Joint;
 use units::numbering::NodeIndex;
 use units::time::Instant;
@@ -160,7 +160,7 @@ impl<M: Motor, I: Inputs> World<M, I> {
     }
 
     /// Returns the state of the link to the commanded side.
-    pub fn link(&self) -> Link {
+    pub fn link(&self) -> Option<LinkFault> {
         self.faults.link()
     }
 
@@ -244,7 +244,7 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
         let received = Telegram { channel, frame: *frame };
         let devices = devices(&mut self.drives, &mut self.switches);
         for (place, device) in NodeIndex::each(devices) {
-            self.faults.hear(now, place, device, received, out);
+            self.faults.deliver(now, place, device, received, out);
         }
         self.update_demands(now);
     }
@@ -257,7 +257,7 @@ impl<M: Motor, I: Inputs> Station for World<M, I> {
         let mut devices = devices(&mut self.drives, &mut self.switches);
         if is_due(self.faults.deadline()) {
             self.start.fix();
-            self.faults.turn(now, &mut devices, out);
+            self.faults.on_time(now, &mut devices, out);
         }
         for (place, device) in NodeIndex::each(devices) {
             if is_due(device.deadline()) {
@@ -304,9 +304,9 @@ mod tests {
     use crate::actuator::ActuatorSettings;
     use crate::arm;
     use crate::drivetrain::DrivetrainSettings;
-    use crate::fault::Way;
+    use crate::fault::Direction;
     use crate::plant::Resistance;
-    use crate::scenario::fault::Service;
+    use faults::Service;
     use units::spatial::Wrench;
 
     const SCRIPT: &str = "seconds = 5\n\
@@ -341,13 +341,13 @@ mod tests {
     }
 
     impl Breakable for FakeMotor {
-        fn report_transient_error(&mut self, _: u16, _: u8) {}
+        fn send_emergency(&mut self, _: u16, _: u8) {}
 
         fn channel(&self) -> Channel {
             LEADING
         }
 
-        fn cob_id(&self, _: Way, _: Service) -> Option<u16> {
+        fn cob_id(&self, _: Direction, _: Service) -> Option<u16> {
             None
         }
 
@@ -382,13 +382,13 @@ mod tests {
     }
 
     impl Breakable for FakeSwitches {
-        fn report_transient_error(&mut self, _: u16, _: u8) {}
+        fn send_emergency(&mut self, _: u16, _: u8) {}
 
         fn channel(&self) -> Channel {
             LEADING
         }
 
-        fn cob_id(&self, _: Way, _: Service) -> Option<u16> {
+        fn cob_id(&self, _: Direction, _: Service) -> Option<u16> {
             None
         }
 

@@ -1,5 +1,5 @@
-//! The hazards of the bus, the adapter and the host (rows 21 to 26, 28, 29 and 31): what the node does of
-//! each, at whatever phase of a cycle it comes, and when the drives are without torque.
+//! The hazards of the bus, the adapter and the host (21 to 26, 28, 29 and 31), at several phases of a cycle: the
+//! reaction of the node, and the time until the drives are torque-free.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -15,11 +15,12 @@ use proptest::prelude::*;
 use crate::common::bench::Wire;
 use crate::common::bench::config;
 use bus::Bus;
-use bus::BusFault;
-use bus::Disturbance;
-use bus::HostFault;
 use canopen::frame::Channel;
 use canopen::frame::Frame;
+use faults::Disturbance;
+use faults::Fault;
+use faults::HostFault;
+use faults::Target;
 use lab::bench::Bench;
 use node::Request;
 use node::cause::Kind;
@@ -32,34 +33,33 @@ const KRAFT: &str = "config/kraft_like.toml";
 
 const BUS: Channel = Channel(0);
 
-/// Within one cycle of 1 ms: while SYNC passes, and after the torques are sent. A campaign tries all.
+/// Phases of a cycle of 1 ms, in µs: during SYNC, and after the targets. A campaign tries all.
 const PHASES: [u64; 2] = [20, 600];
 
-/// Somebody holds the arm, which is armed and engaged, and goes on moving it.
+/// The operator engages the arm, and goes on moving it.
 const SCRIPT: &str = "seconds = 60\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.2\ndeadman = true\n\
     [[move]]\nat_s = 0.25\nduration_s = 1.0\nto_m = [0.0, 0.05, 0.0]\n";
 
-/// Cycles until the weight is taken up and the hand is on its way.
+/// Cycles until gravity compensation has ramped up and the hand moves.
 const SETTLED: u64 = 400;
 
-/// The drives' own timers end their torque within 6 ms after the last that they were told; it is looked at
-/// once in a cycle of 1 ms.
+/// The drives' own timers end their torque within 6 ms of the last target; it is measured once in a cycle of 1 ms.
 const BY_TIMER: Duration = Duration::from_millis(7);
 
-/// A run with something going wrong in it.
+/// A run with faults.
 struct Run {
     bench: Bench<Wire>,
     wire: Wire,
     onset: Instant,
     records: Vec<Record>,
-    /// When a drive last had torque, of the moments between two cycles.
+    /// The last time between two cycles at which a drive exerted torque.
     pushed: Instant,
 }
 
 impl Run {
-    /// Runs until the arm is held, and plans `host_faults` for so many µs after the next SYNC is due.
-    fn with(host_faults: &[(u64, HostFault)]) -> Self {
+    /// Runs until the operator is engaged, and injects `faults`, whose times count from the next SYNC.
+    fn with(faults: &[Fault]) -> Self {
         let (config, wire) = (config(KRAFT), Wire::default());
         let script = Scenario::parse(SCRIPT).unwrap();
         let mut bench = Bench::new(&config, script, 1, false, wire.clone());
@@ -68,11 +68,10 @@ impl Run {
         let last = bench.cycle();
         assert_eq!(last.mode, Mode::Engaged);
         let due = last.at + config.period;
-        for (micros, host_fault) in host_faults {
-            bench.bus_mut().plan(due + Duration::from_micros(*micros), *host_fault);
+        for fault in faults {
+            bench.bus_mut().inject(due, fault);
         }
-        let onset =
-            due + Duration::from_micros(host_faults.first().map_or(0, |(micros, _)| *micros));
+        let onset = due + faults.first().map_or(Duration::ZERO, |fault| fault.start);
         Self { bench, wire, onset, records: Vec::new(), pushed: onset }
     }
 
@@ -87,20 +86,20 @@ impl Run {
         self
     }
 
-    /// What stopped it, and its mode at the end.
+    /// Returns the cause of the stop, and the mode at the end.
     fn end(&self) -> (Option<Kind>, Mode) {
         let last = self.records.last().unwrap();
         (last.cause.map(|cause| cause.kind()), last.mode)
     }
 
-    /// When the first cycle ended whose torques are all zero and remain so, in µs after the onset.
-    fn told(&self) -> u64 {
+    /// Returns the end of the first cycle from which all targets are zero, in µs after the onset.
+    fn zero_after(&self) -> u64 {
         let pushing = self.records.iter().rposition(|record| record.targets != [0; 6]);
         let first = &self.records[pushing.map_or(0, |place| place + 1)];
         micros(self.onset, first.at)
     }
 
-    /// When SYNC was complete on the bus since the onset, in µs after it.
+    /// Returns the times of SYNC on the bus since the onset, in µs after it.
     fn syncs(&self) -> Vec<u64> {
         let syncs = self.wire.since(self.onset, 0x080).into_iter();
         let all = self.wire.all();
@@ -113,7 +112,7 @@ impl Run {
         syncs.map(|(at, _)| at).filter(|at| on_bus(*at)).map(|at| micros(self.onset, at)).collect()
     }
 
-    /// When the node last sent anything on the bus, in µs after the onset.
+    /// Returns the time of the node's last frame on the bus, in µs after the onset.
     fn last_sent(&self) -> u64 {
         let all = self.wire.all();
         let is_ours =
@@ -131,65 +130,68 @@ fn micros(from: Instant, to: Instant) -> u64 {
     u64::try_from(to.since(from).as_micros()).unwrap()
 }
 
-fn on_bus(wrong: Disturbance) -> HostFault {
-    HostFault::Bus(BUS, Some(wrong))
+fn on_bus(micros: u64, disturbance: Disturbance) -> Fault {
+    Fault::of_bus(Duration::from_micros(micros), BUS, disturbance)
 }
 
-/// `wrong` on one bus at every phase: the drives are switched off for one of `kinds`, those that are still
-/// reached are told zero within `cycles`, nothing more is sent on that bus, and no drive pushes when its
-/// timer is over. Where the drives' answers stop in the middle of a cycle, they may be missed first.
-fn ends_sending(wrong: Disturbance, kinds: &[Kind], cycles: u64) {
+fn of_host(micros: u64, fault: HostFault, span: Duration) -> Fault {
+    Fault::of_host(Duration::from_micros(micros), fault, span)
+}
+
+/// Disturbs one bus at every phase: the drives are switched off for one of `kinds`, targets are zero within `cycles`,
+/// nothing more is sent on that bus, and no drive exerts torque when its timer has run out. Where the drives' answers
+/// stop within a cycle, they may be missed first.
+fn ends_sending(disturbance: Disturbance, kinds: &[Kind], cycles: u64) {
     for phase in PHASES {
-        let run = Run::with(&[(phase, on_bus(wrong))]).cycles(30);
+        let run = Run::with(&[on_bus(phase, disturbance)]).cycles(30);
         let (cause, mode) = run.end();
-        assert!(kinds.contains(&cause.unwrap()), "{wrong:?} at {phase} µs: {cause:?}");
-        assert_eq!(mode, Mode::DrivesOff, "{wrong:?} at {phase} µs");
-        assert!(run.told() <= cycles * 1_000, "{wrong:?} at {phase} µs: {} µs", run.told());
-        assert!(run.last_sent() <= cycles * 1_000, "{wrong:?} at {phase}: {}", run.last_sent());
+        assert!(kinds.contains(&cause.unwrap()), "{disturbance} at {phase} µs: {cause:?}");
+        assert_eq!(mode, Mode::DrivesOff, "{disturbance} at {phase} µs");
+        let (zero, sent) = (run.zero_after(), run.last_sent());
+        assert!(zero <= cycles * 1_000, "{disturbance} at {phase} µs: {zero} µs");
+        assert!(sent <= cycles * 1_000, "{disturbance} at {phase} µs: {sent}");
         let pushed = run.pushed.since(run.onset + Duration::from_micros(run.last_sent()));
-        assert!(pushed <= BY_TIMER, "{wrong:?} at {phase} µs: pushed for {pushed:?}");
+        assert!(pushed <= BY_TIMER, "{disturbance} at {phase} µs: pushed for {pushed:?}");
     }
 }
 
 #[test]
-fn hazard_21_a_full_queue_is_zero_torque_and_a_second_cycle_of_it_ends_all_sending() {
-    ends_sending(Disturbance::Full, &[Kind::QueueFull], 3);
+fn hazard_21_queue_full_for_two_cycles_ends_all_sending() {
+    ends_sending(Disturbance::QueueFull, &[Kind::QueueFull], 3);
 }
 
 #[test]
-fn hazard_22_frames_that_are_taken_and_not_sent_end_all_sending() {
-    ends_sending(Disturbance::Stuck, &[Kind::EchoMissing, Kind::SamplesMissing], 4);
+fn hazard_22_stuck_adapter_ends_all_sending() {
+    ends_sending(Disturbance::AdapterStuck, &[Kind::EchoMissing, Kind::SamplesMissing], 4);
 }
 
 #[test]
 fn hazard_23_bus_off_ends_all_sending_within_a_cycle() {
-    ends_sending(Disturbance::Fault(BusFault::Off), &[Kind::BusOff], 2);
+    ends_sending(Disturbance::BusOff, &[Kind::BusOff], 2);
 }
 
 #[test]
-fn hazard_23_error_passive_is_zero_torque_and_a_warning_is_nothing() {
+fn hazard_23_error_passive_is_zero_torque_and_warning_is_not() {
     for phase in PHASES {
-        let passive = on_bus(Disturbance::Fault(BusFault::Passive));
-        let run = Run::with(&[(phase, passive)]).cycles(30);
+        let run = Run::with(&[on_bus(phase, Disturbance::ErrorPassive)]).cycles(30);
         assert_eq!(run.end(), (Some(Kind::BusPassive), Mode::ZeroTorque));
-        assert!(run.told() <= 2_000 && run.last_sent() > 28_000, "{phase}");
-        let warning = on_bus(Disturbance::Fault(BusFault::Warning));
-        let run = Run::with(&[(phase, warning)]).cycles(30);
+        assert!(run.zero_after() <= 2_000 && run.last_sent() > 28_000, "{phase}");
+        let run = Run::with(&[on_bus(phase, Disturbance::ErrorWarning)]).cycles(30);
         assert_eq!(run.end(), (None, Mode::Engaged));
     }
 }
 
 #[test]
-fn hazard_24_an_interface_that_goes_down_ends_all_sending() {
-    ends_sending(Disturbance::Fault(BusFault::Down), &[Kind::BusDown], 2);
-    ends_sending(Disturbance::Down, &[Kind::BusDown], 2);
+fn hazard_24_interface_down_ends_all_sending() {
+    ends_sending(Disturbance::AdapterUnplugged, &[Kind::BusDown], 2);
+    ends_sending(Disturbance::InterfaceDown, &[Kind::BusDown], 2);
 }
 
 #[test]
-fn hazard_22_what_a_stalled_adapter_sends_at_last_meets_no_sync() {
+fn hazard_22_late_frames_of_a_stalled_adapter_meet_no_sync() {
     for (phase, stalls) in [(20, 3_000), (250, 4_400), (600, 8_000)] {
-        let heal = (phase + stalls, HostFault::Bus(BUS, None));
-        let run = Run::with(&[(phase, on_bus(Disturbance::Stalled)), heal]).cycles(60);
+        let stalled = on_bus(phase, Disturbance::AdapterStalled);
+        let run = Run::with(&[stalled.lasting(Duration::from_micros(stalls))]).cycles(60);
         assert_eq!(run.end().1, Mode::DrivesOff, "{phase}");
         // The one under way when it began, and the one that was held.
         let syncs = run.syncs();
@@ -201,20 +203,21 @@ fn hazard_22_what_a_stalled_adapter_sends_at_last_meets_no_sync() {
 }
 
 #[test]
-fn a_bus_that_is_healed_is_found_again_by_a_reset_and_not_before() {
-    for wrong in [Disturbance::Stuck, Disturbance::Down, Disturbance::Fault(BusFault::Off)] {
-        let mut run =
-            Run::with(&[(250, on_bus(wrong)), (50_250, HostFault::Bus(BUS, None))]).cycles(80);
+fn recovered_bus_is_used_after_a_reset_and_not_before() {
+    for disturbance in [Disturbance::AdapterStuck, Disturbance::InterfaceDown, Disturbance::BusOff]
+    {
+        let fault = on_bus(250, disturbance).lasting(Duration::from_millis(50));
+        let mut run = Run::with(&[fault]).cycles(80);
         let (sent, now) = (run.last_sent(), micros(run.onset, run.bench.node().bus().now()));
-        assert!(sent < 5_000 && now > 75_000, "{wrong:?}: nothing is sent although it is healed");
+        assert!(sent < 5_000 && now > 75_000, "{disturbance}: nothing is sent after its end");
         let mode = run.bench.ask(Request::Reset).unwrap();
-        assert_eq!(mode, Mode::Ready, "{wrong:?}");
+        assert_eq!(mode, Mode::Ready, "{disturbance}");
     }
 }
 
 #[test]
-fn hazard_24_a_reset_without_the_interface_fails_and_one_with_it_succeeds() {
-    let mut run = Run::with(&[(250, on_bus(Disturbance::Down))]).cycles(20);
+fn hazard_24_reset_needs_the_interface() {
+    let mut run = Run::with(&[on_bus(250, Disturbance::InterfaceDown)]).cycles(20);
     assert!(run.bench.ask(Request::Reset).is_err());
     let mut run = run.cycles(5);
     assert_eq!(run.end().1, Mode::DrivesOff);
@@ -222,50 +225,50 @@ fn hazard_24_a_reset_without_the_interface_fails_and_one_with_it_succeeds() {
     assert_eq!(run.bench.ask(Request::Reset).unwrap(), Mode::Ready);
 }
 
-/// How a boot of the network ends, on which something goes wrong so many ms after it begins.
-fn booted(after_ms: u64, host_fault: HostFault) -> (Result<(), String>, Wire) {
+/// Returns the end of a boot of the network with a disturbance this many ms after its start.
+fn booted(after_ms: u64, disturbance: Disturbance) -> (Result<(), String>, Wire) {
     let wire = Wire::default();
     let script = Scenario::parse(SCRIPT).unwrap();
     let mut bench = Bench::new(&config(KRAFT), script, 1, false, wire.clone());
-    bench.bus_mut().plan(Instant::ZERO + Duration::from_millis(after_ms), host_fault);
+    bench.bus_mut().inject(Instant::ZERO, &on_bus(1_000 * after_ms, disturbance));
     (bench.bring_up().map_err(|error| error.to_string()), wire)
 }
 
 #[test]
-fn hazard_24_a_boot_on_a_bus_that_is_down_says_so_and_blames_no_drive() {
+fn hazard_24_boot_on_a_bus_that_is_down_names_no_drive() {
     // While it listens, while it reads, and while it writes; told by the driver, and by a frame not taken.
     for after_ms in [0, 10, 30, 60] {
         for (wrong, words) in [
-            (Disturbance::Down, "bus 0: interface down"),
-            (Disturbance::Fault(BusFault::Down), "bus 0: interface down"),
-            (Disturbance::Fault(BusFault::Off), "bus 0: bus off"),
-            (Disturbance::Fault(BusFault::Passive), "bus 0: error passive"),
-            (Disturbance::Full, "bus 0: transmit queue full"),
+            (Disturbance::InterfaceDown, "bus 0: interface down"),
+            (Disturbance::AdapterUnplugged, "bus 0: interface down"),
+            (Disturbance::BusOff, "bus 0: bus off"),
+            (Disturbance::ErrorPassive, "bus 0: error passive"),
+            (Disturbance::QueueFull, "bus 0: transmit queue full"),
         ] {
-            let (outcome, _) = booted(after_ms, on_bus(wrong));
+            let (outcome, _) = booted(after_ms, wrong);
             assert_eq!(outcome, Err(words.to_owned()), "{wrong:?} after {after_ms} ms");
         }
     }
 }
 
 #[test]
-fn hazard_26_a_bus_of_another_master_is_not_booted() {
+fn hazard_26_bus_of_another_master_is_not_booted() {
     for frame in [Frame::new(0x080, []), Frame::new(0x201, [0; 6])] {
-        let (outcome, wire) = booted(5, on_bus(Disturbance::Flood(frame)));
+        let (outcome, wire) = booted(5, Disturbance::Flood(frame));
         assert_eq!(outcome, Err("another master is on the bus".to_owned()));
         let sent = wire.all().iter().filter(|(_, it)| it.frame.cob_id != frame.cob_id).count();
         assert!(wire.since(Instant::ZERO, 0).is_empty(), "no reset, no stop: {sent}");
     }
     let write = Frame::new(0x603, [0x2B, 0x00, 0x14, 5, 0, 0, 0, 0]);
-    let (outcome, _) = booted(30, on_bus(Disturbance::Flood(write)));
+    let (outcome, _) = booted(30, Disturbance::Flood(write));
     assert_eq!(outcome, Err("another master is on the bus".to_owned()), "it writes in the boot");
 }
 
 #[test]
-fn hazard_25_after_a_short_gap_what_waited_is_drained_and_answers_no_sync() {
+fn hazard_25_backlog_of_a_short_gap_is_drained_at_once() {
     for phase in PHASES {
-        let stopped = HostFault::Stopped(Duration::from_micros(2_800));
-        let run = Run::with(&[(phase, stopped)]).cycles(20);
+        let span = Duration::from_micros(2_800);
+        let run = Run::with(&[of_host(phase, HostFault::ProcessStopped, span)]).cycles(20);
         assert_eq!(run.end(), (None, Mode::Engaged), "{phase}");
         let gap = run.records.windows(2).map(|pair| micros(pair[0].at, pair[1].at)).max().unwrap();
         assert!((2_000..=4_000).contains(&gap), "{phase}: {gap}");
@@ -277,23 +280,23 @@ fn hazard_25_after_a_short_gap_what_waited_is_drained_and_answers_no_sync() {
 #[test]
 fn hazard_25_samples_that_waited_too_long_are_missing() {
     // The process stands still while the drives answer.
-    let stopped = HostFault::Stopped(Duration::from_micros(2_800));
-    let run = Run::with(&[(100, stopped)]).cycles(3);
+    let span = Duration::from_micros(2_800);
+    let run = Run::with(&[of_host(100, HostFault::ProcessStopped, span)]).cycles(3);
     assert_eq!(run.records[0].sampled, [false; 6]);
     assert_eq!(run.records[1].sampled, [true; 6]);
 }
 
 #[test]
-fn hazard_28_after_a_stop_the_first_torque_is_zero_and_no_sync_is_made_up_for() {
+fn hazard_28_first_target_after_a_stop_is_zero_without_a_burst() {
     for phase in PHASES {
         let stop = Duration::from_millis(50);
-        let run = Run::with(&[(phase, HostFault::Stopped(stop))]).cycles(30);
+        let run = Run::with(&[of_host(phase, HostFault::ProcessStopped, stop)]).cycles(30);
         let resumed = run.onset + stop;
         assert_eq!(run.end(), (Some(Kind::Overrun), Mode::ZeroTorque), "{phase}");
         let first = run.records.iter().position(|record| record.mode.is_stopped()).unwrap();
         assert!(run.records[first..].iter().all(|record| record.targets == [0; 6]), "{phase}");
         let before = run.records[..first].last().map_or(Instant::ZERO, |record| record.at);
-        assert!(before < run.onset, "{phase}: no torque was told after it");
+        assert!(before < run.onset, "{phase}: no target was sent after it");
         let syncs = run.wire.since(resumed, 0x080);
         let buses = 2;
         assert!(syncs.len() <= buses * 30, "{phase}: {} SYNCs", syncs.len());
@@ -305,30 +308,34 @@ fn hazard_28_after_a_stop_the_first_torque_is_zero_and_no_sync_is_made_up_for() 
 }
 
 #[test]
-fn hazard_29_a_loop_that_is_late_again_and_again_is_stopped() {
-    let host_faults: Vec<_> = (0..10)
-        .map(|n| (n * 2_000 + 700, HostFault::Stopped(Duration::from_micros(1_000))))
-        .collect();
-    let run = Run::with(&host_faults).cycles(40);
+fn hazard_29_repeated_late_cycles_stop_the_node() {
+    let late =
+        |n: u64| of_host(n * 2_000 + 700, HostFault::ProcessStopped, Duration::from_millis(1));
+    let faults: Vec<Fault> = (0..10).map(late).collect();
+    let run = Run::with(&faults).cycles(40);
     assert_eq!(run.end(), (Some(Kind::Late), Mode::ZeroTorque));
-    assert!(run.told() <= 7_000, "{} µs: three late wake-ups in a row", run.told());
-    let once = Run::with(&host_faults[..2]).cycles(40);
+    assert!(run.zero_after() <= 7_000, "{} µs: three late wake-ups in a row", run.zero_after());
+    let once = Run::with(&faults[..2]).cycles(40);
     assert_eq!(once.end(), (None, Mode::Engaged));
 }
 
 #[test]
-fn hazard_31_a_host_that_was_suspended_switches_the_drives_off() {
+fn hazard_31_suspended_host_switches_the_drives_off() {
     for phase in PHASES {
-        let slept = HostFault::Suspended(Duration::from_millis(40));
-        let run = Run::with(&[(phase, slept)]).cycles(10);
+        let suspended = of_host(phase, HostFault::Suspended, Duration::from_millis(40));
+        let run = Run::with(&[suspended]).cycles(10);
         assert_eq!(run.end(), (Some(Kind::Suspended), Mode::DrivesOff), "{phase}");
     }
 }
 
 #[test]
-fn hazard_31_the_clock_on_the_wall_may_be_set_at_any_moment() {
+fn hazard_31_wall_clock_may_be_set_at_any_moment() {
     let steps = [0, 3_000_000, 2_000_000_000].map(Duration::from_secs);
-    let set: Vec<_> = (250..).step_by(7_000).zip(steps.map(HostFault::ClockSet)).collect();
+    let set = |(at, wall)| {
+        let set = faults::Kind::Host(HostFault::ClockSet(wall));
+        Fault::new(Duration::from_micros(at), Target::Host, set)
+    };
+    let set: Vec<Fault> = (250..).step_by(7_000).zip(steps).map(set).collect();
     let (set, plain) = (Run::with(&set).cycles(40), Run::with(&[]).cycles(40));
     assert_eq!(set.end(), (None, Mode::Engaged));
     for (set, plain) in set.records.iter().zip(&plain.records) {
@@ -337,7 +344,7 @@ fn hazard_31_the_clock_on_the_wall_may_be_set_at_any_moment() {
 }
 
 #[test]
-fn hazard_26_the_kernel_is_asked_for_what_a_master_must_hear_and_nothing_else() {
+fn hazard_26_receive_filter_passes_configured_cob_ids_alone() {
     let patterns = config(KRAFT).patterns();
     let is_heard = |cob_id: u16| patterns[0].iter().any(|pattern| pattern.has(cob_id));
     let of_its_nodes = [0x081, 0x083, 0x183, 0x283, 0x583, 0x703];
@@ -352,22 +359,26 @@ fn hazard_26_the_kernel_is_asked_for_what_a_master_must_hear_and_nothing_else() 
 }
 
 #[test]
-fn hazard_26_a_flood_that_loses_every_arbitration_harms_nobody() {
-    let flood = on_bus(Disturbance::Flood(Frame::new(0x7FF, [0x55; 8])));
-    let run = Run::with(&[(250, flood)]).cycles(1_000);
+fn hazard_26_flood_that_loses_every_arbitration_stops_nothing() {
+    let flood = on_bus(250, Disturbance::Flood(Frame::new(0x7FF, [0x55; 8])));
+    let run = Run::with(&[flood]).cycles(1_000);
     assert_eq!(run.end(), (None, Mode::Engaged));
     let mut apart = run.records.windows(2).map(|pair| micros(pair[0].at, pair[1].at));
     assert!(apart.all(|apart| apart == 1_000), "every SYNC on its grid");
 }
 
 #[test]
-fn hazard_26_a_flood_that_wins_every_arbitration_stops_all() {
+fn hazard_26_flood_that_wins_every_arbitration_stops_all() {
     for cob_id in [0x000, 0x001, 0x080, 0x181] {
-        let flood = on_bus(Disturbance::Flood(Frame::new(cob_id, [])));
+        let flood = Disturbance::Flood(Frame::new(cob_id, []));
         for phase in PHASES {
-            let run = Run::with(&[(phase, flood)]).cycles(30);
+            let run = Run::with(&[on_bus(phase, flood)]).cycles(30);
             assert!(run.end().1.is_stopped(), "{cob_id:03X} at {phase} µs");
-            assert!(run.told() <= 5_000, "{cob_id:03X} at {phase} µs: {} µs", run.told());
+            assert!(
+                run.zero_after() <= 5_000,
+                "{cob_id:03X} at {phase} µs: {} µs",
+                run.zero_after()
+            );
             let pushed = run.pushed.since(run.onset);
             assert!(pushed <= Duration::from_millis(11), "{cob_id:03X} at {phase}: {pushed:?}");
         }
@@ -379,7 +390,7 @@ proptest! {
 
     /// Whatever is heard, no drive is told more than it may be, and the node keeps its time.
     #[test]
-    fn hazard_26_no_frames_whatever_panic_the_node_or_hold_it_up(
+    fn hazard_26_arbitrary_frames_never_delay_the_node(
         frames in proptest::collection::vec(
             (0_u16..0x800, proptest::collection::vec(any::<u8>(), 0..9)), 1..40),
     ) {

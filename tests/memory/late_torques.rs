@@ -13,10 +13,11 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use crate::common::bench::config;
-use bus::HostFault;
 use bus::Tap;
 use canopen::frame::Frame;
 use canopen::frame::Telegram;
+use faults::Fault;
+use faults::HostFault;
 use lab::bench::Bench;
 use node::cause::Kind;
 use node::record::Mode;
@@ -78,8 +79,9 @@ impl Run {
         // Just before the next SYNC.
         let from = last.at + config.period - Duration::from_micros(10);
         for (cycle, after, tenths) in stops {
-            let at = from + config.period * *cycle;
-            bench.bus_mut().plan(at, HostFault::StoppedAfter(*after, config.period / 10 * *tenths));
+            let span = config.period / 10 * *tenths;
+            let fault = HostFault::ProcessStoppedAfter(*after);
+            bench.bus_mut().inject(from, &Fault::of_host(config.period * *cycle, fault, span));
         }
         Self { bench, given, period: config.period, from, records: vec![last] }
     }

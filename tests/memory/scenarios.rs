@@ -1,4 +1,4 @@
-//! Every script in config/scenarios/faults: what the node does of it, and what it does not see.
+//! Every scenario in config/scenarios/faults: the reaction of the node, and the faults it does not detect.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -8,54 +8,56 @@
 )]
 
 use std::path::Path;
+use std::time::Duration;
 
 use nalgebra::SVector;
 
 use crate::common::bench::Wire;
 use crate::common::bench::config;
 use crate::common::bench::scenario;
+use canopen::frame::Channel;
 use canopen::object::Object;
 use config::Config;
+use faults::LinkFault;
+use faults::Target;
 use lab::bench::Bench;
+use node::cause;
 use node::record::Mode;
 use node::record::Record;
 use sim::scenario::Scenario;
-use sim::scenario::fault::Link;
 
 const KRAFT: &str = "config/kraft_like.toml";
 const JPL: &str = "config/jpl_like.toml";
 
-/// What the node does of a fault.
+/// Reaction of the node to a fault.
 #[derive(Clone, Copy, Debug)]
 enum Node {
-    /// It stops for a cause that says this, and tells every drive zero torque within so many cycles of the
-    /// fault; from when on no drive pushes.
+    /// It stops for this cause; targets are zero within a number of cycles, and then no drive exerts torque.
     Stops(&'static str, Within),
-    /// It is armed, not engaged, within so many cycles, and stays so until the operator presses anew.
+    /// It disengages within this many cycles, until the operator presses the deadman anew.
     Disengages(u64),
-    /// It ends reflection for a cause that says this, and within so many cycles of the fault tells the drives
-    /// no more than the weight of the arm, which it carries on.
-    Carries(&'static str, u64),
-    /// It goes on, and should: what becomes of it is bounded, and why.
-    Bears(&'static str),
+    /// It ends reflection for this cause within this many cycles; gravity compensation goes on.
+    EndsReflection(&'static str, u64),
+    /// It goes on, for this reason.
+    GoesOn(&'static str),
 }
 
-/// In cycles since the fault.
+/// Times in cycles since the fault.
 #[derive(Clone, Copy, Debug)]
 struct Within {
-    /// Until every drive is told zero torque.
-    told: u64,
-    /// Until none has any.
-    gone: u64,
+    /// Until every target is zero.
+    zero: u64,
+    /// Until no drive exerts torque.
+    torque_free: u64,
 }
 
-const fn within(told: u64, gone: u64) -> Within {
-    Within { told, gone }
+const fn within(zero: u64, torque_free: u64) -> Within {
+    Within { zero, torque_free }
 }
 
-use Node::Bears;
-use Node::Carries;
 use Node::Disengages;
+use Node::EndsReflection;
+use Node::GoesOn;
 use Node::Stops;
 
 use units::numbering::Joint;
@@ -80,12 +82,12 @@ const FRAMES: &[(&str, Node)] = &[
     // Its last torque acts until it is switched off: a synchronous RPDO waits for a SYNC.
     ("sync_lost", Stops("joint 3: no sample for 3 cycles", within(5, 110))),
     ("resize", Stops("joint 3: no sample for 3 cycles", within(5, 6))),
-    ("delay", Bears("a constant lateness cannot be told from none, and moves little: 4")),
-    ("reorder", Bears("a late sample never replaces a newer one: 4")),
+    ("delay", GoesOn("a constant lateness looks like none, and moves little: 4")),
+    ("reorder", GoesOn("a late sample never replaces a newer one: 4")),
     ("duplicate", Stops("joint 3: two nodes seem to have its node-id", within(3, 4))),
     ("impersonate", Stops("joint 3: two nodes seem to have its node-id", within(3, 4))),
     ("freeze", Stops("joint 2: its position stands still under torque", within(505, 506))),
-    ("corrupt", Bears("a single sample that cannot be is not believed: 12")),
+    ("corrupt", GoesOn("a single sample that cannot be is discarded: 12")),
 ];
 
 const SENSES: &[(&str, Node)] = &[
@@ -99,68 +101,67 @@ const SENSES: &[(&str, Node)] = &[
     ("deadman_bounce", Disengages(5)),
 ];
 
-const STRANGERS: &[(&str, Node)] = &[
+const FOREIGN: &[(&str, Node)] = &[
     ("foreign_sync", Stops("another master is on the bus", within(2, 3))),
     ("foreign_nmt", Stops("another master is on the bus", within(2, 3))),
     ("foreign_frame", Stops("another master is on the bus", within(2, 3))),
-    ("link_loss", Carries("no new wrench from the commanded side", 70)),
-    ("link_frozen", Carries("no new wrench from the commanded side", 70)),
+    ("link_loss", EndsReflection("no new wrench from the commanded side", 70)),
+    ("link_frozen", EndsReflection("no new wrench from the commanded side", 70)),
 ];
 
-/// What one run came to.
+/// Result of one run.
 #[derive(Debug)]
 struct Run {
     last: Record,
-    /// In cycles from the fault on.
+    /// Cycles from the fault on.
     torque: Within,
-    /// The last cycle that was engaged, likewise.
+    /// The last engaged cycle after the fault.
     engaged: u64,
-    /// Until only the weight of the arm is told.
-    felt: u64,
+    /// Cycles until gravity compensation alone is left.
+    reflecting: u64,
 }
 
-/// Plays a script to its end, or for 150 cycles after a stop. No drive is ever told more than it may be.
+/// Plays a scenario to its end, or for 150 cycles after a stop. No target may exceed its limit.
 fn play(config: &Config, script: &Scenario) -> Run {
     let most = most(config);
     let mut bench = Bench::new(config, script.clone(), 1, false, ());
     bench.bring_up().unwrap();
     let begun = bench.node().bus().stations().scenario_start().unwrap();
-    let fault = begun + script.faults()[0].begins;
-    let (mut torque, mut felt) = (within(0, 0), 0);
+    let fault = begun + script.faults()[0].start;
+    let (mut torque, mut reflecting) = (within(0, 0), 0);
     let (mut stopped, mut engaged) = (0, 0);
     loop {
         let record = bench.cycle();
-        let is_within = record.targets.iter().zip(most).all(|(told, most)| told.abs() <= most);
+        let is_within = record.targets.iter().zip(most).all(|(target, most)| target.abs() <= most);
         assert!(is_within, "{:?}", record.targets);
         let cycles = record.at.since(fault).as_micros() / config.period.as_micros();
         let cycles = u64::try_from(cycles).unwrap();
         if record.targets != [0; 6] {
-            torque.told = cycles;
+            torque.zero = cycles;
         }
         if (record.output.tau - record.output.ledger.gravity).amax() > 1e-9 {
-            felt = cycles;
+            reflecting = cycles;
         }
         if is_pushed(config, &bench.world_mut().torques()) {
-            torque.gone = cycles;
+            torque.torque_free = cycles;
         }
         if record.mode == Mode::Engaged {
             engaged = cycles;
         }
         stopped += u64::from(record.mode.is_stopped());
         if stopped == 150 || bench.elapsed().as_secs_f64() >= script.seconds() {
-            return Run { last: record, torque, engaged, felt };
+            return Run { last: record, torque, engaged, reflecting };
         }
     }
 }
 
-/// Whether a joint has more than a hundredth of the torque it may have: a current dies away, and is never
-/// quite gone.
+/// Returns whether a joint exerts more than a hundredth of its largest torque: a current decays without an end.
 fn is_pushed(config: &Config, torques: &SVector<f64, 6>) -> bool {
     let mut joints = config.joints.iter().zip(torques);
     joints.any(|(joint, torque)| torque.abs() > 0.01 * joint.plant.actuator.max_torque)
 }
 
-/// The most each drive may be told, in ‰ of its rated torque.
+/// Returns the largest target of each drive, in ‰ of its rated torque.
 fn most(config: &Config) -> [i16; 6] {
     config.joints.each_ref().map(|joint| {
         let [c1, c3, c5] = joint.plant.actuator.torque_curve;
@@ -173,25 +174,26 @@ fn most(config: &Config) -> [i16; 6] {
 fn holds(file: &str, rows: &[(&str, Node)]) {
     let config = config(file);
     for (name, node) in rows {
-        let Run { last, torque, engaged, felt } =
+        let Run { last, torque, engaged, reflecting } =
             play(&config, &scenario(&format!("faults/{name}")));
         let cause = last.cause.map_or_else(String::new, |cause| cause.to_string());
         match node {
             Stops(because, within) => {
                 assert!(cause.contains(because), "{name}: {cause}");
-                let is_soon = torque.told <= within.told && torque.gone <= within.gone;
+                let is_soon =
+                    torque.zero <= within.zero && torque.torque_free <= within.torque_free;
                 assert!(is_soon, "{name}: {torque:?}");
             }
             Disengages(within) => {
                 assert_eq!((last.mode, &*cause), (Mode::Armed, ""), "{name}");
                 assert!(engaged <= *within, "{name}: {engaged}");
             }
-            Carries(because, within) => {
+            EndsReflection(because, within) => {
                 assert!(cause.contains(because), "{name}: {cause}");
                 assert_eq!(last.mode, Mode::ReflectionOff, "{name}");
-                assert!((1..=*within).contains(&felt), "{name}: felt for {felt} cycles");
+                assert!((1..=*within).contains(&reflecting), "{name}: {reflecting} cycles");
             }
-            Bears(why) => {
+            GoesOn(why) => {
                 assert_eq!((last.mode, &*cause), (Mode::Engaged, ""), "{name}: {why}");
             }
         }
@@ -199,30 +201,30 @@ fn holds(file: &str, rows: &[(&str, Node)]) {
 }
 
 #[test]
-fn a_drive_that_breaks_stops_all() {
+fn broken_drive_stops_all() {
     holds(KRAFT, DRIVES);
 }
 
 #[test]
-fn frames_that_are_lost_or_cannot_be_stop_all_and_late_ones_are_borne() {
+fn lost_or_malformed_frames_stop_all_drives() {
     holds(KRAFT, FRAMES);
 }
 
 #[test]
-fn what_is_sensed_wrongly_stops_all_but_a_deadman_that_bounces() {
+fn wrong_measurements_stop_all_and_a_bouncing_deadman_does_not() {
     holds(KRAFT, SENSES);
 }
 
 #[test]
-fn a_stranger_stops_all_and_an_old_wrench_ends_reflection() {
-    holds(KRAFT, STRANGERS);
+fn foreign_frame_stops_all_and_an_old_wrench_ends_reflection() {
+    holds(KRAFT, FOREIGN);
 }
 
 #[test]
-fn another_arm_with_other_frames_stops_for_the_same() {
+fn another_arm_with_other_frames_stops_for_the_same_causes() {
     let same = ["unplug", "rpdo_lost", "foreign_nmt"];
     let is_same = |row: &&(&str, Node)| same.contains(&row.0);
-    let rows: Vec<_> = [DRIVES, FRAMES, STRANGERS].concat();
+    let rows: Vec<_> = [DRIVES, FRAMES, FOREIGN].concat();
     let rows: Vec<_> = rows.iter().filter(is_same).copied().collect();
     assert_eq!(rows.len(), same.len());
     holds(JPL, &rows);
@@ -231,15 +233,43 @@ fn another_arm_with_other_frames_stops_for_the_same() {
 }
 
 #[test]
-fn every_script_of_a_fault_is_in_the_table() {
+fn every_scenario_of_a_fault_is_in_the_table() {
     let files = Path::new("config/scenarios/faults").read_dir().unwrap();
     let stem = |path: &Path| path.file_stem().unwrap().to_str().unwrap().to_owned();
     let mut files: Vec<_> = files.map(|file| stem(&file.unwrap().path())).collect();
     files.sort();
     let mut names: Vec<_> =
-        [DRIVES, FRAMES, SENSES, STRANGERS].concat().iter().map(|(name, _)| *name).collect();
+        [DRIVES, FRAMES, SENSES, FOREIGN].concat().iter().map(|(name, _)| *name).collect();
     names.sort_unstable();
     assert_eq!(files, names);
+}
+
+#[test]
+fn scenario_applies_faults_of_host_bus_and_link() {
+    let text = std::fs::read_to_string("config/scenarios/faults/link_loss.toml").unwrap();
+    let (operator, _) = text.split_once("[[fault]]").unwrap();
+    for (keys, target, cause) in [
+        ("kind = \"process_stopped\"\nfor_s = 0.05", Target::Host, cause::Kind::Overrun),
+        ("kind = \"host_suspended\"\nfor_s = 0.1", Target::Host, cause::Kind::Suspended),
+        ("kind = \"interface_down\"", Target::Bus(Channel(0)), cause::Kind::BusDown),
+        ("kind = \"sensed_force\"\nforce_n = nan", Target::Link, cause::Kind::LinkLost),
+    ] {
+        let text = format!("{operator}[[fault]]\nat_s = 1.0\n{keys}\n");
+        let mut bench = Bench::new(&config(KRAFT), Scenario::parse(&text).unwrap(), 1, false, ());
+        bench.bring_up().unwrap();
+        let mut last = bench.cycle();
+        while bench.elapsed() < Duration::from_millis(1_250) {
+            let is_before = bench.elapsed() < Duration::from_secs(1);
+            last = bench.cycle();
+            assert!(!is_before || last.cause.is_none(), "{keys}: {:?}", last.cause);
+        }
+        assert_eq!(last.cause.map(|it| it.kind()), Some(cause), "{keys}");
+        let notice = bench.fault_notice().unwrap();
+        assert_eq!(
+            (notice.fault.target, notice.at, notice.is_over),
+            (target, Duration::from_secs(1), false)
+        );
+    }
 }
 
 /// The frames of a run of 1.2 s, in which the node is armed.
@@ -254,7 +284,7 @@ fn frames_of(faults: &str, seed: u64) -> Wire {
 }
 
 #[test]
-fn a_script_and_a_seed_are_one_run_bit_for_bit() {
+fn scenario_and_seed_are_one_run_bit_for_bit() {
     let some =
         "[[fault]]\nat_s = 0.3\nkind = \"drop\"\njoint = 3\nframe = \"tpdo1\"\nshare = 0.1\n";
     let all = |seed| frames_of(some, seed).all();
@@ -263,13 +293,13 @@ fn a_script_and_a_seed_are_one_run_bit_for_bit() {
 }
 
 #[test]
-fn a_fault_that_strikes_nothing_changes_nothing() {
+fn fault_that_selects_no_frame_changes_nothing() {
     let never = "[[fault]]\nat_s = 0.3\nkind = \"drop\"\njoint = \"all\"\ncob_id = 0x7E5\n";
     assert_eq!(frames_of(never, 1).all(), frames_of("", 1).all());
 }
 
 #[test]
-fn a_counter_that_wraps_is_no_fault() {
+fn wrapping_counter_is_no_fault() {
     // As the arm is at the start, the elbow's counter is 300 before its end.
     let text = std::fs::read_to_string(KRAFT).unwrap();
     let zero = i32::MAX - 300 - 95 * 36 * 16_384 / 360;
@@ -305,7 +335,7 @@ fn a_counter_that_wraps_is_no_fault() {
 }
 
 #[test]
-fn a_lost_link_brings_nothing_new_and_is_as_before_when_it_is_back() {
+fn lost_link_freezes_the_object_until_it_is_back() {
     let script = scenario("faults/link_loss");
     let mut bench = Bench::new(&config(KRAFT), script, 1, false, ());
     bench.bring_up().unwrap();
@@ -313,7 +343,7 @@ fn a_lost_link_brings_nothing_new_and_is_as_before_when_it_is_back() {
     for _ in 0..1_700 {
         let link = bench.world_mut().link();
         let record = bench.cycle();
-        if link == Link::Lost {
+        if link == Some(LinkFault::Lost) {
             lost += 1;
             assert_eq!(record.x_b_m, *known.get_or_insert(record.x_b_m));
         }

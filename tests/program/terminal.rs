@@ -263,7 +263,7 @@ fn large_numbers_are_short_in_messages() {
 fn campaign_without_faults_is_refused() {
     is_refused(&["campaign", "--faults", "0"], 2, &["--faults"]);
     is_refused(&["campaign", "--soak", "0"], 2, &["--soak"]);
-    is_refused(&["campaign", "--only", "nope"], 2, &["--only nope: no such kind of fault"]);
+    is_refused(&["campaign", "--only", "nope"], 2, &["--only nope: unknown kind of fault"]);
 }
 
 /// Runs `frhc ctl status` with this runtime folder of the user.

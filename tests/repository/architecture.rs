@@ -17,6 +17,7 @@ const PURE: &[&str] = &[
     "units",
     "written",
     "canopen",
+    "faults",
     "canopen_tools",
     "controller",
     "robot",
@@ -129,6 +130,22 @@ fn circular_imports_are_found() {
     let circle = [tree.as_slice(), &[("b", "c"), ("c", "a"), ("c", "d")]].concat();
     let found: Vec<String> = in_cycles(graph(&circle)).into_keys().collect();
     assert_eq!(found, ["a", "b", "c"]);
+}
+
+#[test]
+fn monitor_of_the_campaign_imports_neither_node_nor_controller() {
+    let folder = src().join("lab/campaign/monitor");
+    let mut count = 0;
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let text = fs::read_to_string(&path).unwrap();
+        let foreign = text.lines().find(|line| {
+            ["node::", "controller::"].iter().any(|room| line.starts_with(&format!("use {room}")))
+        });
+        assert_eq!(foreign, None, "{}", path.display());
+        count += 1;
+    }
+    assert!(count > 5, "{count} files");
 }
 
 #[test]

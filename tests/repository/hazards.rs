@@ -18,6 +18,9 @@ use crate::claims::Claim;
 use crate::claims::HAZARDS;
 use crate::claims::PROMISES;
 use crate::claims::PROPERTIES;
+use lab::campaign::catalogue;
+use lab::campaign::expectation::EXPECTATIONS;
+use lab::campaign::expectation::Expectation;
 
 const PAGE: &str = "docs/safety.md";
 
@@ -109,12 +112,32 @@ fn lists(tests: &BTreeMap<ClaimId, Vec<Test>>) -> String {
         for (number, what, figure) in claims {
             let figure = if figure.is_empty() { String::new() } else { format!(": {figure}") };
             lines.push(format!("**{number}. {what}**{figure}.\n"));
+            let injected = injected(*number);
+            if family == "hazard" && !injected.is_empty() {
+                lines.push(format!("Injected by the campaign: {}.\n", injected.join("; ")));
+            }
             let shown = tests.get(&(family, *number)).into_iter().flatten();
             lines.extend(shown.map(|(file, words)| format!("- [{words}](../{file})")));
             lines.push(String::new());
         }
     }
     lines.join("\n")
+}
+
+/// The kinds of fault by which the campaign stands for a hazard.
+fn injected(hazard: u8) -> Vec<&'static str> {
+    catalogue::kinds().filter(|kind| kind.hazard == hazard).map(|kind| kind.name).collect()
+}
+
+#[test]
+fn every_expectation_of_the_campaign_has_the_limit_of_the_page() {
+    let page = fs::read_to_string(PAGE).unwrap();
+    for Expectation { hazard, limit, .. } in EXPECTATIONS {
+        let heading = format!("**{hazard}. ");
+        let (_, hazards) = page.split_once("\n## Hazards\n").unwrap();
+        let line = hazards.lines().find(|line| line.starts_with(&heading)).unwrap();
+        assert!(line.contains(&limit.to_string()), "{limit:?} is not the limit of: {line}");
+    }
 }
 
 #[test]

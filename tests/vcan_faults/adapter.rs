@@ -1,4 +1,4 @@
-//! Adapters and cables: rows 22 to 24. What the node sends may be taken and reach nobody.
+//! Adapters and cables: hazards 22 to 24. Frames may be accepted and reach no device.
 
 use crate::common::process::Process;
 use crate::gateway::Gateway;
@@ -11,16 +11,17 @@ use crate::rig::Setup;
 use crate::rig::cycles;
 use crate::rig::millis;
 use crate::serial_can::Adapter;
+use faults::Disturbance;
 
-/// A drive that hears nothing is torque-free after this.
-const TIMER: std::time::Duration = millis(6);
+/// Time in which a drive without frames is torque-free.
+const DRIVE_TIMER: std::time::Duration = millis(6);
 
 fn on(node: &'static str) -> Setup {
     Setup { node, ..Setup::default() }
 }
 
 #[test]
-fn hazard_22_frames_that_are_taken_and_reach_nobody_leave_the_drives_free_within_6_ms() {
+fn hazard_22_cut_cable_makes_drives_torque_free_in_6_ms() {
     let cable = Interface::cable("vxcan0", "vxcan1");
     let gateway = Gateway::at("vxcan1");
     let mut rig = Rig::engaged("cut", &on("vxcan0"));
@@ -28,52 +29,51 @@ fn hazard_22_frames_that_are_taken_and_reach_nobody_leave_the_drives_free_within
     ip("link set vxcan1 down");
     rig.run_for(millis(20));
     rig.is_stopped();
-    rig.seen_after(onset, millis(40)).all_are_free_within(TIMER);
+    rig.seen_after(onset, millis(40)).all_are_free_within(DRIVE_TIMER);
     gateway.is_gone();
     drop(cable);
 }
 
 #[test]
-fn hazard_22_what_a_stalled_adapter_held_back_is_not_felt_when_it_goes_on() {
-    let adapter = Adapter::plugged("slcan0");
+fn hazard_22_late_frames_of_a_stalled_adapter_do_not_act() {
+    let mut adapter = Adapter::plugged("slcan0");
     let mut rig = Rig::engaged("stalled", &on("slcan0"));
     let onset = rig.onset();
-    adapter.stall();
+    adapter.disturb(Disturbance::AdapterStalled);
     rig.run_for(millis(40));
     adapter.go_on();
     rig.run_for(millis(20));
     rig.is_stopped();
-    rig.seen_after(onset, millis(80)).all_are_free_within(TIMER);
+    rig.seen_after(onset, millis(80)).all_are_free_within(DRIVE_TIMER);
 }
 
 #[test]
-fn hazard_23_a_bus_that_is_off_is_not_spoken_to_and_the_drives_are_free_within_6_ms() {
-    let adapter = Adapter::plugged("slcan0");
+fn hazard_23_bus_off_makes_drives_torque_free_in_6_ms() {
+    let mut adapter = Adapter::plugged("slcan0");
     let mut rig = Rig::engaged("bus-off", &on("slcan0"));
     let onset = rig.onset();
-    adapter.say("sb000255");
-    adapter.stall();
+    adapter.disturb(Disturbance::BusOff);
     rig.run_for(millis(20));
     rig.is_stopped_by("bus off");
-    rig.seen_after(onset, millis(20)).all_are_free_within(TIMER);
+    rig.seen_after(onset, millis(20)).all_are_free_within(DRIVE_TIMER);
 }
 
 #[test]
-fn hazard_23_an_adapter_that_is_error_passive_takes_the_torque_off_within_two_cycles() {
-    let adapter = Adapter::plugged("slcan0");
+fn hazard_23_error_passive_adapter_stops_all_in_two_cycles() {
+    let mut adapter = Adapter::plugged("slcan0");
     let mut rig = Rig::engaged("passive", &on("slcan0"));
     rig.run_for(millis(5));
-    adapter.say("sw096000");
+    adapter.disturb(Disturbance::ErrorWarning);
     rig.run_for(millis(20));
     rig.is("engaged");
     let onset = rig.onset();
-    adapter.say("sp128000");
+    adapter.disturb(Disturbance::ErrorPassive);
     rig.run_for(millis(20));
     rig.is_stopped_by("error passive");
     rig.seen_after(onset, millis(20)).all_are_free_within(cycles(2));
 }
 
-/// What an error frame leads to that anybody may have put on the interface.
+/// Sends an error frame to the node's interface, as any program could.
 fn error_frame(name: &str, frame: &str) -> (Rig, Onset, Gateway) {
     let gateway = Gateway::at(NODE);
     let mut rig = Rig::engaged(name, &Setup::default());
@@ -84,14 +84,14 @@ fn error_frame(name: &str, frame: &str) -> (Rig, Onset, Gateway) {
 }
 
 #[test]
-fn hazard_23_an_error_frame_that_says_bus_off_ends_all_sending_at_once() {
+fn hazard_23_error_frame_with_bus_off_ends_all_sending() {
     let (rig, onset, _gateway) = error_frame("error-off", "20000040#0000000000000000");
     rig.is_stopped_by("bus off");
-    rig.seen_after(onset, millis(20)).all_are_free_within(TIMER);
+    rig.seen_after(onset, millis(20)).all_are_free_within(DRIVE_TIMER);
 }
 
 #[test]
-fn hazard_23_an_error_frame_that_says_passive_takes_the_torque_off_and_a_warning_does_not() {
+fn hazard_23_passive_error_frame_stops_and_warning_does_not() {
     for frame in ["20000004#0010000000000000", "20000004#0020000000000000"] {
         let (rig, onset, _gateway) = error_frame("error-passive", frame);
         rig.is_stopped_by("error passive");
@@ -102,7 +102,7 @@ fn hazard_23_an_error_frame_that_says_passive_takes_the_torque_off_and_a_warning
 }
 
 #[test]
-fn hazard_24_an_interface_that_goes_down_leaves_the_drives_free_within_6_ms() {
+fn hazard_24_interface_down_makes_drives_torque_free_in_6_ms() {
     let _interface = Interface::vcan("vcan2");
     let gateway = Gateway::at("vcan2");
     let mut rig = Rig::engaged("down", &on("vcan2"));
@@ -110,16 +110,16 @@ fn hazard_24_an_interface_that_goes_down_leaves_the_drives_free_within_6_ms() {
     ip("link set vcan2 down");
     rig.run_for(millis(20));
     rig.is_stopped_by("interface down");
-    // Up again is not well again: that takes a reset, which boots.
+    // An interface that is up again needs a reset, which boots.
     ip("link set vcan2 up");
     rig.run_for(millis(20));
     rig.is_stopped_by("interface down");
-    rig.seen_after(onset, millis(60)).all_are_free_within(TIMER);
+    rig.seen_after(onset, millis(60)).all_are_free_within(DRIVE_TIMER);
     gateway.is_gone();
 }
 
 #[test]
-fn hazard_24_an_interface_that_comes_up_again_is_judged_again_at_reset() {
+fn hazard_24_reset_checks_an_interface_that_is_up_again() {
     let _adapter = Adapter::plugged("slcan0");
     let mut rig = Rig::engaged("judged", &on("slcan0"));
     let onset = rig.onset();
@@ -139,11 +139,11 @@ fn hazard_24_an_interface_that_comes_up_again_is_judged_again_at_reset() {
     rig.ctl("reset").succeeds();
     rig.run_for(millis(100));
     rig.is("ready");
-    rig.seen_after(onset, millis(5)).all_are_free_within(TIMER);
+    rig.seen_after(onset, millis(5)).all_are_free_within(DRIVE_TIMER);
 }
 
 #[test]
-fn hazard_24_an_interface_that_is_taken_away_leaves_the_drives_free_within_6_ms() {
+fn hazard_24_removed_interface_makes_drives_torque_free_in_6_ms() {
     let _interface = Interface::vcan("vcan2");
     let gateway = Gateway::at("vcan2");
     let mut rig = Rig::engaged("taken", &on("vcan2"));
@@ -151,17 +151,17 @@ fn hazard_24_an_interface_that_is_taken_away_leaves_the_drives_free_within_6_ms(
     ip("link del vcan2");
     rig.run_for(millis(20));
     rig.is_stopped_by("interface down");
-    rig.seen_after(onset, millis(40)).all_are_free_within(TIMER);
+    rig.seen_after(onset, millis(40)).all_are_free_within(DRIVE_TIMER);
     gateway.is_gone();
 }
 
 #[test]
-fn hazard_24_an_adapter_that_is_pulled_leaves_the_drives_free_within_6_ms() {
+fn hazard_24_unplugged_adapter_makes_drives_torque_free_in_6_ms() {
     let mut adapter = Adapter::plugged("slcan0");
     let mut rig = Rig::engaged("pulled", &on("slcan0"));
     let onset = rig.onset();
-    adapter.unplug();
+    adapter.disturb(Disturbance::AdapterUnplugged);
     rig.run_for(millis(20));
     rig.is_stopped_by("interface down");
-    rig.seen_after(onset, millis(40)).all_are_free_within(TIMER);
+    rig.seen_after(onset, millis(40)).all_are_free_within(DRIVE_TIMER);
 }

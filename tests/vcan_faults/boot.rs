@@ -1,4 +1,4 @@
-//! What reaches a node while it boots and withholds SYNC or its heartbeat from the drives. Rows 23 and 30.
+//! Signals, requests and bus faults during a boot that withholds SYNC or heartbeat. Hazards 23 and 30.
 
 use crate::common::process::Process;
 use crate::gateway::Gateway;
@@ -10,7 +10,7 @@ use crate::rig::Setup;
 use crate::rig::millis;
 use bus::candump::Line;
 
-/// A boot in which the drives have just lost SYNC (`sync`) or the heartbeat of their master.
+/// Returns a boot in which the drives have just lost SYNC (`sync`) or the heartbeat of their master.
 fn boot_that_withholds(name: &str, sync: bool) -> Rig {
     let mut rig = Rig::started(name, &Setup { changes: KEEPS.to_vec(), ..Setup::default() });
     let is_enabled = |line: &Line<'_>| {
@@ -29,7 +29,7 @@ fn boot_that_withholds(name: &str, sync: bool) -> Rig {
 }
 
 #[test]
-fn promise_12_a_signal_ends_a_boot_that_withholds_sync_or_heartbeat() {
+fn promise_12_signal_ends_a_boot_without_sync_or_heartbeat() {
     let _gateway = Gateway::at(NODE);
     for (name, sync) in [("term-sync", true), ("term-heartbeat", false)] {
         let mut rig = boot_that_withholds(name, sync);
@@ -45,7 +45,7 @@ fn promise_12_a_signal_ends_a_boot_that_withholds_sync_or_heartbeat() {
 }
 
 #[test]
-fn hazard_30_disarm_is_granted_by_a_boot_that_withholds_sync_or_heartbeat() {
+fn hazard_30_boot_without_sync_or_heartbeat_grants_disarm() {
     let _gateway = Gateway::at(NODE);
     for (name, sync) in [("disarm-sync", true), ("disarm-heartbeat", false)] {
         let mut rig = boot_that_withholds(name, sync);
@@ -66,7 +66,7 @@ fn hazard_30_disarm_is_granted_by_a_boot_that_withholds_sync_or_heartbeat() {
 }
 
 #[test]
-fn hazard_23_a_bus_off_while_a_boot_withholds_sync_ends_it() {
+fn hazard_23_bus_off_ends_a_boot_that_withholds_sync() {
     let _gateway = Gateway::at(NODE);
     let mut rig = boot_that_withholds("off-sync", true);
     Process::of("cansend", &[NODE, "20000040#0000000000000000"]).wait().succeeds();

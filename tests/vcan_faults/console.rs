@@ -1,4 +1,4 @@
-//! The control socket: what one client does to another, and what outlives a client. Rows 30 and 40.
+//! The control socket: clients that hold it, and requests that outlive their client. Hazards 30 and 40.
 
 use std::io::Write;
 
@@ -32,13 +32,13 @@ fn hazard_30_disarm_acts_beside_clients_that_hold_the_console() {
         assert!(outcome.stderr.contains(done), "{done}: {}", outcome.stderr);
     }
     let seen = rig.seen_after(onset, millis(70));
-    // A ramp of 50 ms, and what the drives need for their zero.
+    // A ramp of 50 ms, and the drives' time to zero.
     seen.all_are_free_within(millis(50) + cycles(3));
     drop((idle, half, unread, arming));
 }
 
 #[test]
-fn hazard_40_arm_asked_for_during_a_boot_never_acts() {
+fn hazard_40_arm_requested_during_a_boot_never_acts() {
     let _gateway = Gateway::at(NODE);
     let mut rig = Rig::started("boot-arm", &Setup::default());
     // The first request to a drive: the boot has begun.
@@ -48,7 +48,7 @@ fn hazard_40_arm_asked_for_during_a_boot_never_acts() {
     let refused = rig.ctl("arm");
     assert_eq!(refused.code, Some(1), "{}", refused.stderr);
     assert!(refused.stderr.contains("the node is booting"), "{}", refused.stderr);
-    // One that does not wait for its answer, and one that stays.
+    // One client does not wait for its answer, the other does.
     rig.client().write_all(ARM).unwrap();
     let mut stays = rig.client();
     stays.write_all(ARM).unwrap();

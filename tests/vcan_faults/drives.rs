@@ -1,37 +1,41 @@
-//! Drives that fail, and say so: rows 7 to 9.
+//! Drives that fail and report it: hazards 7 to 9.
+
+use std::time::Duration;
 
 use crate::common::process::Process;
 use crate::gateway::DRIVES;
 use crate::gateway::Gateway;
 use crate::gateway::NODE;
-use crate::gateway::Way;
+use crate::inject::ELBOW;
 use crate::rig::Rig;
 use crate::rig::Setup;
 use crate::rig::cycles;
 use crate::rig::millis;
 use crate::script;
+use faults::DeviceFault;
+use faults::Fault;
+use faults::Kind;
+use faults::Target;
+use sim::scenario::Entry;
+use units::numbering::Joint;
 
-/// Says a frame on the drives' side.
-fn say(frame: &str) {
-    Process::of("cansend", &[DRIVES, frame]).wait().succeeds();
-}
-
-/// Frames of a drive that is still enabled, so that only the node can take its torque off: over-current,
-/// supply too low, encoder, and one that is nobody's.
-const EMERGENCIES: [(&str, &str); 4] = [
-    ("683#1023030000270600", "joint 3: emergency 2310h"),
-    ("681#2031050000270600", "joint 1: emergency 3120h"),
-    ("686#0573210000270600", "joint 6: emergency 7305h"),
-    ("684#00FF810000270600", "joint 4: emergency FF00h"),
+/// Emergencies of a drive that is still enabled, so that only the node can take its torque off: over-current, low
+/// supply voltage, encoder, manufacturer's own.
+const EMERGENCIES: [(Joint, u16, u8, &str); 4] = [
+    (ELBOW, 0x2310, 0x03, "joint 3: emergency 2310h"),
+    (Joint::of::<1>(), 0x3120, 0x05, "joint 1: emergency 3120h"),
+    (Joint::of::<6>(), 0x7305, 0x21, "joint 6: emergency 7305h"),
+    (Joint::of::<4>(), 0xFF00, 0x81, "joint 4: emergency FF00h"),
 ];
 
 #[test]
-fn hazard_07_whatever_emergency_a_drive_tells_all_torque_is_off_two_cycles_later() {
-    let _gateway = Gateway::at(NODE);
-    for (place, (frame, reason)) in EMERGENCIES.into_iter().enumerate() {
-        let mut rig = Rig::engaged(&format!("emergency-{place}"), &Setup::default());
+fn hazard_07_any_emergency_stops_all_in_two_cycles() {
+    let gateway = Gateway::at(NODE);
+    for (joint, code, register, reason) in EMERGENCIES {
+        let mut rig = Rig::engaged(&format!("emergency-{code:04X}"), &Setup::default());
         let onset = rig.onset();
-        say(frame);
+        let emergency = Kind::Device(DeviceFault::Emergency { code, register });
+        rig.inject(&gateway, Target::Joint(joint), emergency);
         rig.run_for(millis(10));
         rig.is_stopped_by(reason);
         let seen = rig.seen_after(onset, millis(20));
@@ -41,12 +45,14 @@ fn hazard_07_whatever_emergency_a_drive_tells_all_torque_is_off_two_cycles_later
 }
 
 #[test]
-fn hazard_08_when_a_drive_fails_the_five_others_are_free_two_cycles_later() {
+fn hazard_08_failed_drive_stops_the_others_in_two_cycles() {
     let _gateway = Gateway::at(NODE);
     // Well within a press.
-    let fault = "[[fault]]\nat_s = 1.05\nkind = \"fault\"\njoint = 3\ncode = 0x3210\n";
-    let setup = Setup { script: script::rhythm() + fault, ..Setup::default() };
-    let mut rig = Rig::engaged("fault", &setup);
+    let (start, fault) = (Duration::from_millis(1_050), DeviceFault::DriveFault(0x3210));
+    let fault = Fault::new(start, Target::Joint(ELBOW), Kind::Device(fault));
+    let mut entries = script::rhythm();
+    entries.push(Entry::Fault(fault));
+    let mut rig = Rig::engaged("fault", &Setup { entries, ..Setup::default() });
     let onset = rig.onset();
     rig.next(0x683);
     rig.run_for(millis(10));
@@ -56,12 +62,12 @@ fn hazard_08_when_a_drive_fails_the_five_others_are_free_two_cycles_later() {
 }
 
 #[test]
-fn hazard_08_when_a_drive_leaves_operation_enabled_the_five_others_are_free_two_cycles_later() {
+fn hazard_08_disabled_drive_stops_the_others_in_two_cycles() {
     let _gateway = Gateway::at(NODE);
     let mut rig = Rig::engaged("left", &Setup::default());
     let onset = rig.onset();
-    // Another's "disable voltage".
-    say("303#0000");
+    // "Disable voltage" of another master, which the node does not see.
+    Process::of("cansend", &[DRIVES, "303#0000"]).wait().succeeds();
     rig.run_for(millis(10));
     rig.is_stopped_by("joint 3: drive left operation enabled");
     let seen = rig.seen_after(onset, millis(20));
@@ -70,13 +76,11 @@ fn hazard_08_when_a_drive_leaves_operation_enabled_the_five_others_are_free_two_
 }
 
 #[test]
-fn hazard_09_a_drive_that_boots_up_by_itself_switches_all_off_within_two_cycles() {
+fn hazard_09_rebooted_drive_switches_all_off_in_two_cycles() {
     let gateway = Gateway::at(NODE);
     let mut rig = Rig::engaged("reboot", &Setup::default());
-    // The node sees a drive that boots, not who told it to.
-    gateway.lose(Way::ToNode, 0x000);
     let onset = rig.onset();
-    say("000#8103");
+    rig.inject(&gateway, Target::Joint(ELBOW), Kind::Device(DeviceFault::Reboot));
     rig.run_for(millis(10));
     rig.is_stopped_by("joint 3: rebooted");
     let seen = rig.seen_after(onset, millis(20));

@@ -1,10 +1,14 @@
-//! Frames that are lost, late, wrong or another's: rows 1 to 6, 12 and 13.
+//! Frames that are lost, late, changed or imitated: hazards 1 to 6, 12 and 13.
 
 use std::time::Duration;
 
 use crate::gateway::Gateway;
 use crate::gateway::NODE;
-use crate::gateway::Way;
+use crate::inject::ELBOW;
+use crate::inject::ELEVATION;
+use crate::inject::POSITION;
+use crate::inject::WIRE_CUT;
+use crate::inject::every;
 use crate::rig::Onset;
 use crate::rig::Rig;
 use crate::rig::Setup;
@@ -13,88 +17,91 @@ use crate::rig::millis;
 use crate::script;
 use crate::seen::Seen;
 use crate::shaper::Shaper;
+use faults::Effect;
+use faults::Kind;
+use faults::Service;
+use faults::Target;
+use units::numbering::Joint;
 
-/// The elbow: it carries, and its limit is far.
-const ELBOW: u16 = 3;
+/// COB-ID of the elbow's position.
+const ELBOW_POSITION: u16 = 0x183;
 
 /// Heartbeats of the drives every 5 ms, which one bus hardly carries beside the positions of each: where
-/// those come, they are the quicker watch.
+/// they are sent, they are the quicker watch.
 const QUICK_HEARTBEATS: [(&str, &str); 3] = [
     ("drive_heartbeat_ms = 100", "drive_heartbeat_ms = 5"),
     ("drive_lost_ms = 250", "drive_lost_ms = 25"),
     ("load_limit_percent = 90", "load_limit_percent = 99"),
 ];
 
-/// Breaks something between an engaged node and its drives, and checks what the node says of it.
-fn broken(name: &str, reason: &str, span: Duration, fault: impl Fn(&Gateway)) -> Seen {
-    broken_with(&Setup::default(), name, reason, span, fault)
+/// Injects a fault into a joint of an engaged arm, and checks the cause of the stop.
+fn stopped_by(name: &str, reason: &str, span: Duration, joint: Joint, fault: Kind) -> Seen {
+    stopped_with(&Setup::default(), name, reason, span, (joint, fault))
 }
 
-fn broken_with(
+fn stopped_with(
     setup: &Setup,
     name: &str,
     reason: &str,
     span: Duration,
-    fault: impl Fn(&Gateway),
+    (joint, fault): (Joint, Kind),
 ) -> Seen {
     let gateway = Gateway::at(NODE);
     let mut rig = Rig::engaged(name, setup);
     let onset = rig.onset();
-    fault(&gateway);
+    rig.inject(&gateway, Target::Joint(joint), fault);
     rig.run_for(span);
     rig.is_stopped_by(reason);
     rig.seen_after(onset, span)
 }
 
 #[test]
-fn hazard_01_a_drive_whose_cable_breaks_takes_the_torque_off_all_within_five_cycles() {
-    let seen = broken("cable", "joint 3: no sample for 3 cycles", millis(20), |gateway| {
-        gateway.lose_all_of(ELBOW);
-    });
+fn hazard_01_broken_cable_of_a_drive_stops_all_in_five_cycles() {
+    let reason = "joint 3: no sample for 3 cycles";
+    let seen = stopped_by("cable", reason, millis(20), ELBOW, WIRE_CUT);
     seen.all_are_free_within(cycles(5));
     seen.are_free_together();
 }
 
 #[test]
-fn hazard_02_a_heartbeat_that_stops_alone_switches_all_off_within_30_ms() {
+fn hazard_02_missing_heartbeat_switches_all_off_in_30_ms() {
     let setup = Setup { changes: QUICK_HEARTBEATS.to_vec(), ..Setup::default() };
+    let fault = (ELBOW, every(Service::Heartbeat, Effect::Drop));
     let reason = "joint 3: heartbeat lost";
-    let seen = broken_with(&setup, "heartbeat", reason, millis(60), |gateway| {
-        gateway.lose(Way::ToNode, 0x700 + ELBOW);
-    });
+    let seen = stopped_with(&setup, "heartbeat", reason, millis(60), fault);
     seen.all_are_free_within(millis(30));
     seen.are_free_together();
 }
 
 #[test]
-fn hazard_03_positions_that_stop_alone_take_the_torque_off_all_within_five_cycles() {
-    let seen = broken("tpdo", "joint 3: no sample for 3 cycles", millis(20), |gateway| {
-        gateway.lose(Way::ToNode, 0x180 + ELBOW);
-    });
+fn hazard_03_missing_positions_stop_all_in_five_cycles() {
+    let reason = "joint 3: no sample for 3 cycles";
+    let lost = every(POSITION, Effect::Drop);
+    let seen = stopped_by("tpdo", reason, millis(20), ELBOW, lost);
     seen.all_are_free_within(cycles(5));
     seen.are_free_together();
 }
 
-/// What one joint's positions do that are late by so much.
+/// Delays one joint's positions.
 fn late(name: &str, delay: &str) -> (Rig, Onset, Shaper, Gateway) {
     let gateway = Gateway::at(NODE);
     let shaper = Shaper::with_delay(NODE, delay);
     let mut rig = Rig::engaged(name, &Setup::default());
     let onset = rig.onset();
-    shaper.hold(0x180 + ELBOW);
+    shaper.hold(ELBOW_POSITION);
     rig.run_for(millis(40));
     (rig, onset, shaper, gateway)
 }
 
 #[test]
-fn hazard_04_a_position_that_is_constantly_late_by_a_cycle_is_used_and_bounded() {
+fn hazard_04_position_late_by_a_cycle_is_used() {
     let (rig, onset, _shaper, _gateway) = late("late-1", "1.2ms");
     rig.is("engaged");
-    rig.seen_after(onset, millis(60)).told_within_bounds();
+    rig.seen_after(onset, millis(60)).targets_are_within_bounds();
 }
 
 #[test]
-fn hazard_04_positions_that_are_late_by_three_cycles_take_the_torque_off_within_five() {
+fn hazard_04_positions_late_by_three_cycles_stop_all_in_five() {
     let (rig, onset, _shaper, _gateway) = late("late-3", "3.4ms");
     rig.is_stopped_by("joint 3");
     let seen = rig.seen_after(onset, millis(40));
@@ -102,42 +109,39 @@ fn hazard_04_positions_that_are_late_by_three_cycles_take_the_torque_off_within_
 }
 
 #[test]
-fn hazard_05_a_position_that_freezes_under_torque_takes_the_torque_off_within_600_ms() {
+fn hazard_05_frozen_position_under_torque_stops_all_in_600_ms() {
     let gateway = Gateway::at(NODE);
-    let setup = Setup { script: script::long_press(), ..Setup::default() };
+    let setup = Setup { entries: script::long_press(), ..Setup::default() };
     let mut rig = Rig::engaged("frozen", &setup);
     let onset = rig.onset();
-    let payload: String =
-        rig.next(0x182).iter().chain(&[0; 4]).map(|byte| format!("{byte:02X}")).collect();
-    gateway.alter(Way::ToNode, 0x182, &format!("SET:D:0.0.{payload}"));
+    rig.inject(&gateway, Target::Joint(ELEVATION), every(POSITION, Effect::Freeze));
     rig.run_for(millis(620));
     rig.is_stopped_by("joint 2: its position stands still");
     rig.seen_after(onset, millis(620)).all_are_free_within(millis(600));
 }
 
 #[test]
-fn hazard_06_a_drive_that_speaks_for_another_takes_the_torque_off_within_three_cycles() {
-    let seen = broken("impersonated", "joint 3", millis(20), |gateway| {
-        gateway.copy(Way::ToNode, 0x182, "SET:I:183.0.0000000000000000");
-    });
+fn hazard_06_imitated_drive_stops_all_in_three_cycles() {
+    let imitated = Kind::Imitation { by: ELEVATION, service: POSITION };
+    let seen = stopped_by("imitated", "joint 3", millis(20), ELBOW, imitated);
     seen.all_are_free_within(cycles(3));
 }
 
 #[test]
-fn hazard_12_a_bit_of_a_position_that_flips_takes_the_torque_off_within_two_cycles() {
-    let seen = broken("flipped", "joint 3: its position jumped", millis(20), |gateway| {
-        gateway.alter(Way::ToNode, 0x183, "XOR:D:0.0.0000100000000000");
-    });
-    seen.from(|entry| entry.id == 0x183).all_are_free_within(cycles(2));
+fn hazard_12_inverted_bit_of_a_position_stops_all_in_two_cycles() {
+    let reason = "joint 3: its position jumped";
+    let inverted = every(POSITION, Effect::Corrupt([0, 0, 0x10, 0, 0, 0, 0, 0]));
+    let seen = stopped_by("inverted", reason, millis(20), ELBOW, inverted);
+    seen.from(|entry| entry.id == ELBOW_POSITION).all_are_free_within(cycles(2));
 }
 
 #[test]
-fn hazard_13_drives_that_hear_no_torque_take_it_off_within_6_ms_and_the_others_two_cycles_later() {
-    let seen = broken("rpdo", "emergency 8250h", millis(20), |gateway| {
-        gateway.lose(Way::ToDrives, 0x201);
-    });
-    let is_deaf = |node: u16| node <= 3;
-    seen.are_free_within(millis(6), is_deaf);
-    let told = seen.from(|entry| matches!(entry.id, 0x681..=0x683));
-    told.are_free_within(cycles(2), |node| !is_deaf(node));
+fn hazard_13_drives_without_targets_stop_in_6_ms_and_then_all() {
+    let reason = "emergency 8250h";
+    let lost = every(Service::Rpdo(1), Effect::Drop);
+    let seen = stopped_by("rpdo", reason, millis(20), Joint::of::<1>(), lost);
+    let has_no_targets = |node: u16| node <= 3;
+    seen.are_free_within(millis(6), has_no_targets);
+    let reported = seen.from(|entry| matches!(entry.id, 0x681..=0x683));
+    reported.are_free_within(cycles(2), |node| !has_no_targets(node));
 }

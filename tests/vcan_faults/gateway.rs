@@ -13,7 +13,7 @@ pub(crate) const NODE: &str = "vcan0";
 /// The drives' side.
 pub(crate) const DRIVES: &str = "vcan1";
 
-/// Which way a frame goes.
+/// Direction of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Way {
     ToDrives,
@@ -23,7 +23,7 @@ pub(crate) enum Way {
 /// Pairs of interfaces that have been joined already: the kernel keeps rules.
 static JOINED: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
-/// The rules between two interfaces. What a test does to them is undone when it ends.
+/// The rules between two interfaces. Changes by a test are undone at its end.
 #[derive(Debug)]
 pub(crate) struct Gateway {
     node: String,
@@ -31,7 +31,7 @@ pub(crate) struct Gateway {
 }
 
 impl Gateway {
-    /// Between the drives and the node's interface, or the far end of its cable.
+    /// The gateway between the drives and the node's interface, or the far end of its cable.
     pub(crate) fn at(node: &str) -> Self {
         let gateway = Self { node: node.to_owned(), undo: RefCell::default() };
         let mut joined = JOINED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -44,18 +44,18 @@ impl Gateway {
         gateway
     }
 
-    /// Its interface is gone, and the rules with it.
+    /// Forgets the rules of an interface that is gone.
     pub(crate) fn is_gone(&self) {
         JOINED.lock().unwrap().retain(|one| *one != self.node);
         self.undo.borrow_mut().clear();
     }
 
-    /// From now on this frame is lost.
+    /// Loses this frame from now on.
     pub(crate) fn lose(&self, way: Way, id: u16) {
         self.change("-D", "-A", self.rule(way, id, None));
     }
 
-    /// Everything that a node says is lost: its cable is broken.
+    /// Loses every frame of a node from now on: its cable is broken.
     pub(crate) fn lose_all_of(&self, node: u16) {
         for (way, id) in cob_ids() {
             if way == Way::ToNode && id & 0x7F == node && id > 0x80 {
@@ -64,13 +64,13 @@ impl Gateway {
         }
     }
 
-    /// From now on this frame is altered, as `cangw -m` has it: `SET:D:0.0.FF7F000000000000`.
+    /// Alters this frame from now on, in the syntax of `cangw -m`: `SET:D:0.0.FF7F000000000000`.
     pub(crate) fn alter(&self, way: Way, id: u16, modification: &str) {
         self.lose(way, id);
         self.copy(way, id, modification);
     }
 
-    /// From now on this frame comes a second time, altered.
+    /// Sends this frame a second time from now on, altered.
     pub(crate) fn copy(&self, way: Way, id: u16, modification: &str) {
         self.change("-A", "-D", self.rule(way, id, Some(modification)));
     }
@@ -80,7 +80,7 @@ impl Gateway {
         self.undo.borrow_mut().push((back, rule));
     }
 
-    /// Data frames of 11 bits with this identifier; both flags are in the mask.
+    /// Returns a rule for data frames with this 11-bit identifier; both flags are in the mask.
     fn rule(&self, way: Way, id: u16, modification: Option<&str>) -> Vec<String> {
         let (from, to) = match way {
             Way::ToDrives => (self.node.as_str(), DRIVES),
@@ -106,7 +106,7 @@ fn cangw(action: &str, rule: &[String]) {
     Process::of("cangw", &words).wait().succeeds();
 }
 
-/// Every frame that node and drives exchange, in kraft_like.toml.
+/// Returns every frame that node and drives exchange in kraft_like.toml.
 fn cob_ids() -> Vec<(Way, u16)> {
     let nodes = || (1..=6).chain([16]);
     let with_nodes = |bases: &'static [u16]| {

@@ -1,19 +1,18 @@
-//! The node's process: stopped, ended, started again. Rows 17, 25, 28 and 30. A hog of the processor (29)
-//! is nothing in virtual time, where computing takes none.
-
-use nix::sys::signal::Signal;
+//! The node's process: stopped, ended, started again. Hazards 17, 25, 28 and 30. A busy processor (29) cannot be
+//! tested in virtual time, where computing takes none.
 
 use crate::common::process::Process;
 use crate::gateway::Gateway;
 use crate::gateway::NODE;
+use crate::inject::STOPPED;
 use crate::rig::NODES;
 use crate::rig::Rig;
 use crate::rig::Setup;
 use crate::rig::cycles;
 use crate::rig::millis;
+use faults::Target;
 
-/// Drives that keep their torque for 200 ms when their master is gone, and a force that may be kept so
-/// long.
+/// Drives that keep their torque for 200 ms without their master, and a force that may be kept so long.
 pub(crate) const KEEPS: [(&str, &str); 7] = [
     ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 200 "),
     ("node_lost_ms = 22 ", "node_lost_ms = 200 "),
@@ -25,7 +24,7 @@ pub(crate) const KEEPS: [(&str, &str); 7] = [
 ];
 
 #[test]
-fn hazard_17_a_node_that_starts_while_drives_push_switches_them_off_before_anything_else() {
+fn hazard_17_node_that_starts_switches_enabled_drives_off_first() {
     let _gateway = Gateway::at(NODE);
     let mut rig = Rig::engaged("restart", &Setup { changes: KEEPS.to_vec(), ..Setup::default() });
     let onset = rig.onset();
@@ -34,26 +33,26 @@ fn hazard_17_a_node_that_starts_while_drives_push_switches_them_off_before_anyth
     rig.run_for(millis(900));
     let seen = rig.seen_after(onset, millis(900));
     seen.all_are_free_within(millis(100));
-    let told_to_start = seen.since().find(|entry| entry.id == 0 && entry.data.first() == Some(&1));
-    let told_to_start = told_to_start.map_or(u64::MAX, |entry| entry.nanos);
+    let start = seen.since().find(|entry| entry.id == 0 && entry.data.first() == Some(&1));
+    let started = start.map_or(u64::MAX, |entry| entry.nanos);
     for node in NODES.filter(|node| seen.pushed(*node)) {
-        let first = seen.first_controlword(node).unwrap_or_else(|| panic!("node {node}: none"));
-        assert_eq!(first.word & 0x8F, 0, "node {node}: the first word is disable voltage");
-        assert!(first.nanos < told_to_start, "node {node} was started before");
+        let first =
+            seen.first_controlword(node).unwrap_or_else(|| panic!("node {node}: no controlword"));
+        assert_eq!(first.word & 0x8F, 0, "node {node}: the first controlword disables voltage");
+        assert!(first.nanos < started, "node {node} was started before");
     }
     // It waits until the arm has been at rest for half a second.
-    assert!(told_to_start > seen.onset() + crate::rig::nanos(millis(500)));
+    assert!(started > seen.onset() + crate::rig::nanos(millis(500)));
 }
 
 #[test]
-fn hazard_28_a_node_that_was_stopped_begins_with_zero_catches_up_nothing_and_is_latched() {
-    let _gateway = Gateway::at(NODE);
+fn hazard_28_resumed_node_sends_zero_without_a_burst() {
+    let gateway = Gateway::at(NODE);
     let mut rig = Rig::engaged("stopped", &Setup::default());
-    let node = rig.node.as_ref().unwrap();
-    node.signal(Signal::SIGSTOP);
+    rig.inject(&gateway, Target::Host, STOPPED);
     let onset = rig.now();
     rig.run_for(millis(50));
-    rig.node.as_ref().unwrap().signal(Signal::SIGCONT);
+    rig.resume_node();
     let resumed = rig.now();
     // The deadman closes again within this.
     rig.run_for(millis(450));
@@ -64,15 +63,15 @@ fn hazard_28_a_node_that_was_stopped_begins_with_zero_catches_up_nothing_and_is_
 }
 
 #[test]
-fn hazard_25_frames_that_waited_while_the_node_was_stopped_are_not_taken_for_new_ones() {
-    let _gateway = Gateway::at(NODE);
+fn hazard_25_backlog_of_a_stopped_node_is_discarded() {
+    let gateway = Gateway::at(NODE);
     let mut rig = Rig::engaged("backlog", &Setup::default());
-    rig.node.as_ref().unwrap().signal(Signal::SIGSTOP);
+    rig.inject(&gateway, Target::Host, STOPPED);
     let onset = rig.now();
-    // More than its socket holds: the newest are lost.
+    // More than the socket's buffer holds.
     let flood = format!("{NODE} -g 0.1 -i -n 480 -I 7A0 -L 8 -D 0011223344556677");
     Process::of("cangen", &flood.split(' ').collect::<Vec<_>>()).wait().succeeds();
-    rig.node.as_ref().unwrap().signal(Signal::SIGCONT);
+    rig.resume_node();
     let resumed = rig.now();
     rig.run_for(millis(30));
     rig.is_stopped();
@@ -82,7 +81,7 @@ fn hazard_25_frames_that_waited_while_the_node_was_stopped_are_not_taken_for_new
 }
 
 #[test]
-fn hazard_30_a_node_that_is_told_to_end_in_contact_has_every_drive_off_within_a_second() {
+fn hazard_30_terminated_node_has_every_drive_off_in_a_second() {
     let _gateway = Gateway::at(NODE);
     let in_the_wall = ("start_m = [0.4, 0.0, 0.3] ", "start_m = [0.552, 0.0, 0.3] ");
     let mut rig = Rig::engaged("end", &Setup { changes: vec![in_the_wall], ..Setup::default() });
@@ -93,7 +92,7 @@ fn hazard_30_a_node_that_is_told_to_end_in_contact_has_every_drive_off_within_a_
     outcome.succeeds();
     assert!(took <= millis(1_000), "{took:?}; {felt}");
     let seen = rig.seen_after(onset, millis(5));
-    // A ramp of 50 ms at most, and what the drives need for their zero.
+    // A ramp of 50 ms, and the drives' time to zero.
     seen.all_are_free_within(millis(50) + cycles(2));
     seen.log().ends_with_every_drive_off(NODES);
 }

@@ -1,29 +1,31 @@
-//! Frames of somebody who does not belong on the bus: row 26.
+//! Frames of other masters and tools on the bus: hazard 26.
 
 use crate::common::log::Entry;
 use crate::common::process::Process;
 use crate::gateway::Gateway;
 use crate::gateway::NODE;
+use crate::inject::BUS;
+use crate::inject::foreign;
 use crate::interface::Interface;
 use crate::rig::Rig;
 use crate::rig::Setup;
 use crate::rig::cycles;
 use crate::rig::millis;
 
-/// An interface of the node's that takes CAN FD, as cangen wants it to.
+/// An interface of the node that takes CAN FD, for cangen.
 const OPEN: &str = "vcan2";
 
-/// Frames that no CANopen node takes for its own, whatever their identifier: 29 bits, remote, CAN FD.
+/// Frames that are not CANopen, with any identifier: 29 bits, remote, CAN FD.
 const NOT_CANOPEN: [&str; 3] = ["-e -I 183 -L 4", "-R -I 183 -L 4", "-f -I 183 -L 4"];
 
-/// Five frames a millisecond, so many in all; identifiers and data are those of `words`.
+/// Sends `count` frames, five a millisecond; `words` has identifiers and data.
 fn flood(words: &str, count: u32) -> Process {
     let words = format!("{OPEN} -g 0.2 -i -n {count} {words}");
     Process::of("cangen", &words.split(' ').collect::<Vec<_>>())
 }
 
 #[test]
-fn hazard_26_frames_that_are_not_canopens_change_nothing() {
+fn hazard_26_frames_that_are_not_canopen_change_nothing() {
     let _interface = Interface::vcan(OPEN);
     let gateway = Gateway::at(OPEN);
     let mut rig = Rig::engaged("not-canopen", &Setup { node: OPEN, ..Setup::default() });
@@ -39,12 +41,12 @@ fn hazard_26_frames_that_are_not_canopens_change_nothing() {
 }
 
 #[test]
-fn hazard_26_another_masters_sync_or_nmt_switches_all_off_within_two_cycles() {
-    let _gateway = Gateway::at(NODE);
+fn hazard_26_foreign_sync_or_nmt_switches_all_off_in_two_cycles() {
+    let gateway = Gateway::at(NODE);
     for (name, frame) in [("sync", "080#"), ("nmt", "000#0103")] {
         let mut rig = Rig::engaged(name, &Setup::default());
         let onset = rig.onset();
-        Process::of("cansend", &[NODE, frame]).wait().succeeds();
+        rig.inject(&gateway, BUS, foreign(frame));
         rig.run_for(millis(10));
         rig.is_stopped_by("another master");
         let seen = rig.seen_after(onset, millis(20));
@@ -54,13 +56,13 @@ fn hazard_26_another_masters_sync_or_nmt_switches_all_off_within_two_cycles() {
 }
 
 #[test]
-fn hazard_26_another_clients_download_switches_all_off_in_two_cycles() {
-    let _gateway = Gateway::at(NODE);
+fn hazard_26_foreign_download_switches_all_off_in_two_cycles() {
+    let gateway = Gateway::at(NODE);
     for tool in ["cansend", "frhc"] {
         let mut rig = Rig::engaged(tool, &Setup::default());
         let onset = rig.onset();
         match tool {
-            "cansend" => Process::of(tool, &[NODE, "603#2B00140500000000"]).wait().succeeds(),
+            "cansend" => rig.inject(&gateway, BUS, foreign("603#2B00140500000000")),
             _ => rig.tool("sdo write 3 1400:5 u16 0 --force").succeeds(),
         }
         rig.run_for(millis(10));
@@ -98,11 +100,11 @@ fn hazard_26_tools_refuse_to_command_beside_a_node_and_may_read() {
 }
 
 #[test]
-fn hazard_08_a_heartbeat_that_says_stopped_takes_the_torque_off() {
-    let _gateway = Gateway::at(NODE);
+fn hazard_08_heartbeat_with_state_stopped_stops_all() {
+    let gateway = Gateway::at(NODE);
     let mut rig = Rig::engaged("stopped", &Setup::default());
     let onset = rig.onset();
-    Process::of("cansend", &[NODE, "702#04"]).wait().succeeds();
+    rig.inject(&gateway, BUS, foreign("702#04"));
     rig.run_for(millis(10));
     rig.is_stopped_by("joint 2: left operational, is stopped");
     let seen = rig.seen_after(onset, millis(20));
@@ -110,7 +112,7 @@ fn hazard_08_a_heartbeat_that_says_stopped_takes_the_torque_off() {
 }
 
 #[test]
-fn hazard_26_a_flood_of_anything_never_ends_the_node_nor_its_bounds() {
+fn hazard_26_flood_of_random_frames_keeps_targets_within_bounds() {
     let _interface = Interface::vcan(OPEN);
     let gateway = Gateway::at(OPEN);
     let mut rig = Rig::engaged("flood", &Setup { node: OPEN, ..Setup::default() });
@@ -120,6 +122,6 @@ fn hazard_26_a_flood_of_anything_never_ends_the_node_nor_its_bounds() {
     rig.run_for(millis(10));
     rig.is_stopped();
     let seen = rig.seen_after(onset, millis(100));
-    seen.told_within_bounds();
+    seen.targets_are_within_bounds();
     gateway.is_gone();
 }

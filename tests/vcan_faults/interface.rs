@@ -1,8 +1,8 @@
-//! Interfaces that are made for one test, and taken down and away in it.
+//! Interfaces that are made and removed by one test.
 
 use crate::common::process::Process;
 
-/// An interface that is gone when a test ends.
+/// An interface that is removed at the end of a test.
 #[derive(Debug)]
 pub(crate) struct Interface(&'static str);
 

@@ -1,5 +1,5 @@
-//! A node that is gone from one instruction to the next: rows 27 and 28. Its frames stop together, because all come
-//! from the cycle; the rest is the drives' own.
+//! A node that is killed or frozen at any instruction: hazards 27 and 28. All its frames stop together, as all come from
+//! the cycle; the drives stop by themselves.
 
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use crate::rig::Rig;
 use crate::rig::Setup;
 use crate::rig::millis;
 
-/// Drives that watch the node's heartbeat alone, and forces that this is quick enough for.
+/// Drives with heartbeat monitoring alone, and forces for which that is quick enough.
 const HEARTBEAT_ONLY: [(&str, &str); 4] = [
     ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 0 "),
     ("max_force_n = 40.0 ", "max_force_n = 13.0 "),
@@ -20,7 +20,7 @@ const HEARTBEAT_ONLY: [(&str, &str); 4] = [
     ("push = 0.5 ", "push = 0.1 "),
 ];
 
-/// Ends or freezes the node in so many runs, and tells how long the slowest drive then pushed in each.
+/// Ends or freezes the node in a number of runs, and prints the time until the slowest drive was torque-free.
 fn gone(
     name: &str,
     signal: Signal,
@@ -32,7 +32,7 @@ fn gone(
     let mut pushed: Vec<Duration> = Vec::new();
     for run in 0..runs {
         let setup = Setup { changes: changes.to_vec(), ..Setup::default() };
-        // The phase within the cycle is drawn from the name.
+        // The phase within the cycle depends on the name.
         let mut rig = Rig::engaged(&format!("{name}-{run}"), &setup);
         let onset = rig.onset();
         rig.node.as_ref().unwrap().signal(signal);
@@ -48,17 +48,17 @@ fn gone(
 }
 
 #[test]
-fn hazard_27_killed_at_twenty_phases_of_its_cycle_it_leaves_the_drives_free_within_6_ms() {
+fn hazard_27_drives_of_a_killed_node_are_torque_free_in_6_ms() {
     gone("rpdo-timer", Signal::SIGKILL, 20, &[], millis(6));
 }
 
 #[test]
-fn hazard_27_without_rpdo_timers_the_heartbeat_leaves_the_drives_free_within_25_ms() {
+fn hazard_27_heartbeat_alone_makes_drives_torque_free_in_25_ms() {
     gone("heartbeat-only", Signal::SIGKILL, 10, &HEARTBEAT_ONLY, millis(25));
 }
 
 #[test]
-fn hazard_28_frozen_at_any_phase_of_its_cycle_it_leaves_the_drives_free_within_6_ms() {
+fn hazard_28_drives_of_a_frozen_node_are_torque_free_in_6_ms() {
     gone("frozen", Signal::SIGSTOP, 5, &[], millis(6));
 }
 
@@ -78,10 +78,10 @@ fn hazard_27_killed_node_started_again_waits_for_a_reset() {
     let status = rig.status();
     assert!(status["note"].as_str().unwrap().contains("did not end in order"), "{status}");
     rig.ctl("reset").succeeds();
-    // The status comes by way of the recorder.
+    // The recorder updates the status.
     rig.run_for(millis(100));
     rig.is("ready");
-    // In order: the next start waits for nothing.
+    // After an orderly end the next start waits for nothing.
     let (outcome, _) = rig.terminate_node();
     outcome.succeeds();
     rig.start_node();

@@ -1,4 +1,4 @@
-//! The faults of docs/safety.md on real SocketCAN, between real processes, in virtual time.
+//! The faults of docs/safety.md on SocketCAN, between real processes, in virtual time.
 //!
 //! ```text
 //!  frhc run ── vcan0 ──── cangw: one rule for each frame and direction ──── vcan1 ── frhc sim
@@ -6,11 +6,11 @@
 //!               tc: delays, a full queue                                   candump: what the drives see
 //!
 //!  frhc run ── vxcan0 ═ vxcan1 ── cangw ── vcan1            a bus that can be cut
-//!  frhc run ── slcan0 ═ pty ═ the adapter ── vcan1          an adapter that stalls, tells of errors, is pulled
+//!  frhc run ── slcan0 ═ pty ═ the adapter ── vcan1          an adapter that stalls, reports errors, is unplugged
 //! ```
 //!
-//! A test breaks one thing at a chosen phase of the cycle, lets the bus run on, and reads off the drives'
-//! side of it when each drive had no torque any more. Every test has its own node and its own drives.
+//! A test injects one fault at a random phase of the cycle, lets the bus run on, and reads from the drives' side when
+//! each drive was torque-free. Every test has its own node and its own drives.
 //! Needs vcan0 and vcan1, made with `echo=1`; `scripts/test.sh` runs it under `scripts/with_vcan.sh -v`.
 #![allow(
     clippy::indexing_slicing,
@@ -35,6 +35,7 @@ mod frames;
 mod gateway;
 mod host;
 mod hostile;
+mod inject;
 mod interface;
 mod killed;
 mod operator;

@@ -1,4 +1,4 @@
-//! A bus that takes less than it is given: row 21.
+//! A bus slower than its node: hazard 21.
 
 use crate::gateway::Gateway;
 use crate::gateway::NODE;
@@ -9,7 +9,7 @@ use crate::rig::millis;
 use crate::shaper::Shaper;
 
 #[test]
-fn hazard_21_a_full_transmit_queue_takes_the_torque_off_within_five_cycles() {
+fn hazard_21_full_transmit_queue_stops_all_in_five_cycles() {
     let _gateway = Gateway::at(NODE);
     let mut rig = Rig::engaged("full", &Setup::default());
     let onset = rig.onset();
@@ -18,7 +18,7 @@ fn hazard_21_a_full_transmit_queue_takes_the_torque_off_within_five_cycles() {
     rig.is_stopped_by("transmit queue full");
     rig.run_for(millis(20));
     drop(shaper);
-    // What waited is not to be felt when there is room again.
+    // Queued targets must not act when the queue drains.
     let seen = rig.seen_after(onset, millis(80));
     seen.all_are_free_within(cycles(5));
 }

@@ -1,4 +1,4 @@
-//! A node and its drives, each a process, and candump on the drives' side: what every test begins with.
+//! A node and its drives, each a process, and candump on the drives' side: the start of every test.
 
 use std::cell::Cell;
 use std::os::unix::net::UnixStream;
@@ -18,42 +18,44 @@ use crate::script;
 use crate::seen::Seen;
 use crate::torque::CYCLE;
 use bus::candump::Line;
+use sim::scenario::Entry;
 
 const CONFIG: &str = "config/kraft_like.toml";
 
-/// So many drives, in node-ids.
+/// Node-IDs of the drives.
 pub(crate) const NODES: std::ops::RangeInclusive<u16> = 1..=6;
 
-/// Torque comes on within this, with the ramps of [`RAMPS`].
-const RAMPED: Duration = Duration::from_millis(80);
+/// Time in which torque has ramped up, with the ramps of [`RAMPS`].
+const RAMP_TIME: Duration = Duration::from_millis(80);
 
-/// Ramps as short as they may be: a test's time is its cost.
+/// Shortest valid ramps, to keep tests short.
 const RAMPS: [(&str, &str); 3] = [
     ("gravity_ramp_s = 1.0", "gravity_ramp_s = 0.05"),
     ("reflection_ramp_s = 0.3", "reflection_ramp_s = 0.05"),
     ("ramp_s = 0.3  ", "ramp_s = 0.05 "),
 ];
 
-/// What is other than in [`CONFIG`].
+/// Differences from [`CONFIG`].
 #[derive(Clone, Debug)]
 pub(crate) struct Setup {
     /// The node's interface.
     pub(crate) node: &'static str,
-    pub(crate) script: String,
+    /// Entries of the drives' scenario.
+    pub(crate) entries: Vec<Entry>,
     pub(crate) changes: Vec<(&'static str, &'static str)>,
 }
 
 impl Default for Setup {
     fn default() -> Self {
-        Self { node: NODE, script: script::rhythm(), changes: Vec::new() }
+        Self { node: NODE, entries: script::rhythm(), changes: Vec::new() }
     }
 }
 
-/// Node, drives and witness.
+/// Node, drives and candump.
 pub(crate) struct Rig {
     pub(crate) node: Option<Process>,
     drives: Process,
-    pub(crate) witness: Candump,
+    pub(crate) candump: Candump,
     on: &'static str,
     config: String,
     scratch: Scratch,
@@ -61,7 +63,7 @@ pub(crate) struct Rig {
 }
 
 impl Rig {
-    /// Engaged, with torque on.
+    /// A node that is engaged, with torque on.
     pub(crate) fn engaged(name: &str, setup: &Setup) -> Self {
         let mut rig = Self::started(name, setup);
         rig.arm();
@@ -69,19 +71,20 @@ impl Rig {
         rig
     }
 
-    /// Both processes run; the node boots.
+    /// A node that boots, with its drives.
     pub(crate) fn started(name: &str, setup: &Setup) -> Self {
         let scratch = Scratch::new(name);
         let changes: Vec<_> = RAMPS.into_iter().chain(setup.changes.iter().copied()).collect();
         let config = scratch.variant(CONFIG, &changes);
-        let script = scratch.write("script.toml", &setup.script);
-        let witness = Candump::of(DRIVES);
+        let scenario = script::scenario(setup.entries.clone());
+        let script = scratch.write("script.toml", &scenario);
+        let candump = Candump::of(DRIVES);
         let words = ["sim", "--config", &config, "-i", DRIVES, "--scenario", &script];
         let drives = scratch.frhc(&words);
         let random = name.bytes().fold(0xCBF2_9CE4_8422_2325, |hash: u64, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
         });
-        let mut rig = Self { node: None, drives, witness, on: setup.node, config, scratch, random };
+        let mut rig = Self { node: None, drives, candump, on: setup.node, config, scratch, random };
         rig.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
         rig.start_node();
         rig
@@ -92,7 +95,7 @@ impl Rig {
         self.node = Some(self.scratch.frhc(&["run", "--config", &self.config, "-i", self.on]));
     }
 
-    /// Asks for arming until it is granted: a node whose deadman is closed refuses.
+    /// Requests arming until it is granted: a node whose deadman is closed refuses.
     fn arm(&mut self) {
         for _ in 0..100 {
             if self.ctl("--wait=2 arm").code == Some(0) {
@@ -105,7 +108,7 @@ impl Rig {
         panic!("it cannot be armed: {refusal}{}", self.node.take().unwrap().terminate().stderr);
     }
 
-    /// Asks the node.
+    /// Makes a request to the node's console.
     pub(crate) fn ctl(&self, request: &str) -> Outcome {
         self.scratch.ctl(request)
     }
@@ -115,7 +118,7 @@ impl Rig {
         UnixStream::connect(self.scratch.path("frhc/node.sock")).unwrap()
     }
 
-    /// Waits until the deadman closes from now on, and until what is felt then has come on.
+    /// Waits until the deadman closes, and until reflection has ramped up.
     fn engage(&mut self) {
         self.now();
         let is = |wanted: u8| {
@@ -125,10 +128,10 @@ impl Rig {
         };
         self.until(is(2));
         self.until(is(1));
-        self.run_for(RAMPED);
+        self.run_for(RAMP_TIME);
     }
 
-    /// The data of the next frame with this identifier on the drives' side.
+    /// Returns the data of the next frame with this COB-ID on the drives' side.
     pub(crate) fn next(&mut self, wanted: u16) -> Vec<u8> {
         let next = std::cell::RefCell::default();
         self.until(|line| {
@@ -139,7 +142,7 @@ impl Rig {
         next.into_inner()
     }
 
-    /// The deadman opens: when its word is on the bus.
+    /// Returns the time at which the open deadman is on the bus.
     pub(crate) fn released(&mut self) -> Onset {
         self.until(|line| line.canopen().is_some_and(|(id, data)| id == 0x190 && data[0] & 3 != 1))
     }
@@ -148,20 +151,20 @@ impl Rig {
     pub(crate) fn until(&mut self, is_wanted: impl Fn(&Line<'_>) -> bool) -> Onset {
         let is_found = Cell::new(false);
         loop {
-            let stamp = self.witness.until_silent(|line| {
+            let stamp = self.candump.until_silent(|line| {
                 is_found.set(is_wanted(line));
                 is_found.get() || line.canopen().is_some_and(|(id, _)| id & 0x780 == 0x700)
             });
             if let Some(stamp) = stamp.as_ref().filter(|_| is_found.get()) {
                 return Onset(stamp.nanos);
             }
-            // A heartbeat, of either side: whoever is left sends them.
+            // A heartbeat of either side.
             self.all_run();
             assert!(stamp.is_some(), "{DRIVES} is silent");
         }
     }
 
-    /// Fails with its last words if node or drives have ended by themselves.
+    /// Fails if node or drives have ended by themselves.
     #[track_caller]
     fn all_run(&mut self) {
         let node = self.node.as_mut().map(|node| ("node", node));
@@ -172,41 +175,41 @@ impl Rig {
         }
     }
 
-    /// What time it is on the bus.
+    /// Returns the time on the bus.
     pub(crate) fn now(&mut self) -> Onset {
-        Onset(self.witness.mark().nanos)
+        Onset(self.candump.mark().nanos)
     }
 
     /// Lets the bus run on.
     pub(crate) fn run_for(&mut self, span: Duration) {
-        let until = self.witness.mark().nanos + nanos(span);
-        self.witness.until(|line| line.nanos > until);
+        let until = self.candump.mark().nanos + nanos(span);
+        self.candump.until(|line| line.nanos > until);
     }
 
-    /// A moment somewhere in a cycle: in virtual time a sleep ends when it should.
+    /// Waits for a random phase of a cycle: in virtual time a sleep ends in time.
     pub(crate) fn onset(&mut self) -> Onset {
         self.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x080));
         self.random ^= self.random << 13;
         self.random ^= self.random >> 7;
         self.random ^= self.random << 17;
         std::thread::sleep(Duration::from_micros(self.random % 1_000));
-        Onset(self.witness.mark().nanos)
+        Onset(self.candump.mark().nanos)
     }
 
-    /// The node is no more.
+    /// Kills the node.
     pub(crate) fn kill_node(&mut self) {
         self.node.take().unwrap().kill();
     }
 
-    /// Ends the node in order, and says how long it took on the bus.
+    /// Ends the node in order, and returns the time that it took on the bus.
     pub(crate) fn terminate_node(&mut self) -> (Outcome, Duration) {
-        let before = self.witness.mark().nanos;
+        let before = self.candump.mark().nanos;
         let outcome = self.node.take().unwrap().terminate();
-        let after = self.witness.mark().nanos;
+        let after = self.candump.mark().nanos;
         (outcome, Duration::from_nanos(after - before))
     }
 
-    /// What the node says of itself, as `frhc ctl status --json` prints it.
+    /// Returns the output of `frhc ctl status --json`.
     pub(crate) fn status(&self) -> serde_json::Value {
         let (ctl, mut stdout) = self.scratch.frhc_and_stdout(&["ctl", "status", "--json"]);
         let mut text = String::new();
@@ -221,15 +224,15 @@ impl Rig {
         self.scratch.frhc(&args).wait()
     }
 
-    /// Fails unless the node has stopped and says why.
+    /// Fails unless the node has stopped for this reason.
     #[track_caller]
     pub(crate) fn is_stopped_by(&self, reason: &str) {
         let status = self.status();
-        let cause = status["status"]["stopped_by"].as_str().unwrap_or("nothing");
+        let cause = status["status"]["stopped_by"].as_str().unwrap_or("no cause");
         assert!(cause.contains(reason), "stopped by {cause}, not by {reason}; {}", status["mode"]);
     }
 
-    /// Fails unless the node has stopped, for whatever it noticed first.
+    /// Fails unless the node has stopped, for any reason.
     #[track_caller]
     pub(crate) fn is_stopped(&self) {
         let status = self.status();
@@ -247,16 +250,16 @@ impl Rig {
     /// Lets the bus run on for `span` after the fault, and ends.
     pub(crate) fn seen_after(mut self, Onset(onset): Onset, span: Duration) -> Seen {
         let until = onset + nanos(span);
-        self.witness.until(|line| line.nanos > until);
+        self.candump.until(|line| line.nanos > until);
         drop(self.node.take());
         drop(self.drives);
-        let lines = self.witness.finish();
+        let lines = self.candump.finish();
         let log = Log::parse(&lines);
         Seen::new(lines, log, onset)
     }
 }
 
-/// When a fault began: a mark on the bus just before it.
+/// Start of a fault: a mark on the bus just before it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Onset(pub(crate) u64);
 
@@ -264,7 +267,7 @@ pub(crate) fn nanos(span: Duration) -> u64 {
     u64::try_from(span.as_nanos()).unwrap()
 }
 
-/// So many periods.
+/// Returns the duration of this many periods.
 pub(crate) fn cycles(count: u32) -> Duration {
     CYCLE * count
 }

@@ -1,4 +1,4 @@
-//! What a fault came to, read off the drives' side of the bus.
+//! The reaction to a fault, read from the drives' side of the bus.
 
 use std::time::Duration;
 
@@ -11,8 +11,8 @@ use crate::torque;
 use crate::torque::CYCLE;
 use crate::torque::Torque;
 
-/// What any drive may be told at most, in per mille of its rated torque: every torque curve ends there.
-const MOST: u16 = 867;
+/// Largest target of any drive, in per mille of its rated torque: the end of every torque curve.
+const MAX_TARGET: u16 = 867;
 
 /// A controlword on the bus.
 #[derive(Clone, Copy, Debug)]
@@ -21,7 +21,7 @@ pub(crate) struct Controlword {
     pub(crate) word: u16,
 }
 
-/// What a fault came to, on the drives' side.
+/// The frames on the drives' side since a fault.
 pub(crate) struct Seen {
     lines: Vec<String>,
     log: Log,
@@ -30,20 +30,19 @@ pub(crate) struct Seen {
 }
 
 impl Seen {
-    /// What these lines say of a fault that began at `onset`.
+    /// The frames of these lines, with a fault that began at `onset`.
     pub(crate) fn new(lines: Vec<String>, log: Log, onset: u64) -> Self {
         let torques = torque::of_all(log.entries());
         Self { lines, log, torques, onset }
     }
 
-    /// Drives that push when the fault begins are torque-free within `most`, all together, for good; and
-    /// there are such drives in both groups.
+    /// Fails unless all drives with torque at the onset are torque-free within `most` for good, and there are such drives.
     #[track_caller]
     pub(crate) fn all_are_free_within(&self, most: Duration) {
         self.are_free_within(most, |_| true);
     }
 
-    /// The same of some drives.
+    /// Fails unless some drives are torque-free within `most`.
     #[track_caller]
     pub(crate) fn are_free_within(&self, most: Duration, is_of: impl Fn(u16) -> bool) {
         let pushing: Vec<u16> =
@@ -61,14 +60,14 @@ impl Seen {
         }
     }
 
-    /// How long the last drive pushed that did when the fault began; they are all free.
+    /// Returns the time until the last drive was torque-free.
     #[track_caller]
     pub(crate) fn last_is_free_after(&self) -> Duration {
         let pushing = NODES.filter(|node| self.pushed(*node));
         pushing.map(|node| self.torque(node).ends_after(self.onset).unwrap()).max().unwrap()
     }
 
-    /// From the first drive that is torque-free to the last, no longer than a cycle.
+    /// Fails unless all drives are torque-free within a cycle of each other.
     #[track_caller]
     pub(crate) fn are_free_together(&self) {
         let ends = NODES.map(|node| self.torque(node)).filter(|torque| torque.at(self.onset) != 0);
@@ -78,7 +77,7 @@ impl Seen {
         assert!(*last - *first <= CYCLE, "{ends:?}");
     }
 
-    /// Counted from the first frame of this kind since the fault.
+    /// Returns the frames with the onset at the first one of this kind.
     #[track_caller]
     pub(crate) fn from(mut self, is_first: impl Fn(&Entry) -> bool) -> Self {
         let first = self.since().find(|entry| is_first(entry)).unwrap().nanos;
@@ -86,12 +85,14 @@ impl Seen {
         self
     }
 
-    /// Every drive is told to take its voltage off: its first controlword since the fault. One frame goes
-    /// out a cycle behind the torques, a word or a request.
+    /// Fails unless the first controlword to every drive disables its voltage. One frame is sent a cycle behind the
+    /// targets, a controlword or an SDO request.
     #[track_caller]
     pub(crate) fn all_are_switched_off(&self) {
         for node in NODES {
-            let first = self.first_controlword(node).unwrap_or_else(|| panic!("node {node}: none"));
+            let first = self
+                .first_controlword(node)
+                .unwrap_or_else(|| panic!("node {node}: no controlword"));
             let after = Duration::from_nanos(first.nanos - self.onset);
             assert!(
                 first.word & 0x8F == 0 && after <= cycles(20),
@@ -100,7 +101,7 @@ impl Seen {
         }
     }
 
-    /// The first controlword to a node since the fault: by RPDO 2 or by SDO.
+    /// Returns the first controlword to a node since the fault: by RPDO 2 or by SDO.
     pub(crate) fn first_controlword(&self, node: u16) -> Option<Controlword> {
         self.since().find_map(|entry| {
             let word = match (entry.id, entry.data.as_slice()) {
@@ -112,13 +113,12 @@ impl Seen {
         })
     }
 
-    /// The first torques since `resumed` are zero, and from then on no two SYNCs are closer than half a
-    /// period, and none within so many that those missed are made up for.
+    /// Fails unless the first targets since `resumed` are zero, and no two SYNCs are closer than half a period.
     #[track_caller]
     pub(crate) fn goes_on_without_a_burst(&self, Onset(resumed): Onset) {
         let since = || self.since().filter(|entry| entry.nanos >= resumed);
-        let told = since().find(|entry| matches!(entry.id, 0x201 | 0x204));
-        assert!(told.is_none_or(|entry| entry.data == [0; 6]), "{told:?}");
+        let first = since().find(|entry| matches!(entry.id, 0x201 | 0x204));
+        assert!(first.is_none_or(|entry| entry.data == [0; 6]), "{first:?}");
         let syncs: Vec<u64> =
             since().filter(|entry| entry.id == 0x080).map(|entry| entry.nanos).collect();
         for pair in syncs.windows(2) {
@@ -127,16 +127,16 @@ impl Seen {
         }
     }
 
-    /// No drive is ever told more than its joint may have.
+    /// Fails if a target exceeds its joint's capacity.
     #[track_caller]
-    pub(crate) fn told_within_bounds(&self) {
+    pub(crate) fn targets_are_within_bounds(&self) {
         for node in NODES {
             let most = self.torque(node).most();
-            assert!(most <= MOST, "node {node} was told {most} per mille");
+            assert!(most <= MAX_TARGET, "node {node}: target {most} per mille");
         }
     }
 
-    /// Whether a drive pushed when the fault began.
+    /// Returns whether a drive had torque at the onset.
     pub(crate) fn pushed(&self, node: u16) -> bool {
         self.torque(node).at(self.onset) != 0
     }
@@ -149,12 +149,12 @@ impl Seen {
         &self.torques[usize::from(node) - 1]
     }
 
-    /// Every frame since the fault.
+    /// Returns every frame since the fault.
     pub(crate) fn since(&self) -> impl Iterator<Item = &Entry> {
         self.log.entries().iter().filter(|entry| entry.nanos >= self.onset)
     }
 
-    /// The whole log.
+    /// Returns the whole log.
     pub(crate) fn log(&self) -> &Log {
         &self.log
     }

@@ -1,7 +1,7 @@
-//! A serial CAN adapter that does as it is told: slcan, the line discipline of the kernel, on one end of a
-//! pseudo-terminal; at the other this, with the drives' interface for its wire.
+//! A simulated serial CAN adapter: the kernel's line discipline slcan on one end of a pseudo-terminal, this file on the
+//! other, with the drives' interface as its wire.
 //!
-//! It holds frames back, reports the states that controllers report, and is pulled.
+//! It stalls, reports states of its controller, and can be unplugged.
 
 use std::fs;
 use std::io::Read;
@@ -34,16 +34,17 @@ use socketcan::StandardId;
 use crate::common::process::Process;
 use crate::gateway::DRIVES;
 use crate::interface::ip;
+use faults::Disturbance;
 
-/// What an adapter is told to do.
+/// An order to the adapter's thread.
 #[derive(Debug)]
 enum Order {
     Stall,
     GoOn,
-    Say(String),
+    Report(String),
 }
 
-/// An adapter that is plugged in; pulled when a test ends.
+/// An adapter that is plugged in; unplugged at the end of a test.
 pub(crate) struct Adapter {
     interface: &'static str,
     orders: Option<Sender<Order>>,
@@ -53,9 +54,9 @@ pub(crate) struct Adapter {
 }
 
 impl Adapter {
-    /// Its interface is up.
+    /// An adapter whose interface is up.
     pub(crate) fn plugged(interface: &'static str) -> Self {
-        // The programs started meanwhile must not hold it, or it would not be hung up.
+        // Programs started meanwhile must not inherit the terminal, or it would not be hung up.
         let terminal = OFlag::O_RDWR | OFlag::O_NOCTTY | OFlag::O_CLOEXEC;
         let terminal = posix_openpt(terminal).unwrap();
         grantpt(&terminal).unwrap();
@@ -70,28 +71,42 @@ impl Adapter {
         Self { interface, orders: Some(orders), wire: Some(wire), slcand: Some(slcand) }
     }
 
-    /// From now on it takes nothing from the host, and gives it nothing.
-    pub(crate) fn stall(&self) {
+    /// Accepts nothing from the host from now on, and delivers nothing.
+    fn stall(&self) {
         self.order(Order::Stall);
     }
 
-    /// What it held back goes out.
+    /// Delivers the frames that it held back, and goes on.
     pub(crate) fn go_on(&self) {
         self.order(Order::GoOn);
     }
 
-    /// Tells the host a state of its controller: `sb000255` is bus-off, `sp128000` passive, `sw096000` a
-    /// warning.
-    pub(crate) fn say(&self, words: &str) {
-        self.order(Order::Say(words.to_owned()));
+    /// Applies a disturbance from now on.
+    pub(crate) fn disturb(&mut self, disturbance: Disturbance) {
+        match disturbance {
+            Disturbance::AdapterStalled => self.stall(),
+            Disturbance::AdapterUnplugged => self.unplug(),
+            Disturbance::BusOff => {
+                self.report("sb000255");
+                self.stall();
+            }
+            Disturbance::ErrorPassive => self.report("sp128000"),
+            Disturbance::ErrorWarning => self.report("sw096000"),
+            other => panic!("{other} cannot be applied to this adapter"),
+        }
+    }
+
+    /// Reports a state of its controller to the host.
+    fn report(&self, words: &str) {
+        self.order(Order::Report(words.to_owned()));
     }
 
     fn order(&self, order: Order) {
         self.orders.as_ref().unwrap().send(order).unwrap();
     }
 
-    /// Pulls it: the terminal is hung up, and the interface with it.
-    pub(crate) fn unplug(&mut self) {
+    /// Unplugs it: the terminal is hung up, and the interface removed.
+    fn unplug(&mut self) {
         self.orders = None;
         self.wire.take().map(JoinHandle::join).transpose().unwrap();
         drop(self.slcand.take());
@@ -105,18 +120,18 @@ impl Drop for Adapter {
     }
 }
 
-/// Waits until there is such an interface, or none.
+/// Waits until an interface exists, or does not.
 fn wait_until_it_is(interface: &str, there: bool) {
     while fs::exists(format!("/sys/class/net/{interface}")).unwrap() != there {
         thread::sleep(Duration::from_millis(1));
     }
 }
 
-/// Between terminal and drives.
+/// The wire between terminal and drives.
 struct Wire {
     terminal: PtyMaster,
     bus: CanSocket,
-    /// What came from the host, up to the end of a frame.
+    /// Text from the host, up to the end of a frame.
     text: String,
     is_stalled: bool,
 }
@@ -128,21 +143,21 @@ impl Wire {
         Self { terminal, bus, text: String::new(), is_stalled: false }
     }
 
-    /// Until nobody gives orders any more.
+    /// Runs until the adapter is unplugged.
     fn carry(&mut self, ordered: &Receiver<Order>) {
         use std::sync::mpsc::TryRecvError::Disconnected;
         loop {
             match ordered.try_recv() {
                 Ok(Order::Stall) => self.is_stalled = true,
                 Ok(Order::GoOn) => self.is_stalled = false,
-                Ok(Order::Say(words)) => self.tell(&words),
+                Ok(Order::Report(words)) => self.write(&words),
                 Err(Disconnected) => return,
                 Err(_) => self.wait(),
             }
         }
     }
 
-    /// Carries what comes within a short while, for then there may be an order.
+    /// Carries frames for a short while, until the next order may have come.
     fn wait(&mut self) {
         if self.is_stalled {
             thread::sleep(Duration::from_micros(500));
@@ -154,18 +169,18 @@ impl Wire {
         let [from_host, from_bus] =
             both.map(|one| one.revents().is_some_and(|events| events.contains(PollFlags::POLLIN)));
         if from_host {
-            self.hear_host();
+            self.read_host();
         }
         if from_bus {
             while let Ok(frame) = self.bus.read_frame() {
                 if let Some(line) = line(&frame) {
-                    self.tell(&line);
+                    self.write(&line);
                 }
             }
         }
     }
 
-    fn hear_host(&mut self) {
+    fn read_host(&mut self) {
         let mut bytes = [0; 4096];
         let Ok(length) = self.terminal.read(&mut bytes) else { return };
         self.text.push_str(std::str::from_utf8(&bytes[..length]).unwrap());
@@ -177,20 +192,20 @@ impl Wire {
         }
     }
 
-    fn tell(&mut self, line: &str) {
-        // A host that has hung up hears nothing.
+    fn write(&mut self, line: &str) {
+        // A host that has hung up receives nothing.
         self.terminal.write_all(format!("{line}\r").as_bytes()).ok();
     }
 }
 
-/// A data frame of 11 bits as slcan writes it: `t`, three digits, a length, the data.
+/// Returns a data frame of 11 bits in slcan's format: `t`, three digits, a length, the data.
 fn line(frame: &CanFrame) -> Option<String> {
     let (CanFrame::Data(data), Id::Standard(id)) = (frame, frame.id()) else { return None };
     let digits: String = data.data().iter().map(|byte| format!("{byte:02X}")).collect();
     Some(format!("t{:03X}{}{digits}", id.as_raw(), data.data().len()))
 }
 
-/// The frame of such a line; `None` for a command to the adapter.
+/// Returns the frame of such a line; `None` for a command to the adapter.
 fn frame(line: &str) -> Option<CanFrame> {
     let line = line.strip_prefix('t')?;
     let (id, rest) = line.split_at_checked(3)?;

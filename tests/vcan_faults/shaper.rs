@@ -1,21 +1,21 @@
-//! What `tc` does to the frames of an interface: it holds them back, or has no room for them. On vcan
-//! only where it was made with `echo=1`; else the loopback passes the queue by, and nothing happens.
+//! `tc` on an interface: delayed frames, or a full queue. On vcan it acts only with `echo=1`; else the loopback bypasses
+//! the queue.
 
 use crate::common::process::Process;
 
-/// The queue of an interface; as it was, when a test ends.
+/// The queue of an interface; restored at the end of a test.
 #[derive(Debug)]
 pub(crate) struct Shaper(String);
 
 impl Shaper {
-    /// Three bands; what is in the third is late by `delay`. Nothing is, until [`hold`](Self::hold) says so.
+    /// Three bands, of which the third delays by `delay`; [`hold`](Self::hold) puts frames there.
     pub(crate) fn with_delay(interface: &str, delay: &str) -> Self {
         tc(&format!("qdisc replace dev {interface} root handle 1: prio"));
         tc(&format!("qdisc replace dev {interface} parent 1:3 handle 30: netem delay {delay}"));
         Self(interface.to_owned())
     }
 
-    /// From now on this frame is late.
+    /// Delays this frame from now on.
     pub(crate) fn hold(&self, id: u16) {
         let frame = format!("canid(sff 0x{id:03X})");
         let filter = format!("filter add dev {} parent 1: protocol all basic match", self.0);
@@ -23,7 +23,7 @@ impl Shaper {
         Process::of("tc", &words).wait().succeeds();
     }
 
-    /// From now on the bus takes a hundred kilobits per second and the queue four frames.
+    /// Bounds the bus to a hundred kilobits per second, and its queue to four frames.
     pub(crate) fn of_a_slow_bus(interface: &str) -> Self {
         let queue = "tbf rate 100kbit burst 16 limit 64";
         tc(&format!("qdisc replace dev {interface} root {queue}"));

@@ -1,4 +1,4 @@
-//! Signals at torque: those that stop the node do so in order, the others do nothing. Row 30.
+//! Signals at torque: some stop the node in order, the others do nothing. Hazard 30.
 
 use nix::sys::signal::Signal;
 
@@ -33,7 +33,7 @@ fn hazard_30_signals_1_to_64_at_torque_end_nothing_else() {
     let mut rig = Rig::engaged("all-signals", &Setup::default());
     for number in 1..=64_u8 {
         let signal = Signal::try_from(i32::from(number)).ok();
-        // The C library keeps 32 and 33 to itself: no program of it can block them.
+        // The C library reserves 32 and 33: programs cannot block them.
         let is_left_out = matches!(number, 32 | 33);
         if !is_left_out && !signal.is_some_and(|it| STOPS.contains(&it) || ENDS.contains(&it)) {
             rig.node.as_ref().unwrap().signal_number(number);

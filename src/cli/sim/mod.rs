@@ -20,8 +20,10 @@ use bus::SocketCan;
 use bus::realtime;
 use canopen::frame::Channel;
 use config::Config;
+use faults::Fault;
+use faults::Target;
 use lab::attend::attend;
-use lab::outbox::Down;
+use lab::transmit_queue::Down;
 use lab::world;
 use run::exit::Failure;
 use run::exit::Kind;
@@ -33,7 +35,6 @@ use run::signals;
 use run::signals::StatusSignals;
 use sim::drive_view::Report;
 use sim::fault::Notice;
-use sim::scenario::fault::Whom;
 use sim::world::World;
 use telemetry::origin::Origin;
 use units::time::Instant;
@@ -46,8 +47,11 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
     }
     let mut scenario = scenario::load(&args.scenario)?;
     args.quirks.assign(&config, scenario.quirks_mut())?;
-    if scenario.faults().iter().any(|fault| fault.whom == Whom::Link) {
-        tracing::warn!("link faults have no effect here: the remote side runs inside the node");
+    let is_of_node = |fault: &Fault| fault.target == Target::Link || fault.is_of_host();
+    if scenario.faults().iter().any(is_of_node) {
+        tracing::warn!(
+            "faults of host, buses and link have no effect here: they are on the node's side"
+        );
     }
     let names = interfaces::resolve(&config, &args.interfaces.interfaces)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
@@ -137,7 +141,7 @@ async fn serve(
             },
             Some((begun, notice)) = faults.recv() => {
                 // Link faults act only inside the node.
-                if notice.fault.whom != Whom::Link {
+                if notice.fault.target != Target::Link {
                     print::note(&narrator.fault(begun, &notice));
                 }
             }

@@ -1,37 +1,41 @@
-//! One fault: what a number of a seed means.
+//! One case of a campaign: a fault, its hand controller, its situation, its time.
 
 use std::time::Duration;
 
 use crate::campaign::catalogue;
-use crate::campaign::draw::Draw;
+use crate::campaign::injection::Conditions;
 use crate::campaign::injection::Injection;
-use crate::campaign::injection::Place;
+use crate::campaign::injection::seconds;
 use crate::campaign::kind::Kind;
+use crate::campaign::random::Random;
+use crate::campaign::random::rounded;
 use crate::campaign::situation::Situation;
 use config::Config;
+use sim::scenario::Problem;
+use sim::scenario::Scenario;
 
-/// A fault begins so long after its situation is reached at the latest, in s.
+/// Latest onset after the situation is reached, in s.
 const SPREAD_S: f64 = 0.1;
 
-/// A script is longer than what is watched of it, in s.
-const MORE_S: f64 = 0.5;
+/// Length of a scenario beyond its observed part, in s.
+const MARGIN_S: f64 = 0.5;
 
-/// What is done, to whom, when.
+/// One case.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// Its number in the campaign, from 1.
     pub number: u32,
-    /// Of all chance in it.
+    /// Seed of the faults' own random sequences.
     pub seed: u64,
-    /// What kind of fault.
+    /// The kind of fault.
     pub kind: &'static Kind,
-    /// On which hand controller: a place in the campaign's list.
+    /// The hand controller: an index into the campaign's list.
     pub config: usize,
-    /// What the operator does then.
+    /// The situation at the onset.
     pub situation: Situation,
-    /// When, after the first SYNC: any microsecond.
+    /// Time of the onset after the first SYNC, at any microsecond.
     pub onset: Duration,
-    /// What is done.
+    /// Faults and actions from the onset on.
     pub injection: Injection,
 }
 
@@ -39,25 +43,26 @@ impl Case {
     /// Case `number` of a campaign on these hand controllers.
     pub fn of(seed: u64, number: u32, configs: &[Config]) -> Option<Self> {
         let kind = catalogue::kind_of(number)?;
-        let mut draw = Draw::of(seed, number);
+        let mut random = Random::of(seed, number);
         let count = u64::try_from(configs.len()).ok()?;
-        let config = usize::try_from(draw.below(count)).ok()?;
-        let situation = *draw.among(kind.situations)?;
-        let onset_s = situation.warm_s() + draw.within(0.005, SPREAD_S);
+        let config = usize::try_from(random.below(count)).ok()?;
+        let situation = *random.one_of(kind.situations)?;
+        let onset_s = situation.reached_s() + random.within(0.005, SPREAD_S);
         let onset =
             Duration::from_micros(Duration::from_secs_f64(onset_s).as_micros().try_into().ok()?);
-        let at = Place { config: configs.get(config)?, situation, onset };
-        let injection = (kind.injection)(&mut draw, &at);
-        Some(Self { number, seed: draw.bits(), kind, config, situation, onset, injection })
+        let hazard = kind.hazard;
+        let at = Conditions { config: configs.get(config)?, hazard, situation, onset };
+        let injection = (kind.injection)(&mut random, &at);
+        Some(Self { number, seed: random.bits(), kind, config, situation, onset, injection })
     }
 
-    /// The whole script, which `frhc demo --scenario` plays as well.
-    pub fn script(&self) -> String {
-        let seconds = (self.onset + self.injection.watch).as_secs_f64() + MORE_S;
-        format!(
-            "seconds = {seconds:.3}\n\n{}\n{}",
-            self.situation.entries(),
-            self.injection.entries
-        )
+    /// Returns the whole scenario, from the first SYNC on.
+    ///
+    /// # Errors
+    /// The first entry that is out of order or beyond the end.
+    pub fn scenario(&self) -> Result<Scenario, Problem> {
+        let end = seconds(self.onset + self.injection.observed_for) + MARGIN_S;
+        let entries = self.situation.entries().into_iter();
+        Scenario::new(rounded(end, 3), entries.chain(self.injection.entries.iter().cloned()))
     }
 }

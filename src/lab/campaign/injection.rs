@@ -1,79 +1,63 @@
-//! What is done to buses, drives and people in a case, and what the node must do then.
+//! What a case injects, and what it demands of the node.
 
 use std::time::Duration;
 
+use crate::campaign::criterion::Criterion;
+use crate::campaign::expectation;
 use crate::campaign::situation::Situation;
 use crate::world;
-use bus::HostFault;
 use config::Config;
+use faults::Fault;
+use faults::Kind;
+use faults::Target;
+use sim::scenario::Entry;
+use sim::scenario::operator::Switch;
 use units::numbering::Joint;
 
-/// A fault to inject, and what is expected of the node then.
+/// The faults of a case, and what is demanded of the node.
 #[derive(Clone, Debug)]
 pub struct Injection {
-    /// Entries of a script, all of them at or after the onset.
-    pub entries: String,
-    /// Faults of buses and process, and their delays after the onset.
-    pub host_faults: Vec<(Duration, HostFault)>,
-    /// The commanded side senses this from the onset on, in N.
-    pub senses: Option<f64>,
+    /// Faults and actions of the operator, all of them at or after the onset.
+    pub entries: Vec<Entry>,
     /// The onset is when the grip is faster than this, in m/s.
     pub onset_speed: Option<f64>,
-    /// What is expected of node or drives.
-    pub expectation: Expectation,
-    /// For how long it is watched.
-    pub watch: Duration,
+    /// Demanded reaction of node or drives.
+    pub criterion: Criterion,
+    /// Time for which the case is observed after its onset.
+    pub observed_for: Duration,
 }
 
-/// What the node, or the drives by themselves, must do.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Expectation {
-    /// Every drive is told zero in time, and the node is latched.
-    Stop(Duration),
-    /// Every drive is told zero in time, and nothing needs to be latched.
-    Zero(Duration),
-    /// No drive exerts torque, in time, by its own timers if need be.
-    Release(Duration),
-    /// No drive exerts torque, in time, by its own timer if need be; the node gives up a bus it does not reach and
-    /// switches the drives off, in time as well.
-    Mute(Duration, Duration),
-    /// What was felt has ended, in time, and the node is latched.
-    LetGo(Duration),
-    /// What was felt has ended, in time; whether it may stop altogether later.
-    Disengage(Duration, MayStop),
-    /// It goes on: this is no reason to stop.
-    GoOn,
-    /// It may stop or not; nothing may break on the way. Why.
-    Either(&'static str),
-}
-
-/// Whether a node that has disengaged may stop as well.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MayStop {
-    /// There is no reason to.
-    No,
-    /// What is wrong is more than a hand that lets go.
-    Yes,
-}
-
-/// Where and when a fault is injected.
+/// Hand controller, situation and time of an injection.
 #[derive(Clone, Copy, Debug)]
-pub struct Place<'a> {
-    /// On which hand controller.
+pub struct Conditions<'a> {
+    /// The hand controller.
     pub config: &'a Config,
+    /// The hazard that the injection stands for.
+    pub hazard: u8,
     /// What the operator does.
     pub situation: Situation,
-    /// When, after the first SYNC.
+    /// Time of the onset after the first SYNC.
     pub onset: Duration,
 }
 
-impl Place<'_> {
-    /// So many cycles.
+impl Conditions<'_> {
+    /// Returns the duration of this many cycles.
     pub(super) fn cycles(&self, count: u32) -> Duration {
         self.config.period * count
     }
 
-    /// What carries the arm's weight at a joint where it starts: in ‰ of the most it may exert.
+    /// Returns the limit of the hazard.
+    pub(super) fn limit(&self) -> Duration {
+        self.limit_of(self.hazard)
+    }
+
+    /// Returns the limit of another hazard; zero where none is stated.
+    pub(super) fn limit_of(&self, hazard: u8) -> Duration {
+        let row = expectation::of_hazard(hazard);
+        row.map(|row| row.limit.time(self.config)).unwrap_or_default()
+    }
+
+    /// Returns the torque that carries the arm's weight at a joint where it starts, in ‰ of the joint's largest.
     pub(super) fn weight(&self, joint: Joint) -> f64 {
         let plant = self.config.plant();
         let arm = world::arm(&plant);
@@ -83,51 +67,56 @@ impl Place<'_> {
         1e3 * weight.abs() / joint.entry(&plant.joints).actuator.max_torque
     }
 
-    /// An entry `[[fault]]` at the onset: its keys, one a line.
-    pub(super) fn fault(&self, keys: &str) -> String {
-        self.fault_after(Duration::ZERO, keys)
+    /// Returns the onset in s.
+    pub(super) fn onset_s(&self) -> f64 {
+        seconds(self.onset)
     }
 
-    /// The same, so long after the onset.
-    pub(super) fn fault_after(&self, after: Duration, keys: &str) -> String {
-        let at_s = (self.onset + after).as_secs_f64();
-        format!("[[fault]]\nat_s = {at_s:.6}\n{}\n\n", keys.replace("; ", "\n"))
+    /// Returns a fault at the onset.
+    pub(super) fn fault(&self, target: Target, kind: Kind) -> Entry {
+        Entry::Fault(self.fault_after(Duration::ZERO, target, kind))
+    }
+
+    /// Returns a fault this long after the onset.
+    pub(super) const fn fault_after(&self, after: Duration, target: Target, kind: Kind) -> Fault {
+        Fault::new(self.onset.saturating_add(after), target, kind)
+    }
+
+    /// Returns a switch pressed or released this long after the onset.
+    pub(super) fn switch(
+        &self,
+        after: Duration,
+        switch: fn(f64, bool) -> Switch,
+        is_pressed: bool,
+    ) -> Entry {
+        Entry::Switch(switch(seconds(self.onset + after), is_pressed))
     }
 }
 
 impl Injection {
-    /// Entries of a script.
-    pub(super) fn scripted(entries: String, expectation: Expectation) -> Self {
-        Self {
-            entries,
-            host_faults: Vec::new(),
-            senses: None,
-            onset_speed: None,
-            expectation,
-            watch: WATCH,
-        }
+    /// An injection of these entries, observed for 150 ms.
+    pub(super) fn of(entries: impl Into<Vec<Entry>>, criterion: Criterion) -> Self {
+        Self { entries: entries.into(), onset_speed: None, criterion, observed_for: OBSERVED }
     }
 
-    /// Faults of buses or process.
-    pub(super) fn host_faults(
-        host_faults: Vec<(Duration, HostFault)>,
-        expectation: Expectation,
-    ) -> Self {
-        Self {
-            entries: String::new(),
-            host_faults,
-            senses: None,
-            onset_speed: None,
-            expectation,
-            watch: WATCH,
-        }
+    /// Returns the injection observed for this long.
+    pub(super) fn observed_for(self, observed_for: Duration) -> Self {
+        Self { observed_for, ..self }
     }
 
-    /// The same, watched for so long.
-    pub(super) fn watched_for(self, watch: Duration) -> Self {
-        Self { watch, ..self }
+    /// Returns its faults.
+    pub fn faults(&self) -> impl Iterator<Item = &Fault> + '_ {
+        self.entries.iter().filter_map(|entry| match entry {
+            Entry::Fault(fault) => Some(fault),
+            Entry::Move(_) | Entry::Switch(_) | Entry::Console(_) | Entry::Hold(_) => None,
+        })
     }
 }
 
-/// Long enough to see the drives switched off 100 ms after a stop.
-const WATCH: Duration = Duration::from_millis(150);
+/// Returns the number nearest to a time in whole microseconds, in s.
+pub(super) fn seconds(time: Duration) -> f64 {
+    (time.as_secs_f64() * 1e6).round() / 1e6
+}
+
+/// Time in which the drives are seen switched off 100 ms after a stop.
+const OBSERVED: Duration = Duration::from_millis(150);

@@ -1,8 +1,8 @@
-//! A kind of fault: its name, the hazard it stands for, the causes that may stop the node first.
+//! A kind of fault of the campaign: name, hazard, situations, causes that may stop the node first.
 
-use crate::campaign::draw::Draw;
+use crate::campaign::injection::Conditions;
 use crate::campaign::injection::Injection;
-use crate::campaign::injection::Place;
+use crate::campaign::random::Random;
 use crate::campaign::situation::Situation;
 use node::cause::Kind as Cause;
 
@@ -12,66 +12,66 @@ pub(super) const KILLED: &str = "process killed";
 /// A kind of fault.
 #[derive(Clone, Copy)]
 pub struct Kind {
-    /// How it is called.
+    /// Its name.
     pub name: &'static str,
-    /// The hazard it stands for.
-    pub row: u8,
+    /// Number of the hazard in docs/safety.md.
+    pub hazard: u8,
     /// Causes that may stop the node first; any other is a wrong cause.
     pub(super) causes: &'static [Cause],
-    /// In which situations it means anything.
+    /// Situations in which it is injected.
     pub(super) situations: &'static [Situation],
-    /// What is done, drawn from chance.
+    /// Makes a case from random numbers.
     pub(super) injection: MakeInjection,
 }
 
-/// Draws a case of one kind from chance.
-type MakeInjection = fn(&mut Draw, &Place<'_>) -> Injection;
+/// Makes a case of one kind from random numbers.
+type MakeInjection = fn(&mut Random, &Conditions<'_>) -> Injection;
 
-/// The list of causes of a fault that must not stop the node, or only disengages it.
+/// The causes of a fault that must not stop the node, or only disengages it.
 pub(super) const NO_CAUSE: &[Cause] = &[];
 
 impl std::fmt::Debug for Kind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} (row {})", self.name, self.row)
+        write!(f, "{} (hazard {})", self.name, self.hazard)
     }
 }
 
-/// In any situation.
+/// A kind that is injected in any situation.
 pub(super) const fn kind(
-    row: u8,
+    hazard: u8,
     name: &'static str,
     causes: &'static [Cause],
     injection: MakeInjection,
 ) -> Kind {
-    Kind { name, row, causes, situations: &Situation::ALL, injection }
+    Kind { name, hazard, causes, situations: &Situation::ALL, injection }
 }
 
-/// Only while the arm is carried, with the deadman open.
+/// A kind that is injected while the arm is armed with the deadman open.
 pub(super) const fn armed(
-    row: u8,
+    hazard: u8,
     name: &'static str,
     causes: &'static [Cause],
     injection: MakeInjection,
 ) -> Kind {
-    Kind { name, row, causes, situations: &[Situation::Armed], injection }
+    Kind { name, hazard, causes, situations: &[Situation::Armed], injection }
 }
 
-/// Only while the deadman is held.
+/// A kind that is injected while the deadman is pressed.
 pub(super) const fn engaged(
-    row: u8,
+    hazard: u8,
     name: &'static str,
     causes: &'static [Cause],
     injection: MakeInjection,
 ) -> Kind {
-    Kind { name, row, causes, situations: &Situation::ENGAGED, injection }
+    Kind { name, hazard, causes, situations: &Situation::ENGAGED, injection }
 }
 
-/// Only while the hand rests against something.
+/// A kind that is injected while the object presses against the wall.
 pub(super) const fn in_contact(
-    row: u8,
+    hazard: u8,
     name: &'static str,
     causes: &'static [Cause],
     injection: MakeInjection,
 ) -> Kind {
-    Kind { name, row, causes, situations: &[Situation::Contact], injection }
+    Kind { name, hazard, causes, situations: &[Situation::Contact], injection }
 }

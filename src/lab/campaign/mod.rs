@@ -1,31 +1,34 @@
-//! Many faults, each alone, on the in-memory bus in virtual time; a judge on the bus says what came of each.
+//! Campaigns: thousands of faults on the in-memory bus in virtual time, each alone, judged by a monitor on the bus.
 //!
-//! A campaign is a seed. Its cases are numbered from 1, and the number and the seed alone say what a case is:
-//! which fault, on which hand controller, in which situation, at which microsecond. So one case can be played
-//! again by itself, and nothing depends on how many threads there are.
+//! The cases of a campaign are numbered from 1. Seed and number alone say what a case is: fault, hand controller,
+//! situation, microsecond. So a case can be replayed by itself, and the number of threads changes nothing.
 //!
-//! | file        | what                                                           |
-//! |-------------|----------------------------------------------------------------|
-//! | `case`      | what a number of a seed means                                  |
-//! | `catalogue` | every kind of fault, its hazard row, and what is expected      |
-//! | `draw`      | chance: joints, spans, bytes                                   |
-//! | `injection` | what is done to buses, drives and people, and what must follow |
-//! | `kind`      | one kind of fault: hazard, situations, causes that may stop    |
-//! | `situation` | armed alone, free motion, in contact                           |
-//! | `monitor`   | the judge: invariants I1 to I12                                |
-//! | `play`      | one case from its onset to its end                             |
-//! | `verdict`   | what it came to, and whether that is what is expected          |
-//! | `run`       | all of them, on every core                                     |
-//! | `table`     | the figures by kind                                            |
-//! | `soak`      | long runs in which nothing may trip                            |
+//! | file          | what                                                              |
+//! |---------------|-------------------------------------------------------------------|
+//! | `case`        | one case of a seed                                                |
+//! | `catalogue`   | every kind of fault, its hazard and its criterion                 |
+//! | `criterion`   | the acceptance criterion of a case                                |
+//! | `expectation` | one row for each hazard: limit, causes, end state of the drives   |
+//! | `injection`   | faults and actions of a case, and what they demand                |
+//! | `kind`        | one kind of fault: hazard, situations, causes that may stop       |
+//! | `monitor`     | the judge: invariants I1 to I12                                   |
+//! | `play`        | one case from its onset to its end                                |
+//! | `random`      | random joints, durations, bytes                                   |
+//! | `run`         | all cases, on every core                                          |
+//! | `situation`   | armed, free motion, in contact                                    |
+//! | `soak`        | long runs in which nothing may stop                               |
+//! | `table`       | the figures by kind                                               |
+//! | `verdict`     | the outcome of a case                                             |
 
 pub mod case;
 pub mod catalogue;
-mod draw;
+pub mod criterion;
+pub mod expectation;
 pub mod injection;
 pub mod kind;
 pub mod monitor;
 pub mod play;
+mod random;
 pub mod run;
 pub mod situation;
 pub mod soak;

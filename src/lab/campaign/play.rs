@@ -1,4 +1,4 @@
-//! One case: from a warm bench to a verdict.
+//! One case: from a bench in its situation to a verdict.
 
 use std::fmt;
 use std::time::Duration;
@@ -7,28 +7,32 @@ use nalgebra::Vector3;
 
 use crate::bench::Bench;
 use crate::campaign::case::Case;
-use crate::campaign::monitor::Excuse;
+use crate::campaign::expectation::EndState;
+use crate::campaign::monitor;
+use crate::campaign::monitor::Answer;
+use crate::campaign::monitor::Exemption;
 use crate::campaign::monitor::Monitor;
 use crate::campaign::situation::Situation;
-use crate::campaign::verdict::Seen;
+use crate::campaign::verdict::Observation;
 use crate::campaign::verdict::Verdict;
-use bus::BusFault;
-use bus::Disturbance;
-use bus::HostFault;
 use canopen::drive::State;
 use config::Config;
+use faults::Disturbance;
+use faults::Fault;
+use faults::HostFault;
+use faults::Kind;
+use faults::Target;
 use node::BringUpError;
 use node::Request;
 use node::record::Mode;
 use node::record::Record;
 use sim::drive::Drive;
+use sim::scenario::Problem;
 use sim::scenario::Scenario;
-use sim::scenario::ScenarioError;
-use units::spatial::Wrench;
 use units::time::Instant;
 
-/// The grip is watched for so long after the onset.
-const WATCH_GRIP: Duration = Duration::from_millis(100);
+/// Time after the onset in which speed and displacement of the grip are measured.
+const GRIP_MEASURED: Duration = Duration::from_millis(100);
 
 /// Virtual time allowed for a boot; those of the shipped configurations take less than a second.
 const BOOT_TIMEOUT: Duration = Duration::from_secs(20);
@@ -39,79 +43,79 @@ const OFF_AFTER: Duration = Duration::from_millis(100);
 /// Time allowed beyond that: one controlword goes out at a time, and acts at the drive's next SYNC.
 const OFF_TOLERANCE: Duration = Duration::from_millis(15);
 
-/// Less than this share of a joint's capacity is not felt.
-const FELT: f64 = 0.02;
+/// Least reflected torque that can be felt, as a share of a joint's capacity.
+const MIN_FELT: f64 = 0.02;
 
-/// An object that is pressed against something feels at least so much, in N.
-const CONTACT: f64 = 2.0;
+/// Least force of an object in contact, in N.
+const MIN_CONTACT: f64 = 2.0;
 
-/// Why no case can be played.
+/// A case that cannot be played.
 #[derive(Debug)]
 pub enum StageError {
-    /// A script that cannot be followed.
-    Script(ScenarioError),
+    /// A scenario that is invalid.
+    Scenario(Problem),
     /// The network does not come up.
     Boot(BringUpError),
     /// The network is not up when `BOOT_TIMEOUT` is over.
     BootTimeout,
-    /// The operator does not come where the fault is to find him.
-    Elsewhere(Situation, Mode),
-    /// A law is broken before anything else is.
-    Broken(String),
+    /// The situation is not reached.
+    NotReached(Situation, Mode),
+    /// An invariant is violated before the fault.
+    Violated(String),
 }
 
 impl fmt::Display for StageError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Script(error) => write!(f, "script: {error}"),
+            Self::Scenario(problem) => write!(f, "scenario: {problem}"),
             Self::Boot(error) => write!(f, "{error}"),
             Self::BootTimeout => {
                 let seconds = BOOT_TIMEOUT.as_secs();
                 write!(f, "the boot must end within {seconds} s of virtual time, and did not")
             }
-            Self::Elsewhere(situation, mode) => write!(f, "never {situation}: the node is {mode}"),
-            Self::Broken(breach) => write!(f, "before any fault: {breach}"),
+            Self::NotReached(situation, mode) => {
+                write!(f, "the node must be {situation} before the fault, and is {mode}")
+            }
+            Self::Violated(violation) => write!(f, "before any fault: {violation}"),
         }
     }
 }
 
 impl std::error::Error for StageError {}
 
-/// Somebody who is told of every cycle.
-pub(super) type Witness<'a> = dyn FnMut(&mut Bench<Monitor>, &Record) + 'a;
+/// A function that is called after every cycle.
+pub(super) type OnCycle<'a> = dyn FnMut(&mut Bench<Monitor>, &Record) + 'a;
 
-/// Brings a bench to where a fault of this situation may strike; `seed` is of the hand's tremor.
-pub(super) fn warm(
+/// Brings a bench into a situation; `seed` is that of the hand's tremor.
+pub(super) fn bring_to(
     config: &Config,
     situation: Situation,
     seed: u64,
     monitor: Monitor,
 ) -> Result<Bench<Monitor>, StageError> {
-    let seconds = situation.warm_s() + 2.0;
-    let script = format!("seconds = {seconds}\n\n{}", situation.entries());
-    let scenario = Scenario::parse(&script).map_err(StageError::Script)?;
+    let seconds = situation.reached_s() + 2.0;
+    let scenario = Scenario::new(seconds, situation.entries()).map_err(StageError::Scenario)?;
     let mut bench = Bench::new(config, scenario, seed, false, monitor);
     bring_up(&mut bench)?;
     let mut last = None;
-    // A script that never begins, as without a first SYNC, does not make it wait for ever.
+    // Without a first SYNC the scenario never begins.
     let end = bench.now() + BOOT_TIMEOUT;
-    while bench.elapsed().as_secs_f64() < situation.warm_s() && bench.now() < end {
-        answer(&mut bench);
+    while bench.elapsed().as_secs_f64() < situation.reached_s() && bench.now() < end {
+        make_requests(&mut bench);
         let record = bench.cycle();
-        let now = bench.now();
-        bench.tap_mut().told(now, record.mode);
+        report_mode(&mut bench, record.mode);
         last = Some((record.mode, record.f_s.force.norm()));
     }
     let (mode, force) = last.unwrap_or((Mode::Boot, 0.0));
     let is_there = match situation {
         Situation::Armed => mode == Mode::Armed,
         Situation::Free => mode == Mode::Engaged,
-        Situation::Contact => mode == Mode::Engaged && force > CONTACT,
+        Situation::Contact => mode == Mode::Engaged && force > MIN_CONTACT,
     };
-    if let Some(breach) = bench.tap_mut().breaches().first() {
-        return Err(StageError::Broken(breach.to_string()));
+    if let Some(violation) = bench.tap_mut().violations().first() {
+        return Err(StageError::Violated(violation.to_string()));
     }
-    if is_there { Ok(bench) } else { Err(StageError::Elsewhere(situation, mode)) }
+    if is_there { Ok(bench) } else { Err(StageError::NotReached(situation, mode)) }
 }
 
 /// Boots the network of a bench.
@@ -129,114 +133,142 @@ pub(super) fn bring_up(bench: &mut Bench<Monitor>) -> Result<(), StageError> {
     })
 }
 
-/// Asks the node what the script asks of the console by now, and tells the judge what it answered. Whether
-/// anything was asked.
-pub(super) fn answer(bench: &mut Bench<Monitor>) -> bool {
-    let mut is_asked = false;
+/// Makes the requests of the scenario that are due, and reports the node's answers to the monitor. Returns whether
+/// there was one.
+pub(super) fn make_requests(bench: &mut Bench<Monitor>) -> bool {
+    let mut is_made = false;
     while let Some(request) = bench.due() {
-        ask(bench, request);
-        is_asked = true;
+        make(bench, request);
+        is_made = true;
     }
-    is_asked
+    is_made
 }
 
-fn ask(bench: &mut Bench<Monitor>, request: Request) {
+fn make(bench: &mut Bench<Monitor>, request: Request) {
     let mode = bench.ask(request).ok();
     let now = bench.now();
-    bench.tap_mut().asked(now, request, mode);
+    let answer = match (request, mode) {
+        (_, None) | (Request::Command(_), _) => return,
+        (Request::Arm, Some(_)) => Answer::Armed,
+        (Request::Reset, Some(Mode::Armed)) => Answer::ResetToArmed,
+        (Request::Disarm | Request::Reset, Some(_)) => Answer::Disarmed,
+    };
+    bench.tap_mut().on_answer(now, answer);
 }
 
-/// Plays a case on a warm bench, which is spent then.
+/// Reports the mode of a cycle to the monitor.
+pub(super) fn report_mode(bench: &mut Bench<Monitor>, mode: Mode) {
+    let now = bench.now();
+    let mode = match mode {
+        Mode::ZeroTorque | Mode::DrivesOff => monitor::Mode::Stopped,
+        Mode::Engaged => monitor::Mode::Engaged,
+        Mode::Boot | Mode::Ready | Mode::Armed | Mode::ReflectionOff => monitor::Mode::Other,
+    };
+    bench.tap_mut().on_mode(now, mode);
+}
+
+/// Plays a case on a bench in its situation, which cannot be used again.
 pub(super) fn play(
     bench: &mut Bench<Monitor>,
     config: &Config,
     case: &Case,
-    witness: &mut Witness<'_>,
+    on_cycle: &mut OnCycle<'_>,
 ) -> Result<Verdict, StageError> {
-    let scenario = Scenario::parse(&case.script()).map_err(StageError::Script)?;
-    bench.follow(scenario, case.seed);
+    bench.follow(case.scenario().map_err(StageError::Scenario)?, case.seed);
     bench.tap_mut().forget();
-    let mut onset = bench.begun() + case.onset;
-    for (after, host_fault) in &case.injection.host_faults {
-        bench.bus_mut().plan(onset + *after, *host_fault);
-        excuse(config.period, onset + *after, *host_fault)
+    let zero = bench.begun();
+    for fault in case.injection.faults() {
+        exemption(config.period, zero, fault)
             .into_iter()
-            .for_each(|excuse| bench.tap_mut().excuse(excuse));
+            .for_each(|exemption| bench.tap_mut().exempt(exemption));
     }
-    let mut watch = Watch::new(bench);
+    let mut onset = zero + case.onset;
+    let mut observer = Observer::new(bench);
+    let observed_for = case.injection.observed_for;
     let (mut is_tried, mut is_fast) = (false, false);
-    while bench.now() < onset + case.injection.watch {
-        if answer(bench) {
+    while bench.now() < onset + observed_for {
+        if make_requests(bench) {
             onset = bench.now();
         }
-        if let Some(force) = case.injection.senses.filter(|_| bench.now() >= onset) {
-            let force = Vector3::new(force, 0.0, 0.0);
-            bench.site_mut().break_sensor(Wrench { force, moment: Vector3::zeros() });
-        }
-        // A latch is left by a reset alone.
-        if !is_tried && bench.now() > onset + case.injection.watch * 3 / 4 && watch.is_latched() {
-            ask(bench, Request::Arm);
+        // A latched mode is left by a reset alone.
+        if !is_tried && bench.now() > onset + observed_for * 3 / 4 && observer.is_latched() {
+            make(bench, Request::Arm);
             is_tried = true;
         }
         let record = bench.cycle();
         let now = bench.now();
-        bench.tap_mut().told(now, record.mode);
-        watch.look(bench, config, onset, &record);
-        if case.injection.onset_speed.is_some_and(|limit| !is_fast && watch.seen.speed > limit) {
+        report_mode(bench, record.mode);
+        observer.update(bench, config, onset, &record);
+        let speed = observer.observed.speed;
+        if case.injection.onset_speed.is_some_and(|limit| !is_fast && speed > limit) {
             (is_fast, onset) = (true, now);
         }
-        witness(bench, &record);
+        on_cycle(bench, &record);
     }
-    if !watch.is_latched() {
-        // Drives that are broken may not confirm it; the order of what they are told is judged all the same.
+    if !observer.is_latched() {
+        // A failed drive may not confirm the stop; the monitor judges the order of the frames all the same.
         bench.stop().ok();
     }
-    Ok(Verdict::of(case, config.period, watch.finish(bench, onset)))
+    Ok(Verdict::of(case, config.period, observer.finish(bench, onset)))
 }
 
-/// What a host_fault makes nobody's fault.
-fn excuse(period: Duration, at: Instant, host_fault: HostFault) -> Option<Excuse> {
-    match host_fault {
-        HostFault::Bus(
-            _,
-            None | Some(Disturbance::Fault(BusFault::Warning | BusFault::Passive)),
-        )
-        | HostFault::ClockSet(_) => None,
-        HostFault::Bus(channel, Some(_)) => Some(Excuse::Bus(channel, at)),
-        HostFault::Stopped(span) | HostFault::Suspended(span) => {
-            Some(Excuse::Process(at, at + span + period * 2))
+/// Returns the exemption from I5 that a fault of bus or host grants.
+fn exemption(period: Duration, zero: Instant, fault: &Fault) -> Option<Exemption> {
+    let at = zero + fault.start;
+    let span = fault.duration.unwrap_or_default();
+    match (fault.kind, fault.target) {
+        (Kind::Bus(Disturbance::ErrorWarning | Disturbance::ErrorPassive), _) => None,
+        (Kind::Bus(_), Target::Bus(channel)) => Some(Exemption::Bus(channel, at)),
+        (Kind::Host(HostFault::ProcessStopped | HostFault::Suspended), _) => {
+            Some(Exemption::Process(at, at + span + period * 2))
         }
         // The frame comes within a period.
-        HostFault::StoppedAfter(_, span) => Some(Excuse::Process(at, at + span + period * 3)),
+        (Kind::Host(HostFault::ProcessStoppedAfter(_)), _) => {
+            Some(Exemption::Process(at, at + span + period * 3))
+        }
+        (
+            Kind::Bus(_)
+            | Kind::Host(HostFault::ClockSet(_))
+            | Kind::Disconnection(_)
+            | Kind::Frames(_)
+            | Kind::Imitation { .. }
+            | Kind::Device(_)
+            | Kind::Sensor(_)
+            | Kind::Contact(..)
+            | Kind::ForeignFrame { .. }
+            | Kind::Link(_)
+            | Kind::SensedForce(_),
+            _,
+        ) => None,
     }
 }
 
-/// What is measured on the way.
+/// Measures node, bus and arm after every cycle.
 #[derive(Debug)]
-struct Watch {
+struct Observer {
     before: Instant,
-    at_start: Vector3<f64>,
+    start: Vector3<f64>,
     last: Vector3<f64>,
     felt_until: Option<Instant>,
     detected: Option<Instant>,
-    power: Power,
-    given_up: Option<Instant>,
-    seen: Seen,
+    power: PowerStages,
+    drives_off: Option<Instant>,
+    observed: Observation,
 }
 
 /// Power stages of the drives after a stop.
 #[derive(Clone, Copy, Debug, Default)]
-struct Power {
+struct PowerStages {
     stopped: Option<Instant>,
-    /// When every power stage must be off.
+    /// Time by which every power stage must be off.
     due: Option<Instant>,
-    /// Since when every power stage is off.
+    /// Time since which every power stage is off.
     off: Option<Instant>,
 }
 
-impl Power {
+impl PowerStages {
     /// Takes the node's mode and the drives' own states after a cycle.
-    fn look(&mut self, now: Instant, mode: Mode, drives: &[Drive]) {
+    fn update(&mut self, now: Instant, mode: Mode, drives: &[Drive]) {
         if mode.is_stopped() {
             self.stopped.get_or_insert(now);
             self.due.get_or_insert(now + OFF_AFTER);
@@ -248,12 +280,12 @@ impl Power {
         self.off = if is_on { None } else { Some(self.off.unwrap_or(now)) };
     }
 
-    /// Time from the stop until the last power stage was off.
+    /// Returns the time from the stop until the last power stage was off.
     fn time(&self) -> Option<Duration> {
         Some(self.off?.since(self.stopped?))
     }
 
-    /// Returns whether a power stage was on when none might be, as far as that was watched.
+    /// Returns whether a power stage was on after it had to be off, until the end of the observation.
     fn is_left_on(&self, until: Instant) -> bool {
         let is_late = |due: Instant| self.off.unwrap_or(until) > due + OFF_TOLERANCE;
         self.due.is_some_and(is_late)
@@ -274,40 +306,18 @@ const fn has_voltage(state: State) -> bool {
     }
 }
 
-impl Watch {
+impl Observer {
     fn new(bench: &Bench<Monitor>) -> Self {
-        let place = place(bench);
-        let seen = Seen {
-            detected: None,
-            is_stopped: false,
-            cause: None,
-            off: None,
-            given_up: None,
-            is_left_on: false,
-            zero: None,
-            quiet: None,
-            felt: None,
-            spread: None,
-            impulse: 0.0,
-            peak: 0.0,
-            speed: 0.0,
-            travel: 0.0,
-            stale: 0,
-            applied: 0,
-            oldest: Duration::ZERO,
-            unarmed: 0,
-            breaches: Vec::new(),
-            breach_count: 0,
-        };
+        let grip = grip(bench);
         Self {
             before: bench.now(),
-            at_start: place,
-            last: place,
+            start: grip,
+            last: grip,
             felt_until: None,
             detected: None,
-            power: Power::default(),
-            given_up: None,
-            seen,
+            power: PowerStages::default(),
+            drives_off: None,
+            observed: Observation::default(),
         }
     }
 
@@ -315,74 +325,76 @@ impl Watch {
         self.detected.is_some()
     }
 
-    /// After a cycle.
-    fn look(&mut self, bench: &Bench<Monitor>, config: &Config, onset: Instant, record: &Record) {
-        let (now, place) = (bench.now(), place(bench));
+    /// Takes a cycle.
+    fn update(&mut self, bench: &Bench<Monitor>, config: &Config, onset: Instant, record: &Record) {
+        let (now, grip) = (bench.now(), grip(bench));
         let dt = now.since(self.before.max(onset)).as_secs_f64();
         if now < onset {
-            self.at_start = place;
+            self.start = grip;
         } else {
             let world = bench.node().bus().stations();
-            self.seen.impulse += world.torques().abs().sum() * dt;
-            self.seen.peak = self.seen.peak.max(bench.node().bus().tap().peak());
+            self.observed.impulse += world.torques().abs().sum() * dt;
+            self.observed.peak = self.observed.peak.max(bench.node().bus().tap().peak());
             let monitor = bench.node().bus().tap();
             let drives = world.drives().iter().zip(monitor.acting_ages());
             for (_, age) in drives.filter(|(drive, _)| drive.demand().abs() > 0.0) {
-                self.seen.applied += u64::from(monitor.is_stale(age));
-                self.seen.oldest = self.seen.oldest.max(age);
+                self.observed.applied += u64::from(monitor.is_stale(age));
+                self.observed.oldest = self.observed.oldest.max(age);
             }
-            if now.since(onset) <= WATCH_GRIP {
+            if now.since(onset) <= GRIP_MEASURED {
                 let cycle = now.since(self.before).as_secs_f64().max(1e-6);
-                self.seen.speed = self.seen.speed.max((place - self.last).norm() / cycle);
-                self.seen.travel = self.seen.travel.max((place - self.at_start).norm());
+                self.observed.speed = self.observed.speed.max((grip - self.last).norm() / cycle);
+                self.observed.travel = self.observed.travel.max((grip - self.start).norm());
             }
-            if is_felt(config, record) {
+            if is_reflecting(config, record) {
                 self.felt_until = Some(now);
             }
             if record.mode.is_latched() {
                 self.detected.get_or_insert(now);
-                self.seen.cause = self.seen.cause.or(record.cause);
+                self.observed.cause = self.observed.cause.or(record.cause);
+                let end = EndState::of(record.mode);
+                self.observed.end_state = self.observed.end_state.or(end);
             }
-            self.seen.is_stopped |= record.mode.is_stopped();
+            self.observed.is_stopped |= record.mode.is_stopped();
             if record.mode == Mode::DrivesOff {
-                self.given_up.get_or_insert(now);
+                self.drives_off.get_or_insert(now);
             }
-            self.power.look(now, record.mode, world.drives());
+            self.power.update(now, record.mode, world.drives());
         }
         self.before = now;
-        self.last = place;
+        self.last = grip;
     }
 
-    fn finish(mut self, bench: &mut Bench<Monitor>, onset: Instant) -> Seen {
+    fn finish(mut self, bench: &mut Bench<Monitor>, onset: Instant) -> Observation {
         let since = |at: Instant| at.since(onset);
-        let quiet = bench.node().bus().stations().zero_torque_since();
+        let torque_free = bench.node().bus().stations().zero_torque_since();
         let monitor = bench.tap_mut();
-        self.seen.detected = self.detected.map(since);
-        self.seen.zero = monitor.all_zero_since().map(since);
-        self.seen.quiet = quiet.map(since);
-        self.seen.off = self.power.time();
-        self.seen.given_up = self.given_up.map(since);
-        self.seen.is_left_on = self.power.is_left_on(self.before);
-        self.seen.felt = Some(self.felt_until.map(since).unwrap_or_default());
-        self.seen.spread = monitor.spread();
-        self.seen.stale = monitor.stale_targets();
-        self.seen.unarmed = monitor.unarmed_frames();
-        self.seen.breaches = monitor.breaches().to_vec();
-        self.seen.breach_count = monitor.breach_count();
-        self.seen
+        self.observed.detected = self.detected.map(since);
+        self.observed.zero = monitor.all_zero_since().map(since);
+        self.observed.torque_free = torque_free.map(since);
+        self.observed.off = self.power.time();
+        self.observed.drives_off = self.drives_off.map(since);
+        self.observed.is_left_on = self.power.is_left_on(self.before);
+        self.observed.reflection_off = Some(self.felt_until.map(since).unwrap_or_default());
+        self.observed.spread = monitor.spread();
+        self.observed.stale = monitor.stale_targets();
+        self.observed.unarmed = monitor.unarmed_frames();
+        self.observed.violations = monitor.violations().to_vec();
+        self.observed.violation_count = monitor.violation_count();
+        self.observed
     }
 }
 
-fn place(bench: &Bench<Monitor>) -> Vector3<f64> {
+fn grip(bench: &Bench<Monitor>) -> Vector3<f64> {
     bench.node().bus().stations().plant().x_0_g().translation.vector
 }
 
-/// Whether anything but the arm's weight acts on a joint.
-fn is_felt(config: &Config, record: &Record) -> bool {
+/// Returns whether more than the arm's weight acts on a joint.
+fn is_reflecting(config: &Config, record: &Record) -> bool {
     if record.targets == [0; 6] {
         return false;
     }
     let rest = record.output.tau - record.output.ledger.gravity;
     let mut joints = rest.iter().zip(&config.joints);
-    joints.any(|(torque, joint)| torque.abs() > FELT * joint.plant.actuator.max_torque)
+    joints.any(|(torque, joint)| torque.abs() > MIN_FELT * joint.plant.actuator.max_torque)
 }

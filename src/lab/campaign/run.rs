@@ -1,4 +1,4 @@
-//! All cases of a campaign, on every core. What comes out does not depend on how many there are.
+//! All cases of a campaign, on every core. The number of threads does not change the verdicts.
 
 use std::num::NonZero;
 use std::sync::Mutex;
@@ -18,7 +18,7 @@ use config::Config;
 use node::record::Record;
 use units::time::Instant;
 
-/// A seed, hand controllers, and how many faults of which kind.
+/// The cases of a seed on some hand controllers.
 #[derive(Clone, Debug)]
 pub struct Campaign {
     seed: u64,
@@ -26,35 +26,35 @@ pub struct Campaign {
     cases: Vec<Case>,
 }
 
-/// What a case came to, and every frame since the boot.
+/// The verdict on a case, and every frame since the boot.
 pub type Replayed = (Verdict, Vec<(Instant, Telegram)>);
 
-/// A warm bench for each hand controller and situation that is needed.
+/// A bench for each hand controller and situation that the cases need.
 type Stages = Vec<[Option<Bench<Monitor>>; 3]>;
 
 impl Campaign {
-    /// The first `faults` cases of a seed, or those whose kind's name contains `only`.
+    /// The first `faults` cases of a seed, of those whose kind's name contains `only`.
     pub fn new(seed: u64, configs: Vec<Config>, faults: usize, only: Option<&str>) -> Self {
         let is_wanted = |case: &Case| only.is_none_or(|only| case.kind.name.contains(only));
         let cases = (1..).map_while(|number| Case::of(seed, number, &configs));
-        let most = u32::try_from(faults).unwrap_or(u32::MAX).saturating_mul(ROUNDS);
+        let most = u32::try_from(faults).unwrap_or(u32::MAX).saturating_mul(MAX_KINDS);
         let cases = cases.take_while(|case| case.number <= most);
         let cases = cases.filter(is_wanted).take(faults).collect();
         Self { seed, configs, cases }
     }
 
-    /// Case `number` of a seed, alone.
+    /// Case `number` of a seed alone.
     pub fn of_one(seed: u64, configs: Vec<Config>, number: u32) -> Option<Self> {
         let case = Case::of(seed, number, &configs)?;
         Some(Self { seed, configs, cases: vec![case] })
     }
 
-    /// What is to be played.
+    /// Returns the cases.
     pub fn cases(&self) -> &[Case] {
         &self.cases
     }
 
-    /// On which hand controllers.
+    /// Returns the hand controllers.
     pub fn configs(&self) -> &[Config] {
         &self.configs
     }
@@ -62,7 +62,7 @@ impl Campaign {
     /// Plays all cases with `threads` threads; `progress` is called after each.
     ///
     /// # Errors
-    /// Where a hand controller does not come up, or does not come into a situation.
+    /// A network that does not boot, or a situation that is not reached.
     pub fn run(
         &self,
         threads: NonZero<usize>,
@@ -77,14 +77,14 @@ impl Campaign {
         verdicts.into_iter().collect()
     }
 
-    /// Plays the first case again by itself, with all its frames since the first boot; `witness` is told of
-    /// every cycle since shortly before the fault.
+    /// Plays the first case again by itself, with all its frames since the boot; `on_cycle` is called after every
+    /// cycle of the case.
     ///
     /// # Errors
     /// As [`run`](Self::run).
     pub fn replay(
         &self,
-        witness: &mut dyn FnMut(&mut Bench<Monitor>, &Record),
+        on_cycle: &mut dyn FnMut(&mut Bench<Monitor>, &Record),
     ) -> Result<Option<Replayed>, StageError> {
         let Some((case, config)) =
             self.cases.first().and_then(|case| Some((case, self.configs.get(case.config)?)))
@@ -92,36 +92,36 @@ impl Campaign {
             return Ok(None);
         };
         let monitor = Monitor::new(config).keeping_frames();
-        let mut bench = play::warm(config, case.situation, self.seed, monitor)?;
-        let verdict = play::play(&mut bench, config, case, witness)?;
+        let mut bench = play::bring_to(config, case.situation, self.seed, monitor)?;
+        let verdict = play::play(&mut bench, config, case, on_cycle)?;
         Ok(Some((verdict, bench.tap_mut().frames().to_vec())))
     }
 
     fn play_on(&self, stages: &Stages, case: &Case) -> Result<Verdict, StageError> {
-        let stage = stages.get(case.config).and_then(|stages| stages.get(case.situation.place()));
+        let stage = stages.get(case.config).and_then(|stages| stages.get(case.situation.index()));
         match (stage, self.configs.get(case.config)) {
             (Some(Some(bench)), Some(config)) => {
                 play::play(&mut bench.clone(), config, case, &mut |_, _| {})
             }
             // Every case has a stage and a hand controller: both are made from the cases.
-            _ => Err(StageError::Broken(format!("case {} has no stage", case.number))),
+            _ => Err(StageError::Violated(format!("case {} has no stage", case.number))),
         }
     }
 
-    /// Warms what the cases need, each once.
+    /// Brings one bench into each situation that the cases need.
     fn stages(&self, threads: NonZero<usize>) -> Result<Stages, StageError> {
         let of = |config| Situation::ALL.map(|situation| (config, situation));
         let mut wanted: Vec<(usize, Situation)> = (0..self.configs.len()).flat_map(of).collect();
         wanted.retain(|wanted| {
             self.cases.iter().any(|case| (case.config, case.situation) == *wanted)
         });
-        let warmed = each(threads, &wanted, &|(config, situation)| {
+        let reached = each(threads, &wanted, &|(config, situation)| {
             let config = self.configs.get(*config)?;
-            Some(play::warm(config, *situation, self.seed, Monitor::new(config)))
+            Some(play::bring_to(config, *situation, self.seed, Monitor::new(config)))
         });
         let mut stages: Stages = self.configs.iter().map(|_| [None, None, None]).collect();
-        for ((config, situation), bench) in wanted.into_iter().zip(warmed) {
-            let stage = stages.get_mut(config).and_then(|all| all.get_mut(situation.place()));
+        for ((config, situation), bench) in wanted.into_iter().zip(reached) {
+            let stage = stages.get_mut(config).and_then(|all| all.get_mut(situation.index()));
             if let (Some(stage), Some(bench)) = (stage, bench) {
                 *stage = Some(bench?);
             }
@@ -130,10 +130,10 @@ impl Campaign {
     }
 }
 
-/// Cases of one kind come once in so many, or sooner.
-const ROUNDS: u32 = 200;
+/// Largest number of cases among which one of each kind is found.
+const MAX_KINDS: u32 = 200;
 
-/// Does something with each of `items` on several threads; the results are in the items' order.
+/// Maps `items` on several threads; the results are in the items' order.
 pub(super) fn each<T: Sync, R: Send>(
     threads: NonZero<usize>,
     items: &[T],

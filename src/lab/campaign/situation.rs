@@ -1,34 +1,40 @@
-//! Where a fault finds the operator: armed alone, moving freely, or pressing against a wall.
+//! The situation at the onset of a fault: armed, moving freely, or pressing against a wall.
 
 use std::fmt;
 
 use serde::Serialize;
 
-/// What the operator does when it happens.
+use sim::scenario::ConsoleRequest;
+use sim::scenario::Entry;
+use sim::scenario::operator::Console;
+use sim::scenario::operator::Move;
+use sim::scenario::operator::Switch;
+
+/// What the operator does at the onset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Situation {
     /// The arm is carried, the deadman open.
     Armed,
-    /// The hand moves, and commands.
+    /// The hand moves, and commands the object.
     Free,
-    /// The object is pressed against the wall, and the hand feels it.
+    /// The object presses against the wall, with reflection on.
     Contact,
 }
 
 impl Situation {
-    /// All of them.
+    /// All situations.
     pub const ALL: [Self; 3] = [Self::Armed, Self::Free, Self::Contact];
 
-    /// Those in which the deadman is held.
+    /// The situations in which the deadman is pressed.
     pub const ENGAGED: [Self; 2] = [Self::Free, Self::Contact];
 
-    /// Its number among all.
-    pub(super) fn place(self) -> usize {
+    /// Returns its index in [`ALL`](Self::ALL).
+    pub(super) fn index(self) -> usize {
         Self::ALL.iter().position(|other| *other == self).unwrap_or(0)
     }
 
-    /// Whether the deadman is held.
+    /// Returns whether the deadman is pressed.
     pub const fn is_engaged(self) -> bool {
         match self {
             Self::Armed => false,
@@ -36,25 +42,46 @@ impl Situation {
         }
     }
 
-    /// How long it takes to get there, in s after the first SYNC.
-    pub(super) const fn warm_s(self) -> f64 {
+    /// Returns the time at which it is reached, in s after the first SYNC.
+    pub(super) const fn reached_s(self) -> f64 {
         match self {
             Self::Armed | Self::Free => 1.3,
             Self::Contact => 5.0,
         }
     }
 
-    /// How, as entries of a script.
-    pub(super) const fn entries(self) -> &'static str {
+    /// Returns the operator's actions that lead there.
+    pub(super) fn entries(self) -> Vec<Entry> {
+        let request = |at_s, request| Entry::Console(Console::new(at_s, request));
+        let mut entries = vec![request(0.05, ConsoleRequest::Arm)];
         match self {
-            Self::Armed => ARMED,
-            Self::Free => FREE,
-            Self::Contact => CONTACT,
+            Self::Armed => {}
+            Self::Free => {
+                entries.extend(engage([0.3, 0.4, 0.45, 0.5, 0.55]));
+                entries.push(Entry::Move(Move::new(0.6, 1.3, [0.0, 0.05, 0.0])));
+            }
+            Self::Contact => {
+                entries.extend(engage([1.2, 1.3, 1.35, 1.4, 1.45]));
+                entries.push(Entry::Move(Move::new(1.5, 0.5, [0.045, 0.0, 0.0])));
+            }
         }
+        entries
     }
 }
 
-/// As a table names it.
+/// Presses the deadman, then presses and releases reflection and reference, at these times in s.
+fn engage([deadman, on, off, press, release]: [f64; 5]) -> [Entry; 5] {
+    [
+        Switch::deadman(deadman, true),
+        Switch::reflection(on, true),
+        Switch::reflection(off, false),
+        Switch::reference(press, true),
+        Switch::reference(release, false),
+    ]
+    .map(Entry::Switch)
+}
+
+/// Its name in a table.
 impl fmt::Display for Situation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -64,71 +91,3 @@ impl fmt::Display for Situation {
         })
     }
 }
-
-const ARMED: &str = "\
-[[console]]
-at_s = 0.05
-request = \"arm\"
-";
-
-const FREE: &str = "\
-[[console]]
-at_s = 0.05
-request = \"arm\"
-
-[[switch]]
-at_s = 0.3
-deadman = true
-
-[[switch]]
-at_s = 0.4
-reflection = true
-
-[[switch]]
-at_s = 0.45
-reflection = false
-
-[[switch]]
-at_s = 0.5
-reference = true
-
-[[switch]]
-at_s = 0.55
-reference = false
-
-[[move]]
-at_s = 0.6
-duration_s = 1.3
-to_m = [0.0, 0.05, 0.0]
-";
-
-const CONTACT: &str = "\
-[[console]]
-at_s = 0.05
-request = \"arm\"
-
-[[switch]]
-at_s = 1.2
-deadman = true
-
-[[switch]]
-at_s = 1.3
-reflection = true
-
-[[switch]]
-at_s = 1.35
-reflection = false
-
-[[switch]]
-at_s = 1.4
-reference = true
-
-[[switch]]
-at_s = 1.45
-reference = false
-
-[[move]]
-at_s = 1.5
-duration_s = 0.5
-to_m = [0.045, 0.0, 0.0]
-";

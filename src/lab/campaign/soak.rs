@@ -1,55 +1,70 @@
-//! Long runs in which nothing may trip: a link that loses one word in a hundred, drives whose samples are lost
-//! one in a thousand, and an operator who works, touches, lets go and comes back.
+//! Long runs in which nothing may stop: one message in a hundred of the link is lost and one sample in a thousand of
+//! each drive, while the operator works, touches, releases and comes back.
 
 use std::num::NonZero;
 use std::time::Duration;
 
 use crate::bench::Bench;
-use crate::campaign::draw::Draw;
 use crate::campaign::monitor::Monitor;
 use crate::campaign::play;
 use crate::campaign::play::StageError;
+use crate::campaign::random::Random;
+use crate::campaign::random::rounded;
 use crate::campaign::run::each;
 use config::Config;
+use faults::Effect;
+use faults::Extent;
+use faults::Fault;
+use faults::FrameFault;
+use faults::Kind;
+use faults::LinkFault;
+use faults::Service;
+use faults::Target;
 use node::cause::Cause;
+use sim::scenario::ConsoleRequest;
+use sim::scenario::Entry;
+use sim::scenario::Problem;
 use sim::scenario::Scenario;
+use sim::scenario::operator::Console;
+use sim::scenario::operator::Move;
+use sim::scenario::operator::Switch;
 use units::numbering::Joint;
 
-/// One lap takes so long, in s.
+/// Duration of one lap, in s.
 const LAP_S: f64 = 20.0;
 
-/// The share of the link's words that are lost.
+/// Share of the link's messages that are lost.
 const LINK_LOSS: f64 = 0.01;
 
-/// The share of each drive's samples that are lost.
+/// Share of each drive's samples that are lost.
 const TPDO_LOSS: f64 = 0.001;
 
-/// What one lap came to.
+/// Result of one lap.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lap {
-    /// Its number, from 1.
+    /// Number of the lap, from 1.
     pub number: u32,
-    /// The hand controller: a place in the list.
+    /// The hand controller: an index into the list.
     pub config: usize,
-    /// Its cycles.
+    /// Number of cycles.
     pub cycles: u64,
-    /// What it tripped for, and when; it should not have.
+    /// Time and cause of a stop.
     pub trip: Option<(Duration, Cause)>,
-    /// The first breach of a law.
-    pub breach: Option<String>,
+    /// The first violation of an invariant.
+    pub violation: Option<String>,
 }
 
 impl Lap {
-    /// Whether nothing happened that should not.
+    /// Returns whether the node did not stop and no invariant was violated.
     pub const fn is_good(&self) -> bool {
-        self.trip.is_none() && self.breach.is_none()
+        self.trip.is_none() && self.violation.is_none()
     }
 }
 
-/// Laps on these hand controllers by turns, until they come to `cycles`; `progress` is told the cycles of each.
+/// Plays laps on these hand controllers in turn, up to `cycles` in all; `progress` is called with the cycles of each.
 ///
 /// # Errors
-/// Where a hand controller does not come up.
+/// A network that does not boot.
 pub fn soak(
     seed: u64,
     configs: &[Config],
@@ -63,7 +78,7 @@ pub fn soak(
         if planned >= cycles {
             break;
         }
-        let most = (cycles - planned).min(of(config, LAP_S));
+        let most = (cycles - planned).min(cycles_of(config, LAP_S));
         laps.push((number, place, config, most));
         planned += most;
     }
@@ -75,8 +90,8 @@ pub fn soak(
     laps.into_iter().collect()
 }
 
-/// So many seconds, in cycles.
-fn of(config: &Config, seconds: f64) -> u64 {
+/// Returns the number of cycles in a time in s.
+fn cycles_of(config: &Config, seconds: f64) -> u64 {
     let cycles = Duration::from_secs_f64(seconds).as_micros() / config.period.as_micros().max(1);
     u64::try_from(cycles).unwrap_or(u64::MAX)
 }
@@ -87,157 +102,125 @@ fn lap(
     config: &Config,
     most: u64,
 ) -> Result<Lap, StageError> {
-    let mut draw = Draw::of(seed, number);
-    let scenario = Scenario::parse(&script(&mut draw, config)).map_err(StageError::Script)?;
-    let mut bench = Bench::new(config, scenario, draw.bits(), false, Monitor::new(config));
+    let mut random = Random::of(seed, number);
+    let scenario = scenario(&mut random, config).map_err(StageError::Scenario)?;
+    let mut bench = Bench::new(config, scenario, random.bits(), false, Monitor::new(config));
     play::bring_up(&mut bench)?;
-    let mut lap = Lap { number, config: place, cycles: 0, trip: None, breach: None };
+    let mut lap = Lap { number, config: place, cycles: 0, trip: None, violation: None };
     while lap.cycles < most && lap.trip.is_none() {
-        play::answer(&mut bench);
+        play::make_requests(&mut bench);
         let record = bench.cycle();
-        let now = bench.now();
-        bench.tap_mut().told(now, record.mode);
+        play::report_mode(&mut bench, record.mode);
         lap.cycles += 1;
         lap.trip = record.cause.map(|cause| (bench.elapsed(), cause));
     }
-    lap.breach = bench.tap_mut().breaches().first().map(ToString::to_string);
+    lap.violation = bench.tap_mut().violations().first().map(ToString::to_string);
     Ok(lap)
 }
 
-/// Twenty seconds of work: two contacts, a release between them, rates and then poses.
-fn script(draw: &mut Draw, config: &Config) -> String {
-    let mut script = format!("seconds = {:.1}\n\n{WORK}", LAP_S + 5.0);
-    script.push_str(&moves(draw));
+/// Returns twenty seconds of work: two contacts, a release between them, rates and then poses.
+fn scenario(random: &mut Random, config: &Config) -> Result<Scenario, Problem> {
+    let mut entries = operation();
+    entries.extend(movements(random).into_iter().map(Entry::Move));
     let period = config.period.as_secs_f64();
-    let mut faults: Vec<(f64, String)> =
-        Joint::ALL.into_iter().flat_map(|joint| losses(draw, joint, period)).collect();
-    let words = LAP_S / period;
+    let mut faults: Vec<Fault> =
+        Joint::ALL.into_iter().flat_map(|joint| losses(random, joint, period)).collect();
+    let messages = LAP_S / period;
     let mut at_s = 0.0;
-    // Losses that follow each other by chance, on average every hundredth word.
+    // Independent losses, on average of every hundredth message.
     while at_s < LAP_S - 0.1 {
-        let until_next = -(1.0 - draw.within(0.0, 0.999_999)).ln() / (LINK_LOSS * words / LAP_S);
+        let until_next = exponential(random) / (LINK_LOSS * messages / LAP_S);
         at_s += until_next.max(0.001);
-        let lost = period.max(0.001);
-        faults.push((at_s, format!("kind = \"link_frozen\"\nfor_s = {lost:.6}")));
+        let lost = Fault::new(micros(at_s), Target::Link, Kind::Link(LinkFault::Frozen));
+        faults.push(lost.lasting(config.period.max(Duration::from_millis(1))));
     }
-    faults.sort_by(|(one, _), (other, _)| one.total_cmp(other));
-    for (at_s, keys) in faults {
-        script.push_str(&format!("[[fault]]\nat_s = {at_s:.6}\n{keys}\n\n"));
-    }
-    script
+    faults.sort_by_key(|fault| fault.start);
+    Scenario::new(LAP_S + 5.0, entries.into_iter().chain(faults.into_iter().map(Entry::Fault)))
 }
 
-/// Samples of one drive that are lost, each alone: never two in a row.
-fn losses(draw: &mut Draw, joint: Joint, period: f64) -> Vec<(f64, String)> {
-    let keys = format!("kind = \"drop\"\njoint = {joint}\nframe = \"tpdo1\"\ncount = 1");
+/// Returns a number of the exponential distribution with mean 1.
+fn exponential(random: &mut Random) -> f64 {
+    -(1.0 - random.within(0.0, 0.999_999)).ln()
+}
+
+/// Returns a time rounded to microseconds.
+fn micros(seconds: f64) -> Duration {
+    Duration::from_secs_f64(rounded(seconds, 6))
+}
+
+/// Returns lost samples of one drive, each alone: never two in a row.
+fn losses(random: &mut Random, joint: Joint, period: f64) -> Vec<Fault> {
+    let lost = FrameFault::of(Service::Tpdo(1), Effect::Drop).to(Extent::First(1));
     let mut losses = Vec::new();
     let mut at_s = 0.0;
     loop {
-        let until_next = -(1.0 - draw.within(0.0, 0.999_999)).ln() * period / TPDO_LOSS;
-        at_s += until_next.max(ALONE * period);
+        let until_next = exponential(random) * period / TPDO_LOSS;
+        at_s += until_next.max(MIN_APART * period);
         if at_s > LAP_S {
             return losses;
         }
-        losses.push((at_s, keys.clone()));
+        losses.push(Fault::new(micros(at_s), Target::Joint(joint), Kind::Frames(lost)));
     }
 }
 
-/// Periods between two lost samples of a drive, at least.
-const ALONE: f64 = 3.0;
+/// Least periods between two lost samples of a drive.
+const MIN_APART: f64 = 3.0;
 
-/// Where the hand goes: into the wall and out of it, then about.
-fn moves(draw: &mut Draw) -> String {
-    let mut entries = String::new();
-    let mut add = |at_s: f64, duration_s: f64, [x, y, z]: [f64; 3]| {
-        entries.push_str(&format!(
-            "[[move]]\nat_s = {at_s:.3}\nduration_s = {duration_s:.3}\nto_m = [{x:.4}, {y:.4}, {z:.4}]\n\n"
-        ));
+/// Returns the movements of the hand: into the wall and out of it, then freely.
+fn movements(random: &mut Random) -> Vec<Move> {
+    let movement = |at_s: f64, duration_s: f64, to: [f64; 3]| {
+        Move::new(rounded(at_s, 3), rounded(duration_s, 3), to.map(|to| rounded(to, 4)))
     };
-    let push = draw.within(0.03, 0.05);
-    add(1.6, draw.within(0.4, 0.8), [push, 0.0, 0.0]);
-    add(7.0, draw.within(0.4, 0.8), [-0.03, 0.0, 0.0]);
-    add(8.0, draw.within(0.4, 0.8), [0.0, 0.0, 0.0]);
+    let push = random.within(0.03, 0.05);
+    let mut movements = vec![
+        movement(1.6, random.within(0.4, 0.8), [push, 0.0, 0.0]),
+        movement(7.0, random.within(0.4, 0.8), [-0.03, 0.0, 0.0]),
+        movement(8.0, random.within(0.4, 0.8), [0.0, 0.0, 0.0]),
+    ];
     for step in 0..6 {
-        let to = [0; 3].map(|_| draw.within(-0.03, 0.03));
-        add(11.6 + 1.2 * f64::from(step), draw.within(0.5, 1.1), to);
+        let to = [0; 3].map(|_| random.within(-0.03, 0.03));
+        let at_s = 11.6 + 1.2 * f64::from(step);
+        movements.push(movement(at_s, random.within(0.5, 1.1), to));
     }
-    add(18.9, 0.6, [0.0, 0.0, 0.0]);
-    entries
+    movements.push(movement(18.9, 0.6, [0.0, 0.0, 0.0]));
+    movements
 }
 
-const WORK: &str = "\
-[[console]]
-at_s = 0.05
-request = \"arm\"
-
-[[console]]
-at_s = 10.6
-request = \"mode pose\"
-
-[[console]]
-at_s = 19.8
-request = \"disarm\"
-
-[[switch]]
-at_s = 1.1
-deadman = true
-
-[[switch]]
-at_s = 1.2
-reflection = true
-
-[[switch]]
-at_s = 1.25
-reflection = false
-
-[[switch]]
-at_s = 1.4
-reference = true
-
-[[switch]]
-at_s = 1.45
-reference = false
-
-[[switch]]
-at_s = 10.0
-deadman = false
-
-[[switch]]
-at_s = 11.0
-deadman = true
-
-[[switch]]
-at_s = 11.2
-reference = true
-
-[[switch]]
-at_s = 11.25
-reference = false
-
-[[switch]]
-at_s = 19.6
-deadman = false
-
-";
+/// Returns the requests and switches of a lap.
+fn operation() -> Vec<Entry> {
+    let requests =
+        [(0.05, ConsoleRequest::Arm), (10.6, ConsoleRequest::Pose), (19.8, ConsoleRequest::Disarm)];
+    let switches = [
+        Switch::deadman(1.1, true),
+        Switch::reflection(1.2, true),
+        Switch::reflection(1.25, false),
+        Switch::reference(1.4, true),
+        Switch::reference(1.45, false),
+        Switch::deadman(10.0, false),
+        Switch::deadman(11.0, true),
+        Switch::reference(11.2, true),
+        Switch::reference(11.25, false),
+        Switch::deadman(19.6, false),
+    ];
+    let requests = requests.map(|(at_s, request)| Entry::Console(Console::new(at_s, request)));
+    requests.into_iter().chain(switches.map(Entry::Switch)).collect()
+}
 
 #[cfg(test)]
 mod tests {
     use std::path::Path;
 
     use super::*;
-    use sim::scenario::fault::Fault;
 
     #[test]
-    fn promise_14_a_thousandth_of_each_drives_samples_is_lost_and_never_two_in_a_row() {
+    fn promise_14_soak_drops_0_1_percent_never_two_in_a_row() {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         let mut lost = 0;
         for number in 1..=20 {
-            let mut draw = Draw::of(1, number);
-            let scenario = Scenario::parse(&script(&mut draw, &config)).unwrap();
-            for joint in 1..=6 {
-                let whom = format!("joint {joint}");
-                let is_its = |fault: &&Fault| fault.whom.to_string() == whom;
-                let lost_at = |fault: &Fault| fault.begins;
+            let scenario = scenario(&mut Random::of(1, number), &config).unwrap();
+            for joint in Joint::ALL {
+                let is_its = |fault: &&Fault| fault.target == Target::Joint(joint);
+                let lost_at = |fault: &Fault| fault.start;
                 let times: Vec<_> = scenario.faults().iter().filter(is_its).map(lost_at).collect();
                 assert!(times.windows(2).all(|pair| pair[1] - pair[0] >= 2 * config.period));
                 lost += times.len();

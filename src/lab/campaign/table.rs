@@ -1,4 +1,4 @@
-//! The figures of a campaign, one line for each kind of fault.
+//! The figures of a campaign: one line for each kind of fault.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -8,106 +8,108 @@ use std::time::Duration;
 use serde::Serialize;
 
 use crate::campaign::catalogue;
-use crate::campaign::injection::Expectation;
+use crate::campaign::criterion::Criterion;
 use crate::campaign::kind::KILLED;
 use crate::campaign::kind::Kind;
 use crate::campaign::verdict::Outcome;
 use crate::campaign::verdict::Verdict;
 
-/// All lines, and what they come to together.
+/// All lines, and their sum.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Table {
     /// One for each kind that was injected, in the order of the hazard table.
     pub kinds: Vec<Line>,
     /// All kinds together.
     pub total: Line,
-    /// A node that is killed: by each RPDO timer, how soon its drives are torque-free by themselves.
+    /// For each RPDO timer: time until the drives of a killed node are torque-free.
     pub killed: Vec<Killed>,
 }
 
 /// Drives whose node was killed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Killed {
-    /// What is demanded, in ms: the RPDO timer and 1 ms.
+    /// Limit, in ms: the RPDO timer and 1 ms.
     pub within_ms: f64,
-    /// How often.
+    /// Number of cases.
     pub count: usize,
-    /// Half of them are torque-free so soon, in ms.
+    /// Median, in ms.
     pub p50_ms: f64,
-    /// 99 of 100, in ms.
+    /// 99th percentile, in ms.
     pub p99_ms: f64,
-    /// All of them, in ms.
+    /// Maximum, in ms.
     pub max_ms: f64,
 }
 
-/// What came of all faults of one kind.
+/// The figures of all cases of one kind.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Line {
-    /// The row of the hazard table; 0 for all.
+    /// Number of the hazard; 0 for all kinds together.
     pub row: u8,
-    /// The kind.
+    /// Name of the kind.
     pub kind: String,
-    /// How often it was injected.
+    /// Number of cases.
     pub injected: usize,
-    /// How often the node latched.
+    /// Number of cases in which the node latched.
     pub latched: usize,
-    /// How often it was not answered, or not in time.
+    /// Number of missed or late reactions.
     pub missed: usize,
-    /// How often it stopped without need.
+    /// Number of stops without a reason.
     pub false_trips: usize,
-    /// How often it was stopped by another cause than this kind may have.
+    /// Number of stops by a cause that the kind does not have.
     pub wrong_causes: usize,
-    /// How often a drive's power stage stayed on after a stop.
+    /// Number of stops in a milder state than the cause demands.
+    pub wrong_states: usize,
+    /// Number of stops after which a drive's power stage stayed on.
     pub left_on: usize,
-    /// What stopped the node, and how often.
+    /// Number of stops by each cause.
     pub causes: BTreeMap<String, usize>,
-    /// From the stop until the last power stage was off, in ms, at most.
+    /// Longest time from the stop until the last power stage was off, in ms.
     pub off_ms: Option<f64>,
-    /// Breaches of a law.
+    /// Number of violations of an invariant.
     pub breaches: u64,
-    /// Until the node latched, in cycles.
+    /// Time until the node latched, in cycles.
     pub t_detect: Option<Spread>,
-    /// Until all is as demanded (zero, silent, not felt), in cycles.
+    /// Time that the criterion limits, in cycles.
     pub t_zero: Option<Spread>,
-    /// The same in ms, at most.
+    /// Maximum of the same, in ms.
     pub t_zero_ms: Option<f64>,
-    /// Cycles between the first joint and the last one to be told zero, at most.
+    /// Most cycles between the first and the last joint whose torque was cut to zero.
     pub spread: Option<u64>,
-    /// What the motors pushed after the onset where torque had to end, in mN·m·s, at most.
+    /// Largest impulse of all motors after the onset where torque had to end, in mN·m·s.
     pub impulse_mnms: f64,
-    /// The largest share of a capacity that was told after the onset, in percent.
+    /// Largest target torque after the onset, in percent of the joint's capacity.
     pub peak_percent: f64,
-    /// Of the grip after the onset, in m/s, at most.
+    /// Highest speed of the grip after the onset, in m/s.
     pub grip_speed_m_per_s: f64,
-    /// Of the grip, in mm, at most.
+    /// Largest displacement of the grip, in mm.
     pub grip_travel_mm: f64,
-    /// Targets on the wire that were not zero, and more than two periods old.
+    /// Number of non-zero targets more than two periods old on the wire.
     pub stale_targets: u64,
-    /// Cycles in which a drive acted on one of those.
+    /// Number of cycles in which a drive acted on one of those.
     pub stale_applied: u64,
-    /// The oldest target that a drive acted on, in ms.
+    /// Greatest age of a target that a drive acted on, in ms.
     pub oldest_applied_ms: f64,
-    /// Targets that were not zero although nothing was armed.
+    /// Number of non-zero targets without arming.
     pub unarmed_targets: u64,
 }
 
-/// The middle, the worst in a hundred, and the worst, in cycles.
+/// Median, 99th percentile and maximum, in cycles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Spread {
-    /// Half of them are no worse.
+    /// Median.
     pub p50: u64,
-    /// 99 of 100 are no worse.
+    /// 99th percentile.
     pub p99: u64,
-    /// None is worse.
+    /// Maximum.
     pub max: u64,
 }
 
 impl Table {
-    /// Of these verdicts.
+    /// The figures of these verdicts.
     pub fn of(verdicts: &[Verdict]) -> Self {
         let line = |kind: &'static Kind| {
             let of: Vec<&Verdict> = verdicts.iter().filter(|one| one.kind == kind.name).collect();
-            (!of.is_empty()).then(|| Line::of(kind.row, kind.name, &of))
+            (!of.is_empty()).then(|| Line::of(kind.hazard, kind.name, &of))
         };
         let mut kinds: Vec<Line> = catalogue::kinds().filter_map(line).collect();
         kinds.sort_by_key(|line| line.row);
@@ -119,8 +121,8 @@ impl Table {
 impl Killed {
     fn of(verdicts: &[Verdict]) -> Vec<Self> {
         let killed = verdicts.iter().filter(|one| one.kind == KILLED);
-        let timed = killed.filter_map(|one| match (one.expectation, one.seen.quiet) {
-            (Expectation::Release(within), Some(quiet)) => Some((within, quiet)),
+        let timed = killed.filter_map(|one| match (one.criterion, one.observed.torque_free) {
+            (Criterion::TorqueFree(within), Some(quiet)) => Some((within, quiet)),
             _ => None,
         });
         let mut by_timer: BTreeMap<Duration, Vec<u64>> = BTreeMap::new();
@@ -128,10 +130,10 @@ impl Killed {
             let micros = u64::try_from(quiet.as_micros()).unwrap_or(u64::MAX);
             by_timer.entry(within).or_default().push(micros);
         }
-        by_timer.into_iter().filter_map(Self::within).collect()
+        by_timer.into_iter().filter_map(Self::of_timer).collect()
     }
 
-    fn within((within, micros): (Duration, Vec<u64>)) -> Option<Self> {
+    fn of_timer((within, micros): (Duration, Vec<u64>)) -> Option<Self> {
         let count = micros.len();
         let millis = |micros: u64| rounded(Duration::from_micros(micros).as_secs_f64() * 1e3);
         let Spread { p50, p99, max } = Spread::of(micros)?;
@@ -148,55 +150,56 @@ impl Line {
             let times = verdicts.iter().filter_map(|one| Some(in_cycles(of(one)?, one.period)));
             Spread::of(times.collect())
         };
-        let times = verdicts.iter().filter_map(|one| one.time());
-        let off = verdicts.iter().filter_map(|one| one.seen.off);
+        let times = verdicts.iter().filter_map(|one| one.limited_time());
+        let off = verdicts.iter().filter_map(|one| one.observed.off);
         Self {
             row,
             kind: kind.to_owned(),
             injected: verdicts.len(),
-            latched: count(|one| one.seen.detected.is_some()),
+            latched: count(|one| one.observed.detected.is_some()),
             missed: count(|one| matches!(one.outcome, Outcome::Missed | Outcome::Late)),
             false_trips: count(|one| one.outcome == Outcome::FalseTrip),
             wrong_causes: count(|one| one.outcome == Outcome::WrongCause),
+            wrong_states: count(|one| one.outcome == Outcome::WrongState),
             left_on: count(|one| one.outcome == Outcome::LeftOn),
             causes: causes(verdicts),
             off_ms: off.max().map(|time| rounded(time.as_secs_f64() * 1e3)),
-            breaches: verdicts.iter().map(|one| one.seen.breach_count).sum(),
-            t_detect: cycles(|one| one.seen.detected),
-            t_zero: cycles(Verdict::time),
+            breaches: verdicts.iter().map(|one| one.observed.violation_count).sum(),
+            t_detect: cycles(|one| one.observed.detected),
+            t_zero: cycles(Verdict::limited_time),
             t_zero_ms: times.max().map(|time| rounded(time.as_secs_f64() * 1e3)),
-            spread: verdicts.iter().filter_map(|one| one.seen.spread).max(),
-            impulse_mnms: rounded(most(|one| match one.time() {
-                Some(_) => 1e3 * one.seen.impulse,
+            spread: verdicts.iter().filter_map(|one| one.observed.spread).max(),
+            impulse_mnms: rounded(most(|one| match one.limited_time() {
+                Some(_) => 1e3 * one.observed.impulse,
                 None => 0.0,
             })),
-            peak_percent: rounded(most(|one| 100.0 * one.seen.peak)),
-            grip_speed_m_per_s: rounded(most(|one| one.seen.speed)),
-            grip_travel_mm: rounded(most(|one| 1e3 * one.seen.travel)),
-            stale_targets: verdicts.iter().map(|one| one.seen.stale).sum(),
-            stale_applied: verdicts.iter().map(|one| one.seen.applied).sum(),
-            oldest_applied_ms: rounded(most(|one| one.seen.oldest.as_secs_f64() * 1e3)),
-            unarmed_targets: verdicts.iter().map(|one| one.seen.unarmed).sum(),
+            peak_percent: rounded(most(|one| 100.0 * one.observed.peak)),
+            grip_speed_m_per_s: rounded(most(|one| one.observed.speed)),
+            grip_travel_mm: rounded(most(|one| 1e3 * one.observed.travel)),
+            stale_targets: verdicts.iter().map(|one| one.observed.stale).sum(),
+            stale_applied: verdicts.iter().map(|one| one.observed.applied).sum(),
+            oldest_applied_ms: rounded(most(|one| one.observed.oldest.as_secs_f64() * 1e3)),
+            unarmed_targets: verdicts.iter().map(|one| one.observed.unarmed).sum(),
         }
     }
 }
 
-/// What stopped the node, and how often.
+/// Returns the number of stops by each cause.
 fn causes(verdicts: &[&Verdict]) -> BTreeMap<String, usize> {
     let mut causes = BTreeMap::new();
-    for cause in verdicts.iter().filter_map(|one| one.seen.cause) {
+    for cause in verdicts.iter().filter_map(|one| one.observed.cause) {
         *causes.entry(format!("{:?}", cause.kind())).or_default() += 1;
     }
     causes
 }
 
-/// Whole cycles: one that has begun counts.
+/// Returns whole cycles, rounded up.
 fn in_cycles(time: Duration, period: Duration) -> u64 {
     let cycles = time.as_micros().div_ceil(period.as_micros().max(1));
     u64::try_from(cycles).unwrap_or(u64::MAX)
 }
 
-/// To three decimals.
+/// Returns the value rounded to three decimals.
 fn rounded(value: f64) -> f64 {
     (value * 1e3).round() / 1e3
 }
@@ -216,7 +219,7 @@ impl fmt::Display for Spread {
     }
 }
 
-/// What a column is called, how wide it is, and in which unit.
+/// Columns: name with unit, and width.
 const COLUMNS: [(&str, usize); 13] = [
     ("row", 3),
     ("fault", 31),
@@ -234,11 +237,12 @@ const COLUMNS: [(&str, usize); 13] = [
 ];
 
 impl Line {
-    /// What stands in each column. Times are p50/p99/max in cycles; impulse, share of capacity, grip speed and
-    /// way are the most of any.
+    /// Returns the text of each column. Times are p50/p99/max in cycles; impulse, share of capacity, speed and
+    /// displacement of the grip are maxima.
     fn cells(&self) -> [String; 13] {
         let or_dash = |value: Option<String>| value.unwrap_or_else(|| "-".to_owned());
-        let bad = self.missed + self.false_trips + self.wrong_causes + self.left_on;
+        let bad =
+            self.missed + self.false_trips + self.wrong_causes + self.wrong_states + self.left_on;
         [
             if self.row == 0 { String::new() } else { self.row.to_string() },
             self.kind.clone(),
@@ -262,15 +266,16 @@ impl Table {
         self.kinds.iter().chain([&self.total]).map(Line::cells)
     }
 
-    /// What no kind has for itself.
+    /// Returns the figures of all kinds together.
     fn notes(&self) -> Vec<String> {
         let Line { missed, false_trips, breaches, unarmed_targets, .. } = &self.total;
         let Line { stale_targets, stale_applied, oldest_applied_ms, .. } = &self.total;
-        let Line { wrong_causes, left_on, .. } = &self.total;
+        let Line { wrong_causes, wrong_states, left_on, .. } = &self.total;
         let mut notes: Vec<String> = self.killed.iter().map(ToString::to_string).collect();
         notes.push(format!("late or not at all: {missed}; false trips: {false_trips}"));
         notes.push(format!(
-            "stopped by another cause than demanded: {wrong_causes}; a drive left on: {left_on}"
+            "stopped by another cause than demanded: {wrong_causes}; in a milder state: {wrong_states}; \
+             a drive left on: {left_on}"
         ));
         notes.push(format!("invariants I1 to I12 broken: {breaches}"));
         notes.push(format!("targets not zero while not armed: {unarmed_targets}"));
@@ -281,7 +286,7 @@ impl Table {
         notes
     }
 
-    /// The same as Markdown.
+    /// Returns the table as Markdown.
     pub fn markdown(&self) -> String {
         let row = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
         let names = COLUMNS.map(|(name, _)| name.to_owned());
@@ -306,7 +311,7 @@ impl fmt::Display for Killed {
     }
 }
 
-/// With a heading, all kinds together at the end, and notes; 120 columns at most.
+/// Heading, a line for each kind, all kinds together, and notes; 120 columns at most.
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let names = COLUMNS.map(|(name, _)| name.to_owned());

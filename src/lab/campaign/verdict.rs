@@ -1,95 +1,101 @@
-//! What one case came to, and whether that is what is demanded.
+//! The outcome of one case: its observation against its criterion.
 
 use std::fmt;
 use std::time::Duration;
 
 use crate::campaign::case::Case;
-use crate::campaign::injection::Expectation;
-use crate::campaign::injection::MayStop;
-use crate::campaign::monitor::Breach;
+use crate::campaign::criterion::Criterion;
+use crate::campaign::criterion::MayStop;
+use crate::campaign::expectation;
+use crate::campaign::expectation::EndState;
+use crate::campaign::monitor::Violation;
 use node::cause::Cause;
 use node::cause::Kind as CauseKind;
 
-/// What was seen of one case. Times are since its onset.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Seen {
-    /// Until the node was latched, if it was.
+/// Observation of one case. Times count from its onset.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Observation {
+    /// Time until the node was latched.
     pub detected: Option<Duration>,
-    /// Whether torque is off by its latch, not reflection alone.
+    /// Whether the latched mode takes all torque off, not reflection alone.
     pub is_stopped: bool,
-    /// Why it was latched.
+    /// Cause of the latched mode.
     pub cause: Option<Cause>,
-    /// From the stop until the last drive's power stage was off, if it was.
+    /// State of the drives to which the node's first latched mode leads.
+    pub end_state: Option<EndState>,
+    /// Time from the stop until the last drive's power stage was off.
     pub off: Option<Duration>,
-    /// Until the node switched the drives off, if it did.
-    pub given_up: Option<Duration>,
-    /// A drive's power stage was on for longer than 100 ms after zero torque, or after "drives off".
+    /// Time until the node switched the drives off.
+    pub drives_off: Option<Duration>,
+    /// Whether a power stage was on for longer than 100 ms after zero torque, or after "drives off".
     pub is_left_on: bool,
-    /// Until every drive was told zero, if it was for good.
+    /// Time until every target torque was zero for good.
     pub zero: Option<Duration>,
-    /// Until no drive asked its motor for torque, if that lasted.
-    pub quiet: Option<Duration>,
-    /// Until nothing but the arm's weight was felt, if that lasted.
-    pub felt: Option<Duration>,
-    /// Cycles between the first and the last joint that was torn from a torque to none.
+    /// Time until no drive exerted torque for good.
+    pub torque_free: Option<Duration>,
+    /// Time until reflection had ended for good.
+    pub reflection_off: Option<Duration>,
+    /// Cycles between the first and the last joint whose torque was cut to zero.
     pub spread: Option<u64>,
-    /// All that the motors pushed, in N·m·s (N·s).
+    /// Impulse of all motors, in N·m·s (N·s).
     pub impulse: f64,
-    /// The largest share of its capacity that a joint was told, 0 to 1.
+    /// Largest target torque as a share of its joint's capacity, 0 to 1.
     pub peak: f64,
-    /// The grip's highest speed, in m/s.
+    /// Highest speed of the grip, in m/s.
     pub speed: f64,
-    /// How far the grip came from where it was, in m.
+    /// Largest displacement of the grip, in m.
     pub travel: f64,
-    /// Targets that were not zero, and more than two periods old on the wire.
+    /// Number of non-zero targets that were more than two periods old on the wire.
     pub stale: u64,
-    /// Cycles in which a drive acted on such a target.
+    /// Number of cycles in which a drive acted on such a target.
     pub applied: u64,
-    /// The oldest target that a drive acted on: from when the node gave it away until it began to act.
+    /// Greatest age of a target when a drive began to act on it, since the node sent it.
     pub oldest: Duration,
-    /// Targets that were not zero although nothing was armed.
+    /// Number of non-zero targets without arming.
     pub unarmed: u64,
-    /// The first few breaches of a law.
-    pub breaches: Vec<Breach>,
-    /// All of them.
-    pub breach_count: u64,
+    /// The first violations of an invariant.
+    pub violations: Vec<Violation>,
+    /// Number of all violations.
+    pub violation_count: u64,
 }
 
-/// What is to be said of a case.
+/// Verdict on a case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
-    /// The case's number.
+    /// Number of the case.
     pub number: u32,
-    /// What kind of fault it was.
+    /// Name of the kind of fault.
     pub kind: &'static str,
-    /// The hazard it stands for.
-    pub row: u8,
-    /// The hand controller: a place in the campaign's list.
+    /// Number of the hazard.
+    pub hazard: u8,
+    /// The hand controller: an index into the campaign's list.
     pub config: usize,
-    /// Its cycle.
+    /// Cycle period.
     pub period: Duration,
-    /// What was expected.
-    pub expectation: Expectation,
-    /// What was seen.
-    pub seen: Seen,
-    /// Whether that is what was demanded.
+    /// The demanded reaction.
+    pub criterion: Criterion,
+    /// The observed reaction.
+    pub observed: Observation,
+    /// Comparison of the two.
     pub outcome: Outcome,
 }
 
-/// Whether it went as demanded.
+/// Comparison of the observed with the demanded reaction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Yes.
+    /// The criterion is met.
     Met,
-    /// It was not seen at all.
+    /// The fault was not detected.
     Missed,
-    /// It was seen, and not answered in time.
+    /// The reaction came too late.
     Late,
-    /// It stopped without need.
+    /// The node stopped without a reason.
     FalseTrip,
-    /// It stopped, and not because of what was wrong.
+    /// The node stopped by a cause that the fault does not have.
     WrongCause,
-    /// It stopped, and a drive's power stage stayed on.
+    /// The node stopped in a milder state than its cause demands.
+    WrongState,
+    /// The node stopped, and a drive's power stage stayed on.
     LeftOn,
 }
 
@@ -101,111 +107,100 @@ impl fmt::Display for Outcome {
             Self::Late => "late",
             Self::FalseTrip => "false trip",
             Self::WrongCause => "wrong cause",
+            Self::WrongState => "wrong end state",
             Self::LeftOn => "a drive left on",
         })
     }
 }
 
 impl Verdict {
-    /// Judges what was seen of a case.
-    pub fn of(case: &Case, period: Duration, seen: Seen) -> Self {
+    /// Compares the observation of a case with its criterion.
+    pub fn of(case: &Case, period: Duration, observed: Observation) -> Self {
         Self {
             number: case.number,
             kind: case.kind.name,
-            row: case.kind.row,
+            hazard: case.kind.hazard,
             config: case.config,
             period,
-            expectation: case.injection.expectation,
-            outcome: outcome(case.injection.expectation, case.kind.causes, &seen),
-            seen,
+            criterion: case.injection.criterion,
+            outcome: outcome(case.injection.criterion, case.kind.causes, &observed),
+            observed,
         }
     }
 
-    /// Whether nothing is wrong with it: neither its outcome nor any law.
+    /// Returns whether the criterion is met and no invariant violated.
     pub const fn is_good(&self) -> bool {
         let is_met = matches!(self.outcome, Outcome::Met);
-        let may_act = matches!(self.expectation, Expectation::Either(_));
-        is_met && self.seen.breach_count == 0 && (may_act || self.seen.applied == 0)
+        let may_act = matches!(self.criterion, Criterion::Either(_));
+        is_met && self.observed.violation_count == 0 && (may_act || self.observed.applied == 0)
     }
 
-    /// The time that was demanded of: until zero, silence or letting go.
-    pub const fn time(&self) -> Option<Duration> {
-        match self.expectation {
-            Expectation::Stop(_) | Expectation::Zero(_) => self.seen.zero,
-            Expectation::Release(_) | Expectation::Mute(..) => self.seen.quiet,
-            Expectation::LetGo(_) | Expectation::Disengage(..) => self.seen.felt,
-            Expectation::GoOn | Expectation::Either(_) => None,
+    /// Returns the time that the criterion limits.
+    pub const fn limited_time(&self) -> Option<Duration> {
+        match self.criterion {
+            Criterion::Stop(_) | Criterion::ZeroTorque(_) => self.observed.zero,
+            Criterion::TorqueFree(_) | Criterion::BusAbandoned(..) => self.observed.torque_free,
+            Criterion::ReflectionOff(_) | Criterion::Disengaged(..) => self.observed.reflection_off,
+            Criterion::GoesOn | Criterion::Either(_) => None,
         }
     }
 }
 
-/// Compares what was seen with a expectation, and the cause of a stop with those that may be.
-fn outcome(expectation: Expectation, causes: &[CauseKind], seen: &Seen) -> Outcome {
+/// Compares reaction, cause and end state.
+fn outcome(criterion: Criterion, causes: &[CauseKind], observed: &Observation) -> Outcome {
     let is_wrong = |cause: &Cause| !causes.contains(&cause.kind());
-    let outcome = timely(expectation, seen);
+    let outcome = timely(criterion, observed);
     if outcome != Outcome::Met {
         outcome
-    } else if seen.cause.as_ref().is_some_and(is_wrong) {
+    } else if observed.cause.as_ref().is_some_and(is_wrong) {
         Outcome::WrongCause
-    // Where either may be, strangers may command the drives as well.
-    } else if seen.is_left_on && !matches!(expectation, Expectation::Either(_)) {
+    } else if is_too_mild(observed) {
+        Outcome::WrongState
+    // Where the node may go on, other masters may command the drives as well.
+    } else if observed.is_left_on && !matches!(criterion, Criterion::Either(_)) {
         Outcome::LeftOn
     } else {
         Outcome::Met
     }
 }
 
-/// Compares only what happened, and when.
-fn timely(expectation: Expectation, seen: &Seen) -> Outcome {
-    let is_latched = seen.detected.is_some();
+/// Returns whether the node stopped in a milder state than its cause demands.
+fn is_too_mild(observed: &Observation) -> bool {
+    let demanded = observed.cause.and_then(|cause| expectation::end_state(cause.kind()));
+    observed.end_state.zip(demanded).is_some_and(|(end, demanded)| end < demanded)
+}
+
+/// Compares the reaction and its time.
+fn timely(criterion: Criterion, observed: &Observation) -> Outcome {
+    let is_latched = observed.detected.is_some();
     let in_time = |time: Option<Duration>, within: Duration| match time {
         Some(time) if time <= within => Outcome::Met,
         Some(_) | None => Outcome::Late,
     };
-    match expectation {
-        Expectation::Stop(_) if !seen.is_stopped => Outcome::Missed,
-        Expectation::Release(_) | Expectation::LetGo(_) if !is_latched => Outcome::Missed,
-        Expectation::Mute(_, given_up) if seen.given_up.is_none_or(|time| time > given_up) => {
+    match criterion {
+        Criterion::Stop(_) if !observed.is_stopped => Outcome::Missed,
+        Criterion::TorqueFree(_) | Criterion::ReflectionOff(_) if !is_latched => Outcome::Missed,
+        Criterion::BusAbandoned(_, abandoned)
+            if observed.drives_off.is_none_or(|time| time > abandoned) =>
+        {
             Outcome::Missed
         }
-        Expectation::Zero(_) | Expectation::Disengage(_, MayStop::No) | Expectation::GoOn
+        Criterion::ZeroTorque(_) | Criterion::Disengaged(_, MayStop::No) | Criterion::GoesOn
             if is_latched =>
         {
             Outcome::FalseTrip
         }
-        Expectation::LetGo(within) if seen.detected.is_some_and(|time| time > within) => {
+        Criterion::ReflectionOff(within) if observed.detected.is_some_and(|time| time > within) => {
             Outcome::Late
         }
-        Expectation::Stop(within) | Expectation::Zero(within) => in_time(seen.zero, within),
-        Expectation::Release(within) | Expectation::Mute(within, _) => in_time(seen.quiet, within),
-        Expectation::LetGo(within) | Expectation::Disengage(within, _) => {
-            in_time(seen.felt, within)
+        Criterion::Stop(within) | Criterion::ZeroTorque(within) => in_time(observed.zero, within),
+        Criterion::TorqueFree(within) | Criterion::BusAbandoned(within, _) => {
+            in_time(observed.torque_free, within)
         }
-        Expectation::GoOn | Expectation::Either(_) => Outcome::Met,
-    }
-}
-
-/// As in `within 5 ms`.
-impl fmt::Display for Expectation {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let millis = |time: &Duration| time.as_secs_f64() * 1e3;
-        match self {
-            Self::Stop(within) => write!(f, "all zero and latched within {:.1} ms", millis(within)),
-            Self::Zero(within) => write!(f, "all zero within {:.1} ms", millis(within)),
-            Self::Release(within) => {
-                write!(f, "drives torque-free within {:.1} ms", millis(within))
-            }
-            Self::Mute(within, given_up) => write!(
-                f,
-                "drives torque-free within {:.1} ms, bus given up within {:.1} ms",
-                millis(within),
-                millis(given_up)
-            ),
-            Self::LetGo(within) => write!(f, "reflection off within {:.1} ms", millis(within)),
-            Self::Disengage(within, _) => write!(f, "nothing felt after {:.1} ms", millis(within)),
-            Self::GoOn => f.write_str("goes on"),
-            Self::Either(why) => write!(f, "either way: {why}"),
+        Criterion::ReflectionOff(within) | Criterion::Disengaged(within, _) => {
+            in_time(observed.reflection_off, within)
         }
+        Criterion::GoesOn | Criterion::Either(_) => Outcome::Met,
     }
 }
 
@@ -213,34 +208,24 @@ impl fmt::Display for Expectation {
 mod tests {
     use super::*;
     use units::numbering::Joint;
+    use units::numbering::NodeIndex;
 
     const WITHIN: Duration = Duration::from_millis(5);
     const CAUSES: &[CauseKind] = &[CauseKind::SamplesMissing];
 
     /// A stop in time, by this cause.
-    fn stopped_by(cause: Cause) -> Seen {
+    fn stopped_by(cause: Cause) -> Observation {
         let time = Some(Duration::from_millis(4));
-        Seen {
+        Observation {
             detected: time,
             is_stopped: true,
             cause: Some(cause),
+            end_state: Some(EndState::ZeroTorque),
             off: time,
-            given_up: None,
-            is_left_on: false,
             zero: time,
-            quiet: time,
-            felt: time,
-            spread: None,
-            impulse: 0.0,
-            peak: 0.0,
-            speed: 0.0,
-            travel: 0.0,
-            stale: 0,
-            oldest: Duration::ZERO,
-            applied: 0,
-            unarmed: 0,
-            breaches: Vec::new(),
-            breach_count: 0,
+            torque_free: time,
+            reflection_off: time,
+            ..Observation::default()
         }
     }
 
@@ -249,35 +234,41 @@ mod tests {
 
     #[test]
     fn stop_by_another_cause_is_a_wrong_cause() {
-        for expectation in
-            [Expectation::Stop(WITHIN), Expectation::Release(WITHIN), Expectation::Either("")]
+        for criterion in
+            [Criterion::Stop(WITHIN), Criterion::TorqueFree(WITHIN), Criterion::Either("")]
         {
             let right = stopped_by(MISSING);
-            assert_eq!(outcome(expectation, CAUSES, &right), Outcome::Met, "{expectation:?}");
+            assert_eq!(outcome(criterion, CAUSES, &right), Outcome::Met, "{criterion:?}");
             let wrong = stopped_by(Cause::Overspeed { joint: ELBOW });
-            assert_eq!(
-                outcome(expectation, CAUSES, &wrong),
-                Outcome::WrongCause,
-                "{expectation:?}"
-            );
+            assert_eq!(outcome(criterion, CAUSES, &wrong), Outcome::WrongCause, "{criterion:?}");
         }
     }
 
     #[test]
     fn drive_left_on_after_a_stop_is_a_failure() {
-        let left_on = Seen { is_left_on: true, ..stopped_by(MISSING) };
-        assert_eq!(outcome(Expectation::Stop(WITHIN), CAUSES, &left_on), Outcome::LeftOn);
+        let left_on = Observation { is_left_on: true, ..stopped_by(MISSING) };
+        assert_eq!(outcome(Criterion::Stop(WITHIN), CAUSES, &left_on), Outcome::LeftOn);
     }
 
     #[test]
-    fn bus_not_given_up_in_time_is_missed() {
-        let expectation = Expectation::Mute(WITHIN, WITHIN);
-        let seen = stopped_by(MISSING);
-        assert_eq!(outcome(expectation, CAUSES, &seen), Outcome::Missed);
-        let given_up = |millis| Some(Duration::from_millis(millis));
-        let in_time = Seen { given_up: given_up(5), ..seen.clone() };
-        assert_eq!(outcome(expectation, CAUSES, &in_time), Outcome::Met);
-        let late = Seen { given_up: given_up(6), ..seen };
-        assert_eq!(outcome(expectation, CAUSES, &late), Outcome::Missed);
+    fn bus_abandoned_too_late_is_missed() {
+        let criterion = Criterion::BusAbandoned(WITHIN, WITHIN);
+        let observed = stopped_by(MISSING);
+        assert_eq!(outcome(criterion, CAUSES, &observed), Outcome::Missed);
+        let abandoned = |millis| Some(Duration::from_millis(millis));
+        let in_time = Observation { drives_off: abandoned(5), ..observed.clone() };
+        assert_eq!(outcome(criterion, CAUSES, &in_time), Outcome::Met);
+        let late = Observation { drives_off: abandoned(6), ..observed };
+        assert_eq!(outcome(criterion, CAUSES, &late), Outcome::Missed);
+    }
+
+    #[test]
+    fn stop_in_a_milder_state_than_demanded_is_a_failure() {
+        let observed = stopped_by(Cause::HeartbeatLost { node: NodeIndex(2) });
+        let causes = &[CauseKind::HeartbeatLost];
+        let demand = Criterion::Stop(WITHIN);
+        assert_eq!(outcome(demand, causes, &observed), Outcome::WrongState);
+        let off = Observation { end_state: Some(EndState::DrivesOff), ..observed };
+        assert_eq!(outcome(demand, causes, &off), Outcome::Met);
     }
 }

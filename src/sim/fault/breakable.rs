@@ -1,4 +1,4 @@
-//! A device as those see it who break it: its plug, its identifiers, its power stage.
+//! Devices as faults see them: their connection, their COB-IDs, their errors.
 
 use canopen_rs::NodeId;
 use canopen_rs::nmt::heartbeat_cob_id;
@@ -6,7 +6,6 @@ use canopen_rs::sdo::request_cob_id;
 use canopen_rs::sdo::response_cob_id;
 
 use crate::drive::Drive;
-use crate::scenario::fault::Service;
 use crate::switches::SwitchBox;
 use canopen::dictionary::Dictionary;
 use canopen::frame::COB_ID_MAX;
@@ -14,39 +13,40 @@ use canopen::frame::Channel;
 use canopen::nmt;
 use canopen::object::Object;
 use canopen::station::Station;
+use faults::Service;
 use units::time::Instant;
 
-/// A device that can be broken.
+/// A device to which faults can be applied.
 pub trait Breakable: Station {
     /// Its bus.
     fn channel(&self) -> Channel;
 
-    /// The identifier on which it says or hears something now; `None` if it does not.
-    fn cob_id(&self, way: Way, service: Service) -> Option<u16>;
+    /// Returns the COB-ID of a service in this direction; `None` where the device does not use it.
+    fn cob_id(&self, direction: Direction, service: Service) -> Option<u16>;
 
-    /// Its plug is pulled, with bus and supply.
+    /// Disconnects it from bus and supply.
     fn switch_off(&mut self);
 
-    /// It has bus and supply, and boots up.
+    /// Connects it to bus and supply: it boots.
     fn switch_on(&mut self, now: Instant);
 
-    /// It tells of an error, of the class `register` (1001h), and nothing follows.
-    fn report_transient_error(&mut self, code: u16, register: u8);
+    /// Sends an emergency message with this error register (1001h), without a change of state.
+    fn send_emergency(&mut self, code: u16, register: u8);
 
-    /// It fails with an error code, 0 for none, if it has anything to fail.
+    /// Makes a drive enter its state Fault with this error code, 0 for none.
     fn fail_with(&mut self, _code: u16) {}
 
-    /// Its safe torque off is asked for, or no longer, if it has torque.
+    /// Sets a drive's safe torque off input.
     fn set_safe_torque_off(&mut self, _is_on: bool) {}
 }
 
-/// Where a frame is going.
+/// Direction of a frame between a device and its bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum Direction {
     /// From the bus to the device.
-    Heard,
+    ToDevice,
     /// From the device to the bus.
-    Said,
+    FromDevice,
 }
 
 impl Breakable for Drive {
@@ -54,8 +54,8 @@ impl Breakable for Drive {
         self.channel()
     }
 
-    fn cob_id(&self, way: Way, service: Service) -> Option<u16> {
-        cob_id(self.node(), self.dictionary(), way, service)
+    fn cob_id(&self, direction: Direction, service: Service) -> Option<u16> {
+        cob_id(self.node(), self.dictionary(), direction, service)
     }
 
     fn switch_off(&mut self) {
@@ -66,7 +66,7 @@ impl Breakable for Drive {
         self.switch_on(now);
     }
 
-    fn report_transient_error(&mut self, code: u16, register: u8) {
+    fn send_emergency(&mut self, code: u16, register: u8) {
         self.report_transient_error(code, register);
     }
 
@@ -84,8 +84,8 @@ impl Breakable for SwitchBox {
         self.channel()
     }
 
-    fn cob_id(&self, way: Way, service: Service) -> Option<u16> {
-        cob_id(self.node(), self.dictionary(), way, service)
+    fn cob_id(&self, direction: Direction, service: Service) -> Option<u16> {
+        cob_id(self.node(), self.dictionary(), direction, service)
     }
 
     fn switch_off(&mut self) {
@@ -96,33 +96,38 @@ impl Breakable for SwitchBox {
         self.switch_on(now);
     }
 
-    fn report_transient_error(&mut self, code: u16, register: u8) {
+    fn send_emergency(&mut self, code: u16, register: u8) {
         self.report_transient_error(code, register);
     }
 }
 
-/// The identifier of a service, as the device's objects have it now.
-fn cob_id(node: NodeId, objects: &Dictionary, way: Way, service: Service) -> Option<u16> {
-    match (way, service) {
-        (Way::Said, Service::Tpdo(number)) => valid(objects, Object::tpdo_communication(number, 1)),
-        (Way::Heard, Service::Rpdo(number)) => {
-            valid(objects, Object::rpdo_communication(number, 1))
+/// Returns the COB-ID of a service, as the device's objects have it now.
+fn cob_id(
+    node: NodeId,
+    objects: &Dictionary,
+    direction: Direction,
+    service: Service,
+) -> Option<u16> {
+    use Direction::FromDevice;
+    use Direction::ToDevice;
+    match (direction, service) {
+        (FromDevice, Service::Tpdo(number)) => {
+            valid(objects, Object::tpdo_communication(number, 1))
         }
-        (Way::Said, Service::Emergency) => valid(objects, Object::EMCY_COB_ID),
-        (Way::Said, Service::Heartbeat) => Some(heartbeat_cob_id(node)),
-        (Way::Said, Service::Sdo) => Some(response_cob_id(node)),
-        (Way::Heard, Service::Sdo) => Some(request_cob_id(node)),
-        (Way::Heard, Service::Sync) => {
-            // Bit 30 says that it sends it.
-            valid(objects, Object::SYNC_COB_ID)
-        }
-        (Way::Heard, Service::Nmt) => Some(nmt::COB_ID),
-        (Way::Heard, Service::Tpdo(_) | Service::Emergency | Service::Heartbeat)
-        | (Way::Said, Service::Rpdo(_) | Service::Sync | Service::Nmt) => None,
+        (ToDevice, Service::Rpdo(number)) => valid(objects, Object::rpdo_communication(number, 1)),
+        (FromDevice, Service::Emergency) => valid(objects, Object::EMCY_COB_ID),
+        (FromDevice, Service::Heartbeat) => Some(heartbeat_cob_id(node)),
+        (FromDevice, Service::Sdo) => Some(response_cob_id(node)),
+        (ToDevice, Service::Sdo) => Some(request_cob_id(node)),
+        // Bit 30 says that the device produces SYNC; it is masked away.
+        (ToDevice, Service::Sync) => valid(objects, Object::SYNC_COB_ID),
+        (ToDevice, Service::Nmt) => Some(nmt::COB_ID),
+        (ToDevice, Service::Tpdo(_) | Service::Emergency | Service::Heartbeat)
+        | (FromDevice, Service::Rpdo(_) | Service::Sync | Service::Nmt) => None,
     }
 }
 
-/// An identifier, unless its object is not there or says that it is not used (bit 31).
+/// Returns the COB-ID in an object, unless the object is absent or marks it as invalid (bit 31).
 fn valid(objects: &Dictionary, object: Object) -> Option<u16> {
     objects.entry(object)?;
     let raw = objects.unsigned(object);

@@ -1,54 +1,59 @@
-//! Frames that are late.
+//! Delayed frames.
 
 use std::collections::VecDeque;
 
-use crate::fault::breakable::Way;
+use crate::fault::breakable::Direction;
 use canopen::frame::Telegram;
 use units::numbering::NodeIndex;
 use units::time::Instant;
 
-/// A frame that is late, and between whom.
+/// A delayed frame of the device at `place`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Late {
+pub(super) struct Delayed {
     pub(super) due: Instant,
     pub(super) place: NodeIndex,
-    pub(super) way: Way,
+    pub(super) direction: Direction,
     pub(super) telegram: Telegram,
-    /// Whether those of the same identifier behind it may come before it.
+    /// Whether later frames of the same COB-ID may overtake it.
     pub(super) may_be_overtaken: bool,
 }
 
-/// All of them, in the order in which they come.
+/// All delayed frames, in the order in which they are due.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Held(VecDeque<Late>);
+pub(super) struct Held(VecDeque<Delayed>);
 
 impl Held {
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// When the first one comes.
+    /// Returns the time at which the first one is due.
     pub(super) fn deadline(&self) -> Option<Instant> {
-        self.0.front().map(|late| late.due)
+        self.0.front().map(|delayed| delayed.due)
     }
 
-    /// Until when a frame must wait, because one of its identifier is before it.
-    pub(super) fn before(&self, place: NodeIndex, way: Way, cob_id: u16) -> Option<Instant> {
-        let is_before = |late: &&Late| {
-            let same = (late.place, late.way, late.telegram.frame.cob_id) == (place, way, cob_id);
-            same && !late.may_be_overtaken
+    /// Returns the time until which a frame must wait behind an earlier one of its COB-ID.
+    pub(super) fn before(
+        &self,
+        place: NodeIndex,
+        direction: Direction,
+        cob_id: u16,
+    ) -> Option<Instant> {
+        let is_before = |delayed: &&Delayed| {
+            let its = (delayed.place, delayed.direction, delayed.telegram.frame.cob_id);
+            its == (place, direction, cob_id) && !delayed.may_be_overtaken
         };
-        self.0.iter().rev().find(is_before).map(|late| late.due)
+        self.0.iter().rev().find(is_before).map(|delayed| delayed.due)
     }
 
-    /// Keeps a frame until it is due, behind those that are due then too.
-    pub(super) fn keep(&mut self, late: Late) {
-        let place = self.0.partition_point(|other| other.due <= late.due);
-        self.0.insert(place, late);
+    /// Keeps a frame until it is due, behind those that are due at the same time.
+    pub(super) fn keep(&mut self, delayed: Delayed) {
+        let place = self.0.partition_point(|other| other.due <= delayed.due);
+        self.0.insert(place, delayed);
     }
 
-    /// The first one, if it is due.
-    pub(super) fn take_due(&mut self, now: Instant) -> Option<Late> {
+    /// Takes the first frame if it is due.
+    pub(super) fn take_due(&mut self, now: Instant) -> Option<Delayed> {
         self.deadline().filter(|due| *due <= now).and_then(|_| self.0.pop_front())
     }
 }

@@ -1,11 +1,9 @@
-//! What breaks in the simulated world, when a script says so: it stands between devices and buses, between
-//! motors and drives, between fingers and switches.
+//! The faults of a scenario, applied between devices and buses, motors and drives, fingers and switches.
 //!
-//! Each fault begins at its time after the first SYNC and is over after its span; then all is as before.
-//! Chance is drawn for each fault from a sequence of its own. While none runs, every frame passes untouched
-//! and nothing is allocated.
+//! A fault starts at its time after the first SYNC and ends after its duration; then all is as before. Each has a
+//! random sequence of its own. While none runs, every frame passes unchanged and nothing is allocated.
 //!
-//! Not the commanded side: that asks with [`Faults::link`] how it is.
+//! The commanded side is not here: it reads its state with [`Faults::link`].
 
 mod breakable;
 mod held;
@@ -15,7 +13,7 @@ mod tests;
 mod wiring;
 
 pub use breakable::Breakable;
-pub use breakable::Way;
+pub use breakable::Direction;
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -23,14 +21,15 @@ use std::time::Duration;
 
 use crate::drivetrain::Sensed;
 use crate::fault::held::Held;
+use crate::fault::running::OfDevices;
 use crate::fault::running::Running;
-use crate::scenario::fault::Cut;
-use crate::scenario::fault::Fault;
-use crate::scenario::fault::Kind;
-use crate::scenario::fault::Link;
-use crate::scenario::fault::Trouble;
 use canopen::error_codes;
 use canopen::frame::Telegram;
+use faults::DeviceFault;
+use faults::Disconnection;
+use faults::Fault;
+use faults::Kind;
+use faults::LinkFault;
 use units::numbering::Joint;
 use units::numbering::NodeIndex;
 use units::time::Instant;
@@ -38,18 +37,18 @@ use units::time::Instant;
 /// The six drives and the switch box.
 pub type Devices<'a> = [&'a mut dyn Breakable; 7];
 
-/// A fault has begun, or is over.
+/// Start or end of a fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Notice {
-    /// When, after the first SYNC.
+    /// Time after the first SYNC.
     pub at: Duration,
-    /// Which.
+    /// The fault.
     pub fault: Fault,
-    /// Whether it is over.
+    /// Whether it has ended.
     pub is_over: bool,
 }
 
-/// What has happened, without whom it befell: `unplugged`, and `over: unplugged` when it is.
+/// The fault without its target: `unplugged`, and `over: unplugged` at its end.
 impl fmt::Display for Notice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { fault, is_over, .. } = self;
@@ -57,61 +56,63 @@ impl fmt::Display for Notice {
     }
 }
 
-/// The faults of a script, and those that run.
+/// The faults of a scenario's devices and of its link, and those that run.
 #[derive(Clone, Debug)]
 pub struct Faults {
     script: Vec<Fault>,
-    /// How many of the script have begun.
-    begun: usize,
+    /// Number of faults of the script that have started.
+    started: usize,
     seed: u64,
     /// The first SYNC.
     zero: Option<Instant>,
     running: Vec<Running>,
     held: Held,
     notices: VecDeque<Notice>,
-    /// Frames on their way, kept for their room.
-    said: Vec<Telegram>,
+    /// Frames on their way, kept for their capacity.
+    sent: Vec<Telegram>,
     passed: Vec<Telegram>,
 }
 
 impl Faults {
-    /// Those of a script, with the chances of a seed.
+    /// Takes the faults of a script, in order of their start; those of the host are left to its bus.
     pub fn new(script: &[Fault], seed: u64) -> Self {
-        let room = script.len();
+        let script: Vec<Fault> =
+            script.iter().filter(|fault| !fault.is_of_host()).copied().collect();
+        let count = script.len();
         Self {
-            script: script.to_vec(),
-            begun: 0,
+            script,
+            started: 0,
             seed,
             zero: None,
-            running: Vec::with_capacity(room),
+            running: Vec::with_capacity(count),
             held: Held::default(),
-            notices: VecDeque::with_capacity(2 * room),
-            said: Vec::new(),
+            notices: VecDeque::with_capacity(2 * count),
+            sent: Vec::new(),
             passed: Vec::new(),
         }
     }
 
-    /// Time zero of the script is now.
+    /// Sets time zero of the script.
     pub const fn begin(&mut self, now: Instant) {
         self.zero = Some(now);
     }
 
-    /// The oldest that was not asked for yet.
+    /// Takes the oldest start or end of a fault.
     pub fn notice(&mut self) -> Option<Notice> {
         self.notices.pop_front()
     }
 
-    /// When [`turn`](Self::turn) must next be called.
+    /// Returns the time at which [`on_time`](Self::on_time) must next be called.
     pub fn deadline(&self) -> Option<Instant> {
-        let next = self.zero.zip(self.script.get(self.begun));
-        let next = next.map(|(zero, fault)| zero + fault.begins);
+        let next = self.zero.zip(self.script.get(self.started));
+        let next = next.map(|(zero, fault)| zero + fault.start);
         let ends = self.running.iter().filter_map(|running| running.until);
-        let speaks = self.running.iter().filter_map(|running| running.speaks);
-        ends.chain(speaks).chain(next).chain(self.held.deadline()).min()
+        let foreign = self.running.iter().filter_map(|running| running.sends);
+        ends.chain(foreign).chain(next).chain(self.held.deadline()).min()
     }
 
-    /// Ends and begins what is due at `now`, and lets late frames come.
-    pub fn turn(&mut self, now: Instant, devices: &mut Devices<'_>, out: &mut Vec<Telegram>) {
+    /// Ends and starts the faults that are due at `now`, and delivers delayed frames.
+    pub fn on_time(&mut self, now: Instant, devices: &mut Devices<'_>, out: &mut Vec<Telegram>) {
         let is_over = |running: &Running| running.until.is_some_and(|until| until <= now);
         while let Some(place) = self.running.iter().position(is_over) {
             let over = self.running.remove(place);
@@ -123,52 +124,57 @@ impl Faults {
             self.start(now, fault, devices, out);
         }
         for running in &mut self.running {
-            running.speak(now, out);
+            running.send_foreign(now, out);
         }
-        while let Some(late) = self.held.take_due(now) {
-            let Some(device) = devices.get_mut(late.place.0) else { continue };
-            match late.way {
-                _ if self.is_cut_off(late.place) => {}
-                Way::Said => out.push(late.telegram),
-                Way::Heard => self.let_hear(now, late.place, *device, &late.telegram, out),
+        while let Some(delayed) = self.held.take_due(now) {
+            let Some(device) = devices.get_mut(delayed.place.0) else { continue };
+            match delayed.direction {
+                _ if self.is_disconnected(delayed.place) => {}
+                Direction::FromDevice => out.push(delayed.telegram),
+                Direction::ToDevice => {
+                    self.deliver_passed(now, delayed.place, *device, &delayed.telegram, out);
+                }
             }
         }
     }
 
-    /// What the drive of `joint` senses of its motor, which does `sensed`.
+    /// Returns what the drive of `joint` measures of its motor, whose true state is `sensed`.
     pub fn sensed(&mut self, joint: Joint, sensed: Sensed) -> Sensed {
         self.running.iter_mut().fold(sensed, |sensed, running| running.sensed(joint, sensed))
     }
 
-    /// The levels at the switch box's terminals, when its switches give `inputs`.
+    /// Returns the levels at the switch box's terminals, whose switches give `inputs`.
     pub fn inputs(&mut self, inputs: u8) -> u8 {
         self.running.iter_mut().fold(inputs, |inputs, running| running.inputs(inputs))
     }
 
-    /// How the commanded side is reached.
-    pub fn link(&self) -> Link {
+    /// Returns the worst fault of the link to the commanded side.
+    pub fn link(&self) -> Option<LinkFault> {
         let links = self.running.iter().filter_map(|running| match running.fault.kind {
             Kind::Link(link) => Some(link),
-            Kind::Cut(_)
+            Kind::Disconnection(_)
             | Kind::Frames(_)
-            | Kind::Impersonated { .. }
-            | Kind::Trouble(_)
-            | Kind::Sense(_)
+            | Kind::Imitation { .. }
+            | Kind::Device(_)
+            | Kind::Sensor(_)
             | Kind::Contact(..)
-            | Kind::Stranger { .. } => None,
+            | Kind::ForeignFrame { .. }
+            | Kind::SensedForce(_)
+            | Kind::Bus(_)
+            | Kind::Host(_) => None,
         });
-        links.max().unwrap_or_default()
+        links.max()
     }
 
-    /// The next fault of the script, if it begins by `now`, and its number.
+    /// Takes the next fault of the script if it is due, with its number.
     fn next(&mut self, now: Instant) -> Option<(u64, Fault)> {
-        let fault = *self.script.get(self.begun)?;
-        let begins = self.zero? + fault.begins;
-        if begins > now {
+        let fault = *self.script.get(self.started)?;
+        let start = self.zero? + fault.start;
+        if start > now {
             return None;
         }
-        self.begun += 1;
-        Some((u64::try_from(self.begun).unwrap_or(0), fault))
+        self.started += 1;
+        Some((u64::try_from(self.started).unwrap_or(0), fault))
     }
 
     fn start(
@@ -178,80 +184,86 @@ impl Faults {
         devices: &mut Devices<'_>,
         out: &mut Vec<Telegram>,
     ) {
-        self.note(now, fault, false);
+        self.notify(now, fault, false);
         let mut running = Running::new(fault, now, self.seed ^ number.wrapping_mul(STREAM));
         match fault.kind {
-            Kind::Cut(cut) => running.cut(cut, devices),
-            Kind::Trouble(trouble) => {
-                self.afflict(now, fault, trouble, devices);
-                if trouble != Trouble::SafeTorqueOff {
+            Kind::Disconnection(how) => running.disconnect(how, devices),
+            Kind::Device(what) => {
+                apply(now, fault, what, devices);
+                if what != DeviceFault::SafeTorqueOff {
                     return;
                 }
             }
-            Kind::Impersonated { by, service } => running.impersonate(by, service, devices),
-            Kind::Stranger { frame, every: None } => {
-                out.extend(fault.whom.bus().map(|channel| Telegram { channel, frame }));
+            Kind::Imitation { by, service } => running.imitate(by, service, devices),
+            Kind::ForeignFrame { frame, period: None } => {
+                out.extend(fault.target.bus().map(|channel| Telegram { channel, frame }));
                 return;
             }
-            Kind::Stranger { every: Some(_), .. } => running.speaks = Some(now),
-            Kind::Frames(_) | Kind::Sense(_) | Kind::Contact(..) | Kind::Link(_) => {}
+            Kind::ForeignFrame { period: Some(_), .. } => running.sends = Some(now),
+            Kind::Frames(_)
+            | Kind::Sensor(_)
+            | Kind::Contact(..)
+            | Kind::Link(_)
+            | Kind::SensedForce(_)
+            | Kind::Bus(_)
+            | Kind::Host(_) => {}
         }
         self.running.push(running);
     }
 
-    /// All is as before.
+    /// Restores what an ended fault had changed, unless another one still does.
     fn end(&mut self, now: Instant, over: &Running, devices: &mut Devices<'_>) {
         let fault = over.fault;
-        self.note(now, fault, true);
+        self.notify(now, fault, true);
         for (place, device) in NodeIndex::each(devices) {
-            let is_back = over.is_cut_off(place) && !self.is_cut_off(place);
+            let is_back = over.is_disconnected(place) && !self.is_disconnected(place);
             match fault.kind {
-                Kind::Cut(Cut::Plug) if is_back => device.switch_on(now),
-                Kind::Cut(Cut::BusOff) if is_back => {
-                    device
-                        .report_transient_error(error_codes::RECOVERED_FROM_BUS_OFF, COMMUNICATION);
+                Kind::Disconnection(Disconnection::Unplugged) if is_back => device.switch_on(now),
+                Kind::Disconnection(Disconnection::BusOff) if is_back => {
+                    device.send_emergency(error_codes::RECOVERED_FROM_BUS_OFF, COMMUNICATION);
                 }
-                Kind::Trouble(Trouble::SafeTorqueOff) if fault.whom.has(place) => {
+                Kind::Device(DeviceFault::SafeTorqueOff) if fault.target.has(place) => {
                     device.set_safe_torque_off(false);
                 }
-                Kind::Cut(_)
+                Kind::Disconnection(_)
                 | Kind::Frames(_)
-                | Kind::Impersonated { .. }
-                | Kind::Trouble(_)
-                | Kind::Sense(_)
+                | Kind::Imitation { .. }
+                | Kind::Device(_)
+                | Kind::Sensor(_)
                 | Kind::Contact(..)
-                | Kind::Stranger { .. }
-                | Kind::Link(_) => {}
+                | Kind::ForeignFrame { .. }
+                | Kind::Link(_)
+                | Kind::SensedForce(_)
+                | Kind::Bus(_)
+                | Kind::Host(_) => {}
             }
         }
     }
 
-    /// Something befalls devices themselves.
-    fn afflict(&mut self, now: Instant, fault: Fault, trouble: Trouble, devices: &mut Devices<'_>) {
-        let befallen = NodeIndex::each(devices).filter(|(place, _)| fault.whom.has(*place));
-        for (_, device) in befallen {
-            match trouble {
-                Trouble::Reboots => {
-                    device.switch_off();
-                    device.switch_on(now);
-                }
-                Trouble::Emergency { code, register } => {
-                    device.report_transient_error(code, register);
-                }
-                Trouble::Fails(code) => device.fail_with(code),
-                Trouble::SafeTorqueOff => device.set_safe_torque_off(true),
-            }
-        }
-    }
-
-    fn note(&mut self, now: Instant, fault: Fault, is_over: bool) {
+    fn notify(&mut self, now: Instant, fault: Fault, is_over: bool) {
         let at = now.since(self.zero.unwrap_or(now));
         self.notices.push_back(Notice { at, fault, is_over });
+    }
+}
+
+/// Applies a fault to the devices that it targets.
+fn apply(now: Instant, fault: Fault, what: DeviceFault, devices: &mut Devices<'_>) {
+    let targets = NodeIndex::each(devices).filter(|(place, _)| fault.target.has(*place));
+    for (_, device) in targets {
+        match what {
+            DeviceFault::Reboot => {
+                device.switch_off();
+                device.switch_on(now);
+            }
+            DeviceFault::Emergency { code, register } => device.send_emergency(code, register),
+            DeviceFault::DriveFault(code) => device.fail_with(code),
+            DeviceFault::SafeTorqueOff => device.set_safe_torque_off(true),
+        }
     }
 }
 
 /// Communication error and generic error, of the error register.
 const COMMUNICATION: u8 = 0x11;
 
-/// Sets the chances of one fault apart from those of another.
+/// Separates the random sequences of the faults.
 const STREAM: u64 = 0xD1B5_4A32_D192_ED03;

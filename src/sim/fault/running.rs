@@ -1,233 +1,247 @@
-//! A fault while it lasts: which frames it strikes, and what it has kept of before.
+//! A fault while it lasts: the frames it applies to, and what it keeps from its start.
 
 use crate::drivetrain::Sensed;
 use crate::fault::Devices;
 use crate::fault::breakable::Breakable;
-use crate::fault::breakable::Way;
+use crate::fault::breakable::Direction;
 use crate::random::SplitMix;
-use crate::scenario::fault::Contact;
-use crate::scenario::fault::Cut;
-use crate::scenario::fault::Fault;
-use crate::scenario::fault::Frames;
-use crate::scenario::fault::Kind;
-use crate::scenario::fault::Often;
-use crate::scenario::fault::Selection;
-use crate::scenario::fault::Sense;
-use crate::scenario::fault::Service;
-use crate::scenario::fault::Treatment;
-use crate::scenario::fault::Whom;
 use canopen::frame::Channel;
 use canopen::frame::Frame;
 use canopen::frame::Telegram;
+use faults::ContactFault;
+use faults::Disconnection;
+use faults::Effect;
+use faults::Extent;
+use faults::Fault;
+use faults::FrameFault;
+use faults::Kind;
+use faults::Selection;
+use faults::SensorFault;
+use faults::Service;
+use faults::Target;
 use units::numbering::Joint;
 use units::numbering::NodeIndex;
 use units::time::Instant;
 
-/// One fault that has begun and is not over.
+/// A fault that has started and not ended.
 #[derive(Clone, Debug)]
 pub(super) struct Running {
     pub(super) fault: Fault,
     pub(super) until: Option<Instant>,
-    /// When a stranger speaks next.
-    pub(super) speaks: Option<Instant>,
-    /// Which places are off their bus by it.
-    cut_off: [bool; 7],
-    /// Whose words are said under whose identifier.
-    voice: Option<Voice>,
-    /// Chance of its own, so that no fault changes another's.
+    /// Time of the next foreign frame.
+    pub(super) sends: Option<Instant>,
+    /// Places that it disconnects from their bus.
+    disconnected: [bool; 7],
+    imitation: Option<Imitation>,
+    /// A sequence of its own, so that no fault changes another's.
     random: SplitMix,
-    struck: u32,
-    frames: Vec<(NodeIndex, Way, Frame)>,
+    /// Number of frames that it was matched with.
+    matched: u32,
+    frames: Vec<(NodeIndex, Direction, Frame)>,
     senses: [Option<Sensed>; 6],
 }
 
-/// One device's words under another one's identifier.
+/// One device's data, sent again under another one's COB-ID.
 #[derive(Clone, Copy, Debug)]
-struct Voice {
-    /// Whose words.
+struct Imitation {
+    /// The device whose data is sent again.
     of: NodeIndex,
-    /// Under which identifier it says them itself.
-    said: u16,
-    /// On which bus they are said again.
+    /// The COB-ID under which it sends the data itself.
+    original: u16,
+    /// The bus on which the data is sent again.
     channel: Channel,
-    /// Under which identifier.
-    again: u16,
+    /// The COB-ID under which the data is sent again.
+    imitated: u16,
 }
 
-impl Whom {
-    /// Whether the device at a place is befallen.
-    pub(super) fn has(self, place: NodeIndex) -> bool {
+/// What a target is among the simulated devices.
+pub(super) trait OfDevices {
+    /// Returns whether the target contains the device at a place.
+    fn has(self, place: NodeIndex) -> bool;
+
+    /// Returns the bus that is the target.
+    fn bus(self) -> Option<Channel>;
+}
+
+impl OfDevices for Target {
+    fn has(self, place: NodeIndex) -> bool {
         match self {
             Self::Joint(joint) => place.joint() == Some(joint),
             Self::Drives => place.joint().is_some(),
-            Self::Switches => place.joint().is_none(),
-            Self::Bus(_) | Self::Link => false,
+            Self::SwitchBox => place.joint().is_none(),
+            Self::Bus(_) | Self::Link | Self::Host => false,
         }
     }
 
-    /// The bus that is befallen as a whole.
-    pub(super) const fn bus(self) -> Option<Channel> {
+    fn bus(self) -> Option<Channel> {
         match self {
             Self::Bus(channel) => Some(channel),
-            Self::Joint(_) | Self::Drives | Self::Switches | Self::Link => None,
+            Self::Joint(_) | Self::Drives | Self::SwitchBox | Self::Link | Self::Host => None,
         }
     }
 }
 
 impl Running {
-    /// A fault that begins at `now`, with chances of `seed`.
+    /// A fault that starts at `now`, with the random sequence of `seed`.
     pub(super) fn new(fault: Fault, now: Instant, seed: u64) -> Self {
         Self {
             fault,
-            until: fault.lasts.map(|span| now + span),
-            speaks: None,
-            cut_off: [false; 7],
-            voice: None,
+            until: fault.duration.map(|span| now + span),
+            sends: None,
+            disconnected: [false; 7],
+            imitation: None,
             random: SplitMix::new(seed),
-            struck: 0,
+            matched: 0,
             frames: Vec::new(),
             senses: [None; 6],
         }
     }
 
-    /// Devices are off their bus: those it befalls, or for a wire also those behind them.
-    pub(super) fn cut(&mut self, cut: Cut, devices: &mut Devices<'_>) {
+    /// Disconnects the targets; a cut wire disconnects those behind them as well.
+    pub(super) fn disconnect(&mut self, how: Disconnection, devices: &mut Devices<'_>) {
         let mut ended: [Option<Channel>; 7] = [None; 7];
         for (place, device) in NodeIndex::each(devices) {
-            let is_befallen = self.fault.whom.has(place);
+            let is_target = self.fault.target.has(place);
             let channel = Some(device.channel());
-            let is_behind = cut == Cut::Wire && ended.contains(&channel);
-            if let (true, Some(end)) = (is_befallen, ended.get_mut(place.0)) {
+            let is_behind = how == Disconnection::WireCut && ended.contains(&channel);
+            if let (true, Some(end)) = (is_target, ended.get_mut(place.0)) {
                 *end = channel;
             }
-            if let (true, Some(is_cut_off)) =
-                (is_befallen || is_behind, self.cut_off.get_mut(place.0))
+            if let (true, Some(is_disconnected)) =
+                (is_target || is_behind, self.disconnected.get_mut(place.0))
             {
-                *is_cut_off = true;
-                if cut == Cut::Plug {
+                *is_disconnected = true;
+                if how == Disconnection::Unplugged {
                     device.switch_off();
                 }
             }
         }
     }
 
-    /// Whether the device at a place is off its bus by this fault.
-    pub(super) fn is_cut_off(&self, place: NodeIndex) -> bool {
-        self.cut_off.get(place.0).is_some_and(|is_cut_off| *is_cut_off)
+    /// Returns whether this fault disconnects the device at a place.
+    pub(super) fn is_disconnected(&self, place: NodeIndex) -> bool {
+        self.disconnected.get(place.0).is_some_and(|is_disconnected| *is_disconnected)
     }
 
-    /// From now on what joint `by` says with `service` is said again as if by whom this befalls.
-    pub(super) fn impersonate(&mut self, by: Joint, service: Service, devices: &Devices<'_>) {
-        let says = |place: NodeIndex| {
+    /// Sends what joint `by` sends with `service` a second time, as if from the target.
+    pub(super) fn imitate(&mut self, by: Joint, service: Service, devices: &Devices<'_>) {
+        let service_of = |place: NodeIndex| {
             let device = devices.get(place.0)?;
-            Some((device.channel(), device.cob_id(Way::Said, service)?))
+            Some((device.channel(), device.cob_id(Direction::FromDevice, service)?))
         };
         let mut places = NodeIndex::each(devices).map(|(place, _)| place);
-        let befallen = places.find(|place| self.fault.whom.has(*place));
+        let target = places.find(|place| self.fault.target.has(*place));
         let of = by.into();
-        if let (Some((_, said)), Some((channel, again))) = (says(of), befallen.and_then(says)) {
-            self.voice = Some(Voice { of, said, channel, again });
+        if let (Some((_, original)), Some((channel, imitated))) =
+            (service_of(of), target.and_then(service_of))
+        {
+            self.imitation = Some(Imitation { of, original, channel, imitated });
         }
     }
 
-    /// What is said again of what the device at a place says.
-    pub(super) fn again(&self, place: NodeIndex, telegram: &Telegram) -> Option<Telegram> {
-        let voice = self.voice?;
-        let is_said = (voice.of, voice.said) == (place, telegram.frame.cob_id);
-        let frame = Frame::from_slice(voice.again, telegram.frame.data()).filter(|_| is_said)?;
-        Some(Telegram { channel: voice.channel, frame })
+    /// Returns the imitation of a frame that the device at a place sends.
+    pub(super) fn imitated(&self, place: NodeIndex, telegram: &Telegram) -> Option<Telegram> {
+        let Imitation { of, original, channel, imitated } = self.imitation?;
+        let is_original = (of, original) == (place, telegram.frame.cob_id);
+        let frame = Frame::from_slice(imitated, telegram.frame.data()).filter(|_| is_original)?;
+        Some(Telegram { channel, frame })
     }
 
-    /// A stranger says what is due.
-    pub(super) fn speak(&mut self, now: Instant, out: &mut Vec<Telegram>) {
-        let Kind::Stranger { frame, every: Some(every) } = self.fault.kind else { return };
-        if self.speaks.is_some_and(|speaks| speaks <= now) {
-            out.extend(self.fault.whom.bus().map(|channel| Telegram { channel, frame }));
-            self.speaks = Some(now + every);
+    /// Sends a foreign frame that is due.
+    pub(super) fn send_foreign(&mut self, now: Instant, out: &mut Vec<Telegram>) {
+        let Kind::ForeignFrame { frame, period: Some(period) } = self.fault.kind else { return };
+        if self.sends.is_some_and(|sends| sends <= now) {
+            out.extend(self.fault.target.bus().map(|channel| Telegram { channel, frame }));
+            self.sends = Some(now + period);
         }
     }
 
-    /// What happens to a frame of a device, if anything does.
-    pub(super) fn strike(
+    /// Returns the effect on a frame of a device; `None` where the fault does not apply to it.
+    pub(super) fn effect(
         &mut self,
         device: &dyn Breakable,
         place: NodeIndex,
-        way: Way,
+        direction: Direction,
         frame: &Frame,
-    ) -> Option<Treatment> {
-        let Kind::Frames(Frames { selection, treatment, often }) = self.fault.kind else {
+    ) -> Option<Effect> {
+        let Kind::Frames(FrameFault { selection, effect, extent }) = self.fault.kind else {
             return None;
         };
-        if !self.fault.whom.has(place) || self.is_spent() {
+        if !self.fault.target.has(place) || self.is_spent() {
             return None;
         }
         let is_selected = match selection {
             Selection::All => true,
-            Selection::Service(service) => device.cob_id(way, service) == Some(frame.cob_id),
+            Selection::Service(service) => device.cob_id(direction, service) == Some(frame.cob_id),
             Selection::CobId(cob_id) => cob_id == frame.cob_id,
         };
         if !is_selected {
             return None;
         }
-        let is_struck = match often {
-            Often::Always => true,
-            Often::Share(share) => self.random.unit() < share,
-            Often::First(count) => self.struck < count,
+        let is_affected = match extent {
+            Extent::Always => true,
+            Extent::Share(share) => self.random.unit() < share,
+            Extent::First(count) => self.matched < count,
         };
-        self.struck = self.struck.saturating_add(1);
-        is_struck.then_some(treatment)
+        self.matched = self.matched.saturating_add(1);
+        is_affected.then_some(effect)
     }
 
     /// Returns whether the fault has applied to as many frames as its `count`.
     pub(super) const fn is_spent(&self) -> bool {
         match self.fault.kind {
-            Kind::Frames(Frames { often: Often::First(count), .. }) => self.struck >= count,
+            Kind::Frames(FrameFault { extent: Extent::First(count), .. }) => self.matched >= count,
             Kind::Frames(_)
-            | Kind::Cut(_)
-            | Kind::Impersonated { .. }
-            | Kind::Trouble(_)
-            | Kind::Sense(_)
+            | Kind::Disconnection(_)
+            | Kind::Imitation { .. }
+            | Kind::Device(_)
+            | Kind::Sensor(_)
             | Kind::Contact(..)
-            | Kind::Stranger { .. }
-            | Kind::Link(_) => false,
+            | Kind::ForeignFrame { .. }
+            | Kind::Link(_)
+            | Kind::SensedForce(_)
+            | Kind::Bus(_)
+            | Kind::Host(_) => false,
         }
     }
 
-    /// The first frame of this identifier since the fault began.
-    pub(super) fn first(&mut self, place: NodeIndex, way: Way, frame: Frame) -> Frame {
-        let is_same = |kept: &&(NodeIndex, Way, Frame)| {
-            (kept.0, kept.1, kept.2.cob_id) == (place, way, frame.cob_id)
+    /// Returns the first frame of this COB-ID since the fault started.
+    pub(super) fn first(&mut self, place: NodeIndex, direction: Direction, frame: Frame) -> Frame {
+        let is_same = |kept: &&(NodeIndex, Direction, Frame)| {
+            (kept.0, kept.1, kept.2.cob_id) == (place, direction, frame.cob_id)
         };
         if let Some((.., kept)) = self.frames.iter().find(is_same) {
             return *kept;
         }
-        self.frames.push((place, way, frame));
+        self.frames.push((place, direction, frame));
         frame
     }
 
-    /// What a drive senses of its motor.
+    /// Returns what a drive measures of its motor.
     pub(super) fn sensed(&mut self, joint: Joint, sensed: Sensed) -> Sensed {
-        let Kind::Sense(sense) = self.fault.kind else { return sensed };
-        if !self.fault.whom.has(joint.into()) {
+        let Kind::Sensor(fault) = self.fault.kind else { return sensed };
+        if !self.fault.target.has(joint.into()) {
             return sensed;
         }
-        match sense {
-            Sense::EncoderOff(by) => Sensed { position: sensed.position + by, ..sensed },
-            Sense::EncoderFrozen => {
+        match fault {
+            SensorFault::PositionOffset(by) => Sensed { position: sensed.position + by, ..sensed },
+            SensorFault::PositionFrozen => {
                 let kept = joint.entry_mut(&mut self.senses).get_or_insert(sensed);
                 Sensed { position: kept.position, velocity: 0.0, ..sensed }
             }
-            Sense::TorqueScaled(times) => Sensed { per_mille: sensed.per_mille * times, ..sensed },
+            SensorFault::TorqueScaled(factor) => {
+                Sensed { per_mille: sensed.per_mille * factor, ..sensed }
+            }
         }
     }
 
-    /// The levels at the switch box's terminals.
+    /// Returns the levels at the switch box's terminals.
     pub(super) fn inputs(&mut self, inputs: u8) -> u8 {
-        let Kind::Contact(input, contact) = self.fault.kind else { return inputs };
-        match contact {
-            Contact::StuckHigh => inputs | input.bit(),
-            Contact::StuckLow => inputs & !input.bit(),
-            Contact::Bounces => {
+        let Kind::Contact(input, fault) = self.fault.kind else { return inputs };
+        match fault {
+            ContactFault::StuckHigh => inputs | input.bit(),
+            ContactFault::StuckLow => inputs & !input.bit(),
+            ContactFault::Bouncing => {
                 if self.random.unit() < 0.5 {
                     inputs ^ input.bit()
                 } else {

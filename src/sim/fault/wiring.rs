@@ -5,40 +5,40 @@ use std::time::Duration;
 
 use crate::fault::Faults;
 use crate::fault::breakable::Breakable;
-use crate::fault::breakable::Way;
-use crate::fault::held::Late;
-use crate::scenario::fault::Treatment;
+use crate::fault::breakable::Direction;
+use crate::fault::held::Delayed;
 use canopen::frame::Frame;
 use canopen::frame::Telegram;
+use faults::Effect;
 use units::numbering::NodeIndex;
 use units::time::Instant;
 
-/// What has become of a frame.
+/// A frame as the faults leave it.
 #[derive(Clone, Copy, Debug)]
 struct Passing {
     frame: Frame,
     copies: usize,
-    by: Duration,
+    delay: Duration,
     may_be_overtaken: bool,
 }
 
 impl Faults {
-    /// Lets the device at `place` hear what is on a bus.
-    pub fn hear(
+    /// Delivers a frame on a bus to the device at `place`.
+    pub fn deliver(
         &mut self,
         now: Instant,
         place: NodeIndex,
         device: &mut dyn Breakable,
-        heard: Telegram,
+        received: Telegram,
         out: &mut Vec<Telegram>,
     ) {
         if self.is_idle() {
-            device.on_frame(now, heard.channel, &heard.frame, out);
-        } else if heard.channel == device.channel() {
+            device.on_frame(now, received.channel, &received.frame, out);
+        } else if received.channel == device.channel() {
             let mut passed = mem::take(&mut self.passed);
-            self.pass(now, device, (place, Way::Heard), heard, &mut passed);
+            self.pass(now, device, (place, Direction::ToDevice), received, &mut passed);
             for telegram in passed.drain(..) {
-                self.let_hear(now, place, device, &telegram, out);
+                self.deliver_passed(now, place, device, &telegram, out);
             }
             self.passed = passed;
         }
@@ -55,118 +55,123 @@ impl Faults {
         if self.is_idle() {
             device.on_time(now, out);
         } else {
-            let mut said = mem::take(&mut self.said);
-            device.on_time(now, &mut said);
-            self.say(now, place, device, &mut said, out);
-            self.said = said;
+            let mut sent = mem::take(&mut self.sent);
+            device.on_time(now, &mut sent);
+            self.send(now, place, device, &mut sent, out);
+            self.sent = sent;
         }
     }
 
-    /// Whether nothing is broken, and nothing late.
+    /// Returns whether no fault runs and no frame is delayed.
     fn is_idle(&self) -> bool {
         self.running.is_empty() && self.held.is_empty()
     }
 
-    /// Whether the device at `place` is off its bus.
-    pub(super) fn is_cut_off(&self, place: NodeIndex) -> bool {
-        self.running.iter().any(|running| running.is_cut_off(place))
+    /// Returns whether the device at `place` is disconnected from its bus.
+    pub(super) fn is_disconnected(&self, place: NodeIndex) -> bool {
+        self.running.iter().any(|running| running.is_disconnected(place))
     }
 
-    /// The device hears what has passed.
-    pub(super) fn let_hear(
+    /// Delivers a frame to which the faults were already applied.
+    pub(super) fn deliver_passed(
         &mut self,
         now: Instant,
         place: NodeIndex,
         device: &mut dyn Breakable,
-        heard: &Telegram,
+        received: &Telegram,
         out: &mut Vec<Telegram>,
     ) {
-        let mut said = mem::take(&mut self.said);
-        device.on_frame(now, heard.channel, &heard.frame, &mut said);
-        self.say(now, place, device, &mut said, out);
-        self.said = said;
+        let mut sent = mem::take(&mut self.sent);
+        device.on_frame(now, received.channel, &received.frame, &mut sent);
+        self.send(now, place, device, &mut sent, out);
+        self.sent = sent;
     }
 
-    /// What a device says goes to its bus.
-    fn say(
+    /// Sends a device's frames to its bus, with their imitations.
+    fn send(
         &mut self,
         now: Instant,
         place: NodeIndex,
         device: &dyn Breakable,
-        said: &mut Vec<Telegram>,
+        sent: &mut Vec<Telegram>,
         out: &mut Vec<Telegram>,
     ) {
-        for telegram in said.drain(..) {
-            self.pass(now, device, (place, Way::Said), telegram, out);
-            let again = self.running.iter().filter_map(|running| running.again(place, &telegram));
-            out.extend(again);
+        for telegram in sent.drain(..) {
+            self.pass(now, device, (place, Direction::FromDevice), telegram, out);
+            let imitated =
+                self.running.iter().filter_map(|running| running.imitated(place, &telegram));
+            out.extend(imitated);
         }
     }
 
-    /// Lets a frame pass, or what the faults make of it.
+    /// Applies the faults to a frame, and appends what is left of it unless it is delayed.
     pub(super) fn pass(
         &mut self,
         now: Instant,
         device: &dyn Breakable,
-        (place, way): (NodeIndex, Way),
+        (place, direction): (NodeIndex, Direction),
         telegram: Telegram,
         to: &mut Vec<Telegram>,
     ) {
-        if self.is_cut_off(place) {
+        if self.is_disconnected(place) {
             return;
         }
-        let Some(passing) = self.treat(device, (place, way), telegram.frame) else { return };
-        let Passing { frame, copies, by, may_be_overtaken } = passing;
+        let Some(passing) = self.affected(device, (place, direction), telegram.frame) else {
+            return;
+        };
+        let Passing { frame, copies, delay, may_be_overtaken } = passing;
         let telegram = Telegram { frame, ..telegram };
-        let before = self.held.before(place, way, frame.cob_id).filter(|_| !may_be_overtaken);
-        let due = before.map_or(now + by, |before| before.max(now + by));
+        let before = self.held.before(place, direction, frame.cob_id);
+        let before = before.filter(|_| !may_be_overtaken);
+        let due = before.map_or(now + delay, |before| before.max(now + delay));
         for _ in 0..copies {
             if due > now {
-                self.held.keep(Late { due, place, way, telegram, may_be_overtaken });
+                self.held.keep(Delayed { due, place, direction, telegram, may_be_overtaken });
             } else {
                 to.push(telegram);
             }
         }
     }
 
-    /// What the faults make of a frame; `None` if it is lost.
-    fn treat(
+    /// Returns a frame with all effects; `None` if it is lost.
+    fn affected(
         &mut self,
         device: &dyn Breakable,
-        (place, way): (NodeIndex, Way),
+        (place, direction): (NodeIndex, Direction),
         frame: Frame,
     ) -> Option<Passing> {
-        let mut passing = Passing { frame, copies: 1, by: Duration::ZERO, may_be_overtaken: false };
+        let mut passing =
+            Passing { frame, copies: 1, delay: Duration::ZERO, may_be_overtaken: false };
         for running in &mut self.running {
-            match running.strike(device, place, way, &frame) {
+            match running.effect(device, place, direction, &frame) {
                 None => {}
-                Some(Treatment::Drop) => return None,
-                Some(Treatment::Duplicate) => passing.copies += 1,
-                Some(Treatment::Delay { by, reorders }) => {
-                    passing.by += by;
+                Some(Effect::Drop) => return None,
+                Some(Effect::Duplicate) => passing.copies += 1,
+                Some(Effect::Delay { by, reorders }) => {
+                    passing.delay += by;
                     passing.may_be_overtaken |= reorders;
                 }
-                Some(Treatment::Corrupt(xor)) => passing.frame = turned_over(passing.frame, xor),
-                Some(Treatment::Freeze) => {
-                    passing.frame = running.first(place, way, passing.frame);
+                Some(Effect::Corrupt(mask)) => passing.frame = inverted(passing.frame, mask),
+                Some(Effect::Freeze) => {
+                    passing.frame = running.first(place, direction, passing.frame);
                 }
-                Some(Treatment::Resize(bytes)) => passing.frame = resized(passing.frame, bytes),
+                Some(Effect::Resize(bytes)) => passing.frame = resized(passing.frame, bytes),
             }
         }
         Some(passing)
     }
 }
 
-/// With some bits of its data turned over.
-fn turned_over(frame: Frame, xor: [u8; 8]) -> Frame {
+/// Returns the frame with the bits of `mask` inverted.
+fn inverted(frame: Frame, mask: [u8; 8]) -> Frame {
     let mut bytes = bytes(&frame);
-    for (byte, bits) in bytes.iter_mut().zip(xor) {
+    for (byte, bits) in bytes.iter_mut().zip(mask) {
         *byte ^= bits;
     }
     with_bytes(frame, bytes, frame.data().len())
 }
 
-/// Cut off, or filled with zeros.
+/// Returns the frame cut off, or filled with zeros.
 fn resized(frame: Frame, length: u8) -> Frame {
     with_bytes(frame, bytes(&frame), usize::from(length))
 }
@@ -179,7 +184,7 @@ fn bytes(frame: &Frame) -> [u8; 8] {
     bytes
 }
 
-/// With other data; a frame that asks for data has none.
+/// Returns the frame with other data; a remote frame has none and stays as it is.
 fn with_bytes(frame: Frame, bytes: [u8; 8], length: usize) -> Frame {
     let data = bytes.get(..length).filter(|_| !frame.is_remote());
     data.and_then(|data| Frame::from_slice(frame.cob_id, data)).unwrap_or(frame)

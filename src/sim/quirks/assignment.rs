@@ -2,6 +2,7 @@
 
 use serde::Deserialize;
 use serde::Deserializer;
+use serde::Serialize;
 use serde::de::Error as _;
 use thiserror::Error;
 
@@ -10,23 +11,24 @@ use crate::quirks::Quirks;
 use units::numbering::Joint;
 
 /// Quirks by joint. Drives of joints without an entry have none.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(transparent)]
 pub struct QuirkAssignment(Vec<Entry>);
 
 /// One `[[drive]]`.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
     joint: JointNumber,
     quirks: Vec<Quirk>,
-    #[serde(default, rename = "personality", deserialize_with = "refuse_former_key")]
+    #[serde(default, rename = "personality", skip_serializing)]
+    #[serde(deserialize_with = "refuse_former_key")]
     _former_quirks: (),
 }
 
 /// A joint by its number in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(try_from = "i64")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(try_from = "i64", into = "u8")]
 struct JointNumber(Joint);
 
 /// Joint number outside 1..=6.
@@ -42,7 +44,18 @@ impl TryFrom<i64> for JointNumber {
     }
 }
 
+impl From<JointNumber> for u8 {
+    fn from(JointNumber(joint): JointNumber) -> Self {
+        joint.number()
+    }
+}
+
 impl QuirkAssignment {
+    /// Returns whether no drive has a quirk.
+    pub const fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// Adds `quirks` to those of the drive of `joint`.
     pub fn add(&mut self, joint: Joint, quirks: impl IntoIterator<Item = Quirk>) {
         let quirks = quirks.into_iter().collect();

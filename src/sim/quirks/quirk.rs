@@ -5,6 +5,8 @@
 use std::time::Duration;
 
 use serde::Deserialize;
+use serde::Serialize;
+use serde::Serializer;
 
 use canopen::object::Object;
 
@@ -57,4 +59,11 @@ pub enum Quirk {
     NoSyncCounter,
     /// Never sends an EMCY: only the statusword shows a fault.
     QuietFault,
+}
+
+/// The name used in scenarios.
+impl Serialize for Quirk {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
 }

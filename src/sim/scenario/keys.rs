@@ -64,6 +64,12 @@ impl Keys {
         Ok(Some(number))
     }
 
+    /// Reads any number, NaN and infinities among them; the key is required.
+    pub(super) fn any_number(&mut self, key: &'static str) -> Result<f64, Misplaced> {
+        let value = self.value(key, "a number", number)?;
+        self.needed(key, value)
+    }
+
     /// Reads an integer in the range of `T`, if the key is present.
     pub(super) fn whole<T: TryFrom<i64>>(
         &mut self,

@@ -1,18 +1,19 @@
-//! Scenarios: a script in TOML of operator actions and faults.
+//! A scenario: the operator's actions and the faults of a run, read from TOML or built from entries.
 //!
-//! Times are in s after the first SYNC. Hand movements are relative to the grip's pose at the start, along the axes of
-//! {0} and about those of the grip.
+//! Times are in s after the first SYNC. Hand movements are relative to where the grip was at the start:
+//! along the axes of {0} and about those of the grip.
 //!
-//! | file         | content                                                     |
+//! | file         | what                                                        |
 //! |--------------|-------------------------------------------------------------|
-//! | [`operator`] | moves, switches, holds, console requests                    |
-//! | [`fault`]    | faults, from `[[fault]]` entries                            |
+//! | [`operator`] | moves, switches, holds, requests to the console             |
+//! | `entry`      | `[[fault]]` entries, read                                   |
+//! | `to_toml`    | `[[fault]]` entries, written                                |
 
 mod entry;
-pub mod fault;
 mod keys;
 pub mod operator;
 mod problem;
+mod to_toml;
 
 pub use operator::ConsoleRequest;
 pub use operator::Operator;
@@ -22,12 +23,13 @@ pub use problem::ScenarioError;
 use std::ops::Range;
 
 use serde::Deserialize;
+use serde::Serialize;
+use serde::Serializer;
 use toml::Spanned;
 
 use crate::operator_settings::OperatorSettings;
 use crate::quirks::QuirkAssignment;
-use crate::scenario::fault::Fault;
-use crate::scenario::keys::Entry;
+use crate::scenario::keys::Entry as Table;
 use crate::scenario::operator::Actions;
 use crate::scenario::operator::Console;
 use crate::scenario::operator::Hold;
@@ -35,20 +37,22 @@ use crate::scenario::operator::Move;
 use crate::scenario::operator::Switch;
 use crate::scenario::problem::MIN_DURATION;
 use crate::scenario::problem::Misplaced;
+use crate::scenario::problem::follows;
 use crate::scenario::problem::within;
-use written;
+use crate::scenario::to_toml::FaultEntry;
+use faults::Fault;
 
 /// Maximum length of a scenario, in s.
 const MAX_LENGTH: f64 = 86_400.0;
 
-/// Minimum stiffness of the wall, in N/m.
+/// Least stiffness of a wall, in N/m.
 const MIN_WALL_STIFFNESS: f64 = 1.0;
 
-/// Maximum stiffness of the wall, in N/m.
+/// Largest stiffness of a wall, in N/m.
 const MAX_WALL_STIFFNESS: f64 = 1e7;
 
-/// A checked scenario.
-#[derive(Clone, Debug)]
+/// A scenario that can be played.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Scenario {
     seconds: f64,
     wall_stiffness: Option<f64>,
@@ -59,14 +63,29 @@ pub struct Scenario {
     faults: Vec<Fault>,
 }
 
-/// A scenario as read from a file.
+/// One entry of a scenario.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Entry {
+    /// A movement of the hand.
+    Move(Move),
+    /// Switches pressed or released.
+    Switch(Switch),
+    /// A request to the console.
+    Console(Console),
+    /// The hand releases or takes the grip.
+    Hold(Hold),
+    /// A fault.
+    Fault(Fault),
+}
+
+/// A scenario as its file has it.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Script {
     seconds: Spanned<f64>,
     /// Changes of the configured environment.
     environment: Option<Spanned<Environment>>,
-    /// Plays the scenario twice: without and with the passivity layer.
+    /// Whether it is played twice: without and with the passivity layer.
     #[serde(default)]
     compares_passivity: bool,
     #[serde(default)]
@@ -80,24 +99,24 @@ struct Script {
     #[serde(default, rename = "hold")]
     holds: Vec<Spanned<Hold>>,
     #[serde(default, rename = "fault")]
-    faults: Vec<Spanned<Entry>>,
+    faults: Vec<Spanned<Table>>,
     /// Quirks of drives.
     #[serde(default, rename = "drive")]
     quirks: QuirkAssignment,
 }
 
-/// Environment of the commanded object.
-#[derive(Clone, Copy, Debug, Deserialize)]
+/// The environment of the object.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct Environment {
     wall_stiffness_n_per_m: f64,
 }
 
 impl Scenario {
-    /// Parses a scenario.
+    /// Reads a scenario.
     ///
     /// # Errors
-    /// The first error, with its line.
+    /// The first problem, with its line.
     pub fn parse(text: &str) -> Result<Self, ScenarioError> {
         let at = |span: Range<usize>, problem| ScenarioError { line: line(text, &span), problem };
         let script: Script = toml::from_str(text).map_err(|error| {
@@ -113,17 +132,54 @@ impl Scenario {
         Self::check(script).map_err(|(span, problem)| at(span, problem))
     }
 
-    /// Returns the length, in s.
+    /// Builds a scenario of this duration in s from its entries, each kind in order.
+    ///
+    /// # Errors
+    /// The first entry that is out of order or beyond the end.
+    pub fn new(seconds: f64, entries: impl IntoIterator<Item = Entry>) -> Result<Self, Problem> {
+        let (mut moves, mut switches, mut console) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut holds, mut faults): (_, Vec<Fault>) = (Vec::new(), Vec::new());
+        for entry in entries {
+            match entry {
+                Entry::Move(one) => moves.push(Spanned::new(0..0, one)),
+                Entry::Switch(one) => switches.push(Spanned::new(0..0, one)),
+                Entry::Console(one) => console.push(Spanned::new(0..0, one)),
+                Entry::Hold(one) => holds.push(Spanned::new(0..0, one)),
+                Entry::Fault(one) => faults.push(one),
+            }
+        }
+        within("seconds", seconds, MIN_DURATION, MAX_LENGTH)?;
+        let actions = Actions::new(moves, switches, console, holds, seconds);
+        let actions = actions.map_err(|(_, problem)| problem)?;
+        check_times(&faults, seconds)?;
+        Ok(Self {
+            seconds,
+            wall_stiffness: None,
+            compares_passivity: false,
+            hand: OperatorSettings::default(),
+            quirks: QuirkAssignment::default(),
+            actions,
+            faults,
+        })
+    }
+
+    /// Writes the scenario, so that [`parse`](Self::parse) reads the same one.
+    pub fn to_toml(&self) -> String {
+        // Tables of numbers, words and lists alone: every value has its form in TOML.
+        toml::to_string(self).unwrap_or_default()
+    }
+
+    /// Returns the duration, in s.
     pub const fn seconds(&self) -> f64 {
         self.seconds
     }
 
-    /// Returns the stiffness of the wall, in N/m, if it replaces the configured one.
+    /// Returns the stiffness of the wall in N/m, if it differs from the configured one.
     pub const fn wall_stiffness(&self) -> Option<f64> {
         self.wall_stiffness
     }
 
-    /// Returns whether to play the scenario twice: without and with the passivity layer.
+    /// Returns whether it is to be played twice: without and with the passivity layer.
     pub const fn compares_passivity(&self) -> bool {
         self.compares_passivity
     }
@@ -143,17 +199,17 @@ impl Scenario {
         &mut self.quirks
     }
 
-    /// Returns the console requests with their times in s, in order.
+    /// Returns the requests to the console with their times in s, in order.
     pub fn requests(&self) -> impl Iterator<Item = (f64, ConsoleRequest)> + '_ {
         self.actions.requests()
     }
 
-    /// Returns the operator's state at `t` s.
+    /// Returns the operator at `t` s.
     pub fn operator(&self, t: f64) -> Operator {
         self.actions.at(t)
     }
 
-    /// Returns the faults, in order of their begin.
+    /// Returns the faults, in order of their start.
     pub fn faults(&self) -> &[Fault] {
         &self.faults
     }
@@ -180,6 +236,66 @@ impl Scenario {
     }
 }
 
+/// Checks that faults lie within the scenario, in order of their start.
+fn check_times(faults: &[Fault], seconds: f64) -> Result<(), Problem> {
+    let mut started_s = 0.0;
+    for fault in faults {
+        let at_s = fault.start.as_secs_f64();
+        within("at_s", at_s, 0.0, seconds)?;
+        follows(at_s, started_s)?;
+        started_s = at_s;
+        if let Some(duration) = fault.duration {
+            within("for_s", duration.as_secs_f64(), 0.0, seconds - at_s)?;
+        }
+    }
+    Ok(())
+}
+
+/// The keys of a file, in the order in which people write them.
+#[derive(Serialize)]
+struct File<'a> {
+    seconds: f64,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    compares_passivity: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    environment: Option<Environment>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    hand: Option<OperatorSettings>,
+    #[serde(skip_serializing_if = "QuirkAssignment::is_empty")]
+    drive: &'a QuirkAssignment,
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    console: &'a [Console],
+    #[serde(rename = "switch", skip_serializing_if = "<[_]>::is_empty")]
+    switches: &'a [Switch],
+    #[serde(rename = "move", skip_serializing_if = "<[_]>::is_empty")]
+    moves: &'a [Move],
+    #[serde(rename = "hold", skip_serializing_if = "<[_]>::is_empty")]
+    holds: &'a [Hold],
+    #[serde(rename = "fault", skip_serializing_if = "Vec::is_empty")]
+    faults: Vec<FaultEntry<'a>>,
+}
+
+impl Serialize for Scenario {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Self { seconds, wall_stiffness, compares_passivity, hand, quirks, actions, faults } =
+            self;
+        let environment = |wall_stiffness_n_per_m| Environment { wall_stiffness_n_per_m };
+        File {
+            seconds: *seconds,
+            compares_passivity: *compares_passivity,
+            environment: wall_stiffness.map(environment),
+            hand: Some(*hand).filter(|hand| *hand != OperatorSettings::default()),
+            drive: quirks,
+            console: &actions.console,
+            switches: &actions.switches,
+            moves: &actions.moves,
+            holds: &actions.holds,
+            faults: faults.iter().map(FaultEntry).collect(),
+        }
+        .serialize(serializer)
+    }
+}
+
 fn wall_stiffness(around: &Spanned<Environment>) -> Result<f64, Misplaced> {
     let stiffness = around.get_ref().wall_stiffness_n_per_m;
     within("wall_stiffness_n_per_m", stiffness, MIN_WALL_STIFFNESS, MAX_WALL_STIFFNESS)
@@ -194,9 +310,17 @@ fn line(text: &str, span: &Range<usize>) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+    use std::path::PathBuf;
+    use std::time::Duration;
+
     use proptest::prelude::*;
 
     use super::*;
+    use faults::DeviceFault;
+    use faults::Kind;
+    use faults::Target;
+    use units::numbering::Joint;
 
     const SCRIPT: &str = "seconds = 5\n\
         [[move]]\nat_s = 1\nduration_s = 2\nto_m = [0.04, 0, 0]\n\
@@ -271,14 +395,47 @@ mod tests {
     }
 
     #[test]
-    fn shipped_scenarios_are_valid() {
-        for text in [
-            include_str!("../../../config/scenarios/teleoperation.toml"),
-            include_str!("../../../config/scenarios/contact_10s.toml"),
-            include_str!("../../../config/scenarios/relaxed_10s.toml"),
-            include_str!("../../../config/scenarios/free.toml"),
-        ] {
-            Scenario::parse(text).unwrap();
+    fn every_shipped_scenario_is_written_and_read_as_the_same() {
+        let mut folders = vec![PathBuf::from("../../config/scenarios")];
+        let mut count = 0;
+        while let Some(folder) = folders.pop() {
+            for entry in fs::read_dir(&folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() {
+                    folders.push(path);
+                    continue;
+                }
+                let scenario = Scenario::parse(&fs::read_to_string(&path).unwrap()).unwrap();
+                let written = scenario.to_toml();
+                assert_eq!(Scenario::parse(&written).unwrap(), scenario, "{path:?}:\n{written}");
+                count += 1;
+            }
         }
+        assert!(count > 50, "{count} scenarios");
+    }
+
+    #[test]
+    fn built_scenario_is_the_one_that_its_text_describes() {
+        let at_s = [0.5, 1.0, 2.0, 4.0];
+        let fault = Fault::new(
+            Duration::from_micros(1_234_567),
+            Target::Joint(Joint::of::<3>()),
+            Kind::Device(DeviceFault::SafeTorqueOff),
+        );
+        let entries = [
+            Entry::Console(Console::new(at_s[0], ConsoleRequest::Arm)),
+            Entry::Move(Move::new(at_s[1], 2.0, [0.04, 0.0, 0.0])),
+            Entry::Switch(Switch::deadman(at_s[2], true)),
+            Entry::Fault(fault),
+        ];
+        let scenario = Scenario::new(5.0, entries.clone()).unwrap();
+        let text = "seconds = 5.0\n\n[[console]]\nat_s = 0.5\nrequest = \"arm\"\n\n\
+            [[switch]]\nat_s = 2.0\ndeadman = true\n\n\
+            [[move]]\nat_s = 1.0\nduration_s = 2.0\nto_m = [0.04, 0.0, 0.0]\n\n\
+            [[fault]]\nat_s = 1.234567\nkind = \"sto\"\njoint = 3\n";
+        assert_eq!(scenario.to_toml(), text);
+        assert_eq!(Scenario::parse(text).unwrap(), scenario);
+        let too_short = Scenario::new(1.2, entries).unwrap_err();
+        assert!(too_short.to_string().contains("must be within 0..=1.2"), "{too_short}");
     }
 }

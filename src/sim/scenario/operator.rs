@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use nalgebra::UnitQuaternion;
 use nalgebra::Vector3;
 use serde::Deserialize;
+use serde::Serialize;
 use toml::Spanned;
 
 use crate::scenario::problem::MIN_DURATION;
@@ -17,7 +18,7 @@ use written::List;
 const REACH: f64 = 2.0;
 
 /// Request to the node's console.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub enum ConsoleRequest {
     /// Gravity compensation on.
     #[serde(rename = "arm")]
@@ -57,48 +58,84 @@ impl Operator {
 }
 
 /// All operator actions, each list in order of time.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Actions {
-    moves: Vec<Move>,
-    switches: Vec<Switch>,
-    console: Vec<Console>,
-    holds: Vec<Hold>,
+    pub(super) moves: Vec<Move>,
+    pub(super) switches: Vec<Switch>,
+    pub(super) console: Vec<Console>,
+    pub(super) holds: Vec<Hold>,
 }
 
 /// Moves the hand smoothly; absent keys leave their part as it is.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Move {
+pub struct Move {
     at_s: f64,
     duration_s: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
     to_m: Option<List<f64, 3>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     to_rad: Option<List<f64, 3>>,
 }
 
 /// Operates switches; absent keys leave their switch as it is.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Switch {
+pub struct Switch {
     at_s: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
     deadman: Option<bool>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     reference: Option<bool>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     reflection: Option<bool>,
 }
 
 /// Sends a console request.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Console {
+pub struct Console {
     at_s: f64,
     request: ConsoleRequest,
 }
 
 /// Releases or holds the grip.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Hold {
+pub struct Hold {
     at_s: f64,
     holding: bool,
+}
+
+impl Move {
+    /// A movement to a displacement along {0}, in m.
+    pub const fn new(at_s: f64, duration_s: f64, to_m: [f64; 3]) -> Self {
+        Self { at_s, duration_s, to_m: Some(List(to_m)), to_rad: None }
+    }
+}
+
+impl Switch {
+    /// The deadman pressed or released.
+    pub const fn deadman(at_s: f64, is_pressed: bool) -> Self {
+        Self { at_s, deadman: Some(is_pressed), reference: None, reflection: None }
+    }
+
+    /// The reference button pressed or released.
+    pub const fn reference(at_s: f64, is_pressed: bool) -> Self {
+        Self { at_s, deadman: None, reference: Some(is_pressed), reflection: None }
+    }
+
+    /// The reflection button pressed or released.
+    pub const fn reflection(at_s: f64, is_pressed: bool) -> Self {
+        Self { at_s, deadman: None, reference: None, reflection: Some(is_pressed) }
+    }
+}
+
+impl Console {
+    /// A request at a time, in s.
+    pub const fn new(at_s: f64, request: ConsoleRequest) -> Self {
+        Self { at_s, request }
+    }
 }
 
 impl Actions {

@@ -1,35 +1,69 @@
-//! Drives and switch box: lost, restarted, broken, or sensing what is not so.
+//! Drives and switch box: lost, rebooted, failed, or with wrong measurements.
 
 use std::time::Duration;
 
-use crate::campaign::draw::Draw;
-use crate::campaign::injection::Expectation;
+use crate::campaign::criterion::Criterion;
+use crate::campaign::injection::Conditions;
 use crate::campaign::injection::Injection;
-use crate::campaign::injection::Place;
 use crate::campaign::kind::Kind;
 use crate::campaign::kind::engaged;
 use crate::campaign::kind::in_contact;
 use crate::campaign::kind::kind;
+use crate::campaign::random::Random;
+use crate::campaign::random::rounded;
 use canopen::error_codes;
-use canopen::layout::Service;
+use canopen::frame::Frame;
+use canopen::layout;
 use canopen::object::Object;
+use faults::DeviceFault;
+use faults::Disconnection;
+use faults::Effect;
+use faults::FrameFault;
+use faults::Kind as FaultKind;
+use faults::SensorFault;
+use faults::Service;
+use faults::Target;
 use node::cause::Kind as Cause;
+use sim::scenario::Entry;
+use sim::scenario::operator::Move;
 use units::numbering::Joint;
 
 pub(super) const KINDS: &[Kind] = &[
-    kind(1, "drive unplugged", &[Cause::SamplesMissing], |draw, at| lost(draw, at, "unplug")),
-    kind(1, "wire cut", &[Cause::SamplesMissing], |draw, at| lost(draw, at, "wire_cut")),
-    kind(1, "drive bus-off", &[Cause::SamplesMissing], |draw, at| lost(draw, at, "bus_off")),
-    kind(2, "drive heartbeat lost", &[Cause::HeartbeatLost], heartbeat_lost),
-    kind(2, "switch box heartbeat lost", &[Cause::HeartbeatLost], switches_silent),
-    kind(8, "drive heartbeat says stopped", &[Cause::LeftOperational], heartbeat_stopped),
-    kind(7, "emergency", &[Cause::Emergency], emergency),
-    kind(7, "emergency of the switch box", &[Cause::Emergency], emergency_of_switches),
-    kind(8, "drive fault", &[Cause::Emergency, Cause::DriveLeft], fault),
-    kind(8, "drive fault, untold", &[Cause::DriveLeft], quiet_fault),
-    kind(8, "safe torque off", &[Cause::DriveLeft, Cause::Emergency], sto),
-    kind(9, "drive reboots", &[Cause::Rebooted], reboot),
-    kind(9, "switch box reboots", &[Cause::Rebooted], reboot_of_switches),
+    kind(1, "drive unplugged", &[Cause::SamplesMissing], |random, at| {
+        lost(random, at, Disconnection::Unplugged)
+    }),
+    kind(1, "wire cut", &[Cause::SamplesMissing], |random, at| {
+        lost(random, at, Disconnection::WireCut)
+    }),
+    kind(1, "drive bus-off", &[Cause::SamplesMissing], |random, at| {
+        lost(random, at, Disconnection::BusOff)
+    }),
+    kind(2, "drive heartbeat lost", &[Cause::HeartbeatLost], |random, at| {
+        heartbeat_lost(at, Target::Joint(random.joint()))
+    }),
+    kind(2, "switch box heartbeat lost", &[Cause::HeartbeatLost], |_, at| {
+        heartbeat_lost(at, Target::SwitchBox)
+    }),
+    kind(8, "drive heartbeat says stopped", &[Cause::LeftOperational], heartbeat_of_another_state),
+    kind(7, "emergency", &[Cause::Emergency], |random, at| {
+        let target = Target::Joint(random.joint());
+        emergency(random, at, target)
+    }),
+    kind(7, "emergency of the switch box", &[Cause::Emergency], |random, at| {
+        emergency(random, at, Target::SwitchBox)
+    }),
+    kind(8, "drive fault", &[Cause::Emergency, Cause::DriveLeft], drive_fault),
+    kind(8, "drive fault, untold", &[Cause::DriveLeft], drive_fault_without_emergency),
+    kind(8, "safe torque off", &[Cause::DriveLeft, Cause::Emergency], |random, at| {
+        let target = Target::Joint(random.joint());
+        device(at, target, DeviceFault::SafeTorqueOff)
+    }),
+    kind(9, "drive reboots", &[Cause::Rebooted], |random, at| {
+        device(at, Target::Joint(random.joint()), DeviceFault::Reboot)
+    }),
+    kind(9, "switch box reboots", &[Cause::Rebooted], |_, at| {
+        device(at, Target::SwitchBox, DeviceFault::Reboot)
+    }),
     engaged(10, "torque actual wrong", &[Cause::TorqueDiffers], torque_scaled),
     kind(12, "encoder jumps", &[Cause::PositionJumped], encoder_jump),
     engaged(5, "encoder frozen", &[Cause::PositionFrozen], encoder_frozen),
@@ -37,159 +71,123 @@ pub(super) const KINDS: &[Kind] = &[
     kind(13, "several drives unplugged", &[Cause::SamplesMissing], several_lost),
 ];
 
-/// A drive that breaks: the other five in two cycles.
-fn drive_fault(at: &Place<'_>) -> Expectation {
-    Expectation::Stop(at.config.period.saturating_mul(2))
+fn lost(random: &mut Random, at: &Conditions<'_>, how: Disconnection) -> Injection {
+    let target = Target::Joint(random.joint());
+    let fault = at.fault(target, FaultKind::Disconnection(how));
+    Injection::of([fault], Criterion::Stop(at.limit()))
 }
 
-/// What is seen by samples that do not come: five cycles.
-fn unseen(at: &Place<'_>) -> Expectation {
-    Expectation::Stop(at.config.period.saturating_mul(5))
+/// Noticed by missing samples, as a single one.
+fn several_lost(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let joints = [random.joint(), random.joint(), random.joint()];
+    let unplugged = FaultKind::Disconnection(Disconnection::Unplugged);
+    let faults = joints.map(|joint| at.fault(Target::Joint(joint), unplugged));
+    Injection::of(faults, Criterion::Stop(at.limit_of(1)))
 }
 
-fn lost(draw: &mut Draw, at: &Place<'_>, how: &str) -> Injection {
-    let joint = draw.joint();
-    Injection::scripted(at.fault(&format!("kind = \"{how}\"; joint = {joint}")), unseen(at))
+/// Two cycles beyond the heartbeat time: the one that has begun, and the one in which it is noticed.
+fn heartbeat_lost(at: &Conditions<'_>, target: Target) -> Injection {
+    let within = at.limit() + at.cycles(2);
+    let lost = FaultKind::Frames(FrameFault::of(Service::Heartbeat, Effect::Drop));
+    Injection::of([at.fault(target, lost)], Criterion::Stop(within))
+        .observed_for(within + Duration::from_millis(150))
 }
 
-fn several_lost(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let joints = [draw.joint(), draw.joint(), draw.joint()];
-    let all = joints.map(|joint| at.fault(&format!("kind = \"unplug\"; joint = {joint}")));
-    Injection::scripted(all.concat(), unseen(at))
-}
-
-/// As long as the configuration says, and the cycle in which it is seen.
-fn heartbeat_lost(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let joint = draw.joint();
-    silent(at, &format!("kind = \"heartbeat_stop\"; joint = {joint}"))
-}
-
-/// Heartbeats, before the node-id is added.
+/// COB-ID of a heartbeat, before the node-ID is added.
 const HEARTBEAT: u16 = 0x700;
 
-/// One heartbeat that says stopped, or pre-operational, as if of a drive; the drive goes on.
-fn heartbeat_stopped(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let joint = draw.joint().entry(&at.config.joints);
-    let (bus, node) = (joint.channel.0, joint.node.raw());
-    let cob_id = HEARTBEAT + u16::from(node);
-    let state = if draw.is_heads() { "04" } else { "7F" };
-    let keys = format!(
-        "kind = \"foreign_frame\"; cob_id = 0x{cob_id:03X}; payload = \"{state}\"; bus = {bus}"
-    );
-    Injection::scripted(at.fault(&keys), drive_fault(at))
+/// One heartbeat with the state stopped or pre-operational under a drive's COB-ID; the drive itself goes on.
+fn heartbeat_of_another_state(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let joint = random.joint().entry(&at.config.joints);
+    let state = if random.coin() { 0x04 } else { 0x7F };
+    let frame = Frame::new(HEARTBEAT + u16::from(joint.node.raw()), [state]);
+    let fault = FaultKind::ForeignFrame { frame, period: None };
+    Injection::of([at.fault(Target::Bus(joint.channel), fault)], Criterion::Stop(at.limit()))
 }
 
-fn switches_silent(_: &mut Draw, at: &Place<'_>) -> Injection {
-    silent(at, "kind = \"heartbeat_stop\"; device = \"switches\"")
+fn device(at: &Conditions<'_>, target: Target, fault: DeviceFault) -> Injection {
+    Injection::of([at.fault(target, FaultKind::Device(fault))], Criterion::Stop(at.limit()))
 }
 
-fn silent(at: &Place<'_>, keys: &str) -> Injection {
-    let within = at.config.safety.drive_lost + at.cycles(2);
-    let injection = Injection::scripted(at.fault(keys), Expectation::Stop(within));
-    injection.watched_for(within + Duration::from_millis(150))
+/// Returns one of the error codes of drives (CiA 402).
+fn error_code(random: &mut Random) -> u16 {
+    random.one_of(&error_codes::OF_DRIVES).copied().unwrap_or(error_codes::OVER_CURRENT)
 }
 
-/// One of those that a drive may tell.
-fn error_code(draw: &mut Draw) -> u16 {
-    draw.among(&error_codes::OF_DRIVES).copied().unwrap_or(error_codes::OVER_CURRENT)
+fn emergency(random: &mut Random, at: &Conditions<'_>, target: Target) -> Injection {
+    device(at, target, DeviceFault::Emergency { code: error_code(random), register: 1 })
 }
 
-fn emergency(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let (joint, code) = (draw.joint(), error_code(draw));
-    let keys = format!("kind = \"emergency\"; joint = {joint}; code = 0x{code:04X}; register = 1");
-    Injection::scripted(at.fault(&keys), drive_fault(at))
+fn drive_fault(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let target = Target::Joint(random.joint());
+    device(at, target, DeviceFault::DriveFault(error_code(random)))
 }
 
-fn emergency_of_switches(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let code = error_code(draw);
-    let keys =
-        format!("kind = \"emergency\"; device = \"switches\"; code = 0x{code:04X}; register = 1");
-    Injection::scripted(at.fault(&keys), drive_fault(at))
-}
-
-fn fault(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let (joint, code) = (draw.joint(), error_code(draw));
-    let keys = format!("kind = \"fault\"; joint = {joint}; code = 0x{code:04X}");
-    Injection::scripted(at.fault(&keys), drive_fault(at))
-}
-
-/// How long a drive may keep a changed statusword to itself, after it has told another (1800h:3).
-fn silence(at: &Place<'_>, joint: Joint) -> Duration {
+/// Returns the inhibit time of the TPDO with a drive's statusword (1800h:3).
+fn inhibit_time(at: &Conditions<'_>, joint: Joint) -> Duration {
     let plans = at.config.node_plans();
     let pdos = plans.get(joint.index()).map(|(_, plan)| &*plan.pdos);
     let mut services = pdos.unwrap_or_default().iter().filter_map(|pdo| pdo.service.as_ref());
-    let is_status = |service: &&Service| {
+    let is_status = |service: &&layout::Service| {
         service.mapping.iter().any(|mapped| mapped.object == Object::STATUSWORD)
     };
     let inhibit = services.find(is_status).and_then(|service| service.inhibit_100us);
     Duration::from_micros(100 * u64::from(inhibit.unwrap_or(0)))
 }
 
-/// A statusword alone tells it.
-fn quiet_fault(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let joint = draw.joint();
-    let keys = format!("kind = \"fault\"; joint = {joint}");
-    Injection::scripted(at.fault(&keys), Expectation::Stop(at.cycles(2) + silence(at, joint)))
+/// Reported by the statusword alone, which may have to wait for its inhibit time.
+fn drive_fault_without_emergency(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let joint = random.joint();
+    let fault = at.fault(Target::Joint(joint), FaultKind::Device(DeviceFault::DriveFault(0)));
+    Injection::of([fault], Criterion::Stop(at.limit() + inhibit_time(at, joint)))
 }
 
-fn sto(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let keys = format!("kind = \"sto\"; joint = {}", draw.joint());
-    Injection::scripted(at.fault(&keys), drive_fault(at))
-}
-
-fn reboot(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let keys = format!("kind = \"reset\"; joint = {}", draw.joint());
-    Injection::scripted(at.fault(&keys), drive_fault(at))
-}
-
-fn reboot_of_switches(_: &mut Draw, at: &Place<'_>) -> Injection {
-    Injection::scripted(at.fault("kind = \"reset\"; device = \"switches\""), drive_fault(at))
-}
-
-/// What only a joint that pushes shows: demanded of those that carry more than a little of the arm.
-fn where_pushed(at: &Place<'_>, joint: Joint, within: Duration) -> Expectation {
-    if at.weight(joint) > CARRIES {
-        Expectation::Stop(within)
+/// Demands a stop only of joints that carry more than a little of the arm: the fault shows where torque acts.
+fn where_loaded(at: &Conditions<'_>, joint: Joint, within: Duration) -> Criterion {
+    if at.weight(joint) > LOADED {
+        Criterion::Stop(within)
     } else {
-        Expectation::Either("seen only where the joint is pushed enough")
+        Criterion::Either("visible only where the joint carries enough torque")
     }
 }
 
-/// In ‰ of the most a joint may exert.
-const CARRIES: f64 = 100.0;
+/// Least load of a joint that shows a wrong torque, in ‰ of its largest torque.
+const LOADED: f64 = 100.0;
 
-/// Shoulder joints carry the arm, so a wrong scale shows.
-fn torque_scaled(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let joint = if draw.is_heads() { Joint::of::<3>() } else { Joint::of::<2>() };
-    let scale = draw.within(-10.0, -6.0);
-    let keys = format!("kind = \"torque_actual_scale\"; joint = {joint}; scale = {scale:.2}");
-    let within = Duration::from_millis(55).max(at.cycles(216));
-    Injection::scripted(at.fault(&keys), where_pushed(at, joint, within))
-        .watched_for(Duration::from_millis(600))
+/// Shoulder joints carry the arm, so a wrong scale is visible.
+fn torque_scaled(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let joint = if random.coin() { Joint::of::<3>() } else { Joint::of::<2>() };
+    let factor = rounded(random.within(-10.0, -6.0), 2);
+    let fault = FaultKind::Sensor(SensorFault::TorqueScaled(factor));
+    // The torque comes at every hundredth SYNC in the grouped layout, and the second one counts.
+    let within = at.limit().max(at.cycles(216));
+    Injection::of([at.fault(Target::Joint(joint), fault)], where_loaded(at, joint, within))
+        .observed_for(Duration::from_millis(600))
 }
 
-fn encoder_jump(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let sign = if draw.is_heads() { 1.0 } else { -1.0 };
-    let (joint, by) = (draw.joint(), sign * draw.within(0.2, 3.0));
-    let keys = format!("kind = \"encoder_jump\"; joint = {joint}; by_rad = {by:.4}");
-    Injection::scripted(at.fault(&keys), Expectation::Stop(at.cycles(3)))
+/// The first wrong position is discarded; the limit counts from the second.
+fn encoder_jump(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let sign = if random.coin() { 1.0 } else { -1.0 };
+    let (joint, by) = (random.joint(), sign * random.within(0.2, 3.0));
+    let fault = FaultKind::Sensor(SensorFault::PositionOffset(rounded(by, 4)));
+    let criterion = Criterion::Stop(at.limit() + at.cycles(1));
+    Injection::of([at.fault(Target::Joint(joint), fault)], criterion)
 }
 
-fn encoder_frozen(draw: &mut Draw, at: &Place<'_>) -> Injection {
-    let keys = format!("kind = \"encoder_frozen\"; joint = {}", draw.joint());
-    let why = "seen only while it pushes and a neighbour moves";
-    Injection::scripted(at.fault(&keys), Expectation::Either(why))
-        .watched_for(Duration::from_millis(800))
+const FROZEN: FaultKind = FaultKind::Sensor(SensorFault::PositionFrozen);
+
+fn encoder_frozen(random: &mut Random, at: &Conditions<'_>) -> Injection {
+    let criterion = Criterion::Either("visible only under torque while a neighbour moves");
+    Injection::of([at.fault(Target::Joint(random.joint()), FROZEN)], criterion)
+        .observed_for(Duration::from_millis(800))
 }
 
-/// The elevation, which carries the arm, while the hand moves it and its neighbour.
-fn frozen_in_motion(_: &mut Draw, at: &Place<'_>) -> Injection {
-    let at_s = at.onset.as_secs_f64();
-    let moved =
-        format!("[[move]]\nat_s = {at_s:.6}\nduration_s = 1.0\nto_m = [0.1, 0.0, -0.05]\n\n");
-    let elevation = Joint::of::<2>();
-    let keys = format!("kind = \"encoder_frozen\"; joint = {elevation}");
-    let frozen = at.fault_after(Duration::from_millis(100), &keys);
-    let expectation = where_pushed(at, elevation, Duration::from_millis(700));
-    Injection::scripted(moved + &frozen, expectation).watched_for(Duration::from_millis(900))
+/// The elevation, which carries the arm, freezes while the hand moves it and its neighbour.
+fn frozen_in_motion(_: &mut Random, at: &Conditions<'_>) -> Injection {
+    let movement = Move::new(at.onset_s(), 1.0, [0.1, 0.0, -0.05]);
+    let (elevation, after) = (Joint::of::<2>(), Duration::from_millis(100));
+    let frozen = at.fault_after(after, Target::Joint(elevation), FROZEN);
+    let criterion = where_loaded(at, elevation, at.limit() + after);
+    Injection::of([Entry::Move(movement), Entry::Fault(frozen)], criterion)
+        .observed_for(Duration::from_millis(900))
 }

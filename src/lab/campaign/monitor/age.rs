@@ -1,7 +1,7 @@
-//! How old what the node says is: between the moment a frame is taken and the one it is on the wire, or acts.
+//! Age of the node's frames: from the time the bus accepts one until it is on the wire, or acts.
 //!
-//! What an adapter holds back comes out later, and the node cannot take it back. So it is judged by what it
-//! knew when it gave the frame away; whether an old target acted on a drive is asked of the drives.
+//! An adapter may hold frames back, and the node cannot recall them. So the node is judged by what it knew when it sent
+//! a frame; the drives say whether an old target acted.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -13,19 +13,19 @@ use canopen::frame::Telegram;
 use units::numbering::Joint;
 use units::time::Instant;
 
-/// A target that acts later is stale, in periods: 2 ms at 1 kHz.
-const STALE: u32 = 2;
+/// Greatest age of a target that is not stale, in periods: 2 ms at 1 kHz.
+const MAX_AGE: u32 = 2;
 
-/// What was taken, and what waits to act.
+/// Frames that were accepted, and targets that wait for a SYNC.
 #[derive(Clone, Debug)]
 pub(super) struct Age {
-    /// Of each bus, the oldest first.
+    /// Accepted frames of each bus, the oldest first.
     taken: Vec<VecDeque<(Instant, Frame)>>,
-    /// The target that acts at the next SYNC, and since when it was on its way.
+    /// The target that acts at the next SYNC, and the time at which it was sent.
     waiting: [Option<(Instant, i16)>; 6],
-    /// How old the target in force was when it began to act; zero where it asks for no torque.
+    /// Age of each target when it began to act; zero for a target of zero.
     acting: [Duration; 6],
-    /// Targets that were not zero, and stale, on the wire.
+    /// Number of non-zero targets that were stale on the wire.
     pub(super) delivered: u64,
 }
 
@@ -39,7 +39,7 @@ impl Age {
         }
     }
 
-    /// A bus has taken a frame.
+    /// Takes a frame that a bus has accepted.
     pub(super) fn on_taken(&mut self, at: Instant, telegram: &Telegram) {
         let Channel(bus) = telegram.channel;
         if let Some(taken) = self.taken.get_mut(usize::from(bus)) {
@@ -47,7 +47,7 @@ impl Age {
         }
     }
 
-    /// A frame of the node's is on the wire: when it was taken. What was taken before it was lost.
+    /// Takes a frame on the wire; returns the time at which it was accepted. Those accepted before it were lost.
     pub(super) fn on_sent(&mut self, at: Instant, telegram: &Telegram) -> Instant {
         let Channel(bus) = telegram.channel;
         let Some(taken) = self.taken.get_mut(usize::from(bus)) else { return at };
@@ -56,7 +56,7 @@ impl Age {
         gone.map_or(at, |(since, _)| since)
     }
 
-    /// A target that was taken at `since`.
+    /// Takes a target that was sent at `since`.
     pub(super) fn on_target(
         &mut self,
         sheet: &Sheet,
@@ -67,7 +67,7 @@ impl Age {
         *joint.entry_mut(&mut self.waiting) = Some((since, target));
     }
 
-    /// A SYNC: what has come since the last one acts now.
+    /// Takes a SYNC: the targets since the last one act from now on.
     pub(super) fn on_sync(&mut self, sheet: &Sheet, at: Instant, channel: Channel) {
         let joints = sheet.nodes.iter().zip(&mut self.waiting).zip(&mut self.acting);
         for ((_, waiting), acting) in joints.filter(|((node, _), _)| node.channel == channel) {
@@ -77,12 +77,13 @@ impl Age {
         }
     }
 
-    /// Returns how old each joint's target in force was when it began to act.
+    /// Returns the age of each joint's target when it began to act.
     pub(super) const fn acting(&self) -> [Duration; 6] {
         self.acting
     }
 }
 
+/// Returns the greatest age of a target that is not stale.
 pub(super) fn stale(period: Duration) -> Duration {
-    period * STALE
+    period * MAX_AGE
 }

@@ -1,21 +1,21 @@
-//! A judge on the bus: sees every frame that was complete, and whose it was, and knows what must never be.
+//! The monitor: receives every complete frame with its sender, and checks the invariants I1 to I12.
 //!
-//! It decodes by itself, from the configuration alone, and never asks the node; what the console was
-//! answered it is told, as an operator would be. Nothing it does can be seen by the node.
+//! It decodes frames by itself, from the configuration alone, and never asks the node. Answers of the console are
+//! reported to it, as to an operator. It changes nothing that the node can see.
 //!
-//! | file     | laws                                              |
-//! |----------|---------------------------------------------------|
-//! | `torque` | what is asked of the motors: I1 to I4, I11        |
-//! | `rhythm` | when: I5, I7, I10                                 |
-//! | `grip`   | when the deadman may engage: I3                   |
-//! | `age`    | how late what the node gave away is on the wire   |
-//! | `order`  | of whom, and in which order: I6, I8, I9, I12      |
-//! | `sheet`  | what the configuration says                       |
-//! | `law`    | their names, and what is noted of a breach        |
+//! | file        | invariants                                        |
+//! |-------------|---------------------------------------------------|
+//! | `torque`    | target torques: I1 to I4, I11                     |
+//! | `rhythm`    | times of frames: I5, I7, I10                      |
+//! | `grip`      | engagement by the deadman: I3                     |
+//! | `age`       | age of targets on the wire                        |
+//! | `order`     | order of boot, enabling and stop: I6, I8, I9, I12 |
+//! | `sheet`     | the configuration, as the monitor reads it        |
+//! | `invariant` | names of the invariants, and their violations     |
 
 mod age;
 mod grip;
-mod law;
+mod invariant;
 mod order;
 mod rhythm;
 mod sheet;
@@ -23,31 +23,51 @@ mod sheet;
 mod tests;
 mod torque;
 
-pub use law::Breach;
-pub use law::Law;
-pub use rhythm::Excuse;
+pub use invariant::Invariant;
+pub use invariant::Violation;
+pub use rhythm::Exemption;
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use crate::campaign::monitor::age::Age;
 use crate::campaign::monitor::grip::Grip;
-use crate::campaign::monitor::law::Breaches;
+use crate::campaign::monitor::invariant::Violations;
 use crate::campaign::monitor::order::Order;
 use crate::campaign::monitor::rhythm::Rhythm;
+use crate::campaign::monitor::sheet::Command;
 use crate::campaign::monitor::sheet::Sheet;
-use crate::campaign::monitor::sheet::Told;
 use crate::campaign::monitor::torque::Torque;
 use bus::Tap;
 use canopen::frame::Channel;
 use canopen::frame::Telegram;
 use canopen::sync;
 use config::Config;
-use node::Request;
-use node::record::Mode;
 use units::time::Instant;
 
-/// The judge, with what it has seen.
+/// An answer of the console to a request that it has granted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// Armed.
+    Armed,
+    /// Reset, and armed as before.
+    ResetToArmed,
+    /// Disarmed, or reset without arming.
+    Disarmed,
+}
+
+/// Mode of the node, as far as the invariants distinguish it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Torque is taken off by a latched mode.
+    Stopped,
+    /// Command and reflection are enabled.
+    Engaged,
+    /// Any other mode.
+    Other,
+}
+
+/// A monitor with the state of its network.
 #[derive(Clone, Debug)]
 pub struct Monitor {
     sheet: Arc<Sheet>,
@@ -56,12 +76,12 @@ pub struct Monitor {
     order: Order,
     age: Age,
     grip: Grip,
-    breaches: Breaches,
+    violations: Violations,
     log: Option<Vec<(Instant, Telegram)>>,
 }
 
 impl Monitor {
-    /// Of a network on which nothing was said yet.
+    /// The monitor of a network before its first frame.
     pub fn new(config: &Config) -> Self {
         let sheet = Sheet::new(config);
         Self {
@@ -71,67 +91,66 @@ impl Monitor {
             age: Age::new(config.buses.len()),
             grip: Grip::default(),
             sheet: Arc::new(sheet),
-            breaches: Breaches::default(),
+            violations: Violations::default(),
             log: None,
         }
     }
 
-    /// The same, which also keeps every frame.
+    /// Returns the monitor with a log of every frame.
     #[must_use]
     pub fn keeping_frames(self) -> Self {
         Self { log: Some(Vec::new()), ..self }
     }
 
-    /// Every frame, if they are kept.
+    /// Returns the log of frames; empty without one.
     pub fn frames(&self) -> &[(Instant, Telegram)] {
         self.log.as_deref().unwrap_or_default()
     }
 
-    /// The console was asked this, and the node is in `mode` because of it; `None` if it refused.
-    pub fn asked(&mut self, at: Instant, request: Request, mode: Option<Mode>) {
-        match (request, mode) {
-            (_, None) | (Request::Command(_), _) => {}
-            (Request::Arm, Some(_)) => self.torque.armed(at, &mut self.breaches),
-            (Request::Reset, Some(Mode::Armed)) => self.torque.go_on(),
-            (Request::Disarm | Request::Reset, Some(_)) => self.torque.idle(at),
+    /// Takes an answer of the console.
+    pub fn on_answer(&mut self, at: Instant, answer: Answer) {
+        match answer {
+            Answer::Armed => self.torque.on_armed(at, &mut self.violations),
+            Answer::ResetToArmed => self.torque.resume(),
+            Answer::Disarmed => self.torque.on_disarmed(at),
         }
     }
 
-    /// The node says what mode it is in.
-    pub fn told(&mut self, at: Instant, mode: Mode) {
-        if mode.is_stopped() {
-            self.torque.tripped(at);
+    /// Takes the node's mode after a cycle.
+    pub fn on_mode(&mut self, at: Instant, mode: Mode) {
+        if mode == Mode::Stopped {
+            self.torque.on_stop(at);
         }
-        self.grip.told(&self.sheet, at, mode, &mut self.breaches);
+        self.grip.on_mode(&self.sheet, at, mode, &mut self.violations);
     }
 
-    /// Bus or process are broken, so that I5 is nobody's fault.
-    pub fn excuse(&mut self, excuse: Excuse) {
-        self.rhythm.excuse(excuse);
+    /// Exempts a bus or the process from I5.
+    pub fn exempt(&mut self, exemption: Exemption) {
+        self.rhythm.exempt(exemption);
     }
 
-    /// What was broken, in words: the first few.
-    pub fn breaches(&self) -> &[Breach] {
-        self.breaches.first()
+    /// Returns the first violations.
+    pub fn violations(&self) -> &[Violation] {
+        self.violations.first()
     }
 
-    /// How often something was broken.
-    pub const fn breach_count(&self) -> u64 {
-        self.breaches.count()
+    /// Returns the number of violations.
+    pub const fn violation_count(&self) -> u64 {
+        self.violations.count()
     }
 
-    /// Targets that were not zero although nothing was armed.
+    /// Returns the number of non-zero targets without arming.
     pub const fn unarmed_frames(&self) -> u64 {
         self.torque.unarmed
     }
 
-    /// Targets on the wire that were not zero, and more than two periods old.
+    /// Returns the number of non-zero targets that were more than two periods old on the wire.
     pub const fn stale_targets(&self) -> u64 {
         self.age.delivered
     }
 
-    /// Returns how old each joint's target in force was when it began to act, on a drive that is on: from the moment
-    /// the node gave it away. Zero where it asks for no torque.
+    /// Returns for each joint the age of its target when it began to act, since the node sent it; zero for a target of
+    /// zero.
     pub const fn acting_ages(&self) -> [Duration; 6] {
         self.age.acting()
     }
@@ -141,24 +160,24 @@ impl Monitor {
         age > age::stale(self.sheet.period)
     }
 
-    /// Since when every joint is told zero, if it is.
+    /// Returns the time since which every target is zero.
     pub fn all_zero_since(&self) -> Option<Instant> {
         self.torque.all_zero_since()
     }
 
-    /// Cycles between the first and the last joint that was torn from a torque to none.
+    /// Returns the cycles between the first and the last joint whose torque was cut to zero.
     pub fn spread(&self) -> Option<u64> {
         self.torque.spread(self.sheet.period)
     }
 
-    /// The largest share of its capacity that a joint is told, 0 to 1.
+    /// Returns the largest target as a share of its joint's capacity, 0 to 1.
     pub fn peak(&self) -> f64 {
         self.torque.peak(&self.sheet)
     }
 
-    /// What was seen so far is past; what is known stays.
+    /// Forgets violations and counts; the state of the network stays.
     pub fn forget(&mut self) {
-        self.breaches.forget();
+        self.violations.forget();
         self.torque.unarmed = 0;
         self.age.delivered = 0;
     }
@@ -171,24 +190,24 @@ impl Monitor {
 impl Tap for Monitor {
     fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
         self.keep(at, telegram);
-        self.order.on_heard(&self.sheet, at, (telegram.channel, &telegram.frame));
-        if let Some(Ok(heard)) = self.sheet.inbox.read(telegram) {
-            self.torque.on_tpdo(at, &heard);
-            self.order.on_tpdo(&heard);
-            self.grip.on_tpdo(&heard);
+        self.order.on_wire(&self.sheet, at, (telegram.channel, &telegram.frame));
+        if let Some(Ok(sample)) = self.sheet.inbox.read(telegram) {
+            self.torque.on_tpdo(at, &sample);
+            self.order.on_tpdo(&sample);
+            self.grip.on_tpdo(&sample);
         }
     }
 
     fn on_taken(&mut self, at: Instant, telegram: &Telegram) {
         let Telegram { channel, frame } = *telegram;
         self.age.on_taken(at, telegram);
-        let said = ((channel, &frame), self.order.are_proven(&self.sheet));
-        self.rhythm.on_taken(&self.sheet, at, said, &mut self.breaches);
+        let taken = ((channel, &frame), self.order.are_proven(&self.sheet));
+        self.rhythm.on_taken(&self.sheet, at, taken, &mut self.violations);
     }
 
     fn on_sent(&mut self, at: Instant, telegram: &Telegram) {
         self.keep(at, telegram);
-        let Self { sheet, torque, rhythm, order, age, breaches, .. } = self;
+        let Self { sheet, torque, rhythm, order, age, violations, .. } = self;
         let Telegram { channel, frame } = *telegram;
         let since = age.on_sent(at, telegram);
         if frame.cob_id == sync::COB_ID {
@@ -197,19 +216,19 @@ impl Tap for Monitor {
                 torque.on_sync();
             }
         }
-        rhythm.on_sent(sheet, (at, since), (channel, &frame), breaches);
-        order.on_sent(sheet, at, (channel, &frame), breaches);
+        rhythm.on_sent(sheet, (at, since), (channel, &frame), violations);
+        order.on_sent(sheet, at, (channel, &frame), violations);
         let Some((_, rpdo)) = sheet.rpdo(channel, &frame) else { return };
-        for told in rpdo.read(&frame) {
-            match told {
-                Told::Target(joint, target) => {
+        for command in rpdo.read(&frame) {
+            match command {
+                Command::Target(joint, target) => {
                     let is_off = order.is_off(joint);
                     age.on_target(sheet, (at, since), (joint, target));
-                    torque.on_target(sheet, (at, since), ((joint, target), is_off), breaches);
-                    order.on_target(sheet, at, (joint, target), breaches);
+                    torque.on_target(sheet, (at, since), ((joint, target), is_off), violations);
+                    order.on_target(sheet, at, (joint, target), violations);
                 }
-                Told::Controlword(joint, word) => {
-                    order.on_controlword(sheet, at, (joint, word), breaches);
+                Command::Controlword(joint, word) => {
+                    order.on_controlword(sheet, at, (joint, word), violations);
                 }
             }
         }

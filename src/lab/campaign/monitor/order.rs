@@ -1,7 +1,7 @@
-//! What the node does to whom, and in which order: I6, I8, I9 and I12.
+//! Order of the node's commands to each device: I6, I8, I9 and I12.
 
-use crate::campaign::monitor::law::Breaches;
-use crate::campaign::monitor::law::Law;
+use crate::campaign::monitor::invariant::Invariant;
+use crate::campaign::monitor::invariant::Violations;
 use crate::campaign::monitor::sheet::ERROR_CONTROL;
 use crate::campaign::monitor::sheet::Member;
 use crate::campaign::monitor::sheet::SDO_REPLY;
@@ -11,7 +11,7 @@ use canopen::NmtCommand;
 use canopen::drive::State;
 use canopen::emcy::Emergency;
 use canopen::error_codes;
-use canopen::exchange::Told as Heard;
+use canopen::exchange::Told as Sample;
 use canopen::frame::Channel;
 use canopen::frame::Frame;
 use canopen::nmt;
@@ -24,28 +24,28 @@ use units::time::Instant;
 /// Bits 0 to 3 of a controlword: enable operation.
 const ENABLE: u16 = 0x000F;
 
-/// What is known of each node.
+/// State of every node.
 #[derive(Clone, Debug)]
 pub(super) struct Order {
     nodes: Vec<Known>,
 }
 
-/// One node, as the bus has shown it.
+/// State of one node by its frames.
 #[derive(Clone, Debug, Default)]
 struct Known {
-    /// What it said of vendor, product and revision.
+    /// Vendor, product and revision that it has reported.
     identity: [Option<u32>; 3],
-    /// What was written into it and not read back yet, and the four bytes.
+    /// Objects written and not read back, with their four bytes.
     unread: Vec<(Object, [u8; 4])>,
-    /// What its server was asked for last.
-    asked: Option<Object>,
-    /// It was started by NMT.
+    /// Object of the last upload request.
+    requested: Option<Object>,
+    /// Whether it was started by NMT.
     is_started: bool,
-    /// The node itself has reset it, so that its next boot-up is no surprise.
+    /// Whether the master has reset it, so that its boot-up message is expected.
     is_reset: bool,
-    /// When it booted by itself.
+    /// Time at which it booted by itself.
     booted: Option<Instant>,
-    /// It has shown that it stops without RPDOs, and without heartbeats.
+    /// Whether it was proven to stop without RPDOs, and without heartbeats.
     proven: [bool; 2],
     state: Option<State>,
     target: i16,
@@ -53,16 +53,16 @@ struct Known {
 }
 
 impl Known {
-    /// Whether it has shown that it stops by every timer it has.
+    /// Returns whether it was proven to stop by every timer that it has.
     fn is_proven(&self, member: &Member) -> bool {
         member.watched.iter().zip(self.proven).all(|(must, has)| !must || has)
     }
 
-    /// Why it must not be started, if so.
+    /// Returns the reason for which it must not be started.
     fn unready(&self, member: &Member) -> Option<String> {
         let identity = member.identity;
         if self.identity != [identity.vendor, identity.product, identity.revision].map(Some) {
-            return Some("before it has said who it is".to_owned());
+            return Some("before its identity was read".to_owned());
         }
         let (object, _) = self.unread.first()?;
         Some(format!("before {object} was read back"))
@@ -74,26 +74,26 @@ impl Order {
         Self { nodes: vec![Known::default(); sheet.nodes.len()] }
     }
 
-    /// A frame of the node's.
+    /// Takes a frame of the node.
     pub(super) fn on_sent(
         &mut self,
         sheet: &Sheet,
         at: Instant,
         (channel, frame): (Channel, &Frame),
-        breaches: &mut Breaches,
+        violations: &mut Violations,
     ) {
         if !sheet.is_own(channel, frame) {
-            let what = format!("{frame} is none of the configuration's");
-            breaches.add(Law::OwnIdentifiers, at, what);
+            let what = format!("{frame} is not configured");
+            violations.add(Invariant::OwnIdentifiers, at, what);
         } else if frame.cob_id == nmt::COB_ID {
-            self.on_nmt(sheet, at, (channel, frame), breaches);
+            self.on_nmt(sheet, at, (channel, frame), violations);
         } else if let Some(node) = sheet.node(channel, frame.cob_id, SDO_REQUEST) {
-            self.on_request(sheet, at, (node, frame), breaches);
+            self.on_request(sheet, at, (node, frame), violations);
         }
     }
 
-    /// A frame of somebody else's.
-    pub(super) fn on_heard(
+    /// Takes a frame of a device.
+    pub(super) fn on_wire(
         &mut self,
         sheet: &Sheet,
         at: Instant,
@@ -101,39 +101,39 @@ impl Order {
     ) {
         if let Some(node) = sheet.node(channel, frame.cob_id, SDO_REPLY) {
             self.on_reply(node, frame);
-        } else if let Some(node) = sheet.crying(channel, frame.cob_id) {
+        } else if let Some(node) = sheet.emergency_producer(channel, frame.cob_id) {
             self.on_emergency(node, frame);
         } else if let Some(node) = sheet.node(channel, frame.cob_id, ERROR_CONTROL)
             && frame.data() == [0]
             && let Some(known) = self.nodes.get_mut(node.0)
         {
-            // Who was reset after it had said who it is, is still the same.
+            // A reset by the master does not change the identity.
             let identity = if known.is_reset { known.identity } else { [None; 3] };
             let booted = known.is_started.then_some(at);
             *known = Known { identity, booted, ..Known::default() };
         }
     }
 
-    /// What a TPDO says of its drive's state.
-    pub(super) fn on_tpdo(&mut self, heard: &Heard) {
-        if let Some((known, word)) = self.nodes.get_mut(heard.node.0).zip(heard.statusword) {
+    /// Takes a TPDO with a statusword.
+    pub(super) fn on_tpdo(&mut self, sample: &Sample) {
+        if let Some((known, word)) = self.nodes.get_mut(sample.node.0).zip(sample.statusword) {
             known.state = word.state();
         }
     }
 
-    /// Whether a drive has said that it acts on no target.
+    /// Returns whether a drive reports that it acts on no target.
     pub(super) fn is_off(&self, joint: Joint) -> bool {
         let state = self.nodes.get(joint.index()).and_then(|known| known.state);
         state.is_some_and(|state| state != State::OperationEnabled)
     }
 
-    /// Whether every drive has shown that it stops by itself.
+    /// Returns whether every drive was proven to stop by itself.
     pub(super) fn are_proven(&self, sheet: &Sheet) -> bool {
         let mut drives = self.nodes.iter().zip(&sheet.nodes).take(6);
         drives.all(|(known, member)| known.is_proven(member))
     }
 
-    /// A drive that cries because its master is silent has shown that it notices.
+    /// Takes an emergency message: one because of a silent master proves the timer.
     fn on_emergency(&mut self, node: NodeIndex, frame: &Frame) {
         let Some((known, emergency)) =
             self.nodes.get_mut(node.0).zip(Emergency::decode(frame.data()))
@@ -147,13 +147,13 @@ impl Order {
         }
     }
 
-    /// A target. I6: there is none before its drive has shown that it stops by itself.
+    /// Takes a target. I6: none before its drive was proven to stop by itself.
     pub(super) fn on_target(
         &mut self,
         sheet: &Sheet,
         at: Instant,
         (joint, target): (Joint, i16),
-        breaches: &mut Breaches,
+        violations: &mut Violations,
     ) {
         let Some((known, member)) =
             self.nodes.get_mut(joint.index()).zip(sheet.nodes.get(joint.index()))
@@ -163,30 +163,30 @@ impl Order {
         known.target = target;
         let is_on_its_way = known.booted.is_some_and(|booted| at <= booted + sheet.period * 2);
         if target != 0 && !known.is_proven(member) && !is_on_its_way {
-            let what = format!("joint {joint} is told {target} per mille, not proven");
-            breaches.add(Law::KnownFirst, at, what);
+            let what = format!("joint {joint}: target {target} per mille, not proven");
+            violations.add(Invariant::KnownFirst, at, what);
         }
     }
 
-    /// A controlword. I6, and the second step of I12.
+    /// Takes a controlword. I6, and the second step of I12.
     pub(super) fn on_controlword(
         &mut self,
         sheet: &Sheet,
         at: Instant,
         (joint, word): (Joint, u16),
-        breaches: &mut Breaches,
+        violations: &mut Violations,
     ) {
         let Some(known) = self.nodes.get_mut(joint.index()) else { return };
         let before = std::mem::replace(&mut known.controlword, word);
-        // What was on its way when it booted cannot be taken back.
+        // A frame on its way when the drive booted cannot be recalled.
         let is_on_its_way = known.booted.is_some_and(|booted| at <= booted + sheet.period * 2);
         if is_enabling(word) && !known.is_started && !is_on_its_way {
             let what = format!("joint {joint} is enabled before it was started");
-            breaches.add(Law::KnownFirst, at, what);
+            violations.add(Invariant::KnownFirst, at, what);
         }
         if is_enabling(before) && !is_enabling(word) && known.target != 0 {
             let what = format!("joint {joint} is disabled at {} per mille", known.target);
-            breaches.add(Law::Shutdown, at, what);
+            violations.add(Invariant::Shutdown, at, what);
         }
     }
 
@@ -195,7 +195,7 @@ impl Order {
         sheet: &Sheet,
         at: Instant,
         (channel, frame): (Channel, &Frame),
-        breaches: &mut Breaches,
+        violations: &mut Violations,
     ) {
         let Some(Nmt { command, node }) = Nmt::decode(frame) else { return };
         for (member, known) in sheet.nodes.iter().zip(&mut self.nodes) {
@@ -206,7 +206,7 @@ impl Order {
                 NmtCommand::StartRemoteNode => {
                     if let Some(why) = known.unready(member).filter(|_| !known.is_started) {
                         let what = format!("node {} is started {why}", member.node.raw());
-                        breaches.add(Law::KnownFirst, at, what);
+                        violations.add(Invariant::KnownFirst, at, what);
                     }
                     known.is_started = true;
                 }
@@ -217,7 +217,7 @@ impl Order {
                     if known.target != 0 || is_enabling(known.controlword) {
                         let what =
                             format!("node {}: {} before it was off", member.node.raw(), frame);
-                        breaches.add(Law::Shutdown, at, what);
+                        violations.add(Invariant::Shutdown, at, what);
                     }
                     known.is_started = false;
                     known.is_reset |= is_reset(command);
@@ -226,13 +226,13 @@ impl Order {
         }
     }
 
-    /// A request to an SDO server: what is written must be read back, and not while it is enabled.
+    /// Takes an SDO request. Downloads must be read back, and none go to an enabled drive.
     fn on_request(
         &mut self,
         sheet: &Sheet,
         at: Instant,
         (node, frame): (NodeIndex, &Frame),
-        breaches: &mut Breaches,
+        violations: &mut Violations,
     ) {
         let Some((known, member)) = self.nodes.get_mut(node.0).zip(sheet.nodes.get(node.0)) else {
             return;
@@ -240,15 +240,15 @@ impl Order {
         let &[command, low, high, sub, a, b, c, d] = frame.data() else { return };
         let object = Object { index: u16::from_le_bytes([low, high]), sub };
         match command & SPECIFIER {
-            UPLOAD => known.asked = Some(object),
+            UPLOAD => known.requested = Some(object),
             DOWNLOAD => {
                 let is_enabled = known.state == Some(State::OperationEnabled) && known.is_started;
                 if is_enabled && !is_power_off(object, [a, b]) {
                     let what = format!("{object} of node {} is written", member.node.raw());
-                    breaches.add(Law::HandsOff, at, what);
+                    violations.add(Invariant::HandsOff, at, what);
                 }
                 known.unread.retain(|(other, _)| *other != object);
-                if !is_order(object) {
+                if !is_command(object) {
                     known.unread.push((object, [a, b, c, d]));
                 }
             }
@@ -261,17 +261,19 @@ impl Order {
         let &[command, low, high, sub, a, b, c, d] = frame.data() else { return };
         let object = Object { index: u16::from_le_bytes([low, high]), sub };
         if command & SPECIFIER == ABORT {
-            // What was refused does not stand there; whether that may be is the node's to know.
+            // An aborted download changed nothing.
             known.unread.retain(|(other, _)| *other != object);
         }
-        if command & SPECIFIER != UPLOAD || known.asked != Some(object) {
+        if command & SPECIFIER != UPLOAD || known.requested != Some(object) {
             return;
         }
         let value = [a, b, c, d];
         known.unread.retain(|(other, written)| *other != object || !is_taken(*written, value));
         let objects = [Object::VENDOR_ID, Object::PRODUCT_CODE, Object::REVISION];
-        for (said, _) in known.identity.iter_mut().zip(objects).filter(|(_, one)| *one == object) {
-            *said = Some(u32::from_le_bytes(value));
+        for (value_read, _) in
+            known.identity.iter_mut().zip(objects).filter(|(_, one)| *one == object)
+        {
+            *value_read = Some(u32::from_le_bytes(value));
         }
     }
 }
@@ -280,20 +282,20 @@ impl Order {
 const SPECIFIER: u8 = 0b1110_0000;
 const DOWNLOAD: u8 = 0b0010_0000;
 const ABORT: u8 = 0b1000_0000;
-/// Asked for, and answered.
+/// Upload: request and response.
 const UPLOAD: u8 = 0b0100_0000;
 
-/// Whether a node has taken what was written. Of a PDO that is switched off the identifier does not matter.
+/// Returns whether the value read is the one written. The COB-ID of an invalid PDO does not matter.
 const fn is_taken(written: [u8; 4], read: [u8; 4]) -> bool {
     let is_off = written[3] & read[3] & INVALID != 0;
     is_off || u32::from_le_bytes(written) == u32::from_le_bytes(read)
 }
 
-/// Bit 31 of a COB-ID, in its last byte: it does not exist (CiA 301, 7.5.2.35).
+/// Bit 31 of a COB-ID, in its last byte: invalid (CiA 301, 7.5.2.35).
 const INVALID: u8 = 0x80;
 
-/// All that may be written into a drive that is enabled: a controlword without voltage (CiA 402, bit 1), for
-/// one that hears no SYNC any more.
+/// Returns whether a download may go to an enabled drive: a controlword without voltage (CiA 402, bit 1), for one
+/// that receives no SYNC.
 fn is_power_off(object: Object, word: [u8; 2]) -> bool {
     object == Object::CONTROLWORD && u16::from_le_bytes(word) & VOLTAGE == 0
 }
@@ -301,8 +303,8 @@ fn is_power_off(object: Object, word: [u8; 2]) -> bool {
 /// Bit 1 of a controlword: enable voltage.
 const VOLTAGE: u16 = 0x0002;
 
-/// Written to make something happen, not to stand there.
-fn is_order(object: Object) -> bool {
+/// Returns whether an object is a command, whose value is not stored.
+fn is_command(object: Object) -> bool {
     let orders = [
         Object::STORE_PARAMETERS,
         Object::RESTORE_DEFAULTS,

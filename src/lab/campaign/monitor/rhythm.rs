@@ -1,40 +1,39 @@
-//! When the node speaks: I5, I7 and I10.
+//! Times of the node's frames: I5, I7 and I10.
 
 use std::time::Duration;
 
-use crate::campaign::monitor::law::Breaches;
-use crate::campaign::monitor::law::Law;
+use crate::campaign::monitor::invariant::Invariant;
+use crate::campaign::monitor::invariant::Violations;
+use crate::campaign::monitor::sheet::Command;
 use crate::campaign::monitor::sheet::Sheet;
-use crate::campaign::monitor::sheet::Told;
 use canopen::frame::Channel;
 use canopen::frame::Frame;
 use canopen::sync;
 use units::time::Instant;
 
-/// So many SYNCs are remembered.
+/// Number of SYNCs that are remembered.
 const REMEMBERED: usize = 10;
 
-/// A heartbeat belongs to a cycle: so many periods after its SYNC it is none of this one's.
-const ALIVE: u32 = 2;
+/// Most periods from the SYNC of a cycle to its heartbeat.
+const MAX_HEARTBEAT_PERIODS: u32 = 2;
 
-/// What was heard of the rhythm.
+/// Times of SYNCs and RPDOs.
 #[derive(Clone, Debug)]
 pub(super) struct Rhythm {
     buses: Vec<Beat>,
-    /// How often each RPDO came since the last SYNC of its bus.
+    /// Number of each RPDO since the last SYNC of its bus.
     came: Vec<u32>,
-    /// Nobody's fault, or not altogether.
-    excuses: Vec<Excuse>,
-    /// When the last SYNC of each bus was given away.
+    exemptions: Vec<Exemption>,
+    /// Time at which the last SYNC of each bus was sent.
     given: Vec<Option<Instant>>,
 }
 
-/// What is broken, so that targets do not come, or late.
+/// An exemption from I5: targets may be missing or late.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Excuse {
-    /// A bus, from then on: what is on its wire, and when, is not the node's doing.
+pub enum Exemption {
+    /// A bus, from this time on: the times of its frames are not the node's.
     Bus(Channel, Instant),
-    /// The process, from then until then. What it says late must be zero.
+    /// The process, in this interval. Late targets must be zero.
     Process(Instant, Instant),
 }
 
@@ -55,75 +54,80 @@ impl Rhythm {
         Self {
             buses: vec![Beat::default(); buses],
             came: vec![0; sheet.rpdos.len()],
-            excuses: Vec::new(),
+            exemptions: Vec::new(),
             given: vec![None; buses],
         }
     }
 
-    /// Targets may be missing, but never come in bursts.
-    pub(super) fn excuse(&mut self, excuse: Excuse) {
-        self.excuses.push(excuse);
+    /// Exempts a bus or the process from I5; I10 holds all the same.
+    pub(super) fn exempt(&mut self, exemption: Exemption) {
+        self.exemptions.push(exemption);
     }
 
-    /// A bus has taken a frame. I7: a heartbeat has the SYNC of its cycle before it, once `is_proven` that
-    /// the drives stop by themselves: to prove that, the node keeps its SYNCs back.
+    /// Takes a frame that a bus has accepted. I7: a heartbeat follows the SYNC of its cycle, once `is_proven` that the
+    /// drives stop by themselves: for the proof test, the node withholds its SYNCs.
     pub(super) fn on_taken(
         &mut self,
         sheet: &Sheet,
         at: Instant,
         ((channel, frame), is_proven): ((Channel, &Frame), bool),
-        breaches: &mut Breaches,
+        violations: &mut Violations,
     ) {
         let Some(given) = self.given.get_mut(usize::from(channel.0)) else { return };
         if frame.cob_id == sync::COB_ID {
             *given = Some(at);
         } else if frame.cob_id == sheet.heartbeat
             && is_proven
-            && given.is_none_or(|given| at.since(given) > sheet.period * ALIVE)
+            && given.is_none_or(|given| at.since(given) > sheet.period * MAX_HEARTBEAT_PERIODS)
         {
-            breaches.add(Law::Heartbeat, at, "a heartbeat without a SYNC before it".to_owned());
+            violations.add(
+                Invariant::Heartbeat,
+                at,
+                "a heartbeat without a SYNC before it".to_owned(),
+            );
         }
     }
 
-    /// A frame on the wire at `at` that was given away at `since`.
+    /// Takes a frame on the wire at `at` that was sent at `since`.
     pub(super) fn on_sent(
         &mut self,
         sheet: &Sheet,
         (at, since): (Instant, Instant),
         (channel, frame): (Channel, &Frame),
-        breaches: &mut Breaches,
+        violations: &mut Violations,
     ) {
         if frame.cob_id == sync::COB_ID {
-            self.sync(sheet, at, channel, breaches);
+            self.sync(sheet, at, channel, violations);
         } else if let Some((place, rpdo)) = sheet.rpdo(channel, frame)
             && rpdo.is_cyclic
         {
             let after = self.since_sync(channel, since);
             let late = after.is_none_or(|after| after > late(sheet.period));
-            let asks =
-                rpdo.read(frame).any(|told| matches!(told, Told::Target(_, target) if target != 0));
-            let is_excused = match self.excuse_of(at, channel) {
-                Some(Excuse::Bus(..)) => true,
-                Some(Excuse::Process(..)) => !asks,
+            let asks = rpdo
+                .read(frame)
+                .any(|one| matches!(one, Command::Target(_, target) if target != 0));
+            let is_exempt = match self.exemption(at, channel) {
+                Some(Exemption::Bus(..)) => true,
+                Some(Exemption::Process(..)) => !asks,
                 None => false,
             };
-            if late && !is_excused {
+            if late && !is_exempt {
                 let what = format!("{frame} comes more than half a period late");
-                breaches.add(Law::OncePerSync, at, what);
+                violations.add(Invariant::OncePerSync, at, what);
             }
             self.came.iter_mut().skip(place).take(1).for_each(|came| *came += 1);
         }
     }
 
-    /// I5 of the cycle that is over, and I10.
-    fn sync(&mut self, sheet: &Sheet, at: Instant, channel: Channel, breaches: &mut Breaches) {
-        let is_excused = self.excuse_of(at, channel).is_some();
+    /// Checks I5 of the last cycle, and I10.
+    fn sync(&mut self, sheet: &Sheet, at: Instant, channel: Channel, violations: &mut Violations) {
+        let is_exempt = self.exemption(at, channel).is_some();
         let Some(beat) = self.buses.get_mut(usize::from(channel.0)) else { return };
         let rpdos = sheet.rpdos.iter().zip(&mut self.came);
         for (rpdo, came) in rpdos.filter(|(rpdo, _)| rpdo.channel == channel && rpdo.is_cyclic) {
-            if *came != 1 && beat.latest().is_some() && !is_excused {
+            if *came != 1 && beat.latest().is_some() && !is_exempt {
                 let what = format!("{:03X}h came {came} times after one SYNC", rpdo.cob_id);
-                breaches.add(Law::OncePerSync, at, what);
+                violations.add(Invariant::OncePerSync, at, what);
             }
             *came = 0;
         }
@@ -131,9 +135,9 @@ impl Rhythm {
         for before in beat.last.iter().rev() {
             periods += 1;
             let Some(before) = before else { break };
-            if at.since(*before) <= least(sheet.period, periods) {
+            if at.since(*before) <= burst_time(sheet.period, periods) {
                 let what = format!("{} SYNCs within {:?}", periods + 1, at.since(*before));
-                breaches.add(Law::NoBurst, at, what);
+                violations.add(Invariant::NoBurst, at, what);
                 break;
             }
         }
@@ -146,26 +150,25 @@ impl Rhythm {
         Some(at.since(latest))
     }
 
-    fn excuse_of(&self, at: Instant, channel: Channel) -> Option<Excuse> {
-        let is_it = |excuse: &&Excuse| match **excuse {
-            Excuse::Bus(bus, from) => bus == channel && at >= from,
-            Excuse::Process(from, until) => at >= from && at <= until,
+    fn exemption(&self, at: Instant, channel: Channel) -> Option<Exemption> {
+        let is_it = |exemption: &&Exemption| match **exemption {
+            Exemption::Bus(bus, from) => bus == channel && at >= from,
+            Exemption::Process(from, until) => at >= from && at <= until,
         };
-        self.excuses.iter().find(is_it).copied()
+        self.exemptions.iter().find(is_it).copied()
     }
 }
 
-/// SYNCs that each have a period of their own are not so near each other: one is less than a period late. Two
-/// of them are given away half a period apart at least; the first may have had to wait for what else a loop
-/// says that stood still: six targets of zero, a quarter of a period.
-fn least(period: Duration, periods: u32) -> Duration {
+/// Returns the time below which SYNCs `periods` apart are a burst. One may be nearly a period late. Two are sent at
+/// least half a period apart, of which six late targets of zero may take a quarter.
+fn burst_time(period: Duration, periods: u32) -> Duration {
     match periods {
         0 | 1 => period / 4,
         periods => period * (periods - 1),
     }
 }
 
-/// Half a period late is as late as may be.
+/// Returns the latest time of a target after its SYNC: half a period late.
 fn late(period: Duration) -> Duration {
     period + period / 2
 }

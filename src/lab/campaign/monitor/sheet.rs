@@ -1,4 +1,4 @@
-//! What the monitor knows of a network: its own reading of the configuration, made once.
+//! The configuration of a network, as the monitor reads it by itself, once.
 
 use std::time::Duration;
 
@@ -17,26 +17,27 @@ use canopen::plan::NodePlan;
 use canopen::sync;
 use canopen::time_stamp;
 use canopen::watchdog::Awaited;
+use config::Actuator;
 use config::Config;
-use controller::calibration::TorqueCurve;
+use sim::actuator::TorqueCurve;
 use sim::arm::Arm;
 use sim::arm::Joints;
 use units::drive::Counts;
 use units::numbering::Joint;
 use units::numbering::NodeIndex;
 
-/// Of the predefined connection set (CiA 301, 7.3.3).
+/// COB-ID of an SDO request, before the node-ID is added (CiA 301, 7.3.3).
 pub(super) const SDO_REQUEST: u16 = 0x600;
-/// The answers.
+/// COB-ID of an SDO response.
 pub(super) const SDO_REPLY: u16 = 0x580;
-/// Heartbeat, boot-up, and guarding.
+/// COB-ID of heartbeat, boot-up message and node guarding.
 pub(super) const ERROR_CONTROL: u16 = 0x700;
 
-/// A network as its configuration means it.
+/// A network by its configuration.
 #[derive(Debug)]
 pub(super) struct Sheet {
     pub(super) period: Duration,
-    /// What TPDOs say.
+    /// The TPDOs of all nodes.
     pub(super) inbox: Inbox,
     pub(super) rpdos: Vec<Rpdo>,
     /// The joints' drives, then the switch box.
@@ -44,7 +45,7 @@ pub(super) struct Sheet {
     pub(super) joints: [JointSheet; 6],
     /// The master's own heartbeat.
     pub(super) heartbeat: u16,
-    /// What the node may send, and where.
+    /// Buses and COB-IDs of all frames that the node may send.
     own: Vec<(Channel, u16)>,
     config: Config,
     arm: Arm,
@@ -56,31 +57,35 @@ pub(super) struct Member {
     pub(super) channel: Channel,
     pub(super) node: NodeId,
     pub(super) identity: Identity,
-    /// Its emergencies.
+    /// COB-ID of its emergency messages.
     pub(super) emergency: u16,
-    /// Whether it stops without RPDOs, and without heartbeats.
+    /// Whether it stops by itself without RPDOs, and without heartbeats.
     pub(super) watched: [bool; 2],
 }
 
-/// What bounds one joint's target.
+/// Bounds of one joint's target.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct JointSheet {
-    /// The most, in ‰ of rated torque.
+    /// Largest target, in ‰ of rated torque.
     pub(super) cap: i16,
-    /// The most it may grow in a cycle, in N·m (N).
+    /// Largest growth in a cycle, in N·m (N).
     pub(super) growth: f64,
+    /// Largest torque, in N·m (N).
+    pub(super) capacity: f64,
+    /// Largest torque of one ‰, in N·m (N).
+    pub(super) resolution: f64,
     curve: TorqueCurve,
     range: [f64; 2],
 }
 
-/// A frame that tells drives something.
+/// An RPDO with commands of drives.
 #[derive(Clone, Debug)]
 pub(super) struct Rpdo {
     pub(super) channel: Channel,
     pub(super) cob_id: u16,
-    /// It comes once for each SYNC.
+    /// Whether it is sent once for each SYNC.
     pub(super) is_cyclic: bool,
-    /// Joint, what, and from which bit on; targets first.
+    /// Joint, object and first bit of each command; targets first.
     fields: Vec<(Joint, Object, u32)>,
 }
 
@@ -106,14 +111,16 @@ impl Sheet {
         let joints = config.joints.each_ref().map(|joint| JointSheet {
             cap: joint.calibration.max_target().0,
             growth: growth.next().unwrap_or(f64::INFINITY),
-            curve: *joint.calibration.curve(),
+            capacity: joint.plant.actuator.max_torque,
+            resolution: resolution(&joint.plant.actuator),
+            curve: TorqueCurve::new(&world::actuator(&joint.plant.actuator)),
             range: joint.plant.link.range,
         });
         let (arm, config) = (world::arm(&config.plant()), config.clone());
         Self { period: config.period, inbox, rpdos, nodes, joints, heartbeat, own, config, arm }
     }
 
-    /// Whether the node may send this at all. A remote frame is how it guards one of its nodes.
+    /// Returns whether the node may send this frame. By a remote frame it guards one of its nodes.
     pub(super) fn is_own(&self, channel: Channel, frame: &Frame) -> bool {
         if frame.is_remote() {
             let guarded = |member: &Member| ERROR_CONTROL + u16::from(member.node.raw());
@@ -124,14 +131,14 @@ impl Sheet {
         self.own.contains(&(channel, frame.cob_id))
     }
 
-    /// The frame of targets or controlwords this is, and its place among them.
+    /// Returns the RPDO with this frame's COB-ID, and its index.
     pub(super) fn rpdo(&self, channel: Channel, frame: &Frame) -> Option<(usize, &Rpdo)> {
         let is_it =
             |(_, rpdo): &(usize, &Rpdo)| rpdo.channel == channel && rpdo.cob_id == frame.cob_id;
         self.rpdos.iter().enumerate().find(is_it)
     }
 
-    /// The node with this identifier behind `base`.
+    /// Returns the node with this COB-ID, which is `base` plus node-ID.
     pub(super) fn node(&self, channel: Channel, cob_id: u16, base: u16) -> Option<NodeIndex> {
         let is_it = |member: &Member| {
             member.channel == channel && base + u16::from(member.node.raw()) == cob_id
@@ -139,14 +146,14 @@ impl Sheet {
         self.nodes.iter().position(is_it).map(NodeIndex)
     }
 
-    /// The node whose emergency this is.
-    pub(super) fn crying(&self, channel: Channel, cob_id: u16) -> Option<NodeIndex> {
+    /// Returns the node with this COB-ID of emergency messages.
+    pub(super) fn emergency_producer(&self, channel: Channel, cob_id: u16) -> Option<NodeIndex> {
         let is_it = |member: &Member| member.channel == channel && member.emergency == cob_id;
         self.nodes.iter().position(is_it).map(NodeIndex)
     }
 
-    /// What carries the arm where the drives say it is, at the actuators in N·m (N), and which joints are
-    /// near an end of their range.
+    /// Returns the torques that carry the arm at these positions, at the actuators in N·m (N), and whether each joint
+    /// is near an end of its range.
     pub(super) fn weight(&self, counts: &[i32; 6]) -> ([f64; 6], [bool; 6]) {
         let calibration = &self.config.controller.calibration;
         let q = calibration.positions(&counts.map(Counts));
@@ -162,7 +169,7 @@ impl Sheet {
     }
 }
 
-/// Soft stops act within this part of a range, or less.
+/// Share of a range in which soft stops may act.
 const NEAR: f64 = 0.06;
 
 impl Member {
@@ -180,42 +187,44 @@ impl Member {
 }
 
 impl JointSheet {
-    /// The torque of a target, in N·m (N), without its sign.
+    /// Returns the magnitude of a target's torque, in N·m (N).
     pub(super) fn torque(&self, target: i16) -> f64 {
         self.curve.torque(f64::from(target)).abs()
     }
-
-    /// The torque of its largest target.
-    pub(super) const fn capacity(&self) -> f64 {
-        self.curve.max_torque()
-    }
-
-    /// What a target cannot resolve, at its coarsest.
-    pub(super) fn resolution(&self) -> f64 {
-        let (least, _) = self.curve.least_slope();
-        1.0 / least
-    }
 }
 
+/// Returns the largest torque of one ‰ on `c1 t + c3 t³ + c5 t⁵`: the inverse of its least slope.
+fn resolution(actuator: &Actuator) -> f64 {
+    let ([c1, c3, c5], max) = (actuator.torque_curve, actuator.max_torque);
+    let slope = |step: u32| {
+        let squared = (max * f64::from(step) / f64::from(STEPS)).powi(2);
+        c1 + 3.0 * c3 * squared + 5.0 * c5 * squared.powi(2)
+    };
+    1.0 / (0..=STEPS).map(slope).fold(f64::INFINITY, f64::min)
+}
+
+/// Number of steps of a torque curve at which its slope is read.
+const STEPS: u32 = 1_000;
+
 impl Rpdo {
-    /// What it tells whom: targets first.
-    pub(super) fn read<'a>(&'a self, frame: &'a Frame) -> impl Iterator<Item = Told> + 'a {
+    /// Returns its commands, targets first.
+    pub(super) fn read<'a>(&'a self, frame: &'a Frame) -> impl Iterator<Item = Command> + 'a {
         let content = frame.data().iter().rev();
         let content = content.fold(0_u64, |content, byte| content << 8 | u64::from(*byte));
         self.fields.iter().map(move |(joint, object, shift)| {
             let [low, high, ..] = content.unbounded_shr(*shift).to_le_bytes();
             let word = u16::from_le_bytes([low, high]);
             match *object == Object::TARGET_TORQUE {
-                true => Told::Target(*joint, i16::from_le_bytes([low, high])),
-                false => Told::Controlword(*joint, word),
+                true => Command::Target(*joint, i16::from_le_bytes([low, high])),
+                false => Command::Controlword(*joint, word),
             }
         })
     }
 }
 
-/// Something a drive is told.
+/// A command of a drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Told {
+pub(super) enum Command {
     Target(Joint, i16),
     Controlword(Joint, u16),
 }
@@ -247,7 +256,7 @@ fn is_same(rpdo: &Rpdo, channel: Channel, pdo: &Pdo) -> bool {
     (rpdo.channel, rpdo.cob_id) == (channel, pdo.cob_id)
 }
 
-/// Targets and controlwords of a mapping, with the bit each begins at.
+/// Returns targets and controlwords of a mapping, with the first bit of each.
 fn fields(joint: Joint, mapping: &[Mapped]) -> impl Iterator<Item = (Joint, Object, u32)> {
     let mut shift = 0;
     mapping.iter().filter_map(move |mapped| {

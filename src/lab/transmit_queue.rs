@@ -1,9 +1,8 @@
-//! What devices have said and a bus has not taken yet: kept short, sent as real devices would.
+//! Frames of devices that a bus has not accepted yet, sent in the order of real devices.
 //!
-//! A real device keeps a frame until the bus has taken it, and the lowest identifier goes first. So does
-//! this, up to a bound: a socket's queue is shorter than a sub-block of 127 segments, which a device says
-//! at once (CiA 301, 7.2.4.3), and a TPDO does not wait behind them. While nothing waits, everything goes
-//! out in the order in which it was said.
+//! A real device keeps a frame until the bus accepts it, and the lowest COB-ID is sent first. So does this queue, up to
+//! a bound: a socket's queue is shorter than a sub-block of 127 segments, which a device sends at once (CiA 301,
+//! 7.2.4.3), and a TPDO must not wait behind them. While the queue is empty, frames are sent in their order.
 
 use std::collections::VecDeque;
 
@@ -12,44 +11,44 @@ use bus::SendError;
 use canopen::frame::Channel;
 use canopen::frame::Telegram;
 
-/// Room for a whole sub-block of each of six drives, and what else is said meanwhile.
-const ROOM: usize = 1_024;
+/// Capacity: a sub-block of each of six drives, and their other frames meanwhile.
+const CAPACITY: usize = 1_024;
 
 /// The interface of a bus is down or gone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Down(pub Channel);
 
-/// What waits to be sent: the lowest identifier first, then the oldest.
+/// Frames to be sent: the lowest COB-ID first, then the oldest.
 #[derive(Debug)]
-pub(super) struct Outbox {
+pub(super) struct TransmitQueue {
     waiting: VecDeque<Telegram>,
-    /// Buses that have just refused a frame.
+    /// Buses that refused a frame in this call.
     full: Vec<Channel>,
     lost: u64,
 }
 
-impl Outbox {
-    /// Nothing to send.
+impl TransmitQueue {
+    /// An empty queue.
     pub(super) fn new() -> Self {
-        Self { waiting: VecDeque::with_capacity(ROOM), full: Vec::new(), lost: 0 }
+        Self { waiting: VecDeque::with_capacity(CAPACITY), full: Vec::new(), lost: 0 }
     }
 
-    /// Whether nothing waits.
+    /// Returns whether no frame waits.
     pub(super) fn is_empty(&self) -> bool {
         self.waiting.is_empty()
     }
 
-    /// Sends what was `said` and what waits, as far as the buses take it. What finds no room is lost.
+    /// Sends `frames` and the waiting ones, as far as the buses accept them. Frames beyond the capacity are lost.
     ///
     /// # Errors
-    /// A bus whose interface is down; what is said to it is lost.
+    /// A bus whose interface is down; its frames are lost.
     pub(super) fn send<B: Bus>(
         &mut self,
         bus: &mut B,
-        said: &mut Vec<Telegram>,
+        frames: &mut Vec<Telegram>,
     ) -> Result<(), Down> {
         let mut down = None;
-        for telegram in said.drain(..) {
+        for telegram in frames.drain(..) {
             let is_behind = self.waiting.iter().any(|other| other.channel == telegram.channel);
             if is_behind || is_refused(bus, telegram, &mut down) {
                 self.keep(telegram);
@@ -69,13 +68,13 @@ impl Outbox {
     }
 
     fn keep(&mut self, telegram: Telegram) {
-        if self.waiting.len() < ROOM {
+        if self.waiting.len() < CAPACITY {
             let id = telegram.frame.cob_id;
             let place = self.waiting.partition_point(|other| other.frame.cob_id <= id);
             self.waiting.insert(place, telegram);
         } else {
             if self.lost == 0 {
-                tracing::warn!("a bus takes no more frames: what its devices say is lost");
+                tracing::warn!("a bus accepts no more frames: those of its devices are lost");
             }
             self.lost += 1;
             tracing::debug!(frame = %telegram.frame, lost = self.lost, "not sent");
@@ -83,7 +82,7 @@ impl Outbox {
     }
 }
 
-/// Whether a bus has no room for a frame now. One that is down takes none, ever.
+/// Returns whether a bus refuses a frame for now. A bus that is down loses it.
 fn is_refused<B: Bus>(bus: &mut B, telegram: Telegram, down: &mut Option<Down>) -> bool {
     match bus.send(telegram) {
         Ok(()) => false,
@@ -106,7 +105,7 @@ mod tests {
     use canopen::frame::Frame;
     use units::time::Instant;
 
-    /// Takes so many frames on each of its buses before it is full.
+    /// Accepts a number of frames on each of its buses before it is full.
     #[derive(Default)]
     struct Narrow {
         room: [usize; 2],
@@ -135,12 +134,12 @@ mod tests {
         }
     }
 
-    fn said(channel: u8, cob_id: u16, number: u16) -> Telegram {
+    fn telegram(channel: u8, cob_id: u16, number: u16) -> Telegram {
         let frame = Frame::new(cob_id, number.to_le_bytes());
         Telegram { channel: Channel(channel), frame }
     }
 
-    /// Numbers of what was sent on a bus with an identifier.
+    /// Returns the numbers of the frames sent on a bus with a COB-ID.
     fn numbers(bus: &Narrow, channel: u8, cob_id: u16) -> Vec<u16> {
         let theirs = bus.sent.iter().filter(|telegram| {
             telegram.channel == Channel(channel) && telegram.frame.cob_id == cob_id
@@ -149,62 +148,65 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_sub_block_gets_out_of_a_queue_of_ten() {
-        let (mut bus, mut outbox) = (Narrow::default(), Outbox::new());
-        let mut block = (0..127).map(|number| said(0, 0x583, number)).collect();
+    fn whole_sub_block_passes_a_queue_of_ten() {
+        let (mut bus, mut queue) = (Narrow::default(), TransmitQueue::new());
+        let mut block = (0..127).map(|number| telegram(0, 0x583, number)).collect();
         while bus.sent.len() < 127 {
             bus.room = [10, 10];
             let before = bus.sent.len();
-            outbox.send(&mut bus, &mut block).unwrap();
+            queue.send(&mut bus, &mut block).unwrap();
             assert!(bus.sent.len() > before);
         }
-        assert!(outbox.is_empty());
+        assert!(queue.is_empty());
         assert_eq!(numbers(&bus, 0, 0x583), (0..127).collect::<Vec<_>>());
     }
 
     #[test]
-    fn a_tpdo_goes_before_the_segments_that_wait_and_one_full_bus_does_not_hold_up_another() {
-        let (mut bus, mut outbox) = (Narrow { room: [1, 9], ..Narrow::default() }, Outbox::new());
-        outbox.send(&mut bus, &mut (0..5).map(|number| said(0, 0x583, number)).collect()).unwrap();
-        outbox.send(&mut bus, &mut vec![said(0, 0x183, 7), said(1, 0x583, 8)]).unwrap();
+    fn tpdo_overtakes_segments_and_a_full_bus_blocks_no_other() {
+        let (mut bus, mut queue) =
+            (Narrow { room: [1, 9], ..Narrow::default() }, TransmitQueue::new());
+        queue
+            .send(&mut bus, &mut (0..5).map(|number| telegram(0, 0x583, number)).collect())
+            .unwrap();
+        queue.send(&mut bus, &mut vec![telegram(0, 0x183, 7), telegram(1, 0x583, 8)]).unwrap();
         assert_eq!(numbers(&bus, 1, 0x583), [8]);
         bus.room = [9, 9];
-        outbox.send(&mut bus, &mut Vec::new()).unwrap();
+        queue.send(&mut bus, &mut Vec::new()).unwrap();
         let ids: Vec<u16> = bus.sent.iter().map(|telegram| telegram.frame.cob_id).collect();
         assert_eq!(ids, [0x583, 0x583, 0x183, 0x583, 0x583, 0x583, 0x583]);
     }
 
     #[test]
-    fn what_a_bus_never_takes_ends_at_the_bound_and_what_is_down_is_not_kept() {
-        let (mut bus, mut outbox) = (Narrow::default(), Outbox::new());
+    fn queue_is_bounded_and_keeps_nothing_for_a_bus_that_is_down() {
+        let (mut bus, mut queue) = (Narrow::default(), TransmitQueue::new());
         for number in 0..3_000 {
-            let sent =
-                outbox.send(&mut bus, &mut vec![said(0, 0x183, number), said(7, 0x183, number)]);
+            let sent = queue
+                .send(&mut bus, &mut vec![telegram(0, 0x183, number), telegram(7, 0x183, number)]);
             assert_eq!(sent, Err(Down(Channel(7))));
         }
-        assert_eq!((outbox.waiting.len(), outbox.lost), (ROOM, 3_000 - 1_024));
-        assert!(outbox.waiting.iter().all(|telegram| telegram.channel == Channel(0)));
+        assert_eq!((queue.waiting.len(), queue.lost), (CAPACITY, 3_000 - 1_024));
+        assert!(queue.waiting.iter().all(|telegram| telegram.channel == Channel(0)));
     }
 
     proptest! {
         #[test]
-        fn of_one_identifier_nothing_is_lost_doubled_or_overtaken(
+        fn frames_of_one_cob_id_are_sent_once_in_order(
             turns in prop::collection::vec((0..12_usize, 0..8_usize, 0..2_u8), 1..40)
         ) {
-            let (mut bus, mut outbox) = (Narrow::default(), Outbox::new());
+            let (mut bus, mut queue) = (Narrow::default(), TransmitQueue::new());
             let mut number = 0;
             for (frames, room, channel) in turns {
                 bus.room = [room; 2];
                 let mut now = Vec::new();
                 for _ in 0..frames {
-                    now.push(said(channel, 0x181 + 0x100 * (number % 5), number));
+                    now.push(telegram(channel, 0x181 + 0x100 * (number % 5), number));
                     number += 1;
                 }
-                outbox.send(&mut bus, &mut now).unwrap();
+                queue.send(&mut bus, &mut now).unwrap();
             }
             bus.room = [usize::MAX; 2];
-            outbox.send(&mut bus, &mut Vec::new()).unwrap();
-            prop_assert!(outbox.is_empty() && bus.sent.len() == usize::from(number));
+            queue.send(&mut bus, &mut Vec::new()).unwrap();
+            prop_assert!(queue.is_empty() && bus.sent.len() == usize::from(number));
             for (channel, kind) in (0..2).flat_map(|channel| (0..5).map(move |kind| (channel, kind))) {
                 prop_assert!(numbers(&bus, channel, 0x181 + 0x100 * kind).is_sorted());
             }

@@ -1,0 +1,210 @@
+//! The fault vocabulary: every fault that scenarios write, campaigns inject and tests apply, with target, kind, start
+//! and duration.
+//!
+//! It only names faults. `sim` applies those of devices and their frames, `bus` those of buses and host; `lab` applies
+//! a force that the commanded side reports.
+//!
+//! ```
+//! use std::time::Duration;
+//!
+//! use faults::{DeviceFault, Fault, Kind, Target};
+//! use units::numbering::Joint;
+//!
+//! let target = Target::Joint(Joint::of::<3>());
+//! let fault = Fault::new(Duration::from_secs(1), target, Kind::Device(DeviceFault::SafeTorqueOff));
+//! assert_eq!(fault.to_string(), "joint 3: safe torque off");
+//! ```
+#![forbid(unsafe_code)]
+
+mod device;
+mod frames;
+mod host;
+
+pub use device::ContactFault;
+pub use device::DeviceFault;
+pub use device::Disconnection;
+pub use device::Input;
+pub use device::SensorFault;
+pub use frames::Effect;
+pub use frames::Extent;
+pub use frames::FrameFault;
+pub use frames::Selection;
+pub use frames::Service;
+pub use host::Disturbance;
+pub use host::HostFault;
+pub use host::LinkFault;
+
+use std::fmt;
+use std::time::Duration;
+
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use units::numbering::Joint;
+
+/// A fault: target, kind, start and duration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fault {
+    /// Time after the first SYNC.
+    pub start: Duration,
+    /// Duration; `None` for one that is momentary or never ends.
+    pub duration: Option<Duration>,
+    /// The part of the system that has it.
+    pub target: Target,
+    /// What fails, and how.
+    pub kind: Kind,
+}
+
+/// The part of the system that has a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// The drive of one joint.
+    Joint(Joint),
+    /// All six drives.
+    Drives,
+    /// The switch box.
+    SwitchBox,
+    /// One bus, with the host's adapter to it.
+    Bus(Channel),
+    /// The commanded side, or the link to it.
+    Link,
+    /// The host: the node's process and the clocks.
+    Host,
+}
+
+/// What fails, and how.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// The device has no connection to its bus.
+    Disconnection(Disconnection),
+    /// Frames of a device are lost or changed.
+    Frames(FrameFault),
+    /// A second node sends the data of joint `by` under the target's identifier.
+    Imitation {
+        /// The joint whose data is sent twice.
+        by: Joint,
+        /// The service that is imitated.
+        service: Service,
+    },
+    /// The device itself fails.
+    Device(DeviceFault),
+    /// A drive measures a wrong value.
+    Sensor(SensorFault),
+    /// An input of the switch box differs from its switch.
+    Contact(Input, ContactFault),
+    /// A node outside of the configuration sends a frame.
+    ForeignFrame {
+        /// The frame.
+        frame: Frame,
+        /// Time between two of them; `None` for a single one.
+        period: Option<Duration>,
+    },
+    /// The link to the commanded side fails.
+    Link(LinkFault),
+    /// The commanded side reports this force along x, in N. It may be NaN or infinite.
+    SensedForce(f64),
+    /// A bus, or the host's adapter to it, fails.
+    Bus(Disturbance),
+    /// The host fails.
+    Host(HostFault),
+}
+
+impl Fault {
+    /// Returns a fault without an end.
+    pub const fn new(start: Duration, target: Target, kind: Kind) -> Self {
+        Self { start, duration: None, target, kind }
+    }
+
+    /// Returns the fault with an end.
+    #[must_use]
+    pub const fn lasting(self, duration: Duration) -> Self {
+        Self { duration: Some(duration), ..self }
+    }
+
+    /// Returns a fault of the host with a duration.
+    pub const fn of_host(start: Duration, fault: HostFault, duration: Duration) -> Self {
+        Self::new(start, Target::Host, Kind::Host(fault)).lasting(duration)
+    }
+
+    /// Returns a fault of one bus without an end.
+    pub const fn of_bus(start: Duration, channel: Channel, disturbance: Disturbance) -> Self {
+        Self::new(start, Target::Bus(channel), Kind::Bus(disturbance))
+    }
+
+    /// Returns whether the fault is on the node's side of the buses, so that simulated devices cannot apply it.
+    pub const fn is_of_host(&self) -> bool {
+        match self.kind {
+            Kind::Bus(_) | Kind::Host(_) | Kind::SensedForce(_) => true,
+            Kind::Disconnection(_)
+            | Kind::Frames(_)
+            | Kind::Imitation { .. }
+            | Kind::Device(_)
+            | Kind::Sensor(_)
+            | Kind::Contact(..)
+            | Kind::ForeignFrame { .. }
+            | Kind::Link(_) => false,
+        }
+    }
+}
+
+impl Kind {
+    /// Returns whether the fault is over as soon as it has happened, so that it can have no duration.
+    pub const fn is_momentary(&self) -> bool {
+        match self {
+            Self::Device(fault) => fault.is_momentary(),
+            Self::Host(fault) => matches!(fault, HostFault::ClockSet(_)),
+            Self::ForeignFrame { period, .. } => period.is_none(),
+            Self::Disconnection(_)
+            | Self::Frames(_)
+            | Self::Imitation { .. }
+            | Self::Sensor(_)
+            | Self::Contact(..)
+            | Self::Link(_)
+            | Self::SensedForce(_)
+            | Self::Bus(_) => false,
+        }
+    }
+}
+
+/// As in `joint 3: unplugged`.
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.target, self.kind)?;
+        match (self.duration, self.is_of_host()) {
+            (Some(duration), true) => write!(f, " for {} ms", 1e3 * duration.as_secs_f64()),
+            (Some(_) | None, _) => Ok(()),
+        }
+    }
+}
+
+impl fmt::Display for Target {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Joint(joint) => write!(f, "joint {joint}"),
+            Self::Drives => f.write_str("every drive"),
+            Self::SwitchBox => f.write_str("switch box"),
+            Self::Bus(Channel(bus)) => write!(f, "bus {bus}"),
+            Self::Link => f.write_str("link"),
+            Self::Host => f.write_str("host"),
+        }
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Disconnection(fault) => write!(f, "{fault}"),
+            Self::Frames(fault) => write!(f, "{fault}"),
+            Self::Imitation { by, service } => {
+                write!(f, "{service} sent twice, once with joint {by}'s data")
+            }
+            Self::Device(fault) => write!(f, "{fault}"),
+            Self::Sensor(fault) => write!(f, "{fault}"),
+            Self::Contact(input, fault) => write!(f, "{input} {fault}"),
+            Self::ForeignFrame { frame, .. } => write!(f, "foreign frame {frame}"),
+            Self::Link(fault) => write!(f, "{fault}"),
+            Self::SensedForce(force) => write!(f, "reports a force of {force} N"),
+            Self::Bus(fault) => write!(f, "{fault}"),
+            Self::Host(fault) => write!(f, "{fault}"),
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! The twelve invariants, and their violations.
+
+use std::fmt;
+
+use units::time::Instant;
+
+/// A condition that holds on the buses at any moment, with any fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Invariant {
+    /// I1: no target exceeds its joint's capacity.
+    Cap,
+    /// I2: no target exceeds its slew rate.
+    Slew,
+    /// I3: targets are zero unless armed, and carry the arm's weight alone while the deadman is open; no engagement
+    /// before the deadman's contacts have settled for 25 ms, open and then closed.
+    Permitted,
+    /// I4: targets are zero after a stop, until reset, deadman edge and arming.
+    Latched,
+    /// I5: every drive receives one target for each SYNC, in time.
+    OncePerSync,
+    /// I6: no node is started or enabled before its identity and configuration are checked.
+    KnownFirst,
+    /// I7: the master's heartbeat is sent within a cycle.
+    Heartbeat,
+    /// I8: no SDO download to an enabled drive.
+    HandsOff,
+    /// I9: the node uses the configured COB-IDs alone.
+    OwnIdentifiers,
+    /// I10: one SYNC in a period; missed ones are not made up for.
+    NoBurst,
+    /// I11: all joints stop within a cycle of each other.
+    Together,
+    /// I12: zero torque, then disabled, then NMT.
+    Shutdown,
+}
+
+impl Invariant {
+    /// All invariants, by their numbers.
+    pub const ALL: [Self; 12] = [
+        Self::Cap,
+        Self::Slew,
+        Self::Permitted,
+        Self::Latched,
+        Self::OncePerSync,
+        Self::KnownFirst,
+        Self::Heartbeat,
+        Self::HandsOff,
+        Self::OwnIdentifiers,
+        Self::NoBurst,
+        Self::Together,
+        Self::Shutdown,
+    ];
+
+    /// Returns its number, from 1.
+    pub fn number(self) -> usize {
+        1 + Self::ALL.iter().position(|one| *one == self).unwrap_or_default()
+    }
+}
+
+/// As in "I4".
+impl fmt::Display for Invariant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "I{}", self.number())
+    }
+}
+
+/// A violation of an invariant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Violation {
+    /// The invariant.
+    pub invariant: Invariant,
+    /// Its time on the bus.
+    pub at: Instant,
+    /// Its description.
+    pub what: String,
+}
+
+/// As in `3.200512 s: I4: joint 3: target 12 per mille after a stop`.
+impl fmt::Display for Violation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let seconds = self.at.since(Instant::ZERO).as_secs_f64();
+        write!(f, "{seconds:.6} s: {}: {}", self.invariant, self.what)
+    }
+}
+
+/// The first violations of a run, and the number of all.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Violations {
+    first: Vec<Violation>,
+    count: u64,
+}
+
+/// Most violations that are kept with their description.
+const MAX_KEPT: usize = 8;
+
+impl Violations {
+    pub(super) fn add(&mut self, invariant: Invariant, at: Instant, what: String) {
+        self.count += 1;
+        if self.first.len() < MAX_KEPT {
+            self.first.push(Violation { invariant, at, what });
+        }
+    }
+
+    pub(super) fn first(&self) -> &[Violation] {
+        &self.first
+    }
+
+    pub(super) const fn count(&self) -> u64 {
+        self.count
+    }
+
+    pub(super) fn forget(&mut self) {
+        *self = Self::default();
+    }
+}

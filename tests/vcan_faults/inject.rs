@@ -1,0 +1,156 @@
+//! Faults of the vocabulary, applied to the wire between node and drives: by the kernel's gateway, by frames of another
+//! sender, by signals to the node's process.
+
+use canopen::NmtCommand;
+use canopen::NodeId;
+use canopen::emcy::Emergency;
+use canopen::frame::Channel;
+use canopen::frame::Frame;
+use canopen::nmt;
+use canopen::nmt::Order;
+use faults::DeviceFault;
+use faults::Disconnection;
+use faults::Effect;
+use faults::Extent;
+use faults::FrameFault;
+use faults::HostFault;
+use faults::Kind;
+use faults::Selection;
+use faults::Service;
+use faults::Target;
+use nix::sys::signal::Signal;
+use units::numbering::Joint;
+
+use crate::common::process::Process;
+use crate::gateway::DRIVES;
+use crate::gateway::Gateway;
+use crate::gateway::NODE;
+use crate::gateway::Way;
+use crate::rig::Rig;
+
+/// The elbow: it carries weight, and its limits are far.
+pub(crate) const ELBOW: Joint = Joint::of::<3>();
+
+/// The elevation, next to the elbow.
+pub(crate) const ELEVATION: Joint = Joint::of::<2>();
+
+/// The bus of config/kraft_like.toml.
+pub(crate) const BUS: Target = Target::Bus(Channel(0));
+
+/// A broken cable of a device.
+pub(crate) const WIRE_CUT: Kind = Kind::Disconnection(Disconnection::WireCut);
+
+/// A stopped process of the node.
+pub(crate) const STOPPED: Kind = Kind::Host(HostFault::ProcessStopped);
+
+/// The position of a drive.
+pub(crate) const POSITION: Service = Service::Tpdo(1);
+
+/// Returns a fault of every frame of a service.
+pub(crate) const fn every(service: Service, effect: Effect) -> Kind {
+    Kind::Frames(FrameFault::of(service, effect))
+}
+
+/// Returns a foreign frame from its form in candump, `080#` or `603#2B00`.
+pub(crate) fn foreign(text: &str) -> Kind {
+    let (cob_id, digits) = text.split_once('#').unwrap();
+    let byte = |place: usize| u8::from_str_radix(&digits[2 * place..][..2], 16).unwrap();
+    let data: Vec<u8> = (0..digits.len() / 2).map(byte).collect();
+    let frame = Frame::from_slice(u16::from_str_radix(cob_id, 16).unwrap(), &data).unwrap();
+    Kind::ForeignFrame { frame, period: None }
+}
+
+impl Rig {
+    /// Applies a fault from now on; what the gateway does of it ends with the test.
+    #[track_caller]
+    pub(crate) fn inject(&mut self, gateway: &Gateway, target: Target, kind: Kind) {
+        match (kind, target) {
+            (Kind::Disconnection(Disconnection::WireCut), Target::Joint(joint)) => {
+                gateway.lose_all_of(node_id(joint));
+            }
+            (Kind::Frames(fault), _) => self.inject_frames(gateway, target, fault),
+            (Kind::Imitation { by, service }, Target::Joint(joint)) => {
+                let (way, by) = cob_id(Target::Joint(by), service);
+                let (_, imitated) = cob_id(Target::Joint(joint), service);
+                gateway.copy(way, by, &format!("SET:I:{imitated:03X}.0.0000000000000000"));
+            }
+            (Kind::ForeignFrame { frame, period: None }, Target::Bus(_)) => send(NODE, &frame),
+            (Kind::Device(DeviceFault::Emergency { code, register }), Target::Joint(joint)) => {
+                let [low, high] = code.to_le_bytes();
+                // Torque and statusword behind them: the drive is still enabled.
+                let data = [low, high, register, 0, 0, 0x27, 0x06, 0];
+                assert_eq!(Emergency::decode(&data).map(|emergency| emergency.code), Some(code));
+                let (_, cob_id) = cob_id(Target::Joint(joint), Service::Emergency);
+                send(DRIVES, &Frame::new(cob_id, data));
+            }
+            (Kind::Device(DeviceFault::Reboot), Target::Joint(joint)) => {
+                // The node must see the boot-up message, and not the command behind it.
+                gateway.lose(Way::ToNode, nmt::COB_ID);
+                let node = NodeId::new(joint.number()).ok();
+                send(DRIVES, &Order { command: NmtCommand::ResetNode, node }.frame());
+            }
+            (Kind::Host(HostFault::ProcessStopped), Target::Host) => {
+                self.node.as_ref().unwrap().signal(Signal::SIGSTOP);
+            }
+            other => panic!("{other:?} cannot be applied to this wire"),
+        }
+    }
+
+    /// Resumes the node's process.
+    pub(crate) fn resume_node(&self) {
+        self.node.as_ref().unwrap().signal(Signal::SIGCONT);
+    }
+
+    #[track_caller]
+    fn inject_frames(&mut self, gateway: &Gateway, target: Target, fault: FrameFault) {
+        let (Selection::Service(service), Extent::Always) = (fault.selection, fault.extent) else {
+            panic!("{fault:?} cannot be applied to this wire");
+        };
+        let (way, cob_id) = cob_id(target, service);
+        match fault.effect {
+            Effect::Drop => gateway.lose(way, cob_id),
+            Effect::Corrupt(mask) => {
+                gateway.alter(way, cob_id, &format!("XOR:D:0.0.{}", hex(mask)))
+            }
+            Effect::Freeze => {
+                let mut data = [0; 8];
+                let frozen = self.next(cob_id);
+                data[..frozen.len()].copy_from_slice(&frozen);
+                gateway.alter(way, cob_id, &format!("SET:D:0.0.{}", hex(data)));
+            }
+            other => panic!("{other:?} cannot be applied to this wire"),
+        }
+    }
+}
+
+/// Sends a frame on an interface, as another node would.
+fn send(interface: &str, frame: &Frame) {
+    let text = format!("{frame}");
+    Process::of("cansend", &[interface, &text]).wait().succeeds();
+}
+
+fn hex(bytes: [u8; 8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect()
+}
+
+fn node_id(joint: Joint) -> u16 {
+    u16::from(joint.number())
+}
+
+/// Returns direction and COB-ID of a service in config/kraft_like.toml.
+#[track_caller]
+fn cob_id(target: Target, service: Service) -> (Way, u16) {
+    let node = match target {
+        Target::Joint(joint) => node_id(joint),
+        Target::SwitchBox => 16,
+        other => panic!("{other:?} is no device"),
+    };
+    match service {
+        Service::Tpdo(1) => (Way::ToNode, 0x180 + node),
+        // Three drives share a frame of targets.
+        Service::Rpdo(1) => (Way::ToDrives, if node <= 3 { 0x201 } else { 0x204 }),
+        Service::Emergency => (Way::ToNode, 0x680 + node),
+        Service::Heartbeat => (Way::ToNode, 0x700 + node),
+        other => panic!("{other} has no rule of its own"),
+    }
+}

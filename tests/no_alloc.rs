@@ -59,7 +59,7 @@ const MORE: &str = "[controller.tank]\ninitial_j = 0.1\nmin_j = 0.0\nlow_j = 0.0
     damping_ns_per_m = [2.0, 2.0, 2.0]\ndamping_nms_per_rad = [0.01, 0.01, 0.01]\n\n[remote]\n";
 
 #[test]
-fn ten_thousand_cycles_with_every_layer_allocate_nothing() {
+fn ten_thousand_cycles_with_every_layer_never_allocate() {
     let text = include_str!("../config/kraft_like.toml").replacen("[remote]\n", MORE, 1);
     let config = Config::parse(Path::new("config/kraft_like.toml"), &text).unwrap();
     let mut bench = Bench::new(&config, scenario("contact_10s"), 1, false, ());

@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn no_motion_in_is_no_motion_out() {
+    fn resting_hand_commands_no_motion() {
         let law = law();
         assert_eq!(law.rate(Orientation::EulerZyx, &Displacement::default()), Twist::ZERO);
         let mut reference = Reference::none();

@@ -61,7 +61,7 @@ fn assert_felt(summary: &Summary) {
 }
 
 #[test]
-fn an_arm_with_a_sliding_joint_and_no_weight_feels_the_wall() {
+fn balanced_arm_with_a_prismatic_joint_feels_the_wall() {
     let config = config("jpl_like.toml");
     let summary = contact(&config, |record| {
         assert!(record.output.ledger.gravity.norm() == 0.0, "a balanced arm is not carried");
@@ -72,12 +72,12 @@ fn an_arm_with_a_sliding_joint_and_no_weight_feels_the_wall() {
 }
 
 #[test]
-fn an_arm_whose_grip_is_apart_from_its_wrist_feels_the_wall() {
+fn arm_with_the_grip_off_the_wrist_feels_the_wall() {
     assert_felt(&contact(&config("sixr_spherical.toml"), |_| ()));
 }
 
 #[test]
-fn coupled_actuators_are_asked_for_what_the_joints_need() {
+fn coupled_actuators_exert_the_joint_torques() {
     let config = coupled();
     let arm = world::arm(&config.plant());
     let mut compared = 0;
@@ -106,7 +106,7 @@ fn coupled_actuators_are_asked_for_what_the_joints_need() {
 }
 
 #[test]
-fn coupled_counts_and_torques_go_there_and_back() {
+fn coupled_counts_and_torques_round_trip() {
     let calibration = coupled().controller.calibration;
     let q = SVector::from([0.1, -0.7, 1.5, -0.7, 0.05, 0.2]);
     let again = calibration.positions(&calibration.counts(&q));
@@ -119,7 +119,7 @@ fn coupled_counts_and_torques_go_there_and_back() {
 }
 
 #[test]
-fn shipped_arms_are_those_of_the_oracles() {
+fn shipped_arms_match_the_oracles() {
     for name in ["kraft_like", "jpl_like", "sixr_spherical"] {
         let (ours, reference) = (config(&format!("{name}.toml")).controller.arm, oracle::arm(name));
         for case in oracle::list(&oracle::oracle(&format!("{name}.json"))["configs"]) {
@@ -152,18 +152,18 @@ fn stays_where_it_is_left(config: &Config) -> Record {
 }
 
 #[test]
-fn an_arm_stays_where_it_is_left() {
+fn released_arm_stays_in_place() {
     stays_where_it_is_left(&config("sixr_spherical.toml"));
     stays_where_it_is_left(&coupled());
 }
 
 #[test]
-fn a_balanced_arm_stays_where_it_is_left_without_torque() {
+fn released_balanced_arm_stays_in_place_at_zero_torque() {
     assert_eq!(stays_where_it_is_left(&config("jpl_like.toml")).targets, [0; 6]);
 }
 
 #[test]
-fn hand_and_object_start_turned_alike() {
+fn grip_and_object_start_with_equal_orientation() {
     for name in ["kraft_like.toml", "jpl_like.toml", "sixr_spherical.toml"] {
         let config = config(name);
         let x_0_g = config.controller.arm.forward(&world::start(&config.plant()));
@@ -173,7 +173,7 @@ fn hand_and_object_start_turned_alike() {
 }
 
 #[test]
-fn the_passivity_layer_bounds_a_wall_that_the_loop_cannot_render() {
+fn passivity_layer_bounds_a_wall_too_stiff_for_the_loop() {
     let scenario = Scenario::parse(STIFF_WALL).unwrap();
     let config = comparison::surrounded(&config("kraft_like.toml"), &scenario);
     let run = |config: &Config| {

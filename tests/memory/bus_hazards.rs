@@ -278,7 +278,7 @@ fn hazard_25_backlog_of_a_short_gap_is_drained_at_once() {
 }
 
 #[test]
-fn hazard_25_samples_that_waited_too_long_are_missing() {
+fn hazard_25_samples_buffered_too_long_are_missing() {
     // The process stands still while the drives answer.
     let span = Duration::from_micros(2_800);
     let run = Run::with(&[of_host(100, HostFault::ProcessStopped, span)]).cycles(3);

@@ -37,7 +37,7 @@ fn with(number: usize, change: impl Fn(&str) -> String) -> String {
 }
 
 #[test]
-fn the_shipped_configurations_are_in_order() {
+fn shipped_configurations_are_accepted() {
     for file in
         [FILE, "config/kraft_like_500hz.toml", "config/jpl_like.toml", "config/sixr_spherical.toml"]
     {
@@ -48,7 +48,7 @@ fn the_shipped_configurations_are_in_order() {
 }
 
 #[test]
-fn a_number_that_is_none_is_refused_on_its_line() {
+fn non_finite_number_is_refused_with_its_line() {
     for (number, key) in keys() {
         // Every number of the line in turn, but not of its comment.
         let line = TEXT.lines().nth(number - 1).unwrap();
@@ -69,7 +69,7 @@ fn a_number_that_is_none_is_refused_on_its_line() {
 }
 
 #[test]
-fn a_missing_key_is_named() {
+fn missing_key_is_named() {
     let optional = ["start_deg", "torque_rise_s", "one_sided"];
     for (number, key) in keys().filter(|(_, key)| !optional.contains(key)) {
         let refusal = refusal(&with(number, |_| String::new()));
@@ -78,7 +78,7 @@ fn a_missing_key_is_named() {
 }
 
 #[test]
-fn an_unknown_key_is_named_with_its_line() {
+fn unknown_key_is_named_with_its_line() {
     for (number, key) in keys() {
         let refusal = refusal(&with(number, |line| format!("{line}\n{key}_x = 1")));
         let unknown = format!("{FILE}:{}: ", number + 1);
@@ -103,7 +103,7 @@ fn renamed_keys_are_refused_with_their_new_names() {
 }
 
 #[test]
-fn every_problem_is_found_in_one_run() {
+fn all_problems_are_reported_together() {
     let text = TEXT
         .replace("a_m = 0.254", "a_m = 99.0")
         .replace("preset = \"consistent\"", "preset = \"hopeful\"")
@@ -154,7 +154,7 @@ fn type_error_hides_no_other_problem() {
 }
 
 #[test]
-fn what_does_not_fit_together_is_refused() {
+fn inconsistent_values_are_refused() {
     for (from, to, reason) in [
         ("sync_period_us = 1000", "sync_period_us = 500", "bus[0].load_limit_percent: "),
         ("node_id = 2\n", "node_id = 1\n", "joint[1].node_id: 1 is taken on this bus"),
@@ -246,7 +246,7 @@ const WALLS: &str = "[controller.walls]\nat_m = [0.02, 0.02, 0.02]\nat_rad = [1.
     stiffness_n_per_m = [9000.0, 9000.0, 9000.0]\nstiffness_nm_per_rad = [0.0, 0.0, 0.0]\n\n[remote]\n";
 
 #[test]
-fn promise_03_every_force_counts_that_lasts_until_the_drives_stop() {
+fn promise_03_force_cap_includes_every_source_of_force() {
     let heartbeat_only = ("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 0 ");
     let weak = ("max_force_n = 40.0 ", "max_force_n = 1.0 ");
     let no_stops = ("push = 0.5 ", "push = 0.0 ");
@@ -294,7 +294,7 @@ fn joint_behind_a_coupling_has_its_own_capacity_and_speed() {
 }
 
 #[test]
-fn tank_damper_beyond_what_the_grip_bears_is_refused() {
+fn tank_damper_beyond_the_stable_maximum_is_refused() {
     let tank = |more: &str| {
         let tank = format!(
             "[controller.tank]\ninitial_j = 0.1\nmin_j = 0.0\nlow_j = 0.02\nmax_j = 0.5\n\
@@ -320,7 +320,7 @@ const MORE_LISTS: &str = "[coupling]\n\
     damping_ns_per_m = 10\n\n[safety]\n";
 
 #[test]
-fn hazard_18_lists_of_another_length_are_refused_by_key_with_both() {
+fn hazard_18_list_of_a_wrong_length_is_refused_by_key() {
     let text = TEXT.replacen("[safety]\n", MORE_LISTS, 1);
     let text = text.replacen("[arm]\n", "[arm]\ngrip_rad = [0, 0, 0]\n", 1);
     let text = text.replacen(
@@ -365,7 +365,7 @@ fn hazard_18_lists_of_another_length_are_refused_by_key_with_both() {
 }
 
 #[test]
-fn no_section_has_an_array_that_is_cut_silently() {
+fn sections_have_no_silently_truncated_arrays() {
     for file in [
         "src/config/raw.rs",
         "src/sim/scenario/mod.rs",
@@ -388,7 +388,7 @@ fn no_section_has_an_array_that_is_cut_silently() {
 }
 
 #[test]
-fn hazard_18_arms_that_cannot_be_are_refused() {
+fn hazard_18_physically_impossible_arms_are_refused() {
     for (from, to, reason) in [
         (
             "[0.0, 0.0, -9.81]",
@@ -467,7 +467,7 @@ fn hazard_18_arms_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn arms_that_hang_or_are_balanced_are_in_order() {
+fn hanging_and_balanced_arms_are_accepted() {
     for (from, to) in [
         ("[0.0, 0.0, -9.81]", "[0.0, 0.0, 9.81]"),
         ("[0.0, 0.0, -9.81]", "[0.0, 9.0, -3.9]"),
@@ -484,7 +484,7 @@ fn arms_that_hang_or_are_balanced_are_in_order() {
 }
 
 #[test]
-fn what_is_no_configuration_at_all_is_refused() {
+fn empty_or_incomplete_configuration_is_refused() {
     assert!(refusal("").contains("missing field `node`"));
     assert!(refusal("[node\n").starts_with("config/kraft_like.toml:1: "));
     let joints = TEXT.find("[[joint]]").unwrap();
@@ -501,7 +501,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn a_spoilt_configuration_is_read_or_refused(at in 0..TEXT.len(), byte in 0x20..0x7F_u8) {
+    fn corrupted_configuration_is_parsed_or_refused(at in 0..TEXT.len(), byte in 0x20..0x7F_u8) {
         let mut bytes = TEXT.as_bytes().to_vec();
         bytes[at] = byte;
         if let Ok(text) = String::from_utf8(bytes) {
@@ -520,7 +520,7 @@ fn with_boot(of: &str, lines: &str) -> String {
 }
 
 #[test]
-fn what_no_node_can_be_booted_by_is_named() {
+fn invalid_boot_settings_are_refused_by_key() {
     for (of, lines, reason) in [
         ("joint", "optional = true", "joint[5].boot.optional: an arm has all its joints"),
         (
@@ -553,7 +553,7 @@ fn with_simulated(lines: &str) -> String {
 }
 
 #[test]
-fn what_no_motor_and_gear_can_be_simulated_by_is_named() {
+fn invalid_simulated_drivetrain_is_refused_by_key() {
     for (lines, reason) in [
         ("current_loop_us = -1.0", "joint[0].simulated.current_loop_us: -1 is not within 0 and"),
         ("current_loop_us = nan", "joint[0].simulated.current_loop_us: NaN is not within 0 and"),
@@ -575,7 +575,7 @@ fn what_no_motor_and_gear_can_be_simulated_by_is_named() {
 }
 
 #[test]
-fn a_motor_and_gear_of_which_nothing_is_said_are_good_ones() {
+fn drivetrain_without_settings_has_the_defaults() {
     let said = "current_loop_us = 300.0\nbacklash_deg = 0.2\nhysteresis_nm = 0.03\n\
         thermal_time_constant_s = 12.5\ntorque_curve_reverse = [130.0, 0.0, 0.0]";
     let config = Config::parse(Path::new(FILE), &with_simulated(said)).unwrap();
@@ -591,7 +591,7 @@ fn a_motor_and_gear_of_which_nothing_is_said_are_good_ones() {
 }
 
 #[test]
-fn counted_syncs_are_told_to_every_drive_and_counted_on_the_bus() {
+fn sync_counter_is_configured_in_every_drive() {
     let text = TEXT.replacen("[node]\n", "[node]\nsync_counter = 240\ntime_period_ms = 1000\n", 1);
     let text = text.replace("load_limit_percent = 90", "load_limit_percent = 91");
     let config = Config::parse(Path::new(FILE), &text).unwrap();
@@ -612,7 +612,7 @@ fn counted_syncs_are_told_to_every_drive_and_counted_on_the_bus() {
 }
 
 #[test]
-fn an_unusual_boot_is_in_the_plan_of_its_node() {
+fn boot_settings_are_in_the_plan_of_their_node() {
     let lines = "revisions = \"compatible\"\nserial = 7\nsoftware_version = \"0.1.0\"\n\
                  guard_time_ms = 80\nlife_time_factor = 3\noptional = true\nkeep_alive = true";
     let text = with_boot("switches", lines);
@@ -626,7 +626,7 @@ fn an_unusual_boot_is_in_the_plan_of_its_node() {
 }
 
 #[test]
-fn what_the_object_touches_may_be_rough_and_round() {
+fn remote_environment_accepts_friction_and_a_sphere() {
     let plain = Config::parse(Path::new(FILE), TEXT).unwrap();
     assert!(plain.remote.sphere.is_none());
     assert_eq!(plain.remote.wall.map(|(.., contact)| contact.friction), Some(0.0));

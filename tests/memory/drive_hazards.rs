@@ -117,7 +117,7 @@ fn write_unseen(bench: &mut Bench<Wire>, request: [u8; 8], is_lost: bool) {
 }
 
 #[test]
-fn promise_03_every_timer_of_every_drive_is_let_run_out_before_anything_may_be_armed() {
+fn promise_03_every_drive_timer_is_proven_before_arming() {
     for file in [KRAFT, "config/jpl_like.toml"] {
         let (mut bench, wire) = bench_of(&config(file), "", &[]);
         bench.bring_up().unwrap();
@@ -143,8 +143,7 @@ fn promise_03_every_timer_of_every_drive_is_let_run_out_before_anything_may_be_a
 }
 
 #[test]
-fn promise_09_nothing_is_told_to_push_before_it_is_armed_and_nobody_is_started_before_all_is_read_back()
- {
+fn promise_09_targets_are_zero_and_start_follows_read_back() {
     let (mut bench, wire) = bench_of(&config(KRAFT), "", &[]);
     bench.bring_up().unwrap();
     bench.run(100);
@@ -160,7 +159,7 @@ fn promise_09_nothing_is_told_to_push_before_it_is_armed_and_nobody_is_started_b
 }
 
 #[test]
-fn hazard_01_a_lost_drive_is_told_by_sdo_to_take_its_power_off_and_all_are_off_a_moment_later() {
+fn hazard_01_lost_drive_is_switched_off_by_sdo() {
     let (mut bench, wire) = armed();
     bench.world_mut().drive_mut(ELBOW).unwrap().unplug();
     let (cycles, record) = cycles_to_zero(&mut bench);
@@ -174,7 +173,7 @@ fn hazard_01_a_lost_drive_is_told_by_sdo_to_take_its_power_off_and_all_are_off_a
 }
 
 #[test]
-fn hazard_01_a_drive_that_misses_its_syncs_holds_no_torque_for_longer_than_the_others() {
+fn hazard_01_drive_without_syncs_ends_torque_with_the_others() {
     let fault = "[[fault]]\nat_s = 0.9\nkind = \"drop\"\njoint = 3\nframe = \"sync\"\n";
     let (mut bench, _) = bench_of(&config(KRAFT), fault, &[]);
     bench.bring_up().unwrap();
@@ -186,7 +185,7 @@ fn hazard_01_a_drive_that_misses_its_syncs_holds_no_torque_for_longer_than_the_o
 }
 
 #[test]
-fn hazard_02_a_drive_without_heartbeat_switches_all_off_within_the_time_it_is_watched() {
+fn hazard_02_missing_heartbeat_switches_all_off_in_252_ms() {
     let fault = "[[fault]]\nat_s = 0.9\nkind = \"heartbeat_stop\"\njoint = 3\n";
     let (mut bench, wire) = bench_of(&config(KRAFT), fault, &[]);
     bench.bring_up().unwrap();
@@ -200,7 +199,7 @@ fn hazard_02_a_drive_without_heartbeat_switches_all_off_within_the_time_it_is_wa
 }
 
 #[test]
-fn hazard_07_any_of_thirty_emergencies_stops_all_within_two_cycles_and_its_drive_is_off() {
+fn hazard_07_any_emergency_stops_all_within_two_cycles() {
     const CODES: [u16; 30] = [
         0x1000, 0x2110, 0x2120, 0x2130, 0x2220, 0x2310, 0x2320, 0x3110, 0x3120, 0x3210, 0x3220,
         0x3310, 0x4110, 0x4210, 0x4310, 0x5110, 0x5210, 0x5400, 0x6010, 0x6310, 0x7110, 0x7305,
@@ -231,7 +230,7 @@ fn hazard_07_any_of_thirty_emergencies_stops_all_within_two_cycles_and_its_drive
 }
 
 #[test]
-fn hazard_08_a_heartbeat_of_another_state_stops_all_in_two_cycles() {
+fn hazard_08_non_operational_heartbeat_stops_all_in_2_cycles() {
     for (payload, state) in [("04", NmtState::Stopped), ("7F", NmtState::PreOperational)] {
         let fault = stranger("0.9", "0x703", payload);
         let (mut bench, _) = bench_of(&config(KRAFT), &fault, &[]);
@@ -247,7 +246,7 @@ fn hazard_08_a_heartbeat_of_another_state_stops_all_in_two_cycles() {
 }
 
 #[test]
-fn hazard_26_a_download_of_another_client_switches_all_off() {
+fn hazard_26_download_by_another_client_switches_all_off() {
     let timer = "2B00140500000000";
     let by_blocks = "C2501F0100000000";
     for (cob_id, payload) in [("0x603", timer), ("0x603", by_blocks), ("0x610", timer)] {
@@ -265,7 +264,7 @@ fn hazard_26_a_download_of_another_client_switches_all_off() {
 }
 
 #[test]
-fn hazard_26_the_confirmation_of_a_foreign_download_switches_all_off() {
+fn hazard_26_foreign_download_response_switches_all_off() {
     let (mut bench, _) = armed();
     write_unseen(&mut bench, [0x2B, 0x00, 0x14, 5, 5, 0, 0, 0], false);
     let record = until(&mut bench, |record| record.mode.is_stopped());
@@ -273,7 +272,7 @@ fn hazard_26_the_confirmation_of_a_foreign_download_switches_all_off() {
 }
 
 #[test]
-fn hazard_26_uploads_of_another_client_change_nothing_and_are_counted() {
+fn hazard_26_uploads_by_another_client_are_only_counted() {
     let reads: String = (0..50)
         .map(|n| {
             stranger(&format!("{:.3}", 0.7 + 0.01 * f64::from(n)), "0x603", "4041600000000000")
@@ -293,7 +292,7 @@ fn hazard_26_uploads_of_another_client_change_nothing_and_are_counted() {
 }
 
 #[test]
-fn hazard_26_a_proven_timer_that_changes_unseen_is_found_and_named() {
+fn hazard_26_changed_timer_is_detected_by_read_back() {
     let (mut bench, wire) = bench_of(&config(KRAFT), "", &[]);
     bench.bring_up().unwrap();
     let begun = bench.node().bus().now();
@@ -313,7 +312,7 @@ fn hazard_26_a_proven_timer_that_changes_unseen_is_found_and_named() {
 }
 
 #[test]
-fn hazard_26_a_setting_that_cannot_be_read_again_is_reported_and_counted() {
+fn hazard_26_unreadable_setting_is_reported_and_counted() {
     let (mut bench, _) = bench_of(
         &config(KRAFT),
         "[[fault]]\nat_s = 1.0\nkind = \"drop\"\njoint = 3\nframe = \"sdo\"\n",
@@ -343,7 +342,7 @@ fn boot_with_emergency(code: u16, at_ms: u32) -> (Vec<String>, bool) {
 }
 
 #[test]
-fn hazard_07_an_emergency_during_the_proof_is_always_reported() {
+fn hazard_07_emergency_during_the_proof_test_is_reported() {
     let mut is_stopped = [false; 2];
     for at_ms in [30, 55, 65, 75, 85] {
         let (told, is_booted) = boot_with_emergency(0xFF42, at_ms);
@@ -355,7 +354,7 @@ fn hazard_07_an_emergency_during_the_proof_is_always_reported() {
 }
 
 #[test]
-fn hazard_01_a_bus_on_which_no_drive_answers_is_named_and_no_joint() {
+fn hazard_01_silent_bus_is_the_cause_rather_than_a_joint() {
     let unplugged = |joint| format!("[[fault]]\nat_s = 0.9\nkind = \"unplug\"\njoint = {joint}\n");
     let all: String = (1..=6).map(unplugged).collect();
     let (mut bench, _) = bench_of(&config(KRAFT), &all, &[]);
@@ -378,7 +377,7 @@ fn arming_a_latched_node_is_refused_with_its_cause() {
 }
 
 #[test]
-fn hazard_09_a_drive_that_boots_in_the_middle_of_a_run_switches_all_off_within_two_cycles() {
+fn hazard_09_rebooted_drive_switches_all_off_in_two_cycles() {
     let (mut bench, _) = armed();
     let now = bench.node().bus().now();
     bench.world_mut().drive_mut(ELBOW).unwrap().switch_on(now);
@@ -392,7 +391,7 @@ fn hazard_09_a_drive_that_boots_in_the_middle_of_a_run_switches_all_off_within_t
 }
 
 #[test]
-fn hazard_13_a_drive_without_its_rpdos_is_off_by_itself_within_six_milliseconds() {
+fn hazard_13_drive_without_rpdos_disables_itself_in_6_ms() {
     let fault = "[[fault]]\nat_s = 0.9\nkind = \"drop\"\njoint = 3\nframe = \"rpdo1\"\n";
     let (mut bench, wire) = bench_of(&config(KRAFT), fault, &[]);
     bench.bring_up().unwrap();
@@ -410,7 +409,7 @@ fn hazard_13_a_drive_without_its_rpdos_is_off_by_itself_within_six_milliseconds(
 }
 
 #[test]
-fn hazard_14_another_device_is_refused_by_name_and_nobody_is_started() {
+fn hazard_14_wrong_identity_is_refused_before_nmt_start() {
     let (mut bench, wire) = bench_of(&config(KRAFT), "", &["wrong-identity"]);
     let refused = bench.bring_up().unwrap_err().to_string();
     assert!(refused.starts_with("joint 3 (elbow), node 3: 1018h:2 is "), "{refused}");
@@ -418,7 +417,7 @@ fn hazard_14_another_device_is_refused_by_name_and_nobody_is_started() {
 }
 
 #[test]
-fn hazard_15_a_mapping_that_is_not_taken_is_refused_by_node_and_object_and_nobody_is_started() {
+fn hazard_15_rejected_mapping_is_refused_before_nmt_start() {
     for (quirk, object) in
         [("fixed-mapping", "1A00h refused"), ("forgetful:1A00h:1", "1A00h:1 is ")]
     {
@@ -430,7 +429,7 @@ fn hazard_15_a_mapping_that_is_not_taken_is_refused_by_node_and_object_and_nobod
 }
 
 #[test]
-fn hazard_16_drives_with_a_heartbeat_alone_are_proven_by_it_and_felt_less() {
+fn hazard_16_drives_with_heartbeat_only_need_a_lower_force_cap() {
     let text = std::fs::read_to_string(KRAFT).unwrap();
     let weak = text.replace("rpdo_timer_ms = 5 ", "rpdo_timer_ms = 0 ");
     let refused = Config::parse(Path::new(KRAFT), &weak).unwrap_err().to_string();

@@ -58,7 +58,7 @@ fn press_and_release(is_one_sided: bool) -> (Vec<f64>, Vec<f64>) {
 }
 
 #[test]
-fn the_observer_sees_what_a_held_force_gives_off_and_takes_it_back() {
+fn passivity_observer_and_controller_match_the_trace() {
     let trace = &oracle::oracle("stability.json")["po_pc_trace"]["exact"];
     let (energies, forces) = press_and_release(false);
     assert_near("E", &energies, &numbers::<9>(&trace["E"]));
@@ -66,7 +66,7 @@ fn the_observer_sees_what_a_held_force_gives_off_and_takes_it_back() {
 }
 
 #[test]
-fn a_one_sided_contact_never_pulls() {
+fn one_sided_contact_never_pulls() {
     let trace = &oracle::oracle("stability.json")["po_pc_trace"]["exact_unilateral_clip"];
     let (energies, forces) = press_and_release(true);
     assert_near("E", &energies, &numbers::<9>(&trace["E"]));
@@ -95,7 +95,7 @@ fn torque_of_a_cycle_acts_between_the_next_two_syncs() {
 }
 
 #[test]
-fn the_textbook_observer_would_not_have_fired() {
+fn textbook_observer_misses_the_energy_of_a_held_force() {
     let trace = &oracle::oracle("stability.json")["po_pc_trace"]["hannaford_ryu_2002"];
     let textbook = numbers::<9>(&trace["E"]);
     let (energies, _) = press_and_release(false);
@@ -115,7 +115,7 @@ fn six_axes_are_damped_together() {
 }
 
 #[test]
-fn a_tank_gives_what_it_holds_and_is_refilled() {
+fn tank_level_and_forces_match_the_trace() {
     let trace = &oracle::oracle("stability.json")["energy_tank_trace"];
     let at = |key: &str| number(&trace[key]);
     let mut tank = Tank::new(TankSettings {

@@ -40,7 +40,7 @@ fn in_contact() -> (Bench<Wire>, Wire, Instant) {
 }
 
 #[test]
-fn hazard_08_a_drive_that_fails_takes_the_torque_off_all_within_two_cycles() {
+fn hazard_08_drive_fault_zeroes_all_torques_within_two_cycles() {
     for joint in 1..=6 {
         let (mut bench, wire, onset) = in_contact();
         bench.world_mut().drive_mut(Joint::new(joint).unwrap()).unwrap().fail_with(0x3210);
@@ -51,7 +51,7 @@ fn hazard_08_a_drive_that_fails_takes_the_torque_off_all_within_two_cycles() {
 }
 
 #[test]
-fn hazard_08_a_drive_that_only_its_statusword_tells_of_is_seen_when_that_may_be_sent_again() {
+fn hazard_08_statusword_alone_stops_all_within_12_cycles() {
     for joint in Joint::ALL {
         let (mut bench, wire, onset) = in_contact();
         bench.world_mut().drive_mut(joint).unwrap().fail();
@@ -64,7 +64,7 @@ fn hazard_08_a_drive_that_only_its_statusword_tells_of_is_seen_when_that_may_be_
 }
 
 #[test]
-fn a_drive_that_falls_silent_takes_the_torque_off_all_within_five_cycles() {
+fn silent_drive_zeroes_all_torques_within_five_cycles() {
     let (mut bench, wire, onset) = in_contact();
     bench.world_mut().drive_mut(Joint::of::<4>()).unwrap().unplug();
     let record = until(&mut bench, |record| record.mode.is_stopped());
@@ -76,7 +76,7 @@ fn a_drive_that_falls_silent_takes_the_torque_off_all_within_five_cycles() {
 }
 
 #[test]
-fn a_stop_is_left_only_by_a_reset_and_a_new_press() {
+fn stop_is_cleared_only_by_reset_and_a_new_press() {
     let (mut bench, _, _) = in_contact();
     bench.world_mut().drive_mut(Joint::of::<2>()).unwrap().fail();
     until(&mut bench, |record| record.mode.is_stopped());
@@ -88,7 +88,7 @@ fn a_stop_is_left_only_by_a_reset_and_a_new_press() {
 }
 
 #[test]
-fn the_drives_stop_by_themselves_when_the_node_is_silent() {
+fn silent_node_lets_the_drives_stop_by_their_timers() {
     let (mut bench, wire, _) = in_contact();
     let fell_silent = bench.fall_silent_for(Duration::from_millis(6));
     let drives = bench.node().bus().stations().drives();
@@ -109,7 +109,7 @@ fn the_drives_stop_by_themselves_when_the_node_is_silent() {
 }
 
 #[test]
-fn the_second_run_finds_the_drives_as_ready_as_the_first() {
+fn second_run_boots_like_the_first() {
     let (mut bench, _, _) = in_contact();
     bench.stop().unwrap();
     bench.fall_silent_for(Duration::from_secs(1));
@@ -118,7 +118,7 @@ fn the_second_run_finds_the_drives_as_ready_as_the_first() {
 }
 
 #[test]
-fn an_orderly_stop_ends_with_every_drive_off() {
+fn orderly_stop_switches_every_drive_off() {
     let (mut bench, wire, _) = in_contact();
     bench.stop().unwrap();
     for group in [0x201, 0x204] {

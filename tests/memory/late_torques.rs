@@ -116,7 +116,7 @@ fn asks(frame: &Frame) -> bool {
 }
 
 #[test]
-fn promise_10_torques_late_at_any_frame_of_the_cycle_are_dropped() {
+fn promise_10_torques_delayed_at_any_frame_are_dropped() {
     for (name, frames) in [
         (GROUPED, &[0x080, 0x181, 0x186, 0x201][..]),
         (PER_DRIVE, &[0x080, 0x186, 0x201, 0x202, 0x205]),
@@ -140,7 +140,7 @@ fn promise_10_torques_late_at_any_frame_of_the_cycle_are_dropped() {
 }
 
 #[test]
-fn hazard_29_torques_dropped_ten_times_in_a_second_stop_the_node() {
+fn hazard_29_ten_late_torques_in_a_second_stop_the_node() {
     let stops: Vec<_> = (0..10).map(|turn| (20 * turn, 0x186, 11)).collect();
     let run = Run::with(GROUPED, &stops).cycles(200);
     let before = run.records[0].overruns;

@@ -248,7 +248,7 @@ fn any_pose() -> impl Strategy<Value = Isometry3<f64>> {
 
 proptest! {
     #[test]
-    fn property_02_torques_do_the_work_of_what_the_hand_feels(
+    fn property_02_joint_torques_do_the_work_of_the_grip_wrench(
         q in joints(), qd in prop::array::uniform6(-2.0..2.0_f64), f_s in wrench(20.0)
     ) {
         let mut bench = Bench::engaged(&settings(), Mode::Rate);
@@ -264,7 +264,7 @@ proptest! {
     }
 
     #[test]
-    fn in_pose_mode_the_hand_is_given_the_power_the_object_is(
+    fn pose_mode_power_at_hand_and_object_is_equal(
         q in joints(), qd in prop::array::uniform6(-1.0..1.0_f64), f_s in wrench(20.0)
     ) {
         // At unit gains the object moves as the hand does, and the hand feels what it feels.
@@ -283,7 +283,7 @@ proptest! {
     }
 
     #[test]
-    fn a_moved_base_changes_no_torque_and_no_command(
+    fn moved_base_changes_no_torque_and_no_command(
         q in joints(), f_s in wrench(20.0), mode in mode(),
         [alpha, a, d] in prop::array::uniform3(-1.0..1.0_f64)
     ) {
@@ -328,7 +328,7 @@ proptest! {
     }
 
     #[test]
-    fn no_motion_in_is_no_motion_out(mode in mode(), cycles in 1..20_usize) {
+    fn resting_hand_commands_no_motion(mode in mode(), cycles in 1..20_usize) {
         let mut bench = Bench::engaged(&settings(), mode);
         for _ in 0..cycles {
             let output = bench.at(NEUTRAL);
@@ -346,7 +346,7 @@ proptest! {
     }
 
     #[test]
-    fn without_the_deadman_only_weight_is_carried_and_nothing_commanded(
+    fn released_deadman_leaves_gravity_torque_and_no_command(
         path in prop::collection::vec((joints(), switches(), wrench(50.0)), 1..20), mode in mode()
     ) {
         let unslewed = Extensions { slew: None, ..everything().extensions };
@@ -365,7 +365,7 @@ proptest! {
     }
 
     #[test]
-    fn property_06_and_09_whatever_comes_in_all_is_finite_and_within_limits(
+    fn property_06_and_09_any_input_gives_finite_bounded_output(
         cycles in prop::collection::vec(
             (
                 prop::array::uniform6(any::<i32>()),
@@ -417,7 +417,7 @@ proptest! {
     }
 
     #[test]
-    fn the_same_inputs_give_the_same_outputs(
+    fn equal_inputs_give_equal_outputs(
         path in prop::collection::vec((joints(), switches(), wrench(50.0)), 1..10), mode in mode()
     ) {
         let run = || {
@@ -432,7 +432,7 @@ proptest! {
     }
 
     #[test]
-    fn hazard_40_and_property_05_a_reference_set_in_motion_stops_the_rate_and_kicks_nobody(q in joints(), by in -3e-3..3e-3_f64) {
+    fn hazard_40_and_property_05_reference_in_motion_zeroes_rate(q in joints(), by in -3e-3..3e-3_f64) {
         let mut bench = Bench::engaged(&settings(), Mode::Rate);
         bench.at(q);
         let kept = bench.controller;
@@ -450,7 +450,7 @@ proptest! {
     }
 
     #[test]
-    fn taking_up_the_deadman_elsewhere_moves_no_object(q in joints(), mode in mode()) {
+    fn deadman_pressed_elsewhere_moves_no_object(q in joints(), mode in mode()) {
         let mut bench = Bench::engaged(&settings(), mode);
         bench.press(UP);
         bench.input.x_b_m = Isometry3::translation(0.5, 0.1, 0.2);
@@ -466,7 +466,7 @@ proptest! {
     }
 
     #[test]
-    fn a_change_of_mode_moves_no_object(q in joints(), mode in mode()) {
+    fn mode_change_moves_no_object(q in joints(), mode in mode()) {
         let mut bench = Bench::engaged(&settings(), mode);
         bench.at(q);
         bench.input.mode = match mode {
@@ -483,7 +483,7 @@ proptest! {
     }
 
     #[test]
-    fn hazard_40_no_order_of_switches_and_modes_makes_command_or_torque_jump(
+    fn hazard_40_switches_and_modes_never_step_command_or_torque(
         steps in prop::collection::vec((switches(), mode(), 1..6_usize), 1..25),
         slow in prop::array::uniform6(-0.2..0.2_f64),
         f_s in wrench(15.0),
@@ -532,7 +532,7 @@ proptest! {
     }
 
     #[test]
-    fn the_ledger_adds_up(q in joints(), by in -1e-3..1e-3_f64, f_s in wrench(10.0), mode in mode()) {
+    fn ledger_terms_sum_to_the_torque(q in joints(), by in -1e-3..1e-3_f64, f_s in wrench(10.0), mode in mode()) {
         let settings = Settings { extensions: Extensions { slew: None, ..everything().extensions }, ..everything() };
         let mut bench = Bench::engaged(&settings, mode);
         bench.input.f_s = f_s;
@@ -547,7 +547,7 @@ proptest! {
     }
 
     #[test]
-    fn torque_is_the_sum_of_what_each_wrench_gives_alone(
+    fn torques_superpose_over_the_wrenches(
         q in joints(), by in -1e-4..1e-4_f64, f_s in wrench(0.5)
     ) {
         // Small enough that nothing is limited: what a source adds is its wrench's virtual work.
@@ -582,7 +582,7 @@ proptest! {
     }
 
     #[test]
-    fn half_the_reflection_share_is_half_of_what_is_felt(q in joints(), f_s in wrench(50.0)) {
+    fn half_the_reflection_share_halves_the_felt_torque(q in joints(), f_s in wrench(50.0)) {
         let felt = |share: f64| {
             let mut bench = Bench::engaged(&settings(), Mode::Rate);
             bench.input.f_s = f_s;
@@ -607,7 +607,7 @@ fn kraft_like_on(alpha: f64, a: f64, d: f64) -> Arm<6> {
 }
 
 #[test]
-fn hazard_42_a_wrench_that_is_no_number_is_none() {
+fn hazard_42_invalid_wrench_has_no_effect() {
     let mut bench = Bench::engaged(&settings(), Mode::Rate);
     for (part, fault) in [
         (f64::NAN, Fault::WrenchNotFinite),
@@ -622,7 +622,7 @@ fn hazard_42_a_wrench_that_is_no_number_is_none() {
 }
 
 #[test]
-fn an_object_that_is_nowhere_stays_where_it_was() {
+fn invalid_object_pose_keeps_the_last_pose() {
     let mut bench = Bench::new(&settings(), Mode::Pose);
     bench.input.x_b_m = Isometry3::translation(f64::NAN, 0.0, 0.0);
     let output = bench.press(DEADMAN);
@@ -632,7 +632,7 @@ fn an_object_that_is_nowhere_stays_where_it_was() {
 }
 
 #[test]
-fn a_displaced_hand_commands_no_rate_until_it_has_been_back() {
+fn displaced_hand_commands_no_rate_until_back_at_centre() {
     let mut bench = Bench::engaged(&settings(), Mode::Rate);
     bench.press(UP);
     bench.at(displaced(0.1));
@@ -644,7 +644,7 @@ fn a_displaced_hand_commands_no_rate_until_it_has_been_back() {
 }
 
 #[test]
-fn a_hand_turned_past_80_degrees_is_unheard_until_it_has_been_back() {
+fn hand_turned_past_80_degrees_holds_until_back_at_centre() {
     let mut settings = settings();
     // Five slides and one joint that turns the grip about y, the axis of β.
     settings.arm = {
@@ -675,7 +675,7 @@ fn a_hand_turned_past_80_degrees_is_unheard_until_it_has_been_back() {
 }
 
 #[test]
-fn before_any_reference_the_deadman_sets_one() {
+fn first_deadman_press_sets_the_reference() {
     let mut bench = Bench::new(&settings(), Mode::Rate);
     bench.at(displaced(0.1));
     let output = bench.press(DEADMAN);
@@ -684,7 +684,7 @@ fn before_any_reference_the_deadman_sets_one() {
 }
 
 #[test]
-fn after_an_overrun_nothing_is_damped_for_a_cycle() {
+fn restart_suspends_damping_for_one_cycle() {
     let mut bench = Bench::engaged(&settings(), Mode::Rate);
     bench.input.restart = true;
     assert!(bench.at(displaced(0.2)).f_g_damping.force.norm() == 0.0);
@@ -693,7 +693,7 @@ fn after_an_overrun_nothing_is_damped_for_a_cycle() {
 }
 
 #[test]
-fn hazard_44_a_large_wrench_saturates_and_says_which_joint() {
+fn hazard_44_large_wrench_saturates_and_names_the_joint() {
     let mut bench = Bench::engaged(&settings(), Mode::Rate);
     bench.input.f_s = Wrench::from_components([300.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let output = bench.at(NEUTRAL);
@@ -703,7 +703,7 @@ fn hazard_44_a_large_wrench_saturates_and_says_which_joint() {
 }
 
 #[test]
-fn the_index_button_keeps_the_last_command_however_far_the_object_lags() {
+fn index_button_keeps_the_last_command_of_a_lagging_object() {
     let mut bench = Bench::engaged(&settings(), Mode::Pose);
     let asked = bench.at(displaced(0.05)).command;
     assert!(asked != Motion::Pose(bench.input.x_b_m), "the object lags behind");

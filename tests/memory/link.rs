@@ -93,7 +93,7 @@ fn run<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Vec<([i16; 6], Motion
 }
 
 #[test]
-fn hazard_33_a_wrench_that_is_none_does_exactly_as_much_as_one_that_never_came() {
+fn hazard_33_invalid_wrench_equals_a_missing_one() {
     let poison = |count: u64, mut sensed: Sensed| {
         match count % 7 {
             0 => sensed.f_s = Wrench::from_components([f64::NAN; 6]),
@@ -110,7 +110,7 @@ fn hazard_33_a_wrench_that_is_none_does_exactly_as_much_as_one_that_never_came()
 }
 
 #[test]
-fn hazard_33_a_wrench_that_is_large_and_legal_is_held_by_capacity_and_slew() {
+fn hazard_33_large_valid_wrench_is_bounded_by_cap_and_slew() {
     let config = config(KRAFT);
     let mut node = pressing(|count: u64, sensed: Sensed| {
         let sign = if count % 2_000 < 1_000 { 1.0 } else { -1.0 };
@@ -140,7 +140,7 @@ fn steepest(config: &Config, before: &mut Option<[f64; 6]>, record: &Record) -> 
 }
 
 #[test]
-fn hazard_34_one_sample_in_a_hundred_lost_never_stops_the_node() {
+fn hazard_34_one_percent_sample_loss_never_stops_the_node() {
     let mut state = 1_u64;
     let mut node = pressing(|_: u64, sensed: Sensed| {
         state =
@@ -153,7 +153,7 @@ fn hazard_34_one_sample_in_a_hundred_lost_never_stops_the_node() {
 }
 
 #[test]
-fn hazard_36_what_is_late_or_comes_twice_does_as_much_as_if_it_had_not_come_again() {
+fn hazard_36_late_or_repeated_samples_have_no_effect() {
     let mut kept = Vec::new();
     let shuffled = move |count: u64, sensed: Sensed| {
         kept.push(sensed);
@@ -165,7 +165,7 @@ fn hazard_36_what_is_late_or_comes_twice_does_as_much_as_if_it_had_not_come_agai
 }
 
 #[test]
-fn nothing_is_armed_before_the_commanded_side_has_spoken() {
+fn arming_is_refused_before_the_first_remote_sample() {
     let mut node = booted(|count: u64, sensed: Sensed| (count > 150).then_some(sensed));
     assert_eq!((node.mode(), node.cause()), (Mode::Ready, None), "it is no fault yet");
     let refused = node.request(Request::Arm, &mut || false).unwrap_err().to_string();
@@ -220,17 +220,17 @@ fn fails_and_comes_back(name: &str, down: LinkFault) {
 }
 
 #[test]
-fn hazard_34_a_lost_link_ends_reflection_within_seventy_milliseconds_and_without_a_step() {
+fn hazard_34_lost_link_ends_reflection_within_70_ms() {
     fails_and_comes_back("link_loss", LinkFault::Lost);
 }
 
 #[test]
-fn hazard_35_a_frozen_sample_ends_reflection_as_a_lost_link_does() {
+fn hazard_35_frozen_sample_ends_reflection_within_70_ms() {
     fails_and_comes_back("link_frozen", LinkFault::Frozen);
 }
 
 #[test]
-fn promise_07_wherever_the_hand_is_a_lost_link_is_felt_for_seventy_milliseconds_at_most() {
+fn promise_07_lost_link_ends_reflection_in_70_ms_at_any_time() {
     let config = config(KRAFT);
     for cut in [600, 1_003, 1_517] {
         let mut node = pressing(move |count: u64, sensed: Sensed| (count < cut).then_some(sensed));

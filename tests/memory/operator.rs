@@ -93,8 +93,7 @@ fn felt(config: &Config, record: &Record) -> f64 {
 }
 
 #[test]
-fn hazard_38_and_promise_08_a_released_deadman_ends_the_command_in_a_cycle_and_reflection_in_twenty()
- {
+fn hazard_38_and_promise_08_deadman_release_ends_reflection() {
     let config = config(KRAFT);
     let release = "[[switch]]\nat_s = 1.0\ndeadman = false\n";
     let records = records(&config, &format!("{ENGAGED}{release}"), 1.2);
@@ -112,7 +111,7 @@ fn hazard_38_and_promise_08_a_released_deadman_ends_the_command_in_a_cycle_and_r
 }
 
 #[test]
-fn hazard_38_a_switch_box_that_falls_silent_counts_as_a_released_deadman_after_three_repetitions() {
+fn hazard_38_silent_switch_box_counts_as_released_deadman() {
     let config = config(KRAFT);
     let mut bench = bench_of(&config, ENGAGED);
     while bench.elapsed().as_secs_f64() < 1.0 {
@@ -125,7 +124,7 @@ fn hazard_38_a_switch_box_that_falls_silent_counts_as_a_released_deadman_after_t
 }
 
 #[test]
-fn hazard_39_a_deadman_closed_at_power_up_refuses_arming_until_it_was_released_and_pressed() {
+fn hazard_39_deadman_closed_at_power_up_prevents_arming() {
     let config = config(KRAFT);
     let script = "[[switch]]\nat_s = 0.0\ndeadman = true\n\
         [[switch]]\nat_s = 1.0\ndeadman = false\n[[switch]]\nat_s = 1.2\ndeadman = true\n";
@@ -144,7 +143,7 @@ fn hazard_39_a_deadman_closed_at_power_up_refuses_arming_until_it_was_released_a
 }
 
 #[test]
-fn hazard_40_a_reference_or_a_change_of_mode_in_motion_gives_no_impulse_and_zero_rate_at_once() {
+fn hazard_40_reference_or_mode_change_gives_no_impulse() {
     let config = config(KRAFT);
     let changes = "[[switch]]\nat_s = 1.0\nreference = true\n[[switch]]\nat_s = 1.04\nreference = false\n\
         [[console]]\nat_s = 1.1\nrequest = \"mode pose\"\n\
@@ -207,7 +206,7 @@ fn hazard_39_bounce_of_reflection_or_reference_is_one_press() {
 }
 
 #[test]
-fn hazard_39_silent_switch_box_turns_nothing_when_it_returns() {
+fn hazard_39_returning_switch_box_toggles_nothing() {
     for for_s in [0.025, 0.1] {
         // Reflection is pressed again at 0.7 s, which turns it off, and held through the silence.
         let script = format!(
@@ -224,8 +223,7 @@ fn hazard_39_silent_switch_box_turns_nothing_when_it_returns() {
 }
 
 #[test]
-fn hazard_41_reflection_switched_on_in_contact_begins_at_zero_and_takes_three_hundred_milliseconds()
-{
+fn hazard_41_reflection_enabled_in_contact_ramps_in_300_ms() {
     let config = config(KRAFT);
     // Engaged in pose mode without reflection, the hand leans on the wall; then it is switched on.
     let script = "[[console]]\nat_s = 0.05\nrequest = \"mode pose\"\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
@@ -246,7 +244,7 @@ fn hazard_41_reflection_switched_on_in_contact_begins_at_zero_and_takes_three_hu
 }
 
 #[test]
-fn hazard_41_an_arm_that_is_believed_heavier_than_it_is_trips_when_it_rises_unheld() {
+fn hazard_41_overestimated_mass_trips_on_uncommanded_motion() {
     let text = include_str!("../../config/kraft_like.toml");
     // So heavy that no file may say it: its motors could not hold it.
     let believed = Config::parse(Path::new(KRAFT), text).unwrap();
@@ -276,8 +274,7 @@ fn hazard_41_an_arm_that_is_believed_heavier_than_it_is_trips_when_it_rises_unhe
 }
 
 #[test]
-fn hazard_30_and_hazard_41_disarming_lays_the_arm_down_within_fifty_milliseconds_and_without_a_step()
- {
+fn hazard_30_and_hazard_41_disarming_ramps_down_in_50_ms() {
     let config = config(KRAFT);
     let mut bench = bench_of(&config, ENGAGED);
     while bench.elapsed().as_secs_f64() < 1.5 {
@@ -301,7 +298,7 @@ fn hazard_30_and_hazard_41_disarming_lays_the_arm_down_within_fifty_milliseconds
 }
 
 #[test]
-fn hazard_45_a_stiff_wall_within_what_the_gains_allow_for_is_not_taken_for_unstable() {
+fn hazard_45_stiff_wall_within_the_gains_does_not_trip() {
     let script = scenario("stiff-wall");
     let config = comparison::surrounded(&config(KRAFT), &script);
     let mut bench = Bench::new(&config, script, 1, false, ());

@@ -42,7 +42,7 @@ fn summary(config: &str, scenario: Scenario, mut felt: impl FnMut(Vector3<f64>))
 }
 
 #[test]
-fn whoever_holds_the_grip_feels_the_wall_and_nothing_stops_the_arm() {
+fn every_operator_preset_feels_the_wall_without_a_stop() {
     let felt = ["relaxed", "firm", "nervous"].map(|preset| {
         let hand = format!("[hand]\npreset = \"{preset}\"\n");
         let summary = summary(CONFIG, going("[0.08, 0.0, 0.0]", &hand), |_| {});
@@ -56,7 +56,7 @@ fn whoever_holds_the_grip_feels_the_wall_and_nothing_stops_the_arm() {
 }
 
 #[test]
-fn sliding_along_a_rough_wall_is_felt_against_the_motion_and_within_its_friction() {
+fn friction_of_a_rough_wall_opposes_sliding() {
     let rough = CONFIG.replacen("[remote.wall]", "[remote.wall]\nfriction = 0.8", 1);
     let sideways = "[0.05, 0.03, 0.0]";
     let mut strongest = 0.0_f64;

@@ -194,7 +194,7 @@ fn mass_matrices_of_four_arms() {
 }
 
 #[test]
-fn the_shipped_puma_is_the_one_of_the_reference() {
+fn shipped_puma_matches_the_reference() {
     let puma = models::puma560().unwrap();
     for config in list(&oracle::oracle("puma560_corke_mdh.json")["configs"]) {
         let posture = puma.posture(&joints(&config["q"]));
@@ -252,7 +252,7 @@ fn the_deadband_and_the_return_force_of_one_axis() {
 }
 
 #[test]
-fn eq_8_as_printed_does_not_come_out() {
+fn eq_8_as_printed_differs_from_the_oracle() {
     let table = &oracle::oracle("paper.json")["eq8"]["table"];
     let printed = list(&table["F_literal"]).iter().map(number).collect::<Vec<_>>();
     let odd = list(&table["F_odd"]).iter().map(number).collect::<Vec<_>>();
@@ -266,7 +266,7 @@ fn eq_8_as_printed_does_not_come_out() {
 }
 
 #[test]
-fn the_payload_is_removed() {
+fn payload_is_compensated() {
     let paper = oracle::oracle("paper.json");
     let (inputs, payload) = (&paper["inputs"], &paper["inputs"]["payload"]);
     let model_gravity = &oracle::oracle("sixr_spherical.json")["model"]["g0"];
@@ -289,7 +289,7 @@ fn the_payload_is_removed() {
 }
 
 #[test]
-fn a_jacobian_in_the_wrong_frame_would_be_noticed() {
+fn jacobian_in_the_wrong_frame_is_detected() {
     let paper = oracle::oracle("paper.json");
     let arm = oracle::arm("sixr_spherical");
     let j_g = arm.jacobian(&arm.posture(&joints(&paper["inputs"]["q_now"])));
@@ -301,7 +301,7 @@ fn a_jacobian_in_the_wrong_frame_would_be_noticed() {
 }
 
 #[test]
-fn the_wrench_at_the_wrist_gives_the_same_torques() {
+fn equivalent_wrist_wrench_gives_equal_torques() {
     let paper = oracle::oracle("paper.json");
     let f_g = wrench(&paper["eq6b"]["G_F_T"]);
     let f_w = f_g.at(&pose(&paper["eq6b"]["T_W_G"]));
@@ -317,7 +317,7 @@ fn the_wrench_at_the_wrist_gives_the_same_torques() {
 }
 
 #[test]
-fn gravity_as_one_wrench_at_the_grip_does_not_come_out() {
+fn gravity_is_not_one_wrench_at_the_grip() {
     let paper = oracle::oracle("paper.json");
     let arm = oracle::arm("sixr_spherical");
     let tau = arm.gravity(&arm.posture(&joints(&paper["inputs"]["q_now"])));
@@ -328,7 +328,7 @@ fn gravity_as_one_wrench_at_the_grip_does_not_come_out() {
 }
 
 #[test]
-fn the_hand_is_drawn_back_and_damped_whichever_way_it_is_turned() {
+fn centring_and_damping_act_at_any_orientation() {
     let paper = oracle::oracle("paper.json");
     for case in list(&paper["frame_mismatch_power"]["cases"]) {
         let yaw = number(&case["G_yaw_deg"]).to_radians();
@@ -402,7 +402,7 @@ fn expected_targets(paper: &Value) -> [PerMille; 6] {
 }
 
 #[test]
-fn torques_become_the_very_counts() {
+fn torques_convert_to_the_exact_counts() {
     let paper = oracle::oracle("paper.json");
     let targets = calibration(&paper).targets(&joints(&paper["actuation"]["tau_C"]));
     assert_eq!(targets, expected_targets(&paper));
@@ -430,7 +430,7 @@ fn a_torque_curve_and_its_inverse() {
 }
 
 #[test]
-fn actuators_that_are_coupled() {
+fn coupled_actuators() {
     let case = &oracle::oracle("paper.json")["coupling"];
     let coupling = Coupling::new(rows::<6, 6>(&case["C"]), [0.0; 6]).unwrap();
     let theta = coupling.joints(&joints(&case["measured"]));
@@ -579,7 +579,7 @@ fn the_return_moment_of_a_rotation_vector() {
 }
 
 #[test]
-fn a_closed_loop_of_orientations_gives_off_no_energy() {
+fn closed_loop_of_orientations_gains_no_energy() {
     let case = &oracle::oracle("paper.json")["euler_moment_loop_work"];
     let channels = Channels::new([0.05; 6], [0.3; 6]).unwrap();
     let steps = 4_000_u32;
@@ -763,7 +763,7 @@ fn gravity_read_correctly_but_scaled_as_printed() {
 // Switches.
 
 #[test]
-fn what_the_switches_permit() {
+fn switch_permissions() {
     for row in list(&oracle::oracle("paper.json")["switch_truth_table"]["rows"]) {
         let is = |key: &str| row[key].as_bool().unwrap_or_else(|| number(&row[key]) > 0.5);
         let mut switches = SwitchLogic::new(Mode::Rate, true);

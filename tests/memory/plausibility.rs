@@ -63,7 +63,7 @@ fn with_narrow_elbow() -> Config {
 }
 
 #[test]
-fn hazard_04_a_lateness_below_three_cycles_and_lost_order_hardly_change_what_is_felt() {
+fn hazard_04_delay_below_three_cycles_hardly_changes_torque() {
     let config = config(KRAFT);
     let in_time = run(&config, MOVING, 1.1);
     for (delay, most) in [("1.2", 5), ("2.2", 8), ("1.7\nreorder = true\nshare = 0.05", 8)] {
@@ -89,7 +89,7 @@ fn growing(config: &Config, most: u32) -> String {
 }
 
 #[test]
-fn hazard_04_samples_that_grow_old_stop_the_node_at_14_cycles() {
+fn hazard_04_growing_delay_stops_the_node_at_14_cycles() {
     for name in [KRAFT, "config/kraft_like_500hz.toml", "config/jpl_like.toml"] {
         let config = config(name);
         let records = run(&config, &format!("{MOVING}{}", growing(&config, 26)), 1.6);
@@ -104,7 +104,7 @@ fn hazard_04_samples_that_grow_old_stop_the_node_at_14_cycles() {
 }
 
 #[test]
-fn hazard_04_delay_that_ends_is_no_second_node() {
+fn hazard_04_end_of_a_delay_is_not_a_duplicate_node() {
     for most in [3, 6, 9] {
         let config = config(KRAFT);
         let records = run(&config, &format!("{MOVING}{}", growing(&config, most)), 1.6);
@@ -115,7 +115,7 @@ fn hazard_04_delay_that_ends_is_no_second_node() {
 }
 
 #[test]
-fn hazard_03_samples_that_are_late_too_often_end_reflection() {
+fn hazard_03_frequently_late_samples_end_reflection() {
     // One in ten is late by more than a cycle, and made good in the next: never more than two are overdue.
     let fault = "kind = \"delay\"\njoint = 3\nframe = \"tpdo1\"\ndelay_ms = 1.2\nshare = 0.1\n";
     let records = run(&config(KRAFT), &with_fault(fault), 1.6);
@@ -140,7 +140,7 @@ fn misfit(readings: &[f64], told: &[f64], age: usize) -> f64 {
 }
 
 #[test]
-fn hazard_04_age_of_ten_cycles_in_6077h_looks_like_a_filter_of_10_ms() {
+fn hazard_04_ten_cycle_delay_of_6077h_resembles_a_10_ms_filter() {
     let records = run(&config(KRAFT), MOVING, 1.6);
     // Those that carry weight.
     for joint in 1..4 {
@@ -160,7 +160,7 @@ fn hazard_04_age_of_ten_cycles_in_6077h_looks_like_a_filter_of_10_ms() {
 }
 
 #[test]
-fn hazard_12_a_single_sample_wrong_by_any_bit_is_forgiven() {
+fn hazard_12_single_bit_error_in_one_sample_is_tolerated() {
     for (name, before) in [(KRAFT, ""), ("config/kraft_like_500hz.toml", "0000")] {
         let config = config(name);
         for bit in [6, 8, 9, 10, 11, 16, 30] {
@@ -177,7 +177,7 @@ fn hazard_12_a_single_sample_wrong_by_any_bit_is_forgiven() {
 }
 
 #[test]
-fn hazard_12_a_sample_that_cannot_be_is_not_used_and_a_single_one_is_forgiven() {
+fn hazard_12_implausible_sample_is_discarded() {
     let config = config(KRAFT);
     let fault = "kind = \"corrupt\"\njoint = 3\nframe = \"tpdo1\"\nxor = \"00001000\"\ncount = 1\n";
     let (good, struck) = (run(&config, MOVING, 0.8), run(&config, &with_fault(fault), 0.8));
@@ -188,7 +188,7 @@ fn hazard_12_a_sample_that_cannot_be_is_not_used_and_a_single_one_is_forgiven() 
 }
 
 #[test]
-fn hazard_11_a_grip_faster_than_a_metre_in_a_second_has_no_torque_three_cycles_later() {
+fn hazard_11_grip_above_1_m_per_s_stops_within_three_cycles() {
     let script = MOVING.replace(
         "duration_s = 1.0\nto_m = [0.06, 0.03, 0.0]",
         "duration_s = 0.12\nto_m = [0.0, 0.1, 0.0]",
@@ -206,7 +206,7 @@ fn hazard_11_a_grip_faster_than_a_metre_in_a_second_has_no_torque_three_cycles_l
 }
 
 #[test]
-fn hazard_43_a_joint_beyond_its_limit_ends_reflection_in_the_same_cycle_and_the_arm_is_carried() {
+fn hazard_43_joint_beyond_its_limit_ends_reflection_at_once() {
     let narrow = with_narrow_elbow();
     let script = Scenario::parse(MOVING).unwrap();
     let mut bench = Bench::in_world_of(&config(KRAFT), &narrow, script, 1, false, ());
@@ -221,7 +221,7 @@ fn hazard_43_a_joint_beyond_its_limit_ends_reflection_in_the_same_cycle_and_the_
 }
 
 #[test]
-fn hazard_43_an_arm_pressed_against_its_stops_is_not_beyond_them() {
+fn hazard_43_arm_at_its_soft_stops_does_not_trip() {
     let records = run(&with_narrow_elbow(), MOVING, 1.6);
     let last = records.last().unwrap();
     assert_eq!(last.cause, None);
@@ -229,7 +229,7 @@ fn hazard_43_an_arm_pressed_against_its_stops_is_not_beyond_them() {
 }
 
 #[test]
-fn promise_14_a_thousandth_of_the_samples_may_be_lost_one_by_one() {
+fn promise_14_single_losses_of_one_per_mille_never_stop() {
     for name in ["kraft_like", "kraft_like_500hz", "jpl_like"] {
         let text = std::fs::read_to_string("config/scenarios/contact_10s.toml").unwrap();
         let lost = "[[fault]]\nat_s = 0.0\nkind = \"drop\"\njoint = \"all\"\nframe = \"tpdo1\"\nshare = 0.001\n";
@@ -241,7 +241,7 @@ fn promise_14_a_thousandth_of_the_samples_may_be_lost_one_by_one() {
 }
 
 #[test]
-fn promise_14_no_shipped_script_stops_the_node() {
+fn promise_14_shipped_scenarios_never_stop_the_node() {
     for (config_name, script, seconds) in [
         ("jpl_like", "stiff-wall", 7.0),
         ("kraft_like_500hz", "stiff-wall", 7.0),

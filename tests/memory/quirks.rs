@@ -213,24 +213,24 @@ fn try_all(text: &str, outcome: impl Fn(&(&str, Outcome, Outcome)) -> Outcome) {
 }
 
 #[test]
-fn hazard_16_quirks_at_1_khz_are_handled_or_refused_before_torque() {
+fn hazard_16_quirks_at_1_khz_are_handled_or_refused() {
     try_all(GROUPED, |row| row.1);
 }
 
 #[test]
-fn hazard_16_quirks_at_500_hz_are_handled_or_refused_before_torque() {
+fn hazard_16_quirks_at_500_hz_are_handled_or_refused() {
     try_all(PER_DRIVE, |row| row.2);
 }
 
 #[test]
-fn the_table_covers_all_quirks() {
+fn table_covers_all_quirks() {
     let is_tried = |name: &&str| TABLE.iter().any(|row| row.0.split(':').next() == Some(*name));
     let left: Vec<_> = Quirk::NAMES.iter().filter(|name| !is_tried(name)).collect();
     assert!(left.is_empty(), "{left:?}");
 }
 
 #[test]
-fn a_counter_that_a_drive_does_not_know_is_refused_by_name() {
+fn sync_counter_missing_in_a_drive_is_refused_by_object() {
     let text = PER_DRIVE.replace("node_id = 127 ", "sync_counter = 240\nnode_id = 127 ");
     let (bench, wire) = bench(&config(&text), SCRIPT, &["no-sync-counter"]);
     let reason = "1019h refused: 06020000h object does not exist";
@@ -247,7 +247,7 @@ fn off_and_asked(wire: &Wire) -> (Instant, Instant) {
 }
 
 #[test]
-fn hazard_17_a_drive_that_runs_when_the_master_comes_is_off_before_anything_else() {
+fn hazard_17_enabled_drive_is_switched_off_first() {
     for text in [GROUPED, PER_DRIVE] {
         let (mut bench, wire) = bench(&config(text), SCRIPT, &["running-at-start"]);
         assert!(is_pushing(&mut bench), "before anybody has said a word");
@@ -261,7 +261,7 @@ fn hazard_17_a_drive_that_runs_when_the_master_comes_is_off_before_anything_else
 }
 
 #[test]
-fn an_arm_that_falls_is_waited_for_until_it_lies_still() {
+fn boot_waits_for_a_falling_arm_to_stand_still() {
     let script = format!("{SCRIPT}[[hold]]\nat_s = 0\nholding = false\n");
     let (mut bench, wire) = bench(&config(PER_DRIVE), &script, &["running-at-start:800"]);
     bench.bring_up().unwrap();
@@ -272,7 +272,7 @@ fn an_arm_that_falls_is_waited_for_until_it_lies_still() {
 }
 
 #[test]
-fn hazard_17_a_running_drive_is_off_even_if_it_is_then_refused() {
+fn hazard_17_enabled_drive_is_off_even_if_then_refused() {
     for (quirk, reason) in [("wrong-identity", OTHER), ("double-replies", TWO)] {
         let (bench, wire) = bench(&config(PER_DRIVE), SCRIPT, &["running-at-start", quirk]);
         is_refused(quirk, reason, bench, &wire);
@@ -283,7 +283,7 @@ fn hazard_17_a_running_drive_is_off_even_if_it_is_then_refused() {
 const STRAY: (u16, [u8; 4]) = (0x403, [0x0F, 0x00, 0xE8, 0x03]);
 
 #[test]
-fn a_stray_frame_moves_nothing_once_the_master_has_booted_the_drive() {
+fn stray_rpdo_moves_nothing_after_the_boot() {
     for text in [GROUPED, PER_DRIVE] {
         let (mut bench, _) = bench(&config(text), SCRIPT, &["open-rpdos"]);
         bench.bring_up().unwrap();
@@ -299,7 +299,7 @@ fn a_stray_frame_moves_nothing_once_the_master_has_booted_the_drive() {
 }
 
 #[test]
-fn a_fault_nobody_tells_of_is_seen_in_the_statusword() {
+fn fault_without_emergency_is_seen_in_the_statusword() {
     let (mut bench, wire) = bench(&config(PER_DRIVE), SCRIPT, &["quiet-fault"]);
     bench.bring_up().unwrap();
     until(&mut bench, |record| record.mode == Mode::Engaged);

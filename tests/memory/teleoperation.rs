@@ -23,7 +23,7 @@ use units::spatial::Motion;
 const ONE_KILOHERTZ: &str = "config/kraft_like.toml";
 
 #[test]
-fn a_minute_of_teleoperation_misses_nothing_and_feels_the_wall() {
+fn minute_of_teleoperation_loses_no_sample() {
     let config = config(ONE_KILOHERTZ);
     let mut bench = Bench::new(&config, scenario("teleoperation"), 1, false, ());
     bench.bring_up().unwrap();
@@ -51,7 +51,7 @@ fn a_minute_of_teleoperation_misses_nothing_and_feels_the_wall() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_frames_and_another_seed_others() {
+fn seed_alone_determines_the_frames() {
     let run = |seed| {
         let config = config(ONE_KILOHERTZ);
         let wire = crate::common::bench::Wire::default();
@@ -66,7 +66,7 @@ fn the_same_seed_gives_the_same_frames_and_another_seed_others() {
 }
 
 #[test]
-fn the_wall_pushes_the_hand_back_from_where_the_object_touches() {
+fn wall_pushes_the_hand_against_its_motion() {
     let (mut bench, _) = booted(ONE_KILOHERTZ, "contact_10s");
     let record = until_contact(&mut bench);
     let f_0 = record.output.x_0_g.rotation * record.output.f_g_task.force;
@@ -75,7 +75,7 @@ fn the_wall_pushes_the_hand_back_from_where_the_object_touches() {
 }
 
 #[test]
-fn letting_go_stops_the_object_and_the_wall_in_the_next_cycle() {
+fn deadman_release_stops_object_and_reflection_in_a_cycle() {
     let (mut bench, _) = booted(ONE_KILOHERTZ, "contact_10s");
     until_contact(&mut bench);
     let record = until(&mut bench, |record| record.mode == Mode::Armed);
@@ -88,7 +88,7 @@ fn letting_go_stops_the_object_and_the_wall_in_the_next_cycle() {
 }
 
 #[test]
-fn nothing_pushes_while_the_node_is_not_armed() {
+fn targets_are_zero_unless_armed() {
     let (mut bench, _) = booted(ONE_KILOHERTZ, "contact_10s");
     for _ in 0..12_000 {
         let record = bench.cycle();
@@ -99,7 +99,7 @@ fn nothing_pushes_while_the_node_is_not_armed() {
 }
 
 #[test]
-fn syncs_are_counted_and_the_time_is_told_where_they_are_asked_for() {
+fn sync_counter_and_time_stamp_are_sent_if_configured() {
     let keys = "[node]\nsync_counter = 4\ntime_period_ms = 100\n";
     let text = include_str!("../../config/kraft_like.toml").replacen("[node]\n", keys, 1);
     let text = text.replace("load_limit_percent = 90", "load_limit_percent = 91");

@@ -130,7 +130,7 @@ fn sample(reading: Reading) -> Sample {
 }
 
 #[test]
-fn straight_lines_distort_a_force_along_one_axis_and_polynomials_do_not() {
+fn linear_torque_curves_distort_the_felt_force() {
     let truth = Config::load(Path::new(CONFIG)).unwrap();
     let polynomial = distortion(&truth, &truth);
     let linear = distortion(&truth, &with_curves(&lines(&truth)));
@@ -143,7 +143,7 @@ fn straight_lines_distort_a_force_along_one_axis_and_polynomials_do_not() {
 }
 
 #[test]
-fn curves_from_measurements_feel_like_the_true_ones() {
+fn fitted_curves_restore_the_felt_force() {
     let config = Config::load(Path::new(CONFIG)).unwrap();
     let (fitted, secret): (Vec<_>, Vec<_>) =
         config.joints.iter().zip(40..).map(|(joint, seed)| calibrated(joint, seed)).unzip();
@@ -156,7 +156,7 @@ fn curves_from_measurements_feel_like_the_true_ones() {
 }
 
 #[test]
-fn a_fit_is_nearer_to_the_secret_curve_than_its_stated_error() {
+fn fit_error_is_below_its_stated_residual() {
     let config = Config::load(Path::new(CONFIG)).unwrap();
     for (seed, joint) in (0..48).zip(config.joints.iter().cycle()) {
         let rig =

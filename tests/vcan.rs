@@ -243,7 +243,7 @@ fn hazard_16_commissioning_proves_every_drive_and_names_the_one_that_holds_its_t
     assert_eq!(outcome.code, Some(5), "{}", outcome.stderr);
     let reason = "joint 3 (elbow), node 3: kept its power stage on for 40 ms without RPDOs";
     assert!(outcome.stderr.contains(reason), "{}", outcome.stderr);
-    assert!(table.contains("nothing may be armed"), "{table}");
+    assert!(table.contains("the arm cannot be armed"), "{table}");
 }
 
 #[test]
@@ -284,7 +284,7 @@ fn bench_tools_find_read_and_renumber_a_simulated_drive() {
     };
     let empty = ended("scan");
     assert_eq!(empty.status.code(), Some(1));
-    let reason = "frhc: no node answers; no heartbeat is received\n";
+    let reason = "frhc: no node responds; no heartbeat was received\n";
     assert_eq!(String::from_utf8_lossy(&empty.stderr), reason);
     let sim = scratch.frhc(&["sim", "--config", CONFIG]);
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
@@ -306,7 +306,7 @@ fn bench_tools_find_read_and_renumber_a_simulated_drive() {
     assert_eq!(tool("nmt reset 3 --wait"), "node 3 booted up\n");
     let taken = ended("lss configure --select 0xF8C,0x04020010,0x00010000,3 --node-id 4");
     assert_eq!(taken.status.code(), Some(5));
-    let reason = "node-id 4 is taken by 00000F8Ch 04020010h 00010000h 00000004h";
+    let reason = "node-id 4 is in use by 00000F8Ch 04020010h 00010000h 00000004h";
     assert!(String::from_utf8_lossy(&taken.stderr).contains(reason));
     tool("lss configure --select 0xF8C,0x04020010,0x00010000,3 --node-id none --store");
     tool("nmt reset-comm 3");

@@ -108,7 +108,10 @@ fn compare(
     if comparison.is_bounded() {
         Ok(())
     } else {
-        Err(Failure::new(Kind::Negative, "the loop was unbounded with the passivity layer"))
+        Err(Failure::new(
+            Kind::Negative,
+            "the passivity layer did not bound the contact energy, or there was none to bound",
+        ))
     }
 }
 

@@ -35,16 +35,16 @@ pub(crate) struct Explain {
     #[arg(short, long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Joint positions in rad or m: six comma-separated numbers.
-    #[arg(long, value_name = "Q,...", value_parser = six, allow_hyphen_values = true)]
+    #[arg(long, value_name = "Q,...", value_parser = parse_six, allow_hyphen_values = true)]
     q: Option<[f64; 6]>,
     /// Joint positions one cycle earlier [default: those of --q].
-    #[arg(long, value_name = "Q,...", value_parser = six, allow_hyphen_values = true)]
+    #[arg(long, value_name = "Q,...", value_parser = parse_six, allow_hyphen_values = true)]
     q_before: Option<[f64; 6]>,
     /// Joint positions when the reference was set [default: those of --q].
-    #[arg(long, value_name = "Q,...", value_parser = six, allow_hyphen_values = true)]
+    #[arg(long, value_name = "Q,...", value_parser = parse_six, allow_hyphen_values = true)]
     q_reference: Option<[f64; 6]>,
     /// Wrench on the object at the sensor, payload removed, in N and N·m.
-    #[arg(long, value_name = "F,...", value_parser = six, allow_hyphen_values = true)]
+    #[arg(long, value_name = "F,...", value_parser = parse_six, allow_hyphen_values = true)]
     wrench: Option<[f64; 6]>,
     /// Control mode, rate or pose [default: as configured].
     #[arg(long)]
@@ -113,10 +113,10 @@ impl Explain {
     /// Returns how much of the question the flags give.
     fn flags(&self) -> Flags {
         let numbers = [self.q_before, self.q_reference, self.wrench];
-        let words = [&self.mode, &self.preset];
+        let names = [&self.mode, &self.preset];
         let switches = [self.no_deadman, self.no_reflection, self.layers];
         let is_any = numbers.iter().any(Option::is_some)
-            || words.iter().any(|word| word.is_some())
+            || names.iter().any(|name| name.is_some())
             || switches.contains(&true);
         match (self.q, is_any) {
             (Some(_), _) => Flags::Position,
@@ -127,7 +127,7 @@ impl Explain {
 }
 
 /// Parses six comma-separated numbers.
-fn six(text: &str) -> Result<[f64; 6], String> {
+fn parse_six(text: &str) -> Result<[f64; 6], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
     let numbers = numbers.map_err(|error| error.to_string())?;
     let found = numbers.len();

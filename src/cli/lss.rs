@@ -244,7 +244,7 @@ pub(super) fn run(args: &Lss) -> Result<(), Failure> {
 /// Returns the plan of a task. `configure` requires an explicit choice: several slaves must not get the same node-id.
 fn plan(task: &Task) -> Result<Plan, Failure> {
     let selected = Job { release: false, ..Job::new(Selection::Selected) };
-    let asked = Job { inquire: true, ..selected };
+    let inquire = Job { inquire: true, ..selected };
     Ok(Plan::Configure(match task {
         Task::IdentifyNonConfigured => return Ok(Plan::Identify(None)),
         Task::IdentifyRemote { numbers } => {
@@ -254,7 +254,7 @@ fn plan(task: &Task) -> Result<Plan, Failure> {
             let (revision, serial) = ([r0, r1], [s0, s1]);
             return Ok(Plan::Identify(Some(Description { vendor, product, revision, serial })));
         }
-        Task::Inquire { selected: true, .. } => asked,
+        Task::Inquire { selected: true, .. } => inquire,
         Task::Inquire { choice, selected: false } => {
             Job { inquire: true, ..Job::new(choice.selection()) }
         }
@@ -264,10 +264,10 @@ fn plan(task: &Task) -> Result<Plan, Failure> {
             Job { release: false, ..Job::new(Selection::Address(address)) }
         }
         Task::Deselect => Job::new(Selection::Selected),
-        Task::SetNodeId { node } => Job { node: Some(*node), ..asked },
-        Task::SetBitTiming { rate } => Job { bit_rate: Some(*rate), ..asked },
+        Task::SetNodeId { node } => Job { node: Some(*node), ..inquire },
+        Task::SetBitTiming { rate } => Job { bit_rate: Some(*rate), ..inquire },
         Task::Activate { delay } => Job { activate: Some(*delay), ..selected },
-        Task::Store => Job { store: true, ..asked },
+        Task::Store => Job { store: true, ..inquire },
         Task::Fastscan { .. } => Job { inquire: true, ..Job::new(Selection::Fastscan) },
         Task::Configure { choice, yes, node_id, bit_timing, store } => {
             choice.ensure_single(*yes)?;

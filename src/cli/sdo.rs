@@ -140,7 +140,7 @@ pub(super) fn run(args: &Sdo) -> Result<(), Failure> {
             show(args.json, target, data_type, &read, bytes);
         }
         Task::Write { value, verify, force, .. } => {
-            let (data_type, text) = typed(value, described_type)?;
+            let (data_type, text) = parse_type(value, described_type)?;
             let value = parse_value(data_type, text)?;
             check_limits(text, &value, described)?;
             let bytes = data_type.encode(&value);
@@ -181,8 +181,11 @@ fn trimmed(content: &Content, data_type: GatewayType) -> &[u8] {
 }
 
 /// Parses `TYPE VALUE`, or `VALUE` of the type in the EDS.
-fn typed(words: &[String], described: Option<GatewayType>) -> Result<(GatewayType, &str), Failure> {
-    match words {
+fn parse_type(
+    arguments: &[String],
+    described: Option<GatewayType>,
+) -> Result<(GatewayType, &str), Failure> {
+    match arguments {
         [data_type, value] => {
             let data_type = data_type.parse().or_fail(Kind::Usage)?;
             Ok((data_type, value))

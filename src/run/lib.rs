@@ -23,6 +23,7 @@ pub mod commission;
 pub mod config_arg;
 mod console;
 pub mod ctl;
+mod cycle_thread;
 mod disk_writers;
 pub mod exit;
 pub mod fault_records;

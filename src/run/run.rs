@@ -13,11 +13,10 @@ use tokio::sync::oneshot;
 use crate::commission;
 use crate::config_arg::TrustedConfigArg;
 use crate::console;
-use crate::console::AcceptedRequest;
 use crate::console::RequestHandler;
-use crate::console::RequestReceiver;
 use crate::console::Socket;
 use crate::console::default_socket;
+use crate::cycle_thread;
 use crate::disk_writers;
 use crate::disk_writers::DiskWriters;
 use crate::exit::Failure;
@@ -33,17 +32,11 @@ use crate::provenance::Provenance;
 use crate::recorder_thread;
 use crate::recorder_thread::LatestStatus;
 use crate::rings;
-use crate::rings::EntryProducer;
 use crate::run_recorder::RunRecorder;
 use crate::session;
 use crate::stop_signals::StopSignals;
-use bus::Bus;
 use bus::Traced;
-use bus::realtime;
-use node::BringUpError;
 use node::Node;
-use node::Request;
-use remote::Remote;
 use remote::site::VirtualSite;
 use telemetry::origin::Origin;
 
@@ -112,7 +105,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
             .or_fail(Kind::Bus)?;
         let signals = &signals;
         let cycle = move || {
-            let outcome = run_cycle_thread(node, requests, signals, latch);
+            let outcome = cycle_thread::run(node, requests, signals, latch);
             // The main thread may have ended first.
             ended.send(outcome).ok();
         };
@@ -154,329 +147,5 @@ async fn serve(
     tokio::select! {
         outcome = end => outcome.unwrap_or_else(|_| failed()),
         () = socket.serve(handler) => failed(),
-    }
-}
-
-/// Result of the cycle thread.
-struct Ended {
-    /// Every drive is confirmed disabled, and no stop is latched.
-    is_orderly: bool,
-    outcome: Result<(), Failure>,
-}
-
-impl Ended {
-    fn of(is_orderly: bool, outcome: Result<(), Failure>) -> Self {
-        Self { is_orderly, outcome }
-    }
-}
-
-/// Runs the cycle thread: priority, bring-up, cycles, stop. Removes the latch after an orderly end.
-fn run_cycle_thread<B: Bus, R: Remote>(
-    mut node: Node<Traced<B, EntryProducer>, R>,
-    mut requests: RequestReceiver,
-    signals: &StopSignals,
-    mut latch: Latch,
-) -> Result<(), Failure> {
-    let granted = realtime::ask();
-    tracing::info!(%granted, "priority");
-    let stopping = || signals.is_stop_requested();
-    let Ended { is_orderly, outcome } = run_node(&mut node, &mut requests, &mut latch, &stopping);
-    let reason = || outcome.as_ref().err().map_or_else(String::new, ToString::to_string);
-    let message = latch.end(if is_orderly { Ok(()) } else { Err(reason()) });
-    message.iter().for_each(|line| tracing::warn!("{line}"));
-    outcome
-}
-
-/// Boots the node and runs cycles until `stopping` returns true, then stops the drives.
-fn run_node<B: Bus, R: Remote>(
-    node: &mut Node<Traced<B, EntryProducer>, R>,
-    requests: &mut RequestReceiver,
-    latch: &mut Latch,
-    stopping: &impl Fn() -> bool,
-) -> Ended {
-    let mut give_up = || {
-        requests.answer_during_boot();
-        stopping()
-    };
-    let booted = match latch.cause() {
-        None => node.bring_up(&mut give_up),
-        Some(cause) => node.bring_up_unpowered(cause, &mut give_up),
-    };
-    forward_events(node);
-    match booted {
-        Ok(()) if latch.cause().is_some() => {
-            tracing::warn!("waiting for `frhc ctl reset`: no drive is enabled");
-        }
-        Ok(()) => tracing::info!("ready: all drives enabled at zero torque"),
-        Err(error) => return boot_failure(node, error),
-    }
-    requests.end_boot(node.bus().now());
-    while !stopping() {
-        execute_requests(node, requests, latch, stopping);
-        run_cycle(node);
-        forward_events(node);
-    }
-    requests.close();
-    let stopped_by = node.cause();
-    let stop = |reason| Failure::new(Kind::Stopped, reason);
-    match (stopped_by, node.stop()) {
-        (None, confirmed) => Ended::of(confirmed.is_ok(), confirmed.or_fail(Kind::Drive)),
-        (Some(cause), Ok(())) => Ended::of(false, Err(stop(format!("stopped by {cause}")))),
-        (Some(cause), Err(error)) => {
-            Ended::of(false, Err(stop(format!("stopped by {cause}; {error}"))))
-        }
-    }
-}
-
-/// Returns the result of a failed boot. If no drive was enabled, the end is orderly and latches nothing.
-fn boot_failure<B: Bus, R: Remote>(
-    node: &mut Node<Traced<B, EntryProducer>, R>,
-    error: BringUpError,
-) -> Ended {
-    match error {
-        BringUpError::GivenUp => Ended::of(true, Ok(())),
-        BringUpError::Bus(_) | BringUpError::Unfit(_) => {
-            Ended::of(true, Err(error).or_fail(Kind::Bus))
-        }
-        BringUpError::Boot(_) => Ended::of(true, Err(error).or_fail(Kind::Drive)),
-        BringUpError::NotProven(_) => Ended::of(node.is_off(), Err(error).or_fail(Kind::Drive)),
-        BringUpError::LeftOn(_) => Ended::of(false, Err(error).or_fail(Kind::Drive)),
-        BringUpError::NotEnabled(_) => {
-            // Records the trip.
-            run_cycle(node);
-            Ended::of(false, Err(error).or_fail(Kind::Drive))
-        }
-    }
-}
-
-/// Runs one cycle and queues its record.
-fn run_cycle<B: Bus, R: Remote>(node: &mut Node<Traced<B, EntryProducer>, R>) {
-    let record = node.cycle();
-    node.bus_mut().tap_mut().push_record(&record);
-}
-
-/// Executes a pending disarm, and then at most one other request.
-fn execute_requests<B: Bus, R: Remote>(
-    node: &mut Node<B, R>,
-    requests: &mut RequestReceiver,
-    latch: &mut Latch,
-    stopping: &impl Fn() -> bool,
-) {
-    if let Some(disarm) = requests.pending_disarm() {
-        // A disarm is never refused.
-        let mode = node.request(Request::Disarm, &mut || false).unwrap_or(node.mode());
-        requests.complete_disarm(disarm, mode);
-    }
-    let Some(accepted) = requests.next(node.bus().now()) else { return };
-    let AcceptedRequest { request, .. } = accepted;
-    let mut has_booted = false;
-    if request == Request::Reset {
-        latch.before_reset();
-    }
-    let outcome = node.request(request, &mut || {
-        has_booted = true;
-        requests.begin_boot();
-        requests.answer_during_boot();
-        stopping()
-    });
-    if has_booted {
-        requests.end_boot(node.bus().now());
-    }
-    if request == Request::Reset && outcome.is_ok() {
-        latch.release();
-    }
-    accepted.answer(outcome);
-}
-
-/// Queues events on the network for the recorder thread.
-fn forward_events<B: Bus, R: Remote>(node: &mut Node<Traced<B, EntryProducer>, R>) {
-    while let Some(event) = node.notice() {
-        node.bus_mut().tap_mut().push_event(event);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::cell::Cell;
-    use std::fs;
-    use std::path::PathBuf;
-
-    use super::*;
-    use crate::console::Phase;
-    use crate::console::RequestSender;
-    use crate::rings::EntryConsumer;
-    use bus::Memory;
-    use canopen::frame::Channel;
-    use canopen::frame::Frame;
-    use canopen::frame::Telegram;
-    use canopen::station::Station;
-    use config::Config;
-    use controller::switches::Mode as CommandMode;
-    use lab::world;
-    use node::record::Mode;
-    use sim::scenario::Scenario;
-    use sim::world::World;
-    use units::time::Instant;
-
-    /// A node without threads, on an in-memory bus.
-    struct Bench<S> {
-        node: Node<Traced<Memory<S, ()>, EntryProducer>, VirtualSite>,
-        sender: RequestSender,
-        requests: RequestReceiver,
-        latch: Latch,
-        folder: PathBuf,
-        /// RecordSink: a ring without its other end loses all.
-        _consumer: EntryConsumer,
-    }
-
-    impl<S: Station> Bench<S> {
-        /// Uses a state folder of its own; `crashed` leaves the latch of a crashed run in it.
-        fn of(name: &str, crashed: bool, stations: S) -> Self {
-            let folder = crate::scratch::path(name);
-            let set = || Latch::set_in(Some(folder.clone()), &["can0".to_owned()]);
-            if crashed {
-                drop(set());
-            }
-            let latch = set();
-            let config = config();
-            let (producer, consumer, _) = rings::rings();
-            let bus = Traced::new(Memory::new(&[1_000_000], stations, ()), producer);
-            let node = Node::new(&config, bus, VirtualSite::new(&config.remote, config.period));
-            let (sender, requests) = console::channel();
-            Self { node, sender, requests, latch, folder, _consumer: consumer }
-        }
-
-        /// Runs until `stopping` returns true; it is called at least once a cycle and during boots.
-        fn run(&mut self, stopping: &impl Fn() -> bool) -> Ended {
-            run_node(&mut self.node, &mut self.requests, &mut self.latch, stopping)
-        }
-
-        fn execute_requests(&mut self) {
-            execute_requests(&mut self.node, &mut self.requests, &mut self.latch, &|| false);
-        }
-    }
-
-    impl<S> Drop for Bench<S> {
-        fn drop(&mut self) {
-            fs::remove_dir_all(&self.folder).ok();
-        }
-    }
-
-    /// Returns a predicate that becomes true after this many cycles.
-    fn after_cycles(cycles: u32, sender: &RequestSender) -> impl Fn() -> bool + use<> {
-        let sender = sender.clone();
-        let asked = Cell::new(0);
-        move || {
-            asked.set(asked.get() + u32::from(sender.phase() == Phase::Running));
-            asked.get() > cycles
-        }
-    }
-
-    fn config() -> Config {
-        Config::load(Path::new("config/kraft_like.toml")).unwrap()
-    }
-
-    fn bench(name: &str, crashed: bool) -> Bench<World> {
-        let world = world::build(&config(), Scenario::parse("seconds = 60").unwrap(), 1);
-        Bench::of(name, crashed, world)
-    }
-
-    /// A bus without devices.
-    struct NoDevices;
-
-    impl Station for NoDevices {
-        fn on_frame(&mut self, _: Instant, _: Channel, _: &Frame, _: &mut Vec<Telegram>) {}
-
-        fn on_time(&mut self, _: Instant, _: &mut Vec<Telegram>) {}
-
-        fn deadline(&self) -> Option<Instant> {
-            None
-        }
-    }
-
-    #[test]
-    fn stopped_run_ends_in_order_with_all_drives_off() {
-        let mut bench = bench("run-orderly", false);
-        let ended = bench.run(&after_cycles(20, &bench.sender.clone()));
-        ended.outcome.unwrap();
-        assert!(ended.is_orderly && bench.node.is_off());
-        let denied = bench.sender.send(Request::Arm, bench.node.bus().now(), &Arc::default());
-        assert_eq!(denied.unwrap_err().to_string(), "the node is stopping");
-    }
-
-    #[test]
-    fn cancelled_boot_is_an_orderly_end() {
-        let mut bench = bench("run-given-up", false);
-        let ended = bench.run(&|| true);
-        ended.outcome.unwrap();
-        assert!(ended.is_orderly);
-    }
-
-    #[test]
-    fn boot_without_drives_fails_and_latches_nothing() {
-        let mut bench = Bench::of("run-no-devices", false, NoDevices);
-        let ended = bench.run(&|| false);
-        let [code, of_drives] =
-            [ended.outcome.unwrap_err(), Failure::new(Kind::Drive, "")].map(|it| it.code());
-        assert_eq!(format!("{code:?}"), format!("{of_drives:?}"));
-        assert!(ended.is_orderly, "no drive was enabled");
-    }
-
-    #[test]
-    fn run_after_a_crash_enables_nothing_and_ends_stopped() {
-        let mut bench = bench("run-crashed", true);
-        let ended = bench.run(&after_cycles(20, &bench.sender.clone()));
-        let failure = ended.outcome.unwrap_err();
-        assert!(failure.to_string().starts_with("stopped by "), "{failure}");
-        assert!(!ended.is_orderly && bench.node.is_off());
-    }
-
-    #[test]
-    fn disarm_precedes_queued_requests() {
-        let mut bench = bench("run-disarm", false);
-        bench.node.bring_up(&mut || false).unwrap();
-        bench.requests.end_boot(bench.node.bus().now());
-        let now = bench.node.bus().now();
-        let arm = bench.sender.send(Request::Arm, now, &Arc::default()).unwrap();
-        bench.execute_requests();
-        assert_eq!(arm.blocking_recv().unwrap().unwrap(), Mode::Armed);
-        let rate = Request::Command(CommandMode::Rate);
-        let queued = bench.sender.send(rate, now, &Arc::default()).unwrap();
-        let disarm = bench.sender.request_disarm();
-        bench.execute_requests();
-        assert!(bench.sender.disarm_result(disarm).is_some());
-        assert!(queued.blocking_recv().unwrap().is_err(), "void since the disarm");
-    }
-
-    #[test]
-    fn reset_boots_releases_the_latch_and_voids_queued_requests() {
-        let mut bench = bench("run-reset", true);
-        let cause = bench.latch.cause().unwrap();
-        bench.node.bring_up_unpowered(cause, &mut || false).unwrap();
-        let begun = bench.node.bus().now();
-        bench.requests.end_boot(begun);
-        let reset = bench.sender.send(Request::Reset, begun, &Arc::default()).unwrap();
-        let arm = bench.sender.send(Request::Arm, begun, &Arc::default()).unwrap();
-        bench.execute_requests();
-        assert_eq!(reset.blocking_recv().unwrap().unwrap(), Mode::Ready);
-        assert_eq!(bench.latch.cause(), None);
-        assert!(arm.blocking_recv().unwrap().unwrap_err().to_string().contains("booting"));
-        bench.execute_requests();
-        assert_eq!(bench.node.mode(), Mode::Ready);
-    }
-
-    #[test]
-    fn failed_reset_leaves_the_latch() {
-        let mut bench = bench("run-reset-fails", true);
-        let cause = bench.latch.cause().unwrap();
-        bench.node.bring_up_unpowered(cause, &mut || false).unwrap();
-        bench.requests.end_boot(bench.node.bus().now());
-        let now = bench.node.bus().now();
-        let reset = bench.sender.send(Request::Reset, now, &Arc::default()).unwrap();
-        // A signal ends the boot.
-        execute_requests(&mut bench.node, &mut bench.requests, &mut bench.latch, &|| true);
-        assert!(reset.blocking_recv().unwrap().is_err());
-        assert_eq!(bench.latch.cause(), Some(cause));
-        assert!(bench.node.mode().is_stopped() && bench.node.is_off());
     }
 }

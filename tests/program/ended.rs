@@ -240,7 +240,7 @@ fn promise_12_reset_with_a_boot_can_be_cancelled() {
 }
 
 #[test]
-fn hazard_27_start_after_a_crash_enables_no_drive_before_a_reset() {
+fn hazard_27_start_after_a_crash_enables_no_drive_until_reset() {
     let wire = Wire::default();
     let mut node = node(&config(KRAFT), wire.clone());
     let cause = Cause::AwaitsReset { awaited: Awaited::NotEnded };
@@ -313,7 +313,7 @@ impl<B: Bus> Bus for Stepped<B> {
 }
 
 #[test]
-fn hazard_31_wall_clock_step_changes_no_torque_and_trips_nothing() {
+fn hazard_31_wall_clock_step_changes_no_torque() {
     let text = fs::read_to_string(KRAFT).unwrap();
     // TIME is the only frame that contains the wall clock.
     let text = text.replacen("[node]\n", "[node]\ntime_period_ms = 50\n", 1);

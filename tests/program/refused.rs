@@ -306,7 +306,7 @@ fn hazard_18_check_reads_files_writable_by_others() {
 }
 
 #[test]
-fn hazard_19_non_monotone_torque_curve_is_refused_before_the_bus() {
+fn hazard_19_non_monotone_curve_is_refused_before_the_bus() {
     let curve = "torque_curve = [133.144, -0.393453, 0.0196726]";
     for (place, (to, words)) in [
         ("[133.144, -3.9, 0.0196726]", ["joint[0].torque_curve", "stops rising at"]),

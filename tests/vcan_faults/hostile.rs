@@ -88,7 +88,7 @@ fn hazard_26_tools_refuse_to_command_beside_a_node_and_may_read() {
     ] {
         let refused = rig.tool(words);
         assert_eq!(refused.code, Some(4), "{words}: {}", refused.stderr);
-        let reason = "vcan0: a master sends SYNC here";
+        let reason = "vcan0: a master sends SYNC on this bus";
         assert!(refused.stderr.contains(reason), "{words}: {}", refused.stderr);
     }
     rig.tool("sdo read 3 1400:5 u16").succeeds();

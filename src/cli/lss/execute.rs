@@ -84,12 +84,12 @@ pub(super) fn identify(args: &Lss, description: Option<Description>) -> Result<(
     if args.json {
         print::line(&serde_json::json!({ "found": answers > 0, "answers": answers }).to_string());
     }
-    let whom = if description.is_some() { "in these ranges" } else { "without node-id" };
+    let which = if description.is_some() { "in these ranges" } else { "without node-id" };
     if answers == 0 {
-        return Err(Failure::new(Kind::Drive, format!("no slave {whom} responds")));
+        return Err(Failure::new(Kind::Drive, format!("no slave {which} responds")));
     }
     if !args.json {
-        print::line(&format!("at least one slave {whom}"));
+        print::line(&format!("at least one slave {which}"));
     }
     Ok(())
 }

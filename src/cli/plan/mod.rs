@@ -110,8 +110,8 @@ fn with_flags(mut network: Network, args: &Plan) -> Result<Network, Failure> {
     }
     let period = args.rate.map(|hz| Change::Period(period_us(hz)));
     // `changed` returns None for a change that is already in effect.
-    let asked = layout.into_iter().chain(period);
-    Ok(asked.fold(network, |network, change| {
+    let changes = layout.into_iter().chain(period);
+    Ok(changes.fold(network, |network, change| {
         alternatives::changed(&network, &[change]).unwrap_or(network)
     }))
 }

@@ -18,8 +18,8 @@ use faults::LinkFault;
 use node::BringUpError;
 use node::Node;
 use node::NotConfirmed;
-use node::Refused;
 use node::Request;
+use node::RequestError;
 use node::record::Mode;
 use node::record::Record;
 use remote::site::Link;
@@ -221,7 +221,7 @@ impl<T: Tap> Bench<T> {
     ///
     /// # Errors
     /// As [`Node::request`].
-    pub fn ask(&mut self, request: Request) -> Result<Mode, Refused> {
+    pub fn ask(&mut self, request: Request) -> Result<Mode, RequestError> {
         self.node.request(request, &mut || false)
     }
 

@@ -1,11 +1,11 @@
-//! What can be wrong, with where and how much: what stopped the node, or what it was told of.
+//! Causes of a stop, with place and figures, and the fault table.
 //!
-//! A cause is one row of one table: its declaration, what is wrong in general, what one such cause says, and what
-//! it leads to. How a mode follows from that is in [`table`](crate::safety::table).
+//! Each row of the table declares a cause, its description, its message, and the reaction it leads to.
+//! [`table`](crate::safety::table) derives the mode from the reaction.
 
 use std::fmt;
 
-use crate::reaction::Decides;
+use crate::reaction::Initiator;
 use crate::reaction::Reaction;
 use crate::reaction::Row;
 use crate::reaction::always;
@@ -18,19 +18,19 @@ use controller::Fault;
 use units::numbering::Joint;
 use units::numbering::NodeIndex;
 
-/// Makes [`Cause`] and [`Kind`] of the table. The first field of a cause is where it is. A row has a second cause if
-/// one thing can be wrong in two places.
+/// Generates [`Cause`] and [`Kind`] from the table. The first field of a cause is its place: joint, node or bus. A row
+/// has a second cause if one fault can occur in two places.
 macro_rules! causes {
     ($(
         $kind:ident $({ $at:ident: $place:ident $(, $field:ident: $type:ty)* })?
             is $general:literal,
-            says ($($words:tt)+),
+            says ($($message:tt)+),
             $(or $or:ident { $or_at:ident: $or_place:ident $(, $or_field:ident: $or_type:ty)* }
                 is $or_general:literal,
-                says ($($or_words:tt)+),)?
+                says ($($or_message:tt)+),)?
             leads to $row:expr;
     )+) => {
-        /// What stopped the node.
+        /// A cause of a stop, with its place and figures.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Cause {
             $(
@@ -43,14 +43,14 @@ macro_rules! causes {
             )+
         }
 
-        /// What kind of cause it is: a row of the fault table.
+        /// Kind of a cause: a row of the fault table.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Kind {
             $(#[doc = $general] $kind,)+
         }
 
         impl Cause {
-            /// The joint it is about, if it is about one.
+            /// Returns the joint it occurred at, if at one.
             pub fn joint(&self) -> Option<Joint> {
                 match *self {
                     $(
@@ -60,7 +60,7 @@ macro_rules! causes {
                 }
             }
 
-            /// Its row of the fault table.
+            /// Returns its row of the fault table.
             pub const fn kind(&self) -> Kind {
                 match self {
                     $(Self::$kind { .. } $(| Self::$or { .. })? => Kind::$kind,)+
@@ -72,29 +72,29 @@ macro_rules! causes {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 match *self {
                     $(
-                        Self::$kind $({ $at $(, $field)* })? => write!(f, $($words)+),
-                        $(Self::$or { $or_at $(, $or_field)* } => write!(f, $($or_words)+),)?
+                        Self::$kind $({ $at $(, $field)* })? => write!(f, $($message)+),
+                        $(Self::$or { $or_at $(, $or_field)* } => write!(f, $($or_message)+),)?
                     )+
                 }
             }
         }
 
         impl Kind {
-            /// All of them, in the order of the table.
+            /// All kinds, in the order of the table.
             pub const ALL: [Self; [$(Self::$kind),+].len()] = [$(Self::$kind),+];
 
-            /// What is wrong.
-            pub const fn words(self) -> &'static str {
+            /// Returns the fault in general, without place and figures.
+            pub const fn description(self) -> &'static str {
                 match self {
                     $(Self::$kind => $general,)+
                 }
             }
 
-            /// What it leads to.
+            /// Returns its reactions and reset.
             pub const fn row(self) -> Row {
-                use Decides::Drive;
-                use Decides::Node;
-                use Decides::Timers;
+                use Initiator::Drive;
+                use Initiator::Node;
+                use Initiator::Timers;
                 use Reaction::DrivesOff;
                 use Reaction::ReflectionOff;
                 use Reaction::ZeroTorque;
@@ -106,7 +106,7 @@ macro_rules! causes {
     };
 }
 
-/// The joint that the first field of a cause names, if it names one.
+/// The joint that the first field of a cause names, if any.
 macro_rules! joint {
     () => {
         None
@@ -125,168 +125,168 @@ macro_rules! joint {
 
 causes! {
     SamplesMissing { joint: Joint, cycles: u32 }
-        is "a drive's samples do not come, several cycles in a row",
+        is "position samples of a drive missing for several cycles in a row",
         says ("joint {joint}: no sample for {cycles} cycles"),
         or BusSilent { channel: u8, cycles: u32 }
-            is "no drive of a bus answers in time, several cycles in a row",
+            is "position samples of all drives of a bus missing for several cycles in a row",
             says ("bus {channel}: no sample of any drive for {cycles} cycles"),
         leads to always(ZeroTorque, Node, true, &[1, 3, 4]);
     StatusMissing { joint: Joint }
-        is "a drive does not tell its state, although its positions come",
+        is "statusword of a drive missing, although its position samples arrive",
         says ("joint {joint}: statusword missing"),
         leads to always(ZeroTorque, Node, true, &[3]);
     SamplesRare { joint: Joint, percent: u32 }
-        is "too many of a joint's samples within a second are late or impossible",
-        says ("joint {joint}: {percent} % of its samples were missing within a second"),
+        is "too many samples of a joint late or implausible within a second",
+        says ("joint {joint}: {percent} % of its samples missing within a second"),
         leads to armed(ReflectionOff, &[3]);
     SamplesOverdue { joint: Joint, cycles: u32 }
-        is "more of a joint's samples are late or lost than may be",
-        says ("joint {joint}: {cycles} samples late or lost, the others may be as old"),
+        is "more samples of a joint late or lost than allowed",
+        says ("joint {joint}: {cycles} samples late or lost; the newest may be {cycles} cycles old"),
         leads to always(ZeroTorque, Node, true, &[3, 4]);
     PositionFrozen { joint: Joint }
-        is "a position stands still although the joint is pushed",
-        says ("joint {joint}: its position stands still under torque"),
+        is "position constant although the joint is under torque",
+        says ("joint {joint}: position frozen under torque"),
         leads to always(ZeroTorque, Node, false, &[5]);
     PositionJumped { joint: Joint }
-        is "a position jumps farther than the joint can move, twice",
-        says ("joint {joint}: its position jumped"),
+        is "position steps farther than the joint can move, twice",
+        says ("joint {joint}: position jumped"),
         leads to always(ZeroTorque, Node, false, &[12]);
     TorqueDiffers { joint: Joint }
-        is "a drive exerts another torque than it is told",
-        says ("joint {joint}: its drive exerts another torque than it is told"),
+        is "actual torque (6077h) of a drive differs from its target torque (6071h)",
+        says ("joint {joint}: actual torque differs from the target torque"),
         leads to always(ZeroTorque, Node, false, &[10]);
     Overspeed { joint: Joint }
-        is "a joint is faster than it may be",
-        says ("joint {joint}: faster than it may move"),
+        is "joint speed above its limit",
+        says ("joint {joint}: speed above its limit"),
         leads to armed(ZeroTorque, &[11]);
     GripOverspeed
-        is "the grip is faster than it may be",
-        says ("the grip is faster than it may move"),
+        is "grip speed above its limit",
+        says ("grip speed above its limit"),
         leads to armed(ZeroTorque, &[11]);
     BeyondLimit { joint: Joint }
-        is "a joint is beyond its limit",
-        says ("joint {joint}: beyond its limit"),
+        is "joint position beyond its limit",
+        says ("joint {joint}: position beyond its limit"),
         leads to armed(ReflectionOff, &[43]);
-    MovesUnheld
-        is "the arm is driven away while its weight is taken up",
-        says ("the arm moves although nobody holds it"),
+    UncommandedMotion
+        is "joint driven by gravity compensation while it ramps up",
+        says ("uncommanded motion while gravity compensation ramps up"),
         leads to armed(ZeroTorque, &[41]);
     Unstable
-        is "the hand is driven to and fro, or with too much power",
-        says ("the hand is driven to and fro"),
+        is "oscillation of the grip that does not decay, or excess power into the hand",
+        says ("unstable: the grip oscillates or receives excess power"),
         leads to armed(ReflectionOff, &[45]);
     LinkLost
-        is "no wrench from the commanded side that is new enough",
+        is "newest wrench from the commanded side too old",
         says ("no new wrench from the commanded side"),
         leads to armed(ReflectionOff, &[34, 35]);
     DriveLeft { joint: Joint, statusword: u16 }
-        is "a drive leaves operation enabled by itself",
+        is "drive leaves operation enabled by itself",
         says ("joint {joint}: drive left operation enabled (6041h = {statusword:04X}h)"),
         leads to always(ZeroTorque, Drive, false, &[8]);
     Emergency { node: NodeIndex, code: u16 }
-        is "a node sends an emergency message",
-        says ("{}: emergency {code:04X}h {}", Who(node), error_codes::description(code)),
+        is "emergency message (EMCY) of a node",
+        says ("{}: emergency {code:04X}h {}", NodeName(node), error_codes::description(code)),
         leads to always(ZeroTorque, Drive, false, &[7, 13]);
     HeartbeatLost { node: NodeIndex }
-        is "a node's heartbeat stops",
-        says ("{}: heartbeat lost", Who(node)),
+        is "heartbeat of a node lost",
+        says ("{}: heartbeat lost", NodeName(node)),
         leads to always(DrivesOff, Node, true, &[2]);
     Rebooted { node: NodeIndex }
-        is "a node starts anew in the middle of a run",
-        says ("{}: rebooted", Who(node)),
+        is "boot-up message of a running node",
+        says ("{}: rebooted", NodeName(node)),
         leads to always(DrivesOff, Drive, true, &[9]);
     LeftOperational { node: NodeIndex, state: NmtState }
-        is "a running node reports another state than operational",
-        says ("{}: left operational, is {}", Who(node), nmt::description(state)),
+        is "NMT state of a running node no longer operational",
+        says ("{}: left operational, is {}", NodeName(node), nmt::description(state)),
         leads to always(ZeroTorque, Node, true, &[8]);
     Duplicate { node: NodeIndex }
-        is "two nodes seem to have one node-id",
-        says ("{}: two nodes seem to have its node-id", Who(node)),
+        is "two nodes apparently with one node-id",
+        says ("{}: node-id apparently used by two nodes", NodeName(node)),
         leads to always(ZeroTorque, Node, true, &[6]);
     ForeignMaster
-        is "somebody else commands the network",
+        is "commands of another master on the bus",
         says ("another master is on the bus"),
         leads to always(DrivesOff, Node, true, &[26]);
     SettingChanged { node: NodeIndex, object: Object, expected: u32, found: u32 }
-        is "an object does not hold what the boot has proven",
-        says ("{}: {object} is {found:X}h, was proven as {expected:X}h", Who(node)),
+        is "object with another value than verified at boot",
+        says ("{}: {object} is {found:X}h, was {expected:X}h at boot", NodeName(node)),
         leads to always(DrivesOff, Node, true, &[26]);
     ControllerFault { fault: Fault }
-        is "a number that the controller cannot use",
+        is "input or result of the controller invalid",
         says ("controller: {fault}"),
         leads to always(ZeroTorque, Node, false, &[42, 44]);
     QueueFull { channel: u8 }
-        is "a torque frame cannot be sent",
+        is "transmit queue full: a frame cannot be sent",
         says ("bus {channel}: transmit queue full"),
         leads to always(ZeroTorque, Timers, true, &[21]);
-    EchoMissing { channel: u8 }
-        is "frames are taken and do not appear on the bus",
-        says ("bus {channel}: frames are taken and do not appear on it"),
+    TransmitUnconfirmed { channel: u8 }
+        is "frames accepted by the adapter, but not confirmed as transmitted",
+        says ("bus {channel}: frames accepted, but transmission not confirmed"),
         leads to always(DrivesOff, Timers, true, &[22]);
     BusPassive { channel: u8 }
-        is "the bus is error passive",
+        is "CAN controller error passive",
         says ("bus {channel}: error passive"),
         leads to always(ZeroTorque, Node, false, &[23]);
     BusOff { channel: u8 }
-        is "the CAN controller has left the bus",
+        is "CAN controller bus off",
         says ("bus {channel}: bus off"),
         leads to always(DrivesOff, Timers, true, &[23]);
     BusDown { channel: u8 }
-        is "the interface is down",
+        is "CAN interface down",
         says ("bus {channel}: interface down"),
         leads to always(DrivesOff, Timers, true, &[24]);
     DeadmanDisagrees
-        is "the deadman's contacts contradict each other",
-        says ("the deadman's channels contradict each other"),
+        is "antivalent channels of the deadman disagree",
+        says ("deadman channels disagree"),
         leads to always(ZeroTorque, Node, false, &[39]);
-    DeadmanTaped
-        is "the deadman is held for long, and nothing moves",
-        says ("the deadman has been closed for long, and nothing moved"),
+    TieDown
+        is "deadman closed for too long without motion of the grip",
+        says ("deadman tied down: closed for too long without motion"),
         leads to armed(ReflectionOff, &[39]);
     Overrun { cycles: u64 }
-        is "the loop stands still for several cycles",
-        says ("the loop stood still for {cycles} cycles"),
+        is "loop stalled for several cycles",
+        says ("loop stalled for {cycles} cycles"),
         leads to always(ZeroTorque, Timers, false, &[28, 29]);
     Late
-        is "the loop is late, too often",
-        says ("the loop was late too often"),
+        is "too many late cycles",
+        says ("too many late cycles"),
         leads to always(ZeroTorque, Node, false, &[29]);
     Suspended
-        is "the host was suspended",
+        is "host suspended during the run",
         says ("the host was suspended"),
         leads to always(DrivesOff, Timers, true, &[31]);
     EnableTimeout { joint: Joint, statusword: u16 }
-        is "a drive does not reach operation enabled",
+        is "drive does not reach operation enabled in time",
         says ("joint {joint}: not enabled in time (6041h = {statusword:04X}h)"),
         leads to always(ZeroTorque, Node, true, &[16]);
-    AwaitsReset { awaited: Awaited }
-        is "the last run did not end in order, or this one cannot be marked",
-        says ("{awaited}: waiting for a reset"),
+    AwaitsReset { reason: ResetReason }
+        is "last run without an orderly end, or this run without a latch",
+        says ("{reason}: waiting for a reset"),
         leads to always(DrivesOff, Node, true, &[27]);
 }
 
-/// Reason why a run begins stopped.
+/// Reason why a run starts stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Awaited {
+pub enum ResetReason {
     /// The last run crashed, was killed, or ended stopped.
-    NotEnded,
-    /// A crash of this run would leave no trace.
-    Unmarked,
+    UncleanEnd,
+    /// The latch that would show a crash of this run cannot be written.
+    NoLatch,
 }
 
-impl fmt::Display for Awaited {
+impl fmt::Display for ResetReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::NotEnded => "the last run did not end in order",
-            Self::Unmarked => "the state folder cannot be written",
+            Self::UncleanEnd => "the last run did not end in order",
+            Self::NoLatch => "the state folder cannot be written",
         })
     }
 }
 
-/// A node in words.
-struct Who(NodeIndex);
+/// Name of a node in messages: `joint 3` or `switch box`.
+struct NodeName(NodeIndex);
 
-impl fmt::Display for Who {
+impl fmt::Display for NodeName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0.joint() {
             Some(joint) => write!(f, "joint {joint}"),
@@ -300,10 +300,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cause_at_a_drive_is_about_its_joint_and_one_at_the_switch_box_about_none() {
+    fn causes_name_their_joint_bus_or_switch_box() {
         let (joint, node) = (Joint::of::<3>(), NodeIndex(2));
         let switches = NodeIndex(6);
-        for (cause, about, words) in [
+        for (cause, at, text) in [
             (
                 Cause::DriveLeft { joint, statusword: 0x0218 },
                 Some(joint),
@@ -316,9 +316,9 @@ mod tests {
                 None,
                 "bus 1: no sample of any drive for 3 cycles",
             ),
-            (Cause::Late, None, "the loop was late too often"),
+            (Cause::Late, None, "too many late cycles"),
         ] {
-            assert_eq!((cause.joint(), cause.to_string().as_str()), (about, words));
+            assert_eq!((cause.joint(), cause.to_string().as_str()), (at, text));
         }
     }
 

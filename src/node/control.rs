@@ -1,4 +1,4 @@
-//! The controller, and the command mode the operator has chosen.
+//! The controller and the operator's command mode (rate or pose).
 
 use crate::link::Link;
 use crate::operator::Operator;
@@ -18,12 +18,13 @@ pub(super) struct Control {
 }
 
 impl Control {
-    /// Controller and command mode of the configuration.
+    /// Returns the controller and the command mode of the configuration.
     pub(super) fn new(config: &Config) -> Self {
         Self { controller: Controller::new(&config.controller), command_mode: config.command_mode }
     }
 
-    /// Input of a step: the drives' positions, the commanded side and the operator. `restart` after a gap.
+    /// Returns the input of a step: the drives' positions, the commanded side, the operator's switches and the permit.
+    /// `restart` after a gap.
     pub(super) fn input(
         &self,
         samples: &Samples,

@@ -9,14 +9,14 @@
 //!    └ gather until complete ─┘       └ record (its owner's queue)           │
 //! ```
 //!
-//! A watch returns causes and never acts. [`raise`](Node::raise) alone hands them to safety, which keeps the first:
-//! the order in which a list names its watches is the order of their rank.
+//! A watch returns causes and never acts. Only [`raise`](Node::raise) passes them to safety, which keeps the first:
+//! of causes in one cycle, the watch listed first wins.
 
 use crate::Node;
 use crate::cause::Cause;
 use crate::permit::Permit;
-use crate::record::Others;
 use crate::record::Record;
+use crate::record::SdoCounters;
 use crate::safety::causes;
 use bus::Bus;
 use canopen::drive::State;
@@ -28,8 +28,8 @@ use units::numbering::Joint;
 use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Runs one cycle: waits for its time, samples, steps, commands. Never fails: what is wrong is in
-    /// the record, and the torques are then zero.
+    /// Runs one cycle: waits for the next SYNC slot, sends SYNC, receives samples, steps the controller, sends targets.
+    /// A fault is in the record as its cause.
     pub fn cycle(&mut self) -> Record {
         let due = self.await_sync();
         self.watch_start(due.skipped);
@@ -54,37 +54,36 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.record(now, sync_at, &input, output, targets)
     }
 
-    /// Raises these causes, in this order. The first cause of a stop is kept.
-    ///
-    /// A step collects its causes and raises them at its end, because the next step needs the mode that they lead to.
+    /// Raises these causes in order. Each step raises its causes at its end, because the next step needs the mode they
+    /// lead to.
     pub(super) fn raise(&mut self, at: Instant, causes: impl IntoIterator<Item = Option<Cause>>) {
         for cause in causes.into_iter().flatten() {
-            self.safety.stop(at, cause);
+            self.safety.raise(at, cause);
         }
     }
 
-    /// Watches the loop and the SYNC of the cycle before, when a cycle starts `skipped` SYNCs later.
+    /// Watches the loop and the SYNC of the previous cycle, when a cycle starts after `skipped` SYNC slots.
     fn watch_start(&mut self, skipped: u64) {
         let now = self.wire.now();
         let [resumed, late] = self.timing.watch_start(now, self.wire.suspended(), skipped);
-        let echo_missing = self.wire.watch_sync_echo();
-        self.raise(now, [resumed, late, echo_missing]);
+        let unconfirmed = self.wire.watch_transmit_confirmation();
+        self.raise(now, [resumed, late, unconfirmed]);
     }
 
-    /// Watches the samples of this cycle, and the age of those that come without a SYNC.
+    /// Watches the samples of this cycle, and the age of event-driven ones.
     fn watch_samples(&mut self, now: Instant, sync_at: Instant) {
-        self.watch_standstill(sync_at);
-        let missing = self.samples.end(now);
+        self.watch_stall(sync_at);
+        let missing = self.samples.end_window(now);
         let deadman = self.operator.update(now, self.samples.inputs(now));
         let link = self.remote.link.lost(now);
         self.raise(now, [missing, deadman, link]);
     }
 
-    /// Watches whether every drive is enabled. One that stopped the node by its statusword alone is asked for its
-    /// error history (1003h). Raises apart from the samples' causes: what a drive may be depends on the mode after them.
+    /// Watches that every drive is enabled. Reads the error history (1003h) of a drive whose statusword stopped the node.
+    /// Raises apart from the samples' causes, because the allowed statuswords depend on the mode after them.
     fn watch_drives(&mut self, now: Instant) {
         let Some((joint, statusword)) = self.not_enabled() else {
-            if self.samples.is_complete() && self.proof.is_over() {
+            if self.samples.is_complete() && self.proof_test.is_done() {
                 self.safety.drives_are_enabled(now);
             }
             return;
@@ -101,12 +100,12 @@ impl<B: Bus, R: Remote> Node<B, R> {
     fn watch_step(&mut self, now: Instant, permit: &Permit, input: &Input, output: &Output) {
         let controller = output.fault.as_ref().and_then(causes::of_controller);
         let operator = self.operator.watch(now, permit, output, input.restart);
-        let is_carried = permit.takes_up || permit.gravity_share >= 1.0;
-        let samples = self.plausibility.judge(&self.samples.sampled(), output, is_carried);
+        let gravity_is_on = permit.gravity_ramps_up || permit.gravity_share >= 1.0;
+        let samples = self.plausibility.judge(&self.samples.sampled(), output, gravity_is_on);
         self.raise(now, [controller, operator, samples]);
     }
 
-    /// The first joint whose drive is not enabled, and its statusword.
+    /// Returns the first joint whose drive is not enabled, with its statusword.
     pub(super) fn not_enabled(&self) -> Option<(Joint, u16)> {
         let mut joints = Joint::each(self.samples.latest());
         let (joint, sample) = joints
@@ -114,7 +113,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         Some((joint, sample.statusword.0))
     }
 
-    /// Input of the controller. It restarts after a gap.
+    /// Returns the input of the controller, which restarts after a gap.
     fn input(&self, permit: &Permit, skipped: u64) -> Input {
         let restart = skipped > 0 || self.timing.cycle == 0;
         self.control.input(&self.samples, &self.remote.link, &self.operator, permit, restart)
@@ -140,9 +139,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
             x_b_m: input.x_b_m,
             output,
             targets: targets.map(|PerMille(target)| target),
-            others: Others {
-                uploads: self.network.master.foreign_uploads(),
-                unread: self.proof.unread(),
+            sdo: SdoCounters {
+                foreign_uploads: self.network.master.foreign_uploads(),
+                unread_settings: self.proof_test.unread(),
             },
         }
     }
@@ -174,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn raised_causes_keep_their_order_and_the_first_is_kept() {
+    fn first_raised_cause_is_kept() {
         let (late, resumed) = (Cause::Late, Cause::Suspended);
         for (causes, first) in [([None, Some(late)], late), ([Some(resumed), Some(late)], resumed)]
         {
@@ -187,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn node_that_is_not_armed_sends_zero_torque_behind_each_sync() {
+    fn unarmed_node_sends_zero_torque_after_each_sync() {
         let mut node = node();
         for _ in 0..10 {
             let record = node.cycle();
@@ -202,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_that_never_come_stop_it_in_the_third_cycle() {
+    fn missing_samples_stop_the_node_in_the_third_cycle() {
         let mut node = node();
         let causes: Vec<_> = (0..4).map(|_| node.cycle().cause.map(|cause| cause.kind())).collect();
         let missing = Some(Kind::SamplesMissing);
@@ -210,42 +209,42 @@ mod tests {
     }
 
     #[test]
-    fn window_leaves_time_for_the_targets() {
+    fn sync_window_leaves_time_for_the_targets() {
         let mut node = node();
         let record = node.cycle();
         let targets = node.bus().sent.iter().find(|(_, telegram)| telegram.frame.cob_id == 0x201);
         let after = targets.unwrap().0.since(record.at);
-        // Two frames of six bytes behind it, 115 bits each at 1 Mbit/s.
+        // Two RPDOs of six bytes follow: 115 bits each at 1 Mbit/s.
         assert!(after + std::time::Duration::from_micros(230) <= node.timing.period, "{after:?}");
     }
 
     #[test]
-    fn process_that_stands_still_is_an_overrun_whatever_waits_to_be_read() {
+    fn stall_of_eight_periods_is_an_overrun() {
         let mut node = node();
         node.cycle();
-        node.bus_mut().stands_still = node.timing.period * 8;
+        node.bus_mut().stall = node.timing.period * 8;
         let record = node.cycle();
         assert_eq!(record.cause.map(|cause| cause.kind()), Some(Kind::Overrun));
     }
 
     #[test]
-    fn process_that_stands_still_over_its_samples_stops_in_the_same_cycle() {
+    fn stall_after_sync_stops_the_node_in_the_same_cycle() {
         let mut node = node();
         node.cycle();
-        node.bus_mut().stands_still_over_samples = node.timing.period * 8;
+        node.bus_mut().stall_after_sync = node.timing.period * 8;
         let record = node.cycle();
         assert_eq!(record.cause.map(|cause| cause.kind()), Some(Kind::Overrun));
     }
 
     #[test]
-    fn heartbeat_comes_from_the_cycle() {
+    fn cycle_sends_the_heartbeat() {
         let mut node = node();
         (0..50).for_each(|_| _ = node.cycle());
         assert!(node.bus_mut().identifiers().contains(&0x77F));
     }
 
     #[test]
-    fn frame_that_is_not_taken_stops_it_and_a_second_cycle_gives_the_bus_up() {
+    fn full_transmit_queue_stops_and_shuts_the_bus_in_two_cycles() {
         let mut node = node();
         node.bus_mut().refuses = Some(SendError::Full);
         let first = node.cycle();

@@ -1,5 +1,4 @@
-//! Times of the cycle: its period, when the next SYNC is due, how long samples are waited for, and whether the
-//! loop keeps up. It reads no clock; the bus does.
+//! Times of the cycle: period, SYNC schedule, SYNC window and lateness. Callers pass the time of the bus's clock.
 
 use std::time::Duration;
 
@@ -15,70 +14,70 @@ use units::time::Instant;
 #[derive(Clone, Debug)]
 pub(super) struct CycleTiming {
     pub(super) period: Duration,
-    /// Time after a SYNC in which its first TPDO is awaited.
+    /// Maximum time from a SYNC to its first TPDO.
     window: Duration,
-    /// Time after a TPDO in which the next one is awaited.
+    /// Maximum time from a TPDO to the next one.
     next_answer: Duration,
-    /// Maximum number of frames to read after a wait has ended.
+    /// Maximum number of frames to read after the end of a wait.
     pub(super) max_late_frames: u64,
     pub(super) schedule: Schedule,
     pub(super) lateness: Lateness,
-    /// Number of the last cycle that ended, from 1.
+    /// Number of completed cycles.
     pub(super) cycle: u64,
 }
 
 impl CycleTiming {
-    /// First SYNC one period after `now`. `suspended` is how long the host has been suspended so far.
+    /// Schedules the first SYNC one period after `now`. `suspended` is the time of host suspension so far.
     pub(super) fn new(config: &Config, now: Instant, suspended: Duration) -> Self {
         Self {
             period: config.period,
             window: config.window(),
             next_answer: config.longest_frame(),
-            max_late_frames: config.most_frames(lateness::OVERRUN + 1),
+            max_late_frames: config.most_frames(lateness::MAX_SKIPPED_CYCLES + 1),
             schedule: Schedule::starting(now, config.period),
             lateness: Lateness::new(config.period, suspended),
             cycle: 0,
         }
     }
 
-    /// Starts the schedule again: the next SYNC is due one period after `now`.
+    /// Restarts the schedule: the next SYNC is due one period after `now`.
     pub(super) fn restart(&mut self, now: Instant) {
         self.schedule = Schedule::starting(now, self.period);
     }
 
-    /// End of the window of the SYNC of `sync_at` after the last of its TPDOs came at `answered`.
+    /// Returns the end of the window of the SYNC sent at `sync_at`, whose latest TPDO was received at `answered`.
     pub(super) fn window_end(&self, sync_at: Instant, answered: Option<Instant>) -> Instant {
         let first = sync_at + self.window;
         let until = answered.map_or(first, |at| first.max(at + self.next_answer));
         until.min(sync_at + self.period)
     }
 
-    /// Returns whether it is too late to send the SYNC that was due at `due`.
+    /// Returns whether the slot of a SYNC is over.
     pub(super) fn is_missed(&self, due: Due, now: Instant) -> bool {
         self.schedule.is_missed(due.at, now)
     }
 
-    /// Causes at the start of a cycle, `skipped` SYNCs after the one before.
+    /// Returns the causes at the start of a cycle after `skipped` SYNC slots: host suspended, late.
     pub(super) fn watch_start(
         &mut self,
         now: Instant,
         suspended: Duration,
         skipped: u64,
     ) -> [Option<Cause>; 2] {
-        let resumed = self.lateness.resumed(suspended);
+        let resumed = self.lateness.watch_suspension(suspended);
         let is_first = self.cycle == 0;
-        let late = if is_first { None } else { self.lateness.begins(now, skipped) };
+        let late = if is_first { None } else { self.lateness.start_cycle(now, skipped) };
         [resumed, late]
     }
 
-    /// Causes if the loop stood still from `due` until `now`.
-    pub(super) fn watch_standstill(
+    /// Returns the causes if the loop stalled from `due` to `now`: host suspended, overrun.
+    pub(super) fn watch_stall(
         &mut self,
         due: Instant,
         now: Instant,
         suspended: Duration,
     ) -> [Option<Cause>; 2] {
-        [self.lateness.resumed(suspended), self.lateness.gathered(due, now)]
+        [self.lateness.watch_suspension(suspended), self.lateness.watch_stall(due, now)]
     }
 }
 

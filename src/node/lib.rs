@@ -1,14 +1,13 @@
-//! The node: bring-up, one cycle, one mode, stop. Where canopen and controller meet.
+//! The node: CANopen master, cycle and safety of one hand controller. It connects `canopen` and `controller`.
 //!
-//! Its owner calls [`Node::bring_up`], then [`Node::cycle`] for as long as it runs, then
-//! [`Node::stop`]. All waiting happens in the [`Bus`].
+//! Call [`Node::bring_up`], then [`Node::cycle`] once per period, then [`Node::stop`]. Only the [`Bus`] waits.
 //!
 //! ```
 //! use node::cause::Cause;
 //! use node::reaction::Reaction;
 //! use units::numbering::Joint;
 //!
-//! // What a cause says and leads to stands in one row of one table.
+//! // One row of the fault table has the message of a cause and its reaction.
 //! let lost = Cause::SamplesMissing { joint: Joint::of::<3>(), cycles: 3 };
 //! assert_eq!(lost.to_string(), "joint 3: no sample for 3 cycles");
 //! assert_eq!(lost.kind().row().armed, Reaction::ZeroTorque);
@@ -21,7 +20,6 @@ mod control;
 mod cycle;
 mod cycle_timing;
 mod drives;
-mod gate;
 mod lateness;
 mod link;
 mod network;
@@ -29,7 +27,7 @@ pub mod operator;
 pub mod permit;
 mod plausibility;
 mod power;
-pub mod proof;
+pub mod proof_test;
 pub mod reaction;
 mod receive;
 pub mod record;
@@ -42,6 +40,7 @@ mod sdo_pacer;
 mod send;
 #[cfg(test)]
 mod silent;
+mod target_limiter;
 mod targets;
 mod transmission;
 mod unpowered;
@@ -49,8 +48,8 @@ mod wire;
 
 pub use bring_up::BringUpError;
 pub use bring_up::NotConfirmed;
-pub use request::Refused;
 pub use request::Request;
+pub use request::RequestError;
 
 use crate::cause::Cause;
 use crate::control::Control;
@@ -59,11 +58,11 @@ use crate::drives::Drives;
 use crate::network::Network;
 use crate::operator::Operator;
 use crate::plausibility::Plausibility;
-use crate::proof::Proof;
-use crate::proof::ProofReport;
+use crate::proof_test::ProofTest;
+use crate::proof_test::ProofTestReport;
 use crate::record::Mode;
 use crate::remote_side::RemoteSide;
-use crate::safety::Ramps;
+use crate::safety::RampTimes;
 use crate::safety::Safety;
 use crate::samples::Samples;
 use crate::wire::Wire;
@@ -73,13 +72,13 @@ use canopen::master::event::Event;
 use config::Config;
 use remote::Remote;
 
-/// One hand controller's node on its buses.
+/// The node of one hand controller, on its buses.
 #[derive(Clone, Debug)]
 pub struct Node<B, R> {
     wire: Wire<B>,
     timing: CycleTiming,
     network: Network,
-    proof: Proof,
+    proof_test: ProofTest,
     samples: Samples,
     drives: Drives,
     remote: RemoteSide<R>,
@@ -90,10 +89,10 @@ pub struct Node<B, R> {
 }
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// A node that has sent nothing yet.
+    /// Returns a node in `Boot`. Sends no frame.
     pub fn new(config: &Config, bus: B, remote: R) -> Self {
         let now = bus.now();
-        let ramps = Ramps {
+        let ramps = RampTimes {
             gravity: config.safety.gravity_ramp,
             reflection: config.safety.reflection_ramp,
         };
@@ -102,7 +101,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         Self {
             timing: CycleTiming::new(config, now, bus.suspended()),
             wire: Wire::new(config, bus),
-            proof: Proof::new(config, &plans),
+            proof_test: ProofTest::new(config, &plans),
             network: Network::new(config, plans),
             samples: Samples::new(
                 inbox,
@@ -119,42 +118,42 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// The mode.
+    /// Returns the mode.
     pub const fn mode(&self) -> Mode {
         self.safety.mode()
     }
 
-    /// What stopped the node, while it is stopped.
+    /// Returns the first cause of the latched stop.
     pub const fn cause(&self) -> Option<Cause> {
         self.safety.cause()
     }
 
-    /// What the drives have shown of stopping by themselves; empty where nothing was proven.
-    pub const fn proof(&self) -> &ProofReport {
-        self.proof.report()
+    /// Returns the results of the proof test; empty before a test, or if none is configured.
+    pub const fn proof_test_report(&self) -> &ProofTestReport {
+        self.proof_test.report()
     }
 
-    /// What has happened on the network, for people: the oldest that was not asked for yet.
+    /// Takes the oldest network event that was not taken yet, for the log.
     pub fn notice(&mut self) -> Option<Event> {
         self.network.notice()
     }
 
-    /// The bus, to ask it for its statistics.
+    /// Returns the bus, for its statistics.
     pub const fn bus(&self) -> &B {
         &self.wire.bus
     }
 
-    /// The bus, to reach what is attached to it.
+    /// Returns the bus, for simulated devices on it.
     pub const fn bus_mut(&mut self) -> &mut B {
         &mut self.wire.bus
     }
 
-    /// The commanded side.
+    /// Returns the commanded side.
     pub const fn remote(&self) -> &R {
         &self.remote.remote
     }
 
-    /// The commanded side, to reach what is behind it.
+    /// Returns the commanded side, for a simulation behind it.
     pub const fn remote_mut(&mut self) -> &mut R {
         &mut self.remote.remote
     }

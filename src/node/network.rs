@@ -1,4 +1,4 @@
-//! CANopen services of the master beside the PDOs: NMT, SDO and error control, SYNC, heartbeat, TIME.
+//! CANopen services of the master except PDOs: NMT, SDO, error control, SYNC, heartbeat, TIME.
 
 use std::collections::VecDeque;
 
@@ -13,7 +13,7 @@ use canopen::sync;
 use canopen::time_stamp;
 use config::Config;
 
-/// Maximum number of notices that wait to be taken; further ones are dropped.
+/// Maximum number of queued notices; further ones are dropped.
 const MAX_NOTICES: usize = 64;
 
 /// The master and its producers.
@@ -25,12 +25,12 @@ pub(super) struct Network {
     /// Producer of TIME, if configured.
     pub(super) time_stamp: Option<time_stamp::Producer>,
     pub(super) sdo_pacer: SdoPacer,
-    /// Events of the network for people, oldest first.
+    /// Network events for the log, oldest first.
     notices: VecDeque<Event>,
 }
 
 impl Network {
-    /// The master of the nodes of `plans`; nothing was sent yet.
+    /// Returns the master of the nodes of `plans`. Sends no frame.
     pub(super) fn new(config: &Config, plans: Vec<(Channel, NodePlan)>) -> Self {
         let producer = |period| time_stamp::Producer::new(time_stamp::COB_ID, period);
         Self {
@@ -47,20 +47,20 @@ impl Network {
         }
     }
 
-    /// Starts the master's boot and the SYNC counter again.
+    /// Restarts the master's boot and the SYNC counter.
     pub(super) fn restart(&mut self) {
         self.master.restart();
         self.sync.restart();
     }
 
-    /// Keeps an event for people.
+    /// Queues an event for the log.
     pub(super) fn note(&mut self, event: Event) {
         if self.notices.len() < MAX_NOTICES {
             self.notices.push_back(event);
         }
     }
 
-    /// Takes the oldest event.
+    /// Takes the oldest queued event.
     pub(super) fn notice(&mut self) -> Option<Event> {
         self.notices.pop_front()
     }

@@ -1,9 +1,8 @@
-//! Where each drive's power stage is led, and which drives are led nowhere any more.
+//! Goal and controlword of each drive's power stage (CiA 402), and the drives that stay off.
 //!
-//! Only while the network comes up is a drive led to `Operation enabled`. Later one that has left it, for
-//! whatever reason, stays off until a reset: a released emergency stop enables nothing. A drive that has
-//! fallen silent may still hold a torque, as a synchronous RPDO waits for a SYNC it may not hear: it is
-//! told by SDO, which acts at once, to take its power off.
+//! Drives are enabled only in `Boot`. A drive that leaves `Operation enabled` later stays off until a reset, so a
+//! released emergency stop enables no drive. A drive with missing samples may still apply torque: a synchronous RPDO
+//! acts only at a SYNC, which the drive may not receive. An SDO download to it acts at once and disables its voltage.
 
 use crate::record::Mode;
 use canopen::drive::Controlword;
@@ -13,8 +12,8 @@ use canopen::drive::State;
 use canopen::drive::Statusword;
 use units::numbering::Joint;
 
-/// Whether the power stage may still push. A state that is none counts as one that may.
-pub(super) const fn may_push(statusword: Statusword) -> bool {
+/// Returns whether a drive with this statusword may apply torque. An invalid state counts as one that may.
+pub(super) const fn may_apply_torque(statusword: Statusword) -> bool {
     match statusword.state() {
         Some(
             State::NotReadyToSwitchOn
@@ -36,60 +35,63 @@ pub(super) const fn may_push(statusword: Statusword) -> bool {
 #[derive(Clone, Debug)]
 pub(super) struct PowerStages {
     stages: [PowerStage; 6],
-    /// The next fault on the way up is reset.
+    /// The next fault while the drive is enabled is reset.
     may_reset: [bool; 6],
-    /// Off for itself, whatever the others do.
-    dropped: [bool; 6],
-    /// Told so by SDO.
-    told: [bool; 6],
-    /// Cycles without a sample.
-    silent: [u32; 6],
-    /// So many of them are too many.
-    patience: u32,
+    /// Drives that stay off while others may be on.
+    kept_off: [bool; 6],
+    /// Drives to which disable voltage was sent by SDO.
+    power_off_sent: [bool; 6],
+    /// Cycles in a row without a sample.
+    missed: [u32; 6],
+    /// Cycles without a sample from which disable voltage is sent by SDO.
+    max_missed: u32,
 }
 
 impl PowerStages {
-    /// None is led anywhere yet. A drive without a sample for `patience` cycles is silent.
-    pub(super) fn new(patience: u32) -> Self {
+    /// Returns power stages without a goal. After `max_missed` cycles without a sample, disable voltage is sent by SDO.
+    pub(super) fn new(max_missed: u32) -> Self {
         Self {
             stages: Default::default(),
             may_reset: [false; 6],
-            dropped: [false; 6],
-            told: [false; 6],
-            silent: [0; 6],
-            patience,
+            kept_off: [false; 6],
+            power_off_sent: [false; 6],
+            missed: [0; 6],
+            max_missed,
         }
     }
 
-    /// One fault of each drive is reset, now or when it is heard of on the way up; dropped drives may be
-    /// led again.
+    /// Permits one fault reset per drive, at its next fault while being enabled, and enabling of drives kept off.
     pub(super) fn reset_faults(&mut self) {
         self.may_reset = [true; 6];
-        self.dropped = [false; 6];
-        self.told = [false; 6];
+        self.kept_off = [false; 6];
+        self.power_off_sent = [false; 6];
     }
 
-    /// The drive of this joint is off for itself from now on.
-    pub(super) const fn drop_drive(&mut self, joint: Joint) {
-        *joint.entry_mut(&mut self.dropped) = true;
+    /// Keeps the drive of this joint off until [`reset_faults`](Self::reset_faults).
+    pub(super) const fn keep_off(&mut self, joint: Joint) {
+        *joint.entry_mut(&mut self.kept_off) = true;
     }
 
-    /// Takes which drives have answered this SYNC. The next one that is silent and was not told to take
-    /// its power off, if the node `is_stopped`: once each.
-    pub(super) fn next_silent(&mut self, fresh: [bool; 6], is_stopped: bool) -> Option<Joint> {
-        let patience = self.patience;
-        for (silent, is_fresh) in self.silent.iter_mut().zip(fresh) {
-            *silent = if is_fresh { 0 } else { silent.saturating_add(1) };
+    /// Counts the samples missing in this cycle. If the node `is_stopped`, returns the next joint whose drive must be sent
+    /// disable voltage by SDO: each once.
+    pub(super) fn next_to_power_off(
+        &mut self,
+        fresh: [bool; 6],
+        is_stopped: bool,
+    ) -> Option<Joint> {
+        let max_missed = self.max_missed;
+        for (missed, is_fresh) in self.missed.iter_mut().zip(fresh) {
+            *missed = if is_fresh { 0 } else { missed.saturating_add(1) };
         }
-        let mut joints = Joint::each(self.silent.iter().zip(&mut self.told));
-        let (joint, (_, told)) =
-            joints.find(|(_, (silent, told))| is_stopped && **silent >= patience && !**told)?;
-        *told = true;
-        self.drop_drive(joint);
+        let mut joints = Joint::each(self.missed.iter().zip(&mut self.power_off_sent));
+        let (joint, (_, is_sent)) = joints
+            .find(|(_, (missed, is_sent))| is_stopped && **missed >= max_missed && !**is_sent)?;
+        *is_sent = true;
+        self.keep_off(joint);
         Some(joint)
     }
 
-    /// Where a drive in `state` is led in `mode`, if `drives_on`.
+    /// Returns the goal of a drive in `state`, with the node in `mode`.
     pub(super) fn goal(
         &self,
         joint: Joint,
@@ -97,16 +99,16 @@ impl PowerStages {
         mode: Mode,
         drives_on: bool,
     ) -> Goal {
-        let is_dropped = *joint.entry(&self.dropped);
+        let is_kept_off = *joint.entry(&self.kept_off);
         let may_be_on = mode == Mode::Boot || state == Some(State::OperationEnabled);
-        if drives_on && may_be_on && !is_dropped {
+        if drives_on && may_be_on && !is_kept_off {
             Goal::OperationEnabled
         } else {
             Goal::VoltageDisabled
         }
     }
 
-    /// The controlword for a drive in `state` on its way to `goal`.
+    /// Returns the controlword that brings a drive from `state` towards `goal`.
     pub(super) fn controlword(
         &mut self,
         joint: Joint,
@@ -115,8 +117,8 @@ impl PowerStages {
     ) -> Controlword {
         let stage = joint.entry_mut(&mut self.stages);
         let may_reset = joint.entry_mut(&mut self.may_reset);
-        let is_on_its_way = goal == Goal::OperationEnabled;
-        if state == Some(State::Fault) && is_on_its_way && std::mem::take(may_reset) {
+        let is_enabling = goal == Goal::OperationEnabled;
+        if state == Some(State::Fault) && is_enabling && std::mem::take(may_reset) {
             stage.reset_fault();
         }
         stage.controlword(state, goal)
@@ -131,12 +133,12 @@ mod tests {
     const FIRST: Joint = Joint::of::<1>();
 
     #[test]
-    fn only_a_boot_leads_a_drive_up_and_what_has_left_stays_off() {
+    fn drives_are_enabled_only_in_boot() {
         let stages = PowerStages::new(3);
         for mode in Mode::ALL {
             for state in [None, Some(State::SwitchOnDisabled), Some(State::SwitchedOn)] {
-                let is_led = stages.goal(FIRST, state, mode, true) == Goal::OperationEnabled;
-                assert_eq!(is_led, mode == Mode::Boot, "{mode} {state:?}");
+                let is_enabled = stages.goal(FIRST, state, mode, true) == Goal::OperationEnabled;
+                assert_eq!(is_enabled, mode == Mode::Boot, "{mode} {state:?}");
             }
             assert_eq!(stages.goal(FIRST, ENABLED, mode, true), Goal::OperationEnabled);
             assert_eq!(stages.goal(FIRST, ENABLED, mode, false), Goal::VoltageDisabled);
@@ -144,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_that_is_heard_of_late_is_reset_and_the_one_after_it_is_not() {
+    fn first_fault_while_enabling_is_reset_and_the_second_is_not() {
         let mut stages = PowerStages::new(3);
         stages.reset_faults();
         let mut word = |state| stages.controlword(FIRST, Some(state), Goal::OperationEnabled);
@@ -155,9 +157,9 @@ mod tests {
     }
 
     #[test]
-    fn a_dropped_drive_is_off_alone_until_it_is_reset() {
+    fn drive_kept_off_stays_off_alone_until_a_reset() {
         let mut stages = PowerStages::new(3);
-        stages.drop_drive(Joint::of::<3>());
+        stages.keep_off(Joint::of::<3>());
         let goals = |stages: &PowerStages| {
             Joint::ALL.map(|joint| stages.goal(joint, ENABLED, Mode::ZeroTorque, true))
         };
@@ -168,11 +170,11 @@ mod tests {
     }
 
     #[test]
-    fn every_silent_drive_is_told_once_and_one_a_cycle() {
+    fn drives_without_samples_are_powered_off_once_one_per_cycle() {
         let mut stages = PowerStages::new(3);
         let fresh = [true, false, true, false, true, true];
-        let mut cycle = |is_stopped| stages.next_silent(fresh, is_stopped);
-        assert_eq!([cycle(false), cycle(false), cycle(false)], [None; 3], "nothing has stopped");
+        let mut cycle = |is_stopped| stages.next_to_power_off(fresh, is_stopped);
+        assert_eq!([cycle(false), cycle(false), cycle(false)], [None; 3], "not stopped");
         let (second, fourth) = (Joint::of::<2>(), Joint::of::<4>());
         assert_eq!([cycle(true), cycle(true), cycle(true)], [Some(second), Some(fourth), None]);
         assert_eq!(stages.goal(second, ENABLED, Mode::ZeroTorque, true), Goal::VoltageDisabled);

@@ -1,67 +1,102 @@
-//! What a cause can lead to: reactions, and what else a row of the [table](crate::cause) says.
+//! Reactions to a cause, and the other columns of the [fault table](crate::cause).
 
 use std::time::Duration;
 
-/// What a cause leads to, mildest first; a worse one always replaces a milder one.
+/// Reaction to a cause, mildest first. A stricter reaction always replaces a milder one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Reaction {
-    /// Nothing flows that it could harm; but nothing is armed while it is there.
+    /// No stop: torque is zero. Arming is refused while the cause is active.
     None,
-    /// S1: the weight of the arm is carried on, everything else ends by a ramp, the command holds.
+    /// S1: gravity compensation stays on, other torques ramp to zero, the command holds.
     ReflectionOff,
-    /// S2: all target torques zero in the next frame, the drives stay enabled for 100 ms.
+    /// S2: all target torques zero in the next frame; the drives stay enabled for 100 ms.
     ZeroTorque,
-    /// S3: the same, and voltage off at once.
+    /// S3: all target torques zero and voltage disabled in the next frame.
     DrivesOff,
 }
 
 impl Reaction {
-    /// How long torque may take to end.
+    /// Returns the maximum time until the torques that it ends are zero.
     pub const fn ramp(self) -> Duration {
         match self {
             Self::ReflectionOff => Duration::from_millis(50),
             Self::None | Self::ZeroTorque | Self::DrivesOff => Duration::ZERO,
         }
     }
+
+    /// Returns its description for operators, as `frhc explain faults` prints it.
+    pub const fn description(self) -> &'static str {
+        match self {
+            Self::None => {
+                "no stop: torque is zero, and arming is refused while the cause is active"
+            }
+            Self::ReflectionOff => {
+                "reflection off: gravity compensation stays on, other torques ramp to zero, the command holds"
+            }
+            Self::ZeroTorque => {
+                "zero torque: all six targets zero in the next frame, drives off 100 ms later"
+            }
+            Self::DrivesOff => {
+                "drives off: all six targets zero and voltage disabled in the next frame"
+            }
+        }
+    }
 }
 
-/// Who takes the torque away first.
+/// Device that removes torque first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Decides {
+pub enum Initiator {
     /// The node, in its next frame.
     Node,
-    /// The drive it befalls, by itself; the node stops the others.
+    /// The faulty drive itself; the node stops the others.
     Drive,
-    /// The drives, by their own timers: the node cannot reach them.
+    /// The drives' watchdogs (RPDO timer, heartbeat consumer): the node cannot reach the drives.
     Timers,
 }
 
-/// One row.
+impl Initiator {
+    /// Returns its name, as `frhc explain faults` prints it.
+    pub const fn description(self) -> &'static str {
+        match self {
+            Self::Node => "node",
+            Self::Drive => "drive",
+            Self::Timers => "drives' timers",
+        }
+    }
+}
+
+/// A row of the fault table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Row {
-    /// In `Boot` and `Ready`, where torque is zero.
+    /// Reaction in `Boot` and `Ready`, where torque is zero.
     pub unarmed: Reaction,
-    /// In `Armed` and `Engaged`, where the weight of the arm is carried and wrenches may be felt.
+    /// Reaction in `Armed` and `Engaged`, where gravity compensation and reflection may act.
     pub armed: Reaction,
-    /// Who takes the torque away first.
-    pub decides: Decides,
-    /// Whether a reset must boot the network again, because a node may have lost its configuration.
-    pub boots: bool,
-    /// The hazards it stands for, by their numbers in docs/safety.md.
+    /// Device that removes torque first.
+    pub initiator: Initiator,
+    /// True if a reset boots the network again, because a node may have lost its configuration.
+    pub reset_boots: bool,
+    /// Numbers of its hazards in docs/safety.md.
     pub hazards: &'static [u8],
 }
 
-/// The same in every mode.
+/// A row with the same reaction in every mode.
 pub(crate) const fn always(
     reaction: Reaction,
-    decides: Decides,
-    boots: bool,
+    initiator: Initiator,
+    reset_boots: bool,
     hazards: &'static [u8],
 ) -> Row {
-    Row { unarmed: reaction, armed: reaction, decides, boots, hazards }
+    Row { unarmed: reaction, armed: reaction, initiator, reset_boots, hazards }
 }
 
-/// Only where torque may flow.
+/// A row that stops only modes with torque.
 pub(crate) const fn armed(reaction: Reaction, hazards: &'static [u8]) -> Row {
-    Row { unarmed: Reaction::None, armed: reaction, decides: Decides::Node, boots: false, hazards }
+    Row {
+        unarmed: Reaction::None,
+        armed: reaction,
+        initiator: Initiator::Node,
+        reset_boots: false,
+        hazards,
+    }
 }

@@ -1,9 +1,9 @@
-//! Receiving: between two cycles, and in the window after a SYNC.
+//! Reception between two cycles, and in the window after a SYNC.
 
 use crate::Node;
 use crate::cause::Cause;
 use crate::lateness;
-use crate::proof::Relation;
+use crate::proof_test::Relation;
 use crate::safety::causes;
 use crate::schedule::Due;
 use bus::Bus;
@@ -15,10 +15,10 @@ use remote::Remote;
 use units::time::Instant;
 
 /// Maximum number of SYNC slots to skip in one cycle before one is sent late.
-const MAX_MISSED_SYNCS: u64 = lateness::OVERRUN;
+const MAX_MISSED_SYNCS: u64 = lateness::MAX_SKIPPED_CYCLES;
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Receives until the next SYNC is due. A SYNC whose slot is missed is skipped.
+    /// Receives until the next SYNC is due, and skips missed slots.
     pub(super) fn await_sync(&mut self) -> Due {
         let mut due = self.timing.schedule.next(self.wire.now());
         self.listen(due.at);
@@ -26,7 +26,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             if !self.timing.is_missed(due, self.wire.now()) {
                 break;
             }
-            self.watch_standstill(due.at);
+            self.watch_stall(due.at);
             let next = self.timing.schedule.next(self.wire.now());
             due = Due { at: next.at, skipped: due.skipped + 1 + next.skipped };
             self.listen(due.at);
@@ -34,27 +34,27 @@ impl<B: Bus, R: Remote> Node<B, R> {
         due
     }
 
-    /// Receives until `until`. However much more has come by then, it ends.
+    /// Receives until `until`. Reads a bounded number of frames after it, so that a flood cannot hold the cycle.
     pub(super) fn listen(&mut self, until: Instant) {
         let mut late = 0;
         while late < self.timing.max_late_frames
             && let Some(received) = self.wire.receive(until)
         {
             late += u64::from(self.wire.now() >= until);
-            self.watch_standstill(until);
+            self.watch_stall(until);
             self.on_received(received);
         }
     }
 
-    /// Receives the drives' TPDOs of the SYNC of `sync_at`, until all have come or the window has ended. Each of
-    /// them extends the window for the next one: a SYNC that had to wait for the bus delays them all.
+    /// Receives the drives' TPDOs of the SYNC sent at `sync_at`, until all have arrived or the window ends. Each TPDO
+    /// extends the window for the next one, because a SYNC that waited for the bus delays them all.
     pub(super) fn gather(&mut self, sync_at: Instant) {
         let mut answered = None;
         while !self.samples.is_complete() {
             let until = self.timing.window_end(sync_at, answered);
             let Some(received) = self.wire.receive(until) else { break };
             let (at, before) = (received.at, self.samples.fresh());
-            self.watch_standstill(sync_at);
+            self.watch_stall(sync_at);
             self.on_received(received);
             if self.samples.fresh() != before {
                 answered = answered.max(Some(at));
@@ -62,15 +62,15 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// Watches whether the loop stood still since `due`. Comes before what waited meanwhile is read: drives that
-    /// miss their master report it, and their reports are not the first cause.
-    pub(super) fn watch_standstill(&mut self, due: Instant) {
+    /// Watches for a stall since `due`. Call it before reading queued frames: drives whose timers expired in the stall
+    /// report that, and their reports must not be the first cause.
+    pub(super) fn watch_stall(&mut self, due: Instant) {
         let now = self.wire.now();
-        let causes = self.timing.watch_standstill(due, now, self.wire.suspended());
+        let causes = self.timing.watch_stall(due, now, self.wire.suspended());
         self.raise(now, causes);
     }
 
-    /// Takes a frame or a fault of a bus. Raises for each: as many can wait as a bus holds.
+    /// Takes a frame or a fault of a bus. Raises the cause of each at once, because their number is not bounded.
     pub(super) fn on_received(&mut self, received: Received) {
         let Received { at, channel, event } = received;
         let cause = match event {
@@ -89,22 +89,22 @@ impl<B: Bus, R: Remote> Node<B, R> {
             return None;
         }
         let event = self.network.master.on_frame(at, telegram, &mut self.wire.out);
-        self.post();
+        self.send_queued();
         self.on_event(at, event?)
     }
 
-    /// Does what is due at the master. Raises for each event: how many there are is not bounded.
+    /// Runs the master's timers. Raises the cause of each event at once, because their number is not bounded.
     pub(super) fn poll_master(&mut self, now: Instant) {
         while let Some(event) = self.network.master.on_time(now, &mut self.wire.out) {
             let cause = self.on_event(now, event);
             self.raise(now, [cause]);
         }
-        self.post();
+        self.send_queued();
     }
 
-    /// Keeps an event of the master for people; returns its cause to stop, if it is one.
+    /// Logs an event of the master; returns its cause, if it is a fault.
     fn on_event(&mut self, now: Instant, event: Event) -> Option<Cause> {
-        let relation = self.proof.takes(now, &event);
+        let relation = self.proof_test.on_event(now, &event);
         let cause = match relation {
             Relation::Part => return None,
             Relation::Tolerated => None,
@@ -113,7 +113,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         if let Some(Cause::Emergency { node, .. }) = cause
             && let Some(joint) = node.joint()
         {
-            self.drives.power.drop_drive(joint);
+            self.drives.power.keep_off(joint);
         }
         self.network.note(event);
         cause

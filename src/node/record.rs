@@ -1,5 +1,6 @@
-//! What one cycle did: a plain value the loop fills and offers to a queue. Nothing here is computed
-//! twice: the controller's intermediates are the ones the torques came from.
+//! Record of one cycle, which the caller of [`Node::cycle`](crate::Node::cycle) logs, sends or drops.
+//!
+//! The controller's intermediates are those from which the torques of the cycle were computed.
 
 use std::fmt;
 
@@ -10,27 +11,27 @@ use controller::Output;
 use units::spatial::Wrench;
 use units::time::Instant;
 
-/// The mode of the node; only its safety changes it.
+/// Mode of the node. Only [`safety`](crate::safety) changes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
-    /// Drives are being configured and enabled, at zero torque.
+    /// Drives are configured and enabled, at zero torque.
     Boot,
     /// Drives enabled at zero torque.
     Ready,
     /// Gravity compensation; commands and reflection wait for the deadman.
     Armed,
-    /// Commands flow, wrenches are felt.
+    /// Commands are sent, and wrenches are reflected.
     Engaged,
-    /// S1: the weight of the arm is carried on, nothing else acts and nothing is commanded, until a reset.
+    /// S1: gravity compensation alone, and no commands, until a reset.
     ReflectionOff,
-    /// S2: a fault; torque is zero, and after a moment the drives are off.
+    /// S2: a fault; torque is zero, and the drives are off 100 ms later.
     ZeroTorque,
     /// S3: a fault; the drives are off until a reset.
     DrivesOff,
 }
 
 impl Mode {
-    /// All of them, in the order of the mode graph.
+    /// All modes, in the order of the mode graph.
     pub const ALL: [Self; 7] = [
         Self::Boot,
         Self::Ready,
@@ -41,7 +42,7 @@ impl Mode {
         Self::DrivesOff,
     ];
 
-    /// Whether a cause has latched it: only a reset leads out.
+    /// Returns whether only a reset ends this mode.
     pub const fn is_latched(self) -> bool {
         match self {
             Self::Boot | Self::Ready | Self::Armed | Self::Engaged => false,
@@ -49,20 +50,20 @@ impl Mode {
         }
     }
 
-    /// Whether torque is zero and stays so until a reset.
+    /// Returns whether torque stays zero until a reset.
     pub const fn is_stopped(self) -> bool {
         matches!(self, Self::ZeroTorque | Self::DrivesOff)
     }
 
-    /// Returns whether anything but zero torque may be sent.
-    pub const fn may_push(self) -> bool {
+    /// Returns whether torques other than zero may be sent.
+    pub const fn allows_torque(self) -> bool {
         match self {
             Self::Armed | Self::Engaged | Self::ReflectionOff => true,
             Self::Boot | Self::Ready | Self::ZeroTorque | Self::DrivesOff => false,
         }
     }
 
-    /// In one lower-case word, as `ctl status` prints it.
+    /// Returns its lower-case name, as `ctl status` prints it.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Boot => "boot",
@@ -82,40 +83,40 @@ impl fmt::Display for Mode {
     }
 }
 
-/// One cycle.
+/// Record of one cycle.
 #[derive(Clone, Copy, Debug)]
 pub struct Record {
-    /// Its number, from 1.
+    /// Number of the cycle, from 1.
     pub cycle: u64,
-    /// When its SYNC was sent.
+    /// Time at which its SYNC was sent.
     pub at: Instant,
-    /// The mode it ran in.
+    /// Mode at its end.
     pub mode: Mode,
-    /// What stopped the node, while it is stopped.
+    /// First cause of the latched stop.
     pub cause: Option<Cause>,
-    /// Cycles so far that took longer than they may: torques too late to be sent, or a SYNC that was skipped.
+    /// Number of cycles so far with torques too late to be sent, or with a skipped SYNC.
     pub overruns: u64,
-    /// Whether each joint's sample came in time.
+    /// Joints whose sample arrived in time.
     pub sampled: [bool; 6],
-    /// The switch box's inputs; `None` when it is silent.
+    /// Inputs of the switch box; `None` if they are missing.
     pub inputs: Option<u8>,
-    /// The wrench of the environment on the object at {S}, payload removed.
+    /// Wrench of the environment on the object at {S}, payload removed.
     pub f_s: Wrench,
-    /// The pose of the object.
+    /// Pose of the object in its base.
     pub x_b_m: Isometry3<f64>,
-    /// All the controller computed.
+    /// Output and intermediates of the controller.
     pub output: Output,
-    /// The target torques that were sent last, in per mille of rated torque.
+    /// Target torques (6071h) that the drives hold, in ‰ of rated torque.
     pub targets: [i16; 6],
-    /// What the node has seen of other clients, and could not see of its drives.
-    pub others: Others,
+    /// Counters of SDO transfers.
+    pub sdo: SdoCounters,
 }
 
-/// Counts since the node was started.
+/// Counters of SDO transfers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Others {
-    /// SDO uploads that other clients have begun at the nodes of this master.
-    pub uploads: u64,
-    /// Objects of the proof that could not be read again, at this moment.
-    pub unread: usize,
+pub struct SdoCounters {
+    /// SDO uploads by other clients from nodes of this master, since the start.
+    pub foreign_uploads: u64,
+    /// Objects of the proof test whose last reading back failed.
+    pub unread_settings: usize,
 }

@@ -14,16 +14,16 @@ pub(super) struct RemoteSide<R> {
 }
 
 impl<R: Remote> RemoteSide<R> {
-    /// Sends `Hold`, and takes the first sample.
+    /// Sends `Hold` and takes the first sample.
     pub(super) fn new(config: &Config, now: Instant, remote: R) -> Self {
         let mut side = Self { remote, link: Link::new(config.link_period()) };
         side.exchange(now, &Motion::Hold);
         side
     }
 
-    /// Sends a command and takes the sample it brings.
+    /// Sends a command and takes the sample received with it, if any.
     pub(super) fn exchange(&mut self, now: Instant, command: &Motion) {
-        let brought = self.remote.exchange(now, command);
-        self.link.take(now, brought);
+        let sensed = self.remote.exchange(now, command);
+        self.link.update(now, sensed);
     }
 }

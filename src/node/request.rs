@@ -1,4 +1,4 @@
-//! What the operator's console may ask between two cycles.
+//! Requests of the operator's console, executed between two cycles.
 
 use thiserror::Error;
 
@@ -12,49 +12,49 @@ use controller::switches::Mode as CommandMode;
 use remote::Remote;
 use units::time::Instant;
 
-/// What may be asked.
+/// A request of the operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// Gravity compensation on; from now on the deadman engages.
+    /// Ramp gravity compensation up; afterwards the deadman engages.
     Arm,
-    /// Torque off, by a ramp of 50 ms; the mode changes when it is over.
+    /// Ramp torque to zero in 50 ms; the mode changes when it is at zero.
     Disarm,
-    /// Leave a latched stop. Where a node may have lost its configuration, the network boots again.
+    /// End a latched stop. If a node may have lost its configuration, the network boots again.
     Reset,
-    /// Command rates or poses. The reference is set anew, so nothing jumps.
+    /// Command rates or poses. The reference is set again, so the command does not jump.
     Command(CommandMode),
 }
 
-/// Why it was not done.
+/// Reason why a request was not executed.
 #[derive(Debug, Error)]
-pub enum Refused {
-    /// The mode does not allow it.
+pub enum RequestError {
+    /// Refused in this mode.
     #[error(transparent)]
     Mode(#[from] Refusal),
-    /// More force than the drives' own timers allow.
+    /// The configured force exceeds the cap that follows from the proof test.
     #[error(transparent)]
     Force(#[from] TooMuchForce),
-    /// The network did not come up again.
+    /// The boot after a reset failed.
     #[error(transparent)]
     Boot(#[from] BringUpError),
 }
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Answers a request with the mode it led to. A reset may boot the network, until `give_up` says so.
+    /// Executes a request and returns the mode after it. A reset may boot the network, until `give_up` returns true.
     ///
     /// # Errors
-    /// When the mode does not allow it, or a reset needs a boot that fails or is given up.
+    /// When the mode does not allow it, the force exceeds its cap, or the boot of a reset fails or is given up.
     pub fn request(
         &mut self,
         request: Request,
         give_up: &mut dyn FnMut() -> bool,
-    ) -> Result<Mode, Refused> {
+    ) -> Result<Mode, RequestError> {
         let now = self.wire.now();
         match request {
             Request::Arm => {
-                // Of a latched stop the cause is the reason, and not what its boot has not proven.
+                // A latched stop is refused by its cause, not by a proof test that its boot has not run.
                 if !self.mode().is_latched() {
-                    self.proof.allows_force()?;
+                    self.proof_test.check_force()?;
                 }
                 self.safety.arm(now, self.operator.enable_state())?;
             }
@@ -65,14 +65,18 @@ impl<B: Bus, R: Remote> Node<B, R> {
         Ok(self.mode())
     }
 
-    /// Leaves a stop, by a boot where any of its causes asks for one; if that fails the stop remains.
-    fn reset(&mut self, now: Instant, give_up: &mut dyn FnMut() -> bool) -> Result<(), Refused> {
-        let left = self.safety.reset(now)?;
+    /// Ends a stop, with a boot if any of its causes requires one. If the boot fails the stop remains.
+    fn reset(
+        &mut self,
+        now: Instant,
+        give_up: &mut dyn FnMut() -> bool,
+    ) -> Result<(), RequestError> {
+        let stop = self.safety.reset(now)?;
         self.drives.power.reset_faults();
-        if left.must_boot || self.wire.transmission.is_shut() {
+        if stop.must_boot || self.wire.transmission.is_shut() {
             let booted = self.bring_up(give_up);
             if booted.is_err() {
-                self.safety.relapse(self.wire.now(), left);
+                self.safety.restore(self.wire.now(), stop);
             }
             booted?;
         }
@@ -85,7 +89,7 @@ mod tests {
     use super::*;
     use crate::silent::node;
 
-    fn ask(request: Request) -> (Result<Mode, Refused>, Mode) {
+    fn ask(request: Request) -> (Result<Mode, RequestError>, Mode) {
         let mut node = node();
         let answer = node.request(request, &mut || false);
         (answer, node.mode())
@@ -94,15 +98,18 @@ mod tests {
     #[test]
     fn arming_before_the_boot_is_refused() {
         let (answer, mode) = ask(Request::Arm);
-        assert!(matches!(answer, Err(Refused::Mode(_) | Refused::Force(_))), "{answer:?}");
+        assert!(
+            matches!(answer, Err(RequestError::Mode(_) | RequestError::Force(_))),
+            "{answer:?}"
+        );
         assert_eq!(mode, Mode::Boot);
     }
 
     #[test]
-    fn reset_where_nothing_is_stopped_is_refused_and_boots_nothing() {
+    fn reset_without_a_stop_is_refused_and_sends_nothing() {
         let mut node = node();
         let answer = node.request(Request::Reset, &mut || false);
-        assert!(matches!(answer, Err(Refused::Mode(Refusal::NotStopped(Mode::Boot)))));
+        assert!(matches!(answer, Err(RequestError::Mode(Refusal::NotStopped(Mode::Boot)))));
         assert_eq!(node.bus().sent.len(), 0);
     }
 
@@ -112,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn command_mode_is_taken_and_the_mode_stays() {
+    fn command_mode_changes_and_the_mode_stays() {
         let mut node = node();
         for mode in [CommandMode::Pose, CommandMode::Rate] {
             let answer = node.request(Request::Command(mode), &mut || false);
@@ -121,13 +128,13 @@ mod tests {
     }
 
     #[test]
-    fn reset_that_does_not_boot_goes_back_to_its_stop() {
+    fn reset_with_a_failed_boot_returns_to_its_stop() {
         let mut node = node();
         (0..5).for_each(|_| _ = node.cycle());
         let cause = node.cause();
         assert!(cause.is_some() && node.mode().is_stopped(), "no samples");
         let answer = node.request(Request::Reset, &mut || false);
-        assert!(matches!(answer, Err(Refused::Boot(_))), "{answer:?}");
+        assert!(matches!(answer, Err(RequestError::Boot(_))), "{answer:?}");
         assert_eq!((node.mode(), node.cause()), (Mode::DrivesOff, cause));
     }
 }

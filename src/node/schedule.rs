@@ -1,4 +1,4 @@
-//! When to send SYNC: on absolute deadlines, so that nothing adds up, and never to catch up.
+//! SYNC schedule on absolute deadlines: lateness does not accumulate, and missed slots are skipped.
 
 use std::time::Duration;
 
@@ -14,25 +14,24 @@ pub(super) struct Schedule {
 /// The next SYNC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Due {
-    /// When it is due.
+    /// Time at which it is due.
     pub(super) at: Instant,
-    /// Periods that passed without one since the last.
+    /// Number of slots skipped since the last SYNC.
     pub(super) skipped: u64,
 }
 
 impl Schedule {
-    /// SYNC every `period`, which is not zero, from one period after `now`.
+    /// Schedules a SYNC every `period`, the first one period after `now`. `period` must not be zero.
     pub(super) fn starting(now: Instant, period: Duration) -> Self {
         Self { period, next: now + period }
     }
 
-    /// Whether it is too late to send the SYNC that was due at `at`: more than half a period.
+    /// Returns whether the SYNC due at `at` is more than half a period late.
     pub(super) fn is_missed(&self, at: Instant, now: Instant) -> bool {
         now > at + self.period / 2
     }
 
-    /// The next SYNC that is not later than half a period overdue. Those before it are skipped, and
-    /// the grid stays where it was.
+    /// Returns the next SYNC that is at most half a period late. Skips earlier slots; the grid does not move.
     pub(super) fn next(&mut self, now: Instant) -> Due {
         let overdue = now.since(self.next + self.period / 2).as_micros();
         let period = self.period.as_micros().max(1);
@@ -54,7 +53,7 @@ mod tests {
     }
 
     #[test]
-    fn a_late_cycle_does_not_move_the_grid() {
+    fn late_cycle_does_not_move_the_grid() {
         let mut schedule = Schedule::starting(at(0), PERIOD);
         assert_eq!(schedule.next(at(0)), Due { at: at(1_000), skipped: 0 });
         assert_eq!(schedule.next(at(2_300)), Due { at: at(2_000), skipped: 0 });
@@ -62,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn missed_cycles_are_skipped_never_caught_up() {
+    fn missed_slots_are_skipped() {
         let mut schedule = Schedule::starting(at(0), PERIOD);
         assert_eq!(schedule.next(at(7_400)), Due { at: at(7_000), skipped: 6 });
         assert_eq!(schedule.next(at(7_450)), Due { at: at(8_000), skipped: 0 });

@@ -1,15 +1,14 @@
-//! Pace of SDO requests while the node runs: no more of them than the bus load was planned for.
+//! Limits the rate of SDO requests while the node runs to that assumed in the bus load.
 //!
-//! On a bus that its cycle nearly fills, a request in each of them is more than it carries: the node's next
-//! SYNC waits behind it, each a bit longer, and those that follow come too soon after each other. While the
-//! network comes up there is no torque, and nobody waits for a SYNC in time.
+//! On a nearly full bus one request per cycle would delay each SYNC a bit more, and shorten the period that follows.
+//! The limit does not apply in a boot: torque is zero, and SYNC jitter has no effect.
 
 use std::time::Duration;
 
 use canopen::load::network::Assumptions;
 use units::time::Instant;
 
-/// Time from which the next request may be sent.
+/// Earliest time of the next request.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SdoPacer {
     gap: Duration,
@@ -17,7 +16,7 @@ pub(super) struct SdoPacer {
 }
 
 impl SdoPacer {
-    /// Nothing was requested yet.
+    /// Returns a pacer that lets the first request pass.
     pub(super) fn new() -> Self {
         let gap = Assumptions::default().sdo_gap_us;
         Self { gap: Duration::from_micros(gap.into()), next: Instant::ZERO }
@@ -28,7 +27,7 @@ impl SdoPacer {
         now >= self.next
     }
 
-    /// Takes that a request is sent.
+    /// Starts the gap after a request.
     pub(super) fn on_sent(&mut self, now: Instant) {
         self.next = now + self.gap;
     }
@@ -39,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn first_request_goes_at_once_and_the_next_every_10_ms() {
+    fn requests_are_10_ms_apart() {
         let mut pacer = SdoPacer::new();
         let goes = |millis: &u64| {
             let now = Instant::from_micros(1_000 * millis);

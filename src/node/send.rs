@@ -1,4 +1,4 @@
-//! Sending: SYNC, what follows the RPDOs, and a frame now or never. The RPDOs are in [`targets`](crate::targets).
+//! Sending of SYNC, heartbeat, TIME and SDO requests. [`targets`](crate::targets) sends the RPDOs.
 
 use crate::Node;
 use crate::record::Mode;
@@ -10,18 +10,18 @@ use remote::Remote;
 use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Sends SYNC, and returns when: what follows of it is as old as that.
+    /// Sends SYNC and returns its time, from which the age of samples and targets counts.
     pub(super) fn send_sync(&mut self) -> Instant {
         let now = self.wire.now();
-        self.samples.begin(now);
+        self.samples.start_window(now);
         let sync = self.network.sync.next().frame();
         self.send_on_every_bus(sync);
         now
     }
 
-    /// Sends what must not delay the RPDOs: heartbeat, TIME, requests by SDO.
+    /// Sends heartbeat, TIME and SDO requests, after the RPDOs so that they do not delay them.
     pub(super) fn send_services(&mut self, now: Instant, sync_at: Instant) {
-        // A loop that stood still over its samples is not alive.
+        // No heartbeat after a stall: the drives' heartbeat consumers must see it.
         if !self.is_late(sync_at) {
             self.send_heartbeat(now);
         }
@@ -30,14 +30,14 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.send_request();
     }
 
-    /// The node's own heartbeat: from the cycle itself, so that it stops with it.
+    /// Sends the node's heartbeat if due. Only the cycle sends it, so it stops with the cycle.
     pub(super) fn send_heartbeat(&mut self, now: Instant) {
         if let Some(frame) = self.network.heartbeat.due(now) {
             self.send_on_every_bus(frame);
         }
     }
 
-    /// TIME, for nodes that stamp what they log.
+    /// Sends TIME if due, for devices that log.
     fn send_time(&mut self, now: Instant) {
         let wall = self.wire.bus.wall();
         let clock = self.network.time_stamp.as_mut();
@@ -46,11 +46,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// One request of the master's by SDO at most, after everything that must not wait for it, and no more
-    /// than the bus was planned for. Power off, for a drive that has fallen silent, comes before all others.
+    /// Sends at most one SDO request, at the rate assumed in the bus load. Disable voltage for a drive with missing samples
+    /// comes first.
     pub(super) fn send_request(&mut self) {
         let now = self.wire.now();
-        if self.power_off_silent()
+        if self.power_off_missing_drive()
             || self.mode() != Mode::Boot && !self.network.sdo_pacer.may_send(now)
         {
             return;
@@ -61,25 +61,26 @@ impl<B: Bus, R: Remote> Node<B, R> {
         }
     }
 
-    /// Requests a drive that has fallen silent to take its power off: one, in this cycle. Returns whether it did.
-    fn power_off_silent(&mut self) -> bool {
+    /// Sends disable voltage by SDO to one drive with missing samples; returns false if none is left.
+    fn power_off_missing_drive(&mut self) -> bool {
         let is_stopped = self.safety.mode().is_stopped();
-        let Some(joint) = self.drives.power.next_silent(self.samples.fresh(), is_stopped) else {
+        let Some(joint) = self.drives.power.next_to_power_off(self.samples.fresh(), is_stopped)
+        else {
             return false;
         };
         let now = self.wire.now();
         self.network.master.power_off(now, joint.into(), &mut self.wire.out);
-        self.post();
+        self.send_queued();
         true
     }
 
     pub(super) fn send_on_every_bus(&mut self, frame: Frame) {
         self.wire.queue_on_every_bus(frame);
-        self.post();
+        self.send_queued();
     }
 
     /// Sends the queued frames.
-    pub(super) fn post(&mut self) {
+    pub(super) fn send_queued(&mut self) {
         let mut out = std::mem::take(&mut self.wire.out);
         for telegram in out.drain(..) {
             self.send(telegram);
@@ -87,13 +88,13 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.wire.out = out;
     }
 
-    /// Sends a frame now or never, and returns whether its bus has taken it. Raises here, so that no sender forgets to,
-    /// and what is sent next is made in the mode that follows.
+    /// Sends a frame at once or drops it; returns whether its bus accepted it. Raises a failure before the next frame is
+    /// sent, so that it is made in the mode that follows.
     pub(super) fn send(&mut self, telegram: Telegram) -> bool {
         match self.wire.send(telegram) {
             Ok(()) => true,
             Err(NotSent::Closed) => false,
-            Err(NotSent::Refused(at, cause)) => {
+            Err(NotSent::NotAccepted(at, cause)) => {
                 self.raise(at, [cause]);
                 false
             }

@@ -1,4 +1,4 @@
-//! A bus on which nothing answers, for tests of the node alone: waiting makes time pass, frames are kept.
+//! Test bus without any other node: `receive` advances the time, `send` keeps the frames.
 
 use std::path::Path;
 use std::time::Duration;
@@ -18,23 +18,23 @@ use remote::Sensed;
 use units::spatial::Motion;
 use units::time::Instant;
 
-/// The bus.
+/// A bus without any other node.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Silent {
+pub(super) struct SilentBus {
     pub(super) now: Instant,
-    /// Every frame that was handed over, and when.
+    /// Every sent frame, with its time.
     pub(super) sent: Vec<(Instant, Telegram)>,
-    /// Frames are refused with this.
+    /// Error of every `send`, if any.
     pub(super) refuses: Option<SendError>,
-    /// A fault of its only bus, and when it is reported.
+    /// A fault of channel 0, and the time at which it is reported.
     pub(super) fault: Option<(Instant, BusFault)>,
-    /// The next wait takes so much longer: the process stands still.
-    pub(super) stands_still: Duration,
-    /// The next wait right behind a SYNC does.
-    pub(super) stands_still_over_samples: Duration,
+    /// Stall of the process, added to the next wait.
+    pub(super) stall: Duration,
+    /// Stall of the process, added to the next wait directly after a SYNC.
+    pub(super) stall_after_sync: Duration,
 }
 
-impl Bus for Silent {
+impl Bus for SilentBus {
     fn now(&self) -> Instant {
         self.now
     }
@@ -54,33 +54,33 @@ impl Bus for Silent {
             self.now = self.now.max(at);
             return Some(Received { at, channel: Channel(0), event: BusEvent::Fault(fault) });
         }
-        self.now = self.now.max(until) + std::mem::take(&mut self.stands_still);
+        self.now = self.now.max(until) + std::mem::take(&mut self.stall);
         if self.sent.last().is_some_and(|(_, telegram)| telegram.frame.cob_id == sync::COB_ID) {
-            self.now = self.now + std::mem::take(&mut self.stands_still_over_samples);
+            self.now = self.now + std::mem::take(&mut self.stall_after_sync);
         }
         None
     }
 }
 
-impl Silent {
-    /// The identifiers of the frames since the last call, in their order.
+impl SilentBus {
+    /// Takes the COB-IDs of the frames since the last call, in order.
     pub(super) fn identifiers(&mut self) -> Vec<u16> {
         self.sent.drain(..).map(|(_, telegram)| telegram.frame.cob_id).collect()
     }
 }
 
-/// A commanded side that never reports.
+/// A commanded side that never sends a sample.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Nowhere;
+pub(super) struct NoRemote;
 
-impl Remote for Nowhere {
+impl Remote for NoRemote {
     fn exchange(&mut self, _: Instant, _: &Motion) -> Option<Sensed> {
         None
     }
 }
 
-/// A node that was not booted, on one bus at 1 kHz with grouped targets.
-pub(super) fn node() -> Node<Silent, Nowhere> {
+/// Returns a node before its boot, on one bus at 1 kHz with grouped targets.
+pub(super) fn node() -> Node<SilentBus, NoRemote> {
     let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
-    Node::new(&config, Silent::default(), Nowhere)
+    Node::new(&config, SilentBus::default(), NoRemote)
 }

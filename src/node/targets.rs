@@ -1,13 +1,12 @@
-//! What the drives are told in a cycle: in time, or not at all.
+//! Sending of target torques and controlwords: in time, or not at all.
 //!
-//! A torque is as old as the SYNC whose samples it was made of. The clock is read before each frame, because a
-//! process may stand still between any two of them: a frame that asks for torque is dropped once its SYNC is older
-//! than a period and a half, and those behind it are later still. Their drives keep the torque of the cycle before
-//! until the next one, or until their RPDO timers end it. Zero torques, and words that take power away, are sent
-//! however late they are.
+//! A target is as old as the SYNC of its samples. The process may stall between any two frames, so the clock is read
+//! before each. A frame with torque is dropped once its SYNC is older than 1.5 periods. Its drives then keep the
+//! previous target until the next cycle, or until their RPDO timers expire. Zero targets and disable voltage are sent
+//! at any age.
 //!
-//! Between the clock and the bus an instruction remains, and nothing can be taken back that a bus has taken: how old
-//! a torque may then be is bounded by the drives' RPDO timers alone.
+//! A stall between the clock and the bus is not seen, and no accepted frame can be recalled. The drives' RPDO timers
+//! alone bound the age of a target then.
 
 use crate::Node;
 use crate::permit::Permit;
@@ -19,23 +18,23 @@ use units::numbering::NodeIndex;
 use units::time::Instant;
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Passes the controller's targets through the last gate and sends them; returns those that the drives now hold.
+    /// Limits the controller's targets and sends them; returns the targets that the drives now hold.
     pub(super) fn command_drives(
         &mut self,
         sync_at: Instant,
         permit: &Permit,
         output: &Output,
     ) -> [PerMille; 6] {
-        let gate = &mut self.drives.gate;
-        let targets = gate.pass(self.safety.may_push(), &output.tau, &output.targets);
+        let limiter = &mut self.drives.limiter;
+        let targets = limiter.limit(self.safety.allows_torque(), &output.tau, &output.targets);
         let was_sent = self.send_targets(sync_at, &targets, permit.drives_on);
-        let targets = self.drives.gate.take_back(was_sent);
+        let targets = self.drives.limiter.revert_unsent(was_sent);
         self.plausibility.on_sent(&targets.map(|PerMille(target)| target));
         targets
     }
 
-    /// Sends this cycle's targets and controlwords, made of the samples of the SYNC of `sync_at`, and returns which
-    /// joints' targets were taken. A torque that is too late is dropped, and counts as an overrun.
+    /// Sends targets and controlwords computed from the samples of the SYNC sent at `sync_at`. Returns the joints whose
+    /// targets were sent. A torque that is too late is dropped, and counts as an overrun.
     pub(super) fn send_targets(
         &mut self,
         sync_at: Instant,
@@ -53,7 +52,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 Some(telegram)
             };
             if in_time.is_none() {
-                self.timing.lateness.dropped();
+                self.timing.lateness.on_dropped_target();
             }
             if !in_time.is_some_and(|telegram| self.send(telegram)) {
                 for joint in self.drives.rpdos.pushed_by(&telegram).filter_map(NodeIndex::joint) {
@@ -64,11 +63,11 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.wire.out = out;
         let is_late = self.is_late(sync_at);
         self.drives.rpdos.changed(is_late, &mut self.wire.out);
-        self.post();
+        self.send_queued();
         was_sent
     }
 
-    /// Returns whether what was made of the samples of the SYNC of `sync_at` is too old to act on.
+    /// Returns whether targets from the samples of the SYNC sent at `sync_at` are too old.
     pub(super) fn is_late(&self, sync_at: Instant) -> bool {
         self.timing.lateness.is_stale(sync_at, self.wire.now())
     }

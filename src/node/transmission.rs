@@ -1,10 +1,10 @@
-//! Whether the node may send, on each bus: fresh or nothing.
+//! Permission to send on each bus: no frame may be transmitted late.
 //!
-//! A frame that does not get out now must not get out later. So where a frame is not taken, the rest of
-//! its cycle is not sent either; where the last SYNC has not been seen on the wire, the next cycle sends
-//! nothing, and whatever the adapter still holds meets no SYNC to act on. What happens a second time, and a
-//! controller that has left its bus, ends all sending on that bus, the heartbeat included: the drives
-//! stop by their own timers. It begins again only with a boot of the network.
+//! After a frame that the bus does not accept, the rest of its cycle is not sent. After a SYNC without transmit
+//! confirmation the next cycle sends nothing, so that frames held by the adapter meet no SYNC and do not act.
+//!
+//! The second such cycle, bus off and an interface that is down end all transmission on the bus, the heartbeat
+//! included: the drives' timers stop them. Only a boot of the network permits sending again.
 
 use std::time::Duration;
 
@@ -16,142 +16,159 @@ use canopen::frame::Telegram;
 use canopen::sync;
 use units::time::Instant;
 
-/// Cycles that do not get out until a bus is given up.
-const PATIENCE: u32 = 2;
+/// Number of failed cycles after which a bus is shut.
+const MAX_FAILED_CYCLES: u32 = 2;
 
-/// A SYNC may seem to have been seen so long before it was sent: clocks are not read at once.
-const SLACK: Duration = Duration::from_micros(100);
+/// Maximum time by which a transmit confirmation may precede its SYNC, as the two clocks are read in turn.
+const CLOCK_TOLERANCE: Duration = Duration::from_micros(100);
 
-/// What may be sent on every bus.
+/// Permission to send on each bus.
 #[derive(Clone, Debug)]
 pub(super) struct Transmission {
-    lines: Vec<Line>,
+    buses: Vec<BusState>,
 }
 
-/// One bus.
+/// Permission to send on one bus, and its reasons.
 #[derive(Clone, Copy, Debug)]
-struct Line {
+struct BusState {
     channel: Channel,
-    gate: Gate,
-    /// Cycles in which a frame was not taken, since the network was booted.
-    full: u32,
-    /// The last SYNC that was taken.
-    sync: Option<Instant>,
-    /// Cycles since then in which it was not seen on the wire.
-    unseen: u32,
+    permission: Permission,
+    /// Cycles with a frame that was not accepted, since the network was booted.
+    failed_cycles: u32,
+    /// Time of the last accepted SYNC.
+    last_sync: Option<Instant>,
+    /// Cycles since then without its transmit confirmation.
+    unconfirmed_cycles: u32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Gate {
+enum Permission {
     Open,
-    /// For the rest of this cycle.
-    Closed,
-    /// Until the network boots.
+    /// No frame for the rest of this cycle.
+    ClosedForCycle,
+    /// No frame until the network boots.
     Shut,
 }
 
 impl Transmission {
-    /// Nothing was sent yet.
+    /// Permits sending on these buses.
     pub(super) fn on(channels: &[Channel]) -> Self {
-        let gate = Gate::Open;
-        let line =
-            |channel: &Channel| Line { channel: *channel, gate, full: 0, sync: None, unseen: 0 };
-        Self { lines: channels.iter().map(line).collect() }
+        let permission = Permission::Open;
+        let bus = |channel: &Channel| BusState {
+            channel: *channel,
+            permission,
+            failed_cycles: 0,
+            last_sync: None,
+            unconfirmed_cycles: 0,
+        };
+        Self { buses: channels.iter().map(bus).collect() }
     }
 
-    /// The network boots.
+    /// Permits sending on all buses again, when the network boots.
     pub(super) fn reopen(&mut self) {
-        for line in &mut self.lines {
-            *line = Line { gate: Gate::Open, full: 0, sync: None, unseen: 0, ..*line };
+        for bus in &mut self.buses {
+            *bus = BusState {
+                permission: Permission::Open,
+                failed_cycles: 0,
+                last_sync: None,
+                unconfirmed_cycles: 0,
+                ..*bus
+            };
         }
     }
 
-    /// Whether nothing may be sent on some bus until the network boots.
+    /// Returns whether a bus is shut until the network boots.
     pub(super) fn is_shut(&self) -> bool {
-        self.lines.iter().any(|line| line.gate == Gate::Shut)
+        self.buses.iter().any(|bus| bus.permission == Permission::Shut)
     }
 
-    /// The first bus on which nothing may be sent now.
-    pub(super) fn closed(&self) -> Option<Channel> {
-        self.lines.iter().find(|line| line.gate != Gate::Open).map(|line| line.channel)
+    /// Returns the first bus on which no frame may be sent now.
+    pub(super) fn first_closed(&self) -> Option<Channel> {
+        self.buses.iter().find(|bus| bus.permission != Permission::Open).map(|bus| bus.channel)
     }
 
-    /// Whether a frame may be sent on this bus now.
-    pub(super) fn may(&self, channel: Channel) -> bool {
-        self.lines.iter().any(|line| line.channel == channel && line.gate == Gate::Open)
+    /// Returns whether a frame may be sent on this bus now.
+    pub(super) fn is_open(&self, channel: Channel) -> bool {
+        self.buses.iter().any(|bus| bus.channel == channel && bus.permission == Permission::Open)
     }
 
-    /// A cycle begins. `echoed` says of a bus when a SYNC was last seen on its wire, if it can.
-    pub(super) fn begin(&mut self, echoed: impl Fn(Channel) -> Option<Instant>) -> Option<Cause> {
-        let mut missing = None;
-        for line in &mut self.lines {
-            if line.begin(echoed(line.channel)) {
-                missing = missing.or(Some(Cause::EchoMissing { channel: line.channel.0 }));
+    /// Starts a cycle. `confirmed_at` returns the time of a bus's last transmit confirmation of a SYNC, or `None` if the
+    /// bus has none. Returns a cause when a bus is shut for missing confirmations.
+    pub(super) fn start_cycle(
+        &mut self,
+        confirmed_at: impl Fn(Channel) -> Option<Instant>,
+    ) -> Option<Cause> {
+        let mut unconfirmed = None;
+        for bus in &mut self.buses {
+            if bus.start_cycle(confirmed_at(bus.channel)) {
+                unconfirmed =
+                    unconfirmed.or(Some(Cause::TransmitUnconfirmed { channel: bus.channel.0 }));
             }
         }
-        missing
+        unconfirmed
     }
 
-    /// A frame was offered at `at`.
-    pub(super) fn offered(
+    /// Updates the permission by the outcome of a `send` at `at`; returns the cause of a failure.
+    pub(super) fn on_send(
         &mut self,
         at: Instant,
         telegram: &Telegram,
         outcome: Result<(), SendError>,
     ) -> Option<Cause> {
-        let line = self.lines.iter_mut().find(|line| line.channel == telegram.channel)?;
-        let Channel(channel) = line.channel;
+        let bus = self.buses.iter_mut().find(|bus| bus.channel == telegram.channel)?;
+        let Channel(channel) = bus.channel;
         match outcome {
             Ok(()) => {
                 if telegram.frame.cob_id == sync::COB_ID {
-                    line.sync = Some(at);
+                    bus.last_sync = Some(at);
                 }
                 None
             }
             Err(SendError::Full) => {
-                line.full += 1;
-                // A bus that takes nothing for so long is as good as down, whatever its driver says.
-                let is_down = line.full >= PATIENCE;
-                line.gate = if is_down { Gate::Shut } else { Gate::Closed };
+                bus.failed_cycles += 1;
+                // A queue that stays full is a bus that does not transmit, even if its driver reports it up.
+                let is_down = bus.failed_cycles >= MAX_FAILED_CYCLES;
+                bus.permission =
+                    if is_down { Permission::Shut } else { Permission::ClosedForCycle };
                 let down = Cause::BusDown { channel };
                 Some(if is_down { down } else { Cause::QueueFull { channel } })
             }
             Err(SendError::Down) => {
-                line.gate = Gate::Shut;
+                bus.permission = Permission::Shut;
                 Some(Cause::BusDown { channel })
             }
         }
     }
 
-    /// Takes a fault of a bus: one that is off or down is shut.
+    /// Shuts a bus that is off or down.
     pub(super) fn on_fault(&mut self, channel: Channel, fault: BusFault) {
         match fault {
             BusFault::Off | BusFault::Down => {
-                let lines = self.lines.iter_mut().filter(|line| line.channel == channel);
-                lines.for_each(|line| line.gate = Gate::Shut);
+                let buses = self.buses.iter_mut().filter(|bus| bus.channel == channel);
+                buses.for_each(|bus| bus.permission = Permission::Shut);
             }
             BusFault::Warning | BusFault::Overrun | BusFault::Passive => {}
         }
     }
 }
 
-impl Line {
-    /// Whether the last SYNC has just been given up.
-    fn begin(&mut self, echoed: Option<Instant>) -> bool {
-        if self.gate == Gate::Shut {
+impl BusState {
+    /// Starts a cycle; returns true if it shuts the bus.
+    fn start_cycle(&mut self, confirmed_at: Option<Instant>) -> bool {
+        if self.permission == Permission::Shut {
             return false;
         }
-        let is_unseen = match (self.sync, echoed) {
-            (Some(sync), Some(echoed)) => echoed + SLACK < sync,
+        let is_unconfirmed = match (self.last_sync, confirmed_at) {
+            (Some(sync), Some(confirmed_at)) => confirmed_at + CLOCK_TOLERANCE < sync,
             (None, _) | (_, None) => false,
         };
-        self.unseen = if is_unseen { self.unseen + 1 } else { 0 };
-        self.gate = match self.unseen {
-            0 => Gate::Open,
-            1..PATIENCE => Gate::Closed,
-            PATIENCE.. => Gate::Shut,
+        self.unconfirmed_cycles = if is_unconfirmed { self.unconfirmed_cycles + 1 } else { 0 };
+        self.permission = match self.unconfirmed_cycles {
+            0 => Permission::Open,
+            1..MAX_FAILED_CYCLES => Permission::ClosedForCycle,
+            MAX_FAILED_CYCLES.. => Permission::Shut,
         };
-        self.gate == Gate::Shut
+        self.permission == Permission::Shut
     }
 }
 
@@ -176,50 +193,57 @@ mod tests {
     }
 
     #[test]
-    fn hazard_21_a_frame_that_is_not_taken_ends_its_cycle_and_a_second_ends_sending() {
-        let mut sending = both();
-        assert_eq!(sending.begin(|_| None), None);
+    fn hazard_21_full_queue_ends_its_cycle_and_a_second_shuts_the_bus() {
+        let mut transmission = both();
+        assert_eq!(transmission.start_cycle(|_| None), None);
         let full = Err(SendError::Full);
-        let cause = sending.offered(at(1), &sync(BUS), full);
+        let cause = transmission.on_send(at(1), &sync(BUS), full);
         assert_eq!(cause, Some(Cause::QueueFull { channel: 0 }));
-        assert!(!sending.may(BUS) && sending.may(OTHER));
-        sending.begin(|_| None);
-        assert!(sending.may(BUS), "the next cycle is tried");
-        let cause = sending.offered(at(2), &sync(BUS), full);
+        assert!(!transmission.is_open(BUS) && transmission.is_open(OTHER));
+        transmission.start_cycle(|_| None);
+        assert!(transmission.is_open(BUS), "open in the next cycle");
+        let cause = transmission.on_send(at(2), &sync(BUS), full);
         assert_eq!(cause, Some(Cause::BusDown { channel: 0 }));
-        sending.begin(|_| None);
-        assert!(!sending.may(BUS) && sending.may(OTHER) && sending.is_shut());
-        sending.reopen();
-        assert!(sending.may(BUS) && !sending.is_shut());
+        transmission.start_cycle(|_| None);
+        assert!(
+            !transmission.is_open(BUS) && transmission.is_open(OTHER) && transmission.is_shut()
+        );
+        transmission.reopen();
+        assert!(transmission.is_open(BUS) && !transmission.is_shut());
     }
 
     #[test]
-    fn hazard_22_after_a_sync_that_is_not_seen_nothing_follows_and_after_two_cycles_nothing_more() {
-        let mut sending = both();
-        let seen =
-            |heard: Option<u64>| move |channel| if channel == BUS { heard.map(at) } else { None };
-        sending.begin(seen(Some(0)));
-        sending.offered(at(1), &sync(BUS), Ok(()));
-        assert_eq!(sending.begin(seen(Some(1))), None);
-        sending.offered(at(2), &sync(BUS), Ok(()));
-        assert_eq!(sending.begin(seen(Some(1))), None);
-        assert!(!sending.may(BUS), "what is held must meet no SYNC");
-        let cause = sending.begin(seen(Some(1)));
-        assert_eq!(cause, Some(Cause::EchoMissing { channel: 0 }));
-        assert_eq!(sending.begin(seen(Some(9))), None, "said once");
-        assert!(!sending.may(BUS), "and an echo that comes later opens nothing");
+    fn hazard_22_two_unconfirmed_syncs_shut_the_bus() {
+        let mut transmission = both();
+        let confirmed = |millis: u64| move |channel| (channel == BUS).then(|| at(millis));
+        transmission.start_cycle(confirmed(0));
+        transmission.on_send(at(1), &sync(BUS), Ok(()));
+        assert_eq!(transmission.start_cycle(confirmed(1)), None);
+        transmission.on_send(at(2), &sync(BUS), Ok(()));
+        assert_eq!(transmission.start_cycle(confirmed(1)), None);
+        assert!(!transmission.is_open(BUS), "no SYNC for frames that the adapter holds");
+        let cause = transmission.start_cycle(confirmed(1));
+        assert_eq!(cause, Some(Cause::TransmitUnconfirmed { channel: 0 }));
+        assert_eq!(transmission.start_cycle(confirmed(9)), None, "raised once");
+        assert!(!transmission.is_open(BUS), "a late confirmation does not open it");
     }
 
     #[test]
-    fn a_sync_that_is_seen_a_cycle_late_costs_one_cycle() {
-        let mut sending = both();
-        sending.offered(at(1), &sync(BUS), Ok(()));
-        assert_eq!((sending.begin(|_| Some(at(0))), sending.may(BUS)), (None, false));
-        assert_eq!((sending.begin(|_| Some(at(2))), sending.may(BUS)), (None, true));
+    fn sync_confirmed_a_cycle_late_closes_one_cycle() {
+        let mut transmission = both();
+        transmission.on_send(at(1), &sync(BUS), Ok(()));
+        assert_eq!(
+            (transmission.start_cycle(|_| Some(at(0))), transmission.is_open(BUS)),
+            (None, false)
+        );
+        assert_eq!(
+            (transmission.start_cycle(|_| Some(at(2))), transmission.is_open(BUS)),
+            (None, true)
+        );
     }
 
     #[test]
-    fn hazard_23_hazard_24_off_the_bus_or_down_ends_sending_at_once_and_warnings_do_not() {
+    fn hazard_23_hazard_24_bus_off_and_down_shut_the_bus() {
         for (fault, may) in [
             (BusFault::Warning, true),
             (BusFault::Overrun, true),
@@ -227,12 +251,19 @@ mod tests {
             (BusFault::Off, false),
             (BusFault::Down, false),
         ] {
-            let mut sending = both();
-            sending.on_fault(BUS, fault);
-            assert_eq!((sending.may(BUS), sending.may(OTHER)), (may, true), "{fault:?}");
+            let mut transmission = both();
+            transmission.on_fault(BUS, fault);
+            assert_eq!(
+                (transmission.is_open(BUS), transmission.is_open(OTHER)),
+                (may, true),
+                "{fault:?}"
+            );
         }
-        let mut sending = both();
-        let cause = sending.offered(at(1), &sync(BUS), Err(SendError::Down));
-        assert_eq!((cause, sending.may(BUS)), (Some(Cause::BusDown { channel: 0 }), false));
+        let mut transmission = both();
+        let cause = transmission.on_send(at(1), &sync(BUS), Err(SendError::Down));
+        assert_eq!(
+            (cause, transmission.is_open(BUS)),
+            (Some(Cause::BusDown { channel: 0 }), false)
+        );
     }
 }

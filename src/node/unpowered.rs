@@ -1,4 +1,4 @@
-//! A start that enables nothing: the network boots and is read, and a stop is latched from the beginning.
+//! Start without enabling drives: the network boots, and a stop is latched from the start.
 
 use crate::BringUpError;
 use crate::Node;
@@ -8,11 +8,11 @@ use remote::Remote;
 use units::spatial::Motion;
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Boots every node as [`bring_up`](Self::bring_up) does, and enables none. `cause` is latched until a reset, which
-    /// boots again, enables the drives and lets them prove that they stop by themselves.
+    /// Boots every node as [`bring_up`](Self::bring_up) does, but enables no drive. `cause` is latched until a reset,
+    /// which boots again, enables the drives and runs the proof test.
     ///
     /// # Errors
-    /// When a node or the bus fails, or `give_up` says so.
+    /// When a node or the bus fails, or `give_up` returns true.
     pub fn bring_up_unpowered(
         &mut self,
         cause: Cause,
@@ -21,9 +21,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.start_network(give_up)?;
         let now = self.wire.now();
         self.timing.restart(now);
-        // While there were no cycles the commanded side was not asked: what is known has aged.
+        // No sample was requested during the boot: the newest one is stale.
         self.remote.exchange(now, &Motion::Hold);
-        // No watch sees it: it is the caller's.
+        // The caller's cause: no watch raises it.
         self.raise(now, [Some(cause)]);
         Ok(())
     }

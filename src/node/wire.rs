@@ -1,4 +1,4 @@
-//! The buses as the node uses them: what is received, what waits to be sent, and what may still be sent.
+//! The node's buses: reception, the queue of frames to send, and the permission to send.
 
 use std::time::Duration;
 
@@ -16,41 +16,41 @@ use config::Config;
 use units::time::Instant;
 
 /// Capacity of the queue of frames to send, reserved so that the cycle does not allocate.
-const FRAMES: usize = 64;
+const QUEUE_CAPACITY: usize = 64;
 
-/// The buses, and what may be sent on each.
+/// The buses, with the permission to send on each.
 #[derive(Clone, Debug)]
 pub(super) struct Wire<B> {
     pub(super) bus: B,
     channels: Vec<Channel>,
     pub(super) transmission: Transmission,
-    /// Frames to send, in this order.
+    /// Frames to send, in order.
     pub(super) out: Vec<Telegram>,
 }
 
-/// Why a frame was not sent.
+/// Reason why a frame was not sent.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum NotSent {
-    /// Its bus was closed before.
+    /// Sending on its bus is not permitted.
     Closed,
-    /// Its bus did not take it at this time.
-    Refused(Instant, Option<Cause>),
+    /// Its bus did not accept it at this time.
+    NotAccepted(Instant, Option<Cause>),
 }
 
 impl<B: Bus> Wire<B> {
-    /// The buses of the configuration; nothing was sent yet.
+    /// Returns the buses of the configuration. Sends no frame.
     pub(super) fn new(config: &Config, bus: B) -> Self {
         let channels = config.channels();
         let transmission = Transmission::on(&channels);
-        Self { bus, channels, transmission, out: Vec::with_capacity(FRAMES) }
+        Self { bus, channels, transmission, out: Vec::with_capacity(QUEUE_CAPACITY) }
     }
 
-    /// Time now, on the clock of the bus.
+    /// Returns the time of the bus's clock.
     pub(super) fn now(&self) -> Instant {
         self.bus.now()
     }
 
-    /// Time for which the host has been suspended so far.
+    /// Returns the time of host suspension so far.
     pub(super) fn suspended(&self) -> Duration {
         self.bus.suspended()
     }
@@ -65,36 +65,36 @@ impl<B: Bus> Wire<B> {
         self.out.extend(self.channels.iter().map(|&channel| Telegram { channel, frame }));
     }
 
-    /// Sends a frame now or never.
+    /// Sends a frame at once or drops it.
     ///
     /// # Errors
-    /// When its bus is closed or does not take it.
+    /// When sending on its bus is not permitted, or the bus does not accept it.
     pub(super) fn send(&mut self, telegram: Telegram) -> Result<(), NotSent> {
-        if !self.transmission.may(telegram.channel) {
+        if !self.transmission.is_open(telegram.channel) {
             return Err(NotSent::Closed);
         }
         let at = self.bus.now();
         let outcome = self.bus.send(telegram);
-        let cause = self.transmission.offered(at, &telegram, outcome);
-        outcome.map_err(|_| NotSent::Refused(at, cause))
+        let cause = self.transmission.on_send(at, &telegram, outcome);
+        outcome.map_err(|_| NotSent::NotAccepted(at, cause))
     }
 
-    /// Starts a cycle of transmission; returns a cause if SYNCs taken by a bus do not appear on its wire.
-    pub(super) fn watch_sync_echo(&mut self) -> Option<Cause> {
+    /// Starts a cycle of transmission; returns a cause if accepted SYNCs are not confirmed as transmitted.
+    pub(super) fn watch_transmit_confirmation(&mut self) -> Option<Cause> {
         let bus = &self.bus;
-        self.transmission.begin(|channel| bus.transmit_confirmed_at(channel))
+        self.transmission.start_cycle(|channel| bus.transmit_confirmed_at(channel))
     }
 
-    /// Takes a fault of a bus; returns its cause to stop, if it is one.
+    /// Updates the permission to send after a bus fault; returns its cause, if it has one.
     pub(super) fn on_fault(&mut self, channel: Channel, fault: BusFault) -> Option<Cause> {
         self.transmission.on_fault(channel, fault);
         causes::of_bus(channel, fault)
     }
 
-    /// Opens the buses again if nothing may be sent on one of them.
+    /// Reopens the buses if one of them is shut, and permits sending on all.
     ///
     /// # Errors
-    /// When an interface is gone, or not fit for torques.
+    /// When an interface is missing, or not fit for torques.
     pub(super) fn reopen(&mut self) -> Result<(), ReopenError> {
         if self.transmission.is_shut() {
             self.bus.reopen()?;

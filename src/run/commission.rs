@@ -19,9 +19,9 @@ use canopen::plan::NodePlan;
 use config::Config;
 use node::BringUpError;
 use node::Node;
-use node::proof::DriveProof;
-use node::proof::ProofReport;
-use node::proof::Trip;
+use node::proof_test::DriveResult;
+use node::proof_test::ProofTestReport;
+use node::proof_test::Trip;
 use remote::site::VirtualSite;
 
 /// `frhc commission`.
@@ -61,7 +61,8 @@ pub(super) fn run(args: &Commission) -> Result<(), Failure> {
     if let Err(given_up @ (BringUpError::GivenUp | BringUpError::LeftOn(_))) = booted {
         return Err(failure(given_up));
     }
-    let report = Report { config: &config, plans: drives(&config), proof: node.proof().clone() };
+    let report =
+        Report { config: &config, plans: drives(&config), proof: node.proof_test_report().clone() };
     print::line(&if args.json { report.json().to_string() } else { report.text() });
     booted.map_err(failure)?;
     node.stop().or_fail(Kind::Drive)
@@ -83,7 +84,7 @@ fn failure(error: BringUpError) -> Failure {
         BringUpError::Bus(_) | BringUpError::Unfit(_) => Kind::Bus,
         BringUpError::Boot(_)
         | BringUpError::NotEnabled(_)
-        | BringUpError::NotProven(_)
+        | BringUpError::ProofTest(_)
         | BringUpError::GivenUp
         | BringUpError::LeftOn(_) => Kind::Drive,
     };
@@ -98,7 +99,7 @@ fn drives(config: &Config) -> Vec<NodePlan> {
 struct Report<'c> {
     config: &'c Config,
     plans: Vec<NodePlan>,
-    proof: ProofReport,
+    proof: ProofTestReport,
 }
 
 impl Report<'_> {
@@ -117,7 +118,7 @@ impl Report<'_> {
 
     fn verdict(&self) -> String {
         let max_force = self.config.controller.reflection.max_force();
-        match self.proof.lasting() {
+        match self.proof.reaction_time() {
             None => {
                 "at least one drive does not stop by itself: the arm cannot be armed".to_owned()
             }
@@ -132,7 +133,7 @@ impl Report<'_> {
     }
 
     fn json(&self) -> serde_json::Value {
-        let drive = |(drive, plan): (&DriveProof, &NodePlan)| {
+        let drive = |(drive, plan): (&DriveResult, &NodePlan)| {
             let held = plan.protections().into_iter().map(|check| {
                 let value = (!drive.missing.contains(&check.object))
                     .then(|| check.expected_value().to_string());
@@ -146,7 +147,7 @@ impl Report<'_> {
                 "read_back": held.collect::<serde_json::Map<_, _>>(),
             })
         };
-        let lasting = self.proof.lasting();
+        let lasting = self.proof.reaction_time();
         let force = lasting.map(|lasting| self.config.force_cap().allows(lasting));
         serde_json::json!({
             "drives": self.proof.drives.iter().zip(&self.plans).map(drive).collect::<Vec<_>>(),
@@ -157,7 +158,7 @@ impl Report<'_> {
     }
 }
 
-fn read_back(drive: &DriveProof, check: &Check) -> String {
+fn read_back(drive: &DriveResult, check: &Check) -> String {
     if drive.missing.contains(&check.object) {
         format!("{} missing", check.object)
     } else {
@@ -168,14 +169,14 @@ fn read_back(drive: &DriveProof, check: &Check) -> String {
 fn cell(trip: Option<Trip>) -> String {
     trip.map_or_else(
         || "-".to_owned(),
-        |Trip { said, measured }| format!("{} / {:.1}", said.millis, millis(measured)),
+        |Trip { watchdog, measured }| format!("{} / {:.1}", watchdog.millis, millis(measured)),
     )
 }
 
-fn timer(Trip { said, measured }: Trip) -> serde_json::Value {
+fn timer(Trip { watchdog, measured }: Trip) -> serde_json::Value {
     serde_json::json!({
-        "object": said.object.to_string(),
-        "said_ms": said.millis,
+        "object": watchdog.object.to_string(),
+        "said_ms": watchdog.millis,
         "measured_ms": millis(measured),
     })
 }

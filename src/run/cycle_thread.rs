@@ -98,7 +98,7 @@ fn boot_failure<B: Bus, R: Remote>(
             Ended::of(true, Err(error).or_fail(Kind::Bus))
         }
         BringUpError::Boot(_) => Ended::of(true, Err(error).or_fail(Kind::Drive)),
-        BringUpError::NotProven(_) => Ended::of(node.is_off(), Err(error).or_fail(Kind::Drive)),
+        BringUpError::ProofTest(_) => Ended::of(node.is_off(), Err(error).or_fail(Kind::Drive)),
         BringUpError::LeftOn(_) => Ended::of(false, Err(error).or_fail(Kind::Drive)),
         BringUpError::NotEnabled(_) => {
             // Records the trip.

@@ -224,7 +224,7 @@ fn document(trip: &Trip, record: &Record, provenance: &Provenance, seconds_befor
         "mode_before": trip.from.name(),
         "mode": trip.to.name(),
         "reaction": reaction.map_or("none", |mode| mode.name()),
-        "reset_boots": row.boots,
+        "reset_boots": row.reset_boots,
         "hazards": row.hazards,
         "seconds_before": seconds_before,
         "seconds_after": 0.0,

@@ -6,12 +6,11 @@ use serde_json::json;
 
 use crate::print;
 use node::cause::Kind;
-use node::reaction::Decides;
+use node::reaction::Initiator;
 use node::reaction::Reaction;
 use node::reaction::Row;
 use node::record::Mode;
 use node::safety::table;
-use node::safety::words;
 
 /// `frhc explain faults`.
 #[derive(Debug, Args)]
@@ -40,10 +39,10 @@ fn objects() -> Vec<String> {
         });
         json!({
             "cause": format!("{kind:?}"),
-            "words": kind.words(),
+            "words": kind.description(),
             "leads_to": Json::Object(reactions.into_iter().collect()),
             "torque_ends_within_ms": row.armed.ramp().as_millis(),
-            "first_by": words::of_decides(row.decides),
+            "first_by": row.initiator.description(),
             "reset": reset(row),
             "hazards": row.hazards,
         })
@@ -62,10 +61,10 @@ fn text() -> Vec<String> {
             format!("{kind:?}"),
             short(row.unarmed).to_owned(),
             short(row.armed).to_owned(),
-            words::of_decides(row.decides).to_owned(),
+            row.initiator.description().to_owned(),
             reset(row).to_owned(),
             hazards.join(" "),
-            kind.words().to_owned(),
+            kind.description().to_owned(),
         ])
     }));
     lines.extend(
@@ -78,7 +77,7 @@ fn text() -> Vec<String> {
             0 => String::new(),
             millis => format!(" within {millis} ms"),
         };
-        format!("{:5}  {}{ramp}", short(reaction), words::of_reaction(reaction))
+        format!("{:5}  {}{ramp}", short(reaction), reaction.description())
     }));
     lines.extend(
         [
@@ -106,9 +105,9 @@ const fn short(reaction: Reaction) -> &'static str {
 
 /// Returns when a reset can end the stop.
 const fn reset(row: Row) -> &'static str {
-    match (row.boots, row.decides) {
+    match (row.reset_boots, row.initiator) {
         (true, _) => "by a boot",
-        (false, Decides::Drive) => "in the drive",
-        (false, Decides::Node | Decides::Timers) => "when gone",
+        (false, Initiator::Drive) => "in the drive",
+        (false, Initiator::Node | Initiator::Timers) => "when gone",
     }
 }

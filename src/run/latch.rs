@@ -17,8 +17,8 @@ use std::path::Path;
 use std::path::PathBuf;
 
 use crate::state;
-use node::cause::Awaited;
 use node::cause::Cause;
+use node::cause::ResetReason;
 
 /// The latch of one run.
 #[derive(Debug)]
@@ -26,7 +26,7 @@ pub(super) struct Latch {
     folder: Option<PathBuf>,
     name: String,
     /// Reason why the node starts in a stop, if it does.
-    awaits: Option<Awaited>,
+    awaits: Option<ResetReason>,
     /// Description of that reason, with the path.
     remark: Option<String>,
 }
@@ -42,7 +42,7 @@ impl Latch {
         let latch = Self { folder, name: name(interfaces), awaits: None, remark: None };
         let Some(path) = latch.path() else {
             let reason = "neither STATE_DIRECTORY nor HOME names a folder for the node's state";
-            return latch.awaiting(Awaited::Unmarked, reason);
+            return latch.awaiting(ResetReason::NoLatch, reason);
         };
         match latch.create() {
             Ok(true) => latch,
@@ -50,15 +50,15 @@ impl Latch {
                 let left = fs::read_to_string(&path).unwrap_or_default();
                 let left = left.lines().next().unwrap_or_default().to_owned();
                 let reason = format!("{} is left by an earlier run: {left}", path.display());
-                latch.awaiting(Awaited::NotEnded, &reason)
+                latch.awaiting(ResetReason::UncleanEnd, &reason)
             }
             Err(error) => {
-                latch.awaiting(Awaited::Unmarked, &format!("{}: {error}", path.display()))
+                latch.awaiting(ResetReason::NoLatch, &format!("{}: {error}", path.display()))
             }
         }
     }
 
-    fn awaiting(mut self, awaits: Awaited, reason: &str) -> Self {
+    fn awaiting(mut self, awaits: ResetReason, reason: &str) -> Self {
         self.awaits = Some(awaits);
         self.remark = Some(format!("no drive is enabled before `frhc ctl reset`: {reason}"));
         self
@@ -66,7 +66,7 @@ impl Latch {
 
     /// Returns the stop in which the node starts, if it does.
     pub(super) fn cause(&self) -> Option<Cause> {
-        self.awaits.map(|awaited| Cause::AwaitsReset { awaited })
+        self.awaits.map(|reason| Cause::AwaitsReset { reason })
     }
 
     /// Returns the description of that stop, with the path.
@@ -79,8 +79,8 @@ impl Latch {
     pub(super) fn before_reset(&self) {
         let written = match (self.awaits, self.path()) {
             (None, _) => return,
-            (Some(Awaited::NotEnded), Some(path)) => fs::write(path, running_text()),
-            (Some(Awaited::Unmarked), _) | (Some(Awaited::NotEnded), None) => {
+            (Some(ResetReason::UncleanEnd), Some(path)) => fs::write(path, running_text()),
+            (Some(ResetReason::NoLatch), _) | (Some(ResetReason::UncleanEnd), None) => {
                 self.create().map(drop)
             }
         };
@@ -184,8 +184,8 @@ mod tests {
         // A crash: `end` is not called.
         drop(latch);
         let latch = set(&folder, "can0");
-        let awaited = Awaited::NotEnded;
-        assert_eq!(latch.cause(), Some(Cause::AwaitsReset { awaited }));
+        let reason = ResetReason::UncleanEnd;
+        assert_eq!(latch.cause(), Some(Cause::AwaitsReset { reason }));
         assert!(latch.remark().unwrap().contains("did not end in order"));
         assert_eq!(set(&folder, "can1").cause(), None, "another arm");
         // Ended without a reset: the latch stays.
@@ -223,14 +223,14 @@ mod tests {
         let folder = scratch("latch-refused");
         fs::write(&folder, "").unwrap();
         let latch = set(&folder, "can0");
-        let awaited = Awaited::Unmarked;
-        assert_eq!(latch.cause(), Some(Cause::AwaitsReset { awaited }));
+        let reason = ResetReason::NoLatch;
+        assert_eq!(latch.cause(), Some(Cause::AwaitsReset { reason }));
         // The folder has become writable.
         fs::remove_file(&folder).unwrap();
         latch.before_reset();
         assert!(folder.join("running-can0").exists());
         fs::remove_dir_all(&folder).unwrap();
-        assert_eq!(Latch::set_in(None, &[]).cause(), Some(Cause::AwaitsReset { awaited }));
+        assert_eq!(Latch::set_in(None, &[]).cause(), Some(Cause::AwaitsReset { reason }));
     }
 
     #[test]

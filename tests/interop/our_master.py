@@ -189,7 +189,7 @@ def drive_that_goes_on_without_its_master_is_refused(bench):
     timer = SAFETY["rpdo_timer_ms"]
     said = (
         f"joint 3 (elbow), node 3: kept its power stage on for {timer + 35} ms without RPDOs "
-        f"(1400h:5 says {timer} ms)"
+        f"(1400h:5 is {timer} ms)"
     )
     bench.ends(node, 5, said)
     for drive in drives.values():

@@ -162,7 +162,7 @@ fn hazard_21_queue_full_for_two_cycles_ends_all_sending() {
 
 #[test]
 fn hazard_22_stuck_adapter_ends_all_sending() {
-    ends_sending(Disturbance::AdapterStuck, &[Kind::EchoMissing, Kind::SamplesMissing], 4);
+    ends_sending(Disturbance::AdapterStuck, &[Kind::TransmitUnconfirmed, Kind::SamplesMissing], 4);
 }
 
 #[test]

@@ -121,7 +121,7 @@ fn promise_03_every_drive_timer_is_proven_before_arming() {
     for file in [KRAFT, "config/jpl_like.toml"] {
         let (mut bench, wire) = bench_of(&config(file), "", &[]);
         bench.bring_up().unwrap();
-        let report = bench.node().proof();
+        let report = bench.node().proof_test_report();
         assert_eq!(report.drives.len(), 6, "{file}");
         for drive in &report.drives {
             let (rpdo, heartbeat) = (drive.rpdo.unwrap(), drive.heartbeat.unwrap());
@@ -132,7 +132,7 @@ fn promise_03_every_drive_timer_is_proven_before_arming() {
             );
             assert!(drive.missing.is_empty());
         }
-        assert!(report.lasting().unwrap() < Duration::from_micros(7_500), "{file}");
+        assert!(report.reaction_time().unwrap() < Duration::from_micros(7_500), "{file}");
         let first = wire.since(Instant::ZERO, 0x80)[0].0;
         let took = bench.node().bus().now().since(first);
         assert!(
@@ -284,7 +284,7 @@ fn hazard_26_uploads_by_another_client_are_only_counted() {
     bench.run(1_500);
     let record = bench.cycle();
     assert_eq!((record.cause, record.mode), (None, Mode::Armed));
-    assert_eq!((record.others.uploads, record.others.unread), (50, 0));
+    assert_eq!((record.sdo.foreign_uploads, record.sdo.unread_settings), (50, 0));
     let told = std::iter::from_fn(|| bench.notice()).map(|event| event.to_string());
     let told = told.filter(|told| told.starts_with("another SDO client reads")).count();
     assert_eq!(told, 1, "reported once");
@@ -302,7 +302,7 @@ fn hazard_26_changed_timer_is_detected_by_read_back() {
     let (node, expected, found) = (ELBOW.into(), 5, 0);
     let cause = Cause::SettingChanged { node, object, expected, found };
     assert_eq!((record.cause, record.mode), (Some(cause), Mode::DrivesOff));
-    assert_eq!(cause.to_string(), "joint 3: 1400h:5 is 0h, was proven as 5h");
+    assert_eq!(cause.to_string(), "joint 3: 1400h:5 is 0h, was 5h at boot");
     assert!(record.at.since(begun) <= Duration::from_secs(7), "six drives, each in its second");
     let asked = (0x601..=0x606).flat_map(|cob_id| wire.since(begun, cob_id)).count();
     assert_eq!(asked, 3, "one object a second");
@@ -322,7 +322,7 @@ fn hazard_26_unreadable_setting_is_reported_and_counted() {
     while bench.notice().is_some() {}
     bench.run(4_500);
     let record = bench.cycle();
-    assert_eq!((record.cause, record.mode, record.others.unread), (None, Mode::Ready, 1));
+    assert_eq!((record.cause, record.mode, record.sdo.unread_settings), (None, Mode::Ready, 1));
     let told: Vec<_> = std::iter::from_fn(|| bench.notice()).map(|it| it.to_string()).collect();
     assert_eq!(told, ["1400h:5 cannot be read again: no answer"]);
 }
@@ -387,7 +387,7 @@ fn hazard_09_rebooted_drive_switches_all_off_in_two_cycles() {
     assert!(cycles <= 2, "{cycles}");
     bench.run(40);
     bench.ask(Request::Reset).unwrap();
-    assert_eq!(bench.node().proof().drives.len(), 6, "booted and proven again");
+    assert_eq!(bench.node().proof_test_report().drives.len(), 6, "booted and proven again");
 }
 
 #[test]
@@ -442,7 +442,7 @@ fn hazard_16_drives_with_heartbeat_only_need_a_lower_force_cap() {
     let weak = weak.replace("push = 0.5 ", "push = 0.1 ");
     let (mut bench, _) = bench_of(&Config::parse(Path::new(KRAFT), &weak).unwrap(), "", &[]);
     bench.bring_up().unwrap();
-    for drive in &bench.node().proof().drives {
+    for drive in &bench.node().proof_test_report().drives {
         assert!(drive.rpdo.is_none() && drive.heartbeat.is_some());
     }
     arm(&mut bench);

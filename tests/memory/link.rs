@@ -169,7 +169,7 @@ fn arming_is_refused_before_the_first_remote_sample() {
     let mut node = booted(|count: u64, sensed: Sensed| (count > 150).then_some(sensed));
     assert_eq!((node.mode(), node.cause()), (Mode::Ready, None), "it is no fault yet");
     let refused = node.request(Request::Arm, &mut || false).unwrap_err().to_string();
-    assert_eq!(refused, "still there: no new wrench from the commanded side");
+    assert_eq!(refused, "still active: no new wrench from the commanded side");
     while node.remote().count < 151 || node.cycle().inputs.is_none() {
         node.cycle();
     }
@@ -208,7 +208,7 @@ fn fails_and_comes_back(name: &str, down: LinkFault) {
     assert!((least..=most).contains(&felt_for), "{felt_for:?}");
 
     let refused = bench.ask(Request::Reset).unwrap_err().to_string();
-    assert_eq!(refused, "still there: no new wrench from the commanded side");
+    assert_eq!(refused, "still active: no new wrench from the commanded side");
     // What was seen counts as there for 20 ms more.
     while bench.elapsed() < Duration::from_millis(1_525) {
         assert_eq!(bench.cycle().mode, Mode::ReflectionOff, "it is latched");

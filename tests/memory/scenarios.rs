@@ -84,19 +84,19 @@ const FRAMES: &[(&str, Node)] = &[
     ("resize", Stops("joint 3: no sample for 3 cycles", within(5, 6))),
     ("delay", GoesOn("a constant lateness looks like none, and moves little: 4")),
     ("reorder", GoesOn("a late sample never replaces a newer one: 4")),
-    ("duplicate", Stops("joint 3: two nodes seem to have its node-id", within(3, 4))),
-    ("impersonate", Stops("joint 3: two nodes seem to have its node-id", within(3, 4))),
-    ("freeze", Stops("joint 2: its position stands still under torque", within(505, 506))),
+    ("duplicate", Stops("joint 3: node-id apparently used by two nodes", within(3, 4))),
+    ("impersonate", Stops("joint 3: node-id apparently used by two nodes", within(3, 4))),
+    ("freeze", Stops("joint 2: position frozen under torque", within(505, 506))),
     ("corrupt", GoesOn("a single sample that cannot be is discarded: 12")),
 ];
 
 const SENSES: &[(&str, Node)] = &[
-    ("encoder_jump", Stops("joint 3: its position jumped", within(3, 4))),
-    ("encoder_frozen", Stops("joint 2: its position stands still under torque", within(505, 506))),
+    ("encoder_jump", Stops("joint 3: position jumped", within(3, 4))),
+    ("encoder_frozen", Stops("joint 2: position frozen under torque", within(505, 506))),
     // It tells its torque at every 99th SYNC here, and the second time counts.
-    ("torque_actual_scale", Stops("joint 2: its drive exerts another torque", within(201, 202))),
+    ("torque_actual_scale", Stops("joint 2: actual torque differs from the target torque", within(201, 202))),
     // The hand opens the deadman 300 ms after its contact sticks.
-    ("deadman_stuck", Stops("the deadman's channels contradict each other", within(352, 353))),
+    ("deadman_stuck", Stops("deadman channels disagree", within(352, 353))),
     // The first bounce comes at random, here in the third cycle; it does not engage again by itself.
     ("deadman_bounce", Disengages(5)),
 ];

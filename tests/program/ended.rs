@@ -45,8 +45,8 @@ use lab::world;
 use node::BringUpError;
 use node::Node;
 use node::Request;
-use node::cause::Awaited;
 use node::cause::Cause;
+use node::cause::ResetReason;
 use node::record::Mode;
 use remote::site::VirtualSite;
 use sim::scenario::Scenario;
@@ -243,7 +243,7 @@ fn promise_12_reset_with_a_boot_can_be_cancelled() {
 fn hazard_27_start_after_a_crash_enables_no_drive_until_reset() {
     let wire = Wire::default();
     let mut node = node(&config(KRAFT), wire.clone());
-    let cause = Cause::AwaitsReset { awaited: Awaited::NotEnded };
+    let cause = Cause::AwaitsReset { reason: ResetReason::UncleanEnd };
     node.bring_up_unpowered(cause, &mut || false).unwrap();
     for _ in 0..500 {
         let record = node.cycle();
@@ -264,7 +264,7 @@ fn hazard_27_start_after_a_crash_enables_no_drive_until_reset() {
     assert!(node.request(Request::Arm, &mut || false).is_err());
     let ready = node.request(Request::Reset, &mut || false).unwrap();
     assert_eq!((ready, node.cause()), (Mode::Ready, None));
-    assert!(node.proof().lasting().is_some(), "proof test passed as at any boot");
+    assert!(node.proof_test_report().reaction_time().is_some(), "proof test passed as at any boot");
     node.request(Request::Arm, &mut || false).unwrap();
 }
 

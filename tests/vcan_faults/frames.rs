@@ -129,7 +129,7 @@ fn hazard_06_imitated_drive_stops_all_in_three_cycles() {
 
 #[test]
 fn hazard_12_inverted_bit_of_a_position_stops_all_in_two_cycles() {
-    let reason = "joint 3: its position jumped";
+    let reason = "joint 3: position jumped";
     let inverted = every(POSITION, Effect::Corrupt([0, 0, 0x10, 0, 0, 0, 0, 0]));
     let seen = stopped_by("inverted", reason, millis(20), ELBOW, inverted);
     seen.from(|entry| entry.id == ELBOW_POSITION).all_are_free_within(cycles(2));

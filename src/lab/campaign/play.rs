@@ -129,7 +129,7 @@ pub(super) fn bring_up(bench: &mut Bench<Monitor>) -> Result<(), StageError> {
         | BringUpError::Bus(_)
         | BringUpError::Unfit(_)
         | BringUpError::NotEnabled(_)
-        | BringUpError::NotProven(_)) => StageError::Boot(error),
+        | BringUpError::ProofTest(_)) => StageError::Boot(error),
     })
 }
 

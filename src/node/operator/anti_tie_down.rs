@@ -34,7 +34,7 @@ impl AntiTieDown {
         let at_rest = self.rest.filter(|(_, x_0_rest)| is_held && is_near(x_0_rest, x_0_g));
         let (since, x_0_rest) = at_rest.unwrap_or((now, *x_0_g));
         self.rest = Some((since, x_0_rest));
-        (now.since(since) >= MAX_STANDSTILL).then_some(Cause::DeadmanTaped)
+        (now.since(since) >= MAX_STANDSTILL).then_some(Cause::TieDown)
     }
 }
 
@@ -62,8 +62,8 @@ mod tests {
         for second in 0..60 {
             assert_eq!(watch.watch(at(second), true, &along(0.5e-3)), None);
         }
-        assert_eq!(watch.watch(at(60), true, &along(0.0)), Some(Cause::DeadmanTaped));
-        assert_eq!(watch.watch(at(61), true, &along(0.0)), Some(Cause::DeadmanTaped), "still");
+        assert_eq!(watch.watch(at(60), true, &along(0.0)), Some(Cause::TieDown));
+        assert_eq!(watch.watch(at(61), true, &along(0.0)), Some(Cause::TieDown), "still");
         assert_eq!(watch.watch(at(62), false, &along(0.0)), None, "released");
     }
 

@@ -107,7 +107,7 @@ impl Operator {
         let came = output.q - q;
         let dt = self.period.as_secs_f64();
         let uncommanded =
-            self.uncommanded_motion.watch(dt, permit.takes_up && !is_held, &acted, &came);
+            self.uncommanded_motion.watch(dt, permit.gravity_ramps_up && !is_held, &acted, &came);
         if !permit.engaged {
             self.instability.forget();
             return tied_down.or(uncommanded);
@@ -157,7 +157,7 @@ mod tests {
         let permit = Permit {
             mode: if engaged { Mode::Engaged } else { Mode::Armed },
             gravity_share: 0.5,
-            takes_up: !engaged,
+            gravity_ramps_up: !engaged,
             reflection_share: 1.0,
             engaged,
             drives_on: true,
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn hazard_41_motion_is_judged_by_the_torque_that_caused_it() {
-        assert_eq!(cause(2, false), Some(Cause::MovesUnheld));
+        assert_eq!(cause(2, false), Some(Cause::UncommandedMotion));
         assert_eq!(cause(1, false), None, "against the torque that acted");
     }
 

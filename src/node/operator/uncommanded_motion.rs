@@ -37,7 +37,7 @@ impl UncommandedMotion {
             let is_driven = is_watched && came.abs() > MIN_SPEED * dt && tau * came > 0.0;
             *driven = if is_driven { *driven + came.abs() } else { 0.0 };
         }
-        self.driven.iter().any(|driven| *driven > MAX_MOTION).then_some(Cause::MovesUnheld)
+        self.driven.iter().any(|driven| *driven > MAX_MOTION).then_some(Cause::UncommandedMotion)
     }
 }
 

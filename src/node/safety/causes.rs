@@ -1,4 +1,4 @@
-//! What of all that is heard and computed is a cause to stop.
+//! Mapping of network events, bus faults and controller faults to causes.
 
 use crate::cause::Cause;
 use bus::BusFault;
@@ -8,7 +8,7 @@ use canopen::master::event::Event;
 use canopen::master::read_back::ReadBack;
 use controller::Fault;
 
-/// What an event of the network stops the node for, if it does.
+/// Returns the cause of a network event, if the event is a fault.
 pub const fn of_event(event: &Event) -> Option<Cause> {
     match event {
         Event::Emergency { node, emergency } if !emergency.is_reset() => {
@@ -41,7 +41,7 @@ pub const fn of_event(event: &Event) -> Option<Cause> {
     }
 }
 
-/// What a fault of a bus stops the node for, if it does. What an overrun loses shows as missing samples.
+/// Returns the cause of a bus fault. A receive overrun has none: the frames it loses show as missing samples.
 pub const fn of_bus(Channel(channel): Channel, fault: BusFault) -> Option<Cause> {
     match fault {
         BusFault::Warning | BusFault::Overrun => None,
@@ -51,8 +51,7 @@ pub const fn of_bus(Channel(channel): Channel, fault: BusFault) -> Option<Cause>
     }
 }
 
-/// What a fault of the controller stops the node for, if it does: a hand turned too far only holds the
-/// command.
+/// Returns the cause of a controller fault. A hand turned too far has none: the controller holds the command.
 pub const fn of_controller(fault: &Fault) -> Option<Cause> {
     match fault {
         Fault::TurnedTooFar => None,

@@ -12,25 +12,22 @@
 //!    └──────────────────────────── reset, cause gone ──────┴──────────┘
 //! ```
 //!
-//! Torque is zero but in `Armed`, in `ReflectionOff` (gravity compensation alone) and in `Engaged`. Where a
-//! person asks for its end the weight of the arm is laid down by a ramp, and the mode changes when that is
-//! over; where a cause does, the [`table`] says how. A latch becomes worse by itself or by a worse cause,
-//! never milder; it is left only by a reset, which is refused while its cause is still there, and after
-//! which the deadman must be released and closed again.
+//! Torque is zero except in `Armed`, in `ReflectionOff` (gravity compensation alone) and in `Engaged`. After a
+//! disarm request gravity compensation ramps to zero before the mode changes; after a cause the [`table`]
+//! applies. A latched stop becomes stricter by itself or by another cause, never milder. Only a reset ends
+//! it. The reset is refused while the cause is active, and the deadman must then be released and pressed again.
 //!
-//! | file       | what                                                  |
-//! |------------|-------------------------------------------------------|
-//! | [`table`]  | what each kind of cause does in each mode             |
-//! | [`causes`] | which events, bus faults and controller faults stop   |
-//! | `seen`     | which causes are still there                          |
-//! | `ramp`     | how shares of torque come and go                      |
-//! | [`words`]  | reactions in words                                    |
+//! | file            | content                                             |
+//! |-----------------|-----------------------------------------------------|
+//! | [`table`]       | reaction of each mode to each kind of cause         |
+//! | [`causes`]      | causes of network events, bus and controller faults |
+//! | `active_causes` | causes raised within the last 20 ms                 |
+//! | `ramp`          | shares of gravity compensation and reflection       |
 
+mod active_causes;
 pub mod causes;
 mod ramp;
-mod seen;
 pub mod table;
-pub mod words;
 
 use std::time::Duration;
 
@@ -40,64 +37,64 @@ use crate::cause::Cause;
 use crate::cause::Kind;
 use crate::operator::deadman::EnableState;
 use crate::permit::Permit;
-use crate::reaction::Decides;
+use crate::reaction::Initiator;
 use crate::reaction::Reaction;
 use crate::record::Mode;
+use crate::safety::active_causes::ActiveCauses;
 use crate::safety::ramp::Ramp;
-use crate::safety::seen::Seen;
 use units::numbering::Joint;
 use units::time::Instant;
 
-/// Drives must be enabled within this.
-const ENABLE_WITHIN: Duration = Duration::from_secs(2);
+/// Maximum time in `Boot` until all drives are enabled.
+const ENABLE_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// After this long at zero torque the drives are switched off.
-const ZERO_TORQUE_FOR: Duration = Duration::from_millis(100);
+/// Time in `ZeroTorque` after which the drives are switched off.
+const DRIVES_OFF_DELAY: Duration = Duration::from_millis(100);
 
-/// In this time the weight of the arm is laid down when a person asks for it.
-const LAY_DOWN: Duration = Duration::from_millis(50);
+/// Time in which gravity compensation ramps to zero after a disarm request.
+const GRAVITY_RAMP_DOWN: Duration = Duration::from_millis(50);
 
-/// Why a request was not granted.
+/// Reason why a request was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Refusal {
     /// Arming starts from `Ready`.
     #[error("not ready: the node is {0}")]
     NotReady(Mode),
-    /// A stop is latched: its cause says why, whatever else would refuse.
+    /// A stop is latched. Its cause is reported before any other reason.
     #[error("stopped by {0}; reset first")]
     Stopped(Cause),
-    /// Arming with a closed deadman would engage at once, or hide a stuck one.
+    /// The deadman is closed: arming would engage at once, or hide a stuck contact.
     #[error("the deadman is closed: release it first")]
     DeadmanClosed,
-    /// Its contacts bounce, or contradict each other.
-    #[error("the deadman's contacts have not come to rest: release it")]
-    DeadmanMoves,
-    /// No word from the switch box.
-    #[error("the switch box is silent")]
-    SwitchesSilent,
-    /// There is nothing to reset.
+    /// The deadman's contacts bounce, or disagree.
+    #[error("the deadman's contacts have not settled: release it")]
+    DeadmanNotSettled,
+    /// The inputs of the switch box are missing.
+    #[error("no inputs from the switch box: check its power and cable")]
+    SwitchBoxSilent,
+    /// No stop is latched.
     #[error("nothing to reset: the node is {0}")]
     NotStopped(Mode),
-    /// What stopped the node, or would as soon as it is armed, is still there.
-    #[error("still there: {0}")]
-    CausePresent(Cause),
+    /// The cause of the stop, or one that would stop the armed node, is still active.
+    #[error("still active: {0}")]
+    CauseActive(Cause),
 }
 
-/// How the ramps run, from the configuration.
+/// Ramp times from the configuration.
 #[derive(Clone, Copy, Debug)]
-pub struct Ramps {
-    /// Gravity compensation from zero to full, after arming.
+pub struct RampTimes {
+    /// Time from zero to full gravity compensation, after arming.
     pub gravity: Duration,
-    /// Reflection and assistance from zero to full, after engaging.
+    /// Time from zero to full reflection and assistance, after engaging.
     pub reflection: Duration,
 }
 
-/// A latched stop that was left, to return to it if what must follow fails.
+/// A stop that a reset has ended; [`Safety::restore`] returns to it if the boot after the reset fails.
 #[must_use]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Latch {
+pub struct LatchedStop {
     cause: Option<Cause>,
-    /// Whether the network must boot again, because a node may have lost its configuration.
+    /// True if the network must boot again, because a node may have lost its configuration.
     pub must_boot: bool,
 }
 
@@ -108,55 +105,55 @@ pub struct Safety {
     since: Instant,
     /// The first cause of the latched stop.
     cause: Option<Cause>,
-    /// Whether any of its causes asks for a boot.
+    /// True if any cause of the latched stop requires a boot.
     must_boot: bool,
-    seen: Seen,
+    active: ActiveCauses,
     gravity: Ramp,
     reflection: Ramp,
-    /// A person has asked for the end of torque.
-    lays_down: bool,
+    /// True from a disarm request until gravity compensation is at zero.
+    ramps_down: bool,
     deadman_was_held: bool,
 }
 
 impl Safety {
-    /// In `Boot`.
-    pub fn new(ramps: Ramps) -> Self {
+    /// Returns the mode graph in `Boot`.
+    pub fn new(ramps: RampTimes) -> Self {
         Self {
             mode: Mode::Boot,
             since: Instant::ZERO,
             cause: None,
             must_boot: false,
-            seen: Seen::nothing(),
-            gravity: Ramp::new(ramps.gravity, LAY_DOWN),
-            // What was felt ends with the deadman, by the controller's slew.
+            active: ActiveCauses::new(),
+            gravity: Ramp::new(ramps.gravity, GRAVITY_RAMP_DOWN),
+            // After a deadman release the controller's slew ends reflection.
             reflection: Ramp::new(ramps.reflection, Duration::ZERO),
-            lays_down: false,
-            // As if closed: the first closing counts only after an opening.
+            ramps_down: false,
+            // The first press counts only after a release.
             deadman_was_held: true,
         }
     }
 
-    /// The mode.
+    /// Returns the mode.
     pub const fn mode(&self) -> Mode {
         self.mode
     }
 
-    /// What stopped the node: the first cause is kept.
+    /// Returns the first cause of the latched stop.
     pub const fn cause(&self) -> Option<Cause> {
         self.cause
     }
 
-    /// The network has booted; the drives are to be enabled now. A latched stop stays.
+    /// Enters `Boot` after the network has booted, unless a stop is latched.
     pub fn boot(&mut self, now: Instant) {
         if self.cause.is_none() {
             self.enter(Mode::Boot, now);
         }
     }
 
-    /// Cause to stop for while the drive of `joint` is not enabled and reports `statusword`.
+    /// Returns the cause if the drive of `joint` reports `statusword`, which is not `Operation enabled`.
     pub fn watch_enabled(&self, now: Instant, joint: Joint, statusword: u16) -> Option<Cause> {
         match self.mode {
-            Mode::Boot if now.since(self.since) <= ENABLE_WITHIN => None,
+            Mode::Boot if now.since(self.since) <= ENABLE_TIMEOUT => None,
             Mode::Boot => Some(Cause::EnableTimeout { joint, statusword }),
             Mode::Ready | Mode::Armed | Mode::Engaged | Mode::ReflectionOff => {
                 Some(Cause::DriveLeft { joint, statusword })
@@ -165,35 +162,35 @@ impl Safety {
         }
     }
 
-    /// The node is about to end: voltage off.
+    /// Enters `DrivesOff` before the node ends.
     pub fn shut_down(&mut self, now: Instant) {
         self.enter(Mode::DrivesOff, now);
     }
 
-    /// All drives report `Operation enabled`.
+    /// Enters `Ready` from `Boot`, once all drives report `Operation enabled`.
     pub fn drives_are_enabled(&mut self, now: Instant) {
         if self.mode == Mode::Boot {
             self.enter(Mode::Ready, now);
         }
     }
 
-    /// Something is wrong: does what the [`table`] says, and latches. The first cause is kept, the worst
-    /// reaction taken. Whoever watches for something says so in every cycle in which it sees it.
-    pub fn stop(&mut self, now: Instant, cause: Cause) {
-        self.seen.note(now, cause);
+    /// Applies the [`table`] to a cause and latches the stop. Keeps the first cause and the strictest reaction.
+    /// Watches raise their cause in every cycle in which it is active.
+    pub fn raise(&mut self, now: Instant, cause: Cause) {
+        self.active.raise(now, cause);
         let Some(mode) = table::reaction(cause.kind(), self.mode).mode() else { return };
         self.cause.get_or_insert(cause);
-        self.must_boot |= cause.kind().row().boots;
+        self.must_boot |= cause.kind().row().reset_boots;
         if mode != self.mode {
             self.enter(mode, now);
         }
     }
 
-    /// Gravity compensation on; from now on the deadman engages.
+    /// Enters `Armed`: gravity compensation ramps up, and the deadman engages.
     ///
     /// # Errors
-    /// Unless the mode is `Ready`, the deadman is known to be released, and nothing is there that would
-    /// stop the node as soon as it is armed.
+    /// When the mode is not `Ready`, the deadman is not known to be released, or a cause is active that would
+    /// stop the armed node.
     pub fn arm(&mut self, now: Instant, enable_state: EnableState) -> Result<(), Refusal> {
         if let Some(cause) = self.cause.filter(|_| self.mode.is_latched()) {
             return Err(Refusal::Stopped(cause));
@@ -203,84 +200,84 @@ impl Safety {
         }
         match enable_state {
             EnableState::Released => {}
-            EnableState::Silent => return Err(Refusal::SwitchesSilent),
-            EnableState::Moving => return Err(Refusal::DeadmanMoves),
+            EnableState::Silent => return Err(Refusal::SwitchBoxSilent),
+            EnableState::Moving => return Err(Refusal::DeadmanNotSettled),
             EnableState::Closed | EnableState::Held => return Err(Refusal::DeadmanClosed),
         }
         let would_stop = |kind: Kind| kind.row().armed > Reaction::None;
-        if let Some(cause) = self.seen.present(now, would_stop) {
-            return Err(Refusal::CausePresent(cause));
+        if let Some(cause) = self.active.first(now, would_stop) {
+            return Err(Refusal::CauseActive(cause));
         }
         self.deadman_was_held = false;
         self.enter(Mode::Armed, now);
         Ok(())
     }
 
-    /// Torque off, by a ramp. Where there is none already, nothing changes; what is latched stays so.
+    /// Starts the ramp of gravity compensation to zero. Does nothing at zero torque; a latched stop stays.
     pub const fn disarm(&mut self) {
-        self.lays_down = self.may_push();
+        self.ramps_down = self.allows_torque();
     }
 
-    /// Leaves a latched stop.
+    /// Ends a latched stop.
     ///
     /// # Errors
-    /// When there is nothing to reset, or a watch still sees a cause that the reset itself does not end.
-    pub fn reset(&mut self, now: Instant) -> Result<Latch, Refusal> {
+    /// When no stop is latched, or a cause is active that the reset itself does not clear.
+    pub fn reset(&mut self, now: Instant) -> Result<LatchedStop, Refusal> {
         if !self.mode.is_latched() {
             return Err(Refusal::NotStopped(self.mode));
         }
-        // A boot begins anew, watches and all; what is there after it refuses to be armed.
-        let present = self.seen.present(now, outlasts_a_reset);
-        if let Some(cause) = present.filter(|_| !self.must_boot) {
-            return Err(Refusal::CausePresent(cause));
+        // A boot restarts all watches; a cause that is active after it refuses arming.
+        let active = self.active.first(now, blocks_reset);
+        if let Some(cause) = active.filter(|_| !self.must_boot) {
+            return Err(Refusal::CauseActive(cause));
         }
-        let left = Latch { cause: self.cause.take(), must_boot: self.must_boot };
+        let stop = LatchedStop { cause: self.cause.take(), must_boot: self.must_boot };
         self.must_boot = false;
         self.deadman_was_held = true;
-        let carries = self.mode == Mode::ReflectionOff && !left.must_boot;
-        self.enter(if carries { Mode::Armed } else { Mode::Boot }, now);
-        Ok(left)
+        let stays_armed = self.mode == Mode::ReflectionOff && !stop.must_boot;
+        self.enter(if stays_armed { Mode::Armed } else { Mode::Boot }, now);
+        Ok(stop)
     }
 
-    /// Returns to a stop that was left too early.
-    pub fn relapse(&mut self, now: Instant, Latch { cause, must_boot }: Latch) {
+    /// Returns to a stop whose reset has failed, with drives off.
+    pub fn restore(&mut self, now: Instant, LatchedStop { cause, must_boot }: LatchedStop) {
         (self.cause, self.must_boot) = (cause, must_boot);
         self.enter(Mode::DrivesOff, now);
     }
 
-    /// Follows the deadman and says what this cycle may do.
+    /// Advances mode and ramps by the deadman and the time, and returns the permit of this cycle.
     pub fn permit(&mut self, now: Instant, is_held: bool) -> Permit {
-        self.go_on(now, is_held);
-        self.gravity.follow(now, self.may_push() && !self.lays_down);
-        if self.lays_down && self.gravity.is_down() {
-            self.enter(self.laid_down(), now);
+        self.follow_deadman(now, is_held);
+        self.gravity.advance(now, self.allows_torque() && !self.ramps_down);
+        if self.ramps_down && self.gravity.is_zero() {
+            self.enter(self.mode_after_ramp_down(), now);
         }
         let engaged = self.mode == Mode::Engaged;
-        self.reflection.follow(now, engaged);
+        self.reflection.advance(now, engaged);
         Permit {
             mode: self.mode,
             gravity_share: self.gravity.share(),
-            takes_up: self.may_push() && !self.lays_down && !self.gravity.is_up(),
+            gravity_ramps_up: self.allows_torque() && !self.ramps_down && !self.gravity.is_full(),
             reflection_share: self.reflection.share(),
             engaged,
             drives_on: self.mode != Mode::DrivesOff,
         }
     }
 
-    /// Whether anything but zero torque may be sent.
-    pub const fn may_push(&self) -> bool {
-        self.mode.may_push()
+    /// Returns whether torques other than zero may be sent.
+    pub const fn allows_torque(&self) -> bool {
+        self.mode.allows_torque()
     }
 
-    /// What changes by itself and with the deadman.
-    fn go_on(&mut self, now: Instant, is_held: bool) {
+    /// Changes the mode by the deadman and the time.
+    fn follow_deadman(&mut self, now: Instant, is_held: bool) {
         let presses = is_held && !self.deadman_was_held;
         self.deadman_was_held = is_held;
         match self.mode {
-            // Only a closing engages, never a deadman found closed.
-            Mode::Armed if presses && !self.lays_down => self.enter(Mode::Engaged, now),
-            Mode::Engaged if !is_held || self.lays_down => self.enter(Mode::Armed, now),
-            Mode::ZeroTorque if now.since(self.since) >= ZERO_TORQUE_FOR => {
+            // Only a press engages; a deadman that is already closed does not.
+            Mode::Armed if presses && !self.ramps_down => self.enter(Mode::Engaged, now),
+            Mode::Engaged if !is_held || self.ramps_down => self.enter(Mode::Armed, now),
+            Mode::ZeroTorque if now.since(self.since) >= DRIVES_OFF_DELAY => {
                 self.enter(Mode::DrivesOff, now);
             }
             Mode::Boot
@@ -293,8 +290,8 @@ impl Safety {
         }
     }
 
-    /// Where the arm is when its weight has been laid down.
-    const fn laid_down(&self) -> Mode {
+    /// Returns the mode after gravity compensation has ramped to zero.
+    const fn mode_after_ramp_down(&self) -> Mode {
         match self.mode {
             Mode::Armed | Mode::Engaged => Mode::Ready,
             Mode::ReflectionOff => Mode::ZeroTorque,
@@ -304,21 +301,21 @@ impl Safety {
 
     fn enter(&mut self, mode: Mode, now: Instant) {
         (self.mode, self.since) = (mode, now);
-        self.reflection.begin(now);
-        if !self.may_push() {
-            self.gravity.begin(now);
-            self.lays_down = false;
+        self.reflection.reset(now);
+        if !self.allows_torque() {
+            self.gravity.reset(now);
+            self.ramps_down = false;
         }
     }
 }
 
-/// Whether a reset does not end it: what a drive did by itself is reset in the drive, and a boot proves
-/// by itself that all is well again.
-const fn outlasts_a_reset(kind: Kind) -> bool {
+/// Returns whether an active cause of this kind refuses a reset. Faults of a drive are reset in the drive, and a boot
+/// verifies the network itself.
+const fn blocks_reset(kind: Kind) -> bool {
     let row = kind.row();
-    match row.decides {
-        Decides::Node | Decides::Timers => !row.boots,
-        Decides::Drive => false,
+    match row.initiator {
+        Initiator::Node | Initiator::Timers => !row.reset_boots,
+        Initiator::Drive => false,
     }
 }
 

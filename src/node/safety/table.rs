@@ -1,14 +1,14 @@
-//! What each kind of cause does in each mode, as its [row](crate::cause) says.
+//! Reaction of each mode to each kind of cause, from its [row](crate::cause).
 //!
-//! A kind or a mode without an entry does not compile. `frhc explain faults` prints the table, and
-//! [`safety`](crate::safety) does what it says; nothing else decides what a cause leads to.
+//! A kind or a mode without an entry does not compile. `frhc explain faults` prints the table.
+//! [`safety`](crate::safety) executes it, and nothing else decides on a stop.
 
 use crate::cause::Kind;
 use crate::reaction::Reaction;
 use crate::record::Mode;
 
 impl Reaction {
-    /// The mode it leads to, if to another.
+    /// Returns the mode it leads to, or `None` if the mode stays.
     pub const fn mode(self) -> Option<Mode> {
         match self {
             Self::None => None,
@@ -19,19 +19,20 @@ impl Reaction {
     }
 }
 
-/// What a cause of this kind leads to in a mode; never to a milder one than it is in.
+/// Returns the reaction of `mode` to a cause of this kind; never one milder than the mode.
 pub const fn reaction(kind: Kind, mode: Mode) -> Reaction {
     let row = kind.row();
     match mode {
         Mode::Boot | Mode::Ready => row.unarmed,
         Mode::Armed | Mode::Engaged => row.armed,
-        Mode::ReflectionOff => worse(row.armed, Reaction::ReflectionOff),
-        Mode::ZeroTorque => worse(row.armed, Reaction::ZeroTorque),
+        Mode::ReflectionOff => stricter(row.armed, Reaction::ReflectionOff),
+        Mode::ZeroTorque => stricter(row.armed, Reaction::ZeroTorque),
         Mode::DrivesOff => Reaction::DrivesOff,
     }
 }
 
-const fn worse(one: Reaction, other: Reaction) -> Reaction {
+/// Returns the stricter of two reactions. `Ord::max` is not const.
+const fn stricter(one: Reaction, other: Reaction) -> Reaction {
     match (one, other) {
         (Reaction::DrivesOff, _) | (_, Reaction::DrivesOff) => Reaction::DrivesOff,
         (Reaction::ZeroTorque, _) | (_, Reaction::ZeroTorque) => Reaction::ZeroTorque,
@@ -45,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_latch_never_becomes_milder_and_where_nothing_is_carried_nothing_is_carried_on() {
+    fn stops_never_become_milder_and_unarmed_modes_stay_without_torque() {
         for kind in Kind::ALL {
             assert_ne!(kind.row().unarmed, Reaction::ReflectionOff, "{kind:?}");
             for mode in [Mode::ReflectionOff, Mode::ZeroTorque, Mode::DrivesOff] {
@@ -57,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn what_acts_where_nothing_flows_acts_where_something_does() {
+    fn armed_reactions_are_at_least_as_strict_as_unarmed_ones() {
         for kind in Kind::ALL {
             let row = kind.row();
             assert!(row.unarmed <= row.armed, "{kind:?}");

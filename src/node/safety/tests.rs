@@ -1,17 +1,17 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::cause::Awaited;
+use crate::cause::ResetReason;
 use canopen::NmtState;
 use canopen::error_codes;
 use canopen::object::Object;
 use controller::Fault;
 use units::numbering::NodeIndex;
 
-const RAMPS: Ramps =
-    Ramps { gravity: Duration::from_secs(1), reflection: Duration::from_millis(300) };
+const RAMPS: RampTimes =
+    RampTimes { gravity: Duration::from_secs(1), reflection: Duration::from_millis(300) };
 
-/// A moment after which nothing that was told of before is still there.
+/// Time in ms at which no earlier cause is active any more.
 const LATER: u64 = 10_000;
 
 fn at(millis: u64) -> Instant {
@@ -34,7 +34,7 @@ fn engaged() -> Safety {
     safety
 }
 
-/// A graph in a mode; where it takes a cause to be there, one that asks for no boot.
+/// Returns a graph in `mode`. Stopped modes have a cause that requires no boot.
 fn in_mode(mode: Mode) -> Safety {
     let mut safety = match mode {
         Mode::Boot | Mode::Ready => Safety::new(RAMPS),
@@ -44,10 +44,10 @@ fn in_mode(mode: Mode) -> Safety {
     match mode {
         Mode::Boot | Mode::Armed | Mode::Engaged => {}
         Mode::Ready => safety.drives_are_enabled(at(0)),
-        Mode::ReflectionOff => safety.stop(at(3), FIRST),
-        Mode::ZeroTorque => safety.stop(at(3), Cause::GripOverspeed),
+        Mode::ReflectionOff => safety.raise(at(3), FIRST),
+        Mode::ZeroTorque => safety.raise(at(3), Cause::GripOverspeed),
         Mode::DrivesOff => {
-            safety.stop(at(3), Cause::GripOverspeed);
+            safety.raise(at(3), Cause::GripOverspeed);
             safety.permit(at(103), false);
         }
     }
@@ -55,9 +55,9 @@ fn in_mode(mode: Mode) -> Safety {
     safety
 }
 
-const FIRST: Cause = Cause::DeadmanTaped;
+const FIRST: Cause = Cause::TieDown;
 
-/// One cause of a kind.
+/// Returns a cause of a kind.
 fn sample(kind: Kind) -> Cause {
     let (joint, channel, statusword) = (Joint::of::<3>(), 0, 0x0218);
     let node = joint.into();
@@ -72,7 +72,7 @@ fn sample(kind: Kind) -> Cause {
         Kind::Overspeed => Cause::Overspeed { joint },
         Kind::GripOverspeed => Cause::GripOverspeed,
         Kind::BeyondLimit => Cause::BeyondLimit { joint },
-        Kind::MovesUnheld => Cause::MovesUnheld,
+        Kind::UncommandedMotion => Cause::UncommandedMotion,
         Kind::Unstable => Cause::Unstable,
         Kind::LinkLost => Cause::LinkLost,
         Kind::DriveLeft => Cause::DriveLeft { joint, statusword },
@@ -88,17 +88,17 @@ fn sample(kind: Kind) -> Cause {
         }
         Kind::ControllerFault => Cause::ControllerFault { fault: Fault::WrenchNotFinite },
         Kind::QueueFull => Cause::QueueFull { channel },
-        Kind::EchoMissing => Cause::EchoMissing { channel },
+        Kind::TransmitUnconfirmed => Cause::TransmitUnconfirmed { channel },
         Kind::BusPassive => Cause::BusPassive { channel },
         Kind::BusOff => Cause::BusOff { channel },
         Kind::BusDown => Cause::BusDown { channel },
         Kind::DeadmanDisagrees => Cause::DeadmanDisagrees,
-        Kind::DeadmanTaped => Cause::DeadmanTaped,
+        Kind::TieDown => Cause::TieDown,
         Kind::Overrun => Cause::Overrun { cycles: 6 },
         Kind::Late => Cause::Late,
         Kind::Suspended => Cause::Suspended,
         Kind::EnableTimeout => Cause::EnableTimeout { joint, statusword },
-        Kind::AwaitsReset => Cause::AwaitsReset { awaited: Awaited::NotEnded },
+        Kind::AwaitsReset => Cause::AwaitsReset { reason: ResetReason::UncleanEnd },
     }
 }
 
@@ -108,72 +108,72 @@ fn everywhere() -> impl Iterator<Item = (Kind, Mode)> {
 }
 
 #[test]
-fn a_cause_of_each_kind_in_each_mode_leads_where_the_table_says() {
+fn each_cause_in_each_mode_leads_to_the_mode_of_the_table() {
     for (kind, mode) in everywhere() {
         let mut safety = in_mode(mode);
-        safety.stop(at(60), sample(kind));
+        safety.raise(at(60), sample(kind));
         let after = table::reaction(kind, mode).mode().unwrap_or(mode);
         assert_eq!(safety.mode(), after, "{kind:?} in {mode}");
         let permit = safety.permit(at(60), true);
         assert_eq!(permit.drives_on, after != Mode::DrivesOff, "{kind:?} in {mode}");
         if after.is_stopped() {
-            assert!(!safety.may_push(), "{kind:?} in {mode}");
+            assert!(!safety.allows_torque(), "{kind:?} in {mode}");
             assert_eq!((permit.gravity_share, permit.reflection_share), (0.0, 0.0));
         }
         if after == Mode::ReflectionOff {
-            assert!(safety.may_push() && !permit.engaged && permit.reflection_share == 0.0);
+            assert!(safety.allows_torque() && !permit.engaged && permit.reflection_share == 0.0);
         }
     }
 }
 
 #[test]
-fn the_first_cause_is_kept_in_every_mode() {
+fn first_cause_is_kept_in_every_mode() {
     for (kind, mode) in everywhere() {
         let mut safety = in_mode(mode);
         let before = safety.cause();
         assert_eq!(before.is_some(), mode.is_latched());
-        safety.stop(at(60), sample(kind));
+        safety.raise(at(60), sample(kind));
         let after = if safety.mode().is_latched() { before.or(Some(sample(kind))) } else { None };
         assert_eq!(safety.cause(), after, "{kind:?} in {mode}");
     }
 }
 
 #[test]
-fn what_a_watch_still_sees_refuses_a_reset_unless_the_reset_ends_it() {
+fn active_cause_refuses_a_reset_unless_the_reset_clears_it() {
     for kind in Kind::ALL {
         let mut safety = in_mode(Mode::ZeroTorque);
         let cause = sample(kind);
-        safety.stop(at(LATER), cause);
+        safety.raise(at(LATER), cause);
         let row = kind.row();
         let answer = safety.reset(at(LATER + 20));
-        if row.boots || row.decides == Decides::Drive {
-            assert_eq!(answer.map(|left| left.must_boot), Ok(row.boots), "{kind:?}");
+        if row.reset_boots || row.initiator == Initiator::Drive {
+            assert_eq!(answer.map(|stop| stop.must_boot), Ok(row.reset_boots), "{kind:?}");
         } else {
-            assert_eq!(answer, Err(Refusal::CausePresent(cause)), "{kind:?}");
+            assert_eq!(answer, Err(Refusal::CauseActive(cause)), "{kind:?}");
             assert!(safety.reset(at(LATER + 21)).is_ok(), "{kind:?}: gone");
         }
     }
 }
 
 #[test]
-fn what_would_stop_an_armed_node_refuses_arming_with_its_words() {
+fn active_cause_refuses_arming_and_is_named() {
     for kind in Kind::ALL.into_iter().filter(|kind| kind.row().unarmed == Reaction::None) {
         let mut safety = in_mode(Mode::Ready);
         let cause = sample(kind);
-        safety.stop(at(LATER), cause);
+        safety.raise(at(LATER), cause);
         assert_eq!((safety.mode(), safety.cause()), (Mode::Ready, None));
         let answer = safety.arm(at(LATER + 1), EnableState::Released);
-        assert_eq!(answer, Err(Refusal::CausePresent(cause)));
-        assert_eq!(answer.unwrap_err().to_string(), format!("still there: {cause}"));
+        assert_eq!(answer, Err(Refusal::CauseActive(cause)));
+        assert_eq!(answer.unwrap_err().to_string(), format!("still active: {cause}"));
         assert_eq!(safety.arm(at(LATER + 21), EnableState::Released), Ok(()));
     }
 }
 
 #[test]
-fn hazard_39_after_any_stop_only_a_new_press_engages() {
+fn hazard_39_only_a_new_press_engages_after_any_stop() {
     for kind in Kind::ALL {
         let mut safety = engaged();
-        safety.stop(at(10), sample(kind));
+        safety.raise(at(10), sample(kind));
         assert!(!safety.permit(at(11), true).engaged);
         let answer = safety.reset(at(LATER));
         assert!(answer.is_ok());
@@ -193,7 +193,7 @@ fn hazard_39_after_any_stop_only_a_new_press_engages() {
 
 proptest! {
     #[test]
-    fn property_15_any_causes_in_any_order_end_in_the_most_restrictive_of_their_states(
+    fn property_15_any_order_of_causes_ends_in_the_strictest_mode(
         kinds in prop::collection::vec(prop::sample::select(Kind::ALL.to_vec()), 1..12),
         mode in prop::sample::select(vec![Mode::Boot, Mode::Ready, Mode::Armed, Mode::Engaged])
     ) {
@@ -201,35 +201,35 @@ proptest! {
         let worst = kinds.iter().map(|kind| table::reaction(*kind, mode)).max().unwrap();
         let is_cause = |kind: &&Kind| table::reaction(**kind, mode) > Reaction::None;
         let first = kinds.iter().find(is_cause).map(|kind| sample(*kind));
-        let must_boot = kinds.iter().filter(is_cause).any(|kind| kind.row().boots);
-        kinds.iter().for_each(|kind| safety.stop(at(10), sample(*kind)));
+        let must_boot = kinds.iter().filter(is_cause).any(|kind| kind.row().reset_boots);
+        kinds.iter().for_each(|kind| safety.raise(at(10), sample(*kind)));
         prop_assert_eq!(safety.mode(), worst.mode().unwrap_or(mode));
         prop_assert_eq!(safety.cause(), first);
         if safety.mode().is_latched() {
-            prop_assert_eq!(safety.reset(at(LATER)).map(|left| left.must_boot), Ok(must_boot));
+            prop_assert_eq!(safety.reset(at(LATER)).map(|stop| stop.must_boot), Ok(must_boot));
         }
     }
 }
 
 #[test]
-fn nothing_pushes_before_it_is_armed() {
+fn torque_is_zero_before_arming() {
     let mut safety = Safety::new(RAMPS);
     for is_held in [false, true] {
         let permit = safety.permit(at(1), is_held);
         assert_eq!((permit.gravity_share, permit.reflection_share), (0.0, 0.0));
-        assert!(!permit.engaged && !safety.may_push());
+        assert!(!permit.engaged && !safety.allows_torque());
     }
     assert_eq!(safety.arm(at(2), EnableState::Released), Err(Refusal::NotReady(Mode::Boot)));
 }
 
 #[test]
-fn hazard_39_only_a_deadman_that_is_known_to_be_released_arms() {
+fn hazard_39_arming_needs_a_deadman_known_to_be_released() {
     let mut safety = in_mode(Mode::Ready);
     for (enable_state, refusal) in [
         (EnableState::Held, Refusal::DeadmanClosed),
         (EnableState::Closed, Refusal::DeadmanClosed),
-        (EnableState::Moving, Refusal::DeadmanMoves),
-        (EnableState::Silent, Refusal::SwitchesSilent),
+        (EnableState::Moving, Refusal::DeadmanNotSettled),
+        (EnableState::Silent, Refusal::SwitchBoxSilent),
     ] {
         assert_eq!(safety.arm(at(1), enable_state), Err(refusal));
     }
@@ -239,27 +239,27 @@ fn hazard_39_only_a_deadman_that_is_known_to_be_released_arms() {
 }
 
 #[test]
-fn hazard_38_letting_go_disengages_at_once() {
+fn hazard_38_deadman_release_disengages_in_the_same_cycle() {
     let mut safety = engaged();
     let permit = safety.permit(at(11), false);
     assert_eq!((permit.mode, permit.reflection_share), (Mode::Armed, 0.0));
 }
 
 #[test]
-fn hazard_41_torque_comes_on_by_ramps() {
+fn hazard_41_gravity_compensation_and_reflection_ramp_up() {
     let mut safety = armed();
     let permit = safety.permit(at(500), false);
-    assert!((permit.gravity_share - 0.5).abs() < 1e-12 && permit.takes_up);
+    assert!((permit.gravity_share - 0.5).abs() < 1e-12 && permit.gravity_ramps_up);
     assert!(safety.permit(at(2_000), true).reflection_share < 1e-12);
     let permit = safety.permit(at(2_150), true);
     assert!((permit.reflection_share - 0.5).abs() < 1e-12);
-    assert!((permit.gravity_share - 1.0).abs() < 1e-12 && !permit.takes_up);
+    assert!((permit.gravity_share - 1.0).abs() < 1e-12 && !permit.gravity_ramps_up);
     safety.permit(at(2_151), false);
     assert!(safety.permit(at(2_152), true).reflection_share < 1e-12, "from zero again");
 }
 
 #[test]
-fn hazard_30_whoever_disarms_has_the_arm_laid_down_within_fifty_milliseconds() {
+fn hazard_30_disarming_ramps_torque_to_zero_within_50_ms() {
     for (mode, after) in [
         (Mode::Armed, Mode::Ready),
         (Mode::Engaged, Mode::Ready),
@@ -271,8 +271,10 @@ fn hazard_30_whoever_disarms_has_the_arm_laid_down_within_fifty_milliseconds() {
         let shares: Vec<f64> = (2_001..2_050)
             .map(|millis| {
                 let permit = safety.permit(at(millis), true);
-                assert!(safety.may_push() && !permit.engaged && permit.reflection_share == 0.0);
-                assert!(!permit.takes_up);
+                assert!(
+                    safety.allows_torque() && !permit.engaged && permit.reflection_share == 0.0
+                );
+                assert!(!permit.gravity_ramps_up);
                 permit.gravity_share
             })
             .collect();
@@ -280,7 +282,7 @@ fn hazard_30_whoever_disarms_has_the_arm_laid_down_within_fifty_milliseconds() {
         assert!(steps.into_iter().all(|by| (by - 0.02).abs() < 1e-9), "{shares:?}");
         safety.permit(at(2_051), true);
         assert_eq!(safety.mode(), after);
-        assert!(!safety.may_push());
+        assert!(!safety.allows_torque());
     }
     for mode in [Mode::Boot, Mode::Ready, Mode::ZeroTorque, Mode::DrivesOff] {
         let mut safety = in_mode(mode);
@@ -290,28 +292,28 @@ fn hazard_30_whoever_disarms_has_the_arm_laid_down_within_fifty_milliseconds() {
 }
 
 #[test]
-fn a_fault_does_not_wait_for_the_arm_to_be_laid_down() {
+fn fault_during_the_ramp_down_ends_torque_at_once() {
     let mut safety = engaged();
     safety.permit(at(2_000), true);
     safety.disarm();
     safety.permit(at(2_010), true);
-    safety.stop(at(2_011), Cause::GripOverspeed);
-    assert!(!safety.may_push());
+    safety.raise(at(2_011), Cause::GripOverspeed);
+    assert!(!safety.allows_torque());
     assert!(safety.permit(at(2_012), true).gravity_share == 0.0);
 }
 
 #[test]
-fn zero_torque_becomes_drives_off_after_a_hundred_milliseconds() {
+fn zero_torque_becomes_drives_off_after_100_ms() {
     let mut safety = in_mode(Mode::ZeroTorque);
     assert!(safety.permit(at(102), false).drives_on);
     assert!(!safety.permit(at(103), false).drives_on);
 }
 
 #[test]
-fn where_only_reflection_ends_the_arm_is_carried_on_and_a_reset_lets_it_engage_anew() {
+fn reflection_off_keeps_gravity_compensation_until_a_reset() {
     let mut safety = engaged();
     safety.permit(at(2_000), true);
-    safety.stop(at(2_001), Cause::LinkLost);
+    safety.raise(at(2_001), Cause::LinkLost);
     let permit = safety.permit(at(2_002), true);
     assert_eq!((permit.mode, permit.engaged), (Mode::ReflectionOff, false));
     assert!((permit.gravity_share - 1.0).abs() < 1e-12 && permit.reflection_share == 0.0);
@@ -321,19 +323,19 @@ fn where_only_reflection_ends_the_arm_is_carried_on_and_a_reset_lets_it_engage_a
 }
 
 #[test]
-fn a_boot_that_fails_returns_to_the_stop_with_its_first_cause() {
+fn failed_boot_returns_to_the_stop_with_its_first_cause() {
     let mut safety = engaged();
-    safety.stop(at(10), Cause::LinkLost);
-    safety.stop(at(11), Cause::HeartbeatLost { node: NodeIndex(2) });
-    let left = safety.reset(at(LATER)).unwrap();
-    assert_eq!((safety.mode(), left.must_boot), (Mode::Boot, true));
-    safety.relapse(at(LATER + 1), left);
+    safety.raise(at(10), Cause::LinkLost);
+    safety.raise(at(11), Cause::HeartbeatLost { node: NodeIndex(2) });
+    let stop = safety.reset(at(LATER)).unwrap();
+    assert_eq!((safety.mode(), stop.must_boot), (Mode::Boot, true));
+    safety.restore(at(LATER + 1), stop);
     assert_eq!((safety.mode(), safety.cause()), (Mode::DrivesOff, Some(Cause::LinkLost)));
-    assert_eq!(safety.reset(at(2 * LATER)), Ok(left), "and asks for a boot again");
+    assert_eq!(safety.reset(at(2 * LATER)), Ok(stop), "requires a boot again");
 }
 
 #[test]
-fn nothing_is_reset_where_nothing_is_stopped() {
+fn reset_without_a_stop_is_refused() {
     for mode in [Mode::Boot, Mode::Ready, Mode::Armed, Mode::Engaged] {
         assert_eq!(in_mode(mode).reset(at(LATER)), Err(Refusal::NotStopped(mode)));
     }

@@ -188,8 +188,8 @@ mod tests {
     use crate::recorder_thread::LatestStatus;
     use config::Config;
     use lab::bench;
-    use node::Refused;
     use node::Request;
+    use node::RequestError;
     use node::record::Mode;
     use node::record::Record;
     use node::safety::Refusal;
@@ -422,7 +422,7 @@ mod tests {
             assert_eq!(accepted.request, Request::Reset);
             drop(client);
             sleep(Duration::from_millis(100)).await;
-            accepted.answer(Err(Refused::Mode(Refusal::NotStopped(Mode::Ready))));
+            accepted.answer(Err(RequestError::Mode(Refusal::NotStopped(Mode::Ready))));
             sleep(Duration::from_millis(100)).await;
             let mut client = send(&path, STATUS).await;
             let status = answer(&mut client).await;

@@ -186,7 +186,8 @@ impl RequestHandler {
         };
         match timeout(ANSWER_TIMEOUT, done).await {
             Ok(Ok(mode)) => {
-                let outcome = if mode.may_push() { "torque ramps to zero" } else { mode.name() };
+                let outcome =
+                    if mode.allows_torque() { "torque ramps to zero" } else { mode.name() };
                 self.log(uid, Request::Disarm, outcome);
                 self.wait_for_status().await;
                 Response::granted(self.mode_after_ramp(mode).await)
@@ -221,16 +222,16 @@ impl RequestHandler {
             status.and_then(|status| Mode::ALL.into_iter().find(|mode| mode.name() == status.mode))
         };
         let over = async {
-            while granted.may_push() && self.sender.phase() == Phase::Running {
+            while granted.allows_torque() && self.sender.phase() == Phase::Running {
                 match shown() {
-                    Some(mode) if !mode.may_push() => break,
+                    Some(mode) if !mode.allows_torque() => break,
                     Some(_) | None => sleep(STATUS_POLL).await,
                 }
             }
         };
         // A late recorder thread, or another client that arms, must not delay the response further.
         timeout(RAMP_TIMEOUT, over).await.ok();
-        if granted.may_push() { shown().unwrap_or(granted) } else { granted }
+        if granted.allows_torque() { shown().unwrap_or(granted) } else { granted }
     }
 
     fn status(&self) -> Response {
@@ -285,7 +286,7 @@ mod tests {
     use crate::console::channel;
     use config::Config;
     use lab::bench::Bench;
-    use node::Refused;
+    use node::RequestError;
     use node::safety::Refusal;
     use sim::scenario::Scenario;
     use telemetry::losses::Losses;
@@ -312,7 +313,7 @@ mod tests {
         handler: &Arc<RequestHandler>,
         receiver: &mut RequestReceiver,
         ask: ConsoleCommand,
-        outcome: Result<Mode, Refused>,
+        outcome: Result<Mode, RequestError>,
     ) -> (Response, Request) {
         let cycle = async {
             loop {
@@ -347,7 +348,7 @@ mod tests {
     #[test]
     fn refused_request_is_answered_with_the_reason() {
         run(|handler, mut receiver, _| async move {
-            let refusal = Err(Refused::Mode(Refusal::NotStopped(Mode::Ready)));
+            let refusal = Err(RequestError::Mode(Refusal::NotStopped(Mode::Ready)));
             let (answer, _) = granted(&handler, &mut receiver, ConsoleCommand::Arm, refusal).await;
             let reason = Some("nothing to reset: the node is ready");
             assert_eq!((answer.ok, answer.error.as_deref(), answer.mode), (false, reason, None));
@@ -361,7 +362,7 @@ mod tests {
             assert_eq!(note().await.as_deref(), Some("left of a run"));
             granted(&handler, &mut receiver, ConsoleCommand::Arm, Ok(Mode::Armed)).await;
             assert_eq!(note().await.as_deref(), Some("left of a run"));
-            let refusal = Err(Refused::Mode(Refusal::NotStopped(Mode::Ready)));
+            let refusal = Err(RequestError::Mode(Refusal::NotStopped(Mode::Ready)));
             granted(&handler, &mut receiver, ConsoleCommand::Reset, refusal).await;
             assert!(note().await.unwrap().starts_with("the last reset failed: "));
             granted(&handler, &mut receiver, ConsoleCommand::Reset, Ok(Mode::Ready)).await;

@@ -15,8 +15,8 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::sync::oneshot;
 
-use node::Refused;
 use node::Request;
+use node::RequestError;
 use node::record::Mode;
 use units::time::Instant;
 
@@ -30,7 +30,7 @@ const MAX_AGE: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub(crate) enum Denied {
     /// The node refuses it.
-    Refused(Refused),
+    Refused(RequestError),
     /// The node is booting the network.
     Booting,
     /// The node is stopping.
@@ -214,7 +214,7 @@ pub(crate) struct AcceptedRequest {
 
 impl AcceptedRequest {
     /// Sends the outcome to the client.
-    pub(crate) fn answer(self, outcome: Result<Mode, Refused>) {
+    pub(crate) fn answer(self, outcome: Result<Mode, RequestError>) {
         self.pending.answer(outcome.map_err(Denied::Refused));
     }
 }

@@ -29,16 +29,16 @@ pub(super) const KINDS: &[Kind] = &[
     kind(21, "transmit queue full", &[Cause::QueueFull], |random, at| {
         disturbed(random, at, Disturbance::QueueFull, abandoned(at))
     }),
-    kind(22, "adapter stuck", &[Cause::EchoMissing, Cause::SamplesMissing], |random, at| {
+    kind(22, "adapter stuck", &[Cause::TransmitUnconfirmed, Cause::SamplesMissing], |random, at| {
         disturbed(random, at, Disturbance::AdapterStuck, abandoned(at))
     }),
-    kind(22, "adapter stalls", &[Cause::EchoMissing, Cause::SamplesMissing], |random, at| {
+    kind(22, "adapter stalls", &[Cause::TransmitUnconfirmed, Cause::SamplesMissing], |random, at| {
         stalled(random, at, 10_000, abandoned(at))
     }),
     kind(
         22,
         "adapter stalls for a moment",
-        &[Cause::EchoMissing, Cause::SamplesMissing],
+        &[Cause::TransmitUnconfirmed, Cause::SamplesMissing],
         |random, at| stalled(random, at, 0, BRIEF_STALL),
     ),
     kind(23, "bus-off", &[Cause::BusOff], |random, at| {
@@ -60,7 +60,7 @@ pub(super) const KINDS: &[Kind] = &[
         // More samples wait than may be read, so that the first ones are old.
         stopped(random, at, [20, 120])
     }),
-    kind(26, "bus flooded", &[Cause::EchoMissing, Cause::SamplesMissing], flooded),
+    kind(26, "bus flooded", &[Cause::TransmitUnconfirmed, Cause::SamplesMissing], flooded),
     kind(26, "foreign SYNC", &[Cause::ForeignMaster], |random, at| {
         foreign(random, at, Frame::new(sync::COB_ID, []))
     }),

@@ -1,8 +1,7 @@
-//! What the proof rests on, read again while the node runs: one object a second, drive by drive.
+//! Reading back of the settings that the proof test relies on, while the node runs: one object per second.
 //!
-//! Timers, stops and limits of a drive may be changed behind the node: by another client whose request was
-//! not received, by a drive that forgets. A value that differs stops the node. An object that cannot be
-//! read proves nothing: it is reported, counted, and asked for again in its turn.
+//! Watchdogs, stop options and limits of a drive may change during a run: by another SDO client, or by a fault of the
+//! drive. A value that differs stops the node. An object that cannot be read is logged once, counted, and read again.
 
 use std::time::Duration;
 
@@ -17,30 +16,30 @@ use remote::Remote;
 use units::numbering::NodeIndex;
 use units::time::Instant;
 
-/// Time from one object to the next.
-const INTERVAL: Duration = Duration::from_secs(1);
+/// Time between two readings.
+const READ_INTERVAL: Duration = Duration::from_secs(1);
 
-/// The objects and whose turn it is.
+/// The settings to read back, in turn.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Recheck {
     entries: Vec<Entry>,
-    /// Place of the next entry.
+    /// Index of the next entry.
     next: usize,
     due: Option<Instant>,
 }
 
-/// One object of one drive.
+/// One setting of one drive.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     node: NodeIndex,
     setting: Setting,
-    /// Its last reading failed.
+    /// True if its last reading failed.
     is_unread: bool,
 }
 
 impl Recheck {
-    /// Begins anew for the drives of `plans`, but what each is known to lack. One drive after the other,
-    /// so that each is asked once in as many seconds as there are drives.
+    /// Returns the settings of the drives of `plans`, except objects that a drive lacks. Drives take turns, so that each is
+    /// read once in as many seconds as there are drives.
     pub(super) fn new(plans: &[NodePlan], master: &Master) -> Self {
         let of_drive = |(node, plan): (NodeIndex, &NodePlan)| -> Vec<Entry> {
             let missing = master.missing_objects(node);
@@ -54,22 +53,21 @@ impl Recheck {
         Self { entries: (0..most).flat_map(turn).collect(), next: 0, due: None }
     }
 
-    /// Returns the drive to be asked now, and the setting. The first is asked a second after it begins.
+    /// Returns the drive and the setting to be read now. The first reading is due one interval after the first call.
     fn due(&mut self, now: Instant) -> Option<(NodeIndex, Setting)> {
-        let due = *self.due.get_or_insert(now + INTERVAL);
+        let due = *self.due.get_or_insert(now + READ_INTERVAL);
         let Entry { node, setting, .. } = *self.entries.get(self.next)?;
         (now >= due).then_some((node, setting))
     }
 
-    /// The entry whose turn it was has been asked.
-    fn go_on(&mut self, now: Instant) {
-        self.due = Some(now + INTERVAL);
+    /// Advances to the next entry, after a reading was requested.
+    fn advance(&mut self, now: Instant) {
+        self.due = Some(now + READ_INTERVAL);
         self.next = (self.next + 1).checked_rem(self.entries.len()).unwrap_or(0);
     }
 
-    /// Takes an event; returns whether it is no news: an object that holds what was proven, or that could
-    /// not be read before either.
-    pub(super) fn takes(&mut self, event: &Event) -> bool {
+    /// Takes an event; returns whether it is expected: an unchanged object, or one that could not be read before either.
+    pub(super) fn on_event(&mut self, event: &Event) -> bool {
         let Event::ReadBack { node, object, read } = event else { return false };
         let is_it = |entry: &&mut Entry| entry.node == *node && entry.setting.object == *object;
         let Some(entry) = self.entries.iter_mut().find(is_it) else { return false };
@@ -83,23 +81,23 @@ impl Recheck {
         }
     }
 
-    /// Number of objects whose last reading failed.
+    /// Returns the number of settings whose last reading failed.
     pub(super) fn unread(&self) -> usize {
         self.entries.iter().filter(|entry| entry.is_unread).count()
     }
 }
 
 impl<B: Bus, R: Remote> Node<B, R> {
-    /// Asks for the next object of the proof when its time has come, while nothing has stopped the node.
+    /// Requests the next setting when due, unless the node is stopped.
     pub(crate) fn recheck(&mut self, now: Instant) {
-        if !self.proof.is_over() || self.safety.mode().is_stopped() {
+        if !self.proof_test.is_done() || self.safety.mode().is_stopped() {
             return;
         }
-        if let Some((node, setting)) = self.proof.recheck.due(now)
+        if let Some((node, setting)) = self.proof_test.recheck.due(now)
             && self.network.master.read_back(now, node, setting, &mut self.wire.out)
         {
-            self.proof.recheck.go_on(now);
-            self.post();
+            self.proof_test.recheck.advance(now);
+            self.send_queued();
         }
     }
 }
@@ -125,7 +123,7 @@ mod tests {
         for millis in 0..seconds * 1_000 {
             let now = Instant::ZERO + Duration::from_millis(millis.into());
             if let Some((node, setting)) = recheck.due(now) {
-                recheck.go_on(now);
+                recheck.advance(now);
                 asked.push((node, setting.object));
             }
         }
@@ -133,10 +131,10 @@ mod tests {
     }
 
     #[test]
-    fn each_object_of_each_drive_is_read_once_in_a_round() {
+    fn each_setting_of_each_drive_is_read_once_per_round() {
         let mut recheck = recheck(6);
         let all = recheck.entries.len();
-        assert_eq!(all, 60, "ten of each");
+        assert_eq!(all, 60, "ten per drive");
         let mut round = asked(&mut recheck, 61);
         let first: Vec<NodeIndex> = round.iter().take(6).map(|(node, _)| *node).collect();
         assert_eq!((first, round.len()), ([0, 1, 2, 3, 4, 5].map(NodeIndex).to_vec(), all));
@@ -146,22 +144,22 @@ mod tests {
     }
 
     #[test]
-    fn an_object_that_cannot_be_read_is_reported_once_and_counted() {
+    fn unreadable_setting_is_logged_once_and_counted() {
         let mut recheck = recheck(1);
         let object = Object::rpdo_communication(1, 5);
         let event = |read| Event::ReadBack { node: NodeIndex(0), object, read };
         let unread = event(ReadBack::Unread(SdoError::Timeout));
-        assert!(!recheck.takes(&unread), "news");
-        assert!(recheck.takes(&unread));
+        assert!(!recheck.on_event(&unread), "logged");
+        assert!(recheck.on_event(&unread));
         assert_eq!(recheck.unread(), 1);
-        assert!(!recheck.takes(&event(ReadBack::Changed { expected: 5, found: 0 })));
-        assert!(recheck.takes(&event(ReadBack::Unchanged)));
+        assert!(!recheck.on_event(&event(ReadBack::Changed { expected: 5, found: 0 })));
+        assert!(recheck.on_event(&event(ReadBack::Unchanged)));
         assert_eq!(recheck.unread(), 0);
-        assert!(!recheck.takes(&unread), "news again");
+        assert!(!recheck.on_event(&unread), "logged again");
     }
 
     #[test]
-    fn without_drives_nothing_is_asked() {
+    fn recheck_without_drives_reads_nothing() {
         assert_eq!(asked(&mut recheck(0), 5), []);
         let mut late = recheck(1);
         assert_eq!(late.due(Instant::ZERO), None);

@@ -1,0 +1,164 @@
+//! Results of the proof test: for each watchdog of each drive, the time until the power stage was off.
+
+use std::fmt;
+use std::time::Duration;
+
+use thiserror::Error;
+
+use canopen::NodeId;
+use canopen::object::Object;
+use canopen::watchdog::Watchdog;
+use config::grain;
+
+/// A watchdog that tripped in the test.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Trip {
+    /// Watchdog as written to the drive and read back.
+    pub watchdog: Watchdog,
+    /// Time from the last frame of the master to the first report of the drive, transmission included.
+    pub measured: Duration,
+}
+
+impl Trip {
+    /// Returns the maximum time for which the drive applies torque without its master, as limited by this watchdog: the
+    /// set time plus its resolution, or the measured time if that is longer.
+    pub fn reaction_time(&self) -> Duration {
+        let set = Duration::from_millis(u64::from(self.watchdog.millis));
+        self.measured.max(set + grain(self.watchdog.awaited))
+    }
+}
+
+/// Results of one drive.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DriveResult {
+    /// Name for operators: `joint 3 (elbow)`.
+    pub name: String,
+    /// Its node-id.
+    pub node: NodeId,
+    /// Result without RPDOs; `None` if it has no RPDO timer.
+    pub rpdo: Option<Trip>,
+    /// Result without the master's heartbeat; `None` if it has no heartbeat consumer.
+    pub heartbeat: Option<Trip>,
+    /// Planned objects that it does not have.
+    pub missing: Vec<Object>,
+}
+
+impl DriveResult {
+    /// Returns the failure of this drive.
+    pub(super) fn failure(&self, fault: NoTrip) -> ProofTestFailure {
+        ProofTestFailure { name: self.name.clone(), node: self.node, fault }
+    }
+
+    /// Returns the maximum time for which it applies torque without its master; `None` if no watchdog tripped. RPDOs and
+    /// heartbeat end together with the master, so the faster watchdog counts.
+    pub fn reaction_time(&self) -> Option<Duration> {
+        self.rpdo.iter().chain(&self.heartbeat).map(Trip::reaction_time).min()
+    }
+}
+
+/// Results of all drives, in the order of their joints.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ProofTestReport {
+    /// Results of each drive.
+    pub drives: Vec<DriveResult>,
+}
+
+impl ProofTestReport {
+    /// Returns the maximum time for which any drive applies torque without its master; `None` if one was not tested.
+    pub fn reaction_time(&self) -> Option<Duration> {
+        let mut each = self.drives.iter().map(DriveResult::reaction_time);
+        each.try_fold(Duration::ZERO, |longest, reaction_time| Some(longest.max(reaction_time?)))
+            .filter(|longest| !longest.is_zero())
+    }
+}
+
+/// A drive that failed the proof test.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{name}, node {}: {fault}", node.raw())]
+pub struct ProofTestFailure {
+    /// Name for operators.
+    pub name: String,
+    /// Its node-id.
+    pub node: NodeId,
+    /// Reason of the failure.
+    pub fault: NoTrip,
+}
+
+/// Reason why a drive failed the proof test.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoTrip {
+    /// The watchdog did not trip.
+    KeptPower {
+        /// The tested watchdog.
+        watchdog: Watchdog,
+        /// Time since the last frame of the master.
+        duration: Duration,
+    },
+    /// It has no watchdog.
+    NoTimer,
+}
+
+/// Text behind the drive's name, as in "kept its power stage on for 40 ms without RPDOs (1400h:5 is 5 ms)".
+impl fmt::Display for NoTrip {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::KeptPower { watchdog: Watchdog { awaited, object, millis }, duration } => write!(
+                f,
+                "kept its power stage on for {} ms without {awaited} ({object} is {millis} ms)",
+                duration.as_millis()
+            ),
+            Self::NoTimer => f.write_str(
+                "has neither an RPDO timer (1400h:5) nor a heartbeat consumer (1016h): nothing stops it without its master",
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use canopen::watchdog::Awaited;
+
+    fn trip(awaited: Awaited, millis: u16, measured: u64) -> Option<Trip> {
+        let object = match awaited {
+            Awaited::Rpdo => Object::rpdo_communication(1, 5),
+            Awaited::Heartbeat => Object::CONSUMER_HEARTBEAT,
+        };
+        let watchdog = Watchdog { awaited, object, millis };
+        Some(Trip { watchdog, measured: Duration::from_micros(measured) })
+    }
+
+    fn drive(rpdo: Option<Trip>, heartbeat: Option<Trip>) -> DriveResult {
+        let node = NodeId::new(3).unwrap();
+        DriveResult { name: "joint 3 (elbow)".into(), node, rpdo, heartbeat, missing: Vec::new() }
+    }
+
+    #[test]
+    fn reaction_time_is_the_faster_watchdog_of_the_slowest_drive() {
+        let (rpdo, heartbeat) =
+            (trip(Awaited::Rpdo, 5, 5_400), trip(Awaited::Heartbeat, 22, 22_900));
+        let both = drive(rpdo, heartbeat);
+        assert_eq!(both.reaction_time(), Some(Duration::from_millis(6)));
+        assert_eq!(
+            drive(trip(Awaited::Rpdo, 5, 7_300), None).reaction_time().unwrap().as_micros(),
+            7_300
+        );
+        let report =
+            ProofTestReport { drives: vec![both.clone(), drive(None, heartbeat), both.clone()] };
+        assert_eq!(report.reaction_time(), Some(Duration::from_millis(25)));
+        let report = ProofTestReport { drives: vec![both, drive(None, None)] };
+        assert_eq!(report.reaction_time(), None, "one that nothing stops");
+        assert_eq!(ProofTestReport::default().reaction_time(), None);
+    }
+
+    #[test]
+    fn failure_names_drive_duration_and_watchdog() {
+        let watchdog = trip(Awaited::Rpdo, 5, 0).unwrap().watchdog;
+        let fault = NoTrip::KeptPower { watchdog, duration: Duration::from_millis(40) };
+        let DriveResult { name, node, .. } = drive(None, None);
+        assert_eq!(
+            ProofTestFailure { name, node, fault }.to_string(),
+            "joint 3 (elbow), node 3: kept its power stage on for 40 ms without RPDOs (1400h:5 is 5 ms)"
+        );
+    }
+}

@@ -1,0 +1,134 @@
+//! Execution of the proof test in a bring-up: withholding of RPDOs, then of the heartbeat.
+
+use std::time::Duration;
+
+use crate::BringUpError;
+use crate::Node;
+use bus::Bus;
+use canopen::watchdog::Awaited;
+use remote::Remote;
+use units::drive::PerMille;
+
+/// Maximum time of one wait for a frame while RPDOs are withheld.
+const MAX_RECEIVE_WAIT: Duration = Duration::from_millis(1);
+
+/// Time after a watchdog test in which the drives' emergencies arrive.
+const SETTLE_TIME: Duration = Duration::from_millis(10);
+
+impl<B: Bus, R: Remote> Node<B, R> {
+    /// Trips every watchdog of every drive once, and enables the drives again after each test. The drives are enabled at
+    /// zero torque before and after it.
+    ///
+    /// # Errors
+    /// When a drive fails the test, a cause is raised, or `give_up` returns true.
+    pub(crate) fn run_proof_test(
+        &mut self,
+        give_up: &mut dyn FnMut() -> bool,
+    ) -> Result<(), BringUpError> {
+        self.proof_test.start(&self.network.master);
+        let without_watchdog = if self.proof_test.is_enabled {
+            self.proof_test.without_watchdog()
+        } else {
+            Vec::new()
+        };
+        if !without_watchdog.is_empty() {
+            return Err(BringUpError::ProofTest(without_watchdog));
+        }
+        if self.proof_test.is_enabled {
+            // Reading the error history (1003h) would delay the reading of statuswords.
+            self.network.master.set_reads_error_history(false);
+            let tested = self.run_watchdog_tests(give_up);
+            self.network.master.set_reads_error_history(true);
+            tested?;
+        }
+        self.proof_test.finish();
+        Ok(())
+    }
+
+    fn run_watchdog_tests(
+        &mut self,
+        give_up: &mut dyn FnMut() -> bool,
+    ) -> Result<(), BringUpError> {
+        for awaited in [Awaited::Rpdo, Awaited::Heartbeat] {
+            match awaited {
+                Awaited::Rpdo => self.withhold_rpdos(give_up)?,
+                Awaited::Heartbeat => self.withhold_heartbeats(give_up)?,
+            }
+            let failures = self.proof_test.end_watchdog_test();
+            if let Some(cause) = self.cause() {
+                return Err(BringUpError::NotEnabled(cause));
+            }
+            if !failures.is_empty() {
+                return Err(BringUpError::ProofTest(failures));
+            }
+            // Emergencies arrive first; then drives that have left operational (1029h) are started again.
+            let quiet = self.wire.now() + SETTLE_TIME.max(self.timing.period * 5);
+            self.listen(quiet);
+            self.network.master.start_nodes(&mut self.wire.out);
+            self.samples.start_again();
+            self.send_queued();
+            self.enable(give_up)?;
+        }
+        Ok(())
+    }
+
+    /// Tests the RPDO timers: withholds SYNC and RPDOs, and sends the heartbeat.
+    fn withhold_rpdos(&mut self, give_up: &mut dyn FnMut() -> bool) -> Result<(), BringUpError> {
+        self.proof_test.start_watchdog_test(Awaited::Rpdo, self.wire.now());
+        loop {
+            let now = self.wire.now();
+            self.send_heartbeat(now);
+            self.poll_master(now);
+            while let Some(joint) = self.proof_test.next_to_read(now) {
+                self.network.master.read_statusword(now, joint.into(), &mut self.wire.out);
+            }
+            self.send_queued();
+            while let Some(telegram) = self.network.master.release() {
+                self.send(telegram);
+            }
+            let Some(due) = self.proof_test.deadline(now) else { return Ok(()) };
+            if give_up() {
+                return Err(BringUpError::GivenUp);
+            }
+            let until = due.min(now + MAX_RECEIVE_WAIT);
+            if let Some(received) = self.wire.receive(until) {
+                self.on_received(received);
+                self.proof_test.on_samples(received.at, self.samples.latest());
+            }
+        }
+    }
+
+    /// Tests the heartbeat consumers: withholds the heartbeat after a last one, and sends SYNC and RPDOs at zero torque.
+    fn withhold_heartbeats(
+        &mut self,
+        give_up: &mut dyn FnMut() -> bool,
+    ) -> Result<(), BringUpError> {
+        self.send_last_heartbeat();
+        self.proof_test.start_watchdog_test(Awaited::Heartbeat, self.wire.now());
+        while self.proof_test.deadline(self.wire.now()).is_some() {
+            if give_up() {
+                return Err(BringUpError::GivenUp);
+            }
+            let due = self.timing.schedule.next(self.wire.now());
+            self.listen(due.at);
+            let sync_at = self.send_sync();
+            self.gather(sync_at);
+            let now = self.wire.now();
+            self.poll_master(now);
+            self.proof_test.on_samples(now, self.samples.latest());
+            if let Some(joint) = self.proof_test.next_to_read(now) {
+                self.network.master.read_statusword(now, joint.into(), &mut self.wire.out);
+                self.send_queued();
+            }
+            self.send_targets(sync_at, &[PerMille(0); 6], true);
+            self.send_request();
+        }
+        Ok(())
+    }
+
+    /// Sends a heartbeat at once.
+    fn send_last_heartbeat(&mut self) {
+        let beat = self.network.heartbeat.beat(self.wire.now());
+        self.send_on_every_bus(beat);
+    }
+}

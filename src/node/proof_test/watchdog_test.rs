@@ -1,0 +1,281 @@
+//! Test of one watchdog on all drives: a frame of the master is withheld, and every drive that awaits it must switch its
+//! power stage off.
+//!
+//! ```text
+//!  last frame    watchdog time          grace time              answer timeout
+//!      ├──────────────┼──────────────────────┼───────────────────────────────┤
+//!      │ emergencies and statuswords arrive  │                               │
+//!      │              └ 6041h is read by SDO every 2 ms                      │
+//! ```
+//!
+//! An emergency gives the time of the trip. Only a statusword confirms it, because a drive may report a fault and stay
+//! enabled. The test does no input or output: received data goes in, the next statusword to read comes out.
+
+use std::time::Duration;
+
+use crate::power;
+use crate::proof_test::report::NoTrip;
+use crate::proof_test::report::Trip;
+use canopen::drive::Statusword;
+use canopen::watchdog::Awaited;
+use canopen::watchdog::Watchdog;
+use units::numbering::Joint;
+use units::time::Instant;
+
+/// Maximum time after the watchdog time until the power stage is off.
+const GRACE_TIME: Duration = Duration::from_millis(35);
+/// Maximum time after that until the last SDO answer: some drives serve SDO in their idle time.
+const ANSWER_TIMEOUT: Duration = Duration::from_millis(200);
+/// Time between two readings of the statusword.
+const READ_INTERVAL: Duration = Duration::from_millis(2);
+
+/// Test of one watchdog on all drives.
+#[derive(Clone, Debug)]
+pub(crate) struct WatchdogTest {
+    awaited: Awaited,
+    started_at: Instant,
+    drives: [Option<DriveTest>; 6],
+}
+
+/// Test of one drive that has the watchdog.
+#[derive(Clone, Copy, Debug)]
+struct DriveTest {
+    watchdog: Watchdog,
+    /// Time of its first emergency.
+    reported_at: Option<Instant>,
+    /// Time of the first statusword with the power stage off.
+    off_at: Option<Instant>,
+    read: StatuswordRead,
+}
+
+/// State of reading a drive's statusword by SDO.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum StatuswordRead {
+    /// To be read at this time.
+    Due(Instant),
+    /// Requested, not answered yet.
+    Pending,
+    /// Answered after the grace time: the power stage is on.
+    Final,
+}
+
+impl WatchdogTest {
+    /// Starts the test of these watchdogs. The last frame was sent at `started_at`.
+    pub(crate) fn new(
+        awaited: Awaited,
+        started_at: Instant,
+        timers: [Option<Watchdog>; 6],
+    ) -> Self {
+        let drive_test = |watchdog: Watchdog| {
+            let read = StatuswordRead::Due(started_at + timeout(watchdog));
+            DriveTest { watchdog, reported_at: None, off_at: None, read }
+        };
+        Self { awaited, started_at, drives: timers.map(|timer| timer.map(drive_test)) }
+    }
+
+    /// Returns the withheld frame.
+    pub(crate) const fn awaited(&self) -> Awaited {
+        self.awaited
+    }
+
+    /// Takes an emergency of a drive's watchdog.
+    pub(crate) fn on_emergency(&mut self, at: Instant, joint: Joint) {
+        if let Some(drive) = joint.entry_mut(&mut self.drives) {
+            drive.reported_at.get_or_insert(at);
+        }
+    }
+
+    /// Returns whether a drive has sent an emergency of its watchdog.
+    pub(crate) fn has_reported(&self, joint: Joint) -> bool {
+        joint.entry(&self.drives).is_some_and(|drive| drive.reported_at.is_some())
+    }
+
+    /// Takes a statusword from a TPDO.
+    pub(crate) fn on_statusword(&mut self, at: Instant, joint: Joint, word: Statusword) {
+        if let Some(drive) = joint.entry_mut(&mut self.drives)
+            && !power::may_apply_torque(word)
+        {
+            drive.off_at.get_or_insert(at);
+        }
+    }
+
+    /// Takes a statusword read by SDO.
+    pub(crate) fn on_sdo_answer(&mut self, at: Instant, joint: Joint, word: Statusword) {
+        self.on_statusword(at, joint, word);
+        let started_at = self.started_at;
+        if let Some(drive) = joint.entry_mut(&mut self.drives) {
+            let is_final = at >= started_at + timeout(drive.watchdog) + GRACE_TIME;
+            drive.read = if is_final {
+                StatuswordRead::Final
+            } else {
+                StatuswordRead::Due(at + READ_INTERVAL)
+            };
+        }
+    }
+
+    /// Returns the next drive whose statusword is to be read now, and marks it as requested.
+    pub(crate) fn next_to_read(&mut self, now: Instant) -> Option<Joint> {
+        let mut drives = Joint::each(&mut self.drives);
+        drives.find_map(|(joint, tested)| {
+            let drive = tested.as_mut().filter(|drive| drive.off_at.is_none())?;
+            let StatuswordRead::Due(at) = drive.read else { return None };
+            (at <= now).then(|| {
+                drive.read = StatuswordRead::Pending;
+                joint
+            })
+        })
+    }
+
+    /// Returns the time of the next reading or timeout; `None` once the test has ended.
+    pub(crate) fn deadline(&self, now: Instant) -> Option<Instant> {
+        self.pending(now)
+            .map(|drive| match drive.read {
+                StatuswordRead::Due(at) => at,
+                StatuswordRead::Pending | StatuswordRead::Final => self.end(drive),
+            })
+            .min()
+    }
+
+    /// Returns the result of each drive that has the watchdog.
+    pub(crate) fn outcome(&self) -> [Option<Result<Trip, NoTrip>>; 6] {
+        self.drives.map(|drive| drive.map(|drive| self.verdict(&drive)))
+    }
+
+    fn verdict(&self, drive: &DriveTest) -> Result<Trip, NoTrip> {
+        let watchdog = drive.watchdog;
+        let Some(off_at) = drive.off_at else {
+            return Err(NoTrip::KeptPower { watchdog, duration: timeout(watchdog) + GRACE_TIME });
+        };
+        let first = drive.reported_at.map_or(off_at, |reported_at| reported_at.min(off_at));
+        Ok(Trip { watchdog, measured: first.since(self.started_at) })
+    }
+
+    /// Returns the drives without a final result.
+    fn pending(&self, now: Instant) -> impl Iterator<Item = &DriveTest> {
+        self.drives.iter().flatten().filter(move |drive| {
+            let is_over = drive.read == StatuswordRead::Final || now >= self.end(drive);
+            drive.off_at.is_none() && !is_over
+        })
+    }
+
+    fn end(&self, drive: &DriveTest) -> Instant {
+        self.started_at + timeout(drive.watchdog) + GRACE_TIME + ANSWER_TIMEOUT
+    }
+}
+
+fn timeout(watchdog: Watchdog) -> Duration {
+    Duration::from_millis(u64::from(watchdog.millis))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use canopen::object::Object;
+
+    const FIRST: Joint = Joint::of::<1>();
+    const FAULT: Statusword = Statusword(0x0208);
+    const ENABLED: Statusword = Statusword(0x0237);
+
+    fn at(micros: u64) -> Instant {
+        Instant::from_micros(micros)
+    }
+
+    fn timer(millis: u16) -> Option<Watchdog> {
+        let object = Object::rpdo_communication(1, 5);
+        Some(Watchdog { awaited: Awaited::Rpdo, object, millis })
+    }
+
+    /// Returns a test of six drives, of which only the first has a watchdog: 5 ms.
+    fn one() -> WatchdogTest {
+        WatchdogTest::new(Awaited::Rpdo, at(0), [timer(5), None, None, None, None, None])
+    }
+
+    fn outcome(test: &WatchdogTest) -> Result<u128, NoTrip> {
+        test.outcome()[0].unwrap().map(|trip| trip.measured.as_micros())
+    }
+
+    #[test]
+    fn emergency_gives_the_trip_time_and_a_statusword_confirms_it() {
+        let mut test = one();
+        test.on_emergency(at(5_300), FIRST);
+        assert_eq!(test.deadline(at(5_400)), Some(at(5_000)), "not over yet");
+        test.on_statusword(at(6_100), FIRST, FAULT);
+        assert_eq!(test.deadline(at(6_200)), None);
+        assert_eq!(outcome(&test), Ok(5_300));
+    }
+
+    #[test]
+    fn drive_that_stays_enabled_after_its_emergency_fails() {
+        let mut test = one();
+        test.on_emergency(at(5_300), FIRST);
+        let mut now = at(0);
+        let mut asked = 0;
+        while let Some(due) = test.deadline(now) {
+            now = now.max(due);
+            if test.next_to_read(now) == Some(FIRST) {
+                asked += 1;
+                test.on_sdo_answer(now, FIRST, ENABLED);
+            }
+        }
+        assert_eq!((asked, now), (19, at(41_000)), "from 5 ms on, every 2 ms");
+        let duration = Duration::from_millis(40);
+        assert_eq!(
+            outcome(&test),
+            Err(NoTrip::KeptPower { watchdog: timer(5).unwrap(), duration })
+        );
+    }
+
+    #[test]
+    fn unanswered_reading_times_out_and_fails() {
+        let mut test = one();
+        assert_eq!(test.next_to_read(at(4_999)), None, "not before the watchdog time");
+        assert_eq!(test.next_to_read(at(5_000)), Some(FIRST));
+        assert_eq!(test.next_to_read(at(5_000)), None, "one reading at a time");
+        assert_eq!(test.deadline(at(5_000)), Some(at(240_000)));
+        assert_eq!(test.deadline(at(240_000)), None);
+        assert!(outcome(&test).is_err());
+    }
+
+    #[test]
+    fn slow_answer_to_an_early_reading_counts() {
+        let mut test = one();
+        assert_eq!(test.next_to_read(at(5_000)), Some(FIRST));
+        test.on_sdo_answer(at(155_000), FIRST, FAULT);
+        assert_eq!(outcome(&test), Ok(155_000));
+    }
+
+    #[test]
+    fn fault_reaction_active_is_not_off() {
+        let mut test = one();
+        test.on_statusword(at(5_300), FIRST, Statusword(0x021F));
+        assert!(outcome(&test).is_err(), "fault reaction active");
+        test.on_statusword(at(9_300), FIRST, FAULT);
+        assert_eq!(outcome(&test), Ok(9_300));
+    }
+
+    proptest! {
+        #[test]
+        fn any_input_ends_the_test_and_only_drives_without_power_pass(
+            inputs in proptest::collection::vec((0_u64..300_000, 0_usize..6, any::<u16>(), 0..3), 0..50),
+        ) {
+            let mut test = WatchdogTest::new(Awaited::Rpdo, at(0), [timer(5); 6]);
+            let mut off = [false; 6];
+            for (micros, drive, word, kind) in inputs {
+                let (joint, word) = (Joint::at(drive).unwrap(), Statusword(word));
+                match kind {
+                    0 => test.on_emergency(at(micros), joint),
+                    1 => test.on_statusword(at(micros), joint, word),
+                    _ => test.on_sdo_answer(at(micros), joint, word),
+                }
+                if kind > 0 && !power::may_apply_torque(word) {
+                    off[drive] = true;
+                }
+            }
+            let tripped = test.outcome().map(|outcome| outcome.unwrap().is_ok());
+            prop_assert_eq!(tripped, off);
+            prop_assert_eq!(test.deadline(at(240_000)), None);
+        }
+    }
+}

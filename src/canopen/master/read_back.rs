@@ -76,13 +76,13 @@ pub enum ReadBack {
     Unread(SdoError),
 }
 
-/// `1400h:5 is 0h, was proven as 5h`
+/// `1400h:5 is 0h, was 5h at boot`
 impl fmt::Display for ReadBack {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Unchanged => f.write_str("is as proven"),
             Self::Changed { expected, found } => {
-                write!(f, "is {found:X}h, was proven as {expected:X}h")
+                write!(f, "is {found:X}h, was {expected:X}h at boot")
             }
             Self::Unread(error) => write!(f, "cannot be read again: {error}"),
         }
@@ -240,7 +240,7 @@ mod tests {
         ] {
             assert_eq!(outcome(reply), expected, "{reply:02X?}");
         }
-        assert_eq!(changed(0).unwrap().to_string(), "is 0h, was proven as 5h");
+        assert_eq!(changed(0).unwrap().to_string(), "is 0h, was 5h at boot");
     }
 
     #[test]

@@ -106,8 +106,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
 
     /// Receives for [`LISTEN_TIME`] before the first frame is sent, and fails if another master is on the bus.
     fn listen_before_boot(&mut self) -> Result<(), BringUpError> {
-        let quiet = self.wire.now() + LISTEN_TIME;
-        while let Some(Received { channel, event, .. }) = self.wire.receive(quiet) {
+        let until = self.wire.now() + LISTEN_TIME;
+        while let Some(Received { channel, event, .. }) = self.wire.receive(until) {
             match event {
                 BusEvent::Frame(frame) => {
                     // A boot would reset the nodes of a running master.
@@ -195,8 +195,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
             if !self.network.master.is_booting() {
                 break;
             }
-            let ask = self.wire.now() + GIVE_UP_POLL_INTERVAL;
-            let until = self.network.master.deadline().map_or(ask, |due| due.min(ask));
+            let next_poll = self.wire.now() + GIVE_UP_POLL_INTERVAL;
+            let until = self.network.master.deadline().map_or(next_poll, |due| due.min(next_poll));
             let Some(received) = self.wire.receive(until) else { continue };
             let channel = received.channel;
             match received.event {
@@ -300,7 +300,7 @@ fn lines(errors: &[impl ToString]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::silent::node;
+    use crate::silent_bus::node;
 
     /// Returns whether a boot may send this COB-ID before a node has answered: NMT, SDO requests, own heartbeat.
     fn is_of_a_boot(cob_id: u16) -> bool {
@@ -337,8 +337,8 @@ mod tests {
         let mut node = node();
         let given_up = node.bring_up(&mut || true);
         assert!(matches!(given_up, Err(BringUpError::GivenUp)), "{given_up:?}");
-        let took = node.bus().now().since(units::time::Instant::ZERO);
-        assert!(took < LISTEN_TIME + GIVE_UP_POLL_INTERVAL, "{took:?}");
+        let elapsed = node.bus().now().since(units::time::Instant::ZERO);
+        assert!(elapsed < LISTEN_TIME + GIVE_UP_POLL_INTERVAL, "{elapsed:?}");
     }
 
     #[test]
@@ -378,9 +378,9 @@ mod tests {
     #[test]
     fn stop_before_a_boot_ends_at_once() {
         let mut node = node();
-        let begun = node.bus().now();
+        let start = node.bus().now();
         assert_eq!(node.stop(), Ok(()));
-        let took = node.bus().now().since(begun);
-        assert!(took < POWER_OFF_TIMEOUT / 10, "{took:?}");
+        let elapsed = node.bus().now().since(start);
+        assert!(elapsed < POWER_OFF_TIMEOUT / 10, "{elapsed:?}");
     }
 }

@@ -23,21 +23,21 @@ use units::numbering::NodeIndex;
 macro_rules! causes {
     ($(
         $kind:ident $({ $at:ident: $place:ident $(, $field:ident: $type:ty)* })?
-            is $general:literal,
-            says ($($message:tt)+),
+            description $description:literal,
+            message ($($message:tt)+),
             $(or $or:ident { $or_at:ident: $or_place:ident $(, $or_field:ident: $or_type:ty)* }
-                is $or_general:literal,
-                says ($($or_message:tt)+),)?
-            leads to $row:expr;
+                description $or_description:literal,
+                message ($($or_message:tt)+),)?
+            reaction $row:expr;
     )+) => {
         /// A cause of a stop, with its place and figures.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Cause {
             $(
-                #[doc = $general]
+                #[doc = $description]
                 $kind $({ $at: $place $(, $field: $type)* })?,
                 $(
-                    #[doc = $or_general]
+                    #[doc = $or_description]
                     $or { $or_at: $or_place $(, $or_field: $or_type)* },
                 )?
             )+
@@ -46,7 +46,7 @@ macro_rules! causes {
         /// Kind of a cause: a row of the fault table.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Kind {
-            $(#[doc = $general] $kind,)+
+            $(#[doc = $description] $kind,)+
         }
 
         impl Cause {
@@ -86,7 +86,7 @@ macro_rules! causes {
             /// Returns the fault in general, without place and figures.
             pub const fn description(self) -> &'static str {
                 match self {
-                    $(Self::$kind => $general,)+
+                    $(Self::$kind => $description,)+
                 }
             }
 
@@ -125,144 +125,144 @@ macro_rules! joint {
 
 causes! {
     SamplesMissing { joint: Joint, cycles: u32 }
-        is "position samples of a drive missing for several cycles in a row",
-        says ("joint {joint}: no sample for {cycles} cycles"),
+        description "position samples of a drive missing for several cycles in a row",
+        message ("joint {joint}: no sample for {cycles} cycles"),
         or BusSilent { channel: u8, cycles: u32 }
-            is "position samples of all drives of a bus missing for several cycles in a row",
-            says ("bus {channel}: no sample of any drive for {cycles} cycles"),
-        leads to always(ZeroTorque, Node, true, &[1, 3, 4]);
+            description "position samples of all drives of a bus missing for several cycles in a row",
+            message ("bus {channel}: no sample of any drive for {cycles} cycles"),
+        reaction always(ZeroTorque, Node, true, &[1, 3, 4]);
     StatusMissing { joint: Joint }
-        is "statusword of a drive missing, although its position samples arrive",
-        says ("joint {joint}: statusword missing"),
-        leads to always(ZeroTorque, Node, true, &[3]);
+        description "statusword of a drive missing, although its position samples arrive",
+        message ("joint {joint}: statusword missing"),
+        reaction always(ZeroTorque, Node, true, &[3]);
     SamplesRare { joint: Joint, percent: u32 }
-        is "too many samples of a joint late or implausible within a second",
-        says ("joint {joint}: {percent} % of its samples missing within a second"),
-        leads to armed(ReflectionOff, &[3]);
+        description "too many samples of a joint late or implausible within a second",
+        message ("joint {joint}: {percent} % of its samples missing within a second"),
+        reaction armed(ReflectionOff, &[3]);
     SamplesOverdue { joint: Joint, cycles: u32 }
-        is "more samples of a joint late or lost than allowed",
-        says ("joint {joint}: {cycles} samples late or lost; the newest may be {cycles} cycles old"),
-        leads to always(ZeroTorque, Node, true, &[3, 4]);
+        description "more samples of a joint late or lost than allowed",
+        message ("joint {joint}: {cycles} samples late or lost; the newest may be {cycles} cycles old"),
+        reaction always(ZeroTorque, Node, true, &[3, 4]);
     PositionFrozen { joint: Joint }
-        is "position constant although the joint is under torque",
-        says ("joint {joint}: position frozen under torque"),
-        leads to always(ZeroTorque, Node, false, &[5]);
+        description "position constant although the joint is under torque",
+        message ("joint {joint}: position frozen under torque"),
+        reaction always(ZeroTorque, Node, false, &[5]);
     PositionJumped { joint: Joint }
-        is "position steps farther than the joint can move, twice",
-        says ("joint {joint}: position jumped"),
-        leads to always(ZeroTorque, Node, false, &[12]);
+        description "position steps farther than the joint can move, twice",
+        message ("joint {joint}: position jumped"),
+        reaction always(ZeroTorque, Node, false, &[12]);
     TorqueDiffers { joint: Joint }
-        is "actual torque (6077h) of a drive differs from its target torque (6071h)",
-        says ("joint {joint}: actual torque differs from the target torque"),
-        leads to always(ZeroTorque, Node, false, &[10]);
+        description "actual torque (6077h) of a drive differs from its target torque (6071h)",
+        message ("joint {joint}: actual torque differs from the target torque"),
+        reaction always(ZeroTorque, Node, false, &[10]);
     Overspeed { joint: Joint }
-        is "joint speed above its limit",
-        says ("joint {joint}: speed above its limit"),
-        leads to armed(ZeroTorque, &[11]);
+        description "joint speed above its limit",
+        message ("joint {joint}: speed above its limit"),
+        reaction armed(ZeroTorque, &[11]);
     GripOverspeed
-        is "grip speed above its limit",
-        says ("grip speed above its limit"),
-        leads to armed(ZeroTorque, &[11]);
+        description "grip speed above its limit",
+        message ("grip speed above its limit"),
+        reaction armed(ZeroTorque, &[11]);
     BeyondLimit { joint: Joint }
-        is "joint position beyond its limit",
-        says ("joint {joint}: position beyond its limit"),
-        leads to armed(ReflectionOff, &[43]);
+        description "joint position beyond its limit",
+        message ("joint {joint}: position beyond its limit"),
+        reaction armed(ReflectionOff, &[43]);
     UncommandedMotion
-        is "joint driven by gravity compensation while it ramps up",
-        says ("uncommanded motion while gravity compensation ramps up"),
-        leads to armed(ZeroTorque, &[41]);
+        description "joint driven by gravity compensation while it ramps up",
+        message ("uncommanded motion while gravity compensation ramps up"),
+        reaction armed(ZeroTorque, &[41]);
     Unstable
-        is "oscillation of the grip that does not decay, or excess power into the hand",
-        says ("unstable: the grip oscillates or receives excess power"),
-        leads to armed(ReflectionOff, &[45]);
+        description "oscillation of the grip that does not decay, or excess power into the hand",
+        message ("unstable: the grip oscillates or receives excess power"),
+        reaction armed(ReflectionOff, &[45]);
     LinkLost
-        is "newest wrench from the commanded side too old",
-        says ("no new wrench from the commanded side"),
-        leads to armed(ReflectionOff, &[34, 35]);
+        description "newest wrench from the commanded side too old",
+        message ("no new wrench from the commanded side"),
+        reaction armed(ReflectionOff, &[34, 35]);
     DriveLeft { joint: Joint, statusword: u16 }
-        is "drive leaves operation enabled by itself",
-        says ("joint {joint}: drive left operation enabled (6041h = {statusword:04X}h)"),
-        leads to always(ZeroTorque, Drive, false, &[8]);
+        description "drive leaves operation enabled by itself",
+        message ("joint {joint}: drive left operation enabled (6041h = {statusword:04X}h)"),
+        reaction always(ZeroTorque, Drive, false, &[8]);
     Emergency { node: NodeIndex, code: u16 }
-        is "emergency message (EMCY) of a node",
-        says ("{}: emergency {code:04X}h {}", NodeName(node), error_codes::description(code)),
-        leads to always(ZeroTorque, Drive, false, &[7, 13]);
+        description "emergency message (EMCY) of a node",
+        message ("{}: emergency {code:04X}h {}", NodeName(node), error_codes::description(code)),
+        reaction always(ZeroTorque, Drive, false, &[7, 13]);
     HeartbeatLost { node: NodeIndex }
-        is "heartbeat of a node lost",
-        says ("{}: heartbeat lost", NodeName(node)),
-        leads to always(DrivesOff, Node, true, &[2]);
+        description "heartbeat of a node lost",
+        message ("{}: heartbeat lost", NodeName(node)),
+        reaction always(DrivesOff, Node, true, &[2]);
     Rebooted { node: NodeIndex }
-        is "boot-up message of a running node",
-        says ("{}: rebooted", NodeName(node)),
-        leads to always(DrivesOff, Drive, true, &[9]);
+        description "boot-up message of a running node",
+        message ("{}: rebooted", NodeName(node)),
+        reaction always(DrivesOff, Drive, true, &[9]);
     LeftOperational { node: NodeIndex, state: NmtState }
-        is "NMT state of a running node no longer operational",
-        says ("{}: left operational, is {}", NodeName(node), nmt::description(state)),
-        leads to always(ZeroTorque, Node, true, &[8]);
+        description "NMT state of a running node no longer operational",
+        message ("{}: left operational, is {}", NodeName(node), nmt::description(state)),
+        reaction always(ZeroTorque, Node, true, &[8]);
     Duplicate { node: NodeIndex }
-        is "two nodes apparently with one node-id",
-        says ("{}: node-id apparently used by two nodes", NodeName(node)),
-        leads to always(ZeroTorque, Node, true, &[6]);
+        description "two nodes apparently with one node-id",
+        message ("{}: node-id apparently used by two nodes", NodeName(node)),
+        reaction always(ZeroTorque, Node, true, &[6]);
     ForeignMaster
-        is "commands of another master on the bus",
-        says ("another master is on the bus"),
-        leads to always(DrivesOff, Node, true, &[26]);
+        description "commands of another master on the bus",
+        message ("another master is on the bus"),
+        reaction always(DrivesOff, Node, true, &[26]);
     SettingChanged { node: NodeIndex, object: Object, expected: u32, found: u32 }
-        is "object with another value than verified at boot",
-        says ("{}: {object} is {found:X}h, was {expected:X}h at boot", NodeName(node)),
-        leads to always(DrivesOff, Node, true, &[26]);
+        description "object with another value than verified at boot",
+        message ("{}: {object} is {found:X}h, was {expected:X}h at boot", NodeName(node)),
+        reaction always(DrivesOff, Node, true, &[26]);
     ControllerFault { fault: Fault }
-        is "input or result of the controller invalid",
-        says ("controller: {fault}"),
-        leads to always(ZeroTorque, Node, false, &[42, 44]);
+        description "input or result of the controller invalid",
+        message ("controller: {fault}"),
+        reaction always(ZeroTorque, Node, false, &[42, 44]);
     QueueFull { channel: u8 }
-        is "transmit queue full: a frame cannot be sent",
-        says ("bus {channel}: transmit queue full"),
-        leads to always(ZeroTorque, Timers, true, &[21]);
+        description "transmit queue full: a frame cannot be sent",
+        message ("bus {channel}: transmit queue full"),
+        reaction always(ZeroTorque, Timers, true, &[21]);
     TransmitUnconfirmed { channel: u8 }
-        is "frames accepted by the adapter, but not confirmed as transmitted",
-        says ("bus {channel}: frames accepted, but transmission not confirmed"),
-        leads to always(DrivesOff, Timers, true, &[22]);
+        description "frames accepted by the adapter, but not confirmed as transmitted",
+        message ("bus {channel}: frames accepted, but transmission not confirmed"),
+        reaction always(DrivesOff, Timers, true, &[22]);
     BusPassive { channel: u8 }
-        is "CAN controller error passive",
-        says ("bus {channel}: error passive"),
-        leads to always(ZeroTorque, Node, false, &[23]);
+        description "CAN controller error passive",
+        message ("bus {channel}: error passive"),
+        reaction always(ZeroTorque, Node, false, &[23]);
     BusOff { channel: u8 }
-        is "CAN controller bus off",
-        says ("bus {channel}: bus off"),
-        leads to always(DrivesOff, Timers, true, &[23]);
+        description "CAN controller bus off",
+        message ("bus {channel}: bus off"),
+        reaction always(DrivesOff, Timers, true, &[23]);
     BusDown { channel: u8 }
-        is "CAN interface down",
-        says ("bus {channel}: interface down"),
-        leads to always(DrivesOff, Timers, true, &[24]);
+        description "CAN interface down",
+        message ("bus {channel}: interface down"),
+        reaction always(DrivesOff, Timers, true, &[24]);
     DeadmanDisagrees
-        is "antivalent channels of the deadman disagree",
-        says ("deadman channels disagree"),
-        leads to always(ZeroTorque, Node, false, &[39]);
+        description "antivalent channels of the deadman disagree",
+        message ("deadman channels disagree"),
+        reaction always(ZeroTorque, Node, false, &[39]);
     TieDown
-        is "deadman closed for too long without motion of the grip",
-        says ("deadman tied down: closed for too long without motion"),
-        leads to armed(ReflectionOff, &[39]);
+        description "deadman closed for too long without motion of the grip",
+        message ("deadman tied down: closed for too long without motion"),
+        reaction armed(ReflectionOff, &[39]);
     Overrun { cycles: u64 }
-        is "loop stalled for several cycles",
-        says ("loop stalled for {cycles} cycles"),
-        leads to always(ZeroTorque, Timers, false, &[28, 29]);
+        description "loop stalled for several cycles",
+        message ("loop stalled for {cycles} cycles"),
+        reaction always(ZeroTorque, Timers, false, &[28, 29]);
     Late
-        is "too many late cycles",
-        says ("too many late cycles"),
-        leads to always(ZeroTorque, Node, false, &[29]);
+        description "too many late cycles",
+        message ("too many late cycles"),
+        reaction always(ZeroTorque, Node, false, &[29]);
     Suspended
-        is "host suspended during the run",
-        says ("the host was suspended"),
-        leads to always(DrivesOff, Timers, true, &[31]);
+        description "host suspended during the run",
+        message ("the host was suspended"),
+        reaction always(DrivesOff, Timers, true, &[31]);
     EnableTimeout { joint: Joint, statusword: u16 }
-        is "drive does not reach operation enabled in time",
-        says ("joint {joint}: not enabled in time (6041h = {statusword:04X}h)"),
-        leads to always(ZeroTorque, Node, true, &[16]);
+        description "drive does not reach operation enabled in time",
+        message ("joint {joint}: not enabled in time (6041h = {statusword:04X}h)"),
+        reaction always(ZeroTorque, Node, true, &[16]);
     AwaitsReset { reason: ResetReason }
-        is "last run without an orderly end, or this run without a latch",
-        says ("{reason}: waiting for a reset"),
-        leads to always(DrivesOff, Node, true, &[27]);
+        description "last run without an orderly end, or this run without a latch",
+        message ("{reason}: waiting for a reset"),
+        reaction always(DrivesOff, Node, true, &[27]);
 }
 
 /// Reason why a run starts stopped.

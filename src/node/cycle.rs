@@ -152,7 +152,7 @@ mod tests {
     use super::*;
     use crate::cause::Kind;
     use crate::record::Mode;
-    use crate::silent::node;
+    use crate::silent_bus::node;
     use bus::SendError;
 
     #[test]

@@ -39,7 +39,7 @@ mod schedule;
 mod sdo_pacer;
 mod send;
 #[cfg(test)]
-mod silent;
+mod silent_bus;
 mod target_limiter;
 mod targets;
 mod transmission;

@@ -155,7 +155,7 @@ mod tests {
 
     #[test]
     fn controller_fault_stops_the_node() {
-        let mut node = crate::silent::node();
+        let mut node = crate::silent_bus::node();
         // A wrench that the validation would drop.
         node.remote.link.newest = Some(sensed(node.bus().now, f64::NAN));
         let record = node.cycle();

@@ -87,9 +87,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::silent::node;
+    use crate::silent_bus::node;
 
-    fn ask(request: Request) -> (Result<Mode, RequestError>, Mode) {
+    fn execute(request: Request) -> (Result<Mode, RequestError>, Mode) {
         let mut node = node();
         let answer = node.request(request, &mut || false);
         (answer, node.mode())
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn arming_before_the_boot_is_refused() {
-        let (answer, mode) = ask(Request::Arm);
+        let (answer, mode) = execute(Request::Arm);
         assert!(
             matches!(answer, Err(RequestError::Mode(_) | RequestError::Force(_))),
             "{answer:?}"
@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn disarming_is_never_refused() {
-        assert!(matches!(ask(Request::Disarm), (Ok(Mode::Boot), Mode::Boot)));
+        assert!(matches!(execute(Request::Disarm), (Ok(Mode::Boot), Mode::Boot)));
     }
 
     #[test]

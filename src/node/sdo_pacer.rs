@@ -40,7 +40,7 @@ mod tests {
     #[test]
     fn requests_are_10_ms_apart() {
         let mut pacer = SdoPacer::new();
-        let goes = |millis: &u64| {
+        let is_sent = |millis: &u64| {
             let now = Instant::from_micros(1_000 * millis);
             let may = pacer.may_send(now);
             if may {
@@ -48,7 +48,7 @@ mod tests {
             }
             may
         };
-        let gone: Vec<u64> = (7..60).filter(goes).collect();
-        assert_eq!(gone, [7, 17, 27, 37, 47, 57]);
+        let sent: Vec<u64> = (7..60).filter(is_sent).collect();
+        assert_eq!(sent, [7, 17, 27, 37, 47, 57]);
     }
 }

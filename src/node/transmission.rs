@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn hazard_21_full_queue_ends_its_cycle_and_a_second_shuts_the_bus() {
+    fn hazard_21_second_full_queue_shuts_the_bus() {
         let mut transmission = both();
         assert_eq!(transmission.start_cycle(|_| None), None);
         let full = Err(SendError::Full);

@@ -94,7 +94,10 @@ const SENSES: &[(&str, Node)] = &[
     ("encoder_jump", Stops("joint 3: position jumped", within(3, 4))),
     ("encoder_frozen", Stops("joint 2: position frozen under torque", within(505, 506))),
     // It tells its torque at every 99th SYNC here, and the second time counts.
-    ("torque_actual_scale", Stops("joint 2: actual torque differs from the target torque", within(201, 202))),
+    (
+        "torque_actual_scale",
+        Stops("joint 2: actual torque differs from the target torque", within(201, 202)),
+    ),
     // The hand opens the deadman 300 ms after its contact sticks.
     ("deadman_stuck", Stops("deadman channels disagree", within(352, 353))),
     // The first bounce comes at random, here in the third cycle; it does not engage again by itself.

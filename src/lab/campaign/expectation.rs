@@ -95,11 +95,7 @@ pub const EXPECTATIONS: &[Expectation] = &[
     row(34, Millis(70), &[(Cause::LinkLost, ReflectionOff)]),
     row(35, Millis(70), &[(Cause::LinkLost, ReflectionOff)]),
     row(38, Millis(20), &[]),
-    row(
-        39,
-        Millis(50),
-        &[(Cause::DeadmanDisagrees, ZeroTorque), (Cause::TieDown, ReflectionOff)],
-    ),
+    row(39, Millis(50), &[(Cause::DeadmanDisagrees, ZeroTorque), (Cause::TieDown, ReflectionOff)]),
     row(40, Unstated, &[]),
     row(41, Unstated, &[(Cause::UncommandedMotion, ZeroTorque)]),
     row(42, Unstated, &[(Cause::ControllerFault, ZeroTorque)]),

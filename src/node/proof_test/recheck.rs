@@ -118,16 +118,16 @@ mod tests {
         Recheck::new(&plans, &master)
     }
 
-    fn asked(recheck: &mut Recheck, seconds: u32) -> Vec<(NodeIndex, Object)> {
-        let mut asked = Vec::new();
+    fn read(recheck: &mut Recheck, seconds: u32) -> Vec<(NodeIndex, Object)> {
+        let mut settings = Vec::new();
         for millis in 0..seconds * 1_000 {
             let now = Instant::ZERO + Duration::from_millis(millis.into());
             if let Some((node, setting)) = recheck.due(now) {
                 recheck.advance(now);
-                asked.push((node, setting.object));
+                settings.push((node, setting.object));
             }
         }
-        asked
+        settings
     }
 
     #[test]
@@ -135,7 +135,7 @@ mod tests {
         let mut recheck = recheck(6);
         let all = recheck.entries.len();
         assert_eq!(all, 60, "ten per drive");
-        let mut round = asked(&mut recheck, 61);
+        let mut round = read(&mut recheck, 61);
         let first: Vec<NodeIndex> = round.iter().take(6).map(|(node, _)| *node).collect();
         assert_eq!((first, round.len()), ([0, 1, 2, 3, 4, 5].map(NodeIndex).to_vec(), all));
         round.sort_unstable();
@@ -160,7 +160,7 @@ mod tests {
 
     #[test]
     fn recheck_without_drives_reads_nothing() {
-        assert_eq!(asked(&mut recheck(0), 5), []);
+        assert_eq!(read(&mut recheck(0), 5), []);
         let mut late = recheck(1);
         assert_eq!(late.due(Instant::ZERO), None);
         assert!(late.due(Instant::ZERO + SECOND).is_some());

@@ -62,8 +62,8 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 return Err(BringUpError::ProofTest(failures));
             }
             // Emergencies arrive first; then drives that have left operational (1029h) are started again.
-            let quiet = self.wire.now() + SETTLE_TIME.max(self.timing.period * 5);
-            self.listen(quiet);
+            let until = self.wire.now() + SETTLE_TIME.max(self.timing.period * 5);
+            self.listen(until);
             self.network.master.start_nodes(&mut self.wire.out);
             self.samples.start_again();
             self.send_queued();

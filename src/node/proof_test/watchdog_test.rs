@@ -211,15 +211,15 @@ mod tests {
         let mut test = one();
         test.on_emergency(at(5_300), FIRST);
         let mut now = at(0);
-        let mut asked = 0;
+        let mut readings = 0;
         while let Some(due) = test.deadline(now) {
             now = now.max(due);
             if test.next_to_read(now) == Some(FIRST) {
-                asked += 1;
+                readings += 1;
                 test.on_sdo_answer(now, FIRST, ENABLED);
             }
         }
-        assert_eq!((asked, now), (19, at(41_000)), "from 5 ms on, every 2 ms");
+        assert_eq!((readings, now), (19, at(41_000)), "from 5 ms on, every 2 ms");
         let duration = Duration::from_millis(40);
         assert_eq!(
             outcome(&test),

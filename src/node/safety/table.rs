@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stops_never_become_milder_and_unarmed_modes_stay_without_torque() {
+    fn stops_never_become_milder_nor_reflection_off_if_unarmed() {
         for kind in Kind::ALL {
             assert_ne!(kind.row().unarmed, Reaction::ReflectionOff, "{kind:?}");
             for mode in [Mode::ReflectionOff, Mode::ZeroTorque, Mode::DrivesOff] {

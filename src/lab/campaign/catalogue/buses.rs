@@ -29,12 +29,18 @@ pub(super) const KINDS: &[Kind] = &[
     kind(21, "transmit queue full", &[Cause::QueueFull], |random, at| {
         disturbed(random, at, Disturbance::QueueFull, abandoned(at))
     }),
-    kind(22, "adapter stuck", &[Cause::TransmitUnconfirmed, Cause::SamplesMissing], |random, at| {
-        disturbed(random, at, Disturbance::AdapterStuck, abandoned(at))
-    }),
-    kind(22, "adapter stalls", &[Cause::TransmitUnconfirmed, Cause::SamplesMissing], |random, at| {
-        stalled(random, at, 10_000, abandoned(at))
-    }),
+    kind(
+        22,
+        "adapter stuck",
+        &[Cause::TransmitUnconfirmed, Cause::SamplesMissing],
+        |random, at| disturbed(random, at, Disturbance::AdapterStuck, abandoned(at)),
+    ),
+    kind(
+        22,
+        "adapter stalls",
+        &[Cause::TransmitUnconfirmed, Cause::SamplesMissing],
+        |random, at| stalled(random, at, 10_000, abandoned(at)),
+    ),
     kind(
         22,
         "adapter stalls for a moment",

@@ -72,10 +72,13 @@ fn accommodation(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option<Accom
     let before = problems.count();
     let linear = problems.not_negative(&raw.accommodation_m_per_ns);
     let angular = problems.not_negative(&raw.accommodation_rad_per_nms);
-    let gain = six([linear?; 3], [angular?; 3]);
+    let (linear, angular) = (linear?, angular?);
     // The virtual sensor has no bias, so nothing need go unnoticed.
-    let made = Accommodation::new(gain, [0.0; 6]);
-    problems.take_unless_noted(before, &raw.accommodation_m_per_ns, made)
+    let made = Accommodation::new(six([linear; 3], [angular; 3]), [0.0; 6]);
+    // A gain that is refused here is too large, so it is the larger one.
+    let larger =
+        if linear > angular { &raw.accommodation_m_per_ns } else { &raw.accommodation_rad_per_nms };
+    problems.take_unless_noted(before, larger, made)
 }
 
 fn servo(raw: &raw::Remote, problems: &mut Problems<'_>) -> Option<Servo> {

@@ -29,3 +29,10 @@ cargo clippy --workspace --all-targets --locked -- -D warnings
 cargo clippy --test vcan --test vcan_faults --locked -- -D warnings
 cargo clippy --no-default-features --locked -- -D warnings
 RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --document-private-items
+
+# Links, anchors and citations of the book are tests: cargo test --test repository.
+if command -v mdbook >/dev/null; then
+  mdbook build
+else
+  echo "no mdbook here: the book is not built" >&2
+fi

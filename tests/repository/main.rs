@@ -1,5 +1,10 @@
-//! Documents against the sources: the rooms of ARCHITECTURE.md, and the tests of every hazard.
+//! Documents against the sources: the plan of the rooms, the tests behind every hazard, the book.
 
 mod architecture;
+mod book;
+mod citations;
 mod claims;
 mod hazards;
+mod keys;
+mod pages;
+mod ranges;

@@ -1,7 +1,7 @@
-//! Two real processes on real vcan: `frhc run` and `frhc sim`, watched by can-utils' candump.
+//! Two processes on vcan, `frhc run` and `frhc sim`, and can-utils' candump.
 //!
-//! Needs vcan0; `scripts/test.sh` runs it under `scripts/with_vcan.sh -v`, in virtual time. The bus is
-//! the tests' clock: they read candump's lines, and never sleep.
+//! Needs vcan0; `scripts/test.sh` runs it under `scripts/with_vcan.sh -v`, in virtual time. The bus is the tests' clock:
+//! they read candump's lines, and never sleep.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -43,14 +43,14 @@ use lab::world;
 
 const CONFIG: &str = "config/kraft_like.toml";
 
-/// The drives' node-ids in [`CONFIG`].
+/// Node-IDs of the drives in [`CONFIG`].
 const NODES: std::ops::RangeInclusive<u16> = 1..=6;
 
-/// Seconds after the first SYNC.
+/// Duration of the run after the first SYNC, in s.
 const RUN_FOR: f64 = 10.2;
 
 #[test]
-fn ten_seconds_of_teleoperation_miss_no_sample_and_the_wall_is_felt() {
+fn ten_seconds_of_teleoperation_miss_no_sample() {
     let scratch = Scratch::new("teleoperation");
     let text = fs::read_to_string(CONFIG).unwrap();
     let (_, passivity) = text.split_once("[controller.passivity]").unwrap();
@@ -59,7 +59,7 @@ fn ten_seconds_of_teleoperation_miss_no_sample_and_the_wall_is_felt() {
         CONFIG,
         &[
             (&format!("[controller.passivity]{passivity}"), ""),
-            // Nothing but the task and the arm's weight, so that the test can compute the torques itself.
+            // The task and the arm's weight alone, so that the test can compute the torques itself.
             ("centring_n = [2.0, 2.0, 2.0]", "centring_n = [0.0, 0.0, 0.0]"),
             ("centring_nm = [0.08, 0.08, 0.08]", "centring_nm = [0.0, 0.0, 0.0]"),
             ("damping_ns_per_m = [8.0, 8.0, 8.0] ", "damping_ns_per_m = [0.0, 0.0, 0.0] "),
@@ -83,11 +83,11 @@ fn ten_seconds_of_teleoperation_miss_no_sample_and_the_wall_is_felt() {
 
     let session = only(&session);
     let private = fs::metadata(&session).unwrap().permissions().mode() & 0o777;
-    assert_eq!(private, 0o700, "recordings are their owner's alone");
+    assert_eq!(private, 0o700, "only the owner may read a recording");
     let summary = fs::read_to_string(session.join("summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
     assert_eq!(summary["missing_samples"], 0, "{summary}");
-    // Those of the boot, before the drives had proven anything, are not among them.
+    // Cycles of the boot, before the proof test, do not count.
     assert!(summary["cycles"].as_u64().unwrap() > 9_900, "{summary}");
     assert!(summary["contact_seconds"].as_f64().unwrap() > 2.0, "{summary}");
     assert_eq!(summary["saturated_cycles"], 0, "{summary}");
@@ -103,9 +103,9 @@ fn ten_seconds_of_teleoperation_miss_no_sample_and_the_wall_is_felt() {
 }
 
 #[test]
-fn a_killed_node_leaves_every_drive_torque_free_within_its_timer() {
+fn drives_of_a_killed_node_are_torque_free_within_their_timer() {
     let timer = Duration::from_millis(5);
-    // Where in its cycle the node dies is up to the scheduler; when the drives stop is not.
+    // The scheduler chooses the phase of the cycle; the limit does not depend on it.
     for after_ms in [4_000, 4_613, 5_277] {
         let scratch = Scratch::new(&format!("kill-{after_ms}"));
         let mut candump = Candump::of("vcan0");
@@ -126,15 +126,15 @@ fn a_killed_node_leaves_every_drive_torque_free_within_its_timer() {
         for node in NODES {
             let stopped = log
                 .torque_free_after(node)
-                .unwrap_or_else(|| panic!("node {node} never said it was torque-free"));
+                .unwrap_or_else(|| panic!("node {node} did not report zero torque"));
             let spare = Duration::from_micros(500);
-            assert!(stopped <= timer + spare, "node {node} pushed on for {stopped:?}");
+            assert!(stopped <= timer + spare, "node {node} was torque-free after {stopped:?}");
         }
     }
 }
 
 #[test]
-fn what_cannot_run_says_why_and_sends_nothing() {
+fn refused_run_names_the_reason_and_sends_nothing() {
     let scratch = Scratch::new("refused");
     let text = fs::read_to_string(CONFIG).unwrap();
     let cases = [
@@ -151,7 +151,7 @@ fn what_cannot_run_says_why_and_sends_nothing() {
             3,
             "stops rising",
         ),
-        (text.replace("eds/frhc_drive.eds", "eds/nobody.eds"), 3, "nobody.eds"),
+        (text.replace("eds/frhc_drive.eds", "eds/missing.eds"), 3, "missing.eds"),
     ];
     let candump = Candump::of("vcan0");
     for (place, (text, code, reason)) in cases.into_iter().enumerate() {
@@ -164,7 +164,7 @@ fn what_cannot_run_says_why_and_sends_nothing() {
 }
 
 #[test]
-fn another_drive_is_never_enabled() {
+fn drive_with_another_identity_is_never_enabled() {
     let scratch = Scratch::new("identity");
     let other = fs::read_to_string("eds/frhc_drive.eds").unwrap();
     let other = other.replace("0x04020010", "0x04020011");
@@ -176,12 +176,12 @@ fn another_drive_is_never_enabled() {
 }
 
 #[test]
-fn a_drive_that_refuses_its_mapping_is_never_enabled() {
+fn drive_that_refuses_its_mapping_is_never_enabled() {
     let scratch = Scratch::new("mapping");
     let eds = fs::read_to_string("eds/frhc_drive.eds").unwrap();
     let (before, section) = eds.split_once("[1600sub0]").unwrap();
     let (section, after) = section.split_once("\n[").unwrap();
-    // As some drives are: two objects in a PDO, no more.
+    // Some drives map only two objects in a PDO.
     let narrow = section.replace("HighLimit=8", "HighLimit=2");
     assert_ne!(section, narrow, "1600h has room for eight");
     scratch.write("eds/frhc_drive.eds", &format!("{before}[1600sub0]{narrow}\n[{after}"));
@@ -190,7 +190,7 @@ fn a_drive_that_refuses_its_mapping_is_never_enabled() {
     never_enabled(&scratch, &theirs, CONFIG, "1600h refused: 06090031h");
 }
 
-/// `sim` with one configuration, `run` with another: exit 5, the reason, and no drive started.
+/// Fails unless `run` with another configuration than `sim` ends with exit 5 and the reason, and starts no drive.
 fn never_enabled(scratch: &Scratch, theirs: &str, mine: &str, reason: &str) {
     let mut candump = Candump::of("vcan0");
     let sim = scratch.frhc(&["sim", "--config", theirs]);
@@ -206,7 +206,7 @@ fn never_enabled(scratch: &Scratch, theirs: &str, mine: &str, reason: &str) {
     }
 }
 
-/// `sim` with these words, and what `commission --prove` prints and ends with.
+/// Runs `sim` and `commission --prove` with these options; returns the output and the outcome of the latter.
 fn proven(scratch: &Scratch, theirs: &[&str], mine: &[&str]) -> (String, Outcome) {
     let mut candump = Candump::of("vcan0");
     let sim = scratch.frhc(&[&["sim", "--config", CONFIG], theirs].concat());
@@ -220,13 +220,13 @@ fn proven(scratch: &Scratch, theirs: &[&str], mine: &[&str]) -> (String, Outcome
     let lines = candump.finish();
     let mut torques =
         lines.iter().filter(|line| [" 201#", " 204#"].iter().any(|group| line.contains(group)));
-    assert!(torques.all(|line| line.ends_with("#000000000000")), "nothing is armed");
+    assert!(torques.all(|line| line.ends_with("#000000000000")), "no drive is armed");
     ends_without_power(&lines);
     (printed, outcome)
 }
 
 #[test]
-fn hazard_16_commissioning_proves_every_drive_and_names_the_one_that_holds_its_torque() {
+fn hazard_16_proof_test_names_the_drive_that_holds_its_torque() {
     let scratch = Scratch::new("prove");
     let (table, outcome) = proven(&scratch, &[], &[]);
     outcome.succeeds();
@@ -247,13 +247,13 @@ fn hazard_16_commissioning_proves_every_drive_and_names_the_one_that_holds_its_t
 }
 
 #[test]
-fn promise_12_commissioning_that_is_interrupted_leaves_every_drive_off() {
+fn promise_12_interrupted_commissioning_leaves_all_drives_off() {
     let scratch = Scratch::new("prove-ended");
     let mut candump = Candump::of("vcan0");
     let sim = scratch.frhc(&["sim", "--config", CONFIG]);
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
     let prove = scratch.frhc(&["commission", "--config", CONFIG, "--prove", "-i", "vcan0"]);
-    // The last drive is enabled: the proof begins.
+    // The last drive is enabled: the proof test begins.
     candump.until(|line| {
         line.canopen().is_some_and(|(id, status)| id == 0x286 && status[0] & 0x6F == 0x27)
     });
@@ -265,7 +265,7 @@ fn promise_12_commissioning_that_is_interrupted_leaves_every_drive_off() {
     ends_without_power(&candump.finish());
 }
 
-/// The last word of every drive is that its power stage is off, be it by a fault of its own.
+/// Fails unless the last statusword of every drive reports its power stage off, be it by a fault of its own.
 fn ends_without_power(lines: &[String]) {
     let log = Log::parse(lines);
     for node in NODES {
@@ -275,7 +275,7 @@ fn ends_without_power(lines: &[String]) {
 }
 
 #[test]
-fn bench_tools_find_read_and_renumber_a_simulated_drive() {
+fn tools_find_read_and_renumber_a_simulated_drive() {
     let scratch = Scratch::new("bench-tools");
     let mut candump = Candump::of("vcan0");
     let ended = |words: &str| {
@@ -317,7 +317,7 @@ fn bench_tools_find_read_and_renumber_a_simulated_drive() {
 }
 
 #[test]
-fn data_from_a_bus_that_cannot_be_written_fails_the_tool() {
+fn tool_fails_when_its_output_cannot_be_written() {
     let scratch = Scratch::new("full-output");
     let mut candump = Candump::of("vcan0");
     let onto_full = |words: &[&str]| {
@@ -343,7 +343,7 @@ fn data_from_a_bus_that_cannot_be_written_fails_the_tool() {
         let words: Vec<&str> = words.split(' ').collect();
         fails(&words, onto_full(&words).wait_with_output().unwrap());
     }
-    // It ends by itself at the first line that is lost.
+    // The tool ends by itself at the first line that is lost.
     let watch = onto_full(&["nmt", "watch", "-i", "vcan0"]);
     scratch.frhc(&["nmt", "reset", "3", "--wait", "-i", "vcan0"]).wait().succeeds();
     scratch.frhc(&["nmt", "reset", "4", "--wait", "-i", "vcan0"]).wait().succeeds();
@@ -357,14 +357,14 @@ fn data_from_a_bus_that_cannot_be_written_fails_the_tool() {
 }
 
 #[test]
-fn simulated_drives_tell_what_they_believe_when_asked_and_at_the_end() {
-    let scratch = Scratch::new("beliefs");
+fn simulated_drives_report_on_signal_and_at_the_end() {
+    let scratch = Scratch::new("reports");
     let mut candump = Candump::of("vcan0");
-    let (sim, mut told) = scratch.frhc_and_stdout(&["sim", "--json", "--config", CONFIG]);
+    let (sim, mut reports) = scratch.frhc_and_stdout(&["sim", "--json", "--config", CONFIG]);
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
     let mut drives = || {
         let mut line = String::new();
-        told.read_line(&mut line).unwrap();
+        reports.read_line(&mut line).unwrap();
         let report: serde_json::Value = serde_json::from_str(&line).unwrap();
         assert!(report["t_s"].as_f64().unwrap() >= 0.0, "{line}");
         let drives = report["drives"].as_array().unwrap().clone();
@@ -372,11 +372,11 @@ fn simulated_drives_tell_what_they_believe_when_asked_and_at_the_end() {
         drives
     };
     sim.signal(Signal::SIGUSR1);
-    let believed = drives();
-    assert_eq!(believed[2]["name"], "elbow");
-    assert_eq!(believed[2]["nmt"], "pre-operational");
-    assert_eq!(believed[2]["state"], "switch on disabled");
-    assert_eq!(believed[2]["last_error"], 0);
+    let reported = drives();
+    assert_eq!(reported[2]["name"], "elbow");
+    assert_eq!(reported[2]["nmt"], "pre-operational");
+    assert_eq!(reported[2]["state"], "switch on disabled");
+    assert_eq!(reported[2]["last_error"], 0);
     Process::of("cansend", &["vcan0", "000#0103"]).wait().succeeds();
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x000));
     sim.signal(Signal::SIGQUIT);
@@ -386,7 +386,7 @@ fn simulated_drives_tell_what_they_believe_when_asked_and_at_the_end() {
 }
 
 #[test]
-fn simulated_drives_whose_interface_goes_down_say_so_and_end() {
+fn simulated_drives_end_when_their_interface_goes_down() {
     let scratch = Scratch::new("down");
     let words = ["sim", "--config", CONFIG, "-i", "vcan1"];
     let mut candump = Candump::of("vcan1");
@@ -407,21 +407,21 @@ fn simulated_drives_whose_interface_goes_down_say_so_and_end() {
 }
 
 #[test]
-fn only_data_frames_of_eleven_bits_are_heard() {
+fn socket_receives_data_frames_of_eleven_bits_alone() {
     let mut bus = SocketCan::open(&["vcan0".to_owned()]).unwrap();
     for frame in ["181#R", "00000181#1122", "181#1122334455667788"] {
         Process::of("cansend", &["vcan0", frame]).wait().succeeds();
     }
     let until = bus.now() + Duration::from_millis(5);
-    let heard = bus.receive(until).unwrap();
+    let received = bus.receive(until).unwrap();
     let frame = Frame::new(0x181, [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88]);
-    assert_eq!(heard.event, BusEvent::Frame(frame));
-    assert!(heard.at <= bus.now());
+    assert_eq!(received.event, BusEvent::Frame(frame));
+    assert!(received.at <= bus.now());
     assert_eq!(bus.receive(until), None);
 }
 
 #[test]
-fn a_late_frame_on_one_bus_holds_up_no_other_bus() {
+fn late_frame_on_one_bus_delays_no_other_bus() {
     let names = ["vcan0", "vcan1"].map(str::to_owned);
     let (mut bus, mut other) = (SocketCan::open(&names).unwrap(), SocketCan::open(&names).unwrap());
     let frame =
@@ -430,15 +430,15 @@ fn a_late_frame_on_one_bus_holds_up_no_other_bus() {
     let until = bus.now() + Duration::from_millis(1);
     other.receive(other.now() + Duration::from_millis(3));
     other.send(frame(0)).unwrap();
-    let heard = bus.receive(until).unwrap();
-    assert_eq!((heard.channel, heard.event), (Channel(1), BusEvent::Frame(frame(1).frame)));
+    let received = bus.receive(until).unwrap();
+    assert_eq!((received.channel, received.event), (Channel(1), BusEvent::Frame(frame(1).frame)));
     assert_eq!(bus.receive(until), None, "the other came later");
     let later = bus.now() + Duration::from_millis(1);
     assert_eq!(bus.receive(later).unwrap().channel, Channel(0));
 }
 
 #[test]
-fn hazard_24_run_and_commission_on_an_interface_that_is_down_say_so() {
+fn hazard_24_run_and_commission_refuse_an_interface_that_is_down() {
     let scratch = Scratch::new("down");
     Process::of("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
     for words in [&["run"][..], &["commission", "--prove"]] {
@@ -452,7 +452,7 @@ fn hazard_24_run_and_commission_on_an_interface_that_is_down_say_so() {
 }
 
 #[test]
-fn waiting_ends_at_its_deadline() {
+fn receive_ends_at_its_deadline() {
     let mut bus = SocketCan::open(&["vcan0".to_owned()]).unwrap();
     bus::realtime::ask();
     for micros in [100, 1_000, 12_345] {
@@ -464,36 +464,36 @@ fn waiting_ends_at_its_deadline() {
 }
 
 #[test]
-fn an_interface_that_goes_down_is_told_and_takes_no_frame() {
+fn interface_that_goes_down_is_reported_and_accepts_no_frame() {
     let mut bus = SocketCan::open(&["vcan1".to_owned()]).unwrap();
     Process::of("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
     let telegram = Telegram { channel: Channel(0), frame: Frame::new(0x80, []) };
-    let heard = bus.receive(bus.now() + Duration::from_millis(5)).map(|received| received.event);
-    assert_eq!(heard, Some(BusEvent::Fault(bus::BusFault::Down)));
+    let event = bus.receive(bus.now() + Duration::from_millis(5)).map(|received| received.event);
+    assert_eq!(event, Some(BusEvent::Fault(bus::BusFault::Down)));
     assert_eq!(bus.send(telegram), Err(SendError::Down));
     Process::of("ip", &["link", "set", "vcan1", "up"]).wait().succeeds();
 }
 
-/// An identifier nobody uses: what is sent under it tells the time.
+/// An unused COB-ID, whose frames mark a time in the log.
 const NOW: u16 = 0x7FE;
 
-/// Ends `run`, and proves that it was gone a second later, with every drive off.
+/// Ends `run`, and fails unless it ends within a second with every drive off.
 fn ends_in_order(mut candump: Candump, run: Process, sim: Process, signals: &[Signal]) -> String {
     Process::of("cansend", &["vcan0", "7FE#"]).wait().succeeds();
-    let told = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == NOW)).nanos;
+    let signalled = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == NOW)).nanos;
     signals.iter().for_each(|signal| run.signal(*signal));
     let outcome = run.wait();
     outcome.succeeds();
     Process::of("cansend", &["vcan0", "7FE#"]).wait().succeeds();
     let gone = candump.until(|line| line.canopen().is_some_and(|(id, _)| id == NOW)).nanos;
-    let took = Duration::from_nanos(gone - told);
+    let took = Duration::from_nanos(gone - signalled);
     assert!(took <= Duration::from_secs(1), "{took:?}");
     sim.terminate().succeeds();
     Log::parse(&candump.finish()).ends_with_every_drive_off(NODES);
     outcome.stderr
 }
 
-/// `sim` and `run` with the arm carried and moved, and what is said to people going there.
+/// Runs `sim` and `run` until the arm is armed and moves; the log of `run` goes to `stderr`.
 fn carried(scratch: &Scratch, stderr: impl Into<Stdio>) -> (Candump, Process, Process) {
     let mut candump = Candump::of("vcan0");
     let sim = scratch.frhc(&["sim", "--config", CONFIG, "--scenario", "contact_10s"]);
@@ -506,16 +506,16 @@ fn carried(scratch: &Scratch, stderr: impl Into<Stdio>) -> (Candump, Process, Pr
 }
 
 #[test]
-fn hazard_30_signals_end_a_run_in_order_within_a_second_and_only_those_that_mean_to() {
+fn hazard_30_stopping_signals_end_a_run_within_a_second() {
     let scratch = Scratch::new("signals");
     let (mut candump, run, sim) = carried(&scratch, Stdio::piped());
     run.signal(Signal::SIGHUP);
     let begun = candump.last_nanos();
     candump.until(|line| line.nanos > begun + 200_000_000);
     scratch.ctl("status").succeeds();
-    let told = ends_in_order(candump, run, sim, &[Signal::SIGTERM, Signal::SIGINT]);
-    assert!(told.contains("SIGHUP: ignored"), "{told}");
-    assert!(told.contains("stopping signal=\"SIGTERM\""), "{told}");
+    let log = ends_in_order(candump, run, sim, &[Signal::SIGTERM, Signal::SIGINT]);
+    assert!(log.contains("SIGHUP: ignored"), "{log}");
+    assert!(log.contains("stopping signal=\"SIGTERM\""), "{log}");
 }
 
 #[test]
@@ -531,7 +531,7 @@ fn hazard_32_limit_of_file_size_ends_the_recording_alone() {
     candump.until(|line| line.nanos > armed + 3_000_000_000);
     scratch.ctl("disarm").succeeds();
     let outcome = run.terminate();
-    assert_eq!(outcome.code, Some(4), "what was asked for is not there: {}", outcome.stderr);
+    assert_eq!(outcome.code, Some(4), "the recording is incomplete: {}", outcome.stderr);
     assert_eq!(
         outcome.stderr.matches("the recording has stopped").count(),
         1,
@@ -543,7 +543,7 @@ fn hazard_32_limit_of_file_size_ends_the_recording_alone() {
 }
 
 #[test]
-fn promise_12_a_console_that_does_not_read_and_a_terminal_that_is_stopped_delay_no_stop() {
+fn promise_12_full_console_and_terminal_delay_no_stop() {
     let scratch = Scratch::new("stopped");
     let (_unread, mut full) = UnixStream::pair().unwrap();
     full.set_nonblocking(true).unwrap();
@@ -557,10 +557,10 @@ fn promise_12_a_console_that_does_not_read_and_a_terminal_that_is_stopped_delay_
 }
 
 #[test]
-fn promise_12_a_boot_is_ended_by_a_signal_and_starts_no_drive() {
+fn promise_12_boot_ended_by_a_signal_starts_no_drive() {
     let scratch = Scratch::new("boot-ended");
     let mut candump = Candump::of("vcan0");
-    // A drive that takes its time: the others' boot costs none in virtual time, and would be over before the signal.
+    // One drive is slow: in virtual time the boot of the others would end before the signal.
     let slow = ["--quirks", "elbow=slow-sdo"];
     let sim = scratch.frhc(&[&["sim", "--config", CONFIG][..], &slow].concat());
     candump.until(|line| line.canopen().is_some_and(|(id, _)| id == 0x706));
@@ -576,7 +576,7 @@ fn promise_12_a_boot_is_ended_by_a_signal_and_starts_no_drive() {
 }
 
 #[test]
-fn promise_15_a_trip_without_a_recording_is_recorded_in_the_users_state_folder() {
+fn promise_15_stop_without_a_recording_is_in_the_state_folder() {
     let scratch = Scratch::new("state");
     let (mut candump, run, sim) = carried(&scratch, Stdio::piped());
     sim.kill();
@@ -593,10 +593,10 @@ fn promise_15_a_trip_without_a_recording_is_recorded_in_the_users_state_folder()
     let log = fs::read_to_string(record.join("bus.log")).unwrap();
     assert!(log.lines().count() > 10_000 && log.contains(" node0 "), "{}", log.lines().count());
 
-    // One event, one time: on stderr, in the document, and less the origin in the log.
+    // The same time on stderr, in the document, and with the origin in the log.
     let tripped = fault["seconds"].as_f64().unwrap();
     let line = format!("{tripped:.6} s  WARN mode mode=zero-torque");
-    assert!(outcome.stderr.lines().any(|told| told.starts_with(&line)), "{}", outcome.stderr);
+    assert!(outcome.stderr.lines().any(|one| one.starts_with(&line)), "{}", outcome.stderr);
     let origin = &fault["origin"];
     let first = format!("INFO time counts from {} (", origin["utc"].as_str().unwrap());
     assert!(outcome.stderr.contains(&first), "{}", outcome.stderr);
@@ -608,7 +608,7 @@ fn promise_15_a_trip_without_a_recording_is_recorded_in_the_users_state_folder()
 }
 
 #[test]
-fn a_second_recording_leaves_the_first_as_it_was() {
+fn second_recording_leaves_the_first_unchanged() {
     let scratch = Scratch::new("recordings");
     let parent = scratch.path("recordings");
     let record = || {
@@ -621,16 +621,16 @@ fn a_second_recording_leaves_the_first_as_it_was() {
         sim.terminate().succeeds();
         outcome.stderr
     };
-    let told = record();
+    let log = record();
     let first = only(&parent);
-    assert!(told.contains(&format!("recording in {}", first.display())), "{told}");
+    assert!(log.contains(&format!("recording in {}", first.display())), "{log}");
     let log = fs::read(first.join("bus.log")).unwrap();
     record();
     assert_eq!(fs::read_dir(&parent).unwrap().count(), 2);
     assert_eq!(fs::read(first.join("bus.log")).unwrap(), log);
 }
 
-/// The only entry of a folder.
+/// Returns the only entry of a folder.
 fn only(folder: &str) -> PathBuf {
     let mut entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let entry = entries.next().unwrap();
@@ -638,7 +638,7 @@ fn only(folder: &str) -> PathBuf {
     entry
 }
 
-/// Seconds as nanoseconds.
+/// Returns seconds as nanoseconds.
 fn seconds(seconds: f64) -> u64 {
     u64::try_from(Duration::from_secs_f64(seconds).as_nanos()).unwrap()
 }

@@ -100,8 +100,14 @@ fn play(args: &Campaign, quiet: bool, configs: Vec<Config>) -> Result<(), Failur
     if cases.cases().is_empty() {
         let names: Vec<&str> = catalogue::kinds().map(|kind| kind.name).collect();
         let only = args.only.as_deref().unwrap_or_default();
-        let names = names.join(", ");
-        let reason = format!("--only {only}: unknown kind of fault; expected one of: {names}");
+        let renamed = catalogue::RENAMED.iter().find(|(former, _)| *former == only);
+        let reason = match renamed {
+            Some((_, kind)) => format!("--only {only}: the kind was renamed to \"{kind}\""),
+            None => {
+                let names = names.join(", ");
+                format!("--only {only}: unknown kind of fault; expected one of: {names}")
+            }
+        };
         return Err(Failure::new(Kind::Usage, reason));
     }
     let bar = bar(u64::try_from(cases.cases().len()).unwrap_or(0), "faults", quiet);

@@ -8,9 +8,9 @@ use std::time::Duration;
 pub struct FrameFault {
     /// The frames that may be affected.
     pub selection: Selection,
-    /// What happens to an affected frame.
+    /// Effect on an affected frame.
     pub effect: Effect,
-    /// How many of the selected frames are affected.
+    /// Extent among the selected frames.
     pub extent: Extent,
 }
 
@@ -44,7 +44,7 @@ pub enum Service {
     Nmt,
 }
 
-/// How many of the selected frames are affected.
+/// Extent of a fault among the selected frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Extent {
     /// Every frame.
@@ -55,7 +55,7 @@ pub enum Extent {
     First(u32),
 }
 
-/// What happens to a frame.
+/// Effect on a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
     /// The frame is lost.
@@ -66,7 +66,7 @@ pub enum Effect {
     Delay {
         /// The delay.
         by: Duration,
-        /// Whether later frames of the same COB-ID may overtake it.
+        /// Later frames of the same COB-ID may overtake it.
         reorders: bool,
     },
     /// The set bits of this mask are inverted in its data.

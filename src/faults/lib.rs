@@ -50,7 +50,7 @@ pub struct Fault {
     pub duration: Option<Duration>,
     /// The part of the system that has it.
     pub target: Target,
-    /// What fails, and how.
+    /// Kind of the fault.
     pub kind: Kind,
 }
 
@@ -71,7 +71,7 @@ pub enum Target {
     Host,
 }
 
-/// What fails, and how.
+/// Kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
     /// The device has no connection to its bus.

@@ -1,5 +1,4 @@
-//! The same scenario without and with the passivity layer: whether the loop oscillates in contact, and
-//! whether the layer bounds it.
+//! One scenario without and with the passivity layer: oscillation in contact, and its bound by the layer.
 
 use std::fmt;
 
@@ -12,11 +11,11 @@ use sim::scenario::Scenario;
 use telemetry::contact::Contact;
 use telemetry::summary::Summary;
 
-/// The layer bounds an oscillation if it leaves no more than this of the energy that drives it.
-const BOUNDED: f64 = 0.1;
+/// Largest share of the driving energy that a bounded oscillation may keep.
+const MAX_BOUNDED_SHARE: f64 = 0.1;
 
-/// Less is no oscillation, in J.
-const ACTIVE: f64 = 0.01;
+/// Least driving energy of an oscillation, in J.
+const MIN_ACTIVE: f64 = 0.01;
 
 /// Two runs of one scenario.
 #[derive(Clone, Debug, Serialize)]
@@ -29,7 +28,7 @@ pub struct Comparison {
     pub with: Summary,
 }
 
-/// `config` with the surroundings that `scenario` asks for.
+/// Returns `config` with the environment of `scenario`.
 #[must_use]
 pub fn surrounded(config: &Config, scenario: &Scenario) -> Config {
     let mut remote = config.remote.clone();
@@ -39,7 +38,7 @@ pub fn surrounded(config: &Config, scenario: &Scenario) -> Config {
     config.clone().with_remote(remote)
 }
 
-/// `config` without its passivity layer.
+/// Returns `config` without its passivity layer.
 #[must_use]
 pub fn without_passivity(config: &Config) -> Config {
     let extensions = Extensions { passivity: None, tank: None, ..config.controller.extensions };
@@ -47,23 +46,24 @@ pub fn without_passivity(config: &Config) -> Config {
 }
 
 impl Comparison {
-    /// Whether the uncontrolled loop drove the hand.
+    /// Returns whether the loop without the layer drove the hand.
     pub fn is_active(&self) -> bool {
-        driven(&self.without.contact) > ACTIVE
+        driven(&self.without.contact) > MIN_ACTIVE
     }
 
-    /// Whether it did, and the layer took nearly all of that away.
+    /// Returns whether it did, and the layer removed at least 90 % of the energy.
     pub fn is_bounded(&self) -> bool {
-        self.is_active() && driven(&self.with.contact) <= BOUNDED * driven(&self.without.contact)
+        self.is_active()
+            && driven(&self.with.contact) <= MAX_BOUNDED_SHARE * driven(&self.without.contact)
     }
 }
 
-/// The energy that contact drove the hand with, in J.
+/// Returns the energy with which contact drove the hand, in J.
 fn driven(contact: &Contact) -> f64 {
     (-contact.lowest_energy_j).max(0.0)
 }
 
-/// What is compared of a run.
+/// Returns the compared figures of a run.
 fn row(run: &Summary) -> [f64; 5] {
     [
         f64::from(run.contact.reversals),
@@ -74,7 +74,7 @@ fn row(run: &Summary) -> [f64; 5] {
     ]
 }
 
-/// As people read it.
+/// The comparison as a table.
 impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let wall = format!("wall of {:.0} N/m, passivity layer", self.wall_stiffness_n_per_m);
@@ -90,7 +90,7 @@ impl fmt::Display for Comparison {
             writeln!(f, "{what:42} {without:10.1} {with:10.1}")?;
         }
         let verdict = match (self.is_active(), self.is_bounded()) {
-            (false, _) => "the loop drives nobody without the layer either",
+            (false, _) => "the loop does not oscillate without the layer either",
             (true, false) => "the passivity layer does not bound this loop",
             (true, true) => "the uncontrolled loop is active; the passivity layer bounds it",
         };

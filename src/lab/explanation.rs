@@ -1,14 +1,14 @@
-//! One cycle of the controller, every intermediate of Fig. 3 by name, with unit, frame and equation.
+//! One cycle of the controller: every intermediate of Fig. 3 by name, with unit, frame and equation.
 //!
-//! The values are those of the very step that the loop runs; only the command of the other mode is asked
-//! for besides. The cycles before it are those that lead there: reference set, deadman held, a cycle ago.
+//! The values are those of the step that the loop runs; the command of the other mode is computed besides. The cycles
+//! before it lead there: reference set, deadman pressed, one cycle ago.
 
 use nalgebra::Isometry3;
 use nalgebra::Vector3;
 
+use crate::question::InvalidQuestion;
 use crate::question::Posed;
 use crate::question::Question;
-use crate::question::Unanswerable;
 use config::Config;
 use controller::Controller;
 use controller::Input;
@@ -26,8 +26,8 @@ use units::spatial::Twist;
 use units::spatial::Wrench;
 use units::spatial::rotation;
 
-/// So long the hand rests where it was a cycle ago, in s, until every ramp is over.
-const SETTLING: f64 = 10.0;
+/// Time for which the hand rests before the explained cycle, in s, until every ramp is over.
+const SETTLING_TIME: f64 = 10.0;
 
 /// A value of Fig. 3.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,7 +44,7 @@ pub enum Value {
     Matrix([[f64; 6]; 6]),
     /// Targets of drives.
     Targets([i16; 6]),
-    /// A word; nothing where there is none.
+    /// A word, or its absence.
     Word(Option<String>),
 }
 
@@ -53,7 +53,7 @@ pub enum Value {
 pub struct Entry {
     /// Its name, as everywhere in this program.
     pub name: &'static str,
-    /// What it is.
+    /// Description.
     pub what: &'static str,
     /// Equation or section of the paper.
     pub place: &'static str,
@@ -77,14 +77,14 @@ pub fn explain(
     config: &Config,
     start: &JointVector,
     question: &Question,
-) -> Result<Explanation, Unanswerable> {
+) -> Result<Explanation, InvalidQuestion> {
     let x_b_m = &config.remote.x_b_m;
     let posed = question.pose(&config.controller, start, x_b_m, config.command_mode)?;
     let output = run(&posed);
     Ok(Explanation(entries(&posed, &output)))
 }
 
-/// The cycles that lead there, and the cycle itself.
+/// Runs the cycles that lead there, and the cycle itself.
 fn run(posed: &Posed) -> Output {
     let mut controller = Controller::new(&posed.settings);
     let up = Switches::default();
@@ -108,13 +108,13 @@ fn run(posed: &Posed) -> Output {
     step(&posed.q_reference, up, true);
     step(&posed.q_reference, pressed, false);
     let period = posed.settings.period;
-    for _ in 0..period.cycles(SETTLING) {
+    for _ in 0..period.cycles(SETTLING_TIME) {
         step(&posed.q_before, held, false);
     }
     step(&posed.q, held, false)
 }
 
-/// Fig. 3 from top to bottom.
+/// Returns Fig. 3 from top to bottom.
 fn entries(posed: &Posed, output: &Output) -> Vec<Entry> {
     let mut entries = motion(posed, output);
     entries.extend(wrenches(posed, output));
@@ -122,14 +122,14 @@ fn entries(posed: &Posed, output: &Output) -> Vec<Entry> {
     entries
 }
 
-/// Where the grip is, and what that commands.
+/// Returns the pose of the grip, and the command.
 fn motion(posed: &Posed, output: &Output) -> Vec<Entry> {
     let settings = &posed.settings;
     let (interpretation, law) = (&settings.interpretation, &settings.command);
     let Output { q, reference, x_0_g, x_h_g, dx, dx_db, command, .. } = output;
     let rotation = rotation::rotation_vector(&x_h_g.rotation);
     let omega = interpretation.orientation.rate(&dx_db.orientation);
-    // What either mode would command from here.
+    // The commands of both modes from here.
     let rate_db = law.effective(Mode::Rate, &settings.channels, dx);
     let pose_db = law.effective(Mode::Pose, &settings.channels, dx);
     let v_m = law.rate(interpretation.orientation, &rate_db);
@@ -150,7 +150,7 @@ fn motion(posed: &Posed, output: &Output) -> Vec<Entry> {
     ]
 }
 
-/// What is sensed, and what the hand feels.
+/// Returns the sensed wrench, and the wrenches on the grip.
 fn wrenches(posed: &Posed, output: &Output) -> Vec<Entry> {
     let Output { f_m_task, f_g_task, f_g_centring, f_g_damping, port, .. } = output;
     let f_w_task = f_g_task.at(posed.settings.arm.grip());
@@ -168,7 +168,7 @@ fn wrenches(posed: &Posed, output: &Output) -> Vec<Entry> {
     ]
 }
 
-/// What the joints exert for it.
+/// Returns the joint torques.
 fn torques(output: &Output) -> Vec<Entry> {
     let Output { j_g, ledger, tau, targets, fault, .. } = output;
     let assist = ledger.centring + ledger.damping;

@@ -1,5 +1,4 @@
-//! What one cycle of the controller is to be explained for: joint positions, a wrench, switches, and
-//! whatever of the configuration is to be otherwise.
+//! Inputs of an explained cycle: joint positions, wrench, switches, and changes of the configuration.
 
 use nalgebra::Isometry3;
 use nalgebra::Matrix3;
@@ -29,10 +28,10 @@ use units::spatial::Wrench;
 /// A pose as its 4 × 4 matrix, row by row.
 type Rows = [[f64; 4]; 4];
 
-/// How far the rows of a rotation may be from unit length and right angles.
-const ORTHONORMAL: f64 = 1e-6;
+/// Largest deviation of a rotation's rows from unit length and right angles.
+const MAX_NON_ORTHONORMAL: f64 = 1e-6;
 
-/// The most a hand may be asked to feel where the question says what is felt, in N and N·m.
+/// Largest force and moment of a question that sets its own gains, in N and N·m.
 const UNLIMITED: f64 = 1e6;
 
 /// One question. Keys are the names of this program; those of the paper's symbols are taken too.
@@ -58,11 +57,11 @@ pub struct Question {
     pub mode: Option<String>,
     /// `consistent` or `paper1997`.
     pub preset: Option<String>,
-    /// Whether the deadman is held; it is unless said otherwise.
+    /// State of the deadman; pressed by default.
     pub deadman: Option<bool>,
-    /// Whether reflection is on; it is unless said otherwise.
+    /// State of reflection; on by default.
     pub reflection: Option<bool>,
-    /// Whether the layers beside the paper's law act too; they do not unless asked for.
+    /// State of the layers beside the paper's law; off by default.
     pub layers: bool,
     /// Pose of the sensor in {MRF}.
     #[serde(alias = "T_MRF_S")]
@@ -96,24 +95,24 @@ pub struct Question {
     pub assist_fraction: Option<f64>,
 }
 
-/// What is wrong with a question: which key, and why.
+/// An invalid key of a question.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unanswerable {
+pub struct InvalidQuestion {
     /// The key.
     pub key: &'static str,
-    /// What is wrong with its value.
+    /// Problem of its value.
     pub reason: String,
 }
 
-impl std::fmt::Display for Unanswerable {
+impl std::fmt::Display for InvalidQuestion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}: {}", self.key, self.reason)
     }
 }
 
-impl std::error::Error for Unanswerable {}
+impl std::error::Error for InvalidQuestion {}
 
-/// A question that can be answered.
+/// A checked question.
 #[derive(Clone, Debug)]
 pub(super) struct Posed {
     pub(super) settings: Settings,
@@ -128,18 +127,17 @@ pub(super) struct Posed {
 }
 
 impl Question {
-    /// Over `settings`, the arm being at `start`, the object at `x_b_m` and commands of `mode` where
-    /// nothing is said.
+    /// Completes the question by `settings`, the arm at `start`, the object at `x_b_m` and commands of `mode`.
     ///
     /// # Errors
-    /// The first key that cannot be.
+    /// The first invalid key.
     pub(super) fn pose(
         &self,
         settings: &Settings,
         start: &JointVector,
         x_b_m: &Isometry3<f64>,
         mode: Mode,
-    ) -> Result<Posed, Unanswerable> {
+    ) -> Result<Posed, InvalidQuestion> {
         let q = joints("q", self.q, start)?;
         Ok(Posed {
             settings: self.over(settings)?,
@@ -153,7 +151,7 @@ impl Question {
                 Some("rate") => Mode::Rate,
                 Some("pose") => Mode::Pose,
                 Some(other) => {
-                    return Err(wrong("mode", format!("\"{other}\" is not rate or pose")));
+                    return Err(wrong("mode", format!("must be rate or pose, got \"{other}\"")));
                 }
             },
             deadman: self.deadman.unwrap_or(true),
@@ -161,8 +159,8 @@ impl Question {
         })
     }
 
-    /// `settings` with what the question has otherwise.
-    fn over(&self, settings: &Settings) -> Result<Settings, Unanswerable> {
+    /// Returns `settings` with the changes of the question.
+    fn over(&self, settings: &Settings) -> Result<Settings, InvalidQuestion> {
         let mut over = *settings;
         if !self.layers {
             over.extensions = Extensions::default();
@@ -172,7 +170,10 @@ impl Question {
             Some("consistent") => Interpretation::CONSISTENT,
             Some("paper1997") => Interpretation::PAPER_1997,
             Some(other) => {
-                return Err(wrong("preset", format!("\"{other}\" is not consistent or paper1997")));
+                return Err(wrong(
+                    "preset",
+                    format!("must be consistent or paper1997, got \"{other}\""),
+                ));
             }
         };
         if let Some(period) = self.period_s {
@@ -196,7 +197,7 @@ impl Question {
         Ok(over)
     }
 
-    fn channels(&self, kept: Channels) -> Result<Channels, Unanswerable> {
+    fn channels(&self, kept: Channels) -> Result<Channels, InvalidQuestion> {
         match (self.deadband, self.parabola) {
             (None, None) => Ok(kept),
             (Some(deadband), Some(parabola)) => {
@@ -206,11 +207,11 @@ impl Question {
                 }
                 named("deadband", Channels::new(deadband, plateau))
             }
-            _ => Err(wrong("deadband", "deadband and parabola are given together".to_owned())),
+            _ => Err(wrong("deadband", "deadband and parabola must be given together".to_owned())),
         }
     }
 
-    fn reflecting(&self, kept: Reflection) -> Result<Reflection, Unanswerable> {
+    fn reflecting(&self, kept: Reflection) -> Result<Reflection, InvalidQuestion> {
         if self.wrench_gain.is_none() && self.x_m_s.is_none() {
             return Ok(kept);
         }
@@ -220,7 +221,7 @@ impl Question {
         named("wrench_gain", Reflection::new(x_m_s, gain, UNLIMITED, UNLIMITED))
     }
 
-    fn calibrated(&self, kept: Calibration<6>) -> Result<Calibration<6>, Unanswerable> {
+    fn calibrated(&self, kept: Calibration<6>) -> Result<Calibration<6>, InvalidQuestion> {
         let Some(max_torque) = self.max_torque else { return Ok(kept) };
         let [a, b, c, d, e, f] = max_torque.map(|max| {
             let line = TorqueCurve::new([1e3 / max, 0.0, 0.0], max);
@@ -231,12 +232,12 @@ impl Question {
     }
 }
 
-fn wrong(key: &'static str, reason: String) -> Unanswerable {
-    Unanswerable { key, reason }
+fn wrong(key: &'static str, reason: String) -> InvalidQuestion {
+    InvalidQuestion { key, reason }
 }
 
-/// Gains of a key, which the error names once.
-fn checked_gains(key: &'static str, values: [f64; 6]) -> Result<Gains, Unanswerable> {
+/// Returns gains of a key, which the error names once.
+fn checked_gains(key: &'static str, values: [f64; 6]) -> Result<Gains, InvalidQuestion> {
     let wrong_axis = |InvalidGain { axis, value, .. }| {
         wrong(key, format!("{axis} must be within 0 and {MAX_GAIN}, got {value}"))
     };
@@ -246,7 +247,7 @@ fn checked_gains(key: &'static str, values: [f64; 6]) -> Result<Gains, Unanswera
 fn named<T, E: std::fmt::Display>(
     key: &'static str,
     result: Result<T, E>,
-) -> Result<T, Unanswerable> {
+) -> Result<T, InvalidQuestion> {
     result.map_err(|error| wrong(key, error.to_string()))
 }
 
@@ -254,29 +255,29 @@ fn joints(
     key: &'static str,
     given: Option<[f64; 6]>,
     otherwise: &JointVector,
-) -> Result<JointVector, Unanswerable> {
+) -> Result<JointVector, InvalidQuestion> {
     let q = given.map_or(*otherwise, JointVector::from);
     if q.iter().all(|position| position.abs() <= 1e3) {
         Ok(q)
     } else {
-        Err(wrong(key, "a joint position is no reasonable number".to_owned()))
+        Err(wrong(key, "joint positions must be within -1000..=1000".to_owned()))
     }
 }
 
-/// A pose from its matrix.
-fn pose(key: &'static str, rows: &Rows) -> Result<Isometry3<f64>, Unanswerable> {
+/// Returns a pose from its matrix.
+fn pose(key: &'static str, rows: &Rows) -> Result<Isometry3<f64>, InvalidQuestion> {
     let [[a, b, c, x], [d, e, f, y], [g, h, i, z], last] = *rows;
     let matrix = Matrix3::new(a, b, c, d, e, f, g, h, i);
     let square = (matrix * matrix.transpose() - Matrix3::identity()).norm();
-    let is_pose = square < ORTHONORMAL
+    let is_pose = square < MAX_NON_ORTHONORMAL
         && matrix.determinant() > 0.0
         && last
             .iter()
             .zip([0.0, 0.0, 0.0, 1.0])
-            .all(|(is, should)| (is - should).abs() < ORTHONORMAL)
+            .all(|(is, should)| (is - should).abs() < MAX_NON_ORTHONORMAL)
         && Vector3::new(x, y, z).norm() < UNLIMITED;
     if !is_pose {
-        return Err(wrong(key, "is not the 4 × 4 matrix of a pose".to_owned()));
+        return Err(wrong(key, "must be the 4 × 4 matrix of a pose".to_owned()));
     }
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
     Ok(Isometry3::from_parts(Translation3::new(x, y, z), rotation))

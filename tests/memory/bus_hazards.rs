@@ -193,10 +193,10 @@ fn hazard_22_late_frames_of_a_stalled_adapter_meet_no_sync() {
         let stalled = on_bus(phase, Disturbance::AdapterStalled);
         let run = Run::with(&[stalled.lasting(Duration::from_micros(stalls))]).cycles(60);
         assert_eq!(run.end().1, Mode::DrivesOff, "{phase}");
-        // The one under way when it began, and the one that was held.
+        // One on the wire at the start, and one that was held back.
         let syncs = run.syncs();
         assert!(syncs.len() <= 2, "{syncs:?}");
-        // What is held winds up the drives' timers once more, if they have not run down before.
+        // A held target restarts the drives' timers if they have not run out.
         let pushed = run.pushed.since(run.onset);
         assert!(pushed <= Duration::from_millis(11), "{phase}: pushed for {pushed:?}");
     }
@@ -236,7 +236,7 @@ fn booted(after_ms: u64, disturbance: Disturbance) -> (Result<(), String>, Wire)
 
 #[test]
 fn hazard_24_boot_on_a_bus_that_is_down_names_no_drive() {
-    // While it listens, while it reads, and while it writes; told by the driver, and by a frame not taken.
+    // While the node listens, uploads and downloads; reported by the driver, and by a refused frame.
     for after_ms in [0, 10, 30, 60] {
         for (wrong, words) in [
             (Disturbance::InterfaceDown, "bus 0: interface down"),
@@ -279,7 +279,7 @@ fn hazard_25_backlog_of_a_short_gap_is_drained_at_once() {
 
 #[test]
 fn hazard_25_samples_buffered_too_long_are_missing() {
-    // The process stands still while the drives answer.
+    // The process is stopped while the drives answer.
     let span = Duration::from_micros(2_800);
     let run = Run::with(&[of_host(100, HostFault::ProcessStopped, span)]).cycles(3);
     assert_eq!(run.records[0].sampled, [false; 6]);
@@ -346,15 +346,15 @@ fn hazard_31_wall_clock_may_be_set_at_any_moment() {
 #[test]
 fn hazard_26_receive_filter_passes_configured_cob_ids_alone() {
     let patterns = config(KRAFT).patterns();
-    let is_heard = |cob_id: u16| patterns[0].iter().any(|pattern| pattern.has(cob_id));
+    let passes = |cob_id: u16| patterns[0].iter().any(|pattern| pattern.has(cob_id));
     let of_its_nodes = [0x081, 0x083, 0x183, 0x283, 0x583, 0x703];
     let of_foreign_masters = [0x000, 0x080, 0x201, 0x603];
-    let of_strangers = [0x08F, 0x70F];
-    for cob_id in [&of_its_nodes[..], &of_foreign_masters, &of_strangers].concat() {
-        assert!(is_heard(cob_id), "{cob_id:03X}");
+    let of_unknown_nodes = [0x08F, 0x70F];
+    for cob_id in [&of_its_nodes[..], &of_foreign_masters, &of_unknown_nodes].concat() {
+        assert!(passes(cob_id), "{cob_id:03X}");
     }
     for cob_id in [0x001, 0x07F, 0x100, 0x101, 0x1FF, 0x5FF, 0x6FF, 0x780, 0x7E5, 0x7FF] {
-        assert!(!is_heard(cob_id), "{cob_id:03X}");
+        assert!(!passes(cob_id), "{cob_id:03X}");
     }
 }
 
@@ -388,7 +388,7 @@ fn hazard_26_flood_that_wins_every_arbitration_stops_all() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
-    /// Whatever is heard, no drive is told more than it may be, and the node keeps its time.
+    /// With any frames, targets keep their limits, and the node keeps its period.
     #[test]
     fn hazard_26_arbitrary_frames_never_delay_the_node(
         frames in proptest::collection::vec(

@@ -99,7 +99,7 @@ fn boot_without_end_is_given_up_in_virtual_time() {
 
 #[test]
 fn stopped_process_names_no_drive() {
-    for only in ["process killed", "process stands still", "backlog after a stop"] {
+    for only in ["process killed", "process stopped", "backlog after a stop"] {
         for verdict in play(6, only) {
             let kind = verdict.observed.cause.map(|cause| cause.kind());
             assert_eq!(kind, Some(cause::Kind::Overrun), "{verdict:?}");
@@ -109,7 +109,7 @@ fn stopped_process_names_no_drive() {
 
 #[test]
 fn drives_are_off_115_ms_after_zero_torque() {
-    for only in ["SYNC not heard", "deadman channel stuck", "heartbeat lost"] {
+    for only in ["SYNC missing", "deadman channel stuck", "heartbeat lost"] {
         let verdicts = play(6, only);
         all_pass(&verdicts);
         assert!(Table::of(&verdicts).total.off_ms.unwrap() <= 115.0);
@@ -146,7 +146,7 @@ fn every_kind_is_in_every_round_with_a_valid_scenario() {
 
 #[test]
 fn promise_01_detected_fault_stops_all_joints_in_five_cycles() {
-    for only in ["drive unplugged", "wire cut", "SYNC not heard"] {
+    for only in ["drive unplugged", "wire cut", "SYNC missing"] {
         let verdicts = play(4, only);
         all_pass(&verdicts);
         let line = Table::of(&verdicts).total;

@@ -1,4 +1,4 @@
-//! What goes wrong, and what the drives are told then. Times are read off the bus.
+//! Failures of drives, and the targets that follow. Times are those of the bus.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -22,12 +22,12 @@ use units::time::Instant;
 
 const ONE_KILOHERTZ: &str = "config/kraft_like.toml";
 
-/// Cycles from `onset` until every drive is told zero torque, and that none is told anything else after.
+/// Returns the cycles from `onset` until every target is zero for good.
 fn cycles_to_zero(wire: &Wire, onset: Instant) -> usize {
     let pushing = |group: u16| {
-        let told = wire.since(onset, group);
-        assert!(told.len() > 20, "{group:03X}h is not sent");
-        told.iter().rposition(|(_, frame)| frame.data() != [0; 6]).map_or(0, |last| last + 1)
+        let frames = wire.since(onset, group);
+        assert!(frames.len() > 20, "{group:03X}h is not sent");
+        frames.iter().rposition(|(_, frame)| frame.data() != [0; 6]).map_or(0, |last| last + 1)
     };
     [0x201, 0x204].map(pushing).into_iter().max().unwrap()
 }
@@ -58,7 +58,7 @@ fn hazard_08_statusword_alone_stops_all_within_12_cycles() {
         let record = until(&mut bench, |record| record.mode.is_stopped());
         assert!(matches!(record.cause, Some(Cause::DriveLeft { joint: j, .. }) if j == joint));
         bench.run(150);
-        // Between two of them lie 10 ms (1801h:3), or six at once would keep the next SYNC waiting.
+        // Their inhibit time is 10 ms (1801h:3), or six at once would delay the next SYNC.
         assert!(cycles_to_zero(&wire, onset) <= 12);
     }
 }
@@ -93,14 +93,14 @@ fn silent_node_lets_the_drives_stop_by_their_timers() {
     let fell_silent = bench.fall_silent_for(Duration::from_millis(6));
     let drives = bench.node().bus().stations().drives();
     assert!(drives.iter().all(|drive| drive.demand() == 0.0));
-    // The current dies away with the time constant of its loop, 0.2 ms.
+    // The current decays with the time constant of its loop, 0.2 ms.
     bench.fall_silent_for(Duration::from_millis(2));
     let left = bench.node().bus().stations().torques().amax();
     assert!(left < 1e-3, "{left} N·m");
     bench.fall_silent_for(Duration::from_millis(92));
     for node in 1..=6 {
-        let told = wire.since(fell_silent - Duration::from_millis(2), 0x680 + node);
-        let (at, frame) = told.first().unwrap();
+        let emergencies = wire.since(fell_silent - Duration::from_millis(2), 0x680 + node);
+        let (at, frame) = emergencies.first().unwrap();
         assert_eq!(frame.data()[..5], [0x50, 0x82, 0x11, 0, 0], "8250h, torque zero");
         // Six emergencies at once wait for each other.
         assert!(at.since(fell_silent) <= Duration::from_millis(7), "{:?}", at.since(fell_silent));

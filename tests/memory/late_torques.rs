@@ -1,5 +1,5 @@
-//! A process that stands still in the middle of a cycle, after any of its frames (row 29, promise 10): torques that
-//! are late are not sent, zeros are.
+//! A process that is stopped within a cycle, after any of its frames (hazard 29, promise 10): late torques are not
+//! sent, zeros are.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -32,16 +32,16 @@ use units::time::Instant;
 const GROUPED: &str = "config/kraft_like.toml";
 const PER_DRIVE: &str = "config/kraft_like_500hz.toml";
 
-/// The arm is held and moved, with torque on.
+/// The operator engages and moves the arm.
 const SCRIPT: &str = "seconds = 60\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.2\ndeadman = true\n\
     [[move]]\nat_s = 0.25\nduration_s = 2.0\nto_m = [0.0, 0.1, 0.0]\n";
 
-/// Every frame the node gave to its buses, and when.
+/// Every frame that the buses accepted from the node, with its time.
 #[derive(Clone, Default)]
-struct Given(Rc<RefCell<Vec<(Instant, Frame)>>>);
+struct Accepted(Rc<RefCell<Vec<(Instant, Frame)>>>);
 
-impl Tap for Given {
+impl Tap for Accepted {
     fn on_wire(&mut self, _: Instant, _: &Telegram) {}
 
     fn on_taken(&mut self, at: Instant, telegram: &Telegram) {
@@ -49,15 +49,15 @@ impl Tap for Given {
     }
 }
 
-impl Given {
+impl Accepted {
     fn since(&self, from: Instant) -> Vec<(Instant, Frame)> {
         self.0.borrow().iter().filter(|(at, _)| *at >= from).copied().collect()
     }
 }
 
 struct Run {
-    bench: Bench<Given>,
-    given: Given,
+    bench: Bench<Accepted>,
+    accepted: Accepted,
     period: Duration,
     from: Instant,
     records: Vec<Record>,
@@ -67,9 +67,9 @@ impl Run {
     /// Engaged, with these stops planned: after which frame, for how many tenths of a period, in which cycle
     /// from now on.
     fn with(name: &str, stops: &[(u32, u16, u32)]) -> Self {
-        let (config, given) = (config(name), Given::default());
+        let (config, accepted) = (config(name), Accepted::default());
         let script = Scenario::parse(SCRIPT).unwrap();
-        let mut bench = Bench::new(&config, script, 1, false, given.clone());
+        let mut bench = Bench::new(&config, script, 1, false, accepted.clone());
         bench.bring_up().unwrap();
         while bench.elapsed() < Duration::from_millis(800) {
             bench.cycle();
@@ -83,7 +83,7 @@ impl Run {
             let fault = HostFault::ProcessStoppedAfter(*after);
             bench.bus_mut().inject(from, &Fault::of_host(config.period * *cycle, fault, span));
         }
-        Self { bench, given, period: config.period, from, records: vec![last] }
+        Self { bench, accepted, period: config.period, from, records: vec![last] }
     }
 
     fn cycles(mut self, count: usize) -> Self {
@@ -91,11 +91,11 @@ impl Run {
         self
     }
 
-    /// Torques that are not zero, and how long after the SYNC before them they were given away.
+    /// Torques that are not zero, and how long after the SYNC before them they were accepted away.
     fn pushing(&self) -> Vec<(Duration, Frame)> {
         let mut sync = None;
         let mut pushing = Vec::new();
-        for (at, frame) in self.given.since(self.from) {
+        for (at, frame) in self.accepted.since(self.from) {
             if frame.cob_id == 0x080 {
                 sync = Some(at);
             } else if let (Some(sync), true) = (sync, asks(&frame)) {
@@ -106,7 +106,7 @@ impl Run {
     }
 }
 
-/// Whether a frame asks for torque; with a controlword before it or without.
+/// Returns whether a frame has a non-zero target, with a controlword before it or without.
 fn asks(frame: &Frame) -> bool {
     match (frame.cob_id, frame.data()) {
         (0x201..=0x206, &[_, _, low, high]) => (low, high) != (0, 0),
@@ -157,16 +157,16 @@ fn hazard_29_ten_late_torques_in_a_second_stop_the_node() {
 
 #[test]
 fn hazard_28_zero_torques_are_sent_however_late() {
-    // The third cycle without the sixth drive is the one in which the process stands still, after the fifth's sample.
+    // The process is stopped in the third cycle without the sixth drive, after the fifth one's sample.
     let mut run = Run::with(GROUPED, &[(2, 0x185, 30)]);
     run.bench.world_mut().drive_mut(Joint::of::<6>()).unwrap().unplug();
     let run = run.cycles(5);
     let first = run.records.iter().position(|record| record.mode.is_stopped()).unwrap();
     let [stopped, next] = [0, 1].map(|place| &run.records[first + place]);
     assert_eq!(stopped.cause.map(|cause| cause.kind()), Some(Kind::SamplesMissing));
-    let given = run.given.since(stopped.at + run.period * 3);
-    let zeros = given.iter().filter(|(at, frame)| {
+    let accepted = run.accepted.since(stopped.at + run.period * 3);
+    let zeros = accepted.iter().filter(|(at, frame)| {
         *at < next.at && matches!(frame.cob_id, 0x201 | 0x204) && frame.data() == [0; 6]
     });
-    assert_eq!(zeros.count(), 2, "late, and in the same cycle");
+    assert_eq!(zeros.count(), 2, "late, in the same cycle");
 }

@@ -93,7 +93,7 @@ const FRAMES: &[(&str, Node)] = &[
 const SENSES: &[(&str, Node)] = &[
     ("encoder_jump", Stops("joint 3: position jumped", within(3, 4))),
     ("encoder_frozen", Stops("joint 2: position frozen under torque", within(505, 506))),
-    // It tells its torque at every 99th SYNC here, and the second time counts.
+    // The torque is sent at every 99th SYNC here, and the second one counts.
     (
         "torque_actual_scale",
         Stops("joint 2: actual torque differs from the target torque", within(201, 202)),

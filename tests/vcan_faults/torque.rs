@@ -19,7 +19,7 @@ pub(crate) struct Torque(Vec<(u64, i16)>);
 struct Drive {
     /// Last target.
     target: i16,
-    /// Whether the power stage is on.
+    /// The power stage is on.
     is_on: bool,
     acts: Torque,
 }

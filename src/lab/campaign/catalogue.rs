@@ -16,6 +16,16 @@ pub fn kinds() -> impl Iterator<Item = &'static Kind> {
     groups.into_iter().flatten()
 }
 
+/// Former names of kinds, with the new ones.
+pub const RENAMED: [(&str, &str); 6] = [
+    ("SYNC not heard", "SYNC missing"),
+    ("drive fault, untold", "drive fault, no emergency"),
+    ("drive heartbeat says stopped", "drive heartbeat of another state"),
+    ("process stands still", "process stopped"),
+    ("wrench large, but may be", "wrench large, but valid"),
+    ("wrench no number", "wrench not finite"),
+];
+
 /// Returns the kind of case `number`, from 1.
 pub(super) fn kind_of(number: u32) -> Option<&'static Kind> {
     let count = kinds().count();

@@ -1,4 +1,4 @@
-//! What a case injects, and what it demands of the node.
+//! Faults and actions of a case, and its criterion.
 
 use std::time::Duration;
 
@@ -34,7 +34,7 @@ pub struct Conditions<'a> {
     pub config: &'a Config,
     /// The hazard that the injection stands for.
     pub hazard: u8,
-    /// What the operator does.
+    /// Situation of the operator.
     pub situation: Situation,
     /// Time of the onset after the first SYNC.
     pub onset: Duration,

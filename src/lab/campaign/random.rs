@@ -39,7 +39,7 @@ impl Random {
         Duration::from_micros(u64::try_from(micros).unwrap_or(u64::MAX))
     }
 
-    /// Returns one of some; `None` if there is none.
+    /// Returns one of some; `None` if the list is empty.
     pub(super) fn one_of<'a, T>(&mut self, these: &'a [T]) -> Option<&'a T> {
         let count = u64::try_from(these.len()).unwrap_or(0);
         these.get(usize::try_from(self.below(count)).ok()?)

@@ -10,7 +10,7 @@ use sim::scenario::operator::Console;
 use sim::scenario::operator::Move;
 use sim::scenario::operator::Switch;
 
-/// What the operator does at the onset.
+/// Situation of the operator at the onset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Situation {

@@ -17,7 +17,7 @@ use node::cause::Kind as CauseKind;
 pub struct Observation {
     /// Time until the node was latched.
     pub detected: Option<Duration>,
-    /// Whether the latched mode takes all torque off, not reflection alone.
+    /// The latched mode takes all torque off, not reflection alone.
     pub is_stopped: bool,
     /// Cause of the latched mode.
     pub cause: Option<Cause>,
@@ -27,7 +27,7 @@ pub struct Observation {
     pub off: Option<Duration>,
     /// Time until the node switched the drives off.
     pub drives_off: Option<Duration>,
-    /// Whether a power stage was on for longer than 100 ms after zero torque, or after "drives off".
+    /// A power stage was on for longer than 100 ms after zero torque, or after "drives off".
     pub is_left_on: bool,
     /// Time until every target torque was zero for good.
     pub zero: Option<Duration>,

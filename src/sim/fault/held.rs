@@ -14,7 +14,7 @@ pub(super) struct Delayed {
     pub(super) place: NodeIndex,
     pub(super) direction: Direction,
     pub(super) telegram: Telegram,
-    /// Whether later frames of the same COB-ID may overtake it.
+    /// Later frames of the same COB-ID may overtake it.
     pub(super) may_be_overtaken: bool,
 }
 

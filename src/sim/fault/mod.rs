@@ -44,7 +44,7 @@ pub struct Notice {
     pub at: Duration,
     /// The fault.
     pub fault: Fault,
-    /// Whether it has ended.
+    /// The fault has ended.
     pub is_over: bool,
 }
 

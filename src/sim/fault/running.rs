@@ -54,7 +54,7 @@ struct Imitation {
     imitated: u16,
 }
 
-/// What a target is among the simulated devices.
+/// A target among the simulated devices.
 pub(super) trait OfDevices {
     /// Returns whether the target contains the device at a place.
     fn has(self, place: NodeIndex) -> bool;

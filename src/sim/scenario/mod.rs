@@ -85,7 +85,7 @@ struct Script {
     seconds: Spanned<f64>,
     /// Changes of the configured environment.
     environment: Option<Spanned<Environment>>,
-    /// Whether it is played twice: without and with the passivity layer.
+    /// The scenario is played twice: without and with the passivity layer.
     #[serde(default)]
     compares_passivity: bool,
     #[serde(default)]

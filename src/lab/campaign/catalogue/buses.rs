@@ -91,7 +91,7 @@ pub(super) const KINDS: &[Kind] = &[
         random_frames(random, at, false)
     }),
     kind(27, KILLED, &[Cause::Overrun], killed),
-    kind(28, "process stands still", &[Cause::Overrun], |random, at| stopped(random, at, [7, 20])),
+    kind(28, "process stopped", &[Cause::Overrun], |random, at| stopped(random, at, [7, 20])),
     kind(29, "one cycle late", NO_CAUSE, one_cycle_late),
     kind(29, "stall within a cycle", &[Cause::Emergency, Cause::DriveLeft], stall_within_cycle),
     kind(31, "wall clock set", NO_CAUSE, clock_set),

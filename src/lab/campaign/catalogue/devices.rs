@@ -44,7 +44,12 @@ pub(super) const KINDS: &[Kind] = &[
     kind(2, "switch box heartbeat lost", &[Cause::HeartbeatLost], |_, at| {
         heartbeat_lost(at, Target::SwitchBox)
     }),
-    kind(8, "drive heartbeat says stopped", &[Cause::LeftOperational], heartbeat_of_another_state),
+    kind(
+        8,
+        "drive heartbeat of another state",
+        &[Cause::LeftOperational],
+        heartbeat_of_another_state,
+    ),
     kind(7, "emergency", &[Cause::Emergency], |random, at| {
         let target = Target::Joint(random.joint());
         emergency(random, at, target)
@@ -53,7 +58,7 @@ pub(super) const KINDS: &[Kind] = &[
         emergency(random, at, Target::SwitchBox)
     }),
     kind(8, "drive fault", &[Cause::Emergency, Cause::DriveLeft], drive_fault),
-    kind(8, "drive fault, untold", &[Cause::DriveLeft], drive_fault_without_emergency),
+    kind(8, "drive fault, no emergency", &[Cause::DriveLeft], drive_fault_without_emergency),
     kind(8, "safe torque off", &[Cause::DriveLeft, Cause::Emergency], |random, at| {
         let target = Target::Joint(random.joint());
         device(at, target, DeviceFault::SafeTorqueOff)

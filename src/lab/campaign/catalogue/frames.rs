@@ -27,7 +27,7 @@ pub(super) const KINDS: &[Kind] = &[
     }),
     kind(3, "TPDOs lost now and then", LOSSES, tpdo_share),
     kind(3, "one TPDO lost", NO_CAUSE, |random, at| one_lost(random, at, TPDO)),
-    kind(3, "SYNC not heard", &[Cause::SamplesMissing], sync_lost),
+    kind(3, "SYNC missing", &[Cause::SamplesMissing], sync_lost),
     kind(3, "TPDO of another length", &[Cause::SamplesMissing], resized),
     kind(4, "TPDO late by less than 3 cycles", LOSSES, slightly_late),
     kind(4, "TPDO late by more", LOSSES, late),

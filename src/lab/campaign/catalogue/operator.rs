@@ -32,9 +32,9 @@ use sim::scenario::operator::Switch;
 
 pub(super) const KINDS: &[Kind] = &[
     in_contact(11, "hand too fast", &[Cause::GripOverspeed], too_fast),
-    engaged(33, "wrench no number", &[Cause::LinkLost], not_finite),
+    engaged(33, "wrench not finite", &[Cause::LinkLost], not_finite),
     engaged(33, "wrench too large", &[Cause::LinkLost], too_large),
-    engaged(33, "wrench large, but may be", NO_CAUSE, large),
+    engaged(33, "wrench large, but valid", NO_CAUSE, large),
     engaged(34, "link lost", &[Cause::LinkLost], |_, at| link(at, LinkFault::Lost)),
     engaged(35, "link frozen", &[Cause::LinkLost], |_, at| link(at, LinkFault::Frozen)),
     engaged(34, "link lost for a moment", NO_CAUSE, link_briefly_lost),

@@ -25,7 +25,7 @@ pub(super) struct Grip {
     reported: Option<Deadman>,
     /// Their state at the end of a cycle, and the time since which they have it.
     contacts: Option<(Deadman, Instant)>,
-    /// Whether it has settled open, and has not engaged since.
+    /// The deadman has settled open, and has not engaged since.
     has_released: bool,
     is_engaged: bool,
 }

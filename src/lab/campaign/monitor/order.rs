@@ -39,13 +39,13 @@ struct Known {
     unread: Vec<(Object, [u8; 4])>,
     /// Object of the last upload request.
     requested: Option<Object>,
-    /// Whether it was started by NMT.
+    /// Started by NMT.
     is_started: bool,
-    /// Whether the master has reset it, so that its boot-up message is expected.
+    /// Reset by the master, so that its boot-up message is expected.
     is_reset: bool,
     /// Time at which it booted by itself.
     booted: Option<Instant>,
-    /// Whether it was proven to stop without RPDOs, and without heartbeats.
+    /// Proven to stop without RPDOs, and without heartbeats.
     proven: [bool; 2],
     state: Option<State>,
     target: i16,

@@ -59,7 +59,7 @@ pub(super) struct Member {
     pub(super) identity: Identity,
     /// COB-ID of its emergency messages.
     pub(super) emergency: u16,
-    /// Whether it stops by itself without RPDOs, and without heartbeats.
+    /// Stops by itself without RPDOs, and without heartbeats.
     pub(super) watched: [bool; 2],
 }
 
@@ -83,7 +83,7 @@ pub(super) struct JointSheet {
 pub(super) struct Rpdo {
     pub(super) channel: Channel,
     pub(super) cob_id: u16,
-    /// Whether it is sent once for each SYNC.
+    /// Sent once for each SYNC.
     pub(super) is_cyclic: bool,
     /// Joint, object and first bit of each command; targets first.
     fields: Vec<(Joint, Object, u32)>,

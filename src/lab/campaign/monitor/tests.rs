@@ -403,7 +403,7 @@ fn i7_heartbeat_without_a_cycle_is_reported() {
 }
 
 #[test]
-fn i8_download_to_an_enabled_drive_is_reported_and_upload_is_not() {
+fn i8_download_to_an_enabled_drive_is_reported_upload_is_not() {
     let mut bench = Bench::running();
     bench.received(0x183, &[0x37, 0x02, 0, 0, 0, 0, 0, 0]);
     bench.sent(0x603, &[0x40, 0x03, 0x10, 1, 0, 0, 0, 0]);

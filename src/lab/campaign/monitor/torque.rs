@@ -46,7 +46,7 @@ pub(super) struct Torque {
     /// The deadman as the switch box reports it, and the time since which it is open.
     deadman: Option<Deadman>,
     open_since: Option<Instant>,
-    /// Whether it was open since arming: only then may closing it engage.
+    /// The deadman was open since arming: only then may closing it engage.
     has_edge: bool,
     state: State,
     /// Number of non-zero targets without arming.

@@ -183,7 +183,7 @@ impl Config {
     /// Time after a SYNC in which samples are waited for: what a period leaves when the RPDOs that must be
     /// there before the next SYNC are taken off.
     pub fn window(&self) -> Duration {
-        self.period.saturating_sub(loads::rpdo_time(self, &self.exchange.outbox))
+        self.period.saturating_sub(loads::rpdo_time(self, &self.exchange.rpdos))
     }
 
     /// Returns which bits of which frame are whose, as resolved when the file was read.
@@ -195,7 +195,7 @@ impl Config {
     /// controlwords, heartbeat, TIME and one request. Never less than a boot sends at once: two frames for each node and
     /// two for all.
     pub fn bursts(&self) -> Vec<u32> {
-        let outbox = &self.exchange.outbox;
+        let rpdos = &self.exchange.rpdos;
         let plans = self.node_plans();
         let at_boot = |channel: Channel| {
             let nodes = plans.iter().filter(|(on, _)| *on == channel).count();
@@ -203,7 +203,7 @@ impl Config {
         };
         let others = 3 + u32::from(self.time_period.is_some());
         let channels = self.channels().into_iter();
-        channels.map(|channel| (outbox.frames_on(channel) + others).max(at_boot(channel))).collect()
+        channels.map(|channel| (rpdos.frames_on(channel) + others).max(at_boot(channel))).collect()
     }
 }
 

@@ -7,7 +7,7 @@ use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
 use canopen::bits;
-use canopen::exchange::Outbox;
+use canopen::exchange::RpdoImage;
 use canopen::frame::Channel;
 use canopen::load;
 use canopen::load::BusLoad;
@@ -43,9 +43,9 @@ fn streams(config: &Parameters, channel: Channel) -> Vec<Stream> {
 }
 
 /// Worst-case time of the RPDOs of a cycle on the slowest bus.
-pub(super) fn rpdo_time(config: &Parameters, outbox: &Outbox) -> Duration {
+pub(super) fn rpdo_time(config: &Parameters, rpdos: &RpdoImage) -> Duration {
     let time = |(channel, bus): (Channel, &BusSettings)| {
-        let bits: u32 = outbox.bytes_on(channel).map(bits::worst_case).sum();
+        let bits: u32 = rpdos.bytes_on(channel).map(bits::worst_case).sum();
         Duration::from_secs(1) * bits / bus.bitrate.max(1)
     };
     (0..).map(Channel).zip(&config.buses).map(time).max().unwrap_or_default()

@@ -4,7 +4,7 @@ use crate::power::PowerStages;
 use crate::record::Mode;
 use crate::target_limiter::TargetLimiter;
 use canopen::drive::Goal;
-use canopen::exchange::Outbox;
+use canopen::exchange::RpdoImage;
 use canopen::pdo::DriveSample;
 use config::Config;
 use units::drive::PerMille;
@@ -14,7 +14,7 @@ use units::numbering::Joint;
 #[derive(Clone, Debug)]
 pub(super) struct Drives {
     /// Next content of the drives' RPDOs.
-    pub(super) rpdos: Outbox,
+    pub(super) rpdos: RpdoImage,
     pub(super) power: PowerStages,
     /// Limits of the targets and of their rise.
     pub(super) limiter: TargetLimiter,
@@ -22,7 +22,7 @@ pub(super) struct Drives {
 
 impl Drives {
     /// Returns the drives at zero torque, not enabled.
-    pub(super) fn new(config: &Config, rpdos: Outbox) -> Self {
+    pub(super) fn new(config: &Config, rpdos: RpdoImage) -> Self {
         let max_targets = config.joints.each_ref().map(|joint| joint.calibration.max_target());
         Self {
             rpdos,
@@ -41,13 +41,13 @@ impl Drives {
     ) {
         for (joint, (sample, target)) in Joint::each(latest.iter().zip(targets)) {
             let node = joint.into();
-            self.rpdos.exert(node, *target);
+            self.rpdos.set_target_torque(node, *target);
             let state = sample.statusword.state();
             let goal = self.power.goal(joint, state, mode, drives_on);
             // A fault reset is an edge: a waiting controlword is replaced only by disable voltage.
             if goal == Goal::VoltageDisabled || !self.rpdos.is_waiting(node) {
                 let word = self.power.controlword(joint, state, goal);
-                self.rpdos.lead(node, word, goal.is_reached(state));
+                self.rpdos.set_controlword(node, word, goal.is_reached(state));
             }
         }
     }

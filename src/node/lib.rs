@@ -96,7 +96,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             gravity: config.safety.gravity_ramp,
             reflection: config.safety.reflection_ramp,
         };
-        let Exchange { inbox, outbox: rpdos } = config.exchange().clone();
+        let Exchange { tpdos, rpdos } = config.exchange().clone();
         let plans = config.node_plans();
         Self {
             timing: CycleTiming::new(config, now, bus.suspended()),
@@ -104,7 +104,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             proof_test: ProofTest::new(config, &plans),
             network: Network::new(config, plans),
             samples: Samples::new(
-                inbox,
+                tpdos,
                 plausibility::intakes(config),
                 config.joints.each_ref().map(|joint| joint.channel),
                 config.safety.missing_samples,

@@ -7,8 +7,8 @@ use crate::plausibility::Intake;
 use crate::plausibility::Offer;
 use crate::plausibility::Sampled;
 use canopen::drive::Statusword;
-use canopen::exchange::Inbox;
-use canopen::exchange::Told;
+use canopen::exchange::TpdoMap;
+use canopen::exchange::TpdoSample;
 use canopen::frame::Channel;
 use canopen::frame::Telegram;
 use canopen::pdo::DriveSample;
@@ -25,7 +25,7 @@ const MAX_MISSED_STATUSWORDS: u32 = 3;
 /// The newest sample of each joint.
 #[derive(Clone, Debug)]
 pub(super) struct Samples {
-    inbox: Inbox,
+    tpdos: TpdoMap,
     /// Filters of received positions.
     intakes: [Intake; 6],
     /// Cycles without a sample of a joint that are a fault.
@@ -51,16 +51,16 @@ pub(super) struct Samples {
 }
 
 impl Samples {
-    /// Returns samples before the first frame. The nodes of `inbox` are the joints, then the switch box. `max_missed`
+    /// Returns samples before the first frame. The nodes of `tpdos` are the joints, then the switch box. `max_missed`
     /// cycles in a row without a sample of a joint are a fault.
     pub(super) fn new(
-        inbox: Inbox,
+        tpdos: TpdoMap,
         intakes: [Intake; 6],
         channels: [Channel; 6],
         max_missed: u32,
     ) -> Self {
         let status_timeout =
-            |joint: Joint| Some(inbox.status_repeated(joint.into())? * MAX_MISSED_STATUSWORDS);
+            |joint: Joint| Some(tpdos.status_repeated(joint.into())? * MAX_MISSED_STATUSWORDS);
         Self {
             intakes,
             max_missed,
@@ -75,7 +75,7 @@ impl Samples {
             implausible: None,
             inputs: None,
             malformed: 0,
-            inbox,
+            tpdos,
         }
     }
 
@@ -88,7 +88,7 @@ impl Samples {
 
     /// Takes a frame; returns false if it is not a TPDO of the exchange. One of the wrong length is dropped.
     pub(super) fn on_frame(&mut self, at: Instant, telegram: &Telegram) -> bool {
-        match self.inbox.read(telegram) {
+        match self.tpdos.read(telegram) {
             None => return false,
             Some(Ok(tpdo)) => self.take(at, tpdo),
             Some(Err(_)) => self.malformed += 1,
@@ -98,13 +98,13 @@ impl Samples {
 
     /// Drops a stale frame. Its position counts as late, not as lost.
     pub(super) fn discard(&mut self, telegram: &Telegram) {
-        let Some(Ok(tpdo)) = self.inbox.read(telegram) else { return };
+        let Some(Ok(tpdo)) = self.tpdos.read(telegram) else { return };
         if let (Some(_), Some(joint)) = (tpdo.position, tpdo.node.joint()) {
             joint.entry_mut(&mut self.intakes).discard();
         }
     }
 
-    fn take(&mut self, at: Instant, tpdo: Told) {
+    fn take(&mut self, at: Instant, tpdo: TpdoSample) {
         if let Some(inputs) = tpdo.inputs {
             self.inputs = Some((at, SwitchInputs::from_bits(inputs)));
         }
@@ -230,7 +230,7 @@ mod tests {
     fn samples(name: &str) -> Samples {
         let config = Config::load(Path::new(&format!("config/{name}.toml"))).unwrap();
         Samples::new(
-            config.exchange().inbox.clone(),
+            config.exchange().tpdos.clone(),
             plausibility::intakes(&config),
             [Channel(0); 6],
             3,

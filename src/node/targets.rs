@@ -55,7 +55,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
                 self.timing.lateness.on_dropped_target();
             }
             if !in_time.is_some_and(|telegram| self.send(telegram)) {
-                for joint in self.drives.rpdos.pushed_by(&telegram).filter_map(NodeIndex::joint) {
+                for joint in
+                    self.drives.rpdos.nodes_with_torque(&telegram).filter_map(NodeIndex::joint)
+                {
                     *joint.entry_mut(&mut was_sent) = false;
                 }
             }

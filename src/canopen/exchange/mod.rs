@@ -1,7 +1,7 @@
-//! The cyclic exchange between master and nodes: which bits of which frame are whose.
+//! Cyclic exchange between master and nodes: positions of the mapped objects in the PDOs.
 //!
-//! Resolved once from the nodes' layouts; every cycle then shifts and masks, and neither looks anything
-//! up in a dictionary nor allocates. What the layouts are is in [`layout`](crate::layout).
+//! The positions are computed once from the nodes' [layouts](crate::layout). A cycle only shifts and masks; it does not
+//! allocate or search a dictionary.
 //!
 //! ```text
 //!             per-drive                                grouped
@@ -12,16 +12,16 @@
 //!  RPDO2                                            { controlword }                   on change
 //! ```
 //!
-//! The frame of a group is one frame with three takers. Each maps its own target and skips the others'
-//! with dummies, so what the frame holds is the sum of what its takers map.
+//! The RPDO of a group is one frame for three drives. Each maps its own target and dummy entries (CiA 301,
+//! 7.4.8) in place of the others, so the content of the frame is the union of the mappings.
 
-mod samples;
+mod rpdos;
 mod slot;
-mod targets;
+mod tpdos;
 
-pub use samples::Inbox;
-pub use samples::Told;
-pub use targets::Outbox;
+pub use rpdos::RpdoImage;
+pub use tpdos::TpdoMap;
+pub use tpdos::TpdoSample;
 
 use thiserror::Error;
 
@@ -30,33 +30,33 @@ use crate::object::Object;
 use crate::plan::NodePlan;
 use units::numbering::NodeIndex;
 
-/// Why layouts are no cyclic exchange.
+/// Fault of the layouts that prevents a cyclic exchange.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ExchangeError {
-    /// What a drive must tell or be told is in none of its PDOs.
+    /// Required object of a drive that no PDO maps.
     #[error("{name}: {object} is in none of its PDOs")]
-    Missing {
-        /// Whose.
+    NotMapped {
+        /// Name of the drive.
         name: String,
-        /// What.
+        /// Required object.
         object: Object,
     },
-    /// Two nodes take the same bits of one frame for different things.
-    #[error("{name}: {object} in {cob_id:03X}h is where another node has something else")]
+    /// Two nodes map objects to the same bits of one frame.
+    #[error("{name}: {object} in {cob_id:03X}h overlaps an object of another node")]
     Overlap {
-        /// The second of them.
+        /// Name of the second node.
         name: String,
-        /// What it takes them for.
+        /// Object of the second node.
         object: Object,
-        /// The frame.
+        /// COB-ID of the frame.
         cob_id: u16,
     },
-    /// Two nodes take one frame to have different lengths, or to act at different times.
-    #[error("{name}: {cob_id:03X}h is not as another node that takes it has it")]
-    Unlike {
-        /// The second of them.
+    /// Two nodes define one frame with different lengths or transmission types.
+    #[error("{name}: {cob_id:03X}h has another length or transmission type at another node")]
+    Mismatch {
+        /// Name of the second node.
         name: String,
-        /// The frame.
+        /// COB-ID of the frame.
         cob_id: u16,
     },
 }
@@ -65,29 +65,29 @@ pub enum ExchangeError {
 #[derive(Clone, Debug)]
 pub struct Exchange {
     /// TPDOs of the nodes.
-    pub inbox: Inbox,
+    pub tpdos: TpdoMap,
     /// RPDOs of the nodes.
-    pub outbox: Outbox,
+    pub rpdos: RpdoImage,
 }
 
-/// Resolves both directions for these nodes, the drives first; a node is known by its place in the list.
+/// Resolves both directions. A [`NodeIndex`] is the index in `plans`.
 ///
 /// # Errors
-/// When a drive's statusword, position, controlword or target is nowhere, or nodes contradict each
-/// other about a frame they share.
+/// When a drive's statusword, position, controlword or target torque is not mapped, or the mappings of a shared
+/// frame conflict.
 pub fn resolve(plans: &[(Channel, NodePlan)]) -> Result<Exchange, ExchangeError> {
-    let (inbox, outbox) = (Inbox::new(plans), Outbox::new(plans)?);
+    let (tpdos, rpdos) = (TpdoMap::new(plans), RpdoImage::new(plans)?);
     for (node, (_, plan)) in NodeIndex::each(plans).filter(|(_, (_, plan))| plan.is_drive()) {
-        for (object, is_there) in [
-            (Object::STATUSWORD, inbox.tells_status(node)),
-            (Object::POSITION_ACTUAL, inbox.samples(node)),
-            (Object::CONTROLWORD, outbox.reaches(node, Object::CONTROLWORD)),
-            (Object::TARGET_TORQUE, outbox.reaches(node, Object::TARGET_TORQUE)),
+        for (object, is_mapped) in [
+            (Object::STATUSWORD, tpdos.has_status(node)),
+            (Object::POSITION_ACTUAL, tpdos.has_sync_position(node)),
+            (Object::CONTROLWORD, rpdos.maps(node, Object::CONTROLWORD)),
+            (Object::TARGET_TORQUE, rpdos.maps(node, Object::TARGET_TORQUE)),
         ] {
-            if !is_there {
-                return Err(ExchangeError::Missing { name: plan.name.clone(), object });
+            if !is_mapped {
+                return Err(ExchangeError::NotMapped { name: plan.name.clone(), object });
             }
         }
     }
-    Ok(Exchange { inbox, outbox })
+    Ok(Exchange { tpdos, rpdos })
 }

@@ -1,36 +1,36 @@
-//! A run of bits in a frame. The eight bytes are one number, the first byte its lowest (CiA 301, 7.2.2.5).
+//! Bit field in a frame. The eight bytes form one little-endian number (CiA 301, 7.2.2.5).
 
 use crate::layout::Mapped;
 use crate::layout::Service;
 
-/// Where a mapped object is.
+/// Position of a mapped object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Slot {
     shift: u32,
-    /// As many ones as it has bits, in their place.
+    /// Mask of its bits in the content.
     mask: u64,
 }
 
 impl Slot {
-    /// What stands there in `content`, little-endian.
+    /// Returns the field of `content`, little-endian.
     pub(super) const fn read(self, content: u64) -> [u8; 8] {
         (content & self.mask).unbounded_shr(self.shift).to_le_bytes()
     }
 
-    /// Puts `value` there and leaves all else alone.
+    /// Returns `content` with `value` in the field.
     pub(super) const fn write(self, content: u64, value: u16) -> u64 {
         let [low, high] = value.to_le_bytes();
         let value = u64::from_le_bytes([low, high, 0, 0, 0, 0, 0, 0]);
         content & !self.mask | value.unbounded_shl(self.shift) & self.mask
     }
 
-    /// Whether they have a bit in common.
+    /// Returns whether two fields share a bit.
     pub(super) const fn overlaps(self, other: Self) -> bool {
         self.mask & other.mask != 0
     }
 }
 
-/// What a PDO holds, with its places; what lies beyond its 64 bits has none.
+/// Returns the mapped objects of a PDO with their fields. A field beyond 64 bits is empty.
 pub(super) fn slots(service: &Service) -> impl Iterator<Item = (Mapped, Slot)> + '_ {
     let mut shift = 0;
     service.mapping.iter().map(move |mapped| {
@@ -42,7 +42,7 @@ pub(super) fn slots(service: &Service) -> impl Iterator<Item = (Mapped, Slot)> +
     })
 }
 
-/// A frame's data as one number.
+/// Returns the data of a frame as one number.
 pub(super) fn content(data: &[u8]) -> u64 {
     data.iter().take(8).rev().fold(0, |content, byte| content << 8 | u64::from(*byte))
 }
@@ -67,7 +67,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_is_read_and_the_neighbours_stay(before in any::<u64>(), value in any::<u16>()) {
+        fn written_value_is_read_and_other_fields_keep_theirs(before in any::<u64>(), value in any::<u16>()) {
             let service = service(&[16, 16, 16]);
             let slots: Vec<Slot> = slots(&service).map(|(_, slot)| slot).collect();
             let after = slots[1].write(before, value);
@@ -79,7 +79,7 @@ mod tests {
         }
 
         #[test]
-        fn any_mapping_has_places(bits in proptest::collection::vec(any::<u8>(), 0..20)) {
+        fn any_mapping_has_fields(bits in proptest::collection::vec(any::<u8>(), 0..20)) {
             for (_, slot) in slots(&service(&bits)) {
                 slot.read(slot.write(u64::MAX, 0xFFFF));
             }
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_byte_is_the_lowest() {
+    fn first_byte_is_the_lowest() {
         assert_eq!(content(&[0x37, 0x16, 0x01]), 0x01_1637);
     }
 }

@@ -62,7 +62,7 @@ fn of_bus(plan: &BusPlan, bus: &Bus, period_us: u32) -> Json {
             "typical": load(&all.typical),
             "worst": load(&all.worst),
             "busiest": load(&all.busiest),
-            "with_emergencies_and_sdo": load(&all.with_chance),
+            "with_emergencies_and_sdo": load(&all.with_sporadic),
         },
         "left_bits_per_s": plan.margin.bits_per_s,
         "left_expedited_sdo_per_s": plan.margin.expedited_sdo_per_s,

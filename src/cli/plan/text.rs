@@ -84,7 +84,7 @@ fn load_lines(bus: &BusPlan) -> Vec<String> {
         line("all planned frames, worst case", &all.worst, &limit),
     ];
     lines.extend(busiest);
-    lines.push(line("with emergencies and SDO", &all.with_chance, ""));
+    lines.push(line("with emergencies and SDO", &all.with_sporadic, ""));
     lines.push(format!(
         "  {:<34}{:>9.1} kbit/s, {:.0} expedited SDO/s",
         "free",

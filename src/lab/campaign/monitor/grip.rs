@@ -6,7 +6,7 @@ use crate::campaign::monitor::Mode;
 use crate::campaign::monitor::invariant::Invariant;
 use crate::campaign::monitor::invariant::Violations;
 use crate::campaign::monitor::sheet::Sheet;
-use canopen::exchange::Told as Sample;
+use canopen::exchange::TpdoSample;
 use config::switch_inputs::Deadman;
 use config::switch_inputs::SwitchInputs;
 use units::time::Instant;
@@ -32,7 +32,7 @@ pub(super) struct Grip {
 
 impl Grip {
     /// Takes a report of the switch box.
-    pub(super) fn on_tpdo(&mut self, sample: &Sample) {
+    pub(super) fn on_tpdo(&mut self, sample: &TpdoSample) {
         self.reported =
             sample.inputs.map(|bits| SwitchInputs::from_bits(bits).deadman()).or(self.reported);
     }

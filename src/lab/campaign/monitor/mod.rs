@@ -191,7 +191,7 @@ impl Tap for Monitor {
     fn on_wire(&mut self, at: Instant, telegram: &Telegram) {
         self.keep(at, telegram);
         self.order.on_wire(&self.sheet, at, (telegram.channel, &telegram.frame));
-        if let Some(Ok(sample)) = self.sheet.inbox.read(telegram) {
+        if let Some(Ok(sample)) = self.sheet.tpdos.read(telegram) {
             self.torque.on_tpdo(at, &sample);
             self.order.on_tpdo(&sample);
             self.grip.on_tpdo(&sample);

@@ -11,7 +11,7 @@ use canopen::NmtCommand;
 use canopen::drive::State;
 use canopen::emcy::Emergency;
 use canopen::error_codes;
-use canopen::exchange::Told as Sample;
+use canopen::exchange::TpdoSample;
 use canopen::frame::Channel;
 use canopen::frame::Frame;
 use canopen::nmt;
@@ -115,7 +115,7 @@ impl Order {
     }
 
     /// Takes a TPDO with a statusword.
-    pub(super) fn on_tpdo(&mut self, sample: &Sample) {
+    pub(super) fn on_tpdo(&mut self, sample: &TpdoSample) {
         if let Some((known, word)) = self.nodes.get_mut(sample.node.0).zip(sample.statusword) {
             known.state = word.state();
         }

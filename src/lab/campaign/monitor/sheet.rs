@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::world;
 use canopen::NodeId;
-use canopen::exchange::Inbox;
+use canopen::exchange::TpdoMap;
 use canopen::frame::Channel;
 use canopen::frame::Frame;
 use canopen::layout::Direction;
@@ -38,7 +38,7 @@ pub(super) const ERROR_CONTROL: u16 = 0x700;
 pub(super) struct Sheet {
     pub(super) period: Duration,
     /// The TPDOs of all nodes.
-    pub(super) inbox: Inbox,
+    pub(super) tpdos: TpdoMap,
     pub(super) rpdos: Vec<Rpdo>,
     /// The joints' drives, then the switch box.
     pub(super) nodes: Vec<Member>,
@@ -94,7 +94,7 @@ impl Sheet {
         let plans = config.node_plans();
         let nodes: Vec<Member> = plans.iter().map(Member::of).collect();
         let rpdos = rpdos(&plans);
-        let inbox = config.exchange().inbox.clone();
+        let tpdos = config.exchange().tpdos.clone();
         let heartbeat = ERROR_CONTROL + u16::from(config.node_id.raw());
         let mut own: Vec<(Channel, u16)> =
             rpdos.iter().map(|rpdo| (rpdo.channel, rpdo.cob_id)).collect();
@@ -117,7 +117,7 @@ impl Sheet {
             range: joint.plant.link.range,
         });
         let (arm, config) = (world::arm(&config.plant()), config.clone());
-        Self { period: config.period, inbox, rpdos, nodes, joints, heartbeat, own, config, arm }
+        Self { period: config.period, tpdos, rpdos, nodes, joints, heartbeat, own, config, arm }
     }
 
     /// Returns whether the node may send this frame. By a remote frame it guards one of its nodes.

@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::campaign::monitor::invariant::Invariant;
 use crate::campaign::monitor::invariant::Violations;
 use crate::campaign::monitor::sheet::Sheet;
-use canopen::exchange::Told as Sample;
+use canopen::exchange::TpdoSample;
 use config::switch_inputs::Deadman;
 use config::switch_inputs::SwitchInputs;
 use units::numbering::Joint;
@@ -89,7 +89,7 @@ impl Torque {
     }
 
     /// Takes a TPDO with a position or with inputs.
-    pub(super) fn on_tpdo(&mut self, at: Instant, sample: &Sample) {
+    pub(super) fn on_tpdo(&mut self, at: Instant, sample: &TpdoSample) {
         if let Some((joint, position)) = sample.node.joint().zip(sample.position) {
             *joint.entry_mut(&mut self.counts) = position.0;
         }

@@ -1,4 +1,4 @@
-//! What nodes tell: their TPDOs, read into values.
+//! TPDOs of the nodes, decoded into values.
 
 use std::time::Duration;
 
@@ -18,43 +18,43 @@ use units::drive::Counts;
 use units::drive::PerMille;
 use units::numbering::NodeIndex;
 
-/// What one TPDO told; `None` for what is not in it.
+/// Content of one received TPDO; `None` for objects that it does not map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Told {
-    /// Whose it is.
+pub struct TpdoSample {
+    /// Producer of the TPDO.
     pub node: NodeIndex,
-    /// Where the drive's encoder was at the SYNC, if this is what answers it.
+    /// Position actual value (6064h), sampled at the SYNC.
     pub position: Option<Counts>,
-    /// The drive's state.
+    /// Statusword (6041h).
     pub statusword: Option<Statusword>,
-    /// The torque it exerts.
+    /// Torque actual value (6077h).
     pub torque: Option<PerMille>,
     /// First eight digital inputs (6000h:1).
     pub inputs: Option<u8>,
 }
 
-/// Every TPDO that is listened to.
+/// Mappings of all received TPDOs.
 #[derive(Clone, Debug)]
-pub struct Inbox {
+pub struct TpdoMap {
     tpdos: Vec<Tpdo>,
 }
 
-/// One of them.
+/// Mapping of one TPDO.
 #[derive(Clone, Debug)]
 struct Tpdo {
     channel: Channel,
     cob_id: u16,
     node: NodeIndex,
     bytes: usize,
-    /// The longest time between two of them; `None` if SYNC asks for each.
-    repeated: Option<Duration>,
+    /// Event timer; `None` if the TPDO is synchronous.
+    event_timer: Option<Duration>,
     position: Option<Slot>,
     statusword: Option<Slot>,
     torque: Option<Slot>,
     inputs: Option<Slot>,
 }
 
-impl Inbox {
+impl TpdoMap {
     pub(super) fn new(plans: &[(Channel, NodePlan)]) -> Self {
         let of = |(node, (channel, plan)): (NodeIndex, &(Channel, NodePlan))| {
             let tpdos = plan.pdos.iter().filter(|pdo| pdo.direction == Direction::Transmit);
@@ -63,31 +63,31 @@ impl Inbox {
         Self { tpdos: NodeIndex::each(plans).flat_map(of).collect() }
     }
 
-    /// Reads a frame; `None` if it is none of these.
+    /// Decodes a frame; `None` if it is not one of these TPDOs.
     ///
     /// # Errors
-    /// When it is not as long as its mapping.
-    pub fn read(&self, telegram: &Telegram) -> Option<Result<Told, WrongLength>> {
+    /// When the frame and its mapping differ in length.
+    pub fn read(&self, telegram: &Telegram) -> Option<Result<TpdoSample, WrongLength>> {
         let Telegram { channel, frame } = telegram;
-        let is_it = |tpdo: &&Tpdo| tpdo.channel == *channel && tpdo.cob_id == frame.cob_id;
-        self.tpdos.iter().find(is_it).map(|tpdo| tpdo.read(frame.data()))
+        let matches = |tpdo: &&Tpdo| tpdo.channel == *channel && tpdo.cob_id == frame.cob_id;
+        self.tpdos.iter().find(matches).map(|tpdo| tpdo.read(frame.data()))
     }
 
-    /// The longest time between two words of a node's state, if SYNC does not ask for them.
+    /// Returns the event timer of the TPDO with a node's statusword; `None` if it is synchronous.
     pub fn status_repeated(&self, node: NodeIndex) -> Option<Duration> {
-        self.of(node).find(|tpdo| tpdo.statusword.is_some())?.repeated
+        self.of(node).find(|tpdo| tpdo.statusword.is_some())?.event_timer
     }
 
-    /// Whether a node tells its state, be it of itself and at least now and then.
-    pub(super) fn tells_status(&self, node: NodeIndex) -> bool {
+    /// Returns whether a node sends its statusword periodically, by SYNC or by event timer.
+    pub(super) fn has_status(&self, node: NodeIndex) -> bool {
         self.of(node).any(|tpdo| {
-            tpdo.statusword.is_some() && tpdo.repeated.is_none_or(|repeated| !repeated.is_zero())
+            tpdo.statusword.is_some() && tpdo.event_timer.is_none_or(|timer| !timer.is_zero())
         })
     }
 
-    /// Whether a node's position comes at every SYNC.
-    pub(super) fn samples(&self, node: NodeIndex) -> bool {
-        self.of(node).any(|tpdo| tpdo.position.is_some() && tpdo.repeated.is_none())
+    /// Returns whether a node sends its position in a synchronous TPDO.
+    pub(super) fn has_sync_position(&self, node: NodeIndex) -> bool {
+        self.of(node).any(|tpdo| tpdo.position.is_some() && tpdo.event_timer.is_none())
     }
 
     fn of(&self, node: NodeIndex) -> impl Iterator<Item = &Tpdo> {
@@ -96,12 +96,12 @@ impl Inbox {
 }
 
 impl Tpdo {
-    /// `None` if it is off.
+    /// Returns `None` if the PDO is not valid.
     fn new(channel: Channel, node: NodeIndex, pdo: &Pdo) -> Option<Self> {
         let service = pdo.service.as_ref()?;
-        let place = |object: Object, bits: u8| {
-            let wanted = Mapped { object, bits };
-            slots(service).find_map(|(mapped, slot)| (mapped == wanted).then_some(slot))
+        let slot_of = |object: Object, bits: u8| {
+            let expected = Mapped { object, bits };
+            slots(service).find_map(|(mapped, slot)| (mapped == expected).then_some(slot))
         };
         let timer = Duration::from_millis(u64::from(service.event_timer_ms.unwrap_or(0)));
         Some(Self {
@@ -109,21 +109,21 @@ impl Tpdo {
             cob_id: pdo.cob_id,
             node,
             bytes: usize::try_from(service.bytes()).unwrap_or(usize::MAX),
-            repeated: service.transmission.syncs().is_none().then_some(timer),
-            position: place(Object::POSITION_ACTUAL, 32),
-            statusword: place(Object::STATUSWORD, 16),
-            torque: place(Object::TORQUE_ACTUAL, 16),
-            inputs: place(Object::DIGITAL_INPUTS, 8),
+            event_timer: service.transmission.syncs().is_none().then_some(timer),
+            position: slot_of(Object::POSITION_ACTUAL, 32),
+            statusword: slot_of(Object::STATUSWORD, 16),
+            torque: slot_of(Object::TORQUE_ACTUAL, 16),
+            inputs: slot_of(Object::DIGITAL_INPUTS, 8),
         })
     }
 
-    fn read(&self, data: &[u8]) -> Result<Told, WrongLength> {
+    fn read(&self, data: &[u8]) -> Result<TpdoSample, WrongLength> {
         if data.len() != self.bytes {
             return Err(WrongLength { node: self.node, expected: self.bytes, found: data.len() });
         }
         let content = content(data);
         let at = |slot: Option<Slot>| slot.map(|slot| slot.read(content));
-        Ok(Told {
+        Ok(TpdoSample {
             node: self.node,
             position: at(self.position)
                 .map(|[a, b, c, d, ..]| Counts(i32::from_le_bytes([a, b, c, d]))),
@@ -146,8 +146,8 @@ mod tests {
     use crate::sync::Transmission;
     use crate::testing::plans::elbow;
 
-    /// Nodes 1 and 2 on bus 1: state, torque and position in one TPDO, or grouped with the state apart.
-    fn inbox(is_grouped: bool) -> Inbox {
+    /// Nodes 1 and 2 on bus 1: statusword, torque and position in one TPDO, or grouped.
+    fn tpdos(is_grouped: bool) -> TpdoMap {
         let nodes = [1, 2].map(|raw| NodeId::new(raw).unwrap());
         let plan = |(node, group): (&NodeId, &Group)| {
             let pdos = match is_grouped {
@@ -157,22 +157,22 @@ mod tests {
             (Channel(1), NodePlan { node: *node, pdos, ..elbow() })
         };
         let plans: Vec<_> = nodes.iter().zip(&Group::threes(&nodes)).map(plan).collect();
-        resolve(&plans).unwrap().inbox
+        resolve(&plans).unwrap().tpdos
     }
 
-    fn read(inbox: &Inbox, cob_id: u16, data: &[u8]) -> Option<Result<Told, WrongLength>> {
+    fn read(tpdos: &TpdoMap, cob_id: u16, data: &[u8]) -> Option<Result<TpdoSample, WrongLength>> {
         let frame = Frame::from_slice(cob_id, data).unwrap();
-        inbox.read(&Telegram { channel: Channel(1), frame })
+        tpdos.read(&Telegram { channel: Channel(1), frame })
     }
 
     #[test]
-    fn tpdo_of_its_length_is_read_little_endian() {
+    fn tpdo_of_its_length_is_decoded_little_endian() {
         let data = [0x37, 0x12, 0xFE, 0xFF, 0xFF, 0xFF, 0x9C, 0xFF];
-        let told = read(&inbox(false), 0x182, &data).unwrap().unwrap();
-        assert_eq!((told.node, told.inputs), (NodeIndex(1), None));
-        assert_eq!(told.statusword, Some(Statusword(0x1237)));
-        assert_eq!(told.position, Some(Counts(-2)));
-        assert_eq!(told.torque, Some(PerMille(-100)));
+        let sample = read(&tpdos(false), 0x182, &data).unwrap().unwrap();
+        assert_eq!((sample.node, sample.inputs), (NodeIndex(1), None));
+        assert_eq!(sample.statusword, Some(Statusword(0x1237)));
+        assert_eq!(sample.position, Some(Counts(-2)));
+        assert_eq!(sample.torque, Some(PerMille(-100)));
     }
 
     #[test]
@@ -180,7 +180,7 @@ mod tests {
         for (is_grouped, expected) in [(false, 8), (true, 4)] {
             for found in (0..=8).filter(|found| *found != expected) {
                 let data = vec![0; found];
-                let refused = read(&inbox(is_grouped), 0x181, &data);
+                let refused = read(&tpdos(is_grouped), 0x181, &data);
                 let node = NodeIndex(0);
                 assert_eq!(refused, Some(Err(WrongLength { node, expected, found })));
             }
@@ -188,35 +188,39 @@ mod tests {
     }
 
     #[test]
-    fn frame_of_another_bus_or_identifier_is_not_read() {
-        assert_eq!(read(&inbox(false), 0x183, &[0; 8]), None);
+    fn frame_of_another_bus_or_identifier_is_ignored() {
+        assert_eq!(read(&tpdos(false), 0x183, &[0; 8]), None);
         let frame = Frame::from_slice(0x181, &[0; 8]).unwrap();
-        assert_eq!(inbox(false).read(&Telegram { channel: Channel(0), frame }), None);
+        assert_eq!(tpdos(false).read(&Telegram { channel: Channel(0), frame }), None);
     }
 
     #[test]
-    fn position_that_no_sync_asks_for_is_no_sample() {
+    fn event_driven_position_is_not_a_synchronous_one() {
         let node = NodeId::new(1).unwrap();
         let mut plan = NodePlan { node, pdos: layout::per_drive(node, None), ..elbow() };
         for service in plan.pdos.iter_mut().filter_map(|pdo| pdo.service.as_mut()) {
             service.transmission = Transmission::EVENT_OF_PROFILE;
         }
-        let inbox = Inbox::new(&[(Channel(1), plan)]);
+        let tpdos = TpdoMap::new(&[(Channel(1), plan)]);
         assert!(
-            !inbox.samples(NodeIndex(0))
-                && inbox.of(NodeIndex(0)).any(|tpdo| tpdo.position.is_some())
+            !tpdos.has_sync_position(NodeIndex(0))
+                && tpdos.of(NodeIndex(0)).any(|tpdo| tpdo.position.is_some())
         );
     }
 
     #[test]
-    fn state_apart_is_repeated_and_with_the_position_it_is_not() {
-        assert_eq!(inbox(false).status_repeated(NodeIndex(0)), None);
-        assert!(inbox(false).tells_status(NodeIndex(1)) && inbox(false).samples(NodeIndex(1)));
-        assert!(inbox(true).status_repeated(NodeIndex(0)).is_some());
-        assert!(inbox(true).tells_status(NodeIndex(0)) && inbox(true).samples(NodeIndex(0)));
+    fn statusword_in_a_tpdo_of_its_own_has_an_event_timer() {
+        assert_eq!(tpdos(false).status_repeated(NodeIndex(0)), None);
         assert!(
-            !inbox(true).tells_status(NodeIndex(2)) && !inbox(true).samples(NodeIndex(2)),
-            "there is none"
+            tpdos(false).has_status(NodeIndex(1)) && tpdos(false).has_sync_position(NodeIndex(1))
+        );
+        assert!(tpdos(true).status_repeated(NodeIndex(0)).is_some());
+        assert!(
+            tpdos(true).has_status(NodeIndex(0)) && tpdos(true).has_sync_position(NodeIndex(0))
+        );
+        assert!(
+            !tpdos(true).has_status(NodeIndex(2)) && !tpdos(true).has_sync_position(NodeIndex(2)),
+            "no such node"
         );
     }
 }

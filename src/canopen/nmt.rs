@@ -60,7 +60,7 @@ impl Order {
 /// `start node 3`, `reset communication of every node`.
 impl fmt::Display for Order {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let words = match self.command {
+        let text = match self.command {
             NmtCommand::StartRemoteNode => "start",
             NmtCommand::StopRemoteNode => "stop",
             NmtCommand::EnterPreOperational => "pre-operational for",
@@ -68,8 +68,8 @@ impl fmt::Display for Order {
             NmtCommand::ResetCommunication => "reset communication of",
         };
         match self.node {
-            Some(node) => write!(f, "{words} node {}", node.raw()),
-            None => write!(f, "{words} every node"),
+            Some(node) => write!(f, "{text} node {}", node.raw()),
+            None => write!(f, "{text} every node"),
         }
     }
 }

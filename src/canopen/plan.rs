@@ -281,7 +281,7 @@ impl NodePlan {
         Self { error_control: ErrorControl::Guarding(guarding), ..self }
     }
 
-    /// Returns whether the node is a drive, which can exert torque.
+    /// Returns whether the node is a drive, which can apply torque.
     pub const fn is_drive(&self) -> bool {
         self.profile == PROFILE_DRIVE
     }

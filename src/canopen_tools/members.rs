@@ -199,11 +199,11 @@ mod tests {
                 let members = members(&config);
                 for place in 0..6 {
                     let position = measure(&members[place], Object::POSITION_ACTUAL);
-                    let said = position.value(i64::from(counts[place]));
-                    prop_assert!((said - positions[place]).abs() < 1e-9 * (1.0 + said.abs()));
+                    let decoded = position.value(i64::from(counts[place]));
+                    prop_assert!((decoded - positions[place]).abs() < 1e-9 * (1.0 + decoded.abs()));
                     let torque = measure(&members[place], Object::TORQUE_ACTUAL);
-                    let said = torque.curve.as_ref().unwrap().at(i64::from(actual[place]));
-                    prop_assert!((said - torques[place]).abs() < 1e-9, "{} {}", said, torques[place]);
+                    let decoded = torque.curve.as_ref().unwrap().at(i64::from(actual[place]));
+                    prop_assert!((decoded - torques[place]).abs() < 1e-9, "{} {}", decoded, torques[place]);
                 }
             }
         }

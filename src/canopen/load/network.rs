@@ -12,7 +12,7 @@ use crate::load::response;
 use crate::load::response::Contender;
 use crate::load::streams::Role;
 use crate::load::streams::Stream;
-use crate::load::streams::by_chance;
+use crate::load::streams::sporadic;
 use crate::load::streams::streams;
 use crate::load::timeline::LoopDelay;
 use crate::load::timeline::Pauses;
@@ -175,9 +175,9 @@ impl Network {
             let found = frames.iter().find(|frame| frame.stream.cob_id == stream.cob_id);
             found.map_or_else(|| f64::from(stream.worst_bits()), |frame| frame.typical_bits)
         };
-        let (planned, chance) = (self.planned(bus), bus.by_chance(assumed));
+        let (planned, sporadic) = (self.planned(bus), bus.sporadic(assumed));
         let utilisation =
-            Utilisation::of(&planned, &chance, typical_bits, bus.bitrate, self.period_us);
+            Utilisation::of(&planned, &sporadic, typical_bits, bus.bitrate, self.period_us);
         let timeline = Both {
             worst: bus.timeline(&planned, worst_bits, assumed),
             typical: bus.timeline(&planned, typical_bits, assumed),
@@ -257,7 +257,7 @@ impl Network {
     /// Frames of `bus` with their worst-case response times, by descending priority.
     fn responses(&self, bus: &Bus, assumed: &Assumptions) -> Vec<(Stream, Option<Duration>)> {
         let mut all = self.planned(bus);
-        all.extend(bus.by_chance(assumed));
+        all.extend(bus.sporadic(assumed));
         all.sort_by_key(|stream| stream.cob_id);
         let contenders: Vec<Contender> =
             all.iter().map(|stream| contender(stream, assumed)).collect();
@@ -276,8 +276,8 @@ impl Bus {
         self.members.iter().map(|member| &member.plan)
     }
 
-    fn by_chance(&self, assumed: &Assumptions) -> Vec<Stream> {
-        by_chance(self.plans(), assumed.emergency_gap_us, assumed.sdo_gap_us)
+    fn sporadic(&self, assumed: &Assumptions) -> Vec<Stream> {
+        sporadic(self.plans(), assumed.emergency_gap_us, assumed.sdo_gap_us)
     }
 
     /// Schedule of the `planned` frames, with `length` in bits.
@@ -288,8 +288,8 @@ impl Bus {
         assumed: &Assumptions,
     ) -> Timeline {
         let bit_us = 1e6 / f64::from(self.bitrate.max(1));
-        let chance = self.by_chance(assumed);
-        let others = planned.iter().filter(|stream| !stream.is_cyclic()).chain(&chance);
+        let sporadic = self.sporadic(assumed);
+        let others = planned.iter().filter(|stream| !stream.is_cyclic()).chain(&sporadic);
         let longest = others.map(&length).fold(0.0, f64::max);
         let span = |stream: &Stream| length(stream) * bit_us;
         Timeline::of(planned, span, longest * bit_us, assumed.pauses)

@@ -47,7 +47,7 @@ pub enum Values {
     /// States and switches: rare changes, at most four in a row.
     Rare,
     /// Measured values: different at every sample.
-    Restless,
+    Varying,
 }
 
 impl Pace {
@@ -56,7 +56,7 @@ impl Pace {
     pub fn planned_per_s(self) -> f64 {
         match self {
             Self::Clock { period_us } => per_s(period_us),
-            Self::Change { gap_us, timer_us: None, values: Values::Restless } => per_s(gap_us),
+            Self::Change { gap_us, timer_us: None, values: Values::Varying } => per_s(gap_us),
             Self::Change { gap_us, timer_us, values: _ } => {
                 timer_us.map_or(0.0, |timer_us| per_s(timer_us.max(gap_us)))
             }
@@ -73,7 +73,7 @@ impl Pace {
     /// Frames per second while all measured values change permanently.
     pub fn busiest_per_s(self) -> f64 {
         match self {
-            Self::Change { gap_us, values: Values::Restless, .. } => per_s(gap_us),
+            Self::Change { gap_us, values: Values::Varying, .. } => per_s(gap_us),
             Self::Clock { .. } | Self::Change { .. } | Self::Chance { .. } => self.planned_per_s(),
         }
     }
@@ -83,7 +83,7 @@ impl Pace {
         match self {
             Self::Clock { period_us: gap_us }
             | Self::Chance { gap_us }
-            | Self::Change { gap_us, values: Values::Restless, .. } => per_s(gap_us),
+            | Self::Change { gap_us, values: Values::Varying, .. } => per_s(gap_us),
             Self::Change { gap_us, timer_us, values: Values::Rare } => {
                 per_s(gap_us.max(timer_us.unwrap_or(SECOND_US)))
             }
@@ -113,7 +113,7 @@ impl Pace {
         match self {
             Self::Clock { period_us: gap_us }
             | Self::Chance { gap_us }
-            | Self::Change { gap_us, values: Values::Restless, .. } => (ns(gap_us), None),
+            | Self::Change { gap_us, values: Values::Varying, .. } => (ns(gap_us), None),
             Self::Change { gap_us, timer_us, values: Values::Rare } => {
                 (ns(gap_us), Some(ns(gap_us.max(timer_us.unwrap_or(SECOND_US)))))
             }
@@ -138,7 +138,7 @@ mod tests {
     const SWITCH: Pace =
         Pace::Change { gap_us: 1_000, timer_us: Some(5_000), values: Values::Rare };
     const TORQUE: Pace =
-        Pace::Change { gap_us: 10_000, timer_us: Some(50_000), values: Values::Restless };
+        Pace::Change { gap_us: 10_000, timer_us: Some(50_000), values: Values::Varying };
 
     #[test]
     fn changes_are_planned_by_their_timer() {
@@ -146,7 +146,7 @@ mod tests {
         assert_eq!(TORQUE.planned_per_s().to_string(), "20");
         let controlword = Pace::Change { gap_us: 10_000, timer_us: None, values: Values::Rare };
         assert_eq!(controlword.planned_per_s().to_string(), "0");
-        let untimed = Pace::Change { gap_us: 10_000, timer_us: None, values: Values::Restless };
+        let untimed = Pace::Change { gap_us: 10_000, timer_us: None, values: Values::Varying };
         assert_eq!(untimed.planned_per_s().to_string(), "100");
     }
 
@@ -174,7 +174,7 @@ mod tests {
     }
 
     fn pace() -> impl Strategy<Value = Pace> {
-        let values = prop_oneof![Just(Values::Rare), Just(Values::Restless)];
+        let values = prop_oneof![Just(Values::Rare), Just(Values::Varying)];
         let timer = prop::option::of(0_u32..200_000);
         prop_oneof![
             any::<u32>().prop_map(|period_us| Pace::Clock { period_us }),

@@ -288,7 +288,7 @@ mod tests {
     }
 
     fn pace() -> impl Strategy<Value = Pace> {
-        let values = prop_oneof![Just(Values::Rare), Just(Values::Restless)];
+        let values = prop_oneof![Just(Values::Rare), Just(Values::Varying)];
         let timer = prop::option::of(1_000_u32..50_000);
         prop_oneof![
             (500_u32..20_000).prop_map(|period_us| Pace::Clock { period_us }),

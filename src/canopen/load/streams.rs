@@ -174,7 +174,7 @@ impl Stream {
     }
 
     /// Sporadic frame of eight bytes.
-    fn chance(cob_id: u16, role: Role, sender: Sender, node: NodeId, gap_us: u32) -> Self {
+    fn sporadic(cob_id: u16, role: Role, sender: Sender, node: NodeId, gap_us: u32) -> Self {
         Self {
             cob_id,
             role,
@@ -228,7 +228,7 @@ fn syncs(direction: Direction, service: &Service) -> Option<u8> {
 /// Frequency of an event-driven PDO.
 fn change(direction: Direction, service: &Service, plan: &NodePlan, sync_period_us: u32) -> Pace {
     let is_rare = service.mapping.iter().all(|mapped| RARE.contains(&mapped.object));
-    let values = if is_rare { Values::Rare } else { Values::Restless };
+    let values = if is_rare { Values::Rare } else { Values::Varying };
     match direction {
         Direction::Transmit => Pace::Change {
             gap_us: inhibit_us(service).unwrap_or(sync_period_us),
@@ -301,7 +301,7 @@ fn setting(plan: &NodePlan, object: Object) -> Option<Value> {
 
 /// Sporadic frames of a bus: one emergency per node every `emergency_gap_us`, one SDO exchange every
 /// `sdo_gap_us` with the node of the highest priority.
-pub fn by_chance<'a>(
+pub fn sporadic<'a>(
     plans: impl IntoIterator<Item = &'a NodePlan>,
     emergency_gap_us: u32,
     sdo_gap_us: u32,
@@ -309,14 +309,20 @@ pub fn by_chance<'a>(
     let plans: Vec<&NodePlan> = plans.into_iter().collect();
     let emergency = |plan: &&NodePlan| {
         let sender = Sender::Node(plan.node);
-        Stream::chance(plan.emcy_cob_id, Role::Emergency, sender, plan.node, emergency_gap_us)
+        Stream::sporadic(plan.emcy_cob_id, Role::Emergency, sender, plan.node, emergency_gap_us)
     };
     let mut streams: Vec<Stream> = plans.iter().map(emergency).collect();
     if let Some(node) = plans.iter().map(|plan| plan.node).min_by_key(|node| node.raw()) {
         let [request, response] = [SDO_REQUEST, SDO_RESPONSE].map(|id| id + u16::from(node.raw()));
         let (request_role, response_role) = (Role::SdoRequest, Role::SdoResponse);
-        streams.push(Stream::chance(request, request_role, Sender::Master, node, sdo_gap_us));
-        streams.push(Stream::chance(response, response_role, Sender::Node(node), node, sdo_gap_us));
+        streams.push(Stream::sporadic(request, request_role, Sender::Master, node, sdo_gap_us));
+        streams.push(Stream::sporadic(
+            response,
+            response_role,
+            Sender::Node(node),
+            node,
+            sdo_gap_us,
+        ));
     }
     streams.sort_by_key(|stream| stream.cob_id);
     streams
@@ -384,7 +390,7 @@ pub(crate) mod tests {
     fn streams_are_sorted_by_priority_without_duplicates() {
         let mut all = streams(&grouped(), 1_000, master(), 5);
         assert!(all.windows(2).all(|pair| pair[0].cob_id < pair[1].cob_id));
-        all.extend(by_chance(&grouped(), 100_000, 10_000));
+        all.extend(sporadic(&grouped(), 100_000, 10_000));
         all.sort_by_key(|stream| stream.cob_id);
         assert!(all.windows(2).all(|pair| pair[0].cob_id < pair[1].cob_id));
     }

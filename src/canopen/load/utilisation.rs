@@ -89,14 +89,14 @@ pub struct Utilisation {
     /// Worst case while all measured values change at their inhibit times.
     pub busiest: BusLoad,
     /// Busiest case with emergencies and SDO.
-    pub with_chance: BusLoad,
+    pub with_sporadic: BusLoad,
 }
 
 impl Utilisation {
     /// Computes all measures from planned and sporadic frames. `typical_bits` returns the typical length.
     pub fn of(
         planned: &[Stream],
-        chance: &[Stream],
+        sporadic: &[Stream],
         typical_bits: impl Fn(&Stream) -> f64,
         bitrate: u32,
         period_us: u32,
@@ -111,8 +111,8 @@ impl Utilisation {
         };
         let worst = |stream: &Stream| f64::from(stream.worst_bits());
         let busiest = sum(&|stream| stream.pace.busiest_per_s() * worst(stream));
-        let by_chance: f64 =
-            chance.iter().map(|stream| stream.pace.sustained_per_s() * worst(stream)).sum();
+        let sporadic: f64 =
+            sporadic.iter().map(|stream| stream.pace.sustained_per_s() * worst(stream)).sum();
         Self {
             cycle_least: load(cyclic(Stream::least_bits)),
             cycle_worst: load(cyclic(Stream::worst_bits)),
@@ -120,7 +120,7 @@ impl Utilisation {
             typical: load(sum(&|s| s.pace.typical_per_s() * typical_bits(s))),
             worst: BusLoad::of(planned, bitrate, period_us),
             busiest: load(busiest),
-            with_chance: load(busiest + by_chance),
+            with_sporadic: load(busiest + sporadic),
         }
     }
 
@@ -144,7 +144,7 @@ pub struct Margin {
 mod tests {
     use super::*;
     use crate::layout::Mapped;
-    use crate::load::streams::by_chance;
+    use crate::load::streams::sporadic;
     use crate::load::streams::streams;
     use crate::load::streams::tests::drives;
     use crate::load::streams::tests::grouped;
@@ -207,16 +207,16 @@ mod tests {
             }
         }
         let planned = streams(&plans, 1_000, master(), 5);
-        let chance = by_chance(&plans, 100_000, 10_000);
+        let sporadic = sporadic(&plans, 100_000, 10_000);
         let least = |stream: &Stream| f64::from(stream.least_bits());
-        let all = Utilisation::of(&planned, &chance, least, MBIT, 1_000);
+        let all = Utilisation::of(&planned, &sporadic, least, MBIT, 1_000);
         assert_eq!(all.cycle_worst.to_string(), "855.0 of 1000 bits a cycle, 85.5 %");
         assert_eq!(all.cycle_least.to_string(), "711.0 of 1000 bits a cycle, 71.1 %");
         // Six statuswords of 95 bits about every 50 ms, 11.12; every 10 ms, 57.
         assert_eq!(all.worst.to_string(), "901.1 of 1000 bits a cycle, 90.1 %");
         assert_eq!(all.busiest.to_string(), "947.0 of 1000 bits a cycle, 94.7 %");
         // Seven emergencies every 100 ms and an SDO exchange every 10 ms.
-        assert_eq!(all.with_chance.to_string(), "983.5 of 1000 bits a cycle, 98.3 %");
+        assert_eq!(all.with_sporadic.to_string(), "983.5 of 1000 bits a cycle, 98.3 %");
     }
 
     #[test]
@@ -232,7 +232,7 @@ mod tests {
                 typical: load,
                 worst: load,
                 busiest: load,
-                with_chance: load,
+                with_sporadic: load,
             };
             all.margin(MBIT)
         };

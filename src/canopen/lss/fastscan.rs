@@ -230,10 +230,10 @@ mod tests {
         #[test]
         fn slave_of_canopen_rs_is_found(address in address()) {
             let mut slave = lss::LssSlave::new(theirs(address), lss::UNCONFIGURED_NODE_ID);
-            let ask = |question: &Frame| {
+            let reply = |question: &Frame| {
                 usize::from(slave.handle(&question.data().try_into().unwrap()).is_some())
             };
-            prop_assert_eq!(scan(ask).0, Found::One(address));
+            prop_assert_eq!(scan(reply).0, Found::One(address));
             prop_assert_eq!(slave.state(), lss::LssState::Configuration);
         }
 

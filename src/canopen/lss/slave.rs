@@ -409,12 +409,12 @@ mod tests {
 
     #[test]
     fn fastscan_concerns_unconfigured_waiting_slaves() {
-        let everybody =
+        let request =
             Request::Fastscan(Probe { number: 0, bit: Probe::EVERYBODY, part: 0, next: 0 });
-        assert_eq!(answer(&mut Slave::new(ADDRESS, Some(node(5))), everybody), None);
-        assert_eq!(answer(&mut configuring(None), everybody), None);
+        assert_eq!(answer(&mut Slave::new(ADDRESS, Some(node(5))), request), None);
+        assert_eq!(answer(&mut configuring(None), request), None);
         let mut slave = Slave::new(ADDRESS, None);
-        assert_eq!(answer(&mut slave, everybody), Some(Reply::Identified));
+        assert_eq!(answer(&mut slave, request), Some(Reply::Identified));
         for (number, bit, part, fits) in [
             (0, 31, 0, true),
             (0xF80, 4, 0, true),

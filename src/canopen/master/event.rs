@@ -207,7 +207,7 @@ mod tests {
     #[test]
     fn event_reads_as_a_sentence() {
         let configuration = Configuration::Skipped;
-        for (event, words) in [
+        for (event, text) in [
             (
                 Event::Configured { node: NodeIndex(0), configuration },
                 "configuration already stored, verified",
@@ -222,7 +222,7 @@ mod tests {
             ),
             (Event::StateChanged { node: NodeIndex(0), state: NmtState::Stopped }, "is stopped"),
         ] {
-            assert_eq!(event.to_string(), words);
+            assert_eq!(event.to_string(), text);
         }
     }
 }

@@ -484,7 +484,7 @@ fn emergency_triggers_a_read_of_the_error_history() {
     bench.events.clear();
     bench.receive(Channel(1), Frame::new(0x83, [0; 8]));
     bench.cycle(20);
-    assert_eq!(bench.events.len(), 1, "an error that is gone is no reason to ask");
+    assert_eq!(bench.events.len(), 1, "a cleared error causes no read");
 }
 
 #[test]

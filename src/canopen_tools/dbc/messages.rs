@@ -126,7 +126,7 @@ fn watchers(name: &str) -> Vec<String> {
 }
 
 fn emergency(member: &Member) -> Message {
-    let codes = error_codes::all().map(|(code, words)| (i64::from(code), words)).collect();
+    let codes = error_codes::all().map(|(code, text)| (i64::from(code), text)).collect();
     let mut fields = vec![Field { values: codes, ..number("error_code", 0, 16) }];
     let classes = [
         ("generic", 16),
@@ -413,7 +413,7 @@ mod tests {
         for bits in 0..128_u16 {
             let named = states.iter().find(|(value, _)| *value == i64::from(bits));
             let state = Statusword(bits).state().map(State::description);
-            assert_eq!(named.map(|(_, words)| *words), state);
+            assert_eq!(named.map(|(_, text)| *text), state);
         }
         assert_eq!(commands().len(), 16);
     }

@@ -75,7 +75,7 @@ impl fmt::Display for ErrorFrame {
             write!(f, "{separator}counters {sent} sending, {received} receiving")?;
             separator = ", ";
         }
-        if separator.is_empty() { f.write_str("nothing in particular") } else { Ok(()) }
+        if separator.is_empty() { f.write_str("no error class") } else { Ok(()) }
     }
 }
 
@@ -94,17 +94,17 @@ mod tests {
 
     #[test]
     fn errors_read_by_class_and_detail() {
-        let says = |classes, data| ErrorFrame { classes, data }.to_string();
-        assert_eq!(says(0x80, [0; 8]), "bus error");
+        let text = |classes, data| ErrorFrame { classes, data }.to_string();
+        assert_eq!(text(0x80, [0; 8]), "bus error");
         assert_eq!(
-            says(0x44, [0, 0x28, 0, 0, 0, 0, 128, 3]),
+            text(0x44, [0, 0x28, 0, 0, 0, 0, 128, 3]),
             "controller (transmit warning, transmit passive), bus off, \
              counters 128 sending, 3 receiving"
         );
         assert_eq!(
-            says(0x08, [0, 0, 0x84, 0, 0, 0, 0, 0]),
+            text(0x08, [0, 0, 0x84, 0, 0, 0, 0, 0]),
             "protocol violation (bit stuffing, while sending)"
         );
-        assert_eq!(says(0, [0; 8]), "nothing in particular");
+        assert_eq!(text(0, [0; 8]), "no error class");
     }
 }

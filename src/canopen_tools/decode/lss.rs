@@ -23,9 +23,9 @@ impl fmt::Display for Lss {
         let number = u32::from_le_bytes([a, b, c, d]);
         match (command, self.is_request) {
             (0x04, true) => f.write_str(match first {
-                0 => "everybody to waiting",
-                1 => "everybody to configuration",
-                _ => "everybody to an unknown state",
+                0 => "all to waiting",
+                1 => "all to configuration",
+                _ => "all to an unknown state",
             }),
             (0x11, true) if first == UNCONFIGURED_NODE_ID => f.write_str("no node-id"),
             (0x11, true) => write!(f, "node-id {first}"),
@@ -135,7 +135,7 @@ mod tests {
         assert_eq!(
             read,
             [
-                "→ everybody to configuration",
+                "→ all to configuration",
                 "→ node-id 3",
                 "→ select vendor-ID 00000001h",
                 "→ select product code 00000002h",

@@ -118,7 +118,7 @@ impl Listener {
 
     /// Step of the newest frame, with the current value.
     pub(super) fn step(&self, side: Side, what: What) -> Step<'_> {
-        let is_wrong = |said: &u32| usize::try_from(*said) != Ok(self.length);
+        let is_wrong = |size: &u32| usize::try_from(*size) != Ok(self.length);
         let announced = self.announced.filter(is_wrong);
         let value = Value { bytes: &self.kept, length: self.length, announced };
         let act = match what {

@@ -208,8 +208,8 @@ proptest! {
                 let at = at.map(Instant::from_micros);
                 let annotation = decoder.on_frame(bus, at, cob_id & 0x7FF, data);
                 prop_assert!(!annotation.name().to_string().is_empty());
-                let words = annotation.remarks().fold(annotation.to_string(), |all, one| all + &one.to_string());
-                prop_assert!(!words.contains('\n'));
+                let text = annotation.remarks().fold(annotation.to_string(), |all, one| all + &one.to_string());
+                prop_assert!(!text.contains('\n'));
             }
             prop_assert!(decoder.buses.len() <= super::MAX_BUSES);
         }

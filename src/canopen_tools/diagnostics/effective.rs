@@ -49,7 +49,7 @@ pub struct Reader {
     node: NodeId,
     timeout: Duration,
     transfer: Option<Transfer>,
-    asked: Query,
+    query: Query,
     /// Current PDO.
     pdo: Pdo,
     /// Consecutive numbers without a PDO.
@@ -77,7 +77,7 @@ impl Reader {
             node,
             timeout,
             transfer: None,
-            asked: Query::CobId,
+            query: Query::CobId,
             pdo: blank(Direction::Receive, 1),
             gap: 0,
             found: Vec::new(),
@@ -85,7 +85,7 @@ impl Reader {
     }
 
     fn object(&self) -> Object {
-        match self.asked {
+        match self.query {
             Query::CobId | Query::Nothing => self.pdo.communication(1),
             Query::Transmission => self.pdo.communication(2),
             Query::InhibitTime => self.pdo.communication(3),
@@ -95,8 +95,8 @@ impl Reader {
         }
     }
 
-    fn ask(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        let is_over = self.asked == Query::Nothing;
+    fn request(&mut self, now: Instant, out: &mut Vec<Frame>) {
+        let is_over = self.query == Query::Nothing;
         let object = Some(self.object()).filter(|_| !is_over);
         self.transfer =
             object.map(|object| Transfer::read(self.node, object, self.timeout, now, out));
@@ -109,26 +109,26 @@ impl Reader {
         out: &mut Vec<Frame>,
     ) -> Option<Result<Vec<Pdo>, Unreadable>> {
         match outcome {
-            Ok(content) => self.asked = self.learn(number(content.bytes())),
+            Ok(content) => self.query = self.learn(number(content.bytes())),
             Err(SdoError::AbortedByServer(AbortCode::NO_OBJECT | AbortCode::NO_SUB_INDEX)) => {
-                self.asked = self.learn_absent();
+                self.query = self.learn_absent();
             }
             Err(error) => {
                 let (node, object) = (self.node, self.object());
-                self.asked = Query::Nothing;
+                self.query = Query::Nothing;
                 self.transfer = None;
                 return Some(Err(Unreadable { node, object, error }));
             }
         }
-        self.ask(now, out);
-        (self.asked == Query::Nothing).then(|| Ok(std::mem::take(&mut self.found)))
+        self.request(now, out);
+        (self.query == Query::Nothing).then(|| Ok(std::mem::take(&mut self.found)))
     }
 
     /// Records the value read; returns the next query.
     fn learn(&mut self, number: u32) -> Query {
         let [lowest, second, ..] = number.to_le_bytes();
         let pair = u16::from_le_bytes([lowest, second]);
-        match self.asked {
+        match self.query {
             Query::CobId => {
                 self.gap = 0;
                 self.pdo.cob_id = pair & COB_ID_MAX;
@@ -157,7 +157,7 @@ impl Reader {
 
     /// Records an absent object; returns the next query.
     fn learn_absent(&mut self) -> Query {
-        match self.asked {
+        match self.query {
             Query::CobId => {
                 self.gap += 1;
                 self.pdo.cob_id = 0;
@@ -172,7 +172,7 @@ impl Reader {
     }
 
     const fn next_question(&self) -> Query {
-        match self.asked {
+        match self.query {
             Query::Transmission => Query::InhibitTime,
             Query::InhibitTime => Query::EventTimer,
             Query::EventTimer => Query::Count,
@@ -228,7 +228,7 @@ impl Procedure for Reader {
     fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Self::Outcome> {
         match &mut self.transfer {
             None => {
-                self.ask(now, out);
+                self.request(now, out);
                 None
             }
             Some(transfer) => {
@@ -241,7 +241,7 @@ impl Procedure for Reader {
     fn deadline(&self) -> Option<Instant> {
         match &self.transfer {
             Some(transfer) => transfer.deadline(),
-            None => (self.asked != Query::Nothing).then_some(Instant::ZERO),
+            None => (self.query != Query::Nothing).then_some(Instant::ZERO),
         }
     }
 

@@ -1,4 +1,4 @@
-//! Scan of a bus: reads the identity of every node, and listens meanwhile. Writes nothing.
+//! Scan of a bus: reads the identity of every node and listens. Writes nothing.
 //!
 //! Several nodes are polled in parallel, a few frames each, so an empty bus is recognised soon. A node that replies
 //! about its device type exists; its other objects are read one by one, and absent ones stay open.
@@ -148,7 +148,7 @@ impl Found {
 struct Polled {
     found: Found,
     /// Index of the current object in [`OBJECTS`].
-    question: usize,
+    next: usize,
     transfer: Option<Transfer>,
     /// Object replied last.
     answered: Option<Object>,
@@ -159,7 +159,7 @@ struct Polled {
 pub struct Scan {
     timeout: Duration,
     waiting: VecDeque<NodeId>,
-    asked: Vec<Polled>,
+    polled: Vec<Polled>,
     /// Nodes that sent by themselves and are not polled.
     passive: Vec<Found>,
     /// Minimum end of listening, even if all replies arrive sooner.
@@ -179,7 +179,7 @@ impl Scan {
         let mut scan = Self {
             timeout,
             waiting: nodes.iter().copied().collect(),
-            asked: Vec::with_capacity(nodes.len()),
+            polled: Vec::with_capacity(nodes.len()),
             passive: Vec::new(),
             listens_until: now + listen,
             is_over: false,
@@ -190,22 +190,22 @@ impl Scan {
 
     /// Polls further nodes in free slots.
     fn poll_more(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        let busy = self.asked.iter().filter(|asked| asked.transfer.is_some()).count();
+        let busy = self.polled.iter().filter(|polled| polled.transfer.is_some()).count();
         for node in self.waiting.drain(..self.waiting.len().min(MAX_PARALLEL.saturating_sub(busy)))
         {
             let known = self.passive.iter().position(|found| found.node == node);
             let found = known.map_or(Found::new(node), |place| self.passive.swap_remove(place));
-            let mut asked = Polled { found, question: 0, transfer: None, answered: None };
-            asked.ask(self.timeout, now, out);
-            self.asked.push(asked);
+            let mut polled = Polled { found, next: 0, transfer: None, answered: None };
+            polled.request(self.timeout, now, out);
+            self.polled.push(polled);
         }
     }
 
     /// Takes a heartbeat or emergency of any node.
     fn listen(&mut self, frame: &Frame) {
         let Some(node) = sender(frame) else { return };
-        if let Some(asked) = self.asked.iter_mut().find(|asked| asked.found.node == node) {
-            asked.found.on_frame(frame);
+        if let Some(polled) = self.polled.iter_mut().find(|polled| polled.found.node == node) {
+            polled.found.on_frame(frame);
         } else if let Some(found) = self.passive.iter_mut().find(|found| found.node == node) {
             found.on_frame(frame);
         } else {
@@ -216,24 +216,24 @@ impl Scan {
     }
 
     fn outcome(&mut self, now: Instant) -> Option<Vec<Found>> {
-        let is_busy = self.asked.iter().any(|asked| asked.transfer.is_some());
+        let is_busy = self.polled.iter().any(|polled| polled.transfer.is_some());
         if self.is_over || is_busy || !self.waiting.is_empty() || now < self.listens_until {
             return None;
         }
         self.is_over = true;
-        let asked = self.asked.drain(..).map(|asked| asked.found);
-        let all = asked.chain(self.passive.drain(..));
-        let mut there: Vec<Found> = all.filter(Found::is_there).collect();
-        there.sort_by_key(|found| found.node);
-        Some(there)
+        let polled = self.polled.drain(..).map(|polled| polled.found);
+        let all = polled.chain(self.passive.drain(..));
+        let mut found: Vec<Found> = all.filter(Found::is_there).collect();
+        found.sort_by_key(|found| found.node);
+        Some(found)
     }
 }
 
 impl Polled {
     /// Sends the next request, if there is one.
-    fn ask(&mut self, timeout: Duration, now: Instant, out: &mut Vec<Frame>) {
+    fn request(&mut self, timeout: Duration, now: Instant, out: &mut Vec<Frame>) {
         let read = |object: &Object| Transfer::read(self.found.node, *object, timeout, now, out);
-        self.transfer = OBJECTS.get(self.question).map(read);
+        self.transfer = OBJECTS.get(self.next).map(read);
     }
 
     /// Records the outcome of a request and sends the next.
@@ -244,11 +244,11 @@ impl Polled {
         now: Instant,
         out: &mut Vec<Frame>,
     ) {
-        let object = OBJECTS.get(self.question).copied();
+        let object = OBJECTS.get(self.next).copied();
         self.transfer = None;
-        self.question += 1;
+        self.next += 1;
         match outcome {
-            // Absent, or gone: nothing more is read.
+            // No reply: no further requests.
             Err(SdoError::Timeout) => return,
             Err(SdoError::AbortedByServer(_) | SdoError::AbortedLocally(_)) => {}
             Ok(content) => {
@@ -259,15 +259,15 @@ impl Polled {
         }
         self.found.answers = true;
         self.answered = object;
-        self.ask(timeout, now, out);
+        self.request(timeout, now, out);
     }
 
     /// Returns whether a reply concerns the object replied last.
     fn is_repeated(&self, frame: &Frame) -> bool {
         let &[command, low, high, sub, ..] = frame.data() else { return false };
         let about = Object { index: u16::from_le_bytes([low, high]), sub };
-        let is_answer = matches!(command >> 5, UPLOAD_RESPONSE | ABORT);
-        is_answer && self.answered == Some(about)
+        let is_reply = matches!(command >> 5, UPLOAD_RESPONSE | ABORT);
+        is_reply && self.answered == Some(about)
     }
 }
 
@@ -286,13 +286,13 @@ impl Procedure for Scan {
         out: &mut Vec<Frame>,
     ) -> Option<Vec<Found>> {
         let timeout = self.timeout;
-        let is_answer = |asked: &&mut Polled| frame.cob_id == response_cob_id(asked.found.node);
-        if let Some(asked) = self.asked.iter_mut().find(is_answer) {
-            asked.found.is_answered_twice |= asked.is_repeated(frame);
-            let transfer = asked.transfer.as_mut();
+        let is_reply = |polled: &&mut Polled| frame.cob_id == response_cob_id(polled.found.node);
+        if let Some(polled) = self.polled.iter_mut().find(is_reply) {
+            polled.found.is_answered_twice |= polled.is_repeated(frame);
+            let transfer = polled.transfer.as_mut();
             if let Some(outcome) = transfer.and_then(|transfer| transfer.on_frame(now, frame, out))
             {
-                asked.conclude(outcome, timeout, now, out);
+                polled.conclude(outcome, timeout, now, out);
             }
         } else {
             self.listen(frame);
@@ -302,10 +302,10 @@ impl Procedure for Scan {
     }
 
     fn on_time(&mut self, now: Instant, out: &mut Vec<Frame>) -> Option<Vec<Found>> {
-        for asked in &mut self.asked {
-            let transfer = asked.transfer.as_mut();
+        for polled in &mut self.polled {
+            let transfer = polled.transfer.as_mut();
             if let Some(outcome) = transfer.and_then(|transfer| transfer.on_time(now, out)) {
-                asked.conclude(outcome, self.timeout, now, out);
+                polled.conclude(outcome, self.timeout, now, out);
             }
         }
         self.poll_more(now, out);
@@ -313,13 +313,13 @@ impl Procedure for Scan {
     }
 
     fn deadline(&self) -> Option<Instant> {
-        let transfers = self.asked.iter().filter_map(|asked| asked.transfer.as_ref());
+        let transfers = self.polled.iter().filter_map(|polled| polled.transfer.as_ref());
         let soonest = transfers.filter_map(Transfer::deadline).min();
         (!self.is_over).then_some(soonest.unwrap_or(self.listens_until))
     }
 
     fn abandon(&mut self, now: Instant, out: &mut Vec<Frame>) {
-        for transfer in self.asked.iter_mut().filter_map(|asked| asked.transfer.as_mut()) {
+        for transfer in self.polled.iter_mut().filter_map(|polled| polled.transfer.as_mut()) {
             transfer.abandon(now, out);
         }
     }
@@ -355,9 +355,9 @@ mod tests {
         let (mut now, mut out, mut most) = (Instant::ZERO, Vec::new(), 0);
         let mut scan = Scan::start(nodes, TIMEOUT, LISTEN, now, &mut out);
         loop {
-            let asked: Vec<Frame> = std::mem::take(&mut out);
-            most = most.max(asked.len());
-            for reply in asked.iter().flat_map(&mut answer) {
+            let requests: Vec<Frame> = std::mem::take(&mut out);
+            most = most.max(requests.len());
+            for reply in requests.iter().flat_map(&mut answer) {
                 if let Some(found) = scan.on_frame(now, &reply, &mut out) {
                     return (found, now, most);
                 }

@@ -127,7 +127,7 @@ fn mappable(lint: &mut Lint<'_>, section: &Section<'_>, described: &Described) {
     if data_type.bits.is_none() {
         lint.error(spot, format_args!("a {} cannot be in a PDO", data_type.name));
     } else if described.access == Access::Constant {
-        lint.warning(spot, "a constant in a PDO says nothing");
+        lint.warning(spot, "a constant is mapped in a PDO");
     }
 }
 

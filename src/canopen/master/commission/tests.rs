@@ -16,13 +16,13 @@ use crate::testing::scripted::stamp;
 /// Boots `device` by `plan`. Returns the outcome, the duration, and all frames the master sent.
 fn boot(plan: &NodePlan, device: &mut Scripted) -> (BootOutcome, Duration, Vec<Frame>) {
     let mut boot = Boot::new(plan);
-    let (mut said, mut queue) = (Vec::new(), Vec::new());
+    let (mut sent, mut queue) = (Vec::new(), Vec::new());
     loop {
         let now = boot.deadline().expect("a boot without an outcome has a deadline");
         let mut outcome = boot.on_time(now, &mut queue);
         while !queue.is_empty() {
             let frame = queue.remove(0);
-            said.push(frame);
+            sent.push(frame);
             if let Some(answer) = device.answer(&frame) {
                 outcome = outcome.or(boot.on_frame(now, &answer, &mut queue));
             }
@@ -31,7 +31,7 @@ fn boot(plan: &NodePlan, device: &mut Scripted) -> (BootOutcome, Duration, Vec<F
         }
         if let Some(outcome) = outcome {
             assert_eq!(boot.deadline(), None);
-            return (outcome, now.since(Instant::ZERO), said);
+            return (outcome, now.since(Instant::ZERO), sent);
         }
     }
 }
@@ -120,28 +120,28 @@ fn planned_restore_of_defaults_resets_the_whole_node() {
     let plan = NodePlan { restores_defaults: true, ..elbow() };
     let mut device = Scripted::suiting(&plan);
     device.objects.insert(Object::RESTORE_DEFAULTS, vec![1, 0, 0, 0]);
-    let (outcome, _, said) = boot(&plan, &mut device);
+    let (outcome, _, sent) = boot(&plan, &mut device);
     assert_eq!(outcome, Ok(Configuration::Downloaded));
     assert_eq!(device.written.first(), Some(&Object::RESTORE_DEFAULTS));
-    assert!(said.contains(&Frame::new(0, [0x81, 3])));
+    assert!(sent.contains(&Frame::new(0, [0x81, 3])));
 }
 
 #[test]
 fn kept_alive_node_is_not_reset_if_it_runs_as_planned() {
     let plan = NodePlan { keep_alive: true, ..switch_box() };
-    let is_reset = |said: &[Frame]| said.iter().any(|f| f.cob_id == 0 && f.data()[0] == 0x82);
+    let is_reset = |sent: &[Frame]| sent.iter().any(|f| f.cob_id == 0 && f.data()[0] == 0x82);
     let mut device = Scripted { state: 0x05, ..Scripted::holding(&plan) };
-    let (outcome, _, said) = boot(&plan, &mut device);
-    assert_eq!((outcome, is_reset(&said)), (Ok(Configuration::Kept), false));
+    let (outcome, _, sent) = boot(&plan, &mut device);
+    assert_eq!((outcome, is_reset(&sent)), (Ok(Configuration::Kept), false));
     assert_eq!((device.state, device.written.len()), (0x05, 0));
 
     let mut device = Scripted { state: 0x7F, ..Scripted::holding(&plan) };
-    let (outcome, _, said) = boot(&plan, &mut device);
-    assert_eq!((outcome, is_reset(&said)), (Ok(Configuration::Skipped), true));
+    let (outcome, _, sent) = boot(&plan, &mut device);
+    assert_eq!((outcome, is_reset(&sent)), (Ok(Configuration::Skipped), true));
 
     let mut device = Scripted { state: 0x05, ..Scripted::suiting(&plan) };
-    let (outcome, _, said) = boot(&plan, &mut device);
-    assert_eq!((outcome, is_reset(&said)), (Ok(Configuration::Downloaded), true));
+    let (outcome, _, sent) = boot(&plan, &mut device);
+    assert_eq!((outcome, is_reset(&sent)), (Ok(Configuration::Downloaded), true));
 }
 
 #[test]
@@ -182,11 +182,11 @@ fn wrong_software_serial_or_revision_is_named() {
 fn run_until(boot: &mut Boot, device: &mut Scripted, is_it: impl Fn(&Frame) -> bool) -> Vec<Frame> {
     let mut queue = Vec::new();
     boot.on_time(Instant::ZERO, &mut queue);
-    while let Some(said) = queue.pop() {
-        if is_it(&said) {
+    while let Some(sent) = queue.pop() {
+        if is_it(&sent) {
             break;
         }
-        if let Some(answer) = device.answer(&said) {
+        if let Some(answer) = device.answer(&sent) {
             assert_eq!(boot.on_frame(Instant::ZERO, &answer, &mut queue), None);
         }
     }
@@ -198,12 +198,12 @@ fn two_boot_ups_after_two_resets_are_two_nodes() {
     let plan = elbow();
     let (mut boot, mut device) = (Boot::new(&plan), Scripted::suiting(&plan));
     let reset = Frame::new(0, [0x82, 3]);
-    let mut out = run_until(&mut boot, &mut device, |said| *said == reset);
+    let mut out = run_until(&mut boot, &mut device, |sent| *sent == reset);
     let boot_up = device.heartbeat(0);
     let mut outcomes: Vec<_> =
         (0..3).map(|_| boot.on_frame(Instant::ZERO, &boot_up, &mut out)).collect();
     assert_eq!(outcomes, [None, None, None], "one of them may be of the power-up");
-    assert_eq!(out.iter().filter(|said| **said == reset).count(), 1, "so it is reset again");
+    assert_eq!(out.iter().filter(|sent| **sent == reset).count(), 1, "so it is reset again");
     outcomes = vec![boot.on_frame(Instant::ZERO, &boot_up, &mut out)];
     let problem = Problem::Duplicate(Sign::TwoBootUps);
     assert_eq!(outcomes, [Some(Err(BootError::new(&plan, problem)))]);
@@ -243,10 +243,10 @@ fn late_replies_are_no_sign_of_two_nodes() {
 fn wrong_product_is_named_and_not_touched() {
     let mut device = Scripted::suiting(&elbow());
     device.objects.insert(Object::PRODUCT_CODE, vec![1, 0, 0, 0]);
-    let (outcome, _, said) = boot(&elbow(), &mut device);
+    let (outcome, _, sent) = boot(&elbow(), &mut device);
     let message = "joint 3 (elbow), node 3: 1018h:2 is 00000001h, expected 04020010h";
     assert_eq!(outcome.unwrap_err().to_string(), message);
-    assert!(said.iter().all(|frame| frame.cob_id == 0x603));
+    assert!(sent.iter().all(|frame| frame.cob_id == 0x603));
     assert!(device.written.is_empty());
 }
 
@@ -309,14 +309,14 @@ fn slow_power_up_is_awaited() {
 #[test]
 fn absent_node_fails_at_the_deadline() {
     let mut device = Scripted { deaf_for: u32::MAX, ..Scripted::suiting(&elbow()) };
-    let (outcome, took, said) = boot(&elbow(), &mut device);
+    let (outcome, took, sent) = boot(&elbow(), &mut device);
     assert_eq!(
         outcome.unwrap_err().to_string(),
         "joint 3 (elbow), node 3: does not answer, waited 2.0 s"
     );
     assert_eq!(took, BOOT_TIMEOUT);
-    let asked = said.iter().filter(|frame| frame.data().first() == Some(&0x40)).count();
-    assert_eq!(asked, 20);
+    let requests = sent.iter().filter(|frame| frame.data().first() == Some(&0x40)).count();
+    assert_eq!(requests, 20);
 }
 
 #[test]
@@ -329,13 +329,13 @@ fn stopped_node_is_set_pre_operational() {
 fn enabled_drive_is_switched_off_before_identity_is_read() {
     let mut device = Scripted { state: 0x05, ..Scripted::suiting(&elbow()) };
     device.objects.insert(Object::STATUSWORD, vec![0x37, 0x16]);
-    let (outcome, took, said) = boot(&elbow(), &mut device);
+    let (outcome, took, sent) = boot(&elbow(), &mut device);
     let message = "joint 3 (elbow), node 3: 6041h is 1637h, expected xxx0h in the bits 0004h";
     assert_eq!(outcome.unwrap_err().to_string(), message, "it never leaves operation enabled");
     assert!(took >= BOOT_TIMEOUT);
-    let asked_who = |frame: &Frame| frame.data().get(1..3) == Some(&[0x18, 0x10]);
-    assert!(!said.iter().any(asked_who));
-    assert!(!said.contains(&Frame::new(0, [0x82, 3])), "nor reset");
+    let is_identity_request = |frame: &Frame| frame.data().get(1..3) == Some(&[0x18, 0x10]);
+    assert!(!sent.iter().any(is_identity_request));
+    assert!(!sent.contains(&Frame::new(0, [0x82, 3])), "no reset");
     assert_eq!(device.written, [Object::CONTROLWORD]);
 }
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""mutants.py: which faults put into the sources the tests find.
+"""mutants.py: mutation test: applies faults to the sources and reports which the tests detect.
 
 A seeded sample of small changes ("mutants") of src/node, src/controller, src/canopen/exchange and
-src/canopen/sdo. Each stands in a copy of its function behind a switch that is read once, when the program
-starts (FRHC_MUTANT=17), so that one build serves all of them. Copies that do not compile are taken out, and the
-build is made again: these mutants are not viable. Then the unit tests and the tests on the in-memory bus run once
-for each mutant, up to the first failure or the time limit.
+src/canopen/sdo. Each is a copy of its function behind a switch that is read once at the start of the program
+(FRHC_MUTANT=17), so that one build serves all of them. Copies that do not compile are removed, and the build is
+repeated: these mutants are not viable. Then the unit tests and the tests on the in-memory bus run once for each
+mutant, up to the first failure or the time limit.
 
 usage: scripts/mutants.sh [--count N] [--seed N] [--only TEXT] [--edits FILE] [--list] [--limit SECONDS]
                           [--build]
@@ -51,10 +51,10 @@ extern "C" fn read() {
 '''
 
 
-# --- Rust, as far as it must be read -------------------------------------------------------------------------
+# --- parsing of Rust ------------------------------------------------------------------------------------------
 
 def blanked(text):
-    """The same text with comments, strings and characters blanked out; every offset stays."""
+    """Returns the text with comments, strings and characters blanked out; offsets are unchanged."""
     out, at = list(text), 0
     pattern = re.compile(
         r'//[^\n]*|/\*.*?\*/|b?r(#*)".*?"\1|b?"(?:\\.|[^"\\])*"|b?\'(?:\\[^\n]{1,8}?|[^\\\'\n])\'', re.S)
@@ -67,7 +67,7 @@ def blanked(text):
 
 
 def closing(text, at):
-    """The place of the brace that closes the one at `at`."""
+    """Returns the index of the brace that closes the one at `at`."""
     depth = 0
     for place in range(at, len(text)):
         if text[place] == "{":
@@ -80,7 +80,7 @@ def closing(text, at):
 
 
 def tests(code):
-    """Spans of what is only compiled for tests, and files that are."""
+    """Returns the spans, and the files, compiled only for tests."""
     spans, files = [], set()
     for match in re.finditer(r"#\[cfg\(test\)\]\s*(?:pub(?:\([^)]*\))? )?(mod (\w+) *([;{])|[^;{]*([;{]))", code):
         if match[3] == ";":
@@ -110,7 +110,7 @@ def functions(code, skipped):
     return found
 
 
-# --- what can be changed --------------------------------------------------------------------------------------
+# --- possible mutations ---------------------------------------------------------------------------------------
 
 SWAPS = [(" < ", " <= "), (" <= ", " < "), (" > ", " >= "), (" >= ", " > "), (" == ", " != "), (" != ", " == "),
          (" + ", " - "), (" - ", " + "), (" * ", " / "), (" / ", " * "), (" % ", " * "), (" += ", " -= "),
@@ -125,7 +125,7 @@ NUMBER = re.compile(r"(?<![\w.])(\d[\d_]*\.\d[\d_]*(?:e-?\d+)?|\d[\d_]*)((?:_?[i
 
 
 def numbers(text, suffix):
-    """What stands in the place of a number."""
+    """Returns replacements of a number."""
     value = float(text.replace("_", ""))
     if "." in text or suffix.startswith(("f", "_f")):
         return ["1.0" + suffix] if value == 0 else ["0.0" + suffix, "-" + text + suffix]
@@ -134,7 +134,7 @@ def numbers(text, suffix):
 
 
 def sites(code, body):
-    """(start, end, replacement) of every change of one body."""
+    """Returns (start, end, replacement) of every mutation of one body."""
     start, end, signature = body
     found = []
     for old, new in SWAPS:
@@ -152,7 +152,7 @@ def sites(code, body):
     for match in re.compile(r"\bif (?!let\b)([^{};]*?) \{").finditer(code, start, end):
         if " let " not in match[1]:
             found.append((match.start(1), match.end(1), "!(%s)" % code[match.start(1):match.end(1)]))
-    # A statement that is a call, or an assignment, for its effect.
+    # A statement executed for its side effect: a call or an assignment.
     statement = re.compile(r"(?m)^ +(?!let\b|return\b|use\b|break\b|continue\b|const\b)[\w*&(][^;{}]*;$")
     for match in statement.finditer(code, start, end):
         found.append((match.start(), match.end(), ""))
@@ -168,7 +168,7 @@ def sites(code, body):
 
 
 class Mutant:
-    """A change of one place of one file."""
+    """One mutation of one file."""
 
     def __init__(self, number, path, body, change, text):
         self.number, self.path, self.body, self.change = number, path, body, change
@@ -185,7 +185,7 @@ class Mutant:
 
 
 def every_site(paths):
-    """(path, body, change) of all that could be changed."""
+    """Returns (path, body, change) of all possible mutations."""
     all_files = sorted(file for where in paths for file in (ROOT / where).rglob("*.rs"))
     all_files += [(ROOT / where).with_suffix(".rs") for where in paths if (ROOT / where).with_suffix(".rs").exists()]
     excluded = set()
@@ -214,7 +214,7 @@ def every_site(paths):
 
 
 def drawn(args):
-    """The sample: of all places, by the seed."""
+    """Returns a random sample of the mutations, by the seed."""
     found = every_site(WHERE)
     found = [one for one in found if not args.only or args.only in str(one[0])]
     print("%d changes of %s" % (len(found), ", ".join(WHERE)), flush=True)
@@ -225,12 +225,12 @@ def drawn(args):
 
 
 def by_hand(file):
-    """The changes a file lists: [[path, old text, new text], ...]; the old text stands there once."""
+    """Returns the mutations listed in a file: [[path, old text, new text], ...]; the old text must occur once."""
     mutants = []
     for number, (path, old, new) in enumerate(json.loads(Path(file).read_text()), 1):
         text = (ROOT / path).read_text()
         if text.count(old) != 1:
-            sys.exit("%s: %r must stand in %s once, stands there %d times" % (file, old, path, text.count(old)))
+            sys.exit("%s: %r must occur once in %s, occurs %d times" % (file, old, path, text.count(old)))
         at = text.index(old)
         code = blanked(text)
         bodies = [body for body in functions(code, []) if body[0] < at < body[1]]
@@ -240,10 +240,10 @@ def by_hand(file):
     return mutants
 
 
-# --- one build for all ----------------------------------------------------------------------------------------
+# --- build of all mutants ----------------------------------------------------------------------------------------
 
 def copied():
-    """A copy of the sources, with the switch, without lints."""
+    """Copies the sources, adds the switch and removes the lints."""
     if TREE.exists():
         shutil.rmtree(TREE)
     listed = subprocess.run(["git", "ls-files", "--cached", "--others", "--exclude-standard"], cwd=ROOT, check=True, capture_output=True, text=True).stdout
@@ -251,7 +251,7 @@ def copied():
         if (ROOT / name).is_file():
             (TREE / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, TREE / name)
-    # Every room knows `units`.
+    # Every room depends on `units`.
     (TREE / "src/units/mutants.rs").write_text(SWITCH)
     lib = (TREE / "src/units/lib.rs").read_text().replace("#![forbid(unsafe_code)]\n", "")
     (TREE / "src/units/lib.rs").write_text(lib + "\n#[doc(hidden)]\npub mod mutants;\n")
@@ -269,7 +269,7 @@ def copied():
 
 
 def written(mutants):
-    """Writes the mutated files; where each copy stands: path -> [(first line, last line, mutant)]."""
+    """Writes the mutated files; returns the lines of each copy: path -> [(first line, last line, mutant)]."""
     places = {}
     for path in sorted({mutant.path for mutant in mutants}):
         text = (ROOT / path).read_text()
@@ -301,9 +301,9 @@ def written(mutants):
 
 
 def cargo(arguments):
-    """Runs cargo in the copy; the errors, and the executables it made."""
-    # Optimised a little: building takes half as long again, and every run of the tests a fraction.
-    # A mutant may be what the compiler refuses by a lint: an overflow in a constant.
+    """Runs cargo in the copy; returns the errors and the executables."""
+    # opt-level 1: the build takes half as long again, but each test run a fraction.
+    # A mutant may violate a deny-by-default lint, such as overflow in a constant.
     environment = dict(os.environ, CARGO_TARGET_DIR=str(TARGET), RUSTFLAGS="--cap-lints=allow", CARGO_PROFILE_DEV_OPT_LEVEL="1",
                        CARGO_PROFILE_DEV_DEBUG="0")
     command = ["cargo"] + arguments + ["--message-format=json", "--locked"]
@@ -322,7 +322,7 @@ def cargo(arguments):
 
 
 def spans_of(message):
-    """Every place an error names, those of its notes as well."""
+    """Returns every place that an error names, including its notes."""
     for span in message["spans"]:
         while span:
             yield span["file_name"], span["line_start"]
@@ -332,7 +332,7 @@ def spans_of(message):
 
 
 def built(mutants, arguments):
-    """Builds with all mutants that can be; what is not viable is taken out. The executables."""
+    """Builds all viable mutants and removes the others; returns the executables."""
     alive = list(mutants)
     for _ in range(12):
         for path in {mutant.path for mutant in mutants}:
@@ -363,7 +363,7 @@ def built(mutants, arguments):
 # --- the tests ------------------------------------------------------------------------------------------------
 
 def ran(command, number, limit, folder="."):
-    """(whether it failed, why): up to the first failed test, or the limit in s."""
+    """Runs tests up to the first failure or the limit in s; returns (is_failed, reason)."""
     environment = dict(os.environ, FRHC_MUTANT=str(number), CARGO_MANIFEST_DIR=str(TREE), RUST_BACKTRACE="0",
                        PROPTEST_FAILURE_PERSISTENCE="off")
     process = subprocess.Popen(command, cwd=TREE / folder, env=environment, stdout=subprocess.PIPE,
@@ -409,20 +409,20 @@ def judged(mutant, steps):
 
 
 def own(mutant):
-    """The room of the mutant, and the path of its module there, whose own tests come first."""
+    """Returns the room of the mutant and its module path there, whose own tests run first."""
     _, room, *parts = mutant.path.with_suffix("").parts
     return room, "::".join(parts[:-1] if parts[-1] in ("mod", "lib") else parts)
 
 
 def main():
     parser = argparse.ArgumentParser(prog="scripts/mutants.sh", description=__doc__.split("\n\n")[0])
-    parser.add_argument("--count", type=int, default=120, help="so many mutants (120)")
-    parser.add_argument("--seed", type=int, default=1, help="of the sample (1)")
+    parser.add_argument("--count", type=int, default=120, help="number of mutants (120)")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the sample (1)")
     parser.add_argument("--only", default="", help="only files whose path contains this")
-    parser.add_argument("--edits", help="instead of a sample: changes by hand, JSON: [[path, old, new], ...]")
-    parser.add_argument("--list", action="store_true", help="prints the sample, builds and runs nothing")
-    parser.add_argument("--build", action="store_true", help="builds the program with all mutants, runs nothing")
-    parser.add_argument("--limit", type=float, default=0, help="s for one run of the tests; thrice that of no mutant")
+    parser.add_argument("--edits", help="file of mutations instead of a sample, JSON: [[path, old, new], ...]")
+    parser.add_argument("--list", action="store_true", help="print the sample without building or running")
+    parser.add_argument("--build", action="store_true", help="build the program with all mutants without running")
+    parser.add_argument("--limit", type=float, default=0, help="time limit of a test run in s (3 times that without mutant)")
     args = parser.parse_args()
     mutants = by_hand(args.edits) if args.edits else drawn(args)
     if args.list:
@@ -449,7 +449,7 @@ def main():
         seconds = time.monotonic() - start
         steps.append((name, command, args.limit or max(20.0, 3 * seconds), folder))
     print("without any mutant: %s" % ", ".join("%s %.0f s" % (name, limit / 3) for name, _, limit, _ in steps), flush=True)
-    # In no order of theirs: a run that is ended early is a fair sample, too.
+    # In random order, so that an interrupted run is a fair sample, too.
     for mutant in random.Random(args.seed).sample(mutants, len(mutants)):
         if not mutant.result:
             room, module = own(mutant)

@@ -15,7 +15,7 @@ readonly BASELINE=scripts/prose.txt
 # A doc comment says what its caller gets: it does not open with one of these.
 readonly OPENINGS='what|whether|who|whom|whose|whoever|how|so|of|none|nobody'
 # Frames are sent and received, nodes report, values are invalid or absent.
-readonly WORDS='told|tells?|heard|hears?|heed(s|ed)?|nobody|somebody|whoever|befalls?|befallen|befell|deeds?|mishaps?|temperaments?|(that )?is none|no number'
+readonly WORDS='told|tells?|heard|hears?|heed(s|ed)?|nobody|somebody|whoever|befalls?|befallen|befell|deeds?|mishaps?|temperaments?|(that )?is (?-i:none)|no number'
 
 # The tree as it would be committed. History keeps the words it was written with; this file names them.
 readonly HISTORY='^(CHANGELOG\.md|docs/adr/.*|scripts/prose\.(sh|txt))$'

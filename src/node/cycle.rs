@@ -84,7 +84,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
     fn watch_drives(&mut self, now: Instant) {
         let Some((joint, statusword)) = self.not_enabled() else {
             if self.samples.is_complete() && self.proof_test.is_done() {
-                self.safety.drives_are_enabled(now);
+                self.safety.on_drives_enabled(now);
             }
             return;
         };

@@ -1,9 +1,10 @@
 //! Sending of target torques and controlwords: in time, or not at all.
 //!
 //! A target is as old as the SYNC of its samples. The process may stall between any two frames, so the clock is read
-//! before each. A frame with torque is dropped once its SYNC is older than 1.5 periods. Its drives then keep the
-//! previous target until the next cycle, or until their RPDO timers expire. Zero targets and disable voltage are sent
-//! at any age.
+//! before each. A frame with torque is dropped once its SYNC is older than 1.5 periods; zero targets and disable
+//! voltage are sent at any age.
+//!
+//! The drives of a dropped frame keep the previous target until the next cycle, or until their RPDO timers expire.
 //!
 //! A stall between the clock and the bus is not seen, and no accepted frame can be recalled. The drives' RPDO timers
 //! alone bound the age of a target then.

@@ -175,7 +175,7 @@ pub(crate) const PROMISES: [Claim; 15] = [
     (4, "When one drive faults the others end", "2 cycles"),
     (
         5,
-        "Torque is bounded, at the last gate before the bus",
+        "Torque is bounded, at the last limiter before the bus",
         "never above the lesser of capacity and 6072h; rise of at most a tenth of it per cycle",
     ),
     (6, "A wrench that is invalid or not authentic has no effect", "none of 100,000"),

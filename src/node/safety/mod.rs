@@ -13,9 +13,10 @@
 //! ```
 //!
 //! Torque is zero except in `Armed`, in `ReflectionOff` (gravity compensation alone) and in `Engaged`. After a
-//! disarm request gravity compensation ramps to zero before the mode changes; after a cause the [`table`]
-//! applies. A latched stop becomes stricter by itself or by another cause, never milder. Only a reset ends
-//! it. The reset is refused while the cause is active, and the deadman must then be released and pressed again.
+//! disarm request gravity compensation ramps to zero before the mode changes. After a cause the [`table`] applies.
+//!
+//! A latched stop becomes stricter by itself or by another cause, never milder. Only a reset ends it. The reset is
+//! refused while the cause is active, and the deadman must then be released and pressed again.
 //!
 //! | file            | content                                             |
 //! |-----------------|-----------------------------------------------------|
@@ -111,7 +112,7 @@ pub struct Safety {
     gravity: Ramp,
     reflection: Ramp,
     /// True from a disarm request until gravity compensation is at zero.
-    ramps_down: bool,
+    is_ramping_down: bool,
     deadman_was_held: bool,
 }
 
@@ -127,7 +128,7 @@ impl Safety {
             gravity: Ramp::new(ramps.gravity, GRAVITY_RAMP_DOWN),
             // After a deadman release the controller's slew ends reflection.
             reflection: Ramp::new(ramps.reflection, Duration::ZERO),
-            ramps_down: false,
+            is_ramping_down: false,
             // The first press counts only after a release.
             deadman_was_held: true,
         }
@@ -168,7 +169,7 @@ impl Safety {
     }
 
     /// Enters `Ready` from `Boot`, once all drives report `Operation enabled`.
-    pub fn drives_are_enabled(&mut self, now: Instant) {
+    pub fn on_drives_enabled(&mut self, now: Instant) {
         if self.mode == Mode::Boot {
             self.enter(Mode::Ready, now);
         }
@@ -215,7 +216,7 @@ impl Safety {
 
     /// Starts the ramp of gravity compensation to zero. Does nothing at zero torque; a latched stop stays.
     pub const fn disarm(&mut self) {
-        self.ramps_down = self.allows_torque();
+        self.is_ramping_down = self.allows_torque();
     }
 
     /// Ends a latched stop.
@@ -247,9 +248,9 @@ impl Safety {
 
     /// Advances mode and ramps by the deadman and the time, and returns the permit of this cycle.
     pub fn permit(&mut self, now: Instant, is_held: bool) -> Permit {
-        self.follow_deadman(now, is_held);
-        self.gravity.advance(now, self.allows_torque() && !self.ramps_down);
-        if self.ramps_down && self.gravity.is_zero() {
+        self.advance_mode(now, is_held);
+        self.gravity.advance(now, self.allows_torque() && !self.is_ramping_down);
+        if self.is_ramping_down && self.gravity.is_zero() {
             self.enter(self.mode_after_ramp_down(), now);
         }
         let engaged = self.mode == Mode::Engaged;
@@ -257,7 +258,9 @@ impl Safety {
         Permit {
             mode: self.mode,
             gravity_share: self.gravity.share(),
-            gravity_ramps_up: self.allows_torque() && !self.ramps_down && !self.gravity.is_full(),
+            gravity_ramps_up: self.allows_torque()
+                && !self.is_ramping_down
+                && !self.gravity.is_full(),
             reflection_share: self.reflection.share(),
             engaged,
             drives_on: self.mode != Mode::DrivesOff,
@@ -270,13 +273,13 @@ impl Safety {
     }
 
     /// Changes the mode by the deadman and the time.
-    fn follow_deadman(&mut self, now: Instant, is_held: bool) {
-        let presses = is_held && !self.deadman_was_held;
+    fn advance_mode(&mut self, now: Instant, is_held: bool) {
+        let is_pressed = is_held && !self.deadman_was_held;
         self.deadman_was_held = is_held;
         match self.mode {
             // Only a press engages; a deadman that is already closed does not.
-            Mode::Armed if presses && !self.ramps_down => self.enter(Mode::Engaged, now),
-            Mode::Engaged if !is_held || self.ramps_down => self.enter(Mode::Armed, now),
+            Mode::Armed if is_pressed && !self.is_ramping_down => self.enter(Mode::Engaged, now),
+            Mode::Engaged if !is_held || self.is_ramping_down => self.enter(Mode::Armed, now),
             Mode::ZeroTorque if now.since(self.since) >= DRIVES_OFF_DELAY => {
                 self.enter(Mode::DrivesOff, now);
             }
@@ -304,7 +307,7 @@ impl Safety {
         self.reflection.reset(now);
         if !self.allows_torque() {
             self.gravity.reset(now);
-            self.ramps_down = false;
+            self.is_ramping_down = false;
         }
     }
 }

@@ -20,7 +20,7 @@ fn at(millis: u64) -> Instant {
 
 fn armed() -> Safety {
     let mut safety = Safety::new(RAMPS);
-    safety.drives_are_enabled(at(0));
+    safety.on_drives_enabled(at(0));
     safety.permit(at(0), false);
     safety.arm(at(0), EnableState::Released).unwrap();
     safety
@@ -43,7 +43,7 @@ fn in_mode(mode: Mode) -> Safety {
     };
     match mode {
         Mode::Boot | Mode::Armed | Mode::Engaged => {}
-        Mode::Ready => safety.drives_are_enabled(at(0)),
+        Mode::Ready => safety.on_drives_enabled(at(0)),
         Mode::ReflectionOff => safety.raise(at(3), FIRST),
         Mode::ZeroTorque => safety.raise(at(3), Cause::GripOverspeed),
         Mode::DrivesOff => {
@@ -178,7 +178,7 @@ fn hazard_39_only_a_new_press_engages_after_any_stop() {
         let answer = safety.reset(at(LATER));
         assert!(answer.is_ok());
         if safety.mode() == Mode::Boot {
-            safety.drives_are_enabled(at(LATER));
+            safety.on_drives_enabled(at(LATER));
             let refused = safety.arm(at(LATER), EnableState::Held);
             assert_eq!(refused, Err(Refusal::DeadmanClosed), "{kind:?}");
             safety.permit(at(LATER), false);

@@ -438,7 +438,7 @@ fn late_frame_on_one_bus_delays_no_other_bus() {
 }
 
 #[test]
-fn hazard_24_run_and_commission_refuse_an_interface_that_is_down() {
+fn hazard_24_run_and_commission_refuse_an_interface_down() {
     let scratch = Scratch::new("down");
     Process::of("ip", &["link", "set", "vcan1", "down"]).wait().succeeds();
     for words in [&["run"][..], &["commission", "--prove"]] {

@@ -1,4 +1,4 @@
-//! Finds a scenario: a file, or one of those in `config/scenarios` by name, which are also inside the program.
+//! Scenarios by file, or by name: those of `config/scenarios`, which the program contains.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -10,7 +10,7 @@ use run::exit::Failure;
 use run::exit::Kind;
 use sim::scenario::Scenario;
 
-/// Reads the scenario called `name`, or in the file of that name.
+/// Reads a scenario by its name, or from the file `name` if that ends in `.toml`.
 pub(super) fn load(name: &str) -> Result<Scenario, Failure> {
     let is_file = name.ends_with(".toml");
     let path = if is_file {
@@ -28,7 +28,7 @@ pub(super) fn load(name: &str) -> Result<Scenario, Failure> {
     Scenario::parse(&text).map_err(|error| wrong(error.to_string()))
 }
 
-/// No scenario has this name: which names there are, folder by folder.
+/// Returns the failure for an unknown name, with the known ones by folder.
 fn unknown(name: &str) -> Failure {
     let of_folder = |folder: Option<&str>| {
         let names = shipped::scenarios().map(|name| match name.split_once('/') {
@@ -38,10 +38,10 @@ fn unknown(name: &str) -> Failure {
         let names = names.filter(|(of, _)| *of == folder).map(|(_, name)| name);
         names.collect::<Vec<_>>().join(", ")
     };
-    let meant = shipped::scenarios().find(|full| full.rsplit('/').next() == Some(name));
-    let meant = meant.map_or_else(String::new, |full| format!("; there is {full}"));
+    let similar = shipped::scenarios().find(|full| full.rsplit('/').next() == Some(name));
+    let similar = similar.map_or_else(String::new, |full| format!("; did you mean {full}?"));
     let lines = [
-        format!("--scenario {name}: unknown scenario{meant}"),
+        format!("--scenario {name}: unknown scenario{similar}"),
         format!("scenarios: {}", of_folder(None)),
         format!("faults/: {}", of_folder(Some("faults"))),
         format!("quirks/: {}", of_folder(Some("quirks"))),

@@ -14,11 +14,11 @@
 //! ```
 #![forbid(unsafe_code)]
 
-pub mod attend;
 pub mod bench;
 pub mod campaign;
 pub mod comparison;
 pub mod explanation;
 pub mod question;
+pub mod station;
 pub mod transmit_queue;
 pub mod world;

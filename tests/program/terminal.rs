@@ -211,7 +211,11 @@ fn options_without_effect_are_refused() {
 fn unknown_scenario_lists_the_shipped_ones() {
     let listed = ["contact_10s", "stiff-wall", "faults/: ", "unplug", "quirks/: ", "slow-sdo"];
     is_refused(&["demo", "--scenario", "nope"], 2, &listed);
-    is_refused(&["demo", "--scenario", "unplug"], 2, &["unknown scenario; there is faults/unplug"]);
+    is_refused(
+        &["demo", "--scenario", "unplug"],
+        2,
+        &["unknown scenario; did you mean faults/unplug?"],
+    );
     is_refused(&["demo", "--scenario", "nope.toml"], 3, &["nope.toml: No such file"]);
 }
 

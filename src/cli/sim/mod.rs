@@ -22,7 +22,7 @@ use canopen::frame::Channel;
 use config::Config;
 use faults::Fault;
 use faults::Target;
-use lab::attend::attend;
+use lab::station;
 use lab::transmit_queue::Down;
 use lab::world;
 use run::exit::Failure;
@@ -82,7 +82,7 @@ pub(super) fn run(args: &Sim) -> Result<(), Failure> {
         let bus_thread = threads.spawn(|| {
             realtime::ask();
             let (report_sender, fault_sender) = (report_sender, fault_sender);
-            attend(&mut bus, &mut world, &mut |world: &mut World| {
+            station::run(&mut bus, &mut world, &mut |world: &mut World| {
                 while let Some(notice) = world.notice() {
                     // The main thread may have ended first.
                     let begun = world.scenario_start().unwrap_or(Instant::ZERO);

@@ -21,7 +21,7 @@ const RETRY_AFTER: Duration = Duration::from_millis(1);
 ///
 /// # Errors
 /// A bus whose interface went down, or was down from the start.
-pub fn attend<B: Bus, S: Station>(
+pub fn run<B: Bus, S: Station>(
     bus: &mut B,
     station: &mut S,
     is_over: &mut dyn FnMut(&mut S) -> bool,

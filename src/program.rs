@@ -17,11 +17,11 @@ use run::stop_signals;
 
 const EXAMPLES: &str = if cfg!(feature = "simulation") {
     "`frhc help COMMAND` shows examples of a command.\n\nExit codes: 0 success, 1 negative result, 2 usage, 3 invalid \
-    configuration, 4 interface or file, 5 drive, 6 latched stop.\n\nExamples:\n  \
+     configuration, 4 interface or file, 5 drive, 6 latched stop.\n\nExamples:\n  \
     frhc demo\n  frhc check --config config/kraft_like.toml\n  frhc explain faults"
 } else {
     "`frhc help COMMAND` shows examples of a command.\n\nExit codes: 0 success, 1 negative result, 2 usage, 3 invalid \
-    configuration, 4 interface or file, 5 drive, 6 latched stop.\n\nExamples:\n  \
+     configuration, 4 interface or file, 5 drive, 6 latched stop.\n\nExamples:\n  \
     frhc check --config config/kraft_like.toml\n  frhc ctl status"
 };
 

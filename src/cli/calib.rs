@@ -28,7 +28,7 @@ enum Task {
     /// Fits a torque curve to the measurements of each joint.
     #[command(
         after_help = "The CSV file has the columns joint, direction (up or down), per_mille (6071h) and torque_nm (force_n for \
-        prismatic joints), named in its first line. Lines that begin with # are comments on its origin.\n\n\
+            prismatic joints), named in its first line. Lines that begin with # are comments on its origin.\n\n\
             Example:\n  frhc calib fit azimuth.csv --config config/kraft_like.toml --out /tmp/azimuth"
     )]
     Fit(Fit),

@@ -23,9 +23,9 @@ use run::exit::Kind;
 #[derive(Debug, Args)]
 #[command(
     after_help = "`configure` does all steps in one call and always leaves every slave in state waiting. The other commands \
-    are single services: the slave stays selected (state configuration) until `deselect` or a failure.\n\n\
-    Commands that select or set are refused while a master sends SYNC, unless --force is given.\n\n\
-    A new node-id takes effect after `frhc nmt reset-comm`; on a slave without node-id at once.\n\n\
+        are single services: the slave stays selected (state configuration) until `deselect` or a failure.\n\n\
+        Commands that select or set are refused while a master sends SYNC, unless --force is given.\n\n\
+        A new node-id takes effect after `frhc nmt reset-comm`; on a slave without node-id at once.\n\n\
         Examples:\n  frhc lss fastscan -i can0\n  \
         frhc lss configure --select 0xF8C,0x04020010,0x00010000,3 --node-id 3 --store -i can0\n  \
         frhc lss configure --fastscan --node-id 4 --bit-timing 1000 --store -i can0"

@@ -41,22 +41,22 @@ use run::exit::Failure;
 pub(crate) enum Command {
     /// Runs node, simulated drives, operator and remote side in one process; opens no bus.
     #[command(after_help = "Examples:\n  frhc demo --scenario faults/unplug\n  \
-                      frhc demo --seconds 20 --out /tmp/session && log2asc -I /tmp/session/bus.log vcan0 vcan1")]
+        frhc demo --seconds 20 --out /tmp/session && log2asc -I /tmp/session/bus.log vcan0 vcan1")]
     Demo(Demo),
     /// Injects many faults, one per simulated run, and checks the node's reaction to each.
     #[command(
         after_help = "The exit code is 1 when a fault was missed or detected late, a rule of the bus was violated, or the node \
-        stopped without need. --replay runs such a case again and writes its log.\n\nExamples:\n  \
-                      frhc campaign --seed 1 --faults 2000\n  \
-                      frhc campaign --seed 1 --replay 137 --out /tmp/137\n  \
-                      frhc campaign --seed 1 --soak 1000000"
+            stopped without need. --replay runs such a case again and writes its log.\n\nExamples:\n  \
+            frhc campaign --seed 1 --faults 2000\n  \
+            frhc campaign --seed 1 --replay 137 --out /tmp/137\n  \
+            frhc campaign --seed 1 --soak 1000000"
     )]
     Campaign(Campaign),
     /// Simulates the drives, switch box, arm and operator on SocketCAN, for `run` or any other master.
     #[command(
         after_help = "Prints the state of each drive at the end, and on SIGUSR1 or SIGQUIT (Ctrl-\\ at a terminal).\n\nExamples:\n  \
-                      frhc sim --config config/kraft_like_500hz.toml -i vcan0 --scenario contact_10s\n  \
-                      frhc sim --config config/kraft_like.toml --json > drives.jsonl &\n  kill -USR1 $!"
+            frhc sim --config config/kraft_like_500hz.toml -i vcan0 --scenario contact_10s\n  \
+            frhc sim --config config/kraft_like.toml --json > drives.jsonl &\n  kill -USR1 $!"
     )]
     Sim(Sim),
     /// Plans the buses of a configuration: frames and worst-case response times, cycle timeline, load, maximum rate, loop
@@ -73,8 +73,8 @@ pub(crate) enum Command {
     /// Fits torque curves to measurements, or checks those of a configuration.
     #[command(
         after_help = "Examples:\n  frhc sim --config config/kraft_like.toml --calibrate elbow --out elbow.csv\n  \
-                      frhc calib fit elbow.csv --config config/kraft_like.toml\n  \
-                      frhc calib check --config config/kraft_like.toml"
+            frhc calib fit elbow.csv --config config/kraft_like.toml\n  \
+            frhc calib check --config config/kraft_like.toml"
     )]
     Calib(Calib),
     /// Lists the nodes on a bus: identity, NMT state, and whether the configuration expects them.
@@ -88,18 +88,18 @@ pub(crate) enum Command {
     /// Annotates a candump log by joint and in SI units.
     #[command(
         after_help = "Each line is printed unchanged, followed by its meaning. Anomalies follow a `!`: a missing or late frame, \
-        a wrong length, a timestamp that goes back. Lines in another format pass unchanged; the first ones \
-        are reported on stderr. The exit code is 1 when no line is a candump line.\n\nExamples:\n  \
-                      frhc decode --config config/kraft_like.toml /tmp/session/bus.log | less -S\n  \
-                      candump -ta can0 | frhc decode --config config/kraft_like_500hz.toml -i can0 --only elbow\n  \
-                      frhc decode --config config/kraft_like.toml --json bus.log | jq 'select(.remarks)'"
+            a wrong length, a timestamp that goes back. Lines in another format pass unchanged; the first ones \
+            are reported on stderr. The exit code is 1 when no line is a candump line.\n\nExamples:\n  \
+            frhc decode --config config/kraft_like.toml /tmp/session/bus.log | less -S\n  \
+            candump -ta can0 | frhc decode --config config/kraft_like_500hz.toml -i can0 --only elbow\n  \
+            frhc decode --config config/kraft_like.toml --json bus.log | jq 'select(.remarks)'"
     )]
     Decode(Decode),
     /// Writes a DBC file of the buses, or DCF files of the nodes.
     #[command(
         subcommand,
         after_help = "Examples:\n  frhc export dbc --config config/kraft_like.toml --out kraft_like.dbc\n  \
-                      frhc export dcf --config config/kraft_like_500hz.toml --out /tmp/dcf"
+            frhc export dcf --config config/kraft_like_500hz.toml --out /tmp/dcf"
     )]
     Export(Export),
 }

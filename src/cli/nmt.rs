@@ -28,9 +28,9 @@ use units::time::Instant;
 #[derive(Debug, Args)]
 #[command(
     after_help = "NMT commands are unconfirmed. --wait waits for the boot-up message after a reset, otherwise for a \
-    heartbeat with the new state, which only nodes with a producer heartbeat time (1017h) send.\n\n\
-    Commands are refused while a master sends SYNC, unless --force is given: a running node detects a second \
-    master and stops.\n\n\
+        heartbeat with the new state, which only nodes with a producer heartbeat time (1017h) send.\n\n\
+        Commands are refused while a master sends SYNC, unless --force is given: a running node detects a second \
+        master and stops.\n\n\
         Examples:\n  frhc nmt start 3 --wait -i can0\n  frhc nmt reset all --config config/kraft_like.toml --wait\n  \
         frhc nmt watch -i can0"
 )]

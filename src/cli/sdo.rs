@@ -39,9 +39,9 @@ use run::results::Force;
 #[derive(Debug, Args)]
 #[command(
     after_help = "Types: b u8..u64 i8..i64 x8..x64 r32 r64 vs us os d t td (CiA 309-3); with an EDS that of the object.\n\n\
-    An SDO server handles one transfer at a time: do not use this on a node while another master configures \
-    it. `write` is refused while a master sends SYNC, unless --force is given: a running node detects a second \
-    master and stops.\n\n\
+        An SDO server handles one transfer at a time: do not use this on a node while another master configures \
+        it. `write` is refused while a master sends SYNC, unless --force is given: a running node detects a second \
+        master and stops.\n\n\
         Examples:\n  frhc sdo read 3 6041 u16 -i can0\n  frhc sdo read 3 1008 --config config/kraft_like.toml\n  \
         frhc sdo write 3 6071 i16 -100 --verify -i can0\n  frhc sdo write 3 1F50:1 d @firmware.bin --block -i can0"
 )]

@@ -14,9 +14,9 @@ pub enum Command {
     /// Runs the node on SocketCAN until SIGINT or SIGTERM.
     #[command(
         after_help = "SIGINT and SIGTERM stop the node in order: torque ramps to zero, then the drives are disabled and \
-        confirm it, within a second. The configuration is read once, at the start; SIGHUP is ignored. Every \
-        trip leaves a fault record: in faults/ of the recording, or else in the user's state folder.\n\nExample:\n  \
-                      frhc run --config config/kraft_like_500hz.toml -i can0 --record /var/lib/frhc"
+            confirm it, within a second. The configuration is read once, at the start; SIGHUP is ignored. Every \
+            trip leaves a fault record: in faults/ of the recording, or else in the user's state folder.\n\nExample:\n  \
+            frhc run --config config/kraft_like_500hz.toml -i can0 --record /var/lib/frhc"
     )]
     Run(run::Run),
     /// Sends one request to a running node over its Unix socket: status, arm, disarm, reset, mode.

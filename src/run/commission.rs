@@ -28,8 +28,8 @@ use remote::site::VirtualSite;
 #[derive(Debug, Args)]
 #[command(
     after_help = "No other master may run on the buses meanwhile. The drives are enabled at zero torque; the arm is not armed.\n\nExamples:\n  \
-                  frhc commission --config config/kraft_like.toml --prove -i can0\n  \
-                  frhc commission --config config/kraft_like.toml --prove --json | jq .lasting_ms"
+        frhc commission --config config/kraft_like.toml --prove -i can0\n  \
+        frhc commission --config config/kraft_like.toml --prove --json | jq .lasting_ms"
 )]
 pub struct Commission {
     #[command(flatten)]
@@ -73,7 +73,7 @@ pub(super) fn warn(config: &Config) {
     if !config.safety.protection.proves_drives {
         tracing::warn!(
             "DRIVES NOT TESTED: safety.prove_drives = false, so no drive is known to stop when its master is \
-            lost; forces stay below {} N",
+             lost; forces stay below {} N",
             config.controller.reflection.max_force()
         );
     }

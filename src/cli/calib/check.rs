@@ -63,7 +63,7 @@ impl<'a> Finding<'a> {
         let (unit, (slope, at)) = (self.unit, self.least_slope);
         format!(
             "joint {:16} up to ±{} {unit}, slope at least {} ‰/{unit} (at {at:.2} {unit}), {:.4} {unit} per \
-            step, 6072h {} ‰, i16 range is {:.0} times that",
+             step, 6072h {} ‰, i16 range is {:.0} times that",
             self.joint,
             self.max_torque,
             significant(slope, 5),

@@ -13,8 +13,8 @@ pub(crate) enum Export {
     /// Writes a DBC file of the buses, with SI scaling and joint names.
     #[command(
         after_help = "Examples:\n  frhc export dbc --config config/kraft_like.toml --out kraft_like.dbc\n  \
-                      cantools decode kraft_like.dbc < session/bus.log\n  \
-                      frhc export dbc --config config/jpl_like.toml --bus wrist | less"
+            cantools decode kraft_like.dbc < session/bus.log\n  \
+            frhc export dbc --config config/jpl_like.toml --bus wrist | less"
     )]
     Dbc(dbc::Dbc),
     /// Writes a device configuration file (CiA 306) for each drive and the switch box.

@@ -21,9 +21,9 @@ use run::print;
 #[derive(Debug, Args)]
 #[command(
     after_help = "Reads 1000h, 1018h, 1008h, 1009h and 100Ah, and writes nothing. An SDO server handles one transfer at a \
-    time: do not scan while another master configures its nodes.\n\n\
-    With a configuration it also reports missing nodes (exit 5), nodes with another identity (exit 5) and \
-    unexpected ones. The exit code is 1 when no node responds and none is expected.\n\n\
+        time: do not scan while another master configures its nodes.\n\n\
+        With a configuration it also reports missing nodes (exit 5), nodes with another identity (exit 5) and \
+        unexpected ones. The exit code is 1 when no node responds and none is expected.\n\n\
         Examples:\n  frhc scan -i can0\n  frhc scan --config config/kraft_like.toml --pdos\n  \
         frhc scan --config config/kraft_like.toml --json | jq .nodes"
 )]

@@ -136,7 +136,7 @@ async fn serve(
     loop {
         tokio::select! {
             report = reports.recv() => match report {
-            Some(report) => print_report(&report),
+                Some(report) => print_report(&report),
                 None => return,
             },
             Some((begun, notice)) = faults.recv() => {

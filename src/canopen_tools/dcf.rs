@@ -218,7 +218,7 @@ mod tests {
         let heartbeat = "Producer heartbeat time\nObjectType=0x7\nDataType=0x000";
         assert_eq!(
             refusal(&format!("{heartbeat}6"), &format!("{heartbeat}7")),
-            "1017h has 2 bytes here, but is UNSIGNED32 in the EDS"
+            "1017h has 2 bytes in the plan, but is UNSIGNED32 in the EDS"
         );
         let torque = "LowLimit=0\nHighLimit=3000";
         assert_eq!(

@@ -1,7 +1,7 @@
-"""The drives of `frhc sim` with a master that knows nothing of them but their EDS: python-canopen commissions
-all six, walks them through CiA 402 and is told what is wrong with them.
+"""Drives of `frhc sim` with python-canopen as a master that has only their EDS: it commissions all six, remaps their
+PDOs, and checks SDO aborts, block transfers and LSS.
 
-What is expected here is what CiA 301, 305 and 402 say, whatever our own master makes of it.
+The expected values are those of CiA 301 and 305, independent of our own master.
 """
 
 import random
@@ -19,7 +19,7 @@ NODES = [joint["node_id"] for joint in JOINTS]
 
 
 def drives(bench, *arguments):
-    """The simulated drives, and all six as python sees them."""
+    """Starts the simulated drives; returns all six as nodes of python-canopen."""
     network = bench.connect()
     nodes = [network.add_node(BaseNode402(node_id, DRIVE_EDS)) for node_id in NODES]
     bench.sim = bench.start("sim", "--config", CONFIG, *arguments)
@@ -28,7 +28,7 @@ def drives(bench, *arguments):
 
 
 def configure(pdo, objects, kind, **timers):
-    """A PDO with these objects, of this transmission type, by python's own sequence."""
+    """Maps objects into a PDO with a transmission type, by the sequence of python-canopen."""
     pdo.clear()
     for entry in objects:
         pdo.add_variable(entry)
@@ -40,7 +40,7 @@ def configure(pdo, objects, kind, **timers):
 
 
 def switch_off(node):
-    """No PDO of a node is valid, as a careful commissioning begins."""
+    """Disables all PDOs of a node."""
     node.tpdo.read()
     node.rpdo.read()
     for pdo in [*node.tpdo.values(), *node.rpdo.values()]:
@@ -49,7 +49,7 @@ def switch_off(node):
 
 
 def six_drives_are_commissioned_from_their_eds(bench):
-    """Four TPDOs and four RPDOs each, of the types 0, 1, 3, 254 and 255, and all do what their types say."""
+    """Four TPDOs and four RPDOs each, of the transmission types 0, 1, 3, 254 and 255."""
     nodes = drives(bench)
     for node in nodes:
         switch_off(node)
@@ -74,7 +74,7 @@ def six_drives_are_commissioned_from_their_eds(bench):
 
 
 def transmission_types_hold(bench, nodes):
-    """Twelve SYNCs: each sends type 1, each third type 3; type 0 only what has changed; 254 on its timer."""
+    """Twelve SYNCs: type 1 at each, type 3 at every third, type 0 on change, type 254 by event timer."""
     counts = lambda number: [len(bench.sent(node.tpdo[number].cob_id)) for node in nodes]
     bench.network.sync.transmit()  # type 0 has never been sent: this SYNC takes what entering operation changed
     time.sleep(0.005)
@@ -102,7 +102,7 @@ def transmission_types_hold(bench, nodes):
 
 
 def reception_types_hold(bench, nodes):
-    """Types 0 and 1 act at the next SYNC, 254 and 255 at once; a dummy takes its place and nothing else."""
+    """Types 0 and 1 act at the next SYNC, 254 and 255 at once; a dummy entry only takes space."""
     for node in nodes:
         for number, data in ((1, b"\0\0\x2a\0"), (2, b"\x10\x27\0\0"), (3, b"\x39\x30\0\0")):
             bench.network.send_message(node.rpdo[number].cob_id, data)
@@ -119,7 +119,7 @@ def reception_types_hold(bench, nodes):
 
 
 def inhibit_time_holds(bench, nodes):
-    """Type 255 is sent on change, but no sooner than its inhibit time allows; the last state is told."""
+    """Type 255 is sent on change with its inhibit time, and the last value is sent."""
     bench.network.nmt.state = "PRE-OPERATIONAL"
     for node in nodes:
         configure(node.tpdo[4], ["Modes of operation display"], 255, inhibit_time=500)
@@ -137,7 +137,7 @@ def inhibit_time_holds(bench, nodes):
     same(sent[-1][1], b"\0", "the last mode")
 
 
-def a_tpdo_is_sent_when_it_is_asked_for(bench):
+def remote_frame_is_answered_with_its_tpdo(bench):
     """A remote frame with the identifier of a TPDO (bit 30 of its COB-ID is 0) is answered with it."""
     node = drives(bench)[3]
     switch_off(node)
@@ -150,22 +150,22 @@ def a_tpdo_is_sent_when_it_is_asked_for(bench):
     same(len(bench.sent(0x184)[-1][1]), 6, "its length")
 
 
-def drive_refuses_what_the_standard_refuses(bench):
-    """Every abort a client can cause, from the standard's own table."""
+def drive_aborts_with_the_codes_of_the_standard(bench):
+    """Every abort that a client can cause, from the table of the standard."""
     drives(bench)
     wrong = []
     for what, requests, code in REFUSALS:
         found = answer(bench, 1, requests)
         if found != f"{code:08X}h":
             wrong.append(f"{what}: {found}, expected {code:08X}h")
-        # What a row has left open is closed: a client gives up.
+        # Abort a transfer that the row left open.
         bench.network.send_message(0x601, bytes.fromhex("80 00 00 00 00 00 00 08"))
     check(len(REFUSALS) >= 60, f"{len(REFUSALS)} rows")
     check(not wrong, "\n".join(["", *wrong]))
 
 
 def answer(bench, node_id, requests):
-    """The code the last of the requests is aborted with, or what else came; each waits for its answer."""
+    """Abort code of the last request, or its reply; each request waits for a reply."""
     for request in requests:
         count = len(bench.sent(0x580 + node_id))
         bench.network.send_message(0x600 + node_id, request)
@@ -174,7 +174,7 @@ def answer(bench, node_id, requests):
     return f"{int.from_bytes(last[4:], 'little'):08X}h" if last[0] == 0x80 else last.hex(" ")
 
 
-def a_hundred_kilobytes_go_both_ways_in_blocks(bench):
+def hundred_kilobytes_pass_in_block_transfers(bench):
     node = drives(bench)[4]
     value = random.Random(5).randbytes(100_000)
     with node.sdo[0x2000].open("wb", size=len(value), block_transfer=True) as buffer:
@@ -183,10 +183,10 @@ def a_hundred_kilobytes_go_both_ways_in_blocks(bench):
         same(buffer.read() == value, True, "what was written is read")
 
 
-def a_drive_hands_out_its_very_eds_in_blocks(bench):
-    """1021h, in blocks and in segments: whoever has a file can check it against the device."""
+def stored_eds_is_uploaded_in_blocks(bench):
+    """1021h, block and segmented upload: equal to the file."""
     node = drives(bench)[0]
-    same(node.sdo["Store format"].raw, 0, "1022h: as it is")
+    same(node.sdo["Store format"].raw, 0, "1022h: uncompressed")
     with node.sdo[0x1021].open("rb", block_transfer=True) as stored:
         same(stored.read() == Path(DRIVE_EDS).read_bytes(), True, "the file, in blocks")
     same(node.sdo.upload(0x1021, 0) == Path(DRIVE_EDS).read_bytes(), True, "the file, in segments")
@@ -209,7 +209,7 @@ def fastscan_finds_drives_without_a_node_id(bench):
     bench.network.scanner.reset()
     bench.network.scanner.search(16)
     time.sleep(0.2)
-    same(sorted(bench.network.scanner.nodes), [16], "who is left with a node-id")
+    same(sorted(bench.network.scanner.nodes), [16], "nodes with a node-ID")
     for _ in NODES:
         is_found, (vendor, product, revision, serial) = lss.fast_scan()
         same((is_found, vendor, product, revision), (True, 0x0F8C, 0x04020010, 0x00010000), "found")
@@ -222,33 +222,33 @@ def fastscan_finds_drives_without_a_node_id(bench):
     same(serials, {}, "drives that were not found")
     moved = bench.network.add_node(BaseNode402(33, DRIVE_EDS))
     same(moved.sdo[0x1200][1].raw, 0x621, "1200h:1 follows the node-id")
-    same(lss.fast_scan()[0], False, "nobody is left")
+    same(lss.fast_scan()[0], False, "no further unconfigured device")
 
 
-def the_documented_master_drives_a_drive(bench):
+def documented_master_controls_a_drive(bench):
     """docs/python_master.py, as docs/third-party-masters.md shows it."""
     bench.sim = bench.start("sim", "--config", CONFIG)
     until(lambda: bench.sent(0x706), "boot-up")
     run = [sys.executable, str(ROOT / "docs/python_master.py"), INTERFACE, "6"]
     done = subprocess.run(run, capture_output=True, text=True, timeout=60, check=False)
-    same(done.returncode, 0, f"exit code; it said:\n{done.stderr}")
+    same(done.returncode, 0, f"exit code; stderr:\n{done.stderr}")
     said = done.stdout.splitlines()
-    same(said[0], "frhc simulated drive, serial number 6", "whom it talks to")
+    same(said[0], "frhc simulated drive, serial number 6", "device name")
     same(len(said), 7, f"lines of {said}")
     same(said[-1], "the drive is switch on disabled", "the end")
     torques = {data[6:] for _, data in bench.sent(0x186)}
-    check((60).to_bytes(2, "little") in torques, "60 per mille were exerted")
+    check((60).to_bytes(2, "little") in torques, "60 per mille were applied")
 
 
 TESTS = [
     six_drives_are_commissioned_from_their_eds,
-    a_tpdo_is_sent_when_it_is_asked_for,
-    drive_refuses_what_the_standard_refuses,
-    a_hundred_kilobytes_go_both_ways_in_blocks,
-    a_drive_hands_out_its_very_eds_in_blocks,
+    remote_frame_is_answered_with_its_tpdo,
+    drive_aborts_with_the_codes_of_the_standard,
+    hundred_kilobytes_pass_in_block_transfers,
+    stored_eds_is_uploaded_in_blocks,
     fastscan_finds_drives_without_a_node_id,
-    the_documented_master_drives_a_drive,
+    documented_master_controls_a_drive,
 ]
 
-# Whose logs are none for those who read only what is right: remote frames, and requests that break the rules.
-STRANGE = [a_tpdo_is_sent_when_it_is_asked_for, drive_refuses_what_the_standard_refuses]
+# Tests whose logs contain remote frames or invalid requests, which other decoders reject.
+STRANGE = [remote_frame_is_answered_with_its_tpdo, drive_aborts_with_the_codes_of_the_standard]

@@ -1,4 +1,4 @@
-"""What every test here uses: frhc as a process, candump as the witness, and waiting.
+"""Common parts of the tests: frhc as a process, candump as the recorder, and waiting.
 
 Time is virtual (scripts/with_vcan.sh -v): sleeping costs nothing, and a loop that does not sleep never ends.
 """
@@ -30,11 +30,11 @@ SWITCHES_EDS = str(ROOT / "eds/frhc_switches.eds")
 
 
 class Failed(AssertionError):
-    """What a test expected and did not get."""
+    """Failed expectation of a test."""
 
 
 def check(is_so, what):
-    """Fails with `what` unless it is so."""
+    """Fails with `what` unless `is_so`."""
     if not is_so:
         raise Failed(what)
 
@@ -45,7 +45,7 @@ def same(found, expected, what):
 
 
 def until(is_so, what, seconds=5.0):
-    """Waits until `is_so()` says something true, and returns that."""
+    """Waits until `is_so()` is true, and returns its value."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         answer = is_so()
@@ -56,7 +56,7 @@ def until(is_so, what, seconds=5.0):
 
 
 class Bench:
-    """A folder, a recorded bus and the processes of one test; all gone when it ends."""
+    """Folder, recorded bus and processes of one test, removed at its end."""
 
     def __init__(self, name):
         self.name = name
@@ -70,9 +70,9 @@ class Bench:
         self.network = None
         self.log = self.folder / "candump.log"
         with self.log.open("w") as log:
-            # A witness that misses frames (-d) is none; its buffer holds a boot's (-r).
-            witness = ["candump", "-L", "-d", "-r", "8000000", INTERFACE]
-            self.candump = subprocess.Popen(witness, stdout=log)
+            # -d reports dropped frames; the buffer (-r) is large enough for a boot.
+            recorder = ["candump", "-L", "-d", "-r", "8000000", INTERFACE]
+            self.candump = subprocess.Popen(recorder, stdout=log)
         time.sleep(0.05)
         return self
 
@@ -91,27 +91,27 @@ class Bench:
             shutil.copy(self.log, f"{LOGS}/{self.name}.log")
         shutil.rmtree(self.folder)
         if error is None:
-            same(missed, [], "what candump missed")
+            same(missed, [], "frames dropped by candump")
 
     def frames(self):
-        """Every candump line so far."""
+        """Lines of candump so far."""
         return self.log.read_text().splitlines()
 
     def sent(self, cob_id):
-        """When each data frame of an identifier came so far, and its data."""
+        """Times and data of the data frames of an identifier so far."""
         line = re.compile(rf"\((\d+\.\d+)\) \S+ {cob_id:03X}#([0-9A-F]*)(?: .)?$")
         found = map(line.match, self.frames())
         return [(float(hit[1]), bytes.fromhex(hit[2])) for hit in found if hit]
 
     def has_a_sync_every(self, period, slack, since):
-        """Fails unless a SYNC followed the other in time, but for the last few, at and after the stop."""
+        """Checks the SYNC period, except for the last few SYNCs around the stop."""
         syncs = [at for at, _ in self.sent(0x080) if at >= since][:-10]
         check(len(syncs) > 20, f"{len(syncs)} SYNCs")
         worst = max(abs(b - a - period) for a, b in zip(syncs, syncs[1:]))
         check(worst < slack, f"one SYNC every {period} s: {worst:.6f} s off")
 
     def connect(self):
-        """python-canopen on the bus."""
+        """Connects python-canopen to the bus."""
         self.network = canopen.Network()
         self.network.NOTIFIER_CYCLE = 0.05
         self.network.NOTIFIER_SHUTDOWN_TIMEOUT = 1.0
@@ -119,7 +119,7 @@ class Bench:
         return self.network
 
     def start(self, *arguments):
-        """frhc with these arguments."""
+        """Starts frhc with these arguments."""
         errors = self.folder / f"stderr{len(self.processes)}.log"
         with errors.open("w") as to:
             process = subprocess.Popen(
@@ -136,27 +136,27 @@ class Bench:
         return process
 
     def ends(self, process, code, reason=""):
-        """The process ends by itself with this code, and says why."""
+        """Waits for the end of a process; checks its exit code and its reason on stderr."""
         process.wait(timeout=60)
-        said = process.errors.read_text()
-        same(process.returncode, code, f"exit code; it said:\n{said}")
-        check(reason in said, f"{reason!r} is not in:\n{said}")
-        return said
+        stderr = process.errors.read_text()
+        same(process.returncode, code, f"exit code; stderr:\n{stderr}")
+        check(reason in stderr, f"{reason!r} is not in:\n{stderr}")
+        return stderr
 
     def stop(self, process, code=0, reason=""):
-        """The process is asked to end, and does."""
+        """Ends a process by SIGTERM."""
         process.send_signal(signal.SIGTERM)
         return self.ends(process, code, reason)
 
     def frhc(self, *arguments):
-        """frhc to its end; what it printed."""
+        """Runs frhc to its end; returns its output."""
         process = self.start(*arguments)
         printed, _ = process.communicate(timeout=60)
         same(process.returncode, 0, f"frhc {arguments}: {process.errors.read_text()}")
         return printed
 
     def status(self):
-        """What the node says of itself, `None` before its first cycle."""
+        """Status of the node; `None` before its first cycle."""
         try:
             with socket.socket(socket.AF_UNIX) as console:
                 console.settimeout(1.0)
@@ -167,7 +167,7 @@ class Bench:
             return None
 
     def mode(self, mode):
-        """Waits until the node is in a mode; its status then."""
+        """Waits until the node is in a mode; returns its status."""
 
         def status():
             now = self.status()

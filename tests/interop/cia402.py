@@ -1,5 +1,5 @@
-"""The drives of `frhc sim` as CiA 402 describes them, driven by python-canopen over SDO alone: every transition of
-the power state machine, every mode, and what a drive says when something is wrong with it."""
+"""Drives of `frhc sim` controlled by python-canopen over SDO (CiA 402-2): every transition of the power state machine,
+every mode of operation, and the report of a fault."""
 
 import math
 import time
@@ -20,7 +20,7 @@ STATES = {
 STAY_IN_QUICK_STOP = 6
 LEAVE_QUICK_STOP = 2
 
-# Controlword and the state it leads to, with the transition of the standard's figure; in order.
+# Controlwords in order, the state after each, and its transition (CiA 402-2, figure of the state machine).
 WALK = [
     (0x07, "switch on disabled", "no transition"),
     (0x0F, "switch on disabled", "no transition"),
@@ -60,18 +60,18 @@ def is_in(node, state):
     return node.sdo["Statusword"].raw & mask == pattern
 
 
-def tell(node, word, state, why=""):
-    """A controlword, and the state it leads to within the time of a ramp."""
+def command(node, word, state, why=""):
+    """Sends a controlword and waits for the state, up to the time of a ramp."""
     node.sdo["Controlword"].raw = word
     until(lambda: is_in(node, state), f"node {node.id} {state} after {word:02X}h ({why})", 3.0)
 
 
 def enable(node, mode):
-    """Up to operation enabled, in a mode; the drive shows it."""
+    """Enables operation in a mode and checks its display (6061h)."""
     node.sdo["Modes of operation"].raw = mode
     until(lambda: node.sdo["Modes of operation display"].raw == mode, f"mode {mode}", 1.0)
     for word, state in ((0x06, "ready to switch on"), (0x07, "switched on"), (0x0F, "operation enabled")):
-        tell(node, word, state)
+        command(node, word, state)
 
 
 def bit(node, number, seconds=5.0):
@@ -79,31 +79,31 @@ def bit(node, number, seconds=5.0):
     until(lambda: node.sdo["Statusword"].raw >> number & 1, f"bit {number} of the statusword", seconds)
 
 
-def six_drives_walk_the_whole_state_machine(bench):
+def six_drives_take_every_transition_of_the_state_machine(bench):
     for node in drives(bench):
         node.sdo["Modes of operation"].raw = 10
         node.sdo["Quick stop option code"].raw = STAY_IN_QUICK_STOP
         for word, state, transition in WALK:
-            tell(node, word, state, f"transition {transition}")
+            command(node, word, state, f"transition {transition}")
         node.sdo["Quick stop option code"].raw = LEAVE_QUICK_STOP
         enable(node, 10)
-        tell(node, 0x02, "switch on disabled", "transitions 11 and 12")
-        # 13 and 14: a master that falls silent, which is a fault if 6007h says so.
+        command(node, 0x02, "switch on disabled", "transitions 11 and 12")
+        # 13 and 14: loss of the master's heartbeat, a fault by 6007h.
         enable(node, 10)
         node.sdo["Abort connection option code"].raw = 1
         node.sdo["Consumer heartbeat time"][1].raw = 99 << 16 | 20
         bench.network.send_message(0x700 + 99, [5])
         until(lambda: is_in(node, "fault"), f"fault of node {node.id}")
-        # 15: by the edge of bit 7, and by nothing else.
+        # 15: only by a rising edge of bit 7.
         for word in (0x00, 0x06, 0x0F):
             node.sdo["Controlword"].raw = word
-            check(is_in(node, "fault"), f"a fault is not left by {word:02X}h")
+            check(is_in(node, "fault"), f"no transition from fault by {word:02X}h")
         node.sdo["Consumer heartbeat time"][1].raw = 0
-        tell(node, 0x80, "switch on disabled", "transition 15")
+        command(node, 0x80, "switch on disabled", "transition 15")
 
 
 def six_drives_run_torque_mode(bench):
-    """Modes 4 and 10: what is asked for is exerted, within the limits, and no longer than the drive is enabled."""
+    """Modes 4 and 10: the torque follows its target within the limits, while operation is enabled."""
     for node in drives(bench):
         for mode in (4, 10):
             enable(node, mode)
@@ -114,7 +114,7 @@ def six_drives_run_torque_mode(bench):
             until(lambda: node.sdo["Torque actual value"].raw == -30, "the limit of 6072h")
             check(node.sdo["Statusword"].raw >> 11 & 1, "bit 11: a limit is active")
             node.sdo["Max torque"].raw = 3000
-            tell(node, 0x00, "switch on disabled")
+            command(node, 0x00, "switch on disabled")
             until(lambda: node.sdo["Torque actual value"].raw == 0, "no torque without voltage")
             node.sdo["Target torque"].raw = 0
 
@@ -124,15 +124,15 @@ def torque_slope_is_kept_in_profile_torque_mode(bench):
     node.sdo["Torque slope"].raw = 100
     enable(node, 4)
     node.sdo["Target torque"].raw = 50
-    began = time.monotonic()
+    start = time.monotonic()
     until(lambda: node.sdo["Torque demand"].raw == 50, "50 per mille")
-    took = time.monotonic() - began
+    took = time.monotonic() - start
     check(0.45 < took < 0.55, f"50 per mille at 100 per mille/s: {took:.3f} s")
     bit(node, 10)
 
 
 def released(bench):
-    """The drives, the operator's hand off the grip: what moves is moved by them."""
+    """Drives with the simulated grip released, so that only they move the joints."""
     script = bench.folder / "released.toml"
     script.write_text("seconds = 60\n[[hold]]\nat_s = 0\nholding = false\n")
     nodes = drives(bench, "--scenario", script)
@@ -141,13 +141,13 @@ def released(bench):
 
 
 def hold(nodes):
-    """All of them hold their joints where they are, in profile position mode."""
+    """Enables profile position mode, which holds the joints."""
     for node in nodes:
         enable(node, 1)
 
 
-def drives_hold_the_arm_and_go_where_they_are_told(bench):
-    """Mode 1: against its weight the arm stays; a new set-point is acknowledged, reached and reported."""
+def drives_hold_the_arm_and_reach_target_positions(bench):
+    """Mode 1: holds against gravity; a new set-point is acknowledged, reached and reported."""
     nodes = released(bench)
     hold(nodes)
     time.sleep(0.5)
@@ -161,21 +161,21 @@ def drives_hold_the_arm_and_go_where_they_are_told(bench):
     node.sdo["Controlword"].raw = 0x1F
     bit(node, 12)
     node.sdo["Controlword"].raw = 0x0F
-    until(lambda: not node.sdo["Statusword"].raw >> 12 & 1, "the acknowledge taken back")
+    until(lambda: not node.sdo["Statusword"].raw >> 12 & 1, "set-point acknowledge reset")
     bit(node, 10)
     found = node.sdo["Position actual value"].raw
-    check(abs(found - goal) < 300, f"at {found}, told {goal}")
+    check(abs(found - goal) < 300, f"at {found}, target {goal}")
     node.sdo["Target position"].raw = -10_000
     node.sdo["Controlword"].raw = 0x5F
     bit(node, 12)
     node.sdo["Controlword"].raw = 0x4F
     bit(node, 10)
     found = node.sdo["Position actual value"].raw
-    check(abs(found - goal + 10_000) < 300, f"at {found}, told {goal} less 10000")
+    check(abs(found - goal + 10_000) < 300, f"at {found}, target {goal} less 10000")
 
 
-def drive_turns_at_the_speed_it_is_told(bench):
-    """Mode 3: target velocity is reached on its ramp, held, and left at a halt."""
+def drive_reaches_its_target_velocity(bench):
+    """Mode 3: the target velocity is reached by a ramp and held until a halt."""
     nodes = released(bench)
     hold(nodes[1:])
     node = nodes[0]
@@ -193,7 +193,7 @@ def drive_turns_at_the_speed_it_is_told(bench):
     check(abs(node.sdo["Velocity actual value"].raw) < 2_000, "halted")
 
 
-def drive_calls_the_place_it_is_at_home(bench):
+def homing_sets_the_current_position(bench):
     """Mode 6, methods 35 and 37: the position actual value becomes the home offset."""
     nodes = released(bench)
     hold(nodes[:5])
@@ -209,11 +209,11 @@ def drive_calls_the_place_it_is_at_home(bench):
         bit(node, 12)
         found = node.sdo["Position actual value"].raw
         check(abs(found - offset) < 200, f"method {method}: at {found}, home is {offset}")
-        tell(node, 0x00, "switch on disabled")
+        command(node, 0x00, "switch on disabled")
 
 
 def cyclic_modes_follow_a_set_point_at_every_sync(bench):
-    """Modes 8 and 9: a sine of positions, and of velocities, a set-point a SYNC."""
+    """Modes 8 and 9: one set-point per SYNC, a sine of positions and of velocities."""
     nodes = released(bench)
     hold(nodes[1:])
     node = nodes[0]
@@ -236,8 +236,8 @@ def cyclic_modes_follow_a_set_point_at_every_sync(bench):
         for step in range(500):
             angle = math.tau * step / 500
             is_position = mode == 8
-            wanted = 15_000 * (1 - math.cos(angle)) if is_position else 40_000 * math.sin(angle)
-            target[kind].raw = round(start + wanted) if is_position else round(wanted)
+            expected = 15_000 * (1 - math.cos(angle)) if is_position else 40_000 * math.sin(angle)
+            target[kind].raw = round(start + expected) if is_position else round(expected)
             target.transmit()
             bench.network.sync.transmit()
             time.sleep(0.002)
@@ -247,13 +247,13 @@ def cyclic_modes_follow_a_set_point_at_every_sync(bench):
                 worst = max(worst, abs(error))
                 check(node.sdo["Statusword"].raw >> 12 & 1, "bit 12: the set-points are followed")
         bound = 4_000 if mode == 8 else 8_000
-        check(worst < bound, f"mode {mode}: off by {worst}")
-        tell(node, 0x00, "switch on disabled")
+        check(worst < bound, f"mode {mode}: error {worst}")
+        command(node, 0x00, "switch on disabled")
         node.nmt.state = "PRE-OPERATIONAL"
 
 
-def a_joint_that_is_held_back_is_a_following_error(bench):
-    """Mode 1 with the window of 6065h: the hand on the grip is stronger than the drive may be."""
+def held_joint_causes_a_following_error(bench):
+    """Mode 1 with the window of 6065h: the hand on the grip is stronger than the torque limit."""
     node = drives(bench)[5]
     node.sdo["Max torque"].raw = 20
     node.sdo["Following error window"].raw = 5_000
@@ -267,12 +267,12 @@ def a_joint_that_is_held_back_is_a_following_error(bench):
 
 
 TESTS = [
-    six_drives_walk_the_whole_state_machine,
+    six_drives_take_every_transition_of_the_state_machine,
     six_drives_run_torque_mode,
     torque_slope_is_kept_in_profile_torque_mode,
-    drives_hold_the_arm_and_go_where_they_are_told,
-    drive_turns_at_the_speed_it_is_told,
-    drive_calls_the_place_it_is_at_home,
+    drives_hold_the_arm_and_reach_target_positions,
+    drive_reaches_its_target_velocity,
+    homing_sets_the_current_position,
     cyclic_modes_follow_a_set_point_at_every_sync,
-    a_joint_that_is_held_back_is_a_following_error,
+    held_joint_causes_a_following_error,
 ]

@@ -1,5 +1,5 @@
-"""What the drives of `frhc sim` say when something is wrong with them: emergency, error register, history (1003h)
-and 603Fh, as python-canopen reads them. The faults are those of a scenario."""
+"""Reports of injected faults by the drives of `frhc sim`: emergency, error register, history (1003h) and error code
+(603Fh), read by python-canopen. A scenario injects the faults."""
 
 import json
 import signal
@@ -7,10 +7,10 @@ import time
 
 from any_master import drives
 from bench import check, same, until
-from cia402 import enable, is_in, tell
+from cia402 import command, enable, is_in
 
-# Kind of fault, its keys, the error code, the bits of the error register (CiA 301, 7.5.2.2), and whether the
-# drive is in its state Fault: one for each drive.
+# Kind of fault, its keys, error code, error register (CiA 301, 7.5.2.2), and whether the power state is fault; one row
+# per drive.
 FAULTS = [
     ("fault", "code = 0x2310", 0x2310, 0x03, True),
     ("sto", "for_s = 1.0", 0x8A88, 0x21, True),
@@ -22,7 +22,7 @@ FAULTS = [
 
 
 def script(bench):
-    """One fault after the other, every 0.2 s, each on a drive of its own."""
+    """Scenario with one fault every 0.2 s, each on another drive."""
     path = bench.folder / "faults.toml"
     lines = ["seconds = 60"]
     for joint, (kind, keys, *_) in enumerate(FAULTS, 1):
@@ -31,7 +31,7 @@ def script(bench):
     return path
 
 
-def each_injected_fault_is_told(bench):
+def each_injected_fault_is_reported(bench):
     nodes = drives(bench, "--scenario", script(bench))
     bench.network.nmt.state = "OPERATIONAL"
     for node in nodes:
@@ -39,12 +39,12 @@ def each_injected_fault_is_told(bench):
     bench.network.sync.transmit()
     time.sleep(1.6)
     for node, (kind, _, code, register, is_fault) in zip(nodes, FAULTS):
-        told = [data for _, data in bench.sent(0x80 + node.id)]
+        emergencies = [data for _, data in bench.sent(0x80 + node.id)]
         what = f"node {node.id}, {kind} {code:04X}h"
-        check(told, f"{what}: no emergency")
-        codes = [int.from_bytes(data[:2], "little") for data in told]
+        check(emergencies, f"{what}: no emergency")
+        codes = [int.from_bytes(data[:2], "little") for data in emergencies]
         check(code in codes, f"{what}: {[f'{code:04X}' for code in codes]}")
-        first = told[codes.index(code)]
+        first = emergencies[codes.index(code)]
         same(f"{first[2]:02X}", f"{register:02X}", f"{what}: error register")
         history = [node.sdo[0x1003][sub].raw for sub in range(1, node.sdo[0x1003][0].raw + 1)]
         check(code in [entry & 0xFFFF for entry in history], f"{what}: 1003h {history}")
@@ -52,19 +52,19 @@ def each_injected_fault_is_told(bench):
         if is_fault:
             same(node.sdo["Error code"].raw, code, f"{what}: 603Fh")
             check(node.sdo["Error register"].raw & 1, f"{what}: 1001h")
-            is_reset(bench, node, what)
+            check_reset(bench, node, what)
 
 
-def is_reset(bench, node, what):
-    """The edge of bit 7 ends the fault, and an emergency tells of its end."""
+def check_reset(bench, node, what):
+    """Resets the fault by the edge of bit 7, and checks the error reset emergency."""
     node.sdo["Controlword"].raw = 0
-    tell(node, 0x80, "switch on disabled", what)
-    until(lambda: bench.sent(0x80 + node.id)[-1][1][:3] == b"\0\0\0", f"{what}: the end of it is told")
+    command(node, 0x80, "switch on disabled", what)
+    until(lambda: bench.sent(0x80 + node.id)[-1][1][:3] == b"\0\0\0", f"{what}: error reset")
     same(node.sdo["Error register"].raw, 0, f"{what}: 1001h")
 
 
-def a_pressed_emergency_stop_cannot_be_reset(bench):
-    """Safe torque off: no torque, no reset while it lasts, and none by itself when it ends."""
+def pressed_emergency_stop_prevents_a_fault_reset(bench):
+    """Safe torque off: no fault reset while it lasts, and no automatic one after it."""
     path = bench.folder / "sto.toml"
     path.write_text('seconds = 60\n[[fault]]\nat_s = 0.2\nkind = "sto"\njoint = "all"\nfor_s = 1.0\n')
     nodes = drives(bench, "--scenario", path)
@@ -79,12 +79,12 @@ def a_pressed_emergency_stop_cannot_be_reset(bench):
         check(is_in(node, "fault"), f"node {node.id}: no reset while the button is pressed")
     time.sleep(1.0)
     for node in nodes:
-        check(is_in(node, "fault"), f"node {node.id}: it stays when the button is released")
+        check(is_in(node, "fault"), f"node {node.id}: fault persists after the button is released")
         node.sdo["Controlword"].raw = 0x00
-        tell(node, 0x80, "switch on disabled")
+        command(node, 0x80, "switch on disabled")
 
 
-def a_drive_that_reboots_says_so(bench):
+def rebooted_drive_sends_its_boot_up(bench):
     path = bench.folder / "reset.toml"
     path.write_text('seconds = 60\n[[fault]]\nat_s = 0.2\nkind = "reset"\njoint = 3\n')
     nodes = drives(bench, "--scenario", path)
@@ -96,13 +96,13 @@ def a_drive_that_reboots_says_so(bench):
     same(nodes[2].nmt.wait_for_heartbeat(1.0), "PRE-OPERATIONAL", "its state")
 
 
-def what_each_drive_believes_is_told_on_request(bench):
-    """SIGUSR1, and the end: a line for each drive."""
+def drive_states_are_printed_on_request(bench):
+    """A report on SIGUSR1, and one at the end."""
     nodes = drives(bench, "--json")
     enable(nodes[1], 10)
     bench.sim.send_signal(signal.SIGUSR1)
-    asked = json.loads(bench.sim.stdout.readline())
-    text = json.dumps(asked)
+    requested = json.loads(bench.sim.stdout.readline())
+    text = json.dumps(requested)
     check("operation enabled" in text, f"the state of node 2 is not in {text[:600]}")
     bench.stop(bench.sim)
     last = [json.loads(line) for line in bench.sim.stdout]
@@ -110,8 +110,8 @@ def what_each_drive_believes_is_told_on_request(bench):
 
 
 TESTS = [
-    each_injected_fault_is_told,
-    a_pressed_emergency_stop_cannot_be_reset,
-    a_drive_that_reboots_says_so,
-    what_each_drive_believes_is_told_on_request,
+    each_injected_fault_is_reported,
+    pressed_emergency_stop_prevents_a_fault_reset,
+    rebooted_drive_sends_its_boot_up,
+    drive_states_are_printed_on_request,
 ]

@@ -1,8 +1,8 @@
-"""Frames that are no CANopen, with the identifiers of our own, while `frhc run` cycles.
+"""Frames that are not CANopen, on the COB-IDs of CANopen frames, while `frhc run` cycles.
 
-Sent by python's own raw socket. None of them may be taken for the SYNC, sample, target or command whose
-identifier it bears: the cycle goes on, misses nothing and stops for nothing. Error frames tell of the bus,
-and those that tell of a bus that is off stop the node.
+Python's raw socket sends them. Remote, extended and FD frames must not act as the classic data frame with the same
+identifier: the cycle continues without missing samples. Of the error frames, those that report bus off or error
+passive stop the node.
 """
 
 import socket
@@ -34,8 +34,8 @@ HARMLESS = [
 ]
 
 
-class Stranger:
-    """A raw socket that may send anything."""
+class RawSocket:
+    """Raw socket that sends any frame."""
 
     def __init__(self):
         self.socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
@@ -50,61 +50,61 @@ class Stranger:
 
 
 def cycling(bench):
-    """Simulated drives and a node that exchanges with them."""
+    """Starts simulated drives, and a node that cycles with them."""
     bench.start("sim", "--config", CONFIG)
     node = bench.start("run", "--config", CONFIG)
     bench.mode("ready")
     return node
 
 
-def nothing_comes_of(bench, strike, seen):
-    """The cycle goes on as before while and after `strike` sends what candump writes like `seen`."""
+def check_ignored(bench, send, pattern):
+    """Checks that the cycle is undisturbed by the frames of `send`, which candump prints with `pattern`."""
     node = cycling(bench)
     ready = bench.sent(0x080)[-1][0]
-    stranger = Stranger()
+    raw = RawSocket()
     before = bench.status()
     for identifier in OURS:
-        strike(stranger, identifier)
+        send(raw, identifier)
         time.sleep(0.003)
     until(lambda: bench.status()["cycle"] >= before["cycle"] + CYCLES, "further cycles")
     after = bench.status()
     same((after["mode"], after["stopped_by"]), ("ready", None), "mode")
     same(after["missing_samples"], before["missing_samples"], "samples missed")
     bench.stop(node)
-    struck = sum(seen in line for line in bench.frames())
-    check(struck >= len(OURS), f"candump saw {struck} of them")
+    count = sum(pattern in line for line in bench.frames())
+    check(count >= len(OURS), f"candump received {count} of them")
     bench.has_a_sync_every(0.002, 1e-4, since=ready)
 
 
-def remote_frames_are_not_heard(bench):
-    nothing_comes_of(bench, lambda stranger, cob_id: stranger.send(cob_id | REMOTE), "#R")
+def remote_frames_are_ignored(bench):
+    check_ignored(bench, lambda raw, cob_id: raw.send(cob_id | REMOTE), "#R")
 
 
-def extended_twins_are_not_heard(bench):
-    def strike(stranger, cob_id):
-        stranger.send(cob_id | EXTENDED, bytes(8))
-        stranger.send(cob_id << 18 | EXTENDED, b"\x81\x00")
+def extended_frames_are_ignored(bench):
+    def send(raw, cob_id):
+        raw.send(cob_id | EXTENDED, bytes(8))
+        raw.send(cob_id << 18 | EXTENDED, b"\x81\x00")
 
-    nothing_comes_of(bench, strike, f"{INTERFACE} 00000")
-
-
-def fd_twins_are_not_heard(bench):
-    def strike(stranger, cob_id):
-        stranger.send_fd(cob_id, bytes(64))
-        stranger.send_fd(cob_id, b"\x81\x00\x00\x00\x00\x00\x00\x00")
-
-    nothing_comes_of(bench, strike, "##")
+    check_ignored(bench, send, f"{INTERFACE} 00000")
 
 
-def error_frames_are_no_commands(bench):
+def fd_frames_are_ignored(bench):
+    def send(raw, cob_id):
+        raw.send_fd(cob_id, bytes(64))
+        raw.send_fd(cob_id, b"\x81\x00\x00\x00\x00\x00\x00\x00")
+
+    check_ignored(bench, send, "##")
+
+
+def error_frames_are_not_taken_as_commands(bench):
     node = cycling(bench)
-    stranger = Stranger()
+    raw = RawSocket()
     before = bench.status()
     for kind in HARMLESS:
-        stranger.send(kind | ERROR, bytes(8))
+        raw.send(kind | ERROR, bytes(8))
         time.sleep(0.003)
     for detail in (RX_OVERFLOW, TX_WARNING):
-        stranger.send(CAN_ERR_CRTL | ERROR, bytes([0, detail, 0, 0, 0, 0, 0, 0]))
+        raw.send(CAN_ERR_CRTL | ERROR, bytes([0, detail, 0, 0, 0, 0, 0, 0]))
     until(lambda: bench.status()["cycle"] >= before["cycle"] + CYCLES, "further cycles")
     after = bench.status()
     same((after["mode"], after["stopped_by"]), ("ready", None), "mode")
@@ -113,39 +113,39 @@ def error_frames_are_no_commands(bench):
 
 
 def stops(bench, cause, identifier, data):
-    """An error frame stops the node."""
+    """Checks that an error frame stops the node."""
     node = cycling(bench)
-    Stranger().send(identifier | ERROR, data)
+    RawSocket().send(identifier | ERROR, data)
     same(bench.mode("drives-off")["stopped_by"], cause, "cause")
     bench.stop(node, 6, f"stopped by {cause}")
 
 
-def bus_that_is_off_stops_the_node(bench):
+def bus_off_stops_the_node(bench):
     stops(bench, "bus 0: bus off", CAN_ERR_BUSOFF, bytes(8))
 
 
-def bus_that_was_off_and_is_back_by_itself_stops_the_node(bench):
+def automatic_restart_after_bus_off_stops_the_node(bench):
     stops(bench, "bus 0: bus off", CAN_ERR_RESTARTED, bytes(8))
 
 
-def bus_that_is_passive_stops_the_node(bench):
+def error_passive_stops_the_node(bench):
     stops(bench, "bus 0: error passive", CAN_ERR_CRTL, bytes([0, RX_PASSIVE, 0, 0, 0, 0, 0, 0]))
 
 
 def foreign_master_stops_the_node(bench):
     node = cycling(bench)
-    Stranger().send(0x000, b"\x80\x00")
+    RawSocket().send(0x000, b"\x80\x00")
     same(bench.mode("drives-off")["stopped_by"], "another master is on the bus", "cause")
-    until(lambda: node.poll() is None, "it still runs")
+    until(lambda: node.poll() is None, "the end of the node")
 
 
 TESTS = [
-    remote_frames_are_not_heard,
-    extended_twins_are_not_heard,
-    fd_twins_are_not_heard,
-    error_frames_are_no_commands,
-    bus_that_is_off_stops_the_node,
-    bus_that_was_off_and_is_back_by_itself_stops_the_node,
-    bus_that_is_passive_stops_the_node,
+    remote_frames_are_ignored,
+    extended_frames_are_ignored,
+    fd_frames_are_ignored,
+    error_frames_are_not_taken_as_commands,
+    bus_off_stops_the_node,
+    automatic_restart_after_bus_off_stops_the_node,
+    error_passive_stops_the_node,
     foreign_master_stops_the_node,
 ]

@@ -1,4 +1,4 @@
-"""The logs of the tests on the bus, but for those on which somebody sent what is no CANopen, or remote frames."""
+"""Logs of the tests on the bus, except those with remote frames or frames that are not CANopen."""
 
 import functools
 import json
@@ -17,7 +17,7 @@ DATA_FRAME = re.compile(r"\((\d+\.\d+)\) \S+ ([0-9A-F]{3})#([0-9A-F]*)(?: .)?$")
 
 
 class Logs:
-    """What a test gets."""
+    """Context of a test."""
 
     def __init__(self, _name):
         pass
@@ -27,7 +27,7 @@ class Logs:
         self.folder = Path(self.temporary.name)
         strange = {test.__name__ for test in [*hostile.TESTS, *any_master.STRANGE]}
         self.files = sorted(file for file in LOGS.glob("*.log") if file.stem not in strange)
-        # The dissector has no memory: it takes the segments of a block for requests of their own.
+        # The dissector is stateless and decodes the segments of a block as requests.
         self.without_blocks = [file for file in self.files if "block" not in file.stem]
         check(self.files, f"no log in {LOGS}: the tests on the bus leave them")
         return self
@@ -37,7 +37,7 @@ class Logs:
 
 
 def frames(file):
-    """When each frame of a log came, its identifier and its data."""
+    """Time, identifier and data of each frame of a log."""
     found = [DATA_FRAME.match(line) for line in file.read_text().splitlines()]
     check(all(found), f"{file.name}: every line is a data frame")
     return [(float(hit[1]), int(hit[2], 16), bytes.fromhex(hit[3])) for hit in found]
@@ -45,7 +45,7 @@ def frames(file):
 
 @functools.cache
 def decoded(file):
-    """A log as `frhc decode --json` reads it: one object for each line."""
+    """Output of `frhc decode --json` for a log: one object per line."""
     command = [FRHC, "decode", "--config", CONFIG, "--json", file]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
     same(done.returncode, 0, f"frhc decode: {done.stderr}")

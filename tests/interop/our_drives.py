@@ -1,4 +1,4 @@
-"""The drives of `frhc sim` with python-canopen as their master."""
+"""Drives of `frhc sim` with python-canopen as master."""
 
 import random
 import time
@@ -22,7 +22,7 @@ def drive(bench, node_id=1):
 
 
 def refuses(code, transfer):
-    """The transfer is aborted with this code."""
+    """Checks that the transfer is aborted with this code."""
     try:
         transfer()
     except SdoAbortedError as abort:
@@ -58,7 +58,7 @@ def exchange(node, period=0.002):
 
 
 def enable(node):
-    """python's own power state machine leads the drive."""
+    """Enables the drive by the power state machine of python-canopen."""
     node.op_mode = "CYCLIC SYNCHRONOUS TORQUE"
     same(node.op_mode, "CYCLIC SYNCHRONOUS TORQUE", "mode of operation")
     node.state = "OPERATION ENABLED"
@@ -105,7 +105,7 @@ def drive_reads_and_writes_in_blocks(bench):
 
 
 def drive_keeps_a_large_value_in_blocks(bench):
-    """The drives have a buffer for it (2000h): what is written one way is read the other."""
+    """Buffer 2000h: block download with segmented upload, and the reverse."""
     node = drive(bench)
     value = random.Random(1).randbytes(10_000)
     with node.sdo[0x2000].open("wb", size=len(value), block_transfer=True) as buffer:
@@ -137,14 +137,14 @@ def drive_refuses_with_the_standards_codes(bench):
 
 
 def map_into(pdo, index):
-    """One object alone into a PDO, by python's own sequence."""
+    """Maps one object into a PDO, by the sequence of python-canopen."""
     pdo.read()
     pdo.clear()
     pdo.add_variable(index)
     pdo.save()
 
 
-def drive_follows_nmt_and_its_heartbeat_tells(bench):
+def drive_follows_nmt_and_reports_by_heartbeat(bench):
     node = drive(bench)
     default = node.sdo["Producer heartbeat time"].raw
     node.sdo["Producer heartbeat time"].raw = 40
@@ -195,7 +195,7 @@ def drive_sends_what_python_maps(bench):
     until(lambda: len(bench.sent(0x183)) == before + 3, "a TPDO at every third SYNC")
 
 
-def drive_is_enabled_by_python_and_exerts_its_torque(bench):
+def drive_is_enabled_by_python_and_applies_its_torque(bench):
     node = drive(bench, 6)
     sample, target = exchange(node)
     enable(node)
@@ -280,7 +280,7 @@ def missing_rpdo_is_a_fault(bench):
     until(lambda: node.state == "FAULT", "fault")
 
 
-def switch_box_tells_of_its_inputs(bench):
+def switch_box_sends_its_inputs(bench):
     drive(bench)
     node = bench.network.add_node(16, str(CONFIG.parent.parent / "eds/frhc_switches.eds"))
     same(node.sdo["Device type"].raw & 0xFFFF, 401, "device profile")
@@ -304,12 +304,12 @@ TESTS = [
     drive_reads_and_writes_in_blocks,
     drive_keeps_a_large_value_in_blocks,
     drive_refuses_with_the_standards_codes,
-    drive_follows_nmt_and_its_heartbeat_tells,
+    drive_follows_nmt_and_reports_by_heartbeat,
     drive_sends_what_python_maps,
-    drive_is_enabled_by_python_and_exerts_its_torque,
+    drive_is_enabled_by_python_and_applies_its_torque,
     torque_acts_at_the_sync_after_its_rpdo,
     short_rpdo_is_an_emergency_that_ends,
     silent_master_is_a_fault_python_resets,
     missing_rpdo_is_a_fault,
-    switch_box_tells_of_its_inputs,
+    switch_box_sends_its_inputs,
 ]

@@ -1,4 +1,4 @@
-"""`frhc run` as master of drives made of python-canopen."""
+"""`frhc run` as master of drives of python-canopen."""
 
 import json
 import math
@@ -14,7 +14,7 @@ NODES = [joint["node_id"] for joint in JOINTS]
 
 
 def running(bench):
-    """A node that has booted and enabled python's drives; the drives, the node."""
+    """Starts python's drives, and a node that boots and enables them; returns both."""
     drives = slaves.arm(bench.connect())
     node = bench.start("run", "--config", CONFIG)
     bench.mode("ready")
@@ -65,7 +65,7 @@ def master_writes_what_python_reads_in_its_dictionary(bench):
 
 def master_exchanges_with_every_drive_at_every_sync(bench):
     drives, node = running(bench)
-    # Before, it has paused for the drives to prove themselves.
+    # The proof test interrupts the exchange before.
     ready = bench.sent(0x080)[-1][0]
     first = bench.status()
     until(lambda: bench.status()["cycle"] > first["cycle"] + 500, "500 cycles")
@@ -132,11 +132,11 @@ def silent_tpdo_stops_the_node(bench):
     drives[2].sends = False
     cause = f"joint 2: no sample for {SAFETY['missing_samples']} cycles"
     same(bench.mode("drives-off")["stopped_by"], cause, "cause")
-    # Without a sample nobody knows that the drive is off, and the node says so.
+    # Without a sample the state of the drive is unknown, and the node reports that.
     bench.stop(node, 6, f"stopped by {cause}; joint 2: drive did not confirm that it is off")
 
 
-def drive_that_boots_again_stops_the_node(bench):
+def boot_up_of_a_drive_stops_the_node(bench):
     drives, node = running(bench)
     drives[5].boot_up()
     same(bench.mode("drives-off")["stopped_by"], "joint 5: rebooted", "cause")
@@ -154,23 +154,23 @@ def drive_in_fault_stops_the_node_and_a_reset_revives_it(bench):
     bench.stop(node)
 
 
-def missing_drive_is_named(bench):
+def missing_drive_is_reported(bench):
     slaves.arm(bench.connect(), without=[5])
     node = bench.start("run", "--config", CONFIG)
     bench.ends(node, 5, "joint 5 (yaw), node 5: does not answer")
     same(bench.sent(0x080), [], "SYNCs")
 
 
-def another_drive_is_named(bench):
+def drive_of_another_product_is_reported(bench):
     drives = slaves.arm(bench.connect())
     drives[2].node.sdo["Identity object"]["Product code"].raw = 0x04020011
     node = bench.start("run", "--config", CONFIG)
     said = "joint 2 (elevation), node 2: 1018h:2 is 04020011h, expected 04020010h"
     bench.ends(node, 5, said)
-    check(all(data[0] != 0x01 for _, data in bench.sent(0x000)), "nobody is started")
+    check(all(data[0] != 0x01 for _, data in bench.sent(0x000)), "no node is started")
 
 
-def drive_that_refuses_its_mapping_is_named(bench):
+def rejected_mapping_is_reported(bench):
     drives = slaves.arm(bench.connect())
 
     def refuse(index, subindex, **_):
@@ -182,7 +182,7 @@ def drive_that_refuses_its_mapping_is_named(bench):
     bench.ends(node, 5, "joint 1 (azimuth), node 1: 1A00h:3 refused: 06040041h")
 
 
-def drive_that_goes_on_without_its_master_is_refused(bench):
+def drive_without_master_monitoring_is_refused(bench):
     drives = slaves.arm(bench.connect())
     drives[3].watches = False
     node = bench.start("run", "--config", CONFIG)
@@ -196,7 +196,7 @@ def drive_that_goes_on_without_its_master_is_refused(bench):
         check(drive.state != "OPERATION ENABLED", f"node {drive.node.id} is off")
 
 
-def every_drive_is_proven_and_the_times_are_told(bench):
+def every_drive_passes_the_proof_test_with_measured_times(bench):
     drives = slaves.arm(bench.connect())
     report = json.loads(bench.frhc("commission", "--config", CONFIG, "--prove", "--json"))
     same(len(report["drives"]), 6, "drives")
@@ -206,7 +206,7 @@ def every_drive_is_proven_and_the_times_are_told(bench):
             check(said <= measured <= said + slack, f"{drive['name']}: {timer} {measured} ms")
     check(report["may_arm"], "40 N are allowed")
     for drive in drives.values():
-        same(drive.state, "SWITCH ON DISABLED", f"node {drive.node.id} after the proof")
+        same(drive.state, "SWITCH ON DISABLED", f"node {drive.node.id} after the proof test")
 
 
 TESTS = [
@@ -218,11 +218,11 @@ TESTS = [
     emergency_that_is_over_stops_nothing,
     silent_heartbeat_stops_the_node,
     silent_tpdo_stops_the_node,
-    drive_that_boots_again_stops_the_node,
+    boot_up_of_a_drive_stops_the_node,
     drive_in_fault_stops_the_node_and_a_reset_revives_it,
-    missing_drive_is_named,
-    another_drive_is_named,
-    drive_that_refuses_its_mapping_is_named,
-    drive_that_goes_on_without_its_master_is_refused,
-    every_drive_is_proven_and_the_times_are_told,
+    missing_drive_is_reported,
+    drive_of_another_product_is_reported,
+    rejected_mapping_is_reported,
+    drive_without_master_monitoring_is_refused,
+    every_drive_passes_the_proof_test_with_measured_times,
 ]

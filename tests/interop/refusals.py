@@ -1,7 +1,7 @@
-"""What a CANopen server must refuse, and the code it must refuse it with.
+"""Requests that a CANopen server must abort, and the abort codes.
 
-Written from CiA 301 (7.2.4.3.17, table 22, and the object descriptions of 7.5.2), not from what our
-drives do: each row is what a client sends, byte by byte, and the abort code that answers the last of it.
+Written from CiA 301 (7.2.4.3.17, table 22, and the object descriptions of 7.5.2), independent of our drives. Each row
+contains the requests of a client, byte by byte, and the abort code for the last one.
 """
 
 NO_OBJECT = 0x06020000
@@ -40,7 +40,7 @@ def write(index, sub, value, size):
 
 
 def write_long(index, sub, size=None):
-    """Initiate a segmented download, its size told or not."""
+    """Initiate a segmented download, with or without its size."""
     if size is None:
         return frame(0x20, index, sub)
     return frame(0x21, index, sub, size.to_bytes(4, "little"))
@@ -132,7 +132,7 @@ REFUSALS = [
     ("a halt option below 1", [write(0x605D, 0, 0, 2)], TOO_LOW),
     ("a fault reaction above 4", [write(0x605E, 0, 5, 2)], TOO_HIGH),
     ("an abort connection option above 3", [write(0x6007, 0, 4, 2)], TOO_HIGH),
-    ("a mode the drive has not (6502h)", [write(0x6060, 0, 5, 1)], INVALID),
+    ("an unsupported mode (6502h)", [write(0x6060, 0, 5, 1)], INVALID),
     ("a TPDO of a reserved type", [write(0x1800, 2, 241, 1)], INVALID),
     ("an RPDO of a reserved type", [write(0x1400, 2, 253, 1)], INVALID),
     ("an error history that is not 0", [write(0x1003, 0, 1, 1)], INVALID),
@@ -143,13 +143,13 @@ REFUSALS = [
         [write(0x1803, 1, OFF, 4), write(0x1803, 1, 1 << 29 | 0x12345, 4)],
         INVALID,
     ),
-    # State: what is on is not changed (7.5.2.35 to 7.5.2.38).
-    ("another identifier for an RPDO that is on", [write(0x1400, 1, 0x222, 4)], DEVICE_STATE),
-    ("another identifier for a TPDO that is on", [write(0x1800, 1, 0x1A2, 4)], DEVICE_STATE),
-    ("an inhibit time for a TPDO that is on", [write(0x1800, 3, 10, 2)], DEVICE_STATE),
-    ("fewer objects for an RPDO that is on", [write(0x1600, 0, 0, 1)], DEVICE_STATE),
-    ("another object for a TPDO that is on", [write(0x1A00, 1, entry(0x6064, 0, 32), 4)], DEVICE_STATE),
-    ("another identifier for emergencies while on", [write(0x1014, 0, 0x222, 4)], DEVICE_STATE),
+    # State: valid communication objects cannot change (7.5.2.35 to 7.5.2.38).
+    ("another identifier for an RPDO that is valid", [write(0x1400, 1, 0x222, 4)], DEVICE_STATE),
+    ("another identifier for a TPDO that is valid", [write(0x1800, 1, 0x1A2, 4)], DEVICE_STATE),
+    ("an inhibit time for a TPDO that is valid", [write(0x1800, 3, 10, 2)], DEVICE_STATE),
+    ("fewer objects for an RPDO that is valid", [write(0x1600, 0, 0, 1)], DEVICE_STATE),
+    ("another object for a TPDO that is valid", [write(0x1A00, 1, entry(0x6064, 0, 32), 4)], DEVICE_STATE),
+    ("another identifier for a valid EMCY", [write(0x1014, 0, 0x222, 4)], DEVICE_STATE),
 ]
 
 UNMAPPED = [write(0x1803, 1, OFF, 4), write(0x1A03, 0, 0, 1)]
@@ -157,18 +157,18 @@ UNMAPPED_RPDO = [write(0x1403, 1, OFF, 4), write(0x1603, 0, 0, 1)]
 
 
 def mapped(*entries):
-    """TPDO 4, off, with these objects."""
+    """Requests that map objects into the invalid TPDO 4."""
     return [*UNMAPPED, *(write(0x1A03, sub, each, 4) for sub, each in enumerate(entries, 1))]
 
 
 REFUSALS += [
     # Mapping (7.5.2.36, 7.5.2.38).
     ("a parameter in a TPDO", mapped(entry(0x6072, 0, 16)), NOT_MAPPABLE),
-    ("half an object in a TPDO", mapped(entry(0x6064, 0, 16)), NOT_MAPPABLE),
-    ("more than an object in a TPDO", mapped(entry(0x6041, 0, 32)), NOT_MAPPABLE),
+    ("length below the object's in a TPDO", mapped(entry(0x6064, 0, 16)), NOT_MAPPABLE),
+    ("length above the object's in a TPDO", mapped(entry(0x6041, 0, 32)), NOT_MAPPABLE),
     ("a dummy in a TPDO", mapped(entry(0x0005, 0, 8)), NOT_MAPPABLE),
-    ("no object in a TPDO", mapped(entry(0x2FFF, 0, 8)), NO_OBJECT),
-    ("no sub-index in a TPDO", mapped(entry(0x6064, 1, 32)), NO_SUB_INDEX),
+    ("a missing object in a TPDO", mapped(entry(0x2FFF, 0, 8)), NO_OBJECT),
+    ("a missing sub-index in a TPDO", mapped(entry(0x6064, 1, 32)), NO_SUB_INDEX),
     (
         "the statusword in an RPDO",
         [*UNMAPPED_RPDO, write(0x1603, 1, entry(0x6041, 0, 16), 4)],
@@ -183,11 +183,11 @@ REFUSALS += [
         PDO_TOO_LONG,
     ),
     # Store and restore: signatures (7.5.2.13, 7.5.2.14).
-    ("a store that is not signed", [write(0x1010, 1, 1, 4)], NOT_STORED),
+    ("a store without signature", [write(0x1010, 1, 1, 4)], NOT_STORED),
     ("a store signed in capitals", [frame(0x23, 0x1010, 1, b"SAVE")], NOT_STORED),
     ("a restore signed as a store", [frame(0x23, 0x1011, 1, b"save")], NOT_STORED),
     # The protocol itself (7.2.4.3).
-    ("a command that is none", [frame(0xE0, 0x1000, 0)], COMMAND),
+    ("an unknown command specifier", [frame(0xE0, 0x1000, 0)], COMMAND),
     ("an upload segment of no transfer", [bytes([0x60]) + bytes(7)], COMMAND),
     ("a download segment of no transfer", [bytes(8)], COMMAND),
     ("an upload segment with the wrong toggle", [read(0x1008), bytes([0x70]) + bytes(7)], TOGGLE),
@@ -208,5 +208,5 @@ REFUSALS += [
         CRC,
     ),
     ("a value larger than any memory", [write_long(SAMPLES, 0, 0xFFFFFFF0)], NO_MEMORY),
-    ("the same in blocks", [write_blocks(SAMPLES, 0, 0xFFFFFFF0)], NO_MEMORY),
+    ("excess size, block transfer", [write_blocks(SAMPLES, 0, 0xFFFFFFF0)], NO_MEMORY),
 ]

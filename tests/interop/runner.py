@@ -1,6 +1,6 @@
-"""Runs tests, all of them or those whose names contain one of the arguments, and prints a line for each.
+"""Runs all tests, or those whose names contain one of the arguments, and prints a line for each.
 
-What fails tells why; a test on the bus shows the last lines candump saw, too.
+A failed test prints its reason and, for tests on the bus, the last frames.
 """
 
 import sys
@@ -9,8 +9,8 @@ import traceback
 
 
 def passes(test, surroundings):
-    """Runs one test in its surroundings; whether it passed."""
-    began = time.monotonic()
+    """Runs one test in its surroundings; returns whether it passed."""
+    start = time.monotonic()
     try:
         with surroundings(test.__name__) as given:
             test(given)
@@ -19,12 +19,12 @@ def passes(test, surroundings):
         traceback.print_exc(file=sys.stdout)
         print("\n".join(getattr(error, "frames", [])), flush=True)
         return False
-    print(f"ok interop: {test.__name__} ({time.monotonic() - began:.1f} s)", flush=True)
+    print(f"ok interop: {test.__name__} ({time.monotonic() - start:.1f} s)", flush=True)
     return True
 
 
 def run(tests, surroundings, wanted):
-    """The exit code: 0 if all passed."""
+    """Runs the tests; returns the exit code, 0 if all passed."""
     failed = 0
     for test in tests:
         name = test.__name__

@@ -1,8 +1,7 @@
-"""CiA 402 drives and a switch box made of python-canopen, enough of them for `frhc run`.
+"""CiA 402 drives and a switch box of python-canopen, as far as `frhc run` needs them.
 
-python-canopen serves SDO and the heartbeat and reads the PDO mapping out of its own dictionary; what it
-leaves to its user is here: boot-up after a reset, the exchange at SYNC, the power state machine, the watch
-over the master.
+python-canopen serves SDO and heartbeat, and reads the PDO mapping from its dictionary. This file adds boot-up after
+a reset, the exchange at SYNC, the power state machine, and the monitoring of the master.
 """
 
 import math
@@ -23,7 +22,7 @@ DEADMAN_RELEASED = 0b10
 
 
 class Slave:
-    """A LocalNode that boots up, and comes back after a reset as CiA 301 has it."""
+    """LocalNode with boot-up and NMT resets (CiA 301, 7.3.2.2)."""
 
     def __init__(self, network, node_id, eds):
         self.node = network.create_node(node_id, eds)
@@ -48,31 +47,31 @@ class Slave:
         self.node.nmt.state = "PRE-OPERATIONAL"
 
     def start(self):
-        """Operational: PDOs are as the dictionary says now."""
+        """Enters operational with the PDOs of the dictionary."""
         self.node.pdo.read()
 
     def stop(self):
-        """Not operational any more."""
+        """Leaves operational."""
         for pdo in self.node.tpdo.values():
             pdo.stop()
 
     def fill(self, pdo):
-        """The mapped objects into a TPDO."""
+        """Copies the mapped objects into a TPDO."""
         for variable in pdo:
             variable.set_data(self.node.get_data(variable.index, variable.subindex))
 
 
 class Drive(Slave):
-    """One drive whose shaft stands still."""
+    """Drive with a blocked shaft."""
 
     def __init__(self, network, joint):
         self.state = "SWITCH ON DISABLED"
         self.before = 0
         self.sends = True
         self.waiting = None
-        # Without them it is as dangerous as many a drive out of the box.
+        # Monitoring of the master; drives with default settings often have none.
         self.watches = True
-        self.heard = {}
+        self.received_at = {}
         self.timers = {}
         turns = joint["start_deg"] / 360.0 * joint["gear_ratio"]
         self.counts = joint["zero_counts"] + round(turns * joint["encoder_counts_per_rev"])
@@ -87,7 +86,7 @@ class Drive(Slave):
     def start(self):
         super().start()
         self.waiting = None
-        self.heard.pop(RPDO_TIMEOUT, None)
+        self.received_at.pop(RPDO_TIMEOUT, None)
         read = self.node.sdo
         self.timers = {
             RPDO_TIMEOUT: read[0x1400][5].raw / 1000,
@@ -96,20 +95,21 @@ class Drive(Slave):
         self.node.rpdo[1].add_callback(self.on_rpdo)
 
     def watch(self, network):
-        """Takes the power off when an RPDO (1400h:5) or the master's heartbeat (1016h:1) stays away; both watches
-        begin with the first frame, in operational only."""
+        """Disables the power stage on a timeout of the RPDO (1400h:5) or of the master's heartbeat (1016h:1).
+
+        Both timers start with the first frame in operational."""
         while network.bus is not None:
             time.sleep(0.0005)
             if not self.watches or self.node.nmt.state != "OPERATIONAL":
                 continue
             now = time.monotonic()
             for code, timer in self.timers.items():
-                if timer and now - self.heard.get(code, now) > timer:
+                if timer and now - self.received_at.get(code, now) > timer:
                     self.trip(code)
 
     def trip(self, code):
-        """The master is lost: as 6007h = 1, 605Eh = 0 and 1029h:1 = 0 have it."""
-        self.heard.pop(code, None)
+        """Reacts to a lost master by 6007h = 1, 605Eh = 0 and 1029h:1 = 0."""
+        self.received_at.pop(code, None)
         self.state = "FAULT"
         self.emergencies().send(code, 0x11)
         if code == HEARTBEAT_LOST:
@@ -117,19 +117,19 @@ class Drive(Slave):
             self.stop()
 
     def on_master(self, _cob_id, _data, _time):
-        self.heard[HEARTBEAT_LOST] = time.monotonic()
+        self.received_at[HEARTBEAT_LOST] = time.monotonic()
 
     def emergencies(self):
-        """The producer of its emergencies, where the master has put them (1014h)."""
+        """EMCY producer on the COB-ID of 1014h."""
         self.node.emcy.cob_id = self.node.sdo[0x1014].raw & 0x7FF
         return self.node.emcy
 
     def on_rpdo(self, pdo):
         self.waiting = bytes(pdo.data)
-        self.heard[RPDO_TIMEOUT] = time.monotonic()
+        self.received_at[RPDO_TIMEOUT] = time.monotonic()
 
     def on_sync(self, _cob_id, _data, _time):
-        """Samples are taken and targets act at the SYNC, both as the mapping in the dictionary says."""
+        """Samples the TPDO and applies the RPDO, both by the mapping in the dictionary."""
         if self.node.nmt.state != "OPERATIONAL":
             return
         sample, target = self.node.tpdo[1], self.node.rpdo[1]
@@ -141,7 +141,7 @@ class Drive(Slave):
             sample.transmit()
 
     def on_read(self, index, **_):
-        """What is no memory but the drive itself."""
+        """Values that the drive computes."""
         if index == STATUSWORD:
             return State402.SW_MASK[self.state][1] | 0x0200
         if index == MODE_DISPLAY:
@@ -157,12 +157,12 @@ class Drive(Slave):
             self.before = word
 
     def torque(self):
-        """The target torque, in per mille, as python reads its own dictionary."""
+        """Target torque in the dictionary, in per mille."""
         return self.node.sdo["Target torque"].raw
 
 
 def after(state, word, before):
-    """CiA 402-2, table of device control commands: the state after a controlword."""
+    """State after a controlword (CiA 402-2, table of device control commands)."""
     if state == "FAULT":
         reset = word & 0x80 and not before & 0x80
         return "SWITCH ON DISABLED" if reset else state
@@ -181,7 +181,7 @@ def after(state, word, before):
 
 
 class SwitchBox(Slave):
-    """Eight inputs, sent as often as 1800h:5 says."""
+    """Eight inputs, sent on the event timer (1800h:5)."""
 
     def __init__(self, network):
         super().__init__(network, SWITCHES["node_id"], SWITCHES_EDS)
@@ -195,13 +195,13 @@ class SwitchBox(Slave):
 
 
 def arm(network, without=()):
-    """The six drives by their node-ids and the switch box, all but those `without`."""
+    """Starts the switch box and the drives except `without`; returns the drives by node-ID."""
     SwitchBox(network)
     joints = [joint for joint in JOINTS if joint["node_id"] not in without]
     return {joint["node_id"]: Drive(network, joint) for joint in joints}
 
 
 def angle(joint, counts):
-    """A joint's position in rad for a count of its encoder."""
+    """Joint position in rad from encoder counts."""
     turns = (counts - joint["zero_counts"]) / joint["encoder_counts_per_rev"]
     return turns / joint["gear_ratio"] * math.tau

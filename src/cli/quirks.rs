@@ -81,6 +81,8 @@ fn refuse_personality(_: &str) -> Result<String, String> {
 mod tests {
     use std::path::Path;
 
+    use clap::Parser;
+
     use super::*;
 
     fn assign(parts: &[&str]) -> Result<QuirkAssignment, String> {
@@ -98,6 +100,20 @@ mod tests {
         let assigned = assigned.unwrap();
         let counts = Joint::ALL.map(|joint| assigned.of(joint).iter().count());
         assert_eq!(counts, [1, 1, 3, 2, 1, 1]);
+    }
+
+    #[test]
+    fn former_option_is_refused_with_its_new_name() {
+        #[derive(Debug, Parser)]
+        struct Command {
+            #[command(flatten)]
+            quirks: QuirkArgs,
+        }
+        let args = ["sim", "--personality", "elbow=slow-sdo"];
+        let error = Command::try_parse_from(args).unwrap_err().to_string();
+        assert!(error.contains("--personality was renamed to --quirks"), "{error}");
+        let command = Command::try_parse_from(["sim", "--quirks", "elbow=slow-sdo"]).unwrap();
+        assert_eq!(command.quirks.drives.len(), 1);
     }
 
     #[test]

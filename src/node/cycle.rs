@@ -99,9 +99,9 @@ impl<B: Bus, R: Remote> Node<B, R> {
     /// Watches the controller, the operator, the arm, and the samples against the model.
     fn watch_step(&mut self, now: Instant, permit: &Permit, input: &Input, output: &Output) {
         let controller = output.fault.as_ref().and_then(causes::of_controller);
-        let operator = self.operator.watch(now, permit, output, input.restart);
+        let operator = self.operator.check(now, permit, output, input.restart);
         let gravity_is_on = permit.gravity_ramps_up || permit.gravity_share >= 1.0;
-        let samples = self.plausibility.judge(&self.samples.sampled(), output, gravity_is_on);
+        let samples = self.plausibility.check(&self.samples.sampled(), output, gravity_is_on);
         self.raise(now, [controller, operator, samples]);
     }
 

@@ -105,7 +105,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             network: Network::new(config, plans),
             samples: Samples::new(
                 tpdos,
-                plausibility::intakes(config),
+                plausibility::sample_filters(config),
                 config.joints.each_ref().map(|joint| joint.channel),
                 config.safety.missing_samples,
             ),

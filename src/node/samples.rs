@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use crate::cause::Cause;
-use crate::plausibility::Intake;
-use crate::plausibility::Offer;
+use crate::plausibility::Filtered;
+use crate::plausibility::SampleFilter;
 use crate::plausibility::Sampled;
 use canopen::drive::Statusword;
 use canopen::exchange::TpdoMap;
@@ -27,7 +27,7 @@ const MAX_MISSED_STATUSWORDS: u32 = 3;
 pub(super) struct Samples {
     tpdos: TpdoMap,
     /// Filters of received positions.
-    intakes: [Intake; 6],
+    filters: [SampleFilter; 6],
     /// Cycles without a sample of a joint that are a fault.
     max_missed: u32,
     /// Bus of each joint.
@@ -55,14 +55,14 @@ impl Samples {
     /// cycles in a row without a sample of a joint are a fault.
     pub(super) fn new(
         tpdos: TpdoMap,
-        intakes: [Intake; 6],
+        filters: [SampleFilter; 6],
         channels: [Channel; 6],
         max_missed: u32,
     ) -> Self {
         let status_timeout =
             |joint: Joint| Some(tpdos.status_repeated(joint.into())? * MAX_MISSED_STATUSWORDS);
         Self {
-            intakes,
+            filters,
             max_missed,
             channels,
             status_timeout: Joint::ALL.map(status_timeout),
@@ -82,7 +82,7 @@ impl Samples {
     /// Starts a SYNC window: TPDOs received from `now` on belong to it.
     pub(super) fn start_window(&mut self, now: Instant) {
         self.sync_at = now;
-        self.intakes.iter_mut().for_each(|intake| intake.begin(now));
+        self.filters.iter_mut().for_each(|filter| filter.start_window(now));
         self.fresh = [false; 6];
     }
 
@@ -100,7 +100,7 @@ impl Samples {
     pub(super) fn discard(&mut self, telegram: &Telegram) {
         let Some(Ok(tpdo)) = self.tpdos.read(telegram) else { return };
         if let (Some(_), Some(joint)) = (tpdo.position, tpdo.node.joint()) {
-            joint.entry_mut(&mut self.intakes).discard();
+            joint.entry_mut(&mut self.filters).discard();
         }
     }
 
@@ -119,13 +119,13 @@ impl Samples {
             *joint.entry_mut(&mut self.status_at) = Some(at);
         }
         if let Some(position) = tpdo.position {
-            match joint.entry_mut(&mut self.intakes).offer(position) {
-                Offer::Sample => {
+            match joint.entry_mut(&mut self.filters).on_position(position) {
+                Filtered::Sample => {
                     sample.position = position;
                     *joint.entry_mut(&mut self.fresh) = true;
                 }
-                Offer::Ignored => {}
-                Offer::Wrong(cause) => self.implausible = self.implausible.or(Some(cause)),
+                Filtered::Ignored => {}
+                Filtered::Fault(cause) => self.implausible = self.implausible.or(Some(cause)),
             }
         }
     }
@@ -148,7 +148,7 @@ impl Samples {
         if let Some(Cause::SamplesMissing { joint, cycles }) = cause {
             cause = self.bus_silent(joint, cycles).or(cause);
         }
-        let overdue = || self.intakes.iter().find_map(Intake::overdue);
+        let overdue = || self.filters.iter().find_map(SampleFilter::overdue);
         cause.or_else(overdue).or_else(|| self.status_missing(now))
     }
 
@@ -177,7 +177,7 @@ impl Samples {
     pub(super) fn start_again(&mut self) {
         self.missing = [0; 6];
         self.implausible = None;
-        self.intakes.iter_mut().for_each(Intake::restart);
+        self.filters.iter_mut().for_each(SampleFilter::restart);
     }
 
     /// Clears all but the positions, before a boot of the network.
@@ -231,7 +231,7 @@ mod tests {
         let config = Config::load(Path::new(&format!("config/{name}.toml"))).unwrap();
         Samples::new(
             config.exchange().tpdos.clone(),
-            plausibility::intakes(&config),
+            plausibility::sample_filters(&config),
             [Channel(0); 6],
             3,
         )

@@ -1,10 +1,10 @@
-//! The reference and reflection switches, once their contacts have come to rest.
+//! Reference and reflection switches, debounced.
 //!
-//! A level counts when it has lasted as long as the [deadman](crate::operator::deadman)'s: a contact that
-//! bounces is one press. While the switch box is silent the last levels stay, so that its return is no edge; a switch
-//! that is found closed then, or at power-up, counts as open until it was released.
+//! A level counts when it has lasted for the debounce time of the [deadman](crate::operator::deadman), so a bouncing
+//! contact is one press. While inputs of the switch box are missing, the last levels stay: their return is no edge. A
+//! switch closed at power-up or at that return counts as open until it was released.
 
-use crate::operator::deadman::SETTLED_AFTER;
+use crate::operator::deadman::DEBOUNCE_TIME;
 use config::switch_inputs::SwitchInputs;
 use units::time::Instant;
 
@@ -16,12 +16,12 @@ pub(super) struct Buttons {
 }
 
 impl Buttons {
-    /// Nothing received yet; both open.
+    /// Returns both switches open, before the first message of the switch box.
     pub(super) const fn new() -> Self {
         Self { reference: Button::new(), reflection: Button::new() }
     }
 
-    /// Takes the levels of this cycle; `None` while the switch box is silent.
+    /// Takes the levels of this cycle; `None` if those of the switch box are missing or stale.
     pub(super) fn read(&mut self, now: Instant, inputs: Option<SwitchInputs>) {
         self.reference.read(now, inputs.map(|inputs| inputs.reference));
         self.reflection.read(now, inputs.map(|inputs| inputs.reflection));
@@ -38,14 +38,16 @@ impl Buttons {
     }
 }
 
-/// One switch.
+/// Debouncing of one switch.
 #[derive(Clone, Copy, Debug)]
 struct Button {
-    /// Its level, and since when; `None` while the switch box is silent.
+    /// Level of the contact; `None` while it is unknown.
     level: Option<bool>,
+    /// Time of the last change of the level.
     since: Instant,
+    /// Debounced level.
     is_closed: bool,
-    /// It was open for long enough since the switch box was last silent.
+    /// Stably open since the level was last unknown, so that closing counts.
     may_close: bool,
 }
 
@@ -58,10 +60,10 @@ impl Button {
         if level != self.level {
             (self.level, self.since) = (level, now);
         }
-        let has_settled = now.since(self.since) >= SETTLED_AFTER;
+        let is_stable = now.since(self.since) >= DEBOUNCE_TIME;
         match level {
             None => self.may_close = false,
-            Some(_) if !has_settled => {}
+            Some(_) if !is_stable => {}
             Some(false) => (self.is_closed, self.may_close) = (false, true),
             Some(true) => self.is_closed |= self.may_close,
         }
@@ -74,7 +76,7 @@ mod tests {
 
     use super::*;
 
-    /// The levels that count while the switch says this, one millisecond each.
+    /// Returns the debounced levels of given ones, 1 ms each.
     fn closed(levels: impl IntoIterator<Item = Option<bool>>) -> Vec<bool> {
         let mut button = Button::new();
         let mut read = |(millis, level): (u64, Option<bool>)| {

@@ -1,8 +1,8 @@
-//! The deadman: two antivalent contacts, and what they say once they have come to rest.
+//! Deadman switch: two antivalent contacts, debounced.
 //!
-//! An opening counts at once, whichever contact tells of it. A closing counts when both contacts have said
-//! so for a while, after both have said for a while that it was open: a contact that bounces, a deadman
-//! that is closed when the power comes, and one that was lost from hearing engage nothing.
+//! Opening of either contact releases at once. Closing counts when both contacts have been stable, after both were stably
+//! open. A bouncing contact, a deadman closed at power-up and one that returns after a loss of its messages enable
+//! nothing.
 
 use std::time::Duration;
 
@@ -10,40 +10,41 @@ use crate::cause::Cause;
 use config::switch_inputs::Deadman as Contacts;
 use units::time::Instant;
 
-/// For so long both contacts must say the same before it is believed: a contact bounces for 5 to 20 ms.
-pub(super) const SETTLED_AFTER: Duration = Duration::from_millis(25);
+/// Time for which contacts must be stable to count: they bounce for 5 to 20 ms.
+pub(super) const DEBOUNCE_TIME: Duration = Duration::from_millis(25);
 
-/// Two antivalent contacts may disagree for so long while a finger moves.
-const DISAGREEMENT: Duration = Duration::from_millis(50);
+/// Maximum discrepancy time of the two contacts (ISO 13849-1): they switch one after the other.
+const MAX_DISCREPANCY_TIME: Duration = Duration::from_millis(50);
 
-/// What the operator's hand does with the deadman.
+/// State of the deadman.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EnableState {
-    /// The switch box is not heard.
+    /// Inputs of the switch box missing or stale.
     Silent,
-    /// The contacts have not come to rest, or contradict each other.
+    /// Contacts bounce or disagree.
     Moving,
-    /// Open, for a while.
+    /// Stably open.
     Released,
-    /// Closed, but not since it was seen open.
+    /// Stably closed, without a release before.
     Closed,
-    /// Pressed by a hand that had released it before.
+    /// Stably closed after a release.
     Held,
 }
 
-/// The contacts, and since when they say what they say.
+/// Debouncing of the contacts.
 #[derive(Clone, Copy, Debug)]
 pub struct Deadman {
     contacts: Option<Contacts>,
+    /// Time of the last change of the contacts.
     since: Instant,
     enable_state: EnableState,
-    /// It has been released, and not been held since: a closing counts.
+    /// Released since it was last held, so that closing counts.
     may_close: bool,
 }
 
 impl Deadman {
-    /// Not heard yet.
-    pub const fn unheard() -> Self {
+    /// Returns the deadman before the first message of the switch box.
+    pub const fn new() -> Self {
         Self {
             contacts: None,
             since: Instant::ZERO,
@@ -52,19 +53,19 @@ impl Deadman {
         }
     }
 
-    /// Takes what the contacts say now; `None` while the switch box is silent.
+    /// Takes the contacts of this cycle; `None` if those of the switch box are missing or stale.
     pub fn read(&mut self, now: Instant, contacts: Option<Contacts>) {
         if contacts != self.contacts {
             (self.contacts, self.since) = (contacts, now);
         }
-        let is_settled = now.since(self.since) >= SETTLED_AFTER;
+        let is_stable = now.since(self.since) >= DEBOUNCE_TIME;
         self.enable_state = match contacts {
             None => EnableState::Silent,
             Some(Contacts::Disagreeing) => EnableState::Moving,
-            Some(Contacts::Released) if is_settled => EnableState::Released,
+            Some(Contacts::Released) if is_stable => EnableState::Released,
             Some(Contacts::Pressed) if self.enable_state == EnableState::Held => EnableState::Held,
-            Some(Contacts::Pressed) if is_settled && self.may_close => EnableState::Held,
-            Some(Contacts::Pressed) if is_settled => EnableState::Closed,
+            Some(Contacts::Pressed) if is_stable && self.may_close => EnableState::Held,
+            Some(Contacts::Pressed) if is_stable => EnableState::Closed,
             Some(Contacts::Released | Contacts::Pressed) => EnableState::Moving,
         };
         self.may_close = match self.enable_state {
@@ -74,15 +75,15 @@ impl Deadman {
         };
     }
 
-    /// What the hand does with it.
+    /// Returns the debounced state.
     pub const fn enable_state(&self) -> EnableState {
         self.enable_state
     }
 
-    /// A contact that sticks shows as two that contradict each other for longer than a finger takes.
-    pub fn disagrees(&self, now: Instant) -> Option<Cause> {
-        let is_for_long = now.since(self.since) > DISAGREEMENT;
-        let disagrees = self.contacts == Some(Contacts::Disagreeing) && is_for_long;
+    /// Returns the cause of a stop if the contacts disagree for too long: one of them sticks.
+    pub fn check_discrepancy(&self, now: Instant) -> Option<Cause> {
+        let is_too_long = now.since(self.since) > MAX_DISCREPANCY_TIME;
+        let disagrees = self.contacts == Some(Contacts::Disagreeing) && is_too_long;
         disagrees.then_some(Cause::DeadmanDisagrees)
     }
 }
@@ -95,13 +96,13 @@ mod tests {
 
     const OPEN: Option<Contacts> = Some(Contacts::Released);
     const CLOSED: Option<Contacts> = Some(Contacts::Pressed);
-    const TORN: Option<Contacts> = Some(Contacts::Disagreeing);
+    const DISAGREEING: Option<Contacts> = Some(Contacts::Disagreeing);
 
     fn at(millis: u64) -> Instant {
         Instant::from_micros(millis * 1_000)
     }
 
-    /// Reads the contacts every millisecond of a span.
+    /// Reads the contacts in every millisecond of `span`.
     fn read(
         deadman: &mut Deadman,
         span: std::ops::RangeInclusive<u64>,
@@ -111,7 +112,7 @@ mod tests {
     }
 
     fn held() -> Deadman {
-        let mut deadman = Deadman::unheard();
+        let mut deadman = Deadman::new();
         read(&mut deadman, 0..=25, OPEN);
         read(&mut deadman, 26..=51, CLOSED);
         assert_eq!(deadman.enable_state(), EnableState::Held);
@@ -119,8 +120,8 @@ mod tests {
     }
 
     #[test]
-    fn hazard_39_a_deadman_that_is_closed_at_power_up_is_not_held_before_it_was_released() {
-        let mut deadman = Deadman::unheard();
+    fn hazard_39_deadman_closed_at_power_up_counts_once_released() {
+        let mut deadman = Deadman::new();
         read(&mut deadman, 0..=1_000, CLOSED);
         assert_eq!(deadman.enable_state(), EnableState::Closed);
         read(&mut deadman, 1_001..=1_020, OPEN);
@@ -132,26 +133,26 @@ mod tests {
     }
 
     #[test]
-    fn hazard_39_contacts_that_contradict_each_other_are_a_fault_after_fifty_milliseconds() {
+    fn hazard_39_contacts_that_disagree_for_50_ms_are_a_fault() {
         let mut deadman = held();
-        read(&mut deadman, 100..=150, TORN);
-        assert_eq!(deadman.disagrees(at(150)), None);
-        deadman.read(at(151), TORN);
-        assert_eq!(deadman.disagrees(at(151)), Some(Cause::DeadmanDisagrees));
+        read(&mut deadman, 100..=150, DISAGREEING);
+        assert_eq!(deadman.check_discrepancy(at(150)), None);
+        deadman.read(at(151), DISAGREEING);
+        assert_eq!(deadman.check_discrepancy(at(151)), Some(Cause::DeadmanDisagrees));
         deadman.read(at(152), OPEN);
-        assert_eq!(deadman.disagrees(at(152)), None);
+        assert_eq!(deadman.check_discrepancy(at(152)), None);
     }
 
     proptest! {
         #[test]
-        fn hazard_38_whatever_is_not_pressed_by_both_contacts_is_not_held(
-            says in prop::collection::vec((0..4_u8, 1..40_u64), 1..60)
+        fn hazard_38_deadman_not_closed_by_both_contacts_is_not_held(
+            inputs in prop::collection::vec((0..4_u8, 1..40_u64), 1..60)
         ) {
-            let mut deadman = Deadman::unheard();
+            let mut deadman = Deadman::new();
             let mut millis = 0;
             let (mut open_for, mut closed_for, mut may_close) = (0, 0, false);
-            for (contacts, span) in says {
-                let contacts = [None, OPEN, CLOSED, TORN][usize::from(contacts)];
+            for (contacts, span) in inputs {
+                let contacts = [None, OPEN, CLOSED, DISAGREEING][usize::from(contacts)];
                 for _ in 0..span {
                     millis += 1;
                     deadman.read(at(millis), contacts);
@@ -167,8 +168,8 @@ mod tests {
     }
 
     #[test]
-    fn hazard_39_a_contact_that_bounces_releases_at_once_and_holds_nothing_until_it_was_released() {
-        for bounce in [OPEN, TORN, None] {
+    fn hazard_39_bounce_releases_until_the_next_release_and_press() {
+        for bounce in [OPEN, DISAGREEING, None] {
             let mut deadman = held();
             deadman.read(at(60), bounce);
             assert_ne!(deadman.enable_state(), EnableState::Held);

@@ -1,9 +1,8 @@
-//! A hand that is driven to and fro: swings that do not die away, or more power than a hand is given.
+//! Instability of the haptic loop: oscillation of the grip that does not decay, or excess power into the hand.
 //!
-//! Not the passivity layer, which adds damping from the first millijoule on; this stops what that cannot.
-//! A swing lies between two reversals of the grip along an axis. A hand may swing as it likes: what it
-//! takes from the torques, it does itself. Only when the torques have given it energy over the
-//! swings they are the node's.
+//! The passivity layer damps from the first millijoule on; this monitor stops what that cannot. A swing is the motion of
+//! the grip along an axis between two reversals. Oscillation that take energy from the torques are the operator's own. Only
+//! swings over which the torques have given energy to the hand count as instability.
 
 use std::time::Duration;
 
@@ -11,52 +10,53 @@ use crate::cause::Cause;
 use units::spatial::Twist;
 use units::time::Instant;
 
-/// Slower swings are none, in m/s.
-const FAST: f64 = 0.1;
+/// Minimum peak speed of a swing that counts, in m/s.
+const MIN_SWING_SPEED: f64 = 0.1;
 
-/// A swing has begun when it is faster than this, in m/s: about zero an encoder's steps go to and fro.
-const BEGUN: f64 = 0.02;
+/// Minimum speed at which the direction counts, in m/s. Encoder noise changes the sign of lower ones.
+const MIN_REVERSAL_SPEED: f64 = 0.02;
 
-/// So many reversals within [`WITHIN`].
+/// Reversals within [`REVERSAL_WINDOW`] that are an oscillation.
 const REVERSALS: usize = 4;
 
-/// See [`REVERSALS`].
-const WITHIN: Duration = Duration::from_millis(400);
+/// Maximum time of [`REVERSALS`] reversals.
+const REVERSAL_WINDOW: Duration = Duration::from_millis(400);
 
-/// A swing of less than this of the one before it dies away.
-const KEEPS: f64 = 0.95;
+/// Ratio of successive peak speeds below which an oscillation decays.
+const DECAY_RATIO: f64 = 0.95;
 
-/// A turn of 1 rad/s is as fast as this many m/s: the grip's size, in m.
-const LEVER: f64 = 0.1;
+/// Size of the grip in m: converts its angular velocity to a linear speed.
+const GRIP_SIZE: f64 = 0.1;
 
-/// More power than that is never given to a hand on purpose, in W.
-const POWER: f64 = 20.0;
+/// Maximum power into the hand, in W.
+const MAX_POWER: f64 = 20.0;
 
-/// For so long it may be: samples of an encoder are coarse.
-const POWER_FOR: Duration = Duration::from_millis(10);
+/// Time for which more power is tolerated: encoder samples are coarse.
+const EXCESS_POWER_TIME: Duration = Duration::from_millis(10);
 
-/// Work the torques did on the arm, and how the grip swings along its six axes.
+/// Monitor of the grip's six axes and of the power into the hand.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Instability {
-    axes: [Swings; 6],
+    axes: [Oscillation; 6],
+    /// Work of the torques since the last reset, in J.
     work: f64,
-    strong_since: Option<Instant>,
+    excess_power_since: Option<Instant>,
 }
 
-/// The swings along one axis.
+/// Oscillation along one axis.
 #[derive(Clone, Copy, Debug, Default)]
-struct Swings {
-    /// The fastest of the swing that goes on, with its direction.
+struct Oscillation {
+    /// Peak speed of the current swing, with its sign, in m/s.
     peak: f64,
-    /// The fastest of the one before.
-    peak_before: f64,
-    /// When its last reversals were, and the work that had been done by then; the newest last.
+    /// Magnitude of the previous swing's peak speed, in m/s.
+    previous_peak: f64,
+    /// Time of the last reversals, and the work until then; the newest last.
     reversals: [Option<(Instant, f64)>; REVERSALS],
 }
 
 impl Instability {
-    /// Takes the grip's twist and the work in J that the felt torques did since the last call `dt` ago.
-    pub(super) fn watch(
+    /// Checks the twist of the grip, and the work in J of the felt torques since the last call `dt` ago.
+    pub(super) fn check(
         &mut self,
         now: Instant,
         dt: Duration,
@@ -64,33 +64,36 @@ impl Instability {
         work: f64,
     ) -> Option<Cause> {
         if !work.is_finite() {
-            return None; // The controller's own fault, and its cause.
+            return None; // The controller reports invalid numbers itself.
         }
         self.work += work;
-        let is_strong = work > POWER * dt.as_secs_f64();
-        self.strong_since = if is_strong { self.strong_since.or(Some(now)) } else { None };
-        let is_strong = self.strong_since.is_some_and(|since| now.since(since) >= POWER_FOR);
-        let speeds = v_g.scaled(&[1.0, 1.0, 1.0, LEVER, LEVER, LEVER]).components();
-        let mut swings = false;
+        let is_excess = work > MAX_POWER * dt.as_secs_f64();
+        self.excess_power_since =
+            if is_excess { self.excess_power_since.or(Some(now)) } else { None };
+        let is_overpowered =
+            self.excess_power_since.is_some_and(|since| now.since(since) >= EXCESS_POWER_TIME);
+        let speeds = v_g.scaled(&[1.0, 1.0, 1.0, GRIP_SIZE, GRIP_SIZE, GRIP_SIZE]).components();
+        let mut oscillates = false;
         for (axis, speed) in self.axes.iter_mut().zip(speeds) {
-            swings |= axis.keep_on(now, speed, self.work);
+            oscillates |= axis.update(now, speed, self.work);
         }
-        (is_strong || swings).then_some(Cause::Unstable)
+        (is_overpowered || oscillates).then_some(Cause::Unstable)
     }
 
-    /// Nothing is felt: what comes later is something else.
-    pub(super) fn forget(&mut self) {
+    /// Clears the history while there is no reflection.
+    pub(super) fn reset(&mut self) {
         *self = Self::default();
     }
 }
 
-impl Swings {
-    /// Whether the axis has swung to and fro often enough, with energy from the node.
-    fn keep_on(&mut self, now: Instant, speed: f64, work: f64) -> bool {
-        let reverses = speed * self.peak < 0.0 && speed.abs() > BEGUN;
+impl Oscillation {
+    /// Takes the speed of a cycle. Returns whether the axis oscillates without decay, with energy from the node.
+    fn update(&mut self, now: Instant, speed: f64, work: f64) -> bool {
+        let reverses = speed * self.peak < 0.0 && speed.abs() > MIN_REVERSAL_SPEED;
         if reverses {
-            let fades = self.peak.abs() < FAST || self.peak.abs() < KEEPS * self.peak_before;
-            if fades {
+            let decays = self.peak.abs() < MIN_SWING_SPEED
+                || self.peak.abs() < DECAY_RATIO * self.previous_peak;
+            if decays {
                 self.reversals = [None; REVERSALS];
             } else {
                 self.reversals.rotate_left(1);
@@ -98,13 +101,13 @@ impl Swings {
                     *newest = Some((now, work));
                 }
             }
-            (self.peak_before, self.peak) = (self.peak.abs(), 0.0);
+            (self.previous_peak, self.peak) = (self.peak.abs(), 0.0);
         }
         if speed.abs() > self.peak.abs() {
             self.peak = speed;
         }
         let [oldest, ..] = self.reversals;
-        oldest.is_some_and(|(at, done)| now.since(at) <= WITHIN && work > done)
+        oldest.is_some_and(|(at, work_then)| now.since(at) <= REVERSAL_WINDOW && work > work_then)
     }
 }
 
@@ -116,8 +119,8 @@ mod tests {
 
     const CYCLE: Duration = Duration::from_millis(1);
 
-    /// The cycle in which it trips, of a second of swings at `hertz` whose speed in m/s grows from `speed`
-    /// by `growth` each half period, `power` W flowing into the hand.
+    /// Returns the time in ms of the trip within a second of oscillation at `hertz`. Its peak speed in m/s grows from
+    /// `speed` by `growth` each half period, with `power` W into the hand.
     fn trips(axis: usize, hertz: f64, speed: f64, growth: f64, power: f64) -> Option<u64> {
         let mut instability = Instability::default();
         (0..1_000_u64).find(|ms| {
@@ -125,47 +128,47 @@ mod tests {
             let mut v = [0.0; 6];
             v[axis] = speed * growth.powf(phase) * (phase * std::f64::consts::PI).sin();
             let now = Instant::from_micros(ms * 1_000);
-            instability.watch(now, CYCLE, &Twist::from_components(v), power * 1e-3).is_some()
+            instability.check(now, CYCLE, &Twist::from_components(v), power * 1e-3).is_some()
         })
     }
 
     proptest! {
         #[test]
-        fn hazard_45_a_grip_driven_to_and_fro_trips_within_four_hundred_milliseconds(
+        fn hazard_45_grip_driven_to_and_fro_trips_within_400_ms(
             axis in 0..3_usize, hertz in 5.5..40.0_f64, speed in 0.15..0.5_f64, growth in 1.0..1.5_f64
         ) {
             let tripped = trips(axis, hertz, speed, growth, 0.5);
             prop_assert!(tripped.is_some_and(|ms| ms <= 400), "{tripped:?}");
-            prop_assert_eq!(trips(axis, hertz, speed, growth, -0.5), None, "the hand does it");
+            prop_assert_eq!(trips(axis, hertz, speed, growth, -0.5), None, "energy of the hand");
             prop_assert_eq!(trips(axis, hertz, 0.09, 1.0, 0.5), None, "slow");
-            prop_assert_eq!(trips(axis, hertz, speed, 0.9, 0.5), None, "dies away");
+            prop_assert_eq!(trips(axis, hertz, speed, 0.9, 0.5), None, "decays");
         }
     }
 
     #[test]
-    fn a_wrist_that_is_turned_to_and_fro_is_seen_by_its_size() {
+    fn rotation_counts_by_the_size_of_the_grip() {
         assert!(trips(4, 10.0, 2.0, 1.0, 0.5).is_some());
         assert_eq!(trips(4, 10.0, 0.5, 1.0, 0.5), None);
     }
 
     #[test]
-    fn a_hand_that_goes_to_and_fro_slowly_is_a_hand() {
+    fn slow_swings_of_a_hand_do_not_trip() {
         assert_eq!(trips(0, 3.0, 0.5, 1.0, 0.5), None);
     }
 
     #[test]
-    fn hazard_45_more_than_twenty_watts_into_the_hand_trip() {
+    fn hazard_45_more_than_20_w_into_the_hand_trip() {
         let after = |power| trips(0, 0.1, 0.0, 1.0, power);
         assert_eq!((after(19.0), after(-50.0), after(21.0)), (None, None, Some(10)));
     }
 
     #[test]
-    fn work_that_is_no_number_is_no_work() {
+    fn infinite_work_does_not_trip() {
         let mut instability = Instability::default();
         let twist = Twist::from_components([f64::NAN; 6]);
         for ms in 0..100 {
             let now = Instant::from_micros(ms * 1_000);
-            assert_eq!(instability.watch(now, CYCLE, &twist, f64::INFINITY), None);
+            assert_eq!(instability.check(now, CYCLE, &twist, f64::INFINITY), None);
         }
     }
 }

@@ -1,13 +1,12 @@
-//! What is watched of the operator and of the hand: whether somebody is there, and whether the arm does
-//! what a hand would not.
+//! Monitoring of the operator's switches and of the grip.
 //!
-//! | file                 | watches for                                             | hazard |
+//! | file                 | detects                                                 | hazard |
 //! |----------------------|---------------------------------------------------------|--------|
-//! | [`deadman`]          | released, stuck, bouncing, closed at power-up           | 38, 39 |
-//! | `buttons`            | reference and reflection switches that bounce           | 39     |
-//! | `anti_tie_down`      | a deadman held for a minute over a grip that is still   | 39     |
-//! | `uncommanded_motion` | an arm driven away while gravity compensation ramps up  | 41     |
-//! | `instability`        | swings that do not die away, power into the hand        | 45     |
+//! | [`deadman`]          | deadman released, stuck, bouncing, closed at power-up   | 38, 39 |
+//! | `buttons`            | bouncing reference and reflection switches              | 39     |
+//! | `anti_tie_down`      | deadman held for a minute without motion of the grip    | 39     |
+//! | `uncommanded_motion` | joint driven while gravity compensation ramps up        | 41     |
+//! | `instability`        | oscillation that does not decay, power into the hand    | 45     |
 
 mod anti_tie_down;
 mod buttons;
@@ -32,7 +31,7 @@ use controller::switches::Switches;
 use controller::torque_delay::TorqueDelay;
 use units::time::Instant;
 
-/// All of it.
+/// All monitors of the operator.
 #[derive(Clone, Debug)]
 pub(super) struct Operator {
     period: Duration,
@@ -42,44 +41,44 @@ pub(super) struct Operator {
     uncommanded_motion: UncommandedMotion,
     instability: Instability,
     /// Joint positions of the last cycle.
-    before: Option<JointVector>,
-    /// All torques sent, and the part of them that is felt.
+    previous_q: Option<JointVector>,
+    /// Torques sent: all of them, and the part without gravity compensation, which the hand feels.
     sent: TorqueDelay<[JointVector; 2]>,
 }
 
 impl Operator {
-    /// Nothing seen yet; a cycle every `period`.
+    /// Returns monitors before the first cycle, with a cycle every `period`.
     pub(super) fn new(period: Duration) -> Self {
         Self {
             period,
-            deadman: Deadman::unheard(),
+            deadman: Deadman::new(),
             buttons: Buttons::new(),
             anti_tie_down: AntiTieDown::default(),
             uncommanded_motion: UncommandedMotion::default(),
             instability: Instability::default(),
-            before: None,
+            previous_q: None,
             sent: TorqueDelay::new([JointVector::zeros(); 2]),
         }
     }
 
-    /// Takes the switches of this cycle; `None` while the switch box is silent.
+    /// Takes the switches of this cycle; `None` if those of the switch box are missing or stale.
     pub(super) fn update(&mut self, now: Instant, inputs: Option<SwitchInputs>) -> Option<Cause> {
         self.deadman.read(now, inputs.map(|inputs| inputs.deadman()));
         self.buttons.read(now, inputs);
-        self.deadman.disagrees(now)
+        self.deadman.check_discrepancy(now)
     }
 
-    /// What the hand does with the deadman.
+    /// Returns the state of the deadman.
     pub(super) const fn enable_state(&self) -> EnableState {
         self.deadman.enable_state()
     }
 
-    /// Whether the deadman is held.
+    /// Returns whether the deadman is held.
     pub(super) fn is_held(&self) -> bool {
         self.enable_state() == EnableState::Held
     }
 
-    /// Returns the switches as the controller takes them: those of the box have settled.
+    /// Returns the debounced switches, input of the controller.
     pub(super) const fn switches(&self, is_engaged: bool) -> Switches {
         Switches {
             deadman: is_engaged,
@@ -88,9 +87,9 @@ impl Operator {
         }
     }
 
-    /// Watches the arm: its motion since the last cycle, and the torques that acted meanwhile. After a gap
-    /// (`restart`) motion says nothing.
-    pub(super) fn watch(
+    /// Checks the motion since the last cycle against the torques that acted meanwhile. After a gap (`restart`) the
+    /// motion is not checked.
+    pub(super) fn check(
         &mut self,
         now: Instant,
         permit: &Permit,
@@ -101,19 +100,19 @@ impl Operator {
         let felt = output.tau - output.ledger.gravity;
         let [acted, acted_felt] = self.sent.acted();
         self.sent.push([output.tau, felt]);
-        let before = self.before.replace(output.q);
-        let tied_down = self.anti_tie_down.watch(now, is_held, &output.x_0_g);
-        let Some(q) = before.filter(|_| !restart) else { return tied_down };
-        let came = output.q - q;
+        let previous_q = self.previous_q.replace(output.q);
+        let tied_down = self.anti_tie_down.check(now, is_held, &output.x_0_g);
+        let Some(q) = previous_q.filter(|_| !restart) else { return tied_down };
+        let dq = output.q - q;
         let dt = self.period.as_secs_f64();
         let uncommanded =
-            self.uncommanded_motion.watch(dt, permit.gravity_ramps_up && !is_held, &acted, &came);
+            self.uncommanded_motion.check(dt, permit.gravity_ramps_up && !is_held, &acted, &dq);
         if !permit.engaged {
-            self.instability.forget();
+            self.instability.reset();
             return tied_down.or(uncommanded);
         }
         let v_g = &output.moving.v_g;
-        let unstable = self.instability.watch(now, self.period, v_g, acted_felt.dot(&came));
+        let unstable = self.instability.check(now, self.period, v_g, acted_felt.dot(&dq));
         tied_down.or(uncommanded).or(unstable)
     }
 }
@@ -134,7 +133,7 @@ mod tests {
     use units::drive::Counts;
     use units::spatial::Wrench;
 
-    /// A cycle at rest.
+    /// Returns the output of a cycle at rest.
     fn at_rest() -> Output {
         let config = Config::load(Path::new("config/kraft_like.toml")).unwrap();
         Controller::new(&config.controller).step(&Input {
@@ -149,9 +148,9 @@ mod tests {
         })
     }
 
-    /// The first cause in 900 ms in which a torque that changes its sign every cycle drives the elbow at
-    /// 1.5 rad/s (up, so far as it may), `late` cycles after it was computed; and how often it then drove.
-    fn cause(late: usize, engaged: bool) -> Option<Cause> {
+    /// Returns the first cause in 900 ms. A torque of alternating sign moves the elbow at ±1.5 rad/s, `delay` cycles after
+    /// its computation.
+    fn cause(delay: usize, engaged: bool) -> Option<Cause> {
         let mut operator = Operator::new(Duration::from_millis(1));
         let template = at_rest();
         let permit = Permit {
@@ -165,19 +164,19 @@ mod tests {
         let torque = |cycle: usize| if cycle.is_multiple_of(2) { 20.0 } else { -20.0 };
         let mut q = 0.0;
         (0..900).find_map(|cycle: usize| {
-            let driving = cycle.checked_sub(late).map_or(0.0, torque);
-            q += driving / 20.0 * 1.5e-3;
+            let acting = cycle.checked_sub(delay).map_or(0.0, torque);
+            q += acting / 20.0 * 1.5e-3;
             let tau = JointVector::from([0.0, 0.0, torque(cycle), 0.0, 0.0, 0.0]);
             let mut output = Output { q: template.q, tau, ..template };
             output.ledger.gravity = JointVector::zeros();
             output.q[2] += q;
             let now = Instant::from_micros(1_000 * u64::try_from(cycle).unwrap());
-            operator.watch(now, &permit, &output, cycle == 0)
+            operator.check(now, &permit, &output, cycle == 0)
         })
     }
 
     #[test]
-    fn hazard_41_motion_is_judged_by_the_torque_that_caused_it() {
+    fn hazard_41_motion_is_compared_with_the_torque_that_acted() {
         assert_eq!(cause(2, false), Some(Cause::UncommandedMotion));
         assert_eq!(cause(1, false), None, "against the torque that acted");
     }

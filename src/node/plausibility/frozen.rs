@@ -1,15 +1,14 @@
-//! Whether a joint's position stands still to the last count although the joint cannot.
+//! Detection of frozen encoders: a position constant to the last count although the joint must move.
 //!
-//! A joint that nothing pushes, or that its friction holds, does stand still: an arm whose weight is carried
-//! with exactly that torque, with nobody's hand on it, for ever. It is suspicious only if all of this holds
-//! for as long as it may last:
+//! A joint without load, or held by friction, does stand still: with its weight carried exactly and no hand on it, for
+//! ever. A constant position is a fault only if all of this holds for its time:
 //!
-//! - it is pushed, with more than a fifth of rated torque;
-//! - that torque has changed by more than a tenth of rated torque, which is several times what dry friction
-//!   can take up, and which a hand could take up only by giving way;
-//! - a joint next to it has moved clearly, by more than a hand at rest trembles.
+//! - the target torque exceeds a fifth of rated torque;
+//! - it has changed by more than a tenth of rated torque: several times the dry friction, and more than a hand takes up
+//!   without yielding;
+//! - an adjacent joint has moved clearly, by more than the tremor of a resting hand.
 //!
-//! So an encoder that freezes while its joint is not pushed is not seen, until it is.
+//! A frozen encoder of an unloaded joint therefore stays undetected until the joint is loaded.
 
 use std::time::Duration;
 
@@ -19,60 +18,63 @@ use units::drive::Counts;
 use units::numbering::Joint;
 use units::time::Instant;
 
-/// A torque that pushes, in ‰ of rated torque.
-const PUSHES: u16 = 200;
+/// Minimum magnitude of a target torque that loads a joint, in ‰ of rated torque.
+const MIN_TORQUE: u16 = 200;
 
-/// A change of torque that moves, in ‰ of rated torque.
-const CHANGES: u16 = 100;
+/// Minimum change of target torque that moves a joint, in ‰ of rated torque.
+const MIN_TORQUE_CHANGE: u16 = 100;
 
-/// The watch on all joints.
+/// Frozen-encoder detection of all joints.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frozen {
-    lasting: Duration,
-    /// What is a clear motion, in counts.
+    /// Time for which a position may be constant.
+    timeout: Duration,
+    /// Clear motion of each joint, in counts.
     clear: [u32; 6],
-    still: [Option<Still>; 6],
+    standstill: [Option<Standstill>; 6],
 }
 
-/// A joint that stands still.
+/// Standstill of a joint.
 #[derive(Clone, Copy, Debug)]
-struct Still {
+struct Standstill {
     since: Instant,
-    /// Where all joints were then.
+    /// Positions of all joints at its start.
     from: [Counts; 6],
-    /// The least and the most it was told since.
-    told: [i16; 2],
-    /// Whether a neighbour has moved.
-    beside_motion: bool,
+    /// Minimum and maximum target torque since then, in ‰ of rated torque.
+    torque_range: [i16; 2],
+    /// An adjacent joint has moved clearly since then.
+    neighbour_moved: bool,
 }
 
 impl Frozen {
-    /// Position may stand still for `lasting`; `clear` is a clear motion of each joint, in counts.
-    pub(super) const fn new(lasting: Duration, clear: [u32; 6]) -> Self {
-        Self { lasting, clear, still: [None; 6] }
+    /// Returns a detector before the first sample. Positions may be constant for `timeout`; `clear` is a clear motion of
+    /// each joint, in counts.
+    pub(super) const fn new(timeout: Duration, clear: [u32; 6]) -> Self {
+        Self { timeout, clear, standstill: [None; 6] }
     }
 
-    /// The weight of the arm is laid down: its torque changes, and friction may hold the joint all the same.
-    pub(super) const fn forget(&mut self) {
-        self.still = [None; 6];
+    /// Ends all standstills. While gravity compensation ramps down, torque changes and friction may hold a joint.
+    pub(super) const fn reset(&mut self) {
+        self.standstill = [None; 6];
     }
 
-    /// Takes this cycle's samples, and the target torques that acted until then, in ‰ of rated torque.
-    pub(super) fn judge(&mut self, sampled: &Sampled<'_>, told: &[i16; 6]) -> Option<Cause> {
+    /// Checks the samples of a cycle. `targets` acted until its SYNC, in ‰ of rated torque.
+    pub(super) fn check(&mut self, sampled: &Sampled<'_>, targets: &[i16; 6]) -> Option<Cause> {
         let positions = sampled.latest.map(|sample| sample.position);
         let clear = self.clear;
         let mut frozen = None;
-        for (joint, (still, told)) in Joint::each(self.still.iter_mut().zip(told)) {
+        for (joint, (standstill, target)) in Joint::each(self.standstill.iter_mut().zip(targets)) {
             if !joint.entry(&sampled.fresh) {
                 continue;
             }
             let now = joint.entry(&positions);
-            let still = match still {
-                Some(still) if joint.entry(&still.from) == now => still,
-                moved => moved.insert(Still::since(sampled.at, positions, *told)),
+            let standstill = match standstill {
+                Some(standstill) if joint.entry(&standstill.from) == now => standstill,
+                moved => moved.insert(Standstill::new(sampled.at, positions, *target)),
             };
-            still.follow(joint, &positions, &clear, *told);
-            if sampled.at.since(still.since) >= self.lasting && still.is_impossible(*told) {
+            standstill.update(joint, &positions, &clear, *target);
+            let has_timed_out = sampled.at.since(standstill.since) >= self.timeout;
+            if has_timed_out && standstill.is_implausible(*target) {
                 frozen = frozen.or(Some(Cause::PositionFrozen { joint }));
             }
         }
@@ -80,23 +82,24 @@ impl Frozen {
     }
 }
 
-impl Still {
-    const fn since(at: Instant, from: [Counts; 6], told: i16) -> Self {
-        Self { since: at, from, told: [told; 2], beside_motion: false }
+impl Standstill {
+    const fn new(since: Instant, from: [Counts; 6], target: i16) -> Self {
+        Self { since, from, torque_range: [target; 2], neighbour_moved: false }
     }
 
-    fn follow(&mut self, joint: Joint, now: &[Counts; 6], clear: &[u32; 6], told: i16) {
-        let [least, most] = self.told;
-        self.told = [least.min(told), most.max(told)];
+    fn update(&mut self, joint: Joint, now: &[Counts; 6], clear: &[u32; 6], target: i16) {
+        let [min, max] = self.torque_range;
+        self.torque_range = [min.min(target), max.max(target)];
         let joints = Joint::each(self.from.iter().zip(now).zip(clear));
-        let mut beside = joints.filter(|(other, _)| other.number().abs_diff(joint.number()) == 1);
-        self.beside_motion |= beside
+        let mut adjacent = joints.filter(|(other, _)| other.number().abs_diff(joint.number()) == 1);
+        self.neighbour_moved |= adjacent
             .any(|(_, ((from, now), clear))| now.0.wrapping_sub(from.0).unsigned_abs() > *clear);
     }
 
-    fn is_impossible(&self, told: i16) -> bool {
-        let [least, most] = self.told;
-        self.beside_motion && told.unsigned_abs() > PUSHES && most.abs_diff(least) > CHANGES
+    fn is_implausible(&self, target: i16) -> bool {
+        let [min, max] = self.torque_range;
+        let is_loaded = target.unsigned_abs() > MIN_TORQUE;
+        self.neighbour_moved && is_loaded && max.abs_diff(min) > MIN_TORQUE_CHANGE
     }
 }
 
@@ -105,20 +108,20 @@ mod tests {
     use super::*;
     use canopen::pdo::DriveSample;
 
-    /// What is told of the third of three joints that move otherwise, at which cycle of a millisecond.
-    fn told(
+    /// Returns the cycle of 1 ms of the fault of joint 3. `adjacent` is the position of joint 2.
+    fn fault_cycle(
         position: impl Fn(i32) -> i32,
-        beside: impl Fn(i32) -> i32,
+        adjacent: impl Fn(i32) -> i32,
         torque: impl Fn(i32) -> i16,
     ) -> Option<i32> {
         let mut frozen = Frozen::new(Duration::from_millis(500), [100; 6]);
         (0..2_000).find(|&cycle| {
             let at = Instant::from_micros(1_000 * u64::try_from(cycle).unwrap());
-            let counts = [0, beside(cycle), position(cycle), 0, 0, 0];
+            let counts = [0, adjacent(cycle), position(cycle), 0, 0, 0];
             let latest = counts
                 .map(|counts| DriveSample { position: Counts(counts), ..DriveSample::default() });
             let sampled = Sampled { at, latest: &latest, fresh: [true; 6], torques: [false; 6] };
-            let cause = frozen.judge(&sampled, &[0, 0, torque(cycle), 0, 0, 0]);
+            let cause = frozen.check(&sampled, &[0, 0, torque(cycle), 0, 0, 0]);
             assert!(
                 cause
                     .is_none_or(|cause| cause == Cause::PositionFrozen { joint: Joint::of::<3>() })
@@ -127,54 +130,62 @@ mod tests {
         })
     }
 
-    const fn swinging(cycle: i32) -> i16 {
+    const fn changing(cycle: i32) -> i16 {
         if cycle % 100 < 50 { 250 } else { 360 }
     }
 
     #[test]
-    fn hazard_05_a_position_that_stands_still_under_a_changing_torque_is_told_in_half_a_second() {
-        assert_eq!(told(|_| 7, |cycle| cycle, swinging), Some(500));
-        assert_eq!(told(|_| 7, |cycle| cycle, |cycle| -swinging(cycle)), Some(500));
+    fn hazard_05_position_constant_under_torque_trips_in_500_ms() {
+        assert_eq!(fault_cycle(|_| 7, |cycle| cycle, changing), Some(500));
+        assert_eq!(fault_cycle(|_| 7, |cycle| cycle, |cycle| -changing(cycle)), Some(500));
     }
 
     #[test]
-    fn hazard_05_what_a_hand_or_friction_may_hold_is_not_told() {
-        assert_eq!(told(|cycle| cycle / 400, |cycle| cycle, swinging), None, "it moves");
-        assert_eq!(told(|_| 7, |cycle| cycle % 100, swinging), None, "its neighbour trembles");
-        assert_eq!(told(|_| 7, |cycle| cycle, |_| 900), None, "its weight is carried");
-        assert_eq!(told(|_| 7, |cycle| cycle, |cycle| swinging(cycle) - 200), None, "no push");
+    fn hazard_05_joint_held_by_hand_or_friction_is_no_fault() {
+        assert_eq!(fault_cycle(|cycle| cycle / 400, |cycle| cycle, changing), None, "it moves");
+        assert_eq!(
+            fault_cycle(|_| 7, |cycle| cycle % 100, changing),
+            None,
+            "its neighbour has tremor"
+        );
+        assert_eq!(fault_cycle(|_| 7, |cycle| cycle, |_| 900), None, "its weight is carried");
+        assert_eq!(
+            fault_cycle(|_| 7, |cycle| cycle, |cycle| changing(cycle) - 200),
+            None,
+            "no load"
+        );
     }
 
-    /// The same of joint 3, if this other joint moves so.
-    fn told_beside(other: Joint, moves: impl Fn(i32) -> i32) -> Option<i32> {
+    /// Returns the cycle of 1 ms of the fault of joint 3. `position` is that of the joint `other`.
+    fn fault_cycle_beside(other: Joint, position: impl Fn(i32) -> i32) -> Option<i32> {
         let mut frozen = Frozen::new(Duration::from_millis(500), [100; 6]);
         (0..2_000).find(|&cycle| {
             let at = Instant::from_micros(1_000 * u64::try_from(cycle).unwrap());
             let mut latest = [DriveSample::default(); 6];
-            other.entry_mut(&mut latest).position = Counts(moves(cycle));
+            other.entry_mut(&mut latest).position = Counts(position(cycle));
             let sampled = Sampled { at, latest: &latest, fresh: [true; 6], torques: [false; 6] };
-            frozen.judge(&sampled, &[0, 0, swinging(cycle), 0, 0, 0]).is_some()
+            frozen.check(&sampled, &[0, 0, changing(cycle), 0, 0, 0]).is_some()
         })
     }
 
     #[test]
-    fn hazard_05_only_the_joints_next_to_it_are_neighbours() {
-        for (other, told) in Joint::each([None, Some(500), None, Some(500), None, None]) {
+    fn hazard_05_motion_counts_of_adjacent_joints_only() {
+        for (other, expected) in Joint::each([None, Some(500), None, Some(500), None, None]) {
             if other != Joint::of::<3>() {
-                assert_eq!(told_beside(other, |cycle| cycle), told, "joint {other}");
+                assert_eq!(fault_cycle_beside(other, |cycle| cycle), expected, "joint {other}");
             }
         }
     }
 
     #[test]
-    fn property_14_neighbour_that_wraps_has_hardly_moved() {
-        let trembles = |cycle: i32| i32::MAX.wrapping_add(cycle % 90 - 45);
-        assert_eq!(told_beside(Joint::of::<4>(), trembles), None);
+    fn property_14_wrap_of_an_adjacent_joint_is_a_small_motion() {
+        let tremor = |cycle: i32| i32::MAX.wrapping_add(cycle % 90 - 45);
+        assert_eq!(fault_cycle_beside(Joint::of::<4>(), tremor), None);
     }
 
     #[test]
-    fn what_was_before_it_stood_still_does_not_count() {
-        let torque = |cycle| if cycle < 900 { swinging(cycle) } else { 300 };
-        assert_eq!(told(|cycle| cycle.min(900), |cycle| cycle, torque), None);
+    fn torque_before_the_standstill_does_not_count() {
+        let torque = |cycle| if cycle < 900 { changing(cycle) } else { 300 };
+        assert_eq!(fault_cycle(|cycle| cycle.min(900), |cycle| cycle, torque), None);
     }
 }

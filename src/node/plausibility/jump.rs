@@ -1,99 +1,99 @@
-//! Whether a joint can have come from its last good position to the next: its encoder may jump, it cannot.
+//! Detection of encoder jumps: positions farther from the last plausible one than the joint can move.
 //!
-//! One position too far away is not believed and forgiven; a second soon after is a jump. Differences are
-//! taken modulo 2³², as the counter wraps, so that running over its end is no jump.
+//! A single implausible position is rejected and tolerated; a second one soon after is a jump. Differences are taken
+//! modulo 2³², like the counter, so that its wrap-around is no jump.
 
 use std::time::Duration;
 
-use crate::plausibility::repeated::Repeated;
+use crate::plausibility::repeat_detector::RepeatDetector;
 use units::drive::Counts;
 use units::time::Instant;
 
-/// A second rejected position within this is a jump.
-const SOON: Duration = Duration::from_millis(100);
+/// Time within which a second rejected position is a jump.
+const REJECTION_WINDOW: Duration = Duration::from_millis(100);
 
-/// Counts that an encoder at rest goes back and forth.
-const NOISE: u64 = 2;
+/// Noise of an encoder at rest, in counts.
+const NOISE_COUNTS: u64 = 2;
 
-/// How far a joint may come in a time.
+/// Maximum travel of a joint in a time.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Reach {
-    /// In counts.
+pub(super) struct TravelLimit {
+    /// Maximum speed, in counts/s.
     per_second: u32,
-    /// What any time may seem too short by.
-    slack: Duration,
+    /// Maximum error of the time between two SYNCs.
+    sync_jitter: Duration,
 }
 
-impl Reach {
-    /// At most `per_second` counts a second, where one SYNC is half a `period` late at most, and the next
-    /// in time: one and a half times of what is allowed in one cycle, two and a half of it in two.
+impl TravelLimit {
+    /// Returns the limit for a maximum speed in counts/s. A SYNC may be late by half a `period` and the next one on
+    /// time, so one cycle allows the travel of 1.5 periods, and two allow that of 2.5.
     pub(super) fn new(per_second: u32, period: Duration) -> Self {
-        Self { per_second, slack: period / 2 }
+        Self { per_second, sync_jitter: period / 2 }
     }
 
-    /// Whether a joint can come from one position to the other within `span`.
-    pub(super) fn joins(&self, from: Counts, to: Counts, span: Duration) -> bool {
-        let micros = u64::try_from((span + self.slack).as_micros()).unwrap_or(u64::MAX);
-        let reach = u64::from(self.per_second).saturating_mul(micros) / 1_000_000 + NOISE;
-        u64::from(to.0.wrapping_sub(from.0).unsigned_abs()) <= reach
+    /// Returns whether a joint can move from one position to the other within `span`.
+    pub(super) fn allows(&self, from: Counts, to: Counts, span: Duration) -> bool {
+        let micros = u64::try_from((span + self.sync_jitter).as_micros()).unwrap_or(u64::MAX);
+        let travel = u64::from(self.per_second).saturating_mul(micros) / 1_000_000 + NOISE_COUNTS;
+        u64::from(to.0.wrapping_sub(from.0).unsigned_abs()) <= travel
     }
 }
 
-/// What is to be made of a position.
+/// Plausibility of a position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Step {
-    /// The joint can be there.
-    Possible,
-    /// It cannot; forgiven once.
-    Impossible,
-    /// It cannot, again.
+    /// Within the travel limit.
+    Plausible,
+    /// Beyond the travel limit, for the first time.
+    Implausible,
+    /// Beyond the travel limit, again.
     Jumped,
 }
 
-/// The watch on one joint.
+/// Jump detection of one joint.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Jump {
-    reach: Reach,
-    last: Option<Good>,
-    rejected: Repeated,
+    limit: TravelLimit,
+    last: Option<PlausiblePosition>,
+    rejections: RepeatDetector,
 }
 
-/// A position that was possible.
+/// Last plausible position.
 #[derive(Clone, Copy, Debug)]
-struct Good {
+struct PlausiblePosition {
     position: Counts,
     at: Instant,
-    /// By how much it may be older than `at`.
-    late: Duration,
+    /// Maximum delay: it may be sampled as much before `at`.
+    max_delay: Duration,
 }
 
 impl Jump {
-    /// The first position may be any.
-    pub(super) const fn new(reach: Reach) -> Self {
-        Self { reach, last: None, rejected: Repeated::new(SOON) }
+    /// Returns a detector that accepts any first position.
+    pub(super) const fn new(limit: TravelLimit) -> Self {
+        Self { limit, last: None, rejections: RepeatDetector::new(REJECTION_WINDOW) }
     }
 
-    /// Takes the sample of the SYNC of `at`, which may be older by `late`. It may also be older than the
-    /// last one, if that one came in time and this one did not.
-    pub(super) fn take(&mut self, at: Instant, position: Counts, late: Duration) -> Step {
-        let is_possible = self.last.is_none_or(|last| {
-            let since = at.since(last.at) + last.late;
-            self.reach.joins(last.position, position, since.max(late))
+    /// Checks the position received after the SYNC of `at`, sampled up to `max_delay` before it. It may be older than
+    /// the last one, if only that one was on time.
+    pub(super) fn check(&mut self, at: Instant, position: Counts, max_delay: Duration) -> Step {
+        let is_plausible = self.last.is_none_or(|last| {
+            let span = at.since(last.at) + last.max_delay;
+            self.limit.allows(last.position, position, span.max(max_delay))
         });
-        if is_possible {
-            self.last = Some(Good { position, at, late });
-            Step::Possible
-        } else if self.rejected.happens(at) {
+        if is_plausible {
+            self.last = Some(PlausiblePosition { position, at, max_delay });
+            Step::Plausible
+        } else if self.rejections.on_event(at) {
             Step::Jumped
         } else {
-            Step::Impossible
+            Step::Implausible
         }
     }
 
-    /// The last sample may be older by `span` than was thought: another came behind it.
-    pub(super) fn doubt(&mut self, span: Duration) {
+    /// Adds `span` to the maximum delay of the last position: a further response of its window was received.
+    pub(super) fn allow_delay(&mut self, span: Duration) {
         if let Some(last) = &mut self.last {
-            last.late += span;
+            last.max_delay += span;
         }
     }
 }
@@ -106,9 +106,9 @@ mod tests {
 
     const T: Duration = Duration::from_millis(1);
 
-    /// 1,000 counts in a cycle.
-    fn reach() -> Reach {
-        Reach::new(1_000_000, T)
+    /// Returns a limit of 1,000 counts in a cycle.
+    fn limit() -> TravelLimit {
+        TravelLimit::new(1_000_000, T)
     }
 
     fn at(cycle: u64) -> Instant {
@@ -116,68 +116,68 @@ mod tests {
     }
 
     fn steps(positions: impl IntoIterator<Item = (u64, i32)>) -> Vec<Step> {
-        let mut jump = Jump::new(reach());
-        let step = |(cycle, position)| jump.take(at(cycle), Counts(position), Duration::ZERO);
+        let mut jump = Jump::new(limit());
+        let step = |(cycle, position)| jump.check(at(cycle), Counts(position), Duration::ZERO);
         positions.into_iter().map(step).collect()
     }
 
     #[test]
-    fn hazard_12_a_jump_is_rejected_and_a_second_soon_after_is_told() {
-        use Step::Impossible;
+    fn hazard_12_second_jump_soon_after_is_a_fault() {
+        use Step::Implausible;
         use Step::Jumped;
-        use Step::Possible;
-        let there_and_back = steps([(0, 7), (1, 1_100_000), (2, 8)]);
-        assert_eq!(there_and_back, [Possible, Impossible, Possible]);
-        assert_eq!(steps([(0, 7), (1, 5_000), (2, 5_000)]), [Possible, Impossible, Jumped]);
+        use Step::Plausible;
+        let single = steps([(0, 7), (1, 1_100_000), (2, 8)]);
+        assert_eq!(single, [Plausible, Implausible, Plausible]);
+        assert_eq!(steps([(0, 7), (1, 5_000), (2, 5_000)]), [Plausible, Implausible, Jumped]);
         let flickering = steps([(0, 7), (1, 5_000), (2, 8), (100, 9_999_999), (101, 9)]);
-        assert_eq!(flickering, [Possible, Impossible, Possible, Jumped, Possible]);
-        let much_later = steps([(0, 7), (1, 5_000), (2, 8), (102, 9_999_999)]);
-        assert_eq!(much_later, [Possible, Impossible, Possible, Impossible]);
+        assert_eq!(flickering, [Plausible, Implausible, Plausible, Jumped, Plausible]);
+        let later = steps([(0, 7), (1, 5_000), (2, 8), (102, 9_999_999)]);
+        assert_eq!(later, [Plausible, Implausible, Plausible, Implausible]);
     }
 
     #[test]
-    fn hazard_04_what_a_late_sample_makes_of_a_motion_is_no_jump() {
-        let mut jump = Jump::new(reach());
-        jump.take(at(0), Counts(0), Duration::ZERO);
-        // Window 1 is empty; its sample is the first of window 2, and that of window 2 comes behind it.
-        assert_eq!(jump.take(at(2), Counts(1_000), T), Step::Possible);
-        jump.doubt(T);
-        assert_eq!(jump.take(at(3), Counts(3_000), Duration::ZERO), Step::Possible);
-        // Two cycles old, and the one before it was not: backwards.
-        assert_eq!(jump.take(at(4), Counts(2_000), T * 2), Step::Possible);
+    fn hazard_04_late_sample_in_motion_is_no_jump() {
+        let mut jump = Jump::new(limit());
+        jump.check(at(0), Counts(0), Duration::ZERO);
+        // Window 1 is empty; its sample is the first of window 2, followed by the sample of window 2.
+        assert_eq!(jump.check(at(2), Counts(1_000), T), Step::Plausible);
+        jump.allow_delay(T);
+        assert_eq!(jump.check(at(3), Counts(3_000), Duration::ZERO), Step::Plausible);
+        // Two cycles old, unlike the one before: the position steps back.
+        assert_eq!(jump.check(at(4), Counts(2_000), T * 2), Step::Plausible);
     }
 
     proptest! {
         #[test]
-        fn property_14_a_wrap_at_any_count_and_any_speed_allowed_is_no_jump(
+        fn property_14_wrap_at_any_count_and_allowed_speed_is_no_jump(
             before in 0..20_000_i32,
             is_upwards in any::<bool>(),
             motions in prop::collection::vec((500..=1_000_i32, 1..4_u64), 50..200),
         ) {
-            // At least 25,000 counts one way, from less than 20,000 before the end: always over it.
+            // At least 25,000 counts one way, from less than 20,000 before the end: always wraps.
             let start = if is_upwards { i32::MAX - before } else { i32::MIN + before };
             let motions = motions.into_iter().map(|(motion, cycles)| match is_upwards {
                 true => (motion, cycles),
                 false => (-motion, cycles),
             });
             let (mut position, mut cycle) = (start, 0);
-            let mut jump = Jump::new(reach());
-            jump.take(at(0), Counts(start), Duration::ZERO);
+            let mut jump = Jump::new(limit());
+            jump.check(at(0), Counts(start), Duration::ZERO);
             for (motion, cycles) in motions {
                 cycle += cycles;
                 position = (0..cycles).fold(position, |position, _| position.wrapping_add(motion));
-                let step = jump.take(at(cycle), Counts(position), Duration::ZERO);
-                prop_assert_eq!(step, Step::Possible);
+                let step = jump.check(at(cycle), Counts(position), Duration::ZERO);
+                prop_assert_eq!(step, Step::Plausible);
             }
             prop_assert!((position < start) == is_upwards, "{} to {}", start, position);
         }
 
         #[test]
-        fn property_14_a_motion_farther_than_allowed_is_rejected_wherever_it_begins(
+        fn property_14_motion_beyond_the_limit_is_rejected_anywhere(
             start in any::<i32>(), far in 1_503..=i32::MAX, backwards in any::<bool>()
         ) {
             let to = if backwards { start.wrapping_sub(far) } else { start.wrapping_add(far) };
-            prop_assert_eq!(steps([(0, start), (1, to)])[1], Step::Impossible);
+            prop_assert_eq!(steps([(0, start), (1, to)])[1], Step::Implausible);
         }
     }
 }

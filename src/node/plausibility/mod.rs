@@ -1,39 +1,39 @@
-//! Whether what the drives say can be: one small watch for each way in which it cannot.
+//! Plausibility of the drives' samples: one check per fault.
 //!
 //! ```text
-//!  a position comes      credit ─► jump               is it the sample of this SYNC?      (intake)
-//!                        overdue                      how old may it be?                  S2
-//!  the controller has    speed, frozen, torque        can the samples be true?            S2
-//!  stepped               limits, rate                 may the arm go on being felt?       S1
+//!  position received     balance ─► jump              sample of this SYNC?      sample_filter
+//!                        overdue                      age of the samples        zero torque (S2)
+//!  controller has run    speed, frozen, torque        plausible samples?        zero torque (S2)
+//!                        limits, missing_rate         fit for reflection?       reflection off (S1)
 //! ```
 //!
-//! A watch raises a [`Cause`]; what follows from it only the fault table says. None of them looks at the mode.
-//! A sample that could be true and is not passes: nobody can see a plausible but wrong encoder.
+//! A check raises a [`Cause`], in every mode; the fault table decides the reaction. A wrong but plausible encoder stays
+//! undetected.
 
-mod credit;
+mod balance;
 mod frozen;
-mod intake;
 mod jump;
 mod limits;
+mod missing_rate;
 mod overdue;
-mod rate;
-mod repeated;
+mod repeat_detector;
+mod sample_filter;
 mod sampled;
 mod speed;
 mod torque;
 
-pub(super) use intake::Intake;
-pub(super) use intake::Offer;
+pub(super) use sample_filter::Filtered;
+pub(super) use sample_filter::SampleFilter;
 pub(super) use sampled::Sampled;
 
 use crate::cause::Cause;
 use crate::plausibility::frozen::Frozen;
-use crate::plausibility::jump::Reach;
+use crate::plausibility::jump::TravelLimit;
 use crate::plausibility::limits::Limits;
-use crate::plausibility::rate::Rate;
-use crate::plausibility::speed::Moment;
-use crate::plausibility::speed::Most;
+use crate::plausibility::missing_rate::MissingRate;
+use crate::plausibility::speed::Snapshot;
 use crate::plausibility::speed::Speed;
+use crate::plausibility::speed::SpeedLimits;
 use crate::plausibility::torque::Torque;
 use config::Config;
 use controller::JointVector;
@@ -42,108 +42,110 @@ use controller::arm::JointKind;
 use controller::torque_delay::TorqueDelay;
 use units::numbering::Joint;
 
-/// A clear motion of a joint that turns, in rad: ten times what a hand trembles.
-const CLEAR_TURN: f64 = 0.02;
+/// Clear motion of a revolute joint, in rad: ten times the tremor of a hand.
+const CLEAR_ROTATION: f64 = 0.02;
 
-/// The same of one that slides, in m.
-const CLEAR_SLIDE: f64 = 0.005;
+/// Clear motion of a prismatic joint, in m.
+const CLEAR_TRANSLATION: f64 = 0.005;
 
-/// All watches that look at a whole cycle.
+/// All checks of a whole cycle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plausibility {
-    anew: Watches,
-    watches: Watches,
+    initial: Checks,
+    checks: Checks,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Watches {
+struct Checks {
     limits: Limits,
     speed: Speed,
     frozen: Frozen,
     torque: Torque,
-    rate: Rate,
+    missing_rate: MissingRate,
     /// Target torques sent, in ‰ of rated torque.
     sent: TorqueDelay<[i16; 6]>,
 }
 
 impl Plausibility {
-    /// Nothing seen yet.
+    /// Returns all checks before the first sample.
     pub(super) fn new(config: &Config) -> Self {
         let joints = config.joints.each_ref();
-        let watched = &config.plausibility;
+        let settings = &config.plausibility;
         let clear = joints.map(|joint| {
             let clear = match joint.plant.link.kind {
-                JointKind::Revolute => CLEAR_TURN,
-                JointKind::Prismatic => CLEAR_SLIDE,
+                JointKind::Revolute => CLEAR_ROTATION,
+                JointKind::Prismatic => CLEAR_TRANSLATION,
             };
             joint.calibration.span(clear)
         });
-        let most =
-            Most { joints: joints.map(|joint| joint.max_speed), grip: watched.max_grip_speed };
-        let anew = Watches {
+        let limits = SpeedLimits {
+            joints: joints.map(|joint| joint.max_speed),
+            grip: settings.max_grip_speed,
+        };
+        let initial = Checks {
             limits: Limits::new(
                 joints.map(|joint| joint.plant.link.range),
-                joints.map(|joint| watched.limit_margin(joint.plant.link.kind)),
+                joints.map(|joint| settings.limit_margin(joint.plant.link.kind)),
             ),
-            speed: Speed::new(most, config.period),
-            frozen: Frozen::new(watched.frozen, clear),
-            torque: Torque::new(watched.torque_tolerance, watched.torque_differs),
-            rate: Rate::new(config.period, watched.max_missing_percent),
+            speed: Speed::new(limits, config.period),
+            frozen: Frozen::new(settings.frozen, clear),
+            torque: Torque::new(settings.torque_tolerance, settings.torque_differs),
+            missing_rate: MissingRate::new(config.period, settings.max_missing_percent),
             sent: TorqueDelay::new([0; 6]),
         };
-        Self { anew, watches: anew }
+        Self { initial, checks: initial }
     }
 
-    /// The network starts anew: what was before does not count.
+    /// Clears the history, before the network boots.
     pub(super) const fn restart(&mut self) {
-        self.watches = self.anew;
+        self.checks = self.initial;
     }
 
-    /// Takes what a cycle has brought, and what the controller has made of it. `is_carried` unless the weight
-    /// of the arm is being laid down, or lies.
-    pub(super) fn judge(
+    /// Checks the samples of a cycle and the output of the controller. `gravity_is_on` is false while gravity
+    /// compensation ramps down or is off.
+    pub(super) fn check(
         &mut self,
         sampled: &Sampled<'_>,
         output: &Output,
-        is_carried: bool,
+        gravity_is_on: bool,
     ) -> Option<Cause> {
-        if !is_carried {
-            self.watches.frozen.forget();
+        if !gravity_is_on {
+            self.checks.frozen.reset();
         }
-        self.watches.judge(sampled, output)
+        self.checks.check(sampled, output)
     }
 
-    /// Takes the target torques that the drives hold, in ‰ of rated torque.
+    /// Takes the target torques sent to the drives, in ‰ of rated torque.
     pub(super) fn on_sent(&mut self, targets: &[i16; 6]) {
-        self.watches.sent.push(*targets);
-        self.watches.torque.tell(targets);
+        self.checks.sent.push(*targets);
+        self.checks.torque.on_sent(targets);
     }
 }
 
-impl Watches {
-    /// What takes torque off comes before what only ends its reflection.
-    fn judge(&mut self, sampled: &Sampled<'_>, output: &Output) -> Option<Cause> {
+impl Checks {
+    /// Runs all checks. Causes of zero torque precede those that end reflection only.
+    fn check(&mut self, sampled: &Sampled<'_>, output: &Output) -> Option<Cause> {
         let is_complete = sampled.fresh == [true; 6];
         let p_0_g = output.x_0_g.translation.vector;
-        let moment = is_complete.then_some(Moment { at: sampled.at, q: output.q, p_0_g });
-        let speed = moment.and_then(|moment| self.speed.judge(&moment));
-        let frozen = self.frozen.judge(sampled, &self.sent.acted());
-        let torque = self.torque.judge(sampled);
-        let limits = self.limits.judge(&output.q);
-        let rate = self.rate.end(&sampled.fresh);
-        speed.or(frozen).or(torque).or(limits).or(rate)
+        let snapshot = is_complete.then_some(Snapshot { at: sampled.at, q: output.q, p_0_g });
+        let speed = snapshot.and_then(|snapshot| self.speed.check(&snapshot));
+        let frozen = self.frozen.check(sampled, &self.sent.acted());
+        let torque = self.torque.check(sampled);
+        let limits = self.limits.check(&output.q);
+        let missing = self.missing_rate.end_cycle(&sampled.fresh);
+        speed.or(frozen).or(torque).or(limits).or(missing)
     }
 }
 
-/// What takes in each joint's positions.
-pub(super) fn intakes(config: &Config) -> [Intake; 6] {
-    // What each actuator turns at most while every joint moves no faster than it may.
-    let most = JointVector::from(config.joints.each_ref().map(|joint| joint.max_speed));
-    let most = config.controller.calibration.coupling().fastest(&most);
-    let patience = config.safety.missing_samples;
-    let fastest: [f64; 6] = most.into();
+/// Returns the sample filters of all joints.
+pub(super) fn sample_filters(config: &Config) -> [SampleFilter; 6] {
+    // Coupled actuators can be faster than every joint's limit.
+    let joints = JointVector::from(config.joints.each_ref().map(|joint| joint.max_speed));
+    let actuators: [f64; 6] = config.controller.calibration.coupling().fastest(&joints).into();
+    let max_missed = config.safety.missing_samples;
     Joint::ALL.map(|joint| {
-        let reach = joint.entry(&config.joints).calibration.span(*joint.entry(&fastest));
-        Intake::new(joint, config.period, patience, Reach::new(reach, config.period))
+        let per_second = joint.entry(&config.joints).calibration.span(*joint.entry(&actuators));
+        let limit = TravelLimit::new(per_second, config.period);
+        SampleFilter::new(joint, config.period, max_missed, limit)
     })
 }

@@ -1,73 +1,74 @@
-//! Samples of one joint that are overdue: windows without an answer, less answers behind the first of a window.
+//! Overdue samples of one joint: empty SYNC windows, less second and further responses of a window.
 //!
-//! A queue that grows between drive and node leaves windows empty and never makes them good: every sample behind them
-//! is as many cycles old. A sample that is lost looks the same, so one is forgiven after so many cycles that one loss
-//! in a thousand never adds up. A delay that grows more slowly is not seen here, but remembered for a while: when it
-//! ends, its samples are not those of a second node.
+//! A queue that grows between drive and node leaves windows empty; every later sample is as many cycles old. A lost
+//! sample leaves an empty window, too. The count therefore decays, so that a loss rate of 0.1 % never adds up.
+//! A delay that grows more slowly escapes this count. The total without decay keeps it: the responses that arrive
+//! when the delay ends do not come from a second node.
 
 use std::time::Duration;
 
 use units::time::Instant;
 
-/// Maximum samples overdue.
+/// Maximum overdue samples.
 const MAX_OVERDUE: u32 = 10;
 
-/// Cycles after which one is forgiven.
-const FORGIVEN_EVERY: u32 = 250;
+/// Cycles in which the count decays by one.
+const DECAY_CYCLES: u32 = 250;
 
-/// Time without an empty window after which none is remembered.
-const FORGOTTEN_AFTER: Duration = Duration::from_secs(10);
+/// Time without an empty window after which the total is cleared.
+const TOTAL_CLEAR_TIME: Duration = Duration::from_secs(10);
 
-/// The count of one joint.
+/// Counts of one joint.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Overdue {
     count: u32,
-    /// Cycles since one was forgiven.
+    /// Cycles since the count last decayed.
     cycles: u32,
-    /// The same count without forgiveness.
-    remembered: u32,
-    emptied_at: Instant,
+    /// Overdue samples without decay.
+    total: u32,
+    /// End of the last empty window.
+    last_empty_at: Instant,
 }
 
 impl Overdue {
-    /// Nothing is overdue.
+    /// Returns counts of zero.
     pub(super) const fn new() -> Self {
-        Self { count: 0, cycles: 0, remembered: 0, emptied_at: Instant::ZERO }
+        Self { count: 0, cycles: 0, total: 0, last_empty_at: Instant::ZERO }
     }
 
-    /// Takes a window that is over at `now`.
-    pub(super) fn end_window(&mut self, now: Instant, is_answered: bool) {
+    /// Ends a SYNC window at `now`.
+    pub(super) fn end_window(&mut self, now: Instant, has_response: bool) {
         self.cycles += 1;
-        if self.cycles >= FORGIVEN_EVERY {
+        if self.cycles >= DECAY_CYCLES {
             self.cycles = 0;
             self.count = self.count.saturating_sub(1);
         }
-        if !is_answered {
+        if !has_response {
             self.count = self.count.saturating_add(1);
-            self.remembered = self.remembered.saturating_add(1);
-            self.emptied_at = now;
-        } else if now.since(self.emptied_at) > FORGOTTEN_AFTER {
-            self.remembered = 0;
+            self.total = self.total.saturating_add(1);
+            self.last_empty_at = now;
+        } else if now.since(self.last_empty_at) > TOTAL_CLEAR_TIME {
+            self.total = 0;
         }
     }
 
-    /// Takes an answer that makes one good.
-    pub(super) const fn make_good(&mut self) {
+    /// Takes a response behind the first of its window: one sample less is overdue.
+    pub(super) const fn on_further_response(&mut self) {
         self.count = self.count.saturating_sub(1);
-        self.remembered = self.remembered.saturating_sub(1);
+        self.total = self.total.saturating_sub(1);
     }
 
-    /// Returns how many are overdue, lately forgiven ones left out: the samples that come may be as many cycles old.
+    /// Returns the overdue samples after decay. Received samples may be as many cycles old.
     pub(super) const fn count(&self) -> u32 {
         self.count
     }
 
-    /// Returns how many are overdue, forgiven ones included.
-    pub(super) const fn remembered(&self) -> u32 {
-        self.remembered
+    /// Returns the overdue samples without decay.
+    pub(super) const fn total(&self) -> u32 {
+        self.total
     }
 
-    /// Returns how many are overdue if they are too many.
+    /// Returns the overdue samples if they exceed their maximum.
     pub(super) const fn excess(&self) -> Option<u32> {
         if self.count > MAX_OVERDUE { Some(self.count) } else { None }
     }
@@ -79,7 +80,7 @@ mod tests {
 
     use super::*;
 
-    /// After how many windows of a millisecond they are too many, if the `n`th is empty as `is_empty` says.
+    /// Returns the window of 1 ms in which the count exceeds its maximum. `is_empty` selects the empty windows, from 1.
     fn exceeded(windows: u32, is_empty: impl Fn(u32) -> bool) -> Option<u32> {
         let mut overdue = Overdue::new();
         (1..=windows).find(|window| {
@@ -96,26 +97,26 @@ mod tests {
     }
 
     #[test]
-    fn answers_behind_the_first_make_it_good() {
+    fn further_responses_compensate_empty_windows() {
         let mut overdue = Overdue::new();
         for window in 0..1_000 {
             overdue.end_window(Instant::from_micros(1_000 * window), window % 4 != 0);
             if window % 4 == 1 {
-                overdue.make_good();
+                overdue.on_further_response();
             }
             assert!(overdue.count() <= 1 && overdue.excess().is_none());
         }
     }
 
     #[test]
-    fn slow_delay_is_remembered_until_ten_seconds_without_an_empty_window() {
+    fn total_stays_until_10_s_without_an_empty_window() {
         let mut overdue = Overdue::new();
         let mut windows = 0..;
-        let mut pass = |overdue: &mut Overdue, count: usize, is_answered| {
+        let mut pass = |overdue: &mut Overdue, count: usize, has_response| {
             for window in windows.by_ref().take(count) {
-                overdue.end_window(Instant::from_micros(1_000 * window), is_answered);
+                overdue.end_window(Instant::from_micros(1_000 * window), has_response);
             }
-            (overdue.count(), overdue.remembered())
+            (overdue.count(), overdue.total())
         };
         for grown in 1..=5 {
             assert_eq!(pass(&mut overdue, 1, false).1, grown);

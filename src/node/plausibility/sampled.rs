@@ -1,4 +1,4 @@
-//! Samples of one cycle, as the watches over it take them.
+//! Samples of one cycle, input of the plausibility checks.
 
 use canopen::pdo::DriveSample;
 use units::time::Instant;

@@ -1,13 +1,12 @@
-//! Whether a drive exerts the torque it is told.
+//! Comparison of actual torque (6077h) with target torque (6071h).
 //!
-//! A torque told in one cycle acts at the SYNC of the next, is reached some tenths of a millisecond later, and
-//! is in a sample of the SYNC after that, which may be late. So a reading is compared with all that was told
-//! in the last cycles: it must lie between the least and the most of it, give or take the tolerance. That
-//! needs no model of the current loop, and no reading is judged by a torque that is older or newer than it
-//! can be.
+//! A target sent in one cycle acts at the next SYNC, is reached some tenths of a millisecond later, and is sampled at the
+//! SYNC after that; the sample may be late. So a reading must lie between the minimum and the maximum of the last
+//! targets, give or take the tolerance. This needs no model of the current loop, and compares no reading with a target
+//! that is too old or too new.
 //!
-//! It differs if every reading does for as long as it may last: two of them at least. Where torque is told
-//! at every hundredth SYNC only, that is the second reading: 107 to 214 cycles, instead of 50.
+//! A difference is a fault if all readings for its time, and at least two, are off. With one reading per 107 SYNCs that
+//! is the second one: 107 to 214 cycles instead of 50.
 
 use std::time::Duration;
 
@@ -16,59 +15,62 @@ use crate::plausibility::sampled::Sampled;
 use units::numbering::Joint;
 use units::time::Instant;
 
-/// Cycles in which what is read may have been told.
-const DEPTH: usize = 5;
+/// Cycles before a reading in which its target may have been sent.
+const TARGET_CYCLES: usize = 5;
 
-/// The watch on all joints.
+/// Torque check of all joints.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Torque {
-    /// In ‰ of rated torque.
+    /// Maximum difference, in ‰ of rated torque.
     tolerance: i32,
-    lasting: Duration,
-    /// What was told in the last cycles, in ‰ of rated torque; the newest is anywhere.
-    told: [[i16; 6]; DEPTH],
+    /// Time for which a larger difference is tolerated.
+    max_difference_time: Duration,
+    /// Ring of the last targets, in ‰ of rated torque.
+    targets: [[i16; 6]; TARGET_CYCLES],
+    /// Index of the oldest targets.
     oldest: usize,
-    /// Since when all readings differ.
-    since: [Option<Instant>; 6],
+    /// Start of each joint's difference.
+    differs_since: [Option<Instant>; 6],
 }
 
 impl Torque {
-    /// A torque may be off by `tolerance`, in ‰ of rated torque, and by more for less than `lasting`.
-    pub(super) const fn new(tolerance: u16, lasting: Duration) -> Self {
-        let told = [[0; 6]; DEPTH];
+    /// Returns a check with all targets zero. Differences above `tolerance`, in ‰ of rated torque, are tolerated for less
+    /// than `max_difference_time`.
+    pub(super) const fn new(tolerance: u16, max_difference_time: Duration) -> Self {
+        let targets = [[0; 6]; TARGET_CYCLES];
         #[expect(clippy::as_conversions, reason = "i32::from is not const; it always fits")]
         let tolerance = tolerance as i32;
-        Self { tolerance, lasting, told, oldest: 0, since: [None; 6] }
+        Self { tolerance, max_difference_time, targets, oldest: 0, differs_since: [None; 6] }
     }
 
-    /// The drives are told these torques, in ‰ of rated torque.
-    pub(super) fn tell(&mut self, targets: &[i16; 6]) {
-        self.told.iter_mut().skip(self.oldest).take(1).for_each(|told| *told = *targets);
-        self.oldest = (self.oldest + 1) % DEPTH;
+    /// Takes the target torques sent in a cycle, in ‰ of rated torque.
+    pub(super) fn on_sent(&mut self, targets: &[i16; 6]) {
+        self.targets.iter_mut().skip(self.oldest).take(1).for_each(|oldest| *oldest = *targets);
+        self.oldest = (self.oldest + 1) % TARGET_CYCLES;
     }
 
-    /// Takes what the drives said of their torques in this cycle, if they did.
-    pub(super) fn judge(&mut self, sampled: &Sampled<'_>) -> Option<Cause> {
+    /// Checks the actual torques received in this cycle.
+    pub(super) fn check(&mut self, sampled: &Sampled<'_>) -> Option<Cause> {
         let mut differs = None;
         let readings = sampled.latest.iter().zip(sampled.torques);
         for (joint, (sample, _)) in Joint::each(readings).filter(|(_, (_, is_read))| *is_read) {
             let is_off = self.is_off(joint, i32::from(sample.torque.0));
-            let since = joint.entry_mut(&mut self.since);
+            let since = joint.entry_mut(&mut self.differs_since);
             *since = if is_off { since.or(Some(sampled.at)) } else { None };
-            let lasts = since.map(|since| sampled.at.since(since));
-            if lasts.is_some_and(|lasts| lasts >= self.lasting) {
+            let time = since.map(|since| sampled.at.since(since));
+            if time.is_some_and(|time| time >= self.max_difference_time) {
                 differs = differs.or(Some(Cause::TorqueDiffers { joint }));
             }
         }
         differs
     }
 
-    /// Whether a joint's reading is off all it was told lately.
+    /// Returns whether `actual` is outside the range of the last targets, in ‰ of rated torque.
     fn is_off(&self, joint: Joint, actual: i32) -> bool {
-        let told = || self.told.iter().map(|told| i32::from(*joint.entry(told)));
-        let least = told().min().unwrap_or(0).saturating_sub(self.tolerance);
-        let most = told().max().unwrap_or(0).saturating_add(self.tolerance);
-        !(least..=most).contains(&actual)
+        let targets = || self.targets.iter().map(|targets| i32::from(*joint.entry(targets)));
+        let min = targets().min().unwrap_or(0).saturating_sub(self.tolerance);
+        let max = targets().max().unwrap_or(0).saturating_add(self.tolerance);
+        !(min..=max).contains(&actual)
     }
 }
 
@@ -80,8 +82,8 @@ mod tests {
     use canopen::pdo::DriveSample;
     use units::drive::PerMille;
 
-    /// At which cycle of a millisecond it is told, if the elbow reads `actual` at every `every`th.
-    fn told(
+    /// Returns the cycle of 1 ms of the fault. The elbow reports its actual torque every `every` cycles.
+    fn fault_cycle(
         every: usize,
         target: impl Fn(usize) -> i16,
         actual: impl Fn(usize) -> i16,
@@ -94,8 +96,8 @@ mod tests {
             let mut torques = [false; 6];
             torques[2] = cycle.is_multiple_of(every);
             let sampled = Sampled { at, latest: &latest, fresh: [true; 6], torques };
-            let cause = torque.judge(&sampled);
-            torque.tell(&[0, 0, target(cycle), 0, 0, 0]);
+            let cause = torque.check(&sampled);
+            torque.on_sent(&[0, 0, target(cycle), 0, 0, 0]);
             assert!(
                 cause.is_none_or(|cause| cause == Cause::TorqueDiffers { joint: Joint::of::<3>() })
             );
@@ -104,31 +106,31 @@ mod tests {
     }
 
     #[test]
-    fn hazard_10_half_the_torque_is_told_after_50_ms_or_at_the_second_reading() {
+    fn hazard_10_half_the_torque_is_a_fault_after_50_ms() {
         let half_from = |begin| move |cycle| if cycle < begin { 400 } else { 200 };
-        assert_eq!(told(1, |_| 400, half_from(200)), Some(250));
-        assert_eq!(told(107, |_| 400, half_from(215)), Some(428), "read at 321 and 428");
+        assert_eq!(fault_cycle(1, |_| 400, half_from(200)), Some(250));
+        assert_eq!(fault_cycle(107, |_| 400, half_from(215)), Some(428), "read at 321 and 428");
     }
 
     #[test]
-    fn hazard_10_a_difference_within_the_tolerance_or_soon_over_is_not_told() {
-        assert_eq!(told(1, |_| 400, |_| 251), None);
-        assert_eq!(told(1, |_| 400, |cycle| if cycle % 60 < 50 { 0 } else { 400 }), None);
+    fn hazard_10_small_or_short_difference_is_no_fault() {
+        assert_eq!(fault_cycle(1, |_| 400, |_| 251), None);
+        assert_eq!(fault_cycle(1, |_| 400, |cycle| if cycle % 60 < 50 { 0 } else { 400 }), None);
     }
 
     #[test]
-    fn a_torque_that_nobody_asked_for_is_told() {
-        assert_eq!(told(1, |_| 0, |cycle| if cycle < 100 { 0 } else { -300 }), Some(150));
+    fn torque_without_a_target_is_a_fault() {
+        assert_eq!(fault_cycle(1, |_| 0, |cycle| if cycle < 100 { 0 } else { -300 }), Some(150));
     }
 
     proptest! {
-        /// Up to four cycles from being told to being read, however the torque changes.
+        /// A reading is one to five cycles later than its target; targets are arbitrary.
         #[test]
-        fn promise_14_what_is_read_late_is_what_was_told(
-            targets in prop::collection::vec(any::<i16>(), 1_000), late in 1..=DEPTH, every in 1..120_usize
+        fn promise_14_late_reading_of_any_target_is_no_fault(
+            targets in prop::collection::vec(any::<i16>(), 1_000), late in 1..=TARGET_CYCLES, every in 1..120_usize
         ) {
             let actual = |cycle: usize| cycle.checked_sub(late).map_or(0, |cycle| targets[cycle]);
-            prop_assert_eq!(told(every, |cycle| targets[cycle], actual), None);
+            prop_assert_eq!(fault_cycle(every, |cycle| targets[cycle], actual), None);
         }
     }
 }

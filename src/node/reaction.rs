@@ -31,7 +31,7 @@ impl Reaction {
                 "no stop: torque is zero, and arming is refused while the cause is active"
             }
             Self::ReflectionOff => {
-                "reflection off: gravity compensation stays on, other torques ramp to zero, the command holds"
+                "reflection off: the command holds, gravity compensation stays on, other torques ramp to zero"
             }
             Self::ZeroTorque => {
                 "zero torque: all six targets zero in the next frame, drives off 100 ms later"

@@ -118,7 +118,9 @@ impl Rig {
                 data[..frozen.len()].copy_from_slice(&frozen);
                 gateway.alter(way, cob_id, &format!("SET:D:0.0.{}", hex(data)));
             }
-            other => panic!("{other:?} cannot be applied to this wire"),
+            Effect::Duplicate | Effect::Delay { .. } | Effect::Resize(_) => {
+                panic!("{fault} cannot be applied to this wire")
+            }
         }
     }
 }
@@ -143,7 +145,9 @@ fn cob_id(target: Target, service: Service) -> (Way, u16) {
     let node = match target {
         Target::Joint(joint) => node_id(joint),
         Target::SwitchBox => 16,
-        other => panic!("{other:?} is no device"),
+        Target::Drives | Target::Bus(_) | Target::Link | Target::Host => {
+            panic!("{target} is no single device")
+        }
     };
     match service {
         Service::Tpdo(1) => (Way::ToNode, 0x180 + node),
@@ -151,6 +155,8 @@ fn cob_id(target: Target, service: Service) -> (Way, u16) {
         Service::Rpdo(1) => (Way::ToDrives, if node <= 3 { 0x201 } else { 0x204 }),
         Service::Emergency => (Way::ToNode, 0x680 + node),
         Service::Heartbeat => (Way::ToNode, 0x700 + node),
-        other => panic!("{other} has no rule of its own"),
+        Service::Tpdo(_) | Service::Rpdo(_) | Service::Sdo | Service::Sync | Service::Nmt => {
+            panic!("{service} has no rule of its own")
+        }
     }
 }

@@ -92,7 +92,10 @@ impl Adapter {
             }
             Disturbance::ErrorPassive => self.report("sp128000"),
             Disturbance::ErrorWarning => self.report("sw096000"),
-            other => panic!("{other} cannot be applied to this adapter"),
+            Disturbance::QueueFull
+            | Disturbance::AdapterStuck
+            | Disturbance::InterfaceDown
+            | Disturbance::Flood(_) => panic!("{disturbance} cannot be applied to this adapter"),
         }
     }
 

@@ -1,5 +1,5 @@
-//! Other arms than the default one, run as the default one is: with a sliding joint and without weight,
-//! with a spherical wrist and a grip apart from it, and with actuators that each move two joints.
+//! Arms other than the default one: balanced with a prismatic joint, with a spherical wrist and an offset grip, and
+//! with coupled actuators.
 #![cfg(test)]
 
 use std::path::Path;
@@ -38,7 +38,7 @@ fn coupled() -> Config {
     Config::parse(Path::new("config/kraft_like.toml"), &text).unwrap()
 }
 
-/// Runs ten seconds of contact, shows every cycle to `look`, and sums them up.
+/// Runs ten seconds of contact, calls `look` with every record, and returns the summary.
 fn contact(config: &Config, mut look: impl FnMut(&Record)) -> Summary {
     let scenario = Scenario::parse(CONTACT).unwrap();
     let mut bench = Bench::new(config, scenario, 1, false, ());
@@ -53,7 +53,7 @@ fn contact(config: &Config, mut look: impl FnMut(&Record)) -> Summary {
     summary
 }
 
-/// The wall was met and felt, and no sample was missed.
+/// Asserts contact, reflected force, and no missing sample.
 fn assert_felt(summary: &Summary) {
     assert_eq!(summary.missing_samples, 0);
     assert!(summary.contact_seconds > 1.5, "{summary}");
@@ -64,9 +64,9 @@ fn assert_felt(summary: &Summary) {
 fn balanced_arm_with_a_prismatic_joint_feels_the_wall() {
     let config = config("jpl_like.toml");
     let summary = contact(&config, |record| {
-        assert!(record.output.ledger.gravity.norm() == 0.0, "a balanced arm is not carried");
+        assert!(record.output.ledger.gravity.norm() == 0.0, "a balanced arm has no gravity torque");
         let slide = record.output.q[2];
-        assert!((0.25..=0.6).contains(&slide), "the slide is at {slide} m");
+        assert!((0.25..=0.6).contains(&slide), "prismatic joint at {slide} m");
     });
     assert_felt(&summary);
 }
@@ -87,7 +87,7 @@ fn coupled_actuators_exert_the_joint_torques() {
         }
         compared += 1;
         let tau = record.output.tau;
-        // The elbow's motor also carries what it takes from the shoulder.
+        // The matrix C maps actuator to joint positions: tau_a = Cᵀ tau.
         let tau_a = [tau[0], tau[1] - tau[2], tau[2], tau[3], tau[4], tau[5]];
         for ((joint, torque), target) in config.joints.iter().zip(tau_a).zip(record.targets) {
             let [c1, c3, c5] = joint.plant.actuator.torque_curve;
@@ -95,7 +95,7 @@ fn coupled_actuators_exert_the_joint_torques() {
             let expected = curve * joint.plant.actuator.gear_ratio.signum();
             assert!((expected - f64::from(target)).abs() <= 0.5 + 1e-6, "{}", joint.name);
         }
-        // What the simulation carries, computed another way, is what the controller asks for.
+        // The simulation computes gravity independently of the controller.
         let posture = arm.posture(&SVector::from(record.output.q));
         let carried = arm.gravity(&posture);
         let full = record.at.since(units::time::Instant::ZERO).as_secs_f64() > 3.0;
@@ -135,31 +135,31 @@ fn shipped_arms_match_the_oracles() {
     }
 }
 
-/// Whether the arm stays where the hand leaves it; the last record.
-fn stays_where_it_is_left(config: &Config) -> Record {
-    let let_go = "seconds = 4\n[[console]]\nat_s = 0.3\nrequest = \"arm\"\n\
+/// Asserts that the arm stays where the hand releases it; returns the last record.
+fn stays_when_released(config: &Config) -> Record {
+    let release = "seconds = 4\n[[console]]\nat_s = 0.3\nrequest = \"arm\"\n\
         [[hold]]\nat_s = 1.8\nholding = false\n";
-    let mut bench = Bench::new(config, Scenario::parse(let_go).unwrap(), 1, false, ());
+    let mut bench = Bench::new(config, Scenario::parse(release).unwrap(), 1, false, ());
     bench.bring_up().unwrap();
     bench.run(1_900);
-    let left = *bench.world_mut().plant().q();
+    let released = *bench.world_mut().plant().q();
     bench.run(2_000);
     let record = bench.cycle();
     let q = *bench.world_mut().plant().q();
-    assert!((q - left).amax() < 2e-3, "it sank from {left} to {q}");
+    assert!((q - released).amax() < 2e-3, "it sank from {released} to {q}");
     assert_eq!(record.mode, Mode::Armed);
     record
 }
 
 #[test]
 fn released_arm_stays_in_place() {
-    stays_where_it_is_left(&config("sixr_spherical.toml"));
-    stays_where_it_is_left(&coupled());
+    stays_when_released(&config("sixr_spherical.toml"));
+    stays_when_released(&coupled());
 }
 
 #[test]
 fn released_balanced_arm_stays_in_place_at_zero_torque() {
-    assert_eq!(stays_where_it_is_left(&config("jpl_like.toml")).targets, [0; 6]);
+    assert_eq!(stays_when_released(&config("jpl_like.toml")).targets, [0; 6]);
 }
 
 #[test]

@@ -57,7 +57,7 @@ fn configured(events: &[Event], node: usize) -> Configuration {
     events.iter().find_map(of).unwrap()
 }
 
-/// Whether a frame is NMT, SYNC or of the boot of the switch box.
+/// Returns whether a frame is NMT, SYNC or of the boot of the switch box.
 fn is_of_switches(frame: &Frame) -> bool {
     matches!(frame.cob_id, 0x000 | 0x080 | 0x590 | 0x610 | 0x710)
 }

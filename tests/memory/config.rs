@@ -1,4 +1,4 @@
-//! Configurations that cannot be used: each is refused in words that name file, line and key.
+//! Invalid configurations: each is refused with file, line and key.
 #![allow(
     clippy::indexing_slicing,
     clippy::panic,
@@ -21,7 +21,7 @@ fn refusal(text: &str) -> String {
     Config::parse(Path::new(FILE), text).map(|_| ()).unwrap_err().to_string()
 }
 
-/// The lines of [`TEXT`] that set a key, by number from 1, with the key.
+/// Returns the lines of [`TEXT`] that set a key: line number from 1, and key.
 fn keys() -> impl Iterator<Item = (usize, &'static str)> {
     (1..).zip(TEXT.lines()).filter_map(|(number, line)| {
         let (key, _) = line.split_once(" = ")?;
@@ -29,7 +29,7 @@ fn keys() -> impl Iterator<Item = (usize, &'static str)> {
     })
 }
 
-/// [`TEXT`] with one line changed.
+/// Returns [`TEXT`] with one line changed.
 fn with(number: usize, change: impl Fn(&str) -> String) -> String {
     let lines = (1..).zip(TEXT.lines());
     let changed = lines.map(|(at, line)| if at == number { change(line) } else { line.to_owned() });
@@ -50,7 +50,7 @@ fn shipped_configurations_are_accepted() {
 #[test]
 fn non_finite_number_is_refused_with_its_line() {
     for (number, key) in keys() {
-        // Every number of the line in turn, but not of its comment.
+        // Each number of the line, without its comment.
         let line = TEXT.lines().nth(number - 1).unwrap();
         let (_, value) = line.split_once(" = ").unwrap();
         let value = value.split('#').next().unwrap();
@@ -145,9 +145,9 @@ fn type_error_hides_no_other_problem() {
     let refusal = refusal(&text);
     let reasons = more.map(|(.., reason)| reason);
     for reason in reasons.into_iter().chain([wrong.2]) {
-        let told = refusal.lines().find(|line| line.contains(reason));
+        let found = refusal.lines().find(|line| line.contains(reason));
         let line =
-            told.and_then(|told| told.strip_prefix(FILE)?.strip_prefix(':')?.split(':').next());
+            found.and_then(|found| found.strip_prefix(FILE)?.strip_prefix(':')?.split(':').next());
         assert!(line.is_some_and(|line| line.parse::<usize>().is_ok()), "{reason}: {refusal}");
     }
     assert_eq!(refusal.lines().count(), more.len() + 1, "{refusal}");
@@ -200,7 +200,7 @@ fn inconsistent_values_are_refused() {
     }
 }
 
-/// [`TEXT`] with changes, each a part of it and what stands there instead.
+/// Returns [`TEXT`] with replacements, each of the first occurrence.
 fn changed(changes: &[(&str, &str)]) -> String {
     changes.iter().fold(TEXT.to_owned(), |text, (from, to)| {
         assert!(text.contains(from), "{from}");
@@ -241,7 +241,7 @@ fn promise_02_heartbeat_shorter_than_its_cycle_is_refused() {
     }
 }
 
-/// Walls that begin in the air and push with all the assist may take.
+/// Walls within the workspace, stiff enough to use up the assist.
 const WALLS: &str = "[controller.walls]\nat_m = [0.02, 0.02, 0.02]\nat_rad = [1.0, 1.0, 1.0]\n\
     stiffness_n_per_m = [9000.0, 9000.0, 9000.0]\nstiffness_nm_per_rad = [0.0, 0.0, 0.0]\n\n[remote]\n";
 
@@ -264,15 +264,15 @@ fn promise_03_force_cap_includes_every_source_of_force() {
         (("max_damping_ns_per_m = 1.0", "max_damping_ns_per_m = 60.0"), "and dampers of 68 N·s/m"),
     ] {
         let refusal = refusal(&plain.replacen(change.0, change.1, 1));
-        let told =
+        let found =
             refusal.lines().find(|line| line.contains("for the 25.0 ms until a drive stops"));
-        assert!(told.is_some_and(|told| told.contains(reason)), "{reason}: {refusal}");
+        assert!(found.is_some_and(|found| found.contains(reason)), "{reason}: {refusal}");
     }
 }
 
 #[test]
 fn joint_behind_a_coupling_has_its_own_capacity_and_speed() {
-    // The elbow moves against the second actuator, twice as far, and with its own.
+    // The elbow follows its own actuator, and twice the second one in the other direction.
     let coupling = "[coupling]\nmatrix = [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, -2, 1, 0, 0, 0], \
         [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]\n\n[switches]\n";
     let config = Config::parse(Path::new(FILE), &changed(&[("[switches]\n", coupling)])).unwrap();
@@ -280,7 +280,7 @@ fn joint_behind_a_coupling_has_its_own_capacity_and_speed() {
     let mut q = config.joints.each_ref().map(|joint| joint.plant.start);
     q[2] = config.joints[2].plant.link.range[1];
     let tau = stops.torques(&q.into(), &JointVector::zeros());
-    // Half of what 6 N·m of the second actuator and 4 N·m of the third can exert.
+    // Half of the capacity: 6 N·m of the second actuator at a ratio of 2 is less than 4 N·m of the third.
     assert!((tau[2] + 1.5).abs() < 1e-9, "{tau}");
     let speed_of = |config: &Config, joint: usize| {
         let (_, plan) = &config.node_plans()[joint];
@@ -308,7 +308,7 @@ fn tank_damper_beyond_the_stable_maximum_is_refused() {
     assert!(refusal.contains("controller.tank.max_damping_ns_per_m: tank, damper, "), "{refusal}");
 }
 
-/// Sections with lists that the shipped configuration leaves out.
+/// Sections with lists that are absent from the shipped configuration.
 const MORE_LISTS: &str = "[coupling]\n\
     matrix = [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], \
     [0, 0, 0, 0, 0, 1]]\noffset_rad_or_m = [0, 0, 0, 0, 0, 0]\n\n\
@@ -342,10 +342,10 @@ fn hazard_18_list_of_a_wrong_length_is_refused_by_key() {
             ["1.0", "\"x\"", "nan", "[]"].map(|more| (format!("{inside}, {more}]"), length + 1));
         let shorter = (key != "matrix").then(|| (shorter, length - 1));
         for (wrong, found) in longer.into_iter().chain(shorter) {
-            let spoilt = (1..).zip(text.lines()).map(|(at, line)| {
+            let changed = (1..).zip(text.lines()).map(|(at, line)| {
                 if at == number { format!("{key} = {wrong}") } else { line.to_owned() }
             });
-            let refusal = refusal(&spoilt.collect::<Vec<_>>().join("\n"));
+            let refusal = refusal(&changed.collect::<Vec<_>>().join("\n"));
             let expected = format!("{key}: must be a list of {length}, got {found}");
             assert!(refusal.starts_with(&format!("{FILE}:{number}: ")), "{wrong}: {refusal}");
             assert!(
@@ -510,7 +510,7 @@ proptest! {
     }
 }
 
-/// [`TEXT`] with these lines before the section of the switches' successor, and at the last joint.
+/// Returns [`TEXT`] with these lines in the boot section of the switch box or of the last joint.
 fn with_boot(of: &str, lines: &str) -> String {
     let (before, after) = TEXT.split_once("\n[switches]\n").unwrap();
     if of == "joint" {
@@ -546,7 +546,7 @@ fn invalid_boot_settings_are_refused_by_key() {
     }
 }
 
-/// [`TEXT`] with these lines of its first joint's simulation.
+/// Returns [`TEXT`] with these lines in the simulation section of its first joint.
 fn with_simulated(lines: &str) -> String {
     let (first, rest) = TEXT.split_once("\n[[joint]]\nname = \"elevation\"").unwrap();
     format!("{first}\n[joint.simulated]\n{lines}\n\n[[joint]]\nname = \"elevation\"{rest}")
@@ -576,18 +576,21 @@ fn invalid_simulated_drivetrain_is_refused_by_key() {
 
 #[test]
 fn drivetrain_without_settings_has_the_defaults() {
-    let said = "current_loop_us = 300.0\nbacklash_deg = 0.2\nhysteresis_nm = 0.03\n\
+    let lines = "current_loop_us = 300.0\nbacklash_deg = 0.2\nhysteresis_nm = 0.03\n\
         thermal_time_constant_s = 12.5\ntorque_curve_reverse = [130.0, 0.0, 0.0]";
-    let config = Config::parse(Path::new(FILE), &with_simulated(said)).unwrap();
-    let ([first, second, ..], good) = (&config.joints, &config.joints[5].plant.drivetrain);
+    let config = Config::parse(Path::new(FILE), &with_simulated(lines)).unwrap();
+    let ([first, second, ..], default) = (&config.joints, &config.joints[5].plant.drivetrain);
     let simulated = &first.plant.drivetrain;
     assert!((simulated.current_loop - 300e-6).abs() < 1e-12);
     assert!((simulated.backlash - 0.2_f64.to_radians()).abs() < 1e-12);
     assert_eq!((simulated.hysteresis, simulated.thermal_time_constant), (0.03, 12.5));
     assert_eq!(simulated.torque_curve_reverse, Some([130.0, 0.0, 0.0]));
-    assert_eq!(&second.plant.drivetrain, good);
-    assert!((good.current_loop - 200e-6).abs() < 1e-12);
-    assert_eq!((good.backlash, good.hysteresis, good.torque_curve_reverse), (0.0, 0.0, None));
+    assert_eq!(&second.plant.drivetrain, default);
+    assert!((default.current_loop - 200e-6).abs() < 1e-12);
+    assert_eq!(
+        (default.backlash, default.hysteresis, default.torque_curve_reverse),
+        (0.0, 0.0, None)
+    );
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! Laws of one whole cycle, whatever the joints, the wrench and the switches: work is conserved,
-//! nothing moves by itself, nothing jumps, and no number from outside gets through unchecked.
+//! Properties of a controller cycle for any joints, wrench and switches: power is conserved, outputs are continuous,
+//! no motion is uncommanded, and invalid inputs have no effect.
 #![cfg(test)]
 
 use nalgebra::Isometry3;
@@ -59,7 +59,7 @@ const REFLECTION: Switches = Switches { reflection: true, ..DEADMAN };
 fn settings() -> Settings {
     let gains = |values| Gains::new(values, "gain").unwrap();
     let curve = |max_torque| TorqueCurve::new([150.0, 1.0, 0.01], max_torque).unwrap();
-    // Fine enough that a count is no motion to speak of: 1e-9 rad.
+    // One count is about 1e-9 rad, below any tolerance here.
     let joint = |max_torque| {
         let ratio = 1e5 * std::f64::consts::TAU;
         JointCalibration::new(10_000, ratio, -5, curve(max_torque)).unwrap()
@@ -104,7 +104,7 @@ fn as_printed() -> Settings {
     Settings { interpretation: Interpretation::PAPER_1997, ..settings() }
 }
 
-/// Every layer there is, so tuned that each has something to do.
+/// Returns settings with every optional layer, tuned so that each acts.
 fn everything() -> Settings {
     let plain = settings();
     let gains = |linear, angular| {
@@ -150,7 +150,7 @@ fn everything() -> Settings {
     Settings { extensions, channels, ..plain }
 }
 
-/// A controller and what goes into it.
+/// A controller and its input.
 struct Bench {
     controller: Controller,
     calibration: Calibration<6>,
@@ -158,7 +158,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// With every switch open, having run one cycle.
+    /// Creates a controller and runs one cycle with all switches open.
     fn new(settings: &Settings, mode: Mode) -> Self {
         let mut bench = Self {
             controller: Controller::new(settings),
@@ -179,7 +179,7 @@ impl Bench {
         bench
     }
 
-    /// With deadman held, reference set and reflection on at the neutral posture.
+    /// Creates a controller with the deadman held, the reference set at the neutral posture, and reflection on.
     fn engaged(settings: &Settings, mode: Mode) -> Self {
         let mut bench = Self::new(settings, mode);
         bench.press(REFLECTION);
@@ -224,8 +224,8 @@ fn switches() -> impl Strategy<Value = Switches> {
     })
 }
 
-/// Whatever 64 bits can say: infinities, NaN, subnormals and the ends of the range often enough.
-fn anything() -> impl Strategy<Value = f64> {
+/// Generates any 64-bit float, with infinities, NaN, subnormals and the ends of the range more often.
+fn any_float() -> impl Strategy<Value = f64> {
     let edges = [
         f64::NAN,
         f64::INFINITY,
@@ -240,7 +240,7 @@ fn anything() -> impl Strategy<Value = f64> {
 }
 
 fn any_pose() -> impl Strategy<Value = Isometry3<f64>> {
-    prop::array::uniform7(anything()).prop_map(|[x, y, z, w, i, j, k]| {
+    prop::array::uniform7(any_float()).prop_map(|[x, y, z, w, i, j, k]| {
         let rotation = nalgebra::Quaternion::new(w, i, j, k);
         Isometry3::from_parts(Vector3::new(x, y, z).into(), UnitQuaternion::new_unchecked(rotation))
     })
@@ -267,7 +267,7 @@ proptest! {
     fn pose_mode_power_at_hand_and_object_is_equal(
         q in joints(), qd in prop::array::uniform6(-1.0..1.0_f64), f_s in wrench(20.0)
     ) {
-        // At unit gains the object moves as the hand does, and the hand feels what it feels.
+        // At unit gains, object and hand have equal twists and wrenches.
         let mut bench = Bench::engaged(&settings(), Mode::Pose);
         bench.input.f_s = f_s;
         let before = bench.at(q);
@@ -279,7 +279,7 @@ proptest! {
         let v_m = Twist::reaching(&(x_b_before.inverse() * x_b_d), PERIOD);
         let v_g = Twist::reaching(&(before.x_0_g.inverse() * after.x_0_g), PERIOD);
         let difference = after.f_m_task.power(&v_m) - after.f_g_task.power(&v_g);
-        prop_assert!(difference.abs() < 1e-7, "{difference} W appeared from nowhere");
+        prop_assert!(difference.abs() < 1e-7, "{difference} W of difference");
     }
 
     #[test]
@@ -338,7 +338,7 @@ proptest! {
                     let moved = x_b_d.to_homogeneous() - bench.input.x_b_m.to_homogeneous();
                     prop_assert!(moved.norm() < 1e-14);
                 }
-                Motion::Hold => prop_assert!(false, "held though engaged"),
+                Motion::Hold => prop_assert!(false, "Hold while engaged"),
             }
             prop_assert!((output.tau - output.ledger.gravity).norm() < 1e-12);
             prop_assert_eq!(output.fault, None);
@@ -369,11 +369,11 @@ proptest! {
         cycles in prop::collection::vec(
             (
                 prop::array::uniform6(any::<i32>()),
-                prop::array::uniform6(anything()),
+                prop::array::uniform6(any_float()),
                 any_pose(),
                 switches(),
                 mode(),
-                [anything(), anything()],
+                [any_float(), any_float()],
                 any::<bool>(),
             ),
             1..8,
@@ -404,7 +404,7 @@ proptest! {
                 prop_assert!(is_finite, "{:?}", output.command);
                 if !input.f_s.is_finite() {
                     prop_assert!(output.fault.is_some());
-                    // The virtual coupling reads no sensor.
+                    // The virtual coupling does not use the sensor.
                     let is_sensed = settings.extensions.virtual_coupling.is_none();
                     prop_assert!(!is_sensed || output.f_g_task == Wrench::ZERO);
                 }
@@ -488,7 +488,7 @@ proptest! {
         slow in prop::array::uniform6(-0.2..0.2_f64),
         f_s in wrench(15.0),
     ) {
-        // The hand moves slowly and steadily; the object follows at once. Then nothing may jump.
+        // The hand moves slowly and steadily and the object follows without delay, so steps are errors.
         let settings = everything();
         let mut bench = Bench::new(&settings, Mode::Rate);
         bench.input.f_s = f_s;
@@ -503,7 +503,7 @@ proptest! {
                 let output = bench.at(q);
                 if let Some(tau_before) = tau_before.replace(output.tau) {
                     for ((now, before), max) in output.tau.iter().zip(&tau_before).zip(MAX_TORQUES) {
-                        // Capacity in 20 ms; each cycle a twentieth of it.
+                        // The slew limit: full capacity in 20 ms, a twentieth of it per cycle.
                         prop_assert!((now - before).abs() <= max * PERIOD / 0.02 + 1e-9);
                     }
                 }
@@ -511,7 +511,7 @@ proptest! {
                     (Motion::Pose(x_b_d), _) => {
                         let moved = bench.input.x_b_m.inverse() * x_b_d;
                         prop_assert!(moved.translation.vector.norm() < 2e-3, "the object jumps");
-                        prop_assert!(moved.rotation.angle() < 4e-3, "the object turns at a jump");
+                        prop_assert!(moved.rotation.angle() < 4e-3, "the orientation jumps");
                         bench.input.x_b_m = *x_b_d;
                     }
                     (Motion::Rate(v_m), Motion::Hold | Motion::Pose(_)) => {
@@ -550,7 +550,7 @@ proptest! {
     fn torques_superpose_over_the_wrenches(
         q in joints(), by in -1e-4..1e-4_f64, f_s in wrench(0.5)
     ) {
-        // Small enough that nothing is limited: what a source adds is its wrench's virtual work.
+        // Inputs below every limit: each source adds the virtual work of its wrench.
         let torques = |f_s: Wrench, damping: f64, gravity_share: f64| {
             let gains = Gains::new([damping, damping, damping, 0.0, 0.0, 0.0], "gain").unwrap();
             let settings = Settings { damping: gains, ..settings() };
@@ -559,7 +559,7 @@ proptest! {
             bench.at(q);
             bench.at(q.map(|q| q + by))
         };
-        let works = |output: &Output, f_g: &Wrench| {
+        let virtual_work = |output: &Output, f_g: &Wrench| {
             let twist = |joint: usize| {
                 let mut qd = JointVector::zeros();
                 qd[joint] = 1.0;
@@ -571,10 +571,10 @@ proptest! {
         let felt = torques(f_s, 0.0, 0.0);
         prop_assume!([&none, &felt].iter().all(|output| output.ledger.limiting_joint.is_none()));
         prop_assume!([&none, &felt].iter().all(|output| output.ledger.assist_scale >= 1.0));
-        prop_assert!((felt.tau - none.tau - works(&felt, &felt.f_g_task)).norm() < 1e-9);
+        prop_assert!((felt.tau - none.tau - virtual_work(&felt, &felt.f_g_task)).norm() < 1e-9);
         let damped = torques(Wrench::ZERO, 0.1, 0.0);
         prop_assume!(damped.ledger.limiting_joint.is_none() && damped.ledger.assist_scale >= 1.0);
-        prop_assert!((damped.tau - none.tau - works(&damped, &damped.f_g_damping)).norm() < 1e-9);
+        prop_assert!((damped.tau - none.tau - virtual_work(&damped, &damped.f_g_damping)).norm() < 1e-9);
         let carried = torques(Wrench::ZERO, 0.0, 1.0);
         prop_assume!(carried.ledger.limiting_joint.is_none() && carried.ledger.assist_scale >= 1.0);
         let weight = settings().arm.gravity(&settings().arm.posture(&carried.q));
@@ -595,7 +595,7 @@ proptest! {
     }
 }
 
-/// The arm of the oracle on a base turned about its x axis and shifted, gravity turned along.
+/// Returns the oracle's arm on a base that is rotated about x and shifted; gravity rotates with it.
 fn kraft_like_on(alpha: f64, a: f64, d: f64) -> Arm<6> {
     let model = &oracle::oracle("kraft_like.json")["model"];
     let mut links = oracle::links(model);
@@ -646,7 +646,7 @@ fn displaced_hand_commands_no_rate_until_back_at_centre() {
 #[test]
 fn hand_turned_past_80_degrees_holds_until_back_at_centre() {
     let mut settings = settings();
-    // Five slides and one joint that turns the grip about y, the axis of β.
+    // Five prismatic joints and one revolute joint that rotates the grip about y, the axis of β.
     settings.arm = {
         let links = [JointKind::Prismatic; 5].map(|kind| Link {
             kind,
@@ -660,18 +660,18 @@ fn hand_turned_past_80_degrees_holds_until_back_at_centre() {
         let x_6_g = Isometry3::from_parts(Vector3::zeros().into(), upright);
         Arm::new([a, b, c, d, e, wrist], x_6_g, [0.0; 3]).unwrap()
     };
-    let turned = |degrees: f64| [0.0, 0.0, 0.0, 0.0, 0.0, degrees.to_radians()];
+    let rotated = |degrees: f64| [0.0, 0.0, 0.0, 0.0, 0.0, degrees.to_radians()];
     let mut bench = Bench::new(&settings, Mode::Rate);
-    bench.at(turned(0.0));
+    bench.at(rotated(0.0));
     bench.press(REFERENCE);
     bench.press(DEADMAN);
-    assert_eq!(bench.at(turned(79.0)).fault, None);
+    assert_eq!(bench.at(rotated(79.0)).fault, None);
     for degrees in [81.0, 89.0, 95.0, 79.0] {
-        let output = bench.at(turned(degrees));
+        let output = bench.at(rotated(degrees));
         assert_eq!((output.command, output.fault), (Motion::Hold, Some(Fault::TurnedTooFar)));
     }
-    assert_eq!(bench.at(turned(0.0)).fault, None);
-    assert!(matches!(bench.at(turned(20.0)).command, Motion::Rate(v_m) if v_m.angular.y > 0.1));
+    assert_eq!(bench.at(rotated(0.0)).fault, None);
+    assert!(matches!(bench.at(rotated(20.0)).command, Motion::Rate(v_m) if v_m.angular.y > 0.1));
 }
 
 #[test]

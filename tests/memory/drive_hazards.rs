@@ -1,5 +1,5 @@
-//! What a drive does wrong, or does without its master: rows 1 to 17 of the hazard table, as far as they are
-//! about drives, and the proof at every power-up.
+//! Faults of a drive, and drives without their master: hazards 1 to 17 as far as they concern drives, and the proof
+//! test at every power-up.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -45,7 +45,7 @@ fn bench_of(config: &Config, faults: &str, quirks: &[&str]) -> (Bench<Wire>, Wir
     (Bench::new(config, script, 1, false, wire.clone()), wire)
 }
 
-/// A node that carries the arm, 0.3 s after it was armed.
+/// Returns an armed node with gravity compensation, 0.3 s after arming.
 fn armed() -> (Bench<Wire>, Wire) {
     let (mut bench, wire) = bench_of(&config(KRAFT), "", &[]);
     bench.bring_up().unwrap();
@@ -58,23 +58,23 @@ fn arm(bench: &mut Bench<Wire>) {
     bench.run(20);
     bench.ask(Request::Arm).unwrap();
     bench.run(280);
-    assert!(is_told_to_push(&bench.cycle()), "it carries its weight");
+    assert!(has_torque(&bench.cycle()), "gravity compensation");
 }
 
-fn is_told_to_push(record: &Record) -> bool {
+fn has_torque(record: &Record) -> bool {
     record.targets != [0; 6]
 }
 
-/// Cycles until no drive is told to push, and the record of the last of them.
+/// Returns the cycles until all targets are zero, and the record of the last of them.
 fn cycles_to_zero(bench: &mut Bench<Wire>) -> (usize, Record) {
     let mut cycles = 0;
     loop {
         let record = bench.cycle();
-        if !is_told_to_push(&record) {
+        if !has_torque(&record) {
             return (cycles, record);
         }
         cycles += 1;
-        assert!(cycles < 1_000, "it goes on: {:?}", record.cause);
+        assert!(cycles < 1_000, "targets stay: {:?}", record.cause);
     }
 }
 
@@ -82,7 +82,7 @@ fn is_enabled(bench: &mut Bench<Wire>) -> [bool; 6] {
     bench.world_mut().drives().each_ref().map(|drive| drive.state() == State::OperationEnabled)
 }
 
-/// Writes by SDO, after the first SYNC.
+/// Returns the SDO downloads after the first SYNC.
 fn writes(wire: &Wire) -> Vec<Frame> {
     let all = wire.all();
     let since = all.iter().position(|(_, telegram)| telegram.frame.cob_id == 0x80).unwrap();
@@ -93,23 +93,24 @@ fn writes(wire: &Wire) -> Vec<Frame> {
     frames.filter(is_write).collect()
 }
 
-/// A frame of a stranger on the one bus, so many seconds after the first SYNC.
-fn stranger(at_s: &str, cob_id: &str, payload: &str) -> String {
+/// Scenario fault: a frame from an unknown station, `at_s` seconds after the first SYNC.
+fn foreign_frame(at_s: &str, cob_id: &str, payload: &str) -> String {
     format!(
         "[[fault]]\nat_s = {at_s}\nkind = \"foreign_frame\"\ncob_id = {cob_id}\npayload = \"{payload}\"\n"
     )
 }
 
-/// The elbow takes an SDO request that the node does not receive; its answer is lost, too, if `is_lost`.
-fn write_unseen(bench: &mut Bench<Wire>, request: [u8; 8], is_lost: bool) {
+/// Gives the elbow's drive an SDO request that the node does not receive. The node does not receive the response
+/// either if `is_lost`.
+fn download_unseen(bench: &mut Bench<Wire>, request: [u8; 8], is_lost: bool) {
     let now = bench.node().bus().now();
     let drive = bench.world_mut().drive_mut(ELBOW).unwrap();
-    let mut said = Vec::new();
-    drive.on_frame(now, Channel(0), &Frame::new(0x603, request), &mut said);
-    assert_eq!(said.len(), 1, "it answers at once");
+    let mut replies = Vec::new();
+    drive.on_frame(now, Channel(0), &Frame::new(0x603, request), &mut replies);
+    assert_eq!(replies.len(), 1, "it responds at once");
     if !is_lost {
-        let confirmed = said.remove(0).frame;
-        let flood = Disturbance::Flood(confirmed);
+        let response = replies.remove(0).frame;
+        let flood = Disturbance::Flood(response);
         bench.bus_mut().disturb(Channel(0), Some(flood));
         bench.cycle();
         bench.bus_mut().disturb(Channel(0), None);
@@ -137,7 +138,7 @@ fn promise_03_every_drive_timer_is_proven_before_arming() {
         let took = bench.node().bus().now().since(first);
         assert!(
             took < Duration::from_millis(700),
-            "{file}: enabled, proven twice, ready: {took:?}"
+            "{file}: enabled, tested twice, ready: {took:?}"
         );
     }
 }
@@ -155,7 +156,10 @@ fn promise_09_targets_are_zero_and_start_follows_read_back() {
     let started = wire.since(Instant::ZERO, 0).into_iter().find(|(_, it)| it.data()[0] == 1);
     let (started, _) = started.unwrap();
     let asked = (0x601..=0x606).flat_map(|cob_id| wire.since(Instant::ZERO, cob_id));
-    assert!(asked.filter(|(at, _)| *at > started).all(|(_, it)| it.data()[0] == 0x40), "only read");
+    assert!(
+        asked.filter(|(at, _)| *at > started).all(|(_, it)| it.data()[0] == 0x40),
+        "uploads only"
+    );
 }
 
 #[test]
@@ -194,8 +198,8 @@ fn hazard_02_missing_heartbeat_switches_all_off_in_252_ms() {
     assert_eq!(record.cause, Some(Cause::HeartbeatLost { node: ELBOW.into() }));
     assert_eq!((record.mode, record.targets), (Mode::DrivesOff, [0; 6]));
     let (last, _) = *wire.since(Instant::ZERO, 0x703).last().unwrap();
-    let silent = record.at.since(last);
-    assert!(silent <= Duration::from_millis(252), "{silent:?}");
+    let elapsed = record.at.since(last);
+    assert!(elapsed <= Duration::from_millis(252), "{elapsed:?}");
 }
 
 #[test]
@@ -214,13 +218,9 @@ fn hazard_07_any_emergency_stops_all_within_two_cycles() {
         assert_eq!(record.cause, Some(Cause::Emergency { node, code }), "{code:04X}h");
         assert!(cycles <= 2, "{code:04X}h: {cycles}");
         bench.run(20);
-        let mut only_it_is_off = [true; 6];
-        only_it_is_off[joint.index()] = false;
-        assert_eq!(
-            is_enabled(&mut bench),
-            only_it_is_off,
-            "{code:04X}h: S2, and S3 for that drive"
-        );
+        let mut others = [true; 6];
+        others[joint.index()] = false;
+        assert_eq!(is_enabled(&mut bench), others, "{code:04X}h: S2, and S3 for that drive");
         bench.run(60);
         bench.ask(Request::Reset).unwrap();
         until(&mut bench, |record| record.mode == Mode::Ready);
@@ -232,7 +232,7 @@ fn hazard_07_any_emergency_stops_all_within_two_cycles() {
 #[test]
 fn hazard_08_non_operational_heartbeat_stops_all_in_2_cycles() {
     for (payload, state) in [("04", NmtState::Stopped), ("7F", NmtState::PreOperational)] {
-        let fault = stranger("0.9", "0x703", payload);
+        let fault = foreign_frame("0.9", "0x703", payload);
         let (mut bench, _) = bench_of(&config(KRAFT), &fault, &[]);
         bench.bring_up().unwrap();
         arm(&mut bench);
@@ -250,7 +250,7 @@ fn hazard_26_download_by_another_client_switches_all_off() {
     let timer = "2B00140500000000";
     let by_blocks = "C2501F0100000000";
     for (cob_id, payload) in [("0x603", timer), ("0x603", by_blocks), ("0x610", timer)] {
-        let fault = stranger("0.9", cob_id, payload);
+        let fault = foreign_frame("0.9", cob_id, payload);
         let (mut bench, _) = bench_of(&config(KRAFT), &fault, &[]);
         bench.bring_up().unwrap();
         arm(&mut bench);
@@ -266,16 +266,16 @@ fn hazard_26_download_by_another_client_switches_all_off() {
 #[test]
 fn hazard_26_foreign_download_response_switches_all_off() {
     let (mut bench, _) = armed();
-    write_unseen(&mut bench, [0x2B, 0x00, 0x14, 5, 5, 0, 0, 0], false);
+    download_unseen(&mut bench, [0x2B, 0x00, 0x14, 5, 5, 0, 0, 0], false);
     let record = until(&mut bench, |record| record.mode.is_stopped());
-    assert_eq!(record.cause, Some(Cause::ForeignMaster), "only the confirmation was received");
+    assert_eq!(record.cause, Some(Cause::ForeignMaster), "the response alone was received");
 }
 
 #[test]
 fn hazard_26_uploads_by_another_client_are_only_counted() {
     let reads: String = (0..50)
         .map(|n| {
-            stranger(&format!("{:.3}", 0.7 + 0.01 * f64::from(n)), "0x603", "4041600000000000")
+            foreign_frame(&format!("{:.3}", 0.7 + 0.01 * f64::from(n)), "0x603", "4041600000000000")
         })
         .collect();
     let (mut bench, wire) = bench_of(&config(KRAFT), &reads, &[]);
@@ -285,9 +285,9 @@ fn hazard_26_uploads_by_another_client_are_only_counted() {
     let record = bench.cycle();
     assert_eq!((record.cause, record.mode), (None, Mode::Armed));
     assert_eq!((record.sdo.foreign_uploads, record.sdo.unread_settings), (50, 0));
-    let told = std::iter::from_fn(|| bench.notice()).map(|event| event.to_string());
-    let told = told.filter(|told| told.starts_with("another SDO client reads")).count();
-    assert_eq!(told, 1, "reported once");
+    let reports = std::iter::from_fn(|| bench.notice()).map(|event| event.to_string());
+    let reports = reports.filter(|report| report.starts_with("another SDO client reads")).count();
+    assert_eq!(reports, 1, "reported once");
     assert!(writes(&wire).is_empty());
 }
 
@@ -296,19 +296,19 @@ fn hazard_26_changed_timer_is_detected_by_read_back() {
     let (mut bench, wire) = bench_of(&config(KRAFT), "", &[]);
     bench.bring_up().unwrap();
     let begun = bench.node().bus().now();
-    write_unseen(&mut bench, [0x2B, 0x00, 0x14, 5, 0, 0, 0, 0], true);
+    download_unseen(&mut bench, [0x2B, 0x00, 0x14, 5, 0, 0, 0, 0], true);
     let record = until(&mut bench, |record| record.mode.is_stopped());
     let object = Object::rpdo_communication(1, 5);
     let (node, expected, found) = (ELBOW.into(), 5, 0);
     let cause = Cause::SettingChanged { node, object, expected, found };
     assert_eq!((record.cause, record.mode), (Some(cause), Mode::DrivesOff));
     assert_eq!(cause.to_string(), "joint 3: 1400h:5 is 0h, was 5h at boot");
-    assert!(record.at.since(begun) <= Duration::from_secs(7), "six drives, each in its second");
+    assert!(record.at.since(begun) <= Duration::from_secs(7), "six drives, one per second");
     let asked = (0x601..=0x606).flat_map(|cob_id| wire.since(begun, cob_id)).count();
-    assert_eq!(asked, 3, "one object a second");
+    assert_eq!(asked, 3, "one object per second");
     bench.run(10);
     bench.ask(Request::Reset).unwrap();
-    assert_eq!(bench.node().mode(), Mode::Ready, "booted, written and proven again");
+    assert_eq!(bench.node().mode(), Mode::Ready, "booted, configured and tested again");
 }
 
 #[test]
@@ -323,31 +323,31 @@ fn hazard_26_unreadable_setting_is_reported_and_counted() {
     bench.run(4_500);
     let record = bench.cycle();
     assert_eq!((record.cause, record.mode, record.sdo.unread_settings), (None, Mode::Ready, 1));
-    let told: Vec<_> = std::iter::from_fn(|| bench.notice()).map(|it| it.to_string()).collect();
-    assert_eq!(told, ["1400h:5 cannot be read again: no answer"]);
+    let reports: Vec<_> = std::iter::from_fn(|| bench.notice()).map(|it| it.to_string()).collect();
+    assert_eq!(reports, ["1400h:5 cannot be read again: no answer"]);
 }
 
-/// What is told to people of a boot in which the elbow sends this emergency so many ms after the first SYNC, and whether
-/// it succeeds.
+/// Boots while the elbow's drive sends this emergency, `at_ms` after the first SYNC. Returns the events of that drive,
+/// and whether the boot succeeded.
 fn boot_with_emergency(code: u16, at_ms: u32) -> (Vec<String>, bool) {
     let at_s = f64::from(at_ms) * 1e-3;
     let fault =
         format!("[[fault]]\nat_s = {at_s:.3}\nkind = \"emergency\"\njoint = 3\ncode = {code}\n");
     let (mut bench, _) = bench_of(&config(KRAFT), &fault, &[]);
     let is_booted = bench.bring_up().is_ok();
-    let told = std::iter::from_fn(|| bench.notice());
-    let told =
-        told.filter(|event| event.node() == Some(ELBOW.into())).map(|event| event.to_string());
-    (told.collect(), is_booted)
+    let events = std::iter::from_fn(|| bench.notice());
+    let reports =
+        events.filter(|event| event.node() == Some(ELBOW.into())).map(|event| event.to_string());
+    (reports.collect(), is_booted)
 }
 
 #[test]
 fn hazard_07_emergency_during_the_proof_test_is_reported() {
     let mut is_stopped = [false; 2];
     for at_ms in [30, 55, 65, 75, 85] {
-        let (told, is_booted) = boot_with_emergency(0xFF42, at_ms);
-        let is_told = told.iter().any(|told| told.starts_with("emergency FF42h"));
-        assert!(is_told, "{at_ms} ms: {told:?}");
+        let (reports, is_booted) = boot_with_emergency(0xFF42, at_ms);
+        let is_reported = reports.iter().any(|report| report.starts_with("emergency FF42h"));
+        assert!(is_reported, "{at_ms} ms: {reports:?}");
         is_stopped[usize::from(!is_booted)] = true;
     }
     assert_eq!(is_stopped, [true; 2], "some stop the boot and some do not");
@@ -387,7 +387,7 @@ fn hazard_09_rebooted_drive_switches_all_off_in_two_cycles() {
     assert!(cycles <= 2, "{cycles}");
     bench.run(40);
     bench.ask(Request::Reset).unwrap();
-    assert_eq!(bench.node().proof_test_report().drives.len(), 6, "booted and proven again");
+    assert_eq!(bench.node().proof_test_report().drives.len(), 6, "booted and tested again");
 }
 
 #[test]
@@ -400,10 +400,10 @@ fn hazard_13_drive_without_rpdos_disables_itself_in_6_ms() {
         bench.node().bus().stations().scenario_start().unwrap() + Duration::from_millis(900);
     let record = until(&mut bench, |record| record.mode.is_stopped());
     assert_eq!(record.cause, Some(Cause::Emergency { node: ELBOW.into(), code: 0x8250 }));
-    // The last one came up to a cycle before; the drive is off when it says so.
-    let said = wire.since(begun, 0x783);
-    let said = said.first().or(None).map(|(at, _)| *at);
-    assert!(said.is_none() || said.unwrap().since(begun) <= Duration::from_millis(6));
+    // The last RPDO arrived up to a cycle before the fault; the drive reports 8250h when it is torque-free.
+    let emergency = wire.since(begun, 0x783);
+    let reported = emergency.first().or(None).map(|(at, _)| *at);
+    assert!(reported.is_none() || reported.unwrap().since(begun) <= Duration::from_millis(6));
     assert!(record.at.since(begun) <= Duration::from_millis(8), "{:?}", record.at.since(begun));
     assert_eq!(bench.world_mut().drives()[ELBOW.index()].demand(), 0.0);
 }

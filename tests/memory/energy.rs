@@ -17,7 +17,7 @@ use lab::bench::Bench;
 use units::spatial::Twist;
 use units::spatial::Wrench;
 
-/// Wide enough to let everything through that the traces hold.
+/// Limits that none of the traces reaches.
 const SETTINGS: PassivitySettings = PassivitySettings {
     max_energy: 1e3,
     max_damping: 1e5,
@@ -27,7 +27,7 @@ const SETTINGS: PassivitySettings = PassivitySettings {
     is_one_sided: false,
 };
 
-/// A push along the hand's motion is positive here; the traces write what resists it as positive.
+/// Returns the wrench of a trace's force. The traces count a resisting force as positive, the controller a driving one.
 fn resisting(force: f64) -> Wrench {
     Wrench::from_components([-force, 0.0, 0.0, 0.0, 0.0, 0.0])
 }
@@ -36,7 +36,7 @@ fn along(speed: f64) -> Twist {
     Twist::from_components([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
 }
 
-/// Plays the trace of a press and a release, and returns the observed energies and the forces.
+/// Plays the trace of a press and a release; returns the observed energies in J and the forces in N.
 fn press_and_release(is_one_sided: bool) -> (Vec<f64>, Vec<f64>) {
     let trace = &oracle::oracle("stability.json")["po_pc_trace"];
     let dt = number(&trace["T"]);
@@ -46,7 +46,7 @@ fn press_and_release(is_one_sided: bool) -> (Vec<f64>, Vec<f64>) {
     let (mut energies, mut forces) = (Vec::new(), Vec::new());
     for (x, f_env) in x.into_iter().zip(f_env) {
         let v_g = along((x - x_before) / dt);
-        // The trace forgets nothing between contacts, so the port is taken for closed.
+        // A constant wrench of 1 N keeps the contact from ending: the trace has no release.
         passivity.account(held * (x - x_before), &resisting(1.0));
         let damper = passivity.wrench(dt, &v_g, &resisting(f_env));
         held = f_env - damper.force.x;
@@ -79,15 +79,15 @@ fn torque_of_a_cycle_acts_between_the_next_two_syncs() {
         Bench::new(&config("config/kraft_like.toml"), scenario("contact_10s"), 1, false, ());
     bench.bring_up().unwrap();
     let mut sent = Vec::new();
-    // How far the truth is from the torque of each of the last three cycles, squared.
+    // Squared error between the exerted torque and the torque computed this cycle, last cycle and the one before.
     let mut off = [0.0; 3];
     for _ in 0..6_000 {
         let record = bench.cycle();
-        // At this cycle's SYNC the arm was brought up to date, by what the motors exerted until then.
-        let truth = bench.world_mut().torques();
+        // The simulation integrated up to this cycle's SYNC with these torques.
+        let exerted = bench.world_mut().torques();
         sent.push(record.output.tau);
         for (off, tau) in off.iter_mut().zip(sent.iter().rev()) {
-            *off += (truth - tau).norm_squared();
+            *off += (exerted - tau).norm_squared();
         }
     }
     let [of_this, of_last, of_the_one_before] = off;
@@ -99,8 +99,8 @@ fn textbook_observer_misses_the_energy_of_a_held_force() {
     let trace = &oracle::oracle("stability.json")["po_pc_trace"]["hannaford_ryu_2002"];
     let textbook = numbers::<9>(&trace["E"]);
     let (energies, _) = press_and_release(false);
-    assert!(textbook.iter().all(|energy| *energy >= 0.0), "it believes the port to be passive");
-    assert!(energies.iter().any(|energy| *energy < -1e-3), "which gave off a millijoule and more");
+    assert!(textbook.iter().all(|energy| *energy >= 0.0), "it takes the port for passive");
+    assert!(energies.iter().any(|energy| *energy < -1e-3), "the port supplied more than 1 mJ");
 }
 
 #[test]

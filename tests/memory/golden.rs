@@ -1,6 +1,6 @@
-//! Golden transcripts: what a node says on the bus, frame for frame, as candump shows it.
+//! Golden transcripts: the frames of a boot and of a fault reset, in candump's format.
 //!
-//! `GOLDEN=write cargo test --test memory golden::` writes them anew; read the difference before you commit it.
+//! `GOLDEN=write cargo test --test memory golden::` rewrites them; check the difference before you commit it.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,

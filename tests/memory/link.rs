@@ -1,5 +1,4 @@
-//! What a commanded side that is lost, frozen, late or wrong can do to whoever holds the grip: rows 33 to 36
-//! of the hazard table.
+//! Effects on the operator of a remote site that is lost, frozen, late or wrong: hazards 33 to 36.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -43,10 +42,10 @@ const PRESSING: &str = "seconds = 10\n\
     [[switch]]\nat_s = 0.4\nreference = false\n\
     [[move]]\nat_s = 0.45\nduration_s = 0.3\nto_m = [0.045, 0.0, 0.0]\n";
 
-/// Cycles until the hand has pressed for a while.
+/// Number of cycles of a run; the hand presses into the wall in most of them.
 const CYCLES: usize = 1_200;
 
-/// A commanded side whose samples a law may change on their way; it counts them.
+/// Remote site whose samples a function may change or drop on their way; counts them.
 struct Via<L> {
     site: VirtualSite,
     law: L,
@@ -63,7 +62,7 @@ impl<L: FnMut(u64, Sensed) -> Option<Sensed>> Remote for Via<L> {
 
 type Wired<L> = Node<Memory<World, ()>, Via<L>>;
 
-/// A node whose operator presses into the wall, once it is armed; with what `law` makes of its samples.
+/// Boots a node whose operator presses into the wall once it is armed; `law` changes its samples.
 fn booted<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Wired<L> {
     let text = std::fs::read_to_string(KRAFT).unwrap();
     let text = text.replace("start_m = [0.4,", "start_m = [0.5299,"); // 0.1 mm before the wall
@@ -76,7 +75,7 @@ fn booted<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Wired<L> {
     node
 }
 
-/// The same, armed.
+/// Boots and arms a node as [`booted`] does.
 fn pressing<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Wired<L> {
     let mut node = booted(law);
     while node.cycle().inputs.is_none() {}
@@ -84,7 +83,7 @@ fn pressing<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Wired<L> {
     node
 }
 
-/// What the drives were told and the object was asked, cycle by cycle.
+/// Returns the targets and the command of each cycle.
 fn run<L: FnMut(u64, Sensed) -> Option<Sensed>>(law: L) -> Vec<([i16; 6], Motion)> {
     let mut node = pressing(law);
     let records: Vec<_> = (0..CYCLES).map(|_| node.cycle()).collect();
@@ -123,11 +122,10 @@ fn hazard_33_large_valid_wrench_is_bounded_by_cap_and_slew() {
         assert_eq!(record.cause, None);
         most = most.max(steepest(&config, &mut before, &record));
     }
-    assert!((0.9..=1.0 + 1e-9).contains(&most), "{most} of what the slew allows");
+    assert!((0.9..=1.0 + 1e-9).contains(&most), "{most} of the slew limit");
 }
 
-/// How steep this cycle's torques are against the last one's, as a share of what `torque_rise_s` = 20 ms
-/// allows.
+/// Returns the largest change of a torque since the last cycle, as a share of the slew limit (`torque_rise_s` = 20 ms).
 fn steepest(config: &Config, before: &mut Option<[f64; 6]>, record: &Record) -> f64 {
     let tau: [f64; 6] = record.output.tau.into();
     let allowed = config.period.as_secs_f64() / 0.02;
@@ -157,7 +155,7 @@ fn hazard_36_late_or_repeated_samples_have_no_effect() {
     let mut kept = Vec::new();
     let shuffled = move |count: u64, sensed: Sensed| {
         kept.push(sensed);
-        // Two cycles in five bring something old.
+        // Two cycles of five receive an old sample.
         Some(if count % 5 > 2 { kept[kept.len() * 2 / 3] } else { sensed })
     };
     let lose = |count: u64, sensed: Sensed| (count % 5 <= 2).then_some(sensed);
@@ -173,15 +171,15 @@ fn arming_is_refused_before_the_first_remote_sample() {
     while node.remote().count < 151 || node.cycle().inputs.is_none() {
         node.cycle();
     }
-    // What was seen counts as there for 20 ms more.
+    // A cause counts as present for 20 ms after its last sighting.
     for _ in 0..25 {
         node.cycle();
     }
     assert_eq!(node.request(Request::Arm, &mut || false).unwrap(), Mode::Armed);
 }
 
-/// Plays a script whose link fails from 1.0 s on for half a second, to what the node does of it.
-fn fails_and_comes_back(name: &str, down: LinkFault) {
+/// Plays a scenario whose link fails for 0.5 s from 1.0 s on, and checks the node's reaction and the reset.
+fn link_fails_and_returns(name: &str, down: LinkFault) {
     let config = config(KRAFT);
     let mut bench = Bench::new(&config, scenario(&format!("faults/{name}")), 1, false, ());
     bench.bring_up().unwrap();
@@ -203,13 +201,13 @@ fn fails_and_comes_back(name: &str, down: LinkFault) {
     let record = bench.cycle();
     assert_eq!((record.mode, record.cause), (Mode::ReflectionOff, Some(Cause::LinkLost)));
     assert_eq!(record.output.command, Motion::Hold);
-    assert!(record.output.tau.amax() > 0.1, "the arm is carried on");
+    assert!(record.output.tau.amax() > 0.1, "gravity compensation goes on");
     let (least, most) = (Duration::from_millis(20), Duration::from_millis(70));
     assert!((least..=most).contains(&felt_for), "{felt_for:?}");
 
     let refused = bench.ask(Request::Reset).unwrap_err().to_string();
     assert_eq!(refused, "still active: no new wrench from the commanded side");
-    // What was seen counts as there for 20 ms more.
+    // A cause counts as present for 20 ms after its last sighting.
     while bench.elapsed() < Duration::from_millis(1_525) {
         assert_eq!(bench.cycle().mode, Mode::ReflectionOff, "it is latched");
     }
@@ -221,12 +219,12 @@ fn fails_and_comes_back(name: &str, down: LinkFault) {
 
 #[test]
 fn hazard_34_lost_link_ends_reflection_within_70_ms() {
-    fails_and_comes_back("link_loss", LinkFault::Lost);
+    link_fails_and_returns("link_loss", LinkFault::Lost);
 }
 
 #[test]
 fn hazard_35_frozen_sample_ends_reflection_within_70_ms() {
-    fails_and_comes_back("link_frozen", LinkFault::Frozen);
+    link_fails_and_returns("link_frozen", LinkFault::Frozen);
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! What the operator does, and what happens to a hand: the deadman, the switches, arming, disarming, an arm
-//! that moves by itself. Runs on the in-memory bench; figures are those of docs/safety.md.
+//! Hazards of operation: deadman, switches, arming, disarming, uncommanded motion. Runs on the in-memory bus; the
+//! figures are those of docs/safety.md.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -30,14 +30,14 @@ use units::spatial::Motion;
 
 const KRAFT: &str = "config/kraft_like.toml";
 
-/// Armed, engaged at 0.3 s, reflection on at 0.4 s; the hand goes aside from 0.55 s on, in motion at 1 s.
+/// Armed, engaged at 0.3 s, reflection on at 0.4 s; the hand moves sideways from 0.55 s to 1.15 s.
 const ENGAGED: &str = "[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.3\ndeadman = true\n\
     [[switch]]\nat_s = 0.4\nreflection = true\n[[switch]]\nat_s = 0.45\nreflection = false\n\
     [[switch]]\nat_s = 0.5\nreference = true\n[[switch]]\nat_s = 0.55\nreference = false\n\
     [[move]]\nat_s = 0.55\nduration_s = 0.6\nto_m = [0.0, 0.12, 0.0]\n";
 
-/// So much of its capacity a joint's torque may change each cycle: all of it in 20 ms.
+/// Maximum change of a torque per cycle, as a share of the joint's capacity: all of it in 20 ms.
 const SLEW: f64 = 0.05;
 
 fn bench_of(config: &Config, script: &str) -> Bench<()> {
@@ -47,7 +47,7 @@ fn bench_of(config: &Config, script: &str) -> Bench<()> {
     bench
 }
 
-/// Every cycle of a script until `seconds`.
+/// Returns the records of a scenario until `seconds`.
 fn records(config: &Config, script: &str, seconds: f64) -> Vec<Record> {
     let mut bench = bench_of(config, script);
     let mut records = Vec::new();
@@ -57,8 +57,7 @@ fn records(config: &Config, script: &str, seconds: f64) -> Vec<Record> {
     records
 }
 
-/// When a switch that the script turns at `seconds` is seen by the node: the first cycle in which its inputs
-/// differ in `bit` from those before.
+/// Returns the first cycle after `from` in which `bit` of the node's inputs changes.
 fn turned(records: &[Record], from: usize, bit: u8) -> usize {
     let is_turned = |pair: &[Record]| {
         let [before, after] = [0, 1].map(|place: usize| pair[place].inputs.unwrap() & bit);
@@ -67,12 +66,12 @@ fn turned(records: &[Record], from: usize, bit: u8) -> usize {
     from + 1 + records[from..].windows(2).position(is_turned).unwrap()
 }
 
-/// The first cycle in a mode.
+/// Returns the first cycle in a mode.
 fn first_in(records: &[Record], mode: Mode) -> usize {
     records.iter().position(|record| record.mode == mode).unwrap()
 }
 
-/// The largest change of a torque from one of these cycles to the next, as part of its capacity.
+/// Returns the largest change of a torque between two of these cycles, as a share of its capacity.
 fn largest_step(config: &Config, records: &[Record]) -> f64 {
     let capacities = config.joints.each_ref().map(|joint| joint.plant.actuator.max_torque);
     let steps = records.windows(2).flat_map(|pair| {
@@ -82,7 +81,7 @@ fn largest_step(config: &Config, records: &[Record]) -> f64 {
     steps.fold(0.0, f64::max)
 }
 
-/// Torques beyond what carries the arm, as part of the joints' capacity.
+/// Returns the largest torque without gravity compensation, as a share of the joint's capacity.
 fn felt(config: &Config, record: &Record) -> f64 {
     let felt = record.output.tau - record.output.ledger.gravity;
     let parts = felt
@@ -102,8 +101,8 @@ fn hazard_38_and_promise_08_deadman_release_ends_reflection() {
     assert!(
         matches!(records[open - 1].output.command, Motion::Rate(v_m) if v_m.linear.norm() > 1e-3)
     );
-    assert!(felt(&config, &records[open - 1]) > 1e-3, "something is felt");
-    // The contacts open a moment apart, if the frame between them is sent; the first one counts.
+    assert!(felt(&config, &records[open - 1]) > 1e-3, "a reflected or assisting torque");
+    // The two contacts open at different times; the first one ends the command.
     assert_eq!(records[open].mode, Mode::Armed);
     assert!(records[open..].iter().all(|record| record.output.command == Motion::Hold));
     assert!(records[open + 20..].iter().all(|record| felt(&config, record) < 1e-9));
@@ -153,22 +152,22 @@ fn hazard_40_reference_or_mode_change_gives_no_impulse() {
     let from = first_in(&records, Mode::Engaged);
     assert!(largest_step(&config, &records[from..]) <= SLEW + 1e-9);
     let moving = records.iter().filter(|record| record.output.moving.v_g.linear.norm() > 0.02);
-    assert!(moving.count() > 200, "the hand is in motion");
+    assert!(moving.count() > 200, "the hand moves");
 
-    // 0.8 s: well after the reference of 0.5 s.
+    // The second reference: 0.8 s is after the first one, at 0.5 s.
     let second =
         records.iter().position(|record| record.at.since(records[0].at).as_secs_f64() > 0.8);
     let pressed = turned(&records, second.unwrap(), 0b100);
     let counts = |record: &Record| record.output.pressed.reference;
     let set = pressed + records[pressed..].iter().position(counts).unwrap();
-    assert!((25..=26).contains(&(set - pressed)), "a press counts when it has settled");
+    assert!((25..=26).contains(&(set - pressed)), "a press counts after debouncing");
     let rate = |record: &Record| match record.output.command {
         Motion::Rate(v_m) => v_m.linear.norm(),
         Motion::Hold | Motion::Pose(_) => 0.0,
     };
     assert!(rate(&records[set - 1]) > 1e-3 && rate(&records[set]) == 0.0);
 
-    // The object does not jump, whatever it is told by.
+    // The object does not jump at a change between rates and poses.
     let poses = records[from..].windows(2);
     let jumps = poses.map(|pair| {
         let moved: Isometry3<f64> = pair[0].x_b_m.inverse() * pair[1].x_b_m;
@@ -177,7 +176,7 @@ fn hazard_40_reference_or_mode_change_gives_no_impulse() {
     assert!(jumps.fold(0.0, f64::max) < 1e-3);
 }
 
-/// The records of a hand that turns reflection on and sets the reference, with these faults of the switch box.
+/// Returns the records of [`ENGAGED`] with these faults of the switch box.
 fn with_faults(seed: u64, faults: &str) -> Vec<Record> {
     let script = Scenario::parse(&format!("seconds = 100\n{ENGAGED}{faults}")).unwrap();
     let mut bench = Bench::new(&config(KRAFT), script, seed, false, ());
@@ -208,7 +207,7 @@ fn hazard_39_bounce_of_reflection_or_reference_is_one_press() {
 #[test]
 fn hazard_39_returning_switch_box_toggles_nothing() {
     for for_s in [0.025, 0.1] {
-        // Reflection is pressed again at 0.7 s, which turns it off, and held through the silence.
+        // Reflection is pressed again at 0.7 s, which turns it off, and held while the box is silent.
         let script = format!(
             "[[switch]]\nat_s = 0.7\nreflection = true\n\
              [[fault]]\nat_s = 0.8\nkind = \"drop\"\ndevice = \"switches\"\nframe = \"tpdo1\"\nfor_s = {for_s}\n\
@@ -225,7 +224,7 @@ fn hazard_39_returning_switch_box_toggles_nothing() {
 #[test]
 fn hazard_41_reflection_enabled_in_contact_ramps_in_300_ms() {
     let config = config(KRAFT);
-    // Engaged in pose mode without reflection, the hand leans on the wall; then it is switched on.
+    // In pose mode without reflection, the hand presses into the wall; then reflection is enabled.
     let script = "[[console]]\nat_s = 0.05\nrequest = \"mode pose\"\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
         [[switch]]\nat_s = 1.5\ndeadman = true\n\
         [[move]]\nat_s = 1.8\nduration_s = 0.7\nto_m = [0.14, 0.0, 0.0]\n\
@@ -236,7 +235,7 @@ fn hazard_41_reflection_enabled_in_contact_ramps_in_300_ms() {
         let record = &records[on + after];
         record.output.f_g_task.force.norm() / record.output.f_m_task.force.norm()
     };
-    assert!(records[on].output.f_m_task.force.norm() > 2.0, "a wall is leaned on");
+    assert!(records[on].output.f_m_task.force.norm() > 2.0, "contact");
     assert!(share(0) < share(290) / 250.0, "{} of {}", share(0), share(290));
     assert!((1..300).all(|cycle| share(cycle) <= share(290) * 1.1));
     assert!((share(150) / share(310) - 0.5).abs() < 0.1, "{} of {}", share(150), share(310));
@@ -246,31 +245,32 @@ fn hazard_41_reflection_enabled_in_contact_ramps_in_300_ms() {
 #[test]
 fn hazard_41_overestimated_mass_trips_on_uncommanded_motion() {
     let text = include_str!("../../config/kraft_like.toml");
-    // So heavy that no file may say it: its motors could not hold it.
-    let believed = Config::parse(Path::new(KRAFT), text).unwrap();
-    let links = believed.plant().joints.map(|JointPlant { link, .. }| Link {
+    // Masses that a configuration file cannot have: the motors could not hold the arm.
+    let configured = Config::parse(Path::new(KRAFT), text).unwrap();
+    let links = configured.plant().joints.map(|JointPlant { link, .. }| Link {
         mass: if link.mass < 1.0 { link.mass + 2.0 } else { link.mass + 20.0 },
         ..link
     });
-    let arm = Arm::new(links, believed.x_6_g, believed.gravity).unwrap();
-    let controller = controller::Settings { arm, ..believed.controller };
-    let believed = believed.with_controller(controller);
-    // A hand so soft that it hardly holds.
+    let arm = Arm::new(links, configured.x_6_g, configured.gravity).unwrap();
+    let controller = controller::Settings { arm, ..configured.controller };
+    let overestimated = configured.with_controller(controller);
+    // A hand of low impedance.
     let script = "seconds = 10\n[hand]\npreset = \"relaxed\"\n\
         [[console]]\nat_s = 0.1\nrequest = \"arm\"\n";
     let script = Scenario::parse(script).unwrap();
-    let mut bench = Bench::in_world_of(&config(KRAFT), &believed, script.clone(), 1, false, ());
+    let mut bench =
+        Bench::in_world_of(&config(KRAFT), &overestimated, script.clone(), 1, false, ());
     bench.bring_up().unwrap();
     bench.run(1_200);
     let cause = bench.node().cause();
-    // Whichever is met first: how far it is driven, or how fast its grip becomes.
+    // Distance and speed of the uncommanded motion are both monitored.
     assert!(matches!(cause, Some(Cause::UncommandedMotion | Cause::GripOverspeed)), "{cause:?}");
     assert!(bench.node().mode().is_stopped());
 
-    let mut right = Bench::new(&config(KRAFT), script, 1, false, ());
-    right.bring_up().unwrap();
-    right.run(1_500);
-    assert_eq!((right.node().mode(), right.node().cause()), (Mode::Armed, None));
+    let mut correct = Bench::new(&config(KRAFT), script, 1, false, ());
+    correct.bring_up().unwrap();
+    correct.run(1_500);
+    assert_eq!((correct.node().mode(), correct.node().cause()), (Mode::Armed, None));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Operator presets, and rough surfaces, in the whole loop on the in-memory bus.
+//! Operator presets and surfaces with friction, in the whole loop on the in-memory bus.
 #![allow(
     clippy::float_cmp,
     clippy::panic,
@@ -19,14 +19,14 @@ const FILE: &str = "config/kraft_like.toml";
 const CONFIG: &str = include_str!("../../config/kraft_like.toml");
 const CONTACT: &str = include_str!("../../config/scenarios/contact_10s.toml");
 
-/// A script whose first move goes elsewhere, with these lines behind it.
+/// Returns the contact scenario with another target of its first move, and with these lines added.
 fn going(to_m: &str, more: &str) -> Scenario {
     let script = CONTACT.replacen("to_m = [0.045, 0.0, 0.0]", &format!("to_m = {to_m}"), 1);
-    assert_ne!(script, CONTACT, "the first move goes straight ahead");
+    assert_ne!(script, CONTACT, "the first move goes along x");
     Scenario::parse(&format!("{script}\n{more}")).unwrap()
 }
 
-/// The first seconds of a script; each force felt at the grip, in {0}, is shown to `felt`.
+/// Runs the first six seconds of a scenario; calls `felt` with each reflected force at the grip, in {0}.
 fn summary(config: &str, scenario: Scenario, mut felt: impl FnMut(Vector3<f64>)) -> Summary {
     let config = Config::parse(Path::new(FILE), config).unwrap();
     let mut bench = Bench::new(&config, scenario, 1, false, ());
@@ -52,7 +52,7 @@ fn every_operator_preset_feels_the_wall_without_a_stop() {
         summary.peak_felt_force_n
     });
     let [relaxed, firm, _] = felt;
-    assert!(relaxed < 0.8 * firm, "who holds lightly presses lightly: {relaxed} N and {firm} N");
+    assert!(relaxed < 0.8 * firm, "a compliant hand presses less: {relaxed} N and {firm} N");
 }
 
 #[test]

@@ -1,6 +1,5 @@
-//! Every equation against values computed by independent programs (`tests/oracles/*.json`), to
-//! 1e-9. Where the paper can be read in several ways, the reading taken is the one called
-//! "recommended" there; what must *not* come out is checked too.
+//! Every equation against values of independent programs (`tests/oracles/*.json`), to 1e-9. Where the paper is
+//! ambiguous, the interpretation is the one called "recommended" there; the rejected ones are checked to differ.
 #![cfg(test)]
 
 use nalgebra::Isometry3;
@@ -75,7 +74,7 @@ use units::spatial::Twist;
 use units::spatial::Wrench;
 use units::spatial::rotation as rotations;
 
-/// Far above rounding: what is as far apart as this is not the same.
+/// Minimum difference, far above rounding, of values that must differ.
 const TINY: f64 = 1e-4;
 
 type Joints = SVector<f64, 6>;
@@ -86,7 +85,7 @@ fn gains(value: &Value) -> Gains {
     Gains::new(numbers(value), "gain").unwrap()
 }
 
-/// Channels from the paper's deadband and parabolic constants: a plateau is `a DB²`.
+/// Returns channels from the paper's deadband and parabolic constants: a plateau is `a DB²`.
 fn channels(inputs: &Value) -> Channels {
     let deadband: [f64; 6] = numbers(&inputs["deadband"]);
     let mut plateau: [f64; 6] = numbers(&inputs["a"]);
@@ -104,7 +103,7 @@ fn law(inputs: &Value) -> CommandLaw {
     }
 }
 
-/// A reflection that lets everything through that a hand may feel and more.
+/// Returns a reflection whose limits are never reached.
 fn reflection(x_m_s: Isometry3<f64>, inputs: &Value) -> Reflection {
     Reflection::new(x_m_s, gains(&inputs["K_T"]), 1e4, 1e4).unwrap()
 }
@@ -118,14 +117,14 @@ fn period(inputs: &Value) -> Period {
     Period::new(number(&inputs["T_cycle"])).unwrap()
 }
 
-/// The twist of a grip that came from `x_0_before` to `x_0_g` in a cycle.
+/// Returns the twist of a grip that moves from `x_0_before` to `x_0_g` within a cycle.
 fn twist_between(period: Period, x_0_before: &Isometry3<f64>, x_0_g: &Isometry3<f64>) -> Twist {
     let mut velocity = Velocity::new(period, Filter::default());
     velocity.update(x_0_before, false);
     velocity.update(x_0_g, false).v_g
 }
 
-/// What damps that motion by the reading of the twist.
+/// Returns the damping wrench by the interpretation of the twist.
 fn damping(
     gain: Gains,
     period: Period,
@@ -137,7 +136,7 @@ fn damping(
     damping.wrench(&twist_between(period, x_0_before, x_0_g), &x_h_g, &dx, false)
 }
 
-/// Limited together, all let through.
+/// Combines the torques under the limits, with full shares.
 fn combine(limits: Limits<6>, gravity: Joints, task: Joints, assist: Joints) -> Limited<6> {
     limits.combine(&Asked { gravity, task, assist }, 1.0)
 }
@@ -219,7 +218,7 @@ fn orientations_as_three_numbers() {
         assert_near(name, again.matrix().as_slice(), r.to_rotation_matrix().matrix().as_slice());
         let rotation_vector = vector(&case["rotation_vector"]);
         assert_near(name, rotations::rotation_vector(&r).as_slice(), rotation_vector.as_slice());
-        // π and -π are one angle; which of them comes out is a matter of rounding.
+        // π and -π are the same angle; rounding decides the sign.
         if reference.amax() < std::f64::consts::PI - TINY {
             assert_near(name, angles.as_slice(), reference.as_slice());
             let omega = Orientation::EulerZyx.rate(&angles);
@@ -230,7 +229,7 @@ fn orientations_as_three_numbers() {
     }
 }
 
-// The worked example, piece by piece.
+// The worked example, equation by equation.
 
 #[test]
 fn the_deadband_and_the_return_force_of_one_axis() {
@@ -379,7 +378,7 @@ fn saturation() {
 
 // Torque curves.
 
-/// The joints of the worked example, on encoders that count in thousandths of a rad.
+/// Returns the calibration of the worked example: one count is 0.001 rad.
 fn calibration(paper: &Value) -> Calibration<6> {
     let caps = numbers::<6>(&paper["inputs"]["tau_cap"]);
     let ratios = numbers::<6>(&paper["inputs"]["gear_ratio"]);
@@ -391,7 +390,7 @@ fn calibration(paper: &Value) -> Calibration<6> {
     }))
 }
 
-/// The oracle's counts, which leave out the direction the motor turns in.
+/// Returns the oracle's targets, with the direction of each motor applied.
 fn expected_targets(paper: &Value) -> [PerMille; 6] {
     let counts = list(&paper["actuation"]["counts"]);
     let ratios = numbers::<6>(&paper["inputs"]["gear_ratio"]);
@@ -463,14 +462,14 @@ fn a_torque_curve_from_measurements() {
     );
     let [_, max_torque] = numbers::<2>(&table["domain"]);
     let curve = TorqueCurve::new(numbers(&table["coeffs_c1_c3_c5"]), max_torque).unwrap();
-    // The reference has it from samples, so it is met from below.
+    // The reference is the minimum over samples, so it is an upper bound.
     let above = number(&table["min_slope_on_domain"]) - curve.least_slope().0;
     assert!((0.0..1e-3).contains(&above), "{above}");
 }
 
-// The whole step.
+// The complete step.
 
-/// The worked example, as one would run it: hold the deadman, set the reference, move.
+/// Runs the worked example: hold the deadman, set the reference, move.
 fn settings(paper: &Value, interpretation: Interpretation) -> Settings {
     let inputs = &paper["inputs"];
     Settings {
@@ -597,7 +596,7 @@ fn closed_loop_of_orientations_gains_no_energy() {
         conjugate += ours.dot(&omega) * dt;
         printed += assist::centring_by_components(&channels, &dx).moment.dot(&omega) * dt;
     }
-    // The reference was integrated by another rule, to 1e-8.
+    // The reference uses another integration rule, exact to 1e-8.
     assert!((printed.abs() - number(&case["literal_body_moment"])).abs() < 1e-8);
     assert_near("conjugate", &[conjugate], &[0.0]);
 }
@@ -670,7 +669,7 @@ fn random_cycles() {
     }
 }
 
-// The paper as it is printed.
+// The paper's equations as printed.
 
 #[test]
 fn the_worked_example_as_printed() {
@@ -819,13 +818,13 @@ fn indexing_through_a_large_workspace() {
     }
 }
 
-/// Six slides along z of {0}.
+/// Returns six prismatic joints along z of {0}.
 fn gantry() -> Arm<6> {
     let slide = Link { kind: JointKind::Prismatic, mass: 1.0, range: [-1.0, 1.0], ..Link::TURNING };
     Arm::new([slide; 6], Isometry3::identity(), [0.0; 3]).unwrap()
 }
 
-// The commanded side.
+// The remote site.
 
 #[test]
 fn rate_control_becomes_force_control_in_contact() {
@@ -867,5 +866,5 @@ fn counts_are_exact_in_the_worked_example() {
     let calibration = calibration(&paper);
     let counts = calibration.counts(&joints(&paper["inputs"]["q_now"]));
     assert_eq!(counts[0], Counts(420));
-    assert_eq!(counts[1], Counts(500)); // -0.5 rad, the motor turning against the joint
+    assert_eq!(counts[1], Counts(500)); // -0.5 rad; the motor rotates against the joint
 }

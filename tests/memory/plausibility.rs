@@ -1,5 +1,5 @@
-//! Samples that cannot be, in the whole loop on the in-memory bus: what of them acts, and that nothing stops
-//! the node without a cause. What each script of a fault comes to is in `tests/memory/scenarios.rs`.
+//! Implausible samples in the whole loop on the in-memory bus: their effect, and no stop without a cause. The reaction
+//! to each fault scenario is in `tests/memory/scenarios.rs`.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -29,7 +29,7 @@ const MOVING: &str = "seconds = 2\n[[console]]\nat_s = 0.1\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.35\nreference = true\n[[switch]]\nat_s = 0.4\nreference = false\n\
     [[move]]\nat_s = 0.4\nduration_s = 1.0\nto_m = [0.06, 0.03, 0.0]\n";
 
-/// All cycles of so many seconds.
+/// Returns the records of the first `seconds`.
 fn run(config: &Config, script: &str, seconds: f64) -> Vec<Record> {
     let script = Scenario::parse(script).unwrap();
     let mut bench = Bench::new(config, script, 1, false, ());
@@ -41,7 +41,7 @@ fn run(config: &Config, script: &str, seconds: f64) -> Vec<Record> {
     records
 }
 
-/// The most that any target of two runs differs, in ‰ of rated torque.
+/// Returns the largest difference between targets of two runs, in ‰ of rated torque.
 fn apart(one: &[Record], other: &[Record]) -> u16 {
     let targets = one.iter().zip(other).map(|(one, other)| (one.targets, other.targets));
     let apart = targets.flat_map(|(one, other)| {
@@ -54,7 +54,7 @@ fn with_fault(fault: &str) -> String {
     format!("{MOVING}[[fault]]\nat_s = 0.6\n{fault}")
 }
 
-/// An elbow whose range ends soon after where it starts, at 95°.
+/// Returns a configuration whose elbow range ends 2° from its start at 95°.
 fn with_narrow_elbow() -> Config {
     let text = std::fs::read_to_string(KRAFT).unwrap();
     let narrow = text.replace("limit_deg = [0.0, 140.0]", "limit_deg = [93.0, 140.0]");
@@ -77,22 +77,22 @@ fn hazard_04_delay_below_three_cycles_hardly_changes_torque() {
     }
 }
 
-/// The elbow's samples, late by a cycle more every 50 ms, up to so many cycles; the delay ends then.
-fn growing(config: &Config, most: u32) -> String {
+/// Scenario faults: the elbow's samples are delayed by one more cycle every 50 ms, up to `max_cycles`, then not at all.
+fn growing_delay(config: &Config, max_cycles: u32) -> String {
     let period_ms = config.period.as_secs_f64() * 1e3;
     let step = |age: u32| {
         let (at_s, delay_ms) = (0.6 + 0.05 * f64::from(age - 1), period_ms * f64::from(age));
         let keys = "kind = \"delay\"\njoint = 3\nframe = \"tpdo1\"";
         format!("[[fault]]\nat_s = {at_s}\n{keys}\ndelay_ms = {delay_ms}\nfor_s = 0.05\n")
     };
-    (1..=most).map(step).collect()
+    (1..=max_cycles).map(step).collect()
 }
 
 #[test]
 fn hazard_04_growing_delay_stops_the_node_at_14_cycles() {
     for name in [KRAFT, "config/kraft_like_500hz.toml", "config/jpl_like.toml"] {
         let config = config(name);
-        let records = run(&config, &format!("{MOVING}{}", growing(&config, 26)), 1.6);
+        let records = run(&config, &format!("{MOVING}{}", growing_delay(&config, 26)), 1.6);
         let begun = records[0].at;
         let stopped = records.iter().find(|record| record.mode.is_stopped()).unwrap();
         let is_it =
@@ -107,7 +107,7 @@ fn hazard_04_growing_delay_stops_the_node_at_14_cycles() {
 fn hazard_04_end_of_a_delay_is_not_a_duplicate_node() {
     for most in [3, 6, 9] {
         let config = config(KRAFT);
-        let records = run(&config, &format!("{MOVING}{}", growing(&config, most)), 1.6);
+        let records = run(&config, &format!("{MOVING}{}", growing_delay(&config, most)), 1.6);
         let cause = records.last().unwrap().cause;
         let fits = matches!(cause, None | Some(Cause::SamplesOverdue { joint: ELBOW, .. }));
         assert!(fits, "{most} cycles: {cause:?}");
@@ -116,44 +116,48 @@ fn hazard_04_end_of_a_delay_is_not_a_duplicate_node() {
 
 #[test]
 fn hazard_03_frequently_late_samples_end_reflection() {
-    // One in ten is late by more than a cycle, and made good in the next: never more than two are overdue.
+    // One sample in ten is late by more than a cycle and replaced in the next, so at most two are overdue.
     let fault = "kind = \"delay\"\njoint = 3\nframe = \"tpdo1\"\ndelay_ms = 1.2\nshare = 0.1\n";
     let records = run(&config(KRAFT), &with_fault(fault), 1.6);
     let stopped = records.iter().find(|record| record.cause.is_some()).unwrap();
     let is_it = matches!(stopped.cause, Some(Cause::SamplesRare { joint: ELBOW, percent: 5 }));
     assert!(is_it && stopped.mode == Mode::ReflectionOff, "{:?}, {}", stopped.cause, stopped.mode);
     let last = records.last().unwrap();
-    assert!(last.mode == Mode::ReflectionOff && last.targets != [0; 6], "the arm is carried on");
+    assert!(
+        last.mode == Mode::ReflectionOff && last.targets != [0; 6],
+        "gravity compensation goes on"
+    );
 }
 
-/// The targets of a joint in each cycle while engaged, in ‰ of rated torque.
-fn told(records: &[Record], joint: usize) -> Vec<f64> {
+/// Returns the targets of a joint in each engaged cycle, in ‰ of rated torque.
+fn targets_of(records: &[Record], joint: usize) -> Vec<f64> {
     let engaged = records.iter().filter(|record| record.mode == Mode::Engaged);
     engaged.map(|record| f64::from(record.targets[joint])).collect()
 }
 
-/// The root mean square of what these readings differ by from what was told so many cycles before.
-fn misfit(readings: &[f64], told: &[f64], age: usize) -> f64 {
-    let differences = readings[50..].iter().zip(&told[50 - age..]);
-    let squares: Vec<f64> = differences.map(|(read, told)| (read.round() - told).powi(2)).collect();
+/// Returns the RMS difference between torque readings and the targets `age` cycles before.
+fn misfit(readings: &[f64], targets: &[f64], age: usize) -> f64 {
+    let differences = readings[50..].iter().zip(&targets[50 - age..]);
+    let squares: Vec<f64> =
+        differences.map(|(read, target)| (read.round() - target).powi(2)).collect();
     (squares.iter().sum::<f64>() / f64::from(u32::try_from(squares.len()).unwrap())).sqrt()
 }
 
 #[test]
 fn hazard_04_ten_cycle_delay_of_6077h_resembles_a_10_ms_filter() {
     let records = run(&config(KRAFT), MOVING, 1.6);
-    // Those that carry weight.
+    // The joints that gravity loads.
     for joint in 1..4 {
-        let told = told(&records, joint);
-        let older = misfit(&told, &told, 11);
+        let targets = targets_of(&records, joint);
+        let older = misfit(&targets, &targets, 11);
         assert!(older < 6.0, "joint {}: {older} ‰ in 11 cycles", joint + 1);
-        let filter = |sum: &mut f64, told: &f64| {
-            *sum += (told - *sum) / 10.0;
+        let filter = |sum: &mut f64, target: &f64| {
+            *sum += (target - *sum) / 10.0;
             Some(*sum)
         };
-        let filtered: Vec<f64> = told.iter().scan(told[0], filter).collect();
+        let filtered: Vec<f64> = targets.iter().scan(targets[0], filter).collect();
         let best = (0..50).min_by(|one, other| {
-            misfit(&filtered, &told, *one).total_cmp(&misfit(&filtered, &told, *other))
+            misfit(&filtered, &targets, *one).total_cmp(&misfit(&filtered, &targets, *other))
         });
         assert!((8..=12).contains(&best.unwrap()), "joint {}: {best:?}", joint + 1);
     }
@@ -180,11 +184,11 @@ fn hazard_12_single_bit_error_in_one_sample_is_tolerated() {
 fn hazard_12_implausible_sample_is_discarded() {
     let config = config(KRAFT);
     let fault = "kind = \"corrupt\"\njoint = 3\nframe = \"tpdo1\"\nxor = \"00001000\"\ncount = 1\n";
-    let (good, struck) = (run(&config, MOVING, 0.8), run(&config, &with_fault(fault), 0.8));
-    assert_eq!(struck.last().unwrap().cause, None);
-    let missed: Vec<_> = struck.iter().filter(|record| !record.sampled[2]).collect();
+    let (good, corrupted) = (run(&config, MOVING, 0.8), run(&config, &with_fault(fault), 0.8));
+    assert_eq!(corrupted.last().unwrap().cause, None);
+    let missed: Vec<_> = corrupted.iter().filter(|record| !record.sampled[2]).collect();
     assert_eq!(missed.len(), 1);
-    assert!(apart(&good, &struck) <= 5);
+    assert!(apart(&good, &corrupted) <= 5);
 }
 
 #[test]

@@ -1,7 +1,7 @@
-//! What our master makes of drives at their worst: a table, as a data sheet would have it.
+//! Table of the master's reactions to the quirks of drives.
 //!
-//! Each quirk is that of the elbow's drive, once with the targets of three drives in one frame at
-//! 1 kHz, once with a frame for each drive at 500 Hz.
+//! Each quirk is given to the elbow's drive: once at 1 kHz with the targets of three drives in one frame, once at
+//! 500 Hz with one frame per drive.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -35,24 +35,24 @@ const GROUPED: &str = include_str!("../../config/kraft_like.toml");
 const PER_DRIVE: &str = include_str!("../../config/kraft_like_500hz.toml");
 const ELBOW: Joint = Joint::of::<3>();
 
-/// Armed at once, the deadman closed 0.4 s after the first SYNC: the drives need some of that.
+/// Arms at once; closes the deadman 0.4 s after the first SYNC, when the drives are enabled.
 const SCRIPT: &str = "seconds = 5\n\
     [[console]]\nat_s = 0.02\nrequest = \"arm\"\n\
     [[switch]]\nat_s = 0.4\ndeadman = true\n";
 
-/// Cycles by when it is engaged.
-const ENGAGED_WITHIN: u32 = 500;
+/// Maximum cycles until the node is engaged.
+const MAX_CYCLES_TO_ENGAGE: u32 = 500;
 
-/// How it ends.
+/// Result of a run.
 #[derive(Clone, Copy, Debug)]
 enum Outcome {
-    /// It boots, arms, engages, pushes only as it is told, and stops.
+    /// The node boots, arms, engages and stops; drives apply the targets sent and no others.
     Runs,
-    /// It is refused for this reason before anything can push.
+    /// The boot fails for this reason before any drive is enabled.
     Refused(&'static str),
-    /// It boots, and is not armed for this reason.
+    /// The node boots; arming is refused for this reason.
     Unarmed(&'static str),
-    /// It boots, and is refused because it goes on without its master.
+    /// The node boots; the proof test fails because the drive stays enabled without its master.
     NotProven(&'static str),
 }
 
@@ -81,7 +81,7 @@ const TABLE: &[(&str, Outcome, Outcome)] = &[
     ("late-boot:300", Runs, Runs),
     ("late-boot:2100", Refused(ABSENT), Refused(ABSENT)),
     ("no-boot-up", Refused(NO_BOOT_UP), Refused(NO_BOOT_UP)),
-    // A heartbeat every 100 ms is what 1 kHz asks for, and too seldom at 500 Hz.
+    // The drive's heartbeat of 100 ms meets the setting at 1 kHz, and not that at 500 Hz.
     ("heartbeat-liar", Runs, Refused("no heartbeat")),
     ("emcy-storm", Runs, Runs),
     ("double-replies", Refused(TWO), Refused(TWO)),
@@ -128,8 +128,7 @@ fn is_pushing(bench: &mut Bench<Wire>) -> bool {
     bench.world_mut().drives().iter().any(|drive| drive.demand() != 0.0)
 }
 
-/// Every target and every controlword the master has sent by RPDO, and every controlword by SDO but the
-/// one that takes the power off.
+/// Counts the RPDOs of the master, and its controlwords by SDO other than Disable voltage (0000h).
 fn commands(wire: &Wire) -> usize {
     let is_command = |frame: &Frame| {
         let of_rpdo = matches!(frame.cob_id & 0x780, 0x200 | 0x300 | 0x400 | 0x500)
@@ -141,7 +140,7 @@ fn commands(wire: &Wire) -> usize {
     wire.all().iter().filter(|(_, telegram)| is_command(&telegram.frame)).count()
 }
 
-/// Boots, arms, engages, pushes only as it is told, and stops.
+/// Asserts [`Runs`].
 fn runs(quirk: &str, mut bench: Bench<Wire>) {
     bench.bring_up().unwrap_or_else(|error| panic!("{quirk}: {error}"));
     for _ in 0..10 {
@@ -149,23 +148,24 @@ fn runs(quirk: &str, mut bench: Bench<Wire>) {
         assert_eq!(record.mode, Mode::Ready, "{quirk}: {:?}", record.cause);
         assert!(!is_pushing(&mut bench), "{quirk}");
     }
-    let engaged = (0..ENGAGED_WITHIN).map(|_| bench.cycle()).find(|it| it.mode == Mode::Engaged);
-    let mut told = engaged.unwrap_or_else(|| panic!("{quirk}: it does not engage")).targets;
+    let engaged =
+        (0..MAX_CYCLES_TO_ENGAGE).map(|_| bench.cycle()).find(|it| it.mode == Mode::Engaged);
+    let mut sent = engaged.unwrap_or_else(|| panic!("{quirk}: it does not engage")).targets;
     for _ in 0..100 {
         let record = bench.cycle();
         assert_eq!((record.mode, record.cause), (Mode::Engaged, None), "{quirk}");
-        let takes = |drive: &sim::drive::Drive| drive.dictionary().i16(Object::TARGET_TORQUE);
-        assert_eq!(bench.world_mut().drives().each_ref().map(takes), told, "{quirk}");
-        told = record.targets;
+        let applied = |drive: &sim::drive::Drive| drive.dictionary().i16(Object::TARGET_TORQUE);
+        assert_eq!(bench.world_mut().drives().each_ref().map(applied), sent, "{quirk}");
+        sent = record.targets;
     }
-    assert!(is_pushing(&mut bench), "{quirk}: it carries its weight");
+    assert!(is_pushing(&mut bench), "{quirk}: gravity compensation");
     bench.stop().unwrap_or_else(|error| panic!("{quirk}: {error}"));
     assert!(!is_pushing(&mut bench), "{quirk}");
 }
 
-/// Is refused, all others are off, and nobody was ever told to push.
+/// Asserts [`Refused`]: every drive is off and no command was sent.
 fn is_refused(quirk: &str, reason: &str, mut bench: Bench<Wire>, wire: &Wire) {
-    let Err(error) = bench.bring_up() else { panic!("{quirk}: it is taken") };
+    let Err(error) = bench.bring_up() else { panic!("{quirk}: it is accepted") };
     let error = error.to_string();
     assert_eq!(error, format!("joint 3 (elbow), node 3: {reason}"), "{quirk}");
     assert_eq!(commands(wire), 0, "{quirk}");
@@ -175,7 +175,7 @@ fn is_refused(quirk: &str, reason: &str, mut bench: Bench<Wire>, wire: &Wire) {
     }
 }
 
-/// Boots, and is not armed.
+/// Asserts [`Unarmed`].
 fn is_not_armed(quirk: &str, reason: &str, mut bench: Bench<Wire>) {
     bench.bring_up().unwrap_or_else(|error| panic!("{quirk}: {error}"));
     let refused = bench.ask(Request::Arm).unwrap_err().to_string();
@@ -183,9 +183,9 @@ fn is_not_armed(quirk: &str, reason: &str, mut bench: Bench<Wire>) {
     assert_eq!(bench.node().mode(), Mode::Ready, "{quirk}");
 }
 
-/// Goes on without its master at zero torque, and is switched off with all others.
+/// Asserts [`NotProven`]: the targets were zero, and every drive is off.
 fn is_not_proven(quirk: &str, reason: &str, mut bench: Bench<Wire>, wire: &Wire) {
-    let Err(error) = bench.bring_up() else { panic!("{quirk}: it is taken") };
+    let Err(error) = bench.bring_up() else { panic!("{quirk}: it is accepted") };
     assert_eq!(error.to_string(), format!("joint 3 (elbow), node 3: {reason}"), "{quirk}");
     let is_target = |cob_id: u16| (0x201..=0x206).contains(&cob_id);
     for (_, telegram) in wire.all().iter().filter(|(_, it)| is_target(it.frame.cob_id)) {
@@ -199,7 +199,7 @@ fn is_not_proven(quirk: &str, reason: &str, mut bench: Bench<Wire>, wire: &Wire)
     }
 }
 
-fn try_all(text: &str, outcome: impl Fn(&(&str, Outcome, Outcome)) -> Outcome) {
+fn check_all(text: &str, outcome: impl Fn(&(&str, Outcome, Outcome)) -> Outcome) {
     let config = config(text);
     for row in TABLE {
         let (bench, wire) = bench(&config, SCRIPT, &[row.0]);
@@ -214,18 +214,18 @@ fn try_all(text: &str, outcome: impl Fn(&(&str, Outcome, Outcome)) -> Outcome) {
 
 #[test]
 fn hazard_16_quirks_at_1_khz_are_handled_or_refused() {
-    try_all(GROUPED, |row| row.1);
+    check_all(GROUPED, |row| row.1);
 }
 
 #[test]
 fn hazard_16_quirks_at_500_hz_are_handled_or_refused() {
-    try_all(PER_DRIVE, |row| row.2);
+    check_all(PER_DRIVE, |row| row.2);
 }
 
 #[test]
 fn table_covers_all_quirks() {
-    let is_tried = |name: &&str| TABLE.iter().any(|row| row.0.split(':').next() == Some(*name));
-    let left: Vec<_> = Quirk::NAMES.iter().filter(|name| !is_tried(name)).collect();
+    let is_listed = |name: &&str| TABLE.iter().any(|row| row.0.split(':').next() == Some(*name));
+    let left: Vec<_> = Quirk::NAMES.iter().filter(|name| !is_listed(name)).collect();
     assert!(left.is_empty(), "{left:?}");
 }
 
@@ -237,8 +237,8 @@ fn sync_counter_missing_in_a_drive_is_refused_by_object() {
     is_refused("no-sync-counter", reason, bench, &wire);
 }
 
-/// When the master first told the elbow to take its power off, and when it first asked who that is.
-fn off_and_asked(wire: &Wire) -> (Instant, Instant) {
+/// Returns the times of the first Disable voltage by SDO to the elbow's drive and of the first read of its identity.
+fn off_and_identified(wire: &Wire) -> (Instant, Instant) {
     let requests = wire.since(Instant::ZERO, 0x603);
     let first = |start: &[u8]| {
         requests.iter().find(|(_, frame)| frame.data().starts_with(start)).unwrap().0
@@ -250,10 +250,10 @@ fn off_and_asked(wire: &Wire) -> (Instant, Instant) {
 fn hazard_17_enabled_drive_is_switched_off_first() {
     for text in [GROUPED, PER_DRIVE] {
         let (mut bench, wire) = bench(&config(text), SCRIPT, &["running-at-start"]);
-        assert!(is_pushing(&mut bench), "before anybody has said a word");
+        assert!(is_pushing(&mut bench), "before the boot");
         bench.bring_up().unwrap();
-        let (off, asked) = off_and_asked(&wire);
-        assert!(off < asked, "whoever it is");
+        let (off, identified) = off_and_identified(&wire);
+        assert!(off < identified, "before its identity is known");
         assert!(off.since(Instant::ZERO) < Duration::from_millis(25), "{off:?}");
         let notices: Vec<_> = std::iter::from_fn(|| bench.notice()).collect();
         assert!(notices.contains(&Event::FoundEnabled { node: ELBOW.into() }));
@@ -265,8 +265,8 @@ fn boot_waits_for_a_falling_arm_to_stand_still() {
     let script = format!("{SCRIPT}[[hold]]\nat_s = 0\nholding = false\n");
     let (mut bench, wire) = bench(&config(PER_DRIVE), &script, &["running-at-start:800"]);
     bench.bring_up().unwrap();
-    let (off, asked) = off_and_asked(&wire);
-    assert!(asked.since(off) > Duration::from_millis(600), "it was moving: {asked:?}");
+    let (off, identified) = off_and_identified(&wire);
+    assert!(identified.since(off) > Duration::from_millis(600), "it was moving: {identified:?}");
     let speeds = bench.world_mut().plant().qd();
     assert!(speeds[ELBOW.index()].abs() < 0.02, "{speeds}");
 }
@@ -279,7 +279,7 @@ fn hazard_17_enabled_drive_is_off_even_if_then_refused() {
     }
 }
 
-/// RPDO 3 of the elbow as `open-rpdos` has it: enable, and all the torque there is.
+/// RPDO 3 of the elbow's drive with quirk `open-rpdos`: Enable operation and maximum torque.
 const STRAY: (u16, [u8; 4]) = (0x403, [0x0F, 0x00, 0xE8, 0x03]);
 
 #[test]

@@ -1,4 +1,4 @@
-//! The main job on the in-memory bus: what an operator would say of it.
+//! Teleoperation on the in-memory bus, as the operator experiences it.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -61,8 +61,8 @@ fn seed_alone_determines_the_frames() {
         wire.transcript(usize::MAX)
     };
     let (first, again, other) = (run(1), run(1), run(2));
-    assert!(first == again, "the same seed gave other frames");
-    assert!(first != other, "another seed gave the same frames");
+    assert!(first == again, "equal seeds, different frames");
+    assert!(first != other, "different seeds, equal frames");
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn wall_pushes_the_hand_against_its_motion() {
     let (mut bench, _) = booted(ONE_KILOHERTZ, "contact_10s");
     let record = until_contact(&mut bench);
     let f_0 = record.output.x_0_g.rotation * record.output.f_g_task.force;
-    // The hand went along +x to push the object along +x; it is pushed back along -x.
+    // The hand and the object move along +x; the reflected force is along -x.
     assert!(f_0.x < -0.5 && f_0.x.abs() > 10.0 * f_0.y.abs().max(f_0.z.abs()), "{f_0}");
 }
 
@@ -83,7 +83,7 @@ fn deadman_release_stops_object_and_reflection_in_a_cycle() {
     assert!(record.output.f_g_task.force.norm() < 1e-12);
     assert!(
         (record.output.tau - record.output.ledger.gravity).norm() < 1e-12,
-        "the arm is still carried"
+        "gravity compensation goes on"
     );
 }
 

@@ -1,6 +1,6 @@
-//! Section 4.2 of the paper: with the manufacturer's straight lines "the feeling at the FRHC was all
-//! wrong" for simple test forces along one axis; with 5th-order polynomials it was not. The torques that
-//! carry the arm pass through the same curves: what they are wrong by is felt as well.
+//! Section 4.2 of the paper: with linear torque curves "the feeling at the FRHC was all wrong" for test forces along
+//! one axis; with 5th-order polynomials it was right. Gravity torques pass through the same curves, so their error is
+//! felt, too.
 #![allow(
     clippy::float_cmp,
     clippy::indexing_slicing,
@@ -34,7 +34,7 @@ use units::spatial::Wrench;
 
 const CONFIG: &str = "config/kraft_like.toml";
 
-/// The configuration with other torque curves, base first.
+/// Returns the configuration with other torque curves, base first.
 fn with_curves(curves: &[TorqueCurve]) -> Config {
     let text = String::from_utf8(files::read(CONFIG.as_ref()).unwrap()).unwrap();
     let mut curves = curves.iter();
@@ -48,8 +48,8 @@ fn with_curves(curves: &[TorqueCurve]) -> Config {
     Config::parse(Path::new(CONFIG), &replaced.collect::<String>()).unwrap()
 }
 
-/// The straight line through the end of each curve, as a manufacturer gives it.
-fn lines(config: &Config) -> Vec<TorqueCurve> {
+/// Returns the straight line through the end of each curve, as a data sheet gives it.
+fn linear(config: &Config) -> Vec<TorqueCurve> {
     let line = |curve: &TorqueCurve| {
         let end = curve.max_torque();
         TorqueCurve::new([curve.at(end) / end, 0.0, 0.0], end).unwrap()
@@ -57,7 +57,7 @@ fn lines(config: &Config) -> Vec<TorqueCurve> {
     config.joints.iter().map(|joint| line(joint.calibration.curve())).collect()
 }
 
-/// How far the force that is felt is from the one that is meant, in percent of the latter.
+/// Difference between exerted and commanded force at the grip, in percent of the commanded one.
 #[derive(Debug)]
 struct Distortion {
     rms: f64,
@@ -72,10 +72,10 @@ impl fmt::Display for Distortion {
     }
 }
 
-/// Presses into the wall along x with drives as in `world` and a node that believes they are as in
-/// `believed`, and compares the force their torques make at the grip with the one meant.
-fn distortion(world: &Config, believed: &Config) -> Distortion {
-    let mut bench = Bench::in_world_of(world, believed, scenario("contact_10s"), 1, false, ());
+/// Presses into the wall along x with the drives of `world` and a node configured by `node`; compares the exerted
+/// force at the grip with the commanded one.
+fn distortion(world: &Config, node: &Config) -> Distortion {
+    let mut bench = Bench::in_world_of(world, node, scenario("contact_10s"), 1, false, ());
     bench.bring_up().unwrap();
     let (mut squares, mut worst, mut cycles) = (0.0, 0.0_f64, 0);
     let mut engaged_for = 0;
@@ -83,17 +83,19 @@ fn distortion(world: &Config, believed: &Config) -> Distortion {
     for _ in 0..6_000 {
         let record = bench.cycle();
         engaged_for = if record.mode == Mode::Engaged { engaged_for + 1 } else { 0 };
-        // What a cycle asks for acts from the next SYNC on, and by the one after it the current has followed.
-        let asked: Option<Output> = before;
+        // A cycle's torque acts from the next SYNC on; by the SYNC after that, the current has settled.
+        let commanded: Option<Output> = before;
         before = last.replace(record.output);
-        let Some(asked) = asked.filter(|asked| asked.f_g_task.force.norm() > 1.0) else { continue };
-        // Half a second after the deadman closed the reflection's ramp is over, and gravity's too.
+        let Some(commanded) = commanded.filter(|output| output.f_g_task.force.norm() > 1.0) else {
+            continue;
+        };
+        // 0.6 s after the deadman closes, both reflection and gravity compensation have ramped up.
         if engaged_for < 600 {
             continue;
         }
         let exerted = bench.world_mut().torques();
-        let f_g_error = wrench_of(&asked.j_g, &(exerted - asked.tau));
-        let percent = 100.0 * f_g_error.force.norm() / asked.f_g_task.force.norm();
+        let f_g_error = wrench_of(&commanded.j_g, &(exerted - commanded.tau));
+        let percent = 100.0 * f_g_error.force.norm() / commanded.f_g_task.force.norm();
         squares += percent * percent;
         worst = worst.max(percent);
         cycles += 1;
@@ -101,15 +103,15 @@ fn distortion(world: &Config, believed: &Config) -> Distortion {
     Distortion { rms: (squares / f64::from(cycles)).sqrt(), worst, cycles }
 }
 
-/// The wrench at the grip that joint torques exert: `Jᵀ f_g = tau`.
+/// Returns the wrench at the grip that joint torques exert: `Jᵀ f_g = tau`.
 fn wrench_of(j_g: &Jacobian<6>, tau: &SVector<f64, 6>) -> Wrench {
     Wrench::from_components(j_g.matrix().transpose().lu().solve(tau).unwrap().into())
 }
 
-/// What a laboratory finds of a joint whose curve is the rig's secret, and the secret.
+/// Returns the curve fitted to a rig's measurements of a joint, and the rig's true curve.
 fn calibrated(joint: &JointParameters, seed: u64) -> (TorqueCurve, TorqueCurve) {
     let rig = Rig::new(world::actuator(&joint.plant.actuator), joint.plant.friction.coulomb, seed);
-    let secret = TorqueCurve::new(rig.torque_curve(), joint.plant.actuator.max_torque).unwrap();
+    let true_curve = TorqueCurve::new(rig.torque_curve(), joint.plant.actuator.max_torque).unwrap();
     let samples: Vec<Sample> = rig.measure().into_iter().map(sample).collect();
     let fit = Calibrated::fit(&samples).unwrap();
     assert_eq!(fit.is_reversed, joint.plant.actuator.gear_ratio < 0.0);
@@ -118,7 +120,10 @@ fn calibrated(joint: &JointParameters, seed: u64) -> (TorqueCurve, TorqueCurve) 
         "{}",
         fit.curve.max_torque()
     );
-    (TorqueCurve::new(fit.curve.coefficients(), joint.plant.actuator.max_torque).unwrap(), secret)
+    (
+        TorqueCurve::new(fit.curve.coefficients(), joint.plant.actuator.max_torque).unwrap(),
+        true_curve,
+    )
 }
 
 fn sample(reading: Reading) -> Sample {
@@ -133,11 +138,11 @@ fn sample(reading: Reading) -> Sample {
 fn linear_torque_curves_distort_the_felt_force() {
     let truth = Config::load(Path::new(CONFIG)).unwrap();
     let polynomial = distortion(&truth, &truth);
-    let linear = distortion(&truth, &with_curves(&lines(&truth)));
+    let linear = distortion(&truth, &with_curves(&linear(&truth)));
     println!("felt force, straight lines: {linear}");
     println!("felt force, polynomials:    {polynomial}");
     assert!(polynomial.cycles > 400 && linear.cycles > 400);
-    // Half a per mille of each joint is what is left, and what a current has not followed within 1 ms.
+    // The rest is rounding to 1 ‰ of each target, and the settling of the currents.
     assert!(polynomial.rms < 1.2 && polynomial.worst < 3.0, "{polynomial}");
     assert!(linear.rms > 20.0 * polynomial.rms, "{linear}");
 }
@@ -145,9 +150,9 @@ fn linear_torque_curves_distort_the_felt_force() {
 #[test]
 fn fitted_curves_restore_the_felt_force() {
     let config = Config::load(Path::new(CONFIG)).unwrap();
-    let (fitted, secret): (Vec<_>, Vec<_>) =
+    let (fitted, true_curve): (Vec<_>, Vec<_>) =
         config.joints.iter().zip(40..).map(|(joint, seed)| calibrated(joint, seed)).unzip();
-    let world = with_curves(&secret);
+    let world = with_curves(&true_curve);
     let measured = distortion(&world, &with_curves(&fitted));
     let before = distortion(&world, &config);
     println!("felt force, before calibration: {before}");
@@ -161,15 +166,16 @@ fn fit_error_is_below_its_stated_residual() {
     for (seed, joint) in (0..48).zip(config.joints.iter().cycle()) {
         let rig =
             Rig::new(world::actuator(&joint.plant.actuator), joint.plant.friction.coulomb, seed);
-        let secret = TorqueCurve::new(rig.torque_curve(), joint.plant.actuator.max_torque).unwrap();
+        let true_curve =
+            TorqueCurve::new(rig.torque_curve(), joint.plant.actuator.max_torque).unwrap();
         let samples: Vec<Sample> = rig.measure().into_iter().map(sample).collect();
         let fit = Calibrated::fit(&samples).unwrap();
         let stated = fit.both.residuals.left_out_rms;
         for step in -20..=20 {
             let torque = joint.plant.actuator.max_torque * f64::from(step) / 20.0;
-            let error = (fit.curve.at(torque) - secret.at(torque)).abs();
+            let error = (fit.curve.at(torque) - true_curve.at(torque)).abs();
             assert!(
-                error < stated && error < 0.01 * secret.at(joint.plant.actuator.max_torque),
+                error < stated && error < 0.01 * true_curve.at(joint.plant.actuator.max_torque),
                 "{seed}: {error}"
             );
         }

@@ -120,8 +120,8 @@ fn observer(
         max_energy: max_energy?,
         max_damping: max_damping?,
         lever: lever?,
-        calm_force: threshold?,
-        calm_cycles: period?.cycles(release?),
+        contact_threshold: threshold?,
+        contact_release_cycles: period?.cycles(release?),
         is_one_sided: given.one_sided.or(true).get()?,
     };
     Passivity::new(settings).ok()

@@ -21,9 +21,9 @@ pub struct Engagement {
     /// Increase of the share per cycle.
     step: f64,
     /// Waits until force and moment are below these, in N and N·m.
-    calm: Option<[f64; 2]>,
+    wait_below: Option<[f64; 2]>,
     share: f64,
-    calm_for: u32,
+    cycles_below: u32,
     has_begun: bool,
 }
 
@@ -35,42 +35,42 @@ pub enum InvalidEngagement {
     Ramp(f64),
     /// Threshold of a small wrench, in N or N·m.
     #[error("the wrench to wait for must be positive and finite, got {0}")]
-    Calm(f64),
+    Threshold(f64),
 }
 
 impl Engagement {
-    /// A ramp of `ramp` s, from the first cycle or from when the wrench to be felt has been below `calm`
+    /// A ramp of `ramp` s, from the first cycle or from when the wrench to be felt has been below `wait_below`
     /// (N, N·m) for three.
     ///
     /// # Errors
     /// A ramp out of range, or a threshold that is not positive and finite.
     pub fn new(
         ramp: f64,
-        calm: Option<[f64; 2]>,
+        wait_below: Option<[f64; 2]>,
         period: Period,
     ) -> Result<Self, InvalidEngagement> {
         if !(0.0..=MAX_RAMP_S).contains(&ramp) {
             return Err(InvalidEngagement::Ramp(ramp));
         }
         let impossible = |size: &&f64| !(size.is_finite() && **size > 0.0);
-        if let Some(size) = calm.iter().flatten().find(impossible) {
-            return Err(InvalidEngagement::Calm(*size));
+        if let Some(size) = wait_below.iter().flatten().find(impossible) {
+            return Err(InvalidEngagement::Threshold(*size));
         }
         let step = if ramp > 0.0 { (period.seconds() / ramp).min(1.0) } else { 1.0 };
-        Ok(Self { step, calm, share: 0.0, calm_for: 0, has_begun: false })
+        Ok(Self { step, wait_below, share: 0.0, cycles_below: 0, has_begun: false })
     }
 
     /// Returns the share felt this cycle, 0 to 1. `f_g` is the wrench at full share.
     pub fn share(&mut self, is_permitted: bool, f_g: &Wrench) -> f64 {
         if !is_permitted {
-            (self.share, self.calm_for, self.has_begun) = (0.0, 0, false);
+            (self.share, self.cycles_below, self.has_begun) = (0.0, 0, false);
             return 0.0;
         }
-        let is_calm = self
-            .calm
+        let is_below = self
+            .wait_below
             .is_none_or(|[force, moment]| f_g.force.norm() < force && f_g.moment.norm() < moment);
-        self.calm_for = if is_calm { self.calm_for.saturating_add(1) } else { 0 };
-        self.has_begun |= self.calm.is_none() || self.calm_for >= SMALL_WRENCH_CYCLES;
+        self.cycles_below = if is_below { self.cycles_below.saturating_add(1) } else { 0 };
+        self.has_begun |= self.wait_below.is_none() || self.cycles_below >= SMALL_WRENCH_CYCLES;
         if self.has_begun {
             self.share = (self.share + self.step).min(1.0);
         }
@@ -84,8 +84,11 @@ mod tests {
 
     use super::*;
 
-    fn engagement(ramp: f64, calm: Option<[f64; 2]>) -> Result<Engagement, InvalidEngagement> {
-        Engagement::new(ramp, calm, Period::new(1e-3).unwrap())
+    fn engagement(
+        ramp: f64,
+        wait_below: Option<[f64; 2]>,
+    ) -> Result<Engagement, InvalidEngagement> {
+        Engagement::new(ramp, wait_below, Period::new(1e-3).unwrap())
     }
 
     fn push(force: f64) -> Wrench {
@@ -115,8 +118,8 @@ mod tests {
         for _ in 0..100 {
             assert!(engagement.share(true, &push(5.0)) == 0.0);
         }
-        let calm: Vec<f64> = (0..12).map(|_| engagement.share(true, &push(0.1))).collect();
-        assert!(calm[1] == 0.0 && calm[2] > 0.0 && calm[11] > 0.99, "{calm:?}");
+        let shares: Vec<f64> = (0..12).map(|_| engagement.share(true, &push(0.1))).collect();
+        assert!(shares[1] == 0.0 && shares[2] > 0.0 && shares[11] > 0.99, "{shares:?}");
         assert!(engagement.share(true, &push(5.0)) >= 1.0, "for as long as it is permitted");
     }
 
@@ -129,8 +132,8 @@ mod tests {
 
     #[test]
     fn each_engagement_waits_and_ramps_anew() {
-        for (calm, first) in [(Some([0.2, 0.01]), 0.0), (None, 0.1)] {
-            let mut engagement = engagement(0.01, calm).unwrap();
+        for (wait_below, first) in [(Some([0.2, 0.01]), 0.0), (None, 0.1)] {
+            let mut engagement = engagement(0.01, wait_below).unwrap();
             (0..20).for_each(|_| _ = engagement.share(true, &push(0.1)));
             assert!(engagement.share(true, &push(5.0)) >= 1.0);
             assert!(engagement.share(false, &push(0.1)) == 0.0);

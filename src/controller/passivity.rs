@@ -26,9 +26,9 @@ pub struct PassivitySettings {
     /// one of rotations.
     pub lever: f64,
     /// Below this task force in N there is no contact.
-    pub calm_force: f64,
+    pub contact_threshold: f64,
     /// Cycles without contact that end it and reset the observer: fewer are a bounce.
-    pub calm_cycles: u32,
+    pub contact_release_cycles: u32,
     /// Contact must never pull: the damper then never reverses the task force.
     pub is_one_sided: bool,
 }
@@ -49,7 +49,7 @@ pub struct Passivity {
     settings: PassivitySettings,
     /// Energy from the hand into the port less energy out of it, in J.
     energy: f64,
-    calm_for: u32,
+    cycles_without_contact: u32,
 }
 
 impl Passivity {
@@ -58,18 +58,18 @@ impl Passivity {
     /// # Errors
     /// A number that is not positive and finite.
     pub fn new(settings: PassivitySettings) -> Result<Self, InvalidPassivity> {
-        let PassivitySettings { max_energy, max_damping, lever, calm_force, .. } = settings;
+        let PassivitySettings { max_energy, max_damping, lever, contact_threshold, .. } = settings;
         for (quantity, value) in [
             ("the largest energy", max_energy),
             ("the strongest damping", max_damping),
             ("the lever", lever),
-            ("the calm force", calm_force),
+            ("the contact threshold", contact_threshold),
         ] {
             if !(value > 0.0 && value <= 1e6) {
                 return Err(InvalidPassivity { quantity, value });
             }
         }
-        Ok(Self { settings, energy: 0.0, calm_for: 0 })
+        Ok(Self { settings, energy: 0.0, cycles_without_contact: 0 })
     }
 
     /// The strongest damper, in N·s/m.
@@ -84,9 +84,10 @@ impl Passivity {
 
     /// Adds the work in J that the hand did against the port since the last cycle.
     pub fn account(&mut self, work: f64, f_g_task: &Wrench) {
-        let is_calm = f_g_task.force.norm() < self.settings.calm_force;
-        self.calm_for = if is_calm { self.calm_for.saturating_add(1) } else { 0 };
-        self.energy = if self.calm_for > self.settings.calm_cycles {
+        let has_no_contact = f_g_task.force.norm() < self.settings.contact_threshold;
+        self.cycles_without_contact =
+            if has_no_contact { self.cycles_without_contact.saturating_add(1) } else { 0 };
+        self.energy = if self.cycles_without_contact > self.settings.contact_release_cycles {
             0.0
         } else {
             (self.energy + work).min(self.settings.max_energy)
@@ -135,8 +136,8 @@ mod tests {
         max_energy: 0.1,
         max_damping: 1e3,
         lever: 0.1,
-        calm_force: 0.01,
-        calm_cycles: 3,
+        contact_threshold: 0.01,
+        contact_release_cycles: 3,
         is_one_sided: true,
     };
 

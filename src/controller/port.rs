@@ -85,8 +85,8 @@ mod tests {
             max_energy: 1e3,
             max_damping: 20.0,
             lever: 0.1,
-            calm_force: 0.1,
-            calm_cycles: 500,
+            contact_threshold: 0.1,
+            contact_release_cycles: 500,
             is_one_sided: true,
         };
         let tank = TankSettings {

@@ -123,8 +123,8 @@ fn everything() -> Settings {
                 max_energy: 0.05,
                 max_damping: 20.0,
                 lever: 0.1,
-                calm_force: 0.1,
-                calm_cycles: 500,
+                contact_threshold: 0.1,
+                contact_release_cycles: 500,
                 is_one_sided: true,
             })
             .unwrap(),

@@ -22,8 +22,8 @@ const SETTINGS: PassivitySettings = PassivitySettings {
     max_energy: 1e3,
     max_damping: 1e5,
     lever: 0.1,
-    calm_force: 1e-9,
-    calm_cycles: 10,
+    contact_threshold: 1e-9,
+    contact_release_cycles: 10,
     is_one_sided: false,
 };
 

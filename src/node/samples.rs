@@ -173,16 +173,16 @@ impl Samples {
         stale.next()
     }
 
-    /// Clears the counts of missing samples. Drives that had left operational, and sent no TPDO, are started again.
-    pub(super) fn start_again(&mut self) {
+    /// Clears the counts of missing samples, before drives that had left operational are started again.
+    pub(super) fn clear_missing(&mut self) {
         self.missing = [0; 6];
         self.implausible = None;
         self.filters.iter_mut().for_each(SampleFilter::restart);
     }
 
-    /// Clears all but the positions, before a boot of the network.
+    /// Clears everything except positions and torques, before a boot of the network.
     pub(super) fn restart(&mut self) {
-        self.start_again();
+        self.clear_missing();
         self.fresh = [false; 6];
         self.torques = [false; 6];
         self.status_at = [None; 6];

@@ -30,7 +30,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
         self.send_request();
     }
 
-    /// Sends the node's heartbeat if due. Only the cycle sends it, so it stops with the cycle.
+    /// Sends the node's heartbeat if due. No other thread sends it, so it stops when the loop stalls.
     pub(super) fn send_heartbeat(&mut self, now: Instant) {
         if let Some(frame) = self.network.heartbeat.due(now) {
             self.send_on_every_bus(frame);

@@ -65,7 +65,7 @@ impl<B: Bus, R: Remote> Node<B, R> {
             let until = self.wire.now() + SETTLE_TIME.max(self.timing.period * 5);
             self.listen(until);
             self.network.master.start_nodes(&mut self.wire.out);
-            self.samples.start_again();
+            self.samples.clear_missing();
             self.send_queued();
             self.enable(give_up)?;
         }

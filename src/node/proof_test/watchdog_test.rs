@@ -55,7 +55,7 @@ enum StatuswordRead {
     Due(Instant),
     /// Requested, not answered yet.
     Pending,
-    /// Answered after the grace time: the power stage is on.
+    /// Answered after the grace time: not read again.
     Final,
 }
 
@@ -64,13 +64,13 @@ impl WatchdogTest {
     pub(crate) fn new(
         awaited: Awaited,
         started_at: Instant,
-        timers: [Option<Watchdog>; 6],
+        watchdogs: [Option<Watchdog>; 6],
     ) -> Self {
         let drive_test = |watchdog: Watchdog| {
             let read = StatuswordRead::Due(started_at + timeout(watchdog));
             DriveTest { watchdog, reported_at: None, off_at: None, read }
         };
-        Self { awaited, started_at, drives: timers.map(|timer| timer.map(drive_test)) }
+        Self { awaited, started_at, drives: watchdogs.map(|watchdog| watchdog.map(drive_test)) }
     }
 
     /// Returns the withheld frame.

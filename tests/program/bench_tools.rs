@@ -201,7 +201,7 @@ fn invalid_arguments_end_with_2_before_a_bus_is_opened() {
         (&["scan", "-i", "can7", "--nodes", "0-3"], "node-id must be"),
         (&["sdo", "read", "0", "1000", "-i", "can7"], "node-id must be"),
         (&["sdo", "read", "3", "10000", "-i", "can7"], "expected INDEX"),
-        (&["sdo", "read", "3", "1000", "u7", "-i", "can7"], "no data type"),
+        (&["sdo", "read", "3", "1000", "u7", "-i", "can7"], "unknown data type"),
         (
             &["sdo", "write", "3", "6071", "i16", "40000", "-i", "can7"],
             "must be within -32768..=32767",

@@ -195,7 +195,7 @@ fn each_error_is_found_at_its_entry() {
         (
             "107=0x67FF",
             "108=0x67FF",
-            ": error: [OptionalObjects] SupportedObjects: number 107 is missing, 108 is there",
+            ": error: [OptionalObjects] SupportedObjects: number 107 is missing, next is 108",
         ),
         ("107=0x67FF", "107=0x6800", ": warning: 67FFh: is in no list of objects"),
         ("[1001]\n", "[1002]\n", "1: error: 1001h: is mandatory, but not described"),

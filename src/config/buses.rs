@@ -1,4 +1,4 @@
-//! `[[bus]]`: the CAN buses, their interfaces and bit rates, and which PDOs their drives have.
+//! `[[bus]]`: CAN buses with interface, bit rate and PDO layout.
 
 use std::collections::HashSet;
 
@@ -10,31 +10,31 @@ use crate::value::Value;
 /// Bit rates of CiA 301 (4.2), in bit/s.
 const BITRATES: [u32; 8] = [10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
 
-/// The longest name of a network interface.
-const LONGEST_INTERFACE: usize = 15;
+/// Maximum length of an interface name (Linux `IFNAMSIZ` - 1).
+const MAX_INTERFACE_LENGTH: usize = 15;
 
 /// One CAN bus.
 #[derive(Clone, Debug)]
 pub struct BusSettings {
-    /// Name for people.
+    /// Displayed name.
     pub name: String,
-    /// Its SocketCAN interface.
+    /// SocketCAN interface.
     pub interface: String,
-    /// In bit/s.
+    /// Bit rate, in bit/s.
     pub bitrate: u32,
-    /// Which PDOs its drives have.
+    /// PDO layout of its drives.
     pub layout: Layout,
-    /// The most its worst case may take, in percent of the bit rate.
+    /// Maximum worst-case load, in percent of the bit rate.
     pub load_limit_percent: f64,
 }
 
-/// Which PDOs the drives of a bus have.
+/// PDO layout of the drives of a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Layout {
-    /// One each way for each drive.
+    /// One RPDO and one TPDO per drive.
     #[default]
     PerDrive,
-    /// One frame of targets for three drives.
+    /// One frame of target torques for three drives.
     Grouped,
 }
 
@@ -48,7 +48,7 @@ impl Layout {
     }
 }
 
-/// All of them, in the order of their channels; `None` where a problem has been noted.
+/// Reads all buses, in the order of their channels. Returns `None` after a problem.
 pub(super) fn read(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Vec<BusSettings>> {
     let given = raw.bus.all();
     if !raw.bus.is_noted() && !(1..=8).contains(&given.len()) {
@@ -60,7 +60,7 @@ pub(super) fn read(raw: &raw::File, problems: &mut Problems<'_>) -> Option<Vec<B
     if raw.bus.is_noted() { None } else { buses.into_iter().collect() }
 }
 
-/// A bus, whose interface must be none of those that are `taken`.
+/// Reads a bus. Its interface must not be among `taken`.
 fn one<'r>(
     bus: &'r raw::Bus,
     taken: &mut HashSet<&'r str>,
@@ -69,7 +69,7 @@ fn one<'r>(
     let interface = interface(&bus.interface, taken, problems);
     let bitrate = bus.bitrate.get();
     if let Some(unusual) = bitrate.filter(|bitrate| !BITRATES.contains(bitrate)) {
-        problems.add(&bus.bitrate, format_args!("{unusual} is none of {BITRATES:?}"));
+        problems.add(&bus.bitrate, format_args!("must be one of {BITRATES:?}, got {unusual}"));
     }
     let layout = bus.layout.as_ref().map(|called| {
         Layout::called(called).unwrap_or_else(|| {
@@ -107,7 +107,7 @@ fn interface<'r>(
 /// Returns whether Linux may have an interface of that name (`dev_valid_name`).
 fn is_interface(name: &str) -> bool {
     let is_odd = |c: char| c == '/' || c == ':' || c.is_whitespace() || c.is_control();
-    (1..=LONGEST_INTERFACE).contains(&name.len())
+    (1..=MAX_INTERFACE_LENGTH).contains(&name.len())
         && name != "."
         && name != ".."
         && !name.contains(is_odd)

@@ -1,5 +1,4 @@
-//! Where configuration text comes from: the disk, or the copies shipped inside the program, so that
-//! `frhc demo` runs anywhere.
+//! Reading of configuration files from disk, or of the copies shipped inside the program for `frhc demo`.
 
 use std::fs;
 use std::fs::File;
@@ -19,31 +18,31 @@ use nix::libc::O_NONBLOCK;
 use crate::problem::Invalid;
 use crate::problem::Problem;
 use crate::shipped;
-use crate::trust::Guarded;
+use crate::trust::InspectedFile;
 use crate::trust::Trust;
 
-/// Longest configuration or data sheet, in bytes.
-const LIMIT: u64 = 4 << 20;
+/// Maximum size of a configuration or an EDS, in bytes.
+const MAX_SIZE: u64 = 4 << 20;
 
-/// The bytes of `path`: of the file on disk if there is one, else of the shipped copy of that name.
+/// Returns the bytes of the file on disk, or else of the shipped copy of that name.
 ///
 /// # Errors
-/// When there is neither, or the file is no regular one, cannot be read or is larger than 4 MiB.
+/// When neither exists, or the file is not regular, cannot be read or is larger than 4 MiB.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     read_by(Trust::Any, path)
 }
 
-/// The same of a file that must be worth that trust; a shipped copy always is.
+/// Returns the bytes of a file with the required protection. A shipped copy always has it.
 ///
 /// # Errors
-/// As [`read`], and when somebody else may write it.
+/// As [`read`], and when another user may write the file.
 pub fn read_by(trust: Trust, path: &Path) -> io::Result<Vec<u8>> {
     let file = match trust {
         Trust::Any => open(path),
         Trust::Guarded => guarded(path),
     };
     match file {
-        Ok(file) => at_most(LIMIT, file),
+        Ok(file) => at_most(MAX_SIZE, file),
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             shipped::file(path).map(<[u8]>::to_vec).ok_or(error)
         }
@@ -51,36 +50,36 @@ pub fn read_by(trust: Trust, path: &Path) -> io::Result<Vec<u8>> {
     }
 }
 
-/// Opens a regular file, or the file a link names, and waits for nothing: a pipe without a writer would keep
-/// its reader for ever, and opening a device can do things.
+/// Opens a regular file, also by a link. Other types are refused unopened: a pipe without a writer blocks its reader,
+/// and opening a device has side effects.
 ///
 /// # Errors
-/// When it cannot be opened, or is anything else than a regular file.
+/// When it cannot be opened, or is not a regular file.
 pub fn open(path: &Path) -> io::Result<File> {
-    is_regular(&fs::metadata(path)?)?;
+    check_regular(&fs::metadata(path)?)?;
     let file = OpenOptions::new().read(true).custom_flags(O_NONBLOCK | O_NOCTTY).open(path)?;
-    // Another one may stand there by now.
-    is_regular(&file.metadata()?)?;
+    // The file may have been replaced since.
+    check_regular(&file.metadata()?)?;
     Ok(file)
 }
 
-/// Reads `input` to its end, which must come within `most` bytes.
+/// Reads `input` to its end, at max_bytes `max_bytes`.
 ///
 /// # Errors
 /// When it cannot be read, or is longer.
-pub fn at_most(most: u64, input: impl Read) -> io::Result<Vec<u8>> {
+pub fn at_most(max_bytes: u64, input: impl Read) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    input.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
-    if u64::try_from(bytes.len()).is_ok_and(|length| length <= most) {
+    input.take(max_bytes.saturating_add(1)).read_to_end(&mut bytes)?;
+    if u64::try_from(bytes.len()).is_ok_and(|length| length <= max_bytes) {
         Ok(bytes)
     } else {
-        let reason = format!("larger than {} MiB", most >> 20);
+        let reason = format!("larger than {} MiB", max_bytes >> 20);
         Err(io::Error::new(io::ErrorKind::FileTooLarge, reason))
     }
 }
 
-/// Names what a file is that cannot be read as one.
-fn is_regular(found: &Metadata) -> io::Result<()> {
+/// Refuses a file that is not regular, and names its type.
+fn check_regular(found: &Metadata) -> io::Result<()> {
     let kind = found.file_type();
     let (error, what) = if kind.is_file() {
         return Ok(());
@@ -96,22 +95,22 @@ fn is_regular(found: &Metadata) -> io::Result<()> {
     Err(io::Error::new(error, format!("is a {what}, must be a regular file")))
 }
 
-/// A file that nobody else may write: the one that is open is the one that was looked at.
+/// Opens a file that no other user may write, and checks that it is the inspected one.
 fn guarded(path: &Path) -> io::Result<File> {
     let at_path = fs::symlink_metadata(path)?;
     if !at_path.is_symlink() {
-        is_regular(&at_path)?;
+        check_regular(&at_path)?;
     }
-    let found = Guarded::inspect(path)?;
+    let inspected = InspectedFile::inspect(path)?;
     let file = open(path)?;
-    found.recognise(&file.metadata()?)?;
+    inspected.verify(&file.metadata()?)?;
     Ok(file)
 }
 
-/// The same as text.
+/// Returns the text of a file with the required protection.
 ///
 /// # Errors
-/// As [`read_by`], in the words of a configuration.
+/// As [`read_by`], as a problem of a configuration.
 pub(super) fn text(trust: Trust, file: &Path) -> Result<String, Invalid> {
     let alone = |reason: String| {
         let file = file.to_path_buf();
@@ -121,7 +120,7 @@ pub(super) fn text(trust: Trust, file: &Path) -> Result<String, Invalid> {
     String::from_utf8(bytes).map_err(|error| alone(error.to_string()))
 }
 
-/// `name` as written in `file`, seen from that file's folder; `..` is resolved in the name alone.
+/// Resolves `name`, as written in `file`, from that file's folder. Links are not followed for `..`.
 pub fn beside(file: &Path, name: &str) -> PathBuf {
     let mut path = file.parent().unwrap_or(Path::new("")).to_path_buf();
     for part in Path::new(name).components() {
@@ -139,14 +138,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_name_is_seen_from_the_file_that_says_it() {
-        let seen = beside(Path::new("config/kraft_like.toml"), "../eds/frhc_drive.eds");
-        assert_eq!(seen, Path::new("eds/frhc_drive.eds"));
+    fn name_is_resolved_from_the_folder_of_its_file() {
+        let path = beside(Path::new("config/kraft_like.toml"), "../eds/frhc_drive.eds");
+        assert_eq!(path, Path::new("eds/frhc_drive.eds"));
         assert_eq!(beside(Path::new("/etc/frhc/a.toml"), "b.eds"), Path::new("/etc/frhc/b.eds"));
     }
 
     #[test]
-    fn what_is_not_there_is_not_found() {
+    fn missing_file_is_not_found() {
         assert_eq!(
             read(Path::new("config/none.toml")).unwrap_err().kind(),
             io::ErrorKind::NotFound

@@ -1,29 +1,28 @@
-//! Largest force on the hand that the drives' own timers allow: a master that dies leaves the last torques
-//! on the arm until they trip.
+//! Maximum force on the hand that the drives' own timers allow: after a failure of the master, drives hold their last
+//! torques until a timer trips.
 //!
-//! Everything that may be commanded at once lasts as long: what is reflected, return to centre and walls,
-//! soft stops. A free hand and grip of mass m, pushed by F for a time t, reaches F t / m; that must not be
-//! more than [`FASTEST`]. The weight of the arm is carried, so it pushes nothing. A damper d that is held
-//! slows the hand down, unless it turns it round: d t / m above 1 adds to the speed.
+//! All forces commanded at once last as long: reflection, return to centre and walls, soft stops. A force F accelerates
+//! a free hand and grip of mass m to F t / m in a time t, which must not exceed [`MAX_RUNAWAY_SPEED`]. Gravity
+//! compensation is in balance with the weight. A held damper d slows the hand, unless it reverses the motion: d t / m
+//! above 1 adds to the speed.
 
 use std::fmt;
 use std::time::Duration;
 
 use thiserror::Error;
 
-/// Speed of the hand that a force without its master may lead to, in m/s.
-pub const FASTEST: f64 = 0.5;
+/// Maximum speed of the hand until drives without a master stop, in m/s.
+pub const MAX_RUNAWAY_SPEED: f64 = 0.5;
 
-/// Time for which a force lasts where the drives' timers were not proven: until a person has let go and
-/// hit the emergency stop.
-pub const UNPROVEN: Duration = Duration::from_millis(250);
+/// Reaction time without a proof test of the drives' timers: until the operator has let go and hit the emergency stop.
+pub const UNPROVEN_REACTION_TIME: Duration = Duration::from_millis(250);
 
-/// The largest forces that may be commanded at the same time, and the hand they push.
+/// Maximum forces commanded at the same time, and the hand they act on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceCap {
-    /// The forces.
-    pub pushes: Pushes,
-    /// All dampers together, in N·s/m.
+    /// Maximum forces.
+    pub forces: Forces,
+    /// Sum of all dampers, in N·s/m.
     pub damping: f64,
     /// Speed at which the node stops the hand, in m/s.
     pub max_speed: f64,
@@ -33,8 +32,8 @@ pub struct ForceCap {
 
 /// Forces at the grip, in N.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pushes {
-    /// Sensed or by the virtual coupling: `[controller] max_force_n`.
+pub struct Forces {
+    /// Reflected, sensed or by the virtual coupling: `[controller] max_force_n`.
     pub reflected: f64,
     /// Return to centre and walls.
     pub centring: f64,
@@ -42,29 +41,29 @@ pub struct Pushes {
     pub soft_stops: f64,
 }
 
-impl Pushes {
-    /// Their sum, all along one line.
+impl Forces {
+    /// Returns their sum, as if all act along one line.
     pub fn total(&self) -> f64 {
         let Self { reflected, centring, soft_stops } = self;
         reflected + centring + soft_stops
     }
 
-    /// Returns the largest of them.
-    pub fn largest(&self) -> Push {
+    /// Returns the kind of the largest force.
+    pub fn largest(&self) -> ForceKind {
         let Self { reflected, centring, soft_stops } = *self;
         if reflected >= centring && reflected >= soft_stops {
-            Push::Reflected
+            ForceKind::Reflected
         } else if centring >= soft_stops {
-            Push::Centring
+            ForceKind::Centring
         } else {
-            Push::SoftStops
+            ForceKind::SoftStops
         }
     }
 }
 
-/// One of the forces of [`Pushes`].
+/// Kind of a force in [`Forces`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Push {
+pub enum ForceKind {
     /// Sensed or by the virtual coupling.
     Reflected,
     /// Return to centre and walls.
@@ -73,8 +72,8 @@ pub enum Push {
     SoftStops,
 }
 
-/// As in `43.5 N (max_force_n = 40, return to centre and walls 3.5)`.
-impl fmt::Display for Pushes {
+/// Writes the sum and its terms: `43.5 N (max_force_n = 40, return to centre and walls 3.5)`.
+impl fmt::Display for Forces {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { reflected, centring, soft_stops } = self;
         write!(f, "{:.1} N (max_force_n = {reflected}", self.total())?;
@@ -88,46 +87,46 @@ impl fmt::Display for Pushes {
     }
 }
 
-/// More force than the drives' timers allow.
+/// Force above the maximum that the drives' timers allow.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error(
-    "{pushes}{} for the {:.1} ms until a drive stops by itself would make {mass} kg of hand and grip \
-     {speed:.2} m/s fast, more than {FASTEST} m/s: at most {largest:.1} N in all",
-    dampers(.damping), millis(.lasting)
+    "{forces}{} for the {:.1} ms until a drive stops by itself would make {mass} kg of hand and grip \
+     {speed:.2} m/s fast, more than {MAX_RUNAWAY_SPEED} m/s: at most {max_force:.1} N in all",
+    dampers(.damping), millis(.reaction_time)
 )]
-pub struct TooMuchForce {
-    /// What was asked for.
-    pub pushes: Pushes,
-    /// Dampers that turn the hand round, in N·s/m; `None` where they only slow it down.
+pub struct ForceAboveCap {
+    /// Requested forces.
+    pub forces: Forces,
+    /// Dampers that reverse the motion of the hand, in N·s/m; `None` if they only slow it.
     pub damping: Option<f64>,
-    /// How long a drive may push by itself.
-    pub lasting: Duration,
-    /// In kg.
+    /// Time until a drive stops by itself.
+    pub reaction_time: Duration,
+    /// Mass of hand and grip, in kg.
     pub mass: f64,
-    /// The speed the hand would reach, in m/s.
+    /// Speed that the hand would reach, in m/s.
     pub speed: f64,
-    /// The sum that would be allowed, in N, rounded down to a tenth.
-    pub largest: f64,
+    /// Maximum sum of forces, in N, rounded down to a tenth.
+    pub max_force: f64,
 }
 
 impl ForceCap {
-    /// Allows the forces to last so long.
+    /// Checks the forces with a time until drives stop by themselves.
     ///
     /// # Errors
-    /// When the hand would become too fast; with the sum that would do.
-    pub fn allows(&self, lasting: Duration) -> Result<(), TooMuchForce> {
-        let Self { pushes, damping, max_speed, effective_mass: mass } = *self;
-        let seconds = lasting.as_secs_f64();
-        let turned_round = max_speed * (damping * seconds / mass - 1.0).max(0.0);
-        let speed = pushes.total() * seconds / mass + turned_round;
+    /// When the hand would exceed [`MAX_RUNAWAY_SPEED`]; with the maximum sum of forces.
+    pub fn check(&self, reaction_time: Duration) -> Result<(), ForceAboveCap> {
+        let Self { forces, damping, max_speed, effective_mass: mass } = *self;
+        let seconds = reaction_time.as_secs_f64();
+        let reversed = max_speed * (damping * seconds / mass - 1.0).max(0.0);
+        let speed = forces.total() * seconds / mass + reversed;
         // NaN allows nothing.
-        if mass > 0.0 && speed <= FASTEST {
+        if mass > 0.0 && speed <= MAX_RUNAWAY_SPEED {
             return Ok(());
         }
-        let left = (FASTEST - turned_round).max(0.0);
-        let largest = (left * mass / seconds * 10.0).floor() / 10.0;
-        let damping = (turned_round > 0.0).then_some(damping);
-        Err(TooMuchForce { pushes, damping, lasting, mass, speed, largest })
+        let left = (MAX_RUNAWAY_SPEED - reversed).max(0.0);
+        let max_force = (left * mass / seconds * 10.0).floor() / 10.0;
+        let damping = (reversed > 0.0).then_some(damping);
+        Err(ForceAboveCap { forces, damping, reaction_time, mass, speed, max_force })
     }
 }
 
@@ -146,16 +145,16 @@ mod tests {
     use super::*;
 
     fn cap(reflected: f64) -> ForceCap {
-        let pushes = Pushes { reflected, centring: 0.0, soft_stops: 0.0 };
-        ForceCap { pushes, damping: 0.0, max_speed: 1.0, effective_mass: 1.0 }
+        let forces = Forces { reflected, centring: 0.0, soft_stops: 0.0 };
+        ForceCap { forces, damping: 0.0, max_speed: 1.0, effective_mass: 1.0 }
     }
 
     #[test]
-    fn with_an_rpdo_timer_40_n_pass_and_with_a_heartbeat_alone_20_n() {
+    fn rpdo_timer_allows_40_n_and_heartbeat_alone_20_n() {
         let (rpdo, heartbeat) = (Duration::from_millis(6), Duration::from_millis(25));
-        assert_eq!(cap(40.0).allows(rpdo), Ok(()));
-        assert_eq!(cap(20.0).allows(heartbeat), Ok(()));
-        let refused = cap(40.0).allows(heartbeat).unwrap_err();
+        assert_eq!(cap(40.0).check(rpdo), Ok(()));
+        assert_eq!(cap(20.0).check(heartbeat), Ok(()));
+        let refused = cap(40.0).check(heartbeat).unwrap_err();
         assert_eq!(
             refused.to_string(),
             "40.0 N (max_force_n = 40) for the 25.0 ms until a drive stops by itself would make 1 kg of hand \
@@ -166,22 +165,22 @@ mod tests {
     #[test]
     fn promise_03_forces_that_last_together_count_together() {
         let heartbeat = Duration::from_millis(25);
-        let pushes = Pushes { reflected: 10.0, centring: 6.0, soft_stops: 5.0 };
-        let refused = ForceCap { pushes, ..cap(0.0) }.allows(heartbeat).unwrap_err();
+        let forces = Forces { reflected: 10.0, centring: 6.0, soft_stops: 5.0 };
+        let refused = ForceCap { forces, ..cap(0.0) }.check(heartbeat).unwrap_err();
         assert!(refused.to_string().starts_with(
             "21.0 N (max_force_n = 10, return to centre and walls 6.0, soft stops 5.0) for the 25.0 ms"
         ));
-        assert_eq!(refused.pushes.largest(), Push::Reflected);
-        let walls = Pushes { centring: 30.0, ..pushes };
-        assert_eq!(walls.largest(), Push::Centring);
-        assert_eq!(Pushes { soft_stops: 31.0, ..walls }.largest(), Push::SoftStops);
-        let enough = Pushes { reflected: 9.0, ..pushes };
-        assert_eq!(ForceCap { pushes: enough, ..cap(0.0) }.allows(heartbeat), Ok(()));
+        assert_eq!(refused.forces.largest(), ForceKind::Reflected);
+        let walls = Forces { centring: 30.0, ..forces };
+        assert_eq!(walls.largest(), ForceKind::Centring);
+        assert_eq!(Forces { soft_stops: 31.0, ..walls }.largest(), ForceKind::SoftStops);
+        let enough = Forces { reflected: 9.0, ..forces };
+        assert_eq!(ForceCap { forces: enough, ..cap(0.0) }.check(heartbeat), Ok(()));
     }
 
     #[test]
-    fn promise_03_damper_counts_once_it_turns_the_hand_round() {
-        let with = |damping| ForceCap { damping, ..cap(10.0) }.allows(Duration::from_millis(25));
+    fn promise_03_damper_counts_once_it_reverses_the_motion() {
+        let with = |damping| ForceCap { damping, ..cap(10.0) }.check(Duration::from_millis(25));
         assert_eq!((with(40.0), with(44.0)), (Ok(()), Ok(())));
         let refused = with(60.0).unwrap_err();
         assert!((refused.speed - 0.75).abs() < 1e-9);
@@ -189,31 +188,33 @@ mod tests {
     }
 
     #[test]
-    fn what_nobody_has_proven_may_hardly_be_felt() {
-        assert_eq!(cap(2.0).allows(UNPROVEN), Ok(()));
-        assert!(cap(2.1).allows(UNPROVEN).is_err());
+    fn unproven_timers_allow_2_n() {
+        assert_eq!(cap(2.0).check(UNPROVEN_REACTION_TIME), Ok(()));
+        assert!(cap(2.1).check(UNPROVEN_REACTION_TIME).is_err());
     }
 
     proptest! {
         #[test]
-        fn what_is_named_as_the_most_is_allowed(force in 0.1..1e4_f64, micros in 1..1_000_000_u64) {
-            let lasting = Duration::from_micros(micros);
-            if let Err(refused) = cap(force).allows(lasting) {
-                prop_assert!(refused.largest < force);
-                prop_assert!(cap(refused.largest).allows(lasting).is_ok());
+        fn named_maximum_force_is_allowed(force in 0.1..1e4_f64, micros in 1..1_000_000_u64) {
+            let reaction_time = Duration::from_micros(micros);
+            if let Err(refused) = cap(force).check(reaction_time) {
+                prop_assert!(refused.max_force < force);
+                prop_assert!(cap(refused.max_force).check(reaction_time).is_ok());
             }
         }
 
         #[test]
-        fn no_number_that_is_none_is_allowed(wrong in prop_oneof![Just(f64::NAN), Just(0.0), Just(-0.0)]) {
+        fn force_on_an_invalid_mass_is_refused(wrong in prop_oneof![Just(f64::NAN), Just(0.0), Just(-0.0)]) {
             let massless = ForceCap { effective_mass: wrong, ..cap(40.0) };
-            prop_assert!(massless.allows(Duration::from_millis(1)).is_err());
+            prop_assert!(massless.check(Duration::from_millis(1)).is_err());
         }
     }
 
     #[test]
-    fn forces_that_are_nan_are_not_allowed() {
-        assert!(cap(f64::NAN).allows(Duration::from_millis(1)).is_err());
-        assert!(ForceCap { damping: f64::INFINITY, ..cap(1.0) }.allows(UNPROVEN).is_err());
+    fn nan_forces_are_refused() {
+        assert!(cap(f64::NAN).check(Duration::from_millis(1)).is_err());
+        assert!(
+            ForceCap { damping: f64::INFINITY, ..cap(1.0) }.check(UNPROVEN_REACTION_TIME).is_err()
+        );
     }
 }

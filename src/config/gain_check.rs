@@ -1,9 +1,7 @@
-//! `gain_check`: the gains of a configuration, judged together with the device, the
-//! surfaces and the network it describes.
+//! `gain_check`: stability of a configuration's gains, with its device, surfaces and network.
 //!
-//! Only the description is made here; the inequalities stand in
-//! [`stability`](controller::stability). How late each torque is follows from the cycle of
-//! `node` and the exchange with the virtual object of `remote`:
+//! This file describes the loop; [`stability`](controller::stability) has the inequalities. The delay of each torque
+//! follows from the cycle of `node` and the exchange with the virtual object of `remote`:
 //!
 //! ```text
 //!  SYNC k      joints sampled    step k: damping and return of k; the object is commanded, and moves
@@ -48,15 +46,15 @@ const ACCOMMODATION_DELAY: u32 = 0;
 /// Distance from its centre at which the object touches a surface, in m: `k` then resists turning with `k r²`.
 const TOUCH_RADIUS: f64 = 0.02;
 
-/// Returns whether unstable gains make a configuration unfit; yes, unless it says `gain_check = "warn"`.
+/// Returns whether unstable gains are refused: yes, unless `gain_check = "warn"`.
 pub(super) fn refuses(raw: &raw::File, problems: &mut Problems<'_>) -> bool {
     let choices = [("refuse", true), ("warn", false)];
     let asked = raw.controller.gain_check.or("refuse".to_owned());
     problems.one_of(&asked, &choices).unwrap_or(true)
 }
 
-/// Notes what is refused: each inequality once, along axes and about them, for the worst of them.
-/// Silent where anything else is wrong, as the numbers may then mean nothing.
+/// Reports each violated inequality once, for the worst axis of translation and of rotation. Other problems suppress
+/// it, because the numbers may then be invalid.
 pub(super) fn check(
     config: &Parameters,
     refuses: bool,
@@ -82,13 +80,13 @@ pub(super) fn check(
 }
 
 impl Parameters {
-    /// Findings about the gains: every inequality of every axis, held or not.
+    /// Returns every inequality of every axis, held or violated.
     pub fn findings(&self) -> Vec<Finding> {
         axes(self).iter().flatten().flat_map(Axis::findings).collect()
     }
 }
 
-/// The one farthest from holding of the findings with the same name.
+/// Returns the most violated of the findings with the same name.
 fn worst_of_each(findings: &[Finding]) -> Vec<&Finding> {
     let is_worst = |finding: &&Finding| {
         let others = findings.iter().filter(|other| other.name == finding.name);
@@ -98,7 +96,7 @@ fn worst_of_each(findings: &[Finding]) -> Vec<&Finding> {
     findings.iter().filter(is_worst).collect()
 }
 
-/// Where the gain stands that a finding follows from.
+/// Returns the place of the gain that a finding follows from.
 fn place(culprit: Culprit, is_rotation: bool, raw: &raw::File) -> &Place {
     let raw::File { controller, remote, .. } = raw;
     let (tank, coupling) = (controller.tank.as_ref(), controller.virtual_coupling.as_ref());
@@ -118,12 +116,12 @@ fn place(culprit: Culprit, is_rotation: bool, raw: &raw::File) -> &Place {
     }
 }
 
-/// Where a key of a section stands; a gain of one that is absent is no culprit.
+/// Returns the place of a key, unless its section is absent.
 fn at<'r>(key: Option<&'r impl Placed>, controller: &'r raw::Controller) -> &'r Place {
     key.map_or_else(|| controller.place(), Placed::place)
 }
 
-/// The six axes of the grip, with everything that closes a loop over them.
+/// Returns the six axes of the grip, with all that closes a loop over them.
 #[expect(clippy::indexing_slicing, reason = "axes are numbered by an array of six")]
 fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
     // Where the arm is judged: as it is at the start.
@@ -174,7 +172,7 @@ fn axes(config: &Parameters) -> Result<[Axis; 6], Massless> {
     }))
 }
 
-/// The strongest damper of the tank, in N·s/m; it damps translations alone.
+/// Returns the maximum damping of the tank, in N·s/m; it damps translations only.
 fn tank_damping(config: &Parameters, is_rotation: bool) -> f64 {
     let tank = config.controller.extensions.tank.filter(|_| !is_rotation);
     tank.map_or(0.0, |tank| tank.max_damping())
@@ -188,7 +186,7 @@ fn resistances(config: &Parameters) -> [JointResistance; 6] {
     })
 }
 
-/// The stiffest surface there is; nothing where there is none.
+/// Returns the stiffest surface, or zero without a surface.
 fn stiffest(config: &Parameters) -> Impedance {
     let wall = config.remote.wall.map(|(.., contact)| contact);
     let block = config.remote.block.map(|(.., contact)| contact);

@@ -81,7 +81,7 @@ fn read_one(
     // A torque that is wrong is reported itself, not the curve up to it.
     let before = problems.count();
     let mut of = Units { kind, problems };
-    let max_speed = max_speed(joint, &plausibility::usual_speed(&raw.safety, kind), &mut of);
+    let max_speed = max_speed(joint, &plausibility::default_speed(&raw.safety, kind), &mut of);
     let actuator = joint_plant::actuator(joint, &mut of);
     let calibration =
         actuator.and_then(|actuator| calibration(joint, &actuator, before, of.problems));
@@ -106,7 +106,11 @@ fn read_one(
 /// Maximum speed, in rad/s or m/s: `usual` where the joint does not say.
 fn max_speed(joint: &raw::Joint, usual: &Value<f64>, of: &mut Units<'_, '_>) -> Option<f64> {
     let given = of.at_most_one(&joint.max_speed_rad_per_s, &joint.max_speed_m_per_s)?;
-    if given.is_absent() { usual.get() } else { of.problems.within(given, plausibility::SPEEDS) }
+    if given.is_absent() {
+        usual.get()
+    } else {
+        of.problems.within(given, plausibility::MAX_SPEED_RANGE)
+    }
 }
 
 /// The actuator as the controller uses it; silent about a curve where there have been problems since `before`.

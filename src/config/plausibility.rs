@@ -1,4 +1,4 @@
-//! `[safety]`, as far as it is about samples: bounds beyond which a sample is implausible.
+//! `[safety]`: bounds of plausible samples.
 
 use std::time::Duration;
 
@@ -12,34 +12,34 @@ use controller::arm::JointKind;
 pub struct Plausibility {
     /// Maximum speed of the grip, in m/s.
     pub max_grip_speed: f64,
-    /// Margin beyond the range of a joint that turns, in rad.
-    pub limit_margin_turning: f64,
-    /// The same of one that slides, in m.
-    pub limit_margin_sliding: f64,
-    /// By how much a drive's torque may differ from what it is told, in ‰ of rated torque.
+    /// Margin beyond the range of a revolute joint, in rad.
+    pub limit_margin_revolute: f64,
+    /// Margin beyond the range of a prismatic joint, in m.
+    pub limit_margin_prismatic: f64,
+    /// Maximum difference of actual (6077h) and target torque (6071h), in ‰ of rated torque.
     pub torque_tolerance: u16,
-    /// For how long it may differ by more.
+    /// Time for which a larger difference is tolerated.
     pub torque_differs: Duration,
-    /// For how long a position may stand still under torque.
+    /// Time for which a position may be constant under torque.
     pub frozen: Duration,
     /// Maximum share of a joint's samples missing within a second, in percent.
     pub max_missing_percent: u32,
 }
 
 impl Plausibility {
-    /// Margin beyond the range of a joint of this kind, in rad or m.
+    /// Returns the margin beyond the range of a joint of this kind, in rad or m.
     pub const fn limit_margin(&self, kind: JointKind) -> f64 {
         match kind {
-            JointKind::Revolute => self.limit_margin_turning,
-            JointKind::Prismatic => self.limit_margin_sliding,
+            JointKind::Revolute => self.limit_margin_revolute,
+            JointKind::Prismatic => self.limit_margin_prismatic,
         }
     }
 }
 
-/// The keys, or what they are without being written; `None` where a problem has been noted.
+/// Reads the bounds, with defaults for absent keys. Returns `None` after a problem.
 pub(super) fn read(raw: &raw::Safety, problems: &mut Problems<'_>) -> Option<Plausibility> {
     for kind in [JointKind::Revolute, JointKind::Prismatic] {
-        problems.within(&usual_speed(raw, kind), SPEEDS);
+        problems.within(&default_speed(raw, kind), MAX_SPEED_RANGE);
     }
     let differs_ms = problems.within(&raw.torque_differs_ms.or(50), 1..=1_000);
     let frozen_ms = problems.within(&raw.frozen_ms.or(500), 10..=10_000);
@@ -50,8 +50,8 @@ pub(super) fn read(raw: &raw::Safety, problems: &mut Problems<'_>) -> Option<Pla
     let missing = problems.within(&raw.max_missing_percent.or(5), 1..=50);
     Some(Plausibility {
         max_grip_speed: grip?,
-        limit_margin_turning: turning?,
-        limit_margin_sliding: sliding?,
+        limit_margin_revolute: turning?,
+        limit_margin_prismatic: sliding?,
         torque_tolerance: tolerance?,
         torque_differs: Duration::from_millis(differs_ms?),
         frozen: Duration::from_millis(frozen_ms?),
@@ -59,13 +59,13 @@ pub(super) fn read(raw: &raw::Safety, problems: &mut Problems<'_>) -> Option<Pla
     })
 }
 
-/// Maximum speed of a joint of a kind, in rad/s or m/s, where the joint itself does not say.
-pub(super) fn usual_speed(raw: &raw::Safety, kind: JointKind) -> Value<f64> {
+/// Returns the default maximum speed of a joint of this kind, in rad/s or m/s.
+pub(super) fn default_speed(raw: &raw::Safety, kind: JointKind) -> Value<f64> {
     match kind {
         JointKind::Revolute => raw.max_joint_speed_rad_per_s.or(10.0),
         JointKind::Prismatic => raw.max_joint_speed_m_per_s.or(1.0),
     }
 }
 
-/// Speeds that a joint may be allowed, in rad/s or m/s.
-pub(super) const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
+/// Range of a joint's maximum speed, in rad/s or m/s.
+pub(super) const MAX_SPEED_RANGE: std::ops::RangeInclusive<f64> = 0.01..=100.0;

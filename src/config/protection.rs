@@ -5,9 +5,9 @@
 use std::time::Duration;
 
 use crate::force_cap::ForceCap;
-use crate::force_cap::Push;
-use crate::force_cap::Pushes;
-use crate::force_cap::UNPROVEN;
+use crate::force_cap::ForceKind;
+use crate::force_cap::Forces;
+use crate::force_cap::UNPROVEN_REACTION_TIME;
 use crate::parameters::Parameters;
 use crate::problem::Problems;
 use crate::raw;
@@ -40,13 +40,13 @@ impl Parameters {
         let by_capacity =
             || hand.by_actuators(&(calibration.max_torques() * assist_fraction.share()));
         let centring = if by_law > WEAK { by_law.min(by_capacity()) } else { by_law };
-        let pushes = Pushes {
+        let forces = Forces {
             reflected: self.controller.reflection.max_force(),
             centring,
             soft_stops: extensions.soft_stops.map_or(0.0, |stops| hand.by_soft_stops(&stops)),
         };
         ForceCap {
-            pushes,
+            forces,
             damping: self.strongest_damping(),
             max_speed: self.plausibility.max_grip_speed,
             effective_mass: mass,
@@ -83,26 +83,27 @@ const WEAK: f64 = 5.0;
 pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     let plans = config.node_plans();
     let drives = plans.iter().map(|(_, plan)| plan).filter(|plan| plan.is_drive());
-    let lasting = if config.safety.protection.proves_drives {
-        drives.map(longest).max().unwrap_or(UNPROVEN)
+    let reaction_time = if config.safety.protection.proves_drives {
+        drives.map(longest).max().unwrap_or(UNPROVEN_REACTION_TIME)
     } else {
-        UNPROVEN
+        UNPROVEN_REACTION_TIME
     };
     let cap = config.force_cap();
     let given = &raw.controller;
-    let place = match (cap.pushes.largest(), &given.soft_stops) {
-        (Push::Reflected, _) => given.max_force_n.place(),
-        (Push::Centring, _) => given.centring_n.place(),
-        (Push::SoftStops, Some(stops)) => stops.push.place(),
-        (Push::SoftStops, None) => given.place(),
+    let place = match (cap.forces.largest(), &given.soft_stops) {
+        (ForceKind::Reflected, _) => given.max_force_n.place(),
+        (ForceKind::Centring, _) => given.centring_n.place(),
+        (ForceKind::SoftStops, Some(stops)) => stops.push.place(),
+        (ForceKind::SoftStops, None) => given.place(),
     };
-    problems.take(place, cap.allows(lasting));
+    problems.take(place, cap.check(reaction_time));
 }
 
 /// Maximum time that a drive goes on without its master, by its plan: the quicker of its timers stops it.
 fn longest(plan: &NodePlan) -> Duration {
     let timers = [Awaited::Rpdo, Awaited::Heartbeat].into_iter();
     let timers = timers.filter_map(|awaited| plan.watchdog(awaited));
-    let lasting = timers.map(|dog| Duration::from_millis(dog.millis.into()) + grain(dog.awaited));
-    lasting.min().unwrap_or(UNPROVEN)
+    let reaction_time =
+        timers.map(|dog| Duration::from_millis(dog.millis.into()) + grain(dog.awaited));
+    reaction_time.min().unwrap_or(UNPROVEN_REACTION_TIME)
 }

@@ -1,4 +1,4 @@
-//! Where the arm starts: no motor may be too weak to hold it there.
+//! Check of the start position: every motor must be able to hold the arm there.
 
 use crate::parameters::Parameters;
 use crate::problem::Problems;
@@ -6,22 +6,22 @@ use crate::raw;
 use controller::JointVector;
 use controller::arm::JointKind;
 
-/// The weight of the arm at its start must leave every actuator within its capacity.
+/// Checks that holding the weight at the start position stays within each actuator's maximum torque.
 pub(super) fn check(config: &Parameters, raw: &raw::File, problems: &mut Problems<'_>) {
     let controller = &config.controller;
     let q = JointVector::from(config.joints.each_ref().map(|joint| joint.plant.start));
     let tau = controller.arm.gravity(&controller.arm.posture(&q));
     let needed = controller.calibration.coupling().at_actuators(&tau);
     for ((joint, needed), raw) in config.joints.iter().zip(needed.iter()).zip(raw.joint.all()) {
-        let (needed, most) = (needed.abs(), joint.plant.actuator.max_torque);
-        // NaN is none that can be held.
-        if needed > most || needed.is_nan() {
+        let (needed, max) = (needed.abs(), joint.plant.actuator.max_torque);
+        // NaN cannot be held.
+        if needed > max || needed.is_nan() {
             let (given, unit) = match joint.plant.link.kind {
                 JointKind::Revolute => (&raw.max_torque_nm, "N·m"),
                 JointKind::Prismatic => (&raw.max_force_n, "N"),
             };
             let reason = format!(
-                "must hold the arm at its start: {needed:.2} {unit} are needed, got {most} {unit}; choose \
+                "must hold the arm at its start: {needed:.2} {unit} are needed, got {max} {unit}; choose \
                  another start or motor"
             );
             problems.add(given, reason);

@@ -1,4 +1,4 @@
-//! Wiring of the switch box: which bit of its inputs (CiA 401, 6000h:1) is which of the operator's switches.
+//! Wiring of the switch box: assignment of its input bits (CiA 401, 6000h:1) to the operator's switches.
 
 /// State of the operator's switches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -7,20 +7,20 @@ pub struct SwitchInputs {
     pub deadman_a: bool,
     /// Bit 1: second channel, antivalent: *clear* while it is pressed.
     pub deadman_b: bool,
-    /// Bit 2: the reference (index) button.
+    /// Bit 2: reference (index) button.
     pub reference: bool,
-    /// Bit 3: reflection of forces is wanted.
+    /// Bit 3: switch of force reflection.
     pub reflection: bool,
 }
 
-/// What the two channels of the deadman say together.
+/// State of the deadman by both channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Deadman {
-    /// Both say pressed.
+    /// Both channels pressed.
     Pressed,
-    /// Both say released.
+    /// Both channels released.
     Released,
-    /// They disagree: moving for a moment, broken if it lasts.
+    /// Channels disagree: in motion for a moment, a fault if it lasts.
     Disagreeing,
 }
 
@@ -43,7 +43,7 @@ impl SwitchInputs {
             | u8::from(self.reflection) << 3
     }
 
-    /// Whether the deadman is pressed, by both its channels.
+    /// Returns the state of the deadman by both channels.
     pub const fn deadman(&self) -> Deadman {
         match (self.deadman_a, self.deadman_b) {
             (true, false) => Deadman::Pressed,
@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_wire_never_reads_as_a_pressed_deadman() {
+    fn broken_wire_never_reads_as_a_pressed_deadman() {
         for bits in 0..16 {
             let inputs = SwitchInputs::from_bits(bits);
             assert_eq!(inputs.deadman() == Deadman::Pressed, bits & 3 == 1);

@@ -1,20 +1,20 @@
-//! Measured joint torques as a text file, one reading a line (4.2): what a torque curve is fitted to.
+//! Measured joint torques as a text file, one reading per line: input of the fit of a torque curve (paper, 4.2).
 //!
 //! ```text
-//! # load cell 20 N on a lever arm of 300 mm, 2026-03-02        lines that say where it comes from
-//! joint,direction,per_mille,torque_nm                          names of the columns, in any order
+//! # load cell 20 N on a lever arm of 300 mm, 2026-03-02        comments: provenance of the data
+//! joint,direction,per_mille,torque_nm                          column names, in any order
 //! azimuth,up,120,0.883
 //! ```
 //!
-//! | column      | what                                                                         |
+//! | column      | content                                                                       |
 //! |-------------|------------------------------------------------------------------------------|
-//! | `joint`     | its name or its number                                                       |
-//! | `direction` | which way it was driven: `up` or `+1` when its torque rose, `down` or `-1`   |
-//! | `per_mille` | the target torque (6071h), a whole number                                    |
-//! | `torque_nm` | what was measured at the joint, in N·m; `force_n` in N for sliding joints    |
-//! | `date`      | when, if wanted; kept as it is                                               |
+//! | `joint`     | name or number of the joint                                                  |
+//! | `direction` | direction of the torque change: `up` or `+1` when rising, `down` or `-1`     |
+//! | `per_mille` | target torque (6071h) in ‰ of rated torque, an integer                       |
+//! | `torque_nm` | measured joint torque in N·m; `force_n` in N for prismatic joints            |
+//! | `date`      | date of the measurement, optional, any text                                  |
 //!
-//! Fields may be quoted as spreadsheets do, `"left, arm"`, a quote inside doubled; not over several lines.
+//! Fields may be quoted as in spreadsheets, `"left, arm"`, with doubled quotes inside, but not over several lines.
 
 use std::fmt;
 use std::path::Path;
@@ -27,28 +27,28 @@ use crate::trust::Trust;
 use controller::fit::Direction;
 use controller::fit::Sample;
 
-/// Problems that are told; a file that is wrong all over is told so by its first lines.
-const TOLD: usize = 20;
+/// Maximum number of reported problems.
+const MAX_PROBLEMS: usize = 20;
 
-/// The readings of one file.
+/// Readings of one file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TorqueData {
-    /// Its comment lines.
+    /// Comment lines, without `#`.
     pub provenance: Vec<String>,
-    /// Every date in it, once, in order of appearance.
+    /// Distinct dates, in order of appearance.
     pub dates: Vec<String>,
-    /// Whether forces of sliding joints were measured, in N, not torques in N·m.
+    /// Readings are forces of prismatic joints in N, not torques in N·m.
     pub is_force: bool,
-    /// Every joint in it, in order of appearance.
+    /// Joints, in order of appearance.
     pub joints: Vec<Measured>,
 }
 
-/// The readings of one joint.
+/// Readings of one joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
-    /// Its name or number, as it is written.
+    /// Name or number, as written.
     pub joint: String,
-    /// At least one.
+    /// Readings, at least one.
     pub samples: Vec<Sample>,
 }
 
@@ -56,12 +56,12 @@ impl TorqueData {
     /// Reads a file.
     ///
     /// # Errors
-    /// What is wrong with it, by line and column; the first 20 problems.
+    /// The first 20 problems of the file, with line and column.
     pub fn load(file: &Path) -> Result<Self, Invalid> {
         Self::parse(file, &files::text(Trust::Any, file)?)
     }
 
-    /// Reads `text`, which stands in `file`.
+    /// Parses `text`, the content of `file`.
     ///
     /// # Errors
     /// As [`load`](Self::load).
@@ -71,8 +71,8 @@ impl TorqueData {
         let mut header: Option<Vec<Column>> = None;
         for line in text.trim_start_matches('\u{feff}').lines() {
             reader.line += 1;
-            if reader.problems.len() >= TOLD {
-                reader.problem("", "more is wrong; the rest was not read");
+            if reader.problems.len() >= MAX_PROBLEMS {
+                reader.problem("", "more than 20 problems; the rest was not read");
                 break;
             }
             if line.contains(|c: char| c.is_control() && c != '\t') {
@@ -80,7 +80,7 @@ impl TorqueData {
             } else if let Some(comment) = line.trim_start().strip_prefix('#') {
                 data.provenance.push(comment.trim().to_owned());
             } else if line.trim().is_empty() {
-                // A blank line says nothing.
+                // Blank lines separate.
             } else if let Some(columns) = &header {
                 data.add(reader.row(columns, line));
             } else {
@@ -91,7 +91,7 @@ impl TorqueData {
         }
         reader.line = 0;
         if reader.problems.is_empty() && data.joints.is_empty() {
-            reader.problem("", "no reading in it");
+            reader.problem("", "must have at least one reading");
         }
         if reader.problems.is_empty() { Ok(data) } else { Err(Invalid(reader.problems)) }
     }
@@ -108,7 +108,7 @@ impl TorqueData {
     }
 }
 
-/// As [`TorqueData::parse`] reads it; dates are left out.
+/// Writes the format of [`TorqueData::parse`], without dates.
 impl fmt::Display for TorqueData {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for comment in &self.provenance {
@@ -127,7 +127,7 @@ impl fmt::Display for TorqueData {
     }
 }
 
-/// A field as it is written: in quotes where it has a comma or a quote, or would begin a comment.
+/// Returns a field as written: quoted if it contains a comma or a quote, or would begin a comment.
 fn quoted(field: &str) -> Option<String> {
     let mut writer = csv::WriterBuilder::new().comment(Some(b'#')).from_writer(Vec::new());
     writer.write_record([field]).ok()?;
@@ -135,7 +135,7 @@ fn quoted(field: &str) -> Option<String> {
     line.strip_suffix('\n').map(str::to_owned)
 }
 
-/// The fields of a line, without quotes and the blanks around them; `None` where a quote is not closed.
+/// Returns the fields of a line without quotes and surrounding blanks, or `None` if a quote is not closed.
 fn fields(line: &str) -> Option<Vec<String>> {
     let is_closed = line.matches('"').count().is_multiple_of(2);
     let mut reader = csv::ReaderBuilder::new();
@@ -144,7 +144,7 @@ fn fields(line: &str) -> Option<Vec<String>> {
     Some(record.iter().map(str::to_owned).collect())
 }
 
-/// What a column is.
+/// Column of the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Column {
     Joint,
@@ -178,10 +178,10 @@ struct Row {
     sample: Sample,
 }
 
-/// Reads lines and notes what is wrong with them.
+/// Parser of lines that collects their problems.
 struct Reader {
     file: PathBuf,
-    /// The line at hand, from 1; 0 for the file as a whole.
+    /// Current line, from 1; 0 for the file as a whole.
     line: usize,
     problems: Vec<Problem>,
 }
@@ -196,7 +196,7 @@ impl Reader {
         });
     }
 
-    /// The columns; `None` if they are not those of readings.
+    /// Parses the column names. Returns `None` if some are missing, repeated or unknown.
     fn header(&mut self, line: &str) -> Option<Vec<Column>> {
         let before = self.problems.len();
         let names = self.fields(line)?;
@@ -211,7 +211,7 @@ impl Reader {
         for name in names.iter().map(String::as_str) {
             match Column::ALL.into_iter().find(|column| column.name() == name) {
                 Some(column) if columns.contains(&column) => {
-                    self.problem(name, "stands there twice");
+                    self.problem(name, "must appear once, got it twice");
                 }
                 Some(column) => columns.push(column),
                 None => self.problem(name, "unknown column; columns are separated by commas"),
@@ -223,7 +223,7 @@ impl Reader {
             }
         }
         if columns.contains(&Column::Torque) == columns.contains(&Column::Force) {
-            self.problem("", "either a column `torque_nm` or a column `force_n` is needed");
+            self.problem("", "must have either a column `torque_nm` or a column `force_n`");
         }
         (self.problems.len() == before).then_some(columns)
     }
@@ -240,7 +240,7 @@ impl Reader {
         let fields = self.fields(line)?;
         if fields.len() != columns.len() {
             let (found, wanted) = (fields.len(), columns.len());
-            self.problem("", format_args!("{found} fields, and the columns are {wanted}"));
+            self.problem("", format_args!("must have {wanted} fields, got {found}"));
             return None;
         }
         let (mut joint, mut date) = (None, None);
@@ -260,7 +260,7 @@ impl Reader {
 
     fn joint(&mut self, field: &str) -> Option<String> {
         if field.is_empty() {
-            self.problem(Column::Joint.name(), "no name");
+            self.problem(Column::Joint.name(), "must not be empty");
         }
         (!field.is_empty()).then(|| field.to_owned())
     }
@@ -270,7 +270,7 @@ impl Reader {
             "up" | "+1" | "1" => Some(Direction::Up),
             "down" | "-1" => Some(Direction::Down),
             other => {
-                let reason = format_args!("`{other}` is none of up, +1, down, -1");
+                let reason = format_args!("must be up, +1, down or -1, got `{other}`");
                 self.problem(Column::Direction.name(), reason);
                 None
             }
@@ -280,7 +280,7 @@ impl Reader {
     fn per_mille(&mut self, field: &str) -> Option<f64> {
         let whole = field.parse::<i16>();
         if whole.is_err() {
-            let reason = format_args!("`{field}` is no whole number within -32768 and 32767");
+            let reason = format_args!("must be an integer within -32768..=32767, got `{field}`");
             self.problem(Column::PerMille.name(), reason);
         }
         whole.ok().map(f64::from)
@@ -289,7 +289,7 @@ impl Reader {
     fn torque(&mut self, column: Column, field: &str) -> Option<f64> {
         let number = field.parse::<f64>().ok().filter(|number| number.is_finite());
         if number.is_none() {
-            self.problem(column.name(), format_args!("`{field}` is no finite number"));
+            self.problem(column.name(), format_args!("must be a finite number, got `{field}`"));
         }
         number
     }
@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_as_spreadsheets_write_it_is_read() {
+    fn file_of_a_spreadsheet_is_read() {
         let text = "\u{feff}# load cell 20 N\r\n\r\ndate,joint,per_mille,direction,force_n\r\n\
             2026-03-02,grip,-120,-1,-0.5\r\n, 7 ,130,up,+0.75\r\n2026-03-02,grip,1,+1,1e-2\r\n";
         let data = parse(text).unwrap();
@@ -323,20 +323,20 @@ mod tests {
     }
 
     #[test]
-    fn every_problem_names_its_line_and_column_and_all_are_told() {
+    fn every_problem_is_reported_with_line_and_column() {
         let text = "joint,direction,per_mille,torque_nm\n,up,1,1\na,left,1.5,inf\na,up,1\n";
         assert_eq!(
             parse(text).unwrap_err(),
-            "a.csv:2: joint: no name\n\
-             a.csv:3: direction: `left` is none of up, +1, down, -1\n\
-             a.csv:3: per_mille: `1.5` is no whole number within -32768 and 32767\n\
-             a.csv:3: torque_nm: `inf` is no finite number\n\
-             a.csv:4: 3 fields, and the columns are 4"
+            "a.csv:2: joint: must not be empty\n\
+             a.csv:3: direction: must be up, +1, down or -1, got `left`\n\
+             a.csv:3: per_mille: must be an integer within -32768..=32767, got `1.5`\n\
+             a.csv:3: torque_nm: must be a finite number, got `inf`\n\
+             a.csv:4: must have 4 fields, got 3"
         );
     }
 
     #[test]
-    fn a_header_must_name_what_is_needed_once() {
+    fn header_names_each_required_column_once() {
         let error = parse("# x\njoint;direction;per_mille;torque_nm\na;up;1;1\n").unwrap_err();
         assert!(error.starts_with("a.csv:2: expected the columns joint, "), "{error}");
         assert_eq!(error.lines().count(), 1, "one mistake, one line");
@@ -346,7 +346,7 @@ mod tests {
         let both = parse("joint,direction,per_mille,torque_nm,force_n\n").unwrap_err();
         assert!(both.contains("either"), "{both}");
         let twice = parse("joint,joint,direction,per_mille,torque_nm\n").unwrap_err();
-        assert_eq!(twice, "a.csv:1: joint: stands there twice");
+        assert_eq!(twice, "a.csv:1: joint: must appear once, got it twice");
     }
 
     #[test]
@@ -361,16 +361,16 @@ mod tests {
     }
 
     #[test]
-    fn a_file_without_readings_or_wrong_all_over_is_told_in_few_lines() {
-        assert_eq!(parse("").unwrap_err(), "a.csv: no reading in it");
+    fn empty_or_invalid_file_is_reported_in_few_lines() {
+        assert_eq!(parse("").unwrap_err(), "a.csv: must have at least one reading");
         let text = format!("joint,direction,per_mille,torque_nm\n{}", "a,up,1,x\n".repeat(999));
-        assert_eq!(parse(&text).unwrap_err().lines().count(), TOLD + 1);
+        assert_eq!(parse(&text).unwrap_err().lines().count(), MAX_PROBLEMS + 1);
         assert!(parse("joint,direction,per_mille,torque_nm\na\u{7},up,1,1\n").is_err());
     }
 
     proptest! {
         #[test]
-        fn what_is_written_is_read_again(
+        fn written_readings_are_read_back(
             readings in prop::collection::vec((0..3_u8, any::<i16>(), -9.0..9.0_f64, any::<bool>()), 1..50)
         ) {
             let mut data = TorqueData { provenance: vec!["from, a # test".into()], ..TorqueData::default() };

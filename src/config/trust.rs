@@ -1,8 +1,7 @@
-//! Whose word a file is. What others may write is theirs, and drives are told nothing on the word of others.
+//! Write permissions of configuration files: a file that drives are set up from must not be writable by other users.
 //!
-//! A file writable by its group is refused only where the group has other members for all we know: by the
-//! custom of private groups one that has its owner's number has none, and checkouts with a umask of 002 are
-//! full of those.
+//! Files writable by their group are refused unless the group is private. By convention a group with the number of its
+//! owner has no other members; checkouts with a umask of 002 have many such files.
 
 use std::fs;
 use std::fs::Metadata;
@@ -13,105 +12,105 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-/// Which files are read at all.
+/// Required write protection of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trust {
-    /// Every one: nothing moves by it.
+    /// None, for commands that move nothing.
     #[default]
     Any,
-    /// Those that nobody else may write: drives are told what they say.
+    /// Not writable by other users, for commands that configure drives.
     Guarded,
 }
 
-/// Why a file is not read.
+/// Reason to refuse a file.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum Distrusted {
-    /// Whoever may write the link decides what is read.
+pub enum Untrusted {
+    /// Symbolic link: its writer selects the file.
     #[error("is a symbolic link: name the file itself, or say --insecure")]
     Link,
-    /// A pipe or a device says something else each time.
+    /// Pipe or device, with different content at each reading.
     #[error("is no regular file: name one, or say --insecure")]
     Irregular,
-    /// Its mode lets everybody write it.
+    /// Writable by all users.
     #[error("anyone may write it (mode {mode:04o}): chmod o-w it, or say --insecure")]
-    AnyonesFile {
-        /// Its permissions.
+    WorldWritableFile {
+        /// Permission bits.
         mode: u32,
     },
-    /// Its mode lets a group write it that is not its owner's own.
+    /// Writable by a group that is not private to its owner.
     #[error("its group may write it (mode {mode:04o}): chmod g-w it, or say --insecure")]
-    GroupsFile {
-        /// Its permissions.
+    GroupWritableFile {
+        /// Permission bits.
         mode: u32,
     },
-    /// A folder on the way to it lets everybody put another one in its place.
+    /// Replaceable by all users, in a folder of its path.
     #[error("anyone may write {folder} (mode {mode:04o}): chmod o-w it, or say --insecure")]
-    AnyonesFolder {
-        /// Which.
+    WorldWritableFolder {
+        /// Writable folder.
         folder: PathBuf,
-        /// Its permissions.
+        /// Permission bits.
         mode: u32,
     },
-    /// It belongs to another user, who may write it whatever its mode says.
+    /// Owned by another user, who can change its mode.
     #[error(
         "{}belongs to user {uid}, must belong to root or to user {own}: chown it, or say --insecure",
         folder_of(.folder.as_deref())
     )]
-    Stranger {
-        /// A folder on the way to the file; `None` for the file itself.
+    ForeignOwner {
+        /// Folder of its path; `None` for the file itself.
         folder: Option<PathBuf>,
-        /// Its owner.
+        /// User id of the owner.
         uid: u32,
-        /// Who runs the program.
+        /// User id of this process.
         own: u32,
     },
-    /// Between two looks it became another file.
+    /// Replaced between its inspection and its opening.
     #[error("was replaced while it was opened")]
     Replaced,
 }
 
-impl From<Distrusted> for io::Error {
-    fn from(reason: Distrusted) -> Self {
+impl From<Untrusted> for io::Error {
+    fn from(reason: Untrusted) -> Self {
         Self::new(io::ErrorKind::PermissionDenied, reason)
     }
 }
 
-/// What stood at a path, to be recognised once it is open.
+/// Identity of an inspected file, to be compared once it is open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Guarded {
+pub(super) struct InspectedFile {
     device: u64,
     inode: u64,
 }
 
-impl Guarded {
-    /// Looks at a path and the folders on the way, opening nothing: a pipe would wait for its writer.
+impl InspectedFile {
+    /// Inspects a file and the folders of its path without opening them: opening a pipe waits for its writer.
     ///
     /// # Errors
-    /// When somebody else may write one of them, or it cannot be looked at.
+    /// When another user may write one of them, or its metadata cannot be read.
     pub(super) fn inspect(path: &Path) -> io::Result<Self> {
         let found = fs::symlink_metadata(path)?;
-        judge_file(&found)?;
+        check_file(&found)?;
         let owners = Owners::known();
-        owners.judge(None, found.uid())?;
+        owners.check(None, found.uid())?;
         let here = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         let folder = fs::canonicalize(here.unwrap_or(Path::new(".")))?;
         for folder in folder.ancestors() {
             let found = fs::metadata(folder)?;
-            judge_folder(folder, found.mode())?;
-            owners.judge(Some(folder), found.uid())?;
+            check_folder(folder, found.mode())?;
+            owners.check(Some(folder), found.uid())?;
         }
         Ok(Self { device: found.dev(), inode: found.ino() })
     }
 
-    /// Whether what was opened is what was looked at, and still nobody else's.
+    /// Checks that the opened file is the inspected one and still protected.
     ///
     /// # Errors
-    /// When it is not.
-    pub(super) fn recognise(self, opened: &Metadata) -> Result<(), Distrusted> {
+    /// When it is another file, or writable by other users.
+    pub(super) fn verify(self, opened: &Metadata) -> Result<(), Untrusted> {
         if (opened.dev(), opened.ino()) != (self.device, self.inode) {
-            return Err(Distrusted::Replaced);
+            return Err(Untrusted::Replaced);
         }
-        judge_file(opened)
+        check_file(opened)
     }
 }
 
@@ -119,8 +118,8 @@ fn folder_of(folder: Option<&Path>) -> String {
     folder.map(|folder| format!("{} ", folder.display())).unwrap_or_default()
 }
 
-/// Users whose files are believed: root, who runs the program, and the owner of the program itself, who could
-/// change what it does.
+/// Trusted owners of files: root, the user of this process, and the owner of its executable, who could change its
+/// behaviour.
 #[derive(Clone, Copy, Debug)]
 struct Owners {
     own: u32,
@@ -134,42 +133,42 @@ impl Owners {
         Self { own, program }
     }
 
-    fn judge(self, folder: Option<&Path>, uid: u32) -> Result<(), Distrusted> {
+    fn check(self, folder: Option<&Path>, uid: u32) -> Result<(), Untrusted> {
         let Self { own, program } = self;
         if [0, own, program].contains(&uid) {
             Ok(())
         } else {
-            Err(Distrusted::Stranger { folder: folder.map(Path::to_path_buf), uid, own })
+            Err(Untrusted::ForeignOwner { folder: folder.map(Path::to_path_buf), uid, own })
         }
     }
 }
 
-fn judge_file(file: &Metadata) -> Result<(), Distrusted> {
+fn check_file(file: &Metadata) -> Result<(), Untrusted> {
     if file.is_symlink() {
-        return Err(Distrusted::Link);
+        return Err(Untrusted::Link);
     }
     if !file.is_file() {
-        return Err(Distrusted::Irregular);
+        return Err(Untrusted::Irregular);
     }
-    judge_mode(file.mode(), file.uid() == file.gid())
+    check_mode(file.mode(), file.uid() == file.gid())
 }
 
-fn judge_mode(mode: u32, group_is_private: bool) -> Result<(), Distrusted> {
+fn check_mode(mode: u32, group_is_private: bool) -> Result<(), Untrusted> {
     let mode = mode & PERMISSIONS;
     if mode & OTHERS_WRITE != 0 {
-        Err(Distrusted::AnyonesFile { mode })
+        Err(Untrusted::WorldWritableFile { mode })
     } else if mode & GROUP_WRITES != 0 && !group_is_private {
-        Err(Distrusted::GroupsFile { mode })
+        Err(Untrusted::GroupWritableFile { mode })
     } else {
         Ok(())
     }
 }
 
-/// In a folder like /tmp everybody may put files, but nobody may replace those of others.
-fn judge_folder(folder: &Path, mode: u32) -> Result<(), Distrusted> {
+/// Refuses a world-writable folder without the sticky bit. With it (/tmp) only owners can replace their files.
+fn check_folder(folder: &Path, mode: u32) -> Result<(), Untrusted> {
     let mode = mode & PERMISSIONS;
     if mode & OTHERS_WRITE != 0 && mode & STICKY == 0 {
-        return Err(Distrusted::AnyonesFolder { folder: folder.to_path_buf(), mode });
+        return Err(Untrusted::WorldWritableFolder { folder: folder.to_path_buf(), mode });
     }
     Ok(())
 }
@@ -184,14 +183,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn hazard_18_what_others_may_write_is_refused_whatever_else_its_mode_is() {
+    fn hazard_18_file_writable_by_others_is_refused_in_every_mode() {
         for mode in 0..=0o777 {
-            let of = |private| judge_mode(0o100_000 | mode, private);
-            let anyones = Err(Distrusted::AnyonesFile { mode });
-            let groups = Err(Distrusted::GroupsFile { mode });
+            let of = |private| check_mode(0o100_000 | mode, private);
+            let world = Err(Untrusted::WorldWritableFile { mode });
+            let group = Err(Untrusted::GroupWritableFile { mode });
             match (mode & OTHERS_WRITE != 0, mode & GROUP_WRITES != 0) {
-                (true, _) => assert_eq!((of(true), of(false)), (anyones.clone(), anyones)),
-                (false, true) => assert_eq!((of(true), of(false)), (Ok(()), groups)),
+                (true, _) => assert_eq!((of(true), of(false)), (world.clone(), world)),
+                (false, true) => assert_eq!((of(true), of(false)), (Ok(()), group)),
                 (false, false) => assert_eq!((of(true), of(false)), (Ok(()), Ok(()))),
             }
         }
@@ -200,22 +199,22 @@ mod tests {
     #[test]
     fn hazard_18_files_of_other_users_are_refused() {
         let (folder, root) = (Path::new("/srv"), Owners { own: 0, program: 0 });
-        assert_eq!(root.judge(None, 0), Ok(()));
+        assert_eq!(root.check(None, 0), Ok(()));
         assert_eq!(
-            root.judge(Some(folder), 1_000).unwrap_err().to_string(),
+            root.check(Some(folder), 1_000).unwrap_err().to_string(),
             "/srv belongs to user 1000, must belong to root or to user 0: chown it, or say --insecure"
         );
         let engineer = Owners { own: 1_000, program: 500 };
-        assert!([0, 500, 1_000].iter().all(|uid| engineer.judge(None, *uid).is_ok()));
-        assert!([1, 501, 1_001, u32::MAX].iter().all(|uid| engineer.judge(None, *uid).is_err()));
+        assert!([0, 500, 1_000].iter().all(|uid| engineer.check(None, *uid).is_ok()));
+        assert!([1, 501, 1_001, u32::MAX].iter().all(|uid| engineer.check(None, *uid).is_err()));
     }
 
     #[test]
-    fn hazard_18_a_folder_everybody_may_write_is_refused_unless_it_is_sticky() {
+    fn hazard_18_world_writable_folder_needs_the_sticky_bit() {
         let folder = Path::new("/etc/frhc");
-        assert!(judge_folder(folder, 0o040_755).is_ok());
-        assert!(judge_folder(folder, 0o041_777).is_ok());
-        let refused = judge_folder(folder, 0o040_777).unwrap_err().to_string();
+        assert!(check_folder(folder, 0o040_755).is_ok());
+        assert!(check_folder(folder, 0o041_777).is_ok());
+        let refused = check_folder(folder, 0o040_777).unwrap_err().to_string();
         assert!(refused.starts_with("anyone may write /etc/frhc (mode 0777): chmod o-w"));
     }
 }

@@ -7,7 +7,7 @@ use crate::Node;
 use crate::record::Mode;
 use crate::safety::Refusal;
 use bus::Bus;
-use config::force_cap::TooMuchForce;
+use config::force_cap::ForceAboveCap;
 use controller::switches::Mode as CommandMode;
 use remote::Remote;
 use units::time::Instant;
@@ -33,7 +33,7 @@ pub enum RequestError {
     Mode(#[from] Refusal),
     /// The configured force exceeds the cap that follows from the proof test.
     #[error(transparent)]
-    Force(#[from] TooMuchForce),
+    Force(#[from] ForceAboveCap),
     /// The boot after a reset failed.
     #[error(transparent)]
     Boot(#[from] BringUpError),

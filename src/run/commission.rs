@@ -122,7 +122,7 @@ impl Report<'_> {
             None => {
                 "at least one drive does not stop by itself: the arm cannot be armed".to_owned()
             }
-            Some(lasting) => match self.config.force_cap().allows(lasting) {
+            Some(lasting) => match self.config.force_cap().check(lasting) {
                 Ok(()) => format!(
                     "a drive that loses its master exerts torque for at most {:.1} ms: max_force_n = {max_force} is allowed",
                     millis(lasting)
@@ -148,7 +148,7 @@ impl Report<'_> {
             })
         };
         let lasting = self.proof.reaction_time();
-        let force = lasting.map(|lasting| self.config.force_cap().allows(lasting));
+        let force = lasting.map(|lasting| self.config.force_cap().check(lasting));
         serde_json::json!({
             "drives": self.proof.drives.iter().zip(&self.plans).map(drive).collect::<Vec<_>>(),
             "lasting_ms": lasting.map(millis),

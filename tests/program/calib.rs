@@ -114,7 +114,7 @@ fn invalid_csv_is_refused_with_every_line_and_column() {
     fs::write(&path, "joint,direction,per_mille,torque_nm\na,up,1,x\na,over,1,1\n").unwrap();
     let fit = frhc(&["calib", "fit", csv]);
     assert_eq!(fit.code, 3);
-    assert!(fit.stderr.contains("wrong.csv:2: torque_nm: `x` is no finite number"));
+    assert!(fit.stderr.contains("wrong.csv:2: torque_nm: must be a finite number, got `x`"));
     assert!(fit.stderr.contains("wrong.csv:3: direction: `over`"));
     assert_eq!(frhc(&["calib", "fit", "none.csv"]).code, 3);
     let good = readings("good", |t| 200.0 * t);

@@ -37,9 +37,9 @@ use canopen::plan::NodePlan;
 use canopen::watchdog::Awaited;
 use canopen::watchdog::Watchdog;
 use config::Config;
+use config::force_cap::ForceAboveCap;
 use config::force_cap::ForceCap;
-use config::force_cap::TooMuchForce;
-use config::force_cap::UNPROVEN;
+use config::force_cap::UNPROVEN_REACTION_TIME;
 use units::numbering::Joint;
 use units::numbering::NodeIndex;
 use units::time::Instant;
@@ -123,8 +123,8 @@ impl ProofTest {
     ///
     /// # Errors
     /// When the force exceeds the cap.
-    pub(super) fn check_force(&self) -> Result<(), TooMuchForce> {
-        self.cap.allows(self.report.reaction_time().unwrap_or(UNPROVEN))
+    pub(super) fn check_force(&self) -> Result<(), ForceAboveCap> {
+        self.cap.check(self.report.reaction_time().unwrap_or(UNPROVEN_REACTION_TIME))
     }
 
     /// Starts the test after the boot. `master` knows which objects each drive lacks.

@@ -1,4 +1,4 @@
-//! The whole loop in one process, with its frames kept.
+//! The whole loop in one process, with a record of its frames.
 
 use std::cell::RefCell;
 use std::path::Path;
@@ -16,7 +16,7 @@ use node::record::Record;
 use sim::scenario::Scenario;
 use units::time::Instant;
 
-/// Every frame of every bus, and when it was complete.
+/// Frames of all buses, with the times at which they were complete.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Wire(Rc<RefCell<Vec<(Instant, Telegram)>>>);
 
@@ -27,12 +27,12 @@ impl Tap for Wire {
 }
 
 impl Wire {
-    /// As candump writes it, on interfaces bus0 and bus1, up to the first SYNC and `cycles` further ones.
+    /// Returns the frames in candump's format, on interfaces bus0 and bus1, up to the first SYNC and `cycles` more.
     pub(crate) fn transcript(&self, cycles: usize) -> String {
         self.transcript_of(cycles, |_| true)
     }
 
-    /// The same, of some frames only.
+    /// Returns the transcript of the frames that `is_of` selects.
     pub(crate) fn transcript_of(&self, cycles: usize, is_of: impl Fn(&Frame) -> bool) -> String {
         let mut syncs = 0;
         let mut text = String::new();
@@ -51,7 +51,7 @@ impl Wire {
         text
     }
 
-    /// All frames of one identifier since `from`.
+    /// Returns the frames with one COB-ID since `from`.
     pub(crate) fn since(&self, from: Instant, cob_id: u16) -> Vec<(Instant, Frame)> {
         let wire = self.0.borrow();
         let of =
@@ -59,7 +59,7 @@ impl Wire {
         of.map(|(at, telegram)| (*at, telegram.frame)).collect()
     }
 
-    /// All frames of all buses.
+    /// Returns the frames of all buses.
     pub(crate) fn all(&self) -> Vec<(Instant, Telegram)> {
         self.0.borrow().clone()
     }
@@ -79,7 +79,7 @@ pub(crate) fn scenario(name: &str) -> Scenario {
     Scenario::parse(&text).unwrap()
 }
 
-/// A bench that has booted.
+/// Returns a bench after its boot, and its frames.
 pub(crate) fn booted(config_name: &str, scenario_name: &str) -> (Bench<Wire>, Wire) {
     let wire = Wire::default();
     let config = config(config_name);
@@ -88,7 +88,7 @@ pub(crate) fn booted(config_name: &str, scenario_name: &str) -> (Bench<Wire>, Wi
     (bench, wire)
 }
 
-/// Runs until a record is as wanted; at most a minute.
+/// Runs until a record is as wanted; fails after a minute.
 pub(crate) fn until(bench: &mut Bench<Wire>, is_wanted: impl Fn(&Record) -> bool) -> Record {
     for _ in 0..60_000 {
         let record = bench.cycle();
@@ -96,7 +96,7 @@ pub(crate) fn until(bench: &mut Bench<Wire>, is_wanted: impl Fn(&Record) -> bool
             return record;
         }
     }
-    panic!("it never came")
+    panic!("no such record within 60000 cycles")
 }
 
 /// Runs until the hand presses into the wall.

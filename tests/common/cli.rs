@@ -1,4 +1,4 @@
-//! One command of the program, run to its end, and a folder to run it in.
+//! Runs one command of the program to its end, in a folder of its own.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -6,7 +6,7 @@ use std::path::Path;
 use std::path::PathBuf;
 use std::process::Command;
 
-/// How a run ended.
+/// Exit code and output of a command.
 pub(crate) struct Ended {
     pub(crate) code: i32,
     pub(crate) stdout: String,
@@ -20,7 +20,7 @@ pub(crate) fn frhc<S: AsRef<OsStr>>(args: &[S]) -> Ended {
     Ended { code, stdout: text(output.stdout), stderr: text(output.stderr) }
 }
 
-/// An empty folder for this test alone.
+/// Creates an empty folder for one test.
 pub(crate) fn folder(suite: &str, name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(suite).join(name);
     fs::remove_dir_all(&folder).ok();

@@ -19,14 +19,14 @@ use sim::drive::Drive;
 use sim::drive::DriveSettings;
 use sim::motion::Tuning;
 
-/// How soon a frame is offered again that the bus had no room for.
-const AGAIN: Duration = Duration::from_micros(50);
+/// Pause before a frame is offered again after the transmit queue was full.
+const RETRY_AFTER: Duration = Duration::from_micros(50);
 
 pub(crate) fn node() -> NodeId {
     NodeId::new(5).unwrap()
 }
 
-/// A drive that has yet to boot up.
+/// Returns a drive before its boot-up.
 pub(crate) fn drive() -> Drive {
     let eds = Eds::parse(include_bytes!("../../eds/frhc_drive.eds")).unwrap();
     Drive::new(DriveSettings {
@@ -46,24 +46,24 @@ pub(crate) fn drive() -> Drive {
     })
 }
 
-/// Carries a transfer to its end, whose first requests are `out`.
+/// Runs a transfer to its end; `out` has its first requests.
 pub(crate) fn carry<T: Tap>(
     bus: &mut Memory<Drive, T>,
     mut transfer: Transfer,
     mut out: Vec<Frame>,
 ) -> Outcome {
     loop {
-        let taken = |frame: &Frame, bus: &mut Memory<_, _>| {
+        let is_accepted = |frame: &Frame, bus: &mut Memory<_, _>| {
             bus.send(Telegram { channel: Channel(0), frame: *frame }).is_ok()
         };
-        let count = out.iter().take_while(|frame| taken(frame, bus)).count();
+        let count = out.iter().take_while(|frame| is_accepted(frame, bus)).count();
         out.drain(..count);
-        let soon = bus.now() + AGAIN;
-        let until = if out.is_empty() { transfer.deadline().unwrap() } else { soon };
+        let retry = bus.now() + RETRY_AFTER;
+        let until = if out.is_empty() { transfer.deadline().unwrap() } else { retry };
         let outcome = match bus.receive(until).map(|received| (received.at, received.event)) {
             Some((at, BusEvent::Frame(frame))) => transfer.on_frame(at, &frame, &mut out),
             Some((_, BusEvent::Fault(_))) => None,
-            // Segments wait until there is room.
+            // Segments wait for room in the queue.
             None if out.is_empty() => transfer.on_time(bus.now(), &mut out),
             None => None,
         };
@@ -71,7 +71,7 @@ pub(crate) fn carry<T: Tap>(
             for frame in out {
                 bus.send(Telegram { channel: Channel(0), frame }).unwrap();
             }
-            // Whatever is still on the wire arrives.
+            // Frames on the wire arrive.
             while bus.receive(bus.now() + Duration::from_millis(5)).is_some() {}
             return outcome;
         }

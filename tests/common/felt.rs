@@ -1,5 +1,5 @@
-//! Whether what is felt is what the wall exerts, computed from a session's log alone, with the
-//! simulator's kinematics, which share nothing with the controller's.
+//! Check of the reflected wrench against the wall's, from a session's log alone. It uses the simulator's kinematics,
+//! which share no code with the controller's.
 
 use nalgebra::SVector;
 
@@ -11,7 +11,7 @@ use telemetry::session::NODE;
 use telemetry::session::WRENCH;
 use units::spatial::Wrench;
 
-/// What one cycle's lines say.
+/// Content of one cycle's log lines.
 #[derive(Default)]
 struct Cycle {
     counts: [Option<i32>; 6],
@@ -20,16 +20,15 @@ struct Cycle {
     is_engaged: bool,
 }
 
-/// Checks every settled cycle in contact: each target torque is that of `g(q) + Jᵀ K_T F`, to half a
-/// per mille and what rounding leaves. Return to centre, damping and the passivity layer must be off. Returns how many
-/// cycles were compared.
+/// Checks every settled cycle in contact: each target torque is that of `g(q) + Jᵀ K_T F` within rounding, 0.5 ‰.
+/// Return to centre, damping and the passivity layer must be off. Returns the number of cycles compared.
 pub(crate) fn torques_are_those_of_the_wall(log: &str, config: &Config, arm: &Arm) -> u32 {
     let mut compared = 0;
     let mut engaged_for = 0;
     for cycle in cycles(log) {
         engaged_for = if cycle.is_engaged { engaged_for + 1 } else { 0 };
         let Some(f_s) = cycle.f_s else { continue };
-        // Half a second after the deadman closed the reflection's ramp is over, and gravity's too.
+        // 0.6 s after the deadman closes, both reflection and gravity compensation have ramped up.
         if engaged_for < 600 || f_s.force.norm() < 1.0 {
             continue;
         }
@@ -58,7 +57,7 @@ pub(crate) fn torques_are_those_of_the_wall(log: &str, config: &Config, arm: &Ar
     compared
 }
 
-/// The log's lines, a cycle at a time: from the SYNC to the lines about the cycle, which end it.
+/// Splits the log into cycles, from SYNC to the record of the cycle.
 fn cycles(log: &str) -> impl Iterator<Item = Cycle> + '_ {
     let mut cycle = Cycle::default();
     log.lines().filter_map(move |text| {

@@ -1,12 +1,11 @@
-//! Transcripts that are kept: what was said on the bus, frame for frame, as candump shows it.
+//! Golden transcripts: the frames on the bus, in candump's format.
 
 use std::fs;
 use std::path::Path;
 
 use bus::candump::Line;
 
-/// Compares a transcript with the one in tests/golden, line by line, or with `GOLDEN=write` in the
-/// environment writes it anew.
+/// Compares a transcript with the one in tests/golden, line by line; `GOLDEN=write` in the environment rewrites it.
 pub(crate) fn compare(name: &str, transcript: &str) {
     for line in transcript.lines() {
         assert_eq!(Line::parse(line).unwrap().to_string(), line, "candump's format");

@@ -1,4 +1,4 @@
-//! What a candump log of kraft_like.toml says: six drives in two groups of three.
+//! Reads a candump log of kraft_like.toml: six drives in two groups of three.
 
 use std::collections::HashMap;
 use std::ops::RangeInclusive;
@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use bus::candump::Line;
 
-/// The frames of torques, of the nodes 1 to 3 and 4 to 6.
+/// COB-IDs of the grouped target torques of nodes 1 to 3 and 4 to 6.
 pub(crate) const GROUPS: [u16; 2] = [0x201, 0x204];
 
-/// The frame that a node's torque is in.
+/// Returns the COB-ID of a node's target torque.
 fn group_of(node: u16) -> u16 {
     GROUPS[usize::from((node - 1) / 3)]
 }
@@ -36,13 +36,13 @@ impl Log {
         Self(lines.iter().filter_map(entry).collect())
     }
 
-    /// All of them.
+    /// Returns all frames.
     pub(crate) fn entries(&self) -> &[Entry] {
         &self.0
     }
 
-    /// Between `from` and `to` s after the first SYNC there is one SYNC a period, and after each of
-    /// them one position of every drive and one frame of torques of every group before the next.
+    /// Asserts one SYNC per period between `from` and `to`, in s after the first SYNC, and within each period one position
+    /// of each drive and one frame of target torques for each group.
     pub(crate) fn has_one_exchange_a_period(
         &self,
         from: f64,
@@ -80,8 +80,8 @@ impl Log {
         assert!(f64::from(cycles) > 0.98 * expected, "{cycles} cycles of {expected}");
     }
 
-    /// The last word to every drive is zero torque and no voltage, and the last word from it that its
-    /// power stage is off.
+    /// Asserts that the last target of every drive is zero, its last controlword Disable voltage, and its last state
+    /// Switch on disabled.
     pub(crate) fn ends_with_every_drive_off(&self, nodes: RangeInclusive<u16>) {
         let last = |id| self.0.iter().rev().find(|entry| entry.id == id).unwrap();
         for group in GROUPS {
@@ -93,15 +93,15 @@ impl Log {
         }
     }
 
-    /// The target torque last sent to a drive, in per mille.
+    /// Returns the last target torque of a drive, in ‰ of its rated torque.
     pub(crate) fn torque_sent_to(&self, node: u16) -> i16 {
         let last = self.0.iter().rev().find(|entry| entry.id == group_of(node)).unwrap();
         let slot = usize::from((node - 1) % 3);
         i16::from_le_bytes([last.data[2 * slot], last.data[2 * slot + 1]])
     }
 
-    /// How long after the last target a drive said that it was torque-free: by the emergency 8250h
-    /// whose manufacturer bytes begin with the torque it exerts and its statusword.
+    /// Returns the time from the last target to the drive's report that it is torque-free: emergency 8250h, whose
+    /// manufacturer-specific bytes begin with actual torque and statusword.
     pub(crate) fn torque_free_after(&self, node: u16) -> Option<Duration> {
         let last = self.0.iter().rposition(|entry| entry.id == group_of(node))?;
         let emergency = self.0[last..]

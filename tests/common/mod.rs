@@ -1,4 +1,4 @@
-//! What the integration tests share.
+//! Shared parts of the integration tests.
 #![allow(dead_code, reason = "each test file is a crate of its own and uses a part of this")]
 #![allow(
     clippy::expect_used,
@@ -23,7 +23,7 @@ pub(crate) mod lossy;
 pub(crate) mod oracle;
 pub(crate) mod process;
 
-/// The program under test: the one that is shipped, where `$FRHC_PROGRAM` names it, or that of this build.
+/// Returns the program under test: `$FRHC_PROGRAM` if it is set, else that of this build.
 pub(crate) fn program() -> &'static str {
     static PROGRAM: LazyLock<String> = LazyLock::new(|| {
         env::var("FRHC_PROGRAM").unwrap_or_else(|_| env!("CARGO_BIN_EXE_frhc").to_owned())

@@ -1,5 +1,5 @@
-//! Reference values computed by independent programs (pinocchio, roboticstoolbox, numpy; the files
-//! name theirs), read as the kinds this crate works with.
+//! Reference values of independent programs (pinocchio, roboticstoolbox, numpy; each file names its own), in the types
+//! of this crate.
 
 use std::fs;
 use std::path::Path;
@@ -18,16 +18,16 @@ use controller::arm::Link;
 use units::spatial::Twist;
 use units::spatial::Wrench;
 
-/// How far an answer may be from a reference value.
+/// Maximum difference from a reference value.
 pub(crate) const TOLERANCE: f64 = 1e-9;
 
-/// One of `tests/oracles/`.
+/// Reads a file of `tests/oracles/`.
 pub(crate) fn oracle(name: &str) -> Value {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/oracles").join(name);
     serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// The entries of a list, of which there is at least one.
+/// Returns the entries of a list, which must not be empty.
 pub(crate) fn list(value: &Value) -> &[Value] {
     let entries = value.as_array().unwrap();
     assert!(!entries.is_empty());
@@ -80,13 +80,13 @@ pub(crate) fn pose(value: &Value) -> Isometry3<f64> {
     Isometry3::from_parts(Vector3::new(x, y, z).into(), rotation)
 }
 
-/// A symmetric matrix as xx, yy, zz, xy, xz, yz.
+/// Returns a symmetric matrix as xx, yy, zz, xy, xz, yz.
 fn symmetric(value: &Value) -> [f64; 6] {
     let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = rows::<3, 3>(value);
     [xx, yy, zz, xy, xz, yz]
 }
 
-/// The links of a model, without joint limits.
+/// Returns the links of a model, without joint limits.
 pub(crate) fn links(model: &Value) -> [Link; 6] {
     let rows = list(&model["rows"]).iter().zip(list(&model["links"]));
     let links: Vec<Link> = rows
@@ -110,13 +110,13 @@ pub(crate) fn links(model: &Value) -> [Link; 6] {
     links.try_into().unwrap()
 }
 
-/// The arm of a model file.
+/// Returns the arm of a model file.
 pub(crate) fn arm(name: &str) -> Arm<6> {
     let model = &oracle(&format!("{name}.json"))["model"];
     Arm::new(links(model), pose(&model["T_6G"]), numbers(&model["g0"])).unwrap()
 }
 
-/// Fails where two lists of numbers differ.
+/// Asserts that two lists of numbers are equal within [`TOLERANCE`].
 #[track_caller]
 pub(crate) fn assert_near(what: &str, ours: &[f64], reference: &[f64]) {
     assert_eq!(ours.len(), reference.len(), "{what}");
@@ -129,14 +129,14 @@ pub(crate) fn assert_near(what: &str, ours: &[f64], reference: &[f64]) {
     }
 }
 
-/// Fails where two poses differ in any entry of their matrices.
+/// Asserts that the matrices of two poses are equal within [`TOLERANCE`].
 #[track_caller]
 pub(crate) fn assert_same_pose(what: &str, ours: &Isometry3<f64>, reference: &Isometry3<f64>) {
     let (ours, reference) = (ours.to_homogeneous(), reference.to_homogeneous());
     assert_near(what, ours.as_slice(), reference.as_slice());
 }
 
-/// The largest difference of two lists of numbers.
+/// Returns the largest difference between two lists of numbers.
 pub(crate) fn farthest(ours: &[f64], reference: &[f64]) -> f64 {
     let differences = ours.iter().zip(reference).map(|(a, b)| (a - b).abs());
     differences.fold(0.0, f64::max)

@@ -1,4 +1,4 @@
-//! Real processes, killed when a test ends, however it ends.
+//! Processes that are killed at the end of a test.
 
 use std::fs;
 use std::io::BufRead;
@@ -25,7 +25,7 @@ use bus::candump::Line;
 /// A running process.
 pub(crate) struct Process(Child);
 
-/// How a process ended.
+/// Exit code and stderr of a process.
 #[derive(Debug)]
 pub(crate) struct Outcome {
     pub(crate) code: Option<i32>,
@@ -56,7 +56,7 @@ impl Process {
         self.wait();
     }
 
-    /// A signal by its number: those of real time have no name.
+    /// Sends a signal by its number: real-time signals have no name in `nix`.
     pub(crate) fn signal_number(&self, number: u8) {
         Self::of("sh", &["-c", &format!("kill -{number} {}", self.0.id())]).wait().succeeds();
     }
@@ -65,19 +65,19 @@ impl Process {
         kill(Pid::from_raw(self.0.id().try_into().unwrap()), signal).unwrap();
     }
 
-    /// How it ended, if it has.
+    /// Returns the outcome, or `None` while the process runs.
     pub(crate) fn ended(&mut self) -> Option<Outcome> {
         let status = self.0.try_wait().unwrap()?;
-        Some(Outcome { code: status.code(), stderr: self.last_words() })
+        Some(Outcome { code: status.code(), stderr: self.read_stderr() })
     }
 
     pub(crate) fn wait(mut self) -> Outcome {
-        let stderr = self.last_words();
+        let stderr = self.read_stderr();
         Outcome { code: self.0.wait().unwrap().code(), stderr }
     }
 
-    /// What it says on stderr until it ends.
-    fn last_words(&mut self) -> String {
+    /// Reads stderr until the process ends.
+    fn read_stderr(&mut self) -> String {
         let mut stderr = String::new();
         if let Some(mut pipe) = self.0.stderr.take() {
             pipe.read_to_string(&mut stderr).unwrap();
@@ -102,33 +102,32 @@ impl Outcome {
     }
 }
 
-/// can-utils' candump on one interface: the witness, and the clock.
+/// candump of can-utils on one interface: it records the frames, and its time stamps are the clock.
 pub(crate) struct Candump {
     interface: String,
     child: Child,
-    /// Taken from it at once, whatever the test does: a pipe that is full would stop it, and it loses frames.
+    /// Read at once by a thread: a full pipe would block candump, which would then lose frames.
     lines: Receiver<String>,
     seen: Vec<String>,
 }
 
 impl Candump {
-    /// Listens, and has heard its own first frame when it returns.
+    /// Starts candump, and returns when it has received a first frame.
     pub(crate) fn of(interface: &str) -> Self {
         let mut child = Command::new("candump")
-            .args(["-L", "-d", "-r", "8000000", interface]) // one that misses frames says so: no line of a log
+            .args(["-L", "-d", "-r", "8000000", interface]) // reports lost frames, in lines that are no log lines
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
         let stdout = BufReader::new(child.stdout.take().unwrap());
         let (taken, lines) = channel();
-        // Until one of the two is gone.
+        // Until candump ends or its lines are dropped.
         thread::spawn(move || {
             stdout.lines().map_while(Result::ok).try_for_each(|it| taken.send(it))
         });
         let mut candump = Self { interface: interface.to_owned(), child, lines, seen: Vec::new() };
-        // It says nothing when it is ready, so it is spoken to until it is: by marks on the way of
-        // every later frame.
+        // candump does not report that it is ready: send marks until one is received.
         let mut hello = Process::spawn(
             Command::new("cangen").args([interface, "-g", "1", "-I", MARK, "-L", "0"]),
         );
@@ -140,7 +139,7 @@ impl Candump {
         candump
     }
 
-    /// Sends a mark and reads up to it: what time it is on the bus.
+    /// Sends a mark and reads up to it; returns the time on the bus.
     pub(crate) fn mark(&mut self) -> Stamp {
         let last = format!("{MARK}#FF");
         Process::of("cansend", &[&self.interface, &last]).wait().succeeds();
@@ -149,16 +148,16 @@ impl Candump {
         })
     }
 
-    /// Reads up to the first line that is wanted. Fails on a bus that falls silent.
+    /// Reads up to the first wanted line. Fails on a silent bus.
     pub(crate) fn until(&mut self, is_wanted: impl Fn(&Line<'_>) -> bool) -> Stamp {
         let stamp = self.until_silent(is_wanted);
         stamp.unwrap_or_else(|| panic!("{} is silent, or candump has ended", self.interface))
     }
 
-    /// The same; `None` on a bus that falls silent.
+    /// Reads up to the first wanted line; `None` on a silent bus.
     pub(crate) fn until_silent(&mut self, is_wanted: impl Fn(&Line<'_>) -> bool) -> Option<Stamp> {
         loop {
-            let text = self.lines.recv_timeout(SILENCE).ok()?;
+            let text = self.lines.recv_timeout(SILENCE_TIMEOUT).ok()?;
             let line = Line::parse(&text).unwrap_or_else(|error| panic!("{text}: {error}"));
             let (wanted, nanos) = (is_wanted(&line), line.nanos);
             self.seen.push(text);
@@ -168,12 +167,12 @@ impl Candump {
         }
     }
 
-    /// The stamp of the last line read.
+    /// Returns the time stamp of the last line read, in ns.
     pub(crate) fn last_nanos(&self) -> u64 {
         Line::parse(self.seen.last().unwrap()).unwrap().nanos
     }
 
-    /// Every line since the beginning, without the marks.
+    /// Returns all lines, without the marks.
     pub(crate) fn finish(mut self) -> Vec<String> {
         self.mark();
         let mark = format!(" {MARK}#");
@@ -181,15 +180,15 @@ impl Candump {
     }
 }
 
-/// Time without a line in which somebody should have sent.
-const SILENCE: Duration = Duration::from_secs(60);
+/// Maximum time without a line before the bus counts as silent.
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// When a line was stamped.
+/// Time stamp of a line.
 pub(crate) struct Stamp {
     pub(crate) nanos: u64,
 }
 
-/// An identifier nobody uses.
+/// Identifier of marks; no node uses it.
 const MARK: &str = "7FF";
 
 fn is_mark(line: &Line<'_>) -> bool {
@@ -203,7 +202,7 @@ impl Drop for Candump {
     }
 }
 
-/// A folder of one test, in memory, gone when it ends; and the programs run with it.
+/// Folder of one test, in memory, removed at its end; the test's programs run with it.
 pub(crate) struct Scratch(PathBuf);
 
 impl Scratch {
@@ -228,7 +227,7 @@ impl Scratch {
         self.path(name)
     }
 
-    /// A configuration with some lines changed, each of which must be there.
+    /// Writes a variant of a configuration; each replaced text must be in it. Returns its path.
     pub(crate) fn variant(&self, file: &str, changes: &[(&str, &str)]) -> String {
         let mut text = fs::read_to_string(file).unwrap();
         for (from, to) in changes {
@@ -242,20 +241,20 @@ impl Scratch {
         self.frhc_onto(args, Stdio::piped())
     }
 
-    /// The same, with what it says to people going there.
+    /// Starts frhc with this stderr.
     pub(crate) fn frhc_onto(&self, args: &[&str], stderr: impl Into<Stdio>) -> Process {
         let mut command = Command::new(crate::common::program());
         Process::spawn_onto(self.at_home(command.args(args)), stderr.into())
     }
 
-    /// The same, under a limit of the shell's, such as `ulimit -f 100`.
+    /// Starts frhc under a limit of the shell, such as `ulimit -f 100`.
     pub(crate) fn frhc_under(&self, limit: &str, args: &[&str]) -> Process {
         let mut command = Command::new("sh");
         command.args(["-c", &format!("{limit}; exec \"$0\" \"$@\""), crate::common::program()]);
         Process::spawn(self.at_home(command.args(args)))
     }
 
-    /// The same, with what it prints.
+    /// Starts frhc; returns it with its stdout.
     pub(crate) fn frhc_and_stdout(&self, args: &[&str]) -> (Process, BufReader<ChildStdout>) {
         let mut command = Command::new(crate::common::program());
         let command = self.at_home(command.args(args));
@@ -265,7 +264,7 @@ impl Scratch {
         (Process(child), stdout)
     }
 
-    /// With its socket and its state in this folder.
+    /// Places socket and state of a command in this folder.
     fn at_home<'c>(&self, command: &'c mut Command) -> &'c mut Command {
         command
             .env("XDG_RUNTIME_DIR", &self.0)
